@@ -1,0 +1,53 @@
+//! What can go wrong in the core, sorted by who must act.
+
+use std::path::PathBuf;
+
+/// A failure of compressing, storing or reading a volume.
+///
+/// The text of each variant is one line that says what, where, what was expected and what to do: it is printed as it is.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// The operating system refused (missing file, no permission, full disk).
+    #[error("{}: {source}", path.display())]
+    Io {
+        /// The file or folder.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// A `.pumice` file is damaged, truncated, or not one at all.
+    #[error("{}: {what} at byte {at} of section {section}", path.display())]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// Four-letter name of the section, or `HEAD`.
+        section: String,
+        /// Byte offset within the file.
+        at: u64,
+        /// What is wrong: expected and got.
+        what: String,
+    },
+    /// A block source could not deliver its labels: the source's own one-line message.
+    #[error("{0}")]
+    Source(#[source] Box<dyn std::error::Error + Send + Sync>),
+    /// The caller asked for something that makes no sense.
+    #[error("{0}")]
+    Caller(String),
+    /// A limit of the format or of the caller's budget would be exceeded.
+    #[error("{what}: {got} is more than the limit of {limit}")]
+    Limit {
+        /// The quantity, with its unit.
+        what: String,
+        /// The limit.
+        limit: u64,
+        /// What the input needs.
+        got: u64,
+    },
+    /// The job was cancelled; nothing was left behind.
+    #[error("cancelled")]
+    Cancelled,
+}
+
+/// Result of the core.
+pub type Result<T> = std::result::Result<T, Error>;

@@ -1,0 +1,26 @@
+//! Segmentation volumes (one integer label per voxel) compressed losslessly into per-label boxes over one shared sparse voxel
+//! DAG, after *SVDAG Compression for Segmentation Volume Path Tracing* (Werner, Piochowiak, Dachsbacher, VMV 2024).
+//!
+//! ```text
+//! BlockSource ──► parts ──► merge ──► finish ──► CompressedVolume ──► .pumice
+//!   labels        (label, cell, mask)  boxes, nodes,  queries, decoding
+//!   by block      records, OR-ed       dictionary
+//! ```
+
+pub mod block;
+pub mod box_record;
+pub mod error;
+pub mod info;
+pub mod job;
+pub mod label_table;
+pub mod node;
+pub mod volume;
+
+pub use block::{BlockSource, LabelBlock, LabelBuffer};
+pub use box_record::BoxRecord;
+pub use error::{Error, Result};
+pub use info::{LabelNote, LabelType, Unit, VolumeInfo, WorldFrame};
+pub use job::Job;
+pub use label_table::LabelTable;
+pub use node::NodeRef;
+pub use volume::{BoxView, CHUNK_VOXELS, Chunk, CompressedVolume, LabelRun, MAX_DIM};

@@ -1,0 +1,137 @@
+//! The compressed volume: chunks of boxes over one shared sparse voxel DAG.
+//!
+//! ```text
+//! chunk (1024³ voxels of space) ──► its boxes, sorted by (label, Morton order of the corner) ──► node ──► leaf dictionary
+//!                               └─► its label runs: (label, first box), sorted by label
+//! ```
+//! A voxel belongs to at most one box. Boxes of one label never overlap; boxes of different labels may (paper §3.1).
+
+use crate::{BoxRecord, LabelTable, NodeRef, VolumeInfo};
+
+/// Side of a chunk in voxels: 256 cells, so that a box's cell fits in 8 bits an axis.
+pub const CHUNK_VOXELS: u32 = 1024;
+
+/// Largest extent of a volume along one axis in voxels: 21 bits of cells, so that a cell's Morton code fits in 63 bits.
+pub const MAX_DIM: u32 = 1 << 23;
+
+/// A cube of space with its boxes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Chunk {
+    /// Lowest voxel, a multiple of [`CHUNK_VOXELS`].
+    pub origin: [u32; 3],
+    /// Index of its first box in [`CompressedVolume::boxes`]; the next chunk's first box ends it.
+    pub first_box: u64,
+    /// Index of its first run in [`CompressedVolume::runs`].
+    pub first_run: u64,
+    /// Word in [`CompressedVolume::nodes`] from which its boxes count their nodes.
+    pub node_base: u64,
+}
+
+/// Boxes of one label in one chunk: from `first_box` to the next run's.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub struct LabelRun {
+    /// Dense label index.
+    pub label: u32,
+    /// First box, counted from the chunk's first.
+    pub first_box: u32,
+}
+
+/// A box, unpacked.
+#[derive(Clone, Copy, Debug)]
+pub struct BoxView<'a> {
+    /// Lowest voxel, each a multiple of 4.
+    pub origin: [u32; 3],
+    /// Extent in voxels: 4, 8, 12 or 16 an axis. It may reach past the volume's end by up to 3 voxels.
+    pub extent: [u32; 3],
+    /// Its voxels.
+    pub node: NodeRef<'a>,
+}
+
+/// A segmentation volume in the canonical per-label form.
+#[derive(Debug)]
+pub struct CompressedVolume {
+    pub(crate) info: VolumeInfo,
+    pub(crate) chunks: Vec<Chunk>,
+    pub(crate) runs: Vec<LabelRun>,
+    pub(crate) boxes: Vec<BoxRecord>,
+    pub(crate) nodes: Vec<u16>,
+    pub(crate) dictionary: Vec<u64>,
+    pub(crate) labels: LabelTable,
+}
+
+impl CompressedVolume {
+    /// Size, place, names as in the source.
+    pub fn info(&self) -> &VolumeInfo {
+        &self.info
+    }
+
+    /// Ids, names, counts and contacts by dense label index.
+    pub fn labels(&self) -> &LabelTable {
+        &self.labels
+    }
+
+    /// Chunks with boxes, in Morton order.
+    pub fn chunks(&self) -> &[Chunk] {
+        &self.chunks
+    }
+
+    /// Label runs of all chunks.
+    pub fn runs(&self) -> &[LabelRun] {
+        &self.runs
+    }
+
+    /// Boxes of all chunks.
+    pub fn boxes(&self) -> &[BoxRecord] {
+        &self.boxes
+    }
+
+    /// Nodes, as drawn in [`crate::node`].
+    pub fn nodes(&self) -> &[u16] {
+        &self.nodes
+    }
+
+    /// The most frequent 4³ occupancy fields, at most 65,536, by falling count.
+    pub fn dictionary(&self) -> &[u64] {
+        &self.dictionary
+    }
+
+    /// The chunk that holds box `index`.
+    #[inline]
+    fn chunk_of_box(&self, index: usize) -> usize {
+        self.chunks.partition_point(|c| c.first_box <= index as u64) - 1
+    }
+
+    /// Box number `index`, unpacked.
+    ///
+    /// # Panics
+    /// When `index` is out of range.
+    #[inline]
+    pub fn get_box(&self, index: usize) -> BoxView<'_> {
+        let chunk = &self.chunks[self.chunk_of_box(index)];
+        let record = self.boxes[index];
+        let cell = record.cell();
+        BoxView {
+            origin: [0, 1, 2].map(|a| chunk.origin[a] + 4 * cell[a]),
+            extent: record.extent().map(|e| 4 * e),
+            node: NodeRef::read(
+                &self.nodes,
+                (chunk.node_base + u64::from(record.node())) as usize,
+                &self.dictionary,
+            ),
+        }
+    }
+
+    /// Dense label index of box number `index`.
+    ///
+    /// # Panics
+    /// When `index` is out of range.
+    #[inline]
+    pub fn label_of_box(&self, index: usize) -> u32 {
+        let c = self.chunk_of_box(index);
+        let end = self.chunks.get(c + 1).map_or(self.runs.len(), |next| next.first_run as usize);
+        let runs = &self.runs[self.chunks[c].first_run as usize..end];
+        let local = (index as u64 - self.chunks[c].first_box) as u32;
+        runs[runs.partition_point(|r| r.first_box <= local) - 1].label
+    }
+}

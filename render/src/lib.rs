@@ -1,0 +1,8 @@
+//! What every renderer shares.
+#![forbid(unsafe_code)]
+
+pub mod renderer;
+pub mod trace;
+
+pub use renderer::{Progress, RenderError, Renderer};
+pub use trace::{Hit, PathOrigin, RayInWorld, Surface, Tracer};

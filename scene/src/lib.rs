@@ -1,0 +1,18 @@
+//! What is to be drawn, as plain serde types: the JSON form of a scene is these types and nothing else.
+//!
+//! Frames: **world** is the scene's space, right-handed, z up, f64. **camera** looks along −z, +y up, +x right. **index** is a
+//! volume's own voxel space (`pumice_core::info`). A matrix named `a_from_b` maps b to a.
+//! Units: lengths in world units, angles in radians, radiance linear Rec. 709.
+#![forbid(unsafe_code)]
+
+pub mod camera;
+pub mod light;
+pub mod material;
+pub mod scene;
+pub mod settings;
+
+pub use camera::{Camera, Projection};
+pub use light::{Environment, Sun, World};
+pub use material::Material;
+pub use scene::{Instance, LabelStyle, SCENE_VERSION, Scene, Show};
+pub use settings::{Film, Filter, Lod, Mode, Settings};
