@@ -12,7 +12,7 @@
 //! it would show, before rounding. Rendered pictures have no upper bound, and the last three yardsticks are defined for what a
 //! screen can show.
 //!
-//! [`compare`] takes them all.
+//! [`compare()`] takes them all.
 
 pub mod chance;
 pub mod compare;
