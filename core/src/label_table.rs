@@ -28,6 +28,11 @@ impl LabelTable {
         &self.voxels
     }
 
+    /// Heap bytes held.
+    pub fn bytes(&self) -> u64 {
+        (self.ids.capacity() * 8 + self.voxels.capacity() * 8) as u64
+    }
+
     /// Dense index of an original id.
     pub fn index_of(&self, id: u64) -> Option<u32> {
         self.ids.binary_search(&id).ok().map(|i| i as u32)

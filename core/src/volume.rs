@@ -6,10 +6,16 @@
 //! ```
 //! A voxel belongs to at most one box. Boxes of one label never overlap; boxes of different labels may (paper §3.1).
 
+use std::sync::OnceLock;
+
+use crate::grid::BoxGrid;
 use crate::{BoxRecord, LabelTable, NodeRef, VolumeInfo};
 
 /// Side of a chunk in voxels: 256 cells, so that a box's cell fits in 8 bits an axis.
 pub const CHUNK_VOXELS: u32 = 1024;
+
+/// Cells in a chunk: a cell's Morton code divided by this is its chunk's.
+pub(crate) const CHUNK_CELLS: u64 = 1 << 24;
 
 /// Largest extent of a volume along one axis in voxels: 21 bits of cells, so that a cell's Morton code fits in 63 bits.
 pub const MAX_DIM: u32 = 1 << 23;
@@ -58,9 +64,41 @@ pub struct CompressedVolume {
     pub(crate) nodes: Vec<u16>,
     pub(crate) dictionary: Vec<u64>,
     pub(crate) labels: LabelTable,
+    pub(crate) grid: OnceLock<BoxGrid>,
 }
 
 impl CompressedVolume {
+    /// A volume without labels.
+    pub(crate) fn empty(info: VolumeInfo) -> Self {
+        Self {
+            info,
+            chunks: Vec::new(),
+            runs: Vec::new(),
+            boxes: Vec::new(),
+            nodes: Vec::new(),
+            dictionary: Vec::new(),
+            labels: LabelTable::default(),
+            grid: OnceLock::new(),
+        }
+    }
+
+    /// Heap bytes held, by part. `index` is there once a query has built it ([`CompressedVolume::grid`]).
+    pub fn resident_parts(&self) -> Vec<(&'static str, u64)> {
+        fn bytes<T>(v: &Vec<T>) -> u64 {
+            (v.capacity() * size_of::<T>()) as u64
+        }
+        let mut parts = vec![
+            ("boxes", bytes(&self.boxes) + bytes(&self.runs) + bytes(&self.chunks)),
+            ("nodes", bytes(&self.nodes)),
+            ("leaves", bytes(&self.dictionary)),
+            ("labels", self.labels.bytes()),
+        ];
+        if let Some(grid) = self.grid.get() {
+            parts.push(("index", grid.bytes()));
+        }
+        parts
+    }
+
     /// Size, place, names as in the source.
     pub fn info(&self) -> &VolumeInfo {
         &self.info
