@@ -17,11 +17,13 @@ use crate::{
     ArraySource, BlockSource, CompressedVolume, Error, Job, LabelBlock, LabelBuffer, Result, VolumeInfo,
 };
 
-/// How to compress. None of this changes the result by a byte.
+/// How to compress. Nothing but `types` changes the result by a byte.
 #[derive(Clone, Debug, Default)]
 pub struct CompressOptions {
     /// Threads to use; 0 means one for each logical processor.
     pub threads: usize,
+    /// Types to give to the labels.
+    pub types: Option<crate::TypeTable>,
 }
 
 impl CompressOptions {
@@ -43,8 +45,10 @@ pub fn compress(
     options: &CompressOptions,
     job: &Job,
 ) -> Result<CompressedVolume> {
-    let info = source.info().clone();
-    check_dims(info.dims)?;
+    let mut info = source.info().clone();
+    check(&info)?;
+    info.notes.sort_by_key(|n| n.id);
+    info.notes.dedup_by_key(|n| n.id);
     let threads = options.thread_count();
     let parts = make_parts(source, threads, job)?;
     let pool = rayon::ThreadPoolBuilder::new()
@@ -54,7 +58,12 @@ pub fn compress(
     pool.install(|| {
         let (raw, labels) = boxes_of_parts(&parts, job)?;
         drop(parts);
-        finish(info, raw, labels, job)
+        let mut volume = finish(info, raw, labels, job)?;
+        volume.labels.contacts = volume.find_contacts(job)?;
+        if let Some(types) = &options.types {
+            types.apply(&mut volume.labels);
+        }
+        Ok(volume)
     })
 }
 
@@ -66,8 +75,13 @@ pub fn compress_labels(info: VolumeInfo, labels: LabelBuffer) -> Result<Compress
     compress(&mut ArraySource::new(info, labels)?, &CompressOptions::default(), &Job::new())
 }
 
-fn check_dims(dims: [u32; 3]) -> Result<()> {
-    for (axis, size) in ["x", "y", "z"].iter().zip(dims) {
+fn check(info: &VolumeInfo) -> Result<()> {
+    if !info.world_from_index.is_finite() {
+        return Err(Error::Caller(
+            "the matrix from index space to the world has entries that are no numbers".into(),
+        ));
+    }
+    for (axis, size) in ["x", "y", "z"].iter().zip(info.dims) {
         if size > MAX_DIM {
             return Err(Error::Limit {
                 what: format!("voxels along {axis}"),
