@@ -1,8 +1,11 @@
 //! What every renderer shares.
 #![forbid(unsafe_code)]
 
+pub mod image;
+pub mod metrics;
 pub mod renderer;
 pub mod trace;
 
+pub use image::Image;
 pub use renderer::{Progress, RenderError, Renderer};
 pub use trace::{Hit, PathOrigin, RayInWorld, Surface, Tracer};
