@@ -42,9 +42,9 @@ pub trait Renderer: Send {
     /// [`RenderError::Scene`] names the field at fault; the renderer keeps its former scene.
     fn set_scene(&mut self, scene: &Scene, volumes: &[Arc<CompressedVolume>]) -> Result<(), RenderError>;
 
-    /// Adds samples to every pixel for about `slice`, at least one sample.
+    /// Adds samples to every pixel for about `slice`, at least one sample, but never more than `spp_limit` in all.
     ///
     /// # Errors
     /// [`RenderError::Cancelled`] soon after `job` is cancelled.
-    fn advance(&mut self, slice: Duration, job: &Job) -> Result<Progress, RenderError>;
+    fn advance(&mut self, slice: Duration, spp_limit: u32, job: &Job) -> Result<Progress, RenderError>;
 }

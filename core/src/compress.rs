@@ -1,0 +1,170 @@
+//! The whole way from a block source to a compressed volume.
+//!
+//! ```text
+//! calling thread:  next block ─► queue (at most 2 blocks a thread) ─► workers: block ─► part ─► store
+//!                  (queue full: make a part itself)
+//! at the end:      finish(store)
+//! ```
+//! The source is read on the calling thread alone, because most inflate one stream; everything else uses all threads.
+
+use std::sync::mpsc::{Receiver, TrySendError, sync_channel};
+use std::sync::{Mutex, PoisonError};
+
+use crate::finish::{boxes_of_parts, finish};
+use crate::part::Part;
+use crate::volume::MAX_DIM;
+use crate::{
+    ArraySource, BlockSource, CompressedVolume, Error, Job, LabelBlock, LabelBuffer, Result, VolumeInfo,
+};
+
+/// How to compress. Nothing but `types` changes the result by a byte.
+#[derive(Clone, Debug, Default)]
+pub struct CompressOptions {
+    /// Threads to use; 0 means one for each logical processor.
+    pub threads: usize,
+    /// Types to give to the labels.
+    pub types: Option<crate::TypeTable>,
+}
+
+impl CompressOptions {
+    fn thread_count(&self) -> usize {
+        match self.threads {
+            0 => std::thread::available_parallelism().map_or(1, Into::into),
+            n => n,
+        }
+    }
+}
+
+/// Compresses a source.
+///
+/// # Errors
+/// Those of the source, [`Error::Limit`], [`Error::Cancelled`], and [`Error::Caller`] when the source's blocks do not make up
+/// its volume.
+pub fn compress(
+    source: &mut dyn BlockSource,
+    options: &CompressOptions,
+    job: &Job,
+) -> Result<CompressedVolume> {
+    let mut info = source.info().clone();
+    check(&info)?;
+    info.notes.sort_by_key(|n| n.id);
+    info.notes.dedup_by_key(|n| n.id);
+    let threads = options.thread_count();
+    let parts = make_parts(source, threads, job)?;
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .build()
+        .map_err(|e| Error::Caller(format!("cannot start {threads} threads: {e}")))?;
+    pool.install(|| {
+        let (raw, labels) = boxes_of_parts(&parts, job)?;
+        drop(parts);
+        let mut volume = finish(info, raw, labels, job)?;
+        volume.labels.contacts = volume.find_contacts(job)?;
+        if let Some(types) = &options.types {
+            types.apply(&mut volume.labels);
+        }
+        Ok(volume)
+    })
+}
+
+/// Compresses labels that lie in memory, x fastest.
+///
+/// # Errors
+/// As [`compress`].
+pub fn compress_labels(info: VolumeInfo, labels: LabelBuffer) -> Result<CompressedVolume> {
+    compress(&mut ArraySource::new(info, labels)?, &CompressOptions::default(), &Job::new())
+}
+
+fn check(info: &VolumeInfo) -> Result<()> {
+    if !info.world_from_index.is_finite() {
+        return Err(Error::Caller(
+            "the matrix from index space to the world has entries that are no numbers".into(),
+        ));
+    }
+    for (axis, size) in ["x", "y", "z"].iter().zip(info.dims) {
+        if size > MAX_DIM {
+            return Err(Error::Limit {
+                what: format!("voxels along {axis}"),
+                limit: MAX_DIM.into(),
+                got: size.into(),
+            });
+        }
+    }
+    Ok(())
+}
+
+/// Parts of all blocks of a source.
+fn make_parts(source: &mut dyn BlockSource, threads: usize, job: &Job) -> Result<Vec<Part>> {
+    let dims = source.info().dims;
+    let expected = source.info().voxels();
+    job.begin(expected);
+    let (send, receive) = sync_channel::<LabelBlock>(2 * threads);
+    let receive = Mutex::new(receive);
+    let parts: Mutex<Vec<Part>> = Mutex::default();
+    let failure: Mutex<Option<Error>> = Mutex::default();
+    let work = |block: LabelBlock| {
+        let result = job.check().and_then(|()| Part::from_block(&block, dims));
+        match result {
+            Ok(part) => {
+                lock(&parts).push(part);
+                job.advance(voxels(&block));
+            }
+            Err(error) => *lock(&failure) = Some(error),
+        }
+    };
+    let delivered = std::thread::scope(|scope| {
+        for _ in 1..threads {
+            scope.spawn(|| {
+                while let Some(block) = next(&receive) {
+                    work(block);
+                }
+            });
+        }
+        let mut delivered = 0u64;
+        let result = loop {
+            if lock(&failure).is_some() {
+                break Ok(());
+            }
+            match job.check().and_then(|()| source.next_block()) {
+                Ok(None) => break Ok(()),
+                Err(error) => break Err(error),
+                Ok(Some(block)) => {
+                    delivered = delivered.saturating_add(voxels(&block));
+                    if threads == 1 {
+                        work(block);
+                    } else if let Err(TrySendError::Full(block) | TrySendError::Disconnected(block)) =
+                        send.try_send(block)
+                    {
+                        work(block);
+                    }
+                }
+            }
+        };
+        // Closes the queue: the workers end once it is empty.
+        drop(send);
+        while let Some(block) = next(&receive) {
+            work(block);
+        }
+        result.map(|()| delivered)
+    })?;
+    if let Some(error) = lock(&failure).take() {
+        return Err(error);
+    }
+    if delivered != expected {
+        return Err(Error::Caller(format!("the source delivered {delivered} voxels of {expected}")));
+    }
+    Ok(parts.into_inner().unwrap_or_else(PoisonError::into_inner))
+}
+
+fn next(queue: &Mutex<Receiver<LabelBlock>>) -> Option<LabelBlock> {
+    lock(queue).recv().ok()
+}
+
+/// A lock whose holder panicked guards nothing that could be half done here: every critical section is one step.
+fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn voxels(block: &LabelBlock) -> u64 {
+    block.dims.iter().fold(1, |n, &d| n * u64::from(d))
+}
