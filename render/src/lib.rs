@@ -3,9 +3,12 @@
 
 pub mod image;
 pub mod metrics;
+pub mod picture;
 pub mod renderer;
+pub mod sampler;
 pub mod trace;
 
 pub use image::Image;
+pub use picture::{Picture, PictureError, Provenance};
 pub use renderer::{Progress, RenderError, Renderer};
 pub use trace::{Hit, PathOrigin, RayInWorld, Surface, Tracer};
