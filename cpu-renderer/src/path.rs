@@ -1,121 +1,143 @@
-//! One path: from the camera, scattered at surfaces, lit by suns and sky.
+//! One path of light, walked backwards from the camera.
+//!
+//! ```text
+//! radiance(ray):
+//!     repeat
+//!         nothing hit ─► what the sky and the suns send, weighted against having been sampled; done
+//!         add the surface's emission
+//!         bounces used up ─► done
+//!         sample one light, add it where nothing is in between
+//!         scatter; end a dim path by chance, and make up for it when it goes on
+//! ```
+//! Paths continue from a voxel's face, never from a point pushed off it.
+
 use glam::{DVec3, Vec3};
 use pumice_render::sampler::{BouncePair, PixelSampler};
-use pumice_render::{PathOrigin, RayInWorld, Tracer};
-use pumice_scene::{Material, Mode};
+use pumice_render::{Hit, PathOrigin, RayInWorld, Tracer};
+use pumice_scene::Material;
 
-use crate::bsdf::{Bsdf, luminance};
+use crate::bsdf::Bsdf;
+use crate::lighting::{Lighting, power_heuristic};
+use crate::shading_frame::ShadingFrame;
 
-/// A sun, made ready.
-#[derive(Clone, Copy, Debug)]
-pub struct ReadySun {
-    /// Unit vector towards its centre.
-    pub towards: DVec3,
-    /// Radiance of its disk, or irradiance where it is a point.
-    pub radiance: Vec3,
-    /// 1 − cos of half its angle; 0 is a point.
-    pub one_minus_cos: f64,
-}
+/// Bounce from which a dim path may end by chance: the first ones carry most of the picture.
+const ROULETTE_FROM: u32 = 2;
 
-/// What light paths need to know.
-pub struct Lighting<'a> {
-    pub sky: Vec3,
-    pub backdrop: Option<[Vec3; 2]>,
-    pub suns: Vec<ReadySun>,
-    pub materials: &'a dyn Fn(u32, u32) -> Material,
-    pub mode: Mode,
+/// Least chance to go on: bounds the factor that makes up for the paths that end to 20.
+const LEAST_SURVIVAL: f32 = 0.05;
+
+/// Everything that paths share.
+#[derive(Debug)]
+pub struct PathScene<'a, T> {
+    /// Geometry.
+    pub tracer: &'a T,
+    /// Lights.
+    pub lighting: &'a Lighting,
+    /// Materials by instance and dense label.
+    pub materials: &'a [Vec<Material>],
+    /// As in the settings; counts the scattered rays after the first surface.
     pub bounces: u32,
-    pub roulette: bool,
+    /// Whether dim paths end by chance.
+    pub russian_roulette: bool,
 }
 
-/// A right-handed frame around a normal: Duff et al. 2017, JCGT 6(1).
-fn frame(n: DVec3) -> (DVec3, DVec3) {
-    let sign = 1f64.copysign(n.z);
-    let a = -1.0 / (sign + n.z);
-    let b = n.x * n.y * a;
-    (DVec3::new(1.0 + sign * n.x * n.x * a, sign * b, -sign * n.x), DVec3::new(b, sign + n.y * n.y * a, -n.y))
+/// The surface that a path is at, seen from where it came.
+struct Vertex {
+    frame: ShadingFrame,
+    origin: DVec3,
+    from: PathOrigin,
 }
 
-/// Radiance along a camera ray.
-pub fn radiance<T: Tracer>(
-    tracer: &T,
-    light: &Lighting<'_>,
-    s: &PixelSampler,
-    mut ray: RayInWorld,
-    screen_y: f32,
-) -> Vec3 {
-    let mut from = PathOrigin::Free;
-    let (mut total, mut throughput) = (Vec3::ZERO, Vec3::ONE);
-    let mut pdf = 0f32;
-    for bounce in 0.. {
-        let Some(hit) = tracer.first_hit(&ray, from, f64::INFINITY) else {
-            if bounce == 0 {
-                return light.backdrop.map_or(light.sky, |[a, b]| a.lerp(b, screen_y));
-            }
-            total += throughput * light.sky;
-            let d = ray.direction.normalize();
-            for sun in &light.suns {
-                let cos = d.dot(sun.towards);
-                if sun.one_minus_cos > 0.0 && 1.0 - cos < sun.one_minus_cos {
-                    let light_pdf =
-                        (1.0 / (2.0 * std::f64::consts::PI * sun.one_minus_cos)) as f32 / light.suns.len() as f32;
-                    total += throughput * sun.radiance * (pdf * pdf / (pdf * pdf + light_pdf * light_pdf));
-                }
-            }
-            return total;
-        };
-        let m = (light.materials)(hit.surface.instance, hit.surface.label);
-        total += throughput * Vec3::from_array(m.emission);
-        if bounce > light.bounces {
-            return total;
+impl Vertex {
+    fn new(ray: &RayInWorld, hit: &Hit) -> Self {
+        let n = hit.normal_in_world;
+        // The side that the ray is on.
+        let n = if n.dot(ray.direction) > 0.0 { -n } else { n };
+        Self {
+            frame: ShadingFrame::new(n),
+            origin: ray.origin + ray.direction * hit.t,
+            from: PathOrigin::Face(hit.surface),
         }
-        let d = ray.direction.normalize();
-        let n = if hit.normal_in_world.dot(d) > 0.0 { -hit.normal_in_world } else { hit.normal_in_world };
-        let (t, b) = frame(n);
-        let to_local = |w: DVec3| Vec3::new(w.dot(t) as f32, w.dot(b) as f32, w.dot(n) as f32);
-        let to_world = |w: Vec3| t * f64::from(w.x) + b * f64::from(w.y) + n * f64::from(w.z);
-        let wi = to_local(-d).max(Vec3::new(-2.0, -2.0, 1e-6));
-        let bsdf = Bsdf::new(&m, wi.normalize());
-        let origin = ray.origin + ray.direction * hit.t;
-        from = PathOrigin::Face(hit.surface);
-        let choice = s.bounce(bounce, BouncePair::Choice);
-        if !light.suns.is_empty() {
-            let i = ((choice[0] * light.suns.len() as f32) as usize).min(light.suns.len() - 1);
-            let sun = &light.suns[i];
-            let u = s.bounce(bounce, BouncePair::Light);
-            let (st, sb) = frame(sun.towards);
-            let omc = f64::from(u[0]) * sun.one_minus_cos;
-            let sin = (omc * (2.0 - omc)).max(0.0).sqrt();
-            let (sp, cp) = (2.0 * std::f64::consts::PI * f64::from(u[1])).sin_cos();
-            let w = st * (sin * cp) + sb * (sin * sp) + sun.towards * (1.0 - omc);
-            let (f, bsdf_pdf) = bsdf.eval(to_local(w));
-            if f.max_element() > 0.0 {
-                let weight = if sun.one_minus_cos > 0.0 {
-                    let p = (1.0 / (2.0 * std::f64::consts::PI * sun.one_minus_cos)) as f32 / light.suns.len() as f32;
-                    p / (p * p + bsdf_pdf * bsdf_pdf)
-                } else {
-                    light.suns.len() as f32
-                };
-                let shadow = RayInWorld { origin, direction: w };
-                if !tracer.occluded(&shadow, from, f64::INFINITY) {
-                    total += throughput * f * sun.radiance * weight;
-                }
-            }
-        }
-        let Some(sample) = bsdf.sample(s.bounce(bounce, BouncePair::Scatter), choice[1]) else { return total };
-        throughput *= sample.weight;
-        pdf = sample.pdf;
-        if light.roulette && bounce >= 2 {
-            let keep = luminance(throughput).max(throughput.max_element()).clamp(0.05, 1.0);
-            if s.bounce(bounce, BouncePair::Roulette)[0] >= keep {
-                return total;
-            }
-            throughput /= keep;
-        }
-        if throughput.max_element() <= 0.0 {
-            return total;
-        }
-        ray = RayInWorld { origin, direction: to_world(sample.wo) };
     }
-    total
+
+    /// Local direction back along a ray. A ray that grazes so closely that rounding puts it below is held at the horizon.
+    fn wi(&self, ray: &RayInWorld) -> Vec3 {
+        let wi = self.frame.local_from_world(-ray.direction.normalize());
+        DVec3::new(wi.x, wi.y, wi.z.max(1e-7)).normalize().as_vec3()
+    }
+
+    fn ray(&self, direction: DVec3) -> RayInWorld {
+        RayInWorld { origin: self.origin, direction }
+    }
+}
+
+impl<T: Tracer> PathScene<'_, T> {
+    fn material(&self, hit: &Hit) -> &Material {
+        &self.materials[hit.surface.instance as usize][hit.surface.label as usize]
+    }
+
+    /// Radiance that arrives along a camera ray from its first surface, with what comes after it.
+    pub fn radiance(&self, ray: RayInWorld, first: Hit, points: &PixelSampler) -> Vec3 {
+        let (mut ray, mut hit) = (ray, first);
+        let (mut total, mut throughput) = (Vec3::ZERO, Vec3::ONE);
+        for bounce in 0.. {
+            // The surface's own light.
+            let material = self.material(&hit);
+            total += throughput * Vec3::from_array(material.emission);
+            if bounce > self.bounces {
+                break;
+            }
+            let vertex = Vertex::new(&ray, &hit);
+            let bsdf = Bsdf::new(material, vertex.wi(&ray));
+
+            // One light, where nothing is in between.
+            let [light_choice, lobe_choice] = points.bounce(bounce, BouncePair::Choice);
+            if let Some(light) = self.lighting.sample(light_choice, points.bounce(bounce, BouncePair::Light)) {
+                let (f, scatter_pdf) = bsdf.eval(vertex.frame.local_from_world(light.direction).as_vec3());
+                let weight = if light.is_point { 1.0 } else { power_heuristic(light.pdf, scatter_pdf) };
+                let light_in = f * light.radiance * (weight / light.pdf);
+                if light_in.max_element() > 0.0
+                    && !self.tracer.occluded(&vertex.ray(light.direction), vertex.from, f64::INFINITY)
+                {
+                    total += throughput * light_in;
+                }
+            }
+
+            // Scatter.
+            let Some(scattered) = bsdf.sample(points.bounce(bounce, BouncePair::Scatter), lobe_choice) else { break };
+            throughput *= scattered.weight;
+
+            // A dim path ends by chance; the chance to go on follows the path's own weight alone, so the mean is unchanged.
+            if self.russian_roulette && bounce >= ROULETTE_FROM {
+                let survival = throughput.max_element().clamp(LEAST_SURVIVAL, 1.0);
+                if points.bounce(bounce, BouncePair::Roulette)[0] >= survival {
+                    break;
+                }
+                throughput /= survival;
+            }
+            if throughput.max_element() <= 0.0 {
+                break;
+            }
+
+            // On to the next surface, or out.
+            ray = vertex.ray(vertex.frame.world_from_local(scattered.wo.as_dvec3()));
+            match self.tracer.first_hit(&ray, vertex.from, f64::INFINITY) {
+                Some(next) => hit = next,
+                None => {
+                    total += throughput * self.lighting.escaped(ray.direction.normalize(), scattered.pdf);
+                    break;
+                }
+            }
+        }
+        total
+    }
+
+    /// Ambient occlusion at a camera ray's first surface: 1 where a cosine-distributed ray finds nothing within `reach`.
+    pub fn ambient_occlusion(&self, ray: &RayInWorld, hit: &Hit, points: &PixelSampler, reach: f64) -> f32 {
+        let vertex = Vertex::new(ray, hit);
+        let local = crate::bsdf::sample_cosine(points.bounce(0, BouncePair::Scatter));
+        let direction = vertex.frame.world_from_local(local.as_dvec3()).normalize();
+        let reach = if reach == f64::MAX { f64::INFINITY } else { reach };
+        if self.tracer.occluded(&vertex.ray(direction), vertex.from, reach) { 0.0 } else { 1.0 }
+    }
 }
