@@ -1,4 +1,5 @@
-//! How fast labels in memory become a compressed volume, on one thread, in MVoxel per CPU-second.
+//! How fast labels in memory become a compressed volume, on one thread, in MVoxel per CPU-second; and how small, in memory and
+//! on disk.
 //!
 //! `build_speed RAW X Y Z`: RAW holds X·Y·Z little-endian u32 labels, x fastest, no header.
 
@@ -41,10 +42,18 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let info = VolumeInfo::new(dims, LabelType::U32);
     let mut source = pumice_core::ArraySource::new(info, block.labels)?;
     let start = cpu_seconds();
-    let options = CompressOptions { threads: 1 };
+    let options = CompressOptions { threads: 1, ..Default::default() };
     let volume = pumice_core::compress(&mut source, &options, &Job::new())?;
     let whole = cpu_seconds() - start;
-    println!("finish  {:7.3} CPU-s (whole compression {whole:.3} less parts)", whole - seconds);
+    let start = cpu_seconds();
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
+    let contacts = pool.install(|| volume.find_contacts(&Job::new()))?;
+    let contacts_seconds = cpu_seconds() - start;
+    println!("contacts {contacts_seconds:.3} CPU-s, {} pairs", contacts.len());
+    println!(
+        "finish   {:.3} CPU-s (whole compression {whole:.3} less parts, contacts)",
+        whole - seconds - contacts_seconds
+    );
     println!(
         "labels {}  boxes {}  node words {}  dictionary {}  hash {:032x}",
         volume.labels().len(),
@@ -53,6 +62,23 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         volume.dictionary().len(),
         volume.content_hash()
     );
+    for level in [pumice_core::Level::Fast, pumice_core::Level::Default, pumice_core::Level::Small] {
+        let path = std::env::temp_dir().join(format!("build_speed-{}.pumice", std::process::id()));
+        let start = cpu_seconds();
+        volume.save(&path, level, &Job::new())?;
+        let (saved, bytes) = (cpu_seconds(), std::fs::metadata(&path)?.len());
+        pumice_core::CompressedVolume::open(&path, &Job::new())?;
+        println!(
+            "{level:?}: {bytes} bytes on disk, {:.3} % of 4 B a voxel; save {:.3}, open {:.3} CPU-s",
+            bytes as f64 / mvoxels / 4e4,
+            saved - start,
+            cpu_seconds() - saved
+        );
+        std::fs::remove_file(&path)?;
+    }
+    let start = cpu_seconds();
+    let found = pool.install(|| pumice_core::verify(&volume, &mut source.rewound(), &Job::new()))?;
+    println!("verify {:.3} CPU-s: {found:?}; index {} bytes", cpu_seconds() - start, volume.grid().bytes());
     let total: u64 = volume.resident_parts().iter().map(|p| p.1).sum();
     println!(
         "resident {total} = {:.3} % of 4 B a voxel: {:?}",

@@ -20,9 +20,8 @@ impl CompressedVolume {
         for id in self.labels.ids() {
             hash.update(&id.to_le_bytes());
         }
-        for i in 0..self.boxes.len() {
-            let b = self.get_box(i);
-            for v in b.origin.iter().chain(&b.extent).chain([&self.label_of_box(i)]) {
+        self.for_each_box(|label, b| {
+            for v in b.origin.iter().chain(&b.extent).chain([&label]) {
                 hash.update(&v.to_le_bytes());
             }
             hash.update(&b.node.occupied.to_le_bytes());
@@ -32,7 +31,7 @@ impl CompressedVolume {
                 hash.update(&b.node.field(mixed.trailing_zeros()).to_le_bytes());
                 mixed &= mixed - 1;
             }
-        }
+        });
         hash.digest128()
     }
 }

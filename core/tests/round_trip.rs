@@ -1,5 +1,7 @@
 //! What goes in comes out: every voxel of random and extreme volumes, however they are cut into blocks.
 
+#![allow(clippy::unwrap_used, reason = "helpers of tests")]
+
 use pumice_core::*;
 
 /// A source that delivers given blocks.
@@ -233,9 +235,39 @@ fn any_blocks_in_any_order_on_any_threads_give_the_same_bytes() {
         for threads in [1, 2, 5] {
             let blocks = volume.random_blocks(&mut random);
             let mut source = Blocks { info: volume.info(), blocks };
-            let cut = compress(&mut source, &CompressOptions { threads }, &Job::new()).unwrap();
+            let cut = compress(&mut source, &CompressOptions { threads, ..Default::default() }, &Job::new())
+                .unwrap();
             assert!(state(&whole) == state(&cut), "{} on {threads} threads", volume.name);
             assert_eq!(whole.content_hash(), cut.content_hash());
+        }
+    }
+}
+
+#[test]
+fn spilling_changes_nothing_and_too_small_a_limit_names_what_is_needed() {
+    let mut random = Random(7);
+    for volume in all() {
+        let whole = volume.compress();
+        let with_limit = |limit, random: &mut Random| {
+            let options =
+                CompressOptions { threads: 2, memory_limit_bytes: Some(limit), ..Default::default() };
+            let mut source = Blocks { info: volume.info(), blocks: volume.random_blocks(random) };
+            compress(&mut source, &options, &Job::new())
+        };
+        let mut limit = 1;
+        // The figure of an error is enough, but for the parts' own index, whose size follows from the limit.
+        for round in 0.. {
+            match with_limit(limit, &mut random) {
+                Ok(spilled) => {
+                    assert!(state(&whole) == state(&spilled), "{}", volume.name);
+                    break;
+                }
+                Err(Error::Limit { got, limit: told, .. }) => {
+                    assert!(told == limit && got > limit && round < 9, "{got} {limit}");
+                    limit = got + got / 16;
+                }
+                Err(other) => panic!("{other}"),
+            }
         }
     }
 }
@@ -321,6 +353,41 @@ fn voxels_are_counted() {
     }
 }
 
+/// Contacts and bounds voxel by voxel, from their definitions.
+#[test]
+fn contacts_and_bounds_match_naive() {
+    for volume in all() {
+        let compressed = volume.compress();
+        let index = |id| compressed.labels().index_of(id);
+        let mut contacts = std::collections::BTreeSet::new();
+        let mut bounds = vec![([u32::MAX; 3], [0; 3]); compressed.labels().len()];
+        for z in 0..volume.dims[2] {
+            for y in 0..volume.dims[1] {
+                for x in 0..volume.dims[0] {
+                    let Some(here) = index(volume.at([x, y, z])) else { continue };
+                    for a in 0..3 {
+                        let mut p = [x, y, z];
+                        bounds[here as usize].0[a] = p[a].min(bounds[here as usize].0[a]);
+                        bounds[here as usize].1[a] = p[a].max(bounds[here as usize].1[a]);
+                        p[a] += 1;
+                        if p[a] < volume.dims[a]
+                            && let Some(there) = index(volume.at(p))
+                            && there != here
+                        {
+                            contacts.insert((here.min(there), here.max(there)));
+                        }
+                    }
+                }
+            }
+        }
+        let got: Vec<(u32, u32)> = compressed.labels().contacts().iter().collect();
+        assert_eq!(got, contacts.into_iter().collect::<Vec<_>>(), "{}", volume.name);
+        assert_eq!(got.len() as u64, compressed.labels().contacts().len());
+        let got: Vec<_> = compressed.label_bounds().iter().map(|b| (b.low, b.high)).collect();
+        assert_eq!(got, bounds, "{}", volume.name);
+    }
+}
+
 #[test]
 fn cancelled_and_incomplete_sources_fail() {
     let volume = Volume::new("noise", [40, 40, 40], |p| u64::from(p[0] ^ p[1] ^ p[2]));
@@ -334,4 +401,15 @@ fn cancelled_and_incomplete_sources_fail() {
     let mut source = Blocks { info: volume.info(), blocks };
     let error = compress(&mut source, &CompressOptions::default(), &Job::new()).unwrap_err();
     assert!(error.to_string().contains("of 64000"), "{error}");
+
+    // As many voxels as the volume has, but two of them from one place, and one place missed.
+    let one = |x: u32, id: u8| LabelBlock::x_fastest([x, 0, 0], [1, 1, 1], LabelBuffer::U8(vec![id]));
+    for (other, what) in
+        [(2, "two labels claim one voxel"), (1, "they delivered 2 labelled voxels, 1 places")]
+    {
+        let info = VolumeInfo::new([2, 1, 1], LabelType::U8);
+        let mut source = Blocks { info, blocks: vec![one(0, 1), one(0, other)] };
+        let error = compress(&mut source, &CompressOptions::default(), &Job::new()).unwrap_err();
+        assert!(error.to_string().contains(what), "{error}");
+    }
 }
