@@ -76,6 +76,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         );
         std::fs::remove_file(&path)?;
     }
+    let start = cpu_seconds();
+    let found = pool.install(|| pumice_core::verify(&volume, &mut source.rewound(), &Job::new()))?;
+    println!("verify {:.3} CPU-s: {found:?}; index {} bytes", cpu_seconds() - start, volume.grid().bytes());
     let total: u64 = volume.resident_parts().iter().map(|p| p.1).sum();
     println!(
         "resident {total} = {:.3} % of 4 B a voxel: {:?}",

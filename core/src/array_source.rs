@@ -30,6 +30,11 @@ impl ArraySource {
         let layers = ((1 << 22) / layer.max(1)).clamp(4, 1024) as u32 / 4 * 4;
         Ok(Self { info, labels, layers, next_z: 0 })
     }
+
+    /// The same source at its beginning again.
+    pub fn rewound(self) -> Self {
+        Self { next_z: 0, ..self }
+    }
 }
 
 impl BlockSource for ArraySource {

@@ -7,11 +7,14 @@
 //! ```
 //! The source is read on the calling thread alone, because most inflate one stream; everything else uses all threads.
 
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::mpsc::{Receiver, TrySendError, sync_channel};
 use std::sync::{Mutex, PoisonError};
 
-use crate::finish::{boxes_of_parts, finish};
+use crate::cell::CELL;
+use crate::finish::{Budget, boxes_of_parts, finish};
 use crate::part::Part;
+use crate::store::PartStore;
 use crate::volume::MAX_DIM;
 use crate::{
     ArraySource, BlockSource, CompressedVolume, Error, Job, LabelBlock, LabelBuffer, Result, VolumeInfo,
@@ -22,6 +25,12 @@ use crate::{
 pub struct CompressOptions {
     /// Threads to use; 0 means one for each logical processor.
     pub threads: usize,
+    /// Bytes of memory to stay below: records that do not fit are spilled to [`CompressOptions::temp_folder`]. A limit that is too
+    /// small even for the result is refused with the figure that would do. The result itself counts; the source's own buffers
+    /// and one block a thread, whose size the source decides, come on top.
+    pub memory_limit_bytes: Option<u64>,
+    /// Where to spill; the system's folder for temporary files where `None`.
+    pub temp_folder: Option<std::path::PathBuf>,
     /// Types to give to the labels.
     pub types: Option<crate::TypeTable>,
 }
@@ -50,13 +59,19 @@ pub fn compress(
     info.notes.sort_by_key(|n| n.id);
     info.notes.dedup_by_key(|n| n.id);
     let threads = options.thread_count();
-    let parts = make_parts(source, threads, job)?;
+    let folder = options.temp_folder.clone().unwrap_or_else(std::env::temp_dir);
+    // A quarter for records, a quarter at most for blocks that wait; finishing may use all but the records' quarter.
+    let store = PartStore::new(options.memory_limit_bytes.map(|limit| limit / 4), folder);
+    make_parts(source, &store, threads, options.memory_limit_bytes, job)?;
+    let parts = store.into_parts();
+    let budget = Budget { limit_bytes: options.memory_limit_bytes, threads };
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(threads)
         .build()
         .map_err(|e| Error::Caller(format!("cannot start {threads} threads: {e}")))?;
     pool.install(|| {
-        let (raw, labels) = boxes_of_parts(&parts, job)?;
+        let (raw, labels) = boxes_of_parts(&parts, &budget, job)?;
+        // Their memory, and the spill file, before finishing needs its own.
         drop(parts);
         let mut volume = finish(info, raw, labels, job)?;
         volume.labels.contacts = volume.find_contacts(job)?;
@@ -93,22 +108,31 @@ fn check(info: &VolumeInfo) -> Result<()> {
     Ok(())
 }
 
-/// Parts of all blocks of a source.
-fn make_parts(source: &mut dyn BlockSource, threads: usize, job: &Job) -> Result<Vec<Part>> {
+/// Puts the parts of all blocks of a source into a store.
+fn make_parts(
+    source: &mut dyn BlockSource,
+    store: &PartStore,
+    threads: usize,
+    limit_bytes: Option<u64>,
+    job: &Job,
+) -> Result<()> {
     let dims = source.info().dims;
     let expected = source.info().voxels();
     job.begin(expected);
     let (send, receive) = sync_channel::<LabelBlock>(2 * threads);
     let receive = Mutex::new(receive);
-    let parts: Mutex<Vec<Part>> = Mutex::default();
     let failure: Mutex<Option<Error>> = Mutex::default();
+    let queued_bytes = AtomicU64::new(0);
     let work = |block: LabelBlock| {
-        let result = job.check().and_then(|()| Part::from_block(&block, dims));
+        let ragged = is_ragged(&block, dims);
+        let (bytes, voxels) = (block_bytes(&block), voxels(&block));
+        let result = job.check().and_then(|()| Part::from_block(&block, dims)).and_then(|part| {
+            drop(block);
+            store.add(part, ragged)
+        });
+        queued_bytes.fetch_sub(bytes, Relaxed);
         match result {
-            Ok(part) => {
-                lock(&parts).push(part);
-                job.advance(voxels(&block));
-            }
+            Ok(()) => job.advance(voxels),
             Err(error) => *lock(&failure) = Some(error),
         }
     };
@@ -130,7 +154,9 @@ fn make_parts(source: &mut dyn BlockSource, threads: usize, job: &Job) -> Result
                 Err(error) => break Err(error),
                 Ok(Some(block)) => {
                     delivered = delivered.saturating_add(voxels(&block));
-                    if threads == 1 {
+                    let queued = queued_bytes.fetch_add(block_bytes(&block), Relaxed);
+                    let crowded = limit_bytes.is_some_and(|limit| queued > limit / 4);
+                    if threads == 1 || crowded {
                         work(block);
                     } else if let Err(TrySendError::Full(block) | TrySendError::Disconnected(block)) =
                         send.try_send(block)
@@ -153,7 +179,26 @@ fn make_parts(source: &mut dyn BlockSource, threads: usize, job: &Job) -> Result
     if delivered != expected {
         return Err(Error::Caller(format!("the source delivered {delivered} voxels of {expected}")));
     }
-    Ok(parts.into_inner().unwrap_or_else(PoisonError::into_inner))
+    Ok(())
+}
+
+/// Whether a block cuts through cells other than at the volume's end.
+fn is_ragged(block: &LabelBlock, dims: [u32; 3]) -> bool {
+    (0..3).any(|a| {
+        let end = block.origin[a].saturating_add(block.dims[a]);
+        !block.origin[a].is_multiple_of(CELL) || (!end.is_multiple_of(CELL) && end != dims[a])
+    })
+}
+
+fn block_bytes(block: &LabelBlock) -> u64 {
+    let labels = &block.labels;
+    let width = match labels {
+        LabelBuffer::U8(_) => 1,
+        LabelBuffer::U16(_) => 2,
+        LabelBuffer::U32(_) => 4,
+        LabelBuffer::U64(_) => 8,
+    };
+    labels.len() as u64 * width
 }
 
 fn next(queue: &Mutex<Receiver<LabelBlock>>) -> Option<LabelBlock> {

@@ -9,13 +9,17 @@
 //! ```
 //! Each step's result follows from the volume alone, so threads, blocks and their order leave no trace in it.
 
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 use xxhash_rust::xxh3::Xxh3;
 
 use crate::boxes::{RawBox, RawBoxes, split_label};
+use crate::cell::Cell;
 use crate::node::NODE_HEADER_WORDS;
-use crate::part::{Part, gather, runs_by_id};
+use crate::part::Run;
+use crate::store::StoredParts;
 use crate::volume::CHUNK_CELLS;
 use crate::{
     BoxRecord, Chunk, CompressedVolume, Error, Job, LabelRun, LabelTable, Result, VolumeInfo, dictionary,
@@ -29,17 +33,54 @@ const TASK_CELLS: usize = 1 << 15;
 /// need room for their own; beyond the window a node is written again.
 const SHARING_WINDOW_WORDS: u64 = 1 << 31;
 
+/// What finishing may use, and what it turns out to need.
+pub(crate) struct Budget {
+    /// Bytes, of which finishing may take three quarters; the rest is for records of parts that have not been spilled.
+    pub(crate) limit_bytes: Option<u64>,
+    /// Threads that each gather a label at a time.
+    pub(crate) threads: usize,
+}
+
+/// Bytes that finishing holds for each box at its peak: raw box 48, hash 16, its entry among the shared contents about 64, numbers
+/// of contents 8. (Looking for contacts, afterwards, takes less: about 4 bricks a box at 20 bytes each, when these are gone.)
+const BYTES_A_BOX: u64 = 140;
+
+/// Bytes for each field: raw 8, and 8 more while tasks' results are put together, as a use for the dictionary, or in its node.
+const BYTES_A_FIELD: u64 = 16;
+
+impl Budget {
+    /// Refuses what does not fit; says the limit that would do.
+    fn check(&self, index_bytes: u64, boxes: u64, fields: u64, largest_label: u64) -> Result<()> {
+        let need = index_bytes
+            + boxes * BYTES_A_BOX
+            + fields * BYTES_A_FIELD
+            + largest_label * size_of::<Cell>() as u64 * self.threads as u64;
+        let got = need.saturating_mul(4).div_ceil(3);
+        match self.limit_bytes {
+            Some(limit) if got > limit => Err(Error::Limit { what: "bytes of memory".into(), limit, got }),
+            _ => Ok(()),
+        }
+    }
+}
+
 /// Boxes of all labels, and the label table without contacts.
-pub(crate) fn boxes_of_parts(parts: &[Part], job: &Job) -> Result<(RawBoxes, LabelTable)> {
-    let runs = runs_by_id(parts);
+pub(crate) fn boxes_of_parts(
+    parts: &StoredParts,
+    budget: &Budget,
+    job: &Job,
+) -> Result<(RawBoxes, LabelTable)> {
+    let runs = parts.runs();
+    let index_bytes = parts.index_bytes() + (runs.capacity() * size_of::<Run>()) as u64;
     job.begin(runs.iter().map(|r| (r.end - r.start) as u64).sum());
 
     // Divide the labels into tasks of similar size; a label is never divided here.
-    let mut tasks: Vec<(u32, &[crate::part::Run])> = Vec::new();
+    let mut tasks: Vec<(u32, &[Run])> = Vec::new();
     let (mut start, mut first_label, mut label, mut size) = (0, 0u32, 0u32, 0);
-    let mut at = 0;
+    let (mut at, mut largest) = (0, 0);
     for same_id in runs.chunk_by(|a, b| a.id == b.id) {
-        size += same_id.iter().map(|r| r.end - r.start).sum::<usize>();
+        let cells = same_id.iter().map(|r| r.end - r.start).sum::<usize>();
+        largest = largest.max(cells as u64);
+        size += cells;
         at += same_id.len();
         label = label.checked_add(1).ok_or(Error::Limit {
             what: "labels".into(),
@@ -52,25 +93,40 @@ pub(crate) fn boxes_of_parts(parts: &[Part], job: &Job) -> Result<(RawBoxes, Lab
         }
     }
     tasks.push((first_label, &runs[start..]));
+    budget.check(index_bytes, 0, 0, largest)?;
 
-    // Each task: its labels' boxes, ids, voxel counts.
+    // Each task: its labels' boxes, ids, voxel counts. Once the budget is spent the boxes are only counted, for the error to
+    // name the figure that is needed.
+    let (boxes_so_far, fields_so_far) = (AtomicU64::new(0), AtomicU64::new(0));
+    let fits = || budget.check(index_bytes, boxes_so_far.load(Relaxed), fields_so_far.load(Relaxed), largest);
     let results: Vec<Result<(RawBoxes, LabelTable)>> = tasks
         .into_par_iter()
         .map(|(first_label, runs)| {
             let (mut boxes, mut table, mut cells) = (RawBoxes::default(), LabelTable::default(), Vec::new());
             for (i, same_id) in runs.chunk_by(|a, b| a.id == b.id).enumerate() {
                 job.check()?;
-                gather(parts, same_id, &mut cells);
+                parts.gather(same_id, &mut cells)?;
                 table.ids.push(same_id[0].id);
                 table.voxels.push(cells.iter().map(|c| u64::from(c.mask.count_ones())).sum());
+                let before = (boxes.boxes.len() as u64, boxes.fields.len() as u64);
                 split_label(first_label + i as u32, &mut cells, &mut boxes);
-                job.advance(cells.len() as u64);
+                boxes_so_far.fetch_add(boxes.boxes.len() as u64 - before.0, Relaxed);
+                fields_so_far.fetch_add(boxes.fields.len() as u64 - before.1, Relaxed);
+                if fits().is_err() {
+                    boxes = RawBoxes::default();
+                }
+                job.advance(same_id.iter().map(|r| (r.end - r.start) as u64).sum());
             }
+            boxes.boxes.shrink_to_fit();
+            boxes.fields.shrink_to_fit();
             Ok((boxes, table))
         })
         .collect();
+    fits()?;
 
     let (mut all, mut table) = (RawBoxes::default(), LabelTable::default());
+    all.boxes.reserve_exact(boxes_so_far.load(Relaxed) as usize);
+    all.fields.reserve_exact(fields_so_far.load(Relaxed) as usize);
     for result in results {
         let (boxes, labels) = result?;
         all.append(boxes);

@@ -29,6 +29,7 @@ pub mod morton;
 pub mod node;
 pub mod part;
 mod scan;
+mod store;
 pub mod types;
 pub mod verify;
 pub mod volume;

@@ -56,15 +56,19 @@ impl Part {
 
     /// Merges parts into one: associative and commutative.
     pub fn merge(parts: &[Part]) -> Part {
-        let runs = runs_by_id(parts);
+        let runs = runs_by_id(parts.iter().map(|p| (p.ids.as_slice(), p.offsets.as_slice())));
         let mut merged =
             Part { cells: Vec::with_capacity(parts.iter().map(Part::len).sum()), ..Part::default() };
         merged.offsets.push(0);
-        let mut scratch = Vec::new();
+        let mut cells = Vec::new();
         for same_id in runs.chunk_by(|a, b| a.id == b.id) {
-            gather(parts, same_id, &mut scratch);
+            cells.clear();
+            for run in same_id {
+                cells.extend_from_slice(&parts[run.part as usize].cells[run.start..run.end]);
+            }
+            sort_and_or(&mut cells);
             merged.ids.push(same_id[0].id);
-            merged.cells.extend_from_slice(&scratch);
+            merged.cells.extend_from_slice(&cells);
             merged.offsets.push(merged.cells.len());
         }
         // Pieces that were OR-ed left room; give a large waste back.
@@ -89,11 +93,11 @@ impl Part {
     }
 }
 
-/// Each label's run of each part, by rising id, then part.
-pub(crate) fn runs_by_id(parts: &[Part]) -> Vec<Run> {
-    let mut runs: Vec<Run> = Vec::with_capacity(parts.iter().map(|p| p.ids.len()).sum());
-    for (p, part) in parts.iter().enumerate() {
-        runs.extend(part.ids.iter().zip(part.offsets.windows(2)).map(|(&id, bounds)| Run {
+/// Each label's run of each part, by rising id, then part; of each part its ids and offsets are given.
+pub(crate) fn runs_by_id<'a>(parts: impl Iterator<Item = (&'a [u64], &'a [usize])>) -> Vec<Run> {
+    let mut runs: Vec<Run> = Vec::new();
+    for (p, (ids, offsets)) in parts.enumerate() {
+        runs.extend(ids.iter().zip(offsets.windows(2)).map(|(&id, bounds)| Run {
             id,
             part: p as u32,
             start: bounds[0],
@@ -102,15 +106,4 @@ pub(crate) fn runs_by_id(parts: &[Part]) -> Vec<Run> {
     }
     runs.sort_by_key(|r| (r.id, r.part));
     runs
-}
-
-/// One label's records from all its runs, sorted and OR-ed, into `cells`.
-pub(crate) fn gather(parts: &[Part], runs: &[Run], cells: &mut Vec<Cell>) {
-    cells.clear();
-    for run in runs {
-        cells.extend_from_slice(&parts[run.part as usize].cells[run.start..run.end]);
-    }
-    if runs.len() > 1 {
-        sort_and_or(cells);
-    }
 }

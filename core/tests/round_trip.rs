@@ -244,6 +244,35 @@ fn any_blocks_in_any_order_on_any_threads_give_the_same_bytes() {
 }
 
 #[test]
+fn spilling_changes_nothing_and_too_small_a_limit_names_what_is_needed() {
+    let mut random = Random(7);
+    for volume in all() {
+        let whole = volume.compress();
+        let with_limit = |limit, random: &mut Random| {
+            let options =
+                CompressOptions { threads: 2, memory_limit_bytes: Some(limit), ..Default::default() };
+            let mut source = Blocks { info: volume.info(), blocks: volume.random_blocks(random) };
+            compress(&mut source, &options, &Job::new())
+        };
+        let mut limit = 1;
+        // The figure of an error is enough, but for the parts' own index, whose size follows from the limit.
+        for round in 0.. {
+            match with_limit(limit, &mut random) {
+                Ok(spilled) => {
+                    assert!(state(&whole) == state(&spilled), "{}", volume.name);
+                    break;
+                }
+                Err(Error::Limit { got, limit: told, .. }) => {
+                    assert!(told == limit && got > limit && round < 9, "{got} {limit}");
+                    limit = got + got / 16;
+                }
+                Err(other) => panic!("{other}"),
+            }
+        }
+    }
+}
+
+#[test]
 fn parts_merge_in_any_grouping() {
     let mut random = Random(4);
     for volume in all() {
