@@ -2,7 +2,7 @@
 #![allow(unsafe_code, reason = "a global allocator cannot be written without; this module is all of it")]
 
 use std::alloc::{GlobalAlloc, Layout, System};
-use std::sync::atomic::{AtomicIsize, AtomicUsize, Ordering::SeqCst};
+use std::sync::atomic::{AtomicIsize, Ordering::SeqCst};
 
 struct CountingAllocator;
 
@@ -11,7 +11,6 @@ static ALLOCATOR: CountingAllocator = CountingAllocator;
 
 static LIVE: AtomicIsize = AtomicIsize::new(0);
 static PEAK: AtomicIsize = AtomicIsize::new(0);
-static LARGEST: AtomicUsize = AtomicUsize::new(0);
 
 /// What a piece of work allocated.
 #[derive(Clone, Copy, Debug)]
@@ -20,28 +19,20 @@ pub struct Counted {
     pub kept: isize,
     /// Most bytes that were held at once, above what was held before.
     pub peak: isize,
-    /// Largest single allocation in bytes.
-    pub largest: usize,
 }
 
 /// Runs `work` and counts.
 pub fn measured<T>(work: impl FnOnce() -> T) -> (T, Counted) {
     let before = LIVE.load(SeqCst);
     PEAK.store(before, SeqCst);
-    LARGEST.store(0, SeqCst);
     let result = work();
-    let counted = Counted {
-        kept: LIVE.load(SeqCst) - before,
-        peak: PEAK.load(SeqCst) - before,
-        largest: LARGEST.load(SeqCst),
-    };
+    let counted = Counted { kept: LIVE.load(SeqCst) - before, peak: PEAK.load(SeqCst) - before };
     (result, counted)
 }
 
 fn grow(bytes: usize) {
     let live = LIVE.fetch_add(bytes as isize, SeqCst) + bytes as isize;
     PEAK.fetch_max(live, SeqCst);
-    LARGEST.fetch_max(bytes, SeqCst);
 }
 
 // SAFETY: every call goes to `System` with the very arguments that it was made with, so its guarantees are ours; counting touches
