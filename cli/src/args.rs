@@ -316,7 +316,10 @@ fn view(text: &str) -> Result<[f64; 2], String> {
 }
 
 fn positive(text: &str) -> Result<f64, String> {
-    text.parse().ok().filter(|v: &f64| v.is_finite() && *v > 0.0).ok_or_else(|| "expected a number above 0".into())
+    text.parse()
+        .ok()
+        .filter(|v: &f64| v.is_finite() && *v > 0.0)
+        .ok_or_else(|| "expected a number above 0".into())
 }
 
 fn relative(text: &str) -> Result<f64, String> {

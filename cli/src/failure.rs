@@ -16,7 +16,9 @@ impl Failure {
     /// A failure that says `what`, with line breaks of nested messages flattened.
     pub(crate) fn new(what: impl Display) -> Self {
         let text = what.to_string();
-        Self::Bad(text.split(['\n', '\r']).map(str::trim).filter(|l| !l.is_empty()).collect::<Vec<_>>().join("; "))
+        Self::Bad(
+            text.split(['\n', '\r']).map(str::trim).filter(|l| !l.is_empty()).collect::<Vec<_>>().join("; "),
+        )
     }
 }
 

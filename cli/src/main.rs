@@ -78,9 +78,16 @@ fn usage(error: &clap::Error) -> ExitCode {
         }
         _ => {
             let text = error.to_string();
-            let what = text.split("\n\nUsage:").next().unwrap_or(&text).split("\n\nFor more").next().unwrap_or(&text);
+            let what = text
+                .split("\n\nUsage:")
+                .next()
+                .unwrap_or(&text)
+                .split("\n\nFor more")
+                .next()
+                .unwrap_or(&text);
             let what = what.strip_prefix("error: ").unwrap_or(what);
-            let line = what.split('\n').map(str::trim).filter(|l| !l.is_empty()).collect::<Vec<_>>().join(" ");
+            let line =
+                what.split('\n').map(str::trim).filter(|l| !l.is_empty()).collect::<Vec<_>>().join(" ");
             eprintln!("pumice: {line} (see pumice --help)");
             ExitCode::from(2)
         }

@@ -62,8 +62,7 @@ fn reported_bytes_are_allocated_bytes() {
     let (_, control) = measured(|| drop(black_box(vec![1u8; voxels])));
     assert!(is_volume_sized(&control, voxels));
     let ((), lost) = measured(|| std::mem::forget(black_box(vec![1u8; reported as usize / 40])));
-    let off = std::panic::catch_unwind(|| agree("control", opening.kept + lost.kept, reported));
-    assert!(off.is_err(), "2.5 % more than reported goes unseen");
+    assert!(off(opening.kept + lost.kept, reported) > 0.02, "2.5 % more than reported goes unseen");
 }
 
 fn is_volume_sized(counted: &Counted, voxels: usize) -> bool {
@@ -72,12 +71,12 @@ fn is_volume_sized(counted: &Counted, voxels: usize) -> bool {
 
 /// The requirement: within 2 %.
 fn agree(what: &str, counted: isize, reported: u64) {
-    let off = counted as f64 / reported as f64 - 1.0;
-    assert!(
-        off.abs() <= 0.02,
-        "{what}: {counted} bytes are held, {reported} reported: {:.2} % off",
-        100.0 * off
-    );
+    let off = off(counted, reported);
+    assert!(off <= 0.02, "{what}: {counted} bytes are held, {reported} reported: {:.2} % off", 100.0 * off);
+}
+
+fn off(counted: isize, reported: u64) -> f64 {
+    (counted as f64 / reported as f64 - 1.0).abs()
 }
 
 /// Rays from all around through the volume, each followed for some bounces; how many hit.

@@ -10,7 +10,10 @@ use crate::json_report::write_report;
 pub(crate) fn run(args: &Compare) -> Result<Answer, Failure> {
     let c = compare_pictures(&args.picture, &args.reference)?;
     if args.json.as_deref() != Some(std::path::Path::new("-")) {
-        say(format_args!("relMSE {:.6e}   PSNR {:.2} dB   SSIM {:.5}   FLIP {:.5}", c.rel_mse, c.psnr, c.ssim, c.flip))?;
+        say(format_args!(
+            "relMSE {:.6e}   PSNR {:.2} dB   SSIM {:.5}   FLIP {:.5}",
+            c.rel_mse, c.psnr, c.ssim, c.flip
+        ))?;
     }
     if let Some(to) = &args.json {
         write_report(to, &c)?;

@@ -18,11 +18,21 @@ pub(crate) fn run(args: &Info) -> Result<Answer, Failure> {
             let percent = |bytes: u64| 100.0 * bytes as f64 / p.bytes_raw.max(1) as f64;
             say(format_args!("format     Pumice, version {}, level {}", p.file_version, p.level))?;
             placement(p.dims, p.spacing, &p.unit, &p.frame, &p.label_type)?;
-            say(format_args!("labels     {} in {} types, {} touching pairs", p.labels, p.types, p.touching_pairs))?;
-            say(format_args!("boxes      {} over {} nodes, {} leaf patterns", p.boxes, p.nodes, p.leaf_patterns))?;
+            say(format_args!(
+                "labels     {} in {} types, {} touching pairs",
+                p.labels, p.types, p.touching_pairs
+            ))?;
+            say(format_args!(
+                "boxes      {} over {} nodes, {} leaf patterns",
+                p.boxes, p.nodes, p.leaf_patterns
+            ))?;
             say(format_args!("raw        {:>14} bytes at 4 a voxel", p.bytes_raw))?;
             say(format_args!("disk       {:>14} bytes  {:6.3} %", p.bytes_disk, percent(p.bytes_disk)))?;
-            say(format_args!("memory     {:>14} bytes  {:6.3} %", p.bytes_resident, percent(p.bytes_resident)))?;
+            say(format_args!(
+                "memory     {:>14} bytes  {:6.3} %",
+                p.bytes_resident,
+                percent(p.bytes_resident)
+            ))?;
             for (name, bytes) in &p.resident_parts {
                 say(format_args!("  {name:12} {bytes:>10} bytes  {:6.3} %", percent(*bytes)))?;
             }
@@ -32,7 +42,10 @@ pub(crate) fn run(args: &Info) -> Result<Answer, Failure> {
             say(format_args!("format     {}, {}", s.format, s.encoding))?;
             placement(s.dims, s.spacing, &s.unit, &s.frame, &s.label_type)?;
             for row in s.world_from_centre {
-                say(format_args!("affine     {:12.6} {:12.6} {:12.6} {:14.6}", row[0], row[1], row[2], row[3]))?;
+                say(format_args!(
+                    "affine     {:12.6} {:12.6} {:12.6} {:14.6}",
+                    row[0], row[1], row[2], row[3]
+                ))?;
             }
             if s.named_labels > 0 {
                 say(format_args!("names      {} labels have a name or a colour", s.named_labels))?;
@@ -56,5 +69,8 @@ fn placement(
     label_type: &str,
 ) -> Result<(), Failure> {
     say(format_args!("dims       {} × {} × {} voxels of {label_type}", dims[0], dims[1], dims[2]))?;
-    say(format_args!("spacing    {} × {} × {} (unit {unit}), world axes {frame}", spacing[0], spacing[1], spacing[2]))
+    say(format_args!(
+        "spacing    {} × {} × {} (unit {unit}), world axes {frame}",
+        spacing[0], spacing[1], spacing[2]
+    ))
 }

@@ -2,7 +2,9 @@
 
 use std::sync::Arc;
 
-use pumice_session::{CurvePoint, Job, RenderFigures, RenderOverrides, RenderRequest, Stop, Subject, render_file};
+use pumice_session::{
+    CurvePoint, Job, RenderFigures, RenderOverrides, RenderRequest, Stop, Subject, render_file,
+};
 
 use super::open_options;
 use crate::Answer;
@@ -16,11 +18,14 @@ const DEFAULT_SPP: u32 = 64;
 
 pub(crate) fn run(args: &Render, job: &Arc<Job>) -> Result<Answer, Failure> {
     let unlimited = args.spp.is_none() && args.time.is_none() && args.error.is_none();
-    let stop = Stop { spp: args.spp.or(unlimited.then_some(DEFAULT_SPP)), seconds: args.time, error: args.error };
+    let stop =
+        Stop { spp: args.spp.or(unlimited.then_some(DEFAULT_SPP)), seconds: args.time, error: args.error };
     let subject = match (&args.again, &args.input) {
         (Some(picture), _) => Subject::Again(picture.clone()),
         (None, Some(input)) => Subject::File(input.clone()),
-        (None, None) => return Err(Failure::new("nothing to render: name a file, a scene or --again PICTURE")),
+        (None, None) => {
+            return Err(Failure::new("nothing to render: name a file, a scene or --again PICTURE"));
+        }
     };
     let request = RenderRequest {
         subject,
@@ -93,6 +98,11 @@ pub(crate) fn show_progress(bar: &Bar, stop: &Stop, point: &CurvePoint) {
 
 /// One line of what a picture cost and how good it is.
 pub(crate) fn summary(figures: &RenderFigures) -> String {
-    let error = figures.error_estimate.map_or("error not known".into(), |e| format!("estimated error {:.2} %", 100.0 * e));
-    format!("{} samples a pixel, {error}, {:.1} s ({:.1} CPU s)", figures.spp, figures.seconds, figures.cpu_seconds)
+    let error = figures
+        .error_estimate
+        .map_or("error not known".into(), |e| format!("estimated error {:.2} %", 100.0 * e));
+    format!(
+        "{} samples a pixel, {error}, {:.1} s ({:.1} CPU s)",
+        figures.spp, figures.seconds, figures.cpu_seconds
+    )
 }
