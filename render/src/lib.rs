@@ -6,6 +6,7 @@ pub mod image;
 pub mod metrics;
 pub mod renderer;
 pub mod trace;
+
 pub use bvh::{BoxBounds, Bvh, BvhRay};
 pub use image::Image;
 pub use renderer::{Progress, RenderError, Renderer};

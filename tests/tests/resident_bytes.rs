@@ -1,6 +1,7 @@
 //! The bytes that Pumice reports are the bytes that it holds, and it holds nothing else of a volume's size.
 //!
 //! An allocator that counts stands under the whole process: one test a file, so that nothing else allocates meanwhile.
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test may fail by panicking, in its helpers too")]
 
 #[path = "counting_allocator/mod.rs"]
 mod counting_allocator;

@@ -14,15 +14,15 @@ static PEAK: AtomicIsize = AtomicIsize::new(0);
 
 /// What a piece of work allocated.
 #[derive(Clone, Copy, Debug)]
-pub struct Counted {
+pub(crate) struct Counted {
     /// Bytes that are still held at its end.
-    pub kept: isize,
+    pub(crate) kept: isize,
     /// Most bytes that were held at once, above what was held before.
-    pub peak: isize,
+    pub(crate) peak: isize,
 }
 
 /// Runs `work` and counts.
-pub fn measured<T>(work: impl FnOnce() -> T) -> (T, Counted) {
+pub(crate) fn measured<T>(work: impl FnOnce() -> T) -> (T, Counted) {
     let before = LIVE.load(SeqCst);
     PEAK.store(before, SeqCst);
     let result = work();
