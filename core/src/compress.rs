@@ -62,7 +62,7 @@ pub fn compress(
     let folder = options.temp_folder.clone().unwrap_or_else(std::env::temp_dir);
     // A quarter for records, a quarter at most for blocks that wait; finishing may use all but the records' quarter.
     let store = PartStore::new(options.memory_limit_bytes.map(|limit| limit / 4), folder);
-    make_parts(source, &store, threads, options.memory_limit_bytes, job)?;
+    let labelled = make_parts(source, &store, threads, options.memory_limit_bytes, job)?;
     let parts = store.into_parts();
     let budget = Budget { limit_bytes: options.memory_limit_bytes, threads };
     let pool = rayon::ThreadPoolBuilder::new()
@@ -71,6 +71,14 @@ pub fn compress(
         .map_err(|e| Error::Caller(format!("cannot start {threads} threads: {e}")))?;
     pool.install(|| {
         let (raw, labels) = boxes_of_parts(&parts, &budget, job)?;
+        // Blocks that overlap in one label are OR-ed into fewer voxels than they delivered. (Overlap in two labels shows when
+        // contacts are looked for.)
+        let kept: u64 = labels.voxels().iter().sum();
+        if kept != labelled {
+            return Err(Error::Caller(format!(
+                "blocks of the source overlap: they delivered {labelled} labelled voxels, {kept} places are labelled"
+            )));
+        }
         // Their memory, and the spill file, before finishing needs its own.
         drop(parts);
         let mut volume = finish(info, raw, labels, job)?;
@@ -108,14 +116,14 @@ fn check(info: &VolumeInfo) -> Result<()> {
     Ok(())
 }
 
-/// Puts the parts of all blocks of a source into a store.
+/// Puts the parts of all blocks of a source into a store; returns how many voxels had a label.
 fn make_parts(
     source: &mut dyn BlockSource,
     store: &PartStore,
     threads: usize,
     limit_bytes: Option<u64>,
     job: &Job,
-) -> Result<()> {
+) -> Result<u64> {
     let dims = source.info().dims;
     let expected = source.info().voxels();
     job.begin(expected);
@@ -123,11 +131,13 @@ fn make_parts(
     let receive = Mutex::new(receive);
     let failure: Mutex<Option<Error>> = Mutex::default();
     let queued_bytes = AtomicU64::new(0);
+    let labelled = AtomicU64::new(0);
     let work = |block: LabelBlock| {
         let ragged = is_ragged(&block, dims);
         let (bytes, voxels) = (block_bytes(&block), voxels(&block));
         let result = job.check().and_then(|()| Part::from_block(&block, dims)).and_then(|part| {
             drop(block);
+            labelled.fetch_add(part.voxels(), Relaxed);
             store.add(part, ragged)
         });
         queued_bytes.fetch_sub(bytes, Relaxed);
@@ -179,7 +189,7 @@ fn make_parts(
     if delivered != expected {
         return Err(Error::Caller(format!("the source delivered {delivered} voxels of {expected}")));
     }
-    Ok(())
+    Ok(labelled.into_inner())
 }
 
 /// Whether a block cuts through cells other than at the volume's end.

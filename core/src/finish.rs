@@ -310,3 +310,49 @@ fn write_node(b: &RawBox, fields: &[u64], index: &FxHashMap<u64, u16>, node: &mu
     put64(&mut node[4..], b.solid);
     put64(&mut node[8..], ranked);
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{LabelBlock, LabelBuffer, LabelType, Part, store::PartStore};
+
+    /// Three chunks along x with the same few contents in each.
+    fn raw(dims: [u32; 3]) -> (RawBoxes, LabelTable, Vec<u64>) {
+        let ids: Vec<u8> =
+            (0..dims[0] * dims[1] * dims[2]).map(|i| ((i % dims[0] / 3 + i / dims[0]) % 4) as u8).collect();
+        let block = LabelBlock::x_fastest([0; 3], dims, LabelBuffer::U8(ids.clone()));
+        let store = PartStore::new(None, std::env::temp_dir());
+        store.add(Part::from_block(&block, dims).unwrap(), false).unwrap();
+        let budget = Budget { limit_bytes: None, threads: 1 };
+        let (raw, labels) = boxes_of_parts(&store.into_parts(), &budget, &Job::new()).unwrap();
+        (raw, labels, ids.into_iter().map(u64::from).collect())
+    }
+
+    #[test]
+    fn nodes_beyond_the_window_are_written_again() {
+        let dims = [3000, 5, 7];
+        let (raw, labels, ids) = raw(dims);
+        let mut sizes = Vec::new();
+        for window in [0, 40, 200, u64::MAX / 2] {
+            let info = VolumeInfo::new(dims, LabelType::U8);
+            let mut volume =
+                finish_with_window(info, raw.clone(), labels.clone(), &Job::new(), window).unwrap();
+            volume.labels.contacts = volume.find_contacts(&Job::new()).unwrap();
+            assert_eq!(volume.decode_ids([0; 3], dims).unwrap(), ids, "window {window}");
+            assert!(volume.chunks().iter().skip(1).any(|c| c.node_base > 0) || window > 1 << 32);
+            sizes.push(volume.nodes().len());
+
+            // The file's packed form has to find nodes that occur twice, too.
+            let folder = tempfile::tempdir().unwrap();
+            let path = folder.path().join("window.pumice");
+            for level in [crate::Level::Fast, crate::Level::Default] {
+                volume.save(&path, level, &Job::new()).unwrap();
+                let back = CompressedVolume::open(&path, &Job::new()).unwrap();
+                assert!(
+                    back.boxes == volume.boxes && back.nodes == volume.nodes && back.chunks == volume.chunks
+                );
+            }
+        }
+        assert!(sizes[0] > sizes[3] && sizes.is_sorted_by(|a, b| a >= b), "{sizes:?}");
+    }
+}

@@ -43,6 +43,11 @@ impl Part {
         self.cells.len()
     }
 
+    /// Voxels of all labels together.
+    pub fn voxels(&self) -> u64 {
+        self.cells.iter().map(|c| u64::from(c.mask.count_ones())).sum()
+    }
+
     /// Whether no label has a voxel.
     pub fn is_empty(&self) -> bool {
         self.cells.is_empty()

@@ -20,11 +20,17 @@ use crate::{Error, Result, morton};
 trait Label: Copy + Eq + Default + Into<u64> {
     /// Whether all 64 are equal to `first`. Branch-free, so that the compiler makes vector code of it.
     fn all_equal(labels: &[Self; 64], first: Self) -> bool;
+
+    /// The labels in 32 bits if they stay distinct in them: twice as many compare at once.
+    fn narrow(_: &[Self; 64]) -> Option<[u32; 64]> {
+        None
+    }
 }
 
 macro_rules! label {
-    ($($t:ty),*) => {$(
+    ($($t:ty { $($more:item)* })*) => {$(
         impl Label for $t {
+            $($more)*
             #[inline(always)]
             fn all_equal(labels: &[Self; 64], first: Self) -> bool {
                 labels.iter().fold(0, |differing, &l| differing | (l ^ first)) == 0
@@ -32,7 +38,18 @@ macro_rules! label {
         }
     )*};
 }
-label!(u8, u16, u32, u64);
+label! {
+    u8 {}
+    u16 {}
+    u32 {}
+    u64 {
+        #[inline(always)]
+        fn narrow(labels: &[Self; 64]) -> Option<[u32; 64]> {
+            let differing = labels.iter().fold(0, |differing, &l| differing | (l ^ labels[0]));
+            (differing >> 32 == 0).then(|| labels.map(|l| l as u32))
+        }
+    }
+}
 
 /// Bit v is set where `labels[v]` is `label`.
 #[inline(always)]
@@ -47,6 +64,24 @@ fn equal_mask<T: Label>(labels: &[T; 64], label: T) -> u64 {
         mask |= (u64::from_le_bytes(*eight).wrapping_mul(0x0102_0408_1020_4080) >> 56) << (8 * i);
     }
     mask
+}
+
+/// One record for each label among a cell's `valid` voxels. `keys` are equal where the labels are.
+#[inline(always)]
+fn record_each<T: Label, K: Label>(
+    labels: &[T; 64],
+    keys: &[K; 64],
+    valid: u64,
+    cell: u64,
+    records: &mut Records,
+) {
+    let mut remaining = valid;
+    while remaining != 0 {
+        let first = remaining.trailing_zeros() as usize;
+        let mask = equal_mask(keys, keys[first]) & valid;
+        remaining &= !mask;
+        records.push(labels[first].into(), cell, mask);
+    }
 }
 
 /// Records of a block in the order of its cells, before they are grouped by label.
@@ -233,12 +268,9 @@ impl<T: Label> Scan<'_, T> {
         if valid == SOLID && T::all_equal(&labels, labels[0]) {
             return records.push(labels[0].into(), key, SOLID);
         }
-        let mut remaining = valid;
-        while remaining != 0 {
-            let label = labels[remaining.trailing_zeros() as usize];
-            let mask = equal_mask(&labels, label) & valid;
-            remaining &= !mask;
-            records.push(label.into(), key, mask);
+        match T::narrow(&labels) {
+            Some(narrow) => record_each(&labels, &narrow, valid, key, records),
+            None => record_each(&labels, &labels, valid, key, records),
         }
     }
 

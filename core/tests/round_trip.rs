@@ -404,8 +404,12 @@ fn cancelled_and_incomplete_sources_fail() {
 
     // As many voxels as the volume has, but two of them from one place, and one place missed.
     let one = |x: u32, id: u8| LabelBlock::x_fastest([x, 0, 0], [1, 1, 1], LabelBuffer::U8(vec![id]));
-    let info = VolumeInfo::new([2, 1, 1], LabelType::U8);
-    let mut source = Blocks { info, blocks: vec![one(0, 1), one(0, 2)] };
-    let error = compress(&mut source, &CompressOptions::default(), &Job::new()).unwrap_err();
-    assert!(error.to_string().contains("two labels claim one voxel"), "{error}");
+    for (other, what) in
+        [(2, "two labels claim one voxel"), (1, "they delivered 2 labelled voxels, 1 places")]
+    {
+        let info = VolumeInfo::new([2, 1, 1], LabelType::U8);
+        let mut source = Blocks { info, blocks: vec![one(0, 1), one(0, other)] };
+        let error = compress(&mut source, &CompressOptions::default(), &Job::new()).unwrap_err();
+        assert!(error.to_string().contains(what), "{error}");
+    }
 }

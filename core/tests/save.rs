@@ -47,6 +47,20 @@ fn what_is_known_of_a_volume_comes_back() {
 }
 
 #[test]
+fn a_volume_of_no_voxels_is_a_volume() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.pumice");
+    let info = VolumeInfo::new([0, 7, 9], LabelType::U8);
+    compress_labels(info, LabelBuffer::U8(Vec::new()))
+        .unwrap()
+        .save(&path, Level::Default, &Job::new())
+        .unwrap();
+    let back = CompressedVolume::open(&path, &Job::new()).unwrap();
+    assert!(back.labels().is_empty() && back.boxes().is_empty());
+    assert_eq!(back.label_at([0; 3]), None);
+}
+
+#[test]
 fn a_file_that_cannot_be_written_leaves_nothing_behind() {
     let folder = tempfile::tempdir().unwrap();
     let volume = volume();
