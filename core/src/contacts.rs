@@ -6,7 +6,7 @@
 //!     two labels in one cell touch       if one's mask, grown by a voxel along each axis, meets the other's
 //!     two labels in adjacent cells touch if the facing layers of their masks meet
 //! ```
-//! Linear in the cells that have labels. The pairs are kept as varints: for each label a the number of its partners b > a, the
+//! Linear in the cells that have labels; a cell crowded with labels is compared voxel by voxel instead. The pairs are kept as varints: for each label a the number of its partners b > a, the
 //! first as b − a − 1, each next as the distance to the one before, less 1.
 
 use rayon::prelude::*;
@@ -108,7 +108,7 @@ impl Pairs {
 const TASK_BRICKS: usize = 64;
 
 impl CompressedVolume {
-    /// Finds the touching pairs afresh; [`crate::compress`] has put them in [`crate::LabelTable::contacts`].
+    /// Finds the touching pairs afresh; [`crate::compress()`] has put them in [`crate::LabelTable::contacts`].
     ///
     /// # Errors
     /// [`Error::Cancelled`]; [`Error::Caller`] when two labels claim one voxel, which this sweep notices on its way.
@@ -173,26 +173,88 @@ fn find_in_brick(
     }
     for p in cells_between([0; 3], [3; 3]) {
         let here = &around.cells[slot(p)];
-        for (k, &(a, mask)) in here.iter().enumerate() {
-            if k + 1 < here.len() {
-                let grown = grow(mask);
-                for &(b, other) in &here[k + 1..] {
-                    if mask & other != 0 {
-                        pairs.claimed_twice = Some([0, 1, 2].map(|a| 4 * (brick_cell[a] + p[a])));
-                    }
-                    if other & grown != 0 && a != b {
-                        pairs.add(a, b);
-                    }
+        if here.is_empty() {
+            continue;
+        }
+        let corner = [0, 1, 2].map(|a| 4 * (brick_cell[a] + p[a]));
+        pairs_within(here, corner, pairs);
+        for axis in 0..3 {
+            let mut q = p;
+            q[axis] += 1;
+            pairs_across(here, &around.cells[slot(q)], axis, pairs);
+        }
+    }
+}
+
+/// From this many pairs of labels on, comparing 64 voxels is cheaper than comparing masks: keeps crowded cells linear.
+const CROWDED_PAIRS: usize = 32;
+
+/// Labels of a cell's voxels, plus 1; 0 where there is none.
+fn expand(cell: &[(u32, u64)]) -> [u32; 64] {
+    let mut voxels = [0; 64];
+    for &(label, mut mask) in cell {
+        while mask != 0 {
+            voxels[mask.trailing_zeros() as usize] = label + 1;
+            mask &= mask - 1;
+        }
+    }
+    voxels
+}
+
+/// Adds the labels of two touching voxels, unless they are the same or none.
+#[inline]
+fn add_voxels(a: u32, b: u32, pairs: &mut Pairs) {
+    if a != b && a != 0 && b != 0 {
+        pairs.add(a - 1, b - 1);
+    }
+}
+
+/// Pairs within a cell; notes it when two labels claim one voxel.
+fn pairs_within(here: &[(u32, u64)], corner: [u32; 3], pairs: &mut Pairs) {
+    let mut claimed = 0;
+    for &(_, mask) in here {
+        if claimed & mask != 0 {
+            pairs.claimed_twice = Some(corner);
+        }
+        claimed |= mask;
+    }
+    if here.len() * here.len() > 2 * CROWDED_PAIRS {
+        let voxels = expand(here);
+        for v in 0..64 {
+            for (axis, step) in STEP.map(|s| s as usize).into_iter().enumerate() {
+                if v >> (2 * axis) & 3 != 3 {
+                    add_voxels(voxels[v], voxels[v + step], pairs);
                 }
             }
-            for axis in 0..3 {
-                let mut q = p;
-                q[axis] += 1;
-                for &(b, other) in &around.cells[slot(q)] {
-                    if a != b && touch_across(mask, other, axis) {
-                        pairs.add(a, b);
-                    }
+        }
+        return;
+    }
+    for (k, &(a, mask)) in here.iter().enumerate() {
+        if k + 1 < here.len() {
+            let grown = grow(mask);
+            for &(b, other) in &here[k + 1..] {
+                if other & grown != 0 && a != b {
+                    pairs.add(a, b);
                 }
+            }
+        }
+    }
+}
+
+/// Pairs across the face between a cell and its next one along an axis.
+fn pairs_across(here: &[(u32, u64)], there: &[(u32, u64)], axis: usize, pairs: &mut Pairs) {
+    if here.len() * there.len() > CROWDED_PAIRS {
+        let (low, high) = (expand(here), expand(there));
+        let step = STEP[axis] as usize;
+        for v in (0..64).filter(|v| v >> (2 * axis) & 3 == 0) {
+            add_voxels(low[v + 3 * step], high[v], pairs);
+        }
+        return;
+    }
+    for &(a, mask) in here {
+        for &(b, other) in there {
+            if a != b && touch_across(mask, other, axis) {
+                pairs.add(a, b);
             }
         }
     }

@@ -16,8 +16,6 @@ use pumice_scene::{
     Settings, Show, Sun, World,
 };
 
-use crate::selection::label_bounds;
-
 /// Diagonal of the visible labels' bounding box in world units.
 pub const DIAGONAL: f64 = 10.0;
 
@@ -32,20 +30,26 @@ pub struct FigureOptions {
     pub view_deg: [f64; 2],
 }
 
+impl FigureOptions {
+    /// From the front right, a little above.
+    pub const DEFAULT_VIEW_DEG: [f64; 2] = [24.0, 24.0];
+}
+
 /// A scene that shows `volume`, found at `source`, as `options` say.
 ///
 /// Labels without any box (none shown, an empty volume) give the frame of the whole volume.
 pub fn compose(volume: &CompressedVolume, source: PathBuf, options: &FigureOptions) -> Scene {
     // Bounding box of what is shown, in index space.
     let info = volume.info();
-    let bounds = label_bounds(volume);
+    let bounds = volume.label_bounds();
     let shown: Vec<u32> = match &options.labels {
         Some(labels) => labels.clone(),
         None => (0..volume.labels().len() as u32).collect(),
     };
     let (mut lo, mut hi) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     for &label in &shown {
-        let [l, h] = bounds[label as usize].map(|v| DVec3::from_array(v.map(f64::from)));
+        let b = bounds[label as usize];
+        let (l, h) = (DVec3::from_array(b.low.map(f64::from)), DVec3::from_array(b.high.map(|v| f64::from(v) + 1.0)));
         (lo, hi) = (lo.min(l), hi.max(h));
     }
     if !lo.is_finite() {
