@@ -1,2 +1,4 @@
+//! The reference path tracer: every machine can render.
 #![forbid(unsafe_code)]
-//! (skeleton)
+
+pub mod traverse;
