@@ -1,4 +1,17 @@
 //! The reference path tracer: every machine can render.
 #![forbid(unsafe_code)]
 
+pub mod bsdf;
+pub mod camera_rays;
+pub mod cpu_renderer;
+pub mod lights;
+pub mod looks;
+pub mod path;
+pub mod path_tracer;
 pub mod traverse;
+
+pub use cpu_renderer::{CpuRenderer, Pick, ReadImage};
+pub use lights::{Finding, Lights, Sky};
+pub use looks::Looks;
+pub use path::Surroundings;
+pub use path_tracer::PathTracer;

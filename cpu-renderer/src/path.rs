@@ -1,121 +1,181 @@
-//! One path: from the camera, scattered at surfaces, lit by suns and sky.
+//! One path, from the camera to its end.
+//!
+//! ```text
+//! for each vertex 0, 1, …:
+//!     nothing hit → add the sky and the suns in that direction, weighted; end
+//!     add the surface's emission; end here if this vertex is past the last that is lit
+//!     aim at a light; add it where nothing stands between, weighted
+//!     scatter; end by Russian roulette where little is left
+//! ```
+//! Beyond that: geometry is f64 and exact from face to face, light is f32; each number drawn has a named dimension; a surface seen
+//! from inside a label shows its emission alone.
+
 use glam::{DVec3, Vec3};
 use pumice_render::sampler::{BouncePair, PixelSampler};
-use pumice_render::{PathOrigin, RayInWorld, Tracer};
-use pumice_scene::{Material, Mode};
+use pumice_render::sun::frame_around;
+use pumice_render::{Hit, PathOrigin, RayInWorld, Tracer};
+use pumice_scene::{Mode, Settings};
 
-use crate::bsdf::{Bsdf, luminance};
+use crate::bsdf::{Bsdf, sample_cosine};
+use crate::lights::Lights;
+use crate::looks::Looks;
 
-/// A sun, made ready.
-#[derive(Clone, Copy, Debug)]
-pub struct ReadySun {
-    /// Unit vector towards its centre.
-    pub towards: DVec3,
-    /// Radiance of its disk, or irradiance where it is a point.
-    pub radiance: Vec3,
-    /// 1 − cos of half its angle; 0 is a point.
-    pub one_minus_cos: f64,
+/// First vertex after which Russian roulette may end a path: the first bounces carry most of the light, and cutting them costs
+/// more noise than time.
+const FIRST_ROULETTE: u32 = 2;
+
+/// Least chance to go on: a path that survives is never weighted by more than this says.
+const LEAST_SURVIVAL: f32 = 0.05;
+
+/// Everything a path meets but geometry.
+#[derive(Clone, Debug)]
+pub struct Surroundings {
+    /// Sky, suns, backdrop.
+    pub lights: Lights,
+    /// Looks of each instance's labels.
+    pub looks: Vec<Looks>,
+    /// Mode, bounces, roulette.
+    pub settings: Settings,
 }
 
-/// What light paths need to know.
-pub struct Lighting<'a> {
-    pub sky: Vec3,
-    pub backdrop: Option<[Vec3; 2]>,
-    pub suns: Vec<ReadySun>,
-    pub materials: &'a dyn Fn(u32, u32) -> Material,
-    pub mode: Mode,
-    pub bounces: u32,
-    pub roulette: bool,
+/// Orthonormal frame on a face: z is its normal.
+struct Frame {
+    tangent: DVec3,
+    bitangent: DVec3,
+    normal: DVec3,
 }
 
-/// A right-handed frame around a normal: Duff et al. 2017, JCGT 6(1).
-fn frame(n: DVec3) -> (DVec3, DVec3) {
-    let sign = 1f64.copysign(n.z);
-    let a = -1.0 / (sign + n.z);
-    let b = n.x * n.y * a;
-    (DVec3::new(1.0 + sign * n.x * n.x * a, sign * b, -sign * n.x), DVec3::new(b, sign + n.y * n.y * a, -n.y))
+impl Frame {
+    #[inline]
+    fn new(normal: DVec3) -> Self {
+        let (tangent, bitangent) = frame_around(normal);
+        Self { tangent, bitangent, normal }
+    }
+
+    #[inline]
+    fn local(&self, w: DVec3) -> Vec3 {
+        Vec3::new(w.dot(self.tangent) as f32, w.dot(self.bitangent) as f32, w.dot(self.normal) as f32)
+    }
+
+    #[inline]
+    fn world(&self, w: Vec3) -> DVec3 {
+        self.tangent * f64::from(w.x) + self.bitangent * f64::from(w.y) + self.normal * f64::from(w.z)
+    }
 }
 
-/// Radiance along a camera ray.
-pub fn radiance<T: Tracer>(
+/// Radiance along a camera ray that sees up to `t_max`; `down` says where in the picture it is, 0 top to 1 bottom.
+#[inline]
+pub fn radiance<T: Tracer + ?Sized>(
     tracer: &T,
-    light: &Lighting<'_>,
-    s: &PixelSampler,
-    mut ray: RayInWorld,
-    screen_y: f32,
+    around: &Surroundings,
+    sampler: &PixelSampler,
+    camera_ray: RayInWorld,
+    t_max: f64,
+    down: f32,
 ) -> Vec3 {
-    let mut from = PathOrigin::Free;
+    let Some(hit) = tracer.first_hit(&camera_ray, PathOrigin::Free, t_max) else {
+        return around.lights.behind(camera_ray.direction, down);
+    };
+    match around.settings.mode {
+        Mode::AmbientOcclusion => ambient(tracer, around, sampler, &camera_ray, &hit),
+        Mode::OneBounce => path(tracer, around, sampler, camera_ray, hit, 0),
+        Mode::Path => path(tracer, around, sampler, camera_ray, hit, around.settings.bounces),
+    }
+}
+
+/// 1 where a cosine-distributed ray meets nothing within reach, else 0.
+fn ambient<T: Tracer + ?Sized>(
+    tracer: &T,
+    around: &Surroundings,
+    sampler: &PixelSampler,
+    ray: &RayInWorld,
+    hit: &Hit,
+) -> Vec3 {
+    if hit.from_inside {
+        return Vec3::ZERO;
+    }
+    let frame = Frame::new(hit.normal_in_world);
+    let direction = frame.world(sample_cosine(sampler.bounce(0, BouncePair::Scatter)));
+    let ray = RayInWorld { origin: ray.origin + ray.direction * hit.t, direction };
+    let open = direction.dot(frame.normal) > 0.0
+        && !tracer.occluded(&ray, PathOrigin::Face(hit.surface), around.settings.ao_distance);
+    Vec3::splat(f32::from(u8::from(open)))
+}
+
+fn path<T: Tracer + ?Sized>(
+    tracer: &T,
+    around: &Surroundings,
+    sampler: &PixelSampler,
+    mut ray: RayInWorld,
+    mut hit: Hit,
+    bounces: u32,
+) -> Vec3 {
+    let lights = &around.lights;
     let (mut total, mut throughput) = (Vec3::ZERO, Vec3::ONE);
-    let mut pdf = 0f32;
-    for bounce in 0.. {
-        let Some(hit) = tracer.first_hit(&ray, from, f64::INFINITY) else {
-            if bounce == 0 {
-                return light.backdrop.map_or(light.sky, |[a, b]| a.lerp(b, screen_y));
-            }
-            total += throughput * light.sky;
-            let d = ray.direction.normalize();
-            for sun in &light.suns {
-                let cos = d.dot(sun.towards);
-                if sun.one_minus_cos > 0.0 && 1.0 - cos < sun.one_minus_cos {
-                    let light_pdf =
-                        (1.0 / (2.0 * std::f64::consts::PI * sun.one_minus_cos)) as f32 / light.suns.len() as f32;
-                    total += throughput * sun.radiance * (pdf * pdf / (pdf * pdf + light_pdf * light_pdf));
+    let mut vertex = 0u32;
+    loop {
+        let material = around.looks[hit.surface.instance as usize].material(hit.surface.label);
+        total += throughput * Vec3::from_array(material.emission);
+        if vertex > bounces || hit.from_inside {
+            return total;
+        }
+        let frame = Frame::new(hit.normal_in_world);
+        let mut wi = frame.local(-ray.direction.normalize());
+        // A grazing ray may round to 0 or below: it still sees the front.
+        wi.z = wi.z.max(1e-6);
+        let bsdf = Bsdf::new(material, wi);
+        let origin = ray.origin + ray.direction * hit.t;
+        let from = PathOrigin::Face(hit.surface);
+        let mut choice = None;
+
+        // Aim at a light.
+        if lights.any_aimed() {
+            let [which, lobe] = sampler.bounce(vertex, BouncePair::Choice);
+            choice = Some(lobe);
+            if let Some(light) = lights.sample(which, sampler.bounce(vertex, BouncePair::Light))
+                && light.direction.dot(frame.normal) > 0.0
+            {
+                let (f_cos, pdf) = bsdf.eval(frame.local(light.direction));
+                let add = throughput * f_cos * light.radiance_over_pdf * lights.aimed_weight(light.pdf, pdf);
+                let shadow_ray = RayInWorld { origin, direction: light.direction };
+                if add.max_element() > 0.0 && !tracer.occluded(&shadow_ray, from, f64::INFINITY) {
+                    total += add;
                 }
             }
+        }
+
+        // Scatter.
+        let lobe = match choice {
+            Some(lobe) => lobe,
+            None if bsdf.has_two_lobes() => sampler.bounce(vertex, BouncePair::Choice)[1],
+            None => 0.5,
+        };
+        let Some(sample) = bsdf.sample(sampler.bounce(vertex, BouncePair::Scatter), lobe) else {
             return total;
         };
-        let m = (light.materials)(hit.surface.instance, hit.surface.label);
-        total += throughput * Vec3::from_array(m.emission);
-        if bounce > light.bounces {
+        throughput *= sample.weight;
+        let most = throughput.max_element();
+        if most <= 0.0 {
             return total;
         }
-        let d = ray.direction.normalize();
-        let n = if hit.normal_in_world.dot(d) > 0.0 { -hit.normal_in_world } else { hit.normal_in_world };
-        let (t, b) = frame(n);
-        let to_local = |w: DVec3| Vec3::new(w.dot(t) as f32, w.dot(b) as f32, w.dot(n) as f32);
-        let to_world = |w: Vec3| t * f64::from(w.x) + b * f64::from(w.y) + n * f64::from(w.z);
-        let wi = to_local(-d).max(Vec3::new(-2.0, -2.0, 1e-6));
-        let bsdf = Bsdf::new(&m, wi.normalize());
-        let origin = ray.origin + ray.direction * hit.t;
-        from = PathOrigin::Face(hit.surface);
-        let choice = s.bounce(bounce, BouncePair::Choice);
-        if !light.suns.is_empty() {
-            let i = ((choice[0] * light.suns.len() as f32) as usize).min(light.suns.len() - 1);
-            let sun = &light.suns[i];
-            let u = s.bounce(bounce, BouncePair::Light);
-            let (st, sb) = frame(sun.towards);
-            let omc = f64::from(u[0]) * sun.one_minus_cos;
-            let sin = (omc * (2.0 - omc)).max(0.0).sqrt();
-            let (sp, cp) = (2.0 * std::f64::consts::PI * f64::from(u[1])).sin_cos();
-            let w = st * (sin * cp) + sb * (sin * sp) + sun.towards * (1.0 - omc);
-            let (f, bsdf_pdf) = bsdf.eval(to_local(w));
-            if f.max_element() > 0.0 {
-                let weight = if sun.one_minus_cos > 0.0 {
-                    let p = (1.0 / (2.0 * std::f64::consts::PI * sun.one_minus_cos)) as f32 / light.suns.len() as f32;
-                    p / (p * p + bsdf_pdf * bsdf_pdf)
-                } else {
-                    light.suns.len() as f32
-                };
-                let shadow = RayInWorld { origin, direction: w };
-                if !tracer.occluded(&shadow, from, f64::INFINITY) {
-                    total += throughput * f * sun.radiance * weight;
-                }
-            }
-        }
-        let Some(sample) = bsdf.sample(s.bounce(bounce, BouncePair::Scatter), choice[1]) else { return total };
-        throughput *= sample.weight;
-        pdf = sample.pdf;
-        if light.roulette && bounce >= 2 {
-            let keep = luminance(throughput).max(throughput.max_element()).clamp(0.05, 1.0);
-            if s.bounce(bounce, BouncePair::Roulette)[0] >= keep {
+
+        // End by Russian roulette; who survives stands for who does not (Arvo and Kirk 1990).
+        if around.settings.russian_roulette && vertex >= FIRST_ROULETTE && most < 1.0 {
+            let survival = most.max(LEAST_SURVIVAL);
+            if sampler.bounce(vertex, BouncePair::Roulette)[0] >= survival {
                 return total;
             }
-            throughput /= keep;
+            throughput /= survival;
         }
-        if throughput.max_element() <= 0.0 {
+        let direction = frame.world(sample.wo);
+        if direction.dot(frame.normal) <= 0.0 {
             return total;
         }
-        ray = RayInWorld { origin, direction: to_world(sample.wo) };
+        ray = RayInWorld { origin, direction };
+        match tracer.first_hit(&ray, from, f64::INFINITY) {
+            Some(next) => hit = next,
+            None => return total + throughput * lights.found(direction.normalize(), sample.pdf),
+        }
+        vertex += 1;
     }
-    total
 }

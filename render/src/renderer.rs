@@ -6,6 +6,8 @@ use std::time::Duration;
 use pumice_core::{CompressedVolume, Job};
 use pumice_scene::Scene;
 
+use crate::Picture;
+
 /// Why a renderer could not go on.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -47,4 +49,10 @@ pub trait Renderer: Send {
     /// # Errors
     /// [`RenderError::Cancelled`] soon after `job` is cancelled.
     fn advance(&mut self, slice: Duration, spp_limit: u32, job: &Job) -> Result<Progress, RenderError>;
+
+    /// The picture so far, with its first-surface passes; provenance is the caller's to add.
+    ///
+    /// # Errors
+    /// [`RenderError::Scene`] before any scene was set.
+    fn picture(&self) -> Result<Picture, RenderError>;
 }
