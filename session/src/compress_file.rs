@@ -112,7 +112,9 @@ fn read_types(path: &Path) -> Result<TypeTable> {
     let bytes = std::fs::metadata(path).map_err(io(path))?.len();
     let fault = |what: String| SessionError::Caller(format!("{}: {what}", path.display()));
     if bytes > TYPES_LIMIT_BYTES {
-        return Err(fault(format!("a table of types of {bytes} bytes is more than the limit of {TYPES_LIMIT_BYTES}")));
+        return Err(fault(format!(
+            "a table of types of {bytes} bytes is more than the limit of {TYPES_LIMIT_BYTES}"
+        )));
     }
     let text = std::fs::read_to_string(path).map_err(io(path))?;
     TypeTable::parse_csv(&text).map_err(|e| fault(e.to_string()))

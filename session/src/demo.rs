@@ -16,8 +16,8 @@ use crate::curve_plot::{Series, error_against_time_svg};
 use crate::error::{Result, SessionError, io};
 use crate::figure::{FigureOptions, compose};
 use crate::measure::{Stopwatch, peak_rss_bytes};
-use crate::render_file::{PictureFormat, RenderFigures, render_scene};
 use crate::progressive::{CurvePoint, Stop, thin_curve};
+use crate::render_file::{PictureFormat, RenderFigures, render_scene};
 use crate::selection::select_labels;
 
 /// The volume that the project ships for it, below `data/`.
@@ -102,7 +102,9 @@ pub fn run(options: &DemoOptions, job: &Job, watch: &mut dyn FnMut(DemoStage)) -
     let mut again = pumice_formats::open(&options.volume, &OpenOptions::default())?;
     match pumice_core::verify(&volume, again.as_mut(), job)? {
         Verification::Same { .. } => {}
-        difference => return Err(SessionError::Caller(format!("{}: {difference}", options.volume.display()))),
+        difference => {
+            return Err(SessionError::Caller(format!("{}: {difference}", options.volume.display())));
+        }
     }
     let verify_seconds = [clock.seconds(), clock.cpu_seconds()];
 
@@ -116,14 +118,19 @@ pub fn run(options: &DemoOptions, job: &Job, watch: &mut dyn FnMut(DemoStage)) -
     let scene = compose(
         &volume,
         stored.canonicalize().unwrap_or(stored.clone()),
-        &FigureOptions { size: options.size, labels: Some(labels), view_deg: FigureOptions::DEFAULT_VIEW_DEG },
+        &FigureOptions {
+            size: options.size,
+            labels: Some(labels),
+            view_deg: FigureOptions::DEFAULT_VIEW_DEG,
+        },
     );
 
     // Path trace.
     let volume = Arc::new(volume);
-    let rendered = render_scene(&scene, std::slice::from_ref(&volume), "auto", &options.stop, job, &mut |point| {
-        watch(DemoStage::Render(*point));
-    })?;
+    let rendered =
+        render_scene(&scene, std::slice::from_ref(&volume), "auto", &options.stop, job, &mut |point| {
+            watch(DemoStage::Render(*point));
+        })?;
 
     // Write.
     watch(DemoStage::Write);
@@ -158,17 +165,19 @@ pub fn run(options: &DemoOptions, job: &Job, watch: &mut dyn FnMut(DemoStage)) -
         FIGURE_LABELS.min(volume.labels().len()),
         figures.backend,
         figures.spp,
-        figures.error_estimate.map_or("error not known".into(), |e| format!(
-            "estimated relative error {:.2} %",
-            100.0 * e
-        )),
+        figures
+            .error_estimate
+            .map_or("error not known".into(), |e| format!("estimated relative error {:.2} %", 100.0 * e)),
     ));
     line("## Size\n\n| what | bytes | % of raw |\n|---|---:|---:|".into());
     line(format!("| raw, 4 bytes a voxel | {bytes_raw} | 100 |"));
     for part in &parts {
         line(format!("| in memory: {} | {} | {:.3} |", part.0, part.1, percent(part.1)));
     }
-    line(format!("| **in memory, whole form** | **{bytes_resident}** | **{:.3}** |", percent(bytes_resident)));
+    line(format!(
+        "| **in memory, whole form** | **{bytes_resident}** | **{:.3}** |",
+        percent(bytes_resident)
+    ));
     line(format!(
         "| acceleration structure of the labels shown | {} | {:.3} |",
         figures.acceleration_bytes,

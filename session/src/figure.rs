@@ -49,7 +49,8 @@ pub fn compose(volume: &CompressedVolume, source: PathBuf, options: &FigureOptio
     let (mut lo, mut hi) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     for &label in &shown {
         let b = bounds[label as usize];
-        let (l, h) = (DVec3::from_array(b.low.map(f64::from)), DVec3::from_array(b.high.map(|v| f64::from(v) + 1.0)));
+        let (l, h) =
+            (DVec3::from_array(b.low.map(f64::from)), DVec3::from_array(b.high.map(|v| f64::from(v) + 1.0)));
         (lo, hi) = (lo.min(l), hi.max(h));
     }
     if !lo.is_finite() {

@@ -72,7 +72,11 @@ pub struct SourceInfo {
 /// # Errors
 /// One line of what is wrong with it.
 pub fn file_info(path: &Path, reading: &OpenOptions) -> Result<FileInfo> {
-    if is_pumice_file(path)? { pumice_info(path).map(FileInfo::Pumice) } else { source_info(path, reading).map(FileInfo::Source) }
+    if is_pumice_file(path)? {
+        pumice_info(path).map(FileInfo::Pumice)
+    } else {
+        source_info(path, reading).map(FileInfo::Source)
+    }
 }
 
 fn pumice_info(path: &Path) -> Result<PumiceInfo> {

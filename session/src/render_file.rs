@@ -157,7 +157,8 @@ fn prepare(request: &RenderRequest, job: &Job) -> Result<Prepared> {
             (made.scene, volumes, Stop { spp: Some(made.spp), ..Stop::default() }, backend)
         }
         Subject::File(path) if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json")) => {
-            let scene = Scene::load(path).map_err(|source| SessionError::Scene { path: path.clone(), source })?;
+            let scene =
+                Scene::load(path).map_err(|source| SessionError::Scene { path: path.clone(), source })?;
             let volumes = open_all(&scene)?;
             (scene, volumes, request.stop, request.backend.clone())
         }
@@ -314,7 +315,10 @@ impl PictureFormat {
         match ending.as_deref() {
             Some("exr") => Ok(Self::Exr),
             Some("png") => Ok(Self::Png),
-            _ => Err(SessionError::Caller(format!("{}: expected a name that ends in .exr or .png", path.display()))),
+            _ => Err(SessionError::Caller(format!(
+                "{}: expected a name that ends in .exr or .png",
+                path.display()
+            ))),
         }
     }
 
@@ -333,9 +337,9 @@ impl PictureFormat {
 /// Whether the folder that a file is to be written to is there.
 fn check_folder(out: &Path) -> Result<()> {
     match out.parent() {
-        Some(folder) if !folder.as_os_str().is_empty() && !folder.is_dir() => {
-            Err(SessionError::Caller(format!("{}: the folder {} does not exist", out.display(), folder.display())))
-        }
+        Some(folder) if !folder.as_os_str().is_empty() && !folder.is_dir() => Err(SessionError::Caller(
+            format!("{}: the folder {} does not exist", out.display(), folder.display()),
+        )),
         _ => Ok(()),
     }
 }

@@ -17,7 +17,8 @@ pub fn select_labels(volume: &CompressedVolume, count: usize) -> Vec<u32> {
     let spacing = volume.info().spacing();
     let score = |label: u32| -> f64 {
         let b = bounds[label as usize];
-        let reach = (0..3).map(|a| (f64::from(b.high[a] + 1 - b.low[a]) * spacing[a]).powi(2)).sum::<f64>().sqrt();
+        let reach =
+            (0..3).map(|a| (f64::from(b.high[a] + 1 - b.low[a]) * spacing[a]).powi(2)).sum::<f64>().sqrt();
         reach * (volume.labels().voxels()[label as usize] as f64).cbrt()
     };
     let mut labels: Vec<u32> = (0..volume.labels().len() as u32)
