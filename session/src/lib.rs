@@ -24,6 +24,6 @@ pub use measure::{Stopwatch, peak_rss_bytes};
 pub use open::open_volume;
 pub use progressive::{CurvePoint, Stop};
 pub use pumice_core::{Job, LabelType, Level, Verification};
-pub use pumice_formats::{AxisOrder, OpenOptions, RawLayout};
+pub use pumice_formats::{ArrayAxes, OpenOptions, RawLayout};
 pub use pumice_scene::{Lod, Mode};
 pub use render_file::{RenderFigures, RenderOverrides, RenderRequest, Rendered, Subject, render_file};
