@@ -1,5 +1,7 @@
 //! The error that the film estimates against the error that it has; and the two ways to find light against each other.
 
+#![allow(clippy::expect_used, reason = "test helpers: a failure is a failed test")]
+
 mod naive;
 
 use glam::{DAffine3, DMat3, DVec3, Vec3};
