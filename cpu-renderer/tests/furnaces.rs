@@ -1,5 +1,7 @@
 //! White furnaces: scenes whose picture is known exactly, each mean within 0.1 %.
 
+#![allow(clippy::expect_used, reason = "test helpers: a failure is a failed test")]
+
 mod naive;
 
 use glam::{DAffine3, DMat3, DVec3, Vec3};

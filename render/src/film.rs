@@ -8,7 +8,7 @@
 //! var = Σ (nᵣ/n)² (mᵣ − m)² · R / (R − 1). The relative error is √(mean over pixels and channels of var / (μ² + 0.01)), the square
 //! root of what `metrics::rel_mse` finds against a perfect reference. μ² is not known; m² exceeds it by the variance and rises
 //! and falls with it, which makes the ratio too small where a pixel is noisy. So μ² is taken from the pixel only as far as it is
-//! certain, the rest from the 3 × 3 pixels around it (see [`FilmBuffer::error_estimate`]).
+//! certain, the rest from the 8 pixels around it (see [`FilmBuffer::error_estimate`]).
 
 use std::ops::Range;
 
@@ -111,7 +111,8 @@ impl FilmBuffer {
 
     /// Estimated relative error of some rows' mean; infinite below one sample for each replicate.
     ///
-    /// μ² = w·(m² − var)⁺ + (1 − w)·a², w = m² / (m² + 4 var), where a is the mean over the 3 × 3 pixels around.
+    /// μ² = w·(m² − var)⁺ + (1 − w)·a², w = m² / (m² + 16 var), where a is the mean of the up to 8 pixels around,
+    /// its own left out: a rare bright sample must not raise what it is measured by.
     pub fn error_estimate_of(&self, rows: Range<usize>) -> f64 {
         let (width, height) = (self.width, self.height);
         if self.spp() < REPLICATES || rows.is_empty() {
@@ -136,12 +137,14 @@ impl FilmBuffer {
                     let (mut around, mut n) = (0.0, 0.0);
                     for yy in y.saturating_sub(1).max(first)..(y + 2).min(last) {
                         for xx in x.saturating_sub(1)..(x + 2).min(width) {
-                            around += moments[(yy - first) * width + xx].0;
-                            n += 1.0;
+                            if (xx, yy) != (x, y) {
+                                around += moments[(yy - first) * width + xx].0;
+                                n += 1.0;
+                            }
                         }
                     }
-                    around /= n;
-                    let certain = mean * mean / (mean * mean + 4.0 * var);
+                    around /= f64::max(n, 1.0);
+                    let certain = mean * mean / (mean * mean + 16.0 * var);
                     let square = certain * (mean * mean - var).max(0.0) + (1.0 - certain) * around * around;
                     sum += var / (square + FLOOR);
                 }
