@@ -57,17 +57,6 @@ impl CpuRenderer {
         Some(Pick { instance: s.instance, label: s.label, voxel: s.voxel, depth })
     }
 
-    /// Heap bytes by part, volumes not counted.
-    pub fn bytes(&self) -> Vec<(&'static str, u64)> {
-        self.shown.as_ref().map_or_else(Vec::new, |s| {
-            vec![
-                ("acceleration", s.tracer.tracer().bytes()),
-                ("film", s.tracer.film().bytes()),
-                ("materials", s.tracer.around().looks.iter().map(Looks::bytes).sum()),
-            ]
-        })
-    }
-
     fn lights(&self, scene: &Scene) -> Result<Lights, RenderError> {
         let sky = match &scene.world.environment {
             Environment::Constant { radiance } => Sky::Constant(glam::Vec3::from_array(*radiance)),
@@ -170,5 +159,15 @@ impl Renderer for CpuRenderer {
             return Err(RenderError::Scene("scene: none was set".into()));
         };
         Ok(shown.tracer.picture())
+    }
+
+    fn bytes(&self) -> Vec<(&'static str, u64)> {
+        self.shown.as_ref().map_or_else(Vec::new, |s| {
+            vec![
+                ("acceleration", s.tracer.tracer().bytes()),
+                ("film", s.tracer.film().bytes()),
+                ("materials", s.tracer.around().looks.iter().map(Looks::bytes).sum()),
+            ]
+        })
     }
 }

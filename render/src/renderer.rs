@@ -55,4 +55,7 @@ pub trait Renderer: Send {
     /// # Errors
     /// [`RenderError::Scene`] before any scene was set.
     fn picture(&self) -> Result<Picture, RenderError>;
+
+    /// Heap bytes by part, the volumes not counted; `acceleration` is among them once a scene was set.
+    fn bytes(&self) -> Vec<(&'static str, u64)>;
 }

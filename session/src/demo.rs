@@ -136,7 +136,7 @@ pub fn run(options: &DemoOptions, job: &Job, watch: &mut dyn FnMut(DemoStage)) -
     watch(DemoStage::Write);
     for name in ["picture.png", "picture.exr"] {
         let path = options.out.join(name);
-        PictureFormat::of(&path)?.write(&path, &rendered.picture, &Passes::all())?;
+        PictureFormat::of(&path)?.write(&path, &rendered.picture, &Passes::ALL)?;
     }
     let svg = error_against_time_svg(
         "Error against run time",

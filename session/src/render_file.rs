@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use pumice_core::{CompressedVolume, Job};
 use pumice_formats::OpenOptions;
-use pumice_render::{Passes, Picture, Provenance, RenderReport, read_provenance, write_exr, write_png};
+use pumice_render::{Passes, Picture, Provenance, read_provenance, write_exr, write_png};
 use pumice_scene::{Lod, Mode, Scene, Show};
 use serde::Serialize;
 
@@ -116,7 +116,7 @@ pub fn render_file(
 ) -> Result<Rendered> {
     // A wrong ending, pass or backend is known before the work, not after it.
     let format = PictureFormat::of(&request.out)?;
-    let passes = Passes::parse(&request.passes)?;
+    let passes = Passes::parse(&request.passes).map_err(|e| SessionError::Caller(format!("--{e}")))?;
     check_folder(&request.out)?;
     make_renderer(&request.backend)?;
 
@@ -256,9 +256,8 @@ pub fn render_scene(
     renderer.set_scene(scene, volumes)?;
     let prepare_seconds = [clock.seconds(), clock.cpu_seconds()];
     let curve = render_until(renderer.as_mut(), stop, job, watch)?;
-    let RenderReport { acceleration_bytes, explanation, .. } = renderer.report();
-    let mut picture =
-        renderer.picture().ok_or_else(|| SessionError::Caller("the renderer has no picture".into()))?;
+    let acceleration_bytes = renderer.bytes().iter().filter(|(part, _)| *part == "acceleration").map(|p| p.1).sum();
+    let mut picture = renderer.picture()?;
     let last = curve.last().copied().unwrap_or(CurvePoint {
         seconds: 0.0,
         cpu_seconds: 0.0,
