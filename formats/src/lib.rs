@@ -1,2 +1,30 @@
 #![forbid(unsafe_code)]
-//! (skeleton)
+//! Label volumes in the files of others: NRRD, NIfTI, TIFF, NPY/NPZ, MetaImage and raw, read block by block, and written.
+//!
+//! ```text
+//! open ──► sniff ──► one module a format ──► Found: info, axes, element type, byte stream ──► SlabSource ──► LabelBlock
+//!          (magic)   (header only)                                                            (shared by all)
+//! ```
+//! A format module only understands its header. Everything that touches voxels is written once: [`stream`] turns a file into
+//! the plain bytes of the voxels, [`layout`] says which voxel each byte belongs to, [`element`] turns bytes into labels and
+//! refuses what is not one, [`slab`] ties them together with bounded memory.
+
+pub mod error;
+pub mod open;
+pub mod options;
+
+mod element;
+mod gzip;
+mod header_text;
+mod layout;
+mod nrrd;
+mod nrrd_header;
+mod placement;
+mod raw;
+mod slab;
+mod stream;
+mod text_stream;
+
+pub use error::FormatError;
+pub use open::{Layer, Probe, open, probe};
+pub use options::{ArrayAxes, OpenOptions, RawLayout, Warnings};

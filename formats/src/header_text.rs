@@ -1,0 +1,54 @@
+//! Reading the lines of a text header without trusting its length.
+
+use std::io::{BufRead, BufReader, Read};
+use std::path::Path;
+
+use crate::error::{FormatError, Result};
+use crate::stream::open_file;
+
+/// Longest header that is read. A Slicer file with ten thousand named segments has some 10 MB.
+const MAX_HEADER_BYTES: u64 = 64 << 20;
+
+/// Lines of a header and where it ends.
+pub(crate) struct HeaderText {
+    pub(crate) lines: Vec<String>,
+    /// Byte behind the header.
+    pub(crate) end: u64,
+    /// Whether the end was reached because of the file's end.
+    pub(crate) at_file_end: bool,
+}
+
+/// Reads lines until `is_last` accepts one (it is kept) or the file ends. Bytes that are not UTF-8 become `\u{FFFD}`.
+pub(crate) fn read_lines(path: &Path, mut is_last: impl FnMut(&str) -> bool) -> Result<HeaderText> {
+    let mut reader = BufReader::new(open_file(path)?.take(MAX_HEADER_BYTES));
+    let mut header = HeaderText { lines: Vec::new(), end: 0, at_file_end: false };
+    let mut bytes = Vec::new();
+    loop {
+        bytes.clear();
+        let n = reader.read_until(b'\n', &mut bytes).map_err(FormatError::io(path))?;
+        header.end += n as u64;
+        if n == 0 {
+            if header.end >= MAX_HEADER_BYTES {
+                return Err(FormatError::Limit {
+                    path: path.to_owned(),
+                    what: "the header's length".into(),
+                    got: "more".into(),
+                    limit: MAX_HEADER_BYTES,
+                });
+            }
+            header.at_file_end = true;
+            return Ok(header);
+        }
+        let line = String::from_utf8_lossy(&bytes);
+        let line = line.trim_end_matches(['\n', '\r']);
+        header.lines.push(line.to_owned());
+        if is_last(line) {
+            return Ok(header);
+        }
+    }
+}
+
+/// Numbers between blanks.
+pub(crate) fn numbers<T: std::str::FromStr>(text: &str) -> Option<Vec<T>> {
+    text.split_whitespace().map(|word| word.parse().ok()).collect()
+}

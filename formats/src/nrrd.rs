@@ -1,0 +1,479 @@
+//! NRRD (`.nrrd`, `.nhdr`) and 3D Slicer's `.seg.nrrd`: axes, place, layers, segment names, and where the voxels are.
+//!
+//! A file may have a `list` or `vector` axis: Slicer stores segments that overlap as several label maps side by side. One of
+//! them is read (`layer`); they are never merged, because then one of two labels in a voxel would be lost.
+
+use std::path::{Path, PathBuf};
+
+use glam::DVec3;
+use pumice_core::{LabelNote, Unit, VolumeInfo, WorldFrame};
+
+use crate::element::Element;
+use crate::error::{FormatError, Result};
+use crate::gzip::{InflateStream, Wrapping};
+use crate::layout::{FileAxis, Layout, Role};
+use crate::nrrd_header::{self, DataFile, Encoding, NrrdHeader};
+use crate::open::{Found, Layer, OpenStream};
+use crate::options::{OpenOptions, Warnings};
+use crate::placement;
+use crate::stream::{ByteStream, ChainedStream, CountingFile, PlainStream, open_file};
+use crate::text_stream::TextStream;
+
+/// Understands the header of `path`.
+pub(crate) fn read(path: &Path, options: &OpenOptions) -> Result<Found> {
+    let header = nrrd_header::read(path)?;
+    let element = Element::new(header.label_type, header.big_endian);
+
+    // Which axis is which, and which layer of a `list` axis is wanted.
+    let mut undecided = None;
+    let axes = assign_axes(path, &header)?;
+    let layer_count =
+        axes.iter().find(|a| a.space.is_none() && a.is_layers && a.size > 1).map_or(1, |a| a.size);
+    let layers = if layer_count > 1 { list_layers(&header, layer_count) } else { Vec::new() };
+    let mut file_axes = Vec::new();
+    for axis in &axes {
+        let role = match axis.space {
+            Some(space) => Role::Space(space),
+            None if axis.size <= 1 => Role::Fixed(0),
+            None if axis.is_layers => Role::Fixed(choose(
+                path,
+                "layer",
+                options.layer,
+                axis.size,
+                &describe(&layers),
+                &mut undecided,
+            )?),
+            None => {
+                let steps = format!("0 to {}", axis.size - 1);
+                Role::Fixed(choose(path, "time", options.time, axis.size, &steps, &mut undecided)?)
+            }
+        };
+        file_axes.push(FileAxis { size: axis.size, role });
+    }
+    if layer_count == 1 && options.layer.is_some_and(|layer| layer > 0) {
+        return Err(FormatError::option(
+            path,
+            "--layer asks for a layer above 0, but the file has one layer only",
+        ));
+    }
+    let layout = Layout::new(path, file_axes, element.bytes())?;
+
+    // Place, unit, names.
+    let mut info = VolumeInfo::new(layout.dims(), header.label_type);
+    info = place(path, &header, &axes, info, options)?;
+    info.notes = notes(&header, if layer_count > 1 { Some(options.layer.unwrap_or(0)) } else { None });
+
+    let (stream, encoding) = data(path, &header, &layout, &options.warnings)?;
+    Ok(Found {
+        format: if info.notes.is_empty() && layers.is_empty() {
+            "NRRD"
+        } else {
+            "NRRD (3D Slicer segmentation)"
+        },
+        encoding,
+        info,
+        layout,
+        element,
+        layers,
+        undecided,
+        stream,
+    })
+}
+
+/// The index that the caller chose on an axis outside space; without one, index 0 and an error for later.
+fn choose(
+    path: &Path,
+    what: &'static str,
+    chosen: Option<u32>,
+    size: u64,
+    choices: &str,
+    undecided: &mut Option<FormatError>,
+) -> Result<u64> {
+    let (name, option) = if what == "layer" { ("layers", "--layer") } else { ("time steps", "--time") };
+    match chosen {
+        Some(index) if u64::from(index) < size => Ok(index.into()),
+        Some(index) => Err(FormatError::option(
+            path,
+            format!("{option} {index} asked for, but the file has {size} {name}, counted from 0: {choices}"),
+        )),
+        None => {
+            *undecided = Some(FormatError::Choose {
+                path: path.to_owned(),
+                what: format!("the file has {size} {name}, which are separate label maps"),
+                option,
+                choices: choices.to_owned(),
+            });
+            Ok(0)
+        }
+    }
+}
+
+/// What one axis of the file is.
+#[derive(Debug)]
+struct Axis {
+    size: u64,
+    /// x, y, z, or outside space.
+    space: Option<usize>,
+    /// Outside space: layers, else time.
+    is_layers: bool,
+    /// Number of the axis in the header.
+    index: usize,
+}
+
+/// Sorts the axes into space, layers and time.
+fn assign_axes(path: &Path, header: &NrrdHeader) -> Result<Vec<Axis>> {
+    let count = header.sizes.len();
+    let mut axes = Vec::new();
+    for (index, &size) in header.sizes.iter().enumerate() {
+        let kind = header.kinds.get(index).map_or("", String::as_str);
+        let outside_by_kind = match kind {
+            "" | "domain" | "space" | "???" | "none" => false,
+            "list" | "vector" | "point" | "covariant-vector" | "normal" | "stub" | "scalar" | "complex"
+            | "2-vector" | "3-vector" | "4-vector" | "3-gradient" | "3-normal" | "time" => true,
+            _ if size == 1 => true,
+            _ => {
+                return Err(FormatError::unsupported(
+                    path,
+                    format!("axis {index} holds {size} values of kind {kind:?} a voxel"),
+                    "labels are one whole number a voxel: save the label map instead of a colour or tensor image",
+                ));
+            }
+        };
+        // With more than three axes, one without a direction or length is outside space too, whatever its kind.
+        let no_direction = match (&header.directions, &header.spacings) {
+            (Some(directions), _) => directions[index].is_none(),
+            (None, Some(spacings)) => spacings[index].is_nan(),
+            (None, None) => false,
+        };
+        let outside = outside_by_kind || (count > 3 && no_direction);
+        axes.push(Axis { size, space: (!outside).then_some(0), is_layers: kind != "time", index });
+    }
+    // Still more than three: axes of one step, the slowest first, are no axes.
+    let mut spatial = axes.iter().filter(|a| a.space.is_some()).count();
+    for axis in axes.iter_mut().rev() {
+        if spatial > 3 && axis.space.is_some() && axis.size == 1 {
+            axis.space = None;
+            spatial -= 1;
+        }
+    }
+    let outside = |layers: bool| {
+        axes.iter().filter(|a| a.space.is_none() && a.size > 1 && a.is_layers == layers).count()
+    };
+    if !(1..=3).contains(&spatial) || outside(true) > 1 || outside(false) > 1 {
+        return Err(FormatError::unsupported(
+            path,
+            format!(
+                "the axes have sizes {:?} and kinds {:?}, expected x, y, z and at most one list and one time axis",
+                header.sizes, header.kinds
+            ),
+            "save one 3-D label map a file",
+        ));
+    }
+    for (space, axis) in axes.iter_mut().filter(|a| a.space.is_some()).enumerate() {
+        axis.space = Some(space);
+    }
+    Ok(axes)
+}
+
+/// Spacing, orientation, origin, unit.
+fn place(
+    path: &Path,
+    header: &NrrdHeader,
+    axes: &[Axis],
+    mut info: VolumeInfo,
+    options: &OpenOptions,
+) -> Result<VolumeInfo> {
+    info.frame = frame(header.space.as_deref());
+    info.unit = unit(path, &header.units, &options.warnings);
+    let spatial: Vec<&Axis> = axes.iter().filter(|a| a.space.is_some()).collect();
+    let affine = if let Some(directions) = &header.directions {
+        // A space of fewer than three dimensions lies in the plane z = 0.
+        let to_vec3 = |v: &[f64]| DVec3::from_array([0, 1, 2].map(|i| v.get(i).copied().unwrap_or(0.0)));
+        let mut vectors = DVec3::AXES;
+        for (a, axis) in spatial.iter().enumerate() {
+            vectors[a] = match &directions[axis.index] {
+                Some(vector) => to_vec3(vector),
+                None => DVec3::NAN,
+            };
+        }
+        let origin = header.origin.as_deref().map_or(DVec3::ZERO, to_vec3);
+        placement::world_from_centre(path, vectors, origin, options)?
+    } else {
+        let mut spacing = [1.0; 3];
+        match &header.spacings {
+            Some(spacings) => {
+                for (a, axis) in spatial.iter().enumerate() {
+                    spacing[a] = spacings[axis.index];
+                }
+            }
+            None if options.spacing.is_none() => options.warnings.push(format!(
+                "{}: the header has no spacing; 1 is assumed along each axis (give --spacing x,y,z)",
+                path.display()
+            )),
+            None => {}
+        }
+        placement::from_spacing(path, spacing, options)?
+    };
+    Ok(info.from_centre_affine(affine))
+}
+
+/// The world's axes (format definition §7, `space`); the variants with time differ in the fourth axis only.
+fn frame(space: Option<&str>) -> WorldFrame {
+    match space {
+        Some("right-anterior-superior" | "ras" | "right-anterior-superior-time" | "rast") => WorldFrame::Ras,
+        Some("left-anterior-superior" | "las" | "left-anterior-superior-time" | "last") => WorldFrame::Las,
+        Some("left-posterior-superior" | "lps" | "left-posterior-superior-time" | "lpst") => WorldFrame::Lps,
+        _ => WorldFrame::Unknown,
+    }
+}
+
+/// One unit for all of space; names that differ are reported and left out.
+fn unit(path: &Path, names: &[String], warnings: &Warnings) -> Unit {
+    let mut found = None;
+    for name in names.iter().filter(|n| !n.is_empty() && n.as_str() != "???" && n.as_str() != "none") {
+        let unit = placement::unit_by_name(name);
+        match found {
+            None => found = unit,
+            Some(before) if unit == Some(before) => continue,
+            Some(_) => {
+                warnings.push(format!(
+                    "{}: the units {names:?} differ from each other; lengths are left as they are, without a unit",
+                    path.display()
+                ));
+                return Unit::Unknown;
+            }
+        }
+        if unit.is_none() {
+            warnings.push(format!("{}: the unit {name:?} is not known", path.display()));
+        }
+    }
+    found.unwrap_or_default()
+}
+
+/// One segment of a Slicer header.
+struct Segment {
+    layer: u64,
+    note: LabelNote,
+}
+
+/// The segments of the header, in its order.
+fn segments(header: &NrrdHeader) -> Vec<Segment> {
+    let get = |number: &str, key: &str| {
+        let name = format!("Segment{number}_{key}");
+        header.pairs.iter().find(|(k, _)| *k == name).map(|(_, v)| v.as_str())
+    };
+    let mut numbers: Vec<&str> = Vec::new();
+    for (key, _) in &header.pairs {
+        if let Some((number, _)) = key.strip_prefix("Segment").and_then(|rest| rest.split_once('_'))
+            && !number.is_empty()
+            && number.bytes().all(|b| b.is_ascii_digit())
+            && numbers.last() != Some(&number)
+        {
+            numbers.push(number);
+        }
+    }
+    numbers.sort_by_key(|n| (n.len(), *n));
+    numbers.dedup();
+    numbers
+        .into_iter()
+        .filter_map(|number| {
+            // Slicer before 4.11 wrote neither value nor layer: segment N was a binary map in layer N.
+            let layer = match get(number, "Layer") {
+                Some(text) => text.trim().parse().ok()?,
+                None => number.parse().ok()?,
+            };
+            let id = match get(number, "LabelValue") {
+                Some(text) => text.trim().parse().ok()?,
+                None => 1,
+            };
+            let name = get(number, "Name").map(str::to_owned);
+            let color_srgb = get(number, "Color")
+                .and_then(crate::header_text::numbers::<f32>)
+                .and_then(|c| <[f32; 3]>::try_from(c).ok())
+                .filter(|c| c.iter().all(|v| v.is_finite()))
+                .map(|c| c.map(|v| v.clamp(0.0, 1.0)));
+            Some(Segment { layer, note: LabelNote { id, name, color_srgb } })
+        })
+        .collect()
+}
+
+/// Names and colours of one layer (or of the only one), sorted by id.
+fn notes(header: &NrrdHeader, layer: Option<u32>) -> Vec<LabelNote> {
+    let mut notes: Vec<LabelNote> = segments(header)
+        .into_iter()
+        .filter(|s| layer.is_none_or(|l| s.layer == u64::from(l)))
+        .map(|s| s.note)
+        .filter(|n| n.name.is_some() || n.color_srgb.is_some())
+        .collect();
+    notes.sort_by_key(|n| n.id);
+    notes.dedup_by_key(|n| n.id);
+    notes
+}
+
+/// At most this many layers are listed one by one.
+const MAX_LISTED_LAYERS: u64 = 4096;
+
+fn list_layers(header: &NrrdHeader, count: u64) -> Vec<Layer> {
+    let segments = segments(header);
+    (0..count.min(MAX_LISTED_LAYERS) as u32)
+        .map(|index| Layer {
+            index,
+            segments: segments
+                .iter()
+                .filter(|s| s.layer == u64::from(index))
+                .map(|s| s.note.name.clone().unwrap_or_else(|| format!("label {}", s.note.id)))
+                .collect(),
+        })
+        .collect()
+}
+
+/// "0: ribs, left lung; 1: heart".
+fn describe(layers: &[Layer]) -> String {
+    const MOST: usize = 32;
+    let mut parts: Vec<String> = layers
+        .iter()
+        .take(MOST)
+        .map(|layer| match layer.segments.len() {
+            0 => format!("{}", layer.index),
+            1..=8 => format!("{}: {}", layer.index, layer.segments.join(", ")),
+            n => format!("{}: {}, … ({n} segments)", layer.index, layer.segments[..8].join(", ")),
+        })
+        .collect();
+    if layers.len() > MOST {
+        parts.push("…".into());
+    }
+    parts.join("; ")
+}
+
+/// How to get at the voxels; detached files are looked for at once, so that a missing one is told before anything is done.
+fn data(
+    path: &Path,
+    header: &NrrdHeader,
+    layout: &Layout,
+    warnings: &Warnings,
+) -> Result<(OpenStream, String)> {
+    let part = Part {
+        encoding: header.encoding,
+        line_skip: header.line_skip,
+        byte_skip: header.byte_skip,
+        bytes: layout.total_bytes(),
+        label_type: header.label_type,
+        warnings: warnings.clone(),
+    };
+    let encoding = match header.encoding {
+        Encoding::Raw => "raw",
+        Encoding::Ascii => "ascii",
+        Encoding::Gzip => "gzip",
+    };
+    let names = match &header.data {
+        DataFile::Attached => {
+            let (path, end) = (path.to_owned(), header.end);
+            return Ok((Box::new(move || part.open(&path, end)), encoding.into()));
+        }
+        DataFile::Names(names) => names,
+    };
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let files: Vec<PathBuf> = names.iter().map(|name| folder.join(name)).collect();
+    for file in &files {
+        let metadata = std::fs::metadata(file)
+            .and_then(|m| if m.is_dir() { Err(std::io::ErrorKind::IsADirectory.into()) } else { Ok(m) });
+        if let Err(source) = metadata {
+            return Err(FormatError::Detached { header: path.to_owned(), data: file.clone(), source });
+        }
+    }
+    let count = files.len() as u64;
+    if !layout.total_bytes().is_multiple_of(count) {
+        return Err(FormatError::damaged(
+            path,
+            format!("{count} data files cannot hold equal parts of {} bytes of voxels", layout.total_bytes()),
+        ));
+    }
+    let encoding = format!("{encoding}, detached");
+    if let [file] = files.as_slice() {
+        let file = file.clone();
+        return Ok((Box::new(move || part.open(&file, 0)), encoding));
+    }
+    let part = Part { bytes: layout.total_bytes() / count, ..part };
+    let part_bytes = part.bytes;
+    let stream = Box::new(move || {
+        let paths = files.clone();
+        Ok(Box::new(ChainedStream::new(files, part_bytes, move |i| part.open(&paths[i], 0)))
+            as Box<dyn ByteStream>)
+    });
+    Ok((stream, encoding))
+}
+
+/// One file with voxels.
+struct Part {
+    encoding: Encoding,
+    line_skip: u64,
+    byte_skip: i64,
+    /// Bytes of voxels in it.
+    bytes: u64,
+    label_type: pumice_core::LabelType,
+    warnings: Warnings,
+}
+
+impl Part {
+    /// Lines are skipped before inflating, bytes after it (format definition §5).
+    fn open(&self, path: &Path, start: u64) -> Result<Box<dyn ByteStream>> {
+        let offset = self.after_lines(path, start)?;
+        let skip = u64::try_from(self.byte_skip).unwrap_or(0);
+        match self.encoding {
+            Encoding::Raw => {
+                let size = open_file(path)?.metadata().map_err(FormatError::io(path))?.len();
+                // −1: the voxels are the last bytes of the file.
+                let offset = if self.byte_skip < 0 {
+                    size.checked_sub(self.bytes).filter(|&o| o >= offset)
+                } else {
+                    offset.checked_add(skip).filter(|&o| size.saturating_sub(o) >= self.bytes)
+                };
+                let offset = offset.ok_or_else(|| FormatError::Short {
+                    path: path.to_owned(),
+                    expected: self.bytes,
+                    got: size.saturating_sub(start).saturating_sub(skip),
+                    at: Some(size),
+                })?;
+                Ok(Box::new(PlainStream::open(path, offset)?))
+            }
+            Encoding::Ascii => {
+                Ok(Box::new(TextStream::open(path, offset.saturating_add(skip), self.label_type)?))
+            }
+            Encoding::Gzip => {
+                if self.byte_skip < 0 {
+                    return Err(FormatError::damaged(path, "byte skip −1 is for raw voxels, these are gzip"));
+                }
+                let mut stream = InflateStream::open(path, offset, Wrapping::Gzip, &self.warnings)?;
+                stream.skip(skip)?;
+                Ok(Box::new(stream))
+            }
+        }
+    }
+
+    /// Byte behind the lines to leave out.
+    fn after_lines(&self, path: &Path, start: u64) -> Result<u64> {
+        if self.line_skip == 0 {
+            return Ok(start);
+        }
+        let mut file = CountingFile::open(path, start)?;
+        for _ in 0..self.line_skip {
+            // Line by line without keeping any: a file of one endless line costs no memory.
+            loop {
+                let buffered = std::io::BufRead::fill_buf(&mut file).map_err(FormatError::io(path))?;
+                if buffered.is_empty() {
+                    return Err(FormatError::damaged(
+                        path,
+                        format!("the file ends before the {} lines to skip", self.line_skip),
+                    ));
+                }
+                let end = buffered.iter().position(|&b| b == b'\n');
+                let n = end.map_or(buffered.len(), |e| e + 1);
+                std::io::BufRead::consume(&mut file, n);
+                if end.is_some() {
+                    break;
+                }
+            }
+        }
+        Ok(file.taken().load(std::sync::atomic::Ordering::Relaxed))
+    }
+}

@@ -1,0 +1,101 @@
+//! Where a volume lies: axis vectors and origin of a header, checked, as one matrix.
+
+use std::path::Path;
+
+use glam::{DAffine3, DMat3, DVec3};
+use pumice_core::Unit;
+
+use crate::error::{FormatError, Result};
+use crate::options::OpenOptions;
+
+/// The matrix from whole-number voxel centres to the world, from one vector an axis.
+///
+/// `options.spacing` replaces the lengths of the vectors and keeps their directions and the centre of voxel (0, 0, 0).
+///
+/// # Errors
+/// When a vector is not finite or has no length, or the three lie in one plane.
+pub(crate) fn world_from_centre(
+    path: &Path,
+    axes: [DVec3; 3],
+    origin: DVec3,
+    options: &OpenOptions,
+) -> Result<DAffine3> {
+    let mut axes = axes;
+    for (a, axis) in axes.iter_mut().enumerate() {
+        let name = ["x", "y", "z"][a];
+        // The length of a finite vector may overflow or underflow: such a spacing is no length either.
+        let length = axis.length();
+        let file_ok = length.is_finite() && length > 0.0;
+        if let Some(spacing) = options.spacing {
+            let wanted = spacing[a];
+            if !(wanted.is_finite() && wanted > 0.0) {
+                return Err(FormatError::option(
+                    path,
+                    format!("the spacing asked for along {name} is {wanted}, expected a positive length"),
+                ));
+            }
+            *axis = if file_ok { *axis / length * wanted } else { DVec3::AXES[a] * wanted };
+        } else if !file_ok {
+            return Err(FormatError::damaged(
+                path,
+                format!(
+                    "the spacing along {name} is {length} (vector {}, {}, {}), expected a positive length: give one \
+                     with --spacing x,y,z",
+                    axis.x, axis.y, axis.z
+                ),
+            ));
+        }
+    }
+    if !origin.is_finite() {
+        return Err(FormatError::damaged(
+            path,
+            format!("the origin is ({}, {}, {}), expected finite numbers", origin.x, origin.y, origin.z),
+        ));
+    }
+    let matrix = DMat3::from_cols(axes[0], axes[1], axes[2]);
+    // The volume of the parallelepiped against that of the box with the same edges: 0 when the axes lie in one plane. 1e-9
+    // guards against headers with seven written digits; real shears stay above 1e-2.
+    let unit = DMat3::from_cols(axes[0].normalize(), axes[1].normalize(), axes[2].normalize());
+    let flatness = unit.determinant().abs();
+    if flatness.is_nan() || flatness < 1e-9 {
+        return Err(FormatError::damaged(
+            path,
+            "the three axis vectors lie in one plane: the header's orientation is damaged",
+        ));
+    }
+    Ok(DAffine3::from_mat3_translation(matrix, origin))
+}
+
+/// The same for a file that only knows lengths along its axes.
+pub(crate) fn from_spacing(path: &Path, spacing: [f64; 3], options: &OpenOptions) -> Result<DAffine3> {
+    if options.spacing.is_none() {
+        for (a, &length) in spacing.iter().enumerate() {
+            if !(length.is_finite() && length > 0.0) {
+                return Err(FormatError::damaged(
+                    path,
+                    format!(
+                        "the spacing along {} is {length}, expected a positive length: give one with --spacing x,y,z",
+                        ["x", "y", "z"][a]
+                    ),
+                ));
+            }
+        }
+    }
+    let axes = [0, 1, 2].map(|a| DVec3::AXES[a] * spacing[a]);
+    world_from_centre(path, axes, DVec3::ZERO, options)
+}
+
+/// A unit of length by one of the names that files use.
+pub(crate) fn unit_by_name(name: &str) -> Option<Unit> {
+    // Escapes as ImageJ writes them (`\u00B5m`), the micro sign and the Greek letter.
+    let name = name.trim().to_lowercase().replace("\\u00b5", "µ").replace('μ', "µ");
+    Some(match name.as_str() {
+        "nm" | "nanometer" | "nanometers" | "nanometre" | "nanometres" => Unit::Nanometre,
+        "um" | "µm" | "micron" | "microns" | "micrometer" | "micrometers" | "micrometre" | "micrometres" => {
+            Unit::Micrometre
+        }
+        "mm" | "millimeter" | "millimeters" | "millimetre" | "millimetres" => Unit::Millimetre,
+        "m" | "meter" | "meters" | "metre" | "metres" => Unit::Metre,
+        _ => return None,
+    })
+}
