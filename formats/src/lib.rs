@@ -24,6 +24,11 @@ mod raw;
 mod slab;
 mod stream;
 mod text_stream;
+mod tiff;
+mod tiff_axes;
+mod tiff_folder;
+mod tiff_ifd;
+mod tiff_page;
 
 pub use error::FormatError;
 pub use open::{Layer, Probe, open, probe};
