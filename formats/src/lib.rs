@@ -13,10 +13,13 @@ pub mod error;
 pub mod open;
 pub mod options;
 
+mod choice;
 mod element;
 mod gzip;
 mod header_text;
 mod layout;
+mod nifti;
+mod nifti_header;
 mod nrrd;
 mod nrrd_header;
 mod placement;
