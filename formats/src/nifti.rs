@@ -119,8 +119,9 @@ fn first_bytes(path: &Path) -> Result<Vec<u8>> {
     Ok(head)
 }
 
-/// `brain.img.gz` → `brain` + each of `endings`, in the case of the name.
-fn siblings(path: &Path, endings: [&str; 2]) -> Vec<PathBuf> {
+/// The other file of a pair, as it may be called: `brain.img.gz` → `brain.hdr.gz`, `brain.hdr`, and upper case. The one that is
+/// compressed as `path` is comes first.
+fn siblings(path: &Path, ending: &str) -> Vec<PathBuf> {
     let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     let mut stem = name.as_str();
     for ending in [".gz", ".img", ".hdr", ".nii"] {
@@ -129,9 +130,13 @@ fn siblings(path: &Path, endings: [&str; 2]) -> Vec<PathBuf> {
             stem = &stem[..stem.len() - ending.len()];
         }
     }
+    let mut endings = [ending.to_owned(), format!("{ending}.gz")];
+    if lower_name(path).ends_with(".gz") {
+        endings.reverse();
+    }
     endings
         .iter()
-        .flat_map(|ending| [(*ending).to_owned(), ending.to_uppercase()])
+        .flat_map(|ending| [ending.clone(), ending.to_uppercase()])
         .map(|ending| path.with_file_name(format!("{stem}{ending}")))
         .collect()
 }
@@ -146,7 +151,7 @@ fn header_path(path: &Path) -> Result<PathBuf> {
     if first_bytes(path).is_ok_and(|head| nifti_header::parse(path, &head).is_ok()) {
         return Ok(path.to_owned());
     }
-    let candidates = siblings(path, [".hdr", ".hdr.gz"]);
+    let candidates = siblings(path, ".hdr");
     candidates.iter().find(|c| c.is_file()).cloned().ok_or_else(|| {
         FormatError::damaged(
             path,
@@ -160,7 +165,7 @@ fn header_path(path: &Path) -> Result<PathBuf> {
 
 /// The image of a pair.
 fn image_path(header: &Path) -> Result<PathBuf> {
-    let candidates = siblings(header, [".img", ".img.gz"]);
+    let candidates = siblings(header, ".img");
     if let Some(found) = candidates.iter().find(|c| c.is_file()) {
         return Ok(found.clone());
     }
