@@ -301,19 +301,16 @@ fn world_from_centre(
         let column = |i: usize| DVec3::new(x[i], y[i], z[i]);
         return placement::world_from_centre(path, [column(0), column(1), column(2)], column(3), options);
     }
-    // Lengths. Axes that the file does not have, and those of one voxel without a length, are 1 long.
-    let mut lengths = [1.0; 3];
+    // Lengths. An axis of one voxel may lack one; without a qform nibabel takes 1 along axes that the file does not have.
+    let mut lengths = [header.pixdim[1], header.pixdim[2], header.pixdim[3]];
     for (a, length) in lengths.iter_mut().enumerate() {
-        let stored = header.pixdim[a + 1];
-        if a as i64 >= header.dim[0] || (dims[a] == 1 && stored == 0.0) {
-            continue;
-        }
-        *length = stored;
-        if !(stored.is_finite() && stored > 0.0) && options.spacing.is_none() {
-            // Told here, because as a vector's length a negative one would pass.
-            placement::from_spacing(path, header_lengths(header), options)?;
+        let absent = a as i64 >= header.dim[0];
+        if (dims[a] == 1 && *length == 0.0) || (absent && header.qform_code <= 0) {
+            *length = 1.0;
         }
     }
+    // Told here, because as the length of a vector a negative one would pass.
+    placement::from_spacing(path, lengths, options)?;
     if header.qform_code > 0 {
         let rotation = DMat3::from_quat(quaternion(path, header)?);
         let [x, y, z] = lengths;
@@ -330,11 +327,6 @@ fn world_from_centre(
     let matrix = placement::world_from_centre(path, axes, DVec3::ZERO, options)?;
     let middle = DVec3::from_array(dims.map(|d| f64::from(d - 1) / 2.0));
     Ok(DAffine3::from_mat3_translation(matrix.matrix3, -(matrix.matrix3 * middle)))
-}
-
-/// pixdim[1..4], with 1 along axes that the file does not have.
-fn header_lengths(header: &NiftiHeader) -> [f64; 3] {
-    [0, 1, 2].map(|a| if (a as i64) < header.dim[0] { header.pixdim[a + 1] } else { 1.0 })
 }
 
 /// (a, b, c, d) from the stored b, c, d: a = √(1 − b² − c² − d²) ≥ 0 (`nifti1.h`, "Method 2").
