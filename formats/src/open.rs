@@ -13,7 +13,7 @@ use crate::layout::Layout;
 use crate::options::OpenOptions;
 use crate::slab::SlabSource;
 use crate::stream::ByteStream;
-use crate::{nifti, nrrd, raw};
+use crate::{nifti, npy, npz, nrrd, raw};
 
 /// What the header of a file says.
 #[derive(Clone, Debug)]
@@ -108,6 +108,12 @@ fn find(path: &Path, options: &OpenOptions) -> Result<Found> {
     }
     if head.starts_with(b"NRRD") {
         return nrrd::read(path, options);
+    }
+    if head.starts_with(npy::MAGIC) {
+        return npy::read(path, options);
+    }
+    if npz::MAGICS.iter().any(|magic| head.starts_with(magic)) {
+        return npz::read(path, options);
     }
     if nifti::recognises(path, &head) {
         return nifti::read(path, options);
