@@ -18,6 +18,8 @@ mod element;
 mod gzip;
 mod header_text;
 mod layout;
+mod metaimage;
+mod metaimage_header;
 mod nifti;
 mod nifti_header;
 mod npy;

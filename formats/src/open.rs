@@ -13,7 +13,7 @@ use crate::layout::Layout;
 use crate::options::OpenOptions;
 use crate::slab::SlabSource;
 use crate::stream::ByteStream;
-use crate::{nifti, npy, npz, nrrd, raw};
+use crate::{metaimage, nifti, npy, npz, nrrd, raw};
 
 /// What the header of a file says.
 #[derive(Clone, Debug)]
@@ -117,6 +117,9 @@ fn find(path: &Path, options: &OpenOptions) -> Result<Found> {
     }
     if nifti::recognises(path, &head) {
         return nifti::read(path, options);
+    }
+    if metaimage::recognises(path, &head) {
+        return metaimage::read(path, options);
     }
     Err(unknown(path, &guess(&head)))
 }
