@@ -13,10 +13,18 @@ pub mod error;
 pub mod open;
 pub mod options;
 
+mod choice;
 mod element;
 mod gzip;
 mod header_text;
 mod layout;
+mod metaimage;
+mod metaimage_header;
+mod nifti;
+mod nifti_header;
+mod npy;
+mod npy_header;
+mod npz;
 mod nrrd;
 mod nrrd_header;
 mod placement;

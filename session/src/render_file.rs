@@ -256,7 +256,8 @@ pub fn render_scene(
     renderer.set_scene(scene, volumes)?;
     let prepare_seconds = [clock.seconds(), clock.cpu_seconds()];
     let curve = render_until(renderer.as_mut(), stop, job, watch)?;
-    let acceleration_bytes = renderer.bytes().iter().filter(|(part, _)| *part == "acceleration").map(|p| p.1).sum();
+    let acceleration_bytes =
+        renderer.bytes().iter().filter(|(part, _)| *part == "acceleration").map(|p| p.1).sum();
     let mut picture = renderer.picture()?;
     let last = curve.last().copied().unwrap_or(CurvePoint {
         seconds: 0.0,
