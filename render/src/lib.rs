@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 
 mod atomic_file;
+pub mod environment;
 pub mod exr_file;
 mod exr_read;
 pub mod filter;
@@ -18,6 +19,7 @@ mod sample_pictures;
 pub mod sampler;
 pub mod trace;
 
+pub use environment::{EnvironmentMap, EnvironmentSample};
 pub use exr_file::{read_exr, write_exr};
 pub use filter::PixelFilter;
 pub use image::Image;
