@@ -7,7 +7,7 @@
 //! sample(u0, u1) = (invert_cdf(u0), invert_cdf(u1)) · width      both filters are separable and symmetric
 //! ```
 //! The Blackman-Harris window is that of Cycles (`filter_func_blackman_harris`, `src/scene/film.cpp`). Its CDF has a closed form
-//! but its inverse has none: the CDF is tabulated at [`STEPS`] + 1 points and inverted by linear interpolation, which makes the
+//! but its inverse has none: the CDF is tabulated at 1025 points and inverted by linear interpolation, which makes the
 //! density a constant a step, at most 2e-6 of probability away from the window's (the bound is in the test).
 
 use std::f64::consts::TAU;
