@@ -105,6 +105,7 @@ impl Renderer for CpuRenderer {
     }
 
     fn set_scene(&mut self, scene: &Scene, volumes: &[Arc<CompressedVolume>]) -> Result<(), RenderError> {
+        scene.validate().map_err(|e| RenderError::Scene(e.to_string()))?;
         if scene.instances.len() != volumes.len() {
             return Err(RenderError::Scene(format!(
                 "instances: expected one volume for each of {}, got {}",
@@ -119,9 +120,8 @@ impl Renderer for CpuRenderer {
             .zip(volumes)
             .map(|(instance, volume)| {
                 let table = volume.labels();
-                let touching: Vec<_> =
-                    if instance.style.auto_color { table.contacts().iter().collect() } else { Vec::new() };
-                Looks::new(&instance.style, table.ids(), &touching)
+                let visible = visible(&instance.style.show, table.ids());
+                Looks::new(&instance.style, table.ids(), table.contacts().iter(), &visible)
             })
             .collect();
         let geometry = match &self.shown {

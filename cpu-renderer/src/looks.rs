@@ -17,14 +17,23 @@ impl Looks {
         Self { materials: vec![material], of_label: Vec::new() }
     }
 
-    /// Looks of the labels with these ids (rising); `touching` are pairs of dense indices, needed only for `auto_color`.
-    pub fn new(style: &LabelStyle, ids: &[u64], touching: &[(u32, u32)]) -> Self {
+    /// Looks of the labels with these ids (rising). `touching` are pairs of dense indices, read only for `auto_color`, where labels
+    /// that are both `visible` and touch get different colours.
+    pub fn new(
+        style: &LabelStyle,
+        ids: &[u64],
+        touching: impl Iterator<Item = (u32, u32)>,
+        visible: &[bool],
+    ) -> Self {
         let mut materials = vec![style.material];
         let mut of_label = Vec::new();
         if style.auto_color {
             let colors = palette::palette();
             materials.extend(colors.map(|base_color| Material { base_color, ..style.material }));
-            of_label = palette::color_labels(ids.len(), touching).iter().map(|&c| 1 + u32::from(c)).collect();
+            of_label = palette::color_labels(ids.len(), touching, Some(visible))
+                .iter()
+                .map(|&c| 1 + u32::from(c))
+                .collect();
         } else if !style.materials.is_empty() {
             of_label = vec![0; ids.len()];
         }
