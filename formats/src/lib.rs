@@ -12,6 +12,7 @@
 pub mod error;
 pub mod open;
 pub mod options;
+pub mod write;
 
 mod element;
 mod gzip;
@@ -29,6 +30,10 @@ mod tiff_axes;
 mod tiff_folder;
 mod tiff_ifd;
 mod tiff_page;
+mod write_nifti;
+mod write_npy;
+mod write_nrrd;
+mod write_tiff;
 
 pub use error::FormatError;
 pub use open::{Layer, Probe, open, probe};
