@@ -1,3 +1,95 @@
-//! (skeleton)
+//! The `pumice` command: reads its arguments, calls `pumice-session`, prints what came of it.
 #![forbid(unsafe_code)]
-fn main() {}
+
+mod args;
+mod commands;
+mod failure;
+mod json_report;
+mod progress;
+
+use std::process::ExitCode;
+use std::sync::Arc;
+
+use clap::Parser;
+use pumice_session::Job;
+
+use crate::args::{Cli, Command};
+use crate::failure::Failure;
+
+/// The answer of a command that ran: yes or done is exit code 0, no is 1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Answer {
+    Yes,
+    No,
+}
+
+fn main() -> ExitCode {
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(error) => return usage(&error),
+    };
+
+    // Ctrl-C asks the work to stop; it cleans up behind itself and the command ends with one line. A second one ends it at once.
+    let job = Arc::new(Job::new());
+    let watched = job.clone();
+    let handler = ctrlc::set_handler(move || {
+        if watched.is_cancelled() {
+            std::process::exit(2);
+        }
+        watched.cancel();
+    });
+    if let Err(error) = handler {
+        eprintln!("pumice: Ctrl-C cannot be handled here: {error}");
+        return ExitCode::from(2);
+    }
+
+    let result = match cli.command {
+        Command::Demo(a) => commands::demo::run(&a, &job),
+        Command::Compress(a) => commands::compress::run(&a, &job),
+        Command::Info(a) => commands::info::run(&a),
+        Command::Verify(a) => commands::verify::run(&a, &job),
+        Command::Decompress(a) => commands::decompress::run(&a, &job),
+        Command::Render(a) => commands::render::run(&a, &job),
+        Command::Compare(a) => commands::compare::run(&a),
+        Command::Devices(a) => commands::devices::run(&a),
+    };
+    match result {
+        Ok(Answer::Yes) | Err(Failure::StdoutClosed) => ExitCode::SUCCESS,
+        Ok(Answer::No) => ExitCode::from(1),
+        Err(failure @ Failure::Bad(_)) => {
+            eprintln!("pumice: {failure}");
+            ExitCode::from(2)
+        }
+    }
+}
+
+/// Help and version go to standard output with exit code 0; bad usage is one line on standard error with exit code 2.
+fn usage(error: &clap::Error) -> ExitCode {
+    use clap::error::ErrorKind::{DisplayHelp, DisplayHelpOnMissingArgumentOrSubcommand, DisplayVersion};
+    match error.kind() {
+        DisplayHelp | DisplayVersion => {
+            // A closed pipe is no reason to complain.
+            let _ = error.print();
+            ExitCode::SUCCESS
+        }
+        DisplayHelpOnMissingArgumentOrSubcommand => {
+            let _ = error.print();
+            ExitCode::from(2)
+        }
+        _ => {
+            let text = error.to_string();
+            let what = text
+                .split("\n\nUsage:")
+                .next()
+                .unwrap_or(&text)
+                .split("\n\nFor more")
+                .next()
+                .unwrap_or(&text);
+            let what = what.strip_prefix("error: ").unwrap_or(what);
+            let line =
+                what.split('\n').map(str::trim).filter(|l| !l.is_empty()).collect::<Vec<_>>().join(" ");
+            eprintln!("pumice: {line} (see pumice --help)");
+            ExitCode::from(2)
+        }
+    }
+}

@@ -1,10 +1,16 @@
-//! What is known of each label: id, number of voxels, which others it touches.
+//! What is known of each label: id, number of voxels, type, which others it touches.
+
+use crate::contacts::Contacts;
 
 /// Labels by dense index, which follows the order of ids. Background (id 0) is not in the table.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct LabelTable {
     pub(crate) ids: Vec<u64>,
     pub(crate) voxels: Vec<u64>,
+    /// One a label, or none at all where the volume has no types.
+    pub(crate) types: Vec<u16>,
+    pub(crate) type_names: Vec<String>,
+    pub(crate) contacts: Contacts,
 }
 
 impl LabelTable {
@@ -31,5 +37,31 @@ impl LabelTable {
     /// Dense index of an original id.
     pub fn index_of(&self, id: u64) -> Option<u32> {
         self.ids.binary_search(&id).ok().map(|i| i as u32)
+    }
+
+    /// Names of the types that labels can have, by type number; empty where the volume has no types.
+    pub fn type_names(&self) -> &[String] {
+        &self.type_names
+    }
+
+    /// Type number of a label; `None` where it has none.
+    pub fn type_of(&self, label: u32) -> Option<u16> {
+        self.types.get(label as usize).copied().filter(|&t| t != crate::types::NO_TYPE)
+    }
+
+    /// Pairs of labels that share a face of two voxels.
+    pub fn contacts(&self) -> &Contacts {
+        &self.contacts
+    }
+
+    /// Heap bytes held.
+    pub fn bytes(&self) -> u64 {
+        let names: usize = self.type_names.iter().map(String::capacity).sum();
+        (self.ids.capacity() * 8
+            + self.voxels.capacity() * 8
+            + self.types.capacity() * 2
+            + self.type_names.capacity() * size_of::<String>()
+            + names
+            + self.contacts.bytes.capacity()) as u64
     }
 }

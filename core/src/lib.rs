@@ -7,20 +7,47 @@
 //!   by block      records, OR-ed       dictionary
 //! ```
 
+pub mod array_source;
 pub mod block;
+mod bounds;
 pub mod box_record;
+mod boxes;
+pub mod cell;
+pub mod compress;
+pub mod contacts;
+pub mod content_hash;
+mod decode;
+pub mod dictionary;
 pub mod error;
+pub mod file;
+mod finish;
+pub mod grid;
 pub mod info;
 pub mod job;
 pub mod label_table;
+pub mod morton;
 pub mod node;
+pub mod part;
+mod scan;
+mod store;
+pub mod types;
+pub mod verify;
 pub mod volume;
 
+pub use array_source::ArraySource;
 pub use block::{BlockSource, LabelBlock, LabelBuffer};
+pub use bounds::Bounds;
 pub use box_record::BoxRecord;
+pub use compress::{CompressOptions, compress, compress_labels};
+pub use contacts::Contacts;
 pub use error::{Error, Result};
+pub use file::Level;
+pub use grid::BoxGrid;
 pub use info::{LabelNote, LabelType, Unit, VolumeInfo, WorldFrame};
 pub use job::Job;
 pub use label_table::LabelTable;
 pub use node::NodeRef;
+pub use part::Part;
+pub use types::TypeTable;
+pub use verify::{Verification, verify};
 pub use volume::{BoxView, CHUNK_VOXELS, Chunk, CompressedVolume, LabelRun, MAX_DIM};

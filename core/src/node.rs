@@ -86,3 +86,39 @@ impl<'a> NodeRef<'a> {
         NODE_HEADER_WORDS + self.ranked.count_ones() as usize + 4 * inline.count_ones() as usize
     }
 }
+
+/// Extent in cells of the tight box of some cells: one more than the highest coordinate along each axis.
+pub(crate) fn extent_of(occupied: u64) -> [u32; 3] {
+    let layer = occupied | occupied >> 32;
+    let layer = (layer | layer >> 16) & 0xFFFF;
+    let row = layer | layer >> 8;
+    let row = (row | row >> 4) & 15;
+    // Highest set position of x; of y and z in groups of 4 and 16 bits.
+    [
+        64 - row.leading_zeros(),
+        (64 - layer.leading_zeros()).div_ceil(4),
+        (64 - occupied.leading_zeros()).div_ceil(16),
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn extent_matches_naive() {
+        let mut s = 1u64;
+        for i in 0..3000 {
+            s = s.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            let occupied = (s ^ s >> 29) >> (i % 64) & u64::MAX.checked_shl(64 - i % 65).unwrap_or(u64::MAX)
+                | 1 << (i % 64);
+            let mut naive = [0; 3];
+            for c in (0..64).filter(|c| occupied >> c & 1 != 0) {
+                for (a, e) in naive.iter_mut().enumerate() {
+                    *e = (*e).max((c >> (2 * a) & 3) + 1);
+                }
+            }
+            assert_eq!(extent_of(occupied), naive, "{occupied:016x}");
+        }
+    }
+}

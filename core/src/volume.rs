@@ -6,10 +6,16 @@
 //! ```
 //! A voxel belongs to at most one box. Boxes of one label never overlap; boxes of different labels may (paper §3.1).
 
+use std::sync::OnceLock;
+
+use crate::grid::BoxGrid;
 use crate::{BoxRecord, LabelTable, NodeRef, VolumeInfo};
 
 /// Side of a chunk in voxels: 256 cells, so that a box's cell fits in 8 bits an axis.
 pub const CHUNK_VOXELS: u32 = 1024;
+
+/// Cells in a chunk: a cell's Morton code divided by this is its chunk's.
+pub(crate) const CHUNK_CELLS: u64 = 1 << 24;
 
 /// Largest extent of a volume along one axis in voxels: 21 bits of cells, so that a cell's Morton code fits in 63 bits.
 pub const MAX_DIM: u32 = 1 << 23;
@@ -58,9 +64,43 @@ pub struct CompressedVolume {
     pub(crate) nodes: Vec<u16>,
     pub(crate) dictionary: Vec<u64>,
     pub(crate) labels: LabelTable,
+    pub(crate) grid: OnceLock<BoxGrid>,
 }
 
 impl CompressedVolume {
+    /// A volume without labels.
+    pub(crate) fn empty(info: VolumeInfo) -> Self {
+        Self {
+            info,
+            chunks: Vec::new(),
+            runs: Vec::new(),
+            boxes: Vec::new(),
+            nodes: Vec::new(),
+            dictionary: Vec::new(),
+            labels: LabelTable::default(),
+            grid: OnceLock::new(),
+        }
+    }
+
+    /// Heap bytes held, by part. `index` is there once a query has built it ([`CompressedVolume::grid`]).
+    pub fn resident_parts(&self) -> Vec<(&'static str, u64)> {
+        fn bytes<T>(v: &Vec<T>) -> u64 {
+            (v.capacity() * size_of::<T>()) as u64
+        }
+        let names: usize = self.info.notes.iter().filter_map(|n| n.name.as_ref()).map(String::capacity).sum();
+        let notes = self.info.notes.capacity() * size_of::<crate::LabelNote>() + names;
+        let mut parts = vec![
+            ("boxes", bytes(&self.boxes) + bytes(&self.runs) + bytes(&self.chunks)),
+            ("nodes", bytes(&self.nodes)),
+            ("leaves", bytes(&self.dictionary)),
+            ("labels", self.labels.bytes() + notes as u64),
+        ];
+        if let Some(grid) = self.grid.get() {
+            parts.push(("index", grid.bytes()));
+        }
+        parts
+    }
+
     /// Size, place, names as in the source.
     pub fn info(&self) -> &VolumeInfo {
         &self.info
@@ -96,6 +136,29 @@ impl CompressedVolume {
         &self.dictionary
     }
 
+    /// Name and colour that the source gave a label.
+    pub fn note(&self, label: u32) -> Option<&crate::LabelNote> {
+        let id = *self.labels.ids.get(label as usize)?;
+        self.info.notes.binary_search_by_key(&id, |n| n.id).ok().map(|i| &self.info.notes[i])
+    }
+
+    /// Visits all boxes in order, with their labels; cheaper than asking for each.
+    pub fn for_each_box<'a>(&'a self, mut visit: impl FnMut(u32, BoxView<'a>)) {
+        for (c, chunk) in self.chunks.iter().enumerate() {
+            let next = self.chunks.get(c + 1);
+            let last_box = next.map_or(self.boxes.len() as u64, |n| n.first_box);
+            let last_run = next.map_or(self.runs.len() as u64, |n| n.first_run);
+            let runs = &self.runs[chunk.first_run as usize..last_run as usize];
+            for (r, run) in runs.iter().enumerate() {
+                let start = chunk.first_box + u64::from(run.first_box);
+                let end = runs.get(r + 1).map_or(last_box, |n| chunk.first_box + u64::from(n.first_box));
+                for record in &self.boxes[start as usize..end as usize] {
+                    visit(run.label, self.unpack(chunk, *record));
+                }
+            }
+        }
+    }
+
     /// The chunk that holds box `index`.
     #[inline]
     fn chunk_of_box(&self, index: usize) -> usize {
@@ -109,7 +172,11 @@ impl CompressedVolume {
     #[inline]
     pub fn get_box(&self, index: usize) -> BoxView<'_> {
         let chunk = &self.chunks[self.chunk_of_box(index)];
-        let record = self.boxes[index];
+        self.unpack(chunk, self.boxes[index])
+    }
+
+    #[inline]
+    fn unpack(&self, chunk: &Chunk, record: BoxRecord) -> BoxView<'_> {
         let cell = record.cell();
         BoxView {
             origin: [0, 1, 2].map(|a| chunk.origin[a] + 4 * cell[a]),

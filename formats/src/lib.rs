@@ -5,19 +5,27 @@
 //! open ──► sniff ──► one module a format ──► Found: info, axes, element type, byte stream ──► SlabSource ──► LabelBlock
 //!          (magic)   (header only)                                                            (shared by all)
 //! ```
-//! A format module only understands its header. Everything that touches voxels is written once: [`stream`] turns a file into
-//! the plain bytes of the voxels, [`layout`] says which voxel each byte belongs to, [`element`] turns bytes into labels and
-//! refuses what is not one, [`slab`] ties them together with bounded memory.
+//! A format module only understands its header. Everything that touches voxels is written once: `stream` turns a file into
+//! the plain bytes of the voxels, `layout` says which voxel each byte belongs to, `element` turns bytes into labels and
+//! refuses what is not one, `slab` ties them together with bounded memory.
 
 pub mod error;
 pub mod open;
 pub mod options;
 pub mod write;
 
+mod choice;
 mod element;
 mod gzip;
 mod header_text;
 mod layout;
+mod metaimage;
+mod metaimage_header;
+mod nifti;
+mod nifti_header;
+mod npy;
+mod npy_header;
+mod npz;
 mod nrrd;
 mod nrrd_header;
 mod placement;

@@ -13,7 +13,7 @@ use crate::layout::Layout;
 use crate::options::OpenOptions;
 use crate::slab::SlabSource;
 use crate::stream::ByteStream;
-use crate::{nrrd, raw, tiff, tiff_folder};
+use crate::{metaimage, nifti, npy, npz, nrrd, raw, tiff, tiff_folder};
 
 /// What the header of a file says.
 #[derive(Clone, Debug)]
@@ -114,6 +114,18 @@ fn find(path: &Path, options: &OpenOptions) -> Result<Found> {
     }
     if TIFF_MAGIC.iter().any(|magic| head.starts_with(magic)) {
         return tiff::read(path, options);
+    }
+    if head.starts_with(npy::MAGIC) {
+        return npy::read(path, options);
+    }
+    if npz::MAGICS.iter().any(|magic| head.starts_with(magic)) {
+        return npz::read(path, options);
+    }
+    if nifti::recognises(path, &head) {
+        return nifti::read(path, options);
+    }
+    if metaimage::recognises(path, &head) {
+        return metaimage::read(path, options);
     }
     Err(unknown(path, &guess(&head)))
 }

@@ -6,6 +6,8 @@ use std::time::Duration;
 use pumice_core::{CompressedVolume, Job};
 use pumice_scene::Scene;
 
+use crate::picture::Picture;
+
 /// Why a renderer could not go on.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -42,9 +44,26 @@ pub trait Renderer: Send {
     /// [`RenderError::Scene`] names the field at fault; the renderer keeps its former scene.
     fn set_scene(&mut self, scene: &Scene, volumes: &[Arc<CompressedVolume>]) -> Result<(), RenderError>;
 
-    /// Adds samples to every pixel for about `slice`, at least one sample.
+    /// Adds samples to every pixel for about `slice`, at least one sample, but never more than `spp_limit` in all.
     ///
     /// # Errors
     /// [`RenderError::Cancelled`] soon after `job` is cancelled.
-    fn advance(&mut self, slice: Duration, job: &Job) -> Result<Progress, RenderError>;
+    fn advance(&mut self, slice: Duration, spp_limit: u32, job: &Job) -> Result<Progress, RenderError>;
+
+    /// The picture as it stands, all passes, without provenance; `None` before the first scene.
+    fn picture(&self) -> Option<Picture>;
+
+    /// What was built for the scene.
+    fn report(&self) -> RenderReport;
+}
+
+/// What a renderer built for its scene.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct RenderReport {
+    /// Heap bytes of the acceleration structures.
+    pub acceleration_bytes: u64,
+    /// Whether the last scene needed new acceleration structures; a camera, a light or a colour does not.
+    pub geometry_built: bool,
+    /// What the scene needs and what was left out, a line each.
+    pub explanation: Vec<String>,
 }

@@ -56,16 +56,16 @@ def nrrd_header(matrix, **more):
 @pytest.mark.parametrize("encoding", ["raw", "gzip", "ascii"])
 @pytest.mark.parametrize("order", "<>")
 def test_nrrd_matches_pynrrd(formats, tmp_path, dtype, encoding, order):
-    labels = pattern(SHAPE, dtype).astype(order + dtype)
+    # pynrrd writes text through doubles (%.17g), so 64-bit ids beyond 2⁵³ are lost before we see them.
+    text64 = encoding == "ascii" and dtype in ("u8", "i8")
+    labels = pattern(SHAPE, "f8" if text64 else dtype).astype(order + dtype)
     matrix = random_affine(ALL.index(dtype))
     path = tmp_path / "a.nrrd"
     nrrd.write(str(path), labels, nrrd_header(matrix, encoding=encoding))
     header = nrrd.read_header(str(path))
     found, ours = formats.read(path, tmp_path)
     assert np.array_equal(ours, labels.astype("u8"))
-    if not (encoding == "ascii" and dtype in ("u8", "i8")):
-        # pynrrd reads text through doubles and fails on these, which it wrote itself.
-        assert np.array_equal(ours, nrrd.read(str(path))[0].astype("u8"))
+    assert np.array_equal(ours, nrrd.read(str(path))[0].astype("u8"))
     assert found["label_type"] == label_type(dtype)
     expected = np.eye(4)
     expected[:3, :3], expected[:3, 3] = np.array(header["space directions"]).T, header["space origin"]

@@ -1,0 +1,379 @@
+//! Every flag of the command, once: its short line, its long text with default, unit and cost.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+
+/// Path traced figures from segmentation volumes that other tools cannot load.
+///
+/// A segmentation volume has one whole-number label per voxel. Pumice compresses it losslessly to a few per cent, path traces
+/// the compressed form as it is, and writes pictures that know their own error.
+///
+/// Begin with `pumice demo`, or with your own file: `pumice render volume.nrrd -o picture.png`.
+#[derive(Debug, Parser)]
+#[command(name = "pumice", version, max_term_width = 100, after_help = EXIT_CODES, disable_help_subcommand = true)]
+pub(crate) struct Cli {
+    #[command(subcommand)]
+    pub(crate) command: Command,
+}
+
+const EXIT_CODES: &str = "Exit codes: 0 done; 1 the answer is no (verify, compare); 2 bad usage or bad input, with one line that \
+says what and where.";
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    Demo(Demo),
+    Compress(Compress),
+    Info(Info),
+    Verify(Verify),
+    Decompress(Decompress),
+    Render(Box<Render>),
+    Compare(Compare),
+    Devices(Devices),
+}
+
+/// Compress a real volume of mouse cortex and path trace thirty of its neurons
+///
+/// Writes picture.png, picture.exr, report.md and error.svg. Ends when the picture's estimated relative error is at most 3 % or
+/// after 60 seconds of rendering.
+#[derive(Debug, Args)]
+pub(crate) struct Demo {
+    /// Another label volume instead of the shipped one
+    #[arg(long, value_name = "FILE")]
+    pub(crate) volume: Option<PathBuf>,
+    /// Folder for the results, made if absent
+    #[arg(long, value_name = "DIR", default_value = "pumice-demo")]
+    pub(crate) out: PathBuf,
+    /// Seconds of rendering at most
+    #[arg(long, value_name = "SECONDS", default_value = "60", value_parser = positive)]
+    pub(crate) time: f64,
+    /// Estimated relative error to stop at: 0.03 or 3%
+    #[arg(long, value_name = "RELATIVE", default_value = "0.03", value_parser = relative)]
+    pub(crate) error: f64,
+    /// Picture size in pixels
+    #[arg(long, value_name = "WxH", default_value = "960x540", value_parser = size)]
+    pub(crate) size: [u32; 2],
+}
+
+/// How to read a label volume where the file leaves something open
+#[derive(Debug, Default, Args)]
+pub(crate) struct Reading {
+    /// Layer of a file with overlapping segments, counted from 0
+    #[arg(long, value_name = "N")]
+    pub(crate) layer: Option<u32>,
+    /// Voxel size x,y,z in the file's unit, instead of the file's own
+    #[arg(long, value_name = "X,Y,Z", value_parser = spacing)]
+    pub(crate) spacing: Option<[f64; 3]>,
+    /// Array axes of .npy and .npz in the order of indexing
+    ///
+    /// NumPy arrays do not say which axis is which. `xyz` (default) is what nibabel and pynrrd give, `zyx` what tifffile,
+    /// scikit-image and napari use.
+    #[arg(long, value_name = "ORDER", value_enum)]
+    pub(crate) axes: Option<Axes>,
+    /// Read a file without header: its dims, e.g. 512,512,128 (needs --raw-type)
+    #[arg(long, value_name = "X,Y,Z", value_parser = dims, requires = "raw_type")]
+    pub(crate) raw_dims: Option<[u32; 3]>,
+    /// Label type of a file without header: u8 u16 u32 u64 i8 i16 i32 i64 f32 f64
+    #[arg(long, value_name = "TYPE", value_parser = label_type, requires = "raw_dims")]
+    pub(crate) raw_type: Option<pumice_session::LabelType>,
+    /// A file without header is big-endian
+    #[arg(long, requires = "raw_dims")]
+    pub(crate) raw_big_endian: bool,
+    /// Bytes to skip at the start of a file without header
+    #[arg(long, value_name = "BYTES", default_value_t = 0, requires = "raw_dims")]
+    pub(crate) raw_offset: u64,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Axes {
+    Xyz,
+    Zyx,
+}
+
+/// Compress a label volume losslessly into a .pumice file
+///
+/// Reads NRRD, NIfTI, TIFF (also a folder of slices), NPY, NPZ, MetaImage and raw files as a stream: the whole volume is never in
+/// memory. A file under the final name is always whole.
+#[derive(Debug, Args)]
+pub(crate) struct Compress {
+    /// Label volume
+    #[arg(value_name = "IN")]
+    pub(crate) input: PathBuf,
+    /// The .pumice file to write
+    #[arg(short, long, value_name = "OUT.pumice")]
+    pub(crate) out: PathBuf,
+    /// Size on disk against speed
+    ///
+    /// `fast` stores the form as it is in memory, `default` costs little time, `small` takes several times as long.
+    #[arg(long, value_enum, default_value_t = Level::Default)]
+    pub(crate) level: Level,
+    /// Write a report in JSON to this file (- for standard output)
+    #[arg(long, value_name = "REPORT")]
+    pub(crate) json: Option<PathBuf>,
+    /// Threads; default: all cores. The result does not depend on it
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    pub(crate) threads: Option<u16>,
+    /// Memory for records not yet merged; more is spilled to a temporary folder. Bytes, or with K, M, G
+    #[arg(long, value_name = "BYTES", value_parser = bytes)]
+    pub(crate) memory_limit: Option<u64>,
+    /// CSV table with the columns id,type: groups labels into types
+    #[arg(long, value_name = "TABLE")]
+    pub(crate) types: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) reading: Reading,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Level {
+    Fast,
+    Default,
+    Small,
+}
+
+/// Show what a .pumice file or a label volume holds
+///
+/// For .pumice: dims, spacing, labels, boxes, bytes on disk and in memory by part. For files of others only the header is read.
+#[derive(Debug, Args)]
+pub(crate) struct Info {
+    /// A .pumice file or any label volume
+    #[arg(value_name = "FILE")]
+    pub(crate) file: PathBuf,
+    /// One JSON object instead of text
+    #[arg(long)]
+    pub(crate) json: bool,
+    #[command(flatten)]
+    pub(crate) reading: Reading,
+}
+
+/// Check that a .pumice file holds a volume exactly: every voxel, every id
+///
+/// Exit code 0 only if all are the same; 1 with the first difference if not.
+#[derive(Debug, Args)]
+pub(crate) struct Verify {
+    /// The .pumice file
+    #[arg(value_name = "FILE")]
+    pub(crate) file: PathBuf,
+    /// The volume that it was made from
+    #[arg(value_name = "IN")]
+    pub(crate) input: PathBuf,
+    #[command(flatten)]
+    pub(crate) reading: Reading,
+}
+
+/// Write the labels of a .pumice file as NRRD, NPY, NIfTI or TIFF
+#[derive(Debug, Args)]
+pub(crate) struct Decompress {
+    /// The .pumice file
+    #[arg(value_name = "FILE")]
+    pub(crate) file: PathBuf,
+    /// Where to: the ending chooses the format, .nrrd .npy .nii .nii.gz .tif
+    #[arg(short, long, value_name = "OUT")]
+    pub(crate) out: PathBuf,
+}
+
+/// Path trace a volume or a scene
+///
+/// A volume is framed and lit by itself; a scene (JSON, see docs) says all. Ends at the first of --spp, --time and --error;
+/// with none of them at 64 samples a pixel. The picture is written when the rendering ends, also when it is interrupted by its
+/// limits, and carries the data's hash, the scene and all settings.
+#[derive(Debug, Args)]
+pub(crate) struct Render {
+    /// A .pumice file, any label volume, or a scene (.json)
+    #[arg(value_name = "FILE|SCENE.json", required_unless_present = "again")]
+    pub(crate) input: Option<PathBuf>,
+    /// The picture: .exr (scene-linear, all passes) or .png (8 bit sRGB)
+    #[arg(short, long, value_name = "OUT")]
+    pub(crate) out: PathBuf,
+    /// Render a picture again from what it carries: the same pixels
+    #[arg(long, value_name = "PICTURE", conflicts_with_all = ["input", "size", "spp", "time", "error", "bounces", "mode", "lod", "seed", "labels", "pick", "view"])]
+    pub(crate) again: Option<PathBuf>,
+    /// What renders
+    #[arg(long, value_name = "NAME", default_value = "auto")]
+    pub(crate) backend: String,
+    /// Picture size in pixels; default 960x540, or the scene's
+    #[arg(long, value_name = "WxH", value_parser = size)]
+    pub(crate) size: Option<[u32; 2]>,
+    /// Stop at this many samples a pixel
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) spp: Option<u32>,
+    /// Stop after this many seconds
+    #[arg(long, value_name = "SECONDS", value_parser = positive)]
+    pub(crate) time: Option<f64>,
+    /// Stop when the estimated relative error is at most this: 0.03 or 3%
+    #[arg(long, value_name = "RELATIVE", value_parser = relative)]
+    pub(crate) error: Option<f64>,
+    /// Bounces of light, as in Cycles; default 32, or the scene's
+    #[arg(long, value_name = "N")]
+    pub(crate) bounces: Option<u32>,
+    /// Which light is counted; default path, or the scene's
+    #[arg(long, value_enum)]
+    pub(crate) mode: Option<RenderMode>,
+    /// Finest element drawn: voxels (1), 4³ cells (4), boxes (16), or by distance (auto)
+    #[arg(long, value_enum)]
+    pub(crate) lod: Option<LodArg>,
+    /// Every random number follows from it; default 0, or the scene's
+    #[arg(long, value_name = "N")]
+    pub(crate) seed: Option<u64>,
+    /// Passes in the EXR beside the picture, by commas: depth,label,albedo,normal,variance; or all, or none
+    #[arg(long, value_name = "A,B,C", default_value = "all", value_delimiter = ',')]
+    pub(crate) passes: Vec<String>,
+    /// Only these labels, by id, separated by commas
+    #[arg(long, value_name = "ID,ID", value_delimiter = ',', conflicts_with = "pick")]
+    pub(crate) labels: Option<Vec<u64>>,
+    /// Only the N labels that make the best figure: long and thin before lumps
+    #[arg(long, value_name = "N")]
+    pub(crate) pick: Option<usize>,
+    /// Where a volume is seen from, in degrees: around the vertical axis, above the horizon
+    #[arg(long, value_name = "AROUND,ABOVE", value_parser = view, allow_hyphen_values = true)]
+    pub(crate) view: Option<[f64; 2]>,
+    /// Threads; default: all cores. The picture does not depend on it
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    pub(crate) threads: Option<u16>,
+    /// Write a report in JSON to this file (- for standard output)
+    #[arg(long, value_name = "REPORT")]
+    pub(crate) json: Option<PathBuf>,
+    /// Write the scene as JSON to this file
+    #[arg(long, value_name = "SCENE.json")]
+    pub(crate) save_scene: Option<PathBuf>,
+    /// Print what the scene needs, and what was left out
+    #[arg(long)]
+    pub(crate) explain: bool,
+    #[command(flatten)]
+    pub(crate) reading: Reading,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum RenderMode {
+    /// All light
+    Path,
+    /// Direct light only
+    OneBounce,
+    /// Ambient occlusion: white surfaces, no lights
+    Ao,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum LodArg {
+    #[value(name = "1")]
+    Voxels,
+    #[value(name = "4")]
+    Cells,
+    #[value(name = "16")]
+    Boxes,
+    Auto,
+}
+
+/// Measure how far a picture is from a reference: relMSE, PSNR, SSIM, FLIP, and a test for chance where variances are known
+#[derive(Debug, Args)]
+pub(crate) struct Compare {
+    /// The picture (.exr)
+    #[arg(value_name = "A.exr")]
+    pub(crate) picture: PathBuf,
+    /// The reference (.exr), of the same size
+    #[arg(value_name = "B.exr")]
+    pub(crate) reference: PathBuf,
+    /// Write a report in JSON to this file (- for standard output)
+    #[arg(long, value_name = "REPORT")]
+    pub(crate) json: Option<PathBuf>,
+    /// Exit with 1 when relMSE is above this
+    #[arg(long, value_name = "VALUE", value_parser = positive)]
+    pub(crate) max_rel_mse: Option<f64>,
+}
+
+/// List what can render here, what would be chosen, and why
+#[derive(Debug, Args)]
+pub(crate) struct Devices {
+    /// One JSON object instead of text
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+fn numbers<T: std::str::FromStr, const N: usize>(text: &str, separator: char) -> Option<[T; N]> {
+    let parts: Vec<T> = text.split(separator).map(|p| p.trim().parse().ok()).collect::<Option<_>>()?;
+    parts.try_into().ok()
+}
+
+fn size(text: &str) -> Result<[u32; 2], String> {
+    numbers(text, 'x')
+        .filter(|s: &[u32; 2]| s.iter().all(|&n| (1..=65_536).contains(&n)))
+        .ok_or_else(|| "expected WIDTHxHEIGHT in pixels, each 1 to 65536, e.g. 960x540".into())
+}
+
+fn dims(text: &str) -> Result<[u32; 3], String> {
+    numbers(text, ',').ok_or_else(|| "expected three whole numbers, e.g. 512,512,128".into())
+}
+
+fn spacing(text: &str) -> Result<[f64; 3], String> {
+    numbers(text, ',')
+        .filter(|s: &[f64; 3]| s.iter().all(|v| v.is_finite() && *v > 0.0))
+        .ok_or_else(|| "expected three numbers above 0, e.g. 16,16,40".into())
+}
+
+fn view(text: &str) -> Result<[f64; 2], String> {
+    numbers(text, ',')
+        .filter(|v: &[f64; 2]| v[0].is_finite() && v[1].abs() <= 90.0)
+        .ok_or_else(|| "expected degrees around and above (-90 to 90), e.g. 30,20".into())
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    text.parse()
+        .ok()
+        .filter(|v: &f64| v.is_finite() && *v > 0.0)
+        .ok_or_else(|| "expected a number above 0".into())
+}
+
+fn relative(text: &str) -> Result<f64, String> {
+    let (number, factor) = text.strip_suffix('%').map_or((text, 1.0), |t| (t, 0.01));
+    positive(number).map(|v| v * factor).map_err(|_| "expected a number above 0, e.g. 0.03 or 3%".into())
+}
+
+fn bytes(text: &str) -> Result<u64, String> {
+    let (number, shift) = match text.chars().last() {
+        Some('K' | 'k') => (&text[..text.len() - 1], 10),
+        Some('M' | 'm') => (&text[..text.len() - 1], 20),
+        Some('G' | 'g') => (&text[..text.len() - 1], 30),
+        _ => (text, 0),
+    };
+    number
+        .parse::<u64>()
+        .ok()
+        .and_then(|n| n.checked_mul(1 << shift))
+        .filter(|&n| n > 0)
+        .ok_or_else(|| "expected a number of bytes above 0, e.g. 268435456 or 256M".into())
+}
+
+fn label_type(text: &str) -> Result<pumice_session::LabelType, String> {
+    serde_json::from_value(serde_json::Value::String(text.to_lowercase()))
+        .map_err(|_| "expected one of u8 u16 u32 u64 i8 i16 i32 i64 f32 f64".into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn clap_finds_no_fault_with_the_flags() {
+        use clap::CommandFactory;
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn values_are_read_or_refused() {
+        assert_eq!(size("960x540"), Ok([960, 540]));
+        assert_eq!(relative("3%"), Ok(0.03));
+        assert_eq!(bytes("256M"), Ok(256 << 20));
+        assert_eq!(spacing("16,16,40"), Ok([16.0, 16.0, 40.0]));
+        for bad in ["0x5", "960", "-1x3", "960x540x2", "99999999x1"] {
+            assert!(size(bad).is_err(), "{bad}");
+        }
+        for bad in ["NaN,1,1", "0,1,1", "1,1", "inf,1,1"] {
+            assert!(spacing(bad).is_err(), "{bad}");
+        }
+        for bad in ["", "0", "-5", "18446744073709551615G", "M"] {
+            assert!(bytes(bad).is_err(), "{bad}");
+        }
+        for bad in ["0", "-0.1", "nan", "x%"] {
+            assert!(relative(bad).is_err(), "{bad}");
+        }
+    }
+}

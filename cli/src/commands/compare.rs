@@ -1,0 +1,22 @@
+//! `pumice compare`
+
+use pumice_session::compare_pictures;
+
+use crate::Answer;
+use crate::args::Compare;
+use crate::failure::{Failure, say};
+use crate::json_report::write_report;
+
+pub(crate) fn run(args: &Compare) -> Result<Answer, Failure> {
+    let c = compare_pictures(&args.picture, &args.reference)?;
+    if args.json.as_deref() != Some(std::path::Path::new("-")) {
+        say(format_args!(
+            "relMSE {:.6e}   PSNR {:.2} dB   SSIM {:.5}   FLIP {:.5}",
+            c.rel_mse, c.psnr, c.ssim, c.flip
+        ))?;
+    }
+    if let Some(to) = &args.json {
+        write_report(to, &c)?;
+    }
+    Ok(if args.max_rel_mse.is_some_and(|bar| c.rel_mse > bar) { Answer::No } else { Answer::Yes })
+}

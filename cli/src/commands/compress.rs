@@ -1,0 +1,59 @@
+//! `pumice compress`
+
+use std::sync::Arc;
+
+use pumice_session::{CompressRequest, Job, compress_file, peak_rss_bytes};
+use serde::Serialize;
+
+use super::open_options;
+use crate::Answer;
+use crate::args::{Compress, Level};
+use crate::failure::{Failure, say};
+use crate::json_report::write_report;
+use crate::progress::Bar;
+
+/// `--json`
+#[derive(Serialize)]
+struct Report {
+    #[serde(flatten)]
+    outcome: pumice_session::CompressOutcome,
+    peak_rss_bytes: Option<u64>,
+}
+
+pub(crate) fn run(args: &Compress, job: &Arc<Job>) -> Result<Answer, Failure> {
+    let bar = Bar::follow("compressing", job);
+    let outcome = compress_file(
+        &CompressRequest {
+            input: args.input.clone(),
+            output: args.out.clone(),
+            reading: open_options(&args.reading),
+            level: match args.level {
+                Level::Fast => pumice_session::Level::Fast,
+                Level::Default => pumice_session::Level::Default,
+                Level::Small => pumice_session::Level::Small,
+            },
+            threads: args.threads.map(usize::from),
+            memory_limit_bytes: args.memory_limit,
+            types: args.types.clone(),
+        },
+        job,
+    )?;
+    drop(bar);
+    let percent = |bytes: u64| 100.0 * bytes as f64 / outcome.bytes_raw.max(1) as f64;
+    say(format_args!(
+        "{}: {} labels, {} boxes, {:.1} MB on disk ({:.2} % of raw), {:.1} MB in memory ({:.2} %), {:.1} s ({:.1} CPU s)",
+        args.out.display(),
+        outcome.labels,
+        outcome.boxes,
+        outcome.bytes_disk as f64 / 1e6,
+        percent(outcome.bytes_disk),
+        outcome.bytes_resident as f64 / 1e6,
+        percent(outcome.bytes_resident),
+        outcome.seconds,
+        outcome.cpu_seconds,
+    ))?;
+    if let Some(to) = &args.json {
+        write_report(to, &Report { outcome, peak_rss_bytes: peak_rss_bytes() })?;
+    }
+    Ok(Answer::Yes)
+}

@@ -1,0 +1,76 @@
+//! `pumice info`
+
+use pumice_session::{FileInfo, file_info};
+
+use super::open_options;
+use crate::Answer;
+use crate::args::Info;
+use crate::failure::{Failure, say};
+
+pub(crate) fn run(args: &Info) -> Result<Answer, Failure> {
+    let info = file_info(&args.file, &open_options(&args.reading))?;
+    if args.json {
+        say(serde_json::to_string_pretty(&info)?)?;
+        return Ok(Answer::Yes);
+    }
+    match info {
+        FileInfo::Pumice(p) => {
+            let percent = |bytes: u64| 100.0 * bytes as f64 / p.bytes_raw.max(1) as f64;
+            say(format_args!("format     Pumice, version {}, level {}", p.file_version, p.level))?;
+            placement(p.dims, p.spacing, &p.unit, &p.frame, &p.label_type)?;
+            say(format_args!(
+                "labels     {} in {} types, {} touching pairs",
+                p.labels, p.types, p.touching_pairs
+            ))?;
+            say(format_args!(
+                "boxes      {} over {} nodes, {} leaf patterns",
+                p.boxes, p.nodes, p.leaf_patterns
+            ))?;
+            say(format_args!("raw        {:>14} bytes at 4 a voxel", p.bytes_raw))?;
+            say(format_args!("disk       {:>14} bytes  {:6.3} %", p.bytes_disk, percent(p.bytes_disk)))?;
+            say(format_args!(
+                "memory     {:>14} bytes  {:6.3} %",
+                p.bytes_resident,
+                percent(p.bytes_resident)
+            ))?;
+            for (name, bytes) in &p.resident_parts {
+                say(format_args!("  {name:12} {bytes:>10} bytes  {:6.3} %", percent(*bytes)))?;
+            }
+            say(format_args!("hash       {}", p.content_hash))?;
+        }
+        FileInfo::Source(s) => {
+            say(format_args!("format     {}, {}", s.format, s.encoding))?;
+            placement(s.dims, s.spacing, &s.unit, &s.frame, &s.label_type)?;
+            for row in s.world_from_centre {
+                say(format_args!(
+                    "affine     {:12.6} {:12.6} {:12.6} {:14.6}",
+                    row[0], row[1], row[2], row[3]
+                ))?;
+            }
+            if s.named_labels > 0 {
+                say(format_args!("names      {} labels have a name or a colour", s.named_labels))?;
+            }
+            for (i, layer) in s.layers.iter().enumerate() {
+                say(format_args!("layer {i}    {}", layer.join(", ")))?;
+            }
+            for warning in &s.warnings {
+                say(format_args!("warning    {warning}"))?;
+            }
+        }
+    }
+    Ok(Answer::Yes)
+}
+
+fn placement(
+    dims: [u32; 3],
+    spacing: [f64; 3],
+    unit: &str,
+    frame: &str,
+    label_type: &str,
+) -> Result<(), Failure> {
+    say(format_args!("dims       {} × {} × {} voxels of {label_type}", dims[0], dims[1], dims[2]))?;
+    say(format_args!(
+        "spacing    {} × {} × {} (unit {unit}), world axes {frame}",
+        spacing[0], spacing[1], spacing[2]
+    ))
+}

@@ -1,0 +1,36 @@
+//! One file a subcommand.
+
+pub(crate) mod compare;
+pub(crate) mod compress;
+pub(crate) mod decompress;
+pub(crate) mod demo;
+pub(crate) mod devices;
+pub(crate) mod info;
+pub(crate) mod render;
+pub(crate) mod verify;
+
+use pumice_session::{AxisOrder, OpenOptions, RawLayout};
+
+use crate::args::{Axes, Reading};
+
+/// The reading flags as the readers take them.
+fn open_options(reading: &Reading) -> OpenOptions {
+    OpenOptions {
+        layer: reading.layer,
+        spacing: reading.spacing,
+        axes: match reading.axes {
+            None | Some(Axes::Xyz) => AxisOrder::Xyz,
+            Some(Axes::Zyx) => AxisOrder::Zyx,
+        },
+        raw: match (reading.raw_dims, reading.raw_type) {
+            (Some(dims), Some(label_type)) => Some(RawLayout {
+                dims,
+                label_type,
+                big_endian: reading.raw_big_endian,
+                offset: reading.raw_offset,
+            }),
+            _ => None,
+        },
+        ..OpenOptions::default()
+    }
+}

@@ -1,0 +1,108 @@
+//! `pumice render`
+
+use std::sync::Arc;
+
+use pumice_session::{
+    CurvePoint, Job, RenderFigures, RenderOverrides, RenderRequest, Stop, Subject, render_file,
+};
+
+use super::open_options;
+use crate::Answer;
+use crate::args::{LodArg, Render, RenderMode};
+use crate::failure::{Failure, say};
+use crate::json_report::write_report;
+use crate::progress::Bar;
+
+/// Samples a pixel when nothing else ends the picture.
+const DEFAULT_SPP: u32 = 64;
+
+pub(crate) fn run(args: &Render, job: &Arc<Job>) -> Result<Answer, Failure> {
+    let unlimited = args.spp.is_none() && args.time.is_none() && args.error.is_none();
+    let stop =
+        Stop { spp: args.spp.or(unlimited.then_some(DEFAULT_SPP)), seconds: args.time, error: args.error };
+    let subject = match (&args.again, &args.input) {
+        (Some(picture), _) => Subject::Again(picture.clone()),
+        (None, Some(input)) => Subject::File(input.clone()),
+        (None, None) => {
+            return Err(Failure::new("nothing to render: name a file, a scene or --again PICTURE"));
+        }
+    };
+    let request = RenderRequest {
+        subject,
+        out: args.out.clone(),
+        backend: args.backend.clone(),
+        stop,
+        passes: args.passes.clone(),
+        overrides: RenderOverrides {
+            size: args.size,
+            bounces: args.bounces,
+            mode: args.mode.map(|m| match m {
+                RenderMode::Path => pumice_session::Mode::Path,
+                RenderMode::OneBounce => pumice_session::Mode::OneBounce,
+                RenderMode::Ao => pumice_session::Mode::AmbientOcclusion,
+            }),
+            lod: args.lod.map(|l| match l {
+                LodArg::Voxels => pumice_session::Lod::Voxels,
+                LodArg::Cells => pumice_session::Lod::Cells,
+                LodArg::Boxes => pumice_session::Lod::Boxes,
+                LodArg::Auto => pumice_session::Lod::Distance { pixels: 1.0 },
+            }),
+            seed: args.seed,
+            labels: args.labels.clone(),
+            pick: args.pick,
+            view_deg: args.view,
+        },
+        reading: open_options(&args.reading),
+        threads: args.threads.map(usize::from),
+        save_scene: args.save_scene.clone(),
+    };
+
+    let opening = std::cell::RefCell::new(Some(Bar::follow("opening", job)));
+    let tracing = std::cell::OnceCell::new();
+    let rendered = render_file(&request, job, &mut |stop, point| {
+        opening.borrow_mut().take();
+        show_progress(tracing.get_or_init(|| Bar::manual("path tracing")), stop, point);
+    })?;
+    drop((opening, tracing));
+
+    if args.json.as_deref() != Some(std::path::Path::new("-")) {
+        say(format_args!("{}: {}", args.out.display(), summary(&rendered.figures)))?;
+    }
+    if args.explain {
+        for line in &rendered.explanation {
+            say(line)?;
+        }
+    }
+    if let Some(to) = &args.json {
+        write_report(to, &rendered.figures)?;
+    }
+    Ok(Answer::Yes)
+}
+
+/// Moves a bar to how near the picture is to its nearest limit.
+pub(crate) fn show_progress(bar: &Bar, stop: &Stop, point: &CurvePoint) {
+    let mut done = 0f64;
+    if let Some(n) = stop.spp {
+        done = done.max(f64::from(point.spp) / f64::from(n));
+    }
+    if let Some(s) = stop.seconds {
+        done = done.max(point.seconds / s);
+    }
+    // The error falls like 1/√time, so the work done is the square of how near it has come.
+    if let (Some(bar), Some(e)) = (stop.error, point.error_estimate) {
+        done = done.max((bar / e).powi(2));
+    }
+    let error = point.error_estimate.map_or(String::new(), |e| format!(", error {:.1} %", 100.0 * e));
+    bar.set((1000.0 * done) as u64, format!("{} samples{error}, {:.0} s", point.spp, point.seconds));
+}
+
+/// One line of what a picture cost and how good it is.
+pub(crate) fn summary(figures: &RenderFigures) -> String {
+    let error = figures
+        .error_estimate
+        .map_or("error not known".into(), |e| format!("estimated error {:.2} %", 100.0 * e));
+    format!(
+        "{} samples a pixel, {error}, {:.1} s ({:.1} CPU s)",
+        figures.spp, figures.seconds, figures.cpu_seconds
+    )
+}

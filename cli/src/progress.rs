@@ -1,0 +1,75 @@
+//! Progress bars on a terminal, nothing in a pipe.
+
+use std::io::IsTerminal;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use pumice_session::Job;
+
+/// A bar that follows a job until it is dropped.
+pub(crate) struct Bar {
+    bar: ProgressBar,
+    stop: Arc<AtomicBool>,
+    follower: Option<JoinHandle<()>>,
+}
+
+impl Bar {
+    /// Shows `what` and the job's progress on standard error, if that is a terminal.
+    pub(crate) fn follow(what: &'static str, job: &Arc<Job>) -> Self {
+        let bar = Self::empty(what, "{msg:11} {bar:36} {percent:>3} %  {elapsed}");
+        let stop = Arc::new(AtomicBool::new(false));
+        let follower = (!bar.is_hidden()).then(|| {
+            let (bar, stop, job) = (bar.clone(), stop.clone(), job.clone());
+            std::thread::spawn(move || {
+                while !stop.load(Ordering::Relaxed) {
+                    let (done, total) = job.progress();
+                    bar.set_length(total.max(1));
+                    bar.set_position(done.min(total));
+                    std::thread::sleep(Duration::from_millis(66));
+                }
+            })
+        });
+        Self { bar, stop, follower }
+    }
+
+    /// A bar whose owner sets position (in thousandths) and text.
+    pub(crate) fn manual(what: &'static str) -> Self {
+        let bar = Self::empty(what, "{msg:11} {bar:36} {prefix}");
+        bar.set_length(1000);
+        Self { bar, stop: Arc::default(), follower: None }
+    }
+
+    fn empty(what: &'static str, template: &str) -> ProgressBar {
+        let target = if std::io::stderr().is_terminal() {
+            ProgressDrawTarget::stderr()
+        } else {
+            ProgressDrawTarget::hidden()
+        };
+        let bar = ProgressBar::with_draw_target(Some(1), target);
+        if let Ok(style) = ProgressStyle::with_template(template) {
+            bar.set_style(style.progress_chars("━╸─"));
+        }
+        bar.set_message(what);
+        bar
+    }
+
+    /// Sets a manual bar.
+    pub(crate) fn set(&self, thousandths: u64, text: String) {
+        self.bar.set_position(thousandths.min(1000));
+        self.bar.set_prefix(text);
+    }
+}
+
+impl Drop for Bar {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        if let Some(follower) = self.follower.take() {
+            // A follower that panicked has drawn its last; the work that it followed is what counts.
+            let _ = follower.join();
+        }
+        self.bar.finish_and_clear();
+    }
+}

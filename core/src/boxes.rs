@@ -1,0 +1,150 @@
+//! From one label's cells to its boxes: Snap4.
+//!
+//! ```text
+//! boxes(cells):
+//!     take the tight box of the cells (a voxel's tight box snapped down to a multiple of 4 starts at a cell)
+//!     if no axis is longer than 4 cells: it is a box
+//!     halve the longest axis at a multiple of 4 cells from the tight box's origin
+//!     boxes(lower half), boxes(upper half)            each half is tightened again: that is what pays
+//! ```
+//! The paper (§3.1) splits each label's region until it fits; tightening after every split gives 22 % fewer boxes than one
+//! tight grid. All cuts lie between cells, so no cell is ever divided and boxes of one label cannot overlap.
+
+use crate::cell::{BOX_CELLS, Cell, SOLID};
+use crate::morton;
+
+/// A box with its contents, before nodes are shared.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct RawBox {
+    /// Lowest cell in the volume.
+    pub(crate) origin: [u32; 3],
+    /// Extent in cells, 1 to 4 each.
+    pub(crate) extent: [u8; 3],
+    /// Dense label index.
+    pub(crate) label: u32,
+    /// Cells with a voxel, as in [`crate::node`].
+    pub(crate) occupied: u64,
+    /// Cells with all 64.
+    pub(crate) solid: u64,
+    /// Where its fields (of occupied, not solid cells, by rising c) begin in [`RawBoxes::fields`].
+    pub(crate) first_field: usize,
+}
+
+impl RawBox {
+    /// Number of its fields.
+    pub(crate) fn fields(&self) -> usize {
+        (self.occupied & !self.solid).count_ones() as usize
+    }
+}
+
+/// Boxes and their fields.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct RawBoxes {
+    pub(crate) boxes: Vec<RawBox>,
+    pub(crate) fields: Vec<u64>,
+}
+
+impl RawBoxes {
+    /// Takes over another's boxes.
+    pub(crate) fn append(&mut self, other: RawBoxes) {
+        let shift = self.fields.len();
+        self.fields.extend_from_slice(&other.fields);
+        self.boxes
+            .extend(other.boxes.into_iter().map(|b| RawBox { first_field: b.first_field + shift, ..b }));
+    }
+}
+
+/// Below this many cells a region is not worth a task of its own: it takes some 100 µs.
+const PARALLEL_CELLS: usize = 1 << 15;
+
+/// Bits of one coordinate while cells are being divided: `key` holds x | y << 21 | z << 42 then, quicker to compare than a code.
+const AXIS: u32 = morton::AXIS_BITS;
+const AXIS_MASK: u64 = (1 << AXIS) - 1;
+
+#[inline]
+fn coordinate(packed: u64, axis: usize) -> u32 {
+    (packed >> (AXIS * axis as u32) & AXIS_MASK) as u32
+}
+
+/// Boxes of one label; its cells are consumed as scratch. The order of the boxes depends on nothing but the cells.
+pub(crate) fn split_label(label: u32, cells: &mut [Cell], out: &mut RawBoxes) {
+    for cell in cells.iter_mut() {
+        let [x, y, z] = morton::decode(cell.key).map(u64::from);
+        cell.key = x | y << AXIS | z << (2 * AXIS);
+    }
+    split(label, cells, out);
+}
+
+fn split(label: u32, cells: &mut [Cell], out: &mut RawBoxes) {
+    if cells.is_empty() {
+        return;
+    }
+    // Tighten.
+    let (mut low, mut high) = ([u32::MAX; 3], [0; 3]);
+    for cell in cells.iter() {
+        for axis in 0..3 {
+            let c = coordinate(cell.key, axis);
+            low[axis] = low[axis].min(c);
+            high[axis] = high[axis].max(c);
+        }
+    }
+    let extent = [0, 1, 2].map(|a| high[a] - low[a] + 1);
+
+    // Small enough: a box.
+    let (axis, longest) = (0..3).map(|a| (a, extent[a])).fold((0, 0), |m, e| if e.1 > m.1 { e } else { m });
+    if longest <= BOX_CELLS {
+        return emit(label, cells, low, extent, out);
+    }
+
+    // Halve, at a whole number of boxes from the origin.
+    let boxes = longest.div_ceil(BOX_CELLS);
+    let cut = low[axis] + boxes / 2 * BOX_CELLS;
+    let middle = partition(cells, |cell| coordinate(cell.key, axis) < cut);
+    let (lower, upper) = cells.split_at_mut(middle);
+    if lower.len().min(upper.len()) > PARALLEL_CELLS {
+        let mut right = RawBoxes::default();
+        rayon::join(|| split(label, lower, out), || split(label, upper, &mut right));
+        out.append(right);
+    } else {
+        split(label, lower, out);
+        split(label, upper, out);
+    }
+}
+
+/// Moves the cells for which `is_lower` holds to the front; returns their number. In place, not stable: a box's cells are
+/// placed by coordinate at the end, so their order does not matter.
+fn partition(cells: &mut [Cell], is_lower: impl Fn(&Cell) -> bool) -> usize {
+    let mut lower = 0;
+    for i in 0..cells.len() {
+        let cell = cells[i];
+        cells.swap(i, lower);
+        lower += usize::from(is_lower(&cell));
+    }
+    lower
+}
+
+fn emit(label: u32, cells: &[Cell], low: [u32; 3], extent: [u32; 3], out: &mut RawBoxes) {
+    let mut fields = [0u64; 64];
+    let (mut occupied, mut solid) = (0u64, 0u64);
+    for cell in cells {
+        let [x, y, z] = [0, 1, 2].map(|a| coordinate(cell.key, a) - low[a]);
+        let c = x + 4 * y + 16 * z;
+        fields[c as usize] = cell.mask;
+        occupied |= 1 << c;
+        solid |= u64::from(cell.mask == SOLID) << c;
+    }
+    let first_field = out.fields.len();
+    let mut mixed = occupied & !solid;
+    while mixed != 0 {
+        out.fields.push(fields[mixed.trailing_zeros() as usize]);
+        mixed &= mixed - 1;
+    }
+    out.boxes.push(RawBox {
+        origin: low,
+        extent: extent.map(|e| e as u8),
+        label,
+        occupied,
+        solid,
+        first_field,
+    });
+}

@@ -1,0 +1,385 @@
+//! Which labels touch: share a face of two voxels (6-neighbourhood).
+//!
+//! ```text
+//! for each 16³ brick with boxes, in parallel:
+//!     list (label, mask) for its 4³ cells and for the layer of cells behind its upper faces
+//!     two labels in one cell touch       if one's mask, grown by a voxel along each axis, meets the other's
+//!     two labels in adjacent cells touch if the facing layers of their masks meet
+//! ```
+//! Linear in the cells that have labels; a cell crowded with labels is compared voxel by voxel instead. The pairs are kept as varints: for each label a the number of its partners b > a, the
+//! first as b − a − 1, each next as the distance to the one before, less 1.
+
+use rayon::prelude::*;
+use rustc_hash::FxHashSet;
+
+use crate::grid::{BRICK_VOXELS, BoxGrid, cells_between};
+use crate::{CompressedVolume, Error, Job, Result, morton};
+
+/// Voxels of a cell with x = 0, y = 0, z = 0, as a mask.
+const LOW_FACE: [u64; 3] = [0x1111_1111_1111_1111, 0x000F_000F_000F_000F, 0xFFFF];
+/// Distance in bits of one step along x, y, z within a cell.
+const STEP: [u32; 3] = [1, 4, 16];
+
+/// The mask and its neighbours within the cell.
+#[inline]
+fn grow(mask: u64) -> u64 {
+    (0..3).fold(mask, |grown, a| {
+        let up = (mask << STEP[a]) & !LOW_FACE[a];
+        let down = (mask & !LOW_FACE[a]) >> STEP[a];
+        grown | up | down
+    })
+}
+
+/// Whether a cell's mask touches that of its next cell along an axis.
+#[inline]
+fn touch_across(low: u64, high: u64, axis: usize) -> bool {
+    (low >> (3 * STEP[axis])) & LOW_FACE[axis] & high != 0
+}
+
+/// Labels and masks in 5³ cells: a brick's own 4³ and, behind its upper faces, one layer of its neighbours'.
+struct Neighbourhood {
+    cells: Vec<Vec<(u32, u64)>>,
+}
+
+/// Position of a cell, each coordinate 0..=4, in a [`Neighbourhood`].
+fn slot(p: [u32; 3]) -> usize {
+    (p[0] + 5 * p[1] + 25 * p[2]) as usize
+}
+
+impl Neighbourhood {
+    /// Lists the cells from `first` to `last`, counted from the brick, of all boxes in a brick.
+    fn list(
+        &mut self,
+        volume: &CompressedVolume,
+        boxes: &[u32],
+        brick_cell: [u32; 3],
+        first: [u32; 3],
+        last: [u32; 3],
+    ) {
+        for &i in boxes {
+            let b = volume.get_box(i as usize);
+            let label = volume.label_of_box(i as usize);
+            let origin = b.origin.map(|o| i64::from(o / 4));
+            let mut range = [(0u32, 0u32); 3];
+            let mut empty = false;
+            for a in 0..3 {
+                let corner = i64::from(brick_cell[a]);
+                let low = (corner + i64::from(first[a])).max(origin[a]);
+                let high = (corner + i64::from(last[a])).min(origin[a] + i64::from(b.extent[a] / 4) - 1);
+                empty |= low > high;
+                range[a] = ((low - origin[a]) as u32, (high - origin[a]) as u32);
+            }
+            if empty {
+                continue;
+            }
+            for p in cells_between(range.map(|r| r.0), range.map(|r| r.1)) {
+                let field = b.node.field(p[0] + 4 * p[1] + 16 * p[2]);
+                if field != 0 {
+                    let at = [0, 1, 2].map(|a| (origin[a] + i64::from(p[a])) as u32 - brick_cell[a]);
+                    self.cells[slot(at)].push((label, field));
+                }
+            }
+        }
+    }
+}
+
+/// Pairs found so far; a small direct-mapped cache keeps the repeats of a long border away from the set.
+struct Pairs {
+    set: FxHashSet<u64>,
+    recent: [u64; 64],
+    /// Corner of a cell of which two labels claim the same voxel, if one was met.
+    claimed_twice: Option<[u32; 3]>,
+}
+
+impl Pairs {
+    #[inline]
+    fn add(&mut self, a: u32, b: u32) {
+        let pair = u64::from(a.min(b)) << 32 | u64::from(a.max(b));
+        let slot = (pair.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 58) as usize;
+        // The pair (0, 0) does not exist, so an empty slot cannot match.
+        if self.recent[slot] != pair {
+            self.recent[slot] = pair;
+            self.set.insert(pair);
+        }
+    }
+}
+
+/// Bricks that one task takes: a 64³ region where space is full.
+const TASK_BRICKS: usize = 64;
+
+impl CompressedVolume {
+    /// Finds the touching pairs afresh; [`crate::compress`] has put them in [`crate::LabelTable::contacts`].
+    ///
+    /// # Errors
+    /// [`Error::Cancelled`]; [`Error::Caller`] when two labels claim one voxel, which this sweep notices on its way.
+    pub fn find_contacts(&self, job: &Job) -> Result<Contacts> {
+        // A grid of its own, dropped afterwards: most volumes never need one again.
+        let pairs = find(self, &BoxGrid::new(self), job)?;
+        Ok(Contacts::pack(&pairs, self.labels().len() as u32))
+    }
+}
+
+/// All touching pairs of a volume as `a << 32 | b`, a < b, rising.
+fn find(volume: &CompressedVolume, grid: &BoxGrid, job: &Job) -> Result<Vec<u64>> {
+    let bricks = grid.bricks();
+    job.begin(bricks.len() as u64);
+    let tasks = bricks.len().div_ceil(TASK_BRICKS);
+    let found: Vec<Result<Vec<u64>>> = (0..tasks)
+        .into_par_iter()
+        .map(|task| {
+            job.check()?;
+            let range = task * TASK_BRICKS..((task + 1) * TASK_BRICKS).min(bricks.len());
+            job.advance(range.len() as u64);
+            let mut pairs = Pairs { set: FxHashSet::default(), recent: [0; 64], claimed_twice: None };
+            let mut around = Neighbourhood { cells: vec![Vec::new(); 125] };
+            for i in range {
+                find_in_brick(volume, grid, i, &mut around, &mut pairs);
+            }
+            match pairs.claimed_twice {
+                None => Ok(pairs.set.into_iter().collect()),
+                Some(cell) => Err(Error::Caller(format!(
+                    "two labels claim one voxel of the cell at {cell:?}: blocks of the source overlap"
+                ))),
+            }
+        })
+        .collect();
+    let mut all = Vec::new();
+    for pairs in found {
+        all.extend(pairs?);
+    }
+    all.par_sort_unstable();
+    all.dedup();
+    Ok(all)
+}
+
+fn find_in_brick(
+    volume: &CompressedVolume,
+    grid: &BoxGrid,
+    i: usize,
+    around: &mut Neighbourhood,
+    pairs: &mut Pairs,
+) {
+    let brick = morton::decode(grid.bricks()[i]);
+    let brick_cell = brick.map(|b| b * (BRICK_VOXELS / 4));
+    around.cells.iter_mut().for_each(Vec::clear);
+    around.list(volume, grid.boxes_of(i), brick_cell, [0; 3], [3; 3]);
+    for axis in 0..3 {
+        let (mut next, mut first, mut last) = (brick, [0; 3], [3; 3]);
+        next[axis] += 1;
+        (first[axis], last[axis]) = (4, 4);
+        if next[axis] >> morton::AXIS_BITS == 0 {
+            around.list(volume, grid.boxes_in(next), brick_cell, first, last);
+        }
+    }
+    for p in cells_between([0; 3], [3; 3]) {
+        let here = &around.cells[slot(p)];
+        if here.is_empty() {
+            continue;
+        }
+        let corner = [0, 1, 2].map(|a| 4 * (brick_cell[a] + p[a]));
+        pairs_within(here, corner, pairs);
+        for axis in 0..3 {
+            let mut q = p;
+            q[axis] += 1;
+            pairs_across(here, &around.cells[slot(q)], axis, pairs);
+        }
+    }
+}
+
+/// From this many pairs of labels on, comparing 64 voxels is cheaper than comparing masks: keeps crowded cells linear.
+const CROWDED_PAIRS: usize = 32;
+
+/// Labels of a cell's voxels, plus 1; 0 where there is none.
+fn expand(cell: &[(u32, u64)]) -> [u32; 64] {
+    let mut voxels = [0; 64];
+    for &(label, mut mask) in cell {
+        while mask != 0 {
+            voxels[mask.trailing_zeros() as usize] = label + 1;
+            mask &= mask - 1;
+        }
+    }
+    voxels
+}
+
+/// Adds the labels of two touching voxels, unless they are the same or none.
+#[inline]
+fn add_voxels(a: u32, b: u32, pairs: &mut Pairs) {
+    if a != b && a != 0 && b != 0 {
+        pairs.add(a - 1, b - 1);
+    }
+}
+
+/// Pairs within a cell; notes it when two labels claim one voxel.
+fn pairs_within(here: &[(u32, u64)], corner: [u32; 3], pairs: &mut Pairs) {
+    let mut claimed = 0;
+    for &(_, mask) in here {
+        if claimed & mask != 0 {
+            pairs.claimed_twice = Some(corner);
+        }
+        claimed |= mask;
+    }
+    if here.len() * here.len() > 2 * CROWDED_PAIRS {
+        let voxels = expand(here);
+        for v in 0..64 {
+            for (axis, step) in STEP.map(|s| s as usize).into_iter().enumerate() {
+                if v >> (2 * axis) & 3 != 3 {
+                    add_voxels(voxels[v], voxels[v + step], pairs);
+                }
+            }
+        }
+        return;
+    }
+    for (k, &(a, mask)) in here.iter().enumerate() {
+        if k + 1 < here.len() {
+            let grown = grow(mask);
+            for &(b, other) in &here[k + 1..] {
+                if other & grown != 0 && a != b {
+                    pairs.add(a, b);
+                }
+            }
+        }
+    }
+}
+
+/// Pairs across the face between a cell and its next one along an axis.
+fn pairs_across(here: &[(u32, u64)], there: &[(u32, u64)], axis: usize, pairs: &mut Pairs) {
+    if here.len() * there.len() > CROWDED_PAIRS {
+        let (low, high) = (expand(here), expand(there));
+        let step = STEP[axis] as usize;
+        for v in (0..64).filter(|v| v >> (2 * axis) & 3 == 0) {
+            add_voxels(low[v + 3 * step], high[v], pairs);
+        }
+        return;
+    }
+    for &(a, mask) in here {
+        for &(b, other) in there {
+            if a != b && touch_across(mask, other, axis) {
+                pairs.add(a, b);
+            }
+        }
+    }
+}
+
+/// Touching pairs of dense label indices, packed as the module says.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Contacts {
+    pub(crate) bytes: Vec<u8>,
+    pub(crate) pairs: u64,
+}
+
+impl Contacts {
+    /// Packs rising pairs `a << 32 | b`, a < b, of `labels` labels.
+    fn pack(pairs: &[u64], labels: u32) -> Self {
+        let mut bytes = Vec::new();
+        let mut rest = pairs;
+        for a in 0..labels {
+            let of_a = rest.partition_point(|p| (p >> 32) as u32 <= a);
+            let (mine, others) = rest.split_at(of_a);
+            rest = others;
+            put_varint(&mut bytes, mine.len() as u32);
+            let mut before = a;
+            for &pair in mine {
+                put_varint(&mut bytes, pair as u32 - before - 1);
+                before = pair as u32;
+            }
+        }
+        bytes.shrink_to_fit();
+        Self { bytes, pairs: pairs.len() as u64 }
+    }
+
+    /// Takes packed pairs of `labels` labels from a file; the error says what is wrong, at which byte.
+    pub(crate) fn from_packed(bytes: Vec<u8>, labels: u32) -> std::result::Result<Self, (usize, String)> {
+        let (mut at, mut pairs) = (0, 0u64);
+        for a in 0..labels {
+            let count = take_varint(&bytes, &mut at).ok_or_else(|| (at, format!("label {a}: no count")))?;
+            let mut before = u64::from(a);
+            for _ in 0..count {
+                let step =
+                    take_varint(&bytes, &mut at).ok_or_else(|| (at, format!("label {a}: no partner")))?;
+                before += u64::from(step) + 1;
+                if before >= u64::from(labels) {
+                    return Err((at, format!("label {a}: partner {before} of {labels} labels")));
+                }
+                pairs += 1;
+            }
+        }
+        if at != bytes.len() {
+            return Err((at, format!("expected the end, got {} more bytes", bytes.len() - at)));
+        }
+        Ok(Self { bytes, pairs })
+    }
+
+    /// Number of pairs.
+    pub fn len(&self) -> u64 {
+        self.pairs
+    }
+
+    /// Whether no two labels touch.
+    pub fn is_empty(&self) -> bool {
+        self.pairs == 0
+    }
+
+    /// Pairs (a, b) of dense label indices with a < b, rising.
+    pub fn iter(&self) -> impl Iterator<Item = (u32, u32)> + '_ {
+        let (mut at, mut left, mut a, mut b, mut label) = (0, 0u32, 0u32, 0u32, 0u32);
+        std::iter::from_fn(move || {
+            while left == 0 {
+                left = take_varint(&self.bytes, &mut at)?;
+                (a, b) = (label, label);
+                label += 1;
+            }
+            left -= 1;
+            b += take_varint(&self.bytes, &mut at)? + 1;
+            Some((a, b))
+        })
+    }
+}
+
+/// Seven bits a byte, lowest first; the top bit says that more follow.
+fn put_varint(bytes: &mut Vec<u8>, mut value: u32) {
+    while value >= 128 {
+        bytes.push(value as u8 | 128);
+        value >>= 7;
+    }
+    bytes.push(value as u8);
+}
+
+/// `None` at the end of the bytes and for a value of more than 32 bits.
+fn take_varint(bytes: &[u8], at: &mut usize) -> Option<u32> {
+    let mut value = 0u64;
+    for shift in [0, 7, 14, 21, 28] {
+        let byte = *bytes.get(*at)?;
+        *at += 1;
+        value |= u64::from(byte & 127) << shift;
+        if byte < 128 {
+            return u32::try_from(value).ok();
+        }
+    }
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn packing_round_trips() {
+        let pairs = [(0u64, 1u64), (0, 300), (2, 3), (2, 5), (70_000, 99_999)].map(|(a, b)| a << 32 | b);
+        let contacts = Contacts::pack(&pairs, 100_000);
+        let back: Vec<u64> = contacts.iter().map(|(a, b)| u64::from(a) << 32 | u64::from(b)).collect();
+        assert_eq!(back, pairs);
+        assert_eq!(Contacts::from_packed(contacts.bytes.clone(), 100_000), Ok(contacts.clone()));
+        assert!(Contacts::from_packed(contacts.bytes.clone(), 99_999).is_err());
+        assert!(Contacts::from_packed(contacts.bytes[1..].to_vec(), 100_000).is_err());
+    }
+
+    #[test]
+    fn growing_matches_naive() {
+        let place = |v: i32| [v & 3, v >> 2 & 3, v >> 4];
+        for v in 0..64 {
+            let near = |w: &i32| (0..3).map(|a| (place(*w)[a] - place(v)[a]).abs()).sum::<i32>() <= 1;
+            let naive = (0..64).filter(near).fold(0u64, |m, w| m | 1 << w);
+            assert_eq!(grow(1 << v), naive, "voxel {v}");
+        }
+    }
+}

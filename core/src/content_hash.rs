@@ -1,0 +1,37 @@
+//! A name for what a volume holds, for images to carry.
+//!
+//! XXH3 (128 bits, seed 0) over, little-endian: dims (3 × u32), number of labels (u64), their ids (u64 each), then for each box in
+//! order: lowest voxel (3 × u32), extent in voxels (3 × u32), dense label index (u32), occupied and solid masks (u64 each), and the
+//! fields (u64 each) of its occupied, not solid cells. The form is canonical, so two volumes have one hash exactly when they have
+//! the same size and the same id in every voxel. Spacing, names and types are not in it.
+
+use xxhash_rust::xxh3::Xxh3;
+
+use crate::CompressedVolume;
+
+impl CompressedVolume {
+    /// See the module [`crate::content_hash`].
+    pub fn content_hash(&self) -> u128 {
+        let mut hash = Xxh3::new();
+        for d in self.info.dims {
+            hash.update(&d.to_le_bytes());
+        }
+        hash.update(&(self.labels.len() as u64).to_le_bytes());
+        for id in self.labels.ids() {
+            hash.update(&id.to_le_bytes());
+        }
+        self.for_each_box(|label, b| {
+            for v in b.origin.iter().chain(&b.extent).chain([&label]) {
+                hash.update(&v.to_le_bytes());
+            }
+            hash.update(&b.node.occupied.to_le_bytes());
+            hash.update(&b.node.solid.to_le_bytes());
+            let mut mixed = b.node.occupied & !b.node.solid;
+            while mixed != 0 {
+                hash.update(&b.node.field(mixed.trailing_zeros()).to_le_bytes());
+                mixed &= mixed - 1;
+            }
+        });
+        hash.digest128()
+    }
+}

@@ -1,0 +1,108 @@
+//! Back from boxes to labels: one voxel, or a block of them.
+
+use crate::grid::{BRICK_VOXELS, BoxGrid, cells_between};
+use crate::{BoxView, CompressedVolume, Error, Result};
+
+impl CompressedVolume {
+    /// The spatial index, built at its first use.
+    pub fn grid(&self) -> &BoxGrid {
+        self.grid.get_or_init(|| BoxGrid::new(self))
+    }
+
+    /// Dense label index of a voxel; `None` for background and outside the volume.
+    pub fn label_at(&self, voxel: [u32; 3]) -> Option<u32> {
+        if (0..3).any(|a| voxel[a] >= self.info.dims[a]) {
+            return None;
+        }
+        let boxes = self.grid().boxes_in(voxel.map(|v| v / BRICK_VOXELS));
+        boxes
+            .iter()
+            .find(|&&i| self.get_box(i as usize).contains(voxel))
+            .map(|&i| self.label_of_box(i as usize))
+    }
+
+    /// Labels of a block, x fastest, as dense index + 1; 0 is background.
+    ///
+    /// # Errors
+    /// [`Error::Caller`] when the block is not within the volume.
+    pub fn decode_block(&self, origin: [u32; 3], dims: [u32; 3]) -> Result<Vec<u32>> {
+        if (0..3).any(|a| u64::from(origin[a]) + u64::from(dims[a]) > u64::from(self.info.dims[a])) {
+            return Err(Error::Caller(format!(
+                "block at {origin:?} of {dims:?} voxels reaches beyond the volume of {:?}",
+                self.info.dims
+            )));
+        }
+        let mut labels = vec![0u32; dims.iter().map(|&d| d as usize).product()];
+        if labels.is_empty() {
+            return Ok(labels);
+        }
+        let last = [0, 1, 2].map(|a| (origin[a] + dims[a] - 1) / BRICK_VOXELS);
+        let mut boxes: Vec<u32> = cells_between(origin.map(|o| o / BRICK_VOXELS), last)
+            .flat_map(|brick| self.grid().boxes_in(brick).iter().copied())
+            .collect();
+        boxes.sort_unstable();
+        boxes.dedup();
+        for i in boxes {
+            let label = self.label_of_box(i as usize) + 1;
+            self.get_box(i as usize).paint(label, origin, dims, &mut labels);
+        }
+        Ok(labels)
+    }
+
+    /// Labels of a block, x fastest, as the ids of the source; 0 is background.
+    ///
+    /// # Errors
+    /// As [`CompressedVolume::decode_block`].
+    pub fn decode_ids(&self, origin: [u32; 3], dims: [u32; 3]) -> Result<Vec<u64>> {
+        let ids = self.labels.ids();
+        let dense = self.decode_block(origin, dims)?;
+        Ok(dense.into_iter().map(|d| if d == 0 { 0 } else { ids[d as usize - 1] }).collect())
+    }
+}
+
+impl BoxView<'_> {
+    /// Whether the box's label has this voxel of the volume.
+    #[inline]
+    pub fn contains(&self, voxel: [u32; 3]) -> bool {
+        if (0..3).any(|a| voxel[a].wrapping_sub(self.origin[a]) >= self.extent[a]) {
+            return false;
+        }
+        let [x, y, z] = [0, 1, 2].map(|a| voxel[a] - self.origin[a]);
+        let cell = (x >> 2) + (y & !3) + 4 * (z & !3);
+        let bit = (x & 3) + 4 * (y & 3) + 16 * (z & 3);
+        self.node.field(cell) >> bit & 1 != 0
+    }
+
+    /// Writes `label` wherever the box has a voxel within the block.
+    fn paint(&self, label: u32, origin: [u32; 3], dims: [u32; 3], labels: &mut [u32]) {
+        let mut cells = self.node.occupied;
+        while cells != 0 {
+            let c = cells.trailing_zeros();
+            cells &= cells - 1;
+            let field = self.node.field(c);
+            let low = [0, 1, 2].map(|a| self.origin[a] + 4 * (c >> (2 * a) & 3));
+            for row in 0..16 {
+                let four = field >> (4 * row) & 15;
+                // Wraps for voxels before the block, which is then also beyond its end.
+                let y = (low[1] + (row & 3)).wrapping_sub(origin[1]);
+                let z = (low[2] + (row >> 2)).wrapping_sub(origin[2]);
+                if four == 0 || y >= dims[1] || z >= dims[2] {
+                    continue;
+                }
+                let start = (z as usize * dims[1] as usize + y as usize) * dims[0] as usize;
+                let line = &mut labels[start..start + dims[0] as usize];
+                let x = low[0].wrapping_sub(origin[0]);
+                match line.get_mut(x as usize..(x as usize).saturating_add(4)) {
+                    Some(voxels) if four == 15 => voxels.fill(label),
+                    _ => {
+                        for i in (0..4).filter(|i| four >> i & 1 != 0) {
+                            if let Some(voxel) = line.get_mut(x.wrapping_add(i) as usize) {
+                                *voxel = label;
+                            }
+                        }
+                    }
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,223 @@
+//! Every invariant of a volume that comes from outside, checked once, so that no later code can meet a bad index.
+//!
+//! In order: names, chunks, runs, dictionary, nodes, boxes, voxel counts. What is not checked is that no voxel is claimed by two
+//! labels (it would take as much memory as decoding); the content hash, compared afterwards, covers that for undamaged writers.
+
+use crate::node::{NODE_HEADER_WORDS, NodeRef, extent_of};
+use crate::types::NO_TYPE;
+use crate::volume::CHUNK_CELLS;
+use crate::{BoxView, CHUNK_VOXELS, CompressedVolume, MAX_DIM, VolumeInfo, dictionary, morton};
+
+/// The section that is wrong, and how.
+pub(super) type Finding = Result<(), ([u8; 4], String)>;
+
+fn ensure(holds: bool, section: &[u8; 4], what: impl FnOnce() -> String) -> Finding {
+    if holds { Ok(()) } else { Err((*section, what())) }
+}
+
+/// Checks a whole volume.
+pub(super) fn check(v: &CompressedVolume) -> Finding {
+    check_info(&v.info)?;
+    check_labels(v)?;
+    check_chunks(v)?;
+    check_runs(v)?;
+    ensure(v.dictionary.len() <= dictionary::MAX_ENTRIES, b"LEAF", || {
+        format!("entries: expected at most {}, got {}", dictionary::MAX_ENTRIES, v.dictionary.len())
+    })?;
+    for (i, &field) in v.dictionary.iter().enumerate() {
+        ensure(field != 0 && field != u64::MAX, b"LEAF", || {
+            format!("entry {i}: got an empty or a full field")
+        })?;
+    }
+    let starts = check_nodes(v)?;
+    check_boxes(v, &starts)?;
+    check_counts(v)
+}
+
+fn check_info(info: &VolumeInfo) -> Finding {
+    ensure(info.dims.iter().all(|&d| d <= MAX_DIM), b"INFO", || {
+        format!("dims: expected at most {MAX_DIM} an axis, got {:?}", info.dims)
+    })?;
+    ensure(info.world_from_index.is_finite(), b"INFO", || {
+        "world_from_index: got an entry that is no number".into()
+    })?;
+    ensure(info.notes.is_sorted_by(|a, b| a.id < b.id), b"INFO", || "notes: expected rising ids".into())
+}
+
+fn check_labels(v: &CompressedVolume) -> Finding {
+    let l = &v.labels;
+    let n = l.ids.len();
+    ensure(u32::try_from(n).is_ok(), b"LIDS", || format!("labels: expected below 2^32, got {n}"))?;
+    ensure(l.ids.first() != Some(&0) && l.ids.is_sorted_by(|a, b| a < b), b"LIDS", || {
+        "expected rising ids without 0".into()
+    })?;
+    ensure(l.voxels.len() == n, b"LVOX", || format!("labels: expected {n}, got {}", l.voxels.len()))?;
+    let typed = l.types.is_empty() || l.types.len() == n;
+    ensure(typed, b"LTYP", || format!("labels: expected {n} or 0, got {}", l.types.len()))?;
+    let known = |&t: &u16| t == NO_TYPE || usize::from(t) < l.type_names.len();
+    ensure(l.types.iter().all(known), b"LTYP", || format!("expected types below {}", l.type_names.len()))
+}
+
+fn check_chunks(v: &CompressedVolume) -> Finding {
+    let mut before: Option<(u64, u64, u64)> = None;
+    for (i, c) in v.chunks.iter().enumerate() {
+        let inside = (0..3).all(|a| c.origin[a] % CHUNK_VOXELS == 0 && c.origin[a] < v.info.dims[a]);
+        ensure(inside, b"CHNK", || {
+            format!("chunk {i}: got origin {:?} in {:?} voxels", c.origin, v.info.dims)
+        })?;
+        let code = morton::encode(c.origin.map(|o| o / 4)) / CHUNK_CELLS;
+        let rises = match before {
+            None => c.first_box == 0 && c.first_run == 0,
+            Some((code_before, first_box, first_run)) => {
+                code > code_before && c.first_box > first_box && c.first_run > first_run
+            }
+        };
+        ensure(rises, b"CHNK", || format!("chunk {i}: expected a start after the chunk before"))?;
+        let fits = c.first_box < v.boxes.len() as u64
+            && c.first_run < v.runs.len() as u64
+            && c.node_base < v.nodes.len() as u64;
+        ensure(fits, b"CHNK", || format!("chunk {i}: got a start beyond the boxes, runs or nodes"))?;
+        before = Some((code, c.first_box, c.first_run));
+    }
+    ensure(!v.chunks.is_empty() || (v.boxes.is_empty() && v.runs.is_empty()), b"CHNK", || {
+        "expected a chunk for the boxes, got none".into()
+    })?;
+    ensure(u32::try_from(v.boxes.len()).is_ok(), b"CHNK", || {
+        format!("boxes: expected below 2^32, got {}", v.boxes.len())
+    })
+}
+
+fn check_runs(v: &CompressedVolume) -> Finding {
+    for (i, c) in v.chunks.iter().enumerate() {
+        let next = v.chunks.get(i + 1);
+        let boxes = next.map_or(v.boxes.len() as u64, |n| n.first_box) - c.first_box;
+        let end = next.map_or(v.runs.len() as u64, |n| n.first_run);
+        let runs = &v.runs[c.first_run as usize..end as usize];
+        let rises = runs.is_sorted_by(|a, b| a.label < b.label && a.first_box < b.first_box)
+            && runs.first().is_some_and(|r| r.first_box == 0)
+            && runs
+                .last()
+                .is_some_and(|r| u64::from(r.first_box) < boxes && (r.label as usize) < v.labels.ids.len());
+        ensure(rises, b"RUNS", || {
+            format!("chunk {i}: expected rising labels below {} and boxes below {boxes}", v.labels.ids.len())
+        })?;
+    }
+    Ok(())
+}
+
+/// Walks the nodes from first to last; returns a set of the words at which one starts.
+fn check_nodes(v: &CompressedVolume) -> Result<BitSet, ([u8; 4], String)> {
+    let mut starts = BitSet(vec![0; v.nodes.len().div_ceil(64)]);
+    let mut at = 0;
+    while at < v.nodes.len() {
+        ensure(v.nodes.len() - at >= NODE_HEADER_WORDS, b"NODE", || {
+            format!("node at word {at}: expected {NODE_HEADER_WORDS} words, got {}", v.nodes.len() - at)
+        })?;
+        let node = NodeRef::read(&v.nodes, at, &v.dictionary);
+        let masks = node.occupied != 0
+            && node.solid & !node.occupied == 0
+            && node.ranked & !(node.occupied & !node.solid) == 0;
+        ensure(masks, b"NODE", || format!("node at word {at}: got masks that contradict each other"))?;
+        ensure(v.nodes.len() - at >= node.words(), b"NODE", || {
+            format!("node at word {at}: expected {} words, got {}", node.words(), v.nodes.len() - at)
+        })?;
+        let first = at + NODE_HEADER_WORDS;
+        let (short, long) = v.nodes[first..at + node.words()].split_at(node.ranked.count_ones() as usize);
+        let worst = short.iter().copied().max().map_or(0, |r| usize::from(r) + 1);
+        ensure(worst <= v.dictionary.len(), b"NODE", || {
+            format!("node at word {at}: expected entries below {}, got {}", v.dictionary.len(), worst - 1)
+        })?;
+        let empty_or_full = |f: &[u16; 4]| f == &[0; 4] || f == &[u16::MAX; 4];
+        ensure(!long.as_chunks::<4>().0.iter().any(empty_or_full), b"NODE", || {
+            format!("node at word {at}: got an empty or a full field")
+        })?;
+        starts.insert(at);
+        at += node.words();
+    }
+    Ok(starts)
+}
+
+fn check_boxes(v: &CompressedVolume, starts: &BitSet) -> Finding {
+    for (i, c) in v.chunks.iter().enumerate() {
+        let end = v.chunks.get(i + 1).map_or(v.boxes.len(), |n| n.first_box as usize);
+        for (k, record) in v.boxes[c.first_box as usize..end].iter().enumerate() {
+            let wrong = |what: String| (*b"BOXS", format!("box {k} of chunk {i}: {what}"));
+            let at = c.node_base + u64::from(record.node());
+            if !starts.contains(at) {
+                return Err(wrong(format!("expected the start of a node, got word {at}")));
+            }
+            let node = NodeRef::read(&v.nodes, at as usize, &v.dictionary);
+            let (extent, tight) = (record.extent(), extent_of(node.occupied));
+            if extent != tight || record.0 >> 38 & 3 != 0 {
+                return Err(wrong(format!("expected an extent of {tight:?} cells, got {extent:?}")));
+            }
+            let low = [0, 1, 2].map(|a| c.origin[a] + 4 * record.cell()[a]);
+            let past = [0, 1, 2].map(|a| low[a] + 4 * extent[a] > v.info.dims[a]);
+            let (_, high) = if past.contains(&true) {
+                BoxView { origin: low, extent, node }.voxel_bounds()
+            } else {
+                (low, low)
+            };
+            if (0..3).any(|a| high[a] >= v.info.dims[a]) {
+                return Err(wrong(format!(
+                    "at {low:?} reaches beyond the volume of {:?} voxels",
+                    v.info.dims
+                )));
+            }
+        }
+    }
+    // Within a run by rising place: binary searches and the packed form rely on it.
+    for_each_run(v, |run| {
+        let rises = run.is_sorted_by(|a, b| morton::encode(a.cell()) < morton::encode(b.cell()));
+        ensure(rises, b"BOXS", || "expected boxes of a label in Morton order".into())
+    })
+}
+
+fn for_each_run(v: &CompressedVolume, mut visit: impl FnMut(&[crate::BoxRecord]) -> Finding) -> Finding {
+    for (i, c) in v.chunks.iter().enumerate() {
+        let next = v.chunks.get(i + 1);
+        let boxes = &v.boxes[c.first_box as usize..next.map_or(v.boxes.len(), |n| n.first_box as usize)];
+        let runs = &v.runs[c.first_run as usize..next.map_or(v.runs.len(), |n| n.first_run as usize)];
+        for (r, run) in runs.iter().enumerate() {
+            let end = runs.get(r + 1).map_or(boxes.len(), |n| n.first_box as usize);
+            visit(&boxes[run.first_box as usize..end])?;
+        }
+    }
+    Ok(())
+}
+
+/// Each label's voxels, counted, against the table.
+fn check_counts(v: &CompressedVolume) -> Finding {
+    let mut counts = vec![0u64; v.labels.ids.len()];
+    v.for_each_box(|label, b| {
+        let mut voxels = 64 * u64::from(b.node.solid.count_ones());
+        let mut mixed = b.node.occupied & !b.node.solid;
+        while mixed != 0 {
+            voxels += u64::from(b.node.field(mixed.trailing_zeros()).count_ones());
+            mixed &= mixed - 1;
+        }
+        counts[label as usize] += voxels;
+    });
+    for (i, (&expected, &got)) in v.labels.voxels.iter().zip(&counts).enumerate() {
+        ensure(expected == got && got > 0, b"LVOX", || {
+            format!("label {i}: expected {expected} voxels, got {got}")
+        })?;
+    }
+    let total = counts.iter().fold(0u64, |t, &c| t.saturating_add(c));
+    ensure(total <= v.info.voxels(), b"LVOX", || {
+        format!("voxels: expected at most {}, got {total}", v.info.voxels())
+    })
+}
+
+/// A set of small numbers, one bit each.
+struct BitSet(Vec<u64>);
+
+impl BitSet {
+    fn insert(&mut self, i: usize) {
+        self.0[i / 64] |= 1 << (i % 64);
+    }
+
+    fn contains(&self, i: u64) -> bool {
+        self.0.get((i / 64) as usize).is_some_and(|word| word >> (i % 64) & 1 != 0)
+    }
+}

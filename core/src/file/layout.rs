@@ -1,0 +1,196 @@
+//! Header and section table.
+//!
+//! ```text
+//! header   0  8  magic 89 "PUMICE" 0A            table entry   0  4  name, ASCII
+//!          8  4  version, 1                                    4  1  compression: 0 none, 1 zstd
+//!         12  4  flags, 0                                      5  1  element width w of the filters, in bytes
+//!         16  8  length of the file                            6  1  filters: bit 0 delta, bit 1 planes
+//!         24  8  offset of the section table, 64               7  1  0
+//!         32  4  number of sections                            8  8  offset in the file, a multiple of 8
+//!         36  4  number of frames, 1                          16  8  bytes in the file
+//!         40 16  content hash                                 24  8  bytes when decoded
+//!         56  8  XXH3-64 of bytes 0 to 56 and the table       32  8  XXH3-64 of the bytes in the file
+//!                                                             40  8  0
+//! ```
+
+use xxhash_rust::xxh3::{Xxh3, xxh3_64};
+
+use super::Fault;
+
+pub(super) const MAGIC: [u8; 8] = *b"\x89PUMICE\n";
+pub(super) const VERSION: u32 = 1;
+pub(super) const HEADER_BYTES: usize = 64;
+pub(super) const ENTRY_BYTES: usize = 48;
+/// More than any version will need; bounds what a damaged count makes the reader allocate.
+pub(super) const MAX_SECTIONS: u32 = 64;
+
+/// How a section's bytes were made smaller.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Encoding {
+    pub(super) zstd: bool,
+    /// Bytes of an element, for the filters; 1 without them.
+    pub(super) width: u8,
+    pub(super) delta: bool,
+    pub(super) planes: bool,
+}
+
+/// An entry of the section table.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Entry {
+    pub(super) name: [u8; 4],
+    pub(super) encoding: Encoding,
+    pub(super) offset: u64,
+    pub(super) stored: u64,
+    pub(super) decoded: u64,
+    pub(super) checksum: u64,
+}
+
+/// Header and table.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Layout {
+    pub(super) file_bytes: u64,
+    pub(super) content_hash: u128,
+    pub(super) entries: Vec<Entry>,
+}
+
+/// The next multiple of 8.
+pub(super) fn align(offset: u64) -> u64 {
+    offset.next_multiple_of(8)
+}
+
+fn u32_at(bytes: &[u8], at: usize) -> u32 {
+    bytes[at..].iter().take(4).rev().fold(0, |v, &b| v << 8 | u32::from(b))
+}
+
+fn u64_at(bytes: &[u8], at: usize) -> u64 {
+    u64::from(u32_at(bytes, at)) | u64::from(u32_at(bytes, at + 4)) << 32
+}
+
+impl Layout {
+    /// Header and table as bytes.
+    pub(super) fn to_bytes(&self) -> Vec<u8> {
+        let mut bytes = Vec::with_capacity(HEADER_BYTES + ENTRY_BYTES * self.entries.len());
+        bytes.extend(MAGIC);
+        bytes.extend(VERSION.to_le_bytes());
+        bytes.extend(0u32.to_le_bytes());
+        bytes.extend(self.file_bytes.to_le_bytes());
+        bytes.extend((HEADER_BYTES as u64).to_le_bytes());
+        bytes.extend((self.entries.len() as u32).to_le_bytes());
+        bytes.extend(1u32.to_le_bytes());
+        bytes.extend(self.content_hash.to_le_bytes());
+        bytes.extend([0; 8]);
+        for e in &self.entries {
+            let filters = u8::from(e.encoding.delta) | u8::from(e.encoding.planes) << 1;
+            bytes.extend(e.name);
+            bytes.extend([u8::from(e.encoding.zstd), e.encoding.width, filters, 0]);
+            for v in [e.offset, e.stored, e.decoded, e.checksum, 0] {
+                bytes.extend(v.to_le_bytes());
+            }
+        }
+        let checksum = checksum(&bytes);
+        bytes[56..HEADER_BYTES].copy_from_slice(&checksum.to_le_bytes());
+        bytes
+    }
+
+    /// Number of sections that a header promises, after its other fields have been checked.
+    pub(super) fn sections(header: &[u8; HEADER_BYTES], file_bytes: u64) -> Result<u32, Fault> {
+        let expect = |at: usize, what: &str, expected: u64, got: u64| {
+            if expected == got {
+                Ok(())
+            } else {
+                Err(head(at as u64, format!("{what}: expected {expected}, got {got}")))
+            }
+        };
+        if header[..8] != MAGIC {
+            return Err(head(0, "expected the signature of a .pumice file, got another".into()));
+        }
+        let version = u32_at(header, 8);
+        if version != VERSION {
+            return Err(head(
+                8,
+                format!("format version: expected {VERSION}, got {version} (a newer program wrote it?)"),
+            ));
+        }
+        expect(12, "flags", 0, u32_at(header, 12).into())?;
+        expect(16, "length of the file (truncated?)", u64_at(header, 16), file_bytes)?;
+        expect(24, "offset of the section table", HEADER_BYTES as u64, u64_at(header, 24))?;
+        expect(36, "number of frames", 1, u32_at(header, 36).into())?;
+        let sections = u32_at(header, 32);
+        if sections > MAX_SECTIONS {
+            return Err(head(
+                32,
+                format!("number of sections: expected at most {MAX_SECTIONS}, got {sections}"),
+            ));
+        }
+        Ok(sections)
+    }
+
+    /// Checks header and table and takes them apart. `bytes` are the first of a file of `file_bytes`, up to the table's end.
+    pub(super) fn parse(bytes: &[u8], file_bytes: u64) -> Result<Self, Fault> {
+        let (expected, got) = (checksum(bytes), u64_at(bytes, 56));
+        if expected != got {
+            return Err(head(
+                56,
+                format!("checksum of header and table: expected {got:016x}, got {expected:016x}"),
+            ));
+        }
+        let mut entries: Vec<Entry> = Vec::new();
+        let mut end = bytes.len() as u64;
+        for (i, b) in bytes[HEADER_BYTES..].chunks_exact(ENTRY_BYTES).enumerate() {
+            let at = (HEADER_BYTES + i * ENTRY_BYTES) as u64;
+            let name = [b[0], b[1], b[2], b[3]];
+            let (zstd, width, filters) = (b[4], b[5], b[6]);
+            if zstd > 1 || filters > 3 || b[7] != 0 || !(1..=8).contains(&width) {
+                return Err(head(at + 4, format!("encoding of section {i}: got unknown {:?}", &b[4..8])));
+            }
+            let encoding =
+                Encoding { zstd: zstd == 1, width, delta: filters & 1 != 0, planes: filters & 2 != 0 };
+            let (offset, stored, decoded) = (u64_at(b, 8), u64_at(b, 16), u64_at(b, 24));
+            if offset != align(end) {
+                return Err(head(
+                    at + 8,
+                    format!("offset of section {i}: expected {}, got {offset}", align(end)),
+                ));
+            }
+            end = offset.saturating_add(stored);
+            if end > file_bytes {
+                return Err(head(
+                    at + 16,
+                    format!("end of section {i}: expected at most {file_bytes}, got {end}"),
+                ));
+            }
+            if !encoding.zstd && stored != decoded {
+                return Err(head(at + 24, format!("size of section {i}: expected {stored}, got {decoded}")));
+            }
+            if entries.iter().any(|e| e.name == name) {
+                return Err(head(
+                    at,
+                    format!("name of section {i}: {:?} comes twice", name.escape_ascii().to_string()),
+                ));
+            }
+            entries.push(Entry { name, encoding, offset, stored, decoded, checksum: u64_at(b, 32) });
+        }
+        if align(end) != file_bytes {
+            return Err(head(16, format!("length of the file: expected {}, got {file_bytes}", align(end))));
+        }
+        let content_hash = u128::from(u64_at(bytes, 40)) | u128::from(u64_at(bytes, 48)) << 64;
+        Ok(Self { file_bytes, content_hash, entries })
+    }
+}
+
+/// XXH3-64 of all but the checksum itself.
+fn checksum(bytes: &[u8]) -> u64 {
+    let mut hash = Xxh3::new();
+    hash.update(&bytes[..56]);
+    hash.update(&bytes[HEADER_BYTES..]);
+    hash.digest()
+}
+
+/// Checksum of a section's bytes in the file.
+pub(super) fn section_checksum(stored: &[u8]) -> u64 {
+    xxh3_64(stored)
+}
+
+fn head(at: u64, what: String) -> Fault {
+    Fault { section: *b"HEAD", at, what }
+}

@@ -1,0 +1,208 @@
+//! Damaged files: never a panic, and nothing but an error or the very same volume comes out.
+
+use std::io::Cursor;
+
+use super::layout::{ENTRY_BYTES, HEADER_BYTES, section_checksum};
+use super::read::{Stop, read};
+use super::{Level, layout};
+use crate::{CompressedVolume, Job, LabelBuffer, LabelNote, LabelType, VolumeInfo, compress_labels};
+
+/// Numbers that are the same on every machine (SplitMix64).
+struct Random(u64);
+
+impl Random {
+    fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        let z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        z ^ (z >> 31)
+    }
+    fn below(&mut self, n: usize) -> usize {
+        (self.next() % n as u64) as usize
+    }
+}
+
+fn sample() -> CompressedVolume {
+    let dims = [37, 21, 1030];
+    let mut info = VolumeInfo::new(dims, LabelType::U32);
+    info.notes.push(LabelNote { id: 1, name: Some("axon".into()), color_srgb: Some([0.25, 0.5, 1.0]) });
+    let mut ids = Vec::new();
+    for z in 0..dims[2] {
+        for y in 0..dims[1] {
+            for x in 0..dims[0] {
+                let near = (x / 7 + y / 9 + (z + x * y % 3) / 11) % 5;
+                ids.push(if z % 100 > 30 { 0 } else { near * 1_000_003 + u32::from(near == 2 && x == y) });
+            }
+        }
+    }
+    compress_labels(info, LabelBuffer::U32(ids)).unwrap()
+}
+
+fn file_bytes(volume: &CompressedVolume, level: Level) -> Vec<u8> {
+    let (layout, sections) = volume.encode_sections(level, &Job::new()).unwrap();
+    let mut bytes = layout.to_bytes();
+    for section in sections {
+        bytes.resize(layout::align(bytes.len() as u64) as usize, 0);
+        bytes.extend(section);
+    }
+    bytes.resize(layout::align(bytes.len() as u64) as usize, 0);
+    bytes
+}
+
+fn open(bytes: &[u8], check_hash: bool) -> Result<CompressedVolume, String> {
+    read(&mut Cursor::new(bytes), bytes.len() as u64, check_hash, &Job::new()).map_err(|stop| match stop {
+        Stop::Fault(f) => format!("{} at byte {} of section {}", f.what, f.at, f.section.escape_ascii()),
+        Stop::Io(e) => e.to_string(),
+        Stop::Core(e) => e.to_string(),
+    })
+}
+
+/// Makes all checksums right again, so that a change reaches what lies behind them.
+fn fix_checksums(bytes: &mut [u8]) {
+    let u64_at = |b: &[u8], at: usize| u64::from_le_bytes(b[at..at + 8].try_into().unwrap()) as usize;
+    let count = u32::from_le_bytes(bytes[32..36].try_into().unwrap()) as usize;
+    let table = HEADER_BYTES + ENTRY_BYTES * count.min(layout::MAX_SECTIONS as usize);
+    if table > bytes.len() {
+        return;
+    }
+    for at in (HEADER_BYTES..table).step_by(ENTRY_BYTES) {
+        let (offset, stored) = (u64_at(bytes, at + 8), u64_at(bytes, at + 16));
+        if let Some(section) = offset.checked_add(stored).and_then(|end| bytes.get(offset..end)) {
+            let checksum = section_checksum(section);
+            bytes[at + 32..at + 40].copy_from_slice(&checksum.to_le_bytes());
+        }
+    }
+    let mut hash = xxhash_rust::xxh3::Xxh3::new();
+    hash.update(&bytes[..56]);
+    hash.update(&bytes[HEADER_BYTES..table]);
+    let checksum = hash.digest();
+    bytes[56..64].copy_from_slice(&checksum.to_le_bytes());
+}
+
+/// Uses everything of a volume that got through: none of it may panic.
+fn use_all(volume: &CompressedVolume) {
+    let _ = volume.content_hash();
+    let _ = volume.label_bounds();
+    let _ = volume.labels().contacts().iter().count();
+    let dims = volume.info().dims;
+    if volume.info().voxels() < 1 << 22 {
+        let _ = volume.decode_ids([0; 3], dims).unwrap();
+    }
+    let _ = volume.label_at([3, 3, 3]);
+    let _ = volume.find_contacts(&Job::new());
+}
+
+#[test]
+fn files_of_all_levels_round_trip() {
+    let volume = sample();
+    for level in [Level::Fast, Level::Default, Level::Small] {
+        let back = open(&file_bytes(&volume, level), true).unwrap();
+        assert_eq!(format!("{:?}", back.boxes), format!("{:?}", volume.boxes));
+        assert!(back.nodes == volume.nodes && back.dictionary == volume.dictionary);
+        assert!(back.runs == volume.runs && back.chunks == volume.chunks);
+        assert!(back.labels == volume.labels && back.info == volume.info);
+    }
+}
+
+#[test]
+fn truncated_files_are_refused() {
+    for level in [Level::Fast, Level::Default] {
+        let bytes = file_bytes(&sample(), level);
+        let step = (bytes.len() / 700).max(1);
+        for length in
+            (0..400.min(bytes.len())).chain((400..bytes.len()).step_by(step)).chain([bytes.len() - 1])
+        {
+            assert!(open(&bytes[..length], true).is_err(), "{length} of {}", bytes.len());
+        }
+        let mut longer = bytes;
+        longer.extend([0; 8]);
+        assert!(open(&longer, true).is_err());
+    }
+}
+
+#[test]
+fn damage_is_found_by_the_checksums() {
+    let volume = sample();
+    for level in [Level::Fast, Level::Default] {
+        let bytes = file_bytes(&volume, level);
+        let mut random = Random(1);
+        let mut refused = 0;
+        for i in 0..600 {
+            let mut damaged = bytes.clone();
+            let at = if i < 200 { i % damaged.len() } else { random.below(damaged.len()) };
+            damaged[at] ^= 1 << random.below(8);
+            match open(&damaged, true) {
+                Err(_) => refused += 1,
+                Ok(back) => assert_eq!(back.content_hash(), volume.content_hash(), "byte {at}"),
+            }
+        }
+        // All but the padding between sections is covered by a checksum.
+        assert!(refused > 590, "only {refused} of 600 refused");
+    }
+}
+
+#[test]
+fn damage_behind_right_checksums_never_panics() {
+    let volume = sample();
+    for level in [Level::Fast, Level::Default] {
+        let bytes = file_bytes(&volume, level);
+        let mut random = Random(2);
+        let mut passed = 0;
+        for round in 0..1500 {
+            let mut damaged = bytes.clone();
+            for _ in 0..1 + random.below(3) {
+                // Half of the damage in header and table, where the lengths are.
+                let end = if random.below(2) == 0 { HEADER_BYTES + 16 * ENTRY_BYTES } else { damaged.len() };
+                let at = random.below(end.min(damaged.len()));
+                match random.below(4) {
+                    0 => damaged[at] ^= 1 << random.below(8),
+                    1 => damaged[at] = random.next() as u8,
+                    2 => damaged[at] = [0, 255, 127, 128][random.below(4)],
+                    _ => {
+                        let length = (1 + random.below(16)).min(damaged.len() - at);
+                        damaged[at..at + length].iter_mut().for_each(|b| *b = random.next() as u8);
+                    }
+                }
+            }
+            fix_checksums(&mut damaged);
+            if let Ok(back) = open(&damaged, false) {
+                passed += 1;
+                use_all(&back);
+            }
+            if let Ok(back) = open(&damaged, true) {
+                assert_eq!(back.content_hash(), volume.content_hash(), "round {round}");
+            }
+        }
+        // A control on the test itself: some damage must get through to where only structure is left to check it.
+        assert!(passed > 0);
+    }
+}
+
+#[test]
+fn damaged_arrays_never_panic() {
+    // The plain arrays of a `fast` file, changed element by element: every rule of the check is met this way.
+    let volume = sample();
+    let bytes = file_bytes(&volume, Level::Fast);
+    let mut random = Random(3);
+    let names = ["INFO", "CHNK", "RUNS", "LIDS", "LVOX", "LTYP", "LCON", "LEAF", "BOXS", "NODE"];
+    let mut refused = std::collections::HashMap::new();
+    for (s, name) in names.iter().enumerate() {
+        let entry = HEADER_BYTES + s * ENTRY_BYTES;
+        assert_eq!(&bytes[entry..entry + 4], name.as_bytes());
+        let at = |k: usize| u64::from_le_bytes(bytes[entry + k..entry + k + 8].try_into().unwrap()) as usize;
+        let (offset, stored) = (at(8), at(16));
+        for _ in 0..if stored == 0 { 0 } else { 250 } {
+            let mut damaged = bytes.clone();
+            let place = offset + random.below(stored);
+            damaged[place] = damaged[place].wrapping_add([1, 255, 128, 64][random.below(4)]);
+            fix_checksums(&mut damaged);
+            match open(&damaged, false) {
+                Ok(back) => use_all(&back),
+                Err(_) => *refused.entry(name).or_insert(0) += 1,
+            }
+        }
+    }
+    for name in ["CHNK", "RUNS", "LIDS", "LVOX", "LCON", "BOXS", "NODE", "LEAF"] {
+        assert!(refused.get(&name).is_some_and(|&n| n > 50), "{name}: {refused:?}");
+    }
+}

@@ -1,0 +1,358 @@
+//! From parts to the compressed volume.
+//!
+//! ```text
+//! for each label (in parallel):  gather its records from all parts ─► Snap4 boxes, each with its fields
+//! sort the boxes:                chunk (Morton), label, Morton code of the origin
+//! share:                         boxes with the same contents have one node
+//! dictionary:                    the most frequent fields of the distinct nodes
+//! write the nodes:               in the order of first use, then box records and label runs
+//! ```
+//! Each step's result follows from the volume alone, so threads, blocks and their order leave no trace in it.
+
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+
+use rayon::prelude::*;
+use rustc_hash::FxHashMap;
+use xxhash_rust::xxh3::Xxh3;
+
+use crate::boxes::{RawBox, RawBoxes, split_label};
+use crate::cell::Cell;
+use crate::node::NODE_HEADER_WORDS;
+use crate::part::Run;
+use crate::store::StoredParts;
+use crate::volume::CHUNK_CELLS;
+use crate::{
+    BoxRecord, Chunk, CompressedVolume, Error, Job, LabelRun, LabelTable, Result, VolumeInfo, dictionary,
+    morton,
+};
+
+/// Records that one task takes at least: enough to hide its cost, few enough to balance.
+const TASK_CELLS: usize = 1 << 15;
+
+/// How far back, in words, a chunk may share nodes of earlier chunks. Its boxes name nodes by 32 bits from the chunk's base, and
+/// need room for their own; beyond the window a node is written again.
+const SHARING_WINDOW_WORDS: u64 = 1 << 31;
+
+/// What finishing may use, and what it turns out to need.
+pub(crate) struct Budget {
+    /// Bytes, of which finishing may take three quarters; the rest is for records of parts that have not been spilled.
+    pub(crate) limit_bytes: Option<u64>,
+    /// Threads that each gather a label at a time.
+    pub(crate) threads: usize,
+}
+
+/// Bytes that finishing holds for each box at its peak: raw box 48, hash 16, its entry among the shared contents about 64, numbers
+/// of contents 8. (Looking for contacts, afterwards, takes less: about 4 bricks a box at 20 bytes each, when these are gone.)
+const BYTES_A_BOX: u64 = 140;
+
+/// Bytes for each field: raw 8, and 8 more while tasks' results are put together, as a use for the dictionary, or in its node.
+const BYTES_A_FIELD: u64 = 16;
+
+impl Budget {
+    /// Refuses what does not fit; says the limit that would do.
+    fn check(&self, index_bytes: u64, boxes: u64, fields: u64, largest_label: u64) -> Result<()> {
+        let need = index_bytes
+            + boxes * BYTES_A_BOX
+            + fields * BYTES_A_FIELD
+            + largest_label * size_of::<Cell>() as u64 * self.threads as u64;
+        let got = need.saturating_mul(4).div_ceil(3);
+        match self.limit_bytes {
+            Some(limit) if got > limit => Err(Error::Limit { what: "bytes of memory".into(), limit, got }),
+            _ => Ok(()),
+        }
+    }
+}
+
+/// Boxes of all labels, and the label table without contacts.
+pub(crate) fn boxes_of_parts(
+    parts: &StoredParts,
+    budget: &Budget,
+    job: &Job,
+) -> Result<(RawBoxes, LabelTable)> {
+    let runs = parts.runs();
+    let index_bytes = parts.index_bytes() + (runs.capacity() * size_of::<Run>()) as u64;
+    job.begin(runs.iter().map(|r| (r.end - r.start) as u64).sum());
+
+    // Divide the labels into tasks of similar size; a label is never divided here.
+    let mut tasks: Vec<(u32, &[Run])> = Vec::new();
+    let (mut start, mut first_label, mut label, mut size) = (0, 0u32, 0u32, 0);
+    let (mut at, mut largest) = (0, 0);
+    for same_id in runs.chunk_by(|a, b| a.id == b.id) {
+        let cells = same_id.iter().map(|r| r.end - r.start).sum::<usize>();
+        largest = largest.max(cells as u64);
+        size += cells;
+        at += same_id.len();
+        label = label.checked_add(1).ok_or(Error::Limit {
+            what: "labels".into(),
+            limit: u32::MAX.into(),
+            got: 1 << 32,
+        })?;
+        if size >= TASK_CELLS {
+            tasks.push((first_label, &runs[start..at]));
+            (start, first_label, size) = (at, label, 0);
+        }
+    }
+    tasks.push((first_label, &runs[start..]));
+    budget.check(index_bytes, 0, 0, largest)?;
+
+    // Each task: its labels' boxes, ids, voxel counts. Once the budget is spent the boxes are only counted, for the error to
+    // name the figure that is needed.
+    let (boxes_so_far, fields_so_far) = (AtomicU64::new(0), AtomicU64::new(0));
+    let fits = || budget.check(index_bytes, boxes_so_far.load(Relaxed), fields_so_far.load(Relaxed), largest);
+    let results: Vec<Result<(RawBoxes, LabelTable)>> = tasks
+        .into_par_iter()
+        .map(|(first_label, runs)| {
+            let (mut boxes, mut table, mut cells) = (RawBoxes::default(), LabelTable::default(), Vec::new());
+            for (i, same_id) in runs.chunk_by(|a, b| a.id == b.id).enumerate() {
+                job.check()?;
+                parts.gather(same_id, &mut cells)?;
+                table.ids.push(same_id[0].id);
+                table.voxels.push(cells.iter().map(|c| u64::from(c.mask.count_ones())).sum());
+                let before = (boxes.boxes.len() as u64, boxes.fields.len() as u64);
+                split_label(first_label + i as u32, &mut cells, &mut boxes);
+                boxes_so_far.fetch_add(boxes.boxes.len() as u64 - before.0, Relaxed);
+                fields_so_far.fetch_add(boxes.fields.len() as u64 - before.1, Relaxed);
+                if fits().is_err() {
+                    boxes = RawBoxes::default();
+                }
+                job.advance(same_id.iter().map(|r| (r.end - r.start) as u64).sum());
+            }
+            boxes.boxes.shrink_to_fit();
+            boxes.fields.shrink_to_fit();
+            Ok((boxes, table))
+        })
+        .collect();
+    fits()?;
+
+    let (mut all, mut table) = (RawBoxes::default(), LabelTable::default());
+    all.boxes.reserve_exact(boxes_so_far.load(Relaxed) as usize);
+    all.fields.reserve_exact(fields_so_far.load(Relaxed) as usize);
+    for result in results {
+        let (boxes, labels) = result?;
+        all.append(boxes);
+        table.ids.extend(labels.ids);
+        table.voxels.extend(labels.voxels);
+    }
+    table.ids.shrink_to_fit();
+    table.voxels.shrink_to_fit();
+    Ok((all, table))
+}
+
+/// Where a box belongs in the order of boxes.
+fn rank(b: &RawBox) -> (u64, u32, u64) {
+    let code = morton::encode(b.origin);
+    (code / CHUNK_CELLS, b.label, code % CHUNK_CELLS)
+}
+
+/// Builds the volume from its boxes.
+pub(crate) fn finish(
+    info: VolumeInfo,
+    raw: RawBoxes,
+    labels: LabelTable,
+    job: &Job,
+) -> Result<CompressedVolume> {
+    finish_with_window(info, raw, labels, job, SHARING_WINDOW_WORDS)
+}
+
+fn finish_with_window(
+    info: VolumeInfo,
+    raw: RawBoxes,
+    labels: LabelTable,
+    job: &Job,
+    window_words: u64,
+) -> Result<CompressedVolume> {
+    let RawBoxes { mut boxes, fields } = raw;
+    if boxes.len() > u32::MAX as usize {
+        return Err(Error::Limit { what: "boxes".into(), limit: u32::MAX.into(), got: boxes.len() as u64 });
+    }
+    job.check()?;
+    boxes.par_sort_unstable_by_key(rank);
+    let fields_of = |b: &RawBox| &fields[b.first_field..b.first_field + b.fields()];
+
+    // Share: the distinct contents in the order of first use, and which one each box has.
+    job.check()?;
+    let hashes: Vec<u128> = boxes
+        .par_iter()
+        .map(|b| {
+            let mut hash = Xxh3::new();
+            hash.update(bytemuck::bytes_of(&[b.occupied, b.solid]));
+            hash.update(bytemuck::cast_slice(fields_of(b)));
+            hash.digest128()
+        })
+        .collect();
+    let mut first_with: FxHashMap<u128, u32> = FxHashMap::default();
+    let mut distinct: Vec<u32> = Vec::new();
+    let mut distinct_of_box: Vec<u32> = Vec::with_capacity(boxes.len());
+    for (i, (b, hash)) in boxes.iter().zip(&hashes).enumerate() {
+        let d = *first_with.entry(*hash).or_insert(distinct.len() as u32);
+        let same = distinct.get(d as usize).is_some_and(|&other| {
+            let o = &boxes[other as usize];
+            (o.occupied, o.solid) == (b.occupied, b.solid) && fields_of(o) == fields_of(b)
+        });
+        // Not the same: new, or (never seen) two contents with one 128-bit hash, of which the later is not shared.
+        distinct_of_box.push(if same { d } else { distinct.len() as u32 });
+        if !same {
+            distinct.push(i as u32);
+        }
+    }
+    drop((first_with, hashes));
+
+    // Dictionary over the distinct nodes.
+    job.check()?;
+    let uses = distinct.iter().flat_map(|&i| fields_of(&boxes[i as usize])).copied().collect();
+    let dictionary = dictionary::build(uses);
+    let index = dictionary::index(&dictionary);
+    let sizes: Vec<u16> = distinct
+        .par_iter()
+        .map(|&i| {
+            let fields = fields_of(&boxes[i as usize]);
+            let ranked = fields.iter().filter(|f| index.contains_key(f)).count();
+            (NODE_HEADER_WORDS + ranked + 4 * (fields.len() - ranked)) as u16
+        })
+        .collect();
+
+    // Place the nodes, chunk by chunk, and write records and runs.
+    job.check()?;
+    let mut volume = CompressedVolume::empty(info);
+    let mut records = Vec::with_capacity(boxes.len());
+    let mut place: Vec<Option<u64>> = vec![None; distinct.len()];
+    let mut writes: Vec<u32> = Vec::new();
+    let mut words = 0u64;
+    for in_chunk in boxes.chunk_by(|a, b| rank(a).0 == rank(b).0) {
+        let first_box = records.len();
+        let chunk_cell = morton::decode(rank(&in_chunk[0]).0 * CHUNK_CELLS);
+        let node_base = words.saturating_sub(window_words);
+        volume.chunks.push(Chunk {
+            origin: chunk_cell.map(|c| 4 * c),
+            first_box: first_box as u64,
+            first_run: volume.runs.len() as u64,
+            node_base,
+        });
+        for (i, b) in in_chunk.iter().enumerate() {
+            if i == 0 || in_chunk[i - 1].label != b.label {
+                volume.runs.push(LabelRun { label: b.label, first_box: i as u32 });
+            }
+            let d = distinct_of_box[first_box + i];
+            let at = match place[d as usize] {
+                Some(at) if at >= node_base => at,
+                _ => {
+                    let at = words;
+                    words += u64::from(sizes[d as usize]);
+                    place[d as usize] = Some(at);
+                    writes.push(d);
+                    at
+                }
+            };
+            let node = u32::try_from(at - node_base).map_err(|_| Error::Limit {
+                what: format!("bytes of nodes in the chunk at {:?}", chunk_cell.map(|c| 4 * c)),
+                limit: 2 << 32,
+                got: 2 * (at - node_base),
+            })?;
+            let cell = [0, 1, 2].map(|a| b.origin[a] - chunk_cell[a]);
+            records.push(BoxRecord::new(cell, b.extent.map(u32::from), node));
+        }
+    }
+    volume.runs.shrink_to_fit();
+    volume.chunks.shrink_to_fit();
+    volume.boxes = records;
+
+    // Write the nodes, in parallel: each group of nodes into its own piece of the array.
+    let mut nodes = vec![0u16; words as usize];
+    let mut pieces = Vec::new();
+    let mut rest = nodes.as_mut_slice();
+    for group in writes.chunks(4096) {
+        let length = group.iter().map(|&d| usize::from(sizes[d as usize])).sum();
+        let (piece, tail) = rest.split_at_mut(length);
+        pieces.push((group, piece));
+        rest = tail;
+    }
+    pieces.into_par_iter().for_each(|(group, mut piece)| {
+        for &d in group {
+            let b = &boxes[distinct[d as usize] as usize];
+            let (node, tail) = piece.split_at_mut(usize::from(sizes[d as usize]));
+            write_node(b, fields_of(b), &index, node);
+            piece = tail;
+        }
+    });
+    volume.nodes = nodes;
+    volume.dictionary = dictionary;
+    volume.labels = labels;
+    Ok(volume)
+}
+
+/// Writes a node as drawn in [`crate::node`].
+fn write_node(b: &RawBox, fields: &[u64], index: &FxHashMap<u64, u16>, node: &mut [u16]) {
+    fn put64(words: &mut [u16], value: u64) {
+        for (i, word) in words.iter_mut().take(4).enumerate() {
+            *word = (value >> (16 * i)) as u16;
+        }
+    }
+    let known: u32 = fields.iter().map(|f| u32::from(index.contains_key(f))).sum();
+    let mut ranked = 0u64;
+    let (mut short, mut long) = (NODE_HEADER_WORDS, NODE_HEADER_WORDS + known as usize);
+    let mut mixed = b.occupied & !b.solid;
+    for field in fields {
+        let c = mixed.trailing_zeros();
+        mixed &= mixed - 1;
+        match index.get(field) {
+            Some(&i) => {
+                ranked |= 1 << c;
+                node[short] = i;
+                short += 1;
+            }
+            None => {
+                put64(&mut node[long..], *field);
+                long += 4;
+            }
+        }
+    }
+    put64(node, b.occupied);
+    put64(&mut node[4..], b.solid);
+    put64(&mut node[8..], ranked);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{LabelBlock, LabelBuffer, LabelType, Part, store::PartStore};
+
+    /// Three chunks along x with the same few contents in each.
+    fn raw(dims: [u32; 3]) -> (RawBoxes, LabelTable, Vec<u64>) {
+        let ids: Vec<u8> =
+            (0..dims[0] * dims[1] * dims[2]).map(|i| ((i % dims[0] / 3 + i / dims[0]) % 4) as u8).collect();
+        let block = LabelBlock::x_fastest([0; 3], dims, LabelBuffer::U8(ids.clone()));
+        let store = PartStore::new(None, std::env::temp_dir());
+        store.add(Part::from_block(&block, dims).unwrap(), false).unwrap();
+        let budget = Budget { limit_bytes: None, threads: 1 };
+        let (raw, labels) = boxes_of_parts(&store.into_parts(), &budget, &Job::new()).unwrap();
+        (raw, labels, ids.into_iter().map(u64::from).collect())
+    }
+
+    #[test]
+    fn nodes_beyond_the_window_are_written_again() {
+        let dims = [3000, 5, 7];
+        let (raw, labels, ids) = raw(dims);
+        let mut sizes = Vec::new();
+        for window in [0, 40, 200, u64::MAX / 2] {
+            let info = VolumeInfo::new(dims, LabelType::U8);
+            let mut volume =
+                finish_with_window(info, raw.clone(), labels.clone(), &Job::new(), window).unwrap();
+            volume.labels.contacts = volume.find_contacts(&Job::new()).unwrap();
+            assert_eq!(volume.decode_ids([0; 3], dims).unwrap(), ids, "window {window}");
+            assert!(volume.chunks().iter().skip(1).any(|c| c.node_base > 0) || window > 1 << 32);
+            sizes.push(volume.nodes().len());
+
+            // The file's packed form has to find nodes that occur twice, too.
+            let folder = tempfile::tempdir().unwrap();
+            let path = folder.path().join("window.pumice");
+            for level in [crate::Level::Fast, crate::Level::Default] {
+                volume.save(&path, level, &Job::new()).unwrap();
+                let back = CompressedVolume::open(&path, &Job::new()).unwrap();
+                assert!(
+                    back.boxes == volume.boxes && back.nodes == volume.nodes && back.chunks == volume.chunks
+                );
+            }
+        }
+        assert!(sizes[0] > sizes[3] && sizes.is_sorted_by(|a, b| a >= b), "{sizes:?}");
+    }
+}

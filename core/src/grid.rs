@@ -1,0 +1,82 @@
+//! Which boxes reach into which 16³ brick of space: answers "what is here" without walking all boxes.
+//!
+//! ```text
+//! bricks  7        9        12        Morton codes of the bricks that some box touches, rising
+//! starts  0        2        3     5   one more than bricks
+//! boxes   4 11     4        0 4 9     by rising index: boxes of one label side by side are found twice, once a brick
+//! ```
+//! Only touched bricks are listed, so a long thin or nearly empty volume costs no more than its boxes do.
+
+use rayon::prelude::*;
+
+use crate::{CompressedVolume, morton};
+
+/// Side of a brick in voxels.
+pub const BRICK_VOXELS: u32 = 16;
+
+/// See the module.
+#[derive(Clone, Debug, Default)]
+pub struct BoxGrid {
+    bricks: Vec<u64>,
+    starts: Vec<u32>,
+    boxes: Vec<u32>,
+}
+
+impl BoxGrid {
+    /// The grid of a volume's boxes.
+    pub fn new(volume: &CompressedVolume) -> Self {
+        let mut pairs: Vec<(u64, u32)> = (0..volume.boxes().len() as u32)
+            .into_par_iter()
+            .flat_map_iter(|i| {
+                let b = volume.get_box(i as usize);
+                let first = b.origin.map(|o| o / BRICK_VOXELS);
+                let last = [0, 1, 2].map(|a| (b.origin[a] + b.extent[a] - 1) / BRICK_VOXELS);
+                cells_between(first, last).map(move |brick| (morton::encode(brick), i))
+            })
+            .collect();
+        pairs.par_sort_unstable();
+        let mut grid = Self::default();
+        grid.boxes.reserve_exact(pairs.len());
+        for &(brick, index) in &pairs {
+            if grid.bricks.last() != Some(&brick) {
+                grid.bricks.push(brick);
+                grid.starts.push(grid.boxes.len() as u32);
+            }
+            grid.boxes.push(index);
+        }
+        grid.starts.push(grid.boxes.len() as u32);
+        grid.bricks.shrink_to_fit();
+        grid.starts.shrink_to_fit();
+        grid
+    }
+
+    /// Boxes that reach into a brick (voxel coordinates / 16), by rising index.
+    pub fn boxes_in(&self, brick: [u32; 3]) -> &[u32] {
+        match self.bricks.binary_search(&morton::encode(brick)) {
+            Ok(i) => self.boxes_of(i),
+            Err(_) => &[],
+        }
+    }
+
+    /// Codes of the bricks that have boxes, rising.
+    pub fn bricks(&self) -> &[u64] {
+        &self.bricks
+    }
+
+    /// Boxes of brick number `i` of [`BoxGrid::bricks`].
+    pub fn boxes_of(&self, i: usize) -> &[u32] {
+        &self.boxes[self.starts[i] as usize..self.starts[i + 1] as usize]
+    }
+
+    /// Heap bytes held.
+    pub fn bytes(&self) -> u64 {
+        (self.bricks.capacity() * 8 + self.starts.capacity() * 4 + self.boxes.capacity() * 4) as u64
+    }
+}
+
+/// All points from `first` to `last`, both included.
+pub(crate) fn cells_between(first: [u32; 3], last: [u32; 3]) -> impl Iterator<Item = [u32; 3]> {
+    (first[2]..=last[2]).flat_map(move |z| {
+        (first[1]..=last[1]).flat_map(move |y| (first[0]..=last[0]).map(move |x| [x, y, z]))
+    })
+}

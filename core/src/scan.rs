@@ -1,0 +1,315 @@
+//! From a block of labels to a part: which voxels of each 4³ cell have which label.
+//!
+//! ```text
+//! for each cell that the block touches, in Morton order (so that each label's records come out sorted):
+//!     read its 64 labels
+//!     if they are all equal: one record, all bits (most cells of real volumes end here)
+//!     else, while voxels remain: take the first one's label, compare all 64 with it, one record
+//! group the records by label: a counting sort, stable
+//! ```
+//! Labels are looked up in a small direct-mapped cache, then a hash map, never in an array by id: ids are sparse up to 2⁶⁴.
+
+use rustc_hash::FxHashMap;
+
+use crate::block::{LabelBlock, LabelBuffer};
+use crate::cell::{CELL, Cell, SOLID};
+use crate::part::Part;
+use crate::{Error, Result, morton};
+
+/// A label as it lies in memory.
+trait Label: Copy + Eq + Default + Into<u64> {
+    /// Whether all 64 are equal to `first`. Branch-free, so that the compiler makes vector code of it.
+    fn all_equal(labels: &[Self; 64], first: Self) -> bool;
+
+    /// The labels in 32 bits if they stay distinct in them: twice as many compare at once.
+    fn narrow(_: &[Self; 64]) -> Option<[u32; 64]> {
+        None
+    }
+}
+
+macro_rules! label {
+    ($($t:ty { $($more:item)* })*) => {$(
+        impl Label for $t {
+            $($more)*
+            #[inline(always)]
+            fn all_equal(labels: &[Self; 64], first: Self) -> bool {
+                labels.iter().fold(0, |differing, &l| differing | (l ^ first)) == 0
+            }
+        }
+    )*};
+}
+label! {
+    u8 {}
+    u16 {}
+    u32 {}
+    u64 {
+        #[inline(always)]
+        fn narrow(labels: &[Self; 64]) -> Option<[u32; 64]> {
+            let differing = labels.iter().fold(0, |differing, &l| differing | (l ^ labels[0]));
+            (differing >> 32 == 0).then(|| labels.map(|l| l as u32))
+        }
+    }
+}
+
+/// Bit v is set where `labels[v]` is `label`.
+#[inline(always)]
+fn equal_mask<T: Label>(labels: &[T; 64], label: T) -> u64 {
+    let mut equal = [0u8; 64];
+    for (e, &l) in equal.iter_mut().zip(labels) {
+        *e = u8::from(l == label);
+    }
+    let mut mask = 0;
+    for (i, eight) in equal.as_chunks::<8>().0.iter().enumerate() {
+        // Eight bytes of 0 or 1 to eight bits: the product moves byte k's bit to bit 56 + k, without carries.
+        mask |= (u64::from_le_bytes(*eight).wrapping_mul(0x0102_0408_1020_4080) >> 56) << (8 * i);
+    }
+    mask
+}
+
+/// One record for each label among a cell's `valid` voxels. `keys` are equal where the labels are.
+#[inline(always)]
+fn record_each<T: Label, K: Label>(
+    labels: &[T; 64],
+    keys: &[K; 64],
+    valid: u64,
+    cell: u64,
+    records: &mut Records,
+) {
+    let mut remaining = valid;
+    while remaining != 0 {
+        let first = remaining.trailing_zeros() as usize;
+        let mask = equal_mask(keys, keys[first]) & valid;
+        remaining &= !mask;
+        records.push(labels[first].into(), cell, mask);
+    }
+}
+
+/// Records of a block in the order of its cells, before they are grouped by label.
+struct Records {
+    ids: Vec<u64>,
+    counts: Vec<usize>,
+    index_of: FxHashMap<u64, u32>,
+    cache: Box<[(u64, u32); CACHE]>,
+    indices: Vec<u32>,
+    cells: Vec<Cell>,
+}
+
+/// Slots of the label cache: more labels than this seldom meet in one 64³ neighbourhood.
+const CACHE: usize = 256;
+
+impl Records {
+    fn new() -> Self {
+        // Id 0 is never looked up, so an empty slot cannot match.
+        Self {
+            ids: Vec::new(),
+            counts: Vec::new(),
+            index_of: FxHashMap::default(),
+            cache: Box::new([(0, 0); CACHE]),
+            indices: Vec::new(),
+            cells: Vec::new(),
+        }
+    }
+
+    /// Adds the voxels of a label in a cell; background leaves no record.
+    #[inline(always)]
+    fn push(&mut self, id: u64, key: u64, mask: u64) {
+        if id == 0 {
+            return;
+        }
+        // Fibonacci hashing: the top bits of the product depend on all of the id's.
+        let slot = (id.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 56) as usize % CACHE;
+        let (cached, index) = self.cache[slot];
+        let index = if cached == id { index } else { self.look_up(id, slot) };
+        self.counts[index as usize] += 1;
+        self.indices.push(index);
+        self.cells.push(Cell { key, mask });
+    }
+
+    #[inline(never)]
+    fn look_up(&mut self, id: u64, slot: usize) -> u32 {
+        let index = *self.index_of.entry(id).or_insert_with(|| {
+            self.ids.push(id);
+            self.counts.push(0);
+            (self.ids.len() - 1) as u32
+        });
+        self.cache[slot] = (id, index);
+        index
+    }
+
+    /// Groups by label, labels by id; within a label the order stays.
+    fn into_part(self) -> Part {
+        let mut order: Vec<u32> = (0..self.ids.len() as u32).collect();
+        order.sort_unstable_by_key(|&i| self.ids[i as usize]);
+        let mut next = vec![0; self.ids.len()];
+        let mut offsets = Vec::with_capacity(order.len() + 1);
+        let mut at = 0;
+        offsets.push(0);
+        for &i in &order {
+            next[i as usize] = at;
+            at += self.counts[i as usize];
+            offsets.push(at);
+        }
+        let mut cells = vec![Cell { key: 0, mask: 0 }; self.cells.len()];
+        for (&index, &cell) in self.indices.iter().zip(&self.cells) {
+            let to = &mut next[index as usize];
+            cells[*to] = cell;
+            *to += 1;
+        }
+        Part { ids: order.iter().map(|&i| self.ids[i as usize]).collect(), offsets, cells }
+    }
+}
+
+impl Part {
+    /// The part of one block of a volume of `dims` voxels.
+    ///
+    /// # Errors
+    /// [`Error::Caller`] when the block reaches beyond the volume or beyond its own buffer.
+    pub fn from_block(block: &LabelBlock, dims: [u32; 3]) -> Result<Part> {
+        check(block, dims)?;
+        let mut records = Records::new();
+        match &block.labels {
+            LabelBuffer::U8(labels) => Scan { block, labels }.run(&mut records),
+            LabelBuffer::U16(labels) => Scan { block, labels }.run(&mut records),
+            LabelBuffer::U32(labels) => Scan { block, labels }.run(&mut records),
+            LabelBuffer::U64(labels) => Scan { block, labels }.run(&mut records),
+        }
+        Ok(records.into_part())
+    }
+}
+
+/// Refuses a block whose voxels are not all in the volume and in its buffer.
+fn check(block: &LabelBlock, dims: [u32; 3]) -> Result<()> {
+    let mut last = 0u128;
+    for a in 0..3 {
+        let end = u64::from(block.origin[a]) + u64::from(block.dims[a]);
+        if end > u64::from(dims[a]) {
+            return Err(Error::Caller(format!(
+                "block at {:?} of {:?} voxels reaches beyond the volume of {dims:?}",
+                block.origin, block.dims
+            )));
+        }
+        last += u128::from(block.dims[a].saturating_sub(1)) * block.strides[a] as u128;
+    }
+    if !block.dims.contains(&0) && last >= block.labels.len() as u128 {
+        return Err(Error::Caller(format!(
+            "block at {:?} of {:?} voxels needs {} labels, has {}",
+            block.origin,
+            block.dims,
+            last + 1,
+            block.labels.len()
+        )));
+    }
+    Ok(())
+}
+
+/// A block being scanned.
+struct Scan<'a, T> {
+    block: &'a LabelBlock,
+    labels: &'a [T],
+}
+
+impl<T: Label> Scan<'_, T> {
+    fn run(&self, records: &mut Records) {
+        if self.block.dims.contains(&0) {
+            return;
+        }
+        let first = self.block.origin.map(|o| o / CELL);
+        let last = [0, 1, 2].map(|a| (self.block.origin[a] + self.block.dims[a] - 1) / CELL);
+        // Start at the smallest aligned cube that holds all the cells.
+        let mut level = 0;
+        while (0..3).any(|a| first[a] >> level != last[a] >> level) {
+            level += 1;
+        }
+        self.cube(level, first.map(|c| c >> level << level), first, last, records);
+    }
+
+    /// Visits the cells from `first` to `last` within the cube of side 2^`level` cells at `corner`, in Morton order.
+    fn cube(&self, level: u32, corner: [u32; 3], first: [u32; 3], last: [u32; 3], records: &mut Records) {
+        if level == 0 {
+            return self.cell(corner, records);
+        }
+        let half = 1 << (level - 1);
+        for child in 0..8u32 {
+            let low = [0, 1, 2].map(|a| corner[a] + (child >> a & 1) * half);
+            if (0..3).all(|a| low[a] <= last[a] && low[a] + (half - 1) >= first[a]) {
+                self.cube(level - 1, low, first, last, records);
+            }
+        }
+    }
+
+    /// Reads one cell and records its labels.
+    #[inline]
+    fn cell(&self, cell: [u32; 3], records: &mut Records) {
+        let LabelBlock { origin, dims, strides, .. } = self.block;
+        let low = cell.map(|c| c * CELL);
+        let inside = (0..3).all(|a| low[a] >= origin[a] && low[a] - origin[a] + CELL <= dims[a]);
+        let mut labels = [T::default(); 64];
+        let mut valid = SOLID;
+        if inside {
+            let at: usize = (0..3).map(|a| (low[a] - origin[a]) as usize * strides[a]).sum();
+            for z in 0..4 {
+                for y in 0..4 {
+                    let row = at + y * strides[1] + z * strides[2];
+                    let to = 4 * y + 16 * z;
+                    if strides[0] == 1 {
+                        labels[to..to + 4].copy_from_slice(&self.labels[row..row + 4]);
+                    } else {
+                        for x in 0..4 {
+                            labels[to + x] = self.labels[row + x * strides[0]];
+                        }
+                    }
+                }
+            }
+        } else {
+            valid = self.read_partly(low, &mut labels);
+        }
+
+        let key = morton::encode(cell);
+        if valid == SOLID && T::all_equal(&labels, labels[0]) {
+            return records.push(labels[0].into(), key, SOLID);
+        }
+        match T::narrow(&labels) {
+            Some(narrow) => record_each(&labels, &narrow, valid, key, records),
+            None => record_each(&labels, &labels, valid, key, records),
+        }
+    }
+
+    /// Reads a cell at the block's edge; the result has a bit for each voxel that the block holds.
+    #[cold]
+    fn read_partly(&self, low: [u32; 3], labels: &mut [T; 64]) -> u64 {
+        let LabelBlock { origin, dims, strides, .. } = self.block;
+        let mut valid = 0;
+        for v in 0..64u32 {
+            let voxel = [low[0] + (v & 3), low[1] + (v >> 2 & 3), low[2] + (v >> 4)];
+            if (0..3).all(|a| voxel[a] >= origin[a] && voxel[a] - origin[a] < dims[a]) {
+                let at: usize = (0..3).map(|a| (voxel[a] - origin[a]) as usize * strides[a]).sum();
+                labels[v as usize] = self.labels[at];
+                valid |= 1 << v;
+            }
+        }
+        valid
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn equal_mask_matches_naive() {
+        for seed in 0..200u32 {
+            let labels: [u32; 64] =
+                std::array::from_fn(|v| (v as u32 ^ seed).wrapping_mul(0x9E37_79B9) >> 30);
+            let naive = (0..64).filter(|&v| labels[v] == 2).fold(0u64, |m, v| m | 1 << v);
+            assert_eq!(equal_mask(&labels, 2), naive);
+        }
+    }
+
+    #[test]
+    fn blocks_outside_are_refused() {
+        let block = |origin, dims, n| LabelBlock::x_fastest(origin, dims, LabelBuffer::U8(vec![1; n]));
+        assert!(Part::from_block(&block([0; 3], [2, 2, 2], 8), [2; 3]).is_ok());
+        assert!(Part::from_block(&block([1, 0, 0], [2, 2, 2], 8), [2; 3]).is_err());
+        assert!(Part::from_block(&block([0; 3], [2, 2, 2], 7), [2; 3]).is_err());
+    }
+}

@@ -1,0 +1,90 @@
+//! Types: a grouping of labels (dendrite, axon, vessel…) that the user gives as a table.
+//!
+//! ```text
+//! id,type             the header line may be there or not
+//! 3,axon
+//! 98340797,dendrite   labels that the table leaves out have no type
+//! ```
+
+use std::collections::BTreeMap;
+
+use crate::{Error, LabelTable, Result};
+
+/// Type number of a label without one.
+pub(crate) const NO_TYPE: u16 = u16::MAX;
+
+/// Types of labels by id.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct TypeTable {
+    names: Vec<String>,
+    type_of_id: BTreeMap<u64, u16>,
+}
+
+impl TypeTable {
+    /// Reads a table: one `id,type` a line, as in the module's example.
+    ///
+    /// # Errors
+    /// [`Error::Caller`] that names the line.
+    pub fn parse_csv(text: &str) -> Result<Self> {
+        let wrong =
+            |line: usize, what: String| Error::Caller(format!("type table, line {}: {what}", line + 1));
+        let mut named: BTreeMap<u64, &str> = BTreeMap::new();
+        for (number, line) in text.lines().enumerate().filter(|(_, l)| !l.trim().is_empty()) {
+            let Some((id, name)) = line.split_once(',') else {
+                return Err(wrong(number, format!("expected `id,type`, got `{line}`")));
+            };
+            let (id, name) = (id.trim(), name.trim().trim_matches('"'));
+            if number == 0 && id.trim_matches('"').eq_ignore_ascii_case("id") {
+                continue;
+            }
+            let id: u64 =
+                id.parse().map_err(|_| wrong(number, format!("expected a label id, got `{id}`")))?;
+            if name.is_empty() {
+                return Err(wrong(number, format!("label {id} has an empty type")));
+            }
+            if named.insert(id, name).is_some_and(|before| before != name) {
+                return Err(wrong(number, format!("label {id} has two types")));
+            }
+        }
+        // Numbered by name, so that the order of lines leaves no trace.
+        let mut names: Vec<String> = named.values().map(|&n| n.to_owned()).collect();
+        names.sort_unstable();
+        names.dedup();
+        if names.len() >= usize::from(NO_TYPE) {
+            return Err(Error::Limit {
+                what: "types".into(),
+                limit: u64::from(NO_TYPE) - 1,
+                got: names.len() as u64,
+            });
+        }
+        let number = |name: &str| names.partition_point(|n| n.as_str() < name) as u16;
+        let type_of_id = named.iter().map(|(&id, name)| (id, number(name))).collect();
+        Ok(Self { names, type_of_id })
+    }
+
+    /// Gives the labels of a table their types.
+    pub(crate) fn apply(&self, table: &mut LabelTable) {
+        table.type_names = self.names.clone();
+        table.types =
+            table.ids.iter().map(|id| self.type_of_id.get(id).copied().unwrap_or(NO_TYPE)).collect();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tables_are_read_and_mistakes_named() {
+        let table =
+            TypeTable::parse_csv("id,type\n5,soma\n 9 , axon\n\n18446744073709551615,soma\n").unwrap();
+        let mut labels = LabelTable { ids: vec![5, 7, 9], ..LabelTable::default() };
+        table.apply(&mut labels);
+        assert_eq!(labels.type_names(), ["axon", "soma"]);
+        assert_eq!([0, 1, 2].map(|l| labels.type_of(l)), [Some(1), None, Some(0)]);
+        for (text, line) in [("1,a\n1,b", 2), ("x,a\n", 1), ("1,a\n2", 2), ("1,", 1)] {
+            let error = TypeTable::parse_csv(text).unwrap_err().to_string();
+            assert!(error.contains(&format!("line {line}")), "{error}");
+        }
+    }
+}

@@ -1,0 +1,29 @@
+//! Rays against compressed volumes.
+//!
+//! ```text
+//! world ray ──► IndexRay (f64, once an instance) ──► Bvh over the visible boxes (f32, conservative)
+//!                                                        │ candidates
+//!                                                        ▼
+//!                              clip against the exact box (f64) ──► Walk: cells, voxels (f32, planes from integers)
+//! ```
+//! A candidate's result depends on the ray and the box alone, candidates are compared by (t, label, voxel), and the hierarchy
+//! only leaves out boxes that cannot win: the answer does not depend on the order of traversal.
+//!
+//! **Surfaces.** Where the ray comes from outside, the first voxel of a visible label that it passes through with a chord above
+//! 0 is hit, at the face through which it enters. A ray that starts inside a voxel of label L sees the inside of L's surface, as
+//! in a closed mesh: the face through which it leaves L, whether into empty space or into another label, with `from_inside` set
+//! and the outward normal along the ray. Seams between boxes of one label are no surfaces. Nothing at t = 0 is reported; a ray
+//! that starts exactly on a face and points into the voxel is inside it.
+//!
+//! Not here yet: cut planes and cut boxes (t intervals), triangle meshes.
+
+mod box_walk;
+mod index_ray;
+mod lod;
+mod scene_tracer;
+mod volume_tracer;
+
+pub(crate) use index_ray::IndexRay;
+pub use lod::LodChoice;
+pub use scene_tracer::{SceneTracer, TracedInstance};
+pub use volume_tracer::VolumeTracer;

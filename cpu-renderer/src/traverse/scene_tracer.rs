@@ -1,0 +1,89 @@
+//! All instances of a scene behind one [`Tracer`].
+
+use std::sync::Arc;
+
+use glam::DAffine3;
+use pumice_core::CompressedVolume;
+use pumice_render::{Hit, PathOrigin, RayInWorld, RenderError, Tracer};
+
+use super::{LodChoice, VolumeTracer};
+
+/// A volume placed in the world, and what of it is drawn.
+#[derive(Clone, Debug)]
+pub struct TracedInstance {
+    /// The volume; several instances may share it.
+    pub volume: Arc<CompressedVolume>,
+    /// Index space to world; mirrored and sheared is fine, singular is not.
+    pub world_from_index: DAffine3,
+    /// By dense label; labels past its end are hidden.
+    pub visible: Vec<bool>,
+    /// Detail.
+    pub lod: LodChoice,
+}
+
+/// See the module.
+#[derive(Debug)]
+pub struct SceneTracer {
+    volumes: Vec<VolumeTracer>,
+}
+
+impl SceneTracer {
+    /// Builds the acceleration structures; instance i of `instances` is `Surface::instance` i.
+    ///
+    /// # Errors
+    /// [`RenderError::Scene`] names the instance whose matrix is singular or which has too many boxes.
+    pub fn new(instances: &[TracedInstance]) -> Result<Self, RenderError> {
+        let volumes = instances
+            .iter()
+            .enumerate()
+            .map(|(i, instance)| {
+                VolumeTracer::new(i as u32, instance).map_err(|e| match e {
+                    RenderError::Scene(text) => RenderError::Scene(format!("instances[{i}]: {text}")),
+                    other => other,
+                })
+            })
+            .collect::<Result<_, _>>()?;
+        Ok(Self { volumes })
+    }
+
+    /// Heap bytes of the acceleration structures; the volumes are not counted.
+    pub fn bytes(&self) -> u64 {
+        self.volumes.iter().map(VolumeTracer::bytes).sum()
+    }
+
+    /// One instance's geometry.
+    pub fn instance(&self, instance: u32) -> Option<&VolumeTracer> {
+        self.volumes.get(instance as usize)
+    }
+
+    /// Dense index of the visible label at a voxel of an instance, at the level of detail that is drawn.
+    pub fn label_at(&self, instance: u32, voxel: [u32; 3]) -> Option<u32> {
+        self.instance(instance)?.label_at(voxel)
+    }
+
+    /// See [`VolumeTracer::next_boundary`].
+    pub fn next_boundary(
+        &self,
+        ray: &RayInWorld,
+        instance: u32,
+        label: u32,
+        from: PathOrigin,
+        t_max: f64,
+    ) -> Option<Hit> {
+        self.instance(instance)?.next_boundary(ray, label, from, t_max)
+    }
+}
+
+impl Tracer for SceneTracer {
+    fn first_hit(&self, ray: &RayInWorld, from: PathOrigin, t_max: f64) -> Option<Hit> {
+        // In order of instances, each within what the others left: at equal t the lowest instance stays.
+        self.volumes.iter().fold(None, |best: Option<Hit>, volume| {
+            let limit = best.map_or(t_max, |b| b.t);
+            volume.first_hit(ray, from, limit).filter(|h| h.t < limit).or(best)
+        })
+    }
+
+    fn occluded(&self, ray: &RayInWorld, from: PathOrigin, t_max: f64) -> bool {
+        self.volumes.iter().any(|volume| volume.occluded(ray, from, t_max))
+    }
+}

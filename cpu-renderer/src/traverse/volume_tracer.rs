@@ -1,0 +1,392 @@
+//! One instance of a volume: its hierarchy, and the questions that rays ask of it.
+
+use std::sync::Arc;
+
+use glam::DVec3;
+use pumice_core::{BoxView, CompressedVolume, NodeRef};
+use pumice_render::{BoxBounds, Bvh, BvhRay, Hit, PathOrigin, RayInWorld, RenderError, Surface, Tracer};
+
+use super::box_walk::{Found, Level, Step, Walk};
+use super::index_ray::{Placement, face_of};
+use super::{IndexRay, LodChoice, TracedInstance};
+
+/// An item of the hierarchy: the box in the low bits, its level above.
+const BOX_BITS: u32 = 30;
+
+/// Geometry of one instance.
+#[derive(Debug)]
+pub struct VolumeTracer {
+    volume: Arc<CompressedVolume>,
+    placement: Placement,
+    instance: u32,
+    bvh: Bvh,
+    /// Whether every box is at voxel level, so that a surface's element is its voxel.
+    all_voxels: bool,
+    /// Outward normals in the world: lower and upper face of each axis.
+    normals: [[DVec3; 2]; 3],
+}
+
+/// What the nearest of the boxes along a ray answered.
+enum Nearest {
+    Nothing,
+    Inside { label: u32, voxel: [u32; 3] },
+    Face { step: Step, item: u32 },
+}
+
+impl VolumeTracer {
+    /// Builds the hierarchy over the boxes of visible labels.
+    ///
+    /// # Errors
+    /// [`RenderError::Scene`] when the matrix is singular or the volume has 2³⁰ boxes or more.
+    pub fn new(instance: u32, traced: &TracedInstance) -> Result<Self, RenderError> {
+        let TracedInstance { volume, world_from_index, visible, lod } = traced;
+        let placement = Placement::new(*world_from_index).ok_or_else(|| {
+            RenderError::Scene(format!(
+                "world_from_index cannot be inverted: {:?}",
+                world_from_index.to_cols_array()
+            ))
+        })?;
+        if volume.boxes().len() >> BOX_BITS != 0 {
+            return Err(RenderError::Scene(format!(
+                "{} boxes are more than the limit of 2^{BOX_BITS} of one instance",
+                volume.boxes().len()
+            )));
+        }
+        let bvh = Bvh::build(visible_boxes(volume, visible, *lod, &placement))?;
+        let normals = [0, 1, 2].map(|a| [placement.normal(a, false), placement.normal(a, true)]);
+        Ok(Self {
+            volume: Arc::clone(volume),
+            placement,
+            instance,
+            bvh,
+            all_voxels: *lod == LodChoice::Voxels,
+            normals,
+        })
+    }
+
+    /// Heap bytes of the hierarchy.
+    pub fn bytes(&self) -> u64 {
+        self.bvh.bytes()
+    }
+
+    /// Number of boxes that are drawn.
+    pub fn boxes(&self) -> usize {
+        self.bvh.len()
+    }
+
+    /// Dense index of the visible label at `voxel`, at the level of detail that is drawn: the lowest where several are.
+    pub fn label_at(&self, voxel: [u32; 3]) -> Option<u32> {
+        let mut label = None;
+        self.bvh.at_voxel(voxel, |item| {
+            if self.holds(item, voxel) {
+                let found = self.label_of(item);
+                label = Some(label.map_or(found, |l: u32| l.min(found)));
+            }
+            // Voxels belong to one label; coarser elements overlap.
+            label.is_none() || !self.all_voxels
+        });
+        label
+    }
+
+    /// The next t in (0, `t_max`) where the ray enters label `label` or, when it starts inside of it, leaves it
+    /// (`from_inside`). Other labels are as if they were not there; seams between boxes of the label are no surfaces.
+    pub fn next_boundary(&self, ray: &RayInWorld, label: u32, from: PathOrigin, t_max: f64) -> Option<Hit> {
+        let ray = self.index_ray(ray, from)?;
+        self.surface_along(&ray, ray.scaled_t(t_max), Some(label))
+    }
+
+    fn index_ray(&self, ray: &RayInWorld, from: PathOrigin) -> Option<IndexRay> {
+        let face = face_of(from, self.instance);
+        self.placement.ray(ray, face.map(|f| (f, self.element_end(&f))))
+    }
+
+    fn surface_along(&self, ray: &IndexRay, t_max: f64, only: Option<u32>) -> Option<Hit> {
+        match self.nearest(ray, t_max, only, false) {
+            Nearest::Nothing => None,
+            Nearest::Face { step, item } => Some(self.hit(ray, &step, item, false)),
+            Nearest::Inside { label, voxel } => self.leave(ray, label, voxel, t_max),
+        }
+    }
+
+    /// The nearest face with scaled t in (0, `t_max`), or where the ray starts inside. With `any`, the first found will do.
+    fn nearest(&self, ray: &IndexRay, t_max: f64, only: Option<u32>, any: bool) -> Nearest {
+        let mut best = Nearest::Nothing;
+        let Some((bvh_ray, enter_all)) = self.bvh_ray(ray, t_max) else { return best };
+        // What is hit after best_t cannot win; what is hit at it may, by its label.
+        let mut best_t = t_max;
+        let limit = |t: f64| (t - enter_all) as f32 * 1.000_001 + bvh_ray.pad;
+        self.bvh.along_ray(&bvh_ray, limit(best_t), |item| {
+            let level = level_of(item);
+            let b = self.box_of(item);
+            let hi = self.clipped_end(&b);
+            let (enter, leave) = ray.clip(b.origin, hi, 0.0);
+            if enter >= leave || enter > best_t {
+                return limit(best_t);
+            }
+            match Walk::begin(ray, b.origin, hi, enter).first_solid(ray, &b, level, enter == 0.0) {
+                Found::Nothing => {}
+                Found::Face(step) if step.t >= t_max || step.t > best_t => {}
+                Found::Inside(_) | Found::Face(_) if only.is_some_and(|l| l != self.label_of(item)) => {}
+                Found::Inside(voxel) => {
+                    let found = self.label_of(item);
+                    if !matches!(best, Nearest::Inside { label, .. } if label <= found) {
+                        best = Nearest::Inside { label: found, voxel };
+                    }
+                    best_t = 0.0;
+                }
+                Found::Face(step) => {
+                    let wins = match &best {
+                        Nearest::Nothing => true,
+                        Nearest::Inside { .. } => false,
+                        Nearest::Face { step: other, item: other_item } => {
+                            step.t < other.t
+                                || (self.label_of(item), step.voxel)
+                                    < (self.label_of(*other_item), other.voxel)
+                        }
+                    };
+                    if wins {
+                        best_t = step.t;
+                        best = Nearest::Face { step, item };
+                        if any {
+                            return -1.0;
+                        }
+                    }
+                }
+            }
+            limit(best_t)
+        });
+        best
+    }
+
+    /// The ray moved to the hierarchy's bounds, and the scaled t of the move.
+    fn bvh_ray(&self, ray: &IndexRay, t_max: f64) -> Option<(BvhRay, f64)> {
+        let bounds = self.bvh.bounds()?;
+        let (enter, leave) = ray.clip(bounds.lo, bounds.hi, 0.0);
+        if enter >= leave || enter >= t_max {
+            return None;
+        }
+        let far = ray.origin.iter().fold(enter, |m, o| m.max(o.abs()));
+        Some((
+            BvhRay {
+                origin: [0, 1, 2].map(|a| {
+                    let at = ray.origin[a] + enter * ray.direction[a];
+                    at.clamp(f64::from(bounds.lo[a]), f64::from(bounds.hi[a])) as f32
+                }),
+                // A component below 2⁻⁶⁰ moves the ray by less than 2⁻³⁶ voxels within the largest volume: far below the pad.
+                inverse: ray.inverse.map(|i| i.clamp(-TWO_POW_60, TWO_POW_60) as f32),
+                // Three f64 roundings of the move.
+                pad: self.bvh.pad() + (far * 4.0 * f64::EPSILON) as f32,
+            },
+            enter,
+        ))
+    }
+
+    /// The face through which a ray that starts in `voxel` of `label` leaves the label.
+    fn leave(&self, ray: &IndexRay, label: u32, mut voxel: [u32; 3], t_max: f64) -> Option<Hit> {
+        let mut t = 0.0f64;
+        let mut item = self.item_with(label, voxel)?;
+        loop {
+            let b = self.box_of(item);
+            let hi = self.clipped_end(&b);
+            let walk = Walk::begin_in(ray, b.origin, hi, t, Some(voxel));
+            let (step, left_box) = walk.last_solid(ray, &b, level_of(item));
+            if step.t >= t_max {
+                return None;
+            }
+            match self.item_with(label, step.voxel).filter(|_| left_box) {
+                Some(next) => (item, voxel, t) = (next, step.voxel, t.max(step.t)),
+                None => return (step.t > 0.0).then(|| self.hit(ray, &step, item, true)),
+            }
+        }
+    }
+
+    /// The box of `label` that has an element at `voxel`.
+    fn item_with(&self, label: u32, voxel: [u32; 3]) -> Option<u32> {
+        let mut found = None;
+        self.bvh.at_voxel(voxel, |item| {
+            if self.holds(item, voxel) && self.label_of(item) == label {
+                found = Some(item);
+            }
+            found.is_none()
+        });
+        found
+    }
+
+    fn holds(&self, item: u32, voxel: [u32; 3]) -> bool {
+        let b = self.box_of(item);
+        let hi = self.clipped_end(&b);
+        let inside = BoxBounds { lo: b.origin, hi }.contains(voxel);
+        inside
+            && match level_of(item) {
+                Level::Boxes => true,
+                Level::Cells => b.node.occupied >> number_in(&b, voxel, 2) & 1 != 0,
+                Level::Voxels => b.node.field(number_in(&b, voxel, 2)) >> number_in(&b, voxel, 0) & 1 != 0,
+            }
+    }
+
+    fn hit(&self, ray: &IndexRay, step: &Step, item: u32, from_inside: bool) -> Hit {
+        let axis = step.axis;
+        let positive = ray.is_down(axis) != from_inside;
+        let voxel = if from_inside { step.voxel_before(ray) } else { step.voxel };
+        let element = match level_of(item) {
+            Level::Voxels => voxel,
+            Level::Cells => voxel.map(|v| v & !3),
+            Level::Boxes => self.box_of(item).origin,
+        };
+        Hit {
+            t: ray.world_t(axis, step.plane),
+            surface: Surface {
+                instance: self.instance,
+                voxel: element,
+                axis: axis as u8,
+                positive,
+                plane: step.plane,
+                label: self.label_of(item),
+            },
+            normal_in_world: self.normals[axis][usize::from(positive)],
+            from_inside,
+        }
+    }
+
+    /// One past the highest voxel of a surface's element.
+    fn element_end(&self, surface: &Surface) -> [u32; 3] {
+        let voxel_end = surface.voxel.map(|v| v.saturating_add(1));
+        if self.all_voxels {
+            return voxel_end;
+        }
+        let Some(item) = self.item_with(surface.label, surface.voxel) else { return voxel_end };
+        let b = self.box_of(item);
+        let hi = self.clipped_end(&b);
+        match level_of(item) {
+            Level::Voxels => voxel_end,
+            Level::Cells => [0, 1, 2].map(|a| (surface.voxel[a] + 4).min(hi[a])),
+            Level::Boxes => hi,
+        }
+    }
+
+    #[inline(always)]
+    fn box_of(&self, item: u32) -> BoxView<'_> {
+        self.volume.get_box((item & ((1 << BOX_BITS) - 1)) as usize)
+    }
+
+    #[inline(always)]
+    fn label_of(&self, item: u32) -> u32 {
+        self.volume.label_of_box((item & ((1 << BOX_BITS) - 1)) as usize)
+    }
+
+    /// One past the box's highest voxel within the volume.
+    #[inline(always)]
+    fn clipped_end(&self, b: &BoxView) -> [u32; 3] {
+        clipped_end(b, self.volume.info().dims)
+    }
+}
+
+impl Tracer for VolumeTracer {
+    fn first_hit(&self, ray: &RayInWorld, from: PathOrigin, t_max: f64) -> Option<Hit> {
+        let ray = self.index_ray(ray, from)?;
+        self.surface_along(&ray, ray.scaled_t(t_max), None)
+    }
+
+    fn occluded(&self, ray: &RayInWorld, from: PathOrigin, t_max: f64) -> bool {
+        let Some(ray) = self.index_ray(ray, from) else { return false };
+        let t_max = ray.scaled_t(t_max);
+        match self.nearest(&ray, t_max, None, true) {
+            Nearest::Nothing => false,
+            Nearest::Face { .. } => true,
+            Nearest::Inside { label, voxel } => self.leave(&ray, label, voxel, t_max).is_some(),
+        }
+    }
+}
+
+const TWO_POW_60: f64 = (1u64 << 60) as f64;
+
+#[inline(always)]
+fn level_of(item: u32) -> Level {
+    match item >> BOX_BITS {
+        0 => Level::Voxels,
+        1 => Level::Cells,
+        _ => Level::Boxes,
+    }
+}
+
+#[inline(always)]
+fn clipped_end(b: &BoxView, dims: [u32; 3]) -> [u32; 3] {
+    [0, 1, 2].map(|a| (b.origin[a] + b.extent[a]).min(dims[a]))
+}
+
+/// Number of the cell (`shift` 2) or of the voxel in its cell (`shift` 0): x + 4y + 16z.
+fn number_in(b: &BoxView, voxel: [u32; 3], shift: u32) -> u32 {
+    let part = |a: usize| (voxel[a] - b.origin[a]) >> shift & 3;
+    part(0) | part(1) << 2 | part(2) << 4
+}
+
+/// Bounds at its level and item of each box of a visible label.
+fn visible_boxes(
+    volume: &CompressedVolume,
+    visible: &[bool],
+    lod: LodChoice,
+    placement: &Placement,
+) -> Vec<(BoxBounds, u32)> {
+    let mut boxes = Vec::new();
+    for (c, chunk) in volume.chunks().iter().enumerate() {
+        let next = volume.chunks().get(c + 1);
+        let runs = &volume.runs()
+            [chunk.first_run as usize..next.map_or(volume.runs().len(), |n| n.first_run as usize)];
+        let chunk_end = next.map_or(volume.boxes().len() as u64, |n| n.first_box);
+        for (r, run) in runs.iter().enumerate() {
+            if !visible.get(run.label as usize).copied().unwrap_or(false) {
+                continue;
+            }
+            let first = chunk.first_box + u64::from(run.first_box);
+            let end = runs.get(r + 1).map_or(chunk_end, |n| chunk.first_box + u64::from(n.first_box));
+            for i in first..end {
+                let b = volume.get_box(i as usize);
+                let level = lod.level(&b, &placement.world_from_index);
+                let tight = bounds_at(&b, level);
+                let dims = volume.info().dims;
+                let bounds = BoxBounds { lo: tight.lo, hi: [0, 1, 2].map(|a| tight.hi[a].min(dims[a])) };
+                boxes.push((bounds, i as u32 | (level as u32) << BOX_BITS));
+            }
+        }
+    }
+    boxes
+}
+
+/// Tight bounds of the elements of `level`.
+fn bounds_at(b: &BoxView, level: Level) -> BoxBounds {
+    let (mut lo, mut hi) = (b.origin, [0, 1, 2].map(|a| b.origin[a] + b.extent[a]));
+    if level == Level::Boxes {
+        return BoxBounds { lo, hi };
+    }
+    for a in 0..3 {
+        // A slab is the 16 cells (or voxels) that share their coordinate along a.
+        let used = [0, 1, 2, 3].map(|i| b.node.occupied & (SLAB[a] << (i << (2 * a))) != 0);
+        let (first, last) =
+            (used.iter().position(|&u| u).unwrap_or(0), used.iter().rposition(|&u| u).unwrap_or(3));
+        let within = |i: usize| match level {
+            Level::Voxels => extent_in_slab(&b.node, a, i),
+            _ => (0, 4),
+        };
+        lo[a] = b.origin[a] + 4 * first as u32 + within(first).0;
+        hi[a] = b.origin[a] + 4 * last as u32 + within(last).1;
+    }
+    BoxBounds { lo, hi }
+}
+
+/// Cells with coordinate 0 along x, y, z.
+const SLAB: [u64; 3] = [0x1111_1111_1111_1111, 0x000F_000F_000F_000F, 0xFFFF];
+
+/// First voxel and end along axis `a` of what the cells of slab `i` hold, from the slab's start.
+fn extent_in_slab(node: &NodeRef, a: usize, i: usize) -> (u32, u32) {
+    let slab = |i: usize| SLAB[a] << (i << (2 * a));
+    let mut cells = node.occupied & slab(i);
+    let mut voxels = 0;
+    while cells != 0 {
+        voxels |= node.field(cells.trailing_zeros());
+        cells &= cells - 1;
+    }
+    let used = [0, 1, 2, 3].map(|i| voxels & slab(i) != 0);
+    let first = used.iter().position(|&u| u).unwrap_or(0);
+    let last = used.iter().rposition(|&u| u).unwrap_or(3);
+    (first as u32, last as u32 + 1)
+}

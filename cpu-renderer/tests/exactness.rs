@@ -1,0 +1,196 @@
+//! Every first hit is judged by the exact oracle of `exact`: no class of rays on any volume may lose a chord above 10⁻³ voxels.
+
+mod exact;
+
+use std::sync::Arc;
+
+use exact::rays::{CLASSES, Class, ray, snap};
+use exact::volumes::{Random, blobs, checkerboard, noise, sheets};
+use exact::{Dense, ExactRay, Verdict, describe, in_world, judge};
+use glam::{DAffine3, DMat3, DVec3};
+use pumice_core::CompressedVolume;
+use pumice_cpu::traverse::{LodChoice, SceneTracer, TracedInstance};
+use pumice_render::{PathOrigin, Tracer};
+
+fn tracer(volume: &Arc<CompressedVolume>, world_from_index: DAffine3) -> SceneTracer {
+    SceneTracer::new(&[TracedInstance {
+        volume: Arc::clone(volume),
+        world_from_index,
+        visible: vec![true; volume.labels().len()],
+        lod: LodChoice::Voxels,
+    }])
+    .unwrap()
+}
+
+/// What the oracle said of a set of rays.
+#[derive(Default, Debug)]
+struct Tally {
+    rays: u64,
+    hits: u64,
+    touches: u64,
+    worst_chord: f64,
+    wrong: u64,
+    first_wrong: Option<String>,
+}
+
+impl Tally {
+    fn add(&mut self, verdict: Verdict, hit: bool, describe: impl FnOnce() -> String) {
+        self.rays += 1;
+        self.hits += u64::from(hit);
+        match verdict {
+            Verdict::Exact => {}
+            Verdict::Touch(chord) => {
+                self.touches += 1;
+                self.worst_chord = self.worst_chord.max(chord);
+            }
+            Verdict::Wrong(why) => {
+                self.wrong += 1;
+                self.first_wrong.get_or_insert_with(|| format!("{why}: {}", describe()));
+            }
+        }
+    }
+
+    fn report(&self, name: &str) {
+        println!(
+            "{name:32} {:>9} rays {:>9} hits {:>7} touches, worst chord {:.1e}, {} wrong",
+            self.rays, self.hits, self.touches, self.worst_chord, self.wrong
+        );
+    }
+
+    fn assert_right(&self, name: &str) {
+        self.report(name);
+        assert_eq!(self.wrong, 0, "{name}: {}", self.first_wrong.as_deref().unwrap_or(""));
+    }
+}
+
+fn volumes() -> Vec<(&'static str, Dense, Arc<CompressedVolume>)> {
+    let named = |name, (dense, compressed)| (name, dense, compressed);
+    vec![
+        named("noise 0.1 %", noise([70, 61, 83], 0.001, 9, 1)),
+        named("noise 3 %", noise([64, 64, 64], 0.03, 4, 2)),
+        named("noise 50 %", noise([37, 50, 41], 0.5, 3, 3)),
+        named("checkerboard", checkerboard([33, 34, 35])),
+        named("sheets", sheets([66, 70, 50])),
+        named("blobs", blobs([64, 64, 64], 60, 12, 4)),
+    ]
+}
+
+fn trace_class(
+    dense: &Dense,
+    tracer: &SceneTracer,
+    place: &DAffine3,
+    class: Class,
+    fine: u32,
+    n: u32,
+) -> Tally {
+    let mut random = Random(u64::from(n) ^ class as u64);
+    let mut tally = Tally::default();
+    for _ in 0..n {
+        let (o, d) = ray(class, dense.dims, fine, &mut random);
+        let exact = ExactRay::new(o, d);
+        let hit = tracer.first_hit(&in_world(o, d, place), PathOrigin::Free, f64::INFINITY);
+        tally.add(judge(dense, &exact, hit.as_ref()), hit.is_some(), || {
+            describe(o, d, PathOrigin::Free, hit.as_ref())
+        });
+        // The any-hit question has the same answer.
+        assert_eq!(tracer.occluded(&in_world(o, d, place), PathOrigin::Free, f64::INFINITY), hit.is_some());
+    }
+    tally
+}
+
+fn all_classes(n: u32) {
+    for (name, dense, compressed) in volumes() {
+        let tracer = tracer(&compressed, DAffine3::IDENTITY);
+        for class in CLASSES {
+            trace_class(&dense, &tracer, &DAffine3::IDENTITY, class, 20, n)
+                .assert_right(&format!("{name}, {class:?}"));
+        }
+    }
+}
+
+#[test]
+fn first_hits_are_exact() {
+    all_classes(15_000);
+}
+
+#[test]
+#[ignore = "full: ten times as many rays"]
+fn first_hits_are_exact_on_many_rays() {
+    all_classes(150_000);
+}
+
+/// Spacing 1:1000 and 1000:1, shear, mirrors: whole-number matrices, so that the world's ray is exactly the image of the oracle's.
+#[test]
+fn placements_are_exact() {
+    let columns = |x: [f64; 3], y: [f64; 3], z: [f64; 3]| DMat3::from_cols(x.into(), y.into(), z.into());
+    let places = [
+        ("1:1000", columns([1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1000.0])),
+        ("1000:1", columns([1000.0, 0.0, 0.0], [0.0, 1000.0, 0.0], [0.0, 0.0, 1.0])),
+        ("mirrored", columns([-16.0, 0.0, 0.0], [0.0, 0.0, 40.0], [0.0, 16.0, 0.0])),
+        ("sheared", columns([3.0, 1.0, 0.0], [-1.0, 5.0, 2.0], [7.0, 0.0, -11.0])),
+    ];
+    for (name, dense, compressed) in volumes() {
+        for (place_name, matrix) in &places {
+            let place = DAffine3 { matrix3: *matrix, translation: DVec3::new(1024.0, -77.0, 3.0) };
+            let tracer = tracer(&compressed, place);
+            for class in [Class::Random, Class::Lattice, Class::ThroughCorner, Class::Inside] {
+                trace_class(&dense, &tracer, &place, class, 14, 3_000)
+                    .assert_right(&format!("{name}, {place_name}, {class:?}"));
+            }
+        }
+    }
+}
+
+/// Bounces: from the interior, the edges and the corners of exposed faces, in every direction of the outer half-space.
+#[test]
+fn paths_from_faces_are_exact() {
+    for (name, dense, compressed) in volumes() {
+        let tracer = tracer(&compressed, DAffine3::IDENTITY);
+        let mut random = Random(5);
+        let mut tally = Tally::default();
+        while tally.rays < 30_000 {
+            let (o, d) = ray(Class::Random, dense.dims, 20, &mut random);
+            let Some(first) =
+                tracer.first_hit(&in_world(o, d, &DAffine3::IDENTITY), PathOrigin::Free, f64::INFINITY)
+            else {
+                continue;
+            };
+            let (s, axis) = (first.surface, usize::from(first.surface.axis));
+            let outward = if s.positive { 1.0 } else { -1.0 };
+            let mut outer = s.voxel.map(i64::from);
+            outer[axis] += outward as i64;
+            if dense.at(outer) != 0 {
+                continue; // a touch: the face is not exposed
+            }
+            let (_, mut d) = ray(Class::Inside, dense.dims, 20, &mut random);
+            // Every fourth ray nearly in the plane, every eighth in it.
+            d[axis] = match random.below(8) {
+                0 => 0.0,
+                1 => snap(1e-7 * random.unit() + 1e-12, 46),
+                _ => d[axis].abs() + f64::from(2f32.powi(-20)),
+            } * outward;
+            let mut o = [0, 1, 2].map(|a| f64::from(s.voxel[a]) + snap(0.01 + 0.98 * random.unit(), 20));
+            o[axis] = f64::from(s.plane);
+            let from = PathOrigin::Face(s);
+            let hit = tracer.first_hit(&in_world(o, d, &DAffine3::IDENTITY), from, f64::INFINITY);
+            // The oracle knows no faces: a ray in the plane belongs to the voxel above, so start it in the outer one.
+            let mut o_exact = o;
+            if d[axis] == 0.0 && !s.positive {
+                o_exact[axis] -= 0.5;
+            }
+            if let Some(h) = hit {
+                assert!(
+                    h.surface != s
+                        && (h.surface.axis, h.surface.plane, h.surface.positive)
+                            != (s.axis, s.plane, s.positive),
+                    "{name}: a path met the plane that it left: {}",
+                    describe(o, d, from, hit.as_ref())
+                );
+            }
+            tally.add(judge(&dense, &ExactRay::new(o_exact, d), hit.as_ref()), hit.is_some(), || {
+                describe(o, d, from, hit.as_ref())
+            });
+        }
+        tally.assert_right(&format!("{name}, from faces"));
+    }
+}

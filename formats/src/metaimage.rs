@@ -1,0 +1,234 @@
+//! MetaImage (`.mha`, `.mhd` with files beside it), the format of ITK: axes, place, and where the voxels are.
+//!
+//! World space is ITK's, LPS. Each run of `NDims` numbers in `TransformMatrix` is the direction of one axis of the volume (ITK's
+//! `MetaImageIO` reads it so), and `Offset` the centre of the first voxel.
+
+use std::path::{Path, PathBuf};
+
+use glam::DVec3;
+use pumice_core::{Unit, VolumeInfo, WorldFrame};
+
+use crate::choice::{self, choose};
+use crate::element::Element;
+use crate::error::{FormatError, Result};
+use crate::gzip::{GZIP_MAGIC, InflateStream, Wrapping};
+use crate::layout::{FileAxis, Layout, Role};
+use crate::metaimage_header::{self, DataFile, Encoding, MetaHeader};
+use crate::open::{Found, OpenStream};
+use crate::options::{OpenOptions, Warnings};
+use crate::placement;
+use crate::stream::{ByteStream, ChainedStream, PlainStream, open_file};
+use crate::text_stream::TextStream;
+
+/// Whether a file is one of MetaImage: the format has no magic, so its first fields tell, else its name.
+pub(crate) fn recognises(path: &Path, head: &[u8]) -> bool {
+    let named =
+        path.extension().is_some_and(|e| e.eq_ignore_ascii_case("mha") || e.eq_ignore_ascii_case("mhd"));
+    named || metaimage_header::recognises(head)
+}
+
+/// Understands the header of `path`.
+pub(crate) fn read(path: &Path, options: &OpenOptions) -> Result<Found> {
+    let header = metaimage_header::read(path)?;
+    // Numbers written as text come out little-endian.
+    let big_endian = header.big_endian && header.encoding != Encoding::Ascii;
+    let element = Element::new(header.label_type, big_endian);
+
+    // x, y, z, then time.
+    let mut undecided = None;
+    let mut axes = Vec::new();
+    for (a, &size) in header.sizes.iter().enumerate() {
+        let role = if a < 3 {
+            Role::Space(a)
+        } else {
+            Role::Fixed(choose(path, &choice::TIME, options.time, size, &mut undecided)?)
+        };
+        axes.push(FileAxis { size, role });
+    }
+    let layout = Layout::new(path, axes, element.bytes())?;
+    let info = place(path, &header, VolumeInfo::new(layout.dims(), header.label_type), options)?;
+    let (stream, encoding) = data(path, &header, &layout, &options.warnings)?;
+    Ok(Found { format: "MetaImage", encoding, info, layout, element, layers: Vec::new(), undecided, stream })
+}
+
+/// Spacing, directions, origin, unit.
+fn place(
+    path: &Path,
+    header: &MetaHeader,
+    mut info: VolumeInfo,
+    options: &OpenOptions,
+) -> Result<VolumeInfo> {
+    let count = header.sizes.len();
+    let mut spacing = [1.0; 3];
+    match &header.spacing {
+        Some(lengths) => spacing.iter_mut().zip(lengths).for_each(|(s, &length)| *s = length),
+        None if options.spacing.is_none() => options.warnings.push(format!(
+            "{}: the header has no spacing; 1 is assumed along each axis (give --spacing x,y,z)",
+            path.display()
+        )),
+        None => {}
+    }
+    // Checked before the directions are multiplied in: a negative length would mirror the volume unnoticed.
+    placement::from_spacing(path, spacing, options)?;
+    let mut axes = DVec3::AXES;
+    if let Some(directions) = &header.directions {
+        for (a, axis) in axes.iter_mut().enumerate().take(count) {
+            // A picture of two axes lies in the plane z = 0.
+            *axis =
+                DVec3::from_array([0, 1, 2].map(|i| if i < count { directions[a * count + i] } else { 0.0 }));
+        }
+    }
+    for (axis, length) in axes.iter_mut().zip(spacing) {
+        *axis *= length;
+    }
+    let mut origin = DVec3::ZERO;
+    if let Some(offset) = &header.origin {
+        (0..count.min(3)).for_each(|a| origin[a] = offset[a]);
+    }
+    let affine = placement::world_from_centre(path, axes, origin, options)?;
+    info.frame = WorldFrame::Lps;
+    info.unit = unit(path, header.units.as_deref(), &options.warnings);
+    Ok(info.from_centre_affine(affine))
+}
+
+/// `DistanceUnits`, which few files have: ITK's world is in millimetres.
+fn unit(path: &Path, name: Option<&str>, warnings: &Warnings) -> Unit {
+    match name {
+        None | Some("" | "?") => Unit::Millimetre,
+        Some(name) => placement::unit_by_name(name).unwrap_or_else(|| {
+            warnings.push(format!("{}: the unit {name:?} is not known", path.display()));
+            Unit::Unknown
+        }),
+    }
+}
+
+/// How to get at the voxels; detached files are looked for at once, so that a missing one is told before anything is done.
+fn data(
+    path: &Path,
+    header: &MetaHeader,
+    layout: &Layout,
+    warnings: &Warnings,
+) -> Result<(OpenStream, String)> {
+    let part = Part {
+        encoding: header.encoding,
+        header_size: header.header_size,
+        bytes: layout.total_bytes(),
+        compressed_bytes: header.compressed_bytes,
+        label_type: header.label_type,
+        warnings: warnings.clone(),
+    };
+    let encoding = match header.encoding {
+        Encoding::Raw => "raw",
+        Encoding::Ascii => "ascii",
+        Encoding::Compressed => "zlib",
+    };
+    let names = match &header.data {
+        DataFile::Local => {
+            let place = part.place(path, header.end)?;
+            let path = path.to_owned();
+            return Ok((Box::new(move || part.open(&path, place)), encoding.into()));
+        }
+        DataFile::Names(names) => names,
+    };
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let files: Vec<PathBuf> = names.iter().map(|name| folder.join(name)).collect();
+    for file in &files {
+        let metadata = std::fs::metadata(file)
+            .and_then(|m| if m.is_dir() { Err(std::io::ErrorKind::IsADirectory.into()) } else { Ok(m) });
+        if let Err(source) = metadata {
+            return Err(FormatError::Detached { header: path.to_owned(), data: file.clone(), source });
+        }
+    }
+    let encoding = format!("{encoding}, detached");
+    if let [file] = files.as_slice() {
+        let place = part.place(file, 0)?;
+        let file = file.clone();
+        return Ok((Box::new(move || part.open(&file, place)), encoding));
+    }
+    let count = files.len() as u64;
+    if !layout.total_bytes().is_multiple_of(count) {
+        return Err(FormatError::damaged(
+            path,
+            format!("{count} data files cannot hold equal parts of {} bytes of voxels", layout.total_bytes()),
+        ));
+    }
+    // One compressed size cannot be that of every file.
+    let part = Part { bytes: layout.total_bytes() / count, compressed_bytes: None, ..part };
+    let part_bytes = part.bytes;
+    let stream = Box::new(move || {
+        let paths = files.clone();
+        let open = move |i: usize| part.open(&paths[i], part.place(&paths[i], 0)?);
+        Ok(Box::new(ChainedStream::new(files, part_bytes, open)) as Box<dyn ByteStream>)
+    });
+    Ok((stream, encoding))
+}
+
+/// One file with voxels.
+struct Part {
+    encoding: Encoding,
+    header_size: i64,
+    /// Bytes of voxels in it.
+    bytes: u64,
+    compressed_bytes: Option<u64>,
+    label_type: pumice_core::LabelType,
+    warnings: Warnings,
+}
+
+impl Part {
+    /// Byte of the file at which its voxels begin; `start` is where its own header ends. Tells when the file is too short.
+    fn place(&self, path: &Path, start: u64) -> Result<u64> {
+        let size = open_file(path)?.metadata().map_err(FormatError::io(path))?.len();
+        let stored = match self.encoding {
+            Encoding::Raw => self.bytes,
+            Encoding::Compressed => self.compressed_bytes.unwrap_or(0),
+            Encoding::Ascii => 0,
+        };
+        let place = match u64::try_from(self.header_size) {
+            Ok(0) => start,
+            // Counted from the file's start, behind the header where there is one (MetaIO, `M_ReadElements`).
+            Ok(skip) if skip >= start => skip,
+            Ok(skip) => {
+                return Err(FormatError::damaged(
+                    path,
+                    format!("HeaderSize is {skip}, but the header alone has {start} bytes"),
+                ));
+            }
+            Err(_) if stored == 0 => {
+                return Err(FormatError::damaged(
+                    path,
+                    "HeaderSize −1 needs voxels of known length, raw or compressed",
+                ));
+            }
+            Err(_) => size.saturating_sub(stored).max(start),
+        };
+        let got = size.saturating_sub(place);
+        if got >= stored {
+            return Ok(place);
+        }
+        if self.encoding == Encoding::Raw {
+            return Err(FormatError::Short { path: path.to_owned(), expected: stored, got, at: Some(size) });
+        }
+        Err(FormatError::Damaged {
+            path: path.to_owned(),
+            what: format!(
+                "expected {stored} bytes of compressed data, got {got}: the file was not copied completely"
+            ),
+            at: Some(size),
+        })
+    }
+
+    fn open(&self, path: &Path, place: u64) -> Result<Box<dyn ByteStream>> {
+        Ok(match self.encoding {
+            Encoding::Raw => Box::new(PlainStream::open(path, place)?),
+            Encoding::Ascii => Box::new(TextStream::open(path, place, self.label_type)?),
+            Encoding::Compressed => {
+                // MetaIO lets its inflater tell the two wrappings apart.
+                let mut magic = [0; 2];
+                let n = PlainStream::open(path, place)?.fill(&mut magic)?;
+                let gzip = n == 2 && magic == GZIP_MAGIC;
+                let wrapping = if gzip { Wrapping::Gzip } else { Wrapping::Zlib };
+                Box::new(InflateStream::open(path, place, wrapping, &self.warnings)?)
+            }
+        })
+    }
+}

@@ -1,0 +1,157 @@
+//! NumPy's `.npy`: one array, in C or Fortran order.
+//!
+//! ```text
+//! \x93NUMPY  major minor  header length (u16 in version 1, u32 in 2 and 3)  {'descr': '<u4', 'fortran_order': False, 'shape': (3, 4, 5), }  voxels
+//! ```
+//! In C order the last index runs fastest: `a[x, y, z]` has z fastest in the file, `a[z, y, x]` x. Format: NumPy, *NEP 1: A
+//! simple file format for NumPy arrays* and `numpy.lib.format`.
+
+use std::path::Path;
+
+use pumice_core::{LabelType, VolumeInfo};
+
+use crate::element::Element;
+use crate::error::{FormatError, Result};
+use crate::layout::{FileAxis, Layout, Role};
+use crate::npy_header::{self, NpyHeader};
+use crate::open::Found;
+use crate::options::{ArrayAxes, OpenOptions};
+use crate::placement;
+use crate::stream::{ByteStream, PlainStream, open_file};
+
+/// First bytes of a file.
+pub(crate) const MAGIC: &[u8] = b"\x93NUMPY";
+
+/// Understands the header of `path`.
+pub(crate) fn read(path: &Path, options: &OpenOptions) -> Result<Found> {
+    let mut stream = PlainStream::open(path, 0)?;
+    let header = npy_header::read(path, &mut stream)?;
+    let array = Array::new(path, &header, options)?;
+    let offset = header.bytes;
+    let bytes = open_file(path)?.metadata().map_err(FormatError::io(path))?.len();
+    let got = bytes.saturating_sub(offset);
+    if got < array.layout.total_bytes() {
+        let expected = array.layout.total_bytes();
+        return Err(FormatError::Short { path: path.to_owned(), expected, got, at: Some(bytes) });
+    }
+    let data = path.to_owned();
+    Ok(array.found("NPY", "raw", move || Ok(Box::new(PlainStream::open(&data, offset)?))))
+}
+
+/// An array that can be a volume.
+pub(crate) struct Array {
+    pub(crate) layout: Layout,
+    element: Element,
+    info: VolumeInfo,
+}
+
+impl Array {
+    /// Says which index is which axis, and checks type and size.
+    pub(crate) fn new(path: &Path, header: &NpyHeader, options: &OpenOptions) -> Result<Self> {
+        let label_type = label_type(path, &header.descr)?;
+        let element = Element::new(label_type, header.descr.starts_with('>'));
+
+        // Axes of one step, the last first, are left out until two or three are there.
+        let mut shape = header.shape.clone();
+        while shape.len() > 3 {
+            let Some(one) = shape.iter().rposition(|&size| size == 1) else {
+                return Err(FormatError::unsupported(
+                    path,
+                    format!("the array has {} axes, shape {}", header.shape.len(), header.shape_text()),
+                    "save one array of two or three axes a file",
+                ));
+            };
+            shape.remove(one);
+        }
+        if shape.len() < 2 {
+            return Err(FormatError::unsupported(
+                path,
+                format!("the array has shape {}, expected two or three axes", header.shape_text()),
+                "reshape it before saving, or read the numbers as raw voxels",
+            ));
+        }
+        // Index number → x, y, z; a picture `a[y, x]` has no z.
+        let mut axes: Vec<FileAxis> = shape
+            .iter()
+            .enumerate()
+            .map(|(i, &size)| {
+                let space = match options.axes {
+                    ArrayAxes::Xyz => i,
+                    ArrayAxes::Zyx => shape.len() - 1 - i,
+                };
+                FileAxis { size, role: Role::Space(space) }
+            })
+            .collect();
+        if !header.fortran_order {
+            axes.reverse();
+        }
+        let layout = Layout::new(path, axes, element.bytes())?;
+        if options.spacing.is_none() {
+            options.warnings.push(format!(
+                "{}: NumPy arrays have no spacing; 1 is assumed along each axis (give --spacing x,y,z)",
+                path.display()
+            ));
+        }
+        let affine = placement::from_spacing(path, [1.0; 3], options)?;
+        let info = VolumeInfo::new(layout.dims(), label_type).from_centre_affine(affine);
+        Ok(Self { layout, element, info })
+    }
+
+    /// What [`crate::open`] needs to know.
+    pub(crate) fn found(
+        self,
+        format: &'static str,
+        encoding: &str,
+        stream: impl FnOnce() -> Result<Box<dyn ByteStream>> + 'static,
+    ) -> Found {
+        Found {
+            format,
+            encoding: encoding.into(),
+            info: self.info,
+            layout: self.layout,
+            element: self.element,
+            layers: Vec::new(),
+            undecided: None,
+            stream: Box::new(stream),
+        }
+    }
+}
+
+/// The type of `'<u4'` and the like. Booleans are stored as bytes 0 and 1.
+fn label_type(path: &Path, descr: &str) -> Result<LabelType> {
+    let refused = |what: &str| {
+        Err(FormatError::unsupported(
+            path,
+            format!("the array's type is {what} (descr {})", crate::nrrd_header::shorten(descr)),
+            "convert it with .astype('uint32') before saving",
+        ))
+    };
+    let kind = descr.trim_start_matches(['<', '>', '|', '=']);
+    Ok(match kind {
+        "b1" | "u1" => LabelType::U8,
+        "i1" => LabelType::I8,
+        "u2" => LabelType::U16,
+        "i2" => LabelType::I16,
+        "u4" => LabelType::U32,
+        "i4" => LabelType::I32,
+        "u8" => LabelType::U64,
+        "i8" => LabelType::I64,
+        "f4" => LabelType::F32,
+        "f8" => LabelType::F64,
+        _ if kind.starts_with('[') => return refused("structured"),
+        _ => match kind.as_bytes().first() {
+            Some(b'O') => return refused("Python objects"),
+            Some(b'c') => return refused("complex"),
+            Some(b'U' | b'S' | b'a') => return refused("text"),
+            Some(b'M' | b'm') => return refused("date or time"),
+            Some(b'V') => return refused("untyped bytes"),
+            Some(b'f') => return refused("floating point of unusual width"),
+            _ => {
+                return Err(FormatError::damaged(
+                    path,
+                    format!("the array's type {:?} is not known", crate::nrrd_header::shorten(descr)),
+                ));
+            }
+        },
+    })
+}

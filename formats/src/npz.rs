@@ -1,0 +1,256 @@
+//! NumPy's `.npz`: a ZIP archive of `.npy` arrays, stored (`numpy.savez`) or deflated (`numpy.savez_compressed`).
+//!
+//! The crate `zip` reads the archive's directory (ZIP64 included); the voxels are then streamed from the member's place in the
+//! file by [`crate::gzip`], and compared with the directory's CRC-32 (PKWARE, *APPNOTE* §4.4.7) when their last byte is read.
+
+use std::fs::File;
+use std::io::BufReader;
+use std::path::{Path, PathBuf};
+
+use zip::CompressionMethod;
+use zip::read::ZipArchive;
+use zip::result::ZipError;
+
+use crate::error::{FormatError, Result};
+use crate::gzip::{InflateStream, Wrapping};
+use crate::npy::Array;
+use crate::npy_header::{self, NpyHeader};
+use crate::nrrd_header::shorten;
+use crate::open::Found;
+use crate::options::{OpenOptions, Warnings};
+use crate::stream::{ByteStream, PlainStream, open_file};
+
+/// First bytes of an archive, and of one without members.
+pub(crate) const MAGICS: [&[u8]; 2] = [b"PK\x03\x04", b"PK\x05\x06"];
+
+/// Understands the directory of `path` and the header of the array wanted.
+pub(crate) fn read(path: &Path, options: &OpenOptions) -> Result<Found> {
+    let members = members(path)?;
+    let (member, header) = pick(path, &members, options)?;
+    let array = Array::new(path, &header, options)?;
+    let (expected, got) = (array.layout.total_bytes(), member.bytes.saturating_sub(header.bytes));
+    if got < expected {
+        return Err(FormatError::Short { path: path.to_owned(), expected, got, at: None });
+    }
+    let encoding = if member.deflated { "deflate" } else { "raw" };
+    let (path, member, warnings) = (path.to_owned(), member.clone(), options.warnings.clone());
+    Ok(array.found("NPZ", encoding, move || {
+        let mut stream = MemberStream::open(&path, &member, &warnings)?;
+        stream.skip(header.bytes)?;
+        Ok(Box::new(stream))
+    }))
+}
+
+/// One `.npy` of the archive.
+#[derive(Clone, Debug)]
+struct Member {
+    /// Without `.npy`: the name that NumPy knows it by.
+    name: String,
+    start: u64,
+    deflated: bool,
+    /// Inflated size and checksum, as the directory says.
+    bytes: u64,
+    crc: u32,
+}
+
+/// The arrays in the archive's directory.
+fn members(path: &Path) -> Result<Vec<Member>> {
+    let explain = |error: ZipError| match error {
+        ZipError::Io(source) if source.kind() != std::io::ErrorKind::UnexpectedEof => {
+            FormatError::Io { path: path.to_owned(), source }
+        }
+        other => FormatError::damaged(
+            path,
+            format!(
+                "the ZIP directory at the file's end is damaged or cut off: {}",
+                one_line(&other.to_string())
+            ),
+        ),
+    };
+    let file: BufReader<File> = BufReader::new(open_file(path)?);
+    let mut archive = ZipArchive::new(file).map_err(explain)?;
+    let mut members = Vec::new();
+    for index in 0..archive.len() {
+        let file = archive.by_index_raw(index).map_err(explain)?;
+        let name = String::from_utf8_lossy(file.name_raw()).into_owned();
+        let Some(name) = name.strip_suffix(".npy") else { continue };
+        let name = name.to_owned();
+        let refuse = |what: String| {
+            Err(FormatError::unsupported(path, what, "save the array again with numpy.savez_compressed"))
+        };
+        if file.encrypted() {
+            return refuse(format!("the array {:?} is encrypted", shorten(&name)));
+        }
+        let deflated = match u16_of(file.compression()) {
+            STORED => false,
+            DEFLATED => true,
+            other => {
+                return refuse(format!("the array {:?} is compressed by ZIP method {other}", shorten(&name)));
+            }
+        };
+        let Some(start) = file.data_start() else {
+            return Err(FormatError::damaged(
+                path,
+                format!("the array {:?} has no place in the archive", shorten(&name)),
+            ));
+        };
+        if !deflated && file.compressed_size() != file.size() {
+            return Err(FormatError::damaged(
+                path,
+                format!(
+                    "the array {:?} is stored in {} bytes but should have {}",
+                    shorten(&name),
+                    file.compressed_size(),
+                    file.size()
+                ),
+            ));
+        }
+        members.push(Member { name, start, deflated, bytes: file.size(), crc: file.crc32() });
+    }
+    Ok(members)
+}
+
+/// ZIP method numbers (*APPNOTE* §4.4.5).
+const STORED: u16 = 0;
+const DEFLATED: u16 = 8;
+
+/// The number of a method. Without its `deflate` feature the crate calls method 8 unsupported.
+#[expect(deprecated, reason = "the only way to the number of a method that the crate itself does not decode")]
+fn u16_of(method: CompressionMethod) -> u16 {
+    method.to_u16()
+}
+
+/// The array named by the caller, or the only one that can be a volume.
+fn pick<'a>(path: &Path, members: &'a [Member], options: &OpenOptions) -> Result<(&'a Member, NpyHeader)> {
+    let names = || {
+        // Enough to choose from; an archive may hold thousands.
+        let mut names: Vec<String> = members.iter().take(32).map(|m| shorten(&one_line(&m.name))).collect();
+        if members.len() > names.len() {
+            names.push("…".into());
+        }
+        names.join(", ")
+    };
+    let header = |member: &Member| {
+        let mut stream = MemberStream::open(path, member, &options.warnings)?;
+        npy_header::read(path, &mut stream)
+    };
+    if let Some(wanted) = &options.array {
+        let wanted = wanted.strip_suffix(".npy").unwrap_or(wanted);
+        let Some(member) = members.iter().find(|m| m.name == wanted) else {
+            return Err(FormatError::option(
+                path,
+                format!("the archive has no array {wanted:?}; it has: {}", names()),
+            ));
+        };
+        return Ok((member, header(member)?));
+    }
+    if members.is_empty() {
+        return Err(FormatError::unsupported(
+            path,
+            "this ZIP archive holds no .npy array",
+            "unpack it and open the volume inside",
+        ));
+    }
+    // Scalars, lists and text beside the labels (spacing, names) are passed over.
+    let mut candidates = Vec::new();
+    for member in members {
+        let header = header(member)?;
+        let sizes = header.shape.iter().filter(|&&size| size > 1).count();
+        if sizes >= 2 && Array::new(path, &header, &OpenOptions::default()).is_ok() {
+            candidates.push((member, header));
+        }
+    }
+    match candidates.len() {
+        1 => Ok(candidates.remove(0)),
+        0 if members.len() == 1 => Ok((&members[0], header(&members[0])?)),
+        0 => Err(FormatError::unsupported(
+            path,
+            format!("none of the arrays {} is a label volume", names()),
+            "labels are arrays of two or three axes of whole numbers",
+        )),
+        n => Err(FormatError::Choose {
+            path: path.to_owned(),
+            what: format!("the archive has {n} arrays that may be the labels"),
+            option: "--array",
+            choices: names(),
+        }),
+    }
+}
+
+/// Without line breaks: messages are one line.
+fn one_line(text: &str) -> String {
+    text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect()
+}
+
+/// The bytes of one member, checked against its CRC-32 at its end.
+struct MemberStream {
+    path: PathBuf,
+    inner: Box<dyn ByteStream>,
+    name: String,
+    left: u64,
+    hasher: crc32fast::Hasher,
+    crc: u32,
+    checked: bool,
+}
+
+impl MemberStream {
+    fn open(path: &Path, member: &Member, warnings: &Warnings) -> Result<Self> {
+        let inner: Box<dyn ByteStream> = if member.deflated {
+            Box::new(InflateStream::open(path, member.start, Wrapping::Deflate, warnings)?)
+        } else {
+            Box::new(PlainStream::open(path, member.start)?)
+        };
+        Ok(Self {
+            path: path.to_owned(),
+            inner,
+            name: member.name.clone(),
+            left: member.bytes,
+            hasher: crc32fast::Hasher::new(),
+            crc: member.crc,
+            checked: false,
+        })
+    }
+
+    /// Compares the checksum once.
+    fn check(&mut self) -> Result<()> {
+        let got = self.hasher.clone().finalize();
+        if !self.checked && got != self.crc {
+            return Err(FormatError::damaged(
+                &self.path,
+                format!(
+                    "the array {:?} has CRC-32 {got:08x}, expected {:08x}: the file is damaged",
+                    shorten(&self.name),
+                    self.crc
+                ),
+            ));
+        }
+        self.checked = true;
+        Ok(())
+    }
+}
+
+impl ByteStream for MemberStream {
+    fn read(&mut self, buffer: &mut [u8]) -> Result<usize> {
+        if buffer.is_empty() {
+            return Ok(0);
+        }
+        let piece = buffer.len().min(usize::try_from(self.left).unwrap_or(usize::MAX));
+        let n = if piece == 0 { 0 } else { self.inner.read(&mut buffer[..piece])? };
+        self.hasher.update(&buffer[..n]);
+        self.left -= n as u64;
+        if n == 0 && self.left > 0 {
+            return Err(FormatError::damaged(
+                &self.path,
+                format!("the array {:?} ends {} bytes early", shorten(&self.name), self.left),
+            ));
+        }
+        if self.left == 0 {
+            self.check()?;
+        }
+        Ok(n)
+    }
+
+    fn position(&self) -> Option<u64> {
+        self.inner.position()
+    }
+}

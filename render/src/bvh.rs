@@ -1,0 +1,522 @@
+//! The bounding volume hierarchy over boxes of voxels: eight children a node, 80 bytes, planes that are whole numbers.
+//!
+//! The topology comes from the crate `obvhs` (PLOC, then the collapse to eight children of *Efficient Incoherent Ray Traversal
+//! on GPUs Through Compressed Wide BVHs*, Ylitie, Karras, Laine, HPG 2017). Its bounds do not: they are computed in f32 with a
+//! logarithm, which loses up to a voxel in volumes near 2²³ voxels long. Here every node is fitted again in integers, so that a
+//! child's bounds contain its boxes by construction, and rays are tested by our own loop.
+//!
+//! ```text
+//! offset 0      12        15    16          20         24       32       40       48       56   64   72     80
+//!        ┌──────┬─────────┬─────┬───────────┬──────────┬────────┬────────┬────────┬────────┬────┬────┬──────┐
+//!        │origin│exponent │inner│first_child│first_item│ meta   │ lo x   │ lo y   │ lo z   │hi x│hi y│ hi z │
+//!        │3×f32 │ 3×u8    │ u8  │ u32       │ u32      │ 8×u8   │ 8×u8   │ 8×u8   │ 8×u8   │    │    │ 8×u8 │
+//!        └──────┴─────────┴─────┴───────────┴──────────┴────────┴────────┴────────┴────────┴────┴────┴──────┘
+//! plane of child c along axis a: origin[a] + lo[a][c]·2^exponent[a], origin a whole number below 2²³, exponent ≥ 0
+//! inner  bit c: child c is a node, at first_child + (number of inner bits below c)
+//! meta   of a leaf child: its boxes are items first_item + (meta & 31) .. + (meta >> 5); 0 in an empty slot
+//! ```
+//!
+//! # Why no ray is lost
+//! A ray is tested in f32 after it was moved to the hierarchy's bounds (see [`BvhRay`]): |o| ≤ L and |plane − o| ≤ 2L, L the
+//! longest side. A slab distance is `q·(2ᵉ·inv) + (origin − o)·inv`: at most six roundings of 2⁻²⁴ on terms that sum to less than
+//! 4L·|inv|, so it is the distance of a plane displaced by less than 6·4L·2⁻²⁴ < L·2⁻¹⁹. Every plane is therefore moved outward by
+//! `pad = L·2⁻¹⁸`, which covers that and the rounding of o (L·2⁻²⁴); what the move itself lost in f64 is added by the caller.
+
+use glam::Vec3A;
+use obvhs::aabb::Aabb;
+use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
+use obvhs::cwbvh::bvh2_to_cwbvh::bvh2_to_cwbvh;
+use obvhs::ploc::{PlocBuilder, PlocSearchDistance, SortPrecision};
+use pumice_core::{MAX_DIM, morton};
+
+use crate::RenderError;
+
+/// A half-open box of voxels: `lo` inside, `hi` outside.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct BoxBounds {
+    /// Lowest voxel.
+    pub lo: [u32; 3],
+    /// One past the highest voxel.
+    pub hi: [u32; 3],
+}
+
+impl BoxBounds {
+    /// Contains nothing; the neutral element of [`BoxBounds::union`].
+    pub const EMPTY: Self = Self { lo: [u32::MAX; 3], hi: [0; 3] };
+
+    /// The smallest box around both.
+    pub fn union(self, other: Self) -> Self {
+        Self {
+            lo: [0, 1, 2].map(|a| self.lo[a].min(other.lo[a])),
+            hi: [0, 1, 2].map(|a| self.hi[a].max(other.hi[a])),
+        }
+    }
+
+    /// Whether `voxel` lies inside.
+    pub fn contains(&self, voxel: [u32; 3]) -> bool {
+        (0..3).all(|a| self.lo[a] <= voxel[a] && voxel[a] < self.hi[a])
+    }
+}
+
+/// A ray as the hierarchy sees it: moved to the hierarchy's bounds in f64, then rounded.
+#[derive(Clone, Copy, Debug)]
+pub struct BvhRay {
+    /// Where the ray is at the hierarchy's t = 0, in voxels.
+    pub origin: [f32; 3],
+    /// 1 / direction, finite: a component of 0 has ±2⁶⁰ (the direction's largest component is within [1, 2)).
+    pub inverse: [f32; 3],
+    /// How far each plane is moved outward in voxels: [`Bvh::pad`] and what the origin lost.
+    pub pad: f32,
+}
+
+/// See the module.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C)]
+struct Node {
+    origin: [f32; 3],
+    exponent: [u8; 3],
+    inner: u8,
+    first_child: u32,
+    first_item: u32,
+    meta: [u8; 8],
+    lo: [[u8; 8]; 3],
+    hi: [[u8; 8]; 3],
+}
+
+/// Deepest hierarchy that the traversal's fixed stack can take. PLOC makes about log₂(boxes) levels of two children.
+const MAX_DEPTH: usize = 64;
+
+/// `ORDER[octant][mask]`: bit c of `mask` moved to bit c ^ octant.
+static ORDER: [[u8; 256]; 8] = order_table();
+
+const fn order_table() -> [[u8; 256]; 8] {
+    let mut table = [[0; 256]; 8];
+    let mut octant = 0;
+    while octant < 8 {
+        let mut mask = 0;
+        while mask < 256 {
+            let mut c = 0;
+            while c < 8 {
+                if mask >> c & 1 == 1 {
+                    table[octant][mask] |= 1 << (c ^ octant);
+                }
+                c += 1;
+            }
+            mask += 1;
+        }
+        octant += 1;
+    }
+    table
+}
+
+/// A hierarchy over boxes, each carrying a number of the caller's.
+#[derive(Debug, Default)]
+pub struct Bvh {
+    nodes: Vec<Node>,
+    items: Vec<u32>,
+    bounds: Option<BoxBounds>,
+}
+
+impl Bvh {
+    /// Builds over `boxes`: bounds, and the number that traversal reports. The order of the boxes does not matter: they are put
+    /// into Morton order of their lowest cell first, which is what every builder wants (unsorted boxes trace up to 26 × slower
+    /// on some).
+    ///
+    /// # Errors
+    /// [`RenderError::Scene`] when a box is empty or reaches past [`MAX_DIM`], when there are 2³¹ boxes or more, or when the
+    /// hierarchy is too deep to traverse.
+    pub fn build(mut boxes: Vec<(BoxBounds, u32)>) -> Result<Self, RenderError> {
+        if boxes.len() >= 1 << 31 {
+            return Err(RenderError::Scene(format!(
+                "{} visible boxes are more than the limit of 2^31 of one instance: hide some labels",
+                boxes.len()
+            )));
+        }
+        if let Some((b, _)) =
+            boxes.iter().find(|(b, _)| (0..3).any(|a| b.lo[a] >= b.hi[a] || b.hi[a] > MAX_DIM))
+        {
+            return Err(RenderError::Scene(format!(
+                "box {:?}..{:?} is empty or reaches past voxel {MAX_DIM}",
+                b.lo, b.hi
+            )));
+        }
+        if boxes.is_empty() {
+            return Ok(Self::default());
+        }
+        boxes.sort_unstable_by_key(|&(b, item)| (morton::encode(b.lo.map(|v| v / 4)), b, item));
+        let (wide, item_order) = topology(&boxes);
+        let (nodes, bounds, depth) = fit(&wide, &item_order, &boxes);
+        if depth > MAX_DEPTH {
+            return Err(RenderError::Scene(format!(
+                "the bounding volume hierarchy is {depth} levels deep, more than the limit of {MAX_DEPTH}"
+            )));
+        }
+        let items = item_order.iter().map(|&i| boxes[i as usize].1).collect();
+        Ok(Self { nodes, items, bounds: Some(bounds) })
+    }
+
+    /// The box around all boxes; `None` when there are none.
+    pub fn bounds(&self) -> Option<BoxBounds> {
+        self.bounds
+    }
+
+    /// Number of boxes.
+    pub fn len(&self) -> usize {
+        self.items.len()
+    }
+
+    /// Whether there are no boxes.
+    pub fn is_empty(&self) -> bool {
+        self.items.is_empty()
+    }
+
+    /// Heap bytes held.
+    pub fn bytes(&self) -> u64 {
+        (self.nodes.capacity() * size_of::<Node>() + self.items.capacity() * size_of::<u32>()) as u64
+    }
+
+    /// How far [`BvhRay::pad`] must move the planes at least, in voxels (see the module).
+    pub fn pad(&self) -> f32 {
+        self.bounds.map_or(0.0, |b| b.hi.into_iter().max().unwrap_or(0) as f32 / 262_144.0)
+    }
+
+    /// Calls `visit(item)` for each box whose bounds the ray meets at a distance in [0, `limit`], roughly front to back. `visit`
+    /// returns the new limit; a negative one ends the traversal.
+    #[inline]
+    pub fn along_ray(&self, ray: &BvhRay, mut limit: f32, mut visit: impl FnMut(u32) -> f32) {
+        let Some(mut node) = self.nodes.first() else { return };
+        // Slot c was filled so that c ^ octant, highest first, is front to back (Ylitie et al. 2017, §3.2).
+        let octant = [4, 2, 1]
+            .into_iter()
+            .zip(ray.inverse)
+            .map(|(bit, i)| if i < 0.0 { 0 } else { bit })
+            .sum::<usize>();
+        let order = &ORDER[octant];
+        let mut stack = [(0u32, 0u16, 0u8); MAX_DEPTH];
+        let mut height = 0;
+        loop {
+            let hit = node.children_along(ray, limit);
+            // Boxes first: they may bring the limit down.
+            let mut leaves = order[usize::from(hit & !node.inner)];
+            while leaves != 0 {
+                let highest = 7 - leaves.leading_zeros() as usize;
+                leaves &= !(1 << highest);
+                let meta = node.meta[(highest ^ octant) & 7];
+                let first = node.first_item as usize + usize::from(meta & 31);
+                for &item in &self.items[first..first + usize::from(meta >> 5)] {
+                    limit = visit(item);
+                    if limit < 0.0 {
+                        return;
+                    }
+                }
+            }
+            // Then the nearest node that is left.
+            let mut base = node.first_child;
+            let mut inner = node.inner;
+            let mut pending = order[usize::from(hit & inner)];
+            if pending == 0 {
+                if height == 0 {
+                    return;
+                }
+                height -= 1;
+                let (b, p, i) = stack[height];
+                (base, pending, inner) = (b, p as u8, i);
+            }
+            let highest = 7 - pending.leading_zeros() as usize;
+            pending &= !(1 << highest);
+            if pending != 0 {
+                stack[height] = (base, u16::from(pending), inner);
+                height += 1;
+            }
+            let slot = (highest ^ octant) & 7;
+            let below = inner & ((1u16 << slot) as u8).wrapping_sub(1);
+            node = &self.nodes[base as usize + below.count_ones() as usize];
+        }
+    }
+
+    /// Calls `visit(item)` for the boxes whose bounds may hold `voxel` (every one that does is among them) until it returns
+    /// false.
+    pub fn at_voxel(&self, voxel: [u32; 3], mut visit: impl FnMut(u32) -> bool) {
+        if !self.bounds.is_some_and(|b| b.contains(voxel)) {
+            return;
+        }
+        let mut stack = [0u32; 8 * MAX_DEPTH];
+        let mut height = 1;
+        while height > 0 {
+            height -= 1;
+            let node = &self.nodes[stack[height] as usize];
+            let mut child = node.first_child;
+            for c in 0..8 {
+                let is_node = node.inner >> c & 1 == 1;
+                if node.child_bounds(c).contains(voxel) {
+                    if is_node {
+                        stack[height] = child;
+                        height += 1;
+                    } else {
+                        let first = node.first_item as usize + usize::from(node.meta[c] & 31);
+                        for &item in &self.items[first..first + usize::from(node.meta[c] >> 5)] {
+                            if !visit(item) {
+                                return;
+                            }
+                        }
+                    }
+                }
+                child += u32::from(is_node);
+            }
+        }
+    }
+}
+
+impl Node {
+    /// Which children the ray meets: bit c for child c.
+    #[inline]
+    fn children_along(&self, ray: &BvhRay, limit: f32) -> u8 {
+        let mut near = [0.0f32; 8];
+        let mut far = [limit; 8];
+        for a in 0..3 {
+            let inverse = ray.inverse[a];
+            let scale = f32::from_bits((127 + u32::from(self.exponent[a])) << 23) * inverse;
+            let at_origin = (self.origin[a] - ray.origin[a]) * inverse;
+            let pad = ray.pad * inverse.abs();
+            let (at_near, at_far) = (at_origin - pad, at_origin + pad);
+            let (q_near, q_far) =
+                if inverse < 0.0 { (&self.hi[a], &self.lo[a]) } else { (&self.lo[a], &self.hi[a]) };
+            for c in 0..8 {
+                let t_near = f32::from(q_near[c]) * scale + at_near;
+                let t_far = f32::from(q_far[c]) * scale + at_far;
+                near[c] = if t_near > near[c] { t_near } else { near[c] };
+                far[c] = if t_far < far[c] { t_far } else { far[c] };
+            }
+        }
+        let mut hit = 0;
+        for c in 0..8 {
+            hit |= u8::from(near[c] <= far[c]) << c;
+        }
+        hit
+    }
+
+    fn child_bounds(&self, c: usize) -> BoxBounds {
+        let plane = |q: &[[u8; 8]; 3]| {
+            [0, 1, 2].map(|a| self.origin[a] as u32 + (u32::from(q[a][c]) << self.exponent[a]))
+        };
+        BoxBounds { lo: plane(&self.lo), hi: plane(&self.hi) }
+    }
+}
+
+/// Groups boxes by `obvhs`; only the tree and the order of the boxes are used of what it returns.
+fn topology(boxes: &[(BoxBounds, u32)]) -> (Vec<obvhs::cwbvh::node::CwBvhNode>, Vec<u32>) {
+    // Whole numbers up to 2²³ are exact in f32.
+    let corner = |v: [u32; 3]| Vec3A::new(v[0] as f32, v[1] as f32, v[2] as f32);
+    let aabbs: Vec<Aabb> = boxes.iter().map(|(b, _)| Aabb::new(corner(b.lo), corner(b.hi))).collect();
+    let indices = (0..aabbs.len() as u32).collect();
+    let mut binary = PlocBuilder::with_capacity(aabbs.len()).build(
+        PlocSearchDistance::Medium,
+        &aabbs,
+        indices,
+        SortPrecision::U64,
+        3,
+    );
+    ReinsertionOptimizer::default().run(&mut binary, 0.05, None);
+    let wide = bvh2_to_cwbvh(&binary, 3, true, false);
+    (wide.nodes, wide.primitive_indices)
+}
+
+/// Rebuilds every node with bounds in whole numbers. Children come after their parents in `wide`.
+fn fit(
+    wide: &[obvhs::cwbvh::node::CwBvhNode],
+    item_order: &[u32],
+    boxes: &[(BoxBounds, u32)],
+) -> (Vec<Node>, BoxBounds, usize) {
+    let mut bounds = vec![BoxBounds::EMPTY; wide.len()];
+    let mut height = vec![1u32; wide.len()];
+    let mut nodes = Vec::with_capacity(wide.len());
+    for (i, source) in wide.iter().enumerate().rev() {
+        let mut children = [BoxBounds::EMPTY; 8];
+        let mut meta = [0u8; 8];
+        let mut child = source.child_base_idx as usize;
+        for c in 0..8 {
+            if source.imask >> c & 1 == 1 {
+                children[c] = bounds[child];
+                height[i] = height[i].max(height[child] + 1);
+                child += 1;
+            } else if !source.is_child_empty(c) {
+                let (first, count) = source.child_primitives(c);
+                let items = &item_order[first as usize..(first + count) as usize];
+                children[c] = items.iter().fold(BoxBounds::EMPTY, |b, &i| b.union(boxes[i as usize].0));
+                meta[c] = (first - source.primitive_base_idx) as u8 | (count as u8) << 5;
+            }
+        }
+        bounds[i] = children.iter().fold(BoxBounds::EMPTY, |b, &c| b.union(c));
+        nodes.push(quantised(source, bounds[i], &children, meta));
+    }
+    nodes.reverse();
+    (nodes, bounds[0], height[0] as usize)
+}
+
+fn quantised(
+    source: &obvhs::cwbvh::node::CwBvhNode,
+    bounds: BoxBounds,
+    children: &[BoxBounds; 8],
+    meta: [u8; 8],
+) -> Node {
+    let mut node = Node {
+        origin: bounds.lo.map(|v| v as f32),
+        exponent: [0; 3],
+        inner: source.imask,
+        first_child: source.child_base_idx,
+        first_item: source.primitive_base_idx,
+        meta,
+        lo: [[255; 8]; 3],
+        hi: [[0; 8]; 3],
+    };
+    for a in 0..3 {
+        let mut e = 0;
+        while bounds.hi[a] - bounds.lo[a] > 255 << e {
+            e += 1;
+        }
+        node.exponent[a] = e;
+        for (c, child) in children.iter().enumerate().filter(|(_, b)| b.lo[0] < b.hi[0]) {
+            node.lo[a][c] = ((child.lo[a] - bounds.lo[a]) >> e) as u8;
+            node.hi[a][c] = (child.hi[a] - bounds.lo[a]).div_ceil(1 << e) as u8;
+        }
+    }
+    node
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn random_boxes(n: usize, reach: u32, seed: u64) -> Vec<(BoxBounds, u32)> {
+        let mut state = seed;
+        let mut next = move |below: u32| {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            ((state >> 33) % u64::from(below)) as u32
+        };
+        (0..n as u32)
+            .map(|i| {
+                let lo = [next(reach), next(reach), next(reach)];
+                (BoxBounds { lo, hi: lo.map(|v| (v + 1 + next(16)).min(MAX_DIM)) }, i)
+            })
+            .collect()
+    }
+
+    #[test]
+    fn layout_is_as_drawn() {
+        assert_eq!(size_of::<Node>(), 80);
+        assert_eq!(std::mem::offset_of!(Node, exponent), 12);
+        assert_eq!(std::mem::offset_of!(Node, first_child), 16);
+        assert_eq!(std::mem::offset_of!(Node, meta), 24);
+        assert_eq!(std::mem::offset_of!(Node, hi), 56);
+    }
+
+    /// A point query must find exactly the boxes that hold the voxel, once each, at every size of volume up to the largest.
+    #[test]
+    fn every_box_is_found_at_its_corners() {
+        for (n, reach) in [(1, 5), (2, 5), (7, 40), (500, 64), (2000, 1 << 20), (2000, MAX_DIM - 1)] {
+            let boxes = random_boxes(n, reach, 7 + n as u64);
+            let bvh = Bvh::build(boxes.clone()).unwrap();
+            assert_eq!(bvh.len(), n);
+            for &(b, item) in &boxes {
+                for corner in [b.lo, b.hi.map(|v| v - 1)] {
+                    let mut found = Vec::new();
+                    bvh.at_voxel(corner, |i| {
+                        found.push(i);
+                        true
+                    });
+                    assert_eq!(
+                        found.iter().filter(|&&i| i == item).count(),
+                        1,
+                        "{b:?} of {n} within {reach}"
+                    );
+                }
+            }
+        }
+    }
+
+    /// Rays through known points of boxes, in f64 and then moved and rounded as a tracer does: the box is always reported, also
+    /// when the point is on its edge and the volume as long as it may be.
+    #[test]
+    fn no_ray_through_a_box_loses_it() {
+        for reach in [32, 1000, 1 << 20, MAX_DIM - 1] {
+            let boxes = random_boxes(600, reach, u64::from(reach));
+            let bvh = Bvh::build(boxes.clone()).unwrap();
+            let mut state = 1u64;
+            let mut unit = move || {
+                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+                (state >> 11) as f64 / (1u64 << 53) as f64
+            };
+            for &(b, item) in &boxes {
+                for try_edges in [false, true] {
+                    // A target on the box, its corners included, seen from anywhere in the volume.
+                    let fraction = |f: f64| if try_edges { f.round() } else { f };
+                    let target = [0, 1, 2]
+                        .map(|a| f64::from(b.lo[a]) + fraction(unit()) * f64::from(b.hi[a] - b.lo[a]));
+                    let eye = [0, 1, 2].map(|_| unit() * f64::from(reach));
+                    let d = [0, 1, 2].map(|a| target[a] - eye[a]);
+                    let largest = d.iter().fold(1e-30f64, |m, v| m.max(v.abs()));
+                    let inverse = d.map(|v| {
+                        let v = v / largest;
+                        if v.abs() < 1e-18 { (60f64).exp2() as f32 } else { (1.0 / v) as f32 }
+                    });
+                    let ray = BvhRay { origin: eye.map(|v| v as f32), inverse, pad: bvh.pad() };
+                    let mut found = false;
+                    bvh.along_ray(&ray, f32::INFINITY, |i| {
+                        found |= i == item;
+                        f32::INFINITY
+                    });
+                    assert!(found, "{b:?} lost from {eye:?} to {target:?}");
+                }
+            }
+        }
+    }
+
+    /// The negative control of the test above: with planes left where they are, it would notice.
+    #[test]
+    fn without_the_pad_rays_are_lost() {
+        let reach = MAX_DIM - 1;
+        let boxes = random_boxes(600, reach, 3);
+        let bvh = Bvh::build(boxes.clone()).unwrap();
+        let lost = boxes
+            .iter()
+            .filter(|(b, item)| {
+                // Along the lower x and y edge, from 2²² voxels away, with a slope that f32 cannot hold.
+                let eye = [0.3, f64::from(b.lo[1]) - 0.1, 0.7];
+                let target = b.lo.map(|v| f64::from(v) + 1e-3);
+                let d = [0, 1, 2].map(|a| target[a] - eye[a]);
+                let largest = d.iter().fold(1e-30f64, |m, v| m.max(v.abs()));
+                let inverse = d.map(|v| (largest / v) as f32);
+                let ray = BvhRay { origin: eye.map(|v| v as f32), inverse, pad: 0.0 };
+                let mut found = false;
+                bvh.along_ray(&ray, f32::INFINITY, |i| {
+                    found |= i == *item;
+                    f32::INFINITY
+                });
+                !found
+            })
+            .count();
+        assert!(lost > 0, "no ray was lost without the pad: the test above proves nothing");
+    }
+
+    /// Boxes are grouped in Morton order whatever order they came in.
+    #[test]
+    fn input_order_does_not_matter() {
+        let boxes = random_boxes(3000, 500, 11);
+        let mut turned = boxes.clone();
+        turned.reverse();
+        turned.rotate_left(777);
+        let (a, b) = (Bvh::build(boxes).unwrap(), Bvh::build(turned).unwrap());
+        assert_eq!(a.nodes, b.nodes);
+        assert_eq!(a.items, b.items);
+    }
+
+    #[test]
+    fn impossible_boxes_are_refused() {
+        let empty = BoxBounds { lo: [3, 3, 3], hi: [4, 3, 4] };
+        let outside = BoxBounds { lo: [0; 3], hi: [1, 1, MAX_DIM + 1] };
+        for bad in [empty, outside] {
+            assert!(matches!(Bvh::build(vec![(bad, 0)]), Err(RenderError::Scene(_))));
+        }
+        assert!(Bvh::build(Vec::new()).unwrap().is_empty());
+    }
+}

@@ -1,0 +1,65 @@
+//! A finished picture: what a renderer hands over, what files hold.
+
+use pumice_scene::Scene;
+use serde::{Deserialize, Serialize};
+
+use crate::image::Image;
+
+/// Everything that is needed to make the picture again, and to know what it is worth.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Provenance {
+    /// Version of Pumice that made it.
+    pub version: String,
+    /// Backend that made it.
+    pub backend: String,
+    /// The whole scene, settings and seed included.
+    pub scene: Scene,
+    /// Content hash of each instance's volume, 32 hexadecimal digits, in the order of the scene's instances.
+    pub volume_hashes: Vec<String>,
+    /// Samples a pixel.
+    pub spp: u32,
+    /// Estimated relative error, where known.
+    pub error_estimate: Option<f64>,
+}
+
+/// A picture with its passes. Row 0 is the top.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Picture {
+    /// Scene-linear Rec. 709 radiance: the mean of all samples.
+    pub color: Image,
+    /// Variance of that mean, each channel; `None` where it is not known.
+    pub variance: Option<Image>,
+    /// Distance along the view axis to the first surface, of the sample nearest the pixel's centre; infinite where there is none.
+    pub depth: Option<Vec<f32>>,
+    /// Label of that surface: dense index + 1, 0 where there is none. With several instances see `instance`.
+    pub label: Option<Vec<u32>>,
+    /// Base colour of the first surface, mean over samples.
+    pub albedo: Option<Image>,
+    /// Unit normal of the first surface towards the camera, world space, mean over samples.
+    pub normal: Option<Image>,
+    /// How it was made.
+    pub provenance: Option<Provenance>,
+}
+
+/// Why a picture could not be read or written.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum PictureError {
+    /// The operating system refused.
+    #[error("{}: {source}", path.display())]
+    Io {
+        /// The file.
+        path: std::path::PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The file is damaged or not what it should be.
+    #[error("{}: {what}", path.display())]
+    File {
+        /// The file.
+        path: std::path::PathBuf,
+        /// Expected and got.
+        what: String,
+    },
+}

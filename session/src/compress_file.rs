@@ -1,0 +1,104 @@
+//! A label volume in, a `.pumice` file out; and the check that nothing was lost.
+
+use std::path::{Path, PathBuf};
+
+use pumice_core::{CompressOptions, CompressedVolume, Job, Level, Verification};
+use pumice_formats::OpenOptions;
+use serde::Serialize;
+
+use crate::error::Result;
+use crate::measure::Stopwatch;
+use crate::types_table::read_types;
+
+/// What `compress_file` is asked for.
+#[derive(Clone, Debug)]
+pub struct CompressRequest {
+    /// Label volume.
+    pub input: PathBuf,
+    /// The `.pumice` file.
+    pub output: PathBuf,
+    /// How to read the input.
+    pub reading: OpenOptions,
+    /// Size on disk against speed.
+    pub level: Level,
+    /// Threads; `None` takes all cores.
+    pub threads: Option<usize>,
+    /// Bytes of records kept in memory; more is spilled.
+    pub memory_limit_bytes: Option<u64>,
+    /// CSV table id,type.
+    pub types: Option<PathBuf>,
+}
+
+/// What it came to.
+#[derive(Clone, Debug, Serialize)]
+pub struct CompressOutcome {
+    /// Wall seconds, reading and writing included.
+    pub seconds: f64,
+    /// CPU seconds of the process in that time.
+    pub cpu_seconds: f64,
+    /// Voxels along x, y, z.
+    pub dims: [u32; 3],
+    /// Labels without background.
+    pub labels: u64,
+    /// Boxes.
+    pub boxes: u64,
+    /// Four bytes a voxel.
+    pub bytes_raw: u64,
+    /// Bytes of the file.
+    pub bytes_disk: u64,
+    /// Bytes in memory.
+    pub bytes_resident: u64,
+}
+
+/// Compresses a file into a `.pumice` file.
+///
+/// # Errors
+/// One line that says what is wrong with the input, the output or the limits; then no file is under the final name that was not
+/// there before.
+pub fn compress_file(request: &CompressRequest, job: &Job) -> Result<CompressOutcome> {
+    let clock = Stopwatch::start();
+    let types = request.types.as_deref().map(read_types).transpose()?;
+    let mut source = pumice_formats::open(&request.input, &request.reading)?;
+    let mut options = CompressOptions { memory_limit_bytes: request.memory_limit_bytes, types, ..Default::default() };
+    if let Some(threads) = request.threads {
+        options.threads = threads;
+    }
+    let volume = pumice_core::compress(source.as_mut(), &options, job)?;
+    let bytes_disk = volume.write(&request.output, request.level, job)?;
+    Ok(CompressOutcome {
+        seconds: clock.seconds(),
+        cpu_seconds: clock.cpu_seconds(),
+        dims: volume.info().dims,
+        labels: volume.labels().len() as u64,
+        boxes: volume.boxes().len() as u64,
+        bytes_raw: volume.info().voxels().saturating_mul(4),
+        bytes_disk,
+        bytes_resident: volume.resident_parts().iter().map(|p| p.1).sum(),
+    })
+}
+
+/// Compares every voxel and id of a `.pumice` file with a label volume.
+///
+/// # Errors
+/// When either cannot be read to its end.
+pub fn verify_file(pumice: &Path, input: &Path, reading: &OpenOptions, job: &Job) -> Result<Verification> {
+    let volume = CompressedVolume::open(pumice, job)?;
+    let mut source = pumice_formats::open(input, reading)?;
+    Ok(pumice_core::verify(&volume, source.as_mut(), job)?)
+}
+
+/// Writes the labels of a `.pumice` file in the format that `out`'s ending names.
+///
+/// # Errors
+/// When the file is damaged, the ending names no format, or the output cannot be written.
+pub fn decompress_file(pumice: &Path, out: &Path, job: &Job) -> Result<()> {
+    let volume = CompressedVolume::open(pumice, job)?;
+    let info = volume.info().clone();
+    job.begin(info.voxels());
+    pumice_formats::write::write_volume(out, &info, &mut |origin, dims| {
+        job.check()?;
+        job.advance(dims.iter().map(|&d| u64::from(d)).product());
+        volume.decode_ids(origin, dims)
+    })?;
+    Ok(())
+}

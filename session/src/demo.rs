@@ -1,0 +1,196 @@
+//! The demonstration: a real volume in, a figure out, with an account of what it cost.
+//!
+//! Reads the volume, compresses it, checks every voxel against the file, chooses some thirty labels, path traces them, writes
+//! `picture.png`, `picture.exr`, `report.md` and `error.svg`.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use pumice_core::{CompressOptions, Job, Level};
+use pumice_formats::OpenOptions;
+
+use crate::curve_plot::{Series, error_against_time_svg};
+use crate::error::{Result, SessionError, io};
+use crate::figure::{FigureOptions, compose};
+use crate::measure::{Stopwatch, peak_rss_bytes};
+use crate::picture::{RenderFigures, render_scene, write_picture};
+use crate::progressive::{CurvePoint, Stop, thin_curve};
+use crate::selection::select_labels;
+
+/// The volume that the project ships for it, below `data/`.
+pub const SHIPPED_VOLUME: &str = "connectomics_32x32x40nm.nrrd";
+
+/// Labels in the figure.
+pub const FIGURE_LABELS: usize = 32;
+
+/// What the demonstration is asked for.
+#[derive(Clone, Debug)]
+pub struct DemoOptions {
+    /// Label volume.
+    pub volume: PathBuf,
+    /// Folder for the results, made if absent.
+    pub out: PathBuf,
+    /// When the picture is done.
+    pub stop: Stop,
+    /// Pixels across and down.
+    pub size: [u32; 2],
+}
+
+/// What is under way; the job holds the progress of the first two.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum DemoStage {
+    /// Reading and compressing.
+    Compress,
+    /// Comparing every voxel with the file.
+    Verify,
+    /// Path tracing.
+    Render(CurvePoint),
+    /// Writing the results.
+    Write,
+}
+
+/// What came of it.
+#[derive(Clone, Debug)]
+pub struct DemoOutcome {
+    /// Bytes of the volume at four bytes a voxel.
+    pub bytes_raw: u64,
+    /// Bytes of the compressed form in memory, without the acceleration structure.
+    pub bytes_resident: u64,
+    /// The picture's figures.
+    pub figures: RenderFigures,
+    /// `report.md`.
+    pub report: PathBuf,
+}
+
+/// Where the shipped volume is: in the source tree that this program was built from, else below the current folder.
+///
+/// # Errors
+/// When it is in neither place.
+pub fn shipped_volume() -> Result<PathBuf> {
+    let built_from = Path::new(env!("CARGO_MANIFEST_DIR")).join("../data");
+    for folder in [built_from.as_path(), Path::new("data")] {
+        let path = folder.join(SHIPPED_VOLUME);
+        if path.is_file() {
+            return Ok(path.canonicalize().unwrap_or(path));
+        }
+    }
+    Err(SessionError::Caller(format!(
+        "data/{SHIPPED_VOLUME} is neither in the source tree that pumice was built from nor below this folder: name a volume with --volume"
+    )))
+}
+
+/// Runs the demonstration, telling `watch` what is under way.
+///
+/// # Errors
+/// What any of its steps reports; [`SessionError::Caller`] should the compressed volume differ from the file.
+pub fn run(options: &DemoOptions, job: &Job, watch: &mut dyn FnMut(DemoStage)) -> Result<DemoOutcome> {
+    std::fs::create_dir_all(&options.out).map_err(io(&options.out))?;
+
+    // Compress.
+    watch(DemoStage::Compress);
+    let clock = Stopwatch::start();
+    let mut source = pumice_formats::open(&options.volume, &OpenOptions::default())?;
+    let volume = pumice_core::compress(source.as_mut(), &CompressOptions::default(), job)?;
+    let compress_seconds = [clock.seconds(), clock.cpu_seconds()];
+
+    // Check every voxel against the file.
+    watch(DemoStage::Verify);
+    let clock = Stopwatch::start();
+    let mut again = pumice_formats::open(&options.volume, &OpenOptions::default())?;
+    if let Some(difference) = volume.verify(again.as_mut(), job)? {
+        return Err(SessionError::Caller(format!("{}: {difference}", options.volume.display())));
+    }
+    let verify_seconds = [clock.seconds(), clock.cpu_seconds()];
+
+    // Store it, so that the size on disk is a measurement.
+    let stored = options.out.join("volume.pumice");
+    volume.write(&stored, Level::Default, job)?;
+    let bytes_disk = std::fs::metadata(&stored).map_err(io(&stored))?.len();
+
+    // Choose and place.
+    let labels = select_labels(&volume, FIGURE_LABELS);
+    let scene = compose(
+        &volume,
+        stored.canonicalize().unwrap_or(stored.clone()),
+        &FigureOptions { size: options.size, labels: Some(labels), view_deg: [24.0, 24.0] },
+    );
+
+    // Path trace.
+    let volume = Arc::new(volume);
+    let rendered = render_scene(&scene, std::slice::from_ref(&volume), "auto", &options.stop, job, &mut |point| {
+        watch(DemoStage::Render(*point));
+    })?;
+
+    // Write.
+    watch(DemoStage::Write);
+    for name in ["picture.png", "picture.exr"] {
+        write_picture(&options.out.join(name), &rendered)?;
+    }
+    let svg = error_against_time_svg(
+        "Error against run time",
+        &[Series { name: &rendered.figures.backend, points: &rendered.figures.curve }],
+    )
+    .map_err(SessionError::Caller)?;
+    let svg_path = options.out.join("error.svg");
+    std::fs::write(&svg_path, svg).map_err(io(svg_path))?;
+
+    let info = volume.info();
+    let bytes_raw = info.voxels() * 4;
+    let parts = volume.resident_parts();
+    let bytes_resident: u64 = parts.iter().map(|p| p.bytes).sum();
+    let figures = rendered.figures;
+    let percent = |bytes: u64| 100.0 * bytes as f64 / bytes_raw as f64;
+    let mut text = String::new();
+    // Writing into a String cannot fail; `let _` says so.
+    let mut line = |l: String| {
+        let _ = writeln!(text, "{l}");
+    };
+    let [x, y, z] = info.dims;
+    line(format!("# Pumice: {} labels, {x}×{y}×{z} voxels\n", volume.labels().len()));
+    line("![The picture](picture.png)\n".into());
+    line(format!(
+        "{} labels of the volume, path traced on the compressed form by the {} backend: {} samples a pixel, {}.\n",
+        FIGURE_LABELS.min(volume.labels().len()),
+        figures.backend,
+        figures.spp,
+        figures.error_estimate.map_or("error not known".into(), |e| format!(
+            "estimated relative error {:.2} %",
+            100.0 * e
+        )),
+    ));
+    line("## Size\n\n| what | bytes | % of raw |\n|---|---:|---:|".into());
+    line(format!("| raw, 4 bytes a voxel | {bytes_raw} | 100 |"));
+    for part in &parts {
+        line(format!("| in memory: {} | {} | {:.3} |", part.name, part.bytes, percent(part.bytes)));
+    }
+    line(format!("| **in memory, whole form** | **{bytes_resident}** | **{:.3}** |", percent(bytes_resident)));
+    line(format!(
+        "| acceleration structure of the labels shown | {} | {:.3} |",
+        figures.acceleration_bytes,
+        percent(figures.acceleration_bytes)
+    ));
+    line(format!("| on disk (`volume.pumice`) | {bytes_disk} | {:.3} |", percent(bytes_disk)));
+    line("\nEvery voxel and every id was compared with the file: no difference.\n".into());
+    line("## Time\n\n| step | seconds | CPU seconds |\n|---|---:|---:|".into());
+    for (name, [wall, cpu]) in [
+        ("read and compress", compress_seconds),
+        ("verify", verify_seconds),
+        ("build the acceleration structure", figures.prepare_seconds),
+        ("path trace", [figures.seconds, figures.cpu_seconds]),
+    ] {
+        line(format!("| {name} | {wall:.2} | {cpu:.2} |"));
+    }
+    if let Some(peak) = peak_rss_bytes() {
+        line(format!("\nPeak memory of the process: {:.0} MB.\n", peak as f64 / 1e6));
+    }
+    line("## Error against run time\n\n| seconds | CPU seconds | samples a pixel | estimated relative error |\n|---:|---:|---:|---:|".into());
+    for p in thin_curve(&figures.curve, 14) {
+        let error = p.error_estimate.map_or("not yet known".into(), |e| format!("{:.2} %", 100.0 * e));
+        line(format!("| {:.2} | {:.2} | {} | {error} |", p.seconds, p.cpu_seconds, p.spp));
+    }
+    line("\n![Error against run time](error.svg)\n".into());
+    let report = options.out.join("report.md");
+    std::fs::write(&report, text).map_err(io(&report))?;
+    Ok(DemoOutcome { bytes_raw, bytes_resident, figures, report })
+}

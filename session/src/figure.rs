@@ -1,0 +1,204 @@
+//! A scene for a volume that comes without one: placed, framed, lit.
+//!
+//! The volume keeps its own handedness and voxel shape. It is centred on the visible labels and scaled so that their bounding
+//! box has a diagonal of [`DIAGONAL`] world units. Where the file names anatomical axes, z stays up; elsewhere the longest axis is
+//! laid from left to right, so that a tall stack fills a wide picture.
+//!
+//! The light is a photographer's: a wide sun as key light from above and behind the camera's left shoulder, a dim cool sky as
+//! fill, and a backdrop that only camera rays see.
+
+use std::path::PathBuf;
+
+use glam::{DAffine3, DMat3, DVec3};
+use pumice_core::{CompressedVolume, WorldFrame};
+use pumice_scene::{
+    Camera, Environment, Film, Filter, Instance, LabelStyle, Material, Projection, SCENE_VERSION, Scene,
+    Settings, Show, Sun, World,
+};
+
+use crate::selection::label_bounds;
+
+/// Diagonal of the visible labels' bounding box in world units.
+pub const DIAGONAL: f64 = 10.0;
+
+/// What the caller may wish of a figure.
+#[derive(Clone, Debug)]
+pub struct FigureOptions {
+    /// Pixels across and down.
+    pub size: [u32; 2],
+    /// Dense indices of the labels to show; `None` shows all.
+    pub labels: Option<Vec<u32>>,
+    /// Direction from the subject to the camera in degrees: around the vertical axis, above the horizon.
+    pub view_deg: [f64; 2],
+}
+
+/// A scene that shows `volume`, found at `source`, as `options` say.
+///
+/// Labels without any box (none shown, an empty volume) give the frame of the whole volume.
+pub fn compose(volume: &CompressedVolume, source: PathBuf, options: &FigureOptions) -> Scene {
+    // Bounding box of what is shown, in index space.
+    let info = volume.info();
+    let bounds = label_bounds(volume);
+    let shown: Vec<u32> = match &options.labels {
+        Some(labels) => labels.clone(),
+        None => (0..volume.labels().len() as u32).collect(),
+    };
+    let (mut lo, mut hi) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    for &label in &shown {
+        let [l, h] = bounds[label as usize].map(|v| DVec3::from_array(v.map(f64::from)));
+        (lo, hi) = (lo.min(l), hi.max(h));
+    }
+    if !lo.is_finite() {
+        (lo, hi) = (DVec3::ZERO, DVec3::from_array(info.dims.map(f64::from)));
+    }
+    let corners: Vec<DVec3> = (0..8u32)
+        .map(|i| DVec3::select(glam::BVec3::new(i & 1 != 0, i & 2 != 0, i & 4 != 0), hi, lo))
+        .collect();
+
+    // Into the world: turned, scaled, centred.
+    let turn = if info.frame == WorldFrame::Unknown {
+        lay_longest_axis(info.spacing(), hi - lo)
+    } else {
+        DMat3::IDENTITY
+    };
+    let linear = turn * info.world_from_index.matrix3;
+    let size = (linear * (hi - lo)).length();
+    let linear = linear * if size > 0.0 { DIAGONAL / size } else { 1.0 };
+    let world_from_index = DAffine3 { matrix3: linear, translation: -(linear * ((lo + hi) / 2.0)) };
+    let corners: Vec<DVec3> = corners.iter().map(|&c| world_from_index.transform_point3(c)).collect();
+
+    let [around, above] = options.view_deg.map(f64::to_radians);
+    let toward_camera = DVec3::new(around.sin() * above.cos(), -around.cos() * above.cos(), above.sin());
+    let camera = frame(&corners, toward_camera, options.size);
+    let right = camera.world_from_camera.matrix3.x_axis;
+    let up = camera.world_from_camera.matrix3.y_axis;
+    let key_from = toward_camera * 0.55 - right * 0.65 + up * 0.9;
+
+    Scene {
+        version: SCENE_VERSION,
+        instances: vec![Instance {
+            id: 1,
+            source,
+            world_from_index,
+            style: LabelStyle {
+                show: match &options.labels {
+                    Some(labels) => {
+                        Show::Only(labels.iter().map(|&l| volume.labels().ids()[l as usize]).collect())
+                    }
+                    None => Show::All,
+                },
+                material: Material { roughness: 0.45, specular: 0.35, ..Material::default() },
+                auto_color: true,
+                ..LabelStyle::default()
+            },
+        }],
+        camera,
+        film: Film {
+            width: options.size[0],
+            height: options.size[1],
+            filter: Filter::BlackmanHarris { width: 3.0 },
+        },
+        world: World {
+            environment: Environment::Constant { radiance: [0.62, 0.70, 0.82] },
+            backdrop: Some([[0.78, 0.79, 0.80], [0.93, 0.945, 0.96]]),
+        },
+        suns: vec![Sun {
+            direction: (-key_from).to_array(),
+            strength: 3.0,
+            color: [1.0, 0.95, 0.87],
+            angle_rad: 18f64.to_radians(),
+        }],
+        settings: Settings::default(),
+    }
+}
+
+/// A rotation that takes the longest axis of the box to +x and keeps the handedness.
+fn lay_longest_axis(spacing: [f64; 3], extent: DVec3) -> DMat3 {
+    let lengths = extent * DVec3::from_array(spacing);
+    if lengths.x >= lengths.y && lengths.x >= lengths.z {
+        DMat3::IDENTITY
+    } else if lengths.y >= lengths.z {
+        DMat3::from_cols(DVec3::Y, -DVec3::X, DVec3::Z).transpose()
+    } else {
+        // Cyclic: z to x, x to y, y to z.
+        DMat3::from_cols(DVec3::Y, DVec3::Z, DVec3::X)
+    }
+}
+
+/// A perspective camera of 28° that sees all `points` with a margin of 4 % of the picture on each side.
+fn frame(points: &[DVec3], toward_camera: DVec3, size: [u32; 2]) -> Camera {
+    let back = toward_camera.normalize();
+    let right = DVec3::Z.cross(back).try_normalize().unwrap_or(DVec3::X);
+    let up = back.cross(right);
+    let fov_rad = 28f64.to_radians();
+    let longer = f64::from(size[0].max(size[1]));
+    let tangent = |pixels: u32| (fov_rad / 2.0).tan() * f64::from(pixels) / longer * 0.92;
+    let (tan_x, tan_y) = (tangent(size[0]), tangent(size[1]));
+
+    // Each point p sets two planes a side: the camera at c must satisfy |(p−c)·right| ≤ tan_x·((c−p)·back). The tightest of the
+    // left and right planes meet at the best position across, and so for up and down; the farther of the two distances serves both.
+    let solve = |axis: DVec3, tan: f64| -> (f64, f64) {
+        let plus = points.iter().map(|p| p.dot(axis) + tan * p.dot(back)).fold(f64::NEG_INFINITY, f64::max);
+        let minus = points.iter().map(|p| -p.dot(axis) + tan * p.dot(back)).fold(f64::NEG_INFINITY, f64::max);
+        ((plus - minus) / 2.0, (plus + minus) / (2.0 * tan))
+    };
+    let ((x, back_x), (y, back_y)) = (solve(right, tan_x), solve(up, tan_y));
+    let eye = right * x + up * y + back * back_x.max(back_y);
+    Camera {
+        world_from_camera: DAffine3 { matrix3: DMat3::from_cols(right, up, back), translation: eye },
+        projection: Projection::Perspective { fov_rad },
+        shift: [0.0; 2],
+        clip: [0.0, f64::MAX],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_camera_sees_every_point_and_wastes_no_room() {
+        for (size, view) in
+            [([960, 540], [30.0, 20.0]), ([400, 900], [-75.0, 60.0]), ([512, 512], [0.0, 89.9])]
+        {
+            let [around, above] = [f64::to_radians(view[0]), f64::to_radians(view[1])];
+            let toward = DVec3::new(around.sin() * above.cos(), -around.cos() * above.cos(), above.sin());
+            let points: Vec<DVec3> = (0..8u32)
+                .map(|i| {
+                    DVec3::new(
+                        f64::from(i & 1) * 8.0,
+                        f64::from(i >> 1 & 1) * 3.0 - 7.0,
+                        f64::from(i >> 2) * 1.5,
+                    )
+                })
+                .collect();
+            let camera = frame(&points, toward, size);
+            let Projection::Perspective { fov_rad } = camera.projection else { unreachable!() };
+            let camera_from_world = camera.world_from_camera.inverse();
+            let longer = f64::from(size[0].max(size[1]));
+            let mut extreme = [0f64; 2];
+            for p in &points {
+                let q = camera_from_world.transform_point3(*p);
+                assert!(q.z < 0.0, "behind the camera");
+                for (a, e) in extreme.iter_mut().enumerate() {
+                    let half = (fov_rad / 2.0).tan() * f64::from(size[a]) / longer;
+                    *e = e.max((q[a] / -q.z / half).abs());
+                }
+            }
+            // Within the margin, and the tighter direction touches it.
+            assert!(
+                extreme.iter().all(|&e| e <= 0.92 + 1e-9) && extreme.iter().any(|&e| e > 0.92 - 1e-9),
+                "{extreme:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn the_longest_axis_lies_along_x_and_nothing_is_mirrored() {
+        for extent in [DVec3::new(9.0, 1.0, 1.0), DVec3::new(1.0, 9.0, 1.0), DVec3::new(1.0, 1.0, 9.0)] {
+            let turn = lay_longest_axis([1.0; 3], extent);
+            assert_eq!((turn * extent).abs().x, 9.0);
+            assert_eq!(turn.determinant(), 1.0);
+        }
+    }
+}

@@ -1,0 +1,94 @@
+"""Runs the command as a person would, and says how it ended."""
+
+import os
+import resource
+import signal
+import subprocess
+import tempfile
+import time
+from dataclasses import dataclass
+
+# A single command on the small volumes here takes a second or two, on a busy machine several times that: this guards against hangs.
+LIMIT_SECONDS = 120
+
+
+@dataclass
+class Done:
+    code: int  # negative: ended by that signal
+    out: str
+    err: str
+    peak_rss_bytes: int
+
+    def refused(self):
+        """Bad usage or bad input: exit code 2 and one line on standard error that says what; never a panic."""
+        assert "panicked" not in self.err, self
+        assert self.code == 2, self
+        assert len(self.err.strip().splitlines()) == 1, self
+        assert self.err.startswith("pumice: ") and len(self.err) > len("pumice: x\n"), self
+        return self.err.strip()
+
+    def fine(self):
+        assert self.code == 0, self
+        assert self.err == "", self
+        return self.out
+
+
+def run(pumice, *args, cwd=None, file_size_limit=None, stdout=None, env=None, meanwhile=None):
+    """Starts `pumice args…` and waits for its end; `meanwhile(process)` runs beside it.
+
+    `file_size_limit`: no file may grow beyond so many bytes, as on a full disk. SIGXFSZ stays ignored (it is Python's own setting),
+    so that writing fails with an error instead of ending the program.
+    """
+
+    def limit():
+        resource.setrlimit(resource.RLIMIT_FSIZE, (file_size_limit, file_size_limit))
+
+    with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
+        process = subprocess.Popen(
+            [str(pumice), *map(str, args)],
+            cwd=cwd,
+            stdin=subprocess.DEVNULL,
+            stdout=stdout or out,
+            stderr=err,
+            env={**os.environ, **(env or {})},
+            preexec_fn=limit if file_size_limit is not None else None,
+            restore_signals=file_size_limit is None,
+        )
+        if meanwhile:
+            meanwhile(process)
+        deadline = time.monotonic() + LIMIT_SECONDS
+        while True:
+            pid, status, used = os.wait4(process.pid, os.WNOHANG)
+            if pid:
+                break
+            if time.monotonic() > deadline:
+                process.kill()
+                process.wait()
+                raise AssertionError(f"pumice {' '.join(map(str, args))} did not end in {LIMIT_SECONDS} s")
+            time.sleep(0.002)
+        process.returncode = os.waitstatus_to_exitcode(status)
+        out.seek(0)
+        err.seek(0)
+        return Done(process.returncode, out.read().decode(), err.read().decode(), used.ru_maxrss * 1024)
+
+
+def cpu_seconds(process):
+    """User and system seconds that a running process has used; None once it is gone."""
+    try:
+        with open(f"/proc/{process.pid}/stat") as stat:
+            fields = stat.read().rpartition(")")[2].split()
+    except (FileNotFoundError, ProcessLookupError):
+        return None
+    return None if fields[0] == "Z" else (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def interrupt_after(seconds_of_cpu, with_signal=signal.SIGINT):
+    """Sends a signal once the process has worked for so long; a process that ended before gets none."""
+
+    def meanwhile(process):
+        while (used := cpu_seconds(process)) is not None and used < seconds_of_cpu:
+            time.sleep(0.001)
+        if used is not None:
+            os.kill(process.pid, with_signal)
+
+    return meanwhile

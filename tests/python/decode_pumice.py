@@ -1,0 +1,178 @@
+"""An independent decoder of .pumice files, written from docs/file-format.md alone.
+
+Needs numpy, and zstandard for compressed files. Shares no code with the program; it is slow and plain on purpose.
+
+    python decode_pumice.py FILE OUT.npy      ids as uint64, indexed [x, y, z]
+"""
+
+import json
+import struct
+import sys
+
+import numpy as np
+
+SIGNATURE = b"\x89PUMICE\n"
+
+
+def read_sections(data):
+    """Sections by name, decoded (sections 2 and 3 of the page)."""
+    assert data[:8] == SIGNATURE, "not a .pumice file"
+    version, flags, length, table, count, frames = struct.unpack_from("<IIQQII", data, 8)
+    assert (version, flags, length, table, frames) == (1, 0, len(data), 64, 1)
+    sections = {}
+    for i in range(count):
+        name, compression, width, filters, zero, offset, stored, decoded, _, _ = struct.unpack_from(
+            "<4sBBBBQQQQQ", data, table + 48 * i
+        )
+        assert offset % 8 == 0 and zero == 0
+        raw = data[offset : offset + stored]
+        if compression == 1:
+            import zstandard
+
+            raw = zstandard.ZstdDecompressor().decompress(raw, max_output_size=max(decoded, 1))
+        assert len(raw) == decoded, name
+        elements = np.frombuffer(raw, np.uint8)
+        if filters & 2:
+            elements = elements.reshape(width, -1).T
+        elements = elements.reshape(-1, width)
+        if filters & 1:
+            wide = np.zeros((len(elements), 8), np.uint8)
+            wide[:, :width] = elements
+            sums = np.cumsum(wide.view("<u8").ravel(), dtype=np.uint64)
+            elements = sums.astype("<u8").view(np.uint8).reshape(-1, 8)[:, :width]
+        sections[name.decode()] = elements.tobytes()
+    return sections
+
+
+def bits(number_of_bits, data):
+    """The first bits of a stream, lowest of each byte first."""
+    all_bits = np.unpackbits(np.frombuffer(data, np.uint8), bitorder="little")
+    assert len(all_bits) - number_of_bits in range(8) and not all_bits[number_of_bits:].any()
+    return all_bits[:number_of_bits].astype(bool)
+
+
+def mask_bits(masks):
+    """64-bit masks as rows of 64 booleans, bit 0 first."""
+    rows = np.ascontiguousarray(masks, "<u8").view(np.uint8).reshape(-1, 8)
+    return np.unpackbits(rows, axis=1, bitorder="little").astype(bool)
+
+
+def demorton(code):
+    """(x, y, z) of Morton codes of 24 bits."""
+    return np.stack([sum(((code >> (3 * k + a)) & 1) << k for k in range(8)) for a in range(3)], axis=1)
+
+
+def node_fields(occupied, solid, ranked, references, inline, leaf):
+    """Fields of nodes, one row of 64 a node; the three masks as booleans."""
+    fields = np.zeros(occupied.shape, np.uint64)
+    fields[solid] = np.uint64(2**64 - 1)
+    fields[ranked] = leaf[references]
+    fields[occupied & ~solid & ~ranked] = inline
+    return fields
+
+
+def packed_nodes(s, leaf):
+    """Nodes of the packed form, and which one each box has."""
+    occupied = mask_bits(np.frombuffer(s["OCCU"], "<u8"))
+    solid, ranked = np.zeros_like(occupied), np.zeros_like(occupied)
+    solid[occupied] = bits(occupied.sum(), s["SOLI"])
+    mixed = occupied & ~solid
+    ranked[mixed] = bits(mixed.sum(), s["RANK"])
+    references, inline = np.frombuffer(s["REFS"], "<u2"), np.frombuffer(s["FLDS"], "<u8")
+    fields = node_fields(occupied, solid, ranked, references, inline, leaf)
+    back = np.frombuffer(s["BNOD"], "<u4").astype(np.int64)
+    unused = np.cumsum(back == 0) - (back == 0)
+    return fields, unused - back
+
+
+def plain_nodes(s, leaf):
+    """Nodes of the plain form, and the number of the node at each word where one starts."""
+    words = np.frombuffer(s["NODE"], "<u2")
+    rows, number_at, at = [], {}, 0
+    while at < len(words):
+        masks = words[at : at + 12].view("<u8")
+        occupied, solid, ranked = mask_bits(masks)
+        first = at + 12
+        middle = first + ranked.sum()
+        end = middle + 4 * (occupied & ~solid & ~ranked).sum()
+        inline = np.ascontiguousarray(words[middle:end]).view("<u8")
+        number_at[at] = len(rows)
+        rows.append(node_fields(occupied, solid, ranked, words[first:middle], inline, leaf))
+        at = end
+    return np.array(rows, np.uint64).reshape(-1, 64), number_at
+
+
+def decode(data):
+    """(ids as uint64 indexed [x, y, z], INFO) of a whole file's bytes."""
+    s = read_sections(data)
+    info = json.loads(s["INFO"])
+    ids, leaf = np.frombuffer(s["LIDS"], "<u8"), np.frombuffer(s["LEAF"], "<u8")
+    chunks = np.frombuffer(s["CHNK"], [("origin", "<u4", 3), ("zero", "<u4"), ("starts", "<u8", 3)])
+    runs = np.frombuffer(s["RUNS"], "<u4").reshape(-1, 2).astype(np.int64)
+    plain = "NODE" in s
+    if plain:
+        records = np.frombuffer(s["BOXS"], "<u8")
+        cell = np.stack([(records >> np.uint64(40 + 8 * a)) & np.uint64(255) for a in range(3)], axis=1)
+        fields, number_at = plain_nodes(s, leaf)
+        count = len(records)
+    else:
+        code = np.frombuffer(s["BCEL"], np.uint8).reshape(-1, 3).astype(np.int64) @ [1, 256, 65536]
+        cell = demorton(code)
+        fields, number = packed_nodes(s, leaf)
+        count = len(code)
+
+    # Room for boxes that reach past the end by up to 3 voxels; cut off afterwards.
+    dims = info["volume"]["dims"]
+    out = np.zeros([d + 16 for d in dims], np.uint64)
+    voxels = np.zeros(len(ids), np.uint64)
+    for i, chunk in enumerate(chunks):
+        first_box, first_run, base = (int(v) for v in chunk["starts"])
+        last = i + 1 == len(chunks)
+        end_box, end_run = (count, len(runs)) if last else (int(v) for v in chunks[i + 1]["starts"][:2])
+        for r in range(first_run, end_run):
+            start = first_box + runs[r, 1]
+            end = end_box if r + 1 == end_run else first_box + runs[r + 1, 1]
+            label = runs[r, 0]
+            for b in range(start, end):
+                n = number_at[base + int(records[b]) % 2**32] if plain else number[b]
+                x, y, z = (int(v) for v in chunk["origin"] + 4 * cell[b])
+                # Axes of a node's bits, slowest first: cell z, y, x; voxel z, y, x.
+                filled = mask_bits(fields[n]).reshape(4, 4, 4, 4, 4, 4).transpose(2, 5, 1, 4, 0, 3)
+                filled = filled.reshape(16, 16, 16)
+                region = out[x : x + 16, y : y + 16, z : z + 16]
+                filled = filled[tuple(slice(0, e) for e in region.shape)]
+                assert not region[filled].any(), "a voxel in two boxes"
+                region[filled] = ids[label]
+                voxels[label] += np.uint64(filled.sum())
+    inside = tuple(slice(0, d) for d in dims)
+    assert np.count_nonzero(out) == np.count_nonzero(out[inside]), "a voxel outside of the volume"
+    assert (voxels == np.frombuffer(s["LVOX"], "<u8")).all(), "LVOX"
+    return out[inside], info
+
+
+def contacts(data):
+    """Touching pairs of dense indices (a, b), a < b."""
+    s = read_sections(data)
+    stream = iter(s["LCON"])
+
+    def varint():
+        value = shift = 0
+        while True:
+            byte = next(stream)
+            value |= (byte & 127) << shift
+            shift += 7
+            if byte < 128:
+                return value
+
+    pairs = []
+    for a in range(len(s["LIDS"]) // 8):
+        b = a
+        for _ in range(varint()):
+            b += varint() + 1
+            pairs.append((a, b))
+    assert next(stream, None) is None
+    return pairs
+
+
+if __name__ == "__main__":
+    np.save(sys.argv[2], decode(open(sys.argv[1], "rb").read())[0])

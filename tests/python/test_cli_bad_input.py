@@ -1,0 +1,326 @@
+"""Bad input, bad places, interruptions: one clear line, exit code 2, no half file under the final name, no panic, memory bounded."""
+
+import gzip
+import os
+import random
+import signal
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from broken_files import huge_headers, labels, volumes, wrong_values
+from command import interrupt_after, run
+
+# The volumes here have 7,680 voxels. What is left is the program itself, its threads' stacks, its pieces of reading; and this
+# process, whose own peak a child inherits until it becomes the command. A length taken from a file would be far more.
+MEMORY_BYTES = 400 << 20
+
+
+@pytest.fixture(scope="module")
+def good(tmp_path_factory):
+    return volumes(tmp_path_factory.mktemp("good"))
+
+
+@pytest.fixture(scope="module")
+def good_pumice(pumice, good, tmp_path_factory):
+    out = tmp_path_factory.mktemp("pumice") / "good.pumice"
+    run(pumice, "compress", good["raw.nrrd"], "-o", out).fine()
+    return out
+
+
+def left_in(folder):
+    return sorted(p.name for p in folder.iterdir())
+
+
+def attempt(pumice, folder, name, data, beside=None):
+    """Compresses `data` as a file called `name`; returns how that ended. What was beside the good file is copied beside it."""
+    for path in folder.iterdir():
+        path.unlink()
+    for other in beside or []:
+        (folder / other.name).write_bytes(other.read_bytes())
+    (folder / name).write_bytes(data)
+    before = left_in(folder)
+    done = run(pumice, "compress", folder / name, "-o", folder / "out.pumice")
+    assert done.peak_rss_bytes < MEMORY_BYTES, done
+    if done.code == 0:
+        assert left_in(folder) == sorted([*before, "out.pumice"]), done
+    else:
+        done.refused()
+        assert left_in(folder) == before, done
+    return done
+
+
+FORMATS = [
+    *["raw.nrrd", "gzip.nrrd", "ascii.nrrd", "detached.nhdr", "one.nii", "one.nii.gz", "two.nii", "pair.hdr"],
+    *["stack.tif", "deflate.tif", "big.tif", "imagej.tif", "c.npy", "fortran.npy", "one.npz", "local.mha", "apart.mhd"],
+]
+# Where the voxels lie beside the header.
+DETACHED = {"detached.nhdr": "detached.raw", "pair.hdr": "pair.img", "apart.mhd": "apart.raw"}
+
+
+def companions(good, name):
+    folder = good[name].parent
+    return [folder / DETACHED[name]] if name in DETACHED else []
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_good_files_are_read(pumice, good, name, tmp_path):
+    """The control of all tests below: unbroken, each of these files is accepted and holds what was written."""
+    done = attempt(pumice, tmp_path, name, good[name].read_bytes(), companions(good, name))
+    assert done.code == 0, done
+    run(pumice, "decompress", tmp_path / "out.pumice", "-o", tmp_path / "back.npy").fine()
+    back = np.load(tmp_path / "back.npy")
+    assert np.array_equal(back, labels())
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_truncated_files_are_refused(pumice, good, name, tmp_path):
+    # With a detached header it is the data file that is cut: a header without its last lines may still be whole.
+    victim = companions(good, name)[0] if name in DETACHED else good[name]
+    whole = victim.read_bytes()
+    for keep in sorted({0, 1, 4, 100, len(whole) // 3, len(whole) // 2, len(whole) * 9 // 10, len(whole) - 40}):
+        if name in DETACHED:
+            (tmp_path / "cut").mkdir(exist_ok=True)
+            cut = tmp_path / "cut" / victim.name
+            cut.write_bytes(whole[:keep])
+            folder = tmp_path / "run"
+            folder.mkdir(exist_ok=True)
+            done = attempt(pumice, folder, name, good[name].read_bytes(), [cut])
+        else:
+            done = attempt(pumice, tmp_path, name, whole[:keep])
+        assert done.code == 2, f"{name} cut to {keep} of {len(whole)} bytes: {done}"
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_flipped_bits_never_panic(pumice, good, name, tmp_path):
+    """A changed label cannot be noticed without a checksum; but nothing crashes, hangs, eats memory or leaves half a file."""
+    whole = good[name].read_bytes()
+    dice = random.Random(name)
+    # Half of the flips in the first 400 bytes, where headers are.
+    places = [dice.randrange(min(400, len(whole))) for _ in range(16)] + [dice.randrange(len(whole)) for _ in range(8)]
+    codes = set()
+    for place in places:
+        broken = bytearray(whole)
+        broken[place] ^= 1 << dice.randrange(8)
+        codes.add(attempt(pumice, tmp_path, name, bytes(broken), companions(good, name)).code)
+    assert codes <= {0, 2}
+
+
+def test_broken_pumice_files_are_refused(pumice, good_pumice, good, tmp_path):
+    whole = good_pumice.read_bytes()
+    dice = random.Random(5)
+    victims = [(f"cut to {n}", whole[:n]) for n in [0, 1, 8, 64, len(whole) // 2, len(whole) - 1]]
+    for _ in range(60):
+        broken = bytearray(whole)
+        place, bit = dice.randrange(len(whole)), dice.randrange(8)
+        broken[place] ^= 1 << bit
+        victims.append((f"bit {bit} of byte {place} flipped", bytes(broken)))
+    victims.append(("longer by a byte", whole + b"\0"))
+    for what, data in victims:
+        (tmp_path / "broken.pumice").write_bytes(data)
+        done = run(pumice, "decompress", tmp_path / "broken.pumice", "-o", tmp_path / "out.npy")
+        assert done.peak_rss_bytes < MEMORY_BYTES
+        if done.code == 0:
+            # A byte that carries nothing (padding) may change; a voxel may not.
+            assert np.array_equal(np.load(tmp_path / "out.npy"), labels()), what
+            (tmp_path / "out.npy").unlink()
+            continue
+        line = done.refused()
+        assert "broken.pumice" in line, f"{what}: {line}"
+        assert left_in(tmp_path) == ["broken.pumice"], what
+        assert run(pumice, "info", tmp_path / "broken.pumice", "--json").code in (0, 2), what
+        run(pumice, "verify", tmp_path / "broken.pumice", good["raw.nrrd"]).refused()
+
+
+@pytest.mark.parametrize("name", huge_headers())
+def test_sizes_that_multiply_past_64_bits(pumice, name, tmp_path):
+    assert attempt(pumice, tmp_path, name, huge_headers()[name]).code == 2
+
+
+@pytest.mark.parametrize("name", wrong_values())
+def test_what_is_no_label_or_no_place(pumice, name, tmp_path):
+    assert attempt(pumice, tmp_path, name, wrong_values()[name]).code == 2
+
+
+@pytest.mark.parametrize("spacing", ["nan,1,1", "0,1,1", "-1,1,1", "inf,1,1", "1,1", "1,1,1,1", "a,b,c"])
+def test_spacing_that_is_none(pumice, good, spacing, tmp_path):
+    run(pumice, "compress", good["raw.nrrd"], "-o", tmp_path / "o.pumice", f"--spacing={spacing}").refused()
+    assert left_in(tmp_path) == []
+
+
+def test_a_compression_bomb_stays_small_in_memory(pumice, tmp_path):
+    """A gigabyte of zeros behind a header of 8 voxels, packed into a megabyte."""
+    head = b"NRRD0004\ntype: uint8\ndimension: 3\nsizes: 2 2 2\nencoding: gzip\n\n"
+    attempt(pumice, tmp_path, "bomb.nrrd", head + gzip.compress(bytes(1 << 30), 1))
+
+
+@pytest.mark.parametrize("name", ["endless.nrrd", "endless.nii", "endless.nii.gz", "endless.tif", "endless.npy", "endless.mha"])
+def test_an_endless_file(pumice, name, tmp_path):
+    (tmp_path / name).symlink_to("/dev/zero")
+    done = run(pumice, "compress", tmp_path / name, "-o", tmp_path / "o.pumice")
+    done.refused()
+    assert done.peak_rss_bytes < MEMORY_BYTES
+    assert left_in(tmp_path) == [name]
+
+
+@pytest.mark.parametrize("name", sorted(DETACHED))
+def test_the_data_beside_a_header_is_missing(pumice, good, name, tmp_path):
+    done = attempt(pumice, tmp_path, name, good[name].read_bytes())
+    assert done.code == 2 and Path(DETACHED[name]).stem in done.err, done
+
+
+def test_input_that_cannot_be_read(pumice, tmp_path):
+    """Absent, a folder of nothing, an empty file, an unknown ending, and a file that the system refuses to read even to root."""
+    (tmp_path / "empty.nrrd").touch()
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "what.xyz").write_bytes(b"hello")
+    (tmp_path / "denied.nrrd").symlink_to("/proc/self/mem")
+    for name in ["absent.nrrd", "absent.pumice", "empty.nrrd", "folder", "what.xyz", "denied.nrrd"]:
+        for command in [("compress", tmp_path / name, "-o", tmp_path / "o.pumice"), ("info", tmp_path / name)]:
+            line = run(pumice, *command).refused()
+            assert name.split(".")[0] in line, line
+    assert not (tmp_path / "o.pumice").exists()
+
+
+def test_output_that_cannot_be_written(pumice, good, good_pumice, tmp_path):
+    """A folder that does not exist, a folder in the file's place, and one where nobody may write."""
+    (tmp_path / "is-a-folder.pumice").mkdir()
+    denied = Path("/sys/pumice-test.pumice")  # refused to root as well
+    for out in [tmp_path / "no" / "such" / "o.pumice", tmp_path / "is-a-folder.pumice", denied]:
+        line = run(pumice, "compress", good["raw.nrrd"], "-o", out).refused()
+        assert str(out.parent.name) in line or out.name in line, line
+    for folder in [tmp_path / "no", Path("/sys")]:
+        for ending in [".nrrd", ".npy", ".nii.gz", ".tif"]:
+            run(pumice, "decompress", good_pumice, "-o", folder / f"pumice-test{ending}").refused()
+    run(pumice, "render", good_pumice, "-o", tmp_path / "no" / "p.png", "--spp", 1, "--size", "8x8").refused()
+    assert left_in(tmp_path) == ["is-a-folder.pumice"]
+    assert left_in(tmp_path / "is-a-folder.pumice") == []
+
+
+def test_a_read_only_folder(pumice, good, tmp_path):
+    if os.geteuid() == 0:
+        pytest.skip("root may write anywhere; test_output_that_cannot_be_written has a place that refuses root too")
+    locked = tmp_path / "locked"
+    locked.mkdir(mode=0o555)
+    run(pumice, "compress", good["raw.nrrd"], "-o", locked / "o.pumice").refused()
+    assert left_in(locked) == []
+
+
+@pytest.fixture(scope="module")
+def noise(tmp_path_factory):
+    """128³ labels of pure noise: 8 MiB that nothing compresses, and work for seconds."""
+    path = tmp_path_factory.mktemp("noise") / "noise.npy"
+    np.save(path, np.random.default_rng(1).integers(0, 2**32, (128, 128, 128), np.uint32))
+    return path
+
+
+def test_a_full_disk(pumice, noise, good_pumice, tmp_path):
+    """Writing fails in the middle, by a limit on the size of files."""
+    out = tmp_path / "o.pumice"
+    out.write_bytes(b"what was here before")
+    line = run(pumice, "compress", noise, "-o", out, file_size_limit=64 << 10).refused()
+    assert left_in(tmp_path) == ["o.pumice"] and out.read_bytes() == b"what was here before", line
+    for ending in [".nrrd", ".npy", ".nii", ".tif"]:
+        back = tmp_path / f"back{ending}"
+        run(pumice, "decompress", good_pumice, "-o", back, file_size_limit=4096).refused()
+        assert left_in(tmp_path) == ["o.pumice"], ending
+
+
+def test_a_full_file_system(pumice, noise, tmp_path):
+    """The same on a real file system of 64 KiB, where one may be mounted."""
+    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", tmp_path], capture_output=True)
+    if mounted.returncode != 0:
+        pytest.skip("a file system cannot be mounted here")
+    try:
+        line = run(pumice, "compress", noise, "-o", tmp_path / "o.pumice").refused()
+        assert left_in(tmp_path) == [] and "space" in line.lower(), line
+    finally:
+        subprocess.run(["umount", tmp_path], check=True)
+
+
+def test_output_streams_that_are_full_or_closed(pumice, good, good_pumice, tmp_path):
+    with open("/dev/full", "w") as full:
+        run(pumice, "info", good_pumice, stdout=full).refused()
+    run(pumice, "compress", good["raw.nrrd"], "-o", tmp_path / "o.pumice", "--json", "/dev/full").refused()
+    # `pumice info … | head -0`: nobody reads, nobody is told.
+    reader, writer = os.pipe()
+    os.close(reader)
+    with os.fdopen(writer, "w") as closed:
+        assert run(pumice, "info", good_pumice, "--json", stdout=closed).code == 0
+
+
+@pytest.mark.parametrize("seconds_of_cpu", [0.1, 0.3, 0.6, 1.0, 1.5])
+def test_ctrl_c_while_compressing(pumice, noise, seconds_of_cpu, tmp_path):
+    out = tmp_path / "o.pumice"
+    done = run(pumice, "compress", noise, "-o", out, meanwhile=interrupt_after(seconds_of_cpu))
+    if done.code == 0:
+        # It had ended before, or was past the point where stopping leaves less than finishing: then all of it is there.
+        assert run(pumice, "verify", out, noise).code == 0
+        assert left_in(tmp_path) == ["o.pumice"]
+    else:
+        assert "cancel" in done.refused().lower(), done
+        assert left_in(tmp_path) == []
+
+
+def test_ctrl_c_stops_at_least_once(pumice, noise, tmp_path):
+    """Negative control of the test above: it is not always too late."""
+    done = run(pumice, "compress", noise, "-o", tmp_path / "o.pumice", meanwhile=interrupt_after(0.1))
+    assert done.code == 2, done
+
+
+@pytest.mark.parametrize("seconds_of_cpu", [0.2, 0.5, 0.8, 1.2])
+def test_a_killed_process_leaves_no_half_file(pumice, noise, seconds_of_cpu, tmp_path):
+    out = tmp_path / "o.pumice"
+    run(pumice, "compress", noise, "-o", out, meanwhile=interrupt_after(seconds_of_cpu, signal.SIGKILL))
+    if out.exists():
+        assert run(pumice, "verify", out, noise).code == 0
+
+
+def test_broken_scenes(pumice, good_pumice, tmp_path):
+    saved = tmp_path / "scene.json"
+    run(pumice, "render", good_pumice, "-o", tmp_path / "p.png", "--spp", 1, "--size", "8x8", "--save-scene", saved).fine()
+    text = saved.read_text()
+    for what, broken in {
+        "cut": text[: len(text) // 2],
+        "empty": "",
+        "no object": "[1, 2]",
+        "no such key": text.replace('"camera"', '"camara"', 1),
+        "future": text.replace('"version": 1', '"version": 999', 1),
+        "no number": text.replace('"width": 8', '"width": "wide"', 1),
+        "no pixels": text.replace('"width": 8', '"width": 0', 1),
+        "too many pixels": text.replace('"width": 8', '"width": 4294967295', 1).replace('"height": 8', '"height": 4294967295', 1),
+        "deep": "[" * 100_000,
+    }.items():
+        assert broken != text, what
+        saved.write_text(broken)
+        done = run(pumice, "render", saved, "-o", tmp_path / "q.png", "--spp", 1)
+        done.refused()
+        assert done.peak_rss_bytes < MEMORY_BYTES, what
+        assert not (tmp_path / "q.png").exists(), what
+
+
+@pytest.mark.parametrize(
+    "args",
+    [
+        ["--nonsense"],
+        ["nonsense"],
+        ["compress"],
+        ["compress", "a", "b", "-o", "c"],
+        ["render", "a", "-o", "b.png", "--size", "0x0"],
+        ["render", "a", "-o", "b.png", "--spp", "0"],
+        ["render", "a", "-o", "b.png", "--error", "-1"],
+        ["info"],
+    ],
+)
+def test_bad_usage(pumice, args):
+    run(pumice, *args).refused()
+
+
+def test_unknown_endings_and_backends(pumice, good, good_pumice, tmp_path):
+    run(pumice, "decompress", good_pumice, "-o", tmp_path / "o.xyz").refused()
+    run(pumice, "render", good_pumice, "-o", tmp_path / "o.gif", "--spp", 1, "--size", "8x8").refused()
+    run(pumice, "render", good_pumice, "-o", tmp_path / "o.png", "--spp", 1, "--size", "8x8", "--backend", "no").refused()
+    run(pumice, "render", good_pumice, "-o", tmp_path / "o.png", "--spp", 1, "--size", "8x8", "--passes", "no").refused()
+    run(pumice, "compare", good["raw.nrrd"], good["raw.nrrd"]).refused()
+    assert left_in(tmp_path) == []

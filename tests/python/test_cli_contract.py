@@ -1,0 +1,306 @@
+"""The command as scripts rely on it: exit codes, the keys of the reports, what goes in comes out, the same bytes and pixels again."""
+
+import json
+import subprocess
+
+import nibabel
+import nrrd
+import numpy as np
+import pytest
+import tifffile
+from broken_files import labels
+from command import run
+from PIL import Image
+
+SHIPPED = {
+    "connectomics": "connectomics_32x32x40nm.nrrd",
+    "brain": "torchio_t1_seg_gif_PIR.nii.gz",
+    "ct": "slicer_Segmentation.seg.nrrd",
+    "nuclei": "platynereis_nuclei.tif",
+}
+
+
+def voxels_and_affine(path):
+    """A shipped volume indexed [x, y, z] and its centre-to-world matrix (None: the file has none), by other people's readers."""
+    name = path.name
+    if name.endswith(".nrrd"):
+        voxels, header = nrrd.read(str(path))
+        affine = np.eye(4)
+        if "space directions" in header:
+            affine[:3, :3] = np.asarray(header["space directions"], float)[-3:].T
+            affine[:3, 3] = header.get("space origin", [0, 0, 0])
+        else:
+            affine = np.diag([*header["spacings"], 1.0])
+        return voxels, affine
+    if name.endswith(".nii.gz"):
+        image = nibabel.load(path)
+        return np.asanyarray(image.dataobj), image.affine
+    return tifffile.imread(path).transpose(2, 1, 0), None
+
+
+@pytest.fixture(scope="session")
+def compressed(pumice, data, tmp_path_factory):
+    """Each shipped volume as a .pumice file, with the report of how it was made."""
+    folder = tmp_path_factory.mktemp("compressed")
+    made = {}
+    for name, file in SHIPPED.items():
+        out = folder / f"{name}.pumice"
+        run(pumice, "compress", data / file, "-o", out, "--json", folder / f"{name}.json").fine()
+        made[name] = (out, json.loads((folder / f"{name}.json").read_text()))
+    return made
+
+
+def info_of(pumice, path):
+    return json.loads(run(pumice, "info", path, "--json").fine())
+
+
+def test_help_and_version(pumice):
+    top = run(pumice, "--help").fine()
+    for command in ["demo", "compress", "info", "verify", "decompress", "render", "compare", "devices"]:
+        assert f"  {command} " in top
+        assert "Usage:" in run(pumice, command, "--help").fine()
+    assert run(pumice, "--version").fine().startswith("pumice ")
+    assert run(pumice).code == 2
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_info_and_compress_reports(pumice, data, compressed, name):
+    path, report = compressed[name]
+    info = info_of(pumice, path)
+    voxels, affine = voxels_and_affine(data / SHIPPED[name])
+    assert info["dims"] == list(voxels.shape)
+    assert info["labels"] == len(np.unique(voxels[voxels != 0]))
+    assert info["bytes_raw"] == 4 * voxels.size
+    assert info["bytes_disk"] == path.stat().st_size
+    assert info["label_type"] in ("u8", "u16", "u32", "u64", "i8", "i16", "i32", "i64", "f32", "f64")
+    assert "unit" in info and info["boxes"] > 0
+    if affine is not None:
+        assert info["spacing"] == pytest.approx(np.linalg.norm(affine[:3, :3], axis=0), rel=1e-6)
+    parts = info["resident_parts"]
+    assert {"boxes", "nodes", "leaves", "labels", "acceleration"} <= parts.keys()
+    assert sum(parts.values()) == info["bytes_resident"]
+    assert parts["boxes"] >= 8 * info["boxes"]
+
+    assert report["seconds"] > 0 and report["cpu_seconds"] > 0 and report["peak_rss_bytes"] > 0
+    for key in ["dims", "labels", "boxes", "bytes_raw", "bytes_disk"]:
+        assert report[key] == info[key], key
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+@pytest.mark.parametrize("ending", [".nrrd", ".npy", ".nii.gz", ".tif"])
+def test_what_goes_in_comes_out(pumice, data, compressed, tmp_path, name, ending):
+    """Voxels and place, through other people's readers. The connectomics volume in one format only: it is large."""
+    if name == "connectomics" and ending != ".nrrd":
+        pytest.skip("the other volumes show this format")
+    expected, affine = voxels_and_affine(data / SHIPPED[name])
+    out = tmp_path / f"back{ending}"
+    run(pumice, "decompress", compressed[name][0], "-o", out).fine()
+    if ending == ".nrrd":
+        got, header = nrrd.read(str(out))
+        if affine is not None and "space directions" in header:
+            matrix = np.asarray(header["space directions"], float).T
+            # World axes of the two files may point in opposite directions (RAS, LPS): lengths and positions agree up to sign.
+            assert np.abs(matrix) == pytest.approx(np.abs(affine[:3, :3]), rel=1e-5, abs=1e-5)
+            origin = np.asarray(header.get("space origin", [0, 0, 0]), float)
+            assert np.abs(origin) == pytest.approx(np.abs(affine[:3, 3]), rel=1e-5, abs=1e-4)
+    elif ending == ".npy":
+        got = np.load(out)
+    elif ending == ".nii.gz":
+        image = nibabel.load(out)
+        got = np.asanyarray(image.dataobj)
+        if affine is not None:
+            # NIfTI's sform is f32.
+            assert np.abs(image.affine) == pytest.approx(np.abs(affine), rel=1e-5, abs=1e-3)
+        if name == "brain":
+            assert image.affine == pytest.approx(affine, rel=1e-5, abs=1e-3)
+            assert nibabel.aff2axcodes(image.affine) == ("P", "I", "R")
+    else:
+        got = tifffile.imread(out).transpose(2, 1, 0)
+    assert np.issubdtype(got.dtype, np.integer)
+    assert np.array_equal(got.astype(np.uint64), expected.astype(np.uint64))
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_verify_says_yes(pumice, data, compressed, name):
+    assert run(pumice, "verify", compressed[name][0], data / SHIPPED[name]).code == 0
+
+
+def test_verify_says_no(pumice, tmp_path):
+    """One voxel, one id, one voxel fewer in a dimension: exit code 1, and the difference is named on standard output."""
+    v = labels(np.uint64)
+    np.save(tmp_path / "a.npy", v)
+    run(pumice, "compress", tmp_path / "a.npy", "-o", tmp_path / "a.pumice").fine()
+    assert run(pumice, "verify", tmp_path / "a.pumice", tmp_path / "a.npy").code == 0
+    one_voxel, one_id = v.copy(), v.copy()
+    one_voxel[3, 4, 5] += 1
+    one_id[v == v[3, 4, 5]] = 2**64 - 1
+    lost, found = v.copy(), v.copy()
+    lost[10, 10, 10] = 0
+    found[0, 0, 0] = 9
+    assert v[0, 0, 0] == 0 and v[10, 10, 10] != 0
+    for what, other in {"voxel": one_voxel, "id": one_id, "lost": lost, "found": found, "smaller": v[:, :, :-1]}.items():
+        np.save(tmp_path / "b.npy", other)
+        done = run(pumice, "verify", tmp_path / "a.pumice", tmp_path / "b.npy")
+        assert (done.code, done.err) == (1, ""), (what, done)
+        assert len(done.out.strip()) > 0, what
+
+
+def test_every_id_survives(pumice, tmp_path):
+    """Ids 0, 1, 2³²−1, 2³², 2⁶⁴−1, and 64-bit ids that f64 cannot hold."""
+    ids = np.array([0, 1, 2**32 - 1, 2**32, 2**53 + 1, 2**63 + 1, 2**64 - 1], np.uint64)
+    v = ids[np.random.default_rng(2).integers(0, len(ids), (9, 7, 5))]
+    np.save(tmp_path / "a.npy", v)
+    run(pumice, "compress", tmp_path / "a.npy", "-o", tmp_path / "a.pumice").fine()
+    for ending, read in {".npy": np.load, ".nrrd": lambda p: nrrd.read(str(p))[0]}.items():
+        run(pumice, "decompress", tmp_path / "a.pumice", "-o", tmp_path / f"b{ending}").fine()
+        assert np.array_equal(read(tmp_path / f"b{ending}"), v), ending
+
+
+def test_an_empty_and_a_smallest_volume(pumice, tmp_path):
+    for name, v in {"empty": np.zeros((5, 6, 7), np.uint8), "one": np.full((1, 1, 1), 7, np.uint16)}.items():
+        np.save(tmp_path / "a.npy", v)
+        run(pumice, "compress", tmp_path / "a.npy", "-o", tmp_path / "a.pumice").fine()
+        assert info_of(pumice, tmp_path / "a.pumice")["labels"] == (0 if name == "empty" else 1)
+        run(pumice, "decompress", tmp_path / "a.pumice", "-o", tmp_path / "b.npy").fine()
+        assert np.array_equal(np.load(tmp_path / "b.npy"), v)
+
+
+def test_same_bytes_whatever_the_threads_and_the_memory(pumice, data, compressed, tmp_path):
+    expected = compressed["brain"][0].read_bytes()
+    for more in [["--threads", "1"], ["--threads", "3"], ["--memory-limit", "2M"], ["--threads", "2", "--memory-limit", "4M"]]:
+        out = tmp_path / "again.pumice"
+        run(pumice, "compress", data / SHIPPED["brain"], "-o", out, *more).fine()
+        assert out.read_bytes() == expected, more
+
+
+def test_levels_hold_the_same_and_differ_in_size(pumice, data, tmp_path):
+    sizes = {}
+    for level in ["fast", "default", "small"]:
+        out = tmp_path / f"{level}.pumice"
+        run(pumice, "compress", data / SHIPPED["ct"], "-o", out, "--level", level).fine()
+        assert run(pumice, "verify", out, data / SHIPPED["ct"]).code == 0
+        sizes[level] = out.stat().st_size
+    assert sizes["small"] <= sizes["default"] < sizes["fast"]
+
+
+def test_overlapping_segments_are_layers(pumice, data, tmp_path):
+    """Without --layer a clear message, never a silent merge; each layer is what pynrrd sees in it."""
+    path = data / "slicer_SegmentationOverlapping.seg.nrrd"
+    voxels, _ = nrrd.read(str(path))
+    assert voxels.ndim == 4 and voxels.shape[0] == 2
+    line = run(pumice, "compress", path, "-o", tmp_path / "o.pumice").refused()
+    assert "layer" in line.lower()
+    for layer in range(2):
+        run(pumice, "compress", path, "-o", tmp_path / "o.pumice", "--layer", layer).fine()
+        run(pumice, "decompress", tmp_path / "o.pumice", "-o", tmp_path / "o.npy").fine()
+        assert np.array_equal(np.load(tmp_path / "o.npy"), voxels[layer]), layer
+    run(pumice, "compress", path, "-o", tmp_path / "p.pumice", "--layer", 2).refused()
+
+
+@pytest.fixture(scope="session")
+def picture(pumice, compressed, tmp_path_factory):
+    """A small picture of the brain, as EXR, with its report."""
+    folder = tmp_path_factory.mktemp("picture")
+    args = ["--size", "48x32", "--spp", "8", "--seed", "5", "--backend", "cpu"]
+    run(pumice, "render", compressed["ct"][0], "-o", folder / "a.exr", *args, "--json", folder / "a.json").fine()
+    return folder / "a.exr", json.loads((folder / "a.json").read_text()), args
+
+
+def exr_pixels(path):
+    """The picture's channels R, G, B through NVIDIA's reader."""
+    import flip_evaluator
+
+    return np.asarray(flip_evaluator.load(str(path)))
+
+
+def test_render_report(picture):
+    _, report, _ = picture
+    for key in ["seconds", "cpu_seconds", "peak_rss_bytes", "spp", "error_estimate", "backend", "curve"]:
+        assert key in report, key
+    assert (report["spp"], report["backend"]) == (8, "cpu")
+    assert report["curve"] and {"seconds", "cpu_seconds", "spp", "error_estimate"} <= report["curve"][-1].keys()
+    assert [p["spp"] for p in report["curve"]] == sorted(p["spp"] for p in report["curve"])
+
+
+def test_picture_shows_something(picture):
+    pixels = exr_pixels(picture[0])
+    assert pixels.shape[:2] == (32, 48) and np.isfinite(pixels).all()
+    assert pixels.std() > 0.01 and pixels.max() > 0.1
+
+
+def test_same_pixels_whatever_the_threads(pumice, compressed, picture, tmp_path):
+    expected = exr_pixels(picture[0])
+    for threads in ["1", "2", "5"]:
+        run(pumice, "render", compressed["ct"][0], "-o", tmp_path / "b.exr", *picture[2], "--threads", threads).fine()
+        assert np.array_equal(exr_pixels(tmp_path / "b.exr"), expected), threads
+    # Negative control: another seed is another picture.
+    other = [a if a != "5" else "6" for a in picture[2]]
+    run(pumice, "render", compressed["ct"][0], "-o", tmp_path / "c.exr", *other).fine()
+    assert not np.array_equal(exr_pixels(tmp_path / "c.exr"), expected)
+
+
+def test_a_picture_can_be_rendered_again(pumice, picture, tmp_path):
+    run(pumice, "render", "--again", picture[0], "-o", tmp_path / "again.exr").fine()
+    assert np.array_equal(exr_pixels(tmp_path / "again.exr"), exr_pixels(picture[0]))
+
+
+def test_png_is_what_the_exr_shows(pumice, compressed, picture, tmp_path):
+    run(pumice, "render", compressed["ct"][0], "-o", tmp_path / "a.png", *picture[2]).fine()
+    png = np.asarray(Image.open(tmp_path / "a.png").convert("RGB")).astype(float)
+    assert png.shape == (32, 48, 3)
+    linear = np.clip(exr_pixels(picture[0])[..., :3], 0, 1)
+    encoded = 255 * np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+    # Half a step of rounding, and as much for the EXR's half floats.
+    assert np.abs(png - encoded).max() <= 1.0
+
+
+def test_scene_file_gives_the_same_picture(pumice, compressed, picture, tmp_path):
+    scene = tmp_path / "scene.json"
+    run(pumice, "render", compressed["ct"][0], "-o", tmp_path / "a.exr", *picture[2], "--save-scene", scene).fine()
+    assert json.loads(scene.read_text())["version"] == 1
+    run(pumice, "render", scene, "-o", tmp_path / "b.exr", "--spp", "8").fine()
+    assert np.array_equal(exr_pixels(tmp_path / "b.exr"), exr_pixels(picture[0]))
+
+
+def test_levels_of_detail_and_modes_draw(pumice, compressed, tmp_path):
+    seen = {}
+    for args in [("--lod", "1"), ("--lod", "4"), ("--lod", "16"), ("--mode", "one-bounce"), ("--mode", "ao")]:
+        out = tmp_path / "a.exr"
+        run(pumice, "render", compressed["ct"][0], "-o", out, "--size", "48x32", "--spp", "2", *args).fine()
+        seen[args] = exr_pixels(out).tobytes()
+    assert len(set(seen.values())) == len(seen), "each of these draws differently"
+
+
+def test_stops_by_time_and_by_error(pumice, compressed, tmp_path):
+    for limit in [("--time", "0.5"), ("--error", "0.5")]:
+        run(pumice, "render", compressed["ct"][0], "-o", tmp_path / "a.png", "--size", "32x24", *limit, "--json",
+            tmp_path / "a.json").fine()
+        report = json.loads((tmp_path / "a.json").read_text())
+        assert report["spp"] >= 1
+    assert report["error_estimate"] <= 0.5
+
+
+def test_compare(pumice, compressed, picture, tmp_path):
+    same = json.loads(run(pumice, "compare", picture[0], picture[0], "--json", "-").fine())
+    assert (same["rel_mse"], same["flip"]) == (0, 0) and same["ssim"] == pytest.approx(1)
+    assert "psnr" in same
+    noisy = tmp_path / "noisy.exr"
+    args = [a if a != "5" else "6" for a in picture[2]]
+    run(pumice, "render", compressed["ct"][0], "-o", noisy, *args).fine()
+    run(pumice, "compare", noisy, picture[0], "--json", tmp_path / "c.json").fine()
+    other = json.loads((tmp_path / "c.json").read_text())
+    a, b = exr_pixels(noisy)[..., :3].astype(float), exr_pixels(picture[0])[..., :3].astype(float)
+    assert other["rel_mse"] == pytest.approx(np.mean((a - b) ** 2 / (b**2 + 0.01)), rel=1e-4)
+    assert other["psnr"] > 0 and 0 < other["ssim"] < 1 and 0 < other["flip"] < 1
+    assert run(pumice, "compare", noisy, picture[0], "--max-rel-mse", "1e-9").code == 1
+
+
+def test_devices(pumice):
+    devices = json.loads(run(pumice, "devices", "--json").fine())["devices"]
+    assert [d for d in devices if d["backend"] == "cpu"]
+    assert sum(d["chosen"] for d in devices) == 1
+
+
+def test_no_progress_bar_in_a_pipe(pumice, data, tmp_path):
+    done = subprocess.run([pumice, "compress", data / SHIPPED["ct"], "-o", tmp_path / "o.pumice"], capture_output=True)
+    assert done.returncode == 0 and done.stderr == b"" and b"\r" not in done.stdout and b"\x1b" not in done.stdout

@@ -1,0 +1,69 @@
+"""The independent decoder against volumes whose voxels are known.
+
+The files come from the example `write_samples` of pumice-core: in the folder PUMICE_SAMPLES if that is set, else they are made.
+"""
+
+import os
+import pathlib
+import struct
+import subprocess
+
+import numpy as np
+import pytest
+
+import decode_pumice
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+
+
+@pytest.fixture(scope="session")
+def samples(tmp_path_factory):
+    given = os.environ.get("PUMICE_SAMPLES")
+    folder = pathlib.Path(given) if given else tmp_path_factory.mktemp("samples")
+    if not given:
+        command = ["cargo", "run", "-q", "-p", "pumice-core", "--example", "write_samples", "--", str(folder)]
+        subprocess.run(command, cwd=ROOT, check=True)
+    files = sorted(folder.glob("*.pumice"))
+    assert len(files) >= 20, f"{folder} has {len(files)} samples"
+    return files
+
+
+def expected_ids(file):
+    """The voxels of NAME.LEVEL.pumice: NAME.ids has dims as 3 u32, then a u64 a voxel, x fastest."""
+    data = file.with_name(file.name.split(".")[0] + ".ids").read_bytes()
+    dims = struct.unpack_from("<3I", data)
+    return np.frombuffer(data, "<u8", offset=12).reshape(dims, order="F")
+
+
+def test_every_voxel_is_the_same(samples):
+    for file in samples:
+        ids, info = decode_pumice.decode(file.read_bytes())
+        expected = expected_ids(file)
+        assert info["volume"]["dims"] == list(expected.shape)
+        assert (ids == expected).all(), f"{file.name}: first difference at {np.argwhere(ids != expected)[0]}"
+
+
+def test_contacts_are_the_same(samples):
+    for file in samples:
+        ids = expected_ids(file)
+        pairs = set()
+        for axis in range(3):
+            a, b = np.moveaxis(ids, axis, 0)[:-1].ravel(), np.moveaxis(ids, axis, 0)[1:].ravel()
+            touch = (a != b) & (a != 0) & (b != 0)
+            pairs |= set(zip(np.minimum(a, b)[touch].tolist(), np.maximum(a, b)[touch].tolist()))
+        labels = np.unique(ids[ids != 0]).tolist()
+        got = [(labels[a], labels[b]) for a, b in decode_pumice.contacts(file.read_bytes())]
+        assert got == sorted(pairs), file.name
+
+
+def test_a_wrong_voxel_would_be_noticed(samples):
+    """A control: the comparison above fails for a file of another volume of the same size."""
+    by_shape = {}
+    for file in samples:
+        by_shape.setdefault(expected_ids(file).shape, []).append(file)
+    pairs = [f for f in by_shape.values() if len({x.name.split(".")[0] for x in f}) > 1]
+    assert pairs
+    for files in pairs:
+        names = sorted(files, key=lambda f: f.name)
+        ids, _ = decode_pumice.decode(names[0].read_bytes())
+        assert (ids != expected_ids(names[-1])).any()

@@ -1,0 +1,44 @@
+//! The table at the end: what each part cost and how it went.
+
+use std::fmt::Write;
+
+use crate::part::{Outcome, Row};
+
+/// The table, and below it one line a part that did not pass.
+pub(crate) fn table(rows: &[Row]) -> String {
+    let mut text = format!(
+        "{:<16}{:>10}{:>10}{:>8}{:>9}{:>9}  result\n",
+        "part", "seconds", "CPU s", "cap", "passed", "failed"
+    );
+    let cpu = |s: Option<f64>| s.map_or_else(|| "–".into(), |s| format!("{s:.1}"));
+    for row in rows {
+        let result = match &row.outcome {
+            Outcome::Passed => "passed".into(),
+            Outcome::Failed(what) => format!("FAILED: {what}"),
+            Outcome::LeftOut(why) => format!("left out: {why}"),
+        };
+        // Writing to a String cannot fail.
+        let _ = writeln!(
+            text,
+            "{:<16}{:>10.1}{:>10}{:>8}{:>9}{:>9}  {result}",
+            row.name,
+            row.seconds,
+            cpu(row.cpu_seconds),
+            row.cap_seconds,
+            row.counts.passed,
+            row.counts.failed,
+        );
+    }
+    let sum = |f: fn(&Row) -> u64| rows.iter().map(f).sum::<u64>();
+    let _ = writeln!(
+        text,
+        "{:<16}{:>10.1}{:>10}{:>8}{:>9}{:>9}",
+        "together",
+        rows.iter().map(|r| r.seconds).sum::<f64>(),
+        cpu(rows.iter().map(|r| r.cpu_seconds).sum()),
+        "",
+        sum(|r| r.counts.passed),
+        sum(|r| r.counts.failed),
+    );
+    text
+}

@@ -1,0 +1,270 @@
+//! `cargo xtask test`: the parts, in order.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitCode};
+
+use crate::part::{self, Outcome, Row, Running};
+use crate::{python_env, seconds_table, share, shared_data};
+
+/// Name, cap in seconds, what it is. The caps are several times what two cores need, so that only a hang or a gross slowdown
+/// hits one.
+const PARTS: [(&str, u64, &str); 9] = [
+    ("build", 1800, "the workspace's tests, the command, the examples"),
+    ("python-env", 600, "target/venv from tests/python/requirements.txt"),
+    ("rust", 900, "unit and integration tests of every crate"),
+    ("rust-docs", 300, "examples in the documentation"),
+    ("python", 600, "formats, file layout and metrics against other people's code"),
+    ("cli", 600, "the command: contract, bad input, full disk, Ctrl-C"),
+    ("shared-rust", 900, "suites over volumes that may not be shipped"),
+    ("shared-python", 600, "the same, in Python"),
+    ("share", 600, "today's share of the full set"),
+];
+/// With `--full` a part may take this many times its cap: hours.
+const FULL_CAP_FACTOR: u64 = 24;
+
+/// What was asked for.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Options {
+    full: bool,
+    only: Vec<String>,
+    share: Option<u64>,
+    list: bool,
+}
+
+impl Options {
+    pub(crate) fn parse(args: &[String]) -> Result<Self, String> {
+        let mut options = Self::default();
+        let mut args = args.iter();
+        while let Some(arg) = args.next() {
+            let mut value = || args.next().ok_or_else(|| format!("{arg} needs a value"));
+            match arg.as_str() {
+                "--full" => options.full = true,
+                "--list" => options.list = true,
+                "--only" => {
+                    let name = value()?;
+                    if !PARTS.iter().any(|p| p.0 == name) {
+                        let names = PARTS.map(|p| p.0).join(", ");
+                        return Err(format!("no part is named {name}: expected one of {names}"));
+                    }
+                    options.only.push(name.clone());
+                }
+                "--share" => {
+                    let text = value()?;
+                    let k = text.parse().ok().filter(|&k| k < share::SHARES);
+                    options.share = Some(
+                        k.ok_or_else(|| format!("--share {text}: expected 0 to {}", share::SHARES - 1))?,
+                    );
+                }
+                _ => return Err(format!("unknown argument {arg}")),
+            }
+        }
+        Ok(options)
+    }
+
+    /// Whether a part runs: all do, or those named, and what those need.
+    fn wants(&self, part: &str) -> bool {
+        let named = |names: &[&str]| self.only.iter().any(|o| names.contains(&o.as_str()));
+        self.only.is_empty()
+            || named(&[part])
+            || match part {
+                "python-env" => named(&["python", "cli", "shared-python", "share"]),
+                "build" => named(&["python", "cli", "shared-python"]),
+                _ => false,
+            }
+    }
+}
+
+/// Runs the parts; exit code 0 only when none failed.
+pub(crate) fn run(options: &Options) -> ExitCode {
+    if options.list {
+        PARTS.iter().for_each(|(name, cap, what)| println!("{name:<16}{cap:>6} s  {what}"));
+        return ExitCode::SUCCESS;
+    }
+    let running = Running::default();
+    let on_interrupt = running.clone();
+    let handled = ctrlc::set_handler(move || {
+        on_interrupt.kill();
+        std::process::exit(130);
+    });
+    if let Err(e) = handled {
+        eprintln!("xtask: Ctrl-C would leave tests running: {e}");
+    }
+
+    let suite = Suite::new(options);
+    println!(
+        "share {} of {} of the full set (repeat with --share {})",
+        suite.share,
+        share::SHARES,
+        suite.share
+    );
+    let mut rows: Vec<Row> = Vec::new();
+    for (name, cap, _) in PARTS {
+        if !options.wants(name) || (options.full && name == "share") {
+            continue;
+        }
+        let cap = if options.full { cap * FULL_CAP_FACTOR } else { cap };
+        let must_test = !matches!(name, "build" | "python-env" | "share");
+        // Tests in Python cannot begin without their environment; the parts in Rust go on.
+        let needs_python = matches!(name, "python" | "cli" | "shared-python");
+        let no_python =
+            rows.iter().any(|r| r.name == "python-env" && matches!(r.outcome, Outcome::Failed(_)));
+        rows.push(part::run(name, cap, must_test, &running, || {
+            if needs_python && no_python {
+                return Err(Outcome::Failed("python-env failed".into()));
+            }
+            suite.commands(name)
+        }));
+    }
+
+    println!("\n{}", seconds_table::table(&rows));
+    let failed = rows.iter().any(|r| matches!(r.outcome, Outcome::Failed(_)));
+    if failed { ExitCode::from(1) } else { ExitCode::SUCCESS }
+}
+
+/// Where everything is.
+struct Suite {
+    root: PathBuf,
+    target: PathBuf,
+    shared: Option<PathBuf>,
+    share: u64,
+    full: bool,
+}
+
+impl Suite {
+    fn new(options: &Options) -> Self {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap_or(Path::new(".")).to_path_buf();
+        let target = std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root.join("target"), PathBuf::from);
+        Self {
+            shared: shared_data::folder(&root),
+            target,
+            root,
+            share: options.share.unwrap_or_else(share::of_today),
+            full: options.full,
+        }
+    }
+
+    fn commands(&self, part: &str) -> Result<Vec<Command>, Outcome> {
+        let absent = || Outcome::LeftOut("folder absent (PUMICE_SHARED_DATA or ../shared/data)".into());
+        let ignored: &[&str] = if self.full { &["--", "--include-ignored"] } else { &[] };
+        let commands = match part {
+            "build" => vec![
+                self.cargo(&["test", "--workspace", "--tests", "--no-run"]),
+                self.cargo(&["build", "--workspace", "--bins", "--examples"]),
+            ],
+            "python-env" => return python_env::commands(&self.root, &self.target),
+            "rust" => {
+                vec![self.cargo(&[&["test", "--workspace", "--tests", "--no-fail-fast"], ignored].concat())]
+            }
+            "rust-docs" => vec![self.cargo(&["test", "--workspace", "--doc", "--no-fail-fast"])],
+            "python" => vec![self.pytest(&|name| !name.starts_with("test_cli_") && !is_shared(name))?],
+            "cli" => vec![self.pytest(&|name| name.starts_with("test_cli_"))?],
+            "shared-rust" => {
+                self.shared.as_ref().ok_or_else(absent)?;
+                let crates = shared_data::crates(&self.root).map_err(Outcome::Failed)?;
+                if crates.is_empty() {
+                    return Err(Outcome::LeftOut("no crate has such a suite".into()));
+                }
+                let packages = crates.iter().flat_map(|c| ["--package", c.as_str()]);
+                let args: Vec<&str> = ["test", "--test", "shared_data", "--no-fail-fast"]
+                    .into_iter()
+                    .chain(packages)
+                    .chain(ignored.iter().copied())
+                    .collect();
+                vec![self.cargo(&args)]
+            }
+            "shared-python" => {
+                self.shared.as_ref().ok_or_else(absent)?;
+                vec![self.pytest(&is_shared)?]
+            }
+            "share" => return self.share_commands(),
+            _ => return Err(Outcome::Failed(format!("part {part} has no commands"))),
+        };
+        Ok(commands)
+    }
+
+    /// The ignored tests whose turn it is. The Python ones run within their own parts (see `tests/python/conftest.py`).
+    fn share_commands(&self) -> Result<Vec<Command>, Outcome> {
+        let list = ["test", "--quiet", "--workspace", "--tests", "--", "--ignored", "--list"];
+        let listing =
+            self.cargo(&list).output().map_err(|e| Outcome::Failed(format!("cargo test --list: {e}")))?;
+        if !listing.status.success() {
+            let said = String::from_utf8_lossy(&listing.stderr);
+            return Err(Outcome::Failed(format!("cargo test --list: {}", said.trim())));
+        }
+        let names = share::names_in(&String::from_utf8_lossy(&listing.stdout), self.share);
+        if names.is_empty() {
+            return Err(Outcome::LeftOut(format!("no ignored Rust test is in share {}", self.share)));
+        }
+        let run = ["test", "--workspace", "--tests", "--no-fail-fast", "--", "--ignored", "--exact"];
+        let args: Vec<&str> = run.into_iter().chain(names.iter().map(String::as_str)).collect();
+        Ok(vec![self.cargo(&args)])
+    }
+
+    fn cargo(&self, args: &[&str]) -> Command {
+        let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
+        command.args(args);
+        self.surroundings(&mut command);
+        command
+    }
+
+    /// pytest over the test files whose names pass.
+    fn pytest(&self, wanted: &dyn Fn(&str) -> bool) -> Result<Command, Outcome> {
+        let folder = self.root.join("tests/python");
+        let entries =
+            std::fs::read_dir(&folder).map_err(|e| Outcome::Failed(format!("{}: {e}", folder.display())))?;
+        let mut files: Vec<String> = entries
+            .flatten()
+            .filter_map(|e| e.file_name().into_string().ok())
+            .filter(|name| name.starts_with("test_") && name.ends_with(".py") && wanted(name))
+            .map(|name| format!("tests/python/{name}"))
+            .collect();
+        files.sort();
+        if files.is_empty() {
+            return Err(Outcome::LeftOut("no test file".into()));
+        }
+        let mut command = Command::new(python_env::interpreter(&self.target));
+        command.args(["-m", "pytest", "-q", "-p", "no:cacheprovider"]).args(files);
+        self.surroundings(&mut command);
+        Ok(command)
+    }
+
+    fn surroundings(&self, command: &mut Command) {
+        let set = if self.full { "full".into() } else { format!("{}/{}", self.share, share::SHARES) };
+        command
+            .current_dir(&self.root)
+            .env("PUMICE", self.target.join("debug/pumice"))
+            .env("PUMICE_TEST_SHARE", set)
+            .env("PYTHONDONTWRITEBYTECODE", "1");
+        if let Some(shared) = &self.shared {
+            command.env("PUMICE_SHARED_DATA", shared);
+        }
+        // What `cargo run` told this program about itself is not for others.
+        command.env_remove("CARGO_MANIFEST_DIR").env_remove("CARGO_MANIFEST_PATH");
+    }
+}
+
+fn is_shared(name: &str) -> bool {
+    name.starts_with("test_shared_data_")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parsed(args: &[&str]) -> Result<Options, String> {
+        Options::parse(&args.iter().map(|a| a.to_string()).collect::<Vec<_>>())
+    }
+
+    #[test]
+    fn arguments() {
+        let options = parsed(&["--full", "--only", "cli", "--share", "3"]).unwrap();
+        assert_eq!(options, Options { full: true, only: vec!["cli".into()], share: Some(3), list: false });
+        assert!(options.wants("cli") && options.wants("build") && options.wants("python-env"));
+        assert!(!options.wants("rust"));
+        assert!(PARTS.iter().all(|p| parsed(&[]).unwrap().wants(p.0)));
+        for bad in [&["--only", "nonsense"][..], &["--only"], &["--share", "8"], &["--share", "-1"], &["-x"]]
+        {
+            assert!(parsed(bad).is_err(), "{bad:?}");
+        }
+    }
+}
