@@ -19,7 +19,6 @@ pub(crate) const GZIP_MAGIC: [u8; 2] = [0x1F, 0x8B];
 
 /// Which wrapping the deflated data have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[allow(dead_code, reason = "not every combination of formats uses every wrapping")]
 pub(crate) enum Wrapping {
     Gzip,
     Zlib,
