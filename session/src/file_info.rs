@@ -63,7 +63,8 @@ pub struct SourceInfo {
     pub world_from_centre: [[f64; 4]; 3],
     pub bytes_raw: u64,
     pub named_labels: u64,
-    pub layers: Vec<String>,
+    /// Names of the segments of each layer.
+    pub layers: Vec<Vec<String>>,
     pub warnings: Vec<String>,
 }
 
@@ -129,7 +130,7 @@ fn source_info(path: &Path, reading: &OpenOptions) -> Result<SourceInfo> {
         world_from_centre: rows(&info.world_from_centre()),
         bytes_raw: info.voxels().saturating_mul(4),
         named_labels: info.notes.len() as u64,
-        layers: probe.layers.iter().map(|l| l.to_string()).collect(),
+        layers: probe.layers.iter().map(|l| l.segments.clone()).collect(),
         warnings: probe.warnings.clone(),
     })
 }

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use pumice_core::{CompressedVolume, Job};
 use pumice_formats::OpenOptions;
 use pumice_render::{Passes, Picture, Provenance, read_provenance, write_exr, write_png};
-use pumice_scene::{Lod, Mode, Scene, Show};
+use pumice_scene::{Lod, Mode, Needs, Scene, Show};
 use serde::Serialize;
 
 use crate::backend::make_renderer;
@@ -112,7 +112,7 @@ pub struct Rendered {
 pub fn render_file(
     request: &RenderRequest,
     job: &Job,
-    watch: &mut dyn FnMut(&Stop, &CurvePoint),
+    watch: &mut (dyn FnMut(&Stop, &CurvePoint) + Send),
 ) -> Result<Rendered> {
     // A wrong ending, pass or backend is known before the work, not after it.
     let format = PictureFormat::of(&request.out)?;
@@ -124,7 +124,7 @@ pub fn render_file(
     if let Some(path) = &request.save_scene {
         scene.save(path).map_err(|source| SessionError::Scene { path: path.clone(), source })?;
     }
-    let render = || render_scene(&scene, &volumes, &backend, &stop, job, &mut |point| watch(&stop, point));
+    let mut render = || render_scene(&scene, &volumes, &backend, &stop, job, &mut |point| watch(&stop, point));
     let rendered = match request.threads {
         None => render()?,
         Some(threads) => in_pool(threads, render)?,
@@ -265,6 +265,8 @@ pub fn render_scene(
         spp: 0,
         error_estimate: None,
     });
+    let ids: Vec<&[u64]> = volumes.iter().map(|v| v.labels().ids()).collect();
+    let explanation = Needs::of(scene, &ids).explain();
     let backend = renderer.name().to_string();
     picture.provenance = Some(Provenance {
         version: env!("CARGO_PKG_VERSION").into(),

@@ -23,6 +23,7 @@ mod write;
 #[cfg(test)]
 mod mutation;
 
+pub use layout::MAGIC;
 pub use write::Level;
 
 /// What is wrong with a file, before its path is known.
