@@ -1,13 +1,14 @@
 //! Prints what a volume's header says as JSON and writes its voxels as little-endian u64, x fastest, to a file.
 //!
-//! `dump_volume FILE VOXELS.bin [--layer N] [--time N] [--channel N] [--array NAME] [--zyx]`. For comparisons with other readers: it keeps the whole
-//! volume in memory, which the library never does. `-` instead of VOXELS.bin reads the blocks and drops them.
+//! `dump_volume FILE VOXELS.bin [--layer N] [--time N] [--channel N] [--array NAME] [--zyx] [--raw X,Y,Z,TYPE]`. For comparisons
+//! with other readers: it keeps the whole volume in memory, which the library never does. `-` instead of VOXELS.bin reads the
+//! blocks and drops them.
 
 use std::io::Write as _;
 use std::path::Path;
 use std::process::ExitCode;
 
-use pumice_formats::{ArrayAxes, OpenOptions, open, probe};
+use pumice_formats::{ArrayAxes, OpenOptions, RawLayout, open, probe};
 use serde_json::json;
 
 fn main() -> ExitCode {
@@ -19,6 +20,14 @@ fn main() -> ExitCode {
             ExitCode::from(2)
         }
     }
+}
+
+/// `64,64,64,u64`, little-endian.
+fn raw_layout(text: &str) -> Result<RawLayout, Box<dyn std::error::Error>> {
+    let words: Vec<&str> = text.split(',').collect();
+    let [x, y, z, label_type] = words.as_slice() else { return Err("--raw X,Y,Z,TYPE".into()) };
+    let label_type = serde_json::from_value(json!(label_type))?;
+    Ok(RawLayout { dims: [x.parse()?, y.parse()?, z.parse()?], label_type, big_endian: false, offset: 0 })
 }
 
 fn run(arguments: &[String]) -> Result<(), Box<dyn std::error::Error>> {
@@ -37,6 +46,7 @@ fn run(arguments: &[String]) -> Result<(), Box<dyn std::error::Error>> {
             "--layer" => options.layer = Some(value.parse()?),
             "--time" => options.time = Some(value.parse()?),
             "--channel" => options.channel = Some(value.parse()?),
+            "--raw" => options.raw = Some(raw_layout(value)?),
             "--array" => options.array = Some(value.clone()),
             _ => return Err(format!("unknown option {name}").into()),
         }

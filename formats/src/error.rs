@@ -2,8 +2,6 @@
 
 use std::path::{Path, PathBuf};
 
-use pumice_core::LabelType;
-
 /// A failure of opening, reading or writing a label volume in a foreign format.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -113,18 +111,6 @@ pub enum FormatError {
         got: String,
         /// The limit.
         limit: u64,
-    },
-    /// A writer was asked for something that its format cannot hold.
-    #[error("{}: {format} cannot hold labels of type {label_type:?}; {way_out}", path.display())]
-    CannotWrite {
-        /// The output file.
-        path: PathBuf,
-        /// The format.
-        format: &'static str,
-        /// The type that was asked for.
-        label_type: LabelType,
-        /// What to use instead.
-        way_out: &'static str,
     },
 }
 

@@ -5,13 +5,14 @@
 //! open ──► sniff ──► one module a format ──► Found: info, axes, element type, byte stream ──► SlabSource ──► LabelBlock
 //!          (magic)   (header only)                                                            (shared by all)
 //! ```
-//! A format module only understands its header. Everything that touches voxels is written once: [`stream`] turns a file into
-//! the plain bytes of the voxels, [`layout`] says which voxel each byte belongs to, [`element`] turns bytes into labels and
-//! refuses what is not one, [`slab`] ties them together with bounded memory.
+//! A format module only understands its header. Everything that touches voxels is written once: `stream` turns a file into
+//! the plain bytes of the voxels, `layout` says which voxel each byte belongs to, `element` turns bytes into labels and
+//! refuses what is not one, `slab` ties them together with bounded memory.
 
 pub mod error;
 pub mod open;
 pub mod options;
+pub mod write;
 
 mod choice;
 mod element;
@@ -32,6 +33,15 @@ mod raw;
 mod slab;
 mod stream;
 mod text_stream;
+mod tiff;
+mod tiff_axes;
+mod tiff_folder;
+mod tiff_ifd;
+mod tiff_page;
+mod write_nifti;
+mod write_npy;
+mod write_nrrd;
+mod write_tiff;
 
 pub use error::FormatError;
 pub use open::{Layer, Probe, open, probe};

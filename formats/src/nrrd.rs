@@ -27,7 +27,8 @@ pub(crate) fn read(path: &Path, options: &OpenOptions) -> Result<Found> {
     // Which axis is which, and which layer of a `list` axis is wanted.
     let mut undecided = None;
     let axes = assign_axes(path, &header)?;
-    let layer_count = axes.iter().find(|a| a.is_layers && a.size > 1).map_or(1, |a| a.size);
+    let layer_count =
+        axes.iter().find(|a| a.space.is_none() && a.is_layers && a.size > 1).map_or(1, |a| a.size);
     let layers = if layer_count > 1 { list_layers(&header, layer_count) } else { Vec::new() };
     let mut file_axes = Vec::new();
     for axis in &axes {
@@ -381,7 +382,7 @@ fn data(
         }
     }
     let count = files.len() as u64;
-    if layout.total_bytes() % count != 0 {
+    if !layout.total_bytes().is_multiple_of(count) {
         return Err(FormatError::damaged(
             path,
             format!("{count} data files cannot hold equal parts of {} bytes of voxels", layout.total_bytes()),

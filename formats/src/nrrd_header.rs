@@ -224,7 +224,20 @@ fn pair(line: &str) -> Option<(String, String)> {
     if key.contains(": ") {
         return None;
     }
-    Some((key.to_owned(), value.replace("\\n", "\n").replace("\\\\", "\\")))
+    let mut text = String::new();
+    let mut characters = value.chars();
+    while let Some(c) = characters.next() {
+        text.push(match (c, characters.clone().next()) {
+            ('\\', Some('n')) => '\n',
+            ('\\', Some('\\')) => '\\',
+            _ => {
+                text.push(c);
+                continue;
+            }
+        });
+        characters.next();
+    }
+    Some((key.to_owned(), text))
 }
 
 fn is_data_file(name: &str) -> bool {

@@ -13,7 +13,7 @@ use crate::layout::Layout;
 use crate::options::OpenOptions;
 use crate::slab::SlabSource;
 use crate::stream::ByteStream;
-use crate::{metaimage, nifti, npy, npz, nrrd, raw};
+use crate::{metaimage, nifti, npy, npz, nrrd, raw, tiff, tiff_folder};
 
 /// What the header of a file says.
 #[derive(Clone, Debug)]
@@ -91,13 +91,16 @@ pub fn probe(path: &Path, options: &OpenOptions) -> std::result::Result<Probe, F
 /// The first bytes of a file, enough for every magic number.
 const HEAD_BYTES: u64 = 1024;
 
+/// Byte order and version 42 (classic) or 43 (BigTIFF).
+const TIFF_MAGIC: [&[u8]; 4] = [b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"];
+
 fn find(path: &Path, options: &OpenOptions) -> Result<Found> {
     if let Some(layout) = &options.raw {
         return raw::read(path, layout, options);
     }
     let metadata = std::fs::metadata(path).map_err(FormatError::io(path))?;
     if metadata.is_dir() {
-        return Err(unknown(path, "a folder"));
+        return tiff_folder::read(path, options);
     }
     let mut head = Vec::new();
     File::open(path)
@@ -108,6 +111,9 @@ fn find(path: &Path, options: &OpenOptions) -> Result<Found> {
     }
     if head.starts_with(b"NRRD") {
         return nrrd::read(path, options);
+    }
+    if TIFF_MAGIC.iter().any(|magic| head.starts_with(magic)) {
+        return tiff::read(path, options);
     }
     if head.starts_with(npy::MAGIC) {
         return npy::read(path, options);

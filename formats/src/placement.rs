@@ -56,7 +56,8 @@ pub(crate) fn world_from_centre(
     // The volume of the parallelepiped against that of the box with the same edges: 0 when the axes lie in one plane. 1e-9
     // guards against headers with seven written digits; real shears stay above 1e-2.
     let unit = DMat3::from_cols(axes[0].normalize(), axes[1].normalize(), axes[2].normalize());
-    if !(unit.determinant().abs() > 1e-9) {
+    let flatness = unit.determinant().abs();
+    if flatness.is_nan() || flatness < 1e-9 {
         return Err(FormatError::damaged(
             path,
             "the three axis vectors lie in one plane: the header's orientation is damaged",

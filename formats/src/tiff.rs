@@ -1,0 +1,248 @@
+//! TIFF stacks: pages become planes of the volume, as ImageJ's or OME's description says.
+
+use std::path::{Path, PathBuf};
+
+use pumice_core::{Unit, VolumeInfo};
+
+use crate::element::Element;
+use crate::error::{FormatError, Result};
+use crate::layout::{FileAxis, Layout, Role};
+use crate::open::{Found, OpenStream};
+use crate::options::OpenOptions;
+use crate::placement;
+use crate::stream::{ByteStream, ChainedStream, PlainStream};
+use crate::tiff_axes::{self, Axes, PageAxis};
+use crate::tiff_ifd::{Directory, TiffFile, tag};
+use crate::tiff_page::{self, Compression, Page, PageShape, PageStream};
+
+/// Understands the pages of `path`.
+pub(crate) fn read(path: &Path, options: &OpenOptions) -> Result<Found> {
+    let mut tiff = TiffFile::open(path)?;
+    let pages = tiff.pages()?;
+    let (shape, compression) = tiff_page::shape(path, &mut tiff, pages[0])?;
+    let directory = tiff.directory(pages[0])?;
+    let description = tiff.text(&directory, tag::IMAGE_DESCRIPTION)?.unwrap_or_default();
+    let axes = understand(path, &mut tiff, &directory, &description, pages.len())?;
+    for warning in &axes.warnings {
+        options.warnings.push(format!("{}: {warning}", path.display()));
+    }
+    let planes = axes.order.iter().try_fold(1u64, |n, a| n.checked_mul(a.1)).unwrap_or(u64::MAX);
+
+    // Pages that are used must be alike.
+    let contiguous = planes > pages.len() as u64;
+    if !contiguous {
+        for (number, &at) in pages.iter().enumerate().take(planes as usize).skip(1) {
+            let (other, _) = tiff_page::shape(path, &mut tiff, at)?;
+            same_shape(path, &format!("page {}", number + 1), shape, "page 1", other)?;
+        }
+    }
+
+    // Axes: x, y, then those of the pages.
+    let mut undecided = None;
+    let mut file_axes = vec![
+        FileAxis { size: shape.width, role: Role::Space(0) },
+        FileAxis { size: shape.height, role: Role::Space(1) },
+    ];
+    for &(axis, size) in &axes.order {
+        let role = match axis {
+            PageAxis::Z => Role::Space(2),
+            PageAxis::Channel => {
+                choose(path, "--channel", "channels", options.channel, size, &mut undecided)?
+            }
+            PageAxis::Time => choose(path, "--time", "time steps", options.time, size, &mut undecided)?,
+        };
+        file_axes.push(FileAxis { size, role });
+    }
+
+    let element_bytes = Element::new(shape.label_type, false).bytes();
+    let layout = Layout::new(path, file_axes, element_bytes)?;
+    let info = place(path, &axes, VolumeInfo::new(layout.dims(), shape.label_type), options)?;
+    let (element, stream) = if contiguous {
+        one_directory(path, &mut tiff, pages[0], compression, planes, &layout)?
+    } else {
+        (Element::new(shape.label_type, false), page_stream(path, pages, axes.page_of_plane, planes, shape))
+    };
+    Ok(Found {
+        format: axes.format,
+        encoding: match compression {
+            Compression::None => "raw",
+            Compression::Lzw => "LZW",
+            Compression::Deflate => "deflate",
+            Compression::PackBits => "PackBits",
+        }
+        .into(),
+        info,
+        layout,
+        element,
+        layers: Vec::new(),
+        undecided,
+        stream,
+    })
+}
+
+/// What the description makes of the pages.
+fn understand(
+    path: &Path,
+    tiff: &mut TiffFile,
+    directory: &Directory,
+    description: &str,
+    pages: usize,
+) -> Result<Axes> {
+    let mut length = |id| -> Result<Option<f64>> {
+        // Pixels a unit; 0 or 0/0 in files without any.
+        Ok(tiff.rational(directory, id)?.filter(|r| r.is_finite() && *r > 0.0).map(|r| 1.0 / r))
+    };
+    let pixel = [length(tag::X_RESOLUTION)?, length(tag::Y_RESOLUTION)?];
+    if description.starts_with("ImageJ=") {
+        return tiff_axes::imagej(path, description, pages as u64, pixel);
+    }
+    let xml = description.trim_start_matches('\u{feff}').trim_start();
+    if xml.starts_with('<') && xml.contains("<OME") || xml.starts_with("<ome:OME") {
+        return tiff_axes::ome(path, xml, pages);
+    }
+    let mut axes = tiff_axes::plain(pages as u64);
+    // Resolution of the printed page: 2 inch, 3 centimetre. Without a length along z it is no voxel size.
+    let unit_mm = match tiff.number(directory, tag::RESOLUTION_UNIT)? {
+        Some(2) => Some(25.4),
+        Some(3) => Some(10.0),
+        _ => None,
+    };
+    if let ([Some(x), Some(y)], Some(mm)) = (pixel, unit_mm) {
+        axes.warnings.push(format!(
+            "the resolution tags say {} × {} mm a pixel, but nothing along z; they are not used",
+            x * mm,
+            y * mm
+        ));
+    }
+    Ok(axes)
+}
+
+/// Spacing and unit; what is missing is 1, and said.
+fn place(path: &Path, axes: &Axes, mut info: VolumeInfo, options: &OpenOptions) -> Result<VolumeInfo> {
+    info.unit = axes.unit;
+    if axes.spacing[0].is_none() && axes.spacing[1].is_none() {
+        info.unit = Unit::Unknown;
+    }
+    if options.spacing.is_none() {
+        let missing: Vec<&str> = (0..3)
+            .filter(|&a| axes.spacing[a].is_none() && (a < 2 || info.dims[2] > 1))
+            .map(|a| ["x", "y", "z"][a])
+            .collect();
+        if !missing.is_empty() {
+            options.warnings.push(format!(
+                "{}: the file has no spacing along {}; 1 is assumed there (give --spacing x,y,z)",
+                path.display(),
+                missing.join(", ")
+            ));
+        }
+    }
+    let spacing = axes.spacing.map(|s| s.unwrap_or(1.0));
+    Ok(info.from_centre_affine(placement::from_spacing(path, spacing, options)?))
+}
+
+/// The index on a channel or time axis.
+fn choose(
+    path: &Path,
+    option: &'static str,
+    name: &str,
+    chosen: Option<u32>,
+    size: u64,
+    undecided: &mut Option<FormatError>,
+) -> Result<Role> {
+    match chosen {
+        Some(index) if u64::from(index) < size => Ok(Role::Fixed(index.into())),
+        Some(index) => Err(FormatError::option(
+            path,
+            format!("{option} {index} asked for, but the file has {size} {name}, counted from 0"),
+        )),
+        None => {
+            if size > 1 && undecided.is_none() {
+                let hint = if option == "--time" {
+                    " (if they are slices, swap T and Z in ImageJ: Image > Hyperstacks > Re-order)"
+                } else {
+                    ""
+                };
+                *undecided = Some(FormatError::Choose {
+                    path: path.to_owned(),
+                    what: format!("the file has {size} {name}{hint}"),
+                    option,
+                    choices: format!("0 to {}", size.saturating_sub(1)),
+                });
+            }
+            Ok(Role::Fixed(0))
+        }
+    }
+}
+
+/// One directory for all planes: ImageJ writes stacks above 4 GiB so, the planes one behind the other, uncompressed.
+fn one_directory(
+    path: &Path,
+    tiff: &mut TiffFile,
+    page_at: u64,
+    compression: Compression,
+    planes: u64,
+    layout: &Layout,
+) -> Result<(Element, OpenStream)> {
+    let page = Page::read(path, tiff, page_at)?;
+    let start = page.chunks.first().map_or(0, |c| c.0);
+    let stored = tiff.file_bytes.saturating_sub(start);
+    if compression != Compression::None || !page.is_contiguous() || stored < layout.total_bytes() {
+        return Err(FormatError::damaged(
+            path,
+            format!(
+                "the description promises {planes} planes, but the file has fewer pages and {stored} bytes behind the first \
+                 plane's start; expected {} bytes",
+                layout.total_bytes()
+            ),
+        ));
+    }
+    let path = path.to_owned();
+    let stream: OpenStream =
+        Box::new(move || Ok(Box::new(PlainStream::open(&path, start)?) as Box<dyn ByteStream>));
+    Ok((Element::new(page.shape.label_type, tiff.big_endian), stream))
+}
+
+/// The pages one behind the other, each opened when its turn comes.
+fn page_stream(
+    path: &Path,
+    pages: Vec<u64>,
+    page_of_plane: Option<Vec<usize>>,
+    planes: u64,
+    shape: PageShape,
+) -> OpenStream {
+    let path = path.to_owned();
+    Box::new(move || {
+        let part_bytes = plane_bytes(shape);
+        let names: Vec<PathBuf> = vec![path.clone(); planes as usize];
+        Ok(Box::new(ChainedStream::new(names, part_bytes, move |plane| {
+            let number = page_of_plane.as_ref().map_or(plane, |map| map[plane]);
+            let mut tiff = TiffFile::open(&path)?;
+            Ok(Box::new(PageStream::new(Page::read(&path, &mut tiff, pages[number])?)) as Box<dyn ByteStream>)
+        })))
+    })
+}
+
+/// Bytes of one plane. The layout has checked that the product fits.
+pub(crate) fn plane_bytes(shape: PageShape) -> u64 {
+    shape.width * shape.height * Element::new(shape.label_type, false).bytes() as u64
+}
+
+/// Slices of different size or type are no volume.
+pub(crate) fn same_shape(
+    path: &Path,
+    this_name: &str,
+    expected: PageShape,
+    first_name: &str,
+    got: PageShape,
+) -> Result<()> {
+    if expected == got {
+        return Ok(());
+    }
+    Err(FormatError::damaged(
+        path,
+        format!(
+            "{this_name} has {} × {} pixels of {:?}, expected {} × {} of {:?} as {first_name}",
+            got.width, got.height, got.label_type, expected.width, expected.height, expected.label_type
+        ),
+    ))
+}

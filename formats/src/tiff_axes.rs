@@ -1,0 +1,283 @@
+//! What the pages of a TIFF file mean: TIFF itself has no third axis, ImageJ and OME write one into the description.
+//!
+//! ```text
+//! ImageJ      ImageJ=1.54f\nimages=30\nchannels=2\nslices=5\nframes=3\nunit=micron\nspacing=0.5      page order C, Z, T
+//! OME-TIFF    <OME …><Pixels DimensionOrder="XYZCT" SizeZ="5" PhysicalSizeX="0.1" …><TiffData IFD="0"/></Pixels></OME>
+//! neither     pages are slices, in their order; said in a warning
+//! ```
+//! ImageJ's description: `ij.io.FileInfo`, `ij.io.TiffDecoder`; OME: *OME-TIFF specification* 6.
+
+use std::path::Path;
+
+use pumice_core::Unit;
+
+use crate::error::{FormatError, Result};
+use crate::placement;
+
+/// What one axis of pages is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum PageAxis {
+    Z,
+    Channel,
+    Time,
+}
+
+/// The description, understood.
+#[derive(Debug)]
+pub(crate) struct Axes {
+    pub(crate) format: &'static str,
+    /// Sizes of the page axes, fastest first; their product is the number of planes.
+    pub(crate) order: Vec<(PageAxis, u64)>,
+    /// Lengths of a voxel along x, y, z as far as the description has them; 0 for none.
+    pub(crate) spacing: [Option<f64>; 3],
+    pub(crate) unit: Unit,
+    /// For OME: the page of each plane, where that is not simply the plane's number.
+    pub(crate) page_of_plane: Option<Vec<usize>>,
+    pub(crate) warnings: Vec<String>,
+}
+
+/// Pages without a description of axes.
+pub(crate) fn plain(pages: u64) -> Axes {
+    let warnings = if pages > 1 {
+        vec![format!("the file does not say what its {pages} pages are; they are read as slices along z")]
+    } else {
+        Vec::new()
+    };
+    Axes {
+        format: "TIFF",
+        order: vec![(PageAxis::Z, pages)],
+        spacing: [None; 3],
+        unit: Unit::Unknown,
+        page_of_plane: None,
+        warnings,
+    }
+}
+
+/// ImageJ's description; `pixel` holds the lengths that the resolution tags give, in ImageJ's unit.
+pub(crate) fn imagej(path: &Path, text: &str, pages: u64, pixel: [Option<f64>; 2]) -> Result<Axes> {
+    let get =
+        |key: &str| text.lines().find_map(|line| line.strip_prefix(key)?.strip_prefix('=')).map(str::trim);
+    let count = |key: &str| -> Result<Option<u64>> {
+        get(key)
+            .map(|v| {
+                v.parse().map_err(|_| {
+                    FormatError::damaged(path, format!("ImageJ's {key} is {v:?}, expected a whole number"))
+                })
+            })
+            .transpose()
+    };
+    let images = count("images")?.unwrap_or(pages.max(1));
+    let (channels, slices, frames) = (count("channels")?, count("slices")?, count("frames")?);
+    let mut warnings = Vec::new();
+    let order = if channels.is_none() && slices.is_none() && frames.is_none() {
+        if images > 1 {
+            warnings.push(format!("ImageJ's description does not say what its {images} images are; they are read as slices along z"));
+        }
+        vec![(PageAxis::Z, images)]
+    } else {
+        let order = vec![
+            (PageAxis::Channel, channels.unwrap_or(1)),
+            (PageAxis::Z, slices.unwrap_or(1)),
+            (PageAxis::Time, frames.unwrap_or(1)),
+        ];
+        let product = order.iter().try_fold(1u64, |n, a| n.checked_mul(a.1));
+        if product != Some(images) {
+            return Err(FormatError::damaged(
+                path,
+                format!(
+                    "ImageJ's description has images={images}, but channels × slices × frames is {} × {} × {}",
+                    order[0].1, order[1].1, order[2].1
+                ),
+            ));
+        }
+        order
+    };
+    let (unit, scale) = match get("unit") {
+        None | Some("pixel" | "pixels" | "") => (Unit::Unknown, 1.0),
+        Some(name) => named_unit(name, &mut warnings),
+    };
+    let length = |v: f64| v * scale;
+    let z = get("spacing").and_then(|v| v.parse::<f64>().ok()).map(f64::abs);
+    Ok(Axes {
+        format: "TIFF (ImageJ)",
+        order,
+        spacing: [pixel[0].map(length), pixel[1].map(length), z.map(length)],
+        unit,
+        page_of_plane: None,
+        warnings,
+    })
+}
+
+/// OME-XML.
+pub(crate) fn ome(path: &Path, text: &str, pages: usize) -> Result<Axes> {
+    let document = roxmltree::Document::parse(text)
+        .map_err(|e| FormatError::damaged(path, format!("the OME-XML cannot be parsed: {e}")))?;
+    let named = |name: &'static str| document.descendants().filter(move |n| n.tag_name().name() == name);
+    let pixels =
+        named("Pixels").next().ok_or_else(|| FormatError::damaged(path, "the OME-XML has no Pixels"))?;
+    let mut warnings = Vec::new();
+    let images = named("Pixels").count();
+    if images > 1 {
+        warnings.push(format!("the OME-TIFF holds {images} images; the first one is read"));
+    }
+    let size = |name: &str| -> Result<u64> {
+        let text = pixels.attribute(name).unwrap_or("1");
+        text.parse().ok().filter(|&n| n > 0).ok_or_else(|| {
+            FormatError::damaged(path, format!("OME's {name} is {text:?}, expected a whole number above 0"))
+        })
+    };
+    let order_text = pixels.attribute("DimensionOrder").unwrap_or("XYZCT");
+    let mut order = Vec::new();
+    for letter in order_text.chars().skip(2) {
+        order.push(match letter {
+            'Z' => (PageAxis::Z, size("SizeZ")?),
+            'C' => (PageAxis::Channel, size("SizeC")?),
+            'T' => (PageAxis::Time, size("SizeT")?),
+            _ => return Err(FormatError::damaged(path, format!("OME's DimensionOrder is {order_text:?}"))),
+        });
+    }
+    let planes = order.iter().try_fold(1u64, |n, a| n.checked_mul(a.1)).unwrap_or(u64::MAX);
+    let all = ["Z", "C", "T"].iter().all(|&l| order_text.get(2..).unwrap_or("").matches(l).count() == 1);
+    if !all || !order_text.starts_with("XY") {
+        return Err(FormatError::damaged(
+            path,
+            format!("OME's DimensionOrder is {order_text:?}, expected XYZCT or so"),
+        ));
+    }
+    if planes > pages as u64 {
+        return Err(FormatError::damaged(
+            path,
+            format!(
+                "the OME-XML describes {planes} planes, the file has {pages} pages (are the others in another file?)"
+            ),
+        ));
+    }
+    let page_of_plane = planes_to_pages(path, pixels, &order, planes as usize, pages)?;
+
+    // Lengths, all brought to the unit of x.
+    let mut spacing = [None; 3];
+    let mut unit = Unit::Unknown;
+    let mut metres_of_x = None;
+    for (a, axis) in ["X", "Y", "Z"].iter().enumerate() {
+        let Some(length) = pixels.attribute(format!("PhysicalSize{axis}").as_str()) else { continue };
+        let length: f64 = length.parse().map_err(|_| {
+            FormatError::damaged(path, format!("OME's PhysicalSize{axis} is {length:?}, expected a number"))
+        })?;
+        // The schema's default unit.
+        let name = pixels.attribute(format!("PhysicalSize{axis}Unit").as_str()).unwrap_or("µm");
+        let (this, scale) = named_unit(name, &mut warnings);
+        let metres = metres(this);
+        let factor = match (metres, metres_of_x) {
+            (Some(m), Some(x)) => m / x,
+            (None, Some(_)) | (Some(_), None) if unit != Unit::Unknown => {
+                return Err(FormatError::damaged(
+                    path,
+                    "OME's physical sizes have units that cannot be compared",
+                ));
+            }
+            _ => 1.0,
+        };
+        if metres_of_x.is_none() {
+            metres_of_x = metres;
+            unit = this;
+        }
+        // Multiplying by 1 must not change a bit; the quotient of equal units is exactly 1.
+        spacing[a] = Some(length * scale * factor);
+    }
+    Ok(Axes { format: "TIFF (OME)", order, spacing, unit, page_of_plane, warnings })
+}
+
+/// The page of each plane from the `TiffData` elements; `None` where plane N is page N.
+fn planes_to_pages(
+    path: &Path,
+    pixels: roxmltree::Node<'_, '_>,
+    order: &[(PageAxis, u64)],
+    planes: usize,
+    pages: usize,
+) -> Result<Option<Vec<usize>>> {
+    let bad = |what: String| FormatError::damaged(path, what);
+    let blocks: Vec<_> = pixels.children().filter(|n| n.tag_name().name() == "TiffData").collect();
+    let files: std::collections::BTreeSet<&str> = blocks
+        .iter()
+        .flat_map(|n| n.children())
+        .filter(|n| n.tag_name().name() == "UUID")
+        .filter_map(|n| n.attribute("FileName"))
+        .collect();
+    if files.len() > 1 {
+        return Err(FormatError::unsupported(
+            path,
+            format!("the OME-TIFF is spread over {} files", files.len()),
+            "save it as one file, or give a folder of slices",
+        ));
+    }
+    // Without any explicit number, pages follow the dimension order.
+    if blocks.iter().all(|n| n.attributes().all(|a| matches!(a.name(), "PlaneCount") || a.value() == "0")) {
+        return Ok(None);
+    }
+    let mut map: Vec<Option<usize>> = vec![None; planes];
+    for block in blocks {
+        let number = |name: &str| -> Result<Option<usize>> {
+            block
+                .attribute(name)
+                .map(|v| v.parse().map_err(|_| bad(format!("OME's TiffData {name} is {v:?}"))))
+                .transpose()
+        };
+        let ifd = number("IFD")?;
+        let first = |axis| -> Result<u64> {
+            let name = match axis {
+                PageAxis::Z => "FirstZ",
+                PageAxis::Channel => "FirstC",
+                PageAxis::Time => "FirstT",
+            };
+            Ok(number(name)?.unwrap_or(0) as u64)
+        };
+        let (mut plane, mut stride) = (0u64, 1u64);
+        for &(axis, size) in order {
+            plane = plane.saturating_add(first(axis)?.saturating_mul(stride));
+            stride *= size;
+        }
+        let count = number("PlaneCount")?.unwrap_or(if ifd.is_some() { 1 } else { planes });
+        for i in 0..count.min(planes) {
+            let page = ifd.unwrap_or(0).saturating_add(i);
+            let slot = usize::try_from(plane.saturating_add(i as u64)).unwrap_or(usize::MAX);
+            match map.get_mut(slot) {
+                Some(entry) if page < pages => *entry = Some(page),
+                _ => {
+                    return Err(bad(format!(
+                        "OME's TiffData maps plane {slot} to page {page}, which is not there"
+                    )));
+                }
+            }
+        }
+    }
+    let map: Option<Vec<usize>> = map.into_iter().collect();
+    map.map(Some).ok_or_else(|| bad("OME's TiffData leaves planes without a page".into()))
+}
+
+/// A unit and the factor to it; ImageJ and OME also use cm, inch and Å.
+fn named_unit(name: &str, warnings: &mut Vec<String>) -> (Unit, f64) {
+    if let Some(unit) = placement::unit_by_name(name) {
+        return (unit, 1.0);
+    }
+    match name {
+        "cm" => (Unit::Millimetre, 10.0),
+        "inch" | "in" => (Unit::Millimetre, 25.4),
+        "Å" | "A" => (Unit::Nanometre, 0.1),
+        "pixel" | "reference frame" => (Unit::Unknown, 1.0),
+        _ => {
+            warnings.push(format!("the unit {name:?} is not known"));
+            (Unit::Unknown, 1.0)
+        }
+    }
+}
+
+/// Metres in a unit. Powers of ten up to 10²² are exact, so quotients are rounded once.
+fn metres(unit: Unit) -> Option<f64> {
+    match unit {
+        Unit::Nanometre => Some(1.0 / 1e9),
+        Unit::Micrometre => Some(1.0 / 1e6),
+        Unit::Millimetre => Some(1.0 / 1e3),
+        Unit::Metre => Some(1.0),
+        Unit::Unknown => None,
+    }
+}

@@ -1,0 +1,130 @@
+//! A folder of TIFF slices: one plane a file, in the order of the numbers in their names.
+
+use std::cmp::Ordering;
+use std::path::{Path, PathBuf};
+
+use pumice_core::VolumeInfo;
+
+use crate::element::Element;
+use crate::error::{FormatError, Result};
+use crate::layout::Layout;
+use crate::open::Found;
+use crate::options::OpenOptions;
+use crate::placement;
+use crate::stream::{ByteStream, ChainedStream};
+use crate::tiff::{plane_bytes, same_shape};
+use crate::tiff_ifd::TiffFile;
+use crate::tiff_page::{self, Compression, Page, PageStream};
+
+/// Understands the slices in `folder`.
+pub(crate) fn read(folder: &Path, options: &OpenOptions) -> Result<Found> {
+    let mut files: Vec<PathBuf> = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(FormatError::io(folder))? {
+        let path = entry.map_err(FormatError::io(folder))?.path();
+        let hidden = path.file_name().is_none_or(|n| n.to_string_lossy().starts_with('.'));
+        let tiff =
+            path.extension().is_some_and(|e| e.eq_ignore_ascii_case("tif") || e.eq_ignore_ascii_case("tiff"));
+        if tiff && !hidden {
+            files.push(path);
+        }
+    }
+    files.sort_by(|a, b| natural(&a.to_string_lossy(), &b.to_string_lossy()));
+    let Some(first) = files.first() else {
+        return Err(FormatError::Unknown {
+            path: folder.to_owned(),
+            what: "the folder has no TIFF slices (.tif, .tiff) in it".into(),
+        });
+    };
+
+    // All slices alike, one page each.
+    let mut expected = None;
+    for file in &files {
+        let mut tiff = TiffFile::open(file)?;
+        let pages = tiff.pages()?;
+        if pages.len() > 1 {
+            return Err(FormatError::damaged(
+                file,
+                format!(
+                    "a slice of a folder must have one page, this file has {}: open it by itself",
+                    pages.len()
+                ),
+            ));
+        }
+        let (shape, compression) = tiff_page::shape(file, &mut tiff, pages[0])?;
+        let (wanted, _) = *expected.get_or_insert((shape, compression));
+        let first_name = first.file_name().unwrap_or_default().to_string_lossy();
+        same_shape(file, "this slice", wanted, &first_name, shape)?;
+    }
+    let Some((shape, compression)) = expected else {
+        return Err(FormatError::damaged(folder, "the folder has no slices"));
+    };
+
+    let element = Element::new(shape.label_type, false);
+    let dims = [shape.width, shape.height, files.len() as u64];
+    let layout = Layout::x_fastest(folder, dims, element.bytes())?;
+    if options.spacing.is_none() {
+        options.warnings.push(format!(
+            "{}: slices in a folder have no spacing; 1 is assumed along each axis (give --spacing x,y,z)",
+            folder.display()
+        ));
+    }
+    let affine = placement::from_spacing(folder, [1.0; 3], options)?;
+    let info = VolumeInfo::new(layout.dims(), shape.label_type).from_centre_affine(affine);
+    let stream = Box::new(move || {
+        let paths = files.clone();
+        Ok(Box::new(ChainedStream::new(files, plane_bytes(shape), move |slice| {
+            let mut tiff = TiffFile::open(&paths[slice])?;
+            let page = tiff.pages()?[0];
+            Ok(Box::new(PageStream::new(Page::read(&paths[slice], &mut tiff, page)?)) as Box<dyn ByteStream>)
+        })) as Box<dyn ByteStream>)
+    });
+    Ok(Found {
+        format: "folder of TIFF slices",
+        encoding: if compression == Compression::None { "raw" } else { "compressed" }.into(),
+        info,
+        layout,
+        element,
+        layers: Vec::new(),
+        undecided: None,
+        stream,
+    })
+}
+
+/// `slice9 < slice10`: runs of digits compare as numbers, all else as text.
+fn natural(a: &str, b: &str) -> Ordering {
+    let (mut a_rest, mut b_rest) = (a, b);
+    loop {
+        let digits = |s: &str| s.bytes().take_while(u8::is_ascii_digit).count();
+        let (n, m) = (digits(a_rest), digits(b_rest));
+        if n > 0 && m > 0 {
+            let (x, y) = (a_rest[..n].trim_start_matches('0'), b_rest[..m].trim_start_matches('0'));
+            // Longer without leading zeros is larger.
+            let order = x.len().cmp(&y.len()).then_with(|| x.cmp(y));
+            if order != Ordering::Equal {
+                return order;
+            }
+            (a_rest, b_rest) = (&a_rest[n..], &b_rest[m..]);
+            continue;
+        }
+        match (a_rest.chars().next(), b_rest.chars().next()) {
+            (Some(x), Some(y)) if x == y => {
+                (a_rest, b_rest) = (&a_rest[x.len_utf8()..], &b_rest[y.len_utf8()..]);
+            }
+            // Equal but for leading zeros: any fixed order will do.
+            (None, None) => return a.cmp(b),
+            (x, y) => return x.cmp(&y),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_sort_as_numbers() {
+        let mut names = ["s10", "s9", "s010b", "s1", "t2", "s2x3", "s2x20", "s"];
+        names.sort_by(|a, b| natural(a, b));
+        assert_eq!(names, ["s", "s1", "s2x3", "s2x20", "s9", "s10", "s010b", "t2"]);
+    }
+}

@@ -1,0 +1,252 @@
+//! Writing a volume in somebody else's format: NRRD, NPY, NIfTI, TIFF.
+//!
+//! ```text
+//! slabs of planes from the caller ──► bytes of the label type ──► header + raw, gzip or deflate ──► hidden file beside OUT
+//!                                                                                               ──► sync, rename to OUT
+//! ```
+//! A killed process leaves no half file under the final name. The type is the one that the volume had in its source; what else
+//! a format can hold is in its own writer.
+
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
+use std::path::Path;
+
+use pumice_core::{LabelType, VolumeInfo};
+
+use crate::error::{FormatError, Result};
+use crate::{write_nifti, write_npy, write_nrrd, write_tiff};
+
+/// Voxels asked for at once: 32 MiB of ids.
+const SLAB_VOXELS: u64 = 4 << 20;
+
+/// Delivers the ids of a block, x fastest: (origin, dims) → ids.
+pub type DecodeIds<'a> = dyn FnMut([u32; 3], [u32; 3]) -> pumice_core::Result<Vec<u64>> + 'a;
+
+/// A format that takes voxels in order, x fastest.
+pub(crate) trait VoxelWriter {
+    /// The next voxels, little-endian, in the volume's label type.
+    fn write_voxels(&mut self, bytes: &[u8]) -> io::Result<()>;
+
+    /// Writes what comes behind the voxels and hands the file back.
+    fn finish(self: Box<Self>) -> io::Result<File>;
+}
+
+/// Writes a volume to `out`, in the format that its ending names: `.nrrd`, `.npy`, `.nii`, `.nii.gz`, `.tif`, `.tiff`.
+///
+/// `decode` is asked for whole planes, or rows of one plane where that is large, in file order.
+///
+/// # Errors
+/// When the ending names no format, the folder is missing, the disk is full, a label does not fit the type, or whatever
+/// `decode` fails with. Nothing is left under the final name then.
+pub fn write_volume(out: &Path, info: &VolumeInfo, decode: &mut DecodeIds<'_>) -> pumice_core::Result<()> {
+    let format = format_of(out)?;
+    if info.voxels() == 0 {
+        return Err(FormatError::option(out, "the volume has no voxels, so there is nothing to write").into());
+    }
+
+    // A hidden file in the same folder, so that the last rename stays on one disk.
+    let folder = out.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".pumice-");
+    #[cfg(unix)]
+    {
+        // What the user's umask allows, as for any new file; the default of the crate is for secrets.
+        use std::os::unix::fs::PermissionsExt as _;
+        builder.permissions(std::fs::Permissions::from_mode(0o666));
+    }
+    let temporary = builder.tempfile_in(folder).map_err(FormatError::io(folder))?;
+    let to_file = temporary.reopen().map_err(FormatError::io(out))?;
+    let to_file = BufWriter::with_capacity(1 << 20, to_file);
+
+    let mut writer: Box<dyn VoxelWriter> = match format {
+        Format::Nrrd => write_nrrd::start(info, to_file),
+        Format::Npy => write_npy::start(info, to_file),
+        Format::Nifti { gzip } => write_nifti::start(info, gzip, to_file),
+        Format::Tiff => write_tiff::start(info, to_file),
+    }
+    .map_err(FormatError::io(out))?;
+    let mut bytes = Vec::new();
+    for (origin, dims) in slabs(info.dims) {
+        let ids = decode(origin, dims)?;
+        bytes.clear();
+        encode(out, &ids, info.label_type, &mut bytes)?;
+        writer.write_voxels(&bytes).map_err(FormatError::io(out))?;
+    }
+    let file = writer.finish().map_err(FormatError::io(out))?;
+    file.sync_all().map_err(FormatError::io(out))?;
+    temporary.persist(out).map_err(|e| FormatError::Io { path: out.to_owned(), source: e.error })?;
+    Ok(())
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Format {
+    Nrrd,
+    Npy,
+    Nifti { gzip: bool },
+    Tiff,
+}
+
+fn format_of(out: &Path) -> Result<Format> {
+    let name = out.file_name().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
+    let ends = |ending: &str| name.ends_with(ending);
+    if ends(".nrrd") {
+        Ok(Format::Nrrd)
+    } else if ends(".npy") {
+        Ok(Format::Npy)
+    } else if ends(".nii.gz") {
+        Ok(Format::Nifti { gzip: true })
+    } else if ends(".nii") {
+        Ok(Format::Nifti { gzip: false })
+    } else if ends(".tif") || ends(".tiff") {
+        Ok(Format::Tiff)
+    } else {
+        Err(FormatError::Unknown {
+            path: out.to_owned(),
+            what: "the ending names no format that can be written: expected .nrrd, .npy, .nii.gz, .nii, .tif or .tiff"
+                .into(),
+        })
+    }
+}
+
+/// Blocks in file order: some planes, or some rows of one plane where a plane is more than [`SLAB_VOXELS`].
+fn slabs(dims: [u32; 3]) -> impl Iterator<Item = ([u32; 3], [u32; 3])> {
+    let [x, y, z] = dims;
+    let plane = u64::from(x) * u64::from(y);
+    // 16 divides the side of boxes, so whole multiples of it decode each box once.
+    let whole = |n: u64, all: u32| {
+        let n = n.clamp(1, all.into()) as u32;
+        if n > 16 { n - n % 16 } else { n }
+    };
+    let (rows, planes) = if plane <= SLAB_VOXELS {
+        (y, whole(SLAB_VOXELS / plane, z))
+    } else {
+        (whole(SLAB_VOXELS / u64::from(x), y), 1)
+    };
+    (0..z).step_by(planes as usize).flat_map(move |from_z| {
+        (0..y)
+            .step_by(rows as usize)
+            .map(move |from_y| ([0, from_y, from_z], [x, rows.min(y - from_y), planes.min(z - from_z)]))
+    })
+}
+
+/// Ids as little-endian values of `label_type`.
+fn encode(out: &Path, ids: &[u64], label_type: LabelType, bytes: &mut Vec<u8>) -> Result<()> {
+    macro_rules! whole {
+        ($t:ty) => {
+            for &id in ids {
+                let value =
+                    <$t>::try_from(id).map_err(|_| too_large(out, id, label_type, <$t>::MAX as u64))?;
+                bytes.extend_from_slice(&value.to_le_bytes());
+            }
+        };
+    }
+    macro_rules! float {
+        ($t:ty, $digits:expr) => {
+            for &id in ids {
+                let value = id as $t;
+                // 2⁶⁴ would saturate to the largest id on the way back, hence the comparison in 128 bits.
+                if value as u128 != u128::from(id) {
+                    return Err(too_large(out, id, label_type, 1 << $digits));
+                }
+                bytes.extend_from_slice(&value.to_le_bytes());
+            }
+        };
+    }
+    match label_type {
+        LabelType::U8 => whole!(u8),
+        LabelType::U16 => whole!(u16),
+        LabelType::U32 => whole!(u32),
+        LabelType::U64 => whole!(u64),
+        LabelType::I8 => whole!(i8),
+        LabelType::I16 => whole!(i16),
+        LabelType::I32 => whole!(i32),
+        LabelType::I64 => whole!(i64),
+        LabelType::F32 => float!(f32, 24),
+        LabelType::F64 => float!(f64, 53),
+    }
+    Ok(())
+}
+
+fn too_large(out: &Path, id: u64, label_type: LabelType, limit: u64) -> FormatError {
+    FormatError::Limit {
+        path: out.to_owned(),
+        what: format!("a label to be written as {label_type:?}"),
+        got: id.to_string(),
+        limit,
+    }
+}
+
+/// Bytes of one voxel.
+pub(crate) fn bytes_of(label_type: LabelType) -> usize {
+    crate::element::Element::new(label_type, false).bytes()
+}
+
+/// Hands a buffered file back, all of it written.
+pub(crate) fn unbuffer(buffered: BufWriter<File>) -> io::Result<File> {
+    buffered.into_inner().map_err(io::IntoInnerError::into_error)
+}
+
+/// Voxels as they are, behind a header.
+pub(crate) struct PlainWriter(pub(crate) BufWriter<File>);
+
+impl VoxelWriter for PlainWriter {
+    fn write_voxels(&mut self, bytes: &[u8]) -> io::Result<()> {
+        self.0.write_all(bytes)
+    }
+
+    fn finish(self: Box<Self>) -> io::Result<File> {
+        unbuffer(self.0)
+    }
+}
+
+/// Voxels through gzip.
+pub(crate) struct GzipWriter(pub(crate) flate2::write::GzEncoder<BufWriter<File>>);
+
+impl GzipWriter {
+    pub(crate) fn new(file: BufWriter<File>) -> Self {
+        Self(flate2::write::GzEncoder::new(file, flate2::Compression::default()))
+    }
+}
+
+impl VoxelWriter for GzipWriter {
+    fn write_voxels(&mut self, bytes: &[u8]) -> io::Result<()> {
+        self.0.write_all(bytes)
+    }
+
+    fn finish(self: Box<Self>) -> io::Result<File> {
+        unbuffer(self.0.finish()?)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn slabs_cover_all_voxels_in_order() {
+        for dims in [[1, 1, 1], [7, 5, 300], [4000, 3000, 3], [8_000_000, 2, 2], [3, 1, 5]] {
+            let mut next = 0u64;
+            for (o, d) in slabs(dims) {
+                let [x, y] = [0, 1].map(|a| u64::from(dims[a]));
+                let first = u64::from(o[0]) + x * (u64::from(o[1]) + y * u64::from(o[2]));
+                assert_eq!(first, next, "{dims:?}");
+                assert!(d[2] == 1 || d[1] == dims[1], "rows of several planes are not in order");
+                let voxels = d.iter().map(|&v| u64::from(v)).product::<u64>();
+                assert!(voxels <= SLAB_VOXELS.max(dims[0].into()));
+                next += voxels;
+            }
+            assert_eq!(next, dims.iter().map(|&v| u64::from(v)).product::<u64>(), "{dims:?}");
+        }
+    }
+
+    #[test]
+    fn labels_that_do_not_fit_are_refused() {
+        let out = Path::new("out.npy");
+        let encode = |id, t| encode(out, &[id], t, &mut Vec::new());
+        assert!(encode(255, LabelType::U8).is_ok() && encode(256, LabelType::U8).is_err());
+        assert!(encode(127, LabelType::I8).is_ok() && encode(128, LabelType::I8).is_err());
+        assert!(encode(1 << 24, LabelType::F32).is_ok() && encode((1 << 24) + 1, LabelType::F32).is_err());
+        assert!(encode(1 << 53, LabelType::F64).is_ok() && encode(u64::MAX, LabelType::F64).is_err());
+        assert!(encode(u64::MAX, LabelType::U64).is_ok());
+    }
+}
