@@ -128,6 +128,9 @@ fn refuses_in_one_line() {
     ] {
         refused(&good.replace(from, to), words);
     }
+    let later = OpenOptions { channel: Some(1), ..OpenOptions::default() };
+    let path = write(folder.path(), "c.mha", &[good.as_bytes(), &[1; 60]].concat());
+    refuse(&path, &later, &["--channel 1", "number of channels is 1"]);
     assert!(
         read(&write(folder.path(), "g.mha", &[good.as_bytes(), &[1; 60]].concat()), &OpenOptions::default())
             .is_ok()
