@@ -124,7 +124,8 @@ pub fn render_file(
     if let Some(path) = &request.save_scene {
         scene.save(path).map_err(|source| SessionError::Scene { path: path.clone(), source })?;
     }
-    let mut render = || render_scene(&scene, &volumes, &backend, &stop, job, &mut |point| watch(&stop, point));
+    let mut render =
+        || render_scene(&scene, &volumes, &backend, &stop, job, &mut |point| watch(&stop, point));
     let rendered = match request.threads {
         None => render()?,
         Some(threads) => in_pool(threads, render)?,
