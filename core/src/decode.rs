@@ -9,6 +9,11 @@ impl CompressedVolume {
         self.grid.get_or_init(|| BoxGrid::new(self))
     }
 
+    /// Frees the spatial index; the next query builds it anew.
+    pub fn forget_grid(&mut self) {
+        self.grid.take();
+    }
+
     /// Dense label index of a voxel; `None` for background and outside the volume.
     pub fn label_at(&self, voxel: [u32; 3]) -> Option<u32> {
         if (0..3).any(|a| voxel[a] >= self.info.dims[a]) {

@@ -93,7 +93,7 @@ pub fn run(options: &DemoOptions, job: &Job, watch: &mut dyn FnMut(DemoStage)) -
     watch(DemoStage::Compress);
     let clock = Stopwatch::start();
     let mut source = pumice_formats::open(&options.volume, &OpenOptions::default())?;
-    let volume = pumice_core::compress(source.as_mut(), &CompressOptions::default(), job)?;
+    let mut volume = pumice_core::compress(source.as_mut(), &CompressOptions::default(), job)?;
     let compress_seconds = [clock.seconds(), clock.cpu_seconds()];
 
     // Check every voxel against the file.
@@ -106,6 +106,7 @@ pub fn run(options: &DemoOptions, job: &Job, watch: &mut dyn FnMut(DemoStage)) -
             return Err(SessionError::Caller(format!("{}: {difference}", options.volume.display())));
         }
     }
+    volume.forget_grid();
     let verify_seconds = [clock.seconds(), clock.cpu_seconds()];
 
     // Store it, so that the size on disk is a measurement.

@@ -330,10 +330,11 @@ impl PictureFormat {
     /// # Errors
     /// When the file cannot be written; nothing new is under its name then.
     pub fn write(self, path: &Path, picture: &Picture, passes: &Passes) -> Result<()> {
-        Ok(match self {
+        match self {
             Self::Exr => write_exr(path, picture, passes)?,
             Self::Png => write_png(path, picture)?,
-        })
+        }
+        Ok(())
     }
 }
 
