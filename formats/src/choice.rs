@@ -12,6 +12,7 @@ pub(crate) struct Choice {
 }
 
 pub(crate) const TIME: Choice = Choice { name: "time steps", option: "--time" };
+pub(crate) const LAYER: Choice = Choice { name: "layers", option: "--layer" };
 pub(crate) const CHANNEL: Choice = Choice { name: "channels", option: "--channel" };
 
 /// The index along an axis of `size` steps. Without a choice among several: index 0, and an error for whoever wants voxels.
@@ -27,7 +28,7 @@ pub(crate) fn choose(
         Some(index) if u64::from(index) < size => Ok(index.into()),
         Some(index) => Err(FormatError::option(
             path,
-            format!("{option} {index} asked for, but the file has {size} {name}, counted from 0"),
+            format!("{option} {index} asked for, counted from 0, but the number of {name} is {size}"),
         )),
         None if size <= 1 => Ok(0),
         None => {
@@ -40,4 +41,12 @@ pub(crate) fn choose(
             Ok(0)
         }
     }
+}
+
+/// Refuses a choice along an axis that the file does not have, unless it is of the one step that is there.
+pub(crate) fn refuse_absent(path: &Path, absent: &[(&Choice, Option<u32>)]) -> Result<()> {
+    for &(choice, chosen) in absent {
+        choose(path, choice, chosen, 1, &mut None)?;
+    }
+    Ok(())
 }

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use glam::DVec3;
 use pumice_core::{Unit, VolumeInfo, WorldFrame};
 
-use crate::choice::{self, choose};
+use crate::choice::{self, choose, refuse_absent};
 use crate::element::Element;
 use crate::error::{FormatError, Result};
 use crate::gzip::{GZIP_MAGIC, InflateStream, Wrapping};
@@ -45,6 +45,11 @@ pub(crate) fn read(path: &Path, options: &OpenOptions) -> Result<Found> {
         };
         axes.push(FileAxis { size, role });
     }
+    let time = if header.sizes.len() < 4 { options.time } else { None };
+    refuse_absent(
+        path,
+        &[(&choice::TIME, time), (&choice::CHANNEL, options.channel), (&choice::LAYER, options.layer)],
+    )?;
     let layout = Layout::new(path, axes, element.bytes())?;
     let info = place(path, &header, VolumeInfo::new(layout.dims(), header.label_type), options)?;
     let (stream, encoding) = data(path, &header, &layout, &options.warnings)?;

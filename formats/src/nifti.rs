@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 use pumice_core::{LabelType, Unit, VolumeInfo, WorldFrame};
 
-use crate::choice::{self, choose};
+use crate::choice::{self, choose, refuse_absent};
 use crate::element::Element;
 use crate::error::{FormatError, Result};
 use crate::gzip::{GZIP_MAGIC, InflateStream, Wrapping};
@@ -50,6 +50,7 @@ pub(crate) fn read(path: &Path, options: &OpenOptions) -> Result<Found> {
     let sizes = sizes(&header_path, &header)?;
     let time = choose(path, &choice::TIME, options.time, sizes[3], &mut undecided)?;
     let channel = choose(path, &choice::CHANNEL, options.channel, sizes[4], &mut undecided)?;
+    refuse_absent(path, &[(&choice::LAYER, options.layer)])?;
     let roles = [Role::Space(0), Role::Space(1), Role::Space(2), Role::Fixed(time), Role::Fixed(channel)];
     let axes = roles.iter().zip(sizes).map(|(&role, size)| FileAxis { size, role }).collect();
     let layout = Layout::new(&header_path, axes, bits / 8)?;

@@ -10,6 +10,7 @@ use std::path::Path;
 
 use pumice_core::{LabelType, VolumeInfo};
 
+use crate::choice::{self, refuse_absent};
 use crate::element::Element;
 use crate::error::{FormatError, Result};
 use crate::layout::{FileAxis, Layout, Role};
@@ -48,6 +49,14 @@ pub(crate) struct Array {
 impl Array {
     /// Says which index is which axis, and checks type and size.
     pub(crate) fn new(path: &Path, header: &NpyHeader, options: &OpenOptions) -> Result<Self> {
+        refuse_absent(
+            path,
+            &[
+                (&choice::TIME, options.time),
+                (&choice::CHANNEL, options.channel),
+                (&choice::LAYER, options.layer),
+            ],
+        )?;
         let label_type = label_type(path, &header.descr)?;
         let element = Element::new(label_type, header.descr.starts_with('>'));
 
