@@ -1,6 +1,8 @@
 //! Damaged files of every format: truncated, bits flipped, bytes overwritten, numbers blown up. Whatever comes: no panic, one line
 //! of text, bounded blocks, bounded memory.
 
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
+
 use std::fs;
 use std::io::Write as _;
 use std::path::Path;

@@ -1,5 +1,7 @@
 //! NRRD files built by hand: every corner of the header, every way of being wrong.
 
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
+
 use std::fs;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};

@@ -1,6 +1,8 @@
 //! TIFF files built by hand, tag by tag: compressions and predictors that the Python packages of the cross-read tests cannot
 //! write without further packages.
 
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
+
 use std::fs;
 use std::path::Path;
 
