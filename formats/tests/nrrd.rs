@@ -195,7 +195,8 @@ fn layers_are_chosen_never_merged() {
     assert_eq!(notes[0].color_srgb, Some([1.0, 0.5, 1.0]));
     assert_eq!(probe(&path, &OpenOptions::default()).unwrap().layers.len(), 2);
     let options = OpenOptions { layer: Some(2), ..OpenOptions::default() };
-    assert!(read(&path, &options).unwrap_err().contains("2 layers"));
+    let error = read(&path, &options).unwrap_err();
+    assert!(error.contains("number of layers is 2: 0: liver left; 1: tumour"), "{error}");
 }
 
 #[test]
