@@ -81,7 +81,7 @@ pub(crate) struct Reading {
     pub(crate) axes: Option<Axes>,
     /// Read a file without header: its dims, e.g. 512,512,128 (needs --raw-type)
     #[arg(long, value_name = "X,Y,Z", value_parser = dims, requires = "raw_type")]
-    pub(crate) raw_dims: Option<[u32; 3]>,
+    pub(crate) raw_dims: Option<[u64; 3]>,
     /// Label type of a file without header: u8 u16 u32 u64 i8 i16 i32 i64 f32 f64
     #[arg(long, value_name = "TYPE", value_parser = label_type, requires = "raw_dims")]
     pub(crate) raw_type: Option<pumice_session::LabelType>,
@@ -308,7 +308,7 @@ fn size(text: &str) -> Result<[u32; 2], String> {
         .ok_or_else(|| "expected WIDTHxHEIGHT in pixels, each 1 to 65536, e.g. 960x540".into())
 }
 
-fn dims(text: &str) -> Result<[u32; 3], String> {
+fn dims(text: &str) -> Result<[u64; 3], String> {
     numbers(text, ',').ok_or_else(|| "expected three whole numbers, e.g. 512,512,128".into())
 }
 

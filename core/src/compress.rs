@@ -1,7 +1,7 @@
 //! The whole way from a block source to a compressed volume.
 //!
 //! ```text
-//! calling thread:  next block ─► queue (at most 2 blocks a thread) ─► workers: block ─► part ─► store
+//! calling thread:  next block ─► queue (at most 1 block a thread) ─► workers: block ─► part ─► store
 //!                  (queue full: make a part itself)
 //! at the end:      finish(store)
 //! ```
@@ -127,7 +127,7 @@ fn make_parts(
     let dims = source.info().dims;
     let expected = source.info().voxels();
     job.begin(expected);
-    let (send, receive) = sync_channel::<LabelBlock>(2 * threads);
+    let (send, receive) = sync_channel::<LabelBlock>(threads);
     let receive = Mutex::new(receive);
     let failure: Mutex<Option<Error>> = Mutex::default();
     let queued_bytes = AtomicU64::new(0);

@@ -108,7 +108,7 @@ impl Pairs {
 const TASK_BRICKS: usize = 64;
 
 impl CompressedVolume {
-    /// Finds the touching pairs afresh; [`crate::compress`] has put them in [`crate::LabelTable::contacts`].
+    /// Finds the touching pairs afresh; [`crate::compress()`] has put them in [`crate::LabelTable::contacts`].
     ///
     /// # Errors
     /// [`Error::Cancelled`]; [`Error::Caller`] when two labels claim one voxel, which this sweep notices on its way.

@@ -30,6 +30,21 @@ pub enum Verification {
     },
 }
 
+impl std::fmt::Display for Verification {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Same { voxels } => write!(f, "all {voxels} voxels are the same"),
+            Self::OtherDims { expected, got } => {
+                write!(f, "expected {} × {} × {} voxels, ", expected[0], expected[1], expected[2])?;
+                write!(f, "got {} × {} × {}", got[0], got[1], got[2])
+            }
+            Self::OtherLabel { voxel: [x, y, z], expected, got } => {
+                write!(f, "at voxel ({x}, {y}, {z}) expected label {expected}, got {got}")
+            }
+        }
+    }
+}
+
 /// Compares a volume with a source, which is read to its end or to the first difference.
 ///
 /// # Errors

@@ -18,8 +18,9 @@ use pumice_scene::Material;
 
 use std::f32::consts::{FRAC_1_PI, PI};
 
-/// Below this α (roughness 1e-3) D overflows f32 at its peak: the lobe is drawn no sharper.
-const LEAST_ALPHA: f32 = 1e-6;
+/// Below this α (roughness 0.01) f32 directions are too coarse for the lobe: rounding of the half vector, 1e-7, would change D by
+/// more than 1e-3. The lobe is drawn no sharper.
+const LEAST_ALPHA: f32 = 1e-4;
 
 /// A material, made ready for one point seen from `wi`.
 #[derive(Clone, Copy, Debug)]
@@ -51,7 +52,8 @@ impl Bsdf {
         let base = Vec3::from_array(m.base_color);
         let f0 = ((m.ior - 1.0) / (m.ior + 1.0)).powi(2) * 2.0 * m.specular;
         let dielectric_f0 = f0.min(1.0);
-        let layer_albedo = if dielectric_f0 > 0.0 { ALBEDO.get(wi.z, m.roughness, dielectric_f0) } else { 0.0 };
+        let layer_albedo =
+            if dielectric_f0 > 0.0 { ALBEDO.get(wi.z, m.roughness, dielectric_f0) } else { 0.0 };
         let diffuse = base * ((1.0 - m.metallic) * (1.0 - layer_albedo));
         let specular = m.metallic * luminance(base) + (1.0 - m.metallic) * layer_albedo;
         let total = specular + luminance(diffuse);
@@ -66,6 +68,12 @@ impl Bsdf {
         }
     }
 
+    /// Whether a sampled direction depends on the choice of a lobe.
+    #[inline]
+    pub fn has_two_lobes(&self) -> bool {
+        self.specular_chance > 0.0 && self.specular_chance < 1.0
+    }
+
     /// f · cos and the density of [`Bsdf::sample`], for a direction on the side of `wi`; zero below.
     pub fn eval(&self, wo: Vec3) -> (Vec3, f32) {
         if wo.z <= 0.0 || self.wi.z <= 0.0 {
@@ -75,7 +83,8 @@ impl Bsdf {
         let mut pdf = (1.0 - self.specular_chance) * wo.z * FRAC_1_PI;
         if self.specular_chance > 0.0 {
             let h = (self.wi + wo).normalize();
-            let (d, lambda_i, lambda_o) = (ggx_d(h, self.alpha), lambda(self.wi, self.alpha), lambda(wo, self.alpha));
+            let (d, lambda_i, lambda_o) =
+                (ggx_d(h, self.alpha), lambda(self.wi, self.alpha), lambda(wo, self.alpha));
             let d_g = d / (4.0 * self.wi.z * (1.0 + lambda_i + lambda_o));
             f += self.fresnel(self.wi.dot(h)) * d_g;
             pdf += self.specular_chance * d / (4.0 * self.wi.z * (1.0 + lambda_i));

@@ -1,15 +1,17 @@
 //! The reference path tracer: every machine can render.
-//!
-//! `traverse` answers where rays go; `path`, `bsdf` and `lighting` what light comes back; `cpu_renderer` makes a picture of it.
 #![forbid(unsafe_code)]
 
 pub mod bsdf;
 pub mod camera_rays;
 pub mod cpu_renderer;
-mod film_store;
-pub mod lighting;
+pub mod lights;
+pub mod looks;
 pub mod path;
-pub mod shading_frame;
+pub mod path_tracer;
 pub mod traverse;
 
-pub use cpu_renderer::CpuRenderer;
+pub use cpu_renderer::{CpuRenderer, Pick, ReadImage};
+pub use lights::{Finding, Lights, Sky};
+pub use looks::Looks;
+pub use path::Surroundings;
+pub use path_tracer::PathTracer;

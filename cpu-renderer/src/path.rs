@@ -1,143 +1,181 @@
-//! One path of light, walked backwards from the camera.
+//! One path, from the camera to its end.
 //!
 //! ```text
-//! radiance(ray):
-//!     repeat
-//!         nothing hit ─► what the sky and the suns send, weighted against having been sampled; done
-//!         add the surface's emission
-//!         bounces used up ─► done
-//!         sample one light, add it where nothing is in between
-//!         scatter; end a dim path by chance, and make up for it when it goes on
+//! for each vertex 0, 1, …:
+//!     nothing hit → add the sky and the suns in that direction, weighted; end
+//!     add the surface's emission; end here if this vertex is past the last that is lit
+//!     aim at a light; add it where nothing stands between, weighted
+//!     scatter; end by Russian roulette where little is left
 //! ```
-//! Paths continue from a voxel's face, never from a point pushed off it.
+//! Beyond that: geometry is f64 and exact from face to face, light is f32; each number drawn has a named dimension; a surface seen
+//! from inside a label shows its emission alone.
 
 use glam::{DVec3, Vec3};
 use pumice_render::sampler::{BouncePair, PixelSampler};
+use pumice_render::sun::frame_around;
 use pumice_render::{Hit, PathOrigin, RayInWorld, Tracer};
-use pumice_scene::Material;
+use pumice_scene::{Mode, Settings};
 
-use crate::bsdf::Bsdf;
-use crate::lighting::{Lighting, power_heuristic};
-use crate::shading_frame::ShadingFrame;
+use crate::bsdf::{Bsdf, sample_cosine};
+use crate::lights::Lights;
+use crate::looks::Looks;
 
-/// Bounce from which a dim path may end by chance: the first ones carry most of the picture.
-const ROULETTE_FROM: u32 = 2;
+/// First vertex after which Russian roulette may end a path: the first bounces carry most of the light, and cutting them costs
+/// more noise than time.
+const FIRST_ROULETTE: u32 = 2;
 
-/// Least chance to go on: bounds the factor that makes up for the paths that end to 20.
+/// Least chance to go on: a path that survives is never weighted by more than this says.
 const LEAST_SURVIVAL: f32 = 0.05;
 
-/// Everything that paths share.
-#[derive(Debug)]
-pub struct PathScene<'a, T> {
-    /// Geometry.
-    pub tracer: &'a T,
-    /// Lights.
-    pub lighting: &'a Lighting,
-    /// Materials by instance and dense label.
-    pub materials: &'a [Vec<Material>],
-    /// As in the settings; counts the scattered rays after the first surface.
-    pub bounces: u32,
-    /// Whether dim paths end by chance.
-    pub russian_roulette: bool,
+/// Everything a path meets but geometry.
+#[derive(Clone, Debug)]
+pub struct Surroundings {
+    /// Sky, suns, backdrop.
+    pub lights: Lights,
+    /// Looks of each instance's labels.
+    pub looks: Vec<Looks>,
+    /// Mode, bounces, roulette.
+    pub settings: Settings,
 }
 
-/// The surface that a path is at, seen from where it came.
-struct Vertex {
-    frame: ShadingFrame,
-    origin: DVec3,
-    from: PathOrigin,
+/// Orthonormal frame on a face: z is its normal.
+struct Frame {
+    tangent: DVec3,
+    bitangent: DVec3,
+    normal: DVec3,
 }
 
-impl Vertex {
-    fn new(ray: &RayInWorld, hit: &Hit) -> Self {
-        let n = hit.normal_in_world;
-        // The side that the ray is on.
-        let n = if n.dot(ray.direction) > 0.0 { -n } else { n };
-        Self {
-            frame: ShadingFrame::new(n),
-            origin: ray.origin + ray.direction * hit.t,
-            from: PathOrigin::Face(hit.surface),
+impl Frame {
+    #[inline]
+    fn new(normal: DVec3) -> Self {
+        let (tangent, bitangent) = frame_around(normal);
+        Self { tangent, bitangent, normal }
+    }
+
+    #[inline]
+    fn local(&self, w: DVec3) -> Vec3 {
+        Vec3::new(w.dot(self.tangent) as f32, w.dot(self.bitangent) as f32, w.dot(self.normal) as f32)
+    }
+
+    #[inline]
+    fn world(&self, w: Vec3) -> DVec3 {
+        self.tangent * f64::from(w.x) + self.bitangent * f64::from(w.y) + self.normal * f64::from(w.z)
+    }
+}
+
+/// Radiance along a camera ray that sees up to `t_max`; `down` says where in the picture it is, 0 top to 1 bottom.
+#[inline]
+pub fn radiance<T: Tracer + ?Sized>(
+    tracer: &T,
+    around: &Surroundings,
+    sampler: &PixelSampler,
+    camera_ray: RayInWorld,
+    t_max: f64,
+    down: f32,
+) -> Vec3 {
+    let Some(hit) = tracer.first_hit(&camera_ray, PathOrigin::Free, t_max) else {
+        return around.lights.behind(camera_ray.direction, down);
+    };
+    match around.settings.mode {
+        Mode::AmbientOcclusion => ambient(tracer, around, sampler, &camera_ray, &hit),
+        Mode::OneBounce => path(tracer, around, sampler, camera_ray, hit, 0),
+        Mode::Path => path(tracer, around, sampler, camera_ray, hit, around.settings.bounces),
+    }
+}
+
+/// 1 where a cosine-distributed ray meets nothing within reach, else 0.
+fn ambient<T: Tracer + ?Sized>(
+    tracer: &T,
+    around: &Surroundings,
+    sampler: &PixelSampler,
+    ray: &RayInWorld,
+    hit: &Hit,
+) -> Vec3 {
+    if hit.from_inside {
+        return Vec3::ZERO;
+    }
+    let frame = Frame::new(hit.normal_in_world);
+    let direction = frame.world(sample_cosine(sampler.bounce(0, BouncePair::Scatter)));
+    let ray = RayInWorld { origin: ray.origin + ray.direction * hit.t, direction };
+    let open = direction.dot(frame.normal) > 0.0
+        && !tracer.occluded(&ray, PathOrigin::Face(hit.surface), around.settings.ao_distance);
+    Vec3::splat(f32::from(u8::from(open)))
+}
+
+fn path<T: Tracer + ?Sized>(
+    tracer: &T,
+    around: &Surroundings,
+    sampler: &PixelSampler,
+    mut ray: RayInWorld,
+    mut hit: Hit,
+    bounces: u32,
+) -> Vec3 {
+    let lights = &around.lights;
+    let (mut total, mut throughput) = (Vec3::ZERO, Vec3::ONE);
+    let mut vertex = 0u32;
+    loop {
+        let material = around.looks[hit.surface.instance as usize].material(hit.surface.label);
+        total += throughput * Vec3::from_array(material.emission);
+        if vertex > bounces || hit.from_inside {
+            return total;
         }
-    }
+        let frame = Frame::new(hit.normal_in_world);
+        let mut wi = frame.local(-ray.direction.normalize());
+        // A grazing ray may round to 0 or below: it still sees the front.
+        wi.z = wi.z.max(1e-6);
+        let bsdf = Bsdf::new(material, wi);
+        let origin = ray.origin + ray.direction * hit.t;
+        let from = PathOrigin::Face(hit.surface);
+        let mut choice = None;
 
-    /// Local direction back along a ray. A ray that grazes so closely that rounding puts it below is held at the horizon.
-    fn wi(&self, ray: &RayInWorld) -> Vec3 {
-        let wi = self.frame.local_from_world(-ray.direction.normalize());
-        DVec3::new(wi.x, wi.y, wi.z.max(1e-7)).normalize().as_vec3()
-    }
-
-    fn ray(&self, direction: DVec3) -> RayInWorld {
-        RayInWorld { origin: self.origin, direction }
-    }
-}
-
-impl<T: Tracer> PathScene<'_, T> {
-    fn material(&self, hit: &Hit) -> &Material {
-        &self.materials[hit.surface.instance as usize][hit.surface.label as usize]
-    }
-
-    /// Radiance that arrives along a camera ray from its first surface, with what comes after it.
-    pub fn radiance(&self, ray: RayInWorld, first: Hit, points: &PixelSampler) -> Vec3 {
-        let (mut ray, mut hit) = (ray, first);
-        let (mut total, mut throughput) = (Vec3::ZERO, Vec3::ONE);
-        for bounce in 0.. {
-            // The surface's own light.
-            let material = self.material(&hit);
-            total += throughput * Vec3::from_array(material.emission);
-            if bounce > self.bounces {
-                break;
-            }
-            let vertex = Vertex::new(&ray, &hit);
-            let bsdf = Bsdf::new(material, vertex.wi(&ray));
-
-            // One light, where nothing is in between.
-            let [light_choice, lobe_choice] = points.bounce(bounce, BouncePair::Choice);
-            if let Some(light) = self.lighting.sample(light_choice, points.bounce(bounce, BouncePair::Light)) {
-                let (f, scatter_pdf) = bsdf.eval(vertex.frame.local_from_world(light.direction).as_vec3());
-                let weight = if light.is_point { 1.0 } else { power_heuristic(light.pdf, scatter_pdf) };
-                let light_in = f * light.radiance * (weight / light.pdf);
-                if light_in.max_element() > 0.0
-                    && !self.tracer.occluded(&vertex.ray(light.direction), vertex.from, f64::INFINITY)
-                {
-                    total += throughput * light_in;
-                }
-            }
-
-            // Scatter.
-            let Some(scattered) = bsdf.sample(points.bounce(bounce, BouncePair::Scatter), lobe_choice) else { break };
-            throughput *= scattered.weight;
-
-            // A dim path ends by chance; the chance to go on follows the path's own weight alone, so the mean is unchanged.
-            if self.russian_roulette && bounce >= ROULETTE_FROM {
-                let survival = throughput.max_element().clamp(LEAST_SURVIVAL, 1.0);
-                if points.bounce(bounce, BouncePair::Roulette)[0] >= survival {
-                    break;
-                }
-                throughput /= survival;
-            }
-            if throughput.max_element() <= 0.0 {
-                break;
-            }
-
-            // On to the next surface, or out.
-            ray = vertex.ray(vertex.frame.world_from_local(scattered.wo.as_dvec3()));
-            match self.tracer.first_hit(&ray, vertex.from, f64::INFINITY) {
-                Some(next) => hit = next,
-                None => {
-                    total += throughput * self.lighting.escaped(ray.direction.normalize(), scattered.pdf);
-                    break;
+        // Aim at a light.
+        if lights.any_aimed() {
+            let [which, lobe] = sampler.bounce(vertex, BouncePair::Choice);
+            choice = Some(lobe);
+            if let Some(light) = lights.sample(which, sampler.bounce(vertex, BouncePair::Light))
+                && light.direction.dot(frame.normal) > 0.0
+            {
+                let (f_cos, pdf) = bsdf.eval(frame.local(light.direction));
+                let add = throughput * f_cos * light.radiance_over_pdf * lights.aimed_weight(light.pdf, pdf);
+                let shadow_ray = RayInWorld { origin, direction: light.direction };
+                if add.max_element() > 0.0 && !tracer.occluded(&shadow_ray, from, f64::INFINITY) {
+                    total += add;
                 }
             }
         }
-        total
-    }
 
-    /// Ambient occlusion at a camera ray's first surface: 1 where a cosine-distributed ray finds nothing within `reach`.
-    pub fn ambient_occlusion(&self, ray: &RayInWorld, hit: &Hit, points: &PixelSampler, reach: f64) -> f32 {
-        let vertex = Vertex::new(ray, hit);
-        let local = crate::bsdf::sample_cosine(points.bounce(0, BouncePair::Scatter));
-        let direction = vertex.frame.world_from_local(local.as_dvec3()).normalize();
-        let reach = if reach == f64::MAX { f64::INFINITY } else { reach };
-        if self.tracer.occluded(&vertex.ray(direction), vertex.from, reach) { 0.0 } else { 1.0 }
+        // Scatter.
+        let lobe = match choice {
+            Some(lobe) => lobe,
+            None if bsdf.has_two_lobes() => sampler.bounce(vertex, BouncePair::Choice)[1],
+            None => 0.5,
+        };
+        let Some(sample) = bsdf.sample(sampler.bounce(vertex, BouncePair::Scatter), lobe) else {
+            return total;
+        };
+        throughput *= sample.weight;
+        let most = throughput.max_element();
+        if most <= 0.0 {
+            return total;
+        }
+
+        // End by Russian roulette; who survives stands for who does not (Arvo and Kirk 1990).
+        if around.settings.russian_roulette && vertex >= FIRST_ROULETTE && most < 1.0 {
+            let survival = most.max(LEAST_SURVIVAL);
+            if sampler.bounce(vertex, BouncePair::Roulette)[0] >= survival {
+                return total;
+            }
+            throughput /= survival;
+        }
+        let direction = frame.world(sample.wo);
+        if direction.dot(frame.normal) <= 0.0 {
+            return total;
+        }
+        ray = RayInWorld { origin, direction };
+        match tracer.first_hit(&ray, from, f64::INFINITY) {
+            Some(next) => hit = next,
+            None => return total + throughput * lights.found(direction.normalize(), sample.pdf),
+        }
+        vertex += 1;
     }
 }

@@ -1,11 +1,13 @@
 //! Every first hit is judged by the exact oracle of `exact`: no class of rays on any volume may lose a chord above 10⁻³ voxels.
 
+#![allow(clippy::unwrap_used, clippy::panic, reason = "tests")]
+
 mod exact;
 
 use std::sync::Arc;
 
 use exact::rays::{CLASSES, Class, ray, snap};
-use exact::volumes::{Random, blobs, checkerboard, noise, sheets};
+use exact::volumes::{Random, blobs, checkerboard, neurites, noise, sheets};
 use exact::{Dense, ExactRay, Verdict, describe, in_world, judge};
 use glam::{DAffine3, DMat3, DVec3};
 use pumice_core::CompressedVolume;
@@ -72,6 +74,7 @@ fn volumes() -> Vec<(&'static str, Dense, Arc<CompressedVolume>)> {
         named("checkerboard", checkerboard([33, 34, 35])),
         named("sheets", sheets([66, 70, 50])),
         named("blobs", blobs([64, 64, 64], 60, 12, 4)),
+        named("neurites", neurites()),
     ]
 }
 
@@ -114,9 +117,9 @@ fn first_hits_are_exact() {
 }
 
 #[test]
-#[ignore = "full: ten times as many rays"]
+#[ignore = "full: ten million rays"]
 fn first_hits_are_exact_on_many_rays() {
-    all_classes(150_000);
+    all_classes(170_000);
 }
 
 /// Spacing 1:1000 and 1000:1, shear, mirrors: whole-number matrices, so that the world's ray is exactly the image of the oracle's.
@@ -192,5 +195,16 @@ fn paths_from_faces_are_exact() {
             });
         }
         tally.assert_right(&format!("{name}, from faces"));
+    }
+}
+
+/// A volume of 2²⁰ voxels along one axis, sparse: the hierarchy's f32 has 1/16 voxel left there.
+#[test]
+fn long_volumes_are_exact() {
+    let (dense, compressed) = noise([1 << 20, 4, 4], 0.003, 5, 9);
+    let tracer = tracer(&compressed, DAffine3::IDENTITY);
+    for class in [Class::Random, Class::Inside, Class::Grazing, Class::AxisParallel, Class::InFace] {
+        trace_class(&dense, &tracer, &DAffine3::IDENTITY, class, 20, 2_000)
+            .assert_right(&format!("2^20 voxels long, {class:?}"));
     }
 }

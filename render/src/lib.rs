@@ -1,16 +1,37 @@
 //! What every renderer shares.
 #![forbid(unsafe_code)]
 
+mod atomic_file;
+pub mod bvh;
+pub mod environment;
+pub mod exr_file;
+mod exr_read;
+pub mod film;
+pub mod filter;
 pub mod image;
 pub mod metrics;
+pub mod palette;
+pub mod passes;
 pub mod picture;
-pub mod bvh;
+pub mod png_file;
+mod provenance_text;
 pub mod renderer;
+#[cfg(test)]
+mod sample_pictures;
 pub mod sampler;
+pub mod sun;
 pub mod trace;
 
-pub use image::Image;
-pub use picture::{Picture, PictureError, Provenance};
 pub use bvh::{BoxBounds, Bvh, BvhRay};
-pub use renderer::{Progress, RenderError, RenderReport, Renderer};
+pub use environment::EnvironmentTable;
+pub use exr_file::{read_exr, write_exr};
+pub use film::FilmBuffer;
+pub use filter::FilterTable;
+pub use image::Image;
+pub use passes::Passes;
+pub use picture::{Picture, PictureError, Provenance};
+pub use png_file::write_png;
+pub use provenance_text::read_provenance;
+pub use renderer::{Progress, RenderError, Renderer};
+pub use sun::ReadySun;
 pub use trace::{Hit, PathOrigin, RayInWorld, Surface, Tracer};

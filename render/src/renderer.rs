@@ -6,7 +6,7 @@ use std::time::Duration;
 use pumice_core::{CompressedVolume, Job};
 use pumice_scene::Scene;
 
-use crate::picture::Picture;
+use crate::Picture;
 
 /// Why a renderer could not go on.
 #[derive(Debug, thiserror::Error)]
@@ -50,20 +50,12 @@ pub trait Renderer: Send {
     /// [`RenderError::Cancelled`] soon after `job` is cancelled.
     fn advance(&mut self, slice: Duration, spp_limit: u32, job: &Job) -> Result<Progress, RenderError>;
 
-    /// The picture as it stands, all passes, without provenance; `None` before the first scene.
-    fn picture(&self) -> Option<Picture>;
+    /// The picture so far, with its first-surface passes; provenance is the caller's to add.
+    ///
+    /// # Errors
+    /// [`RenderError::Scene`] before any scene was set.
+    fn picture(&self) -> Result<Picture, RenderError>;
 
-    /// What was built for the scene.
-    fn report(&self) -> RenderReport;
-}
-
-/// What a renderer built for its scene.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct RenderReport {
-    /// Heap bytes of the acceleration structures.
-    pub acceleration_bytes: u64,
-    /// Whether the last scene needed new acceleration structures; a camera, a light or a colour does not.
-    pub geometry_built: bool,
-    /// What the scene needs and what was left out, a line each.
-    pub explanation: Vec<String>,
+    /// Heap bytes by part, the volumes not counted; `acceleration` is among them once a scene was set.
+    fn bytes(&self) -> Vec<(&'static str, u64)>;
 }

@@ -61,3 +61,13 @@ pub trait Tracer: Sync {
         self.first_hit(ray, from, t_max).is_some()
     }
 }
+
+impl<T: Tracer + Send + ?Sized> Tracer for std::sync::Arc<T> {
+    fn first_hit(&self, ray: &RayInWorld, from: PathOrigin, t_max: f64) -> Option<Hit> {
+        (**self).first_hit(ray, from, t_max)
+    }
+
+    fn occluded(&self, ray: &RayInWorld, from: PathOrigin, t_max: f64) -> bool {
+        (**self).occluded(ray, from, t_max)
+    }
+}

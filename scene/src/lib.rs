@@ -6,13 +6,18 @@
 #![forbid(unsafe_code)]
 
 pub mod camera;
+pub mod json;
 pub mod light;
 pub mod material;
+pub mod needs;
 pub mod scene;
 pub mod settings;
+pub mod validate;
 
 pub use camera::{Camera, Projection};
+pub use json::SceneError;
 pub use light::{Environment, Sun, World};
 pub use material::Material;
+pub use needs::Needs;
 pub use scene::{Instance, LabelStyle, SCENE_VERSION, Scene, Show};
 pub use settings::{Film, Filter, Lod, Mode, Settings};

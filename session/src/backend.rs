@@ -1,7 +1,9 @@
 //! What can render on this machine, what would be chosen, and why.
 
+use std::path::Path;
+
 use pumice_cpu::CpuRenderer;
-use pumice_render::Renderer;
+use pumice_render::{Image, Renderer};
 use serde::Serialize;
 
 use crate::error::{Result, SessionError};
@@ -46,7 +48,7 @@ fn processor() -> String {
 /// When there is no such backend here.
 pub fn make_renderer(name: &str) -> Result<Box<dyn Renderer>> {
     match name {
-        "auto" | "cpu" => Ok(Box::new(CpuRenderer::new())),
+        "auto" | "cpu" => Ok(Box::new(CpuRenderer::new(read_environment))),
         "vulkan-rt" | "vulkan-query" | "vulkan-compute" => Err(SessionError::Caller(format!(
             "--backend {name}: this version of pumice has no Vulkan backend; use auto or cpu"
         ))),
@@ -54,4 +56,9 @@ pub fn make_renderer(name: &str) -> Result<Box<dyn Renderer>> {
             "--backend {name}: no such backend; expected auto, cpu, vulkan-rt, vulkan-query or vulkan-compute"
         ))),
     }
+}
+
+/// The scene-linear colours of an environment picture.
+fn read_environment(path: &Path) -> std::result::Result<Image, String> {
+    pumice_render::read_exr(path).map(|picture| picture.color).map_err(|e| e.to_string())
 }

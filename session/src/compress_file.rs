@@ -2,13 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
-use pumice_core::{CompressOptions, CompressedVolume, Job, Level, Verification};
+use pumice_core::{CompressOptions, CompressedVolume, Job, Level, TypeTable, Verification};
 use pumice_formats::OpenOptions;
 use serde::Serialize;
 
-use crate::error::Result;
+use crate::error::{Result, SessionError, io};
 use crate::measure::Stopwatch;
-use crate::types_table::read_types;
 
 /// What `compress_file` is asked for.
 #[derive(Clone, Debug)]
@@ -59,12 +58,15 @@ pub fn compress_file(request: &CompressRequest, job: &Job) -> Result<CompressOut
     let clock = Stopwatch::start();
     let types = request.types.as_deref().map(read_types).transpose()?;
     let mut source = pumice_formats::open(&request.input, &request.reading)?;
-    let mut options = CompressOptions { memory_limit_bytes: request.memory_limit_bytes, types, ..Default::default() };
-    if let Some(threads) = request.threads {
-        options.threads = threads;
-    }
+    let options = CompressOptions {
+        threads: request.threads.unwrap_or(0),
+        memory_limit_bytes: request.memory_limit_bytes,
+        types,
+        ..CompressOptions::default()
+    };
     let volume = pumice_core::compress(source.as_mut(), &options, job)?;
-    let bytes_disk = volume.write(&request.output, request.level, job)?;
+    volume.save(&request.output, request.level, job)?;
+    let bytes_disk = std::fs::metadata(&request.output).map_err(io(&request.output))?.len();
     Ok(CompressOutcome {
         seconds: clock.seconds(),
         cpu_seconds: clock.cpu_seconds(),
@@ -101,4 +103,19 @@ pub fn decompress_file(pumice: &Path, out: &Path, job: &Job) -> Result<()> {
         volume.decode_ids(origin, dims)
     })?;
     Ok(())
+}
+
+/// Largest table of types that is read: 10⁷ labels with names of some 90 bytes.
+const TYPES_LIMIT_BYTES: u64 = 1 << 30;
+
+fn read_types(path: &Path) -> Result<TypeTable> {
+    let bytes = std::fs::metadata(path).map_err(io(path))?.len();
+    let fault = |what: String| SessionError::Caller(format!("{}: {what}", path.display()));
+    if bytes > TYPES_LIMIT_BYTES {
+        return Err(fault(format!(
+            "a table of types of {bytes} bytes is more than the limit of {TYPES_LIMIT_BYTES}"
+        )));
+    }
+    let text = std::fs::read_to_string(path).map_err(io(path))?;
+    TypeTable::parse_csv(&text).map_err(|e| fault(e.to_string()))
 }

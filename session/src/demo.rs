@@ -7,15 +7,17 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use pumice_core::{CompressOptions, Job, Level};
+use pumice_core::{CompressOptions, Job, Level, Verification};
 use pumice_formats::OpenOptions;
+
+use pumice_render::Passes;
 
 use crate::curve_plot::{Series, error_against_time_svg};
 use crate::error::{Result, SessionError, io};
 use crate::figure::{FigureOptions, compose};
 use crate::measure::{Stopwatch, peak_rss_bytes};
-use crate::picture::{RenderFigures, render_scene, write_picture};
 use crate::progressive::{CurvePoint, Stop, thin_curve};
+use crate::render_file::{PictureFormat, RenderFigures, render_scene};
 use crate::selection::select_labels;
 
 /// The volume that the project ships for it, below `data/`.
@@ -98,14 +100,17 @@ pub fn run(options: &DemoOptions, job: &Job, watch: &mut dyn FnMut(DemoStage)) -
     watch(DemoStage::Verify);
     let clock = Stopwatch::start();
     let mut again = pumice_formats::open(&options.volume, &OpenOptions::default())?;
-    if let Some(difference) = volume.verify(again.as_mut(), job)? {
-        return Err(SessionError::Caller(format!("{}: {difference}", options.volume.display())));
+    match pumice_core::verify(&volume, again.as_mut(), job)? {
+        Verification::Same { .. } => {}
+        difference => {
+            return Err(SessionError::Caller(format!("{}: {difference}", options.volume.display())));
+        }
     }
     let verify_seconds = [clock.seconds(), clock.cpu_seconds()];
 
     // Store it, so that the size on disk is a measurement.
     let stored = options.out.join("volume.pumice");
-    volume.write(&stored, Level::Default, job)?;
+    volume.save(&stored, Level::Default, job)?;
     let bytes_disk = std::fs::metadata(&stored).map_err(io(&stored))?.len();
 
     // Choose and place.
@@ -113,19 +118,25 @@ pub fn run(options: &DemoOptions, job: &Job, watch: &mut dyn FnMut(DemoStage)) -
     let scene = compose(
         &volume,
         stored.canonicalize().unwrap_or(stored.clone()),
-        &FigureOptions { size: options.size, labels: Some(labels), view_deg: [24.0, 24.0] },
+        &FigureOptions {
+            size: options.size,
+            labels: Some(labels),
+            view_deg: FigureOptions::DEFAULT_VIEW_DEG,
+        },
     );
 
     // Path trace.
     let volume = Arc::new(volume);
-    let rendered = render_scene(&scene, std::slice::from_ref(&volume), "auto", &options.stop, job, &mut |point| {
-        watch(DemoStage::Render(*point));
-    })?;
+    let rendered =
+        render_scene(&scene, std::slice::from_ref(&volume), "auto", &options.stop, job, &mut |point| {
+            watch(DemoStage::Render(*point));
+        })?;
 
     // Write.
     watch(DemoStage::Write);
     for name in ["picture.png", "picture.exr"] {
-        write_picture(&options.out.join(name), &rendered)?;
+        let path = options.out.join(name);
+        PictureFormat::of(&path)?.write(&path, &rendered.picture, &Passes::ALL)?;
     }
     let svg = error_against_time_svg(
         "Error against run time",
@@ -138,7 +149,7 @@ pub fn run(options: &DemoOptions, job: &Job, watch: &mut dyn FnMut(DemoStage)) -
     let info = volume.info();
     let bytes_raw = info.voxels() * 4;
     let parts = volume.resident_parts();
-    let bytes_resident: u64 = parts.iter().map(|p| p.bytes).sum();
+    let bytes_resident: u64 = parts.iter().map(|p| p.1).sum();
     let figures = rendered.figures;
     let percent = |bytes: u64| 100.0 * bytes as f64 / bytes_raw as f64;
     let mut text = String::new();
@@ -154,17 +165,19 @@ pub fn run(options: &DemoOptions, job: &Job, watch: &mut dyn FnMut(DemoStage)) -
         FIGURE_LABELS.min(volume.labels().len()),
         figures.backend,
         figures.spp,
-        figures.error_estimate.map_or("error not known".into(), |e| format!(
-            "estimated relative error {:.2} %",
-            100.0 * e
-        )),
+        figures
+            .error_estimate
+            .map_or("error not known".into(), |e| format!("estimated relative error {:.2} %", 100.0 * e)),
     ));
     line("## Size\n\n| what | bytes | % of raw |\n|---|---:|---:|".into());
     line(format!("| raw, 4 bytes a voxel | {bytes_raw} | 100 |"));
     for part in &parts {
-        line(format!("| in memory: {} | {} | {:.3} |", part.name, part.bytes, percent(part.bytes)));
+        line(format!("| in memory: {} | {} | {:.3} |", part.0, part.1, percent(part.1)));
     }
-    line(format!("| **in memory, whole form** | **{bytes_resident}** | **{:.3}** |", percent(bytes_resident)));
+    line(format!(
+        "| **in memory, whole form** | **{bytes_resident}** | **{:.3}** |",
+        percent(bytes_resident)
+    ));
     line(format!(
         "| acceleration structure of the labels shown | {} | {:.3} |",
         figures.acceleration_bytes,

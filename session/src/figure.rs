@@ -16,8 +16,6 @@ use pumice_scene::{
     Settings, Show, Sun, World,
 };
 
-use crate::selection::label_bounds;
-
 /// Diagonal of the visible labels' bounding box in world units.
 pub const DIAGONAL: f64 = 10.0;
 
@@ -32,28 +30,32 @@ pub struct FigureOptions {
     pub view_deg: [f64; 2],
 }
 
+impl FigureOptions {
+    /// From the front right, a little above.
+    pub const DEFAULT_VIEW_DEG: [f64; 2] = [24.0, 24.0];
+}
+
 /// A scene that shows `volume`, found at `source`, as `options` say.
 ///
 /// Labels without any box (none shown, an empty volume) give the frame of the whole volume.
 pub fn compose(volume: &CompressedVolume, source: PathBuf, options: &FigureOptions) -> Scene {
     // Bounding box of what is shown, in index space.
     let info = volume.info();
-    let bounds = label_bounds(volume);
+    let bounds = volume.label_bounds();
     let shown: Vec<u32> = match &options.labels {
         Some(labels) => labels.clone(),
         None => (0..volume.labels().len() as u32).collect(),
     };
     let (mut lo, mut hi) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     for &label in &shown {
-        let [l, h] = bounds[label as usize].map(|v| DVec3::from_array(v.map(f64::from)));
+        let b = bounds[label as usize];
+        let (l, h) =
+            (DVec3::from_array(b.low.map(f64::from)), DVec3::from_array(b.high.map(|v| f64::from(v) + 1.0)));
         (lo, hi) = (lo.min(l), hi.max(h));
     }
     if !lo.is_finite() {
         (lo, hi) = (DVec3::ZERO, DVec3::from_array(info.dims.map(f64::from)));
     }
-    let corners: Vec<DVec3> = (0..8u32)
-        .map(|i| DVec3::select(glam::BVec3::new(i & 1 != 0, i & 2 != 0, i & 4 != 0), hi, lo))
-        .collect();
 
     // Into the world: turned, scaled, centred.
     let turn = if info.frame == WorldFrame::Unknown {
@@ -65,11 +67,26 @@ pub fn compose(volume: &CompressedVolume, source: PathBuf, options: &FigureOptio
     let size = (linear * (hi - lo)).length();
     let linear = linear * if size > 0.0 { DIAGONAL / size } else { 1.0 };
     let world_from_index = DAffine3 { matrix3: linear, translation: -(linear * ((lo + hi) / 2.0)) };
-    let corners: Vec<DVec3> = corners.iter().map(|&c| world_from_index.transform_point3(c)).collect();
 
     let [around, above] = options.view_deg.map(f64::to_radians);
     let toward_camera = DVec3::new(around.sin() * above.cos(), -around.cos() * above.cos(), above.sin());
-    let camera = frame(&corners, toward_camera, options.size);
+    let mut is_shown = vec![options.labels.is_none(); bounds.len()];
+    for &label in &shown {
+        is_shown[label as usize] = true;
+    }
+    // Every box that is shown has to be in the picture, not the corners of the box around them all: closer, and still whole.
+    let mut framing = Framing::new(toward_camera, options.size);
+    volume.for_each_box(|label, b| {
+        if is_shown[label as usize] {
+            let low = DVec3::from_array(b.origin.map(f64::from));
+            let high = low + DVec3::from_array(b.extent.map(f64::from));
+            corners(low, high).for_each(|c| framing.include(world_from_index.transform_point3(c)));
+        }
+    });
+    if framing.is_empty() {
+        corners(lo, hi).for_each(|c| framing.include(world_from_index.transform_point3(c)));
+    }
+    let camera = framing.camera();
     let right = camera.world_from_camera.matrix3.x_axis;
     let up = camera.world_from_camera.matrix3.y_axis;
     let key_from = toward_camera * 0.55 - right * 0.65 + up * 0.9;
@@ -99,14 +116,14 @@ pub fn compose(volume: &CompressedVolume, source: PathBuf, options: &FigureOptio
             filter: Filter::BlackmanHarris { width: 3.0 },
         },
         world: World {
-            environment: Environment::Constant { radiance: [0.62, 0.70, 0.82] },
+            environment: Environment::Constant { radiance: [0.92, 0.98, 1.06] },
             backdrop: Some([[0.78, 0.79, 0.80], [0.93, 0.945, 0.96]]),
         },
         suns: vec![Sun {
             direction: (-key_from).to_array(),
-            strength: 3.0,
+            strength: 2.6,
             color: [1.0, 0.95, 0.87],
-            angle_rad: 18f64.to_radians(),
+            angle_rad: 24f64.to_radians(),
         }],
         settings: Settings::default(),
     }
@@ -125,30 +142,64 @@ fn lay_longest_axis(spacing: [f64; 3], extent: DVec3) -> DMat3 {
     }
 }
 
-/// A perspective camera of 28° that sees all `points` with a margin of 4 % of the picture on each side.
-fn frame(points: &[DVec3], toward_camera: DVec3, size: [u32; 2]) -> Camera {
-    let back = toward_camera.normalize();
-    let right = DVec3::Z.cross(back).try_normalize().unwrap_or(DVec3::X);
-    let up = back.cross(right);
-    let fov_rad = 28f64.to_radians();
-    let longer = f64::from(size[0].max(size[1]));
-    let tangent = |pixels: u32| (fov_rad / 2.0).tan() * f64::from(pixels) / longer * 0.92;
-    let (tan_x, tan_y) = (tangent(size[0]), tangent(size[1]));
+/// The eight corners of a box.
+fn corners(low: DVec3, high: DVec3) -> impl Iterator<Item = DVec3> {
+    (0..8u32).map(move |i| DVec3::select(glam::BVec3::new(i & 1 != 0, i & 2 != 0, i & 4 != 0), high, low))
+}
 
-    // Each point p sets two planes a side: the camera at c must satisfy |(p−c)·right| ≤ tan_x·((c−p)·back). The tightest of the
-    // left and right planes meet at the best position across, and so for up and down; the farther of the two distances serves both.
-    let solve = |axis: DVec3, tan: f64| -> (f64, f64) {
-        let plus = points.iter().map(|p| p.dot(axis) + tan * p.dot(back)).fold(f64::NEG_INFINITY, f64::max);
-        let minus = points.iter().map(|p| -p.dot(axis) + tan * p.dot(back)).fold(f64::NEG_INFINITY, f64::max);
-        ((plus - minus) / 2.0, (plus + minus) / (2.0 * tan))
-    };
-    let ((x, back_x), (y, back_y)) = (solve(right, tan_x), solve(up, tan_y));
-    let eye = right * x + up * y + back * back_x.max(back_y);
-    Camera {
-        world_from_camera: DAffine3 { matrix3: DMat3::from_cols(right, up, back), translation: eye },
-        projection: Projection::Perspective { fov_rad },
-        shift: [0.0; 2],
-        clip: [0.0, f64::MAX],
+/// Finds the nearest perspective camera of 28° that sees all points with a margin of 4 % of the picture on each side.
+///
+/// Each point p sets two planes a side: the camera at c must satisfy |(p−c)·right| ≤ tan·((c−p)·back). The tightest of the left
+/// and right planes meet at the best position across, and so for up and down; the farther of the two distances serves both.
+struct Framing {
+    axes: DMat3,
+    fov_rad: f64,
+    tangents: [f64; 2],
+    /// Largest of ±p·axis + tan·p·back, for right and up.
+    planes: [[f64; 2]; 2],
+}
+
+impl Framing {
+    fn new(toward_camera: DVec3, size: [u32; 2]) -> Self {
+        let back = toward_camera.normalize();
+        let right = DVec3::Z.cross(back).try_normalize().unwrap_or(DVec3::X);
+        let fov_rad = 28f64.to_radians();
+        let longer = f64::from(size[0].max(size[1]));
+        Self {
+            axes: DMat3::from_cols(right, back.cross(right), back),
+            fov_rad,
+            tangents: size.map(|pixels| (fov_rad / 2.0).tan() * f64::from(pixels) / longer * 0.92),
+            planes: [[f64::NEG_INFINITY; 2]; 2],
+        }
+    }
+
+    fn include(&mut self, p: DVec3) {
+        let back = p.dot(self.axes.z_axis);
+        for (axis, planes) in self.planes.iter_mut().enumerate() {
+            let (across, depth) = (p.dot(self.axes.col(axis)), self.tangents[axis] * back);
+            *planes = [planes[0].max(depth + across), planes[1].max(depth - across)];
+        }
+    }
+
+    fn is_empty(&self) -> bool {
+        self.planes[0][0] == f64::NEG_INFINITY
+    }
+
+    fn camera(&self) -> Camera {
+        let place = |axis: usize| {
+            let [plus, minus] = self.planes[axis];
+            ((plus - minus) / 2.0, (plus + minus) / (2.0 * self.tangents[axis]))
+        };
+        let ((x, back_x), (y, back_y)) = (place(0), place(1));
+        Camera {
+            world_from_camera: DAffine3 {
+                matrix3: self.axes,
+                translation: self.axes * DVec3::new(x, y, back_x.max(back_y)),
+            },
+            projection: Projection::Perspective { fov_rad: self.fov_rad },
+            shift: [0.0; 2],
+            clip: [0.0, f64::MAX],
+        }
     }
 }
 
@@ -172,7 +223,9 @@ mod tests {
                     )
                 })
                 .collect();
-            let camera = frame(&points, toward, size);
+            let mut framing = Framing::new(toward, size);
+            points.iter().for_each(|&p| framing.include(p));
+            let camera = framing.camera();
             let Projection::Perspective { fov_rad } = camera.projection else { unreachable!() };
             let camera_from_world = camera.world_from_camera.inverse();
             let longer = f64::from(size[0].max(size[1]));

@@ -1,8 +1,29 @@
 //! What the command and Python are both made of: opens volumes, picks a backend, drives progressive rendering, reports.
 #![forbid(unsafe_code)]
 
+pub mod backend;
+pub mod compare_files;
+pub mod compress_file;
 pub mod curve_plot;
+pub mod demo;
+pub mod error;
 pub mod figure;
+pub mod file_info;
 pub mod measure;
+pub mod open;
 pub mod progressive;
+pub mod render_file;
 pub mod selection;
+
+pub use backend::{Device, devices, make_renderer};
+pub use compare_files::compare_pictures;
+pub use compress_file::{CompressOutcome, CompressRequest, compress_file, decompress_file, verify_file};
+pub use error::SessionError;
+pub use file_info::{FileInfo, file_info};
+pub use measure::{Stopwatch, peak_rss_bytes};
+pub use open::open_volume;
+pub use progressive::{CurvePoint, Stop};
+pub use pumice_core::{Job, LabelType, Level, Verification};
+pub use pumice_formats::{ArrayAxes, OpenOptions, RawLayout};
+pub use pumice_scene::{Lod, Mode};
+pub use render_file::{RenderFigures, RenderOverrides, RenderRequest, Rendered, Subject, render_file};

@@ -250,10 +250,11 @@ def test_output_streams_that_are_full_or_closed(pumice, good, good_pumice, tmp_p
         assert run(pumice, "info", good_pumice, "--json", stdout=closed).code == 0
 
 
+@pytest.mark.parametrize("with_signal", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("seconds_of_cpu", [0.1, 0.3, 0.6, 1.0, 1.5])
-def test_ctrl_c_while_compressing(pumice, noise, seconds_of_cpu, tmp_path):
+def test_ctrl_c_while_compressing(pumice, noise, seconds_of_cpu, with_signal, tmp_path):
     out = tmp_path / "o.pumice"
-    done = run(pumice, "compress", noise, "-o", out, meanwhile=interrupt_after(seconds_of_cpu))
+    done = run(pumice, "compress", noise, "-o", out, meanwhile=interrupt_after(seconds_of_cpu, with_signal))
     if done.code == 0:
         # It had ended before, or was past the point where stopping leaves less than finishing: then all of it is there.
         assert run(pumice, "verify", out, noise).code == 0

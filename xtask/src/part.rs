@@ -5,6 +5,7 @@
 
 use std::io::{BufRead, BufReader, Read};
 use std::os::unix::process::CommandExt;
+use std::path::Path;
 use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -163,7 +164,9 @@ fn run_one(
 
 /// The command as one would type it.
 fn spelled(command: &Command) -> String {
-    let words = std::iter::once(command.get_program()).chain(command.get_args());
+    let program = Path::new(command.get_program());
+    let words =
+        std::iter::once(program.file_name().unwrap_or(command.get_program())).chain(command.get_args());
     let line = words.map(|w| w.to_string_lossy()).collect::<Vec<_>>().join(" ");
     // A long list of test names says no more than its beginning.
     if line.chars().count() > 300 { line.chars().take(300).chain(['…']).collect() } else { line }

@@ -16,16 +16,13 @@ pub(crate) fn run(args: &Info) -> Result<Answer, Failure> {
     match info {
         FileInfo::Pumice(p) => {
             let percent = |bytes: u64| 100.0 * bytes as f64 / p.bytes_raw.max(1) as f64;
-            say(format_args!("format     Pumice, version {}, level {}", p.file_version, p.level))?;
+            say("format     Pumice")?;
             placement(p.dims, p.spacing, &p.unit, &p.frame, &p.label_type)?;
             say(format_args!(
                 "labels     {} in {} types, {} touching pairs",
                 p.labels, p.types, p.touching_pairs
             ))?;
-            say(format_args!(
-                "boxes      {} over {} nodes, {} leaf patterns",
-                p.boxes, p.nodes, p.leaf_patterns
-            ))?;
+            say(format_args!("boxes      {} over {} leaf patterns", p.boxes, p.leaf_patterns))?;
             say(format_args!("raw        {:>14} bytes at 4 a voxel", p.bytes_raw))?;
             say(format_args!("disk       {:>14} bytes  {:6.3} %", p.bytes_disk, percent(p.bytes_disk)))?;
             say(format_args!(

@@ -9,7 +9,7 @@ pub(crate) mod info;
 pub(crate) mod render;
 pub(crate) mod verify;
 
-use pumice_session::{AxisOrder, OpenOptions, RawLayout};
+use pumice_session::{ArrayAxes, OpenOptions, RawLayout};
 
 use crate::args::{Axes, Reading};
 
@@ -22,8 +22,8 @@ fn open_options(reading: &Reading) -> OpenOptions {
         array: reading.array.clone(),
         spacing: reading.spacing,
         axes: match reading.axes {
-            None | Some(Axes::Xyz) => AxisOrder::Xyz,
-            Some(Axes::Zyx) => AxisOrder::Zyx,
+            None | Some(Axes::Xyz) => ArrayAxes::Xyz,
+            Some(Axes::Zyx) => ArrayAxes::Zyx,
         },
         raw: match (reading.raw_dims, reading.raw_type) {
             (Some(dims), Some(label_type)) => Some(RawLayout {

@@ -57,13 +57,14 @@ pub(crate) fn run(args: &Render, job: &Arc<Job>) -> Result<Answer, Failure> {
         save_scene: args.save_scene.clone(),
     };
 
-    let opening = std::cell::RefCell::new(Some(Bar::follow("opening", job)));
-    let tracing = std::cell::OnceCell::new();
+    let mut opening = Some(Bar::follow("opening", job));
+    let mut tracing = None;
     let rendered = render_file(&request, job, &mut |stop, point| {
-        opening.borrow_mut().take();
-        show_progress(tracing.get_or_init(|| Bar::manual("path tracing")), stop, point);
-    })?;
+        opening = None;
+        show_progress(tracing.get_or_insert_with(|| Bar::manual("path tracing")), stop, point);
+    });
     drop((opening, tracing));
+    let rendered = rendered?;
 
     if args.json.as_deref() != Some(std::path::Path::new("-")) {
         say(format_args!("{}: {}", args.out.display(), summary(&rendered.figures)))?;

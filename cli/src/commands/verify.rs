@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use pumice_session::{Job, verify_file};
+use pumice_session::{Job, Verification, verify_file};
 
 use super::open_options;
 use crate::Answer;
@@ -15,11 +15,11 @@ pub(crate) fn run(args: &Verify, job: &Arc<Job>) -> Result<Answer, Failure> {
     let difference = verify_file(&args.file, &args.input, &open_options(&args.reading), job)?;
     drop(bar);
     match difference {
-        None => {
+        Verification::Same { .. } => {
             say(format_args!("{} holds {} exactly", args.file.display(), args.input.display()))?;
             Ok(Answer::Yes)
         }
-        Some(difference) => {
+        difference => {
             say(format_args!("{} is not {}: {difference}", args.file.display(), args.input.display()))?;
             Ok(Answer::No)
         }

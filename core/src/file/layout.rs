@@ -17,7 +17,8 @@ use xxhash_rust::xxh3::{Xxh3, xxh3_64};
 
 use super::Fault;
 
-pub(super) const MAGIC: [u8; 8] = *b"\x89PUMICE\n";
+/// First bytes of every `.pumice` file.
+pub const MAGIC: [u8; 8] = *b"\x89PUMICE\n";
 pub(super) const VERSION: u32 = 1;
 pub(super) const HEADER_BYTES: usize = 64;
 pub(super) const ENTRY_BYTES: usize = 48;

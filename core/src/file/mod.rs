@@ -6,9 +6,9 @@
 //! │ 64 B   │ 48 B each     │ padded with 0  │ padded with 0  │
 //! └────────┴───────────────┴────────────────┴────────────────┴─
 //! ```
-//! `docs/file-format.md` has every field; this module's parts are: [`layout`] (header and table), [`codec`] (filters and
-//! compression of one section), [`nodes`] (nodes and boxes taken apart into streams that compress well, and put together again),
-//! [`write`] and [`read`], [`check`] (every invariant of a volume that comes from outside).
+//! `docs/file-format.md` has every field; this module's parts are: `layout` (header and table), `codec` (filters and
+//! compression of one section), `nodes` (nodes and boxes taken apart into streams that compress well, and put together again),
+//! `write` and `read`, `check` (every invariant of a volume that comes from outside).
 //!
 //! A volume is written to a temporary file in the same folder, synced, then renamed: a killed process never leaves half a file
 //! under the final name.
@@ -23,6 +23,7 @@ mod write;
 #[cfg(test)]
 mod mutation;
 
+pub use layout::MAGIC;
 pub use write::Level;
 
 /// What is wrong with a file, before its path is known.

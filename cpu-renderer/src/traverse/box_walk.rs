@@ -158,7 +158,7 @@ impl Walk {
     /// Distance from the entry to plane j > m0 of axis a.
     #[inline(always)]
     fn plane_t(&self, a: usize, j: u32) -> f32 {
-        self.first[a] + (j - self.m0[a] - 1) as f32 * self.width[a]
+        self.first[a] + (j - self.m0[a] - 1) as i32 as f32 * self.width[a]
     }
 
     /// Steps to the next multiple of 2^shift: crosses the nearest of the three planes and all that tie with it. Coordinates of

@@ -11,7 +11,7 @@
 //! above it. The walks never see a zero direction: its coordinate is moved to the middle of its voxel, where no plane is near
 //! and the product is ±huge, never NaN.
 
-use glam::{DAffine3, DMat3, DVec3};
+use glam::{DAffine3, DVec3};
 use pumice_render::{PathOrigin, RayInWorld, Surface};
 
 /// Smallest scaled direction component whose reciprocal is finite in f64.
@@ -30,24 +30,32 @@ pub(crate) struct IndexRay {
     pub(crate) scaled_from_world: f64,
 }
 
-/// An instance's place in the world, inverted once.
+/// An instance's place in the world, inverted once: as adjugate and determinant, divided last. A zero of the inverse then stays
+/// an exact zero, and a matrix of small whole numbers (spacings in nm, permuted or sheared axes) is inverted without rounding
+/// but for that division: rays in a plane between voxels, as in isometric views, stay in it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Placement {
     /// Index space to world.
     pub(crate) world_from_index: DAffine3,
-    index_from_world: DMat3,
+    /// Rows of the adjugate, all times the determinant's sign.
+    adjugate: [DVec3; 3],
+    /// Absolute determinant.
+    determinant: f64,
 }
 
 impl Placement {
-    /// `None` when the matrix is singular or not finite.
+    /// `None` when the matrix is singular, not finite, or so small or large that its determinant is not a normal number.
     pub(crate) fn new(world_from_index: DAffine3) -> Option<Self> {
         let m = world_from_index.matrix3;
-        let det = m.determinant();
-        if !world_from_index.is_finite() || !(det.is_normal() || det.is_subnormal()) {
-            return None;
-        }
-        let inverse = m.inverse();
-        inverse.is_finite().then_some(Self { world_from_index, index_from_world: inverse })
+        let rows = [m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis)];
+        let det = m.x_axis.dot(rows[0]);
+        let usable = world_from_index.is_finite() && det.is_normal() && rows.iter().all(|r| r.is_finite());
+        let adjugate = rows.map(|r| if det < 0.0 { -r } else { r });
+        usable.then_some(Self { world_from_index, adjugate, determinant: det.abs() })
+    }
+
+    fn index_from_world(&self, v: DVec3) -> DVec3 {
+        DVec3::from(self.adjugate.map(|row| row.dot(v) / self.determinant))
     }
 
     /// The ray in index space; `None` when it is not finite or has no direction.
@@ -57,9 +65,9 @@ impl Placement {
     pub(crate) fn ray(&self, ray: &RayInWorld, face: Option<(Surface, [u32; 3])>) -> Option<IndexRay> {
         // 1. Scale in the world first, so that a tiny direction does not lose bits in the product.
         let (d_world, k0) = scaled(ray.direction)?;
-        let (d, k1) = scaled(self.index_from_world * d_world)?;
+        let (d, k1) = scaled(self.index_from_world(d_world))?;
         // 2. Subtract the translation before the product: volumes lie far from the world's origin.
-        let o = self.index_from_world * (ray.origin - self.world_from_index.translation);
+        let o = self.index_from_world(ray.origin - self.world_from_index.translation);
         if !o.is_finite() {
             return None;
         }
@@ -103,7 +111,7 @@ impl Placement {
         let outward = if surface.positive { direction[axis] } else { -direction[axis] };
         if outward <= 0.0 {
             // What three products and two sums of the change of space may lose of this component.
-            let row = self.index_from_world.row(axis).abs().dot(d_world.abs()) * exp2(-k1);
+            let row = self.adjugate[axis].abs().dot(d_world.abs()) / self.determinant * exp2(-k1);
             if -outward <= row * f64::EPSILON * 4.0 {
                 direction[axis] = 0.0;
                 // A ray in the plane belongs to the voxel above it; from a lower face the outer side is below.
@@ -116,7 +124,7 @@ impl Placement {
 
     /// Outward unit normal of a face in the world: the axis' covector, so that sheared and mirrored matrices are right.
     pub(crate) fn normal(&self, axis: usize, positive: bool) -> DVec3 {
-        let n = self.index_from_world.row(axis).normalize();
+        let n = self.adjugate[axis].normalize();
         if positive { n } else { -n }
     }
 }

@@ -3,7 +3,7 @@
 //!
 //! Origins and directions are whole multiples of 2⁻⁴⁶ in index space (the generators see to it), so that every plane distance is
 //! a fraction of two whole numbers and every comparison is exact in 128 bits: |o| ≤ 2³⁰ makes products of at most 2¹²⁴.
-#![allow(dead_code, reason = "each test file uses its part")]
+#![allow(dead_code, unreachable_pub, reason = "each test file uses its part")]
 
 pub mod rays;
 pub mod volumes;

@@ -1,0 +1,77 @@
+//! Sizes, speeds, and error against time of given volumes, as Markdown and CSV.
+//!
+//! It drives the programs that users run (`pumice`, and the examples `build_speed` and `ray_rate`, which measure what no command
+//! reports) and puts their figures into tables: so it measures what is shipped, and has no second copy of anything.
+//!
+//! ```text
+//! cargo run --release -p pumice-bench -- sizes|speeds|convergence VOLUME… [--out bench/results]
+//! ```
+#![forbid(unsafe_code)]
+
+mod convergence;
+mod machine;
+mod programs;
+mod sizes;
+mod speeds;
+mod table;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use crate::programs::Programs;
+use crate::table::Table;
+
+/// Why a bench stopped: one line.
+type Result<T> = std::result::Result<T, String>;
+
+const USAGE: &str = "\
+Usage: cargo run --release -p pumice-bench -- BENCH VOLUME… [--out FOLDER]
+
+  sizes         bytes in memory by part, on disk by level, in per cent of 4 bytes a voxel
+  speeds        parts, finish, saving, opening, rays: per CPU-second (volumes of u32 labels)
+  convergence   relMSE against a reference of 64 times as many samples, by CPU-seconds
+
+Prints Markdown; with --out also writes BENCH.md and BENCH.csv there, with the machine's description.";
+
+fn main() -> ExitCode {
+    match run() {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(what) => {
+            eprintln!("pumice-bench: {what}");
+            ExitCode::from(2)
+        }
+    }
+}
+
+fn run() -> Result<()> {
+    let mut args = std::env::args().skip(1);
+    let bench = args.next().ok_or(USAGE)?;
+    let (mut volumes, mut out) = (Vec::new(), None);
+    while let Some(arg) = args.next() {
+        match arg.as_str() {
+            "--out" => out = Some(PathBuf::from(args.next().ok_or("--out needs a folder")?)),
+            _ => volumes.push(PathBuf::from(arg)),
+        }
+    }
+    let measure: fn(&Programs, &[PathBuf]) -> Result<Table> = match bench.as_str() {
+        "sizes" => sizes::measure,
+        "speeds" => speeds::measure,
+        "convergence" => convergence::measure,
+        _ => return Err(USAGE.into()),
+    };
+    if volumes.is_empty() {
+        return Err("name at least one volume".into());
+    }
+
+    let programs = Programs::build()?;
+    let table = measure(&programs, &volumes)?;
+    let page = format!("# {bench}\n\n{}\n\n{}", machine::description(), table.markdown());
+    println!("{page}");
+    if let Some(folder) = out {
+        for (ending, text) in [("md", page), ("csv", table.csv())] {
+            let path = folder.join(format!("{bench}.{ending}"));
+            std::fs::write(&path, text).map_err(|e| format!("{}: {e}", path.display()))?;
+        }
+    }
+    Ok(())
+}

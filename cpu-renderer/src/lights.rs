@@ -1,0 +1,177 @@
+//! What lights the scene, made ready: sky, suns, and the choice among them.
+//!
+//! A constant sky is not sampled: directions scattered by a surface already follow what it does with even light, so aiming at the
+//! sky would cost a ray and gain nothing. A picture and suns are aimed at; one of them for each surface point, with a chance in
+//! proportion to the irradiance it can give.
+
+use glam::{DVec3, Vec3};
+use pumice_render::{EnvironmentTable, ReadySun};
+
+/// Light from infinity.
+#[derive(Clone, Debug)]
+pub enum Sky {
+    /// The same from everywhere.
+    Constant(Vec3),
+    /// A picture.
+    Image(Box<EnvironmentTable>),
+}
+
+/// A sampled light.
+#[derive(Clone, Copy, Debug)]
+pub struct LightSample {
+    /// Unit vector towards it.
+    pub direction: DVec3,
+    /// Radiance over density: what it adds to a surface of f·cos = 1.
+    pub radiance_over_pdf: Vec3,
+    /// Density per solid angle, choice included; `None` for a single direction.
+    pub pdf: Option<f32>,
+}
+
+/// Which of the two ways to find light is used: all of light transport is in both where both can find it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Finding {
+    /// Both, weighted by the power heuristic (Veach 1997, §9.2.4).
+    #[default]
+    Both,
+    /// Only by aiming at lights (for tests).
+    Aimed,
+    /// Only by scattering (for tests).
+    Scattered,
+}
+
+/// See the module.
+#[derive(Clone, Debug)]
+pub struct Lights {
+    sky: Sky,
+    suns: Vec<ReadySun>,
+    backdrop: Option<[Vec3; 2]>,
+    /// Summed chances: the sky's, then each sun's.
+    ends: Vec<f32>,
+    finding: Finding,
+}
+
+impl Lights {
+    /// Lights of a scene.
+    pub fn new(sky: Sky, suns: Vec<ReadySun>, backdrop: Option<[[f32; 3]; 2]>) -> Self {
+        let sky_power = match &sky {
+            Sky::Constant(_) => 0.0,
+            Sky::Image(table) => table.total_radiance(),
+        };
+        let powers: Vec<f32> =
+            std::iter::once(sky_power).chain(suns.iter().map(ReadySun::irradiance)).collect();
+        let total: f32 = powers.iter().sum();
+        let lit = powers.iter().filter(|&&p| p > 0.0).count() as f32;
+        let mut ends = Vec::new();
+        if total > 0.0 && total.is_finite() {
+            let mut end = 0.0;
+            for p in &powers {
+                // A tenth is dealt out evenly: a weak light may be the only one that reaches a corner.
+                end += if *p > 0.0 { 0.9 * p / total + 0.1 / lit } else { 0.0 };
+                ends.push(end);
+            }
+            // The last light with a chance ends at 1 whatever was rounded.
+            for e in ends.iter_mut().rev() {
+                if *e < end {
+                    break;
+                }
+                *e = 1.0;
+            }
+        }
+        let backdrop = backdrop.map(|b| b.map(Vec3::from_array));
+        Self { sky, suns, backdrop, ends, finding: Finding::Both }
+    }
+
+    /// The same lights, found in one way only.
+    #[must_use]
+    pub fn found_by(mut self, finding: Finding) -> Self {
+        self.finding = finding;
+        self
+    }
+
+    /// Whether any light is aimed at.
+    #[inline]
+    pub fn any_aimed(&self) -> bool {
+        !self.ends.is_empty() && self.finding != Finding::Scattered
+    }
+
+    #[inline]
+    fn chance(&self, light: usize) -> f32 {
+        match self.ends.get(light) {
+            Some(&end) => end - if light == 0 { 0.0 } else { self.ends[light - 1] },
+            None => 0.0,
+        }
+    }
+
+    /// A light and a direction towards it; `None` only where [`Lights::any_aimed`] is false or the sample has no density.
+    #[inline]
+    pub fn sample(&self, choice: f32, u: [f32; 2]) -> Option<LightSample> {
+        let light = self.ends.partition_point(|&e| e <= choice);
+        let chance = self.chance(light);
+        let (direction, radiance, pdf) = if light == 0 {
+            let Sky::Image(table) = &self.sky else { return None };
+            let (d, l, pdf) = table.sample(u);
+            (d, l, Some(pdf))
+        } else {
+            self.suns.get(light - 1)?.sample(u)
+        };
+        let pdf = pdf.map(|p| p * chance);
+        let over = pdf.unwrap_or(chance);
+        (over > 0.0).then(|| LightSample { direction, radiance_over_pdf: radiance / over, pdf })
+    }
+
+    /// Weight of light that was aimed at, where scattering would have found it with density `other`.
+    #[inline]
+    pub fn aimed_weight(&self, pdf: Option<f32>, other: f32) -> f32 {
+        match (pdf, self.finding) {
+            (Some(p), Finding::Both) => power_heuristic(p, other),
+            _ => 1.0,
+        }
+    }
+
+    #[inline]
+    fn scattered_weight(&self, pdf: f32, light: f32) -> f32 {
+        match self.finding {
+            Finding::Both => power_heuristic(pdf, light),
+            Finding::Aimed if light > 0.0 => 0.0,
+            _ => 1.0,
+        }
+    }
+
+    /// Light that a scattered ray (unit direction, drawn with density `pdf`) finds at infinity.
+    #[inline]
+    pub fn found(&self, direction: DVec3, pdf: f32) -> Vec3 {
+        let mut light = match &self.sky {
+            Sky::Constant(radiance) => *radiance,
+            Sky::Image(table) => {
+                table.eval(direction) * self.scattered_weight(pdf, table.pdf(direction) * self.chance(0))
+            }
+        };
+        for (i, sun) in self.suns.iter().enumerate() {
+            if let Some((radiance, sun_pdf)) = sun.eval(direction) {
+                light += radiance * self.scattered_weight(pdf, sun_pdf * self.chance(i + 1));
+            }
+        }
+        light
+    }
+
+    /// What a camera ray sees where it meets nothing; `down` is 0 at the top of the picture and 1 at the bottom. Suns are not seen
+    /// by the camera.
+    #[inline]
+    pub fn behind(&self, direction: DVec3, down: f32) -> Vec3 {
+        match (&self.backdrop, &self.sky) {
+            (Some([bottom, top]), _) => top.lerp(*bottom, down.clamp(0.0, 1.0)),
+            (None, Sky::Constant(radiance)) => *radiance,
+            (None, Sky::Image(table)) => table.eval(direction),
+        }
+    }
+}
+
+/// Veach 1997, eq. 9.13 with β = 2. Ratios first: squares of peaked densities overflow.
+#[inline]
+fn power_heuristic(a: f32, b: f32) -> f32 {
+    if a <= 0.0 {
+        return 0.0;
+    }
+    let r = b / a;
+    1.0 / (1.0 + r * r)
+}

@@ -1,0 +1,60 @@
+//! What each label looks like.
+
+use pumice_render::palette;
+use pumice_scene::{LabelStyle, Material};
+
+/// Materials of one instance, by dense label.
+#[derive(Clone, Debug)]
+pub struct Looks {
+    materials: Vec<Material>,
+    /// Index into `materials` by label; empty: all have the first.
+    of_label: Vec<u32>,
+}
+
+impl Looks {
+    /// One material for all labels.
+    pub fn same(material: Material) -> Self {
+        Self { materials: vec![material], of_label: Vec::new() }
+    }
+
+    /// Looks of the labels with these ids (rising). `touching` are pairs of dense indices, read only for `auto_color`, where labels
+    /// that are both `visible` and touch get different colours.
+    pub fn new(
+        style: &LabelStyle,
+        ids: &[u64],
+        touching: impl Iterator<Item = (u32, u32)>,
+        visible: &[bool],
+    ) -> Self {
+        let mut materials = vec![style.material];
+        let mut of_label = Vec::new();
+        if style.auto_color {
+            let colors = palette::palette();
+            materials.extend(colors.map(|base_color| Material { base_color, ..style.material }));
+            of_label = palette::color_labels(ids.len(), touching, Some(visible))
+                .iter()
+                .map(|&c| 1 + u32::from(c))
+                .collect();
+        } else if !style.materials.is_empty() {
+            of_label = vec![0; ids.len()];
+        }
+        for (id, material) in &style.materials {
+            if let Ok(label) = ids.binary_search(id) {
+                of_label[label] = materials.len() as u32;
+                materials.push(*material);
+            }
+        }
+        Self { materials, of_label }
+    }
+
+    /// Material of a dense label.
+    #[inline]
+    pub fn material(&self, label: u32) -> &Material {
+        let index = self.of_label.get(label as usize).map_or(0, |&i| i as usize);
+        &self.materials[index]
+    }
+
+    /// Heap bytes.
+    pub fn bytes(&self) -> u64 {
+        (self.of_label.len() * 4 + self.materials.len() * size_of::<Material>()) as u64
+    }
+}

@@ -1,0 +1,180 @@
+//! The progressive path tracer over any [`Tracer`]: each pixel's samples depend on (seed, pixel, sample number) alone and are
+//! added in their order, so the picture does not depend on how many threads there are, nor on how it was cut into slices.
+
+use std::time::{Duration, Instant};
+
+use pumice_core::Job;
+use pumice_render::film::STRIDE;
+use pumice_render::sampler::{PixelSampler, REPLICATES};
+use pumice_render::{FilmBuffer, FilterTable, Image, PathOrigin, Picture, Progress, RenderError, Tracer};
+use pumice_scene::{Camera, Film};
+use rayon::prelude::*;
+
+use crate::camera_rays::CameraRays;
+use crate::path::{Surroundings, radiance};
+
+/// Most samples that each pixel gets between two looks at the clock.
+const MOST_SAMPLES_A_PASS: u32 = 64;
+
+/// A scene that is being drawn.
+#[derive(Debug)]
+pub struct PathTracer<T> {
+    tracer: T,
+    around: Surroundings,
+    rays: CameraRays,
+    filter: FilterTable,
+    film: FilmBuffer,
+    seconds_a_sample: f64,
+}
+
+impl<T: Tracer> PathTracer<T> {
+    /// Starts a black picture.
+    pub fn new(tracer: T, around: Surroundings, camera: &Camera, film: &Film) -> Self {
+        Self {
+            tracer,
+            around,
+            rays: CameraRays::new(camera, film),
+            filter: FilterTable::new(&film.filter),
+            film: FilmBuffer::new(film.width, film.height),
+            seconds_a_sample: 0.0,
+        }
+    }
+
+    /// The geometry.
+    pub fn tracer(&self) -> &T {
+        &self.tracer
+    }
+
+    /// The picture so far.
+    pub fn film(&self) -> &FilmBuffer {
+        &self.film
+    }
+
+    /// What paths meet.
+    pub fn around(&self) -> &Surroundings {
+        &self.around
+    }
+
+    /// The camera's rays.
+    pub fn rays(&self) -> &CameraRays {
+        &self.rays
+    }
+
+    /// Adds samples for about `slice`, at least one, at most `spp_limit` in all.
+    ///
+    /// # Errors
+    /// [`RenderError::Cancelled`]: rows may then differ by the samples of one pass; the next call evens them out.
+    pub fn advance(&mut self, slice: Duration, spp_limit: u32, job: &Job) -> Result<Progress, RenderError> {
+        let end = Instant::now() + slice;
+        loop {
+            let spp = self.film.spp();
+            if spp >= spp_limit {
+                break;
+            }
+            let left = end.saturating_duration_since(Instant::now()).as_secs_f64();
+            let fit = if self.seconds_a_sample > 0.0 { (left / self.seconds_a_sample) as u32 } else { 1 };
+            let most = MOST_SAMPLES_A_PASS.min(spp_limit - spp);
+            self.add_samples(spp + fit.clamp(1, most), job)?;
+            if Instant::now() >= end {
+                break;
+            }
+        }
+        Ok(Progress { spp: self.film.spp(), error_estimate: self.error_estimate() })
+    }
+
+    /// Brings every pixel to `target` samples.
+    ///
+    /// # Errors
+    /// As [`PathTracer::advance`].
+    pub fn add_samples(&mut self, target: u32, job: &Job) -> Result<(), RenderError> {
+        let start = Instant::now();
+        let before = self.film.spp();
+        let (width, height) = self.film.size();
+        let Self { tracer, around, rays, filter, film, .. } = self;
+        let seed = around.settings.seed;
+        film.rows_mut().par_bridge().for_each(|row| {
+            if job.is_cancelled() || *row.samples >= target {
+                return;
+            }
+            for (x, sums) in row.sums.chunks_exact_mut(STRIDE).enumerate() {
+                for sample in *row.samples..target {
+                    let sampler = PixelSampler::new(seed, [x as u32, row.y], sample);
+                    let [u, v] = sampler.film();
+                    let px = x as f64 + 0.5 + f64::from(filter.sample(u));
+                    let py = f64::from(row.y) + 0.5 + f64::from(filter.sample(v));
+                    let (ray, t_max) = rays.ray(px, py);
+                    let color = radiance(&*tracer, around, &sampler, ray, t_max, (py / height as f64) as f32);
+                    let at = 3 * (sample % REPLICATES) as usize;
+                    sums[at] += color.x;
+                    sums[at + 1] += color.y;
+                    sums[at + 2] += color.z;
+                }
+            }
+            job.advance(u64::from(target - *row.samples) * width as u64);
+            *row.samples = target;
+        });
+        if job.is_cancelled() {
+            return Err(RenderError::Cancelled);
+        }
+        if target > before {
+            self.seconds_a_sample = start.elapsed().as_secs_f64() / f64::from(target - before);
+        }
+        Ok(())
+    }
+
+    /// Estimated relative error of the picture as it stands.
+    pub fn error_estimate(&self) -> f64 {
+        self.film.error_estimate()
+    }
+
+    /// What is seen through the middle of a pixel, and its depth along the view axis.
+    pub fn pick(&self, x: u32, y: u32) -> Option<(pumice_render::Hit, f64)> {
+        let (ray, t_max) = self.rays.ray(f64::from(x) + 0.5, f64::from(y) + 0.5);
+        let hit = self.tracer.first_hit(&ray, PathOrigin::Free, t_max)?;
+        Some((hit, hit.t + self.rays.near()))
+    }
+
+    /// The picture so far; depth, label, base colour and normal are those seen through the middle of each pixel.
+    pub fn picture(&self) -> Picture {
+        let (width, height) = self.film.size();
+        let firsts: Vec<First> = (0..width * height)
+            .into_par_iter()
+            .map(|i| self.first((i % width) as u32, (i / width) as u32))
+            .collect();
+        let image = |f: fn(&First) -> [f32; 3]| Image::new(width, height, firsts.iter().map(f).collect());
+        Picture {
+            color: self.film.mean(),
+            variance: (self.film.spp() >= REPLICATES).then(|| self.film.variance()),
+            depth: Some(firsts.iter().map(|f| f.depth).collect()),
+            label: Some(firsts.iter().map(|f| f.label).collect()),
+            albedo: Some(image(|f| f.albedo)),
+            normal: Some(image(|f| f.normal)),
+            provenance: None,
+        }
+    }
+
+    fn first(&self, x: u32, y: u32) -> First {
+        match self.pick(x, y) {
+            None => First { depth: f32::INFINITY, label: 0, albedo: [0.0; 3], normal: [0.0; 3] },
+            Some((hit, depth)) => First {
+                depth: depth as f32,
+                label: hit.surface.label + 1,
+                albedo: self.around.looks[hit.surface.instance as usize]
+                    .material(hit.surface.label)
+                    .base_color,
+                normal: {
+                    let n = if hit.from_inside { -hit.normal_in_world } else { hit.normal_in_world };
+                    n.as_vec3().to_array()
+                },
+            },
+        }
+    }
+}
+
+/// First surface through the middle of a pixel.
+struct First {
+    depth: f32,
+    label: u32,
+    albedo: [f32; 3],
+    normal: [f32; 3],
+}

@@ -1,0 +1,180 @@
+//! The error that the film estimates against the error that it has; and the two ways to find light against each other.
+
+#![allow(clippy::expect_used, reason = "test helpers: a failure is a failed test")]
+
+mod naive;
+
+use glam::{DAffine3, DMat3, DVec3, Vec3};
+use naive::Dense;
+use pumice_core::Job;
+use pumice_cpu::{Finding, Lights, Looks, PathTracer, Sky, Surroundings};
+use pumice_render::{EnvironmentTable, Image, ReadySun};
+use pumice_scene::{Camera, Film, Filter, Material, Projection, Settings, Sun};
+
+const SIZE: u32 = 28;
+
+fn camera() -> Camera {
+    let (from, to) = (DVec3::new(30.0, -22.0, 24.0), DVec3::splat(8.0));
+    let z = (from - to).normalize();
+    let x = DVec3::Z.cross(z).normalize();
+    Camera {
+        world_from_camera: DAffine3::from_mat3_translation(DMat3::from_cols(x, z.cross(x), z), from),
+        projection: Projection::Perspective { fov_rad: 0.55 },
+        shift: [0.0; 2],
+        clip: [0.0, f64::MAX],
+    }
+}
+
+fn blobs() -> Dense {
+    let centres = [(4, 4, 4, 4), (11, 6, 5, 4), (7, 11, 7, 4), (10, 4, 12, 3), (4, 10, 13, 3)];
+    Dense::new([16, 16, 16], |[x, y, z]| {
+        if z == 0 {
+            return 9;
+        }
+        centres
+            .iter()
+            .position(|&(a, b, c, r)| (x - a).pow(2) + (y - b).pow(2) + (z - c).pow(2) <= r * r)
+            .map_or(0, |i| i as u32 + 1)
+    })
+}
+
+fn sky_picture() -> Sky {
+    let mut image = Image::new(32, 16, vec![[0.2, 0.25, 0.35]; 512]);
+    for (x, y) in [(20, 4), (21, 4), (20, 5), (21, 5)] {
+        image.pixels[y * 32 + x] = [12.0, 10.0, 8.0];
+    }
+    Sky::Image(Box::new(EnvironmentTable::new(image, 1.0, 0.3).expect("valid")))
+}
+
+fn suns() -> Vec<ReadySun> {
+    vec![ReadySun::new(&Sun {
+        direction: [-0.6, 0.7, -1.0],
+        strength: 2.0,
+        color: [1.0, 0.9, 0.8],
+        angle_rad: 0.4,
+    })]
+}
+
+/// Three scenes: Lambert under an even sky; suns and a picture; rough metal under a picture.
+fn scene(which: u32, seed: u64, finding: Finding) -> PathTracer<Dense> {
+    let (lights, material) = match which {
+        0 => (
+            Lights::new(Sky::Constant(Vec3::ONE), Vec::new(), None),
+            Material { base_color: [0.8, 0.6, 0.4], specular: 0.0, ..Material::default() },
+        ),
+        1 => (
+            Lights::new(sky_picture(), suns(), Some([[0.1; 3], [0.3; 3]])),
+            Material { base_color: [0.7, 0.5, 0.3], roughness: 0.5, ..Material::default() },
+        ),
+        _ => (
+            Lights::new(sky_picture(), Vec::new(), None),
+            Material { base_color: [0.9, 0.7, 0.4], metallic: 1.0, roughness: 0.4, ..Material::default() },
+        ),
+    };
+    let around = Surroundings {
+        lights: lights.found_by(finding),
+        looks: vec![Looks::same(material)],
+        settings: Settings { bounces: 4, seed, ..Settings::default() },
+    };
+    let film = Film { width: SIZE, height: SIZE, filter: Filter::BlackmanHarris { width: 3.0 } };
+    PathTracer::new(blobs(), around, &camera(), &film)
+}
+
+fn drawn(which: u32, seed: u64, spp: u32, finding: Finding) -> PathTracer<Dense> {
+    let mut tracer = scene(which, seed, finding);
+    tracer.add_samples(spp, &Job::new()).expect("nobody cancels");
+    tracer
+}
+
+/// Mean of (a − b)² / (b² + 0.01).
+fn rel_mse(a: &Image, b: &Image) -> f64 {
+    let (mut sum, mut n) = (0.0, 0.0);
+    for (p, q) in a.pixels.iter().zip(&b.pixels) {
+        for c in 0..3 {
+            let (a, b) = (f64::from(p[c]), f64::from(q[c]));
+            sum += (a - b).powi(2) / (b * b + 0.01);
+            n += 1.0;
+        }
+    }
+    sum / n
+}
+
+#[test]
+fn estimate_is_honest() {
+    for which in 0..3 {
+        // 1,024 samples against at most 64: its own error adds at most 1/16 to the difference's square, 3 % to the error.
+        let reference = drawn(which, 1_000, 1024, Finding::Both).film().mean();
+        for spp in [4, 8, 16, 64] {
+            let tracer = drawn(which, 900 + u64::from(spp), spp, Finding::Both);
+            let truth = rel_mse(&tracer.film().mean(), &reference).sqrt();
+            let ratio = tracer.error_estimate() / truth;
+            println!("scene {which}, {spp} spp: estimate / truth = {ratio:.3}, truth {truth:.4}");
+            assert!((0.8..=1.25).contains(&ratio), "scene {which}, {spp} spp: {ratio}");
+        }
+    }
+}
+
+/// The control: spread of the samples within one scramble, taken for independent, overestimates the error of stratified points.
+#[test]
+fn taking_stratified_samples_for_independent_is_convicted() {
+    use pumice_cpu::path::radiance;
+    use pumice_render::sampler::PixelSampler;
+    let tracer = drawn(0, 3, 1, Finding::Both);
+    let (n, mut naive, mut image) =
+        (256u32, 0.0, Image::new(SIZE as usize, SIZE as usize, vec![[0.0; 3]; (SIZE * SIZE) as usize]));
+    for y in 0..SIZE {
+        for x in 0..SIZE {
+            let (mut sum, mut squares) = (glam::DVec3::ZERO, glam::DVec3::ZERO);
+            for i in 0..n {
+                let s = PixelSampler::new(9, [x, y], i);
+                let [u, v] = s.film();
+                let table = pumice_render::FilterTable::new(&Filter::Box { width: 1.0 });
+                let (px, py) = (
+                    f64::from(x) + 0.5 + f64::from(table.sample(u)),
+                    f64::from(y) + 0.5 + f64::from(table.sample(v)),
+                );
+                let (ray, t_max) = tracer.rays().ray(px, py);
+                let c = radiance(tracer.tracer(), tracer.around(), &s, ray, t_max, 0.5).as_dvec3();
+                sum += c;
+                squares += c * c;
+            }
+            let mean = sum / f64::from(n);
+            let var = (squares / f64::from(n) - mean * mean) / f64::from(n - 1);
+            naive += (var / (mean * mean + 0.01)).element_sum();
+            image.pixels[(y * SIZE + x) as usize] = mean.as_vec3().to_array();
+        }
+    }
+    let naive = (naive / f64::from(3 * SIZE * SIZE)).sqrt();
+    // A box filter against a reference of another filter would differ at edges: the same samples a second time are the truth.
+    let mut boxed = scene(0, 77, Finding::Both);
+    boxed = {
+        let film = Film { width: SIZE, height: SIZE, filter: Filter::Box { width: 1.0 } };
+        PathTracer::new(blobs(), boxed.around().clone(), &camera(), &film)
+    };
+    boxed.add_samples(2048, &Job::new()).expect("nobody cancels");
+    let truth = rel_mse(&image, &boxed.film().mean()).sqrt();
+    println!("naive / truth = {:.3}", naive / truth);
+    assert!(naive / truth > 1.25, "naive {naive}, truth {truth}");
+}
+
+/// Aiming, scattering and both agree: two-sided z of the picture's mean, each pair within 4.
+#[test]
+fn ways_to_find_light_agree() {
+    let total = |which: u32, finding: Finding, seed: u64| {
+        let tracer = drawn(which, seed, 256, finding);
+        let (mean, var) = (tracer.film().mean(), tracer.film().variance());
+        let sum = |i: &Image| i.pixels.iter().map(|p| f64::from(p[0])).sum::<f64>();
+        (sum(&mean), sum(&var))
+    };
+    for which in [1, 2] {
+        let all = [Finding::Both, Finding::Aimed, Finding::Scattered].map(|f| total(which, f, 40 + f as u64));
+        for (a, b) in [(0, 1), (0, 2), (1, 2)] {
+            let z = (all[a].0 - all[b].0) / (all[a].1 + all[b].1).sqrt();
+            println!("scene {which}: {a} against {b}: z = {z:.2}");
+            assert!(z.abs() < 4.0, "scene {which}: {all:?}");
+        }
+        // Four per cent too much of one would be seen.
+        let z = 0.04 * all[0].0 / (all[0].1 + all[2].1).sqrt();
+        assert!(z > 4.0, "the test is blind: {z}");
+    }
+}

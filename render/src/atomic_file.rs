@@ -1,0 +1,50 @@
+//! Files that are there whole or not at all.
+//!
+//! ```text
+//! make a temporary file beside the target → write → flush, sync → rename over the target
+//! ```
+//! Whatever fails on the way, the temporary file goes and a file that was at the target before stays as it was. The rename is
+//! within one folder, so within one file system.
+
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::Path;
+
+use crate::PictureError;
+
+/// Bytes gathered before a write to the system.
+const BUFFER_BYTES: usize = 1 << 18;
+
+/// Makes or replaces the file at `path` with what `write` writes.
+pub(crate) fn write_atomically(
+    path: &Path,
+    write: impl FnOnce(&mut BufWriter<&mut File>) -> Result<(), PictureError>,
+) -> Result<(), PictureError> {
+    let io = |source| PictureError::Io { path: path.to_owned(), source };
+    // A rename would replace a device or a pipe by a file, for everyone on the machine.
+    if let Ok(there) = std::fs::metadata(path)
+        && !there.is_file()
+    {
+        let what = if there.is_dir() { "is a folder, expected a file" } else { "is not an ordinary file" };
+        return Err(PictureError::File { path: path.to_owned(), what: what.to_owned() });
+    }
+    let folder = match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    };
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".pumice-");
+    // Temporary files are private by default; a picture gets the permissions that any new file would.
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    // Asked first for the system's own words: `tempfile` adds its temporary name, which says nothing to the user.
+    std::fs::metadata(folder).map_err(io)?;
+    let mut file = builder.tempfile_in(folder).map_err(|e| io(e.kind().into()))?;
+    let mut writer = BufWriter::with_capacity(BUFFER_BYTES, file.as_file_mut());
+    write(&mut writer)?;
+    writer.flush().map_err(io)?;
+    drop(writer);
+    file.as_file().sync_all().map_err(io)?;
+    file.persist(path).map_err(|e| io(e.error))?;
+    Ok(())
+}

@@ -1,0 +1,302 @@
+//! Pictures as OpenEXR files: one part, lossless, every pass a group of channels.
+//!
+//! | channels | type | what |
+//! |---|---|---|
+//! | `R`, `G`, `B` | float | scene-linear Rec. 709 radiance |
+//! | `variance.R`, `.G`, `.B` | float | variance of that mean |
+//! | `depth.Z` | float | distance along the view axis to the first surface, +inf where there is none |
+//! | `label.index` | uint | dense index of its label + 1, 0 where there is none |
+//! | `albedo.R`, `.G`, `.B` | float | its base colour |
+//! | `normal.X`, `.Y`, `.Z` | float | its normal, world space |
+//!
+//! Labels are whole numbers of 32 bits and so never pass through a float. The attribute `pumice` (a string) holds
+//! [`crate::Provenance`] as JSON in ASCII: an EXR string has no encoding, so other characters are escaped as `\uXXXX`. Scan
+//! lines, ZIP in blocks of 16. The bytes follow from the picture alone: no date, no map order.
+
+use std::io::{Seek, Write};
+use std::path::Path;
+
+use exr::block::UncompressedBlock;
+use exr::block::writer::ChunksWriter;
+use exr::meta::attribute::{AttributeValue, ChannelDescription, Chromaticities, SampleType, Text};
+use exr::meta::header::{Header, ImageAttributes, LayerAttributes};
+use exr::prelude::{Compression, LineOrder, Vec2};
+
+use crate::atomic_file::write_atomically;
+use crate::exr_read;
+use crate::provenance_text::{PROVENANCE_KEY, provenance_to_ascii};
+use crate::{Image, Passes, Picture, PictureError};
+
+/// Where a channel's samples come from.
+#[derive(Clone, Copy)]
+enum Samples<'a> {
+    Of(&'a Image, usize),
+    Floats(&'a [f32]),
+    Whole(&'a [u32]),
+}
+
+/// Writes the picture with those of the passes that it has. The file is there whole or not at all.
+///
+/// # Errors
+/// [`PictureError::Io`] when the system refuses, [`PictureError::File`] when the picture does not fit the format or its passes
+/// have different sizes.
+pub fn write_exr(path: &Path, picture: &Picture, passes: &Passes) -> Result<(), PictureError> {
+    write_atomically(path, |file| write_to(file, path, picture, passes))
+}
+
+/// Reads a picture: one that [`write_exr`] wrote, or any EXR with channels R, G and B, half or float, tiles or scan lines.
+///
+/// Of several parts or layers that have R, G and B, the unnamed one is taken, else the one called `Combined`, else the only one.
+/// The picture spans the display window; it is black where the file has no data.
+///
+/// # Errors
+/// [`PictureError::Io`] when the system refuses, [`PictureError::File`] when the file is damaged, has no such channels, or is
+/// larger than 65,536 pixels a side or 2³⁰ pixels.
+pub fn read_exr(path: &Path) -> Result<Picture, PictureError> {
+    exr_read::read(path)
+}
+
+/// Channels of the file in the order of their names, which the format demands.
+fn channels_of<'a>(picture: &'a Picture, passes: &Passes) -> Vec<(String, Samples<'a>)> {
+    fn triple<'a>(of: &mut Vec<(String, Samples<'a>)>, prefix: &str, letters: &str, image: &'a Image) {
+        of.extend(letters.chars().enumerate().map(|(c, l)| (format!("{prefix}{l}"), Samples::Of(image, c))));
+    }
+    let mut channels = Vec::new();
+    triple(&mut channels, "", "RGB", &picture.color);
+    if let Some(image) = picture.variance.as_ref().filter(|_| passes.variance) {
+        triple(&mut channels, "variance.", "RGB", image);
+    }
+    if let Some(depth) = picture.depth.as_ref().filter(|_| passes.depth) {
+        channels.push(("depth.Z".into(), Samples::Floats(depth)));
+    }
+    if let Some(label) = picture.label.as_ref().filter(|_| passes.label) {
+        channels.push(("label.index".into(), Samples::Whole(label)));
+    }
+    if let Some(image) = picture.albedo.as_ref().filter(|_| passes.albedo) {
+        triple(&mut channels, "albedo.", "RGB", image);
+    }
+    if let Some(image) = picture.normal.as_ref().filter(|_| passes.normal) {
+        triple(&mut channels, "normal.", "XYZ", image);
+    }
+    channels.sort_by(|a, b| a.0.cmp(&b.0));
+    channels
+}
+
+fn write_to(
+    writer: &mut (impl Write + Seek),
+    path: &Path,
+    picture: &Picture,
+    passes: &Passes,
+) -> Result<(), PictureError> {
+    let refuse = |what: String| PictureError::File { path: path.to_owned(), what };
+    let (width, height) = (picture.color.width, picture.color.height);
+    let channels = channels_of(picture, passes);
+    check_size(width, height).map_err(refuse)?;
+    for (name, samples) in &channels {
+        let fits = match samples {
+            Samples::Of(image, _) => (image.width, image.height) == (width, height),
+            Samples::Floats(of) => of.len() == width * height,
+            Samples::Whole(of) => of.len() == width * height,
+        };
+        if !fits {
+            return Err(refuse(format!("channel {name}: expected {width} × {height} samples")));
+        }
+    }
+    let header = header_of(picture, &channels).map_err(refuse)?;
+    exr::block::write(writer, [header].into_iter().collect(), true, |meta, chunks| {
+        let blocks = meta.collect_ordered_blocks(|block| {
+            UncompressedBlock::from_lines(&meta.headers[block.layer].channels, block, |line| {
+                let first = line.location.position.1 * width + line.location.position.0;
+                let bytes = line.value.as_chunks_mut().0;
+                // The crate asks for each line in the order of the header's channels, which is that of `channels`; lines hold
+                // samples in the machine's byte order.
+                match channels[line.location.channel].1 {
+                    Samples::Of(image, c) => fill(bytes, &image.pixels[first..], |p| p[c].to_ne_bytes()),
+                    Samples::Floats(of) => fill(bytes, &of[first..], |v| v.to_ne_bytes()),
+                    Samples::Whole(of) => fill(bytes, &of[first..], |v| v.to_ne_bytes()),
+                }
+            })
+        });
+        chunks.on_progress(|_| ()).compress_all_blocks_parallel(&meta, blocks)
+    })
+    .map_err(|error| match error {
+        exr::error::Error::Io(source) => PictureError::Io { path: path.to_owned(), source },
+        other => refuse(format!("cannot be written: {other}")),
+    })
+}
+
+fn fill<T: Copy>(bytes: &mut [[u8; 4]], samples: &[T], encode: impl Fn(T) -> [u8; 4]) {
+    for (to, &from) in bytes.iter_mut().zip(samples) {
+        *to = encode(from);
+    }
+}
+
+fn header_of(picture: &Picture, channels: &[(String, Samples<'_>)]) -> Result<Header, String> {
+    let size = (picture.color.width, picture.color.height);
+    let list = channels.iter().map(|(name, samples)| {
+        let kind = if matches!(samples, Samples::Whole(_)) { SampleType::U32 } else { SampleType::F32 };
+        ChannelDescription::new(name.as_str(), kind, false)
+    });
+    let mut layer = LayerAttributes {
+        software_name: Some(Text::from(concat!("Pumice ", env!("CARGO_PKG_VERSION")))),
+        ..LayerAttributes::default()
+    };
+    if let Some(provenance) = &picture.provenance {
+        let json = Text::from(provenance_to_ascii(provenance)?.as_str());
+        // The only entry of the map, so that the file's bytes do not depend on the map's order.
+        layer.other.insert(Text::from(PROVENANCE_KEY), AttributeValue::Text(json));
+    }
+    let mut shared = ImageAttributes::with_size(size);
+    // Rec. 709 primaries and white, ITU-R BT.709-6 table 1.
+    shared.chromaticities = Some(Chromaticities {
+        red: Vec2(0.64, 0.33),
+        green: Vec2(0.30, 0.60),
+        blue: Vec2(0.15, 0.06),
+        white: Vec2(0.3127, 0.3290),
+    });
+    Ok(Header::new(Text::from("picture"), size, list.collect())
+        .with_encoding(Compression::ZIP16, exr::meta::BlockDescription::ScanLines, LineOrder::Increasing)
+        .with_attributes(layer)
+        .with_shared_attributes(shared))
+}
+
+/// Refuses sizes that no picture of ours has, before anything is allocated.
+pub(crate) fn check_size(width: usize, height: usize) -> Result<(), String> {
+    let pixels = width.saturating_mul(height);
+    if width == 0 || height == 0 || width > MAX_SIDE || height > MAX_SIDE || pixels > MAX_PIXELS {
+        return Err(format!(
+            "expected 1 to {MAX_SIDE} pixels a side and at most {MAX_PIXELS} in all, got {width} × {height}"
+        ));
+    }
+    Ok(())
+}
+
+/// Greatest width and height.
+const MAX_SIDE: usize = 65_536;
+/// Most pixels.
+const MAX_PIXELS: usize = 1 << 30;
+
+#[cfg(test)]
+mod tests {
+    use std::io::{Cursor, SeekFrom};
+
+    use super::*;
+    use crate::sample_pictures;
+
+    fn files_in(folder: &Path) -> Vec<String> {
+        std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect()
+    }
+
+    #[test]
+    fn every_pass_and_the_provenance_come_back() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.exr");
+        // Sizes on both sides of a block of 16 lines, and one pixel.
+        for (width, height) in [(5, 4), (1, 1), (33, 16), (3, 17), (70, 40)] {
+            let picture = sample_pictures::picture(width, height);
+            write_exr(&path, &picture, &Passes::ALL).unwrap();
+            assert_eq!(read_exr(&path).unwrap(), picture, "{width} × {height}");
+        }
+        assert_eq!(files_in(folder.path()), ["a.exr"]);
+    }
+
+    #[test]
+    fn unwanted_passes_stay_out() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.exr");
+        let picture = sample_pictures::picture(5, 4);
+        write_exr(&path, &picture, &Passes { label: true, ..Passes::NONE }).unwrap();
+        let back = read_exr(&path).unwrap();
+        let expected = Picture { variance: None, depth: None, albedo: None, normal: None, ..picture };
+        assert_eq!(back, expected);
+    }
+
+    #[test]
+    fn the_same_picture_gives_the_same_bytes() {
+        let picture = sample_pictures::picture(40, 50);
+        let bytes = || {
+            let mut bytes = Cursor::new(Vec::new());
+            write_to(&mut bytes, Path::new("a.exr"), &picture, &Passes::ALL).unwrap();
+            bytes.into_inner()
+        };
+        assert_eq!(bytes(), bytes());
+    }
+
+    /// Signed zeros and the payloads of NaNs too: the file is lossless in every bit.
+    #[test]
+    fn bits_survive() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.exr");
+        let mut picture = sample_pictures::picture(4, 1);
+        let bits = [0x7FC1_2345u32, 0x8000_0000, 0xFF80_0000];
+        picture.color.pixels[2] = bits.map(f32::from_bits);
+        write_exr(&path, &picture, &Passes::NONE).unwrap();
+        assert_eq!(read_exr(&path).unwrap().color.pixels[2].map(f32::to_bits), bits);
+    }
+
+    #[test]
+    fn refusals_leave_nothing_behind() {
+        let folder = tempfile::tempdir().unwrap();
+        let picture = sample_pictures::picture(5, 4);
+        let missing = folder.path().join("no").join("a.exr");
+        let error = write_exr(&missing, &picture, &Passes::ALL).unwrap_err();
+        assert!(matches!(error, PictureError::Io { .. }), "{error}");
+        let line = error.to_string();
+        assert!(line.contains("a.exr") && line.contains("No such file") && !line.contains('\n'), "{line}");
+
+        let error = write_exr(folder.path(), &picture, &Passes::ALL).unwrap_err().to_string();
+        assert!(error.ends_with("is a folder, expected a file"), "{error}");
+
+        let path = folder.path().join("b.exr");
+        std::fs::write(&path, "before").unwrap();
+        let mut odd = picture;
+        odd.depth.as_mut().unwrap().pop();
+        let error = write_exr(&path, &odd, &Passes::ALL).unwrap_err().to_string();
+        assert!(error.ends_with("channel depth.Z: expected 5 × 4 samples"), "{error}");
+        assert_eq!(std::fs::read(&path).unwrap(), b"before");
+        assert_eq!(files_in(folder.path()), ["b.exr"]);
+    }
+
+    /// Takes `left` bytes, then is full.
+    struct Full {
+        inner: Cursor<Vec<u8>>,
+        left: usize,
+    }
+
+    impl Write for Full {
+        fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+            if self.left == 0 {
+                return Err(std::io::ErrorKind::StorageFull.into());
+            }
+            let n = bytes.len().min(self.left);
+            self.left -= n;
+            self.inner.write(&bytes[..n])
+        }
+        fn flush(&mut self) -> std::io::Result<()> {
+            Ok(())
+        }
+    }
+
+    impl Seek for Full {
+        fn seek(&mut self, to: SeekFrom) -> std::io::Result<u64> {
+            self.inner.seek(to)
+        }
+    }
+
+    #[test]
+    fn a_full_disk_is_an_io_error_wherever_it_strikes() {
+        let picture = sample_pictures::picture(30, 40);
+        let write = |left| {
+            let mut disk = Full { inner: Cursor::new(Vec::new()), left };
+            let result = write_to(&mut disk, Path::new("a.exr"), &picture, &Passes::ALL);
+            (result, disk.inner.into_inner().len())
+        };
+        let (result, whole) = write(usize::MAX);
+        result.unwrap();
+        for left in (0..whole).step_by(whole / 40) {
+            let error = write(left).0.unwrap_err();
+            let full = matches!(&error, PictureError::Io { source, .. } if source.kind() == std::io::ErrorKind::StorageFull);
+            assert!(full, "after {left} bytes: {error}");
+        }
+    }
+}

@@ -1,0 +1,552 @@
+//! Reading OpenEXR files, ours and others', damaged ones included.
+//!
+//! ```text
+//! read the headers → choose the part and the layer → check sizes against limits and the file's length → reserve
+//! read chunks in batches → decompress in parallel → copy the wanted channels' lines to their places
+//! check that every pixel of the data window came, once
+//! ```
+
+use std::collections::HashSet;
+use std::fs::File;
+use std::io::{BufReader, Read, Seek};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
+
+use exr::block::UncompressedBlock;
+use exr::block::chunk::Chunk;
+use exr::block::reader::ChunksReader;
+use exr::meta::MetaData;
+use exr::meta::attribute::{AttributeValue, SampleType, Text};
+use exr::meta::header::Header;
+use exr::prelude::{Vec2, f16};
+use rayon::prelude::*;
+
+use crate::exr_file::check_size;
+use crate::provenance_text::PROVENANCE_KEY;
+use crate::{Image, Picture, PictureError, Provenance};
+
+/// Most bytes that a byte of the file can stand for. Deflate, the strongest of EXR's codecs, reaches 1032; twice that leaves room
+/// for the others. A file that claims more is damaged, and is refused before memory is reserved for it.
+const MAX_EXPANSION: u64 = 2048;
+/// Chunks that are decompressed at once.
+const BATCH_CHUNKS: usize = 64;
+
+/// Where a channel's samples go.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Place {
+    Color(usize),
+    Variance(usize),
+    Depth,
+    Label,
+    Albedo(usize),
+    Normal(usize),
+}
+
+/// Reads the picture at `path`.
+pub(crate) fn read(path: &Path) -> Result<Picture, PictureError> {
+    let io = |source| PictureError::Io { path: path.to_owned(), source };
+    let refuse = |what| PictureError::File { path: path.to_owned(), what };
+    let file = File::open(path).map_err(io)?;
+    let facts = file.metadata().map_err(io)?;
+    if !facts.is_file() {
+        return Err(refuse("is not an ordinary file".into()));
+    }
+    read_from(BufReader::new(file), facts.len()).map_err(|failure| failure.at(path))
+}
+
+/// Reads the provenance alone; `None` where the file has none.
+pub(crate) fn read_provenance_from(bytes: impl Read + Seek) -> Result<Option<Provenance>, Failure> {
+    for header in exr::block::read(bytes, false)?.headers() {
+        let found = provenance_of(header).map_err(|e| format!("attribute {PROVENANCE_KEY}: {e}"))?;
+        if found.is_some() {
+            return Ok(found);
+        }
+    }
+    Ok(None)
+}
+
+/// What went wrong, without the path.
+#[derive(Debug)]
+pub(crate) enum Failure {
+    Io(std::io::Error),
+    File(String),
+}
+
+impl Failure {
+    /// The error for the user.
+    pub(crate) fn at(self, path: &Path) -> PictureError {
+        match self {
+            Self::Io(source) => PictureError::Io { path: path.to_owned(), source },
+            Self::File(what) => PictureError::File { path: path.to_owned(), what },
+        }
+    }
+}
+
+impl From<String> for Failure {
+    fn from(what: String) -> Self {
+        Self::File(what)
+    }
+}
+
+impl From<exr::error::Error> for Failure {
+    fn from(error: exr::error::Error) -> Self {
+        match error {
+            exr::error::Error::Io(e) if e.kind() != std::io::ErrorKind::UnexpectedEof => Self::Io(e),
+            exr::error::Error::Io(_) => Self::File("damaged OpenEXR file: it ends too early".into()),
+            exr::error::Error::NotSupported(what) => {
+                Self::File(format!("OpenEXR feature not supported: {what}"))
+            }
+            other => Self::File(format!("damaged OpenEXR file: {other}")),
+        }
+    }
+}
+
+fn read_from(bytes: impl Read + Seek, length_bytes: u64) -> Result<Picture, Failure> {
+    let reader = exr::block::read(bytes, false)?;
+    let (layer, prefix) = choose(reader.headers())?;
+    let header = reader.headers()[layer].clone();
+    let places = places_of(&header, &prefix)?;
+    let display = header.shared_attributes.display_window;
+    let (width, height) = (display.size.0, display.size.1);
+    check_size(width, height)?;
+    check_size(header.layer_size.0, header.layer_size.1)?;
+    let of_data = pixels_of(header.layer_size).saturating_mul(header.channels.bytes_per_pixel as u64);
+    let of_picture = pixels_of(display.size).saturating_mul(12);
+    let claimed = of_data.max(of_picture);
+    if claimed > length_bytes.saturating_mul(MAX_EXPANSION) {
+        return Err(Failure::File(format!(
+            "damaged OpenEXR file: its {length_bytes} bytes cannot hold the {claimed} bytes of pixels it claims"
+        )));
+    }
+    let provenance = provenance_of(&header).map_err(|e| format!("attribute {PROVENANCE_KEY}: {e}"))?;
+    let mut planes = Planes::new(width, height, &places)?;
+
+    let data_in_display = [0, 1].map(|a| {
+        let of = |v: Vec2<i32>| i64::from(if a == 0 { v.0 } else { v.1 });
+        of(header.own_attributes.layer_position) - of(display.position)
+    });
+    let mut chunks = reader
+        .filter_chunks(false, |_, tile, block| block.layer == layer && tile.level_index == Vec2(0, 0))?;
+    let meta = chunks.meta_data().clone();
+    let mut seen = HashSet::new();
+    let mut pixels_left = pixels_of(header.layer_size);
+    loop {
+        let batch: Vec<_> = chunks.by_ref().take(BATCH_CHUNKS).collect::<Result<_, _>>()?;
+        if batch.is_empty() {
+            break;
+        }
+        let blocks: Vec<_> =
+            batch.into_par_iter().map(|chunk| decompress(chunk, &meta)).collect::<Result<_, _>>()?;
+        for block in &blocks {
+            let index = block.index;
+            let expected_bytes = index.pixel_size.area() * header.channels.bytes_per_pixel;
+            if index.layer != layer
+                || index.level != Vec2(0, 0)
+                || block.data.len() != expected_bytes
+                || !seen.insert((index.pixel_position.0, index.pixel_position.1))
+            {
+                return Err(Failure::File(
+                    "damaged OpenEXR file: a chunk is not where the table says".into(),
+                ));
+            }
+            pixels_left = pixels_left.saturating_sub(pixels_of(index.pixel_size));
+            for line in block.lines(&header.channels) {
+                if let Some(place) = places[line.location.channel] {
+                    let kind = header.channels.list[line.location.channel].sample_type;
+                    let at = line.location.position;
+                    let to = [at.0 as i64 + data_in_display[0], at.1 as i64 + data_in_display[1]];
+                    planes.put(place, kind, to, line.value);
+                }
+            }
+        }
+    }
+    if pixels_left != 0 {
+        return Err(Failure::File(format!("damaged OpenEXR file: {pixels_left} pixels are missing")));
+    }
+    Ok(planes.into_picture(provenance))
+}
+
+/// Decompresses a chunk, damaged or not.
+fn decompress(chunk: Chunk, meta: &MetaData) -> Result<UncompressedBlock, Failure> {
+    // exr 1.74's decoder of B44 indexes past the end of a damaged chunk (`compression/b44/mod.rs`); all other damage that the
+    // tests below try comes back as an error. Nothing but the chunk, which is given away, can be left half done.
+    let caught = catch_unwind(AssertUnwindSafe(|| UncompressedBlock::decompress_chunk(chunk, meta, false)));
+    match caught {
+        Ok(block) => Ok(block?),
+        Err(_) => Err(Failure::File("damaged OpenEXR file: a chunk cannot be decompressed".into())),
+    }
+}
+
+fn pixels_of(size: Vec2<usize>) -> u64 {
+    (size.0 as u64).saturating_mul(size.1 as u64)
+}
+
+/// The part and the prefix of the channels R, G, B to be read.
+fn choose(headers: &[Header]) -> Result<(usize, String), String> {
+    let mut found = Vec::new();
+    for (i, header) in headers.iter().enumerate().filter(|(_, h)| !h.deep) {
+        let names: HashSet<String> = header.channels.list.iter().map(|c| c.name.to_string()).collect();
+        let prefixes = header.channels.list.iter().filter_map(|c| {
+            let name = c.name.to_string();
+            let prefix = name.strip_suffix('R')?;
+            let whole = prefix.is_empty() || prefix.ends_with('.');
+            (whole && "GB".chars().all(|l| names.contains(&format!("{prefix}{l}"))))
+                .then(|| prefix.to_owned())
+        });
+        found.extend(prefixes.map(|p| (i, p)));
+    }
+    let unnamed = found.iter().position(|(_, p)| p.is_empty());
+    let combined = || found.iter().position(|(_, p)| p == "Combined." || p.ends_with(".Combined."));
+    match unnamed.or_else(combined) {
+        Some(i) => Ok(found.swap_remove(i)),
+        None if found.len() == 1 => Ok(found.remove(0)),
+        None if found.is_empty() => {
+            let names = headers.iter().flat_map(|h| &h.channels.list).map(|c| c.name.to_string());
+            let names: Vec<_> = names.take(20).collect();
+            Err(format!("expected flat channels R, G and B, got {:?}", names.join(", ")))
+        }
+        None => {
+            let names: Vec<_> =
+                found.iter().take(20).map(|(_, p)| format!("{:?}", p.trim_end_matches('.'))).collect();
+            Err(format!(
+                "expected channels R, G and B or one layer that has them, got layers {}",
+                names.join(", ")
+            ))
+        }
+    }
+}
+
+/// Where each of the header's channels goes.
+fn places_of(header: &Header, prefix: &str) -> Result<Vec<Option<Place>>, String> {
+    let has = |name: &str| header.channels.list.iter().any(|c| c.name.eq(name));
+    let whole = |prefix: &str, letters: &str| letters.chars().all(|l| has(&format!("{prefix}{l}")));
+    let place = |name: &str| {
+        if let Some(rest) = name.strip_prefix(prefix)
+            && let Some(c) = ["R", "G", "B"].iter().position(|&l| l == rest)
+        {
+            return Some(Place::Color(c));
+        }
+        let of = |p: &str, letters: &str| {
+            let c = letters.find(name.strip_prefix(p)?).filter(|_| name.len() == p.len() + 1)?;
+            whole(p, letters).then_some(c)
+        };
+        of("variance.", "RGB")
+            .map(Place::Variance)
+            .or_else(|| of("albedo.", "RGB").map(Place::Albedo))
+            .or_else(|| of("normal.", "XYZ").map(Place::Normal))
+            .or_else(|| (name == "depth.Z").then_some(Place::Depth))
+            .or_else(|| (name == "label.index").then_some(Place::Label))
+    };
+    let mut places = Vec::with_capacity(header.channels.list.len());
+    for channel in &header.channels.list {
+        let name = channel.name.to_string();
+        if channel.sampling != Vec2(1, 1) {
+            return Err(format!("channel {name:?} is subsampled, which is not supported"));
+        }
+        let place = place(&name);
+        if place == Some(Place::Label) && channel.sample_type != SampleType::U32 {
+            return Err("channel label.index: expected whole numbers (UINT), got floats".into());
+        }
+        places.push(place);
+    }
+    Ok(places)
+}
+
+fn provenance_of(header: &Header) -> Result<Option<Provenance>, String> {
+    match header.own_attributes.other.get(&Text::from(PROVENANCE_KEY)) {
+        Some(AttributeValue::Text(text)) => {
+            serde_json::from_slice(text.as_slice()).map(Some).map_err(|e| e.to_string())
+        }
+        _ => Ok(None),
+    }
+}
+
+/// The picture while it is put together.
+struct Planes {
+    width: usize,
+    height: usize,
+    color: Vec<[f32; 3]>,
+    variance: Option<Vec<[f32; 3]>>,
+    depth: Option<Vec<f32>>,
+    label: Option<Vec<u32>>,
+    albedo: Option<Vec<[f32; 3]>>,
+    normal: Option<Vec<[f32; 3]>>,
+}
+
+impl Planes {
+    fn new(width: usize, height: usize, places: &[Option<Place>]) -> Result<Self, String> {
+        fn filled<T: Clone>(pixels: usize, value: T) -> Result<Vec<T>, String> {
+            let mut plane = Vec::new();
+            plane.try_reserve_exact(pixels).map_err(|_| format!("no memory for {pixels} pixels"))?;
+            plane.resize(pixels, value);
+            Ok(plane)
+        }
+        let pixels = width * height;
+        let has = |place| places.contains(&Some(place));
+        let black = |wanted: bool| wanted.then(|| filled(pixels, [0.0f32; 3])).transpose();
+        Ok(Self {
+            width,
+            height,
+            color: filled(pixels, [0.0; 3])?,
+            variance: black(has(Place::Variance(0)))?,
+            depth: has(Place::Depth).then(|| filled(pixels, f32::INFINITY)).transpose()?,
+            label: has(Place::Label).then(|| filled(pixels, 0)).transpose()?,
+            albedo: black(has(Place::Albedo(0)))?,
+            normal: black(has(Place::Normal(0)))?,
+        })
+    }
+
+    /// Copies a line of samples in the machine's byte order to (x, y) and on; what is outside the picture is left out.
+    fn put(&mut self, place: Place, kind: SampleType, [x, y]: [i64; 2], bytes: &[u8]) {
+        if y < 0 || y >= self.height as i64 {
+            return;
+        }
+        let row = y as usize * self.width..(y as usize + 1) * self.width;
+        let triple =
+            |plane: &mut [[f32; 3]], c: usize| copy(&mut plane[row.clone()], x, kind, bytes, |p, v| p[c] = v);
+        match place {
+            Place::Color(c) => triple(&mut self.color, c),
+            Place::Variance(c) => self.variance.iter_mut().for_each(|p| triple(p, c)),
+            Place::Albedo(c) => self.albedo.iter_mut().for_each(|p| triple(p, c)),
+            Place::Normal(c) => self.normal.iter_mut().for_each(|p| triple(p, c)),
+            Place::Depth => {
+                self.depth.iter_mut().for_each(|p| copy(&mut p[row.clone()], x, kind, bytes, |d, v| *d = v));
+            }
+            Place::Label => self.label.iter_mut().for_each(|p| {
+                let values = bytes.as_chunks().0.iter().map(|b| u32::from_ne_bytes(*b));
+                place_line(&mut p[row.clone()], x, values, |l, v| *l = v);
+            }),
+        }
+    }
+
+    fn into_picture(self, provenance: Option<Provenance>) -> Picture {
+        let image = |pixels| Image::new(self.width, self.height, pixels);
+        Picture {
+            color: image(self.color),
+            variance: self.variance.map(image),
+            depth: self.depth,
+            label: self.label,
+            albedo: self.albedo.map(image),
+            normal: self.normal.map(image),
+            provenance,
+        }
+    }
+}
+
+/// Decodes samples of any type to floats and puts them into a row from column `x` on.
+fn copy<T>(row: &mut [T], x: i64, kind: SampleType, bytes: &[u8], put: impl Fn(&mut T, f32)) {
+    match kind {
+        SampleType::F32 => {
+            place_line(row, x, bytes.as_chunks().0.iter().map(|b| f32::from_ne_bytes(*b)), put);
+        }
+        SampleType::F16 => {
+            place_line(row, x, bytes.as_chunks().0.iter().map(|b| f16::from_ne_bytes(*b).to_f32()), put);
+        }
+        SampleType::U32 => {
+            place_line(row, x, bytes.as_chunks().0.iter().map(|b| u32::from_ne_bytes(*b) as f32), put);
+        }
+    }
+}
+
+fn place_line<T, V>(row: &mut [T], x: i64, values: impl Iterator<Item = V>, put: impl Fn(&mut T, V)) {
+    let skipped_values = usize::try_from(-x).unwrap_or(0);
+    let skipped_pixels = usize::try_from(x).unwrap_or(0);
+    for (pixel, value) in row.iter_mut().skip(skipped_pixels).zip(values.skip(skipped_values)) {
+        put(pixel, value);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::Cursor;
+
+    use exr::prelude::{
+        AnyChannel, AnyChannels, Blocks, Compression, Encoding, FlatSamples, Image as ExrImage,
+        IntegerBounds, Layer, LayerAttributes, LineOrder, WritableImage,
+    };
+
+    use super::*;
+    use crate::{Passes, sample_pictures, write_exr};
+
+    /// Bytes of a small file of ours with every pass.
+    fn ours() -> Vec<u8> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.exr");
+        write_exr(&path, &sample_pictures::picture(6, 18), &Passes::ALL).unwrap();
+        std::fs::read(path).unwrap()
+    }
+
+    fn parse(bytes: &[u8]) -> Result<Picture, Failure> {
+        read_from(Cursor::new(bytes), bytes.len() as u64)
+    }
+
+    /// The second bar: what is cut off must be refused.
+    #[test]
+    fn every_truncation_is_refused() {
+        let bytes = ours();
+        assert!(parse(&bytes).is_ok());
+        for length in 0..bytes.len() {
+            match parse(&bytes[..length]) {
+                Err(Failure::File(what)) => assert!(!what.contains('\n'), "{what}"),
+                other => panic!("{length} of {} bytes: {other:?}", bytes.len()),
+            }
+        }
+    }
+
+    /// The first bar: no damage may panic.
+    #[test]
+    fn no_flipped_bit_panics() {
+        let bytes = ours();
+        let mut refused = 0;
+        for i in 0..bytes.len() * 8 {
+            let mut damaged = bytes.clone();
+            damaged[i / 8] ^= 1 << (i % 8);
+            refused += usize::from(parse(&damaged).is_err());
+        }
+        assert!(refused > bytes.len(), "{refused} of {} flips refused", bytes.len() * 8);
+    }
+
+    /// Larger damage: words set to extremes, and runs of bytes that are repeated or left out.
+    #[test]
+    fn no_coarse_damage_panics() {
+        let bytes = ours();
+        for at in 0..bytes.len() - 4 {
+            for word in [0u32, 1, 0x7FFF_FFFF, 0x8000_0000, 0xFFFF_FFFF, 0x0001_0000] {
+                let mut damaged = bytes.clone();
+                damaged[at..at + 4].copy_from_slice(&word.to_le_bytes());
+                let _ = parse(&damaged);
+            }
+            let mut shorter = bytes.clone();
+            shorter.drain(at..at + 4);
+            let _ = parse(&shorter);
+        }
+    }
+
+    fn channel(name: &str, samples: FlatSamples) -> AnyChannel<FlatSamples> {
+        AnyChannel::new(name, samples)
+    }
+
+    fn half(values: impl Iterator<Item = f32>) -> FlatSamples {
+        FlatSamples::F16(values.map(f16::from_f32).collect())
+    }
+
+    #[test]
+    fn no_damage_to_other_kinds_of_files_panics() {
+        use Compression as C;
+        let mut state = 1u64;
+        let mut random = move |below: usize| {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            ((state >> 33) as usize) % below
+        };
+        for compression in [C::Uncompressed, C::RLE, C::ZIP1, C::PIZ, C::PXR24, C::B44, C::B44A] {
+            for blocks in [Blocks::ScanLines, Blocks::Tiles(Vec2(32, 16))] {
+                let bytes = foreign("", compression, blocks);
+                for _ in 0..400 {
+                    let mut damaged = bytes.clone();
+                    for _ in 0..=random(3) {
+                        // Half of the damage goes to the headers and the offset table.
+                        let below = if random(2) == 0 { 600 } else { bytes.len() };
+                        damaged[random(below)] ^= 1 << random(8);
+                    }
+                    let _ = parse(&damaged);
+                }
+            }
+        }
+    }
+
+    /// A file of another program's kind: half floats, any compression, tiles or scan lines, a prefix on the names.
+    fn foreign(prefix: &str, compression: Compression, blocks: Blocks) -> Vec<u8> {
+        let n = 70 * 50;
+        let list = ["A", "B", "G", "R"].iter().enumerate().map(|(c, l)| {
+            channel(&format!("{prefix}{l}"), half((0..n).map(|i| (c * 10_000 + i) as f32 / 64.0)))
+        });
+        let encoding = Encoding { compression, blocks, line_order: LineOrder::Increasing };
+        let channels = AnyChannels::sort(list.collect());
+        let mut bytes = Cursor::new(Vec::new());
+        let layer = Layer::new((70, 50), LayerAttributes::named("x"), encoding, channels);
+        ExrImage::from_layer(layer).write().to_buffered(&mut bytes).unwrap();
+        bytes.into_inner()
+    }
+
+    #[test]
+    fn other_programs_files_open() {
+        for prefix in ["", "ViewLayer.Combined.", "beauty."] {
+            for compression in
+                [Compression::Uncompressed, Compression::RLE, Compression::ZIP1, Compression::PIZ]
+            {
+                for blocks in [Blocks::ScanLines, Blocks::Tiles(Vec2(32, 16))] {
+                    let picture = parse(&foreign(prefix, compression, blocks)).unwrap();
+                    assert_eq!((picture.color.width, picture.color.height), (70, 50));
+                    for (i, pixel) in picture.color.pixels.iter().enumerate() {
+                        let expected =
+                            [3, 2, 1].map(|c| f16::from_f32((c * 10_000 + i) as f32 / 64.0).to_f32());
+                        assert_eq!(*pixel, expected, "{prefix} {compression:?} {blocks:?}: pixel {i}");
+                    }
+                    assert_eq!(picture.provenance, None);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_cropped_file_lies_in_its_display_window() {
+        let names = ["B", "G", "R"];
+        let samples = || FlatSamples::F32((0..6).map(|i| i as f32 + 1.0).collect());
+        let channels = AnyChannels::sort(names.iter().map(|n| channel(n, samples())).collect());
+        // Data of 3 × 2 pixels, of which the first column lies left of a display window of 4 × 3.
+        let attributes = LayerAttributes::named("x").with_position(Vec2(9, 21));
+        let layer = Layer::new((3, 2), attributes, Encoding::UNCOMPRESSED, channels);
+        let mut image = ExrImage::from_layer(layer);
+        image.attributes.display_window = IntegerBounds::new((10, 20), (4, 3));
+        let mut bytes = Cursor::new(Vec::new());
+        image.write().to_buffered(&mut bytes).unwrap();
+        let picture = parse(&bytes.into_inner()).unwrap();
+        let red: Vec<f32> = picture.color.pixels.iter().map(|p| p[0]).collect();
+        assert_eq!(red, [0., 0., 0., 0., 2., 3., 0., 0., 5., 6., 0., 0.]);
+    }
+
+    #[test]
+    fn what_is_no_picture_is_refused_in_one_line() {
+        let one = |name: &str| channel(name, half([1.0].into_iter()));
+        let write = |list: Vec<AnyChannel<FlatSamples>>| {
+            let mut bytes = Cursor::new(Vec::new());
+            let channels = AnyChannels::sort(list.into_iter().collect());
+            ExrImage::from_channels((1, 1), channels).write().to_buffered(&mut bytes).unwrap();
+            bytes.into_inner()
+        };
+        let luminance = write(vec![one("Y")]);
+        let two = write(["a.R", "a.G", "a.B", "b.R", "b.G", "b.B"].map(one).to_vec());
+        let float_label = write(["R", "G", "B", "label.index"].map(one).to_vec());
+        for (bytes, expected) in [
+            (luminance.as_slice(), "expected flat channels R, G and B, got \"Y\""),
+            (&two, "one layer that has them, got layers \"a\", \"b\""),
+            (&float_label, "label.index: expected whole numbers"),
+            (b"P6 1 1 255 abc", "damaged OpenEXR file"),
+            (b"", "damaged OpenEXR file"),
+        ] {
+            match parse(bytes) {
+                Err(Failure::File(what)) => {
+                    assert!(what.contains(expected) && !what.contains('\n'), "{what}")
+                }
+                other => panic!("{expected}: {other:?}"),
+            }
+        }
+    }
+
+    #[test]
+    fn claimed_sizes_are_checked_before_memory_is_reserved() {
+        let bytes = foreign("", Compression::ZIP1, Blocks::ScanLines);
+        let name = b"displayWindow\0box2i\0";
+        let at = bytes.windows(name.len()).position(|w| w == name).unwrap() + name.len() + 4;
+        for (side, expected) in [(70_000u32, "at most"), (30_000, "cannot hold")] {
+            let mut huge = bytes.clone();
+            for corner in [8, 12] {
+                huge[at + corner..at + corner + 4].copy_from_slice(&(side - 1).to_le_bytes());
+            }
+            match parse(&huge) {
+                Err(Failure::File(what)) => assert!(what.contains(expected), "{what}"),
+                other => panic!("{side}: {other:?}"),
+            }
+        }
+    }
+}

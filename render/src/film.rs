@@ -1,0 +1,160 @@
+//! The picture while it grows: sums of samples, kept apart for each independent scramble, and the error that they tell of.
+//!
+//! ```text
+//! sums: pixel 0: replicate 0 (r g b), replicate 1 (r g b), …   pixel 1: …        f32, rows from the top
+//! ```
+//! **Estimate.** Sample i belongs to replicate i mod R. Each replicate is an unbiased picture of its own, independent of the
+//! others, so the spread of their means gives the variance of the picture whatever the points within a replicate do:
+//! var = Σ (nᵣ/n)² (mᵣ − m)² · R / (R − 1). The relative error is √(mean over pixels and channels of var / (μ² + 0.01)), the square
+//! root of what `metrics::rel_mse` finds against a perfect reference. μ² is not known; m² exceeds it by the variance and rises
+//! and falls with it, which makes the ratio too small where a pixel is noisy. So μ² is taken from the pixel only as far as it is
+//! certain, the rest from the 8 pixels around it (see [`FilmBuffer::error_estimate`]).
+
+use std::ops::Range;
+
+use crate::image::Image;
+use crate::sampler::REPLICATES;
+
+const R: usize = REPLICATES as usize;
+
+/// Floats a pixel.
+pub const STRIDE: usize = 3 * R;
+
+/// Added to μ², so that black pixels do not count infinitely: as in `metrics::rel_mse`.
+const FLOOR: f64 = 0.01;
+
+/// See the module.
+#[derive(Clone, Debug)]
+pub struct FilmBuffer {
+    width: usize,
+    height: usize,
+    sums: Vec<f32>,
+    /// Samples in each pixel of each row: rows differ only after a cancelled pass.
+    row_samples: Vec<u32>,
+}
+
+/// One row, to be added to.
+#[derive(Debug)]
+pub struct FilmRow<'a> {
+    /// Its number from the top.
+    pub y: u32,
+    /// Samples that each pixel has.
+    pub samples: &'a mut u32,
+    /// [`STRIDE`] floats a pixel.
+    pub sums: &'a mut [f32],
+}
+
+impl FilmBuffer {
+    /// A black picture without samples.
+    pub fn new(width: u32, height: u32) -> Self {
+        let (width, height) = (width as usize, height as usize);
+        Self { width, height, sums: vec![0.0; width * height * STRIDE], row_samples: vec![0; height] }
+    }
+
+    /// Pixels across and down.
+    pub fn size(&self) -> (usize, usize) {
+        (self.width, self.height)
+    }
+
+    /// Heap bytes.
+    pub fn bytes(&self) -> u64 {
+        (self.sums.len() * 4 + self.row_samples.len() * 4) as u64
+    }
+
+    /// Samples that every pixel has at least.
+    pub fn spp(&self) -> u32 {
+        self.row_samples.iter().copied().min().unwrap_or(0)
+    }
+
+    /// Rows to add to, from the top.
+    pub fn rows_mut(&mut self) -> impl Iterator<Item = FilmRow<'_>> {
+        self.sums
+            .chunks_mut((self.width * STRIDE).max(1))
+            .zip(&mut self.row_samples)
+            .enumerate()
+            .map(|(y, (sums, samples))| FilmRow { y: y as u32, samples, sums })
+    }
+
+    /// Mean and variance of the mean of one channel of a pixel with `n` samples.
+    #[inline]
+    fn moments(&self, pixel: usize, channel: usize, n: u32) -> (f64, f64) {
+        let sums = &self.sums[pixel * STRIDE..][..STRIDE];
+        let n_of = |r: usize| f64::from((n + REPLICATES - 1 - r as u32) / REPLICATES);
+        let total = f64::from(n);
+        let mean = (0..R).map(|r| f64::from(sums[3 * r + channel])).sum::<f64>() / total;
+        let spread: f64 = (0..R)
+            .map(|r| {
+                let d = (f64::from(sums[3 * r + channel]) - n_of(r) * mean) / total;
+                d * d
+            })
+            .sum();
+        (mean, if n < REPLICATES { f64::INFINITY } else { spread * R as f64 / (R - 1) as f64 })
+    }
+
+    /// The mean of all samples.
+    pub fn mean(&self) -> Image {
+        self.picture_of(|film, pixel, channel, n| film.moments(pixel, channel, n).0)
+    }
+
+    /// Variance of that mean, infinite below one sample for each replicate.
+    pub fn variance(&self) -> Image {
+        self.picture_of(|film, pixel, channel, n| film.moments(pixel, channel, n).1)
+    }
+
+    fn picture_of(&self, f: impl Fn(&Self, usize, usize, u32) -> f64) -> Image {
+        let pixel = |i: usize| {
+            let n = self.row_samples[i / self.width];
+            if n == 0 { [0.0; 3] } else { [0, 1, 2].map(|c| f(self, i, c, n) as f32) }
+        };
+        Image::new(self.width, self.height, (0..self.width * self.height).map(pixel).collect())
+    }
+
+    /// Estimated relative error of some rows' mean; infinite below one sample for each replicate.
+    ///
+    /// μ² = w·(m² − var)⁺ + (1 − w)·a², w = m² / (m² + 16 var), where a is the mean of the up to 8 pixels around,
+    /// its own left out: a rare bright sample must not raise what it is measured by.
+    pub fn error_estimate_of(&self, rows: Range<usize>) -> f64 {
+        let (width, height) = (self.width, self.height);
+        if self.spp() < REPLICATES || rows.is_empty() {
+            return f64::INFINITY;
+        }
+        let rows = rows.start..rows.end.min(height);
+        let (first, last) = (rows.start.saturating_sub(1), (rows.end + 1).min(height));
+        let count = (rows.len() * width * 3) as f64;
+        let mut sum = 0.0;
+        let mut moments = vec![(0.0, 0.0); (last - first) * width];
+        for channel in 0..3 {
+            for (i, m) in moments.iter_mut().enumerate() {
+                let pixel = first * width + i;
+                *m = self.moments(pixel, channel, self.row_samples[pixel / width]);
+            }
+            for y in rows.clone() {
+                for x in 0..width {
+                    let (mean, var) = moments[(y - first) * width + x];
+                    if var == 0.0 {
+                        continue;
+                    }
+                    let (mut around, mut n) = (0.0, 0.0);
+                    for yy in y.saturating_sub(1).max(first)..(y + 2).min(last) {
+                        for xx in x.saturating_sub(1)..(x + 2).min(width) {
+                            if (xx, yy) != (x, y) {
+                                around += moments[(yy - first) * width + xx].0;
+                                n += 1.0;
+                            }
+                        }
+                    }
+                    around /= f64::max(n, 1.0);
+                    let certain = mean * mean / (mean * mean + 16.0 * var);
+                    let square = certain * (mean * mean - var).max(0.0) + (1.0 - certain) * around * around;
+                    sum += var / (square + FLOOR);
+                }
+            }
+        }
+        (sum / count).sqrt()
+    }
+
+    /// Estimated relative error of the whole picture.
+    pub fn error_estimate(&self) -> f64 {
+        self.error_estimate_of(0..self.height)
+    }
+}

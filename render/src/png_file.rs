@@ -1,0 +1,151 @@
+//! Pictures as PNG files: what a screen shows, 8 bits a channel, sRGB.
+//!
+//! The scene-linear colour is clamped to [0, 1] (not a number becomes 0), encoded with the exact sRGB curve and rounded to the
+//! nearest of 256 values. Nothing is tone-mapped. The chunk `sRGB` says so, and an `iTXt` chunk with the keyword `pumice` holds
+//! the provenance as JSON.
+
+use std::io::{BufRead, Seek, Write};
+use std::path::Path;
+
+use rayon::prelude::*;
+
+use crate::atomic_file::write_atomically;
+use crate::exr_file::check_size;
+use crate::exr_read::Failure;
+use crate::metrics::display::srgb_from_linear;
+use crate::provenance_text::{PROVENANCE_KEY, provenance_to_ascii};
+use crate::{Picture, PictureError, Provenance};
+
+/// Writes the colour as a screen shows it. The file is there whole or not at all.
+///
+/// # Errors
+/// [`PictureError::Io`] when the system refuses, [`PictureError::File`] when the picture is empty or too large.
+pub fn write_png(path: &Path, picture: &Picture) -> Result<(), PictureError> {
+    write_atomically(path, |file| write_to(file, picture).map_err(|failure| failure.at(path)))
+}
+
+fn write_to(writer: &mut impl Write, picture: &Picture) -> Result<(), Failure> {
+    let color = &picture.color;
+    check_size(color.width, color.height)?;
+    let mut bytes = vec![[0u8; 3]; color.pixels.len()];
+    bytes.par_iter_mut().zip(&color.pixels).for_each(|(to, from)| *to = from.map(encoded));
+
+    // `check_size` has seen that both sides fit.
+    let mut encoder = png::Encoder::new(&mut *writer, color.width as u32, color.height as u32);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_depth(png::BitDepth::Eight);
+    encoder.set_source_srgb(png::SrgbRenderingIntent::RelativeColorimetric);
+    if let Some(provenance) = &picture.provenance {
+        encoder.add_itxt_chunk(PROVENANCE_KEY.into(), provenance_to_ascii(provenance)?)?;
+    }
+    let mut image = encoder.write_header()?;
+    image.write_image_data(bytes.as_flattened())?;
+    image.finish()?;
+    Ok(())
+}
+
+/// The nearest of 256 values that shows a linear one.
+fn encoded(linear: f32) -> u8 {
+    // The cast makes 0 of what is not a number.
+    (srgb_from_linear(f64::from(linear).clamp(0.0, 1.0)) * 255.0).round() as u8
+}
+
+/// Reads the provenance alone; `None` where the file has none.
+pub(crate) fn read_provenance_from(bytes: impl BufRead + Seek) -> Result<Option<Provenance>, Failure> {
+    let mut reader = png::Decoder::new(bytes).read_info()?;
+    let find = |info: &png::Info<'_>| info.utf8_text.iter().find(|t| t.keyword == PROVENANCE_KEY).cloned();
+    let mut chunk = find(reader.info());
+    if chunk.is_none() {
+        // Other programs move text behind the pixels.
+        reader.finish()?;
+        chunk = find(reader.info());
+    }
+    let Some(chunk) = chunk else { return Ok(None) };
+    let text = chunk.get_text()?;
+    serde_json::from_str(&text).map(Some).map_err(|e| Failure::File(format!("text {PROVENANCE_KEY}: {e}")))
+}
+
+impl From<png::EncodingError> for Failure {
+    fn from(error: png::EncodingError) -> Self {
+        match error {
+            png::EncodingError::IoError(source) => Self::Io(source),
+            other => Self::File(format!("cannot be written: {other}")),
+        }
+    }
+}
+
+impl From<png::DecodingError> for Failure {
+    fn from(error: png::DecodingError) -> Self {
+        match error {
+            png::DecodingError::IoError(e) if e.kind() != std::io::ErrorKind::UnexpectedEof => Self::Io(e),
+            other => Self::File(format!("damaged PNG file: {other}")),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::Cursor;
+
+    use super::*;
+    use crate::metrics::display::linear_from_srgb;
+    use crate::{Image, sample_pictures};
+
+    fn decoded(path: &Path) -> (u32, u32, Vec<u8>, Option<png::SrgbRenderingIntent>) {
+        let file = std::io::BufReader::new(std::fs::File::open(path).unwrap());
+        let mut reader = png::Decoder::new(file).read_info().unwrap();
+        let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
+        let frame = reader.next_frame(&mut bytes).unwrap();
+        assert_eq!((frame.color_type, frame.bit_depth), (png::ColorType::Rgb, png::BitDepth::Eight));
+        (frame.width, frame.height, bytes, reader.info().srgb)
+    }
+
+    #[test]
+    fn pixels_come_back_as_a_screen_shows_them() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.png");
+        let mut picture = sample_pictures::picture(3, 2);
+        // Values of the curve that its tables list: 0.18 → 118, 0.5 → 188, 0.0031308 → 10; beyond the ends and no number.
+        picture.color = Image::new(
+            3,
+            2,
+            vec![
+                [0.0, 0.18, 0.5],
+                [1.0, 1.0001, f32::INFINITY],
+                [-1.0, f32::NEG_INFINITY, f32::NAN],
+                [0.003_130_8, 0.3, 0.8],
+                [1e-9, 1e30, -0.0],
+                [0.2, 0.2, 0.2],
+            ],
+        );
+        write_png(&path, &picture).unwrap();
+        let (width, height, bytes, intent) = decoded(&path);
+        assert_eq!((width, height), (3, 2));
+        assert_eq!(bytes, [0, 118, 188, 255, 255, 255, 0, 0, 0, 10, 149, 231, 0, 255, 0, 124, 124, 124]);
+        assert_eq!(intent, Some(png::SrgbRenderingIntent::RelativeColorimetric));
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn values_are_rounded_to_the_nearest() {
+        for byte in 0..255u8 {
+            let middle = linear_from_srgb((f64::from(byte) + 0.5) / 255.0);
+            // 1e-6 either way is beyond f32 rounding and the step of the two curves' joint.
+            assert_eq!(encoded((middle * (1.0 - 1e-6)) as f32), byte);
+            assert_eq!(encoded((middle * (1.0 + 1e-6)) as f32), byte + 1);
+        }
+    }
+
+    #[test]
+    fn a_full_disk_is_an_io_error() {
+        let picture = sample_pictures::picture(30, 30);
+        let mut whole = Vec::new();
+        write_to(&mut whole, &picture).unwrap();
+        for room in [0, 8, 60, whole.len() - 1] {
+            // A cursor over a slice writes 0 bytes where the slice ends, which `write_all` reports.
+            let mut disk = vec![0; room];
+            let error = write_to(&mut Cursor::new(&mut disk[..]), &picture).unwrap_err();
+            assert!(matches!(error, Failure::Io(_)), "{room} bytes: {error:?}");
+        }
+    }
+}

@@ -1,0 +1,348 @@
+//! From a volume, a scene or a former picture to a new picture.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use pumice_core::{CompressedVolume, Job};
+use pumice_formats::OpenOptions;
+use pumice_render::{Passes, Picture, Provenance, read_provenance, write_exr, write_png};
+use pumice_scene::{Lod, Mode, Needs, Scene, Show};
+use serde::Serialize;
+
+use crate::backend::make_renderer;
+use crate::error::{Result, SessionError};
+use crate::figure::{FigureOptions, compose};
+use crate::measure::{Stopwatch, peak_rss_bytes};
+use crate::open::open_volume;
+use crate::progressive::{CurvePoint, Stop, render_until};
+use crate::selection::select_labels;
+
+/// What is to be rendered.
+#[derive(Clone, Debug)]
+pub enum Subject {
+    /// A `.pumice` file, any label volume, or a scene (`.json`).
+    File(PathBuf),
+    /// What a picture says it was made from; its samples are rendered again, whatever the stopping rule.
+    Again(PathBuf),
+}
+
+/// Wishes that override the scene's own; for a volume, the defaults.
+#[derive(Clone, Debug, Default)]
+pub struct RenderOverrides {
+    /// Pixels across and down.
+    pub size: Option<[u32; 2]>,
+    /// Bounces of light.
+    pub bounces: Option<u32>,
+    /// Which light is counted.
+    pub mode: Option<Mode>,
+    /// Level of detail.
+    pub lod: Option<Lod>,
+    /// Seed of every random number.
+    pub seed: Option<u64>,
+    /// Labels to show, by id.
+    pub labels: Option<Vec<u64>>,
+    /// Number of labels to choose for a figure.
+    pub pick: Option<usize>,
+    /// Degrees around and above, for volumes only.
+    pub view_deg: Option<[f64; 2]>,
+}
+
+/// A whole request.
+#[derive(Clone, Debug)]
+pub struct RenderRequest {
+    /// What.
+    pub subject: Subject,
+    /// Where the picture goes: `.exr` or `.png`.
+    pub out: PathBuf,
+    /// Backend by name.
+    pub backend: String,
+    /// When it is done.
+    pub stop: Stop,
+    /// Passes by name.
+    pub passes: Vec<String>,
+    /// Wishes.
+    pub overrides: RenderOverrides,
+    /// How to read a volume.
+    pub reading: OpenOptions,
+    /// Threads; `None` takes all cores.
+    pub threads: Option<usize>,
+    /// Where to write the scene, if anywhere.
+    pub save_scene: Option<PathBuf>,
+}
+
+/// What a picture cost and how good it is: the JSON report.
+#[derive(Clone, Debug, Serialize)]
+pub struct RenderFigures {
+    /// Backend that drew it.
+    pub backend: String,
+    /// Wall seconds of rendering.
+    pub seconds: f64,
+    /// CPU seconds of rendering.
+    pub cpu_seconds: f64,
+    /// Wall and CPU seconds of building the acceleration structures and tables.
+    pub prepare_seconds: [f64; 2],
+    /// Largest memory of the process so far; absent where the system does not tell.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub peak_rss_bytes: Option<u64>,
+    /// Bytes of the acceleration structures.
+    pub acceleration_bytes: u64,
+    /// Samples a pixel.
+    pub spp: u32,
+    /// Estimated relative error, where known.
+    pub error_estimate: Option<f64>,
+    /// Error against run time.
+    pub curve: Vec<CurvePoint>,
+}
+
+/// A rendered picture, its figures, and what was needed for it.
+#[derive(Clone, Debug)]
+pub struct Rendered {
+    /// With provenance.
+    pub picture: Picture,
+    /// Figures.
+    pub figures: RenderFigures,
+    /// What the scene needs and what was left out, a line each.
+    pub explanation: Vec<String>,
+}
+
+/// Does what `request` says; `watch` hears of every slice together with the stopping rule in force.
+///
+/// # Errors
+/// One line of what is wrong with the input, the scene or the output; nothing is written then.
+pub fn render_file(
+    request: &RenderRequest,
+    job: &Job,
+    watch: &mut (dyn FnMut(&Stop, &CurvePoint) + Send),
+) -> Result<Rendered> {
+    // A wrong ending, pass or backend is known before the work, not after it.
+    let format = PictureFormat::of(&request.out)?;
+    let passes = Passes::parse(&request.passes).map_err(|e| SessionError::Caller(format!("--{e}")))?;
+    check_folder(&request.out)?;
+    make_renderer(&request.backend)?;
+
+    let Prepared { scene, volumes, stop, backend } = prepare(request, job)?;
+    if let Some(path) = &request.save_scene {
+        scene.save(path).map_err(|source| SessionError::Scene { path: path.clone(), source })?;
+    }
+    let mut render =
+        || render_scene(&scene, &volumes, &backend, &stop, job, &mut |point| watch(&stop, point));
+    let rendered = match request.threads {
+        None => render()?,
+        Some(threads) => in_pool(threads, render)?,
+    };
+    format.write(&request.out, &rendered.picture, &passes)?;
+    Ok(rendered)
+}
+
+struct Prepared {
+    scene: Scene,
+    volumes: Vec<Arc<CompressedVolume>>,
+    stop: Stop,
+    backend: String,
+}
+
+/// Reads the subject and makes a scene with its volumes of it.
+fn prepare(request: &RenderRequest, job: &Job) -> Result<Prepared> {
+    let open_all = |scene: &Scene| -> Result<Vec<Arc<CompressedVolume>>> {
+        scene.instances.iter().map(|i| open_volume(&i.source, &request.reading, job)).collect()
+    };
+    let (mut scene, volumes, stop, backend) = match &request.subject {
+        Subject::Again(picture) => {
+            let made = read_provenance(picture)?.ok_or_else(|| {
+                let picture = picture.display();
+                SessionError::Caller(format!("{picture}: this picture does not say how it was made"))
+            })?;
+            let volumes = open_all(&made.scene)?;
+            check_hashes(picture, &made, &volumes)?;
+            let backend = if request.backend == "auto" { made.backend } else { request.backend.clone() };
+            (made.scene, volumes, Stop { spp: Some(made.spp), ..Stop::default() }, backend)
+        }
+        Subject::File(path) if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json")) => {
+            let scene =
+                Scene::load(path).map_err(|source| SessionError::Scene { path: path.clone(), source })?;
+            let volumes = open_all(&scene)?;
+            (scene, volumes, request.stop, request.backend.clone())
+        }
+        Subject::File(path) => {
+            let volume = open_volume(path, &request.reading, job)?;
+            let options = FigureOptions {
+                size: request.overrides.size.unwrap_or([960, 540]),
+                labels: request.overrides.pick.map(|n| select_labels(&volume, n)),
+                view_deg: request.overrides.view_deg.unwrap_or(FigureOptions::DEFAULT_VIEW_DEG),
+            };
+            let options = match &request.overrides.labels {
+                None => options,
+                Some(ids) => FigureOptions { labels: Some(dense_labels(&volume, ids)?), ..options },
+            };
+            let absolute = path.canonicalize().map_err(crate::error::io(path))?;
+            (compose(&volume, absolute, &options), vec![volume], request.stop, request.backend.clone())
+        }
+    };
+    apply(&request.overrides, &mut scene);
+    let path = match &request.subject {
+        Subject::File(path) | Subject::Again(path) => path.clone(),
+    };
+    scene.validate().map_err(|source| SessionError::Scene { path, source })?;
+    Ok(Prepared { scene, volumes, stop, backend })
+}
+
+/// A picture is made again only from the very volumes that it was made from.
+fn check_hashes(picture: &Path, made: &Provenance, volumes: &[Arc<CompressedVolume>]) -> Result<()> {
+    for ((instance, expected), volume) in made.scene.instances.iter().zip(&made.volume_hashes).zip(volumes) {
+        let got = hash_text(volume);
+        if got != *expected {
+            return Err(SessionError::Caller(format!(
+                "{}: made from a volume with the hash {expected}, but {} now has {got}",
+                picture.display(),
+                instance.source.display()
+            )));
+        }
+    }
+    Ok(())
+}
+
+fn dense_labels(volume: &CompressedVolume, ids: &[u64]) -> Result<Vec<u32>> {
+    let dense = |&id: &u64| {
+        let index = volume.labels().index_of(id);
+        index.ok_or_else(|| SessionError::Caller(format!("--labels: the volume has no label {id}")))
+    };
+    ids.iter().map(dense).collect()
+}
+
+fn apply(wishes: &RenderOverrides, scene: &mut Scene) {
+    if let Some([width, height]) = wishes.size {
+        (scene.film.width, scene.film.height) = (width, height);
+    }
+    if let Some(bounces) = wishes.bounces {
+        scene.settings.bounces = bounces;
+    }
+    if let Some(mode) = wishes.mode {
+        scene.settings.mode = mode;
+    }
+    if let Some(lod) = wishes.lod {
+        scene.settings.lod = lod;
+    }
+    if let Some(seed) = wishes.seed {
+        scene.settings.seed = seed;
+    }
+    if let Some(ids) = &wishes.labels {
+        for instance in &mut scene.instances {
+            instance.style.show = Show::Only(ids.clone());
+        }
+    }
+}
+
+fn in_pool<T: Send>(threads: usize, work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .build()
+        .map_err(|e| SessionError::Caller(format!("--threads {threads}: {e}")))?
+        .install(work)
+}
+
+/// Renders a scene whose volumes are open.
+///
+/// # Errors
+/// What the renderer reports.
+pub fn render_scene(
+    scene: &Scene,
+    volumes: &[Arc<CompressedVolume>],
+    backend: &str,
+    stop: &Stop,
+    job: &Job,
+    watch: &mut dyn FnMut(&CurvePoint),
+) -> Result<Rendered> {
+    let clock = Stopwatch::start();
+    let mut renderer = make_renderer(backend)?;
+    renderer.set_scene(scene, volumes)?;
+    let prepare_seconds = [clock.seconds(), clock.cpu_seconds()];
+    let curve = render_until(renderer.as_mut(), stop, job, watch)?;
+    let acceleration_bytes =
+        renderer.bytes().iter().filter(|(part, _)| *part == "acceleration").map(|p| p.1).sum();
+    let mut picture = renderer.picture()?;
+    let last = curve.last().copied().unwrap_or(CurvePoint {
+        seconds: 0.0,
+        cpu_seconds: 0.0,
+        spp: 0,
+        error_estimate: None,
+    });
+    let ids: Vec<&[u64]> = volumes.iter().map(|v| v.labels().ids()).collect();
+    let explanation = Needs::of(scene, &ids).explain();
+    let backend = renderer.name().to_string();
+    picture.provenance = Some(Provenance {
+        version: env!("CARGO_PKG_VERSION").into(),
+        backend: backend.clone(),
+        scene: scene.clone(),
+        volume_hashes: volumes.iter().map(|v| hash_text(v)).collect(),
+        spp: last.spp,
+        error_estimate: last.error_estimate,
+    });
+    Ok(Rendered {
+        picture,
+        figures: RenderFigures {
+            backend,
+            seconds: last.seconds,
+            cpu_seconds: last.cpu_seconds,
+            prepare_seconds,
+            peak_rss_bytes: peak_rss_bytes(),
+            acceleration_bytes,
+            spp: last.spp,
+            error_estimate: last.error_estimate,
+            curve,
+        },
+        explanation,
+    })
+}
+
+/// Content hash of a volume as pictures carry it.
+pub fn hash_text(volume: &CompressedVolume) -> String {
+    format!("{:032x}", volume.content_hash())
+}
+
+/// Picture formats that can be written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PictureFormat {
+    /// Scene-linear, with passes.
+    Exr,
+    /// 8 bit sRGB.
+    Png,
+}
+
+impl PictureFormat {
+    /// By the path's ending.
+    ///
+    /// # Errors
+    /// When it is neither `.exr` nor `.png`.
+    pub fn of(path: &Path) -> Result<Self> {
+        let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase());
+        match ending.as_deref() {
+            Some("exr") => Ok(Self::Exr),
+            Some("png") => Ok(Self::Png),
+            _ => Err(SessionError::Caller(format!(
+                "{}: expected a name that ends in .exr or .png",
+                path.display()
+            ))),
+        }
+    }
+
+    /// Writes a picture.
+    ///
+    /// # Errors
+    /// When the file cannot be written; nothing new is under its name then.
+    pub fn write(self, path: &Path, picture: &Picture, passes: &Passes) -> Result<()> {
+        Ok(match self {
+            Self::Exr => write_exr(path, picture, passes)?,
+            Self::Png => write_png(path, picture)?,
+        })
+    }
+}
+
+/// Whether the folder that a file is to be written to is there.
+fn check_folder(out: &Path) -> Result<()> {
+    match out.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() && !folder.is_dir() => Err(SessionError::Caller(
+            format!("{}: the folder {} does not exist", out.display(), folder.display()),
+        )),
+        _ => Ok(()),
+    }
+}
