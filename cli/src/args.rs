@@ -61,6 +61,15 @@ pub(crate) struct Reading {
     /// Layer of a file with overlapping segments, counted from 0
     #[arg(long, value_name = "N")]
     pub(crate) layer: Option<u32>,
+    /// Time step of a file with several, counted from 0
+    #[arg(long = "time-step", value_name = "N")]
+    pub(crate) time_step: Option<u32>,
+    /// Channel of a file with several, counted from 0
+    #[arg(long, value_name = "N")]
+    pub(crate) channel: Option<u32>,
+    /// Array of an .npz archive with several
+    #[arg(long, value_name = "NAME")]
+    pub(crate) array: Option<String>,
     /// Voxel size x,y,z in the file's unit, instead of the file's own
     #[arg(long, value_name = "X,Y,Z", value_parser = spacing)]
     pub(crate) spacing: Option<[f64; 3]>,

@@ -11,7 +11,7 @@ pub(crate) struct Choice {
     pub(crate) option: &'static str,
 }
 
-pub(crate) const TIME: Choice = Choice { name: "time steps", option: "--time" };
+pub(crate) const TIME: Choice = Choice { name: "time steps", option: "--time-step" };
 pub(crate) const LAYER: Choice = Choice { name: "layers", option: "--layer" };
 pub(crate) const CHANNEL: Choice = Choice { name: "channels", option: "--channel" };
 
@@ -23,20 +23,35 @@ pub(crate) fn choose(
     size: u64,
     undecided: &mut Option<FormatError>,
 ) -> Result<u64> {
+    let choices = format!("0 to {}", size.saturating_sub(1));
+    choose_among(path, choice, chosen, size, &choices, undecided)
+}
+
+/// The same, with a text that tells what there is to choose from.
+pub(crate) fn choose_among(
+    path: &Path,
+    choice: &Choice,
+    chosen: Option<u32>,
+    size: u64,
+    choices: &str,
+    undecided: &mut Option<FormatError>,
+) -> Result<u64> {
     let Choice { name, option } = choice;
     match chosen {
         Some(index) if u64::from(index) < size => Ok(index.into()),
         Some(index) => Err(FormatError::option(
             path,
-            format!("{option} {index} asked for, counted from 0, but the number of {name} is {size}"),
+            format!(
+                "{option} {index} asked for, counted from 0, but the number of {name} is {size}: {choices}"
+            ),
         )),
         None if size <= 1 => Ok(0),
         None => {
-            *undecided = Some(FormatError::Choose {
+            undecided.get_or_insert(FormatError::Choose {
                 path: path.to_owned(),
                 what: format!("the file has {size} {name}, each a volume of its own"),
                 option,
-                choices: format!("0 to {}", size - 1),
+                choices: choices.to_owned(),
             });
             Ok(0)
         }

@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use glam::DVec3;
 use pumice_core::{LabelNote, Unit, VolumeInfo, WorldFrame};
 
+use crate::choice::{self, choose, choose_among, refuse_absent};
 use crate::element::Element;
 use crate::error::{FormatError, Result};
 use crate::gzip::{InflateStream, Wrapping};
@@ -35,27 +36,24 @@ pub(crate) fn read(path: &Path, options: &OpenOptions) -> Result<Found> {
         let role = match axis.space {
             Some(space) => Role::Space(space),
             None if axis.size <= 1 => Role::Fixed(0),
-            None if axis.is_layers => Role::Fixed(choose(
-                path,
-                "layer",
-                options.layer,
-                axis.size,
-                &describe(&layers),
-                &mut undecided,
-            )?),
-            None => {
-                let steps = format!("0 to {}", axis.size - 1);
-                Role::Fixed(choose(path, "time", options.time, axis.size, &steps, &mut undecided)?)
+            None if axis.is_layers => {
+                let choices = describe(&layers);
+                let chosen = options.layer;
+                Role::Fixed(choose_among(path, &choice::LAYER, chosen, axis.size, &choices, &mut undecided)?)
             }
+            None => Role::Fixed(choose(path, &choice::TIME, options.time, axis.size, &mut undecided)?),
         };
         file_axes.push(FileAxis { size: axis.size, role });
     }
-    if layer_count == 1 && options.layer.is_some_and(|layer| layer > 0) {
-        return Err(FormatError::option(
-            path,
-            "--layer asks for a layer above 0, but the file has one layer only",
-        ));
-    }
+    let has_time = axes.iter().any(|a| a.space.is_none() && !a.is_layers && a.size > 1);
+    refuse_absent(
+        path,
+        &[
+            (&choice::LAYER, options.layer.filter(|_| layer_count == 1)),
+            (&choice::TIME, options.time.filter(|_| !has_time)),
+            (&choice::CHANNEL, options.channel),
+        ],
+    )?;
     let layout = Layout::new(path, file_axes, element.bytes())?;
 
     // Place, unit, names.
@@ -78,34 +76,6 @@ pub(crate) fn read(path: &Path, options: &OpenOptions) -> Result<Found> {
         undecided,
         stream,
     })
-}
-
-/// The index that the caller chose on an axis outside space; without one, index 0 and an error for later.
-fn choose(
-    path: &Path,
-    what: &'static str,
-    chosen: Option<u32>,
-    size: u64,
-    choices: &str,
-    undecided: &mut Option<FormatError>,
-) -> Result<u64> {
-    let (name, option) = if what == "layer" { ("layers", "--layer") } else { ("time steps", "--time") };
-    match chosen {
-        Some(index) if u64::from(index) < size => Ok(index.into()),
-        Some(index) => Err(FormatError::option(
-            path,
-            format!("{option} {index} asked for, but the file has {size} {name}, counted from 0: {choices}"),
-        )),
-        None => {
-            *undecided = Some(FormatError::Choose {
-                path: path.to_owned(),
-                what: format!("the file has {size} {name}, which are separate label maps"),
-                option,
-                choices: choices.to_owned(),
-            });
-            Ok(0)
-        }
-    }
 }
 
 /// What one axis of the file is.
@@ -342,7 +312,8 @@ fn describe(layers: &[Layer]) -> String {
     if layers.len() > MOST {
         parts.push("…".into());
     }
-    parts.join("; ")
+    // Names may hold line breaks; messages are one line.
+    parts.join("; ").replace(char::is_control, " ")
 }
 
 /// How to get at the voxels; detached files are looked for at once, so that a missing one is told before anything is done.

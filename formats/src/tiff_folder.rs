@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use pumice_core::VolumeInfo;
 
+use crate::choice::{self, refuse_absent};
 use crate::element::Element;
 use crate::error::{FormatError, Result};
 use crate::layout::Layout;
@@ -18,6 +19,8 @@ use crate::tiff_page::{self, Compression, Page, PageStream};
 
 /// Understands the slices in `folder`.
 pub(crate) fn read(folder: &Path, options: &OpenOptions) -> Result<Found> {
+    let (time, channel, layer) = (options.time, options.channel, options.layer);
+    refuse_absent(folder, &[(&choice::TIME, time), (&choice::CHANNEL, channel), (&choice::LAYER, layer)])?;
     let mut files: Vec<PathBuf> = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(FormatError::io(folder))? {
         let path = entry.map_err(FormatError::io(folder))?.path();

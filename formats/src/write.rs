@@ -54,7 +54,8 @@ pub fn write_volume(out: &Path, info: &VolumeInfo, decode: &mut DecodeIds<'_>) -
         use std::os::unix::fs::PermissionsExt as _;
         builder.permissions(std::fs::Permissions::from_mode(0o666));
     }
-    let temporary = builder.tempfile_in(folder).map_err(FormatError::io(folder))?;
+    // Only the kind of the error: the name of the hidden file says nothing to the user.
+    let temporary = builder.tempfile_in(folder).map_err(|e| FormatError::io(folder)(e.kind().into()))?;
     let to_file = temporary.reopen().map_err(FormatError::io(out))?;
     let to_file = BufWriter::with_capacity(1 << 20, to_file);
 
