@@ -68,6 +68,7 @@ fn run() -> Result<()> {
     let page = format!("# {bench}\n\n{}\n\n{}", machine::description(), table.markdown());
     println!("{page}");
     if let Some(folder) = out {
+        std::fs::create_dir_all(&folder).map_err(|e| format!("{}: {e}", folder.display()))?;
         for (ending, text) in [("md", page), ("csv", table.csv())] {
             let path = folder.join(format!("{bench}.{ending}"));
             std::fs::write(&path, text).map_err(|e| format!("{}: {e}", path.display()))?;
