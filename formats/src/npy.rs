@@ -106,7 +106,7 @@ impl Array {
         Ok(Self { layout, element, info })
     }
 
-    /// What [`crate::open`] needs to know.
+    /// What [`crate::open()`] needs to know.
     pub(crate) fn found(
         self,
         format: &'static str,
