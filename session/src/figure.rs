@@ -11,6 +11,7 @@ use std::path::PathBuf;
 
 use glam::{DAffine3, DMat3, DVec3};
 use pumice_core::{CompressedVolume, WorldFrame};
+use pumice_render::metrics::display::linear_from_srgb;
 use pumice_scene::{
     Camera, Environment, Film, Filter, Instance, LabelStyle, Material, Projection, SCENE_VERSION, Scene,
     Settings, Show, Sun, World,
@@ -91,6 +92,13 @@ pub fn compose(volume: &CompressedVolume, source: PathBuf, options: &FigureOptio
     let up = camera.world_from_camera.matrix3.y_axis;
     let key_from = toward_camera * 0.55 - right * 0.65 + up * 0.9;
 
+    // Colours that the file gives are the user's own; the other labels get colours unlike their neighbours'.
+    let material = Material { roughness: 0.45, specular: 0.35, ..Material::default() };
+    let own_colors = info.notes.iter().filter_map(|note| {
+        let base_color = note.color_srgb?.map(|c| linear_from_srgb(f64::from(c.clamp(0.0, 1.0))) as f32);
+        Some((note.id, Material { base_color, ..material }))
+    });
+
     Scene {
         version: SCENE_VERSION,
         instances: vec![Instance {
@@ -104,9 +112,9 @@ pub fn compose(volume: &CompressedVolume, source: PathBuf, options: &FigureOptio
                     }
                     None => Show::All,
                 },
-                material: Material { roughness: 0.45, specular: 0.35, ..Material::default() },
+                material,
                 auto_color: true,
-                ..LabelStyle::default()
+                materials: own_colors.collect(),
             },
         }],
         camera,
