@@ -113,6 +113,9 @@ impl Renderer for CpuRenderer {
                 volumes.len()
             )));
         }
+        for (i, (instance, volume)) in scene.instances.iter().zip(volumes).enumerate() {
+            instance.validate_ids(i, volume.labels().ids()).map_err(|e| RenderError::Scene(e.to_string()))?;
+        }
         let lights = self.lights(scene)?;
         let looks = scene
             .instances

@@ -49,7 +49,9 @@ impl From<serde_json::Error> for SceneError {
     fn from(error: serde_json::Error) -> Self {
         let text = error.to_string();
         // serde_json repeats the place at the end of its text.
-        let what = text.split(" at line ").next().unwrap_or(&text).to_owned();
+        let what = text.rsplit_once(" at line ").map_or(text.as_str(), |(what, _)| what);
+        // It also repeats names out of the text, which may hold line breaks: an error is one line.
+        let what = what.chars().map(|c| if c.is_control() { '\u{FFFD}' } else { c }).collect();
         Self::Json { line: error.line(), column: error.column(), what }
     }
 }

@@ -5,7 +5,8 @@ use std::collections::BTreeSet;
 use glam::{DAffine3, DMat3};
 
 use crate::{
-    Camera, Environment, Film, Filter, Instance, Lod, Material, Projection, Scene, SceneError, Settings, Sun,
+    Camera, Environment, Film, Filter, Instance, Lod, Material, Projection, SCENE_VERSION, Scene, SceneError,
+    Settings, Show, Sun,
 };
 
 /// Most pixels along a side: what OpenEXR and PNG readers take for granted.
@@ -82,8 +83,12 @@ impl Scene {
     /// Whether every field makes sense.
     ///
     /// # Errors
-    /// [`SceneError::Field`] names the first that does not, by its path in the JSON form, with what was expected.
+    /// [`SceneError::Field`] names the first that does not, by its path in the JSON form, with what was expected;
+    /// [`SceneError::Version`] where the scene is of another version.
     pub fn validate(&self) -> Checked {
+        if self.version != SCENE_VERSION {
+            return Err(SceneError::Version { got: self.version.into(), expected: SCENE_VERSION });
+        }
         let mut check = Check { path: Vec::new() };
         let c = &mut check;
         let mut ids = BTreeSet::new();
@@ -112,6 +117,34 @@ impl Scene {
             c.within(format!("suns[{i}]"), |c| validate_sun(c, sun))?;
         }
         c.within("settings", |c| validate_settings(c, &self.settings))
+    }
+}
+
+impl Instance {
+    /// Whether the labels that are to be drawn are there: `ids` are the volume's, rising, and `position` is this instance's place
+    /// in the scene. An id of [`Show::Only`] that the volume lacks is a mistake, for nothing would be drawn in its place. Ids of
+    /// `Show::Except` and of `materials` may be missing: one table of colours serves many crops of a volume.
+    ///
+    /// # Errors
+    /// [`SceneError::Field`] names the first id that is missing.
+    pub fn validate_ids(&self, position: usize, ids: &[u64]) -> Checked {
+        let Show::Only(list) = &self.style.show else { return Ok(()) };
+        match list.iter().enumerate().find(|(_, id)| ids.binary_search(id).is_err()) {
+            None => Ok(()),
+            Some((at, id)) => Err(SceneError::Field {
+                field: format!("instances[{position}].style.show.only[{at}]"),
+                problem: match (id, ids.first(), ids.last()) {
+                    (0, ..) => "0 is the background, which is not drawn".into(),
+                    (_, Some(first), Some(last)) => {
+                        format!(
+                            "the volume has no label {id}; its {} labels are within {first} to {last}",
+                            ids.len()
+                        )
+                    }
+                    _ => format!("the volume has no label {id}, nor any other"),
+                },
+            }),
+        }
     }
 }
 
@@ -166,7 +199,11 @@ fn validate_film(c: &Check, film: &Film) -> Checked {
     })?;
     let (Filter::Box { width } | Filter::BlackmanHarris { width }) = film.filter;
     let good = width > 0.0 && width <= MAX_FILTER_PIXELS;
-    c.field("filter.width", good, || format!("expected above 0 and at most {MAX_FILTER_PIXELS}, got {width}"))
+    let name = match film.filter {
+        Filter::Box { .. } => "filter.box.width",
+        Filter::BlackmanHarris { .. } => "filter.blackman_harris.width",
+    };
+    c.field(name, good, || format!("expected above 0 and at most {MAX_FILTER_PIXELS}, got {width}"))
 }
 
 fn validate_sun(c: &Check, sun: &Sun) -> Checked {
