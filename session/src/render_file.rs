@@ -178,7 +178,7 @@ fn prepare(request: &RenderRequest, job: &Job) -> Result<Prepared> {
             (compose(&volume, absolute, &options), vec![volume], request.stop, request.backend.clone())
         }
     };
-    apply(&request.overrides, &mut scene);
+    apply(&request.overrides, &mut scene, &volumes)?;
     let path = match &request.subject {
         Subject::File(path) | Subject::Again(path) => path.clone(),
     };
@@ -209,7 +209,7 @@ fn dense_labels(volume: &CompressedVolume, ids: &[u64]) -> Result<Vec<u32>> {
     ids.iter().map(dense).collect()
 }
 
-fn apply(wishes: &RenderOverrides, scene: &mut Scene) {
+fn apply(wishes: &RenderOverrides, scene: &mut Scene, volumes: &[Arc<CompressedVolume>]) -> Result<()> {
     if let Some([width, height]) = wishes.size {
         (scene.film.width, scene.film.height) = (width, height);
     }
@@ -226,10 +226,18 @@ fn apply(wishes: &RenderOverrides, scene: &mut Scene) {
         scene.settings.seed = seed;
     }
     if let Some(ids) = &wishes.labels {
-        for instance in &mut scene.instances {
-            instance.style.show = Show::Only(ids.clone());
+        // With several volumes, each shows those of the labels that it has.
+        for (instance, volume) in scene.instances.iter_mut().zip(volumes) {
+            let held = ids.iter().copied().filter(|&id| volume.labels().index_of(id).is_some());
+            instance.style.show = Show::Only(held.collect());
+        }
+        for &id in ids {
+            if !volumes.iter().any(|v| v.labels().index_of(id).is_some()) {
+                return Err(SessionError::Caller(format!("--labels: no volume has a label {id}")));
+            }
         }
     }
+    Ok(())
 }
 
 fn in_pool<T: Send>(threads: usize, work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
