@@ -46,7 +46,7 @@ fn main() -> ExitCode {
     let result = match cli.command {
         Command::Demo(a) => commands::demo::run(&a, &job),
         Command::Compress(a) => commands::compress::run(&a, &job),
-        Command::Info(a) => commands::info::run(&a),
+        Command::Info(a) => commands::info::run(&a, &job),
         Command::Verify(a) => commands::verify::run(&a, &job),
         Command::Decompress(a) => commands::decompress::run(&a, &job),
         Command::Render(a) => commands::render::run(&a, &job),

@@ -11,7 +11,7 @@ pub(crate) struct Choice {
     pub(crate) option: &'static str,
 }
 
-pub(crate) const TIME: Choice = Choice { name: "time steps", option: "--time" };
+pub(crate) const TIME: Choice = Choice { name: "time steps", option: "--time-step" };
 pub(crate) const LAYER: Choice = Choice { name: "layers", option: "--layer" };
 pub(crate) const CHANNEL: Choice = Choice { name: "channels", option: "--channel" };
 

@@ -89,7 +89,7 @@ fn choose(
     choices: &str,
     undecided: &mut Option<FormatError>,
 ) -> Result<u64> {
-    let (name, option) = if what == "layer" { ("layers", "--layer") } else { ("time steps", "--time") };
+    let (name, option) = if what == "layer" { ("layers", "--layer") } else { ("time steps", "--time-step") };
     match chosen {
         Some(index) if u64::from(index) < size => Ok(index.into()),
         Some(index) => Err(FormatError::option(

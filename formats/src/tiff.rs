@@ -49,7 +49,7 @@ pub(crate) fn read(path: &Path, options: &OpenOptions) -> Result<Found> {
             PageAxis::Channel => {
                 choose(path, "--channel", "channels", options.channel, size, &mut undecided)?
             }
-            PageAxis::Time => choose(path, "--time", "time steps", options.time, size, &mut undecided)?,
+            PageAxis::Time => choose(path, "--time-step", "time steps", options.time, size, &mut undecided)?,
         };
         file_axes.push(FileAxis { size, role });
     }
@@ -157,7 +157,7 @@ fn choose(
         )),
         None => {
             if size > 1 && undecided.is_none() {
-                let hint = if option == "--time" {
+                let hint = if option == "--time-step" {
                     " (if they are slices, swap T and Z in ImageJ: Image > Hyperstacks > Re-order)"
                 } else {
                     ""

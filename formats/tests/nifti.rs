@@ -156,11 +156,11 @@ fn asks_for_the_time_step() {
     let second: Vec<u64> = labels().iter().map(|v| v + 100).collect();
     let file = header.file(&integers(&[labels(), second.clone()].concat(), 1, false));
     let path = write(folder.path(), "t.nii", &file);
-    refuse(&path, &OpenOptions::default(), &["2 time steps", "--time", "0 to 1"]);
+    refuse(&path, &OpenOptions::default(), &["2 time steps", "--time-step", "0 to 1"]);
     let at = |time| OpenOptions { time: Some(time), ..OpenOptions::default() };
     assert_eq!(read(&path, &at(0)).unwrap().1, labels());
     assert_eq!(read(&path, &at(1)).unwrap().1, second);
-    refuse(&path, &at(2), &["--time 2", "number of time steps is 2"]);
+    refuse(&path, &at(2), &["--time-step 2", "number of time steps is 2"]);
     header.dims(&[3, 4, 5, 1, 2]);
     let path = write(folder.path(), "c.nii", &[header.bytes, file[352..].to_vec()].concat());
     refuse(&path, &OpenOptions::default(), &["--channel"]);

@@ -58,7 +58,7 @@ fn reads_orders_versions_and_types() {
     );
     assert_eq!(read(&path, &zyx()).unwrap().0.dims, [5, 4, 3]);
     let later = OpenOptions { time: Some(1), ..OpenOptions::default() };
-    refuse(&path, &later, &["--time 1", "number of time steps is 1"]);
+    refuse(&path, &later, &["--time-step 1", "number of time steps is 1"]);
     // Booleans, and a picture a[y, x].
     let path = write(folder.path(), "b.npy", &npy(1, &header("|b1", false, "(2, 3)"), &[0, 1, 1, 0, 0, 1]));
     let (info, voxels) = read(&path, &zyx()).unwrap();

@@ -47,6 +47,8 @@ pub struct CompressOutcome {
     pub bytes_disk: u64,
     /// Bytes in memory.
     pub bytes_resident: u64,
+    /// What the reader found odd in the input, a line each.
+    pub warnings: Vec<String>,
 }
 
 /// Compresses a file into a `.pumice` file.
@@ -64,7 +66,15 @@ pub fn compress_file(request: &CompressRequest, job: &Job) -> Result<CompressOut
         types,
         ..CompressOptions::default()
     };
-    let volume = pumice_core::compress(source.as_mut(), &options, job)?;
+    let volume = pumice_core::compress(source.as_mut(), &options, job).map_err(|e| match e {
+        pumice_core::Error::Limit { limit, got, .. } if Some(limit) == request.memory_limit_bytes => {
+            let input = request.input.display();
+            SessionError::Caller(format!(
+                "{input}: --memory-limit {limit} is too small: {got} bytes are needed"
+            ))
+        }
+        other => other.into(),
+    })?;
     volume.save(&request.output, request.level, job)?;
     let bytes_disk = std::fs::metadata(&request.output).map_err(io(&request.output))?.len();
     Ok(CompressOutcome {
@@ -76,6 +86,7 @@ pub fn compress_file(request: &CompressRequest, job: &Job) -> Result<CompressOut
         bytes_raw: volume.info().voxels().saturating_mul(4),
         bytes_disk,
         bytes_resident: volume.resident_parts().iter().map(|p| p.1).sum(),
+        warnings: request.reading.warnings.list(),
     })
 }
 

@@ -71,18 +71,18 @@ pub struct SourceInfo {
 /// Reads what a file holds.
 ///
 /// # Errors
-/// One line of what is wrong with it.
-pub fn file_info(path: &Path, reading: &OpenOptions) -> Result<FileInfo> {
+/// One line of what is wrong with it; [`pumice_core::Error::Cancelled`] when `job` is cancelled.
+pub fn file_info(path: &Path, reading: &OpenOptions, job: &Job) -> Result<FileInfo> {
     if is_pumice_file(path)? {
-        pumice_info(path).map(FileInfo::Pumice)
+        pumice_info(path, job).map(FileInfo::Pumice)
     } else {
         source_info(path, reading).map(FileInfo::Source)
     }
 }
 
-fn pumice_info(path: &Path) -> Result<PumiceInfo> {
+fn pumice_info(path: &Path, job: &Job) -> Result<PumiceInfo> {
     let bytes_disk = std::fs::metadata(path).map_err(io(path))?.len();
-    let volume = Arc::new(CompressedVolume::open(path, &Job::new())?);
+    let volume = Arc::new(CompressedVolume::open(path, job)?);
     let mut parts: BTreeMap<String, u64> =
         volume.resident_parts().iter().map(|&(name, bytes)| (name.to_string(), bytes)).collect();
 

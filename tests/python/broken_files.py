@@ -48,7 +48,7 @@ def volumes(folder):
     tifffile.imwrite(folder / "stack.tif", zyx)
     tifffile.imwrite(folder / "deflate.tif", zyx, compression="zlib")
     tifffile.imwrite(folder / "big.tif", zyx, bigtiff=True)
-    tifffile.imwrite(folder / "imagej.tif", zyx, imagej=True)
+    tifffile.imwrite(folder / "imagej.tif", zyx, imagej=True, metadata={"axes": "ZYX"})
     for name in ["stack.tif", "deflate.tif", "big.tif", "imagej.tif"]:
         made[name] = folder / name
 

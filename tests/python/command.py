@@ -4,6 +4,7 @@ import os
 import resource
 import signal
 import subprocess
+import sys
 import tempfile
 import time
 from dataclasses import dataclass
@@ -18,6 +19,10 @@ class Done:
     out: str
     err: str
     peak_rss_bytes: int
+
+    def cancelled(self):
+        """Ctrl-C: exit code 2 and one line that says so."""
+        assert "cancelled" in self.refused(), self
 
     def refused(self):
         """Bad usage or bad input: exit code 2 and one line on standard error that says what; never a panic."""
@@ -50,7 +55,8 @@ def run(pumice, *args, cwd=None, file_size_limit=None, stdout=None, env=None, me
             stdin=subprocess.DEVNULL,
             stdout=stdout or out,
             stderr=err,
-            env={**os.environ, **(env or {})},
+            # With backtraces asked for, a panic would say the more.
+            env={**os.environ, "RUST_BACKTRACE": "1", **(env or {})},
             preexec_fn=limit if file_size_limit is not None else None,
             restore_signals=file_size_limit is None,
         )
@@ -70,6 +76,20 @@ def run(pumice, *args, cwd=None, file_size_limit=None, stdout=None, env=None, me
         out.seek(0)
         err.seek(0)
         return Done(process.returncode, out.read().decode(), err.read().decode(), used.ru_maxrss * 1024)
+
+
+# A child begins with the peak of the process that starts it, so a small one measures: prints the child's exit code and peak.
+MEASURE = "import os,sys; p=os.fork() or os.execv(sys.argv[1],sys.argv[1:]); _,s,u=os.wait4(p,0); print(s,u.ru_maxrss*1024)"
+
+
+def peak_rss_bytes(pumice, *args):
+    """Largest memory of `pumice args…`, as the system counted it; the command must succeed."""
+    measured = subprocess.run(
+        [sys.executable, "-I", "-S", "-c", MEASURE, str(pumice), *map(str, args)], capture_output=True, text=True, check=True
+    )
+    status, peak = measured.stdout.split()[-2:]
+    assert status == "0", measured
+    return int(peak)
 
 
 def cpu_seconds(process):

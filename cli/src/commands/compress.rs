@@ -40,18 +40,24 @@ pub(crate) fn run(args: &Compress, job: &Arc<Job>) -> Result<Answer, Failure> {
     )?;
     drop(bar);
     let percent = |bytes: u64| 100.0 * bytes as f64 / outcome.bytes_raw.max(1) as f64;
-    say(format_args!(
-        "{}: {} labels, {} boxes, {:.1} MB on disk ({:.2} % of raw), {:.1} MB in memory ({:.2} %), {:.1} s ({:.1} CPU s)",
-        args.out.display(),
-        outcome.labels,
-        outcome.boxes,
-        outcome.bytes_disk as f64 / 1e6,
-        percent(outcome.bytes_disk),
-        outcome.bytes_resident as f64 / 1e6,
-        percent(outcome.bytes_resident),
-        outcome.seconds,
-        outcome.cpu_seconds,
-    ))?;
+    // A report on standard output is alone there, for the program that reads it.
+    if args.json.as_deref() != Some(std::path::Path::new("-")) {
+        say(format_args!(
+            "{}: {} labels, {} boxes, {:.1} MB on disk ({:.2} % of raw), {:.1} MB in memory ({:.2} %), {:.1} s ({:.1} CPU s)",
+            args.out.display(),
+            outcome.labels,
+            outcome.boxes,
+            outcome.bytes_disk as f64 / 1e6,
+            percent(outcome.bytes_disk),
+            outcome.bytes_resident as f64 / 1e6,
+            percent(outcome.bytes_resident),
+            outcome.seconds,
+            outcome.cpu_seconds,
+        ))?;
+        for warning in &outcome.warnings {
+            say(format_args!("warning: {warning}"))?;
+        }
+    }
     if let Some(to) = &args.json {
         write_report(to, &Report { outcome, peak_rss_bytes: peak_rss_bytes() })?;
     }

@@ -1,14 +1,16 @@
 //! `pumice info`
 
-use pumice_session::{FileInfo, file_info};
+use std::sync::Arc;
+
+use pumice_session::{FileInfo, Job, file_info};
 
 use super::open_options;
 use crate::Answer;
 use crate::args::Info;
 use crate::failure::{Failure, say};
 
-pub(crate) fn run(args: &Info) -> Result<Answer, Failure> {
-    let info = file_info(&args.file, &open_options(&args.reading))?;
+pub(crate) fn run(args: &Info, job: &Arc<Job>) -> Result<Answer, Failure> {
+    let info = file_info(&args.file, &open_options(&args.reading), job)?;
     if args.json {
         say(serde_json::to_string_pretty(&info)?)?;
         return Ok(Answer::Yes);

@@ -17,6 +17,9 @@ use crate::args::{Axes, Reading};
 fn open_options(reading: &Reading) -> OpenOptions {
     OpenOptions {
         layer: reading.layer,
+        time: reading.time_step,
+        channel: reading.channel,
+        array: reading.array.clone(),
         spacing: reading.spacing,
         axes: match reading.axes {
             None | Some(Axes::Xyz) => ArrayAxes::Xyz,
