@@ -361,8 +361,8 @@ def test_broken_scenes(pumice, good_pumice, tmp_path):
         saved.write_text(broken)
         done = run(pumice, "render", saved, "-o", tmp_path / "q.png", "--spp", 1)
         line = done.refused()
-        # The file, or the field or volume that is wrong, is named.
-        named = {"no such key": "camara", "future": "version", "no number": "width", "no pixels": "width", "too many pixels": "width",
+        # The file and the field, the volume or (for a wrong type) the line that is wrong are named.
+        named = {"no such key": "camara", "future": "version", "no number": "line", "no pixels": "width", "too many pixels": "width",
                  "unknown field": "nonsense", "no volume": "absent.pumice"}
         assert "scene.json" in line or what == "no volume", line
         assert named.get(what, "") in line, line
