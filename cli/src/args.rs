@@ -61,13 +61,13 @@ pub(crate) struct Reading {
     /// Layer of a file with overlapping segments, counted from 0
     #[arg(long, value_name = "N")]
     pub(crate) layer: Option<u32>,
-    /// Time step of a file that holds several, counted from 0
-    #[arg(long, value_name = "N")]
+    /// Time step of a file with several, counted from 0
+    #[arg(long = "time-step", value_name = "N")]
     pub(crate) time_step: Option<u32>,
-    /// Channel of a file that holds several, counted from 0
+    /// Channel of a file with several, counted from 0
     #[arg(long, value_name = "N")]
     pub(crate) channel: Option<u32>,
-    /// Array of an .npz archive that holds several, by name
+    /// Array of an .npz archive with several
     #[arg(long, value_name = "NAME")]
     pub(crate) array: Option<String>,
     /// Voxel size x,y,z in the file's unit, instead of the file's own
@@ -122,9 +122,7 @@ pub(crate) struct Compress {
     /// Threads; default: all cores. The result does not depend on it
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     pub(crate) threads: Option<u16>,
-    /// Memory for the work: records beyond it are spilled to a temporary folder. Bytes, or with K, M, G
-    ///
-    /// The result does not depend on it. A limit too small for the volume is refused with the one that would do.
+    /// Memory for records not yet merged; more is spilled to a temporary folder. Bytes, or with K, M, G
     #[arg(long, value_name = "BYTES", value_parser = bytes)]
     pub(crate) memory_limit: Option<u64>,
     /// CSV table with the columns id,type: groups labels into types

@@ -78,34 +78,6 @@ pub(crate) fn read(path: &Path, options: &OpenOptions) -> Result<Found> {
     })
 }
 
-/// The index that the caller chose on an axis outside space; without one, index 0 and an error for later.
-fn choose(
-    path: &Path,
-    what: &'static str,
-    chosen: Option<u32>,
-    size: u64,
-    choices: &str,
-    undecided: &mut Option<FormatError>,
-) -> Result<u64> {
-    let (name, option) = if what == "layer" { ("layers", "--layer") } else { ("time steps", "--time-step") };
-    match chosen {
-        Some(index) if u64::from(index) < size => Ok(index.into()),
-        Some(index) => Err(FormatError::option(
-            path,
-            format!("{option} {index} asked for, but the file has {size} {name}, counted from 0: {choices}"),
-        )),
-        None => {
-            *undecided = Some(FormatError::Choose {
-                path: path.to_owned(),
-                what: format!("the file has {size} {name}, which are separate label maps"),
-                option,
-                choices: choices.to_owned(),
-            });
-            Ok(0)
-        }
-    }
-}
-
 /// What one axis of the file is.
 #[derive(Debug)]
 struct Axis {

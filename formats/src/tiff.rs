@@ -57,7 +57,6 @@ pub(crate) fn read(path: &Path, options: &OpenOptions) -> Result<Found> {
                     format!("0 to {last}; if they are slices: Image > Hyperstacks > Re-order in ImageJ");
                 Role::Fixed(choose_among(path, &choice::TIME, options.time, size, &choices, &mut undecided)?)
             }
-            PageAxis::Time => choose(path, "--time-step", "time steps", options.time, size, &mut undecided)?,
         };
         file_axes.push(FileAxis { size, role });
     }
@@ -157,40 +156,6 @@ fn place(path: &Path, axes: &Axes, mut info: VolumeInfo, options: &OpenOptions) 
     }
     let spacing = axes.spacing.map(|s| s.unwrap_or(1.0));
     Ok(info.from_centre_affine(placement::from_spacing(path, spacing, options)?))
-}
-
-/// The index on a channel or time axis.
-fn choose(
-    path: &Path,
-    option: &'static str,
-    name: &str,
-    chosen: Option<u32>,
-    size: u64,
-    undecided: &mut Option<FormatError>,
-) -> Result<Role> {
-    match chosen {
-        Some(index) if u64::from(index) < size => Ok(Role::Fixed(index.into())),
-        Some(index) => Err(FormatError::option(
-            path,
-            format!("{option} {index} asked for, but the file has {size} {name}, counted from 0"),
-        )),
-        None => {
-            if size > 1 && undecided.is_none() {
-                let hint = if option == "--time-step" {
-                    " (if they are slices, swap T and Z in ImageJ: Image > Hyperstacks > Re-order)"
-                } else {
-                    ""
-                };
-                *undecided = Some(FormatError::Choose {
-                    path: path.to_owned(),
-                    what: format!("the file has {size} {name}{hint}"),
-                    option,
-                    choices: format!("0 to {}", size.saturating_sub(1)),
-                });
-            }
-            Ok(Role::Fixed(0))
-        }
-    }
 }
 
 /// One directory for all planes: ImageJ writes stacks above 4 GiB so, the planes one behind the other, uncompressed.
