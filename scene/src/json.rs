@@ -96,7 +96,8 @@ impl Scene {
             return Err(SceneError::Field { field: "file".into(), problem });
         }
         let mut scene = Self::from_json(&std::fs::read_to_string(path)?)?;
-        let folder = path.parent().unwrap_or(Path::new("")).to_owned();
+        // Absolute, so that the scene means the same wherever it is saved to.
+        let folder = std::path::absolute(path)?.parent().unwrap_or(Path::new("")).to_owned();
         let resolve = |p: &mut PathBuf| *p = folder.join(&*p);
         scene.instances.iter_mut().for_each(|i| resolve(&mut i.source));
         if let Environment::Image { path, .. } = &mut scene.world.environment {

@@ -207,7 +207,8 @@ fn validate_film(c: &Check, film: &Film) -> Checked {
 }
 
 fn validate_sun(c: &Check, sun: &Sun) -> Checked {
-    let good = sun.direction.iter().all(|v| v.is_finite()) && sun.direction.iter().any(|v| *v != 0.0);
+    // Its squared length must be a normal number: what is made a unit vector of a shorter or a longer one is none.
+    let good = sun.direction.iter().map(|v| v * v).sum::<f64>().is_normal();
     c.field("direction", good, || format!("expected a direction, got {:?}", sun.direction))?;
     c.at_least("strength", sun.strength.into(), 0.0)?;
     c.color("color", sun.color)?;

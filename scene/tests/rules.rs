@@ -119,7 +119,7 @@ fn edges_are_inside() {
     let mut s = scene();
     s.film = Film { width: 65_536, height: 16_384, filter: Filter::BlackmanHarris { width: 16.0 } };
     s.suns[0].angle_rad = std::f64::consts::PI;
-    s.suns[0].direction = [0.0, 0.0, 1e-300];
+    s.suns[0].direction = [0.0, 0.0, 1e-150];
     s.settings.bounces = 1 << 20;
     *style(&mut s) =
         Material { base_color: [1.0; 3], metallic: 1.0, roughness: 0.0, ior: 1.0, ..Material::default() };
