@@ -1,0 +1,219 @@
+//! Small good inputs, made by the writers, from which libFuzzer starts. Where `cargo xtask fuzz` says, in `PUMICE_FUZZ_SEEDS`, they are
+//! written before the corpus is read.
+
+use std::path::{Path, PathBuf};
+
+use glam::{DAffine3, DVec3};
+use pumice_core::{
+    CompressedVolume, Job, LabelBuffer, LabelNote, LabelType, Level, VolumeInfo, compress_labels,
+};
+use pumice_formats::write::write_volume;
+use pumice_render::{Image, Passes, Picture, Provenance, write_exr, write_png};
+use pumice_scene::Scene;
+
+use crate::scratch;
+
+/// Writes a target's seeds, when there is a folder for them.
+///
+/// # Panics
+/// When a seed cannot be made or written.
+pub fn give(make: impl FnOnce() -> Vec<Vec<u8>>) {
+    let Some(folder) = std::env::var_os("PUMICE_FUZZ_SEEDS").map(PathBuf::from) else { return };
+    for (i, bytes) in make().into_iter().enumerate() {
+        std::fs::write(folder.join(format!("seed-{i:02}")), bytes).unwrap();
+    }
+}
+
+/// What a writer makes of a path with this ending.
+fn written(extension: &str, write: impl FnOnce(&Path)) -> Vec<u8> {
+    let path = scratch::path(extension);
+    write(&path);
+    let bytes = std::fs::read(&path).unwrap();
+    std::fs::remove_file(&path).unwrap();
+    bytes
+}
+
+/// Balls in layers: boxes of every size, full and mixed cells.
+fn ids(dims: [u32; 3]) -> Vec<u32> {
+    let mut ids = Vec::new();
+    for z in 0..dims[2] {
+        for y in 0..dims[1] {
+            for x in 0..dims[0] {
+                let far = (x % 10).pow(2) + (y % 12).pow(2) + (z % 9).pow(2) > 60;
+                ids.push(if far { 0 } else { 1 + x / 10 + 3 * (y / 12) + u32::from(x == y) });
+            }
+        }
+    }
+    ids
+}
+
+fn info(dims: [u32; 3], label_type: LabelType) -> VolumeInfo {
+    let mut info = VolumeInfo::new(dims, label_type);
+    info.world_from_index = DAffine3::from_scale(DVec3::new(0.5, 0.25, 2.0))
+        * DAffine3::from_translation(DVec3::new(1.0, -2.0, 3.0));
+    info.notes = vec![LabelNote { id: 2, name: Some("axon".into()), color_srgb: Some([0.25, 0.5, 1.0]) }];
+    info
+}
+
+fn volume(dims: [u32; 3]) -> CompressedVolume {
+    compress_labels(info(dims, LabelType::U32), LabelBuffer::U32(ids(dims))).unwrap()
+}
+
+/// `.pumice` files: several boxes, several chunks, one voxel, nothing.
+pub fn pumice_files() -> Vec<Vec<u8>> {
+    let empty = compress_labels(info([5, 1, 1], LabelType::U8), LabelBuffer::U8(vec![0; 5])).unwrap();
+    let volumes = [volume([21, 13, 9]), volume([33, 17, 16]), volume([1, 1, 2060]), volume([1, 1, 1]), empty];
+    let levels = [Level::Fast, Level::Default];
+    let saved =
+        |v: &CompressedVolume, level| written(".pumice", |path| v.save(path, level, &Job::new()).unwrap());
+    volumes.iter().flat_map(|v| levels.map(|level| saved(v, level))).collect()
+}
+
+/// Volumes of every format that has a writer, and of those that have none by hand.
+pub fn label_volumes() -> Vec<Vec<u8>> {
+    let dims = [6, 5, 4];
+    let write = |extension: &str, label_type: LabelType| {
+        let ids: Vec<u64> = ids(dims).into_iter().map(u64::from).collect();
+        let volume = |path: &Path| {
+            let slab = (dims[0] * dims[1]) as usize;
+            let decode = |o: [u32; 3], d: [u32; 3]| {
+                assert_eq!(o[..2], [0, 0]);
+                Ok(ids[o[2] as usize * slab..][..slab * d[2] as usize].to_vec())
+            };
+            write_volume(path, &info(dims, label_type), &mut { decode }).unwrap();
+        };
+        written(extension, volume)
+    };
+    let mut seeds = Vec::new();
+    for extension in [".nrrd", ".npy", ".nii", ".nii.gz", ".tif"] {
+        for label_type in [LabelType::U8, LabelType::U16] {
+            seeds.push(write(extension, label_type));
+        }
+    }
+
+    let text: String = (0..24).map(|i| format!("{} ", i % 5)).collect();
+    let nrrd = |fields: &str, data: &str| format!("NRRD0004\n{fields}\n\n{data}").into_bytes();
+    seeds.push(nrrd("type: uchar\ndimension: 3\nsizes: 4 3 2\nencoding: ascii\nspacings: 1 1 2", &text));
+    seeds.push(nrrd(
+        "type: uint8\ndimension: 4\nsizes: 2 2 3 2\nkinds: list domain domain domain\nencoding: text",
+        &text,
+    ));
+    seeds.push(nrrd(
+        "type: short\ndimension: 3\nspace: left-posterior-superior\nsizes: 2 2 1\nspace directions: (1,0,0) (0,1,0) (0,0,2)\n\
+         space origin: (1,2,3)\nendian: big\nencoding: hex\nkinds: domain domain domain\nSegment0_ID:=a\nSegment0_Name:=b\n\
+         Segment0_LabelValue:=1\nSegment0_Layer:=0\nSegment0_Color:=0.5 0.5 1",
+        "0001 0002 0003 0000",
+    ));
+    let meta = |fields: &str, data: &str| {
+        format!("ObjectType = Image\nNDims = 3\n{fields}\nElementDataFile = LOCAL\n{data}").into_bytes()
+    };
+    let place = "BinaryDataByteOrderMSB = False\nElementSpacing = 1 1 2\nOffset = 1 2 3\nTransformMatrix = 1 0 0 0 1 0 0 0 1";
+    seeds.push(meta(
+        &format!("BinaryData = True\n{place}\nDimSize = 4 3 2\nElementType = MET_UCHAR"),
+        &text[..24],
+    ));
+    seeds.push(meta("BinaryData = False\nDimSize = 4 3 2\nElementType = MET_USHORT", &text));
+    let npy = write(".npy", LabelType::U16);
+    seeds.push(stored_zip("labels.npy", &npy));
+    seeds
+}
+
+/// A ZIP archive with one member that is not compressed (APPNOTE.TXT 4.3).
+fn stored_zip(name: &str, bytes: &[u8]) -> Vec<u8> {
+    // From "version needed" to "extra length": the same in the local header and the directory.
+    let mut facts = vec![20, 0, 0, 0, 0, 0, 0, 0, 0, 0];
+    facts.extend(crc32fast::hash(bytes).to_le_bytes());
+    facts.extend((bytes.len() as u32).to_le_bytes());
+    facts.extend((bytes.len() as u32).to_le_bytes());
+    facts.extend((name.len() as u16).to_le_bytes());
+    facts.extend([0, 0]);
+    let mut zip = [b"PK\x03\x04", &facts[..], name.as_bytes(), bytes].concat();
+    let directory = [b"PK\x01\x02\x14\0", &facts[..], &[0; 14], name.as_bytes()].concat();
+    let (at, length) = (zip.len() as u32, directory.len() as u32);
+    zip.extend(directory);
+    zip.extend(b"PK\x05\x06\0\0\0\0\x01\0\x01\0");
+    zip.extend(length.to_le_bytes());
+    zip.extend(at.to_le_bytes());
+    zip.extend([0, 0]);
+    zip
+}
+
+/// Layout, then voxels, as the target `raw_volume` takes them apart.
+pub fn raw_volumes() -> Vec<Vec<u8>> {
+    let layout = |dims: [u32; 3], label_type: u8, big_endian: u8, offset: u16| {
+        let mut seed: Vec<u8> = dims.iter().flat_map(|d| d.to_le_bytes()).collect();
+        seed.extend([label_type, big_endian]);
+        seed.extend(offset.to_le_bytes());
+        seed
+    };
+    let plain = [&layout([4, 3, 2], 0, 0, 0)[..], &[7; 24]].concat();
+    let wide = [&layout([2, 2, 1], 3, 1, 3)[..], &[0; 35]].concat();
+    let float = [&layout([2, 1, 1], 8, 0, 0)[..], &1f32.to_le_bytes(), &2f32.to_le_bytes()].concat();
+    vec![plain, wide, float]
+}
+
+const SCENE: &str = r#"{
+  "version": 1,
+  "instances": [{
+    "id": 7, "source": "a.pumice", "world_from_index": [1, 0, 0, 0, 0.1, 0, 0, 0, 1e-9, -4, 5, 6],
+    "style": { "show": { "only": [1, 18446744073709551615] }, "auto_color": true }
+  }],
+  "camera": {
+    "world_from_camera": [1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 10],
+    "projection": { "perspective": { "fov_rad": 0.7 } }
+  },
+  "film": { "width": 5, "height": 4, "filter": { "blackman_harris": { "width": 3.0 } } },
+  "world": { "environment": { "constant": { "radiance": [0.1, 0.2, 0.3] } } },
+  "settings": { "seed": 1 }
+}"#;
+
+/// Scenes; the second has every field written out.
+pub fn scenes() -> Vec<Vec<u8>> {
+    let whole = Scene::from_json(SCENE).unwrap().to_json().unwrap();
+    vec![SCENE.into(), whole.into()]
+}
+
+/// Pictures: ours as EXR and PNG, and EXR as others compress it.
+pub fn pictures() -> Vec<Vec<u8>> {
+    use exr::prelude::{Compression, Encoding, SpecificChannels, WritableImage};
+    let (width, height) = (5, 4);
+    let image = Image::new(width, height, (0..20).map(|i| [i as f32, 0.5, 1.0 / (1.0 + i as f32)]).collect());
+    let ours = Picture {
+        color: image.clone(),
+        variance: Some(image.clone()),
+        depth: Some(vec![f32::INFINITY; 20]),
+        label: Some((0..20).collect()),
+        albedo: Some(image.clone()),
+        normal: Some(image),
+        provenance: Some(Provenance {
+            version: "0.1.0".into(),
+            backend: "cpu".into(),
+            scene: Scene::from_json(SCENE).unwrap(),
+            volume_hashes: vec!["0123456789abcdef0123456789abcdef".into()],
+            spp: 64,
+            error_estimate: Some(0.01),
+        }),
+    };
+    let passes = Passes { variance: true, depth: true, label: true, albedo: true, normal: true };
+    let mut seeds = vec![
+        written(".exr", |path| write_exr(path, &ours, &passes).unwrap()),
+        written(".png", |path| write_png(path, &ours).unwrap()),
+    ];
+    let tiled = Encoding::FAST_LOSSLESS;
+    let packed = |compression| Encoding { compression, ..Encoding::UNCOMPRESSED };
+    let codecs =
+        [Compression::RLE, Compression::ZIP1, Compression::ZIP16, Compression::PIZ, Compression::PXR24];
+    let lossy = [Compression::B44, Compression::B44A];
+    for encoding in codecs.into_iter().chain(lossy).map(packed).chain([tiled, Encoding::UNCOMPRESSED]) {
+        let pixel = |p: exr::prelude::Vec2<usize>| (p.x() as f32, p.y() as f32, 0.5f32);
+        let layer = exr::prelude::Layer::new(
+            (width, height),
+            exr::prelude::LayerAttributes::default(),
+            encoding,
+            SpecificChannels::rgb(pixel),
+        );
+        let image = exr::prelude::Image::from_layer(layer);
+        seeds.push(written(".exr", |path| image.write().to_file(path).unwrap()));
+    }
+    seeds
+}

@@ -1,0 +1,77 @@
+//! Opens a `.pumice` file as the command would, past the content hash, and uses all that came out.
+
+use std::path::Path;
+
+use pumice_core::{CompressedVolume, Error, Job, Level};
+
+use crate::{checksums, scratch};
+
+/// Voxels below which a volume is decoded whole.
+const SMALL_VOXELS: u64 = 1 << 20;
+
+/// Opens a file whose checksums are right, and uses it. Its content hash is put right as well, when all but that is: who makes
+/// a file in order to do harm can do the same.
+pub fn open_and_use(mut bytes: Vec<u8>) {
+    let path = scratch::path("");
+    scratch::put(&path, &bytes);
+    let mut opened = CompressedVolume::open(&path, &Job::new());
+    if let Err(Error::File { what, .. }) = &opened
+        && let Some((_, got)) = what.strip_prefix("content hash: ").and_then(|w| w.split_once("got "))
+    {
+        let hash = u128::from_str_radix(got, 16).expect("the message ends with the hash");
+        checksums::set_content_hash(&mut bytes, hash);
+        scratch::put(&path, &bytes);
+        opened = CompressedVolume::open(&path, &Job::new());
+        assert!(opened.is_ok(), "with the hash that it asked for: {:?}", opened.err().map(|e| e.to_string()));
+    }
+    match opened {
+        Ok(volume) => use_all(&volume, &path, bytes.len()),
+        Err(error) => {
+            let text = error.to_string();
+            assert!(!text.contains('\n'), "more than a line: {text}");
+        }
+    }
+}
+
+fn use_all(volume: &CompressedVolume, path: &Path, seed: usize) {
+    let dims = volume.info().dims;
+    let labels = volume.labels().len() as u32;
+
+    // Tables.
+    for (a, b) in volume.labels().contacts().iter() {
+        assert!(a < b && b < labels, "contact {a} {b} of {labels} labels");
+    }
+    for label in 0..labels.min(1000) {
+        let _ = (volume.note(label), volume.labels().type_of(label));
+        assert_eq!(volume.labels().index_of(volume.labels().ids()[label as usize]), Some(label));
+    }
+    for (label, bounds) in volume.label_bounds().into_iter().enumerate() {
+        assert!((0..3).all(|a| bounds.high[a] < dims[a]), "label {label}: {bounds:?} in {dims:?}");
+    }
+
+    // Voxels: all, or those around some boxes.
+    if volume.info().voxels() <= SMALL_VOXELS {
+        let block = volume.decode_block([0; 3], dims).expect("within the volume");
+        assert!(block.iter().all(|&l| l <= labels));
+    }
+    for index in [0, volume.boxes().len() / 2, volume.boxes().len().saturating_sub(1)] {
+        if index < volume.boxes().len() {
+            let origin = volume.get_box(index).origin;
+            let size = [0, 1, 2].map(|a| (dims[a] - origin[a]).min(20));
+            volume.decode_block(origin, size).expect("within the volume");
+            assert!(volume.label_at(origin).is_none_or(|l| l < labels));
+        }
+    }
+    volume.find_contacts(&Job::new()).expect("contacts of what opened");
+
+    // What opens can be saved, and opens again as the same.
+    let level = if seed.is_multiple_of(16) { Level::Default } else { Level::Fast };
+    volume.save(path, level, &Job::new()).expect("save");
+    let back = match CompressedVolume::open(path, &Job::new()) {
+        Ok(back) => back,
+        Err(error) => panic!("saved as {level:?}, then: {error}"),
+    };
+    assert_eq!(back.content_hash(), volume.content_hash());
+    assert_eq!(back.info(), volume.info());
+    assert_eq!(back.boxes().len(), volume.boxes().len());
+}

@@ -1,0 +1,34 @@
+//! A picture as EXR, and the provenance out of EXR or PNG.
+#![no_main]
+
+use pumice_fuzz::{scratch, seeds};
+use pumice_render::{PictureError, read_exr, read_provenance};
+
+fn init() {
+    // The reader catches panics of the EXR library and tells them as errors. libFuzzer's hook would end the process before that;
+    // panics that reach the target are findings still.
+    std::panic::set_hook(Box::new(|_| {}));
+    seeds::give(seeds::pictures);
+}
+
+fn one_line(error: &PictureError) {
+    let text = error.to_string();
+    assert!(!text.contains('\n'), "more than a line: {text}");
+}
+
+libfuzzer_sys::fuzz_target!(init: init(), |input: &[u8]| {
+    let path = scratch::path(if input.starts_with(b"\x89PNG") { ".png" } else { ".exr" });
+    scratch::put(&path, input);
+    match read_exr(&path) {
+        Ok(picture) => {
+            let pixels = picture.color.width * picture.color.height;
+            assert_eq!(picture.color.pixels.len(), pixels);
+            assert!(picture.depth.is_none_or(|d| d.len() == pixels));
+            assert!(picture.label.is_none_or(|l| l.len() == pixels));
+        }
+        Err(error) => one_line(&error),
+    }
+    if let Err(error) = read_provenance(&path) {
+        one_line(&error);
+    }
+});

@@ -1,0 +1,10 @@
+//! A whole `.pumice` file: header, table, filters and zstd; its checksums are put right first.
+#![no_main]
+
+use pumice_fuzz::{checksums, seeds, volume};
+
+libfuzzer_sys::fuzz_target!(init: seeds::give(seeds::pumice_files), |input: &[u8]| {
+    let mut file = input.to_vec();
+    checksums::set(&mut file);
+    volume::open_and_use(file);
+});
