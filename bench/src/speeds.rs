@@ -34,15 +34,30 @@ pub(crate) fn measure(programs: &Programs, volumes: &[PathBuf]) -> Result<Table>
         let raw = at("volume.raw").display().to_string();
         let build = programs.example("build_speed", &[&raw, &dims[0], &dims[1], &dims[2]])?;
         let rays = programs.example("ray_rate", &[at("volume.nrrd")])?;
-        let one_line = |text: &str| text.split_whitespace().collect::<Vec<_>>().join(" ");
+        let compression_figure = |line, unit| figure(&build, line, unit);
+        let ray_figure = |line| figure(&rays, line, "M/s");
         table.push(vec![
             ("volume", name_of(volume)),
             ("whole compression from the file, CPU s", format!("{:.2}", number(&report, "cpu_seconds")?)),
-            ("compression from memory", one_line(&build)),
-            ("rays", one_line(&rays)),
+            ("parts, MVoxel per CPU s", compression_figure("parts", "MVoxel/CPU-s")?),
+            ("finish, CPU s", compression_figure("finish", "CPU-s")?),
+            ("contacts, CPU s", compression_figure("contacts", "CPU-s,")?),
+            ("verify, CPU s", compression_figure("verify", "CPU-s:")?),
+            ("primary rays, M per CPU s", ray_figure("primary")?),
+            ("diffuse rays, M per CPU s", ray_figure("diffuse")?),
+            ("occlusion rays, M per CPU s", ray_figure("occluded")?),
         ]);
     }
     Ok(table)
+}
+
+/// The number that stands before `unit` in the first line of a text that begins with `start`.
+fn figure(text: &str, start: &str, unit: &str) -> Result<String> {
+    let line = text.lines().find(|l| l.starts_with(start));
+    let words: Vec<&str> = line.unwrap_or_default().split_whitespace().collect();
+    let value = words.iter().zip(words.iter().skip(1)).find(|(_, next)| **next == unit).map(|(v, _)| *v);
+    let number = value.filter(|v| v.parse::<f64>().is_ok());
+    number.map(str::to_owned).ok_or_else(|| format!("no line {start:?} with a figure in {unit} in: {text}"))
 }
 
 /// The array behind an NPY header (bytes 8 and 9 give its length), which must be of u32.
@@ -59,4 +74,18 @@ fn write_u32_labels(npy: &Path, raw: &Path) -> Result<()> {
         ));
     }
     std::fs::write(raw, &bytes[header_bytes..]).map_err(|e| format!("{}: {e}", raw.display()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn figures_are_found_by_their_unit_and_missed_when_they_are_not_there() {
+        let text =
+            "parts     402.7 MVoxel/CPU-s  0.083 CPU-s  975797 records\ncontacts 0.120 CPU-s, 38661 pairs\n";
+        assert_eq!(figure(text, "parts", "MVoxel/CPU-s").as_deref(), Ok("402.7"));
+        assert_eq!(figure(text, "contacts", "CPU-s,").as_deref(), Ok("0.120"));
+        assert!(figure(text, "contacts", "M/s").is_err() && figure(text, "rays", "M/s").is_err());
+    }
 }

@@ -51,3 +51,31 @@ pub enum Error {
 
 /// Result of the core.
 pub type Result<T> = std::result::Result<T, Error>;
+
+/// A text of others as one line: control characters, which would break the line or steer a terminal, as escapes.
+///
+/// Parsers quote what they found, and so a file could write whatever it likes to the user's terminal.
+pub fn one_line(text: &str) -> String {
+    let mut line = String::with_capacity(text.len());
+    for c in text.chars() {
+        // Line and paragraph separators are no control characters, yet break lines.
+        if c.is_control() || matches!(c, '\u{2028}' | '\u{2029}') {
+            line.extend(c.escape_debug());
+        } else {
+            line.push(c);
+        }
+    }
+    line
+}
+
+#[cfg(test)]
+mod tests {
+    use super::one_line;
+
+    #[test]
+    fn lines_are_not_broken_and_terminals_not_steered() {
+        assert_eq!(one_line("a\nb\r\u{1b}[2Jc\u{85}\u{2028}d"), "a\\nb\\r\\u{1b}[2Jc\\u{85}\\u{2028}d");
+        let harmless = "ungültig „x\" 'y' 脑";
+        assert_eq!(one_line(harmless), harmless);
+    }
+}

@@ -1,60 +1,52 @@
 //! The CPU behind the [`Renderer`] interface: builds from a scene what paths need, and only that.
 
-use std::collections::HashSet;
 use std::sync::Arc;
 use std::time::Duration;
 
 use pumice_core::{CompressedVolume, Job};
-use pumice_render::{EnvironmentTable, Image, Picture, Progress, ReadySun, RenderError, Renderer};
-use pumice_scene::{Environment, Scene, Show};
+use pumice_render::{
+    EnvironmentTable, Image, Pick, Picture, Progress, ReadySun, Rebuilt, RenderError, Renderer,
+};
+use pumice_scene::{Environment, InstanceDiff, Scene, SceneDiff, SceneError};
 
+use crate::camera_rays::CameraRays;
 use crate::lights::{Lights, Sky};
 use crate::looks::Looks;
 use crate::path::Surroundings;
 use crate::path_tracer::PathTracer;
-use crate::traverse::{LodChoice, SceneTracer, TracedInstance};
+use crate::traverse::{LodChoice, SceneTracer, TracedInstance, VolumeTracer};
 
 /// Reads the scene-linear pictures that scenes name as environments; files are the caller's business.
 pub type ReadImage = fn(&std::path::Path) -> Result<Image, String>;
-
-/// What is under a pixel.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Pick {
-    /// Position of the instance in the scene's list.
-    pub instance: u32,
-    /// Dense label index.
-    pub label: u32,
-    /// Lowest voxel of the element that was hit.
-    pub voxel: [u32; 3],
-    /// Distance along the view axis.
-    pub depth: f64,
-}
 
 /// See the module.
 #[derive(Debug)]
 pub struct CpuRenderer {
     read_image: ReadImage,
     shown: Option<Shown>,
+    rebuilt: Rebuilt,
 }
 
 #[derive(Debug)]
 struct Shown {
     scene: Scene,
     volumes: Vec<Arc<CompressedVolume>>,
-    tracer: PathTracer<Arc<SceneTracer>>,
+    lod: LodChoice,
+    tracer: PathTracer<SceneTracer>,
+}
+
+fn no_scene() -> RenderError {
+    RenderError::Scene("scene: none was set".into())
 }
 
 impl CpuRenderer {
     /// A renderer that shows nothing yet.
     pub fn new(read_image: ReadImage) -> Self {
-        Self { read_image, shown: None }
+        Self { read_image, shown: None, rebuilt: Rebuilt::default() }
     }
 
-    /// What is under the middle of a pixel.
-    pub fn pick(&self, x: u32, y: u32) -> Option<Pick> {
-        let (hit, depth) = self.shown.as_ref()?.tracer.pick(x, y)?;
-        let s = hit.surface;
-        Some(Pick { instance: s.instance, label: s.label, voxel: s.voxel, depth })
+    fn shown(&self) -> Result<&Shown, RenderError> {
+        self.shown.as_ref().ok_or_else(no_scene)
     }
 
     fn lights(&self, scene: &Scene) -> Result<Lights, RenderError> {
@@ -70,33 +62,44 @@ impl CpuRenderer {
     }
 }
 
-/// Which labels are drawn, by dense index.
-fn visible(show: &Show, ids: &[u64]) -> Vec<bool> {
-    let set = |list: &[u64]| list.iter().copied().collect::<HashSet<u64>>();
-    match show {
-        Show::All => vec![true; ids.len()],
-        Show::Only(list) => {
-            let list = set(list);
-            ids.iter().map(|id| list.contains(id)).collect()
-        }
-        Show::Except(list) => {
-            let list = set(list);
-            ids.iter().map(|id| !list.contains(id)).collect()
-        }
-    }
+/// What the former scene has to offer for an instance of the new one: its place there, where its volume is the same.
+struct Former<'a> {
+    shown: &'a Shown,
+    place: usize,
+    change: InstanceDiff,
 }
 
-/// Whether the acceleration structures of the former scene serve the new one.
-fn same_geometry(old: &Shown, scene: &Scene, volumes: &[Arc<CompressedVolume>]) -> bool {
-    let same_instance = |(a, b): (&pumice_scene::Instance, &pumice_scene::Instance)| {
-        a.world_from_index == b.world_from_index && a.style.show == b.style.show
-    };
-    let lod = |s: &Scene| LodChoice::new(s.settings.lod, &s.camera, &s.film);
-    old.scene.instances.len() == scene.instances.len()
-        && old.scene.instances.iter().zip(&scene.instances).all(same_instance)
-        && old.volumes.len() == volumes.len()
-        && old.volumes.iter().zip(volumes).all(|(a, b)| Arc::ptr_eq(a, b))
-        && lod(&old.scene) == lod(scene)
+impl<'a> Former<'a> {
+    fn find(
+        old: Option<&'a Shown>,
+        diff: &SceneDiff,
+        id: u32,
+        volume: &Arc<CompressedVolume>,
+    ) -> Option<Self> {
+        let shown = old?;
+        let place = shown.scene.instances.iter().position(|i| i.id == id)?;
+        // The same path may hold another volume by now.
+        Arc::ptr_eq(&shown.volumes[place], volume).then(|| {
+            let change = diff.changed.iter().find(|c| c.id == id).copied();
+            Self { shown, place, change: change.unwrap_or_default() }
+        })
+    }
+
+    /// Its materials, where they are still right: colours of neighbours follow from which labels are drawn.
+    fn looks(&self) -> Option<&'a Arc<Looks>> {
+        let same = !self.change.materials && !self.change.visibility;
+        same.then(|| &self.shown.tracer.around().looks[self.place])
+    }
+
+    /// Its geometry, where the same boxes are still drawn at the same levels as the same instance.
+    fn geometry(&self, place: usize, lod: LodChoice) -> Option<&'a Arc<VolumeTracer>> {
+        let by_distance = matches!(lod, LodChoice::Distance { .. });
+        let same = self.place == place
+            && self.shown.lod == lod
+            && !self.change.visibility
+            && !(self.change.moved && by_distance);
+        if same { self.shown.tracer.tracer().instance(place as u32) } else { None }
+    }
 }
 
 impl Renderer for CpuRenderer {
@@ -105,7 +108,8 @@ impl Renderer for CpuRenderer {
     }
 
     fn set_scene(&mut self, scene: &Scene, volumes: &[Arc<CompressedVolume>]) -> Result<(), RenderError> {
-        scene.validate().map_err(|e| RenderError::Scene(e.to_string()))?;
+        let fault = |e: SceneError| RenderError::Scene(e.to_string());
+        scene.validate().map_err(fault)?;
         if scene.instances.len() != volumes.len() {
             return Err(RenderError::Scene(format!(
                 "instances: expected one volume for each of {}, got {}",
@@ -113,55 +117,98 @@ impl Renderer for CpuRenderer {
                 volumes.len()
             )));
         }
-        for (i, (instance, volume)) in scene.instances.iter().zip(volumes).enumerate() {
-            instance.validate_ids(i, volume.labels().ids()).map_err(|e| RenderError::Scene(e.to_string()))?;
-        }
-        let lights = self.lights(scene)?;
-        let looks = scene
-            .instances
-            .iter()
-            .zip(volumes)
-            .map(|(instance, volume)| {
-                let table = volume.labels();
-                let visible = visible(&instance.style.show, table.ids());
-                Looks::new(&instance.style, table.ids(), table.contacts().iter(), &visible)
-            })
-            .collect();
-        let geometry = match &self.shown {
-            Some(old) if same_geometry(old, scene, volumes) => Arc::clone(old.tracer.tracer()),
+        let old = self.shown.as_ref();
+        let diff = SceneDiff::between(old.map(|o| &o.scene), scene);
+        let mut rebuilt = self.rebuilt;
+
+        let lights = match old {
+            Some(o) if !diff.world && !diff.suns => Arc::clone(&o.tracer.around().lights),
             _ => {
-                let traced: Vec<_> = scene
-                    .instances
-                    .iter()
-                    .zip(volumes)
-                    .map(|(instance, volume)| TracedInstance {
-                        volume: Arc::clone(volume),
-                        world_from_index: instance.world_from_index,
-                        visible: visible(&instance.style.show, volume.labels().ids()),
-                        lod: LodChoice::new(scene.settings.lod, &scene.camera, &scene.film),
-                    })
-                    .collect();
-                Arc::new(SceneTracer::new(&traced)?)
+                rebuilt.lights += 1;
+                Arc::new(self.lights(scene)?)
             }
         };
+        let lod = LodChoice::new(scene.settings.lod, &scene.camera, &scene.film);
+        let mut looks = Vec::with_capacity(volumes.len());
+        let mut geometry = Vec::with_capacity(volumes.len());
+        for (place, (instance, volume)) in scene.instances.iter().zip(volumes).enumerate() {
+            let former = Former::find(old, &diff, instance.id, volume);
+            let kept_looks = former.as_ref().and_then(Former::looks);
+            let kept_geometry = former.as_ref().and_then(|f| f.geometry(place, lod));
+            let table = volume.labels();
+            let visible = if kept_looks.is_none() || kept_geometry.is_none() {
+                let field = format!("instances[{place}].style.show");
+                instance.style.show.resolve(&field, table.ids()).map_err(fault)?
+            } else {
+                Vec::new()
+            };
+            looks.push(match kept_looks {
+                Some(kept) => Arc::clone(kept),
+                None => {
+                    rebuilt.materials += 1;
+                    let touching = table.contacts().iter();
+                    Arc::new(Looks::new(&instance.style, table.ids(), touching, &visible))
+                }
+            });
+            geometry.push(match (kept_geometry, &former) {
+                (Some(kept), Some(f)) if f.change.moved => Arc::new(kept.moved(instance.world_from_index)?),
+                (Some(kept), _) => Arc::clone(kept),
+                (None, _) => {
+                    rebuilt.acceleration += 1;
+                    let traced = TracedInstance {
+                        volume: Arc::clone(volume),
+                        world_from_index: instance.world_from_index,
+                        visible,
+                        lod,
+                    };
+                    Arc::new(VolumeTracer::new(place as u32, &traced)?)
+                }
+            });
+        }
         let around = Surroundings { lights, looks, settings: scene.settings };
-        let tracer = PathTracer::new(geometry, around, &scene.camera, &scene.film);
-        self.shown = Some(Shown { scene: scene.clone(), volumes: volumes.to_vec(), tracer });
+        let geometry = SceneTracer::of(geometry);
+        rebuilt.camera += u64::from(diff.camera || diff.film);
+        rebuilt.film += u64::from(diff.film);
+        let tracer = match self.shown.take() {
+            Some(Shown { mut tracer, .. }) if !diff.film => {
+                let camera = diff.camera.then(|| CameraRays::new(&scene.camera, &scene.film));
+                tracer.restart(geometry, around, camera);
+                tracer
+            }
+            _ => PathTracer::new(geometry, around, &scene.camera, &scene.film),
+        };
+        self.rebuilt = rebuilt;
+        self.shown = Some(Shown { scene: scene.clone(), volumes: volumes.to_vec(), lod, tracer });
         Ok(())
     }
 
     fn advance(&mut self, slice: Duration, spp_limit: u32, job: &Job) -> Result<Progress, RenderError> {
         match &mut self.shown {
             Some(shown) => shown.tracer.advance(slice, spp_limit, job),
-            None => Err(RenderError::Scene("scene: none was set".into())),
+            None => Err(no_scene()),
         }
     }
 
+    fn color(&self) -> Result<Image, RenderError> {
+        Ok(self.shown()?.tracer.film().mean())
+    }
+
     fn picture(&self) -> Result<Picture, RenderError> {
-        let Some(shown) = &self.shown else {
-            return Err(RenderError::Scene("scene: none was set".into()));
-        };
-        Ok(shown.tracer.picture())
+        Ok(self.shown()?.tracer.picture())
+    }
+
+    fn pick(&self, x: u32, y: u32) -> Result<Option<Pick>, RenderError> {
+        let shown = self.shown()?;
+        let film = &shown.scene.film;
+        let hit = if x < film.width && y < film.height { shown.tracer.pick(x, y) } else { None };
+        Ok(hit.map(|(hit, depth)| {
+            let s = hit.surface;
+            Pick { instance: s.instance, label: s.label, voxel: s.voxel, depth }
+        }))
+    }
+
+    fn rebuilt(&self) -> Rebuilt {
+        self.rebuilt
     }
 
     fn bytes(&self) -> Vec<(&'static str, u64)> {
@@ -169,7 +216,7 @@ impl Renderer for CpuRenderer {
             vec![
                 ("acceleration", s.tracer.tracer().bytes()),
                 ("film", s.tracer.film().bytes()),
-                ("materials", s.tracer.around().looks.iter().map(Looks::bytes).sum()),
+                ("materials", s.tracer.around().looks.iter().map(|l| l.bytes()).sum()),
             ]
         })
     }

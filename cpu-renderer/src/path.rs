@@ -10,6 +10,8 @@
 //! Beyond that: geometry is f64 and exact from face to face, light is f32; each number drawn has a named dimension; a surface seen
 //! from inside a label shows its emission alone.
 
+use std::sync::Arc;
+
 use glam::{DVec3, Vec3};
 use pumice_render::sampler::{BouncePair, PixelSampler};
 use pumice_render::sun::frame_around;
@@ -31,9 +33,9 @@ const LEAST_SURVIVAL: f32 = 0.05;
 #[derive(Clone, Debug)]
 pub struct Surroundings {
     /// Sky, suns, backdrop.
-    pub lights: Lights,
+    pub lights: Arc<Lights>,
     /// Looks of each instance's labels.
-    pub looks: Vec<Looks>,
+    pub looks: Vec<Arc<Looks>>,
     /// Mode, bounces, roulette.
     pub settings: Settings,
 }

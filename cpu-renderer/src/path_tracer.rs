@@ -40,6 +40,15 @@ impl<T: Tracer> PathTracer<T> {
         }
     }
 
+    /// Starts the picture again on the same film, with other surroundings and, where one is given, another camera.
+    pub fn restart(&mut self, tracer: T, around: Surroundings, camera: Option<CameraRays>) {
+        self.tracer = tracer;
+        self.around = around;
+        self.rays = camera.unwrap_or(self.rays);
+        self.film.clear();
+        self.seconds_a_sample = 0.0;
+    }
+
     /// The geometry.
     pub fn tracer(&self) -> &T {
         &self.tracer

@@ -72,8 +72,8 @@ fn scene(which: u32, seed: u64, finding: Finding) -> PathTracer<Dense> {
         ),
     };
     let around = Surroundings {
-        lights: lights.found_by(finding),
-        looks: vec![Looks::same(material)],
+        lights: lights.found_by(finding).into(),
+        looks: vec![Looks::same(material).into()],
         settings: Settings { bounces: 4, seed, ..Settings::default() },
     };
     let film = Film { width: SIZE, height: SIZE, filter: Filter::BlackmanHarris { width: 3.0 } };

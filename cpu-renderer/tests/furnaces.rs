@@ -32,8 +32,8 @@ const FILM: Film = Film { width: 32, height: 32, filter: Filter::Box { width: 1.
 /// Mean of channel 0 over the pixels whose middle hits something.
 fn mean(dense: Dense, material: Material, sky: f32, settings: Settings, camera: Camera, spp: u32) -> f64 {
     let around = Surroundings {
-        lights: Lights::new(Sky::Constant(Vec3::splat(sky)), Vec::new(), None),
-        looks: vec![Looks::same(material)],
+        lights: Lights::new(Sky::Constant(Vec3::splat(sky)), Vec::new(), None).into(),
+        looks: vec![Looks::same(material).into()],
         settings,
     };
     let mut tracer = PathTracer::new(dense, around, &camera, &FILM);
@@ -130,8 +130,8 @@ fn glossy_bodies_never_give_more_than_they_get() {
 fn threads_and_slices_do_not_change_the_picture() {
     let picture = |threads: usize, steps: &[u32]| {
         let around = Surroundings {
-            lights: Lights::new(Sky::Constant(Vec3::ONE), Vec::new(), None),
-            looks: vec![Looks::same(Material::default())],
+            lights: Lights::new(Sky::Constant(Vec3::ONE), Vec::new(), None).into(),
+            looks: vec![Looks::same(Material::default()).into()],
             settings: Settings::default(),
         };
         let mut tracer = PathTracer::new(sponge(), around, &outside(), &FILM);

@@ -8,7 +8,7 @@ use std::time::Duration;
 use glam::{DAffine3, DMat3, DVec3};
 use pumice_core::{CompressedVolume, Job, LabelBuffer, LabelType, VolumeInfo, compress_labels};
 use pumice_cpu::CpuRenderer;
-use pumice_render::{Image, RenderError, Renderer};
+use pumice_render::{Image, Rebuilt, RenderError, Renderer};
 use pumice_scene::{
     Camera, Environment, Film, Filter, Instance, LabelStyle, Lod, Material, Mode, Projection, SCENE_VERSION,
     Scene, Settings, Show, Sun, World,
@@ -244,5 +244,53 @@ fn no_extreme_material_puts_anything_but_numbers_on_the_film() {
                 );
             }
         }
+    }
+}
+
+/// A camera move makes camera rays and a colour edit materials; only what is drawn and at which level of detail costs a hierarchy.
+#[test]
+fn only_what_differs_is_made_again() {
+    type Edit = fn(&mut Scene);
+    let base = looking_down(Environment::Constant { radiance: [1.0; 3] }, vec![], lambert(0.8));
+    let mut renderer = renderer();
+    let shared = volume();
+    renderer.set_scene(&base, std::slice::from_ref(&shared)).unwrap();
+    let first = Rebuilt { camera: 1, film: 1, lights: 1, materials: 1, acceleration: 1 };
+    assert_eq!(renderer.rebuilt(), first);
+    let none = Rebuilt::default();
+    let cases: Vec<(&str, Edit, Rebuilt)> = vec![
+        ("nothing", |_| (), none),
+        ("camera", |s| s.camera.world_from_camera.translation.x += 0.5, Rebuilt { camera: 1, ..none }),
+        ("film", |s| s.film.width += 3, Rebuilt { camera: 1, film: 1, ..none }),
+        ("world", |s| s.world.backdrop = Some([[0.5; 3]; 2]), Rebuilt { lights: 1, ..none }),
+        ("seed", |s| s.settings.seed += 1, none),
+        ("bounces", |s| s.settings.bounces = 1, none),
+        ("material", |s| s.instances[0].style.material.metallic = 0.5, Rebuilt { materials: 1, ..none }),
+        ("place", |s| s.instances[0].world_from_index.translation.x += 0.25, none),
+        (
+            "show",
+            |s| s.instances[0].style.show = Show::Except(vec![5]),
+            Rebuilt { materials: 1, acceleration: 1, ..none },
+        ),
+        ("detail", |s| s.settings.lod = Lod::Cells, Rebuilt { acceleration: 1, ..none }),
+    ];
+    let mut scene = base;
+    for (name, edit, expected) in cases {
+        let before = renderer.rebuilt();
+        edit(&mut scene);
+        renderer.set_scene(&scene, std::slice::from_ref(&shared)).unwrap();
+        let after = renderer.rebuilt();
+        let made = Rebuilt {
+            camera: after.camera - before.camera,
+            film: after.film - before.film,
+            lights: after.lights - before.lights,
+            materials: after.materials - before.materials,
+            acceleration: after.acceleration - before.acceleration,
+        };
+        assert_eq!(made, expected, "{name}");
+        // What was kept is as good as new.
+        renderer.advance(Duration::ZERO, 4, &Job::new()).unwrap();
+        while renderer.advance(Duration::ZERO, 4, &Job::new()).unwrap().spp < 4 {}
+        assert_eq!(renderer.color().unwrap(), render(&scene, 4), "{name}");
     }
 }

@@ -62,7 +62,10 @@ fn use_all(volume: &CompressedVolume, path: &Path, seed: usize) {
             assert!(volume.label_at(origin).is_none_or(|l| l < labels));
         }
     }
-    volume.find_contacts(&Job::new()).expect("contacts of what opened");
+    // Opening does not look for voxels that two labels claim (`file::check` says why); counting contacts finds them.
+    if let Err(error) = volume.find_contacts(&Job::new()) {
+        assert!(error.to_string().contains("two labels claim one voxel"), "{error}");
+    }
 
     // What opens can be saved, and opens again as the same.
     let level = if seed.is_multiple_of(16) { Level::Default } else { Level::Fast };

@@ -28,7 +28,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         }
         _ => None,
     };
-    let comparison = compare(&pictures[0], &pictures[1], variances)?;
+    let comparison = compare(&pictures[0], &pictures[1], variances, &|| false)?;
     println!("{}", serde_json::to_string(&comparison)?);
     if let Some(path) = map_to {
         let map = flip_map(&display_from_linear(&pictures[0]), &display_from_linear(&pictures[1]));

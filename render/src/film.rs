@@ -12,6 +12,8 @@
 
 use std::ops::Range;
 
+use rayon::prelude::*;
+
 use crate::image::Image;
 use crate::sampler::REPLICATES;
 
@@ -19,6 +21,9 @@ const R: usize = REPLICATES as usize;
 
 /// Floats a pixel.
 pub const STRIDE: usize = 3 * R;
+
+/// Rows that one thread estimates at a time.
+const ROWS_A_BLOCK: usize = 32;
 
 /// Added to μ², so that black pixels do not count infinitely: as in `metrics::rel_mse`.
 const FLOOR: f64 = 0.01;
@@ -61,6 +66,12 @@ impl FilmBuffer {
         (self.sums.len() * 4 + self.row_samples.len() * 4) as u64
     }
 
+    /// Takes all samples away.
+    pub fn clear(&mut self) {
+        self.sums.fill(0.0);
+        self.row_samples.fill(0);
+    }
+
     /// Samples that every pixel has at least.
     pub fn spp(&self) -> u32 {
         self.row_samples.iter().copied().min().unwrap_or(0)
@@ -101,12 +112,16 @@ impl FilmBuffer {
         self.picture_of(|film, pixel, channel, n| film.moments(pixel, channel, n).1)
     }
 
-    fn picture_of(&self, f: impl Fn(&Self, usize, usize, u32) -> f64) -> Image {
+    fn picture_of(&self, f: impl Fn(&Self, usize, usize, u32) -> f64 + Sync) -> Image {
         let pixel = |i: usize| {
             let n = self.row_samples[i / self.width];
             if n == 0 { [0.0; 3] } else { [0, 1, 2].map(|c| f(self, i, c, n) as f32) }
         };
-        Image::new(self.width, self.height, (0..self.width * self.height).map(pixel).collect())
+        Image::new(
+            self.width,
+            self.height,
+            (0..self.width * self.height).into_par_iter().map(pixel).collect(),
+        )
     }
 
     /// Estimated relative error of some rows' mean; infinite below one sample for each replicate.
@@ -114,13 +129,24 @@ impl FilmBuffer {
     /// μ² = w·(m² − var)⁺ + (1 − w)·a², w = m² / (m² + 16 var), where a is the mean of the up to 8 pixels around,
     /// its own left out: a rare bright sample must not raise what it is measured by.
     pub fn error_estimate_of(&self, rows: Range<usize>) -> f64 {
-        let (width, height) = (self.width, self.height);
+        let rows = rows.start..rows.end.min(self.height);
         if self.spp() < REPLICATES || rows.is_empty() {
             return f64::INFINITY;
         }
-        let rows = rows.start..rows.end.min(height);
+        // Blocks of fixed height, added in their order: the same number for any count of threads.
+        let blocks: Vec<Range<usize>> = rows
+            .clone()
+            .step_by(ROWS_A_BLOCK)
+            .map(|start| start..(start + ROWS_A_BLOCK).min(rows.end))
+            .collect();
+        let sums: Vec<f64> = blocks.into_par_iter().map(|block| self.squared_errors_of(block)).collect();
+        (sums.iter().sum::<f64>() / (rows.len() * self.width * 3) as f64).sqrt()
+    }
+
+    /// Sum of var / (μ² + floor) over the pixels and channels of some rows.
+    fn squared_errors_of(&self, rows: Range<usize>) -> f64 {
+        let (width, height) = (self.width, self.height);
         let (first, last) = (rows.start.saturating_sub(1), (rows.end + 1).min(height));
-        let count = (rows.len() * width * 3) as f64;
         let mut sum = 0.0;
         let mut moments = vec![(0.0, 0.0); (last - first) * width];
         for channel in 0..3 {
@@ -135,7 +161,7 @@ impl FilmBuffer {
                         continue;
                     }
                     let (mut around, mut n) = (0.0, 0.0);
-                    for yy in y.saturating_sub(1).max(first)..(y + 2).min(last) {
+                    for yy in y.saturating_sub(1)..(y + 2).min(height) {
                         for xx in x.saturating_sub(1)..(x + 2).min(width) {
                             if (xx, yy) != (x, y) {
                                 around += moments[(yy - first) * width + xx].0;
@@ -150,7 +176,7 @@ impl FilmBuffer {
                 }
             }
         }
-        (sum / count).sqrt()
+        sum
     }
 
     /// Estimated relative error of the whole picture.

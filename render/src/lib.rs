@@ -32,6 +32,6 @@ pub use passes::Passes;
 pub use picture::{Picture, PictureError, Provenance};
 pub use png_file::write_png;
 pub use provenance_text::read_provenance;
-pub use renderer::{Progress, RenderError, Renderer};
+pub use renderer::{Pick, Progress, Rebuilt, RenderError, Renderer};
 pub use sun::ReadySun;
 pub use trace::{Hit, PathOrigin, RayInWorld, Surface, Tracer};

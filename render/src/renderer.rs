@@ -6,7 +6,7 @@ use std::time::Duration;
 use pumice_core::{CompressedVolume, Job};
 use pumice_scene::Scene;
 
-use crate::Picture;
+use crate::{Image, Picture};
 
 /// Why a renderer could not go on.
 #[derive(Debug, thiserror::Error)]
@@ -32,13 +32,41 @@ pub struct Progress {
     pub error_estimate: f64,
 }
 
+/// What is under a pixel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pick {
+    /// Position of the instance in the scene's list.
+    pub instance: u32,
+    /// Dense label index.
+    pub label: u32,
+    /// Lowest voxel of the element that was hit.
+    pub voxel: [u32; 3],
+    /// Distance along the view axis in world units.
+    pub depth: f64,
+}
+
+/// How often a renderer has made each kind of its data: what proves that a camera move costs a camera and a colour edit colours.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Rebuilt {
+    /// Camera rays.
+    pub camera: u64,
+    /// Film: its memory and filter table.
+    pub film: u64,
+    /// Sky, suns, and the choice among them.
+    pub lights: u64,
+    /// Tables of materials, one an instance.
+    pub materials: u64,
+    /// Acceleration structures, one an instance.
+    pub acceleration: u64,
+}
+
 /// A renderer of scenes.
 pub trait Renderer: Send {
     /// Name as in `--backend`.
     fn name(&self) -> &'static str;
 
-    /// Makes the renderer show `scene`; `volumes[i]` belongs to `scene.instances[i]`. Only what differs from the scene shown
-    /// before is rebuilt; the picture restarts.
+    /// Makes the renderer show `scene`; `volumes[i]` belongs to `scene.instances[i]`. It compares with the scene shown before
+    /// ([`pumice_scene::SceneDiff`]) and makes anew only what differs; the picture restarts.
     ///
     /// # Errors
     /// [`RenderError::Scene`] names the field at fault; the renderer keeps its former scene.
@@ -50,11 +78,26 @@ pub trait Renderer: Send {
     /// [`RenderError::Cancelled`] soon after `job` is cancelled.
     fn advance(&mut self, slice: Duration, spp_limit: u32, job: &Job) -> Result<Progress, RenderError>;
 
+    /// The colours so far: the mean of all samples.
+    ///
+    /// # Errors
+    /// [`RenderError::Scene`] before any scene was set.
+    fn color(&self) -> Result<Image, RenderError>;
+
     /// The picture so far, with its first-surface passes; provenance is the caller's to add.
     ///
     /// # Errors
     /// [`RenderError::Scene`] before any scene was set.
     fn picture(&self) -> Result<Picture, RenderError>;
+
+    /// What is under the middle of a pixel, counted from the upper left; nothing there or outside of the film: `None`.
+    ///
+    /// # Errors
+    /// [`RenderError::Scene`] before any scene was set.
+    fn pick(&self, x: u32, y: u32) -> Result<Option<Pick>, RenderError>;
+
+    /// How often each kind of data was made since the renderer was.
+    fn rebuilt(&self) -> Rebuilt;
 
     /// Heap bytes by part, the volumes not counted; `acceleration` is among them once a scene was set.
     fn bytes(&self) -> Vec<(&'static str, u64)>;

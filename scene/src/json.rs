@@ -1,60 +1,14 @@
 //! The JSON form of a scene: these types and nothing else, with a version that is looked at first.
 
-use std::io::Write as _;
+use std::io::{Read as _, Write as _};
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 
-use crate::{Environment, SCENE_VERSION, Scene};
-
-/// What is wrong with a scene.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum SceneError {
-    /// A field's value makes no sense.
-    #[error("{field}: {problem}")]
-    Field {
-        /// Its path in the JSON form.
-        field: String,
-        /// Expected and got.
-        problem: String,
-    },
-    /// The text is no scene.
-    #[error("line {line}, column {column}: {what}")]
-    Json {
-        /// Line, from 1.
-        line: usize,
-        /// Column, from 1.
-        column: usize,
-        /// What the parser expected.
-        what: String,
-    },
-    /// Another version of the form.
-    #[error("version: this program reads scenes of version {expected}, got {got}")]
-    Version {
-        /// In the file.
-        got: u64,
-        /// [`SCENE_VERSION`].
-        expected: u32,
-    },
-    /// The system refused.
-    #[error("{0}")]
-    Io(#[from] std::io::Error),
-}
+use crate::{Environment, SCENE_VERSION, Scene, SceneError};
 
 /// Largest scene file that is read: materials of 10⁶ labels take some 200 MB.
 const LIMIT_BYTES: u64 = 1 << 29;
-
-impl From<serde_json::Error> for SceneError {
-    fn from(error: serde_json::Error) -> Self {
-        let text = error.to_string();
-        // serde_json repeats the place at the end of its text.
-        let what = text.rsplit_once(" at line ").map_or(text.as_str(), |(what, _)| what);
-        // It also repeats names out of the text, which may hold line breaks: an error is one line.
-        let what = what.chars().map(|c| if c.is_control() { '\u{FFFD}' } else { c }).collect();
-        Self::Json { line: error.line(), column: error.column(), what }
-    }
-}
 
 impl Scene {
     /// Reads and validates the JSON form.
@@ -69,7 +23,7 @@ impl Scene {
         }
         let Versioned { version } = serde_json::from_str(text)?;
         if version != u64::from(SCENE_VERSION) {
-            return Err(SceneError::Version { got: version, expected: SCENE_VERSION });
+            return Err(SceneError::version(version));
         }
         let scene: Self = serde_json::from_str(text)?;
         scene.validate()?;
@@ -79,44 +33,101 @@ impl Scene {
     /// The JSON form, for people to read. Every number comes back as it was.
     ///
     /// # Errors
-    /// [`SceneError::Field`] when the scene is not valid: an infinite number has no JSON form.
+    /// [`SceneError::Field`] when the scene is not valid: an infinite number has no JSON form; nor has a path that is no Unicode.
     pub fn to_json(&self) -> Result<String, SceneError> {
         self.validate()?;
+        for (field, path) in self.paths() {
+            if path.to_str().is_none() {
+                let problem = format!("expected a path in Unicode, got {path:?}");
+                return Err(SceneError::Field { field, problem });
+            }
+        }
         Ok(serde_json::to_string_pretty(self)? + "\n")
     }
 
-    /// Reads a scene file; relative paths in it are taken from its folder.
+    /// Reads a scene file. Relative paths in it are taken from its folder and become absolute, so that the scene means the same
+    /// wherever it goes.
     ///
     /// # Errors
     /// As [`Scene::from_json`], and when the file cannot be read.
     pub fn load(path: &Path) -> Result<Self, SceneError> {
-        let bytes = std::fs::metadata(path)?.len();
-        if bytes > LIMIT_BYTES {
-            let problem = format!("expected at most {LIMIT_BYTES} bytes, got {bytes}");
-            return Err(SceneError::Field { field: "file".into(), problem });
+        let file_error = |problem: String| SceneError::Field { field: "file".into(), problem };
+        if !std::fs::metadata(path)?.is_file() {
+            return Err(file_error("expected an ordinary file".into()));
         }
-        let mut scene = Self::from_json(&std::fs::read_to_string(path)?)?;
-        // Absolute, so that the scene means the same wherever it is saved to.
-        let folder = std::path::absolute(path)?.parent().unwrap_or(Path::new("")).to_owned();
-        let resolve = |p: &mut PathBuf| *p = folder.join(&*p);
-        scene.instances.iter_mut().for_each(|i| resolve(&mut i.source));
-        if let Environment::Image { path, .. } = &mut scene.world.environment {
-            resolve(path);
+        let mut text = String::new();
+        // One byte more than allowed tells a file that is too long, even one that grows meanwhile.
+        std::fs::File::open(path)?.take(LIMIT_BYTES + 1).read_to_string(&mut text)?;
+        if text.len() as u64 > LIMIT_BYTES {
+            return Err(file_error(format!("expected at most {LIMIT_BYTES} bytes, got more")));
         }
+        let mut scene = Self::from_json(&text)?;
+        let folder = folder_of(path)?;
+        scene.paths_mut().for_each(|p| *p = folder.join(&*p));
         Ok(scene)
     }
 
-    /// Writes the JSON form; the file is there whole or not at all.
+    /// Writes the JSON form; the file is there whole or not at all. Paths below its folder are written relative to it, so that
+    /// the folder can move; relative paths stay as they are and mean that folder.
     ///
     /// # Errors
     /// As [`Scene::to_json`], and when the file cannot be written.
     pub fn save(&self, path: &Path) -> Result<(), SceneError> {
-        let text = self.to_json()?;
-        let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let mut file = tempfile::NamedTempFile::new_in(folder)?;
+        let folder = folder_of(path)?;
+        let mut scene = self.clone();
+        for p in scene.paths_mut() {
+            // `/a/b` below `/a/b` would leave nothing: such a path is no file anyway and stays.
+            if let Ok(below) = p.strip_prefix(&folder)
+                && !below.as_os_str().is_empty()
+            {
+                *p = below.to_owned();
+            }
+        }
+        let text = scene.to_json()?;
+
+        // A rename would replace a device or a pipe by a file, for everyone on the machine.
+        if std::fs::metadata(path).is_ok_and(|there| !there.is_file()) {
+            return Err(SceneError::Field {
+                field: "file".into(),
+                problem: "expected an ordinary file".into(),
+            });
+        }
+        let mut builder = tempfile::Builder::new();
+        builder.prefix(".pumice-");
+        // Temporary files are private by default; a scene gets the permissions that any new file would.
+        #[cfg(unix)]
+        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+        // Asked first for the system's own words: `tempfile` adds its temporary name, which says nothing to the user.
+        std::fs::metadata(&folder)?;
+        let mut file = builder.tempfile_in(&folder).map_err(|e| std::io::Error::from(e.kind()))?;
         file.write_all(text.as_bytes())?;
         file.as_file().sync_all()?;
         file.persist(path).map_err(|e| e.error)?;
         Ok(())
     }
+
+    /// The files that the scene names, with their fields.
+    fn paths(&self) -> Vec<(String, &Path)> {
+        let sources = self.instances.iter().enumerate();
+        let mut paths: Vec<_> =
+            sources.map(|(i, s)| (format!("instances[{i}].source"), s.source.as_path())).collect();
+        if let Environment::Image { path, .. } = &self.world.environment {
+            paths.push(("world.environment.image.path".into(), path));
+        }
+        paths
+    }
+
+    fn paths_mut(&mut self) -> impl Iterator<Item = &mut PathBuf> {
+        let sky = match &mut self.world.environment {
+            Environment::Image { path, .. } => Some(path),
+            Environment::Constant { .. } => None,
+        };
+        self.instances.iter_mut().map(|i| &mut i.source).chain(sky)
+    }
+}
+
+/// The folder that a file is in, as an absolute path.
+fn folder_of(path: &Path) -> std::io::Result<PathBuf> {
+    let absolute = std::path::absolute(path)?;
+    Ok(absolute.parent().unwrap_or(&absolute).to_owned())
 }

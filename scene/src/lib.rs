@@ -6,18 +6,25 @@
 #![forbid(unsafe_code)]
 
 pub mod camera;
+pub mod diff;
+pub mod edit;
+pub mod error;
 pub mod json;
 pub mod light;
 pub mod material;
 pub mod needs;
 pub mod scene;
 pub mod settings;
+pub mod show;
 pub mod validate;
 
 pub use camera::{Camera, Projection};
-pub use json::SceneError;
+pub use diff::{InstanceDiff, SceneDiff};
+pub use edit::SceneEdit;
+pub use error::SceneError;
 pub use light::{Environment, Sun, World};
 pub use material::Material;
-pub use needs::Needs;
-pub use scene::{Instance, LabelStyle, SCENE_VERSION, Scene, Show};
+pub use needs::{LabelCount, Needs};
+pub use scene::{Instance, LabelStyle, SCENE_VERSION, Scene};
 pub use settings::{Film, Filter, Lod, Mode, Settings};
+pub use show::Show;

@@ -13,14 +13,12 @@ pub enum Environment {
         /// Linear RGB radiance.
         radiance: [f32; 3],
     },
-    /// An equirectangular picture (OpenEXR), placed as Cycles' `direction_to_equirectangular` places it: u = ½ − atan2(y, x) / 2π
-    /// from the left, acos(z) / π from the top. The middle of the picture is seen along +x, its left quarter along +y, its upper
-    /// edge is up (+z).
+    /// An equirectangular picture (OpenEXR), laid out as Cycles' `direction_to_equirectangular`: its middle is seen along +x, its
+    /// left quarter along +y, its first row is up (+z).
     Image {
         /// The file; relative paths are relative to the scene file.
         path: PathBuf,
-        /// Turns the picture about +z, counter-clockwise seen from above. (A *Mapping* node of type *Point* turns the directions
-        /// instead: its z rotation has the opposite sign.)
+        /// Turn about +z, counter-clockwise seen from above.
         #[serde(default)]
         rotation_rad: f64,
         /// Factor on the picture's values.

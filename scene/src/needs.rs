@@ -1,69 +1,113 @@
-//! What a scene needs, and what can be left out for it.
+//! What a scene needs of a renderer, and what is left out for it.
+//!
+//! A need is told from what is drawn: the material of a hidden label asks for nothing. `left out` is said only of work or memory
+//! that a renderer does save; what costs nothing to have (emission, metal) is told where it is needed and else not mentioned.
 
-use crate::{Environment, Lod, Material, Mode, Scene, Show};
+use crate::{Environment, LabelStyle, Lod, Material, Mode, Scene};
 
-/// What one scene needs of a renderer.
+/// Labels of one instance.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LabelCount {
+    /// The instance's id.
+    pub instance: u32,
+    /// Labels that are drawn.
+    pub visible: usize,
+    /// Labels of the volume.
+    pub all: usize,
+}
+
+/// What one scene needs.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Needs {
-    /// (shown, all) labels of each instance.
-    pub labels: Vec<(usize, usize)>,
-    /// Some label has a dielectric layer.
-    pub specular: bool,
-    /// Some label is metal.
-    pub metal: bool,
-    /// Some label sends out light.
-    pub emission: bool,
-    /// The sky is a picture and is sampled by its brightness.
-    pub sky_table: bool,
-    /// Suns that give light.
-    pub suns: usize,
-    /// Paths go on after the first surface.
-    pub bounces: bool,
-    /// Light is looked for at all: not for ambient occlusion.
+    /// Labels of each instance.
+    pub labels: Vec<LabelCount>,
+    /// Surfaces are lit and have materials: not for ambient occlusion.
     pub lighting: bool,
-    /// Boxes are walked down to their voxels.
-    pub voxels: bool,
+    /// Some surface scatters light evenly.
+    pub diffuse: bool,
+    /// Some surface has a dielectric layer.
+    pub specular: bool,
+    /// Some surface is metal, wholly or in part.
+    pub metal: bool,
+    /// Some surface sends out light.
+    pub emission: bool,
+    /// The sky is a picture, with a table to aim by.
+    pub sky_table: bool,
+    /// Suns that give light, to be aimed at.
+    pub suns: usize,
+    /// Some light is found both by aiming and by scattering, so that the two are weighted (multiple importance sampling).
+    pub mis: bool,
+    /// Paths light further surfaces after the first.
+    pub bounces: bool,
+    /// Dim paths may end at random.
+    pub roulette: bool,
+    /// Edges in voxels of the elements that rays stop at, rising: of 1, 4, 16.
+    pub levels: Vec<u32>,
 }
 
 impl Needs {
-    /// Needs of a scene whose instances have these label ids (sorted, by dense index).
+    /// Needs of a scene whose instances have these label ids, in rising order. Ids that a volume lacks ask for nothing
+    /// ([`crate::Show::resolve`] refuses them).
     pub fn of(scene: &Scene, ids: &[&[u64]]) -> Self {
-        let lighting = scene.settings.mode != Mode::AmbientOcclusion;
-        let any = |test: fn(&Material) -> bool| {
-            lighting
-                && scene
-                    .instances
-                    .iter()
-                    .any(|i| test(&i.style.material) || i.style.materials.values().any(test))
-        };
+        let settings = &scene.settings;
+        let lighting = settings.mode != Mode::AmbientOcclusion;
+        let bounces = settings.mode == Mode::Path && settings.bounces > 0;
+
+        // Labels, and the materials that can be seen.
+        let mut labels = Vec::new();
+        let (mut diffuse, mut specular, mut metal, mut emission) = (false, false, false, false);
+        for (instance, ids) in scene.instances.iter().zip(ids) {
+            let visible = visible(&instance.style, ids);
+            labels.push(LabelCount {
+                instance: instance.id,
+                visible: visible.iter().filter(|v| **v).count(),
+                all: ids.len(),
+            });
+            for (m, colored) in materials(&instance.style, ids, &visible) {
+                diffuse |= m.metallic < 1.0 && (colored || m.base_color != [0.0; 3]);
+                specular |= m.specular > 0.0 && m.ior > 1.0;
+                metal |= m.metallic > 0.0;
+                emission |= m.emission != [0.0; 3];
+            }
+        }
+
+        // Lights.
+        let sky_table = matches!(scene.world.environment, Environment::Image { .. });
+        let lit = scene.suns.iter().filter(|s| lighting && s.strength > 0.0 && s.color != [0.0; 3]);
+        let wide = lit.clone().any(|s| s.angle_rad > 0.0);
         Self {
-            labels: scene
-                .instances
-                .iter()
-                .zip(ids)
-                .map(|(i, ids)| (i.style.show.count(ids), ids.len()))
-                .collect(),
-            specular: any(|m| m.specular > 0.0 && m.metallic < 1.0 && m.ior > 1.0),
-            metal: any(|m| m.metallic > 0.0),
-            emission: any(|m| m.emission != [0.0; 3]),
-            sky_table: lighting && matches!(scene.world.environment, Environment::Image { .. }),
-            suns: if lighting { scene.suns.iter().filter(|s| s.strength > 0.0).count() } else { 0 },
-            bounces: scene.settings.mode == Mode::Path && scene.settings.bounces > 0,
+            labels,
             lighting,
-            voxels: matches!(scene.settings.lod, Lod::Voxels | Lod::Distance { .. }),
+            diffuse: lighting && diffuse,
+            specular: lighting && specular,
+            metal: lighting && metal,
+            emission: lighting && emission,
+            sky_table,
+            suns: lit.count(),
+            mis: lighting && (sky_table || wide),
+            bounces,
+            roulette: bounces && settings.russian_roulette,
+            levels: match settings.lod {
+                Lod::Voxels => vec![1],
+                Lod::Cells => vec![4],
+                Lod::Boxes => vec![16],
+                Lod::Distance { .. } => vec![1, 4, 16],
+            },
         }
     }
 
-    /// A line for each need and each thing left out.
+    /// A line for each thing that is needed (`needed: …`) and for each that is left out, with the reason (`left out: … (…)`).
     pub fn explain(&self) -> Vec<String> {
-        let mut lines: Vec<String> = self
-            .labels
-            .iter()
-            .enumerate()
-            .map(|(i, (shown, all))| {
-                format!("instance {i}: boxes of {shown} of {all} labels in the acceleration structure, {} left out", all - shown)
-            })
-            .collect();
+        let mut lines = Vec::new();
+        for LabelCount { instance, visible, all } in &self.labels {
+            lines.push(format!("needed: boxes of {visible} of {all} labels of instance {instance}"));
+            if visible < all {
+                let hidden = all - visible;
+                lines.push(format!("left out: boxes of {hidden} labels of instance {instance} (not shown)"));
+            }
+        }
+
+        // What is told either way.
         let mut line = |needed: bool, what: &str, why_not: &str| {
             lines.push(if needed {
                 format!("needed: {what}")
@@ -71,36 +115,69 @@ impl Needs {
                 format!("left out: {what} ({why_not})")
             });
         };
-        line(self.lighting, "lights and materials", "ambient occlusion has neither");
-        line(self.suns > 0, "sampling of suns", "no sun gives light");
+        let ambient = "ambient occlusion has no lights and no materials";
+        let or_ambient = |why_not| if self.lighting { why_not } else { ambient };
+        line(self.lighting, "materials", ambient);
+        line(self.specular, "dielectric layer", or_ambient("no visible label has one"));
+        let suns = format!("aiming at {} suns", self.suns);
+        let suns = match self.suns {
+            0 => "aiming at suns",
+            1 => "aiming at 1 sun",
+            _ => suns.as_str(),
+        };
+        line(self.suns > 0, suns, or_ambient("no sun gives light"));
         line(
             self.sky_table,
-            "sampling table of the sky",
-            "the sky is the same from everywhere: scattering finds it as well",
+            "table of the sky",
+            "it is the same from everywhere: scattering finds it as well as aiming would",
         );
-        line(self.bounces, "scattered paths", "direct light only");
-        line(self.specular, "dielectric layer", "no label has one");
-        line(self.metal, "metal", "no label is metal");
-        line(self.emission, "emission", "no label sends out light");
-        line(self.voxels, "voxels within cells", "the level of detail stops at cells or boxes");
+        line(
+            self.mis,
+            "weights of lights found in two ways (MIS)",
+            or_ambient("each light is found in one way"),
+        );
+        line(
+            self.bounces,
+            "light from surface to surface",
+            or_ambient("no bounces are asked for: direct light only"),
+        );
+        line(
+            self.roulette,
+            "Russian roulette",
+            if self.bounces { "the settings say so" } else { "paths end before it" },
+        );
+        for edge in [1, 4, 16] {
+            let what = format!("elements of {edge}³ voxels");
+            line(self.levels.contains(&edge), &what, "the level of detail is another");
+        }
+
+        // What costs nothing where it is absent.
+        let free = [(self.diffuse, "diffuse"), (self.metal, "metal"), (self.emission, "emission")];
+        lines.extend(free.iter().filter(|f| f.0).map(|f| format!("needed: {}", f.1)));
         lines
     }
 }
 
-impl Show {
-    /// Number of these labels (sorted ids) that are shown.
-    pub fn count(&self, ids: &[u64]) -> usize {
-        let held = |list: &[u64]| {
-            let mut list: Vec<u64> =
-                list.iter().copied().filter(|id| ids.binary_search(id).is_ok()).collect();
-            list.sort_unstable();
-            list.dedup();
-            list.len()
-        };
-        match self {
-            Self::All => ids.len(),
-            Self::Only(list) => held(list),
-            Self::Except(list) => ids.len() - held(list),
-        }
+/// Which of these ids are drawn.
+fn visible(style: &LabelStyle, ids: &[u64]) -> Vec<bool> {
+    let other = style.show.visible_unless_named();
+    let mut visible = vec![other; ids.len()];
+    for dense in style.show.named().iter().filter_map(|id| ids.binary_search(id).ok()) {
+        visible[dense] = !other;
     }
+    visible
+}
+
+/// The materials of visible labels, and whether their base colour is replaced.
+fn materials<'a>(
+    style: &'a LabelStyle,
+    ids: &'a [u64],
+    visible: &'a [bool],
+) -> impl Iterator<Item = (&'a Material, bool)> {
+    let is_visible = |id: &u64| ids.binary_search(id).is_ok_and(|dense| visible[dense]);
+    let own = style.materials.iter().filter(move |(id, _)| is_visible(id));
+    let count = own.clone().count();
+    let rest =
+        (visible.iter().filter(|v| **v).count() > count).then_some((&style.material, style.auto_color));
+    own.map(|(_, m)| (m, false)).chain(rest)
 }

@@ -2,11 +2,11 @@
 
 use std::collections::BTreeSet;
 
-use glam::{DAffine3, DMat3};
+use glam::{DAffine3, DMat3, DVec3};
 
 use crate::{
     Camera, Environment, Film, Filter, Instance, Lod, Material, Projection, SCENE_VERSION, Scene, SceneError,
-    Settings, Show, Sun,
+    Settings, Sun,
 };
 
 /// Most pixels along a side: what OpenEXR and PNG readers take for granted.
@@ -17,9 +17,12 @@ pub const MAX_PIXELS: u64 = 1 << 30;
 pub const MAX_BOUNCES: u32 = 1 << 20;
 /// Widest pixel filter in pixels.
 pub const MAX_FILTER_PIXELS: f32 = 16.0;
-/// Columns of a matrix whose determinant is below this times the product of their lengths lie in a plane: f64 has lost what
-/// was left of the third direction.
+/// Columns of a matrix, made unit vectors, lie in a plane where their determinant is not above this: f64 has lost what was left
+/// of the third direction.
 const LEAST_DETERMINANT: f64 = 1e-12;
+/// Largest cosine between two axes of a camera. Blender's matrices are f32: a chain of parents leaves some 1e-6; a shear that
+/// somebody could see in a picture of 4096 pixels (a quarter pixel at its edge) is above this.
+const MOST_CAMERA_SHEAR: f64 = 1e-4;
 
 /// Collects the first fault while walking through the fields.
 struct Check {
@@ -65,18 +68,27 @@ impl Check {
     }
 
     fn color(&self, name: &str, color: [f32; 3]) -> Checked {
-        self.field(name, color.iter().all(|c| *c >= 0.0 && c.is_finite()), || {
-            format!("expected three finite numbers of at least 0, got {color:?}")
-        })
+        color
+            .iter()
+            .enumerate()
+            .try_for_each(|(i, c)| self.at_least(&format!("{name}[{i}]"), (*c).into(), 0.0))
     }
 
     fn matrix(&self, name: &str, m: &DAffine3) -> Checked {
-        self.field(name, m.is_finite(), || "expected finite numbers".into())?;
-        let DMat3 { x_axis, y_axis, z_axis } = m.matrix3;
-        let lengths = x_axis.length() * y_axis.length() * z_axis.length();
-        let good = lengths > 0.0 && m.matrix3.determinant().abs() > LEAST_DETERMINANT * lengths;
-        self.field(name, good, || "expected a matrix that can be inverted; its axes lie in a plane".into())
+        self.field(name, m.is_finite(), || "expected finite numbers, got NaN or infinity".into())?;
+        let good = unit_columns(&m.matrix3).is_some_and(|u| u.determinant().abs() > LEAST_DETERMINANT);
+        self.field(name, good, || "expected a matrix that can be inverted; its axes lie in a plane".into())?;
+        self.field(name, m.inverse().is_finite(), || {
+            "expected a matrix that can be inverted; its numbers are too small or too large for that".into()
+        })
     }
+}
+
+/// The matrix with its columns made unit vectors, whatever their length; `None` where one is zero.
+fn unit_columns(m: &DMat3) -> Option<DMat3> {
+    // Divided by the largest number first, so that squares neither overflow nor vanish.
+    let unit = |v: DVec3| (v != DVec3::ZERO).then(|| (v / v.abs().max_element()).normalize());
+    Some(DMat3::from_cols(unit(m.x_axis)?, unit(m.y_axis)?, unit(m.z_axis)?))
 }
 
 impl Scene {
@@ -84,10 +96,10 @@ impl Scene {
     ///
     /// # Errors
     /// [`SceneError::Field`] names the first that does not, by its path in the JSON form, with what was expected;
-    /// [`SceneError::Version`] where the scene is of another version.
+    /// [`SceneError::Version`] for a scene of another version.
     pub fn validate(&self) -> Checked {
         if self.version != SCENE_VERSION {
-            return Err(SceneError::Version { got: self.version.into(), expected: SCENE_VERSION });
+            return Err(SceneError::version(self.version.into()));
         }
         let mut check = Check { path: Vec::new() };
         let c = &mut check;
@@ -111,40 +123,13 @@ impl Scene {
                     c.at_least("strength", (*strength).into(), 0.0)
                 }),
             })?;
-            self.world.backdrop.iter().flatten().try_for_each(|color| c.color("backdrop", *color))
+            let mut backdrop = self.world.backdrop.iter().flatten().enumerate();
+            backdrop.try_for_each(|(i, color)| c.color(&format!("backdrop[{i}]"), *color))
         })?;
         for (i, sun) in self.suns.iter().enumerate() {
             c.within(format!("suns[{i}]"), |c| validate_sun(c, sun))?;
         }
         c.within("settings", |c| validate_settings(c, &self.settings))
-    }
-}
-
-impl Instance {
-    /// Whether the labels that are to be drawn are there: `ids` are the volume's, rising, and `position` is this instance's place
-    /// in the scene. An id of [`Show::Only`] that the volume lacks is a mistake, for nothing would be drawn in its place. Ids of
-    /// `Show::Except` and of `materials` may be missing: one table of colours serves many crops of a volume.
-    ///
-    /// # Errors
-    /// [`SceneError::Field`] names the first id that is missing.
-    pub fn validate_ids(&self, position: usize, ids: &[u64]) -> Checked {
-        let Show::Only(list) = &self.style.show else { return Ok(()) };
-        match list.iter().enumerate().find(|(_, id)| ids.binary_search(id).is_err()) {
-            None => Ok(()),
-            Some((at, id)) => Err(SceneError::Field {
-                field: format!("instances[{position}].style.show.only[{at}]"),
-                problem: match (id, ids.first(), ids.last()) {
-                    (0, ..) => "0 is the background, which is not drawn".into(),
-                    (_, Some(first), Some(last)) => {
-                        format!(
-                            "the volume has no label {id}; its {} labels are within {first} to {last}",
-                            ids.len()
-                        )
-                    }
-                    _ => format!("the volume has no label {id}, nor any other"),
-                },
-            }),
-        }
     }
 }
 
@@ -161,10 +146,9 @@ fn validate_instance(c: &mut Check, instance: &Instance) -> Checked {
 }
 
 fn validate_material(c: &Check, m: &Material) -> Checked {
-    c.color("base_color", m.base_color)?;
-    c.field("base_color", m.base_color.iter().all(|v| *v <= 1.0), || {
-        format!("expected at most 1, got {:?}: a surface cannot reflect more than it receives", m.base_color)
-    })?;
+    for (i, v) in m.base_color.iter().enumerate() {
+        c.range(&format!("base_color[{i}]"), (*v).into(), 0.0, 1.0)?;
+    }
     c.range("metallic", m.metallic.into(), 0.0, 1.0)?;
     c.range("roughness", m.roughness.into(), 0.0, 1.0)?;
     c.at_least("specular", m.specular.into(), 0.0)?;
@@ -174,6 +158,11 @@ fn validate_material(c: &Check, m: &Material) -> Checked {
 
 fn validate_camera(c: &Check, camera: &Camera) -> Checked {
     c.matrix("world_from_camera", &camera.world_from_camera)?;
+    let m = unit_columns(&camera.world_from_camera.matrix3).unwrap_or(DMat3::IDENTITY);
+    let shear = [m.x_axis.dot(m.y_axis), m.y_axis.dot(m.z_axis), m.z_axis.dot(m.x_axis)];
+    c.field("world_from_camera", shear.iter().all(|s| s.abs() <= MOST_CAMERA_SHEAR), || {
+        format!("expected axes at right angles, got cosines {shear:?} between them")
+    })?;
     match camera.projection {
         Projection::Perspective { fov_rad } => {
             let good = fov_rad > 0.0 && fov_rad < std::f64::consts::PI;
@@ -183,7 +172,9 @@ fn validate_camera(c: &Check, camera: &Camera) -> Checked {
         }
         Projection::Orthographic { scale } => c.above("projection.orthographic.scale", scale, 0.0)?,
     }
-    c.field("shift", camera.shift.iter().all(|v| v.is_finite()), || "expected finite numbers".into())?;
+    for (i, v) in camera.shift.iter().enumerate() {
+        c.field(&format!("shift[{i}]"), v.is_finite(), || format!("expected a finite number, got {v}"))?;
+    }
     let [near, far] = camera.clip;
     c.field("clip", near >= 0.0 && near < far && far.is_finite(), || {
         format!("expected 0 ≤ near < far, got {near} and {far}")
@@ -197,22 +188,32 @@ fn validate_film(c: &Check, film: &Film) -> Checked {
     c.field("width", pixels <= MAX_PIXELS, || {
         format!("expected at most {MAX_PIXELS} pixels in all, got {pixels}")
     })?;
-    let (Filter::Box { width } | Filter::BlackmanHarris { width }) = film.filter;
-    let good = width > 0.0 && width <= MAX_FILTER_PIXELS;
-    let name = match film.filter {
-        Filter::Box { .. } => "filter.box.width",
-        Filter::BlackmanHarris { .. } => "filter.blackman_harris.width",
+    let (name, width) = match film.filter {
+        Filter::Box { width } => ("filter.box.width", width),
+        Filter::BlackmanHarris { width } => ("filter.blackman_harris.width", width),
     };
+    let good = width > 0.0 && width <= MAX_FILTER_PIXELS;
     c.field(name, good, || format!("expected above 0 and at most {MAX_FILTER_PIXELS}, got {width}"))
 }
 
 fn validate_sun(c: &Check, sun: &Sun) -> Checked {
-    // Its squared length must be a normal number: what is made a unit vector of a shorter or a longer one is none.
-    let good = sun.direction.iter().map(|v| v * v).sum::<f64>().is_normal();
+    // Its square must hold the digits that the unit vector needs.
+    let good = DVec3::from_array(sun.direction).length_squared().is_normal();
     c.field("direction", good, || format!("expected a direction, got {:?}", sun.direction))?;
     c.at_least("strength", sun.strength.into(), 0.0)?;
     c.color("color", sun.color)?;
-    c.range("angle_rad", sun.angle_rad, 0.0, std::f64::consts::PI)
+    c.range("angle_rad", sun.angle_rad, 0.0, std::f64::consts::PI)?;
+    // Radiance within the cone (`pumice_render::ReadySun`) is an f32: a needle of a sun would blind it.
+    let cone = std::f64::consts::PI * (0.5 * sun.angle_rad).sin().powi(2);
+    let brightest = sun.color.iter().fold(0.0, |a: f32, &b| a.max(b)).max(1.0);
+    let radiance =
+        f64::from(sun.strength) * f64::from(brightest) / if sun.angle_rad > 0.0 { cone } else { 1.0 };
+    c.field("angle_rad", radiance <= f64::from(f32::MAX), || {
+        format!(
+            "expected 0 or an angle wide enough for its strength, got {}: radiance {radiance}",
+            sun.angle_rad
+        )
+    })
 }
 
 fn validate_settings(c: &Check, settings: &Settings) -> Checked {

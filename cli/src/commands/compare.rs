@@ -1,14 +1,14 @@
 //! `pumice compare`
 
-use pumice_session::compare_pictures;
+use pumice_session::{Job, compare_pictures};
 
 use crate::Answer;
 use crate::args::Compare;
 use crate::failure::{Failure, say};
 use crate::json_report::write_report;
 
-pub(crate) fn run(args: &Compare) -> Result<Answer, Failure> {
-    let c = compare_pictures(&args.picture, &args.reference)?;
+pub(crate) fn run(args: &Compare, job: &Job) -> Result<Answer, Failure> {
+    let c = compare_pictures(&args.picture, &args.reference, job)?;
     if args.json.as_deref() != Some(std::path::Path::new("-")) {
         say(format_args!(
             "relMSE {:.6e}   PSNR {:.2} dB   SSIM {:.5}   FLIP {:.5}",

@@ -138,6 +138,8 @@ fn check_nodes(v: &CompressedVolume) -> Result<BitSet, ([u8; 4], String)> {
 }
 
 fn check_boxes(v: &CompressedVolume, starts: &BitSet) -> Finding {
+    // Word at which the nodes begin that no box has used yet: writing them as streams relies on the order of first use.
+    let mut unused = 0u64;
     for (i, c) in v.chunks.iter().enumerate() {
         let end = v.chunks.get(i + 1).map_or(v.boxes.len(), |n| n.first_box as usize);
         for (k, record) in v.boxes[c.first_box as usize..end].iter().enumerate() {
@@ -146,7 +148,15 @@ fn check_boxes(v: &CompressedVolume, starts: &BitSet) -> Finding {
             if !starts.contains(at) {
                 return Err(wrong(format!("expected the start of a node, got word {at}")));
             }
+            if at > unused {
+                return Err(wrong(format!(
+                    "expected nodes in order of first use, next word {unused}, got {at}"
+                )));
+            }
             let node = NodeRef::read(&v.nodes, at as usize, &v.dictionary);
+            if at == unused {
+                unused += node.words() as u64;
+            }
             let (extent, tight) = (record.extent(), extent_of(node.occupied));
             if extent != tight || record.0 >> 38 & 3 != 0 {
                 return Err(wrong(format!("expected an extent of {tight:?} cells, got {extent:?}")));
@@ -166,6 +176,9 @@ fn check_boxes(v: &CompressedVolume, starts: &BitSet) -> Finding {
             }
         }
     }
+    ensure(unused == v.nodes.len() as u64, b"NODE", || {
+        format!("expected use of all {} words, got nodes without a box from word {unused}", v.nodes.len())
+    })?;
     // Within a run by rising place: binary searches and the packed form rely on it.
     for_each_run(v, |run| {
         let rises = run.is_sorted_by(|a, b| morton::encode(a.cell()) < morton::encode(b.cell()));

@@ -5,7 +5,9 @@ use std::io::Cursor;
 use super::layout::{ENTRY_BYTES, HEADER_BYTES, section_checksum};
 use super::read::{Stop, read};
 use super::{Level, layout};
-use crate::{CompressedVolume, Job, LabelBuffer, LabelNote, LabelType, VolumeInfo, compress_labels};
+use crate::{
+    BoxRecord, CompressedVolume, Job, LabelBuffer, LabelNote, LabelType, VolumeInfo, compress_labels,
+};
 
 /// Numbers that are the same on every machine (SplitMix64).
 struct Random(u64);
@@ -205,4 +207,53 @@ fn damaged_arrays_never_panic() {
     for name in ["CHNK", "RUNS", "LIDS", "LVOX", "LCON", "BOXS", "NODE", "LEAF"] {
         assert!(refused.get(&name).is_some_and(|&n| n > 50), "{name}: {refused:?}");
     }
+}
+
+/// A file of one label in two boxes with different nodes.
+fn two_nodes() -> CompressedVolume {
+    let mut labels = vec![0u8; 64];
+    (labels[0], labels[40], labels[41]) = (1, 1, 1);
+    let volume =
+        compress_labels(VolumeInfo::new([64, 1, 1], LabelType::U8), LabelBuffer::U8(labels)).unwrap();
+    assert!(volume.boxes.len() == 2 && volume.boxes[0].node() == 0 && volume.boxes[1].node() > 0);
+    volume
+}
+
+/// Plain arrays may hold nodes in any order. They were accepted, and saving the volume as streams, which number the nodes by
+/// first use, then subtracted below zero (found by fuzzing).
+#[test]
+fn nodes_out_of_order_or_without_a_box_are_refused() {
+    let good = two_nodes();
+    assert!(open(&file_bytes(&good, Level::Fast), true).is_ok());
+
+    let mut swapped = two_nodes();
+    let first_words = good.boxes[1].node() as usize;
+    swapped.nodes.rotate_left(first_words);
+    let second = (swapped.nodes.len() - first_words) as u32;
+    for (record, node) in swapped.boxes.iter_mut().zip([second, 0]) {
+        *record = BoxRecord::new(record.cell(), record.extent(), node);
+    }
+    // The very same volume but for the order.
+    assert_eq!(
+        swapped.decode_block([0; 3], [64, 1, 1]).unwrap(),
+        good.decode_block([0; 3], [64, 1, 1]).unwrap()
+    );
+    let what = open(&file_bytes(&swapped, Level::Fast), true).unwrap_err();
+    assert!(what.contains("order of first use"), "{what}");
+
+    let mut spare = two_nodes();
+    spare.nodes.extend_from_within(..first_words);
+    let what = open(&file_bytes(&spare, Level::Fast), true).unwrap_err();
+    assert!(what.contains("without a box"), "{what}");
+}
+
+/// An unknown word in `INFO` is quoted; a line feed in it made two lines of the message (found by fuzzing).
+#[test]
+fn what_is_quoted_stays_on_one_line() {
+    let mut bytes = file_bytes(&two_nodes(), Level::Fast);
+    let at = bytes.windows(9).position(|w| w == b"\"unknown\"").unwrap();
+    bytes[at..at + 9].copy_from_slice(b"\"a\\nbcde\"");
+    fix_checksums(&mut bytes);
+    let what = open(&bytes, true).unwrap_err();
+    assert!(what.contains("a\\nbcde") && !what.contains('\n'), "{what}");
 }

@@ -10,6 +10,7 @@ use serde::Deserialize;
 use super::layout::{ENTRY_BYTES, Encoding, HEADER_BYTES, Layout, section_checksum};
 use super::nodes::{self, Streams};
 use super::{Fault, check, codec};
+use crate::error::one_line;
 use crate::{
     BoxRecord, Chunk, CompressedVolume, Contacts, Error, Job, LabelRun, LabelTable, Result, VolumeInfo,
 };
@@ -192,8 +193,10 @@ fn read_sections(
 /// A volume from its sections, unchecked but for what putting it together needs.
 fn assemble(sections: &mut Sections) -> std::result::Result<CompressedVolume, Stop> {
     let info = sections.take(b"INFO")?;
-    let Info { volume: info, types: type_names } =
-        serde_json::from_slice(&info).map_err(|e| sections.fault(*b"INFO", format!("JSON: {e}")))?;
+    let Info { volume: info, types: type_names } = serde_json::from_slice(&info).map_err(|e| {
+        // It quotes the file.
+        sections.fault(*b"INFO", one_line(&format!("JSON: {e}")))
+    })?;
     let mut volume = CompressedVolume::empty(info);
     volume.chunks = sections.elements(b"CHNK", |b: [u8; 40]| {
         let u32_at = |at: usize| u32::from_le_bytes([b[at], b[at + 1], b[at + 2], b[at + 3]]);

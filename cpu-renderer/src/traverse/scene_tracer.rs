@@ -24,7 +24,7 @@ pub struct TracedInstance {
 /// See the module.
 #[derive(Debug)]
 pub struct SceneTracer {
-    volumes: Vec<VolumeTracer>,
+    volumes: Vec<Arc<VolumeTracer>>,
 }
 
 impl SceneTracer {
@@ -33,26 +33,22 @@ impl SceneTracer {
     /// # Errors
     /// [`RenderError::Scene`] names the instance whose matrix is singular or which has too many boxes.
     pub fn new(instances: &[TracedInstance]) -> Result<Self, RenderError> {
-        let volumes = instances
-            .iter()
-            .enumerate()
-            .map(|(i, instance)| {
-                VolumeTracer::new(i as u32, instance).map_err(|e| match e {
-                    RenderError::Scene(text) => RenderError::Scene(format!("instances[{i}]: {text}")),
-                    other => other,
-                })
-            })
-            .collect::<Result<_, _>>()?;
-        Ok(Self { volumes })
+        let build = |(i, instance)| VolumeTracer::new(i as u32, instance).map(Arc::new);
+        Ok(Self { volumes: instances.iter().enumerate().map(build).collect::<Result<_, _>>()? })
+    }
+
+    /// The geometry of instances that are built already; the one at place i was built as instance i.
+    pub fn of(volumes: Vec<Arc<VolumeTracer>>) -> Self {
+        Self { volumes }
     }
 
     /// Heap bytes of the acceleration structures; the volumes are not counted.
     pub fn bytes(&self) -> u64 {
-        self.volumes.iter().map(VolumeTracer::bytes).sum()
+        self.volumes.iter().map(|v| v.bytes()).sum()
     }
 
     /// One instance's geometry.
-    pub fn instance(&self, instance: u32) -> Option<&VolumeTracer> {
+    pub fn instance(&self, instance: u32) -> Option<&Arc<VolumeTracer>> {
         self.volumes.get(instance as usize)
     }
 

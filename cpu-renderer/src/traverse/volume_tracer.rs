@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use glam::DVec3;
+use glam::{DAffine3, DVec3};
 use pumice_core::{BoxView, CompressedVolume, NodeRef};
 use pumice_render::{BoxBounds, Bvh, BvhRay, Hit, PathOrigin, RayInWorld, RenderError, Surface, Tracer};
 
@@ -19,7 +19,7 @@ pub struct VolumeTracer {
     volume: Arc<CompressedVolume>,
     placement: Placement,
     instance: u32,
-    bvh: Bvh,
+    bvh: Arc<Bvh>,
     /// Whether every box is at voxel level, so that a surface's element is its voxel.
     all_voxels: bool,
     /// Outward normals in the world: lower and upper face of each axis.
@@ -33,6 +33,19 @@ enum Nearest {
     Face { step: Step, item: u32 },
 }
 
+fn place(instance: u32, world_from_index: DAffine3) -> Result<Placement, RenderError> {
+    Placement::new(world_from_index).ok_or_else(|| {
+        RenderError::Scene(format!(
+            "instances[{instance}]: world_from_index cannot be inverted: {:?}",
+            world_from_index.to_cols_array()
+        ))
+    })
+}
+
+fn normals(placement: &Placement) -> [[DVec3; 2]; 3] {
+    [0, 1, 2].map(|a| [placement.normal(a, false), placement.normal(a, true)])
+}
+
 impl VolumeTracer {
     /// Builds the hierarchy over the boxes of visible labels.
     ///
@@ -40,27 +53,37 @@ impl VolumeTracer {
     /// [`RenderError::Scene`] when the matrix is singular or the volume has 2³⁰ boxes or more.
     pub fn new(instance: u32, traced: &TracedInstance) -> Result<Self, RenderError> {
         let TracedInstance { volume, world_from_index, visible, lod } = traced;
-        let placement = Placement::new(*world_from_index).ok_or_else(|| {
-            RenderError::Scene(format!(
-                "world_from_index cannot be inverted: {:?}",
-                world_from_index.to_cols_array()
-            ))
-        })?;
+        let placement = place(instance, *world_from_index)?;
         if volume.boxes().len() >> BOX_BITS != 0 {
             return Err(RenderError::Scene(format!(
-                "{} boxes are more than the limit of 2^{BOX_BITS} of one instance",
+                "instances[{instance}]: {} boxes are more than the limit of 2^{BOX_BITS} of one instance",
                 volume.boxes().len()
             )));
         }
-        let bvh = Bvh::build(visible_boxes(volume, visible, *lod, &placement))?;
-        let normals = [0, 1, 2].map(|a| [placement.normal(a, false), placement.normal(a, true)]);
+        let bvh = Arc::new(Bvh::build(visible_boxes(volume, visible, *lod, &placement))?);
         Ok(Self {
             volume: Arc::clone(volume),
+            normals: normals(&placement),
             placement,
             instance,
             bvh,
             all_voxels: *lod == LodChoice::Voxels,
-            normals,
+        })
+    }
+
+    /// The same boxes at the same levels elsewhere: the hierarchy is of index space and is shared.
+    ///
+    /// # Errors
+    /// [`RenderError::Scene`] when the matrix is singular.
+    pub fn moved(&self, world_from_index: DAffine3) -> Result<Self, RenderError> {
+        let placement = place(self.instance, world_from_index)?;
+        Ok(Self {
+            volume: Arc::clone(&self.volume),
+            normals: normals(&placement),
+            placement,
+            instance: self.instance,
+            bvh: Arc::clone(&self.bvh),
+            all_voxels: self.all_voxels,
         })
     }
 

@@ -51,16 +51,20 @@ pub enum CompareError {
         /// The value.
         value: f32,
     },
+    /// Whoever asked does not want to know any more.
+    #[error("cancelled")]
+    Cancelled,
 }
 
 /// Compares the scene-linear picture `a` with its reference `b`; with both pictures' variances also by chance.
 ///
 /// # Errors
-/// When sizes differ, there are no pixels, or a value is not finite.
+/// When sizes differ, there are no pixels, or a value is not finite; when `cancelled` says so, asked before each metric.
 pub fn compare(
     a: &Image,
     b: &Image,
     variances: Option<(Variance<'_>, Variance<'_>)>,
+    cancelled: &dyn Fn() -> bool,
 ) -> Result<Comparison, CompareError> {
     let size = |p: &Image| [p.width, p.height];
     let mut pictures = vec![("the picture", a), ("the reference", b)];
@@ -81,14 +85,16 @@ pub fn compare(
         }
     }
 
+    let go_on = || if cancelled() { Err(CompareError::Cancelled) } else { Ok(()) };
+    go_on()?;
     let (a_display, b_display) = (display_from_linear(a), display_from_linear(b));
-    Ok(Comparison {
-        rel_mse: rel_mse(a, b),
-        psnr: psnr(&a_display, &b_display),
-        ssim: ssim(&a_display, &b_display),
-        flip: mean_flip(&flip_map(&a_display, &b_display)),
-        chance: variances.map(|(va, vb)| chance(a, b, va, vb)),
-    })
+    let (rel_mse, psnr) = (rel_mse(a, b), psnr(&a_display, &b_display));
+    go_on()?;
+    let ssim = ssim(&a_display, &b_display);
+    go_on()?;
+    let flip = mean_flip(&flip_map(&a_display, &b_display));
+    go_on()?;
+    Ok(Comparison { rel_mse, psnr, ssim, flip, chance: variances.map(|(va, vb)| chance(a, b, va, vb)) })
 }
 
 #[cfg(test)]
@@ -99,20 +105,21 @@ mod tests {
     fn what_cannot_be_compared_is_named() {
         let a = Image::new(2, 1, vec![[0.5; 3]; 2]);
         let b = Image::new(1, 2, vec![[0.5; 3]; 2]);
-        let said = compare(&a, &b, None).unwrap_err().to_string();
+        let said = compare(&a, &b, None, &|| false).unwrap_err().to_string();
         assert_eq!(said, "the pictures cannot be compared: the picture is 2×1 pixels, the reference 1×2");
         let mut c = a.clone();
         c.pixels[1][2] = f32::NAN;
-        let said = compare(&a, &c, None).unwrap_err().to_string();
+        let said = compare(&a, &c, None, &|| false).unwrap_err().to_string();
         assert_eq!(said, "the reference has the value NaN at pixel (1, 0): expected finite numbers");
         let nothing = Image::new(0, 0, vec![]);
-        assert!(compare(&nothing, &nothing, None).is_err());
+        assert!(compare(&nothing, &nothing, None, &|| false).is_err());
+        assert_eq!(compare(&a, &a, None, &|| true), Err(CompareError::Cancelled));
     }
 
     #[test]
     fn report_has_the_promised_keys() {
         let a = Image::new(2, 1, vec![[0.5; 3]; 2]);
-        let json = serde_json::to_value(compare(&a, &a, None).unwrap()).unwrap();
+        let json = serde_json::to_value(compare(&a, &a, None, &|| false).unwrap()).unwrap();
         assert_eq!(json, serde_json::json!({ "rel_mse": 0.0, "psnr": null, "ssim": 1.0, "flip": 0.0 }));
     }
 }

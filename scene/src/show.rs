@@ -1,0 +1,134 @@
+//! Which labels of a volume are drawn.
+
+use serde::{Deserialize, Serialize};
+
+use crate::SceneError;
+
+/// Which labels of a volume are drawn. The order of ids has no meaning, nor has an id that comes twice.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Show {
+    /// All but background.
+    #[default]
+    All,
+    /// Only these ids.
+    Only(Vec<u64>),
+    /// All but these ids.
+    Except(Vec<u64>),
+}
+
+impl Show {
+    /// Which labels are drawn, by dense index. `ids` are the volume's ids in rising order (their places are the dense indices);
+    /// `field` is where this choice stands in the scene, such as `instances[0].style.show`. Ids of [`Show::Except`] may be missing
+    /// from the volume: one list serves many crops.
+    ///
+    /// # Errors
+    /// [`SceneError::Field`] names the first id of [`Show::Only`] that the volume does not have: a figure that silently lacks a
+    /// label is wrong.
+    pub fn resolve(&self, field: &str, ids: &[u64]) -> Result<Vec<bool>, SceneError> {
+        let unless_named = self.visible_unless_named();
+        let mut visible = vec![unless_named; ids.len()];
+        for (i, id) in self.named().iter().enumerate() {
+            match ids.binary_search(id) {
+                Ok(dense) => visible[dense] = !unless_named,
+                Err(_) if unless_named => {}
+                Err(_) => {
+                    let problem = match (*id, ids) {
+                        (0, _) => "0 is the background, which is not drawn".into(),
+                        (id, [first, .., last]) => format!(
+                            "the volume has no label {id}; its {} labels are within {first} to {last}",
+                            ids.len()
+                        ),
+                        (id, [only]) => format!("the volume has no label {id}; its only label is {only}"),
+                        (id, []) => format!("the volume has no label {id}, nor any other"),
+                    };
+                    return Err(SceneError::Field { field: format!("{field}.only[{i}]"), problem });
+                }
+            }
+        }
+        Ok(visible)
+    }
+
+    /// The ids that are named, whichever way they are meant.
+    pub fn named(&self) -> &[u64] {
+        match self {
+            Self::All => &[],
+            Self::Only(list) | Self::Except(list) => list,
+        }
+    }
+
+    /// Whether two choices draw the same labels of any volume.
+    pub fn same_labels(&self, other: &Self) -> bool {
+        let set = |show: &Self| {
+            let mut ids = show.named().to_vec();
+            ids.sort_unstable();
+            ids.dedup();
+            ids
+        };
+        // Equal lists are the ordinary case, and long.
+        self == other
+            || self.visible_unless_named() == other.visible_unless_named() && set(self) == set(other)
+    }
+
+    pub(crate) fn visible_unless_named(&self) -> bool {
+        !matches!(self, Self::Only(_))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const IDS: [u64; 4] = [3, 17, 1 << 40, u64::MAX];
+
+    #[test]
+    fn shows_what_is_named() {
+        let visible = |show: Show| show.resolve("show", &IDS).unwrap();
+        assert_eq!(visible(Show::All), [true; 4]);
+        assert_eq!(visible(Show::Only(vec![])), [false; 4]);
+        assert_eq!(visible(Show::Except(vec![])), [true; 4]);
+        assert_eq!(visible(Show::Only(vec![u64::MAX, 3, 3])), [true, false, false, true]);
+        assert_eq!(visible(Show::Except(vec![1 << 40])), [true, true, false, true]);
+        assert_eq!(Show::All.resolve("show", &[]).unwrap(), [] as [bool; 0]);
+    }
+
+    #[test]
+    fn names_an_id_that_the_volume_lacks() {
+        let problem =
+            |show: Show, ids: &[u64]| show.resolve("instances[2].style.show", ids).unwrap_err().to_string();
+        assert_eq!(
+            problem(Show::Only(vec![3, 4]), &IDS),
+            "instances[2].style.show.only[1]: the volume has no label 4; its 4 labels are within 3 to 18446744073709551615"
+        );
+        assert_eq!(
+            problem(Show::Only(vec![9]), &[8]),
+            "instances[2].style.show.only[0]: the volume has no label 9; its only label is 8"
+        );
+        assert_eq!(
+            problem(Show::Only(vec![9]), &[]),
+            "instances[2].style.show.only[0]: the volume has no label 9, nor any other"
+        );
+        assert_eq!(
+            problem(Show::Only(vec![0]), &IDS),
+            "instances[2].style.show.only[0]: 0 is the background, which is not drawn"
+        );
+        assert_eq!(
+            Show::Except(vec![9]).resolve("show", &[8]).unwrap(),
+            [true],
+            "lists of hidden labels serve many crops"
+        );
+        // Not by truncation: an id that equals another in its lower 32 bits is another.
+        assert!(Show::Only(vec![(1 << 32) + 3]).resolve("show", &IDS).is_err());
+    }
+
+    #[test]
+    fn the_same_labels_however_they_are_listed() {
+        let only = |ids: &[u64]| Show::Only(ids.to_vec());
+        let except = |ids: &[u64]| Show::Except(ids.to_vec());
+        assert!(only(&[1, 2]).same_labels(&only(&[2, 1, 2])));
+        assert!(Show::All.same_labels(&except(&[])));
+        assert!(!only(&[1, 2]).same_labels(&only(&[1, 3])));
+        assert!(!only(&[1]).same_labels(&except(&[1])));
+        assert!(!only(&[]).same_labels(&Show::All));
+    }
+}

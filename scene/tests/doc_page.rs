@@ -1,0 +1,82 @@
+//! The page on scene files says what the program does.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
+
+mod common;
+
+use common::full_scene;
+use glam::DVec3;
+use pumice_scene::{LabelStyle, Material, Scene, Settings, Show};
+use serde_json::Value;
+
+const PAGE: &str = include_str!("../../docs/scene.md");
+
+/// The only fenced block of the page that is JSON.
+fn example() -> &'static str {
+    let mut blocks = PAGE.split("```json\n").skip(1);
+    let block = blocks.next().expect("the page has an example");
+    assert!(blocks.next().is_none(), "the page has one example");
+    block.split("```").next().unwrap()
+}
+
+#[test]
+fn the_example_is_a_scene() {
+    let scene = Scene::from_json(example()).unwrap();
+    let instance = &scene.instances[0];
+    assert_eq!(instance.style.show, Show::Only(vec![17, 203]));
+    assert_eq!(instance.style.materials[&17].roughness, 0.2);
+    assert_eq!(Scene::from_json(&scene.to_json().unwrap()).unwrap(), scene);
+
+    // Columns, then the translation; the camera looks along +y with z up.
+    assert_eq!(instance.world_from_index.matrix3.z_axis, DVec3::new(0.0, 0.0, 0.25));
+    assert_eq!(instance.world_from_index.translation, DVec3::new(-6.4, -6.4, 0.0));
+    let m = scene.camera.world_from_camera.matrix3;
+    assert_eq!((m * DVec3::NEG_Z, m * DVec3::Y), (DVec3::Y, DVec3::Z));
+}
+
+/// All names of fields in the JSON form.
+fn names(value: &Value, out: &mut Vec<String>) {
+    match value {
+        Value::Object(map) => map.iter().for_each(|(k, v)| {
+            out.push(k.clone());
+            names(v, out);
+        }),
+        Value::Array(list) => list.iter().for_each(|v| names(v, out)),
+        _ => (),
+    }
+}
+
+#[test]
+fn every_field_is_on_the_page() {
+    let mut all = Vec::new();
+    names(&serde_json::to_value(full_scene()).unwrap(), &mut all);
+    all.retain(|name| name.parse::<u64>().is_err());
+    assert!(all.len() > 60);
+    for name in all {
+        assert!(
+            PAGE.contains(&format!("`{name}`")) || PAGE.contains(&format!("{{\"{name}\": ")),
+            "{name} is not on the page"
+        );
+    }
+}
+
+#[test]
+fn the_defaults_are_those_of_the_page() {
+    let row = |line: &str| assert!(PAGE.contains(line), "the page lacks: {line}");
+    let m = Material::default();
+    row(&format!("| {:?} |\n| `metallic`", m.base_color));
+    row(&format!("| 0 to 1 | {} |\n| `roughness`", m.metallic));
+    row(&format!("| 0 to 1 | {} |\n| `specular`", m.roughness));
+    row(&format!("| from 0 | {} |\n| `ior`", m.specular));
+    row(&format!("| from 1 | {} |\n| `emission`", m.ior));
+    assert_eq!(m.emission, [0.0; 3]);
+    let s = Settings::default();
+    row(&format!("surface points | {} |", s.bounces));
+    row(&format!("not the mean | {} |", s.russian_roulette));
+    row(&format!("the same picture | {} |", s.seed));
+    assert_eq!(serde_json::to_string(&s.mode).unwrap(), "\"path\"");
+    assert_eq!(serde_json::to_string(&s.lod).unwrap(), "\"voxels\"");
+    assert_eq!(s.ao_distance, f64::MAX);
+    let style = LabelStyle::default();
+    assert_eq!((style.show, style.auto_color), (Show::All, false));
+}

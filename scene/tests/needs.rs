@@ -1,0 +1,163 @@
+//! What is needed follows from what is drawn, one edit at a time.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
+
+mod common;
+
+use common::full_scene;
+use pumice_scene::{Environment, LabelCount, LabelStyle, Lod, Material, Mode, Needs, Scene, Show};
+
+const IDS: [u64; 4] = [3, 5, 17, u64::MAX];
+const MATTE: Material = Material {
+    base_color: [0.5; 3],
+    metallic: 0.0,
+    roughness: 1.0,
+    specular: 0.0,
+    ior: 1.5,
+    emission: [0.0; 3],
+};
+
+/// One instance of four matte labels under an even sky: next to nothing is needed.
+fn plain() -> Scene {
+    let mut scene = full_scene();
+    scene.instances.truncate(1);
+    scene.instances[0].style = LabelStyle { material: MATTE, ..LabelStyle::default() };
+    scene.world.environment = Environment::Constant { radiance: [1.0; 3] };
+    scene.suns.clear();
+    scene.settings.mode = Mode::Path;
+    scene.settings.bounces = 4;
+    scene.settings.lod = Lod::Voxels;
+    scene
+}
+
+fn needs(scene: &Scene) -> Needs {
+    Needs::of(scene, &vec![&IDS[..]; scene.instances.len()])
+}
+
+fn least() -> Needs {
+    Needs {
+        labels: vec![LabelCount { instance: 7, visible: 4, all: 4 }],
+        lighting: true,
+        diffuse: true,
+        specular: false,
+        metal: false,
+        emission: false,
+        sky_table: false,
+        suns: 0,
+        mis: false,
+        bounces: true,
+        roulette: false,
+        levels: vec![1],
+    }
+}
+
+#[track_caller]
+fn after(edit: impl FnOnce(&mut Scene)) -> Needs {
+    let mut scene = plain();
+    assert_eq!(needs(&scene), least());
+    edit(&mut scene);
+    scene.validate().unwrap();
+    needs(&scene)
+}
+
+#[test]
+fn each_edit_needs_only_what_it_brings() {
+    let style = |edit: fn(&mut LabelStyle)| after(|s| edit(&mut s.instances[0].style));
+    assert_eq!(style(|s| s.material.specular = 0.5), Needs { specular: true, ..least() });
+    assert_eq!(style(|s| s.material.metallic = 0.5), Needs { metal: true, ..least() });
+    assert_eq!(style(|s| s.material.metallic = 1.0), Needs { metal: true, diffuse: false, ..least() });
+    assert_eq!(style(|s| s.material.emission[2] = 0.1), Needs { emission: true, ..least() });
+    assert_eq!(style(|s| s.material.base_color = [0.0; 3]), Needs { diffuse: false, ..least() });
+    // A black that automatic colours replace is not black.
+    assert_eq!(style(|s| (s.material.base_color, s.auto_color) = ([0.0; 3], true)), least());
+    // Without a step of the index there is no layer, whatever its level.
+    assert_eq!(style(|s| (s.material.specular, s.material.ior) = (1.0, 1.0)), least());
+
+    let sky = Environment::Image { path: "a.exr".into(), rotation_rad: 0.0, strength: 1.0 };
+    assert_eq!(after(|s| s.world.environment = sky), Needs { sky_table: true, mis: true, ..least() });
+    let suns = full_scene().suns;
+    assert_eq!(after(|s| s.suns = vec![suns[1]]), Needs { suns: 1, ..least() });
+    assert_eq!(after(|s| s.suns = suns.clone()), Needs { suns: 2, mis: true, ..least() });
+    let dark = pumice_scene::Sun { strength: 0.0, ..suns[0] };
+    let black = pumice_scene::Sun { color: [0.0; 3], ..suns[0] };
+    assert_eq!(after(|s| s.suns = vec![dark, black]), least());
+
+    let settings = |edit: fn(&mut pumice_scene::Settings)| after(|s| edit(&mut s.settings));
+    assert_eq!(settings(|s| s.russian_roulette = true), Needs { roulette: true, ..least() });
+    assert_eq!(settings(|s| s.bounces = 0), Needs { bounces: false, ..least() });
+    assert_eq!(
+        settings(|s| (s.mode, s.russian_roulette) = (Mode::OneBounce, true)),
+        Needs { bounces: false, ..least() }
+    );
+    assert_eq!(settings(|s| s.lod = Lod::Cells), Needs { levels: vec![4], ..least() });
+    assert_eq!(settings(|s| s.lod = Lod::Boxes), Needs { levels: vec![16], ..least() });
+    assert_eq!(
+        settings(|s| s.lod = Lod::Distance { pixels: 1.0 }),
+        Needs { levels: vec![1, 4, 16], ..least() }
+    );
+}
+
+#[test]
+fn ambient_occlusion_needs_neither_lights_nor_materials() {
+    let mut scene = full_scene();
+    scene.settings.mode = Mode::AmbientOcclusion;
+    scene.settings.russian_roulette = true;
+    scene.world.environment = Environment::Constant { radiance: [1.0; 3] };
+    scene.settings.lod = Lod::Voxels;
+    scene.instances.truncate(1);
+    let labels = vec![LabelCount { instance: 7, visible: 3, all: 4 }];
+    let expected = Needs { labels, lighting: false, diffuse: false, bounces: false, ..least() };
+    assert_eq!(needs(&scene), expected);
+}
+
+#[test]
+fn hidden_labels_ask_for_nothing() {
+    let glow = Material { emission: [1.0; 3], ..MATTE };
+    let with = |show: Show| {
+        after(|s| {
+            s.instances[0].style.show = show;
+            s.instances[0].style.materials = [(5, glow), (99, Material { metallic: 1.0, ..MATTE })].into();
+        })
+    };
+    let seen = |visible| vec![LabelCount { instance: 7, visible, all: 4 }];
+    // 99 is no label of the volume.
+    assert_eq!(with(Show::All), Needs { emission: true, ..least() });
+    assert_eq!(with(Show::Except(vec![5])), Needs { labels: seen(3), ..least() });
+    assert_eq!(with(Show::Only(vec![3, 3])), Needs { labels: seen(1), ..least() });
+    assert_eq!(with(Show::Only(vec![5, 17])), Needs { emission: true, labels: seen(2), ..least() });
+    // The common material is not needed where all that is seen have their own.
+    let own = after(|s| {
+        s.instances[0].style.show = Show::Only(vec![5]);
+        s.instances[0].style.material.metallic = 1.0;
+        s.instances[0].style.materials = [(5, glow)].into();
+    });
+    assert_eq!(own, Needs { emission: true, labels: seen(1), ..least() });
+    assert_eq!(with(Show::Only(vec![])), Needs { diffuse: false, labels: seen(0), ..least() });
+}
+
+#[test]
+fn each_line_says_needed_or_left_out_and_why() {
+    let text = least().explain().join("\n");
+    let expected = "\
+needed: boxes of 4 of 4 labels of instance 7
+needed: materials
+left out: dielectric layer (no visible label has one)
+left out: aiming at suns (no sun gives light)
+left out: table of the sky (it is the same from everywhere: scattering finds it as well as aiming would)
+left out: weights of lights found in two ways (MIS) (each light is found in one way)
+needed: light from surface to surface
+left out: Russian roulette (the settings say so)
+needed: elements of 1³ voxels
+left out: elements of 4³ voxels (the level of detail is another)
+left out: elements of 16³ voxels (the level of detail is another)
+needed: diffuse";
+    assert_eq!(text, expected);
+
+    let all = needs(&full_scene());
+    for line in all.explain() {
+        let reason = line.starts_with("left out: ") && line.contains(" (") && line.ends_with(')');
+        assert!(line.starts_with("needed: ") || reason, "{line}");
+    }
+    assert!(all.explain().contains(&"left out: boxes of 1 labels of instance 8 (not shown)".to_owned()));
+    assert!(all.explain().contains(&"needed: aiming at 2 suns".to_owned()));
+}

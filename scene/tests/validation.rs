@@ -1,0 +1,252 @@
+//! Each rule of validation has a scene that breaks it and nothing else, and names the field at fault.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
+
+mod common;
+
+use std::f64::consts::PI;
+
+use common::full_scene;
+use glam::{DAffine3, DMat3, DVec3};
+use pumice_scene::{Environment, Filter, Lod, Material, Projection, SCENE_VERSION, Scene, SceneError};
+
+/// The field that is at fault once `edit` was made in a scene that was good before.
+#[track_caller]
+fn fault(edit: impl FnOnce(&mut Scene)) -> String {
+    let mut scene = full_scene();
+    scene.validate().expect("the scene is good before the edit");
+    edit(&mut scene);
+    let error = scene.validate().expect_err("the edit breaks a rule");
+    let text = error.to_string();
+    assert!(!text.contains(char::is_control), "one line: {text:?}");
+    match error {
+        SceneError::Field { field, problem } => {
+            assert!(!problem.is_empty());
+            field
+        }
+        other => panic!("a field was expected, got {other}"),
+    }
+}
+
+#[track_caller]
+fn good(edit: impl FnOnce(&mut Scene)) {
+    let mut scene = full_scene();
+    edit(&mut scene);
+    scene.validate().expect("on the right side of the rule");
+}
+
+/// Each value of `bad` put in place by `set` is refused at `field`; each of `fine` is not.
+#[track_caller]
+fn rule<T: Copy + std::fmt::Debug>(field: &str, set: impl Fn(&mut Scene, T), bad: &[T], fine: &[T]) {
+    for &v in bad {
+        assert_eq!(fault(|s| set(s, v)), field, "for {v:?}");
+    }
+    fine.iter().for_each(|&v| good(|s| set(s, v)));
+}
+
+const NAN: f32 = f32::NAN;
+const INF: f32 = f32::INFINITY;
+
+#[test]
+fn materials() {
+    fn each(name: &str, set: impl Fn(&mut Material, f32), bad: &[f32], fine: &[f32]) {
+        rule(
+            &format!("instances[1].style.material.{name}"),
+            |s, v| set(&mut s.instances[1].style.material, v),
+            bad,
+            fine,
+        );
+        rule(
+            &format!("instances[0].style.materials.17.{name}"),
+            |s, v| set(s.instances[0].style.materials.get_mut(&17).unwrap(), v),
+            bad,
+            fine,
+        );
+    }
+    let above_one = 1.0f32.next_up();
+    let below_zero = -f32::from_bits(1);
+    let outside_unit = [below_zero, above_one, NAN, INF, -INF];
+    let unit = [0.0, -0.0, 1.0];
+    for i in 0..3 {
+        each(&format!("base_color[{i}]"), |m, v| m.base_color[i] = v, &outside_unit, &unit);
+        each(&format!("emission[{i}]"), |m, v| m.emission[i] = v, &[below_zero, NAN, INF], &[0.0, f32::MAX]);
+    }
+    each("metallic", |m, v| m.metallic = v, &outside_unit, &unit);
+    each("roughness", |m, v| m.roughness = v, &outside_unit, &unit);
+    each("specular", |m, v| m.specular = v, &[below_zero, NAN, INF], &[0.0, 2.0]);
+    each("ior", |m, v| m.ior = v, &[1.0f32.next_down(), 0.0, NAN, INF], &[1.0, 4.0]);
+}
+
+#[test]
+fn matrices_that_cannot_be_inverted() {
+    let flat = DMat3::from_cols(DVec3::X, DVec3::Y, DVec3::X + DVec3::Y);
+    let nearly_flat = DMat3::from_cols(DVec3::X, DVec3::Y, DVec3::X + DVec3::Z * 1e-13);
+    let no_column = DMat3::from_cols(DVec3::X, DVec3::ZERO, DVec3::Z);
+    let nan = DMat3::from_diagonal(DVec3::new(1.0, f64::NAN, 1.0));
+    // Its determinant is 0 in f64, so there is no inverse to render with.
+    let too_small = DMat3::from_diagonal(DVec3::splat(1e-150));
+    let bad = [flat, nearly_flat, no_column, nan, too_small, DMat3::ZERO];
+    let sheared = DMat3::from_cols(DVec3::X, DVec3::new(5.0, 1.0, 0.0), DVec3::Z);
+    // Nanometres of one axis against metres of another are no fault.
+    let uneven = DMat3::from_diagonal(DVec3::new(1e-9, 1.0, -1e9));
+    rule(
+        "instances[1].world_from_index",
+        |s, m| s.instances[1].world_from_index.matrix3 = m,
+        &bad,
+        &[sheared, uneven, DMat3::from_diagonal(DVec3::splat(1e-30))],
+    );
+    rule(
+        "instances[0].world_from_index",
+        |s, t: f64| s.instances[0].world_from_index.translation.z = t,
+        &[f64::NAN, f64::INFINITY],
+        &[-1e12],
+    );
+    let mut with_shear = bad.to_vec();
+    with_shear.push(sheared);
+    rule(
+        "camera.world_from_camera",
+        |s, m| s.camera.world_from_camera = DAffine3::from_mat3(m),
+        &with_shear,
+        &[uneven, DMat3::IDENTITY],
+    );
+}
+
+#[test]
+fn instances() {
+    assert_eq!(fault(|s| s.instances[1].id = 7), "instances[1].id");
+    assert_eq!(fault(|s| s.instances[0].source = "".into()), "instances[0].source");
+    good(|s| s.instances.clear());
+}
+
+#[test]
+fn camera() {
+    rule(
+        "camera.projection.perspective.fov_rad",
+        |s, fov_rad| s.camera.projection = Projection::Perspective { fov_rad },
+        &[0.0, -1.0, PI, 4.0, f64::NAN, f64::INFINITY],
+        &[1e-6, PI.next_down()],
+    );
+    rule(
+        "camera.projection.orthographic.scale",
+        |s, scale| s.camera.projection = Projection::Orthographic { scale },
+        &[0.0, -1.0, f64::NAN, f64::INFINITY],
+        &[1e-9, 1e9],
+    );
+    for i in 0..2 {
+        let infinite = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY];
+        rule(&format!("camera.shift[{i}]"), |s, v| s.camera.shift[i] = v, &infinite, &[-3.0]);
+    }
+    rule(
+        "camera.clip",
+        |s, clip| s.camera.clip = clip,
+        &[[1.0, 1.0], [2.0, 1.0], [-1.0, 1.0], [f64::NAN, 1.0], [0.0, f64::NAN], [0.0, f64::INFINITY]],
+        &[[0.0, f64::MAX], [1.0, 1.0f64.next_up()]],
+    );
+}
+
+#[test]
+fn film() {
+    rule("film.width", |s, v| s.film.width = v, &[0, 65_537, u32::MAX], &[1, 16_384]);
+    rule("film.height", |s, v| s.film.height = v, &[0, 65_537, u32::MAX], &[1, 65_536]);
+    rule(
+        "film.width",
+        |s, [w, h]: [u32; 2]| (s.film.width, s.film.height) = (w, h),
+        &[[32_768, 32_769], [65_536, 65_536]],
+        &[[32_768, 32_768], [65_536, 16_384]],
+    );
+    let (bad, fine) = ([0.0, -1.0, 16.0f32.next_up(), NAN, INF], [0.1, 16.0]);
+    rule("film.filter.box.width", |s, width| s.film.filter = Filter::Box { width }, &bad, &fine);
+    rule(
+        "film.filter.blackman_harris.width",
+        |s, width| s.film.filter = Filter::BlackmanHarris { width },
+        &bad,
+        &fine,
+    );
+}
+
+#[test]
+fn world() {
+    let bad = [-1.0, NAN, INF];
+    for i in 0..3 {
+        rule(
+            &format!("world.environment.constant.radiance[{i}]"),
+            |s, v| {
+                let mut radiance = [1.0; 3];
+                radiance[i] = v;
+                s.world.environment = Environment::Constant { radiance };
+            },
+            &bad,
+            &[0.0, 1e6],
+        );
+        for end in 0..2 {
+            rule(
+                &format!("world.backdrop[{end}][{i}]"),
+                |s, v| s.world.backdrop.as_mut().unwrap()[end][i] = v,
+                &bad,
+                &[0.0, 2.0],
+            );
+        }
+    }
+    let image =
+        |path: &str, rotation_rad, strength| Environment::Image { path: path.into(), rotation_rad, strength };
+    assert_eq!(fault(|s| s.world.environment = image("", 0.0, 1.0)), "world.environment.image.path");
+    rule(
+        "world.environment.image.rotation_rad",
+        |s, v| s.world.environment = image("a.exr", v, 1.0),
+        &[f64::NAN, f64::INFINITY],
+        &[100.0],
+    );
+    rule(
+        "world.environment.image.strength",
+        |s, v| s.world.environment = image("a.exr", 0.0, v),
+        &bad,
+        &[0.0, 10.0],
+    );
+}
+
+#[test]
+fn suns() {
+    rule(
+        "suns[1].direction",
+        |s, v| s.suns[1].direction = v,
+        &[[0.0; 3], [f64::NAN, 0.0, 1.0], [f64::INFINITY, 0.0, 0.0], [1e-200, 0.0, 0.0], [1e200, 0.0, 0.0]],
+        &[[0.0, 0.0, 1e-100], [1e100, 0.0, 0.0]],
+    );
+    rule("suns[0].strength", |s, v| s.suns[0].strength = v, &[-1.0, NAN, INF], &[0.0, 1e6]);
+    for i in 0..3 {
+        rule(&format!("suns[0].color[{i}]"), |s, v| s.suns[0].color[i] = v, &[-1.0, NAN, INF], &[0.0, 4.0]);
+    }
+    // The last two are angles in range whose cone would need more radiance than an f32 holds.
+    rule(
+        "suns[0].angle_rad",
+        |s, v| s.suns[0].angle_rad = v,
+        &[-0.1, PI.next_up(), f64::NAN, f64::INFINITY, 1e-20, f64::MIN_POSITIVE],
+        &[0.0, PI, 0.0093],
+    );
+}
+
+#[test]
+fn settings() {
+    rule("settings.bounces", |s, v| s.settings.bounces = v, &[(1 << 20) + 1, u32::MAX], &[0, 1 << 20]);
+    rule(
+        "settings.ao_distance",
+        |s, v| s.settings.ao_distance = v,
+        &[0.0, -1.0, f64::NAN, f64::INFINITY],
+        &[1e-9, f64::MAX],
+    );
+    rule(
+        "settings.lod.distance.pixels",
+        |s, pixels| s.settings.lod = Lod::Distance { pixels },
+        &[0.0, -1.0, NAN, INF],
+        &[0.5, 100.0],
+    );
+}
+
+#[test]
+fn a_scene_of_another_version_is_not_valid() {
+    let mut scene = full_scene();
+    scene.version = SCENE_VERSION + 1;
+    assert!(
+        matches!(scene.validate(), Err(SceneError::Version { got, .. }) if got == u64::from(SCENE_VERSION) + 1)
+    );
+}

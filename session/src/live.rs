@@ -1,0 +1,341 @@
+//! A picture that follows its scene: a worker refines it, whoever looks at it takes the newest frame.
+//!
+//! ```text
+//!   client:   edit ──► scene, revision + 1 ──► wakes the worker          latest ◄── newest frame (immutable, shared)
+//!   worker:   take the scene → coarse frames, finer each time → all samples, a frame now and then → converged: sleep
+//! ```
+//! An edit cancels the samples under way, so that the first coarse frame of the new scene comes within the time of a few rows.
+//! Coarse frames have fewer pixels than the film and are never mixed into it. Nothing here waits but [`Live::pick`] and
+//! [`Live::stop`], and those only until the worker looks up from its slice. A panic in the worker ends it and is told by
+//! [`Live::status`]; it does not reach the client.
+
+mod worker;
+
+use std::collections::BTreeMap;
+use std::sync::mpsc::{Sender, channel};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+
+use pumice_core::{CompressedVolume, Job};
+use pumice_render::{Pick, RenderError};
+use pumice_scene::{Instance, Scene, SceneEdit, SceneError};
+
+use crate::backend::make_renderer;
+use crate::error::{Result, SessionError};
+use crate::progressive::Stop;
+
+pub use worker::panic_text;
+
+/// How a live picture is made.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LiveOptions {
+    /// As `--backend`.
+    pub backend: String,
+    /// When the picture of one revision is done.
+    pub stop: Stop,
+}
+
+impl Default for LiveOptions {
+    fn default() -> Self {
+        Self { backend: "auto".into(), stop: Stop::default() }
+    }
+}
+
+/// A picture at one moment. Rows run from the **bottom** to the top, as graphics interfaces want them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Frame {
+    /// Pixels across.
+    pub width: u32,
+    /// Pixels down.
+    pub height: u32,
+    /// Scene-linear Rec. 709 radiance and alpha, four floats a pixel; alpha is 1.
+    pub rgba: Vec<f32>,
+    /// Rises by one from frame to frame; the first is 1.
+    pub serial: u64,
+    /// Revision of the scene that it shows.
+    pub revision: u64,
+    /// Samples in every pixel.
+    pub spp: u32,
+    /// Estimated relative error, infinite until it can be known.
+    pub error_estimate: f64,
+    /// Wall seconds since the worker began this revision.
+    pub seconds: f64,
+    /// CPU seconds of the process in that time.
+    pub cpu_seconds: f64,
+    /// Fewer pixels than the film has.
+    pub coarse: bool,
+    /// The last of its revision: enough samples, or an error small enough.
+    pub converged: bool,
+}
+
+/// What the worker does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LiveState {
+    /// It adds samples, or is about to.
+    Rendering,
+    /// The picture is done; an edit wakes it.
+    Converged,
+    /// It has ended by an error or a panic, told by [`Status::error`].
+    Failed,
+    /// It was stopped.
+    Stopped,
+}
+
+impl LiveState {
+    /// In lower case.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Rendering => "rendering",
+            Self::Converged => "converged",
+            Self::Failed => "failed",
+            Self::Stopped => "stopped",
+        }
+    }
+}
+
+/// How a live picture stands.
+#[derive(Clone, Debug)]
+pub struct Status {
+    /// What the worker does.
+    pub state: LiveState,
+    /// Why it failed, or why the last revision could not be shown: the former one stays then.
+    pub error: Option<String>,
+    /// Revision of the scene; the first is 1.
+    pub revision: u64,
+    /// Name of the backend.
+    pub backend: &'static str,
+    /// `edits.KIND` received, `rebuilt.KIND` made by the renderer, `frames` published.
+    pub counters: BTreeMap<String, u64>,
+}
+
+/// What is under a pixel of the film, and where the answer goes.
+struct Question {
+    x: u32,
+    y: u32,
+    answer: Sender<std::result::Result<Option<Pick>, RenderError>>,
+}
+
+/// What client and worker share.
+struct Shared {
+    board: Mutex<Board>,
+    /// Notified when there is something for the worker.
+    work: Condvar,
+}
+
+struct Board {
+    scene: Scene,
+    volumes: Vec<Arc<CompressedVolume>>,
+    revision: u64,
+    /// Cancels the samples under way.
+    job: Arc<Job>,
+    questions: Vec<Question>,
+    frame: Option<Arc<Frame>>,
+    state: LiveState,
+    error: Option<String>,
+    stopping: bool,
+    panicking: bool,
+    counters: BTreeMap<String, u64>,
+}
+
+impl Shared {
+    fn board(&self) -> MutexGuard<'_, Board> {
+        // The board is whole between any two statements that hold it: a panic elsewhere does not spoil it.
+        self.board.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// A live picture; dropping it stops the worker.
+pub struct Live {
+    shared: Arc<Shared>,
+    backend: &'static str,
+    worker: Mutex<Option<JoinHandle<()>>>,
+}
+
+impl std::fmt::Debug for Live {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Live").field("backend", &self.backend).finish_non_exhaustive()
+    }
+}
+
+impl Live {
+    /// Starts to draw `scene`; `volumes[i]` belongs to `scene.instances[i]`. Returns at once.
+    ///
+    /// # Errors
+    /// When the scene is not valid, or there is no such backend.
+    pub fn start(scene: Scene, volumes: Vec<Arc<CompressedVolume>>, options: LiveOptions) -> Result<Self> {
+        check(&scene, &volumes)?;
+        let renderer = make_renderer(&options.backend)?;
+        let backend = renderer.name();
+        let shared = Arc::new(Shared {
+            board: Mutex::new(Board {
+                scene,
+                volumes,
+                revision: 1,
+                job: Arc::new(Job::new()),
+                questions: Vec::new(),
+                frame: None,
+                state: LiveState::Rendering,
+                error: None,
+                stopping: false,
+                panicking: false,
+                counters: BTreeMap::new(),
+            }),
+            work: Condvar::new(),
+        });
+        let worker = worker::Worker::new(Arc::clone(&shared), renderer, options.stop);
+        let spawned = std::thread::Builder::new().name("pumice-live".into()).spawn(move || worker.run());
+        let worker =
+            spawned.map_err(|e| SessionError::Caller(format!("no thread for a live picture: {e}")))?;
+        Ok(Self { shared, backend, worker: Mutex::new(Some(worker)) })
+    }
+
+    /// Applies edits, all or none, and returns the new revision; its frames follow. No edits change nothing.
+    ///
+    /// # Errors
+    /// When the scene would not be valid; it stays as it was. [`SceneEdit::Add`] must come through [`Live::add`].
+    pub fn edit(&self, edits: Vec<SceneEdit>) -> Result<u64> {
+        if edits.iter().any(|e| matches!(e, SceneEdit::Add { .. })) {
+            return Err(SessionError::Caller("edits: an instance is added together with its volume".into()));
+        }
+        self.change(edits, None)
+    }
+
+    /// Adds an instance with its volume, or replaces the instance with the same id.
+    ///
+    /// # Errors
+    /// As [`Live::edit`].
+    pub fn add(&self, instance: Instance, volume: Arc<CompressedVolume>) -> Result<u64> {
+        let id = instance.id;
+        self.change(vec![SceneEdit::Add { instance }], Some((id, volume)))
+    }
+
+    fn change(&self, edits: Vec<SceneEdit>, added: Option<(u32, Arc<CompressedVolume>)>) -> Result<u64> {
+        let mut board = self.shared.board();
+        if edits.is_empty() {
+            return Ok(board.revision);
+        }
+        let names: Vec<&'static str> = edits.iter().map(SceneEdit::name).collect();
+        let mut scene = board.scene.clone();
+        scene.apply(edits).map_err(|e| SessionError::Caller(e.to_string()))?;
+        let volume_of = |instance: &Instance| match &added {
+            Some((id, volume)) if *id == instance.id => Some(Arc::clone(volume)),
+            _ => {
+                let place = board.scene.instances.iter().position(|i| i.id == instance.id)?;
+                Some(Arc::clone(&board.volumes[place]))
+            }
+        };
+        let volumes: Vec<_> = scene.instances.iter().filter_map(volume_of).collect();
+        check(&scene, &volumes)?;
+        for name in names {
+            *board.counters.entry(format!("edits.{name}")).or_default() += 1;
+        }
+        (board.scene, board.volumes) = (scene, volumes);
+        board.revision += 1;
+        if matches!(board.state, LiveState::Converged) {
+            board.state = LiveState::Rendering;
+        }
+        board.job.cancel();
+        self.shared.work.notify_all();
+        Ok(board.revision)
+    }
+
+    /// The newest frame, where its serial is above `after`. Never waits for the worker.
+    pub fn latest(&self, after: u64) -> Option<Arc<Frame>> {
+        self.shared.board().frame.as_ref().filter(|f| f.serial > after).cloned()
+    }
+
+    /// The scene as it is now.
+    pub fn scene(&self) -> Scene {
+        self.shared.board().scene.clone()
+    }
+
+    /// The volume of the instance with this id.
+    pub fn volume(&self, id: u32) -> Option<Arc<CompressedVolume>> {
+        let board = self.shared.board();
+        let place = board.scene.instances.iter().position(|i| i.id == id)?;
+        Some(Arc::clone(&board.volumes[place]))
+    }
+
+    /// What is under the middle of a pixel of the film, counted from the upper left, in the newest revision that is drawn.
+    /// Waits until the worker looks up, at most a slice.
+    ///
+    /// # Errors
+    /// When the worker has ended.
+    pub fn pick(&self, x: u32, y: u32) -> Result<Option<Pick>> {
+        let (send, answer) = channel();
+        {
+            let mut board = self.shared.board();
+            if let LiveState::Failed | LiveState::Stopped = board.state {
+                return Err(SessionError::Caller(format!(
+                    "pick: the live picture has {}",
+                    board.state.name()
+                )));
+            }
+            board.questions.push(Question { x, y, answer: send });
+            self.shared.work.notify_all();
+        }
+        match answer.recv() {
+            Ok(pick) => Ok(pick?),
+            Err(_) => Err(SessionError::Caller("pick: the live picture has ended".into())),
+        }
+    }
+
+    /// How it stands.
+    pub fn status(&self) -> Status {
+        let board = self.shared.board();
+        Status {
+            state: board.state,
+            error: board.error.clone(),
+            revision: board.revision,
+            backend: self.backend,
+            counters: board.counters.clone(),
+        }
+    }
+
+    /// Ends the worker and waits for it, at most a slice. The newest frame stays. Again: nothing.
+    pub fn stop(&self) {
+        {
+            let mut board = self.shared.board();
+            board.stopping = true;
+            board.job.cancel();
+            self.shared.work.notify_all();
+        }
+        let worker = self.worker.lock().unwrap_or_else(PoisonError::into_inner).take();
+        if let Some(worker) = worker {
+            // A panic was caught and told inside.
+            let _ = worker.join();
+        }
+    }
+
+    /// Makes the worker panic, for tests of those who must survive it.
+    #[doc(hidden)]
+    pub fn panic_on_purpose(&self) {
+        let mut board = self.shared.board();
+        board.panicking = true;
+        board.job.cancel();
+        self.shared.work.notify_all();
+    }
+}
+
+impl Drop for Live {
+    fn drop(&mut self) {
+        self.stop();
+    }
+}
+
+/// Whether a scene can be drawn: what a renderer would refuse is told to whoever edits, at once.
+fn check(scene: &Scene, volumes: &[Arc<CompressedVolume>]) -> Result<()> {
+    let fault = |e: SceneError| SessionError::Caller(e.to_string());
+    scene.validate().map_err(fault)?;
+    if scene.instances.len() != volumes.len() {
+        let (instances, volumes) = (scene.instances.len(), volumes.len());
+        return Err(SessionError::Caller(format!(
+            "instances: expected a volume for each of {instances}, got {volumes}"
+        )));
+    }
+    for (i, (instance, volume)) in scene.instances.iter().zip(volumes).enumerate() {
+        let field = format!("instances[{i}].style.show");
+        instance.style.show.resolve(&field, volume.labels().ids()).map_err(fault)?;
+    }
+    Ok(())
+}

@@ -1,0 +1,217 @@
+//! The thread that draws a live picture.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::{Arc, PoisonError};
+use std::time::{Duration, Instant};
+
+use pumice_core::{CompressedVolume, Job};
+use pumice_render::{Image, Progress, RenderError, Renderer};
+use pumice_scene::{Film, Scene};
+
+use super::{Frame, LiveState, Question, Shared};
+use crate::measure::Stopwatch;
+use crate::progressive::Stop;
+
+/// First slice of samples; later ones grow with the age of the picture, so that little time goes into frames nobody needs.
+const FIRST_SLICE: Duration = Duration::from_millis(40);
+/// Longest slice: the longest that a pick has to wait.
+const LONGEST_SLICE: Duration = Duration::from_millis(500);
+/// Pixels of the coarsest frame: some 0.02 CPU seconds of diffuse paths.
+const COARSEST_PIXELS: u64 = 16 * 1024;
+
+/// The thread that draws.
+pub(super) struct Worker {
+    shared: Arc<Shared>,
+    renderer: Box<dyn Renderer>,
+    stop: Stop,
+}
+
+/// Why the worker looks up.
+enum Turn {
+    /// Another revision, or the end.
+    Changed,
+    /// Nothing more to do for this one.
+    Done,
+}
+
+impl Worker {
+    pub(super) fn new(shared: Arc<Shared>, renderer: Box<dyn Renderer>, stop: Stop) -> Self {
+        Self { shared, renderer, stop }
+    }
+
+    /// Draws until it is stopped; a panic ends it and is told.
+    pub(super) fn run(mut self) {
+        let shared = Arc::clone(&self.shared);
+        let ended = catch_unwind(AssertUnwindSafe(|| self.follow()));
+        let mut board = shared.board();
+        board.state = match ended {
+            Ok(()) => LiveState::Stopped,
+            Err(panic) => {
+                board.error = Some(format!("internal error: {}", panic_text(panic.as_ref())));
+                LiveState::Failed
+            }
+        };
+        board.questions.clear();
+    }
+
+    /// Draws revision after revision until it is stopped.
+    fn follow(&mut self) {
+        let mut drawn = 0;
+        loop {
+            let (scene, volumes, revision, job) = {
+                let mut board = self.shared.board();
+                while board.revision == drawn
+                    && !board.stopping
+                    && !board.panicking
+                    && board.questions.is_empty()
+                {
+                    board = self.shared.work.wait(board).unwrap_or_else(PoisonError::into_inner);
+                }
+                if board.stopping {
+                    return;
+                }
+                if board.revision == drawn {
+                    drop(board);
+                    self.look_up();
+                    continue;
+                }
+                board.job = Arc::new(Job::new());
+                (board.scene.clone(), board.volumes.clone(), board.revision, Arc::clone(&board.job))
+            };
+            drawn = revision;
+            let outcome = self.draw(&scene, &volumes, revision, &job);
+            let mut board = self.shared.board();
+            match outcome {
+                Ok(Turn::Changed) | Err(RenderError::Cancelled) => {}
+                Ok(Turn::Done) if board.revision == revision => board.state = LiveState::Converged,
+                Ok(Turn::Done) => {}
+                Err(error) => {
+                    board.error = Some(error.to_string());
+                    if board.revision == revision {
+                        board.state = LiveState::Converged;
+                    }
+                }
+            }
+        }
+    }
+
+    /// Draws one revision: coarse first, then all samples.
+    fn draw(
+        &mut self,
+        scene: &Scene,
+        volumes: &[Arc<CompressedVolume>],
+        revision: u64,
+        job: &Job,
+    ) -> std::result::Result<Turn, RenderError> {
+        let clock = Stopwatch::start();
+        for divisor in coarse_divisors(&scene.film) {
+            let mut coarse = scene.clone();
+            coarse.film.width = scene.film.width.div_ceil(divisor);
+            coarse.film.height = scene.film.height.div_ceil(divisor);
+            self.renderer.set_scene(&coarse, volumes)?;
+            let progress = self.renderer.advance(Duration::ZERO, 1, job)?;
+            self.publish(revision, progress, &clock, true, false)?;
+        }
+        self.renderer.set_scene(scene, volumes)?;
+        self.shared.board().error = None;
+        let mut last_published = Instant::now();
+        let mut published_spp = 0;
+        loop {
+            let age = Duration::from_secs_f64(clock.seconds() / 4.0);
+            let slice = age.clamp(FIRST_SLICE, LONGEST_SLICE);
+            let progress = self.renderer.advance(slice, self.stop.spp.unwrap_or(u32::MAX), job)?;
+            let done = self.stop.spp.is_some_and(|n| progress.spp >= n)
+                || self.stop.seconds.is_some_and(|s| clock.seconds() >= s)
+                || self.stop.error.is_some_and(|bar| progress.error_estimate <= bar)
+                || progress.spp == u32::MAX;
+            if done || published_spp == 0 || last_published.elapsed() >= slice {
+                self.publish(revision, progress, &clock, false, done)?;
+                (last_published, published_spp) = (Instant::now(), progress.spp);
+            }
+            self.look_up();
+            if done {
+                return Ok(Turn::Done);
+            }
+            if job.is_cancelled() {
+                return Ok(Turn::Changed);
+            }
+        }
+    }
+
+    /// Answers what was asked meanwhile.
+    fn look_up(&mut self) {
+        let (questions, panicking) = {
+            let mut board = self.shared.board();
+            let rebuilt = self.renderer.rebuilt();
+            for (name, count) in [
+                ("camera", rebuilt.camera),
+                ("film", rebuilt.film),
+                ("lights", rebuilt.lights),
+                ("materials", rebuilt.materials),
+                ("acceleration", rebuilt.acceleration),
+            ] {
+                board.counters.insert(format!("rebuilt.{name}"), count);
+            }
+            (std::mem::take(&mut board.questions), board.panicking)
+        };
+        #[expect(clippy::panic, reason = "asked for by a test, and caught by `run`")]
+        if panicking {
+            panic!("a panic on purpose");
+        }
+        for Question { x, y, answer } in questions {
+            // Whoever asked may have gone.
+            let _ = answer.send(self.renderer.pick(x, y));
+        }
+    }
+
+    /// Hands the picture so far to whoever looks.
+    fn publish(
+        &self,
+        revision: u64,
+        progress: Progress,
+        clock: &Stopwatch,
+        coarse: bool,
+        converged: bool,
+    ) -> std::result::Result<(), RenderError> {
+        let image = self.renderer.color()?;
+        let rgba = rows_from_bottom(&image);
+        let mut board = self.shared.board();
+        let serial = board.frame.as_ref().map_or(0, |f| f.serial) + 1;
+        *board.counters.entry("frames".into()).or_default() += 1;
+        board.frame = Some(Arc::new(Frame {
+            width: image.width as u32,
+            height: image.height as u32,
+            rgba,
+            serial,
+            revision,
+            spp: progress.spp,
+            error_estimate: progress.error_estimate,
+            seconds: clock.seconds(),
+            cpu_seconds: clock.cpu_seconds(),
+            coarse,
+            converged,
+        }));
+        Ok(())
+    }
+}
+
+/// Colours as four floats a pixel, the lowest row first.
+fn rows_from_bottom(image: &Image) -> Vec<f32> {
+    let rows = image.pixels.chunks_exact(image.width.max(1)).rev();
+    rows.flatten().flat_map(|&[r, g, b]| [r, g, b, 1.0]).collect()
+}
+
+/// By what the film's sides are divided in the coarse frames: each halves the one before, from one of about
+/// [`COARSEST_PIXELS`] down to 2.
+fn coarse_divisors(film: &Film) -> impl Iterator<Item = u32> {
+    let pixels = u64::from(film.width) * u64::from(film.height);
+    let halvings = (pixels / COARSEST_PIXELS).max(1).ilog2().div_ceil(2);
+    (1..=halvings).rev().map(|h| 1 << h)
+}
+
+/// What a panic said.
+pub fn panic_text(panic: &(dyn std::any::Any + Send)) -> String {
+    let text = panic.downcast_ref::<&str>().map(|s| (*s).to_owned());
+    text.or_else(|| panic.downcast_ref::<String>().cloned())
+        .unwrap_or_else(|| "a panic without a text".into())
+}

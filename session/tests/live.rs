@@ -1,0 +1,235 @@
+//! A live picture as its clients see it: it follows edits, tells what it did, converges to the picture that a plain render gives,
+//! and nothing that goes wrong in it reaches them.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use pumice_core::{CompressedVolume, Job, LabelBuffer, LabelType, VolumeInfo, compress_labels};
+use pumice_scene::{Environment, Material, Scene, SceneEdit, Show, World};
+use pumice_session::figure::{FigureOptions, compose};
+use pumice_session::live::{Frame, Live, LiveOptions, LiveState, Status};
+use pumice_session::{Stop, render_file::render_scene};
+
+/// Two touching blocks of labels 5 and 9 in a 24 × 16 × 8 volume.
+fn volume() -> Arc<CompressedVolume> {
+    let labels = (0..24 * 16 * 8u32).map(|i| match (i % 24, i / 24 % 16) {
+        (2..12, 2..14) => 5u8,
+        (12..22, 2..14) => 9,
+        _ => 0,
+    });
+    let info = VolumeInfo::new([24, 16, 8], LabelType::U8);
+    Arc::new(compress_labels(info, LabelBuffer::U8(labels.collect())).unwrap())
+}
+
+fn scene(size: [u32; 2]) -> Scene {
+    let options = FigureOptions { size, labels: None, view_deg: FigureOptions::DEFAULT_VIEW_DEG };
+    compose(&volume(), "memory".into(), &options)
+}
+
+fn spp(n: u32) -> LiveOptions {
+    LiveOptions { stop: Stop { spp: Some(n), ..Stop::default() }, ..LiveOptions::default() }
+}
+
+/// The next frame that is wanted; a test that waits a minute has found that it does not come.
+fn wait(live: &Live, mut wanted: impl FnMut(&Frame) -> bool) -> Arc<Frame> {
+    let start = Instant::now();
+    let mut serial = 0;
+    loop {
+        if let Some(frame) = live.latest(serial) {
+            serial = frame.serial;
+            if wanted(&frame) {
+                return frame;
+            }
+        }
+        assert!(start.elapsed() < Duration::from_secs(60), "no such frame: {:?}", live.status());
+        std::thread::sleep(Duration::from_millis(2));
+    }
+}
+
+/// The status once it is as wanted.
+fn wait_status(live: &Live, wanted: impl Fn(&Status) -> bool) -> Status {
+    let start = Instant::now();
+    loop {
+        let status = live.status();
+        if wanted(&status) {
+            return status;
+        }
+        assert!(start.elapsed() < Duration::from_secs(60), "{status:?}");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+}
+
+/// What a plain render gives, in a frame's layout.
+fn plain(scene: &Scene, n: u32) -> Vec<f32> {
+    let stop = Stop { spp: Some(n), ..Stop::default() };
+    let made = render_scene(scene, &[volume()], "cpu", &stop, &Job::new(), &mut |_| ()).unwrap();
+    let color = made.picture.color;
+    let rows: Vec<&[[f32; 3]]> = color.pixels.chunks(color.width).collect();
+    rows.iter().rev().flat_map(|row| row.iter().flat_map(|&[r, g, b]| [r, g, b, 1.0])).collect()
+}
+
+#[test]
+fn it_converges_to_the_picture_of_a_plain_render() {
+    let scene = scene([200, 120]);
+    let live = Live::start(scene.clone(), vec![volume()], spp(6)).unwrap();
+    let frame = wait(&live, |f| f.converged);
+    assert_eq!((frame.width, frame.height, frame.spp, frame.coarse), (200, 120, 6, false));
+    assert!(frame.rgba == plain(&scene, 6), "bit for bit");
+    assert!(frame.error_estimate.is_finite() && frame.cpu_seconds > 0.0);
+
+    // An edit gives the picture of the edited scene, with nothing left of the former.
+    let mut camera = scene.camera;
+    camera.shift[0] = 0.125;
+    assert_eq!(live.edit(vec![SceneEdit::Camera { camera }]).unwrap(), 2);
+    let frame = wait(&live, |f| f.converged && f.revision == 2);
+    assert!(frame.rgba == plain(&Scene { camera, ..scene }, 6), "bit for bit");
+    assert_eq!(live.scene().camera, camera);
+    // Converged: it sleeps, and no further frame comes.
+    wait_status(&live, |s| s.state == LiveState::Converged);
+    std::thread::sleep(Duration::from_millis(50));
+    assert!(live.latest(frame.serial).is_none());
+}
+
+#[test]
+fn a_large_film_begins_with_coarse_frames_of_the_whole_view() {
+    let live = Live::start(scene([640, 360]), vec![volume()], spp(1)).unwrap();
+    let mut seen = Vec::new();
+    wait(&live, |f| {
+        seen.push((f.width, f.height, f.coarse));
+        f.converged
+    });
+    assert_eq!(seen.last(), Some(&(640, 360, false)));
+    // Some may be replaced by the next before they are looked at; the order is kept.
+    let all = [(160, 90, true), (320, 180, true), (640, 360, false)];
+    let mut rest = all.iter();
+    assert!(seen.iter().all(|s| rest.any(|a| a == s)), "{seen:?}");
+    assert_eq!(live.status().counters["frames"], 3);
+}
+
+#[test]
+fn counters_prove_what_each_edit_costs() {
+    let live = Live::start(scene([64, 48]), vec![volume()], spp(1)).unwrap();
+    let idle = |revision| wait_status(&live, |s| s.state == LiveState::Converged && s.revision == revision);
+    let mut revision = 1;
+    let mut costs = |edit: SceneEdit| {
+        let before = idle(revision).counters;
+        revision += 1;
+        assert_eq!(live.edit(vec![edit]).unwrap(), revision);
+        let after = idle(revision).counters;
+        let differ = after.iter().filter(|(name, _)| *name != "frames");
+        let differ = differ.map(|(name, n)| (name.clone(), n - before.get(name).copied().unwrap_or(0)));
+        differ.filter(|(_, n)| *n > 0).collect::<Vec<(String, u64)>>()
+    };
+    let said = |list: &[&str]| list.iter().map(|name| ((*name).to_owned(), 1)).collect::<Vec<_>>();
+    let mut camera = live.scene().camera;
+    camera.shift[0] += 0.1;
+    assert_eq!(costs(SceneEdit::Camera { camera }), said(&["edits.camera", "rebuilt.camera"]));
+    let gray = Material { base_color: [0.2; 3], ..Material::default() };
+    let colored = SceneEdit::LabelMaterials { id: 1, materials: [(9, Some(gray))].into() };
+    assert_eq!(costs(colored), said(&["edits.label_materials", "rebuilt.materials"]));
+    let material = SceneEdit::Material { id: 1, material: gray };
+    assert_eq!(costs(material), said(&["edits.material", "rebuilt.materials"]));
+    let show = SceneEdit::Show { id: 1, show: Show::Only(vec![9]) };
+    assert_eq!(costs(show), said(&["edits.show", "rebuilt.acceleration", "rebuilt.materials"]));
+    assert_eq!(costs(SceneEdit::Suns { suns: vec![] }), said(&["edits.suns", "rebuilt.lights"]));
+}
+
+#[test]
+fn what_cannot_be_drawn_is_refused_and_changes_nothing() {
+    let live = Live::start(scene([32, 32]), vec![volume()], spp(2)).unwrap();
+    let before = live.scene();
+    let refused = |edits: Vec<SceneEdit>| live.edit(edits).unwrap_err().to_string();
+    let mut camera = before.camera;
+    camera.clip = [2.0, 1.0];
+    let good = SceneEdit::Suns { suns: vec![] };
+    let error = refused(vec![good, SceneEdit::Camera { camera }]);
+    assert_eq!(error, "camera.clip: expected 0 ≤ near < far, got 2 and 1");
+    let error = refused(vec![SceneEdit::Show { id: 1, show: Show::Only(vec![6]) }]);
+    assert!(error.starts_with("instances[0].style.show.only[0]: the volume has no label 6"), "{error}");
+    let error = refused(vec![SceneEdit::Remove { id: 4 }]);
+    assert_eq!(error, "edits[0].remove.id: the scene has no instance 4; its instances are [1]");
+    assert_eq!((live.scene(), live.status().revision), (before.clone(), 1));
+    assert!(!live.status().counters.contains_key("edits.suns"));
+
+    let mut bad = before.clone();
+    bad.camera.shift[0] = f64::NAN;
+    assert!(Live::start(bad, vec![volume()], spp(1)).is_err());
+    let options = LiveOptions { backend: "abacus".into(), ..spp(1) };
+    assert!(Live::start(before.clone(), vec![volume()], options).is_err());
+    assert!(Live::start(before, vec![], spp(1)).is_err());
+}
+
+#[test]
+fn instances_come_and_go() {
+    let live = Live::start(scene([48, 32]), vec![volume()], spp(2)).unwrap();
+    let mut second = live.scene().instances[0].clone();
+    second.id = 2;
+    second.world_from_index.translation.x += 3.0;
+    let revision = live.add(second.clone(), volume()).unwrap();
+    wait(&live, |f| f.converged && f.revision == revision);
+    let alone = live.edit(vec![SceneEdit::Add { instance: second }]);
+    assert!(alone.is_err(), "an instance comes with its volume");
+    let revision = live.edit(vec![SceneEdit::Remove { id: 1 }]).unwrap();
+    let frame = wait(&live, |f| f.converged && f.revision == revision);
+    let left = live.scene();
+    assert_eq!(left.instances.len(), 1);
+    assert!(frame.rgba == plain(&left, 2), "bit for bit");
+    let revision = live.edit(vec![SceneEdit::Remove { id: 2 }]).unwrap();
+    wait(&live, |f| f.converged && f.revision == revision);
+}
+
+#[test]
+fn picks_name_what_is_seen() {
+    let live = Live::start(scene([64, 64]), vec![volume()], spp(4)).unwrap();
+    let pick = live.pick(32, 32).unwrap().expect("the figure is in the middle");
+    assert!(pick.label < 2 && pick.depth > 0.0);
+    assert_eq!(live.pick(0, 0).unwrap(), None);
+    assert_eq!(live.pick(64, 0).unwrap(), None, "outside of the film");
+    live.stop();
+    assert!(live.pick(32, 32).is_err());
+}
+
+#[test]
+fn edits_without_end_do_not_pile_up() {
+    let live = Live::start(scene([320, 240]), vec![volume()], LiveOptions::default()).unwrap();
+    let mut camera = live.scene().camera;
+    for i in 0..200 {
+        camera.shift[0] = f64::from(i) * 0.001;
+        live.edit(vec![SceneEdit::Camera { camera }]).unwrap();
+    }
+    let frame = wait(&live, |f| f.revision == 201 && !f.coarse);
+    assert!(!frame.converged, "without a limit it goes on");
+    live.stop();
+    live.stop();
+    assert_eq!(live.status().state, LiveState::Stopped);
+    assert!(live.latest(0).is_some(), "the newest frame stays");
+}
+
+#[test]
+fn a_panic_is_told_and_goes_no_further() {
+    let live = Live::start(scene([32, 32]), vec![volume()], LiveOptions::default()).unwrap();
+    live.panic_on_purpose();
+    let status = wait_status(&live, |s| s.state == LiveState::Failed);
+    assert_eq!(status.error.as_deref(), Some("internal error: a panic on purpose"));
+    assert!(live.pick(1, 1).is_err());
+    live.edit(vec![SceneEdit::Suns { suns: vec![] }]).unwrap();
+    live.stop();
+    assert_eq!(live.status().state, LiveState::Failed);
+}
+
+#[test]
+fn a_missing_sky_keeps_the_former_picture_and_says_why() {
+    let live = Live::start(scene([32, 32]), vec![volume()], spp(2)).unwrap();
+    let good = wait(&live, |f| f.converged);
+    let sky = |environment| vec![SceneEdit::World { world: World { environment, backdrop: None } }];
+    let absent = Environment::Image { path: "absent.exr".into(), rotation_rad: 0.0, strength: 1.0 };
+    live.edit(sky(absent)).unwrap();
+    let status = wait_status(&live, |s| s.error.is_some());
+    assert!(status.error.unwrap().starts_with("absent.exr: "));
+    assert!(live.latest(good.serial).is_none());
+    let revision = live.edit(sky(Environment::Constant { radiance: [1.0; 3] })).unwrap();
+    wait(&live, |f| f.converged && f.revision == revision);
+    assert_eq!(live.status().error, None);
+}
