@@ -14,6 +14,7 @@ import bpy
 from mathutils import Matrix, Vector
 
 from . import volume_object
+from .sync import nodes
 
 # Of Blender's startup file.
 STARTUP_CAMERA_PLACE = Vector((7.358891, -6.925791, 4.958309))
@@ -99,15 +100,14 @@ def _sun(context):
 def _world(scene):
     if scene.world is None:
         scene.world = bpy.data.worlds.new("Pumice World")
-        scene.world.use_nodes = True
-        if scene.world.node_tree.nodes.get("Background") is None:
-            tree = scene.world.node_tree
+        tree = nodes.ensure(scene.world)
+        if tree.nodes.get("Background") is None:
             background = tree.nodes.new("ShaderNodeBackground")
             output = tree.nodes.new("ShaderNodeOutputWorld")
             tree.links.new(background.outputs[0], output.inputs["Surface"])
-        background = next(n for n in scene.world.node_tree.nodes if n.bl_idname == "ShaderNodeBackground")
+        background = next(n for n in tree.nodes if n.bl_idname == "ShaderNodeBackground")
     else:
-        tree = scene.world.node_tree if scene.world.use_nodes else None
+        tree = nodes.tree(scene.world)
         background = tree.nodes.get("Background") if tree is not None else None
         if background is None or background.inputs["Strength"].default_value != 1.0:
             return

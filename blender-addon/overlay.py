@@ -19,6 +19,8 @@ def line(status, frame, notes):
         if frame.error_estimate < 10.0:
             said.append(f"error {100.0 * frame.error_estimate:.2g} %")
         said.append(f"{frame.seconds:.1f} s")
-        if status.state == "converged":
+        if status.error:
+            said.append(f"not shown: {status.error}")
+        elif status.state == "converged":
             said.append("done")
     return " · ".join(said + notes)

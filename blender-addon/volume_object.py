@@ -13,6 +13,7 @@ import numpy as np
 from mathutils import Matrix, Vector
 
 from . import label_table, proxy
+from .sync import nodes
 
 # Shown faces keep their colour within this, an eighth of a display step; attributes are 8 bit anyway.
 SHEAR_TOLERANCE = 1e-5
@@ -87,9 +88,9 @@ def proxy_mesh(name, volume, colors):
 def material(name):
     """A material that looks good at once: labels in colours of their own, half matt."""
     made = bpy.data.materials.new(name)
-    made.use_nodes = True
+    tree = nodes.ensure(made)
     made.pumice.colors_by_label = True
-    node = made.node_tree.nodes["Principled BSDF"]
+    node = tree.nodes["Principled BSDF"]
     node.inputs["Roughness"].default_value = 0.45
     node.inputs["Specular IOR Level"].default_value = 0.35
     return made

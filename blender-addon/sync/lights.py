@@ -11,6 +11,7 @@ def read(obj, world_from_light):
         kind = light.type.capitalize()
         return None, [f"Light {name}: {kind} lights are not drawn yet; a Sun is"]
     left_out = []
+    # A light may still leave its nodes unused in 5.0.
     if light.use_nodes and light.node_tree is not None and _nodes_say_more(light.node_tree):
         left_out.append(f"Light {name}: its nodes are not read yet; strength and color are the light's own")
     # Light travels along the object's own -z; scale of the object does not matter.

@@ -6,7 +6,7 @@
     links into them, and lobes that weigh something (coat, sheen, transmission, …)          are named as left out
 """
 
-from .world import surface_node
+from . import nodes
 
 PLAIN = {
     "base_color": [0.8, 0.8, 0.8],
@@ -34,10 +34,11 @@ def read(material):
         return dict(PLAIN), True, []
     by_label = material.pumice.colors_by_label
     name = material.name
-    if not material.use_nodes or material.node_tree is None:
+    tree = nodes.tree(material)
+    if tree is None:
         plain = dict(PLAIN, base_color=_unit(material.diffuse_color), metallic=float(material.metallic))
         return dict(plain, roughness=float(material.roughness)), by_label, []
-    node = surface_node(material.node_tree, "OUTPUT_MATERIAL")
+    node = nodes.surface(tree, "OUTPUT_MATERIAL")
     if node is None or node.type != "BSDF_PRINCIPLED":
         got = "nothing" if node is None else node.bl_label
         return dict(PLAIN), by_label, [f"Material {name}: expected a Principled BSDF, got {got}; a plain one is drawn"]

@@ -5,6 +5,8 @@
 What else a world's nodes can be (sky textures, pictures, mixes) is not drawn; the line that says so names the node.
 """
 
+from . import nodes
+
 BLACK = {"environment": {"constant": {"radiance": [0.0, 0.0, 0.0]}}, "backdrop": None}
 
 
@@ -12,9 +14,10 @@ def read(world):
     """The scene's world, and what was left out of Blender's."""
     if world is None:
         return BLACK, []
-    if not world.use_nodes or world.node_tree is None:
+    tree = nodes.tree(world)
+    if tree is None:
         return _constant(world.color, 1.0), []
-    node = surface_node(world.node_tree, "OUTPUT_WORLD")
+    node = nodes.surface(tree, "OUTPUT_WORLD")
     if node is None:
         return BLACK, []
     if node.bl_idname != "ShaderNodeBackground":
@@ -25,21 +28,6 @@ def read(world):
         if socket.is_linked
     ]
     return _constant(node.inputs["Color"].default_value, node.inputs["Strength"].default_value), left_out
-
-
-def surface_node(tree, output_type):
-    """The node whose shader reaches the surface of the active output; None where nothing does."""
-    outputs = [n for n in tree.nodes if n.type == output_type]
-    active = next((n for n in outputs if n.is_active_output), outputs[0] if outputs else None)
-    if active is None or not active.inputs["Surface"].is_linked:
-        return None
-    link = active.inputs["Surface"].links[0]
-    while link.from_node.type == "REROUTE":
-        links = link.from_node.inputs[0].links
-        if not links:
-            return None
-        link = links[0]
-    return link.from_node
 
 
 def _constant(color, strength):
