@@ -6,14 +6,17 @@ The compiled module `pumice` (a wheel of this extension) does the work; this pac
 A module imports only from lines below its own:
 
     __init__
-    panels           what the user sees
-    engine           RenderEngine PUMICE: hands Blender's calls on
-    viewport         final_render         export_scene         import_volume
-    overlay          scene_reader         volume_object
-    registry         label_table          proxy                first_look
-    sync.*           Blender data to plain values; sync.matrix, sync.camera, sync.parts and sync.edits know no Blender
-    cache            properties
-    reports          native
+    panels           engine               export_scene         import_volume
+    viewport         final_render
+    scene_reader     first_look
+    volume_object    picture_texture      overlay
+    sync.*           registry
+    label_table      properties           proxy                cache
+    reports
+    native
+
+In `sync`, Blender's data become plain values; sync.matrix, sync.camera, sync.parts and sync.edits know no Blender, nor do proxy,
+cache and overlay.
 
 Nothing here touches the volume itself: voxels stay in Rust, arrays come by buffer.
 """

@@ -62,6 +62,9 @@ def render(engine, depsgraph):
     volumes = [registry.wait(source, engine.test_break) for source in parts.sources()]
     if engine.test_break():
         return
+    for placed, volume in zip((parts.placed[key] for key in sorted(parts.placed)), volumes):
+        if placed.differs(volume):
+            engine.report({"WARNING"}, placed.differs(volume))
 
     work = Work(pumice, scene, volumes, wishes.backend.lower(), limits(wishes))
     picture = work.watch(engine)

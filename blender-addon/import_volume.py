@@ -3,7 +3,7 @@
 """File > Import > Label Volume, and what is dropped on a 3D viewport.
 
 A thread of the compiled module reads and compresses; the operator only watches it. ESC cancels: the thread ends within a moment,
-nothing is written under the final name, no object is made. In background mode the operator waits instead.
+nothing is written under the final name, no object is made. Called by a script the operator waits instead.
 
     source ──► is its compressed form there? ──yes──► open
                   │no
@@ -69,9 +69,12 @@ class PUMICE_OT_import_volume(bpy.types.Operator, ImportHelper):
 
     bl_idname = "pumice.import_volume"
     bl_label = "Import Label Volume"
-    bl_options = {"REGISTER", "UNDO", "PRESET"}
+    # Not REGISTER: the panel that changes options afterwards would run the whole import again for each.
+    bl_options = {"UNDO", "PRESET"}
 
     filename_ext = ""
+    # Without SKIP_SAVE the file of the last import would look like one that was dropped.
+    filepath: StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE", "HIDDEN"})
     filter_glob: StringProperty(default=";".join("*" + e for e in ENDINGS), options={"HIDDEN"})
     directory: StringProperty(subtype="DIR_PATH", options={"SKIP_SAVE", "HIDDEN"})
     files: CollectionProperty(type=bpy.types.OperatorFileListElement, options={"SKIP_SAVE", "HIDDEN"})
@@ -106,14 +109,15 @@ class PUMICE_OT_import_volume(bpy.types.Operator, ImportHelper):
         default=True,
     )
 
+    _interactive = False
     _opening = None
     _queue = ()
     _timer = None
 
     def invoke(self, context, event):
-        if self.filepath and os.path.isfile(self.filepath) or self.files and self.directory:
-            return self.execute(context)  # dropped: no file browser
-        return ImportHelper.invoke(self, context, event)
+        # A script that calls the operator waits for it; a user does not.
+        self._interactive = True
+        return self.invoke_popup(context)  # the options where a file was dropped, else the file browser
 
     def execute(self, context):
         try:
@@ -123,7 +127,7 @@ class PUMICE_OT_import_volume(bpy.types.Operator, ImportHelper):
             log(error)
             self.report({"ERROR"}, one_line(error))
             return {"CANCELLED"}
-        if bpy.app.background or context.window is None:
+        if not self._interactive or bpy.app.background:
             return self._blocking(context)
         manager = context.window_manager
         manager.progress_begin(0, 1000)

@@ -39,6 +39,16 @@ class Entry:
 _entries = {}
 
 
+def locate(path):
+    """The system's path of a file that Blender's data name. One that is gone is looked for beside the .blend file: both were moved."""
+    path = os.path.abspath(bpy.path.abspath(path))
+    if not os.path.exists(path) and bpy.data.filepath:
+        beside = os.path.join(os.path.dirname(bpy.data.filepath), os.path.basename(path))
+        if os.path.exists(beside):
+            return os.path.abspath(beside)
+    return path
+
+
 def request(path):
     """The entry of a file, begun if it is not there; raises Refused where the file is missing."""
     key = _key(path)
@@ -72,7 +82,7 @@ def wait(path, cancelled):
 
 def forget_unused():
     """Closes volumes that no object of the file shows."""
-    used = {os.path.abspath(bpy.path.abspath(o.pumice.filepath)) for o in bpy.data.objects if o.pumice.filepath}
+    used = {locate(o.pumice.filepath) for o in bpy.data.objects if o.pumice.filepath}
     for key in [k for k in _entries if k[0] not in used]:
         _entries.pop(key).job.cancel()
 

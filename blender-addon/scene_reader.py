@@ -5,10 +5,9 @@
 That all three read the same is what makes their pictures the same, to the bit where size and samples agree.
 """
 
-import os
-
 import bpy
 
+from . import registry
 from .properties import is_volume
 from .reports import Refused
 from .sync import camera as camera_math
@@ -38,7 +37,7 @@ def read(depsgraph, camera, film, styles, *, space=None):
             left_out += missing
             suns += [sun] if sun else []
         elif is_volume(obj):
-            one, missing = instances.placed(obj.original, instance.matrix_world, styles, absolute)
+            one, missing = instances.placed(obj.original, instance.matrix_world, styles, registry.locate)
             left_out += missing
             placed[_key(instance)] = one
         elif obj.type in DRAWN_BY_OTHERS:
@@ -140,11 +139,6 @@ def render_warnings(scene):
     if camera is not None and camera.type == "CAMERA" and camera.data.dof.use_dof:
         out.append(f"Camera {camera.name}: depth of field is not drawn yet")
     return out
-
-
-def absolute(path):
-    """A path of Blender's data as the system knows it."""
-    return os.path.abspath(bpy.path.abspath(path))
 
 
 def _in_view(instance, space):

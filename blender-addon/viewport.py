@@ -167,6 +167,7 @@ class Viewport:
                 self._missing.append(entry.error)
             else:
                 volumes[key], ready[key] = entry.volume, placed
+                self._missing += filter(None, [placed.differs(entry.volume)])
         fields = {part: getattr(parts, part) for part in edits.SINGLE_PARTS}
         return type(parts)(**fields, placed=ready), volumes
 

@@ -35,7 +35,7 @@ def placed(obj, world_from_index, styles, resolve):
     """(Placed, what was left out) of a volume object; `resolve` makes its path absolute."""
     style, left_out = styles.read(obj)
     source = resolve(obj.pumice.filepath)
-    return Placed(source, matrix.twelve(world_from_index), style), left_out
+    return Placed(source, matrix.twelve(world_from_index), style, obj.pumice.content_hash), left_out
 
 
 def is_volume(obj):

@@ -11,11 +11,12 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True)
 class Placed:
-    """A volume in its place: `source` is a path, `style` as in the scene's JSON form."""
+    """A volume in its place: `source` is a path, `style` as in the scene's JSON form, `content` the hash of its voxels and ids."""
 
     source: str
     world_from_index: list
     style: dict
+    content: str = ""
 
     def instance(self, number):
         """The instance of the scene with this number."""
@@ -25,6 +26,13 @@ class Placed:
             "world_from_index": self.world_from_index,
             "style": self.style,
         }
+
+
+    def differs(self, volume):
+        """A line where the volume is not the one that the object's label table was made from; None where it is."""
+        if self.content in ("", volume.content_hash):
+            return None
+        return f"{self.source}: the volume has changed since it was imported, so its label table may not fit; import it again"
 
 
 @dataclass(frozen=True)

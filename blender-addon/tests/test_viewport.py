@@ -218,6 +218,14 @@ def test_a_missing_file_is_said_and_the_rest_is_drawn(stage):
     assert shown.session.scene["instances"] == []
 
 
+def test_a_volume_that_changed_on_disk_is_said(stage):
+    stage.settle()
+    stage.obj.pumice.content_hash = "f" * 32
+    stage.update()
+    stage.draw()
+    assert "has changed since it was imported" in stage.engine.line
+
+
 def test_a_deleted_object_leaves(stage):
     kinds = edits_of(stage, lambda s: s.bpy.data.objects.remove(s.obj))
     assert kinds == ["remove"]
