@@ -15,7 +15,7 @@ from .reports import log, one_line
 
 def scene_of_frame(depsgraph):
     """(pumice.Scene, what was left out) of the frame that F12 draws."""
-    parts, left_out = final_render.parts_of_frame(depsgraph)
+    parts, left_out = final_render.parts_of_frame(depsgraph, as_rendered=True)
     return native.require().Scene.from_dict(parts.scene()), left_out
 
 
@@ -30,7 +30,8 @@ class PUMICE_OT_export_scene(bpy.types.Operator, ExportHelper):
 
     def execute(self, context):
         try:
-            scene, left_out = scene_of_frame(_final_depsgraph(context))
+            # Blender gives no other graph outside a render; what a render hides or shows instead is looked after.
+            scene, left_out = scene_of_frame(context.evaluated_depsgraph_get())
             scene.save(self.filepath)
         except Exception as error:
             log(error)
@@ -41,11 +42,6 @@ class PUMICE_OT_export_scene(bpy.types.Operator, ExportHelper):
         wishes = context.scene.pumice
         self.report({"INFO"}, f"F12's picture: pumice render {self.filepath} --spp {wishes.samples} -o picture.exr")
         return {"FINISHED"}
-
-
-def _final_depsgraph(context):
-    """The viewport's dependency graph: Blender has no other outside a render. What is hidden in one only differs between both."""
-    return context.evaluated_depsgraph_get()
 
 
 def _menu(self, _context):

@@ -31,13 +31,13 @@ def passes(scene, view_layer):
         yield "Label", 1, "X", "VALUE"
 
 
-def parts_of_frame(depsgraph):
-    """(Parts, what was left out) of the frame that F12 draws."""
+def parts_of_frame(depsgraph, as_rendered=False):
+    """(Parts, what was left out) of the frame that F12 draws; `as_rendered` where the graph is a viewport's."""
     scene = depsgraph.scene
     size, rect = scene_reader.final_frame(scene.render)
     camera = scene_reader.final_camera(depsgraph, size, rect)
     film = scene_reader.film(scene.pumice, (rect[2] - rect[0], rect[3] - rect[1]))
-    parts, left_out = scene_reader.read(depsgraph, camera, film, Styles())
+    parts, left_out = scene_reader.read(depsgraph, camera, film, Styles(), as_rendered=as_rendered)
     return parts, scene_reader.render_warnings(scene) + left_out
 
 

@@ -9,6 +9,12 @@ import gpu
 from gpu_extras.presets import draw_texture_2d
 
 
+def upload(frame):
+    """A texture of a frame, from the frame's own memory, rows from the bottom: nothing is copied in Python."""
+    pixels = gpu.types.Buffer("FLOAT", (frame.height, frame.width, 4), frame)
+    return gpu.types.GPUTexture((frame.width, frame.height), format="RGBA32F", data=pixels)
+
+
 class PictureTexture:
     """The texture of the last frame drawn."""
 
@@ -19,10 +25,7 @@ class PictureTexture:
     def draw(self, engine, scene, frame, width, height):
         """Draws a frame over `width` × `height` pixels of the region."""
         if self._of is not frame:
-            # The frame's own memory, rows from the bottom: nothing is copied in Python.
-            pixels = gpu.types.Buffer("FLOAT", (frame.height, frame.width, 4), frame)
-            self._texture = gpu.types.GPUTexture((frame.width, frame.height), format="RGBA32F", data=pixels)
-            self._of = frame
+            self._texture, self._of = upload(frame), frame
         gpu.state.blend_set("ALPHA_PREMULT")
         engine.bind_display_space_shader(scene)
         draw_texture_2d(self._texture, (0, 0), width, height)

@@ -34,6 +34,11 @@ LODS = (
 )
 
 
+def _tag(settings, _context):
+    """Has Blender pass the change on: it does so by itself for changes in its panels, not for those of scripts."""
+    settings.id_data.update_tag()
+
+
 class PumiceSceneSettings(bpy.types.PropertyGroup):
     """How the picture is computed."""
 
@@ -128,6 +133,7 @@ class PumiceMaterialSettings(bpy.types.PropertyGroup):
         name="Colors by Label",
         description="Labels that touch get different base colors; off, all have the Principled BSDF's",
         default=False,
+        update=_tag,
     )
 
 
@@ -135,7 +141,11 @@ class PumiceVolumeSettings(bpy.types.PropertyGroup):
     """What an object knows of its volume; an object without `filepath` is none of ours."""
 
     filepath: StringProperty(
-        name="Volume", description="The compressed volume that is drawn", subtype="FILE_PATH", default=""
+        name="Volume",
+        description="The compressed volume that is drawn",
+        subtype="FILE_PATH",
+        default="",
+        update=_tag,
     )
     source_path: StringProperty(
         name="Source", description="The file that it was compressed from", subtype="FILE_PATH", default=""

@@ -6,6 +6,7 @@ That all three read the same is what makes their pictures the same, to the bit w
 """
 
 import bpy
+import numpy as np
 
 from . import registry
 from .properties import is_volume
@@ -18,18 +19,25 @@ from .sync.parts import Parts
 DRAWN_BY_OTHERS = {"MESH", "CURVE", "CURVES", "SURFACE", "FONT", "META", "POINTCLOUD", "VOLUME", "GREASEPENCIL"}
 
 
-def read(depsgraph, camera, film, styles, *, space=None):
+def read(depsgraph, camera, film, styles, *, space=None, as_rendered=False):
     """(Parts, what was left out) of a scene as the dependency graph has it.
 
-    `camera` and `film` are the scene's own form already. `space` is the 3D viewport that looks, for its local view.
+    `camera` and `film` are the scene's own form already. `space` is the 3D viewport that looks, for its local view. `as_rendered`
+    reads what a final render would out of a viewport's graph, and raises Refused where that graph lacks something.
     """
     scene = depsgraph.scene
     light, left_out = world.read(scene.world)
-    placed, suns, others = {}, [], 0
+    placed, suns, others, seen = {}, [], 0, set()
+    rendered = _in_renders(depsgraph.view_layer_eval) if as_rendered else None
     for instance in depsgraph.object_instances:
         if not instance.show_self:
             continue
         obj = instance.object
+        if rendered is not None:
+            owner = instance.parent if instance.is_instance and instance.parent else obj
+            if owner.original.session_uid not in rendered:
+                continue
+            seen.add(owner.original.session_uid)
         if space is not None and not _in_view(instance, space):
             continue
         if obj.type == "LIGHT":
@@ -37,11 +45,13 @@ def read(depsgraph, camera, film, styles, *, space=None):
             left_out += missing
             suns += [sun] if sun else []
         elif is_volume(obj):
-            one, missing = instances.placed(obj.original, instance.matrix_world, styles, registry.locate)
+            one, missing = instances.placed(obj, instance.matrix_world, styles, registry.locate)
             left_out += missing
             placed[_key(instance)] = one
         elif obj.type in DRAWN_BY_OTHERS:
             others += 1
+    for uid in (rendered or {}).keys() - seen:
+        raise Refused(f"{rendered[uid]} is hidden in the viewport and not in renders; show it, or hide it from renders too")
     if others:
         noun = "object is" if others == 1 else "objects are"
         left_out.append(f"{others} {noun} not drawn: Pumice draws volumes only, so far")
@@ -87,12 +97,10 @@ def final_frame(render):
     height = max(1, int(render.resolution_y * render.resolution_percentage / 100))
     rect = (0, 0, width, height)
     if render.use_border:
-        rect = (
-            int(render.border_min_x * width),
-            int(render.border_min_y * height),
-            int(render.border_max_x * width),
-            int(render.border_max_y * height),
-        )
+        # In single precision, as Blender has it: 0.7 of 100 pixels is 70 there, and 69 in double.
+        sides = ((render.border_min_x, width), (render.border_min_y, height))
+        sides += ((render.border_max_x, width), (render.border_max_y, height))
+        rect = tuple(int(np.float32(part) * np.float32(pixels)) for part, pixels in sides)
         if rect[2] <= rect[0] or rect[3] <= rect[1]:
             raise Refused("The render region holds no pixel; draw a larger one or clear it")
     return (width, height), rect
@@ -147,6 +155,23 @@ def _in_view(instance, space):
     if not isinstance(space, bpy.types.SpaceView3D) or space.local_view is None:
         return True
     return owner.original.local_view_get(space)
+
+
+def _in_renders(view_layer):
+    """Names by uid of the volumes and lights that a final render has."""
+    found = {}
+
+    def walk(layer):
+        if layer.exclude or layer.collection.hide_render:
+            return
+        for obj in layer.collection.objects:
+            if not obj.hide_render and (is_volume(obj) or obj.type == "LIGHT"):
+                found[obj.original.session_uid] = obj.name
+        for child in layer.children:
+            walk(child)
+
+    walk(view_layer.layer_collection)
+    return found
 
 
 def _key(instance):

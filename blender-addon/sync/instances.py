@@ -18,12 +18,13 @@ class Styles:
         self._kept = {}
 
     def read(self, obj):
-        """(style, what was left out) of a volume object."""
+        """(style, what was left out) of an evaluated volume object. Its material may be animated, so the evaluated one counts;
+        the table is the original's, which nothing animates and which edits reach at once."""
         slots = obj.material_slots
         material, by_label, left_out = materials.read(slots[0].material if slots else None)
-        table = obj.pumice.table
+        table = obj.original.pumice.table
         state = (material, by_label, _bytes(table))
-        key = obj.session_uid
+        key = obj.original.session_uid
         kept = self._kept.get(key)
         if kept is None or kept[0] != state:
             kept = (state, _style(material, by_label, table))
@@ -32,10 +33,10 @@ class Styles:
 
 
 def placed(obj, world_from_index, styles, resolve):
-    """(Placed, what was left out) of a volume object; `resolve` makes its path absolute."""
+    """(Placed, what was left out) of an evaluated volume object; `resolve` makes its path absolute."""
     style, left_out = styles.read(obj)
-    source = resolve(obj.pumice.filepath)
-    return Placed(source, matrix.twelve(world_from_index), style, obj.pumice.content_hash), left_out
+    volume = obj.original.pumice
+    return Placed(resolve(volume.filepath), matrix.twelve(world_from_index), style, volume.content_hash), left_out
 
 
 def is_volume(obj):

@@ -33,6 +33,10 @@ if not _zip:
 import bpy  # noqa: E402, I001
 import addon_utils  # noqa: E402  (bpy brings it)
 
+# What Blender brings for its own Python, among it OpenImageIO, other people's reader of pictures; after all that is installed here.
+for _brought in Path(bpy.utils.resource_path("LOCAL")).glob("python/lib/python3*/site-packages"):
+    sys.path.append(str(_brought))
+
 if _zip:
     assert bpy.ops.extensions.package_install_files(filepath=_zip, repo="user_default", enable_on_install=True) == {"FINISHED"}
 

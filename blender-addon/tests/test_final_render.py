@@ -78,13 +78,30 @@ def test_passes_that_nobody_wants_are_not_there(stage):
     assert set(stage.seen) == {"Combined"}
 
 
-def test_the_file_has_the_passes_by_name(stage, tmp_path):
+def channels(path):
+    """Every channel of every part of an OpenEXR file by its last two names, as OpenImageIO reads it; row 0 is the top."""
+    import OpenImageIO
+
+    found, part = {}, 0
+    file = OpenImageIO.ImageInput.open(str(path))
+    while file.seek_subimage(part, 0):
+        pixels = file.read_image(part, 0, 0, file.spec().nchannels, "float")
+        for at, name in enumerate(file.spec().channelnames):
+            layers = f"{file.spec().getattribute('name') or ''}.{name}".split(".")
+            found[".".join(layers[-2:])] = pixels[..., at]
+        part += 1
+    return found
+
+
+def test_the_file_has_the_passes_by_name_and_value(stage, tmp_path):
     layer = stage.bpy.context.view_layer
     layer.use_pass_z, layer.pumice.use_pass_label = True, True
     render(stage)
-    header = (tmp_path / "out.exr").read_bytes()[:4000]
-    for channel in (b"Combined", b"Depth", b"Label"):
-        assert channel in header
+    written = channels(tmp_path / "out.exr")
+    at = np.arange(96, dtype=np.float32).reshape(8, 12)
+    assert np.array_equal(written["Combined.G"], at * 2) and (written["Combined.A"] == 1.0).all()
+    assert np.array_equal(written["Depth.Z"].ravel()[1:], at.ravel()[1:] + 0.5)
+    assert np.array_equal(written["Label.X"], at + 7)
 
 
 def test_percentage_and_region_make_the_film(stage):
@@ -105,6 +122,51 @@ def test_percentage_and_region_make_the_film(stage):
         assert (scene["film"]["width"], scene["film"]["height"]) == (25, 7)
         assert scene["camera"]["shift"][0] > whole["shift"][0] and scene["camera"]["shift"][1] < whole["shift"][1]
         assert set(stage.seen) == {"Combined"}
+
+
+def test_a_region_is_as_large_as_blender_makes_it(stage, tmp_path):
+    """Blender multiplies in single precision: the file that it writes says what came out."""
+    import OpenImageIO
+
+    render_settings = stage.scene.render
+    render_settings.resolution_x = render_settings.resolution_y = 100
+    render_settings.use_border = render_settings.use_crop_to_border = True
+    random = np.random.default_rng(1)
+    spans = [sorted(random.uniform(0, 1, 2)) for _ in range(12)] + [[0.1, 0.7], [0.3, 0.6], [0.29, 0.57]]
+    for low, high in spans:
+        render_settings.border_min_x, render_settings.border_max_x = low, high
+        render_settings.border_min_y, render_settings.border_max_y = low, high
+        assert render(stage) == {"FINISHED"}
+        film = stage.module.renders[-1][0]["film"]
+        spec = OpenImageIO.ImageInput.open(str(tmp_path / "out.exr")).spec()
+        assert (film["width"], film["height"]) == (spec.width, spec.height), (low, high)
+
+
+def test_an_animated_material_is_drawn_as_it_is_in_the_frame(stage):
+    shader = stage.obj.active_material.node_tree.nodes["Principled BSDF"].inputs["Roughness"]
+    for frame, value in ((1, 0.0), (11, 1.0)):
+        shader.default_value = value
+        shader.keyframe_insert("default_value", frame=frame)
+    stage.scene.frame_set(1)
+    stage.scene.frame_start, stage.scene.frame_end = 6, 6
+    stage.bpy.ops.render.render(animation=True)
+    drawn = stage.module.renders[-1][0]["instances"][0]["style"]["material"]["roughness"]
+    assert drawn == pytest.approx(0.5)
+
+
+def test_export_refuses_where_it_could_not_be_the_same_picture(stage, tmp_path):
+    path = tmp_path / "scene.json"
+    saved = []
+    stage.module.Scene.save = lambda self, path: saved.append(self.value)
+    assert stage.bpy.ops.pumice.export_scene(filepath=str(path)) == {"FINISHED"}
+    render(stage)
+    assert saved[-1] == stage.module.renders[-1][0], "the exported scene is the rendered one"
+    stage.obj.hide_viewport = True
+    with pytest.raises(RuntimeError, match="cells is hidden in the viewport and not in renders"):
+        stage.bpy.ops.pumice.export_scene(filepath=str(path))
+    stage.obj.hide_viewport, stage.obj.hide_render = False, True
+    assert stage.bpy.ops.pumice.export_scene(filepath=str(path)) == {"FINISHED"}
+    assert saved[-1]["instances"] == []
 
 
 def test_the_wishes_reach_the_render(stage):
@@ -200,7 +262,7 @@ def test_what_is_left_out_is_said(stage, monkeypatch):
     said = []
     final_render = stage.load("final_render")
     original = final_render.parts_of_frame
-    monkeypatch.setattr(final_render, "parts_of_frame", lambda d: (lambda r: (said.extend(r[1]), r)[1])(original(d)))
+    monkeypatch.setattr(final_render, "parts_of_frame", lambda *a: (lambda r: (said.extend(r[1]), r)[1])(original(*a)))
     stage.scene.render.film_transparent = True
     light = stage.bpy.data.objects.new("lamp", stage.bpy.data.lights.new("lamp", "POINT"))
     stage.scene.collection.objects.link(light)
