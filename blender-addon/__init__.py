@@ -9,7 +9,7 @@ A module imports only from lines below its own:
     panels           engine               export_scene         import_volume
     viewport         final_render
     scene_reader     first_look
-    volume_object    picture_texture      overlay
+    volume_object    picture_texture      missing_boxes        overlay
     sync.*           registry
     label_table      properties           proxy                cache
     reports

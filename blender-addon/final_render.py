@@ -10,6 +10,7 @@ the user has cancelled. Pixels reach Blender by `foreach_set`: assigning `rect` 
     Label      X      row of the label table plus 1, 0 where there is nothing; exact up to 16,777,216
 """
 
+import math
 import threading
 
 import numpy as np
@@ -121,7 +122,7 @@ class Work:
 def progress_line(point, stop):
     """What the user reads while it renders."""
     said = f"sample {point.spp} of {stop['spp']}"
-    if point.error_estimate is not None:
+    if point.error_estimate is not None and math.isfinite(point.error_estimate):
         said += f" · error {100.0 * point.error_estimate:.2g} %"
     return f"{said} · {point.seconds:.1f} s"
 

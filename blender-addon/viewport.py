@@ -16,7 +16,7 @@ import os
 
 import bpy
 
-from . import native, overlay, picture_texture, registry, scene_reader
+from . import missing_boxes, native, overlay, picture_texture, registry, scene_reader
 from .reports import Refused, log, one_line
 from .sync import camera as camera_math
 from .sync import edits, matrix
@@ -68,7 +68,8 @@ class Viewport:
         self.waiting = {}  # path → entry that is being opened
         self.notes = []
         self.camera_seen = None
-        self._missing = []
+        self._missing = []  # what is said of volumes that are not open
+        self._undrawn = []  # and where they are
         self.frame = None
         self.texture = picture_texture.PictureTexture()
         self.active = False
@@ -107,6 +108,7 @@ class Viewport:
         region = context.region
         if self.frame is not None:
             self.texture.draw(self.engine, scene, self.frame, region.width, region.height)
+        missing_boxes.draw(self._boxes(context))
         self.engine.update_stats("Pumice", overlay.line(status, self.frame, self.notes))
 
     # Between them
@@ -152,19 +154,22 @@ class Viewport:
 
     def _opened(self, parts):
         """The parts whose volumes are open, and these; the others are requested and named."""
-        self._missing, volumes, ready = [], {}, {}
+        self._missing, self._undrawn, volumes, ready = [], [], {}, {}
         for key, placed in parts.placed.items():
             try:
                 entry = registry.request(placed.source)
             except (Refused, native.ModuleMissing) as error:
                 self._missing.append(one_line(error))
+                self._undrawn.append(placed)
                 continue
             if not entry.done.is_set():
                 self.waiting[placed.source] = entry
                 self._missing.append(f"opening {os.path.basename(placed.source)}")
+                self._undrawn.append(placed)
                 self._wake()
             elif entry.error:
                 self._missing.append(entry.error)
+                self._undrawn.append(placed)
             else:
                 volumes[key], ready[key] = entry.volume, placed
                 self._missing += filter(None, [placed.differs(entry.volume)])
@@ -205,6 +210,17 @@ class Viewport:
             self.next_number += 1
         self.sent = parts
         self._wake()
+
+    def _boxes(self, context):
+        """Lines of the boxes of volumes that are not open."""
+        size = (context.region.width, context.region.height)
+        view = context.region_data
+        ends = []
+        for placed in self._undrawn:
+            clip_from_world = matrix.times(matrix.rows(view.window_matrix), matrix.rows(view.view_matrix))
+            world_from_index = matrix.from_twelve(placed.world_from_index)
+            ends += missing_boxes.lines(placed.dims, world_from_index, clip_from_world, size)
+        return ends
 
     def _follow_camera(self, context, scene):
         """Sends camera and film when the view moved since the last draw or update."""

@@ -36,7 +36,7 @@ def placed(obj, world_from_index, styles, resolve):
     """(Placed, what was left out) of an evaluated volume object; `resolve` makes its path absolute."""
     style, left_out = styles.read(obj)
     volume = obj.original.pumice
-    return Placed(resolve(volume.filepath), matrix.twelve(world_from_index), style, volume.content_hash), left_out
+    return Placed(resolve(volume.filepath), matrix.twelve(world_from_index), style, volume.content_hash, tuple(volume.dims)), left_out
 
 
 def is_volume(obj):

@@ -11,12 +11,16 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True)
 class Placed:
-    """A volume in its place: `source` is a path, `style` as in the scene's JSON form, `content` the hash of its voxels and ids."""
+    """A volume in its place: `source` is a path, `style` as in the scene's JSON form, `content` the hash of its voxels and ids.
+
+    `dims` are its voxels along x, y, z: a volume that is not open is drawn as a box.
+    """
 
     source: str
     world_from_index: list
     style: dict
     content: str = ""
+    dims: tuple = (0, 0, 0)
 
     def instance(self, number):
         """The instance of the scene with this number."""

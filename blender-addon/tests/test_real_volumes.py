@@ -139,6 +139,7 @@ def test_the_same_frame_twice_is_the_same_and_a_region_is_part_of_it(scene, blen
 
 def viewport_of(blender, extension, monkeypatch, engine):
     monkeypatch.setattr(load(extension, "picture_texture"), "PictureTexture", Texture)
+    monkeypatch.setattr(load(extension, "missing_boxes"), "draw", lambda ends: None)
     blender.context.view_layer.update()
     context = Context(blender, SIZE)
     view = load(extension, "viewport").of(engine)

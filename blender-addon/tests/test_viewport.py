@@ -20,6 +20,8 @@ def stage(blender, extension, monkeypatch, tmp_path):
     monkeypatch.setattr(load("native"), "pumice", module)
     monkeypatch.setattr(load("native"), "MISSING", None)
     monkeypatch.setattr(load("picture_texture"), "PictureTexture", Texture)
+    boxes = []
+    monkeypatch.setattr(load("missing_boxes"), "draw", boxes.append)
     load("registry")._entries.clear()
     path = tmp_path / "cells.pumice"
     path.write_bytes(b"stand-in")
@@ -29,7 +31,7 @@ def stage(blender, extension, monkeypatch, tmp_path):
     load("first_look").prepare(blender.context, obj)
     blender.context.view_layer.update()
     stage = types.SimpleNamespace(
-        bpy=blender, module=module, obj=obj, path=path, engine=Engine(), load=load, viewport=load("viewport")
+        bpy=blender, module=module, obj=obj, boxes=boxes, path=path, engine=Engine(), load=load, viewport=load("viewport")
     )
     stage.context = Context(blender)
     stage.sun = next(o for o in blender.context.scene.objects if o.type == "LIGHT")
@@ -216,6 +218,31 @@ def test_a_missing_file_is_said_and_the_rest_is_drawn(stage):
     stage.draw()
     assert "missing" in stage.engine.line and str(stage.path) in stage.engine.line
     assert shown.session.scene["instances"] == []
+    assert len(stage.boxes[-1]) == 24, "its box stands for it"
+
+
+def test_the_box_of_a_missing_volume_is_where_the_camera_sees_it(stage):
+    stage.path.unlink()
+    stage.update()
+    stage.draw()
+    from bpy_extras.object_utils import world_to_camera_view
+
+    scene = stage.bpy.context.scene
+    scene.render.resolution_x, scene.render.resolution_y = 96, 64
+    corners = [stage.obj.matrix_world @ Vector((64 * (i & 1), 64 * (i >> 1 & 1), 32 * (i >> 2))) for i in range(8)]
+    seen = [world_to_camera_view(scene, scene.camera, c) for c in corners]
+    expected = sorted((round(96 * s.x, 1), round(64 * s.y, 1)) for s in seen for _ in range(3))
+    assert np.allclose(sorted((round(x, 1), round(y, 1)) for x, y in stage.boxes[-1]), expected, atol=0.11)
+
+
+def test_the_part_of_a_box_behind_the_eye_is_cut_off(stage):
+    identity = [[float(r == c) for c in range(4)] for r in range(4)]
+    # A perspective matrix that looks along -z from the middle of the box: w is -z.
+    window = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, -1, -0.2], [0, 0, -1, 0]]
+    moved = [row[:3] + [-5.0] for row in identity[:3]] + [identity[3]]
+    ends = stage.load("missing_boxes").lines((10, 10, 10), moved, window, (100, 100))
+    assert len(ends) == 2 * 8, "four edges are wholly behind, four are cut"
+    assert {(round(x), round(y)) for x, y in ends} >= {(0, 0), (100, 0), (0, 100), (100, 100)}
 
 
 def test_a_volume_that_changed_on_disk_is_said(stage):
