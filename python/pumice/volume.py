@@ -142,9 +142,10 @@ class Volume:
         if difference is not None:
             raise InputError(difference)
 
-    def decode(self, *, dtype: npt.DTypeLike = None, job: Job | None = None) -> npt.NDArray[Any]:
+    def decode(self, *, dtype: npt.DTypeLike | None = None, job: Job | None = None) -> npt.NDArray[Any]:
         """All labels as an array[x, y, z] in Fortran order; by default in the type they came from."""
-        wanted = np.dtype(dtype if dtype is not None else {"f": "f", "u": "u", "i": "i"}[self.label_type[0]] + str(int(self.label_type[1:]) // 8))
+        own = f"{self.label_type[0]}{int(self.label_type[1:]) // 8}"
+        wanted = np.dtype(own if dtype is None else dtype)
         ids = self.labels.ids
         if wanted.kind in "ui" and len(ids) and int(ids[-1]) > np.iinfo(wanted).max:
             raise InputError(f"decode: label {int(ids[-1])} does not fit into {wanted}")
@@ -200,16 +201,20 @@ def compress(
     `types`: type by id, or the path of a CSV table id,type. `memory_limit` in bytes; 0 `threads` are all.
     """
     table = _type_table(types)
-    limits = {"types": table, "memory_limit": memory_limit, "threads": threads, "job": job}
     if isinstance(source, (str, os.PathLike)):
         for name, given in (("unit", unit or None), ("world_from_index", world_from_index), ("names", names)):
             if given is not None:
                 raise InputError(f"{name}: a file says that itself; only arrays take it")
-        chosen = None if spacing is None else _three(spacing)
-        return Volume(_native.compress(os.fspath(source), spacing=chosen, **limits, **reading))
-    if reading:
-        raise InputError(f"{next(iter(reading))}: an array is read as it is; choose by slicing it")
-    return Volume(_native.compress(_source(source, spacing, unit, world_from_index, names), **limits))
+        described: str | _Blocks = os.fspath(source)
+        lengths = None if spacing is None else _three(spacing)
+    else:
+        if reading:
+            raise InputError(f"{next(iter(reading))}: an array is read as it is; choose by slicing it")
+        described, lengths = _source(source, spacing, unit, world_from_index, names), None
+    native = _native.compress(
+        described, types=table, memory_limit=memory_limit, threads=threads, spacing=lengths, job=job, **reading
+    )
+    return Volume(native)
 
 
 class _Blocks:
