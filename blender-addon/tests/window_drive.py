@@ -22,6 +22,7 @@ import os
 import statistics
 import subprocess
 import sys
+import threading
 import time
 import traceback
 
@@ -196,9 +197,18 @@ def steps():
     yield 1.0
 
 
-def key(name):
-    """A key pressed and let go over the viewport. Simulated events do not do: Blender stops a render at the window system's ESC."""
-    subprocess.run(["xdotool", "mousemove", "430", "330", "sleep", "0.1", "key", name], check=True)
+def input_events(place, *actions):
+    """Mouse and keys through the window system, each seen by Blender before the next: yields between them.
+
+    Simulated events do not do: Blender stops a render at the window system's ESC.
+    """
+    for action in (f"mousemove {place[0]} {place[1]}", *actions):
+        subprocess.run(["xdotool", *action.split()], check=True)
+        yield 0.2
+
+
+VIEW = (430, 330)
+ESCAPE = (VIEW, "keydown Escape", "keyup Escape")
 
 
 def final_render(window, area):
@@ -209,18 +219,22 @@ def final_render(window, area):
     scene = bpy.context.scene
     scene.render.resolution_percentage = 20
     bpy.context.preferences.view.render_display_type = "NONE"
-    for samples, press, wanted in ((4, None, "complete"), (1 << 20, "Escape", "cancel")):
+    for samples, press, wanted in ((4, None, "complete"), (1 << 20, ESCAPE, "cancel")):
         scene.pumice.samples = samples
         with bpy.context.temp_override(window=window, area=area):
             bpy.ops.render.render("INVOKE_DEFAULT")
         yield 2.0
         if press:
             assert not ended, "a million samples take longer"
-            key(press)
+            yield from input_events(*press)
         yield from until(lambda: ended, f"the render ends: {wanted}")
         assert ended == [wanted], ended
         ended.clear()
         yield 0.5
+
+
+def compressing():
+    return any(t.name == "pumice import" for t in threading.enumerate())
 
 
 def cancelled_import(window, area):
@@ -228,15 +242,22 @@ def cancelled_import(window, area):
     folder = os.path.dirname(LARGE)
     before = sorted(os.listdir(folder))
     count = len(bpy.data.objects)
+    yield from input_events(VIEW)  # the dialog opens around the mouse
     with bpy.context.temp_override(window=window, area=area, region=next(r for r in area.regions if r.type == "WINDOW")):
         bpy.ops.pumice.import_volume("INVOKE_DEFAULT", filepath=LARGE)
     yield 0.7
     shot("import_options")
-    key("Return")
-    yield 0.4
+
+    def running():
+        return "PUMICE_OT_import_volume" in [o.bl_idname for o in window.modal_operators] and compressing()
+
+    yield from input_events((VIEW[0], VIEW[1] + 4), "keydown Return", "keyup Return")
+    yield from until(running, "the volume is being compressed")
     shot("import_progress")
-    key("Escape")
-    yield 4.0
+    assert running(), "there is no time to cancel: take a larger volume"
+    yield from input_events(*ESCAPE)
+    yield from until(lambda: not window.modal_operators, "the import ends")
+    yield 0.5
     assert len(bpy.data.objects) == count, "no object of a cancelled import"
     assert sorted(os.listdir(folder)) == before, "no file of a cancelled import"
 
