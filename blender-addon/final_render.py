@@ -15,7 +15,7 @@ import threading
 
 import numpy as np
 
-from . import native, registry, scene_reader
+from . import native, overlay, registry, scene_reader
 from .reports import Refused
 from .sync.instances import Styles
 
@@ -123,7 +123,7 @@ def progress_line(point, stop):
     """What the user reads while it renders."""
     said = f"sample {point.spp} of {stop['spp']}"
     if point.error_estimate is not None and math.isfinite(point.error_estimate):
-        said += f" · error {100.0 * point.error_estimate:.2g} %"
+        said += f" · error {overlay.percent(point.error_estimate)}"
     return f"{said} · {point.seconds:.1f} s"
 
 

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What makes a freshly imported volume look good at once: framed, clipped, lit. What the user has made stays as it is.
 
-    the view        frames the object, its clip range reaches around it
+    the view        frames the object, its clip range reaches around it, Solid mode shows the labels' colours
     the camera      is made where there is none, or moved where it is still Blender's own at startup; its clip range grows if it must
     a sun           is made where the scene has none
     the world       becomes a light sky where it is missing, or still the grey that Blender starts with
@@ -11,6 +11,7 @@
 import math
 
 import bpy
+import numpy as np
 from mathutils import Matrix, Vector
 
 from . import volume_object
@@ -26,8 +27,8 @@ SUN_STRENGTH = 2.6
 SUN_ANGLE_DEG = 24.0
 # From the subject to the camera: around the vertical axis, above the horizon.
 VIEW_DEG = (24.0, 24.0)
-# The frustum is this much wider than the sphere around the object.
-MARGIN = 1.05
+# Half of the picture that the object may fill: 4 % stay free on each side.
+FILL = 0.92
 
 
 def prepare(context, obj, *, frame_camera=True, light=True):
@@ -36,7 +37,7 @@ def prepare(context, obj, *, frame_camera=True, light=True):
     low, high = volume_object.bounds(obj)
     centre, radius = (low + high) / 2.0, max((high - low).length / 2.0, 1e-6)
     if frame_camera:
-        _camera(context, centre, radius)
+        _camera(context, obj, centre, radius)
     if light:
         _sun(context)
         _world(context.scene)
@@ -54,7 +55,7 @@ def _direction():
     return Vector((math.sin(around) * math.cos(above), -math.cos(around) * math.cos(above), math.sin(above)))
 
 
-def _camera(context, centre, radius):
+def _camera(context, obj, centre, radius):
     scene = context.scene
     camera = scene.camera
     fresh = camera is not None and (camera.matrix_world.translation - STARTUP_CAMERA_PLACE).length < 1e-4
@@ -65,15 +66,31 @@ def _camera(context, centre, radius):
     elif not fresh or camera.type != "CAMERA":
         _reach(camera, centre, radius)
         return
-    # The angle over the shorter side must hold the sphere.
-    render = scene.render
-    sides = sorted((render.resolution_x, render.resolution_y))
-    half = math.atan(math.tan(camera.data.angle / 2.0) * sides[0] / sides[1])
-    distance = MARGIN * radius / math.sin(half)
-    toward = _direction()
-    turn = toward.to_track_quat("Z", "Y").to_matrix().to_4x4()
-    camera.matrix_world = Matrix.Translation(centre + toward * distance) @ turn
-    camera.data.clip_start, camera.data.clip_end = clip_range(distance, radius)
+    turn = _direction().to_track_quat("Z", "Y").to_matrix()
+    eye = turn @ Vector(_stand(obj, turn, camera.data, scene.render))
+    camera.matrix_world = Matrix.Translation(eye) @ turn.to_4x4()
+    camera.data.clip_start, camera.data.clip_end = clip_range((eye - centre).length, radius)
+
+
+def _stand(obj, turn, data, render):
+    """Where a camera that is turned so must stand to see the whole proxy, and no farther: along its own axes.
+
+    Each point p sets two planes a side: |p − c across| ≤ t · (c − p back), with t the tangent of half the angle that may be filled. The
+    tightest two of an axis meet where the camera stands best along it; of the two distances back the larger serves both axes.
+    """
+    local = np.empty(3 * len(obj.data.vertices), dtype=np.float32)
+    obj.data.vertices.foreach_get("co", local)
+    to_camera = np.array(turn.transposed().to_4x4() @ obj.matrix_world)
+    points = local.reshape(-1, 3).astype(float) @ to_camera[:3, :3].T + to_camera[:3, 3]
+    longer = max(render.resolution_x, render.resolution_y)
+    place, backs = [], []
+    for axis, pixels in enumerate((render.resolution_x, render.resolution_y)):
+        t = math.tan(data.angle / 2.0) * pixels / longer * FILL
+        plus = (t * points[:, 2] + points[:, axis]).max()
+        minus = (t * points[:, 2] - points[:, axis]).max()
+        place.append((plus - minus) / 2.0)
+        backs.append((plus + minus) / (2.0 * t))
+    return (*place, max(backs))
 
 
 def _reach(camera, centre, radius):
@@ -132,3 +149,5 @@ def _views(context, obj, centre, radius):
             view.view_location = centre
             view.view_distance = 2.5 * radius
             space.clip_start, space.clip_end = clip_range(view.view_distance, radius)
+            if space.shading.color_type == "MATERIAL":
+                space.shading.color_type = "VERTEX"

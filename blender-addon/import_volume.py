@@ -159,8 +159,10 @@ class PUMICE_OT_import_volume(bpy.types.Operator, ImportHelper):
 
     def cancel(self, context):
         """Blender ends the operator: a file is loaded, the window is closed."""
-        self._opening.job.cancel()
-        self._end(context)
+        # Its options may have been cancelled before anything was begun.
+        if self._opening is not None:
+            self._opening.job.cancel()
+            self._end(context)
 
     def draw(self, context):
         layout = self.layout

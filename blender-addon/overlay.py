@@ -6,6 +6,11 @@
 """
 
 
+def percent(error):
+    """A relative error for people: two digits, and no more than they can use."""
+    return f"{100.0 * error:.2g} %" if error >= 1e-4 else "below 0.01 %"
+
+
 def line(status, frame, notes):
     """One line from the session's status and its newest frame (either may be None) and a list of notes."""
     said = []
@@ -17,7 +22,7 @@ def line(status, frame, notes):
         said.append(status.backend or "preparing")
         said.append(f"{frame.spp} sample" + ("s" if frame.spp != 1 else ""))
         if frame.error_estimate < 10.0:
-            said.append(f"error {100.0 * frame.error_estimate:.2g} %")
+            said.append(f"error {percent(frame.error_estimate)}")
         said.append(f"{frame.seconds:.1f} s")
         if status.error:
             said.append(f"not shown: {status.error}")

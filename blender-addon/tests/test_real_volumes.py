@@ -256,7 +256,7 @@ def test_a_panic_in_the_worker_is_told_and_survived(scene, blender, extension, m
     engine = Engine()
     context, view = viewport_of(blender, extension, monkeypatch, engine)
     view.sync(context, blender.context.evaluated_depsgraph_get())
-    view.session.panic_on_purpose()
+    view.session._panic_on_purpose()
     end = time.monotonic() + 60
     while view.session.status.state != "failed":
         assert time.monotonic() < end
@@ -265,6 +265,15 @@ def test_a_panic_in_the_worker_is_told_and_survived(scene, blender, extension, m
     assert engine.line.startswith("stopped: ") and "\n" not in engine.line
     scene.pumice.viewport_samples = 2
     assert settle(blender, view, context).converged, "a new session draws"
+
+
+def test_a_panic_in_a_final_render_is_a_report(scene, blender, monkeypatch, tmp_path):
+    scene.render.filepath = str(tmp_path / "a.exr")
+    with monkeypatch.context() as broken:
+        broken.setattr(pumice, "render", lambda *_, **__: pumice._native._panic_on_purpose())
+        with pytest.raises(RuntimeError, match="a panic on purpose"):
+            blender.ops.render.render(write_still=True)
+    assert blender.ops.render.render(write_still=True) == {"FINISHED"}
 
 
 def test_cancel_in_the_middle_leaves_no_file(blender, extension, data, tmp_path):

@@ -91,11 +91,14 @@ def test_the_first_look_frames_lights_and_colours(blender, modules):
     assert obj.active_material.pumice.colors_by_label
     from bpy_extras.object_utils import world_to_camera_view
 
-    seen = [world_to_camera_view(scene, scene.camera, obj.matrix_world @ Vector(c)) for c in obj.bound_box]
-    assert all(0 < s.x < 1 and 0 < s.y < 1 for s in seen), "the whole object is in the picture"
-    assert max(s.x for s in seen) - min(s.x for s in seen) > 0.3, "and it is not tiny"
+    drawn = [world_to_camera_view(scene, scene.camera, obj.matrix_world @ v.co) for v in obj.data.vertices]
+    assert all(0 < s.x < 1 and 0 < s.y < 1 for s in drawn), "the whole proxy is in the picture"
+    spans = [max(s[a] for s in drawn) - min(s[a] for s in drawn) for a in range(2)]
+    assert max(spans) == pytest.approx(0.92, abs=1e-3), "and it fills the tighter direction"
+    middle = [max(s[a] for s in drawn) + min(s[a] for s in drawn) for a in range(2)]
+    assert middle == pytest.approx([1.0, 1.0], abs=0.25), "and it is about in the middle"
     data = scene.camera.data
-    assert all(data.clip_start < s.z < data.clip_end for s in seen)
+    assert all(data.clip_start < s.z < data.clip_end for s in drawn)
     view = next(a for a in blender.context.window.screen.areas if a.type == "VIEW_3D").spaces.active
     assert Vector(view.region_3d.view_location).length < 1e-3 and view.clip_end >= 1000.0
 

@@ -2,7 +2,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Drives Blender in a real window: imports, orbits, edits, renders; takes screenshots, writes figures, fails on the first surprise.
 
-    blender --factory-startup … --python window_drive.py -- OUT VOLUME
+    blender --factory-startup … --python window_drive.py -- OUT VOLUME LARGE_VOLUME
+
+LARGE_VOLUME takes a second or more to compress, so that there is time to cancel.
 
 Runs inside Blender's own Python, with the extension installed. OUT gets `NAME.xwd` of the whole screen for each step, and
 `figures.json`:
@@ -14,11 +16,13 @@ Runs inside Blender's own Python, with the extension installed. OUT gets `NAME.x
 Exit status 0 only when every step went through and every claim held.
 """
 
+import collections
 import json
 import os
 import statistics
 import subprocess
 import sys
+import threading
 import time
 import traceback
 
@@ -26,7 +30,7 @@ import addon_utils
 import bpy
 from mathutils import Quaternion
 
-OUT, VOLUME = sys.argv[sys.argv.index("--") + 1 :][:2]
+OUT, VOLUME, LARGE = sys.argv[sys.argv.index("--") + 1 :][:3]
 EXTENSION = "bl_ext.user_default.pumice"
 # Seconds after which a claim that has not come true is false; software drawing on a busy machine is slow.
 PATIENCE_SECONDS = 120.0
@@ -65,6 +69,11 @@ def until(claim, what):
 def converged():
     view = shown()
     return view is not None and view.session is not None and view.session.status.state == "converged"
+
+
+def counted():
+    """What the session has received and made; what it never did is 0."""
+    return collections.defaultdict(int, shown().session.status.counters)
 
 
 def measure_draws():
@@ -130,11 +139,11 @@ def steps():
     figures["first_picture_seconds"] = [statistics.median(waits), max(waits)]
 
     # One colour edit is one edit.
-    counters = dict(shown().session.status.counters)
+    counters = counted()
     shader = bpy.context.object.active_material.node_tree.nodes["Principled BSDF"]
     shader.inputs["Roughness"].default_value = 0.1
-    yield from until(lambda: shown().session.status.counters["edits.material"] > counters["edits.material"], "an edit")
-    after = shown().session.status.counters
+    yield from until(lambda: counted()["edits.material"] > counters["edits.material"], "an edit")
+    after = counted()
     assert after["edits.material"] == counters["edits.material"] + 1
     assert after["edits.place"] == counters["edits.place"] and after["edits.world"] == counters["edits.world"]
     assert after["rebuilt.acceleration"] == counters["rebuilt.acceleration"]
@@ -177,12 +186,80 @@ def steps():
 
     figures["hand_over_1080p_ms"] = yield from hand_over()
 
+    yield from final_render(window, area)
+    yield from cancelled_import(window, area)
+
     bpy.data.objects.remove(next(o for o in bpy.data.objects if o.pumice.filepath))
     yield 1.0
     assert shown() is not None and shown().sent.placed == {}
     shot("deleted")
     bpy.ops.wm.read_homefile(use_factory_startup=True)
     yield 1.0
+
+
+def input_events(place, *actions):
+    """Mouse and keys through the window system, each seen by Blender before the next: yields between them.
+
+    Simulated events do not do: Blender stops a render at the window system's ESC.
+    """
+    for action in (f"mousemove {place[0]} {place[1]}", *actions):
+        subprocess.run(["xdotool", *action.split()], check=True)
+        yield 0.2
+
+
+VIEW = (430, 330)
+ESCAPE = (VIEW, "keydown Escape", "keyup Escape")
+
+
+def final_render(window, area):
+    """F12 as a user starts it, beside the live viewport: once to its end, once cancelled."""
+    ended = []
+    bpy.app.handlers.render_complete.append(lambda *_: ended.append("complete"))
+    bpy.app.handlers.render_cancel.append(lambda *_: ended.append("cancel"))
+    scene = bpy.context.scene
+    scene.render.resolution_percentage = 20
+    bpy.context.preferences.view.render_display_type = "NONE"
+    for samples, press, wanted in ((4, None, "complete"), (1 << 20, ESCAPE, "cancel")):
+        scene.pumice.samples = samples
+        with bpy.context.temp_override(window=window, area=area):
+            bpy.ops.render.render("INVOKE_DEFAULT")
+        yield 2.0
+        if press:
+            assert not ended, "a million samples take longer"
+            yield from input_events(*press)
+        yield from until(lambda: ended, f"the render ends: {wanted}")
+        assert ended == [wanted], ended
+        ended.clear()
+        yield 0.5
+
+
+def compressing():
+    return any(t.name == "pumice import" for t in threading.enumerate())
+
+
+def cancelled_import(window, area):
+    """A dropped file: its options, Enter, then ESC while it compresses. Nothing is left of it."""
+    folder = os.path.dirname(LARGE)
+    before = sorted(os.listdir(folder))
+    count = len(bpy.data.objects)
+    yield from input_events(VIEW)  # the dialog opens around the mouse
+    with bpy.context.temp_override(window=window, area=area, region=next(r for r in area.regions if r.type == "WINDOW")):
+        bpy.ops.pumice.import_volume("INVOKE_DEFAULT", filepath=LARGE)
+    yield 0.7
+    shot("import_options")
+
+    def running():
+        return "PUMICE_OT_import_volume" in [o.bl_idname for o in window.modal_operators] and compressing()
+
+    yield from input_events((VIEW[0], VIEW[1] + 4), "keydown Return", "keyup Return")
+    yield from until(running, "the volume is being compressed")
+    shot("import_progress")
+    assert running(), "there is no time to cancel: take a larger volume"
+    yield from input_events(*ESCAPE)
+    yield from until(lambda: not window.modal_operators, "the import ends")
+    yield 0.5
+    assert len(bpy.data.objects) == count, "no object of a cancelled import"
+    assert sorted(os.listdir(folder)) == before, "no file of a cancelled import"
 
 
 def hand_over():
@@ -198,7 +275,8 @@ def hand_over():
     end = time.monotonic() + PATIENCE_SECONDS
     while frame is None or frame.width < 1920:
         assert time.monotonic() < end, "no full-HD frame"
-        frame = session.latest() or frame
+        newest = session.latest()
+        frame = newest if newest is not None else frame
         yield 0.05
     session.stop()
     took = []
