@@ -27,9 +27,7 @@ pub fn select_labels(volume: &CompressedVolume, count: usize) -> Vec<u32> {
     // Giants and specks come last: an organ atlas or a handful of cells has nothing else, and who asks for n labels gets n.
     let thing = |label: u32| (SPECK_SHARE..GIANT_SHARE).contains(&share(label));
     let mut labels: Vec<u32> = (0..volume.labels().len() as u32).collect();
-    labels.sort_by(|&a, &b| {
-        thing(b).cmp(&thing(a)).then(reach(b).total_cmp(&reach(a))).then(a.cmp(&b))
-    });
+    labels.sort_by(|&a, &b| thing(b).cmp(&thing(a)).then(reach(b).total_cmp(&reach(a))).then(a.cmp(&b)));
     labels.truncate(count);
     labels
 }
