@@ -4,6 +4,7 @@
 
 mod closing_lines;
 mod cpu_seconds;
+mod extension;
 mod fuzz;
 mod part;
 mod python_env;
@@ -11,11 +12,19 @@ mod seconds_table;
 mod share;
 mod shared_data;
 mod test_command;
+mod wheel;
+mod window;
 
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
+use crate::part::Outcome;
+
 const HELP: &str = "\
-Usage: cargo xtask test [--full] [--only PART]... [--share K] [--list]
+Usage: cargo xtask test [--full] [--only PART]... [--share K] [--bpy VERSION] [--list]
+       cargo xtask extension [--out FOLDER]
+       cargo xtask test-window [--suite trixie|sid] [--gpu opengl|vulkan] [--out FOLDER]
+       cargo xtask stub
        cargo xtask fuzz [TARGET]... [--seconds N]
        cargo xtask fuzz TARGET --input FILE
 
@@ -24,7 +33,15 @@ test: makes ready what the tests need and runs them, part by part; prints a tabl
   --full        run everything, also what takes hours (tests marked `ignore = \"full: …\"` in Rust, `full` in Python)
   --only PART   run this part alone (may be given more than once; build and python-env run where the part needs them)
   --share K     the K-th share of the full set beside the ordinary tests, instead of today's
+  --bpy VERSION another Blender for the extension's tests, of those that are wheels for Python 3.11
   --list        name the parts and their caps in seconds
+
+extension: builds the zip that users install in Blender, with the Python module for this platform inside.
+
+test-window: drives the extension in a real Blender window without a screen (as root on Debian: builds a root with Blender, Xvfb and
+             software OpenGL and Vulkan under target/, 365 MB to fetch); screenshots and figures go to target/window.
+
+stub: writes python/pumice/_native.pyi anew from the source.
 
 fuzz: gives inputs led by coverage to one reader after the other (needs a C++ compiler); stops at the first finding.
 
@@ -44,6 +61,12 @@ fn main() -> ExitCode {
                 ExitCode::from(2)
             }
         },
+        Some((command, rest)) if command == "extension" => told(extension::run(&root(), &target(), rest)),
+        Some((command, rest)) if command == "test-window" => told(window::run(&root(), &target(), rest)),
+        Some((command, [])) if command == "stub" => told(match wheel::update_stub(&root(), &target()) {
+            Err(Outcome::Failed(what)) => Err(what),
+            _ => Ok(()),
+        }),
         Some((command, rest)) if command == "fuzz" => match fuzz::Options::parse(rest) {
             Ok(options) => fuzz::run(&options),
             Err(what) => {
@@ -57,6 +80,26 @@ fn main() -> ExitCode {
         }
         _ => {
             eprintln!("{HELP}");
+            ExitCode::from(2)
+        }
+    }
+}
+
+/// The project's folder.
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap_or(Path::new(".")).to_path_buf()
+}
+
+/// Where everything is built.
+fn target() -> PathBuf {
+    std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), PathBuf::from)
+}
+
+fn told(result: Result<(), String>) -> ExitCode {
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(what) => {
+            eprintln!("xtask: {what}");
             ExitCode::from(2)
         }
     }

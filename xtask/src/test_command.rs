@@ -4,17 +4,21 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 
 use crate::part::{self, Outcome, Row, Running};
-use crate::{python_env, seconds_table, share, shared_data};
+use crate::python_env::{BLENDER, TESTS};
+use crate::{extension, seconds_table, share, shared_data, wheel};
 
 /// Name, cap in seconds, what it is. The caps are several times what two cores need, so that only a hang or a gross slowdown
 /// hits one.
-const PARTS: [(&str, u64, &str); 9] = [
+const PARTS: [(&str, u64, &str); 12] = [
     ("build", 1800, "the workspace's tests, the command, the examples"),
     ("python-env", 600, "target/venv from tests/python/requirements.txt"),
     ("rust", 900, "unit and integration tests of every crate"),
     ("rust-docs", 300, "examples in the documentation"),
     ("python", 600, "formats, file layout and metrics against other people's code"),
     ("cli", 600, "the command: contract, bad input, full disk, Ctrl-C"),
+    ("python-module", 1200, "the module pumice: built, its types, its tests"),
+    ("blender-env", 900, "target/venv-bpy, Blender as a module, and the libraries that it lacks here"),
+    ("blender", 900, "the extension, packed and installed as a user does, in Blender without a window"),
     ("shared-rust", 900, "suites over volumes that may not be shipped"),
     ("shared-python", 600, "the same, in Python"),
     ("share", 600, "today's share of the full set"),
@@ -29,6 +33,8 @@ pub(crate) struct Options {
     only: Vec<String>,
     share: Option<u64>,
     list: bool,
+    /// Another Blender than the listed one.
+    bpy: Option<String>,
 }
 
 impl Options {
@@ -40,6 +46,13 @@ impl Options {
             match arg.as_str() {
                 "--full" => options.full = true,
                 "--list" => options.list = true,
+                "--bpy" => {
+                    let version = value()?;
+                    if !version.split('.').all(|n| n.parse::<u32>().is_ok()) {
+                        return Err(format!("--bpy {version}: expected a version such as 4.5.15"));
+                    }
+                    options.bpy = Some(version.clone());
+                }
                 "--only" => {
                     let name = value()?;
                     if !PARTS.iter().any(|p| p.0 == name) {
@@ -67,8 +80,11 @@ impl Options {
         self.only.is_empty()
             || named(&[part])
             || match part {
-                "python-env" => named(&["python", "cli", "shared-python", "share"]),
-                "build" => named(&["python", "cli", "shared-python"]),
+                "python-env" => {
+                    named(&["python", "cli", "python-module", "blender", "shared-python", "share"])
+                }
+                "build" => named(&["python", "cli", "python-module", "blender", "shared-python"]),
+                "python-module" | "blender-env" => named(&["blender"]),
                 _ => false,
             }
     }
@@ -104,16 +120,19 @@ pub(crate) fn run(options: &Options) -> ExitCode {
         }
         let cap = if options.full { cap * FULL_CAP_FACTOR } else { cap };
         // There may be no example in the documentation, and no test of the full set whose turn it is.
-        let must_test = !matches!(name, "build" | "python-env" | "rust-docs" | "share");
+        let must_test = !matches!(name, "build" | "python-env" | "blender-env" | "rust-docs" | "share");
         // Tests in Python cannot begin without their environment; the parts in Rust go on.
-        let needs_python = matches!(name, "python" | "cli" | "shared-python");
-        let no_python =
-            rows.iter().any(|r| r.name == "python-env" && matches!(r.outcome, Outcome::Failed(_)));
-        rows.push(part::run(name, cap, must_test, &running, || {
-            if needs_python && no_python {
-                return Err(Outcome::Failed("python-env failed".into()));
-            }
-            suite.commands(name)
+        let needed: &[&str] = match name {
+            "python" | "cli" | "shared-python" | "python-module" => &["python-env"],
+            "blender" => &["python-env", "blender-env"],
+            _ => &[],
+        };
+        let failed =
+            |part: &str| rows.iter().any(|r| r.name == part && matches!(r.outcome, Outcome::Failed(_)));
+        let lost = needed.iter().find(|part| failed(part)).copied();
+        rows.push(part::run(name, cap, must_test, &running, || match lost {
+            Some(part) => Err(Outcome::Failed(format!("{part} failed"))),
+            None => suite.commands(name),
         }));
     }
 
@@ -129,6 +148,7 @@ struct Suite {
     shared: Option<PathBuf>,
     share: u64,
     full: bool,
+    bpy: Option<String>,
 }
 
 impl Suite {
@@ -141,6 +161,7 @@ impl Suite {
             root,
             share: options.share.unwrap_or_else(share::of_today),
             full: options.full,
+            bpy: options.bpy.clone(),
         }
     }
 
@@ -152,7 +173,10 @@ impl Suite {
                 self.cargo(&["test", "--workspace", "--tests", "--no-run"]),
                 self.cargo(&["build", "--workspace", "--bins", "--examples"]),
             ],
-            "python-env" => return python_env::commands(&self.root, &self.target),
+            "python-env" => return TESTS.commands(&self.root, &self.target, None),
+            "python-module" => self.module_commands(),
+            "blender-env" => return self.blender_env_commands(),
+            "blender" => self.blender_commands()?,
             "rust" => {
                 vec![self.cargo(&[&["test", "--workspace", "--tests", "--no-fail-fast"], ignored].concat())]
             }
@@ -181,6 +205,59 @@ impl Suite {
             _ => return Err(Outcome::Failed(format!("part {part} has no commands"))),
         };
         Ok(commands)
+    }
+
+    /// The wheel, installed; the stub compared, the types checked, the tests run.
+    fn module_commands(&self) -> Vec<Command> {
+        let (root, target) = (&self.root, &self.target);
+        let mut types = Command::new(TESTS.interpreter(target));
+        types.args(["-m", "mypy", "--strict", "--no-error-summary", "--cache-dir"]);
+        types.arg(target.join("mypy")).arg("python/pumice").current_dir(root);
+        let mut tests = Command::new(TESTS.interpreter(target));
+        tests.args(["-m", "pytest", "-q", "-p", "no:cacheprovider", "python/tests"]);
+        self.surroundings(&mut tests);
+        vec![
+            wheel::build(root, target, "dev"),
+            wheel::install(&TESTS, target, "dev"),
+            wheel::generate_stub(root, target),
+            wheel::compare_stub(root, target),
+            types,
+            tests,
+        ]
+    }
+
+    fn blender_env_commands(&self) -> Result<Vec<Command>, Outcome> {
+        let mut commands = BLENDER.commands(&self.root, &self.target, self.bpy.as_deref())?;
+        let module = self.target.join(BLENDER.folder).join("lib/python3.11/site-packages/bpy/__init__.so");
+        let mut libraries = Command::new(self.root.join("xtask/private-libraries.sh"));
+        libraries.arg(self.target.join("libraries")).arg(module);
+        let mut probe = Command::new(BLENDER.interpreter(&self.target));
+        probe.args([
+            "-c",
+            "import bpy, os; print('Blender', bpy.app.version_string, flush=True); os._exit(0)",
+        ]);
+        self.blender_surroundings(&mut probe);
+        commands.extend([libraries, probe]);
+        Ok(commands)
+    }
+
+    /// The extension packed by this program, then its tests, which install the zip.
+    fn blender_commands(&self) -> Result<Vec<Command>, Outcome> {
+        let this = std::env::current_exe().map_err(|e| Outcome::Failed(format!("this program: {e}")))?;
+        let mut pack = Command::new(this);
+        pack.args(["extension", "--profile", "dev"]);
+        self.surroundings(&mut pack);
+        let mut tests = Command::new(BLENDER.interpreter(&self.target));
+        tests.args(["-m", "pytest", "-q", "-p", "no:cacheprovider", "blender-addon/tests"]);
+        tests.env("PUMICE_EXTENSION_ZIP", extension::zip(&self.target, "dev"));
+        self.surroundings(&mut tests);
+        self.blender_surroundings(&mut tests);
+        Ok(vec![pack, tests])
+    }
+
+    /// Only Blender sees the private libraries.
+    fn blender_surroundings(&self, command: &mut Command) {
+        extension::private_libraries(&self.target, command);
     }
 
     /// The ignored tests whose turn it is. The Python ones run within their own parts (see `tests/python/conftest.py`).
@@ -223,7 +300,7 @@ impl Suite {
         if files.is_empty() {
             return Err(Outcome::LeftOut("no test file".into()));
         }
-        let mut command = Command::new(python_env::interpreter(&self.target));
+        let mut command = Command::new(TESTS.interpreter(&self.target));
         command.args(["-m", "pytest", "-q", "-p", "no:cacheprovider"]).args(files);
         self.surroundings(&mut command);
         Ok(command)
@@ -259,12 +336,26 @@ mod tests {
     #[test]
     fn arguments() {
         let options = parsed(&["--full", "--only", "cli", "--share", "3"]).unwrap();
-        assert_eq!(options, Options { full: true, only: vec!["cli".into()], share: Some(3), list: false });
+        assert_eq!(
+            options,
+            Options { full: true, only: vec!["cli".into()], share: Some(3), ..Options::default() }
+        );
         assert!(options.wants("cli") && options.wants("build") && options.wants("python-env"));
-        assert!(!options.wants("rust"));
+        assert!(!options.wants("rust") && !options.wants("blender-env"));
+        let options = parsed(&["--only", "blender", "--bpy", "4.5.15"]).unwrap();
+        assert_eq!(options.bpy.as_deref(), Some("4.5.15"));
+        for part in ["build", "python-env", "python-module", "blender-env"] {
+            assert!(options.wants(part), "{part}");
+        }
         assert!(PARTS.iter().all(|p| parsed(&[]).unwrap().wants(p.0)));
-        for bad in [&["--only", "nonsense"][..], &["--only"], &["--share", "8"], &["--share", "-1"], &["-x"]]
-        {
+        for bad in [
+            &["--only", "nonsense"][..],
+            &["--only"],
+            &["--share", "8"],
+            &["--share", "-1"],
+            &["-x"],
+            &["--bpy", "newest"],
+        ] {
             assert!(parsed(bad).is_err(), "{bad:?}");
         }
     }
