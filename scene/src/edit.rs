@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use glam::DAffine3;
 use serde::{Deserialize, Serialize};
 
-use crate::scene::each_once;
+use crate::label_materials::each_once;
 use crate::{Camera, Film, Instance, LabelStyle, Material, Scene, SceneError, Settings, Show, Sun, World};
 
 /// A change to one part of a scene. Instances are named by their id.

@@ -1,15 +1,11 @@
 //! The scene: instances of volumes, their labels' looks, camera, light, settings.
 
-use std::collections::BTreeMap;
-use std::fmt;
-use std::marker::PhantomData;
 use std::path::PathBuf;
 
 use glam::DAffine3;
-use serde::de::{MapAccess, Visitor};
-use serde::{Deserialize, Deserializer, Serialize};
+use serde::{Deserialize, Serialize};
 
-use crate::{Camera, Film, Material, Settings, Show, Sun, World};
+use crate::{Camera, Film, LabelMaterials, Material, Settings, Show, Sun, World};
 
 /// Version of the JSON form that this code writes and reads.
 pub const SCENE_VERSION: u32 = 1;
@@ -25,60 +21,7 @@ pub struct LabelStyle {
     /// Gives each label a colour unlike its neighbours'.
     pub auto_color: bool,
     /// Materials by original id.
-    #[serde(deserialize_with = "each_once")]
-    pub materials: BTreeMap<u64, Material>,
-}
-
-/// Reads a map by label id and refuses an id that comes twice: which of the two was meant cannot be known.
-pub(crate) fn each_once<'de, D: Deserializer<'de>, T: Deserialize<'de>>(
-    from: D,
-) -> Result<BTreeMap<u64, T>, D::Error> {
-    struct EachOnce<T>(PhantomData<T>);
-    impl<'de, T: Deserialize<'de>> Visitor<'de> for EachOnce<T> {
-        type Value = BTreeMap<u64, T>;
-
-        fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-            f.write_str("materials by label id")
-        }
-
-        fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Self::Value, A::Error> {
-            let mut materials = BTreeMap::new();
-            while let Some((LabelId(id), material)) = map.next_entry()? {
-                if materials.insert(id, material).is_some() {
-                    return Err(serde::de::Error::custom(format!("materials: {id} has two")));
-                }
-            }
-            Ok(materials)
-        }
-    }
-    from.deserialize_map(EachOnce(PhantomData))
-}
-
-/// A key of such a map. JSON spells keys as text; within a tagged form ([`crate::SceneEdit`]) serde hands that text over as it is.
-struct LabelId(u64);
-
-impl<'de> Deserialize<'de> for LabelId {
-    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
-        struct Id;
-        impl Visitor<'_> for Id {
-            type Value = LabelId;
-
-            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str("a label id from 0 to 18446744073709551615")
-            }
-
-            fn visit_u64<E: serde::de::Error>(self, id: u64) -> Result<LabelId, E> {
-                Ok(LabelId(id))
-            }
-
-            fn visit_str<E: serde::de::Error>(self, text: &str) -> Result<LabelId, E> {
-                // As `to_string` writes it: no sign, no leading zeros, so that no id has two spellings.
-                let id = text.parse().ok().filter(|id: &u64| id.to_string() == text);
-                id.map(LabelId).ok_or_else(|| E::invalid_value(serde::de::Unexpected::Str(text), &self))
-            }
-        }
-        from.deserialize_any(Id)
-    }
+    pub materials: LabelMaterials,
 }
 
 /// A volume placed in the world.
