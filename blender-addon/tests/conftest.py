@@ -52,7 +52,8 @@ def pytest_sessionfinish(session, exitstatus):
 def pytest_unconfigure(config):
     sys.stdout.flush()
     sys.stderr.flush()
-    shutil.rmtree(_resources, ignore_errors=True)
+    for folder in (_resources, bpy.app.tempdir):
+        shutil.rmtree(folder, ignore_errors=True)
     os._exit(_exit_status)
 
 

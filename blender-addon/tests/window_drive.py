@@ -104,6 +104,9 @@ def steps():
     yield 0.5
     shot("solid")
 
+    yield from panels(area)
+    window, area, space = view3d()
+
     scene = bpy.context.scene
     scene.pumice.viewport_samples = 64
     space.shading.type = "RENDERED"
@@ -189,12 +192,36 @@ def steps():
     yield from final_render(window, area)
     yield from cancelled_import(window, area)
 
-    bpy.data.objects.remove(next(o for o in bpy.data.objects if o.pumice.filepath))
+    # A file that is gone: a line and a box, and all is well when it is back.
+    obj = next(o for o in bpy.data.objects if o.pumice.filepath)
+    os.rename(obj.pumice.filepath, obj.pumice.filepath + ".away")
+    obj.update_tag()
+    yield from until(lambda: shown().sent.placed == {}, "a missing volume leaves")
+    yield 1.0
+    shot("missing")
+    os.rename(obj.pumice.filepath + ".away", obj.pumice.filepath)
+    obj.update_tag()
+    yield from until(lambda: len(shown().sent.placed) == 1, "it is back")
+
+    bpy.data.objects.remove(obj)
     yield 1.0
     assert shown() is not None and shown().sent.placed == {}
     shot("deleted")
     bpy.ops.wm.read_homefile(use_factory_startup=True)
     yield 1.0
+
+
+def panels(area):
+    """Every tab of the properties editor in which there is a panel of ours; who runs this looks at the pictures and at stderr."""
+    area.type = "PROPERTIES"
+    yield 0.5
+    for tab in ("RENDER", "VIEW_LAYER", "WORLD", "DATA", "MATERIAL"):
+        area.spaces.active.context = tab
+        area.tag_redraw()
+        yield 0.5
+        shot(f"panel_{tab.lower()}")
+    area.type = "VIEW_3D"
+    yield 0.5
 
 
 def input_events(place, *actions):
