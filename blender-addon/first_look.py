@@ -21,9 +21,10 @@ from .sync import nodes
 STARTUP_CAMERA_PLACE = Vector((7.358891, -6.925791, 4.958309))
 STARTUP_GREY = 0.050876
 
-SKY = (0.92, 0.98, 1.06)
+# Dim enough beside the sun for shadows to read under Blender's AgX view, which lifts them.
+SKY = (0.46, 0.49, 0.53)
 SUN_COLOR = (1.0, 0.95, 0.87)
-SUN_STRENGTH = 2.6
+SUN_STRENGTH = 4.0
 SUN_ANGLE_DEG = 24.0
 # From the subject to the camera: around the vertical axis, above the horizon.
 VIEW_DEG = (24.0, 24.0)

@@ -87,7 +87,7 @@ def test_the_first_look_frames_lights_and_colours(blender, modules):
     blender.context.view_layer.update()
     assert any(o.type == "LIGHT" and o.data.type == "SUN" for o in scene.objects)
     background = next(n for n in scene.world.node_tree.nodes if n.bl_idname == "ShaderNodeBackground")
-    assert list(background.inputs["Color"].default_value)[:3] == pytest.approx([0.92, 0.98, 1.06])
+    assert list(background.inputs["Color"].default_value)[:3] == pytest.approx([0.46, 0.49, 0.53])
     assert obj.active_material.pumice.colors_by_label
     from bpy_extras.object_utils import world_to_camera_view
 
@@ -126,4 +126,4 @@ def test_the_first_look_takes_over_the_startup_scene(startup, modules):
     modules["first_look"].prepare(startup.context, obj)
     assert scene.camera == camera and (camera.location - before).length > 1.0
     color = scene.world.node_tree.nodes["Background"].inputs["Color"].default_value
-    assert list(color)[:3] == pytest.approx([0.92, 0.98, 1.06])
+    assert list(color)[:3] == pytest.approx([0.46, 0.49, 0.53])

@@ -2,9 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Drives Blender in a real window: imports, orbits, edits, renders; takes screenshots, writes figures, fails on the first surprise.
 
-    blender --factory-startup … --python window_drive.py -- OUT VOLUME LARGE_VOLUME
-
-LARGE_VOLUME takes a second or more to compress, so that there is time to cancel.
+    blender --factory-startup … --python window_drive.py -- OUT VOLUME
 
 Runs inside Blender's own Python, with the extension installed. OUT gets `NAME.xwd` of the whole screen for each step, and
 `figures.json`:
@@ -28,9 +26,10 @@ import traceback
 
 import addon_utils
 import bpy
+import numpy as np
 from mathutils import Quaternion
 
-OUT, VOLUME, LARGE = sys.argv[sys.argv.index("--") + 1 :][:3]
+OUT, VOLUME = sys.argv[sys.argv.index("--") + 1 :][:2]
 EXTENSION = "bl_ext.user_default.pumice"
 # Seconds after which a claim that has not come true is false; software drawing on a busy machine is slow.
 PATIENCE_SECONDS = 120.0
@@ -264,14 +263,23 @@ def compressing():
     return any(t.name == "pumice import" for t in threading.enumerate())
 
 
+def noise_volume(folder):
+    """A volume of noise: nothing takes longer to compress, so that there is time to cancel."""
+    os.makedirs(folder)
+    path = os.path.join(folder, "noise.npy")
+    np.save(path, np.random.default_rng(1).integers(1, 255, (320, 320, 320), dtype=np.uint8))
+    return path
+
+
 def cancelled_import(window, area):
     """A dropped file: its options, Enter, then ESC while it compresses. Nothing is left of it."""
-    folder = os.path.dirname(LARGE)
+    folder = os.path.join(OUT, "noise")
+    noise = noise_volume(folder)
     before = sorted(os.listdir(folder))
     count = len(bpy.data.objects)
     yield from input_events(VIEW)  # the dialog opens around the mouse
     with bpy.context.temp_override(window=window, area=area, region=next(r for r in area.regions if r.type == "WINDOW")):
-        bpy.ops.pumice.import_volume("INVOKE_DEFAULT", filepath=LARGE)
+        bpy.ops.pumice.import_volume("INVOKE_DEFAULT", filepath=noise)
     yield 0.7
     shot("import_options")
 

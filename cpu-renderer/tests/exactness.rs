@@ -7,8 +7,9 @@ mod exact;
 use std::sync::Arc;
 
 use exact::rays::{CLASSES, Class, ray, snap};
+use exact::tally::Tally;
 use exact::volumes::{Random, blobs, checkerboard, neurites, noise, sheets};
-use exact::{Dense, ExactRay, Verdict, describe, in_world, judge};
+use exact::{Dense, ExactRay, describe, in_world, judge};
 use glam::{DAffine3, DMat3, DVec3};
 use pumice_core::CompressedVolume;
 use pumice_cpu::traverse::{LodChoice, SceneTracer, TracedInstance};
@@ -22,47 +23,6 @@ fn tracer(volume: &Arc<CompressedVolume>, world_from_index: DAffine3) -> SceneTr
         lod: LodChoice::Voxels,
     }])
     .unwrap()
-}
-
-/// What the oracle said of a set of rays.
-#[derive(Default, Debug)]
-struct Tally {
-    rays: u64,
-    hits: u64,
-    touches: u64,
-    worst_chord: f64,
-    wrong: u64,
-    first_wrong: Option<String>,
-}
-
-impl Tally {
-    fn add(&mut self, verdict: Verdict, hit: bool, describe: impl FnOnce() -> String) {
-        self.rays += 1;
-        self.hits += u64::from(hit);
-        match verdict {
-            Verdict::Exact => {}
-            Verdict::Touch(chord) => {
-                self.touches += 1;
-                self.worst_chord = self.worst_chord.max(chord);
-            }
-            Verdict::Wrong(why) => {
-                self.wrong += 1;
-                self.first_wrong.get_or_insert_with(|| format!("{why}: {}", describe()));
-            }
-        }
-    }
-
-    fn report(&self, name: &str) {
-        println!(
-            "{name:32} {:>9} rays {:>9} hits {:>7} touches, worst chord {:.1e}, {} wrong",
-            self.rays, self.hits, self.touches, self.worst_chord, self.wrong
-        );
-    }
-
-    fn assert_right(&self, name: &str) {
-        self.report(name);
-        assert_eq!(self.wrong, 0, "{name}: {}", self.first_wrong.as_deref().unwrap_or(""));
-    }
 }
 
 fn volumes() -> Vec<(&'static str, Dense, Arc<CompressedVolume>)> {

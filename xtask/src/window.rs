@@ -13,8 +13,8 @@ use crate::python_env::TESTS;
 
 /// Seconds that a run may take: software drawing on two cores is slow.
 const LIMIT_S: u32 = 1200;
-/// What is looked at: small enough for software drawing, real enough to mean something.
-const VOLUME: &str = "data/connectomics_32x32x40nm.nrrd";
+/// What is looked at: small enough for software drawing.
+const VOLUME: &str = "data/platynereis_nuclei.tif";
 
 pub(crate) fn run(root: &Path, target: &Path, args: &[String]) -> Result<(), String> {
     let (mut suite, mut gpu, mut out) = ("trixie", "opengl", None);
@@ -55,8 +55,8 @@ pub(crate) fn run(root: &Path, target: &Path, args: &[String]) -> Result<(), Str
     for (from, name) in [
         (extension::zip(target, "release"), "pumice.zip"),
         (root.join("blender-addon/tests/window_drive.py"), "drive.py"),
-        (root.join(VOLUME), "volume.nrrd"),
         (scripts.join("drive.sh"), "drive.sh"),
+        (root.join(VOLUME), "volume.tif"),
     ] {
         std::fs::copy(&from, shared.join(name)).map_err(|e| format!("{}: {e}", from.display()))?;
     }

@@ -20,5 +20,5 @@ packages=blender,xvfb,xauth,x11-apps,libgl1,libegl1,libglx-mesa0,libegl-mesa0,li
 mmdebstrap --mode=root --variant=apt --components=main --keyring=/usr/share/keyrings/debian-archive-keyring.gpg \
     --aptopt='APT::Install-Recommends "0"' --aptopt='Acquire::Languages "none"' --aptopt='Acquire::Check-Valid-Until "false"' \
     --dpkgopt='path-exclude=/usr/share/doc/*' --dpkgopt='path-exclude=/usr/share/man/*' --dpkgopt='path-exclude=/usr/share/locale/*' \
-    --include="$packages,python3-numpy,python3-cattr,ca-certificates" "$suite" "$folder.part"
+    --include="$packages,python3-numpy,python3-cattr,python3-requests,xdotool,ca-certificates" "$suite" "$folder.part"
 mv "$folder.part" "$folder"
