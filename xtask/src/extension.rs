@@ -21,7 +21,7 @@ pub(crate) fn zip(target: &Path, profile: &str) -> PathBuf {
 }
 
 /// Stages the extension with the wheel of a profile, which must be built; gives the commands that check and pack it.
-fn pack(root: &Path, target: &Path, profile: &str) -> Result<Vec<Command>, String> {
+pub(crate) fn pack(root: &Path, target: &Path, profile: &str) -> Result<Vec<Command>, String> {
     let stage = target.join("extension").join(profile).join("pumice");
     let fault = |path: &Path| {
         let path = path.display().to_string();

@@ -124,7 +124,7 @@ pub(crate) fn run(options: &Options) -> ExitCode {
         // Tests in Python cannot begin without their environment; the parts in Rust go on.
         let needed: &[&str] = match name {
             "python" | "cli" | "shared-python" | "python-module" => &["python-env"],
-            "blender" => &["python-env", "blender-env"],
+            "blender" => &["python-env", "python-module", "blender-env"],
             _ => &[],
         };
         let failed =
@@ -241,18 +241,18 @@ impl Suite {
         Ok(commands)
     }
 
-    /// The extension packed by this program, then its tests, which install the zip.
+    /// The extension is packed with the wheel that python-module built; its tests install the zip.
+    ///
+    /// Not by starting this program anew: the part `build` may have replaced its file.
     fn blender_commands(&self) -> Result<Vec<Command>, Outcome> {
-        let this = std::env::current_exe().map_err(|e| Outcome::Failed(format!("this program: {e}")))?;
-        let mut pack = Command::new(this);
-        pack.args(["extension", "--profile", "dev"]);
-        self.surroundings(&mut pack);
+        let mut commands = extension::pack(&self.root, &self.target, "dev").map_err(Outcome::Failed)?;
         let mut tests = Command::new(BLENDER.interpreter(&self.target));
         tests.args(["-m", "pytest", "-q", "-p", "no:cacheprovider", "blender-addon/tests"]);
         tests.env("PUMICE_EXTENSION_ZIP", extension::zip(&self.target, "dev"));
         self.surroundings(&mut tests);
         self.blender_surroundings(&mut tests);
-        Ok(vec![pack, tests])
+        commands.push(tests);
+        Ok(commands)
     }
 
     /// Only Blender sees the private libraries.
