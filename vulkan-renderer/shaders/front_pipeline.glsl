@@ -1,0 +1,59 @@
+// Finds boxes by hardware's hierarchy in a ray tracing pipeline. Rays carry floats alone, so the search lies in scratch memory,
+// one for each ray of the launch, where raygen and intersection shaders both reach it. No payload, no attributes, no closest hit.
+#ifndef FRONT_PIPELINE_GLSL
+#define FRONT_PIPELINE_GLSL
+
+#include "hardware_ray.glsl"
+
+layout(buffer_reference, scalar, buffer_reference_align = 8) shadercallcoherent buffer SearchRef { Search it; };
+
+// The search of this ray of the launch.
+SearchRef search_of_launch(Address scratch) {
+    uint index = (gl_LaunchIDEXT.z * gl_LaunchSizeEXT.y + gl_LaunchIDEXT.y) * gl_LaunchSizeEXT.x + gl_LaunchIDEXT.x;
+    return SearchRef(scratch + uint64_t(index) * uint64_t(SCRATCH_BYTES));
+}
+
+#ifdef ONLY_VISITS
+
+// The intersection shader: looks at one box, and brings hardware's reach down to the search's limit.
+void visit_in_pipeline(InstanceRef instance, Address scratch, uint item) {
+    SearchRef shared_search = search_of_launch(scratch);
+    Search search = shared_search.it;
+    bool over = visit(instance, search, item);
+    shared_search.it = search;
+    float limit = max(search_limit(search), 0.0);
+    if (over) {
+        reportIntersectionEXT(0.0, 0u);
+    } else if (search.seek == SEEK_NEAREST && limit < gl_RayTmaxEXT) {
+        reportIntersectionEXT(limit, 0u);
+    }
+}
+
+#else
+
+void trace_boxes(InstanceRef instance, HardwareRay ray, inout Search search) {
+    if (instance.it.box_count == 0u) {
+        return;
+    }
+    SearchRef shared_search = search_of_launch(launch.scratch);
+    shared_search.it = search;
+    uint flags = gl_RayFlagsSkipClosestHitShaderEXT | gl_RayFlagsOpaqueEXT;
+    if (search.seek != SEEK_NEAREST) {
+        flags |= gl_RayFlagsTerminateOnFirstHitEXT;
+    }
+    traceRayEXT(accelerationStructureEXT(instance.it.acceleration), flags, 0xFFu, 0u, 0u, 0u, ray.origin, 0.0, ray.direction,
+        ray.t_max, 0);
+    search = shared_search.it;
+}
+
+void along_ray(InstanceRef instance, BvhRay moved, inout Search search) {
+    trace_boxes(instance, hardware_ray(moved, search), search);
+}
+
+void at_voxel(InstanceRef instance, uvec3 voxel, inout Search search) {
+    trace_boxes(instance, hardware_point(voxel), search);
+}
+
+#endif
+
+#endif

@@ -1,0 +1,42 @@
+// Finds boxes by hardware's hierarchy through a ray query. A candidate is committed only to bring the query's reach down to the
+// search's limit; what is committed is never read (on some drivers reading it after a miss is fatal).
+#ifndef FRONT_QUERY_GLSL
+#define FRONT_QUERY_GLSL
+
+#extension GL_EXT_ray_query : require
+
+#include "hardware_ray.glsl"
+
+void query_boxes(InstanceRef instance, HardwareRay ray, inout Search search) {
+    if (instance.it.box_count == 0u) {
+        return;
+    }
+    rayQueryEXT query;
+    rayQueryInitializeEXT(query, accelerationStructureEXT(instance.it.acceleration), gl_RayFlagsNoneEXT, 0xFFu, ray.origin, 0.0,
+        ray.direction, ray.t_max);
+    float reach = ray.t_max;
+    while (rayQueryProceedEXT(query)) {
+        if (rayQueryGetIntersectionTypeEXT(query, false) != gl_RayQueryCandidateIntersectionAABBEXT) {
+            continue;
+        }
+        if (visit(instance, search, uint(rayQueryGetIntersectionPrimitiveIndexEXT(query, false)))) {
+            rayQueryTerminateEXT(query);
+            return;
+        }
+        float limit = max(search_limit(search), 0.0);
+        if (search.seek != SEEK_HOLDER && limit < reach) {
+            reach = limit;
+            rayQueryGenerateIntersectionEXT(query, limit);
+        }
+    }
+}
+
+void along_ray(InstanceRef instance, BvhRay moved, inout Search search) {
+    query_boxes(instance, hardware_ray(moved, search), search);
+}
+
+void at_voxel(InstanceRef instance, uvec3 voxel, inout Search search) {
+    query_boxes(instance, hardware_point(voxel), search);
+}
+
+#endif

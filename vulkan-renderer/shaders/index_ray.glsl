@@ -1,0 +1,146 @@
+// A ray in a volume's index space: twin of cpu-renderer/src/traverse/index_ray.rs.
+#ifndef INDEX_RAY_GLSL
+#define INDEX_RAY_GLSL
+
+#include "trace.glsl"
+
+// Smallest normal double, and 1 over it.
+#define SMALLEST f64_exp2(-1022)
+#define ONE_OVER_SMALLEST f64_exp2(1022)
+
+struct IndexRay {
+    f64 origin[3];
+    f64 direction[3];
+    f64 inverse[3];
+    f64 scaled_from_world;
+};
+
+struct Placement {
+    DVec3 translation;
+    DVec3 adjugate[3];
+    f64 determinant;
+};
+
+Placement placement_of(InstanceRef instance) {
+    Placement p;
+    p.translation = dvec3_from_bits(instance.it.translation);
+    for (int a = 0; a < 3; a++) {
+        p.adjugate[a] = dvec3_from_bits(instance.it.adjugate[a]);
+    }
+    p.determinant = f64_from_bits(instance.it.determinant);
+    return p;
+}
+
+DVec3 index_from_world(Placement p, DVec3 v) {
+    return dvec3_of(f64_div(dvec3_dot(p.adjugate[0], v), p.determinant), f64_div(dvec3_dot(p.adjugate[1], v), p.determinant),
+        f64_div(dvec3_dot(p.adjugate[2], v), p.determinant));
+}
+
+// The vector times 2^−k with its largest component within [1, 2), and k. False for zero and for what is not finite.
+bool scaled(DVec3 v, out DVec3 result, out int k) {
+    f64 largest = f64_max(f64_max(f64_abs(v.at[0]), f64_abs(v.at[1])), f64_abs(v.at[2]));
+    result = v;
+    k = 0;
+    if (!dvec3_is_finite(v) || f64_eq(largest, F64_ZERO)) {
+        return false;
+    }
+    int lift = 0;
+    if (f64_lt(largest, SMALLEST)) {
+        v = dvec3_scale(v, f64_exp2(600));
+        largest = f64_mul(largest, f64_exp2(600));
+        lift = 600;
+    }
+    k = int(uint(f64_bits(largest) >> 52)) - 1023;
+    // In two steps: 2^−k itself may not be representable. `half` is a word of the language.
+    int halved = k / 2;
+    result = dvec3_scale(dvec3_scale(v, f64_exp2(-halved)), f64_exp2(halved - k));
+    k -= lift;
+    return true;
+}
+
+// Puts the origin on the surface's plane, and a direction that rounding turned inward along the plane.
+void start_on_face(Placement p, inout DVec3 origin, inout DVec3 direction, DVec3 d_world, int k1, Surface surface, uvec3 upper) {
+    int axis = int(min(surface.axis, 2u));
+    for (int a = 0; a < 3; a++) {
+        if (a != axis) {
+            f64 inset = f64_exp2(-28);
+            origin.at[a] = f64_clamp(origin.at[a], f64_add(f64_from_u32(surface.voxel[a]), inset),
+                f64_sub(f64_from_u32(upper[a]), inset));
+        }
+    }
+    origin.at[axis] = f64_from_u32(surface.plane);
+    f64 outward = surface.positive ? direction.at[axis] : f64_neg(direction.at[axis]);
+    if (f64_le(outward, F64_ZERO)) {
+        f64 row = f64_mul(f64_div(dvec3_dot(dvec3_abs(p.adjugate[axis]), dvec3_abs(d_world)), p.determinant), f64_exp2(-k1));
+        // ε·4: a double's ε is 2^−52.
+        if (f64_le(f64_neg(outward), f64_mul(f64_mul(row, f64_exp2(-52)), f64_exp2(2)))) {
+            direction.at[axis] = F64_ZERO;
+            if (!surface.positive) {
+                origin.at[axis] = f64_sub(origin.at[axis], F64_HALF);
+            }
+        }
+    }
+}
+
+// The ray in index space; false when it is not finite or has no direction. `from` belongs to this instance or is no surface.
+bool index_ray_new(Placement p, RayInWorld ray, Surface from, uvec3 upper, out IndexRay result) {
+    // 1. Scale in the world first.
+    DVec3 d_world, d;
+    int k0, k1;
+    if (!scaled(ray.direction, d_world, k0) || !scaled(index_from_world(p, d_world), d, k1)) {
+        return false;
+    }
+    // 2. Subtract the translation before the product.
+    DVec3 o = index_from_world(p, dvec3_sub(ray.origin, p.translation));
+    if (!dvec3_is_finite(o)) {
+        return false;
+    }
+    if (from.instance != NONE) {
+        start_on_face(p, o, d, d_world, k1, from, upper);
+    }
+    // 3. Directions of 0, and so small that 1/d overflows.
+    for (int a = 0; a < 3; a++) {
+        if (f64_eq(d.at[a], F64_ZERO)) {
+            d.at[a] = F64_ZERO;
+            o.at[a] = f64_add(f64_floor(o.at[a]), F64_HALF);
+            result.inverse[a] = ONE_OVER_SMALLEST;
+        } else {
+            result.inverse[a] = f64_div(F64_ONE, f64_copysign(f64_max(f64_abs(d.at[a]), SMALLEST), d.at[a]));
+        }
+        result.origin[a] = o.at[a];
+        result.direction[a] = d.at[a];
+    }
+    result.scaled_from_world = f64_mul(f64_exp2(k0), f64_exp2(k1));
+    return true;
+}
+
+f64 t_of(IndexRay ray, uint a, uint p) {
+    return f64_mul(f64_sub(f64_from_u32(p), ray.origin[a]), ray.inverse[a]);
+}
+
+f64 world_t(IndexRay ray, uint a, uint p) {
+    return f64_div(f64_div(f64_sub(f64_from_u32(p), ray.origin[a]), ray.direction[a]), ray.scaled_from_world);
+}
+
+f64 scaled_t(IndexRay ray, f64 world_t) {
+    return f64_mul(world_t, ray.scaled_from_world);
+}
+
+bool is_down(IndexRay ray, uint a) {
+    return f64_is_negative(ray.inverse[a]);
+}
+
+// The part of the ray within lo ≤ x < hi and t ≥ start: empty unless enter < leave.
+void clip(IndexRay ray, uvec3 lo, uvec3 hi, f64 start, out f64 enter, out f64 leave) {
+    enter = start;
+    leave = F64_INFINITY;
+    for (uint a = 0u; a < 3u; a++) {
+        bool down = is_down(ray, a);
+        f64 t_near = t_of(ray, a, down ? hi[a] : lo[a]);
+        f64 t_far = t_of(ray, a, down ? lo[a] : hi[a]);
+        enter = f64_lt(enter, t_near) ? t_near : enter;
+        leave = f64_lt(t_far, leave) ? t_far : leave;
+    }
+}
+
+#endif

@@ -1,0 +1,212 @@
+// The structures that host and shaders share: twin of src/layout.rs, field by field.
+//
+// Doubles travel as 64-bit integers (F64Bits); f64.glsl computes with them. Memory is reached by address alone.
+#ifndef LAYOUT_GLSL
+#define LAYOUT_GLSL
+
+#extension GL_EXT_buffer_reference : require
+#extension GL_EXT_scalar_block_layout : require
+#extension GL_EXT_shader_explicit_arithmetic_types_int64 : require
+
+#define F64Bits uint64_t
+#define Address uint64_t
+
+const uint NONE = 0xFFFFFFFFu;
+
+struct Launch {
+    Address scene;
+    Address source;
+    Address target;
+    Address scratch;
+    uint tile_x;
+    uint tile_y;
+    uint tile_width;
+    uint tile_height;
+    uint first_sample;
+    uint samples;
+    uint count;
+    uint reserved;
+};
+
+const uint SCRATCH_BYTES = 192u;
+
+struct CameraRecord {
+    F64Bits position[3];
+    F64Bits right[3];
+    F64Bits up[3];
+    F64Bits forward[3];
+    F64Bits half_extent;
+    F64Bits shift[2];
+    F64Bits size[2];
+    F64Bits clip[2];
+    uint orthographic;
+    uint reserved;
+};
+
+struct Filter {
+    Address inverse_table;
+    float width;
+    uint steps;
+};
+
+struct Settings {
+    uint64_t seed;
+    F64Bits ao_distance;
+    uint mode;
+    uint bounces;
+    uint russian_roulette;
+    uint reserved;
+};
+
+struct Lights {
+    Address ends;
+    Address suns;
+    uint end_count;
+    uint sun_count;
+    uint finding;
+    float sky[3];
+    uint has_backdrop;
+    float backdrop[2][3];
+    uint reserved;
+};
+
+struct Sun {
+    F64Bits towards[3];
+    F64Bits tangent[3];
+    F64Bits bitangent[3];
+    F64Bits one_minus_cos_half_angle;
+    float radiance[3];
+    float cone_pdf;
+};
+
+struct Environment {
+    Address pixels;
+    Address density;
+    Address row_ends;
+    Address column_ends;
+    F64Bits rotation_rad;
+    uint width;
+    uint height;
+    float strength;
+    uint reserved;
+};
+
+struct SceneHeader {
+    Address instances;
+    Address albedo;
+    CameraRecord camera;
+    Filter film_filter;
+    Settings settings;
+    Lights lights;
+    Environment environment;
+    uint instance_count;
+    uint film_width;
+};
+
+struct Material {
+    float base_color[3];
+    float metallic;
+    float roughness;
+    float specular;
+    float ior;
+    float emission[3];
+};
+
+struct Chunk {
+    uint64_t node_base;
+    uint origin[3];
+    uint first_box;
+};
+
+struct Instance {
+    Address chunks;
+    Address boxes;
+    Address labels;
+    Address nodes;
+    Address leaves;
+    Address bvh_nodes;
+    Address bvh_items;
+    Address acceleration;
+    Address materials;
+    Address material_of_label;
+    F64Bits translation[3];
+    F64Bits adjugate[3][3];
+    F64Bits determinant;
+    F64Bits normals[3][3];
+    uint lo[3];
+    uint hi[3];
+    uint dims[3];
+    uint chunk_count;
+    float pad;
+    uint label_count;
+    uint all_voxels;
+    uint box_count;
+};
+
+struct SurfaceRecord {
+    uint instance;
+    uint voxel[3];
+    uint face;
+    uint plane;
+    uint label;
+    uint box_number;
+};
+
+const uint QUESTION_FIRST_HIT = 0u;
+const uint QUESTION_OCCLUDED = 1u;
+const uint QUESTION_NEXT_BOUNDARY = 2u;
+
+struct RayRecord {
+    F64Bits origin[3];
+    F64Bits direction[3];
+    F64Bits t_max;
+    SurfaceRecord from;
+    uint question;
+    uint only;
+    uint only_instance;
+    uint reserved;
+};
+
+struct HitRecord {
+    F64Bits t;
+    F64Bits normal[3];
+    SurfaceRecord surface;
+    uint from_inside;
+    uint reserved;
+};
+
+struct FirstRecord {
+    float depth;
+    uint label;
+    float albedo[3];
+    float normal[3];
+};
+
+// A bounding volume hierarchy's node, 80 bytes as drawn in pumice_render::bvh; bytes are taken out of their words.
+struct BvhNode {
+    float origin[3];
+    uint exponents_and_inner;
+    uint first_child;
+    uint first_item;
+    uint meta[2];
+    uint lo[3][2];
+    uint hi[3][2];
+};
+
+layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Words { uint at[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Longs { uint64_t at[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Floats { float at[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer SceneRef { SceneHeader it; };
+layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Instances { Instance at[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Chunks { Chunk at[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Suns { Sun at[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Materials { Material at[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer BvhNodes { BvhNode at[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer RayRecords { RayRecord at[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 8) buffer HitRecords { HitRecord at[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 4) buffer FirstRecords { FirstRecord at[]; };
+
+// A reference to an instance is the address of its record, which comes first in its array.
+layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer InstanceRef { Instance it; };
+
+#endif

@@ -1,0 +1,8 @@
+// A ray that meets nothing leaves its search as it was.
+#version 460
+#extension GL_EXT_ray_tracing : require
+
+layout(location = 0) rayPayloadInEXT uint payload;
+
+void main() {
+}

@@ -1,0 +1,74 @@
+// What an integrator asks of geometry: twin of render/src/trace.rs.
+#ifndef TRACE_GLSL
+#define TRACE_GLSL
+
+#include "layout.glsl"
+#include "dvec3.glsl"
+
+struct RayInWorld {
+    DVec3 origin;
+    DVec3 direction;
+};
+
+// `instance` NONE says that there is no surface: a path that starts in free space, a ray that met nothing. Beyond the twin, a
+// surface knows the box that drew it, so that a path that leaves it need not search for the box.
+struct Surface {
+    uint instance;
+    uvec3 voxel;
+    uint axis;
+    bool positive;
+    uint plane;
+    uint label;
+    uint box_number;
+};
+
+struct Hit {
+    f64 t;
+    Surface surface;
+    DVec3 normal_in_world;
+    bool from_inside;
+};
+
+Surface no_surface() {
+    return Surface(NONE, uvec3(0u), 0u, false, 0u, 0u, NONE);
+}
+
+Hit no_hit() {
+    return Hit(F64_INFINITY, no_surface(), dvec3_of(F64_ZERO, F64_ZERO, F64_ZERO), false);
+}
+
+bool is_hit(Hit hit) {
+    return hit.surface.instance != NONE;
+}
+
+Surface surface_from_record(SurfaceRecord r) {
+    return Surface(r.instance, uvec3(r.voxel[0], r.voxel[1], r.voxel[2]), r.face & 3u, (r.face & 4u) != 0u, r.plane, r.label,
+        r.box_number);
+}
+
+SurfaceRecord record_of_surface(Surface s) {
+    SurfaceRecord r;
+    r.instance = s.instance;
+    r.voxel[0] = s.voxel.x;
+    r.voxel[1] = s.voxel.y;
+    r.voxel[2] = s.voxel.z;
+    r.face = s.axis | (s.positive ? 4u : 0u);
+    r.plane = s.plane;
+    r.label = s.label;
+    r.box_number = s.box_number;
+    return r;
+}
+
+HitRecord record_of_hit(Hit hit) {
+    HitRecord r;
+    r.t = f64_bits(hit.t);
+    for (int a = 0; a < 3; a++) {
+        r.normal[a] = f64_bits(hit.normal_in_world.at[a]);
+    }
+    r.surface = record_of_surface(hit.surface);
+    r.from_inside = hit.from_inside ? 1u : 0u;
+    r.reserved = 0u;
+    return r;
+}
+
+#endif

@@ -1,0 +1,62 @@
+// Boxes, unpacked: twin of core/src/volume.rs and box_record.rs, over the boxes that are drawn.
+#ifndef VOLUME_GLSL
+#define VOLUME_GLSL
+
+#include "node.glsl"
+
+struct BoxView {
+    uvec3 origin;
+    uvec3 extent;
+    NodeRef node;
+    // Level of detail, from the two bits that the record leaves free.
+    uint level;
+};
+
+uint chunk_of_box(Chunks chunks, uint count, uint index) {
+    uint low = 0u, high = count;
+    while (low < high) {
+        uint middle = (low + high) >> 1;
+        if (chunks.at[middle].first_box <= index) {
+            low = middle + 1u;
+        } else {
+            high = middle;
+        }
+    }
+    return low - 1u;
+}
+
+// Everything but the node, which costs the most to read.
+struct BoxPlace {
+    uvec3 origin;
+    uvec3 extent;
+    uint64_t node_word;
+    uint level;
+};
+
+BoxPlace box_place(InstanceRef instance, uint index) {
+    Chunks chunks = Chunks(instance.it.chunks);
+    uint c = chunk_of_box(chunks, instance.it.chunk_count, index);
+    uint64_t record = Longs(instance.it.boxes).at[index];
+    uint high = uint(record >> 32);
+    BoxPlace p;
+    p.origin = uvec3(chunks.at[c].origin[0], chunks.at[c].origin[1], chunks.at[c].origin[2])
+        + 4u * uvec3((high >> 8) & 255u, (high >> 16) & 255u, high >> 24);
+    p.extent = 4u * (uvec3(high & 3u, (high >> 2) & 3u, (high >> 4) & 3u) + 1u);
+    p.node_word = chunks.at[c].node_base + uint64_t(uint(record));
+    p.level = (high >> 6) & 3u;
+    return p;
+}
+
+BoxView box_view(InstanceRef instance, BoxPlace p) {
+    return BoxView(p.origin, p.extent, node_read(instance.it.nodes, p.node_word, instance.it.leaves), p.level);
+}
+
+BoxView get_box(InstanceRef instance, uint index) {
+    return box_view(instance, box_place(instance, index));
+}
+
+uint label_of_box(InstanceRef instance, uint index) {
+    return Words(instance.it.labels).at[index];
+}
+
+#endif

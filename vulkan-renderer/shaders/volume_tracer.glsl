@@ -1,0 +1,336 @@
+// One instance and the questions that rays ask of it: twin of cpu-renderer/src/traverse/volume_tracer.rs.
+//
+// The twin hands closures to its hierarchy. Here a search is a structure, `visit` is what looks at one box, and one of three front
+// ends finds the boxes; it is chosen by a definition:
+//
+//     FRONT_BVH        front_bvh.glsl        our own hierarchy, in compute
+//     FRONT_QUERY      front_query.glsl      hardware's hierarchy through a ray query, in compute
+//     FRONT_PIPELINE   front_pipeline.glsl   hardware's hierarchy, `visit` in an intersection shader
+//
+// What a search finds does not depend on the order of its visits, and hardware's own notion of the nearest hit is used for nothing
+// but leaving boxes out: all three find the same, bit for bit.
+#ifndef VOLUME_TRACER_GLSL
+#define VOLUME_TRACER_GLSL
+
+#include "box_walk.glsl"
+#include "bvh.glsl"
+
+const uint NEAREST_NOTHING = 0u;
+const uint NEAREST_INSIDE = 1u;
+const uint NEAREST_FACE = 2u;
+
+// What visits look for.
+const uint SEEK_NEAREST = 0u;
+const uint SEEK_ANY = 1u;
+// The box of label `only` with an element at `step.voxel`.
+const uint SEEK_HOLDER = 2u;
+
+struct Search {
+    IndexRay ray;
+    f64 t_max;
+    // Scaled t at which the ray reaches the bounds of all boxes.
+    f64 enter_all;
+    f64 best_t;
+    float pad;
+    // Label, or NONE for every one.
+    uint only;
+    uint seek;
+    // Nearest so far.
+    uint kind;
+    uint label;
+    uint box_number;
+    Step step;
+};
+
+uint number_in(uvec3 origin, uvec3 voxel, uint shift) {
+    uvec3 part = ((voxel - origin) >> shift) & 3u;
+    return part.x | (part.y << 2) | (part.z << 4);
+}
+
+uvec3 dims_of(InstanceRef instance) {
+    return uvec3(instance.it.dims[0], instance.it.dims[1], instance.it.dims[2]);
+}
+
+uvec3 clipped_end(InstanceRef instance, uvec3 origin, uvec3 extent) {
+    return min(origin + extent, dims_of(instance));
+}
+
+// Distance beyond which the hierarchy need not look, in its ray's t.
+float search_limit(Search search) {
+    return f64_to_f32(f64_sub(search.best_t, search.enter_all)) * 1.000001 + search.pad;
+}
+
+bool holds(InstanceRef instance, BoxPlace p, uvec3 voxel) {
+    uvec3 hi = clipped_end(instance, p.origin, p.extent);
+    if (any(lessThan(voxel, p.origin)) || any(greaterThanEqual(voxel, hi))) {
+        return false;
+    }
+    if (p.level == LEVEL_BOXES) {
+        return true;
+    }
+    BoxView b = box_view(instance, p);
+    uint cell = number_in(p.origin, voxel, 2u);
+    return p.level == LEVEL_CELLS ? bit64(b.node.occupied, cell)
+                                  : bit64(node_field(b.node, cell), number_in(p.origin, voxel, 0u));
+}
+
+// (label, voxel) of a before those of b, by number.
+bool comes_first(uint label_a, uvec3 a, uint label_b, uvec3 b) {
+    if (label_a != label_b) {
+        return label_a < label_b;
+    }
+    if (a.x != b.x) {
+        return a.x < b.x;
+    }
+    return a.y != b.y ? a.y < b.y : a.z < b.z;
+}
+
+// Looks at one box. True when the search is over.
+bool visit(InstanceRef instance, inout Search search, uint item) {
+    BoxPlace p = box_place(instance, item);
+    if (search.seek == SEEK_HOLDER) {
+        if (label_of_box(instance, item) == search.only && holds(instance, p, search.step.voxel)) {
+            search.box_number = item;
+            return true;
+        }
+        return false;
+    }
+    uvec3 hi = clipped_end(instance, p.origin, p.extent);
+    f64 enter, leave;
+    clip(search.ray, p.origin, hi, F64_ZERO, enter, leave);
+    if (f64_le(leave, enter) || f64_lt(search.best_t, enter)) {
+        return false;
+    }
+    BoxView b = box_view(instance, p);
+    Walk walk = walk_begin(search.ray, p.origin, hi, enter);
+    Found found = walk_first_solid(walk, search.ray, b, f64_eq(enter, F64_ZERO));
+    if (found.kind == FOUND_NOTHING) {
+        return false;
+    }
+    bool face = found.kind == FOUND_FACE;
+    if (face && (f64_le(search.t_max, found.step.t) || f64_lt(search.best_t, found.step.t))) {
+        return false;
+    }
+    uint label = label_of_box(instance, item);
+    if (search.only != NONE && search.only != label) {
+        return false;
+    }
+    if (!face) {
+        if (!(search.kind == NEAREST_INSIDE && search.label <= label)) {
+            search.kind = NEAREST_INSIDE;
+            search.label = label;
+            search.box_number = item;
+            search.step = found.step;
+        }
+        search.best_t = F64_ZERO;
+        return false;
+    }
+    bool wins = search.kind == NEAREST_NOTHING
+        || (search.kind == NEAREST_FACE
+            && (f64_lt(found.step.t, search.step.t)
+                || comes_first(label, found.step.voxel, search.label, search.step.voxel)));
+    if (wins) {
+        search.best_t = found.step.t;
+        search.kind = NEAREST_FACE;
+        search.label = label;
+        search.box_number = item;
+        search.step = found.step;
+        return search.seek == SEEK_ANY;
+    }
+    return false;
+}
+
+const float TWO_POW_60 = 1152921504606846976.0;
+
+#if defined(FRONT_BVH)
+#include "front_bvh.glsl"
+#elif defined(FRONT_QUERY)
+#include "front_query.glsl"
+#elif defined(FRONT_PIPELINE)
+#include "front_pipeline.glsl"
+#endif
+
+#ifndef ONLY_VISITS
+
+// The ray moved to the bounds of all boxes; false where it misses them.
+bool bvh_ray(InstanceRef instance, IndexRay ray, f64 t_max, out BvhRay moved, out f64 enter_all) {
+    uvec3 lo = uvec3(instance.it.lo[0], instance.it.lo[1], instance.it.lo[2]);
+    uvec3 hi = uvec3(instance.it.hi[0], instance.it.hi[1], instance.it.hi[2]);
+    if (lo.x >= hi.x) {
+        return false;
+    }
+    f64 leave;
+    clip(ray, lo, hi, F64_ZERO, enter_all, leave);
+    if (f64_le(leave, enter_all) || f64_le(t_max, enter_all)) {
+        return false;
+    }
+    f64 far = enter_all;
+    for (uint a = 0u; a < 3u; a++) {
+        far = f64_max(far, f64_abs(ray.origin[a]));
+        f64 at = f64_add(ray.origin[a], f64_mul(enter_all, ray.direction[a]));
+        moved.origin[a] = f64_to_f32(f64_clamp(at, f64_from_u32(lo[a]), f64_from_u32(hi[a])));
+        moved.inverse[a] = clamp(f64_to_f32(ray.inverse[a]), -TWO_POW_60, TWO_POW_60);
+    }
+    // Three roundings of doubles in the move.
+    moved.pad = instance.it.pad + f64_to_f32(f64_mul(f64_mul(far, f64_exp2(2)), f64_exp2(-52)));
+    return true;
+}
+
+// The nearest face with scaled t in (0, t_max), or where the ray starts inside; with `any`, the first found will do.
+Search nearest(InstanceRef instance, IndexRay ray, f64 t_max, uint only, bool any) {
+    Search search;
+    search.ray = ray;
+    search.t_max = t_max;
+    search.best_t = t_max;
+    search.enter_all = F64_ZERO;
+    search.pad = 0.0;
+    search.only = only;
+    search.seek = any ? SEEK_ANY : SEEK_NEAREST;
+    search.kind = NEAREST_NOTHING;
+    search.label = NONE;
+    search.box_number = NONE;
+    search.step = Step(F64_ZERO, 0u, 0u, uvec3(0u), 0u);
+    BvhRay moved;
+    if (bvh_ray(instance, ray, t_max, moved, search.enter_all)) {
+        search.pad = moved.pad;
+        along_ray(instance, moved, search);
+    }
+    return search;
+}
+
+// The box of `label` that has an element at `voxel`, or NONE.
+uint item_with(InstanceRef instance, uint label, uvec3 voxel) {
+    for (uint a = 0u; a < 3u; a++) {
+        if (voxel[a] < instance.it.lo[a] || voxel[a] >= instance.it.hi[a]) {
+            return NONE;
+        }
+    }
+    Search search;
+    search.ray.scaled_from_world = F64_ONE;
+    for (uint a = 0u; a < 3u; a++) {
+        search.ray.origin[a] = F64_ZERO;
+        search.ray.direction[a] = F64_ONE;
+        search.ray.inverse[a] = F64_ONE;
+    }
+    search.t_max = F64_ONE;
+    search.enter_all = F64_ZERO;
+    search.best_t = F64_ONE;
+    search.pad = 0.0;
+    search.only = label;
+    search.seek = SEEK_HOLDER;
+    search.kind = NEAREST_NOTHING;
+    search.label = NONE;
+    search.box_number = NONE;
+    search.step = Step(F64_ZERO, 0u, 0u, voxel, 0u);
+    at_voxel(instance, voxel, search);
+    return search.box_number;
+}
+
+Hit hit_of(InstanceRef instance, uint instance_number, IndexRay ray, Step step, uint item, bool from_inside) {
+    uint axis = step.axis;
+    bool positive = is_down(ray, axis) != from_inside;
+    uvec3 voxel = from_inside ? voxel_before(step, ray) : step.voxel;
+    BoxPlace p = box_place(instance, item);
+    uvec3 element = p.level == LEVEL_VOXELS ? voxel : p.level == LEVEL_CELLS ? voxel & ~3u : p.origin;
+    DVec3 normal = dvec3_from_bits(instance.it.normals[axis]);
+    return Hit(world_t(ray, axis, step.plane),
+        Surface(instance_number, element, axis, positive, step.plane, label_of_box(instance, item), item),
+        positive ? normal : dvec3_neg(normal), from_inside);
+}
+
+// The face through which a ray that starts in `voxel` of `label` leaves the label.
+Hit leave(InstanceRef instance, uint instance_number, IndexRay ray, uint label, uvec3 voxel, uint item, f64 t_max) {
+    f64 t = F64_ZERO;
+    while (true) {
+        BoxView b = get_box(instance, item);
+        uvec3 hi = clipped_end(instance, b.origin, b.extent);
+        Walk walk = walk_begin_in(ray, b.origin, hi, t, true, voxel);
+        bool left_box;
+        Step step = walk_last_solid(walk, ray, b, left_box);
+        if (f64_le(t_max, step.t)) {
+            return no_hit();
+        }
+        uint next = left_box ? item_with(instance, label, step.voxel) : NONE;
+        if (next == NONE) {
+            if (f64_lt(F64_ZERO, step.t)) {
+                return hit_of(instance, instance_number, ray, step, item, true);
+            }
+            return no_hit();
+        }
+        item = next;
+        voxel = step.voxel;
+        t = f64_max(t, step.t);
+    }
+    return no_hit();
+}
+
+// One past the highest voxel of a surface's element.
+uvec3 element_end(InstanceRef instance, Surface surface) {
+    uvec3 voxel_end = surface.voxel + 1u;
+    if (instance.it.all_voxels != 0u) {
+        return voxel_end;
+    }
+    uint item = surface.box_number != NONE ? surface.box_number : item_with(instance, surface.label, surface.voxel);
+    if (item == NONE) {
+        return voxel_end;
+    }
+    BoxPlace p = box_place(instance, item);
+    uvec3 hi = clipped_end(instance, p.origin, p.extent);
+    return p.level == LEVEL_VOXELS ? voxel_end : p.level == LEVEL_CELLS ? min(surface.voxel + 4u, hi) : hi;
+}
+
+bool index_ray(InstanceRef instance, uint instance_number, RayInWorld ray, Surface from, out IndexRay result) {
+    uvec3 upper = uvec3(0u);
+    if (from.instance == instance_number) {
+        upper = element_end(instance, from);
+    } else {
+        from.instance = NONE;
+    }
+    return index_ray_new(placement_of(instance), ray, from, upper, result);
+}
+
+Hit surface_along(InstanceRef instance, uint instance_number, IndexRay ray, f64 t_max, uint only) {
+    Search found = nearest(instance, ray, t_max, only, false);
+    if (found.kind == NEAREST_NOTHING) {
+        return no_hit();
+    }
+    if (found.kind == NEAREST_FACE) {
+        return hit_of(instance, instance_number, ray, found.step, found.box_number, false);
+    }
+    return leave(instance, instance_number, ray, found.label, found.step.voxel, found.box_number, t_max);
+}
+
+Hit volume_first_hit(InstanceRef instance, uint instance_number, RayInWorld ray, Surface from, f64 t_max) {
+    IndexRay r;
+    if (!index_ray(instance, instance_number, ray, from, r)) {
+        return no_hit();
+    }
+    return surface_along(instance, instance_number, r, scaled_t(r, t_max), NONE);
+}
+
+Hit volume_next_boundary(InstanceRef instance, uint instance_number, RayInWorld ray, uint label, Surface from, f64 t_max) {
+    IndexRay r;
+    if (!index_ray(instance, instance_number, ray, from, r)) {
+        return no_hit();
+    }
+    return surface_along(instance, instance_number, r, scaled_t(r, t_max), label);
+}
+
+// As the first hit being one, in less time from a face, where the first box that answers will do.
+bool volume_occluded(InstanceRef instance, uint instance_number, RayInWorld ray, Surface from, f64 t_max) {
+    IndexRay r;
+    bool any = from.instance != NONE;
+    if (!index_ray(instance, instance_number, ray, from, r)) {
+        return false;
+    }
+    f64 limit = scaled_t(r, t_max);
+    Search found = nearest(instance, r, limit, NONE, any);
+    if (found.kind != NEAREST_INSIDE) {
+        return found.kind == NEAREST_FACE;
+    }
+    return is_hit(leave(instance, instance_number, r, found.label, found.step.voxel, found.box_number, limit));
+}
+
+#endif
+
+#endif

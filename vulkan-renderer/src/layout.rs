@@ -1,0 +1,330 @@
+//! The structures that host and shaders share: twins of `shaders/layout.glsl`, field by field.
+//!
+//! ```text
+//! Launch (push constants) ─ scene ──► SceneHeader ─ instances ──► Instance[] ─ boxes, nodes, leaves, hierarchy, materials
+//!        │ input, output, scratch                 ├ lights.ends, lights.suns
+//!        ▼                                        ├ environment.pixels, …
+//!        rays in, hits out, film sums             └ filter.inverse, albedo
+//! ```
+//! GLSL's `scalar` layout is C's for these: members in order, each aligned to its own size, no implicit padding (a test compares
+//! the offsets with those in the compiled shaders). Addresses are device addresses, 0 where there is nothing. A double is eight
+//! bytes that the shader reads as a 64-bit integer: GPUs without doubles compute with it all the same (`shaders/f64.glsl`).
+
+use bytemuck::{Pod, Zeroable};
+
+/// A device address.
+pub type Address = u64;
+
+/// Says that there is no box, label or instance where one could be.
+pub const NONE: u32 = u32::MAX;
+
+/// Push constants of every entry point. The host fills what the entry point reads and leaves the rest 0.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Launch {
+    /// [`SceneHeader`].
+    pub scene: Address,
+    /// `trace_rays`: [`RayRecord`]s. `probe`: words. `path`: not used.
+    pub input: Address,
+    /// `trace_rays`: [`HitRecord`]s. `probe`: words. `path`: film sums of the whole film, `STRIDE` floats a pixel, rows from the top.
+    /// `first`: [`FirstRecord`]s, in the order of the tile's pixels.
+    pub output: Address,
+    /// Ray tracing pipeline: [`SCRATCH_BYTES`] for each ray of the launch, uninitialised.
+    pub scratch: Address,
+    /// `path`, `first`: left edge of the tile in pixels of the film.
+    pub tile_x: u32,
+    /// Upper edge.
+    pub tile_y: u32,
+    /// Tile's size: an invocation beyond it does nothing.
+    pub tile_width: u32,
+    /// Tile's size.
+    pub tile_height: u32,
+    /// `path`: number of the first sample to add.
+    pub first_sample: u32,
+    /// `path`: how many samples to add.
+    pub samples: u32,
+    /// `trace_rays`, `probe`: how many rays or inputs there are.
+    pub count: u32,
+    /// 0.
+    pub reserved: u32,
+}
+
+/// Bytes of scratch memory for each ray of a launch of the ray tracing pipeline: the search that raygen and intersection share.
+pub const SCRATCH_BYTES: u64 = 192;
+
+/// Twin of `CameraRays`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+#[allow(missing_docs, reason = "as in CameraRays")]
+pub struct Camera {
+    pub position: [f64; 3],
+    pub right: [f64; 3],
+    pub up: [f64; 3],
+    pub forward: [f64; 3],
+    pub half: f64,
+    pub shift: [f64; 2],
+    pub size: [f64; 2],
+    pub clip: [f64; 2],
+    pub orthographic: u32,
+    pub reserved: u32,
+}
+
+/// Twin of `FilterTable`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Filter {
+    /// `steps + 1` floats; 0 for a box.
+    pub inverse: Address,
+    /// Width in pixels.
+    pub width: f32,
+    /// Steps of the table; 0 for a box.
+    pub steps: u32,
+}
+
+/// Twin of `Settings`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+#[allow(missing_docs, reason = "as in Settings")]
+pub struct Settings {
+    pub seed: u64,
+    pub ao_distance: f64,
+    /// 0 path, 1 one bounce, 2 ambient occlusion.
+    pub mode: u32,
+    pub bounces: u32,
+    pub russian_roulette: u32,
+    pub reserved: u32,
+}
+
+/// Twin of `Lights`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Lights {
+    /// Summed chances, floats: the sky's, then each sun's.
+    pub ends: Address,
+    /// [`Sun`]s.
+    pub suns: Address,
+    /// Number of `ends`; 0 where nothing is aimed at.
+    pub end_count: u32,
+    /// Number of suns.
+    pub sun_count: u32,
+    /// 0 both, 1 aimed, 2 scattered.
+    pub finding: u32,
+    /// Radiance of a constant sky.
+    pub sky: [f32; 3],
+    /// Whether the camera sees a backdrop instead of the sky.
+    pub has_backdrop: u32,
+    /// Its colours: bottom, top.
+    pub backdrop: [[f32; 3]; 2],
+    /// 0.
+    pub reserved: u32,
+}
+
+/// Twin of `ReadySun`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+#[allow(missing_docs, reason = "as in ReadySun")]
+pub struct Sun {
+    pub towards: [f64; 3],
+    pub tangent: [f64; 3],
+    pub bitangent: [f64; 3],
+    pub one_minus_cos_half_angle: f64,
+    pub radiance: [f32; 3],
+    /// Density within the cone; 0 for a single direction.
+    pub cone_pdf: f32,
+}
+
+/// Twin of `EnvironmentTable`; width 0 where the sky is constant.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Environment {
+    /// Three floats a pixel.
+    pub pixels: Address,
+    /// A float a pixel.
+    pub density: Address,
+    /// Doubles, height + 1.
+    pub row_ends: Address,
+    /// Floats, width + 1 a row.
+    pub column_ends: Address,
+    /// Counter-clockwise about +z.
+    pub rotation_rad: f64,
+    /// Pixels across.
+    pub width: u32,
+    /// Pixels down.
+    pub height: u32,
+    /// Factor on the pixels.
+    pub strength: f32,
+    /// 0.
+    pub reserved: u32,
+}
+
+/// What everything hangs from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+#[allow(missing_docs, reason = "as its types say")]
+pub struct SceneHeader {
+    /// [`Instance`]s.
+    pub instances: Address,
+    /// The dielectric layer's albedo (`bsdf::albedo_table`): `ALBEDO_TABLE`² pairs of floats.
+    pub albedo: Address,
+    pub camera: Camera,
+    pub filter: Filter,
+    pub settings: Settings,
+    pub lights: Lights,
+    pub environment: Environment,
+    pub instance_count: u32,
+    /// Pixels across, for the film's rows.
+    pub film_width: u32,
+}
+
+/// Twin of the scene's `Material`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+#[allow(missing_docs, reason = "as in Material")]
+pub struct Material {
+    pub base_color: [f32; 3],
+    pub metallic: f32,
+    pub roughness: f32,
+    pub specular: f32,
+    pub ior: f32,
+    pub emission: [f32; 3],
+}
+
+/// Twin of `Chunk`, over the boxes that are drawn.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Chunk {
+    /// Word of the packed nodes from which its boxes count theirs.
+    pub node_base: u64,
+    /// Lowest voxel.
+    pub origin: [u32; 3],
+    /// Its first box among those that are drawn.
+    pub first_box: u32,
+}
+
+/// Twin of `VolumeTracer` with its `Placement`: a volume in the world and what is drawn of it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Instance {
+    /// [`Chunk`]s, in Morton order.
+    pub chunks: Address,
+    /// Box records as compressed, in Morton order; the level of detail is in the two bits that the record leaves free (38, 39).
+    pub boxes: Address,
+    /// Dense label of each box.
+    pub labels: Address,
+    /// Nodes as compressed, those of drawn labels; 4 bytes more than they need.
+    pub nodes: Address,
+    /// Leaf dictionary as compressed.
+    pub leaves: Address,
+    /// Hierarchy for compute shaders: nodes of `pumice_render::Bvh` as they lie there; 0 where hardware traces.
+    pub bvh_nodes: Address,
+    /// Box number of each of its items.
+    pub bvh_items: Address,
+    /// Address of the top-level acceleration structure over this instance alone, in index space, placed by the identity; or 0.
+    pub acceleration: Address,
+    /// [`Material`]s.
+    pub materials: Address,
+    /// Material number by dense label; 0: all have the first.
+    pub material_of_label: Address,
+    /// World position of index 0.
+    pub translation: [f64; 3],
+    /// Rows of the adjugate, times the determinant's sign.
+    pub adjugate: [[f64; 3]; 3],
+    /// Absolute determinant.
+    pub determinant: f64,
+    /// Unit normals of the upper faces in the world.
+    pub normals: [[f64; 3]; 3],
+    /// Bounds of all drawn boxes: lowest voxel.
+    pub lo: [u32; 3],
+    /// One past the highest voxel; no box where `lo` is not below it.
+    pub hi: [u32; 3],
+    /// The volume's size in voxels.
+    pub dims: [u32; 3],
+    /// Number of chunks.
+    pub chunk_count: u32,
+    /// How far planes of the hierarchy are moved outward, in voxels (`Bvh::pad`); hardware's boxes are padded by this much.
+    pub pad: f32,
+    /// Number of entries of `material_of_label`; labels past them have the first material.
+    pub label_count: u32,
+    /// Whether every box is drawn by its voxels.
+    pub all_voxels: u32,
+    /// Number of boxes.
+    pub box_count: u32,
+}
+
+/// A surface that a path leaves, or was hit: twin of `Surface`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+#[allow(missing_docs, reason = "as in Surface")]
+pub struct SurfaceRecord {
+    /// [`NONE`]: there is no surface (a free point; nothing hit).
+    pub instance: u32,
+    pub voxel: [u32; 3],
+    /// Axis in bits 0 and 1, `positive` in bit 2.
+    pub face: u32,
+    pub plane: u32,
+    pub label: u32,
+    /// The box that drew it, or [`NONE`] where that is not known.
+    pub box_number: u32,
+}
+
+/// What is asked of a ray.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+pub enum Question {
+    /// `Tracer::first_hit`.
+    FirstHit = 0,
+    /// `Tracer::occluded`: only whether something was hit is told.
+    Occluded = 1,
+    /// `next_boundary` of `only` in instance `only_instance`.
+    NextBoundary = 2,
+}
+
+/// One ray of `trace_rays`.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct RayRecord {
+    /// Where t = 0 is, in the world.
+    pub origin: [f64; 3],
+    /// Any length above 0.
+    pub direction: [f64; 3],
+    /// Nothing at or beyond is seen.
+    pub t_max: f64,
+    /// Where it starts; `instance` [`NONE`]: a free point.
+    pub from: SurfaceRecord,
+    /// [`Question`].
+    pub question: u32,
+    /// Label of [`Question::NextBoundary`].
+    pub only: u32,
+    /// Its instance.
+    pub only_instance: u32,
+    /// 0.
+    pub reserved: u32,
+}
+
+/// What a ray found.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct HitRecord {
+    /// In units of the ray's direction.
+    pub t: f64,
+    /// Outward normal in the world.
+    pub normal: [f64; 3],
+    /// `instance` [`NONE`]: nothing was hit.
+    pub surface: SurfaceRecord,
+    /// Whether the ray came from within.
+    pub from_inside: u32,
+    /// 0.
+    pub reserved: u32,
+}
+
+/// First surface through the middle of a pixel: twin of `First`.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+#[allow(missing_docs, reason = "as the passes are called")]
+pub struct FirstRecord {
+    pub depth: f32,
+    /// Dense label + 1; 0: nothing.
+    pub label: u32,
+    pub albedo: [f32; 3],
+    pub normal: [f32; 3],
+}

@@ -1,0 +1,11 @@
+//! The path tracer on Vulkan.
+//!
+//! ```text
+//! scene, volumes ──► pack (no Vulkan) ──► byte arrays ──► device memory ──► one address: SceneHeader
+//!                                                                             ▲
+//! shaders/*.glsl: line by line the twins of the CPU's files ──────────────────┘
+//! ```
+//! Every structure that both sides read is in [`layout`]; everything that is computed before a ray is traced (levels of detail,
+//! chances of lights, colours of labels) is the CPU renderer's own, so that the two cannot differ there.
+
+pub mod layout;
