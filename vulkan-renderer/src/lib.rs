@@ -9,3 +9,4 @@
 //! chances of lights, colours of labels) is the CPU renderer's own, so that the two cannot differ there.
 
 pub mod layout;
+pub mod pack;

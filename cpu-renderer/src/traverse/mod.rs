@@ -23,7 +23,9 @@ mod lod;
 mod scene_tracer;
 mod volume_tracer;
 
+pub use box_walk::Level;
 pub(crate) use index_ray::IndexRay;
+pub use index_ray::Placement;
 pub use lod::LodChoice;
 pub use scene_tracer::{SceneTracer, TracedInstance};
-pub use volume_tracer::VolumeTracer;
+pub use volume_tracer::{VolumeTracer, box_and_level, visible_boxes};
