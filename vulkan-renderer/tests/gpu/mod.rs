@@ -5,6 +5,8 @@
     reason = "all handles are of this device, which outlives them, and no call overlaps another"
 )]
 
+pub(crate) mod scene;
+
 use std::ffi::CStr;
 
 use ash::vk;
