@@ -164,7 +164,15 @@ fn sample_visible_normal(wi: Vec3, alpha: f32, u: [f32; 2]) -> Vec3 {
 /// Albedo of the GGX layer with Schlick's Fresnel: E = F0·a + b, a and b by (cosine, roughness). (The split of Karis 2013, §3.)
 struct AlbedoTable(Vec<[f32; 2]>);
 
-const TABLE: usize = 32;
+/// Entries of the table along each side.
+pub const ALBEDO_TABLE: usize = 32;
+
+const TABLE: usize = ALBEDO_TABLE;
+
+/// The pairs (a, b), cosines fastest, for roughness and cosine from 0 to 1.
+pub fn albedo_table() -> &'static [[f32; 2]] {
+    &ALBEDO.0
+}
 
 static ALBEDO: LazyLock<AlbedoTable> = LazyLock::new(|| {
     let mut table = Vec::with_capacity(TABLE * TABLE);

@@ -7,16 +7,24 @@ use pumice_scene::{Camera, Film, Projection};
 /// A camera with its film, made ready.
 #[derive(Clone, Copy, Debug)]
 pub struct CameraRays {
-    position: DVec3,
-    right: DVec3,
-    up: DVec3,
-    forward: DVec3,
+    /// Where a perspective camera is.
+    pub position: DVec3,
+    /// Unit vector along the picture.
+    pub right: DVec3,
+    /// Unit vector up the picture.
+    pub up: DVec3,
+    /// Unit vector along the view.
+    pub forward: DVec3,
     /// Half extents of the longer side: at distance 1 (perspective), or anywhere (orthographic).
-    half: f64,
-    orthographic: bool,
-    shift: [f64; 2],
-    size: [f64; 2],
-    clip: [f64; 2],
+    pub half: f64,
+    /// Whether rays are parallel.
+    pub orthographic: bool,
+    /// As the camera's.
+    pub shift: [f64; 2],
+    /// Pixels across and down.
+    pub size: [f64; 2],
+    /// Near and far.
+    pub clip: [f64; 2],
 }
 
 impl CameraRays {

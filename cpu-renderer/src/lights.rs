@@ -88,6 +88,31 @@ impl Lights {
         self
     }
 
+    /// The sky.
+    pub fn sky(&self) -> &Sky {
+        &self.sky
+    }
+
+    /// The suns.
+    pub fn suns(&self) -> &[ReadySun] {
+        &self.suns
+    }
+
+    /// What the camera sees instead of the sky: bottom, top.
+    pub fn backdrop(&self) -> Option<[Vec3; 2]> {
+        self.backdrop
+    }
+
+    /// Summed chances: the sky's, then each sun's; empty where no light is aimed at.
+    pub fn ends(&self) -> &[f32] {
+        &self.ends
+    }
+
+    /// How light is found.
+    pub fn finding(&self) -> Finding {
+        self.finding
+    }
+
     /// Whether any light is aimed at.
     #[inline]
     pub fn any_aimed(&self) -> bool {

@@ -46,6 +46,16 @@ impl Looks {
         Self { materials, of_label }
     }
 
+    /// All materials; the first is that of labels without one of their own.
+    pub fn materials(&self) -> &[Material] {
+        &self.materials
+    }
+
+    /// Index into [`Looks::materials`] by label; empty: all have the first.
+    pub fn of_label(&self) -> &[u32] {
+        &self.of_label
+    }
+
     /// Material of a dense label.
     #[inline]
     pub fn material(&self, label: u32) -> &Material {

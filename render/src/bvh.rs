@@ -52,6 +52,11 @@ impl BoxBounds {
         }
     }
 
+    /// How far planes are moved outward in voxels so that rounding loses no ray (see the module).
+    pub fn pad(&self) -> f32 {
+        self.hi.into_iter().max().unwrap_or(0) as f32 / 262_144.0
+    }
+
     /// Whether `voxel` lies inside.
     pub fn contains(&self, voxel: [u32; 3]) -> bool {
         (0..3).all(|a| self.lo[a] <= voxel[a] && voxel[a] < self.hi[a])
@@ -70,7 +75,7 @@ pub struct BvhRay {
 }
 
 /// See the module.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 struct Node {
     origin: [f32; 3],
@@ -175,9 +180,19 @@ impl Bvh {
         (self.nodes.capacity() * size_of::<Node>() + self.items.capacity() * size_of::<u32>()) as u64
     }
 
+    /// The nodes as drawn in the module, for a device that traces this hierarchy itself.
+    pub fn node_bytes(&self) -> &[u8] {
+        bytemuck::cast_slice(&self.nodes)
+    }
+
+    /// The numbers of the boxes, in the order that nodes refer to.
+    pub fn items(&self) -> &[u32] {
+        &self.items
+    }
+
     /// How far [`BvhRay::pad`] must move the planes at least, in voxels (see the module).
     pub fn pad(&self) -> f32 {
-        self.bounds.map_or(0.0, |b| b.hi.into_iter().max().unwrap_or(0) as f32 / 262_144.0)
+        self.bounds.map_or(0.0, |b| b.pad())
     }
 
     /// Calls `visit(item)` for each box whose bounds the ray meets at a distance in [0, `limit`], roughly front to back. `visit`

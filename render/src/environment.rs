@@ -23,15 +23,18 @@ use crate::image::Image;
 /// See the module.
 #[derive(Clone, Debug)]
 pub struct EnvironmentTable {
-    image: Image,
-    strength: f32,
-    rotation_rad: f64,
+    /// The picture.
+    pub image: Image,
+    /// Factor on it.
+    pub strength: f32,
+    /// Counter-clockwise about +z.
+    pub rotation_rad: f64,
     /// Density per solid angle of each pixel.
-    density: Vec<f32>,
+    pub density: Vec<f32>,
     /// Summed chances of rows: height + 1 entries from 0 to 1.
-    row_ends: Vec<f64>,
+    pub row_ends: Vec<f64>,
     /// Summed chances within each row: width + 1 entries from 0 to 1.
-    column_ends: Vec<f32>,
+    pub column_ends: Vec<f32>,
 }
 
 impl EnvironmentTable {

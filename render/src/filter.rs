@@ -42,6 +42,16 @@ impl FilterTable {
         }
     }
 
+    /// Full width in pixels.
+    pub fn width(&self) -> f32 {
+        self.width
+    }
+
+    /// Inverse of the upper half's distribution at equal steps, in widths; empty for a box.
+    pub fn inverse(&self) -> &[f32] {
+        &self.inverse
+    }
+
     /// Offset in pixels for u in [0, 1), monotone in u.
     #[inline]
     pub fn sample(&self, u: f32) -> f32 {

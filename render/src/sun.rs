@@ -11,12 +11,16 @@ use pumice_scene::Sun;
 /// A sun, made ready.
 #[derive(Clone, Copy, Debug)]
 pub struct ReadySun {
-    towards: DVec3,
-    tangent: DVec3,
-    bitangent: DVec3,
+    /// Unit vector towards its middle.
+    pub towards: DVec3,
+    /// Unit vector across.
+    pub tangent: DVec3,
+    /// Unit vector across both.
+    pub bitangent: DVec3,
     /// Radiance within the cone; irradiance where the sun is a single direction.
-    radiance: Vec3,
-    one_minus_cos_half_angle: f64,
+    pub radiance: Vec3,
+    /// 0 where the sun is a single direction.
+    pub one_minus_cos_half_angle: f64,
 }
 
 /// Two unit vectors that make a right-handed frame with a unit normal: Duff et al. 2017, JCGT 6(1), listing 3.
@@ -79,8 +83,9 @@ impl ReadySun {
         (one_minus_cos < self.one_minus_cos_half_angle).then(|| (self.radiance, self.cone_pdf()))
     }
 
+    /// Density of [`ReadySun::sample`] within the cone.
     #[inline]
-    fn cone_pdf(&self) -> f32 {
+    pub fn cone_pdf(&self) -> f32 {
         (1.0 / (2.0 * PI * self.one_minus_cos_half_angle)) as f32
     }
 }

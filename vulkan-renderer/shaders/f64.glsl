@@ -444,7 +444,8 @@ f64 f64_floor(f64 value) {
     bool negative = (a & F64_SIGN) != 0UL;
     if (power < 0) {
         bool zero = (a & F64_MAGNITUDE) == 0UL;
-        return zero ? value : f64_from_bits(negative ? 0xBFF0000000000000UL : 0UL);
+        // Not `negative ? −1 : 0` as one choice of constants: Mesa takes the two for floats, and negates 0 into −0.
+        return zero ? value : f64_from_bits((a & F64_SIGN) | (negative ? 0x3FF0000000000000UL : 0UL));
     }
     uint64_t below = F64_FRACTION >> power;
     if (negative) {

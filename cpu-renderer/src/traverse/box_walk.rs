@@ -24,7 +24,7 @@ use super::{IndexRay, each_axis};
 
 /// Detail at which the walk stops.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub(crate) enum Level {
+pub enum Level {
     /// Voxels.
     Voxels = 0,
     /// Cells with a voxel.

@@ -36,18 +36,18 @@ pub(crate) struct IndexRay {
 /// an exact zero, and a matrix of small whole numbers (spacings in nm, permuted or sheared axes) is inverted without rounding
 /// but for that division: rays in a plane between voxels, as in isometric views, stay in it.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Placement {
+pub struct Placement {
     /// Index space to world.
-    pub(crate) world_from_index: DAffine3,
+    pub world_from_index: DAffine3,
     /// Rows of the adjugate, all times the determinant's sign.
-    adjugate: [DVec3; 3],
+    pub adjugate: [DVec3; 3],
     /// Absolute determinant.
-    determinant: f64,
+    pub determinant: f64,
 }
 
 impl Placement {
     /// `None` when the matrix is singular, not finite, or so small or large that its determinant is not a normal number.
-    pub(crate) fn new(world_from_index: DAffine3) -> Option<Self> {
+    pub fn new(world_from_index: DAffine3) -> Option<Self> {
         let m = world_from_index.matrix3;
         let rows = [m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis)];
         let det = m.x_axis.dot(rows[0]);
@@ -125,7 +125,7 @@ impl Placement {
     }
 
     /// Outward unit normal of a face in the world: the axis' covector, so that sheared and mirrored matrices are right.
-    pub(crate) fn normal(&self, axis: usize, positive: bool) -> DVec3 {
+    pub fn normal(&self, axis: usize, positive: bool) -> DVec3 {
         let n = self.adjugate[axis].normalize();
         if positive { n } else { -n }
     }

@@ -366,6 +366,11 @@ impl Tracer for VolumeTracer {
 
 const TWO_POW_60: f64 = (1u64 << 60) as f64;
 
+/// Number in the volume and level of detail of an item of [`visible_boxes`].
+pub fn box_and_level(item: u32) -> (u32, Level) {
+    (item & ((1 << BOX_BITS) - 1), level_of(item))
+}
+
 #[inline(always)]
 fn level_of(item: u32) -> Level {
     match item >> BOX_BITS {
@@ -386,8 +391,8 @@ fn number_in(b: &BoxView, voxel: [u32; 3], shift: u32) -> u32 {
     part(0) | part(1) << 2 | part(2) << 4
 }
 
-/// Bounds at its level and item of each box of a visible label.
-fn visible_boxes(
+/// Bounds at its level and item of each box of a visible label, in the volume's order.
+pub fn visible_boxes(
     volume: &CompressedVolume,
     visible: &[bool],
     lod: LodChoice,

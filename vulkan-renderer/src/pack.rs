@@ -1,0 +1,20 @@
+//! From volumes and a scene to the bytes that a device gets. No Vulkan here: the same on every machine, and tested without one.
+//!
+//! ```text
+//! CompressedVolume ──► PackedNodes   nodes and leaves as compressed, those of wanted labels     changes when a label is shown
+//!                  └─► PackedBoxes   boxes of drawn labels, in Morton order, with their levels  changes with visibility and LOD
+//! Looks            ──► PackedLooks   materials and which label has which                        changes with colours
+//! Lights, Camera…  ──► records       numbers of `layout`                                        changes with each of them
+//! ```
+//! Nothing is inflated: a box is the 8 bytes of its record and its label; a node is copied as it lies. What is not drawn is not
+//! there.
+
+mod boxes;
+mod looks;
+mod nodes;
+mod scene;
+
+pub use boxes::PackedBoxes;
+pub use looks::PackedLooks;
+pub use nodes::PackedNodes;
+pub use scene::{PackedSky, camera, header, lights, settings, suns};

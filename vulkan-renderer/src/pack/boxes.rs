@@ -1,0 +1,133 @@
+//! The boxes that are drawn, in the order that hierarchies want, and the record of their instance.
+
+use pumice_core::{BoxRecord, CompressedVolume, morton};
+use pumice_cpu::traverse::{LodChoice, Placement, box_and_level, visible_boxes};
+use pumice_render::BoxBounds;
+
+use super::PackedNodes;
+use crate::layout::{Chunk, Instance};
+
+/// Boxes of one instance. Boxes, labels and bounds are parallel: a box's number is its place in them.
+#[derive(Debug, Default)]
+pub struct PackedBoxes {
+    /// Chunks with drawn boxes, in Morton order.
+    pub chunks: Vec<Chunk>,
+    /// Records: the node counted from the chunk's base among the packed nodes, the level of detail in bits 38 and 39.
+    pub boxes: Vec<u64>,
+    /// Dense label of each.
+    pub labels: Vec<u32>,
+    /// Tight bounds of each at its level: what hierarchies are built over.
+    pub bounds: Vec<BoxBounds>,
+    all: Option<BoxBounds>,
+    all_voxels: bool,
+    dims: [u32; 3],
+}
+
+/// Where a record leaves two bits free.
+const LEVEL_SHIFT: u32 = 38;
+
+/// Added to the margin of hardware's boxes, in voxels: what the move of a ray to the volume loses in doubles is less while its
+/// origin is within 2⁴⁰ voxels (the other hierarchy widens its boxes by the ray; hardware's cannot).
+const FAR_MARGIN: f32 = 1.0 / 256.0;
+
+impl PackedBoxes {
+    /// The boxes of visible labels, at the levels that `lod` chooses for a volume at `placement`.
+    ///
+    /// # Errors
+    /// One line that names the limit: more than 2³⁰ boxes, or nodes farther from each other than a record can say.
+    pub fn new(
+        volume: &CompressedVolume,
+        nodes: &PackedNodes,
+        visible: &[bool],
+        lod: LodChoice,
+        placement: &Placement,
+    ) -> Result<Self, String> {
+        if volume.boxes().len() >> 30 != 0 {
+            return Err(format!(
+                "{} boxes are more than the limit of 2^30 of one instance",
+                volume.boxes().len()
+            ));
+        }
+        let mut drawn = visible_boxes(volume, visible, lod, placement);
+        drawn.sort_unstable_by_key(|&(b, item)| (morton::encode(b.lo.map(|v| v / 4)), b, item));
+        let mut packed = Self {
+            boxes: Vec::with_capacity(drawn.len()),
+            labels: Vec::with_capacity(drawn.len()),
+            bounds: Vec::with_capacity(drawn.len()),
+            all_voxels: lod == LodChoice::Voxels,
+            dims: volume.info().dims,
+            ..Self::default()
+        };
+        let mut chunk = usize::MAX;
+        let mut least = 0;
+        for &(bounds, item) in &drawn {
+            let (index, level) = box_and_level(item);
+            let in_volume = volume.chunks().partition_point(|c| c.first_box <= u64::from(index)) - 1;
+            if in_volume != chunk {
+                chunk = in_volume;
+                let source = &volume.chunks()[chunk];
+                // The chunk's first node that is drawn: all of its nodes are counted from there.
+                least = drawn[packed.boxes.len()..]
+                    .iter()
+                    .map(|&(_, item)| box_and_level(item).0 as usize)
+                    .take_while(|&i| {
+                        volume.chunks().partition_point(|c| c.first_box <= i as u64) - 1 == chunk
+                    })
+                    .map(|i| nodes.place(source.node_base + u64::from(volume.boxes()[i].node())))
+                    .min()
+                    .unwrap_or(0);
+                packed.chunks.push(Chunk {
+                    node_base: least,
+                    origin: source.origin,
+                    first_box: packed.boxes.len() as u32,
+                });
+            }
+            let record = volume.boxes()[index as usize];
+            let node = nodes.place(volume.chunks()[chunk].node_base + u64::from(record.node())) - least;
+            let node = u32::try_from(node).map_err(|_| {
+                format!("chunk at {:?}: nodes {node} words apart are too far for a box record", bounds.lo)
+            })?;
+            let record = BoxRecord::new(record.cell(), record.extent(), node);
+            packed.boxes.push(record.0 | (level as u64) << LEVEL_SHIFT);
+            packed.labels.push(volume.label_of_box(index as usize));
+            packed.bounds.push(bounds);
+            packed.all = Some(packed.all.map_or(bounds, |all| all.union(bounds)));
+        }
+        Ok(packed)
+    }
+
+    /// Bounds and number of each box: what `pumice_render::Bvh::build` takes.
+    pub fn numbered(&self) -> Vec<(BoxBounds, u32)> {
+        self.bounds.iter().zip(0..).map(|(&b, i)| (b, i)).collect()
+    }
+
+    /// Bounds for hardware's hierarchies, in index space: lowest and highest corner, wider than the boxes by more than the rounding
+    /// of rays and of the hardware's own test.
+    pub fn aabbs(&self) -> Vec<[f32; 6]> {
+        let margin = 2.0 * self.all.map_or(0.0, |b| b.pad()) + FAR_MARGIN;
+        let corners = |b: &BoxBounds| {
+            let (lo, hi) = (b.lo.map(|v| v as f32 - margin), b.hi.map(|v| v as f32 + margin));
+            [lo[0], lo[1], lo[2], hi[0], hi[1], hi[2]]
+        };
+        self.bounds.iter().map(corners).collect()
+    }
+
+    /// The instance's record, addresses and materials left 0.
+    pub fn record(&self, placement: &Placement) -> Instance {
+        let all = self.all.unwrap_or(BoxBounds { lo: [0; 3], hi: [0; 3] });
+        Instance {
+            translation: placement.world_from_index.translation.to_array(),
+            adjugate: placement.adjugate.map(|row| row.to_array()),
+            determinant: placement.determinant,
+            normals: [0, 1, 2].map(|a| placement.normal(a, true).to_array()),
+            lo: all.lo,
+            hi: all.hi,
+            dims: self.dims,
+            chunk_count: self.chunks.len() as u32,
+            pad: all.pad(),
+            all_voxels: u32::from(self.all_voxels),
+            box_count: self.boxes.len() as u32,
+            ..Instance::default()
+        }
+    }
+}

@@ -1,0 +1,39 @@
+//! Materials, and which label has which.
+
+use pumice_cpu::Looks;
+
+use crate::layout::{Instance, Material};
+
+/// See the module.
+#[derive(Clone, Debug, Default)]
+pub struct PackedLooks {
+    /// At least one; the first is that of labels without one of their own.
+    pub materials: Vec<Material>,
+    /// Material by dense label; empty: all have the first.
+    pub of_label: Vec<u32>,
+}
+
+impl PackedLooks {
+    /// Packs the looks of one instance.
+    pub fn new(looks: &Looks) -> Self {
+        let material = |m: &pumice_scene::Material| Material {
+            base_color: m.base_color,
+            metallic: m.metallic,
+            roughness: m.roughness,
+            specular: m.specular,
+            ior: m.ior,
+            emission: m.emission,
+        };
+        Self {
+            materials: looks.materials().iter().map(material).collect(),
+            of_label: looks.of_label().to_vec(),
+        }
+    }
+
+    /// Tells an instance of them, which lie at these addresses.
+    pub fn describe(&self, instance: &mut Instance, materials: u64, of_label: u64) {
+        instance.materials = materials;
+        instance.material_of_label = of_label;
+        instance.label_count = self.of_label.len() as u32;
+    }
+}

@@ -1,0 +1,107 @@
+//! The nodes that drawn boxes refer to, moved together.
+//!
+//! ```text
+//! volume's nodes   [ a ][ b ][  c  ][ d ]        boxes of wanted labels refer to a, c, d
+//! packed           [ a ][  c  ][ d ]             in the same order, so that offsets within a chunk only shrink
+//! kept             (a → 0) (c → 20) (d → 44)     words; empty where all are kept and nothing moves
+//! ```
+
+use std::borrow::Cow;
+
+use pumice_core::CompressedVolume;
+
+/// See the module.
+#[derive(Debug, Default)]
+pub struct PackedNodes {
+    /// Labels whose nodes are all there.
+    labels: Vec<bool>,
+    /// Former and new place of each kept node in 16-bit words, by rising place; empty: nothing moved.
+    kept: Vec<(u64, u64)>,
+    words: u64,
+}
+
+/// Words at the end that shaders may read and never use: they read nodes by aligned words of 32 bits.
+const SPARE_WORDS: usize = 4;
+
+impl PackedNodes {
+    /// Chooses the nodes of the labels for which `wanted` holds; labels past its end are not wanted.
+    pub fn new(volume: &CompressedVolume, wanted: &[bool]) -> Self {
+        let is_wanted = |label: u32| wanted.get(label as usize).copied().unwrap_or(false);
+        let labels: Vec<bool> = (0..volume.labels().ids().len() as u32).map(is_wanted).collect();
+        if labels.iter().all(|&w| w) {
+            return Self { labels, kept: Vec::new(), words: volume.nodes().len() as u64 };
+        }
+        let mut kept = Vec::new();
+        for (c, run_label, range) in runs(volume) {
+            if labels[run_label as usize] {
+                let base = volume.chunks()[c].node_base;
+                kept.extend(volume.boxes()[range].iter().map(|b| (base + u64::from(b.node()), 0)));
+            }
+        }
+        kept.sort_unstable();
+        kept.dedup();
+        let mut words = 0;
+        for (from, to) in &mut kept {
+            *to = words;
+            words += length(volume, *from) as u64;
+        }
+        // A volume of which nothing is wanted has no nodes; `kept` is empty then too, and no box asks.
+        Self { labels, kept, words }
+    }
+
+    /// Whether the nodes of all these labels are there.
+    pub fn covers(&self, wanted: &[bool]) -> bool {
+        wanted.iter().enumerate().all(|(label, &w)| !w || self.labels.get(label).copied().unwrap_or(false))
+    }
+
+    /// New place of a node, from its place in the volume.
+    pub(super) fn place(&self, word: u64) -> u64 {
+        match self.kept.binary_search_by_key(&word, |&(from, _)| from) {
+            Ok(i) => self.kept[i].1,
+            Err(_) => word,
+        }
+    }
+
+    /// Bytes that [`PackedNodes::bytes`] has.
+    pub fn len_bytes(&self) -> u64 {
+        2 * (self.words + SPARE_WORDS as u64)
+    }
+
+    /// The nodes, and a few spare bytes behind them.
+    pub fn bytes(&self, volume: &CompressedVolume) -> Vec<u8> {
+        let mut words: Vec<u16> = Vec::with_capacity(self.words as usize + SPARE_WORDS);
+        if self.kept.is_empty() {
+            words.extend_from_slice(&volume.nodes()[..self.words as usize]);
+        }
+        for &(from, _) in &self.kept {
+            words.extend_from_slice(&volume.nodes()[from as usize..][..length(volume, from)]);
+        }
+        words.resize(words.len() + SPARE_WORDS, 0);
+        bytemuck::cast_slice(&words).to_vec()
+    }
+
+    /// The leaf dictionary.
+    pub fn leaves(volume: &CompressedVolume) -> Cow<'_, [u8]> {
+        Cow::Borrowed(bytemuck::cast_slice(volume.dictionary()))
+    }
+}
+
+/// Words of the node at a word of the volume.
+fn length(volume: &CompressedVolume, word: u64) -> usize {
+    pumice_core::NodeRef::read(volume.nodes(), word as usize, volume.dictionary()).words()
+}
+
+/// Chunk, label and boxes of each run of a volume.
+fn runs(volume: &CompressedVolume) -> impl Iterator<Item = (usize, u32, std::ops::Range<usize>)> {
+    volume.chunks().iter().enumerate().flat_map(move |(c, chunk)| {
+        let next = volume.chunks().get(c + 1);
+        let last_box = next.map_or(volume.boxes().len() as u64, |n| n.first_box);
+        let last_run = next.map_or(volume.runs().len() as u64, |n| n.first_run);
+        let runs = &volume.runs()[chunk.first_run as usize..last_run as usize];
+        runs.iter().enumerate().map(move |(r, run)| {
+            let start = chunk.first_box + u64::from(run.first_box);
+            let end = runs.get(r + 1).map_or(last_box, |n| chunk.first_box + u64::from(n.first_box));
+            (c, run.label, start as usize..end as usize)
+        })
+    })
+}

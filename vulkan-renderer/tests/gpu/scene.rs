@@ -1,0 +1,48 @@
+//! Scenes in a device's memory, through `pumice_vulkan::pack` as a renderer would.
+
+use pumice_cpu::traverse::{Placement, TracedInstance};
+use pumice_render::Bvh;
+use pumice_vulkan::layout::{Instance, SceneHeader};
+use pumice_vulkan::pack::{PackedBoxes, PackedNodes};
+
+use super::{Buffer, Gpu};
+
+/// What lies on the device; the header is written last.
+pub(crate) struct Uploaded {
+    pub(crate) buffers: Vec<Buffer>,
+    pub(crate) instances: Vec<Instance>,
+}
+
+impl Uploaded {
+    pub(crate) fn new(gpu: &Gpu, traced: &[TracedInstance]) -> Self {
+        let mut uploaded = Self { buffers: Vec::new(), instances: Vec::new() };
+        for t in traced {
+            let placement = Placement::new(t.world_from_index).expect("a place");
+            let nodes = PackedNodes::new(&t.volume, &t.visible);
+            let boxes = PackedBoxes::new(&t.volume, &nodes, &t.visible, t.lod, &placement).expect("packed");
+            let bvh = Bvh::build(boxes.numbered()).expect("a hierarchy");
+            let mut record = boxes.record(&placement);
+            record.chunks = uploaded.put(gpu, &boxes.chunks);
+            record.boxes = uploaded.put(gpu, &boxes.boxes);
+            record.labels = uploaded.put(gpu, &boxes.labels);
+            record.nodes = uploaded.put(gpu, &nodes.bytes(&t.volume));
+            record.leaves = uploaded.put(gpu, &PackedNodes::leaves(&t.volume));
+            record.bvh_nodes = uploaded.put(gpu, bvh.node_bytes());
+            record.bvh_items = uploaded.put(gpu, bvh.items());
+            uploaded.instances.push(record);
+        }
+        uploaded
+    }
+
+    pub(crate) fn put<T: bytemuck::Pod>(&mut self, gpu: &Gpu, values: &[T]) -> u64 {
+        self.buffers.push(gpu.buffer_of(values));
+        self.buffers[self.buffers.len() - 1].address
+    }
+
+    /// Address of a header whose other fields are as given.
+    pub(crate) fn header(&mut self, gpu: &Gpu, mut header: SceneHeader) -> u64 {
+        header.instances = self.put(gpu, &self.instances.clone());
+        header.instance_count = self.instances.len() as u32;
+        self.put(gpu, &[header])
+    }
+}

@@ -1,0 +1,13 @@
+//! Each shader function against its twin on the CPU, on random inputs.
+//!
+//! Where both compute in whole numbers, in emulated doubles or in floats whose operations Vulkan rounds correctly (sums, products:
+//! `precise`), the bits must be equal. Elsewhere the tolerance stands beside the test, with its reason.
+
+mod gpu;
+
+#[path = "twins/doubles.rs"]
+mod doubles;
+#[path = "twins/points.rs"]
+mod points;
+#[path = "twins/words.rs"]
+mod words;
