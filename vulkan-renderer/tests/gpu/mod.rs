@@ -142,7 +142,8 @@ pub(crate) fn spirv(name: &str, native: bool) -> Vec<u32> {
     let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("spirv");
     // A shader without doubles has one form alone.
     let with_doubles = folder.join(format!("{name}.f64.spv"));
-    let path = if native && with_doubles.exists() { with_doubles } else { folder.join(format!("{name}.spv")) };
+    let path =
+        if native && with_doubles.exists() { with_doubles } else { folder.join(format!("{name}.spv")) };
     let bytes = std::fs::read(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
     bytes.chunks_exact(4).map(|w| u32::from_le_bytes([w[0], w[1], w[2], w[3]])).collect()
 }
