@@ -99,17 +99,32 @@ fn rel_mse(a: &Image, b: &Image) -> f64 {
     sum / n
 }
 
+/// Samples a pixel, and how many seeds are drawn with so many.
+const CASES: [(u32, u64); 4] = [(4, 24), (8, 12), (16, 8), (64, 4)];
+
+/// How far the mean of estimate / truth over a case's seeds may be off 1; well within the required 0.8 to 1.25.
+///
+/// Single seeds of so small a picture scatter: over 48 seeds, by 0.04 to 0.06 (standard deviation) in the two even scenes, and in
+/// the third, where a few pixels of metal hold most of the error, by 0.18, 0.09, 0.08 and 0.07 at 4, 8, 16 and 64 samples: single
+/// ratios from 0.64 to 1.54 were seen. Divided by the root of the seeds that is 0.037 at most, of which three are allowed: 0.11.
+/// The means of those 48 were 0.94 to 0.99: up to 0.06 is the bias of the estimate, whose μ² is an estimate too. Together 0.17.
+/// (The reference has 1,024 samples against at most 64, in strata: it adds less than 1/16 to the square, 0.03 to the ratio, at 64
+/// samples, where the seeds' share is 0.035 instead of 0.037.)
+const MEAN_TOLERANCE: f64 = 0.17;
+
 #[test]
 fn estimate_is_honest() {
     for which in 0..3 {
-        // 1,024 samples against at most 64: its own error adds at most 1/16 to the difference's square, 3 % to the error.
         let reference = drawn(which, 1_000, 1024, Finding::Both).film().mean();
-        for spp in [4, 8, 16, 64] {
-            let tracer = drawn(which, 900 + u64::from(spp), spp, Finding::Both);
-            let truth = rel_mse(&tracer.film().mean(), &reference).sqrt();
-            let ratio = tracer.error_estimate() / truth;
-            println!("scene {which}, {spp} spp: estimate / truth = {ratio:.3}, truth {truth:.4}");
-            assert!((0.8..=1.25).contains(&ratio), "scene {which}, {spp} spp: {ratio}");
+        for (spp, seeds) in CASES {
+            let ratio = |seed: u64| {
+                let tracer = drawn(which, 100 * seed + u64::from(spp), spp, Finding::Both);
+                tracer.error_estimate() / rel_mse(&tracer.film().mean(), &reference).sqrt()
+            };
+            let ratios: Vec<f64> = (0..seeds).map(ratio).collect();
+            let mean = ratios.iter().sum::<f64>() / seeds as f64;
+            println!("scene {which}, {spp} spp: estimate / truth = {mean:.3}, of {ratios:.2?}");
+            assert!((mean - 1.0).abs() < MEAN_TOLERANCE, "scene {which}, {spp} spp: {mean} of {ratios:?}");
         }
     }
 }
@@ -121,7 +136,7 @@ fn taking_stratified_samples_for_independent_is_convicted() {
     use pumice_render::sampler::PixelSampler;
     let tracer = drawn(0, 3, 1, Finding::Both);
     let (n, mut naive, mut image) =
-        (256u32, 0.0, Image::new(SIZE as usize, SIZE as usize, vec![[0.0; 3]; (SIZE * SIZE) as usize]));
+        (128u32, 0.0, Image::new(SIZE as usize, SIZE as usize, vec![[0.0; 3]; (SIZE * SIZE) as usize]));
     for y in 0..SIZE {
         for x in 0..SIZE {
             let (mut sum, mut squares) = (glam::DVec3::ZERO, glam::DVec3::ZERO);
@@ -151,10 +166,10 @@ fn taking_stratified_samples_for_independent_is_convicted() {
         let film = Film { width: SIZE, height: SIZE, filter: Filter::Box { width: 1.0 } };
         PathTracer::new(blobs(), boxed.around().clone(), &camera(), &film)
     };
-    boxed.add_samples(2048, &Job::new()).expect("nobody cancels");
+    boxed.add_samples(1024, &Job::new()).expect("nobody cancels");
     let truth = rel_mse(&image, &boxed.film().mean()).sqrt();
     println!("naive / truth = {:.3}", naive / truth);
-    assert!(naive / truth > 1.25, "naive {naive}, truth {truth}");
+    assert!(naive / truth > 1.0 + MEAN_TOLERANCE, "naive {naive}, truth {truth}");
 }
 
 /// Aiming, scattering and both agree: two-sided z of the picture's mean, each pair within 4.

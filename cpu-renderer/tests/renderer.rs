@@ -211,37 +211,73 @@ fn two_instances_of_a_volume_are_both_seen() {
     assert!(image.pixels.iter().flatten().all(|v| (v - 0.25).abs() < 1e-6), "{:?}", image.pixels[0]);
 }
 
+/// A camera a millionth of a voxel above the floor, looking along it towards the tower.
+fn along_the_floor(scene: &mut Scene, fov_rad: f64) {
+    scene.camera.world_from_camera = DAffine3 {
+        matrix3: DMat3::from_cols(DVec3::NEG_Y, DVec3::Z, DVec3::NEG_X),
+        translation: DVec3::new(0.5, 13.0, 2.000_001),
+    };
+    scene.camera.projection = Projection::Perspective { fov_rad };
+}
+
+/// What the pixels' middles see: (floor, tower, nothing), and the least cosine at which the floor is met.
+fn seen_along_the_floor(scene: &Scene, renderer: &CpuRenderer) -> ([usize; 3], f64) {
+    let picture = renderer.picture().unwrap();
+    let (labels, depths, normals) =
+        (picture.label.unwrap(), picture.depth.unwrap(), picture.normal.unwrap().pixels);
+    let height = scene.camera.world_from_camera.translation.z - 2.0;
+    let (mut seen, mut least) = ([0; 3], 1.0f64);
+    for ((label, depth), normal) in labels.into_iter().zip(depths).zip(normals) {
+        match (label, normal) {
+            (0, _) => seen[2] += 1,
+            (1, [0.0, 0.0, 1.0]) => {
+                seen[0] += 1;
+                least = least.min(height / f64::from(depth));
+            }
+            (2, [-1.0, 0.0, 0.0]) => seen[1] += 1,
+            other => panic!("a surface that cannot be seen from there: {other:?}"),
+        }
+    }
+    (seen, least)
+}
+
 #[test]
 fn no_extreme_material_puts_anything_but_numbers_on_the_film() {
     let sun = |angle_rad| Sun { direction: [0.3, 0.2, -1.0], strength: 1e8, color: [1.0; 3], angle_rad };
     let sky = Environment::Constant { radiance: [1e6, 0.0, 1.0] };
-    for roughness in [0.0, 1e-4, 1e-2, 1.0] {
-        for (metallic, ior, specular) in
-            [(0.0, 1.0, 0.5), (0.0, 1.0001, 0.5), (0.0, 3.0, 2.0), (1.0, 1.5, 0.5), (0.5, 1.5, 0.0)]
-        {
-            for angle_rad in [0.0, 1e-7, 0.01, std::f64::consts::PI] {
-                let material = Material {
-                    base_color: [1.0, 0.0, 1e-30],
-                    metallic,
-                    roughness,
-                    specular,
-                    ior,
-                    emission: [0.0, 1e6, 0.0],
-                };
-                let mut scene = looking_down(sky.clone(), vec![sun(angle_rad)], material);
-                // Grazing: along the floor, towards the tower.
-                scene.camera.world_from_camera = DAffine3 {
-                    matrix3: DMat3::from_cols(DVec3::NEG_Y, DVec3::Z, DVec3::X)
-                        * DMat3::from_rotation_y(std::f64::consts::PI),
-                    translation: DVec3::new(-5.0, 13.0, 2.000_001),
-                };
-                scene.camera.projection = Projection::Perspective { fov_rad: 1.0 };
-                let image = render(&scene, 4);
-                let bad = image.pixels.iter().flatten().filter(|v| !v.is_finite() || **v < 0.0).count();
-                assert_eq!(
-                    bad, 0,
-                    "roughness {roughness}, metallic {metallic}, ior {ior}, angle {angle_rad}"
-                );
+    // At 10⁻⁶ rad across, the floor is met at cosines from 1.9·10⁻⁷ on, three halves of what f32 resolves beside 1.
+    for (fov_rad, grazing) in [(1.0, 0.1), (1e-3, 1e-4), (1e-6, 2e-7)] {
+        for roughness in [0.0, 1e-4, 1e-2, 1.0] {
+            for (metallic, ior, specular) in
+                [(0.0, 1.0, 0.5), (0.0, 1.0001, 0.5), (0.0, 3.0, 2.0), (1.0, 1.5, 0.5), (0.5, 1.5, 0.0)]
+            {
+                for angle_rad in [0.0, 1e-7, 0.01, std::f64::consts::PI] {
+                    let material = Material {
+                        base_color: [1.0, 0.0, 1e-30],
+                        metallic,
+                        roughness,
+                        specular,
+                        ior,
+                        emission: [0.0, 1e6, 0.0],
+                    };
+                    let mut scene = looking_down(sky.clone(), vec![sun(angle_rad)], material);
+                    along_the_floor(&mut scene, fov_rad);
+                    let mut renderer = renderer();
+                    renderer.set_scene(&scene, &[volume()]).unwrap();
+                    while renderer.advance(Duration::ZERO, 4, &Job::new()).unwrap().spp < 4 {}
+                    let ([floor, tower, nothing], least) = seen_along_the_floor(&scene, &renderer);
+                    assert!(floor >= 24 && tower + floor + nothing == 64, "{floor} {tower} {nothing}");
+                    assert!(tower >= 8, "{tower} pixels of tower at {fov_rad}");
+                    assert!(least < grazing, "the floor is met at cosine {least}");
+                    let image = renderer.color().unwrap();
+                    let bad = image.pixels.iter().flatten().filter(|v| !v.is_finite() || **v < 0.0).count();
+                    let lit = image.pixels.iter().filter(|p| p[1] > 0.0).count();
+                    let what =
+                        format!("roughness {roughness}, metallic {metallic}, ior {ior}, angle {angle_rad}");
+                    assert_eq!(bad, 0, "{what}");
+                    // What is seen of the volume glows green.
+                    assert!(lit >= floor, "{what}: {lit} of {floor}");
+                }
             }
         }
     }

@@ -8,5 +8,6 @@
 //! Every structure that both sides read is in [`layout`]; everything that is computed before a ray is traced (levels of detail,
 //! chances of lights, colours of labels) is the CPU renderer's own, so that the two cannot differ there.
 
+pub mod device;
 pub mod layout;
 pub mod pack;

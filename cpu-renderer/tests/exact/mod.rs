@@ -5,7 +5,9 @@
 //! a fraction of two whole numbers and every comparison is exact in 128 bits: |o| ≤ 2³⁰ makes products of at most 2¹²⁴.
 #![allow(dead_code, unreachable_pub, reason = "each test file uses its part")]
 
+pub mod rational;
 pub mod rays;
+pub mod tally;
 pub mod volumes;
 
 use glam::{DAffine3, DVec3};

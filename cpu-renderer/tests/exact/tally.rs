@@ -1,0 +1,43 @@
+//! What an oracle said of a set of rays.
+
+use super::Verdict;
+
+#[derive(Default, Debug)]
+pub struct Tally {
+    pub rays: u64,
+    pub hits: u64,
+    pub touches: u64,
+    pub worst_chord: f64,
+    pub wrong: u64,
+    pub first_wrong: Option<String>,
+}
+
+impl Tally {
+    pub fn add(&mut self, verdict: Verdict, hit: bool, describe: impl FnOnce() -> String) {
+        self.rays += 1;
+        self.hits += u64::from(hit);
+        match verdict {
+            Verdict::Exact => {}
+            Verdict::Touch(chord) => {
+                self.touches += 1;
+                self.worst_chord = self.worst_chord.max(chord);
+            }
+            Verdict::Wrong(why) => {
+                self.wrong += 1;
+                self.first_wrong.get_or_insert_with(|| format!("{why}: {}", describe()));
+            }
+        }
+    }
+
+    pub fn report(&self, name: &str) {
+        println!(
+            "{name:32} {:>9} rays {:>9} hits {:>7} touches, worst chord {:.1e}, {} wrong",
+            self.rays, self.hits, self.touches, self.worst_chord, self.wrong
+        );
+    }
+
+    pub fn assert_right(&self, name: &str) {
+        self.report(name);
+        assert_eq!(self.wrong, 0, "{name}: {}", self.first_wrong.as_deref().unwrap_or(""));
+    }
+}

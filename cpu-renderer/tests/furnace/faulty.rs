@@ -1,0 +1,140 @@
+//! The path tracer's loop a second time, with one fault that can be chosen: what the furnaces must notice.
+//!
+//! Without a fault it gives the renderer's samples to the bit (a test sees to it), so what a fault changes is that fault alone,
+//! and the renderer carries no switch for it.
+
+use glam::{DVec3, Vec3};
+use pumice_cpu::Surroundings;
+use pumice_cpu::bsdf::Bsdf;
+use pumice_render::sampler::{BouncePair, PixelSampler};
+use pumice_render::sun::frame_around;
+use pumice_render::{PathOrigin, RayInWorld, Tracer};
+
+use crate::naive::Dense;
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Fault {
+    /// The renderer as it is.
+    None,
+    /// Directions are drawn evenly from the hemisphere instead of by cosine: noisier, and right.
+    EvenDirections,
+    /// Survivors of the roulette do not stand for those that it ended.
+    RouletteUncompensated,
+    /// The roulette of the shader published with the method: even directions, from the first bounce, by the throughput as it is,
+    /// also where it is above 1, where nobody is ended and survivors are divided all the same.
+    RouletteUnclamped,
+    /// The density of a scattered direction is told this many times too large, wherever it is asked for.
+    Density(f32),
+    /// The same, only where light that was aimed at is weighted against it: the two no longer speak of one density.
+    DensityInWeights(f32),
+    /// Both weights together make this.
+    SumOfWeights(f32),
+    /// The weight of light that was aimed at alone is this many times too large.
+    AimedWeight(f32),
+}
+
+pub fn radiance(
+    fault: Fault,
+    tracer: &Dense,
+    around: &Surroundings,
+    sampler: &PixelSampler,
+    mut ray: RayInWorld,
+    t_max: f64,
+) -> Vec3 {
+    let lights = &around.lights;
+    let Some(mut hit) = tracer.first_hit(&ray, PathOrigin::Free, t_max) else {
+        return lights.behind(ray.direction, 0.5);
+    };
+    let even = matches!(fault, Fault::EvenDirections | Fault::RouletteUnclamped);
+    let (told, told_in_weights) = match fault {
+        Fault::Density(factor) => (factor, factor),
+        Fault::DensityInWeights(factor) => (1.0, factor),
+        _ => (1.0, 1.0),
+    };
+    let (aimed, scattered) = match fault {
+        Fault::SumOfWeights(sum) => (sum, sum),
+        Fault::AimedWeight(factor) => (factor, 1.0),
+        _ => (1.0, 1.0),
+    };
+    let (mut total, mut throughput) = (Vec3::ZERO, Vec3::ONE);
+    let mut vertex = 0;
+    loop {
+        let material = around.looks[0].material(hit.surface.label);
+        total += throughput * Vec3::from_array(material.emission);
+        if vertex > around.settings.bounces || hit.from_inside {
+            return total;
+        }
+        let normal = hit.normal_in_world;
+        let (tangent, bitangent) = frame_around(normal);
+        let local =
+            |w: DVec3| Vec3::new(w.dot(tangent) as f32, w.dot(bitangent) as f32, w.dot(normal) as f32);
+        let mut wi = local(-ray.direction.normalize());
+        wi.z = wi.z.max(1e-6);
+        let bsdf = Bsdf::new(material, wi);
+        let origin = ray.origin + ray.direction * hit.t;
+        let from = PathOrigin::Face(hit.surface);
+
+        let [which, mut lobe] = sampler.bounce(vertex, BouncePair::Choice);
+        if lights.any_aimed() {
+            if let Some(light) = lights.sample(which, sampler.bounce(vertex, BouncePair::Light))
+                && light.direction.dot(normal) > 0.0
+            {
+                let (f_cos, pdf) = bsdf.eval(local(light.direction));
+                let weight = lights.aimed_weight(light.pdf, pdf * told_in_weights) * aimed;
+                let add = throughput * f_cos * light.radiance_over_pdf * weight;
+                let shadow_ray = RayInWorld { origin, direction: light.direction };
+                if add.max_element() > 0.0 && !tracer.occluded(&shadow_ray, from, f64::INFINITY) {
+                    total += add;
+                }
+            }
+        } else if !bsdf.has_two_lobes() {
+            lobe = 0.5;
+        }
+
+        let u = sampler.bounce(vertex, BouncePair::Scatter);
+        let (wo, weight, pdf) = if even {
+            let wo = even_direction(u);
+            let pdf = 0.5 * std::f32::consts::FRAC_1_PI;
+            (wo, bsdf.eval(wo).0 / pdf, pdf)
+        } else {
+            let Some(sample) = bsdf.sample(u, lobe) else { return total };
+            (sample.wo, sample.weight / told, sample.pdf * told)
+        };
+        throughput *= weight;
+        let most = throughput.max_element();
+        if most <= 0.0 {
+            return total;
+        }
+
+        let u = sampler.bounce(vertex, BouncePair::Roulette)[0];
+        if fault == Fault::RouletteUnclamped {
+            if u >= most {
+                return total;
+            }
+            throughput /= most;
+        } else if around.settings.russian_roulette && vertex >= 2 && most < 1.0 {
+            let survival = most.max(0.05);
+            if u >= survival {
+                return total;
+            }
+            throughput /= if fault == Fault::RouletteUncompensated { 1.0 } else { survival };
+        }
+        let direction = tangent * f64::from(wo.x) + bitangent * f64::from(wo.y) + normal * f64::from(wo.z);
+        if direction.dot(normal) <= 0.0 {
+            return total;
+        }
+        ray = RayInWorld { origin, direction };
+        match tracer.first_hit(&ray, from, f64::INFINITY) {
+            Some(next) => hit = next,
+            None => return total + throughput * lights.found(direction.normalize(), pdf) * scattered,
+        }
+        vertex += 1;
+    }
+}
+
+/// Every direction of the hemisphere alike (Archimedes: the height is even).
+fn even_direction([u, v]: [f32; 2]) -> Vec3 {
+    let (z, (sin, cos)) = (u.max(1e-6), (std::f32::consts::TAU * v).sin_cos());
+    let r = (1.0 - z * z).max(0.0).sqrt();
+    Vec3::new(r * cos, r * sin, z)
+}

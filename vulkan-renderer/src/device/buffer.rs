@@ -1,0 +1,345 @@
+//! Memory on the device, and the ways into it and out of it.
+//!
+//! ```text
+//! host bytes ──► staging (host-visible, 16 MiB, one for all) ──► Buffer (device memory, reached by its address)
+//!            ◄──                                             ◄──
+//! ```
+//! Each buffer has memory of its own: there are a few for each instance, and drivers allow thousands.
+
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+
+use ash::vk;
+
+use super::DeviceError;
+use super::faults::Fault;
+use super::gpu::{Gpu, Inner};
+
+/// Size of the staging memory: large enough that a launch's fixed cost does not count, small beside any volume.
+const STAGING_BYTES: u64 = 16 << 20;
+
+/// What shaders and copies may do with every buffer.
+const USAGE: vk::BufferUsageFlags = vk::BufferUsageFlags::from_raw(
+    vk::BufferUsageFlags::STORAGE_BUFFER.as_raw()
+        | vk::BufferUsageFlags::SHADER_DEVICE_ADDRESS.as_raw()
+        | vk::BufferUsageFlags::TRANSFER_SRC.as_raw()
+        | vk::BufferUsageFlags::TRANSFER_DST.as_raw(),
+);
+
+/// See the module.
+pub struct Buffer {
+    raw: RawBuffer,
+    address: u64,
+    gpu: Arc<Inner>,
+}
+
+/// A buffer and its memory, without an owner that would destroy them.
+pub(super) struct RawBuffer {
+    pub(super) buffer: vk::Buffer,
+    memory: vk::DeviceMemory,
+    /// As asked for.
+    bytes: u64,
+    /// Of the memory, alignment included.
+    allocated: u64,
+}
+
+/// Memory through which bytes travel.
+pub(super) struct Staging {
+    raw: RawBuffer,
+    pointer: *mut u8,
+}
+
+// SAFETY: the pointer is to mapped memory, which is of no thread; whoever uses it holds the worker's lock.
+unsafe impl Send for Staging {}
+
+impl Buffer {
+    /// Device address of its first byte: a multiple of 256 at least as far as any device promises it, of 16 on all.
+    pub fn address(&self) -> u64 {
+        self.address
+    }
+
+    /// Its size.
+    pub fn bytes(&self) -> u64 {
+        self.raw.bytes
+    }
+
+    pub(super) fn handle(&self) -> vk::Buffer {
+        self.raw.buffer
+    }
+}
+
+impl std::fmt::Debug for Buffer {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Buffer").field("bytes", &self.bytes()).finish()
+    }
+}
+
+impl Drop for Buffer {
+    fn drop(&mut self) {
+        if self.gpu.may_destroy() {
+            self.gpu.allocated.fetch_sub(self.raw.allocated, Ordering::Relaxed);
+            self.raw.destroy(&self.gpu.calls);
+        }
+    }
+}
+
+impl RawBuffer {
+    /// Frees both. Nothing may use the buffer afterwards: the owner is being dropped.
+    fn destroy(&self, calls: &ash::Device) {
+        // SAFETY: no launch is in flight that could use them (each is waited for), and the owner forgets the handles.
+        unsafe {
+            calls.destroy_buffer(self.buffer, None);
+            calls.free_memory(self.memory, None);
+        }
+    }
+}
+
+impl Staging {
+    pub(super) fn destroy(self, calls: &ash::Device) {
+        self.raw.destroy(calls);
+    }
+}
+
+/// Where a buffer shall lie.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Place {
+    Device,
+    Host,
+}
+
+impl Inner {
+    fn make_buffer(
+        &self,
+        what: &'static str,
+        bytes: u64,
+        usage: vk::BufferUsageFlags,
+        place: Place,
+    ) -> Result<RawBuffer, DeviceError> {
+        let limit = self.limits.allocation_bytes;
+        if bytes > limit {
+            return Err(DeviceError::Limit { what, needed: bytes, limit });
+        }
+        let create = vk::BufferCreateInfo::default().size(bytes).usage(usage);
+        // SAFETY: the device is live; the handle goes into a `RawBuffer` or is destroyed below.
+        let buffer =
+            unsafe { self.calls.create_buffer(&create, None) }.map_err(DeviceError::of("vkCreateBuffer"))?;
+        // SAFETY: the buffer was just made.
+        let needs = unsafe { self.calls.get_buffer_memory_requirements(buffer) };
+        let memory = self.allocate(what, &needs, place).and_then(|memory| {
+            // SAFETY: memory of at least the needed size and of a type that the buffer allows, bound once.
+            let bound = unsafe { self.calls.bind_buffer_memory(buffer, memory, 0) };
+            bound.map(|()| memory).map_err(|e| {
+                // SAFETY: it was not bound.
+                unsafe { self.calls.free_memory(memory, None) };
+                DeviceError::of("vkBindBufferMemory")(e)
+            })
+        });
+        match memory {
+            Ok(memory) => Ok(RawBuffer { buffer, memory, bytes, allocated: needs.size }),
+            Err(e) => {
+                // SAFETY: nobody else has the handle.
+                unsafe { self.calls.destroy_buffer(buffer, None) };
+                Err(e)
+            }
+        }
+    }
+
+    fn allocate(
+        &self,
+        what: &'static str,
+        needs: &vk::MemoryRequirements,
+        place: Place,
+    ) -> Result<vk::DeviceMemory, DeviceError> {
+        use vk::MemoryPropertyFlags as Is;
+        let host = Is::HOST_VISIBLE | Is::HOST_COHERENT;
+        // Best first. The cached one is what the host reads fast.
+        let wishes: &[Is] = match place {
+            Place::Device => &[Is::DEVICE_LOCAL, Is::empty()],
+            Place::Host => &[host | Is::HOST_CACHED, host],
+        };
+        let types = &self.memory.memory_types[..self.memory.memory_type_count as usize];
+        let allowed = |i: usize| needs.memory_type_bits >> i & 1 != 0;
+        let kind = wishes.iter().find_map(|&wish| {
+            (0..types.len()).find(|&i| allowed(i) && types[i].property_flags.contains(wish))
+        });
+        let Some(kind) = kind else {
+            return Err(DeviceError::Call {
+                call: "choice of a memory type",
+                result: vk::Result::ERROR_FEATURE_NOT_PRESENT,
+            });
+        };
+        let free = self.free_bytes(types[kind].heap_index);
+        let full = || DeviceError::OutOfMemory { what, needed: needs.size, free };
+        // Some drivers hand out more than there is and then move it to and fro.
+        if free.is_some_and(|free| needs.size > free) {
+            return Err(full());
+        }
+        let mut flags = vk::MemoryAllocateFlagsInfo::default();
+        if place == Place::Device {
+            flags = flags.flags(vk::MemoryAllocateFlags::DEVICE_ADDRESS);
+        }
+        let create = vk::MemoryAllocateInfo::default()
+            .allocation_size(needs.size)
+            .memory_type_index(kind as u32)
+            .push_next(&mut flags);
+        // A failure on purpose comes before the call: what was allocated would have to be freed.
+        let made = self.faults.instead(Fault::Allocation, Ok(())).and_then(|()| {
+            // SAFETY: the device is live and the type is one of its own.
+            unsafe { self.calls.allocate_memory(&create, None) }
+        });
+        made.map_err(|e| match e {
+            vk::Result::ERROR_OUT_OF_DEVICE_MEMORY | vk::Result::ERROR_OUT_OF_HOST_MEMORY => full(),
+            other => DeviceError::of("vkAllocateMemory")(other),
+        })
+    }
+
+    fn staging<'a>(&self, staging: &'a mut Option<Staging>) -> Result<&'a Staging, DeviceError> {
+        if staging.is_none() {
+            let usage = vk::BufferUsageFlags::TRANSFER_SRC | vk::BufferUsageFlags::TRANSFER_DST;
+            let raw = self.make_buffer("the staging memory", STAGING_BYTES, usage, Place::Host)?;
+            // SAFETY: the memory is host-visible and not mapped yet; it stays mapped until it is freed.
+            let mapped =
+                unsafe { self.calls.map_memory(raw.memory, 0, vk::WHOLE_SIZE, vk::MemoryMapFlags::empty()) };
+            match mapped {
+                Ok(pointer) => *staging = Some(Staging { raw, pointer: pointer.cast() }),
+                Err(e) => {
+                    raw.destroy(&self.calls);
+                    return Err(DeviceError::of("vkMapMemory")(e));
+                }
+            }
+        }
+        staging
+            .as_ref()
+            .ok_or(DeviceError::Call { call: "vkMapMemory", result: vk::Result::ERROR_MEMORY_MAP_FAILED })
+    }
+}
+
+impl Gpu {
+    /// Memory on the device, its contents undefined. `what` is named when there is not enough.
+    ///
+    /// # Errors
+    /// [`DeviceError::OutOfMemory`], [`DeviceError::Limit`].
+    pub fn buffer(&self, what: &'static str, bytes: u64) -> Result<Buffer, DeviceError> {
+        self.buffer_for(what, bytes, vk::BufferUsageFlags::empty())
+    }
+
+    /// Memory for a use that must be said beforehand.
+    pub(super) fn buffer_for(
+        &self,
+        what: &'static str,
+        bytes: u64,
+        usage: vk::BufferUsageFlags,
+    ) -> Result<Buffer, DeviceError> {
+        // An empty array has an address too.
+        let raw = self.inner.make_buffer(what, bytes.max(16), USAGE | usage, Place::Device)?;
+        self.inner.allocated.fetch_add(raw.allocated, Ordering::Relaxed);
+        let info = vk::BufferDeviceAddressInfo::default().buffer(raw.buffer);
+        // SAFETY: the buffer is bound to memory that was allocated for addresses.
+        let address = unsafe { self.inner.calls.get_buffer_device_address(&info) };
+        Ok(Buffer { raw, address, gpu: Arc::clone(&self.inner) })
+    }
+
+    /// Memory on the device with these bytes.
+    ///
+    /// # Errors
+    /// As [`Gpu::buffer`] and [`Gpu::upload`].
+    pub fn buffer_of(&self, what: &'static str, bytes: &[u8]) -> Result<Buffer, DeviceError> {
+        let buffer = self.buffer(what, bytes.len() as u64)?;
+        self.upload(&buffer, 0, bytes)?;
+        Ok(buffer)
+    }
+
+    /// Copies bytes into a buffer.
+    ///
+    /// # Errors
+    /// When they do not fit, and when the device is lost.
+    pub fn upload(&self, buffer: &Buffer, offset: u64, bytes: &[u8]) -> Result<(), DeviceError> {
+        within(buffer, offset, bytes.len() as u64)?;
+        let mut at = offset;
+        for piece in bytes.chunks(STAGING_BYTES as usize) {
+            self.fill(buffer, at, piece.len(), |staging| staging.copy_from_slice(piece))?;
+            at += piece.len() as u64;
+        }
+        Ok(())
+    }
+
+    /// Most bytes that [`Gpu::fill`] takes at once.
+    pub(super) const FILL_BYTES: usize = STAGING_BYTES as usize;
+
+    /// Has `write` make the bytes of a part of a buffer. At most [`Gpu::FILL_BYTES`].
+    pub(super) fn fill(
+        &self,
+        buffer: &Buffer,
+        offset: u64,
+        bytes: usize,
+        write: impl FnOnce(&mut [u8]),
+    ) -> Result<(), DeviceError> {
+        within(buffer, offset, bytes as u64)?;
+        let length = bytes.min(STAGING_BYTES as usize);
+        if length == 0 {
+            return Ok(());
+        }
+        let mut worker = self.inner.worker();
+        let (pointer, source) = {
+            let staging = self.inner.staging(&mut worker.staging)?;
+            (staging.pointer, staging.raw.buffer)
+        };
+        // SAFETY: the mapped memory is `STAGING_BYTES` long, of plain bytes, nobody else uses it while the worker is locked, and
+        // no launch is in flight. It may be uninitialised memory to Rust, but not to the system, which maps it readable.
+        write(unsafe { std::slice::from_raw_parts_mut(pointer, length) });
+        let region = [vk::BufferCopy::default().dst_offset(offset).size(length as u64)];
+        self.submit_with(&worker, "an upload", |inner, commands| {
+            // SAFETY: both buffers live until the launch has ended, and the region lies within both.
+            unsafe { inner.calls.cmd_copy_buffer(commands, source, buffer.handle(), &region) };
+        })?;
+        Ok(())
+    }
+
+    /// Copies bytes out of a buffer.
+    ///
+    /// # Errors
+    /// When there are not as many, and when the device is lost.
+    pub fn download(&self, buffer: &Buffer, offset: u64, bytes: &mut [u8]) -> Result<(), DeviceError> {
+        within(buffer, offset, bytes.len() as u64)?;
+        let mut at = offset;
+        for piece in bytes.chunks_mut(STAGING_BYTES as usize) {
+            let mut worker = self.inner.worker();
+            let (pointer, target) = {
+                let staging = self.inner.staging(&mut worker.staging)?;
+                (staging.pointer, staging.raw.buffer)
+            };
+            let region = [vk::BufferCopy::default().src_offset(at).size(piece.len() as u64)];
+            self.submit_with(&worker, "a download", |inner, commands| {
+                // SAFETY: as in `fill`.
+                unsafe { inner.calls.cmd_copy_buffer(commands, buffer.handle(), target, &region) };
+            })?;
+            // SAFETY: the copy has ended and is visible to the host; the piece is no longer than the mapped memory.
+            piece.copy_from_slice(unsafe { std::slice::from_raw_parts(pointer, piece.len()) });
+            at += piece.len() as u64;
+        }
+        Ok(())
+    }
+
+    /// Sets all bytes of a buffer to 0.
+    ///
+    /// # Errors
+    /// When the device is lost.
+    pub fn clear(&self, buffer: &Buffer) -> Result<(), DeviceError> {
+        self.submit("a clear", |inner, commands| {
+            // SAFETY: the buffer lives until the launch has ended.
+            unsafe { inner.calls.cmd_fill_buffer(commands, buffer.handle(), 0, vk::WHOLE_SIZE, 0) };
+        })?;
+        Ok(())
+    }
+}
+
+fn within(buffer: &Buffer, offset: u64, bytes: u64) -> Result<(), DeviceError> {
+    match offset.checked_add(bytes) {
+        Some(end) if end <= buffer.bytes() => Ok(()),
+        _ => Err(DeviceError::Limit {
+            what: "the end of a copy, in bytes of its buffer,",
+            needed: offset.saturating_add(bytes),
+            limit: buffer.bytes(),
+        }),
+    }
+}

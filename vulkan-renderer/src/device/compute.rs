@@ -1,0 +1,138 @@
+//! Compute shaders, made ready and run.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use ash::vk;
+
+use super::DeviceError;
+use super::gpu::{Gpu, Inner};
+use crate::layout::Launch;
+
+/// A compute shader with its constants.
+pub struct ComputePipeline {
+    pub(super) layout: vk::PipelineLayout,
+    pub(super) pipeline: vk::Pipeline,
+    gpu: Arc<Inner>,
+}
+
+/// A shader's code, for as long as a pipeline is made of it.
+pub(super) struct Module {
+    pub(super) handle: vk::ShaderModule,
+    gpu: Arc<Inner>,
+}
+
+impl Module {
+    pub(super) fn new(gpu: &Gpu, words: &[u32]) -> Result<Self, DeviceError> {
+        let create = vk::ShaderModuleCreateInfo::default().code(words);
+        // SAFETY: the words are a whole module that the compiler made (the build checks them), of features that were enabled.
+        let handle = unsafe { gpu.inner.calls.create_shader_module(&create, None) }
+            .map_err(DeviceError::of("vkCreateShaderModule"))?;
+        Ok(Self { handle, gpu: Arc::clone(&gpu.inner) })
+    }
+}
+
+impl Drop for Module {
+    fn drop(&mut self) {
+        // SAFETY: pipelines do not need the modules that they were made of.
+        unsafe { self.gpu.calls.destroy_shader_module(self.handle, None) };
+    }
+}
+
+/// Specialisation constants 0, 1, … of a shader, and where they lie in the array.
+pub(super) fn constant_entries(constants: &[u32]) -> Vec<vk::SpecializationMapEntry> {
+    (0..constants.len() as u32)
+        .map(|i| vk::SpecializationMapEntry::default().constant_id(i).offset(4 * i).size(4))
+        .collect()
+}
+
+/// A layout with nothing but the push constants.
+pub(super) fn launch_layout(
+    gpu: &Inner,
+    stages: vk::ShaderStageFlags,
+) -> Result<vk::PipelineLayout, DeviceError> {
+    let ranges = [vk::PushConstantRange::default().stage_flags(stages).size(size_of::<Launch>() as u32)];
+    let create = vk::PipelineLayoutCreateInfo::default().push_constant_ranges(&ranges);
+    // SAFETY: the device is live; every device takes 128 bytes of push constants, and a launch has 64.
+    unsafe { gpu.calls.create_pipeline_layout(&create, None) }
+        .map_err(DeviceError::of("vkCreatePipelineLayout"))
+}
+
+impl Gpu {
+    /// Makes a compute shader ready; `constants[i]` is specialisation constant i.
+    ///
+    /// # Errors
+    /// When the driver refuses it.
+    pub fn compute_pipeline(&self, words: &[u32], constants: &[u32]) -> Result<ComputePipeline, DeviceError> {
+        let module = Module::new(self, words)?;
+        let inner = &self.inner;
+        let layout = launch_layout(inner, vk::ShaderStageFlags::COMPUTE)?;
+        let entries = constant_entries(constants);
+        let specialization =
+            vk::SpecializationInfo::default().map_entries(&entries).data(bytemuck::cast_slice(constants));
+        let stage = vk::PipelineShaderStageCreateInfo::default()
+            .stage(vk::ShaderStageFlags::COMPUTE)
+            .module(module.handle)
+            .name(c"main")
+            .specialization_info(&specialization);
+        let create = [vk::ComputePipelineCreateInfo::default().stage(stage).layout(layout)];
+        // SAFETY: all that `create` points to lives until the call returns.
+        let made = unsafe { inner.calls.create_compute_pipelines(inner.cache.handle, &create, None) };
+        // Destroys the layout where there is no pipeline.
+        let made_of = |pipeline| ComputePipeline { layout, pipeline, gpu: Arc::clone(inner) };
+        match made {
+            Ok(pipelines) => Ok(made_of(pipelines.first().copied().unwrap_or_default())),
+            Err((_, e)) => {
+                drop(made_of(vk::Pipeline::null()));
+                Err(DeviceError::of("vkCreateComputePipelines")(e))
+            }
+        }
+    }
+
+    /// Runs a compute shader in `groups` and waits for its end; returns how long that took.
+    ///
+    /// # Errors
+    /// [`DeviceError::Lost`]; [`DeviceError::Limit`] for more groups than the device takes at once.
+    pub fn dispatch(
+        &self,
+        during: &'static str,
+        pipeline: &ComputePipeline,
+        launch: &Launch,
+        groups: [u32; 2],
+    ) -> Result<Duration, DeviceError> {
+        for (needed, limit) in groups.into_iter().zip(self.inner.limits.groups) {
+            if needed > limit {
+                let (needed, limit) = (u64::from(needed), u64::from(limit));
+                return Err(DeviceError::Limit { what: "groups of a launch", needed, limit });
+            }
+        }
+        self.submit(during, |inner, commands| {
+            // SAFETY: the pipeline lives until the launch has ended; the push constants are as its layout says. What the shader
+            // reads and writes by address is alive as the module promises.
+            unsafe {
+                inner.calls.cmd_bind_pipeline(commands, vk::PipelineBindPoint::COMPUTE, pipeline.pipeline);
+                let (stage, bytes) = (vk::ShaderStageFlags::COMPUTE, bytemuck::bytes_of(launch));
+                inner.calls.cmd_push_constants(commands, pipeline.layout, stage, 0, bytes);
+                inner.calls.cmd_dispatch(commands, groups[0], groups[1], 1);
+            }
+        })
+    }
+}
+
+impl Drop for ComputePipeline {
+    fn drop(&mut self) {
+        if self.gpu.may_destroy() {
+            // SAFETY: no launch is in flight; null handles are ignored.
+            unsafe {
+                self.gpu.calls.destroy_pipeline(self.pipeline, None);
+                self.gpu.calls.destroy_pipeline_layout(self.layout, None);
+            }
+        }
+    }
+}
+
+impl std::fmt::Debug for ComputePipeline {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("ComputePipeline")
+    }
+}

@@ -1,0 +1,419 @@
+//! A device that was opened for one backend, its queue, and the one way to make it work: [`Gpu::submit`].
+
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use ash::{khr, vk};
+
+use super::buffer::Staging;
+use super::faults::{Fault, Faults};
+use super::pipeline_cache::PipelineCache;
+use super::survey::compute_family;
+use super::{Backend, Candidate, DeviceError, Instance};
+
+/// A launch that is silent for so long counts as a lost device: a hundred times what a slice may take, many times what a build of
+/// the largest hierarchy takes, and short enough for whoever waits.
+const SILENCE: Duration = Duration::from_secs(120);
+
+/// See the module. Clones are the same device.
+#[derive(Clone)]
+pub struct Gpu {
+    pub(super) inner: Arc<Inner>,
+}
+
+/// What a device must not be asked to exceed.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Limits {
+    pub(super) allocation_bytes: u64,
+    pub(super) groups: [u32; 3],
+    pub(super) box_count: u64,
+    pub(super) scratch_alignment: u64,
+    pub(super) handle_bytes: u64,
+    pub(super) handle_alignment: u64,
+    pub(super) table_alignment: u64,
+    pub(super) ray_count: u64,
+}
+
+pub(super) struct Inner {
+    pub(super) calls: ash::Device,
+    pub(super) acceleration: Option<khr::acceleration_structure::Device>,
+    pub(super) ray_pipeline: Option<khr::ray_tracing_pipeline::Device>,
+    pub(super) memory: vk::PhysicalDeviceMemoryProperties,
+    pub(super) limits: Limits,
+    pub(super) faults: Faults,
+    pub(super) cache: PipelineCache,
+    /// Bytes of device memory that were allocated and not freed.
+    pub(super) allocated: AtomicU64,
+    queue: vk::Queue,
+    queue_family: u32,
+    pub(super) worker: Mutex<Worker>,
+    lost: AtomicBool,
+    /// A launch never ended: nothing that it may use can be destroyed.
+    hung: AtomicBool,
+    candidate: Candidate,
+    backend: Backend,
+    pub(super) instance: Instance,
+}
+
+/// What one launch at a time is made with.
+pub(super) struct Worker {
+    pool: vk::CommandPool,
+    commands: vk::CommandBuffer,
+    fence: vk::Fence,
+    /// Made when something is first moved.
+    pub(super) staging: Option<Staging>,
+}
+
+impl Gpu {
+    /// Opens a device for a backend.
+    ///
+    /// # Errors
+    /// [`DeviceError::Unsupported`] says what the device lacks.
+    pub fn open(
+        instance: &Instance,
+        candidate: &Candidate,
+        backend: Backend,
+        cache_folder: Option<&std::path::Path>,
+    ) -> Result<Self, DeviceError> {
+        if !candidate.can(backend) {
+            let lacks = candidate.missing(backend).join(", ");
+            return Err(DeviceError::Unsupported {
+                backend,
+                why: format!("{} lacks {lacks}", candidate.name),
+            });
+        }
+        let physical = candidate.physical;
+        // SAFETY: the candidate's device is one of this instance's, here and below.
+        let queues = unsafe { instance.calls().get_physical_device_queue_family_properties(physical) };
+        let Some(queue_family) = compute_family(&queues) else {
+            return Err(DeviceError::Unsupported {
+                backend,
+                why: format!("{} cannot compute", candidate.name),
+            });
+        };
+
+        let mut extensions = Vec::new();
+        if candidate.portability_subset {
+            extensions.push(khr::portability_subset::NAME.as_ptr());
+        }
+        if candidate.memory_budget {
+            extensions.push(ash::ext::memory_budget::NAME.as_ptr());
+        }
+        let features =
+            vk::PhysicalDeviceFeatures::default().shader_int64(true).shader_float64(candidate.native_f64);
+        let mut vulkan12 = vk::PhysicalDeviceVulkan12Features::default()
+            .buffer_device_address(true)
+            .scalar_block_layout(true);
+        let mut acceleration =
+            vk::PhysicalDeviceAccelerationStructureFeaturesKHR::default().acceleration_structure(true);
+        let mut pipeline =
+            vk::PhysicalDeviceRayTracingPipelineFeaturesKHR::default().ray_tracing_pipeline(true);
+        let mut query = vk::PhysicalDeviceRayQueryFeaturesKHR::default().ray_query(true);
+        let priorities = [1.0];
+        let wanted = [vk::DeviceQueueCreateInfo::default()
+            .queue_family_index(queue_family)
+            .queue_priorities(&priorities)];
+        let mut create = vk::DeviceCreateInfo::default()
+            .queue_create_infos(&wanted)
+            .enabled_features(&features)
+            .push_next(&mut vulkan12);
+        if backend.uses_hardware_hierarchy() {
+            extensions.extend(
+                [khr::acceleration_structure::NAME, khr::deferred_host_operations::NAME].map(|n| n.as_ptr()),
+            );
+            create = create.push_next(&mut acceleration);
+        }
+        match backend {
+            Backend::RayPipeline => {
+                extensions.push(khr::ray_tracing_pipeline::NAME.as_ptr());
+                create = create.push_next(&mut pipeline);
+            }
+            Backend::RayQuery => {
+                extensions.push(khr::ray_query::NAME.as_ptr());
+                create = create.push_next(&mut query);
+            }
+            Backend::Compute => {}
+        }
+        let create = create.enabled_extension_names(&extensions);
+        // SAFETY: every extension and feature was found by the survey; the chain lives until the call returns.
+        let calls = unsafe { instance.calls().create_device(physical, &create, None) }
+            .map_err(DeviceError::of("vkCreateDevice"))?;
+
+        let functions = instance.calls();
+        let inner = Inner {
+            acceleration: backend
+                .uses_hardware_hierarchy()
+                .then(|| khr::acceleration_structure::Device::new(functions, &calls)),
+            ray_pipeline: (backend == Backend::RayPipeline)
+                .then(|| khr::ray_tracing_pipeline::Device::new(functions, &calls)),
+            // SAFETY: as above.
+            memory: unsafe { functions.get_physical_device_memory_properties(physical) },
+            limits: limits(functions, physical, backend),
+            faults: Faults::default(),
+            cache: PipelineCache::none(),
+            allocated: AtomicU64::new(0),
+            // SAFETY: one queue of that family was asked for.
+            queue: unsafe { calls.get_device_queue(queue_family, 0) },
+            queue_family,
+            worker: Mutex::new(Worker::none()),
+            lost: AtomicBool::new(false),
+            hung: AtomicBool::new(false),
+            candidate: candidate.clone(),
+            backend,
+            instance: instance.clone(),
+            calls,
+        };
+        // From here on a failure drops what was made.
+        let mut inner = inner;
+        inner.start_worker()?;
+        // SAFETY: as above.
+        let properties = unsafe { instance.calls().get_physical_device_properties(physical) };
+        inner.cache = PipelineCache::open(&inner.calls, &properties, cache_folder)?;
+        Ok(Self { inner: Arc::new(inner) })
+    }
+
+    /// What was opened.
+    pub fn candidate(&self) -> &Candidate {
+        &self.inner.candidate
+    }
+
+    /// What it was opened for.
+    pub fn backend(&self) -> Backend {
+        self.inner.backend
+    }
+
+    /// The instance.
+    pub fn instance(&self) -> &Instance {
+        &self.inner.instance
+    }
+
+    /// Whether the device was lost: nothing can be done with it any more.
+    pub fn is_lost(&self) -> bool {
+        self.inner.lost.load(Ordering::Relaxed)
+    }
+
+    /// Bytes of device memory that are allocated.
+    pub fn allocated_bytes(&self) -> u64 {
+        self.inner.allocated.load(Ordering::Relaxed)
+    }
+
+    /// The `nth` such call from now fails, 1 being the next: for tests of those who must bear it.
+    #[doc(hidden)]
+    pub fn inject(&self, fault: Fault, nth: u32) {
+        self.inner.faults.inject(fault, nth);
+    }
+
+    /// Writes what the driver compiled to the cache's folder, where it has one. A cache that cannot be written is no failure.
+    pub fn save_pipelines(&self) {
+        self.inner.cache.save(&self.inner.calls);
+    }
+
+    /// Records commands, runs them and waits for their end; returns how long that took. Everything that ran before is visible to
+    /// them, and what they wrote is visible to the host and to all that runs after.
+    ///
+    /// # Errors
+    /// [`DeviceError::Lost`] also when nothing is heard for two minutes.
+    pub(super) fn submit(
+        &self,
+        during: &'static str,
+        record: impl FnOnce(&Inner, vk::CommandBuffer),
+    ) -> Result<Duration, DeviceError> {
+        let worker = self.inner.worker();
+        self.submit_with(&worker, during, record)
+    }
+
+    /// The same for who holds the worker already.
+    pub(super) fn submit_with(
+        &self,
+        worker: &Worker,
+        during: &'static str,
+        record: impl FnOnce(&Inner, vk::CommandBuffer),
+    ) -> Result<Duration, DeviceError> {
+        let inner = &*self.inner;
+        if self.is_lost() {
+            return Err(DeviceError::Lost(during));
+        }
+        let lost = |result: vk::Result| match result {
+            vk::Result::ERROR_DEVICE_LOST => {
+                inner.lost.store(true, Ordering::Relaxed);
+                DeviceError::Lost(during)
+            }
+            other => DeviceError::of(during)(other),
+        };
+        let calls = &inner.calls;
+        let (commands, fences) = (worker.commands, [worker.fence]);
+        let begin = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
+        // SAFETY: the worker is locked, and its last commands have ended (we waited), so they may be recorded anew; what `record`
+        // writes into them uses objects that its caller keeps alive until this function returns.
+        unsafe {
+            calls.reset_command_pool(worker.pool, vk::CommandPoolResetFlags::empty()).map_err(lost)?;
+            calls.begin_command_buffer(commands, &begin).map_err(lost)?;
+            inner.barrier(commands, vk::PipelineStageFlags::ALL_COMMANDS);
+            record(inner, commands);
+            inner.barrier(commands, vk::PipelineStageFlags::ALL_COMMANDS | vk::PipelineStageFlags::HOST);
+            calls.end_command_buffer(commands).map_err(lost)?;
+        }
+        let start = Instant::now();
+        let buffers = [commands];
+        let submit = [vk::SubmitInfo::default().command_buffers(&buffers)];
+        // SAFETY: the fence is not in use: it was reset after the last wait.
+        unsafe { calls.queue_submit(inner.queue, &submit, fences[0]) }.map_err(lost)?;
+        // SAFETY: the fence was just submitted.
+        let waited = unsafe { calls.wait_for_fences(&fences, true, SILENCE.as_nanos() as u64) };
+        if waited == Err(vk::Result::TIMEOUT) {
+            inner.hung.store(true, Ordering::Relaxed);
+            inner.lost.store(true, Ordering::Relaxed);
+            return Err(DeviceError::Lost(during));
+        }
+        inner.faults.instead(Fault::Submission, waited).map_err(lost)?;
+        let taken = start.elapsed();
+        // SAFETY: the wait has succeeded, so the fence is not in use.
+        unsafe { calls.reset_fences(&fences) }.map_err(lost)?;
+        Ok(taken)
+    }
+}
+
+impl Inner {
+    /// The worker, waited for.
+    pub(super) fn worker(&self) -> std::sync::MutexGuard<'_, Worker> {
+        // A panic while it was locked cannot leave commands behind that still run: we wait for their end before anything else.
+        self.worker.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn start_worker(&mut self) -> Result<(), DeviceError> {
+        let worker = self.worker.get_mut().unwrap_or_else(PoisonError::into_inner);
+        let calls = &self.calls;
+        let pool = vk::CommandPoolCreateInfo::default()
+            .flags(vk::CommandPoolCreateFlags::TRANSIENT)
+            .queue_family_index(self.queue_family);
+        // SAFETY: the device is live; what is made lies in the worker, which the device's drop destroys.
+        unsafe {
+            worker.pool =
+                calls.create_command_pool(&pool, None).map_err(DeviceError::of("vkCreateCommandPool"))?;
+            let one =
+                vk::CommandBufferAllocateInfo::default().command_pool(worker.pool).command_buffer_count(1);
+            let buffers =
+                calls.allocate_command_buffers(&one).map_err(DeviceError::of("vkAllocateCommandBuffers"))?;
+            worker.commands = buffers.first().copied().unwrap_or_default();
+            worker.fence = calls
+                .create_fence(&vk::FenceCreateInfo::default(), None)
+                .map_err(DeviceError::of("vkCreateFence"))?;
+        }
+        Ok(())
+    }
+
+    /// All that came before is done and visible to all that comes after.
+    ///
+    /// # Safety
+    /// * `commands` are being recorded on this device.
+    pub(super) unsafe fn barrier(&self, commands: vk::CommandBuffer, then: vk::PipelineStageFlags) {
+        let mut reads = vk::AccessFlags::MEMORY_READ | vk::AccessFlags::MEMORY_WRITE;
+        if then.contains(vk::PipelineStageFlags::HOST) {
+            reads |= vk::AccessFlags::HOST_READ;
+        }
+        let all = [vk::MemoryBarrier::default()
+            .src_access_mask(vk::AccessFlags::MEMORY_WRITE)
+            .dst_access_mask(reads)];
+        // SAFETY: as the caller promises.
+        unsafe {
+            self.calls.cmd_pipeline_barrier(
+                commands,
+                vk::PipelineStageFlags::ALL_COMMANDS,
+                then,
+                vk::DependencyFlags::empty(),
+                &all,
+                &[],
+                &[],
+            );
+        }
+    }
+
+    /// Whether what launches used may be destroyed.
+    pub(super) fn may_destroy(&self) -> bool {
+        !self.hung.load(Ordering::Relaxed)
+    }
+
+    /// Bytes that the driver says are free in a heap.
+    pub(super) fn free_bytes(&self, heap: u32) -> Option<u64> {
+        if !self.candidate.memory_budget {
+            return None;
+        }
+        let mut budget = vk::PhysicalDeviceMemoryBudgetPropertiesEXT::default();
+        let mut properties = vk::PhysicalDeviceMemoryProperties2::default().push_next(&mut budget);
+        // SAFETY: the device is of this instance and has the extension.
+        unsafe {
+            self.instance
+                .calls()
+                .get_physical_device_memory_properties2(self.candidate.physical, &mut properties);
+        }
+        let (all, used) = (budget.heap_budget.get(heap as usize)?, budget.heap_usage.get(heap as usize)?);
+        Some(all.saturating_sub(*used))
+    }
+}
+
+impl Worker {
+    fn none() -> Self {
+        Self {
+            pool: vk::CommandPool::null(),
+            commands: vk::CommandBuffer::null(),
+            fence: vk::Fence::null(),
+            staging: None,
+        }
+    }
+}
+
+impl Drop for Inner {
+    fn drop(&mut self) {
+        if !self.may_destroy() {
+            return;
+        }
+        let worker = self.worker.get_mut().unwrap_or_else(PoisonError::into_inner);
+        if let Some(staging) = worker.staging.take() {
+            staging.destroy(&self.calls);
+        }
+        // SAFETY: every buffer and pipeline holds the device alive, so all are gone; no launch is in flight (each was waited
+        // for). Handles that were never made are null, which these calls ignore.
+        unsafe {
+            self.cache.destroy(&self.calls);
+            self.calls.destroy_fence(worker.fence, None);
+            self.calls.destroy_command_pool(worker.pool, None);
+            self.calls.destroy_device(None);
+        }
+    }
+}
+
+impl std::fmt::Debug for Gpu {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Gpu")
+            .field("device", &self.inner.candidate.name)
+            .field("backend", &self.backend())
+            .finish()
+    }
+}
+
+fn limits(calls: &ash::Instance, physical: vk::PhysicalDevice, backend: Backend) -> Limits {
+    let mut allocation = vk::PhysicalDeviceMaintenance3Properties::default();
+    let mut acceleration = vk::PhysicalDeviceAccelerationStructurePropertiesKHR::default();
+    let mut pipeline = vk::PhysicalDeviceRayTracingPipelinePropertiesKHR::default();
+    let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut allocation);
+    if backend.uses_hardware_hierarchy() {
+        properties = properties.push_next(&mut acceleration);
+    }
+    if backend == Backend::RayPipeline {
+        properties = properties.push_next(&mut pipeline);
+    }
+    // SAFETY: the chain holds structures of version 1.1 and of extensions that the device has.
+    unsafe { calls.get_physical_device_properties2(physical, &mut properties) };
+    let groups = properties.properties.limits.max_compute_work_group_count;
+    Limits {
+        allocation_bytes: allocation.max_memory_allocation_size,
+        groups,
+        box_count: acceleration.max_primitive_count,
+        scratch_alignment: u64::from(acceleration.min_acceleration_structure_scratch_offset_alignment.max(1)),
+        handle_bytes: u64::from(pipeline.shader_group_handle_size),
+        handle_alignment: u64::from(pipeline.shader_group_handle_alignment.max(1)),
+        table_alignment: u64::from(pipeline.shader_group_base_alignment.max(1)),
+        ray_count: u64::from(pipeline.max_ray_dispatch_invocation_count),
+    }
+}

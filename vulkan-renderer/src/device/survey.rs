@@ -1,0 +1,184 @@
+//! Which device can run which backend, and what it lacks: each extension and each feature bit is asked for by itself, since
+//! there are devices with any subset of them (data-centre processors have ray tracing pipelines and no ray queries).
+
+use ash::{khr, vk};
+
+use super::instance::{Instance, VERSION, spelled};
+use super::{Backend, DeviceError};
+
+/// What a device is, best first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum DeviceKind {
+    /// A graphics card.
+    Discrete,
+    /// Part of the processor's chip.
+    Integrated,
+    /// A share of somebody's graphics card.
+    Virtual,
+    /// None of the others.
+    Other,
+    /// No graphics processor: a driver that computes on the CPU.
+    Software,
+}
+
+/// A device and what it can do.
+#[derive(Clone, Debug)]
+pub struct Candidate {
+    /// The device's own name.
+    pub name: String,
+    /// What it is.
+    pub kind: DeviceKind,
+    /// Vulkan's version and the driver's name and version.
+    pub driver: String,
+    /// What it lacks for each of [`Backend::ALL`]; an empty list: nothing.
+    missing: [Vec<String>; 3],
+    /// Whether it computes in f64 itself.
+    pub native_f64: bool,
+    pub(super) physical: vk::PhysicalDevice,
+    pub(super) memory_budget: bool,
+    pub(super) portability_subset: bool,
+}
+
+impl Candidate {
+    /// What it lacks for a backend, as text; empty: nothing.
+    pub fn missing(&self, backend: Backend) -> &[String] {
+        let place = match backend {
+            Backend::RayPipeline => 0,
+            Backend::RayQuery => 1,
+            Backend::Compute => 2,
+        };
+        &self.missing[place]
+    }
+
+    /// Whether it can run a backend.
+    pub fn can(&self, backend: Backend) -> bool {
+        self.missing(backend).is_empty()
+    }
+}
+
+/// All devices, graphics cards first; devices of one kind in the driver's order.
+///
+/// # Errors
+/// When the devices cannot be listed.
+pub fn survey(instance: &Instance) -> Result<Vec<Candidate>, DeviceError> {
+    // SAFETY: a plain query of a live instance.
+    let devices = unsafe { instance.calls().enumerate_physical_devices() }
+        .map_err(DeviceError::of("vkEnumeratePhysicalDevices"))?;
+    let mut candidates =
+        devices.into_iter().map(|d| probe(instance.calls(), d)).collect::<Result<Vec<_>, _>>()?;
+    candidates.sort_by_key(|c| c.kind);
+    Ok(candidates)
+}
+
+fn probe(calls: &ash::Instance, physical: vk::PhysicalDevice) -> Result<Candidate, DeviceError> {
+    // SAFETY: `physical` is a device of this instance, here and below.
+    let basic = unsafe { calls.get_physical_device_properties(physical) };
+    let name =
+        basic.device_name_as_c_str().map_or_else(|_| String::new(), |n| n.to_string_lossy().into_owned());
+    let kind = match basic.device_type {
+        vk::PhysicalDeviceType::DISCRETE_GPU => DeviceKind::Discrete,
+        vk::PhysicalDeviceType::INTEGRATED_GPU => DeviceKind::Integrated,
+        vk::PhysicalDeviceType::VIRTUAL_GPU => DeviceKind::Virtual,
+        vk::PhysicalDeviceType::CPU => DeviceKind::Software,
+        _ => DeviceKind::Other,
+    };
+    let version = basic.api_version;
+    if version < VERSION {
+        // Its features cannot even be asked for.
+        let missing = vec![format!("Vulkan 1.2 (it has {})", spelled(version))];
+        let driver = format!("Vulkan {}", spelled(version));
+        return Ok(Candidate {
+            name,
+            kind,
+            driver,
+            missing: [missing.clone(), missing.clone(), missing],
+            native_f64: false,
+            physical,
+            memory_budget: false,
+            portability_subset: false,
+        });
+    }
+
+    // SAFETY: as above.
+    let extensions = unsafe { calls.enumerate_device_extension_properties(physical) }
+        .map_err(DeviceError::of("vkEnumerateDeviceExtensionProperties"))?;
+    let has = |name: &std::ffi::CStr| extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(name));
+    let has_acceleration = has(khr::acceleration_structure::NAME) && has(khr::deferred_host_operations::NAME);
+
+    let mut vulkan12 = vk::PhysicalDeviceVulkan12Features::default();
+    let mut acceleration = vk::PhysicalDeviceAccelerationStructureFeaturesKHR::default();
+    let mut pipeline = vk::PhysicalDeviceRayTracingPipelineFeaturesKHR::default();
+    let mut query = vk::PhysicalDeviceRayQueryFeaturesKHR::default();
+    let mut features = vk::PhysicalDeviceFeatures2::default().push_next(&mut vulkan12);
+    // A structure of an extension that the device does not have must not be asked for.
+    if has_acceleration {
+        features = features.push_next(&mut acceleration);
+    }
+    if has(khr::ray_tracing_pipeline::NAME) {
+        features = features.push_next(&mut pipeline);
+    }
+    if has(khr::ray_query::NAME) {
+        features = features.push_next(&mut query);
+    }
+    // SAFETY: the chain holds structures of version 1.2 and of extensions that the device has.
+    unsafe { calls.get_physical_device_features2(physical, &mut features) };
+    let core = features.features;
+    let mut driver = vk::PhysicalDeviceDriverProperties::default();
+    let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut driver);
+    // SAFETY: as above.
+    unsafe { calls.get_physical_device_properties2(physical, &mut properties) };
+    // SAFETY: as above.
+    let queues = unsafe { calls.get_physical_device_queue_family_properties(physical) };
+
+    let lacking = |needs: &[(bool, &str)]| -> Vec<String> {
+        needs.iter().filter(|n| !n.0).map(|n| n.1.to_string()).collect()
+    };
+    let basics = [
+        (compute_family(&queues).is_some(), "a queue that computes"),
+        (core.shader_int64 != 0, "shaderInt64"),
+        (vulkan12.buffer_device_address != 0, "bufferDeviceAddress"),
+        (vulkan12.scalar_block_layout != 0, "scalarBlockLayout"),
+    ];
+    let hierarchy = [
+        (has(khr::acceleration_structure::NAME), "VK_KHR_acceleration_structure"),
+        (has(khr::deferred_host_operations::NAME), "VK_KHR_deferred_host_operations"),
+        (acceleration.acceleration_structure != 0, "accelerationStructure"),
+    ];
+    let by_pipeline = [
+        (has(khr::ray_tracing_pipeline::NAME), "VK_KHR_ray_tracing_pipeline"),
+        (pipeline.ray_tracing_pipeline != 0, "rayTracingPipeline"),
+    ];
+    let by_query = [(has(khr::ray_query::NAME), "VK_KHR_ray_query"), (query.ray_query != 0, "rayQuery")];
+    let driver_text = |text: Result<&std::ffi::CStr, _>| {
+        text.map_or_else(
+            |_: std::ffi::FromBytesUntilNulError| String::new(),
+            |t| t.to_string_lossy().into_owned(),
+        )
+    };
+    Ok(Candidate {
+        name,
+        kind,
+        driver: format!(
+            "Vulkan {}, {} {}",
+            spelled(version),
+            driver_text(driver.driver_name_as_c_str()),
+            driver_text(driver.driver_info_as_c_str())
+        ),
+        missing: [
+            lacking(&[&basics[..], &hierarchy, &by_pipeline].concat()),
+            lacking(&[&basics[..], &hierarchy, &by_query].concat()),
+            lacking(&basics),
+        ],
+        native_f64: core.shader_float64 != 0,
+        physical,
+        memory_budget: has(ash::ext::memory_budget::NAME),
+        portability_subset: has(khr::portability_subset::NAME),
+    })
+}
+
+/// The family of queues to use: one for compute alone where there is one, which leaves the one that draws the screen in peace.
+pub(super) fn compute_family(queues: &[vk::QueueFamilyProperties]) -> Option<u32> {
+    let computes = |q: &vk::QueueFamilyProperties| q.queue_flags.contains(vk::QueueFlags::COMPUTE);
+    let alone = queues.iter().position(|q| computes(q) && !q.queue_flags.contains(vk::QueueFlags::GRAPHICS));
+    alone.or_else(|| queues.iter().position(computes)).map(|i| i as u32)
+}
