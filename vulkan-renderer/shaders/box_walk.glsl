@@ -70,7 +70,7 @@ Walk walk_begin_in(IndexRay ray, uvec3 lo, uvec3 hi, f64 enter, bool known, uvec
     walk.lo = lo;
     walk.flip = 0u;
     walk.tied = 0u;
-    for (uint a = 0u; a < 3u; a++) {
+    ROLLED for (uint a = 0u; a < 3u; a++) {
         bool down = is_down(ray, a);
         walk.mirror[a] = down ? 15u : 0u;
         walk.flip |= down ? 3u << (2u * a) : 0u;

@@ -21,15 +21,24 @@ DVec3 dvec3_from_bits(uint64_t bits[3]) {
 }
 
 DVec3 dvec3_add(DVec3 a, DVec3 b) {
-    return dvec3_of(f64_add(a.at[0], b.at[0]), f64_add(a.at[1], b.at[1]), f64_add(a.at[2], b.at[2]));
+    ROLLED for (int i = 0; i < 3; i++) {
+        a.at[i] = f64_add(a.at[i], b.at[i]);
+    }
+    return a;
 }
 
 DVec3 dvec3_sub(DVec3 a, DVec3 b) {
-    return dvec3_of(f64_sub(a.at[0], b.at[0]), f64_sub(a.at[1], b.at[1]), f64_sub(a.at[2], b.at[2]));
+    ROLLED for (int i = 0; i < 3; i++) {
+        a.at[i] = f64_sub(a.at[i], b.at[i]);
+    }
+    return a;
 }
 
 DVec3 dvec3_scale(DVec3 a, f64 by) {
-    return dvec3_of(f64_mul(a.at[0], by), f64_mul(a.at[1], by), f64_mul(a.at[2], by));
+    ROLLED for (int i = 0; i < 3; i++) {
+        a.at[i] = f64_mul(a.at[i], by);
+    }
+    return a;
 }
 
 DVec3 dvec3_neg(DVec3 a) {
@@ -41,7 +50,11 @@ DVec3 dvec3_abs(DVec3 a) {
 }
 
 f64 dvec3_dot(DVec3 a, DVec3 b) {
-    return f64_add(f64_add(f64_mul(a.at[0], b.at[0]), f64_mul(a.at[1], b.at[1])), f64_mul(a.at[2], b.at[2]));
+    f64 sum = f64_mul(a.at[0], b.at[0]);
+    ROLLED for (int i = 1; i < 3; i++) {
+        sum = f64_add(sum, f64_mul(a.at[i], b.at[i]));
+    }
+    return sum;
 }
 
 f64 dvec3_length(DVec3 a) {

@@ -15,11 +15,15 @@
 #define F64_GLSL
 
 #extension GL_EXT_shader_explicit_arithmetic_types_int64 : require
+#extension GL_EXT_control_flow_attributes : require
 #ifdef NATIVE_F64
 #extension GL_EXT_shader_explicit_arithmetic_types_float64 : require
 #define f64 double
+#define ROLLED
 #else
 #define f64 uint64_t
+// An emulated operation is a hundred instructions: loops over the axes stay loops, or pipelines take minutes to compile.
+#define ROLLED [[dont_unroll]]
 #endif
 
 const uint64_t F64_SIGN = 0x8000000000000000UL;
@@ -207,7 +211,7 @@ uint64_t f64_div_bits(uint64_t a, uint64_t b) {
     // Then three of 20 bits: guessed in floats, wrong by a few at most, then put right by what is left over. What is left over is
     // far smaller than 2^63, so that arithmetic modulo 2^64 finds it.
     float per_divisor = 1048576.0 / float(divisor);
-    for (int round = 0; round < 3; round++) {
+    [[dont_unroll]] for (int round = 0; round < 3; round++) {
         int64_t digit = int64_t(float(rest) * per_divisor);
         rest = (rest << 20) - digit * int64_t(divisor);
         while (rest < 0L) {
@@ -243,7 +247,7 @@ uint64_t f64_sqrt_bits(uint64_t a) {
         m <<= 1;
     }
     uint64_t root = 0UL, rest = 0UL;
-    for (int digit = 0; digit < 56; digit++) {
+    [[dont_unroll]] for (int digit = 0; digit < 56; digit++) {
         rest = (rest << 2) | (m >> 62);
         m <<= 2;
         uint64_t trial = (root << 2) | 1UL;

@@ -32,8 +32,11 @@ Placement placement_of(InstanceRef instance) {
 }
 
 DVec3 index_from_world(Placement p, DVec3 v) {
-    return dvec3_of(f64_div(dvec3_dot(p.adjugate[0], v), p.determinant), f64_div(dvec3_dot(p.adjugate[1], v), p.determinant),
-        f64_div(dvec3_dot(p.adjugate[2], v), p.determinant));
+    DVec3 result;
+    ROLLED for (int a = 0; a < 3; a++) {
+        result.at[a] = f64_div(dvec3_dot(p.adjugate[a], v), p.determinant);
+    }
+    return result;
 }
 
 // The vector times 2^−k with its largest component within [1, 2), and k. False for zero and for what is not finite.
@@ -61,7 +64,7 @@ bool scaled(DVec3 v, out DVec3 result, out int k) {
 // Puts the origin on the surface's plane, and a direction that rounding turned inward along the plane.
 void start_on_face(Placement p, inout DVec3 origin, inout DVec3 direction, DVec3 d_world, int k1, Surface surface, uvec3 upper) {
     int axis = int(min(surface.axis, 2u));
-    for (int a = 0; a < 3; a++) {
+    ROLLED for (int a = 0; a < 3; a++) {
         if (a != axis) {
             f64 inset = f64_exp2(-28);
             origin.at[a] = f64_clamp(origin.at[a], f64_add(f64_from_u32(surface.voxel[a]), inset),
@@ -99,7 +102,7 @@ bool index_ray_new(Placement p, RayInWorld ray, Surface from, uvec3 upper, out I
         start_on_face(p, o, d, d_world, k1, from, upper);
     }
     // 3. Directions of 0, and so small that 1/d overflows.
-    for (int a = 0; a < 3; a++) {
+    ROLLED for (int a = 0; a < 3; a++) {
         if (f64_eq(d.at[a], F64_ZERO)) {
             d.at[a] = F64_ZERO;
             o.at[a] = f64_add(f64_floor(o.at[a]), F64_HALF);
@@ -134,7 +137,7 @@ bool is_down(IndexRay ray, uint a) {
 void clip(IndexRay ray, uvec3 lo, uvec3 hi, f64 start, out f64 enter, out f64 leave) {
     enter = start;
     leave = F64_INFINITY;
-    for (uint a = 0u; a < 3u; a++) {
+    ROLLED for (uint a = 0u; a < 3u; a++) {
         bool down = is_down(ray, a);
         f64 t_near = t_of(ray, a, down ? hi[a] : lo[a]);
         f64 t_far = t_of(ray, a, down ? lo[a] : hi[a]);

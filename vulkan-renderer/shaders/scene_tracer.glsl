@@ -9,34 +9,27 @@ InstanceRef instance_at(SceneRef scene, uint number) {
     return InstanceRef(scene.it.instances + uint64_t(number) * 312UL);
 }
 
+// One function for the three questions of the twin (see volume_ask): `first_hit`; with `any`, `occluded`; with `only` a label,
+// `next_boundary` of it in instance `only_instance`.
+//
 // In order of instances, each within what the others left: at equal t the lowest instance stays.
-Hit first_hit(SceneRef scene, RayInWorld ray, Surface from, f64 t_max) {
+Hit scene_ask(SceneRef scene, RayInWorld ray, Surface from, f64 t_max, bool any, uint only, uint only_instance) {
     Hit best = no_hit();
     f64 limit = t_max;
     for (uint i = 0u; i < scene.it.instance_count; i++) {
-        Hit hit = volume_first_hit(instance_at(scene, i), i, ray, from, limit);
-        if (is_hit(hit) && f64_lt(hit.t, limit)) {
+        if (only != NONE && i != only_instance) {
+            continue;
+        }
+        Hit hit = volume_ask(instance_at(scene, i), i, ray, from, limit, only, any);
+        if (is_hit(hit) && (any || only != NONE || f64_lt(hit.t, limit))) {
             best = hit;
             limit = hit.t;
+            if (any) {
+                break;
+            }
         }
     }
     return best;
-}
-
-bool occluded(SceneRef scene, RayInWorld ray, Surface from, f64 t_max) {
-    for (uint i = 0u; i < scene.it.instance_count; i++) {
-        if (volume_occluded(instance_at(scene, i), i, ray, from, t_max)) {
-            return true;
-        }
-    }
-    return false;
-}
-
-Hit next_boundary(SceneRef scene, RayInWorld ray, uint instance, uint label, Surface from, f64 t_max) {
-    if (instance >= scene.it.instance_count) {
-        return no_hit();
-    }
-    return volume_next_boundary(instance_at(scene, instance), instance, ray, label, from, t_max);
 }
 
 #endif

@@ -122,10 +122,13 @@ bool visit(InstanceRef instance, inout Search search, uint item) {
             search.box_number = item;
             search.step = found.step;
         }
-        search.best_t = F64_ZERO;
+        // With `any`, a face is looked for all the same: else it would matter which of the two came first.
+        if (search.seek != SEEK_ANY) {
+            search.best_t = F64_ZERO;
+        }
         return false;
     }
-    bool wins = search.kind == NEAREST_NOTHING
+    bool wins = search.kind == NEAREST_NOTHING || (search.kind == NEAREST_INSIDE && search.seek == SEEK_ANY)
         || (search.kind == NEAREST_FACE
             && (f64_lt(found.step.t, search.step.t)
                 || comes_first(label, found.step.voxel, search.label, search.step.voxel)));
@@ -165,7 +168,7 @@ bool bvh_ray(InstanceRef instance, IndexRay ray, f64 t_max, out BvhRay moved, ou
         return false;
     }
     f64 far = enter_all;
-    for (uint a = 0u; a < 3u; a++) {
+    ROLLED for (uint a = 0u; a < 3u; a++) {
         far = f64_max(far, f64_abs(ray.origin[a]));
         f64 at = f64_add(ray.origin[a], f64_mul(enter_all, ray.direction[a]));
         moved.origin[a] = f64_to_f32(f64_clamp(at, f64_from_u32(lo[a]), f64_from_u32(hi[a])));
@@ -289,46 +292,24 @@ bool index_ray(InstanceRef instance, uint instance_number, RayInWorld ray, Surfa
     return index_ray_new(placement_of(instance), ray, from, upper, result);
 }
 
-Hit surface_along(InstanceRef instance, uint instance_number, IndexRay ray, f64 t_max, uint only) {
-    Search found = nearest(instance, ray, t_max, only, false);
+// The first hit, or with `any` some hit where one will do, or with `only` the next boundary of that label: one function for the
+// three questions of the twin, because shaders inline what they call.
+Hit volume_ask(InstanceRef instance, uint instance_number, RayInWorld ray, Surface from, f64 t_max, uint only, bool any) {
+    IndexRay r;
+    // Not from a free point: within a label, a seam between two of its boxes would answer first.
+    any = any && from.instance != NONE;
+    if (!index_ray(instance, instance_number, ray, from, r)) {
+        return no_hit();
+    }
+    f64 limit = scaled_t(r, t_max);
+    Search found = nearest(instance, r, limit, only, any);
     if (found.kind == NEAREST_NOTHING) {
         return no_hit();
     }
     if (found.kind == NEAREST_FACE) {
-        return hit_of(instance, instance_number, ray, found.step, found.box_number, false);
+        return hit_of(instance, instance_number, r, found.step, found.box_number, false);
     }
-    return leave(instance, instance_number, ray, found.label, found.step.voxel, found.box_number, t_max);
-}
-
-Hit volume_first_hit(InstanceRef instance, uint instance_number, RayInWorld ray, Surface from, f64 t_max) {
-    IndexRay r;
-    if (!index_ray(instance, instance_number, ray, from, r)) {
-        return no_hit();
-    }
-    return surface_along(instance, instance_number, r, scaled_t(r, t_max), NONE);
-}
-
-Hit volume_next_boundary(InstanceRef instance, uint instance_number, RayInWorld ray, uint label, Surface from, f64 t_max) {
-    IndexRay r;
-    if (!index_ray(instance, instance_number, ray, from, r)) {
-        return no_hit();
-    }
-    return surface_along(instance, instance_number, r, scaled_t(r, t_max), label);
-}
-
-// As the first hit being one, in less time from a face, where the first box that answers will do.
-bool volume_occluded(InstanceRef instance, uint instance_number, RayInWorld ray, Surface from, f64 t_max) {
-    IndexRay r;
-    bool any = from.instance != NONE;
-    if (!index_ray(instance, instance_number, ray, from, r)) {
-        return false;
-    }
-    f64 limit = scaled_t(r, t_max);
-    Search found = nearest(instance, r, limit, NONE, any);
-    if (found.kind != NEAREST_INSIDE) {
-        return found.kind == NEAREST_FACE;
-    }
-    return is_hit(leave(instance, instance_number, r, found.label, found.step.voxel, found.box_number, limit));
+    return leave(instance, instance_number, r, found.label, found.step.voxel, found.box_number, limit);
 }
 
 #endif

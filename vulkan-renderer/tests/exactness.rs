@@ -114,8 +114,10 @@ impl Front {
             let expected = a.answer(&tracer);
             hits += usize::from(expected.is_some());
             let same = match &expected {
+                _ if a.question == Question::Occluded => {
+                    tracer.occluded(&a.ray, a.from, a.t_max) == (got.surface.instance != NONE)
+                }
                 None => got.surface.instance == NONE,
-                Some(_) if a.question == Question::Occluded => got.surface.instance != NONE,
                 Some(h) => {
                     let surface = SurfaceRecord { box_number: NONE, ..got.surface };
                     got.t.to_bits() == h.t.to_bits()
@@ -175,4 +177,172 @@ fn first_hits_are_the_cpus() {
             assert!(hits > asked.len() / 20, "{name}: rays must hit");
         }
     }
+}
+
+fn columns(x: [f64; 3], y: [f64; 3], z: [f64; 3], translation: [f64; 3]) -> DAffine3 {
+    DAffine3 {
+        matrix3: DMat3::from_cols(x.into(), y.into(), z.into()),
+        translation: DVec3::from(translation),
+    }
+}
+
+/// Whole-number places, as the oracle's, and ones where every number is rounded.
+fn places() -> Vec<DAffine3> {
+    let at = [1024.0, -77.0, 3.0];
+    vec![
+        columns([1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1000.0], at),
+        columns([-16.0, 0.0, 0.0], [0.0, 0.0, 40.0], [0.0, 16.0, 0.0], at),
+        columns([3.0, 1.0, 0.0], [-1.0, 5.0, 2.0], [7.0, 0.0, -11.0], at),
+        columns([0.3, 0.1, 0.0], [-0.1, 0.7, 0.3], [0.01, 0.0, -1.1], [1e5 + 0.1, -3e-3, 1.0 / 3.0]),
+        columns([3.2e-8, 0.0, 0.0], [0.0, 3.2e-8, 0.0], [0.0, 0.0, 4e-8], [0.1, 0.2, 0.3]),
+    ]
+}
+
+#[test]
+fn placed_volumes_are_the_cpus() {
+    for front in fronts() {
+        for (name, dims, volume) in volumes() {
+            for (i, place) in places().iter().enumerate() {
+                let traced = [instance(&volume, *place, LodChoice::Voxels)];
+                let mut asked = Vec::new();
+                for class in [Class::Random, Class::Lattice, Class::ThroughCorner, Class::Inside] {
+                    asked.extend(rays_of(class, dims, 14, place, 500));
+                }
+                let hits = front.check(&format!("{name}, place {i}"), &traced, &asked);
+                assert!(hits > asked.len() / 20, "{name}: rays must hit");
+            }
+        }
+    }
+}
+
+/// Bounces from the faces that were hit, half of the rays nearly or exactly in the plane, some shadow rays, some with a limit.
+fn bounces(tracer: &SceneTracer, asked: &[Asked], random: &mut Random) -> Vec<Asked> {
+    let mut bounced = Vec::new();
+    for a in asked {
+        let Some(hit) = tracer.first_hit(&a.ray, a.from, a.t_max) else { continue };
+        let n = hit.normal_in_world;
+        let mut d = DVec3::from([0; 3].map(|_| random.unit() * 2.0 - 1.0));
+        let up = d.dot(n);
+        d += n * match random.below(6) {
+            0 => -up,
+            1 => 1e-9 - up,
+            _ => up.abs() - up,
+        };
+        let ray = RayInWorld { origin: a.ray.origin + a.ray.direction * hit.t, direction: d };
+        let question = if random.below(3) == 0 { Question::Occluded } else { Question::FirstHit };
+        let t_max = if random.below(4) == 0 { 20.0 * random.unit() } else { f64::INFINITY };
+        bounced.push(Asked { ray, from: PathOrigin::Face(hit.surface), t_max, question, only: 0 });
+    }
+    bounced
+}
+
+#[test]
+fn bounces_are_the_cpus() {
+    for front in fronts() {
+        let mut random = Random(31);
+        for (name, dims, volume) in volumes() {
+            for place in [DAffine3::IDENTITY, places()[3]] {
+                for lod in [LodChoice::Voxels, LodChoice::Cells, LodChoice::Boxes] {
+                    let traced = [instance(&volume, place, lod)];
+                    let tracer = SceneTracer::new(&traced).unwrap();
+                    let first = rays_of(Class::Random, dims, 20, &place, 1_500);
+                    let second = bounces(&tracer, &first, &mut random);
+                    let third = bounces(&tracer, &second, &mut random);
+                    front.check(&format!("{name}, {lod:?}"), &traced, &first);
+                    front.check(&format!("{name}, {lod:?}, bounced"), &traced, &second);
+                    front.check(&format!("{name}, {lod:?}, bounced twice"), &traced, &third);
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn boundaries_of_one_label_are_the_cpus() {
+    for front in fronts() {
+        for (name, dims, volume) in volumes() {
+            let traced = [instance(&volume, DAffine3::IDENTITY, LodChoice::Voxels)];
+            let labels = volume.labels().len() as u32;
+            let mut random = Random(77);
+            let mut asked = Vec::new();
+            for class in [Class::Random, Class::Inside, Class::Lattice] {
+                for a in rays_of(class, dims, 20, &DAffine3::IDENTITY, 700) {
+                    asked.push(Asked { question: Question::NextBoundary, only: random.below(labels), ..a });
+                }
+            }
+            front.check(name, &traced, &asked);
+        }
+    }
+}
+
+/// Several instances, one twice, some labels hidden, by-distance levels of detail, limits.
+#[test]
+fn scenes_of_several_instances_are_the_cpus() {
+    for front in fronts() {
+        let volumes = volumes();
+        let mut random = Random(5);
+        let eye = DVec3::new(-40.0, 10.0, 20.0);
+        let lod = LodChoice::Distance { eye_in_world: eye, world_per_distance: 0.1, world_constant: 0.0 };
+        let mut traced = vec![
+            instance(&volumes[6].2, DAffine3::IDENTITY, LodChoice::Voxels),
+            instance(&volumes[5].2, DAffine3::from_translation(DVec3::new(30.0, 20.0, 10.5)), lod),
+            instance(&volumes[6].2, DAffine3::from_scale(DVec3::new(1.0, -1.0, 2.0)), lod),
+            instance(&volumes[1].2, places()[3] * DAffine3::from_scale(DVec3::splat(0.5)), LodChoice::Cells),
+        ];
+        for (i, t) in traced.iter_mut().enumerate() {
+            for v in &mut t.visible {
+                *v = i == 0 || random.below(3) != 0;
+            }
+        }
+        // One of which nothing is drawn.
+        traced.insert(1, instance(&volumes[4].2, DAffine3::IDENTITY, LodChoice::Voxels));
+        traced[1].visible.fill(false);
+        let tracer = SceneTracer::new(&traced).unwrap();
+        let mut asked: Vec<_> = [Class::Random, Class::Inside, Class::Lattice, Class::Far1e6]
+            .into_iter()
+            .flat_map(|c| rays_of(c, [96; 3], 14, &DAffine3::IDENTITY, 1_500))
+            .collect();
+        for a in asked.iter_mut().step_by(3) {
+            a.t_max = 300.0 * random.unit();
+        }
+        front.check("scene", &traced, &asked);
+        front.check("scene, bounced", &traced, &bounces(&tracer, &asked, &mut random));
+    }
+}
+
+/// A volume of 2²⁰ voxels along one axis, in many chunks: the hierarchy's f32 has 1/16 voxel left there.
+#[test]
+fn long_volumes_are_the_cpus() {
+    for front in fronts() {
+        let (dense, volume) = noise([1 << 20, 4, 4], 0.003, 5, 9);
+        let mut traced = [instance(&volume, DAffine3::IDENTITY, LodChoice::Voxels)];
+        for hidden in [None, Some(2)] {
+            if let Some(label) = hidden {
+                traced[0].visible[label] = false;
+            }
+            let mut asked = Vec::new();
+            for class in [Class::Random, Class::Inside, Class::Grazing, Class::AxisParallel, Class::InFace] {
+                asked.extend(rays_of(class, dense.dims, 20, &DAffine3::IDENTITY, 500));
+            }
+            let hits = front.check("2^20 voxels long", &traced, &asked);
+            assert!(hits > 100, "{hits}");
+        }
+    }
+}
+
+/// The comparison can tell: rays moved by a thousandth of a voxel have other answers.
+#[test]
+fn other_rays_have_other_hits() {
+    let front = &fronts()[0];
+    let (_, dims, volume) = volumes().swap_remove(6);
+    let traced = [instance(&volume, DAffine3::IDENTITY, LodChoice::Voxels)];
+    let asked = rays_of(Class::Random, dims, 20, &DAffine3::IDENTITY, 2_000);
+    let moved: Vec<_> = asked
+        .iter()
+        .map(|a| Asked { ray: RayInWorld { origin: a.ray.origin + DVec3::splat(1e-3), ..a.ray }, ..*a })
+        .collect();
+    let (a, b) = (front.trace(&traced, &asked), front.trace(&traced, &moved));
+    let differ = a.iter().zip(&b).filter(|(a, b)| a.t.to_bits() != b.t.to_bits()).count();
+    let faces = a.iter().zip(&b).filter(|(a, b)| a.surface != b.surface).count();
+    assert!(differ > 500 && faces > 0, "{differ} distances and {faces} faces differ");
 }

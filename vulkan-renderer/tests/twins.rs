@@ -3,6 +3,8 @@
 //! Where both compute in whole numbers, in emulated doubles or in floats whose operations Vulkan rounds correctly (sums, products:
 //! `precise`), the bits must be equal. Elsewhere the tolerance stands beside the test, with its reason.
 
+#![allow(clippy::expect_used, clippy::panic, reason = "tests")]
+
 mod gpu;
 
 #[path = "twins/doubles.rs"]

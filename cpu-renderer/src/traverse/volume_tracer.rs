@@ -158,12 +158,13 @@ impl VolumeTracer {
                     if !matches!(best, Nearest::Inside { label, .. } if label <= found) {
                         best = Nearest::Inside { label: found, voxel };
                     }
-                    best_t = 0.0;
+                    // With `any`, a face is looked for all the same: else it would matter which of the two came first.
+                    best_t = if any { best_t } else { 0.0 };
                 }
                 Found::Face(step) => {
                     let wins = match &best {
                         Nearest::Nothing => true,
-                        Nearest::Inside { .. } => false,
+                        Nearest::Inside { .. } => any,
                         Nearest::Face { step: other, item: other_item } => {
                             step.t < other.t
                                 || (self.label_of(item), step.voxel)
@@ -351,7 +352,8 @@ impl Tracer for VolumeTracer {
     }
 
     /// As `first_hit(…).is_some()`, in less time from a face, where the first box that answers will do. (Not from a free point:
-    /// within a label, a seam between two of its boxes would answer first, and only the way out of the label is a surface.)
+    /// within a label, a seam between two of its boxes would answer first, and only the way out of the label is a surface.) Where
+    /// coarse elements of labels overlap and a path starts within another's, faces within that one count too.
     fn occluded(&self, ray: &RayInWorld, from: PathOrigin, t_max: f64) -> bool {
         let any = matches!(from, PathOrigin::Face(_));
         let Some(ray) = self.index_ray(ray, from) else { return false };
