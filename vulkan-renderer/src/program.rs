@@ -75,7 +75,7 @@ impl Program {
                 gpu.dispatch(during, pipeline, launch, groups)
             }
             Made::Rays { pipeline, scratch } => {
-                let needed = u64::from(items[0]) * u64::from(items[1]) * SCRATCH_BYTES;
+                let needed = (u64::from(items[0]) * u64::from(items[1])).saturating_mul(SCRATCH_BYTES);
                 let held = match scratch.take() {
                     Some(held) if held.bytes() >= needed => held,
                     former => {

@@ -41,7 +41,8 @@ impl Buffer {
 
 /// Vulkan with the validation layer.
 pub(crate) fn validated() -> Instance {
-    Instance::new(InstanceOptions { validation: true }).expect("Vulkan with its validation layer")
+    Instance::new(&InstanceOptions { validation: true, ..InstanceOptions::default() })
+        .expect("Vulkan with its validation layer")
 }
 
 impl Gpu {
