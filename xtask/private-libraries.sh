@@ -41,44 +41,22 @@ for tool in apt-get apt-cache dpkg-deb; do
     command -v "$tool" >/dev/null || fail "Blender's module lacks$missing, and without $tool they cannot be unpacked: $INSTALL"
 done
 
-# An apt of our own: the machine's mirrors, proxy and certificates; none of its hooks, and not its list of what is installed, so that
-# what comes depends on the release alone.
+# shellcheck source=private-apt.sh
+. "$(dirname "$0")/private-apt.sh"
 work=$folder/apt
-rm -rf "$work"
-mkdir -p -m 700 "$work" # the settings may hold a proxy's password
-mkdir -p "$work"/{lists/partial,archives/partial,none,root}
+private_apt "$work"
 trap 'rm -rf "$work"' EXIT
-: >"$work/status"
-{
-    apt-config dump | grep -E '^Acquire::' | grep -vE '^Acquire::(IndexTargets|Changelogs)' || true
-    cat <<END
-Dir::Etc::Main "/dev/null";
-Dir::Etc::Parts "$work/none";
-Dir::State::Lists "$work/lists";
-Dir::State::status "$work/status";
-Dir::Cache "$work";
-Dir::Cache::Archives "$work/archives";
-Dir::Log "$work";
-Debug::NoLocking "1";
-APT::Sandbox::User "root";
-Acquire::Languages { "none"; };
-Acquire::Retries "3";
-END
-} >"$work/apt.conf"
-export APT_CONFIG=$work/apt.conf
-
-# A mirror of somebody else's that does not answer is no matter as long as the release's own does.
-apt-get --quiet update >"$work/log" 2>&1 || true
+private_update "$work" || true
 known=()
 for package in "${PACKAGES[@]}"; do
     if apt-cache show "$package" >/dev/null 2>&1; then known+=("$package"); fi
 done
 if [ ${#known[@]} = 0 ]; then
-    grep -E '^[EW]:' "$work/log" | head -n 3 >&2 || true
+    private_why "$work"
     fail "Blender's module lacks$missing, and no mirror of /etc/apt gave a list of packages (no network?): $INSTALL"
 fi
 (cd "$work/archives" && apt-get --quiet download "${known[@]}") >"$work/log" 2>&1 || {
-    grep -E '^[EW]:' "$work/log" | head -n 3 >&2 || true
+    private_why "$work"
     fail "Blender's module lacks$missing, and their packages could not be fetched: $INSTALL"
 }
 

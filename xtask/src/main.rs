@@ -8,8 +8,10 @@ mod cpu_seconds;
 mod extension;
 mod fuzz;
 mod part;
+mod private_mesa;
 mod python_env;
 mod seconds_table;
+mod shaders;
 mod share;
 mod shared_data;
 mod step;
@@ -25,6 +27,7 @@ Usage: cargo xtask test [--full] [--only PART]... [--share K] [--bpy VERSION] [-
        cargo xtask extension [--out FOLDER]
        cargo xtask test-window [--suite trixie|sid] [--gpu opengl|vulkan] [--out FOLDER]
        cargo xtask stub
+       cargo xtask shaders [--check]
        cargo xtask fuzz [TARGET]... [--seconds N]
        cargo xtask fuzz TARGET --input FILE
 
@@ -49,12 +52,17 @@ root and mmdebstrap: it builds a Debian with Blender, Xvfb and software OpenGL a
 
 stub: writes python/pumice/_native.pyi anew from the source.
 
+shaders: compiles vulkan-renderer/shaders to vulkan-renderer/spirv, by the compiler that it brings under target/ (Debian, Ubuntu).
+
+  --check       compile nothing; fail where sources and compiled shaders do not belong together
+
 fuzz: gives inputs led by coverage to one reader after the other (needs a C++ compiler); stops at the first finding.
 
   --seconds N   how long each target runs (default 60); what it learns is kept in target/fuzz for the next run
   --input FILE  run one input, say a finding, alone
 
-Environment: PUMICE_SHARED_DATA is the folder of volumes that may not be shipped (default: ../shared/data).
+Environment: VK_DRIVER_FILES, where set, is the Vulkan driver of the tests; else one that computes on the CPU is brought under target/.
+PUMICE_SHARED_DATA is the folder of volumes that may not be shipped (default: ../shared/data).
 Exit codes: 0 all went well; 1 something failed, ran no test, or hit its cap; 2 bad usage.";
 
 fn main() -> ExitCode {
@@ -67,6 +75,7 @@ fn main() -> ExitCode {
         }
         "test-window" => parsed(window::Options::parse(rest), |o| told(window::run(&root(), &target(), &o))),
         "stub" if rest.is_empty() => told(wheel::update_stub(&root(), &target())),
+        "shaders" => parsed(shaders::Options::parse(rest), |o| told(shaders::run(&root(), &target(), &o))),
         "fuzz" => parsed(fuzz::Options::parse(rest), |o| fuzz::run(&o)),
         "--help" | "-h" if rest.is_empty() => {
             println!("{HELP}");

@@ -5,15 +5,21 @@ use std::process::{Command, ExitCode};
 
 use crate::blender::Blender;
 use crate::part::{self, Outcome, Row, Running};
+use crate::private_mesa::PrivateMesa;
 use crate::python_env::Environment;
 use crate::step::Step;
 use crate::{extension, seconds_table, share, shared_data, wheel};
 
 /// Name, cap in seconds, what it is. The caps are several times what two cores need, so that only a hang or a gross slowdown
 /// hits one.
-const PARTS: [(&str, u64, &str); 13] = [
+const PARTS: [(&str, u64, &str); 14] = [
     ("build", 1800, "the workspace's tests, the command, the examples"),
     ("python-env", 600, "target/venv from tests/python/requirements.txt"),
+    (
+        "vulkan-env",
+        600,
+        "target/mesa: Vulkan on the CPU, its validation layer, the shader compiler; compiled shaders are not stale",
+    ),
     ("rust", 900, "unit and integration tests of every crate"),
     ("rust-docs", 300, "examples in the documentation"),
     ("python", 600, "formats, file layout and metrics against other people's code"),
@@ -89,6 +95,7 @@ impl Options {
                 "build" => named(&["python", "cli", "python-module", "blender", "shared-python"]),
                 "wheel" => named(&["python-module", "blender"]),
                 "blender-env" => named(&["blender"]),
+                "vulkan-env" => named(&["rust", "shared-rust", "share"]),
                 _ => false,
             }
     }
@@ -124,13 +131,16 @@ pub(crate) fn run(options: &Options) -> ExitCode {
         }
         let cap = if options.full { cap * FULL_CAP_FACTOR } else { cap };
         // There may be no example in the documentation, and no test of the full set whose turn it is.
-        let must_test =
-            !matches!(name, "build" | "python-env" | "wheel" | "blender-env" | "rust-docs" | "share");
-        // Tests in Python cannot begin without their environment; the parts in Rust go on.
+        let must_test = !matches!(
+            name,
+            "build" | "python-env" | "wheel" | "blender-env" | "vulkan-env" | "rust-docs" | "share"
+        );
+        // Tests cannot begin without their environment: one that was left out for want of it would count as passed.
         let needed: &[&str] = match name {
             "python" | "cli" | "shared-python" | "wheel" => &["python-env"],
             "python-module" => &["python-env", "wheel"],
             "blender" => &["python-env", "wheel", "blender-env"],
+            "rust" | "shared-rust" | "share" => &["vulkan-env"],
             _ => &[],
         };
         let failed =
@@ -184,6 +194,7 @@ impl Suite {
             "python-module" => return self.module_steps(),
             "blender-env" => return self.blender.steps(&self.root, &self.target),
             "blender" => return self.blender_steps(),
+            "vulkan-env" => return Ok(self.vulkan_steps()),
             "rust" => {
                 vec![self.cargo(&[&["test", "--workspace", "--tests", "--no-fail-fast"], ignored].concat())]
             }
@@ -247,6 +258,12 @@ impl Suite {
         Ok(steps)
     }
 
+    /// Vulkan for the tests; the compiled shaders are as their sources give them.
+    fn vulkan_steps(&self) -> Vec<Step> {
+        let check = self.cargo(&["run", "--quiet", "--package", "xtask", "--", "shaders", "--check"]);
+        vec![PrivateMesa::new(&self.target).step(&self.root), check.into()]
+    }
+
     /// The ignored tests whose turn it is. The Python ones run within their own parts (see `tests/python/conftest.py`).
     fn share_command(&self) -> Result<Command, Outcome> {
         let list = ["test", "--quiet", "--workspace", "--tests", "--", "--ignored", "--list"];
@@ -269,6 +286,7 @@ impl Suite {
         let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
         command.args(args);
         self.surroundings(&mut command);
+        PrivateMesa::new(&self.target).surround(&mut command);
         command
     }
 
