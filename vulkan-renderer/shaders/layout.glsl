@@ -25,7 +25,7 @@ struct Launch {
     uint first_sample;
     uint samples;
     uint count;
-    uint reserved;
+    uint wanted;
 };
 
 const uint SCRATCH_BYTES = 192u;

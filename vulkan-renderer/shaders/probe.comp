@@ -2,10 +2,10 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 
+#define FRONT_BVH
+
 #include "launch.glsl"
-#include "f64.glsl"
-#include "sampler.glsl"
-#include "filter.glsl"
+#include "path.glsl"
 
 layout(constant_id = 0) const uint FUNCTION = 0u;
 
@@ -96,6 +96,180 @@ void probe_filter(uint row) {
     put_float(filter_sample(SceneRef(launch.scene).it.film_filter, take_float()));
 }
 
+DVec3 take_dvec3() {
+    f64 x = take_f64(), y = take_f64();
+    return dvec3_of(x, y, take_f64());
+}
+
+vec2 take_vec2() {
+    float x = take_float();
+    return vec2(x, take_float());
+}
+
+vec3 take_vec3() {
+    vec2 xy = take_vec2();
+    return vec3(xy, take_float());
+}
+
+void put_dvec3(DVec3 v) {
+    put_f64(v.at[0]);
+    put_f64(v.at[1]);
+    put_f64(v.at[2]);
+}
+
+void put_vec3(vec3 v) {
+    put_float(v.x);
+    put_float(v.y);
+    put_float(v.z);
+}
+
+void probe_trigonometry(uint row) {
+    begin(row, 3u, 3u);
+    vec2 sc = sin_cos(take_float());
+    float y = take_float();
+    put_float(sc.x);
+    put_float(sc.y);
+    put_float(atan2_of(y, take_float()));
+}
+
+void probe_camera(uint row) {
+    begin(row, 4u, 14u);
+    f64 x = take_f64(), y = take_f64(), t_max;
+    RayInWorld ray = camera_ray(SceneRef(launch.scene).it.camera, x, y, t_max);
+    put_dvec3(ray.origin);
+    put_dvec3(ray.direction);
+    put_f64(t_max);
+}
+
+void probe_frame(uint row) {
+    begin(row, 6u, 12u);
+    DVec3 tangent, bitangent;
+    frame_around(take_dvec3(), tangent, bitangent);
+    put_dvec3(tangent);
+    put_dvec3(bitangent);
+}
+
+void probe_sun(uint row) {
+    begin(row, 8u, 11u);
+    Sun sun = Suns(SceneRef(launch.scene).it.lights.suns).at[0];
+    SunSample s = sun_sample(sun, take_vec2());
+    put_dvec3(s.direction);
+    put_vec3(s.radiance);
+    put_float(s.pdf);
+    put(sun_eval(sun, take_dvec3()) ? 1u : 0u);
+}
+
+void probe_environment(uint row) {
+    begin(row, 8u, 14u);
+    Environment table = SceneRef(launch.scene).it.environment;
+    SunSample s = environment_sample(table, take_vec2());
+    put_dvec3(s.direction);
+    put_vec3(s.radiance);
+    put_float(s.pdf);
+    vec3 direction = dvec3_to_vec3(take_dvec3());
+    put_vec3(environment_eval(table, direction));
+    put_float(environment_pdf(table, direction));
+}
+
+void probe_lights(uint row) {
+    begin(row, 11u, 17u);
+    SceneRef scene = SceneRef(launch.scene);
+    Lights lights = scene.it.lights;
+    Environment sky = scene.it.environment;
+    float choice = take_float();
+    LightSample s = lights_sample(lights, sky, choice, take_vec2());
+    DVec3 direction = take_dvec3();
+    float pdf = take_float(), down = take_float();
+    put(s.found ? 1u : 0u);
+    put_dvec3(s.direction);
+    put_vec3(s.radiance_over_pdf);
+    put_float(s.pdf);
+    put_vec3(lights_found(lights, sky, direction, pdf));
+    put_vec3(lights_behind(lights, sky, direction, down));
+}
+
+void probe_bsdf(uint row) {
+    begin(row, 19u, 15u);
+    Material m;
+    vec3 base = take_vec3();
+    m.base_color = float[3](base.x, base.y, base.z);
+    m.metallic = take_float();
+    m.roughness = take_float();
+    m.specular = take_float();
+    m.ior = take_float();
+    vec3 wi = take_vec3(), wo = take_vec3();
+    vec2 u = take_vec2();
+    float choice = take_float();
+    Bsdf b = bsdf_new(SceneRef(launch.scene).it.albedo, m, wi);
+    float pdf;
+    put_vec3(bsdf_eval(b, wo, pdf));
+    put_float(pdf);
+    BsdfSample s = bsdf_sample(b, u, choice);
+    put_vec3(s.wo);
+    put_vec3(s.weight);
+    put_float(s.pdf);
+    put(has_two_lobes(b) ? 1u : 0u);
+    put_vec3(sample_cosine(u));
+}
+
+void probe_box(uint row) {
+    begin(row, 2u, 10u);
+    InstanceRef instance = instance_at(SceneRef(launch.scene), 0u);
+    uint number = take();
+    BoxView b = get_box(instance, number);
+    for (uint a = 0u; a < 3u; a++) {
+        put(b.origin[a]);
+    }
+    for (uint a = 0u; a < 3u; a++) {
+        put(b.extent[a]);
+    }
+    put(b.level);
+    put(label_of_box(instance, number));
+    put64(node_field(b.node, take()));
+}
+
+void probe_holder(uint row) {
+    begin(row, 4u, 1u);
+    InstanceRef instance = instance_at(SceneRef(launch.scene), 0u);
+    uint label = take(), x = take(), y = take();
+    put(item_with(instance, label, uvec3(x, y, take())));
+}
+
+void probe_index_ray(uint row) {
+    begin(row, 23u, 21u);
+    InstanceRef instance = instance_at(SceneRef(launch.scene), 0u);
+    DVec3 origin = take_dvec3();
+    RayInWorld ray = RayInWorld(origin, take_dvec3());
+    SurfaceRecord r;
+    r.instance = take();
+    for (uint a = 0u; a < 3u; a++) {
+        r.voxel[a] = take();
+    }
+    r.face = take();
+    r.plane = take();
+    r.label = take();
+    r.box_number = NONE;
+    uvec3 upper;
+    for (uint a = 0u; a < 3u; a++) {
+        upper[a] = take();
+    }
+    IndexRay result;
+    bool usable = index_ray_new(placement_of(instance), ray, surface_from_record(r), upper, result);
+    put(usable ? 1u : 0u);
+    for (uint a = 0u; a < 3u; a++) {
+        put_f64(result.origin[a]);
+        put_f64(result.direction[a]);
+        put_f64(result.inverse[a]);
+    }
+    put_f64(result.scaled_from_world);
+}
+
+void probe_radiance(uint row) {
+    begin(row, 3u, 3u);
+    uint x = take(), y = take();
+    put_vec3(sample_of_pixel(SceneRef(launch.scene), uvec2(x, y), take()));
+}
+
 void main() {
     uint row = gl_GlobalInvocationID.x;
     if (row >= launch.count) {
@@ -110,6 +284,39 @@ void main() {
         break;
     case 2u:
         probe_filter(row);
+        break;
+    case 3u:
+        probe_trigonometry(row);
+        break;
+    case 4u:
+        probe_camera(row);
+        break;
+    case 5u:
+        probe_frame(row);
+        break;
+    case 6u:
+        probe_sun(row);
+        break;
+    case 7u:
+        probe_environment(row);
+        break;
+    case 8u:
+        probe_lights(row);
+        break;
+    case 9u:
+        probe_bsdf(row);
+        break;
+    case 10u:
+        probe_box(row);
+        break;
+    case 11u:
+        probe_holder(row);
+        break;
+    case 12u:
+        probe_index_ray(row);
+        break;
+    case 13u:
+        probe_radiance(row);
         break;
     }
 }

@@ -45,8 +45,8 @@ pub struct Launch {
     pub samples: u32,
     /// `trace_rays`, `probe`: how many rays or inputs there are.
     pub count: u32,
-    /// 0.
-    pub reserved: u32,
+    /// `first`: 0 [`FirstRecord`]s, 1 [`HitRecord`]s (their t is the depth).
+    pub wanted: u32,
 }
 
 /// Bytes of scratch memory for each ray of a launch of the ray tracing pipeline: the search that raygen and intersection share.

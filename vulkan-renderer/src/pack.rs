@@ -11,10 +11,12 @@
 
 mod boxes;
 mod looks;
+mod needs;
 mod nodes;
 mod scene;
 
 pub use boxes::PackedBoxes;
 pub use looks::PackedLooks;
+pub use needs::ShaderNeeds;
 pub use nodes::PackedNodes;
 pub use scene::{PackedSky, camera, header, lights, settings, suns};

@@ -1,0 +1,12 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#define FRONT_BVH
+
+#include "launch.glsl"
+#include "first.glsl"
+
+layout(local_size_x = 8, local_size_y = 8) in;
+
+void main() {
+    first_of_pixel(gl_GlobalInvocationID.xy);
+}

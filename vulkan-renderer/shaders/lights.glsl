@@ -1,0 +1,117 @@
+// What lights the scene: twin of cpu-renderer/src/lights.rs.
+#ifndef LIGHTS_GLSL
+#define LIGHTS_GLSL
+
+#include "environment.glsl"
+
+const uint FINDING_BOTH = 0u;
+const uint FINDING_AIMED = 1u;
+const uint FINDING_SCATTERED = 2u;
+
+// `pdf` 0: a single direction; `found` false: no sample.
+struct LightSample {
+    bool found;
+    DVec3 direction;
+    vec3 radiance_over_pdf;
+    float pdf;
+};
+
+// Veach 1997, eq. 9.13 with β = 2. Ratios first: squares of peaked densities overflow.
+float power_heuristic(float a, float b) {
+    if (a <= 0.0) {
+        return 0.0;
+    }
+    float r = b / a;
+    return 1.0 / (1.0 + r * r);
+}
+
+// Whether any light is aimed at.
+bool any_aimed(Lights lights) {
+    return lights.end_count != 0u && lights.finding != FINDING_SCATTERED;
+}
+
+float light_chance(Lights lights, uint light) {
+    if (light >= lights.end_count) {
+        return 0.0;
+    }
+    Floats ends = Floats(lights.ends);
+    return ends.at[light] - (light == 0u ? 0.0 : ends.at[light - 1u]);
+}
+
+// A light and a direction towards it.
+LightSample lights_sample(Lights lights, Environment sky, float choice, vec2 u) {
+    LightSample result;
+    result.found = false;
+    Floats ends = Floats(lights.ends);
+    uint light = 0u;
+    while (light < lights.end_count && ends.at[light] <= choice) {
+        light += 1u;
+    }
+    float chance = light_chance(lights, light);
+    SunSample s;
+    if (light == 0u) {
+        if (sky.width == 0u) {
+            return result;
+        }
+        s = environment_sample(sky, u);
+        if (s.pdf <= 0.0) {
+            return result;
+        }
+    } else {
+        if (light > lights.sun_count) {
+            return result;
+        }
+        s = sun_sample(Suns(lights.suns).at[light - 1u], u);
+    }
+    result.pdf = s.pdf * chance;
+    float over = s.pdf > 0.0 ? result.pdf : chance;
+    result.found = over > 0.0;
+    result.direction = s.direction;
+    result.radiance_over_pdf = s.radiance / over;
+    return result;
+}
+
+// Weight of light that was aimed at, where scattering would have found it with density `other`.
+float aimed_weight(Lights lights, float pdf, float other) {
+    return pdf > 0.0 && lights.finding == FINDING_BOTH ? power_heuristic(pdf, other) : 1.0;
+}
+
+float scattered_weight(Lights lights, float pdf, float light) {
+    if (lights.finding == FINDING_BOTH) {
+        return power_heuristic(pdf, light);
+    }
+    return lights.finding == FINDING_AIMED && light > 0.0 ? 0.0 : 1.0;
+}
+
+// Light that a scattered ray (unit direction, drawn with density pdf) finds at infinity.
+vec3 lights_found(Lights lights, Environment sky, DVec3 direction, float pdf) {
+    vec3 light;
+    if (sky.width == 0u) {
+        light = vec3_of(lights.sky);
+    } else {
+        vec3 d = dvec3_to_vec3(direction);
+        float sky_pdf = environment_pdf(sky, d) * light_chance(lights, 0u);
+        light = environment_eval(sky, d) * scattered_weight(lights, pdf, sky_pdf);
+    }
+    for (uint i = 0u; i < lights.sun_count; i++) {
+        Sun sun = Suns(lights.suns).at[i];
+        if (sun.cone_pdf > 0.0 && sun_eval(sun, direction)) {
+            float sun_pdf = sun.cone_pdf * light_chance(lights, i + 1u);
+            light += vec3_of(sun.radiance) * scattered_weight(lights, pdf, sun_pdf);
+        }
+    }
+    return light;
+}
+
+// What a camera ray sees where it meets nothing; `down` is 0 at the top of the picture and 1 at the bottom.
+vec3 lights_behind(Lights lights, Environment sky, DVec3 direction, float down) {
+    if (lights.has_backdrop != 0u) {
+        return mix(vec3_of(lights.backdrop[1]), vec3_of(lights.backdrop[0]), clamp(down, 0.0, 1.0));
+    }
+    if (sky.width == 0u) {
+        return vec3_of(lights.sky);
+    }
+    return environment_eval(sky, dvec3_to_vec3(dvec3_normalize(direction)));
+}
+
+#endif

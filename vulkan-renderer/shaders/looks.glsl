@@ -1,0 +1,13 @@
+// What each label looks like: twin of render's looks (cpu-renderer/src/looks.rs).
+#ifndef LOOKS_GLSL
+#define LOOKS_GLSL
+
+#include "layout.glsl"
+
+// Material of a dense label.
+Material material_of(InstanceRef instance, uint label) {
+    uint index = label < instance.it.label_count ? Words(instance.it.material_of_label).at[label] : 0u;
+    return Materials(instance.it.materials).at[index];
+}
+
+#endif

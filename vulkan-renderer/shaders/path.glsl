@@ -1,0 +1,205 @@
+// One path, from the camera to its end: twin of cpu-renderer/src/path.rs, with the loop of path_tracer.rs around it.
+//
+// The twin asks the geometry in three places. Here there is one, in a loop that knows what the ray was for: shaders inline what
+// they call, and threads of a group that trace at different places would wait for each other.
+#ifndef PATH_GLSL
+#define PATH_GLSL
+
+#include "needs.glsl"
+#include "scene_tracer.glsl"
+#include "sampler.glsl"
+#include "filter.glsl"
+#include "film.glsl"
+#include "camera_rays.glsl"
+#include "looks.glsl"
+#include "bsdf.glsl"
+#include "lights.glsl"
+
+const uint FIRST_ROULETTE = 2u;
+const float LEAST_SURVIVAL = 0.05;
+
+const uint MODE_PATH = 0u;
+const uint MODE_ONE_BOUNCE = 1u;
+const uint MODE_AMBIENT_OCCLUSION = 2u;
+
+// Orthonormal frame on a face: z is its normal.
+struct Frame {
+    DVec3 tangent;
+    DVec3 bitangent;
+    DVec3 normal;
+};
+
+Frame frame_new(DVec3 normal) {
+    Frame frame;
+    frame.normal = normal;
+    frame_around(normal, frame.tangent, frame.bitangent);
+    return frame;
+}
+
+vec3 frame_local(Frame frame, DVec3 w) {
+    return vec3(f64_to_f32(dvec3_dot(w, frame.tangent)), f64_to_f32(dvec3_dot(w, frame.bitangent)),
+        f64_to_f32(dvec3_dot(w, frame.normal)));
+}
+
+DVec3 frame_world(Frame frame, vec3 w) {
+    return dvec3_add(
+        dvec3_add(dvec3_scale(frame.tangent, f64_from_f32(w.x)), dvec3_scale(frame.bitangent, f64_from_f32(w.y))),
+        dvec3_scale(frame.normal, f64_from_f32(w.z)));
+}
+
+float max_element(vec3 v) {
+    return max(max(v.x, v.y), v.z);
+}
+
+// What the ray in flight is for.
+const uint FLIGHT_CAMERA = 0u;
+const uint FLIGHT_SHADOW = 1u;
+const uint FLIGHT_SCATTERED = 2u;
+const uint FLIGHT_AMBIENT = 3u;
+
+// Radiance along a camera ray that sees up to t_max; `down` says where in the picture it is, 0 top to 1 bottom.
+vec3 radiance(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, float down) {
+    Lights lights = scene.it.lights;
+    Environment sky = scene.it.environment;
+    if (NEEDS_PICTURE == 0u) {
+        sky.width = 0u;
+    }
+    uint mode = scene.it.settings.mode;
+    uint bounces = mode == MODE_PATH ? scene.it.settings.bounces : 0u;
+    bool aims = NEEDS_AIM != 0u && any_aimed(lights);
+    vec3 total = vec3(0.0), throughput = vec3(1.0);
+    uint vertex = 0u;
+    uint flight = FLIGHT_CAMERA;
+    Surface from = no_surface();
+    // What the light in flight adds, and where the path goes on after it.
+    vec3 add = vec3(0.0);
+    bool goes_on = false;
+    DVec3 onward = ray.direction;
+    float onward_pdf = 0.0;
+    while (true) {
+        bool any = flight == FLIGHT_SHADOW || flight == FLIGHT_AMBIENT;
+        Hit hit = scene_ask(scene, ray, from, t_max, any, NONE, 0u);
+        if (flight == FLIGHT_AMBIENT) {
+            return is_hit(hit) ? vec3(0.0) : vec3(1.0);
+        }
+        if (flight == FLIGHT_SHADOW) {
+            // The light is seen, or not; the path goes on from where it was.
+            if (!is_hit(hit)) {
+                total += add;
+            }
+            if (!goes_on) {
+                return total;
+            }
+            ray.direction = onward;
+            flight = FLIGHT_SCATTERED;
+            vertex += 1u;
+            continue;
+        }
+        if (!is_hit(hit)) {
+            if (flight == FLIGHT_CAMERA) {
+                return lights_behind(lights, sky, ray.direction, down);
+            }
+            return total + throughput * lights_found(lights, sky, dvec3_normalize(ray.direction), onward_pdf);
+        }
+        ray.origin = dvec3_add(ray.origin, dvec3_scale(ray.direction, hit.t));
+        from = hit.surface;
+        t_max = F64_INFINITY;
+        Frame frame = frame_new(hit.normal_in_world);
+
+        // 1 where a cosine-distributed ray meets nothing within reach, else 0.
+        if (mode == MODE_AMBIENT_OCCLUSION) {
+            ray.direction = frame_world(frame, sample_cosine(sampler_bounce(points, 0u, PAIR_SCATTER)));
+            if (hit.from_inside || f64_le(dvec3_dot(ray.direction, frame.normal), F64_ZERO)) {
+                return vec3(0.0);
+            }
+            t_max = f64_from_bits(scene.it.settings.ao_distance);
+            flight = FLIGHT_AMBIENT;
+            continue;
+        }
+
+        Material material = material_of(instance_at(scene, hit.surface.instance), hit.surface.label);
+        total += throughput * vec3_of(material.emission);
+        if (vertex > bounces || hit.from_inside) {
+            return total;
+        }
+        vec3 wi = frame_local(frame, dvec3_neg(dvec3_normalize(ray.direction)));
+        // A grazing ray may round to 0 or below: it still sees the front.
+        wi.z = max(wi.z, 1e-6);
+        Bsdf bsdf = bsdf_new(scene.it.albedo, material, wi);
+        float lobe = 0.5;
+
+        // Aim at a light.
+        bool light_in_flight = false;
+        DVec3 towards_light = ray.direction;
+        if (aims) {
+            vec2 choice = sampler_bounce(points, vertex, PAIR_CHOICE);
+            lobe = choice.y;
+            LightSample light = lights_sample(lights, sky, choice.x, sampler_bounce(points, vertex, PAIR_LIGHT));
+            if (light.found && f64_lt(F64_ZERO, dvec3_dot(light.direction, frame.normal))) {
+                float pdf;
+                vec3 f_cos = bsdf_eval(bsdf, frame_local(frame, light.direction), pdf);
+                add = throughput * f_cos * light.radiance_over_pdf * aimed_weight(lights, light.pdf, pdf);
+                light_in_flight = max_element(add) > 0.0;
+                towards_light = light.direction;
+            }
+        } else if (has_two_lobes(bsdf)) {
+            lobe = sampler_bounce(points, vertex, PAIR_CHOICE).y;
+        }
+
+        // Scatter.
+        BsdfSample scattered = bsdf_sample(bsdf, sampler_bounce(points, vertex, PAIR_SCATTER), lobe);
+        goes_on = scattered.pdf > 0.0;
+        if (goes_on) {
+            throughput *= scattered.weight;
+            onward = frame_world(frame, scattered.wo);
+            onward_pdf = scattered.pdf;
+            float most = max_element(throughput);
+            goes_on = most > 0.0 && f64_lt(F64_ZERO, dvec3_dot(onward, frame.normal));
+
+            // End by Russian roulette; who survives stands for who does not.
+            if (goes_on && scene.it.settings.russian_roulette != 0u && vertex >= FIRST_ROULETTE && most < 1.0) {
+                float survival = max(most, LEAST_SURVIVAL);
+                goes_on = sampler_bounce(points, vertex, PAIR_ROULETTE).x < survival;
+                throughput /= survival;
+            }
+        }
+        if (light_in_flight) {
+            ray.direction = towards_light;
+            flight = FLIGHT_SHADOW;
+        } else if (goes_on) {
+            ray.direction = onward;
+            flight = FLIGHT_SCATTERED;
+            vertex += 1u;
+        } else {
+            return total;
+        }
+    }
+    return total;
+}
+
+// One sample of one pixel.
+vec3 sample_of_pixel(SceneRef scene, uvec2 pixel, uint number) {
+    PixelSampler points = sampler_new(scene.it.settings.seed, pixel, number);
+    vec2 u = sampler_film(points);
+    f64 px = f64_add(f64_add(f64_from_u32(pixel.x), F64_HALF), f64_from_f32(filter_sample(scene.it.film_filter, u.x)));
+    f64 py = f64_add(f64_add(f64_from_u32(pixel.y), F64_HALF), f64_from_f32(filter_sample(scene.it.film_filter, u.y)));
+    f64 t_max;
+    RayInWorld ray = camera_ray(scene.it.camera, px, py, t_max);
+    float down = f64_to_f32(f64_div(py, f64_from_bits(scene.it.camera.size[1])));
+    return radiance(scene, points, ray, t_max, down);
+}
+
+// Adds the launch's samples to one pixel of its tile.
+void add_samples(uvec2 in_tile) {
+    if (in_tile.x >= launch.tile_width || in_tile.y >= launch.tile_height) {
+        return;
+    }
+    SceneRef scene = SceneRef(launch.scene);
+    uvec2 pixel = uvec2(launch.tile_x, launch.tile_y) + in_tile;
+    for (uint i = 0u; i < launch.samples; i++) {
+        uint number = launch.first_sample + i;
+        film_add(launch.target, scene.it.film_width, pixel, number, sample_of_pixel(scene, pixel, number));
+    }
+}
+
+#endif
