@@ -48,18 +48,22 @@ impl CpuRenderer {
     fn shown(&self) -> Result<&Shown, RenderError> {
         self.shown.as_ref().ok_or_else(no_scene)
     }
+}
 
-    fn lights(&self, scene: &Scene) -> Result<Lights, RenderError> {
-        let sky = match &scene.world.environment {
-            Environment::Constant { radiance } => Sky::Constant(glam::Vec3::from_array(*radiance)),
-            Environment::Image { path, rotation_rad, strength } => {
-                let at = |what: String| RenderError::Source(format!("{}: {what}", path.display()));
-                let image = (self.read_image)(path).map_err(at)?;
-                Sky::Image(Box::new(EnvironmentTable::new(image, *strength, *rotation_rad).map_err(at)?))
-            }
-        };
-        Ok(Lights::new(sky, scene.suns.iter().map(ReadySun::new).collect(), scene.world.backdrop))
-    }
+/// Lights of a scene, its picture read.
+///
+/// # Errors
+/// [`RenderError::Source`] where the picture cannot be read.
+pub fn scene_lights(scene: &Scene, read_image: ReadImage) -> Result<Lights, RenderError> {
+    let sky = match &scene.world.environment {
+        Environment::Constant { radiance } => Sky::Constant(glam::Vec3::from_array(*radiance)),
+        Environment::Image { path, rotation_rad, strength } => {
+            let at = |what: String| RenderError::Source(format!("{}: {what}", path.display()));
+            let image = read_image(path).map_err(at)?;
+            Sky::Image(Box::new(EnvironmentTable::new(image, *strength, *rotation_rad).map_err(at)?))
+        }
+    };
+    Ok(Lights::new(sky, scene.suns.iter().map(ReadySun::new).collect(), scene.world.backdrop))
 }
 
 /// What the former scene has to offer for an instance of the new one: its place there, where its volume is the same.
@@ -125,7 +129,7 @@ impl Renderer for CpuRenderer {
             Some(o) if !diff.world && !diff.suns => Arc::clone(&o.tracer.around().lights),
             _ => {
                 rebuilt.lights += 1;
-                Arc::new(self.lights(scene)?)
+                Arc::new(scene_lights(scene, self.read_image)?)
             }
         };
         let lod = LodChoice::new(scene.settings.lod, &scene.camera, &scene.film);

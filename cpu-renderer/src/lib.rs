@@ -10,7 +10,7 @@ pub mod path;
 pub mod path_tracer;
 pub mod traverse;
 
-pub use cpu_renderer::{CpuRenderer, ReadImage};
+pub use cpu_renderer::{CpuRenderer, ReadImage, scene_lights};
 pub use lights::{Finding, Lights, Sky};
 pub use looks::Looks;
 pub use path::Surroundings;

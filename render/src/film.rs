@@ -56,6 +56,14 @@ impl FilmBuffer {
         Self { width, height, sums: vec![0.0; width * height * STRIDE], row_samples: vec![0; height] }
     }
 
+    /// A picture from its sums and the samples that each pixel of each row has, as a device that keeps them hands them out.
+    /// `None` where their numbers are not those of such a picture.
+    pub fn from_sums(width: u32, height: u32, sums: Vec<f32>, row_samples: Vec<u32>) -> Option<Self> {
+        let (width, height) = (width as usize, height as usize);
+        let fits = sums.len() == width * height * STRIDE && row_samples.len() == height;
+        fits.then_some(Self { width, height, sums, row_samples })
+    }
+
     /// Pixels across and down.
     pub fn size(&self) -> (usize, usize) {
         (self.width, self.height)

@@ -18,6 +18,10 @@ pub enum RenderError {
     /// A file that the scene names could not be read.
     #[error("{0}")]
     Source(String),
+    /// The device that renders failed in a way that the renderer could not overcome: its memory is full, or it was lost. Another
+    /// backend may still draw the scene.
+    #[error("{0}")]
+    Device(String),
     /// The job was cancelled.
     #[error("cancelled")]
     Cancelled,
@@ -99,6 +103,12 @@ pub trait Renderer: Send {
     /// How often each kind of data was made since the renderer was.
     fn rebuilt(&self) -> Rebuilt;
 
-    /// Heap bytes by part, the volumes not counted; `acceleration` is among them once a scene was set.
+    /// Bytes by part, the volumes as they lie in the caller's memory not counted; `acceleration` is among them once a scene was
+    /// set. A renderer with memory of its own counts that memory.
     fn bytes(&self) -> Vec<(&'static str, u64)>;
+
+    /// What whoever looks at the picture should be told since the last call, a line each: failures that were overcome, at a price.
+    fn notices(&mut self) -> Vec<String> {
+        Vec::new()
+    }
 }

@@ -15,7 +15,7 @@ mod needs;
 mod nodes;
 mod scene;
 
-pub use boxes::PackedBoxes;
+pub use boxes::{PackedBoxes, place};
 pub use looks::PackedLooks;
 pub use needs::ShaderNeeds;
 pub use nodes::PackedNodes;

@@ -115,11 +115,7 @@ impl PackedBoxes {
     /// The instance's record, addresses and materials left 0.
     pub fn record(&self, placement: &Placement) -> Instance {
         let all = self.all.unwrap_or(BoxBounds { lo: [0; 3], hi: [0; 3] });
-        Instance {
-            translation: placement.world_from_index.translation.to_array(),
-            adjugate: placement.adjugate.map(|row| row.to_array()),
-            determinant: placement.determinant,
-            normals: [0, 1, 2].map(|a| placement.normal(a, true).to_array()),
+        let mut record = Instance {
             lo: all.lo,
             hi: all.hi,
             dims: self.dims,
@@ -128,6 +124,16 @@ impl PackedBoxes {
             all_voxels: u32::from(self.all_voxels),
             box_count: self.boxes.len() as u32,
             ..Instance::default()
-        }
+        };
+        place(&mut record, placement);
+        record
     }
+}
+
+/// Puts an instance elsewhere: its boxes stay as they are.
+pub fn place(record: &mut Instance, placement: &Placement) {
+    record.translation = placement.world_from_index.translation.to_array();
+    record.adjugate = placement.adjugate.map(|row| row.to_array());
+    record.determinant = placement.determinant;
+    record.normals = [0, 1, 2].map(|a| placement.normal(a, true).to_array());
 }
