@@ -5,7 +5,9 @@
 
 #include "hardware_ray.glsl"
 
-layout(buffer_reference, scalar, buffer_reference_align = 8) shadercallcoherent buffer SearchRef { Search it; };
+// Volatile: what the intersection shader wrote must be read again after the trace. (The compiler emits nothing for
+// `shadercallcoherent` where a block is read as a whole, and a driver then gave raygen the search as it was before.)
+layout(buffer_reference, scalar, buffer_reference_align = 8) volatile buffer SearchRef { Search it; };
 
 // The search of this ray of the launch.
 SearchRef search_of_launch(Address scratch) {

@@ -11,3 +11,4 @@
 pub mod device;
 pub mod layout;
 pub mod pack;
+pub mod program;

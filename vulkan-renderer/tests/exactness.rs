@@ -6,6 +6,7 @@
 mod exact;
 mod gpu;
 
+use std::cell::RefCell;
 use std::sync::Arc;
 
 use exact::in_world;
@@ -17,7 +18,9 @@ use gpu::scene::Uploaded;
 use pumice_core::CompressedVolume;
 use pumice_cpu::traverse::{LodChoice, SceneTracer, TracedInstance};
 use pumice_render::{Hit, PathOrigin, RayInWorld, Surface, Tracer};
+use pumice_vulkan::device::Backend;
 use pumice_vulkan::layout::{HitRecord, Launch, NONE, Question, RayRecord, SceneHeader, SurfaceRecord};
+use pumice_vulkan::program::Program;
 
 /// A question to both.
 #[derive(Clone, Copy, Debug)]
@@ -74,20 +77,23 @@ impl Asked {
 
 /// One way to trace on a device.
 struct Front {
-    name: &'static str,
+    name: String,
     gpu: Gpu,
-    pipeline: gpu::Pipeline,
+    program: RefCell<Program>,
 }
 
 fn fronts() -> Vec<Front> {
     let mut fronts = Vec::new();
-    for (name, native) in [("compute", false), ("compute, native doubles", true)] {
-        let gpu = Gpu::new();
-        if native && !gpu.has_f64 {
-            continue;
+    for backend in Backend::ALL {
+        for native in [false, true] {
+            let gpu = Gpu::of(backend);
+            if native && !gpu.has_f64 {
+                continue;
+            }
+            let program = RefCell::new(gpu.program("trace_rays", native, [64, 1]));
+            let name = format!("{backend}{}", if native { ", native doubles" } else { "" });
+            fronts.push(Front { name, gpu, program });
         }
-        let pipeline = gpu.pipeline(&gpu::spirv("trace_rays_bvh.comp", native), &[]);
-        fronts.push(Front { name, gpu, pipeline });
     }
     fronts
 }
@@ -102,7 +108,7 @@ impl Front {
         let count = records.len() as u32;
         let launch =
             Launch { scene, input: source.address, output: target.address, count, ..Launch::default() };
-        self.gpu.run(&self.pipeline, &launch, [count.div_ceil(64), 1]);
+        self.program.borrow_mut().run("a test", &launch, [count, 1]).unwrap();
         target.read(records.len())
     }
 

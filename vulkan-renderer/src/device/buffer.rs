@@ -53,7 +53,7 @@ pub(super) struct Staging {
 unsafe impl Send for Staging {}
 
 impl Buffer {
-    /// Device address of its first byte: a multiple of 256 at least as far as any device promises it, of 16 on all.
+    /// Device address of its first byte, a multiple of 16.
     pub fn address(&self) -> u64 {
         self.address
     }

@@ -1,12 +1,13 @@
 //! The loader and the instance: the first things that a machine may lack.
 
 use std::ffi::CStr;
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use ash::{ext, khr, vk};
 
+use super::DeviceError;
 use super::messages::{Messages, receive};
-use super::{DeviceError, error};
 
 /// The version that we need of loader and devices: buffer addresses, the scalar layout and 64-bit integers are its features.
 pub(super) const VERSION: u32 = vk::API_VERSION_1_2;
@@ -14,10 +15,12 @@ pub(super) const VERSION: u32 = vk::API_VERSION_1_2;
 const VALIDATION: &CStr = c"VK_LAYER_KHRONOS_validation";
 
 /// How to start Vulkan.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct InstanceOptions {
     /// With the Khronos validation layer and its synchronisation checks; an error where it is not installed.
     pub validation: bool,
+    /// The loader's file instead of the system's own.
+    pub loader: Option<PathBuf>,
 }
 
 /// Vulkan, started.
@@ -39,13 +42,19 @@ impl Instance {
     ///
     /// # Errors
     /// [`DeviceError::NoVulkan`] says what is missing.
-    pub fn new(options: InstanceOptions) -> Result<Self, DeviceError> {
+    pub fn new(options: &InstanceOptions) -> Result<Self, DeviceError> {
         let absent = |what: String| DeviceError::NoVulkan(what.replace('\n', " "));
-        // SAFETY: the loader is the system's own; loading it runs its initialisers and no code of ours.
-        let entry = unsafe { ash::Entry::load() }.map_err(|e| absent(format!("no loader ({e})")))?;
+        // SAFETY: the loader is the system's own, or one that the caller vouches for; loading it runs its initialisers.
+        let entry = unsafe {
+            match &options.loader {
+                None => ash::Entry::load(),
+                Some(file) => ash::Entry::load_from(file),
+            }
+        };
+        let entry = entry.map_err(|e| absent(format!("no loader ({e})")))?;
         // SAFETY: a plain query of the loader.
         let version = unsafe { entry.try_enumerate_instance_version() }
-            .map_err(error::DeviceError::of("vkEnumerateInstanceVersion"))?
+            .map_err(DeviceError::of("vkEnumerateInstanceVersion"))?
             .unwrap_or(vk::API_VERSION_1_0);
         if version < VERSION {
             return Err(absent(format!("expected a loader of version 1.2, got {}", spelled(version))));

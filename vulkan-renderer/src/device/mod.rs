@@ -18,6 +18,8 @@ mod acceleration;
 mod backend;
 mod buffer;
 mod compute;
+#[cfg(test)]
+mod control;
 mod error;
 mod faults;
 mod gpu;

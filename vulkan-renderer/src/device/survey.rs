@@ -182,3 +182,18 @@ pub(super) fn compute_family(queues: &[vk::QueueFamilyProperties]) -> Option<u32
     let alone = queues.iter().position(|q| computes(q) && !q.queue_flags.contains(vk::QueueFlags::GRAPHICS));
     alone.or_else(|| queues.iter().position(computes)).map(|i| i as u32)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_queue_that_only_computes_is_preferred() {
+        let queue = |flags| vk::QueueFamilyProperties { queue_flags: flags, ..Default::default() };
+        let (graphics, compute) = (vk::QueueFlags::GRAPHICS, vk::QueueFlags::COMPUTE);
+        let transfer = queue(vk::QueueFlags::TRANSFER);
+        assert_eq!(compute_family(&[queue(graphics | compute), transfer, queue(compute)]), Some(2));
+        assert_eq!(compute_family(&[transfer, queue(graphics | compute)]), Some(1));
+        assert_eq!(compute_family(&[transfer, queue(graphics)]), None);
+    }
+}

@@ -12,6 +12,7 @@ use std::collections::HashMap;
 use bytemuck::{Pod, Zeroable};
 use pumice_vulkan::device::{self, Backend, DeviceError, Instance, InstanceOptions};
 use pumice_vulkan::layout::Launch;
+use pumice_vulkan::program::{Code, Program};
 
 pub(crate) use pumice_vulkan::device::ComputePipeline as Pipeline;
 
@@ -45,7 +46,8 @@ impl Buffer {
 
 /// Vulkan with the validation layer.
 pub(crate) fn validated() -> Instance {
-    Instance::new(InstanceOptions { validation: true }).expect("Vulkan with its validation layer")
+    Instance::new(&InstanceOptions { validation: true, ..InstanceOptions::default() })
+        .expect("Vulkan with its validation layer")
 }
 
 impl Gpu {
@@ -91,6 +93,22 @@ impl Gpu {
     /// A compute shader with its constants, made ready.
     pub(crate) fn pipeline(&self, words: &[u32], constants: &[u32]) -> Pipeline {
         self.inner.compute_pipeline(words, constants).expect("a pipeline")
+    }
+
+    /// An entry point for the device's backend, compiled as tests read it.
+    pub(crate) fn program(&self, entry: &str, native: bool, group: [u32; 2]) -> Program {
+        let backend = self.inner.backend();
+        let main = match backend {
+            Backend::RayPipeline => format!("{entry}.rgen"),
+            Backend::RayQuery => format!("{entry}_query.comp"),
+            Backend::Compute => format!("{entry}_bvh.comp"),
+        };
+        let main = spirv(&main, native);
+        let others = ["nothing.rmiss", "box.rint"].map(|name| spirv(name, native));
+        let [miss, intersection] = &others;
+        let miss_and_box = (backend == Backend::RayPipeline).then_some([&miss[..], &intersection[..]]);
+        let code = Code { main: &main, miss_and_box, group };
+        Program::new(&self.inner, &code, &[]).expect("a program")
     }
 
     /// Runs it once and waits.
