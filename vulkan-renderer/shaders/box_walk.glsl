@@ -29,6 +29,25 @@ uvec3 voxel_before(Step step, IndexRay ray) {
     return v;
 }
 
+// Planes of a voxel that are met within this of each other may be taken for a tie: 2·16·3·2^−24.
+#define TIE f64_from_bits(0x3ED8000000000000UL)
+
+// The same step through the plane of another axis by which the ray comes into the voxel.
+Step through(Step step, uint axis, IndexRay ray) {
+    uint plane = step.voxel[axis] + (is_down(ray, axis) ? 1u : 0u);
+    return Step(t_of(ray, axis, plane), axis, plane, step.voxel, step.tied);
+}
+
+// Whether the ray came into the voxel through another plane at about the same time.
+bool is_near_edge(Step step, IndexRay ray) {
+    f64 least = f64_sub(step.t, TIE);
+    bool near = false;
+    ROLLED for (uint a = 0u; a < 3u; a++) {
+        near = near || (a != step.axis && f64_le(least, through(step, a, ray).t));
+    }
+    return near;
+}
+
 const uint FOUND_NOTHING = 0u;
 const uint FOUND_INSIDE = 1u;
 const uint FOUND_FACE = 2u;

@@ -22,7 +22,7 @@ const uint NEAREST_FACE = 2u;
 // What visits look for.
 const uint SEEK_NEAREST = 0u;
 const uint SEEK_ANY = 1u;
-// The box of label `only` with an element at `step.voxel`.
+// The box of label `only` (NONE: of any) with an element at `step.voxel`.
 const uint SEEK_HOLDER = 2u;
 
 struct Search {
@@ -89,7 +89,8 @@ bool comes_first(uint label_a, uvec3 a, uint label_b, uvec3 b) {
 bool visit(InstanceRef instance, inout Search search, uint item) {
     BoxPlace p = box_place(instance, item);
     if (search.seek == SEEK_HOLDER) {
-        if (label_of_box(instance, item) == search.only && holds(instance, p, search.step.voxel)) {
+        bool wanted = search.only == NONE || label_of_box(instance, item) == search.only;
+        if (wanted && holds(instance, p, search.step.voxel)) {
             search.box_number = item;
             return true;
         }
@@ -201,7 +202,7 @@ Search nearest(InstanceRef instance, IndexRay ray, f64 t_max, uint only, bool an
     return search;
 }
 
-// The box of `label` that has an element at `voxel`, or NONE.
+// The box of `label` (NONE: of any) that has an element at `voxel`, or NONE.
 uint item_with(InstanceRef instance, uint label, uvec3 voxel) {
     for (uint a = 0u; a < 3u; a++) {
         if (voxel[a] < instance.it.lo[a] || voxel[a] >= instance.it.hi[a]) {
@@ -241,6 +242,42 @@ Hit hit_of(InstanceRef instance, uint instance_number, IndexRay ray, Step step, 
         positive ? normal : dvec3_neg(normal), from_inside);
 }
 
+// Near an edge of the voxel that is entered: the face that was found if nothing that the ray asks for stands before it, else the
+// first that is open in this way, if any. `only` NONE: whatever is drawn counts.
+Step open_face(InstanceRef instance, IndexRay ray, Step step, f64 t_max, uint only) {
+    f64 least = f64_sub(step.t, TIE);
+    [[dont_unroll]] for (uint i = 0u; i < 4u; i++) {
+        Step face = step;
+        if (i > 0u) {
+            face = through(step, i - 1u, ray);
+            if (!(f64_le(least, face.t) && f64_lt(F64_ZERO, face.t) && f64_lt(face.t, t_max))) {
+                continue;
+            }
+        }
+        uvec3 before = step.voxel;
+        before[face.axis] += is_down(ray, face.axis) ? 1u : 0xFFFFFFFFu;
+        if (item_with(instance, only, before) == NONE) {
+            return face;
+        }
+    }
+    return step;
+}
+
+// The same for a ray that leaves `label`: of the faces crossed at once, the first that has something else behind it.
+Step face_out(InstanceRef instance, IndexRay ray, Step step, uint label) {
+    uvec3 last = voxel_before(step, ray);
+    [[dont_unroll]] for (uint a = 0u; a < 3u; a++) {
+        if (((step.tied >> a) & 1u) != 0u) {
+            uvec3 behind = last;
+            behind[a] = step.voxel[a];
+            if (item_with(instance, label, behind) == NONE) {
+                return through(step, a, ray);
+            }
+        }
+    }
+    return step;
+}
+
 // The face through which a ray that starts in `voxel` of `label` leaves the label.
 Hit leave(InstanceRef instance, uint instance_number, IndexRay ray, uint label, uvec3 voxel, uint item, f64 t_max) {
     f64 t = F64_ZERO;
@@ -255,7 +292,10 @@ Hit leave(InstanceRef instance, uint instance_number, IndexRay ray, uint label, 
         }
         uint next = left_box ? item_with(instance, label, step.voxel) : NONE;
         if (next == NONE) {
-            if (f64_lt(F64_ZERO, step.t)) {
+            if (bitCount(step.tied) > 1) {
+                step = face_out(instance, ray, step, label);
+            }
+            if (f64_lt(F64_ZERO, step.t) && f64_lt(step.t, t_max)) {
                 return hit_of(instance, instance_number, ray, step, item, true);
             }
             return no_hit();
@@ -307,7 +347,12 @@ Hit volume_ask(InstanceRef instance, uint instance_number, RayInWorld ray, Surfa
         return no_hit();
     }
     if (found.kind == NEAREST_FACE) {
-        return hit_of(instance, instance_number, r, found.step, found.box_number, false);
+        Step step = found.step;
+        // Where one hit will do, nobody asks for its face.
+        if (!any && is_near_edge(step, r)) {
+            step = open_face(instance, r, step, limit, only);
+        }
+        return hit_of(instance, instance_number, r, step, found.box_number, false);
     }
     return leave(instance, instance_number, r, found.label, found.step.voxel, found.box_number, limit);
 }

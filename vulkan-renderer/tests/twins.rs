@@ -9,7 +9,13 @@ mod gpu;
 
 #[path = "twins/doubles.rs"]
 mod doubles;
+#[path = "twins/geometry.rs"]
+mod geometry;
+#[path = "twins/lighting.rs"]
+mod lighting;
 #[path = "twins/points.rs"]
 mod points;
+#[path = "twins/scattering.rs"]
+mod scattering;
 #[path = "twins/words.rs"]
 mod words;

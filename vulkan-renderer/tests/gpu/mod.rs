@@ -6,6 +6,9 @@
 
 pub(crate) mod scene;
 
+use std::cell::RefCell;
+use std::collections::HashMap;
+
 use bytemuck::{Pod, Zeroable};
 use pumice_vulkan::device::{self, Backend, DeviceError, Instance, InstanceOptions};
 use pumice_vulkan::layout::Launch;
@@ -18,6 +21,8 @@ pub(crate) struct Gpu {
     inner: device::Gpu,
     pub(crate) has_f64: bool,
     pub(crate) name: String,
+    /// Of `probe.comp`, by function and whether doubles are the device's.
+    probes: RefCell<HashMap<(u32, bool), Pipeline>>,
 }
 
 /// Memory on the device.
@@ -58,7 +63,12 @@ impl Gpu {
         let found = all.iter().find(|c| c.can(backend));
         let candidate = found.unwrap_or_else(|| panic!("no device for {backend} among {all:?}"));
         let inner = device::Gpu::open(&instance, candidate, backend, None).expect("a device");
-        Self { inner, has_f64: candidate.native_f64, name: candidate.name.clone() }
+        Self {
+            inner,
+            has_f64: candidate.native_f64,
+            name: candidate.name.clone(),
+            probes: RefCell::default(),
+        }
     }
 
     /// The device itself.
@@ -125,7 +135,10 @@ impl Gpu {
         rows: &[Vec<u32>],
         out: usize,
     ) -> Vec<Vec<u32>> {
-        let pipeline = self.pipeline(&spirv("probe.comp", native), &[function]);
+        let mut probes = self.probes.borrow_mut();
+        let pipeline = probes
+            .entry((function, native))
+            .or_insert_with(|| self.pipeline(&spirv("probe.comp", native), &[function]));
         let width = rows[0].len();
         let mut words = Vec::with_capacity(rows.len() * width);
         for row in rows {
@@ -141,7 +154,7 @@ impl Gpu {
             count: rows.len() as u32,
             ..Launch::default()
         };
-        self.run(&pipeline, &launch, [(rows.len() as u32).div_ceil(64), 1]);
+        self.run(pipeline, &launch, [(rows.len() as u32).div_ceil(64), 1]);
         target.read::<u32>(rows.len() * out).chunks_exact(out).map(<[u32]>::to_vec).collect()
     }
 }

@@ -48,6 +48,10 @@ impl Row {
     pub(crate) fn double(self, v: f64) -> Self {
         self.long(v.to_bits())
     }
+
+    pub(crate) fn doubles(self, v: impl IntoIterator<Item = f64>) -> Self {
+        v.into_iter().fold(self, Self::double)
+    }
 }
 
 /// A row that is being read.
@@ -71,4 +75,17 @@ impl Reader<'_> {
     pub(crate) fn double(&mut self) -> f64 {
         f64::from_bits(self.long())
     }
+}
+
+/// Fails where two numbers differ by more than `relative` of the larger.
+#[track_caller]
+pub(crate) fn close(got: f32, expected: f32, relative: f32, what: &str) {
+    close_beside(got, expected, relative, 1e-30, what);
+}
+
+/// The same, where `absolute` is forgiven on top.
+#[track_caller]
+pub(crate) fn close_beside(got: f32, expected: f32, relative: f32, absolute: f32, what: &str) {
+    let limit = relative * got.abs().max(expected.abs()) + absolute;
+    assert!((got - expected).abs() <= limit, "{what}: expected {expected}, got {got}");
 }
