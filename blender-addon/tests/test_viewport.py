@@ -148,7 +148,7 @@ def test_the_scene_is_the_one_that_blender_shows(stage):
     scene = shown.sent.scene(shown.numbers)
     light_travels = stage.sun.matrix_world.to_3x3() @ Vector((0, 0, -1))
     assert scene["suns"][0]["direction"] == pytest.approx(list(light_travels), abs=1e-6)
-    assert scene["suns"][0]["strength"] == pytest.approx(2.6)
+    assert scene["suns"][0]["strength"] == pytest.approx(stage.sun.data.energy)
     assert scene["world"]["environment"]["constant"]["radiance"] == pytest.approx([0.46, 0.49, 0.53])
     one = scene["instances"][0]
     columns = np.array(one["world_from_index"]).reshape(4, 3)

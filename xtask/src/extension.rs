@@ -6,10 +6,10 @@
 //! ```
 
 use std::path::{Path, PathBuf};
-use std::process::Command;
 
-use crate::part::Outcome;
-use crate::python_env::{BLENDER, TESTS};
+use crate::blender::Blender;
+use crate::python_env::Environment;
+use crate::step::Step;
 use crate::wheel;
 
 /// What of `blender-addon/` is not for users.
@@ -20,8 +20,14 @@ pub(crate) fn zip(target: &Path, profile: &str) -> PathBuf {
     target.join("extension").join(format!("pumice-{profile}.zip"))
 }
 
-/// Stages the extension with the wheel of a profile, which must be built; gives the commands that check and pack it.
-fn pack(root: &Path, target: &Path, profile: &str) -> Result<Vec<Command>, String> {
+/// Stages the extension with the wheel of a profile, which must be built; gives the steps that check and pack it with the tool of
+/// a Blender.
+pub(crate) fn pack(
+    root: &Path,
+    target: &Path,
+    profile: &str,
+    blender: &Blender,
+) -> Result<Vec<Step>, String> {
     let stage = target.join("extension").join(profile).join("pumice");
     let fault = |path: &Path| {
         let path = path.display().to_string();
@@ -32,67 +38,44 @@ fn pack(root: &Path, target: &Path, profile: &str) -> Result<Vec<Command>, Strin
     }
     copy(&root.join("blender-addon"), &stage)?;
 
-    let wheels = wheel::folder(target, profile);
-    let name = newest_wheel(&wheels)?;
+    let wheel = wheel::newest(target, profile)?;
+    let name = wheel.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let inside = stage.join("wheels");
     std::fs::create_dir_all(&inside).map_err(fault(&inside))?;
-    std::fs::copy(wheels.join(&name), inside.join(&name)).map_err(fault(&inside))?;
+    std::fs::copy(&wheel, inside.join(&name)).map_err(fault(&inside))?;
     let manifest = stage.join("blender_manifest.toml");
     let text = std::fs::read_to_string(&manifest).map_err(fault(&manifest))?;
     let text = with_wheel(&text, &name, platform()?)
         .ok_or_else(|| format!("{}: no line `wheels = []` to fill", manifest.display()))?;
     std::fs::write(&manifest, text).map_err(fault(&manifest))?;
 
-    let python = BLENDER.interpreter(target);
-    let tool = blender_tool(target)?;
-    let mut validate = Command::new(&python);
-    private_libraries(target, &mut validate);
+    // A zip of an earlier run must not pass for this one's.
+    let zip = zip(target, profile);
+    if zip.exists() {
+        std::fs::remove_file(&zip).map_err(fault(&zip))?;
+    }
+    let tool = blender.extension_tool(target)?;
+    let mut validate = blender.python(target);
     validate.arg(&tool).arg("validate").arg(&stage);
-    let mut build = Command::new(&python);
-    private_libraries(target, &mut build);
-    build
-        .arg(&tool)
-        .args(["build", "--source-dir"])
-        .arg(&stage)
-        .arg("--output-filepath")
-        .arg(zip(target, profile));
-    Ok(vec![validate, build])
+    let mut build = blender.python(target);
+    build.arg(&tool).args(["build", "--source-dir"]).arg(&stage).arg("--output-filepath").arg(&zip);
+    Ok(vec![
+        Step::or_say(validate, "Blender's tool refuses the extension"),
+        Step::or_say(build, "Blender's tool does not pack the extension"),
+    ])
 }
 
 /// `cargo xtask extension [--profile dev] [--out FOLDER]`: builds the wheel, packs, says where the zip is.
-pub(crate) fn run(root: &Path, target: &Path, args: &[String]) -> Result<(), String> {
-    let (mut profile, mut out) = ("release", None);
-    let mut args = args.iter();
-    while let Some(arg) = args.next() {
-        let mut value = || args.next().ok_or_else(|| format!("{arg} needs a value"));
-        match arg.as_str() {
-            "--out" => out = Some(PathBuf::from(value()?)),
-            "--profile" => match value()?.as_str() {
-                "dev" => profile = "dev",
-                "release" => profile = "release",
-                other => return Err(format!("--profile {other}: expected dev or release")),
-            },
-            _ => return Err(format!("unknown argument {arg}")),
-        }
-    }
-    for environment in [TESTS, BLENDER] {
-        match environment.commands(root, target, None) {
-            Ok(commands)
-                if environment.folder == TESTS.folder || !environment.interpreter(target).exists() =>
-            {
-                commands.into_iter().try_for_each(finish)?;
-            }
-            // Another Blender than the listed one packs as well.
-            Ok(_) => {}
-            Err(Outcome::Failed(what) | Outcome::LeftOut(what)) => return Err(what),
-            Err(Outcome::Passed) => {}
-        }
-    }
-    finish(wheel::build(root, target, profile))?;
-    pack(root, target, profile)?.into_iter().try_for_each(finish)?;
+pub(crate) fn run(root: &Path, target: &Path, options: &Options) -> Result<(), String> {
+    let Options { profile, out } = options;
+    let blender = Blender::new(None);
+    Environment::tests().made(root, target)?;
+    blender.environment.made(root, target)?;
+    wheel::build(root, target, profile).finish()?;
+    pack(root, target, profile, &blender)?.into_iter().try_for_each(Step::finish)?;
     let mut made = zip(target, profile);
     if let Some(folder) = out {
-        std::fs::create_dir_all(&folder).map_err(|e| format!("{}: {e}", folder.display()))?;
+        std::fs::create_dir_all(folder).map_err(|e| format!("{}: {e}", folder.display()))?;
         let to = folder.join(format!("pumice-{}.zip", env!("CARGO_PKG_VERSION")));
         std::fs::copy(&made, &to).map_err(|e| format!("{}: {e}", to.display()))?;
         made = to;
@@ -102,27 +85,39 @@ pub(crate) fn run(root: &Path, target: &Path, args: &[String]) -> Result<(), Str
     Ok(())
 }
 
-/// Runs a command to its end.
-fn finish(mut command: Command) -> Result<(), String> {
-    let name = command.get_program().to_string_lossy().into_owned();
-    let status = command.status().map_err(|e| format!("{name}: {e}"))?;
-    if status.success() { Ok(()) } else { Err(format!("{status} of: {command:?}")) }
+/// What was asked for.
+#[derive(Debug, PartialEq, Eq)]
+pub(crate) struct Options {
+    profile: &'static str,
+    out: Option<PathBuf>,
 }
 
-/// Lets a command that runs Blender find the libraries that were unpacked for it.
-pub(crate) fn private_libraries(target: &Path, command: &mut Command) {
-    let folder = target.join("libraries/lib");
-    if !folder.is_dir() {
-        return;
+impl Default for Options {
+    fn default() -> Self {
+        Self { profile: "release", out: None }
     }
-    let path = match std::env::var_os("LD_LIBRARY_PATH") {
-        Some(former) => {
-            std::env::join_paths(std::iter::once(folder.clone()).chain(std::env::split_paths(&former)))
-                .unwrap_or_else(|_| folder.into())
+}
+
+impl Options {
+    pub(crate) fn parse(args: &[String]) -> Result<Self, String> {
+        let mut options = Self::default();
+        let mut args = args.iter();
+        while let Some(arg) = args.next() {
+            let mut value = || args.next().ok_or_else(|| format!("{arg} needs a value"));
+            match arg.as_str() {
+                "--out" => options.out = Some(value()?.into()),
+                "--profile" => {
+                    options.profile = match value()?.as_str() {
+                        "dev" => "dev",
+                        "release" => "release",
+                        other => return Err(format!("--profile {other}: expected dev or release")),
+                    }
+                }
+                _ => return Err(format!("unknown argument {arg}")),
+            }
         }
-        None => folder.into(),
-    };
-    command.env("LD_LIBRARY_PATH", path);
+        Ok(options)
+    }
 }
 
 fn copy(from: &Path, to: &Path) -> Result<(), String> {
@@ -142,14 +137,6 @@ fn copy(from: &Path, to: &Path) -> Result<(), String> {
     Ok(())
 }
 
-fn newest_wheel(folder: &Path) -> Result<String, String> {
-    let entries = std::fs::read_dir(folder).map_err(|e| format!("{}: {e}", folder.display()))?;
-    let wheels = entries.flatten().filter(|e| e.path().extension().is_some_and(|x| x == "whl"));
-    let newest = wheels.max_by_key(|e| e.metadata().and_then(|m| m.modified()).ok());
-    let name = newest.and_then(|e| e.file_name().into_string().ok());
-    name.ok_or_else(|| format!("{}: no wheel was built", folder.display()))
-}
-
 /// The manifest with its wheel and the one platform that this is for.
 fn with_wheel(manifest: &str, wheel: &str, platform: &str) -> Option<String> {
     let filled = format!("wheels = [\"./wheels/{wheel}\"]\nplatforms = [\"{platform}\"]");
@@ -166,17 +153,6 @@ fn platform() -> Result<&'static str, String> {
         ("windows", "x86_64") => Ok("windows-x64"),
         (os, arch) => Err(format!("Blender has no name for {os} on {arch}")),
     }
-}
-
-/// Blender's extension tool: plain Python within the module `bpy`.
-fn blender_tool(target: &Path) -> Result<PathBuf, String> {
-    let packages = target.join(BLENDER.folder).join("lib/python3.11/site-packages/bpy");
-    let entries = std::fs::read_dir(&packages).map_err(|e| format!("{}: {e}", packages.display()))?;
-    let tool = entries
-        .flatten()
-        .map(|e| e.path().join("scripts/addons_core/bl_pkg/cli/blender_ext.py"))
-        .find(|path| path.exists());
-    tool.ok_or_else(|| format!("{}: this Blender has no extension tool", packages.display()))
 }
 
 #[cfg(test)]

@@ -10,16 +10,17 @@
 //! rounded) and `width = |1/d|`. Both terms are positive: nothing cancels, so T is right to 3·2⁻²⁴ *of itself*, and planes come
 //! from integers, never from the plane before. Cells and voxels use the same T, bit for bit.
 //!
-//! **Ties** step all tied axes: the ray passes through the edge, and the voxels that it only touches are not visited. What is
-//! within rounding of a tie may be taken for one: t ≤ 16 in a box, so two planes are ordered right but for 2·16·3·2⁻²⁴, and the
-//! direction is at most 2√3 long: a chord of 2·10⁻⁵ voxels can be skipped, no more.
+//! **Ties** step all tied axes: the ray passes through the edge, and the voxels that it only touches are not visited. (Which of the
+//! planes is the face that is reported, `VolumeTracer` decides: one with nothing before it.) What is within rounding of a tie may
+//! be taken for one: t ≤ 16 in a box, so two planes are ordered right but for 2·16·3·2⁻²⁴ ([`TIE`]), and the direction is at most
+//! 2√3 long: a chord of 2·10⁻⁵ voxels can be skipped, no more.
 //!
 //! Products and sums only, f32 and integers (f64 at the entry alone, where a GPU uses two f32): meant to be transcribed line by
 //! line into a shader.
 
 use pumice_core::BoxView;
 
-use super::IndexRay;
+use super::{IndexRay, each_axis};
 
 /// Detail at which the walk stops.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -37,7 +38,8 @@ pub(crate) enum Level {
 pub(crate) struct Step {
     /// Scaled t ([`IndexRay::t_of`] of the plane).
     pub(crate) t: f64,
-    /// Axis of the plane that was crossed last; the lowest where several were at once.
+    /// Axis of the plane that was crossed last; the lowest where several were at once, until `VolumeTracer` has looked at which
+    /// of their faces is open.
     pub(crate) axis: usize,
     /// That plane.
     pub(crate) plane: u32,
@@ -50,11 +52,23 @@ pub(crate) struct Step {
 impl Step {
     /// The voxel before the planes that were crossed.
     pub(crate) fn voxel_before(&self, ray: &IndexRay) -> [u32; 3] {
-        [0, 1, 2].map(|a| match (self.tied >> a & 1, ray.is_down(a)) {
+        each_axis(|a| match (self.tied >> a & 1, ray.is_down(a)) {
             (0, _) => self.voxel[a],
             (_, true) => self.voxel[a].wrapping_add(1),
             (_, false) => self.voxel[a].wrapping_sub(1),
         })
+    }
+
+    /// Whether the ray came into the voxel through another plane at about the same time.
+    #[inline(always)]
+    pub(crate) fn is_near_edge(&self, ray: &IndexRay) -> bool {
+        (0..3).any(|a| a != self.axis && self.through(a, ray).t >= self.t - TIE)
+    }
+
+    /// The same step through the plane of another axis by which the ray comes into the voxel.
+    pub(crate) fn through(&self, axis: usize, ray: &IndexRay) -> Self {
+        let plane = if ray.is_down(axis) { self.voxel[axis].wrapping_add(1) } else { self.voxel[axis] };
+        Self { t: ray.t_of(axis, f64::from(plane)), axis, plane, ..*self }
     }
 }
 
@@ -88,6 +102,9 @@ pub(crate) struct Walk {
     axis: usize,
     tied: u8,
 }
+
+/// Planes of a voxel that are met within this of each other may be taken for a tie, or one for the other: see the module.
+pub(crate) const TIE: f64 = 2.0 * 16.0 * 3.0 / 16_777_216.0;
 
 /// Far enough that no walk reaches it, near enough that sums stay finite.
 const FAR: f32 = 1e30;
@@ -166,7 +183,7 @@ impl Walk {
     #[inline(always)]
     fn step(&mut self, shift: u32) -> f32 {
         // A voxel step may pass the end of a box that the volume clips in the middle of a cell: nothing is there.
-        let next = [0, 1, 2].map(|a| {
+        let next = each_axis(|a| {
             let next = ((self.m[a] >> shift) + 1) << shift;
             if shift == 0 { next } else { next.min(self.end[a]) }
         });
@@ -222,7 +239,7 @@ impl Walk {
     /// The voxel where the walk is; it may be one outside of the box after the walk has left it.
     pub(crate) fn voxel(&self) -> [u32; 3] {
         // A mirrored coordinate of 16 is voxel −1: wrapping, and checked by whoever asks.
-        [0, 1, 2].map(|a| {
+        each_axis(|a| {
             if self.mirror[a] != 0 {
                 (self.lo[a] + 15).wrapping_sub(self.m[a])
             } else {

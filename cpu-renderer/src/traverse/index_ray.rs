@@ -14,6 +14,8 @@
 use glam::{DAffine3, DVec3};
 use pumice_render::{PathOrigin, RayInWorld, Surface};
 
+use super::each_axis;
+
 /// Smallest scaled direction component whose reciprocal is finite in f64.
 const SMALLEST: f64 = f64::MIN_POSITIVE;
 
@@ -55,7 +57,7 @@ impl Placement {
     }
 
     fn index_from_world(&self, v: DVec3) -> DVec3 {
-        DVec3::from(self.adjugate.map(|row| row.dot(v) / self.determinant))
+        DVec3::from(each_axis(|a| self.adjugate[a].dot(v) / self.determinant))
     }
 
     /// The ray in index space; `None` when it is not finite or has no direction.

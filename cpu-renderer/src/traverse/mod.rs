@@ -10,10 +10,11 @@
 //! only leaves out boxes that cannot win: the answer does not depend on the order of traversal.
 //!
 //! **Surfaces.** Where the ray comes from outside, the first voxel of a visible label that it passes through with a chord above
-//! 0 is hit, at the face through which it enters. A ray that starts inside a voxel of label L sees the inside of L's surface, as
-//! in a closed mesh: the face through which it leaves L, whether into empty space or into another label, with `from_inside` set
-//! and the outward normal along the ray. Seams between boxes of one label are no surfaces. Nothing at t = 0 is reported; a ray
-//! that starts exactly on a face and points into the voxel is inside it.
+//! 0 is hit, at the face through which it enters; on an edge, where it enters through several, at one that has nothing visible
+//! before it if there is one. A ray that starts inside a voxel of label L sees the inside of L's surface, as in a closed mesh: the
+//! face through which it leaves L, whether into empty space or into another label, with `from_inside` set and the outward normal
+//! along the ray. Seams between boxes of one label are no surfaces. Nothing at t = 0 is reported; a ray that starts exactly on a
+//! face and points into the voxel is inside it.
 //!
 //! Not here yet: cut planes and cut boxes (t intervals), triangle meshes.
 
@@ -27,3 +28,10 @@ pub(crate) use index_ray::IndexRay;
 pub use lod::LodChoice;
 pub use scene_tracer::{SceneTracer, TracedInstance};
 pub use volume_tracer::VolumeTracer;
+
+/// `f` of the three axes. (What `[0, 1, 2].map(f)` is, but for certain without a call: whether the compiler takes the one in a
+/// walk for worth inlining hangs on unrelated lines, and the call costs some per cent of all rays.)
+#[inline(always)]
+pub(crate) fn each_axis<T>(mut f: impl FnMut(usize) -> T) -> [T; 3] {
+    [f(0), f(1), f(2)]
+}

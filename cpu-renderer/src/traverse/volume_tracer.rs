@@ -6,9 +6,9 @@ use glam::{DAffine3, DVec3};
 use pumice_core::{BoxView, CompressedVolume, NodeRef};
 use pumice_render::{BoxBounds, Bvh, BvhRay, Hit, PathOrigin, RayInWorld, RenderError, Surface, Tracer};
 
-use super::box_walk::{Found, Level, Step, Walk};
+use super::box_walk::{Found, Level, Step, TIE, Walk};
 use super::index_ray::{Placement, face_of};
-use super::{IndexRay, LodChoice, TracedInstance};
+use super::{IndexRay, LodChoice, TracedInstance, each_axis};
 
 /// An item of the hierarchy: the box in the low bits, its level above.
 const BOX_BITS: u32 = 30;
@@ -126,7 +126,10 @@ impl VolumeTracer {
     fn surface_along(&self, ray: &IndexRay, t_max: f64, only: Option<u32>) -> Option<Hit> {
         match self.nearest(ray, t_max, only, false) {
             Nearest::Nothing => None,
-            Nearest::Face { step, item } => Some(self.hit(ray, &step, item, false)),
+            Nearest::Face { step, item } => {
+                let step = if step.is_near_edge(ray) { self.open_face(ray, step, t_max, only) } else { step };
+                Some(self.hit(ray, &step, item, false))
+            }
             Nearest::Inside { label, voxel } => self.leave(ray, label, voxel, t_max),
         }
     }
@@ -191,12 +194,12 @@ impl VolumeTracer {
         let far = ray.origin.iter().fold(enter, |m, o| m.max(o.abs()));
         Some((
             BvhRay {
-                origin: [0, 1, 2].map(|a| {
+                origin: each_axis(|a| {
                     let at = ray.origin[a] + enter * ray.direction[a];
                     at.clamp(f64::from(bounds.lo[a]), f64::from(bounds.hi[a])) as f32
                 }),
                 // A component below 2⁻⁶⁰ moves the ray by less than 2⁻³⁶ voxels within the largest volume: far below the pad.
-                inverse: ray.inverse.map(|i| i.clamp(-TWO_POW_60, TWO_POW_60) as f32),
+                inverse: each_axis(|a| ray.inverse[a].clamp(-TWO_POW_60, TWO_POW_60) as f32),
                 // Three f64 roundings of the move.
                 pad: self.bvh.pad() + (far * 4.0 * f64::EPSILON) as f32,
             },
@@ -218,9 +221,46 @@ impl VolumeTracer {
             }
             match self.item_with(label, step.voxel).filter(|_| left_box) {
                 Some(next) => (item, voxel, t) = (next, step.voxel, t.max(step.t)),
-                None => return (step.t > 0.0).then(|| self.hit(ray, &step, item, true)),
+                None => {
+                    let step =
+                        if step.tied.is_power_of_two() { step } else { self.face_out(ray, step, label) };
+                    return (step.t > 0.0 && step.t < t_max).then(|| self.hit(ray, &step, item, true));
+                }
             }
         }
+    }
+
+    /// Near an edge of the voxel that is entered, where several of its faces are met as nearly at once as the walk can tell: the
+    /// face that was found if nothing that the ray asks for stands before it, else the first that is open in this way, if any.
+    /// A path that goes on from a face between two solid voxels would start inside one of them.
+    #[cold]
+    fn open_face(&self, ray: &IndexRay, step: Step, t_max: f64, only: Option<u32>) -> Step {
+        let is_open = |face: &Step| {
+            let (a, mut before) = (face.axis, step.voxel);
+            before[a] = if ray.is_down(a) { before[a].wrapping_add(1) } else { before[a].wrapping_sub(1) };
+            match only {
+                None => self.label_at(before).is_none(),
+                Some(label) => self.item_with(label, before).is_none(),
+            }
+        };
+        let others = (0..3).map(|a| step.through(a, ray)).filter(|face| {
+            let t = face.t;
+            t >= step.t - TIE && t > 0.0 && t < t_max
+        });
+        std::iter::once(step).chain(others).find(is_open).unwrap_or(step)
+    }
+
+    /// The same for a ray that leaves `label`: of the faces crossed at once, the first that has something else behind it.
+    #[cold]
+    fn face_out(&self, ray: &IndexRay, step: Step, label: u32) -> Step {
+        let last = step.voxel_before(ray);
+        let is_open = |&a: &usize| {
+            let mut behind = last;
+            behind[a] = step.voxel[a];
+            self.item_with(label, behind).is_none()
+        };
+        let mut tied = (0..3).filter(|a| step.tied >> a & 1 != 0);
+        tied.find(is_open).map_or(step, |a| step.through(a, ray))
     }
 
     /// The box of `label` that has an element at `voxel`.
@@ -337,7 +377,7 @@ fn level_of(item: u32) -> Level {
 
 #[inline(always)]
 fn clipped_end(b: &BoxView, dims: [u32; 3]) -> [u32; 3] {
-    [0, 1, 2].map(|a| (b.origin[a] + b.extent[a]).min(dims[a]))
+    each_axis(|a| (b.origin[a] + b.extent[a]).min(dims[a]))
 }
 
 /// Number of the cell (`shift` 2) or of the voxel in its cell (`shift` 0): x + 4y + 16z.
