@@ -415,6 +415,8 @@ fn visible_boxes(
             }
         }
     }
+    // Building needs several times as much again: no room is left over.
+    boxes.shrink_to_fit();
     boxes
 }
 
