@@ -1,14 +1,15 @@
 //! Sizes, speeds, and error against time of given volumes, as Markdown and CSV.
 //!
-//! It drives the programs that users run (`pumice`, and the examples `build_speed` and `ray_rate`, which measure what no command
-//! reports) and puts their figures into tables: so it measures what is shipped, and has no second copy of anything.
+//! It drives the programs that users run (`pumice`, and the examples `build_speed`, `ray_rate` and `live_latency`, which measure what no
+//! command reports) and puts their figures into tables: so it measures what is shipped, and has no second copy of anything.
 //!
 //! ```text
-//! cargo run --release -p pumice-bench -- sizes|speeds|convergence VOLUME… [--out bench/results]
+//! cargo run --release -p pumice-bench -- sizes|speeds|live|convergence VOLUME… [--out bench/results]
 //! ```
 #![forbid(unsafe_code)]
 
 mod convergence;
+mod live;
 mod machine;
 mod programs;
 mod sizes;
@@ -29,6 +30,7 @@ Usage: cargo run --release -p pumice-bench -- BENCH VOLUME… [--out FOLDER]
 
   sizes         bytes in memory by part, on disk by level, in per cent of 4 bytes a voxel
   speeds        parts, finish, saving, opening, rays: per CPU-second (volumes of u32 labels)
+  live          how soon a live 1920 × 1080 picture follows an edit, and what the edit costs its caller
   convergence   relMSE against a reference of 64 times as many samples, by CPU-seconds
 
 Prints Markdown; with --out also writes BENCH.md and BENCH.csv there, with the machine's description.";
@@ -56,6 +58,7 @@ fn run() -> Result<()> {
     let measure: fn(&Programs, &[PathBuf]) -> Result<Table> = match bench.as_str() {
         "sizes" => sizes::measure,
         "speeds" => speeds::measure,
+        "live" => live::measure,
         "convergence" => convergence::measure,
         _ => return Err(USAGE.into()),
     };

@@ -23,6 +23,7 @@ impl Programs {
             ["build", "--quiet", "--release", "--package", "pumice", "--bin", "pumice"],
             ["build", "--quiet", "--release", "--package", "pumice-core", "--example", "build_speed"],
             ["build", "--quiet", "--release", "--package", "pumice-cpu", "--example", "ray_rate"],
+            ["build", "--quiet", "--release", "--package", "pumice-session", "--example", "live_latency"],
         ] {
             said(Command::new("cargo").current_dir(&root).args(args))?;
         }
@@ -64,6 +65,15 @@ pub(crate) fn number(report: &Value, key: &str) -> Result<f64> {
     report[key].as_f64().ok_or_else(|| format!("no number {key} in {report}"))
 }
 
+/// The number that stands before `unit` in the first line of a text that begins with `start`.
+pub(crate) fn figure(text: &str, start: &str, unit: &str) -> Result<String> {
+    let line = text.lines().find(|l| l.starts_with(start));
+    let words: Vec<&str> = line.unwrap_or_default().split_whitespace().collect();
+    let value = words.iter().zip(words.iter().skip(1)).find(|(_, next)| **next == unit).map(|(v, _)| *v);
+    let number = value.filter(|v| v.parse::<f64>().is_ok());
+    number.map(str::to_owned).ok_or_else(|| format!("no line {start:?} with a figure in {unit} in: {text}"))
+}
+
 /// A folder that goes away with its value.
 pub(crate) fn scratch() -> Result<tempfile::TempDir> {
     tempfile::tempdir().map_err(|e| format!("temporary folder: {e}"))
@@ -72,4 +82,18 @@ pub(crate) fn scratch() -> Result<tempfile::TempDir> {
 /// The file's name without its folder.
 pub(crate) fn name_of(volume: &Path) -> String {
     volume.file_name().unwrap_or(volume.as_os_str()).to_string_lossy().into_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn figures_are_found_by_their_unit_and_missed_when_they_are_not_there() {
+        let text =
+            "parts     402.7 MVoxel/CPU-s  0.083 CPU-s  975797 records\ncontacts 0.120 CPU-s, 38661 pairs\n";
+        assert_eq!(figure(text, "parts", "MVoxel/CPU-s").as_deref(), Ok("402.7"));
+        assert_eq!(figure(text, "contacts", "CPU-s,").as_deref(), Ok("0.120"));
+        assert!(figure(text, "contacts", "M/s").is_err() && figure(text, "rays", "M/s").is_err());
+    }
 }

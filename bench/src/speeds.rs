@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use crate::Result;
-use crate::programs::{Programs, name_of, number, scratch};
+use crate::programs::{Programs, figure, name_of, number, scratch};
 use crate::table::Table;
 
 pub(crate) fn measure(programs: &Programs, volumes: &[PathBuf]) -> Result<Table> {
@@ -51,15 +51,6 @@ pub(crate) fn measure(programs: &Programs, volumes: &[PathBuf]) -> Result<Table>
     Ok(table)
 }
 
-/// The number that stands before `unit` in the first line of a text that begins with `start`.
-fn figure(text: &str, start: &str, unit: &str) -> Result<String> {
-    let line = text.lines().find(|l| l.starts_with(start));
-    let words: Vec<&str> = line.unwrap_or_default().split_whitespace().collect();
-    let value = words.iter().zip(words.iter().skip(1)).find(|(_, next)| **next == unit).map(|(v, _)| *v);
-    let number = value.filter(|v| v.parse::<f64>().is_ok());
-    number.map(str::to_owned).ok_or_else(|| format!("no line {start:?} with a figure in {unit} in: {text}"))
-}
-
 /// The array behind an NPY header (bytes 8 and 9 give its length), which must be of u32.
 fn write_u32_labels(npy: &Path, raw: &Path) -> Result<()> {
     let bytes = std::fs::read(npy).map_err(|e| format!("{}: {e}", npy.display()))?;
@@ -74,18 +65,4 @@ fn write_u32_labels(npy: &Path, raw: &Path) -> Result<()> {
         ));
     }
     std::fs::write(raw, &bytes[header_bytes..]).map_err(|e| format!("{}: {e}", raw.display()))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn figures_are_found_by_their_unit_and_missed_when_they_are_not_there() {
-        let text =
-            "parts     402.7 MVoxel/CPU-s  0.083 CPU-s  975797 records\ncontacts 0.120 CPU-s, 38661 pairs\n";
-        assert_eq!(figure(text, "parts", "MVoxel/CPU-s").as_deref(), Ok("402.7"));
-        assert_eq!(figure(text, "contacts", "CPU-s,").as_deref(), Ok("0.120"));
-        assert!(figure(text, "contacts", "M/s").is_err() && figure(text, "rays", "M/s").is_err());
-    }
 }

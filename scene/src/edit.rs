@@ -89,6 +89,22 @@ pub enum SceneEdit {
 }
 
 impl SceneEdit {
+    /// Every tag of the JSON form.
+    pub const NAMES: [&str; 12] = [
+        "camera",
+        "film",
+        "world",
+        "suns",
+        "settings",
+        "place",
+        "show",
+        "material",
+        "auto_color",
+        "label_materials",
+        "add",
+        "remove",
+    ];
+
     /// The tag of the JSON form; counters are named by it.
     pub fn name(&self) -> &'static str {
         match self {

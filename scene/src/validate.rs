@@ -68,10 +68,20 @@ impl Check {
     }
 
     fn color(&self, name: &str, color: [f32; 3]) -> Checked {
-        color
-            .iter()
-            .enumerate()
-            .try_for_each(|(i, c)| self.at_least(&format!("{name}[{i}]"), (*c).into(), 0.0))
+        self.each(name, color, |name, v| self.at_least(name, v, 0.0))
+    }
+
+    /// Checks each number of a list. Names are made for faults alone: figures have 10⁵ materials.
+    fn each<const N: usize>(
+        &self,
+        name: &str,
+        values: [f32; N],
+        check: impl Fn(&str, f64) -> Checked,
+    ) -> Checked {
+        match values.iter().position(|v| check(name, f64::from(*v)).is_err()) {
+            None => Ok(()),
+            Some(i) => check(&format!("{name}[{i}]"), values[i].into()),
+        }
     }
 
     fn matrix(&self, name: &str, m: &DAffine3) -> Checked {
@@ -138,17 +148,16 @@ fn validate_instance(c: &mut Check, instance: &Instance) -> Checked {
     c.matrix("world_from_index", &instance.world_from_index)?;
     c.within("style", |c| {
         c.within("material", |c| validate_material(c, &instance.style.material))?;
-        for (id, material) in &instance.style.materials {
-            c.within(format!("materials.{id}"), |c| validate_material(c, material))?;
+        let mut materials = instance.style.materials.iter();
+        match materials.find(|(_, material)| validate_material(c, material).is_err()) {
+            None => Ok(()),
+            Some((id, material)) => c.within(format!("materials.{id}"), |c| validate_material(c, material)),
         }
-        Ok(())
     })
 }
 
 fn validate_material(c: &Check, m: &Material) -> Checked {
-    for (i, v) in m.base_color.iter().enumerate() {
-        c.range(&format!("base_color[{i}]"), (*v).into(), 0.0, 1.0)?;
-    }
+    c.each("base_color", m.base_color, |name, v| c.range(name, v, 0.0, 1.0))?;
     c.range("metallic", m.metallic.into(), 0.0, 1.0)?;
     c.range("roughness", m.roughness.into(), 0.0, 1.0)?;
     c.at_least("specular", m.specular.into(), 0.0)?;

@@ -67,6 +67,7 @@ fn the_json_form_comes_back_as_it_was() {
         let value: Value = serde_json::to_value(edit).unwrap();
         assert_eq!(value["edit"], edit.name());
     }
+    assert_eq!(all.iter().map(SceneEdit::name).collect::<Vec<_>>(), SceneEdit::NAMES);
 }
 
 #[test]

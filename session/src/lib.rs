@@ -23,7 +23,7 @@ pub use error::SessionError;
 pub use file_info::{FileInfo, file_info};
 pub use live::{Frame, Live, LiveOptions, LiveState, Status};
 pub use measure::{Stopwatch, peak_rss_bytes};
-pub use open::open_volume;
+pub use open::{open_source, open_volume};
 pub use progressive::{CurvePoint, Stop};
 pub use pumice_core::{Job, LabelType, Level, Verification};
 pub use pumice_formats::{ArrayAxes, OpenOptions, RawLayout};

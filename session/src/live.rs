@@ -178,7 +178,7 @@ impl Live {
                 error: None,
                 stopping: false,
                 panicking: false,
-                counters: BTreeMap::new(),
+                counters: SceneEdit::NAMES.iter().map(|name| (format!("edits.{name}"), 0)).collect(),
             }),
             work: Condvar::new(),
         });

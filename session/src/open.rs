@@ -41,6 +41,14 @@ pub fn open_volume(path: &Path, reading: &OpenOptions, job: &Job) -> Result<Arc<
     Ok(Arc::new(compress_source(source.as_mut(), &CompressOptions::default(), job)?))
 }
 
+/// A label volume as blocks; a `.pumice` file is none.
+///
+/// # Errors
+/// As [`open_volume`].
+pub fn open_source(path: &Path, reading: &OpenOptions) -> Result<Box<dyn BlockSource>> {
+    Ok(pumice_formats::open(path, reading)?)
+}
+
 /// Compresses a source, with `job` counting its voxels.
 pub(crate) fn compress_source(
     source: &mut dyn BlockSource,

@@ -24,14 +24,38 @@ pub fn select_labels(volume: &CompressedVolume, count: usize) -> Vec<u32> {
         (0..3).map(|a| (f64::from(b.high[a] + 1 - b.low[a]) * spacing[a]).powi(2)).sum::<f64>().sqrt()
     };
     let share = |label: u32| volume.labels().voxels()[label as usize] as f64 / all;
-    let everything = 0..volume.labels().len() as u32;
-    let mut labels: Vec<u32> =
-        everything.clone().filter(|&l| (SPECK_SHARE..GIANT_SHARE).contains(&share(l))).collect();
-    if labels.is_empty() {
-        // Nothing but giants (an organ atlas, a single object): then they are what there is to see.
-        labels = everything.collect();
-    }
-    labels.sort_by(|&a, &b| reach(b).total_cmp(&reach(a)).then(a.cmp(&b)));
+    // Giants and specks come last: an organ atlas or a handful of cells has nothing else, and who asks for n labels gets n.
+    let thing = |label: u32| (SPECK_SHARE..GIANT_SHARE).contains(&share(label));
+    let mut labels: Vec<u32> = (0..volume.labels().len() as u32).collect();
+    labels.sort_by(|&a, &b| thing(b).cmp(&thing(a)).then(reach(b).total_cmp(&reach(a))).then(a.cmp(&b)));
     labels.truncate(count);
     labels
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use pumice_core::{LabelBuffer, LabelType, VolumeInfo, compress_labels};
+
+    #[test]
+    fn long_thin_labels_first_then_whatever_there_is() {
+        // A wall of 1 over half the volume, a long rod of 2, a short one of 3, a speck of 4.
+        let labels: Vec<u8> = (0..64 * 32 * 32u32)
+            .map(|i| match (i % 64, i / 64 % 32, i / 2048) {
+                (0..32, _, _) => 1,
+                (32..64, 3..5, 3) => 2,
+                (40..60, 20, 20) => 3,
+                (63, 31, 31) => 4,
+                _ => 0,
+            })
+            .collect();
+        let info = VolumeInfo::new([64, 32, 32], LabelType::U8);
+        let volume = compress_labels(info, LabelBuffer::U8(labels)).unwrap();
+        let ids = |count| {
+            let chosen = select_labels(&volume, count);
+            chosen.iter().map(|&l| volume.labels().ids()[l as usize]).collect::<Vec<u64>>()
+        };
+        assert_eq!(ids(2), [2, 3]);
+        assert_eq!(ids(9), [2, 3, 1, 4]);
+    }
 }

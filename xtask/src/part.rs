@@ -5,7 +5,6 @@
 
 use std::io::{BufRead, BufReader, Read};
 use std::os::unix::process::CommandExt;
-use std::path::Path;
 use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -14,6 +13,7 @@ use std::time::{Duration, Instant};
 
 use crate::closing_lines::Counts;
 use crate::cpu_seconds;
+use crate::step::{Step, spelled};
 
 /// How a part went.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -59,18 +59,18 @@ pub(crate) fn run(
     cap_seconds: u64,
     must_test: bool,
     running: &Running,
-    commands: impl FnOnce() -> Result<Vec<Command>, Outcome>,
+    steps: impl FnOnce() -> Result<Vec<Step>, Outcome>,
 ) -> Row {
     println!("\n──── {name} (at most {cap_seconds} s) ────");
     let (start, cpu_start) = (Instant::now(), cpu_seconds::of_children());
     let deadline = start + Duration::from_secs(cap_seconds);
     let mut counts = Counts::default();
     let mut outcome = Outcome::Passed;
-    match commands() {
+    match steps() {
         Err(early) => outcome = early,
-        Ok(commands) => {
-            for command in commands {
-                if let Err(what) = run_one(command, deadline, running, &mut counts) {
+        Ok(steps) => {
+            for step in steps {
+                if let Err(what) = run_one(step, deadline, running, &mut counts) {
                     outcome = Outcome::Failed(what);
                     break;
                 }
@@ -95,21 +95,17 @@ pub(crate) fn run(
     }
 }
 
-fn run_one(
-    mut command: Command,
-    deadline: Instant,
-    running: &Running,
-    counts: &mut Counts,
-) -> Result<(), String> {
-    let said = spelled(&command);
+fn run_one(mut step: Step, deadline: Instant, running: &Running, counts: &mut Counts) -> Result<(), String> {
+    let said = spelled(&step.command);
     println!("$ {said}");
-    let mut child = command
+    let started = step
+        .command
         .stdin(Stdio::null())
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
         .process_group(0)
-        .spawn()
-        .map_err(|e| format!("{said}: {e}"))?;
+        .spawn();
+    let mut child = started.map_err(|e| step.failure(&e.to_string()))?;
     running.0.store(child.id(), Ordering::SeqCst);
 
     // Two readers pass the lines on; the channel closes when both pipes have.
@@ -158,18 +154,8 @@ fn run_one(
     match status? {
         _ if capped => Err(format!("hit its cap in: {said}")),
         status if status.success() => Ok(()),
-        status => Err(format!("{status} of: {said}")),
+        status => Err(step.failure(&status.to_string())),
     }
-}
-
-/// The command as one would type it.
-fn spelled(command: &Command) -> String {
-    let program = Path::new(command.get_program());
-    let words =
-        std::iter::once(program.file_name().unwrap_or(command.get_program())).chain(command.get_args());
-    let line = words.map(|w| w.to_string_lossy()).collect::<Vec<_>>().join(" ");
-    // A long list of test names says no more than its beginning.
-    if line.chars().count() > 300 { line.chars().take(300).chain(['…']).collect() } else { line }
 }
 
 #[cfg(test)]
@@ -183,7 +169,8 @@ mod tests {
     }
 
     fn outcome_of(cap_seconds: u64, must_test: bool, script: &str) -> (Outcome, Counts) {
-        let row = run("trial", cap_seconds, must_test, &Running::default(), || Ok(vec![shell(script)]));
+        let row =
+            run("trial", cap_seconds, must_test, &Running::default(), || Ok(vec![shell(script).into()]));
         (row.outcome, row.counts)
     }
 

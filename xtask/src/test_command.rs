@@ -3,18 +3,25 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 
+use crate::blender::Blender;
 use crate::part::{self, Outcome, Row, Running};
-use crate::{python_env, seconds_table, share, shared_data};
+use crate::python_env::Environment;
+use crate::step::Step;
+use crate::{extension, seconds_table, share, shared_data, wheel};
 
 /// Name, cap in seconds, what it is. The caps are several times what two cores need, so that only a hang or a gross slowdown
 /// hits one.
-const PARTS: [(&str, u64, &str); 9] = [
+const PARTS: [(&str, u64, &str); 13] = [
     ("build", 1800, "the workspace's tests, the command, the examples"),
     ("python-env", 600, "target/venv from tests/python/requirements.txt"),
     ("rust", 900, "unit and integration tests of every crate"),
     ("rust-docs", 300, "examples in the documentation"),
     ("python", 600, "formats, file layout and metrics against other people's code"),
     ("cli", 600, "the command: contract, bad input, full disk, Ctrl-C"),
+    ("wheel", 1200, "the module pumice for Python, built and installed"),
+    ("python-module", 600, "its stub, its types, its tests"),
+    ("blender-env", 900, "target/venv-bpy: Blender as a module, and the libraries that it lacks here"),
+    ("blender", 900, "the extension, packed and installed as a user does, in Blender without a window"),
     ("shared-rust", 900, "suites over volumes that may not be shipped"),
     ("shared-python", 600, "the same, in Python"),
     ("share", 600, "today's share of the full set"),
@@ -29,6 +36,8 @@ pub(crate) struct Options {
     only: Vec<String>,
     share: Option<u64>,
     list: bool,
+    /// Another Blender than the listed one.
+    bpy: Option<String>,
 }
 
 impl Options {
@@ -40,6 +49,13 @@ impl Options {
             match arg.as_str() {
                 "--full" => options.full = true,
                 "--list" => options.list = true,
+                "--bpy" => {
+                    let version = value()?;
+                    if !version.split('.').all(|n| n.parse::<u32>().is_ok()) {
+                        return Err(format!("--bpy {version}: expected a version such as 4.5.15"));
+                    }
+                    options.bpy = Some(version.clone());
+                }
                 "--only" => {
                     let name = value()?;
                     if !PARTS.iter().any(|p| p.0 == name) {
@@ -67,8 +83,12 @@ impl Options {
         self.only.is_empty()
             || named(&[part])
             || match part {
-                "python-env" => named(&["python", "cli", "shared-python", "share"]),
-                "build" => named(&["python", "cli", "shared-python"]),
+                "python-env" => {
+                    named(&["python", "cli", "wheel", "python-module", "blender", "shared-python", "share"])
+                }
+                "build" => named(&["python", "cli", "python-module", "blender", "shared-python"]),
+                "wheel" => named(&["python-module", "blender"]),
+                "blender-env" => named(&["blender"]),
                 _ => false,
             }
     }
@@ -104,16 +124,21 @@ pub(crate) fn run(options: &Options) -> ExitCode {
         }
         let cap = if options.full { cap * FULL_CAP_FACTOR } else { cap };
         // There may be no example in the documentation, and no test of the full set whose turn it is.
-        let must_test = !matches!(name, "build" | "python-env" | "rust-docs" | "share");
+        let must_test =
+            !matches!(name, "build" | "python-env" | "wheel" | "blender-env" | "rust-docs" | "share");
         // Tests in Python cannot begin without their environment; the parts in Rust go on.
-        let needs_python = matches!(name, "python" | "cli" | "shared-python");
-        let no_python =
-            rows.iter().any(|r| r.name == "python-env" && matches!(r.outcome, Outcome::Failed(_)));
-        rows.push(part::run(name, cap, must_test, &running, || {
-            if needs_python && no_python {
-                return Err(Outcome::Failed("python-env failed".into()));
-            }
-            suite.commands(name)
+        let needed: &[&str] = match name {
+            "python" | "cli" | "shared-python" | "wheel" => &["python-env"],
+            "python-module" => &["python-env", "wheel"],
+            "blender" => &["python-env", "wheel", "blender-env"],
+            _ => &[],
+        };
+        let failed =
+            |part: &str| rows.iter().any(|r| r.name == part && matches!(r.outcome, Outcome::Failed(_)));
+        let lost = needed.iter().find(|part| failed(part)).copied();
+        rows.push(part::run(name, cap, must_test, &running, || match lost {
+            Some(part) => Err(Outcome::Failed(format!("{part} failed"))),
+            None => suite.steps(name),
         }));
     }
 
@@ -129,6 +154,7 @@ struct Suite {
     shared: Option<PathBuf>,
     share: u64,
     full: bool,
+    blender: Blender,
 }
 
 impl Suite {
@@ -141,10 +167,11 @@ impl Suite {
             root,
             share: options.share.unwrap_or_else(share::of_today),
             full: options.full,
+            blender: Blender::new(options.bpy.as_deref()),
         }
     }
 
-    fn commands(&self, part: &str) -> Result<Vec<Command>, Outcome> {
+    fn steps(&self, part: &str) -> Result<Vec<Step>, Outcome> {
         let absent = || Outcome::LeftOut("folder absent (PUMICE_SHARED_DATA or ../shared/data)".into());
         let ignored: &[&str] = if self.full { &["--", "--include-ignored"] } else { &[] };
         let commands = match part {
@@ -152,7 +179,11 @@ impl Suite {
                 self.cargo(&["test", "--workspace", "--tests", "--no-run"]),
                 self.cargo(&["build", "--workspace", "--bins", "--examples"]),
             ],
-            "python-env" => return python_env::commands(&self.root, &self.target),
+            "python-env" => return Environment::tests().steps(&self.root, &self.target),
+            "wheel" => return Ok(vec![wheel::build(&self.root, &self.target, "dev")]),
+            "python-module" => return self.module_steps(),
+            "blender-env" => return self.blender.steps(&self.root, &self.target),
+            "blender" => return self.blender_steps(),
             "rust" => {
                 vec![self.cargo(&[&["test", "--workspace", "--tests", "--no-fail-fast"], ignored].concat())]
             }
@@ -177,14 +208,47 @@ impl Suite {
                 self.shared.as_ref().ok_or_else(absent)?;
                 vec![self.pytest(&is_shared)?]
             }
-            "share" => return self.share_commands(),
+            "share" => vec![self.share_command()?],
             _ => return Err(Outcome::Failed(format!("part {part} has no commands"))),
         };
-        Ok(commands)
+        Ok(commands.into_iter().map(Step::from).collect())
+    }
+
+    /// The wheel installed, its stub compared, the types checked, the tests run.
+    fn module_steps(&self) -> Result<Vec<Step>, Outcome> {
+        let (root, target) = (&self.root, &self.target);
+        let python = Environment::tests().interpreter(target);
+        let mut types = Command::new(&python);
+        types.args(["-m", "mypy", "--strict", "--no-error-summary", "--cache-dir"]);
+        types.arg(target.join("mypy")).arg("python/pumice").current_dir(root);
+        let mut tests = Command::new(&python);
+        tests.args(["-m", "pytest", "-q", "-p", "no:cacheprovider", "python/tests"]);
+        self.surroundings(&mut tests);
+        Ok(vec![
+            wheel::install(target, "dev").map_err(Outcome::Failed)?,
+            wheel::generate_stub(root, target),
+            wheel::compare_stub(root, target),
+            types.into(),
+            tests.into(),
+        ])
+    }
+
+    /// The extension packed, then its tests, which install the zip.
+    ///
+    /// Packed by this process and not by starting the program anew: the part `build` may have replaced its file.
+    fn blender_steps(&self) -> Result<Vec<Step>, Outcome> {
+        let mut steps =
+            extension::pack(&self.root, &self.target, "dev", &self.blender).map_err(Outcome::Failed)?;
+        let mut tests = self.blender.python(&self.target);
+        tests.args(["-m", "pytest", "-q", "-p", "no:cacheprovider", "blender-addon/tests"]);
+        tests.env("PUMICE_EXTENSION_ZIP", extension::zip(&self.target, "dev"));
+        self.surroundings(&mut tests);
+        steps.push(tests.into());
+        Ok(steps)
     }
 
     /// The ignored tests whose turn it is. The Python ones run within their own parts (see `tests/python/conftest.py`).
-    fn share_commands(&self) -> Result<Vec<Command>, Outcome> {
+    fn share_command(&self) -> Result<Command, Outcome> {
         let list = ["test", "--quiet", "--workspace", "--tests", "--", "--ignored", "--list"];
         let listing =
             self.cargo(&list).output().map_err(|e| Outcome::Failed(format!("cargo test --list: {e}")))?;
@@ -198,7 +262,7 @@ impl Suite {
         }
         let run = ["test", "--workspace", "--tests", "--no-fail-fast", "--", "--ignored", "--exact"];
         let args: Vec<&str> = run.into_iter().chain(names.iter().map(String::as_str)).collect();
-        Ok(vec![self.cargo(&args)])
+        Ok(self.cargo(&args))
     }
 
     fn cargo(&self, args: &[&str]) -> Command {
@@ -223,7 +287,7 @@ impl Suite {
         if files.is_empty() {
             return Err(Outcome::LeftOut("no test file".into()));
         }
-        let mut command = Command::new(python_env::interpreter(&self.target));
+        let mut command = Command::new(Environment::tests().interpreter(&self.target));
         command.args(["-m", "pytest", "-q", "-p", "no:cacheprovider"]).args(files);
         self.surroundings(&mut command);
         Ok(command)
@@ -259,12 +323,27 @@ mod tests {
     #[test]
     fn arguments() {
         let options = parsed(&["--full", "--only", "cli", "--share", "3"]).unwrap();
-        assert_eq!(options, Options { full: true, only: vec!["cli".into()], share: Some(3), list: false });
+        assert_eq!(
+            options,
+            Options { full: true, only: vec!["cli".into()], share: Some(3), ..Options::default() }
+        );
         assert!(options.wants("cli") && options.wants("build") && options.wants("python-env"));
-        assert!(!options.wants("rust"));
+        assert!(!options.wants("rust") && !options.wants("blender-env"));
+        let options = parsed(&["--only", "blender", "--bpy", "4.5.15"]).unwrap();
+        assert_eq!(options.bpy.as_deref(), Some("4.5.15"));
+        for part in ["build", "python-env", "wheel", "blender-env"] {
+            assert!(options.wants(part), "{part}");
+        }
+        assert!(!options.wants("python-module"));
         assert!(PARTS.iter().all(|p| parsed(&[]).unwrap().wants(p.0)));
-        for bad in [&["--only", "nonsense"][..], &["--only"], &["--share", "8"], &["--share", "-1"], &["-x"]]
-        {
+        for bad in [
+            &["--only", "nonsense"][..],
+            &["--only"],
+            &["--share", "8"],
+            &["--share", "-1"],
+            &["-x"],
+            &["--bpy", "newest"],
+        ] {
             assert!(parsed(bad).is_err(), "{bad:?}");
         }
     }

@@ -1,0 +1,55 @@
+# SPDX-FileCopyrightText: The Pumice developers
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Pumice in Blender: opens label volumes, and path traces their compressed form in the viewport and for F12.
+
+The compiled module `pumice` (a wheel of this extension) does the work; this package only says what Blender's scene holds.
+A module imports only from lines below its own:
+
+    __init__
+    panels           engine               export_scene         import_volume
+    viewport         final_render
+    scene_reader     first_look
+    volume_object    picture_texture      missing_boxes        overlay
+    sync.*           registry
+    label_table      properties           proxy                cache
+    reports
+    native
+
+In `sync`, Blender's data become plain values; sync.matrix, sync.camera, sync.parts and sync.edits know no Blender, nor do proxy,
+cache and overlay.
+
+Nothing here touches the volume itself: voxels stay in Rust, arrays come by buffer.
+"""
+
+if "panels" in locals():  # Blender reloads scripts (F3 > Reload Scripts): fresh modules, same names
+    import importlib
+    import sys
+
+    for _name in [n for n in sys.modules if n.startswith(__package__ + ".")]:
+        del sys.modules[_name]
+    importlib.invalidate_caches()
+
+from . import (
+    engine,
+    export_scene,
+    import_volume,
+    panels,
+    properties,
+    registry,
+    viewport,
+)
+
+# Registered in this order, unregistered in reverse.
+MODULES = (properties, registry, import_volume, export_scene, viewport, engine, panels)
+
+
+def register():
+    """Called by Blender when the extension is enabled."""
+    for module in MODULES:
+        module.register()
+
+
+def unregister():
+    """Called by Blender when the extension is disabled."""
+    for module in reversed(MODULES):
+        module.unregister()

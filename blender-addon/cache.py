@@ -1,0 +1,69 @@
+# SPDX-FileCopyrightText: The Pumice developers
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Where the compressed form of a source file is kept.
+
+    cortex.nrrd  →  cortex-3f9c…e1.pumice      beside the source, or in the extension's own folder where that cannot be written
+
+The sixteen digits are a hash of the source's name, size and time of change and of how it was read (layer, voxel size, …). A changed
+source or another layer is therefore another file, and a file that is there is the right one: it is never half written, because the
+compressor renames it into place when it is whole.
+"""
+
+import hashlib
+import json
+import os
+import tempfile
+
+
+def is_compressed(path):
+    """Whether a file is of the compressed form already."""
+    with open(path, "rb") as file:
+        return file.read(6) == b"PUMICE" or os.path.splitext(path)[1].lower() == ".pumice"
+
+
+def file_name(source, choice):
+    """Name of the compressed form of `source` read with `choice` (a dict of plain values)."""
+    state = json.dumps([os.path.basename(source), _state(source), choice], sort_keys=True)
+    digest = hashlib.blake2b(state.encode(), digest_size=8).hexdigest()
+    stem = os.path.basename(os.path.normpath(source))
+    for ending in (".nii.gz", ".seg.nrrd"):
+        if stem.lower().endswith(ending):
+            stem = stem[: -len(ending)]
+            break
+    else:
+        stem = os.path.splitext(stem)[0]
+    return f"{stem}-{digest}.pumice"
+
+
+def candidates(source, choice, user_folder, beside=True):
+    """Paths at which the compressed form may be, the preferred one first."""
+    name = file_name(source, choice)
+    folders = [os.path.dirname(os.path.abspath(os.path.normpath(source)))] if beside else []
+    return [os.path.join(folder, name) for folder in (*folders, user_folder)]
+
+
+def existing(paths):
+    """The first of the paths that is there; None without one."""
+    return next((path for path in paths if os.path.isfile(path)), None)
+
+
+def writable(paths):
+    """The first of the paths whose folder takes a file; raises OSError where none does."""
+    problem = None
+    for path in paths:
+        try:
+            os.makedirs(os.path.dirname(path), exist_ok=True)
+            with tempfile.TemporaryFile(dir=os.path.dirname(path)):
+                return path
+        except OSError as error:
+            problem = error
+    raise problem or OSError("no folder to write to")
+
+
+def _state(source):
+    """Size and time of change of a file, or of every file in a folder."""
+    if not os.path.isdir(source):
+        status = os.stat(source)
+        return [status.st_size, status.st_mtime_ns]
+    with os.scandir(source) as entries:
+        return sorted([e.name, e.stat().st_size, e.stat().st_mtime_ns] for e in entries if e.is_file())

@@ -1,0 +1,49 @@
+# SPDX-FileCopyrightText: The Pumice developers
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The render engine PUMICE: hands Blender's calls on.
+
+It defines neither `__init__` nor `__del__` (their signatures differ between Blender 4.2 and 5.0) and keeps no state in itself.
+"""
+
+import bpy
+
+from . import final_render, viewport
+from .reports import log, one_line
+
+
+class PumiceRenderEngine(bpy.types.RenderEngine):
+    """Path traces label volumes in their compressed form."""
+
+    bl_idname = "PUMICE"
+    bl_label = "Pumice"
+    bl_use_preview = False
+    bl_use_eevee_viewport = True
+    bl_use_shading_nodes_custom = False
+    bl_use_postprocess = True
+
+    def view_update(self, context, depsgraph):
+        viewport.of(self).sync(context, depsgraph)
+
+    def view_draw(self, context, depsgraph):
+        viewport.of(self).draw(context, depsgraph)
+
+    def render(self, depsgraph):
+        try:
+            final_render.render(self, depsgraph)
+        except Exception as error:
+            log(error)
+            self.report({"ERROR"}, one_line(error))
+            self.error_set(one_line(error))
+
+    def update_render_passes(self, scene=None, renderlayer=None):
+        for name, channels, channel_ids, kind in final_render.passes(scene, renderlayer):
+            self.register_pass(scene, renderlayer, name, channels, channel_ids, kind)
+
+
+def register():
+    bpy.utils.register_class(PumiceRenderEngine)
+
+
+def unregister():
+    viewport.close_all()
+    bpy.utils.unregister_class(PumiceRenderEngine)

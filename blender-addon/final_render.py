@@ -1,0 +1,157 @@
+# SPDX-FileCopyrightText: The Pumice developers
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""F12: the scene to the compiled module, the finished picture to Blender's passes.
+
+The render runs in a thread of its own with the interpreter released; this one asks Blender every few hundredths of a second whether
+the user has cancelled. Pixels reach Blender by `foreach_set`: assigning `rect` takes 1.5 s for a full-HD picture, this 0.02 s.
+
+    Combined   RGBA   scene-linear, alpha 1
+    Depth      Z      distance along the view axis; 1e10 where there is nothing, as Cycles has it
+    Label      X      row of the label table plus 1, 0 where there is nothing; exact up to 16,777,216
+"""
+
+import math
+import threading
+
+import numpy as np
+
+from . import native, overlay, registry, scene_reader
+from .reports import Refused
+from .sync.instances import Styles
+
+NOTHING_DEPTH = np.float32(1e10)
+LARGEST_EXACT_LABEL = 1 << 24
+
+
+def passes(scene, view_layer):
+    """(name, channels, channel names, kind) of each pass that a view layer has."""
+    yield "Combined", 4, "RGBA", "COLOR"
+    if view_layer.use_pass_z:
+        yield "Depth", 1, "Z", "VALUE"
+    if view_layer.pumice.use_pass_label:
+        yield "Label", 1, "X", "VALUE"
+
+
+def parts_of_frame(depsgraph, as_rendered=False):
+    """(Parts, what was left out) of the frame that F12 draws; `as_rendered` where the graph is a viewport's."""
+    scene = depsgraph.scene
+    size, rect = scene_reader.final_frame(scene.render)
+    camera = scene_reader.final_camera(depsgraph, size, rect)
+    film = scene_reader.film(scene.pumice, (rect[2] - rect[0], rect[3] - rect[1]))
+    parts, left_out = scene_reader.read(depsgraph, camera, film, Styles(), as_rendered=as_rendered)
+    return parts, scene_reader.render_warnings(scene) + left_out
+
+
+def limits(wishes):
+    """When a final render ends: at the first of its limits."""
+    return {
+        "spp": wishes.samples,
+        "seconds": wishes.time_seconds if wishes.use_time else None,
+        "error": wishes.error_percent / 100.0 if wishes.use_error else None,
+    }
+
+
+def render(engine, depsgraph):
+    """Renders the frame of a dependency graph into an engine's passes."""
+    pumice = native.require()
+    wishes = depsgraph.scene.pumice
+    engine.update_stats("Pumice", "reading the scene")
+    parts, left_out = parts_of_frame(depsgraph)
+    for line in left_out:
+        engine.report({"WARNING"}, line)
+    scene = pumice.Scene.from_dict(parts.scene())
+    volumes = [registry.wait(source, engine.test_break) for source in parts.sources()]
+    if engine.test_break():
+        return
+    for placed, volume in zip((parts.placed[key] for key in sorted(parts.placed)), volumes):
+        if placed.differs(volume):
+            engine.report({"WARNING"}, placed.differs(volume))
+
+    work = Work(pumice, scene, volumes, wishes.backend.lower(), limits(wishes))
+    picture = work.watch(engine)
+    if picture is not None:
+        hand_over(engine, depsgraph.view_layer_eval, picture)
+
+
+class Work:
+    """A render in a thread of its own."""
+
+    def __init__(self, pumice, scene, volumes, backend, stop):
+        self.pumice, self.stop = pumice, stop
+        self.job = pumice.Job()
+        self.point = None
+        self.picture = self.error = None
+        arguments = dict(backend=backend, job=self.job, on_progress=self._progress, **stop)
+        self.thread = threading.Thread(target=self._run, args=(scene, volumes, arguments), name="pumice render")
+        self.thread.start()
+
+    def _run(self, scene, volumes, arguments):
+        try:
+            self.picture = self.pumice.render(scene, volumes, **arguments)
+        except BaseException as error:  # raised again in `watch`
+            self.error = error
+
+    def _progress(self, point):
+        self.point = point
+
+    def watch(self, engine):
+        """The picture, or None when the user cancelled; raises what the render raised."""
+        while self.thread.is_alive():
+            self.thread.join(0.05)
+            if engine.test_break():
+                self.job.cancel()
+            if self.point is not None:
+                engine.update_progress(self._fraction(self.point))
+                engine.update_stats("Pumice", progress_line(self.point, self.stop))
+        if isinstance(self.error, self.pumice.Cancelled):
+            return None
+        if self.error is not None:
+            raise self.error
+        return self.picture
+
+    def _fraction(self, point):
+        """How far the nearest of the limits is reached. Error falls with the root of the samples."""
+        reached = [point.spp / self.stop["spp"]]
+        if self.stop["seconds"]:
+            reached.append(point.seconds / self.stop["seconds"])
+        if self.stop["error"] and point.error_estimate:
+            reached.append((self.stop["error"] / point.error_estimate) ** 2)
+        return min(1.0, max(reached))
+
+
+def progress_line(point, stop):
+    """What the user reads while it renders."""
+    said = f"sample {point.spp} of {stop['spp']}"
+    if point.error_estimate is not None and math.isfinite(point.error_estimate):
+        said += f" · error {overlay.percent(point.error_estimate)}"
+    return f"{said} · {point.seconds:.1f} s"
+
+
+def hand_over(engine, view_layer, picture):
+    """Fills the passes of the engine's result. Blender's rows begin at the bottom, the picture's at the top."""
+    height, width = picture.color.shape[:2]
+    # A pass of our own must be added before the result is begun, or the result lacks it.
+    result = engine.begin_result(0, 0, width, height, layer=view_layer.name)
+    try:
+        layer = result.layers[0]
+        combined = np.ones((height, width, 4), dtype=np.float32)
+        combined[..., :3] = picture.color[::-1]
+        _fill(layer, "Combined", combined)
+        depth = picture.depth
+        if depth is not None and "Depth" in layer.passes:
+            _fill(layer, "Depth", np.where(np.isfinite(depth), depth, NOTHING_DEPTH)[::-1])
+        if picture.label is not None and "Label" in layer.passes:
+            if picture.label.size and int(picture.label.max()) > LARGEST_EXACT_LABEL:
+                raise Refused("The volume has more than 16,777,215 labels: the Label pass cannot hold them; switch it off")
+            _fill(layer, "Label", picture.label[::-1])
+    finally:
+        engine.end_result(result)
+
+
+def _fill(layer, name, pixels):
+    target = layer.passes[name]
+    flat = np.ascontiguousarray(pixels, dtype=np.float32).ravel()
+    expected = len(target.rect) * target.channels
+    if flat.size != expected:
+        raise Refused(f"Pass {name}: Blender expects {expected} values, the picture has {flat.size}")
+    target.rect.foreach_set(flat)

@@ -1,0 +1,154 @@
+# SPDX-FileCopyrightText: The Pumice developers
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What makes a freshly imported volume look good at once: framed, clipped, lit. What the user has made stays as it is.
+
+    the view        frames the object, its clip range reaches around it, Solid mode shows the labels' colours
+    the camera      is made where there is none, or moved where it is still Blender's own at startup; its clip range grows if it must
+    a sun           is made where the scene has none
+    the world       becomes a light sky where it is missing, or still the grey that Blender starts with
+"""
+
+import math
+
+import bpy
+import numpy as np
+from mathutils import Matrix, Vector
+
+from . import volume_object
+from .sync import nodes
+
+# Of Blender's startup file.
+STARTUP_CAMERA_PLACE = Vector((7.358891, -6.925791, 4.958309))
+STARTUP_GREY = 0.050876
+
+# Dim enough beside the sun for shadows to read under Blender's AgX view, which lifts them.
+SKY = (0.46, 0.49, 0.53)
+SUN_COLOR = (1.0, 0.95, 0.87)
+SUN_STRENGTH = 4.0
+SUN_ANGLE_DEG = 24.0
+# From the subject to the camera: around the vertical axis, above the horizon.
+VIEW_DEG = (24.0, 24.0)
+# Half of the picture that the object may fill: 4 % stay free on each side.
+FILL = 0.92
+
+
+def prepare(context, obj, *, frame_camera=True, light=True):
+    """Does all of it for a new object."""
+    context.view_layer.update()
+    low, high = volume_object.bounds(obj)
+    centre, radius = (low + high) / 2.0, max((high - low).length / 2.0, 1e-6)
+    if frame_camera:
+        _camera(context, obj, centre, radius)
+    if light:
+        _sun(context)
+        _world(context.scene)
+    _views(context, obj, centre, radius)
+
+
+def clip_range(distance, radius):
+    """Near and far around a sphere at a distance: generous, and a ratio that Blender's depth buffer can bear."""
+    far = max(1000.0, 4.0 * (distance + radius))
+    return max(far * 1e-6, min(0.1, radius * 1e-2)), far
+
+
+def _direction():
+    around, above = (math.radians(v) for v in VIEW_DEG)
+    return Vector((math.sin(around) * math.cos(above), -math.cos(around) * math.cos(above), math.sin(above)))
+
+
+def _camera(context, obj, centre, radius):
+    scene = context.scene
+    camera = scene.camera
+    fresh = camera is not None and (camera.matrix_world.translation - STARTUP_CAMERA_PLACE).length < 1e-4
+    if camera is None:
+        camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+        context.collection.objects.link(camera)
+        scene.camera = camera
+    elif not fresh or camera.type != "CAMERA":
+        _reach(camera, centre, radius)
+        return
+    turn = _direction().to_track_quat("Z", "Y").to_matrix()
+    eye = turn @ Vector(_stand(obj, turn, camera.data, scene.render))
+    camera.matrix_world = Matrix.Translation(eye) @ turn.to_4x4()
+    camera.data.clip_start, camera.data.clip_end = clip_range((eye - centre).length, radius)
+
+
+def _stand(obj, turn, data, render):
+    """Where a camera that is turned so must stand to see the whole proxy, and no farther: along its own axes.
+
+    Each point p sets two planes a side: |p − c across| ≤ t · (c − p back), with t the tangent of half the angle that may be filled. The
+    tightest two of an axis meet where the camera stands best along it; of the two distances back the larger serves both axes.
+    """
+    local = np.empty(3 * len(obj.data.vertices), dtype=np.float32)
+    obj.data.vertices.foreach_get("co", local)
+    to_camera = np.array(turn.transposed().to_4x4() @ obj.matrix_world)
+    points = local.reshape(-1, 3).astype(float) @ to_camera[:3, :3].T + to_camera[:3, 3]
+    longer = max(render.resolution_x, render.resolution_y)
+    place, backs = [], []
+    for axis, pixels in enumerate((render.resolution_x, render.resolution_y)):
+        t = math.tan(data.angle / 2.0) * pixels / longer * FILL
+        plus = (t * points[:, 2] + points[:, axis]).max()
+        minus = (t * points[:, 2] - points[:, axis]).max()
+        place.append((plus - minus) / 2.0)
+        backs.append((plus + minus) / (2.0 * t))
+    return (*place, max(backs))
+
+
+def _reach(camera, centre, radius):
+    """A camera of the user's own keeps its place; only its far end grows until the object is within."""
+    if camera.type == "CAMERA":
+        distance = (camera.matrix_world.translation - centre).length
+        camera.data.clip_end = max(camera.data.clip_end, distance + 2.0 * radius)
+
+
+def _sun(context):
+    if any(o.type == "LIGHT" and o.data.type == "SUN" for o in context.scene.objects):
+        return
+    light = bpy.data.lights.new("Pumice Sun", "SUN")
+    light.energy, light.color, light.angle = SUN_STRENGTH, SUN_COLOR, math.radians(SUN_ANGLE_DEG)
+    sun = bpy.data.objects.new("Pumice Sun", light)
+    # From above and behind the shoulder of who looks.
+    toward = _direction()
+    right = Vector((0.0, 0.0, 1.0)).cross(toward).normalized()
+    source = toward * 0.55 - right * 0.65 + toward.cross(right) * 0.9
+    sun.matrix_world = source.to_track_quat("Z", "Y").to_matrix().to_4x4()
+    context.collection.objects.link(sun)
+
+
+def _world(scene):
+    if scene.world is None:
+        scene.world = bpy.data.worlds.new("Pumice World")
+        tree = nodes.ensure(scene.world)
+        if tree.nodes.get("Background") is None:
+            background = tree.nodes.new("ShaderNodeBackground")
+            output = tree.nodes.new("ShaderNodeOutputWorld")
+            tree.links.new(background.outputs[0], output.inputs["Surface"])
+        background = next(n for n in tree.nodes if n.bl_idname == "ShaderNodeBackground")
+    else:
+        tree = nodes.tree(scene.world)
+        background = tree.nodes.get("Background") if tree is not None else None
+        if background is None or background.inputs["Strength"].default_value != 1.0:
+            return
+        color = background.inputs["Color"]
+        if color.is_linked or any(abs(c - STARTUP_GREY) > 1e-4 for c in list(color.default_value)[:3]):
+            return
+    background.inputs["Color"].default_value = (*SKY, 1.0)
+
+
+def _views(context, obj, centre, radius):
+    """All 3D viewports of the window look at the object."""
+    window = context.window
+    if window is None:
+        return
+    for area in window.screen.areas:
+        if area.type != "VIEW_3D":
+            continue
+        for space in area.spaces:
+            if space.type != "VIEW_3D":
+                continue
+            view = space.region_3d
+            view.view_location = centre
+            view.view_distance = 2.5 * radius
+            space.clip_start, space.clip_end = clip_range(view.view_distance, radius)
+            if space.shading.color_type == "MATERIAL":
+                space.shading.color_type = "VERTEX"

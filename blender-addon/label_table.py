@@ -1,0 +1,118 @@
+# SPDX-FileCopyrightText: The Pumice developers
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The label table of a volume: a mesh that no object shows, one vertex a label, in dense order (ids rising).
+
+    attribute   type          what
+    id_low      INT           lower 32 bits of the label's id
+    id_high     INT           upper 32 bits
+    color       FLOAT_COLOR   linear base colour
+    own_color   BOOLEAN       whether `color` is the label's own (the file's or the user's), not an automatic one
+    visible     BOOLEAN       whether the label is drawn
+    type        INT           index into the type names
+
+    pumice_names, pumice_types   JSON lists of strings; absent where no label has a name or a type
+
+Why attributes: 118,251 labels are 5.4 MB here and cost under a millisecond when the object moves; as property groups they are
+116 MB and cost a third of a second each time. The object's own mesh cannot hold them, for an attribute is as long as its mesh.
+"""
+
+import json
+
+import bpy
+import numpy as np
+
+
+def create(name, labels):
+    """A new table of a volume's labels (`pumice.LabelTable`)."""
+    count = len(labels.ids)
+    mesh = bpy.data.meshes.new(f"{name} labels")
+    mesh.vertices.add(count)
+    ids = np.ascontiguousarray(labels.ids, dtype=np.uint64)
+    _write(mesh, "id_low", "INT", "value", (ids & np.uint64(0xFFFFFFFF)).astype(np.uint32).view(np.int32))
+    _write(mesh, "id_high", "INT", "value", (ids >> np.uint64(32)).astype(np.uint32).view(np.int32))
+
+    # The file's colours are the user's own; all others are chosen so that neighbours differ.
+    srgb = np.asarray(labels.colors, dtype=np.float64).reshape(count, 3)
+    own = ~np.isnan(srgb).any(axis=1) if count else np.zeros(0, dtype=bool)
+    color = np.ones((count, 4), dtype=np.float32)
+    color[:, :3] = labels.auto_colors()
+    color[own, :3] = linear_from_srgb(srgb[own])
+    _write(mesh, "color", "FLOAT_COLOR", "color", color)
+    _write(mesh, "own_color", "BOOLEAN", "value", own)
+    _write(mesh, "visible", "BOOLEAN", "value", np.ones(count, dtype=bool))
+
+    types = [str(t or "") for t in labels.types]
+    kinds = sorted(set(types))
+    place = {kind: index for index, kind in enumerate(kinds)}
+    _write(mesh, "type", "INT", "value", np.array([place[t] for t in types], dtype=np.int32))
+    if any(types):
+        mesh["pumice_types"] = json.dumps(kinds)
+    names = [str(n or "") for n in labels.names]
+    if any(names):
+        mesh["pumice_names"] = json.dumps(names, ensure_ascii=False)
+    return mesh
+
+
+def ids(mesh):
+    """Original ids, uint64, rising."""
+    low = _read(mesh, "id_low", "value", np.int32, 1).view(np.uint32).astype(np.uint64)
+    high = _read(mesh, "id_high", "value", np.int32, 1).view(np.uint32).astype(np.uint64)
+    return low | (high << np.uint64(32))
+
+
+def visible(mesh):
+    """Which labels are drawn."""
+    return _read(mesh, "visible", "value", bool, 1)
+
+
+def own_color(mesh):
+    """Which labels have a colour of their own."""
+    return _read(mesh, "own_color", "value", bool, 1)
+
+
+def colors(mesh):
+    """Linear colours, (n, 4) float32."""
+    return _read(mesh, "color", "color", np.float32, 4).reshape(-1, 4)
+
+
+def set_visible(mesh, flags):
+    """Says which labels are drawn; the caller tags the object."""
+    _write(mesh, "visible", "BOOLEAN", "value", np.asarray(flags, dtype=bool))
+
+
+def set_color(mesh, rows, linear):
+    """Gives labels, by row, a colour of their own; the caller tags the object."""
+    color, own = colors(mesh), own_color(mesh)
+    color[rows, :3] = linear
+    own[rows] = True
+    _write(mesh, "color", "FLOAT_COLOR", "color", color)
+    _write(mesh, "own_color", "BOOLEAN", "value", own)
+
+
+def names(mesh):
+    """Names by row; empty where no label has one."""
+    return json.loads(mesh.get("pumice_names", "[]"))
+
+
+def linear_from_srgb(srgb):
+    """IEC 61966-2-1, element by element."""
+    srgb = np.clip(srgb, 0.0, 1.0)
+    return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
+
+
+def _write(mesh, name, kind, field, values):
+    attribute = mesh.attributes.get(name)
+    if attribute is None:
+        attribute = mesh.attributes.new(name, kind, "POINT")
+    if len(values):
+        attribute.data.foreach_set(field, np.ascontiguousarray(values).ravel())
+
+
+def _read(mesh, name, field, dtype, width):
+    attribute = mesh.attributes.get(name)
+    if attribute is None:
+        raise KeyError(f"mesh {mesh.name}: no attribute {name}; it is no label table")
+    values = np.zeros(len(mesh.vertices) * width, dtype=dtype)
+    if len(values):
+        attribute.data.foreach_get(field, values)
+    return values

@@ -1,0 +1,26 @@
+# SPDX-FileCopyrightText: The Pumice developers
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The compiled module, or why there is none.
+
+The extension registers even where its wheel does not load (a platform without one, a damaged installation), so that the user
+reads a reason instead of a traceback.
+"""
+
+try:
+    import pumice
+except ImportError as error:
+    pumice = None
+    MISSING = f"Pumice's compiled module does not load: {error}; install the extension's file for this platform"
+else:
+    MISSING = None
+
+
+class ModuleMissing(Exception):
+    """The compiled module does not load; its text says why."""
+
+
+def require():
+    """The module `pumice`; raises ModuleMissing where it does not load."""
+    if pumice is None:
+        raise ModuleMissing(MISSING)
+    return pumice

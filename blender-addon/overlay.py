@@ -1,0 +1,31 @@
+# SPDX-FileCopyrightText: The Pumice developers
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The line over the viewport's picture: what draws it, how far it is, what it is worth.
+
+    cpu · 64 samples · error 2.1 % · 3.4 s        and after it, what stands in the way
+"""
+
+
+def percent(error):
+    """A relative error for people: two digits, and no more than they can use."""
+    return f"{100.0 * error:.2g} %" if error >= 1e-4 else "below 0.01 %"
+
+
+def line(status, frame, notes):
+    """One line from the session's status and its newest frame (either may be None) and a list of notes."""
+    said = []
+    if status is not None and status.state == "failed":
+        said.append(f"stopped: {status.error}")
+    elif frame is None:
+        said.append("preparing" if status is not None else "no volume to draw")
+    else:
+        said.append(status.backend or "preparing")
+        said.append(f"{frame.spp} sample" + ("s" if frame.spp != 1 else ""))
+        if frame.error_estimate < 10.0:
+            said.append(f"error {percent(frame.error_estimate)}")
+        said.append(f"{frame.seconds:.1f} s")
+        if status.error:
+            said.append(f"not shown: {status.error}")
+        elif status.state == "converged":
+            said.append("done")
+    return " · ".join(said + notes)

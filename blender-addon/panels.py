@@ -1,0 +1,230 @@
+# SPDX-FileCopyrightText: The Pumice developers
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the user sees: the scene's settings, a volume's facts, what is not drawn, and those of Blender's own panels that hold here."""
+
+import bpy
+
+from . import native, scene_reader
+from .properties import is_volume
+from .sync import lights, materials, world
+
+# Panels that Blender shows for its own engine and that mean nothing here.
+NOT_OURS = {
+    "RENDER_PT_color_management_curves",
+    "RENDER_PT_simplify",
+    "RENDER_PT_stereoscopy",
+    "VIEWLAYER_PT_filter",
+    "VIEWLAYER_PT_layer_passes",
+    "DATA_PT_spot",
+}
+# Panels of EEVEE that edit Blender's data as such: nodes of materials and worlds, lights.
+ALSO_OURS = {
+    "EEVEE_MATERIAL_PT_context_material",
+    "EEVEE_MATERIAL_PT_surface",
+    "EEVEE_WORLD_PT_surface",
+    "DATA_PT_EEVEE_light",
+}
+
+
+class _OfScene:
+    bl_space_type = "PROPERTIES"
+    bl_region_type = "WINDOW"
+    bl_context = "render"
+    COMPAT_ENGINES = {"PUMICE"}
+
+    @classmethod
+    def poll(cls, context):
+        return context.engine in cls.COMPAT_ENGINES
+
+
+class PUMICE_RENDER_PT_state(_OfScene, bpy.types.Panel):
+    """What stands in the way of the picture that the user expects."""
+
+    bl_label = "Not Drawn"
+    bl_order = 0
+
+    @classmethod
+    def poll(cls, context):
+        return context.engine in cls.COMPAT_ENGINES and bool(not_drawn(context.scene))
+
+    def draw(self, context):
+        column = self.layout.column(align=True)
+        for line in not_drawn(context.scene):
+            column.label(text=line, icon="ERROR")
+
+
+class PUMICE_RENDER_PT_sampling(_OfScene, bpy.types.Panel):
+    """How long a picture is computed."""
+
+    bl_label = "Sampling"
+    bl_order = 1
+
+    def draw(self, context):
+        layout, wishes = self.layout, context.scene.pumice
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        layout.prop(wishes, "viewport_samples", text="Viewport")
+        layout.prop(wishes, "samples", text="Render")
+        for use, value, heading in (("use_error", "error_percent", "Error"), ("use_time", "time_seconds", "Time Limit")):
+            row = layout.row(heading=heading)
+            row.prop(wishes, use, text="")
+            field = row.row()
+            field.active = getattr(wishes, use)
+            field.prop(wishes, value, text="")
+        layout.prop(wishes, "seed")
+        layout.prop(wishes, "filter_pixels")
+
+
+class PUMICE_RENDER_PT_light(_OfScene, bpy.types.Panel):
+    """Which light is counted."""
+
+    bl_label = "Light Paths"
+    bl_order = 2
+
+    def draw(self, context):
+        layout, wishes = self.layout, context.scene.pumice
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        layout.prop(wishes, "mode")
+        if wishes.mode == "PATH":
+            layout.prop(wishes, "bounces")
+        if wishes.mode == "AMBIENT_OCCLUSION":
+            row = layout.row(heading="Reach")
+            row.prop(wishes, "use_ao_distance", text="")
+            field = row.row()
+            field.active = wishes.use_ao_distance
+            field.prop(wishes, "ao_distance", text="")
+
+
+class PUMICE_RENDER_PT_performance(_OfScene, bpy.types.Panel):
+    """What computes, and how finely."""
+
+    bl_label = "Performance"
+    bl_order = 3
+
+    def draw(self, context):
+        layout, wishes = self.layout, context.scene.pumice
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        layout.prop(wishes, "backend")
+        layout.prop(wishes, "lod")
+        if wishes.lod == "DISTANCE":
+            layout.prop(wishes, "lod_pixels")
+
+
+class PUMICE_VIEWLAYER_PT_passes(_OfScene, bpy.types.Panel):
+    """What a render gives beside the picture."""
+
+    bl_label = "Passes"
+    bl_context = "view_layer"
+
+    def draw(self, context):
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        column = layout.column(heading="Include")
+        column.prop(context.view_layer, "use_pass_combined")
+        column.prop(context.view_layer, "use_pass_z")
+        column.prop(context.view_layer.pumice, "use_pass_label")
+
+
+class PUMICE_OBJECT_PT_volume(bpy.types.Panel):
+    """Facts of a volume; the object shows them whatever the engine is."""
+
+    bl_label = "Pumice Volume"
+    bl_space_type = "PROPERTIES"
+    bl_region_type = "WINDOW"
+    bl_context = "data"
+    # Above what Blender shows of the proxy's mesh.
+    bl_order = -10
+
+    @classmethod
+    def poll(cls, context):
+        return context.object is not None and is_volume(context.object)
+
+    def draw(self, context):
+        layout, volume = self.layout, context.object.pumice
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        layout.prop(volume, "filepath")
+        layout.prop(volume, "source_path")
+        facts = layout.column(align=True)
+        facts.label(text=f"{volume.dims[0]} × {volume.dims[1]} × {volume.dims[2]} voxels, {volume.labels} labels")
+        size = " × ".join(f"{s:.6g}" for s in volume.spacing)
+        facts.label(text=f"Voxel size {size} {_unit(volume.unit)}")
+        facts.label(text=f"Display scale: 1 {_unit(volume.unit)} is {volume.display_scale:.6g} Blender units")
+
+
+class PUMICE_MATERIAL_PT_labels(_OfScene, bpy.types.Panel):
+    """How a material dresses labels."""
+
+    bl_label = "Pumice Labels"
+    bl_context = "material"
+
+    @classmethod
+    def poll(cls, context):
+        return context.engine in cls.COMPAT_ENGINES and context.material is not None
+
+    def draw(self, context):
+        self.layout.use_property_split = True
+        self.layout.prop(context.material.pumice, "colors_by_label")
+
+
+def not_drawn(scene):
+    """A line for each thing in the scene that Pumice leaves out."""
+    if native.MISSING:
+        return [native.MISSING]
+    lines = scene_reader.render_warnings(scene) + world.read(scene.world)[1]
+    others = 0
+    for obj in scene.objects:
+        if obj.hide_render:
+            continue
+        if obj.type == "LIGHT":
+            lines += lights.read(obj, obj.matrix_world)[1]
+        elif is_volume(obj):
+            slots = obj.material_slots
+            lines += materials.read(slots[0].material if slots else None)[2]
+        elif obj.type in scene_reader.DRAWN_BY_OTHERS:
+            others += 1
+    if others:
+        noun = "object is" if others == 1 else "objects are"
+        lines.append(f"{others} {noun} not drawn: Pumice draws volumes only, so far")
+    return list(dict.fromkeys(lines))
+
+
+def _unit(unit):
+    return unit if unit and unit != "unknown" else "unit"
+
+
+CLASSES = (
+    PUMICE_RENDER_PT_state,
+    PUMICE_RENDER_PT_sampling,
+    PUMICE_RENDER_PT_light,
+    PUMICE_RENDER_PT_performance,
+    PUMICE_VIEWLAYER_PT_passes,
+    PUMICE_OBJECT_PT_volume,
+    PUMICE_MATERIAL_PT_labels,
+)
+
+
+def _shared_panels():
+    for panel in bpy.types.Panel.__subclasses__():
+        engines = getattr(panel, "COMPAT_ENGINES", None)
+        if engines is None:
+            continue
+        if ("BLENDER_RENDER" in engines and panel.__name__ not in NOT_OURS) or panel.__name__ in ALSO_OURS:
+            yield panel
+
+
+def register():
+    for cls in CLASSES:
+        bpy.utils.register_class(cls)
+    for panel in _shared_panels():
+        panel.COMPAT_ENGINES.add("PUMICE")
+
+
+def unregister():
+    for panel in _shared_panels():
+        panel.COMPAT_ENGINES.discard("PUMICE")
+    for cls in reversed(CLASSES):
+        bpy.utils.unregister_class(cls)

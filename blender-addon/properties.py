@@ -1,0 +1,196 @@
+# SPDX-FileCopyrightText: The Pumice developers
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What Pumice keeps in Blender's data: settings of the scene, of a view layer, of a volume object, of a material.
+
+A label never gets a property group: tables of 100,000 labels live in mesh attributes, see `label_table`.
+"""
+
+import bpy
+from bpy.props import (
+    BoolProperty,
+    EnumProperty,
+    FloatProperty,
+    FloatVectorProperty,
+    IntProperty,
+    IntVectorProperty,
+    PointerProperty,
+    StringProperty,
+)
+
+BACKENDS = (
+    ("AUTO", "Automatic", "The fastest that this machine has", 0),
+    ("CPU", "Processor", "The path tracer for the processor: runs everywhere", 1),
+)
+MODES = (
+    ("PATH", "Path Tracing", "All light, with as many bounces as set", 0),
+    ("ONE_BOUNCE", "Direct Light", "Light that comes straight from sun and sky: faster, darker in crevices", 1),
+    ("AMBIENT_OCCLUSION", "Ambient Occlusion", "White surfaces under a white sky, without materials and lights", 2),
+)
+LODS = (
+    ("VOXELS", "Voxels", "Every voxel, exactly", 0),
+    ("CELLS", "Cells of 4³", "Coarser and faster", 1),
+    ("BOXES", "Boxes", "Boxes of up to 16³ voxels: a blocking draft", 2),
+    ("DISTANCE", "By Distance", "As fine as the picture's pixels need", 3),
+)
+
+
+def _tag(settings, _context):
+    """Has Blender pass the change on: it does so by itself for changes in its panels, not for those of scripts."""
+    settings.id_data.update_tag()
+
+
+class PumiceSceneSettings(bpy.types.PropertyGroup):
+    """How the picture is computed."""
+
+    samples: IntProperty(
+        name="Samples",
+        description="Samples of each pixel in a final render. Halving the noise takes four times as many",
+        min=1,
+        max=1 << 24,
+        default=128,
+    )
+    viewport_samples: IntProperty(
+        name="Viewport Samples",
+        description="Samples of each pixel after which the viewport rests",
+        min=1,
+        max=1 << 24,
+        default=256,
+    )
+    use_error: BoolProperty(
+        name="Error Target",
+        description="End a render when its estimated relative error is as low as set here",
+        default=False,
+    )
+    error_percent: FloatProperty(
+        name="Error",
+        description="Estimated relative error of the picture at which a render ends",
+        min=0.01,
+        max=100.0,
+        default=2.0,
+        subtype="PERCENTAGE",
+    )
+    use_time: BoolProperty(name="Time Limit", description="End a final render after some time", default=False)
+    time_seconds: FloatProperty(
+        name="Seconds",
+        description="Seconds of sampling after which a final render ends",
+        min=0.1,
+        soft_max=3600.0,
+        default=60.0,
+    )
+    mode: EnumProperty(name="Light", description="Which light is counted", items=MODES, default="PATH")
+    bounces: IntProperty(
+        name="Bounces",
+        description="Times that light is passed on from surface to surface",
+        min=0,
+        max=1 << 20,
+        soft_max=64,
+        default=32,
+    )
+    use_ao_distance: BoolProperty(
+        name="Limit Reach", description="Ambient occlusion looks only so far", default=False
+    )
+    ao_distance: FloatProperty(
+        name="Reach", description="Reach of ambient occlusion", min=1e-6, default=2.0, subtype="DISTANCE"
+    )
+    lod: EnumProperty(name="Detail", description="What is traced", items=LODS, default="VOXELS")
+    lod_pixels: FloatProperty(
+        name="Pixels",
+        description="An element that spans at most so many pixels may stand for the finer ones in it",
+        min=0.01,
+        soft_max=16.0,
+        default=1.0,
+    )
+    seed: IntProperty(
+        name="Seed", description="Every random number follows from it: same seed, same picture", min=0, default=0
+    )
+    filter_pixels: FloatProperty(
+        name="Filter Width",
+        description="Reach of the Blackman-Harris pixel filter, as in Cycles: 1.5 spans three pixels",
+        min=0.01,
+        max=8.0,
+        default=1.5,
+    )
+    backend: EnumProperty(name="Device", description="What computes the picture", items=BACKENDS, default="AUTO")
+
+
+class PumiceViewLayerSettings(bpy.types.PropertyGroup):
+    """Which passes a view layer gets beside Blender's own."""
+
+    use_pass_label: BoolProperty(
+        name="Label",
+        description=(
+            "A pass with the label that each pixel sees: its row in the label table plus 1, and 0 where there is none. "
+            "Whole numbers up to 16,777,216 are exact"
+        ),
+        default=False,
+    )
+
+
+class PumiceMaterialSettings(bpy.types.PropertyGroup):
+    """How a material dresses a volume."""
+
+    colors_by_label: BoolProperty(
+        name="Colors by Label",
+        description="Labels that touch get different base colors; off, all have the Principled BSDF's",
+        default=False,
+        update=_tag,
+    )
+
+
+class PumiceVolumeSettings(bpy.types.PropertyGroup):
+    """What an object knows of its volume; an object without `filepath` is none of ours."""
+
+    filepath: StringProperty(
+        name="Volume",
+        description="The compressed volume that is drawn",
+        subtype="FILE_PATH",
+        default="",
+        update=_tag,
+    )
+    source_path: StringProperty(
+        name="Source", description="The file that it was compressed from", subtype="FILE_PATH", default=""
+    )
+    table: PointerProperty(
+        name="Label Table", description="Mesh whose vertices are the labels, in dense order", type=bpy.types.Mesh
+    )
+    display_scale: FloatProperty(
+        name="Display Scale",
+        description="Blender units for one unit of the file",
+        default=1.0,
+        precision=6,
+    )
+    unit: StringProperty(name="Unit", description="Length unit of the file", default="unknown")
+    spacing: FloatVectorProperty(
+        name="Voxel Size", description="Size of a voxel in the file's unit", size=3, default=(1.0, 1.0, 1.0), precision=4
+    )
+    dims: IntVectorProperty(name="Voxels", description="Voxels along x, y and z", size=3, default=(0, 0, 0))
+    labels: IntProperty(name="Labels", description="Number of labels", default=0)
+    content_hash: StringProperty(name="Content", description="Hash of all voxels and ids", default="")
+
+
+CLASSES = (PumiceSceneSettings, PumiceViewLayerSettings, PumiceMaterialSettings, PumiceVolumeSettings)
+OWNERS = (
+    (bpy.types.Scene, PumiceSceneSettings),
+    (bpy.types.ViewLayer, PumiceViewLayerSettings),
+    (bpy.types.Material, PumiceMaterialSettings),
+    (bpy.types.Object, PumiceVolumeSettings),
+)
+
+
+def is_volume(obj):
+    """Whether an object shows a label volume."""
+    return obj.type == "MESH" and bool(obj.pumice.filepath)
+
+
+def register():
+    for cls in CLASSES:
+        bpy.utils.register_class(cls)
+    for owner, group in OWNERS:
+        owner.pumice = PointerProperty(type=group)
+
+
+def unregister():
+    for owner, _ in reversed(OWNERS):
+        del owner.pumice
+    for cls in reversed(CLASSES):
+        bpy.utils.unregister_class(cls)

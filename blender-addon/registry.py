@@ -1,0 +1,114 @@
+# SPDX-FileCopyrightText: The Pumice developers
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Volumes that are open in this process, by file, each once however many objects, viewports and renders show it.
+
+Opening takes from milliseconds to seconds, so a thread does it; who needs the volume asks again (`request`) or waits (`wait`).
+A file that changed on disk is another one. Threads only call the compiled module, never Blender.
+"""
+
+import os
+import threading
+import time
+
+import bpy
+
+from . import native
+from .reports import Refused, one_line
+
+
+class Entry:
+    """A volume that is open, on its way, or cannot be opened."""
+
+    def __init__(self, path):
+        self.path = path
+        self.volume = None
+        self.error = None
+        self.done = threading.Event()
+        self.job = native.require().Job()
+        threading.Thread(target=self._open, name="pumice open", daemon=True).start()
+
+    def _open(self):
+        try:
+            self.volume = native.require().open(self.path, job=self.job)
+        except BaseException as error:  # a thread has nobody to raise to: the asker reads it
+            self.error = one_line(error)
+        finally:
+            self.done.set()
+
+
+_entries = {}
+
+
+def locate(path):
+    """The system's path of a file that Blender's data name. One that is gone is looked for beside the .blend file: both were moved."""
+    path = os.path.abspath(bpy.path.abspath(path))
+    if not os.path.exists(path) and bpy.data.filepath:
+        beside = os.path.join(os.path.dirname(bpy.data.filepath), os.path.basename(path))
+        if os.path.exists(beside):
+            return os.path.abspath(beside)
+    return path
+
+
+def request(path):
+    """The entry of a file, begun if it is not there; raises Refused where the file is missing."""
+    key = _key(path)
+    entry = _entries.get(key)
+    if entry is None:
+        for other in [k for k in _entries if k[0] == key[0]]:
+            _entries.pop(other).job.cancel()
+        entry = _entries[key] = Entry(path)
+    return entry
+
+
+def adopt(path, volume):
+    """Takes a volume that is open already as that of a file."""
+    entry = Entry.__new__(Entry)
+    entry.path, entry.volume, entry.error = path, volume, None
+    entry.job, entry.done = native.require().Job(), threading.Event()
+    entry.done.set()
+    _entries[_key(path)] = entry
+
+
+def wait(path, cancelled):
+    """The volume of a file; asks `cancelled()` while it waits and gives None when that says so. Raises Refused."""
+    entry = request(path)
+    while not entry.done.wait(0.05):
+        if cancelled():
+            return None
+    if entry.error:
+        raise Refused(entry.error)
+    return entry.volume
+
+
+def forget_unused():
+    """Closes volumes that no object of the file shows."""
+    used = {locate(o.pumice.filepath) for o in bpy.data.objects if o.pumice.filepath}
+    for key in [k for k in _entries if k[0] not in used]:
+        _entries.pop(key).job.cancel()
+
+
+def _key(path):
+    try:
+        status = os.stat(path)
+    except OSError:
+        raise Refused(f"{path}: the volume's file is missing; set its path in the object's Pumice panel") from None
+    return (path, status.st_size, status.st_mtime_ns)
+
+
+@bpy.app.handlers.persistent
+def _after_load(*_):
+    forget_unused()
+
+
+def register():
+    bpy.app.handlers.load_post.append(_after_load)
+
+
+def unregister():
+    bpy.app.handlers.load_post.remove(_after_load)
+    deadline = time.monotonic() + 5.0
+    for entry in _entries.values():
+        entry.job.cancel()
+    for entry in _entries.values():
+        entry.done.wait(max(0.0, deadline - time.monotonic()))
+    _entries.clear()

@@ -1,0 +1,70 @@
+# SPDX-FileCopyrightText: The Pumice developers
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What to send when a scene has changed: edits of the parts that differ, and of nothing else.
+
+    a part differs                          one edit of that part
+    an instance differs                     one edit for each of: place, show, material, auto_color, label_materials
+    an instance is gone                     remove
+    an instance is new, or has another      remove and add: it needs its volume, so it is not an edit
+    volume than before
+
+Labels' materials are a table that may be long: only its rows that differ are sent, `None` for those that are gone.
+"""
+
+from dataclasses import dataclass, field
+
+SINGLE_PARTS = ("camera", "film", "world", "suns", "settings")
+
+
+@dataclass
+class Changes:
+    """Edits for `Session.edit`, and keys of instances for `Session.add`."""
+
+    edits: list = field(default_factory=list)
+    added: list = field(default_factory=list)
+    removed: list = field(default_factory=list)
+
+    def __bool__(self):
+        return bool(self.edits or self.added)
+
+
+def between(old, new, numbers):
+    """The changes that make `new` of `old`; `numbers` are the instances' by key, as they were sent."""
+    changes = Changes()
+    for part in SINGLE_PARTS:
+        value = getattr(new, part)
+        if value != getattr(old, part):
+            changes.edits.append({"edit": part, part: value})
+    for key, before in old.placed.items():
+        after = new.placed.get(key)
+        if after is None or after.source != before.source:
+            changes.edits.append({"edit": "remove", "id": numbers[key]})
+            changes.removed.append(key)
+        elif after is not before:
+            changes.edits += _of_instance(numbers[key], before, after)
+    kept = set(old.placed) - set(changes.removed)
+    changes.added = sorted(key for key in new.placed if key not in kept)
+    return changes
+
+
+def _of_instance(number, before, after):
+    edits = []
+    if after.world_from_index != before.world_from_index:
+        edits.append({"edit": "place", "id": number, "world_from_index": after.world_from_index})
+    for part in ("show", "material", "auto_color"):
+        value = after.style[part]
+        if value != before.style[part]:
+            edits.append({"edit": part, "id": number, part: value})
+    rows = changed_rows(before.style["materials"], after.style["materials"])
+    if rows:
+        edits.append({"edit": "label_materials", "id": number, "materials": rows})
+    return edits
+
+
+def changed_rows(before, after):
+    """The rows of `after` that differ from `before`, and None for those that are gone."""
+    if after is before:
+        return {}
+    rows = {label: material for label, material in after.items() if before.get(label) != material}
+    rows.update({label: None for label in before if label not in after})
+    return rows

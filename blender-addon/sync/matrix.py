@@ -1,0 +1,52 @@
+# SPDX-FileCopyrightText: The Pumice developers
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Matrices between Blender (rows of four) and the scene (twelve numbers: x column, y column, z column, translation).
+
+Plain lists of rows, in double precision: Blender's own are single, and a window matrix is worth inverting exactly.
+"""
+
+
+def rows(matrix):
+    """A copy as four lists of four floats; takes whatever is indexed [row][column]."""
+    return [[float(matrix[r][c]) for c in range(4)] for r in range(4)]
+
+
+def twelve(matrix):
+    """The scene's form of an affine matrix."""
+    return [float(matrix[r][c]) for c in range(4) for r in range(3)]
+
+
+def from_twelve(numbers):
+    """The inverse of `twelve`."""
+    columns = [numbers[3 * c : 3 * c + 3] for c in range(4)]
+    return [[columns[c][r] for c in range(4)] for r in range(3)] + [[0.0, 0.0, 0.0, 1.0]]
+
+
+def times(a, b):
+    """The product a · b."""
+    return [[sum(a[r][k] * b[k][c] for k in range(4)) for c in range(4)] for r in range(4)]
+
+
+def inverse_rigid(matrix):
+    """The inverse of a matrix whose axes are orthonormal, as Blender's view matrices are: transpose and turn the translation."""
+    turned = [[matrix[c][r] for c in range(3)] for r in range(3)]
+    moved = [-sum(turned[r][k] * matrix[k][3] for k in range(3)) for r in range(3)]
+    return [turned[r] + [moved[r]] for r in range(3)] + [[0.0, 0.0, 0.0, 1.0]]
+
+
+def unit_axes(matrix):
+    """The same place and directions without scale: what Blender makes of a camera's matrix."""
+    out = rows(matrix)
+    for c in range(3):
+        length = sum(out[r][c] ** 2 for r in range(3)) ** 0.5
+        for r in range(3):
+            out[r][c] = out[r][c] / length if length > 0.0 else float(r == c)
+    return out
+
+
+def moved_back(matrix, distance):
+    """The matrix with its origin moved along its own +z."""
+    out = rows(matrix)
+    for r in range(3):
+        out[r][3] += distance * out[r][2]
+    return out

@@ -1,0 +1,70 @@
+# SPDX-FileCopyrightText: The Pumice developers
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A scene in the parts that change one by one.
+
+Each part is a value of the scene's JSON form, so that two are compared with `==`. Instances are kept by a key that stays the same
+while Blender's object does; the number that the scene knows them by is given when the scene is written or sent.
+"""
+
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True)
+class Placed:
+    """A volume in its place: `source` is a path, `style` as in the scene's JSON form, `content` the hash of its voxels and ids.
+
+    `dims` are its voxels along x, y, z: a volume that is not open is drawn as a box.
+    """
+
+    source: str
+    world_from_index: list
+    style: dict
+    content: str = ""
+    dims: tuple = (0, 0, 0)
+
+    def instance(self, number):
+        """The instance of the scene with this number."""
+        return {
+            "id": number,
+            "source": self.source,
+            "world_from_index": self.world_from_index,
+            "style": self.style,
+        }
+
+
+    def differs(self, volume):
+        """A line where the volume is not the one that the object's label table was made from; None where it is."""
+        if self.content in ("", volume.content_hash):
+            return None
+        return f"{self.source}: the volume has changed since it was imported, so its label table may not fit; import it again"
+
+
+@dataclass(frozen=True)
+class Parts:
+    """All that is drawn."""
+
+    camera: dict
+    film: dict
+    world: dict
+    suns: list
+    settings: dict
+    placed: dict = field(default_factory=dict)
+
+    def scene(self, numbers=None):
+        """The scene's JSON form; without `numbers` by key, instances count from 1 in the order of their keys."""
+        if numbers is None:
+            numbers = {key: number for number, key in enumerate(sorted(self.placed), start=1)}
+        ordered = sorted(self.placed, key=numbers.__getitem__)
+        return {
+            "version": 1,
+            "instances": [self.placed[key].instance(numbers[key]) for key in ordered],
+            "camera": self.camera,
+            "film": self.film,
+            "world": self.world,
+            "suns": self.suns,
+            "settings": self.settings,
+        }
+
+    def sources(self):
+        """The files of all instances, in the order of `scene()`."""
+        return [self.placed[key].source for key in sorted(self.placed)]

@@ -1,0 +1,207 @@
+# SPDX-FileCopyrightText: The Pumice developers
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Stand-ins for what a test cannot have without a window, and for a session that does what a test wants at a known moment.
+
+`Engine` and `Context` are Blender's side of a viewport. `Module` is the compiled module with a session that only records: it serves
+the tests of what is sent and of failures; pictures are tested with the real one.
+"""
+
+import copy
+import threading
+import types
+
+import numpy as np
+
+
+class Engine:
+    """What the extension asks of a RenderEngine in a viewport."""
+
+    def __init__(self, address=4711):
+        self.address, self.freed = address, False
+        self.redraws = self.updates = 0
+        self.line = ""
+        self.reports = []
+
+    def _alive(self):
+        if self.freed:
+            raise ReferenceError("StructRNA of type PumiceRenderEngine has been removed")
+
+    def as_pointer(self):
+        self._alive()
+        return self.address
+
+    @property
+    def is_preview(self):
+        self._alive()
+        return False
+
+    def tag_redraw(self):
+        self._alive()
+        self.redraws += 1
+
+    def tag_update(self):
+        self._alive()
+        self.updates += 1
+
+    def update_stats(self, _title, line):
+        self._alive()
+        self.line = line
+
+    def get_preview_pixel_size(self, _scene):
+        return 1
+
+    def report(self, kind, line):
+        self.reports.append((kind, line))
+
+    def bind_display_space_shader(self, _scene):
+        pass
+
+    def unbind_display_space_shader(self):
+        pass
+
+
+class Context(types.SimpleNamespace):
+    """A 3D viewport that looks through a camera object."""
+
+    def __init__(self, bpy, size=(96, 64)):
+        depsgraph = bpy.context.evaluated_depsgraph_get()
+        camera = bpy.context.scene.camera
+        super().__init__(
+            region=types.SimpleNamespace(width=size[0], height=size[1]),
+            region_data=types.SimpleNamespace(
+                view_perspective="PERSP",
+                view_matrix=camera.matrix_world.normalized().inverted(),
+                window_matrix=camera.calc_matrix_camera(depsgraph, x=size[0], y=size[1]),
+            ),
+            space_data=types.SimpleNamespace(
+                clip_start=camera.data.clip_start, clip_end=camera.data.clip_end, camera=camera
+            ),
+        )
+
+    def look(self, camera):
+        """Moves the view to where a camera object is."""
+        self.region_data.view_matrix = camera.matrix_world.normalized().inverted()
+
+
+class Texture:
+    """Takes the place of the texture: remembers what would have been drawn."""
+
+    def __init__(self):
+        self.drawn = []
+
+    def draw(self, _engine, _scene, frame, width, height):
+        self.drawn.append((frame, width, height))
+
+
+class Module:
+    """The compiled module as far as the extension uses it."""
+
+    class PumiceError(Exception):
+        pass
+
+    class InputError(PumiceError, ValueError):
+        pass
+
+    class Cancelled(PumiceError):
+        pass
+
+    class InternalError(PumiceError):
+        pass
+
+    class Job:
+        def __init__(self):
+            self.cancelled, self.fraction = False, None
+
+        def cancel(self):
+            self.cancelled = True
+
+    class Scene:
+        def __init__(self, value):
+            self.value = value
+
+        @classmethod
+        def from_dict(cls, value):
+            return cls(copy.deepcopy(value))
+
+    class Session:
+        made = []
+
+        def __init__(self, scene, volumes, backend="auto", spp=None, error=None):
+            self.scene, self.volumes, self.limits = scene.value, list(volumes), (backend, spp, error)
+            self.edits, self.frame = [], None
+            self.status = types.SimpleNamespace(state="rendering", error=None, backend="cpu", revision=1)
+            type(self).made.append(self)
+
+        def edit(self, *edits):
+            self.edits += edits
+
+        def add(self, instance, volume):
+            self.edits.append({"edit": "add", "instance": instance})
+            self.volumes.append(volume)
+
+        def latest(self, after=0):
+            return self.frame if self.frame is not None and self.frame.serial > after else None
+
+        def show(self, serial, **over):
+            fields = dict(serial=serial, spp=serial, error_estimate=float("inf"), seconds=0.1, width=4, height=2)
+            self.frame = types.SimpleNamespace(**{**fields, **over})
+
+        def stop(self):
+            self.status.state = "stopped"
+
+    def __init__(self):
+        self.Session.made = []
+        self.may_open = threading.Event()
+        self.may_open.set()
+        self.renders = []
+        self.during_render = lambda job, on_progress: None
+
+    def open(self, path, job=None):
+        assert self.may_open.wait(10)
+        return Volume(path)
+
+    def compress(self, source, job=None, **choice):
+        return Volume(source)
+
+    def render(self, scene, volumes, job=None, on_progress=None, **limits):
+        """A picture in which every pixel of every pass is another number."""
+        self.renders.append((scene.value, list(volumes), limits))
+        self.during_render(job, on_progress)
+        if job.cancelled:
+            raise self.Cancelled("cancelled")
+        width, height = scene.value["film"]["width"], scene.value["film"]["height"]
+        at = np.arange(width * height, dtype=np.float32).reshape(height, width)
+        depth = at + 0.5
+        depth[0, 0] = np.inf
+        return types.SimpleNamespace(
+            color=np.stack([at, at * 2, at * 3], axis=2), depth=depth, label=at.astype(np.uint32) + 7
+        )
+
+
+class Labels:
+    """A label table as the module gives it."""
+
+    def __init__(self, ids, names=None, colors=None, types_=None):
+        self.ids = np.array(ids, dtype=np.uint64)
+        count = len(ids)
+        self.names = names or [""] * count
+        self.types = types_ or [""] * count
+        self.colors = np.full((count, 3), np.nan, dtype=np.float32) if colors is None else np.float32(colors)
+
+    def auto_colors(self):
+        return np.linspace(0.1, 0.9, 3 * len(self.ids), dtype=np.float32).reshape(-1, 3)
+
+
+class Volume:
+    """A volume of 64³ voxels with three labels, one of them large."""
+
+    def __init__(self, path="", world=None):
+        self.path = path
+        self.dims, self.spacing, self.unit = (64, 64, 32), (16.0, 16.0, 40.0), "nm"
+        self.world_from_index = np.diag([16.0, 16.0, 40.0, 1.0]) if world is None else np.array(world, dtype=float)
+        self.content_hash = "0" * 32
+        self.labels = Labels([3, 17, 98340797 + 2**33])
+
+    def box_arrays(self):
+        origins = np.array([[0, 0, 0], [16, 16, 16], [48, 48, 16]], dtype=np.int32)
+        return origins, np.full((3, 3), 16, dtype=np.int32), np.arange(3, dtype=np.uint32)

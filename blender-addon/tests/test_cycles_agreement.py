@@ -1,0 +1,173 @@
+# SPDX-FileCopyrightText: The Pumice developers
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""F12 with Pumice and F12 with Cycles are the same picture: same volume, camera, sun, sky, material; Cycles has the voxels as quads.
+
+Both are unbiased, so their pictures differ by noise alone, which eight seeds of each tell. With m the mean over seeds and v its
+variance, both per pixel and channel:
+
+    ratio    mean of (m_ours − m_theirs)² over mean of (v_ours + v_theirs): 1 ± 0.1; 20,736 values that scatter by √2 each, a third of
+             them correlated through their colour, put three standard deviations at about 0.05, and pixels of unlike noise the rest
+    tiles    Welch's t of each 8 × 8 tile: at most one of them beyond Šidák's bound at 1 % for all together
+    mean     of the whole pictures within 0.1 %, some four of its standard deviations
+
+Measured once with 256 samples at 128 × 96: ratio 0.99, means equal to 7e-7. Each control below is convicted by the first two.
+"""
+
+import math
+
+import numpy as np
+import pumice
+import pytest
+
+from test_real_volumes import exr, imported
+
+SIZE, SPP, SEEDS = (96, 72), 64, 8
+BOUNCES = 3
+
+
+@pytest.fixture
+def crop(tmp_path, data):
+    """Twelve neurites of the shipped cortex, 48³ voxels, as a file of their own."""
+    whole = pumice.open(data / "connectomics_32x32x40nm.nrrd").decode()
+    cut = whole[100:148, 100:148, 200:248]
+    ids, counts = np.unique(cut[cut > 0], return_counts=True)
+    shown = ids[np.argsort(-counts)][3:15]
+    labels = np.where(np.isin(cut, shown), cut, 0)
+    path = tmp_path / "crop.pumice"
+    pumice.compress(labels, spacing=(32, 32, 40), unit="nm").save(path)
+    return path, labels
+
+
+@pytest.fixture
+def scene(blender, crop):
+    path, labels = crop
+    obj = imported(blender, path)
+    scene = blender.context.scene
+    render = scene.render
+    render.resolution_x, render.resolution_y, render.resolution_percentage = *SIZE, 100
+    if blender.app.version >= (5, 0, 0):
+        render.image_settings.media_type = "MULTI_LAYER_IMAGE"
+    render.image_settings.file_format = "OPEN_EXR_MULTILAYER"
+    render.image_settings.color_depth, render.image_settings.exr_codec = "32", "NONE"
+    scene.camera.data.shift_x, scene.camera.data.lens = 0.03, 60.0
+
+    # Lambert: Principled without its dielectric layer, at full roughness.
+    material = obj.active_material
+    shader = next(n for n in material.node_tree.nodes if n.bl_idname == "ShaderNodeBsdfPrincipled")
+    shader.inputs["Base Color"].default_value = (0.7, 0.5, 0.3, 1.0)
+    shader.inputs["Roughness"].default_value = 1.0
+    shader.inputs["Specular IOR Level"].default_value = 0.0
+    material.pumice.colors_by_label = False
+
+    quads = blender.data.objects.new("quads", faces(blender, labels))
+    quads.matrix_world = obj.matrix_world
+    quads.data.materials.append(material)
+    scene.collection.objects.link(quads)
+
+    scene.pumice.samples, scene.pumice.bounces, scene.pumice.backend = SPP, BOUNCES, "CPU"
+    cycles = scene.cycles
+    cycles.device, cycles.samples = "CPU", SPP
+    cycles.use_adaptive_sampling = cycles.use_denoising = False
+    cycles.max_bounces = cycles.diffuse_bounces = cycles.glossy_bounces = cycles.transmission_bounces = BOUNCES
+    cycles.sample_clamp_direct = cycles.sample_clamp_indirect = cycles.blur_glossy = 0.0
+    cycles.pixel_filter_type, cycles.filter_width = "BLACKMAN_HARRIS", 1.5
+    scene["volume"], scene["quads"] = obj.name, quads.name
+    return scene
+
+
+def faces(bpy, labels):
+    """A mesh of all voxel faces towards empty voxels, in index space. Faces between two labels can be seen by no ray."""
+    solid = np.pad(labels > 0, 1)
+    corners = []
+    for axis in range(3):
+        for side in (0, 1):
+            beyond = np.roll(solid, -1 if side else 1, axis)
+            low = np.argwhere(solid & ~beyond) - 1
+            across, along = (axis + 1) % 3, (axis + 2) % 3
+            ring = [(0, 0), (1, 0), (1, 1), (0, 1)]
+            for a, b in ring if side else ring[::-1]:
+                corner = low.copy()
+                corner[:, axis] += side
+                corner[:, across] += a
+                corner[:, along] += b
+                corners.append(corner)
+    points = np.concatenate([np.stack(corners[i : i + 4], axis=1) for i in range(0, len(corners), 4)]).reshape(-1, 3)
+    count = len(points) // 4
+    mesh = bpy.data.meshes.new("quads")
+    mesh.vertices.add(4 * count)
+    mesh.vertices.foreach_set("co", points.astype(np.float32).ravel())
+    mesh.loops.add(4 * count)
+    mesh.loops.foreach_set("vertex_index", np.arange(4 * count, dtype=np.int32))
+    mesh.polygons.add(count)
+    mesh.polygons.foreach_set("loop_start", np.arange(0, 4 * count, 4, dtype=np.int32))
+    # Without it a mesh from arrays is shaded smooth.
+    mesh.attributes.new("sharp_face", "BOOLEAN", "FACE").data.foreach_set("value", np.ones(count, dtype=bool))
+    mesh.update(calc_edges=True)
+    return mesh
+
+
+def pictures(bpy, scene, folder, engine, first_seed):
+    """(seed, row, column, channel) of SEEDS renders."""
+    volume, quads = bpy.data.objects[scene["volume"]], bpy.data.objects[scene["quads"]]
+    volume.hide_render, quads.hide_render = engine == "CYCLES", engine != "CYCLES"
+    scene.render.engine = engine
+    scene.render.filepath = str(folder / "picture.exr")
+    out = []
+    for seed in range(first_seed, first_seed + SEEDS):
+        scene.cycles.seed = scene.pumice.seed = seed
+        bpy.ops.render.render(write_still=True)
+        channels = exr(folder / "picture.exr")
+        out.append(np.stack([channels[f"Combined.{c}"] for c in "RGB"], axis=-1).astype(np.float64))
+    return np.array(out)
+
+
+def judge(ours, theirs):
+    """(ratio, tiles beyond the bound, relative difference of the means)."""
+    variance = ours.var(axis=0, ddof=1) / SEEDS + theirs.var(axis=0, ddof=1) / SEEDS
+    ratio = ((ours.mean(axis=0) - theirs.mean(axis=0)) ** 2).mean() / variance.mean()
+    width, height = SIZE
+    a, b = (p.mean(axis=-1).reshape(SEEDS, height // 8, 8, width // 8, 8).mean(axis=(2, 4)) for p in (ours, theirs))
+    va, vb = a.var(axis=0, ddof=1) / SEEDS, b.var(axis=0, ddof=1) / SEEDS
+    # Tiles of sky alone have no noise but rounding's: nothing to judge by chance.
+    noisy = va + vb > (1e-5 * b.mean()) ** 2
+    t = np.abs(a.mean(axis=0) - b.mean(axis=0))[noisy] / np.sqrt((va + vb)[noisy])
+    freedom = ((va + vb) ** 2 / ((va**2 + vb**2) / (SEEDS - 1)))[noisy]
+    assert noisy.sum() > 20, "there is something to judge"
+    bound = 1.0 - (1.0 - 0.01) ** (1.0 / noisy.sum())
+    beyond = sum(two_sided(x, f) < bound for x, f in zip(t, freedom, strict=True))
+    return ratio, beyond, abs(ours.mean() / theirs.mean() - 1.0)
+
+
+def two_sided(t, freedom):
+    """Chance of a Student's t beyond ±t: 2 ∫ of its density, by Simpson's rule over the angle t = √f · tan θ."""
+    low, n = math.atan(t / math.sqrt(freedom)), 400
+    angles = np.linspace(low, math.pi / 2, n + 1)
+    weights = np.ones(n + 1)
+    weights[1:-1:2], weights[2:-1:2] = 4, 2
+    density = np.clip(np.cos(angles), 0, 1) ** (freedom - 1)
+    scale = math.exp(math.lgamma((freedom + 1) / 2) - math.lgamma(freedom / 2)) / math.sqrt(math.pi)
+    return 2 * scale * float((weights * density).sum()) * (math.pi / 2 - low) / n / 3
+
+
+def test_students_t_against_a_table():
+    # Two-sided 5 % and 1 % points for 7 and 14 degrees of freedom.
+    for t, freedom, chance in [(2.365, 7, 0.05), (3.499, 7, 0.01), (2.145, 14, 0.05), (2.977, 14, 0.01)]:
+        assert two_sided(t, freedom) == pytest.approx(chance, rel=2e-3)
+
+
+def test_f12_agrees_with_cycles_and_faults_are_convicted(scene, blender, tmp_path):
+    theirs = pictures(blender, scene, tmp_path, "CYCLES", 1)
+    ours = pictures(blender, scene, tmp_path, "PUMICE", 101)
+    ratio, beyond, difference = judge(ours, theirs)
+    assert 0.9 < ratio < 1.1 and beyond <= 1 and difference < 1e-3, (ratio, beyond, difference)
+
+    sun = next(o.data for o in blender.data.objects if o.type == "LIGHT")
+    for name, wrong, right in [
+        ("a bounce too few of four", lambda: setattr(scene.pumice, "bounces", 0), lambda: setattr(scene.pumice, "bounces", BOUNCES)),
+        ("a wrong filter", lambda: setattr(scene.pumice, "filter_pixels", 2.5), lambda: setattr(scene.pumice, "filter_pixels", 1.5)),
+        ("a sun 2 % too bright", lambda: setattr(sun, "energy", 1.02 * sun.energy), lambda: setattr(sun, "energy", sun.energy / 1.02)),
+    ]:
+        wrong()
+        ratio, beyond, _ = judge(pictures(blender, scene, tmp_path, "PUMICE", 201), theirs)
+        right()
+        assert ratio > 1.1 or beyond > 1, (name, ratio, beyond)

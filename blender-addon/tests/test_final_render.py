@@ -1,0 +1,271 @@
+# SPDX-FileCopyrightText: The Pumice developers
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""F12: what reaches Blender's passes, the size and part of the picture, progress, cancel and errors.
+
+The module is a stand-in whose picture has another number in each pixel; that the real one's is right is another test's business.
+"""
+
+import importlib
+import types
+
+import numpy as np
+import pytest
+
+from stand_ins import Module, Volume
+
+
+@pytest.fixture
+def stage(blender, extension, monkeypatch, tmp_path):
+    """A scene with one volume, ready for F12."""
+    load = lambda name: importlib.import_module(f"{extension.__name__}.{name}")  # noqa: E731
+    module = Module()
+    monkeypatch.setattr(load("native"), "pumice", module)
+    monkeypatch.setattr(load("native"), "MISSING", None)
+    load("registry")._entries.clear()
+    path = tmp_path / "cells.pumice"
+    path.write_bytes(b"stand-in")
+    obj = load("volume_object").create(
+        blender.context, Volume(), name="cells", filepath=str(path), source_path="", longest_side=10.0, placement="CENTER"
+    )
+    load("first_look").prepare(blender.context, obj)
+    scene = blender.context.scene
+    scene.render.engine = "PUMICE"
+    render = scene.render
+    render.resolution_x, render.resolution_y, render.resolution_percentage = 12, 8, 100
+    # The result is read back from a multilayer file: Render Result itself has no pixels in background mode.
+    render.filepath = str(tmp_path / "out.exr")
+    if blender.app.version >= (5, 0, 0):
+        render.image_settings.media_type = "MULTI_LAYER_IMAGE"
+    render.image_settings.file_format = "OPEN_EXR_MULTILAYER"
+    render.image_settings.color_depth = "32"
+    render.image_settings.exr_codec = "NONE"
+    stage = types.SimpleNamespace(bpy=blender, scene=scene, module=module, obj=obj, path=path, load=load, seen={})
+    original = load("final_render")._fill
+
+    def fill(layer, name, pixels):
+        original(layer, name, pixels)
+        target = layer.passes[name]
+        flat = np.empty(len(target.rect) * target.channels, dtype=np.float32)
+        target.rect.foreach_get(flat)
+        stage.seen[name] = flat.reshape(*np.asarray(pixels).shape[:2], target.channels)
+
+    monkeypatch.setattr(load("final_render"), "_fill", fill)
+    yield stage
+    load("registry")._entries.clear()
+
+
+def render(stage):
+    stage.seen.clear()
+    return stage.bpy.ops.render.render(write_still=True)
+
+
+def test_the_passes_hold_the_picture_bottom_row_first(stage):
+    layer = stage.bpy.context.view_layer
+    layer.use_pass_z, layer.pumice.use_pass_label = True, True
+    assert render(stage) == {"FINISHED"}
+    at = np.arange(96, dtype=np.float32).reshape(8, 12)
+    assert set(stage.seen) == {"Combined", "Depth", "Label"}
+    combined = stage.seen["Combined"]
+    assert np.array_equal(combined[::-1, :, 0], at) and np.array_equal(combined[::-1, :, 2], at * 3)
+    assert (combined[..., 3] == 1.0).all()
+    depth = stage.seen["Depth"][::-1, :, 0]
+    assert depth[0, 0] == np.float32(1e10) and np.array_equal(depth.ravel()[1:], at.ravel()[1:] + 0.5)
+    assert np.array_equal(stage.seen["Label"][::-1, :, 0], at + 7)
+
+
+def test_passes_that_nobody_wants_are_not_there(stage):
+    render(stage)
+    assert set(stage.seen) == {"Combined"}
+
+
+def channels(path):
+    """Every channel of every part of an OpenEXR file by its last two names, as OpenImageIO reads it; row 0 is the top."""
+    import OpenImageIO
+
+    found, part = {}, 0
+    file = OpenImageIO.ImageInput.open(str(path))
+    while file.seek_subimage(part, 0):
+        pixels = file.read_image(part, 0, 0, file.spec().nchannels, "float")
+        for at, name in enumerate(file.spec().channelnames):
+            layers = f"{file.spec().getattribute('name') or ''}.{name}".split(".")
+            found[".".join(layers[-2:])] = pixels[..., at]
+        part += 1
+    return found
+
+
+def test_the_file_has_the_passes_by_name_and_value(stage, tmp_path):
+    layer = stage.bpy.context.view_layer
+    layer.use_pass_z, layer.pumice.use_pass_label = True, True
+    render(stage)
+    written = channels(tmp_path / "out.exr")
+    at = np.arange(96, dtype=np.float32).reshape(8, 12)
+    assert np.array_equal(written["Combined.G"], at * 2) and (written["Combined.A"] == 1.0).all()
+    assert np.array_equal(written["Depth.Z"].ravel()[1:], at.ravel()[1:] + 0.5)
+    assert np.array_equal(written["Label.X"], at + 7)
+
+
+def test_percentage_and_region_make_the_film(stage):
+    stage.scene.render.resolution_x, stage.scene.render.resolution_y = 101, 60
+    stage.scene.render.resolution_percentage = 50
+    render(stage)
+    film = stage.module.renders[-1][0]["film"]
+    assert (film["width"], film["height"]) == (50, 30)
+    whole = stage.module.renders[-1][0]["camera"]
+
+    border = stage.scene.render
+    border.use_border, border.border_min_x, border.border_max_x = True, 0.5, 1.0
+    border.border_min_y, border.border_max_y = 0.0, 0.25
+    for crop in (True, False):
+        border.use_crop_to_border = crop
+        assert render(stage) == {"FINISHED"}
+        scene = stage.module.renders[-1][0]
+        assert (scene["film"]["width"], scene["film"]["height"]) == (25, 7)
+        assert scene["camera"]["shift"][0] > whole["shift"][0] and scene["camera"]["shift"][1] < whole["shift"][1]
+        assert set(stage.seen) == {"Combined"}
+
+
+def test_a_region_is_as_large_as_blender_makes_it(stage, tmp_path):
+    """Blender multiplies in single precision: the file that it writes says what came out."""
+    import OpenImageIO
+
+    render_settings = stage.scene.render
+    render_settings.resolution_x = render_settings.resolution_y = 100
+    render_settings.use_border = render_settings.use_crop_to_border = True
+    random = np.random.default_rng(1)
+    spans = [sorted(random.uniform(0, 1, 2)) for _ in range(12)] + [[0.1, 0.7], [0.3, 0.6], [0.29, 0.57]]
+    for low, high in spans:
+        render_settings.border_min_x, render_settings.border_max_x = low, high
+        render_settings.border_min_y, render_settings.border_max_y = low, high
+        assert render(stage) == {"FINISHED"}
+        film = stage.module.renders[-1][0]["film"]
+        spec = OpenImageIO.ImageInput.open(str(tmp_path / "out.exr")).spec()
+        assert (film["width"], film["height"]) == (spec.width, spec.height), (low, high)
+
+
+def test_an_animated_material_is_drawn_as_it_is_in_the_frame(stage):
+    shader = stage.obj.active_material.node_tree.nodes["Principled BSDF"].inputs["Roughness"]
+    for frame, value in ((1, 0.0), (11, 1.0)):
+        shader.default_value = value
+        shader.keyframe_insert("default_value", frame=frame)
+    stage.scene.frame_set(1)
+    stage.scene.frame_start, stage.scene.frame_end = 6, 6
+    stage.bpy.ops.render.render(animation=True)
+    drawn = stage.module.renders[-1][0]["instances"][0]["style"]["material"]["roughness"]
+    assert drawn == pytest.approx(0.5)
+
+
+def test_export_refuses_where_it_could_not_be_the_same_picture(stage, tmp_path):
+    path = tmp_path / "scene.json"
+    saved = []
+    stage.module.Scene.save = lambda self, path: saved.append(self.value)
+    assert stage.bpy.ops.pumice.export_scene(filepath=str(path)) == {"FINISHED"}
+    render(stage)
+    assert saved[-1] == stage.module.renders[-1][0], "the exported scene is the rendered one"
+    stage.obj.hide_viewport = True
+    with pytest.raises(RuntimeError, match="cells is hidden in the viewport and not in renders"):
+        stage.bpy.ops.pumice.export_scene(filepath=str(path))
+    stage.obj.hide_viewport, stage.obj.hide_render = False, True
+    assert stage.bpy.ops.pumice.export_scene(filepath=str(path)) == {"FINISHED"}
+    assert saved[-1]["instances"] == []
+
+
+def test_the_wishes_reach_the_render(stage):
+    wishes = stage.scene.pumice
+    wishes.samples, wishes.use_error, wishes.error_percent, wishes.use_time, wishes.time_seconds = 5, True, 3.0, True, 9.0
+    wishes.mode, wishes.lod, wishes.lod_pixels, wishes.seed, wishes.bounces = "ONE_BOUNCE", "DISTANCE", 2.0, 11, 4
+    wishes.filter_pixels, wishes.backend = 1.0, "CPU"
+    render(stage)
+    scene, _, limits = stage.module.renders[-1]
+    assert limits == {"spp": 5, "error": pytest.approx(0.03), "seconds": pytest.approx(9.0), "backend": "cpu"}
+    settings = scene["settings"]
+    assert settings["mode"] == "one_bounce" and settings["lod"] == {"distance": {"pixels": 2.0}}
+    assert (settings["seed"], settings["bounces"], settings["russian_roulette"]) == (11, 4, True)
+    assert scene["film"]["filter"] == {"blackman_harris": {"width": 2.0}}
+
+
+def test_what_hides_leaves_and_what_is_excluded_leaves(stage):
+    stage.obj.hide_render = True
+    render(stage)
+    assert stage.module.renders[-1][0]["instances"] == []
+
+
+def failure(stage):
+    """What F12 says when it fails: Blender raises the engine's error reports."""
+    with pytest.raises(RuntimeError) as raised:
+        render(stage)
+    return str(raised.value)
+
+
+def test_errors_of_the_user_are_one_line(stage):
+    stage.scene.render.pixel_aspect_x = 2.0
+    assert "Pixel aspect 2 : 1 is not drawn" in failure(stage)
+    stage.scene.render.pixel_aspect_x = 1.0
+    stage.path.unlink()
+    said = failure(stage)
+    assert "missing" in said and str(stage.path) in said and "Traceback" not in said
+
+
+def test_a_panic_in_the_module_is_a_report(stage):
+    def panic(job, on_progress):
+        raise stage.module.InternalError("a defect of Pumice: index out of bounds: the len is 3 but the index is 7")
+
+    stage.module.during_render = panic
+    assert "index out of bounds" in failure(stage)
+    stage.module.during_render = lambda job, on_progress: None
+    assert render(stage) == {"FINISHED"}, "the next render works"
+
+
+def test_a_defect_of_the_extension_is_a_report_too(stage, monkeypatch):
+    def broken(*_):
+        raise ZeroDivisionError("division by zero")
+
+    monkeypatch.setattr(stage.load("scene_reader"), "settings", broken)
+    assert "Pumice has a defect: ZeroDivisionError" in failure(stage)
+
+
+def test_progress_is_told_and_cancel_leaves_no_picture(stage):
+    """Work as the engine runs it, with Blender's side of a render that is cancelled after its second look."""
+    final_render = stage.load("final_render")
+    point = types.SimpleNamespace(spp=32, seconds=2.0, error_estimate=0.04)
+    looks = []
+
+    class Engine:
+        progress, line = [], ""
+
+        def test_break(self):
+            looks.append(1)
+            return len(looks) > 2
+
+        def update_progress(self, fraction):
+            self.progress.append(fraction)
+
+        def update_stats(self, _title, line):
+            self.line = line
+
+    def until_cancelled(job, on_progress):
+        on_progress(point)
+        while not job.cancelled:
+            pass
+
+    stage.module.during_render = until_cancelled
+    scene = stage.module.Scene({"film": {"width": 2, "height": 2}})
+    limits = {"spp": 128, "seconds": None, "error": 0.02}
+    work = final_render.Work(stage.module, scene, [], "cpu", limits)
+    engine = Engine()
+    assert work.watch(engine) is None and work.job.cancelled and not work.thread.is_alive()
+    # A quarter of the samples, and half of the error's way: twice the target is a quarter of it.
+    assert engine.progress[-1] == pytest.approx(0.25)
+    assert engine.line == "sample 32 of 128 · error 4 % · 2.0 s"
+
+
+def test_what_is_left_out_is_said(stage, monkeypatch):
+    said = []
+    final_render = stage.load("final_render")
+    original = final_render.parts_of_frame
+    monkeypatch.setattr(final_render, "parts_of_frame", lambda *a: (lambda r: (said.extend(r[1]), r)[1])(original(*a)))
+    stage.scene.render.film_transparent = True
+    light = stage.bpy.data.objects.new("lamp", stage.bpy.data.lights.new("lamp", "POINT"))
+    stage.scene.collection.objects.link(light)
+    render(stage)
+    assert any("lamp: Point lights are not drawn yet" in line for line in said)
+    assert any("transparent film" in line for line in said)

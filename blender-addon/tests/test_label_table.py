@@ -1,0 +1,62 @@
+# SPDX-FileCopyrightText: The Pumice developers
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The label table: what goes in comes out, through undo and saving, and it costs no property group a label."""
+
+import importlib
+
+import numpy as np
+import pytest
+
+from stand_ins import Labels
+
+
+@pytest.fixture
+def table(extension):
+    return importlib.import_module(f"{extension.__name__}.label_table")
+
+
+def some():
+    ids = [1, 7, 2**31, 2**32 + 5, 2**64 - 1]
+    colors = np.full((5, 3), np.nan)
+    colors[1] = [1.0, 0.5, 0.0]
+    return Labels(ids, ["", "liver", "", "ünï", ""], colors, ["axon", "", "axon", "soma", ""])
+
+
+def test_ids_of_64_bits_come_back(blender, table):
+    mesh = table.create("x", some())
+    assert table.ids(mesh).tolist() == some().ids.tolist()
+    assert table.ids(mesh).dtype == np.uint64
+    assert table.names(mesh) == some().names
+    assert mesh["pumice_types"] == '["", "axon", "soma"]'
+    assert mesh.attributes["type"].data[3].value == 2
+
+
+def test_only_the_files_own_colours_are_own(blender, table):
+    mesh = table.create("x", some())
+    assert table.own_color(mesh).tolist() == [False, True, False, False, False]
+    # sRGB 0.5 is 0.21404 in linear light (IEC 61966-2-1).
+    assert table.colors(mesh)[1] == pytest.approx([1.0, 0.21404114, 0.0, 1.0], abs=1e-6)
+    assert np.array_equal(table.colors(mesh)[[0, 2], :3], some().auto_colors()[[0, 2]])
+
+
+def test_edits_of_the_table_stay_through_saving(blender, table, tmp_path):
+    mesh = table.create("x", some())
+    mesh.use_fake_user = True
+    table.set_visible(mesh, [True, False, True, True, False])
+    table.set_color(mesh, [3], (0.25, 0.5, 0.75))
+    blender.ops.wm.save_as_mainfile(filepath=str(tmp_path / "a.blend"))
+    blender.ops.wm.open_mainfile(filepath=str(tmp_path / "a.blend"))
+    mesh = next(m for m in blender.data.meshes if m.name.startswith("x"))
+    assert table.visible(mesh).tolist() == [True, False, True, True, False]
+    assert table.own_color(mesh).tolist() == [False, True, False, True, False]
+    assert table.colors(mesh)[3, :3].tolist() == [0.25, 0.5, 0.75]
+
+
+def test_an_empty_volume_has_an_empty_table(blender, table):
+    mesh = table.create("none", Labels([]))
+    assert table.ids(mesh).tolist() == [] and table.visible(mesh).tolist() == []
+
+
+def test_a_mesh_that_is_none_is_named(blender, table):
+    with pytest.raises(KeyError, match="no attribute id_low"):
+        table.ids(blender.data.meshes.new("plain"))

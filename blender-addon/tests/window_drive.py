@@ -1,0 +1,343 @@
+# SPDX-FileCopyrightText: The Pumice developers
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Drives Blender in a real window: imports, orbits, edits, renders; takes screenshots, writes figures, fails on the first surprise.
+
+    blender --factory-startup … --python window_drive.py -- OUT VOLUME
+
+Runs inside Blender's own Python, with the extension installed. OUT gets `NAME.xwd` of the whole screen for each step, and
+`figures.json`:
+
+    redraw_ms                 main-thread milliseconds of view_draw while it orbits: [median, largest]
+    first_picture_seconds     from a camera change to the first frame of that camera: [median, largest]
+    hand_over_1080p_ms        a 1920×1080 frame from a session to a texture: [median, largest]
+
+Exit status 0 only when every step went through and every claim held.
+"""
+
+import collections
+import json
+import os
+import statistics
+import subprocess
+import sys
+import threading
+import time
+import traceback
+
+import addon_utils
+import bpy
+import numpy as np
+from mathutils import Quaternion
+
+OUT, VOLUME = sys.argv[sys.argv.index("--") + 1 :][:2]
+EXTENSION = "bl_ext.user_default.pumice"
+# Seconds after which a claim that has not come true is false; software drawing on a busy machine is slow.
+PATIENCE_SECONDS = 120.0
+
+# --factory-startup leaves installed extensions disabled, and the splash would cover the viewport.
+addon_utils.enable(EXTENSION, persistent=True)
+bpy.context.preferences.view.show_splash = False
+figures = {"blender": bpy.app.version_string, "backend": None}
+draw_ms = []
+
+
+def view3d():
+    window = bpy.context.window_manager.windows[0]
+    area = next(a for a in window.screen.areas if a.type == "VIEW_3D")
+    return window, area, area.spaces.active
+
+
+def shot(name):
+    """bpy.ops.screen.screenshot comes out black with software GL."""
+    subprocess.run(["xwd", "-silent", "-root", "-out", f"{OUT}/{name}.xwd"], check=True)
+
+
+def shown():
+    viewports = list(sys.modules[EXTENSION].viewport._viewports.values())
+    return viewports[0] if viewports else None
+
+
+def until(claim, what):
+    """Yields until a claim holds."""
+    end = time.monotonic() + PATIENCE_SECONDS
+    while not claim():
+        assert time.monotonic() < end, f"not within {PATIENCE_SECONDS} s: {what}"
+        yield 0.02
+
+
+def converged():
+    view = shown()
+    return view is not None and view.session is not None and view.session.status.state == "converged"
+
+
+def counted():
+    """What the session has received and made; what it never did is 0."""
+    return collections.defaultdict(int, shown().session.status.counters)
+
+
+def measure_draws():
+    """Wraps the viewport's draw with a clock."""
+    cls = sys.modules[EXTENSION].viewport.Viewport
+    draw = cls.draw
+
+    def timed(self, context, depsgraph):
+        begin = time.perf_counter()
+        draw(self, context, depsgraph)
+        draw_ms.append(1000.0 * (time.perf_counter() - begin))
+
+    cls.draw = timed
+
+
+def steps():
+    # One large viewport. screen_full_area from a timer crashes: close the others instead.
+    window, area, space = view3d()
+    for other in [a for a in window.screen.areas if a != area]:
+        with bpy.context.temp_override(window=window, area=other):
+            bpy.ops.screen.area_close()
+    yield 0.3
+
+    window, area, space = view3d()
+    with bpy.context.temp_override(window=window, area=area, region=next(r for r in area.regions if r.type == "WINDOW")):
+        assert bpy.ops.pumice.import_volume(filepath=VOLUME) == {"FINISHED"}
+    assert bpy.context.scene.render.engine == "PUMICE"
+    yield 0.5
+    shot("solid")
+
+    yield from panels(area)
+    window, area, space = view3d()
+
+    scene = bpy.context.scene
+    scene.pumice.viewport_samples = 64
+    space.shading.type = "RENDERED"
+    yield from until(converged, "the viewport converges")
+    yield 0.5
+    shot("rendered")
+    figures["backend"] = shown().session.status.backend
+
+    # Orbit: the picture follows.
+    measure_draws()
+    view = space.region_3d
+    start = view.view_rotation.copy()
+    for step in range(60):
+        view.view_rotation = start @ Quaternion((0, 1, 0), 0.02 * step)
+        area.tag_redraw()
+        yield 0.0
+    shot("moving")
+    figures["redraw_ms"] = [statistics.median(draw_ms), max(draw_ms)]
+
+    # From a camera change to its first picture.
+    waits = []
+    for step in range(10):
+        view.view_rotation = start @ Quaternion((0, 1, 0), 0.3 + 0.05 * step)
+        area.tag_redraw()
+        begin = time.perf_counter()
+        before = shown().session.status.revision
+        yield from until(lambda: shown().session.status.revision > before, "the camera is sent")  # noqa: B023
+        wanted = shown().session.status.revision
+        yield from until(
+            lambda: shown().frame is not None and shown().frame.revision >= wanted, "a picture of it"  # noqa: B023
+        )
+        waits.append(time.perf_counter() - begin)
+    figures["first_picture_seconds"] = [statistics.median(waits), max(waits)]
+
+    # One colour edit is one edit.
+    counters = counted()
+    shader = bpy.context.object.active_material.node_tree.nodes["Principled BSDF"]
+    shader.inputs["Roughness"].default_value = 0.1
+    yield from until(lambda: counted()["edits.material"] > counters["edits.material"], "an edit")
+    after = counted()
+    assert after["edits.material"] == counters["edits.material"] + 1
+    assert after["edits.place"] == counters["edits.place"] and after["edits.world"] == counters["edits.world"]
+    assert after["rebuilt.acceleration"] == counters["rebuilt.acceleration"]
+
+    # Into the camera, orthographic, and back; each converges.
+    with bpy.context.temp_override(window=window, area=area, region=next(r for r in area.regions if r.type == "WINDOW")):
+        bpy.ops.view3d.view_camera()
+    yield from until(converged, "the camera view converges")
+    yield 0.5
+    shot("camera")
+    view.view_perspective = "ORTHO"
+    area.tag_redraw()
+    yield from until(lambda: "orthographic" in shown().sent.camera["projection"], "an orthographic camera is sent")
+    yield from until(converged, "the orthographic view converges")
+    yield 0.5
+    shot("orthographic")
+
+    # At rest nothing is redrawn.
+    count = len(draw_ms)
+    yield 2.0
+    assert len(draw_ms) - count <= 2, f"{len(draw_ms) - count} redraws of a finished picture"
+
+    # Undo, the engine switched while it renders, and the object deleted.
+    with bpy.context.temp_override(window=window, area=area):
+        bpy.ops.ed.undo_push(message="before")
+        bpy.context.object.location.x += 1.0
+        bpy.ops.ed.undo_push(message="moved")
+        yield 0.2
+        bpy.ops.ed.undo()
+    yield 0.5
+    space.shading.type = "SOLID"
+    yield 1.0
+    space.shading.type = "RENDERED"
+    yield 0.2
+    bpy.context.scene.render.engine = "BLENDER_WORKBENCH"
+    yield 1.5
+    assert shown() is None, "no session without its engine"
+    bpy.context.scene.render.engine = "PUMICE"
+    yield from until(lambda: shown() is not None and shown().frame is not None, "a picture after the switch")
+
+    figures["hand_over_1080p_ms"] = yield from hand_over()
+
+    yield from final_render(window, area)
+    yield from cancelled_import(window, area)
+
+    # A file that is gone: a line and a box, and all is well when it is back.
+    obj = next(o for o in bpy.data.objects if o.pumice.filepath)
+    os.rename(obj.pumice.filepath, obj.pumice.filepath + ".away")
+    obj.update_tag()
+    yield from until(lambda: shown().sent.placed == {}, "a missing volume leaves")
+    yield 1.0
+    shot("missing")
+    os.rename(obj.pumice.filepath + ".away", obj.pumice.filepath)
+    obj.update_tag()
+    yield from until(lambda: len(shown().sent.placed) == 1, "it is back")
+
+    bpy.data.objects.remove(obj)
+    yield 1.0
+    assert shown() is not None and shown().sent.placed == {}
+    shot("deleted")
+    bpy.ops.wm.read_homefile(use_factory_startup=True)
+    yield 1.0
+
+
+def panels(area):
+    """Every tab of the properties editor in which there is a panel of ours; who runs this looks at the pictures and at stderr."""
+    area.type = "PROPERTIES"
+    yield 0.5
+    for tab in ("RENDER", "VIEW_LAYER", "WORLD", "DATA", "MATERIAL"):
+        area.spaces.active.context = tab
+        area.tag_redraw()
+        yield 0.5
+        shot(f"panel_{tab.lower()}")
+    area.type = "VIEW_3D"
+    yield 0.5
+
+
+def input_events(place, *actions):
+    """Mouse and keys through the window system, each seen by Blender before the next: yields between them.
+
+    Simulated events do not do: Blender stops a render at the window system's ESC.
+    """
+    for action in (f"mousemove {place[0]} {place[1]}", *actions):
+        subprocess.run(["xdotool", *action.split()], check=True)
+        yield 0.2
+
+
+VIEW = (430, 330)
+ESCAPE = (VIEW, "keydown Escape", "keyup Escape")
+
+
+def final_render(window, area):
+    """F12 as a user starts it, beside the live viewport: once to its end, once cancelled."""
+    ended = []
+    bpy.app.handlers.render_complete.append(lambda *_: ended.append("complete"))
+    bpy.app.handlers.render_cancel.append(lambda *_: ended.append("cancel"))
+    scene = bpy.context.scene
+    scene.render.resolution_percentage = 20
+    bpy.context.preferences.view.render_display_type = "NONE"
+    for samples, press, wanted in ((4, None, "complete"), (1 << 20, ESCAPE, "cancel")):
+        scene.pumice.samples = samples
+        with bpy.context.temp_override(window=window, area=area):
+            bpy.ops.render.render("INVOKE_DEFAULT")
+        yield 2.0
+        if press:
+            assert not ended, "a million samples take longer"
+            yield from input_events(*press)
+        yield from until(lambda: ended, f"the render ends: {wanted}")
+        assert ended == [wanted], ended
+        ended.clear()
+        yield 0.5
+
+
+def compressing():
+    return any(t.name == "pumice import" for t in threading.enumerate())
+
+
+def noise_volume(folder):
+    """A volume of noise: nothing takes longer to compress, so that there is time to cancel."""
+    os.makedirs(folder)
+    path = os.path.join(folder, "noise.npy")
+    np.save(path, np.random.default_rng(1).integers(1, 255, (320, 320, 320), dtype=np.uint8))
+    return path
+
+
+def cancelled_import(window, area):
+    """A dropped file: its options, Enter, then ESC while it compresses. Nothing is left of it."""
+    folder = os.path.join(OUT, "noise")
+    noise = noise_volume(folder)
+    before = sorted(os.listdir(folder))
+    count = len(bpy.data.objects)
+    yield from input_events(VIEW)  # the dialog opens around the mouse
+    with bpy.context.temp_override(window=window, area=area, region=next(r for r in area.regions if r.type == "WINDOW")):
+        bpy.ops.pumice.import_volume("INVOKE_DEFAULT", filepath=noise)
+    yield 0.7
+    shot("import_options")
+
+    def running():
+        return "PUMICE_OT_import_volume" in [o.bl_idname for o in window.modal_operators] and compressing()
+
+    yield from input_events((VIEW[0], VIEW[1] + 4), "keydown Return", "keyup Return")
+    yield from until(running, "the volume is being compressed")
+    shot("import_progress")
+    assert running(), "there is no time to cancel: take a larger volume"
+    yield from input_events(*ESCAPE)
+    yield from until(lambda: not window.modal_operators, "the import ends")
+    yield 0.5
+    assert len(bpy.data.objects) == count, "no object of a cancelled import"
+    assert sorted(os.listdir(folder)) == before, "no file of a cancelled import"
+
+
+def hand_over():
+    """Milliseconds of uploading a full-HD frame; drawing into the window is Blender's own part."""
+    import pumice
+
+    texture = sys.modules[EXTENSION].picture_texture
+    view = shown()
+    scene = pumice.Scene.from_dict(dict(view.sent.scene(view.numbers), film=dict(view.sent.film, width=1920, height=1080)))
+    volumes = [sys.modules[EXTENSION].registry.request(p.source).volume for p in view.sent.placed.values()]
+    session = pumice.Session(scene, volumes, spp=1)
+    frame = None
+    end = time.monotonic() + PATIENCE_SECONDS
+    while frame is None or frame.width < 1920:
+        assert time.monotonic() < end, "no full-HD frame"
+        newest = session.latest()
+        frame = newest if newest is not None else frame
+        yield 0.05
+    session.stop()
+    took = []
+    for _ in range(10):
+        begin = time.perf_counter()
+        texture.upload(frame)
+        took.append(1000.0 * (time.perf_counter() - begin))
+    return [statistics.median(took), max(took)]
+
+
+run = steps()
+
+
+def tick():
+    try:
+        return next(run)
+    except StopIteration:
+        code = 0
+    except BaseException:
+        traceback.print_exc()
+        shot("failed")
+        code = 1
+    with open(f"{OUT}/figures.json", "w") as file:
+        json.dump(figures, file, indent=1)
+    sys.stdout.flush()
+    os._exit(code)
+
+
+bpy.app.timers.register(tick, first_interval=0.5, persistent=True)

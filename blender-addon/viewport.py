@@ -1,0 +1,309 @@
+# SPDX-FileCopyrightText: The Pumice developers
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A 3D viewport's picture: one session a viewport, which refines in a thread of the compiled module.
+
+    Blender                         this module                       session (Rust)
+    view_update: scene changed ───► sync: parts, edits ─────────────► edit(…) returns at once
+    view_draw:   redraw        ───► draw: camera moved? ────────────► edit(camera)
+                                    newest frame to a texture ◄────── latest()
+    timer, 60 Hz               ───► poll: serial moved? tag a redraw
+
+Nothing here waits: neither for a frame, nor for a volume's file. Orbiting gives no view_update, so draw compares the camera itself.
+No engine object is kept alive by this: an engine that Blender freed raises ReferenceError in the next poll, and that ends its session.
+"""
+
+import os
+
+import bpy
+
+from . import missing_boxes, native, overlay, picture_texture, registry, scene_reader
+from .reports import Refused, log, one_line
+from .sync import camera as camera_math
+from .sync import edits, matrix
+from .sync.instances import Styles
+
+ACTIVE_SECONDS = 1.0 / 60.0
+# While nothing is computed, only to notice that Blender freed the engine.
+RESTING_SECONDS = 0.5
+
+_viewports = {}
+
+
+def of(engine):
+    """The viewport of an engine; a new one where there is none. Blender may give a new engine the address of a freed one."""
+    key = engine.as_pointer()
+    found = _viewports.get(key)
+    if found is not None and found.engine is not engine:
+        found.close()
+        found = None
+    if found is None:
+        found = _viewports[key] = Viewport(engine, key)
+    return found
+
+
+def close_all():
+    """Ends every session."""
+    for viewport in list(_viewports.values()):
+        viewport.close()
+
+
+def redraw_all():
+    """Has every viewport read the scene again."""
+    for viewport in list(_viewports.values()):
+        viewport.tag_update()
+
+
+class Viewport:
+    """What one viewport shows."""
+
+    def __init__(self, engine, key):
+        self.engine = engine
+        self.key = key
+        self.session = None
+        self.sent = None  # the parts as the session has them
+        self.numbers = {}  # instance key → number in the session
+        self.next_number = 1
+        self.limits = None
+        self.styles = Styles()
+        self.waiting = {}  # path → entry that is being opened
+        self.notes = []
+        self.camera_seen = None
+        self._missing = []  # what is said of volumes that are not open
+        self._undrawn = []  # and where they are
+        self.frame = None
+        self.texture = picture_texture.PictureTexture()
+        self.active = False
+        self._wake()
+
+    # Blender's calls
+
+    def sync(self, context, depsgraph):
+        """Reads the scene and sends what differs."""
+        scene = depsgraph.scene
+        try:
+            camera, film = view_of(context, scene, self.engine)
+            parts, left_out = scene_reader.read(
+                depsgraph, camera, film, self.styles, space=getattr(context, "space_data", None)
+            )
+            parts, volumes = self._opened(parts)
+            self._send(parts, volumes, scene.pumice)
+            notes = self._missing + left_out[:1]
+        except Exception as error:  # a viewport that raises takes no further updates: say it in the line instead
+            log(error)
+            notes = [one_line(error)]
+        self.notes = notes
+        self.engine.tag_redraw()
+
+    def draw(self, context, depsgraph):
+        """Draws the newest frame, after sending a camera that moved."""
+        scene = depsgraph.scene
+        status = None
+        try:
+            self._follow_camera(context, scene)
+            self._fetch()
+            status = self.session.status if self.session is not None else None
+        except Exception as error:
+            log(error)
+            self.notes = [one_line(error)]
+        region = context.region
+        if self.frame is not None:
+            self.texture.draw(self.engine, scene, self.frame, region.width, region.height)
+        missing_boxes.draw(self._boxes(context))
+        self.engine.update_stats("Pumice", overlay.line(status, self.frame, self.notes))
+
+    # Between them
+
+    def poll(self):
+        """The timer: tags a redraw when there is a new frame; gives the seconds to the next call, None when all is over."""
+        if _viewports.get(self.key) is not self:
+            return None
+        try:
+            if any(entry.done.is_set() for entry in self.waiting.values()):
+                self.waiting = {}
+                self.engine.tag_update()
+            fresh = self._fetch()
+            if fresh:
+                self.engine.tag_redraw()
+            else:
+                self.engine.is_preview  # raises ReferenceError when Blender has freed the engine  # noqa: B018
+        except ReferenceError:
+            self.close()
+            return None
+        resting = not self.waiting and (self.session is None or self._state() != "rendering")
+        if resting and self.active and not fresh:
+            self.active = False
+            self.engine.tag_redraw()  # the line says that it is done
+        return ACTIVE_SECONDS if self.active else RESTING_SECONDS
+
+    def tag_update(self):
+        """Asks Blender for a view_update."""
+        try:
+            self.engine.tag_update()
+        except ReferenceError:
+            self.close()
+
+    def close(self):
+        """Ends the session; the viewport must not be used again."""
+        if _viewports.get(self.key) is self:
+            del _viewports[self.key]
+        if bpy.app.timers.is_registered(self._tick):
+            bpy.app.timers.unregister(self._tick)
+        self._stop()
+
+    # Inside
+
+    def _opened(self, parts):
+        """The parts whose volumes are open, and these; the others are requested and named."""
+        self._missing, self._undrawn, volumes, ready = [], [], {}, {}
+        for key, placed in parts.placed.items():
+            try:
+                entry = registry.request(placed.source)
+            except (Refused, native.ModuleMissing) as error:
+                self._missing.append(one_line(error))
+                self._undrawn.append(placed)
+                continue
+            if not entry.done.is_set():
+                self.waiting[placed.source] = entry
+                self._missing.append(f"opening {os.path.basename(placed.source)}")
+                self._undrawn.append(placed)
+                self._wake()
+            elif entry.error:
+                self._missing.append(entry.error)
+                self._undrawn.append(placed)
+            else:
+                volumes[key], ready[key] = entry.volume, placed
+                self._missing += filter(None, [placed.differs(entry.volume)])
+        fields = {part: getattr(parts, part) for part in edits.SINGLE_PARTS}
+        return type(parts)(**fields, placed=ready), volumes
+
+    def _send(self, parts, volumes, wishes):
+        """Brings the session to `parts`: a new one where its limits differ or it failed, edits otherwise."""
+        limits = {
+            "backend": wishes.backend.lower(),
+            "spp": wishes.viewport_samples,
+            "error": wishes.error_percent / 100.0 if wishes.use_error else None,
+        }
+        if self.session is not None and (limits != self.limits or self._state() in {"failed", "stopped"}):
+            if limits != self.limits or parts != self.sent:
+                self._stop()
+        if self.session is None:
+            pumice = native.require()
+            self.numbers = {key: number for number, key in enumerate(sorted(parts.placed), start=1)}
+            self.next_number = len(self.numbers) + 1
+            scene = pumice.Scene.from_dict(parts.scene(self.numbers))
+            ordered = sorted(parts.placed, key=self.numbers.__getitem__)
+            self.session = pumice.Session(scene, [volumes[key] for key in ordered], **limits)
+            self.limits, self.sent, self.frame = limits, parts, None
+            self._wake()
+            return
+        changes = edits.between(self.sent, parts, self.numbers)
+        if not changes:
+            self.sent = parts
+            return
+        if changes.edits:
+            self.session.edit(*changes.edits)
+        for key in changes.removed:
+            del self.numbers[key]
+        for key in changes.added:
+            self.session.add(parts.placed[key].instance(self.next_number), volumes[key])
+            self.numbers[key] = self.next_number
+            self.next_number += 1
+        self.sent = parts
+        self._wake()
+
+    def _boxes(self, context):
+        """Lines of the boxes of volumes that are not open."""
+        size = (context.region.width, context.region.height)
+        view = context.region_data
+        ends = []
+        for placed in self._undrawn:
+            clip_from_world = matrix.times(matrix.rows(view.window_matrix), matrix.rows(view.view_matrix))
+            world_from_index = matrix.from_twelve(placed.world_from_index)
+            ends += missing_boxes.lines(placed.dims, world_from_index, clip_from_world, size)
+        return ends
+
+    def _follow_camera(self, context, scene):
+        """Sends camera and film when the view moved since the last draw or update."""
+        if self.session is None or self.sent is None:
+            return
+        seen = (_view_state(context), scene.pumice.filter_pixels)
+        if seen == self.camera_seen:
+            return
+        camera, film = view_of(context, scene, self.engine)
+        self.camera_seen = seen
+        moved = type(self.sent)(
+            camera, film, self.sent.world, self.sent.suns, self.sent.settings, self.sent.placed
+        )
+        changes = edits.between(self.sent, moved, self.numbers)
+        if changes.edits:
+            self.session.edit(*changes.edits)
+            self.sent = moved
+            self._wake()
+
+    def _fetch(self):
+        """Takes the newest frame, if there is a newer one."""
+        if self.session is None:
+            return False
+        newer = self.session.latest(self.frame.serial if self.frame is not None else 0)
+        if newer is None:
+            return False
+        self.frame = newer
+        return True
+
+    def _state(self):
+        return self.session.status.state
+
+    def _wake(self):
+        """Polls at full rate again. A timer that already does is left alone: registering anew would put it off at each redraw."""
+        if self.active:
+            return
+        self.active = True
+        if not hasattr(self, "_tick"):
+            self._tick = lambda: self.poll()
+        if bpy.app.timers.is_registered(self._tick):
+            bpy.app.timers.unregister(self._tick)
+        bpy.app.timers.register(self._tick, first_interval=ACTIVE_SECONDS, persistent=True)
+
+    def _stop(self):
+        if self.session is not None:
+            self.session.stop()
+        self.session, self.sent, self.frame = None, None, None
+        self.numbers, self.camera_seen = {}, None
+
+
+def view_of(context, scene, engine):
+    """(camera, film) of what a viewport looks at."""
+    region, view = context.region, context.region_data
+    pixel = max(1, engine.get_preview_pixel_size(scene))
+    size = (max(1, round(region.width / pixel)), max(1, round(region.height / pixel)))
+    clip = (context.space_data.clip_start, context.space_data.clip_end)
+    camera = context.space_data.camera if view.view_perspective == "CAMERA" else None
+    if camera is not None and camera.type == "CAMERA":
+        if camera.data.type not in {"PERSP", "ORTHO"}:
+            raise Refused(f"Camera {camera.name}: panoramas are not drawn; set its type to Perspective or Orthographic")
+        clip = (camera.data.clip_start, camera.data.clip_end)
+    world_from_view = matrix.inverse_rigid(matrix.rows(view.view_matrix))
+    camera = camera_math.from_window(world_from_view, matrix.rows(view.window_matrix), clip=clip, size=size)
+    return camera, scene_reader.film(scene.pumice, size)
+
+
+def _view_state(context):
+    """What tells a moved view from a resting one, cheaply."""
+    view, region, space = context.region_data, context.region, context.space_data
+    numbers = [value for row in view.view_matrix for value in row]
+    numbers += [value for row in view.window_matrix for value in row]
+    return (tuple(numbers), region.width, region.height, space.clip_start, space.clip_end)
+
+
+@bpy.app.handlers.persistent
+def _before_load(*_):
+    close_all()
+
+
+def register():
+    bpy.app.handlers.load_pre.append(_before_load)
+
+
+def unregister():
+    bpy.app.handlers.load_pre.remove(_before_load)
+    close_all()

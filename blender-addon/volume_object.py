@@ -1,0 +1,121 @@
+# SPDX-FileCopyrightText: The Pumice developers
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A volume as an object: its matrix carries voxels to the scene, its mesh is the proxy, its labels are a table of attributes.
+
+    scene ◄── matrix_world = [place] · [display scale] · world_from_index ◄── voxels = mesh coordinates
+
+Blender keeps an object's matrix as location, rotation and scale, which cannot shear. A file whose axes are not at right angles is
+therefore hung below an empty, whose *parent inverse* matrix holds the whole of it.
+"""
+
+import bpy
+import numpy as np
+from mathutils import Matrix, Vector
+
+from . import label_table, proxy
+from .sync import nodes
+
+# Shown faces keep their colour within this, an eighth of a display step; attributes are 8 bit anyway.
+SHEAR_TOLERANCE = 1e-5
+
+
+def create(context, volume, *, name, filepath, source_path, longest_side, placement):
+    """A new object for an open volume, linked to the active collection.
+
+    `placement` is CENTER (the volume's middle to the scene's origin, standing on nothing), ALIGN (in the same frame as the first
+    volume of the scene, with its display scale) or FILE (where the file says, scaled).
+    """
+    world = np.array(volume.world_from_index, dtype=np.float64)
+    dims = np.array(volume.dims, dtype=np.float64)
+    scale, moved = _display(context.scene, world, dims, longest_side, placement)
+    scene_from_index = world.copy()
+    scene_from_index[:3] *= scale
+    scene_from_index[:3, 3] += moved
+
+    labels = volume.labels
+    table = label_table.create(name, labels)
+    obj = bpy.data.objects.new(name, proxy_mesh(name, volume, label_table.colors(table)))
+    obj.data.materials.append(material(name))
+    settings = obj.pumice
+    settings.filepath, settings.source_path, settings.table = filepath, source_path, table
+    settings.display_scale = scale
+    settings.unit, settings.spacing, settings.dims = volume.unit, volume.spacing, volume.dims
+    settings.labels, settings.content_hash = len(labels.ids), volume.content_hash
+    obj["pumice_offset"] = [float(v) for v in moved]  # what was added after scaling: volumes are aligned by it
+    context.collection.objects.link(obj)
+    place(context, obj, scene_from_index)
+    return obj
+
+
+def place(context, obj, scene_from_index):
+    """Gives an object a matrix, whatever it is."""
+    wanted = Matrix([list(row) for row in scene_from_index])
+    location, rotation, size = wanted.decompose()
+    rebuilt = Matrix.LocRotScale(location, rotation, size)
+    step = max(abs(v) for row in wanted.to_3x3() for v in row)
+    wrong = max(abs(a - b) for x, y in zip(wanted.to_3x3(), rebuilt.to_3x3()) for a, b in zip(x, y))
+    if wrong <= SHEAR_TOLERANCE * step:
+        obj.matrix_basis = wanted
+        return
+    frame = bpy.data.objects.new(f"{obj.name} frame", None)
+    frame.empty_display_size = 1.0
+    context.collection.objects.link(frame)
+    obj.parent = frame
+    obj.matrix_parent_inverse = wanted
+
+
+def proxy_mesh(name, volume, colors):
+    """The proxy as a mesh, flat, with the labels' colours."""
+    shape = proxy.build(volume.dims, *volume.box_arrays())
+    mesh = bpy.data.meshes.new(name)
+    count = len(shape.quads)
+    mesh.vertices.add(len(shape.vertices))
+    mesh.vertices.foreach_set("co", shape.vertices.ravel())
+    mesh.loops.add(4 * count)
+    mesh.loops.foreach_set("vertex_index", shape.quads.ravel())
+    mesh.polygons.add(count)
+    mesh.polygons.foreach_set("loop_start", np.arange(0, 4 * count, 4, dtype=np.int32))
+    mesh.update(calc_edges=True)
+    mesh.shade_flat()
+    layer = mesh.color_attributes.new("Label Color", "BYTE_COLOR", "CORNER")
+    if len(colors):
+        layer.data.foreach_set("color", np.repeat(colors[shape.labels], 4, axis=0).ravel())
+    mesh.color_attributes.active_color = layer
+    mesh.color_attributes.render_color_index = 0
+    return mesh
+
+
+def material(name):
+    """A material that looks good at once: labels in colours of their own, half matt."""
+    made = bpy.data.materials.new(name)
+    tree = nodes.ensure(made)
+    made.pumice.colors_by_label = True
+    node = tree.nodes["Principled BSDF"]
+    node.inputs["Roughness"].default_value = 0.45
+    node.inputs["Specular IOR Level"].default_value = 0.35
+    return made
+
+
+def bounds(obj):
+    """(low, high) corner of an object in the scene."""
+    corners = [obj.matrix_world @ Vector(corner) for corner in obj.bound_box]
+    low = Vector([min(c[axis] for c in corners) for axis in range(3)])
+    high = Vector([max(c[axis] for c in corners) for axis in range(3)])
+    return low, high
+
+
+def _display(scene, world, dims, longest_side, placement):
+    """(display scale, what is added after scaling)."""
+    corners = np.array([[x, y, z, 1.0] for x in (0, dims[0]) for y in (0, dims[1]) for z in (0, dims[2])])
+    corners = (world @ corners.T).T[:, :3]
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    first = next((o for o in scene.objects if o.pumice.filepath), None)
+    if placement == "ALIGN" and first is not None:
+        return first.pumice.display_scale, np.array(list(first.get("pumice_offset", (0.0, 0.0, 0.0))))
+    side = (high - low).max()
+    scale = longest_side / side if side > 0.0 else 1.0
+    # Blender keeps it in single precision: what is stored is what is used.
+    scale = float(np.float32(scale))
+    if placement == "FILE":
+        return scale, np.zeros(3)
+    return scale, -scale * (low + high) / 2.0

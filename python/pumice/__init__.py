@@ -1,0 +1,40 @@
+"""Pumice: label volumes, losslessly compressed and path traced as they are.
+
+    volume = pumice.open("cells.nrrd")                  # or pumice.compress(array, spacing=(16, 16, 40), unit="nm")
+    scene = pumice.figure(volume, pick=30)
+    picture = pumice.render(scene, volume, error=0.03)
+    picture.save("cells.png")
+
+Lengths of volumes are in the file's unit, those of scenes in world units; colours are scene-linear Rec. 709 unless said otherwise.
+"""
+
+from ._native import Job, __version__
+from .errors import Cancelled, InputError, InternalError, PumiceError
+from .picture import CurvePoint, Picture, devices, render
+from .scene import Scene, figure
+from .session import Frame, Pick, Session, Status
+from .volume import LabelTable, Volume, compress, open, probe
+
+__all__ = [
+    "Cancelled",
+    "CurvePoint",
+    "Frame",
+    "InputError",
+    "InternalError",
+    "Job",
+    "LabelTable",
+    "Pick",
+    "Picture",
+    "PumiceError",
+    "Scene",
+    "Session",
+    "Status",
+    "Volume",
+    "__version__",
+    "compress",
+    "devices",
+    "figure",
+    "open",
+    "probe",
+    "render",
+]

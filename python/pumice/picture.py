@@ -1,0 +1,140 @@
+"""Renders to their end, and the pictures they give."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from . import _native
+from .errors import InputError
+from .scene import Scene
+from .volume import Job, Path, Volume
+
+Floats = npt.NDArray[np.float32]
+
+
+@dataclasses.dataclass(frozen=True)
+class CurvePoint:
+    """Error against run time: how far a render was at one moment."""
+
+    spp: int
+    seconds: float
+    cpu_seconds: float
+    error_estimate: float | None
+
+
+class Picture:
+    """A finished picture as read-only numpy arrays; row 0 is the top."""
+
+    def __init__(self, native: _native.Picture) -> None:
+        self._native = native
+        told = json.loads(native.figures())
+        self._figures: dict[str, Any] = told["figures"]
+        self.explanation: list[str] = told["explanation"]
+        self.color: Floats = np.asarray(native.color())
+        self.variance: Floats | None = _maybe(native.variance())
+        self.depth: Floats | None = _maybe(native.depth())
+        self.label: npt.NDArray[np.uint32] | None = _maybe(native.label())
+        self.albedo: Floats | None = _maybe(native.albedo())
+        self.normal: Floats | None = _maybe(native.normal())
+
+    @property
+    def spp(self) -> int:
+        """Samples in every pixel."""
+        return int(self._figures["spp"])
+
+    @property
+    def error_estimate(self) -> float | None:
+        """Estimated relative error, where known."""
+        error = self._figures["error_estimate"]
+        return None if error is None else float(error)
+
+    @property
+    def backend(self) -> str:
+        """What rendered it."""
+        return str(self._figures["backend"])
+
+    @property
+    def seconds(self) -> float:
+        """Wall seconds of rendering."""
+        return float(self._figures["seconds"])
+
+    @property
+    def curve(self) -> list[CurvePoint]:
+        """Its history."""
+        return [
+            CurvePoint(p["spp"], p["seconds"], p["cpu_seconds"], p["error_estimate"]) for p in self._figures["curve"]
+        ]
+
+    def save(self, path: Path, *, passes: Sequence[str] = ("all",)) -> None:
+        """Writes an `.exr` (scene-linear, with these passes) or a `.png` (sRGB), whole or not at all. Both can be made again."""
+        self._native.save(os.fspath(path), list(passes))
+
+
+def _maybe(array: _native.Array | None) -> Any:
+    return None if array is None else np.asarray(array)
+
+
+def render(
+    scene: Scene,
+    volumes: Volume | Sequence[Volume] | Mapping[str, Volume] | None = None,
+    *,
+    spp: int | None = None,
+    seconds: float | None = None,
+    error: float | None = None,
+    backend: str = "auto",
+    job: Job | None = None,
+    on_progress: Callable[[CurvePoint], None] | None = None,
+) -> Picture:
+    """Renders until the first limit is reached: samples a pixel, wall seconds, estimated relative error.
+
+    `volumes`: one for each instance in the scene's order, or by the instance's source; without them the sources are opened.
+    """
+    if spp is None and seconds is None and error is None:
+        raise InputError("render: give spp, seconds or error, or it would never end")
+    for name, limit in (("spp", spp), ("seconds", seconds), ("error", error)):
+        if limit is not None and not limit > 0:
+            raise InputError(f"{name}: expected a number above 0, got {limit}")
+    told = None
+    if on_progress is not None:
+        call = on_progress
+        told = lambda *point: call(CurvePoint(*point))  # noqa: E731
+    native = _native.render(
+        scene.to_json(),
+        _in_order(scene, volumes),
+        spp=spp,
+        seconds=seconds,
+        error=error,
+        backend=backend,
+        job=job,
+        on_progress=told,
+    )
+    return Picture(native)
+
+
+def _in_order(
+    scene: Scene, volumes: Volume | Sequence[Volume] | Mapping[str, Volume] | None
+) -> list[_native.Volume] | None:
+    if volumes is None:
+        return None
+    if isinstance(volumes, Volume):
+        volumes = [volumes]
+    if isinstance(volumes, Mapping):
+        chosen = []
+        for i, instance in enumerate(scene.to_dict()["instances"]):
+            if instance["source"] not in volumes:
+                raise InputError(f"instances[{i}].source: no volume was given for {instance['source']}")
+            chosen.append(volumes[instance["source"]])
+        volumes = chosen
+    return [volume._native for volume in volumes]
+
+
+def devices() -> list[dict[str, Any]]:
+    """What can render here, what would be chosen, and why."""
+    return list(json.loads(_native.devices()))

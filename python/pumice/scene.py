@@ -1,0 +1,80 @@
+"""Scenes: what is drawn, from where, in which light. The fields are those of the scene file (docs/scene.md)."""
+
+from __future__ import annotations
+
+import copy
+import json
+import os
+from typing import Any, Self
+
+from . import _native
+from .errors import InputError
+from .volume import Path, Volume
+
+
+class Scene:
+    """A scene, checked: a value that does not change. Take it apart with `to_dict`, change that, and build another."""
+
+    def __init__(self, text: str) -> None:
+        self._text = _native.scene_checked(text)
+        self._fields: dict[str, Any] = json.loads(self._text)
+
+    @classmethod
+    def from_dict(cls, fields: dict[str, Any]) -> Self:
+        """A scene of these fields; InputError names the one at fault."""
+        try:
+            return cls(json.dumps(fields, allow_nan=False))
+        except (TypeError, ValueError) as error:
+            if isinstance(error, InputError):
+                raise
+            raise InputError(f"scene: {error}") from error
+
+    @classmethod
+    def from_json(cls, text: str) -> Self:
+        """A scene of its JSON form."""
+        return cls(text)
+
+    @classmethod
+    def load(cls, path: Path) -> Self:
+        """Reads a scene file; relative paths in it become absolute."""
+        return cls(_native.scene_load(os.fspath(path)))
+
+    def save(self, path: Path) -> None:
+        """Writes a scene file, whole or not at all."""
+        _native.scene_save(self._text, os.fspath(path))
+
+    def to_dict(self) -> dict[str, Any]:
+        """A copy of the fields, with every default written out."""
+        return copy.deepcopy(self._fields)
+
+    def to_json(self) -> str:
+        """The JSON form; every number comes back as it is."""
+        return self._text
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Scene) and self._text == other._text
+
+    def __hash__(self) -> int:
+        return hash(self._text)
+
+    def __repr__(self) -> str:
+        film = self._fields["film"]
+        return f"<pumice.Scene {film['width']}×{film['height']}, {len(self._fields['instances'])} instances>"
+
+
+def figure(
+    volume: Volume,
+    *,
+    source: Path = "memory",
+    size: tuple[int, int] = (960, 540),
+    labels: Any = None,
+    pick: int | None = None,
+    view_deg: tuple[float, float] = (24.0, 24.0),
+) -> Scene:
+    """A scene that shows a volume: placed, framed, lit, each label in a colour unlike its neighbours'.
+
+    `labels` are the ids to show, or `pick` the number of long labels to choose; all without either. `view_deg` is where the camera
+    stands: around the vertical axis and above the horizon. `source` is what the scene names as the volume's file.
+    """
+    ids = None if labels is None else [int(label) for label in labels]
+    return Scene(_native.figure(volume._native, os.fspath(source), size, ids, pick, view_deg))

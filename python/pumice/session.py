@@ -1,0 +1,110 @@
+"""Live pictures: a worker of the compiled part refines, this side edits and takes frames. No call here waits for the worker, but
+`pick` and `stop`, and those at most for a slice of some tenths of a second."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Sequence
+from typing import Any
+
+from . import _native
+from .errors import InputError
+from .scene import Scene
+from .volume import Volume
+
+
+@dataclasses.dataclass(frozen=True)
+class Status:
+    """How a session stands: state is rendering, converged, failed or stopped."""
+
+    state: str
+    error: str | None
+    revision: int
+    backend: str
+    counters: dict[str, int]
+
+
+@dataclasses.dataclass(frozen=True)
+class Pick:
+    """What is under a pixel: ids of instance and label, the label's name, the voxel that was hit, its distance."""
+
+    instance: int
+    label: int
+    name: str
+    voxel: tuple[int, int, int]
+    depth: float
+
+
+Frame = _native.Frame
+
+
+class Session:
+    """A live picture of a scene; `volumes[i]` belongs to its instance i."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        volumes: Sequence[Volume],
+        *,
+        backend: str = "auto",
+        spp: int | None = None,
+        seconds: float | None = None,
+        error: float | None = None,
+    ) -> None:
+        natives = [volume._native for volume in volumes]
+        self._native = _native.Session(
+            scene.to_json(), natives, backend=backend, spp=spp, seconds=seconds, error=error
+        )
+
+    def edit(self, *edits: dict[str, Any]) -> int:
+        """Applies edits, all or none, and gives the new revision at once; InputError names the field at fault."""
+        return int(self._native.edit(_text(list(edits))))
+
+    def add(self, instance: dict[str, Any], volume: Volume) -> int:
+        """Adds an instance with its volume, or replaces the one with its id; gives the new revision."""
+        return int(self._native.add(_text(instance), volume._native))
+
+    def latest(self, after: int = 0) -> Frame | None:
+        """The newest frame, where its serial is above `after`. numpy and Blender's `gpu.types.Buffer` read it where it lies."""
+        return self._native.latest(after)
+
+    def pick(self, x: int, y: int) -> Pick | None:
+        """What is under the middle of a pixel of the film, counted from the upper left."""
+        if x < 0 or y < 0:
+            return None
+        found = self._native.pick(x, y)
+        if found is None:
+            return None
+        instance, label, name, voxel, depth = found
+        return Pick(instance, label, name, (voxel[0], voxel[1], voxel[2]), depth)
+
+    @property
+    def status(self) -> Status:
+        """How it stands."""
+        return Status(*self._native.status())
+
+    @property
+    def scene(self) -> Scene:
+        """The scene as it is now."""
+        return Scene(self._native.scene())
+
+    def stop(self) -> None:
+        """Ends the worker; the newest frame stays. Again: nothing."""
+        self._native.stop()
+
+    def __enter__(self) -> Session:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()
+
+    def _panic_on_purpose(self) -> None:
+        self._native._panic_on_purpose()
+
+
+def _text(value: Any) -> str:
+    try:
+        return json.dumps(value, allow_nan=False)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"edit: {error}") from error

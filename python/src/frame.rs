@@ -1,0 +1,85 @@
+//! A frame of a live picture: what it shows, and its pixels by the buffer protocol, where they lie.
+#![allow(unsafe_code, reason = "the buffer protocol is a C struct of pointers; see `array`")]
+
+use std::ffi::c_int;
+use std::sync::Arc;
+
+use pyo3::ffi;
+use pyo3::prelude::*;
+
+use crate::array::{Array, Data};
+
+/// A picture at one moment. As a buffer: (height, width, 4) floats, scene-linear RGBA, row 0 at the bottom.
+#[pyclass(frozen, module = "pumice._native")]
+pub(crate) struct Frame {
+    frame: Arc<pumice_session::Frame>,
+    pixels: Py<Array>,
+}
+
+impl Frame {
+    pub(crate) fn new(py: Python<'_>, frame: Arc<pumice_session::Frame>) -> PyResult<Self> {
+        let shape = [frame.height as usize, frame.width as usize, 4];
+        let pixels = Py::new(py, Array::new(Data::Frame(Arc::clone(&frame)), &shape))?;
+        Ok(Self { frame, pixels })
+    }
+}
+
+#[pymethods]
+impl Frame {
+    // SAFETY (of the function): Python calls it with a valid pointer to a `Py_buffer` that it wants filled.
+    unsafe fn __getbuffer__(slf: Bound<'_, Self>, view: *mut ffi::Py_buffer, flags: c_int) -> PyResult<()> {
+        let pixels = slf.get().pixels.bind(slf.py()).clone();
+        // SAFETY: the same pointer, for the same purpose; the buffer's owner is the array, which owns the pixels.
+        unsafe { Array::fill(pixels, view, flags) }
+    }
+
+    #[getter]
+    fn width(&self) -> u32 {
+        self.frame.width
+    }
+
+    #[getter]
+    fn height(&self) -> u32 {
+        self.frame.height
+    }
+
+    #[getter]
+    fn serial(&self) -> u64 {
+        self.frame.serial
+    }
+
+    #[getter]
+    fn revision(&self) -> u64 {
+        self.frame.revision
+    }
+
+    #[getter]
+    fn spp(&self) -> u32 {
+        self.frame.spp
+    }
+
+    #[getter]
+    fn error_estimate(&self) -> f64 {
+        self.frame.error_estimate
+    }
+
+    #[getter]
+    fn seconds(&self) -> f64 {
+        self.frame.seconds
+    }
+
+    #[getter]
+    fn cpu_seconds(&self) -> f64 {
+        self.frame.cpu_seconds
+    }
+
+    #[getter]
+    fn coarse(&self) -> bool {
+        self.frame.coarse
+    }
+
+    #[getter]
+    fn converged(&self) -> bool {
+        self.frame.converged
+    }
+}

@@ -1,0 +1,41 @@
+//! Progress and cancel of one long call.
+
+use std::sync::Arc;
+
+use pyo3::prelude::*;
+
+/// Progress and cancel of one long call, for other threads than the one that made it.
+#[pyclass(frozen, module = "pumice._native")]
+#[derive(Default)]
+pub(crate) struct Job(pub(crate) Arc<pumice_core::Job>);
+
+#[pymethods]
+impl Job {
+    #[new]
+    fn new() -> Self {
+        Self::default()
+    }
+
+    /// Asks the call to end soon; it then raises `Cancelled`.
+    fn cancel(&self) {
+        self.0.cancel();
+    }
+
+    /// Whether it was asked to.
+    #[getter]
+    fn cancelled(&self) -> bool {
+        self.0.is_cancelled()
+    }
+
+    /// Done share of the stage under way, 0 to 1; `None` while it is not known.
+    #[getter]
+    fn fraction(&self) -> Option<f64> {
+        let (done, total) = self.0.progress();
+        (total > 0).then(|| (done as f64 / total as f64).min(1.0))
+    }
+}
+
+/// The job of a call that may have been given none.
+pub(crate) fn job_of(given: Option<&Bound<'_, Job>>) -> Arc<pumice_core::Job> {
+    given.map_or_else(Default::default, |job| Arc::clone(&job.get().0))
+}

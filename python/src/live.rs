@@ -1,0 +1,93 @@
+//! A live picture: a worker of Rust refines it, Python takes frames. No thread of Rust ever calls Python.
+
+use std::sync::Arc;
+
+use pumice_core::Job as CoreJob;
+use pumice_scene::{Instance, SceneEdit};
+use pumice_session::live::{Live, LiveOptions};
+use pumice_session::{SessionError, Stop};
+use pyo3::prelude::*;
+
+use crate::errors::{InputError, IntoException};
+use crate::frame::Frame;
+use crate::scene::parse;
+use crate::volume::Volume;
+use crate::waiting::released;
+
+/// A live, progressively refined picture.
+#[pyclass(frozen, module = "pumice._native")]
+pub(crate) struct Session(Live);
+
+#[pymethods]
+impl Session {
+    #[new]
+    #[pyo3(signature = (scene, volumes, *, backend, spp, seconds, error))]
+    fn new(
+        scene: &str,
+        volumes: Vec<Bound<'_, Volume>>,
+        backend: String,
+        spp: Option<u32>,
+        seconds: Option<f64>,
+        error: Option<f64>,
+    ) -> PyResult<Self> {
+        let volumes = volumes.iter().map(|v| Arc::clone(&v.get().0)).collect();
+        let options = LiveOptions { backend, stop: Stop { spp, seconds, error } };
+        Live::start(parse(scene)?, volumes, options).map(Self).map_err(IntoException::into_exception)
+    }
+
+    /// Applies a list of edits in JSON, all or none; the new revision.
+    fn edit(&self, edits: &str) -> PyResult<u64> {
+        let edits = SceneEdit::list_from_json(edits).map_err(IntoException::into_exception)?;
+        self.0.edit(edits).map_err(IntoException::into_exception)
+    }
+
+    /// Adds an instance in JSON with its volume, or replaces the one with the same id; the new revision.
+    fn add(&self, instance: &str, volume: &Bound<'_, Volume>) -> PyResult<u64> {
+        let instance: Instance =
+            serde_json::from_str(instance).map_err(|e| InputError::new_err(format!("instance: {e}")))?;
+        self.0.add(instance, Arc::clone(&volume.get().0)).map_err(IntoException::into_exception)
+    }
+
+    /// The newest frame, where its serial is above `after`; never waits.
+    fn latest(&self, py: Python<'_>, after: u64) -> PyResult<Option<Frame>> {
+        self.0.latest(after).map(|frame| Frame::new(py, frame)).transpose()
+    }
+
+    /// (instance id, label id, name, voxel, depth) under the middle of a pixel, counted from the upper left.
+    #[allow(clippy::type_complexity, reason = "a tuple for the façade, which names its parts")]
+    fn pick(&self, py: Python<'_>, x: u32, y: u32) -> PyResult<Option<(u32, u64, String, [u32; 3], f64)>> {
+        let found = released(py, &CoreJob::new(), || {
+            let Some(pick) = self.0.pick(x, y)? else { return Ok(None) };
+            let scene = self.0.scene();
+            let Some(instance) = scene.instances.get(pick.instance as usize) else { return Ok(None) };
+            let Some(volume) = self.0.volume(instance.id) else { return Ok(None) };
+            let label = volume.labels().ids()[pick.label as usize];
+            let name = volume.note(pick.label).and_then(|n| n.name.clone()).unwrap_or_default();
+            Ok::<_, SessionError>(Some((instance.id, label, name, pick.voxel, pick.depth)))
+        })?;
+        Ok(found)
+    }
+
+    /// (state, error, revision, backend, counters).
+    fn status(
+        &self,
+    ) -> (&'static str, Option<String>, u64, &'static str, std::collections::BTreeMap<String, u64>) {
+        let s = self.0.status();
+        (s.state.name(), s.error, s.revision, s.backend, s.counters)
+    }
+
+    /// The scene as it is now, in JSON.
+    fn scene(&self) -> PyResult<String> {
+        self.0.scene().to_json().map_err(IntoException::into_exception)
+    }
+
+    /// Ends the worker and waits for it, at most a slice.
+    fn stop(&self, py: Python<'_>) {
+        py.detach(|| self.0.stop());
+    }
+
+    /// Makes the worker panic, for tests of those who must survive it.
+    fn _panic_on_purpose(&self) {
+        self.0.panic_on_purpose();
+    }
+}

@@ -1,0 +1,140 @@
+//! A render to its end, and the picture it gives.
+
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use pumice_core::CompressedVolume;
+use pumice_render::{Image, Passes};
+use pumice_session::render_file::{PictureFormat, Rendered, render_scene};
+use pumice_session::{OpenOptions, SessionError, Stop};
+use pyo3::prelude::*;
+
+use crate::array::{Array, Data};
+use crate::errors::InputError;
+use crate::job::{Job, job_of};
+use crate::scene::parse;
+use crate::volume::Volume;
+use crate::waiting::released;
+
+/// A finished picture. Row 0 is the top.
+#[pyclass(frozen, module = "pumice._native")]
+pub(crate) struct Picture(Rendered);
+
+fn image(image: &Image) -> Array {
+    let values = image.pixels.as_flattened().to_vec();
+    Array::new(Data::F32(values), &[image.height, image.width, 3])
+}
+
+#[pymethods]
+impl Picture {
+    /// Scene-linear Rec. 709 radiance: (height, width, 3).
+    fn color(&self) -> Array {
+        image(&self.0.picture.color)
+    }
+
+    /// Variance of the colour, each channel; `None` below one sample for each independent part.
+    fn variance(&self) -> Option<Array> {
+        self.0.picture.variance.as_ref().map(image)
+    }
+
+    /// Base colour of the first surface.
+    fn albedo(&self) -> Option<Array> {
+        self.0.picture.albedo.as_ref().map(image)
+    }
+
+    /// Normal of the first surface.
+    fn normal(&self) -> Option<Array> {
+        self.0.picture.normal.as_ref().map(image)
+    }
+
+    /// Distance along the view axis to the first surface, infinite where there is none: (height, width).
+    fn depth(&self) -> Option<Array> {
+        let color = &self.0.picture.color;
+        let depth = self.0.picture.depth.clone()?;
+        Some(Array::new(Data::F32(depth), &[color.height, color.width]))
+    }
+
+    /// Place of its label in the label table + 1, 0 where there is none: (height, width).
+    fn label(&self) -> Option<Array> {
+        let color = &self.0.picture.color;
+        let label = self.0.picture.label.clone()?;
+        Some(Array::new(Data::U32(label), &[color.height, color.width]))
+    }
+
+    /// Seconds, samples, error, curve, what was needed and left out, as JSON text.
+    fn figures(&self) -> PyResult<String> {
+        let figures =
+            serde_json::to_value(&self.0.figures).map_err(|e| InputError::new_err(e.to_string()))?;
+        Ok(serde_json::json!({ "figures": figures, "explanation": self.0.explanation }).to_string())
+    }
+
+    /// Writes an EXR or a PNG, whole or not at all.
+    #[pyo3(signature = (path, passes))]
+    fn save(&self, py: Python<'_>, path: PathBuf, passes: Vec<String>) -> PyResult<()> {
+        let passes = Passes::parse(&passes).map_err(InputError::new_err)?;
+        let job = pumice_core::Job::new();
+        released(py, &job, || PictureFormat::of(&path)?.write(&path, &self.0.picture, &passes))
+    }
+}
+
+/// Renders a scene until the first of its limits. `volumes[i]` belongs to its instance i; without them its sources are opened.
+#[pyfunction]
+#[pyo3(signature = (scene, volumes, *, spp, seconds, error, backend, job, on_progress))]
+#[allow(clippy::too_many_arguments, reason = "they are keywords")]
+pub(crate) fn render(
+    py: Python<'_>,
+    scene: &str,
+    volumes: Option<Vec<Bound<'_, Volume>>>,
+    spp: Option<u32>,
+    seconds: Option<f64>,
+    error: Option<f64>,
+    backend: &str,
+    job: Option<&Bound<'_, Job>>,
+    on_progress: Option<Py<PyAny>>,
+) -> PyResult<Picture> {
+    let scene = parse(scene)?;
+    let volumes: Option<Vec<Arc<CompressedVolume>>> =
+        volumes.map(|list| list.iter().map(|v| Arc::clone(&v.get().0)).collect());
+    let job = job_of(job);
+    let stop = Stop { spp, seconds, error };
+    let raised: Mutex<Option<PyErr>> = Mutex::new(None);
+    let result = released(py, &job, || {
+        let volumes = match volumes {
+            Some(volumes) => volumes,
+            None => {
+                let open = |i: &pumice_scene::Instance| {
+                    pumice_session::open_volume(&i.source, &OpenOptions::default(), &job)
+                };
+                scene.instances.iter().map(open).collect::<Result<_, SessionError>>()?
+            }
+        };
+        render_scene(&scene, &volumes, backend, &stop, &job, &mut |point| {
+            let Some(call) = &on_progress else { return };
+            Python::attach(|py| {
+                let arguments = (point.spp, point.seconds, point.cpu_seconds, point.error_estimate);
+                if let Err(error) = call.call1(py, arguments) {
+                    *raised.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
+                    job.cancel();
+                }
+            });
+        })
+    });
+    match raised.into_inner().unwrap_or_else(PoisonError::into_inner) {
+        Some(error) => Err(error),
+        None => result.map(Picture),
+    }
+}
+
+/// What can render here, as JSON text.
+#[pyfunction]
+pub(crate) fn devices() -> PyResult<String> {
+    serde_json::to_string(&pumice_session::devices()).map_err(|e| InputError::new_err(e.to_string()))
+}
+
+/// Panics, to prove that a panic is an exception.
+#[pyfunction]
+#[pyo3(name = "_panic_on_purpose")]
+#[expect(clippy::panic, reason = "that is what it is for; `released` catches it")]
+pub(crate) fn panic_on_purpose(py: Python<'_>) -> PyResult<()> {
+    released(py, &pumice_core::Job::new(), || -> Result<(), SessionError> { panic!("a panic on purpose") })
+}

@@ -1,0 +1,67 @@
+//! Scenes, as the text of their JSON form: Python has them as dictionaries, and what they mean is said once, in `pumice_scene`.
+
+use std::path::PathBuf;
+
+use pumice_scene::Scene;
+use pumice_session::figure::{FigureOptions, compose};
+use pumice_session::selection::select_labels;
+use pyo3::prelude::*;
+
+use crate::errors::{InputError, IntoException};
+use crate::volume::Volume;
+
+pub(crate) fn parse(text: &str) -> PyResult<Scene> {
+    Scene::from_json(text).map_err(IntoException::into_exception)
+}
+
+fn write(scene: &Scene) -> PyResult<String> {
+    scene.to_json().map_err(IntoException::into_exception)
+}
+
+/// The scene in full, with every default written out, after a check of every field.
+#[pyfunction]
+pub(crate) fn scene_checked(text: &str) -> PyResult<String> {
+    write(&parse(text)?)
+}
+
+/// Reads a scene file; its paths become absolute.
+#[pyfunction]
+pub(crate) fn scene_load(path: PathBuf) -> PyResult<String> {
+    let fault = |e| InputError::new_err(format!("{}: {e}", path.display()));
+    write(&Scene::load(&path).map_err(fault)?)
+}
+
+/// Writes a scene file, whole or not at all.
+#[pyfunction]
+pub(crate) fn scene_save(text: &str, path: PathBuf) -> PyResult<()> {
+    parse(text)?.save(&path).map_err(|e| InputError::new_err(format!("{}: {e}", path.display())))
+}
+
+/// A scene that shows a volume: placed, framed, lit.
+#[pyfunction]
+#[pyo3(signature = (volume, source, size, labels, pick, view_deg))]
+pub(crate) fn figure(
+    volume: &Bound<'_, Volume>,
+    source: PathBuf,
+    size: [u32; 2],
+    labels: Option<Vec<u64>>,
+    pick: Option<usize>,
+    view_deg: [f64; 2],
+) -> PyResult<String> {
+    let volume = &volume.get().0;
+    let table = volume.labels();
+    let labels = match (labels, pick) {
+        (Some(_), Some(_)) => return Err(InputError::new_err("give labels or pick, not both")),
+        (None, None) => None,
+        (None, Some(n)) => Some(select_labels(volume, n)),
+        (Some(ids), None) => {
+            let dense = |id| {
+                table
+                    .index_of(id)
+                    .ok_or_else(|| InputError::new_err(format!("labels: the volume has no label {id}")))
+            };
+            Some(ids.into_iter().map(dense).collect::<PyResult<Vec<u32>>>()?)
+        }
+    };
+    write(&compose(volume, source, &FigureOptions { size, labels, view_deg }))
+}

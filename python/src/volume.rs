@@ -1,0 +1,387 @@
+//! A compressed volume: opened, made from blocks, asked, saved.
+
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex};
+
+use glam::DAffine3;
+use pumice_core::{
+    BlockSource, CompressOptions, CompressedVolume, Error as CoreError, LabelBlock, LabelBuffer, LabelNote,
+    LabelType, Level, TypeTable, Unit, Verification, VolumeInfo,
+};
+use pumice_session::{OpenOptions, SessionError};
+use pyo3::buffer::PyBuffer;
+use pyo3::prelude::*;
+use serde_json::json;
+
+use crate::array::{Array, Data};
+use crate::errors::{InputError, IntoException};
+use crate::job::{Job, job_of};
+use crate::waiting::released;
+
+/// A volume in its compressed form; it never changes.
+#[pyclass(frozen, module = "pumice._native")]
+pub(crate) struct Volume(pub(crate) Arc<CompressedVolume>);
+
+/// How to read a file: the fields are those of `pumice_formats::OpenOptions`.
+fn reading(
+    layer: Option<u32>,
+    time: Option<u32>,
+    channel: Option<u32>,
+    array: Option<String>,
+    spacing: Option<[f64; 3]>,
+) -> OpenOptions {
+    OpenOptions { layer, time, channel, array, spacing, ..OpenOptions::default() }
+}
+
+#[pymethods]
+impl Volume {
+    /// What there is to say about the whole, as JSON text.
+    fn facts(&self) -> String {
+        let (v, info) = (&self.0, self.0.info());
+        let parts: serde_json::Map<String, serde_json::Value> =
+            v.resident_parts().iter().map(|&(name, bytes)| (name.to_owned(), bytes.into())).collect();
+        json!({
+            "dims": info.dims,
+            "spacing": info.spacing(),
+            "unit": info.unit,
+            "frame": info.frame,
+            "label_type": info.label_type,
+            "world_from_index": info.world_from_index.to_cols_array(),
+            "content_hash": format!("{:032x}", v.content_hash()),
+            "labels": v.labels().len(),
+            "boxes": v.boxes().len(),
+            "resident_parts": parts,
+            "type_names": v.labels().type_names(),
+        })
+        .to_string()
+    }
+
+    /// Original ids, rising.
+    fn ids(&self) -> Array {
+        let ids = self.0.labels().ids().to_vec();
+        let n = ids.len();
+        Array::new(Data::U64(ids), &[n])
+    }
+
+    /// Voxels of each label.
+    fn voxels(&self) -> Array {
+        let voxels = self.0.labels().voxels().to_vec();
+        let n = voxels.len();
+        Array::new(Data::U64(voxels), &[n])
+    }
+
+    /// Lowest and highest voxel of each label, and its number of boxes.
+    fn bounds(&self) -> (Array, Array, Array) {
+        let bounds = self.0.label_bounds();
+        let n = bounds.len();
+        let mut boxes = vec![0u32; n];
+        self.0.for_each_box(|label, _| boxes[label as usize] += 1);
+        let corner = |corners: Vec<[u32; 3]>| Array::new(Data::U32(corners.into_flattened()), &[n, 3]);
+        (
+            corner(bounds.iter().map(|b| b.low).collect()),
+            corner(bounds.iter().map(|b| b.high).collect()),
+            Array::new(Data::U32(boxes), &[n]),
+        )
+    }
+
+    /// Names, empty where the file gives none, and sRGB colours, NaN where it gives none.
+    fn notes(&self) -> (Vec<String>, Array) {
+        let n = self.0.labels().len();
+        let notes = (0..n as u32).map(|label| self.0.note(label));
+        let (names, colors): (Vec<String>, Vec<[f32; 3]>) = notes
+            .map(|note| {
+                let name = note.and_then(|n| n.name.clone()).unwrap_or_default();
+                (name, note.and_then(|n| n.color_srgb).unwrap_or([f32::NAN; 3]))
+            })
+            .unzip();
+        (names, Array::new(Data::F32(colors.into_flattened()), &[n, 3]))
+    }
+
+    /// Type of each label: its place in `type_names`, or −1.
+    fn types(&self) -> Array {
+        let n = self.0.labels().len();
+        let of = |label| self.0.labels().type_of(label).map_or(-1, i32::from);
+        Array::new(Data::I32((0..n as u32).map(of).collect()), &[n])
+    }
+
+    /// Pairs of labels that touch, by their places in the table.
+    fn contacts(&self) -> Array {
+        let pairs: Vec<[u32; 2]> = self.0.labels().contacts().iter().map(|(a, b)| [a, b]).collect();
+        let n = pairs.len();
+        Array::new(Data::U32(pairs.into_flattened()), &[n, 2])
+    }
+
+    /// Linear Rec. 709 colours that `auto_color` gives to the labels, those that are `visible` unlike their neighbours.
+    fn auto_colors(&self, visible: Option<Vec<bool>>) -> PyResult<Array> {
+        let table = self.0.labels();
+        let n = table.len();
+        if visible.as_ref().is_some_and(|v| v.len() != n) {
+            return Err(InputError::new_err(format!("visible: expected {n} values, one a label")));
+        }
+        let colors = pumice_render::palette::assign_colors(n, table.contacts().iter(), visible.as_deref());
+        Ok(Array::new(Data::F32(colors.into_flattened()), &[n, 3]))
+    }
+
+    /// Origins and extents in voxels, and labels, of all boxes.
+    fn box_arrays(&self) -> (Array, Array, Array) {
+        let (mut origins, mut extents, mut labels) = (Vec::new(), Vec::new(), Vec::new());
+        self.0.for_each_box(|label, b| {
+            origins.push(b.origin.map(|v| v as i32));
+            extents.push(b.extent.map(|v| v as i32));
+            labels.push(label);
+        });
+        let n = labels.len();
+        (
+            Array::new(Data::I32(origins.into_flattened()), &[n, 3]),
+            Array::new(Data::I32(extents.into_flattened()), &[n, 3]),
+            Array::new(Data::U32(labels), &[n]),
+        )
+    }
+
+    /// Original id of the label at a voxel; 0 is background.
+    fn label_at(&self, x: u32, y: u32, z: u32) -> u64 {
+        self.0.label_at([x, y, z]).map_or(0, |label| self.0.labels().ids()[label as usize])
+    }
+
+    /// Original ids of a block, x fastest: shape (z, y, x).
+    #[pyo3(signature = (origin, dims, job=None))]
+    fn decode_block(
+        &self,
+        py: Python<'_>,
+        origin: [u32; 3],
+        dims: [u32; 3],
+        job: Option<&Bound<'_, Job>>,
+    ) -> PyResult<Array> {
+        let job = job_of(job);
+        let ids = released(py, &job, || {
+            job.check()?;
+            self.0.decode_ids(origin, dims)
+        })?;
+        let [x, y, z] = dims.map(|d| d as usize);
+        Ok(Array::new(Data::U64(ids), &[z, y, x]))
+    }
+
+    /// Writes a `.pumice` file, whole or not at all.
+    #[pyo3(signature = (path, level="default", job=None))]
+    fn save(&self, py: Python<'_>, path: PathBuf, level: &str, job: Option<&Bound<'_, Job>>) -> PyResult<()> {
+        let level = match level {
+            "fast" => Level::Fast,
+            "default" => Level::Default,
+            "small" => Level::Small,
+            other => {
+                return Err(InputError::new_err(format!(
+                    "level: expected fast, default or small, got {other:?}"
+                )));
+            }
+        };
+        let job = job_of(job);
+        released(py, &job, || self.0.save(&path, level, &job))
+    }
+
+    /// Compares with a file, or with blocks; `None` where every voxel and id is the same, else what is not.
+    #[pyo3(signature = (source, *, layer=None, time=None, channel=None, array=None, job=None))]
+    #[allow(clippy::too_many_arguments, reason = "they are keywords")]
+    fn difference(
+        &self,
+        py: Python<'_>,
+        source: Source,
+        layer: Option<u32>,
+        time: Option<u32>,
+        channel: Option<u32>,
+        array: Option<String>,
+        job: Option<&Bound<'_, Job>>,
+    ) -> PyResult<Option<String>> {
+        let job = job_of(job);
+        let reading = reading(layer, time, channel, array, None);
+        with_source(py, source, &reading, &job, |source| {
+            let found = pumice_core::verify(&self.0, source, &job)?;
+            Ok((!matches!(found, Verification::Same { .. })).then(|| found.to_string()))
+        })
+    }
+}
+
+/// Opens a `.pumice` file, or compresses a label volume of another format in memory.
+#[pyfunction]
+#[pyo3(signature = (path, *, layer=None, time=None, channel=None, array=None, spacing=None, job=None))]
+#[allow(clippy::too_many_arguments, reason = "they are keywords")]
+pub(crate) fn open(
+    py: Python<'_>,
+    path: PathBuf,
+    layer: Option<u32>,
+    time: Option<u32>,
+    channel: Option<u32>,
+    array: Option<String>,
+    spacing: Option<[f64; 3]>,
+    job: Option<&Bound<'_, Job>>,
+) -> PyResult<Volume> {
+    let job = job_of(job);
+    let reading = reading(layer, time, channel, array, spacing);
+    released(py, &job, || pumice_session::open_volume(&path, &reading, &job)).map(Volume)
+}
+
+/// What a file holds, from its header alone, as JSON text.
+#[pyfunction]
+#[pyo3(signature = (path, *, layer=None, time=None, channel=None, array=None, spacing=None, job=None))]
+#[allow(clippy::too_many_arguments, reason = "they are keywords")]
+pub(crate) fn probe(
+    py: Python<'_>,
+    path: PathBuf,
+    layer: Option<u32>,
+    time: Option<u32>,
+    channel: Option<u32>,
+    array: Option<String>,
+    spacing: Option<[f64; 3]>,
+    job: Option<&Bound<'_, Job>>,
+) -> PyResult<String> {
+    let job = job_of(job);
+    let reading = reading(layer, time, channel, array, spacing);
+    let info = released(py, &job, || pumice_session::file_info(&path, &reading, &job))?;
+    serde_json::to_string(&info).map_err(|e| InputError::new_err(e.to_string()))
+}
+
+/// A file, or blocks that a function of Python delivers.
+#[derive(FromPyObject)]
+pub(crate) enum Source {
+    /// A label volume of any format.
+    Path(PathBuf),
+    /// See [`Blocks`].
+    Blocks(Blocks),
+}
+
+/// Blocks from Python: `next()` gives `(origin, dims, buffer)` with the buffer's labels x fastest, unsigned and contiguous, or `None`
+/// at the end. A whole array is never copied: the caller cuts it, whatever its type and strides.
+#[derive(FromPyObject)]
+pub(crate) struct Blocks {
+    /// Dims, label type, matrix, unit, names: the JSON form of `pumice_core::VolumeInfo`.
+    info: String,
+    next: Py<PyAny>,
+}
+
+/// Compresses a file, or blocks.
+#[pyfunction]
+#[pyo3(signature = (source, *, types=None, memory_limit=None, threads=0, layer=None, time=None, channel=None, array=None, spacing=None, job=None))]
+#[allow(clippy::too_many_arguments, reason = "they are keywords")]
+pub(crate) fn compress(
+    py: Python<'_>,
+    source: Source,
+    types: Option<String>,
+    memory_limit: Option<u64>,
+    threads: usize,
+    layer: Option<u32>,
+    time: Option<u32>,
+    channel: Option<u32>,
+    array: Option<String>,
+    spacing: Option<[f64; 3]>,
+    job: Option<&Bound<'_, Job>>,
+) -> PyResult<Volume> {
+    let job = job_of(job);
+    let types =
+        types.map(|text| TypeTable::parse_csv(&text)).transpose().map_err(IntoException::into_exception)?;
+    let reading = reading(layer, time, channel, array, spacing);
+    let options =
+        CompressOptions { threads, memory_limit_bytes: memory_limit, types, ..CompressOptions::default() };
+    with_source(py, source, &reading, &job, |source| Ok(pumice_core::compress(source, &options, &job)?))
+        .map(|volume| Volume(Arc::new(volume)))
+}
+
+/// Runs `work` on a source, with the interpreter released but for fetching blocks of Python.
+fn with_source<T: Send>(
+    py: Python<'_>,
+    source: Source,
+    reading: &OpenOptions,
+    job: &pumice_core::Job,
+    work: impl FnOnce(&mut dyn BlockSource) -> Result<T, SessionError> + Send,
+) -> PyResult<T> {
+    match source {
+        Source::Path(path) => released(py, job, || {
+            let mut source = pumice_session::open_source(&path, reading)?;
+            work(source.as_mut())
+        }),
+        Source::Blocks(Blocks { info, next }) => {
+            let info: VolumeInfo =
+                serde_json::from_str(&info).map_err(|e| InputError::new_err(format!("info: {e}")))?;
+            let raised = Mutex::new(None);
+            let mut source = BlocksOfPython { info, next, raised: &raised };
+            let result = released(py, job, || work(&mut source));
+            match raised.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner) {
+                Some(error) => Err(error),
+                None => result,
+            }
+        }
+    }
+}
+
+/// See [`Blocks`].
+struct BlocksOfPython<'a> {
+    info: VolumeInfo,
+    next: Py<PyAny>,
+    /// What Python raised, to be raised again where the call began.
+    raised: &'a Mutex<Option<PyErr>>,
+}
+
+impl BlockSource for BlocksOfPython<'_> {
+    fn info(&self) -> &VolumeInfo {
+        &self.info
+    }
+
+    fn next_block(&mut self) -> Result<Option<LabelBlock>, CoreError> {
+        Python::attach(|py| {
+            self.fetch(py).map_err(|error| {
+                let text = error.to_string();
+                *self.raised.lock().unwrap_or_else(std::sync::PoisonError::into_inner) = Some(error);
+                CoreError::Source(text.into())
+            })
+        })
+    }
+}
+
+impl BlocksOfPython<'_> {
+    fn fetch(&self, py: Python<'_>) -> PyResult<Option<LabelBlock>> {
+        let Some((origin, dims, labels)) =
+            self.next.call0(py)?.extract::<Option<([u32; 3], [u32; 3], Bound<'_, PyAny>)>>(py)?
+        else {
+            return Ok(None);
+        };
+        let labels = if let Ok(buffer) = PyBuffer::<u8>::get(&labels) {
+            LabelBuffer::U8(buffer.to_vec(py)?)
+        } else if let Ok(buffer) = PyBuffer::<u16>::get(&labels) {
+            LabelBuffer::U16(buffer.to_vec(py)?)
+        } else if let Ok(buffer) = PyBuffer::<u32>::get(&labels) {
+            LabelBuffer::U32(buffer.to_vec(py)?)
+        } else {
+            LabelBuffer::U64(PyBuffer::<u64>::get(&labels)?.to_vec(py)?)
+        };
+        let expected: usize = dims.iter().map(|&d| d as usize).product();
+        if labels.len() != expected {
+            let got = labels.len();
+            return Err(InputError::new_err(format!(
+                "a block of {dims:?} voxels: expected {expected} labels, got {got}"
+            )));
+        }
+        Ok(Some(LabelBlock::x_fastest(origin, dims, labels)))
+    }
+}
+
+/// The JSON form of a volume's description, made from its parts: `world_from_index` is twelve numbers, columns first.
+#[pyfunction]
+#[pyo3(signature = (dims, label_type, world_from_index, unit, names))]
+pub(crate) fn volume_info(
+    dims: [u32; 3],
+    label_type: &str,
+    world_from_index: [f64; 12],
+    unit: &str,
+    names: Vec<(u64, String)>,
+) -> PyResult<String> {
+    let fault = |e: serde_json::Error| InputError::new_err(e.to_string());
+    let label_type: LabelType = serde_json::from_value(label_type.into()).map_err(fault)?;
+    let unit: Unit = serde_json::from_value(if unit.is_empty() { "unknown" } else { unit }.into())
+        .map_err(|_| InputError::new_err(format!("unit: expected nm, um, mm, m or unknown, got {unit:?}")))?;
+    let notes = names.into_iter().map(|(id, name)| LabelNote { id, name: Some(name), color_srgb: None });
+    let info = VolumeInfo {
+        world_from_index: DAffine3::from_cols_array(&world_from_index),
+        unit,
+        notes: notes.collect(),
+        ..VolumeInfo::new(dims, label_type)
+    };
+    serde_json::to_string(&info).map_err(fault)
+}

@@ -1,0 +1,134 @@
+"""Scenes and renders: the same picture as the command's, bit for bit."""
+
+import json
+import subprocess
+
+import numpy as np
+import pumice
+import pytest
+
+
+@pytest.fixture
+def scene(volume, tmp_path):
+    volume.save(tmp_path / "blobs.pumice")
+    return pumice.figure(volume, source=tmp_path / "blobs.pumice", size=(60, 40))
+
+
+
+
+def test_the_command_makes_the_same_picture(scene, volume, command, tmp_path):
+    scene.save(tmp_path / "scene.json")
+    picture = pumice.render(scene, volume, spp=5)
+    picture.save(tmp_path / "python.exr")
+    run = [command, "render", tmp_path / "scene.json", "-o", tmp_path / "command.exr", "--spp", "5"]
+    subprocess.run(run, check=True, capture_output=True)
+    compared = subprocess.run(
+        [command, "compare", tmp_path / "python.exr", tmp_path / "command.exr", "--json", "-"],
+        check=True,
+        capture_output=True,
+        text=True,
+    )
+    report = json.loads(compared.stdout)
+    assert report["rel_mse"] == 0 and report["flip"] == 0
+    again = pumice.render(scene, spp=5)
+    np.testing.assert_array_equal(again.color, picture.color)
+    other = scene.to_dict()
+    other["settings"]["seed"] += 1
+    different = pumice.render(pumice.Scene.from_dict(other), volume, spp=5)
+    assert (different.color != picture.color).any(), "the comparison can see a difference"
+
+
+def test_what_a_picture_holds(scene, volume, labels):
+    points = []
+    picture = pumice.render(scene, [volume], spp=8, on_progress=points.append)
+    assert picture.color.shape == (40, 60, 3) and picture.color.dtype == np.float32
+    assert np.isfinite(picture.color).all() and (picture.color >= 0).all()
+    assert picture.spp == 8 == points[-1].spp and picture.backend == "cpu"
+    assert picture.error_estimate == points[-1].error_estimate and 0 < picture.error_estimate < 1
+    assert len(picture.curve) == len(points) and picture.variance.shape == (40, 60, 3)
+    seen = picture.label > 0
+    assert seen.any() and not seen.all()
+    np.testing.assert_array_equal(np.isfinite(picture.depth), seen)
+    assert picture.label.max() <= len(volume.labels)
+    lengths = np.linalg.norm(picture.normal, axis=-1)
+    np.testing.assert_allclose(lengths[seen], 1, atol=1e-5)
+    assert any(line.startswith("needed:") for line in picture.explanation)
+    for array in (picture.color, picture.depth, picture.label):
+        assert not array.flags.writeable and not array.flags.owndata
+
+
+def test_limits(scene, volume):
+    assert pumice.render(scene, volume, seconds=0.05).seconds >= 0.05
+    assert pumice.render(scene, volume, error=0.3, spp=1000).spp < 1000
+    with pytest.raises(pumice.InputError, match="it would never end"):
+        pumice.render(scene, volume)
+    for limit in ({"spp": 0}, {"seconds": -1.0}, {"error": float("nan")}):
+        with pytest.raises(pumice.InputError, match="above 0"):
+            pumice.render(scene, volume, **limit)
+
+
+def test_volumes_by_source(scene, volume):
+    source = scene.to_dict()["instances"][0]["source"]
+    assert pumice.render(scene, {source: volume}, spp=1).spp == 1
+    with pytest.raises(pumice.InputError, match=r"instances\[0\].source"):
+        pumice.render(scene, {"other": volume}, spp=1)
+    with pytest.raises(pumice.InputError, match="one volume for each of 1, got 2"):
+        pumice.render(scene, [volume, volume], spp=1)
+
+
+def test_files(scene, volume, tmp_path):
+    picture = pumice.render(scene, volume, spp=4)
+    picture.save(tmp_path / "a.png")
+    assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
+    picture.save(tmp_path / "a.exr", passes=["depth", "label"])
+    for bad, what in [("a.jpg", "ends in .exr or .png"), ("no/folder/a.png", "no/folder")]:
+        with pytest.raises(pumice.InputError, match=what):
+            picture.save(tmp_path / bad)
+    with pytest.raises(pumice.InputError, match="beauty"):
+        picture.save(tmp_path / "b.exr", passes=["beauty"])
+    assert not (tmp_path / "b.exr").exists()
+
+
+def test_scenes_are_values(scene, tmp_path):
+    fields = scene.to_dict()
+    fields["film"]["width"] = 5
+    assert scene.to_dict()["film"]["width"] == 60, "a copy"
+    assert pumice.Scene.from_dict(scene.to_dict()) == scene
+    assert pumice.Scene.from_dict(fields) != scene
+    scene.save(tmp_path / "scene.json")
+    assert pumice.Scene.load(tmp_path / "scene.json") == scene
+    assert pumice.Scene.from_json(scene.to_json()) == scene and len({scene, pumice.Scene.from_json(scene.to_json())}) == 1
+
+
+@pytest.mark.parametrize(
+    ("change", "what"),
+    [
+        (lambda f: f["camera"].update(clip=[2, 1]), "camera.clip"),
+        (lambda f: f["film"].update(width=0), "film.width"),
+        (lambda f: f.update(sky="blue"), "unknown field `sky`"),
+        (lambda f: f.pop("camera"), "missing field `camera`"),
+        (lambda f: f["camera"].update(shift=[float("nan"), 0]), "scene: "),
+        (lambda f: f["camera"].update(shift=[object(), 0]), "scene: "),
+        (lambda f: f.update(version=99), "version"),
+    ],
+)
+def test_scenes_that_make_no_sense(scene, change, what):
+    fields = scene.to_dict()
+    change(fields)
+    with pytest.raises(pumice.InputError, match=what):
+        pumice.Scene.from_dict(fields)
+
+
+def test_figures_of_labels(volume):
+    ids = volume.labels.ids
+    shown = pumice.figure(volume, labels=ids[:3]).to_dict()["instances"][0]["style"]["show"]
+    assert sorted(shown["only"]) == ids[:3].tolist()
+    assert len(pumice.figure(volume, pick=5).to_dict()["instances"][0]["style"]["show"]["only"]) == 5
+    for bad in ({"labels": [251]}, {"labels": [1], "pick": 2}, {"size": (0, 5)}):
+        with pytest.raises(pumice.InputError):
+            pumice.figure(volume, **bad)
+
+
+def test_devices():
+    listed = pumice.devices()
+    assert any(d["backend"] == "cpu" for d in listed) and sum(d["chosen"] for d in listed) == 1

@@ -1,0 +1,163 @@
+"""Live pictures: frames, edits, picks, what they cost, and what goes wrong."""
+
+import gc
+import threading
+import time
+
+import numpy as np
+import pumice
+import pytest
+
+
+@pytest.fixture
+def scene(volume):
+    return pumice.figure(volume, size=(60, 40))
+
+
+def wait(session, wanted=lambda frame: frame.converged):
+    """The next frame that is wanted; a minute without it is a failure, not a measurement."""
+    end, serial = time.monotonic() + 60, 0
+    while time.monotonic() < end:
+        frame = session.latest(serial)
+        if frame is not None:
+            serial = frame.serial
+            if wanted(frame):
+                return frame
+        time.sleep(0.002)
+    raise AssertionError(session.status)
+
+
+def test_it_converges_to_the_rendered_picture(scene, volume):
+    with pumice.Session(scene, [volume], spp=6) as session:
+        frame = wait(session)
+        pixels = np.asarray(frame)
+        assert pixels.shape == (40, 60, 4) and pixels.dtype == np.float32
+        picture = pumice.render(scene, volume, spp=6)
+        np.testing.assert_array_equal(pixels[::-1, :, :3], picture.color)
+        assert (pixels[..., 3] == 1).all()
+        assert (frame.width, frame.height, frame.spp, frame.coarse) == (60, 40, 6, False)
+        assert session.latest(frame.serial) is None
+
+
+def test_frames_are_shown_where_they_lie_and_stay_as_they_are(scene, volume):
+    with pumice.Session(scene, [volume]) as session:
+        frame = wait(session, lambda f: not f.coarse)
+        a, b = np.asarray(frame), np.asarray(frame)
+        assert a.ctypes.data == b.ctypes.data and not a.flags.writeable
+        view = memoryview(frame)
+        assert view.readonly and view.format == "f" and view.shape == (40, 60, 4) and view.c_contiguous
+        before = a.copy()
+        wait(session, lambda f: f.serial > frame.serial + 2)
+        np.testing.assert_array_equal(a, before)
+    # The pixels outlive the frame, the session and all names.
+    del frame, session, b, view
+    gc.collect()
+    np.testing.assert_array_equal(a, before)
+
+
+def counted(session):
+    return {k: v for k, v in session.status.counters.items() if k != "frames"}
+
+
+def idle(session, revision):
+    end = time.monotonic() + 60
+    while not (session.status.state == "converged" and session.status.revision == revision):
+        assert time.monotonic() < end, session.status
+        time.sleep(0.002)
+
+
+def test_each_edit_costs_its_own_kind(scene, volume):
+    fields = scene.to_dict()
+    camera = {**fields["camera"], "shift": [0.25, 0.0]}
+    gray = {"base_color": [0.2, 0.2, 0.2]}
+    label = str(volume.labels.ids[0])
+    cases = [
+        ({"edit": "camera", "camera": camera}, {"edits.camera", "rebuilt.camera"}),
+        ({"edit": "material", "id": 1, "material": gray}, {"edits.material", "rebuilt.materials"}),
+        (
+            {"edit": "label_materials", "id": 1, "materials": {label: gray}},
+            {"edits.label_materials", "rebuilt.materials"},
+        ),
+        ({"edit": "suns", "suns": []}, {"edits.suns", "rebuilt.lights"}),
+        (
+            {"edit": "show", "id": 1, "show": {"except": [int(label)]}},
+            {"edits.show", "rebuilt.acceleration", "rebuilt.materials"},
+        ),
+    ]
+    with pumice.Session(scene, [volume], spp=1) as session:
+        for revision, (edit, costs) in enumerate(cases, start=2):
+            idle(session, revision - 1)
+            before = counted(session)
+            assert session.edit(edit) == revision
+            idle(session, revision)
+            after = counted(session)
+            assert {k: v - before.get(k, 0) for k, v in after.items() if v != before.get(k, 0)} == dict.fromkeys(costs, 1)
+
+
+def test_edits_that_make_no_sense_change_nothing(scene, volume):
+    with pumice.Session(scene, [volume], spp=1) as session:
+        before = session.scene
+        for edit, what in [
+            ({"edit": "suns"}, "missing field `suns`"),
+            ({"edit": "colour"}, "unknown variant"),
+            ({"edit": "remove", "id": 5}, "no instance 5"),
+            ({"edit": "show", "id": 1, "show": {"only": [251]}}, "no label 251"),
+            ({"edit": "place", "id": 1, "world_from_index": [0.0] * 12}, "cannot be inverted|can be inverted"),
+            ({"edit": "camera", "camera": {"shift": [float("inf"), 0]}}, "edit: "),
+        ]:
+            with pytest.raises(pumice.InputError, match=what):
+                session.edit(edit)
+        assert session.scene == before and session.status.revision == 1
+
+
+def test_picks(scene, volume, labels):
+    with pumice.Session(scene, [volume], spp=1) as session:
+        picture = pumice.render(scene, volume, spp=1)
+        y, x = np.argwhere(picture.label > 0)[len(picture.label) // 2]
+        pick = session.pick(int(x), int(y))
+        assert pick.label == volume.labels.ids[picture.label[y, x] - 1]
+        assert labels[pick.voxel] == pick.label and pick.instance == 1
+        np.testing.assert_allclose(pick.depth, picture.depth[y, x], rtol=1e-6)
+        y, x = np.argwhere(picture.label == 0)[0]
+        assert session.pick(int(x), int(y)) is None
+        assert session.pick(-1, 0) is None and session.pick(60, 0) is None
+    with pytest.raises(pumice.InputError, match="has stopped"):
+        session.pick(1, 1)
+
+
+def test_instances_come_with_their_volumes(scene, volume):
+    with pumice.Session(scene, [volume], spp=2) as session:
+        second = scene.to_dict()["instances"][0]
+        second["id"] = 2
+        second["world_from_index"][9] += 4.0
+        revision = session.add(second, volume)
+        wait(session, lambda f: f.converged and f.revision == revision)
+        revision = session.edit({"edit": "remove", "id": 1})
+        frame = wait(session, lambda f: f.converged and f.revision == revision)
+        alone = scene.to_dict()
+        alone["instances"] = [second]
+        picture = pumice.render(pumice.Scene.from_dict(alone), volume, spp=2)
+        np.testing.assert_array_equal(np.asarray(frame)[::-1, :, :3], picture.color)
+
+
+def test_a_panic_is_a_state_and_no_crash(scene, volume):
+    session = pumice.Session(scene, [volume])
+    session._panic_on_purpose()
+    end = time.monotonic() + 60
+    while session.status.state != "failed":
+        assert time.monotonic() < end
+        time.sleep(0.002)
+    assert session.status.error == "internal error: a panic on purpose"
+    session.stop()
+    with pumice.Session(scene, [volume], spp=1) as other:
+        wait(other)
+
+
+def test_many_sessions_end_with_their_last_name(scene, volume):
+    before = threading.active_count()
+    for _ in range(20):
+        session = pumice.Session(scene, [volume])
+        session.latest()
+        del session
+    gc.collect()
+    assert threading.active_count() == before

@@ -1,0 +1,134 @@
+"""Volumes and their label tables, against numpy."""
+
+import ctypes
+
+import numpy as np
+import pumice
+import pytest
+
+
+def test_the_label_table_against_numpy(volume, labels):
+    table = volume.labels
+    ids, counts = np.unique(labels[labels > 0], return_counts=True)
+    np.testing.assert_array_equal(table.ids, ids)
+    np.testing.assert_array_equal(table.voxels, counts)
+    for row, label in enumerate(ids):
+        where = np.argwhere(labels == label)
+        np.testing.assert_array_equal(table.low[row], where.min(axis=0))
+        np.testing.assert_array_equal(table.high[row], where.max(axis=0))
+        assert table.index_of(int(label)) == row
+    assert int(table.boxes.sum()) == volume.boxes
+    assert [column.dtype for column in (table.ids, table.voxels, table.boxes, table.low)] == ["u8", "u8", "u4", "u4"]
+    with pytest.raises(pumice.InputError, match="no label 251"):
+        table.index_of(251)
+
+
+def test_columns_show_memory_that_cannot_be_changed(volume):
+    ids = volume.labels.ids
+    assert not ids.flags.writeable and not ids.flags.owndata
+    with pytest.raises(ValueError):
+        ids[0] = 3
+    with pytest.raises(ValueError):
+        ids.flags.writeable = True
+    # Who asks for a buffer to write to is refused by the buffer itself.
+    with pytest.raises(TypeError, match="not writable"):
+        (ctypes.c_char * 8).from_buffer(volume._native.ids())
+
+
+def test_contacts_against_a_shift_of_the_array(volume, labels):
+    wanted = set()
+    for axis in range(3):
+        a = np.moveaxis(labels, axis, 0)
+        left, right = a[:-1].ravel(), a[1:].ravel()
+        touch = (left != right) & (left > 0) & (right > 0)
+        wanted |= {tuple(sorted(pair)) for pair in zip(left[touch].tolist(), right[touch].tolist(), strict=True)}
+    ids = volume.labels.ids
+    got = {tuple(sorted((int(ids[a]), int(ids[b])))) for a, b in volume.contacts}
+    assert got == wanted and wanted
+
+
+def test_boxes_cover_their_labels_and_no_other_voxel_twice(volume, labels):
+    origins, extents, rows = volume.box_arrays()
+    assert len(origins) == volume.boxes
+    covered = np.zeros((len(volume.labels), *labels.shape), np.uint8)
+    for origin, extent, row in zip(origins, extents, rows, strict=True):
+        low, high = np.maximum(origin, 0), origin + extent
+        covered[row][tuple(slice(a, b) for a, b in zip(low, high, strict=True))] += 1
+    assert covered.max() == 1
+    for row, label in enumerate(volume.labels.ids):
+        assert covered[row][labels == label].all()
+
+
+def test_label_at(volume, labels):
+    rng = np.random.default_rng(3)
+    for x, y, z in rng.integers(0, labels.shape, (200, 3)):
+        assert volume.label_at(int(x), int(y), int(z)) == labels[x, y, z]
+    assert volume.label_at(-1, 0, 0) == 0 and volume.label_at(40, 0, 0) == 0
+
+
+def test_place_and_names(labels):
+    matrix = np.array([[0, 2, 0, 5], [1, 0, 0, 6], [0, 0, -3, 7], [0, 0, 0, 1.0]])
+    label = int(labels.max())
+    volume = pumice.compress(labels, world_from_index=matrix, unit="mm", names={label: "größte"}, types={label: "cell"})
+    np.testing.assert_array_equal(volume.world_from_index, matrix)
+    assert volume.spacing == (1.0, 2.0, 3.0) and volume.unit == "mm" and volume.dims == labels.shape
+    row = volume.labels.index_of(label)
+    assert volume.labels.names[row] == "größte" and volume.labels.types[row] == "cell"
+    assert volume.labels.types.count("") == len(volume.labels) - 1
+    assert np.isnan(volume.labels.colors).all()
+
+
+def test_saved_and_opened_it_is_the_same(volume, labels, tmp_path):
+    for level in ["fast", "default", "small"]:
+        path = tmp_path / f"{level}.pumice"
+        volume.save(path, level=level)
+        again = pumice.open(path)
+        assert again.content_hash == volume.content_hash
+        np.testing.assert_array_equal(again.decode(), labels)
+    assert pumice.probe(path)["labels"] == len(volume.labels)
+    with pytest.raises(pumice.InputError, match="expected fast, default or small"):
+        volume.save(path, level="tiny")
+
+
+def test_files_of_others(cortex):
+    volume = pumice.open(cortex)
+    assert volume.dims == (256, 256, 512) and volume.spacing == (32.0, 32.0, 40.0) and volume.unit == "nm"
+    assert len(volume.labels) == 2511
+    assert pumice.compress(cortex, threads=1).content_hash == volume.content_hash
+    volume.verify(cortex)
+
+
+def test_verify_says_what_differs(volume, labels):
+    other = labels.copy()
+    x, y, z = np.argwhere(labels > 0)[100]
+    other[x, y, z] = 251
+    with pytest.raises(pumice.InputError, match="251"):
+        volume.verify(other)
+    with pytest.raises(pumice.InputError, match="40"):
+        volume.verify(labels[:-1])
+
+
+@pytest.mark.parametrize("name", ["absent.nrrd", "absent.pumice"])
+def test_missing_files(name, tmp_path):
+    with pytest.raises(pumice.InputError, match=name):
+        pumice.open(tmp_path / name)
+
+
+def test_damaged_files(volume, tmp_path):
+    path = tmp_path / "half.pumice"
+    volume.save(path)
+    path.write_bytes(path.read_bytes()[:-100])
+    with pytest.raises(pumice.InputError, match="half.pumice"):
+        pumice.open(path)
+    path.write_text("no volume at all")
+    with pytest.raises(pumice.InputError, match="half.pumice"):
+        pumice.open(path)
+
+
+def test_colours_that_neighbours_do_not_share(volume):
+    colors = volume.labels.auto_colors()
+    assert colors.shape == (len(volume.labels), 3) and (colors >= 0).all() and (colors <= 1).all()
+    a, b = volume.contacts.T
+    assert (np.abs(colors[a] - colors[b]).max(axis=1) > 1e-3).all()
+    with pytest.raises(pumice.InputError, match="one a label"):
+        volume.labels.auto_colors([True])

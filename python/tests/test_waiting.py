@@ -1,0 +1,106 @@
+"""Long calls: other threads run meanwhile, jobs and Ctrl-C end them, panics are exceptions."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import numpy as np
+import pumice
+import pytest
+
+
+@pytest.fixture(scope="module")
+def endless(volume):
+    """A render that would take years."""
+    scene = pumice.figure(volume, size=(400, 300))
+
+    def render(job=None, **keywords):
+        return pumice.render(scene, volume, spp=1 << 30, job=job, **keywords)
+
+    return render
+
+
+def test_another_thread_runs_and_cancels(endless):
+    job, turns = pumice.Job(), []
+
+    def meanwhile():
+        for turn in range(50):
+            turns.append(turn)
+            time.sleep(0.002)
+        job.cancel()
+
+    thread = threading.Thread(target=meanwhile)
+    thread.start()
+    with pytest.raises(pumice.Cancelled, match="^cancelled$"):
+        endless(job)
+    thread.join()
+    # Were the interpreter held, the thread could not have taken its turns, and nobody would have cancelled.
+    assert len(turns) == 50 and job.cancelled
+
+
+def test_compressing_can_be_cancelled_and_tells_its_progress():
+    job, seen = pumice.Job(), set()
+    array = np.arange(256**3, dtype=np.uint32).reshape(256, 256, 256) >> 9
+
+    def watch():
+        while not job.cancelled:
+            seen.add(job.fraction)
+            if len(seen) > 2:
+                job.cancel()
+
+    thread = threading.Thread(target=watch)
+    thread.start()
+    with pytest.raises(pumice.Cancelled):
+        while True:
+            pumice.compress(array, job=job, threads=1)
+    thread.join()
+    assert all(f is None or 0 <= f <= 1 for f in seen)
+
+
+def test_a_cancelled_job_stops_before_it_begins(volume, tmp_path):
+    job = pumice.Job()
+    job.cancel()
+    for call in (
+        lambda: volume.save(tmp_path / "a.pumice", job=job),
+        lambda: volume.decode(job=job),
+        lambda: volume.verify(volume.decode(), job=job),
+    ):
+        with pytest.raises(pumice.Cancelled):
+            call()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_exception_of_the_callback_ends_the_render(endless):
+    def fail(point):
+        raise KeyError("mine")
+
+    with pytest.raises(KeyError, match="mine"):
+        endless(on_progress=fail)
+
+
+def test_control_c_ends_a_render_without_a_job():
+    script = (
+        "import numpy as np, pumice\n"
+        "v = pumice.compress(np.ones((8, 8, 8), np.uint8))\n"
+        "s = pumice.figure(v, size=(400, 300))\n"
+        "print('ready', flush=True)\n"
+        "try:\n"
+        "    pumice.render(s, v, spp=1 << 30)\n"
+        "except KeyboardInterrupt:\n"
+        "    print('interrupted', flush=True)\n"
+    )
+    child = subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True)
+    assert child.stdout.readline() == "ready\n"
+    time.sleep(0.3)
+    os.kill(child.pid, signal.SIGINT)
+    out, _ = child.communicate(timeout=60)
+    assert (child.returncode, out) == (0, "interrupted\n")
+
+
+def test_a_panic_is_an_exception():
+    with pytest.raises(pumice.InternalError, match="internal error: a panic on purpose"):
+        pumice._native._panic_on_purpose()
+    assert issubclass(pumice.InternalError, pumice.PumiceError) and issubclass(pumice.InputError, ValueError)

@@ -1,0 +1,172 @@
+//! `cargo xtask extension`: the zip that users install in Blender, checked and packed by Blender's own tool.
+//!
+//! ```text
+//! blender-addon/ (no tests) ─┐
+//! wheel of python/ ──────────┴─► target/extension/PROFILE/pumice/ ─► validate, build ─► pumice-VERSION.zip
+//! ```
+
+use std::path::{Path, PathBuf};
+
+use crate::blender::Blender;
+use crate::python_env::Environment;
+use crate::step::Step;
+use crate::wheel;
+
+/// What of `blender-addon/` is not for users.
+const LEFT_OUT: [&str; 3] = ["tests", "__pycache__", "README.md"];
+
+/// Where the zip of a profile is put.
+pub(crate) fn zip(target: &Path, profile: &str) -> PathBuf {
+    target.join("extension").join(format!("pumice-{profile}.zip"))
+}
+
+/// Stages the extension with the wheel of a profile, which must be built; gives the steps that check and pack it with the tool of
+/// a Blender.
+pub(crate) fn pack(
+    root: &Path,
+    target: &Path,
+    profile: &str,
+    blender: &Blender,
+) -> Result<Vec<Step>, String> {
+    let stage = target.join("extension").join(profile).join("pumice");
+    let fault = |path: &Path| {
+        let path = path.display().to_string();
+        move |e: std::io::Error| format!("{path}: {e}")
+    };
+    if stage.exists() {
+        std::fs::remove_dir_all(&stage).map_err(fault(&stage))?;
+    }
+    copy(&root.join("blender-addon"), &stage)?;
+
+    let wheel = wheel::newest(target, profile)?;
+    let name = wheel.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let inside = stage.join("wheels");
+    std::fs::create_dir_all(&inside).map_err(fault(&inside))?;
+    std::fs::copy(&wheel, inside.join(&name)).map_err(fault(&inside))?;
+    let manifest = stage.join("blender_manifest.toml");
+    let text = std::fs::read_to_string(&manifest).map_err(fault(&manifest))?;
+    let text = with_wheel(&text, &name, platform()?)
+        .ok_or_else(|| format!("{}: no line `wheels = []` to fill", manifest.display()))?;
+    std::fs::write(&manifest, text).map_err(fault(&manifest))?;
+
+    // A zip of an earlier run must not pass for this one's.
+    let zip = zip(target, profile);
+    if zip.exists() {
+        std::fs::remove_file(&zip).map_err(fault(&zip))?;
+    }
+    let tool = blender.extension_tool(target)?;
+    let mut validate = blender.python(target);
+    validate.arg(&tool).arg("validate").arg(&stage);
+    let mut build = blender.python(target);
+    build.arg(&tool).args(["build", "--source-dir"]).arg(&stage).arg("--output-filepath").arg(&zip);
+    Ok(vec![
+        Step::or_say(validate, "Blender's tool refuses the extension"),
+        Step::or_say(build, "Blender's tool does not pack the extension"),
+    ])
+}
+
+/// `cargo xtask extension [--profile dev] [--out FOLDER]`: builds the wheel, packs, says where the zip is.
+pub(crate) fn run(root: &Path, target: &Path, options: &Options) -> Result<(), String> {
+    let Options { profile, out } = options;
+    let blender = Blender::new(None);
+    Environment::tests().made(root, target)?;
+    blender.environment.made(root, target)?;
+    wheel::build(root, target, profile).finish()?;
+    pack(root, target, profile, &blender)?.into_iter().try_for_each(Step::finish)?;
+    let mut made = zip(target, profile);
+    if let Some(folder) = out {
+        std::fs::create_dir_all(folder).map_err(|e| format!("{}: {e}", folder.display()))?;
+        let to = folder.join(format!("pumice-{}.zip", env!("CARGO_PKG_VERSION")));
+        std::fs::copy(&made, &to).map_err(|e| format!("{}: {e}", to.display()))?;
+        made = to;
+    }
+    let bytes = std::fs::metadata(&made).map_err(|e| format!("{}: {e}", made.display()))?.len();
+    println!("{}: {bytes} bytes", made.display());
+    Ok(())
+}
+
+/// What was asked for.
+#[derive(Debug, PartialEq, Eq)]
+pub(crate) struct Options {
+    profile: &'static str,
+    out: Option<PathBuf>,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self { profile: "release", out: None }
+    }
+}
+
+impl Options {
+    pub(crate) fn parse(args: &[String]) -> Result<Self, String> {
+        let mut options = Self::default();
+        let mut args = args.iter();
+        while let Some(arg) = args.next() {
+            let mut value = || args.next().ok_or_else(|| format!("{arg} needs a value"));
+            match arg.as_str() {
+                "--out" => options.out = Some(value()?.into()),
+                "--profile" => {
+                    options.profile = match value()?.as_str() {
+                        "dev" => "dev",
+                        "release" => "release",
+                        other => return Err(format!("--profile {other}: expected dev or release")),
+                    }
+                }
+                _ => return Err(format!("unknown argument {arg}")),
+            }
+        }
+        Ok(options)
+    }
+}
+
+fn copy(from: &Path, to: &Path) -> Result<(), String> {
+    std::fs::create_dir_all(to).map_err(|e| format!("{}: {e}", to.display()))?;
+    for entry in std::fs::read_dir(from).map_err(|e| format!("{}: {e}", from.display()))?.flatten() {
+        let (name, path) = (entry.file_name(), entry.path());
+        let text = name.to_string_lossy();
+        if LEFT_OUT.contains(&text.as_ref()) || text.ends_with(".pyc") || text.starts_with('.') {
+            continue;
+        }
+        if path.is_dir() {
+            copy(&path, &to.join(&name))?;
+        } else {
+            std::fs::copy(&path, to.join(&name)).map_err(|e| format!("{}: {e}", path.display()))?;
+        }
+    }
+    Ok(())
+}
+
+/// The manifest with its wheel and the one platform that this is for.
+fn with_wheel(manifest: &str, wheel: &str, platform: &str) -> Option<String> {
+    let filled = format!("wheels = [\"./wheels/{wheel}\"]\nplatforms = [\"{platform}\"]");
+    manifest.contains("\nwheels = []\n").then(|| manifest.replacen("wheels = []", &filled, 1))
+}
+
+/// Blender's name of this machine's kind.
+fn platform() -> Result<&'static str, String> {
+    match (std::env::consts::OS, std::env::consts::ARCH) {
+        ("linux", "x86_64") => Ok("linux-x64"),
+        ("linux", "aarch64") => Ok("linux-arm64"),
+        ("macos", "aarch64") => Ok("macos-arm64"),
+        ("macos", "x86_64") => Ok("macos-x64"),
+        ("windows", "x86_64") => Ok("windows-x64"),
+        (os, arch) => Err(format!("Blender has no name for {os} on {arch}")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_manifest_is_filled_once_or_refused() {
+        let manifest = "id = \"pumice\"\nwheels = []\n[permissions]\n";
+        let filled = with_wheel(manifest, "pumice-0.1.0-cp311-abi3-linux_x86_64.whl", "linux-x64").unwrap();
+        assert_eq!(
+            filled,
+            "id = \"pumice\"\nwheels = [\"./wheels/pumice-0.1.0-cp311-abi3-linux_x86_64.whl\"]\nplatforms = [\"linux-x64\"]\n[permissions]\n"
+        );
+        assert_eq!(with_wheel(&filled, "b.whl", "linux-x64"), None);
+    }
+}
