@@ -1,6 +1,9 @@
 //! Which detail each box is drawn at (paper §4.3): 16, 4 or 1 voxels, for all boxes or by distance.
+//!
+//! The choice is no part of the hierarchy: a box's level is found when a ray meets the box, from the placement and the choice alone,
+//! so that a camera moves without anything being built.
 
-use glam::{DAffine3, DVec3};
+use glam::{DAffine3, DMat3, DVec3};
 use pumice_core::BoxView;
 use pumice_scene::{Camera, Film, Lod, Projection};
 
@@ -49,30 +52,75 @@ impl LodChoice {
         }
     }
 
-    /// The level of one box.
-    pub(crate) fn level(&self, b: &BoxView, world_from_index: &DAffine3) -> Level {
+    /// The choice, made ready for boxes of one placement.
+    pub(crate) fn placed(&self, world_from_index: &DAffine3) -> Detail {
         match *self {
-            Self::Voxels => Level::Voxels,
-            Self::Cells => Level::Cells,
-            Self::Boxes => Level::Boxes,
+            Self::Voxels => Detail::Same(Level::Voxels),
+            Self::Cells => Detail::Same(Level::Cells),
+            Self::Boxes => Detail::Same(Level::Boxes),
             Self::Distance { eye_in_world, world_per_distance, world_constant } => {
-                // Nearest point in index space: the nearest in the world too when the axes are orthogonal, as they are but for
-                // sheared matrices, where the level may be one too coarse.
-                let eye = world_from_index.inverse().transform_point3(eye_in_world);
-                let lo = DVec3::from(b.origin.map(f64::from));
-                let hi = lo + DVec3::from(b.extent.map(f64::from));
-                let distance = world_from_index.transform_vector3(eye - eye.clamp(lo, hi)).length();
                 let m = world_from_index.matrix3;
                 let edge = m.x_axis.length().max(m.y_axis.length()).max(m.z_axis.length());
-                let allowed = world_constant + world_per_distance * distance;
-                if 16.0 * edge <= allowed {
-                    Level::Boxes
-                } else if 4.0 * edge <= allowed {
-                    Level::Cells
-                } else {
-                    Level::Voxels
-                }
+                // constant + per_distance·D ≥ side·edge, solved for D².
+                let from_squared = |side: f64| {
+                    let missing = (side * edge - world_constant).max(0.0);
+                    if missing == 0.0 { 0.0 } else { (missing / world_per_distance.max(0.0)).powi(2) }
+                };
+                Detail::ByDistance(ByDistance {
+                    eye_in_index: world_from_index.inverse().transform_point3(eye_in_world),
+                    world_from_index: m,
+                    cells_from_squared: from_squared(4.0),
+                    boxes_from_squared: from_squared(16.0),
+                })
             }
+        }
+    }
+}
+
+/// See [`LodChoice::placed`].
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Detail {
+    /// All boxes alike.
+    Same(Level),
+    /// See [`LodChoice::Distance`].
+    ByDistance(ByDistance),
+}
+
+/// Squared distances in the world from which boxes are coarser.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct ByDistance {
+    eye_in_index: DVec3,
+    world_from_index: DMat3,
+    cells_from_squared: f64,
+    boxes_from_squared: f64,
+}
+
+impl Detail {
+    /// The level of one box.
+    #[inline(always)]
+    pub(crate) fn level(&self, b: &BoxView) -> Level {
+        match self {
+            Self::Same(level) => *level,
+            Self::ByDistance(by) => by.level(b),
+        }
+    }
+}
+
+impl ByDistance {
+    #[inline]
+    fn level(&self, b: &BoxView) -> Level {
+        // Nearest point in index space: the nearest in the world too when the axes are orthogonal, as they are but for sheared
+        // matrices, where the level may be one too coarse.
+        let lo = DVec3::from(b.origin.map(f64::from));
+        let hi = lo + DVec3::from(b.extent.map(f64::from));
+        let away = self.eye_in_index - self.eye_in_index.clamp(lo, hi);
+        let distance_squared = (self.world_from_index * away).length_squared();
+        if distance_squared >= self.boxes_from_squared {
+            Level::Boxes
+        } else if distance_squared >= self.cells_from_squared {
+            Level::Cells
+        } else {
+            Level::Voxels
         }
     }
 }
