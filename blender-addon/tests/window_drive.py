@@ -32,7 +32,7 @@ from mathutils import Quaternion
 OUT, VOLUME = sys.argv[sys.argv.index("--") + 1 :][:2]
 EXTENSION = "bl_ext.user_default.pumice"
 # Seconds after which a claim that has not come true is false; software drawing on a busy machine is slow.
-PATIENCE_SECONDS = 120.0
+PATIENCE_SECONDS = 600.0
 
 # --factory-startup leaves installed extensions disabled, and the splash would cover the viewport.
 addon_utils.enable(EXTENSION, persistent=True)

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use glam::DAffine3;
 use pumice_core::{CompressedVolume, Job};
 use pumice_render::{
     EnvironmentTable, Image, Pick, Picture, Progress, ReadySun, Rebuilt, RenderError, Renderer,
@@ -95,14 +96,21 @@ impl<'a> Former<'a> {
         same.then(|| &self.shown.tracer.around().looks[self.place])
     }
 
-    /// Its geometry, where the same boxes are still drawn at the same levels as the same instance.
-    fn geometry(&self, place: usize, lod: LodChoice) -> Option<&'a Arc<VolumeTracer>> {
-        let by_distance = matches!(lod, LodChoice::Distance { .. });
-        let same = self.place == place
-            && self.shown.lod == lod
-            && !self.change.visibility
-            && !(self.change.moved && by_distance);
-        if same { self.shown.tracer.tracer().instance(place as u32) } else { None }
+    /// Its geometry, where the same boxes are still drawn as the same instance; elsewhere or at other levels if need be.
+    fn geometry(
+        &self,
+        place: usize,
+        world_from_index: DAffine3,
+        lod: LodChoice,
+    ) -> Result<Option<Arc<VolumeTracer>>, RenderError> {
+        if self.place != place || self.change.visibility {
+            return Ok(None);
+        }
+        match self.shown.tracer.tracer().instance(place as u32) {
+            Some(kept) if !self.change.moved && self.shown.lod == lod => Ok(Some(Arc::clone(kept))),
+            Some(kept) => Ok(kept.again(world_from_index, lod)?.map(Arc::new)),
+            None => Ok(None),
+        }
     }
 }
 
@@ -138,7 +146,10 @@ impl Renderer for CpuRenderer {
         for (place, (instance, volume)) in scene.instances.iter().zip(volumes).enumerate() {
             let former = Former::find(old, &diff, instance.id, volume);
             let kept_looks = former.as_ref().and_then(Former::looks);
-            let kept_geometry = former.as_ref().and_then(|f| f.geometry(place, lod));
+            let kept_geometry = match &former {
+                Some(f) => f.geometry(place, instance.world_from_index, lod)?,
+                None => None,
+            };
             let table = volume.labels();
             let visible = if kept_looks.is_none() || kept_geometry.is_none() {
                 let field = format!("instances[{place}].style.show");
@@ -154,10 +165,9 @@ impl Renderer for CpuRenderer {
                     Arc::new(Looks::new(&instance.style, table.ids(), touching, &visible))
                 }
             });
-            geometry.push(match (kept_geometry, &former) {
-                (Some(kept), Some(f)) if f.change.moved => Arc::new(kept.moved(instance.world_from_index)?),
-                (Some(kept), _) => Arc::clone(kept),
-                (None, _) => {
+            geometry.push(match kept_geometry {
+                Some(kept) => kept,
+                None => {
                     rebuilt.acceleration += 1;
                     let traced = TracedInstance {
                         volume: Arc::clone(volume),

@@ -212,6 +212,28 @@ fn levels_of_detail_match_naive() {
             let expected = coarse(&dense, &compressed, shown, side);
             let tracer = scene(&compressed, shown, lod);
             assert_labels(&tracer, &expected);
+            // A hierarchy built for another choice, and a camera elsewhere, serves as well; voxels have their own.
+            let elsewhere = DAffine3::from_scale(DVec3::new(1.0, 2.0, 0.5));
+            let far = LodChoice::Distance {
+                eye_in_world: DVec3::ZERO,
+                world_per_distance: 1.0,
+                world_constant: 0.5,
+            };
+            for built in [LodChoice::Cells, far] {
+                let built = SceneTracer::new(&[TracedInstance {
+                    world_from_index: elsewhere,
+                    ..instance(&compressed, shown, built)
+                }]);
+                let built = built.unwrap();
+                match built.instance(0).unwrap().again(PLACE, lod).unwrap() {
+                    Some(again) => assert_labels(&SceneTracer::of(vec![Arc::new(again)]), &expected),
+                    None => assert_eq!(lod, LodChoice::Voxels),
+                }
+            }
+            assert_eq!(
+                tracer.instance(0).unwrap().again(PLACE, far).unwrap().is_none(),
+                lod == LodChoice::Voxels
+            );
             // Within coarse elements labels overlap: what a ray leaves there is its label's union, not the array's.
             assert_rays_from(true, "level", &expected, &[Class::Random, Class::AxisParallel], 4000, |r| {
                 let hit = tracer.first_hit(r, PathOrigin::Free, f64::INFINITY)?;

@@ -309,6 +309,15 @@ fn only_what_differs_is_made_again() {
             Rebuilt { materials: 1, acceleration: 1, ..none },
         ),
         ("detail", |s| s.settings.lod = Lod::Cells, Rebuilt { acceleration: 1, ..none }),
+        ("by distance", |s| s.settings.lod = Lod::Distance { pixels: 4.0 }, none),
+        (
+            "camera, by distance",
+            |s| s.camera.world_from_camera.translation.z += 40.0,
+            Rebuilt { camera: 1, ..none },
+        ),
+        ("film, by distance", |s| s.film.width += 2, Rebuilt { camera: 1, film: 1, ..none }),
+        ("place, by distance", |s| s.instances[0].world_from_index.matrix3 *= 1.25, none),
+        ("all voxels", |s| s.settings.lod = Lod::Voxels, Rebuilt { acceleration: 1, ..none }),
     ];
     let mut scene = base;
     for (name, edit, expected) in cases {

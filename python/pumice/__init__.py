@@ -8,12 +8,17 @@
 Lengths of volumes are in the file's unit, those of scenes in world units; colours are scene-linear Rec. 709 unless said otherwise.
 """
 
-from ._native import Job, __version__
-from .errors import Cancelled, InputError, InternalError, PumiceError
+import atexit
+
+from ._native import Job, __version__, _end_calls
+from .errors import Cancelled, InputError, InternalError, PumiceError, PumiceWarning
 from .picture import CurvePoint, Picture, devices, render
 from .scene import Scene, figure
 from .session import Frame, Pick, Session, Status
 from .volume import LabelTable, Volume, compress, open, probe
+
+# Calls that other threads are in end before the interpreter does: it would take the threads off by force.
+atexit.register(_end_calls)
 
 __all__ = [
     "Cancelled",
@@ -26,6 +31,7 @@ __all__ = [
     "Pick",
     "Picture",
     "PumiceError",
+    "PumiceWarning",
     "Scene",
     "Session",
     "Status",

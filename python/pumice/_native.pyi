@@ -18,25 +18,55 @@ class Frame:
     A picture at one moment. As a buffer: (height, width, 4) floats, scene-linear RGBA, row 0 at the bottom.
     """
     @property
-    def coarse(self, /) -> bool: ...
+    def coarse(self, /) -> bool:
+        """
+        Whether it has fewer pixels than the film: what comes first after an edit.
+        """
     @property
-    def converged(self, /) -> bool: ...
+    def converged(self, /) -> bool:
+        """
+        Whether it is the last of its revision.
+        """
     @property
-    def cpu_seconds(self, /) -> float: ...
+    def cpu_seconds(self, /) -> float:
+        """
+        CPU seconds of the process in that time, all threads.
+        """
     @property
-    def error_estimate(self, /) -> float: ...
+    def error_estimate(self, /) -> float:
+        """
+        Estimated relative error, infinite until it can be known.
+        """
     @property
-    def height(self, /) -> int: ...
+    def height(self, /) -> int:
+        """
+        Pixels down.
+        """
     @property
-    def revision(self, /) -> int: ...
+    def revision(self, /) -> int:
+        """
+        Revision of the scene that it shows.
+        """
     @property
-    def seconds(self, /) -> float: ...
+    def seconds(self, /) -> float:
+        """
+        Wall seconds since the worker began this revision.
+        """
     @property
-    def serial(self, /) -> int: ...
+    def serial(self, /) -> int:
+        """
+        Rises by one from frame to frame; the first is 1.
+        """
     @property
-    def spp(self, /) -> int: ...
+    def spp(self, /) -> int:
+        """
+        Samples in every pixel.
+        """
     @property
-    def width(self, /) -> int: ...
+    def width(self, /) -> int:
+        """
+        Pixels across.
+        """
 
 @final
 class Job:
@@ -157,6 +187,10 @@ class Volume:
         """
         Pairs of labels that touch, by their places in the table.
         """
+    def content_hash(self, /) -> str:
+        """
+        Hash of labels and voxels: a walk over all boxes.
+        """
     def decode_block(self, /, origin: SupportsLenAndGetItem[SupportsIndex], dims: SupportsLenAndGetItem[SupportsIndex], job: Job | None = None) -> Array:
         """
         Original ids of a block, x fastest: shape (z, y, x).
@@ -167,7 +201,7 @@ class Volume:
         """
     def facts(self, /) -> str:
         """
-        What there is to say about the whole, as JSON text.
+        What there is to say about the whole at once, as JSON text.
         """
     def ids(self, /) -> Array:
         """
@@ -175,11 +209,15 @@ class Volume:
         """
     def label_at(self, /, x: SupportsIndex, y: SupportsIndex, z: SupportsIndex) -> int:
         """
-        Original id of the label at a voxel; 0 is background.
+        Original id of the label at a voxel; 0 is background. The first query builds the index.
         """
     def notes(self, /) -> tuple[list[str], Array]:
         """
         Names, empty where the file gives none, and sRGB colours, NaN where it gives none.
+        """
+    def resident_parts(self, /) -> dict[str, int]:
+        """
+        Bytes in memory by part, as they are now: queries build an index.
         """
     def save(self, /, path: str | PathLike[str], level: str = "default", job: Job | None = None) -> None:
         """
@@ -194,14 +232,19 @@ class Volume:
         Voxels of each label.
         """
 
+def _end_calls() -> None:
+    """
+    Cancels every call under way, and waits for them to return. From then on none begins.
+    """
+
 def _panic_on_purpose() -> None:
     """
     Panics, to prove that a panic is an exception.
     """
 
-def compress(source: str | PathLike[str] | Incomplete, *, types: str | None = None, memory_limit: SupportsIndex | None = None, threads: SupportsIndex = 0, layer: SupportsIndex | None = None, time: SupportsIndex | None = None, channel: SupportsIndex | None = None, array: str | None = None, spacing: SupportsLenAndGetItem[SupportsFloat | SupportsIndex] | None = None, job: Job | None = None) -> Volume:
+def compress(source: str | PathLike[str] | Incomplete, *, types: str | None = None, memory_limit: SupportsIndex | None = None, threads: SupportsIndex = 0, layer: SupportsIndex | None = None, time: SupportsIndex | None = None, channel: SupportsIndex | None = None, array: str | None = None, spacing: SupportsLenAndGetItem[SupportsFloat | SupportsIndex] | None = None, job: Job | None = None) -> tuple[Volume, list[str]]:
     """
-    Compresses a file, or blocks.
+    Compresses a file, or blocks; with what the reader found odd.
     """
 
 def devices() -> str:
@@ -214,9 +257,9 @@ def figure(volume: Volume, source: str | PathLike[str], size: SupportsLenAndGetI
     A scene that shows a volume: placed, framed, lit.
     """
 
-def open(path: str | PathLike[str], *, layer: SupportsIndex | None = None, time: SupportsIndex | None = None, channel: SupportsIndex | None = None, array: str | None = None, spacing: SupportsLenAndGetItem[SupportsFloat | SupportsIndex] | None = None, job: Job | None = None) -> Volume:
+def open(path: str | PathLike[str], *, layer: SupportsIndex | None = None, time: SupportsIndex | None = None, channel: SupportsIndex | None = None, array: str | None = None, spacing: SupportsLenAndGetItem[SupportsFloat | SupportsIndex] | None = None, job: Job | None = None) -> tuple[Volume, list[str]]:
     """
-    Opens a `.pumice` file, or compresses a label volume of another format in memory.
+    Opens a `.pumice` file, or compresses a label volume of another format in memory; with what the reader found odd.
     """
 
 def probe(path: str | PathLike[str], *, layer: SupportsIndex | None = None, time: SupportsIndex | None = None, channel: SupportsIndex | None = None, array: str | None = None, spacing: SupportsLenAndGetItem[SupportsFloat | SupportsIndex] | None = None, job: Job | None = None) -> str:

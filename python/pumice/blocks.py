@@ -23,6 +23,8 @@ MOST_LABELS = 1 << 24
 
 def label_type(array: Any) -> str:
     """The name of the array's number type in volume descriptions; InputError where labels cannot be of that type."""
+    if isinstance(array, np.ma.MaskedArray) and np.ma.is_masked(array):
+        raise InputError("array: some voxels are masked; say what they are with array.filled(0)")
     dtype = np.dtype(array.dtype)
     if dtype.kind == "b":
         return "u8"
@@ -78,13 +80,16 @@ def _unsigned(labels: npt.NDArray[Any], origin: tuple[int, int, int]) -> npt.NDA
     """The labels in the narrowest unsigned type that holds them all, native byte order."""
     kind, bits = labels.dtype.kind, 8 * labels.dtype.itemsize
     if kind == "b":
-        return labels.view(np.uint8)
+        # Compared, not seen as bytes: a bool from foreign memory may hold any.
+        truth: npt.NDArray[Any] = labels != 0
+        return truth.view(np.uint8)
     if kind == "f":
-        limit = float(1 << (24 if bits == 32 else 53))
+        # As from files: above 2⁵³ not even float64 holds every whole number.
+        limit = float(1 << 53)
         with np.errstate(invalid="ignore"):
             good = (labels >= 0) & (labels <= limit) & (labels == np.floor(labels))
         _require(good, labels, origin, f"a whole number from 0 to {limit:.0f}")
-        return labels.astype(np.uint32 if bits == 32 else np.uint64)
+        return labels.astype(np.uint64)
     if kind == "i":
         _require(labels >= 0, labels, origin, "a label of at least 0")
     return labels.astype(f"=u{bits // 8}", copy=False)

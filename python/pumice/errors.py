@@ -13,5 +13,9 @@ class Cancelled(PumiceError):
     """The job was cancelled; nothing was left behind."""
 
 
+class PumiceWarning(UserWarning):
+    """A reader found something odd in a file that is no error."""
+
+
 class InternalError(PumiceError):
     """A defect of Pumice: a panic in its compiled part, caught. The process lives on; please report the text."""

@@ -11,12 +11,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from . import _native
+from . import _native, arguments
+from .arguments import Path
 from .errors import InputError
 from .scene import Scene
-from .volume import Job, Path, Volume
+from .volume import Job, Volume
 
 Floats = npt.NDArray[np.float32]
+Volumes = Volume | Sequence[Volume] | Mapping[str, Volume]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -72,9 +74,12 @@ class Picture:
             CurvePoint(p["spp"], p["seconds"], p["cpu_seconds"], p["error_estimate"]) for p in self._figures["curve"]
         ]
 
-    def save(self, path: Path, *, passes: Sequence[str] = ("all",)) -> None:
-        """Writes an `.exr` (scene-linear, with these passes) or a `.png` (sRGB), whole or not at all. Both can be made again."""
-        self._native.save(os.fspath(path), list(passes))
+    def save(self, path: Path, *, passes: str | Sequence[str] = "all") -> None:
+        """Writes an `.exr` (scene-linear, with these passes) or a `.png` (sRGB), whole or not at all. Both can be made again.
+
+        Passes: `all`, `none`, or any of `variance`, `depth`, `label`, `albedo`, `normal`.
+        """
+        self._native.save(os.fspath(path), [passes] if isinstance(passes, str) else list(passes))
 
 
 def _maybe(array: _native.Array | None) -> Any:
@@ -83,7 +88,7 @@ def _maybe(array: _native.Array | None) -> Any:
 
 def render(
     scene: Scene,
-    volumes: Volume | Sequence[Volume] | Mapping[str, Volume] | None = None,
+    volumes: Volumes | None = None,
     *,
     spp: int | None = None,
     seconds: float | None = None,
@@ -98,31 +103,24 @@ def render(
     """
     if spp is None and seconds is None and error is None:
         raise InputError("render: give spp, seconds or error, or it would never end")
-    for name, limit in (("spp", spp), ("seconds", seconds), ("error", error)):
-        if limit is not None and not limit > 0:
-            raise InputError(f"{name}: expected a number above 0, got {limit}")
+    stop = arguments.limits(spp, seconds, error)
     told = None
     if on_progress is not None:
         call = on_progress
         told = lambda *point: call(CurvePoint(*point))  # noqa: E731
     native = _native.render(
         scene.to_json(),
-        _in_order(scene, volumes),
-        spp=spp,
-        seconds=seconds,
-        error=error,
+        None if volumes is None else in_order(scene, volumes),
         backend=backend,
         job=job,
         on_progress=told,
+        **stop,
     )
     return Picture(native)
 
 
-def _in_order(
-    scene: Scene, volumes: Volume | Sequence[Volume] | Mapping[str, Volume] | None
-) -> list[_native.Volume] | None:
-    if volumes is None:
-        return None
+def in_order(scene: Scene, volumes: Volumes) -> list[_native.Volume]:
+    """The volume of each instance of the scene."""
     if isinstance(volumes, Volume):
         volumes = [volumes]
     if isinstance(volumes, Mapping):

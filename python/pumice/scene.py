@@ -5,11 +5,17 @@ from __future__ import annotations
 import copy
 import json
 import os
+from collections.abc import Iterable
 from typing import Any, Self
 
-from . import _native
+from . import _native, arguments
+from .arguments import Path
 from .errors import InputError
-from .volume import Path, Volume
+from .volume import Volume
+
+
+# Along a side, as scenes have it.
+MOST_PIXELS = 65536
 
 
 class Scene:
@@ -67,7 +73,7 @@ def figure(
     *,
     source: Path = "memory",
     size: tuple[int, int] = (960, 540),
-    labels: Any = None,
+    labels: Iterable[int] | None = None,
     pick: int | None = None,
     view_deg: tuple[float, float] = (24.0, 24.0),
 ) -> Scene:
@@ -76,5 +82,11 @@ def figure(
     `labels` are the ids to show, or `pick` the number of long labels to choose; all without either. `view_deg` is where the camera
     stands: around the vertical axis and above the horizon. `source` is what the scene names as the volume's file.
     """
-    ids = None if labels is None else [int(label) for label in labels]
-    return Scene(_native.figure(volume._native, os.fspath(source), size, ids, pick, view_deg))
+    ids = None if labels is None else arguments.ids("labels", labels)
+    if len(size) != 2 or len(view_deg) != 2:
+        raise InputError(f"size, view_deg: expected two numbers each, got {size!r}, {view_deg!r}")
+    pixels = [arguments.whole("size", n, 1, MOST_PIXELS) for n in size]
+    if pick is not None:
+        pick = arguments.whole("pick", pick, 1, arguments.MOST_32)
+    text = _native.figure(volume._native, os.fspath(source), (pixels[0], pixels[1]), ids, pick, view_deg)
+    return Scene(text)

@@ -5,11 +5,11 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Sequence
 from typing import Any
 
-from . import _native
+from . import _native, arguments
 from .errors import InputError
+from .picture import Volumes, in_order
 from .scene import Scene
 from .volume import Volume
 
@@ -40,22 +40,21 @@ Frame = _native.Frame
 
 
 class Session:
-    """A live picture of a scene; `volumes[i]` belongs to its instance i."""
+    """A live picture of a scene; volumes as for `render`. Without a limit it is refined for ever."""
 
     def __init__(
         self,
         scene: Scene,
-        volumes: Sequence[Volume],
+        volumes: Volumes,
         *,
         backend: str = "auto",
         spp: int | None = None,
         seconds: float | None = None,
         error: float | None = None,
     ) -> None:
-        natives = [volume._native for volume in volumes]
-        self._native = _native.Session(
-            scene.to_json(), natives, backend=backend, spp=spp, seconds=seconds, error=error
-        )
+        natives = in_order(scene, volumes)
+        stop = arguments.limits(spp, seconds, error)
+        self._native = _native.Session(scene.to_json(), natives, backend=backend, **stop)
 
     def edit(self, *edits: dict[str, Any]) -> int:
         """Applies edits, all or none, and gives the new revision at once; InputError names the field at fault."""
@@ -71,7 +70,7 @@ class Session:
 
     def pick(self, x: int, y: int) -> Pick | None:
         """What is under the middle of a pixel of the film, counted from the upper left."""
-        if x < 0 or y < 0:
+        if not (0 <= x <= arguments.MOST_32 and 0 <= y <= arguments.MOST_32):
             return None
         found = self._native.pick(x, y)
         if found is None:

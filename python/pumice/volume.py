@@ -5,17 +5,22 @@ from __future__ import annotations
 import json
 import os
 import pathlib
+import warnings
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 import numpy.typing as npt
 
-from . import _native, blocks
-from .errors import InputError
+from . import _native, arguments, blocks
+from .arguments import Choice, Level, Path, Reading
+from .errors import InputError, PumiceWarning
 
-Path = str | os.PathLike[str]
 Job = _native.Job
+
+
+# More than any machine has; each is started.
+MOST_THREADS = 1024
 
 
 class LabelTable:
@@ -40,9 +45,10 @@ class LabelTable:
 
     def index_of(self, label: int) -> int:
         """Row of a label; InputError where the volume has none with this id."""
-        row = int(np.searchsorted(self.ids, np.uint64(label)))
-        if row == len(self.ids) or int(self.ids[row]) != label:
-            raise InputError(f"the volume has no label {label}")
+        wanted = arguments.whole("label", label, 0, arguments.MOST_64)
+        row = int(np.searchsorted(self.ids, np.uint64(wanted)))
+        if row == len(self.ids) or int(self.ids[row]) != wanted:
+            raise InputError(f"the volume has no label {wanted}")
         return row
 
     def auto_colors(self, visible: npt.ArrayLike | None = None) -> npt.NDArray[np.float32]:
@@ -59,6 +65,7 @@ class Volume:
         self._facts: dict[str, Any] = json.loads(native.facts())
         self._labels: LabelTable | None = None
         self._contacts: npt.NDArray[np.uint32] | None = None
+        self._content_hash: str | None = None
 
     def __repr__(self) -> str:
         x, y, z = self.dims
@@ -114,8 +121,11 @@ class Volume:
 
     @property
     def content_hash(self) -> str:
-        """Hash of labels and voxels, 32 hexadecimal digits; the same whatever file it came from."""
-        return str(self._facts["content_hash"])
+        """Hash of labels and voxels, 32 hexadecimal digits; the same whatever file it came from. The first time: a walk over all
+        boxes."""
+        if self._content_hash is None:
+            self._content_hash = self._native.content_hash()
+        return self._content_hash
 
     @property
     def boxes(self) -> int:
@@ -124,31 +134,39 @@ class Volume:
 
     @property
     def resident_parts(self) -> dict[str, int]:
-        """Bytes in memory by part."""
-        return dict(self._facts["resident_parts"])
+        """Bytes in memory by part, as they are now; `index` is there once `label_at`, `decode` or `verify` has built it."""
+        return self._native.resident_parts()
 
     @property
     def bytes_resident(self) -> int:
-        """Bytes in memory."""
-        return sum(self._facts["resident_parts"].values())
+        """Bytes in memory: the sum of `resident_parts`."""
+        return sum(self.resident_parts.values())
 
-    def save(self, path: Path, *, level: str = "default", job: Job | None = None) -> None:
+    def save(self, path: Path, *, level: Level = "default", job: Job | None = None) -> None:
         """Writes a `.pumice` file, whole or not at all; level is fast, default or small."""
         self._native.save(os.fspath(path), level, job)
 
-    def verify(self, source: Path | Any, *, job: Job | None = None, **reading: Any) -> None:
-        """Compares every voxel and id with a file or an array; InputError says what is not the same."""
-        difference = self._native.difference(_source(source), job=job, **reading)
+    def verify(self, source: Path | Any, *, job: Job | None = None, **choice: Unpack[Choice]) -> None:
+        """Compares every voxel and id with a file or an array; InputError says what is not the same. Keywords choose as in `open`."""
+        difference = self._native.difference(_source(source), job=job, **_choice_of(source, choice))
         if difference is not None:
             raise InputError(difference)
 
     def decode(self, *, dtype: npt.DTypeLike | None = None, job: Job | None = None) -> npt.NDArray[Any]:
-        """All labels as an array[x, y, z] in Fortran order; by default in the type they came from."""
+        """All labels as an array[x, y, z] in Fortran order; by default in the type they came from.
+
+        `dtype` is an integer or floating-point type that holds every id as it is; InputError names one that it does not.
+        """
         own = f"{self.label_type[0]}{int(self.label_type[1:]) // 8}"
-        wanted = np.dtype(own if dtype is None else dtype)
-        ids = self.labels.ids
-        if wanted.kind in "ui" and len(ids) and int(ids[-1]) > np.iinfo(wanted).max:
-            raise InputError(f"decode: label {int(ids[-1])} does not fit into {wanted}")
+        wanted = _number_type(own if dtype is None else dtype)
+        ids = np.asarray(self._native.ids())
+        with np.errstate(over="ignore", invalid="ignore"):
+            # There and back. What the way back cuts or wraps does not count: 2⁶⁴, which 2⁶⁴ − 1 becomes, and what became negative.
+            kept = ids.astype(wanted)
+            lost = kept.astype(np.uint64) != ids
+            lost |= kept.astype(np.float64) >= 2.0**64 if wanted.kind == "f" else kept < 0
+        if lost.any():
+            raise InputError(f"decode: label {int(ids[lost.argmax()])} does not fit into {wanted}")
         out = np.empty(self.dims, dtype=wanted, order="F")
         x, y, depth = self.dims
         thickness = max(1, min(depth, blocks.MOST_LABELS // max(1, x * y)))
@@ -161,7 +179,7 @@ class Volume:
         """Id of the label at a voxel; 0 is background and everything outside."""
         if min(x, y, z) < 0 or any(i >= n for i, n in zip((x, y, z), self.dims, strict=True)):
             return 0
-        return int(self._native.label_at(x, y, z))
+        return self._native.label_at(x, y, z)
 
     def box_arrays(self) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32], npt.NDArray[np.uint32]]:
         """Origins (n, 3) and extents (n, 3) in voxels, and rows of the label table (n,), of all boxes."""
@@ -169,17 +187,20 @@ class Volume:
         return np.asarray(origins), np.asarray(extents), np.asarray(labels)
 
 
-def open(path: Path, *, job: Job | None = None, **reading: Any) -> Volume:
+def open(path: Path, *, job: Job | None = None, **reading: Unpack[Reading]) -> Volume:
     """Opens a `.pumice` file, or any label volume of a known format, which is compressed in memory.
 
-    Keywords: `layer`, `time`, `channel` (numbers from 0), `array` (name within an `.npz`), `spacing` (three lengths).
+    Keywords: `layer`, `time`, `channel` (numbers from 0), `array` (name within an `.npz`), `spacing` (three lengths). What is odd in
+    the file and no error is a `PumiceWarning`.
     """
-    return Volume(_native.open(os.fspath(path), job=job, **reading))
+    native, odd = _native.open(_path(path), job=job, **arguments.reading(reading))
+    _warn(odd)
+    return Volume(native)
 
 
-def probe(path: Path, *, job: Job | None = None, **reading: Any) -> dict[str, Any]:
-    """What a file holds, from its header: the same fields as `pumice info --json`."""
-    return dict(json.loads(_native.probe(os.fspath(path), job=job, **reading)))
+def probe(path: Path, *, job: Job | None = None, **reading: Unpack[Reading]) -> dict[str, Any]:
+    """What a file holds, from its header: the same fields as `pumice info --json`, warnings among them."""
+    return dict(json.loads(_native.probe(_path(path), job=job, **arguments.reading(reading))))
 
 
 def compress(
@@ -193,7 +214,7 @@ def compress(
     memory_limit: int | None = None,
     threads: int = 0,
     job: Job | None = None,
-    **reading: Any,
+    **choice: Unpack[Choice],
 ) -> Volume:
     """Compresses a file, or an array[x, y, z] of labels of any integer type and order; floats must be whole numbers ≥ 0.
 
@@ -201,19 +222,22 @@ def compress(
     `types`: type by id, or the path of a CSV table id,type. `memory_limit` in bytes; 0 `threads` are all.
     """
     table = _type_table(types)
+    threads = arguments.whole("threads", threads, 0, MOST_THREADS)
+    if memory_limit is not None:
+        memory_limit = arguments.whole("memory_limit", memory_limit, 0, arguments.MOST_64)
+    chosen = _choice_of(source, choice)
     if isinstance(source, (str, os.PathLike)):
         for name, given in (("unit", unit or None), ("world_from_index", world_from_index), ("names", names)):
             if given is not None:
                 raise InputError(f"{name}: a file says that itself; only arrays take it")
-        described: str | _Blocks = os.fspath(source)
-        lengths = None if spacing is None else _three(spacing)
+        described: str | _Blocks = _path(source)
+        lengths = None if spacing is None else arguments.three_lengths(spacing)
     else:
-        if reading:
-            raise InputError(f"{next(iter(reading))}: an array is read as it is; choose by slicing it")
         described, lengths = _source(source, spacing, unit, world_from_index, names), None
-    native = _native.compress(
-        described, types=table, memory_limit=memory_limit, threads=threads, spacing=lengths, job=job, **reading
+    native, odd = _native.compress(
+        described, types=table, memory_limit=memory_limit, threads=threads, spacing=lengths, job=job, **chosen
     )
+    _warn(odd)
     return Volume(native)
 
 
@@ -233,7 +257,7 @@ def _source(
     names: Mapping[int, str] | None = None,
 ) -> str | _Blocks:
     if isinstance(source, (str, os.PathLike)):
-        return os.fspath(source)
+        return _path(source)
     if not hasattr(source, "dtype") or not hasattr(source, "shape"):
         raise InputError(f"source: expected a path or an array, got {type(source).__name__}")
     matrix = np.eye(4)
@@ -243,19 +267,46 @@ def _source(
         matrix = np.asarray(world_from_index, dtype=np.float64)
         if matrix.shape != (4, 4) or not np.array_equal(matrix[3], (0, 0, 0, 1)) or not np.isfinite(matrix).all():
             raise InputError("world_from_index: expected a finite 4 × 4 matrix with the last row 0, 0, 0, 1")
+        # As scenes have it: below this share f64 has lost what was left of the third direction.
+        if not abs(np.linalg.det(matrix[:3, :3])) > 1e-12 * np.prod(np.linalg.norm(matrix[:3, :3], axis=0)):
+            raise InputError("world_from_index: expected a matrix that can be inverted; its axes lie in a plane")
     elif spacing is not None:
-        matrix[(0, 1, 2), (0, 1, 2)] = _three(spacing)
+        matrix[(0, 1, 2), (0, 1, 2)] = arguments.three_lengths(spacing)
     columns = matrix[:3].T.ravel().tolist()
-    listed = [(int(label), str(name)) for label, name in (names or {}).items()]
+    listed = list(zip(arguments.ids("names", names or {}), map(str, (names or {}).values()), strict=True))
     info = _native.volume_info(blocks.shape_of(source), blocks.label_type(source), columns, unit, listed)
     return _Blocks(info, source)
 
 
-def _three(spacing: Sequence[float]) -> tuple[float, float, float]:
-    lengths = [float(s) for s in spacing]
-    if len(lengths) != 3 or not all(0.0 < s < float("inf") for s in lengths):
-        raise InputError(f"spacing: expected three lengths above 0, got {lengths}")
-    return lengths[0], lengths[1], lengths[2]
+def _path(path: Path) -> str:
+    text = os.fspath(path)
+    if not isinstance(text, str):
+        raise InputError(f"path: expected text, got {type(text).__name__}")
+    return text
+
+
+def _choice_of(source: Path | Any, choice: Choice) -> dict[str, Any]:
+    if not isinstance(source, (str, os.PathLike)):
+        for name, given in choice.items():
+            if given is not None:
+                raise InputError(f"{name}: an array is read as it is; choose by slicing it")
+    return arguments.reading(choice)
+
+
+def _warn(odd: list[str]) -> None:
+    for line in odd:
+        # Told of the line that called `open` or `compress`.
+        warnings.warn(line, PumiceWarning, stacklevel=3)
+
+
+def _number_type(dtype: npt.DTypeLike) -> np.dtype[Any]:
+    try:
+        wanted = np.dtype(dtype)
+    except TypeError as error:
+        raise InputError(f"dtype: {error}") from None
+    if wanted.kind not in "uif":
+        raise InputError(f"dtype: expected a type of integers or floats, got {wanted}")
+    return wanted
 
 
 def _type_table(types: Mapping[int, str] | Path | None) -> str | None:
@@ -268,6 +319,9 @@ def _type_table(types: Mapping[int, str] | Path | None) -> str | None:
         except (OSError, UnicodeDecodeError) as error:
             raise InputError(f"{os.fspath(types)}: {error}") from error
     for label, name in types.items():
-        if any(c in name for c in ',"\r\n'):
-            raise InputError(f"types: the name {name!r} of label {label} has a comma, a quote or a line break")
-    return "".join(f"{int(label)},{name}\n" for label, name in types.items())
+        if any(c in name for c in ',"\r\n') or name != name.strip() or not name:
+            raise InputError(
+                f"types: the name {name!r} of label {label} is empty, begins or ends with a space, or has a comma, a quote or a line break"
+            )
+    listed = zip(arguments.ids("types", types), types.values(), strict=True)
+    return "".join(f"{label},{name}\n" for label, name in listed)

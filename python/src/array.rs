@@ -93,10 +93,16 @@ impl Array {
         if view.is_null() {
             return Err(PyBufferError::new_err("no buffer to fill"));
         }
+        // SAFETY: not null, and Python's to be filled. A refused request leaves no owner behind.
+        unsafe { (*view).obj = std::ptr::null_mut() };
         if flags & ffi::PyBUF_WRITABLE == ffi::PyBUF_WRITABLE {
             return Err(PyBufferError::new_err("this array cannot be changed: copy it first"));
         }
         let array = slf.get();
+        // With one axis both orders are the same.
+        if flags & ffi::PyBUF_F_CONTIGUOUS == ffi::PyBUF_F_CONTIGUOUS && array.shape.len() > 1 {
+            return Err(PyBufferError::new_err("this array is in C order, not in Fortran order"));
+        }
         let bytes = array.data.bytes();
         let (item, format) = array.data.item();
         // SAFETY: `view` is not null and Python's to be filled. All that it is pointed to belongs to the frozen `Array`, which the

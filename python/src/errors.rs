@@ -1,6 +1,7 @@
 //! Errors of Rust as exceptions of Python, which are classes of `pumice.errors`.
 
 use pumice_core::Error as CoreError;
+use pumice_formats::FormatError;
 use pumice_render::RenderError;
 use pumice_scene::SceneError;
 use pumice_session::SessionError;
@@ -22,8 +23,35 @@ impl IntoException for SessionError {
             Self::Core(CoreError::Cancelled) | Self::Render(RenderError::Cancelled) => {
                 Cancelled::new_err("cancelled")
             }
-            other => InputError::new_err(other.to_string()),
+            Self::Format(error) => input(&in_python(error)),
+            other => input(&other),
         }
+    }
+}
+
+/// The error of a wrong input: one line, whatever line breaks names of files and labels have.
+pub(crate) fn input(what: &impl std::fmt::Display) -> PyErr {
+    let line: String =
+        what.to_string().chars().map(|c| if c.is_control() { '\u{FFFD}' } else { c }).collect();
+    InputError::new_err(line)
+}
+
+/// The error with the choice that it asks for named as Python's keywords, not as the command's options.
+fn in_python(error: FormatError) -> FormatError {
+    match error {
+        FormatError::Choose { path, what, option, choices } => FormatError::Choose {
+            path,
+            what,
+            option: match option {
+                "--layer" => "layer=",
+                "--time-step" => "time=",
+                "--channel" => "channel=",
+                "--array" => "array=",
+                other => other,
+            },
+            choices,
+        },
+        other => other,
     }
 }
 
@@ -41,13 +69,13 @@ impl IntoException for RenderError {
 
 impl IntoException for SceneError {
     fn into_exception(self) -> PyErr {
-        InputError::new_err(self.to_string())
+        input(&self)
     }
 }
 
 impl IntoException for pumice_render::PictureError {
     fn into_exception(self) -> PyErr {
-        InputError::new_err(self.to_string())
+        input(&self)
     }
 }
 

@@ -33,51 +33,61 @@ impl Frame {
         unsafe { Array::fill(pixels, view, flags) }
     }
 
+    /// Pixels across.
     #[getter]
     fn width(&self) -> u32 {
         self.frame.width
     }
 
+    /// Pixels down.
     #[getter]
     fn height(&self) -> u32 {
         self.frame.height
     }
 
+    /// Rises by one from frame to frame; the first is 1.
     #[getter]
     fn serial(&self) -> u64 {
         self.frame.serial
     }
 
+    /// Revision of the scene that it shows.
     #[getter]
     fn revision(&self) -> u64 {
         self.frame.revision
     }
 
+    /// Samples in every pixel.
     #[getter]
     fn spp(&self) -> u32 {
         self.frame.spp
     }
 
+    /// Estimated relative error, infinite until it can be known.
     #[getter]
     fn error_estimate(&self) -> f64 {
         self.frame.error_estimate
     }
 
+    /// Wall seconds since the worker began this revision.
     #[getter]
     fn seconds(&self) -> f64 {
         self.frame.seconds
     }
 
+    /// CPU seconds of the process in that time, all threads.
     #[getter]
     fn cpu_seconds(&self) -> f64 {
         self.frame.cpu_seconds
     }
 
+    /// Whether it has fewer pixels than the film: what comes first after an edit.
     #[getter]
     fn coarse(&self) -> bool {
         self.frame.coarse
     }
 
+    /// Whether it is the last of its revision.
     #[getter]
     fn converged(&self) -> bool {
         self.frame.converged

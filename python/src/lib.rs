@@ -3,6 +3,7 @@
 #![deny(unsafe_code)]
 
 mod array;
+mod calls;
 mod errors;
 mod frame;
 mod job;
@@ -19,6 +20,8 @@ mod _native {
 
     #[pymodule_export]
     use crate::array::Array;
+    #[pymodule_export]
+    use crate::calls::end_calls;
     #[pymodule_export]
     use crate::frame::Frame;
     #[pymodule_export]

@@ -8,7 +8,8 @@ use pumice_session::live::{Live, LiveOptions};
 use pumice_session::{SessionError, Stop};
 use pyo3::prelude::*;
 
-use crate::errors::{InputError, IntoException};
+use crate::calls::Call;
+use crate::errors::{IntoException, input};
 use crate::frame::Frame;
 use crate::scene::parse;
 use crate::volume::Volume;
@@ -44,7 +45,7 @@ impl Session {
     /// Adds an instance in JSON with its volume, or replaces the one with the same id; the new revision.
     fn add(&self, instance: &str, volume: &Bound<'_, Volume>) -> PyResult<u64> {
         let instance: Instance =
-            serde_json::from_str(instance).map_err(|e| InputError::new_err(format!("instance: {e}")))?;
+            serde_json::from_str(instance).map_err(|e| input(&format_args!("instance: {e}")))?;
         self.0.add(instance, Arc::clone(&volume.get().0)).map_err(IntoException::into_exception)
     }
 
@@ -56,7 +57,7 @@ impl Session {
     /// (instance id, label id, name, voxel, depth) under the middle of a pixel, counted from the upper left.
     #[allow(clippy::type_complexity, reason = "a tuple for the façade, which names its parts")]
     fn pick(&self, py: Python<'_>, x: u32, y: u32) -> PyResult<Option<(u32, u64, String, [u32; 3], f64)>> {
-        let found = released(py, &CoreJob::new(), || {
+        let found = released(py, &Arc::<CoreJob>::default(), || {
             let Some(pick) = self.0.pick(x, y)? else { return Ok(None) };
             let scene = self.0.scene();
             let Some(instance) = scene.instances.get(pick.instance as usize) else { return Ok(None) };
@@ -83,7 +84,11 @@ impl Session {
 
     /// Ends the worker and waits for it, at most a slice.
     fn stop(&self, py: Python<'_>) {
-        py.detach(|| self.0.stop());
+        // At the interpreter's end nothing may be waited for without it: it stays held then.
+        match Call::begin(&Arc::default()) {
+            Ok(_call) => py.detach(|| self.0.stop()),
+            Err(_) => self.0.stop(),
+        }
     }
 
     /// Makes the worker panic, for tests of those who must survive it.

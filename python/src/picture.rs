@@ -10,7 +10,7 @@ use pumice_session::{OpenOptions, SessionError, Stop};
 use pyo3::prelude::*;
 
 use crate::array::{Array, Data};
-use crate::errors::InputError;
+use crate::errors::input;
 use crate::job::{Job, job_of};
 use crate::scene::parse;
 use crate::volume::Volume;
@@ -63,17 +63,15 @@ impl Picture {
 
     /// Seconds, samples, error, curve, what was needed and left out, as JSON text.
     fn figures(&self) -> PyResult<String> {
-        let figures =
-            serde_json::to_value(&self.0.figures).map_err(|e| InputError::new_err(e.to_string()))?;
+        let figures = serde_json::to_value(&self.0.figures).map_err(|e| input(&e))?;
         Ok(serde_json::json!({ "figures": figures, "explanation": self.0.explanation }).to_string())
     }
 
     /// Writes an EXR or a PNG, whole or not at all.
     #[pyo3(signature = (path, passes))]
     fn save(&self, py: Python<'_>, path: PathBuf, passes: Vec<String>) -> PyResult<()> {
-        let passes = Passes::parse(&passes).map_err(InputError::new_err)?;
-        let job = pumice_core::Job::new();
-        released(py, &job, || PictureFormat::of(&path)?.write(&path, &self.0.picture, &passes))
+        let passes = Passes::parse(&passes).map_err(|e| input(&e))?;
+        released(py, &Arc::default(), || PictureFormat::of(&path)?.write(&path, &self.0.picture, &passes))
     }
 }
 
@@ -128,7 +126,7 @@ pub(crate) fn render(
 /// What can render here, as JSON text.
 #[pyfunction]
 pub(crate) fn devices() -> PyResult<String> {
-    serde_json::to_string(&pumice_session::devices()).map_err(|e| InputError::new_err(e.to_string()))
+    serde_json::to_string(&pumice_session::devices()).map_err(|e| input(&e))
 }
 
 /// Panics, to prove that a panic is an exception.
@@ -136,5 +134,5 @@ pub(crate) fn devices() -> PyResult<String> {
 #[pyo3(name = "_panic_on_purpose")]
 #[expect(clippy::panic, reason = "that is what it is for; `released` catches it")]
 pub(crate) fn panic_on_purpose(py: Python<'_>) -> PyResult<()> {
-    released(py, &pumice_core::Job::new(), || -> Result<(), SessionError> { panic!("a panic on purpose") })
+    released(py, &Arc::default(), || -> Result<(), SessionError> { panic!("a panic on purpose") })
 }

@@ -7,8 +7,9 @@ use pumice_session::figure::{FigureOptions, compose};
 use pumice_session::selection::select_labels;
 use pyo3::prelude::*;
 
-use crate::errors::{InputError, IntoException};
+use crate::errors::{IntoException, input};
 use crate::volume::Volume;
+use crate::waiting::detached;
 
 pub(crate) fn parse(text: &str) -> PyResult<Scene> {
     Scene::from_json(text).map_err(IntoException::into_exception)
@@ -27,20 +28,21 @@ pub(crate) fn scene_checked(text: &str) -> PyResult<String> {
 /// Reads a scene file; its paths become absolute.
 #[pyfunction]
 pub(crate) fn scene_load(path: PathBuf) -> PyResult<String> {
-    let fault = |e| InputError::new_err(format!("{}: {e}", path.display()));
+    let fault = |e| input(&format_args!("{}: {e}", path.display()));
     write(&Scene::load(&path).map_err(fault)?)
 }
 
 /// Writes a scene file, whole or not at all.
 #[pyfunction]
 pub(crate) fn scene_save(text: &str, path: PathBuf) -> PyResult<()> {
-    parse(text)?.save(&path).map_err(|e| InputError::new_err(format!("{}: {e}", path.display())))
+    parse(text)?.save(&path).map_err(|e| input(&format_args!("{}: {e}", path.display())))
 }
 
 /// A scene that shows a volume: placed, framed, lit.
 #[pyfunction]
 #[pyo3(signature = (volume, source, size, labels, pick, view_deg))]
 pub(crate) fn figure(
+    py: Python<'_>,
     volume: &Bound<'_, Volume>,
     source: PathBuf,
     size: [u32; 2],
@@ -50,18 +52,18 @@ pub(crate) fn figure(
 ) -> PyResult<String> {
     let volume = &volume.get().0;
     let table = volume.labels();
-    let labels = match (labels, pick) {
-        (Some(_), Some(_)) => return Err(InputError::new_err("give labels or pick, not both")),
-        (None, None) => None,
-        (None, Some(n)) => Some(select_labels(volume, n)),
-        (Some(ids), None) => {
+    let labels = match labels {
+        None => None,
+        Some(_) if pick.is_some() => return Err(input(&"give labels or pick, not both")),
+        Some(ids) => {
             let dense = |id| {
-                table
-                    .index_of(id)
-                    .ok_or_else(|| InputError::new_err(format!("labels: the volume has no label {id}")))
+                table.index_of(id).ok_or_else(|| input(&format_args!("labels: the volume has no label {id}")))
             };
             Some(ids.into_iter().map(dense).collect::<PyResult<Vec<u32>>>()?)
         }
     };
-    write(&compose(volume, source, &FigureOptions { size, labels, view_deg }))
+    detached(py, || {
+        let labels = labels.or_else(|| pick.map(|n| select_labels(volume, n)));
+        compose(volume, source, &FigureOptions { size, labels, view_deg }).to_json()
+    })
 }

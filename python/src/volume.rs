@@ -1,5 +1,6 @@
 //! A compressed volume: opened, made from blocks, asked, saved.
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
 
@@ -14,9 +15,9 @@ use pyo3::prelude::*;
 use serde_json::json;
 
 use crate::array::{Array, Data};
-use crate::errors::{InputError, IntoException};
+use crate::errors::{IntoException, input};
 use crate::job::{Job, job_of};
-use crate::waiting::released;
+use crate::waiting::{detached, released};
 
 /// A volume in its compressed form; it never changes.
 #[pyclass(frozen, module = "pumice._native")]
@@ -35,11 +36,9 @@ fn reading(
 
 #[pymethods]
 impl Volume {
-    /// What there is to say about the whole, as JSON text.
+    /// What there is to say about the whole at once, as JSON text.
     fn facts(&self) -> String {
         let (v, info) = (&self.0, self.0.info());
-        let parts: serde_json::Map<String, serde_json::Value> =
-            v.resident_parts().iter().map(|&(name, bytes)| (name.to_owned(), bytes.into())).collect();
         json!({
             "dims": info.dims,
             "spacing": info.spacing(),
@@ -47,13 +46,21 @@ impl Volume {
             "frame": info.frame,
             "label_type": info.label_type,
             "world_from_index": info.world_from_index.to_cols_array(),
-            "content_hash": format!("{:032x}", v.content_hash()),
             "labels": v.labels().len(),
             "boxes": v.boxes().len(),
-            "resident_parts": parts,
             "type_names": v.labels().type_names(),
         })
         .to_string()
+    }
+
+    /// Hash of labels and voxels: a walk over all boxes.
+    fn content_hash(&self, py: Python<'_>) -> PyResult<String> {
+        detached(py, || Ok::<_, CoreError>(pumice_session::render_file::hash_text(&self.0)))
+    }
+
+    /// Bytes in memory by part, as they are now: queries build an index.
+    fn resident_parts(&self) -> BTreeMap<&'static str, u64> {
+        self.0.resident_parts().into_iter().collect()
     }
 
     /// Original ids, rising.
@@ -71,17 +78,19 @@ impl Volume {
     }
 
     /// Lowest and highest voxel of each label, and its number of boxes.
-    fn bounds(&self) -> (Array, Array, Array) {
-        let bounds = self.0.label_bounds();
-        let n = bounds.len();
-        let mut boxes = vec![0u32; n];
-        self.0.for_each_box(|label, _| boxes[label as usize] += 1);
-        let corner = |corners: Vec<[u32; 3]>| Array::new(Data::U32(corners.into_flattened()), &[n, 3]);
-        (
-            corner(bounds.iter().map(|b| b.low).collect()),
-            corner(bounds.iter().map(|b| b.high).collect()),
-            Array::new(Data::U32(boxes), &[n]),
-        )
+    fn bounds(&self, py: Python<'_>) -> PyResult<(Array, Array, Array)> {
+        detached(py, || {
+            let bounds = self.0.label_bounds();
+            let n = bounds.len();
+            let mut boxes = vec![0u32; n];
+            self.0.for_each_box(|label, _| boxes[label as usize] += 1);
+            let corner = |corners: Vec<[u32; 3]>| Array::new(Data::U32(corners.into_flattened()), &[n, 3]);
+            Ok::<_, CoreError>((
+                corner(bounds.iter().map(|b| b.low).collect()),
+                corner(bounds.iter().map(|b| b.high).collect()),
+                Array::new(Data::U32(boxes), &[n]),
+            ))
+        })
     }
 
     /// Names, empty where the file gives none, and sRGB colours, NaN where it gives none.
@@ -105,42 +114,52 @@ impl Volume {
     }
 
     /// Pairs of labels that touch, by their places in the table.
-    fn contacts(&self) -> Array {
-        let pairs: Vec<[u32; 2]> = self.0.labels().contacts().iter().map(|(a, b)| [a, b]).collect();
-        let n = pairs.len();
-        Array::new(Data::U32(pairs.into_flattened()), &[n, 2])
+    fn contacts(&self, py: Python<'_>) -> PyResult<Array> {
+        detached(py, || {
+            let pairs: Vec<[u32; 2]> = self.0.labels().contacts().iter().map(|(a, b)| [a, b]).collect();
+            let n = pairs.len();
+            Ok::<_, CoreError>(Array::new(Data::U32(pairs.into_flattened()), &[n, 2]))
+        })
     }
 
     /// Linear Rec. 709 colours that `auto_color` gives to the labels, those that are `visible` unlike their neighbours.
-    fn auto_colors(&self, visible: Option<Vec<bool>>) -> PyResult<Array> {
+    fn auto_colors(&self, py: Python<'_>, visible: Option<Vec<bool>>) -> PyResult<Array> {
         let table = self.0.labels();
         let n = table.len();
         if visible.as_ref().is_some_and(|v| v.len() != n) {
-            return Err(InputError::new_err(format!("visible: expected {n} values, one a label")));
+            return Err(input(&format_args!("visible: expected {n} values, one a label")));
         }
-        let colors = pumice_render::palette::assign_colors(n, table.contacts().iter(), visible.as_deref());
-        Ok(Array::new(Data::F32(colors.into_flattened()), &[n, 3]))
+        detached(py, || {
+            let colors =
+                pumice_render::palette::assign_colors(n, table.contacts().iter(), visible.as_deref());
+            Ok::<_, CoreError>(Array::new(Data::F32(colors.into_flattened()), &[n, 3]))
+        })
     }
 
     /// Origins and extents in voxels, and labels, of all boxes.
-    fn box_arrays(&self) -> (Array, Array, Array) {
-        let (mut origins, mut extents, mut labels) = (Vec::new(), Vec::new(), Vec::new());
-        self.0.for_each_box(|label, b| {
-            origins.push(b.origin.map(|v| v as i32));
-            extents.push(b.extent.map(|v| v as i32));
-            labels.push(label);
-        });
-        let n = labels.len();
-        (
-            Array::new(Data::I32(origins.into_flattened()), &[n, 3]),
-            Array::new(Data::I32(extents.into_flattened()), &[n, 3]),
-            Array::new(Data::U32(labels), &[n]),
-        )
+    fn box_arrays(&self, py: Python<'_>) -> PyResult<(Array, Array, Array)> {
+        detached(py, || {
+            let (mut origins, mut extents, mut labels) = (Vec::new(), Vec::new(), Vec::new());
+            self.0.for_each_box(|label, b| {
+                origins.push(b.origin.map(|v| v as i32));
+                extents.push(b.extent.map(|v| v as i32));
+                labels.push(label);
+            });
+            let n = labels.len();
+            Ok::<_, CoreError>((
+                Array::new(Data::I32(origins.into_flattened()), &[n, 3]),
+                Array::new(Data::I32(extents.into_flattened()), &[n, 3]),
+                Array::new(Data::U32(labels), &[n]),
+            ))
+        })
     }
 
-    /// Original id of the label at a voxel; 0 is background.
-    fn label_at(&self, x: u32, y: u32, z: u32) -> u64 {
-        self.0.label_at([x, y, z]).map_or(0, |label| self.0.labels().ids()[label as usize])
+    /// Original id of the label at a voxel; 0 is background. The first query builds the index.
+    fn label_at(&self, py: Python<'_>, x: u32, y: u32, z: u32) -> PyResult<u64> {
+        detached(py, || {
+            let label = self.0.label_at([x, y, z]);
+            Ok::<_, CoreError>(label.map_or(0, |label| self.0.labels().ids()[label as usize]))
+        })
     }
 
     /// Original ids of a block, x fastest: shape (z, y, x).
@@ -169,9 +188,7 @@ impl Volume {
             "default" => Level::Default,
             "small" => Level::Small,
             other => {
-                return Err(InputError::new_err(format!(
-                    "level: expected fast, default or small, got {other:?}"
-                )));
+                return Err(input(&format_args!("level: expected fast, default or small, got {other:?}")));
             }
         };
         let job = job_of(job);
@@ -200,7 +217,10 @@ impl Volume {
     }
 }
 
-/// Opens a `.pumice` file, or compresses a label volume of another format in memory.
+/// A volume, and what its reader found odd in the file, a line each.
+type Opened = (Volume, Vec<String>);
+
+/// Opens a `.pumice` file, or compresses a label volume of another format in memory; with what the reader found odd.
 #[pyfunction]
 #[pyo3(signature = (path, *, layer=None, time=None, channel=None, array=None, spacing=None, job=None))]
 #[allow(clippy::too_many_arguments, reason = "they are keywords")]
@@ -213,10 +233,11 @@ pub(crate) fn open(
     array: Option<String>,
     spacing: Option<[f64; 3]>,
     job: Option<&Bound<'_, Job>>,
-) -> PyResult<Volume> {
+) -> PyResult<Opened> {
     let job = job_of(job);
     let reading = reading(layer, time, channel, array, spacing);
-    released(py, &job, || pumice_session::open_volume(&path, &reading, &job)).map(Volume)
+    let volume = released(py, &job, || pumice_session::open_volume(&path, &reading, &job))?;
+    Ok((Volume(volume), reading.warnings.list()))
 }
 
 /// What a file holds, from its header alone, as JSON text.
@@ -236,7 +257,7 @@ pub(crate) fn probe(
     let job = job_of(job);
     let reading = reading(layer, time, channel, array, spacing);
     let info = released(py, &job, || pumice_session::file_info(&path, &reading, &job))?;
-    serde_json::to_string(&info).map_err(|e| InputError::new_err(e.to_string()))
+    serde_json::to_string(&info).map_err(|e| input(&e))
 }
 
 /// A file, or blocks that a function of Python delivers.
@@ -257,7 +278,7 @@ pub(crate) struct Blocks {
     next: Py<PyAny>,
 }
 
-/// Compresses a file, or blocks.
+/// Compresses a file, or blocks; with what the reader found odd.
 #[pyfunction]
 #[pyo3(signature = (source, *, types=None, memory_limit=None, threads=0, layer=None, time=None, channel=None, array=None, spacing=None, job=None))]
 #[allow(clippy::too_many_arguments, reason = "they are keywords")]
@@ -273,15 +294,16 @@ pub(crate) fn compress(
     array: Option<String>,
     spacing: Option<[f64; 3]>,
     job: Option<&Bound<'_, Job>>,
-) -> PyResult<Volume> {
+) -> PyResult<Opened> {
     let job = job_of(job);
     let types =
         types.map(|text| TypeTable::parse_csv(&text)).transpose().map_err(IntoException::into_exception)?;
     let reading = reading(layer, time, channel, array, spacing);
     let options =
         CompressOptions { threads, memory_limit_bytes: memory_limit, types, ..CompressOptions::default() };
-    with_source(py, source, &reading, &job, |source| Ok(pumice_core::compress(source, &options, &job)?))
-        .map(|volume| Volume(Arc::new(volume)))
+    let volume =
+        with_source(py, source, &reading, &job, |source| Ok(pumice_core::compress(source, &options, &job)?))?;
+    Ok((Volume(Arc::new(volume)), reading.warnings.list()))
 }
 
 /// Runs `work` on a source, with the interpreter released but for fetching blocks of Python.
@@ -289,7 +311,7 @@ fn with_source<T: Send>(
     py: Python<'_>,
     source: Source,
     reading: &OpenOptions,
-    job: &pumice_core::Job,
+    job: &Arc<pumice_core::Job>,
     work: impl FnOnce(&mut dyn BlockSource) -> Result<T, SessionError> + Send,
 ) -> PyResult<T> {
     match source {
@@ -299,7 +321,7 @@ fn with_source<T: Send>(
         }),
         Source::Blocks(Blocks { info, next }) => {
             let info: VolumeInfo =
-                serde_json::from_str(&info).map_err(|e| InputError::new_err(format!("info: {e}")))?;
+                serde_json::from_str(&info).map_err(|e| input(&format_args!("info: {e}")))?;
             let raised = Mutex::new(None);
             let mut source = BlocksOfPython { info, next, raised: &raised };
             let result = released(py, job, || work(&mut source));
@@ -354,7 +376,7 @@ impl BlocksOfPython<'_> {
         let expected: usize = dims.iter().map(|&d| d as usize).product();
         if labels.len() != expected {
             let got = labels.len();
-            return Err(InputError::new_err(format!(
+            return Err(input(&format_args!(
                 "a block of {dims:?} voxels: expected {expected} labels, got {got}"
             )));
         }
@@ -372,10 +394,10 @@ pub(crate) fn volume_info(
     unit: &str,
     names: Vec<(u64, String)>,
 ) -> PyResult<String> {
-    let fault = |e: serde_json::Error| InputError::new_err(e.to_string());
+    let fault = |e: serde_json::Error| input(&e);
     let label_type: LabelType = serde_json::from_value(label_type.into()).map_err(fault)?;
     let unit: Unit = serde_json::from_value(if unit.is_empty() { "unknown" } else { unit }.into())
-        .map_err(|_| InputError::new_err(format!("unit: expected nm, um, mm, m or unknown, got {unit:?}")))?;
+        .map_err(|_| input(&format_args!("unit: expected nm, um, mm, m or unknown, got {unit:?}")))?;
     let notes = names.into_iter().map(|(id, name)| LabelNote { id, name: Some(name), color_srgb: None });
     let info = VolumeInfo {
         world_from_index: DAffine3::from_cols_array(&world_from_index),

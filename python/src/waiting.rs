@@ -1,15 +1,19 @@
-//! Long work without the interpreter: it runs in a thread of its own, while the one that called waits, lets other threads of Python
-//! run, and looks every [`LOOK_UP`] whether Ctrl-C was pressed.
+//! Work without the interpreter, so that other threads of Python run meanwhile.
+//!
+//! [`released`] is for what may last: it runs in a thread of its own, while the one that called waits and looks every [`LOOK_UP`]
+//! whether Ctrl-C was pressed. [`detached`] is for what takes milliseconds, which grow with the volume: it runs where it is called and
+//! cannot be interrupted. Both turn a panic into `InternalError`.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::mpsc::{RecvTimeoutError, channel};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use pumice_core::Job;
 use pyo3::{PyErr, PyResult, Python};
 
-use crate::errors::{IntoException, internal};
+use crate::calls::Call;
+use crate::errors::{InternalError, IntoException, input, internal};
 
 const LOOK_UP: Duration = Duration::from_millis(100);
 
@@ -19,9 +23,10 @@ const LOOK_UP: Duration = Duration::from_millis(100);
 /// What `work` fails with; the exception that a signal raised; `InternalError` where `work` panics.
 pub(crate) fn released<T: Send, E: IntoException + Send>(
     py: Python<'_>,
-    job: &Job,
+    job: &Arc<Job>,
     work: impl FnOnce() -> Result<T, E> + Send,
 ) -> PyResult<T> {
+    let _call = Call::begin(job)?;
     let (send, done) = channel();
     // Only one thread ever locks it: `detach` wants what it borrows to be shareable.
     let done = Mutex::new(done);
@@ -31,7 +36,7 @@ pub(crate) fn released<T: Send, E: IntoException + Send>(
             let _ = send.send(catch_unwind(AssertUnwindSafe(work)));
         });
         if let Err(e) = worker {
-            return Err(crate::errors::InputError::new_err(format!("no thread for the work: {e}")));
+            return Err(input(&format_args!("no thread for the work: {e}")));
         }
         let mut interrupted: Option<PyErr> = None;
         loop {
@@ -52,7 +57,21 @@ pub(crate) fn released<T: Send, E: IntoException + Send>(
                 }
             }
         }
-        Err(interrupted
-            .unwrap_or_else(|| crate::errors::InternalError::new_err("the work ended without a result")))
+        Err(interrupted.unwrap_or_else(|| InternalError::new_err("the work ended without a result")))
     })
+}
+
+/// Runs `work` with the interpreter released, in the thread that calls.
+///
+/// # Errors
+/// What `work` fails with; `InternalError` where it panics.
+pub(crate) fn detached<T: Send, E: IntoException + Send>(
+    py: Python<'_>,
+    work: impl FnOnce() -> Result<T, E> + Send,
+) -> PyResult<T> {
+    let _call = Call::begin(&Arc::default())?;
+    match py.detach(|| catch_unwind(AssertUnwindSafe(work))) {
+        Ok(result) => result.map_err(IntoException::into_exception),
+        Err(panic) => Err(internal(panic.as_ref())),
+    }
 }

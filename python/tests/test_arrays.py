@@ -45,8 +45,21 @@ def test_ids_keep_all_their_bits():
     volume = pumice.compress(array)
     same(volume, array)
     assert volume.labels.ids.tolist() == sorted(set(array.ravel().tolist()) - {0})
-    with pytest.raises(pumice.InputError, match="does not fit into uint32"):
-        volume.decode(dtype=np.uint32)
+    # No type is taken that would make another id of one.
+    for dtype in (np.uint32, np.int64, np.float16, np.float32, np.float64):
+        with pytest.raises(pumice.InputError, match=f"does not fit into {np.dtype(dtype)}"):
+            volume.decode(dtype=dtype)
+    for dtype in (bool, "S3", complex, "no type"):
+        with pytest.raises(pumice.InputError, match="^dtype: "):
+            volume.decode(dtype=dtype)
+
+
+def test_decoded_into_any_type_that_holds_the_ids(labels):
+    volume = pumice.compress(labels)
+    for dtype in ("u1", "i2", ">u4", "i8", "f2", "f4", "f8"):
+        decoded = volume.decode(dtype=dtype)
+        assert decoded.dtype == np.dtype(dtype)
+        np.testing.assert_array_equal(decoded, labels)
 
 
 def test_arrays_without_a_voxel_or_a_label():
@@ -102,6 +115,8 @@ def test_nothing_asks_for_the_whole_array(labels):
         (np.zeros((4, 4)), r"three axes \(x, y, z\), got shape \(4, 4\)"),
         (np.zeros((4, 4, 4, 1)), "three axes"),
         ([[1, 2], [3, 4]], "expected a path or an array, got list"),
+        (np.ma.masked_equal(np.ones((4, 4, 4), np.uint8), 1), r"masked.*filled\(0\)"),
+        (np.broadcast_to(np.uint8(1), ((1 << 23) + 1, 1, 1)), "voxels along x"),
     ],
 )
 def test_what_is_no_label_array_is_refused(array, what):
@@ -129,12 +144,35 @@ def test_where_the_bad_voxel_is():
         ({"unit": "furlong"}, "expected nm, um, mm, m"),
         ({"types": {3: 'a"b'}}, "quote"),
         ({"types": "/no/such/table.csv"}, "/no/such/table.csv"),
+        ({"world_from_index": np.diag([1, 1, 0, 1])}, "in a plane"),
+        ({"types": {3: " a"}}, "begins or ends with a space"),
+        ({"types": {-3: "a"}}, "types: expected 0 to"),
+        ({"names": {-3: "a"}}, "names: expected 0 to"),
+        ({"threads": -1}, "threads: expected 0 to"),
+        ({"threads": 1.5}, "threads: expected a whole number"),
+        ({"memory_limit": -1}, "memory_limit: expected 0 to"),
+        ({"memory_limit": 10}, "bytes of memory"),
         ({"layer": 1}, "an array is read as it is"),
     ],
 )
 def test_descriptions_that_make_no_sense(labels, keywords, what):
     with pytest.raises(pumice.InputError, match=what):
         pumice.compress(labels, **keywords)
+
+
+def test_an_array_and_its_file_are_one_volume(tmp_path):
+    # Floats are whole numbers up to 2⁵³ on both ways.
+    for array in (np.full((3, 4, 5), 2.0**30, np.float32), np.full((3, 4, 5), 2.0**53)):
+        np.save(tmp_path / "array.npy", array)
+        with pytest.warns(pumice.PumiceWarning, match="no spacing"):
+            volume = pumice.compress(tmp_path / "array.npy")
+        assert volume.content_hash == pumice.compress(array).content_hash
+        same(volume, array)
+
+
+def test_a_bool_is_true_whatever_its_byte():
+    odd = np.full((4, 4, 4), 2, np.uint8).view(bool)
+    assert pumice.compress(odd).labels.ids.tolist() == [1]
 
 
 def test_an_error_of_the_array_itself_comes_through(labels):

@@ -14,8 +14,6 @@ def scene(volume, tmp_path):
     return pumice.figure(volume, source=tmp_path / "blobs.pumice", size=(60, 40))
 
 
-
-
 def test_the_command_makes_the_same_picture(scene, volume, command, tmp_path):
     scene.save(tmp_path / "scene.json")
     picture = pumice.render(scene, volume, spp=5)
@@ -62,9 +60,10 @@ def test_limits(scene, volume):
     assert pumice.render(scene, volume, error=0.3, spp=1000).spp < 1000
     with pytest.raises(pumice.InputError, match="it would never end"):
         pumice.render(scene, volume)
-    for limit in ({"spp": 0}, {"seconds": -1.0}, {"error": float("nan")}):
-        with pytest.raises(pumice.InputError, match="above 0"):
-            pumice.render(scene, volume, **limit)
+    for limit in ({"spp": 0}, {"spp": 1 << 32}, {"spp": 2.5}, {"seconds": -1.0}, {"error": float("nan")}):
+        for call in (pumice.render, pumice.Session):
+            with pytest.raises(pumice.InputError, match=f"^{next(iter(limit))}: expected "):
+                call(scene, volume, **limit)
 
 
 def test_volumes_by_source(scene, volume):
@@ -81,6 +80,7 @@ def test_files(scene, volume, tmp_path):
     picture.save(tmp_path / "a.png")
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
     picture.save(tmp_path / "a.exr", passes=["depth", "label"])
+    picture.save(tmp_path / "a.exr", passes="depth")
     for bad, what in [("a.jpg", "ends in .exr or .png"), ("no/folder/a.png", "no/folder")]:
         with pytest.raises(pumice.InputError, match=what):
             picture.save(tmp_path / bad)
@@ -124,8 +124,17 @@ def test_figures_of_labels(volume):
     shown = pumice.figure(volume, labels=ids[:3]).to_dict()["instances"][0]["style"]["show"]
     assert sorted(shown["only"]) == ids[:3].tolist()
     assert len(pumice.figure(volume, pick=5).to_dict()["instances"][0]["style"]["show"]["only"]) == 5
-    for bad in ({"labels": [251]}, {"labels": [1], "pick": 2}, {"size": (0, 5)}):
-        with pytest.raises(pumice.InputError):
+    for bad, what in [
+        ({"labels": [251]}, "no label 251"),
+        ({"labels": [-1]}, "labels: expected 0 to"),
+        ({"labels": ids[:1], "pick": 2}, "not both"),
+        ({"pick": -1}, "pick: expected 1 to"),
+        ({"size": (0, 5)}, "size: expected 1 to"),
+        ({"size": (-1, 5)}, "size: expected 1 to"),
+        ({"size": (1, 5, 3)}, "two numbers each"),
+        ({"view_deg": (float("nan"), 0)}, "camera"),
+    ]:
+        with pytest.raises(pumice.InputError, match=what):
             pumice.figure(volume, **bad)
 
 

@@ -1,6 +1,7 @@
 """Volumes and their label tables, against numpy."""
 
 import ctypes
+import warnings
 
 import numpy as np
 import pumice
@@ -21,6 +22,8 @@ def test_the_label_table_against_numpy(volume, labels):
     assert [column.dtype for column in (table.ids, table.voxels, table.boxes, table.low)] == ["u8", "u8", "u4", "u4"]
     with pytest.raises(pumice.InputError, match="no label 251"):
         table.index_of(251)
+    with pytest.raises(pumice.InputError, match="label: expected 0 to"):
+        table.index_of(-1)
 
 
 def test_columns_show_memory_that_cannot_be_changed(volume):
@@ -33,6 +36,53 @@ def test_columns_show_memory_that_cannot_be_changed(volume):
     # Who asks for a buffer to write to is refused by the buffer itself.
     with pytest.raises(TypeError, match="not writable"):
         (ctypes.c_char * 8).from_buffer(volume._native.ids())
+
+
+class PyBuffer(ctypes.Structure):
+    """CPython's Py_buffer."""
+
+    _fields_ = [
+        *((name, kind) for name, kind in [("buf", ctypes.c_void_p), ("obj", ctypes.py_object)]),
+        *((name, ctypes.c_ssize_t) for name in ("len", "itemsize")),
+        *((name, ctypes.c_int) for name in ("readonly", "ndim")),
+        *((name, ctypes.c_void_p) for name in ("format", "shape", "strides", "suboffsets", "internal")),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("flags", "given"),
+    [
+        (0x000, True),  # SIMPLE: bytes alone
+        (0x008, True),  # ND
+        (0x018, True),  # STRIDES
+        (0x038, True),  # C_CONTIGUOUS
+        (0x098, True),  # ANY_CONTIGUOUS
+        (0x11C, True),  # FULL_RO
+        (0x058, False),  # F_CONTIGUOUS
+        (0x001, False),  # WRITABLE
+    ],
+)
+def test_a_buffer_is_given_as_asked_for_or_refused(volume, flags, given):
+    array, view = volume._native.bounds()[0], PyBuffer()
+    get = ctypes.pythonapi.PyObject_GetBuffer
+    get.argtypes = [ctypes.py_object, ctypes.POINTER(PyBuffer), ctypes.c_int]
+    if not given:
+        with pytest.raises(BufferError):
+            get(array, view, flags)
+        return
+    assert get(array, view, flags) == 0
+    assert (view.len, view.itemsize, view.readonly) == (12 * len(volume.labels), 4, 1)
+    assert [bool(view.shape), bool(view.strides), bool(view.format)] == [flags & f == f for f in (0x8, 0x18, 0x4)]
+    assert ctypes.string_at(view.buf, view.len) == np.asarray(array).tobytes()
+    ctypes.pythonapi.PyBuffer_Release(ctypes.byref(view))
+
+
+def test_bytes_in_memory_are_those_of_now(labels):
+    volume = pumice.compress(labels)
+    before = volume.bytes_resident
+    assert "index" not in volume.resident_parts and before == sum(volume.resident_parts.values())
+    volume.label_at(0, 0, 0)
+    assert volume.bytes_resident == before + volume.resident_parts["index"] > before
 
 
 def test_contacts_against_a_shift_of_the_array(volume, labels):
@@ -108,10 +158,40 @@ def test_verify_says_what_differs(volume, labels):
         volume.verify(labels[:-1])
 
 
-@pytest.mark.parametrize("name", ["absent.nrrd", "absent.pumice"])
+def test_keywords_choose_in_files_alone(volume, labels, cortex):
+    with pytest.raises(pumice.InputError, match="layer: an array is read as it is"):
+        volume.verify(labels, layer=0)
+    layers = cortex.with_name("slicer_SegmentationOverlapping.seg.nrrd")
+    with pytest.raises(pumice.InputError, match=r"choose one with layer= \(0: ribs"):
+        pumice.open(layers)
+    assert pumice.open(layers, layer=0).content_hash != pumice.open(layers, layer=1).content_hash
+    for call in (pumice.open, pumice.probe, pumice.compress):
+        with pytest.raises(pumice.InputError, match="layer: expected 0 to"):
+            call(layers, layer=-1)
+        with pytest.raises(pumice.InputError, match="spacing: expected three lengths above 0"):
+            call(layers, layer=0, spacing=(1, -1, 1))
+
+
+def test_what_is_odd_in_a_file_is_a_warning(tmp_path):
+    np.save(tmp_path / "a.npy", np.ones((3, 3, 3), np.uint8))
+    with (tmp_path / "a.npy").open("ab") as file:
+        file.write(b"tail")
+    for call in (pumice.open, pumice.compress):
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always")
+            call(tmp_path / "a.npy")
+        assert any("4 bytes after the last voxel" in str(w.message) for w in told)
+        assert all(w.category is pumice.PumiceWarning for w in told)
+        assert all(w.filename == __file__ for w in told), "told of the line that called"
+
+
+@pytest.mark.parametrize("name", ["absent\nin two lines.nrrd", "absent.nrrd", "absent.pumice"])
 def test_missing_files(name, tmp_path):
-    with pytest.raises(pumice.InputError, match=name):
+    with pytest.raises(pumice.InputError, match=name.replace("\n", "\ufffd")) as caught:
         pumice.open(tmp_path / name)
+    assert "\n" not in str(caught.value)
+    with pytest.raises(pumice.InputError, match="path: expected text"):
+        pumice.open(b"absent.nrrd")
 
 
 def test_damaged_files(volume, tmp_path):

@@ -41,6 +41,57 @@ def test_another_thread_runs_and_cancels(endless):
     assert len(turns) == 50 and job.cancelled
 
 
+@pytest.fixture(scope="module")
+def large(cortex):
+    """A volume on which the calls below take tens of milliseconds."""
+    return pumice.open(cortex)
+
+
+@pytest.fixture
+def turns_during():
+    """Turns that another thread has while a call lasts. Nobody is made to hand the interpreter over: it must be given away."""
+    turns, ended = [0], threading.Event()
+
+    def other():
+        while not ended.is_set():
+            turns[0] += 1
+            time.sleep(0.0005)
+
+    def count(call):
+        before = turns[0]
+        call()
+        return turns[0] - before
+
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(1000)
+    thread = threading.Thread(target=other)
+    thread.start()
+    yield count
+    ended.set()
+    thread.join()
+    sys.setswitchinterval(interval)
+
+
+CALLS = {
+    "content_hash": lambda volume: volume._native.content_hash(),
+    "bounds": lambda volume: volume._native.bounds(),
+    "auto_colors": lambda volume: volume._native.auto_colors(None),
+    "figure": lambda volume: pumice.figure(volume),
+    "figure, picked": lambda volume: pumice.figure(volume, pick=9),
+    "decode": lambda volume: volume._native.decode_block((0, 0, 0), (64, 64, 64)),
+}
+
+
+@pytest.mark.parametrize("call", CALLS)
+def test_other_threads_have_their_turn_during(call, large, turns_during):
+    # A single call may be over before the system wakes the other thread.
+    assert any(turns_during(lambda: CALLS[call](large)) for _ in range(100))
+
+
+def test_a_call_that_keeps_the_interpreter_is_found_out(turns_during):
+    assert not any(turns_during(lambda: sorted(range(200_000), reverse=True)) for _ in range(20))
+
+
 def test_compressing_can_be_cancelled_and_tells_its_progress():
     job, seen = pumice.Job(), set()
     array = np.arange(256**3, dtype=np.uint32).reshape(256, 256, 256) >> 9

@@ -1,9 +1,8 @@
 //! The bounding volume hierarchy over boxes of voxels: eight children a node, 80 bytes, planes that are whole numbers.
 //!
-//! The topology comes from the crate `obvhs` (PLOC, then the collapse to eight children of *Efficient Incoherent Ray Traversal
-//! on GPUs Through Compressed Wide BVHs*, Ylitie, Karras, Laine, HPG 2017). Its bounds do not: they are computed in f32 with a
-//! logarithm, which loses up to a voxel in volumes near 2²³ voxels long. Here every node is fitted again in integers, so that a
-//! child's bounds contain its boxes by construction, and rays are tested by our own loop.
+//! The topology comes from the crate `obvhs` (see `build`). Its bounds do not: they are computed in f32 with a logarithm, which
+//! loses up to a voxel in volumes near 2²³ voxels long. Here every node is fitted again in integers, so that a child's bounds
+//! contain its boxes by construction, and rays are tested by our own loop.
 //!
 //! ```text
 //! offset 0      12        15    16          20         24       32       40       48       56   64   72     80
@@ -22,11 +21,9 @@
 //! 4L·|inv|, so it is the distance of a plane displaced by less than 6·4L·2⁻²⁴ < L·2⁻¹⁹. Every plane is therefore moved outward by
 //! `pad = L·2⁻¹⁸`, which covers that and the rounding of o (L·2⁻²⁴); what the move itself lost in f64 is added by the caller.
 
-use glam::Vec3A;
-use obvhs::aabb::Aabb;
-use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
-use obvhs::cwbvh::bvh2_to_cwbvh::bvh2_to_cwbvh;
-use obvhs::ploc::{PlocBuilder, PlocSearchDistance, SortPrecision};
+mod build;
+
+pub use build::BUILD_BYTES_A_BOX;
 use pumice_core::{MAX_DIM, morton};
 
 use crate::RenderError;
@@ -75,7 +72,7 @@ pub struct BvhRay {
 }
 
 /// See the module.
-#[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 struct Node {
     origin: [f32; 3],
@@ -149,15 +146,14 @@ impl Bvh {
             return Ok(Self::default());
         }
         boxes.sort_unstable_by_key(|&(b, item)| (morton::encode(b.lo.map(|v| v / 4)), b, item));
-        let (wide, item_order) = topology(&boxes);
-        let (nodes, bounds, depth) = fit(&wide, &item_order, &boxes);
-        if depth > MAX_DEPTH {
+        let built = build::build(&boxes);
+        if built.depth > MAX_DEPTH {
             return Err(RenderError::Scene(format!(
-                "the bounding volume hierarchy is {depth} levels deep, more than the limit of {MAX_DEPTH}"
+                "the bounding volume hierarchy is {} levels deep, more than the limit of {MAX_DEPTH}",
+                built.depth
             )));
         }
-        let items = item_order.iter().map(|&i| boxes[i as usize].1).collect();
-        Ok(Self { nodes, items, bounds: Some(bounds) })
+        Ok(Self { nodes: built.nodes, items: built.items, bounds: Some(built.bounds) })
     }
 
     /// The box around all boxes; `None` when there are none.
@@ -316,86 +312,6 @@ impl Node {
         };
         BoxBounds { lo: plane(&self.lo), hi: plane(&self.hi) }
     }
-}
-
-/// Groups boxes by `obvhs`; only the tree and the order of the boxes are used of what it returns.
-fn topology(boxes: &[(BoxBounds, u32)]) -> (Vec<obvhs::cwbvh::node::CwBvhNode>, Vec<u32>) {
-    // Whole numbers up to 2²³ are exact in f32.
-    let corner = |v: [u32; 3]| Vec3A::new(v[0] as f32, v[1] as f32, v[2] as f32);
-    let aabbs: Vec<Aabb> = boxes.iter().map(|(b, _)| Aabb::new(corner(b.lo), corner(b.hi))).collect();
-    let indices = (0..aabbs.len() as u32).collect();
-    let mut binary = PlocBuilder::with_capacity(aabbs.len()).build(
-        PlocSearchDistance::Medium,
-        &aabbs,
-        indices,
-        SortPrecision::U64,
-        3,
-    );
-    ReinsertionOptimizer::default().run(&mut binary, 0.05, None);
-    let wide = bvh2_to_cwbvh(&binary, 3, true, false);
-    (wide.nodes, wide.primitive_indices)
-}
-
-/// Rebuilds every node with bounds in whole numbers. Children come after their parents in `wide`.
-fn fit(
-    wide: &[obvhs::cwbvh::node::CwBvhNode],
-    item_order: &[u32],
-    boxes: &[(BoxBounds, u32)],
-) -> (Vec<Node>, BoxBounds, usize) {
-    let mut bounds = vec![BoxBounds::EMPTY; wide.len()];
-    let mut height = vec![1u32; wide.len()];
-    let mut nodes = Vec::with_capacity(wide.len());
-    for (i, source) in wide.iter().enumerate().rev() {
-        let mut children = [BoxBounds::EMPTY; 8];
-        let mut meta = [0u8; 8];
-        let mut child = source.child_base_idx as usize;
-        for c in 0..8 {
-            if source.imask >> c & 1 == 1 {
-                children[c] = bounds[child];
-                height[i] = height[i].max(height[child] + 1);
-                child += 1;
-            } else if !source.is_child_empty(c) {
-                let (first, count) = source.child_primitives(c);
-                let items = &item_order[first as usize..(first + count) as usize];
-                children[c] = items.iter().fold(BoxBounds::EMPTY, |b, &i| b.union(boxes[i as usize].0));
-                meta[c] = (first - source.primitive_base_idx) as u8 | (count as u8) << 5;
-            }
-        }
-        bounds[i] = children.iter().fold(BoxBounds::EMPTY, |b, &c| b.union(c));
-        nodes.push(quantised(source, bounds[i], &children, meta));
-    }
-    nodes.reverse();
-    (nodes, bounds[0], height[0] as usize)
-}
-
-fn quantised(
-    source: &obvhs::cwbvh::node::CwBvhNode,
-    bounds: BoxBounds,
-    children: &[BoxBounds; 8],
-    meta: [u8; 8],
-) -> Node {
-    let mut node = Node {
-        origin: bounds.lo.map(|v| v as f32),
-        exponent: [0; 3],
-        inner: source.imask,
-        first_child: source.child_base_idx,
-        first_item: source.primitive_base_idx,
-        meta,
-        lo: [[255; 8]; 3],
-        hi: [[0; 8]; 3],
-    };
-    for a in 0..3 {
-        let mut e = 0;
-        while bounds.hi[a] - bounds.lo[a] > 255 << e {
-            e += 1;
-        }
-        node.exponent[a] = e;
-        for (c, child) in children.iter().enumerate().filter(|(_, b)| b.lo[0] < b.hi[0]) {
-            node.lo[a][c] = ((child.lo[a] - bounds.lo[a]) >> e) as u8;
-            node.hi[a][c] = (child.hi[a] - bounds.lo[a]).div_ceil(1 << e) as u8;
-        }
-    }
-    node
 }
 
 #[cfg(test)]

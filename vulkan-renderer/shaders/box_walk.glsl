@@ -7,10 +7,6 @@
 #include "volume.glsl"
 #include "index_ray.glsl"
 
-const uint LEVEL_VOXELS = 0u;
-const uint LEVEL_CELLS = 1u;
-const uint LEVEL_BOXES = 2u;
-
 struct Step {
     f64 t;
     uint axis;

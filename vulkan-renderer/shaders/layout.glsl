@@ -139,9 +139,15 @@ struct Instance {
     uint chunk_count;
     float pad;
     uint label_count;
-    uint all_voxels;
+    uint lod;
     uint box_count;
+    float eye_in_index[3];
+    float edges_from_index[3][3];
+    float coarser_from_squared[2];
 };
+
+const uint LOD_BY_DISTANCE = 3u;
+const uint64_t INSTANCE_BYTES = 368UL;
 
 struct SurfaceRecord {
     uint instance;

@@ -5,8 +5,7 @@
 #include "volume_tracer.glsl"
 
 InstanceRef instance_at(SceneRef scene, uint number) {
-    // 312 bytes a record: layout.rs asserts it.
-    return InstanceRef(scene.it.instances + uint64_t(number) * 312UL);
+    return InstanceRef(scene.it.instances + uint64_t(number) * INSTANCE_BYTES);
 }
 
 // One function for the three questions of the twin (see volume_ask): `first_hit`; with `any`, `occluded`; with `only` a label,

@@ -3,12 +3,13 @@
 #define VOLUME_GLSL
 
 #include "node.glsl"
+#include "lod.glsl"
 
 struct BoxView {
     uvec3 origin;
     uvec3 extent;
     NodeRef node;
-    // Level of detail, from the two bits that the record leaves free.
+    // Level of detail; the twin finds it where it is needed.
     uint level;
 };
 
@@ -43,7 +44,7 @@ BoxPlace box_place(InstanceRef instance, uint index) {
         + 4u * uvec3((high >> 8) & 255u, (high >> 16) & 255u, high >> 24);
     p.extent = 4u * (uvec3(high & 3u, (high >> 2) & 3u, (high >> 4) & 3u) + 1u);
     p.node_word = chunks.at[c].node_base + uint64_t(uint(record));
-    p.level = (high >> 6) & 3u;
+    p.level = lod_level(instance, p.origin, p.extent);
     return p;
 }
 

@@ -310,7 +310,7 @@ Hit leave(InstanceRef instance, uint instance_number, IndexRay ray, uint label, 
 // One past the highest voxel of a surface's element.
 uvec3 element_end(InstanceRef instance, Surface surface) {
     uvec3 voxel_end = surface.voxel + 1u;
-    if (instance.it.all_voxels != 0u) {
+    if (instance.it.lod == LEVEL_VOXELS) {
         return voxel_end;
     }
     uint item = surface.box_number != NONE ? surface.box_number : item_with(instance, surface.label, surface.voxel);

@@ -207,7 +207,7 @@ pub struct Chunk {
 pub struct Instance {
     /// [`Chunk`]s, in Morton order.
     pub chunks: Address,
-    /// Box records as compressed, in Morton order; the level of detail is in the two bits that the record leaves free (38, 39).
+    /// Box records as compressed, in Morton order.
     pub boxes: Address,
     /// Dense label of each box.
     pub labels: Address,
@@ -245,11 +245,22 @@ pub struct Instance {
     pub pad: f32,
     /// Number of entries of `material_of_label`; labels past them have the first material.
     pub label_count: u32,
-    /// Whether every box is drawn by its voxels.
-    pub all_voxels: u32,
+    /// Level of detail of all boxes, or [`LOD_BY_DISTANCE`].
+    pub lod: u32,
     /// Number of boxes.
     pub box_count: u32,
+    /// Fields of `ByDistance`, as there.
+    pub eye_in_index: [f32; 3],
+    /// See there.
+    pub edges_from_index: [[f32; 3]; 3],
+    /// See there: from which squared distance on cells are drawn, and whole boxes.
+    pub coarser_from_squared: [f32; 2],
 }
+
+const _: () = assert!(size_of::<Instance>() == 368, "INSTANCE_BYTES of layout.glsl");
+
+/// [`Instance::lod`] where each box has a level of its own.
+pub const LOD_BY_DISTANCE: u32 = 3;
 
 /// A surface that a path leaves, or was hit: twin of `Surface`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]

@@ -1,10 +1,14 @@
 //! Which detail each box is drawn at (paper §4.3): 16, 4 or 1 voxels, for all boxes or by distance.
+//!
+//! The choice is no part of the hierarchy: a box's level is found when a ray meets the box, from the placement and the choice alone,
+//! so that a camera moves without anything being built.
 
 use glam::{DAffine3, DVec3};
 use pumice_core::BoxView;
 use pumice_scene::{Camera, Film, Lod, Projection};
 
 use super::box_walk::Level;
+use super::each_axis;
 
 /// How a box's level is chosen.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -49,30 +53,88 @@ impl LodChoice {
         }
     }
 
-    /// The level of one box.
-    pub(crate) fn level(&self, b: &BoxView, world_from_index: &DAffine3) -> Level {
+    /// The choice, made ready for boxes of one placement.
+    pub fn placed(&self, world_from_index: &DAffine3) -> Detail {
         match *self {
-            Self::Voxels => Level::Voxels,
-            Self::Cells => Level::Cells,
-            Self::Boxes => Level::Boxes,
+            Self::Voxels => Detail::Same(Level::Voxels),
+            Self::Cells => Detail::Same(Level::Cells),
+            Self::Boxes => Detail::Same(Level::Boxes),
             Self::Distance { eye_in_world, world_per_distance, world_constant } => {
-                // Nearest point in index space: the nearest in the world too when the axes are orthogonal, as they are but for
-                // sheared matrices, where the level may be one too coarse.
-                let eye = world_from_index.inverse().transform_point3(eye_in_world);
-                let lo = DVec3::from(b.origin.map(f64::from));
-                let hi = lo + DVec3::from(b.extent.map(f64::from));
-                let distance = world_from_index.transform_vector3(eye - eye.clamp(lo, hi)).length();
                 let m = world_from_index.matrix3;
                 let edge = m.x_axis.length().max(m.y_axis.length()).max(m.z_axis.length());
-                let allowed = world_constant + world_per_distance * distance;
-                if 16.0 * edge <= allowed {
-                    Level::Boxes
-                } else if 4.0 * edge <= allowed {
-                    Level::Cells
-                } else {
-                    Level::Voxels
-                }
+                // constant + per_distance·D ≥ side·edge, solved for (D / edge)².
+                let from_squared = |side: f64| {
+                    let missing = (side - world_constant / edge).max(0.0);
+                    if missing == 0.0 { 0.0 } else { (missing / world_per_distance.max(0.0)).powi(2) as f32 }
+                };
+                let eye = world_from_index.inverse().transform_point3(eye_in_world).to_array();
+                Detail::ByDistance(ByDistance {
+                    eye_in_index: eye.map(|e| (e as f32).clamp(-FARTHEST_EYE, FARTHEST_EYE)),
+                    edges_from_index: (m * edge.recip()).to_cols_array_2d().map(|c| c.map(|v| v as f32)),
+                    cells_from_squared: from_squared(4.0),
+                    boxes_from_squared: from_squared(16.0),
+                })
             }
+        }
+    }
+}
+
+/// Squares of distances up to here are finite in f32; an eye beyond is put here.
+const FARTHEST_EYE: f32 = 1e18;
+
+/// See [`LodChoice::placed`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Detail {
+    /// All boxes alike.
+    Same(Level),
+    /// See [`LodChoice::Distance`].
+    ByDistance(ByDistance),
+}
+
+/// Squared distances from which boxes are coarser, in units of a voxel's longest edge in the world. In f32, products and sums in a
+/// fixed order: a shader comes to the same levels, bit for bit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ByDistance {
+    /// The camera.
+    pub eye_in_index: [f32; 3],
+    /// Columns of the placement's matrix, over that edge.
+    pub edges_from_index: [[f32; 3]; 3],
+    /// From here on cells are drawn.
+    pub cells_from_squared: f32,
+    /// From here on whole boxes are.
+    pub boxes_from_squared: f32,
+}
+
+impl Detail {
+    /// The level of one box.
+    #[inline(always)]
+    pub(crate) fn level(&self, b: &BoxView) -> Level {
+        match self {
+            Self::Same(level) => *level,
+            Self::ByDistance(by) => by.level(b.origin, b.extent),
+        }
+    }
+}
+
+impl ByDistance {
+    /// The level of the box of that origin and extent.
+    #[inline]
+    pub fn level(&self, origin: [u32; 3], extent: [u32; 3]) -> Level {
+        // Nearest point in index space: the nearest in the world too when the axes are orthogonal, as they are but for sheared
+        // matrices, where the level may be one too coarse.
+        let away = each_axis(|a| {
+            let (lo, hi) = (origin[a] as f32, (origin[a] + extent[a]) as f32);
+            self.eye_in_index[a] - self.eye_in_index[a].clamp(lo, hi)
+        });
+        let m = &self.edges_from_index;
+        let [x, y, z] = each_axis(|r| m[0][r] * away[0] + m[1][r] * away[1] + m[2][r] * away[2]);
+        let distance_squared = x * x + y * y + z * z;
+        if distance_squared >= self.boxes_from_squared {
+            Level::Boxes
+        } else if distance_squared >= self.cells_from_squared {
+            Level::Cells
+        } else {
+            Level::Voxels
         }
     }
 }

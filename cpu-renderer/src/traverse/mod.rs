@@ -27,9 +27,9 @@ mod volume_tracer;
 pub use box_walk::Level;
 pub(crate) use index_ray::IndexRay;
 pub use index_ray::Placement;
-pub use lod::LodChoice;
+pub use lod::{ByDistance, Detail, LodChoice};
 pub use scene_tracer::{SceneTracer, TracedInstance};
-pub use volume_tracer::{VolumeTracer, box_and_level, visible_boxes};
+pub use volume_tracer::{VolumeTracer, visible_boxes};
 
 /// `f` of the three axes. (What `[0, 1, 2].map(f)` is, but for certain without a call: whether the compiler takes the one in a
 /// walk for worth inlining hangs on unrelated lines, and the call costs some per cent of all rays.)

@@ -8,10 +8,8 @@ use pumice_render::{BoxBounds, Bvh, BvhRay, Hit, PathOrigin, RayInWorld, RenderE
 
 use super::box_walk::{Found, Level, Step, TIE, Walk};
 use super::index_ray::{Placement, face_of};
+use super::lod::Detail;
 use super::{IndexRay, LodChoice, TracedInstance, each_axis};
-
-/// An item of the hierarchy: the box in the low bits, its level above.
-const BOX_BITS: u32 = 30;
 
 /// Geometry of one instance.
 #[derive(Debug)]
@@ -19,8 +17,11 @@ pub struct VolumeTracer {
     volume: Arc<CompressedVolume>,
     placement: Placement,
     instance: u32,
+    /// Items are numbers of boxes.
     bvh: Arc<Bvh>,
-    /// Whether every box is at voxel level, so that a surface's element is its voxel.
+    detail: Detail,
+    /// Whether every box is at voxel level: a surface's element is its voxel then, and the hierarchy's bounds are those of the
+    /// voxels. Otherwise they are the boxes' own, which hold every level.
     all_voxels: bool,
     /// Outward normals in the world: lower and upper face of each axis.
     normals: [[DVec3; 2]; 3],
@@ -50,41 +51,48 @@ impl VolumeTracer {
     /// Builds the hierarchy over the boxes of visible labels.
     ///
     /// # Errors
-    /// [`RenderError::Scene`] when the matrix is singular or the volume has 2³⁰ boxes or more.
+    /// [`RenderError::Scene`] when the matrix is singular or there are too many boxes to number.
     pub fn new(instance: u32, traced: &TracedInstance) -> Result<Self, RenderError> {
         let TracedInstance { volume, world_from_index, visible, lod } = traced;
         let placement = place(instance, *world_from_index)?;
-        if volume.boxes().len() >> BOX_BITS != 0 {
+        if volume.boxes().len() as u64 >> 32 != 0 {
             return Err(RenderError::Scene(format!(
-                "instances[{instance}]: {} boxes are more than the limit of 2^{BOX_BITS} of one instance",
+                "instances[{instance}]: {} boxes are more than the limit of 2^32 of one instance",
                 volume.boxes().len()
             )));
         }
-        let bvh = Arc::new(Bvh::build(visible_boxes(volume, visible, *lod, &placement))?);
+        let all_voxels = *lod == LodChoice::Voxels;
+        let bvh = Arc::new(Bvh::build(visible_boxes(volume, visible, all_voxels))?);
         Ok(Self {
             volume: Arc::clone(volume),
             normals: normals(&placement),
+            detail: lod.placed(world_from_index),
             placement,
             instance,
             bvh,
-            all_voxels: *lod == LodChoice::Voxels,
+            all_voxels,
         })
     }
 
-    /// The same boxes at the same levels elsewhere: the hierarchy is of index space and is shared.
+    /// The same boxes elsewhere or at other levels of detail, where the hierarchy serves for both and is shared: at any place, for
+    /// it is of index space, and at any choice of levels but from [`LodChoice::Voxels`] to another or back (`None`).
     ///
     /// # Errors
     /// [`RenderError::Scene`] when the matrix is singular.
-    pub fn moved(&self, world_from_index: DAffine3) -> Result<Self, RenderError> {
+    pub fn again(&self, world_from_index: DAffine3, lod: LodChoice) -> Result<Option<Self>, RenderError> {
+        if self.all_voxels != (lod == LodChoice::Voxels) {
+            return Ok(None);
+        }
         let placement = place(self.instance, world_from_index)?;
-        Ok(Self {
+        Ok(Some(Self {
             volume: Arc::clone(&self.volume),
             normals: normals(&placement),
+            detail: lod.placed(&world_from_index),
             placement,
             instance: self.instance,
             bvh: Arc::clone(&self.bvh),
             all_voxels: self.all_voxels,
-        })
+        }))
     }
 
     /// Heap bytes of the hierarchy.
@@ -142,8 +150,8 @@ impl VolumeTracer {
         let mut best_t = t_max;
         let limit = |t: f64| (t - enter_all) as f32 * 1.000_001 + bvh_ray.pad;
         self.bvh.along_ray(&bvh_ray, limit(best_t), |item| {
-            let level = level_of(item);
             let b = self.box_of(item);
+            let level = self.detail.level(&b);
             let hi = self.clipped_end(&b);
             let (enter, leave) = ray.clip(b.origin, hi, 0.0);
             if enter >= leave || enter > best_t {
@@ -216,7 +224,7 @@ impl VolumeTracer {
             let b = self.box_of(item);
             let hi = self.clipped_end(&b);
             let walk = Walk::begin_in(ray, b.origin, hi, t, Some(voxel));
-            let (step, left_box) = walk.last_solid(ray, &b, level_of(item));
+            let (step, left_box) = walk.last_solid(ray, &b, self.detail.level(&b));
             if step.t >= t_max {
                 return None;
             }
@@ -281,7 +289,7 @@ impl VolumeTracer {
         let hi = self.clipped_end(&b);
         let inside = BoxBounds { lo: b.origin, hi }.contains(voxel);
         inside
-            && match level_of(item) {
+            && match self.detail.level(&b) {
                 Level::Boxes => true,
                 Level::Cells => b.node.occupied >> number_in(&b, voxel, 2) & 1 != 0,
                 Level::Voxels => b.node.field(number_in(&b, voxel, 2)) >> number_in(&b, voxel, 0) & 1 != 0,
@@ -292,10 +300,11 @@ impl VolumeTracer {
         let axis = step.axis;
         let positive = ray.is_down(axis) != from_inside;
         let voxel = if from_inside { step.voxel_before(ray) } else { step.voxel };
-        let element = match level_of(item) {
+        let b = self.box_of(item);
+        let element = match self.detail.level(&b) {
             Level::Voxels => voxel,
             Level::Cells => voxel.map(|v| v & !3),
-            Level::Boxes => self.box_of(item).origin,
+            Level::Boxes => b.origin,
         };
         Hit {
             t: ray.world_t(axis, step.plane),
@@ -321,7 +330,7 @@ impl VolumeTracer {
         let Some(item) = self.item_with(surface.label, surface.voxel) else { return voxel_end };
         let b = self.box_of(item);
         let hi = self.clipped_end(&b);
-        match level_of(item) {
+        match self.detail.level(&b) {
             Level::Voxels => voxel_end,
             Level::Cells => [0, 1, 2].map(|a| (surface.voxel[a] + 4).min(hi[a])),
             Level::Boxes => hi,
@@ -330,12 +339,12 @@ impl VolumeTracer {
 
     #[inline(always)]
     fn box_of(&self, item: u32) -> BoxView<'_> {
-        self.volume.get_box((item & ((1 << BOX_BITS) - 1)) as usize)
+        self.volume.get_box(item as usize)
     }
 
     #[inline(always)]
     fn label_of(&self, item: u32) -> u32 {
-        self.volume.label_of_box((item & ((1 << BOX_BITS) - 1)) as usize)
+        self.volume.label_of_box(item as usize)
     }
 
     /// One past the box's highest voxel within the volume.
@@ -368,20 +377,6 @@ impl Tracer for VolumeTracer {
 
 const TWO_POW_60: f64 = (1u64 << 60) as f64;
 
-/// Number in the volume and level of detail of an item of [`visible_boxes`].
-pub fn box_and_level(item: u32) -> (u32, Level) {
-    (item & ((1 << BOX_BITS) - 1), level_of(item))
-}
-
-#[inline(always)]
-fn level_of(item: u32) -> Level {
-    match item >> BOX_BITS {
-        0 => Level::Voxels,
-        1 => Level::Cells,
-        _ => Level::Boxes,
-    }
-}
-
 #[inline(always)]
 fn clipped_end(b: &BoxView, dims: [u32; 3]) -> [u32; 3] {
     each_axis(|a| (b.origin[a] + b.extent[a]).min(dims[a]))
@@ -393,13 +388,8 @@ fn number_in(b: &BoxView, voxel: [u32; 3], shift: u32) -> u32 {
     part(0) | part(1) << 2 | part(2) << 4
 }
 
-/// Bounds at its level and item of each box of a visible label, in the volume's order.
-pub fn visible_boxes(
-    volume: &CompressedVolume,
-    visible: &[bool],
-    lod: LodChoice,
-    placement: &Placement,
-) -> Vec<(BoxBounds, u32)> {
+/// Bounds and number of each box of a visible label, in the volume's order; `tight` ones are those of its voxels.
+pub fn visible_boxes(volume: &CompressedVolume, visible: &[bool], tight: bool) -> Vec<(BoxBounds, u32)> {
     let mut boxes = Vec::new();
     for (c, chunk) in volume.chunks().iter().enumerate() {
         let next = volume.chunks().get(c + 1);
@@ -414,34 +404,30 @@ pub fn visible_boxes(
             let end = runs.get(r + 1).map_or(chunk_end, |n| chunk.first_box + u64::from(n.first_box));
             for i in first..end {
                 let b = volume.get_box(i as usize);
-                let level = lod.level(&b, &placement.world_from_index);
-                let tight = bounds_at(&b, level);
-                let dims = volume.info().dims;
-                let bounds = BoxBounds { lo: tight.lo, hi: [0, 1, 2].map(|a| tight.hi[a].min(dims[a])) };
-                boxes.push((bounds, i as u32 | (level as u32) << BOX_BITS));
+                let bounds = if tight {
+                    bounds_of_voxels(&b)
+                } else {
+                    BoxBounds { lo: b.origin, hi: clipped_end(&b, volume.info().dims) }
+                };
+                boxes.push((bounds, i as u32));
             }
         }
     }
+    // Building needs several times as much again: no room is left over.
+    boxes.shrink_to_fit();
     boxes
 }
 
-/// Tight bounds of the elements of `level`.
-fn bounds_at(b: &BoxView, level: Level) -> BoxBounds {
-    let (mut lo, mut hi) = (b.origin, [0, 1, 2].map(|a| b.origin[a] + b.extent[a]));
-    if level == Level::Boxes {
-        return BoxBounds { lo, hi };
-    }
+/// Tight bounds of a box's voxels.
+fn bounds_of_voxels(b: &BoxView) -> BoxBounds {
+    let (mut lo, mut hi) = (b.origin, b.origin);
     for a in 0..3 {
-        // A slab is the 16 cells (or voxels) that share their coordinate along a.
+        // A slab is the 16 cells that share their coordinate along a.
         let used = [0, 1, 2, 3].map(|i| b.node.occupied & (SLAB[a] << (i << (2 * a))) != 0);
-        let (first, last) =
-            (used.iter().position(|&u| u).unwrap_or(0), used.iter().rposition(|&u| u).unwrap_or(3));
-        let within = |i: usize| match level {
-            Level::Voxels => extent_in_slab(&b.node, a, i),
-            _ => (0, 4),
-        };
-        lo[a] = b.origin[a] + 4 * first as u32 + within(first).0;
-        hi[a] = b.origin[a] + 4 * last as u32 + within(last).1;
+        let first = used.iter().position(|&u| u).unwrap_or(0);
+        let last = used.iter().rposition(|&u| u).unwrap_or(3);
+        lo[a] += 4 * first as u32 + extent_in_slab(&b.node, a, first).0;
+        hi[a] += 4 * last as u32 + extent_in_slab(&b.node, a, last).1;
     }
     BoxBounds { lo, hi }
 }

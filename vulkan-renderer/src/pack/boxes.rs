@@ -1,67 +1,62 @@
 //! The boxes that are drawn, in the order that hierarchies want, and the record of their instance.
 
 use pumice_core::{BoxRecord, CompressedVolume, morton};
-use pumice_cpu::traverse::{LodChoice, Placement, box_and_level, visible_boxes};
+use pumice_cpu::traverse::{Detail, LodChoice, Placement, visible_boxes};
 use pumice_render::BoxBounds;
 
 use super::PackedNodes;
-use crate::layout::{Chunk, Instance};
+use crate::layout::{Chunk, Instance, LOD_BY_DISTANCE};
 
 /// Boxes of one instance. Boxes, labels and bounds are parallel: a box's number is its place in them.
 #[derive(Debug, Default)]
 pub struct PackedBoxes {
     /// Chunks with drawn boxes, in Morton order.
     pub chunks: Vec<Chunk>,
-    /// Records: the node counted from the chunk's base among the packed nodes, the level of detail in bits 38 and 39.
+    /// Records: the node counted from the chunk's base among the packed nodes.
     pub boxes: Vec<u64>,
     /// Dense label of each.
     pub labels: Vec<u32>,
-    /// Tight bounds of each at its level: what hierarchies are built over.
+    /// What hierarchies are built over: tight bounds of the voxels, or where there are other levels the box's own.
     pub bounds: Vec<BoxBounds>,
     all: Option<BoxBounds>,
-    all_voxels: bool,
+    tight: bool,
     dims: [u32; 3],
 }
-
-/// Where a record leaves two bits free.
-const LEVEL_SHIFT: u32 = 38;
 
 /// Added to the margin of hardware's boxes, in voxels: what the move of a ray to the volume loses in doubles is less while its
 /// origin is within 2⁴⁰ voxels (the other hierarchy widens its boxes by the ray; hardware's cannot).
 const FAR_MARGIN: f32 = 1.0 / 256.0;
 
 impl PackedBoxes {
-    /// The boxes of visible labels, at the levels that `lod` chooses for a volume at `placement`.
+    /// The boxes of visible labels; `tight` ones are drawn by their voxels alone.
     ///
     /// # Errors
-    /// One line that names the limit: more than 2³⁰ boxes, or nodes farther from each other than a record can say.
+    /// One line that names the limit: more than 2³² boxes, or nodes farther from each other than a record can say.
     pub fn new(
         volume: &CompressedVolume,
         nodes: &PackedNodes,
         visible: &[bool],
-        lod: LodChoice,
-        placement: &Placement,
+        tight: bool,
     ) -> Result<Self, String> {
-        if volume.boxes().len() >> 30 != 0 {
+        if volume.boxes().len() as u64 >> 32 != 0 {
             return Err(format!(
-                "{} boxes are more than the limit of 2^30 of one instance",
+                "{} boxes are more than the limit of 2^32 of one instance",
                 volume.boxes().len()
             ));
         }
-        let mut drawn = visible_boxes(volume, visible, lod, placement);
+        let mut drawn = visible_boxes(volume, visible, tight);
         drawn.sort_unstable_by_key(|&(b, item)| (morton::encode(b.lo.map(|v| v / 4)), b, item));
         let mut packed = Self {
             boxes: Vec::with_capacity(drawn.len()),
             labels: Vec::with_capacity(drawn.len()),
             bounds: Vec::with_capacity(drawn.len()),
-            all_voxels: lod == LodChoice::Voxels,
+            tight,
             dims: volume.info().dims,
             ..Self::default()
         };
         let mut chunk = usize::MAX;
         let mut least = 0;
-        for &(bounds, item) in &drawn {
-            let (index, level) = box_and_level(item);
+        for &(bounds, index) in &drawn {
             let in_volume = volume.chunks().partition_point(|c| c.first_box <= u64::from(index)) - 1;
             if in_volume != chunk {
                 chunk = in_volume;
@@ -69,7 +64,7 @@ impl PackedBoxes {
                 // The chunk's first node that is drawn: all of its nodes are counted from there.
                 least = drawn[packed.boxes.len()..]
                     .iter()
-                    .map(|&(_, item)| box_and_level(item).0 as usize)
+                    .map(|&(_, index)| index as usize)
                     .take_while(|&i| {
                         volume.chunks().partition_point(|c| c.first_box <= i as u64) - 1 == chunk
                     })
@@ -88,7 +83,7 @@ impl PackedBoxes {
                 format!("chunk at {:?}: nodes {node} words apart are too far for a box record", bounds.lo)
             })?;
             let record = BoxRecord::new(record.cell(), record.extent(), node);
-            packed.boxes.push(record.0 | (level as u64) << LEVEL_SHIFT);
+            packed.boxes.push(record.0);
             packed.labels.push(volume.label_of_box(index as usize));
             packed.bounds.push(bounds);
             packed.all = Some(packed.all.map_or(bounds, |all| all.union(bounds)));
@@ -112,28 +107,39 @@ impl PackedBoxes {
         self.bounds.iter().map(corners).collect()
     }
 
-    /// The instance's record, addresses and materials left 0.
-    pub fn record(&self, placement: &Placement) -> Instance {
+    /// Whether bounds are those of voxels: other levels of detail need boxes packed anew.
+    pub fn is_tight(&self) -> bool {
+        self.tight
+    }
+
+    /// The instance's record; addresses, materials, place and level of detail left 0.
+    pub fn record(&self) -> Instance {
         let all = self.all.unwrap_or(BoxBounds { lo: [0; 3], hi: [0; 3] });
-        let mut record = Instance {
+        Instance {
             lo: all.lo,
             hi: all.hi,
             dims: self.dims,
             chunk_count: self.chunks.len() as u32,
             pad: all.pad(),
-            all_voxels: u32::from(self.all_voxels),
             box_count: self.boxes.len() as u32,
             ..Instance::default()
-        };
-        place(&mut record, placement);
-        record
+        }
     }
 }
 
-/// Puts an instance elsewhere: its boxes stay as they are.
-pub fn place(record: &mut Instance, placement: &Placement) {
+/// Puts an instance elsewhere, or draws it at other levels of detail: its boxes stay as they are.
+pub fn place(record: &mut Instance, placement: &Placement, lod: LodChoice) {
     record.translation = placement.world_from_index.translation.to_array();
     record.adjugate = placement.adjugate.map(|row| row.to_array());
     record.determinant = placement.determinant;
     record.normals = [0, 1, 2].map(|a| placement.normal(a, true).to_array());
+    match lod.placed(&placement.world_from_index) {
+        Detail::Same(level) => record.lod = level as u32,
+        Detail::ByDistance(by) => {
+            record.lod = LOD_BY_DISTANCE;
+            record.eye_in_index = by.eye_in_index;
+            record.edges_from_index = by.edges_from_index;
+            record.coarser_from_squared = [by.cells_from_squared, by.boxes_from_squared];
+        }
+    }
 }

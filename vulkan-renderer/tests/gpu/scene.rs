@@ -1,10 +1,10 @@
 //! Scenes in a device's memory, through `pumice_vulkan::pack` as a renderer would.
 
-use pumice_cpu::traverse::{Placement, TracedInstance};
+use pumice_cpu::traverse::{LodChoice, Placement, TracedInstance};
 use pumice_render::Bvh;
 use pumice_vulkan::device::Acceleration;
 use pumice_vulkan::layout::{Instance, SceneHeader};
-use pumice_vulkan::pack::{PackedBoxes, PackedNodes};
+use pumice_vulkan::pack::{PackedBoxes, PackedNodes, place};
 
 use super::{Buffer, Gpu};
 
@@ -21,8 +21,10 @@ impl Uploaded {
         for t in traced {
             let placement = Placement::new(t.world_from_index).expect("a place");
             let nodes = PackedNodes::new(&t.volume, &t.visible);
-            let boxes = PackedBoxes::new(&t.volume, &nodes, &t.visible, t.lod, &placement).expect("packed");
-            let mut record = boxes.record(&placement);
+            let boxes =
+                PackedBoxes::new(&t.volume, &nodes, &t.visible, t.lod == LodChoice::Voxels).expect("packed");
+            let mut record = boxes.record();
+            place(&mut record, &placement, t.lod);
             record.chunks = uploaded.put(gpu, &boxes.chunks);
             record.boxes = uploaded.put(gpu, &boxes.boxes);
             record.labels = uploaded.put(gpu, &boxes.labels);

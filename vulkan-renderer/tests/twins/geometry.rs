@@ -4,9 +4,7 @@ use std::sync::Arc;
 
 use glam::{DAffine3, DVec3};
 use pumice_core::{CompressedVolume, LabelBuffer, LabelType, VolumeInfo, compress_labels};
-use pumice_cpu::traverse::{
-    Level, LodChoice, Placement, TracedInstance, VolumeTracer, box_and_level, visible_boxes,
-};
+use pumice_cpu::traverse::{Detail, Level, LodChoice, TracedInstance, VolumeTracer, visible_boxes};
 use pumice_vulkan::layout::{NONE, SceneHeader};
 use pumice_vulkan::pack::{PackedBoxes, PackedNodes};
 
@@ -46,11 +44,11 @@ fn boxes_are_read_as_compressed() {
     let eye = DVec3::new(-30.0, 20.0, 15.0);
     let lod = LodChoice::Distance { eye_in_world: eye, world_per_distance: 0.02, world_constant: 0.0 };
     let traced = traced(&volume, lod);
-    let placement = Placement::new(DAffine3::IDENTITY).expect("a place");
+    let Detail::ByDistance(by) = lod.placed(&DAffine3::IDENTITY) else { panic!("by distance") };
     let nodes = PackedNodes::new(&volume, &traced.visible);
     assert!(nodes.len_bytes() < 2 * volume.nodes().len() as u64, "hidden labels' nodes are left out");
     assert_eq!(nodes.bytes(&volume).len() as u64, nodes.len_bytes());
-    let packed = PackedBoxes::new(&volume, &nodes, &traced.visible, lod, &placement).expect("packed");
+    let packed = PackedBoxes::new(&volume, &nodes, &traced.visible, false).expect("packed");
     let mut uploaded = Uploaded::new(&gpu, std::slice::from_ref(&traced));
     let scene = uploaded.header(&gpu, SceneHeader::default());
     let mut random = Random(52);
@@ -58,12 +56,12 @@ fn boxes_are_read_as_compressed() {
         (0..packed.boxes.len() as u32).flat_map(|b| [0; 6].map(|_| [b, random.below(64)])).collect();
     let rows: Vec<_> = inputs.iter().map(|i| i.to_vec()).collect();
     let out = gpu.probe(false, 10, scene, &rows, 10);
-    // Which box of the volume each is: by label, level and lowest voxel, which no two share.
-    let by_place: std::collections::HashMap<_, _> = visible_boxes(&volume, &traced.visible, lod, &placement)
+    // Which box of the volume each is: by label and lowest voxel, which no two share.
+    let by_place: std::collections::HashMap<_, _> = visible_boxes(&volume, &traced.visible, false)
         .into_iter()
-        .map(|(_, item)| {
-            let (index, level) = box_and_level(item);
+        .map(|(_, index)| {
             let b = volume.get_box(index as usize);
+            let level = by.level(b.origin, b.extent);
             ((volume.label_of_box(index as usize), b.origin), (b, level))
         })
         .collect();

@@ -1,0 +1,77 @@
+"""Whole numbers and limits given by callers, checked where they come in: the compiled part takes what fits into its types."""
+
+from __future__ import annotations
+
+import operator
+import os
+from collections.abc import Iterable, Sequence
+from typing import Any, Literal, TypedDict
+
+from .errors import InputError
+
+Path = str | os.PathLike[str]
+Level = Literal["fast", "default", "small"]
+
+MOST_32 = (1 << 32) - 1
+MOST_64 = (1 << 64) - 1
+
+
+class Choice(TypedDict, total=False):
+    """Which of several volumes in a file, counted from 0; `array` is a name within an `.npz`."""
+
+    layer: int | None
+    time: int | None
+    channel: int | None
+    array: str | None
+
+
+class Reading(Choice, total=False):
+    """What a file may not say by itself: which of several volumes, and the voxels' lengths."""
+
+    spacing: Sequence[float] | None
+
+
+def whole(name: str, value: Any, least: int, most: int) -> int:
+    """A whole number of any type that is one; InputError where it is not from `least` to `most`."""
+    try:
+        number = operator.index(value)
+    except TypeError:
+        raise InputError(f"{name}: expected a whole number, got {value!r}") from None
+    if not least <= number <= most:
+        raise InputError(f"{name}: expected {least} to {most}, got {number}")
+    return number
+
+
+def ids(name: str, values: Iterable[Any]) -> list[int]:
+    """Label ids."""
+    return [whole(name, value, 0, MOST_64) for value in values]
+
+
+def reading(given: Choice | Reading) -> dict[str, Any]:
+    """The same with numbers in range."""
+    checked: dict[str, Any] = dict(given)
+    for name in ("layer", "time", "channel"):
+        if checked.get(name) is not None:
+            checked[name] = whole(name, checked[name], 0, MOST_32)
+    if checked.get("spacing") is not None:
+        checked["spacing"] = three_lengths(checked["spacing"])
+    return checked
+
+
+def three_lengths(spacing: Iterable[Any]) -> tuple[float, float, float]:
+    """Lengths along x, y, z."""
+    try:
+        lengths = [float(s) for s in spacing]
+    except (TypeError, ValueError):
+        lengths = []
+    if len(lengths) != 3 or not all(0.0 < s < float("inf") for s in lengths):
+        raise InputError(f"spacing: expected three lengths above 0, got {spacing!r}")
+    return lengths[0], lengths[1], lengths[2]
+
+
+def limits(spp: int | None, seconds: float | None, error: float | None) -> dict[str, Any]:
+    """When a picture is done, as keywords."""
+    for name, limit in (("seconds", seconds), ("error", error)):
+        if limit is not None and not limit > 0:
+            raise InputError(f"{name}: expected a number above 0, got {limit}")
+    return {"spp": None if spp is None else whole("spp", spp, 1, MOST_32), "seconds": seconds, "error": error}

@@ -1,0 +1,74 @@
+//! The calls under way that need the interpreter again before they return; and its end, which waits for them.
+//!
+//! ```text
+//! call:  begin ──► registered ──► works without the interpreter ──► has it again ──► dropped
+//! end:   no new calls ─► cancels the jobs of those under way ─► waits, without the interpreter, until none is left
+//! ```
+//! CPython (up to 3.13) ends a thread that asks for the interpreter in its last moments by `pthread_exit`, which unwinds the frames of
+//! Rust that called: the process aborts. So `pumice` registers [`end_calls`] with `atexit`, which runs while all threads still may.
+
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use pumice_core::Job;
+use pyo3::prelude::*;
+
+use crate::errors::Cancelled;
+
+/// How long the end of the interpreter waits for calls: work looks up from a cancelled job within a fraction of a second, but a function
+/// of the user's that it calls may wait for ever.
+const LONGEST: Duration = Duration::from_secs(10);
+
+struct Calls {
+    ended: bool,
+    jobs: Vec<Arc<Job>>,
+}
+
+static CALLS: Mutex<Calls> = Mutex::new(Calls { ended: false, jobs: Vec::new() });
+static RETURNED: Condvar = Condvar::new();
+
+fn calls() -> MutexGuard<'static, Calls> {
+    CALLS.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// A call under way. Drop it with the interpreter held.
+pub(crate) struct Call(Arc<Job>);
+
+impl Call {
+    /// # Errors
+    /// `Cancelled` once the interpreter is ending.
+    pub(crate) fn begin(job: &Arc<Job>) -> PyResult<Self> {
+        let mut calls = calls();
+        if calls.ended {
+            return Err(Cancelled::new_err("cancelled: the interpreter is ending"));
+        }
+        calls.jobs.push(Arc::clone(job));
+        Ok(Self(Arc::clone(job)))
+    }
+}
+
+impl Drop for Call {
+    fn drop(&mut self) {
+        let mut calls = calls();
+        if let Some(place) = calls.jobs.iter().position(|job| Arc::ptr_eq(job, &self.0)) {
+            calls.jobs.swap_remove(place);
+        }
+        RETURNED.notify_all();
+    }
+}
+
+/// Cancels every call under way, and waits for them to return. From then on none begins.
+#[pyfunction]
+#[pyo3(name = "_end_calls")]
+pub(crate) fn end_calls(py: Python<'_>) {
+    py.detach(|| {
+        let mut calls = calls();
+        calls.ended = true;
+        calls.jobs.iter().for_each(|job| job.cancel());
+        let end = Instant::now() + LONGEST;
+        while !calls.jobs.is_empty() {
+            let Some(left) = end.checked_duration_since(Instant::now()) else { return };
+            calls = RETURNED.wait_timeout(calls, left).unwrap_or_else(PoisonError::into_inner).0;
+        }
+    });
+}

@@ -1,0 +1,59 @@
+"""The interpreter ends while threads are at work: it ends as always, with the exit code of the script."""
+
+import subprocess
+import sys
+
+import pytest
+
+# A thread that Python does not wait for, in a long call; and a finalizer that keeps the interpreter in its last moments, without
+# holding it, for longer than the waiting side of a call sleeps. Whoever wants the interpreter then is taken off by force.
+SCRIPT = """
+import sys, threading, time
+import numpy as np, pumice
+
+volume = pumice.compress(np.ones((8, 8, 8), np.uint8))
+scene = pumice.figure(volume, size=(400, 300))
+begun = threading.Event()
+
+class Endless:
+    dtype, shape = np.dtype(np.uint8), (1 << 14, 1 << 14, 1 << 14)
+    def __getitem__(self, key):
+        begun.set()
+        return np.zeros([s.stop - s.start for s in key], np.uint8)
+
+class Last:
+    sleep = time.sleep
+    def __del__(self):
+        Last.sleep(0.5)
+
+def work():
+    {work}
+
+threading.Thread(target=work, daemon=True).start()
+begun.wait()
+sys.last = Last()
+sys.last.itself = sys.last
+print("ready", flush=True)
+"""
+
+WORKS = {
+    "render": "begun.set(); pumice.render(scene, volume, spp=1 << 30)",
+    "render, told of": "pumice.render(scene, volume, spp=1 << 30, on_progress=lambda point: begun.set() or time.sleep(0.05))",
+    "compress": "pumice.compress(Endless())",
+    "again and again": """
+    while True:
+        try:
+            begun.set()
+            pumice.render(scene, volume, seconds=0.01)
+        except pumice.Cancelled:
+            pass
+""",
+    "a live picture": "session = pumice.Session(scene, [volume]); sys.kept = session; begun.set()",
+}
+
+
+@pytest.mark.parametrize("work", WORKS)
+def test_the_interpreter_ends_while_a_thread_works(work):
+    script = SCRIPT.replace("{work}", WORKS[work])
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stdout) == (0, "ready\n"), done.stderr

@@ -1,0 +1,287 @@
+//! A scene on the device, in parts that edits renew one by one.
+//!
+//! ```text
+//! SceneHeader ─┬─ Sky       lights, environment tables                      renewed by: world, suns
+//!  (+ Instance │
+//!  records,    ├─ Nodes     nodes and leaves, as compressed                 renewed by: a volume, a label that was never shown
+//!  new with    ├─ Boxes     boxes, labels, hierarchy                        renewed by: visibility, level of detail
+//!  each edit)  ├─ Looks     materials, which label has which                renewed by: colours
+//!              └─ filter    table of the film's filter                      renewed by: film
+//! ```
+//! The header and the instances' records are a few hundred bytes and written anew each time: a camera move sends them alone.
+
+use std::sync::Arc;
+
+use pumice_core::CompressedVolume;
+use pumice_cpu::traverse::{LodChoice, Placement};
+use pumice_cpu::{Lights, Looks};
+use pumice_render::{Bvh, FilterTable, RenderError};
+
+use crate::device::{Acceleration, Buffer, DeviceError, Gpu};
+use crate::layout;
+use crate::pack::{self, PackedBoxes, PackedLooks, PackedNodes, PackedSky};
+
+/// Why a part could not be put on the device.
+#[derive(Debug)]
+pub(crate) enum Fault {
+    /// The device's fault.
+    Device(DeviceError),
+    /// The scene's, or its files'.
+    Scene(RenderError),
+}
+
+impl From<DeviceError> for Fault {
+    fn from(e: DeviceError) -> Self {
+        Self::Device(e)
+    }
+}
+
+impl From<RenderError> for Fault {
+    fn from(e: RenderError) -> Self {
+        Self::Scene(e)
+    }
+}
+
+/// Nodes and leaves of a volume.
+#[derive(Debug)]
+pub(crate) struct Nodes {
+    packed: PackedNodes,
+    nodes: Buffer,
+    leaves: Buffer,
+}
+
+impl Nodes {
+    pub(crate) fn new(gpu: &Gpu, volume: &CompressedVolume, wanted: &[bool]) -> Result<Self, DeviceError> {
+        let packed = PackedNodes::new(volume, wanted);
+        let nodes = gpu.buffer_of("the nodes of a volume", &packed.bytes(volume))?;
+        let leaves = gpu.buffer_of("the leaves of a volume", &PackedNodes::leaves(volume))?;
+        Ok(Self { packed, nodes, leaves })
+    }
+
+    pub(crate) fn covers(&self, wanted: &[bool]) -> bool {
+        self.packed.covers(wanted)
+    }
+
+    fn bytes(&self) -> [u64; 2] {
+        [self.nodes.bytes(), self.leaves.bytes()]
+    }
+}
+
+/// What is drawn of a volume, as the instance at one place of the scene.
+#[derive(Debug)]
+pub(crate) struct Boxes {
+    nodes: Arc<Nodes>,
+    chunks: Buffer,
+    boxes: Buffer,
+    labels: Buffer,
+    /// Ours in compute shaders; else the device's own.
+    bvh: Option<[Buffer; 2]>,
+    acceleration: Option<Acceleration>,
+    /// Its placement, materials and their addresses left as they were.
+    record: layout::Instance,
+}
+
+impl Boxes {
+    pub(crate) fn new(
+        gpu: &Gpu,
+        place: u32,
+        volume: &CompressedVolume,
+        nodes: Arc<Nodes>,
+        visible: &[bool],
+        tight: bool,
+    ) -> Result<Self, Fault> {
+        let limit = |what: String| RenderError::Scene(format!("instances[{place}]: {what}"));
+        let packed = PackedBoxes::new(volume, &nodes.packed, visible, tight).map_err(limit)?;
+        let mut record = packed.record();
+        let chunks = gpu.buffer_of("the chunks of a volume", bytemuck::cast_slice(&packed.chunks))?;
+        let boxes = gpu.buffer_of("the boxes of a volume", bytemuck::cast_slice(&packed.boxes))?;
+        let labels = gpu.buffer_of("the labels of boxes", bytemuck::cast_slice(&packed.labels))?;
+        let (mut bvh, mut acceleration) = (None, None);
+        if gpu.backend().uses_hardware_hierarchy() {
+            if record.box_count > 0 {
+                let aabbs = packed.aabbs();
+                let built = gpu.acceleration(place, record.box_count, |i| aabbs[i as usize])?;
+                record.acceleration = built.address();
+                acceleration = Some(built);
+            }
+        } else {
+            let built = Bvh::build(packed.numbered())?;
+            let nodes = gpu.buffer_of("the hierarchy of a volume", built.node_bytes())?;
+            let items = gpu.buffer_of("the items of a hierarchy", bytemuck::cast_slice(built.items()))?;
+            (record.bvh_nodes, record.bvh_items) = (nodes.address(), items.address());
+            bvh = Some([nodes, items]);
+        }
+        record.chunks = chunks.address();
+        record.boxes = boxes.address();
+        record.labels = labels.address();
+        record.nodes = nodes.nodes.address();
+        record.leaves = nodes.leaves.address();
+        Ok(Self { nodes, chunks, boxes, labels, bvh, acceleration, record })
+    }
+
+    pub(crate) fn nodes(&self) -> &Arc<Nodes> {
+        &self.nodes
+    }
+}
+
+/// Materials of an instance.
+#[derive(Debug)]
+pub(crate) struct LooksOnDevice {
+    pub(crate) packed: PackedLooks,
+    materials: Buffer,
+    of_label: Buffer,
+}
+
+impl LooksOnDevice {
+    pub(crate) fn new(gpu: &Gpu, looks: &Looks) -> Result<Self, DeviceError> {
+        let packed = PackedLooks::new(looks);
+        let materials = gpu.buffer_of("materials", bytemuck::cast_slice(&packed.materials))?;
+        let of_label = gpu.buffer_of("materials of labels", bytemuck::cast_slice(&packed.of_label))?;
+        Ok(Self { packed, materials, of_label })
+    }
+}
+
+/// An instance: each part may be another one's too.
+#[derive(Clone, Debug)]
+pub(crate) struct InstanceOnDevice {
+    pub(crate) boxes: Arc<Boxes>,
+    pub(crate) looks: Arc<LooksOnDevice>,
+    pub(crate) placement: Placement,
+    pub(crate) lod: LodChoice,
+}
+
+impl InstanceOnDevice {
+    fn record(&self) -> layout::Instance {
+        let mut record = self.boxes.record;
+        pack::place(&mut record, &self.placement, self.lod);
+        let looks = &self.looks;
+        looks.packed.describe(&mut record, looks.materials.address(), looks.of_label.address());
+        record
+    }
+}
+
+/// Lights and sky.
+#[derive(Debug)]
+pub(crate) struct SkyOnDevice {
+    pub(crate) lights: Lights,
+    lights_record: layout::Lights,
+    environment: layout::Environment,
+    buffers: Vec<Buffer>,
+}
+
+impl SkyOnDevice {
+    pub(crate) fn new(gpu: &Gpu, lights: Lights) -> Result<Self, DeviceError> {
+        let mut buffers = Vec::new();
+        let mut put = |what, bytes: &[u8]| -> Result<u64, DeviceError> {
+            let buffer = gpu.buffer_of(what, bytes)?;
+            let address = buffer.address();
+            buffers.push(buffer);
+            Ok(address)
+        };
+        let ends = put("chances of lights", bytemuck::cast_slice(lights.ends()))?;
+        let suns = put("suns", bytemuck::cast_slice(&pack::suns(&lights)))?;
+        let lights_record = pack::lights(&lights, ends, suns);
+        let mut environment = layout::Environment::default();
+        if let Some(sky) = PackedSky::new(&lights) {
+            let [pixels, density, rows, columns] = sky.parts();
+            environment = sky.record([
+                put("the sky's picture", pixels)?,
+                put("the sky's density", density)?,
+                put("the sky's rows", rows)?,
+                put("the sky's columns", columns)?,
+            ]);
+        }
+        Ok(Self { lights, lights_record, environment, buffers })
+    }
+}
+
+/// Table of the film's filter.
+#[derive(Debug)]
+pub(crate) struct FilterOnDevice {
+    table: Buffer,
+    record: layout::Filter,
+}
+
+impl FilterOnDevice {
+    pub(crate) fn new(gpu: &Gpu, filter: &pumice_scene::Filter) -> Result<Self, DeviceError> {
+        let host = FilterTable::new(filter);
+        let table = gpu.buffer_of("the filter's table", bytemuck::cast_slice(host.inverse()))?;
+        let steps = (host.inverse().len() as u32).saturating_sub(1);
+        let inverse = if steps == 0 { 0 } else { table.address() };
+        let record = layout::Filter { inverse, width: host.width(), steps };
+        Ok(Self { table, record })
+    }
+}
+
+/// All parts together, with the header from which shaders find them.
+#[derive(Debug)]
+pub(crate) struct SceneOnDevice {
+    pub(crate) instances: Vec<InstanceOnDevice>,
+    pub(crate) sky: Arc<SkyOnDevice>,
+    pub(crate) filter: Arc<FilterOnDevice>,
+    records: Buffer,
+    header: Buffer,
+}
+
+impl SceneOnDevice {
+    pub(crate) fn new(
+        gpu: &Gpu,
+        albedo: &Buffer,
+        instances: Vec<InstanceOnDevice>,
+        sky: Arc<SkyOnDevice>,
+        filter: Arc<FilterOnDevice>,
+        rays: &pumice_cpu::camera_rays::CameraRays,
+        settings: &pumice_scene::Settings,
+    ) -> Result<Self, DeviceError> {
+        let list: Vec<_> = instances.iter().map(InstanceOnDevice::record).collect();
+        let records = gpu.buffer_of("the list of instances", bytemuck::cast_slice(&list))?;
+        let header = pack::header(
+            (records.address(), list.len() as u32),
+            albedo.address(),
+            rays,
+            filter.record,
+            pack::settings(settings),
+            sky.lights_record,
+            sky.environment,
+        );
+        let header = gpu.buffer_of("the scene's header", bytemuck::bytes_of(&header))?;
+        Ok(Self { instances, sky, filter, records, header })
+    }
+
+    /// Address of the header.
+    pub(crate) fn address(&self) -> u64 {
+        self.header.address()
+    }
+
+    /// Bytes on the device by part, shared parts counted once.
+    pub(crate) fn bytes(&self) -> [(&'static str, u64); 6] {
+        let mut seen = std::collections::BTreeSet::new();
+        let mut first = |pointer: *const u8| seen.insert(pointer.addr());
+        let (mut nodes, mut leaves, mut boxes, mut labels, mut hierarchy, mut looks) = (0, 0, 0, 0, 0, 0);
+        for i in &self.instances {
+            if first(Arc::as_ptr(&i.boxes).cast()) {
+                boxes += i.boxes.boxes.bytes() + i.boxes.chunks.bytes();
+                labels += i.boxes.labels.bytes();
+                hierarchy += i.boxes.acceleration.as_ref().map_or(0, Acceleration::bytes)
+                    + i.boxes.bvh.iter().flatten().map(Buffer::bytes).sum::<u64>();
+            }
+            if first(Arc::as_ptr(&i.boxes.nodes).cast()) {
+                let [n, l] = i.boxes.nodes.bytes();
+                (nodes, leaves) = (nodes + n, leaves + l);
+            }
+            if first(Arc::as_ptr(&i.looks).cast()) {
+                looks += i.looks.materials.bytes() + i.looks.of_label.bytes();
+            }
+        }
+        let lights = self.sky.buffers.iter().map(Buffer::bytes).sum::<u64>();
+        let tables = self.filter.table.bytes() + self.records.bytes() + self.header.bytes();
+        [
+            ("acceleration", hierarchy),
+            ("boxes", boxes),
+            ("nodes", nodes),
+            ("leaves", leaves),
+            ("labels", labels),
+            ("materials", looks + lights + tables),
+        ]
+    }
+}

@@ -1,0 +1,54 @@
+//! The compiled shaders that the renderer launches, within the library: users need no compiler and no files.
+
+use crate::device::{Backend, DeviceError, Gpu};
+use crate::program::{Code, Program};
+
+/// What can be launched.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Entry {
+    /// Adds samples to the film.
+    Path,
+    /// The first surface through the middle of each pixel.
+    First,
+}
+
+/// Invocations of a group of both entries, where they compute.
+const GROUP: [u32; 2] = [8, 8];
+
+macro_rules! spirv {
+    ($name:literal, $native:expr) => {
+        if $native {
+            &include_bytes!(concat!("../spirv/", $name, ".f64.spv"))[..]
+        } else {
+            &include_bytes!(concat!("../spirv/", $name, ".spv"))[..]
+        }
+    };
+}
+
+fn main_of(entry: Entry, backend: Backend, native: bool) -> &'static [u8] {
+    match (entry, backend) {
+        (Entry::Path, Backend::RayPipeline) => spirv!("path.rgen", native),
+        (Entry::Path, Backend::RayQuery) => spirv!("path_query.comp", native),
+        (Entry::Path, Backend::Compute) => spirv!("path_bvh.comp", native),
+        (Entry::First, Backend::RayPipeline) => spirv!("first.rgen", native),
+        (Entry::First, Backend::RayQuery) => spirv!("first_query.comp", native),
+        (Entry::First, Backend::Compute) => spirv!("first_bvh.comp", native),
+    }
+}
+
+/// SPIR-V is words in the byte order of whoever wrote it; ours are little-endian.
+fn words(bytes: &[u8]) -> Vec<u32> {
+    bytes.chunks_exact(4).map(|w| u32::from_le_bytes([w[0], w[1], w[2], w[3]])).collect()
+}
+
+/// Makes an entry ready on a device; doubles are the device's own where it has them.
+pub(crate) fn program(gpu: &Gpu, entry: Entry, constants: &[u32]) -> Result<Program, DeviceError> {
+    let (backend, native) = (gpu.backend(), gpu.candidate().native_f64);
+    let main = words(main_of(entry, backend, native));
+    if backend != Backend::RayPipeline {
+        return Program::new(gpu, &Code { main: &main, miss_and_box: None, group: GROUP }, constants);
+    }
+    let miss = words(include_bytes!("../spirv/nothing.rmiss.spv"));
+    let in_box = words(spirv!("box.rint", native));
+    Program::new(gpu, &Code { main: &main, miss_and_box: Some([&miss, &in_box]), group: [1, 1] }, constants)
+}
