@@ -203,15 +203,15 @@ impl Renderer for CpuRenderer {
         }
     }
 
-    fn color(&self) -> Result<Image, RenderError> {
+    fn color(&mut self) -> Result<Image, RenderError> {
         Ok(self.shown()?.tracer.film().mean())
     }
 
-    fn picture(&self) -> Result<Picture, RenderError> {
+    fn picture(&mut self) -> Result<Picture, RenderError> {
         Ok(self.shown()?.tracer.picture())
     }
 
-    fn pick(&self, x: u32, y: u32) -> Result<Option<Pick>, RenderError> {
+    fn pick(&mut self, x: u32, y: u32) -> Result<Option<Pick>, RenderError> {
         let shown = self.shown()?;
         let film = &shown.scene.film;
         let hit = if x < film.width && y < film.height { shown.tracer.pick(x, y) } else { None };

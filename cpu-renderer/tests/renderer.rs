@@ -221,7 +221,7 @@ fn along_the_floor(scene: &mut Scene, fov_rad: f64) {
 }
 
 /// What the pixels' middles see: (floor, tower, nothing), and the least cosine at which the floor is met.
-fn seen_along_the_floor(scene: &Scene, renderer: &CpuRenderer) -> ([usize; 3], f64) {
+fn seen_along_the_floor(scene: &Scene, renderer: &mut CpuRenderer) -> ([usize; 3], f64) {
     let picture = renderer.picture().unwrap();
     let (labels, depths, normals) =
         (picture.label.unwrap(), picture.depth.unwrap(), picture.normal.unwrap().pixels);
@@ -265,7 +265,7 @@ fn no_extreme_material_puts_anything_but_numbers_on_the_film() {
                     let mut renderer = renderer();
                     renderer.set_scene(&scene, &[volume()]).unwrap();
                     while renderer.advance(Duration::ZERO, 4, &Job::new()).unwrap().spp < 4 {}
-                    let ([floor, tower, nothing], least) = seen_along_the_floor(&scene, &renderer);
+                    let ([floor, tower, nothing], least) = seen_along_the_floor(&scene, &mut renderer);
                     assert!(floor >= 24 && tower + floor + nothing == 64, "{floor} {tower} {nothing}");
                     assert!(tower >= 8, "{tower} pixels of tower at {fov_rad}");
                     assert!(least < grazing, "the floor is met at cosine {least}");

@@ -56,12 +56,15 @@ impl FilmBuffer {
         Self { width, height, sums: vec![0.0; width * height * STRIDE], row_samples: vec![0; height] }
     }
 
-    /// A picture from its sums and the samples that each pixel of each row has, as a device that keeps them hands them out.
-    /// `None` where their numbers are not those of such a picture.
-    pub fn from_sums(width: u32, height: u32, sums: Vec<f32>, row_samples: Vec<u32>) -> Option<Self> {
-        let (width, height) = (width as usize, height as usize);
-        let fits = sums.len() == width * height * STRIDE && row_samples.len() == height;
-        fits.then_some(Self { width, height, sums, row_samples })
+    /// All sums, [`STRIDE`] floats a pixel, rows from the top: what a device that adds the samples itself starts from.
+    pub fn sums(&self) -> &[f32] {
+        &self.sums
+    }
+
+    /// The same to be overwritten with sums of `samples` in every pixel, which such a device hands back.
+    pub fn sums_mut(&mut self, samples: u32) -> &mut [f32] {
+        self.row_samples.fill(samples);
+        &mut self.sums
     }
 
     /// Pixels across and down.

@@ -88,20 +88,20 @@ pub trait Renderer: Send {
     /// The colours so far: the mean of all samples.
     ///
     /// # Errors
-    /// [`RenderError::Scene`] before any scene was set.
-    fn color(&self) -> Result<Image, RenderError>;
+    /// [`RenderError::Scene`] before any scene was set; [`RenderError::Device`] here and below.
+    fn color(&mut self) -> Result<Image, RenderError>;
 
     /// The picture so far, with its first-surface passes; provenance is the caller's to add.
     ///
     /// # Errors
     /// [`RenderError::Scene`] before any scene was set.
-    fn picture(&self) -> Result<Picture, RenderError>;
+    fn picture(&mut self) -> Result<Picture, RenderError>;
 
     /// What is under the middle of a pixel, counted from the upper left; nothing there or outside of the film: `None`.
     ///
     /// # Errors
     /// [`RenderError::Scene`] before any scene was set.
-    fn pick(&self, x: u32, y: u32) -> Result<Option<Pick>, RenderError>;
+    fn pick(&mut self, x: u32, y: u32) -> Result<Option<Pick>, RenderError>;
 
     /// How often each kind of data was made since the renderer was.
     fn rebuilt(&self) -> Rebuilt;

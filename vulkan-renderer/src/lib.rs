@@ -9,6 +9,17 @@
 //! chances of lights, colours of labels) is the CPU renderer's own, so that the two cannot differ there.
 
 pub mod device;
+mod film;
 pub mod layout;
+mod machine;
 pub mod pack;
 pub mod program;
+mod renderer;
+mod scene;
+mod sent;
+mod shaders;
+mod shown;
+mod slices;
+
+pub use renderer::VulkanRenderer;
+pub use sent::Sent;

@@ -90,6 +90,13 @@ impl Program {
         }
     }
 
+    /// Gives the scratch memory back; it is made again when it is needed.
+    pub(crate) fn drop_scratch(&mut self) {
+        if let Made::Rays { scratch, .. } = &mut self.made {
+            *scratch = None;
+        }
+    }
+
     /// Bytes of scratch memory on the device.
     pub fn scratch_bytes(&self) -> u64 {
         match &self.made {

@@ -45,17 +45,27 @@ impl From<RenderError> for Fault {
 /// Nodes and leaves of a volume.
 #[derive(Debug)]
 pub(crate) struct Nodes {
+    volume: Arc<CompressedVolume>,
     packed: PackedNodes,
     nodes: Buffer,
     leaves: Buffer,
 }
 
 impl Nodes {
-    pub(crate) fn new(gpu: &Gpu, volume: &CompressedVolume, wanted: &[bool]) -> Result<Self, DeviceError> {
+    pub(crate) fn new(
+        gpu: &Gpu,
+        volume: &Arc<CompressedVolume>,
+        wanted: &[bool],
+    ) -> Result<Self, DeviceError> {
         let packed = PackedNodes::new(volume, wanted);
         let nodes = gpu.buffer_of("the nodes of a volume", &packed.bytes(volume))?;
         let leaves = gpu.buffer_of("the leaves of a volume", &PackedNodes::leaves(volume))?;
-        Ok(Self { packed, nodes, leaves })
+        Ok(Self { volume: Arc::clone(volume), packed, nodes, leaves })
+    }
+
+    /// Whether they are that very volume's.
+    pub(crate) fn is_of(&self, volume: &Arc<CompressedVolume>) -> bool {
+        Arc::ptr_eq(&self.volume, volume)
     }
 
     pub(crate) fn covers(&self, wanted: &[bool]) -> bool {
@@ -77,7 +87,8 @@ pub(crate) struct Boxes {
     /// Ours in compute shaders; else the device's own.
     bvh: Option<[Buffer; 2]>,
     acceleration: Option<Acceleration>,
-    /// Its placement, materials and their addresses left as they were.
+    tight: bool,
+    /// Its placement, materials and their addresses left 0.
     record: layout::Instance,
 }
 
@@ -116,7 +127,12 @@ impl Boxes {
         record.labels = labels.address();
         record.nodes = nodes.nodes.address();
         record.leaves = nodes.leaves.address();
-        Ok(Self { nodes, chunks, boxes, labels, bvh, acceleration, record })
+        Ok(Self { nodes, chunks, boxes, labels, bvh, acceleration, tight, record })
+    }
+
+    /// See [`PackedBoxes::new`].
+    pub(crate) fn is_tight(&self) -> bool {
+        self.tight
     }
 
     pub(crate) fn nodes(&self) -> &Arc<Nodes> {

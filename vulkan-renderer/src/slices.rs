@@ -14,7 +14,7 @@
 const AIM_SECONDS: f64 = 0.05;
 
 /// What a launch must not take.
-pub const MOST_SECONDS: f64 = 0.1;
+pub(crate) const MOST_SECONDS: f64 = 0.1;
 
 /// Rows of a band.
 const BAND: u32 = 8;
@@ -30,36 +30,36 @@ const MOST_PIXELS: u64 = 1 << 22;
 
 /// Part of the film for one launch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Tile {
+pub(crate) struct Tile {
     /// Left edge.
-    pub x: u32,
+    pub(crate) x: u32,
     /// Upper edge.
-    pub y: u32,
+    pub(crate) y: u32,
     /// Pixels across.
-    pub width: u32,
+    pub(crate) width: u32,
     /// Pixels down.
-    pub height: u32,
+    pub(crate) height: u32,
 }
 
 impl Tile {
     /// Number of pixels.
-    pub fn pixels(&self) -> u64 {
+    pub(crate) fn pixels(&self) -> u64 {
         u64::from(self.width) * u64::from(self.height)
     }
 }
 
 /// Where a pass over the film has come to: bands above are done, and the columns left of `x` of the band at `y`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Cursor {
+pub(crate) struct Cursor {
     /// First column of the band that is not done.
-    pub x: u32,
+    pub(crate) x: u32,
     /// First row of the band, a multiple of 8.
-    pub y: u32,
+    pub(crate) y: u32,
 }
 
 /// How large launches are.
 #[derive(Clone, Copy, Debug)]
-pub struct Slices {
+pub(crate) struct Slices {
     /// Samples of the next launch.
     budget: f64,
     most_pixels: u64,
@@ -76,9 +76,12 @@ impl Default for Slices {
 }
 
 impl Slices {
+    /// Pixels of a launch that is not measured.
+    pub(crate) const MOST_PIXELS_A_TILE: u64 = 1 << 18;
+
     /// The tile of the next launch, which adds `samples` to each of its pixels, and where the pass is after it. `None`: the pass is
     /// done.
-    pub fn next(&self, film: [u32; 2], at: Cursor, samples: u32) -> Option<(Tile, Cursor)> {
+    pub(crate) fn next(&self, film: [u32; 2], at: Cursor, samples: u32) -> Option<(Tile, Cursor)> {
         let [film_width, film_height] = film;
         if at.y >= film_height || film_width == 0 {
             return None;
@@ -97,17 +100,18 @@ impl Slices {
         let columns = columns.min(u64::from(width)) as u32;
         let tile = Tile { x: at.x, y: at.y, width: columns, height: band };
         let done = columns == width;
-        let after = if done { Cursor { x: 0, y: at.y + band } } else { Cursor { x: at.x + columns, y: at.y } };
+        let after =
+            if done { Cursor { x: 0, y: at.y + band } } else { Cursor { x: at.x + columns, y: at.y } };
         Some((tile, after))
     }
 
     /// Most samples of a pixel that one launch should add: a launch of eight by eight pixels fits the budget.
-    pub fn most_samples(&self) -> u32 {
+    pub(crate) fn most_samples(&self) -> u32 {
         (self.budget / f64::from(BAND * BAND)).clamp(1.0, 1e6) as u32
     }
 
     /// Learns what a launch of `pixels` times `samples` took.
-    pub fn learn(&mut self, pixels: u64, samples: u32, seconds: f64) {
+    pub(crate) fn learn(&mut self, pixels: u64, samples: u32, seconds: f64) {
         let done = pixels as f64 * f64::from(samples.max(1));
         let fits = done * AIM_SECONDS / seconds.max(1e-6);
         self.budget = fits.clamp(1.0, done.max(self.budget.min(done * MOST_GROWTH)) * MOST_GROWTH);
@@ -117,13 +121,13 @@ impl Slices {
     }
 
     /// Another scene or another view: what comes may be costlier.
-    pub fn be_careful(&mut self) {
+    pub(crate) fn be_careful(&mut self) {
         self.budget = (self.budget / MOST_GROWTH).max(1.0);
     }
 
     /// Memory was short, or the device was lost: launches of a quarter of the pixels from now on. False where they cannot be made
     /// smaller.
-    pub fn shrink(&mut self) -> bool {
+    pub(crate) fn shrink(&mut self) -> bool {
         let smallest = u64::from(BAND * BAND);
         let can = self.most_pixels > smallest;
         self.most_pixels = (self.most_pixels / 4).max(smallest);
@@ -132,7 +136,7 @@ impl Slices {
     }
 
     /// Launches so far, how many of them took more than [`MOST_SECONDS`], and the longest in seconds.
-    pub fn launches(&self) -> (u64, u64, f64) {
+    pub(crate) fn launches(&self) -> (u64, u64, f64) {
         (self.launches, self.too_long, self.longest)
     }
 }
@@ -166,7 +170,12 @@ mod tests {
     }
 
     /// Seconds of each launch on a device of a given speed, over several passes.
-    fn simulated(film: [u32; 2], samples: u32, passes: u32, seconds_a_sample: impl Fn(&Tile) -> f64) -> Vec<f64> {
+    fn simulated(
+        film: [u32; 2],
+        samples: u32,
+        passes: u32,
+        seconds_a_sample: impl Fn(&Tile) -> f64,
+    ) -> Vec<f64> {
         let mut slices = Slices::default();
         let mut taken = Vec::new();
         for _ in 0..passes {

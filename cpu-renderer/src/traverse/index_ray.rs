@@ -12,7 +12,7 @@
 //! and the product is ±huge, never NaN.
 
 use glam::{DAffine3, DVec3};
-use pumice_render::{PathOrigin, RayInWorld, Surface};
+use pumice_render::{PathOrigin, RayInWorld, RenderError, Surface};
 
 use super::each_axis;
 
@@ -46,6 +46,19 @@ pub struct Placement {
 }
 
 impl Placement {
+    /// [`Placement::new`] for the instance at a place of the scene.
+    ///
+    /// # Errors
+    /// [`RenderError::Scene`] names the instance.
+    pub fn of_instance(place: u32, world_from_index: DAffine3) -> Result<Self, RenderError> {
+        Self::new(world_from_index).ok_or_else(|| {
+            RenderError::Scene(format!(
+                "instances[{place}]: world_from_index cannot be inverted: {:?}",
+                world_from_index.to_cols_array()
+            ))
+        })
+    }
+
     /// `None` when the matrix is singular, not finite, or so small or large that its determinant is not a normal number.
     pub fn new(world_from_index: DAffine3) -> Option<Self> {
         let m = world_from_index.matrix3;

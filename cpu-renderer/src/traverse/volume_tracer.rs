@@ -34,15 +34,6 @@ enum Nearest {
     Face { step: Step, item: u32 },
 }
 
-fn place(instance: u32, world_from_index: DAffine3) -> Result<Placement, RenderError> {
-    Placement::new(world_from_index).ok_or_else(|| {
-        RenderError::Scene(format!(
-            "instances[{instance}]: world_from_index cannot be inverted: {:?}",
-            world_from_index.to_cols_array()
-        ))
-    })
-}
-
 fn normals(placement: &Placement) -> [[DVec3; 2]; 3] {
     [0, 1, 2].map(|a| [placement.normal(a, false), placement.normal(a, true)])
 }
@@ -54,7 +45,7 @@ impl VolumeTracer {
     /// [`RenderError::Scene`] when the matrix is singular or there are too many boxes to number.
     pub fn new(instance: u32, traced: &TracedInstance) -> Result<Self, RenderError> {
         let TracedInstance { volume, world_from_index, visible, lod } = traced;
-        let placement = place(instance, *world_from_index)?;
+        let placement = Placement::of_instance(instance, *world_from_index)?;
         if volume.boxes().len() as u64 >> 32 != 0 {
             return Err(RenderError::Scene(format!(
                 "instances[{instance}]: {} boxes are more than the limit of 2^32 of one instance",
@@ -83,7 +74,7 @@ impl VolumeTracer {
         if self.all_voxels != (lod == LodChoice::Voxels) {
             return Ok(None);
         }
-        let placement = place(self.instance, world_from_index)?;
+        let placement = Placement::of_instance(self.instance, world_from_index)?;
         Ok(Some(Self {
             volume: Arc::clone(&self.volume),
             normals: normals(&placement),

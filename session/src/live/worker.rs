@@ -166,7 +166,7 @@ impl Worker {
 
     /// Hands the picture so far to whoever looks.
     fn publish(
-        &self,
+        &mut self,
         revision: u64,
         progress: Progress,
         clock: &Stopwatch,

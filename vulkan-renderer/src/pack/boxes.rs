@@ -19,7 +19,6 @@ pub struct PackedBoxes {
     /// What hierarchies are built over: tight bounds of the voxels, or where there are other levels the box's own.
     pub bounds: Vec<BoxBounds>,
     all: Option<BoxBounds>,
-    tight: bool,
     dims: [u32; 3],
 }
 
@@ -50,7 +49,6 @@ impl PackedBoxes {
             boxes: Vec::with_capacity(drawn.len()),
             labels: Vec::with_capacity(drawn.len()),
             bounds: Vec::with_capacity(drawn.len()),
-            tight,
             dims: volume.info().dims,
             ..Self::default()
         };
@@ -105,11 +103,6 @@ impl PackedBoxes {
             [lo[0], lo[1], lo[2], hi[0], hi[1], hi[2]]
         };
         self.bounds.iter().map(corners).collect()
-    }
-
-    /// Whether bounds are those of voxels: other levels of detail need boxes packed anew.
-    pub fn is_tight(&self) -> bool {
-        self.tight
     }
 
     /// The instance's record; addresses, materials, place and level of detail left 0.

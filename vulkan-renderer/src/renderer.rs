@@ -1,0 +1,232 @@
+//! A graphics processor behind the [`Renderer`] interface.
+//!
+//! **Failures.** Whatever the device refuses is overcome once: where memory was short, all that can be made again is given back and
+//! launches become smaller; where the device was lost, it is opened anew, the scene is sent again and the samples that the host has
+//! are put back. A second failure without a success in between is [`RenderError::Device`]: another backend may take over, with the
+//! scene and the volumes, which never left the host.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use pumice_core::{CompressedVolume, Job};
+use pumice_cpu::ReadImage;
+use pumice_render::{Image, Pick, Picture, Progress, Rebuilt, RenderError, Renderer};
+use pumice_scene::{Scene, SceneError};
+
+use crate::device::{Backend, Candidate, DeviceError, Gpu, Instance};
+use crate::machine::{Machine, Opening};
+use crate::scene::Fault;
+use crate::sent::Sent;
+use crate::shown::{Counters, Shown};
+
+/// Most samples that each pixel gets in one pass: what it takes is known only in part.
+const MOST_SAMPLES_A_PASS: u32 = 64;
+
+/// See the module.
+#[derive(Debug)]
+pub struct VulkanRenderer {
+    how: Opening,
+    machine: Machine,
+    read_image: ReadImage,
+    shown: Option<Shown>,
+    counters: Counters,
+    notices: Vec<String>,
+    /// A failure was overcome, and nothing has succeeded since.
+    failed: bool,
+    seconds_a_sample: f64,
+}
+
+fn no_scene() -> RenderError {
+    RenderError::Scene("scene: none was set".into())
+}
+
+impl VulkanRenderer {
+    /// Opens a device for a backend; shows nothing yet. Compiled pipelines are kept in `cache_folder`, where one is given.
+    ///
+    /// # Errors
+    /// [`DeviceError::Unsupported`] says what the device lacks.
+    pub fn open(
+        instance: &Instance,
+        candidate: &Candidate,
+        backend: Backend,
+        cache_folder: Option<PathBuf>,
+        read_image: ReadImage,
+    ) -> Result<Self, DeviceError> {
+        let (instance, candidate) = (instance.clone(), candidate.clone());
+        let how = Opening { instance, candidate, backend, cache_folder };
+        Ok(Self {
+            machine: Machine::open(&how)?,
+            how,
+            read_image,
+            shown: None,
+            counters: Counters::default(),
+            notices: Vec::new(),
+            failed: false,
+            seconds_a_sample: 0.0,
+        })
+    }
+
+    /// The device.
+    pub fn gpu(&self) -> &Gpu {
+        &self.machine.gpu
+    }
+
+    /// How often each part of a scene was sent to the device.
+    pub fn sent(&self) -> Sent {
+        self.counters.sent
+    }
+
+    /// Launches of samples so far, how many of them took more than a tenth of a second, and the longest in seconds.
+    pub fn launches(&self) -> (u64, u64, f64) {
+        self.machine.slices.launches()
+    }
+
+    /// After a failure: brings device and scene into a state from which the work can be tried again.
+    fn overcome(&mut self, error: &DeviceError) -> Result<(), RenderError> {
+        if self.failed {
+            return Err(self.given_up(error));
+        }
+        self.failed = true;
+        if !self.machine.gpu.is_lost() {
+            self.notices.push(format!("{error}; trying again with smaller launches"));
+            self.machine.shrink();
+            return Ok(());
+        }
+        self.notices.push(format!("{error}; opening it anew"));
+        let mut slices = self.machine.slices;
+        slices.shrink();
+        let mut again = Machine::open(&self.how).map_err(|e| self.given_up(&e))?;
+        again.slices = slices;
+        self.machine = again;
+        let Some(shown) = self.shown.take() else { return Ok(()) };
+        match shown.again(&mut self.machine, self.read_image, &mut self.counters) {
+            Ok(shown) => self.shown = Some(shown),
+            Err(Fault::Device(e)) => return Err(self.given_up(&e)),
+            Err(Fault::Scene(e)) => return Err(e),
+        }
+        Ok(())
+    }
+
+    /// The error of who has tried twice.
+    fn given_up(&self, error: &DeviceError) -> RenderError {
+        RenderError::Device(format!("{} on {}: {error}", self.how.backend, self.how.candidate.name))
+    }
+
+    /// Does what may fail by the device, twice if need be.
+    fn twice<T>(
+        &mut self,
+        mut work: impl FnMut(&mut Shown, &mut Machine) -> Result<T, DeviceError>,
+    ) -> Result<T, RenderError> {
+        loop {
+            let shown = self.shown.as_mut().ok_or_else(no_scene)?;
+            match work(shown, &mut self.machine) {
+                Ok(done) => {
+                    self.failed = false;
+                    return Ok(done);
+                }
+                Err(e) => self.overcome(&e)?,
+            }
+        }
+    }
+
+    /// Brings every pixel to `target` samples; goes on with a pass that was cancelled.
+    fn pass(&mut self, target: u32, job: &Job) -> Result<(), RenderError> {
+        loop {
+            if job.is_cancelled() {
+                return Err(RenderError::Cancelled);
+            }
+            if self.twice(|shown, machine| shown.launch(machine, target, job))? {
+                return Ok(());
+            }
+        }
+    }
+
+    fn spp(&self) -> Result<u32, RenderError> {
+        Ok(self.shown.as_ref().ok_or_else(no_scene)?.film.spp)
+    }
+}
+
+impl Renderer for VulkanRenderer {
+    fn name(&self) -> &'static str {
+        self.how.backend.name()
+    }
+
+    fn set_scene(&mut self, scene: &Scene, volumes: &[Arc<CompressedVolume>]) -> Result<(), RenderError> {
+        scene.validate().map_err(|e: SceneError| RenderError::Scene(e.to_string()))?;
+        if scene.instances.len() != volumes.len() {
+            return Err(RenderError::Scene(format!(
+                "instances: expected one volume for each of {}, got {}",
+                scene.instances.len(),
+                volumes.len()
+            )));
+        }
+        loop {
+            let (former, counters) = (&mut self.shown, &mut self.counters);
+            match Shown::new(&mut self.machine, former, scene, volumes, self.read_image, counters) {
+                Ok(shown) => {
+                    self.shown = Some(shown);
+                    self.failed = false;
+                    self.seconds_a_sample = 0.0;
+                    return Ok(());
+                }
+                Err(Fault::Scene(e)) => return Err(e),
+                Err(Fault::Device(e)) => {
+                    // The former scene's memory may be what is missing.
+                    self.shown = None;
+                    self.overcome(&e)?;
+                }
+            }
+        }
+    }
+
+    fn advance(&mut self, slice: Duration, spp_limit: u32, job: &Job) -> Result<Progress, RenderError> {
+        let end = Instant::now() + slice;
+        loop {
+            let (start, spp) = (Instant::now(), self.spp()?);
+            if spp >= spp_limit {
+                break;
+            }
+            let left = end.saturating_duration_since(start).as_secs_f64();
+            let fit = if self.seconds_a_sample > 0.0 { (left / self.seconds_a_sample) as u32 } else { 1 };
+            let most = MOST_SAMPLES_A_PASS.min(self.machine.slices.most_samples()).min(spp_limit - spp);
+            self.pass(spp + fit.clamp(1, most), job)?;
+            let now = Instant::now();
+            let added = self.spp()?.saturating_sub(spp).max(1);
+            self.seconds_a_sample = (now - start).as_secs_f64() / f64::from(added);
+            if now >= end {
+                break;
+            }
+        }
+        self.twice(|shown, machine| shown.film.read(&machine.gpu))?;
+        let film = self.shown.as_ref().ok_or_else(no_scene)?.film.copy();
+        Ok(Progress { spp: film.spp(), error_estimate: film.error_estimate() })
+    }
+
+    fn color(&mut self) -> Result<Image, RenderError> {
+        Ok(self.shown.as_ref().ok_or_else(no_scene)?.film.copy().mean())
+    }
+
+    fn picture(&mut self) -> Result<Picture, RenderError> {
+        self.twice(|shown, machine| shown.picture(machine))
+    }
+
+    fn pick(&mut self, x: u32, y: u32) -> Result<Option<Pick>, RenderError> {
+        self.twice(|shown, machine| shown.pick(machine, x, y))
+    }
+
+    fn rebuilt(&self) -> Rebuilt {
+        self.counters.rebuilt
+    }
+
+    fn bytes(&self) -> Vec<(&'static str, u64)> {
+        let Some(shown) = &self.shown else { return Vec::new() };
+        let mut bytes = shown.bytes();
+        bytes.push(("scratch", self.machine.scratch_bytes()));
+        bytes
+    }
+
+    fn notices(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.notices)
+    }
+}

@@ -1,0 +1,350 @@
+//! What a renderer shows: a scene, its parts on the device, the film. A new scene takes from the former what is still right.
+
+use std::sync::Arc;
+
+use bytemuck::Zeroable as _;
+use glam::DAffine3;
+use pumice_core::{CompressedVolume, Job};
+use pumice_cpu::camera_rays::CameraRays;
+use pumice_cpu::traverse::{LodChoice, Placement};
+use pumice_cpu::{Looks, ReadImage, scene_lights};
+use pumice_render::{FilmBuffer, Image, Pick, Picture, Rebuilt, RenderError};
+use pumice_scene::{Instance, InstanceDiff, Scene, SceneDiff};
+
+use crate::device::DeviceError;
+use crate::film::Film;
+use crate::layout::{FirstRecord, HitRecord, Launch, NONE};
+use crate::machine::Machine;
+use crate::pack::ShaderNeeds;
+use crate::scene::{
+    Boxes, Fault, FilterOnDevice, InstanceOnDevice, LooksOnDevice, Nodes, SceneOnDevice, SkyOnDevice,
+};
+use crate::sent::Sent;
+use crate::shaders::Entry;
+use crate::slices::{Cursor, Slices, Tile};
+
+/// See the module.
+#[derive(Debug)]
+pub(crate) struct Shown {
+    scene: Scene,
+    volumes: Vec<Arc<CompressedVolume>>,
+    lod: LodChoice,
+    parts: SceneOnDevice,
+    pub(crate) film: Film,
+    constants: Vec<u32>,
+}
+
+/// How often what was made and sent, by all scenes so far.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Counters {
+    pub(crate) rebuilt: Rebuilt,
+    pub(crate) sent: Sent,
+}
+
+/// What the former scene has to offer for an instance of the new one: its place there, where its volume is the same.
+struct Former<'a> {
+    shown: &'a Shown,
+    place: usize,
+    change: InstanceDiff,
+}
+
+impl<'a> Former<'a> {
+    fn find(
+        old: Option<&'a Shown>,
+        diff: &SceneDiff,
+        id: u32,
+        volume: &Arc<CompressedVolume>,
+    ) -> Option<Self> {
+        let shown = old?;
+        let place = shown.scene.instances.iter().position(|i| i.id == id)?;
+        // The same path may hold another volume by now.
+        Arc::ptr_eq(&shown.volumes[place], volume).then(|| {
+            let change = diff.changed.iter().find(|c| c.id == id).copied();
+            Self { shown, place, change: change.unwrap_or_default() }
+        })
+    }
+
+    fn parts(&self) -> &'a InstanceOnDevice {
+        &self.shown.parts.instances[self.place]
+    }
+
+    /// Its materials, where they are still right: colours of neighbours follow from which labels are drawn.
+    fn looks(&self) -> Option<&'a Arc<LooksOnDevice>> {
+        let same = !self.change.materials && !self.change.visibility;
+        same.then(|| &self.parts().looks)
+    }
+
+    /// Its boxes, where the same ones are drawn as the same instance and with bounds for the same kind of detail.
+    fn boxes(&self, place: usize, tight: bool) -> Option<&'a Arc<Boxes>> {
+        let boxes = &self.parts().boxes;
+        (self.place == place && !self.change.visibility && boxes.is_tight() == tight).then_some(boxes)
+    }
+}
+
+impl Shown {
+    /// Puts a valid scene on the device. The former one gives its film away, and nothing where the new one cannot be shown because
+    /// of a fault in it.
+    pub(crate) fn new(
+        machine: &mut Machine,
+        former: &mut Option<Self>,
+        scene: &Scene,
+        volumes: &[Arc<CompressedVolume>],
+        read_image: ReadImage,
+        counters: &mut Counters,
+    ) -> Result<Self, Fault> {
+        let mut counted = *counters;
+        let old = former.as_ref();
+        let diff = SceneDiff::between(old.map(|o| &o.scene), scene);
+        let lod = LodChoice::new(scene.settings.lod, &scene.camera, &scene.film);
+        let parts = parts_of(machine, old, &diff, scene, volumes, lod, read_image, &mut counted)?;
+        let needs = ShaderNeeds::new(&parts.sky.lights, parts.instances.iter().map(|i| &i.looks.packed));
+        let size = [scene.film.width, scene.film.height];
+        let film = match former.take() {
+            Some(Self { mut film, .. }) if film.size == size => {
+                film.clear(&machine.gpu)?;
+                film
+            }
+            // The former film's memory may be what the new one needs.
+            other => {
+                drop(other);
+                Film::new(&machine.gpu, size)?
+            }
+        };
+        counted.rebuilt.camera += u64::from(diff.camera || diff.film);
+        counted.rebuilt.film += u64::from(diff.film);
+        *counters = counted;
+        machine.slices.be_careful();
+        Ok(Self {
+            scene: scene.clone(),
+            volumes: volumes.to_vec(),
+            lod,
+            parts,
+            film,
+            constants: needs.constants().to_vec(),
+        })
+    }
+
+    /// The same scene and samples on another device.
+    pub(crate) fn again(
+        self,
+        machine: &mut Machine,
+        read_image: ReadImage,
+        counters: &mut Counters,
+    ) -> Result<Self, Fault> {
+        let Self { scene, volumes, lod, mut film, constants, parts } = self;
+        // Of the lost device: given back before its successor is asked for as much.
+        drop(parts);
+        let diff = SceneDiff::between(None, &scene);
+        let parts = parts_of(machine, None, &diff, &scene, &volumes, lod, read_image, counters)?;
+        film.again(&machine.gpu)?;
+        Ok(Self { scene, volumes, lod, parts, film, constants })
+    }
+
+    /// One launch of a pass that brings every pixel to `target` samples, or of the pass that is under way. True when the pass is
+    /// done.
+    pub(crate) fn launch(
+        &mut self,
+        machine: &mut Machine,
+        target: u32,
+        job: &Job,
+    ) -> Result<bool, DeviceError> {
+        let film = &mut self.film;
+        let (target, at) = *film.pass.get_or_insert((target, Cursor::default()));
+        let samples = target - film.spp;
+        let Some((tile, after)) = machine.slices.next(film.size, at, samples) else {
+            (film.spp, film.pass) = (target, None);
+            return Ok(true);
+        };
+        let launch = Launch {
+            scene: self.parts.address(),
+            output: film.sums.address(),
+            first_sample: film.spp,
+            samples,
+            ..launch_of(&tile)
+        };
+        let program = machine.program(Entry::Path, &self.constants)?;
+        let taken = program.run("a launch of samples", &launch, [tile.width, tile.height])?;
+        machine.slices.learn(tile.pixels(), samples, taken.as_secs_f64());
+        job.advance(tile.pixels() * u64::from(samples));
+        film.pass = Some((target, after));
+        if after.y >= film.size[1] {
+            (film.spp, film.pass) = (target, None);
+        }
+        Ok(film.pass.is_none())
+    }
+
+    /// The first surface through the middle of a pixel of the film.
+    pub(crate) fn pick(&self, machine: &mut Machine, x: u32, y: u32) -> Result<Option<Pick>, DeviceError> {
+        let [width, height] = self.film.size;
+        if x >= width || y >= height {
+            return Ok(None);
+        }
+        let mut hit = [HitRecord::zeroed()];
+        let tile = Tile { x, y, width: 1, height: 1 };
+        self.first(machine, &tile, 1, bytemuck::cast_slice_mut(&mut hit))?;
+        let [HitRecord { t: depth, surface: s, .. }] = hit;
+        Ok((s.instance != NONE).then_some(Pick {
+            instance: s.instance,
+            label: s.label,
+            voxel: s.voxel,
+            depth,
+        }))
+    }
+
+    /// The picture so far: its colours from the host's copy of the film, its passes from the device.
+    pub(crate) fn picture(&self, machine: &mut Machine) -> Result<Picture, DeviceError> {
+        let [width, height] = self.film.size;
+        let mut firsts = vec![FirstRecord::zeroed(); width as usize * height as usize];
+        // Whole rows, so that a tile's records are a part of the film's.
+        let rows = ((Slices::MOST_PIXELS_A_TILE / u64::from(width).max(1)) as u32).clamp(1, height.max(1));
+        for (records, y) in firsts.chunks_mut((rows * width) as usize).zip((0..height).step_by(rows as usize))
+        {
+            let tile = Tile { x: 0, y, width, height: rows.min(height - y) };
+            self.first(machine, &tile, 0, bytemuck::cast_slice_mut(records))?;
+        }
+        let (width, height) = (width as usize, height as usize);
+        let image =
+            |f: fn(&FirstRecord) -> [f32; 3]| Image::new(width, height, firsts.iter().map(f).collect());
+        let film: &FilmBuffer = self.film.copy();
+        let spp = film.spp();
+        Ok(Picture {
+            color: film.mean(),
+            variance: (spp >= pumice_render::sampler::REPLICATES).then(|| film.variance()),
+            depth: Some(firsts.iter().map(|f| f.depth).collect()),
+            label: Some(firsts.iter().map(|f| f.label).collect()),
+            albedo: Some(image(|f| f.albedo)),
+            normal: Some(image(|f| f.normal)),
+            provenance: None,
+        })
+    }
+
+    fn first(
+        &self,
+        machine: &mut Machine,
+        tile: &Tile,
+        wanted: u32,
+        records: &mut [u8],
+    ) -> Result<(), DeviceError> {
+        let output = machine.gpu.buffer("first surfaces", records.len() as u64)?;
+        let launch =
+            Launch { scene: self.parts.address(), output: output.address(), wanted, ..launch_of(tile) };
+        machine.program(Entry::First, &[])?.run("first surfaces", &launch, [tile.width, tile.height])?;
+        machine.gpu.download(&output, 0, records)
+    }
+
+    /// Bytes on the device by part.
+    pub(crate) fn bytes(&self) -> Vec<(&'static str, u64)> {
+        let mut bytes = self.parts.bytes().to_vec();
+        bytes.push(("film", self.film.bytes()));
+        bytes
+    }
+}
+
+fn launch_of(tile: &Tile) -> Launch {
+    Launch {
+        tile_x: tile.x,
+        tile_y: tile.y,
+        tile_width: tile.width,
+        tile_height: tile.height,
+        ..Launch::default()
+    }
+}
+
+/// The parts of a scene, from the former one's where they are still right.
+#[expect(clippy::too_many_arguments, reason = "all that decides what is made anew")]
+fn parts_of(
+    machine: &Machine,
+    old: Option<&Shown>,
+    diff: &SceneDiff,
+    scene: &Scene,
+    volumes: &[Arc<CompressedVolume>],
+    lod: LodChoice,
+    read_image: ReadImage,
+    counters: &mut Counters,
+) -> Result<SceneOnDevice, Fault> {
+    let gpu = &machine.gpu;
+    let sky = match old {
+        Some(o) if !diff.world && !diff.suns => Arc::clone(&o.parts.sky),
+        _ => {
+            counters.rebuilt.lights += 1;
+            counters.sent.lights += 1;
+            Arc::new(SkyOnDevice::new(gpu, scene_lights(scene, read_image)?)?)
+        }
+    };
+    let filter = match old {
+        Some(o) if o.scene.film.filter == scene.film.filter => Arc::clone(&o.parts.filter),
+        _ => {
+            counters.sent.filter += 1;
+            Arc::new(FilterOnDevice::new(gpu, &scene.film.filter)?)
+        }
+    };
+    let mut instances: Vec<InstanceOnDevice> = Vec::with_capacity(volumes.len());
+    for (place, (instance, volume)) in scene.instances.iter().zip(volumes).enumerate() {
+        let former = Former::find(old, diff, instance.id, volume);
+        let made = instance_of(machine, former.as_ref(), place, instance, volume, lod, &instances, counters)?;
+        instances.push(made);
+    }
+    counters.sent.header += 1;
+    let rays = CameraRays::new(&scene.camera, &scene.film);
+    Ok(SceneOnDevice::new(gpu, &machine.albedo, instances, sky, filter, &rays, &scene.settings)?)
+}
+
+/// One instance; `before` are those that come before it in the scene.
+#[expect(clippy::too_many_arguments, reason = "as parts_of")]
+fn instance_of(
+    machine: &Machine,
+    former: Option<&Former<'_>>,
+    place: usize,
+    instance: &Instance,
+    volume: &Arc<CompressedVolume>,
+    lod: LodChoice,
+    before: &[InstanceOnDevice],
+    counters: &mut Counters,
+) -> Result<InstanceOnDevice, Fault> {
+    let gpu = &machine.gpu;
+    let tight = lod == LodChoice::Voxels;
+    let table = volume.labels();
+    let kept_looks = former.and_then(Former::looks);
+    let kept_boxes = former.and_then(|f| f.boxes(place, tight));
+    let visible = if kept_looks.is_none() || kept_boxes.is_none() {
+        let field = format!("instances[{place}].style.show");
+        let resolved = instance.style.show.resolve(&field, table.ids());
+        resolved.map_err(|e| RenderError::Scene(e.to_string()))?
+    } else {
+        Vec::new()
+    };
+    let looks = match kept_looks {
+        Some(kept) => Arc::clone(kept),
+        None => {
+            counters.rebuilt.materials += 1;
+            counters.sent.materials += 1;
+            let looks = Looks::new(&instance.style, table.ids(), table.contacts().iter(), &visible);
+            Arc::new(LooksOnDevice::new(gpu, &looks)?)
+        }
+    };
+    let boxes = match kept_boxes {
+        Some(kept) => Arc::clone(kept),
+        None => {
+            counters.rebuilt.acceleration += 1;
+            counters.sent.boxes += 1;
+            // The same volume may be on the device already, with all that is wanted now.
+            let here = former.map(|f| f.parts().boxes.nodes());
+            let here = here.into_iter().chain(before.iter().map(|i| i.boxes.nodes()));
+            let known = here.filter(|n| n.is_of(volume)).find(|n| n.covers(&visible)).map(Arc::clone);
+            let nodes = match known {
+                Some(nodes) => nodes,
+                None => {
+                    counters.sent.nodes += 1;
+                    Arc::new(Nodes::new(gpu, volume, &visible)?)
+                }
+            };
+            Arc::new(Boxes::new(gpu, place as u32, volume, nodes, &visible, tight)?)
+        }
+    };
+    let placement = placement(place, instance.world_from_index)?;
+    Ok(InstanceOnDevice { boxes, looks, placement, lod })
+}
+
+fn placement(place: usize, world_from_index: DAffine3) -> Result<Placement, RenderError> {
+    Placement::of_instance(place as u32, world_from_index)
+}
