@@ -72,6 +72,11 @@ impl VulkanRenderer {
         &self.machine.gpu
     }
 
+    /// Shows nothing any more and gives the scene's memory back; the compiled programs stay.
+    pub fn forget_scene(&mut self) {
+        self.shown = None;
+    }
+
     /// How often each part of a scene was sent to the device.
     pub fn sent(&self) -> Sent {
         self.counters.sent

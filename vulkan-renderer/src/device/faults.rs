@@ -13,31 +13,49 @@ pub enum Fault {
     Submission,
 }
 
-/// Countdowns to the failures; 0: none is due.
+/// Failures that are due.
 #[derive(Debug, Default)]
 pub(super) struct Faults {
-    allocation: AtomicU32,
-    submission: AtomicU32,
+    allocation: Due,
+    submission: Due,
+}
+
+#[derive(Debug, Default)]
+struct Due {
+    /// Calls until the first that fails, it included; 0: none does.
+    countdown: AtomicU32,
+    /// How many fail from there on.
+    times: AtomicU32,
 }
 
 impl Faults {
-    /// The `nth` call from now fails, 1 being the next.
-    pub(super) fn inject(&self, fault: Fault, nth: u32) {
-        self.countdown(fault).store(nth, Ordering::Relaxed);
+    /// From the `nth` call from now on, 1 being the next, `times` calls fail.
+    pub(super) fn inject(&self, fault: Fault, nth: u32, times: u32) {
+        let due = self.due(fault);
+        due.countdown.store(nth, Ordering::Relaxed);
+        due.times.store(times, Ordering::Relaxed);
     }
 
     /// The result of a call, or the failure that is due.
     pub(super) fn instead<T>(&self, fault: Fault, result: Result<T, vk::Result>) -> Result<T, vk::Result> {
-        let due =
-            self.countdown(fault).fetch_update(Ordering::Relaxed, Ordering::Relaxed, |n| n.checked_sub(1));
-        match (due, fault) {
-            (Ok(1), Fault::Allocation) => Err(vk::Result::ERROR_OUT_OF_DEVICE_MEMORY),
-            (Ok(1), Fault::Submission) => Err(vk::Result::ERROR_DEVICE_LOST),
-            _ => result,
+        let Due { countdown, times } = self.due(fault);
+        let order = Ordering::Relaxed;
+        let fails = match countdown.fetch_update(order, order, |n| if n > 1 { Some(n - 1) } else { None }) {
+            Err(1) => {
+                let last = times.fetch_sub(1, order) <= 1;
+                countdown.store(u32::from(!last), order);
+                true
+            }
+            _ => false,
+        };
+        match (fails, fault) {
+            (true, Fault::Allocation) => Err(vk::Result::ERROR_OUT_OF_DEVICE_MEMORY),
+            (true, Fault::Submission) => Err(vk::Result::ERROR_DEVICE_LOST),
+            (false, _) => result,
         }
     }
 
-    fn countdown(&self, fault: Fault) -> &AtomicU32 {
+    fn due(&self, fault: Fault) -> &Due {
         match fault {
             Fault::Allocation => &self.allocation,
             Fault::Submission => &self.submission,
@@ -50,14 +68,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_nth_call_fails_once() {
+    fn the_nth_calls_fail() {
         let faults = Faults::default();
         let call = |fault| faults.instead(fault, Ok(7));
         assert_eq!(call(Fault::Allocation), Ok(7));
-        faults.inject(Fault::Allocation, 2);
+        faults.inject(Fault::Allocation, 2, 1);
         assert_eq!(call(Fault::Allocation), Ok(7));
         assert_eq!(call(Fault::Submission), Ok(7));
         assert_eq!(call(Fault::Allocation), Err(vk::Result::ERROR_OUT_OF_DEVICE_MEMORY));
         assert_eq!(call(Fault::Allocation), Ok(7));
+        faults.inject(Fault::Submission, 2, 2);
+        let lost = Err(vk::Result::ERROR_DEVICE_LOST);
+        assert_eq!([(); 5].map(|()| call(Fault::Submission)), [Ok(7), lost, lost, Ok(7), Ok(7)]);
     }
 }

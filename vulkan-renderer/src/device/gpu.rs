@@ -198,10 +198,10 @@ impl Gpu {
         self.inner.allocated.load(Ordering::Relaxed)
     }
 
-    /// The `nth` such call from now fails, 1 being the next: for tests of those who must bear it.
+    /// From the `nth` such call from now on, 1 being the next, `times` calls fail: for tests of those who must bear it.
     #[doc(hidden)]
-    pub fn inject(&self, fault: Fault, nth: u32) {
-        self.inner.faults.inject(fault, nth);
+    pub fn inject(&self, fault: Fault, nth: u32, times: u32) {
+        self.inner.faults.inject(fault, nth, times);
     }
 
     /// Writes what the driver compiled to the cache's folder, where it has one. A cache that cannot be written is no failure.

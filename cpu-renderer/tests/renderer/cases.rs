@@ -1,0 +1,334 @@
+//! A renderer as its users call it, on small volumes whose pictures have closed forms. `super::renderer()` makes the one that is
+//! tested: other renderers' tests include this file.
+
+use std::f32::consts::FRAC_1_PI;
+use std::sync::Arc;
+use std::time::Duration;
+
+use glam::{DAffine3, DMat3, DVec3};
+use pumice_core::{CompressedVolume, Job, LabelBuffer, LabelType, VolumeInfo, compress_labels};
+use pumice_render::{Image, Picture, Rebuilt, RenderError, Renderer};
+use pumice_scene::{
+    Camera, Environment, Film, Filter, Instance, LabelStyle, Lod, Material, Mode, Projection, SCENE_VERSION,
+    Scene, Settings, Show, Sun, World,
+};
+
+const BLACK: Environment = Environment::Constant { radiance: [0.0; 3] };
+
+/// A slab of label 5 with a tower of label 9 on it: 16 × 16 × 8 voxels, floor up to z = 2, tower 4 × 4 voxels to z = 8.
+pub(crate) fn volume() -> Arc<CompressedVolume> {
+    let mut labels = vec![0u8; 16 * 16 * 8];
+    for (i, label) in labels.iter_mut().enumerate() {
+        let (x, y, z) = (i % 16, i / 16 % 16, i / 256);
+        *label = match z {
+            0 | 1 => 5,
+            _ if (12..16).contains(&x) && (12..16).contains(&y) => 9,
+            _ => 0,
+        };
+    }
+    Arc::new(compress_labels(VolumeInfo::new([16, 16, 8], LabelType::U8), LabelBuffer::U8(labels)).unwrap())
+}
+
+/// Looks straight down on the floor's corner away from the tower: 3 × 3 voxels around (3, 3), every pixel floor.
+pub(crate) fn looking_down(environment: Environment, suns: Vec<Sun>, material: Material) -> Scene {
+    let lambert = material;
+    Scene {
+        version: SCENE_VERSION,
+        instances: vec![Instance {
+            id: 1,
+            source: "memory".into(),
+            world_from_index: DAffine3::IDENTITY,
+            style: LabelStyle { material: lambert, ..LabelStyle::default() },
+        }],
+        camera: Camera {
+            world_from_camera: DAffine3 { matrix3: DMat3::IDENTITY, translation: DVec3::new(3.0, 3.0, 20.0) },
+            projection: Projection::Orthographic { scale: 3.0 },
+            shift: [0.0; 2],
+            clip: [0.0, f64::MAX],
+        },
+        film: Film { width: 8, height: 8, filter: Filter::Box { width: 1.0 } },
+        world: World { environment, backdrop: None },
+        suns,
+        settings: Settings::default(),
+    }
+}
+
+pub(crate) fn lambert(albedo: f32) -> Material {
+    Material { base_color: [albedo; 3], specular: 0.0, roughness: 1.0, ..Material::default() }
+}
+
+fn render(scene: &Scene, spp: u32) -> Image {
+    let mut renderer = super::renderer();
+    let volumes = vec![volume(); scene.instances.len()];
+    renderer.set_scene(scene, &volumes).unwrap();
+    let job = Job::new();
+    while renderer.advance(Duration::from_millis(20), spp, &job).unwrap().spp < spp {}
+    renderer.picture().unwrap().color
+}
+
+fn mean(image: &Image) -> f64 {
+    let sum: f64 = image.pixels.iter().flatten().map(|&v| f64::from(v)).sum();
+    sum / (3 * image.pixels.len()) as f64
+}
+
+#[test]
+fn a_point_sun_gives_albedo_over_pi_times_strength_times_cosine() {
+    for tilt in [0.0f64, 0.5, 1.2] {
+        // From the side away from the tower, so that nothing shades the floor.
+        let direction = [tilt.sin(), 0.0, -tilt.cos()];
+        let sun = Sun { direction, strength: 3.0, color: [1.0; 3], angle_rad: 0.0 };
+        let mut scene = looking_down(BLACK, vec![sun], lambert(0.6));
+        scene.settings.mode = Mode::OneBounce;
+        let expected = 0.6 * FRAC_1_PI * 3.0 * tilt.cos() as f32;
+        for pixel in render(&scene, 2).pixels {
+            // One light, one direction, no noise: only f32 rounding of a handful of factors.
+            assert!(
+                pixel.iter().all(|v| (v - expected).abs() <= 4e-6 * expected),
+                "{pixel:?}, expected {expected}"
+            );
+        }
+    }
+}
+
+#[test]
+fn a_wide_sun_gives_what_a_point_of_the_same_strength_does_from_above() {
+    // Irradiance of a cone of uniform radiance around the normal is its strength, whatever its angle.
+    let sun = Sun { direction: [0.0, 0.0, -1.0], strength: 2.0, color: [1.0; 3], angle_rad: 0.6 };
+    let mut scene = looking_down(BLACK, vec![sun], lambert(0.5));
+    scene.settings.mode = Mode::OneBounce;
+    // The tower's shadow does not reach the corner at 0.3 rad: 9 voxels away, 6 high.
+    let got = mean(&render(&scene, 256));
+    let expected = 0.5 / std::f64::consts::PI * 2.0;
+    // 64 pixels × 256 stratified samples of an integrand that varies by 5 %: 1e-3 is far above their noise.
+    assert!((got / expected - 1.0).abs() < 1e-3, "{got}, expected {expected}");
+}
+
+#[test]
+fn a_hidden_sun_gives_nothing() {
+    let sun = Sun { direction: [0.0, 0.0, 1.0], strength: 3.0, color: [1.0; 3], angle_rad: 0.0 };
+    assert_eq!(mean(&render(&looking_down(BLACK, vec![sun], lambert(0.6)), 4)), 0.0);
+}
+
+#[test]
+fn one_bounce_counts_the_sky_once() {
+    // The floor alone under an even sky: albedo × radiance, and nothing more to bounce off.
+    let mut scene = looking_down(Environment::Constant { radiance: [0.7; 3] }, vec![], lambert(0.5));
+    scene.instances[0].style.show = Show::Only(vec![5]);
+    scene.settings.mode = Mode::OneBounce;
+    let image = render(&scene, 4);
+    assert!(image.pixels.iter().flatten().all(|v| (v - 0.35).abs() < 1e-6), "{:?}", image.pixels[0]);
+}
+
+#[test]
+fn ambient_occlusion_is_one_in_the_open_and_less_beside_the_tower() {
+    let mut scene = looking_down(BLACK, vec![], lambert(0.5));
+    scene.settings.mode = Mode::AmbientOcclusion;
+    let mut open = scene.clone();
+    open.instances[0].style.show = Show::Only(vec![5]);
+    assert_eq!(mean(&render(&open, 4)), 1.0);
+    // Beside the tower's corner, half a voxel from its face.
+    let mut near = scene.clone();
+    near.camera.world_from_camera.translation = DVec3::new(11.5, 14.0, 20.0);
+    near.camera.projection = Projection::Orthographic { scale: 0.5 };
+    let close = mean(&render(&near, 64));
+    assert!((0.4..0.8).contains(&close), "{close}");
+    // Out of reach, the tower hides nothing.
+    near.settings.ao_distance = 0.2;
+    assert_eq!(mean(&render(&near, 16)), 1.0);
+}
+
+#[test]
+fn a_cancelled_picture_goes_on_as_if_nothing_had_happened() {
+    let scene = looking_down(Environment::Constant { radiance: [1.0; 3] }, vec![], lambert(0.8));
+    let mut renderer = super::renderer();
+    renderer.set_scene(&scene, &[volume()]).unwrap();
+    let job = Job::new();
+    renderer.advance(Duration::ZERO, 3, &job).unwrap();
+    let cancelled = Job::new();
+    cancelled.cancel();
+    assert!(matches!(renderer.advance(Duration::from_secs(1), 8, &cancelled), Err(RenderError::Cancelled)));
+    while renderer.advance(Duration::from_millis(5), 8, &job).unwrap().spp < 8 {}
+    assert_eq!(renderer.picture().unwrap().color, render(&scene, 8));
+}
+
+#[test]
+fn a_faulty_scene_leaves_the_former_one() {
+    let scene = looking_down(Environment::Constant { radiance: [1.0; 3] }, vec![], lambert(0.8));
+    let mut renderer = super::renderer();
+    renderer.set_scene(&scene, &[volume()]).unwrap();
+    renderer.advance(Duration::ZERO, 1, &Job::new()).unwrap();
+    let before = renderer.picture().unwrap();
+    let mut no_such_label = scene.clone();
+    no_such_label.instances[0].style.show = Show::Only(vec![6]);
+    let mut not_a_number = scene.clone();
+    not_a_number.camera.shift[0] = f64::NAN;
+    let mut no_picture = scene;
+    no_picture.world.environment =
+        Environment::Image { path: "absent.exr".into(), rotation_rad: 0.0, strength: 1.0 };
+    for (bad, named) in
+        [(no_such_label, "label 6"), (not_a_number, "camera.shift"), (no_picture, "absent.exr")]
+    {
+        let error = renderer.set_scene(&bad, &[volume()]).unwrap_err().to_string();
+        assert!(error.contains(named) && !error.contains('\n'), "{error}");
+        assert_eq!(renderer.picture().unwrap(), before);
+    }
+}
+
+#[test]
+fn seeds_and_levels_of_detail_change_the_picture_and_nothing_else_does() {
+    let mut scene = looking_down(Environment::Constant { radiance: [1.0; 3] }, vec![], lambert(0.8));
+    scene.camera.projection = Projection::Orthographic { scale: 18.0 };
+    scene.camera.world_from_camera.translation = DVec3::new(8.0, 8.0, 20.0);
+    let image = render(&scene, 4);
+    assert_eq!(image, render(&scene, 4));
+    let mut other = scene.clone();
+    other.settings.seed = 1;
+    assert_ne!(image, render(&other, 4));
+    for lod in [Lod::Cells, Lod::Boxes, Lod::Distance { pixels: 1.0 }, Lod::Distance { pixels: 100.0 }] {
+        let mut coarse = scene.clone();
+        coarse.settings.lod = lod;
+        assert!(mean(&render(&coarse, 4)) > 0.0, "{lod:?}");
+    }
+}
+
+#[test]
+fn two_instances_of_a_volume_are_both_seen() {
+    let mut scene = looking_down(Environment::Constant { radiance: [1.0; 3] }, vec![], lambert(0.5));
+    scene.settings.mode = Mode::OneBounce;
+    scene.instances[0].style.show = Show::Only(vec![5]);
+    let mut second = scene.instances[0].clone();
+    second.id = 2;
+    second.world_from_index = DAffine3::from_translation(DVec3::new(0.0, 0.0, 5.0));
+    second.style.material = lambert(0.25);
+    scene.instances.push(second);
+    // The second lies above the first, and the camera looks from above.
+    let image = render(&scene, 4);
+    assert!(image.pixels.iter().flatten().all(|v| (v - 0.25).abs() < 1e-6), "{:?}", image.pixels[0]);
+}
+
+/// A camera a millionth of a voxel above the floor, looking along it towards the tower.
+fn along_the_floor(scene: &mut Scene, fov_rad: f64) {
+    scene.camera.world_from_camera = DAffine3 {
+        matrix3: DMat3::from_cols(DVec3::NEG_Y, DVec3::Z, DVec3::NEG_X),
+        translation: DVec3::new(0.5, 13.0, 2.000_001),
+    };
+    scene.camera.projection = Projection::Perspective { fov_rad };
+}
+
+/// What the pixels' middles see: (floor, tower, nothing), and the least cosine at which the floor is met.
+fn seen_along_the_floor(scene: &Scene, picture: Picture) -> ([usize; 3], f64) {
+    let (labels, depths, normals) =
+        (picture.label.unwrap(), picture.depth.unwrap(), picture.normal.unwrap().pixels);
+    let height = scene.camera.world_from_camera.translation.z - 2.0;
+    let (mut seen, mut least) = ([0; 3], 1.0f64);
+    for ((label, depth), normal) in labels.into_iter().zip(depths).zip(normals) {
+        match (label, normal) {
+            (0, _) => seen[2] += 1,
+            (1, [0.0, 0.0, 1.0]) => {
+                seen[0] += 1;
+                least = least.min(height / f64::from(depth));
+            }
+            (2, [-1.0, 0.0, 0.0]) => seen[1] += 1,
+            other => panic!("a surface that cannot be seen from there: {other:?}"),
+        }
+    }
+    (seen, least)
+}
+
+#[test]
+fn no_extreme_material_puts_anything_but_numbers_on_the_film() {
+    let sun = |angle_rad| Sun { direction: [0.3, 0.2, -1.0], strength: 1e8, color: [1.0; 3], angle_rad };
+    let sky = Environment::Constant { radiance: [1e6, 0.0, 1.0] };
+    let (mut renderer, shared) = (super::renderer(), volume());
+    // At 10⁻⁶ rad across, the floor is met at cosines from 1.9·10⁻⁷ on, three halves of what f32 resolves beside 1.
+    for (fov_rad, grazing) in [(1.0, 0.1), (1e-3, 1e-4), (1e-6, 2e-7)] {
+        for roughness in [0.0, 1e-4, 1e-2, 1.0] {
+            for (metallic, ior, specular) in
+                [(0.0, 1.0, 0.5), (0.0, 1.0001, 0.5), (0.0, 3.0, 2.0), (1.0, 1.5, 0.5), (0.5, 1.5, 0.0)]
+            {
+                for angle_rad in [0.0, 1e-7, 0.01, std::f64::consts::PI] {
+                    let material = Material {
+                        base_color: [1.0, 0.0, 1e-30],
+                        metallic,
+                        roughness,
+                        specular,
+                        ior,
+                        emission: [0.0, 1e6, 0.0],
+                    };
+                    let mut scene = looking_down(sky.clone(), vec![sun(angle_rad)], material);
+                    along_the_floor(&mut scene, fov_rad);
+                    renderer.set_scene(&scene, std::slice::from_ref(&shared)).unwrap();
+                    while renderer.advance(Duration::ZERO, 4, &Job::new()).unwrap().spp < 4 {}
+                    let ([floor, tower, nothing], least) =
+                        seen_along_the_floor(&scene, renderer.picture().unwrap());
+                    assert!(floor >= 24 && tower + floor + nothing == 64, "{floor} {tower} {nothing}");
+                    assert!(tower >= 8, "{tower} pixels of tower at {fov_rad}");
+                    assert!(least < grazing, "the floor is met at cosine {least}");
+                    let image = renderer.color().unwrap();
+                    let bad = image.pixels.iter().flatten().filter(|v| !v.is_finite() || **v < 0.0).count();
+                    let lit = image.pixels.iter().filter(|p| p[1] > 0.0).count();
+                    let what =
+                        format!("roughness {roughness}, metallic {metallic}, ior {ior}, angle {angle_rad}");
+                    assert_eq!(bad, 0, "{what}");
+                    // What is seen of the volume glows green.
+                    assert!(lit >= floor, "{what}: {lit} of {floor}");
+                }
+            }
+        }
+    }
+}
+
+/// A camera move makes camera rays and a colour edit materials; only what is drawn and at which level of detail costs a hierarchy.
+#[test]
+fn only_what_differs_is_made_again() {
+    type Edit = fn(&mut Scene);
+    let base = looking_down(Environment::Constant { radiance: [1.0; 3] }, vec![], lambert(0.8));
+    let mut renderer = super::renderer();
+    let shared = volume();
+    let none = Rebuilt::default();
+    let cases: Vec<(&str, Edit, Rebuilt)> = vec![
+        ("all", |_| (), Rebuilt { camera: 1, film: 1, lights: 1, materials: 1, acceleration: 1 }),
+        ("nothing", |_| (), none),
+        ("camera", |s| s.camera.world_from_camera.translation.x += 0.5, Rebuilt { camera: 1, ..none }),
+        ("film", |s| s.film.width += 3, Rebuilt { camera: 1, film: 1, ..none }),
+        ("world", |s| s.world.backdrop = Some([[0.5; 3]; 2]), Rebuilt { lights: 1, ..none }),
+        ("seed", |s| s.settings.seed += 1, none),
+        ("bounces", |s| s.settings.bounces = 1, none),
+        ("material", |s| s.instances[0].style.material.metallic = 0.5, Rebuilt { materials: 1, ..none }),
+        ("place", |s| s.instances[0].world_from_index.translation.x += 0.25, none),
+        (
+            "show",
+            |s| s.instances[0].style.show = Show::Except(vec![5]),
+            Rebuilt { materials: 1, acceleration: 1, ..none },
+        ),
+        ("detail", |s| s.settings.lod = Lod::Cells, Rebuilt { acceleration: 1, ..none }),
+        ("by distance", |s| s.settings.lod = Lod::Distance { pixels: 4.0 }, none),
+        (
+            "camera, by distance",
+            |s| s.camera.world_from_camera.translation.z += 40.0,
+            Rebuilt { camera: 1, ..none },
+        ),
+        ("film, by distance", |s| s.film.width += 2, Rebuilt { camera: 1, film: 1, ..none }),
+        ("place, by distance", |s| s.instances[0].world_from_index.matrix3 *= 1.25, none),
+        ("all voxels", |s| s.settings.lod = Lod::Voxels, Rebuilt { acceleration: 1, ..none }),
+    ];
+    let mut scene = base;
+    for (name, edit, expected) in cases {
+        let before = renderer.rebuilt();
+        edit(&mut scene);
+        renderer.set_scene(&scene, std::slice::from_ref(&shared)).unwrap();
+        let after = renderer.rebuilt();
+        let made = Rebuilt {
+            camera: after.camera - before.camera,
+            film: after.film - before.film,
+            lights: after.lights - before.lights,
+            materials: after.materials - before.materials,
+            acceleration: after.acceleration - before.acceleration,
+        };
+        assert_eq!(made, expected, "{name}");
+        // What was kept is as good as new.
+        renderer.advance(Duration::ZERO, 4, &Job::new()).unwrap();
+        while renderer.advance(Duration::ZERO, 4, &Job::new()).unwrap().spp < 4 {}
+        assert_eq!(renderer.color().unwrap(), render(&scene, 4), "{name}");
+    }
+}

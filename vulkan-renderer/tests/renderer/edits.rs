@@ -1,0 +1,208 @@
+//! What an edit sends, what lies on the device, and how long launches are.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use glam::{DAffine3, DVec3};
+use pumice_core::{CompressedVolume, Job, LabelBuffer, LabelType, VolumeInfo, compress_labels};
+use pumice_render::Renderer as _;
+use pumice_scene::{Environment, Film, Filter, Lod, Material, Projection, Scene, Show};
+use pumice_vulkan::Sent;
+use pumice_vulkan::device::Backend;
+
+use super::Validated;
+use super::compute::cases::{lambert, looking_down};
+
+/// Balls of 60 labels side by side, 480 × 48 × 48 voxels.
+pub(super) fn balls() -> Arc<CompressedVolume> {
+    let dims = [480u32, 48, 48];
+    let ids = (0..dims[0] * dims[1] * dims[2])
+        .map(|i| {
+            let p = [i % 480, i / 480 % 48, i / (480 * 48)].map(|v| v as i32);
+            let away = p.map(|v| v % 24 - 12).iter().map(|d| d * d).sum::<i32>();
+            if away < 110 { (1 + p[0] / 24 * 4 + p[1] / 24 * 2 + p[2] / 24) as u16 } else { 0 }
+        })
+        .collect();
+    Arc::new(compress_labels(VolumeInfo::new(dims, LabelType::U16), LabelBuffer::U16(ids)).unwrap())
+}
+
+/// All of them from the side, under an even sky.
+pub(super) fn scene_of_balls() -> Scene {
+    let mut scene = looking_down(Environment::Constant { radiance: [1.0; 3] }, vec![], lambert(0.7));
+    scene.camera.world_from_camera.translation = DVec3::new(240.0, 24.0, 600.0);
+    scene.camera.projection = Projection::Perspective { fov_rad: 0.8 };
+    scene.film = Film { width: 96, height: 40, filter: Filter::Box { width: 1.0 } };
+    scene
+}
+
+#[test]
+fn an_edit_sends_what_it_changes_and_no_more() {
+    type Edit = fn(&mut Scene);
+    let none = Sent { header: 1, ..Sent::default() };
+    let cases: [(&str, Edit, Sent); 13] = [
+        ("all", |_| (), Sent { header: 1, lights: 1, filter: 1, materials: 1, boxes: 1, nodes: 1 }),
+        ("camera", |s| s.camera.world_from_camera.translation.x += 3.0, none),
+        ("bounces", |s| s.settings.bounces = 2, none),
+        ("place", |s| s.instances[0].world_from_index.translation.x += 0.25, none),
+        ("film's size", |s| s.film.width += 8, none),
+        (
+            "film's filter",
+            |s| s.film.filter = Filter::BlackmanHarris { width: 1.5 },
+            Sent { filter: 1, ..none },
+        ),
+        (
+            "sky",
+            |s| s.world.environment = Environment::Constant { radiance: [0.5; 3] },
+            Sent { lights: 1, ..none },
+        ),
+        (
+            "a label's colour",
+            |s| {
+                let red = Material { base_color: [0.9, 0.1, 0.1], ..s.instances[0].style.material };
+                let materials = &mut s.instances[0].style.materials;
+                *materials = [(9, red)].into_iter().collect();
+            },
+            Sent { materials: 1, ..none },
+        ),
+        (
+            "a label hidden",
+            |s| s.instances[0].style.show = Show::Except(vec![7]),
+            Sent { materials: 1, boxes: 1, ..none },
+        ),
+        (
+            "another hidden",
+            |s| s.instances[0].style.show = Show::Except(vec![7, 8]),
+            Sent { materials: 1, boxes: 1, ..none },
+        ),
+        ("shown again", |s| s.instances[0].style.show = Show::All, Sent { materials: 1, boxes: 1, ..none }),
+        ("coarse", |s| s.settings.lod = Lod::Distance { pixels: 2.0 }, Sent { boxes: 1, ..none }),
+        ("camera, coarse", |s| s.camera.world_from_camera.translation.z += 500.0, none),
+    ];
+    for backend in [Backend::RayQuery, Backend::Compute] {
+        let mut renderer = Validated::open(backend);
+        let (mut scene, volume) = (scene_of_balls(), balls());
+        for (name, edit, expected) in &cases {
+            let before = renderer.sent();
+            edit(&mut scene);
+            renderer.set_scene(&scene, std::slice::from_ref(&volume)).unwrap();
+            let after = renderer.sent();
+            let sent = Sent {
+                header: after.header - before.header,
+                lights: after.lights - before.lights,
+                filter: after.filter - before.filter,
+                materials: after.materials - before.materials,
+                boxes: after.boxes - before.boxes,
+                nodes: after.nodes - before.nodes,
+            };
+            assert_eq!(sent, *expected, "{name}");
+        }
+    }
+}
+
+/// Only labels that are drawn lie on the device; one that is shown for the first time brings its nodes, and what was there stays.
+#[test]
+fn hidden_labels_are_not_on_the_device() {
+    let mut renderer = Validated::open(Backend::Compute);
+    let (mut scene, volume) = (scene_of_balls(), balls());
+    let part = |renderer: &Validated, name: &str| {
+        renderer.bytes().into_iter().find(|(n, _)| *n == name).unwrap_or_else(|| panic!("{name}")).1
+    };
+    let show = |renderer: &mut Validated, scene: &Scene| {
+        renderer.set_scene(scene, std::slice::from_ref(&volume)).unwrap();
+    };
+    show(&mut renderer, &scene);
+    let of_volume: u64 = ["boxes", "labels"].map(|p| part(&renderer, p)).iter().sum();
+    let in_memory = volume.boxes().len() as u64 * 12;
+    assert!(of_volume >= in_memory && of_volume < in_memory + 4096, "{of_volume}, in memory {in_memory}");
+    let nodes_in_memory = 2 * volume.nodes().len() as u64;
+    assert!(part(&renderer, "nodes") < nodes_in_memory + 64);
+    assert!(part(&renderer, "leaves") < 8 * volume.dictionary().len() as u64 + 64);
+
+    renderer.forget_scene();
+    scene.instances[0].style.show = Show::Only(vec![1, 2]);
+    show(&mut renderer, &scene);
+    assert!(part(&renderer, "boxes") < in_memory / 10);
+    let before = renderer.sent();
+    scene.instances[0].style.show = Show::Only(vec![1, 2, 3]);
+    show(&mut renderer, &scene);
+    assert_eq!(renderer.sent().nodes, before.nodes + 1, "label 3 was not there");
+    // Twice in the scene, once on the device.
+    let nodes = part(&renderer, "nodes");
+    let mut second = scene.instances[0].clone();
+    second.id = 2;
+    second.world_from_index = DAffine3::from_translation(DVec3::new(0.0, 60.0, 0.0));
+    scene.instances.push(second);
+    renderer.set_scene(&scene, &[Arc::clone(&volume), Arc::clone(&volume)]).unwrap();
+    assert_eq!(part(&renderer, "nodes"), nodes);
+    assert_eq!(renderer.sent().nodes, before.nodes + 1);
+}
+
+/// All that was taken is given back.
+#[test]
+fn nothing_is_left_on_the_device() {
+    for backend in Backend::ALL {
+        let mut renderer = Validated::open(backend);
+        let (scene, volume) = (scene_of_balls(), balls());
+        let mut held = Vec::new();
+        for _ in 0..3 {
+            renderer.set_scene(&scene, std::slice::from_ref(&volume)).unwrap();
+            renderer.advance(Duration::ZERO, 1, &Job::new()).unwrap();
+            renderer.picture().unwrap();
+            let counted: u64 = renderer.bytes().iter().map(|(_, b)| b).sum();
+            let allocated = renderer.gpu().allocated_bytes();
+            // Beside the parts: tables of shaders, the albedo of layers, staging memory, alignment of each buffer.
+            assert!(allocated >= counted && allocated < counted + (20 << 20), "{allocated} {counted}");
+            renderer.forget_scene();
+            held.push(renderer.gpu().allocated_bytes());
+        }
+        assert_eq!(held[1], held[2], "{backend}");
+    }
+}
+
+/// However deep paths go, a launch is cut before it is felt. (The first ones on an unknown device may be: their cost is not known
+/// yet. A machine that is busy with something else makes single launches long; most are not.)
+#[test]
+fn launches_are_short() {
+    let mut renderer = Validated::open(Backend::Compute);
+    let (mut scene, volume) = (scene_of_balls(), balls());
+    scene.settings.bounces = 32;
+    scene.film = Film { width: 640, height: 360, filter: Filter::Box { width: 1.0 } };
+    renderer.set_scene(&scene, std::slice::from_ref(&volume)).unwrap();
+    let before = renderer.launches();
+    renderer.advance(Duration::ZERO, 1, &Job::new()).unwrap();
+    let after = renderer.launches();
+    let (launches, too_long) = (after.0 - before.0, after.1 - before.1);
+    assert!(launches > 10, "{launches}: the film takes more than a second here");
+    assert!(too_long * 4 <= launches, "{too_long} of {launches}");
+}
+
+/// A cancelled pass is left after the launch in flight, and goes on where it was.
+#[test]
+fn a_pass_that_is_cancelled_midway_goes_on() {
+    let (mut scene, volume) = (scene_of_balls(), balls());
+    scene.film = Film { width: 320, height: 180, filter: Filter::Box { width: 1.0 } };
+    let whole = |renderer: &mut Validated| {
+        while renderer.advance(Duration::ZERO, 2, &Job::new()).unwrap().spp < 2 {}
+        renderer.color().unwrap()
+    };
+    let mut renderer = Validated::open(Backend::Compute);
+    renderer.set_scene(&scene, std::slice::from_ref(&volume)).unwrap();
+    let expected = whole(&mut renderer);
+    let mut cut = 0;
+    for delay_ms in [5, 30, 60, 120] {
+        let mut other = Validated::open(Backend::Compute);
+        other.set_scene(&scene, std::slice::from_ref(&volume)).unwrap();
+        let job = Arc::new(Job::new());
+        let canceller = Arc::clone(&job);
+        let thread = std::thread::spawn(move || {
+            std::thread::sleep(Duration::from_millis(delay_ms));
+            canceller.cancel();
+        });
+        let before = other.launches().0;
+        let cancelled = other.advance(Duration::from_secs(3600), 2, &job).is_err();
+        cut += u32::from(cancelled && other.launches().0 > before);
+        thread.join().unwrap();
+        assert_eq!(whole(&mut other), expected, "{delay_ms} ms");
+    }
+    assert!(cut > 0, "no pass was cut within");
+}
