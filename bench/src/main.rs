@@ -21,7 +21,6 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use crate::programs::Programs;
-use crate::table::Table;
 
 /// Why a bench stopped: one line.
 type Result<T> = std::result::Result<T, String>;
