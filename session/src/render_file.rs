@@ -160,7 +160,18 @@ fn prepare(request: &RenderRequest, job: &Job) -> Result<Prepared> {
             })?;
             let volumes = open_all(&made.scene)?;
             check_hashes(picture, &made, &volumes)?;
-            let backend = if request.backend == "auto" { made.backend } else { request.backend.clone() };
+            let backend = match request.backend.as_str() {
+                "auto" => {
+                    make_renderer(&made.backend).map_err(|e| {
+                        let picture = picture.display();
+                        SessionError::Caller(format!(
+                            "{picture}: it was drawn by a backend that is not here: {e}; name another one for a picture like it"
+                        ))
+                    })?;
+                    made.backend
+                }
+                named => named.to_owned(),
+            };
             (made.scene, volumes, Stop { spp: Some(made.spp), ..Stop::default() }, backend)
         }
         Subject::File(path) if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json")) => {
