@@ -196,8 +196,12 @@ pub(crate) struct Render {
     /// Render a picture again from what it carries: the same pixels
     #[arg(long, value_name = "PICTURE", conflicts_with_all = ["input", "size", "spp", "time", "error", "bounces", "mode", "lod", "seed", "labels", "pick", "view"])]
     pub(crate) again: Option<PathBuf>,
-    /// What renders
-    #[arg(long, value_name = "NAME", default_value = "auto")]
+    /// What renders: auto, cpu, vulkan-rt, vulkan-query or vulkan-compute
+    ///
+    /// auto takes the best graphics processor, goes on with the next backend where a device fails, and says so. A backend that is
+    /// named is used alone; its device is the best that can, or the one after a colon, by number or part of its name: vulkan-rt:0.
+    /// `pumice devices` lists them
+    #[arg(long, value_name = "NAME[:DEVICE]", default_value = "auto")]
     pub(crate) backend: String,
     /// Picture size in pixels; default 960x540, or the scene's
     #[arg(long, value_name = "WxH", value_parser = size)]

@@ -157,9 +157,9 @@ class Session:
         """
         The scene as it is now, in JSON.
         """
-    def status(self, /) -> tuple[str, str | None, int, str, dict[str, int]]:
+    def status(self, /) -> tuple[str, str | None, int, str, str, list[str], dict[str, int]]:
         """
-        (state, error, revision, backend, counters).
+        (state, error, revision, backend, device, notices, counters).
         """
     def stop(self, /) -> None:
         """

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -13,7 +14,7 @@ import numpy.typing as npt
 
 from . import _native, arguments
 from .arguments import Path
-from .errors import InputError
+from .errors import InputError, PumiceWarning
 from .scene import Scene
 from .volume import Job, Volume
 
@@ -63,6 +64,16 @@ class Picture:
         return str(self._figures["backend"])
 
     @property
+    def device(self) -> str:
+        """What the backend drew on."""
+        return str(self._figures["device"])
+
+    @property
+    def notices(self) -> list[str]:
+        """What went wrong with a device and was overcome, a line each."""
+        return list(self._figures["notices"])
+
+    @property
     def seconds(self) -> float:
         """Wall seconds of rendering."""
         return float(self._figures["seconds"])
@@ -100,6 +111,8 @@ def render(
     """Renders until the first limit is reached: samples a pixel, wall seconds, estimated relative error.
 
     `volumes`: one for each instance in the scene's order, or by the instance's source; without them the sources are opened.
+    `backend`: `auto`, `cpu`, or one of Vulkan's, alone or with its device: `vulkan-rt`, `vulkan-query:1`, `vulkan-compute:radeon`
+    (see `devices`). `auto` goes on with the next backend where a device fails; that is a `PumiceWarning`.
     """
     if spp is None and seconds is None and error is None:
         raise InputError("render: give spp, seconds or error, or it would never end")
@@ -116,7 +129,10 @@ def render(
         on_progress=told,
         **stop,
     )
-    return Picture(native)
+    picture = Picture(native)
+    for line in picture.notices:
+        warnings.warn(line, PumiceWarning, stacklevel=2)
+    return picture
 
 
 def in_order(scene: Scene, volumes: Volumes) -> list[_native.Volume]:
@@ -134,5 +150,8 @@ def in_order(scene: Scene, volumes: Volumes) -> list[_native.Volume]:
 
 
 def devices() -> list[dict[str, Any]]:
-    """What can render here, what would be chosen, and why."""
+    """What can render here, what `auto` would take, and why: a dict for each Vulkan device and backend, and one for the CPU.
+
+    Keys: `backend`, `device`, `kind`, `usable`, `chosen`, `reason`; for Vulkan also `number` (as in `vulkan-rt:0`) and `driver`.
+    """
     return list(json.loads(_native.devices()))

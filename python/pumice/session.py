@@ -16,12 +16,15 @@ from .volume import Volume
 
 @dataclasses.dataclass(frozen=True)
 class Status:
-    """How a session stands: state is rendering, converged, failed or stopped."""
+    """How a session stands: state is rendering, converged, failed or stopped; `backend` draws on `device`; `notices` say what went
+    wrong with a device and was overcome, the latest last."""
 
     state: str
     error: str | None
     revision: int
     backend: str
+    device: str
+    notices: list[str]
     counters: dict[str, int]
 
 

@@ -69,12 +69,21 @@ impl Session {
         Ok(found)
     }
 
-    /// (state, error, revision, backend, counters).
+    /// (state, error, revision, backend, device, notices, counters).
+    #[allow(clippy::type_complexity, reason = "a tuple for the façade, which names its parts")]
     fn status(
         &self,
-    ) -> (&'static str, Option<String>, u64, &'static str, std::collections::BTreeMap<String, u64>) {
+    ) -> (
+        &'static str,
+        Option<String>,
+        u64,
+        &'static str,
+        String,
+        Vec<String>,
+        std::collections::BTreeMap<String, u64>,
+    ) {
         let s = self.0.status();
-        (s.state.name(), s.error, s.revision, s.backend, s.counters)
+        (s.state.name(), s.error, s.revision, s.backend, s.device, s.notices, s.counters)
     }
 
     /// The scene as it is now, in JSON.

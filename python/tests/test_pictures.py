@@ -2,6 +2,7 @@
 
 import json
 import subprocess
+import time
 
 import numpy as np
 import pumice
@@ -16,9 +17,9 @@ def scene(volume, tmp_path):
 
 def test_the_command_makes_the_same_picture(scene, volume, command, tmp_path):
     scene.save(tmp_path / "scene.json")
-    picture = pumice.render(scene, volume, spp=5)
+    picture = pumice.render(scene, volume, spp=5, backend="cpu")
     picture.save(tmp_path / "python.exr")
-    run = [command, "render", tmp_path / "scene.json", "-o", tmp_path / "command.exr", "--spp", "5"]
+    run = [command, "render", tmp_path / "scene.json", "-o", tmp_path / "command.exr", "--spp", "5", "--backend", "cpu"]
     subprocess.run(run, check=True, capture_output=True)
     compared = subprocess.run(
         [command, "compare", tmp_path / "python.exr", tmp_path / "command.exr", "--json", "-"],
@@ -28,17 +29,17 @@ def test_the_command_makes_the_same_picture(scene, volume, command, tmp_path):
     )
     report = json.loads(compared.stdout)
     assert report["rel_mse"] == 0 and report["flip"] == 0
-    again = pumice.render(scene, spp=5)
+    again = pumice.render(scene, spp=5, backend="cpu")
     np.testing.assert_array_equal(again.color, picture.color)
     other = scene.to_dict()
     other["settings"]["seed"] += 1
-    different = pumice.render(pumice.Scene.from_dict(other), volume, spp=5)
+    different = pumice.render(pumice.Scene.from_dict(other), volume, spp=5, backend="cpu")
     assert (different.color != picture.color).any(), "the comparison can see a difference"
 
 
 def test_what_a_picture_holds(scene, volume, labels):
     points = []
-    picture = pumice.render(scene, [volume], spp=8, on_progress=points.append)
+    picture = pumice.render(scene, [volume], spp=8, backend="cpu", on_progress=points.append)
     assert picture.color.shape == (40, 60, 3) and picture.color.dtype == np.float32
     assert np.isfinite(picture.color).all() and (picture.color >= 0).all()
     assert picture.spp == 8 == points[-1].spp and picture.backend == "cpu"
@@ -141,3 +142,40 @@ def test_figures_of_labels(volume):
 def test_devices():
     listed = pumice.devices()
     assert any(d["backend"] == "cpu" for d in listed) and sum(d["chosen"] for d in listed) == 1
+    for d in listed:
+        assert d["device"] and d["kind"] and d["reason"]
+        assert (d["backend"] == "cpu") != ("number" in d and "driver" in d)
+
+
+BACKENDS = ["vulkan-rt", "vulkan-query", "vulkan-compute"]
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_named_backend_draws_the_picture_of_the_cpu(scene, volume, backend):
+    """The surroundings of the tests bring a Vulkan device: without one this fails."""
+    picture = pumice.render(scene, volume, spp=4, backend=backend)
+    assert (picture.backend, picture.notices) == (backend, [])
+    device = next(d for d in pumice.devices() if d["backend"] == backend and d["usable"])
+    assert picture.device == device["device"]
+    same = pumice.render(scene, volume, spp=4, backend=f"{backend}:{device['number']}")
+    np.testing.assert_array_equal(same.color, picture.color)
+    cpu = pumice.render(scene, volume, spp=4, backend="cpu")
+    np.testing.assert_array_equal(picture.label, cpu.label)
+    np.testing.assert_array_equal(picture.depth, cpu.depth)
+    # A session draws by the same code as a render.
+    with pumice.Session(scene, volume, backend=backend, spp=4) as session:
+        while session.status.state == "rendering":
+            time.sleep(0.01)
+        frame = session.latest()
+        np.testing.assert_array_equal(np.asarray(frame)[::-1, :, :3], picture.color)
+        status = session.status
+        assert (status.backend, status.device, status.notices) == (backend, picture.device, [])
+
+
+@pytest.mark.parametrize("backend", ["abacus", "cpu:0", "vulkan-rt:99", "vulkan-rt:no such name", ""])
+def test_a_backend_that_is_not_here_is_an_input_error(scene, volume, backend):
+    with pytest.raises(pumice.InputError, match="^backend ") as raised:
+        pumice.render(scene, volume, spp=1, backend=backend)
+    assert "--" not in str(raised.value)
+    with pytest.raises(pumice.InputError, match="^backend "):
+        pumice.Session(scene, volume, backend=backend)

@@ -22,6 +22,9 @@ pub enum RenderError {
     /// backend may still draw the scene.
     #[error("{0}")]
     Device(String),
+    /// The picture was begun anew by other means and has no samples yet: there is nothing to hand over, but going on will do.
+    #[error("the picture was begun anew")]
+    Restarted,
     /// The job was cancelled.
     #[error("cancelled")]
     Cancelled,

@@ -1,64 +1,215 @@
 //! What can render on this machine, what would be chosen, and why.
+//!
+//! ```text
+//! name ──► choice: ways in order ──► fallback: opens the first, and the next where its device fails ──► Renderer
+//!            ▲ cards: what each Vulkan device is and lacks
+//! ```
+
+mod cache_folder;
+mod card;
+mod choice;
+mod fallback;
+mod machine;
 
 use std::path::Path;
 
 use pumice_cpu::CpuRenderer;
-use pumice_render::{Image, Renderer};
+use pumice_render::Image;
+use pumice_vulkan::device::{Backend, DeviceKind};
 use serde::Serialize;
 
-use crate::error::{Result, SessionError};
+use crate::error::Result;
+use card::Card;
+use choice::Way;
+
+pub use cache_folder::CACHE_VARIABLE;
+pub use fallback::FallbackRenderer;
+pub use machine::LOADER_VARIABLE;
+
+/// What is said of every graphics processor in this version.
+const UNPROVED: &str = "not yet run on hardware by its makers: tell us how it does";
 
 /// A way to render.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Device {
     /// Name for `--backend`.
     pub backend: &'static str,
     /// What it runs on.
     pub device: String,
+    /// Its number among the Vulkan devices, for `--backend NAME:NUMBER`; absent for the CPU.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub number: Option<usize>,
+    /// `discrete`, `integrated`, `virtual`, `other` or `software`; `cpu` for our own path tracer.
+    pub kind: &'static str,
+    /// Versions of Vulkan and the driver; absent for the CPU.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub driver: Option<String>,
+    /// Whether it can render at all.
+    pub usable: bool,
     /// Whether `auto` takes it.
     pub chosen: bool,
     /// Why it is or is not chosen.
     pub reason: String,
 }
 
-/// All ways to render here, best first.
+/// All ways to render here: each Vulkan device with each backend, and the CPU.
 pub fn devices() -> Vec<Device> {
-    let threads = std::thread::available_parallelism().map_or(1, usize::from);
-    vec![Device {
-        backend: "cpu",
-        device: format!("{} on {threads} thread{}", processor(), if threads == 1 { "" } else { "s" }),
-        chosen: true,
-        reason: "the only backend of this version: it needs no graphics processor".into(),
-    }]
+    listed(machine::cards())
 }
 
-/// The processor's own name, where the system tells.
+fn listed(cards: std::result::Result<Vec<Card>, String>) -> Vec<Device> {
+    let why_cpu = match &cards {
+        Err(why) => why.clone(),
+        Ok(cards) if cards.is_empty() => "Vulkan finds no device here".into(),
+        Ok(cards) if cards.iter().any(Card::is_graphics_processor) => {
+            "no graphics processor here can run a Vulkan backend".into()
+        }
+        Ok(_) => "no graphics processor among the Vulkan devices here".into(),
+    };
+    let cards = cards.unwrap_or_default();
+    let first = choice::automatic(&cards).first().copied().unwrap_or(Way::Cpu);
+    let mut devices = Vec::new();
+    for (number, card) in cards.iter().enumerate() {
+        for backend in Backend::ALL {
+            let chosen = first == Way::Vulkan { number, backend };
+            devices.push(Device {
+                backend: backend.name(),
+                device: card.name.clone(),
+                number: Some(number),
+                kind: card.kind_name(),
+                driver: Some(card.driver.clone()),
+                usable: card.can(backend),
+                chosen,
+                reason: reason(card, backend, chosen),
+            });
+        }
+    }
+    let chosen = first == Way::Cpu;
+    let reason = if chosen {
+        format!("auto takes it: {why_cpu}")
+    } else {
+        "runs everywhere; auto takes a graphics processor first".into()
+    };
+    devices.push(Device {
+        backend: "cpu",
+        device: processor(),
+        number: None,
+        kind: "cpu",
+        driver: None,
+        usable: true,
+        chosen,
+        reason,
+    });
+    devices
+}
+
+/// Why a device is or is not taken for a backend.
+fn reason(card: &Card, backend: Backend, chosen: bool) -> String {
+    let missing = card.missing(backend);
+    if !missing.is_empty() {
+        return format!("lacks {}", missing.join(", "));
+    }
+    match card.kind {
+        DeviceKind::Software => "computes on the CPU: auto prefers our own CPU path tracer".into(),
+        DeviceKind::Other => format!("not known to be a graphics processor: auto leaves it; {UNPROVED}"),
+        _ if chosen => format!("auto takes it; {UNPROVED}"),
+        _ => format!("auto takes another first; {UNPROVED}"),
+    }
+}
+
+/// The processor's own name, where the system tells, and its threads.
 fn processor() -> String {
     let linux = || {
         let text = std::fs::read_to_string("/proc/cpuinfo").ok()?;
         let line = text.lines().find(|l| l.starts_with("model name"))?;
         Some(line.split_once(':')?.1.trim().to_string())
     };
-    linux().unwrap_or_else(|| format!("{} processor", std::env::consts::ARCH))
+    let name = linux().unwrap_or_else(|| format!("{} processor", std::env::consts::ARCH));
+    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    format!("{name} on {threads} thread{}", if threads == 1 { "" } else { "s" })
 }
 
-/// Makes the renderer that `name` asks for; `auto` takes the best.
+/// Makes the renderer that `name` asks for: `auto`, `cpu`, or a Vulkan backend, which may name its device: `vulkan-rt:0`. Nothing
+/// is opened before the first scene is set.
 ///
 /// # Errors
 /// When there is no such backend here.
-pub fn make_renderer(name: &str) -> Result<Box<dyn Renderer>> {
-    match name {
-        "auto" | "cpu" => Ok(Box::new(CpuRenderer::new(read_environment))),
-        "vulkan-rt" | "vulkan-query" | "vulkan-compute" => Err(SessionError::Caller(format!(
-            "--backend {name}: this version of pumice has no Vulkan backend; use auto or cpu"
-        ))),
-        _ => Err(SessionError::Caller(format!(
-            "--backend {name}: no such backend; expected auto, cpu, vulkan-rt, vulkan-query or vulkan-compute"
-        ))),
+pub fn make_renderer(name: &str) -> Result<FallbackRenderer> {
+    let ways = choice::choose(name, machine::cards)?;
+    Ok(FallbackRenderer::new(ways.into_iter().map(opener).collect()))
+}
+
+fn opener(way: Way) -> fallback::Way {
+    match way {
+        Way::Cpu => fallback::Way {
+            backend: "cpu",
+            device: processor(),
+            open: Box::new(|| Ok(Box::new(CpuRenderer::new(read_environment)))),
+        },
+        Way::Vulkan { number, backend } => fallback::Way {
+            backend: backend.name(),
+            device: machine::cards()
+                .ok()
+                .and_then(|c| c.get(number).map(|c| c.name.clone()))
+                .unwrap_or_default(),
+            open: Box::new(move || machine::open(number, backend)),
+        },
     }
 }
 
 /// The scene-linear colours of an environment picture.
 fn read_environment(path: &Path) -> std::result::Result<Image, String> {
     pumice_render::read_exr(path).map(|picture| picture.color).map_err(|e| e.to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::choice::tests::card;
+    use super::*;
+
+    #[test]
+    fn one_way_is_chosen_and_every_reason_is_said() {
+        let lists = [
+            (Err("no Vulkan here: no loader (gone)".into()), "cpu"),
+            (Ok(vec![]), "cpu"),
+            (Ok(vec![card("llvmpipe", DeviceKind::Software, ["", "", ""])]), "cpu"),
+            (Ok(vec![card("Radeon", DeviceKind::Discrete, ["a", "b", "c"])]), "cpu"),
+            (Ok(vec![card("Radeon", DeviceKind::Integrated, ["VK_KHR_x", "", ""])]), "vulkan-query"),
+        ];
+        for (cards, expected) in lists {
+            let devices = listed(cards);
+            let chosen: Vec<_> = devices.iter().filter(|d| d.chosen).collect();
+            assert!(chosen.len() == 1 && chosen[0].backend == expected, "{devices:?}");
+            assert!(devices.iter().all(|d| !d.reason.is_empty() && !d.device.is_empty()));
+            // What runs on real hardware says that nobody has tried; nothing else does.
+            for d in &devices {
+                let real = d.usable && d.kind != "software" && d.kind != "cpu";
+                assert_eq!(d.reason.contains(UNPROVED), real, "{d:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn reasons_name_what_stands_in_the_way() {
+        let none = listed(Err("no Vulkan here: no loader (gone)".into()));
+        assert_eq!(none.len(), 1);
+        assert_eq!(none[0].reason, "auto takes it: no Vulkan here: no loader (gone)");
+        let devices = listed(Ok(vec![
+            card("Radeon", DeviceKind::Discrete, ["VK_KHR_ray_tracing_pipeline", "", ""]),
+            card("llvmpipe", DeviceKind::Software, ["", "", ""]),
+        ]));
+        let rows: Vec<_> = devices.iter().map(|d| (d.backend, d.number, d.usable, d.chosen)).collect();
+        let expected = [
+            ("vulkan-rt", Some(0), false, false),
+            ("vulkan-query", Some(0), true, true),
+            ("vulkan-compute", Some(0), true, false),
+            ("vulkan-rt", Some(1), true, false),
+            ("vulkan-query", Some(1), true, false),
+            ("vulkan-compute", Some(1), true, false),
+            ("cpu", None, true, false),
+        ];
+        assert_eq!(rows, expected);
+        assert_eq!(devices[0].reason, "lacks VK_KHR_ray_tracing_pipeline");
+        assert!(devices[3].reason.contains("computes on the CPU"));
+    }
 }

@@ -162,9 +162,10 @@ pub fn run(options: &DemoOptions, job: &Job, watch: &mut dyn FnMut(DemoStage)) -
     line(format!("# Pumice: {} labels, {x}×{y}×{z} voxels\n", volume.labels().len()));
     line("![The picture](picture.png)\n".into());
     line(format!(
-        "{} labels of the volume, path traced on the compressed form by the {} backend: {} samples a pixel, {}.\n",
+        "{} labels of the volume, path traced on the compressed form by the backend {} on {}: {} samples a pixel, {}.\n",
         FIGURE_LABELS.min(volume.labels().len()),
         figures.backend,
+        figures.device,
         figures.spp,
         figures
             .error_estimate

@@ -16,7 +16,7 @@ pub mod progressive;
 pub mod render_file;
 pub mod selection;
 
-pub use backend::{Device, devices, make_renderer};
+pub use backend::{Device, FallbackRenderer, devices, make_renderer};
 pub use compare_files::compare_pictures;
 pub use compress_file::{CompressOutcome, CompressRequest, compress_file, decompress_file, verify_file};
 pub use error::SessionError;

@@ -17,7 +17,7 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 
 use pumice_core::{CompressedVolume, Job};
-use pumice_render::{Pick, RenderError};
+use pumice_render::{Pick, RenderError, Renderer};
 use pumice_scene::{Instance, Scene, SceneEdit, SceneError};
 
 use crate::backend::make_renderer;
@@ -102,11 +102,18 @@ pub struct Status {
     pub error: Option<String>,
     /// Revision of the scene; the first is 1.
     pub revision: u64,
-    /// Name of the backend.
+    /// Name of the backend in use.
     pub backend: &'static str,
+    /// What it draws on.
+    pub device: String,
+    /// What went wrong with a device and was overcome, a line each, the latest last; no more than [`MOST_NOTICES`].
+    pub notices: Vec<String>,
     /// `edits.KIND` received, `rebuilt.KIND` made by the renderer, `frames` published.
     pub counters: BTreeMap<String, u64>,
 }
+
+/// A device that fails again and again must not fill the memory with its complaints.
+pub const MOST_NOTICES: usize = 32;
 
 /// What is under a pixel of the film, and where the answer goes.
 struct Question {
@@ -134,6 +141,9 @@ struct Board {
     error: Option<String>,
     stopping: bool,
     panicking: bool,
+    backend: &'static str,
+    device: String,
+    notices: Vec<String>,
     counters: BTreeMap<String, u64>,
 }
 
@@ -147,13 +157,12 @@ impl Shared {
 /// A live picture; dropping it stops the worker.
 pub struct Live {
     shared: Arc<Shared>,
-    backend: &'static str,
     worker: Mutex<Option<JoinHandle<()>>>,
 }
 
 impl std::fmt::Debug for Live {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Live").field("backend", &self.backend).finish_non_exhaustive()
+        f.debug_struct("Live").field("backend", &self.shared.board().backend).finish_non_exhaustive()
     }
 }
 
@@ -165,7 +174,6 @@ impl Live {
     pub fn start(scene: Scene, volumes: Vec<Arc<CompressedVolume>>, options: LiveOptions) -> Result<Self> {
         check(&scene, &volumes)?;
         let renderer = make_renderer(&options.backend)?;
-        let backend = renderer.name();
         let shared = Arc::new(Shared {
             board: Mutex::new(Board {
                 scene,
@@ -178,6 +186,9 @@ impl Live {
                 error: None,
                 stopping: false,
                 panicking: false,
+                backend: renderer.name(),
+                device: renderer.device().to_owned(),
+                notices: Vec::new(),
                 counters: SceneEdit::NAMES.iter().map(|name| (format!("edits.{name}"), 0)).collect(),
             }),
             work: Condvar::new(),
@@ -186,7 +197,7 @@ impl Live {
         let spawned = std::thread::Builder::new().name("pumice-live".into()).spawn(move || worker.run());
         let worker =
             spawned.map_err(|e| SessionError::Caller(format!("no thread for a live picture: {e}")))?;
-        Ok(Self { shared, backend, worker: Mutex::new(Some(worker)) })
+        Ok(Self { shared, worker: Mutex::new(Some(worker)) })
     }
 
     /// Applies edits, all or none, and returns the new revision; its frames follow. No edits change nothing.
@@ -287,7 +298,9 @@ impl Live {
             state: board.state,
             error: board.error.clone(),
             revision: board.revision,
-            backend: self.backend,
+            backend: board.backend,
+            device: board.device.clone(),
+            notices: board.notices.clone(),
             counters: board.counters.clone(),
         }
     }

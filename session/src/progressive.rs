@@ -46,7 +46,7 @@ pub fn render_until(
     watch: &mut dyn FnMut(&CurvePoint),
 ) -> Result<Vec<CurvePoint>, RenderError> {
     let clock = Stopwatch::start();
-    let mut curve = Vec::new();
+    let mut curve: Vec<CurvePoint> = Vec::new();
     loop {
         let left = stop.seconds.map_or(f64::INFINITY, |s| s - clock.seconds());
         let slice = SLICE.min(Duration::from_secs_f64(left.clamp(0.0, 1.0)));
@@ -58,6 +58,10 @@ pub fn render_until(
             error_estimate: progress.error_estimate.is_finite().then_some(progress.error_estimate),
         };
         watch(&point);
+        if curve.last().is_some_and(|former| former.spp > point.spp) {
+            // A device failed and another began anew: the lost samples are no part of this picture's history, but their time is.
+            curve.clear();
+        }
         curve.push(point);
         let done = stop.spp.is_some_and(|n| point.spp >= n)
             || stop.seconds.is_some_and(|s| point.seconds >= s)

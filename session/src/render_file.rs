@@ -5,7 +5,9 @@ use std::sync::Arc;
 
 use pumice_core::{CompressedVolume, Job};
 use pumice_formats::OpenOptions;
-use pumice_render::{Passes, Picture, Provenance, read_provenance, write_exr, write_png};
+use pumice_render::{
+    Passes, Picture, Provenance, RenderError, Renderer, read_provenance, write_exr, write_png,
+};
 use pumice_scene::{Lod, Mode, Needs, Scene, Show};
 use serde::Serialize;
 
@@ -75,6 +77,10 @@ pub struct RenderRequest {
 pub struct RenderFigures {
     /// Backend that drew it.
     pub backend: String,
+    /// What it drew on.
+    pub device: String,
+    /// What went wrong with a device and was overcome, a line each.
+    pub notices: Vec<String>,
     /// Wall seconds of rendering.
     pub seconds: f64,
     /// CPU seconds of rendering.
@@ -154,7 +160,18 @@ fn prepare(request: &RenderRequest, job: &Job) -> Result<Prepared> {
             })?;
             let volumes = open_all(&made.scene)?;
             check_hashes(picture, &made, &volumes)?;
-            let backend = if request.backend == "auto" { made.backend } else { request.backend.clone() };
+            let backend = match request.backend.as_str() {
+                "auto" => {
+                    make_renderer(&made.backend).map_err(|e| {
+                        let picture = picture.display();
+                        SessionError::Caller(format!(
+                            "{picture}: it was drawn by a backend that is not here: {e}; name another one for a picture like it"
+                        ))
+                    })?;
+                    made.backend
+                }
+                named => named.to_owned(),
+            };
             (made.scene, volumes, Stop { spp: Some(made.spp), ..Stop::default() }, backend)
         }
         Subject::File(path) if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json")) => {
@@ -264,10 +281,17 @@ pub fn render_scene(
     let mut renderer = make_renderer(backend)?;
     renderer.set_scene(scene, volumes)?;
     let prepare_seconds = [clock.seconds(), clock.cpu_seconds()];
-    let curve = render_until(renderer.as_mut(), stop, job, watch)?;
+    let (curve, mut picture) = loop {
+        let curve = render_until(&mut renderer, stop, job, watch)?;
+        match renderer.picture() {
+            // The device failed at the last moment: another one draws it again.
+            Err(RenderError::Restarted) => {}
+            picture => break (curve, picture?),
+        }
+    };
+    let notices = renderer.notices();
     let acceleration_bytes =
         renderer.bytes().iter().filter(|(part, _)| *part == "acceleration").map(|p| p.1).sum();
-    let mut picture = renderer.picture()?;
     let last = curve.last().copied().unwrap_or(CurvePoint {
         seconds: 0.0,
         cpu_seconds: 0.0,
@@ -289,6 +313,8 @@ pub fn render_scene(
         picture,
         figures: RenderFigures {
             backend,
+            device: renderer.device().to_owned(),
+            notices,
             seconds: last.seconds,
             cpu_seconds: last.cpu_seconds,
             prepare_seconds,

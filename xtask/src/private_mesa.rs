@@ -6,6 +6,7 @@
 //!                       └─► target/mesa/env      NAME=VALUE a line: what a process must be told to use them
 //! ```
 
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -49,14 +50,48 @@ impl PrivateMesa {
         let text = std::fs::read_to_string(self.folder.join("env")).unwrap_or_default();
         for (name, value) in text.lines().filter_map(|line| line.split_once('=')) {
             if name == "LD_LIBRARY_PATH" {
-                let former = std::env::var_os(name).filter(|former| !former.is_empty());
-                let folders = std::iter::once(PathBuf::from(value))
-                    .chain(former.iter().flat_map(std::env::split_paths));
+                // What the command was told already has its own, which must stay first: a program finds the libraries that it was
+                // given, and only those that it lacks here.
+                let told = command
+                    .get_envs()
+                    .find(|(told, _)| *told == name)
+                    .map(|(_, value)| value.map(Into::into));
+                let former: Option<OsString> = told.unwrap_or_else(|| std::env::var_os(name));
+                let former = former.filter(|former| !former.is_empty());
+                let folders = former.iter().flat_map(std::env::split_paths).chain([PathBuf::from(value)]);
                 // A folder with a colon in its name cannot be said.
-                command.env(name, std::env::join_paths(folders).unwrap_or_else(|_| value.into()));
+                let joined = std::env::join_paths(folders).unwrap_or_else(|_| value.into());
+                command.env(name, joined);
             } else {
                 command.env(name, value);
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_a_command_was_told_before_stays_first() {
+        let target = std::env::temp_dir().join(format!("xtask-mesa-{}", std::process::id()));
+        std::fs::create_dir_all(target.join("mesa")).unwrap();
+        std::fs::write(target.join("mesa/env"), "VK_DRIVER_FILES=/m/lvp.json\nLD_LIBRARY_PATH=/m/lib\n")
+            .unwrap();
+        let value = |command: &Command, name: &str| {
+            let found = command.get_envs().find(|(n, _)| *n == name).and_then(|(_, value)| value);
+            found.map(|v| v.to_string_lossy().into_owned())
+        };
+        let mut command = Command::new("blender");
+        command.env("LD_LIBRARY_PATH", "/b/lib");
+        PrivateMesa::new(&target).environment(&mut command);
+        assert_eq!(value(&command, "LD_LIBRARY_PATH").as_deref(), Some("/b/lib:/m/lib"));
+        assert_eq!(value(&command, "VK_DRIVER_FILES").as_deref(), Some("/m/lvp.json"));
+        let mut command = Command::new("tool");
+        command.env_remove("LD_LIBRARY_PATH");
+        PrivateMesa::new(&target).environment(&mut command);
+        assert_eq!(value(&command, "LD_LIBRARY_PATH").as_deref(), Some("/m/lib"));
+        std::fs::remove_dir_all(&target).unwrap();
     }
 }

@@ -95,7 +95,16 @@ impl Options {
                 "build" => named(&["python", "cli", "python-module", "blender", "shared-python"]),
                 "wheel" => named(&["python-module", "blender"]),
                 "blender-env" => named(&["blender"]),
-                "vulkan-env" => named(&["rust", "shared-rust", "share"]),
+                "vulkan-env" => named(&[
+                    "rust",
+                    "python",
+                    "cli",
+                    "python-module",
+                    "blender",
+                    "shared-rust",
+                    "shared-python",
+                    "share",
+                ]),
                 _ => false,
             }
     }
@@ -137,9 +146,10 @@ pub(crate) fn run(options: &Options) -> ExitCode {
         );
         // Tests cannot begin without their environment: one that was left out for want of it would count as passed.
         let needed: &[&str] = match name {
-            "python" | "cli" | "shared-python" | "wheel" => &["python-env"],
-            "python-module" => &["python-env", "wheel"],
-            "blender" => &["python-env", "wheel", "blender-env"],
+            "wheel" => &["python-env"],
+            "python" | "cli" | "shared-python" => &["python-env", "vulkan-env"],
+            "python-module" => &["python-env", "vulkan-env", "wheel"],
+            "blender" => &["python-env", "vulkan-env", "wheel", "blender-env"],
             "rust" | "shared-rust" | "share" => &["vulkan-env"],
             _ => &[],
         };
@@ -235,6 +245,7 @@ impl Suite {
         let mut tests = Command::new(&python);
         tests.args(["-m", "pytest", "-q", "-p", "no:cacheprovider", "python/tests"]);
         self.surroundings(&mut tests);
+        PrivateMesa::new(&self.target).surround(&mut tests);
         Ok(vec![
             wheel::install(target, "dev").map_err(Outcome::Failed)?,
             wheel::generate_stub(root, target),
@@ -254,6 +265,7 @@ impl Suite {
         tests.args(["-m", "pytest", "-q", "-p", "no:cacheprovider", "blender-addon/tests"]);
         tests.env("PUMICE_EXTENSION_ZIP", extension::zip(&self.target, "dev"));
         self.surroundings(&mut tests);
+        PrivateMesa::new(&self.target).surround(&mut tests);
         steps.push(tests.into());
         Ok(steps)
     }
@@ -308,6 +320,7 @@ impl Suite {
         let mut command = Command::new(Environment::tests().interpreter(&self.target));
         command.args(["-m", "pytest", "-q", "-p", "no:cacheprovider"]).args(files);
         self.surroundings(&mut command);
+        PrivateMesa::new(&self.target).surround(&mut command);
         Ok(command)
     }
 
@@ -349,7 +362,7 @@ mod tests {
         assert!(!options.wants("rust") && !options.wants("blender-env"));
         let options = parsed(&["--only", "blender", "--bpy", "4.5.15"]).unwrap();
         assert_eq!(options.bpy.as_deref(), Some("4.5.15"));
-        for part in ["build", "python-env", "wheel", "blender-env"] {
+        for part in ["build", "python-env", "vulkan-env", "wheel", "blender-env"] {
             assert!(options.wants(part), "{part}");
         }
         assert!(!options.wants("python-module"));

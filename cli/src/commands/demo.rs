@@ -43,13 +43,19 @@ pub(crate) fn run(args: &Demo, job: &Arc<Job>) -> Result<Answer, Failure> {
     })?;
     drop(bar);
     let figures = &outcome.figures;
+    super::render::warn(figures);
     say(format_args!(
         "compressed {:.1} MB to {:.2} MB in memory ({:.2} %), every voxel verified",
         outcome.bytes_raw as f64 / 1e6,
         outcome.bytes_resident as f64 / 1e6,
         100.0 * outcome.bytes_resident as f64 / outcome.bytes_raw as f64
     ))?;
-    say(format_args!("path traced by {}: {}", figures.backend, super::render::summary(figures)))?;
+    say(format_args!(
+        "path traced by {} on {}: {}",
+        figures.backend,
+        figures.device,
+        super::render::summary(figures)
+    ))?;
     say(format_args!("see {} and picture.png beside it", outcome.report.display()))?;
     Ok(Answer::Yes)
 }

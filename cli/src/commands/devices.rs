@@ -16,9 +16,17 @@ pub(crate) fn run(args: &Devices) -> Result<Answer, Failure> {
     if args.json {
         say(serde_json::to_string_pretty(&Report { devices })?)?;
     } else {
+        let mut number = None;
         for d in devices {
+            // A device is named once, its backends below it.
+            if d.number.is_none() || d.number != number {
+                let which = d.number.map_or_else(|| "-".to_string(), |n| n.to_string());
+                let driver = d.driver.as_ref().map_or(String::new(), |driver| format!(", {driver}"));
+                say(format_args!("{which} {} ({}{driver})", d.device, d.kind))?;
+                number = d.number;
+            }
             let mark = if d.chosen { "*" } else { " " };
-            say(format_args!("{mark} {:15} {}\n  {:15} {}", d.backend, d.device, "", d.reason))?;
+            say(format_args!("  {mark} {:15} {}", d.backend, d.reason))?;
         }
     }
     Ok(Answer::Yes)

@@ -65,9 +65,11 @@ pub(crate) fn run(args: &Render, job: &Arc<Job>) -> Result<Answer, Failure> {
     });
     drop((opening, tracing));
     let rendered = rendered?;
+    warn(&rendered.figures);
 
     if args.json.as_deref() != Some(std::path::Path::new("-")) {
-        say(format_args!("{}: {}", args.out.display(), summary(&rendered.figures)))?;
+        let figures = &rendered.figures;
+        say(format_args!("{}: {}, by {}", args.out.display(), summary(figures), figures.backend))?;
     }
     if args.explain {
         for line in &rendered.explanation {
@@ -106,4 +108,11 @@ pub(crate) fn summary(figures: &RenderFigures) -> String {
         "{} samples a pixel, {error}, {:.1} s ({:.1} CPU s)",
         figures.spp, figures.seconds, figures.cpu_seconds
     )
+}
+
+/// Says on standard error what went wrong with a device and was overcome.
+pub(crate) fn warn(figures: &RenderFigures) {
+    for notice in &figures.notices {
+        eprintln!("pumice: {notice}");
+    }
 }

@@ -8,7 +8,8 @@ use pumice_core::{CompressedVolume, Job};
 use pumice_render::{Image, Progress, RenderError, Renderer};
 use pumice_scene::{Film, Scene};
 
-use super::{Frame, LiveState, Question, Shared};
+use super::{Frame, LiveState, MOST_NOTICES, Question, Shared};
+use crate::backend::FallbackRenderer;
 use crate::measure::Stopwatch;
 use crate::progressive::Stop;
 
@@ -22,7 +23,7 @@ const COARSEST_PIXELS: u64 = 16 * 1024;
 /// The thread that draws.
 pub(super) struct Worker {
     shared: Arc<Shared>,
-    renderer: Box<dyn Renderer>,
+    renderer: FallbackRenderer,
     stop: Stop,
 }
 
@@ -35,7 +36,7 @@ enum Turn {
 }
 
 impl Worker {
-    pub(super) fn new(shared: Arc<Shared>, renderer: Box<dyn Renderer>, stop: Stop) -> Self {
+    pub(super) fn new(shared: Arc<Shared>, renderer: FallbackRenderer, stop: Stop) -> Self {
         Self { shared, renderer, stop }
     }
 
@@ -45,7 +46,11 @@ impl Worker {
         let ended = catch_unwind(AssertUnwindSafe(|| self.follow()));
         let mut board = shared.board();
         board.state = match ended {
-            Ok(()) => LiveState::Stopped,
+            Ok(None) => LiveState::Stopped,
+            Ok(Some(error)) => {
+                board.error = Some(error);
+                LiveState::Failed
+            }
             Err(panic) => {
                 board.error = Some(format!("internal error: {}", panic_text(panic.as_ref())));
                 LiveState::Failed
@@ -54,8 +59,8 @@ impl Worker {
         board.questions.clear();
     }
 
-    /// Draws revision after revision until it is stopped.
-    fn follow(&mut self) {
+    /// Draws revision after revision until it is stopped, or its last device fails for good: the text of that.
+    fn follow(&mut self) -> Option<String> {
         let mut drawn = 0;
         loop {
             let (scene, volumes, revision, job) = {
@@ -68,7 +73,7 @@ impl Worker {
                     board = self.shared.work.wait(board).unwrap_or_else(PoisonError::into_inner);
                 }
                 if board.stopping {
-                    return;
+                    return None;
                 }
                 if board.revision == drawn {
                     drop(board);
@@ -80,11 +85,13 @@ impl Worker {
             };
             drawn = revision;
             let outcome = self.draw(&scene, &volumes, revision, &job);
+            self.tell();
             let mut board = self.shared.board();
             match outcome {
                 Ok(Turn::Changed) | Err(RenderError::Cancelled) => {}
                 Ok(Turn::Done) if board.revision == revision => board.state = LiveState::Converged,
                 Ok(Turn::Done) => {}
+                Err(RenderError::Device(error)) => return Some(error),
                 Err(error) => {
                     board.error = Some(error.to_string());
                     if board.revision == revision {
@@ -110,6 +117,7 @@ impl Worker {
             coarse.film.height = scene.film.height.div_ceil(divisor);
             self.renderer.set_scene(&coarse, volumes)?;
             let progress = self.renderer.advance(Duration::ZERO, 1, job)?;
+            // A picture that was begun anew meanwhile has nothing to show yet: the next one will.
             self.publish(revision, progress, &clock, true, false)?;
         }
         self.renderer.set_scene(scene, volumes)?;
@@ -125,7 +133,11 @@ impl Worker {
                 || self.stop.error.is_some_and(|bar| progress.error_estimate <= bar)
                 || progress.spp == u32::MAX;
             if done || published_spp == 0 || last_published.elapsed() >= slice {
-                self.publish(revision, progress, &clock, false, done)?;
+                let begun_anew = !self.publish(revision, progress, &clock, false, done)?;
+                if begun_anew {
+                    published_spp = 0;
+                    continue;
+                }
                 (last_published, published_spp) = (Instant::now(), progress.spp);
             }
             self.look_up();
@@ -162,9 +174,23 @@ impl Worker {
             // Whoever asked may have gone.
             let _ = answer.send(self.renderer.pick(x, y));
         }
+        self.tell();
     }
 
-    /// Hands the picture so far to whoever looks.
+    /// Says what draws now, and what was overcome.
+    fn tell(&mut self) {
+        let notices = self.renderer.notices();
+        let mut board = self.shared.board();
+        board.backend = self.renderer.name();
+        if board.device != self.renderer.device() {
+            board.device = self.renderer.device().to_owned();
+        }
+        board.notices.extend(notices);
+        let surplus = board.notices.len().saturating_sub(MOST_NOTICES);
+        board.notices.drain(..surplus);
+    }
+
+    /// Hands the picture so far to whoever looks; false where it was begun anew and has nothing to show.
     fn publish(
         &mut self,
         revision: u64,
@@ -172,8 +198,11 @@ impl Worker {
         clock: &Stopwatch,
         coarse: bool,
         converged: bool,
-    ) -> std::result::Result<(), RenderError> {
-        let image = self.renderer.color()?;
+    ) -> std::result::Result<bool, RenderError> {
+        let image = match self.renderer.color() {
+            Err(RenderError::Restarted) => return Ok(false),
+            image => image?,
+        };
         let rgba = rows_from_bottom(&image);
         let mut board = self.shared.board();
         let serial = board.frame.as_ref().map_or(0, |f| f.serial) + 1;
@@ -191,7 +220,7 @@ impl Worker {
             coarse,
             converged,
         }));
-        Ok(())
+        Ok(true)
     }
 }
 

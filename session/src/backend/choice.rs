@@ -1,0 +1,177 @@
+//! From a name to the ways to render, in the order in which they are tried.
+//!
+//! ```text
+//! auto                    every graphics processor × (pipeline, query, compute) that it can, then cpu
+//! cpu                     our own path tracer: Vulkan is not even started
+//! vulkan-rt               the best device that can, drivers that compute on the CPU last
+//! vulkan-rt:1             the device with that number in `pumice devices`
+//! vulkan-rt:radeon        the device whose name has this in it
+//! ```
+//! Whoever names a backend wants that one: it is tried alone, and its failure is an error. Only `auto` has others to fall back to.
+
+use pumice_vulkan::device::Backend;
+
+use super::card::Card;
+use crate::error::{Result, SessionError};
+
+/// One way to render.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Way {
+    Cpu,
+    Vulkan { number: usize, backend: Backend },
+}
+
+/// The ways that a name stands for, the first to be tried first; never empty. `cards` is asked only where Vulkan matters.
+pub(super) fn choose(
+    name: &str,
+    cards: impl FnOnce() -> std::result::Result<Vec<Card>, String>,
+) -> Result<Vec<Way>> {
+    let wrong = |what: String| SessionError::Caller(format!("backend {name}: {what}"));
+    match name {
+        "cpu" => return Ok(vec![Way::Cpu]),
+        "auto" => return Ok(automatic(&cards().unwrap_or_default())),
+        _ => {}
+    }
+    let (backend, device) = name.split_once(':').map_or((name, None), |(b, d)| (b, Some(d.trim())));
+    let backend = Backend::from_name(backend).ok_or_else(|| {
+        wrong(
+            "no such backend; expected auto, cpu, vulkan-rt, vulkan-query or vulkan-compute, the last three also with a \
+             device's number or a part of its name: vulkan-rt:0"
+                .into(),
+        )
+    })?;
+    let cards = cards().map_err(wrong)?;
+    if cards.is_empty() {
+        return Err(wrong("Vulkan finds no device here".into()));
+    }
+    let number = match device {
+        Some(device) => {
+            let number = numbered(&cards, device).map_err(wrong)?;
+            if !cards[number].can(backend) {
+                return Err(wrong(lacks(number, &cards[number], backend)));
+            }
+            number
+        }
+        None => cards.iter().position(|c| c.can(backend)).ok_or_else(|| {
+            let each: Vec<_> = cards.iter().enumerate().map(|(i, c)| lacks(i, c, backend)).collect();
+            wrong(format!("no device here can: {}", each.join("; ")))
+        })?,
+    };
+    Ok(vec![Way::Vulkan { number, backend }])
+}
+
+/// What `auto` tries, in this order.
+pub(super) fn automatic(cards: &[Card]) -> Vec<Way> {
+    let real = cards.iter().enumerate().filter(|(_, card)| card.is_graphics_processor());
+    let ways = real.flat_map(|(number, card)| {
+        let able = Backend::ALL.into_iter().filter(|&b| card.can(b));
+        able.map(move |backend| Way::Vulkan { number, backend })
+    });
+    ways.chain([Way::Cpu]).collect()
+}
+
+/// The device that a user means: by its number where there is one, else by a part of its name.
+fn numbered(cards: &[Card], device: &str) -> std::result::Result<usize, String> {
+    if let Some(number) = device.parse().ok().filter(|&n: &usize| n < cards.len()) {
+        return Ok(number);
+    }
+    let here = |numbers: &[usize]| {
+        numbers.iter().map(|&i| format!("{i} {}", cards[i].name)).collect::<Vec<_>>().join(", ")
+    };
+    let wanted = device.to_lowercase();
+    let named: Vec<usize> =
+        (0..cards.len()).filter(|&i| cards[i].name.to_lowercase().contains(&wanted)).collect();
+    match named[..] {
+        [number] if !wanted.is_empty() => Ok(number),
+        [] | [_] => Err(format!("no such device; here are {}", here(&(0..cards.len()).collect::<Vec<_>>()))),
+        _ => Err(format!("several devices are named so, give a number: {}", here(&named))),
+    }
+}
+
+/// What keeps a device from a backend.
+fn lacks(number: usize, card: &Card, backend: Backend) -> String {
+    format!("{number} {} lacks {}", card.name, card.missing(backend).join(", "))
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use pumice_vulkan::device::DeviceKind;
+
+    use super::*;
+
+    pub(in crate::backend) fn card(name: &str, kind: DeviceKind, missing: [&str; 3]) -> Card {
+        let list = |m: &str| if m.is_empty() { Vec::new() } else { vec![m.to_string()] };
+        Card { name: name.into(), kind, driver: "Vulkan 1.3.0, made up".into(), missing: missing.map(list) }
+    }
+
+    fn two() -> Vec<Card> {
+        vec![
+            card("Radeon 9", DeviceKind::Discrete, ["", "VK_KHR_ray_query", ""]),
+            card("Radeon 5", DeviceKind::Integrated, ["VK_KHR_ray_tracing_pipeline", "", ""]),
+            card("llvmpipe", DeviceKind::Software, ["", "", ""]),
+        ]
+    }
+
+    fn ways(name: &str, cards: Vec<Card>) -> std::result::Result<Vec<Way>, String> {
+        choose(name, || Ok(cards)).map_err(|e| e.to_string())
+    }
+
+    fn vulkan(number: usize, backend: Backend) -> Way {
+        Way::Vulkan { number, backend }
+    }
+
+    #[test]
+    fn auto_tries_graphics_processors_alone_and_the_cpu_last() {
+        let expected = vec![
+            vulkan(0, Backend::RayPipeline),
+            vulkan(0, Backend::Compute),
+            vulkan(1, Backend::RayQuery),
+            vulkan(1, Backend::Compute),
+            Way::Cpu,
+        ];
+        assert_eq!(ways("auto", two()), Ok(expected));
+        let other = card("Abacus", DeviceKind::Other, ["", "", ""]);
+        assert_eq!(ways("auto", vec![other, two().remove(2)]), Ok(vec![Way::Cpu]));
+        let none = choose("auto", || Err("no Vulkan here: no loader".into()));
+        assert_eq!(none.unwrap(), [Way::Cpu]);
+    }
+
+    #[test]
+    fn a_named_backend_stands_alone() {
+        assert_eq!(ways("vulkan-rt", two()), Ok(vec![vulkan(0, Backend::RayPipeline)]));
+        assert_eq!(ways("vulkan-query", two()), Ok(vec![vulkan(1, Backend::RayQuery)]));
+        assert_eq!(ways("vulkan-rt:2", two()), Ok(vec![vulkan(2, Backend::RayPipeline)]));
+        assert_eq!(ways("vulkan-rt:LLVM", two()), Ok(vec![vulkan(2, Backend::RayPipeline)]));
+        assert_eq!(ways("vulkan-compute:radeon 5", two()), Ok(vec![vulkan(1, Backend::Compute)]));
+        // Not a number of a device here, so a part of a name.
+        assert_eq!(ways("vulkan-compute:9", two()), Ok(vec![vulkan(0, Backend::Compute)]));
+        let untouched = choose("cpu", || panic!("Vulkan was asked"));
+        assert_eq!(untouched.unwrap(), [Way::Cpu]);
+    }
+
+    #[test]
+    fn what_cannot_be_is_said_in_one_line() {
+        for (name, part) in [
+            ("abacus", "backend abacus: no such backend; expected auto, cpu, vulkan-rt"),
+            ("cpu:0", "no such backend"),
+            ("", "no such backend"),
+            ("vulkan-rt:1", "1 Radeon 5 lacks VK_KHR_ray_tracing_pipeline"),
+            ("vulkan-rt:7", "no such device; here are 0 Radeon 9, 1 Radeon 5, 2 llvmpipe"),
+            ("vulkan-rt:", "several devices are named so"),
+            ("vulkan-rt:radeon", "several devices are named so, give a number: 0 Radeon 9, 1 Radeon 5"),
+            ("vulkan-rt:geforce", "no such device"),
+        ] {
+            let text = ways(name, two()).unwrap_err();
+            assert!(text.contains(part), "{text}");
+            assert!(!text.contains('\n'), "{text}");
+        }
+        let one = vec![card("Radeon 9", DeviceKind::Discrete, ["a", "b", "c"])];
+        let text = ways("vulkan-query", one.clone()).unwrap_err();
+        assert_eq!(text, "backend vulkan-query: no device here can: 0 Radeon 9 lacks b");
+        assert!(ways("vulkan-query:", one).unwrap_err().contains("no such device"));
+        assert!(ways("vulkan-query", Vec::new()).unwrap_err().contains("finds no device"));
+        let absent = choose("vulkan-rt", || Err("no Vulkan here: no loader (gone)".into()));
+        let text = absent.unwrap_err().to_string();
+        assert_eq!(text, "backend vulkan-rt: no Vulkan here: no loader (gone)");
+    }
+}

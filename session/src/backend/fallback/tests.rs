@@ -1,0 +1,301 @@
+//! Renderers that fail on command at each of their calls, against the one that goes on.
+
+use std::sync::Mutex;
+
+use pumice_core::{LabelBuffer, LabelType, VolumeInfo, compress_labels};
+
+use super::*;
+use crate::figure::{FigureOptions, compose};
+
+/// Where a fake renderer fails.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum At {
+    Open,
+    SetScene,
+    Advance,
+    Color,
+    Picture,
+    Pick,
+    Never,
+}
+
+/// Makes an error.
+type Failure = fn() -> RenderError;
+/// What the fakes were asked, in order.
+type Log = Arc<Mutex<Vec<String>>>;
+
+struct Fake {
+    name: &'static str,
+    fails: At,
+    error: Failure,
+    spp: u32,
+    scene: Option<Scene>,
+    rebuilt: Rebuilt,
+    notices: Vec<String>,
+    log: Log,
+}
+
+fn full() -> RenderError {
+    RenderError::Device("out of GPU memory".into())
+}
+
+impl Fake {
+    fn call(&self, at: At) -> Result<(), RenderError> {
+        self.log.lock().unwrap().push(format!("{} {at:?}", self.name));
+        if self.fails == at { Err((self.error)()) } else { Ok(()) }
+    }
+
+    fn image(&self) -> Image {
+        let film = &self.scene.as_ref().unwrap().film;
+        let (width, height) = (film.width as usize, film.height as usize);
+        Image { width, height, pixels: vec![[self.spp as f32; 3]; width * height] }
+    }
+}
+
+impl Drop for Fake {
+    fn drop(&mut self) {
+        self.log.lock().unwrap().push(format!("{} dropped", self.name));
+    }
+}
+
+impl Renderer for Fake {
+    fn name(&self) -> &'static str {
+        self.name
+    }
+
+    fn set_scene(&mut self, scene: &Scene, _: &[Arc<CompressedVolume>]) -> Result<(), RenderError> {
+        self.call(At::SetScene)?;
+        (self.scene, self.spp) = (Some(scene.clone()), 0);
+        self.rebuilt.camera += 1;
+        Ok(())
+    }
+
+    fn advance(&mut self, _: Duration, spp_limit: u32, _: &Job) -> Result<Progress, RenderError> {
+        // Only the second call fails, so that there are samples to lose.
+        if self.spp > 0 {
+            self.call(At::Advance)?;
+        }
+        self.spp = (self.spp + 1).min(spp_limit);
+        Ok(Progress { spp: self.spp, error_estimate: 0.5 })
+    }
+
+    fn color(&mut self) -> Result<Image, RenderError> {
+        self.call(At::Color)?;
+        Ok(self.image())
+    }
+
+    fn picture(&mut self) -> Result<Picture, RenderError> {
+        self.call(At::Picture)?;
+        let color = self.image();
+        let (variance, depth, label, albedo, normal) = (None, None, None, None, None);
+        Ok(Picture { color, variance, depth, label, albedo, normal, provenance: None })
+    }
+
+    fn pick(&mut self, x: u32, _: u32) -> Result<Option<Pick>, RenderError> {
+        self.call(At::Pick)?;
+        Ok(Some(Pick { instance: 0, label: x, voxel: [0; 3], depth: 1.0 }))
+    }
+
+    fn rebuilt(&self) -> Rebuilt {
+        self.rebuilt
+    }
+
+    fn bytes(&self) -> Vec<(&'static str, u64)> {
+        vec![("acceleration", 7)]
+    }
+
+    fn notices(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.notices)
+    }
+}
+
+/// Ways that fail where it is said, with the log of all their calls.
+fn ways(fails: &[(&'static str, At)], error: Failure) -> (FallbackRenderer, Log) {
+    let log = Log::default();
+    let way = |&(name, fails): &(&'static str, At)| {
+        let log = Arc::clone(&log);
+        let open: Open = Box::new(move || {
+            if fails == At::Open {
+                return Err(error());
+            }
+            let (notices, rebuilt) = (vec!["smaller tiles".to_string()], Rebuilt::default());
+            let log = Arc::clone(&log);
+            Ok(Box::new(Fake { name, fails, error, spp: 0, scene: None, rebuilt, notices, log }))
+        });
+        Way { backend: name, device: "X".into(), open }
+    };
+    (FallbackRenderer::new(fails.iter().map(way).collect()), log)
+}
+
+fn scene(size: [u32; 2]) -> (Scene, Vec<Arc<CompressedVolume>>) {
+    let info = VolumeInfo::new([2, 1, 1], LabelType::U8);
+    let volume = compress_labels(info, LabelBuffer::U8(vec![5, 9])).unwrap();
+    let options = FigureOptions { size, labels: None, view_deg: FigureOptions::DEFAULT_VIEW_DEG };
+    (compose(&volume, "memory".into(), &options), vec![Arc::new(volume)])
+}
+
+/// A picture of four samples, as sessions make it; whether it began anew on the way.
+fn render(renderer: &mut FallbackRenderer) -> Result<(Picture, bool), RenderError> {
+    let (scene, volumes) = scene([4, 2]);
+    renderer.set_scene(&scene, &volumes)?;
+    let mut restarted = false;
+    let mut former = 0;
+    loop {
+        let spp = renderer.advance(Duration::ZERO, 4, &Job::new())?.spp;
+        restarted |= spp <= former;
+        former = spp;
+        if spp < 4 {
+            continue;
+        }
+        match renderer.picture() {
+            Err(RenderError::Restarted) => (restarted, former) = (true, 0),
+            other => return other.map(|picture| (picture, restarted)),
+        }
+    }
+}
+
+#[test]
+fn a_failure_at_any_call_gives_the_same_picture_from_the_next_way() {
+    for at in [At::Open, At::SetScene, At::Advance, At::Picture] {
+        let (mut renderer, log) = ways(&[("vulkan-rt", at), ("cpu", At::Never)], full);
+        let (picture, restarted) = render(&mut renderer).unwrap();
+        assert_eq!((renderer.name(), renderer.device()), ("cpu", "X"), "{at:?}");
+        assert_eq!(restarted, matches!(at, At::Advance | At::Picture), "{at:?}");
+        // All four samples are of one renderer: none of the failed one is among them.
+        assert_eq!((picture.color.width, picture.color.pixels[0]), (4, [4.0; 3]), "{at:?}");
+        let notices = renderer.notices();
+        let told = "vulkan-rt on X: out of GPU memory; going on with cpu";
+        assert_eq!(notices.iter().filter(|n| *n == told).count(), 1, "{notices:?}");
+        // What the failed one had to tell is not lost with it.
+        let tiles = notices.contains(&"vulkan-rt on X: smaller tiles".to_string());
+        assert_eq!(tiles, at != At::Open, "{notices:?}");
+        assert_eq!(renderer.notices(), [""; 0], "a notice is told once");
+        // Its memory is free before the next one takes any.
+        let log = log.lock().unwrap();
+        let place = |what: &str| log.iter().position(|l| l == what);
+        if at != At::Open {
+            assert!(place("vulkan-rt dropped").unwrap() < place("cpu SetScene").unwrap(), "{log:?}");
+        }
+    }
+}
+
+#[test]
+fn without_a_failure_nothing_changes() {
+    let (mut renderer, log) = ways(&[("vulkan-rt", At::Never), ("cpu", At::Never)], full);
+    assert!(matches!(renderer.color(), Err(RenderError::Scene(_))), "no scene yet");
+    assert!(log.lock().unwrap().is_empty(), "nothing is opened before the first scene");
+    let (_, restarted) = render(&mut renderer).unwrap();
+    assert!(!restarted && renderer.name() == "vulkan-rt");
+    assert_eq!(renderer.notices(), ["vulkan-rt on X: smaller tiles"]);
+    assert!(!log.lock().unwrap().iter().any(|l| l.starts_with("cpu")));
+}
+
+#[test]
+fn every_way_is_tried_in_order() {
+    let failing = [("vulkan-rt", At::Open), ("vulkan-query", At::SetScene), ("vulkan-compute", At::Advance)];
+    let (mut renderer, _) = ways(&[&failing[..], &[("cpu", At::Never)]].concat(), full);
+    render(&mut renderer).unwrap();
+    assert_eq!(renderer.name(), "cpu");
+    let notices = renderer.notices();
+    let next = |name: &str| notices.iter().any(|n| n.ends_with(&format!("going on with {name}")));
+    assert!(next("vulkan-query") && next("vulkan-compute") && next("cpu"), "{notices:?}");
+    assert_eq!(renderer.rebuilt().camera, 2, "of the one that failed after its scene, and of the last");
+    assert_eq!(renderer.bytes(), [("acceleration", 7)]);
+}
+
+#[test]
+fn a_pick_is_answered_by_the_next_way_and_a_color_later() {
+    let (mut renderer, _) = ways(&[("vulkan-rt", At::Pick), ("cpu", At::Never)], full);
+    let (scene, volumes) = scene([4, 2]);
+    renderer.set_scene(&scene, &volumes).unwrap();
+    renderer.advance(Duration::ZERO, 9, &Job::new()).unwrap();
+    assert_eq!(renderer.pick(3, 0).unwrap().unwrap().label, 3);
+    assert_eq!(renderer.name(), "cpu");
+
+    let (mut renderer, _) = ways(&[("vulkan-rt", At::Color), ("cpu", At::Never)], full);
+    renderer.set_scene(&scene, &volumes).unwrap();
+    renderer.advance(Duration::ZERO, 9, &Job::new()).unwrap();
+    assert!(matches!(renderer.color(), Err(RenderError::Restarted)));
+    assert_eq!(renderer.advance(Duration::ZERO, 9, &Job::new()).unwrap().spp, 1);
+    assert_eq!(renderer.color().unwrap().pixels[0], [1.0; 3]);
+}
+
+#[test]
+fn other_errors_are_no_reason_to_fall_back() {
+    let errors: [(Failure, &str); 3] = [
+        (|| RenderError::Scene("film.width: too large".into()), "film.width: too large"),
+        (|| RenderError::Source("sky.exr: gone".into()), "sky.exr: gone"),
+        (|| RenderError::Cancelled, "cancelled"),
+    ];
+    for (error, text) in errors {
+        for at in [At::SetScene, At::Advance, At::Picture] {
+            let (mut renderer, log) = ways(&[("vulkan-rt", at), ("cpu", At::Never)], error);
+            assert_eq!(render(&mut renderer).unwrap_err().to_string(), text);
+            assert_eq!(renderer.name(), "vulkan-rt", "{at:?}");
+            assert!(!log.lock().unwrap().iter().any(|l| l.starts_with("cpu")), "{at:?}");
+        }
+    }
+}
+
+#[test]
+fn a_way_that_stands_alone_does_not_fall_back() {
+    for at in [At::Open, At::SetScene, At::Advance, At::Picture] {
+        let (mut renderer, _) = ways(&[("vulkan-rt", at)], full);
+        let error = render(&mut renderer).unwrap_err();
+        assert!(matches!(error, RenderError::Device(_)), "{error:?}");
+        assert_eq!(error.to_string(), "vulkan-rt on X: out of GPU memory", "{at:?}");
+    }
+}
+
+#[test]
+fn a_scene_that_the_next_way_refuses_leaves_the_former_one() {
+    // The first fails when it gets its second scene, the next refuses that scene and no other.
+    struct Refuses(Fake);
+    impl Renderer for Refuses {
+        fn name(&self) -> &'static str {
+            self.0.name
+        }
+        fn set_scene(&mut self, scene: &Scene, volumes: &[Arc<CompressedVolume>]) -> Result<(), RenderError> {
+            match (scene.film.width, self.0.name) {
+                (8, "vulkan-rt") => Err(full()),
+                (8, _) => Err(RenderError::Scene("film.width: not 8".into())),
+                _ => self.0.set_scene(scene, volumes),
+            }
+        }
+        fn advance(&mut self, slice: Duration, limit: u32, job: &Job) -> Result<Progress, RenderError> {
+            self.0.advance(slice, limit, job)
+        }
+        fn color(&mut self) -> Result<Image, RenderError> {
+            self.0.color()
+        }
+        fn picture(&mut self) -> Result<Picture, RenderError> {
+            self.0.picture()
+        }
+        fn pick(&mut self, x: u32, y: u32) -> Result<Option<Pick>, RenderError> {
+            self.0.pick(x, y)
+        }
+        fn rebuilt(&self) -> Rebuilt {
+            self.0.rebuilt()
+        }
+        fn bytes(&self) -> Vec<(&'static str, u64)> {
+            self.0.bytes()
+        }
+    }
+    let way = |name: &'static str| {
+        let open: Open = Box::new(move || {
+            let (rebuilt, log, error) = (Rebuilt::default(), Log::default(), full);
+            let fails = At::Never;
+            let fake = Fake { name, fails, error, spp: 0, scene: None, rebuilt, notices: vec![], log };
+            Ok(Box::new(Refuses(fake)))
+        });
+        Way { backend: name, device: "X".into(), open }
+    };
+    let mut renderer = FallbackRenderer::new(vec![way("vulkan-rt"), way("cpu")]);
+    let (first, volumes) = scene([4, 2]);
+    renderer.set_scene(&first, &volumes).unwrap();
+    let error = renderer.set_scene(&scene([8, 2]).0, &volumes).unwrap_err();
+    assert_eq!(error.to_string(), "film.width: not 8");
+    assert_eq!(renderer.name(), "cpu");
+    renderer.advance(Duration::ZERO, 1, &Job::new()).unwrap();
+    assert_eq!(renderer.color().unwrap().width, 4);
+}

@@ -1,0 +1,53 @@
+//! The Vulkan devices of this machine, asked for once: starting Vulkan loads every driver, which takes a tenth of a second and more.
+
+use std::path::PathBuf;
+use std::sync::OnceLock;
+
+use pumice_render::{RenderError, Renderer};
+use pumice_vulkan::VulkanRenderer;
+use pumice_vulkan::device::{Backend, Candidate, Instance, InstanceOptions, survey};
+
+use super::cache_folder::pipeline_folder;
+use super::card::Card;
+use super::read_environment;
+
+/// Names another Vulkan loader than the system's; a name that leads nowhere switches Vulkan off.
+pub const LOADER_VARIABLE: &str = "PUMICE_VULKAN_LOADER";
+
+struct Vulkan {
+    instance: Instance,
+    candidates: Vec<Candidate>,
+}
+
+/// Vulkan as it was found, or why there is none. It lives as long as the process: drivers do not like to be started twice.
+fn vulkan() -> &'static Result<Vulkan, String> {
+    static VULKAN: OnceLock<Result<Vulkan, String>> = OnceLock::new();
+    VULKAN.get_or_init(|| {
+        let loader = std::env::var_os(LOADER_VARIABLE).filter(|l| !l.is_empty()).map(PathBuf::from);
+        let options = InstanceOptions { loader, ..InstanceOptions::default() };
+        let instance = Instance::new(&options).map_err(|e| e.to_string())?;
+        let candidates = survey(&instance).map_err(|e| e.to_string())?;
+        Ok(Vulkan { instance, candidates })
+    })
+}
+
+/// The devices, best kind first; their places are their numbers.
+///
+/// # Errors
+/// Why there is no Vulkan here, in one line.
+pub(super) fn cards() -> Result<Vec<Card>, String> {
+    match vulkan() {
+        Ok(vulkan) => Ok(vulkan.candidates.iter().map(Card::of).collect()),
+        Err(why) => Err(why.clone()),
+    }
+}
+
+/// Opens the device with this number.
+pub(super) fn open(number: usize, backend: Backend) -> Result<Box<dyn Renderer>, RenderError> {
+    let failed = |e: &dyn std::fmt::Display| RenderError::Device(e.to_string());
+    let vulkan = vulkan().as_ref().map_err(|e| failed(e))?;
+    let candidate = vulkan.candidates.get(number).ok_or_else(|| failed(&"the device is gone"))?;
+    let renderer =
+        VulkanRenderer::open(&vulkan.instance, candidate, backend, pipeline_folder(), read_environment);
+    Ok(Box::new(renderer.map_err(|e| failed(&e))?))
+}
