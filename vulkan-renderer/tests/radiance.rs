@@ -1,0 +1,41 @@
+//! What the shaders make of a scene against what the CPU does: single samples, films, first surfaces.
+
+#![allow(clippy::expect_used, clippy::panic, clippy::unwrap_used, reason = "tests")]
+
+#[path = "../../cpu-renderer/tests/exact/mod.rs"]
+mod exact;
+mod gpu;
+
+#[path = "radiance/controls.rs"]
+mod controls;
+#[path = "radiance/device.rs"]
+mod device;
+#[path = "radiance/films.rs"]
+mod films;
+#[path = "radiance/samples.rs"]
+mod samples;
+#[path = "radiance/scenes.rs"]
+mod scenes;
+
+use gpu::Gpu;
+use samples::{Verdict, asked, found};
+use scenes::cases;
+
+/// Samples of each pixel of each scene.
+const SPP: u32 = 16;
+
+/// With the device's doubles, where it has them: those in integers are compared in single functions, and take far longer to compile.
+#[test]
+fn samples_are_the_cpus() {
+    let gpu = Gpu::new();
+    for case in cases() {
+        let asked = asked(&case, SPP);
+        let found = found(&case, &asked);
+        let rays: f64 = found.iter().map(|f| f64::from(f.rays)).sum::<f64>() / found.len() as f64;
+        let verdict = Verdict::of(&case, &found, &device::radiances(&gpu, gpu.has_f64, &case, &asked));
+        println!("{}: {rays:.2} rays a sample; {verdict}", case.name);
+        assert_eq!(verdict.fault(), None, "{}", case.name);
+        // A test of what meets nothing would be none; nor would one whose bound lets everything pass.
+        assert!(rays > 0.3 && verdict.most_parted < 0.05 * asked.len() as f64, "{}", case.name);
+    }
+}

@@ -1,0 +1,62 @@
+//! The comparison of samples can tell: a device that is asked something slightly else is convicted.
+
+use std::sync::Arc;
+
+use pumice_cpu::Lights;
+use pumice_scene::Mode;
+
+use crate::device::radiances;
+use crate::gpu::Gpu;
+use crate::samples::{Verdict, asked, found};
+use crate::scenes::{Case, cases, picture, sun};
+
+fn case_of(name: &str) -> Case {
+    cases().into_iter().find(|c| c.name.contains(name)).expect("a scene")
+}
+
+fn with_settings(name: &str, change: impl Fn(&mut pumice_scene::Settings)) -> [Case; 2] {
+    let case = case_of(name);
+    let mut other = case.clone();
+    change(&mut other.around.settings);
+    [case, other]
+}
+
+fn with_looks(name: &str, change: impl Fn(&mut pumice_scene::Material)) -> [Case; 2] {
+    let case = case_of(name);
+    let mut material = *case.around.looks[0].material(0);
+    change(&mut material);
+    let mut other = case.clone();
+    other.around.looks = vec![Arc::new(pumice_cpu::Looks::same(material))];
+    [case, other]
+}
+
+#[test]
+fn other_questions_are_convicted() {
+    let lit = case_of("a wide sun");
+    let brighter = Lights::new(lit.around.lights.sky().clone(), vec![sun(0.6, 2.04), sun(0.0, 0.51)], None);
+    let painted = case_of("a picture");
+    let faults = [
+        ("the next seed", with_settings("a picture", |s| s.seed += 1)),
+        ("suns brighter by 2 %", [lit.clone(), lit.with_lights(brighter)]),
+        (
+            "a sky brighter by 1/1000",
+            [painted.clone(), painted.with_lights(Lights::new(picture(1.001), vec![], None))],
+        ),
+        ("a bounce more", with_settings("12 bounces", |s| s.bounces = 13)),
+        ("a bounce less", with_settings("12 bounces", |s| s.bounces = 11)),
+        ("no roulette", with_settings("32 bounces", |s| s.russian_roulette = false)),
+        ("another reach of occlusion", with_settings("occlusion", |s| s.ao_distance = 12.0)),
+        ("one bounce instead of two", with_settings("an even sky", |s| s.mode = Mode::OneBounce)),
+        ("an albedo lower by 1/1000", with_looks("an even sky", |m| m.base_color[1] *= 0.999)),
+    ];
+    let gpu = Gpu::new();
+    for (what, [case, other]) in faults {
+        let asked = asked(&case, 8);
+        let found = found(&case, &asked);
+        let right = Verdict::of(&case, &found, &radiances(&gpu, gpu.has_f64, &case, &asked));
+        assert_eq!(right.fault(), None, "{what}");
+        let wrong = Verdict::of(&case, &found, &radiances(&gpu, gpu.has_f64, &other, &asked));
+        println!("{what}: {wrong}");
+        assert!(wrong.fault().is_some(), "{what} goes unnoticed: {wrong}");
+    }
+}

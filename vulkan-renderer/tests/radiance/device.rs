@@ -1,0 +1,131 @@
+//! Scenes in a device's memory, and what its entry points make of them.
+
+use std::cell::RefCell;
+
+use glam::Vec3;
+use pumice_cpu::bsdf::albedo_table;
+use pumice_cpu::camera_rays::CameraRays;
+use pumice_render::FilterTable;
+use pumice_render::film::STRIDE;
+use pumice_vulkan::device::Backend;
+use pumice_vulkan::layout::{self, FirstRecord, Launch};
+use pumice_vulkan::pack::{self, PackedLooks, PackedSky};
+use pumice_vulkan::program::Program;
+
+use crate::gpu::Gpu;
+use crate::gpu::scene::Uploaded;
+use crate::scenes::Case;
+
+/// A scene on a device: kept as long as its address is used.
+pub(crate) struct OnDevice {
+    _kept: Uploaded,
+    pub(crate) address: u64,
+}
+
+impl OnDevice {
+    pub(crate) fn new(gpu: &Gpu, case: &Case) -> Self {
+        let mut uploaded = Uploaded::new(gpu, &case.traced);
+        for (i, looks) in case.around.looks.iter().enumerate() {
+            let packed = PackedLooks::new(looks);
+            let materials = uploaded.put(gpu, &packed.materials);
+            let of_label = if packed.of_label.is_empty() { 0 } else { uploaded.put(gpu, &packed.of_label) };
+            packed.describe(&mut uploaded.instances[i], materials, of_label);
+        }
+        let lights = &case.around.lights;
+        let ends = if lights.ends().is_empty() { 0 } else { uploaded.put(gpu, lights.ends()) };
+        let suns = pack::suns(lights);
+        let suns = if suns.is_empty() { 0 } else { uploaded.put(gpu, &suns) };
+        let sky = PackedSky::new(lights);
+        let environment = sky.map(|sky| {
+            let parts = sky.parts().map(|part| uploaded.put(gpu, part));
+            sky.record(parts)
+        });
+        let table = FilterTable::new(&case.film.filter);
+        let steps = table.inverse().len().saturating_sub(1) as u32;
+        let inverse = if steps == 0 { 0 } else { uploaded.put(gpu, table.inverse()) };
+        let filter = layout::Filter { inverse, width: table.width(), steps };
+        let albedo = uploaded.put(gpu, albedo_table());
+        let rays = CameraRays::new(&case.camera, &case.film);
+        let (settings, lights) = (pack::settings(&case.around.settings), pack::lights(lights, ends, suns));
+        let sky = environment.unwrap_or_default();
+        let header = pack::header((0, 0), albedo, &rays, filter, settings, lights, sky);
+        let address = uploaded.header(gpu, header);
+        Self { _kept: uploaded, address }
+    }
+}
+
+/// One way to trace on a device.
+pub(crate) struct Front {
+    pub(crate) name: String,
+    pub(crate) gpu: Gpu,
+    program: RefCell<Program>,
+}
+
+impl Front {
+    /// An entry point on each backend, with the device's doubles.
+    pub(crate) fn all(entry: &str) -> Vec<Self> {
+        Backend::ALL.map(|backend| Self::of(entry, backend, true)).into()
+    }
+
+    /// An entry point in compute with doubles in integers.
+    pub(crate) fn in_integers(entry: &str) -> Self {
+        Self::of(entry, Backend::Compute, false)
+    }
+
+    fn of(entry: &str, backend: Backend, native: bool) -> Self {
+        let gpu = Gpu::of(backend);
+        assert!(gpu.has_f64 || !native, "{} has no doubles of its own", gpu.name);
+        let program = RefCell::new(gpu.program(entry, native, [8, 8]));
+        let name = format!("{backend}{}", if native { "" } else { ", doubles in integers" });
+        Self { name, gpu, program }
+    }
+
+    /// Runs the entry point over the film's tiles.
+    fn run(&self, launch: &Launch, tile: [u32; 4]) {
+        let [tile_x, tile_y, tile_width, tile_height] = tile;
+        let launch = Launch { tile_x, tile_y, tile_width, tile_height, ..*launch };
+        self.program.borrow_mut().run("a test", &launch, [tile_width, tile_height]).expect("run");
+    }
+
+    /// Sums of `samples` in every pixel, in launches as the renderer might cut them.
+    pub(crate) fn film(&self, case: &Case, samples: u32) -> Vec<f32> {
+        let scene = OnDevice::new(&self.gpu, case);
+        let (width, height) = (case.film.width, case.film.height);
+        let floats = (width * height) as usize * STRIDE;
+        let target = self.gpu.buffer(4 * floats);
+        let launch = Launch { scene: scene.address, output: target.address, ..Launch::default() };
+        let first = samples / 3;
+        self.run(&Launch { samples: first, ..launch }, [0, 0, width, height]);
+        let rest = Launch { first_sample: first, samples: samples - first, ..launch };
+        self.run(&rest, [0, 0, width, 9]);
+        self.run(&rest, [0, 9, 13, height - 9]);
+        self.run(&rest, [13, 9, width - 13, height - 9]);
+        target.read(floats)
+    }
+
+    /// First surfaces of all pixels.
+    pub(crate) fn firsts(&self, case: &Case) -> Vec<FirstRecord> {
+        let scene = OnDevice::new(&self.gpu, case);
+        let (width, height) = (case.film.width, case.film.height);
+        let count = (width * height) as usize;
+        let target = self.gpu.buffer(count * size_of::<FirstRecord>());
+        let launch = Launch { scene: scene.address, output: target.address, ..Launch::default() };
+        self.run(&launch, [0, 0, width, height]);
+        target.read(count)
+    }
+}
+
+/// Samples of one launch: a device that computes on a busy processor must answer in time.
+const SAMPLES_A_LAUNCH: usize = 512;
+
+/// Radiance of samples: pixel, number.
+pub(crate) fn radiances(gpu: &Gpu, native: bool, case: &Case, asked: &[([u32; 2], u32)]) -> Vec<Vec3> {
+    let scene = OnDevice::new(gpu, case);
+    let mut found = Vec::with_capacity(asked.len());
+    for part in asked.chunks(SAMPLES_A_LAUNCH) {
+        let rows: Vec<_> = part.iter().map(|&([x, y], number)| vec![x, y, number]).collect();
+        let out = gpu.probe(native, 13, scene.address, &rows, 3);
+        found.extend(out.iter().map(|row| Vec3::from_slice(&[0, 1, 2].map(|i| f32::from_bits(row[i])))));
+    }
+    found
+}

@@ -1,0 +1,200 @@
+//! Sample by sample: the same random numbers, so the same path, on both.
+//!
+//! Geometry is exact on both; what differs is the last bits of floats, and with them the directions in which paths go on.
+//!
+//! ```text
+//! unparted   the same faces, the same choices: radiance differs by roundings alone
+//! parted     a ray passes an edge on the other side, a choice falls the other way: another path from there on, as good as the first
+//! ```
+//! How many may part is computed beforehand, from the CPU's own rays ([`Flown::parting`]).
+
+use std::sync::Mutex;
+
+use glam::{DVec3, Vec3};
+use pumice_cpu::camera_rays::CameraRays;
+use pumice_cpu::path::radiance;
+use pumice_render::sampler::PixelSampler;
+use pumice_render::{FilterTable, Hit, PathOrigin, RayInWorld, Tracer};
+
+use crate::scenes::Case;
+
+/// A diffuse direction's error: sine and cosine of a few 2⁻²⁴ and a root (the tests of directions allow 2⁻²¹ and find less).
+const DIRECTION: f64 = 1.0 / 2_097_152.0;
+
+/// Chance that one of a vertex's choices (which lobe, on or not, above the surface or not) falls the other way: the numbers they
+/// compare are good to 2⁻¹⁷ where nothing cancels; there are fewer than eight of them.
+const CHOICES: f64 = 8.0 / 131_072.0;
+
+/// The rays of a path in flight.
+#[derive(Default)]
+struct Flown {
+    /// Lengths of the rays that met something, and how many did not or were shadow rays.
+    path: f64,
+    parting: f64,
+    rays: u32,
+}
+
+/// The tracer, listening.
+struct Listening<'a, T> {
+    tracer: &'a T,
+    voxel: f64,
+    reach: f64,
+    sharpness: f64,
+    flown: Mutex<Flown>,
+}
+
+impl<T> Listening<'_, T> {
+    /// A ray from a vertex flies `length`. It may start off by what the rays before it were off, and end off by its own direction's
+    /// error besides. Surfaces have edges of voxels, two families one voxel apart at most: one lies within ε of a point with a
+    /// chance of 4ε/voxel; slanting surfaces are hit farther off, by 1/cos, 2 in the mean of what scatters diffusely.
+    fn fly(&self, length: f64, goes_on: bool) {
+        let Ok(mut flown) = self.flown.lock() else { return };
+        flown.rays += 1;
+        // A mirror image is off by what its ray was: errors of directions add up from vertex to vertex.
+        let off = flown.path + DIRECTION * self.sharpness * f64::from(flown.rays) * length;
+        flown.parting += 8.0 * off / self.voxel + CHOICES;
+        if goes_on {
+            flown.path = off;
+        }
+    }
+}
+
+impl<T: Tracer> Tracer for Listening<'_, T> {
+    fn first_hit(&self, ray: &RayInWorld, from: PathOrigin, t_max: f64) -> Option<Hit> {
+        let hit = self.tracer.first_hit(ray, from, t_max);
+        // The camera's rays are the same on both, bit for bit.
+        if from != PathOrigin::Free {
+            let length = hit.map_or(self.reach, |h| h.t * ray.direction.length());
+            self.fly(length, true);
+        }
+        hit
+    }
+
+    fn occluded(&self, ray: &RayInWorld, from: PathOrigin, t_max: f64) -> bool {
+        self.fly(self.reach.min(t_max), false);
+        self.tracer.occluded(ray, from, t_max)
+    }
+}
+
+/// What the CPU finds of a sample.
+pub(crate) struct Found {
+    pub(crate) radiance: Vec3,
+    /// Chance that another machine's path parts from this one.
+    pub(crate) parting: f64,
+    /// Rays after the camera's.
+    pub(crate) rays: u32,
+}
+
+/// Samples of every pixel: all pixels, numbers below `spp`.
+pub(crate) fn asked(case: &Case, spp: u32) -> Vec<([u32; 2], u32)> {
+    let (width, height) = (case.film.width, case.film.height);
+    let pixels = (0..width * height).map(move |i| [i % width, i / width]);
+    pixels.flat_map(|p| (0..spp).map(move |number| (p, number))).collect()
+}
+
+/// The CPU's answers.
+pub(crate) fn found(case: &Case, asked: &[([u32; 2], u32)]) -> Vec<Found> {
+    let tracer = case.tracer();
+    let (rays, filter) = (CameraRays::new(&case.camera, &case.film), FilterTable::new(&case.film.filter));
+    let seed = case.around.settings.seed;
+    let listening = Listening {
+        tracer: &tracer,
+        voxel: case.voxel,
+        reach: case.reach,
+        sharpness: case.sharpness,
+        flown: Mutex::default(),
+    };
+    let one = |&([x, y], number): &([u32; 2], u32)| {
+        let sampler = PixelSampler::new(seed, [x, y], number);
+        let [u, v] = sampler.film();
+        let px = f64::from(x) + 0.5 + f64::from(filter.sample(u));
+        let py = f64::from(y) + 0.5 + f64::from(filter.sample(v));
+        let (ray, t_max) = rays.ray(px, py);
+        let down = (py / f64::from(case.film.height)) as f32;
+        *listening.flown.lock().expect("nobody panics with it") = Flown::default();
+        let radiance = radiance(&listening, &case.around, &sampler, ray, t_max, down);
+        let flown = listening.flown.lock().expect("nobody panics with it");
+        // Each ray looks the sky up once at most, and a light that is aimed at once more.
+        let parting = flown.parting + case.borders * f64::from(2 * flown.rays);
+        Found { radiance, parting, rays: flown.rays }
+    };
+    asked.iter().map(one).collect()
+}
+
+/// What tells two machines' samples apart.
+pub(crate) struct Verdict {
+    pub(crate) samples: usize,
+    /// Paths that differ by more than roundings do, and how many of them chance explains.
+    pub(crate) parted: usize,
+    pub(crate) most_parted: f64,
+    /// Largest relative difference of the others.
+    pub(crate) largest: f32,
+    /// Mean difference of all over the mean, by colour, and how much of it chance and roundings explain.
+    pub(crate) shift: DVec3,
+    pub(crate) most_shift: DVec3,
+}
+
+impl Verdict {
+    /// Compares a device's samples with the CPU's.
+    pub(crate) fn of(case: &Case, found: &[Found], got: &[Vec3]) -> Self {
+        assert_eq!(found.len(), got.len());
+        let (mut parted, mut expected, mut largest) = (0, 0.0, 0f32);
+        let (mut sum, mut squares, mut total) = (DVec3::ZERO, DVec3::ZERO, DVec3::ZERO);
+        for (f, g) in found.iter().zip(got) {
+            assert!(g.is_finite(), "{}: {g}", case.name);
+            let scale = f.radiance.max(*g).max_element().max(1e-6);
+            let relative = (f.radiance - *g).abs().max_element() / scale;
+            if relative > tolerance(case, f.rays) {
+                parted += 1;
+            } else {
+                largest = largest.max(relative);
+            }
+            expected += f.parting.min(1.0);
+            let d = (*g - f.radiance).as_dvec3();
+            (sum, squares, total) = (sum + d, squares + d * d, total + f.radiance.as_dvec3());
+        }
+        // A parted path is another sample of the same light: differences have a mean of 0 and the spread they show. The rest
+        // is off by roundings, which may have a mean: 2⁻¹⁷, as single functions.
+        let mean = (total / found.len() as f64).max(DVec3::splat(1e-9));
+        let n = found.len() as f64;
+        let spread = DVec3::from(squares.to_array().map(f64::sqrt)) / n;
+        Self {
+            samples: found.len(),
+            parted,
+            // Poisson's, five standard deviations.
+            most_parted: expected + 5.0 * expected.sqrt() + 3.0,
+            largest,
+            shift: (sum / n / mean).abs(),
+            most_shift: 5.0 * spread / mean + 2f64.powi(-17),
+        }
+    }
+
+    /// Largest of three, which are about alike.
+    fn largest_shift(&self) -> [f64; 2] {
+        [self.shift, self.most_shift].map(|s| s.max_element())
+    }
+
+    /// What convicts, if anything does.
+    pub(crate) fn fault(&self) -> Option<String> {
+        if self.parted as f64 > self.most_parted {
+            return Some(format!("more paths part than floats explain: {self}"));
+        }
+        (0..3).any(|c| self.shift[c] > self.most_shift[c]).then(|| format!("the mean differs: {self}"))
+    }
+}
+
+impl std::fmt::Display for Verdict {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { samples, parted, most_parted, largest, .. } = self;
+        let [shift, most_shift] = self.largest_shift();
+        write!(f, "{parted} of {samples} samples parted (at most {most_parted:.1}), ")?;
+        write!(f, "others differ by {largest:.1e}, the mean by {shift:.1e} (at most {most_shift:.1e})")
+    }
+}
+
+/// Relative difference of paths that do not part: each vertex multiplies by a weight that is good to 2⁻¹⁷ (the tests of scattering),
+/// on sharp lobes to 1/α times that, and the two ways to find a light are weighted by densities as good. Twice a vertex: light and
+/// path.
+pub(crate) fn tolerance(case: &Case, rays: u32) -> f32 {
+    (2 + rays) as f32 * 2f32.powi(-17) * 2.0 * case.sharpness as f32
+}

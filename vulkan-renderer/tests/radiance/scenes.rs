@@ -1,0 +1,236 @@
+//! Small scenes, one for each thing that the integrator does; as the CPU draws them.
+
+use std::sync::Arc;
+
+use glam::{DAffine3, DMat3, DVec3, Vec3};
+use pumice_cpu::traverse::{LodChoice, SceneTracer, TracedInstance};
+use pumice_cpu::{Lights, Looks, PathTracer, Sky, Surroundings};
+use pumice_render::{EnvironmentTable, Image, ReadySun};
+use pumice_scene::{Camera, Film, Filter, LabelStyle, Lod, Material, Mode, Projection, Settings, Sun};
+
+use crate::exact::volumes::{blobs, noise, volume};
+
+/// Pixels along a film's side: not a multiple of a group's 8.
+pub(crate) const SIDE: u32 = 28;
+
+/// A scene, and what is known of its numbers beforehand.
+#[derive(Clone)]
+pub(crate) struct Case {
+    pub(crate) name: &'static str,
+    pub(crate) traced: Vec<TracedInstance>,
+    pub(crate) around: Surroundings,
+    pub(crate) camera: Camera,
+    pub(crate) film: Film,
+    /// How much more a scattered direction is off than a float's rounding: 1/α of the sharpest lobe, 1 where all is diffuse.
+    pub(crate) sharpness: f64,
+    /// Chance that a lookup in the sky's picture finds another pixel's density: its borders, 2⁻¹⁹ of a turn wide each.
+    pub(crate) borders: f64,
+    /// Smallest voxel's edge in the world, and the longest way through all that is drawn.
+    pub(crate) voxel: f64,
+    pub(crate) reach: f64,
+}
+
+impl Case {
+    pub(crate) fn tracer(&self) -> SceneTracer {
+        SceneTracer::new(&self.traced).expect("a tracer")
+    }
+
+    /// The CPU's picture, not begun.
+    pub(crate) fn path_tracer(&self) -> PathTracer<SceneTracer> {
+        PathTracer::new(self.tracer(), self.around.clone(), &self.camera, &self.film)
+    }
+
+    pub(crate) fn with_lights(mut self, lights: Lights) -> Self {
+        self.around.lights = Arc::new(lights);
+        self
+    }
+
+    fn settings(mut self, change: impl FnOnce(&mut Settings)) -> Self {
+        change(&mut self.around.settings);
+        self
+    }
+
+    fn look(mut self, style: &LabelStyle, sharpness: f64) -> Self {
+        let look = |t: &TracedInstance| {
+            let table = t.volume.labels();
+            Arc::new(Looks::new(style, table.ids(), table.contacts().iter(), &t.visible))
+        };
+        self.around.looks = self.traced.iter().map(look).collect();
+        self.sharpness = sharpness;
+        self
+    }
+
+    fn lod(mut self, lod: Lod) -> Self {
+        self.around.settings.lod = lod;
+        for t in &mut self.traced {
+            t.lod = LodChoice::new(lod, &self.camera, &self.film);
+        }
+        self
+    }
+
+    fn named(mut self, name: &'static str) -> Self {
+        self.name = name;
+        self
+    }
+}
+
+/// A camera at `from` that sees `to`.
+fn looking(from: DVec3, to: DVec3, projection: Projection) -> Camera {
+    let z = (from - to).normalize();
+    let x = DVec3::Z.cross(z).normalize();
+    Camera {
+        world_from_camera: DAffine3::from_mat3_translation(DMat3::from_cols(x, z.cross(x), z), from),
+        projection,
+        shift: [0.05, -0.1],
+        clip: [0.1, 1e6],
+    }
+}
+
+fn traced(volume: &Arc<pumice_core::CompressedVolume>, world_from_index: DAffine3) -> TracedInstance {
+    let visible = vec![true; volume.labels().len()];
+    TracedInstance { volume: Arc::clone(volume), world_from_index, visible, lod: LodChoice::Voxels }
+}
+
+/// Bodies of many labels, 48 voxels wide: Lambert under an even sky.
+pub(crate) fn bodies() -> Case {
+    let (_, volume) = blobs([48, 44, 40], 40, 16, 4);
+    let instance = traced(&volume, DAffine3::IDENTITY);
+    let material = Material { base_color: [0.8, 0.6, 0.4], specular: 0.0, ..Material::default() };
+    let around = Surroundings {
+        lights: Arc::new(Lights::new(Sky::Constant(Vec3::new(0.9, 1.0, 1.1)), Vec::new(), None)),
+        looks: vec![Arc::new(Looks::same(material))],
+        settings: Settings { bounces: 4, seed: 7, ..Settings::default() },
+    };
+    let projection = Projection::Perspective { fov_rad: 0.45 };
+    Case {
+        name: "an even sky",
+        traced: vec![instance],
+        around,
+        camera: looking(DVec3::new(95.0, -60.0, 70.0), DVec3::new(24.0, 22.0, 20.0), projection),
+        film: Film { width: SIDE, height: SIDE, filter: Filter::BlackmanHarris { width: 3.0 } },
+        sharpness: 1.0,
+        borders: 0.0,
+        voxel: 1.0,
+        reach: 77.0,
+    }
+}
+
+/// A sun of some width.
+pub(crate) fn sun(angle_rad: f64, strength: f32) -> ReadySun {
+    let direction = [-0.6, 0.7, -1.0];
+    ReadySun::new(&Sun { direction, strength, color: [1.0, 0.9, 0.8], angle_rad })
+}
+
+fn dark() -> Sky {
+    Sky::Constant(Vec3::splat(0.05))
+}
+
+/// A bright window in a sky that changes slowly.
+pub(crate) fn picture(strength: f32) -> Sky {
+    let pixel = |i: usize| {
+        let (x, y) = ((i % 64) as f32 / 64.0, (i / 64) as f32 / 32.0);
+        let lamp = if (0.6..0.7).contains(&x) && (0.2..0.3).contains(&y) { 10.0 } else { 0.0 };
+        [0.5 + lamp + 0.2 * (x * std::f32::consts::TAU).sin(), 0.4 + lamp, 0.6 + lamp - 0.3 * y]
+    };
+    let image = Image::new(64, 32, (0..64 * 32).map(pixel).collect());
+    Sky::Image(Box::new(EnvironmentTable::new(image, strength, 0.3).expect("a sky")))
+}
+
+/// Chance that a place in [`picture`], off by 2⁻²⁰ of a turn, is across a border of its 64 + 32.
+const BORDERS: f64 = 96.0 / 524_288.0;
+
+/// Every label another surface: shiny, metal, both, shining; α = 0.3² at the sharpest.
+fn surfaces(case: Case) -> Case {
+    surfaces_of(case, 0.3)
+}
+
+/// The same, of this roughness and rougher.
+fn surfaces_of(case: Case, roughness: f32) -> Case {
+    let base = |m: Material, i: usize| Material { base_color: [0.9, 0.3 + 0.04 * i as f32, 0.5], ..m };
+    let kinds = [
+        Material { specular: 0.5, roughness, ..Material::default() },
+        Material { metallic: 1.0, roughness: roughness + 0.1, ..Material::default() },
+        Material { metallic: 0.5, roughness: 0.8, ior: 1.8, ..Material::default() },
+        Material { specular: 0.0, emission: [0.4, 0.2, 0.1], ..Material::default() },
+    ];
+    let ids = case.traced[0].volume.labels().ids().to_vec();
+    let materials = ids.iter().enumerate().map(|(i, id)| (*id, base(kinds[i % kinds.len()], i))).collect();
+    case.look(&LabelStyle { materials, ..LabelStyle::default() }, 1.0 / f64::from(roughness).powi(2))
+}
+
+fn several() -> Case {
+    let mut case = bodies();
+    let (_, sparse) = noise([30, 20, 25], 0.03, 4, 2);
+    let turned = DAffine3::from_axis_angle(DVec3::new(1.0, 2.0, 0.5).normalize(), 0.7);
+    let placed = DAffine3::from_translation(DVec3::new(30.0, -20.0, 10.5)) * turned;
+    case.traced.push(traced(&sparse, placed * DAffine3::from_scale(DVec3::new(1.0, -1.0, 1.5))));
+    case.traced.push(traced(&sparse, DAffine3::from_translation(DVec3::new(-10.0, 5.0, 30.0))));
+    for (i, visible) in case.traced[0].visible.iter_mut().enumerate() {
+        *visible = i % 3 != 0;
+    }
+    // Some 70 × 60 × 60 voxels in all.
+    case.reach = 130.0;
+    case.look(&LabelStyle { auto_color: true, ..LabelStyle::default() }, 4.0)
+}
+
+/// A room with a window in its ceiling and four pillars, seen from within: light comes in after many bounces.
+fn room() -> Case {
+    let (_, room) = volume([48, 36, 28], |x, y, z| {
+        let within = |v: u32, end: u32| (2..end - 2).contains(&v);
+        let window = (16..28).contains(&x) && (12..20).contains(&y) && z > 20;
+        let pillar = x % 16 / 4 == 2 && y % 12 / 4 == 1;
+        match (within(x, 48) && within(y, 36) && within(z, 28), window) {
+            (_, true) => 0,
+            (true, _) => u32::from(pillar) * (1 + x / 16),
+            _ => 4 + x / 12,
+        }
+    });
+    let mut case = bodies();
+    case.traced = vec![traced(&room, DAffine3::IDENTITY)];
+    case.camera.world_from_camera =
+        looking(DVec3::new(5.0, 4.5, 12.0), DVec3::new(30.0, 20.0, 12.0), case.camera.projection)
+            .world_from_camera;
+    case.camera.projection = Projection::Perspective { fov_rad: 1.4 };
+    case.around.settings.bounces = 32;
+    case.reach = 66.0;
+    // Rough: errors of many mirror images would leave nothing to compare.
+    surfaces_of(case, 0.8)
+}
+
+/// All of them.
+pub(crate) fn cases() -> Vec<Case> {
+    let aimed = |case: Case, suns: Vec<ReadySun>| case.with_lights(Lights::new(dark(), suns, None));
+    let painted = |case: Case, suns: Vec<ReadySun>| {
+        let case = case.with_lights(Lights::new(picture(1.0), suns, None));
+        Case { borders: BORDERS, ..case }
+    };
+    let backdrop = Some([[0.1, 0.2, 0.3], [0.9, 0.8, 0.7]]);
+    let mut flat = surfaces(bodies()).named("parallel rays, a backdrop");
+    flat.camera.projection = Projection::Orthographic { scale: 50.0 };
+    flat.film.filter = Filter::Box { width: 1.5 };
+    // The near plane cuts through the bodies: half of the rays begin within one.
+    let mut cut = flat.clone().named("rays that begin within");
+    cut.camera.clip[0] = 115.0;
+    let far = Lod::Distance { pixels: 1.6 };
+    vec![
+        bodies(),
+        aimed(bodies(), vec![sun(0.0, 2.0)]).named("a sun of one direction"),
+        aimed(bodies(), vec![sun(0.009, 2.0)]).named("the sun's own width"),
+        aimed(bodies(), vec![sun(0.6, 2.0), sun(0.0, 0.5)]).named("a wide sun and a needle"),
+        painted(bodies(), vec![]).named("a picture"),
+        surfaces(painted(bodies(), vec![sun(0.3, 1.0)])).named("all surfaces under a picture and a sun"),
+        surfaces(bodies()).named("all surfaces under an even sky"),
+        bodies().settings(|s| s.mode = Mode::OneBounce).named("one bounce"),
+        bodies().settings(|s| (s.mode, s.ao_distance) = (Mode::AmbientOcclusion, 9.0)).named("occlusion"),
+        room().named("32 bounces and roulette"),
+        room()
+            .settings(|s| (s.russian_roulette, s.bounces) = (false, 12))
+            .named("12 bounces without roulette"),
+        aimed(bodies(), vec![sun(0.3, 2.0)]).lod(Lod::Cells).named("cells"),
+        aimed(bodies(), vec![sun(0.3, 2.0)]).lod(Lod::Boxes).named("boxes"),
+        aimed(bodies(), vec![sun(0.3, 2.0)]).lod(far).named("cells and voxels by distance"),
+        several().named("several instances, labels hidden, colours of the palette"),
+        cut,
+        flat.with_lights(Lights::new(dark(), vec![sun(0.3, 2.0)], backdrop)),
+    ]
+}
