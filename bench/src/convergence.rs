@@ -12,7 +12,7 @@ const SPP: [u32; 6] = [1, 4, 16, 32, 64, 128];
 /// The reference's own error adds its share to what is measured: at 64 times the samples 1 or 2 % of it.
 const REFERENCE_FACTOR: u32 = 64;
 
-pub(crate) fn measure(programs: &Programs, volumes: &[PathBuf]) -> Result<Table> {
+pub(crate) fn measure(programs: &Programs, volumes: &[PathBuf], backend: &str) -> Result<Table> {
     let folder = scratch()?;
     let mut table = Table::default();
     for volume in volumes {
@@ -26,7 +26,7 @@ pub(crate) fn measure(programs: &Programs, volumes: &[PathBuf]) -> Result<Table>
                 "--size",
                 "160x90",
                 "--backend",
-                "cpu",
+                backend,
                 "--json",
                 "-",
                 "--seed",

@@ -24,6 +24,7 @@ impl Programs {
             ["build", "--quiet", "--release", "--package", "pumice-core", "--example", "build_speed"],
             ["build", "--quiet", "--release", "--package", "pumice-cpu", "--example", "ray_rate"],
             ["build", "--quiet", "--release", "--package", "pumice-session", "--example", "live_latency"],
+            ["build", "--quiet", "--release", "--package", "pumice-session", "--example", "backend_speed"],
         ] {
             said(Command::new("cargo").current_dir(&root).args(args))?;
         }

@@ -1,0 +1,355 @@
+//! The structures of `src/layout.rs` against those that the compiled shaders read: every field's name, offset and type.
+//!
+//! Taken from Rust: the compiler's own offsets, of all fields (a pattern that names each; one that forgets one does not compile).
+//! Taken from SPIR-V: decorations of every module that is checked in. No device is needed.
+
+#![allow(clippy::expect_used, clippy::panic, reason = "tests")]
+
+#[path = "layouts/reflection.rs"]
+mod reflection;
+
+use std::collections::BTreeSet;
+use std::mem::offset_of;
+use std::path::Path;
+
+use bytemuck::{Pod, Zeroable};
+use pumice_render::Bvh;
+use pumice_render::bvh::BoxBounds;
+use pumice_vulkan::layout::{
+    Camera, Chunk, Environment, Filter, FirstRecord, HitRecord, Instance, LOD_BY_DISTANCE, Launch, Lights,
+    Material, NONE, Question, RayRecord, SCRATCH_BYTES, SceneHeader, Settings, Sun, SurfaceRecord,
+};
+use reflection::{Field, Layout, layouts};
+
+/// A type's name as the shaders have it. Doubles are integers there.
+trait Shape {
+    fn shape() -> String;
+}
+
+macro_rules! shapes {
+    ($($rust:ty => $glsl:literal),*) => {
+        $(impl Shape for $rust {
+            fn shape() -> String {
+                $glsl.to_owned()
+            }
+        })*
+    };
+}
+
+shapes!(u32 => "u32", f32 => "f32", u64 => "u64", f64 => "u64", Camera => "CameraRecord", Filter => "Filter",
+    Settings => "Settings", Lights => "Lights", Environment => "Environment", SurfaceRecord => "SurfaceRecord");
+
+impl<T: Shape, const N: usize> Shape for [T; N] {
+    fn shape() -> String {
+        format!("[{}; {N}]", T::shape())
+    }
+}
+
+/// Ties a field's type to the field.
+fn shape_of<T: Shape>(_: &T) -> String {
+    T::shape()
+}
+
+/// Fields of a Rust structure, under the names that they have in GLSL.
+macro_rules! twin {
+    ($glsl:literal, $rust:ident { $($field:ident $(as $other:literal)?),* $(,)? }) => {{
+        // All fields, or it does not compile.
+        let $rust { $($field),* } = $rust::zeroed();
+        let mut fields = vec![$(Field {
+            name: [$($other,)? stringify!($field)][0].to_owned(),
+            offset: offset_of!($rust, $field),
+            shape: shape_of(&$field),
+        }),*];
+        fields.sort_by_key(|f| f.offset);
+        Layout { name: $glsl.to_owned(), fields, end: size_of::<$rust>(), strides: vec![size_of::<$rust>()] }
+    }};
+}
+
+/// A node as drawn in `pumice_render::bvh`, whose own type is private: `hierarchies_lie_as_drawn` holds it against real ones.
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+struct BvhNode {
+    origin: [f32; 3],
+    exponents_and_inner: u32,
+    first_child: u32,
+    first_item: u32,
+    meta: [u32; 2],
+    lo: [[u32; 2]; 3],
+    hi: [[u32; 2]; 3],
+}
+
+fn twins() -> Vec<Layout> {
+    vec![
+        twin!(
+            "Launch",
+            Launch {
+                scene,
+                input as "source",
+                output as "target",
+                scratch,
+                tile_x,
+                tile_y,
+                tile_width,
+                tile_height,
+                first_sample,
+                samples,
+                count,
+                wanted,
+            }
+        ),
+        twin!(
+            "CameraRecord",
+            Camera {
+                position,
+                right,
+                up,
+                forward,
+                half as "half_extent",
+                shift,
+                size,
+                clip,
+                orthographic,
+                reserved,
+            }
+        ),
+        twin!("Filter", Filter { inverse as "inverse_table", width, steps }),
+        twin!("Settings", Settings { seed, ao_distance, mode, bounces, russian_roulette, reserved }),
+        twin!(
+            "Lights",
+            Lights { ends, suns, end_count, sun_count, finding, sky, has_backdrop, backdrop, reserved }
+        ),
+        twin!("Sun", Sun { towards, tangent, bitangent, one_minus_cos_half_angle, radiance, cone_pdf }),
+        twin!(
+            "Environment",
+            Environment {
+                pixels,
+                density,
+                row_ends,
+                column_ends,
+                rotation_rad,
+                width,
+                height,
+                strength,
+                reserved,
+            }
+        ),
+        twin!(
+            "SceneHeader",
+            SceneHeader {
+                instances,
+                albedo,
+                camera,
+                filter as "film_filter",
+                settings,
+                lights,
+                environment,
+                instance_count,
+                film_width,
+            }
+        ),
+        twin!("Material", Material { base_color, metallic, roughness, specular, ior, emission }),
+        twin!("Chunk", Chunk { node_base, origin, first_box }),
+        twin!(
+            "Instance",
+            Instance {
+                chunks,
+                boxes,
+                labels,
+                nodes,
+                leaves,
+                bvh_nodes,
+                bvh_items,
+                acceleration,
+                materials,
+                material_of_label,
+                translation,
+                adjugate,
+                determinant,
+                normals,
+                lo,
+                hi,
+                dims,
+                chunk_count,
+                pad,
+                label_count,
+                lod,
+                box_count,
+                eye_in_index,
+                edges_from_index,
+                coarser_from_squared,
+            }
+        ),
+        twin!("SurfaceRecord", SurfaceRecord { instance, voxel, face, plane, label, box_number }),
+        twin!(
+            "RayRecord",
+            RayRecord { origin, direction, t_max, from, question, only, only_instance, reserved }
+        ),
+        twin!("HitRecord", HitRecord { t, normal, surface, from_inside, reserved }),
+        twin!("FirstRecord", FirstRecord { depth, label, albedo, normal }),
+        twin!("BvhNode", BvhNode { origin, exponents_and_inner, first_child, first_item, meta, lo, hi }),
+    ]
+}
+
+/// How a structure of a shader departs from its twin.
+fn difference(shader: &Layout, twin: &Layout) -> Option<String> {
+    let name = &twin.name;
+    let pairs = shader.fields.len().max(twin.fields.len());
+    for i in 0..pairs {
+        let (s, t) = (shader.fields.get(i), twin.fields.get(i));
+        if s != t {
+            return Some(format!("{name}, field {i}: the shader has {s:?}, layout.rs {t:?}"));
+        }
+    }
+    if shader.end != twin.end {
+        return Some(format!("{name} ends at byte {} in the shader, {} in layout.rs", shader.end, twin.end));
+    }
+    let stride = shader.strides.iter().find(|&&s| s != twin.end)?;
+    Some(format!("{name}s lie {stride} bytes apart in the shader, {} in layout.rs", twin.end))
+}
+
+fn folder(name: &str) -> std::path::PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join(name)
+}
+
+fn words_of(path: &Path) -> Vec<u32> {
+    let bytes = std::fs::read(path).expect("a shader");
+    bytes.chunks_exact(4).map(|w| u32::from_le_bytes([w[0], w[1], w[2], w[3]])).collect()
+}
+
+/// Each module that is checked in, with its file's name.
+fn modules() -> Vec<(String, Vec<Layout>)> {
+    let entries = std::fs::read_dir(folder("spirv")).expect("compiled shaders");
+    let paths = entries.map(|e| e.expect("an entry").path());
+    let compiled = paths.filter(|p| p.extension().is_some_and(|e| e == "spv"));
+    let modules: Vec<_> =
+        compiled.map(|path| (path.display().to_string(), layouts(&words_of(&path)))).collect();
+    assert!(modules.len() >= 20, "{} modules", modules.len());
+    modules
+}
+
+fn layout_glsl() -> String {
+    std::fs::read_to_string(folder("shaders/layout.glsl")).expect("layout.glsl")
+}
+
+#[test]
+fn structures_lie_as_the_shaders_read_them() {
+    let twins = twins();
+    let mut seen = BTreeSet::new();
+    for (module, structs) in modules() {
+        for s in &structs {
+            let Some(twin) = twins.iter().find(|t| t.name == s.name) else { continue };
+            assert_eq!(difference(s, twin), None, "{module}");
+            seen.insert(s.name.clone());
+        }
+    }
+    // Each has been compared somewhere, and each of layout.glsl is among them.
+    let source = layout_glsl();
+    let declared = source.lines().filter_map(|l| l.strip_prefix("struct ")?.strip_suffix(" {"));
+    let declared: BTreeSet<String> = declared.map(str::to_owned).collect();
+    assert_eq!(declared, seen);
+    assert_eq!(declared.len(), twins.len());
+}
+
+/// What a ray of the ray tracing pipeline keeps in scratch memory fits there.
+#[test]
+fn searches_fit_into_scratch_memory() {
+    let mut seen = 0;
+    for (module, structs) in modules() {
+        for search in structs.iter().filter(|s| s.name == "Search") {
+            // Doubles within: the next search begins at a multiple of 8.
+            assert!(search.end as u64 <= SCRATCH_BYTES && SCRATCH_BYTES.is_multiple_of(8), "{module}");
+            seen += 1;
+        }
+    }
+    assert!(seen >= 6, "{seen} modules keep searches");
+}
+
+#[test]
+fn constants_are_the_shaders() {
+    let source = layout_glsl();
+    let mut declared: Vec<(String, u64)> = Vec::new();
+    for line in source.lines() {
+        let Some(line) = line.strip_prefix("const ") else { continue };
+        let words: Vec<_> = line.split_whitespace().collect();
+        let [_, name, "=", value] = words[..] else { panic!("{line}") };
+        let value = value.trim_end_matches([';', 'u', 'U', 'L']);
+        let number = match value.strip_prefix("0x") {
+            Some(hex) => u64::from_str_radix(hex, 16),
+            None => value.parse(),
+        };
+        declared.push((name.to_owned(), number.expect("a number")));
+    }
+    let expected = [
+        ("NONE", u64::from(NONE)),
+        ("SCRATCH_BYTES", SCRATCH_BYTES),
+        ("LOD_BY_DISTANCE", u64::from(LOD_BY_DISTANCE)),
+        ("INSTANCE_BYTES", size_of::<Instance>() as u64),
+        ("QUESTION_FIRST_HIT", Question::FirstHit as u64),
+        ("QUESTION_OCCLUDED", Question::Occluded as u64),
+        ("QUESTION_NEXT_BOUNDARY", Question::NextBoundary as u64),
+    ];
+    assert_eq!(declared, expected.map(|(name, value)| (name.to_owned(), value)));
+}
+
+/// One box in a hierarchy, found in its bytes by the structure that the shaders read.
+#[test]
+fn hierarchies_lie_as_drawn() {
+    let bounds = BoxBounds { lo: [100, 2_000, 30_000], hi: [116, 2_300, 30_001] };
+    let bvh = Bvh::build(vec![(bounds, 7)]).expect("a hierarchy");
+    let bytes = bvh.node_bytes();
+    assert_eq!(bytes.len(), size_of::<BvhNode>());
+    let node: BvhNode = bytemuck::pod_read_unaligned(bytes);
+    let byte = |words: [u32; 2], c: usize| (words[c / 4] >> (8 * (c % 4))) & 0xFF;
+    let child = (0..8).find(|&c| byte(node.meta, c) != 0).expect("a child");
+    assert_eq!(byte(node.meta, child), 1 << 5, "one item, the first");
+    assert_eq!((node.exponents_and_inner >> 24, node.first_item), (0, 0), "no inner child");
+    for a in 0..3 {
+        let exponent = (node.exponents_and_inner >> (8 * a)) & 0xFF;
+        let plane = |words: [u32; 2]| node.origin[a] as u32 + (byte(words, child) << exponent);
+        let step = 1 << exponent;
+        let (lo, hi) = (plane(node.lo[a]), plane(node.hi[a]));
+        assert!(lo <= bounds.lo[a] && bounds.lo[a] < lo + step, "axis {a}: {lo}");
+        assert!(bounds.hi[a] <= hi && hi < bounds.hi[a] + step, "axis {a}: {hi}");
+    }
+}
+
+/// The comparison can tell: a field less, two changed places, another type, another name, another stride.
+#[test]
+fn other_layouts_are_told_apart() {
+    let twins = twins();
+    let instance = twins.iter().find(|t| t.name == "Instance").expect("an instance");
+    assert_eq!(difference(instance, instance), None);
+    let faults: [fn(&mut Layout); 6] = [
+        |l| drop(l.fields.pop()),
+        |l| l.fields.swap(3, 4),
+        |l| l.fields[20].offset += 4,
+        |l| l.fields[11].shape = "[[u32; 3]; 3]".to_owned(),
+        |l| l.fields[0].name = "boxes".to_owned(),
+        |l| l.strides.push(l.end + 8),
+    ];
+    for (i, fault) in faults.into_iter().enumerate() {
+        let mut broken = instance.clone();
+        fault(&mut broken);
+        assert!(difference(&broken, instance).is_some(), "fault {i}");
+    }
+    // As compiled: each offset and stride of a module that is another is noticed.
+    let words = words_of(&folder("spirv/trace_rays_bvh.comp.spv"));
+    let departs = |words: &[u32]| {
+        let all = layouts(words);
+        let found = |l: &Layout| difference(l, twins.iter().find(|t| t.name == l.name)?);
+        all.iter().find_map(found)
+    };
+    assert_eq!(departs(&words), None);
+    let places = reflection::decorations(&words);
+    assert!(places.len() > 80, "{} offsets and strides", places.len());
+    for place in places {
+        let mut broken = words.clone();
+        broken[place] += 4;
+        assert!(layouts(&broken) != layouts(&words), "word {place}");
+        broken[place] -= 4;
+    }
+    let mut broken = words;
+    let instances = reflection::decorations(&broken)[20];
+    broken[instances] += 4;
+    assert!(departs(&broken).is_some(), "an offset of Instance");
+}

@@ -1,0 +1,147 @@
+//! What a compiled shader says of the structures that lie in memory: members, offsets, types, strides.
+//!
+//! SPIR-V is five words of header, then instructions: length and number in the first word, operands after it (SPIR-V 1.5, §2.3).
+//! Of the hundreds of instructions the ten that tell of layouts are read here.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+const NAME: u32 = 5;
+const MEMBER_NAME: u32 = 6;
+const TYPE_INT: u32 = 21;
+const TYPE_FLOAT: u32 = 22;
+const TYPE_VECTOR: u32 = 23;
+const TYPE_ARRAY: u32 = 28;
+const TYPE_RUNTIME_ARRAY: u32 = 29;
+const TYPE_STRUCT: u32 = 30;
+const CONSTANT: u32 = 43;
+const DECORATE: u32 = 71;
+const MEMBER_DECORATE: u32 = 72;
+const ARRAY_STRIDE: u32 = 6;
+const OFFSET: u32 = 35;
+
+/// A member of a structure: name, offset, type as Rust would write it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Field {
+    pub(crate) name: String,
+    pub(crate) offset: usize,
+    pub(crate) shape: String,
+}
+
+/// A structure with offsets.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Layout {
+    pub(crate) name: String,
+    pub(crate) fields: Vec<Field>,
+    /// Where its last member ends.
+    pub(crate) end: usize,
+    /// Strides of the arrays of any length that hold it.
+    pub(crate) strides: Vec<usize>,
+}
+
+/// The tables of a module.
+#[derive(Default)]
+struct Module<'a> {
+    names: BTreeMap<u32, String>,
+    member_names: BTreeMap<(u32, u32), String>,
+    offsets: BTreeMap<(u32, u32), usize>,
+    strides: BTreeMap<u32, usize>,
+    constants: BTreeMap<u32, u32>,
+    types: BTreeMap<u32, (u32, &'a [u32])>,
+}
+
+fn text(words: &[u32]) -> String {
+    let bytes: Vec<u8> = words.iter().flat_map(|w| w.to_le_bytes()).take_while(|&b| b != 0).collect();
+    String::from_utf8(bytes).expect("a name in UTF-8")
+}
+
+/// Number and operands' place of each instruction.
+fn instructions(words: &[u32]) -> impl Iterator<Item = (u32, Range<usize>)> {
+    let mut next = 5;
+    std::iter::from_fn(move || {
+        let first = words.get(next)?;
+        let place = next + 1..next + (first >> 16) as usize;
+        next = place.end;
+        Some((first & 0xFFFF, place))
+    })
+}
+
+/// Where a module says an offset, or a stride.
+pub(crate) fn decorations(words: &[u32]) -> Vec<usize> {
+    let found = instructions(words).filter_map(|(code, place)| match code {
+        DECORATE if words[place.start + 1] == ARRAY_STRIDE => Some(place.start + 2),
+        MEMBER_DECORATE if words[place.start + 2] == OFFSET => Some(place.start + 3),
+        _ => None,
+    });
+    found.collect()
+}
+
+/// All structures of a module that lie in memory.
+pub(crate) fn layouts(words: &[u32]) -> Vec<Layout> {
+    assert_eq!(words[0], 0x0723_0203, "not SPIR-V");
+    let mut module = Module::default();
+    for (code, place) in instructions(words) {
+        let at = &words[place];
+        match code {
+            NAME => drop(module.names.insert(at[0], text(&at[1..]))),
+            MEMBER_NAME => drop(module.member_names.insert((at[0], at[1]), text(&at[2..]))),
+            DECORATE if at[1] == ARRAY_STRIDE => drop(module.strides.insert(at[0], at[2] as usize)),
+            MEMBER_DECORATE if at[2] == OFFSET => {
+                module.offsets.insert((at[0], at[1]), at[3] as usize);
+            }
+            CONSTANT => drop(module.constants.insert(at[1], at[2])),
+            TYPE_INT..=TYPE_VECTOR | TYPE_ARRAY..=TYPE_STRUCT => {
+                module.types.insert(at[0], (code, &at[1..]));
+            }
+            _ => {}
+        }
+    }
+    let structs = module.types.iter().filter(|(_, (code, _))| *code == TYPE_STRUCT);
+    structs.filter_map(|(&id, (_, members))| module.layout(id, members)).collect()
+}
+
+impl Module<'_> {
+    /// A structure; `None` where it has no offsets: those live in registers.
+    fn layout(&self, id: u32, members: &[u32]) -> Option<Layout> {
+        self.offsets.get(&(id, 0))?;
+        let mut end = 0;
+        let fields = (0..).zip(members).map(|(i, &member)| {
+            let offset = self.offsets[&(id, i)];
+            let (shape, bytes) = self.shape(member);
+            end = end.max(offset + bytes);
+            Field { name: self.member_names[&(id, i)].clone(), offset, shape }
+        });
+        let fields = fields.collect();
+        let holds = |t: &(u32, &[u32])| t.0 == TYPE_RUNTIME_ARRAY && t.1[0] == id;
+        let arrays = self.types.iter().filter(|(_, t)| holds(t));
+        let strides = arrays.map(|(array, _)| self.strides[array]).collect();
+        Some(Layout { name: self.names[&id].clone(), fields, end, strides })
+    }
+
+    /// A type as Rust would write it, and its bytes. An array whose members do not lie side by side says so.
+    fn shape(&self, id: u32) -> (String, usize) {
+        let Some(&(code, at)) = self.types.get(&id) else { return (format!("type {id}"), 0) };
+        match code {
+            TYPE_INT => (format!("{}{}", if at[1] == 0 { 'u' } else { 'i' }, at[0]), at[0] as usize / 8),
+            TYPE_FLOAT => (format!("f{}", at[0]), at[0] as usize / 8),
+            TYPE_VECTOR => {
+                let (of, bytes) = self.shape(at[0]);
+                (format!("vector of {} {of}", at[1]), bytes * at[1] as usize)
+            }
+            TYPE_ARRAY => {
+                let ((of, bytes), count) = (self.shape(at[0]), self.constants[&at[1]] as usize);
+                let stride = self.strides[&id];
+                let apart = if stride == bytes { String::new() } else { format!(", {stride} bytes apart") };
+                (format!("[{of}; {count}{apart}]"), stride * count)
+            }
+            TYPE_STRUCT => {
+                let end = self.layout(id, at).map_or(0, |l| l.end);
+                (self.names[&id].clone(), end)
+            }
+            _ => (
+                format!("array without an end of {}, {} bytes apart", self.shape(at[0]).0, self.strides[&id]),
+                0,
+            ),
+        }
+    }
+}

@@ -1,0 +1,286 @@
+//! What has no twin, with the reason; and twins of other names.
+
+/// A file, and its entries: a function, and its reason or its other name.
+pub(crate) type Listed = (&'static str, &'static [(&'static str, &'static str)]);
+
+/// Folders of which every Rust file is looked at.
+pub(crate) const FOLDERS: [&str; 3] = ["cpu-renderer/src", "cpu-renderer/src/traverse", "render/src"];
+
+/// Files besides: what reads a compressed volume.
+pub(crate) const FILES: [&str; 3] = ["core/src/node.rs", "core/src/volume.rs", "core/src/box_record.rs"];
+
+const FRONT: &str = "a front end: the twin's hierarchy in its place, asked in another way";
+const ENTRY: &str = "an entry point: includes a twin and calls it once a pixel or ray";
+
+/// Shaders without a file of their own on the CPU.
+pub(crate) const SHADERS_ALONE: &[(&str, &str)] = &[
+    ("dvec3.glsl", "the CPU has glam's DVec3"),
+    ("f64.glsl", "the CPU has the language's doubles"),
+    ("trigonometry.glsl", "the CPU has the language's functions"),
+    ("launch.glsl", "push constants"),
+    ("front_bvh.glsl", FRONT),
+    ("front_query.glsl", FRONT),
+    ("front_pipeline.glsl", FRONT),
+    ("hardware_ray.glsl", FRONT),
+    ("box.rint", "what visits boxes in the ray tracing pipeline"),
+    ("nothing.rmiss", "a pipeline must have one"),
+    ("trace_rays.glsl", "rays in, hits out, for tests"),
+    ("probe.comp", "functions one by one, for tests"),
+    ("trace_rays.rgen", ENTRY),
+    ("trace_rays_bvh.comp", ENTRY),
+    ("trace_rays_query.comp", ENTRY),
+    ("first.rgen", ENTRY),
+    ("first_bvh.comp", ENTRY),
+    ("first_query.comp", ENTRY),
+    ("path.rgen", ENTRY),
+    ("path_bvh.comp", ENTRY),
+    ("path_query.comp", ENTRY),
+];
+
+const FILE_FORMAT: &str = "reads or writes files";
+const NAMES: &str = "names modules or types";
+const COLORS: &str = "colours of labels are found before a ray is traced";
+
+/// Files that trace no ray.
+pub(crate) const HOST_FILES: &[(&str, &str)] = &[
+    (
+        "cpu-renderer/src/cpu_renderer.rs",
+        "what a renderer is asked from outside; src/renderer.rs is beside it",
+    ),
+    ("cpu-renderer/src/lib.rs", NAMES),
+    ("cpu-renderer/src/traverse/mod.rs", "unrolls loops over axes for the compiler"),
+    ("render/src/atomic_file.rs", FILE_FORMAT),
+    ("render/src/exr_file.rs", FILE_FORMAT),
+    ("render/src/exr_read.rs", FILE_FORMAT),
+    ("render/src/png_file.rs", FILE_FORMAT),
+    ("render/src/provenance_text.rs", FILE_FORMAT),
+    ("render/src/sample_pictures.rs", "pictures for tests of files"),
+    ("render/src/image.rs", "pictures on the host"),
+    ("render/src/picture.rs", "pictures on the host"),
+    ("render/src/passes.rs", "which pictures are wanted"),
+    ("render/src/palette.rs", COLORS),
+    ("render/src/lib.rs", NAMES),
+    ("render/src/renderer.rs", "the interface of all renderers"),
+];
+
+const READY: &str = "made ready before a ray is traced, for both renderers";
+const READ: &str = "hands out a field, which the shader reads itself";
+const COUNTED: &str = "counts memory or items of the host's";
+const SHOWN: &str = "what is made of the sums is the host's, for both renderers";
+
+/// Functions that the host alone computes.
+pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
+    (
+        "core/src/box_record.rs",
+        &[("BoxRecord::new", "the compressor's"), ("BoxRecord::node", "its bits are taken out in box_place")],
+    ),
+    (
+        "core/src/node.rs",
+        &[("NodeRef::words", COUNTED), ("extent_of", "tight bounds for the hierarchy: ready before")],
+    ),
+    (
+        "core/src/volume.rs",
+        &[
+            ("CompressedVolume::empty", "an empty volume has no box to read"),
+            ("CompressedVolume::resident_parts", COUNTED),
+            ("CompressedVolume::bytes", COUNTED),
+            ("CompressedVolume::info", READ),
+            ("CompressedVolume::labels", READ),
+            ("CompressedVolume::chunks", READ),
+            ("CompressedVolume::runs", READ),
+            ("CompressedVolume::boxes", READ),
+            ("CompressedVolume::nodes", READ),
+            ("CompressedVolume::dictionary", READ),
+            ("CompressedVolume::note", "texts about labels"),
+            ("CompressedVolume::for_each_box", "packing and hierarchies walk over all; rays do not"),
+        ],
+    ),
+    ("cpu-renderer/src/bsdf.rs", &[("albedo_table", READY)]),
+    ("cpu-renderer/src/camera_rays.rs", &[("CameraRays::new", READY), ("CameraRays::near", READ)]),
+    (
+        "cpu-renderer/src/lights.rs",
+        &[
+            ("Lights::new", READY),
+            ("Lights::found_by", READY),
+            ("Lights::sky", READ),
+            ("Lights::suns", READ),
+            ("Lights::backdrop", READ),
+            ("Lights::ends", READ),
+            ("Lights::finding", READ),
+        ],
+    ),
+    (
+        "cpu-renderer/src/looks.rs",
+        &[
+            ("Looks::same", READY),
+            ("Looks::new", READY),
+            ("Looks::materials", READ),
+            ("Looks::of_label", READ),
+            ("Looks::bytes", COUNTED),
+        ],
+    ),
+    (
+        "cpu-renderer/src/path_tracer.rs",
+        &[
+            ("PathTracer::new", READY),
+            ("PathTracer::restart", READY),
+            ("PathTracer::tracer", READ),
+            ("PathTracer::film", READ),
+            ("PathTracer::around", READ),
+            ("PathTracer::rays", READ),
+            ("PathTracer::advance", "when samples are taken; src/slices.rs and src/renderer.rs for devices"),
+            ("PathTracer::error_estimate", SHOWN),
+            ("PathTracer::picture", SHOWN),
+        ],
+    ),
+    (
+        "cpu-renderer/src/traverse/index_ray.rs",
+        &[
+            ("Placement::of_instance", READY),
+            ("Placement::new", READY),
+            ("Placement::normal", "ready before: a table of three"),
+        ],
+    ),
+    ("cpu-renderer/src/traverse/lod.rs", &[("LodChoice::new", READY), ("LodChoice::placed", READY)]),
+    (
+        "cpu-renderer/src/traverse/scene_tracer.rs",
+        &[
+            ("SceneTracer::new", READY),
+            ("SceneTracer::of", READY),
+            ("SceneTracer::bytes", COUNTED),
+            ("SceneTracer::label_at", "asked about a voxel, not by a ray"),
+        ],
+    ),
+    (
+        "cpu-renderer/src/traverse/volume_tracer.rs",
+        &[
+            ("normals", READY),
+            ("VolumeTracer::new", READY),
+            ("VolumeTracer::again", READY),
+            ("VolumeTracer::bytes", COUNTED),
+            ("VolumeTracer::boxes", COUNTED),
+            ("VolumeTracer::label_at", "asked about a voxel, not by a ray"),
+            ("visible_boxes", READY),
+            ("bounds_of_voxels", READY),
+            ("extent_in_slab", READY),
+        ],
+    ),
+    (
+        "render/src/bvh.rs",
+        &[
+            ("BoxBounds::union", READY),
+            ("BoxBounds::pad", READY),
+            ("BoxBounds::contains", READY),
+            ("Bvh::build", READY),
+            ("Bvh::bounds", READ),
+            ("Bvh::len", COUNTED),
+            ("Bvh::is_empty", COUNTED),
+            ("Bvh::bytes", COUNTED),
+            ("Bvh::node_bytes", READ),
+            ("Bvh::items", READ),
+            ("Bvh::pad", READ),
+        ],
+    ),
+    (
+        "render/src/environment.rs",
+        &[
+            ("EnvironmentTable::new", READY),
+            ("EnvironmentTable::total_radiance", READY),
+            ("pixel_solid_angle", READY),
+        ],
+    ),
+    (
+        "render/src/film.rs",
+        &[
+            ("FilmBuffer::new", READY),
+            ("FilmBuffer::sums", READ),
+            ("FilmBuffer::sums_mut", READ),
+            ("FilmBuffer::size", READ),
+            ("FilmBuffer::bytes", COUNTED),
+            ("FilmBuffer::clear", "a device's memory is cleared by a command"),
+            ("FilmBuffer::spp", COUNTED),
+            ("FilmBuffer::moments", SHOWN),
+            ("FilmBuffer::mean", SHOWN),
+            ("FilmBuffer::variance", SHOWN),
+            ("FilmBuffer::picture_of", SHOWN),
+            ("FilmBuffer::error_estimate_of", SHOWN),
+            ("FilmBuffer::squared_errors_of", SHOWN),
+            ("FilmBuffer::error_estimate", SHOWN),
+        ],
+    ),
+    (
+        "render/src/filter.rs",
+        &[
+            ("FilterTable::new", READY),
+            ("FilterTable::width", READ),
+            ("FilterTable::inverse", READ),
+            ("half_distribution", READY),
+        ],
+    ),
+    (
+        "render/src/sun.rs",
+        &[
+            ("ReadySun::new", READY),
+            ("ReadySun::is_delta", "the shader asks whether cone_pdf is 0"),
+            ("ReadySun::irradiance", READY),
+            ("ReadySun::cone_pdf", READY),
+        ],
+    ),
+];
+
+/// Functions whose twin has another name: GLSL has no methods to tell two `new` apart, and one function there answers questions that
+/// the CPU compiles apart.
+pub(crate) const OTHER_NAMES: &[Listed] = &[
+    ("core/src/box_record.rs", &[("BoxRecord::cell", "box_place"), ("BoxRecord::extent", "box_place")]),
+    ("core/src/volume.rs", &[("CompressedVolume::unpack", "box_view")]),
+    ("cpu-renderer/src/lights.rs", &[("Lights::chance", "light_chance")]),
+    ("cpu-renderer/src/looks.rs", &[("Looks::material", "material_of")]),
+    ("cpu-renderer/src/path.rs", &[("ambient", "radiance"), ("path", "radiance")]),
+    (
+        "cpu-renderer/src/path_tracer.rs",
+        &[("PathTracer::pick", "first_of_pixel"), ("PathTracer::first", "first_of_pixel")],
+    ),
+    (
+        "cpu-renderer/src/traverse/index_ray.rs",
+        // The adjugate and the translation of a placement are uploaded; a scale by a power of two is f64.glsl's.
+        &[("Placement::ray", "index_ray_new"), ("exp2", "scaled"), ("face_of", "index_ray_new")],
+    ),
+    (
+        "cpu-renderer/src/traverse/lod.rs",
+        &[("Detail::level", "lod_level"), ("ByDistance::level", "lod_level")],
+    ),
+    (
+        "cpu-renderer/src/traverse/scene_tracer.rs",
+        &[
+            ("SceneTracer::instance", "instance_at"),
+            ("SceneTracer::next_boundary", "scene_ask"),
+            ("SceneTracer::first_hit", "scene_ask"),
+            ("SceneTracer::occluded", "scene_ask"),
+        ],
+    ),
+    (
+        "cpu-renderer/src/traverse/volume_tracer.rs",
+        &[
+            ("VolumeTracer::next_boundary", "volume_ask"),
+            ("VolumeTracer::surface_along", "volume_ask"),
+            ("VolumeTracer::first_hit", "volume_ask"),
+            ("VolumeTracer::occluded", "volume_ask"),
+            ("VolumeTracer::hit", "hit_of"),
+            ("VolumeTracer::box_of", "visit"),
+            ("VolumeTracer::label_of", "visit"),
+        ],
+    ),
+    ("render/src/bvh.rs", &[("order_table", "in_order"), ("Node::child_bounds", "child_may_hold")]),
+    ("render/src/film.rs", &[("FilmBuffer::rows_mut", "film_add")]),
+    ("render/src/sampler.rs", &[("mix", "mix64")]),
+    (
+        "render/src/trace.rs",
+        // Declared here, answered in the tracers: what a hit is, is the twin's.
+        &[
+            ("Tracer::first_hit", "is_hit"),
+            ("Tracer::occluded", "is_hit"),
+            ("Arc::first_hit", "is_hit"),
+            ("Arc::occluded", "is_hit"),
+        ],
+    ),
+];
