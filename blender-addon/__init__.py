@@ -10,13 +10,13 @@ A module imports only from lines below its own:
     viewport         final_render
     scene_reader     first_look
     volume_object    picture_texture      missing_boxes        overlay
-    sync.*           registry
-    label_table      properties           proxy                cache
+    sync.*           registry             preferences
+    label_table      properties           proxy                cache                devices
     reports
     native
 
 In `sync`, Blender's data become plain values; sync.matrix, sync.camera, sync.parts and sync.edits know no Blender, nor do proxy,
-cache and overlay.
+cache, devices and overlay.
 
 Nothing here touches the volume itself: voxels stay in Rust, arrays come by buffer.
 """
@@ -34,13 +34,14 @@ from . import (
     export_scene,
     import_volume,
     panels,
+    preferences,
     properties,
     registry,
     viewport,
 )
 
 # Registered in this order, unregistered in reverse.
-MODULES = (properties, registry, import_volume, export_scene, viewport, engine, panels)
+MODULES = (properties, preferences, registry, import_volume, export_scene, viewport, engine, panels)
 
 
 def register():

@@ -15,7 +15,7 @@ import threading
 
 import numpy as np
 
-from . import native, overlay, registry, scene_reader
+from . import native, overlay, preferences, registry, scene_reader
 from .reports import Refused
 from .sync.instances import Styles
 
@@ -67,9 +67,11 @@ def render(engine, depsgraph):
         if placed.differs(volume):
             engine.report({"WARNING"}, placed.differs(volume))
 
-    work = Work(pumice, scene, volumes, wishes.backend.lower(), limits(wishes))
+    work = Work(pumice, scene, volumes, preferences.backend(wishes), limits(wishes))
     picture = work.watch(engine)
     if picture is not None:
+        for line in picture.notices:
+            engine.report({"WARNING"}, line)
         hand_over(engine, depsgraph.view_layer_eval, picture)
 
 

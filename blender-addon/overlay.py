@@ -2,8 +2,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The line over the viewport's picture: what draws it, how far it is, what it is worth.
 
-    cpu · 64 samples · error 2.1 % · 3.4 s        and after it, what stands in the way
+    vulkan-rt on Radeon · 64 samples · error 2.1 % · 3.4 s        and after it, what stands in the way
 """
+
+from . import devices
 
 
 def percent(error):
@@ -19,7 +21,7 @@ def line(status, frame, notes):
     elif frame is None:
         said.append("preparing" if status is not None else "no volume to draw")
     else:
-        said.append(status.backend or "preparing")
+        said.append(drawn_by(status))
         said.append(f"{frame.spp} sample" + ("s" if frame.spp != 1 else ""))
         if frame.error_estimate < 10.0:
             said.append(f"error {percent(frame.error_estimate)}")
@@ -28,4 +30,13 @@ def line(status, frame, notes):
             said.append(f"not shown: {status.error}")
         elif status.state == "converged":
             said.append("done")
-    return " · ".join(said + notes)
+    # The last is what led to the backend that draws now.
+    overcome = status.notices[-1:] if status is not None else []
+    return " · ".join(said + notes + overcome)
+
+
+def drawn_by(status):
+    """Backend and device; the processor is known."""
+    if status.backend == "cpu":
+        return "cpu"
+    return f"{status.backend} on {devices.short(status.device)}"

@@ -4,7 +4,7 @@
 
 import bpy
 
-from . import native, scene_reader
+from . import native, preferences, scene_reader
 from .properties import is_volume
 from .sync import lights, materials, world
 
@@ -107,6 +107,8 @@ class PUMICE_RENDER_PT_performance(_OfScene, bpy.types.Panel):
         layout.use_property_split = True
         layout.use_property_decorate = False
         layout.prop(wishes, "backend")
+        if wishes.backend == "AUTO" and preferences.backend(wishes) != "auto":
+            layout.label(text=f"Preferences: {preferences.backend(wishes)}")
         layout.prop(wishes, "lod")
         if wishes.lod == "DISTANCE":
             layout.prop(wishes, "lod_pixels")

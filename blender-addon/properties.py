@@ -18,7 +18,7 @@ from bpy.props import (
 )
 
 BACKENDS = (
-    ("AUTO", "Automatic", "The fastest that this machine has", 0),
+    ("AUTO", "Automatic", "What the extension's preferences name; by themselves, the best graphics processor", 0),
     ("CPU", "Processor", "The path tracer for the processor: runs everywhere", 1),
 )
 MODES = (

@@ -16,7 +16,7 @@ import os
 
 import bpy
 
-from . import missing_boxes, native, overlay, picture_texture, registry, scene_reader
+from . import missing_boxes, native, overlay, picture_texture, preferences, registry, scene_reader
 from .reports import Refused, log, one_line
 from .sync import camera as camera_math
 from .sync import edits, matrix
@@ -179,7 +179,7 @@ class Viewport:
     def _send(self, parts, volumes, wishes):
         """Brings the session to `parts`: a new one where its limits differ or it failed, edits otherwise."""
         limits = {
-            "backend": wishes.backend.lower(),
+            "backend": preferences.backend(wishes),
             "spp": wishes.viewport_samples,
             "error": wishes.error_percent / 100.0 if wishes.use_error else None,
         }
@@ -302,8 +302,10 @@ def _before_load(*_):
 
 def register():
     bpy.app.handlers.load_pre.append(_before_load)
+    preferences.changed.append(redraw_all)
 
 
 def unregister():
+    preferences.changed.remove(redraw_all)
     bpy.app.handlers.load_pre.remove(_before_load)
     close_all()

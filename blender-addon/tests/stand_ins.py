@@ -129,7 +129,7 @@ class Module:
         def __init__(self, scene, volumes, backend="auto", spp=None, error=None):
             self.scene, self.volumes, self.limits = scene.value, list(volumes), (backend, spp, error)
             self.edits, self.frame = [], None
-            self.status = types.SimpleNamespace(state="rendering", error=None, backend="cpu", revision=1)
+            self.status = types.SimpleNamespace(state="rendering", error=None, backend="cpu", device="Processor", notices=[], revision=1)
             type(self).made.append(self)
 
         def edit(self, *edits):
@@ -153,7 +153,7 @@ class Module:
         self.Session.made = []
         self.may_open = threading.Event()
         self.may_open.set()
-        self.renders = []
+        self.renders, self.notices = [], []
         self.during_render = lambda job, on_progress: None
 
     def open(self, path, job=None):
@@ -174,7 +174,7 @@ class Module:
         depth = at + 0.5
         depth[0, 0] = np.inf
         return types.SimpleNamespace(
-            color=np.stack([at, at * 2, at * 3], axis=2), depth=depth, label=at.astype(np.uint32) + 7
+            color=np.stack([at, at * 2, at * 3], axis=2), depth=depth, label=at.astype(np.uint32) + 7, notices=list(self.notices)
         )
 
 

@@ -269,3 +269,12 @@ def test_what_is_left_out_is_said(stage, monkeypatch):
     render(stage)
     assert any("lamp: Point lights are not drawn yet" in line for line in said)
     assert any("transparent film" in line for line in said)
+
+
+def test_what_a_device_could_not_do_is_a_warning(stage, capfd):
+    assert render(stage) == {"FINISHED"}
+    line = "vulkan-rt on Radeon: out of GPU memory; going on with cpu"
+    assert line not in capfd.readouterr().out
+    stage.module.notices = [line]
+    assert render(stage) == {"FINISHED"}
+    assert f"Warning: {line}" in capfd.readouterr().out, "Blender prints its reports"

@@ -35,7 +35,8 @@ EXTENSION = "bl_ext.user_default.pumice"
 PATIENCE_SECONDS = 600.0
 
 # --factory-startup leaves installed extensions disabled, and the splash would cover the viewport.
-addon_utils.enable(EXTENSION, persistent=True)
+# Among the preferences, because the device is chosen there.
+addon_utils.enable(EXTENSION, default_set=True, persistent=True)
 bpy.context.preferences.view.show_splash = False
 figures = {"blender": bpy.app.version_string, "backend": None}
 draw_ms = []
@@ -163,6 +164,8 @@ def steps():
     yield 0.5
     shot("orthographic")
 
+    yield from other_device(area)
+
     # At rest nothing is redrawn.
     count = len(draw_ms)
     yield 2.0
@@ -208,6 +211,29 @@ def steps():
     shot("deleted")
     bpy.ops.wm.read_homefile(use_factory_startup=True)
     yield 1.0
+
+
+def other_device(area):
+    """Vulkan, chosen in the preferences, draws into the window beside Blender's own use of it; then automatic again."""
+    package = sys.modules[EXTENSION]
+    preferences = bpy.context.preferences.addons[EXTENSION].preferences
+    names = [choice[0] for choice in package.preferences._choices(preferences)]
+    scene = bpy.context.scene
+    samples, scene.pumice.viewport_samples = scene.pumice.viewport_samples, 2
+    for backend in ("vulkan-compute", "vulkan-rt"):
+        preferences.device = next(name for name in names if name.startswith(backend + ":"))
+        yield from until(lambda: shown().session.status.backend == backend, f"{backend} draws")  # noqa: B023
+        yield from until(lambda: converged() and shown().frame.spp == 2, f"the picture of {backend} is done")  # noqa: B023
+        area.tag_redraw()
+        yield 0.5
+        status = shown().session.status
+        line = package.overlay.line(status, shown().frame, shown().notes)
+        assert line.startswith(f"{backend} on {package.devices.short(status.device)} · 2 samples"), line
+        assert status.notices == [], status.notices
+        shot(backend)
+    preferences.device, scene.pumice.viewport_samples = "auto", samples
+    yield from until(lambda: converged() and shown().frame.spp == samples, "the automatic device draws again")
+    yield 0.5
 
 
 def panels(area):

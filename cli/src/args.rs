@@ -17,7 +17,7 @@ pub(crate) struct Cli {
     pub(crate) command: Command,
 }
 
-const EXIT_CODES: &str = "Exit codes: 0 done; 1 the answer is no (verify, compare); 2 bad usage or bad input, with one line that \
+const EXIT_CODES: &str = "Exit codes: 0 done; 1 the answer is no (verify, compare, bench); 2 bad usage or bad input, with one line that \
 says what and where.";
 
 #[derive(Debug, Subcommand)]
@@ -30,6 +30,7 @@ pub(crate) enum Command {
     Render(Box<Render>),
     Compare(Compare),
     Devices(Devices),
+    Bench(Bench),
 }
 
 /// Compress a real volume of mouse cortex and path trace thirty of its neurons
@@ -389,4 +390,36 @@ mod tests {
             assert!(relative(bad).is_err(), "{bad}");
         }
     }
+}
+
+/// Measure, and print a table
+#[derive(Debug, Args)]
+pub(crate) struct Bench {
+    #[command(subcommand)]
+    pub(crate) what: BenchKind,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum BenchKind {
+    Stability(Stability),
+}
+
+/// Extreme cases, each with its error against an exact oracle or a closed form, and a bar
+///
+/// Rays of every kind against whole-number arithmetic; volumes far away, tiny, huge, squeezed; suns, materials and depths of which
+/// the picture is known; what must be refused. Exit code 1 when a bar is missed or a pixel is not a number from 0 on.
+#[derive(Debug, Args)]
+pub(crate) struct Stability {
+    /// What draws the pictures: auto, cpu, vulkan-rt, vulkan-query or vulkan-compute
+    #[arg(long, value_name = "NAME", default_value = "auto")]
+    pub(crate) backend: String,
+    /// Fewer rays: seconds instead of a minute
+    #[arg(long)]
+    pub(crate) reduced: bool,
+    /// Write the table as Markdown
+    #[arg(short, long, value_name = "FILE")]
+    pub(crate) out: Option<PathBuf>,
+    /// Write a report as JSON; `-` for standard output
+    #[arg(long, value_name = "FILE")]
+    pub(crate) json: Option<PathBuf>,
 }

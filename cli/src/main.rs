@@ -52,6 +52,7 @@ fn main() -> ExitCode {
         Command::Render(a) => commands::render::run(&a, &job),
         Command::Compare(a) => commands::compare::run(&a, &job),
         Command::Devices(a) => commands::devices::run(&a),
+        Command::Bench(a) => commands::bench::run(&a, &job),
     };
     match result {
         Ok(Answer::Yes) | Err(Failure::StdoutClosed) => ExitCode::SUCCESS,

@@ -40,3 +40,9 @@ def volume(labels):
 def cortex():
     """The shipped volume, which takes a second to compress."""
     return ROOT / "data/connectomics_32x32x40nm.nrrd"
+
+
+@pytest.fixture(scope="session")
+def ct():
+    """A small shipped volume."""
+    return pumice.open(ROOT / "data/slicer_Segmentation.seg.nrrd")

@@ -172,6 +172,21 @@ def test_a_named_backend_draws_the_picture_of_the_cpu(scene, volume, backend):
         assert (status.backend, status.device, status.notices) == (backend, picture.device, [])
 
 
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_first_surfaces_of_shipped_data_are_those_of_the_cpu(backend, ct):
+    """Depth and label to the last bit. That colours agree is the command's test, by chance."""
+    scene = pumice.figure(ct, size=(160, 120))
+    picture, cpu = (pumice.render(scene, ct, spp=1, backend=name) for name in (backend, "cpu"))
+    assert picture.backend == backend and (cpu.label > 0).any() and not (cpu.label > 0).all()
+    np.testing.assert_array_equal(picture.label, cpu.label)
+    np.testing.assert_array_equal(picture.depth.view(np.uint32), cpu.depth.view(np.uint32))
+    # Negative control: a camera that stands a little elsewhere sees other depths.
+    fields = scene.to_dict()
+    fields["camera"]["world_from_camera"][9] += 0.01
+    moved = pumice.render(pumice.Scene.from_dict(fields), ct, spp=1, backend=backend)
+    assert (moved.depth != cpu.depth).any()
+
+
 @pytest.mark.parametrize("backend", ["abacus", "cpu:0", "vulkan-rt:99", "vulkan-rt:no such name", ""])
 def test_a_backend_that_is_not_here_is_an_input_error(scene, volume, backend):
     with pytest.raises(pumice.InputError, match="^backend ") as raised:

@@ -24,6 +24,8 @@ use choice::Way;
 
 pub use cache_folder::CACHE_VARIABLE;
 pub use fallback::FallbackRenderer;
+#[cfg(test)]
+pub(crate) use fallback::tests as fakes;
 pub use machine::LOADER_VARIABLE;
 
 /// What is said of every graphics processor in this version.

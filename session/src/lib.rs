@@ -15,6 +15,7 @@ pub mod open;
 pub mod progressive;
 pub mod render_file;
 pub mod selection;
+pub mod stability;
 
 pub use backend::{Device, FallbackRenderer, devices, make_renderer};
 pub use compare_files::compare_pictures;
@@ -29,3 +30,4 @@ pub use pumice_core::{Job, LabelType, Level, Verification};
 pub use pumice_formats::{ArrayAxes, OpenOptions, RawLayout};
 pub use pumice_scene::{Lod, Mode};
 pub use render_file::{RenderFigures, RenderOverrides, RenderRequest, Rendered, Subject, render_file};
+pub use stability::{Case, Stability, measure_stability};

@@ -20,7 +20,7 @@ use pumice_core::{CompressedVolume, Job};
 use pumice_render::{Pick, RenderError, Renderer};
 use pumice_scene::{Instance, Scene, SceneEdit, SceneError};
 
-use crate::backend::make_renderer;
+use crate::backend::{FallbackRenderer, make_renderer};
 use crate::error::{Result, SessionError};
 use crate::progressive::Stop;
 
@@ -173,7 +173,15 @@ impl Live {
     /// When the scene is not valid, or there is no such backend.
     pub fn start(scene: Scene, volumes: Vec<Arc<CompressedVolume>>, options: LiveOptions) -> Result<Self> {
         check(&scene, &volumes)?;
-        let renderer = make_renderer(&options.backend)?;
+        Self::draw(scene, volumes, make_renderer(&options.backend)?, options.stop)
+    }
+
+    fn draw(
+        scene: Scene,
+        volumes: Vec<Arc<CompressedVolume>>,
+        renderer: FallbackRenderer,
+        stop: Stop,
+    ) -> Result<Self> {
         let shared = Arc::new(Shared {
             board: Mutex::new(Board {
                 scene,
@@ -193,7 +201,7 @@ impl Live {
             }),
             work: Condvar::new(),
         });
-        let worker = worker::Worker::new(Arc::clone(&shared), renderer, options.stop);
+        let worker = worker::Worker::new(Arc::clone(&shared), renderer, stop);
         let spawned = std::thread::Builder::new().name("pumice-live".into()).spawn(move || worker.run());
         let worker =
             spawned.map_err(|e| SessionError::Caller(format!("no thread for a live picture: {e}")))?;
@@ -352,3 +360,6 @@ fn check(scene: &Scene, volumes: &[Arc<CompressedVolume>]) -> Result<()> {
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests;

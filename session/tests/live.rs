@@ -29,7 +29,7 @@ fn scene(size: [u32; 2]) -> Scene {
 }
 
 fn spp(n: u32) -> LiveOptions {
-    LiveOptions { stop: Stop { spp: Some(n), ..Stop::default() }, ..LiveOptions::default() }
+    LiveOptions { backend: "cpu".into(), stop: Stop { spp: Some(n), ..Stop::default() } }
 }
 
 /// The next frame that is wanted; a test that waits a minute has found that it does not come.

@@ -20,7 +20,7 @@ pub(crate) const MOST_SECONDS: f64 = 0.1;
 const BAND: u32 = 8;
 
 /// Samples of the first launch on an unknown device: some milliseconds on the slowest that there is.
-const FIRST_SAMPLES: f64 = 512.0;
+const FIRST_SAMPLES: f64 = 256.0;
 
 /// Growth from one launch to the next.
 const MOST_GROWTH: f64 = 4.0;

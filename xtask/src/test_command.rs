@@ -330,6 +330,8 @@ impl Suite {
             .current_dir(&self.root)
             .env("PUMICE", self.target.join("debug/pumice"))
             .env("PUMICE_TEST_SHARE", set)
+            // Tests leave nothing in the folders of whoever runs them.
+            .env("PUMICE_CACHE", self.target.join("tmp/cache"))
             .env("PYTHONDONTWRITEBYTECODE", "1");
         if let Some(shared) = &self.shared {
             command.env("PUMICE_SHARED_DATA", shared);

@@ -79,8 +79,12 @@ fn numbered(cards: &[Card], device: &str) -> std::result::Result<usize, String> 
         numbers.iter().map(|&i| format!("{i} {}", cards[i].name)).collect::<Vec<_>>().join(", ")
     };
     let wanted = device.to_lowercase();
-    let named: Vec<usize> =
-        (0..cards.len()).filter(|&i| cards[i].name.to_lowercase().contains(&wanted)).collect();
+    let those = |fits: &dyn Fn(&str) -> bool| -> Vec<usize> {
+        (0..cards.len()).filter(|&i| fits(&cards[i].name.to_lowercase())).collect()
+    };
+    // One device's whole name may be a part of another's.
+    let whole = those(&|name| name == wanted);
+    let named = if whole.is_empty() { those(&|name| name.contains(&wanted)) } else { whole };
     match named[..] {
         [number] if !wanted.is_empty() => Ok(number),
         [] | [_] => Err(format!("no such device; here are {}", here(&(0..cards.len()).collect::<Vec<_>>()))),
@@ -145,6 +149,9 @@ pub(super) mod tests {
         assert_eq!(ways("vulkan-compute:radeon 5", two()), Ok(vec![vulkan(1, Backend::Compute)]));
         // Not a number of a device here, so a part of a name.
         assert_eq!(ways("vulkan-compute:9", two()), Ok(vec![vulkan(0, Backend::Compute)]));
+        let mut cards = two();
+        cards[1].name = "Radeon".into();
+        assert_eq!(ways("vulkan-compute:radeon", cards), Ok(vec![vulkan(1, Backend::Compute)]));
         let untouched = choose("cpu", || panic!("Vulkan was asked"));
         assert_eq!(untouched.unwrap(), [Way::Cpu]);
     }

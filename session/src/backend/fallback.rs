@@ -217,4 +217,4 @@ impl Renderer for FallbackRenderer {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 
 use pumice_render::{RenderError, Renderer};
 use pumice_vulkan::VulkanRenderer;
-use pumice_vulkan::device::{Backend, Candidate, Instance, InstanceOptions, survey};
+use pumice_vulkan::device::{Backend, Candidate, DeviceError, Instance, InstanceOptions, survey};
 
 use super::cache_folder::pipeline_folder;
 use super::card::Card;
@@ -25,8 +25,13 @@ fn vulkan() -> &'static Result<Vulkan, String> {
     VULKAN.get_or_init(|| {
         let loader = std::env::var_os(LOADER_VARIABLE).filter(|l| !l.is_empty()).map(PathBuf::from);
         let options = InstanceOptions { loader, ..InstanceOptions::default() };
-        let instance = Instance::new(&options).map_err(|e| e.to_string())?;
-        let candidates = survey(&instance).map_err(|e| e.to_string())?;
+        // A driver that cannot even be asked is as good as none.
+        let none = |e: DeviceError| match e {
+            DeviceError::NoVulkan(_) => e.to_string(),
+            other => format!("no Vulkan here: {other}"),
+        };
+        let instance = Instance::new(&options).map_err(none)?;
+        let candidates = survey(&instance).map_err(none)?;
         Ok(Vulkan { instance, candidates })
     })
 }

@@ -9,7 +9,7 @@ use crate::figure::{FigureOptions, compose};
 
 /// Where a fake renderer fails.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum At {
+pub(crate) enum At {
     Open,
     SetScene,
     Advance,
@@ -20,9 +20,9 @@ enum At {
 }
 
 /// Makes an error.
-type Failure = fn() -> RenderError;
+pub(crate) type Failure = fn() -> RenderError;
 /// What the fakes were asked, in order.
-type Log = Arc<Mutex<Vec<String>>>;
+pub(crate) type Log = Arc<Mutex<Vec<String>>>;
 
 struct Fake {
     name: &'static str,
@@ -35,7 +35,7 @@ struct Fake {
     log: Log,
 }
 
-fn full() -> RenderError {
+pub(crate) fn full() -> RenderError {
     RenderError::Device("out of GPU memory".into())
 }
 
@@ -110,7 +110,7 @@ impl Renderer for Fake {
 }
 
 /// Ways that fail where it is said, with the log of all their calls.
-fn ways(fails: &[(&'static str, At)], error: Failure) -> (FallbackRenderer, Log) {
+pub(crate) fn ways(fails: &[(&'static str, At)], error: Failure) -> (FallbackRenderer, Log) {
     let log = Log::default();
     let way = |&(name, fails): &(&'static str, At)| {
         let log = Arc::clone(&log);
@@ -127,7 +127,7 @@ fn ways(fails: &[(&'static str, At)], error: Failure) -> (FallbackRenderer, Log)
     (FallbackRenderer::new(fails.iter().map(way).collect()), log)
 }
 
-fn scene(size: [u32; 2]) -> (Scene, Vec<Arc<CompressedVolume>>) {
+pub(crate) fn scene(size: [u32; 2]) -> (Scene, Vec<Arc<CompressedVolume>>) {
     let info = VolumeInfo::new([2, 1, 1], LabelType::U8);
     let volume = compress_labels(info, LabelBuffer::U8(vec![5, 9])).unwrap();
     let options = FigureOptions { size, labels: None, view_deg: FigureOptions::DEFAULT_VIEW_DEG };

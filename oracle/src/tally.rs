@@ -2,17 +2,25 @@
 
 use super::Verdict;
 
+/// See the module.
 #[derive(Default, Debug)]
 pub struct Tally {
+    /// Rays that were judged.
     pub rays: u64,
+    /// Those that hit something.
     pub hits: u64,
+    /// Those that hit or missed what they only touch.
     pub touches: u64,
+    /// Longest chord that was skipped, in voxels.
     pub worst_chord: f64,
+    /// Wrong answers.
     pub wrong: u64,
+    /// The first of them.
     pub first_wrong: Option<String>,
 }
 
 impl Tally {
+    /// Counts one ray.
     pub fn add(&mut self, verdict: Verdict, hit: bool, describe: impl FnOnce() -> String) {
         self.rays += 1;
         self.hits += u64::from(hit);
@@ -29,6 +37,7 @@ impl Tally {
         }
     }
 
+    /// Prints the counts.
     pub fn report(&self, name: &str) {
         println!(
             "{name:32} {:>9} rays {:>9} hits {:>7} touches, worst chord {:.1e}, {} wrong",
@@ -36,6 +45,10 @@ impl Tally {
         );
     }
 
+    /// Prints the counts.
+    ///
+    /// # Panics
+    /// When an answer was wrong.
     pub fn assert_right(&self, name: &str) {
         self.report(name);
         assert_eq!(self.wrong, 0, "{name}: {}", self.first_wrong.as_deref().unwrap_or(""));

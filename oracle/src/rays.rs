@@ -5,6 +5,7 @@ use super::volumes::Random;
 /// What may go wrong with a ray.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Class {
+    /// Nothing in particular.
     Random,
     /// Isometric views: directions of whole numbers, origins on a coarse grid, so that edges and corners are met exactly.
     Lattice,
@@ -14,6 +15,7 @@ pub enum Class {
     AlongEdge,
     /// Through corners.
     ThroughCorner,
+    /// Along an axis.
     AxisParallel,
     /// 10⁻⁷ rad off a plane between voxels, close to it.
     Grazing,
@@ -25,6 +27,7 @@ pub enum Class {
     Inside,
 }
 
+/// All of them.
 pub const CLASSES: [Class; 10] = [
     Class::Random,
     Class::Lattice,

@@ -1,0 +1,87 @@
+# SPDX-FileCopyrightText: The Pumice developers
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Settings of the machine and not of a file: which device computes, as Cycles has it.
+
+Blender keeps a choice of a list that is made at run time as a number, which another list would read as another device. The choice is
+therefore kept as text, and the list shows it.
+"""
+
+import bpy
+from bpy.props import EnumProperty, StringProperty
+
+from . import devices, native
+
+# Blender does not keep the texts of a list made at run time alive.
+_items = []
+# Called when the choice has changed.
+changed = []
+
+
+def _choices(preferences):
+    known = devices.listed(native.pumice) if native.pumice is not None else ()
+    return devices.choices(known, kept=preferences.backend)
+
+
+def _list(preferences, _context):
+    _items[:] = [(name, label, text, place) for place, (name, label, text) in enumerate(_choices(preferences))]
+    return _items
+
+
+def _get(preferences):
+    return [choice[0] for choice in _choices(preferences)].index(preferences.backend)
+
+
+def _set(preferences, place):
+    preferences.backend = _choices(preferences)[place][0]
+
+
+def _tell(_preferences, _context):
+    for call in changed:
+        call()
+
+
+class PumicePreferences(bpy.types.AddonPreferences):
+    """What the extension remembers for all files."""
+
+    bl_idname = __package__
+
+    backend: StringProperty(name="Backend", default="auto", update=_tell)
+    device: EnumProperty(
+        name="Device",
+        description="What computes the picture of scenes whose device is Automatic",
+        items=_list,
+        get=_get,
+        set=_set,
+    )
+
+    def draw(self, _context):
+        layout = self.layout
+        if native.pumice is None:
+            layout.label(text=native.MISSING, icon="ERROR")
+            return
+        layout.use_property_split = True
+        layout.prop(self, "device")
+        column = layout.column()
+        column.active = False
+        for device in devices.listed(native.pumice):
+            mark = "CHECKMARK" if device["chosen"] else "BLANK1"
+            name = f"{device['backend']} on {devices.short(device['device'])}"
+            column.label(text=f"{name}: {device['reason']}", icon=mark)
+
+
+def backend(wishes):
+    """The backend that draws a scene with these settings, as the compiled module names it."""
+    if wishes.backend != "AUTO":
+        return wishes.backend.lower()
+    # An extension that was enabled by a script alone has no preferences.
+    addon = bpy.context.preferences.addons.get(__package__)
+    chosen = getattr(addon, "preferences", None)
+    return chosen.backend if chosen is not None else "auto"
+
+
+def register():
+    bpy.utils.register_class(PumicePreferences)
+
+
+def unregister():
+    bpy.utils.unregister_class(PumicePreferences)

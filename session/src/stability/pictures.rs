@@ -1,0 +1,124 @@
+//! Small pictures of small volumes, and the count of pixels that are no light.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use glam::{DAffine3, DMat3, DVec3};
+use pumice_core::{CompressedVolume, Job};
+use pumice_render::{Image, Picture, RenderError, Renderer};
+use pumice_scene::{
+    Camera, Environment, Film, Filter, Instance, LabelStyle, Material, Projection, SCENE_VERSION, Scene,
+    Settings, World,
+};
+
+use crate::FallbackRenderer;
+use crate::error::{Result, SessionError};
+
+/// Pixels along each side.
+pub(super) const SIDE: u32 = 12;
+
+/// One renderer for all pictures.
+pub(super) struct Studio<'a> {
+    renderer: FallbackRenderer,
+    job: &'a Job,
+    pixels: u64,
+    bad: u64,
+}
+
+impl<'a> Studio<'a> {
+    pub(super) fn new(renderer: FallbackRenderer, job: &'a Job) -> Self {
+        Self { renderer, job, pixels: 0, bad: 0 }
+    }
+
+    /// Colours of a picture of `spp` samples a pixel.
+    pub(super) fn draw(
+        &mut self,
+        scene: &Scene,
+        volume: &Arc<CompressedVolume>,
+        spp: u32,
+    ) -> std::result::Result<Vec<[f32; 3]>, RenderError> {
+        self.renderer.set_scene(scene, std::slice::from_ref(volume))?;
+        // What the caller counts must not be the steps of a picture.
+        let mut progress = self.renderer.advance(Duration::ZERO, spp, self.job)?;
+        while progress.spp < spp {
+            progress = self.renderer.advance(Duration::from_millis(100), spp, self.job)?;
+        }
+        let pixels = self.renderer.color()?.pixels;
+        self.pixels += pixels.len() as u64;
+        self.bad += pixels.iter().filter(|p| p.iter().any(|v| !v.is_finite() || *v < 0.0)).count() as u64;
+        Ok(pixels)
+    }
+
+    /// The same, where the picture must be possible.
+    pub(super) fn expose(
+        &mut self,
+        scene: &Scene,
+        volume: &Arc<CompressedVolume>,
+        spp: u32,
+    ) -> Result<Vec<[f32; 3]>> {
+        self.draw(scene, volume, spp).map_err(SessionError::from)
+    }
+
+    /// Backend and device.
+    pub(super) fn drawn_by(&self) -> (String, String) {
+        (self.renderer.name().to_owned(), self.renderer.device().to_owned())
+    }
+
+    /// Pixels so far, and how many of them were not a number from 0 on.
+    pub(super) fn looked_at(&self) -> (u64, u64) {
+        (self.pixels, self.bad)
+    }
+}
+
+/// Scatters evenly.
+pub(super) fn lambert(albedo: f32) -> Material {
+    Material { base_color: [albedo; 3], specular: 0.0, roughness: 1.0, ..Material::default() }
+}
+
+pub(super) fn sky(radiance: f32) -> Environment {
+    Environment::Constant { radiance: [radiance; 3] }
+}
+
+/// A volume seen by a parallel projection straight down: `scale` index units around (x, y), from far above.
+pub(super) fn from_above(material: Material, environment: Environment, at: [f64; 2], scale: f64) -> Scene {
+    let translation = DVec3::new(at[0], at[1], 200.0);
+    Scene {
+        version: SCENE_VERSION,
+        instances: vec![Instance {
+            id: 1,
+            source: "memory".into(),
+            world_from_index: DAffine3::IDENTITY,
+            style: LabelStyle { material, ..LabelStyle::default() },
+        }],
+        camera: Camera {
+            world_from_camera: DAffine3 { matrix3: DMat3::IDENTITY, translation },
+            projection: Projection::Orthographic { scale },
+            shift: [0.0; 2],
+            clip: [0.0, f64::MAX],
+        },
+        film: Film { width: SIDE, height: SIDE, filter: Filter::Box { width: 1.0 } },
+        world: World { environment, backdrop: None },
+        suns: Vec::new(),
+        settings: Settings::default(),
+    }
+}
+
+/// Largest relative difference of any channel from what is known.
+pub(super) fn worst(pixels: &[[f32; 3]], expected: f64) -> f64 {
+    let off = |v: &f32| (f64::from(*v) / expected - 1.0).abs();
+    pixels.iter().flatten().map(off).fold(0.0, |m, e| if e <= m { m } else { e })
+}
+
+/// Relative difference of the mean from what is known.
+pub(super) fn mean_off(pixels: &[[f32; 3]], expected: f64) -> f64 {
+    mean(pixels) / expected - 1.0
+}
+
+pub(super) fn mean(pixels: &[[f32; 3]]) -> f64 {
+    pixels.iter().flatten().map(|&v| f64::from(v)).sum::<f64>() / (3 * pixels.len()).max(1) as f64
+}
+
+/// A picture without passes.
+pub(super) fn plain(color: Image) -> Picture {
+    Picture { color, variance: None, depth: None, label: None, albedo: None, normal: None, provenance: None }
+}

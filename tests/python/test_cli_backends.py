@@ -1,0 +1,150 @@
+"""Which backend draws: what `devices` lists and why, what `--backend` takes and refuses, and that every backend draws one picture.
+
+The surroundings of the tests bring a Vulkan device that computes on the CPU (target/mesa); without any these tests fail.
+"""
+
+import ctypes.util
+import json
+
+import pytest
+from command import run
+
+VULKAN = ["vulkan-rt", "vulkan-query", "vulkan-compute"]
+LOADER = "PUMICE_VULKAN_LOADER"
+
+
+def devices(pumice, **env):
+    listed = json.loads(run(pumice, "devices", "--json", env=env).fine())["devices"]
+    assert sum(d["chosen"] for d in listed) == 1 and all(d["reason"] and d["device"] for d in listed)
+    return listed
+
+
+@pytest.fixture
+def without(tmp_path):
+    """Surroundings in which Vulkan does not start, and what is said of each."""
+    (tmp_path / "letter.so").write_text("Dear loader,")
+    (tmp_path / "icd.json").write_text("{")
+    no_driver = {"VK_DRIVER_FILES": str(tmp_path / "none.json"), "VK_ICD_FILENAMES": str(tmp_path / "none.json")}
+    bad_driver = {"VK_DRIVER_FILES": str(tmp_path / "icd.json"), "VK_ICD_FILENAMES": str(tmp_path / "icd.json")}
+    other = ctypes.util.find_library("m")
+    assert other is not None
+    return [
+        ({LOADER: str(tmp_path / "nowhere.so")}, "no Vulkan here: no loader ("),
+        ({LOADER: str(tmp_path / "letter.so")}, "no Vulkan here: no loader ("),
+        ({LOADER: other}, "no Vulkan here: no loader ("),
+        (no_driver, "no Vulkan here: "),
+        (bad_driver, "no Vulkan here: "),
+    ]
+
+
+@pytest.fixture(scope="module")
+def volume(pumice, data, tmp_path_factory):
+    path = tmp_path_factory.mktemp("volume") / "ct.pumice"
+    run(pumice, "compress", data / "slicer_Segmentation.seg.nrrd", "-o", path).fine()
+    return path
+
+
+def test_without_vulkan_the_cpu_is_there_and_says_why(pumice, without, volume, tmp_path):
+    size = ["--size", "16x12", "--spp", 1]
+    for env, why in without:
+        (cpu,) = devices(pumice, **env)
+        assert cpu["backend"] == "cpu" and cpu["chosen"] and why in cpu["reason"], (env, cpu)
+        text = run(pumice, "devices", env=env).fine()
+        assert cpu["reason"] in text and len(text.splitlines()) == 2
+        line = run(pumice, "render", volume, "-o", tmp_path / "o.png", "--backend", "vulkan-rt", *size, env=env).refused()
+        assert line.startswith("pumice: backend vulkan-rt: ") and why in line, line
+        assert not (tmp_path / "o.png").exists()
+        for backend in ["auto", "cpu"]:
+            run(pumice, "render", volume, "-o", tmp_path / "o.png", "--backend", backend, *size, env=env).fine()
+        (tmp_path / "o.png").unlink()
+
+
+def test_a_device_is_listed_with_each_backend(pumice):
+    listed = devices(pumice)
+    software = [d for d in listed if d["kind"] == "software"]
+    assert [d["backend"] for d in software[:3]] == VULKAN, "the tests bring a device"
+    for d in software:
+        assert not d["chosen"] and "computes on the CPU: auto prefers our own CPU path tracer" in d["reason"]
+        assert d["usable"] and d["driver"].startswith("Vulkan 1.")
+    for d in listed:
+        # What nobody has tried says so; the CPU and its imitations were tried.
+        tried = d["kind"] in ("software", "cpu") or not d["usable"]
+        assert ("not yet run on hardware" in d["reason"]) != tried, d
+    # Without a graphics processor the CPU is chosen.
+    if all(d["kind"] in ("software", "cpu") for d in listed):
+        assert [d["backend"] for d in listed if d["chosen"]] == ["cpu"]
+    text = run(pumice, "devices").fine()
+    assert all(d["reason"] in text and d["device"] in text for d in listed)
+    assert len([line for line in text.splitlines() if line.startswith("  *")]) == 1
+
+
+def test_backends_that_are_not_here_are_refused(pumice, volume, tmp_path):
+    for name, what in [
+        ("abacus", "no such backend; expected auto, cpu, vulkan-rt"),
+        ("cpu:0", "no such backend"),
+        ("", "no such backend"),
+        ("vulkan-rt:99", "no such device; here are 0 "),
+        ("vulkan-rt:a card that was sold", "no such device"),
+        ("vulkan-rt:", "device"),
+        ("vulkan-rt:-1", "no such device"),
+    ]:
+        done = run(pumice, "render", volume, "-o", tmp_path / "o.png", "--size", "8x8", "--spp", 1, "--backend", name)
+        line = done.refused()
+        assert line.startswith(f"pumice: backend {name}: ") and what in line, line
+    assert list(tmp_path.iterdir()) == []
+
+
+def picture(pumice, volume, path, backend, *more, bounces=2, env=None):
+    args = ["--size", "64x48", "--bounces", bounces, "--backend", backend, *more]
+    run(pumice, "render", volume, "-o", path, *args, "--json", path.with_suffix(".json"), env=env).fine()
+    return json.loads(path.with_suffix(".json").read_text())
+
+
+def chance(pumice, a, b, tmp_path):
+    run(pumice, "compare", a, b, "--json", tmp_path / "chance.json").fine()
+    return json.loads((tmp_path / "chance.json").read_text())["chance"]
+
+
+@pytest.mark.parametrize("backend", VULKAN)
+def test_every_backend_draws_the_picture_of_the_cpu(pumice, volume, tmp_path, backend):
+    number = next(d["number"] for d in devices(pumice) if d["backend"] == backend and d["kind"] == "software")
+    cache = {"PUMICE_CACHE": str(tmp_path / "cache")}
+    gpu, cpu = tmp_path / "gpu.exr", tmp_path / "cpu.exr"
+    report = picture(pumice, volume, gpu, f"{backend}:{number}", "--spp", 32, "--seed", 1, env=cache)
+    assert (report["backend"], report["notices"], report["spp"]) == (backend, [], 32)
+    assert report["device"] and report["curve"]
+    assert [p.suffix for p in (tmp_path / "cache" / "pipelines").iterdir()] == [".pipelines"]
+    # Another seed: two estimates that know nothing of each other may differ by chance alone.
+    picture(pumice, volume, cpu, "cpu", "--spp", 32, "--seed", 2)
+    found = chance(pumice, gpu, cpu, tmp_path)
+    assert found["tests"] > 100 and found["rejected"] == 0, found
+    assert all(abs(z) <= 4 for z in found["mean_difference_in_standard_errors"]), found
+    # Negative control: no bounces at all is another picture.
+    picture(pumice, volume, cpu, "cpu", "--spp", 32, "--seed", 2, bounces=0)
+    assert chance(pumice, gpu, cpu, tmp_path)["rejected"] > 0
+    # What a picture carries is enough to draw it again, by the backend that drew it.
+    run(pumice, "render", "--again", gpu, "-o", tmp_path / "again.exr", env=cache).fine()
+    assert (tmp_path / "again.exr").read_bytes() == gpu.read_bytes()
+    # Elsewhere that backend may be missing: it is said, and another one can be named.
+    gone = {LOADER: str(tmp_path / "nowhere.so")}
+    line = run(pumice, "render", "--again", gpu, "-o", tmp_path / "o.exr", env=gone).refused()
+    assert "drawn by a backend that is not here" in line and "no Vulkan here" in line
+    run(pumice, "render", "--again", gpu, "-o", tmp_path / "o.exr", "--backend", "cpu", env=gone).fine()
+
+
+def test_a_cache_that_cannot_be_written_is_no_error(pumice, volume, tmp_path):
+    (tmp_path / "file").write_text("no folder")
+    for folder in ["", str(tmp_path / "file" / "cache")]:
+        report = picture(
+            pumice, volume, tmp_path / "o.exr", "vulkan-compute", "--spp", 1, env={"PUMICE_CACHE": folder}
+        )
+        assert report["notices"] == []
+    assert (tmp_path / "file").read_text() == "no folder"
+
+
+def test_the_demonstration_says_what_drew(pumice, data, tmp_path):
+    args = ["--volume", data / "platynereis_nuclei.tif", "--out", tmp_path, "--time", "0.2", "--size", "64x48"]
+    said = run(pumice, "demo", *args).out
+    chosen = next(d for d in devices(pumice) if d["chosen"])
+    assert f"path traced by {chosen['backend']} on {chosen['device']}: " in said
+    assert f"by the backend {chosen['backend']} on {chosen['device']}: " in (tmp_path / "report.md").read_text()
