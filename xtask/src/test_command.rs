@@ -20,7 +20,7 @@ const PARTS: [(&str, u64, &str); 14] = [
         600,
         "target/mesa: Vulkan on the CPU, its validation layer, the shader compiler; compiled shaders are not stale",
     ),
-    ("rust", 900, "unit and integration tests of every crate"),
+    ("rust", 1500, "unit and integration tests of every crate"),
     ("rust-docs", 300, "examples in the documentation"),
     ("python", 600, "formats, file layout and metrics against other people's code"),
     ("cli", 600, "the command: contract, bad input, full disk, Ctrl-C"),
