@@ -217,4 +217,6 @@ impl Renderer for FallbackRenderer {
 }
 
 #[cfg(test)]
+mod on_vulkan;
+#[cfg(test)]
 pub(crate) mod tests;
