@@ -159,23 +159,6 @@ fn nothing_is_left_on_the_device() {
     }
 }
 
-/// However deep paths go, a launch is cut before it is felt. (The first ones on an unknown device may be: their cost is not known
-/// yet. A machine that is busy with something else makes single launches long; most are not.)
-#[test]
-fn launches_are_short() {
-    let mut renderer = Validated::open(Backend::Compute);
-    let (mut scene, volume) = (scene_of_balls(), balls());
-    scene.settings.bounces = 32;
-    scene.film = Film { width: 640, height: 360, filter: Filter::Box { width: 1.0 } };
-    renderer.set_scene(&scene, std::slice::from_ref(&volume)).unwrap();
-    let before = renderer.launches();
-    renderer.advance(Duration::ZERO, 1, &Job::new()).unwrap();
-    let after = renderer.launches();
-    let (launches, too_long) = (after.0 - before.0, after.1 - before.1);
-    assert!(launches > 10, "{launches}: the film takes more than a second here");
-    assert!(too_long * 4 <= launches, "{too_long} of {launches}");
-}
-
 /// A cancelled pass is left after the launch in flight, and goes on where it was.
 #[test]
 fn a_pass_that_is_cancelled_midway_goes_on() {
