@@ -7,14 +7,14 @@ mod exact;
 mod gpu;
 
 use std::cell::RefCell;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
 use exact::in_world;
 use exact::rays::{CLASSES, Class, ray};
 use exact::volumes::{Random, blobs, checkerboard, neurites, noise, sheets};
 use glam::{DAffine3, DMat3, DVec3};
-use gpu::Gpu;
 use gpu::scene::Uploaded;
+use gpu::{Gpu, Shared};
 use pumice_core::CompressedVolume;
 use pumice_cpu::traverse::{LodChoice, SceneTracer, TracedInstance};
 use pumice_render::{Hit, PathOrigin, RayInWorld, Surface, Tracer};
@@ -82,7 +82,13 @@ struct Front {
     program: RefCell<Program>,
 }
 
-fn fronts() -> Vec<Front> {
+static FRONTS: Mutex<Option<Vec<Front>>> = Mutex::new(None);
+
+fn fronts() -> Shared<Vec<Front>> {
+    Shared::take(&FRONTS, all_fronts, |fronts| fronts.iter().map(|f| &f.gpu).collect())
+}
+
+fn all_fronts() -> Vec<Front> {
     let mut fronts = Vec::new();
     for backend in Backend::ALL {
         for native in [false, true] {
@@ -168,7 +174,7 @@ fn rays_of(class: Class, dims: [u32; 3], fine: u32, place: &DAffine3, n: u32) ->
 
 #[test]
 fn first_hits_are_the_cpus() {
-    for front in fronts() {
+    for front in fronts().iter() {
         for (name, dims, volume) in volumes() {
             let traced = [instance(&volume, DAffine3::IDENTITY, LodChoice::Voxels)];
             let mut asked = Vec::new();
@@ -206,7 +212,7 @@ fn places() -> Vec<DAffine3> {
 
 #[test]
 fn placed_volumes_are_the_cpus() {
-    for front in fronts() {
+    for front in fronts().iter() {
         for (name, dims, volume) in volumes() {
             for (i, place) in places().iter().enumerate() {
                 let traced = [instance(&volume, *place, LodChoice::Voxels)];
@@ -244,7 +250,7 @@ fn bounces(tracer: &SceneTracer, asked: &[Asked], random: &mut Random) -> Vec<As
 
 #[test]
 fn bounces_are_the_cpus() {
-    for front in fronts() {
+    for front in fronts().iter() {
         let mut random = Random(31);
         for (name, dims, volume) in volumes() {
             for place in [DAffine3::IDENTITY, places()[3]] {
@@ -265,7 +271,7 @@ fn bounces_are_the_cpus() {
 
 #[test]
 fn boundaries_of_one_label_are_the_cpus() {
-    for front in fronts() {
+    for front in fronts().iter() {
         for (name, dims, volume) in volumes() {
             let traced = [instance(&volume, DAffine3::IDENTITY, LodChoice::Voxels)];
             let labels = volume.labels().len() as u32;
@@ -284,7 +290,7 @@ fn boundaries_of_one_label_are_the_cpus() {
 /// Several instances, one twice, some labels hidden, by-distance levels of detail, limits.
 #[test]
 fn scenes_of_several_instances_are_the_cpus() {
-    for front in fronts() {
+    for front in fronts().iter() {
         let volumes = volumes();
         let mut random = Random(5);
         let eye = DVec3::new(-40.0, 10.0, 20.0);
@@ -319,7 +325,7 @@ fn scenes_of_several_instances_are_the_cpus() {
 /// A volume of 2²⁰ voxels along one axis, in many chunks: the hierarchy's f32 has 1/16 voxel left there.
 #[test]
 fn long_volumes_are_the_cpus() {
-    for front in fronts() {
+    for front in fronts().iter() {
         let (dense, volume) = noise([1 << 20, 4, 4], 0.003, 5, 9);
         let mut traced = [instance(&volume, DAffine3::IDENTITY, LodChoice::Voxels)];
         for hidden in [None, Some(2)] {
@@ -339,7 +345,8 @@ fn long_volumes_are_the_cpus() {
 /// The comparison can tell: rays moved by a thousandth of a voxel have other answers.
 #[test]
 fn other_rays_have_other_hits() {
-    let front = &fronts()[0];
+    let fronts = fronts();
+    let front = &fronts[0];
     let (_, dims, volume) = volumes().swap_remove(6);
     let traced = [instance(&volume, DAffine3::IDENTITY, LodChoice::Voxels)];
     let asked = rays_of(Class::Random, dims, 20, &DAffine3::IDENTITY, 2_000);

@@ -8,6 +8,7 @@ pub(crate) mod scene;
 
 use std::cell::RefCell;
 use std::collections::HashMap;
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use bytemuck::{Pod, Zeroable};
 use pumice_vulkan::device::{self, Backend, DeviceError, Instance, InstanceOptions};
@@ -159,11 +160,57 @@ impl Gpu {
     }
 }
 
-impl Drop for Gpu {
-    fn drop(&mut self) {
+impl Gpu {
+    /// Fails where the validation layer has said anything.
+    fn check(&self) {
         let said = self.inner.instance().messages().take();
         if !std::thread::panicking() {
             assert!(said.is_empty(), "the validation layer says:\n{}", said.join("\n"));
+        }
+    }
+}
+
+impl Drop for Gpu {
+    fn drop(&mut self) {
+        self.check();
+    }
+}
+
+/// What several tests use, one after the other: compiling for a device that computes on the CPU takes longer than most tests. What
+/// the validation layer said meanwhile fails the test that gives it back; a test that fails leaves nothing to the next.
+pub(crate) struct Shared<T: 'static>(MutexGuard<'static, Option<T>>, fn(&T) -> Vec<&Gpu>);
+
+impl<T> Shared<T> {
+    /// Waits for the test that has it; makes it for the first.
+    pub(crate) fn take(
+        place: &'static Mutex<Option<T>>,
+        make: impl FnOnce() -> T,
+        devices: fn(&T) -> Vec<&Gpu>,
+    ) -> Self {
+        let mut held = place.lock().unwrap_or_else(PoisonError::into_inner);
+        if held.is_none() {
+            *held = Some(make());
+        }
+        Self(held, devices)
+    }
+}
+
+impl<T> std::ops::Deref for Shared<T> {
+    type Target = T;
+
+    fn deref(&self) -> &T {
+        self.0.as_ref().expect("made when it was taken")
+    }
+}
+
+impl<T> Drop for Shared<T> {
+    fn drop(&mut self) {
+        if std::thread::panicking() {
+            *self.0 = None;
+            return;
+        }
+        for gpu in (self.1)(self) {
+            gpu.check();
         }
     }
 }

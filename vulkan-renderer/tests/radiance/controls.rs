@@ -6,7 +6,7 @@ use pumice_cpu::Lights;
 use pumice_scene::Mode;
 
 use crate::device::radiances;
-use crate::gpu::Gpu;
+use crate::probing;
 use crate::samples::{Verdict, asked, found};
 use crate::scenes::{Case, cases, picture, sun};
 
@@ -49,7 +49,7 @@ fn other_questions_are_convicted() {
         ("one bounce instead of two", with_settings("an even sky", |s| s.mode = Mode::OneBounce)),
         ("an albedo lower by 1/1000", with_looks("an even sky", |m| m.base_color[1] *= 0.999)),
     ];
-    let gpu = Gpu::new();
+    let gpu = probing();
     for (what, [case, other]) in faults {
         let asked = asked(&case, 8);
         let found = found(&case, &asked);
