@@ -10,11 +10,15 @@ use super::buffer::Staging;
 use super::faults::{Fault, Faults};
 use super::pipeline_cache::PipelineCache;
 use super::survey::compute_family;
-use super::{Backend, Candidate, DeviceError, Instance};
+use super::{Backend, Candidate, DeviceError, DeviceKind, Instance};
 
 /// A launch that is silent for so long counts as a lost device: a hundred times what a slice may take, many times what a build of
 /// the largest hierarchy takes, and short enough for whoever waits.
 const SILENCE: Duration = Duration::from_secs(120);
+
+/// The same for a driver that computes on the processor: it compiles within the first launch of a pipeline, which takes minutes where
+/// doubles are made of integers and the machine is busy, and there is no screen that waits.
+const SOFTWARE_SILENCE: Duration = Duration::from_secs(3600);
 
 /// See the module. Clones are the same device.
 #[derive(Clone)]
@@ -213,7 +217,7 @@ impl Gpu {
     /// them, and what they wrote is visible to the host and to all that runs after.
     ///
     /// # Errors
-    /// [`DeviceError::Lost`] also when nothing is heard for two minutes.
+    /// [`DeviceError::Lost`] also when nothing is heard for [`SILENCE`].
     pub(super) fn submit(
         &self,
         during: &'static str,
@@ -259,8 +263,10 @@ impl Gpu {
         let submit = [vk::SubmitInfo::default().command_buffers(&buffers)];
         // SAFETY: the fence is not in use: it was reset after the last wait.
         unsafe { calls.queue_submit(inner.queue, &submit, fences[0]) }.map_err(lost)?;
+        let software = inner.candidate.kind == DeviceKind::Software;
+        let silence = if software { SOFTWARE_SILENCE } else { SILENCE };
         // SAFETY: the fence was just submitted.
-        let waited = unsafe { calls.wait_for_fences(&fences, true, SILENCE.as_nanos() as u64) };
+        let waited = unsafe { calls.wait_for_fences(&fences, true, silence.as_nanos() as u64) };
         if waited == Err(vk::Result::TIMEOUT) {
             inner.hung.store(true, Ordering::Relaxed);
             inner.lost.store(true, Ordering::Relaxed);
