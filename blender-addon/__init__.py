@@ -8,15 +8,15 @@ A module imports only from lines below its own:
     __init__
     panels           engine               export_scene         import_volume
     viewport         final_render
-    scene_reader     first_look
+    scene_reader     first_look           passes
     volume_object    picture_texture      missing_boxes        overlay
     sync.*           registry             preferences
-    label_table      properties           proxy                cache                devices
+    label_table      properties           proxy                cache                devices             mesh_file
     reports
     native
 
 In `sync`, Blender's data become plain values; sync.matrix, sync.camera, sync.parts and sync.edits know no Blender, nor do proxy,
-cache, devices and overlay.
+cache, devices, mesh_file and overlay.
 
 Nothing here touches the volume itself: voxels stay in Rust, arrays come by buffer.
 """

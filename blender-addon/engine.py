@@ -7,7 +7,7 @@ It defines neither `__init__` nor `__del__` (their signatures differ between Ble
 
 import bpy
 
-from . import final_render, viewport
+from . import final_render, passes, viewport
 from .reports import log, one_line
 
 
@@ -36,7 +36,7 @@ class PumiceRenderEngine(bpy.types.RenderEngine):
             self.error_set(one_line(error))
 
     def update_render_passes(self, scene=None, renderlayer=None):
-        for name, channels, channel_ids, kind in final_render.passes(scene, renderlayer):
+        for name, channels, channel_ids, kind in passes.registered(renderlayer):
             self.register_pass(scene, renderlayer, name, channels, channel_ids, kind)
 
 

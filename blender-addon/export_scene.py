@@ -2,21 +2,38 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """File > Export > Pumice Scene: the current frame as the scene's JSON form, for `pumice render`.
 
-It is the very scene that F12 draws: the same samples on the same device give the same pixels.
+It is the very scene that F12 draws: the same samples on the same device give the same pixels. Meshes become PLY files beside it.
 """
+
+import dataclasses
+import os
 
 import bpy
 from bpy.props import StringProperty
 from bpy_extras.io_utils import ExportHelper
 
-from . import final_render, native
+from . import final_render, mesh_file, native
 from .reports import log, one_line
 
 
-def scene_of_frame(depsgraph):
-    """(pumice.Scene, what was left out) of the frame that F12 draws."""
-    parts, left_out = final_render.parts_of_frame(depsgraph, as_rendered=True)
-    return native.require().Scene.from_dict(parts.scene()), left_out
+def parts_to_export(depsgraph):
+    """(Parts, what was left out) of the frame that F12 draws; triangles are `mesh_file.Arrays`."""
+    return final_render.parts_of_frame(depsgraph, as_rendered=True, make_mesh=mesh_file.Arrays)
+
+
+def save(parts, path):
+    """Writes the scene, and a PLY file beside it for each mesh; a mesh that stands in several places is one file."""
+    stem = os.path.splitext(os.path.basename(path))[0]
+    names, placed = {}, {}
+    for key in sorted(parts.meshes):
+        mesh = parts.meshes[key]
+        name = names.get(id(mesh.geometry))
+        if name is None:
+            plain = "".join(c if c.isalnum() or c in "-_" else "_" for c in mesh.name)
+            name = names[id(mesh.geometry)] = f"{stem}-{len(names) + 1}-{plain}.ply"
+            mesh_file.write(os.path.join(os.path.dirname(path), name), mesh.geometry)
+        placed[key] = dataclasses.replace(mesh, name=name)
+    native.require().Scene.from_dict(dataclasses.replace(parts, meshes=placed).scene()).save(path)
 
 
 class PUMICE_OT_export_scene(bpy.types.Operator, ExportHelper):
@@ -31,8 +48,8 @@ class PUMICE_OT_export_scene(bpy.types.Operator, ExportHelper):
     def execute(self, context):
         try:
             # Blender gives no other graph outside a render; what a render hides or shows instead is looked after.
-            scene, left_out = scene_of_frame(context.evaluated_depsgraph_get())
-            scene.save(self.filepath)
+            parts, left_out = parts_to_export(context.evaluated_depsgraph_get())
+            save(parts, self.filepath)
         except Exception as error:
             log(error)
             self.report({"ERROR"}, one_line(error))

@@ -5,41 +5,32 @@
 The render runs in a thread of its own with the interpreter released; this one asks Blender every few hundredths of a second whether
 the user has cancelled. Pixels reach Blender by `foreach_set`: assigning `rect` takes 1.5 s for a full-HD picture, this 0.02 s.
 
-    Combined   RGBA   scene-linear, alpha 1
-    Depth      Z      distance along the view axis; 1e10 where there is nothing, as Cycles has it
-    Label      X      row of the label table plus 1, 0 where there is nothing; exact up to 16,777,216
+    Combined    RGBA    scene-linear, times coverage
+    others      as `passes` lists them; rows from the bottom, as Blender's are
 """
 
+import dataclasses
 import math
 import threading
 
 import numpy as np
 
-from . import native, overlay, preferences, registry, scene_reader
+from . import native, overlay, passes, preferences, registry, scene_reader
 from .reports import Refused
-from .sync.instances import Styles
 
-NOTHING_DEPTH = np.float32(1e10)
-LARGEST_EXACT_LABEL = 1 << 24
-
-
-def passes(scene, view_layer):
-    """(name, channels, channel names, kind) of each pass that a view layer has."""
-    yield "Combined", 4, "RGBA", "COLOR"
-    if view_layer.use_pass_z:
-        yield "Depth", 1, "Z", "VALUE"
-    if view_layer.pumice.use_pass_label:
-        yield "Label", 1, "X", "VALUE"
-
-
-def parts_of_frame(depsgraph, as_rendered=False):
-    """(Parts, what was left out) of the frame that F12 draws; `as_rendered` where the graph is a viewport's."""
+def parts_of_frame(depsgraph, as_rendered=False, make_mesh=None):
+    """(Parts, what was left out) of the frame that F12 draws; `as_rendered` where the graph is a viewport's, `make_mesh` as for
+    `meshes.Geometries`."""
     scene = depsgraph.scene
     size, rect = scene_reader.final_frame(scene.render)
     camera = scene_reader.final_camera(depsgraph, size, rect)
-    film = scene_reader.film(scene.pumice, (rect[2] - rect[0], rect[3] - rect[1]))
-    parts, left_out = scene_reader.read(depsgraph, camera, film, Styles(), as_rendered=as_rendered)
-    return parts, scene_reader.render_warnings(scene) + left_out
+    aspect = scene_reader.pixel_aspect(scene.render)
+    film = scene_reader.film(scene, (rect[2] - rect[0], rect[3] - rect[1]), aspect)
+    parts, left_out = scene_reader.read(depsgraph, camera, film, scene_reader.Kept(make_mesh), as_rendered=as_rendered)
+    asked = passes.asked_for(depsgraph.view_layer_eval)
+    if asked is not None:
+        parts = dataclasses.replace(parts, film={**parts.film, "passes": asked})
+    return parts, scene_reader.render_warnings(scene, depsgraph.view_layer_eval) + left_out
 
 
 def limits(wishes):
@@ -67,7 +58,7 @@ def render(engine, depsgraph):
         if placed.differs(volume):
             engine.report({"WARNING"}, placed.differs(volume))
 
-    work = Work(pumice, scene, volumes, preferences.backend(wishes), limits(wishes))
+    work = Work(pumice, scene, volumes, parts.geometries(), preferences.backend(wishes), limits(wishes))
     picture = work.watch(engine)
     if picture is not None:
         for line in picture.notices:
@@ -78,12 +69,12 @@ def render(engine, depsgraph):
 class Work:
     """A render in a thread of its own."""
 
-    def __init__(self, pumice, scene, volumes, backend, stop):
+    def __init__(self, pumice, scene, volumes, meshes, backend, stop):
         self.pumice, self.stop = pumice, stop
         self.job = pumice.Job()
         self.point = None
         self.picture = self.error = None
-        arguments = dict(backend=backend, job=self.job, on_progress=self._progress, **stop)
+        arguments = dict(meshes=meshes, backend=backend, job=self.job, on_progress=self._progress, **stop)
         self.thread = threading.Thread(target=self._run, args=(scene, volumes, arguments), name="pumice render")
         self.thread.start()
 
@@ -130,29 +121,31 @@ def progress_line(point, stop):
 
 
 def hand_over(engine, view_layer, picture):
-    """Fills the passes of the engine's result. Blender's rows begin at the bottom, the picture's at the top."""
+    """Fills the passes of the engine's result."""
     height, width = picture.color.shape[:2]
     # A pass of our own must be added before the result is begun, or the result lacks it.
     result = engine.begin_result(0, 0, width, height, layer=view_layer.name)
     try:
         layer = result.layers[0]
         combined = np.ones((height, width, 4), dtype=np.float32)
-        combined[..., :3] = picture.color[::-1]
+        combined[..., :3] = picture.color
+        if picture.alpha is not None:
+            combined[..., 3] = picture.alpha
         _fill(layer, "Combined", combined)
-        depth = picture.depth
-        if depth is not None and "Depth" in layer.passes:
-            _fill(layer, "Depth", np.where(np.isfinite(depth), depth, NOTHING_DEPTH)[::-1])
-        if picture.label is not None and "Label" in layer.passes:
-            if picture.label.size and int(picture.label.max()) > LARGEST_EXACT_LABEL:
-                raise Refused("The volume has more than 16,777,215 labels: the Label pass cannot hold them; switch it off")
-            _fill(layer, "Label", picture.label[::-1])
+        for one in passes.wanted(view_layer):
+            pixels = one.pixels(picture)
+            if pixels is None:
+                engine.report({"WARNING"}, f"The picture has no pass {one.in_blender}; it is left empty")
+            elif one.in_blender in layer.passes:
+                _fill(layer, one.in_blender, pixels)
     finally:
         engine.end_result(result)
 
 
 def _fill(layer, name, pixels):
+    """Pixels, rows from the top, into a pass."""
     target = layer.passes[name]
-    flat = np.ascontiguousarray(pixels, dtype=np.float32).ravel()
+    flat = np.ascontiguousarray(pixels[::-1], dtype=np.float32).ravel()
     expected = len(target.rect) * target.channels
     if flat.size != expected:
         raise Refused(f"Pass {name}: Blender expects {expected} values, the picture has {flat.size}")

@@ -4,9 +4,9 @@
 
 import bpy
 
-from . import native, preferences, scene_reader
+from . import native, passes, preferences, scene_reader
 from .properties import is_volume
-from .sync import lights, materials, world
+from .sync import cuts, drawn, lights, materials, meshes, world
 
 # Panels that Blender shows for its own engine and that mean nothing here.
 NOT_OURS = {
@@ -15,7 +15,6 @@ NOT_OURS = {
     "RENDER_PT_stereoscopy",
     "VIEWLAYER_PT_filter",
     "VIEWLAYER_PT_layer_passes",
-    "DATA_PT_spot",
 }
 # Panels of EEVEE that edit Blender's data as such: nodes of materials and worlds, lights.
 ALSO_OURS = {
@@ -45,11 +44,11 @@ class PUMICE_RENDER_PT_state(_OfScene, bpy.types.Panel):
 
     @classmethod
     def poll(cls, context):
-        return context.engine in cls.COMPAT_ENGINES and bool(not_drawn(context.scene))
+        return context.engine in cls.COMPAT_ENGINES and bool(not_drawn(context.scene, context.view_layer))
 
     def draw(self, context):
         column = self.layout.column(align=True)
-        for line in not_drawn(context.scene):
+        for line in not_drawn(context.scene, context.view_layer):
             column.label(text=line, icon="ERROR")
 
 
@@ -71,6 +70,15 @@ class PUMICE_RENDER_PT_sampling(_OfScene, bpy.types.Panel):
             field = row.row()
             field.active = getattr(wishes, use)
             field.prop(wishes, value, text="")
+        if drawn.ADAPTIVE:
+            row = layout.row(heading="Noise Threshold")
+            row.prop(wishes, "use_adaptive", text="")
+            field = row.row()
+            field.active = wishes.use_adaptive
+            field.prop(wishes, "adaptive_threshold", text="")
+            field = layout.column()
+            field.active = wishes.use_adaptive
+            field.prop(wishes, "adaptive_min_samples")
         layout.prop(wishes, "seed")
         layout.prop(wishes, "filter_pixels")
 
@@ -88,6 +96,10 @@ class PUMICE_RENDER_PT_light(_OfScene, bpy.types.Panel):
         layout.prop(wishes, "mode")
         if wishes.mode == "PATH":
             layout.prop(wishes, "bounces")
+        if drawn.CLAMPS and wishes.mode != "AMBIENT_OCCLUSION":
+            column = layout.column(heading="Clamp")
+            column.prop(wishes, "clamp_direct")
+            column.prop(wishes, "clamp_indirect")
         if wishes.mode == "AMBIENT_OCCLUSION":
             row = layout.row(heading="Reach")
             row.prop(wishes, "use_ao_distance", text="")
@@ -109,6 +121,8 @@ class PUMICE_RENDER_PT_performance(_OfScene, bpy.types.Panel):
         layout.prop(wishes, "backend")
         if wishes.backend == "AUTO" and preferences.backend(wishes) != "auto":
             layout.label(text=f"Preferences: {preferences.backend(wishes)}")
+        if drawn.SMOOTH_VOXELS:
+            layout.prop(wishes, "smooth_voxels")
         layout.prop(wishes, "lod")
         if wishes.lod == "DISTANCE":
             layout.prop(wishes, "lod_pixels")
@@ -126,8 +140,8 @@ class PUMICE_VIEWLAYER_PT_passes(_OfScene, bpy.types.Panel):
         layout.use_property_decorate = False
         column = layout.column(heading="Include")
         column.prop(context.view_layer, "use_pass_combined")
-        column.prop(context.view_layer, "use_pass_z")
-        column.prop(context.view_layer.pumice, "use_pass_label")
+        for one in {one.chosen: one for one in passes.TABLE if one.ours in drawn.PASSES}.values():
+            column.prop(one.owner(context.view_layer), one.chosen)
 
 
 class PUMICE_OBJECT_PT_volume(bpy.types.Panel):
@@ -157,6 +171,23 @@ class PUMICE_OBJECT_PT_volume(bpy.types.Panel):
         facts.label(text=f"Display scale: 1 {_unit(volume.unit)} is {volume.display_scale:.6g} Blender units")
 
 
+class PUMICE_OBJECT_PT_cut(_OfScene, bpy.types.Panel):
+    """Whether an object cuts volumes open."""
+
+    bl_label = "Pumice"
+    bl_context = "object"
+
+    @classmethod
+    def poll(cls, context):
+        obj = context.object
+        wanted = drawn.CUTS and context.engine in cls.COMPAT_ENGINES and obj is not None
+        return wanted and obj.type in {"EMPTY", "MESH"} and not is_volume(obj)
+
+    def draw(self, context):
+        self.layout.use_property_split = True
+        self.layout.prop(context.object.pumice, "cut")
+
+
 class PUMICE_MATERIAL_PT_labels(_OfScene, bpy.types.Panel):
     """How a material dresses labels."""
 
@@ -172,25 +203,29 @@ class PUMICE_MATERIAL_PT_labels(_OfScene, bpy.types.Panel):
         self.layout.prop(context.material.pumice, "colors_by_label")
 
 
-def not_drawn(scene):
-    """A line for each thing in the scene that Pumice leaves out."""
+def not_drawn(scene, view_layer):
+    """A line for each thing in a scene and its view layer that Pumice leaves out."""
     if native.MISSING:
         return [native.MISSING]
-    lines = scene_reader.render_warnings(scene) + world.read(scene.world)[1]
-    others = 0
+    lines = scene_reader.render_warnings(scene, view_layer) + world.read(scene.world)[1]
+    others, dresses = [], materials.Dresses()
     for obj in scene.objects:
         if obj.hide_render:
             continue
+        slots = obj.material_slots
         if obj.type == "LIGHT":
-            lines += lights.read(obj, obj.matrix_world)[1]
+            lines += lights.read(obj, obj.matrix_world)[2]
         elif is_volume(obj):
-            slots = obj.material_slots
             lines += materials.read(slots[0].material if slots else None)[2]
+        elif drawn.CUTS and cuts.is_cut(obj):
+            lines += cuts.read(obj, obj.matrix_world)[1]
+        elif drawn.MESHES and obj.type in meshes.KINDS:
+            lines += meshes.left_out_of(obj)
+            for slot in slots:
+                lines += dresses.read(slot.material)[1]
         elif obj.type in scene_reader.DRAWN_BY_OTHERS:
-            others += 1
-    if others:
-        noun = "object is" if others == 1 else "objects are"
-        lines.append(f"{others} {noun} not drawn: Pumice draws volumes only, so far")
+            others.append(obj.name)
+    lines += scene_reader.others_left_out(others)
     return list(dict.fromkeys(lines))
 
 
@@ -205,6 +240,7 @@ CLASSES = (
     PUMICE_RENDER_PT_performance,
     PUMICE_VIEWLAYER_PT_passes,
     PUMICE_OBJECT_PT_volume,
+    PUMICE_OBJECT_PT_cut,
     PUMICE_MATERIAL_PT_labels,
 )
 

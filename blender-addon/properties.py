@@ -26,6 +26,11 @@ MODES = (
     ("ONE_BOUNCE", "Direct Light", "Light that comes straight from sun and sky: faster, darker in crevices", 1),
     ("AMBIENT_OCCLUSION", "Ambient Occlusion", "White surfaces under a white sky, without materials and lights", 2),
 )
+CUTS = (
+    ("NONE", "None", "The object cuts nothing", 0),
+    ("PLANE", "Plane", "Takes away what the object's own +Z points to. Cheap", 1),
+    ("BOX", "Box", "Takes away what is in the empty's cube, or in the mesh's bounding box. Cheap", 2),
+)
 LODS = (
     ("VOXELS", "Voxels", "Every voxel, exactly", 0),
     ("CELLS", "Cells of 4³", "Coarser and faster", 1),
@@ -86,6 +91,54 @@ class PumiceSceneSettings(bpy.types.PropertyGroup):
         soft_max=64,
         default=32,
     )
+    clamp_direct: FloatProperty(
+        name="Direct Light",
+        description=(
+            "Most that light at the first surface may add to a sample, as in Cycles; 0 is no limit. "
+            "Takes bright specks away, and light with them"
+        ),
+        min=0.0,
+        soft_max=100.0,
+        default=0.0,
+    )
+    clamp_indirect: FloatProperty(
+        name="Indirect Light",
+        description=(
+            "Most that light after further bounces may add to a sample, as in Cycles, whose default is 10; 0 is no limit. "
+            "Takes bright specks away, and light with them"
+        ),
+        min=0.0,
+        soft_max=100.0,
+        default=0.0,
+    )
+    use_adaptive: BoolProperty(
+        name="Noise Threshold",
+        description="Pixels that are good enough get no more samples. Renders sooner; the picture is then a little biased",
+        default=False,
+    )
+    adaptive_threshold: FloatProperty(
+        name="Noise Threshold",
+        description="Estimated relative error of a pixel below which it rests",
+        min=1e-4,
+        max=1.0,
+        precision=4,
+        default=0.01,
+    )
+    adaptive_min_samples: IntProperty(
+        name="Min Samples",
+        description="Samples that every pixel gets before it may rest. With few, small bright things are missed",
+        min=4,
+        max=4096,
+        default=16,
+    )
+    smooth_voxels: BoolProperty(
+        name="Smooth Voxels",
+        description=(
+            "Shades voxels by the direction in which their label falls off instead of by their flat faces. "
+            "Costs some look-ups at each hit; shapes stay blocks"
+        ),
+        default=False,
+    )
     use_ao_distance: BoolProperty(
         name="Limit Reach", description="Ambient occlusion looks only so far", default=False
     )
@@ -124,6 +177,17 @@ class PumiceViewLayerSettings(bpy.types.PropertyGroup):
         ),
         default=False,
     )
+    use_pass_denoising: BoolProperty(
+        name="Denoising Data",
+        description="Base color and normal of first surfaces, for the Denoise node of the compositor",
+        default=False,
+    )
+    use_pass_variance: BoolProperty(
+        name="Variance", description="Estimated variance of the picture, each channel", default=False
+    )
+    use_pass_samples: BoolProperty(
+        name="Sample Count", description="Samples that each pixel got: fewer where a noise threshold ended them", default=False
+    )
 
 
 class PumiceMaterialSettings(bpy.types.PropertyGroup):
@@ -138,7 +202,7 @@ class PumiceMaterialSettings(bpy.types.PropertyGroup):
 
 
 class PumiceVolumeSettings(bpy.types.PropertyGroup):
-    """What an object knows of its volume; an object without `filepath` is none of ours."""
+    """What an object knows of its volume, or how it cuts others; an object without `filepath` shows none."""
 
     filepath: StringProperty(
         name="Volume",
@@ -166,6 +230,13 @@ class PumiceVolumeSettings(bpy.types.PropertyGroup):
     dims: IntVectorProperty(name="Voxels", description="Voxels along x, y and z", size=3, default=(0, 0, 0))
     labels: IntProperty(name="Labels", description="Number of labels", default=0)
     content_hash: StringProperty(name="Content", description="Hash of all voxels and ids", default="")
+    cut: EnumProperty(
+        name="Cut",
+        description="What the object takes away from all volumes, so that one sees inside; it is not drawn itself",
+        items=CUTS,
+        default="NONE",
+        update=_tag,
+    )
 
 
 CLASSES = (PumiceSceneSettings, PumiceViewLayerSettings, PumiceMaterialSettings, PumiceVolumeSettings)

@@ -5,6 +5,8 @@
 That all three read the same is what makes their pictures the same, to the bit where size and samples agree.
 """
 
+import json
+
 import bpy
 import numpy as np
 
@@ -12,14 +14,24 @@ from . import registry
 from .properties import is_volume
 from .reports import Refused
 from .sync import camera as camera_math
-from .sync import instances, lights, world
+from .sync import cuts, drawn, instances, lens, lights, materials, meshes, world
 from .sync.parts import Parts
 
 # What has a surface, and is none of ours.
 DRAWN_BY_OTHERS = {"MESH", "CURVE", "CURVES", "SURFACE", "FONT", "META", "POINTCLOUD", "VOLUME", "GREASEPENCIL"}
+# So many objects are named in one line.
+MOST_NAMES = 8
 
 
-def read(depsgraph, camera, film, styles, *, space=None, as_rendered=False):
+class Kept:
+    """What is costly to read and stays from one reading to the next: labels' looks, and triangles."""
+
+    def __init__(self, make_mesh=None):
+        self.styles = instances.Styles()
+        self.geometries = meshes.Geometries(make_mesh)
+
+
+def read(depsgraph, camera, film, kept, *, space=None, as_rendered=False):
     """(Parts, what was left out) of a scene as the dependency graph has it.
 
     `camera` and `film` are the scene's own form already. `space` is the 3D viewport that looks, for its local view. `as_rendered`
@@ -27,7 +39,9 @@ def read(depsgraph, camera, film, styles, *, space=None, as_rendered=False):
     """
     scene = depsgraph.scene
     light, left_out = world.read(scene.world)
-    placed, suns, others, seen = {}, [], 0, set()
+    placed, triangles, others, seen, dresses = {}, {}, [], set(), materials.Dresses()
+    lists = {"suns": [], "lights": [], "cuts": []}
+    kept.geometries.begin(depsgraph)
     rendered = _in_renders(depsgraph.view_layer_eval) if as_rendered else None
     for instance in depsgraph.object_instances:
         if not instance.show_self:
@@ -41,24 +55,43 @@ def read(depsgraph, camera, film, styles, *, space=None, as_rendered=False):
         if space is not None and not _in_view(instance, space):
             continue
         if obj.type == "LIGHT":
-            sun, missing = lights.read(obj, instance.matrix_world)
+            part, value, missing = lights.read(obj, instance.matrix_world)
             left_out += missing
-            suns += [sun] if sun else []
+            if part is not None:
+                lists[part].append(value)
         elif is_volume(obj):
-            one, missing = instances.placed(obj, instance.matrix_world, styles, registry.locate)
+            one, missing = instances.placed(obj, instance.matrix_world, kept.styles, registry.locate)
             left_out += missing
             placed[_key(instance)] = one
-        elif obj.type in DRAWN_BY_OTHERS:
-            others += 1
+        elif drawn.CUTS and cuts.is_cut(obj):
+            cut, missing = cuts.read(obj, instance.matrix_world)
+            left_out += missing
+            lists["cuts"] += [cut] if cut is not None else []
+        elif drawn.MESHES and obj.type == "MESH":
+            one, missing = meshes.placed(obj, instance.matrix_world, kept.geometries, dresses)
+            left_out += missing
+            if one is not None:
+                triangles[_key(instance)] = one
+        elif obj.type in DRAWN_BY_OTHERS and not (drawn.MESHES and obj.type in meshes.KINDS):
+            others.append(obj.name)
+    kept.geometries.end()
     for uid in (rendered or {}).keys() - seen:
         raise Refused(f"{rendered[uid]} is hidden in the viewport and not in renders; show it, or hide it from renders too")
-    if others:
-        noun = "object is" if others == 1 else "objects are"
-        left_out.append(f"{others} {noun} not drawn: Pumice draws volumes only, so far")
+    left_out += others_left_out(others)
     # In an order that does not depend on names or on Blender's: a light's place among the others reaches the random numbers.
-    suns.sort(key=lambda s: (s["direction"], s["strength"], s["color"], s["angle_rad"]))
-    parts = Parts(camera, film, light, suns, settings(scene.pumice), placed)
+    for values in lists.values():
+        values.sort(key=lambda value: json.dumps(value, sort_keys=True))
+    parts = Parts(camera, film, light, settings(scene.pumice), placed=placed, meshes=triangles, **lists)
     return parts, list(dict.fromkeys(left_out))
+
+
+def others_left_out(names):
+    """A line about objects that are not drawn, by name."""
+    names = sorted(set(names))
+    if not names:
+        return []
+    shown = ", ".join(names[:MOST_NAMES]) + (f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else "")
+    return [f"Not drawn: {shown}"]
 
 
 def settings(wishes):
@@ -72,25 +105,36 @@ def settings(wishes):
     }
     if wishes.use_ao_distance:
         out["ao_distance"] = wishes.ao_distance
+    if drawn.CLAMPS:
+        out["clamp_direct"], out["clamp_indirect"] = wishes.clamp_direct, wishes.clamp_indirect
+    if drawn.ADAPTIVE and wishes.use_adaptive:
+        out["adaptive"] = {"threshold": wishes.adaptive_threshold, "min_spp": wishes.adaptive_min_samples}
+    if drawn.SMOOTH_VOXELS and wishes.smooth_voxels:
+        out["smooth_voxels"] = True
     return out
 
 
-def film(wishes, size):
+def film(scene, size, pixel_aspect=1.0):
     """A film of `size` pixels; Blender counts half the filter's width."""
-    return {
+    out = {
         "width": int(size[0]),
         "height": int(size[1]),
-        "filter": {"blackman_harris": {"width": 2.0 * wishes.filter_pixels}},
+        "filter": {"blackman_harris": {"width": 2.0 * scene.pumice.filter_pixels}},
     }
+    if pixel_aspect != 1.0:
+        out["pixel_aspect"] = pixel_aspect
+    if drawn.TRANSPARENT and scene.render.film_transparent:
+        out["transparent"] = True
+    return out
+
+
+def pixel_aspect(render):
+    """Width of a final render's pixels over their height."""
+    return render.pixel_aspect_x / render.pixel_aspect_y
 
 
 def final_frame(render):
     """(whole size, part to draw as x0, y0, x1, y1 from the lower left) of a final render, in Blender's whole-number steps."""
-    if render.pixel_aspect_x != render.pixel_aspect_y:
-        raise Refused(
-            f"Pixel aspect {render.pixel_aspect_x:g} : {render.pixel_aspect_y:g} is not drawn; "
-            "set both to 1 in Output > Format"
-        )
     if render.use_multiview:
         raise Refused("Stereoscopy is not drawn; switch it off in Output")
     width = max(1, int(render.resolution_x * render.resolution_percentage / 100))
@@ -113,39 +157,24 @@ def final_camera(depsgraph, size, rect):
         raise Refused("The scene has no camera; add one, or make one active")
     if obj.type != "CAMERA":
         raise Refused(f"Pumice looks through cameras only, and {obj.name} is none")
-    evaluated = obj.evaluated_get(depsgraph)
-    whole = from_camera(evaluated, size)
-    return camera_math.crop(whole, size, rect) if rect != (0, 0, *size) else whole
+    whole = lens.read(obj.evaluated_get(depsgraph), depsgraph)
+    if rect == (0, 0, *size):
+        return whole
+    return camera_math.crop(whole, size, rect, pixel_aspect(depsgraph.scene.render))
 
 
-def from_camera(obj, size):
-    """The scene's camera from a camera object."""
-    data = obj.data
-    if data.type not in {"PERSP", "ORTHO"}:
-        raise Refused(f"Camera {obj.name}: panoramas are not drawn; set its type to Perspective or Orthographic")
-    return camera_math.from_lens(
-        obj.matrix_world,
-        kind=data.type,
-        lens_mm=data.lens,
-        ortho_scale=data.ortho_scale,
-        sensor_fit=data.sensor_fit,
-        sensor_mm=(data.sensor_width, data.sensor_height),
-        shift=(data.shift_x, data.shift_y),
-        clip=(data.clip_start, data.clip_end),
-        size=size,
-    )
-
-
-def render_warnings(scene):
-    """What a final render of the scene leaves out, beside its contents."""
-    out = []
-    if scene.render.film_transparent:
+def render_warnings(scene, view_layer):
+    """What a final render of a view layer leaves out, beside the scene's contents."""
+    out, render = [], scene.render
+    for override, what in (("material_override", "Material Override"), ("world_override", "World Override")):
+        if getattr(view_layer, override, None) is not None:
+            out.append(f"View layer {view_layer.name}: {what} is not drawn")
+    if render.film_transparent and getattr(getattr(scene, "cycles", None), "film_transparent_glass", False):
+        out.append("Transparent Glass is not drawn: what is seen through glass is opaque")
+    if render.film_transparent and not drawn.TRANSPARENT:
         out.append("A transparent film is not drawn yet; the background is opaque")
-    if scene.render.use_motion_blur:
+    if render.use_motion_blur:
         out.append("Motion blur is not drawn")
-    camera = scene.camera
-    if camera is not None and camera.type == "CAMERA" and camera.data.dof.use_dof:
-        out.append(f"Camera {camera.name}: depth of field is not drawn yet")
     return out
 
 
@@ -158,20 +187,25 @@ def _in_view(instance, space):
 
 
 def _in_renders(view_layer):
-    """Names by uid of the volumes and lights that a final render has."""
+    """Names by uid of what a final render has and Pumice reads."""
     found = {}
 
     def walk(layer):
         if layer.exclude or layer.collection.hide_render:
             return
         for obj in layer.collection.objects:
-            if not obj.hide_render and (is_volume(obj) or obj.type == "LIGHT"):
+            if not obj.hide_render and _is_read(obj):
                 found[obj.original.session_uid] = obj.name
         for child in layer.children:
             walk(child)
 
     walk(view_layer.layer_collection)
     return found
+
+
+def _is_read(obj):
+    cuts_here, mesh_here = drawn.CUTS and cuts.is_cut(obj), drawn.MESHES and obj.type in meshes.KINDS
+    return obj.type == "LIGHT" or is_volume(obj) or cuts_here or mesh_here
 
 
 def _key(instance):

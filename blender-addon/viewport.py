@@ -12,6 +12,7 @@ Nothing here waits: neither for a frame, nor for a volume's file. Orbiting gives
 No engine object is kept alive by this: an engine that Blender freed raises ReferenceError in the next poll, and that ends its session.
 """
 
+import dataclasses
 import os
 
 import bpy
@@ -19,8 +20,7 @@ import bpy
 from . import missing_boxes, native, overlay, picture_texture, preferences, registry, scene_reader
 from .reports import Refused, log, one_line
 from .sync import camera as camera_math
-from .sync import edits, matrix
-from .sync.instances import Styles
+from .sync import edits, lens, matrix
 
 ACTIVE_SECONDS = 1.0 / 60.0
 # While nothing is computed, only to notice that Blender freed the engine.
@@ -64,7 +64,7 @@ class Viewport:
         self.numbers = {}  # instance key → number in the session
         self.next_number = 1
         self.limits = None
-        self.styles = Styles()
+        self.kept = scene_reader.Kept()
         self.waiting = {}  # path → entry that is being opened
         self.notes = []
         self.camera_seen = None
@@ -81,9 +81,9 @@ class Viewport:
         """Reads the scene and sends what differs."""
         scene = depsgraph.scene
         try:
-            camera, film = view_of(context, scene, self.engine)
+            camera, film = view_of(context, depsgraph, self.engine)
             parts, left_out = scene_reader.read(
-                depsgraph, camera, film, self.styles, space=getattr(context, "space_data", None)
+                depsgraph, camera, film, self.kept, space=getattr(context, "space_data", None)
             )
             parts, volumes = self._opened(parts)
             self._send(parts, volumes, scene.pumice)
@@ -99,7 +99,7 @@ class Viewport:
         scene = depsgraph.scene
         status = None
         try:
-            self._follow_camera(context, scene)
+            self._follow_camera(context, depsgraph)
             self._fetch()
             status = self.session.status if self.session is not None else None
         except Exception as error:
@@ -173,8 +173,7 @@ class Viewport:
             else:
                 volumes[key], ready[key] = entry.volume, placed
                 self._missing += filter(None, [placed.differs(entry.volume)])
-        fields = {part: getattr(parts, part) for part in edits.SINGLE_PARTS}
-        return type(parts)(**fields, placed=ready), volumes
+        return dataclasses.replace(parts, placed=ready), volumes
 
     def _send(self, parts, volumes, wishes):
         """Brings the session to `parts`: a new one where its limits differ or it failed, edits otherwise."""
@@ -188,11 +187,12 @@ class Viewport:
                 self._stop()
         if self.session is None:
             pumice = native.require()
-            self.numbers = {key: number for number, key in enumerate(sorted(parts.placed), start=1)}
+            self.numbers = parts.numbers()
             self.next_number = len(self.numbers) + 1
             scene = pumice.Scene.from_dict(parts.scene(self.numbers))
             ordered = sorted(parts.placed, key=self.numbers.__getitem__)
-            self.session = pumice.Session(scene, [volumes[key] for key in ordered], **limits)
+            meshes = parts.geometries(self.numbers)
+            self.session = pumice.Session(scene, [volumes[key] for key in ordered], meshes=meshes, **limits)
             self.limits, self.sent, self.frame = limits, parts, None
             self._wake()
             return
@@ -208,6 +208,12 @@ class Viewport:
             self.session.add(parts.placed[key].instance(self.next_number), volumes[key])
             self.numbers[key] = self.next_number
             self.next_number += 1
+        for key in changes.added_meshes:
+            if key not in self.numbers:
+                self.numbers[key] = self.next_number
+                self.next_number += 1
+            mesh = parts.meshes[key]
+            self.session.add_mesh(mesh.mesh(self.numbers[key]), mesh.geometry)
         self.sent = parts
         self._wake()
 
@@ -222,18 +228,16 @@ class Viewport:
             ends += missing_boxes.lines(placed.dims, world_from_index, clip_from_world, size)
         return ends
 
-    def _follow_camera(self, context, scene):
+    def _follow_camera(self, context, depsgraph):
         """Sends camera and film when the view moved since the last draw or update."""
         if self.session is None or self.sent is None:
             return
-        seen = (_view_state(context), scene.pumice.filter_pixels)
+        seen = (_view_state(context), depsgraph.scene.pumice.filter_pixels)
         if seen == self.camera_seen:
             return
-        camera, film = view_of(context, scene, self.engine)
+        camera, film = view_of(context, depsgraph, self.engine)
         self.camera_seen = seen
-        moved = type(self.sent)(
-            camera, film, self.sent.world, self.sent.suns, self.sent.settings, self.sent.placed
-        )
+        moved = dataclasses.replace(self.sent, camera=camera, film=film)
         changes = edits.between(self.sent, moved, self.numbers)
         if changes.edits:
             self.session.edit(*changes.edits)
@@ -271,20 +275,23 @@ class Viewport:
         self.numbers, self.camera_seen = {}, None
 
 
-def view_of(context, scene, engine):
-    """(camera, film) of what a viewport looks at."""
+def view_of(context, depsgraph, engine):
+    """(camera, film) of what a viewport looks at; through a camera with its depth of field."""
+    scene = depsgraph.scene
     region, view = context.region, context.region_data
     pixel = max(1, engine.get_preview_pixel_size(scene))
     size = (max(1, round(region.width / pixel)), max(1, round(region.height / pixel)))
-    clip = (context.space_data.clip_start, context.space_data.clip_end)
+    clip, aperture = (context.space_data.clip_start, context.space_data.clip_end), None
     camera = context.space_data.camera if view.view_perspective == "CAMERA" else None
     if camera is not None and camera.type == "CAMERA":
-        if camera.data.type not in {"PERSP", "ORTHO"}:
-            raise Refused(f"Camera {camera.name}: panoramas are not drawn; set its type to Perspective or Orthographic")
-        clip = (camera.data.clip_start, camera.data.clip_end)
+        camera = camera.evaluated_get(depsgraph)
+        data = lens.require_flat(camera)
+        clip, aperture = (data.clip_start, data.clip_end), lens.aperture(camera, depsgraph)
     world_from_view = matrix.inverse_rigid(matrix.rows(view.view_matrix))
-    camera = camera_math.from_window(world_from_view, matrix.rows(view.window_matrix), clip=clip, size=size)
-    return camera, scene_reader.film(scene.pumice, size)
+    seen = camera_math.from_window(
+        world_from_view, matrix.rows(view.window_matrix), clip=clip, size=size, aperture=aperture
+    )
+    return seen, scene_reader.film(scene, size)
 
 
 def _view_state(context):

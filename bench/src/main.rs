@@ -26,13 +26,14 @@ use crate::programs::Programs;
 type Result<T> = std::result::Result<T, String>;
 
 const USAGE: &str = "\
-Usage: cargo run --release -p pumice-bench -- BENCH VOLUME… [--backends NAME,NAME…] [--out FOLDER]
+Usage: cargo run --release -p pumice-bench -- BENCH VOLUME… [--backends NAME,NAME…] [--size WxH] [--spp N] [--out FOLDER]
 
   sizes         bytes in memory by part, on disk by level, in per cent of 4 bytes a voxel
   speeds        parts, finish, saving, opening, rays: per CPU-second (volumes of u32 labels)
   live          how soon a live 1920 × 1080 picture follows an edit, and what the edit costs its caller
-  backends      rays and frames per second on each backend (or those that are named), bytes on the device
-  convergence   relMSE against a reference of 64 times as many samples, by CPU-seconds (on the first backend that is named, or the CPU)
+  backends      rays and frames on each backend (or those that are named), of 1920x1080 or the size; bytes on the device
+  convergence   relMSE against a reference of 64 times as many samples (128 or N at most), by CPU-seconds, on the CPU
+  errors        the same on each backend (or those that are named), by seconds
 
 Prints Markdown; with --out also writes BENCH.md and BENCH.csv there, with the machine's description.";
 
@@ -50,6 +51,7 @@ fn run() -> Result<()> {
     let mut args = std::env::args().skip(1);
     let bench = args.next().ok_or(USAGE)?;
     let (mut volumes, mut out, mut backends) = (Vec::new(), None, Vec::new());
+    let (mut size, mut most_spp) = ("1920x1080".to_owned(), 128);
     while let Some(arg) = args.next() {
         match arg.as_str() {
             "--out" => out = Some(PathBuf::from(args.next().ok_or("--out needs a folder")?)),
@@ -57,22 +59,47 @@ fn run() -> Result<()> {
                 let list = args.next().ok_or("--backends needs names, with commas between them")?;
                 backends = list.split(',').map(str::to_owned).collect();
             }
+            "--size" => size = args.next().ok_or("--size needs WIDTHxHEIGHT")?,
+            "--spp" => {
+                let number = args.next().and_then(|n| n.parse().ok()).filter(|&n: &u32| n > 0);
+                most_spp = number.ok_or("--spp needs a number of samples")?;
+            }
             _ => volumes.push(PathBuf::from(arg)),
         }
     }
     if volumes.is_empty() {
         return Err("name at least one volume".into());
     }
-    let build = Programs::build;
+    const PUMICE: [&str; 3] = ["pumice", "--bin", "pumice"];
+    let example = |package, name| [package, "--example", name];
+    let build = || {
+        Programs::build(&match bench.as_str() {
+            "speeds" => {
+                vec![PUMICE, example("pumice-core", "build_speed"), example("pumice-cpu", "ray_rate")]
+            }
+            "live" => vec![example("pumice-session", "live_latency")],
+            // Who names the backends need not ask what is here.
+            "backends" if !backends.is_empty() => vec![example("pumice-session", "backend_speed")],
+            "backends" => vec![PUMICE, example("pumice-session", "backend_speed")],
+            _ => vec![PUMICE],
+        })
+    };
+    let named = |programs: &Programs| match backends.is_empty() {
+        true => backends::usable(programs),
+        false => Ok(backends.clone()),
+    };
     let table = match bench.as_str() {
         "sizes" => sizes::measure(&build()?, &volumes)?,
         "speeds" => speeds::measure(&build()?, &volumes)?,
         "live" => live::measure(&build()?, &volumes)?,
-        "convergence" => convergence::measure(&build()?, &volumes, backends.first().map_or("cpu", |b| b))?,
+        "convergence" => convergence::measure(&build()?, &volumes, &["cpu".to_owned()], most_spp)?,
         "backends" => {
             let programs = build()?;
-            let backends = if backends.is_empty() { backends::usable(&programs)? } else { backends };
-            backends::measure(&programs, &volumes, &backends)?
+            backends::measure(&programs, &volumes, &named(&programs)?, &size)?
+        }
+        "errors" => {
+            let programs = build()?;
+            convergence::measure(&programs, &volumes, &named(&programs)?, most_spp)?
         }
         _ => return Err(USAGE.into()),
     };

@@ -16,16 +16,11 @@ pub(crate) struct Programs {
 }
 
 impl Programs {
-    /// Builds them; nothing happens where they are up to date.
-    pub(crate) fn build() -> Result<Self> {
+    /// Builds those that are asked for (package, `--bin` or `--example`, name); nothing happens where they are up to date.
+    pub(crate) fn build(wanted: &[[&str; 3]]) -> Result<Self> {
         let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
-        for args in [
-            ["build", "--quiet", "--release", "--package", "pumice", "--bin", "pumice"],
-            ["build", "--quiet", "--release", "--package", "pumice-core", "--example", "build_speed"],
-            ["build", "--quiet", "--release", "--package", "pumice-cpu", "--example", "ray_rate"],
-            ["build", "--quiet", "--release", "--package", "pumice-session", "--example", "live_latency"],
-            ["build", "--quiet", "--release", "--package", "pumice-session", "--example", "backend_speed"],
-        ] {
+        for &[package, kind, name] in wanted {
+            let args = ["build", "--quiet", "--release", "--package", package, kind, name];
             said(Command::new("cargo").current_dir(&root).args(args))?;
         }
         let target = std::env::var_os("CARGO_TARGET_DIR")

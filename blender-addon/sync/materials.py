@@ -1,76 +1,71 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A volume's material from the Principled BSDF of its first slot.
+"""A material of the scene from the shader that reaches a Blender material's output.
 
-    Base Color, Metallic, Roughness, Specular IOR Level, IOR, Emission Color × Strength     are taken
-    links into them, and lobes that weigh something (coat, sheen, transmission, …)          are named as left out
+    Principled BSDF                 its inputs, see `principled`
+    another shader by itself        where the Principled BSDF can say the same, see `simple_shaders`
+    no nodes (before Blender 5.0)   the viewport's color, metallic and roughness
+    anything else                   the plain material, with a line that says so
+
+An input that is linked counts with its own value and is named, unless what is linked is one constant. Fields that have their default
+are not written: a figure has 10⁵ materials.
 """
 
-from . import nodes
-
-PLAIN = {
-    "base_color": [0.8, 0.8, 0.8],
-    "metallic": 0.0,
-    "roughness": 0.5,
-    "specular": 0.5,
-    "ior": 1.5,
-    "emission": [0.0, 0.0, 0.0],
-}
-TAKEN = (
-    "Base Color",
-    "Metallic",
-    "Roughness",
-    "Specular IOR Level",
-    "IOR",
-    "Emission Color",
-    "Emission Strength",
-)
-LOBES = ("Subsurface Weight", "Transmission Weight", "Coat Weight", "Sheen Weight", "Anisotropic", "Thin Film Thickness")
+from . import drawn, nodes, principled, simple_shaders
+from .surface import PLAIN, Surface
 
 
-def read(material):
+def read(material, of_labels=True):
     """(the scene's material, whether labels have colours of their own, what was left out); `material` may be None."""
     if material is None:
-        return dict(PLAIN), True, []
-    by_label = material.pumice.colors_by_label
-    name = material.name
+        return dict(PLAIN), of_labels, []
+    by_label = of_labels and material.pumice.colors_by_label
+    surface = Surface(f"Material {material.name}", by_label)
+    _read(material, surface)
+    return _what_is_drawn(surface), by_label, surface.left_out
+
+
+class Dresses:
+    """Materials of meshes, each read once however many objects wear it; good for one reading of a scene."""
+
+    def __init__(self):
+        self._read = {}
+
+    def read(self, material):
+        """(the scene's material, what was left out); `material` may be None."""
+        key = None if material is None else material.original.session_uid
+        if key not in self._read:
+            dress, _, left_out = read(material, of_labels=False)
+            self._read[key] = (dress, left_out)
+        return self._read[key]
+
+
+def _read(material, surface):
     tree = nodes.tree(material)
     if tree is None:
-        plain = dict(PLAIN, base_color=_unit(material.diffuse_color), metallic=float(material.metallic))
-        return dict(plain, roughness=float(material.roughness)), by_label, []
+        surface.set_color("base_color", material.diffuse_color)
+        surface.set_unit("metallic", material.metallic)
+        surface.set_unit("roughness", material.roughness)
+        return
+    for socket in ("Volume", "Displacement"):
+        if nodes.surface(tree, "OUTPUT_MATERIAL", socket) is not None:
+            surface.leave_out(f"{socket} is not drawn")
     node = nodes.surface(tree, "OUTPUT_MATERIAL")
-    if node is None or node.type != "BSDF_PRINCIPLED":
-        got = "nothing" if node is None else node.bl_label
-        return dict(PLAIN), by_label, [f"Material {name}: expected a Principled BSDF, got {got}; a plain one is drawn"]
-
-    value = {key: node.inputs[key].default_value for key in TAKEN}
-    left_out = [
-        f"Material {name}: what is linked to {key} is not drawn yet; its own value is used"
-        for key in TAKEN
-        if node.inputs[key].is_linked and not (key == "Base Color" and by_label)
-    ]
-    for key in LOBES:
-        socket = node.inputs.get(key)
-        if socket is not None and (socket.is_linked or socket.default_value > 0.0):
-            left_out.append(f"Material {name}: {key} is not drawn yet")
-    if node.inputs["Alpha"].is_linked or node.inputs["Alpha"].default_value < 1.0:
-        left_out.append(f"Material {name}: Alpha is not drawn yet")
-    strength = max(0.0, float(value["Emission Strength"]))
-    read = {
-        "base_color": _unit(value["Base Color"]),
-        "metallic": _clamp(value["Metallic"]),
-        "roughness": _clamp(value["Roughness"]),
-        "specular": max(0.0, float(value["Specular IOR Level"])),
-        "ior": max(1.0, float(value["IOR"])),
-        "emission": [max(0.0, float(c)) * strength for c in list(value["Emission Color"])[:3]],
-    }
-    return read, by_label, left_out
+    if node is None:
+        simple_shaders.black(surface)
+    elif node.mute:
+        surface.leave_out(f"{node.bl_label} is muted; a plain material is drawn")
+    elif node.type == "BSDF_PRINCIPLED":
+        principled.read(node, surface)
+    elif node.type in simple_shaders.READERS:
+        simple_shaders.READERS[node.type](node, surface)
+    else:
+        surface.leave_out(f"expected a Principled BSDF, got {node.bl_label}; a plain one is drawn")
 
 
-def _unit(color):
-    return [_clamp(c) for c in list(color)[:3]]
-
-
-def _clamp(value):
-    """Into 0 to 1, where Blender's own fields keep these values; only scripts and drivers can leave it."""
-    return min(1.0, max(0.0, float(value)))
+def _what_is_drawn(surface):
+    for field in [f for f in surface.fields if f not in PLAIN and f != "multiscatter" and f not in drawn.LOBES]:
+        del surface.fields[field]
+        if field in {"specular_tint", "transmission", "subsurface", "coat", "sheen", "alpha"}:
+            surface.leave_out(f"{field.replace('_', ' ').capitalize()} is not drawn yet")
+    return surface.fields

@@ -34,14 +34,23 @@ def inverse_rigid(matrix):
     return [turned[r] + [moved[r]] for r in range(3)] + [[0.0, 0.0, 0.0, 1.0]]
 
 
-def unit_axes(matrix):
-    """The same place and directions without scale: what Blender makes of a camera's matrix."""
+def unit_axes(matrix, only=None):
+    """The same place and directions without scale: what Blender makes of a camera's matrix. `only` names one axis to take."""
     out = rows(matrix)
-    for c in range(3):
+    for c in range(3) if only is None else (only,):
         length = sum(out[r][c] ** 2 for r in range(3)) ** 0.5
         for r in range(3):
             out[r][c] = out[r][c] / length if length > 0.0 else float(r == c)
     return out
+
+
+def is_invertible(matrix):
+    """Whether the axes do not lie in a plane, as the scene asks it: of unit length they span more than 1e-12, and none is 0."""
+    lengths = [sum(float(matrix[r][c]) ** 2 for r in range(3)) ** 0.5 for c in range(3)]
+    if min(lengths) <= 1e-30:
+        return False
+    (a, b, c), (d, e, f), (g, h, i) = ([matrix[r][k] / lengths[k] for k in range(3)] for r in range(3))
+    return abs(a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)) > 1e-12
 
 
 def moved_back(matrix, distance):

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Node trees of materials, worlds and lights: which there is, and which shader reaches its output."""
+"""Node trees of materials, worlds and lights: which there is, which shader reaches its output, and what an input's value is."""
 
 import bpy
 
@@ -18,16 +18,37 @@ def ensure(owner):
     return owner.node_tree
 
 
-def surface(tree, output_type):
-    """The node whose shader reaches the surface of the active output; None where nothing does."""
+def surface(tree, output_type, socket="Surface"):
+    """The node that reaches an input of the active output; None where nothing does."""
     outputs = [n for n in tree.nodes if n.type == output_type]
     active = next((n for n in outputs if n.is_active_output), outputs[0] if outputs else None)
-    if active is None or not active.inputs["Surface"].is_linked:
-        return None
-    link = active.inputs["Surface"].links[0]
-    while link.from_node.type == "REROUTE":
-        links = link.from_node.inputs[0].links
-        if not links:
+    return source(active.inputs[socket]) if active is not None else None
+
+
+def source(socket):
+    """The node that an input is linked to, past reroutes; None where it is not, or the link is muted."""
+    while socket.is_linked:
+        link = socket.links[0]
+        if link.is_muted:
             return None
-        link = links[0]
-    return link.from_node
+        node = link.from_node
+        if node.type != "REROUTE":
+            return node
+        socket = node.inputs[0]
+    return None
+
+
+def value(socket):
+    """(value of an input, whether that is all): a node of one constant is read, any other link leaves the input's own value."""
+    node = source(socket)
+    if node is None:
+        return socket.default_value, True
+    constant = {"RGB": "RGBA", "VALUE": "VALUE"}.get(node.type)
+    if constant is None or node.mute:
+        return socket.default_value, False
+    got = node.outputs[0].default_value
+    if constant == socket.type:
+        return got, True
+    if constant == "VALUE" and socket.type in {"RGBA", "VECTOR"}:
+        return (got, got, got, 1.0), True
+    return socket.default_value, False

@@ -40,21 +40,46 @@ class Placed:
 
 
 @dataclass(frozen=True)
+class PlacedMesh:
+    """A triangle mesh in its place: `geometry` is a `pumice.Mesh`; `name` stands for its file."""
+
+    name: str
+    geometry: object
+    world_from_mesh: list
+    materials: list
+    shadow_catcher: bool = False
+
+    def mesh(self, number):
+        """The mesh of the scene with this number."""
+        return {
+            "id": number,
+            "source": self.name,
+            "world_from_mesh": self.world_from_mesh,
+            "materials": self.materials,
+            "shadow_catcher": self.shadow_catcher,
+        }
+
+
+@dataclass(frozen=True)
 class Parts:
     """All that is drawn."""
 
     camera: dict
     film: dict
     world: dict
-    suns: list
     settings: dict
+    suns: list = field(default_factory=list)
+    lights: list = field(default_factory=list)
+    cuts: list = field(default_factory=list)
     placed: dict = field(default_factory=dict)
+    meshes: dict = field(default_factory=dict)
 
     def scene(self, numbers=None):
-        """The scene's JSON form; without `numbers` by key, instances count from 1 in the order of their keys."""
+        """The scene's JSON form; without `numbers` by key, volumes and meshes count from 1 in the order of their keys."""
         if numbers is None:
-            numbers = {key: number for number, key in enumerate(sorted(self.placed), start=1)}
+            numbers = self.numbers()
         ordered = sorted(self.placed, key=numbers.__getitem__)
+        meshes = sorted(self.meshes, key=numbers.__getitem__)
         return {
             "version": 1,
             "instances": [self.placed[key].instance(numbers[key]) for key in ordered],
@@ -62,8 +87,20 @@ class Parts:
             "film": self.film,
             "world": self.world,
             "suns": self.suns,
+            "lights": self.lights,
+            "meshes": [self.meshes[key].mesh(numbers[key]) for key in meshes],
+            "cuts": self.cuts,
             "settings": self.settings,
         }
+
+    def numbers(self):
+        """Numbers by key: those of volumes count from 1 in the order of their keys, those of meshes after them."""
+        return {key: number for number, key in enumerate([*sorted(self.placed), *sorted(self.meshes)], start=1)}
+
+    def geometries(self, numbers=None):
+        """The meshes' triangles, in the order of `scene()`."""
+        numbers = self.numbers() if numbers is None else numbers
+        return [self.meshes[key].geometry for key in sorted(self.meshes, key=numbers.__getitem__)]
 
     def sources(self):
         """The files of all instances, in the order of `scene()`."""

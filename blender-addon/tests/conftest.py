@@ -81,6 +81,23 @@ def startup(extension):
     extension.viewport.close_all()
 
 
+@pytest.fixture
+def drawn(extension, monkeypatch):
+    """What is read of a scene, whether the compiled module draws it yet or not."""
+    flags = sys.modules[f"{EXTENSION}.sync.drawn"]
+    for name, value in vars(flags).items():
+        if name.isupper():
+            monkeypatch.setattr(flags, name, True if isinstance(value, bool) else Everything())
+    return flags
+
+
+class Everything:
+    """A set that has whatever it is asked for."""
+
+    def __contains__(self, _):
+        return True
+
+
 @pytest.fixture(scope="session")
 def data():
     """The volumes that the project ships."""

@@ -115,6 +115,12 @@ class Module:
         def cancel(self):
             self.cancelled = True
 
+    class Mesh:
+        """Keeps the arrays."""
+
+        def __init__(self, positions, triangles, materials=None):
+            self.positions, self.triangles, self.materials = positions, triangles, materials
+
     class Scene:
         def __init__(self, value):
             self.value = value
@@ -126,8 +132,9 @@ class Module:
     class Session:
         made = []
 
-        def __init__(self, scene, volumes, backend="auto", spp=None, error=None):
+        def __init__(self, scene, volumes, meshes=(), backend="auto", spp=None, error=None):
             self.scene, self.volumes, self.limits = scene.value, list(volumes), (backend, spp, error)
+            self.meshes = list(meshes)
             self.edits, self.frame = [], None
             self.status = types.SimpleNamespace(state="rendering", error=None, backend="cpu", device="Processor", notices=[], revision=1)
             type(self).made.append(self)
@@ -138,6 +145,10 @@ class Module:
         def add(self, instance, volume):
             self.edits.append({"edit": "add", "instance": instance})
             self.volumes.append(volume)
+
+        def add_mesh(self, fields, mesh):
+            self.edits.append({"edit": "add_mesh", "mesh": fields})
+            self.meshes.append(mesh)
 
         def latest(self, after=0):
             return self.frame if self.frame is not None and self.frame.serial > after else None
@@ -153,7 +164,7 @@ class Module:
         self.Session.made = []
         self.may_open = threading.Event()
         self.may_open.set()
-        self.renders, self.notices = [], []
+        self.renders, self.notices, self.alpha = [], [], None
         self.during_render = lambda job, on_progress: None
 
     def open(self, path, job=None):
@@ -163,7 +174,7 @@ class Module:
     def compress(self, source, job=None, **choice):
         return Volume(source)
 
-    def render(self, scene, volumes, job=None, on_progress=None, **limits):
+    def render(self, scene, volumes, meshes=(), job=None, on_progress=None, **limits):
         """A picture in which every pixel of every pass is another number."""
         self.renders.append((scene.value, list(volumes), limits))
         self.during_render(job, on_progress)
@@ -173,9 +184,11 @@ class Module:
         at = np.arange(width * height, dtype=np.float32).reshape(height, width)
         depth = at + 0.5
         depth[0, 0] = np.inf
-        return types.SimpleNamespace(
-            color=np.stack([at, at * 2, at * 3], axis=2), depth=depth, label=at.astype(np.uint32) + 7, notices=list(self.notices)
-        )
+        passes = {"depth": depth, "label": at.astype(np.uint32) + 7}
+        for place, name in enumerate(("albedo", "normal", "variance", "position", "diffuse_direct", "environment")):
+            passes[name] = np.stack([at + place, at * 2 + place, at * 3 + place], axis=2)
+        color = np.stack([at, at * 2, at * 3], axis=2)
+        return types.SimpleNamespace(color=color, alpha=self.alpha, passes=passes, notices=list(self.notices))
 
 
 class Labels:

@@ -19,8 +19,8 @@ SIZES = [(640, 360), (360, 640), (500, 500)]
 SHIFTS = [(0.0, 0.0), (0.21, -0.13)]
 
 
-def pixel(camera, size, point):
-    """Pixel from the lower left corner at which the scene's camera sees a point of the world."""
+def pixel(camera, size, point, aspect=1.0):
+    """Pixel from the lower left corner at which the scene's camera sees a point of the world; `aspect` is a pixel's width."""
     columns = np.array(camera["world_from_camera"]).reshape(4, 3)
     p = np.linalg.solve(columns[:3].T, np.array(point) - columns[3])
     projection = camera["projection"]
@@ -29,8 +29,10 @@ def pixel(camera, size, point):
         p = p / -p[2]
     else:
         half = projection["orthographic"]["scale"] / 2.0
-    longer = max(size)
-    return [(p[a] / half - 2.0 * camera["shift"][a]) * longer / 2.0 + size[a] / 2.0 for a in range(2)]
+    sides = (size[0] * aspect, size[1])
+    fitted = {"horizontal": sides[0], "vertical": sides[1], "auto": max(sides)}[camera["fit"]]
+    seen = [(p[a] / half - 2.0 * camera["shift"][a]) * fitted / 2.0 + sides[a] / 2.0 for a in range(2)]
+    return [seen[0] / aspect, seen[1]]
 
 
 def points():
@@ -55,13 +57,15 @@ def make_camera(bpy, kind, fit, shift, size):
     return obj
 
 
-CASES = list(itertools.product(("PERSP", "ORTHO"), ("AUTO", "HORIZONTAL", "VERTICAL"), SHIFTS, SIZES))
+FITS = ("AUTO", "HORIZONTAL", "VERTICAL")
+KINDS_AND_FITS = list(itertools.product(("PERSP", "ORTHO"), FITS))
+CASES = list(itertools.product(("PERSP", "ORTHO"), FITS, SHIFTS, SIZES))
 
 
 @pytest.mark.parametrize("kind,fit,shift,size", CASES)
 def test_a_camera_object_sees_what_blender_says(blender, extension, kind, fit, shift, size):
     obj = make_camera(blender, kind, fit, shift, size)
-    camera = extension.scene_reader.from_camera(obj, size)
+    camera = extension.scene_reader.lens.read(obj)
     assert camera["clip"] == pytest.approx([0.2, 80.0])
     for point in points():
         ndc = world_to_camera_view(blender.context.scene, obj, mathutils.Vector(point))
@@ -73,11 +77,11 @@ def test_the_comparison_notices_wrong_cameras(blender, extension):
     """Negative control: each mistake that is easily made moves a point by more than the tolerance."""
     size, shift = (360, 640), (0.21, -0.13)
     obj = make_camera(blender, "PERSP", "HORIZONTAL", shift, size)
-    good = extension.scene_reader.from_camera(obj, size)
+    good = extension.scene_reader.lens.read(obj)
     wrong_shift = dict(good, shift=[-s for s in good["shift"]])
-    unscaled_shift = dict(good, shift=list(shift))
-    wrong_side = dict(good, projection={"perspective": {"fov_rad": obj.data.angle}})
-    for wrong in (wrong_shift, unscaled_shift, wrong_side):
+    scaled_shift = dict(good, shift=[s * 360 / 640 for s in shift])
+    wrong_side = dict(good, fit="auto")
+    for wrong in (wrong_shift, scaled_shift, wrong_side):
         moved = [np.subtract(pixel(wrong, size, p), pixel(good, size, p)) for p in points()]
         assert np.abs(moved).max() > 10 * TOLERANCE_PIXELS
 
@@ -120,16 +124,70 @@ def test_a_parallel_view_that_begins_behind_itself_moves_back(blender, extension
     assert pixel(camera, size, (1.5, -0.75, 30.0)) == pytest.approx([300.0, 100.0])
 
 
-@pytest.mark.parametrize("kind", ["PERSP", "ORTHO"])
+# Pixels as wide as high, wide ones (a picture that is wider than it is high, and one that is only so by its pixels), high ones.
+@pytest.mark.parametrize("aspect", [(1.0, 1.0), (1.5, 1.0), (2.0, 1.0), (1.0, 1.3)])
+@pytest.mark.parametrize("kind,fit", KINDS_AND_FITS)
+@pytest.mark.parametrize("size", [(640, 360), (360, 640)])
+def test_pixels_that_are_not_square_see_what_blender_says(blender, extension, drawn, kind, fit, aspect, size):
+    obj = make_camera(blender, kind, fit, (0.21, -0.13), size)
+    render = blender.context.scene.render
+    render.pixel_aspect_x, render.pixel_aspect_y = aspect
+    camera, wide = extension.scene_reader.lens.read(obj), extension.scene_reader.pixel_aspect(render)
+    for point in points():
+        ndc = world_to_camera_view(blender.context.scene, obj, mathutils.Vector(point))
+        # Blender's function leaves the pixels' shape out of account; its matrix does not.
+        clip = obj.calc_matrix_camera(
+            blender.context.evaluated_depsgraph_get(), x=size[0], y=size[1], scale_x=aspect[0], scale_y=aspect[1]
+        )
+        seen = clip @ obj.matrix_world.normalized().inverted() @ mathutils.Vector((*point, 1.0))
+        expected = [(seen[a] / seen.w + 1.0) / 2.0 * size[a] for a in range(2)]
+        assert pixel(camera, size, point, wide) == pytest.approx(expected, abs=TOLERANCE_PIXELS)
+        if wide == 1.0:
+            assert expected == pytest.approx([ndc.x * size[0], ndc.y * size[1]], abs=TOLERANCE_PIXELS)
+
+
+@pytest.mark.parametrize("kind,fit", KINDS_AND_FITS)
 @pytest.mark.parametrize("rect", [(0, 0, 640, 360), (100, 30, 220, 330), (600, 0, 640, 20)])
-def test_a_part_of_the_picture_is_that_part(blender, extension, kind, rect):
+@pytest.mark.parametrize("aspect", [1.0, 1.7])
+def test_a_part_of_the_picture_is_that_part(blender, extension, kind, fit, rect, aspect):
     size = (640, 360)
-    whole = extension.scene_reader.from_camera(make_camera(blender, kind, "AUTO", (0.21, -0.13), size), size)
-    part = extension.scene_reader.camera_math.crop(whole, size, rect)
+    whole = extension.scene_reader.lens.read(make_camera(blender, kind, fit, (0.21, -0.13), size))
+    part = extension.scene_reader.camera_math.crop(whole, size, rect, aspect)
     part_size = (rect[2] - rect[0], rect[3] - rect[1])
     for point in points():
-        x, y = pixel(whole, size, point)
-        assert pixel(part, part_size, point) == pytest.approx([x - rect[0], y - rect[1]], abs=1e-6)
+        x, y = pixel(whole, size, point, aspect)
+        assert pixel(part, part_size, point, aspect) == pytest.approx([x - rect[0], y - rect[1]], abs=1e-6)
+
+
+def focused(bpy, kind):
+    """A camera with an open lens, and the object that it focuses on, off its axis."""
+    obj = make_camera(bpy, kind, "AUTO", (0.0, 0.0), (640, 360))
+    dof = obj.data.dof
+    dof.use_dof, dof.aperture_fstop, dof.focus_distance = True, 2.0, 3.5
+    dof.aperture_blades, dof.aperture_rotation, dof.aperture_ratio = 6, 0.4, 1.5
+    target = bpy.data.objects.new("target", None)
+    bpy.context.collection.objects.link(target)
+    target.location = (1.0, -0.5, 0.7)
+    return obj, target
+
+
+@pytest.mark.parametrize("kind,radius", [("PERSP", 0.041 / 4.0), ("ORTHO", 1.0 / 4.0)])
+def test_depth_of_field_is_that_of_the_lens(blender, extension, drawn, kind, radius):
+    obj, target = focused(blender, kind)
+    depsgraph = blender.context.evaluated_depsgraph_get()
+    read = lambda: extension.scene_reader.lens.read(obj, depsgraph)["aperture"]  # noqa: E731
+    wanted = {"radius": radius, "focus_distance": 3.5, "blades": 6, "rotation_rad": 0.4, "ratio": 1.5}
+    assert read() == pytest.approx(wanted)
+    # The distance to an object counts along the axis, which Blender says in the third number of a point that the camera sees.
+    obj.data.dof.focus_object = target
+    blender.context.view_layer.update()
+    depth = world_to_camera_view(blender.context.scene, obj, target.matrix_world.translation).z
+    assert read()["focus_distance"] == pytest.approx(depth, rel=1e-5)
+    assert depth < (obj.matrix_world.translation - target.matrix_world.translation).length, "it is off the axis"
+    obj.data.dof.aperture_blades, obj.data.dof.use_dof = 2, True
+    assert read()["blades"] == 0
+    obj.data.dof.use_dof = False
+    assert "aperture" not in extension.scene_reader.lens.read(obj, depsgraph)
 
 
 def test_a_view_matrix_is_inverted_exactly_enough(blender, extension):
@@ -145,10 +203,10 @@ def test_what_is_not_drawn_is_refused(blender, extension):
     refused = extension.scene_reader.Refused
     obj = make_camera(blender, "PANO", "AUTO", (0.0, 0.0), (640, 360))
     with pytest.raises(refused, match="panoramas"):
-        extension.scene_reader.from_camera(obj, (640, 360))
+        extension.scene_reader.lens.read(obj)
     render = blender.context.scene.render
-    render.pixel_aspect_x = 2.0
-    with pytest.raises(refused, match="Pixel aspect 2 : 1"):
+    render.use_multiview = True
+    with pytest.raises(refused, match="Stereoscopy"):
         extension.scene_reader.final_frame(render)
     blender.context.scene.camera = None
     with pytest.raises(refused, match="no camera"):

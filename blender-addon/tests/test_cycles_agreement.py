@@ -1,6 +1,7 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""F12 with Pumice and F12 with Cycles are the same picture: same volume, camera, sun, sky, material; Cycles has the voxels as quads.
+"""F12 with Pumice and F12 with Cycles are the same picture: same volume, camera, light, sky, materials, meshes; Cycles has the voxels as
+quads.
 
 Both are unbiased, so their pictures differ by noise alone, which eight seeds of each tell. With m the mean over seeds and v its
 variance, both per pixel and channel:

@@ -40,7 +40,7 @@ def apply(before, changes, parts, numbers):
     after = copy.deepcopy(before)
     for edit in changes.edits:
         kind = edit["edit"]
-        if kind in ("camera", "film", "world", "suns", "settings"):
+        if kind in ("camera", "film", "world", "suns", "lights", "cuts", "settings"):
             after[kind] = edit[kind]
             continue
         one = next(i for i in after["instances"] if i["id"] == edit["id"])
@@ -65,6 +65,8 @@ CASES = {
     "camera": (lambda s, old: {"camera": {"shift": [0.1, 0.0]}}, ["camera"]),
     "film": (lambda s, old: {"film": {"width": 9}}, ["film"]),
     "light": (lambda s, old: {"world": {"environment": 2}, "suns": [{"strength": 1}]}, ["world", "suns"]),
+    "lamp": (lambda s, old: {"lights": [{"power_w": 1}]}, ["lights"]),
+    "cut": (lambda s, old: {"cuts": [{"shape": {}}]}, ["cuts"]),
     "nothing": (lambda s, old: {}, []),
     "place": (lambda s, old: {"placed": {**old, (1,): s.parts.Placed("a", [3.0] * 12, style())}}, ["place"]),
     "material": (

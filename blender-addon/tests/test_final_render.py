@@ -6,6 +6,7 @@ The module is a stand-in whose picture has another number in each pixel; that th
 """
 
 import importlib
+import struct
 import types
 
 import numpy as np
@@ -71,6 +72,48 @@ def test_the_passes_hold_the_picture_bottom_row_first(stage):
     depth = stage.seen["Depth"][::-1, :, 0]
     assert depth[0, 0] == np.float32(1e10) and np.array_equal(depth.ravel()[1:], at.ravel()[1:] + 0.5)
     assert np.array_equal(stage.seen["Label"][::-1, :, 0], at + 7)
+
+
+def test_every_pass_that_is_offered_arrives_under_cycles_name(stage, drawn, tmp_path):
+    """All passes that a view layer can have: registered, filled, written; each with its own values."""
+    layer = stage.bpy.context.view_layer
+    passes = stage.load("passes")
+    for one in passes.TABLE:
+        setattr(one.owner(layer), one.chosen, True)
+    assert render(stage) == {"FINISHED"}
+    new = stage.bpy.app.version >= (5, 0, 0)
+    there = {"Combined", "Depth", "Label", "Normal", "Position", "Denoising Albedo", "Denoising Normal", "Variance"}
+    there |= {"Diffuse Direct", "Environment"} if new else {"DiffDir", "Env"}
+    assert set(stage.seen) == there, "what the picture has"
+    asked = stage.module.renders[-1][0]["film"]["passes"]
+    assert asked == sorted({one.ours for one in passes.TABLE})
+    at = np.arange(96, dtype=np.float32).reshape(8, 12)
+    written = channels(tmp_path / "out.exr")
+    for place, name in [(0, "Denoising Albedo.G"), (1, "Denoising Normal.Y"), (1, "Normal.Y"), (2, "Variance.G"), (3, "Position.Y")]:
+        assert np.array_equal(written[name], at * 2 + place), name
+    # Blender's own names for what its view layers know, so that compositors find them.
+    from cycles.engine import list_render_passes
+
+    theirs = {name: (len(channels), kind) for name, channels, kind in list_render_passes(stage.scene, layer)}
+    ours = {name: (count, kind) for name, count, _, kind in passes.registered(layer)}
+    denoised = {"Noisy Image", "Denoising Depth"}  # of Cycles' own denoising
+    assert set(theirs) - denoised <= set(ours), "all of these are Cycles' too"
+    assert {name: ours[name] for name in theirs if name in ours} == {name: theirs[name] for name in theirs if name in ours}
+
+
+def test_a_pass_that_the_picture_lacks_is_a_warning(stage, drawn, capfd):
+    stage.bpy.context.view_layer.use_pass_glossy_direct = True
+    assert render(stage) == {"FINISHED"}
+    assert "it is left empty" in capfd.readouterr().out and "Combined" in stage.seen
+
+
+def test_coverage_is_the_alpha_of_combined(stage, drawn):
+    at = np.arange(96, dtype=np.float32).reshape(8, 12)
+    stage.module.alpha = at / 96
+    stage.scene.render.film_transparent = True
+    render(stage)
+    assert stage.module.renders[-1][0]["film"]["transparent"] is True
+    assert np.array_equal(stage.seen["Combined"][::-1, :, 3], at / 96)
 
 
 def test_passes_that_nobody_wants_are_not_there(stage):
@@ -169,6 +212,38 @@ def test_export_refuses_where_it_could_not_be_the_same_picture(stage, tmp_path):
     assert saved[-1]["instances"] == []
 
 
+def ply(path):
+    """(corners, triangles, material indices) of a file as the extension writes it, read byte by byte."""
+    data = path.read_bytes()
+    head, body = data.split(b"end_header\n", 1)
+    lines = head.decode().splitlines()
+    count, faces = (int(next(x for x in lines if x.startswith(f"element {kind} ")).split()[2]) for kind in ("vertex", "face"))
+    corners = np.array(struct.unpack_from(f"<{3 * count}f", body)).reshape(-1, 3)
+    read = [struct.unpack_from("<B4I", body, 12 * count + 17 * i) for i in range(faces)]
+    assert len(body) == 12 * count + 17 * faces and all(face[0] == 3 for face in read)
+    return corners, np.array([face[1:4] for face in read]), [face[4] for face in read]
+
+
+def test_an_exported_scene_has_its_meshes_beside_it(stage, drawn, tmp_path):
+    mesh = stage.bpy.data.meshes.new("floor")
+    mesh.from_pydata([(0, 0, 0.25), (2, 0, 0.25), (2, 1, 0.25), (0, 1, 0.25)], [], [(0, 1, 2, 3)])
+    mesh.materials.append(None)
+    for step in range(2):
+        obj = stage.bpy.data.objects.new("floor/1", mesh)
+        obj.location.x = step
+        stage.scene.collection.objects.link(obj)
+    saved = []
+    stage.module.Scene.save = lambda self, path: saved.append(self.value)
+    assert stage.bpy.ops.pumice.export_scene(filepath=str(tmp_path / "a.json")) == {"FINISHED"}
+    meshes = saved[-1]["meshes"]
+    assert [m["source"] for m in meshes] == ["a-1-floor_1.ply"] * 2 and [m["world_from_mesh"][9] for m in meshes] == [0.0, 1.0]
+    corners, triangles, materials = ply(tmp_path / "a-1-floor_1.ply")
+    assert np.array_equal(corners, [(0, 0, 0.25), (2, 0, 0.25), (2, 1, 0.25), (0, 1, 0.25)])
+    assert {frozenset(t) for t in triangles.tolist()} in ({frozenset(s) for s in pair} for pair in (((0, 1, 2), (0, 2, 3)), ((0, 1, 3), (1, 2, 3))))
+    assert materials == [0, 0]
+    assert sorted(p.name for p in tmp_path.iterdir() if "ply" in p.name) == ["a-1-floor_1.ply"]
+
+
 def test_the_wishes_reach_the_render(stage):
     wishes = stage.scene.pumice
     wishes.samples, wishes.use_error, wishes.error_percent, wishes.use_time, wishes.time_seconds = 5, True, 3.0, True, 9.0
@@ -197,9 +272,9 @@ def failure(stage):
 
 
 def test_errors_of_the_user_are_one_line(stage):
-    stage.scene.render.pixel_aspect_x = 2.0
-    assert "Pixel aspect 2 : 1 is not drawn" in failure(stage)
-    stage.scene.render.pixel_aspect_x = 1.0
+    stage.scene.render.use_multiview = True
+    assert "Stereoscopy is not drawn" in failure(stage)
+    stage.scene.render.use_multiview = False
     stage.path.unlink()
     said = failure(stage)
     assert "missing" in said and str(stage.path) in said and "Traceback" not in said
@@ -250,7 +325,7 @@ def test_progress_is_told_and_cancel_leaves_no_picture(stage):
     stage.module.during_render = until_cancelled
     scene = stage.module.Scene({"film": {"width": 2, "height": 2}})
     limits = {"spp": 128, "seconds": None, "error": 0.02}
-    work = final_render.Work(stage.module, scene, [], "cpu", limits)
+    work = final_render.Work(stage.module, scene, [], [], "cpu", limits)
     engine = Engine()
     assert work.watch(engine) is None and work.job.cancelled and not work.thread.is_alive()
     # A quarter of the samples, and half of the error's way: twice the target is a quarter of it.
@@ -265,9 +340,12 @@ def test_what_is_left_out_is_said(stage, monkeypatch):
     monkeypatch.setattr(final_render, "parts_of_frame", lambda *a: (lambda r: (said.extend(r[1]), r)[1])(original(*a)))
     stage.scene.render.film_transparent = True
     light = stage.bpy.data.objects.new("lamp", stage.bpy.data.lights.new("lamp", "POINT"))
+    light.data.use_custom_distance = True
     stage.scene.collection.objects.link(light)
+    stage.bpy.context.view_layer.material_override = stage.bpy.data.materials.new("clay")
     render(stage)
-    assert any("lamp: Point lights are not drawn yet" in line for line in said)
+    assert "View layer ViewLayer: Material Override is not drawn" in said
+    assert any("lamp: Custom Distance has no effect" in line for line in said)
     assert any("transparent film" in line for line in said)
 
 

@@ -123,6 +123,82 @@ def test_a_change_sends_its_own_edit_and_no_other(stage, name):
     assert edits_of(stage, change) == kinds
 
 
+def furnished(stage):
+    """A lamp, a floor with a material, and an empty that cuts."""
+    bpy = stage.bpy
+    mesh = bpy.data.meshes.new("floor")
+    mesh.from_pydata([(-9, -9, 0), (9, -9, 0), (9, 9, 0), (-9, 9, 0)], [], [(0, 1, 2, 3)])
+    dress = bpy.data.materials.new("floor")
+    stage.load("sync.nodes").ensure(dress)
+    mesh.materials.append(dress)
+    lamp = bpy.data.lights.new("lamp", "AREA")
+    for name, data in (("floor", mesh), ("lamp", lamp), ("knife", None)):
+        obj = bpy.data.objects.new(name, data)
+        bpy.context.collection.objects.link(obj)
+        setattr(stage, name, obj)
+    stage.knife.pumice.cut = "BOX"
+    return stage
+
+
+def corner_moved(stage):
+    stage.floor.data.vertices[0].co.z = 1.0
+    stage.floor.data.update()
+
+
+def orbit(stage):
+    stage.context.region_data.view_matrix = Matrix.Translation((0, 0.1, -30))
+
+
+FURNISHED = {
+    "nothing": (lambda s: None, []),
+    "orbit": (orbit, ["camera"]),
+    "lamp": (lambda s: setattr(s.lamp.data, "size", 3.0), ["lights"]),
+    "lamp moved": (lambda s: setattr(s.lamp, "location", (1, 2, 3)), ["lights"]),
+    "floor moved": (lambda s: setattr(s.floor, "location", (1, 2, 3)), ["place_mesh"]),
+    "floor's colour": (
+        lambda s: setattr(s.floor.active_material.node_tree.nodes["Principled BSDF"].inputs["Metallic"], "default_value", 1.0),
+        ["mesh_materials"],
+    ),
+    "floor's shape": (corner_moved, ["add_mesh"]),
+    "floor hidden": (lambda s: setattr(s.floor, "hide_viewport", True), ["remove_mesh"]),
+    "knife moved": (lambda s: setattr(s.knife, "location", (1, 2, 3)), ["cuts"]),
+    "depth of field": (lambda s: setattr(s.bpy.context.scene.camera.data.dof, "use_dof", True), []),
+    "threshold": (lambda s: setattr(s.bpy.context.scene.pumice, "use_adaptive", True), ["settings"]),
+    "transparent": (lambda s: setattr(s.bpy.context.scene.render, "film_transparent", True), ["film"]),
+}
+
+
+@pytest.mark.parametrize("name", FURNISHED)
+def test_a_change_of_what_stands_beside_volumes_sends_its_own_edit(stage, drawn, name):
+    furnished(stage)
+    change, kinds = FURNISHED[name]
+    assert edits_of(stage, change) == kinds
+    shown = stage.viewport.of(stage.engine)
+    assert shown.kept.geometries.reads == 1 + (name == "floor's shape"), "triangles are read where they changed"
+
+
+def test_through_a_camera_a_viewport_has_its_depth_of_field(stage, drawn):
+    camera = stage.bpy.context.scene.camera
+    stage.context.region_data.view_perspective = "CAMERA"
+    dof = camera.data.dof
+    dof.focus_object = stage.obj
+    dof.aperture_fstop = 0.5
+
+    def focus(stage):
+        dof.use_dof = True
+
+    assert edits_of(stage, focus) == ["camera"]
+    aperture = stage.viewport.of(stage.engine).sent.camera["aperture"]
+    assert aperture["radius"] == pytest.approx(camera.data.lens * 1e-3)
+    from bpy_extras.object_utils import world_to_camera_view
+
+    seen = world_to_camera_view(stage.bpy.context.scene, camera, stage.obj.matrix_world.translation)
+    assert aperture["focus_distance"] == pytest.approx(seen.z, rel=1e-4)
+    stage.context.region_data.view_perspective = "PERSP"
+    stage.update()
+    assert "aperture" not in stage.viewport.of(stage.engine).sent.camera
+
+
 def test_only_the_coloured_label_is_sent(stage):
     assert edits_of(stage, color_label) == ["label_materials"]
     sent = stage.viewport.of(stage.engine).session.edits[-1]["materials"]

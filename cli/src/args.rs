@@ -401,7 +401,43 @@ pub(crate) struct Bench {
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum BenchKind {
+    Convergence(Convergence),
     Stability(Stability),
+}
+
+/// Error against CPU seconds, beside Cycles where a Python with Blender is named
+///
+/// Draws a figure of some labels with rising numbers of samples, and the same voxels as a mesh with Cycles on the same cores, and
+/// compares both with a reference of many samples of both. Writes convergence.csv, convergence.md and an SVG for each number of bounces.
+#[derive(Debug, Args)]
+pub(crate) struct Convergence {
+    /// Label volume; the shipped one by default
+    #[arg(value_name = "FILE")]
+    pub(crate) volume: Option<PathBuf>,
+    /// Python interpreter that has Blender as the module bpy
+    #[arg(long, value_name = "PYTHON")]
+    pub(crate) cycles: Option<PathBuf>,
+    /// Number of labels, the longest ones
+    #[arg(long, value_name = "N", default_value = "30", value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) pick: u32,
+    /// Picture size in pixels
+    #[arg(long, value_name = "WxH", default_value = "240x135", value_parser = size)]
+    pub(crate) size: [u32; 2],
+    /// Samples a pixel, rising
+    #[arg(long, value_name = "N,…", value_delimiter = ',', default_value = "1,4,16,64", value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) spp: Vec<u32>,
+    /// Bounces, a scene for each
+    #[arg(long, value_name = "N,…", value_delimiter = ',', default_value = "1,8")]
+    pub(crate) bounces: Vec<u32>,
+    /// Pictures at each number of samples, averaged
+    #[arg(long, value_name = "N", default_value = "3", value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) repeats: u32,
+    /// Samples a pixel of the reference, of each program
+    #[arg(long, value_name = "N", default_value = "4096", value_parser = clap::value_parser!(u32).range(8..))]
+    pub(crate) reference_spp: u32,
+    /// Folder for the results, made if absent
+    #[arg(long, value_name = "DIR", default_value = "pumice-convergence")]
+    pub(crate) out: PathBuf,
 }
 
 /// Extreme cases, each with its error against an exact oracle or a closed form, and a bar

@@ -1,119 +1,363 @@
-//! How a surface scatters: Lambert under a single-scatter GGX layer, or GGX metal.
+//! How a surface scatters: Blender's Principled BSDF as Cycles computes it (formulas and sources in `docs/materials.md`).
 //!
 //! Local frame: z is the normal on the side that `wi` is on; `wi` points back along the path, `wo` is sampled, as in Cycles.
 //!
 //! ```text
-//! f(wi, wo) = metallic · D G F_metal / (4 cos cos)
-//!           + (1−metallic) · D G F_dielectric / (4 cos cos)
-//!           + (1−metallic) · (1 − E(wi)) · base / π            E: albedo of the dielectric layer seen from wi
+//! coat                        clear layer, its colour absorbs what passes          alone at the top
+//! metal      metallic         ┐
+//! glass      transmission     ├ microfacets of one roughness: one lobe, one half vector
+//! dielectric layer            ┘
+//! diffuse                     Lambert, below the dielectric layer
 //! ```
-//! As in Cycles, the layer's albedo seen from the viewer attenuates what lies below; that is not reciprocal, but keeps the sum of
-//! both at or below 1. GGX after Walter et al. 2007, sampled by visible normals (Heitz 2018, JCGT 7(4), listing 1), with
-//! height-correlated Smith masking (Heitz 2014, JCGT 3(2), eq. 99).
+//! What a layer reflects towards the viewer is taken off all that lies below it, as in Cycles; that is not reciprocal, but keeps
+//! the sum at or below 1. A lobe sharper than [`LEAST_ALPHA_SQUARED`] is a mirror: no light that is aimed at is seen in it.
 
-use std::sync::LazyLock;
+mod cover;
+mod fresnel;
+mod ggx;
+pub mod tables;
+
+use std::f32::consts::{FRAC_1_PI, PI};
 
 use glam::Vec3;
 use pumice_scene::Material;
 
-use std::f32::consts::{FRAC_1_PI, PI};
+use cover::Coat;
+pub use cover::emitted;
+use fresnel::{
+    f0_from_ior, f82_b, fresnel_dielectric_average, fresnel_f82, fresnel_f82_average, fresnel_share,
+    ior_from_f0,
+};
+use ggx::{ggx_d, lambda, sample_visible_normal};
+use tables::{
+    FRESNEL_SHARE, GLASS, GLASS_AVERAGE, INSIDE, REFLECTION, REFLECTION_AVERAGE, gain, index_place, table_1d,
+    table_2d, table_3d,
+};
 
-/// Below this α (roughness 0.01) f32 directions are too coarse for the lobe: rounding of the half vector, 1e-7, would change D by
-/// more than 1e-3. The lobe is drawn no sharper.
-const LEAST_ALPHA: f32 = 1e-4;
+/// Lobes of a smaller α² are mirrors, as in Cycles: f32 directions are too coarse for them.
+pub const LEAST_ALPHA_SQUARED: f32 = 2e-10;
+
+/// Indices of refraction nearer to 1 than this do not spread light, as in Cycles: the half vector is lost in rounding.
+pub const LEAST_BEND: f32 = 1e-4;
+
+/// A lobe that is there is chosen at least this often in proportion to all: what it reflects is then at most ten times its density.
+const LEAST_SHARE: f32 = 0.1;
 
 /// A material, made ready for one point seen from `wi`.
 #[derive(Clone, Copy, Debug)]
 pub struct Bsdf {
     wi: Vec3,
+    /// GGX α of metal, glass and dielectric layer.
     alpha: f32,
+    /// Weights, what lies above taken off; 0 where there is none.
     diffuse: Vec3,
+    metal: Vec3,
     metal_f0: Vec3,
-    metallic: f32,
-    dielectric_f0: f32,
-    specular_chance: f32,
+    metal_b: Vec3,
+    specular: Vec3,
+    specular_f0: Vec3,
+    specular_eta: f32,
+    glass: Vec3,
+    glass_f0: Vec3,
+    glass_tint: Vec3,
+    /// Index of refraction beyond the surface over that before it.
+    glass_eta: f32,
+    coat: Coat,
+    /// Chances of the microfacets, of the coat and of Lambert's lobe.
+    chance: f32,
+    coat_chance: f32,
+    diffuse_chance: f32,
 }
 
 /// A sampled direction.
 #[derive(Clone, Copy, Debug)]
 pub struct BsdfSample {
-    /// Sampled direction in the local frame.
+    /// Sampled direction in the local frame; z below 0 passes through the surface.
     pub wo: Vec3,
     /// f · |cos| / pdf.
     pub weight: Vec3,
-    /// Density per solid angle of the whole mixture.
+    /// Density per solid angle of the whole mixture; infinite for a mirror's only direction.
     pub pdf: f32,
 }
 
 impl Bsdf {
-    /// The surface `m` seen from `wi` (local, z > 0).
-    pub fn new(m: &Material, wi: Vec3) -> Self {
-        let alpha = (m.roughness * m.roughness).max(LEAST_ALPHA);
+    /// The surface `m` seen from `wi` (local, z > 0); `from_inside`: that is the side where the material is.
+    pub fn new(m: &Material, wi: Vec3, from_inside: bool) -> Self {
+        // What lies on top.
+        let (coat, mut weight) = if m.coat > 0.0 { Coat::new(m, wi.z) } else { (Coat::NONE, Vec3::ONE) };
+        let mut b = Self { coat, ..Self::nothing(wi, m.roughness * m.roughness) };
         let base = Vec3::from_array(m.base_color);
-        let f0 = ((m.ior - 1.0) / (m.ior + 1.0)).powi(2) * 2.0 * m.specular;
-        let dielectric_f0 = f0.min(1.0);
-        let layer_albedo =
-            if dielectric_f0 > 0.0 { ALBEDO.get(wi.z, m.roughness, dielectric_f0) } else { 0.0 };
-        let diffuse = base * ((1.0 - m.metallic) * (1.0 - layer_albedo));
-        let specular = m.metallic * luminance(base) + (1.0 - m.metallic) * layer_albedo;
-        let total = specular + luminance(diffuse);
-        Self {
-            wi,
-            alpha,
-            diffuse,
-            metal_f0: base,
-            metallic: m.metallic,
-            dielectric_f0,
-            specular_chance: if specular <= 0.0 { 0.0 } else { (specular / total).clamp(0.1, 1.0) },
+        let tint = Vec3::from_array(m.specular_tint);
+        let kept = |at, average_at| match m.multiscatter {
+            true => (table_2d(at, 32, m.roughness, wi.z), table_1d(average_at, 32, m.roughness)),
+            false => (1.0, 1.0),
+        };
+        let (mut shine, mut gloss) = (0.0, 0.0);
+
+        // Metal.
+        if m.metallic > 0.0 {
+            let (kept, average) = kept(REFLECTION, REFLECTION_AVERAGE);
+            b.metal_f0 = base;
+            b.metal_b = f82_b(base, tint);
+            let reflected = fresnel_f82_average(base, b.metal_b);
+            b.metal = weight * m.metallic * gain(reflected, kept, average);
+            gloss += luminance(b.metal * reflected);
+            weight *= 1.0 - m.metallic;
+        }
+
+        // Glass.
+        if m.transmission > 0.0 {
+            b.set_glass(m, weight * m.transmission, from_inside);
+            gloss += luminance(b.glass);
+            weight *= 1.0 - m.transmission;
+        }
+
+        // The dielectric layer, and what passes it.
+        let mut f0 = f0_from_ior(m.ior);
+        let mut eta = m.ior;
+        if m.specular != 0.5 {
+            f0 *= 2.0 * m.specular;
+            eta = ior_from_f0(f0);
+        }
+        if eta != 1.0 && weight.max_element() > 0.0 {
+            let (kept, average) = kept(REFLECTION, REFLECTION_AVERAGE);
+            b.specular_f0 = (f0 * tint).min(Vec3::ONE);
+            b.specular_eta = eta;
+            let reflected = share_to_white(b.specular_f0, average_share(eta));
+            let gain = gain(reflected, kept, average);
+            let share = table_3d(FRESNEL_SHARE, 16, m.roughness, wi.z, index_place(eta));
+            let layer = gain * kept * share_to_white(b.specular_f0, share);
+            b.specular = weight * gain;
+            shine = luminance(weight * layer);
+            weight *= (1.0 - layer.max_element()).clamp(0.0, 1.0);
+        }
+        b.diffuse = weight * base;
+
+        b.choose(gloss + shine);
+        b
+    }
+
+    /// Glass of this weight.
+    #[inline(never)]
+    fn set_glass(&mut self, m: &Material, weight: Vec3, from_inside: bool) {
+        self.glass_eta = if from_inside { 1.0 / m.ior } else { m.ior };
+        self.glass_f0 = (f0_from_ior(m.ior) * Vec3::from_array(m.specular_tint)).min(Vec3::ONE);
+        // Light passes the surface twice, going in and out.
+        self.glass_tint = Vec3::from_array(m.base_color.map(f32::sqrt));
+        self.glass = weight;
+        if m.multiscatter {
+            let side = if from_inside { INSIDE } else { 0 };
+            let place = index_place(m.ior);
+            let kept = table_3d(GLASS + side, 16, m.roughness, self.wi.z, place);
+            let average = table_2d(GLASS_AVERAGE + side, 16, m.roughness, place);
+            // What passes makes up most of the colour; where none does, what is reflected.
+            let once = match self.glass_tint == Vec3::ZERO {
+                true => share_to_white(self.glass_f0, average_share(self.glass_eta)),
+                false => self.glass_tint,
+            };
+            self.glass *= gain(once, kept, average);
+        }
+    }
+
+    /// How often each lobe is chosen: by what it reflects.
+    fn choose(&mut self, microfacets: f32) {
+        let (coat, diffuse) = (self.coat.albedo, luminance(self.diffuse));
+        let least = LEAST_SHARE * (microfacets + coat + diffuse);
+        let raised = |albedo: f32| if albedo > 0.0 { albedo.max(least) } else { 0.0 };
+        let (microfacets, coat) = (raised(microfacets), raised(coat));
+        let total = microfacets + coat + diffuse;
+        if total > 0.0 {
+            self.chance = microfacets / total;
+            self.coat_chance = coat / total;
+            self.diffuse_chance = diffuse / total;
         }
     }
 
     /// Whether a sampled direction depends on the choice of a lobe.
     #[inline]
     pub fn has_two_lobes(&self) -> bool {
-        self.specular_chance > 0.0 && self.specular_chance < 1.0
+        self.coat_chance > 0.0 || (self.chance > 0.0 && self.chance < 1.0) || self.transmits()
     }
 
-    /// f · cos and the density of [`Bsdf::sample`], for a direction on the side of `wi`; zero below.
+    /// Whether light passes through the surface.
+    #[inline]
+    pub fn transmits(&self) -> bool {
+        self.glass != Vec3::ZERO
+    }
+
+    #[inline]
+    fn is_mirror(&self) -> bool {
+        self.alpha * self.alpha <= LEAST_ALPHA_SQUARED
+    }
+
+    /// f · |cos| and the density of [`Bsdf::sample`], for any direction; zero below a surface that does not transmit.
     pub fn eval(&self, wo: Vec3) -> (Vec3, f32) {
-        if wo.z <= 0.0 || self.wi.z <= 0.0 {
+        if self.wi.z <= 0.0 || wo.z == 0.0 {
             return (Vec3::ZERO, 0.0);
         }
-        let mut f = self.diffuse * (wo.z * FRAC_1_PI);
-        let mut pdf = (1.0 - self.specular_chance) * wo.z * FRAC_1_PI;
-        if self.specular_chance > 0.0 {
-            let h = (self.wi + wo).normalize();
-            let (d, lambda_i, lambda_o) =
-                (ggx_d(h, self.alpha), lambda(self.wi, self.alpha), lambda(wo, self.alpha));
-            let d_g = d / (4.0 * self.wi.z * (1.0 + lambda_i + lambda_o));
-            f += self.fresnel(self.wi.dot(h)) * d_g;
-            pdf += self.specular_chance * d / (4.0 * self.wi.z * (1.0 + lambda_i));
+        if wo.z < 0.0 {
+            return if self.transmits() { self.eval_below(wo) } else { (Vec3::ZERO, 0.0) };
         }
+        let (mut f, mut pdf) = (Vec3::ZERO, 0.0);
+        if self.chance > 0.0 && !self.is_mirror() {
+            (f, pdf) = self.microfacets((self.wi + wo).normalize(), wo);
+        }
+        self.add_others(wo, &mut f, &mut pdf);
         (f, pdf)
     }
 
-    /// A direction with density as [`Bsdf::eval`] says; `None` where the sampled microfacet sends light below the surface.
+    /// A direction with density as [`Bsdf::eval`] says; `None` where the sampled microfacet sends light to the wrong side.
     pub fn sample(&self, u: [f32; 2], choice: f32) -> Option<BsdfSample> {
-        let wo = if choice < self.specular_chance {
-            let h = sample_visible_normal(self.wi, self.alpha, u);
-            2.0 * self.wi.dot(h) * h - self.wi
-        } else {
-            sample_cosine(u)
-        };
-        let (f, pdf) = self.eval(wo);
+        if choice < self.chance {
+            return self.sample_microfacets(u, choice / self.chance);
+        }
+        let in_coat = choice < self.chance + self.coat_chance;
+        if in_coat && self.coat.is_mirror() {
+            return Some(self.mirrored(self.coat.reflectance(self.wi.z) / self.coat_chance));
+        }
+        let wo = if in_coat { self.coat.sample(self.wi, u) } else { sample_cosine(u) };
+        let (f, pdf) = if wo.z > 0.0 { self.eval(wo) } else { (Vec3::ZERO, 0.0) };
         (pdf > 0.0 && pdf.is_finite()).then(|| BsdfSample { wo, weight: f / pdf, pdf })
     }
 
-    /// Schlick 1994 for both layers.
-    fn fresnel(&self, cos: f32) -> Vec3 {
-        let s = (1.0 - cos.clamp(0.0, 1.0)).powi(5);
-        let schlick = |f0: Vec3| f0 + (Vec3::ONE - f0) * s;
-        let mut f = schlick(self.metal_f0) * self.metallic;
-        if self.dielectric_f0 > 0.0 {
-            f += schlick(Vec3::splat(self.dielectric_f0)) * (1.0 - self.metallic);
-        }
-        f
+    /// The mirror's direction.
+    fn mirrored(&self, weight: Vec3) -> BsdfSample {
+        BsdfSample { wo: Vec3::new(-self.wi.x, -self.wi.y, self.wi.z), weight, pdf: f32::INFINITY }
     }
+
+    /// Adds what lobes without microfacets of their own, and the coat, send from or to `wo` above the surface.
+    #[inline]
+    fn add_others(&self, wo: Vec3, f: &mut Vec3, pdf: &mut f32) {
+        *f += self.diffuse * (wo.z * FRAC_1_PI);
+        *pdf += self.diffuse_chance * wo.z * FRAC_1_PI;
+        if self.coat_chance > 0.0 && !self.coat.is_mirror() {
+            let (coat, coat_pdf) = self.coat.eval(self.wi, wo);
+            *f += coat;
+            *pdf += self.coat_chance * coat_pdf;
+        }
+    }
+
+    /// What a microfacet reflects, and what it lets pass, at the cosine of `wi` with it.
+    #[inline]
+    fn reflectance(&self, cos: f32) -> (Vec3, Vec3) {
+        let mut reflected = self.metal * fresnel_f82(cos, self.metal_f0, self.metal_b);
+        if self.specular != Vec3::ZERO {
+            let share = fresnel_share(cos, self.specular_eta, f0_from_ior(self.specular_eta));
+            reflected += self.specular * share_to_white(self.specular_f0, share);
+        }
+        let mut passed = Vec3::ZERO;
+        if self.transmits() {
+            let share = fresnel_share(cos, self.glass_eta, f0_from_ior(self.glass_eta));
+            let glass = share_to_white(self.glass_f0, share);
+            reflected += self.glass * glass;
+            passed = self.glass * (Vec3::ONE - glass) * self.glass_tint;
+        }
+        (reflected, passed)
+    }
+
+    /// The microfacets' f · |cos| and their part of the density, where `h` is the one that sends light from `wi` to `wo`.
+    fn microfacets(&self, h: Vec3, wo: Vec3) -> (Vec3, f32) {
+        let cos = self.wi.dot(h);
+        let (reflected, passed) = self.reflectance(cos);
+        let share = share_reflected(reflected, passed);
+        let (d, lambda_i, lambda_o) =
+            (ggx_d(h, self.alpha), lambda(self.wi, self.alpha), lambda(wo, self.alpha));
+        let (f, chance, per_normal) = if wo.z > 0.0 {
+            (reflected, share, 0.25)
+        } else {
+            // Walter et al. 2007, eq. 17; both sides divided by the index squared.
+            let cos_o = wo.dot(h);
+            let x = cos / self.glass_eta + cos_o;
+            (passed, 1.0 - share, (cos * cos_o).abs() / (x * x))
+        };
+        let common = d * per_normal / self.wi.z;
+        (f * (common / (1.0 + lambda_i + lambda_o)), self.chance * chance * common / (1.0 + lambda_i))
+    }
+
+    /// `eval` for a direction through the surface.
+    #[inline(never)]
+    fn eval_below(&self, wo: Vec3) -> (Vec3, f32) {
+        if self.is_mirror() || (self.glass_eta - 1.0).abs() < LEAST_BEND {
+            return (Vec3::ZERO, 0.0);
+        }
+        let h = -(self.wi + self.glass_eta * wo).normalize();
+        let h = if h.z < 0.0 { -h } else { h };
+        // No microfacet that both sides see refracts one into the other.
+        if self.wi.dot(h) <= 0.0 || wo.dot(h) >= 0.0 {
+            return (Vec3::ZERO, 0.0);
+        }
+        self.microfacets(h, wo)
+    }
+
+    fn sample_microfacets(&self, u: [f32; 2], choice: f32) -> Option<BsdfSample> {
+        let h = if self.is_mirror() { Vec3::Z } else { sample_visible_normal(self.wi, self.alpha, u) };
+        let cos = self.wi.dot(h);
+        let (reflected, passed) = self.reflectance(cos);
+        let share = share_reflected(reflected, passed);
+        let (wo, (f, pdf)) = if choice < share {
+            if self.is_mirror() {
+                return Some(self.mirrored(reflected / (share * self.chance)));
+            }
+            let wo = 2.0 * cos * h - self.wi;
+            if wo.z <= 0.0 {
+                return None;
+            }
+            let (mut f, mut pdf) = self.microfacets(h, wo);
+            self.add_others(wo, &mut f, &mut pdf);
+            (wo, (f, pdf))
+        } else {
+            let cos_t = (1.0 - (1.0 - cos * cos) / (self.glass_eta * self.glass_eta)).max(0.0).sqrt();
+            let wo = ((cos / self.glass_eta - cos_t) * h - self.wi / self.glass_eta).normalize();
+            if wo.z >= 0.0 {
+                return None;
+            }
+            if self.is_mirror() || (self.glass_eta - 1.0).abs() < LEAST_BEND {
+                let weight = passed / ((1.0 - share) * self.chance);
+                return Some(BsdfSample { wo, weight, pdf: f32::INFINITY });
+            }
+            (wo, self.microfacets(h, wo))
+        };
+        (pdf > 0.0 && pdf.is_finite()).then(|| BsdfSample { wo, weight: f / pdf, pdf })
+    }
+
+    fn nothing(wi: Vec3, alpha: f32) -> Self {
+        Self {
+            wi,
+            alpha,
+            diffuse: Vec3::ZERO,
+            metal: Vec3::ZERO,
+            metal_f0: Vec3::ZERO,
+            metal_b: Vec3::ZERO,
+            specular: Vec3::ZERO,
+            specular_f0: Vec3::ZERO,
+            specular_eta: 1.0,
+            glass: Vec3::ZERO,
+            glass_f0: Vec3::ZERO,
+            glass_tint: Vec3::ZERO,
+            glass_eta: 1.0,
+            coat: Coat::NONE,
+            chance: 0.0,
+            coat_chance: 0.0,
+            diffuse_chance: 0.0,
+        }
+    }
+}
+
+/// Chance of reflection where a microfacet both reflects and lets pass.
+fn share_reflected(reflected: Vec3, passed: Vec3) -> f32 {
+    let passed = luminance(passed);
+    if passed > 0.0 { luminance(reflected) / (luminance(reflected) + passed) } else { 1.0 }
+}
+
+/// From `f0` towards white.
+fn share_to_white(f0: Vec3, share: f32) -> Vec3 {
+    f0 + (Vec3::ONE - f0) * share
+}
+
+/// Average of [`fresnel_share`] over the cosine-weighted hemisphere.
+fn average_share(eta: f32) -> f32 {
+    let f0 = f0_from_ior(eta);
+    ((fresnel_dielectric_average(eta) - f0) / (1.0 - f0)).clamp(0.0, 1.0)
 }
 
 /// Rec. 709 luminance.
@@ -132,91 +376,4 @@ pub fn sample_cosine(u: [f32; 2]) -> Vec3 {
         if x.abs() > y.abs() { (x, PI / 4.0 * (y / x)) } else { (y, PI / 2.0 - PI / 4.0 * (x / y)) };
     let (s, c) = angle.sin_cos();
     Vec3::new(r * c, r * s, (1.0 - r * r).max(0.0).sqrt())
-}
-
-fn ggx_d(h: Vec3, alpha: f32) -> f32 {
-    let a2 = alpha * alpha;
-    // cos² (a²−1) + 1 without cancellation near the pole: sin² + a² cos².
-    let t = h.x * h.x + h.y * h.y + a2 * h.z * h.z;
-    a2 / (PI * t * t)
-}
-
-/// Smith's Λ.
-fn lambda(w: Vec3, alpha: f32) -> f32 {
-    let tan2 = (w.x * w.x + w.y * w.y) / (w.z * w.z);
-    ((1.0 + alpha * alpha * tan2).sqrt() - 1.0) / 2.0
-}
-
-fn sample_visible_normal(wi: Vec3, alpha: f32, u: [f32; 2]) -> Vec3 {
-    let v = Vec3::new(alpha * wi.x, alpha * wi.y, wi.z).normalize();
-    let len2 = v.x * v.x + v.y * v.y;
-    let t1 = if len2 > 0.0 { Vec3::new(-v.y, v.x, 0.0) / len2.sqrt() } else { Vec3::X };
-    let t2 = v.cross(t1);
-    let (r, phi) = (u[0].sqrt(), 2.0 * PI * u[1]);
-    let (sin, cos) = phi.sin_cos();
-    let p1 = r * cos;
-    let s = 0.5 * (1.0 + v.z);
-    let p2 = (1.0 - s) * (1.0 - p1 * p1).max(0.0).sqrt() + s * r * sin;
-    let n = t1 * p1 + t2 * p2 + v * (1.0 - p1 * p1 - p2 * p2).max(0.0).sqrt();
-    Vec3::new(alpha * n.x, alpha * n.y, n.z.max(0.0)).normalize()
-}
-
-/// Albedo of the GGX layer with Schlick's Fresnel: E = F0·a + b, a and b by (cosine, roughness). (The split of Karis 2013, §3.)
-struct AlbedoTable(Vec<[f32; 2]>);
-
-/// Entries of the table along each side.
-pub const ALBEDO_TABLE: usize = 32;
-
-const TABLE: usize = ALBEDO_TABLE;
-
-/// The pairs (a, b), cosines fastest, for roughness and cosine from 0 to 1.
-pub fn albedo_table() -> &'static [[f32; 2]] {
-    &ALBEDO.0
-}
-
-static ALBEDO: LazyLock<AlbedoTable> = LazyLock::new(|| {
-    let mut table = Vec::with_capacity(TABLE * TABLE);
-    for r in 0..TABLE {
-        let roughness = r as f32 / (TABLE - 1) as f32;
-        let alpha = (roughness * roughness).max(LEAST_ALPHA);
-        for c in 0..TABLE {
-            let cos = (c as f32 / (TABLE - 1) as f32).max(1e-3);
-            let wi = Vec3::new((1.0 - cos * cos).sqrt(), 0.0, cos);
-            let (mut a, mut b) = (0.0f64, 0.0f64);
-            const N: u32 = 16;
-            for i in 0..N * N {
-                let u = [((i % N) as f32 + 0.5) / N as f32, ((i / N) as f32 + 0.5) / N as f32];
-                let h = sample_visible_normal(wi, alpha, u);
-                let wo = 2.0 * wi.dot(h) * h - wi;
-                if wo.z <= 0.0 {
-                    continue;
-                }
-                // Weight of a visible-normal sample: F · G2 / G1.
-                let (li, lo) = (lambda(wi, alpha), lambda(wo, alpha));
-                let g = f64::from((1.0 + li) / (1.0 + li + lo));
-                let s = f64::from((1.0 - wi.dot(h).clamp(0.0, 1.0)).powi(5));
-                a += g * (1.0 - s);
-                b += g * s;
-            }
-            table.push([a, b].map(|v| (v / f64::from(N * N)) as f32));
-        }
-    }
-    AlbedoTable(table)
-});
-
-impl AlbedoTable {
-    fn get(&self, cos: f32, roughness: f32, f0: f32) -> f32 {
-        let place = |v: f32| {
-            let v = v.clamp(0.0, 1.0) * (TABLE - 1) as f32;
-            let i = (v as usize).min(TABLE - 2);
-            (i, v - i as f32)
-        };
-        let ((c, fc), (r, fr)) = (place(cos), place(roughness));
-        let at = |r: usize, c: usize| {
-            let [a, b] = self.0[r * TABLE + c];
-            f0 * a + b
-        };
-        let row = |r: usize| at(r, c) * (1.0 - fc) + at(r, c + 1) * fc;
-        row(r) * (1.0 - fr) + row(r + 1) * fr
-    }
 }

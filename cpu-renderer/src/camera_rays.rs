@@ -1,8 +1,14 @@
-//! Rays of the camera. The longer side of the picture spans the field of view (Blender's sensor fit *Auto*).
+//! Rays of the camera, as Blender's and Cycles' are: sensor fit, shift, pixel aspect, clip range, depth of field.
+//!
+//! The field of view spans the *fitted* side of the picture: its width or its height, pixels that are not square counted by their
+//! height. With depth of field a ray starts at a point of the opening and passes through the point in focus, where the ray from the
+//! opening's middle meets the plane at the focus distance.
 
 use glam::{DAffine3, DVec3};
 use pumice_render::RayInWorld;
-use pumice_scene::{Camera, Film, Projection};
+use pumice_scene::{Camera, Film, Projection, SensorFit};
+
+use crate::lens::Lens;
 
 /// A camera with its film, made ready.
 #[derive(Clone, Copy, Debug)]
@@ -15,7 +21,7 @@ pub struct CameraRays {
     pub up: DVec3,
     /// Unit vector along the view.
     pub forward: DVec3,
-    /// Half extents of the longer side: at distance 1 (perspective), or anywhere (orthographic).
+    /// Half extents of the fitted side: at distance 1 (perspective), or anywhere (orthographic).
     pub half: f64,
     /// Whether rays are parallel.
     pub orthographic: bool,
@@ -25,6 +31,22 @@ pub struct CameraRays {
     pub size: [f64; 2],
     /// Near and far.
     pub clip: [f64; 2],
+    /// Width of a pixel over its height.
+    pub pixel_aspect: f64,
+    /// Length of the fitted side, in heights of a pixel.
+    pub fitted: f64,
+    /// The opening, where it has a size.
+    pub lens: Option<Lens>,
+}
+
+/// Length of the side that a camera's angle, scale and shift are measured along, in heights of a pixel.
+pub(crate) fn fitted_side(fit: SensorFit, film: &Film) -> f64 {
+    let (width, height) = (f64::from(film.width) * film.pixel_aspect, f64::from(film.height));
+    match fit {
+        SensorFit::Auto => width.max(height),
+        SensorFit::Horizontal => width,
+        SensorFit::Vertical => height,
+    }
 }
 
 impl CameraRays {
@@ -45,25 +67,52 @@ impl CameraRays {
             shift: camera.shift,
             size: [f64::from(film.width), f64::from(film.height)],
             clip: camera.clip,
+            pixel_aspect: film.pixel_aspect,
+            fitted: fitted_side(camera.fit, film),
+            lens: camera.aperture.as_ref().map(Lens::new),
         }
     }
 
-    /// The ray through a point of the picture, in pixels from its upper left corner, and the largest t at which it sees.
+    /// Where a point of the picture is aside of the view axis: at distance 1 (perspective), or anywhere (orthographic).
+    #[inline]
+    fn aside(&self, x: f64, y: f64) -> DVec3 {
+        let [width, height] = self.size;
+        let sx = ((2.0 * x - width) * self.pixel_aspect / self.fitted + 2.0 * self.shift[0]) * self.half;
+        let sy = ((height - 2.0 * y) / self.fitted + 2.0 * self.shift[1]) * self.half;
+        self.right * sx + self.up * sy
+    }
+
+    /// The ray from the opening's middle through a point of the picture, in pixels from its upper left corner, and the largest t
+    /// at which it sees.
     ///
     /// t counts along the view axis from the near clipping plane; add [`CameraRays::near`] for the depth.
     #[inline]
     pub fn ray(&self, x: f64, y: f64) -> (RayInWorld, f64) {
-        let [width, height] = self.size;
-        let longer = width.max(height);
-        let sx = ((2.0 * x - width) / longer + 2.0 * self.shift[0]) * self.half;
-        let sy = ((height - 2.0 * y) / longer + 2.0 * self.shift[1]) * self.half;
-        let aside = self.right * sx + self.up * sy;
+        let aside = self.aside(x, y);
         let (origin, direction) = if self.orthographic {
             (self.position + aside, self.forward)
         } else {
             (self.position, self.forward + aside)
         };
         let ray = RayInWorld { origin: origin + direction * self.clip[0], direction };
+        (ray, self.clip[1] - self.clip[0])
+    }
+
+    /// The ray from point u of the opening instead, through the same point in focus.
+    ///
+    /// It is clipped at the distances at which the ray from the middle would be, as Cycles does it (`camera_sample_perspective`,
+    /// `camera_sample_orthographic`: only the near plane of parallel rays is a plane).
+    #[inline]
+    pub fn lens_ray(&self, lens: &Lens, x: f64, y: f64, u: [f32; 2]) -> (RayInWorld, f64) {
+        let aside = self.aside(x, y);
+        let [along, above] = lens.sample(u);
+        let off = self.right * along + self.up * above;
+        let middle = if self.orthographic { self.forward } else { self.forward + aside };
+        let through = middle - off * lens.inverse_focus;
+        let direction = through * (middle.length_squared() / through.length_squared()).sqrt();
+        let (origin, onward) =
+            if self.orthographic { (self.position + aside, through) } else { (self.position, direction) };
+        let ray = RayInWorld { origin: origin + off + onward * self.clip[0], direction };
         (ray, self.clip[1] - self.clip[0])
     }
 

@@ -4,9 +4,10 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use glam::DAffine3;
-use pumice_core::{CompressedVolume, Job};
+use pumice_core::{CompressedVolume, Job, MeshData};
 use pumice_render::{
-    EnvironmentTable, Image, Pick, Picture, Progress, ReadySun, Rebuilt, RenderError, Renderer,
+    EnvironmentTable, Image, Pick, Picture, Progress, ReadyLamp, ReadySun, Rebuilt, RenderError, Renderer,
+    SurfaceKind,
 };
 use pumice_scene::{Environment, InstanceDiff, Scene, SceneDiff, SceneError};
 
@@ -64,7 +65,9 @@ pub fn scene_lights(scene: &Scene, read_image: ReadImage) -> Result<Lights, Rend
             Sky::Image(Box::new(EnvironmentTable::new(image, *strength, *rotation_rad).map_err(at)?))
         }
     };
-    Ok(Lights::new(sky, scene.suns.iter().map(ReadySun::new).collect(), scene.world.backdrop))
+    let lamps = scene.lights.iter().map(ReadyLamp::new).filter(ReadyLamp::is_lit).collect();
+    let suns = scene.suns.iter().map(ReadySun::new).collect();
+    Ok(Lights::new(sky, suns, scene.world.backdrop).with_lamps(lamps))
 }
 
 /// What the former scene has to offer for an instance of the new one: its place there, where its volume is the same.
@@ -119,22 +122,22 @@ impl Renderer for CpuRenderer {
         "cpu"
     }
 
-    fn set_scene(&mut self, scene: &Scene, volumes: &[Arc<CompressedVolume>]) -> Result<(), RenderError> {
+    fn set_scene(
+        &mut self,
+        scene: &Scene,
+        volumes: &[Arc<CompressedVolume>],
+        meshes: &[Arc<MeshData>],
+    ) -> Result<(), RenderError> {
         let fault = |e: SceneError| RenderError::Scene(e.to_string());
         scene.validate().map_err(fault)?;
-        if scene.instances.len() != volumes.len() {
-            return Err(RenderError::Scene(format!(
-                "instances: expected one volume for each of {}, got {}",
-                scene.instances.len(),
-                volumes.len()
-            )));
-        }
+        pumice_render::refuse_undrawn(scene)?;
+        pumice_render::check_counts(scene, volumes, meshes)?;
         let old = self.shown.as_ref();
         let diff = SceneDiff::between(old.map(|o| &o.scene), scene);
         let mut rebuilt = self.rebuilt;
 
         let lights = match old {
-            Some(o) if !diff.world && !diff.suns => Arc::clone(&o.tracer.around().lights),
+            Some(o) if !diff.world && !diff.suns && !diff.lights => Arc::clone(&o.tracer.around().lights),
             _ => {
                 rebuilt.lights += 1;
                 Arc::new(scene_lights(scene, self.read_image)?)
@@ -215,7 +218,8 @@ impl Renderer for CpuRenderer {
         let shown = self.shown()?;
         let film = &shown.scene.film;
         let hit = if x < film.width && y < film.height { shown.tracer.pick(x, y) } else { None };
-        Ok(hit.map(|(hit, depth)| {
+        let labelled = hit.filter(|(hit, _)| hit.surface.kind != SurfaceKind::Triangle);
+        Ok(labelled.map(|(hit, depth)| {
             let s = hit.surface;
             Pick { instance: s.instance, label: s.label, voxel: s.voxel, depth }
         }))

@@ -4,6 +4,8 @@
 pub mod bsdf;
 pub mod camera_rays;
 pub mod cpu_renderer;
+pub mod crossing;
+pub mod lens;
 pub mod lights;
 pub mod looks;
 pub mod path;

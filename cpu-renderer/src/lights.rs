@@ -1,11 +1,15 @@
-//! What lights the scene, made ready: sky, suns, and the choice among them.
+//! What lights the scene, made ready: sky, suns, lamps, and the choice among them.
 //!
 //! A constant sky is not sampled: directions scattered by a surface already follow what it does with even light, so aiming at the
-//! sky would cost a ray and gain nothing. A picture and suns are aimed at; one of them for each surface point, with a chance in
-//! proportion to the irradiance it can give.
+//! sky would cost a ray and gain nothing. A picture, suns and lamps are aimed at; one of them for each surface point, with a chance
+//! in proportion to the irradiance it can give (a lamp: from a length of 1 away).
+//!
+//! A lamp is no surface: rays pass through it, and one that is scattered towards it finds it where it is nearer than what is hit.
+
+use std::f32::consts::PI;
 
 use glam::{DVec3, Vec3};
-use pumice_render::{EnvironmentTable, ReadySun};
+use pumice_render::{EnvironmentTable, ReadyLamp, ReadySun, Receiver};
 
 /// Light from infinity.
 #[derive(Clone, Debug)]
@@ -25,7 +29,12 @@ pub struct LightSample {
     pub radiance_over_pdf: Vec3,
     /// Density per solid angle, choice included; `None` for a single direction.
     pub pdf: Option<f32>,
+    /// What is nearer than this hides it.
+    pub distance: f64,
 }
+
+/// What touches a lamp within this part of its distance does not hide it: distances to lamps are f32.
+const TOUCHING: f64 = 1.0 - 1.0 / 1_048_576.0;
 
 /// Which of the two ways to find light is used: all of light transport is in both where both can find it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -44,41 +53,35 @@ pub enum Finding {
 pub struct Lights {
     sky: Sky,
     suns: Vec<ReadySun>,
+    lamps: Vec<ReadyLamp>,
     backdrop: Option<[Vec3; 2]>,
-    /// Summed chances: the sky's, then each sun's.
+    /// Summed chances: the sky's, then each sun's, then each lamp's.
     ends: Vec<f32>,
     finding: Finding,
 }
 
 impl Lights {
-    /// Lights of a scene.
+    /// Lights of a scene without lamps.
     pub fn new(sky: Sky, suns: Vec<ReadySun>, backdrop: Option<[[f32; 3]; 2]>) -> Self {
-        let sky_power = match &sky {
+        let backdrop = backdrop.map(|b| b.map(Vec3::from_array));
+        let lights =
+            Self { sky, suns, lamps: Vec::new(), backdrop, ends: Vec::new(), finding: Finding::Both };
+        lights.with_lamps(Vec::new())
+    }
+
+    /// The same lights, with these lamps.
+    #[must_use]
+    pub fn with_lamps(self, lamps: Vec<ReadyLamp>) -> Self {
+        let sky_power = match &self.sky {
             Sky::Constant(_) => 0.0,
             Sky::Image(table) => table.total_radiance(),
         };
-        let powers: Vec<f32> =
-            std::iter::once(sky_power).chain(suns.iter().map(ReadySun::irradiance)).collect();
-        let total: f32 = powers.iter().sum();
-        let lit = powers.iter().filter(|&&p| p > 0.0).count() as f32;
-        let mut ends = Vec::new();
-        if total > 0.0 && total.is_finite() {
-            let mut end = 0.0;
-            for p in &powers {
-                // A tenth is dealt out evenly: a weak light may be the only one that reaches a corner.
-                end += if *p > 0.0 { 0.9 * p / total + 0.1 / lit } else { 0.0 };
-                ends.push(end);
-            }
-            // The last light with a chance ends at 1 whatever was rounded.
-            for e in ends.iter_mut().rev() {
-                if *e < end {
-                    break;
-                }
-                *e = 1.0;
-            }
-        }
-        let backdrop = backdrop.map(|b| b.map(Vec3::from_array));
-        Self { sky, suns, backdrop, ends, finding: Finding::Both }
+        let suns = self.suns.iter().map(ReadySun::irradiance);
+        let powers: Vec<f32> = std::iter::once(sky_power)
+            .chain(suns)
+            .chain(lamps.iter().map(|l| l.power() / 4.0 / PI))
+            .collect();
+        Self { lamps, ends: ends_of(&powers), ..self }
     }
 
     /// The same lights, found in one way only.
@@ -98,12 +101,17 @@ impl Lights {
         &self.suns
     }
 
+    /// The lamps.
+    pub fn lamps(&self) -> &[ReadyLamp] {
+        &self.lamps
+    }
+
     /// What the camera sees instead of the sky: bottom, top.
     pub fn backdrop(&self) -> Option<[Vec3; 2]> {
         self.backdrop
     }
 
-    /// Summed chances: the sky's, then each sun's; empty where no light is aimed at.
+    /// Summed chances: the sky's, then each sun's, then each lamp's; empty where no light is aimed at.
     pub fn ends(&self) -> &[f32] {
         &self.ends
     }
@@ -127,21 +135,26 @@ impl Lights {
         }
     }
 
-    /// A light and a direction towards it; `None` only where [`Lights::any_aimed`] is false or the sample has no density.
+    /// A light and a direction towards it; `None` where [`Lights::any_aimed`] is false or the sample brings no light.
     #[inline]
-    pub fn sample(&self, choice: f32, u: [f32; 2]) -> Option<LightSample> {
+    pub fn sample(&self, from: &Receiver, choice: f32, u: [f32; 2]) -> Option<LightSample> {
         let light = self.ends.partition_point(|&e| e <= choice);
         let chance = self.chance(light);
+        let mut distance = f64::INFINITY;
         let (direction, radiance, pdf) = if light == 0 {
             let Sky::Image(table) = &self.sky else { return None };
             let (d, l, pdf) = table.sample(u);
             (d, l, Some(pdf))
+        } else if let Some(sun) = self.suns.get(light - 1) {
+            sun.sample(u)
         } else {
-            self.suns.get(light - 1)?.sample(u)
+            let s = self.lamps.get(light - 1 - self.suns.len())?.sample(from, u)?;
+            distance = f64::from(s.distance) * TOUCHING;
+            (s.direction.as_dvec3(), s.radiance, (s.pdf > 0.0).then_some(s.pdf))
         };
         let pdf = pdf.map(|p| p * chance);
         let over = pdf.unwrap_or(chance);
-        (over > 0.0).then(|| LightSample { direction, radiance_over_pdf: radiance / over, pdf })
+        (over > 0.0).then(|| LightSample { direction, radiance_over_pdf: radiance / over, pdf, distance })
     }
 
     /// Weight of light that was aimed at, where scattering would have found it with density `other`.
@@ -179,6 +192,32 @@ impl Lights {
         light
     }
 
+    /// Light of all lamps that a ray (unit direction) passes through before it has gone `limit`: one that was scattered at `from` with
+    /// density `pdf`.
+    #[inline]
+    pub fn lamps_found(&self, from: &Receiver, direction: DVec3, limit: f64, pdf: f32) -> Vec3 {
+        let direction = direction.as_vec3();
+        let mut light = Vec3::ZERO;
+        for (i, lamp) in self.lamps.iter().enumerate() {
+            if let Some(met) = lamp.meet(from, direction)
+                && f64::from(met.distance) * TOUCHING < limit
+            {
+                let chance = self.chance(1 + self.suns.len() + i);
+                light += met.radiance * self.scattered_weight(pdf, met.pdf * chance);
+            }
+        }
+        light
+    }
+
+    /// Light of all lamps that a camera ray (unit direction) passes through before it has gone `limit`.
+    #[inline]
+    pub fn lamps_seen(&self, from: DVec3, direction: DVec3, limit: f64) -> Vec3 {
+        let from = Receiver { point: from, normal: Vec3::Z, both_sides: true };
+        let direction = direction.as_vec3();
+        let seen = self.lamps.iter().filter(|l| l.visible_to_camera).filter_map(|l| l.meet(&from, direction));
+        seen.filter(|met| f64::from(met.distance) * TOUCHING < limit).map(|met| met.radiance).sum()
+    }
+
     /// What a camera ray sees where it meets nothing; `down` is 0 at the top of the picture and 1 at the bottom. Suns are not seen
     /// by the camera.
     #[inline]
@@ -189,6 +228,29 @@ impl Lights {
             (None, Sky::Image(table)) => table.eval(direction),
         }
     }
+}
+
+/// Summed chances of lights with these powers; empty where none has any.
+fn ends_of(powers: &[f32]) -> Vec<f32> {
+    let total: f32 = powers.iter().sum();
+    let lit = powers.iter().filter(|&&p| p > 0.0).count() as f32;
+    let mut ends = Vec::new();
+    if total > 0.0 && total.is_finite() {
+        let mut end = 0.0;
+        for p in powers {
+            // A tenth is dealt out evenly: a weak light may be the only one that reaches a corner.
+            end += if *p > 0.0 { 0.9 * p / total + 0.1 / lit } else { 0.0 };
+            ends.push(end);
+        }
+        // The last light with a chance ends at 1 whatever was rounded.
+        for e in ends.iter_mut().rev() {
+            if *e < end {
+                break;
+            }
+            *e = 1.0;
+        }
+    }
+    ends
 }
 
 /// Veach 1997, eq. 9.13 with β = 2. Ratios first: squares of peaked densities overflow.

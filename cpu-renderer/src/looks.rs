@@ -9,12 +9,14 @@ pub struct Looks {
     materials: Vec<Material>,
     /// Index into `materials` by label; empty: all have the first.
     of_label: Vec<u32>,
+    /// Whether some material lets light pass straight on.
+    has_clear: bool,
 }
 
 impl Looks {
     /// One material for all labels.
     pub fn same(material: Material) -> Self {
-        Self { materials: vec![material], of_label: Vec::new() }
+        Self { has_clear: material.alpha < 1.0, materials: vec![material], of_label: Vec::new() }
     }
 
     /// Looks of the labels with these ids (rising). `touching` are pairs of dense indices, read only for `auto_color`, where labels
@@ -43,7 +45,8 @@ impl Looks {
                 materials.push(*material);
             }
         }
-        Self { materials, of_label }
+        let has_clear = materials.iter().any(|m| m.alpha < 1.0);
+        Self { materials, of_label, has_clear }
     }
 
     /// All materials; the first is that of labels without one of their own.
@@ -61,6 +64,12 @@ impl Looks {
     pub fn material(&self, label: u32) -> &Material {
         let index = self.of_label.get(label as usize).map_or(0, |&i| i as usize);
         &self.materials[index]
+    }
+
+    /// Whether some material lets light pass straight on.
+    #[inline]
+    pub fn has_clear(&self) -> bool {
+        self.has_clear
     }
 
     /// Heap bytes.

@@ -2,23 +2,26 @@
 //!
 //! ```text
 //! for each vertex 0, 1, …:
+//!     add the lamps that were passed on the way
 //!     nothing hit → add the sky and the suns in that direction, weighted; end
+//!     go straight on where the surface is not wholly there (alpha); that is no vertex
 //!     add the surface's emission; end here if this vertex is past the last that is lit
 //!     aim at a light; add it where nothing stands between, weighted
 //!     scatter; end by Russian roulette where little is left
 //! ```
-//! Beyond that: geometry is f64 and exact from face to face, light is f32; each number drawn has a named dimension; a surface seen
-//! from inside a label shows its emission alone.
+//! Beyond that: geometry is f64 and exact from face to face, light is f32; each number drawn has a named dimension; how paths go
+//! into labels and out of them is in [`crate::crossing`].
 
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 use pumice_render::sampler::{BouncePair, PixelSampler};
 use pumice_render::sun::frame_around;
-use pumice_render::{Hit, PathOrigin, RayInWorld, Tracer};
+use pumice_render::{Hit, PathOrigin, RayInWorld, Receiver, Tracer};
 use pumice_scene::{Mode, Settings};
 
-use crate::bsdf::{Bsdf, sample_cosine};
+use crate::bsdf::{Bsdf, emitted, sample_cosine};
+use crate::crossing::{MOST_CLEAR_SURFACES, may_touch, next_hit, visibility};
 use crate::lights::Lights;
 use crate::looks::Looks;
 
@@ -65,6 +68,34 @@ impl Frame {
     }
 }
 
+/// The straight way that a ray is on, through surfaces that are not there.
+struct Way {
+    /// Where it began: the camera, or where it was scattered last.
+    from: Receiver,
+    /// Density of its direction; `None` from the camera.
+    pdf: Option<f32>,
+    /// How far it has come, in world units.
+    gone: f64,
+}
+
+impl Way {
+    /// Light of lamps from where it has come to up to the next surface, or to `t_max` where there is none.
+    #[inline]
+    fn lamps(&self, lights: &Lights, direction: DVec3, next: Option<&Hit>, t_max: f64) -> Vec3 {
+        if lights.lamps().is_empty() {
+            return Vec3::ZERO;
+        }
+        let length = direction.length();
+        let direction = direction / length;
+        let up_to = |limit: f64| match self.pdf {
+            Some(pdf) => lights.lamps_found(&self.from, direction, limit, pdf),
+            None => lights.lamps_seen(self.from.point, direction, limit),
+        };
+        let light = up_to(self.gone + next.map_or(t_max, |h| h.t) * length);
+        if self.gone > 0.0 { light - up_to(self.gone) } else { light }
+    }
+}
+
 /// Radiance along a camera ray that sees up to `t_max`; `down` says where in the picture it is, 0 top to 1 bottom.
 #[inline]
 pub fn radiance<T: Tracer + ?Sized>(
@@ -75,13 +106,23 @@ pub fn radiance<T: Tracer + ?Sized>(
     t_max: f64,
     down: f32,
 ) -> Vec3 {
-    let Some(hit) = tracer.first_hit(&camera_ray, PathOrigin::Free, t_max) else {
-        return around.lights.behind(camera_ray.direction, down);
+    let hit = tracer.first_hit(&camera_ray, PathOrigin::Free, t_max);
+    let lamps = if around.lights.lamps().is_empty() || around.settings.mode == Mode::AmbientOcclusion {
+        Vec3::ZERO
+    } else {
+        let length = camera_ray.direction.length();
+        let limit = hit.as_ref().map_or(t_max, |h| h.t) * length;
+        around.lights.lamps_seen(camera_ray.origin, camera_ray.direction / length, limit)
+    };
+    let Some(hit) = hit else {
+        return lamps + around.lights.behind(camera_ray.direction, down);
     };
     match around.settings.mode {
         Mode::AmbientOcclusion => ambient(tracer, around, sampler, &camera_ray, &hit),
-        Mode::OneBounce => path(tracer, around, sampler, camera_ray, hit, 0),
-        Mode::Path => path(tracer, around, sampler, camera_ray, hit, around.settings.bounces),
+        Mode::OneBounce => lamps + path(tracer, around, sampler, camera_ray, hit, 0, t_max, down),
+        Mode::Path => {
+            lamps + path(tracer, around, sampler, camera_ray, hit, around.settings.bounces, t_max, down)
+        }
     }
 }
 
@@ -93,10 +134,10 @@ fn ambient<T: Tracer + ?Sized>(
     ray: &RayInWorld,
     hit: &Hit,
 ) -> Vec3 {
-    if hit.from_inside {
+    if hit.is_seen_from_within() {
         return Vec3::ZERO;
     }
-    let frame = Frame::new(hit.normal_in_world);
+    let frame = Frame::new(hit.normal_towards_ray());
     let direction = frame.world(sample_cosine(sampler.bounce(0, BouncePair::Scatter)));
     let ray = RayInWorld { origin: ray.origin + ray.direction * hit.t, direction };
     let open = direction.dot(frame.normal) > 0.0
@@ -104,6 +145,7 @@ fn ambient<T: Tracer + ?Sized>(
     Vec3::splat(f32::from(u8::from(open)))
 }
 
+#[expect(clippy::too_many_arguments, reason = "what a path starts from")]
 fn path<T: Tracer + ?Sized>(
     tracer: &T,
     around: &Surroundings,
@@ -111,37 +153,74 @@ fn path<T: Tracer + ?Sized>(
     mut ray: RayInWorld,
     mut hit: Hit,
     bounces: u32,
+    mut t_max: f64,
+    down: f32,
 ) -> Vec3 {
     let lights = &around.lights;
     let (mut total, mut throughput) = (Vec3::ZERO, Vec3::ONE);
-    let mut vertex = 0u32;
+    // Surfaces that scattered, and such that were passed straight through.
+    let (mut vertex, mut passed) = (0u32, 0u32);
+    let mut way =
+        Way { from: Receiver { point: ray.origin, normal: Vec3::Z, both_sides: true }, pdf: None, gone: 0.0 };
+    // Whether a path outside of all labels started within another label's coarse element.
+    let mut buried = false;
     loop {
         let material = around.looks[hit.surface.instance as usize].material(hit.surface.label);
-        total += throughput * Vec3::from_array(material.emission);
-        if vertex > bounces || hit.from_inside {
-            return total;
+        let step = vertex + passed;
+        let origin = ray.origin + ray.direction * hit.t;
+
+        // Straight on where the surface is not there.
+        if material.alpha < 1.0 && sampler.bounce(step, BouncePair::Roulette)[1] >= material.alpha {
+            passed += 1;
+            if passed > MOST_CLEAR_SURFACES {
+                return total;
+            }
+            ray.origin = origin;
+            t_max -= hit.t;
+            way.gone += hit.t * ray.direction.length();
+            buried = false;
+            let next = next_hit(tracer, &ray, &hit, t_max);
+            total += throughput * way.lamps(lights, ray.direction, next.as_ref(), t_max);
+            match next {
+                Some(next) => hit = next,
+                None => {
+                    let direction = ray.direction.normalize();
+                    let light = match way.pdf {
+                        Some(pdf) => lights.found(direction, pdf),
+                        None => lights.behind(direction, down),
+                    };
+                    return total + throughput * light;
+                }
+            }
+            continue;
         }
-        let frame = Frame::new(hit.normal_in_world);
+
+        // The side that is seen.
+        let frame = Frame::new(if hit.from_inside { -hit.normal_in_world } else { hit.normal_in_world });
         let mut wi = frame.local(-ray.direction.normalize());
         // A grazing ray may round to 0 or below: it still sees the front.
         wi.z = wi.z.max(1e-6);
-        let bsdf = Bsdf::new(material, wi);
-        let origin = ray.origin + ray.direction * hit.t;
-        let from = PathOrigin::Face(hit.surface);
+        total += throughput * emitted(material, wi.z);
+        if vertex > bounces || buried {
+            return total;
+        }
+        let bsdf = Bsdf::new(material, wi, hit.from_inside);
+        let receiver =
+            Receiver { point: origin, normal: frame.normal.as_vec3(), both_sides: bsdf.transmits() };
         let mut choice = None;
 
         // Aim at a light.
         if lights.any_aimed() {
-            let [which, lobe] = sampler.bounce(vertex, BouncePair::Choice);
+            let [which, lobe] = sampler.bounce(step, BouncePair::Choice);
             choice = Some(lobe);
-            if let Some(light) = lights.sample(which, sampler.bounce(vertex, BouncePair::Light))
-                && light.direction.dot(frame.normal) > 0.0
+            if let Some(light) = lights.sample(&receiver, which, sampler.bounce(step, BouncePair::Light))
+                && (light.direction.dot(frame.normal) > 0.0 || bsdf.transmits())
             {
                 let (f_cos, pdf) = bsdf.eval(frame.local(light.direction));
                 let add = throughput * f_cos * light.radiance_over_pdf * lights.aimed_weight(light.pdf, pdf);
                 let shadow_ray = RayInWorld { origin, direction: light.direction };
-                if add.max_element() > 0.0 && !tracer.occluded(&shadow_ray, from, f64::INFINITY) {
-                    total += add;
+                if add.max_element() > 0.0 {
+                    total += add * visibility(tracer, around, &shadow_ray, &hit, light.distance);
                 }
             }
         }
@@ -149,10 +228,10 @@ fn path<T: Tracer + ?Sized>(
         // Scatter.
         let lobe = match choice {
             Some(lobe) => lobe,
-            None if bsdf.has_two_lobes() => sampler.bounce(vertex, BouncePair::Choice)[1],
+            None if bsdf.has_two_lobes() => sampler.bounce(step, BouncePair::Choice)[1],
             None => 0.5,
         };
-        let Some(sample) = bsdf.sample(sampler.bounce(vertex, BouncePair::Scatter), lobe) else {
+        let Some(sample) = bsdf.sample(sampler.bounce(step, BouncePair::Scatter), lobe) else {
             return total;
         };
         throughput *= sample.weight;
@@ -164,18 +243,27 @@ fn path<T: Tracer + ?Sized>(
         // End by Russian roulette; who survives stands for who does not (Arvo and Kirk 1990).
         if around.settings.russian_roulette && vertex >= FIRST_ROULETTE && most < 1.0 {
             let survival = most.max(LEAST_SURVIVAL);
-            if sampler.bounce(vertex, BouncePair::Roulette)[0] >= survival {
+            if sampler.bounce(step, BouncePair::Roulette)[0] >= survival {
                 return total;
             }
             throughput /= survival;
         }
         let direction = frame.world(sample.wo);
-        if direction.dot(frame.normal) <= 0.0 {
+        let above = direction.dot(frame.normal);
+        if above == 0.0 || (above > 0.0) != (sample.wo.z > 0.0) {
             return total;
         }
         ray = RayInWorld { origin, direction };
-        match tracer.first_hit(&ray, from, f64::INFINITY) {
-            Some(next) => hit = next,
+        t_max = f64::INFINITY;
+        way = Way { from: receiver, pdf: Some(sample.pdf), gone: 0.0 };
+        let outward = (above > 0.0) != hit.from_inside;
+        let next = next_hit(tracer, &ray, &hit, t_max);
+        total += throughput * way.lamps(lights, direction, next.as_ref(), t_max);
+        match next {
+            Some(next) => {
+                buried = outward && next.is_seen_from_within() && !may_touch(direction, &hit);
+                hit = next;
+            }
             None => return total + throughput * lights.found(direction.normalize(), sample.pdf),
         }
         vertex += 1;

@@ -6,7 +6,9 @@ use std::time::{Duration, Instant};
 use pumice_core::Job;
 use pumice_render::film::STRIDE;
 use pumice_render::sampler::{PixelSampler, REPLICATES};
-use pumice_render::{FilmBuffer, FilterTable, Image, PathOrigin, Picture, Progress, RenderError, Tracer};
+use pumice_render::{
+    FilmBuffer, FilterTable, Image, PathOrigin, Picture, Progress, RenderError, SurfaceKind, Tracer,
+};
 use pumice_scene::{Camera, Film};
 use rayon::prelude::*;
 
@@ -111,7 +113,10 @@ impl<T: Tracer> PathTracer<T> {
                     let [u, v] = sampler.film();
                     let px = x as f64 + 0.5 + f64::from(filter.sample(u));
                     let py = f64::from(row.y) + 0.5 + f64::from(filter.sample(v));
-                    let (ray, t_max) = rays.ray(px, py);
+                    let (ray, t_max) = match &rays.lens {
+                        None => rays.ray(px, py),
+                        Some(lens) => rays.lens_ray(lens, px, py, sampler.lens()),
+                    };
                     let color = radiance(&*tracer, around, &sampler, ray, t_max, (py / height as f64) as f32);
                     let at = 3 * (sample % REPLICATES) as usize;
                     sums[at] += color.x;
@@ -136,7 +141,7 @@ impl<T: Tracer> PathTracer<T> {
         self.film.error_estimate()
     }
 
-    /// What is seen through the middle of a pixel, and its depth along the view axis.
+    /// What is seen through the middle of a pixel from the middle of the opening, and its depth along the view axis.
     pub fn pick(&self, x: u32, y: u32) -> Option<(pumice_render::Hit, f64)> {
         let (ray, t_max) = self.rays.ray(f64::from(x) + 0.5, f64::from(y) + 0.5);
         let hit = self.tracer.first_hit(&ray, PathOrigin::Free, t_max)?;
@@ -167,7 +172,7 @@ impl<T: Tracer> PathTracer<T> {
             None => First { depth: f32::INFINITY, label: 0, albedo: [0.0; 3], normal: [0.0; 3] },
             Some((hit, depth)) => First {
                 depth: depth as f32,
-                label: hit.surface.label + 1,
+                label: if hit.surface.kind == SurfaceKind::Triangle { 0 } else { hit.surface.label + 1 },
                 albedo: self.around.looks[hit.surface.instance as usize]
                     .material(hit.surface.label)
                     .base_color,

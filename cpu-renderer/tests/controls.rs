@@ -9,7 +9,7 @@ use exact::rays::{Class, ray};
 use exact::volumes::{Random, noise};
 use exact::{Dense, ExactRay, Verdict, judge};
 use glam::DVec3;
-use pumice_render::{Hit, Surface};
+use pumice_render::{Hit, Surface, SurfaceKind};
 
 fn hit_at(volume: &Dense, v: [i64; 3], t: f64, axis: usize, d: [f64; 3]) -> Hit {
     let positive = d[axis] < 0.0;
@@ -17,6 +17,7 @@ fn hit_at(volume: &Dense, v: [i64; 3], t: f64, axis: usize, d: [f64; 3]) -> Hit 
         t,
         surface: Surface {
             instance: 0,
+            kind: SurfaceKind::Face,
             voxel: v.map(|x| x as u32),
             axis: axis as u8,
             positive,

@@ -17,12 +17,10 @@ fn camera() -> Camera {
     let (from, to) = (DVec3::new(30.0, -22.0, 24.0), DVec3::splat(8.0));
     let z = (from - to).normalize();
     let x = DVec3::Z.cross(z).normalize();
-    Camera {
-        world_from_camera: DAffine3::from_mat3_translation(DMat3::from_cols(x, z.cross(x), z), from),
-        projection: Projection::Perspective { fov_rad: 0.55 },
-        shift: [0.0; 2],
-        clip: [0.0, f64::MAX],
-    }
+    Camera::new(
+        DAffine3::from_mat3_translation(DMat3::from_cols(x, z.cross(x), z), from),
+        Projection::Perspective { fov_rad: 0.55 },
+    )
 }
 
 fn blobs() -> Dense {
@@ -76,7 +74,7 @@ fn scene(which: u32, seed: u64, finding: Finding) -> PathTracer<Dense> {
         looks: vec![Looks::same(material).into()],
         settings: Settings { bounces: 4, seed, ..Settings::default() },
     };
-    let film = Film { width: SIZE, height: SIZE, filter: Filter::BlackmanHarris { width: 3.0 } };
+    let film = Film::new(SIZE, SIZE, Filter::BlackmanHarris { width: 3.0 });
     PathTracer::new(blobs(), around, &camera(), &film)
 }
 
@@ -163,7 +161,7 @@ fn taking_stratified_samples_for_independent_is_convicted() {
     // A box filter against a reference of another filter would differ at edges: the same samples a second time are the truth.
     let mut boxed = scene(0, 77, Finding::Both);
     boxed = {
-        let film = Film { width: SIZE, height: SIZE, filter: Filter::Box { width: 1.0 } };
+        let film = Film::new(SIZE, SIZE, Filter::Box { width: 1.0 });
         PathTracer::new(blobs(), boxed.around().clone(), &camera(), &film)
     };
     boxed.add_samples(1024, &Job::new()).expect("nobody cancels");

@@ -1,5 +1,6 @@
 #![forbid(unsafe_code)]
-//! Label volumes in the files of others: NRRD, NIfTI, TIFF, NPY/NPZ, MetaImage and raw, read block by block, and written.
+//! Label volumes in the files of others: NRRD, NIfTI, TIFF, NPY/NPZ, MetaImage and raw, read block by block, and written; and
+//! triangle meshes ([`mesh`]).
 //!
 //! ```text
 //! open ──► sniff ──► one module a format ──► Found: info, axes, element type, byte stream ──► SlabSource ──► LabelBlock
@@ -10,6 +11,7 @@
 //! refuses what is not one, `slab` ties them together with bounded memory.
 
 pub mod error;
+pub mod mesh;
 pub mod open;
 pub mod options;
 pub mod write;
@@ -29,6 +31,7 @@ mod npz;
 mod nrrd;
 mod nrrd_header;
 mod placement;
+mod ply;
 mod raw;
 mod slab;
 mod stream;
@@ -44,5 +47,6 @@ mod write_nrrd;
 mod write_tiff;
 
 pub use error::FormatError;
+pub use mesh::open_mesh;
 pub use open::{Layer, Probe, open, probe};
 pub use options::{ArrayAxes, OpenOptions, RawLayout, Warnings};

@@ -12,10 +12,11 @@ import atexit
 
 from ._native import Job, __version__, _end_calls
 from .errors import Cancelled, InputError, InternalError, PumiceError, PumiceWarning
+from .mesh import Mesh
 from .picture import CurvePoint, Picture, devices, render
 from .scene import Scene, figure
 from .session import Frame, Pick, Session, Status
-from .volume import LabelTable, Volume, compress, open, probe
+from .volume import Faces, LabelTable, Volume, compress, open, probe
 
 # Calls that other threads are in end before the interpreter does: it would take the threads off by force.
 atexit.register(_end_calls)
@@ -23,11 +24,13 @@ atexit.register(_end_calls)
 __all__ = [
     "Cancelled",
     "CurvePoint",
+    "Faces",
     "Frame",
     "InputError",
     "InternalError",
     "Job",
     "LabelTable",
+    "Mesh",
     "Pick",
     "Picture",
     "PumiceError",

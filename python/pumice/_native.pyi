@@ -90,6 +90,24 @@ class Job:
         """
 
 @final
+class Mesh:
+    """
+    A triangle mesh, checked; it never changes.
+    """
+    def __new__(cls, /, positions: Any, triangles: Any, materials: Any) -> Mesh:
+        """
+        Corners (n, 3) as 64 bit floats, triangles (m, 3) and materials (m,) as 32 bit numbers without a sign; no materials: all 0.
+        """
+    def content_hash(self, /) -> str:
+        """
+        Hash of all its numbers, 32 hexadecimal digits.
+        """
+    def counts(self, /) -> tuple[int, int, int]:
+        """
+        (corners, triangles, bytes in memory).
+        """
+
+@final
 class Picture:
     """
     A finished picture. Row 0 is the top.
@@ -132,7 +150,7 @@ class Session:
     """
     A live, progressively refined picture.
     """
-    def __new__(cls, /, scene: str, volumes: SupportsGetItem[int, Volume], *, backend: str, spp: SupportsIndex | None, seconds: SupportsFloat | SupportsIndex | None, error: SupportsFloat | SupportsIndex | None) -> Session: ...
+    def __new__(cls, /, scene: str, volumes: SupportsGetItem[int, Volume], meshes: SupportsGetItem[int, Mesh], *, backend: str, spp: SupportsIndex | None, seconds: SupportsFloat | SupportsIndex | None, error: SupportsFloat | SupportsIndex | None) -> Session: ...
     def _panic_on_purpose(self, /) -> None:
         """
         Makes the worker panic, for tests of those who must survive it.
@@ -140,6 +158,10 @@ class Session:
     def add(self, /, instance: str, volume: Volume) -> int:
         """
         Adds an instance in JSON with its volume, or replaces the one with the same id; the new revision.
+        """
+    def add_mesh(self, /, mesh: str, data: Mesh) -> int:
+        """
+        Adds a mesh in JSON with its triangles, or replaces the one with the same id; the new revision.
         """
     def edit(self, /, edits: str) -> int:
         """
@@ -198,6 +220,10 @@ class Volume:
     def difference(self, /, source: str | PathLike[str] | Incomplete, *, layer: SupportsIndex | None = None, time: SupportsIndex | None = None, channel: SupportsIndex | None = None, array: str | None = None, job: Job | None = None) -> str | None:
         """
         Compares with a file, or with blocks; `None` where every voxel and id is the same, else what is not.
+        """
+    def faces(self, /, visible: SupportsGetItem[int, bool], *, all_interfaces: bool, shared_corners: bool, job: Job | None = None) -> tuple[Array, Array, Array]:
+        """
+        Voxel faces of the labels that are `visible`, by row of the table: vertices, quads, label of each quad.
         """
     def facts(self, /) -> str:
         """
@@ -267,9 +293,10 @@ def probe(path: str | PathLike[str], *, layer: SupportsIndex | None = None, time
     What a file holds, from its header alone, as JSON text.
     """
 
-def render(scene: str, volumes: SupportsGetItem[int, Volume] | None, *, spp: SupportsIndex | None, seconds: SupportsFloat | SupportsIndex | None, error: SupportsFloat | SupportsIndex | None, backend: str, job: Job | None, on_progress: Any | None) -> Picture:
+def render(scene: str, volumes: SupportsGetItem[int, Volume] | None, meshes: SupportsGetItem[int, Mesh], *, spp: SupportsIndex | None, seconds: SupportsFloat | SupportsIndex | None, error: SupportsFloat | SupportsIndex | None, backend: str, job: Job | None, on_progress: Any | None) -> Picture:
     """
     Renders a scene until the first of its limits. `volumes[i]` belongs to its instance i; without them its sources are opened.
+    `meshes[i]` belongs to its mesh i.
     """
 
 def scene_checked(text: str) -> str:

@@ -12,13 +12,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from . import _native, arguments
+from . import _native, arguments, mesh
 from .arguments import Path
 from .errors import InputError, PumiceWarning
+from .mesh import Mesh
 from .scene import Scene
 from .volume import Job, Volume
 
 Floats = npt.NDArray[np.float32]
+PASSES = ("variance", "depth", "label", "albedo", "normal")
 Volumes = Volume | Sequence[Volume] | Mapping[str, Volume]
 
 
@@ -41,11 +43,19 @@ class Picture:
         self._figures: dict[str, Any] = told["figures"]
         self.explanation: list[str] = told["explanation"]
         self.color: Floats = np.asarray(native.color())
+        self.alpha: Floats | None = None
         self.variance: Floats | None = _maybe(native.variance())
         self.depth: Floats | None = _maybe(native.depth())
         self.label: npt.NDArray[np.uint32] | None = _maybe(native.label())
         self.albedo: Floats | None = _maybe(native.albedo())
         self.normal: Floats | None = _maybe(native.normal())
+
+    @property
+    def passes(self) -> dict[str, npt.NDArray[Any]]:
+        """Every pass that the picture has, by name: (height, width), or with colours (height, width, 3). `label` is uint32, 0 where
+        there is none, else the row of the label table plus 1; all others are float32."""
+        named = {name: getattr(self, name) for name in PASSES}
+        return {name: array for name, array in named.items() if array is not None}
 
     @property
     def spp(self) -> int:
@@ -101,6 +111,7 @@ def render(
     scene: Scene,
     volumes: Volumes | None = None,
     *,
+    meshes: Sequence[Mesh] = (),
     spp: int | None = None,
     seconds: float | None = None,
     error: float | None = None,
@@ -111,6 +122,7 @@ def render(
     """Renders until the first limit is reached: samples a pixel, wall seconds, estimated relative error.
 
     `volumes`: one for each instance in the scene's order, or by the instance's source; without them the sources are opened.
+    `meshes`: one for each of the scene's meshes, in their order.
     `backend`: `auto`, `cpu`, or one of Vulkan's, alone or with its device: `vulkan-rt`, `vulkan-query:1`, `vulkan-compute:radeon`
     (see `devices`). `auto` goes on with the next backend where a device fails; that is a `PumiceWarning`.
     """
@@ -124,6 +136,7 @@ def render(
     native = _native.render(
         scene.to_json(),
         None if volumes is None else in_order(scene, volumes),
+        mesh.natives(meshes),
         backend=backend,
         job=job,
         on_progress=told,

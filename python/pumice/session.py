@@ -5,10 +5,12 @@ from __future__ import annotations
 
 import dataclasses
 import json
+from collections.abc import Sequence
 from typing import Any
 
-from . import _native, arguments
+from . import _native, arguments, mesh
 from .errors import InputError
+from .mesh import Mesh
 from .picture import Volumes, in_order
 from .scene import Scene
 from .volume import Volume
@@ -43,21 +45,22 @@ Frame = _native.Frame
 
 
 class Session:
-    """A live picture of a scene; volumes as for `render`. Without a limit it is refined for ever."""
+    """A live picture of a scene; volumes and meshes as for `render`. Without a limit it is refined for ever."""
 
     def __init__(
         self,
         scene: Scene,
         volumes: Volumes,
         *,
+        meshes: Sequence[Mesh] = (),
         backend: str = "auto",
         spp: int | None = None,
         seconds: float | None = None,
         error: float | None = None,
     ) -> None:
-        natives = in_order(scene, volumes)
+        volumes_in_order = in_order(scene, volumes)
         stop = arguments.limits(spp, seconds, error)
-        self._native = _native.Session(scene.to_json(), natives, backend=backend, **stop)
+        self._native = _native.Session(scene.to_json(), volumes_in_order, mesh.natives(meshes), backend=backend, **stop)
 
     def edit(self, *edits: dict[str, Any]) -> int:
         """Applies edits, all or none, and gives the new revision at once; InputError names the field at fault."""
@@ -66,6 +69,10 @@ class Session:
     def add(self, instance: dict[str, Any], volume: Volume) -> int:
         """Adds an instance with its volume, or replaces the one with its id; gives the new revision."""
         return int(self._native.add(_text(instance), volume._native))
+
+    def add_mesh(self, fields: dict[str, Any], triangles: Mesh) -> int:
+        """Adds a mesh, by its fields in the scene, with its triangles, or replaces the one with its id; gives the new revision."""
+        return int(self._native.add_mesh(_text(fields), triangles._native))
 
     def latest(self, after: int = 0) -> Frame | None:
         """The newest frame, where its serial is above `after`. numpy and Blender's `gpu.types.Buffer` read it where it lies."""

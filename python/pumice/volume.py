@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import os
 import pathlib
 import warnings
-from collections.abc import Mapping, Sequence
-from typing import Any, Unpack
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, Literal, Unpack
 
 import numpy as np
 import numpy.typing as npt
@@ -185,6 +186,43 @@ class Volume:
         """Origins (n, 3) and extents (n, 3) in voxels, and rows of the label table (n,), of all boxes."""
         origins, extents, labels = self._native.box_arrays()
         return np.asarray(origins), np.asarray(extents), np.asarray(labels)
+
+    def faces(
+        self,
+        labels: Iterable[int] | None = None,
+        *,
+        interfaces: Literal["outside", "all"] = "outside",
+        shared_corners: bool = False,
+        job: Job | None = None,
+    ) -> Faces:
+        """The exact surface of the labels with these ids (all without): a quad a voxel face, normals outward.
+
+        `outside` gives faces towards voxels that are not shown, all that can be seen from outside; `all` also those between two shown
+        labels, once for each. `shared_corners` gives one vertex a place, in place of four a quad. Costs 68 bytes a quad, 36 with
+        shared corners while the search for them holds some 30 more.
+        """
+        if interfaces not in ("outside", "all"):
+            raise InputError(f"interfaces: expected outside or all, got {interfaces!r}")
+        visible = [labels is None] * len(self.labels)
+        for label in [] if labels is None else arguments.ids("labels", labels):
+            visible[self.labels.index_of(label)] = True
+        vertices, quads, rows = self._native.faces(
+            visible, all_interfaces=interfaces == "all", shared_corners=shared_corners, job=job
+        )
+        return Faces(np.asarray(vertices), np.asarray(quads), np.asarray(rows))
+
+
+@dataclasses.dataclass(frozen=True)
+class Faces:
+    """Faces of voxels in index space, `Volume.world_from_index` leads on; arrays cannot be changed.
+
+    `vertices` (n, 3) are whole numbers, `quads` (m, 4) numbers of vertices, counter-clockwise seen from outside (a matrix that mirrors
+    turns them round), `labels` (m,) rows of the label table.
+    """
+
+    vertices: npt.NDArray[np.int32]
+    quads: npt.NDArray[np.uint32]
+    labels: npt.NDArray[np.uint32]
 
 
 def open(path: Path, *, job: Job | None = None, **reading: Unpack[Reading]) -> Volume:

@@ -73,6 +73,12 @@ impl IntoException for SceneError {
     }
 }
 
+impl IntoException for pumice_core::MeshError {
+    fn into_exception(self) -> PyErr {
+        input(&format_args!("mesh: {self}"))
+    }
+}
+
 impl IntoException for pumice_render::PictureError {
     fn into_exception(self) -> PyErr {
         input(&self)

@@ -8,6 +8,7 @@ mod errors;
 mod frame;
 mod job;
 mod live;
+mod mesh;
 mod picture;
 mod scene;
 mod volume;
@@ -28,6 +29,8 @@ mod _native {
     use crate::job::Job;
     #[pymodule_export]
     use crate::live::Session;
+    #[pymodule_export]
+    use crate::mesh::Mesh;
     #[pymodule_export]
     use crate::picture::{Picture, devices, panic_on_purpose, render};
     #[pymodule_export]

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use pumice_core::Job as CoreJob;
-use pumice_scene::{Instance, SceneEdit};
+use pumice_scene::{Instance, Mesh as SceneMesh, SceneEdit};
 use pumice_session::live::{Live, LiveOptions};
 use pumice_session::{SessionError, Stop};
 use pyo3::prelude::*;
@@ -11,6 +11,7 @@ use pyo3::prelude::*;
 use crate::calls::Call;
 use crate::errors::{IntoException, input};
 use crate::frame::Frame;
+use crate::mesh::Mesh;
 use crate::scene::parse;
 use crate::volume::Volume;
 use crate::waiting::released;
@@ -22,18 +23,20 @@ pub(crate) struct Session(Live);
 #[pymethods]
 impl Session {
     #[new]
-    #[pyo3(signature = (scene, volumes, *, backend, spp, seconds, error))]
+    #[pyo3(signature = (scene, volumes, meshes, *, backend, spp, seconds, error))]
     fn new(
         scene: &str,
         volumes: Vec<Bound<'_, Volume>>,
+        meshes: Vec<Bound<'_, Mesh>>,
         backend: String,
         spp: Option<u32>,
         seconds: Option<f64>,
         error: Option<f64>,
     ) -> PyResult<Self> {
         let volumes = volumes.iter().map(|v| Arc::clone(&v.get().0)).collect();
+        let meshes = meshes.iter().map(|m| Arc::clone(&m.get().0)).collect();
         let options = LiveOptions { backend, stop: Stop { spp, seconds, error } };
-        Live::start(parse(scene)?, volumes, options).map(Self).map_err(IntoException::into_exception)
+        Live::start(parse(scene)?, volumes, meshes, options).map(Self).map_err(IntoException::into_exception)
     }
 
     /// Applies a list of edits in JSON, all or none; the new revision.
@@ -47,6 +50,12 @@ impl Session {
         let instance: Instance =
             serde_json::from_str(instance).map_err(|e| input(&format_args!("instance: {e}")))?;
         self.0.add(instance, Arc::clone(&volume.get().0)).map_err(IntoException::into_exception)
+    }
+
+    /// Adds a mesh in JSON with its triangles, or replaces the one with the same id; the new revision.
+    fn add_mesh(&self, mesh: &str, data: &Bound<'_, Mesh>) -> PyResult<u64> {
+        let mesh: SceneMesh = serde_json::from_str(mesh).map_err(|e| input(&format_args!("mesh: {e}")))?;
+        self.0.add_mesh(mesh, Arc::clone(&data.get().0)).map_err(IntoException::into_exception)
     }
 
     /// The newest frame, where its serial is above `after`; never waits.

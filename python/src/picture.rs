@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use pumice_core::CompressedVolume;
+use pumice_core::{CompressedVolume, MeshData};
 use pumice_render::{Image, Passes};
 use pumice_session::render_file::{PictureFormat, Rendered, render_scene};
 use pumice_session::{OpenOptions, SessionError, Stop};
@@ -12,6 +12,7 @@ use pyo3::prelude::*;
 use crate::array::{Array, Data};
 use crate::errors::input;
 use crate::job::{Job, job_of};
+use crate::mesh::Mesh;
 use crate::scene::parse;
 use crate::volume::Volume;
 use crate::waiting::released;
@@ -76,13 +77,15 @@ impl Picture {
 }
 
 /// Renders a scene until the first of its limits. `volumes[i]` belongs to its instance i; without them its sources are opened.
+/// `meshes[i]` belongs to its mesh i.
 #[pyfunction]
-#[pyo3(signature = (scene, volumes, *, spp, seconds, error, backend, job, on_progress))]
+#[pyo3(signature = (scene, volumes, meshes, *, spp, seconds, error, backend, job, on_progress))]
 #[allow(clippy::too_many_arguments, reason = "they are keywords")]
 pub(crate) fn render(
     py: Python<'_>,
     scene: &str,
     volumes: Option<Vec<Bound<'_, Volume>>>,
+    meshes: Vec<Bound<'_, Mesh>>,
     spp: Option<u32>,
     seconds: Option<f64>,
     error: Option<f64>,
@@ -93,6 +96,7 @@ pub(crate) fn render(
     let scene = parse(scene)?;
     let volumes: Option<Vec<Arc<CompressedVolume>>> =
         volumes.map(|list| list.iter().map(|v| Arc::clone(&v.get().0)).collect());
+    let meshes: Vec<Arc<MeshData>> = meshes.iter().map(|m| Arc::clone(&m.get().0)).collect();
     let job = job_of(job);
     let stop = Stop { spp, seconds, error };
     let raised: Mutex<Option<PyErr>> = Mutex::new(None);
@@ -106,7 +110,7 @@ pub(crate) fn render(
                 scene.instances.iter().map(open).collect::<Result<_, SessionError>>()?
             }
         };
-        render_scene(&scene, &volumes, backend, &stop, &job, &mut |point| {
+        render_scene(&scene, &volumes, &meshes, backend, &stop, &job, &mut |point| {
             let Some(call) = &on_progress else { return };
             Python::attach(|py| {
                 let arguments = (point.spp, point.seconds, point.cpu_seconds, point.error_estimate);

@@ -9,6 +9,7 @@ use pumice_core::{
     BlockSource, CompressOptions, CompressedVolume, Error as CoreError, LabelBlock, LabelBuffer, LabelNote,
     LabelType, Level, TypeTable, Unit, Verification, VolumeInfo,
 };
+use pumice_export::{Corners, Interfaces, QuadMesh};
 use pumice_session::{OpenOptions, SessionError};
 use pyo3::buffer::PyBuffer;
 use pyo3::prelude::*;
@@ -152,6 +153,28 @@ impl Volume {
                 Array::new(Data::U32(labels), &[n]),
             ))
         })
+    }
+
+    /// Voxel faces of the labels that are `visible`, by row of the table: vertices, quads, label of each quad.
+    #[pyo3(signature = (visible, *, all_interfaces, shared_corners, job=None))]
+    fn faces(
+        &self,
+        py: Python<'_>,
+        visible: Vec<bool>,
+        all_interfaces: bool,
+        shared_corners: bool,
+        job: Option<&Bound<'_, Job>>,
+    ) -> PyResult<(Array, Array, Array)> {
+        let job = job_of(job);
+        let interfaces = if all_interfaces { Interfaces::All } else { Interfaces::Outside };
+        let corners = if shared_corners { Corners::Shared } else { Corners::Own };
+        let mesh = released(py, &job, || QuadMesh::new(&self.0, &visible, interfaces, corners, &job))?;
+        let (vertices, quads) = (mesh.vertices.len(), mesh.quads.len());
+        Ok((
+            Array::new(Data::I32(mesh.vertices.into_flattened()), &[vertices, 3]),
+            Array::new(Data::U32(mesh.quads.into_flattened()), &[quads, 4]),
+            Array::new(Data::U32(mesh.labels), &[quads]),
+        ))
     }
 
     /// Original id of the label at a voxel; 0 is background. The first query builds the index.

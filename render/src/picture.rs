@@ -17,6 +17,9 @@ pub struct Provenance {
     pub scene: Scene,
     /// Content hash of each instance's volume, 32 hexadecimal digits, in the order of the scene's instances.
     pub volume_hashes: Vec<String>,
+    /// The same of each mesh, in the order of the scene's meshes.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub mesh_hashes: Vec<String>,
     /// Samples a pixel.
     pub spp: u32,
     /// Estimated relative error, where known.

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use pumice_core::{CompressedVolume, Job};
+use pumice_core::{CompressedVolume, Job, MeshData};
 use pumice_scene::Scene;
 
 use crate::{Image, Picture};
@@ -61,9 +61,9 @@ pub struct Rebuilt {
     pub film: u64,
     /// Sky, suns, and the choice among them.
     pub lights: u64,
-    /// Tables of materials, one an instance.
+    /// Tables of materials, one an instance or mesh.
     pub materials: u64,
-    /// Acceleration structures, one an instance.
+    /// Acceleration structures, one an instance or mesh.
     pub acceleration: u64,
 }
 
@@ -72,12 +72,17 @@ pub trait Renderer: Send {
     /// Name as in `--backend`.
     fn name(&self) -> &'static str;
 
-    /// Makes the renderer show `scene`; `volumes[i]` belongs to `scene.instances[i]`. It compares with the scene shown before
-    /// ([`pumice_scene::SceneDiff`]) and makes anew only what differs; the picture restarts.
+    /// Makes the renderer show `scene`; `volumes[i]` belongs to `scene.instances[i]`, `meshes[i]` to `scene.meshes[i]`. It
+    /// compares with the scene shown before ([`pumice_scene::SceneDiff`]) and makes anew only what differs; the picture restarts.
     ///
     /// # Errors
     /// [`RenderError::Scene`] names the field at fault; the renderer keeps its former scene.
-    fn set_scene(&mut self, scene: &Scene, volumes: &[Arc<CompressedVolume>]) -> Result<(), RenderError>;
+    fn set_scene(
+        &mut self,
+        scene: &Scene,
+        volumes: &[Arc<CompressedVolume>],
+        meshes: &[Arc<MeshData>],
+    ) -> Result<(), RenderError>;
 
     /// Adds samples to every pixel for about `slice`, at least one sample, but never more than `spp_limit` in all.
     ///
@@ -97,7 +102,8 @@ pub trait Renderer: Send {
     /// [`RenderError::Scene`] before any scene was set.
     fn picture(&mut self) -> Result<Picture, RenderError>;
 
-    /// What is under the middle of a pixel, counted from the upper left; nothing there or outside of the film: `None`.
+    /// What is under the middle of a pixel, counted from the upper left; nothing there, a mesh (which has no label), or outside of the
+    /// film: `None`.
     ///
     /// # Errors
     /// [`RenderError::Scene`] before any scene was set.
@@ -114,4 +120,26 @@ pub trait Renderer: Send {
     fn notices(&mut self) -> Vec<String> {
         Vec::new()
     }
+}
+
+/// Whether there is a volume for each instance of the scene and a mesh for each of its meshes.
+///
+/// # Errors
+/// [`RenderError::Scene`] with the counts.
+pub fn check_counts(
+    scene: &Scene,
+    volumes: &[Arc<CompressedVolume>],
+    meshes: &[Arc<MeshData>],
+) -> Result<(), RenderError> {
+    for (list, what, expected, got) in [
+        ("instances", "volume", scene.instances.len(), volumes.len()),
+        ("meshes", "mesh", scene.meshes.len(), meshes.len()),
+    ] {
+        if expected != got {
+            return Err(RenderError::Scene(format!(
+                "{list}: expected one {what} for each of {expected}, got {got}"
+            )));
+        }
+    }
+    Ok(())
 }

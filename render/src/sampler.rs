@@ -18,6 +18,8 @@ pub enum Dimension {
     Film = 0,
     /// First pair of the first bounce.
     Bounce = 1,
+    /// Point of the camera's opening. The last of all: no bounce gets there, and pictures in which all is sharp do not depend on it.
+    Lens = u32::MAX,
 }
 
 /// Pairs that each bounce uses, in this order.
@@ -64,6 +66,12 @@ impl PixelSampler {
     #[inline]
     pub fn film(&self) -> [f32; 2] {
         self.pair(Dimension::Film as u32)
+    }
+
+    /// The pair for the camera's opening.
+    #[inline]
+    pub fn lens(&self) -> [f32; 2] {
+        self.pair(Dimension::Lens as u32)
     }
 
     #[inline]

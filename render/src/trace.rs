@@ -16,24 +16,44 @@ pub struct RayInWorld {
 pub enum PathOrigin {
     /// A point in free space (the camera).
     Free,
-    /// A face of a voxel (or of an LOD element): the ray starts exactly on its plane, on the outer side.
+    /// A surface that was hit, of whatever kind.
+    ///
+    /// * A face: the ray starts exactly on its plane, on the outer side.
+    /// * A cap: it starts exactly on the cut's plane; which side it goes to follows from its direction.
+    /// * A triangle: the ray meets neither that triangle nor another of its mesh that does not reach above the triangle's plane, on
+    ///   the side that the ray goes to.
     Face(Surface),
+}
+
+/// Kinds of surface elements.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum SurfaceKind {
+    /// A face of a voxel (or of an LOD element).
+    #[default]
+    Face = 0,
+    /// Where a cut goes through a voxel (or an LOD element).
+    Cap = 1,
+    /// A triangle of a mesh.
+    Triangle = 2,
 }
 
 /// The surface element that was hit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Surface {
-    /// Position of the instance in the scene's list.
+    /// Position of the instance in the scene's list; a mesh's position in its own list counts on from the last instance's.
     pub instance: u32,
-    /// Lowest voxel of the element: the voxel itself, or a cell's or a box's corner at coarser LOD.
+    /// What kind of element it is.
+    pub kind: SurfaceKind,
+    /// Lowest voxel of the element: the voxel itself, or a cell's or a box's corner at coarser LOD. 0 for a triangle.
     pub voxel: [u32; 3],
-    /// Axis of the face, 0 to 2.
+    /// Axis of a face, 0 to 2; else 0.
     pub axis: u8,
-    /// Whether the outward normal points along the positive axis (in index space).
+    /// Whether the outward normal of a face points along the positive axis (in index space).
     pub positive: bool,
-    /// Index-space coordinate of the face's plane along `axis`.
+    /// Index-space coordinate of the face's plane along `axis`. Of a cap: which of its instance's cutting planes it lies in. Of a
+    /// triangle: its number in the mesh.
     pub plane: u32,
-    /// Dense label index.
+    /// Dense label index; for a triangle, the index of its material.
     pub label: u32,
 }
 
@@ -44,10 +64,24 @@ pub struct Hit {
     pub t: f64,
     /// What was hit.
     pub surface: Surface,
-    /// Outward unit normal in world space.
+    /// Outward unit normal in world space. A triangle's points to where its corners are seen to turn counterclockwise.
     pub normal_in_world: DVec3,
-    /// The ray came from within the element (its origin was inside a solid voxel).
+    /// The ray came from within the element (its origin was inside a solid voxel), or onto the back of a triangle.
     pub from_inside: bool,
+}
+
+impl Hit {
+    /// Whether the ray started inside something solid, of which it sees the inside. The back of a triangle is a surface like its
+    /// front.
+    pub fn is_seen_from_within(&self) -> bool {
+        self.from_inside && self.surface.kind != SurfaceKind::Triangle
+    }
+
+    /// The unit normal on the side that the ray came from; of what was seen from within, the outward one.
+    pub fn normal_towards_ray(&self) -> DVec3 {
+        let back = self.from_inside && self.surface.kind == SurfaceKind::Triangle;
+        if back { -self.normal_in_world } else { self.normal_in_world }
+    }
 }
 
 /// Geometry that rays can be asked against. Shared by all render threads.

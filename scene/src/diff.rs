@@ -8,11 +8,11 @@
 //! automatic colours of neighbours  materials, visibility
 //! ```
 //!
-//! Instances are matched by id, never by place.
+//! Instances and meshes are matched by id, never by place.
 
 use std::collections::BTreeMap;
 
-use crate::{Instance, LabelStyle, Scene};
+use crate::{Instance, LabelStyle, Mesh, Scene};
 
 /// What differs within an instance that is in both revisions.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -36,6 +36,26 @@ impl InstanceDiff {
     }
 }
 
+/// What differs within a mesh that is in both revisions.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct MeshDiff {
+    /// Its id.
+    pub id: u32,
+    /// Its matrix.
+    pub moved: bool,
+    /// Its triangles are others.
+    pub geometry: bool,
+    /// Its materials, or whether it only catches shadows.
+    pub materials: bool,
+}
+
+impl MeshDiff {
+    /// Whether nothing differs.
+    pub fn is_empty(&self) -> bool {
+        *self == Self { id: self.id, ..Self::default() }
+    }
+}
+
 /// What differs between two revisions of a scene.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct SceneDiff {
@@ -47,6 +67,10 @@ pub struct SceneDiff {
     pub world: bool,
     /// Suns.
     pub suns: bool,
+    /// Lamps.
+    pub lights: bool,
+    /// What is cut away.
+    pub cuts: bool,
     /// Level of detail.
     pub lod: bool,
     /// All settings but the level of detail: mode, bounces, roulette, reach, seed.
@@ -59,6 +83,14 @@ pub struct SceneDiff {
     pub reordered: bool,
     /// Instances that stayed and differ, in the new order.
     pub changed: Vec<InstanceDiff>,
+    /// Ids of meshes that are new, in the new order.
+    pub meshes_added: Vec<u32>,
+    /// Ids of meshes that are gone, in the old order.
+    pub meshes_removed: Vec<u32>,
+    /// Meshes that stayed come in another order.
+    pub meshes_reordered: bool,
+    /// Meshes that stayed and differ, in the new order.
+    pub meshes_changed: Vec<MeshDiff>,
 }
 
 impl SceneDiff {
@@ -70,21 +102,22 @@ impl SceneDiff {
                 film: true,
                 world: true,
                 suns: true,
+                lights: true,
+                cuts: true,
                 lod: true,
                 light_settings: true,
                 added: new.instances.iter().map(|i| i.id).collect(),
+                meshes_added: new.meshes.iter().map(|m| m.id).collect(),
                 ..Self::default()
             };
         };
-        let by_id = |scene: &'_ Scene| -> BTreeMap<u32, usize> {
-            scene.instances.iter().enumerate().map(|(place, i)| (i.id, place)).collect()
-        };
-        let (old_places, new_places) = (by_id(old), by_id(new));
         let mut diff = Self {
             camera: old.camera != new.camera,
             film: old.film != new.film,
             world: old.world != new.world,
             suns: old.suns != new.suns,
+            lights: old.lights != new.lights,
+            cuts: old.cuts != new.cuts,
             lod: old.settings.lod != new.settings.lod,
             light_settings: {
                 let lod = new.settings.lod;
@@ -92,27 +125,63 @@ impl SceneDiff {
             },
             ..Self::default()
         };
-        let gone = old.instances.iter().map(|i| i.id).filter(|id| !new_places.contains_key(id));
-        diff.removed = gone.collect();
-        let mut former_place = None;
-        for instance in &new.instances {
-            let Some(&place) = old_places.get(&instance.id) else {
-                diff.added.push(instance.id);
-                continue;
-            };
-            diff.reordered |= former_place.is_some_and(|former| place < former);
-            former_place = Some(place);
-            let change = instance_diff(&old.instances[place], instance);
-            if !change.is_empty() {
-                diff.changed.push(change);
-            }
-        }
+        let instances = match_by_id(&old.instances, &new.instances, |i| i.id);
+        diff.changed = instances.stayed.iter().map(|(old, new)| instance_diff(old, new)).collect();
+        diff.changed.retain(|change| !change.is_empty());
+        (diff.added, diff.removed, diff.reordered) =
+            (instances.added, instances.removed, instances.reordered);
+        let meshes = match_by_id(&old.meshes, &new.meshes, |m| m.id);
+        diff.meshes_changed = meshes.stayed.iter().map(|(old, new)| mesh_diff(old, new)).collect();
+        diff.meshes_changed.retain(|change| !change.is_empty());
+        (diff.meshes_added, diff.meshes_removed, diff.meshes_reordered) =
+            (meshes.added, meshes.removed, meshes.reordered);
         diff
     }
 
     /// Whether both revisions give the same picture.
     pub fn is_empty(&self) -> bool {
         *self == Self::default()
+    }
+}
+
+/// What became of the items of a list whose ids last.
+struct Matched<'a, T> {
+    added: Vec<u32>,
+    removed: Vec<u32>,
+    reordered: bool,
+    /// Old and new form, in the new order.
+    stayed: Vec<(&'a T, &'a T)>,
+}
+
+fn match_by_id<'a, T>(old: &'a [T], new: &'a [T], id: impl Fn(&T) -> u32) -> Matched<'a, T> {
+    let places = |items: &[T]| -> BTreeMap<u32, usize> {
+        items.iter().enumerate().map(|(place, item)| (id(item), place)).collect()
+    };
+    let (old_places, new_places) = (places(old), places(new));
+    let gone = old.iter().map(&id).filter(|id| !new_places.contains_key(id));
+    let mut matched =
+        Matched { added: Vec::new(), removed: gone.collect(), reordered: false, stayed: Vec::new() };
+    let mut former_place = None;
+    for item in new {
+        let Some(&place) = old_places.get(&id(item)) else {
+            matched.added.push(id(item));
+            continue;
+        };
+        matched.reordered |= former_place.is_some_and(|former| place < former);
+        former_place = Some(place);
+        matched.stayed.push((&old[place], item));
+    }
+    matched
+}
+
+fn mesh_diff(old: &Mesh, new: &Mesh) -> MeshDiff {
+    // Taken apart by name, so that a new field cannot be forgotten here.
+    let Mesh { id, source, world_from_mesh, materials, shadow_catcher } = new;
+    MeshDiff {
+        id: *id,
+        moved: old.world_from_mesh != *world_from_mesh,
+        geometry: old.source != *source,
+        materials: old.materials != *materials || old.shadow_catcher != *shadow_catcher,
     }
 }
 

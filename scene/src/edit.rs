@@ -8,7 +8,10 @@ use glam::DAffine3;
 use serde::{Deserialize, Serialize};
 
 use crate::label_materials::each_once;
-use crate::{Camera, Film, Instance, LabelStyle, Material, Scene, SceneError, Settings, Show, Sun, World};
+use crate::{
+    Camera, Cut, Film, Instance, LabelStyle, Light, Material, Mesh, Scene, SceneError, Settings, Show, Sun,
+    World,
+};
 
 /// A change to one part of a scene. Instances are named by their id.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -34,6 +37,16 @@ pub enum SceneEdit {
     Suns {
         /// All of them.
         suns: Vec<Sun>,
+    },
+    /// Other lamps.
+    Lights {
+        /// All of them.
+        lights: Vec<Light>,
+    },
+    /// Other parts are cut away.
+    Cuts {
+        /// All of them.
+        cuts: Vec<Cut>,
     },
     /// Another integrator, level of detail or seed.
     Settings {
@@ -86,15 +99,41 @@ pub enum SceneEdit {
         /// Of the instance.
         id: u32,
     },
+    /// Another mesh, or one more.
+    AddMesh {
+        /// Replaces the mesh with the same id where there is one.
+        mesh: Mesh,
+    },
+    /// A mesh stands elsewhere.
+    PlaceMesh {
+        /// Of the mesh.
+        id: u32,
+        /// Its own space to world.
+        world_from_mesh: DAffine3,
+    },
+    /// A mesh has other materials.
+    MeshMaterials {
+        /// Of the mesh.
+        id: u32,
+        /// All of them.
+        materials: Vec<Material>,
+    },
+    /// A mesh goes.
+    RemoveMesh {
+        /// Of the mesh.
+        id: u32,
+    },
 }
 
 impl SceneEdit {
     /// Every tag of the JSON form.
-    pub const NAMES: [&str; 12] = [
+    pub const NAMES: [&str; 18] = [
         "camera",
         "film",
         "world",
         "suns",
+        "lights",
+        "cuts",
         "settings",
         "place",
         "show",
@@ -103,6 +142,10 @@ impl SceneEdit {
         "label_materials",
         "add",
         "remove",
+        "add_mesh",
+        "place_mesh",
+        "mesh_materials",
+        "remove_mesh",
     ];
 
     /// The tag of the JSON form; counters are named by it.
@@ -112,6 +155,8 @@ impl SceneEdit {
             Self::Film { .. } => "film",
             Self::World { .. } => "world",
             Self::Suns { .. } => "suns",
+            Self::Lights { .. } => "lights",
+            Self::Cuts { .. } => "cuts",
             Self::Settings { .. } => "settings",
             Self::Place { .. } => "place",
             Self::Show { .. } => "show",
@@ -120,6 +165,10 @@ impl SceneEdit {
             Self::LabelMaterials { .. } => "label_materials",
             Self::Add { .. } => "add",
             Self::Remove { .. } => "remove",
+            Self::AddMesh { .. } => "add_mesh",
+            Self::PlaceMesh { .. } => "place_mesh",
+            Self::MeshMaterials { .. } => "mesh_materials",
+            Self::RemoveMesh { .. } => "remove_mesh",
         }
     }
 
@@ -145,6 +194,8 @@ impl Scene {
                 SceneEdit::Film { film } => self.film = film,
                 SceneEdit::World { world } => self.world = world,
                 SceneEdit::Suns { suns } => self.suns = suns,
+                SceneEdit::Lights { lights } => self.lights = lights,
+                SceneEdit::Cuts { cuts } => self.cuts = cuts,
                 SceneEdit::Settings { settings } => self.settings = settings,
                 SceneEdit::Place { id, world_from_index } => {
                     self.instance_mut(i, name, id)?.world_from_index = world_from_index;
@@ -173,6 +224,20 @@ impl Scene {
                     self.instance_mut(i, name, id)?;
                     self.instances.retain(|o| o.id != id);
                 }
+                SceneEdit::AddMesh { mesh } => match self.meshes.iter_mut().find(|o| o.id == mesh.id) {
+                    Some(old) => *old = mesh,
+                    None => self.meshes.push(mesh),
+                },
+                SceneEdit::PlaceMesh { id, world_from_mesh } => {
+                    self.mesh_mut(i, name, id)?.world_from_mesh = world_from_mesh;
+                }
+                SceneEdit::MeshMaterials { id, materials } => {
+                    self.mesh_mut(i, name, id)?.materials = materials;
+                }
+                SceneEdit::RemoveMesh { id } => {
+                    self.mesh_mut(i, name, id)?;
+                    self.meshes.retain(|o| o.id != id);
+                }
             }
         }
         Ok(())
@@ -183,6 +248,14 @@ impl Scene {
         self.instances.iter_mut().find(|i| i.id == id).ok_or_else(|| SceneError::Field {
             field: format!("edits[{edit}].{name}.id"),
             problem: format!("the scene has no instance {id}; its instances are {ids:?}"),
+        })
+    }
+
+    fn mesh_mut(&mut self, edit: usize, name: &str, id: u32) -> Result<&mut Mesh, SceneError> {
+        let ids: Vec<u32> = self.meshes.iter().map(|m| m.id).collect();
+        self.meshes.iter_mut().find(|m| m.id == id).ok_or_else(|| SceneError::Field {
+            field: format!("edits[{edit}].{name}.id"),
+            problem: format!("the scene has no mesh {id}; its meshes are {ids:?}"),
         })
     }
 

@@ -111,6 +111,8 @@ impl Scene {
         let sources = self.instances.iter().enumerate();
         let mut paths: Vec<_> =
             sources.map(|(i, s)| (format!("instances[{i}].source"), s.source.as_path())).collect();
+        let meshes = self.meshes.iter().enumerate();
+        paths.extend(meshes.map(|(i, m)| (format!("meshes[{i}].source"), m.source.as_path())));
         if let Environment::Image { path, .. } = &self.world.environment {
             paths.push(("world.environment.image.path".into(), path));
         }
@@ -122,7 +124,8 @@ impl Scene {
             Environment::Image { path, .. } => Some(path),
             Environment::Constant { .. } => None,
         };
-        self.instances.iter_mut().map(|i| &mut i.source).chain(sky)
+        let meshes = self.meshes.iter_mut().map(|m| &mut m.source);
+        self.instances.iter_mut().map(|i| &mut i.source).chain(meshes).chain(sky)
     }
 }
 

@@ -6,6 +6,7 @@
 #![forbid(unsafe_code)]
 
 pub mod camera;
+pub mod cut;
 pub mod diff;
 pub mod edit;
 pub mod error;
@@ -13,20 +14,23 @@ pub mod json;
 pub mod label_materials;
 pub mod light;
 pub mod material;
+pub mod mesh;
 pub mod needs;
 pub mod scene;
 pub mod settings;
 pub mod show;
 pub mod validate;
 
-pub use camera::{Camera, Projection};
-pub use diff::{InstanceDiff, SceneDiff};
+pub use camera::{Aperture, Camera, Projection, SensorFit};
+pub use cut::{Cut, CutShape};
+pub use diff::{InstanceDiff, MeshDiff, SceneDiff};
 pub use edit::SceneEdit;
 pub use error::SceneError;
 pub use label_materials::LabelMaterials;
-pub use light::{Environment, Sun, World};
+pub use light::{Environment, Light, LightShape, Outline, Sun, World};
 pub use material::Material;
+pub use mesh::Mesh;
 pub use needs::{LabelCount, Needs};
 pub use scene::{Instance, LabelStyle, SCENE_VERSION, Scene};
-pub use settings::{Film, Filter, Lod, Mode, Settings};
+pub use settings::{Adaptive, Film, Filter, Lod, Mode, Settings};
 pub use show::Show;

@@ -3,7 +3,7 @@
 //! A need is told from what is drawn: the material of a hidden label asks for nothing. `left out` is said only of work or memory
 //! that a renderer does save; what costs nothing to have (emission, metal) is told where it is needed and else not mentioned.
 
-use crate::{Environment, LabelStyle, Lod, Material, Mode, Scene};
+use crate::{Environment, LabelStyle, Light, LightShape, Lod, Material, Mode, Scene};
 
 /// Labels of one instance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -29,12 +29,20 @@ pub struct Needs {
     pub specular: bool,
     /// Some surface is metal, wholly or in part.
     pub metal: bool,
+    /// Some surface lets light into the label, refracted.
+    pub glass: bool,
+    /// Some surface lies under a clear coat.
+    pub coat: bool,
+    /// Some surface lets light pass straight on.
+    pub clear: bool,
     /// Some surface sends out light.
     pub emission: bool,
     /// The sky is a picture, with a table to aim by.
     pub sky_table: bool,
     /// Suns that give light, to be aimed at.
     pub suns: usize,
+    /// Lamps that give light, to be aimed at and to be met.
+    pub lamps: usize,
     /// Some light is found both by aiming and by scattering, so that the two are weighted (multiple importance sampling).
     pub mis: bool,
     /// Paths light further surfaces after the first.
@@ -56,6 +64,7 @@ impl Needs {
         // Labels, and the materials that can be seen.
         let mut labels = Vec::new();
         let (mut diffuse, mut specular, mut metal, mut emission) = (false, false, false, false);
+        let (mut glass, mut coat, mut clear) = (false, false, false);
         for (instance, ids) in scene.instances.iter().zip(ids) {
             let visible = visible(&instance.style, ids);
             labels.push(LabelCount {
@@ -67,6 +76,9 @@ impl Needs {
                 diffuse |= m.metallic < 1.0 && (colored || m.base_color != [0.0; 3]);
                 specular |= m.specular > 0.0 && m.ior > 1.0;
                 metal |= m.metallic > 0.0;
+                glass |= m.transmission > 0.0;
+                coat |= m.coat > 0.0;
+                clear |= m.alpha < 1.0;
                 emission |= m.emission != [0.0; 3];
             }
         }
@@ -75,15 +87,21 @@ impl Needs {
         let sky_table = matches!(scene.world.environment, Environment::Image { .. });
         let lit = scene.suns.iter().filter(|s| lighting && s.strength > 0.0 && s.color != [0.0; 3]);
         let wide = lit.clone().any(|s| s.angle_rad > 0.0);
+        let lamps = scene.lights.iter().filter(|l| lighting && l.power_w > 0.0 && l.color != [0.0; 3]);
+        let wide = wide || lamps.clone().any(has_extent);
         Self {
             labels,
             lighting,
             diffuse: lighting && diffuse,
             specular: lighting && specular,
             metal: lighting && metal,
+            glass: lighting && glass,
+            coat: lighting && coat,
+            clear: lighting && clear,
             emission: lighting && emission,
             sky_table,
             suns: lit.count(),
+            lamps: lamps.count(),
             mis: lighting && (sky_table || wide),
             bounces,
             roulette: bounces && settings.russian_roulette,
@@ -126,6 +144,13 @@ impl Needs {
             _ => suns.as_str(),
         };
         line(self.suns > 0, suns, or_ambient("no sun gives light"));
+        let lamps = format!("{} lamps", self.lamps);
+        let lamps = match self.lamps {
+            0 => "lamps",
+            1 => "1 lamp",
+            _ => lamps.as_str(),
+        };
+        line(self.lamps > 0, lamps, or_ambient("no lamp gives light"));
         line(
             self.sky_table,
             "table of the sky",
@@ -152,9 +177,24 @@ impl Needs {
         }
 
         // What costs nothing where it is absent.
-        let free = [(self.diffuse, "diffuse"), (self.metal, "metal"), (self.emission, "emission")];
+        let free = [
+            (self.diffuse, "diffuse"),
+            (self.metal, "metal"),
+            (self.glass, "glass"),
+            (self.coat, "clear coat"),
+            (self.clear, "surfaces that light passes straight through"),
+            (self.emission, "emission"),
+        ];
         lines.extend(free.iter().filter(|f| f.0).map(|f| format!("needed: {}", f.1)));
         lines
+    }
+}
+
+/// Whether a scattered ray can meet it.
+fn has_extent(light: &Light) -> bool {
+    match light.shape {
+        LightShape::Point { radius, .. } | LightShape::Spot { radius, .. } => radius > 0.0,
+        LightShape::Area { spread_rad, .. } => spread_rad > 0.0,
     }
 }
 

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use glam::DAffine3;
 use serde::{Deserialize, Serialize};
 
-use crate::{Camera, Film, LabelMaterials, Material, Settings, Show, Sun, World};
+use crate::{Camera, Cut, Film, LabelMaterials, Light, Material, Mesh, Settings, Show, Sun, World};
 
 /// Version of the JSON form that this code writes and reads.
 pub const SCENE_VERSION: u32 = 1;
@@ -56,6 +56,15 @@ pub struct Scene {
     /// Sun lights.
     #[serde(default)]
     pub suns: Vec<Sun>,
+    /// Lamps.
+    #[serde(default)]
+    pub lights: Vec<Light>,
+    /// Triangle meshes.
+    #[serde(default)]
+    pub meshes: Vec<Mesh>,
+    /// What is cut away from the volumes.
+    #[serde(default)]
+    pub cuts: Vec<Cut>,
     /// How it is computed.
     #[serde(default)]
     pub settings: Settings,

@@ -28,6 +28,23 @@ pub struct Film {
     pub height: u32,
     /// Reconstruction filter.
     pub filter: Filter,
+    /// Width of a pixel over its height, above 0.
+    #[serde(default = "square")]
+    pub pixel_aspect: f64,
+    /// What camera rays do not meet is left transparent instead of showing the sky or the backdrop.
+    #[serde(default)]
+    pub transparent: bool,
+}
+
+fn square() -> f64 {
+    1.0
+}
+
+impl Film {
+    /// An opaque film of square pixels.
+    pub const fn new(width: u32, height: u32, filter: Filter) -> Self {
+        Self { width, height, filter, pixel_aspect: 1.0, transparent: false }
+    }
 }
 
 /// Which light is counted.
@@ -61,6 +78,16 @@ pub enum Lod {
     },
 }
 
+/// Samples go where the error is (Blender's *Noise Threshold*): a pixel rests once its estimated error is below `threshold`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Adaptive {
+    /// Relative error of a pixel, above 0.
+    pub threshold: f32,
+    /// Samples that every pixel gets before it may rest, at least 4: fewer tell nothing of their error.
+    pub min_spp: u32,
+}
+
 /// How the picture is made.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -77,6 +104,15 @@ pub struct Settings {
     pub lod: Lod,
     /// Every random number follows from it.
     pub seed: u64,
+    /// Largest value that light at a first surface point may add to a sample, as Cycles' *Direct Light* clamp; 0: no clamp.
+    /// A clamp takes light away: it biases the picture.
+    pub clamp_direct: f32,
+    /// The same for light after further bounces, as Cycles' *Indirect Light* clamp; 0: no clamp.
+    pub clamp_indirect: f32,
+    /// Samples by error; none: every pixel gets as many.
+    pub adaptive: Option<Adaptive>,
+    /// Shades voxels with the direction in which the label's occupancy falls off, instead of their flat faces.
+    pub smooth_voxels: bool,
 }
 
 impl Default for Settings {
@@ -88,6 +124,10 @@ impl Default for Settings {
             ao_distance: f64::MAX,
             lod: Lod::Voxels,
             seed: 0,
+            clamp_direct: 0.0,
+            clamp_indirect: 0.0,
+            adaptive: None,
+            smooth_voxels: false,
         }
     }
 }

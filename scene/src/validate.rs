@@ -1,13 +1,19 @@
 //! Whether a scene makes sense; if not, which field is at fault.
 
+mod camera;
+mod light;
+mod material;
+
 use std::collections::BTreeSet;
 
 use glam::{DAffine3, DMat3, DVec3};
 
 use crate::{
-    Camera, Environment, Film, Filter, Instance, Lod, Material, Projection, SCENE_VERSION, Scene, SceneError,
-    Settings, Sun,
+    Cut, CutShape, Environment, Film, Filter, Instance, Lod, Mesh, SCENE_VERSION, Scene, SceneError, Settings,
 };
+use camera::validate_camera;
+use light::{validate_light, validate_sun};
+use material::validate_material;
 
 /// Most pixels along a side: what OpenEXR and PNG readers take for granted.
 pub const MAX_SIDE_PIXELS: u32 = 65_536;
@@ -20,10 +26,6 @@ pub const MAX_FILTER_PIXELS: f32 = 16.0;
 /// Columns of a matrix, made unit vectors, lie in a plane where their determinant is not above this: f64 has lost what was left
 /// of the third direction.
 const LEAST_DETERMINANT: f64 = 1e-12;
-/// Largest cosine between two axes of a camera. Blender's matrices are f32: a chain of parents leaves some 1e-6; a shear that
-/// somebody could see in a picture of 4096 pixels (a quarter pixel at its edge) is above this.
-const MOST_CAMERA_SHEAR: f64 = 1e-4;
-
 /// Collects the first fault while walking through the fields.
 struct Check {
     path: Vec<String>,
@@ -84,6 +86,16 @@ impl Check {
         }
     }
 
+    fn point(&self, name: &str, p: [f64; 3]) -> Checked {
+        self.field(name, p.iter().all(|v| v.is_finite()), || format!("expected finite numbers, got {p:?}"))
+    }
+
+    fn direction(&self, name: &str, d: [f64; 3]) -> Checked {
+        // Its square must hold the digits that the unit vector needs.
+        let good = DVec3::from_array(d).length_squared().is_normal();
+        self.field(name, good, || format!("expected a direction, got {d:?}"))
+    }
+
     fn matrix(&self, name: &str, m: &DAffine3) -> Checked {
         self.field(name, m.is_finite(), || "expected finite numbers, got NaN or infinity".into())?;
         let good = unit_columns(&m.matrix3).is_some_and(|u| u.determinant().abs() > LEAST_DETERMINANT);
@@ -139,6 +151,19 @@ impl Scene {
         for (i, sun) in self.suns.iter().enumerate() {
             c.within(format!("suns[{i}]"), |c| validate_sun(c, sun))?;
         }
+        for (i, light) in self.lights.iter().enumerate() {
+            c.within(format!("lights[{i}]"), |c| validate_light(c, light))?;
+        }
+        let mut mesh_ids = BTreeSet::new();
+        for (i, mesh) in self.meshes.iter().enumerate() {
+            c.within(format!("meshes[{i}]"), |c| {
+                c.field("id", mesh_ids.insert(mesh.id), || format!("{} is used twice", mesh.id))?;
+                validate_mesh(c, mesh)
+            })?;
+        }
+        for (i, cut) in self.cuts.iter().enumerate() {
+            c.within(format!("cuts[{i}]"), |c| validate_cut(c, cut, &ids))?;
+        }
         c.within("settings", |c| validate_settings(c, &self.settings))
     }
 }
@@ -156,38 +181,30 @@ fn validate_instance(c: &mut Check, instance: &Instance) -> Checked {
     })
 }
 
-fn validate_material(c: &Check, m: &Material) -> Checked {
-    c.each("base_color", m.base_color, |name, v| c.range(name, v, 0.0, 1.0))?;
-    c.range("metallic", m.metallic.into(), 0.0, 1.0)?;
-    c.range("roughness", m.roughness.into(), 0.0, 1.0)?;
-    c.at_least("specular", m.specular.into(), 0.0)?;
-    c.at_least("ior", m.ior.into(), 1.0)?;
-    c.color("emission", m.emission)
+fn validate_mesh(c: &mut Check, mesh: &Mesh) -> Checked {
+    c.field("source", !mesh.source.as_os_str().is_empty(), || "expected a file".into())?;
+    c.matrix("world_from_mesh", &mesh.world_from_mesh)?;
+    c.field("materials", !mesh.materials.is_empty(), || "expected at least one material".into())?;
+    for (i, material) in mesh.materials.iter().enumerate() {
+        c.within(format!("materials[{i}]"), |c| validate_material(c, material))?;
+    }
+    Ok(())
 }
 
-fn validate_camera(c: &Check, camera: &Camera) -> Checked {
-    c.matrix("world_from_camera", &camera.world_from_camera)?;
-    let m = unit_columns(&camera.world_from_camera.matrix3).unwrap_or(DMat3::IDENTITY);
-    let shear = [m.x_axis.dot(m.y_axis), m.y_axis.dot(m.z_axis), m.z_axis.dot(m.x_axis)];
-    c.field("world_from_camera", shear.iter().all(|s| s.abs() <= MOST_CAMERA_SHEAR), || {
-        format!("expected axes at right angles, got cosines {shear:?} between them")
-    })?;
-    match camera.projection {
-        Projection::Perspective { fov_rad } => {
-            let good = fov_rad > 0.0 && fov_rad < std::f64::consts::PI;
-            c.field("projection.perspective.fov_rad", good, || {
-                format!("expected above 0 and below π, got {fov_rad}")
-            })?;
+fn validate_cut(c: &mut Check, cut: &Cut, instances: &BTreeSet<u32>) -> Checked {
+    let named = cut.instances.iter().flatten().enumerate();
+    for (i, id) in named {
+        c.field(&format!("instances[{i}]"), instances.contains(id), || {
+            format!("the scene has no instance {id}")
+        })?;
+    }
+    match &cut.shape {
+        CutShape::Plane { point, normal } => {
+            c.point("shape.plane.point", *point)?;
+            c.direction("shape.plane.normal", *normal)
         }
-        Projection::Orthographic { scale } => c.above("projection.orthographic.scale", scale, 0.0)?,
+        CutShape::Box { world_from_box } => c.matrix("shape.box.world_from_box", world_from_box),
     }
-    for (i, v) in camera.shift.iter().enumerate() {
-        c.field(&format!("shift[{i}]"), v.is_finite(), || format!("expected a finite number, got {v}"))?;
-    }
-    let [near, far] = camera.clip;
-    c.field("clip", near >= 0.0 && near < far && far.is_finite(), || {
-        format!("expected 0 ≤ near < far, got {near} and {far}")
-    })
 }
 
 fn validate_film(c: &Check, film: &Film) -> Checked {
@@ -197,6 +214,7 @@ fn validate_film(c: &Check, film: &Film) -> Checked {
     c.field("width", pixels <= MAX_PIXELS, || {
         format!("expected at most {MAX_PIXELS} pixels in all, got {pixels}")
     })?;
+    c.above("pixel_aspect", film.pixel_aspect, 0.0)?;
     let (name, width) = match film.filter {
         Filter::Box { width } => ("filter.box.width", width),
         Filter::BlackmanHarris { width } => ("filter.blackman_harris.width", width),
@@ -205,29 +223,15 @@ fn validate_film(c: &Check, film: &Film) -> Checked {
     c.field(name, good, || format!("expected above 0 and at most {MAX_FILTER_PIXELS}, got {width}"))
 }
 
-fn validate_sun(c: &Check, sun: &Sun) -> Checked {
-    // Its square must hold the digits that the unit vector needs.
-    let good = DVec3::from_array(sun.direction).length_squared().is_normal();
-    c.field("direction", good, || format!("expected a direction, got {:?}", sun.direction))?;
-    c.at_least("strength", sun.strength.into(), 0.0)?;
-    c.color("color", sun.color)?;
-    c.range("angle_rad", sun.angle_rad, 0.0, std::f64::consts::PI)?;
-    // Radiance within the cone (`pumice_render::ReadySun`) is an f32: a needle of a sun would blind it.
-    let cone = std::f64::consts::PI * (0.5 * sun.angle_rad).sin().powi(2);
-    let brightest = sun.color.iter().fold(0.0, |a: f32, &b| a.max(b)).max(1.0);
-    let radiance =
-        f64::from(sun.strength) * f64::from(brightest) / if sun.angle_rad > 0.0 { cone } else { 1.0 };
-    c.field("angle_rad", radiance <= f64::from(f32::MAX), || {
-        format!(
-            "expected 0 or an angle wide enough for its strength, got {}: radiance {radiance}",
-            sun.angle_rad
-        )
-    })
-}
-
 fn validate_settings(c: &Check, settings: &Settings) -> Checked {
     c.range("bounces", settings.bounces.into(), 0.0, MAX_BOUNCES.into())?;
     c.above("ao_distance", settings.ao_distance, 0.0)?;
+    c.at_least("clamp_direct", settings.clamp_direct.into(), 0.0)?;
+    c.at_least("clamp_indirect", settings.clamp_indirect.into(), 0.0)?;
+    if let Some(adaptive) = &settings.adaptive {
+        c.above("adaptive.threshold", adaptive.threshold.into(), 0.0)?;
+        c.at_least("adaptive.min_spp", adaptive.min_spp.into(), 4.0)?;
+    }
     match settings.lod {
         Lod::Distance { pixels } => c.above("lod.distance.pixels", pixels.into(), 0.0),
         Lod::Voxels | Lod::Cells | Lod::Boxes => Ok(()),

@@ -6,7 +6,7 @@ mod common;
 
 use common::full_scene;
 use pumice_scene::{
-    Environment, Filter, InstanceDiff, Lod, Material, Mode, Projection, Scene, SceneDiff, Show,
+    Environment, Filter, InstanceDiff, Lod, Material, MeshDiff, Mode, Projection, Scene, SceneDiff, Show,
 };
 use serde_json::Value;
 
@@ -32,9 +32,12 @@ fn all_is_sent_first() {
         film: true,
         world: true,
         suns: true,
+        lights: true,
+        cuts: true,
         lod: true,
         light_settings: true,
         added: vec![7, 8],
+        meshes_added: vec![3, 4],
         ..SceneDiff::default()
     };
     assert_eq!(SceneDiff::between(None, &scene), first);
@@ -145,6 +148,21 @@ fn instances_are_matched_by_id() {
     assert_eq!(more, SceneDiff { added: vec![1], ..none() });
 }
 
+#[test]
+fn meshes_are_matched_by_id() {
+    let none = SceneDiff::default;
+    let mesh = |change: fn(&mut MeshDiff)| {
+        let mut diff = MeshDiff { id: 4, ..MeshDiff::default() };
+        change(&mut diff);
+        SceneDiff { meshes_changed: vec![diff], ..none() }
+    };
+    assert_eq!(after(|s| drop(s.meshes.remove(0))), SceneDiff { meshes_removed: vec![3], ..none() });
+    assert_eq!(after(|s| s.meshes.swap(0, 1)), SceneDiff { meshes_reordered: true, ..none() });
+    assert_eq!(after(|s| s.meshes[1].world_from_mesh.translation.x += 1.0), mesh(|d| d.moved = true));
+    assert_eq!(after(|s| s.meshes[1].source = "other.ply".into()), mesh(|d| d.geometry = true));
+    assert_eq!(after(|s| s.meshes[1].shadow_catcher = false), mesh(|d| d.materials = true));
+}
+
 /// Places of all values that hold no others.
 fn leaves(value: &Value, at: &str, out: &mut Vec<String>) {
     match value {
@@ -172,6 +190,8 @@ fn no_change_of_any_value_goes_unnoticed() {
             Value::Number(n) if n.as_u64().is_some() => (n.as_u64().unwrap() ^ 1).into(),
             Value::Number(n) => (n.as_f64().unwrap() + 0.25).into(),
             Value::String(s) if s == "one_bounce" => "path".into(),
+            Value::String(s) if s == "vertical" => "auto".into(),
+            Value::String(s) if s == "ellipse" => "rectangle".into(),
             Value::String(s) => format!("{s}x").into(),
             other => panic!("{place} is {other}"),
         };

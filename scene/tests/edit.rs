@@ -5,7 +5,7 @@
 mod common;
 
 use common::full_scene;
-use pumice_scene::{Material, Scene, SceneDiff, SceneEdit, Show};
+use pumice_scene::{Material, MeshDiff, Scene, SceneDiff, SceneEdit, Show};
 use serde_json::{Value, json};
 
 /// One edit of each kind that changes something, with the diff's flags that it must set.
@@ -30,11 +30,21 @@ fn edits() -> Vec<(SceneEdit, SceneDiff)> {
     let mut place = scene.instances[1].world_from_index;
     place.translation.x += 1.0;
     let gray = Material { base_color: [0.5; 3], ..Material::default() };
+    let mesh = |change: fn(&mut MeshDiff)| {
+        let mut diff = MeshDiff { id: 4, ..MeshDiff::default() };
+        change(&mut diff);
+        SceneDiff { meshes_changed: vec![diff], ..none() }
+    };
+    let mut fifth = scene.meshes[1].clone();
+    fifth.id = 5;
+    let place_mesh = SceneEdit::PlaceMesh { id: 4, world_from_mesh: place };
     vec![
         (SceneEdit::Camera { camera }, SceneDiff { camera: true, ..none() }),
         (SceneEdit::Film { film }, SceneDiff { film: true, ..none() }),
         (SceneEdit::World { world }, SceneDiff { world: true, ..none() }),
         (SceneEdit::Suns { suns: vec![] }, SceneDiff { suns: true, ..none() }),
+        (SceneEdit::Lights { lights: vec![] }, SceneDiff { lights: true, ..none() }),
+        (SceneEdit::Cuts { cuts: vec![] }, SceneDiff { cuts: true, ..none() }),
         (SceneEdit::Settings { settings }, SceneDiff { light_settings: true, ..none() }),
         (SceneEdit::Place { id: 8, world_from_index: place }, instance(|d| d.moved = true)),
         (SceneEdit::Show { id: 8, show: Show::All }, instance(|d| d.visibility = true)),
@@ -46,6 +56,10 @@ fn edits() -> Vec<(SceneEdit, SceneDiff)> {
         ),
         (SceneEdit::Add { instance: third }, SceneDiff { added: vec![9], ..none() }),
         (SceneEdit::Remove { id: 8 }, SceneDiff { removed: vec![8], ..none() }),
+        (SceneEdit::AddMesh { mesh: fifth }, SceneDiff { meshes_added: vec![5], ..none() }),
+        (place_mesh, mesh(|d| d.moved = true)),
+        (SceneEdit::MeshMaterials { id: 4, materials: vec![gray] }, mesh(|d| d.materials = true)),
+        (SceneEdit::RemoveMesh { id: 4 }, SceneDiff { meshes_removed: vec![4], ..none() }),
     ]
 }
 

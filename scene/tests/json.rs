@@ -164,7 +164,7 @@ fn an_unknown_field_is_refused_by_name_wherever_it_is() {
         edited.pointer_mut(&place).unwrap().as_object_mut().unwrap().insert("zzz".into(), 1.into());
         let error = Scene::from_json(&edited.to_string()).unwrap_err().to_string();
         // Where a choice or an id stands, not a field, the parser says what it expected instead.
-        let choice = ["show", "materials", "projection", "filter", "environment", "lod"];
+        let choice = ["show", "materials", "projection", "filter", "environment", "lod", "shape"];
         if !choice.iter().any(|c| place.ends_with(&format!("/{c}"))) {
             assert!(error.contains("unknown field `zzz`"), "{place}: {error}");
         }

@@ -8,14 +8,7 @@ use common::full_scene;
 use pumice_scene::{Environment, LabelCount, LabelStyle, Lod, Material, Mode, Needs, Scene, Show};
 
 const IDS: [u64; 4] = [3, 5, 17, u64::MAX];
-const MATTE: Material = Material {
-    base_color: [0.5; 3],
-    metallic: 0.0,
-    roughness: 1.0,
-    specular: 0.0,
-    ior: 1.5,
-    emission: [0.0; 3],
-};
+const MATTE: Material = Material { base_color: [0.5; 3], roughness: 1.0, specular: 0.0, ..Material::DEFAULT };
 
 /// One instance of four matte labels under an even sky: next to nothing is needed.
 fn plain() -> Scene {
@@ -24,6 +17,7 @@ fn plain() -> Scene {
     scene.instances[0].style = LabelStyle { material: MATTE, ..LabelStyle::default() };
     scene.world.environment = Environment::Constant { radiance: [1.0; 3] };
     scene.suns.clear();
+    (scene.lights, scene.meshes, scene.cuts) = Default::default();
     scene.settings.mode = Mode::Path;
     scene.settings.bounces = 4;
     scene.settings.lod = Lod::Voxels;
@@ -41,9 +35,13 @@ fn least() -> Needs {
         diffuse: true,
         specular: false,
         metal: false,
+        glass: false,
+        coat: false,
+        clear: false,
         emission: false,
         sky_table: false,
         suns: 0,
+        lamps: 0,
         mis: false,
         bounces: true,
         roulette: false,
@@ -67,6 +65,9 @@ fn each_edit_needs_only_what_it_brings() {
     assert_eq!(style(|s| s.material.metallic = 0.5), Needs { metal: true, ..least() });
     assert_eq!(style(|s| s.material.metallic = 1.0), Needs { metal: true, diffuse: false, ..least() });
     assert_eq!(style(|s| s.material.emission[2] = 0.1), Needs { emission: true, ..least() });
+    assert_eq!(style(|s| s.material.transmission = 0.5), Needs { glass: true, ..least() });
+    assert_eq!(style(|s| s.material.coat = 0.5), Needs { coat: true, ..least() });
+    assert_eq!(style(|s| s.material.alpha = 0.5), Needs { clear: true, ..least() });
     assert_eq!(style(|s| s.material.base_color = [0.0; 3]), Needs { diffuse: false, ..least() });
     // A black that automatic colours replace is not black.
     assert_eq!(style(|s| (s.material.base_color, s.auto_color) = ([0.0; 3], true)), least());
@@ -81,6 +82,11 @@ fn each_edit_needs_only_what_it_brings() {
     let dark = pumice_scene::Sun { strength: 0.0, ..suns[0] };
     let black = pumice_scene::Sun { color: [0.0; 3], ..suns[0] };
     assert_eq!(after(|s| s.suns = vec![dark, black]), least());
+
+    let lamps = full_scene().lights;
+    assert_eq!(after(|s| s.lights = vec![lamps[1]]), Needs { lamps: 1, mis: true, ..least() });
+    let unlit = pumice_scene::Light { power_w: 0.0, ..lamps[0] };
+    assert_eq!(after(|s| s.lights = vec![unlit]), least());
 
     let settings = |edit: fn(&mut pumice_scene::Settings)| after(|s| edit(&mut s.settings));
     assert_eq!(settings(|s| s.russian_roulette = true), Needs { roulette: true, ..least() });
@@ -143,6 +149,7 @@ needed: boxes of 4 of 4 labels of instance 7
 needed: materials
 left out: dielectric layer (no visible label has one)
 left out: aiming at suns (no sun gives light)
+left out: lamps (no lamp gives light)
 left out: table of the sky (it is the same from everywhere: scattering finds it as well as aiming would)
 left out: weights of lights found in two ways (MIS) (each light is found in one way)
 needed: light from surface to surface

@@ -8,7 +8,10 @@ use std::f64::consts::PI;
 
 use common::full_scene;
 use glam::{DAffine3, DMat3, DVec3};
-use pumice_scene::{Environment, Filter, Lod, Material, Projection, SCENE_VERSION, Scene, SceneError};
+use pumice_scene::{
+    Adaptive, Aperture, CutShape, Environment, Filter, LightShape, Lod, Material, Outline, Projection,
+    SCENE_VERSION, Scene, SceneError,
+};
 
 /// The field that is at fault once `edit` was made in a scene that was good before.
 #[track_caller]
@@ -74,7 +77,23 @@ fn materials() {
     each("metallic", |m, v| m.metallic = v, &outside_unit, &unit);
     each("roughness", |m, v| m.roughness = v, &outside_unit, &unit);
     each("specular", |m, v| m.specular = v, &[below_zero, NAN, INF], &[0.0, 2.0]);
-    each("ior", |m, v| m.ior = v, &[1.0f32.next_down(), 0.0, NAN, INF], &[1.0, 4.0]);
+    let below_one = [1.0f32.next_down(), 0.0, NAN, INF];
+    each("ior", |m, v| m.ior = v, &below_one, &[1.0, 4.0]);
+    each("coat_ior", |m, v| m.coat_ior = v, &below_one, &[1.0, 4.0]);
+    each("transmission", |m, v| m.transmission = v, &outside_unit, &unit);
+    each("subsurface", |m, v| m.subsurface = v, &outside_unit, &unit);
+    each("coat", |m, v| m.coat = v, &outside_unit, &unit);
+    each("coat_roughness", |m, v| m.coat_roughness = v, &outside_unit, &unit);
+    each("sheen", |m, v| m.sheen = v, &outside_unit, &unit);
+    each("sheen_roughness", |m, v| m.sheen_roughness = v, &outside_unit, &unit);
+    each("alpha", |m, v| m.alpha = v, &outside_unit, &unit);
+    for i in 0..3 {
+        each(&format!("specular_tint[{i}]"), |m, v| m.specular_tint[i] = v, &outside_unit, &unit);
+        each(&format!("coat_tint[{i}]"), |m, v| m.coat_tint[i] = v, &outside_unit, &unit);
+        each(&format!("sheen_tint[{i}]"), |m, v| m.sheen_tint[i] = v, &outside_unit, &unit);
+        let radius = format!("subsurface_radius[{i}]");
+        each(&radius, |m, v| m.subsurface_radius[i] = v, &[below_zero, NAN, INF], &[0.0, 1e6]);
+    }
 }
 
 #[test]
@@ -115,7 +134,105 @@ fn matrices_that_cannot_be_inverted() {
 fn instances() {
     assert_eq!(fault(|s| s.instances[1].id = 7), "instances[1].id");
     assert_eq!(fault(|s| s.instances[0].source = "".into()), "instances[0].source");
-    good(|s| s.instances.clear());
+    good(|s| {
+        s.instances.clear();
+        s.cuts.clear();
+    });
+}
+
+#[test]
+fn meshes() {
+    assert_eq!(fault(|s| s.meshes[1].id = 3), "meshes[1].id");
+    good(|s| s.meshes[1].id = 7); // ids of instances are others
+    assert_eq!(fault(|s| s.meshes[0].source = "".into()), "meshes[0].source");
+    assert_eq!(fault(|s| s.meshes[0].materials.clear()), "meshes[0].materials");
+    assert_eq!(fault(|s| s.meshes[1].materials[1].coat = 2.0), "meshes[1].materials[1].coat");
+    assert_eq!(fault(|s| s.meshes[1].world_from_mesh.matrix3 = DMat3::ZERO), "meshes[1].world_from_mesh");
+}
+
+#[test]
+fn cuts() {
+    let plane = |s: &mut Scene, point: [f64; 3], normal: [f64; 3]| {
+        s.cuts[0].shape = CutShape::Plane { point, normal };
+    };
+    rule(
+        "cuts[0].shape.plane.normal",
+        |s, normal| plane(s, [0.0; 3], normal),
+        &[[0.0; 3], [f64::NAN, 0.0, 1.0], [1e-200, 0.0, 0.0]],
+        &[[0.0, 0.0, 1e-100]],
+    );
+    rule(
+        "cuts[0].shape.plane.point",
+        |s, point| plane(s, point, [1.0; 3]),
+        &[[f64::NAN, 0.0, 0.0], [0.0, f64::INFINITY, 0.0]],
+        &[[1e12, 0.0, 0.0]],
+    );
+    rule(
+        "cuts[1].shape.box.world_from_box",
+        |s, m| s.cuts[1].shape = CutShape::Box { world_from_box: DAffine3::from_mat3(m) },
+        &[DMat3::ZERO, DMat3::from_diagonal(DVec3::new(1.0, 1.0, 0.0))],
+        &[DMat3::from_diagonal(DVec3::new(-1.0, 1.0, 1e-6))],
+    );
+    assert_eq!(fault(|s| s.cuts[1].instances = Some(vec![7, 9])), "cuts[1].instances[1]");
+    good(|s| s.cuts[1].instances = Some(vec![]));
+}
+
+#[test]
+fn apertures() {
+    fn each<T: Copy + std::fmt::Debug>(name: &str, set: impl Fn(&mut Aperture, T), bad: &[T], fine: &[T]) {
+        let field = format!("camera.aperture.{name}");
+        rule(&field, |s, v| set(s.camera.aperture.as_mut().unwrap(), v), bad, fine);
+    }
+    let not_above_zero = [0.0, -1.0, f64::NAN, f64::INFINITY];
+    each("radius", |a, v| a.radius = v, &not_above_zero, &[1e-9, 1e6]);
+    each("focus_distance", |a, v| a.focus_distance = v, &not_above_zero, &[1e-9, 1e9]);
+    each("ratio", |a, v| a.ratio = v, &not_above_zero, &[0.5, 2.0]);
+    each("rotation_rad", |a, v| a.rotation_rad = v, &[f64::NAN, f64::INFINITY], &[-9.0]);
+    each("blades", |a, v| a.blades = v, &[1, 2, 65], &[0, 3, 64]);
+}
+
+#[test]
+fn lamps() {
+    let negative = [-1.0f32, NAN, INF];
+    rule("lights[1].power_w", |s, v| s.lights[1].power_w = v, &negative, &[0.0, 1e9]);
+    rule("lights[2].color[1]", |s, v| s.lights[2].color[1] = v, &negative, &[0.0, 4.0]);
+    let point = |s: &mut Scene, position: [f64; 3], radius: f64| {
+        s.lights[0].shape = LightShape::Point { position, radius, soft_falloff: false };
+    };
+    rule("lights[0].shape.point.radius", |s, r| point(s, [0.0; 3], r), &[-1.0, f64::NAN], &[0.0, 1e6]);
+    let somewhere = [[f64::NAN, 0.0, 0.0], [0.0, 0.0, f64::INFINITY]];
+    rule("lights[0].shape.point.position", |s, p| point(s, p, 1.0), &somewhere, &[[1e9; 3]]);
+    let spot = |s: &mut Scene, direction: [f64; 3], angle_rad: f64, blend: f32| {
+        s.lights[1].shape = LightShape::Spot {
+            position: [0.0; 3],
+            direction,
+            radius: 0.0,
+            angle_rad,
+            blend,
+            soft_falloff: true,
+        };
+    };
+    let angles = [-0.1, PI.next_up(), f64::NAN];
+    rule("lights[1].shape.spot.angle_rad", |s, a| spot(s, [1.0; 3], a, 0.0), &angles, &[0.0, PI]);
+    rule("lights[1].shape.spot.blend", |s, b| spot(s, [1.0; 3], 1.0, b), &[-0.1, 1.1, NAN], &[0.0, 1.0]);
+    rule("lights[1].shape.spot.direction", |s, d| spot(s, d, 1.0, 0.0), &[[0.0; 3]], &[[0.0, 1e-9, 0.0]]);
+    let area = |s: &mut Scene, m: DMat3, size: [f64; 2], spread_rad: f64| {
+        let world_from_light = DAffine3::from_mat3(m);
+        s.lights[2].shape =
+            LightShape::Area { world_from_light, outline: Outline::Rectangle, size, spread_rad };
+    };
+    let one = DMat3::IDENTITY;
+    rule("lights[2].shape.area.world_from_light", |s, m| area(s, m, [1.0; 2], PI), &[DMat3::ZERO], &[one]);
+    for i in 0..2 {
+        let sized = |s: &mut Scene, v: f64| {
+            let mut size = [1.0; 2];
+            size[i] = v;
+            area(s, one, size, PI);
+        };
+        let field = format!("lights[2].shape.area.size[{i}]");
+        rule(&field, sized, &[0.0, -1.0, f64::NAN, f64::INFINITY], &[1e-9, 1e6]);
+    }
+    rule("lights[2].shape.area.spread_rad", |s, a| area(s, one, [1.0; 2], a), &angles, &[0.0, PI]);
 }
 
 #[test]
@@ -240,6 +357,13 @@ fn settings() {
         &[0.0, -1.0, NAN, INF],
         &[0.5, 100.0],
     );
+    rule("settings.clamp_direct", |s, v| s.settings.clamp_direct = v, &[-1.0, NAN, INF], &[0.0, 10.0]);
+    rule("settings.clamp_indirect", |s, v| s.settings.clamp_indirect = v, &[-1.0, NAN, INF], &[0.0, 10.0]);
+    let adaptive = |s: &mut Scene, threshold, min_spp| {
+        s.settings.adaptive = Some(Adaptive { threshold, min_spp });
+    };
+    rule("settings.adaptive.threshold", |s, v| adaptive(s, v, 4), &[0.0, -1.0, NAN, INF], &[1e-3, 1.0]);
+    rule("settings.adaptive.min_spp", |s, v| adaptive(s, 0.1, v), &[0, 3], &[4, 4096]);
 }
 
 #[test]

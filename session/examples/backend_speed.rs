@@ -87,7 +87,7 @@ fn measure(backend: &str, scene: &Scene, volume: &Arc<CompressedVolume>) -> Resu
             println!("{backend}: frame {name}, {bounces} bounces {:.4} s, {cpu:.4} CPU-s", wall);
         }
     }
-    renderer.set_scene(scene, std::slice::from_ref(volume))?;
+    renderer.set_scene(scene, std::slice::from_ref(volume), &[])?;
     for (part, bytes) in renderer.bytes() {
         println!("{backend}: {part} {bytes} bytes");
     }
@@ -103,7 +103,7 @@ fn frame(
     scene: &Scene,
     volume: &Arc<CompressedVolume>,
 ) -> Result<(f64, f64), Failure> {
-    renderer.set_scene(scene, std::slice::from_ref(volume))?;
+    renderer.set_scene(scene, std::slice::from_ref(volume), &[])?;
     let mut best = (f64::INFINITY, f64::INFINITY);
     for number in 0..=FRAMES {
         let clock = Stopwatch::start();

@@ -38,7 +38,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let camera = scene.camera;
 
     let begin = Instant::now();
-    let live = Live::start(scene, vec![Arc::clone(&volume)], LiveOptions::default())?;
+    let live = Live::start(scene, vec![Arc::clone(&volume)], vec![], LiveOptions::default())?;
     let mut serial = wait(&live, 0, |_| true).serial;
     println!("first frame {:.1} ms after the start", milliseconds(begin.elapsed()));
     wait(&live, serial, |f| !f.coarse);

@@ -12,23 +12,62 @@ pub struct Series<'a> {
     pub points: &'a [CurvePoint],
 }
 
-/// Draws estimated relative error (per cent, log) over wall seconds (log), with the slope of 1/√time for the eye.
+/// What a plot's axes are.
+pub struct Axes<'a> {
+    /// Quantity and unit along x.
+    pub x: &'a str,
+    /// Quantity and unit along y.
+    pub y: &'a str,
+    /// Digits behind the point along y.
+    pub y_digits: usize,
+    /// A grey line for the eye: its slope on these scales, and its name.
+    pub slope: (f64, &'a str),
+}
+
+/// A named curve of points above 0.
+pub struct Curve<'a> {
+    /// Shown in the legend.
+    pub name: &'a str,
+    /// x and y, x rising.
+    pub points: Vec<(f64, f64)>,
+}
+
+/// Draws estimated relative error (per cent, log) over wall seconds (log), with the slope of 1/√time for the eye; `None` where no
+/// point has an estimate: a short time on a busy machine gives fewer samples than an estimate takes.
 ///
 /// # Errors
-/// A line of text when there is no point to draw or the plot library refuses.
-pub fn error_against_time_svg(title: &str, series: &[Series<'_>]) -> Result<String, String> {
+/// A line of text when the plot library refuses.
+pub fn error_against_time_svg(title: &str, series: &[Series<'_>]) -> Result<Option<String>, String> {
     let known = |s: &Series<'_>| -> Vec<(f64, f64)> {
         let point =
             |p: &CurvePoint| p.error_estimate.filter(|&e| e > 0.0).map(|e| (p.seconds.max(1e-3), e * 100.0));
         s.points.iter().filter_map(point).collect()
     };
-    let all: Vec<(f64, f64)> = series.iter().flat_map(known).collect();
+    let curves: Vec<Curve<'_>> = series.iter().map(|s| Curve { name: s.name, points: known(s) }).collect();
+    if curves.iter().all(|c| c.points.is_empty()) {
+        return Ok(None);
+    }
+    let axes =
+        Axes { x: "seconds", y: "estimated relative error, %", y_digits: 2, slope: (-0.5, "1/√time") };
+    log_log_svg(title, &axes, &curves).map(Some)
+}
+
+/// Draws curves with both axes logarithmic, and through the first curve's last point a line of the axes' slope.
+///
+/// # Errors
+/// A line of text when there is no point to draw or the plot library refuses.
+pub fn log_log_svg(title: &str, axes: &Axes<'_>, curves: &[Curve<'_>]) -> Result<String, String> {
+    let all: Vec<(f64, f64)> = curves.iter().flat_map(|c| c.points.iter().copied()).collect();
     let bound = |pick: fn(&(f64, f64)) -> f64, fold: fn(f64, f64) -> f64| all.iter().map(pick).reduce(fold);
-    let (Some(t0), Some(t1)) = (bound(|p| p.0, f64::min), bound(|p| p.0, f64::max)) else {
-        return Err("no error estimate to plot: fewer samples than replicates".into());
+    let (Some(x0), Some(x1)) = (bound(|p| p.0, f64::min), bound(|p| p.0, f64::max)) else {
+        return Err("no point to plot".into());
     };
-    let (Some(e0), Some(e1)) = (bound(|p| p.1, f64::min), bound(|p| p.1, f64::max)) else {
-        return Err("no error estimate to plot".into());
+    let (Some(y0), Some(y1)) = (bound(|p| p.1, f64::min), bound(|p| p.1, f64::max)) else {
+        return Err("no point to plot".into());
+    };
+    let short = |value: f64, digits: usize| {
+        let text = format!("{value:.digits$}");
+        if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_string() } else { text }
     };
     let mut svg = String::new();
     let mut draw = || -> Result<(), Box<dyn std::error::Error + '_>> {
@@ -40,32 +79,32 @@ pub fn error_against_time_svg(title: &str, series: &[Series<'_>]) -> Result<Stri
             .x_label_area_size(42)
             .y_label_area_size(58)
             .build_cartesian_2d(
-                ((t0 * 0.8)..(t1 * 1.25)).log_scale(),
-                ((e0 * 0.8)..(e1 * 1.25)).log_scale(),
+                ((x0 * 0.8)..(x1 * 1.25)).log_scale(),
+                ((y0 * 0.8)..(y1 * 1.25)).log_scale(),
             )?;
         chart
             .configure_mesh()
-            .x_desc("seconds")
-            .y_desc("estimated relative error, %")
-            .x_label_formatter(&|x| format!("{x:.3}").trim_end_matches('0').trim_end_matches('.').to_string())
-            .y_label_formatter(&|y| format!("{y:.2}").trim_end_matches('0').trim_end_matches('.').to_string())
+            .x_desc(axes.x)
+            .y_desc(axes.y)
+            .x_label_formatter(&|x| short(*x, 3))
+            .y_label_formatter(&|y| short(*y, axes.y_digits))
             .light_line_style(RGBColor(238, 238, 238))
             .draw()?;
-        // 1/√t through the last point of the first curve.
-        if let Some(&(t, e)) = series.first().map(known).as_deref().and_then(<[_]>::last) {
-            let line = [(t0, e * (t / t0).sqrt()), (t1, e * (t / t1).sqrt())];
+        if let Some(&(x, y)) = curves.first().and_then(|c| c.points.last()) {
+            let (slope, name) = axes.slope;
+            let line = [x0, x1].map(|end| (end, y * (end / x).powf(slope)));
             chart
                 .draw_series(LineSeries::new(line, RGBColor(170, 170, 170).stroke_width(1)))?
-                .label("1/√time")
+                .label(name)
                 .legend(|(x, y)| PathElement::new([(x, y), (x + 18, y)], RGBColor(170, 170, 170)));
         }
         let colors =
             [RGBColor(31, 101, 166), RGBColor(201, 88, 46), RGBColor(72, 132, 72), RGBColor(130, 80, 150)];
-        for (s, color) in series.iter().zip(colors.iter().cycle()) {
+        for (curve, color) in curves.iter().zip(colors.iter().cycle()) {
             let style = color.stroke_width(2);
             chart
-                .draw_series(LineSeries::new(known(s), style).point_size(3))?
-                .label(s.name)
+                .draw_series(LineSeries::new(curve.points.iter().copied(), style).point_size(3))?
+                .label(curve.name)
                 .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], style));
         }
         chart
@@ -94,11 +133,12 @@ mod tests {
                 error_estimate: (i > 2).then(|| 0.3 / f64::from(i).sqrt()),
             })
             .collect();
-        let svg = error_against_time_svg("t", &[Series { name: "cpu", points: &points }]).unwrap();
+        let svg = error_against_time_svg("t", &[Series { name: "cpu", points: &points }]).unwrap().unwrap();
         assert!(svg.starts_with("<svg") && svg.trim_end().ends_with("</svg>"));
         // Six of the eight points have an estimate: the curve in its colour, with one dot for each.
         let line = svg.lines().find(|l| l.contains("<polyline") && l.contains("#1F65A6")).unwrap();
         assert_eq!(line.split("points=").nth(1).unwrap().matches(',').count(), 6, "{line}");
-        assert!(error_against_time_svg("t", &[Series { name: "cpu", points: &points[..2] }]).is_err());
+        let none = error_against_time_svg("t", &[Series { name: "cpu", points: &points[..2] }]);
+        assert_eq!(none, Ok(None));
     }
 }

@@ -129,7 +129,7 @@ pub fn run(options: &DemoOptions, job: &Job, watch: &mut dyn FnMut(DemoStage)) -
     // Path trace.
     let volume = Arc::new(volume);
     let rendered =
-        render_scene(&scene, std::slice::from_ref(&volume), "auto", &options.stop, job, &mut |point| {
+        render_scene(&scene, std::slice::from_ref(&volume), &[], "auto", &options.stop, job, &mut |point| {
             watch(DemoStage::Render(*point));
         })?;
 
@@ -144,8 +144,10 @@ pub fn run(options: &DemoOptions, job: &Job, watch: &mut dyn FnMut(DemoStage)) -
         &[Series { name: &rendered.figures.backend, points: &rendered.figures.curve }],
     )
     .map_err(SessionError::Caller)?;
-    let svg_path = options.out.join("error.svg");
-    std::fs::write(&svg_path, svg).map_err(io(svg_path))?;
+    if let Some(svg) = &svg {
+        let svg_path = options.out.join("error.svg");
+        std::fs::write(&svg_path, svg).map_err(io(svg_path))?;
+    }
 
     let info = volume.info();
     let bytes_raw = info.voxels() * 4;
@@ -204,7 +206,10 @@ pub fn run(options: &DemoOptions, job: &Job, watch: &mut dyn FnMut(DemoStage)) -
         let error = p.error_estimate.map_or("not yet known".into(), |e| format!("{:.2} %", 100.0 * e));
         line(format!("| {:.2} | {:.2} | {} | {error} |", p.seconds, p.cpu_seconds, p.spp));
     }
-    line("\n![Error against run time](error.svg)\n".into());
+    line(match svg {
+        Some(_) => "\n![Error against run time](error.svg)\n".into(),
+        None => "\nThe time was too short for an estimate of the error.\n".into(),
+    });
     let report = options.out.join("report.md");
     std::fs::write(&report, text).map_err(io(&report))?;
     Ok(DemoOutcome { bytes_raw, bytes_resident, figures, report })

@@ -118,11 +118,7 @@ pub fn compose(volume: &CompressedVolume, source: PathBuf, options: &FigureOptio
             },
         }],
         camera,
-        film: Film {
-            width: options.size[0],
-            height: options.size[1],
-            filter: Filter::BlackmanHarris { width: 3.0 },
-        },
+        film: Film::new(options.size[0], options.size[1], Filter::BlackmanHarris { width: 3.0 }),
         world: World {
             environment: Environment::Constant { radiance: [0.92, 0.98, 1.06] },
             backdrop: Some([[0.78, 0.79, 0.80], [0.93, 0.945, 0.96]]),
@@ -133,6 +129,9 @@ pub fn compose(volume: &CompressedVolume, source: PathBuf, options: &FigureOptio
             color: [1.0, 0.95, 0.87],
             angle_rad: 24f64.to_radians(),
         }],
+        lights: Vec::new(),
+        meshes: Vec::new(),
+        cuts: Vec::new(),
         settings: Settings::default(),
     }
 }
@@ -199,15 +198,10 @@ impl Framing {
             ((plus - minus) / 2.0, (plus + minus) / (2.0 * self.tangents[axis]))
         };
         let ((x, back_x), (y, back_y)) = (place(0), place(1));
-        Camera {
-            world_from_camera: DAffine3 {
-                matrix3: self.axes,
-                translation: self.axes * DVec3::new(x, y, back_x.max(back_y)),
-            },
-            projection: Projection::Perspective { fov_rad: self.fov_rad },
-            shift: [0.0; 2],
-            clip: [0.0, f64::MAX],
-        }
+        Camera::new(
+            DAffine3 { matrix3: self.axes, translation: self.axes * DVec3::new(x, y, back_x.max(back_y)) },
+            Projection::Perspective { fov_rad: self.fov_rad },
+        )
     }
 }
 

@@ -16,9 +16,9 @@ use std::sync::mpsc::{Sender, channel};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 
-use pumice_core::{CompressedVolume, Job};
+use pumice_core::{CompressedVolume, Job, MeshData};
 use pumice_render::{Pick, RenderError, Renderer};
-use pumice_scene::{Instance, Scene, SceneEdit, SceneError};
+use pumice_scene::{Instance, Mesh, Scene, SceneEdit, SceneError};
 
 use crate::backend::{FallbackRenderer, make_renderer};
 use crate::error::{Result, SessionError};
@@ -132,6 +132,7 @@ struct Shared {
 struct Board {
     scene: Scene,
     volumes: Vec<Arc<CompressedVolume>>,
+    meshes: Vec<Arc<MeshData>>,
     revision: u64,
     /// Cancels the samples under way.
     job: Arc<Job>,
@@ -167,18 +168,24 @@ impl std::fmt::Debug for Live {
 }
 
 impl Live {
-    /// Starts to draw `scene`; `volumes[i]` belongs to `scene.instances[i]`. Returns at once.
+    /// Starts to draw `scene`; `volumes[i]` belongs to `scene.instances[i]`, `meshes[i]` to `scene.meshes[i]`. Returns at once.
     ///
     /// # Errors
     /// When the scene is not valid, or there is no such backend.
-    pub fn start(scene: Scene, volumes: Vec<Arc<CompressedVolume>>, options: LiveOptions) -> Result<Self> {
-        check(&scene, &volumes)?;
-        Self::draw(scene, volumes, make_renderer(&options.backend)?, options.stop)
+    pub fn start(
+        scene: Scene,
+        volumes: Vec<Arc<CompressedVolume>>,
+        meshes: Vec<Arc<MeshData>>,
+        options: LiveOptions,
+    ) -> Result<Self> {
+        check(&scene, &volumes, &meshes)?;
+        Self::draw(scene, volumes, meshes, make_renderer(&options.backend)?, options.stop)
     }
 
     fn draw(
         scene: Scene,
         volumes: Vec<Arc<CompressedVolume>>,
+        meshes: Vec<Arc<MeshData>>,
         renderer: FallbackRenderer,
         stop: Stop,
     ) -> Result<Self> {
@@ -186,6 +193,7 @@ impl Live {
             board: Mutex::new(Board {
                 scene,
                 volumes,
+                meshes,
                 revision: 1,
                 job: Arc::new(Job::new()),
                 questions: Vec::new(),
@@ -211,12 +219,16 @@ impl Live {
     /// Applies edits, all or none, and returns the new revision; its frames follow. No edits change nothing.
     ///
     /// # Errors
-    /// When the scene would not be valid; it stays as it was. [`SceneEdit::Add`] must come through [`Live::add`].
+    /// When the scene would not be valid; it stays as it was. [`SceneEdit::Add`] must come through [`Live::add`],
+    /// [`SceneEdit::AddMesh`] through [`Live::add_mesh`].
     pub fn edit(&self, edits: Vec<SceneEdit>) -> Result<u64> {
         if edits.iter().any(|e| matches!(e, SceneEdit::Add { .. })) {
             return Err(SessionError::Caller("edits: an instance is added together with its volume".into()));
         }
-        self.change(edits, None)
+        if edits.iter().any(|e| matches!(e, SceneEdit::AddMesh { .. })) {
+            return Err(SessionError::Caller("edits: a mesh is added together with its triangles".into()));
+        }
+        self.change(edits, None, None)
     }
 
     /// Adds an instance with its volume, or replaces the instance with the same id.
@@ -225,10 +237,24 @@ impl Live {
     /// As [`Live::edit`].
     pub fn add(&self, instance: Instance, volume: Arc<CompressedVolume>) -> Result<u64> {
         let id = instance.id;
-        self.change(vec![SceneEdit::Add { instance }], Some((id, volume)))
+        self.change(vec![SceneEdit::Add { instance }], Some((id, volume)), None)
     }
 
-    fn change(&self, edits: Vec<SceneEdit>, added: Option<(u32, Arc<CompressedVolume>)>) -> Result<u64> {
+    /// Adds a mesh with its triangles, or replaces the mesh with the same id.
+    ///
+    /// # Errors
+    /// As [`Live::edit`].
+    pub fn add_mesh(&self, mesh: Mesh, data: Arc<MeshData>) -> Result<u64> {
+        let id = mesh.id;
+        self.change(vec![SceneEdit::AddMesh { mesh }], None, Some((id, data)))
+    }
+
+    fn change(
+        &self,
+        edits: Vec<SceneEdit>,
+        added: Option<(u32, Arc<CompressedVolume>)>,
+        added_mesh: Option<(u32, Arc<MeshData>)>,
+    ) -> Result<u64> {
         let mut board = self.shared.board();
         if edits.is_empty() {
             return Ok(board.revision);
@@ -244,11 +270,19 @@ impl Live {
             }
         };
         let volumes: Vec<_> = scene.instances.iter().filter_map(volume_of).collect();
-        check(&scene, &volumes)?;
+        let mesh_of = |mesh: &Mesh| match &added_mesh {
+            Some((id, data)) if *id == mesh.id => Some(Arc::clone(data)),
+            _ => {
+                let place = board.scene.meshes.iter().position(|m| m.id == mesh.id)?;
+                Some(Arc::clone(&board.meshes[place]))
+            }
+        };
+        let meshes: Vec<_> = scene.meshes.iter().filter_map(mesh_of).collect();
+        check(&scene, &volumes, &meshes)?;
         for name in names {
             *board.counters.entry(format!("edits.{name}")).or_default() += 1;
         }
-        (board.scene, board.volumes) = (scene, volumes);
+        (board.scene, board.volumes, board.meshes) = (scene, volumes, meshes);
         board.revision += 1;
         if matches!(board.state, LiveState::Converged) {
             board.state = LiveState::Rendering;
@@ -345,15 +379,10 @@ impl Drop for Live {
 }
 
 /// Whether a scene can be drawn: what a renderer would refuse is told to whoever edits, at once.
-fn check(scene: &Scene, volumes: &[Arc<CompressedVolume>]) -> Result<()> {
+fn check(scene: &Scene, volumes: &[Arc<CompressedVolume>], meshes: &[Arc<MeshData>]) -> Result<()> {
     let fault = |e: SceneError| SessionError::Caller(e.to_string());
     scene.validate().map_err(fault)?;
-    if scene.instances.len() != volumes.len() {
-        let (instances, volumes) = (scene.instances.len(), volumes.len());
-        return Err(SessionError::Caller(format!(
-            "instances: expected a volume for each of {instances}, got {volumes}"
-        )));
-    }
+    pumice_render::check_counts(scene, volumes, meshes).map_err(|e| SessionError::Caller(e.to_string()))?;
     for (i, (instance, volume)) in scene.instances.iter().zip(volumes).enumerate() {
         let field = format!("instances[{i}].style.show");
         instance.style.show.resolve(&field, volume.labels().ids()).map_err(fault)?;

@@ -4,8 +4,9 @@ use std::io::Read;
 use std::path::Path;
 use std::sync::Arc;
 
-use pumice_core::{BlockSource, CompressOptions, CompressedVolume, Job};
+use pumice_core::{BlockSource, CompressOptions, CompressedVolume, Job, MeshData};
 use pumice_formats::OpenOptions;
+use pumice_scene::Scene;
 
 use crate::error::{Result, io};
 
@@ -56,4 +57,12 @@ pub(crate) fn compress_source(
     job: &Job,
 ) -> Result<CompressedVolume> {
     Ok(pumice_core::compress(source, options, job)?)
+}
+
+/// Opens the meshes of a scene, in its order.
+///
+/// # Errors
+/// One line that says what is wrong with which file.
+pub fn open_meshes(scene: &Scene) -> Result<Vec<Arc<MeshData>>> {
+    scene.meshes.iter().map(|m| Ok(Arc::new(pumice_formats::open_mesh(&m.source)?))).collect()
 }

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use pumice_core::{CompressedVolume, Job};
+use pumice_core::{CompressedVolume, Job, MeshData};
 use pumice_formats::OpenOptions;
 use pumice_render::{
     Passes, Picture, Provenance, RenderError, Renderer, read_provenance, write_exr, write_png,
@@ -15,7 +15,7 @@ use crate::backend::make_renderer;
 use crate::error::{Result, SessionError};
 use crate::figure::{FigureOptions, compose};
 use crate::measure::{Stopwatch, peak_rss_bytes};
-use crate::open::open_volume;
+use crate::open::{open_meshes, open_volume};
 use crate::progressive::{CurvePoint, Stop, render_until};
 use crate::selection::select_labels;
 
@@ -126,12 +126,12 @@ pub fn render_file(
     check_folder(&request.out)?;
     make_renderer(&request.backend)?;
 
-    let Prepared { scene, volumes, stop, backend } = prepare(request, job)?;
+    let Prepared { scene, volumes, meshes, stop, backend } = prepare(request, job)?;
     if let Some(path) = &request.save_scene {
         scene.save(path).map_err(|source| SessionError::Scene { path: path.clone(), source })?;
     }
     let mut render =
-        || render_scene(&scene, &volumes, &backend, &stop, job, &mut |point| watch(&stop, point));
+        || render_scene(&scene, &volumes, &meshes, &backend, &stop, job, &mut |point| watch(&stop, point));
     let rendered = match request.threads {
         None => render()?,
         Some(threads) => in_pool(threads, render)?,
@@ -143,6 +143,7 @@ pub fn render_file(
 struct Prepared {
     scene: Scene,
     volumes: Vec<Arc<CompressedVolume>>,
+    meshes: Vec<Arc<MeshData>>,
     stop: Stop,
     backend: String,
 }
@@ -152,14 +153,15 @@ fn prepare(request: &RenderRequest, job: &Job) -> Result<Prepared> {
     let open_all = |scene: &Scene| -> Result<Vec<Arc<CompressedVolume>>> {
         scene.instances.iter().map(|i| open_volume(&i.source, &request.reading, job)).collect()
     };
-    let (mut scene, volumes, stop, backend) = match &request.subject {
+    let (mut scene, volumes, meshes, stop, backend) = match &request.subject {
         Subject::Again(picture) => {
             let made = read_provenance(picture)?.ok_or_else(|| {
                 let picture = picture.display();
                 SessionError::Caller(format!("{picture}: this picture does not say how it was made"))
             })?;
             let volumes = open_all(&made.scene)?;
-            check_hashes(picture, &made, &volumes)?;
+            let meshes = open_meshes(&made.scene)?;
+            check_hashes(picture, &made, &volumes, &meshes)?;
             let backend = match request.backend.as_str() {
                 "auto" => {
                     make_renderer(&made.backend).map_err(|e| {
@@ -172,13 +174,13 @@ fn prepare(request: &RenderRequest, job: &Job) -> Result<Prepared> {
                 }
                 named => named.to_owned(),
             };
-            (made.scene, volumes, Stop { spp: Some(made.spp), ..Stop::default() }, backend)
+            (made.scene, volumes, meshes, Stop { spp: Some(made.spp), ..Stop::default() }, backend)
         }
         Subject::File(path) if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json")) => {
             let scene =
                 Scene::load(path).map_err(|source| SessionError::Scene { path: path.clone(), source })?;
-            let volumes = open_all(&scene)?;
-            (scene, volumes, request.stop, request.backend.clone())
+            let (volumes, meshes) = (open_all(&scene)?, open_meshes(&scene)?);
+            (scene, volumes, meshes, request.stop, request.backend.clone())
         }
         Subject::File(path) => {
             let volume = open_volume(path, &request.reading, job)?;
@@ -192,7 +194,8 @@ fn prepare(request: &RenderRequest, job: &Job) -> Result<Prepared> {
                 Some(ids) => FigureOptions { labels: Some(dense_labels(&volume, ids)?), ..options },
             };
             let absolute = path.canonicalize().map_err(crate::error::io(path))?;
-            (compose(&volume, absolute, &options), vec![volume], request.stop, request.backend.clone())
+            let scene = compose(&volume, absolute, &options);
+            (scene, vec![volume], Vec::new(), request.stop, request.backend.clone())
         }
     };
     apply(&request.overrides, &mut scene, &volumes)?;
@@ -200,20 +203,30 @@ fn prepare(request: &RenderRequest, job: &Job) -> Result<Prepared> {
         Subject::File(path) | Subject::Again(path) => path.clone(),
     };
     scene.validate().map_err(|source| SessionError::Scene { path, source })?;
-    Ok(Prepared { scene, volumes, stop, backend })
+    Ok(Prepared { scene, volumes, meshes, stop, backend })
 }
 
-/// A picture is made again only from the very volumes that it was made from.
-fn check_hashes(picture: &Path, made: &Provenance, volumes: &[Arc<CompressedVolume>]) -> Result<()> {
-    for ((instance, expected), volume) in made.scene.instances.iter().zip(&made.volume_hashes).zip(volumes) {
-        let got = hash_text(volume);
-        if got != *expected {
-            return Err(SessionError::Caller(format!(
-                "{}: made from a volume with the hash {expected}, but {} now has {got}",
-                picture.display(),
-                instance.source.display()
-            )));
+/// A picture is made again only from the very volumes and meshes that it was made from.
+fn check_hashes(
+    picture: &Path,
+    made: &Provenance,
+    volumes: &[Arc<CompressedVolume>],
+    meshes: &[Arc<MeshData>],
+) -> Result<()> {
+    let check = |what: &str, source: &Path, expected: &str, got: String| {
+        if got == expected {
+            return Ok(());
         }
+        let (picture, source) = (picture.display(), source.display());
+        Err(SessionError::Caller(format!(
+            "{picture}: made from a {what} with the hash {expected}, but {source} now has {got}"
+        )))
+    };
+    for ((instance, expected), volume) in made.scene.instances.iter().zip(&made.volume_hashes).zip(volumes) {
+        check("volume", &instance.source, expected, hash_text(volume))?;
+    }
+    for ((mesh, expected), data) in made.scene.meshes.iter().zip(&made.mesh_hashes).zip(meshes) {
+        check("mesh", &mesh.source, expected, mesh_hash_text(data))?;
     }
     Ok(())
 }
@@ -265,13 +278,14 @@ fn in_pool<T: Send>(threads: usize, work: impl FnOnce() -> Result<T> + Send) -> 
         .install(work)
 }
 
-/// Renders a scene whose volumes are open.
+/// Renders a scene whose volumes and meshes are open.
 ///
 /// # Errors
 /// What the renderer reports.
 pub fn render_scene(
     scene: &Scene,
     volumes: &[Arc<CompressedVolume>],
+    meshes: &[Arc<MeshData>],
     backend: &str,
     stop: &Stop,
     job: &Job,
@@ -279,7 +293,7 @@ pub fn render_scene(
 ) -> Result<Rendered> {
     let clock = Stopwatch::start();
     let mut renderer = make_renderer(backend)?;
-    renderer.set_scene(scene, volumes)?;
+    renderer.set_scene(scene, volumes, meshes)?;
     let prepare_seconds = [clock.seconds(), clock.cpu_seconds()];
     let (curve, mut picture) = loop {
         let curve = render_until(&mut renderer, stop, job, watch)?;
@@ -306,6 +320,7 @@ pub fn render_scene(
         backend: backend.clone(),
         scene: scene.clone(),
         volume_hashes: volumes.iter().map(|v| hash_text(v)).collect(),
+        mesh_hashes: meshes.iter().map(|m| mesh_hash_text(m)).collect(),
         spp: last.spp,
         error_estimate: last.error_estimate,
     });
@@ -331,6 +346,11 @@ pub fn render_scene(
 /// Content hash of a volume as pictures carry it.
 pub fn hash_text(volume: &CompressedVolume) -> String {
     format!("{:032x}", volume.content_hash())
+}
+
+/// The content hash of a mesh as 32 hexadecimal digits.
+fn mesh_hash_text(mesh: &MeshData) -> String {
+    format!("{:032x}", mesh.content_hash())
 }
 
 /// Picture formats that can be written.

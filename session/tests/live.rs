@@ -64,7 +64,7 @@ fn wait_status(live: &Live, wanted: impl Fn(&Status) -> bool) -> Status {
 /// What a plain render gives, in a frame's layout.
 fn plain(scene: &Scene, n: u32) -> Vec<f32> {
     let stop = Stop { spp: Some(n), ..Stop::default() };
-    let made = render_scene(scene, &[volume()], "cpu", &stop, &Job::new(), &mut |_| ()).unwrap();
+    let made = render_scene(scene, &[volume()], &[], "cpu", &stop, &Job::new(), &mut |_| ()).unwrap();
     let color = made.picture.color;
     let rows: Vec<&[[f32; 3]]> = color.pixels.chunks(color.width).collect();
     rows.iter().rev().flat_map(|row| row.iter().flat_map(|&[r, g, b]| [r, g, b, 1.0])).collect()
@@ -73,7 +73,7 @@ fn plain(scene: &Scene, n: u32) -> Vec<f32> {
 #[test]
 fn it_converges_to_the_picture_of_a_plain_render() {
     let scene = scene([200, 120]);
-    let live = Live::start(scene.clone(), vec![volume()], spp(6)).unwrap();
+    let live = Live::start(scene.clone(), vec![volume()], vec![], spp(6)).unwrap();
     let frame = wait(&live, |f| f.converged);
     assert_eq!((frame.width, frame.height, frame.spp, frame.coarse), (200, 120, 6, false));
     assert!(frame.rgba == plain(&scene, 6), "bit for bit");
@@ -94,7 +94,7 @@ fn it_converges_to_the_picture_of_a_plain_render() {
 
 #[test]
 fn a_large_film_begins_with_coarse_frames_of_the_whole_view() {
-    let live = Live::start(scene([640, 360]), vec![volume()], spp(1)).unwrap();
+    let live = Live::start(scene([640, 360]), vec![volume()], vec![], spp(1)).unwrap();
     let mut seen = Vec::new();
     wait(&live, |f| {
         seen.push((f.width, f.height, f.coarse));
@@ -110,7 +110,7 @@ fn a_large_film_begins_with_coarse_frames_of_the_whole_view() {
 
 #[test]
 fn counters_prove_what_each_edit_costs() {
-    let live = Live::start(scene([64, 48]), vec![volume()], spp(1)).unwrap();
+    let live = Live::start(scene([64, 48]), vec![volume()], vec![], spp(1)).unwrap();
     let idle = |revision| wait_status(&live, |s| s.state == LiveState::Converged && s.revision == revision);
     let mut revision = 1;
     let mut costs = |edit: SceneEdit| {
@@ -138,7 +138,7 @@ fn counters_prove_what_each_edit_costs() {
 
 #[test]
 fn what_cannot_be_drawn_is_refused_and_changes_nothing() {
-    let live = Live::start(scene([32, 32]), vec![volume()], spp(2)).unwrap();
+    let live = Live::start(scene([32, 32]), vec![volume()], vec![], spp(2)).unwrap();
     let before = live.scene();
     let refused = |edits: Vec<SceneEdit>| live.edit(edits).unwrap_err().to_string();
     let mut camera = before.camera;
@@ -155,15 +155,15 @@ fn what_cannot_be_drawn_is_refused_and_changes_nothing() {
 
     let mut bad = before.clone();
     bad.camera.shift[0] = f64::NAN;
-    assert!(Live::start(bad, vec![volume()], spp(1)).is_err());
+    assert!(Live::start(bad, vec![volume()], vec![], spp(1)).is_err());
     let options = LiveOptions { backend: "abacus".into(), ..spp(1) };
-    assert!(Live::start(before.clone(), vec![volume()], options).is_err());
-    assert!(Live::start(before, vec![], spp(1)).is_err());
+    assert!(Live::start(before.clone(), vec![volume()], vec![], options).is_err());
+    assert!(Live::start(before, vec![], vec![], spp(1)).is_err());
 }
 
 #[test]
 fn instances_come_and_go() {
-    let live = Live::start(scene([48, 32]), vec![volume()], spp(2)).unwrap();
+    let live = Live::start(scene([48, 32]), vec![volume()], vec![], spp(2)).unwrap();
     let mut second = live.scene().instances[0].clone();
     second.id = 2;
     second.world_from_index.translation.x += 3.0;
@@ -182,7 +182,7 @@ fn instances_come_and_go() {
 
 #[test]
 fn picks_name_what_is_seen() {
-    let live = Live::start(scene([64, 64]), vec![volume()], spp(4)).unwrap();
+    let live = Live::start(scene([64, 64]), vec![volume()], vec![], spp(4)).unwrap();
     let pick = live.pick(32, 32).unwrap().expect("the figure is in the middle");
     assert!(pick.label < 2 && pick.depth > 0.0);
     assert_eq!(live.pick(0, 0).unwrap(), None);
@@ -193,7 +193,7 @@ fn picks_name_what_is_seen() {
 
 #[test]
 fn edits_without_end_do_not_pile_up() {
-    let live = Live::start(scene([320, 240]), vec![volume()], LiveOptions::default()).unwrap();
+    let live = Live::start(scene([320, 240]), vec![volume()], vec![], LiveOptions::default()).unwrap();
     let mut camera = live.scene().camera;
     for i in 0..200 {
         camera.shift[0] = f64::from(i) * 0.001;
@@ -209,7 +209,7 @@ fn edits_without_end_do_not_pile_up() {
 
 #[test]
 fn a_panic_is_told_and_goes_no_further() {
-    let live = Live::start(scene([32, 32]), vec![volume()], LiveOptions::default()).unwrap();
+    let live = Live::start(scene([32, 32]), vec![volume()], vec![], LiveOptions::default()).unwrap();
     live.panic_on_purpose();
     let status = wait_status(&live, |s| s.state == LiveState::Failed);
     assert_eq!(status.error.as_deref(), Some("internal error: a panic on purpose"));
@@ -221,7 +221,7 @@ fn a_panic_is_told_and_goes_no_further() {
 
 #[test]
 fn a_missing_sky_keeps_the_former_picture_and_says_why() {
-    let live = Live::start(scene([32, 32]), vec![volume()], spp(2)).unwrap();
+    let live = Live::start(scene([32, 32]), vec![volume()], vec![], spp(2)).unwrap();
     let good = wait(&live, |f| f.converged);
     let sky = |environment| vec![SceneEdit::World { world: World { environment, backdrop: None } }];
     let absent = Environment::Image { path: "absent.exr".into(), rotation_rad: 0.0, strength: 1.0 };

@@ -5,6 +5,10 @@ The surroundings of the tests bring a Vulkan device that computes on the CPU (ta
 
 import ctypes.util
 import json
+import os
+import signal
+import subprocess
+import sys
 
 import pytest
 from command import run
@@ -130,6 +134,29 @@ def test_every_backend_draws_the_picture_of_the_cpu(pumice, volume, tmp_path, ba
     line = run(pumice, "render", "--again", gpu, "-o", tmp_path / "o.exr", env=gone).refused()
     assert "drawn by a backend that is not here" in line and "no Vulkan here" in line
     run(pumice, "render", "--again", gpu, "-o", tmp_path / "o.exr", "--backend", "cpu", env=gone).fine()
+
+
+# Creates an instance whose structure says that it is of type `sys.argv[1]`: 1 is right. No other call is wrong in so few lines.
+INSTANCE = """
+import ctypes, sys
+words = (ctypes.c_uint32 * 16)(int(sys.argv[1]))
+vulkan = ctypes.CDLL(sys.argv[2])
+assert vulkan.vkCreateInstance(ctypes.byref(words), None, ctypes.byref(ctypes.c_void_p())) == 0
+"""
+
+
+def test_every_call_is_checked(pumice):
+    """The tests' surroundings put the validation layer before the driver, to end a process at the first thing that it finds."""
+    loaded = 'Insert instance layer "VK_LAYER_KHRONOS_validation"'
+    for env, expected in [({}, True), ({"VK_INSTANCE_LAYERS": ""}, False)]:
+        done = run(pumice, "devices", env={"VK_LOADER_DEBUG": "layer", **env})
+        assert (loaded in done.err) == expected, done.err
+    loader = os.environ.get(LOADER, "libvulkan.so.1")
+    for kind, layers, code in [("1", None, 0), ("77", None, -signal.SIGTRAP), ("77", "", 0)]:
+        env = dict(os.environ) if layers is None else {**os.environ, "VK_INSTANCE_LAYERS": layers}
+        done = subprocess.run([sys.executable, "-c", INSTANCE, kind, loader], env=env, capture_output=True, text=True)
+        assert done.returncode == code, (kind, layers, done)
+        assert ("VUID-VkInstanceCreateInfo-sType" in done.stdout) == (code != 0), done
 
 
 def test_a_cache_that_cannot_be_written_is_no_error(pumice, volume, tmp_path):

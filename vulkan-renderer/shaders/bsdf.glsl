@@ -5,20 +5,38 @@
 #include "layout.glsl"
 #include "needs.glsl"
 #include "trigonometry.glsl"
+#include "fresnel.glsl"
+#include "ggx.glsl"
+#include "tables.glsl"
+#include "cover.glsl"
 
-const float LEAST_ALPHA = 1e-4;
+const float LEAST_BEND = 1e-4;
+const float LEAST_SHARE = 0.1;
+
+// Density of a mirror's only direction.
+const float MIRROR_PDF = 1.0 / 0.0;
 
 struct Bsdf {
     vec3 wi;
     float alpha;
     vec3 diffuse;
+    vec3 metal;
     vec3 metal_f0;
-    float metallic;
-    float dielectric_f0;
-    float specular_chance;
+    vec3 metal_b;
+    vec3 specular;
+    vec3 specular_f0;
+    float specular_eta;
+    vec3 glass;
+    vec3 glass_f0;
+    vec3 glass_tint;
+    float glass_eta;
+    Coat coat;
+    float chance;
+    float coat_chance;
+    float diffuse_chance;
 };
 
-// Density 0: the sampled microfacet sends light below the surface.
+// Density 0: the sampled microfacet sends light to the wrong side.
 struct BsdfSample {
     vec3 wo;
     vec3 weight;
@@ -30,95 +48,236 @@ float luminance(vec3 c) {
     return dot(c, vec3(0.2126, 0.7152, 0.0722));
 }
 
-float pow5(float x) {
-    float x2 = x * x;
-    return x2 * x2 * x;
+float max_element(vec3 v) {
+    return max(max(v.x, v.y), v.z);
 }
 
-// Not GLSL's normalize: it may be wrong by several units in the last place, and of a vector whose squares are tiny it may be 0.
-vec3 normalized(vec3 v) {
-    return v * (1.0 / sqrt(dot(v, v)));
+// From f0 towards white.
+vec3 share_to_white(vec3 f0, float share) {
+    return f0 + (vec3(1.0) - f0) * share;
 }
 
-const uint ALBEDO_TABLE = 32u;
-
-float albedo_at(Address table, uint r, uint c, float f0) {
-    Floats t = Floats(table);
-    uint at = 2u * (r * ALBEDO_TABLE + c);
-    return f0 * t.at[at] + t.at[at + 1u];
+// Average of fresnel_share over the cosine-weighted hemisphere.
+float average_share(float eta) {
+    float f0 = f0_from_ior(eta);
+    return clamp((fresnel_dielectric_average(eta) - f0) / (1.0 - f0), 0.0, 1.0);
 }
 
-// Albedo of the GGX layer with Schlick's Fresnel.
-float albedo_get(Address table, float cosine, float roughness, float f0) {
-    float place_c = clamp(cosine, 0.0, 1.0) * float(ALBEDO_TABLE - 1u);
-    float place_r = clamp(roughness, 0.0, 1.0) * float(ALBEDO_TABLE - 1u);
-    uint c = min(uint(place_c), ALBEDO_TABLE - 2u), r = min(uint(place_r), ALBEDO_TABLE - 2u);
-    float fc = place_c - float(c), fr = place_r - float(r);
-    float low = albedo_at(table, r, c, f0) * (1.0 - fc) + albedo_at(table, r, c + 1u, f0) * fc;
-    float high = albedo_at(table, r + 1u, c, f0) * (1.0 - fc) + albedo_at(table, r + 1u, c + 1u, f0) * fc;
-    return low * (1.0 - fr) + high * fr;
+// Chance of reflection where a microfacet both reflects and lets pass.
+float share_reflected(vec3 reflected, vec3 passed) {
+    float below = luminance(passed);
+    return below > 0.0 ? luminance(reflected) / (luminance(reflected) + below) : 1.0;
 }
 
-// The surface m seen from wi (local, z > 0).
-Bsdf bsdf_new(Address albedo, Material m, vec3 wi) {
+Bsdf bsdf_nothing(vec3 wi, float alpha) {
     Bsdf b;
-    vec3 base = vec3(m.base_color[0], m.base_color[1], m.base_color[2]);
-    float ratio = (m.ior - 1.0) / (m.ior + 1.0);
     b.wi = wi;
-    b.alpha = max(m.roughness * m.roughness, LEAST_ALPHA);
-    b.dielectric_f0 = min(ratio * ratio * 2.0 * m.specular, 1.0);
-    float layer_albedo = NEEDS_LOBES != 0u && b.dielectric_f0 > 0.0 ? albedo_get(albedo, wi.z, m.roughness, b.dielectric_f0) : 0.0;
-    b.diffuse = base * ((1.0 - m.metallic) * (1.0 - layer_albedo));
-    b.metal_f0 = base;
-    b.metallic = m.metallic;
-    float specular = m.metallic * luminance(base) + (1.0 - m.metallic) * layer_albedo;
-    float total = specular + luminance(b.diffuse);
-    b.specular_chance = specular <= 0.0 ? 0.0 : clamp(specular / total, 0.1, 1.0);
+    b.alpha = alpha;
+    b.diffuse = vec3(0.0);
+    b.metal = vec3(0.0);
+    b.metal_f0 = vec3(0.0);
+    b.metal_b = vec3(0.0);
+    b.specular = vec3(0.0);
+    b.specular_f0 = vec3(0.0);
+    b.specular_eta = 1.0;
+    b.glass = vec3(0.0);
+    b.glass_f0 = vec3(0.0);
+    b.glass_tint = vec3(0.0);
+    b.glass_eta = 1.0;
+    b.coat = no_coat();
+    b.chance = 0.0;
+    b.coat_chance = 0.0;
+    b.diffuse_chance = 0.0;
+    return b;
+}
+
+// Whether light passes through the surface.
+bool bsdf_transmits(Bsdf b) {
+    return NEEDS_GLASS != 0u && b.glass != vec3(0.0);
+}
+
+bool bsdf_is_mirror(Bsdf b) {
+    return b.alpha * b.alpha <= LEAST_ALPHA_SQUARED;
+}
+
+// Glass of this weight.
+void set_glass(inout Bsdf b, Address tables, Material m, vec3 base, vec3 tint, vec3 weight, bool from_inside) {
+    b.glass_eta = from_inside ? 1.0 / m.ior : m.ior;
+    b.glass_f0 = min(f0_from_ior(m.ior) * tint, vec3(1.0));
+    b.glass_tint = sqrt(base);
+    b.glass = weight;
+    if (m.multiscatter != 0u) {
+        uint side = from_inside ? INSIDE : 0u;
+        float place = index_place(m.ior);
+        float kept = table_3d(tables, GLASS + side, 16u, m.roughness, b.wi.z, place);
+        float average = table_2d(tables, GLASS_AVERAGE + side, 16u, m.roughness, place);
+        vec3 once =
+            b.glass_tint == vec3(0.0) ? share_to_white(b.glass_f0, average_share(b.glass_eta)) : b.glass_tint;
+        b.glass *= gain(once, kept, average);
+    }
+}
+
+// How often each lobe is chosen: by what it reflects.
+void choose(inout Bsdf b, float microfacets) {
+    float coat = b.coat.albedo, diffuse = luminance(b.diffuse);
+    float least = LEAST_SHARE * (microfacets + coat + diffuse);
+    microfacets = microfacets > 0.0 ? max(microfacets, least) : 0.0;
+    coat = coat > 0.0 ? max(coat, least) : 0.0;
+    float total = microfacets + coat + diffuse;
+    if (total > 0.0) {
+        b.chance = microfacets / total;
+        b.coat_chance = coat / total;
+        b.diffuse_chance = diffuse / total;
+    }
+}
+
+// The surface m seen from wi (local, z > 0); from_inside: that is the side where the material is.
+Bsdf bsdf_new(Address tables, Material m, vec3 wi, bool from_inside) {
+    Bsdf b = bsdf_nothing(wi, m.roughness * m.roughness);
+    vec3 base = vec3(m.base_color[0], m.base_color[1], m.base_color[2]);
+    vec3 tint = vec3(m.specular_tint[0], m.specular_tint[1], m.specular_tint[2]);
+    vec3 weight = vec3(1.0);
+    // What lies on top.
+    if (NEEDS_COAT != 0u && m.coat > 0.0) {
+        b.coat = coat_new(tables, m, wi.z, weight);
+    }
+    if (NEEDS_LOBES == 0u) {
+        b.diffuse = weight * base;
+        choose(b, 0.0);
+        return b;
+    }
+    float kept = 1.0, kept_average = 1.0;
+    if (m.multiscatter != 0u) {
+        kept = table_2d(tables, REFLECTION, 32u, m.roughness, wi.z);
+        kept_average = table_1d(tables, REFLECTION_AVERAGE, 32u, m.roughness);
+    }
+    float shine = 0.0, gloss = 0.0;
+
+    // Metal.
+    if (m.metallic > 0.0) {
+        b.metal_f0 = base;
+        b.metal_b = f82_b(base, tint);
+        vec3 reflected = fresnel_f82_average(base, b.metal_b);
+        b.metal = weight * m.metallic * gain(reflected, kept, kept_average);
+        gloss += luminance(b.metal * reflected);
+        weight *= 1.0 - m.metallic;
+    }
+
+    // Glass.
+    if (NEEDS_GLASS != 0u && m.transmission > 0.0) {
+        set_glass(b, tables, m, base, tint, weight * m.transmission, from_inside);
+        gloss += luminance(b.glass);
+        weight *= 1.0 - m.transmission;
+    }
+
+    // The dielectric layer, and what passes it.
+    float f0 = f0_from_ior(m.ior);
+    float eta = m.ior;
+    if (m.specular != 0.5) {
+        f0 *= 2.0 * m.specular;
+        eta = ior_from_f0(f0);
+    }
+    if (eta != 1.0 && max_element(weight) > 0.0) {
+        b.specular_f0 = min(f0 * tint, vec3(1.0));
+        b.specular_eta = eta;
+        vec3 reflected = share_to_white(b.specular_f0, average_share(eta));
+        vec3 more = gain(reflected, kept, kept_average);
+        float share = table_3d(tables, FRESNEL_SHARE, 16u, m.roughness, wi.z, index_place(eta));
+        vec3 layer = more * kept * share_to_white(b.specular_f0, share);
+        b.specular = weight * more;
+        shine = luminance(weight * layer);
+        weight *= clamp(1.0 - max_element(layer), 0.0, 1.0);
+    }
+    b.diffuse = weight * base;
+    choose(b, gloss + shine);
     return b;
 }
 
 // Whether a sampled direction depends on the choice of a lobe.
 bool has_two_lobes(Bsdf b) {
-    return b.specular_chance > 0.0 && b.specular_chance < 1.0;
+    return b.coat_chance > 0.0 || (b.chance > 0.0 && b.chance < 1.0) || bsdf_transmits(b);
 }
 
-float ggx_d(vec3 h, float alpha) {
-    float a2 = alpha * alpha;
-    float t = h.x * h.x + h.y * h.y + a2 * h.z * h.z;
-    return a2 / (PI * t * t);
-}
-
-// Smith's Λ.
-float lambda(vec3 w, float alpha) {
-    float tan2 = (w.x * w.x + w.y * w.y) / (w.z * w.z);
-    return (sqrt(1.0 + alpha * alpha * tan2) - 1.0) / 2.0;
-}
-
-// Schlick 1994 for both layers.
-vec3 fresnel(Bsdf b, float cosine) {
-    float s = pow5(1.0 - clamp(cosine, 0.0, 1.0));
-    vec3 f = (b.metal_f0 + (vec3(1.0) - b.metal_f0) * s) * b.metallic;
-    if (b.dielectric_f0 > 0.0) {
-        f += (b.dielectric_f0 + (1.0 - b.dielectric_f0) * s) * (1.0 - b.metallic);
+// What a microfacet reflects, and what it lets pass, at the cosine of wi with it.
+vec3 bsdf_reflectance(Bsdf b, float cosine, out vec3 passed) {
+    vec3 reflected = b.metal * fresnel_f82(cosine, b.metal_f0, b.metal_b);
+    if (b.specular != vec3(0.0)) {
+        float share = fresnel_share(cosine, b.specular_eta, f0_from_ior(b.specular_eta));
+        reflected += b.specular * share_to_white(b.specular_f0, share);
     }
-    return f;
+    passed = vec3(0.0);
+    if (bsdf_transmits(b)) {
+        float share = fresnel_share(cosine, b.glass_eta, f0_from_ior(b.glass_eta));
+        vec3 glass = share_to_white(b.glass_f0, share);
+        reflected += b.glass * glass;
+        passed = b.glass * (vec3(1.0) - glass) * b.glass_tint;
+    }
+    return reflected;
 }
 
-// f · cos and the density of bsdf_sample, for a direction on the side of wi; zero below.
-vec3 bsdf_eval(Bsdf b, vec3 wo, out float pdf) {
+// The microfacets' f · |cos| and their part of the density, where h is the one that sends light from wi to wo.
+vec3 microfacets(Bsdf b, vec3 h, vec3 wo, out float pdf) {
+    float cosine = dot(b.wi, h);
+    vec3 passed;
+    vec3 f = bsdf_reflectance(b, cosine, passed);
+    float chance = share_reflected(f, passed);
+    float d = ggx_d(h, b.alpha), lambda_i = lambda(b.wi, b.alpha), lambda_o = lambda(wo, b.alpha);
+    float per_normal = 0.25;
+    if (NEEDS_GLASS != 0u && wo.z <= 0.0) {
+        float cos_o = dot(wo, h);
+        float x = cosine / b.glass_eta + cos_o;
+        f = passed;
+        chance = 1.0 - chance;
+        per_normal = abs(cosine * cos_o) / (x * x);
+    }
+    float common_part = d * per_normal / b.wi.z;
+    pdf = b.chance * chance * common_part / (1.0 + lambda_i);
+    return f * (common_part / (1.0 + lambda_i + lambda_o));
+}
+
+// Adds what lobes without microfacets of their own, and the coat, send from or to wo above the surface.
+void add_others(Bsdf b, vec3 wo, inout vec3 f, inout float pdf) {
+    f += b.diffuse * (wo.z * FRAC_1_PI);
+    pdf += b.diffuse_chance * wo.z * FRAC_1_PI;
+    if (NEEDS_COAT != 0u && b.coat_chance > 0.0 && !coat_is_mirror(b.coat)) {
+        float coat_pdf;
+        f += coat_eval(b.coat, b.wi, wo, coat_pdf);
+        pdf += b.coat_chance * coat_pdf;
+    }
+}
+
+// bsdf_eval for a direction through the surface.
+vec3 eval_below(Bsdf b, vec3 wo, out float pdf) {
     pdf = 0.0;
-    if (wo.z <= 0.0 || b.wi.z <= 0.0) {
+    if (bsdf_is_mirror(b) || abs(b.glass_eta - 1.0) < LEAST_BEND) {
         return vec3(0.0);
     }
-    vec3 f = b.diffuse * (wo.z * FRAC_1_PI);
-    pdf = (1.0 - b.specular_chance) * wo.z * FRAC_1_PI;
-    if (NEEDS_LOBES != 0u && b.specular_chance > 0.0) {
-        vec3 h = normalized(b.wi + wo);
-        float d = ggx_d(h, b.alpha), lambda_i = lambda(b.wi, b.alpha), lambda_o = lambda(wo, b.alpha);
-        float d_g = d / (4.0 * b.wi.z * (1.0 + lambda_i + lambda_o));
-        f += fresnel(b, dot(b.wi, h)) * d_g;
-        pdf += b.specular_chance * d / (4.0 * b.wi.z * (1.0 + lambda_i));
+    vec3 h = -normalized(b.wi + b.glass_eta * wo);
+    h = h.z < 0.0 ? -h : h;
+    // No microfacet that both sides see refracts one into the other.
+    if (dot(b.wi, h) <= 0.0 || dot(wo, h) >= 0.0) {
+        return vec3(0.0);
     }
+    return microfacets(b, h, wo, pdf);
+}
+
+// f · |cos| and the density of bsdf_sample, for any direction; zero below a surface that does not transmit.
+vec3 bsdf_eval(Bsdf b, vec3 wo, out float pdf) {
+    pdf = 0.0;
+    if (b.wi.z <= 0.0 || wo.z == 0.0) {
+        return vec3(0.0);
+    }
+    if (wo.z < 0.0) {
+        if (bsdf_transmits(b)) {
+            return eval_below(b, wo, pdf);
+        }
+        return vec3(0.0);
+    }
+    vec3 f = vec3(0.0);
+    if (NEEDS_LOBES != 0u && b.chance > 0.0 && !bsdf_is_mirror(b)) {
+        f = microfacets(b, normalized(b.wi + wo), wo, pdf);
+    }
+    add_others(b, wo, f, pdf);
     return f;
 }
 
@@ -135,33 +294,68 @@ vec3 sample_cosine(vec2 u) {
     return vec3(r * sc.y, r * sc.x, sqrt(max(1.0 - r * r, 0.0)));
 }
 
-vec3 sample_visible_normal(vec3 wi, float alpha, vec2 u) {
-    vec3 v = normalized(vec3(alpha * wi.x, alpha * wi.y, wi.z));
-    float len2 = v.x * v.x + v.y * v.y;
-    vec3 t1 = len2 > 0.0 ? vec3(-v.y, v.x, 0.0) / sqrt(len2) : vec3(1.0, 0.0, 0.0);
-    vec3 t2 = cross(v, t1);
-    float r = sqrt(u.x);
-    vec2 sc = sin_cos(2.0 * PI * u.y);
-    float p1 = r * sc.y;
-    float s = 0.5 * (1.0 + v.z);
-    float p2 = (1.0 - s) * sqrt(max(1.0 - p1 * p1, 0.0)) + s * r * sc.x;
-    vec3 n = t1 * p1 + t2 * p2 + v * sqrt(max(1.0 - p1 * p1 - p2 * p2, 0.0));
-    return normalized(vec3(alpha * n.x, alpha * n.y, max(n.z, 0.0)));
+// The mirror's direction.
+BsdfSample mirrored(Bsdf b, vec3 weight) {
+    return BsdfSample(vec3(-b.wi.x, -b.wi.y, b.wi.z), weight, MIRROR_PDF);
+}
+
+BsdfSample no_sample(vec3 wo) {
+    return BsdfSample(wo, vec3(0.0), 0.0);
+}
+
+BsdfSample sample_microfacets(Bsdf b, vec2 u, float choice) {
+    bool is_mirror = bsdf_is_mirror(b);
+    vec3 h = is_mirror ? vec3(0.0, 0.0, 1.0) : sample_visible_normal(b.wi, b.alpha, u);
+    float cosine = dot(b.wi, h);
+    vec3 passed;
+    vec3 reflected = bsdf_reflectance(b, cosine, passed);
+    float share = share_reflected(reflected, passed);
+    vec3 wo, f;
+    float pdf;
+    if (choice < share) {
+        if (is_mirror) {
+            return mirrored(b, reflected / (share * b.chance));
+        }
+        wo = 2.0 * cosine * h - b.wi;
+        if (wo.z <= 0.0) {
+            return no_sample(wo);
+        }
+        f = microfacets(b, h, wo, pdf);
+        add_others(b, wo, f, pdf);
+    } else {
+        float cos_t = sqrt(max(1.0 - (1.0 - cosine * cosine) / (b.glass_eta * b.glass_eta), 0.0));
+        wo = normalized((cosine / b.glass_eta - cos_t) * h - b.wi / b.glass_eta);
+        if (wo.z >= 0.0) {
+            return no_sample(wo);
+        }
+        if (is_mirror || abs(b.glass_eta - 1.0) < LEAST_BEND) {
+            return BsdfSample(wo, passed / ((1.0 - share) * b.chance), MIRROR_PDF);
+        }
+        f = microfacets(b, h, wo, pdf);
+    }
+    if (!(pdf > 0.0) || isinf(pdf)) {
+        return no_sample(wo);
+    }
+    return BsdfSample(wo, f / pdf, pdf);
 }
 
 // A direction with density as bsdf_eval says.
 BsdfSample bsdf_sample(Bsdf b, vec2 u, float choice) {
-    vec3 wo;
-    if (NEEDS_LOBES != 0u && choice < b.specular_chance) {
-        vec3 h = sample_visible_normal(b.wi, b.alpha, u);
-        wo = 2.0 * dot(b.wi, h) * h - b.wi;
-    } else {
-        wo = sample_cosine(u);
+    if (NEEDS_LOBES != 0u && choice < b.chance) {
+        return sample_microfacets(b, u, choice / b.chance);
     }
-    float pdf;
-    vec3 f = bsdf_eval(b, wo, pdf);
+    bool in_coat = NEEDS_COAT != 0u && choice < b.chance + b.coat_chance;
+    if (in_coat && coat_is_mirror(b.coat)) {
+        return mirrored(b, coat_reflectance(b.coat, b.wi.z) / b.coat_chance);
+    }
+    vec3 wo = in_coat ? coat_sample(b.coat, b.wi, u) : sample_cosine(u);
+    vec3 f = vec3(0.0);
+    float pdf = 0.0;
+    if (wo.z > 0.0) {
+        f = bsdf_eval(b, wo, pdf);
+    }
     if (!(pdf > 0.0) || isinf(pdf)) {
-        return BsdfSample(wo, vec3(0.0), 0.0);
+        return no_sample(wo);
     }
     return BsdfSample(wo, f / pdf, pdf);
 }

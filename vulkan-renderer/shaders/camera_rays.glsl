@@ -3,21 +3,28 @@
 #define CAMERA_RAYS_GLSL
 
 #include "trace.glsl"
+#include "lens.glsl"
 
-// The ray through a point of the picture, in pixels from its upper left corner, and the largest t at which it sees.
-RayInWorld camera_ray(CameraRecord camera, f64 x, f64 y, out f64 t_max) {
+// Where a point of the picture is aside of the view axis.
+DVec3 camera_aside(CameraRecord camera, f64 x, f64 y) {
     f64 width = f64_from_bits(camera.size[0]), height = f64_from_bits(camera.size[1]);
     f64 half_extent = f64_from_bits(camera.half_extent);
-    f64 longer = f64_max(width, height);
+    f64 fitted = f64_from_bits(camera.fitted);
     f64 place[2];
-    place[0] = f64_sub(f64_mul(F64_TWO, x), width);
+    place[0] = f64_mul(f64_sub(f64_mul(F64_TWO, x), width), f64_from_bits(camera.pixel_aspect));
     place[1] = f64_sub(height, f64_mul(F64_TWO, y));
     ROLLED for (int i = 0; i < 2; i++) {
         f64 shift = f64_mul(F64_TWO, f64_from_bits(camera.shift[i]));
-        place[i] = f64_mul(f64_add(f64_div(place[i], longer), shift), half_extent);
+        place[i] = f64_mul(f64_add(f64_div(place[i], fitted), shift), half_extent);
     }
-    DVec3 aside = dvec3_add(
+    return dvec3_add(
         dvec3_scale(dvec3_from_bits(camera.right), place[0]), dvec3_scale(dvec3_from_bits(camera.up), place[1]));
+}
+
+// The ray from the opening's middle through a point of the picture, in pixels from its upper left corner, and the largest t at which
+// it sees.
+RayInWorld camera_ray(CameraRecord camera, f64 x, f64 y, out f64 t_max) {
+    DVec3 aside = camera_aside(camera, x, y);
     DVec3 position = dvec3_from_bits(camera.position), forward = dvec3_from_bits(camera.forward);
     DVec3 origin = position, direction = forward;
     if (camera.orthographic != 0u) {
@@ -28,6 +35,33 @@ RayInWorld camera_ray(CameraRecord camera, f64 x, f64 y, out f64 t_max) {
     f64 near = f64_from_bits(camera.clip[0]);
     t_max = f64_sub(f64_from_bits(camera.clip[1]), near);
     return RayInWorld(dvec3_add(origin, dvec3_scale(direction, near)), direction);
+}
+
+// The ray from point u of the opening instead, through the same point in focus.
+RayInWorld camera_lens_ray(CameraRecord camera, f64 x, f64 y, vec2 u, out f64 t_max) {
+    DVec3 aside = camera_aside(camera, x, y);
+    DVec3 position = dvec3_from_bits(camera.position), forward = dvec3_from_bits(camera.forward);
+    f64 along, above;
+    lens_sample(camera, u, along, above);
+    DVec3 off = dvec3_add(
+        dvec3_scale(dvec3_from_bits(camera.right), along), dvec3_scale(dvec3_from_bits(camera.up), above));
+    bool orthographic = camera.orthographic != 0u;
+    DVec3 middle = forward, origin = position;
+    if (orthographic) {
+        origin = dvec3_add(position, aside);
+    } else {
+        middle = dvec3_add(forward, aside);
+    }
+    DVec3 through = dvec3_sub(middle, dvec3_scale(off, f64_from_bits(camera.lens_inverse_focus)));
+    f64 stretch = f64_sqrt(f64_div(dvec3_dot(middle, middle), dvec3_dot(through, through)));
+    DVec3 direction = dvec3_scale(through, stretch);
+    DVec3 onward = direction;
+    if (orthographic) {
+        onward = through;
+    }
+    f64 near = f64_from_bits(camera.clip[0]);
+    t_max = f64_sub(f64_from_bits(camera.clip[1]), near);
+    return RayInWorld(dvec3_add(dvec3_add(origin, off), dvec3_scale(onward, near)), direction);
 }
 
 #endif

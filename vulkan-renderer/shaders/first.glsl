@@ -26,7 +26,7 @@ void first_of_pixel(uvec2 in_tile) {
     FirstRecord first = FirstRecord(uintBitsToFloat(0x7F800000u), 0u, float[3](0.0, 0.0, 0.0), float[3](0.0, 0.0, 0.0));
     if (is_hit(hit)) {
         first.depth = f64_to_f32(hit.t);
-        first.label = hit.surface.label + 1u;
+        first.label = hit.surface.kind == SURFACE_TRIANGLE ? 0u : hit.surface.label + 1u;
         first.albedo = material_of(instance_at(scene, hit.surface.instance), hit.surface.label).base_color;
         vec3 normal = dvec3_to_vec3(hit.from_inside ? dvec3_neg(hit.normal_in_world) : hit.normal_in_world);
         first.normal = float[3](normal.x, normal.y, normal.z);

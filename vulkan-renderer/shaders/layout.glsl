@@ -40,7 +40,13 @@ struct CameraRecord {
     F64Bits size[2];
     F64Bits clip[2];
     uint orthographic;
-    uint reserved;
+    uint lens_blades;
+    F64Bits pixel_aspect;
+    F64Bits fitted;
+    F64Bits lens_radius;
+    F64Bits lens_inverse_focus;
+    float lens_rotation_rad;
+    float lens_inverse_ratio;
 };
 
 struct Filter {
@@ -67,7 +73,8 @@ struct Lights {
     float sky[3];
     uint has_backdrop;
     float backdrop[2][3];
-    uint reserved;
+    uint lamp_count;
+    Address lamps;
 };
 
 struct Sun {
@@ -77,6 +84,22 @@ struct Sun {
     F64Bits one_minus_cos_half_angle;
     float radiance[3];
     float cone_pdf;
+};
+
+struct Lamp {
+    F64Bits position[3];
+    uint kind;
+    float axis[3];
+    float sides[2][3];
+    float half_extent[2];
+    float radiance[3];
+    float one_minus_cos_half_angle;
+    float inverse_blend;
+    float tan_half_spread;
+    float spread_factor;
+    uint soft;
+    uint visible_to_camera;
+    uint reserved;
 };
 
 struct Environment {
@@ -93,7 +116,7 @@ struct Environment {
 
 struct SceneHeader {
     Address instances;
-    Address albedo;
+    Address tables;
     CameraRecord camera;
     Filter film_filter;
     Settings settings;
@@ -110,6 +133,14 @@ struct Material {
     float specular;
     float ior;
     float emission[3];
+    float specular_tint[3];
+    float transmission;
+    float coat;
+    float coat_roughness;
+    float coat_ior;
+    float coat_tint[3];
+    float alpha;
+    uint multiscatter;
 };
 
 struct Chunk {
@@ -206,6 +237,7 @@ layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Sce
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Instances { Instance at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Chunks { Chunk at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Suns { Sun at[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Lamps { Lamp at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Materials { Material at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer BvhNodes { BvhNode at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer RayRecords { RayRecord at[]; };

@@ -3,6 +3,8 @@
 #define LIGHTS_GLSL
 
 #include "environment.glsl"
+#include "lamp.glsl"
+#include "needs.glsl"
 
 const uint FINDING_BOTH = 0u;
 const uint FINDING_AIMED = 1u;
@@ -14,7 +16,11 @@ struct LightSample {
     DVec3 direction;
     vec3 radiance_over_pdf;
     float pdf;
+    f64 distance_to;
 };
+
+// What touches a lamp within this part of its distance does not hide it.
+const float TOUCHING = 1.0 - 1.0 / 1048576.0;
 
 // Veach 1997, eq. 9.13 with β = 2. Ratios first: squares of peaked densities overflow.
 float power_heuristic(float a, float b) {
@@ -39,9 +45,10 @@ float light_chance(Lights lights, uint light) {
 }
 
 // A light and a direction towards it.
-LightSample lights_sample(Lights lights, Environment sky, float choice, vec2 u) {
+LightSample lights_sample(Lights lights, Environment sky, Receiver from, float choice, vec2 u) {
     LightSample result;
     result.found = false;
+    result.distance_to = F64_INFINITY;
     Floats ends = Floats(lights.ends);
     uint light = 0u;
     while (light < lights.end_count && ends.at[light] <= choice) {
@@ -57,11 +64,20 @@ LightSample lights_sample(Lights lights, Environment sky, float choice, vec2 u) 
         if (s.pdf <= 0.0) {
             return result;
         }
+    } else if (light <= lights.sun_count) {
+        s = sun_sample(Suns(lights.suns).at[light - 1u], u);
     } else {
-        if (light > lights.sun_count) {
+        uint lamp = light - 1u - lights.sun_count;
+        if (NEEDS_LAMPS == 0u || lamp >= lights.lamp_count) {
             return result;
         }
-        s = sun_sample(Suns(lights.suns).at[light - 1u], u);
+        LampSample l = lamp_sample(Lamps(lights.lamps).at[lamp], from, u);
+        if (!l.found) {
+            return result;
+        }
+        result.distance_to = f64_mul(f64_from_f32(l.distance_to), f64_from_f32(TOUCHING));
+        s = SunSample(dvec3_of(f64_from_f32(l.direction.x), f64_from_f32(l.direction.y), f64_from_f32(l.direction.z)),
+            l.radiance, l.pdf);
     }
     result.pdf = s.pdf * chance;
     float over = s.pdf > 0.0 ? result.pdf : chance;
@@ -98,6 +114,25 @@ vec3 lights_found(Lights lights, Environment sky, DVec3 direction, float pdf) {
         if (sun.cone_pdf > 0.0 && sun_eval(sun, direction)) {
             float sun_pdf = sun.cone_pdf * light_chance(lights, i + 1u);
             light += vec3_of(sun.radiance) * scattered_weight(lights, pdf, sun_pdf);
+        }
+    }
+    return light;
+}
+
+// Light of all lamps that a ray (unit direction) passes through before it has gone `limit`: one that was scattered at `from` with
+// density `pdf`, or one of the camera's, which has none.
+vec3 lamps_found(Lights lights, Receiver from, DVec3 direction, f64 limit, float pdf, bool of_camera) {
+    vec3 d = dvec3_to_vec3(direction);
+    vec3 light = vec3(0.0);
+    for (uint i = 0u; i < lights.lamp_count; i++) {
+        Lamp lamp = Lamps(lights.lamps).at[i];
+        if (of_camera && lamp.visible_to_camera == 0u) {
+            continue;
+        }
+        LampSample met = lamp_meet(lamp, from, d);
+        if (met.found && f64_lt(f64_mul(f64_from_f32(met.distance_to), f64_from_f32(TOUCHING)), limit)) {
+            float chance = light_chance(lights, 1u + lights.sun_count + i);
+            light += met.radiance * (of_camera ? 1.0 : scattered_weight(lights, pdf, met.pdf * chance));
         }
     }
     return light;

@@ -3,11 +3,21 @@
 #ifndef NEEDS_GLSL
 #define NEEDS_GLSL
 
-// Some label has a specular layer or is metal.
+// Some label has microfacets: metal, glass, a dielectric layer.
 layout(constant_id = 1) const uint NEEDS_LOBES = 1u;
 // A picture surrounds the scene.
 layout(constant_id = 2) const uint NEEDS_PICTURE = 1u;
 // Some light is aimed at.
 layout(constant_id = 3) const uint NEEDS_AIM = 1u;
+// The camera's opening has a size.
+layout(constant_id = 4) const uint NEEDS_LENS = 1u;
+// Lamps stand in the scene.
+layout(constant_id = 5) const uint NEEDS_LAMPS = 1u;
+// Some label has a clear coat.
+layout(constant_id = 6) const uint NEEDS_COAT = 1u;
+// Some label is glass, wholly or in part.
+layout(constant_id = 7) const uint NEEDS_GLASS = 1u;
+// Some label is not wholly there.
+layout(constant_id = 8) const uint NEEDS_CLEAR = 1u;
 
 #endif

@@ -1,4 +1,5 @@
-// One path, from the camera to its end: twin of cpu-renderer/src/path.rs, with the loop of path_tracer.rs around it.
+// One path, from the camera to its end: twin of cpu-renderer/src/path.rs, with the loop of path_tracer.rs around it, and with what
+// crossing.rs does along the way to a light.
 //
 // The twin asks the geometry in three places. Here there is one, in a loop that knows what the ray was for: shaders inline what
 // they call, and threads of a group that trace at different places would wait for each other.
@@ -7,6 +8,7 @@
 
 #include "needs.glsl"
 #include "scene_tracer.glsl"
+#include "crossing.glsl"
 #include "sampler.glsl"
 #include "filter.glsl"
 #include "film.glsl"
@@ -47,10 +49,6 @@ DVec3 frame_world(Frame frame, vec3 w) {
         dvec3_scale(frame.normal, f64_from_f32(w.z)));
 }
 
-float max_element(vec3 v) {
-    return max(max(v.x, v.y), v.z);
-}
-
 // What the ray in flight is for.
 const uint FLIGHT_CAMERA = 0u;
 const uint FLIGHT_SHADOW = 1u;
@@ -68,21 +66,46 @@ vec3 radiance(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, fl
     uint bounces = mode == MODE_PATH ? scene.it.settings.bounces : 0u;
     bool aims = NEEDS_AIM != 0u && any_aimed(lights);
     vec3 total = vec3(0.0), throughput = vec3(1.0);
-    uint vertex = 0u;
+    // Surfaces that scattered, and such that were passed straight through.
+    uint vertex = 0u, passed = 0u;
     uint flight = FLIGHT_CAMERA;
-    Surface from = no_surface();
-    // What the light in flight adds, and where the path goes on after it.
+    // The surface that the ray in flight starts from.
+    Hit left = no_hit();
+    // What the light in flight adds, through how many surfaces it came, and where the path goes on after it.
     vec3 add = vec3(0.0);
+    uint light_passed = 0u;
     bool goes_on = false;
+    Hit at = left;
+    DVec3 onward_origin = ray.origin;
     DVec3 onward = ray.direction;
     float onward_pdf = 0.0;
+    // Where the straight way of the path began, and how far it has come through surfaces that are not there, in world units.
+    Receiver receiver = Receiver(ray.origin, vec3(0.0, 0.0, 1.0), true);
+    f64 gone = F64_ZERO;
     while (true) {
-        bool any = flight == FLIGHT_SHADOW || flight == FLIGHT_AMBIENT;
-        Hit hit = scene_ask(scene, ray, from, t_max, any, NONE, 0u);
+        bool any = (flight == FLIGHT_SHADOW && NEEDS_CLEAR == 0u) || flight == FLIGHT_AMBIENT;
+        bool crosses = (NEEDS_CLEAR | NEEDS_GLASS) != 0u && !any;
+        f64 reach = crosses && may_touch(ray.direction, left) ? F64_INFINITY : t_max;
+        Hit hit = scene_ask(scene, ray, left.surface, reach, any, NONE, 0u);
         if (flight == FLIGHT_AMBIENT) {
             return is_hit(hit) ? vec3(0.0) : vec3(1.0);
         }
+        if (crosses) {
+            hit = next_hit(hit, ray.direction, left, t_max);
+        }
         if (flight == FLIGHT_SHADOW) {
+            // Some of the light may come through.
+            if (NEEDS_CLEAR != 0u && is_hit(hit) && light_passed < MOST_CLEAR_SURFACES) {
+                float alpha = material_of(instance_at(scene, hit.surface.instance), hit.surface.label).alpha;
+                if (alpha < 1.0) {
+                    add *= 1.0 - alpha;
+                    light_passed += 1u;
+                    ray.origin = dvec3_add(ray.origin, dvec3_scale(ray.direction, hit.t));
+                    t_max = f64_sub(t_max, hit.t);
+                    left = hit;
+                    continue;
+                }
+            }
             // The light is seen, or not; the path goes on from where it was.
             if (!is_hit(hit)) {
                 total += add;
@@ -91,25 +114,41 @@ vec3 radiance(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, fl
                 return total;
             }
             ray.direction = onward;
+            t_max = F64_INFINITY;
+            if (NEEDS_CLEAR != 0u) {
+                ray.origin = onward_origin;
+                left = at;
+            }
             flight = FLIGHT_SCATTERED;
             vertex += 1u;
             continue;
         }
+        if (NEEDS_LAMPS != 0u && mode != MODE_AMBIENT_OCCLUSION) {
+            f64 limit = is_hit(hit) ? hit.t : t_max;
+            DVec3 d = dvec3_normalize(ray.direction);
+            limit = f64_add(gone, f64_mul(limit, dvec3_length(ray.direction)));
+            total += throughput * lamps_found(lights, receiver, d, limit, onward_pdf, flight == FLIGHT_CAMERA);
+            if (NEEDS_CLEAR != 0u && f64_lt(F64_ZERO, gone)) {
+                total -= throughput * lamps_found(lights, receiver, d, gone, onward_pdf, flight == FLIGHT_CAMERA);
+            }
+        }
         if (!is_hit(hit)) {
             if (flight == FLIGHT_CAMERA) {
-                return lights_behind(lights, sky, ray.direction, down);
+                return total + lights_behind(lights, sky, ray.direction, down);
             }
             return total + throughput * lights_found(lights, sky, dvec3_normalize(ray.direction), onward_pdf);
         }
         ray.origin = dvec3_add(ray.origin, dvec3_scale(ray.direction, hit.t));
-        from = hit.surface;
-        t_max = F64_INFINITY;
-        Frame frame = frame_new(hit.normal_in_world);
+        // Whether a path outside of all labels started within another label's coarse element.
+        bool buried = is_seen_from_within(hit) && flight == FLIGHT_SCATTERED && goes_outward(ray.direction, left) &&
+            !may_touch(ray.direction, left);
+        left = hit;
 
         // 1 where a cosine-distributed ray meets nothing within reach, else 0.
         if (mode == MODE_AMBIENT_OCCLUSION) {
+            Frame frame = frame_new(normal_towards_ray(hit));
             ray.direction = frame_world(frame, sample_cosine(sampler_bounce(points, 0u, PAIR_SCATTER)));
-            if (hit.from_inside || f64_le(dvec3_dot(ray.direction, frame.normal), F64_ZERO)) {
+            if (is_seen_from_within(hit) || f64_le(dvec3_dot(ray.direction, frame.normal), F64_ZERO)) {
                 return vec3(0.0);
             }
             t_max = f64_from_bits(scene.it.settings.ao_distance);
@@ -118,53 +157,80 @@ vec3 radiance(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, fl
         }
 
         Material material = material_of(instance_at(scene, hit.surface.instance), hit.surface.label);
-        total += throughput * vec3_of(material.emission);
-        if (vertex > bounces || hit.from_inside) {
-            return total;
+        uint number = vertex + passed;
+
+        // Straight on where the surface is not there.
+        if (NEEDS_CLEAR != 0u && material.alpha < 1.0 &&
+            sampler_bounce(points, number, PAIR_ROULETTE).y >= material.alpha) {
+            passed += 1u;
+            if (passed > MOST_CLEAR_SURFACES) {
+                return total;
+            }
+            t_max = f64_sub(t_max, hit.t);
+            gone = f64_add(gone, f64_mul(hit.t, dvec3_length(ray.direction)));
+            continue;
         }
+        t_max = F64_INFINITY;
+        gone = F64_ZERO;
+
+        // The side that is seen.
+        Frame frame = frame_new(hit.from_inside ? dvec3_neg(hit.normal_in_world) : hit.normal_in_world);
         vec3 wi = frame_local(frame, dvec3_neg(dvec3_normalize(ray.direction)));
         // A grazing ray may round to 0 or below: it still sees the front.
         wi.z = max(wi.z, 1e-6);
-        Bsdf bsdf = bsdf_new(scene.it.albedo, material, wi);
+        total += throughput * emitted(scene.it.tables, material, wi.z);
+        if (vertex > bounces || buried) {
+            return total;
+        }
+        Bsdf bsdf = bsdf_new(scene.it.tables, material, wi, hit.from_inside);
+        receiver = Receiver(ray.origin, dvec3_to_vec3(frame.normal), bsdf_transmits(bsdf));
         float lobe = 0.5;
 
         // Aim at a light.
         bool light_in_flight = false;
         DVec3 towards_light = ray.direction;
+        f64 light_distance = F64_INFINITY;
         if (aims) {
-            vec2 choice = sampler_bounce(points, vertex, PAIR_CHOICE);
+            vec2 choice = sampler_bounce(points, number, PAIR_CHOICE);
             lobe = choice.y;
-            LightSample light = lights_sample(lights, sky, choice.x, sampler_bounce(points, vertex, PAIR_LIGHT));
-            if (light.found && f64_lt(F64_ZERO, dvec3_dot(light.direction, frame.normal))) {
+            LightSample light =
+                lights_sample(lights, sky, receiver, choice.x, sampler_bounce(points, number, PAIR_LIGHT));
+            if (light.found && (bsdf_transmits(bsdf) || f64_lt(F64_ZERO, dvec3_dot(light.direction, frame.normal)))) {
                 float pdf;
                 vec3 f_cos = bsdf_eval(bsdf, frame_local(frame, light.direction), pdf);
                 add = throughput * f_cos * light.radiance_over_pdf * aimed_weight(lights, light.pdf, pdf);
                 light_in_flight = max_element(add) > 0.0;
                 towards_light = light.direction;
+                light_distance = light.distance_to;
             }
         } else if (has_two_lobes(bsdf)) {
-            lobe = sampler_bounce(points, vertex, PAIR_CHOICE).y;
+            lobe = sampler_bounce(points, number, PAIR_CHOICE).y;
         }
 
         // Scatter.
-        BsdfSample scattered = bsdf_sample(bsdf, sampler_bounce(points, vertex, PAIR_SCATTER), lobe);
+        BsdfSample scattered = bsdf_sample(bsdf, sampler_bounce(points, number, PAIR_SCATTER), lobe);
         goes_on = scattered.pdf > 0.0;
         if (goes_on) {
             throughput *= scattered.weight;
             onward = frame_world(frame, scattered.wo);
             onward_pdf = scattered.pdf;
             float most = max_element(throughput);
-            goes_on = most > 0.0 && f64_lt(F64_ZERO, dvec3_dot(onward, frame.normal));
+            f64 above = dvec3_dot(onward, frame.normal);
+            goes_on = most > 0.0 && (scattered.wo.z > 0.0 ? f64_lt(F64_ZERO, above) : f64_lt(above, F64_ZERO));
 
             // End by Russian roulette; who survives stands for who does not.
             if (goes_on && scene.it.settings.russian_roulette != 0u && vertex >= FIRST_ROULETTE && most < 1.0) {
                 float survival = max(most, LEAST_SURVIVAL);
-                goes_on = sampler_bounce(points, vertex, PAIR_ROULETTE).x < survival;
+                goes_on = sampler_bounce(points, number, PAIR_ROULETTE).x < survival;
                 throughput /= survival;
             }
         }
         if (light_in_flight) {
+            at = hit;
+            onward_origin = ray.origin;
+            light_passed = 0u;
             ray.direction = towards_light;
+            t_max = light_distance;
             flight = FLIGHT_SHADOW;
         } else if (goes_on) {
             ray.direction = onward;
@@ -184,7 +250,12 @@ vec3 sample_of_pixel(SceneRef scene, uvec2 pixel, uint number) {
     f64 px = f64_add(f64_add(f64_from_u32(pixel.x), F64_HALF), f64_from_f32(filter_sample(scene.it.film_filter, u.x)));
     f64 py = f64_add(f64_add(f64_from_u32(pixel.y), F64_HALF), f64_from_f32(filter_sample(scene.it.film_filter, u.y)));
     f64 t_max;
-    RayInWorld ray = camera_ray(scene.it.camera, px, py, t_max);
+    RayInWorld ray;
+    if (NEEDS_LENS != 0u && f64_lt(F64_ZERO, f64_from_bits(scene.it.camera.lens_radius))) {
+        ray = camera_lens_ray(scene.it.camera, px, py, sampler_lens(points), t_max);
+    } else {
+        ray = camera_ray(scene.it.camera, px, py, t_max);
+    }
     float down = f64_to_f32(f64_div(py, f64_from_bits(scene.it.camera.size[1])));
     return radiance(scene, points, ray, t_max, down);
 }

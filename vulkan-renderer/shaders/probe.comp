@@ -78,7 +78,7 @@ void probe_f64(uint row) {
 }
 
 void probe_sampler(uint row) {
-    begin(row, 7u, 4u);
+    begin(row, 7u, 6u);
     uint64_t seed = take64();
     uint x = take(), y = take();
     PixelSampler points = sampler_new(seed, uvec2(x, y), take());
@@ -89,6 +89,9 @@ void probe_sampler(uint row) {
     put_float(u.y);
     put_float(film.x);
     put_float(film.y);
+    vec2 lens = sampler_lens(points);
+    put_float(lens.x);
+    put_float(lens.y);
 }
 
 void probe_filter(uint row) {
@@ -133,9 +136,13 @@ void probe_trigonometry(uint row) {
 }
 
 void probe_camera(uint row) {
-    begin(row, 4u, 14u);
+    begin(row, 6u, 28u);
     f64 x = take_f64(), y = take_f64(), t_max;
     RayInWorld ray = camera_ray(SceneRef(launch.scene).it.camera, x, y, t_max);
+    put_dvec3(ray.origin);
+    put_dvec3(ray.direction);
+    put_f64(t_max);
+    ray = camera_lens_ray(SceneRef(launch.scene).it.camera, x, y, take_vec2(), t_max);
     put_dvec3(ray.origin);
     put_dvec3(ray.direction);
     put_f64(t_max);
@@ -171,36 +178,75 @@ void probe_environment(uint row) {
     put_float(environment_pdf(table, direction));
 }
 
+Receiver take_receiver() {
+    DVec3 point = take_dvec3();
+    vec3 normal = take_vec3();
+    return Receiver(point, normal, take() != 0u);
+}
+
+void put_lamp_sample(LampSample s) {
+    put(s.found ? 1u : 0u);
+    put_vec3(s.direction);
+    put_float(s.distance_to);
+    put_vec3(s.radiance);
+    put_float(s.pdf);
+}
+
+void probe_lamp(uint row) {
+    begin(row, 16u, 18u);
+    Lamp lamp = Lamps(SceneRef(launch.scene).it.lights.lamps).at[take()];
+    Receiver from = take_receiver();
+    vec2 u = take_vec2();
+    put_lamp_sample(lamp_sample(lamp, from, u));
+    put_lamp_sample(lamp_meet(lamp, from, take_vec3()));
+}
+
 void probe_lights(uint row) {
-    begin(row, 11u, 17u);
+    begin(row, 23u, 22u);
     SceneRef scene = SceneRef(launch.scene);
     Lights lights = scene.it.lights;
     Environment sky = scene.it.environment;
     float choice = take_float();
-    LightSample s = lights_sample(lights, sky, choice, take_vec2());
+    vec2 u = take_vec2();
     DVec3 direction = take_dvec3();
     float pdf = take_float(), down = take_float();
+    Receiver from = take_receiver();
+    f64 limit = take_f64();
+    LightSample s = lights_sample(lights, sky, from, choice, u);
     put(s.found ? 1u : 0u);
     put_dvec3(s.direction);
     put_vec3(s.radiance_over_pdf);
     put_float(s.pdf);
+    put_f64(s.distance_to);
+    put_vec3(lamps_found(lights, from, direction, limit, pdf, false));
     put_vec3(lights_found(lights, sky, direction, pdf));
     put_vec3(lights_behind(lights, sky, direction, down));
 }
 
 void probe_bsdf(uint row) {
-    begin(row, 19u, 15u);
+    begin(row, 31u, 18u);
     Material m;
-    vec3 base = take_vec3();
+    vec3 base = take_vec3(), tint = take_vec3(), coat_tint = take_vec3(), emission = take_vec3();
     m.base_color = float[3](base.x, base.y, base.z);
+    m.specular_tint = float[3](tint.x, tint.y, tint.z);
+    m.coat_tint = float[3](coat_tint.x, coat_tint.y, coat_tint.z);
+    m.emission = float[3](emission.x, emission.y, emission.z);
     m.metallic = take_float();
     m.roughness = take_float();
     m.specular = take_float();
     m.ior = take_float();
+    m.transmission = take_float();
+    m.coat = take_float();
+    m.coat_roughness = take_float();
+    m.coat_ior = take_float();
+    m.alpha = 1.0;
+    m.multiscatter = take();
+    bool from_inside = take() != 0u;
     vec3 wi = take_vec3(), wo = take_vec3();
     vec2 u = take_vec2();
     float choice = take_float();
-    Bsdf b = bsdf_new(SceneRef(launch.scene).it.albedo, m, wi);
+    Address tables = SceneRef(launch.scene).it.tables;
+    Bsdf b = bsdf_new(tables, m, wi, from_inside);
     float pdf;
     put_vec3(bsdf_eval(b, wo, pdf));
     put_float(pdf);
@@ -210,6 +256,7 @@ void probe_bsdf(uint row) {
     put_float(s.pdf);
     put(has_two_lobes(b) ? 1u : 0u);
     put_vec3(sample_cosine(u));
+    put_vec3(emitted(tables, m, wi.z));
 }
 
 void probe_box(uint row) {
@@ -317,6 +364,9 @@ void main() {
         break;
     case 13u:
         probe_radiance(row);
+        break;
+    case 20u:
+        probe_lamp(row);
         break;
     }
 }

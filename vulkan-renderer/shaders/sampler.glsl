@@ -9,6 +9,7 @@ const uint REPLICATES = 4u;
 // Dimension
 const uint DIMENSION_FILM = 0u;
 const uint DIMENSION_BOUNCE = 1u;
+const uint DIMENSION_LENS = 0xFFFFFFFFu;
 
 // BouncePair
 const uint PAIR_LIGHT = 0u;
@@ -81,6 +82,11 @@ vec2 sampler_bounce(PixelSampler points, uint bounce, uint pair) {
 // The pair for the film.
 vec2 sampler_film(PixelSampler points) {
     return sampler_pair(points, DIMENSION_FILM);
+}
+
+// The pair for the camera's opening.
+vec2 sampler_lens(PixelSampler points) {
+    return sampler_pair(points, DIMENSION_LENS);
 }
 
 #endif

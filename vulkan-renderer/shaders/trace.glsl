@@ -10,10 +10,15 @@ struct RayInWorld {
     DVec3 direction;
 };
 
+const uint SURFACE_FACE = 0u;
+const uint SURFACE_CAP = 1u;
+const uint SURFACE_TRIANGLE = 2u;
+
 // `instance` NONE says that there is no surface: a path that starts in free space, a ray that met nothing. Beyond the twin, a
 // surface knows the box that drew it, so that a path that leaves it need not search for the box.
 struct Surface {
     uint instance;
+    uint kind;
     uvec3 voxel;
     uint axis;
     bool positive;
@@ -30,7 +35,7 @@ struct Hit {
 };
 
 Surface no_surface() {
-    return Surface(NONE, uvec3(0u), 0u, false, 0u, 0u, NONE);
+    return Surface(NONE, SURFACE_FACE, uvec3(0u), 0u, false, 0u, 0u, NONE);
 }
 
 Hit no_hit() {
@@ -41,9 +46,20 @@ bool is_hit(Hit hit) {
     return hit.surface.instance != NONE;
 }
 
+// Whether the ray started inside something solid, of which it sees the inside.
+bool is_seen_from_within(Hit hit) {
+    return hit.from_inside && hit.surface.kind != SURFACE_TRIANGLE;
+}
+
+// The unit normal on the side that the ray came from; of what was seen from within, the outward one.
+DVec3 normal_towards_ray(Hit hit) {
+    bool back = hit.from_inside && hit.surface.kind == SURFACE_TRIANGLE;
+    return back ? dvec3_neg(hit.normal_in_world) : hit.normal_in_world;
+}
+
 Surface surface_from_record(SurfaceRecord r) {
-    return Surface(r.instance, uvec3(r.voxel[0], r.voxel[1], r.voxel[2]), r.face & 3u, (r.face & 4u) != 0u, r.plane, r.label,
-        r.box_number);
+    return Surface(r.instance, r.face >> 3, uvec3(r.voxel[0], r.voxel[1], r.voxel[2]), r.face & 3u, (r.face & 4u) != 0u, r.plane,
+        r.label, r.box_number);
 }
 
 SurfaceRecord record_of_surface(Surface s) {
@@ -52,7 +68,7 @@ SurfaceRecord record_of_surface(Surface s) {
     r.voxel[0] = s.voxel.x;
     r.voxel[1] = s.voxel.y;
     r.voxel[2] = s.voxel.z;
-    r.face = s.axis | (s.positive ? 4u : 0u);
+    r.face = s.axis | (s.positive ? 4u : 0u) | (s.kind << 3);
     r.plane = s.plane;
     r.label = s.label;
     r.box_number = s.box_number;

@@ -238,7 +238,7 @@ Hit hit_of(InstanceRef instance, uint instance_number, IndexRay ray, Step step, 
     uvec3 element = p.level == LEVEL_VOXELS ? voxel : p.level == LEVEL_CELLS ? voxel & ~3u : p.origin;
     DVec3 normal = dvec3_from_bits(instance.it.normals[axis]);
     return Hit(world_t(ray, axis, step.plane),
-        Surface(instance_number, element, axis, positive, step.plane, label_of_box(instance, item), item),
+        Surface(instance_number, SURFACE_FACE, element, axis, positive, step.plane, label_of_box(instance, item), item),
         positive ? normal : dvec3_neg(normal), from_inside);
 }
 

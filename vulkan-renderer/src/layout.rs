@@ -4,7 +4,7 @@
 //! Launch (push constants) ─ scene ──► SceneHeader ─ instances ──► Instance[] ─ boxes, nodes, leaves, hierarchy, materials
 //!        │ input, output, scratch                 ├ lights.ends, lights.suns
 //!        ▼                                        ├ environment.pixels, …
-//!        rays in, hits out, film sums             └ filter.inverse, albedo
+//!        rays in, hits out, film sums             └ filter.inverse, tables
 //! ```
 //! GLSL's `scalar` layout is C's for these: members in order, each aligned to its own size, no implicit padding (a test compares
 //! the offsets with those in the compiled shaders). Addresses are device addresses, 0 where there is nothing. A double is eight
@@ -52,10 +52,10 @@ pub struct Launch {
 /// Bytes of scratch memory for each ray of a launch of the ray tracing pipeline: the search that raygen and intersection share.
 pub const SCRATCH_BYTES: u64 = 192;
 
-/// Twin of `CameraRays`.
+/// Twin of `CameraRays` and `Lens`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
-#[allow(missing_docs, reason = "as in CameraRays")]
+#[allow(missing_docs, reason = "as in CameraRays and Lens")]
 pub struct Camera {
     pub position: [f64; 3],
     pub right: [f64; 3],
@@ -66,7 +66,14 @@ pub struct Camera {
     pub size: [f64; 2],
     pub clip: [f64; 2],
     pub orthographic: u32,
-    pub reserved: u32,
+    pub lens_blades: u32,
+    pub pixel_aspect: f64,
+    pub fitted: f64,
+    /// 0 where all is sharp: the lens's fields are not read then.
+    pub lens_radius: f64,
+    pub lens_inverse_focus: f64,
+    pub lens_rotation_rad: f32,
+    pub lens_inverse_ratio: f32,
 }
 
 /// Twin of `FilterTable`.
@@ -115,7 +122,30 @@ pub struct Lights {
     pub has_backdrop: u32,
     /// Its colours: bottom, top.
     pub backdrop: [[f32; 3]; 2],
-    /// 0.
+    /// Number of lamps.
+    pub lamp_count: u32,
+    /// [`Lamp`]s.
+    pub lamps: Address,
+}
+
+/// Twin of `ReadyLamp`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+#[allow(missing_docs, reason = "as in ReadyLamp")]
+pub struct Lamp {
+    pub position: [f64; 3],
+    /// 0 ball, 1 spot, 2 rectangle, 3 ellipse.
+    pub kind: u32,
+    pub axis: [f32; 3],
+    pub sides: [[f32; 3]; 2],
+    pub half: [f32; 2],
+    pub radiance: [f32; 3],
+    pub one_minus_cos_half_angle: f32,
+    pub inverse_blend: f32,
+    pub tan_half_spread: f32,
+    pub spread_factor: f32,
+    pub soft: u32,
+    pub visible_to_camera: u32,
     pub reserved: u32,
 }
 
@@ -164,8 +194,8 @@ pub struct Environment {
 pub struct SceneHeader {
     /// [`Instance`]s.
     pub instances: Address,
-    /// The dielectric layer's albedo (`bsdf::albedo_table`): `ALBEDO_TABLE`² pairs of floats.
-    pub albedo: Address,
+    /// How much light surfaces keep: `pumice_cpu::bsdf::tables::TABLES`.
+    pub tables: Address,
     pub camera: Camera,
     pub filter: Filter,
     pub settings: Settings,
@@ -187,6 +217,14 @@ pub struct Material {
     pub specular: f32,
     pub ior: f32,
     pub emission: [f32; 3],
+    pub specular_tint: [f32; 3],
+    pub transmission: f32,
+    pub coat: f32,
+    pub coat_roughness: f32,
+    pub coat_ior: f32,
+    pub coat_tint: [f32; 3],
+    pub alpha: f32,
+    pub multiscatter: u32,
 }
 
 /// Twin of `Chunk`, over the boxes that are drawn.
@@ -270,7 +308,7 @@ pub struct SurfaceRecord {
     /// [`NONE`]: there is no surface (a free point; nothing hit).
     pub instance: u32,
     pub voxel: [u32; 3],
-    /// Axis in bits 0 and 1, `positive` in bit 2.
+    /// Axis in bits 0 and 1, `positive` in bit 2, the kind (`SurfaceKind`) above.
     pub face: u32,
     pub plane: u32,
     pub label: u32,

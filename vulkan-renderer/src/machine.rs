@@ -20,9 +20,12 @@ pub(crate) struct Opening {
 #[derive(Debug)]
 pub(crate) struct Machine {
     pub(crate) gpu: Gpu,
-    /// Albedo of the layer on top: the CPU's table.
-    pub(crate) albedo: Buffer,
+    /// How much light surfaces keep: the CPU's tables.
+    pub(crate) tables: Buffer,
+    /// Of samples.
     pub(crate) slices: Slices,
+    /// Of first surfaces.
+    pub(crate) slices_of_firsts: Slices,
     /// By entry and specialisation constants: no more than the kinds of scenes that were shown.
     programs: Vec<(Entry, Vec<u32>, Program)>,
 }
@@ -30,9 +33,15 @@ pub(crate) struct Machine {
 impl Machine {
     pub(crate) fn open(how: &Opening) -> Result<Self, DeviceError> {
         let gpu = Gpu::open(&how.instance, &how.candidate, how.backend, how.cache_folder.as_deref())?;
-        let table = bytemuck::cast_slice(pumice_cpu::bsdf::albedo_table());
-        let albedo = gpu.buffer_of("the albedo of layers", table)?;
-        Ok(Self { gpu, albedo, slices: Slices::default(), programs: Vec::new() })
+        let tables = bytemuck::cast_slice(&pumice_cpu::bsdf::tables::TABLES);
+        let tables = gpu.buffer_of("the tables of scattering", tables)?;
+        Ok(Self {
+            gpu,
+            tables,
+            slices: Slices::default(),
+            slices_of_firsts: Slices::of_records(),
+            programs: Vec::new(),
+        })
     }
 
     /// The program of an entry, compiled when it is first asked for.
@@ -53,6 +62,7 @@ impl Machine {
     pub(crate) fn shrink(&mut self) {
         self.programs.iter_mut().for_each(|(_, _, p)| p.drop_scratch());
         self.slices.shrink();
+        self.slices_of_firsts.shrink();
     }
 
     /// Bytes of memory that programs hold.

@@ -19,4 +19,4 @@ pub use boxes::{PackedBoxes, place};
 pub use looks::PackedLooks;
 pub use needs::ShaderNeeds;
 pub use nodes::PackedNodes;
-pub use scene::{PackedSky, camera, header, lights, settings, suns};
+pub use scene::{PackedSky, camera, header, lamps, lights, settings, suns};

@@ -9,7 +9,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use pumice_core::{CompressedVolume, Job};
+use pumice_core::{CompressedVolume, Job, MeshData};
 use pumice_cpu::ReadImage;
 use pumice_render::{Image, Pick, Picture, Progress, Rebuilt, RenderError, Renderer};
 use pumice_scene::{Scene, SceneError};
@@ -93,7 +93,8 @@ impl VulkanRenderer {
             return Err(self.given_up(error));
         }
         self.failed = true;
-        if !self.machine.gpu.is_lost() {
+        // Any call may be the one that tells.
+        if !self.machine.gpu.is_lost() && !matches!(error, DeviceError::Lost(_)) {
             self.notices.push(format!("{error}; trying again with smaller launches"));
             self.machine.shrink();
             return Ok(());
@@ -157,15 +158,15 @@ impl Renderer for VulkanRenderer {
         self.how.backend.name()
     }
 
-    fn set_scene(&mut self, scene: &Scene, volumes: &[Arc<CompressedVolume>]) -> Result<(), RenderError> {
+    fn set_scene(
+        &mut self,
+        scene: &Scene,
+        volumes: &[Arc<CompressedVolume>],
+        meshes: &[Arc<MeshData>],
+    ) -> Result<(), RenderError> {
         scene.validate().map_err(|e: SceneError| RenderError::Scene(e.to_string()))?;
-        if scene.instances.len() != volumes.len() {
-            return Err(RenderError::Scene(format!(
-                "instances: expected one volume for each of {}, got {}",
-                scene.instances.len(),
-                volumes.len()
-            )));
-        }
+        pumice_render::refuse_undrawn(scene)?;
+        pumice_render::check_counts(scene, volumes, meshes)?;
         loop {
             let (former, counters) = (&mut self.shown, &mut self.counters);
             match Shown::new(&mut self.machine, former, scene, volumes, self.read_image, counters) {

@@ -1,7 +1,7 @@
 //! A scene on the device, in parts that edits renew one by one.
 //!
 //! ```text
-//! SceneHeader ─┬─ Sky       lights, environment tables                      renewed by: world, suns
+//! SceneHeader ─┬─ Sky       lights, environment tables                      renewed by: world, suns, lamps
 //!  (+ Instance │
 //!  records,    ├─ Nodes     nodes and leaves, as compressed                 renewed by: a volume, a label that was never shown
 //!  new with    ├─ Boxes     boxes, labels, hierarchy                        renewed by: visibility, level of detail
@@ -196,7 +196,8 @@ impl SkyOnDevice {
         };
         let ends = put("chances of lights", bytemuck::cast_slice(lights.ends()))?;
         let suns = put("suns", bytemuck::cast_slice(&pack::suns(&lights)))?;
-        let lights_record = pack::lights(&lights, ends, suns);
+        let lamps = put("lamps", bytemuck::cast_slice(&pack::lamps(&lights)))?;
+        let lights_record = pack::lights(&lights, [ends, suns, lamps]);
         let mut environment = layout::Environment::default();
         if let Some(sky) = PackedSky::new(&lights) {
             let [pixels, density, rows, columns] = sky.parts();
@@ -242,7 +243,7 @@ pub(crate) struct SceneOnDevice {
 impl SceneOnDevice {
     pub(crate) fn new(
         gpu: &Gpu,
-        albedo: &Buffer,
+        tables: &Buffer,
         instances: Vec<InstanceOnDevice>,
         sky: Arc<SkyOnDevice>,
         filter: Arc<FilterOnDevice>,
@@ -253,7 +254,7 @@ impl SceneOnDevice {
         let records = gpu.buffer_of("the list of instances", bytemuck::cast_slice(&list))?;
         let header = pack::header(
             (records.address(), list.len() as u32),
-            albedo.address(),
+            tables.address(),
             rays,
             filter.record,
             pack::settings(settings),

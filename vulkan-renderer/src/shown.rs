@@ -1,6 +1,7 @@
 //! What a renderer shows: a scene, its parts on the device, the film. A new scene takes from the former what is still right.
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use bytemuck::Zeroable as _;
 use glam::DAffine3;
@@ -8,7 +9,7 @@ use pumice_core::{CompressedVolume, Job};
 use pumice_cpu::camera_rays::CameraRays;
 use pumice_cpu::traverse::{LodChoice, Placement};
 use pumice_cpu::{Looks, ReadImage, scene_lights};
-use pumice_render::{FilmBuffer, Image, Pick, Picture, Rebuilt, RenderError};
+use pumice_render::{FilmBuffer, Image, Pick, Picture, Rebuilt, RenderError, SurfaceKind};
 use pumice_scene::{Instance, InstanceDiff, Scene, SceneDiff};
 
 use crate::device::DeviceError;
@@ -21,7 +22,7 @@ use crate::scene::{
 };
 use crate::sent::Sent;
 use crate::shaders::Entry;
-use crate::slices::{Cursor, Slices, Tile};
+use crate::slices::{Cursor, Tile};
 
 /// See the module.
 #[derive(Debug)]
@@ -97,7 +98,11 @@ impl Shown {
         let diff = SceneDiff::between(old.map(|o| &o.scene), scene);
         let lod = LodChoice::new(scene.settings.lod, &scene.camera, &scene.film);
         let parts = parts_of(machine, old, &diff, scene, volumes, lod, read_image, &mut counted)?;
-        let needs = ShaderNeeds::new(&parts.sky.lights, parts.instances.iter().map(|i| &i.looks.packed));
+        let needs = ShaderNeeds::new(
+            &scene.camera,
+            &parts.sky.lights,
+            parts.instances.iter().map(|i| &i.looks.packed),
+        );
         let size = [scene.film.width, scene.film.height];
         let film = match former.take() {
             Some(Self { mut film, .. }) if film.size == size => {
@@ -114,6 +119,7 @@ impl Shown {
         counted.rebuilt.film += u64::from(diff.film);
         *counters = counted;
         machine.slices.be_careful();
+        machine.slices_of_firsts.be_careful();
         Ok(Self {
             scene: scene.clone(),
             volumes: volumes.to_vec(),
@@ -183,24 +189,24 @@ impl Shown {
         let tile = Tile { x, y, width: 1, height: 1 };
         self.first(machine, &tile, 1, bytemuck::cast_slice_mut(&mut hit))?;
         let [HitRecord { t: depth, surface: s, .. }] = hit;
-        Ok((s.instance != NONE).then_some(Pick {
-            instance: s.instance,
-            label: s.label,
-            voxel: s.voxel,
-            depth,
-        }))
+        let labelled = s.instance != NONE && s.face >> 3 != SurfaceKind::Triangle as u32;
+        Ok(labelled.then_some(Pick { instance: s.instance, label: s.label, voxel: s.voxel, depth }))
     }
 
     /// The picture so far: its colours from the host's copy of the film, its passes from the device.
     pub(crate) fn picture(&self, machine: &mut Machine) -> Result<Picture, DeviceError> {
         let [width, height] = self.film.size;
         let mut firsts = vec![FirstRecord::zeroed(); width as usize * height as usize];
-        // Whole rows, so that a tile's records are a part of the film's.
-        let rows = ((Slices::MOST_PIXELS_A_TILE / u64::from(width).max(1)) as u32).clamp(1, height.max(1));
-        for (records, y) in firsts.chunks_mut((rows * width) as usize).zip((0..height).step_by(rows as usize))
-        {
-            let tile = Tile { x: 0, y, width, height: rows.min(height - y) };
-            self.first(machine, &tile, 0, bytemuck::cast_slice_mut(records))?;
+        let mut at = Cursor::default();
+        while let Some((tile, after)) = machine.slices_of_firsts.next([width, height], at, 1) {
+            let mut records = vec![FirstRecord::zeroed(); tile.pixels() as usize];
+            let taken = self.first(machine, &tile, 0, bytemuck::cast_slice_mut(&mut records))?;
+            machine.slices_of_firsts.learn(tile.pixels(), 1, taken.as_secs_f64());
+            for (row, y) in records.chunks(tile.width as usize).zip(tile.y..) {
+                let place = y as usize * width as usize + tile.x as usize;
+                firsts[place..][..row.len()].copy_from_slice(row);
+            }
+            at = after;
         }
         let (width, height) = (width as usize, height as usize);
         let image =
@@ -218,18 +224,21 @@ impl Shown {
         })
     }
 
+    /// First surfaces of a tile; how long the launch took.
     fn first(
         &self,
         machine: &mut Machine,
         tile: &Tile,
         wanted: u32,
         records: &mut [u8],
-    ) -> Result<(), DeviceError> {
+    ) -> Result<Duration, DeviceError> {
         let output = machine.gpu.buffer("first surfaces", records.len() as u64)?;
         let launch =
             Launch { scene: self.parts.address(), output: output.address(), wanted, ..launch_of(tile) };
-        machine.program(Entry::First, &[])?.run("first surfaces", &launch, [tile.width, tile.height])?;
-        machine.gpu.download(&output, 0, records)
+        let program = machine.program(Entry::First, &[])?;
+        let taken = program.run("first surfaces", &launch, [tile.width, tile.height])?;
+        machine.gpu.download(&output, 0, records)?;
+        Ok(taken)
     }
 
     /// Bytes on the device by part.
@@ -264,7 +273,7 @@ fn parts_of(
 ) -> Result<SceneOnDevice, Fault> {
     let gpu = &machine.gpu;
     let sky = match old {
-        Some(o) if !diff.world && !diff.suns => Arc::clone(&o.parts.sky),
+        Some(o) if !diff.world && !diff.suns && !diff.lights => Arc::clone(&o.parts.sky),
         _ => {
             counters.rebuilt.lights += 1;
             counters.sent.lights += 1;
@@ -286,7 +295,7 @@ fn parts_of(
     }
     counters.sent.header += 1;
     let rays = CameraRays::new(&scene.camera, &scene.film);
-    Ok(SceneOnDevice::new(gpu, &machine.albedo, instances, sky, filter, &rays, &scene.settings)?)
+    Ok(SceneOnDevice::new(gpu, &machine.tables, instances, sky, filter, &rays, &scene.settings)?)
 }
 
 /// One instance; `before` are those that come before it in the scene.

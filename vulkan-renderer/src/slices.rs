@@ -76,8 +76,10 @@ impl Default for Slices {
 }
 
 impl Slices {
-    /// Pixels of a launch that is not measured.
-    pub(crate) const MOST_PIXELS_A_TILE: u64 = 1 << 18;
+    /// The same with fewer pixels at most: where each pixel has a record that is read back.
+    pub(crate) fn of_records() -> Self {
+        Self { most_pixels: 1 << 18, ..Self::default() }
+    }
 
     /// The tile of the next launch, which adds `samples` to each of its pixels, and where the pass is after it. `None`: the pass is
     /// done.

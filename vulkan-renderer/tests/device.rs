@@ -3,9 +3,10 @@
 
 mod gpu;
 
-use gpu::{Gpu, spirv, validated};
+use gpu::{Gpu, tiny, validated};
 use pumice_vulkan::device::{self, Backend, DeviceError, Fault, Instance, InstanceOptions};
 use pumice_vulkan::layout::Launch;
+use pumice_vulkan::program::{Code, Program};
 
 #[test]
 fn a_machine_without_vulkan_says_so() {
@@ -119,11 +120,13 @@ fn a_lost_device_stays_lost() {
 #[test]
 fn launches_beyond_the_limits_are_refused() {
     let gpu = Gpu::new();
-    let pipeline = gpu.pipeline(&spirv("probe.comp", false), &[0]);
+    let pipeline = gpu.pipeline(&tiny::compute(), &[]);
     let refused = gpu.try_run(&pipeline, &Launch::default(), [u32::MAX, 1]);
     assert!(matches!(refused, Err(DeviceError::Limit { needed: 0xFFFF_FFFF, .. })), "{refused:?}");
     let gpu = Gpu::of(Backend::RayPipeline);
-    let mut program = gpu.program("trace_rays", false, [64, 1]);
+    let [main, miss, intersection] = tiny::rays();
+    let code = Code { main: &main, miss_and_box: Some([&miss, &intersection]), group: [1, 1] };
+    let mut program = Program::new(gpu.device(), &code, &[]).unwrap();
     let refused = program.run("a test", &Launch::default(), [u32::MAX, u32::MAX]);
     assert!(
         matches!(refused, Err(DeviceError::Limit { .. } | DeviceError::OutOfMemory { .. })),
@@ -176,10 +179,10 @@ fn builds_that_fail_leave_nothing() {
 
 #[test]
 fn shaders_of_another_backend_are_refused() {
-    let compute = spirv("trace_rays_bvh.comp", false);
-    let code = pumice_vulkan::program::Code { main: &compute, miss_and_box: None, group: [64, 1] };
+    let compute = tiny::compute();
+    let code = Code { main: &compute, miss_and_box: None, group: [1, 1] };
     let gpu = Gpu::of(Backend::RayPipeline);
-    let refused = pumice_vulkan::program::Program::new(gpu.device(), &code, &[]);
+    let refused = Program::new(gpu.device(), &code, &[]);
     assert!(matches!(refused, Err(DeviceError::Unsupported { .. })), "{refused:?}");
 }
 
@@ -191,7 +194,7 @@ fn pipelines_are_kept() {
         let instance = validated();
         let devices = device::survey(&instance).unwrap();
         let gpu = device::Gpu::open(&instance, &devices[0], Backend::Compute, Some(folder.path())).unwrap();
-        gpu.compute_pipeline(&spirv("probe.comp", false), &[0]).unwrap();
+        gpu.compute_pipeline(&tiny::compute(), &[]).unwrap();
         gpu.save_pipelines();
         assert_eq!(instance.messages().take(), Vec::<String>::new());
     };

@@ -37,7 +37,7 @@ fn record_of(s: &Surface) -> SurfaceRecord {
     SurfaceRecord {
         instance: s.instance,
         voxel: s.voxel,
-        face: u32::from(s.axis) | u32::from(s.positive) << 2,
+        face: u32::from(s.axis) | u32::from(s.positive) << 2 | (s.kind as u32) << 3,
         plane: s.plane,
         label: s.label,
         box_number: NONE,

@@ -16,8 +16,8 @@ use bytemuck::{Pod, Zeroable};
 use pumice_render::Bvh;
 use pumice_render::bvh::BoxBounds;
 use pumice_vulkan::layout::{
-    Camera, Chunk, Environment, Filter, FirstRecord, HitRecord, Instance, LOD_BY_DISTANCE, Launch, Lights,
-    Material, NONE, Question, RayRecord, SCRATCH_BYTES, SceneHeader, Settings, Sun, SurfaceRecord,
+    Camera, Chunk, Environment, Filter, FirstRecord, HitRecord, Instance, LOD_BY_DISTANCE, Lamp, Launch,
+    Lights, Material, NONE, Question, RayRecord, SCRATCH_BYTES, SceneHeader, Settings, Sun, SurfaceRecord,
 };
 use reflection::{Field, Layout, layouts};
 
@@ -109,16 +109,51 @@ fn twins() -> Vec<Layout> {
                 size,
                 clip,
                 orthographic,
-                reserved,
+                lens_blades,
+                pixel_aspect,
+                fitted,
+                lens_radius,
+                lens_inverse_focus,
+                lens_rotation_rad,
+                lens_inverse_ratio,
             }
         ),
         twin!("Filter", Filter { inverse as "inverse_table", width, steps }),
         twin!("Settings", Settings { seed, ao_distance, mode, bounces, russian_roulette, reserved }),
         twin!(
             "Lights",
-            Lights { ends, suns, end_count, sun_count, finding, sky, has_backdrop, backdrop, reserved }
+            Lights {
+                ends,
+                suns,
+                end_count,
+                sun_count,
+                finding,
+                sky,
+                has_backdrop,
+                backdrop,
+                lamp_count,
+                lamps,
+            }
         ),
         twin!("Sun", Sun { towards, tangent, bitangent, one_minus_cos_half_angle, radiance, cone_pdf }),
+        twin!(
+            "Lamp",
+            Lamp {
+                position,
+                kind,
+                axis,
+                sides,
+                half as "half_extent",
+                radiance,
+                one_minus_cos_half_angle,
+                inverse_blend,
+                tan_half_spread,
+                spread_factor,
+                soft,
+                visible_to_camera,
+                reserved,
+            }
+        ),
         twin!(
             "Environment",
             Environment {
@@ -137,7 +172,7 @@ fn twins() -> Vec<Layout> {
             "SceneHeader",
             SceneHeader {
                 instances,
-                albedo,
+                tables,
                 camera,
                 filter as "film_filter",
                 settings,
@@ -147,7 +182,25 @@ fn twins() -> Vec<Layout> {
                 film_width,
             }
         ),
-        twin!("Material", Material { base_color, metallic, roughness, specular, ior, emission }),
+        twin!(
+            "Material",
+            Material {
+                base_color,
+                metallic,
+                roughness,
+                specular,
+                ior,
+                emission,
+                specular_tint,
+                transmission,
+                coat,
+                coat_roughness,
+                coat_ior,
+                coat_tint,
+                alpha,
+                multiscatter
+            }
+        ),
         twin!("Chunk", Chunk { node_base, origin, first_box }),
         twin!(
             "Instance",

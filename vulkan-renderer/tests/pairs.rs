@@ -183,8 +183,9 @@ fn missing_twins_are_named() {
     assert_eq!(rust(bsdf, "pub fn luminance(", added), format!("{bsdf}: transmit has no twin"));
     let method = "pub fn transmit(&self) {}\n\n    pub fn eval(";
     assert_eq!(rust(bsdf, "pub fn eval(", method), format!("{bsdf}: Bsdf::transmit has no twin"));
-    let private = "fn ggx_g1(h: Vec3) {}\nfn ggx_d(";
-    assert_eq!(rust(bsdf, "fn ggx_d(", private), format!("{bsdf}: ggx_g1 has no twin"));
+    let ggx = "cpu-renderer/src/bsdf/ggx.rs";
+    let private = "fn ggx_g1(h: Vec3) {}\npub(super) fn ggx_d(";
+    assert_eq!(rust(ggx, "pub(super) fn ggx_d(", private), format!("{ggx}: ggx_g1 has no twin"));
     let renamed = shader("lights.glsl", "lights_found(", "lights_lost(");
     assert_eq!(renamed, "cpu-renderer/src/lights.rs: Lights::found has no twin");
     let gone = shader("sun.glsl", "render/src/sun.rs", "render/src/moon.rs");

@@ -31,11 +31,25 @@ impl PrivateMesa {
     }
 
     /// Tells a process to use it: nothing where the user chose a driver, by the loader's own variables.
+    ///
+    /// Mesa is told not to optimise what it compiles: tests look at few pixels, and compiling for the CPU takes most of their time.
+    /// Which numbers come out is the same. (Mesa keeps the compiled shaders of both ways apart.)
     pub(crate) fn surround(&self, command: &mut Command) {
         let chosen = ["VK_DRIVER_FILES", "VK_ICD_FILENAMES"].iter().any(|v| std::env::var_os(v).is_some());
         if !chosen {
             self.environment(command);
+            command.env("GALLIVM_PERF", "nopt");
         }
+    }
+
+    /// Besides, has every call of every program that it starts checked by the validation layer, whose settings end a process at what
+    /// it finds, so that no test can pass with it. For programs that do not listen to the layer themselves; `test_cli_backends.py`
+    /// proves that it is there and that it bites.
+    pub(crate) fn surround_checked(&self, root: &Path, command: &mut Command) {
+        self.surround(command);
+        command
+            .env("VK_INSTANCE_LAYERS", "VK_LAYER_KHRONOS_validation")
+            .env("VK_LAYER_SETTINGS_PATH", root.join("xtask/validation"));
     }
 
     /// A program of the folder.

@@ -13,7 +13,7 @@ pub(crate) fn of_today() -> u64 {
     SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |d| d.as_secs() / 86_400) % SHARES
 }
 
-/// The share that a test of this name belongs to: its 32-bit FNV-1a hash, as `tests/python/conftest.py` computes it.
+/// The share that a test of this name belongs to: its 32-bit FNV-1a hash, as `tests/python/share.py` computes it.
 pub(crate) fn of_name(name: &str) -> u64 {
     let hash = name.bytes().fold(0x811C_9DC5_u32, |h, b| (h ^ u32::from(b)).wrapping_mul(0x0100_0193));
     u64::from(hash) % SHARES

@@ -20,12 +20,12 @@ const PARTS: [(&str, u64, &str); 14] = [
         600,
         "target/mesa: Vulkan on the CPU, its validation layer, the shader compiler; compiled shaders are not stale",
     ),
-    ("rust", 1500, "unit and integration tests of every crate"),
+    ("rust", 2700, "unit and integration tests of every crate"),
     ("rust-docs", 300, "examples in the documentation"),
     ("python", 600, "formats, file layout and metrics against other people's code"),
-    ("cli", 600, "the command: contract, bad input, full disk, Ctrl-C"),
+    ("cli", 900, "the command: contract, bad input, full disk, Ctrl-C"),
     ("wheel", 1200, "the module pumice for Python, built and installed"),
-    ("python-module", 600, "its stub, its types, its tests"),
+    ("python-module", 900, "its stub, its types, its tests"),
     ("blender-env", 900, "target/venv-bpy: Blender as a module, and the libraries that it lacks here"),
     ("blender", 900, "the extension, packed and installed as a user does, in Blender without a window"),
     ("shared-rust", 900, "suites over volumes that may not be shipped"),
@@ -245,7 +245,7 @@ impl Suite {
         let mut tests = Command::new(&python);
         tests.args(["-m", "pytest", "-q", "-p", "no:cacheprovider", "python/tests"]);
         self.surroundings(&mut tests);
-        PrivateMesa::new(&self.target).surround(&mut tests);
+        PrivateMesa::new(&self.target).surround_checked(&self.root, &mut tests);
         Ok(vec![
             wheel::install(target, "dev").map_err(Outcome::Failed)?,
             wheel::generate_stub(root, target),
@@ -265,7 +265,7 @@ impl Suite {
         tests.args(["-m", "pytest", "-q", "-p", "no:cacheprovider", "blender-addon/tests"]);
         tests.env("PUMICE_EXTENSION_ZIP", extension::zip(&self.target, "dev"));
         self.surroundings(&mut tests);
-        PrivateMesa::new(&self.target).surround(&mut tests);
+        PrivateMesa::new(&self.target).surround_checked(&self.root, &mut tests);
         steps.push(tests.into());
         Ok(steps)
     }
@@ -276,7 +276,7 @@ impl Suite {
         vec![PrivateMesa::new(&self.target).step(&self.root), check.into()]
     }
 
-    /// The ignored tests whose turn it is. The Python ones run within their own parts (see `tests/python/conftest.py`).
+    /// The ignored tests whose turn it is. The Python ones run within their own parts (see `tests/python/share.py`).
     fn share_command(&self) -> Result<Command, Outcome> {
         let list = ["test", "--quiet", "--workspace", "--tests", "--", "--ignored", "--list"];
         let listing =
@@ -320,7 +320,7 @@ impl Suite {
         let mut command = Command::new(Environment::tests().interpreter(&self.target));
         command.args(["-m", "pytest", "-q", "-p", "no:cacheprovider"]).args(files);
         self.surroundings(&mut command);
-        PrivateMesa::new(&self.target).surround(&mut command);
+        PrivateMesa::new(&self.target).surround_checked(&self.root, &mut command);
         Ok(command)
     }
 

@@ -1,16 +1,78 @@
 //! `pumice bench`
 
-use pumice_session::{Case, Job, SessionError, measure_stability};
+use pumice_session::demo::shipped_volume;
+use pumice_session::{
+    Case, ConvergenceOptions, Job, SessionError, measure_convergence, measure_stability, write_convergence,
+};
 
 use crate::Answer;
-use crate::args::{Bench, BenchKind, Stability};
+use crate::args::{Bench, BenchKind, Convergence, Stability};
 use crate::failure::{Failure, say};
 use crate::json_report::write_report;
 
 pub(crate) fn run(args: &Bench, job: &Job) -> Result<Answer, Failure> {
     match &args.what {
+        BenchKind::Convergence(a) => convergence(a, job),
         BenchKind::Stability(a) => stability(a, job),
     }
+}
+
+fn convergence(args: &Convergence, job: &Job) -> Result<Answer, Failure> {
+    if !args.spp.is_sorted_by(|a, b| a < b) {
+        return Err(SessionError::Caller("--spp: expected rising numbers".into()).into());
+    }
+    let volume = match &args.volume {
+        Some(path) => path.clone(),
+        None => shipped_volume()?,
+    };
+    let mut scenes = Vec::new();
+    for &bounces in &args.bounces {
+        let options = ConvergenceOptions {
+            volume: volume.clone(),
+            cycles: args.cycles.clone(),
+            pick: args.pick as usize,
+            size: args.size,
+            spp: args.spp.clone(),
+            repeats: args.repeats,
+            bounces,
+            reference_spp: args.reference_spp,
+        };
+        let mut closed = None;
+        let mut watch = |line: &str| {
+            if closed.is_none() {
+                closed = say(format_args!("{bounces} bounces: {line}")).err();
+            }
+        };
+        let scene = measure_convergence(&options, job, &mut watch)?;
+        if let Some(failure) = closed {
+            return Err(failure);
+        }
+        if let Some(ratio) = scene.cpu_ratio_at_equal_error() {
+            say(format_args!(
+                "{bounces} bounces: {:.0} % of Cycles' CPU seconds at equal error",
+                100.0 * ratio
+            ))?;
+        }
+        scenes.push(scene);
+    }
+    let machine = format!(
+        "Pumice {}; {}, {} cores, {} {}.",
+        env!("CARGO_PKG_VERSION"),
+        processor(),
+        std::thread::available_parallelism().map_or(1, usize::from),
+        std::env::consts::OS,
+        std::env::consts::ARCH
+    );
+    write_convergence(&args.out, &machine, &scenes)?;
+    say(format_args!("{}", args.out.join("convergence.md").display()))?;
+    Ok(Answer::Yes)
+}
+
+/// The processor's name, where the system tells it in a file.
+fn processor() -> String {
+    let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let line = text.lines().find_map(|l| l.strip_prefix("model name")?.split_once(':'));
+    line.map_or_else(|| "an unnamed processor".into(), |(_, name)| name.trim().to_owned())
 }
 
 fn stability(args: &Stability, job: &Job) -> Result<Answer, Failure> {

@@ -9,6 +9,7 @@ use pumice_scene::{Camera, Film, Lod, Projection};
 
 use super::box_walk::Level;
 use super::each_axis;
+use crate::camera_rays::fitted_side;
 
 /// How a box's level is chosen.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -34,7 +35,8 @@ pub enum LodChoice {
 impl LodChoice {
     /// The choice that the scene's settings ask for.
     pub fn new(lod: Lod, camera: &Camera, film: &Film) -> Self {
-        let pixels_long = f64::from(film.width.max(film.height).max(1));
+        // Pixels that are not square: the shorter of their sides counts.
+        let pixels_long = fitted_side(camera.fit, film) / film.pixel_aspect.min(1.0);
         match lod {
             Lod::Voxels => Self::Voxels,
             Lod::Cells => Self::Cells,

@@ -4,7 +4,9 @@ use std::sync::Arc;
 
 use glam::{DAffine3, DVec3};
 use pumice_core::{BoxView, CompressedVolume, NodeRef};
-use pumice_render::{BoxBounds, Bvh, BvhRay, Hit, PathOrigin, RayInWorld, RenderError, Surface, Tracer};
+use pumice_render::{
+    BoxBounds, Bvh, BvhRay, Hit, PathOrigin, RayInWorld, RenderError, Surface, SurfaceKind, Tracer,
+};
 
 use super::box_walk::{Found, Level, Step, TIE, Walk};
 use super::index_ray::{Placement, face_of};
@@ -301,6 +303,7 @@ impl VolumeTracer {
             t: ray.world_t(axis, step.plane),
             surface: Surface {
                 instance: self.instance,
+                kind: SurfaceKind::Face,
                 voxel: element,
                 axis: axis as u8,
                 positive,

@@ -8,7 +8,7 @@ use pumice_cpu::Surroundings;
 use pumice_cpu::bsdf::Bsdf;
 use pumice_render::sampler::{BouncePair, PixelSampler};
 use pumice_render::sun::frame_around;
-use pumice_render::{PathOrigin, RayInWorld, Tracer};
+use pumice_render::{PathOrigin, RayInWorld, Receiver, Tracer};
 
 use crate::naive::Dense;
 
@@ -70,13 +70,14 @@ pub fn radiance(
             |w: DVec3| Vec3::new(w.dot(tangent) as f32, w.dot(bitangent) as f32, w.dot(normal) as f32);
         let mut wi = local(-ray.direction.normalize());
         wi.z = wi.z.max(1e-6);
-        let bsdf = Bsdf::new(material, wi);
+        let bsdf = Bsdf::new(material, wi, false);
         let origin = ray.origin + ray.direction * hit.t;
         let from = PathOrigin::Face(hit.surface);
+        let receiver = Receiver { point: origin, normal: normal.as_vec3(), both_sides: false };
 
         let [which, mut lobe] = sampler.bounce(vertex, BouncePair::Choice);
         if lights.any_aimed() {
-            if let Some(light) = lights.sample(which, sampler.bounce(vertex, BouncePair::Light))
+            if let Some(light) = lights.sample(&receiver, which, sampler.bounce(vertex, BouncePair::Light))
                 && light.direction.dot(normal) > 0.0
             {
                 let (f_cos, pdf) = bsdf.eval(local(light.direction));

@@ -17,7 +17,7 @@ use crate::naive::Dense;
 /// What the picture of a furnace may be off: the requirement.
 pub const TOLERANCE: f64 = 1e-3;
 
-pub const FILM: Film = Film { width: 32, height: 32, filter: Filter::Box { width: 1.0 } };
+pub const FILM: Film = Film::new(32, 32, Filter::Box { width: 1.0 });
 
 /// A scene of which every pixel that sees the shape has the value `exact`.
 pub struct Furnace {
@@ -162,12 +162,7 @@ pub fn camera(from: DVec3, to: DVec3, fov_rad: f64) -> Camera {
     let z = (from - to).normalize();
     let x = DVec3::Z.cross(z).normalize();
     let matrix = DMat3::from_cols(x, z.cross(x), z);
-    Camera {
-        world_from_camera: DAffine3::from_mat3_translation(matrix, from),
-        projection: Projection::Perspective { fov_rad },
-        shift: [0.0; 2],
-        clip: [0.0, f64::MAX],
-    }
+    Camera::new(DAffine3::from_mat3_translation(matrix, from), Projection::Perspective { fov_rad })
 }
 
 /// A shape full of pits and tunnels.

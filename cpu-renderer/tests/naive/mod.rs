@@ -2,7 +2,7 @@
 #![allow(dead_code, unreachable_pub, reason = "each test file uses its part")]
 
 use glam::DVec3;
-use pumice_render::{Hit, PathOrigin, RayInWorld, Surface, Tracer};
+use pumice_render::{Hit, PathOrigin, RayInWorld, Surface, SurfaceKind, Tracer};
 
 /// Labels by voxel, 0 is empty; index space is world space.
 #[derive(Clone, Debug)]
@@ -70,6 +70,7 @@ impl Tracer for Dense {
                 normal[axis] = -step[axis] as f64;
                 let surface = Surface {
                     instance: 0,
+                    kind: SurfaceKind::Face,
                     voxel: voxel.map(|v| v as u32),
                     axis: axis as u8,
                     positive,

@@ -9,8 +9,8 @@ use glam::{DAffine3, DMat3, DVec3};
 use pumice_core::{CompressedVolume, Job, LabelBuffer, LabelType, VolumeInfo, compress_labels};
 use pumice_render::{Image, Picture, Rebuilt, RenderError, Renderer};
 use pumice_scene::{
-    Camera, Environment, Film, Filter, Instance, LabelStyle, Lod, Material, Mode, Projection, SCENE_VERSION,
-    Scene, Settings, Show, Sun, World,
+    Camera, Environment, Film, Filter, Instance, LabelStyle, Light, LightShape, Lod, Material, Mode,
+    Projection, SCENE_VERSION, Scene, Settings, Show, Sun, World,
 };
 
 const BLACK: Environment = Environment::Constant { radiance: [0.0; 3] };
@@ -30,6 +30,11 @@ pub(crate) fn volume() -> Arc<CompressedVolume> {
 }
 
 /// Looks straight down on the floor's corner away from the tower: 3 × 3 voxels around (3, 3), every pixel floor.
+fn lamp() -> Light {
+    let shape = LightShape::Point { position: [1.0, 2.0, 30.0], radius: 0.5, soft_falloff: false };
+    Light { shape, power_w: 5.0, color: [1.0; 3], visible_to_camera: false }
+}
+
 pub(crate) fn looking_down(environment: Environment, suns: Vec<Sun>, material: Material) -> Scene {
     let lambert = material;
     Scene {
@@ -40,15 +45,16 @@ pub(crate) fn looking_down(environment: Environment, suns: Vec<Sun>, material: M
             world_from_index: DAffine3::IDENTITY,
             style: LabelStyle { material: lambert, ..LabelStyle::default() },
         }],
-        camera: Camera {
-            world_from_camera: DAffine3 { matrix3: DMat3::IDENTITY, translation: DVec3::new(3.0, 3.0, 20.0) },
-            projection: Projection::Orthographic { scale: 3.0 },
-            shift: [0.0; 2],
-            clip: [0.0, f64::MAX],
-        },
-        film: Film { width: 8, height: 8, filter: Filter::Box { width: 1.0 } },
+        camera: Camera::new(
+            DAffine3 { matrix3: DMat3::IDENTITY, translation: DVec3::new(3.0, 3.0, 20.0) },
+            Projection::Orthographic { scale: 3.0 },
+        ),
+        film: Film::new(8, 8, Filter::Box { width: 1.0 }),
         world: World { environment, backdrop: None },
         suns,
+        lights: Vec::new(),
+        meshes: Vec::new(),
+        cuts: Vec::new(),
         settings: Settings::default(),
     }
 }
@@ -60,7 +66,7 @@ pub(crate) fn lambert(albedo: f32) -> Material {
 fn render(scene: &Scene, spp: u32) -> Image {
     let mut renderer = super::renderer();
     let volumes = vec![volume(); scene.instances.len()];
-    renderer.set_scene(scene, &volumes).unwrap();
+    renderer.set_scene(scene, &volumes, &[]).unwrap();
     let job = Job::new();
     while renderer.advance(Duration::from_millis(20), spp, &job).unwrap().spp < spp {}
     renderer.picture().unwrap().color
@@ -141,7 +147,7 @@ fn ambient_occlusion_is_one_in_the_open_and_less_beside_the_tower() {
 fn a_cancelled_picture_goes_on_as_if_nothing_had_happened() {
     let scene = looking_down(Environment::Constant { radiance: [1.0; 3] }, vec![], lambert(0.8));
     let mut renderer = super::renderer();
-    renderer.set_scene(&scene, &[volume()]).unwrap();
+    renderer.set_scene(&scene, &[volume()], &[]).unwrap();
     let job = Job::new();
     renderer.advance(Duration::ZERO, 3, &job).unwrap();
     let cancelled = Job::new();
@@ -155,7 +161,7 @@ fn a_cancelled_picture_goes_on_as_if_nothing_had_happened() {
 fn a_faulty_scene_leaves_the_former_one() {
     let scene = looking_down(Environment::Constant { radiance: [1.0; 3] }, vec![], lambert(0.8));
     let mut renderer = super::renderer();
-    renderer.set_scene(&scene, &[volume()]).unwrap();
+    renderer.set_scene(&scene, &[volume()], &[]).unwrap();
     renderer.advance(Duration::ZERO, 1, &Job::new()).unwrap();
     let before = renderer.picture().unwrap();
     let mut no_such_label = scene.clone();
@@ -168,7 +174,7 @@ fn a_faulty_scene_leaves_the_former_one() {
     for (bad, named) in
         [(no_such_label, "label 6"), (not_a_number, "camera.shift"), (no_picture, "absent.exr")]
     {
-        let error = renderer.set_scene(&bad, &[volume()]).unwrap_err().to_string();
+        let error = renderer.set_scene(&bad, &[volume()], &[]).unwrap_err().to_string();
         assert!(error.contains(named) && !error.contains('\n'), "{error}");
         assert_eq!(renderer.picture().unwrap(), before);
     }
@@ -254,10 +260,11 @@ fn no_extreme_material_puts_anything_but_numbers_on_the_film() {
                         specular,
                         ior,
                         emission: [0.0, 1e6, 0.0],
+                        ..Material::DEFAULT
                     };
                     let mut scene = looking_down(sky.clone(), vec![sun(angle_rad)], material);
                     along_the_floor(&mut scene, fov_rad);
-                    renderer.set_scene(&scene, std::slice::from_ref(&shared)).unwrap();
+                    renderer.set_scene(&scene, std::slice::from_ref(&shared), &[]).unwrap();
                     while renderer.advance(Duration::ZERO, 4, &Job::new()).unwrap().spp < 4 {}
                     let ([floor, tower, nothing], least) =
                         seen_along_the_floor(&scene, renderer.picture().unwrap());
@@ -292,6 +299,8 @@ fn only_what_differs_is_made_again() {
         ("camera", |s| s.camera.world_from_camera.translation.x += 0.5, Rebuilt { camera: 1, ..none }),
         ("film", |s| s.film.width += 3, Rebuilt { camera: 1, film: 1, ..none }),
         ("world", |s| s.world.backdrop = Some([[0.5; 3]; 2]), Rebuilt { lights: 1, ..none }),
+        ("a lamp", |s| s.lights = vec![lamp()], Rebuilt { lights: 1, ..none }),
+        ("its power", |s| s.lights[0].power_w = 9.0, Rebuilt { lights: 1, ..none }),
         ("seed", |s| s.settings.seed += 1, none),
         ("bounces", |s| s.settings.bounces = 1, none),
         ("material", |s| s.instances[0].style.material.metallic = 0.5, Rebuilt { materials: 1, ..none }),
@@ -316,7 +325,7 @@ fn only_what_differs_is_made_again() {
     for (name, edit, expected) in cases {
         let before = renderer.rebuilt();
         edit(&mut scene);
-        renderer.set_scene(&scene, std::slice::from_ref(&shared)).unwrap();
+        renderer.set_scene(&scene, std::slice::from_ref(&shared), &[]).unwrap();
         let after = renderer.rebuilt();
         let made = Rebuilt {
             camera: after.camera - before.camera,

@@ -13,7 +13,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use pumice_core::{CompressedVolume, Job};
+use pumice_core::{CompressedVolume, Job, MeshData};
 use pumice_render::{Image, Pick, Picture, Progress, Rebuilt, RenderError, Renderer};
 use pumice_scene::Scene;
 
@@ -37,12 +37,15 @@ impl Way {
     }
 }
 
+/// A scene with its volumes and meshes.
+type ShownScene = (Scene, Vec<Arc<CompressedVolume>>, Vec<Arc<MeshData>>);
+
 /// See the module.
 pub struct FallbackRenderer {
     ways: Vec<Way>,
     place: usize,
     current: Option<Box<dyn Renderer>>,
-    shown: Option<(Scene, Vec<Arc<CompressedVolume>>)>,
+    shown: Option<ShownScene>,
     notices: Vec<String>,
     /// What the renderers before the current one have made.
     rebuilt_before: Rebuilt,
@@ -121,9 +124,14 @@ impl FallbackRenderer {
     }
 
     /// Shows a scene by the first way that can.
-    fn show(&mut self, scene: &Scene, volumes: &[Arc<CompressedVolume>]) -> Result<(), RenderError> {
+    fn show(
+        &mut self,
+        scene: &Scene,
+        volumes: &[Arc<CompressedVolume>],
+        meshes: &[Arc<MeshData>],
+    ) -> Result<(), RenderError> {
         loop {
-            match self.opened().and_then(|renderer| renderer.set_scene(scene, volumes)) {
+            match self.opened().and_then(|renderer| renderer.set_scene(scene, volumes, meshes)) {
                 Err(RenderError::Device(why)) => self.go_on(&why)?,
                 other => return other,
             }
@@ -132,9 +140,9 @@ impl FallbackRenderer {
 
     /// Shows what was shown before by the way that has come into use.
     fn show_again(&mut self) -> Result<(), RenderError> {
-        let Some((scene, volumes)) = self.shown.take() else { return Ok(()) };
-        let result = self.show(&scene, &volumes);
-        self.shown = Some((scene, volumes));
+        let Some((scene, volumes, meshes)) = self.shown.take() else { return Ok(()) };
+        let result = self.show(&scene, &volumes, &meshes);
+        self.shown = Some((scene, volumes, meshes));
         result
     }
 
@@ -160,11 +168,16 @@ impl Renderer for FallbackRenderer {
         self.ways.get(self.place).map_or("none", |way| way.backend)
     }
 
-    fn set_scene(&mut self, scene: &Scene, volumes: &[Arc<CompressedVolume>]) -> Result<(), RenderError> {
+    fn set_scene(
+        &mut self,
+        scene: &Scene,
+        volumes: &[Arc<CompressedVolume>],
+        meshes: &[Arc<MeshData>],
+    ) -> Result<(), RenderError> {
         let place = self.place;
-        let result = self.show(scene, volumes);
+        let result = self.show(scene, volumes, meshes);
         match &result {
-            Ok(()) => self.shown = Some((scene.clone(), volumes.to_vec())),
+            Ok(()) => self.shown = Some((scene.clone(), volumes.to_vec(), meshes.to_vec())),
             // The renderer that refused the scene would keep its former one, but this one has come since.
             Err(_) if self.place != place => self.show_again()?,
             Err(_) => {}

@@ -4,7 +4,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, PoisonError};
 use std::time::{Duration, Instant};
 
-use pumice_core::{CompressedVolume, Job};
+use pumice_core::{CompressedVolume, Job, MeshData};
 use pumice_render::{Image, Progress, RenderError, Renderer};
 use pumice_scene::{Film, Scene};
 
@@ -63,7 +63,7 @@ impl Worker {
     fn follow(&mut self) -> Option<String> {
         let mut drawn = 0;
         loop {
-            let (scene, volumes, revision, job) = {
+            let (scene, volumes, meshes, revision, job) = {
                 let mut board = self.shared.board();
                 while board.revision == drawn
                     && !board.stopping
@@ -81,10 +81,16 @@ impl Worker {
                     continue;
                 }
                 board.job = Arc::new(Job::new());
-                (board.scene.clone(), board.volumes.clone(), board.revision, Arc::clone(&board.job))
+                (
+                    board.scene.clone(),
+                    board.volumes.clone(),
+                    board.meshes.clone(),
+                    board.revision,
+                    Arc::clone(&board.job),
+                )
             };
             drawn = revision;
-            let outcome = self.draw(&scene, &volumes, revision, &job);
+            let outcome = self.draw(&scene, &volumes, &meshes, revision, &job);
             self.tell();
             let mut board = self.shared.board();
             match outcome {
@@ -107,6 +113,7 @@ impl Worker {
         &mut self,
         scene: &Scene,
         volumes: &[Arc<CompressedVolume>],
+        meshes: &[Arc<MeshData>],
         revision: u64,
         job: &Job,
     ) -> std::result::Result<Turn, RenderError> {
@@ -115,12 +122,12 @@ impl Worker {
             let mut coarse = scene.clone();
             coarse.film.width = scene.film.width.div_ceil(divisor);
             coarse.film.height = scene.film.height.div_ceil(divisor);
-            self.renderer.set_scene(&coarse, volumes)?;
+            self.renderer.set_scene(&coarse, volumes, meshes)?;
             let progress = self.renderer.advance(Duration::ZERO, 1, job)?;
             // A picture that was begun anew meanwhile has nothing to show yet: the next one will.
             self.publish(revision, progress, &clock, true, false)?;
         }
-        self.renderer.set_scene(scene, volumes)?;
+        self.renderer.set_scene(scene, volumes, meshes)?;
         self.shared.board().error = None;
         let mut last_published = Instant::now();
         let mut published_spp = 0;

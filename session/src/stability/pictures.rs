@@ -37,7 +37,7 @@ impl<'a> Studio<'a> {
         volume: &Arc<CompressedVolume>,
         spp: u32,
     ) -> std::result::Result<Vec<[f32; 3]>, RenderError> {
-        self.renderer.set_scene(scene, std::slice::from_ref(volume))?;
+        self.renderer.set_scene(scene, std::slice::from_ref(volume), &[])?;
         // What the caller counts must not be the steps of a picture.
         let mut progress = self.renderer.advance(Duration::ZERO, spp, self.job)?;
         while progress.spp < spp {
@@ -90,15 +90,16 @@ pub(super) fn from_above(material: Material, environment: Environment, at: [f64;
             world_from_index: DAffine3::IDENTITY,
             style: LabelStyle { material, ..LabelStyle::default() },
         }],
-        camera: Camera {
-            world_from_camera: DAffine3 { matrix3: DMat3::IDENTITY, translation },
-            projection: Projection::Orthographic { scale },
-            shift: [0.0; 2],
-            clip: [0.0, f64::MAX],
-        },
-        film: Film { width: SIDE, height: SIDE, filter: Filter::Box { width: 1.0 } },
+        camera: Camera::new(
+            DAffine3 { matrix3: DMat3::IDENTITY, translation },
+            Projection::Orthographic { scale },
+        ),
+        film: Film::new(SIDE, SIDE, Filter::Box { width: 1.0 }),
         world: World { environment, backdrop: None },
         suns: Vec::new(),
+        lights: Vec::new(),
+        meshes: Vec::new(),
+        cuts: Vec::new(),
         settings: Settings::default(),
     }
 }

@@ -4,7 +4,8 @@
 //! host bytes ──► staging (host-visible, 16 MiB, one for all) ──► Buffer (device memory, reached by its address)
 //!            ◄──                                             ◄──
 //! ```
-//! Each buffer has memory of its own: there are a few for each instance, and drivers allow thousands.
+//! Each buffer has memory of its own: there are about ten for each instance, and drivers allow 4096 at least. Who needs more is told
+//! so before the driver is asked, to which it would be a fault.
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -78,6 +79,7 @@ impl Drop for Buffer {
     fn drop(&mut self) {
         if self.gpu.may_destroy() {
             self.gpu.allocated.fetch_sub(self.raw.allocated, Ordering::Relaxed);
+            self.gpu.buffers.fetch_sub(1, Ordering::Relaxed);
             self.raw.destroy(&self.gpu.calls);
         }
     }
@@ -118,6 +120,11 @@ impl Inner {
         let limit = self.limits.allocation_bytes;
         if bytes > limit {
             return Err(DeviceError::Limit { what, needed: bytes, limit });
+        }
+        // This one; the staging memory, which is no buffer of anybody, has its place kept.
+        let (allocations, limit) = (self.buffers.load(Ordering::Relaxed) + 2, self.limits.allocations);
+        if place == Place::Device && allocations > limit {
+            return Err(DeviceError::Limit { what: "buffers at one time", needed: allocations, limit });
         }
         let create = vk::BufferCreateInfo::default().size(bytes).usage(usage);
         // SAFETY: the device is live; the handle goes into a `RawBuffer` or is destroyed below.
@@ -233,6 +240,7 @@ impl Gpu {
         // An empty array has an address too.
         let raw = self.inner.make_buffer(what, bytes.max(16), USAGE | usage, Place::Device)?;
         self.inner.allocated.fetch_add(raw.allocated, Ordering::Relaxed);
+        self.inner.buffers.fetch_add(1, Ordering::Relaxed);
         let info = vk::BufferDeviceAddressInfo::default().buffer(raw.buffer);
         // SAFETY: the buffer is bound to memory that was allocated for addresses.
         let address = unsafe { self.inner.calls.get_buffer_device_address(&info) };

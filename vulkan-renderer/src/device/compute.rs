@@ -24,8 +24,10 @@ pub(super) struct Module {
 
 impl Module {
     pub(super) fn new(gpu: &Gpu, words: &[u32]) -> Result<Self, DeviceError> {
-        let create = vk::ShaderModuleCreateInfo::default().code(words);
-        // SAFETY: the words are a whole module that the compiler made (the build checks them), of features that were enabled.
+        let words = gpu.inner.float_modes.declared_in(words);
+        let create = vk::ShaderModuleCreateInfo::default().code(&words);
+        // SAFETY: the words are a whole module that the compiler made (the build checks them), of features that were enabled, with
+        // execution modes that the device has.
         let handle = unsafe { gpu.inner.calls.create_shader_module(&create, None) }
             .map_err(DeviceError::of("vkCreateShaderModule"))?;
         Ok(Self { handle, gpu: Arc::clone(&gpu.inner) })

@@ -20,14 +20,11 @@ pub enum DeviceError {
         why: String,
     },
     /// The device's memory does not suffice.
-    #[error(
-        "out of GPU memory: {what} needs {needed} bytes, {}",
-        free.map_or("how many are free the driver does not tell".into(), |free| format!("{free} are free"))
-    )]
+    #[error("out of GPU memory: {}", shortage(what, *needed, *free))]
     OutOfMemory {
         /// What was to be stored.
         what: &'static str,
-        /// Bytes that it needs.
+        /// Bytes that it needs; 0: the call that failed does not tell.
         needed: u64,
         /// Bytes that the driver says were free.
         free: Option<u64>,
@@ -66,6 +63,15 @@ impl DeviceError {
     }
 }
 
+/// What was short, as far as it is known.
+fn shortage(what: &str, needed: u64, free: Option<u64>) -> String {
+    match (needed, free) {
+        (0, _) => format!("{what} needs more than there is"),
+        (_, Some(free)) => format!("{what} needs {needed} bytes, {free} are free"),
+        (_, None) => format!("{what} needs {needed} bytes, how many are free the driver does not tell"),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -76,6 +82,8 @@ mod tests {
         assert_eq!(full.to_string(), "out of GPU memory: the film needs 1000 bytes, 10 are free");
         let blind = DeviceError::OutOfMemory { what: "the film", needed: 1000, free: None };
         assert!(blind.to_string().ends_with("the driver does not tell"));
+        let unknown = DeviceError::of("vkQueueSubmit")(vk::Result::ERROR_OUT_OF_DEVICE_MEMORY);
+        assert_eq!(unknown.to_string(), "out of GPU memory: vkQueueSubmit needs more than there is");
         let lost = DeviceError::of("vkQueueSubmit")(vk::Result::ERROR_DEVICE_LOST);
         assert_eq!(lost, DeviceError::Lost("vkQueueSubmit"));
         let other = DeviceError::of("vkCreateFence")(vk::Result::ERROR_OUT_OF_HOST_MEMORY);

@@ -8,6 +8,7 @@ use ash::{khr, vk};
 
 use super::buffer::Staging;
 use super::faults::{Fault, Faults};
+use super::float_modes::FloatModes;
 use super::pipeline_cache::PipelineCache;
 use super::survey::compute_family;
 use super::{Backend, Candidate, DeviceError, DeviceKind, Instance};
@@ -30,6 +31,8 @@ pub struct Gpu {
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Limits {
     pub(super) allocation_bytes: u64,
+    /// Allocations at one time.
+    pub(super) allocations: u64,
     pub(super) groups: [u32; 3],
     pub(super) box_count: u64,
     pub(super) scratch_alignment: u64,
@@ -49,6 +52,10 @@ pub(super) struct Inner {
     pub(super) cache: PipelineCache,
     /// Bytes of device memory that were allocated and not freed.
     pub(super) allocated: AtomicU64,
+    /// Buffers that live, each with an allocation of its own.
+    pub(super) buffers: AtomicU64,
+    /// What shaders may be promised of the device's floats.
+    pub(super) float_modes: FloatModes,
     queue: vk::Queue,
     queue_family: u32,
     pub(super) worker: Mutex<Worker>,
@@ -157,6 +164,8 @@ impl Gpu {
             faults: Faults::default(),
             cache: PipelineCache::none(),
             allocated: AtomicU64::new(0),
+            buffers: AtomicU64::new(0),
+            float_modes: FloatModes::of(functions, physical),
             // SAFETY: one queue of that family was asked for.
             queue: unsafe { calls.get_device_queue(queue_family, 0) },
             queue_family,
@@ -267,7 +276,8 @@ impl Gpu {
         let silence = if software { SOFTWARE_SILENCE } else { SILENCE };
         // SAFETY: the fence was just submitted.
         let waited = unsafe { calls.wait_for_fences(&fences, true, silence.as_nanos() as u64) };
-        if waited == Err(vk::Result::TIMEOUT) {
+        // Whatever a wait failed by, the launch may still run: only of a lost device it is said that it has ended.
+        if waited.is_err_and(|e| e != vk::Result::ERROR_DEVICE_LOST) {
             inner.hung.store(true, Ordering::Relaxed);
             inner.lost.store(true, Ordering::Relaxed);
             return Err(DeviceError::Lost(during));
@@ -411,10 +421,11 @@ fn limits(calls: &ash::Instance, physical: vk::PhysicalDevice, backend: Backend)
     }
     // SAFETY: the chain holds structures of version 1.1 and of extensions that the device has.
     unsafe { calls.get_physical_device_properties2(physical, &mut properties) };
-    let groups = properties.properties.limits.max_compute_work_group_count;
+    let core = properties.properties.limits;
     Limits {
         allocation_bytes: allocation.max_memory_allocation_size,
-        groups,
+        allocations: u64::from(core.max_memory_allocation_count),
+        groups: core.max_compute_work_group_count,
         box_count: acceleration.max_primitive_count,
         scratch_alignment: u64::from(acceleration.min_acceleration_structure_scratch_offset_alignment.max(1)),
         handle_bytes: u64::from(pipeline.shader_group_handle_size),

@@ -22,9 +22,12 @@ mod compute;
 mod control;
 mod error;
 mod faults;
+mod float_modes;
 mod gpu;
 mod instance;
 mod messages;
+#[cfg(test)]
+mod other_limits;
 mod pipeline_cache;
 mod ray_pipeline;
 mod survey;

@@ -12,6 +12,7 @@
 //! not check is ignored and written anew. It is written under a temporary name and renamed, so it is whole or absent.
 
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use ash::vk;
 use xxhash_rust::xxh3::xxh3_64;
@@ -102,7 +103,10 @@ fn write(file: &Path, blob: &[u8]) -> std::io::Result<()> {
     bytes.extend_from_slice(&(blob.len() as u64).to_le_bytes());
     bytes.extend_from_slice(&xxh3_64(blob).to_le_bytes());
     bytes.extend_from_slice(blob);
-    let temporary = file.with_extension(format!("{}.tmp", std::process::id()));
+    // Several devices of one process may be at it at once, as several processes may.
+    static WRITES: AtomicU64 = AtomicU64::new(0);
+    let number = WRITES.fetch_add(1, Ordering::Relaxed);
+    let temporary = file.with_extension(format!("{}-{number}.tmp", std::process::id()));
     let written = std::fs::write(&temporary, bytes).and_then(|()| std::fs::rename(&temporary, file));
     if written.is_err() {
         let _ = std::fs::remove_file(&temporary);
@@ -134,6 +138,26 @@ mod tests {
             std::fs::write(&file, &whole[..length]).unwrap();
             assert_eq!(read(&file), None, "{length} bytes");
         }
+    }
+
+    /// Whoever writes at the same time, a reader finds one blob whole, and nothing is left beside it.
+    #[test]
+    fn writers_at_once_leave_one_whole_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("b.pipelines");
+        let blob = |w: u8| vec![w; 60_000 + usize::from(w)];
+        write(&file, &blob(0)).unwrap();
+        std::thread::scope(|s| {
+            for w in 1..5u8 {
+                let file = &file;
+                s.spawn(move || (0..20).for_each(|_| write(file, &blob(w)).unwrap()));
+            }
+            for _ in 0..100 {
+                let found = read(&file).expect("a whole file at any time");
+                assert_eq!(found, blob(found[0]));
+            }
+        });
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "a temporary file is left");
     }
 
     #[test]

@@ -64,13 +64,12 @@ pub fn survey(instance: &Instance) -> Result<Vec<Candidate>, DeviceError> {
     // SAFETY: a plain query of a live instance.
     let devices = unsafe { instance.calls().enumerate_physical_devices() }
         .map_err(DeviceError::of("vkEnumeratePhysicalDevices"))?;
-    let mut candidates =
-        devices.into_iter().map(|d| probe(instance.calls(), d)).collect::<Result<Vec<_>, _>>()?;
+    let mut candidates: Vec<_> = devices.into_iter().map(|d| probe(instance.calls(), d)).collect();
     candidates.sort_by_key(|c| c.kind);
     Ok(candidates)
 }
 
-fn probe(calls: &ash::Instance, physical: vk::PhysicalDevice) -> Result<Candidate, DeviceError> {
+fn probe(calls: &ash::Instance, physical: vk::PhysicalDevice) -> Candidate {
     // SAFETY: `physical` is a device of this instance, here and below.
     let basic = unsafe { calls.get_physical_device_properties(physical) };
     let name =
@@ -83,25 +82,27 @@ fn probe(calls: &ash::Instance, physical: vk::PhysicalDevice) -> Result<Candidat
         _ => DeviceKind::Other,
     };
     let version = basic.api_version;
+    let useless = |name: &str, missing: String| Candidate {
+        name: name.to_owned(),
+        kind,
+        driver: format!("Vulkan {}", spelled(version)),
+        missing: [(); 3].map(|()| vec![missing.clone()]),
+        native_f64: false,
+        physical,
+        memory_budget: false,
+        portability_subset: false,
+    };
     if version < VERSION {
         // Its features cannot even be asked for.
-        let missing = vec![format!("Vulkan 1.2 (it has {})", spelled(version))];
-        let driver = format!("Vulkan {}", spelled(version));
-        return Ok(Candidate {
-            name,
-            kind,
-            driver,
-            missing: [missing.clone(), missing.clone(), missing],
-            native_f64: false,
-            physical,
-            memory_budget: false,
-            portability_subset: false,
-        });
+        return useless(&name, format!("Vulkan 1.2 (it has {})", spelled(version)));
     }
 
     // SAFETY: as above.
-    let extensions = unsafe { calls.enumerate_device_extension_properties(physical) }
-        .map_err(DeviceError::of("vkEnumerateDeviceExtensionProperties"))?;
+    let extensions = match unsafe { calls.enumerate_device_extension_properties(physical) } {
+        Ok(extensions) => extensions,
+        // One broken driver does not take the others away.
+        Err(e) => return useless(&name, format!("answers (vkEnumerateDeviceExtensionProperties: {e})")),
+    };
     let has = |name: &std::ffi::CStr| extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(name));
     let has_acceleration = has(khr::acceleration_structure::NAME) && has(khr::deferred_host_operations::NAME);
 
@@ -130,32 +131,22 @@ fn probe(calls: &ash::Instance, physical: vk::PhysicalDevice) -> Result<Candidat
     // SAFETY: as above.
     let queues = unsafe { calls.get_physical_device_queue_family_properties(physical) };
 
-    let lacking = |needs: &[(bool, &str)]| -> Vec<String> {
-        needs.iter().filter(|n| !n.0).map(|n| n.1.to_string()).collect()
+    let bits = Bits {
+        compute_queue: compute_family(&queues).is_some(),
+        int64: core.shader_int64 != 0,
+        buffer_address: vulkan12.buffer_device_address != 0,
+        scalar_layout: vulkan12.scalar_block_layout != 0,
+        acceleration: acceleration.acceleration_structure != 0,
+        ray_pipeline: pipeline.ray_tracing_pipeline != 0,
+        ray_query: query.ray_query != 0,
     };
-    let basics = [
-        (compute_family(&queues).is_some(), "a queue that computes"),
-        (core.shader_int64 != 0, "shaderInt64"),
-        (vulkan12.buffer_device_address != 0, "bufferDeviceAddress"),
-        (vulkan12.scalar_block_layout != 0, "scalarBlockLayout"),
-    ];
-    let hierarchy = [
-        (has(khr::acceleration_structure::NAME), "VK_KHR_acceleration_structure"),
-        (has(khr::deferred_host_operations::NAME), "VK_KHR_deferred_host_operations"),
-        (acceleration.acceleration_structure != 0, "accelerationStructure"),
-    ];
-    let by_pipeline = [
-        (has(khr::ray_tracing_pipeline::NAME), "VK_KHR_ray_tracing_pipeline"),
-        (pipeline.ray_tracing_pipeline != 0, "rayTracingPipeline"),
-    ];
-    let by_query = [(has(khr::ray_query::NAME), "VK_KHR_ray_query"), (query.ray_query != 0, "rayQuery")];
     let driver_text = |text: Result<&std::ffi::CStr, _>| {
         text.map_or_else(
             |_: std::ffi::FromBytesUntilNulError| String::new(),
             |t| t.to_string_lossy().into_owned(),
         )
     };
-    Ok(Candidate {
+    Candidate {
         name,
         kind,
         driver: format!(
@@ -164,16 +155,52 @@ fn probe(calls: &ash::Instance, physical: vk::PhysicalDevice) -> Result<Candidat
             driver_text(driver.driver_name_as_c_str()),
             driver_text(driver.driver_info_as_c_str())
         ),
-        missing: [
-            lacking(&[&basics[..], &hierarchy, &by_pipeline].concat()),
-            lacking(&[&basics[..], &hierarchy, &by_query].concat()),
-            lacking(&basics),
-        ],
+        missing: missing(&has, &bits),
         native_f64: core.shader_float64 != 0,
         physical,
         memory_budget: has(ash::ext::memory_budget::NAME),
         portability_subset: has(khr::portability_subset::NAME),
-    })
+    }
+}
+
+/// What a device says of itself beside its extensions.
+#[derive(Clone, Copy, Debug)]
+struct Bits {
+    compute_queue: bool,
+    int64: bool,
+    buffer_address: bool,
+    scalar_layout: bool,
+    acceleration: bool,
+    ray_pipeline: bool,
+    ray_query: bool,
+}
+
+/// What a device with these extensions and features lacks for each of [`Backend::ALL`].
+fn missing(has: &dyn Fn(&std::ffi::CStr) -> bool, bits: &Bits) -> [Vec<String>; 3] {
+    let lacking = |needs: &[(bool, &str)]| -> Vec<String> {
+        needs.iter().filter(|n| !n.0).map(|n| n.1.to_string()).collect()
+    };
+    let basics = [
+        (bits.compute_queue, "a queue that computes"),
+        (bits.int64, "shaderInt64"),
+        (bits.buffer_address, "bufferDeviceAddress"),
+        (bits.scalar_layout, "scalarBlockLayout"),
+    ];
+    let hierarchy = [
+        (has(khr::acceleration_structure::NAME), "VK_KHR_acceleration_structure"),
+        (has(khr::deferred_host_operations::NAME), "VK_KHR_deferred_host_operations"),
+        (bits.acceleration, "accelerationStructure"),
+    ];
+    let by_pipeline = [
+        (has(khr::ray_tracing_pipeline::NAME), "VK_KHR_ray_tracing_pipeline"),
+        (bits.ray_pipeline, "rayTracingPipeline"),
+    ];
+    let by_query = [(has(khr::ray_query::NAME), "VK_KHR_ray_query"), (bits.ray_query, "rayQuery")];
+    [
+        lacking(&[&basics[..], &hierarchy, &by_pipeline].concat()),
+        lacking(&[&basics[..], &hierarchy, &by_query].concat()),
+        lacking(&basics),
+    ]
 }
 
 /// The family of queues to use: one for compute alone where there is one, which leaves the one that draws the screen in peace.
@@ -186,6 +213,54 @@ pub(super) fn compute_family(queues: &[vk::QueueFamilyProperties]) -> Option<u32
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    const ALL: Bits = Bits {
+        compute_queue: true,
+        int64: true,
+        buffer_address: true,
+        scalar_layout: true,
+        acceleration: true,
+        ray_pipeline: true,
+        ray_query: true,
+    };
+
+    /// What is missing of a device with `bits` and without the extensions that are named.
+    fn without(extensions: &[&str], bits: Bits) -> [String; 3] {
+        let has = |name: &std::ffi::CStr| !extensions.contains(&name.to_str().unwrap());
+        missing(&has, &bits).map(|m| m.join(", "))
+    }
+
+    /// Each extension and each bit stands in the way of the backends that need it, and of no others.
+    #[test]
+    fn every_need_is_asked_for_by_itself() {
+        assert_eq!(without(&[], ALL), ["", "", ""]);
+        for (extension, backends) in [
+            ("VK_KHR_acceleration_structure", [true, true, false]),
+            ("VK_KHR_deferred_host_operations", [true, true, false]),
+            ("VK_KHR_ray_tracing_pipeline", [true, false, false]),
+            ("VK_KHR_ray_query", [false, true, false]),
+        ] {
+            assert_eq!(without(&[extension], ALL), backends.map(|b| if b { extension } else { "" }));
+        }
+        for (bits, name, backends) in [
+            (Bits { compute_queue: false, ..ALL }, "a queue that computes", [true; 3]),
+            (Bits { int64: false, ..ALL }, "shaderInt64", [true; 3]),
+            (Bits { buffer_address: false, ..ALL }, "bufferDeviceAddress", [true; 3]),
+            (Bits { scalar_layout: false, ..ALL }, "scalarBlockLayout", [true; 3]),
+            (Bits { acceleration: false, ..ALL }, "accelerationStructure", [true, true, false]),
+            (Bits { ray_pipeline: false, ..ALL }, "rayTracingPipeline", [true, false, false]),
+            (Bits { ray_query: false, ..ALL }, "rayQuery", [false, true, false]),
+        ] {
+            assert_eq!(without(&[], bits), backends.map(|b| if b { name } else { "" }));
+        }
+    }
+
+    /// Processors of data centres have pipelines and no queries: neither the extension nor its bit.
+    #[test]
+    fn a_data_centres_processor_has_what_it_has() {
+        let bits = Bits { ray_query: false, ..ALL };
+        assert_eq!(without(&["VK_KHR_ray_query"], bits), ["", "VK_KHR_ray_query, rayQuery", ""]);
+    }
 
     #[test]
     fn a_queue_that_only_computes_is_preferred() {

@@ -23,6 +23,14 @@ impl PackedLooks {
             specular: m.specular,
             ior: m.ior,
             emission: m.emission,
+            specular_tint: m.specular_tint,
+            transmission: m.transmission,
+            coat: m.coat,
+            coat_roughness: m.coat_roughness,
+            coat_ior: m.coat_ior,
+            coat_tint: m.coat_tint,
+            alpha: m.alpha,
+            multiscatter: u32::from(m.multiscatter),
         };
         Self {
             materials: looks.materials().iter().map(material).collect(),

@@ -1,35 +1,59 @@
 //! What a scene needs of its shaders: specialisation constants, so that what it does not need is not compiled.
 
 use pumice_cpu::{Lights, Sky};
+use pumice_scene::Camera;
 
 use super::PackedLooks;
+use crate::layout::Material;
 
 /// Twin of `shaders/needs.glsl`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct ShaderNeeds {
-    /// Some label has a specular layer or is metal.
+    /// Some label has microfacets: metal, glass, a dielectric layer.
     pub lobes: bool,
     /// A picture surrounds the scene.
     pub picture: bool,
     /// Some light is aimed at.
     pub aim: bool,
+    /// The camera's opening has a size.
+    pub lens: bool,
+    /// Lamps stand in the scene.
+    pub lamps: bool,
+    /// Some label has a clear coat.
+    pub coat: bool,
+    /// Some label is glass, wholly or in part.
+    pub glass: bool,
+    /// Some label is not wholly there.
+    pub clear: bool,
 }
 
 impl ShaderNeeds {
-    /// What these lights and these looks of all instances need.
-    pub fn new<'a>(lights: &Lights, looks: impl IntoIterator<Item = &'a PackedLooks>) -> Self {
+    /// What this camera, these lights and these looks of all instances need.
+    pub fn new<'a>(
+        camera: &Camera,
+        lights: &Lights,
+        looks: impl IntoIterator<Item = &'a PackedLooks>,
+    ) -> Self {
+        let mut materials: Vec<Material> = Vec::new();
+        looks.into_iter().for_each(|l| materials.extend(&l.materials));
+        let any = |is: fn(&Material) -> bool| materials.iter().any(is);
+        let has_microfacets =
+            |m: &Material| m.metallic > 0.0 || m.transmission > 0.0 || (m.specular > 0.0 && m.ior != 1.0);
         Self {
-            lobes: looks
-                .into_iter()
-                .flat_map(|l| &l.materials)
-                .any(|m| m.metallic > 0.0 || (m.specular > 0.0 && m.ior != 1.0)),
+            lobes: any(has_microfacets),
+            coat: any(|m| m.coat > 0.0),
+            glass: any(|m| m.transmission > 0.0),
+            clear: any(|m| m.alpha < 1.0),
             picture: matches!(lights.sky(), Sky::Image(_)),
             aim: lights.any_aimed(),
+            lens: camera.aperture.is_some(),
+            lamps: !lights.lamps().is_empty(),
         }
     }
 
     /// Specialisation constants by their numbers; number 0 is the probe's.
-    pub fn constants(&self) -> [u32; 4] {
-        [0, u32::from(self.lobes), u32::from(self.picture), u32::from(self.aim)]
+    pub fn constants(&self) -> [u32; 9] {
+        let Self { lobes, picture, aim, lens, lamps, coat, glass, clear } = *self;
+        [false, lobes, picture, aim, lens, lamps, coat, glass, clear].map(u32::from)
     }
 }

@@ -9,6 +9,7 @@ use crate::layout;
 
 /// The camera's record.
 pub fn camera(rays: &CameraRays) -> layout::Camera {
+    let lens = rays.lens.as_ref();
     layout::Camera {
         position: rays.position.to_array(),
         right: rays.right.to_array(),
@@ -19,7 +20,13 @@ pub fn camera(rays: &CameraRays) -> layout::Camera {
         size: rays.size,
         clip: rays.clip,
         orthographic: u32::from(rays.orthographic),
-        reserved: 0,
+        lens_blades: lens.map_or(0, |l| l.blades),
+        pixel_aspect: rays.pixel_aspect,
+        fitted: rays.fitted,
+        lens_radius: lens.map_or(0.0, |l| l.radius),
+        lens_inverse_focus: lens.map_or(0.0, |l| l.inverse_focus),
+        lens_rotation_rad: lens.map_or(0.0, |l| l.rotation_rad),
+        lens_inverse_ratio: lens.map_or(0.0, |l| l.inverse_ratio),
     }
 }
 
@@ -52,8 +59,28 @@ pub fn suns(lights: &Lights) -> Vec<layout::Sun> {
     lights.suns().iter().map(sun).collect()
 }
 
-/// The lights' record; [`Lights::ends`] and [`suns`] lie at these addresses.
-pub fn lights(lights: &Lights, ends: u64, suns: u64) -> layout::Lights {
+/// The lamps' records.
+pub fn lamps(lights: &Lights) -> Vec<layout::Lamp> {
+    let lamp = |l: &pumice_render::ReadyLamp| layout::Lamp {
+        position: l.position.to_array(),
+        kind: l.kind as u32,
+        axis: l.axis.to_array(),
+        sides: l.sides.map(|s| s.to_array()),
+        half: l.half,
+        radiance: l.radiance.to_array(),
+        one_minus_cos_half_angle: l.one_minus_cos_half_angle,
+        inverse_blend: l.inverse_blend,
+        tan_half_spread: l.tan_half_spread,
+        spread_factor: l.spread_factor,
+        soft: u32::from(l.soft),
+        visible_to_camera: u32::from(l.visible_to_camera),
+        reserved: 0,
+    };
+    lights.lamps().iter().map(lamp).collect()
+}
+
+/// The lights' record; [`Lights::ends`], [`suns`] and [`lamps`] lie at these addresses.
+pub fn lights(lights: &Lights, [ends, suns, lamps]: [u64; 3]) -> layout::Lights {
     layout::Lights {
         ends,
         suns,
@@ -70,7 +97,8 @@ pub fn lights(lights: &Lights, ends: u64, suns: u64) -> layout::Lights {
         },
         has_backdrop: u32::from(lights.backdrop().is_some()),
         backdrop: lights.backdrop().map_or([[0.0; 3]; 2], |b| b.map(|c| c.to_array())),
-        reserved: 0,
+        lamp_count: lights.lamps().len() as u32,
+        lamps,
     }
 }
 
@@ -119,7 +147,7 @@ impl<'a> PackedSky<'a> {
 /// What a header is made of beside its parts' records: where the other tables lie.
 pub fn header(
     instances: (u64, u32),
-    albedo: u64,
+    tables: u64,
     rays: &CameraRays,
     filter: layout::Filter,
     settings: layout::Settings,
@@ -128,7 +156,7 @@ pub fn header(
 ) -> layout::SceneHeader {
     layout::SceneHeader {
         instances: instances.0,
-        albedo,
+        tables,
         camera: camera(rays),
         filter,
         settings,

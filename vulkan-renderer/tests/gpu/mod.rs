@@ -5,6 +5,7 @@
 #![allow(dead_code, reason = "not every test uses all of it")]
 
 pub(crate) mod scene;
+pub(crate) mod tiny;
 
 use std::cell::RefCell;
 use std::collections::HashMap;
@@ -96,8 +97,19 @@ impl Gpu {
         self.inner.compute_pipeline(words, constants).expect("a pipeline")
     }
 
-    /// An entry point for the device's backend, compiled as tests read it.
+    /// An entry point for the device's backend, compiled as tests read it, with all that scenes may need.
     pub(crate) fn program(&self, entry: &str, native: bool, group: [u32; 2]) -> Program {
+        self.program_with(entry, native, group, &[])
+    }
+
+    /// The same with specialisation constants.
+    pub(crate) fn program_with(
+        &self,
+        entry: &str,
+        native: bool,
+        group: [u32; 2],
+        constants: &[u32],
+    ) -> Program {
         let backend = self.inner.backend();
         let main = match backend {
             Backend::RayPipeline => format!("{entry}.rgen"),
@@ -109,7 +121,7 @@ impl Gpu {
         let [miss, intersection] = &others;
         let miss_and_box = (backend == Backend::RayPipeline).then_some([&miss[..], &intersection[..]]);
         let code = Code { main: &main, miss_and_box, group };
-        Program::new(&self.inner, &code, &[]).expect("a program")
+        Program::new(&self.inner, &code, constants).expect("a program")
     }
 
     /// Runs it once and waits.

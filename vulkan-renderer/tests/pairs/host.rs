@@ -4,7 +4,13 @@
 pub(crate) type Listed = (&'static str, &'static [(&'static str, &'static str)]);
 
 /// Folders of which every Rust file is looked at.
-pub(crate) const FOLDERS: [&str; 3] = ["cpu-renderer/src", "cpu-renderer/src/traverse", "render/src"];
+pub(crate) const FOLDERS: [&str; 5] = [
+    "cpu-renderer/src",
+    "cpu-renderer/src/bsdf",
+    "cpu-renderer/src/traverse",
+    "render/src",
+    "render/src/lamp",
+];
 
 /// Files besides: what reads a compressed volume.
 pub(crate) const FILES: [&str; 3] = ["core/src/node.rs", "core/src/volume.rs", "core/src/box_record.rs"];
@@ -61,6 +67,7 @@ pub(crate) const HOST_FILES: &[(&str, &str)] = &[
     ("render/src/palette.rs", COLORS),
     ("render/src/lib.rs", NAMES),
     ("render/src/renderer.rs", "the interface of all renderers"),
+    ("render/src/undrawn.rs", "what is refused before anything is drawn"),
 ];
 
 const READY: &str = "made ready before a ray is traced, for both renderers";
@@ -95,15 +102,22 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
             ("CompressedVolume::for_each_box", "packing and hierarchies walk over all; rays do not"),
         ],
     ),
-    ("cpu-renderer/src/bsdf.rs", &[("albedo_table", READY)]),
-    ("cpu-renderer/src/camera_rays.rs", &[("CameraRays::new", READY), ("CameraRays::near", READ)]),
+    ("cpu-renderer/src/bsdf/tables.rs", &[("floats", READY)]),
+    (
+        "cpu-renderer/src/camera_rays.rs",
+        &[("CameraRays::new", READY), ("CameraRays::near", READ), ("fitted_side", READY)],
+    ),
+    ("cpu-renderer/src/lens.rs", &[("Lens::new", READY)]),
     (
         "cpu-renderer/src/lights.rs",
         &[
             ("Lights::new", READY),
+            ("Lights::with_lamps", READY),
+            ("ends_of", READY),
             ("Lights::found_by", READY),
             ("Lights::sky", READ),
             ("Lights::suns", READ),
+            ("Lights::lamps", READ),
             ("Lights::backdrop", READ),
             ("Lights::ends", READ),
             ("Lights::finding", READ),
@@ -116,6 +130,7 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
             ("Looks::new", READY),
             ("Looks::materials", READ),
             ("Looks::of_label", READ),
+            ("Looks::has_clear", "a need, known before: NEEDS_CLEAR"),
             ("Looks::bytes", COUNTED),
         ],
     ),
@@ -217,6 +232,7 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
             ("half_distribution", READY),
         ],
     ),
+    ("render/src/lamp/mod.rs", &[("ReadyLamp::new", READY), ("ReadyLamp::power", READY)]),
     (
         "render/src/sun.rs",
         &[
@@ -233,9 +249,17 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
 pub(crate) const OTHER_NAMES: &[Listed] = &[
     ("core/src/box_record.rs", &[("BoxRecord::cell", "box_place"), ("BoxRecord::extent", "box_place")]),
     ("core/src/volume.rs", &[("CompressedVolume::unpack", "box_view")]),
-    ("cpu-renderer/src/lights.rs", &[("Lights::chance", "light_chance")]),
+    ("cpu-renderer/src/crossing.rs", &[("visibility", "radiance"), ("visibility_through", "radiance")]),
+    (
+        "cpu-renderer/src/lights.rs",
+        &[("Lights::chance", "light_chance"), ("Lights::lamps_seen", "lamps_found")],
+    ),
+    ("render/src/lamp/ball.rs", &[("smoothstep", "smoothstep_of")]),
     ("cpu-renderer/src/looks.rs", &[("Looks::material", "material_of")]),
-    ("cpu-renderer/src/path.rs", &[("ambient", "radiance"), ("path", "radiance")]),
+    (
+        "cpu-renderer/src/path.rs",
+        &[("ambient", "radiance"), ("path", "radiance"), ("Way::lamps", "radiance")],
+    ),
     (
         "cpu-renderer/src/path_tracer.rs",
         &[("PathTracer::pick", "first_of_pixel"), ("PathTracer::first", "first_of_pixel")],

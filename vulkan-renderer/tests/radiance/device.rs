@@ -3,7 +3,7 @@
 use std::cell::RefCell;
 
 use glam::Vec3;
-use pumice_cpu::bsdf::albedo_table;
+use pumice_cpu::bsdf::tables::TABLES;
 use pumice_cpu::camera_rays::CameraRays;
 use pumice_render::FilterTable;
 use pumice_render::film::STRIDE;
@@ -35,6 +35,8 @@ impl OnDevice {
         let ends = if lights.ends().is_empty() { 0 } else { uploaded.put(gpu, lights.ends()) };
         let suns = pack::suns(lights);
         let suns = if suns.is_empty() { 0 } else { uploaded.put(gpu, &suns) };
+        let lamps = pack::lamps(lights);
+        let lamps = if lamps.is_empty() { 0 } else { uploaded.put(gpu, &lamps) };
         let sky = PackedSky::new(lights);
         let environment = sky.map(|sky| {
             let parts = sky.parts().map(|part| uploaded.put(gpu, part));
@@ -44,11 +46,12 @@ impl OnDevice {
         let steps = table.inverse().len().saturating_sub(1) as u32;
         let inverse = if steps == 0 { 0 } else { uploaded.put(gpu, table.inverse()) };
         let filter = layout::Filter { inverse, width: table.width(), steps };
-        let albedo = uploaded.put(gpu, albedo_table());
+        let tables = uploaded.put(gpu, &TABLES);
         let rays = CameraRays::new(&case.camera, &case.film);
-        let (settings, lights) = (pack::settings(&case.around.settings), pack::lights(lights, ends, suns));
+        let settings = pack::settings(&case.around.settings);
+        let lights = pack::lights(lights, [ends, suns, lamps]);
         let sky = environment.unwrap_or_default();
-        let header = pack::header((0, 0), albedo, &rays, filter, settings, lights, sky);
+        let header = pack::header((0, 0), tables, &rays, filter, settings, lights, sky);
         let address = uploaded.header(gpu, header);
         Self { _kept: uploaded, address }
     }
@@ -64,18 +67,23 @@ pub(crate) struct Front {
 impl Front {
     /// An entry point on each backend, with the device's doubles.
     pub(crate) fn all(entry: &str) -> Vec<Self> {
-        Backend::ALL.map(|backend| Self::of(entry, backend, true)).into()
+        Backend::ALL.map(|backend| Self::of(entry, backend, true, &[])).into()
     }
 
     /// An entry point in compute with doubles in integers.
     pub(crate) fn in_integers(entry: &str) -> Self {
-        Self::of(entry, Backend::Compute, false)
+        Self::in_integers_for(entry, &[])
     }
 
-    fn of(entry: &str, backend: Backend, native: bool) -> Self {
+    /// The same, compiled for what some scenes need alone.
+    pub(crate) fn in_integers_for(entry: &str, constants: &[u32]) -> Self {
+        Self::of(entry, Backend::Compute, false, constants)
+    }
+
+    fn of(entry: &str, backend: Backend, native: bool, constants: &[u32]) -> Self {
         let gpu = Gpu::of(backend);
         assert!(gpu.has_f64 || !native, "{} has no doubles of its own", gpu.name);
-        let program = RefCell::new(gpu.program(entry, native, [8, 8]));
+        let program = RefCell::new(gpu.program_with(entry, native, [8, 8], constants));
         let name = format!("{backend}{}", if native { "" } else { ", doubles in integers" });
         Self { name, gpu, program }
     }

@@ -6,6 +6,8 @@ use pumice_render::metrics::Variance;
 use pumice_render::metrics::chance::chance;
 use pumice_render::sampler::REPLICATES;
 
+use pumice_vulkan::pack::{PackedLooks, ShaderNeeds};
+
 use crate::device::Front;
 use crate::samples::{asked, found, tolerance};
 use crate::scenes::{Case, cases};
@@ -78,8 +80,35 @@ fn films_are_the_cpus_and_alike_on_all_backends() {
     }
 }
 
-/// Minutes of compiling on a device that computes on the CPU; functions and hits have been compared with doubles in integers one by
-/// one, so that what is left to see here is that they are put together alike.
+/// Whole paths with doubles in integers, as devices without doubles draw them: of the scenes that need least, so that the least is
+/// compiled; levels of detail by distance are among them, which take the most of doubles.
+#[test]
+fn films_with_doubles_in_integers_are_the_cpus() {
+    let cases: Vec<Case> = cases()
+        .into_iter()
+        .filter(|c| ["an even sky", "cells and voxels by distance"].contains(&c.name))
+        .collect();
+    assert_eq!(cases.len(), 2);
+    let needs = |case: &Case| {
+        let looks: Vec<_> = case.around.looks.iter().map(|l| PackedLooks::new(l)).collect();
+        ShaderNeeds::new(&case.camera, &case.around.lights, &looks)
+    };
+    let [even, distance] = [needs(&cases[0]), needs(&cases[1])];
+    assert!(even.constants().iter().zip(distance.constants()).all(|(&e, d)| e <= d), "one program will do");
+    assert!(!distance.lobes && !distance.picture, "the least is compiled");
+    let front = Front::in_integers_for("path", &distance.constants());
+    for case in cases {
+        let expected = cpu_film(&case);
+        let film = front.film(&case, SPP);
+        let (parted, most) = parted(&case, &film, expected.sums());
+        println!("{}: {parted} of {} sums parted (at most {most:.1})", case.name, film.len() / 3);
+        assert!(parted as f64 <= most, "{}: {parted} sums differ, at most {most:.1} may", case.name);
+        assert!(film.iter().any(|&s| s > 0.0), "{}: a black film", case.name);
+    }
+}
+
+/// Minutes of compiling on a device that computes on the CPU, for all that a scene may need; functions, hits and plain films have
+/// been compared with doubles in integers one by one, so that what is left to see here is that they are put together alike.
 #[test]
 #[ignore = "full: the path with doubles in integers takes minutes to compile for a CPU"]
 fn films_are_alike_with_doubles_in_integers() {

@@ -40,6 +40,8 @@ struct Listening<'a, T> {
     voxel: f64,
     reach: f64,
     sharpness: f64,
+    /// How far a camera ray may be off.
+    lens: f64,
     flown: Mutex<Flown>,
 }
 
@@ -59,13 +61,24 @@ impl<T> Listening<'_, T> {
     }
 }
 
+impl<T> Listening<'_, T> {
+    /// A camera ray that may be off as [`Listening::fly`] says of others.
+    fn swerve(&self) {
+        let Ok(mut flown) = self.flown.lock() else { return };
+        flown.path = self.lens;
+        flown.parting += 8.0 * self.lens / self.voxel;
+    }
+}
+
 impl<T: Tracer> Tracer for Listening<'_, T> {
     fn first_hit(&self, ray: &RayInWorld, from: PathOrigin, t_max: f64) -> Option<Hit> {
         let hit = self.tracer.first_hit(ray, from, t_max);
-        // The camera's rays are the same on both, bit for bit.
+        // The camera's rays are the same on both, bit for bit, but for points of its opening.
         if from != PathOrigin::Free {
             let length = hit.map_or(self.reach, |h| h.t * ray.direction.length());
             self.fly(length, true);
+        } else if self.lens > 0.0 {
+            self.swerve();
         }
         hit
     }
@@ -102,6 +115,9 @@ pub(crate) fn found(case: &Case, asked: &[([u32; 2], u32)]) -> Vec<Found> {
         voxel: case.voxel,
         reach: case.reach,
         sharpness: case.sharpness,
+        // Good to 2⁻²¹ of the radius at the opening (the test of camera rays), and behind the plane in focus, where the error is
+        // that much mirrored, up to as far again.
+        lens: rays.lens.map_or(0.0, |l| l.radius * 2f64.powi(-20)),
         flown: Mutex::default(),
     };
     let one = |&([x, y], number): &([u32; 2], u32)| {
@@ -109,7 +125,10 @@ pub(crate) fn found(case: &Case, asked: &[([u32; 2], u32)]) -> Vec<Found> {
         let [u, v] = sampler.film();
         let px = f64::from(x) + 0.5 + f64::from(filter.sample(u));
         let py = f64::from(y) + 0.5 + f64::from(filter.sample(v));
-        let (ray, t_max) = rays.ray(px, py);
+        let (ray, t_max) = match &rays.lens {
+            None => rays.ray(px, py),
+            Some(lens) => rays.lens_ray(lens, px, py, sampler.lens()),
+        };
         let down = (py / f64::from(case.film.height)) as f32;
         *listening.flown.lock().expect("nobody panics with it") = Flown::default();
         let radiance = radiance(&listening, &case.around, &sampler, ray, t_max, down);

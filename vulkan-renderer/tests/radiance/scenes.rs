@@ -5,8 +5,11 @@ use std::sync::Arc;
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 use pumice_cpu::traverse::{LodChoice, SceneTracer, TracedInstance};
 use pumice_cpu::{Lights, Looks, PathTracer, Sky, Surroundings};
-use pumice_render::{EnvironmentTable, Image, ReadySun};
-use pumice_scene::{Camera, Film, Filter, LabelStyle, Lod, Material, Mode, Projection, Settings, Sun};
+use pumice_render::{EnvironmentTable, Image, ReadyLamp, ReadySun};
+use pumice_scene::{
+    Aperture, Camera, Film, Filter, LabelStyle, Light, LightShape, Lod, Material, Mode, Outline, Projection,
+    SensorFit, Settings, Sun,
+};
 
 use crate::exact::volumes::{blobs, noise, volume};
 
@@ -78,12 +81,8 @@ impl Case {
 fn looking(from: DVec3, to: DVec3, projection: Projection) -> Camera {
     let z = (from - to).normalize();
     let x = DVec3::Z.cross(z).normalize();
-    Camera {
-        world_from_camera: DAffine3::from_mat3_translation(DMat3::from_cols(x, z.cross(x), z), from),
-        projection,
-        shift: [0.05, -0.1],
-        clip: [0.1, 1e6],
-    }
+    let matrix = DAffine3::from_mat3_translation(DMat3::from_cols(x, z.cross(x), z), from);
+    Camera { shift: [0.05, -0.1], clip: [0.1, 1e6], ..Camera::new(matrix, projection) }
 }
 
 fn traced(volume: &Arc<pumice_core::CompressedVolume>, world_from_index: DAffine3) -> TracedInstance {
@@ -107,7 +106,7 @@ pub(crate) fn bodies() -> Case {
         traced: vec![instance],
         around,
         camera: looking(DVec3::new(95.0, -60.0, 70.0), DVec3::new(24.0, 22.0, 20.0), projection),
-        film: Film { width: SIDE, height: SIDE, filter: Filter::BlackmanHarris { width: 3.0 } },
+        film: Film::new(SIDE, SIDE, Filter::BlackmanHarris { width: 3.0 }),
         sharpness: 1.0,
         borders: 0.0,
         voxel: 1.0,
@@ -156,6 +155,58 @@ fn surfaces_of(case: Case, roughness: f32) -> Case {
     let ids = case.traced[0].volume.labels().ids().to_vec();
     let materials = ids.iter().enumerate().map(|(i, id)| (*id, base(kinds[i % kinds.len()], i))).collect();
     case.look(&LabelStyle { materials, ..LabelStyle::default() }, 1.0 / f64::from(roughness).powi(2))
+}
+
+/// Lamps of all kinds about [`bodies`], some within the picture.
+fn lit_by_lamps() -> Lights {
+    let from = |p: [f64; 3], to: [f64; 3]| {
+        looking(DVec3::from(p), DVec3::from(to), Projection::Orthographic { scale: 1.0 })
+    };
+    let above = from([10.0, 70.0, 90.0], [24.0, 22.0, 20.0]).world_from_camera;
+    let shapes = [
+        LightShape::Point { position: [60.0, -30.0, 50.0], radius: 4.0, soft_falloff: false },
+        LightShape::Point { position: [24.0, -20.0, 60.0], radius: 0.0, soft_falloff: false },
+        LightShape::Point { position: [70.0, 30.0, 20.0], radius: 3.0, soft_falloff: true },
+        LightShape::Spot {
+            position: [20.0, -40.0, 80.0],
+            direction: [0.0, 0.7, -0.7],
+            radius: 2.0,
+            angle_rad: 0.9,
+            blend: 0.3,
+            soft_falloff: false,
+        },
+        LightShape::Area {
+            world_from_light: above,
+            outline: Outline::Rectangle,
+            size: [30.0, 20.0],
+            spread_rad: std::f64::consts::PI,
+        },
+        LightShape::Area {
+            world_from_light: above,
+            outline: Outline::Ellipse,
+            size: [40.0, 20.0],
+            spread_rad: 1.2,
+        },
+    ];
+    let light = |(shape, power_w)| Light { shape, power_w, color: [1.0, 0.9, 0.8], visible_to_camera: true };
+    let powers = [4e4, 2e4, 3e4, 2e4, 3e4, 3e4];
+    let lamps = shapes.into_iter().zip(powers).map(light).map(|l| ReadyLamp::new(&l)).collect();
+    Lights::new(dark(), vec![sun(0.3, 1.0)], None).with_lamps(lamps)
+}
+
+/// Every label a surface that light goes through, or that has a coat.
+fn passed_through(case: Case) -> Case {
+    let base = |m: Material, i: usize| Material { base_color: [0.9, 0.3 + 0.04 * i as f32, 0.5], ..m };
+    let rough = Material { roughness: 0.7, ..Material::default() };
+    let kinds = [
+        Material { transmission: 1.0, ..rough },
+        Material { alpha: 0.4, ..rough },
+        Material { coat: 1.0, coat_roughness: 0.6, coat_tint: [0.9, 0.7, 0.5], emission: [0.1; 3], ..rough },
+        Material { transmission: 0.5, alpha: 0.8, multiscatter: false, ior: 1.3, ..rough },
+    ];
+    let ids = case.traced[0].volume.labels().ids().to_vec();
+    let materials = ids.iter().enumerate().map(|(i, id)| (*id, base(kinds[i % kinds.len()], i))).collect();
+    case.look(&LabelStyle { materials, ..LabelStyle::default() }, 1.0 / f64::from(rough.roughness).powi(2))
 }
 
 fn several() -> Case {
@@ -212,6 +263,10 @@ pub(crate) fn cases() -> Vec<Case> {
     let mut cut = flat.clone().named("rays that begin within");
     cut.camera.clip[0] = 115.0;
     let far = Lod::Distance { pixels: 1.6 };
+    let aperture = Aperture { radius: 4.0, focus_distance: 118.0, blades: 5, rotation_rad: 0.3, ratio: 1.4 };
+    let mut soft = aimed(bodies(), vec![sun(0.3, 2.0)]).named("depth of field");
+    (soft.camera.aperture, soft.camera.fit, soft.film.pixel_aspect) =
+        (Some(aperture), SensorFit::Vertical, 1.2);
     vec![
         bodies(),
         aimed(bodies(), vec![sun(0.0, 2.0)]).named("a sun of one direction"),
@@ -220,6 +275,9 @@ pub(crate) fn cases() -> Vec<Case> {
         painted(bodies(), vec![]).named("a picture"),
         surfaces(painted(bodies(), vec![sun(0.3, 1.0)])).named("all surfaces under a picture and a sun"),
         surfaces(bodies()).named("all surfaces under an even sky"),
+        Case { reach: 400.0, ..surfaces(bodies().with_lights(lit_by_lamps())) }
+            .named("lamps of all kinds and a sun"),
+        passed_through(aimed(bodies(), vec![sun(0.3, 2.0)])).named("glass, clear surfaces and coats"),
         bodies().settings(|s| s.mode = Mode::OneBounce).named("one bounce"),
         bodies().settings(|s| (s.mode, s.ao_distance) = (Mode::AmbientOcclusion, 9.0)).named("occlusion"),
         room().named("32 bounces and roulette"),
@@ -231,6 +289,7 @@ pub(crate) fn cases() -> Vec<Case> {
         aimed(bodies(), vec![sun(0.3, 2.0)]).lod(far).named("cells and voxels by distance"),
         several().named("several instances, labels hidden, colours of the palette"),
         cut,
+        soft,
         flat.with_lights(Lights::new(dark(), vec![sun(0.3, 2.0)], backdrop)),
     ]
 }

@@ -31,7 +31,7 @@ pub(super) fn scene_of_balls() -> Scene {
     let mut scene = looking_down(Environment::Constant { radiance: [1.0; 3] }, vec![], lambert(0.7));
     scene.camera.world_from_camera.translation = DVec3::new(240.0, 24.0, 600.0);
     scene.camera.projection = Projection::Perspective { fov_rad: 0.8 };
-    scene.film = Film { width: 96, height: 40, filter: Filter::Box { width: 1.0 } };
+    scene.film = Film::new(96, 40, Filter::Box { width: 1.0 });
     scene
 }
 
@@ -84,7 +84,7 @@ fn an_edit_sends_what_it_changes_and_no_more() {
         for (name, edit, expected) in &cases {
             let before = renderer.sent();
             edit(&mut scene);
-            renderer.set_scene(&scene, std::slice::from_ref(&volume)).unwrap();
+            renderer.set_scene(&scene, std::slice::from_ref(&volume), &[]).unwrap();
             let after = renderer.sent();
             let sent = Sent {
                 header: after.header - before.header,
@@ -108,7 +108,7 @@ fn hidden_labels_are_not_on_the_device() {
         renderer.bytes().into_iter().find(|(n, _)| *n == name).unwrap_or_else(|| panic!("{name}")).1
     };
     let show = |renderer: &mut Validated, scene: &Scene| {
-        renderer.set_scene(scene, std::slice::from_ref(&volume)).unwrap();
+        renderer.set_scene(scene, std::slice::from_ref(&volume), &[]).unwrap();
     };
     show(&mut renderer, &scene);
     let of_volume: u64 = ["boxes", "labels"].map(|p| part(&renderer, p)).iter().sum();
@@ -132,7 +132,7 @@ fn hidden_labels_are_not_on_the_device() {
     second.id = 2;
     second.world_from_index = DAffine3::from_translation(DVec3::new(0.0, 60.0, 0.0));
     scene.instances.push(second);
-    renderer.set_scene(&scene, &[Arc::clone(&volume), Arc::clone(&volume)]).unwrap();
+    renderer.set_scene(&scene, &[Arc::clone(&volume), Arc::clone(&volume)], &[]).unwrap();
     assert_eq!(part(&renderer, "nodes"), nodes);
     assert_eq!(renderer.sent().nodes, before.nodes + 1);
 }
@@ -145,12 +145,12 @@ fn nothing_is_left_on_the_device() {
         let (scene, volume) = (scene_of_balls(), balls());
         let mut held = Vec::new();
         for _ in 0..3 {
-            renderer.set_scene(&scene, std::slice::from_ref(&volume)).unwrap();
+            renderer.set_scene(&scene, std::slice::from_ref(&volume), &[]).unwrap();
             renderer.advance(Duration::ZERO, 1, &Job::new()).unwrap();
             renderer.picture().unwrap();
             let counted: u64 = renderer.bytes().iter().map(|(_, b)| b).sum();
             let allocated = renderer.gpu().allocated_bytes();
-            // Beside the parts: tables of shaders, the albedo of layers, staging memory, alignment of each buffer.
+            // Beside the parts: tables of shaders, those of scattering, staging memory, alignment of each buffer.
             assert!(allocated >= counted && allocated < counted + (20 << 20), "{allocated} {counted}");
             renderer.forget_scene();
             held.push(renderer.gpu().allocated_bytes());
@@ -163,18 +163,18 @@ fn nothing_is_left_on_the_device() {
 #[test]
 fn a_pass_that_is_cancelled_midway_goes_on() {
     let (mut scene, volume) = (scene_of_balls(), balls());
-    scene.film = Film { width: 320, height: 180, filter: Filter::Box { width: 1.0 } };
+    scene.film = Film::new(320, 180, Filter::Box { width: 1.0 });
     let whole = |renderer: &mut Validated| {
         while renderer.advance(Duration::ZERO, 2, &Job::new()).unwrap().spp < 2 {}
         renderer.color().unwrap()
     };
     let mut renderer = Validated::open(Backend::Compute);
-    renderer.set_scene(&scene, std::slice::from_ref(&volume)).unwrap();
+    renderer.set_scene(&scene, std::slice::from_ref(&volume), &[]).unwrap();
     let expected = whole(&mut renderer);
     let mut cut = 0;
     for delay_ms in [5, 30, 60, 120] {
         let mut other = Validated::open(Backend::Compute);
-        other.set_scene(&scene, std::slice::from_ref(&volume)).unwrap();
+        other.set_scene(&scene, std::slice::from_ref(&volume), &[]).unwrap();
         let job = Arc::new(Job::new());
         let canceller = Arc::clone(&job);
         let thread = std::thread::spawn(move || {

@@ -16,7 +16,7 @@ fn draw(renderer: &mut Validated, faults: &[(Fault, u32)]) -> Result<(Image, Vec
     for &(fault, nth) in faults {
         renderer.gpu().inject(fault, nth, 1);
     }
-    renderer.set_scene(&scene_of_balls(), &[balls()])?;
+    renderer.set_scene(&scene_of_balls(), &[balls()], &[])?;
     while renderer.advance(Duration::ZERO, SPP, &Job::new())?.spp < SPP {}
     let picture = renderer.picture()?;
     Ok((picture.color, renderer.notices()))
@@ -71,7 +71,7 @@ fn a_device_that_is_lost_once_is_overcome() {
 fn samples_survive_a_lost_device() {
     let mut renderer = Validated::open(Backend::Compute);
     let (expected, _) = draw(&mut renderer, &[]).unwrap();
-    renderer.set_scene(&scene_of_balls(), &[balls()]).unwrap();
+    renderer.set_scene(&scene_of_balls(), &[balls()], &[]).unwrap();
     while renderer.advance(Duration::ZERO, 2, &Job::new()).unwrap().spp < 2 {}
     renderer.gpu().inject(Fault::Submission, 1, 1);
     let job = Job::new();
@@ -90,7 +90,7 @@ fn what_fails_twice_is_given_up() {
     let (expected, _) = draw(&mut renderer, &[]).unwrap();
     renderer.forget_scene();
     renderer.gpu().inject(Fault::Allocation, 2, 2);
-    let error = renderer.set_scene(&scene_of_balls(), &[balls()]).unwrap_err();
+    let error = renderer.set_scene(&scene_of_balls(), &[balls()], &[]).unwrap_err();
     let RenderError::Device(text) = &error else { panic!("{error}") };
     assert!(text.starts_with("vulkan-compute on ") && text.contains("out of GPU memory"), "{text}");
     assert!(!text.contains('\n'));

@@ -1,13 +1,14 @@
-//! `trigonometry.glsl`, `sun.glsl`, `environment.glsl`, `lights.glsl`, `camera_rays.glsl`.
+//! `trigonometry.glsl`, `sun.glsl`, `lamp*.glsl`, `environment.glsl`, `lights.glsl`, `camera_rays.glsl`.
 
 use std::f64::consts::PI;
 
 use glam::{DAffine3, DVec3, Vec3};
 use pumice_cpu::camera_rays::CameraRays;
 use pumice_cpu::{Finding, Lights, Sky};
+use pumice_render::lamp::LampKind;
 use pumice_render::sun::frame_around;
-use pumice_render::{EnvironmentTable, Image, ReadySun};
-use pumice_scene::{Camera, Film, Filter, Projection, Sun};
+use pumice_render::{EnvironmentTable, Image, RayInWorld, ReadyLamp, ReadySun, Receiver};
+use pumice_scene::{Aperture, Camera, Film, Filter, Light, LightShape, Outline, Projection, SensorFit, Sun};
 use pumice_vulkan::layout::SceneHeader;
 use pumice_vulkan::pack::{self, PackedSky};
 
@@ -65,37 +66,63 @@ fn trigonometry_is_accurate() {
     }
 }
 
-/// In emulated doubles: bit for bit.
+/// Openings of each kind; with them rays are as good as floats' sines: the opening's points within 2⁻²¹ of its radius.
 #[test]
 fn camera_rays_are_the_same() {
     let gpu = Gpu::new();
     let mut random = Random(22);
-    for orthographic in [false, true] {
+    let kinds = [
+        (SensorFit::Auto, 1.0, 0, 1.0),
+        (SensorFit::Horizontal, 1.3, 5, 2.0),
+        (SensorFit::Vertical, 0.7, 3, 0.6),
+    ];
+    for (orthographic, (fit, pixel_aspect, blades, ratio)) in
+        [false, true].into_iter().flat_map(|o| kinds.map(|k| (o, k)))
+    {
         let (width, height) = (641, 1333);
         let turn = DAffine3::from_axis_angle(direction(&mut random), 1.3);
+        let aperture = Aperture { radius: 0.3, focus_distance: 2.5, blades, rotation_rad: 40.0, ratio };
         let camera = Camera {
-            world_from_camera: DAffine3::from_translation(DVec3::new(1e5 + 0.3, -0.1, 7.7)) * turn,
-            projection: if orthographic {
-                Projection::Orthographic { scale: 3.7 }
-            } else {
-                Projection::Perspective { fov_rad: 0.9 }
-            },
             shift: [0.13, -0.31],
             clip: [0.1, 1e4],
+            fit,
+            aperture: Some(aperture),
+            ..Camera::new(
+                DAffine3::from_translation(DVec3::new(1e5 + 0.3, -0.1, 7.7)) * turn,
+                if orthographic {
+                    Projection::Orthographic { scale: 3.7 }
+                } else {
+                    Projection::Perspective { fov_rad: 0.9 }
+                },
+            )
         };
-        let film = Film { width, height, filter: Filter::Box { width: 1.0 } };
+        let film = Film { pixel_aspect, ..Film::new(width, height, Filter::Box { width: 1.0 }) };
         let rays = CameraRays::new(&camera, &film);
+        let lens = rays.lens.expect("an opening");
         let header = SceneHeader { camera: pack::camera(&rays), ..Default::default() };
         let scene = gpu.buffer_of(&[header]);
-        let inputs: Vec<[f64; 2]> = (0..20_000)
-            .map(|_| [0, 1].map(|_| f64::from(random.below(1500)) + 0.5 + f64::from(random.unit() - 0.5)))
+        let inputs: Vec<([f64; 2], [f32; 2])> = (0..5_000)
+            .map(|_| {
+                let place = f64::from(random.below(1500)) + 0.5 + f64::from(random.unit() - 0.5);
+                ([place, f64::from(random.below(1500)) + 0.5], [random.unit(), random.unit()])
+            })
             .collect();
-        let rows: Vec<_> = inputs.iter().map(|&[x, y]| Row::default().double(x).double(y).0).collect();
-        for (&[x, y], row) in inputs.iter().zip(gpu.probe(false, 4, scene.address, &rows, 14)) {
-            let (ray, t_max) = rays.ray(x, y);
+        let row =
+            |&([x, y], [u, v]): &([f64; 2], [f32; 2])| Row::default().double(x).double(y).float(u).float(v).0;
+        let rows: Vec<_> = inputs.iter().map(row).collect();
+        for (&([x, y], u), row) in inputs.iter().zip(gpu.probe(false, 4, scene.address, &rows, 28)) {
+            let numbers = |(ray, t_max): (RayInWorld, f64)| {
+                ray.origin.to_array().into_iter().chain(ray.direction.to_array()).chain([t_max])
+            };
             let mut r = Reader(&row);
-            for e in ray.origin.to_array().into_iter().chain(ray.direction.to_array()).chain([t_max]) {
+            // In emulated doubles: bit for bit.
+            for e in numbers(rays.ray(x, y)) {
                 assert_eq!(r.double().to_bits(), e.to_bits(), "({x}, {y}) of {camera:?}");
+            }
+            for e in numbers(rays.lens_ray(&lens, x, y, u)) {
+                let got = r.double();
+                let off = aperture.radius / ratio.min(1.0) * 2f64.powi(-21);
+                assert!((got - e).abs() <= off, "({x}, {y}), {u:?}: {got}, {e} of {camera:?}");
             }
         }
     }
@@ -126,12 +153,14 @@ fn lights_scene(gpu: &Gpu, lights: &Lights) -> (Uploaded, u64) {
     let ends = uploaded.put(gpu, if lights.ends().is_empty() { &[0.0] } else { lights.ends() });
     let suns = pack::suns(lights);
     let suns = if suns.is_empty() { 0 } else { uploaded.put(gpu, &suns) };
+    let lamps = pack::lamps(lights);
+    let lamps = if lamps.is_empty() { 0 } else { uploaded.put(gpu, &lamps) };
     let environment = PackedSky::new(lights).map(|sky| {
         let parts = sky.parts().map(|p| uploaded.put(gpu, p));
         sky.record(parts)
     });
     let header = SceneHeader {
-        lights: pack::lights(lights, ends, suns),
+        lights: pack::lights(lights, [ends, suns, lamps]),
         environment: environment.unwrap_or_default(),
         ..Default::default()
     };
@@ -239,6 +268,8 @@ fn chosen_lights_are_the_same() {
         Lights::new(constant(), vec![sun(0.5), sun(0.0), sun(0.01)], backdrop),
         Lights::new(image(), vec![sun(0.3)], None),
         Lights::new(image(), vec![], backdrop),
+        Lights::new(constant(), vec![sun(0.5)], None).with_lamps(lamps()),
+        Lights::new(image(), vec![], None).with_lamps(lamps()),
         Lights::new(image(), vec![sun(0.3)], None).found_by(Finding::Aimed),
         Lights::new(image(), vec![sun(0.3)], None).found_by(Finding::Scattered),
     ];
@@ -246,6 +277,7 @@ fn chosen_lights_are_the_same() {
         let (_kept, scene) = lights_scene(&gpu, lights);
         let mut random = Random(26);
         let towards = sun(0.0).towards;
+        let mut rims = 0;
         let inputs: Vec<_> = (0..4_000)
             .map(|_| {
                 let d = match random.below(2) {
@@ -253,29 +285,45 @@ fn chosen_lights_are_the_same() {
                     _ => (towards + 0.2 * direction(&mut random)).normalize(),
                 };
                 let (u, pdf) = ([random.unit(), random.unit()], 3.0 * random.unit());
-                (random.unit(), u, d, pdf, random.unit())
+                let limit = [0.5, 3.0, f64::INFINITY][random.below(3) as usize];
+                (random.unit(), u, d, pdf, random.unit(), receiver(&mut random), limit)
             })
             .collect();
         let rows: Vec<_> = inputs
             .iter()
-            .map(|&(choice, u, d, pdf, down)| {
+            .map(|&(choice, u, d, pdf, down, from, limit)| {
                 let row = Row::default().float(choice).float(u[0]).float(u[1]);
-                row.doubles(d.to_array()).float(pdf).float(down).0
+                row_of(row.doubles(d.to_array()).float(pdf).float(down), &from).double(limit).0
             })
             .collect();
-        for (&(choice, u, d, pdf, down), row) in inputs.iter().zip(gpu.probe(false, 8, scene, &rows, 17)) {
+        let answers = gpu.probe(false, 8, scene, &rows, 22);
+        for (&(choice, u, d, pdf, down, ref from, limit), row) in inputs.iter().zip(answers) {
             let mut r = Reader(&row);
-            let sampled = lights.sample(choice, u);
-            assert_eq!(r.word() != 0, sampled.is_some(), "{choice}");
+            let sampled = lights.sample(from, choice, u);
+            let found = r.word() != 0;
+            if found != sampled.is_some() {
+                // A lamp's rim.
+                rims += 1;
+                continue;
+            }
             let got = DVec3::new(r.double(), r.double(), r.double());
             let numbers = [r.float(), r.float(), r.float(), r.float()];
             if let Some(s) = sampled {
-                assert!((got - s.direction).length() < 2f64.powi(-18), "{got} {}", s.direction);
+                // Of a lamp: see `lamps_are_the_same`.
+                let limit = if s.distance.is_finite() { 5e-4 } else { 2f64.powi(-18) };
+                assert!((got - s.direction).length() < limit, "{got} {}", s.direction);
                 for (n, e) in numbers.into_iter().zip(s.radiance_over_pdf.to_array()) {
-                    close(n, e, 2e-4, "radiance over density");
+                    close(n, e, if s.distance.is_finite() { 2e-3 } else { 2e-4 }, "radiance over density");
                 }
-                close(numbers[3], s.pdf.unwrap_or(0.0), 1e-6, "density");
+                close(numbers[3], s.pdf.unwrap_or(0.0), 1e-3, "density");
             }
+            let distance = r.double();
+            if let Some(s) = sampled {
+                assert!(distance == s.distance || (distance / s.distance - 1.0).abs() < 1e-3, "{distance}");
+            }
+            let lamps = lights.lamps_found(from, d, limit, pdf);
+            let got = Vec3::new(r.float(), r.float(), r.float());
+            rims += usize::from((got - lamps).length() > 1e-2 * lamps.length() + 1e-5);
             // A direction within a float's error of a pixel's border may find the neighbour's density: a slope of the picture.
             for e in lights.found(d, pdf).to_array() {
                 close(r.float(), e, 1e-2, "found");
@@ -284,5 +332,114 @@ fn chosen_lights_are_the_same() {
                 close(r.float(), e, 1e-4, "behind");
             }
         }
+        // What is drawn within 1e-6 of a rim is there on one side and not on the other.
+        assert!(rims <= 8, "{rims} of 4000 differ");
+    }
+}
+
+/// Lamps of all kinds about the origin.
+fn lamps() -> Vec<ReadyLamp> {
+    let turned = DAffine3::from_axis_angle(DVec3::new(1.0, 0.4, 0.2).normalize(), 0.7);
+    let world_from_light = DAffine3::from_translation(DVec3::new(0.1, -0.2, 0.4)) * turned;
+    let position = [0.2, 0.1, -0.3];
+    let point = |radius, soft_falloff| LightShape::Point { position, radius, soft_falloff };
+    let spot = |radius, angle_rad, blend, soft_falloff| LightShape::Spot {
+        position,
+        direction: [0.3, 0.2, 1.0],
+        radius,
+        angle_rad,
+        blend,
+        soft_falloff,
+    };
+    let area = |outline, size, spread_rad| LightShape::Area { world_from_light, outline, size, spread_rad };
+    let shapes = [
+        point(0.0, false),
+        point(0.4, false),
+        point(3.0, false),
+        point(0.4, true),
+        spot(0.0, 1.0, 0.2, false),
+        spot(0.4, 2.0, 0.0, false),
+        spot(0.9, 0.4, 1.0, false),
+        spot(0.4, 2.0, 0.3, true),
+        area(Outline::Rectangle, [1.0, 0.6], PI),
+        area(Outline::Rectangle, [0.03, 0.02], PI),
+        area(Outline::Rectangle, [1.0, 0.6], 1.0),
+        area(Outline::Rectangle, [1.0, 0.6], 0.0),
+        area(Outline::Ellipse, [1.0, 0.6], PI),
+        area(Outline::Ellipse, [2.0, 2.0], 0.8),
+    ];
+    let light = |shape| Light { shape, power_w: 40.0, color: [1.0, 0.5, 0.2], visible_to_camera: false };
+    shapes.map(|s| ReadyLamp::new(&light(s))).into()
+}
+
+fn receiver(random: &mut Random) -> Receiver {
+    let point = direction(random) * (3.0 * f64::from(random.unit()));
+    Receiver { point, normal: direction(random).as_vec3(), both_sides: random.below(4) == 0 }
+}
+
+fn row_of(row: Row, from: &Receiver) -> Row {
+    let [x, y, z] = from.normal.to_array();
+    row.doubles(from.point.to_array()).float(x).float(y).float(z).word(u32::from(from.both_sides))
+}
+
+/// One by one. Roots and arctangents of the device are good to some units in the last place. Of a small rectangle's solid angle, a
+/// difference of four angles, that is 1e-4; of a direction within one seen aslant, by the sine of a difference of two of them, some
+/// 1e-4: half a thousandth is forgiven there, 2e-6 elsewhere, 1e-3 of densities. At rims of cones, spreads and outlines light ends.
+#[test]
+fn lamps_are_the_same() {
+    let gpu = Gpu::new();
+    let lamps = lamps();
+    let lights = Lights::new(Sky::Constant(Vec3::ZERO), vec![], None).with_lamps(lamps.clone());
+    let (_kept, scene) = lights_scene(&gpu, &lights);
+    let mut random = Random(27);
+    let inputs: Vec<_> = (0..20_000)
+        .map(|_| {
+            let from = receiver(&mut random);
+            let number = random.below(lamps.len() as u32);
+            let lamp = &lamps[number as usize];
+            let reach = 1.2 * f64::from(lamp.half[0].max(lamp.half[1]));
+            let near = lamp.position + direction(&mut random) * reach - from.point;
+            let towards = if random.below(8) == 0 { direction(&mut random) } else { near.normalize() };
+            (number, from, [random.unit(), random.unit()], towards.as_vec3())
+        })
+        .collect();
+    let rows: Vec<_> = inputs
+        .iter()
+        .map(|(number, from, u, towards)| {
+            let row = row_of(Row::default().word(*number), from).float(u[0]).float(u[1]);
+            row.float(towards.x).float(towards.y).float(towards.z).0
+        })
+        .collect();
+    let mut both = vec![[0; 2]; lamps.len()];
+    let mut rims = 0;
+    for ((number, from, u, towards), row) in inputs.iter().zip(gpu.probe(false, 20, scene, &rows, 18)) {
+        let lamp = &lamps[*number as usize];
+        let mut r = Reader(&row);
+        for (way, expected) in [lamp.sample(from, *u), lamp.meet(from, *towards)].into_iter().enumerate() {
+            let found = r.word() != 0;
+            let direction = Vec3::new(r.float(), r.float(), r.float());
+            let distance = r.float();
+            let radiance = Vec3::new(r.float(), r.float(), r.float());
+            let pdf = r.float();
+            let Some(e) = expected.filter(|_| found) else {
+                rims += usize::from(found != expected.is_some());
+                continue;
+            };
+            both[*number as usize][way] += 1;
+            let what = format!("lamp {number}, {way}: {e:?}; {direction} {distance} {radiance} {pdf}");
+            let limit =
+                if matches!(lamp.kind, LampKind::Rectangle | LampKind::Ellipse) { 5e-4 } else { 2e-6 };
+            assert!((direction - e.direction).length() < limit, "{what}");
+            let same = (distance - e.distance).abs() < 1e-3 * e.distance
+                && (radiance - e.radiance).length() <= 2e-4 * lamp.radiance.length().max(e.radiance.length())
+                && (pdf - e.pdf).abs() <= 1e-3 * e.pdf;
+            rims += usize::from(!same);
+        }
+    }
+    assert!(rims <= 20, "{rims} of 20000 differ");
+    for (number, [sampled, met]) in both.iter().enumerate() {
+        assert!(*sampled > 50, "lamp {number}: {sampled} samples");
+        let single = lamps[number].half[0] == 0.0 || lamps[number].tan_half_spread == 0.0 && number == 11;
+        assert!(single || *met > 20, "lamp {number}: {met} meetings");
     }
 }

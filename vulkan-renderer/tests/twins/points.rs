@@ -27,11 +27,15 @@ fn sample_points_are_the_same() {
             Row::default().long(seed).word(p[0]).word(p[1]).word(s).word(b).word(pair).0
         })
         .collect();
-    let out = Gpu::new().probe(false, 1, 0, &rows, 4);
+    let out = Gpu::new().probe(false, 1, 0, &rows, 6);
     for (&(seed, p, s, b, pair), row) in inputs.iter().zip(&out) {
         let points = PixelSampler::new(seed, p, s);
-        let ([x, y], [u, v]) = (points.bounce(b, PAIRS[pair as usize]), points.film());
-        assert_eq!(row, &[x, y, u, v].map(f32::to_bits), "seed {seed}, pixel {p:?}, sample {s}, bounce {b}");
+        let pairs = [points.bounce(b, PAIRS[pair as usize]), points.film(), points.lens()];
+        assert_eq!(
+            row,
+            &pairs.as_flattened().iter().map(|u| u.to_bits()).collect::<Vec<_>>(),
+            "seed {seed}, pixel {p:?}, sample {s}, bounce {b}"
+        );
     }
 }
 

@@ -1,10 +1,11 @@
-//! `bsdf.glsl`.
+//! `bsdf.glsl`, and with it `fresnel.glsl`, `ggx.glsl`, `tables.glsl` and `cover.glsl`.
 //!
 //! Sums and products of floats, divisions and roots that a device may round by 2.5 units, a sine: numbers agree to 2⁻¹⁷ where nothing
 //! cancels. A half vector is off by δ = 2⁻²² when its direction is sampled; the lobe, ∝ (sin² + α² cos²)⁻², then by 2δ/α of itself.
 
 use glam::{DVec3, Vec3};
-use pumice_cpu::bsdf::{Bsdf, albedo_table, sample_cosine};
+use pumice_cpu::bsdf::tables::TABLES;
+use pumice_cpu::bsdf::{Bsdf, LEAST_ALPHA_SQUARED, LEAST_BEND, emitted, sample_cosine};
 use pumice_scene::Material;
 use pumice_vulkan::layout::SceneHeader;
 
@@ -24,14 +25,42 @@ fn material(random: &mut Random) -> Material {
         1 => ends[1],
         _ => ends[0] + (ends[1] - ends[0]) * random.unit(),
     };
-    Material {
+    let m = Material {
         metallic: often([0.0, 1.0]),
         roughness: often([0.0, 1.0]),
         specular: often([0.0, 1.0]),
         ior: often([1.0, 2.5]),
         base_color: [often([0.0, 1.0]), often([0.0, 1.0]), often([0.2, 0.8])],
+        specular_tint: [often([0.0, 1.0]), often([0.5, 1.0]), often([0.2, 0.8])],
+        transmission: often([0.0, 1.0]),
+        coat: often([0.0, 1.0]),
+        coat_roughness: often([0.0, 1.0]),
+        // Not down to 1: there the colour's exponent is up to 1,000 at grazing, and with it the error of GLSL's `pow`.
+        coat_ior: often([1.2, 2.5]),
+        coat_tint: [often([0.2, 1.0]), often([0.5, 1.0]), 1.0],
+        emission: [often([0.0, 1.0]), 0.5, 0.0],
         ..Material::default()
+    };
+    let multiscatter = random.below(2) == 0;
+    // Most often a part alone: all together would hide each.
+    let (bare, plain) = (random.below(2) == 0, random.below(3));
+    Material {
+        multiscatter,
+        coat: if bare { 0.0 } else { m.coat },
+        transmission: if plain == 0 { 0.0 } else { m.transmission },
+        metallic: if plain == 1 { 0.0 } else { m.metallic },
+        ..m
     }
+}
+
+/// The index beyond the surface over that before it.
+fn eta_of(m: &Material, from_inside: bool) -> f32 {
+    if from_inside { 1.0 / m.ior } else { m.ior }
+}
+
+/// How far a reflectance may be off near the angle from which on all is reflected, where its curve is a root of what is left there.
+fn bend_error(cos: f32, eta: f32) -> f32 {
+    2f32.powi(-20) / (eta * eta - 1.0 + cos * cos).abs().sqrt().max(1e-6)
 }
 
 fn upper(random: &mut Random) -> Vec3 {
@@ -59,70 +88,138 @@ fn half_vector_error(wi: Vec3, alpha: f32, u: [f32; 2]) -> f32 {
     (error * (alpha / (n.z * n.z + alpha * alpha)).max(1.0)) as f32
 }
 
+struct Input {
+    m: Material,
+    inside: bool,
+    wi: Vec3,
+    wo: Vec3,
+    u: [f32; 2],
+    choice: f32,
+}
+
+impl Input {
+    fn new(random: &mut Random) -> Self {
+        let (m, inside, wi) = (material(random), random.below(2) == 0, upper(random));
+        let eta = eta_of(&m, inside);
+        let mut wo = upper(random);
+        match random.below(6) {
+            // Near the mirror direction, where sharp lobes are.
+            0 | 1 => wo = (Vec3::new(-wi.x, -wi.y, wi.z) + 0.01 * wo).normalize(),
+            // Near the refracted one.
+            2 => {
+                let down = (1.0 - (1.0 - wi.z * wi.z) / (eta * eta)).max(0.0).sqrt();
+                wo = (Vec3::new(-wi.x / eta, -wi.y / eta, -down) + 0.1 * wo).normalize();
+            }
+            3 => wo.z = -wo.z,
+            _ => {}
+        }
+        Self { m, inside, wi, wo, u: [random.unit(), random.unit()], choice: random.unit() }
+    }
+
+    fn row(&self) -> Vec<u32> {
+        let m = &self.m;
+        let colors = [m.base_color, m.specular_tint, m.coat_tint, m.emission].into_iter().flatten();
+        let numbers = [
+            m.metallic,
+            m.roughness,
+            m.specular,
+            m.ior,
+            m.transmission,
+            m.coat,
+            m.coat_roughness,
+            m.coat_ior,
+        ];
+        let mut row = colors.chain(numbers).fold(Row::default(), Row::float).0;
+        row.extend([u32::from(m.multiscatter), u32::from(self.inside)]);
+        let vectors = self.wi.to_array().into_iter().chain(self.wo.to_array());
+        row.extend(vectors.chain(self.u).chain([self.choice]).fold(Row::default(), Row::float).0);
+        row
+    }
+}
+
 #[test]
 fn surfaces_scatter_alike() {
     let gpu = Gpu::new();
-    let table = gpu.buffer_of(albedo_table());
-    let scene = gpu.buffer_of(&[SceneHeader { albedo: table.address, ..Default::default() }]);
+    let table = gpu.buffer_of(&TABLES);
+    let scene = gpu.buffer_of(&[SceneHeader { tables: table.address, ..Default::default() }]);
     let mut random = Random(41);
-    let inputs: Vec<_> = (0..60_000)
-        .map(|_| {
-            let (m, wi) = (material(&mut random), upper(&mut random));
-            let mut wo = upper(&mut random);
-            if random.below(3) == 0 {
-                // Near the mirror direction, where sharp lobes are.
-                wo = (Vec3::new(-wi.x, -wi.y, wi.z) + 0.01 * wo).normalize();
-            }
-            if random.below(50) == 0 {
-                wo.z = -wo.z;
-            }
-            (m, wi, wo, [random.unit(), random.unit()], random.unit())
-        })
-        .collect();
-    let rows: Vec<_> = inputs
-        .iter()
-        .map(|(m, wi, wo, u, choice)| {
-            let numbers = m.base_color.into_iter().chain([m.metallic, m.roughness, m.specular, m.ior]);
-            let vectors = wi.to_array().into_iter().chain(wo.to_array());
-            let all = numbers.chain(vectors).chain(*u).chain([*choice]);
-            let mut row = all.fold(Row::default(), Row::float).0;
-            row.resize(19, 0);
-            row
-        })
-        .collect();
-    let (mut specular, mut below, mut compared) = (0, 0, 0);
-    for ((m, wi, wo, u, choice), row) in inputs.iter().zip(gpu.probe(false, 9, scene.address, &rows, 15)) {
-        let bsdf = Bsdf::new(m, *wi);
-        let what = || format!("{m:?} wi {wi} wo {wo} u {u:?} choice {choice}");
+    let inputs: Vec<_> = (0..60_000).map(|_| Input::new(&mut random)).collect();
+    let rows: Vec<_> = inputs.iter().map(Input::row).collect();
+    let (mut specular, mut lost, mut below, mut mirrors, mut compared, mut other) = (0, 0, 0, 0, 0, 0);
+    for (input, row) in inputs.iter().zip(gpu.probe(false, 9, scene.address, &rows, 18)) {
+        let Input { m, inside, wi, wo, u, choice } = input;
+        let bsdf = Bsdf::new(m, *wi, *inside);
+        let what = || format!("{m:?} inside {inside} wi {wi} wo {wo} u {u:?} choice {choice}");
         let mut r = Reader(&row);
-        let alpha = (m.roughness * m.roughness).max(1e-4);
-        let lobe = PLAIN + 2.0 * 2f32.powi(-22) / alpha;
-        // Evaluated at one direction for both: the half vector is computed alike but for units in the last place.
+        let base = (m.roughness * m.roughness).max(LEAST_ALPHA_SQUARED.sqrt());
+        let coat = (m.coat_roughness * m.coat_roughness).max(LEAST_ALPHA_SQUARED.sqrt());
+        let alpha = if m.coat > 0.0 { base.min(coat) } else { base };
+        let eta = eta_of(m, *inside);
+
+        // Evaluated at one direction for both: the half vector is computed alike but for units in the last place; through the
+        // surface, from what two vectors of the lengths 1 and η leave.
+        let half = if wo.z > 0.0 { *wi + *wo } else { *wi + eta * *wo };
+        let short = half.length().clamp(1e-6, 1.0);
+        let bend = bend_error(wi.dot(half) / half.length().max(1e-6), eta);
+        let lobe = PLAIN + (4.0 / alpha + 8.0) * 2f32.powi(-22) / short + bend;
         let (f, pdf) = bsdf.eval(*wo);
-        for e in f.to_array() {
-            close_beside(r.float(), e, lobe, FRESNEL * pdf, &what());
+        let (got_f, got_pdf) = ([r.float(), r.float(), r.float()], r.float());
+        if lobe < 0.1 {
+            for (g, e) in got_f.into_iter().zip(f.to_array()) {
+                close_beside(g, e, lobe, (FRESNEL + bend) * pdf, &what());
+            }
+            close(got_pdf, pdf, lobe, &what());
         }
-        close(r.float(), pdf, lobe, &what());
+
         // Sampled: the direction within a float's error, density and weight there.
         let got = Vec3::new(r.float(), r.float(), r.float());
-        let weight = [r.float(), r.float(), r.float()];
+        let weight = Vec3::new(r.float(), r.float(), r.float());
         let got_pdf = r.float();
         match bsdf.sample(*u, *choice) {
             None => {
-                below += 1;
-                assert!(got_pdf == 0.0 || got.z < 1e-6, "{}: {got} {got_pdf}", what());
+                lost += 1;
+                assert!(got_pdf == 0.0 || got.z.abs() < 1e-5, "{}: {got} {got_pdf}", what());
+            }
+            // A choice within a rounding of the chance: the other lobe.
+            Some(s) if (got.z > 0.0) != (s.wo.z > 0.0) || s.pdf.is_infinite() != got_pdf.is_infinite() => {
+                other += 1
             }
             Some(s) => {
                 specular += usize::from(s.pdf > 10.0);
-                // A mirror doubles the half vector's error.
-                let error = 2.0 * half_vector_error(*wi, alpha, *u);
-                assert!((got - s.wo).length() < error, "{}: {got} {}", what(), s.wo);
+                below += usize::from(s.wo.z < 0.0);
+                let through = s.wo.z < 0.0;
+                let is_mirror = s.pdf.is_infinite();
+                mirrors += usize::from(is_mirror);
+                // A mirror doubles the half vector's error. Which of two lobes was drawn is not known here: the worse of both.
+                let of = |a: f32| half_vector_error(*wi, a, *u);
+                let error = if is_mirror && (eta - 1.0).abs() >= LEAST_BEND {
+                    2f32.powi(-20)
+                } else {
+                    2.0 * of(base).max(of(coat)).max(2f32.powi(-22))
+                };
+                let bend = bend_error(1.0, eta).max(2f32.powi(-20) / s.wo.z.abs().max(1e-6));
+                let turned = if through { error * (1.0 + 1.0 / eta) + bend } else { error };
+                assert!((got - s.wo).length() < turned.max(2f32.powi(-20)), "{}: {got} {}", what(), s.wo);
                 // What that does to a cosine near the horizon and to the lobe; compared where it is little.
-                let relative = PLAIN + 4.0 * error / s.wo.z.max(1e-6) + 4.0 * error / alpha;
+                let cos = if through {
+                    ((eta * s.wo + *wi).normalize()).dot(*wi)
+                } else {
+                    ((s.wo + *wi).normalize()).dot(*wi)
+                };
+                let sharp = if is_mirror { 0.0 } else { 4.0 * error / alpha };
+                let close_to_one =
+                    if through && !is_mirror { error / (eta - 1.0).abs().max(1e-6) } else { 0.0 };
+                let relative = PLAIN
+                    + 4.0 * error / s.wo.z.abs().max(1e-6)
+                    + sharp
+                    + 8.0 * close_to_one
+                    + bend_error(cos, eta) * (1.0 + error * 2f32.powi(20));
                 if relative < 0.1 {
                     compared += 1;
-                    close(got_pdf, s.pdf, relative, &what());
-                    for (w, e) in weight.into_iter().zip(s.weight.to_array()) {
+                    if !is_mirror {
+                        close(got_pdf, s.pdf, relative, &what());
+                    }
+                    for (w, e) in weight.to_array().into_iter().zip(s.weight.to_array()) {
                         close_beside(w, e, relative, FRESNEL, &what());
                     }
                 }
@@ -131,7 +228,12 @@ fn surfaces_scatter_alike() {
         assert_eq!(r.word() != 0, bsdf.has_two_lobes(), "{}", what());
         let cosine = Vec3::new(r.float(), r.float(), r.float());
         assert!((cosine - sample_cosine(*u)).length() < 2f32.powi(-21), "{u:?}: {cosine}");
+        for e in emitted(m, wi.z).to_array() {
+            close(r.float(), e, PLAIN, &what());
+        }
     }
-    assert!(specular > 1_000 && below > 100, "{specular} sharp samples, {below} below the surface");
-    assert!(compared > inputs.len() / 2, "{compared} weights compared");
+    let counts = format!("{specular} sharp, {lost} lost, {below} through, {mirrors} mirrored, {other} other");
+    assert!(specular > 1_000 && lost > 100 && below > 1_000 && mirrors > 1_000, "{counts}");
+    assert!(other < 60, "{counts}");
+    assert!(compared > inputs.len() / 3, "{compared} weights compared; {counts}");
 }

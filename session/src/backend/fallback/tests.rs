@@ -2,7 +2,7 @@
 
 use std::sync::Mutex;
 
-use pumice_core::{LabelBuffer, LabelType, VolumeInfo, compress_labels};
+use pumice_core::{LabelBuffer, LabelType, MeshData, VolumeInfo, compress_labels};
 
 use super::*;
 use crate::figure::{FigureOptions, compose};
@@ -63,7 +63,12 @@ impl Renderer for Fake {
         self.name
     }
 
-    fn set_scene(&mut self, scene: &Scene, _: &[Arc<CompressedVolume>]) -> Result<(), RenderError> {
+    fn set_scene(
+        &mut self,
+        scene: &Scene,
+        _: &[Arc<CompressedVolume>],
+        _: &[Arc<MeshData>],
+    ) -> Result<(), RenderError> {
         self.call(At::SetScene)?;
         (self.scene, self.spp) = (Some(scene.clone()), 0);
         self.rebuilt.camera += 1;
@@ -137,7 +142,7 @@ pub(crate) fn scene(size: [u32; 2]) -> (Scene, Vec<Arc<CompressedVolume>>) {
 /// A picture of four samples, as sessions make it; whether it began anew on the way.
 fn render(renderer: &mut FallbackRenderer) -> Result<(Picture, bool), RenderError> {
     let (scene, volumes) = scene([4, 2]);
-    renderer.set_scene(&scene, &volumes)?;
+    renderer.set_scene(&scene, &volumes, &[])?;
     let mut restarted = false;
     let mut former = 0;
     loop {
@@ -207,13 +212,13 @@ fn every_way_is_tried_in_order() {
 fn a_pick_is_answered_by_the_next_way_and_a_color_later() {
     let (mut renderer, _) = ways(&[("vulkan-rt", At::Pick), ("cpu", At::Never)], full);
     let (scene, volumes) = scene([4, 2]);
-    renderer.set_scene(&scene, &volumes).unwrap();
+    renderer.set_scene(&scene, &volumes, &[]).unwrap();
     renderer.advance(Duration::ZERO, 9, &Job::new()).unwrap();
     assert_eq!(renderer.pick(3, 0).unwrap().unwrap().label, 3);
     assert_eq!(renderer.name(), "cpu");
 
     let (mut renderer, _) = ways(&[("vulkan-rt", At::Color), ("cpu", At::Never)], full);
-    renderer.set_scene(&scene, &volumes).unwrap();
+    renderer.set_scene(&scene, &volumes, &[]).unwrap();
     renderer.advance(Duration::ZERO, 9, &Job::new()).unwrap();
     assert!(matches!(renderer.color(), Err(RenderError::Restarted)));
     assert_eq!(renderer.advance(Duration::ZERO, 9, &Job::new()).unwrap().spp, 1);
@@ -255,11 +260,16 @@ fn a_scene_that_the_next_way_refuses_leaves_the_former_one() {
         fn name(&self) -> &'static str {
             self.0.name
         }
-        fn set_scene(&mut self, scene: &Scene, volumes: &[Arc<CompressedVolume>]) -> Result<(), RenderError> {
+        fn set_scene(
+            &mut self,
+            scene: &Scene,
+            volumes: &[Arc<CompressedVolume>],
+            meshes: &[Arc<MeshData>],
+        ) -> Result<(), RenderError> {
             match (scene.film.width, self.0.name) {
                 (8, "vulkan-rt") => Err(full()),
                 (8, _) => Err(RenderError::Scene("film.width: not 8".into())),
-                _ => self.0.set_scene(scene, volumes),
+                _ => self.0.set_scene(scene, volumes, meshes),
             }
         }
         fn advance(&mut self, slice: Duration, limit: u32, job: &Job) -> Result<Progress, RenderError> {
@@ -292,8 +302,8 @@ fn a_scene_that_the_next_way_refuses_leaves_the_former_one() {
     };
     let mut renderer = FallbackRenderer::new(vec![way("vulkan-rt"), way("cpu")]);
     let (first, volumes) = scene([4, 2]);
-    renderer.set_scene(&first, &volumes).unwrap();
-    let error = renderer.set_scene(&scene([8, 2]).0, &volumes).unwrap_err();
+    renderer.set_scene(&first, &volumes, &[]).unwrap();
+    let error = renderer.set_scene(&scene([8, 2]).0, &volumes, &[]).unwrap_err();
     assert_eq!(error.to_string(), "film.width: not 8");
     assert_eq!(renderer.name(), "cpu");
     renderer.advance(Duration::ZERO, 1, &Job::new()).unwrap();

@@ -1,0 +1,93 @@
+# SPDX-FileCopyrightText: The Pumice developers
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which passes there are: one list for what a view layer offers, what Blender is told of, what a render asks for and what it hands over.
+
+    ours                the name in `film.passes` of the scene and in `Picture.passes`
+    Blender's           as Cycles names it, so that compositor set-ups fit either; Blender 5.0 wrote the short names out
+    where it is chosen  a property of the view layer: Blender's own, or one of `view_layer.pumice`
+"""
+
+from typing import NamedTuple
+
+import bpy
+import numpy as np
+
+from .reports import Refused
+from .sync import drawn
+
+NOTHING_DEPTH = np.float32(1e10)
+LARGEST_EXACT_LABEL = 1 << 24
+
+
+class Pass(NamedTuple):
+    """One pass: our name, Blender's, its name before Blender 5.0, its channels, its kind, and where it is chosen."""
+
+    ours: str
+    name: str
+    short: str
+    channels: str
+    kind: str
+    chosen: str
+
+    @property
+    def in_blender(self):
+        """Its name in this Blender."""
+        return self.name if bpy.app.version >= (5, 0, 0) else self.short
+
+    def owner(self, view_layer):
+        """What has the property."""
+        return view_layer if self.chosen in view_layer.bl_rna.properties else view_layer.pumice
+
+    def is_wanted(self, view_layer):
+        """Whether a view layer has it."""
+        return self.ours in drawn.PASSES and getattr(self.owner(view_layer), self.chosen)
+
+    def pixels(self, picture):
+        """What Blender gets of it, rows from the top; None where the picture has none. Raises Refused where a label is too large."""
+        found = picture.passes.get(self.ours)
+        if found is None:
+            return None
+        if self.ours == "depth":
+            # As Cycles has it.
+            return np.where(np.isfinite(found), found, NOTHING_DEPTH)
+        if self.ours == "label" and found.size and int(found.max()) > LARGEST_EXACT_LABEL:
+            raise Refused("The volume has more than 16,777,215 labels: the Label pass cannot hold them; switch it off")
+        return found
+
+
+TABLE = (
+    Pass("depth", "Depth", "Depth", "Z", "VALUE", "use_pass_z"),
+    Pass("position", "Position", "Position", "XYZ", "VECTOR", "use_pass_position"),
+    Pass("normal", "Normal", "Normal", "XYZ", "VECTOR", "use_pass_normal"),
+    Pass("label", "Label", "Label", "X", "VALUE", "use_pass_label"),
+    Pass("diffuse_direct", "Diffuse Direct", "DiffDir", "RGB", "COLOR", "use_pass_diffuse_direct"),
+    Pass("diffuse_indirect", "Diffuse Indirect", "DiffInd", "RGB", "COLOR", "use_pass_diffuse_indirect"),
+    Pass("diffuse_color", "Diffuse Color", "DiffCol", "RGB", "COLOR", "use_pass_diffuse_color"),
+    Pass("glossy_direct", "Glossy Direct", "GlossDir", "RGB", "COLOR", "use_pass_glossy_direct"),
+    Pass("glossy_indirect", "Glossy Indirect", "GlossInd", "RGB", "COLOR", "use_pass_glossy_indirect"),
+    Pass("transmission_direct", "Transmission Direct", "TransDir", "RGB", "COLOR", "use_pass_transmission_direct"),
+    Pass("transmission_indirect", "Transmission Indirect", "TransInd", "RGB", "COLOR", "use_pass_transmission_indirect"),
+    Pass("emission", "Emission", "Emit", "RGB", "COLOR", "use_pass_emit"),
+    Pass("environment", "Environment", "Env", "RGB", "COLOR", "use_pass_environment"),
+    Pass("albedo", "Denoising Albedo", "Denoising Albedo", "RGB", "COLOR", "use_pass_denoising"),
+    Pass("normal", "Denoising Normal", "Denoising Normal", "XYZ", "VECTOR", "use_pass_denoising"),
+    Pass("variance", "Variance", "Variance", "RGB", "COLOR", "use_pass_variance"),
+    Pass("samples", "Debug Sample Count", "Debug Sample Count", "X", "VALUE", "use_pass_samples"),
+)
+
+
+def wanted(view_layer):
+    """The passes of a view layer beside Combined."""
+    return [one for one in TABLE if one.is_wanted(view_layer)]
+
+
+def registered(view_layer):
+    """(name, channels, channel names, kind) of each pass that a view layer has, as Blender asks for them."""
+    yield "Combined", 4, "RGBA", "COLOR"
+    for one in wanted(view_layer):
+        yield one.in_blender, len(one.channels), one.channels, one.kind
+
+
+def asked_for(view_layer):
+    """Names for `film.passes`; None where the picture has them unasked."""
+    return sorted({one.ours for one in wanted(view_layer)}) if drawn.PASSES_ASKED else None

@@ -1,0 +1,57 @@
+# SPDX-FileCopyrightText: The Pumice developers
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a Blender camera object says: its lens for a render, its depth of field for a render and for a viewport that looks through it."""
+
+from ..reports import Refused
+from . import camera as camera_math
+
+
+def read(obj, depsgraph=None):
+    """The scene's camera from an evaluated camera object; the object's scale does not count, as in Blender."""
+    data = require_flat(obj)
+    return camera_math.from_lens(
+        obj.matrix_world,
+        kind=data.type,
+        lens_mm=data.lens,
+        ortho_scale=data.ortho_scale,
+        sensor_fit=data.sensor_fit,
+        sensor_mm=(data.sensor_width, data.sensor_height),
+        shift=(data.shift_x, data.shift_y),
+        clip=(data.clip_start, data.clip_end),
+        aperture=aperture(obj, depsgraph),
+    )
+
+
+def require_flat(obj):
+    """The camera's data; raises Refused for what is no flat picture."""
+    if obj.data.type not in {"PERSP", "ORTHO"}:
+        raise Refused(f"Camera {obj.name}: panoramas are not drawn; set its type to Perspective or Orthographic")
+    return obj.data
+
+
+def aperture(obj, depsgraph=None):
+    """The scene's aperture of a camera object; None where all is sharp. `depsgraph` tells where the focus object is in the frame."""
+    dof = obj.data.dof
+    if not dof.use_dof:
+        return None
+    return camera_math.aperture(
+        kind=obj.data.type,
+        lens_mm=obj.data.lens,
+        fstop=dof.aperture_fstop,
+        focus_distance=_focus_distance(obj, dof, depsgraph),
+        blades=dof.aperture_blades,
+        rotation_rad=dof.aperture_rotation,
+        ratio=dof.aperture_ratio,
+    )
+
+
+def _focus_distance(obj, dof, depsgraph):
+    focus = dof.focus_object
+    if focus is None:
+        return dof.focus_distance
+    if depsgraph is not None:
+        focus = focus.evaluated_get(depsgraph)
+    place = focus.matrix_world
+    if focus.pose is not None and dof.focus_subtarget in focus.pose.bones:
+        place = place @ focus.pose.bones[dof.focus_subtarget].matrix
+    return camera_math.distance_along(obj.matrix_world, place.translation)

@@ -1,0 +1,149 @@
+# SPDX-FileCopyrightText: The Pumice developers
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Ordinary objects as triangle meshes of the scene: meshes, curves, surfaces, texts, metaballs, with their modifiers.
+
+    geometry    evaluated triangles, read once and kept until Blender says that they changed; objects that share data share it
+    place       the instance's matrix
+    materials   of the object's slots, in order: a triangle names its slot
+
+Reading triangles is what costs, so `Geometries` keeps them. The dependency graph tells what changed: a moved camera or object, and a
+new colour, read none.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from .. import native
+from . import drawn, lights, matrix
+from .parts import PlacedMesh
+
+# What has triangles; of other objects with a surface (hair, points, volumes, strokes) there is a line. The dependency graph gives of
+# each an evaluated object of type MESH; of a curve, a text and the like besides the object itself, whose triangles those are.
+KINDS = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
+# Normals nearer than a tenth of a degree are the same: single precision turns them by less, and no shading shows it.
+LEAST_COSINE = 0.999998
+
+
+class Geometry(NamedTuple):
+    """Triangles as the compiled module has them, and whether any is shaded smooth."""
+
+    mesh: object
+    is_smooth: bool
+
+
+class Geometries:
+    """Triangles by what they are of."""
+
+    def __init__(self, make=None):
+        """`make` takes corners, triangles and material indices; by default it is the compiled module's `Mesh`."""
+        self._kept, self._seen = {}, set()
+        self._make = make or (lambda *arrays: native.require().Mesh(*arrays))
+        self.reads = 0
+
+    def begin(self, depsgraph):
+        """A reading begins: drops what the dependency graph says has other triangles than before. It tells so while it is updated, and
+        to `view_update`."""
+        changed = {
+            update.id.original.session_uid for update in depsgraph.updates if getattr(update, "is_updated_geometry", False)
+        }
+        self._kept = {key: kept for key, kept in self._kept.items() if key[0] not in changed}
+        self._seen = set()
+
+    def end(self):
+        """A reading has ended: drops what no object has any more."""
+        self._kept = {key: kept for key, kept in self._kept.items() if key in self._seen}
+
+    def of(self, obj):
+        """The Geometry of an evaluated object; None where it has no triangle."""
+        key, stamp = _key(obj), (obj.data.as_pointer(), obj.data.session_uid)
+        self._seen.add(key)
+        kept = self._kept.get(key)
+        # An evaluated mesh that was made anew is another one, whether the graph's updates were seen or not.
+        if kept is None or kept[0] != stamp:
+            self.reads += 1
+            kept = self._kept[key] = (stamp, _read(obj, self._make))
+        return kept[1]
+
+
+def placed(obj, world_from_mesh, geometries, dresses):
+    """(PlacedMesh or None, what was left out) of an evaluated object; `dresses` are the materials that were read so far."""
+    owner = f"Object {obj.name}"
+    geometry = geometries.of(obj)
+    if geometry is None:
+        return None, []
+    place = matrix.rows(world_from_mesh)
+    if not matrix.is_invertible(place):
+        return None, [f"{owner}: scaled to nothing; it is left out"]
+    worn, left_out = [], left_out_of(obj)
+    for material in [slot.material for slot in obj.material_slots] or [None]:
+        dress, missing = dresses.read(material)
+        worn.append(dress)
+        left_out += missing
+    if geometry.is_smooth and not drawn.SMOOTH_MESHES:
+        left_out.append(f"{owner}: smooth shading is drawn flat")
+    catches = drawn.SHADOW_CATCHER and bool(obj.is_shadow_catcher)
+    return PlacedMesh(obj.name, geometry.mesh, matrix.twelve(place), worn, catches), left_out
+
+
+def left_out_of(obj):
+    """Lines about what an object has and is not drawn; its materials have their own."""
+    owner, left_out = f"Object {obj.name}", []
+    if obj.is_shadow_catcher and not drawn.SHADOW_CATCHER:
+        left_out.append(f"{owner}: Shadow Catcher is drawn as an ordinary object")
+    if obj.is_holdout:
+        left_out.append(f"{owner}: Holdout is not drawn")
+    rays = ("camera", "diffuse", "glossy", "transmission", "shadow")
+    hidden = [ray for ray in rays if not getattr(obj, f"visible_{ray}")]
+    if hidden:
+        left_out.append(f"{owner}: it is seen by {' and '.join(hidden)} rays all the same")
+    return left_out + lights.linking(obj, owner)
+
+
+def _key(obj):
+    """What triangles are of: of the object's own where modifiers or another kind of data make them, else of the data.
+
+    Numbers are those of the originals: evaluated data have other ones, or none. The address tells apart what one object gives several
+    of (instances of geometry nodes); it holds for as long as nothing changes.
+    """
+    if obj.original.type != "MESH" or len(obj.modifiers) > 0 or obj.mode == "EDIT":
+        return (obj.original.session_uid, obj.data.as_pointer())
+    return (obj.original.data.session_uid, 0)
+
+
+def _read(obj, make):
+    of_curve = obj.original.type != "MESH"
+    # The evaluated mesh of an object in edit mode is a wrapper; of a curve it is the mesh itself.
+    mesh = obj.data if of_curve else obj.to_mesh()
+    try:
+        mesh.calc_loop_triangles()
+        count = len(mesh.loop_triangles)
+        if count == 0:
+            return None
+        positions = np.empty(3 * len(mesh.vertices), dtype=np.float32)
+        mesh.vertices.foreach_get("co", positions)
+        corners = np.empty(3 * count, dtype=np.int32)
+        mesh.loop_triangles.foreach_get("vertices", corners)
+        slots = np.empty(count, dtype=np.int32)
+        mesh.loop_triangles.foreach_get("material_index", slots)
+        made = make(
+            positions.reshape(-1, 3), corners.reshape(-1, 3).view(np.uint32), np.maximum(slots, 0).view(np.uint32)
+        )
+        return Geometry(made, _is_smooth(mesh))
+    finally:
+        if not of_curve:
+            obj.to_mesh_clear()
+
+
+def _is_smooth(mesh):
+    """Whether a normal at a corner is another than its polygon's: a smooth plane is flat all the same."""
+    if mesh.normals_domain == "FACE":
+        return False
+    at_corners = np.empty(3 * len(mesh.loops), dtype=np.float32)
+    mesh.corner_normals.foreach_get("vector", at_corners)
+    of_polygons = np.empty(3 * len(mesh.polygons), dtype=np.float32)
+    mesh.polygon_normals.foreach_get("vector", of_polygons)
+    corners = np.empty(len(mesh.polygons), dtype=np.int32)
+    mesh.polygons.foreach_get("loop_total", corners)
+    cosines = (at_corners.reshape(-1, 3) * np.repeat(of_polygons.reshape(-1, 3), corners, axis=0)).sum(axis=1)
+    return bool(cosines.min() < LEAST_COSINE)

@@ -1,0 +1,111 @@
+# SPDX-FileCopyrightText: The Pumice developers
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""An image of Blender's as the OpenEXR file that the scene names.
+
+    an .exr file that is linear Rec. 709 already                  itself
+    other files and packed images (.hdr, .png, other spaces)      written once as OpenEXR into the extension's folder `skies`
+
+Blender has a float image's pixels scene-linear and a byte image's as they are stored. The file's name is a hash of where the image is
+from, how long that is and when it was changed, so another image is another file. Nothing is read again while these stay.
+
+What is written, without a tile or a second part (OpenEXR file layout, openexr.com/en/latest/OpenEXRFileLayout.html):
+
+    magic, version 2   header: name\\0 type\\0 size value …\\0   offset of each row   rows: y, bytes, B… G… R… as floats
+"""
+
+import hashlib
+import os
+import struct
+
+import bpy
+import numpy as np
+
+LINEAR = {"Linear Rec.709", "Linear", "Non-Color", "Raw"}
+# Written by bands of so many rows, so that no second copy of a large picture is made.
+BAND_ROWS = 256
+
+
+class NotDrawn(Exception):
+    """The image cannot be read; the text says which and why."""
+
+
+def path_of(image):
+    """Path of the picture as OpenEXR; raises NotDrawn."""
+    if image.source != "FILE" or image.is_dirty:
+        raise NotDrawn(f"{image.name} is not an image of one saved file")
+    space = image.colorspace_settings.name
+    packed = image.packed_file
+    path = os.path.abspath(bpy.path.abspath(image.filepath, library=image.library))
+    if packed is None and not os.path.exists(path):
+        raise NotDrawn(f"{image.name}: {path} is missing")
+    if packed is None and path.lower().endswith(".exr") and space in LINEAR:
+        return path
+    if packed is None:
+        status = os.stat(path)
+        state = (path, status.st_size, status.st_mtime_ns, space)
+    else:
+        state = (image.session_uid, image.name_full, packed.size, space, os.getpid())
+    name = hashlib.sha256(repr(state).encode()).hexdigest()[:24]
+    target = os.path.join(_folder(), f"{name}.exr")
+    if not os.path.exists(target):
+        _write(target, _linear(image, space))
+    return target
+
+
+def _folder():
+    """The extension's own folder for skies; above this package is the extension's."""
+    package = __package__.rsplit(".", 1)[0]
+    return bpy.utils.extension_path_user(package, path="skies", create=True)
+
+
+def _linear(image, space):
+    """Scene-linear pixels (height, width, 3), the first row at the bottom."""
+    width, height = image.size
+    if not image.has_data or width == 0 or height == 0:
+        raise NotDrawn(f"{image.name} has no pixels")
+    if image.channels < 3:
+        raise NotDrawn(f"{image.name} has {image.channels} channels instead of three colors")
+    pixels = np.empty(width * height * image.channels, dtype=np.float32)
+    image.pixels.foreach_get(pixels)
+    color = pixels.reshape(height, width, image.channels)[..., :3]
+    if image.is_float or space in LINEAR:
+        return color
+    if space != "sRGB":
+        raise NotDrawn(f"{image.name}: the color space {space} of 8 bit images is not read")
+    # IEC 61966-2-1.
+    return np.where(color <= 0.04045, color / 12.92, ((color + 0.055) / 1.055) ** 2.4).astype(np.float32)
+
+
+def _write(path, pixels):
+    """Writes an OpenEXR file of three float channels without compression; it appears whole or not at all."""
+    height, width = pixels.shape[:2]
+    box = struct.pack("<4i", 0, 0, width - 1, height - 1)
+    channels = b"".join(name + b"\0" + struct.pack("<iB3xii", 2, 0, 1, 1) for name in (b"B", b"G", b"R")) + b"\0"
+    header = struct.pack("<ii", 20000630, 2)
+    for name, kind, value in (
+        (b"channels", b"chlist", channels),
+        (b"compression", b"compression", b"\0"),
+        (b"dataWindow", b"box2i", box),
+        (b"displayWindow", b"box2i", box),
+        (b"lineOrder", b"lineOrder", b"\0"),
+        (b"pixelAspectRatio", b"float", struct.pack("<f", 1.0)),
+        (b"screenWindowCenter", b"v2f", struct.pack("<2f", 0.0, 0.0)),
+        (b"screenWindowWidth", b"float", struct.pack("<f", 1.0)),
+    ):
+        header += name + b"\0" + kind + b"\0" + struct.pack("<i", len(value)) + value
+    header += b"\0"
+    row_bytes = 12 * width
+    first = len(header) + 8 * height
+    row = np.dtype([("y", "<i4"), ("bytes", "<i4"), ("values", "<f4", (3, width))])
+    partial = f"{path}.{os.getpid()}.partial"
+    with open(partial, "wb") as file:
+        file.write(header)
+        file.write((first + np.arange(height, dtype="<u8") * row.itemsize).tobytes())
+        for begin in range(0, height, BAND_ROWS):
+            band = np.arange(begin, min(begin + BAND_ROWS, height))
+            rows = np.empty(len(band), dtype=row)
+            rows["y"], rows["bytes"] = band, row_bytes
+            # Rows from the top, channels by name.
+            rows["values"] = pixels[height - 1 - band][..., ::-1].transpose(0, 2, 1)
+            file.write(rows.tobytes())
+    os.replace(partial, path)

@@ -1,0 +1,177 @@
+# SPDX-FileCopyrightText: The Pumice developers
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The world against Cycles: what a camera sees of it in several directions, as the scene's definition (docs/scene.md) says it of what the
+extension read, and as Cycles renders it."""
+
+import math
+
+import numpy as np
+import pytest
+
+import cycles_oracle
+
+# Cycles' pixels are 32 bit floats; linear interpolation of an 8 bit texture's hat is as exact.
+TOLERANCE = 2e-3
+
+
+@pytest.fixture
+def read(extension, drawn):
+    return extension.scene_reader.world.read
+
+
+def world(bpy, **inputs):
+    made = bpy.data.worlds.new("sky")
+    if bpy.app.version < (5, 0, 0):
+        made.use_nodes = True
+    bpy.context.scene.world = made
+    node = next(n for n in made.node_tree.nodes if n.type == "BACKGROUND")
+    for name, value in inputs.items():
+        node.inputs[name].default_value = value
+    return made, node
+
+
+def picture_file(folder, name="sky.exr", width=64):
+    """A picture whose colours tell where it is looked up: red along, green down, and a blue that breaks the symmetry."""
+    import OpenImageIO
+
+    height = width // 2
+    across, down = np.meshgrid((np.arange(width) + 0.5) / width, (np.arange(height) + 0.5) / height)
+    pixels = np.stack([0.2 + across, 0.2 + down, 0.5 + 0.4 * np.sin(4 * math.pi * across)], axis=-1).astype(np.float32)
+    if not name.endswith((".exr", ".hdr")):
+        pixels = np.round(pixels / 1.3 * 255).astype(np.uint8)
+    path = folder / name
+    out = OpenImageIO.ImageOutput.create(str(path))
+    out.open(str(path), OpenImageIO.ImageSpec(width, height, 3, "float" if pixels.dtype == np.float32 else "uint8"))
+    out.write_image(pixels)
+    out.close()
+    return path
+
+
+def textured(bpy, path, *, turn=None, kind="POINT", strength=1.5):
+    made, background = world(bpy, Strength=strength)
+    tree = made.node_tree
+    node = tree.nodes.new("ShaderNodeTexEnvironment")
+    node.image = bpy.data.images.load(str(path))
+    tree.links.new(node.outputs[0], background.inputs["Color"])
+    if turn is not None:
+        mapping, place = tree.nodes.new("ShaderNodeMapping"), tree.nodes.new("ShaderNodeTexCoord")
+        mapping.vector_type = kind
+        mapping.inputs["Rotation"].default_value = turn
+        tree.links.new(place.outputs["Generated"], mapping.inputs["Vector"])
+        tree.links.new(mapping.outputs[0], node.inputs["Vector"])
+    return made, node
+
+
+def looked_up(environment, direction):
+    """Of an image sky, by its definition: the middle towards +x, the left quarter towards +y, the first row up."""
+    import OpenImageIO
+
+    image = environment["image"]
+    file = OpenImageIO.ImageInput.open(image["path"])
+    assert file is not None, OpenImageIO.geterror()
+    names = list(file.spec().channelnames)
+    pixels = file.read_image(0, 0, 0, file.spec().nchannels, "float")[..., [names.index(c) for c in "RGB"]]
+    height, width = pixels.shape[:2]
+    x, y, z = direction / np.linalg.norm(direction)
+    u = 0.5 - (math.atan2(y, x) - image["rotation_rad"]) / (2 * math.pi)
+    v = math.acos(z) / math.pi
+    column, row = u * width - 0.5, v * height - 0.5
+    c, r = math.floor(column), math.floor(row)
+    total = np.zeros(3)
+    for dc, dr in ((0, 0), (0, 1), (1, 0), (1, 1)):
+        weight = abs(1 - dc - (column - c)) * abs(1 - dr - (row - r))
+        total += weight * pixels[np.clip(r + dr, 0, height - 1), (c + dc) % width]
+    return image["strength"] * total
+
+
+# Euler angles of a camera and where it then looks.
+VIEWS = [(1.2, 0.0, 0.3), (1.9, 0.0, 2.0), (math.pi / 2, 0.0, 4.5)]
+
+
+def seen(bpy, scene, turn):
+    """(direction, colour) in the middle of a narrow view."""
+    camera = cycles_oracle.camera(bpy, (0, 0, 0), turn, lens=5000.0)
+    bpy.context.view_layer.update()
+    direction = -np.array(camera.matrix_world.col[2])[:3]
+    return direction, cycles_oracle.picture(bpy, scene).mean(axis=(0, 1))
+
+
+TURNS = {
+    "as it is": (None, "POINT"),
+    "turned": ((0.0, 0.0, 0.7), "POINT"),
+    "turned as a vector": ((0.0, 0.0, -1.1), "VECTOR"),
+    "turned as a texture": ((0.0, 0.0, 0.7), "TEXTURE"),
+    "turned as a normal": ((0.0, 0.0, 2.0), "NORMAL"),
+}
+
+
+@pytest.mark.parametrize("name", TURNS)
+def test_a_picture_is_where_cycles_shows_it(blender, read, tmp_path, name):
+    scene = cycles_oracle.prepare(blender, tmp_path, size=4, samples=1)
+    turn, kind = TURNS[name]
+    made, _ = textured(blender, picture_file(tmp_path), turn=turn, kind=kind)
+    value, left_out = read(made)
+    assert left_out == [] and value["environment"]["image"]["path"] == str(tmp_path / "sky.exr")
+    for view in VIEWS:
+        direction, theirs = seen(blender, scene, view)
+        assert looked_up(value["environment"], direction) == pytest.approx(theirs, rel=TOLERANCE)
+    # Negative control: turned the other way, or by two degrees.
+    for wrong in (0.03, -2 * value["environment"]["image"]["rotation_rad"] or 0.1):
+        image = dict(value["environment"]["image"])
+        image["rotation_rad"] += wrong
+        assert looked_up({"image": image}, direction) != pytest.approx(theirs, rel=TOLERANCE)
+
+
+@pytest.mark.parametrize("name", ["sky.hdr", "sky.png"])
+def test_other_files_are_written_anew_and_look_the_same(blender, read, tmp_path, name):
+    scene = cycles_oracle.prepare(blender, tmp_path, size=4, samples=1)
+    made, node = textured(blender, picture_file(tmp_path, name), turn=(0.0, 0.0, 0.7))
+    value, left_out = read(made)
+    path = value["environment"]["image"]["path"]
+    assert left_out == [] and path.endswith(".exr")
+    # Cycles interpolates 8 bit pictures before it makes them linear, which tells most where the curve bends most: at the dark end.
+    for view in VIEWS:
+        direction, theirs = seen(blender, scene, view)
+        assert looked_up(value["environment"], direction) == pytest.approx(theirs, rel=1e-2, abs=1e-3)
+    assert read(made)[0]["environment"]["image"]["path"] == path, "it is written once"
+    node.image.colorspace_settings.name = "Non-Color"
+    other = read(made)[0]["environment"]["image"]["path"]
+    assert other != path, "another colour space is another picture"
+
+
+def test_a_packed_image_is_written_too(blender, read, tmp_path):
+    made, node = textured(blender, picture_file(tmp_path))
+    node.image.pack()
+    (tmp_path / "sky.exr").unlink()
+    path = read(made)[0]["environment"]["image"]["path"]
+    assert looked_up({"image": {"path": path, "rotation_rad": 0.0, "strength": 1.0}}, np.array([1.0, 0.0, 0.0]))[0] == pytest.approx(0.7)
+
+
+def test_what_is_not_drawn_of_a_world_is_named(blender, read, tmp_path):
+    made, node = textured(blender, picture_file(tmp_path), turn=(0.1, 0.0, 0.7))
+    assert read(made)[1] == ["World: of its Mapping only the rotation about Z is drawn"]
+    node.projection = "MIRROR_BALL"
+    assert read(made) == (read(None)[0], ["World: the projection mirror ball is not drawn; the sky is black"])
+    node.projection = "EQUIRECTANGULAR"
+    (tmp_path / "sky.exr").unlink()
+    assert "is missing" in read(made)[1][-1]
+    made.cycles_visibility.camera = made.cycles_visibility.glossy = False
+    value, left_out = read(made)
+    assert value["backdrop"] == [[0.0] * 3] * 2 and "glossy rays" in left_out[-1]
+
+    made, background = world(blender)
+    tree = made.node_tree
+    tree.links.new(tree.nodes.new("ShaderNodeTexSky").outputs[0], background.inputs["Color"])
+    assert read(made)[1] == ["World: Sky Texture is not drawn yet; the Background's own color is"]
+
+
+def test_a_constant_is_color_times_strength(blender, read, tmp_path):
+    scene = cycles_oracle.prepare(blender, tmp_path, size=4, samples=1)
+    made, background = world(blender, Color=(0.2, 0.4, 0.8, 1.0), Strength=1.75)
+    assert read(made)[0]["environment"]["constant"]["radiance"] == pytest.approx(seen(blender, scene, VIEWS[0])[1], rel=1e-6)
+    rgb = made.node_tree.nodes.new("ShaderNodeRGB")
+    rgb.outputs[0].default_value = (0.9, 0.1, 0.2, 1.0)
+    made.node_tree.links.new(rgb.outputs[0], background.inputs["Color"])
+    value, left_out = read(made)
+    assert left_out == []
+    assert value["environment"]["constant"]["radiance"] == pytest.approx(seen(blender, scene, VIEWS[0])[1], rel=1e-6)

@@ -1,0 +1,80 @@
+//! What lies on top of a surface: a clear coat, whose colour absorbs what passes it.
+
+use glam::Vec3;
+use pumice_scene::Material;
+
+use super::LEAST_ALPHA_SQUARED;
+use super::fresnel::{f0_from_ior, fresnel_dielectric, fresnel_dielectric_average};
+use super::ggx::{ggx_d, lambda, sample_visible_normal};
+use super::tables::{
+    FRESNEL_SHARE, REFLECTION, REFLECTION_AVERAGE, gain, index_place, table_1d, table_2d, table_3d,
+};
+
+/// A dielectric layer of its own roughness. Several scatterings are always counted, as in Cycles.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Coat {
+    weight: f32,
+    alpha: f32,
+    eta: f32,
+    /// What it reflects towards the viewer, for the choice of a lobe.
+    pub(super) albedo: f32,
+}
+
+impl Coat {
+    /// There is none.
+    pub(super) const NONE: Self = Self { weight: 0.0, alpha: 0.0, eta: 1.0, albedo: 0.0 };
+
+    /// The coat of `m` seen under the cosine `cos`, and what is left for all that lies below it.
+    #[inline(never)]
+    pub(super) fn new(m: &Material, cos: f32) -> (Self, Vec3) {
+        let (eta, f0) = (m.coat_ior, f0_from_ior(m.coat_ior));
+        let kept = table_2d(REFLECTION, 32, m.coat_roughness, cos);
+        let average = table_1d(REFLECTION_AVERAGE, 32, m.coat_roughness);
+        let gain = gain(Vec3::splat(fresnel_dielectric_average(eta)), kept, average).x;
+        let share = table_3d(FRESNEL_SHARE, 16, m.coat_roughness, cos, index_place(eta));
+        // An index of 1 reflects nothing, whatever the table's last digit says.
+        let layer = if eta > 1.0 { m.coat * gain * kept * (f0 + (1.0 - f0) * share) } else { 0.0 };
+        let coat = Self {
+            weight: if eta > 1.0 { m.coat * gain } else { 0.0 },
+            alpha: m.coat_roughness * m.coat_roughness,
+            eta,
+            albedo: layer,
+        };
+        // Beer's law along the refracted ray; the tint is what passes at normal incidence.
+        // An index of 1 at grazing leaves a cosine of 0; a thousand times the thickness is black.
+        let cos_t = (1.0 - (1.0 - cos * cos) / (eta * eta)).max(1e-6).sqrt();
+        let passed = m.coat_tint.map(|t| 1.0 + m.coat * (t.powf(1.0 / cos_t) - 1.0));
+        (coat, Vec3::from_array(passed) * (1.0 - layer).clamp(0.0, 1.0))
+    }
+
+    pub(super) fn is_mirror(&self) -> bool {
+        self.alpha * self.alpha <= LEAST_ALPHA_SQUARED
+    }
+
+    /// What a microfacet reflects at the cosine of `wi` with it.
+    pub(super) fn reflectance(&self, cos: f32) -> Vec3 {
+        Vec3::splat(self.weight * fresnel_dielectric(cos, self.eta))
+    }
+
+    /// f · cos and the density of [`Coat::sample`].
+    #[inline(never)]
+    pub(super) fn eval(&self, wi: Vec3, wo: Vec3) -> (Vec3, f32) {
+        let h = (wi + wo).normalize();
+        let (d, lambda_i, lambda_o) = (ggx_d(h, self.alpha), lambda(wi, self.alpha), lambda(wo, self.alpha));
+        let common = d / (4.0 * wi.z);
+        (self.reflectance(wi.dot(h)) * (common / (1.0 + lambda_i + lambda_o)), common / (1.0 + lambda_i))
+    }
+
+    /// A reflected direction; z below 0 is none.
+    pub(super) fn sample(&self, wi: Vec3, u: [f32; 2]) -> Vec3 {
+        let h = sample_visible_normal(wi, self.alpha, u);
+        2.0 * wi.dot(h) * h - wi
+    }
+}
+
+/// Light that a surface sends out under the cosine `cos`: what its coat lets pass.
+#[inline]
+pub fn emitted(m: &Material, cos: f32) -> Vec3 {
+    let light = Vec3::from_array(m.emission);
+    if m.coat > 0.0 && light != Vec3::ZERO { light * Coat::new(m, cos).1 } else { light }
+}

@@ -1,0 +1,122 @@
+//! Lamps in whole pictures: what aiming finds is what scattering finds, and what stands before a lamp hides it.
+
+#![allow(clippy::expect_used, clippy::panic, reason = "tests")]
+
+use std::sync::Arc;
+
+use glam::{DAffine3, DMat3, DVec3, Vec3};
+use pumice_core::{Job, LabelBuffer, LabelType, VolumeInfo, compress_labels};
+use pumice_cpu::traverse::{LodChoice, SceneTracer, TracedInstance};
+use pumice_cpu::{Finding, Lights, Looks, PathTracer, Sky, Surroundings};
+use pumice_render::ReadyLamp;
+use pumice_scene::{Camera, Film, Filter, Light, LightShape, Material, Mode, Outline, Projection, Settings};
+
+/// A floor of 16 × 16 voxels up to z = 2, a wall at x = 8 up to z = 10.
+fn tracer() -> SceneTracer {
+    let labels = (0..16 * 16 * 10).map(|i| u8::from(i / 256 < 2 || i % 16 == 8)).collect();
+    let info = VolumeInfo::new([16, 16, 10], LabelType::U8);
+    let volume = Arc::new(compress_labels(info, LabelBuffer::U8(labels)).expect("a volume"));
+    let visible = vec![true; volume.labels().len()];
+    let instance =
+        TracedInstance { volume, world_from_index: DAffine3::IDENTITY, visible, lod: LodChoice::Voxels };
+    SceneTracer::new(&[instance]).expect("a tracer")
+}
+
+fn lamp(shape: LightShape) -> ReadyLamp {
+    ReadyLamp::new(&Light { shape, power_w: 1000.0, color: [1.0, 0.8, 0.6], visible_to_camera: false })
+}
+
+/// Mean colour of the lit side of the floor (columns of pixels left of the wall) and of the other.
+fn halves(lamps: Vec<ReadyLamp>, finding: Finding, mode: Mode, seed: u64, samples: u32) -> [Vec3; 2] {
+    let lights = Lights::new(Sky::Constant(Vec3::ZERO), vec![], None).with_lamps(lamps).found_by(finding);
+    let material = Material { base_color: [0.7; 3], specular: 0.3, roughness: 0.5, ..Material::default() };
+    let around = Surroundings {
+        lights: Arc::new(lights),
+        looks: vec![Arc::new(Looks::same(material))],
+        settings: Settings { mode, bounces: 3, seed, ..Settings::default() },
+    };
+    let above = DAffine3::from_mat3_translation(DMat3::IDENTITY, DVec3::new(8.5, 8.0, 60.0));
+    let camera = Camera::new(above, Projection::Orthographic { scale: 13.0 });
+    let film = Film::new(12, 12, Filter::Box { width: 1.0 });
+    let mut picture = PathTracer::new(tracer(), around, &camera, &film);
+    picture.add_samples(samples, &Job::default()).expect("samples");
+    let mean = picture.film().mean();
+    let mut sums = [Vec3::ZERO; 2];
+    for (i, p) in mean.pixels.iter().enumerate() {
+        // The wall is in the middle of the picture.
+        match i % 12 {
+            0..5 => sums[0] += Vec3::from_array(*p),
+            7..12 => sums[1] += Vec3::from_array(*p),
+            _ => {}
+        }
+    }
+    sums.map(|s| s / 60.0)
+}
+
+fn area(outline: Outline, spread_rad: f64) -> LightShape {
+    let world_from_light = DAffine3::from_translation(DVec3::new(4.0, 8.0, 14.0));
+    LightShape::Area { world_from_light, outline, size: [6.0, 5.0], spread_rad }
+}
+
+/// Aimed, scattered, both: means of 24 seeds differ by less than four standard errors of their difference, whatever the lamp; and
+/// light that is weighted twice does not pass.
+#[test]
+fn three_ways_to_find_light_agree() {
+    let ball = |soft_falloff| LightShape::Point { position: [4.0, 8.0, 12.0], radius: 3.0, soft_falloff };
+    let shapes = [
+        ("a ball", ball(false)),
+        ("a soft ball", ball(true)),
+        ("a ball around all", LightShape::Point { position: [8.0; 3], radius: 30.0, soft_falloff: false }),
+        (
+            "a spot",
+            LightShape::Spot {
+                position: [4.0, 8.0, 12.0],
+                direction: [0.1, 0.0, -1.0],
+                radius: 3.0,
+                angle_rad: 1.2,
+                blend: 0.5,
+                soft_falloff: false,
+            },
+        ),
+        ("a rectangle", area(Outline::Rectangle, std::f64::consts::PI)),
+        ("a spread ellipse", area(Outline::Ellipse, 1.5)),
+    ];
+    for (name, shape) in shapes {
+        let estimate = |finding| {
+            let means: Vec<f64> = (0..24)
+                .map(|seed| {
+                    let [left, right] = halves(vec![lamp(shape)], finding, Mode::Path, seed, 32);
+                    f64::from((left + right).element_sum())
+                })
+                .collect();
+            let mean = means.iter().sum::<f64>() / 24.0;
+            let variance = means.iter().map(|m| (m - mean).powi(2)).sum::<f64>() / (24.0 * 23.0);
+            (mean, variance)
+        };
+        let [both, aimed, scattered] = [Finding::Both, Finding::Aimed, Finding::Scattered].map(estimate);
+        for (what, other) in [("aimed", aimed), ("scattered", scattered)] {
+            let apart = (both.0 - other.0).abs() / (both.1 + other.1).sqrt();
+            assert!(apart < 4.0, "{name}: both {both:?}, {what} {other:?}: {apart} standard errors");
+            // What a factor of 2 % would do.
+            let control = (1.02 * both.0 - other.0).abs() / (both.1 + other.1).sqrt();
+            assert!(control > 4.0 || what == "scattered", "{name}: 2 % go unnoticed, {control}");
+        }
+    }
+}
+
+/// A beam from the left reaches nothing behind the wall, and the floor before it after the closed form.
+#[test]
+fn walls_hide_lamps() {
+    let turn = DMat3::from_rotation_y(-1.2);
+    let position = DVec3::new(8.0, 8.0, 2.0) + turn.z_axis * 25.0;
+    let world_from_light = DAffine3::from_mat3_translation(turn, position);
+    let shape = LightShape::Area {
+        world_from_light,
+        outline: Outline::Rectangle,
+        size: [100.0, 100.0],
+        spread_rad: 0.0,
+    };
+    let lamps = || vec![lamp(shape)];
+    let [left, right] = halves(lamps(), Finding::Both, Mode::OneBounce, 1, 4);
+    assert!(left.min_element() > 0.0 && right == Vec3::ZERO, "{left} {right}");
+}

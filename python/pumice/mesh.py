@@ -1,0 +1,70 @@
+"""Triangle meshes that stand beside volumes: a floor, a scale bar, a mould."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from . import _native
+from .errors import InputError
+
+
+class Mesh:
+    """A triangle mesh in a space of its own. It never changes; scenes and threads may share it. Where it stands and what it is made of
+    is said in the scene (`meshes` in docs/scene.md)."""
+
+    def __init__(
+        self, positions: npt.ArrayLike, triangles: npt.ArrayLike, materials: npt.ArrayLike | None = None
+    ) -> None:
+        """`positions` (n, 3) are corners; `triangles` (m, 3) name three of them each, counter-clockwise seen from outside;
+        `materials` (m,) are places in the list of materials that the scene has for this mesh, all 0 without it. Arrays are copied."""
+        corners = _array("positions", positions, np.float64, 2)
+        faces = _array("triangles", triangles, np.uint32, 2)
+        chosen = _array("materials", () if materials is None else materials, np.uint32, 1)
+        self._native = _native.Mesh(corners, faces, chosen)
+
+    def __repr__(self) -> str:
+        corners, triangles, bytes_resident = self._native.counts()
+        return f"<pumice.Mesh {corners} corners, {triangles} triangles, {bytes_resident} bytes>"
+
+    @property
+    def triangles(self) -> int:
+        """Number of triangles."""
+        return self._native.counts()[1]
+
+    @property
+    def bytes_resident(self) -> int:
+        """Bytes of its numbers in memory; what a renderer builds over them comes to it."""
+        return self._native.counts()[2]
+
+    @property
+    def content_hash(self) -> str:
+        """Hash of all its numbers, 32 hexadecimal digits."""
+        return self._native.content_hash()
+
+
+def natives(meshes: Sequence[Mesh]) -> list[_native.Mesh]:
+    """What the compiled part takes of meshes."""
+    return [mesh._native for mesh in meshes]
+
+
+def _array(name: str, values: npt.ArrayLike, dtype: type, axes: int) -> npt.NDArray[np.generic]:
+    """Values as a C array of a type that holds each of them as it is."""
+    try:
+        given = np.asarray(values)
+        empty = given.size == 0
+        if not empty and dtype is np.uint32 and (given.dtype.kind not in "ui" or given.min() < 0 or given.max() > 2**32 - 1):
+            raise InputError(f"mesh: {name}: expected whole numbers from 0 to 4294967295")
+        array: npt.NDArray[np.generic] = np.ascontiguousarray(given, dtype=dtype)
+    except (TypeError, ValueError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"mesh: {name}: {error}") from None
+    if empty:
+        return np.zeros((0, 3) if axes == 2 else 0, dtype=dtype)
+    if array.ndim != axes or (axes == 2 and array.shape[1] != 3):
+        wanted = "(n, 3)" if axes == 2 else "(n,)"
+        raise InputError(f"mesh: {name}: expected an array of shape {wanted}, got {array.shape}")
+    return array

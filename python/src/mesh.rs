@@ -1,0 +1,54 @@
+//! Triangle meshes of Python's arrays.
+
+use std::sync::Arc;
+
+use pumice_core::MeshData;
+use pyo3::buffer::{Element, PyBuffer};
+use pyo3::prelude::*;
+
+use crate::errors::input;
+use crate::waiting::detached;
+
+/// A triangle mesh, checked; it never changes.
+#[pyclass(frozen, module = "pumice._native")]
+pub(crate) struct Mesh(pub(crate) Arc<MeshData>);
+
+#[pymethods]
+impl Mesh {
+    /// Corners (n, 3) as 64 bit floats, triangles (m, 3) and materials (m,) as 32 bit numbers without a sign; no materials: all 0.
+    #[new]
+    #[pyo3(signature = (positions, triangles, materials))]
+    fn new(
+        py: Python<'_>,
+        positions: &Bound<'_, PyAny>,
+        triangles: &Bound<'_, PyAny>,
+        materials: &Bound<'_, PyAny>,
+    ) -> PyResult<Self> {
+        let positions = threes(numbers::<f64>(positions)?)?;
+        let triangles = threes(numbers::<u32>(triangles)?)?;
+        let materials = numbers::<u32>(materials)?;
+        detached(py, || MeshData::new(positions, triangles, materials)).map(|data| Self(Arc::new(data)))
+    }
+
+    /// (corners, triangles, bytes in memory).
+    fn counts(&self) -> (usize, usize, u64) {
+        (self.0.positions().len(), self.0.triangles().len(), self.0.bytes())
+    }
+
+    /// Hash of all its numbers, 32 hexadecimal digits.
+    fn content_hash(&self) -> String {
+        format!("{:032x}", self.0.content_hash())
+    }
+}
+
+fn numbers<T: Element>(array: &Bound<'_, PyAny>) -> PyResult<Vec<T>> {
+    PyBuffer::<T>::get(array)?.to_vec(array.py())
+}
+
+fn threes<T: Copy>(numbers: Vec<T>) -> PyResult<Vec<[T; 3]>> {
+    let (threes, rest) = numbers.as_chunks::<3>();
+    if !rest.is_empty() {
+        return Err(input(&format_args!("mesh: expected three numbers each, got {} in all", numbers.len())));
+    }
+    Ok(threes.to_vec())
+}

@@ -1,0 +1,103 @@
+"""The ladder of scenes on which Pumice must draw the picture that Cycles draws: tests/cycles_ladder, docs/cycles.md.
+
+Cycles' pictures are checked in as means and variances, so no Blender is needed here; blender-addon/tests/test_cycles_ladder.py draws
+some of them anew each day.
+"""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.stats
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests/cycles_ladder"))
+import controls
+import reference
+import rung as rungs
+import verdict
+
+
+@pytest.fixture(scope="module")
+def rung(request, tmp_path_factory):
+    return rungs.Rung(request.param, tmp_path_factory.mktemp("rung"))
+
+
+def pairs_of(names):
+    return [(name, fault) for name in names for fault in rungs.described(name)["controls"]]
+
+
+@pytest.mark.parametrize("rung", rungs.judged(), indirect=True)
+def test_pumice_agrees_with_cycles(rung):
+    truth, about = reference.load(rung.name)
+    assert about["digest"] == rung.digest, "the rung changed: make_references.py draws its reference anew"
+    found = verdict.heard(lambda first, seeds: rung.draw(first, seeds), truth, rung.seeds)
+    print(found)
+    assert found.agrees, found
+
+
+@pytest.mark.full
+@pytest.mark.parametrize(("rung", "fault"), pairs_of(rungs.judged()), indirect=["rung"])
+def test_faults_are_convicted(rung, fault):
+    truth, _ = reference.load(rung.name)
+    found = verdict.judge(rung.draw(0, rung.seeds, scene=controls.wrong(rung.scene, fault)), truth)
+    print(found)
+    assert not found.agrees, found
+
+
+def test_each_reference_belongs_to_a_rung_and_convicted_itself_seldom():
+    assert sorted(p.stem for p in reference.FOLDER.glob("*.npz")) == rungs.judged()
+    false_alarms = [reference.load(name)[1]["false_alarms"] for name in rungs.judged()]
+    # A verdict is wrong in at most 2 of 100 before it is heard again: of 20 sets a rung, 4 or more happen to 1 rung of 1,000.
+    assert max(false_alarms) < 4, false_alarms
+    assert sum(path.stat().st_size for path in reference.FOLDER.iterdir()) < 5_000_000
+
+
+def noise(seed, seeds, offset=0.0):
+    """Pictures whose pixels are exponentially distributed about a gradient: as skewed as those of a path tracer."""
+    rng = np.random.default_rng(seed)
+    mean = np.linspace(0.1, 1.0, 24)[None, :, None] * np.ones((16, 1, 3))
+    return mean * (rng.exponential(size=(seeds, 16, 24, 3)) + offset)
+
+
+def test_verdicts_convict_as_often_as_they_say():
+    truth = verdict.Reference.of(noise(0, 2000))
+    found = [verdict.judge(noise(1 + i, 16), truth) for i in range(200)]
+    guilty = sum(not v.agrees for v in found)
+    # Each of two tests at 1 % (the third is rarer): 4 expected; more than 12 would come once in 1,000.
+    assert guilty <= 12, guilty
+    # A mean that is off by less than a tenth of a pixel's noise is seen.
+    assert all(not verdict.judge(noise(300 + i, 16, offset=0.08), truth).agrees for i in range(20))
+
+
+def test_one_wrong_tile_is_enough():
+    pictures = noise(5, 16)
+    truth = verdict.Reference.of(noise(0, 2000))
+    assert verdict.judge(pictures, truth).agrees
+    pictures[:, 8:16, 8:16] *= 1.25
+    found = verdict.judge(pictures, truth)
+    assert found.tiles_beyond >= 1 and not found.agrees
+
+
+def test_a_second_hearing_has_new_seeds():
+    truth, asked = verdict.Reference.of(noise(0, 2000)), []
+
+    def draw(first, seeds):
+        asked.append((first, seeds))
+        return noise(7 + first, seeds, offset=1.0)
+
+    assert not verdict.heard(draw, truth, 8).agrees
+    assert asked == [(0, 8), (8, 32)]
+
+
+def test_students_t_is_scipys():
+    t, freedom = np.array([0.0, 0.5, 2.365, 4.0, 7.0, 12.0]), np.array([3.0, 7.0, 7.0, 15.2, 31.0, 20.0])
+    np.testing.assert_allclose(verdict.two_sided(t, freedom), 2 * scipy.stats.t.sf(t, freedom), rtol=1e-4)
+
+
+def test_merging_follows_rfc_7386():
+    assert rungs.merged({"a": {"b": 1, "c": [1]}, "d": 2}, {"a": {"b": None, "c": [2, 3]}, "e": {"f": 1}}) == {
+        "a": {"c": [2, 3]},
+        "d": 2,
+        "e": {"f": 1},
+    }

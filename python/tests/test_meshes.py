@@ -1,0 +1,59 @@
+"""Meshes of arrays: what is taken, what is refused by name, and that a live picture and a render pass them on with the scene's fields."""
+
+import numpy as np
+import pumice
+import pytest
+
+CORNERS = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
+FACES = [[0, 1, 2], [0, 3, 1]]
+
+
+def test_a_mesh_of_arrays_of_any_kind():
+    meshes = [
+        pumice.Mesh(CORNERS, FACES),
+        pumice.Mesh(np.array(CORNERS), np.array(FACES, dtype=np.uint32), [0, 0]),
+        pumice.Mesh(np.array(CORNERS, dtype=np.float32)[::1], np.asfortranarray(np.array(FACES, dtype=np.int16))),
+    ]
+    assert [m.triangles for m in meshes] == [2, 2, 2]
+    assert meshes[0].content_hash == meshes[2].content_hash and len(meshes[0].content_hash) == 32
+    assert meshes[0].bytes_resident == 4 * 24 + 2 * 12 and meshes[1].bytes_resident == 4 * 24 + 2 * 12 + 2 * 4
+    assert pumice.Mesh(CORNERS, FACES, [0, 1]).content_hash != meshes[1].content_hash
+    assert repr(meshes[0]) == "<pumice.Mesh 4 corners, 2 triangles, 120 bytes>"
+    assert pumice.Mesh([], []).triangles == 0
+
+
+@pytest.mark.parametrize(
+    "positions,triangles,materials,said",
+    [
+        (CORNERS, [[0, 1, 4]], None, "triangle 0 names corner 4, but there are 4"),
+        ([[0.0, np.nan, 0.0]], [], None, "corner 0: expected finite numbers"),
+        (CORNERS, FACES, [0], "expected a material for each of 2 triangles, got 1"),
+        (CORNERS, [[0, 1, -1]], None, "triangles: expected whole numbers from 0"),
+        (CORNERS, [[0.0, 1.0, 2.0]], None, "triangles: expected whole numbers from 0"),
+        (CORNERS, [[0, 1, 2, 3]], None, "triangles: expected an array of shape (n, 3), got (1, 4)"),
+        ([0.0, 1.0, 2.0], FACES, None, "positions: expected an array of shape (n, 3), got (3,)"),
+        ("corners", FACES, None, "positions: "),
+        ([[0.0, 1.0], [2.0]], FACES, None, "positions: "),
+        (CORNERS, FACES, [0, 2**32], "materials: expected whole numbers from 0"),
+    ],
+)
+def test_what_is_no_mesh_is_refused_by_name(positions, triangles, materials, said):
+    with pytest.raises(pumice.InputError) as raised:
+        pumice.Mesh(positions, triangles, materials)
+    assert said in str(raised.value) and str(raised.value).startswith("mesh: ") and "\n" not in str(raised.value)
+
+
+def test_as_many_meshes_as_the_scene_has(volume):
+    scene = pumice.figure(volume, size=(16, 12)).to_dict()
+    place = [1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0]
+    fields = {"id": 7, "source": "floor", "world_from_mesh": place, "materials": [{}]}
+    with_mesh = pumice.Scene.from_dict({**scene, "meshes": [fields]})
+    with pytest.raises(pumice.InputError, match="mesh"):
+        pumice.render(with_mesh, volume, spp=1)
+    with pumice.Session(pumice.Scene.from_dict(scene), [volume], backend="cpu", spp=1) as session:
+        before = session.status.revision
+        assert session.add_mesh(fields, pumice.Mesh(CORNERS, FACES)) == before + 1
+        assert [m["id"] for m in session.scene.to_dict()["meshes"]] == [7]
+        assert session.edit({"edit": "remove_mesh", "id": 7}) == before + 2
+        with pytest.raises(pumice.InputError, match="world_from_mesh"):
+            session.add_mesh({**fields, "world_from_mesh": [0] * 12}, pumice.Mesh(CORNERS, FACES))

@@ -1,0 +1,139 @@
+//! Area lamps: rectangles and ellipses that shine to one side.
+//!
+//! A rectangle is sampled by solid angle ([`SphericalRectangle`]), an ellipse by area, as in Cycles. **Spread** holds the light
+//! within a cone about the lamp's normal, as a honeycomb grid before it does: at angle x to the normal the grid lets through
+//! 1 − tan x / tan a, a being half the spread, and what is left is made brighter so that the lamp's power stays. From a receiver at
+//! height h only the part of the lamp within h · tan a of its foot shines, so only a rectangle about that part is sampled. A spread
+//! of 0 is a beam: parallel light as wide as the lamp.
+
+use std::f32::consts::PI;
+
+use glam::{Vec2, Vec3};
+
+use super::{LampKind, LampSample, ReadyLamp, SphericalRectangle};
+
+/// Below this solid angle a rectangle is sampled by its area: rounding, some 4e-7, would be more than 1e-4 of it.
+const LEAST_SOLID_ANGLE: f32 = 4e-3;
+
+/// What of an area lamp is sampled, seen from a receiver: a rectangle in its plane, or the whole ellipse.
+struct Part {
+    lo: Vec2,
+    hi: Vec2,
+    /// The receiver's height over the plane.
+    height: f32,
+    /// The ellipse itself, by its area, instead of the rectangle.
+    ellipse: bool,
+}
+
+impl ReadyLamp {
+    /// Whether a place relative to the middle, along the sides, is within the outline.
+    #[inline]
+    fn within_outline(&self, place: Vec2) -> bool {
+        let p = place / Vec2::from_array(self.half);
+        match self.kind {
+            LampKind::Ellipse => p.length_squared() <= 1.0,
+            _ => p.x.abs() <= 1.0 && p.y.abs() <= 1.0,
+        }
+    }
+
+    /// A vector in the coordinates of the sides.
+    #[inline]
+    fn along_sides(&self, v: Vec3) -> Vec2 {
+        Vec2::new(v.dot(self.sides[0]), v.dot(self.sides[1]))
+    }
+
+    /// What the spread lets through along a ray towards the lamp.
+    #[inline]
+    fn through_spread(&self, direction: Vec3) -> f32 {
+        let cos = -direction.dot(self.axis);
+        let tan = direction.cross(self.axis).length() / cos;
+        (self.tan_half_spread - tan).max(0.0) * self.spread_factor
+    }
+
+    /// What is sampled of it; `None` where it does not shine upon the receiver.
+    #[inline]
+    fn part(&self, to_middle: Vec3) -> Option<Part> {
+        let height = -to_middle.dot(self.axis);
+        if height <= 0.0 {
+            return None;
+        }
+        let half = Vec2::from_array(self.half);
+        let foot = self.along_sides(-to_middle);
+        let reach = Vec2::splat(height * self.tan_half_spread);
+        let (lo, hi) = ((foot - reach).max(-half), (foot + reach).min(half));
+        if lo.x >= hi.x || lo.y >= hi.y {
+            return None;
+        }
+        let wide = (hi.x - lo.x) * (hi.y - lo.y);
+        let ellipse = self.kind == LampKind::Ellipse && wide >= PI * half.x * half.y;
+        // From here on relative to the receiver's foot.
+        Some(Part { lo: lo - foot, hi: hi - foot, height, ellipse })
+    }
+
+    #[inline]
+    pub(super) fn sample_area(&self, to_middle: Vec3, u: [f32; 2]) -> Option<LampSample> {
+        if self.tan_half_spread == 0.0 {
+            // A beam.
+            let direction = -self.axis;
+            let distance = -to_middle.dot(self.axis);
+            let found = distance > 0.0 && self.within_outline(self.along_sides(-to_middle)) && self.is_lit();
+            return found.then_some(LampSample { direction, distance, radiance: self.radiance, pdf: 0.0 });
+        }
+        let part = self.part(to_middle)?;
+        let foot = self.along_sides(-to_middle);
+        let place = if part.ellipse {
+            let (s, c) = (2.0 * PI * u[1]).sin_cos();
+            Vec2::from_array(self.half) * Vec2::new(c, s) * u[0].sqrt() - foot
+        } else {
+            let seen = SphericalRectangle::new(part.lo, part.hi, part.height);
+            if seen.solid_angle < LEAST_SOLID_ANGLE {
+                part.lo + (part.hi - part.lo) * Vec2::from_array(u)
+            } else {
+                seen.sample(u)
+            }
+        };
+        if self.kind == LampKind::Ellipse && !self.within_outline(place + foot) {
+            return None;
+        }
+        let way = self.sides[0] * place.x + self.sides[1] * place.y - self.axis * part.height;
+        let distance = way.length();
+        self.area_along(&part, way / distance, distance)
+    }
+
+    /// What is seen along a direction that meets it; `None` where that is nothing.
+    #[inline]
+    fn area_along(&self, part: &Part, direction: Vec3, distance: f32) -> Option<LampSample> {
+        let radiance = self.radiance * self.through_spread(direction);
+        let pdf = self.pdf_area(part, direction, distance);
+        let found = radiance.max_element() > 0.0 && pdf > 0.0 && pdf.is_finite();
+        found.then_some(LampSample { direction, distance, radiance, pdf })
+    }
+
+    /// Density per solid angle with which a direction to the sampled part is drawn.
+    #[inline]
+    fn pdf_area(&self, part: &Part, direction: Vec3, distance: f32) -> f32 {
+        let per_area = distance * distance / -direction.dot(self.axis);
+        if part.ellipse {
+            return per_area / (PI * self.half[0] * self.half[1]);
+        }
+        let solid_angle = SphericalRectangle::new(part.lo, part.hi, part.height).solid_angle;
+        if solid_angle < LEAST_SOLID_ANGLE {
+            return per_area / ((part.hi.x - part.lo.x) * (part.hi.y - part.lo.y));
+        }
+        1.0 / solid_angle
+    }
+
+    #[inline]
+    pub(super) fn meet_area(&self, to_middle: Vec3, direction: Vec3) -> Option<LampSample> {
+        let facing = -direction.dot(self.axis);
+        if facing <= 0.0 || self.tan_half_spread == 0.0 {
+            return None;
+        }
+        let part = self.part(to_middle)?;
+        let distance = part.height / facing;
+        if !self.within_outline(self.along_sides(direction * distance - to_middle)) {
+            return None;
+        }
+        self.area_along(&part, direction, distance)
+    }
+}

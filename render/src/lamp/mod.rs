@@ -1,0 +1,226 @@
+//! A lamp that stands in the scene, ready to be sampled: a ball (point and spot) or a flat shape that shines to one side (area).
+//!
+//! | lamp | radiance, for power P, as in Cycles |
+//! |---|---|
+//! | ball of radius r | P / (4π² r²): seen from anywhere a disk of area π r², so P / (4π) W/sr |
+//! | point | no radiance: P / (4π) W/sr |
+//! | spot | the same, times what its cone lets through |
+//! | area of size A | P / (π A), times what its spread lets through |
+//! | beam (an area of spread 0) | no radiance: irradiance P / A where it falls |
+//!
+//! A lamp is seen from a [`Receiver`]; three functions hold together, and tests hold them to it: `sample` draws a direction, `meet`
+//! finds the lamp along a direction, both with radiance and with the density that `sample` has there. Lamps cast no shadows and do
+//! not hide one another, as in Cycles: rays pass through them.
+//!
+//! **Numbers.** The way from the receiver to the lamp's middle is taken in f64 and rounded once; all else is f32, as on the
+//! graphics processor.
+
+mod area;
+mod ball;
+mod disk;
+mod spherical_rectangle;
+
+use std::f64::consts::PI;
+
+use glam::{DVec3, Vec3};
+use pumice_scene::{Light, LightShape, Outline};
+
+pub use spherical_rectangle::SphericalRectangle;
+
+/// Balls and sides below this, in world units, are drawn as points and as this wide: radiance must fit an f32, and 1/r² be no
+/// denormal number.
+const LEAST_SIZE: f64 = 1e-15;
+
+/// Spreads below this, in radians, are parallel: f32 directions cannot tell the rest.
+const LEAST_SPREAD: f64 = 1e-4;
+
+/// Tangent of half a spread of π: so large that every angle's is small beside it, and its inverse no denormal number.
+const WIDEST_TAN: f32 = 1e18;
+
+/// What shines.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+pub enum LampKind {
+    /// A ball, or a point where the radius is 0.
+    Ball = 0,
+    /// A ball whose light is held within a cone.
+    Spot = 1,
+    /// A rectangle that shines to one side.
+    Rectangle = 2,
+    /// An ellipse that shines to one side.
+    Ellipse = 3,
+}
+
+/// A lamp, made ready.
+#[derive(Clone, Copy, Debug)]
+pub struct ReadyLamp {
+    /// Its middle, world space.
+    pub position: DVec3,
+    /// Which kind.
+    pub kind: LampKind,
+    /// Unit vector in which a spot or an area shines; 0 for a ball.
+    pub axis: Vec3,
+    /// Unit vectors along the sides of an area.
+    pub sides: [Vec3; 2],
+    /// Radius of a ball, twice; half of an area's extent along its sides.
+    pub half: [f32; 2],
+    /// Radiance without cone or spread; of a point W/sr, of a beam irradiance.
+    pub radiance: Vec3,
+    /// Of a spot's cone.
+    pub one_minus_cos_half_angle: f32,
+    /// 1 / (one_minus_cos_half_angle · blend), at most 1e30.
+    pub inverse_blend: f32,
+    /// Of an area's half spread; 0 for a beam.
+    pub tan_half_spread: f32,
+    /// Makes the power within the spread that of the lamp.
+    pub spread_factor: f32,
+    /// Whether a ball is drawn as a disk that faces the receiver (*Soft Falloff*).
+    pub soft: bool,
+    /// Whether camera rays see it.
+    pub visible_to_camera: bool,
+}
+
+/// Where light arrives.
+#[derive(Clone, Copy, Debug)]
+pub struct Receiver {
+    /// World space.
+    pub point: DVec3,
+    /// Unit normal on the side from which the surface is seen.
+    pub normal: Vec3,
+    /// Whether light from behind counts too: the surface lets light through.
+    pub both_sides: bool,
+}
+
+/// Light from a lamp along one direction.
+#[derive(Clone, Copy, Debug)]
+pub struct LampSample {
+    /// Unit vector towards it.
+    pub direction: Vec3,
+    /// Way to it.
+    pub distance: f32,
+    /// Radiance; irradiance where `pdf` is 0.
+    pub radiance: Vec3,
+    /// Density per solid angle of [`ReadyLamp::sample`]; 0: the only direction there is, which no scattered ray meets.
+    pub pdf: f32,
+}
+
+impl ReadyLamp {
+    /// Readies a lamp.
+    pub fn new(light: &Light) -> Self {
+        let power = f64::from(light.power_w);
+        let color = Vec3::from_array(light.color);
+        let of = |radiance: f64| color * radiance as f32;
+        let mut lamp = Self {
+            position: DVec3::ZERO,
+            kind: LampKind::Ball,
+            axis: Vec3::ZERO,
+            sides: [Vec3::ZERO; 2],
+            half: [0.0; 2],
+            radiance: Vec3::ZERO,
+            one_minus_cos_half_angle: 0.0,
+            inverse_blend: 0.0,
+            tan_half_spread: 0.0,
+            spread_factor: 0.0,
+            soft: false,
+            visible_to_camera: light.visible_to_camera,
+        };
+        match light.shape {
+            LightShape::Point { position, radius, soft_falloff }
+            | LightShape::Spot { position, radius, soft_falloff, .. } => {
+                lamp.soft = soft_falloff;
+                lamp.position = DVec3::from_array(position);
+                let is_point = radius < LEAST_SIZE;
+                lamp.half = [if is_point { 0.0 } else { radius as f32 }; 2];
+                lamp.radiance = of(power / (4.0 * PI) / if is_point { 1.0 } else { PI * radius * radius });
+            }
+            LightShape::Area { world_from_light, outline, size, spread_rad } => {
+                let m = world_from_light.matrix3;
+                lamp.position = world_from_light.translation;
+                lamp.kind = match outline {
+                    Outline::Rectangle => LampKind::Rectangle,
+                    Outline::Ellipse => LampKind::Ellipse,
+                };
+                lamp.axis = (-m.z_axis.normalize()).as_vec3();
+                lamp.sides = [m.x_axis, m.y_axis].map(|a| a.normalize().as_vec3());
+                let [width, height] =
+                    [(m.x_axis, size[0]), (m.y_axis, size[1])].map(|(a, s)| (a.length() * s).max(LEAST_SIZE));
+                lamp.half = [width, height].map(|s| (0.5 * s) as f32);
+                let area = width * height * if outline == Outline::Ellipse { PI / 4.0 } else { 1.0 };
+                let half_spread = 0.5 * spread_rad;
+                if spread_rad < LEAST_SPREAD {
+                    lamp.radiance = of(power / area);
+                } else {
+                    lamp.radiance = of(power / (PI * area));
+                    let tan = half_spread.tan();
+                    // ∫ cos (1 − tan x / tan a) 2 sin over the cone is (tan a − a) / tan a: a third-order number at small a.
+                    let narrow = half_spread.powi(3) / 3.0 * (1.0 + 0.4 * half_spread * half_spread);
+                    if spread_rad >= PI || tan >= f64::from(WIDEST_TAN) {
+                        (lamp.tan_half_spread, lamp.spread_factor) = (WIDEST_TAN, 1.0 / WIDEST_TAN);
+                    } else {
+                        let rest = if half_spread > 0.02 { tan - half_spread } else { narrow };
+                        (lamp.tan_half_spread, lamp.spread_factor) = (tan as f32, (1.0 / rest) as f32);
+                    }
+                }
+            }
+        }
+        if let LightShape::Spot { direction, angle_rad, blend, .. } = light.shape {
+            lamp.kind = LampKind::Spot;
+            lamp.axis = DVec3::from_array(direction).normalize().as_vec3();
+            // 1 − cos h = 2 sin²(h/2): no cancellation in narrow cones.
+            let one_minus_cos = 2.0 * (0.25 * angle_rad).sin().powi(2);
+            lamp.one_minus_cos_half_angle = one_minus_cos as f32;
+            lamp.inverse_blend = (1.0 / (one_minus_cos * f64::from(blend))).min(1e30) as f32;
+        }
+        lamp
+    }
+
+    /// Whether it shines at all.
+    pub fn is_lit(&self) -> bool {
+        self.radiance.max_element() > 0.0
+            && (self.kind != LampKind::Spot || self.one_minus_cos_half_angle > 0.0)
+    }
+
+    /// Power that it sends out, all colours together, for choosing among lamps.
+    pub fn power(&self) -> f32 {
+        if !self.is_lit() {
+            return 0.0;
+        }
+        let pi = std::f32::consts::PI;
+        let l = self.radiance.dot(Vec3::new(0.2126, 0.7152, 0.0722));
+        let [u, v] = self.half;
+        match self.kind {
+            LampKind::Ball if u == 0.0 => 4.0 * pi * l,
+            LampKind::Ball => 4.0 * pi * pi * u * u * l,
+            LampKind::Spot => {
+                let intensity = if u == 0.0 { l } else { pi * u * u * l };
+                2.0 * pi * self.one_minus_cos_half_angle * intensity
+            }
+            LampKind::Rectangle if self.tan_half_spread == 0.0 => 4.0 * u * v * l,
+            LampKind::Ellipse if self.tan_half_spread == 0.0 => pi * u * v * l,
+            LampKind::Rectangle => 4.0 * pi * u * v * l,
+            LampKind::Ellipse => pi * pi * u * v * l,
+        }
+    }
+
+    /// A direction towards it; `None` where the sample brings no light.
+    #[inline]
+    pub fn sample(&self, from: &Receiver, u: [f32; 2]) -> Option<LampSample> {
+        let to_middle = (self.position - from.point).as_vec3();
+        match self.kind {
+            LampKind::Ball | LampKind::Spot if self.soft => self.sample_disk(to_middle, u),
+            LampKind::Ball | LampKind::Spot => self.sample_ball(to_middle, from, u),
+            LampKind::Rectangle | LampKind::Ellipse => self.sample_area(to_middle, u),
+        }
+    }
+
+    /// What a ray in a direction (unit) finds of it.
+    #[inline]
+    pub fn meet(&self, from: &Receiver, direction: Vec3) -> Option<LampSample> {
+        let to_middle = (self.position - from.point).as_vec3();
+        match self.kind {
+            LampKind::Ball | LampKind::Spot if self.soft => self.meet_disk(to_middle, direction),
+            LampKind::Ball | LampKind::Spot => self.meet_ball(to_middle, from, direction),
+            LampKind::Rectangle | LampKind::Ellipse => self.meet_area(to_middle, direction),
+        }
+    }
+}

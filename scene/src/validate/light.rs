@@ -1,0 +1,46 @@
+//! Whether suns and lamps make sense.
+
+use super::{Check, Checked};
+use crate::{Light, LightShape, Sun};
+
+pub(super) fn validate_sun(c: &Check, sun: &Sun) -> Checked {
+    c.direction("direction", sun.direction)?;
+    c.at_least("strength", sun.strength.into(), 0.0)?;
+    c.color("color", sun.color)?;
+    c.range("angle_rad", sun.angle_rad, 0.0, std::f64::consts::PI)?;
+    // Radiance within the cone (`pumice_render::ReadySun`) is an f32: a needle of a sun would blind it.
+    let cone = std::f64::consts::PI * (0.5 * sun.angle_rad).sin().powi(2);
+    let brightest = sun.color.iter().fold(0.0, |a: f32, &b| a.max(b)).max(1.0);
+    let radiance =
+        f64::from(sun.strength) * f64::from(brightest) / if sun.angle_rad > 0.0 { cone } else { 1.0 };
+    c.field("angle_rad", radiance <= f64::from(f32::MAX), || {
+        format!(
+            "expected 0 or an angle wide enough for its strength, got {}: radiance {radiance}",
+            sun.angle_rad
+        )
+    })
+}
+
+pub(super) fn validate_light(c: &Check, light: &Light) -> Checked {
+    c.at_least("power_w", light.power_w.into(), 0.0)?;
+    c.color("color", light.color)?;
+    match &light.shape {
+        LightShape::Point { position, radius, soft_falloff: _ } => {
+            c.point("shape.point.position", *position)?;
+            c.at_least("shape.point.radius", *radius, 0.0)
+        }
+        LightShape::Spot { position, direction, radius, angle_rad, blend, soft_falloff: _ } => {
+            c.point("shape.spot.position", *position)?;
+            c.direction("shape.spot.direction", *direction)?;
+            c.at_least("shape.spot.radius", *radius, 0.0)?;
+            c.range("shape.spot.angle_rad", *angle_rad, 0.0, std::f64::consts::PI)?;
+            c.range("shape.spot.blend", (*blend).into(), 0.0, 1.0)
+        }
+        LightShape::Area { world_from_light, outline: _, size, spread_rad } => {
+            c.matrix("shape.area.world_from_light", world_from_light)?;
+            c.above("shape.area.size[0]", size[0], 0.0)?;
+            c.above("shape.area.size[1]", size[1], 0.0)?;
+            c.range("shape.area.spread_rad", *spread_rad, 0.0, std::f64::consts::PI)
+        }
+    }
+}

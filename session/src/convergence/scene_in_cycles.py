@@ -1,0 +1,324 @@
+"""Draws a scene of Pumice with Cycles, in Blender as a Python module (bpy 4.2 to 5.0): `python scene_in_cycles.py JOB.json`.
+
+    JOB.json  scene       the scene file's object (docs/scene.md), every default written out, paths absolute
+              instances   for each: vertices.npy (n, 3), quads.npy (m, 4), materials.npy (m,): a quad for each voxel face in index
+                          space, and the materials that the last counts in
+              meshes      for each: vertices.npy, triangles.npy, materials.npy
+              renders     [{seed, spp}, …]
+              smooth      true shades smoothly: a fault on purpose
+              pattern     Cycles' sampling pattern
+              threads     0: all
+              pictures    where (renders, height, width, 3) float32 is written, row 0 at the top; RGBA where the film is transparent
+              report      where seconds, CPU seconds and peak memory are written
+
+What is set here is what must match (docs/cycles.md has the table). Everything that Cycles would do besides is switched off: adaptive
+sampling, denoising, clamps, filtering of glossy light, light that is left out because it is dim.
+"""
+
+import json
+import math
+import os
+import resource
+import sys
+import tempfile
+import time
+
+import bpy
+import mathutils
+import numpy as np
+
+# Blender's own least; a scene's near of 0 means no clipping.
+LEAST_CLIP = 1e-6
+MOST_CLIP = 1e6
+
+
+def matrix_of(twelve):
+    """Four rows of a 4 × 4 matrix from three columns and the translation."""
+    columns = np.array(twelve, dtype=np.float64).reshape(4, 3)
+    matrix = np.eye(4)
+    matrix[:3] = columns.T
+    return matrix
+
+
+def unit_axes(matrix):
+    """The matrix with axes of length 1."""
+    out = matrix.copy()
+    out[:3, :3] /= np.linalg.norm(out[:3, :3], axis=0)
+    return out
+
+
+def looking_along(position, direction):
+    """A matrix whose -z is a direction."""
+    back = -np.asarray(direction, dtype=np.float64)
+    back /= np.linalg.norm(back)
+    right = np.cross((0.0, 0.0, 1.0) if abs(back[2]) < 0.9 else (1.0, 0.0, 0.0), back)
+    right /= np.linalg.norm(right)
+    matrix = np.eye(4)
+    matrix[:3] = np.column_stack([right, np.cross(back, right), back, position])
+    return matrix
+
+
+def linked(name, data, matrix):
+    """A new object at a place."""
+    obj = bpy.data.objects.new(name, data)
+    # A nested list would be taken column by column.
+    obj.matrix_world = mathutils.Matrix(matrix.tolist())
+    bpy.context.scene.collection.objects.link(obj)
+    return obj
+
+
+def mesh_object(name, vertices, faces, material_of_face, materials, matrix, smooth):
+    """A mesh from arrays. `faces` are rows of 3 or 4 vertex numbers."""
+    mesh = bpy.data.meshes.new(name)
+    corners = faces.shape[1]
+    mesh.vertices.add(len(vertices))
+    mesh.vertices.foreach_set("co", np.ascontiguousarray(vertices, dtype=np.float32).ravel())
+    mesh.loops.add(faces.size)
+    mesh.loops.foreach_set("vertex_index", np.ascontiguousarray(faces, dtype=np.int32).ravel())
+    mesh.polygons.add(len(faces))
+    mesh.polygons.foreach_set("loop_start", np.arange(0, faces.size, corners, dtype=np.int32))
+    mesh.polygons.foreach_set("material_index", np.ascontiguousarray(material_of_face, dtype=np.int32))
+    # A mesh from arrays is shaded smooth unless its faces are said to be sharp.
+    sharp = np.full(len(faces), not smooth, dtype=bool)
+    mesh.attributes.new("sharp_face", "BOOLEAN", "FACE").data.foreach_set("value", sharp)
+    mesh.update(calc_edges=True)
+    for i, fields in enumerate(materials):
+        mesh.materials.append(principled(f"{name} {i}", fields))
+    return linked(name, mesh, matrix)
+
+
+def principled(name, fields):
+    """A Principled BSDF with the scene's values."""
+    material = bpy.data.materials.new(name)
+    material.use_nodes = True
+    inputs = next(n for n in material.node_tree.nodes if n.bl_idname == "ShaderNodeBsdfPrincipled").inputs
+    node = inputs[0].node
+    node.distribution = "MULTI_GGX" if fields["multiscatter"] else "GGX"
+    for socket, value in {
+        "Base Color": [*fields["base_color"], 1.0],
+        "Metallic": fields["metallic"],
+        "Roughness": fields["roughness"],
+        "IOR": fields["ior"],
+        "Alpha": fields["alpha"],
+        "Specular IOR Level": fields["specular"],
+        "Specular Tint": [*fields["specular_tint"], 1.0],
+        "Transmission Weight": fields["transmission"],
+        "Subsurface Weight": fields["subsurface"],
+        "Subsurface Radius": fields["subsurface_radius"],
+        "Subsurface Scale": 1.0,
+        "Coat Weight": fields["coat"],
+        "Coat Roughness": fields["coat_roughness"],
+        "Coat IOR": fields["coat_ior"],
+        "Coat Tint": [*fields["coat_tint"], 1.0],
+        "Sheen Weight": fields["sheen"],
+        "Sheen Roughness": fields["sheen_roughness"],
+        "Sheen Tint": [*fields["sheen_tint"], 1.0],
+        "Emission Color": [*fields["emission"], 1.0],
+        "Emission Strength": 1.0,
+    }.items():
+        inputs[socket].default_value = value
+    return material
+
+
+def set_camera(scene, camera, film):
+    """Blender's lens from the field of view over the fitted side."""
+    data = bpy.data.cameras.new("camera")
+    fit = camera.get("fit", "auto").upper()
+    data.sensor_fit, data.sensor_width, data.sensor_height = fit, 36.0, 36.0
+    (kind, values), = camera["projection"].items()
+    if kind == "perspective":
+        data.lens_unit = "MILLIMETERS"
+        data.lens = 18.0 / math.tan(0.5 * values["fov_rad"])
+    else:
+        data.type, data.ortho_scale = "ORTHO", values["scale"]
+    data.shift_x, data.shift_y = camera["shift"]
+    near, far = camera["clip"]
+    data.clip_start, data.clip_end = max(near, LEAST_CLIP), min(far, MOST_CLIP)
+    aperture = camera.get("aperture")
+    if aperture is not None:
+        dof = data.dof
+        dof.use_dof, dof.focus_distance = True, aperture["focus_distance"]
+        # Cycles: radius = focal length / (2 N), an orthographic camera's focal length being 1.
+        focal_length = 1e-3 * data.lens if kind == "perspective" else 1.0
+        dof.aperture_fstop = focal_length / (2.0 * aperture["radius"])
+        dof.aperture_blades, dof.aperture_rotation = aperture["blades"], aperture["rotation_rad"]
+        dof.aperture_ratio = aperture["ratio"]
+    scene.camera = linked("camera", data, unit_axes(matrix_of(camera["world_from_camera"])))
+
+    render = scene.render
+    render.resolution_x, render.resolution_y, render.resolution_percentage = film["width"], film["height"], 100
+    aspect = film.get("pixel_aspect", 1.0)
+    # Blender takes no value below 1.
+    render.pixel_aspect_x, render.pixel_aspect_y = max(aspect, 1.0), max(1.0 / aspect, 1.0)
+    render.film_transparent = film.get("transparent", False)
+    (kind, values), = film["filter"].items()
+    if kind == "box" and values["width"] != 1.0:
+        raise SystemExit(f"film.filter.box.width: Cycles has 1 pixel alone, got {values['width']}")
+    scene.cycles.pixel_filter_type = kind.upper()
+    # Blender's width is half of the filter's.
+    scene.cycles.filter_width = 0.5 * values["width"]
+
+
+def set_world(scene, world):
+    """A constant sky, or an equirectangular picture."""
+    if world["backdrop"] is not None:
+        raise SystemExit("world.backdrop: Cycles has none")
+    scene.world = bpy.data.worlds.new("world")
+    scene.world.use_nodes = True
+    tree = scene.world.node_tree
+    tree.nodes.clear()
+    background, output = tree.nodes.new("ShaderNodeBackground"), tree.nodes.new("ShaderNodeOutputWorld")
+    tree.links.new(background.outputs[0], output.inputs["Surface"])
+    (kind, values), = world["environment"].items()
+    if kind == "constant":
+        background.inputs["Color"].default_value = [*values["radiance"], 1.0]
+        return
+    background.inputs["Strength"].default_value = values["strength"]
+    picture, turn, place = (tree.nodes.new("ShaderNode" + n) for n in ("TexEnvironment", "Mapping", "TexCoord"))
+    picture.image = bpy.data.images.load(values["path"])
+    picture.image.colorspace_settings.name = "Linear Rec.709"
+    turn.vector_type = "POINT"
+    # The direction is turned back before the picture is looked up.
+    turn.inputs["Rotation"].default_value = (0.0, 0.0, -values["rotation_rad"])
+    tree.links.new(place.outputs["Generated"], turn.inputs["Vector"])
+    tree.links.new(turn.outputs["Vector"], picture.inputs["Vector"])
+    tree.links.new(picture.outputs["Color"], background.inputs["Color"])
+
+
+def add_suns(suns):
+    for i, sun in enumerate(suns):
+        light = bpy.data.lights.new(f"sun {i}", "SUN")
+        light.energy, light.color, light.angle = sun["strength"], sun["color"], sun["angle_rad"]
+        linked(light.name, light, looking_along((0.0, 0.0, 0.0), sun["direction"]))
+
+
+def add_lights(lights):
+    for i, lamp in enumerate(lights):
+        (kind, shape), = lamp["shape"].items()
+        light = bpy.data.lights.new(f"{kind} {i}", kind.upper())
+        light.energy, light.color = lamp["power_w"], lamp["color"]
+        if kind == "area":
+            rectangle = shape["outline"] == "rectangle"
+            light.shape = "RECTANGLE" if rectangle else "ELLIPSE"
+            light.size, light.size_y = shape["size"]
+            light.spread = shape["spread_rad"]
+            matrix = matrix_of(shape["world_from_light"])
+        else:
+            light.shadow_soft_size = shape["radius"]
+            # Both programs' lamps are balls where they have a radius.
+            light.use_soft_falloff = False
+            if kind == "spot":
+                light.spot_size, light.spot_blend = shape["angle_rad"], shape["blend"]
+            matrix = looking_along(shape["position"], shape.get("direction", (0.0, 0.0, -1.0)))
+        obj = linked(light.name, light, matrix)
+        obj.visible_camera = lamp["visible_to_camera"]
+
+
+def set_cycles(scene, settings, job):
+    """Everything of Cycles that decides what the picture converges to, and what is switched off."""
+    if settings["mode"] != "path":
+        raise SystemExit(f"settings.mode: expected path, got {settings['mode']}")
+    scene.render.engine = "CYCLES"
+    cycles, bounces = scene.cycles, min(settings["bounces"], 1024)
+    cycles.device = "CPU"
+    cycles.max_bounces = cycles.diffuse_bounces = cycles.glossy_bounces = cycles.transmission_bounces = bounces
+    cycles.transparent_max_bounces, cycles.volume_bounces = 1024, 0
+    cycles.sample_clamp_direct = settings.get("clamp_direct", 0.0)
+    cycles.sample_clamp_indirect = settings.get("clamp_indirect", 0.0)
+    cycles.use_adaptive_sampling = cycles.use_denoising = cycles.use_fast_gi = cycles.use_guiding = False
+    cycles.blur_glossy = cycles.light_sampling_threshold = 0.0
+    cycles.caustics_reflective = cycles.caustics_refractive = True
+    cycles.min_light_bounces = cycles.min_transparent_bounces = 0
+    cycles.film_exposure = 1.0
+    cycles.sampling_pattern = job.get("pattern", "AUTOMATIC")
+    threads = job.get("threads", 0)
+    scene.render.threads_mode = "FIXED" if threads else "AUTO"
+    if threads:
+        scene.render.threads = threads
+    # The scene is sent to Cycles once for all pictures.
+    scene.render.use_persistent_data = True
+
+
+def set_output(scene, path):
+    image = scene.render.image_settings
+    if bpy.app.version >= (5, 0, 0):
+        image.media_type = "IMAGE"
+    image.file_format, image.color_depth, image.exr_codec = "OPEN_EXR", "32", "NONE"
+    image.color_mode = "RGBA" if scene.render.film_transparent else "RGB"
+    scene.render.filepath = path
+
+
+def read_picture(path, transparent):
+    image = bpy.data.images.load(path)
+    width, height = image.size
+    values = np.empty(width * height * image.channels, dtype=np.float32)
+    image.pixels.foreach_get(values)
+    channels = image.channels
+    bpy.data.images.remove(image)
+    # Blender counts rows from below.
+    return values.reshape(height, width, channels)[::-1, :, : 4 if transparent else 3].copy()
+
+
+def cpu_seconds():
+    used = resource.getrusage(resource.RUSAGE_SELF)
+    return used.ru_utime + used.ru_stime
+
+
+def peak_bytes():
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+
+
+def build(job):
+    """The job's scene as Blender's."""
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    scene, wanted = bpy.context.scene, job["scene"]
+    if wanted.get("cuts") and not job.get("cut_is_in_the_mesh", False):
+        raise SystemExit("cuts: the meshes must be cut already")
+    smooth = job.get("smooth", False)
+    for i, (instance, mesh) in enumerate(zip(wanted["instances"], job["instances"], strict=True)):
+        arrays = (np.load(mesh[key]) for key in ("vertices", "quads", "material_of_quad"))
+        mesh_object(f"volume {i}", *arrays, mesh["materials"], matrix_of(instance["world_from_index"]), smooth)
+    for i, (instance, mesh) in enumerate(zip(wanted.get("meshes", []), job.get("meshes", []), strict=True)):
+        arrays = (np.load(mesh[key]) for key in ("vertices", "triangles", "material_of_triangle"))
+        mesh_object(f"mesh {i}", *arrays, mesh["materials"], matrix_of(instance["world_from_mesh"]), smooth)
+    set_camera(scene, wanted["camera"], wanted["film"])
+    set_world(scene, wanted["world"])
+    add_suns(wanted["suns"])
+    add_lights(wanted.get("lights", []))
+    set_cycles(scene, wanted["settings"], job)
+    return scene
+
+
+def main(job):
+    before = {"cpu_seconds": cpu_seconds(), "seconds": time.perf_counter(), "peak_bytes": peak_bytes()}
+    scene = build(job)
+    transparent = scene.render.film_transparent
+    pictures, rows = [], []
+    with tempfile.TemporaryDirectory() as folder:
+        path = os.path.join(folder, "picture.exr")
+        set_output(scene, path)
+        built = {"cpu_seconds": cpu_seconds() - before["cpu_seconds"], "seconds": time.perf_counter() - before["seconds"]}
+        for render in job["renders"]:
+            scene.cycles.seed, scene.cycles.samples = render["seed"], render["spp"]
+            start, cpu = time.perf_counter(), cpu_seconds()
+            bpy.ops.render.render(write_still=True)
+            rows.append({**render, "seconds": time.perf_counter() - start, "cpu_seconds": cpu_seconds() - cpu})
+            pictures.append(read_picture(path, transparent))
+    np.save(job["pictures"], np.stack(pictures))
+    report = {
+        "blender": bpy.app.version_string,
+        "built": built,
+        "renders": rows,
+        "bytes_before": before["peak_bytes"],
+        "peak_bytes": peak_bytes(),
+    }
+    with open(job["report"], "w", encoding="utf-8") as file:
+        json.dump(report, file)
+
+
+if __name__ == "__main__":
+    with open(sys.argv[1], encoding="utf-8") as job_file:
+        main(json.load(job_file))
+    sys.stdout.flush()
+    # Some versions of Blender crash when the interpreter is taken down.
+    os._exit(0)

@@ -1,0 +1,38 @@
+"""Cycles' pictures of a rung: a job for `scene_in_cycles.py`, run by a Python that has Blender (`bpy`)."""
+
+import json
+import os
+import subprocess
+from pathlib import Path
+
+import numpy as np
+
+SCRIPT = Path(__file__).resolve().parents[2] / "session/src/convergence/scene_in_cycles.py"
+
+
+def seed_of(number):
+    """Seeds far apart: pictures of Cycles' neighbouring seeds are not independent."""
+    return number * 2_654_435_761 % 2_147_483_647
+
+
+def pictures(python, rung, first, seeds, *, spp=None, scene=None, **options):
+    """(seeds, height, width, 3) of seeds number `first` and on."""
+    folder = rung.folder
+    job_file, out, report = (folder / f"{rung.name}-{n}" for n in ("job.json", "cycles.npy", "report.json"))
+    renders = [{"seed": seed_of(1 + first + i), "spp": spp or rung.spp} for i in range(seeds)]
+    # Not Sobol-Burley, which developers are offered: with a sun and a sky it converges to another picture than the sum of both alone.
+    job = rung.job(out, report, renders, scene, **{"pattern": "TABULATED_SOBOL", **options})
+    job_file.write_text(json.dumps(job))
+    done = subprocess.run([python, SCRIPT, job_file], capture_output=True, text=True, env=surroundings(python))
+    if done.returncode != 0 or not report.exists():
+        raise RuntimeError(f"{SCRIPT.name} failed with {done.returncode}:\n{done.stdout[-2000:]}\n{done.stderr[-2000:]}")
+    result = np.load(out).astype(np.float64), json.loads(report.read_text())
+    report.unlink()
+    return result
+
+
+def surroundings(python):
+    """The environment, with the libraries that the runner unpacked beside the interpreter's environment where the system lacks them."""
+    libraries = Path(python).absolute().parents[2] / "libraries/lib"
+    paths = [str(libraries), *filter(None, [os.environ.get("LD_LIBRARY_PATH")])]
+    return {**os.environ, "LD_LIBRARY_PATH": ":".join(paths)} if libraries.is_dir() else dict(os.environ)

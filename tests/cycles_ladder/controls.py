@@ -1,0 +1,104 @@
+"""Faults on purpose: each takes a scene's dictionary and puts something slightly wrong into it. A verdict that does not see them where
+they are visible would be worth nothing."""
+
+import copy
+import math
+
+
+def wrong(scene, name):
+    """A copy of the scene with the fault of this name."""
+    scene = copy.deepcopy(scene)
+    FAULTS[name](scene)
+    return scene
+
+
+def _materials(scene):
+    for instance in scene["instances"]:
+        yield instance["style"]["material"]
+        yield from instance["style"]["materials"].values()
+
+
+def _scaled(values, factor):
+    return [factor * v for v in values]
+
+
+def _in_materials(field, factor):
+    def fault(scene):
+        for material in _materials(scene):
+            value = material[field]
+            material[field] = _scaled(value, factor) if isinstance(value, list) else factor * value
+
+    return fault
+
+
+def _sun(scene):
+    for sun in scene["suns"]:
+        sun["strength"] *= 1.02
+
+
+def _lamps(scene):
+    for lamp in scene["lights"]:
+        lamp["power_w"] *= 1.02
+
+
+def _sky(scene):
+    (kind, sky), = scene["world"]["environment"].items()
+    if kind == "constant":
+        sky["radiance"] = _scaled(sky["radiance"], 1.02)
+    else:
+        sky["strength"] *= 1.02
+
+
+def _sky_turned(scene):
+    scene["world"]["environment"]["image"]["rotation_rad"] += math.radians(4)
+
+
+def _focal_length(scene):
+    (kind, lens), = scene["camera"]["projection"].items()
+    if kind == "perspective":
+        lens["fov_rad"] = 2 * math.atan(math.tan(0.5 * lens["fov_rad"]) / 1.01)
+    else:
+        lens["scale"] /= 1.01
+
+
+def _filter(scene):
+    (kind, _), = scene["film"]["filter"].items()
+    scene["film"]["filter"] = {"blackman_harris": {"width": 3}} if kind == "box" else {"box": {"width": 1}}
+
+
+def _bounces(scene):
+    # Seven for eight cannot be seen.
+    bounces = scene["settings"]["bounces"]
+    scene["settings"]["bounces"] = 1 if bounces == 0 else 0 if bounces == 1 else 2
+
+
+def _shift(scene):
+    scene["camera"]["shift"][0] += 0.005
+
+
+def _focus(scene):
+    scene["camera"]["aperture"]["focus_distance"] *= 1.05
+
+
+def _aperture(scene):
+    scene["camera"]["aperture"]["radius"] *= 1.05
+
+
+FAULTS = {
+    "albedo 2 %": _in_materials("base_color", 0.98),
+    "roughness 5 %": _in_materials("roughness", 1.05),
+    "coat roughness 5 %": _in_materials("coat_roughness", 1.05),
+    "sheen roughness 5 %": _in_materials("sheen_roughness", 1.05),
+    "ior 2 %": _in_materials("ior", 1.02),
+    "emission 2 %": _in_materials("emission", 1.02),
+    "sun 2 %": _sun,
+    "lamps 2 %": _lamps,
+    "sky 2 %": _sky,
+    "sky turned 4°": _sky_turned,
+    "focal length 1 %": _focal_length,
+    "filter": _filter,
+    "bounces": _bounces,
+    "shift 0.005": _shift,
+    "focus 5 %": _focus,
+    "aperture 5 %": _aperture,
+}

@@ -1,0 +1,79 @@
+"""Draws the references with Cycles: `python make_references.py --blender PYTHON [RUNG …]`, with the module `pumice` installed.
+
+`PYTHON` has Blender as a module (`cargo xtask test --only blender` makes target/venv-bpy). With --judge also Pumice's verdict is printed
+and each control's. Takes one to five minutes a rung on two cores.
+"""
+
+import argparse
+import sys
+import tempfile
+import time
+
+import by_cycles
+import controls
+import reference
+import rung as rungs
+from verdict import Reference, heard, judge
+
+# Cycles draws each pair of numbers from 256 tables: with n samples a pixel all seeds together know 256 n points, and the mean over any
+# number of seeds keeps their error. At 32 samples it was a fifth of the noise that a verdict is judged by; at eight times that, a fortieth.
+TABLES = 8
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("rungs", nargs="*", help="all where none is named")
+    parser.add_argument("--blender", help="a Python that has bpy; without it the checked-in references are judged by")
+    parser.add_argument("--judge", action="store_true", help="Pumice's verdicts and those on the controls")
+    said = "of seeds, each judged against all the others: 20 tell how often honest ones are convicted"
+    parser.add_argument("--sets", type=int, default=2, help=said)
+    parser.add_argument("--spp", type=int, help="of Cycles' pictures; eight times the rung's by default")
+    parser.add_argument("--keep", action="store_true", help="do not write the reference")
+    args = parser.parse_args()
+    for name in args.rungs or rungs.names():
+        with tempfile.TemporaryDirectory() as folder:
+            rung = rungs.Rung(name, folder)
+            if args.blender:
+                made = drawn(rung, args.blender, args.sets, args.spp or TABLES * rung.spp)
+                if not args.keep:
+                    reference.save(name, *made)
+            else:
+                made = reference.load(name)
+            if args.judge:
+                report(rung, made[0])
+
+
+def drawn(rung, blender, sets, spp):
+    """(reference, about) of a rung."""
+    start = time.perf_counter()
+    pictures, told = by_cycles.pictures(blender, rung, 0, sets * rung.seeds, spp=spp)
+    verdicts = reference.calibrated(pictures, rung.seeds)
+    ratios = [v.ratio for v in verdicts]
+    about = {
+        "blender": told["blender"],
+        "seeds": len(pictures),
+        "spp": spp,
+        "digest": rung.digest,
+        "false_alarms": sum(not v.agrees for v in verdicts),
+        "sets": len(verdicts),
+        "ratio_least": round(min(ratios), 4),
+        "ratio_most": round(max(ratios), 4),
+    }
+    print(f"{rung.name}: {time.perf_counter() - start:.0f} s, {about}", flush=True)
+    for v in verdicts:
+        if not v.agrees:
+            print(f"    false alarm: {v}")
+    return Reference.of(pictures), about
+
+
+def report(rung, made):
+    start = time.perf_counter()
+    verdict = heard(lambda first, n: rung.draw(first, n), made, rung.seeds)
+    print(f"{rung.name}: {verdict} ({time.perf_counter() - start:.1f} s)", flush=True)
+    for name in rung.fields["controls"]:
+        verdict = judge(rung.draw(0, rung.seeds, scene=controls.wrong(rung.scene, name)), made)
+        print(f"    {name}: {'NOT SEEN' if verdict.agrees else 'convicted'}: {verdict}", flush=True)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,75 @@
+// What lies on top of a surface: twin of cpu-renderer/src/bsdf/cover.rs, which explains it.
+#ifndef COVER_GLSL
+#define COVER_GLSL
+
+#include "layout.glsl"
+#include "needs.glsl"
+#include "fresnel.glsl"
+#include "ggx.glsl"
+#include "tables.glsl"
+
+// Lobes of a smaller α² are mirrors.
+const float LEAST_ALPHA_SQUARED = 2e-10;
+
+struct Coat {
+    float weight;
+    float alpha;
+    float eta;
+    float albedo;
+};
+
+// The coat of m seen under the cosine, and what is left for all that lies below it.
+Coat coat_new(Address tables, Material m, float cosine, out vec3 below) {
+    float eta = m.coat_ior, f0 = f0_from_ior(m.coat_ior);
+    float kept = table_2d(tables, REFLECTION, 32u, m.coat_roughness, cosine);
+    float average = table_1d(tables, REFLECTION_AVERAGE, 32u, m.coat_roughness);
+    float more = gain(vec3(fresnel_dielectric_average(eta)), kept, average).x;
+    float share = table_3d(tables, FRESNEL_SHARE, 16u, m.coat_roughness, cosine, index_place(eta));
+    float layer = eta > 1.0 ? m.coat * more * kept * (f0 + (1.0 - f0) * share) : 0.0;
+    Coat coat = Coat(eta > 1.0 ? m.coat * more : 0.0, m.coat_roughness * m.coat_roughness, eta, layer);
+    float cos_t = sqrt(max(1.0 - (1.0 - cosine * cosine) / (eta * eta), 1e-6));
+    vec3 tint = vec3(m.coat_tint[0], m.coat_tint[1], m.coat_tint[2]);
+    below = (vec3(1.0) + m.coat * (pow(tint, vec3(1.0 / cos_t)) - vec3(1.0))) * clamp(1.0 - layer, 0.0, 1.0);
+    return coat;
+}
+
+Coat no_coat() {
+    return Coat(0.0, 0.0, 1.0, 0.0);
+}
+
+bool coat_is_mirror(Coat coat) {
+    return coat.alpha * coat.alpha <= LEAST_ALPHA_SQUARED;
+}
+
+// What a microfacet reflects at the cosine of wi with it.
+vec3 coat_reflectance(Coat coat, float cosine) {
+    return vec3(coat.weight * fresnel_dielectric(cosine, coat.eta));
+}
+
+// f · cos and the density of coat_sample.
+vec3 coat_eval(Coat coat, vec3 wi, vec3 wo, out float pdf) {
+    vec3 h = normalized(wi + wo);
+    float d = ggx_d(h, coat.alpha), lambda_i = lambda(wi, coat.alpha), lambda_o = lambda(wo, coat.alpha);
+    float common_part = d / (4.0 * wi.z);
+    pdf = common_part / (1.0 + lambda_i);
+    return coat_reflectance(coat, dot(wi, h)) * (common_part / (1.0 + lambda_i + lambda_o));
+}
+
+// A reflected direction; z below 0 is none.
+vec3 coat_sample(Coat coat, vec3 wi, vec2 u) {
+    vec3 h = sample_visible_normal(wi, coat.alpha, u);
+    return 2.0 * dot(wi, h) * h - wi;
+}
+
+// Light that a surface sends out under the cosine: what its coat lets pass.
+vec3 emitted(Address tables, Material m, float cosine) {
+    vec3 light = vec3(m.emission[0], m.emission[1], m.emission[2]);
+    if (NEEDS_COAT != 0u && m.coat > 0.0 && light != vec3(0.0)) {
+        vec3 below;
+        coat_new(tables, m, cosine, below);
+        light *= below;
+    }
+    return light;
+}
+
+#endif

@@ -1,0 +1,137 @@
+// Area lamps: twin of render/src/lamp/area.rs.
+#ifndef LAMP_AREA_GLSL
+#define LAMP_AREA_GLSL
+
+#include "lamp_ball.glsl"
+#include "spherical_rectangle.glsl"
+
+const float LEAST_SOLID_ANGLE = 4e-3;
+
+// What of an area lamp is sampled, seen from a receiver: a rectangle in its plane, or the whole ellipse.
+struct Part {
+    bool found;
+    vec2 lo;
+    vec2 hi;
+    float height;
+    bool ellipse;
+};
+
+// Whether a place relative to the middle, along the sides, is within the outline.
+bool within_outline(Lamp lamp, vec2 place) {
+    vec2 p = place / vec2(lamp.half_extent[0], lamp.half_extent[1]);
+    return lamp.kind == LAMP_ELLIPSE ? dot(p, p) <= 1.0 : max(abs(p.x), abs(p.y)) <= 1.0;
+}
+
+// A vector in the coordinates of the sides.
+vec2 along_sides(Lamp lamp, vec3 v) {
+    return vec2(dot(v, vec3_of(lamp.sides[0])), dot(v, vec3_of(lamp.sides[1])));
+}
+
+// What the spread lets through along a ray towards the lamp.
+float through_spread(Lamp lamp, vec3 direction) {
+    vec3 axis = vec3_of(lamp.axis);
+    float tangent = length(cross(direction, axis)) / -dot(direction, axis);
+    return max(lamp.tan_half_spread - tangent, 0.0) * lamp.spread_factor;
+}
+
+// What is sampled of it.
+Part part(Lamp lamp, vec3 to_middle) {
+    Part result;
+    result.found = false;
+    result.height = -dot(to_middle, vec3_of(lamp.axis));
+    if (result.height <= 0.0) {
+        return result;
+    }
+    vec2 half_extent = vec2(lamp.half_extent[0], lamp.half_extent[1]);
+    vec2 foot = along_sides(lamp, -to_middle);
+    vec2 reach = vec2(result.height * lamp.tan_half_spread);
+    vec2 lo = max(foot - reach, -half_extent), hi = min(foot + reach, half_extent);
+    if (lo.x >= hi.x || lo.y >= hi.y) {
+        return result;
+    }
+    float wide = (hi.x - lo.x) * (hi.y - lo.y);
+    result.ellipse = lamp.kind == LAMP_ELLIPSE && wide >= PI * half_extent.x * half_extent.y;
+    // From here on relative to the receiver's foot.
+    result.lo = lo - foot;
+    result.hi = hi - foot;
+    result.found = true;
+    return result;
+}
+
+// Density per solid angle with which a direction to the sampled part is drawn.
+float pdf_area(Lamp lamp, Part seen, vec3 direction, float distance_to) {
+    float per_area = distance_to * distance_to / -dot(direction, vec3_of(lamp.axis));
+    if (seen.ellipse) {
+        return per_area / (PI * lamp.half_extent[0] * lamp.half_extent[1]);
+    }
+    float solid_angle = spherical_rectangle_new(seen.lo, seen.hi, seen.height).solid_angle;
+    if (solid_angle < LEAST_SOLID_ANGLE) {
+        return per_area / ((seen.hi.x - seen.lo.x) * (seen.hi.y - seen.lo.y));
+    }
+    return 1.0 / solid_angle;
+}
+
+// A sample of what is seen along a direction.
+LampSample area_along(Lamp lamp, Part seen, vec3 direction, float distance_to) {
+    LampSample s;
+    s.direction = direction;
+    s.distance_to = distance_to;
+    s.radiance = vec3_of(lamp.radiance) * through_spread(lamp, direction);
+    s.pdf = pdf_area(lamp, seen, direction, distance_to);
+    s.found = greatest(s.radiance) > 0.0 && s.pdf > 0.0 && !isinf(s.pdf);
+    return s;
+}
+
+LampSample sample_area(Lamp lamp, vec3 to_middle, vec2 u) {
+    vec3 axis = vec3_of(lamp.axis);
+    LampSample s = no_lamp_sample();
+    vec2 foot = along_sides(lamp, -to_middle);
+    if (lamp.tan_half_spread == 0.0) {
+        // A beam.
+        s.direction = -axis;
+        s.distance_to = -dot(to_middle, axis);
+        s.radiance = vec3_of(lamp.radiance);
+        s.found = s.distance_to > 0.0 && within_outline(lamp, foot) && lamp_is_lit(lamp);
+        return s;
+    }
+    Part seen = part(lamp, to_middle);
+    if (!seen.found) {
+        return s;
+    }
+    vec2 place;
+    if (seen.ellipse) {
+        vec2 sc = sin_cos(2.0 * PI * u.y);
+        place = vec2(lamp.half_extent[0], lamp.half_extent[1]) * sc.yx * sqrt(u.x) - foot;
+    } else {
+        SphericalRectangle rectangle = spherical_rectangle_new(seen.lo, seen.hi, seen.height);
+        if (rectangle.solid_angle < LEAST_SOLID_ANGLE) {
+            place = seen.lo + (seen.hi - seen.lo) * u;
+        } else {
+            place = spherical_rectangle_sample(rectangle, u);
+        }
+    }
+    if (lamp.kind == LAMP_ELLIPSE && !within_outline(lamp, place + foot)) {
+        return s;
+    }
+    vec3 way = vec3_of(lamp.sides[0]) * place.x + vec3_of(lamp.sides[1]) * place.y - axis * seen.height;
+    float distance_to = length(way);
+    return area_along(lamp, seen, way / distance_to, distance_to);
+}
+
+LampSample meet_area(Lamp lamp, vec3 to_middle, vec3 direction) {
+    float facing = -dot(direction, vec3_of(lamp.axis));
+    if (facing <= 0.0 || lamp.tan_half_spread == 0.0) {
+        return no_lamp_sample();
+    }
+    Part seen = part(lamp, to_middle);
+    if (!seen.found) {
+        return no_lamp_sample();
+    }
+    float distance_to = seen.height / facing;
+    if (!within_outline(lamp, along_sides(lamp, direction * distance_to - to_middle))) {
+        return no_lamp_sample();
+    }
+    return area_along(lamp, seen, direction, distance_to);
+}
+
+#endif
