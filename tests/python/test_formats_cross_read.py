@@ -41,6 +41,7 @@ def random_affine(seed):
 
 def same_affine(ours, theirs):
     """Axes to the last bit. The origin is moved to the voxel's corner and, to be compared, back: sums of four numbers, each rounded once."""
+    theirs = np.asarray(theirs, dtype=np.float64)
     size = np.abs(theirs[:3, 3]) + np.abs(theirs[:3, :3]).sum(axis=1)
     moved = np.abs(ours[:3, 3] - theirs[:3, 3])
     return np.array_equal(ours[:3, :3], theirs[:3, :3]) and bool((moved <= 8 * np.finfo(float).eps / 2 * size).all())
