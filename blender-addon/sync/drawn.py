@@ -10,7 +10,7 @@ SMOOTH_VOXELS = False
 MESHES = False
 SHADOW_CATCHER = False
 SMOOTH_MESHES = False
-CUTS = False
+CUTS = True
 # Fields of a material beyond base colour, metallic, roughness, specular, ior, emission and multiscatter.
 LOBES = frozenset(
     {"specular_tint", "transmission", "subsurface", "subsurface_radius", "alpha", "coat", "coat_roughness", "coat_ior", "coat_tint"}

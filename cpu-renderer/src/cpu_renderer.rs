@@ -3,7 +3,6 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use glam::DAffine3;
 use pumice_core::{CompressedVolume, Job, MeshData};
 use pumice_render::{
     EnvironmentTable, Image, Pick, Picture, Progress, ReadyLamp, ReadySun, Rebuilt, RenderError, Renderer,
@@ -99,21 +98,25 @@ impl<'a> Former<'a> {
         same.then(|| &self.shown.tracer.around().looks[self.place])
     }
 
-    /// Its geometry, where the same boxes are still drawn as the same instance; elsewhere or at other levels if need be.
+    /// Its geometry, where the same boxes are still drawn as the same instance; elsewhere, at other levels or cut otherwise if need
+    /// be.
     fn geometry(
         &self,
         place: usize,
-        world_from_index: DAffine3,
+        scene: &Scene,
+        cuts: bool,
         lod: LodChoice,
     ) -> Result<Option<Arc<VolumeTracer>>, RenderError> {
         if self.place != place || self.change.visibility {
             return Ok(None);
         }
-        match self.shown.tracer.tracer().instance(place as u32) {
-            Some(kept) if !self.change.moved && self.shown.lod == lod => Ok(Some(Arc::clone(kept))),
-            Some(kept) => Ok(kept.again(world_from_index, lod)?.map(Arc::new)),
-            None => Ok(None),
+        let Some(kept) = self.shown.tracer.tracer().instance(place as u32) else { return Ok(None) };
+        if !self.change.moved && !cuts && self.shown.lod == lod {
+            return Ok(Some(Arc::clone(kept)));
         }
+        let instance = &scene.instances[place];
+        let again = kept.again(instance.world_from_index, lod)?;
+        Ok(again.map(|geometry| Arc::new(geometry.with_cuts(scene.cuts_of(instance.id)))))
     }
 }
 
@@ -150,7 +153,7 @@ impl Renderer for CpuRenderer {
             let former = Former::find(old, &diff, instance.id, volume);
             let kept_looks = former.as_ref().and_then(Former::looks);
             let kept_geometry = match &former {
-                Some(f) => f.geometry(place, instance.world_from_index, lod)?,
+                Some(f) => f.geometry(place, scene, diff.cuts, lod)?,
                 None => None,
             };
             let table = volume.labels();
@@ -178,7 +181,8 @@ impl Renderer for CpuRenderer {
                         visible,
                         lod,
                     };
-                    Arc::new(VolumeTracer::new(place as u32, &traced)?)
+                    let geometry = VolumeTracer::new(place as u32, &traced)?;
+                    Arc::new(geometry.with_cuts(scene.cuts_of(instance.id)))
                 }
             });
         }

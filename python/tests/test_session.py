@@ -79,6 +79,7 @@ def test_each_edit_costs_its_own_kind(scene, volume):
             {"edits.label_materials", "rebuilt.materials"},
         ),
         ({"edit": "suns", "suns": []}, {"edits.suns", "rebuilt.lights"}),
+        ({"edit": "cuts", "cuts": [{"shape": {"plane": {"point": [0, 0, 0], "normal": [1, 0, 0]}}}]}, {"edits.cuts"}),
         (
             {"edit": "show", "id": 1, "show": {"except": [int(label)]}},
             {"edits.show", "rebuilt.acceleration", "rebuilt.materials"},

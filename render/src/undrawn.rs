@@ -23,10 +23,8 @@ pub fn refuse_undrawn(scene: &Scene) -> Result<(), RenderError> {
     if settings.smooth_voxels {
         return refuse("settings.smooth_voxels".into());
     }
-    for (list, empty) in [("meshes", scene.meshes.is_empty()), ("cuts", scene.cuts.is_empty())] {
-        if !empty {
-            return refuse(list.into());
-        }
+    if !scene.meshes.is_empty() {
+        return refuse("meshes".into());
     }
     for (i, instance) in scene.instances.iter().enumerate() {
         let style = &instance.style;

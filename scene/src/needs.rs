@@ -3,7 +3,7 @@
 //! A need is told from what is drawn: the material of a hidden label asks for nothing. `left out` is said only of work or memory
 //! that a renderer does save; what costs nothing to have (emission, metal) is told where it is needed and else not mentioned.
 
-use crate::{Environment, LabelStyle, Light, LightShape, Lod, Material, Mode, Scene};
+use crate::{Cut, Environment, LabelStyle, Light, LightShape, Lod, Material, Mode, Scene};
 
 /// Labels of one instance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -49,6 +49,8 @@ pub struct Needs {
     pub bounces: bool,
     /// Dim paths may end at random.
     pub roulette: bool,
+    /// Parts of space that cuts take away from some instance.
+    pub cuts: usize,
     /// Edges in voxels of the elements that rays stop at, rising: of 1, 4, 16.
     pub levels: Vec<u32>,
 }
@@ -105,6 +107,10 @@ impl Needs {
             mis: lighting && (sky_table || wide),
             bounces,
             roulette: bounces && settings.russian_roulette,
+            cuts: {
+                let shown = |cut: &Cut| scene.instances.iter().any(|i| cut.takes_from(i.id));
+                scene.cuts.iter().filter(|cut| shown(cut)).count()
+            },
             levels: match settings.lod {
                 Lod::Voxels => vec![1],
                 Lod::Cells => vec![4],
@@ -171,6 +177,12 @@ impl Needs {
             "Russian roulette",
             if self.bounces { "the settings say so" } else { "paths end before it" },
         );
+        let cuts = match self.cuts {
+            0 => "cuts".to_owned(),
+            1 => "1 cut".to_owned(),
+            n => format!("{n} cuts"),
+        };
+        line(self.cuts > 0, &cuts, "nothing is cut away");
         for edge in [1, 4, 16] {
             let what = format!("elements of {edge}³ voxels");
             line(self.levels.contains(&edge), &what, "the level of detail is another");

@@ -5,7 +5,7 @@
 mod common;
 
 use common::full_scene;
-use pumice_scene::{Environment, LabelCount, LabelStyle, Lod, Material, Mode, Needs, Scene, Show};
+use pumice_scene::{Cut, Environment, LabelCount, LabelStyle, Lod, Material, Mode, Needs, Scene, Show};
 
 const IDS: [u64; 4] = [3, 5, 17, u64::MAX];
 const MATTE: Material = Material { base_color: [0.5; 3], roughness: 1.0, specular: 0.0, ..Material::DEFAULT };
@@ -45,6 +45,7 @@ fn least() -> Needs {
         mis: false,
         bounces: true,
         roulette: false,
+        cuts: 0,
         levels: vec![1],
     }
 }
@@ -83,6 +84,12 @@ fn each_edit_needs_only_what_it_brings() {
     let black = pumice_scene::Sun { color: [0.0; 3], ..suns[0] };
     assert_eq!(after(|s| s.suns = vec![dark, black]), least());
 
+    let cuts = full_scene().cuts;
+    assert_eq!(
+        after(|s| s.cuts = vec![Cut { instances: None, ..cuts[0].clone() }]),
+        Needs { cuts: 1, ..least() }
+    );
+    assert_eq!(after(|s| s.cuts = vec![Cut { instances: Some(vec![]), ..cuts[0].clone() }]), least());
     let lamps = full_scene().lights;
     assert_eq!(after(|s| s.lights = vec![lamps[1]]), Needs { lamps: 1, mis: true, ..least() });
     let unlit = pumice_scene::Light { power_w: 0.0, ..lamps[0] };
@@ -111,6 +118,7 @@ fn ambient_occlusion_needs_neither_lights_nor_materials() {
     scene.world.environment = Environment::Constant { radiance: [1.0; 3] };
     scene.settings.lod = Lod::Voxels;
     scene.instances.truncate(1);
+    scene.cuts.clear();
     let labels = vec![LabelCount { instance: 7, visible: 3, all: 4 }];
     let expected = Needs { labels, lighting: false, diffuse: false, bounces: false, ..least() };
     assert_eq!(needs(&scene), expected);
@@ -154,6 +162,7 @@ left out: table of the sky (it is the same from everywhere: scattering finds it 
 left out: weights of lights found in two ways (MIS) (each light is found in one way)
 needed: light from surface to surface
 left out: Russian roulette (the settings say so)
+left out: cuts (nothing is cut away)
 needed: elements of 1³ voxels
 left out: elements of 4³ voxels (the level of detail is another)
 left out: elements of 16³ voxels (the level of detail is another)

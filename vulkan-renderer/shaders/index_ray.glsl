@@ -85,8 +85,9 @@ void start_on_face(Placement p, inout DVec3 origin, inout DVec3 direction, DVec3
     }
 }
 
-// The ray in index space; false when it is not finite or has no direction. `from` belongs to this instance or is no surface.
-bool index_ray_new(Placement p, RayInWorld ray, Surface from, uvec3 upper, out IndexRay result) {
+// The ray in index space; false when it is not finite or has no direction. `from` belongs to this instance or is no surface; of a
+// cap, `from.axis` is the axis across which its plane lies at `plane`, or 3.
+bool index_ray_new(Placement p, RayInWorld ray, Surface from, uvec3 upper, f64 plane, out IndexRay result) {
     // 1. Scale in the world first.
     DVec3 d_world, d;
     int k0, k1;
@@ -98,14 +99,16 @@ bool index_ray_new(Placement p, RayInWorld ray, Surface from, uvec3 upper, out I
     if (!dvec3_is_finite(o)) {
         return false;
     }
-    if (from.instance != NONE) {
+    if (from.instance != NONE && from.kind == SURFACE_FACE) {
         start_on_face(p, o, d, d_world, k1, from, upper);
+    } else if (from.instance != NONE && from.axis < 3u) {
+        o.at[from.axis] = plane;
     }
     // 3. Directions of 0, and so small that 1/d overflows.
     ROLLED for (int a = 0; a < 3; a++) {
         if (f64_eq(d.at[a], F64_ZERO)) {
             d.at[a] = F64_ZERO;
-            o.at[a] = f64_add(f64_floor(o.at[a]), F64_HALF);
+            o.at[a] = f64_eq(f64_floor(o.at[a]), o.at[a]) ? f64_add(o.at[a], F64_HALF) : o.at[a];
             result.inverse[a] = ONE_OVER_SMALLEST;
         } else {
             result.inverse[a] = f64_div(F64_ONE, f64_copysign(f64_max(f64_abs(d.at[a]), SMALLEST), d.at[a]));

@@ -28,7 +28,7 @@ struct Launch {
     uint wanted;
 };
 
-const uint SCRATCH_BYTES = 192u;
+const uint SCRATCH_BYTES = 200u;
 
 struct CameraRecord {
     F64Bits position[3];
@@ -160,6 +160,7 @@ struct Instance {
     Address acceleration;
     Address materials;
     Address material_of_label;
+    Address cut_planes;
     F64Bits translation[3];
     F64Bits adjugate[3][3];
     F64Bits determinant;
@@ -172,13 +173,23 @@ struct Instance {
     uint label_count;
     uint lod;
     uint box_count;
+    uint cut_plane_count;
     float eye_in_index[3];
     float edges_from_index[3][3];
     float coarser_from_squared[2];
+    uint reserved;
+};
+
+struct CutPlane {
+    F64Bits normal[3];
+    F64Bits offset;
+    F64Bits normal_in_world[3];
+    uint axis;
+    uint ends_part;
 };
 
 const uint LOD_BY_DISTANCE = 3u;
-const uint64_t INSTANCE_BYTES = 368UL;
+const uint64_t INSTANCE_BYTES = 384UL;
 
 struct SurfaceRecord {
     uint instance;
@@ -236,6 +247,7 @@ layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Floats { flo
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer SceneRef { SceneHeader it; };
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Instances { Instance at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Chunks { Chunk at[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer CutPlanes { CutPlane at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Suns { Sun at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Lamps { Lamp at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Materials { Material at[]; };

@@ -19,5 +19,7 @@ layout(constant_id = 6) const uint NEEDS_COAT = 1u;
 layout(constant_id = 7) const uint NEEDS_GLASS = 1u;
 // Some label is not wholly there.
 layout(constant_id = 8) const uint NEEDS_CLEAR = 1u;
+// Something is cut away.
+layout(constant_id = 9) const uint NEEDS_CUTS = 1u;
 
 #endif

@@ -14,6 +14,8 @@
 
 #include "box_walk.glsl"
 #include "bvh.glsl"
+#include "cuts.glsl"
+#include "needs.glsl"
 
 const uint NEAREST_NOTHING = 0u;
 const uint NEAREST_INSIDE = 1u;
@@ -27,6 +29,8 @@ const uint SEEK_HOLDER = 2u;
 
 struct Search {
     IndexRay ray;
+    // Scaled t from which on is asked.
+    f64 start;
     f64 t_max;
     // Scaled t at which the ray reaches the bounds of all boxes.
     f64 enter_all;
@@ -98,13 +102,13 @@ bool visit(InstanceRef instance, inout Search search, uint item) {
     }
     uvec3 hi = clipped_end(instance, p.origin, p.extent);
     f64 enter, leave;
-    clip(search.ray, p.origin, hi, F64_ZERO, enter, leave);
+    clip(search.ray, p.origin, hi, search.start, enter, leave);
     if (f64_le(leave, enter) || f64_lt(search.best_t, enter)) {
         return false;
     }
     BoxView b = box_view(instance, p);
     Walk walk = walk_begin(search.ray, p.origin, hi, enter);
-    Found found = walk_first_solid(walk, search.ray, b, f64_eq(enter, F64_ZERO));
+    Found found = walk_first_solid(walk, search.ray, b, f64_eq(enter, search.start));
     if (found.kind == FOUND_NOTHING) {
         return false;
     }
@@ -125,7 +129,7 @@ bool visit(InstanceRef instance, inout Search search, uint item) {
         }
         // With `any`, a face is looked for all the same: else it would matter which of the two came first.
         if (search.seek != SEEK_ANY) {
-            search.best_t = F64_ZERO;
+            search.best_t = search.start;
         }
         return false;
     }
@@ -157,14 +161,14 @@ const float TWO_POW_60 = 1152921504606846976.0;
 #ifndef ONLY_VISITS
 
 // The ray moved to the bounds of all boxes; false where it misses them.
-bool bvh_ray(InstanceRef instance, IndexRay ray, f64 t_max, out BvhRay moved, out f64 enter_all) {
+bool bvh_ray(InstanceRef instance, IndexRay ray, f64 start, f64 t_max, out BvhRay moved, out f64 enter_all) {
     uvec3 lo = uvec3(instance.it.lo[0], instance.it.lo[1], instance.it.lo[2]);
     uvec3 hi = uvec3(instance.it.hi[0], instance.it.hi[1], instance.it.hi[2]);
     if (lo.x >= hi.x) {
         return false;
     }
     f64 leave;
-    clip(ray, lo, hi, F64_ZERO, enter_all, leave);
+    clip(ray, lo, hi, start, enter_all, leave);
     if (f64_le(leave, enter_all) || f64_le(t_max, enter_all)) {
         return false;
     }
@@ -180,10 +184,11 @@ bool bvh_ray(InstanceRef instance, IndexRay ray, f64 t_max, out BvhRay moved, ou
     return true;
 }
 
-// The nearest face with scaled t in (0, t_max), or where the ray starts inside; with `any`, the first found will do.
-Search nearest(InstanceRef instance, IndexRay ray, f64 t_max, uint only, bool any) {
+// The nearest face with scaled t in (start, t_max), or what is at `start`; with `any`, the first found will do.
+Search nearest(InstanceRef instance, IndexRay ray, f64 start, f64 t_max, uint only, bool any) {
     Search search;
     search.ray = ray;
+    search.start = start;
     search.t_max = t_max;
     search.best_t = t_max;
     search.enter_all = F64_ZERO;
@@ -195,7 +200,7 @@ Search nearest(InstanceRef instance, IndexRay ray, f64 t_max, uint only, bool an
     search.box_number = NONE;
     search.step = Step(F64_ZERO, 0u, 0u, uvec3(0u), 0u);
     BvhRay moved;
-    if (bvh_ray(instance, ray, t_max, moved, search.enter_all)) {
+    if (bvh_ray(instance, ray, start, t_max, moved, search.enter_all)) {
         search.pad = moved.pad;
         along_ray(instance, moved, search);
     }
@@ -216,6 +221,7 @@ uint item_with(InstanceRef instance, uint label, uvec3 voxel) {
         search.ray.direction[a] = F64_ONE;
         search.ray.inverse[a] = F64_ONE;
     }
+    search.start = F64_ZERO;
     search.t_max = F64_ONE;
     search.enter_all = F64_ZERO;
     search.best_t = F64_ONE;
@@ -278,9 +284,10 @@ Step face_out(InstanceRef instance, IndexRay ray, Step step, uint label) {
     return step;
 }
 
-// The face through which a ray that starts in `voxel` of `label` leaves the label.
-Hit leave(InstanceRef instance, uint instance_number, IndexRay ray, uint label, uvec3 voxel, uint item, f64 t_max) {
+// The face through which a ray that starts in `voxel` of `label` leaves the label. `within`: it does not before t_max.
+Hit leave(InstanceRef instance, uint instance_number, IndexRay ray, uint label, uvec3 voxel, uint item, f64 t_max, out bool within) {
     f64 t = F64_ZERO;
+    within = false;
     while (true) {
         BoxView b = get_box(instance, item);
         uvec3 hi = clipped_end(instance, b.origin, b.extent);
@@ -288,6 +295,7 @@ Hit leave(InstanceRef instance, uint instance_number, IndexRay ray, uint label, 
         bool left_box;
         Step step = walk_last_solid(walk, ray, b, left_box);
         if (f64_le(t_max, step.t)) {
+            within = true;
             return no_hit();
         }
         uint next = left_box ? item_with(instance, label, step.voxel) : NONE;
@@ -298,6 +306,7 @@ Hit leave(InstanceRef instance, uint instance_number, IndexRay ray, uint label, 
             if (f64_lt(F64_ZERO, step.t) && f64_lt(step.t, t_max)) {
                 return hit_of(instance, instance_number, ray, step, item, true);
             }
+            within = f64_lt(F64_ZERO, step.t);
             return no_hit();
         }
         item = next;
@@ -305,6 +314,27 @@ Hit leave(InstanceRef instance, uint instance_number, IndexRay ray, uint label, 
         t = f64_max(t, step.t);
     }
     return no_hit();
+}
+
+CutPlane cut_plane_at(InstanceRef instance, uint number) {
+    return CutPlanes(instance.it.cut_planes).at[number];
+}
+
+// The cap at scaled t in a plane of the cuts.
+Hit cap(InstanceRef instance, uint instance_number, IndexRay ray, f64 t, uint plane, uint label, uvec3 voxel, bool from_inside) {
+    return Hit(f64_div(t, ray.scaled_from_world),
+        Surface(instance_number, SURFACE_CAP, voxel, 0u, false, plane, label, NONE),
+        dvec3_from_bits(cut_plane_at(instance, plane).normal_in_world), from_inside);
+}
+
+// The voxel where the ray is at scaled t.
+uvec3 voxel_at(InstanceRef instance, IndexRay ray, f64 t) {
+    uvec3 voxel;
+    ROLLED for (int a = 0; a < 3; a++) {
+        f64 at = f64_floor(f64_add(ray.origin[a], f64_mul(t, ray.direction[a])));
+        voxel[a] = f64_to_u32(f64_clamp(at, F64_ZERO, f64_from_u32(instance.it.dims[a] - 1u)));
+    }
+    return voxel;
 }
 
 // One past the highest voxel of a surface's element.
@@ -324,16 +354,34 @@ uvec3 element_end(InstanceRef instance, Surface surface) {
 
 bool index_ray(InstanceRef instance, uint instance_number, RayInWorld ray, Surface from, out IndexRay result) {
     uvec3 upper = uvec3(0u);
-    if (from.instance == instance_number) {
+    f64 plane = F64_ZERO;
+    if (from.instance != instance_number) {
+        from.instance = NONE;
+    } else if (from.kind == SURFACE_FACE) {
         upper = element_end(instance, from);
+    } else if (from.plane < instance.it.cut_plane_count) {
+        CutPlane cut = cut_plane_at(instance, from.plane);
+        from.axis = cut.axis;
+        plane = cut_plane_across_axis(cut);
     } else {
         from.instance = NONE;
     }
-    return index_ray_new(placement_of(instance), ray, from, upper, result);
+    return index_ray_new(placement_of(instance), ray, from, upper, plane, result);
+}
+
+// The ray, for the cuts. (The world's ray decides to which side of a cap it goes: the integrator saw that one.)
+CutRay cut_ray(InstanceRef instance, uint instance_number, IndexRay ray, RayInWorld in_world, Surface from) {
+    CutRay cut = CutRay(instance.it.cut_planes, instance.it.cut_plane_count, ray, NONE, false);
+    if (from.instance == instance_number && from.kind == SURFACE_CAP && from.plane < cut.count) {
+        DVec3 normal = dvec3_from_bits(cut_plane_at(instance, from.plane).normal_in_world);
+        cut.from = from.plane;
+        cut.outward = f64_le(F64_ZERO, dvec3_dot(normal, in_world.direction));
+    }
+    return cut;
 }
 
 // The first hit, or with `any` some hit where one will do, or with `only` the next boundary of that label: one function for the
-// three questions of the twin, because shaders inline what they call.
+// questions of the twin, because shaders inline what they call. Cuts leave a ray in pieces, traced one by one; without them it is one.
 Hit volume_ask(InstanceRef instance, uint instance_number, RayInWorld ray, Surface from, f64 t_max, uint only, bool any) {
     IndexRay r;
     // Not from a free point: within a label, a seam between two of its boxes would answer first.
@@ -341,20 +389,50 @@ Hit volume_ask(InstanceRef instance, uint instance_number, RayInWorld ray, Surfa
     if (!index_ray(instance, instance_number, ray, from, r)) {
         return no_hit();
     }
-    f64 limit = scaled_t(r, t_max);
-    Search found = nearest(instance, r, limit, only, any);
-    if (found.kind == NEAREST_NOTHING) {
-        return no_hit();
+    bool is_cut = NEEDS_CUTS != 0u && instance.it.cut_plane_count > 0u;
+    CutRay cut;
+    if (is_cut) {
+        cut = cut_ray(instance, instance_number, r, ray, from);
     }
-    if (found.kind == NEAREST_FACE) {
-        Step step = found.step;
-        // Where one hit will do, nobody asks for its face.
-        if (!any && is_near_edge(step, r)) {
-            step = open_face(instance, r, step, limit, only);
+    t_max = scaled_t(r, t_max);
+    f64 start = F64_ZERO;
+    while (true) {
+        f64 end = F64_INFINITY;
+        uint entry = NONE, exit = NONE;
+        if (is_cut) {
+            start = cut_ray_kept_from(cut, start, entry);
+            if (f64_le(t_max, start)) {
+                return no_hit();
+            }
+            end = cut_ray_kept_to(cut, start, exit);
         }
-        return hit_of(instance, instance_number, r, step, found.box_number, false);
+        f64 limit = f64_min(end, t_max);
+        Search found = nearest(instance, r, start, limit, only, any);
+        if (found.kind == NEAREST_FACE) {
+            Step step = found.step;
+            // Where one hit will do, nobody asks for its face.
+            if (!any && is_near_edge(step, r)) {
+                step = open_face(instance, r, step, limit, only);
+            }
+            return hit_of(instance, instance_number, r, step, found.box_number, false);
+        }
+        if (found.kind == NEAREST_INSIDE && entry != NONE) {
+            return cap(instance, instance_number, r, start, entry, found.label, found.step.voxel, false);
+        }
+        if (found.kind == NEAREST_INSIDE) {
+            bool within;
+            Hit hit = leave(instance, instance_number, r, found.label, found.step.voxel, found.box_number, limit, within);
+            if (!within || f64_le(t_max, end)) {
+                return hit;
+            }
+            return cap(instance, instance_number, r, end, exit, found.label, voxel_at(instance, r, end), true);
+        }
+        if (f64_le(t_max, end)) {
+            return no_hit();
+        }
+        start = end;
     }
-    return leave(instance, instance_number, r, found.label, found.step.voxel, found.box_number, limit);
+    return no_hit();
 }
 
 #endif

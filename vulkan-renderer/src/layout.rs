@@ -50,7 +50,7 @@ pub struct Launch {
 }
 
 /// Bytes of scratch memory for each ray of a launch of the ray tracing pipeline: the search that raygen and intersection share.
-pub const SCRATCH_BYTES: u64 = 192;
+pub const SCRATCH_BYTES: u64 = 200;
 
 /// Twin of `CameraRays` and `Lens`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
@@ -263,6 +263,8 @@ pub struct Instance {
     pub materials: Address,
     /// Material number by dense label; 0: all have the first.
     pub material_of_label: Address,
+    /// [`CutPlane`]s, or 0.
+    pub cut_planes: Address,
     /// World position of index 0.
     pub translation: [f64; 3],
     /// Rows of the adjugate, times the determinant's sign.
@@ -287,15 +289,31 @@ pub struct Instance {
     pub lod: u32,
     /// Number of boxes.
     pub box_count: u32,
+    /// Number of planes.
+    pub cut_plane_count: u32,
     /// Fields of `ByDistance`, as there.
     pub eye_in_index: [f32; 3],
     /// See there.
     pub edges_from_index: [[f32; 3]; 3],
     /// See there: from which squared distance on cells are drawn, and whole boxes.
     pub coarser_from_squared: [f32; 2],
+    /// 0.
+    pub reserved: u32,
 }
 
-const _: () = assert!(size_of::<Instance>() == 368, "INSTANCE_BYTES of layout.glsl");
+const _: () = assert!(size_of::<Instance>() == 384, "INSTANCE_BYTES of layout.glsl");
+
+/// Twin of `CutPlane`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+#[allow(missing_docs, reason = "as in CutPlane")]
+pub struct CutPlane {
+    pub normal: [f64; 3],
+    pub offset: f64,
+    pub normal_in_world: [f64; 3],
+    pub axis: u32,
+    pub ends_part: u32,
+}
 
 /// [`Instance::lod`] where each box has a level of its own.
 pub const LOD_BY_DISTANCE: u32 = 3;

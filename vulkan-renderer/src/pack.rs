@@ -10,12 +10,14 @@
 //! there.
 
 mod boxes;
+mod cuts;
 mod looks;
 mod needs;
 mod nodes;
 mod scene;
 
 pub use boxes::{PackedBoxes, place};
+pub use cuts::cut_planes;
 pub use looks::PackedLooks;
 pub use needs::ShaderNeeds;
 pub use nodes::PackedNodes;

@@ -6,6 +6,7 @@
 //!  records,    ├─ Nodes     nodes and leaves, as compressed                 renewed by: a volume, a label that was never shown
 //!  new with    ├─ Boxes     boxes, labels, hierarchy                        renewed by: visibility, level of detail
 //!  each edit)  ├─ Looks     materials, which label has which                renewed by: colours
+//!              ├─ Cuts      planes of what is taken away                    renewed by: cuts, places
 //!              └─ filter    table of the film's filter                      renewed by: film
 //! ```
 //! The header and the instances' records are a few hundred bytes and written anew each time: a camera move sends them alone.
@@ -13,7 +14,7 @@
 use std::sync::Arc;
 
 use pumice_core::CompressedVolume;
-use pumice_cpu::traverse::{LodChoice, Placement};
+use pumice_cpu::traverse::{Cuts, LodChoice, Placement};
 use pumice_cpu::{Lights, Looks};
 use pumice_render::{Bvh, FilterTable, RenderError};
 
@@ -157,11 +158,30 @@ impl LooksOnDevice {
     }
 }
 
+/// What is cut away from an instance.
+#[derive(Debug)]
+pub(crate) struct CutsOnDevice {
+    pub(crate) cuts: Cuts,
+    planes: Option<Buffer>,
+}
+
+impl CutsOnDevice {
+    pub(crate) fn new(gpu: &Gpu, cuts: Cuts) -> Result<Self, DeviceError> {
+        let planes = pack::cut_planes(&cuts);
+        let planes = match planes.is_empty() {
+            true => None,
+            false => Some(gpu.buffer_of("the planes of cuts", bytemuck::cast_slice(&planes))?),
+        };
+        Ok(Self { cuts, planes })
+    }
+}
+
 /// An instance: each part may be another one's too.
 #[derive(Clone, Debug)]
 pub(crate) struct InstanceOnDevice {
     pub(crate) boxes: Arc<Boxes>,
     pub(crate) looks: Arc<LooksOnDevice>,
+    pub(crate) cuts: Arc<CutsOnDevice>,
     pub(crate) placement: Placement,
     pub(crate) lod: LodChoice,
 }
@@ -170,6 +190,8 @@ impl InstanceOnDevice {
     fn record(&self) -> layout::Instance {
         let mut record = self.boxes.record;
         pack::place(&mut record, &self.placement, self.lod);
+        record.cut_planes = self.cuts.planes.as_ref().map_or(0, Buffer::address);
+        record.cut_plane_count = self.cuts.cuts.planes().len() as u32;
         let looks = &self.looks;
         looks.packed.describe(&mut record, looks.materials.address(), looks.of_label.address());
         record
@@ -290,6 +312,8 @@ impl SceneOnDevice {
                 looks += i.looks.materials.bytes() + i.looks.of_label.bytes();
             }
         }
+        let cuts =
+            self.instances.iter().filter_map(|i| i.cuts.planes.as_ref()).map(Buffer::bytes).sum::<u64>();
         let lights = self.sky.buffers.iter().map(Buffer::bytes).sum::<u64>();
         let tables = self.filter.table.bytes() + self.records.bytes() + self.header.bytes();
         [
@@ -298,7 +322,7 @@ impl SceneOnDevice {
             ("nodes", nodes),
             ("leaves", leaves),
             ("labels", labels),
-            ("materials", looks + lights + tables),
+            ("materials", looks + lights + cuts + tables),
         ]
     }
 }

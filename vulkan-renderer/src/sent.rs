@@ -9,6 +9,8 @@ pub struct Sent {
     pub lights: u64,
     /// Table of the film's filter.
     pub filter: u64,
+    /// Planes of cuts.
+    pub cuts: u64,
     /// Materials, and which label has which.
     pub materials: u64,
     /// Records and labels of the boxes that are drawn, and their hierarchy.

@@ -7,10 +7,10 @@ use bytemuck::Zeroable as _;
 use glam::DAffine3;
 use pumice_core::{CompressedVolume, Job};
 use pumice_cpu::camera_rays::CameraRays;
-use pumice_cpu::traverse::{LodChoice, Placement};
+use pumice_cpu::traverse::{Cuts, LodChoice, Placement};
 use pumice_cpu::{Looks, ReadImage, scene_lights};
 use pumice_render::{FilmBuffer, Image, Pick, Picture, Rebuilt, RenderError, SurfaceKind};
-use pumice_scene::{Instance, InstanceDiff, Scene, SceneDiff};
+use pumice_scene::{InstanceDiff, Scene, SceneDiff};
 
 use crate::device::DeviceError;
 use crate::film::Film;
@@ -18,7 +18,8 @@ use crate::layout::{FirstRecord, HitRecord, Launch, NONE};
 use crate::machine::Machine;
 use crate::pack::ShaderNeeds;
 use crate::scene::{
-    Boxes, Fault, FilterOnDevice, InstanceOnDevice, LooksOnDevice, Nodes, SceneOnDevice, SkyOnDevice,
+    Boxes, CutsOnDevice, Fault, FilterOnDevice, InstanceOnDevice, LooksOnDevice, Nodes, SceneOnDevice,
+    SkyOnDevice,
 };
 use crate::sent::Sent;
 use crate::shaders::Entry;
@@ -102,6 +103,7 @@ impl Shown {
             &scene.camera,
             &parts.sky.lights,
             parts.instances.iter().map(|i| &i.looks.packed),
+            parts.instances.iter().any(|i| !i.cuts.cuts.is_empty()),
         );
         let size = [scene.film.width, scene.film.height];
         let film = match former.take() {
@@ -290,7 +292,7 @@ fn parts_of(
     let mut instances: Vec<InstanceOnDevice> = Vec::with_capacity(volumes.len());
     for (place, (instance, volume)) in scene.instances.iter().zip(volumes).enumerate() {
         let former = Former::find(old, diff, instance.id, volume);
-        let made = instance_of(machine, former.as_ref(), place, instance, volume, lod, &instances, counters)?;
+        let made = instance_of(machine, former.as_ref(), place, scene, volume, lod, &instances, counters)?;
         instances.push(made);
     }
     counters.sent.header += 1;
@@ -304,13 +306,14 @@ fn instance_of(
     machine: &Machine,
     former: Option<&Former<'_>>,
     place: usize,
-    instance: &Instance,
+    scene: &Scene,
     volume: &Arc<CompressedVolume>,
     lod: LodChoice,
     before: &[InstanceOnDevice],
     counters: &mut Counters,
 ) -> Result<InstanceOnDevice, Fault> {
     let gpu = &machine.gpu;
+    let instance = &scene.instances[place];
     let tight = lod == LodChoice::Voxels;
     let table = volume.labels();
     let kept_looks = former.and_then(Former::looks);
@@ -351,7 +354,15 @@ fn instance_of(
         }
     };
     let placement = placement(place, instance.world_from_index)?;
-    Ok(InstanceOnDevice { boxes, looks, placement, lod })
+    let cuts = Cuts::new(scene.cuts_of(instance.id), &instance.world_from_index);
+    let cuts = match former.map(|f| &f.parts().cuts).filter(|kept| kept.cuts == cuts) {
+        Some(kept) => Arc::clone(kept),
+        None => {
+            counters.sent.cuts += u64::from(!cuts.is_empty());
+            Arc::new(CutsOnDevice::new(gpu, cuts)?)
+        }
+    };
+    Ok(InstanceOnDevice { boxes, looks, cuts, placement, lod })
 }
 
 fn placement(place: usize, world_from_index: DAffine3) -> Result<Placement, RenderError> {

@@ -16,10 +16,12 @@ use glam::{DAffine3, DMat3, DVec3};
 use gpu::scene::Uploaded;
 use gpu::{Gpu, Shared};
 use pumice_core::CompressedVolume;
-use pumice_cpu::traverse::{LodChoice, SceneTracer, TracedInstance};
-use pumice_render::{Hit, PathOrigin, RayInWorld, Surface, Tracer};
+use pumice_cpu::traverse::{Cuts, LodChoice, SceneTracer, TracedInstance, VolumeTracer};
+use pumice_render::{Hit, PathOrigin, RayInWorld, Surface, SurfaceKind, Tracer};
+use pumice_scene::CutShape;
 use pumice_vulkan::device::Backend;
 use pumice_vulkan::layout::{HitRecord, Launch, NONE, Question, RayRecord, SceneHeader, SurfaceRecord};
+use pumice_vulkan::pack::cut_planes;
 use pumice_vulkan::program::Program;
 
 /// A question to both.
@@ -105,8 +107,13 @@ fn all_fronts() -> Vec<Front> {
 }
 
 impl Front {
-    fn trace(&self, traced: &[TracedInstance], asked: &[Asked]) -> Vec<HitRecord> {
+    fn trace(&self, traced: &[TracedInstance], cuts: &[CutShape], asked: &[Asked]) -> Vec<HitRecord> {
         let mut uploaded = Uploaded::new(&self.gpu, traced);
+        for (i, t) in traced.iter().enumerate().filter(|_| !cuts.is_empty()) {
+            let planes = cut_planes(&Cuts::new(cuts, &t.world_from_index));
+            uploaded.instances[i].cut_planes = uploaded.put(&self.gpu, &planes);
+            uploaded.instances[i].cut_plane_count = planes.len() as u32;
+        }
         let scene = uploaded.header(&self.gpu, SceneHeader::default());
         let records: Vec<RayRecord> = asked.iter().map(Asked::record).collect();
         let source = self.gpu.buffer_of(&records);
@@ -120,9 +127,14 @@ impl Front {
 
     /// Compares all answers; gives the number of hits.
     fn check(&self, what: &str, traced: &[TracedInstance], asked: &[Asked]) -> usize {
-        let tracer = SceneTracer::new(traced).unwrap();
+        self.check_cut(what, traced, &[], asked)
+    }
+
+    /// The same where parts of space are taken away.
+    fn check_cut(&self, what: &str, traced: &[TracedInstance], cuts: &[CutShape], asked: &[Asked]) -> usize {
+        let tracer = cut_open(traced, cuts);
         let mut hits = 0;
-        for (a, got) in asked.iter().zip(self.trace(traced, asked)) {
+        for (a, got) in asked.iter().zip(self.trace(traced, cuts, asked)) {
             let expected = a.answer(&tracer);
             hits += usize::from(expected.is_some());
             let same = match &expected {
@@ -142,6 +154,12 @@ impl Front {
         }
         hits
     }
+}
+
+fn cut_open(traced: &[TracedInstance], cuts: &[CutShape]) -> SceneTracer {
+    let built = traced.iter().enumerate();
+    let built = built.map(|(i, t)| Arc::new(VolumeTracer::new(i as u32, t).unwrap().with_cuts(cuts)));
+    SceneTracer::of(built.collect())
 }
 
 fn instance(volume: &Arc<CompressedVolume>, world_from_index: DAffine3, lod: LodChoice) -> TracedInstance {
@@ -287,6 +305,85 @@ fn boundaries_of_one_label_are_the_cpus() {
     }
 }
 
+/// Planes and boxes, oblique, along the axes and between voxels, in placed volumes: first surfaces and caps, what paths meet that go
+/// on from them to both sides, shadows, the next boundary of one label.
+#[test]
+fn cut_volumes_are_the_cpus() {
+    for front in fronts().iter() {
+        let mut random = Random(404);
+        let mut caps = 0;
+        for (name, dims, volume) in volumes() {
+            for (place, lod) in [
+                (DAffine3::IDENTITY, LodChoice::Voxels),
+                (places()[1], LodChoice::Voxels),
+                (places()[3], LodChoice::Voxels),
+                (DAffine3::IDENTITY, LodChoice::Cells),
+            ] {
+                let at = |x: f64, y: f64, z: f64| {
+                    let dims = DVec3::from(dims.map(f64::from));
+                    place.transform_point3((dims * DVec3::new(x, y, z)).floor())
+                };
+                let across = |axis: DVec3| (place.matrix3.inverse().transpose() * axis).to_array();
+                let slab = place.matrix3 * DMat3::from_diagonal(DVec3::new(7.0, 12.0, 5.5));
+                let oblique = place.matrix3
+                    * DMat3::from_cols(
+                        [4.0, 3.0, 0.3].into(),
+                        [-2.0, 5.0, 1.0].into(),
+                        [0.5, 1.0, 9.0].into(),
+                    );
+                let cuts = [
+                    CutShape::Plane { point: at(0.7, 0.0, 0.0).into(), normal: across(DVec3::X) },
+                    CutShape::Plane {
+                        point: at(0.5, 0.8, 0.9).into(),
+                        normal: across(DVec3::new(0.3, 0.2, 1.0)),
+                    },
+                    CutShape::Box {
+                        world_from_box: DAffine3::from_mat3_translation(slab, at(0.3, 0.4, 0.5)),
+                    },
+                    CutShape::Box {
+                        world_from_box: DAffine3::from_mat3_translation(oblique, at(0.4, 0.6, 0.4)),
+                    },
+                ];
+                let traced = [instance(&volume, place, lod)];
+                let tracer = cut_open(&traced, &cuts);
+                let mut asked = Vec::new();
+                for class in [Class::Random, Class::Lattice, Class::Inside] {
+                    asked.extend(rays_of(class, dims, 20, &place, 400));
+                }
+                for (i, a) in asked.iter_mut().enumerate() {
+                    match i % 4 {
+                        0 => a.question = Question::Occluded,
+                        1 => a.only = random.below(volume.labels().len() as u32),
+                        _ => {}
+                    }
+                    if i % 4 == 1 {
+                        a.question = Question::NextBoundary;
+                    }
+                    if i % 5 == 0 {
+                        a.t_max = 100.0 * random.unit();
+                    }
+                }
+                let mut bounced = bounces(&tracer, &asked, &mut random);
+                // Into what was cut, too.
+                for b in bounced.iter_mut().step_by(3) {
+                    b.ray.direction = -b.ray.direction;
+                }
+                let third = bounces(&tracer, &bounced, &mut random);
+                for (what, asked) in [("", &asked), (", bounced", &bounced), (", bounced twice", &third)] {
+                    front.check_cut(&format!("{name}, {lod:?}{what}"), &traced, &cuts, asked);
+                    caps += asked
+                        .iter()
+                        .filter_map(|a| tracer.first_hit(&a.ray, a.from, a.t_max))
+                        .filter(|h| h.surface.kind == SurfaceKind::Cap)
+                        .count();
+                }
+            }
+        }
+        println!("{}: {caps} caps", front.name);
+        assert!(caps > 3000, "{caps}");
+    }
+}
+
 /// Several instances, one twice, some labels hidden, by-distance levels of detail, limits.
 #[test]
 fn scenes_of_several_instances_are_the_cpus() {
@@ -354,7 +451,7 @@ fn other_rays_have_other_hits() {
         .iter()
         .map(|a| Asked { ray: RayInWorld { origin: a.ray.origin + DVec3::splat(1e-3), ..a.ray }, ..*a })
         .collect();
-    let (a, b) = (front.trace(&traced, &asked), front.trace(&traced, &moved));
+    let (a, b) = (front.trace(&traced, &[], &asked), front.trace(&traced, &[], &moved));
     let differ = a.iter().zip(&b).filter(|(a, b)| a.t.to_bits() != b.t.to_bits()).count();
     let faces = a.iter().zip(&b).filter(|(a, b)| a.surface != b.surface).count();
     assert!(differ > 500 && faces > 0, "{differ} distances and {faces} faces differ");

@@ -16,8 +16,9 @@ use bytemuck::{Pod, Zeroable};
 use pumice_render::Bvh;
 use pumice_render::bvh::BoxBounds;
 use pumice_vulkan::layout::{
-    Camera, Chunk, Environment, Filter, FirstRecord, HitRecord, Instance, LOD_BY_DISTANCE, Lamp, Launch,
-    Lights, Material, NONE, Question, RayRecord, SCRATCH_BYTES, SceneHeader, Settings, Sun, SurfaceRecord,
+    Camera, Chunk, CutPlane, Environment, Filter, FirstRecord, HitRecord, Instance, LOD_BY_DISTANCE, Lamp,
+    Launch, Lights, Material, NONE, Question, RayRecord, SCRATCH_BYTES, SceneHeader, Settings, Sun,
+    SurfaceRecord,
 };
 use reflection::{Field, Layout, layouts};
 
@@ -215,6 +216,7 @@ fn twins() -> Vec<Layout> {
                 acceleration,
                 materials,
                 material_of_label,
+                cut_planes,
                 translation,
                 adjugate,
                 determinant,
@@ -227,11 +229,14 @@ fn twins() -> Vec<Layout> {
                 label_count,
                 lod,
                 box_count,
+                cut_plane_count,
                 eye_in_index,
                 edges_from_index,
                 coarser_from_squared,
+                reserved,
             }
         ),
+        twin!("CutPlane", CutPlane { normal, offset, normal_in_world, axis, ends_part }),
         twin!("SurfaceRecord", SurfaceRecord { instance, voxel, face, plane, label, box_number }),
         twin!(
             "RayRecord",

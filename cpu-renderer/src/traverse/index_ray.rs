@@ -8,8 +8,8 @@
 //! and nothing accumulates. Its error is two roundings *relative to t*, whatever the angle: grazing rays lose nothing.
 //!
 //! **Voxels are half-open.** A plane met at t ≤ start counts as crossed. A ray that lies in a plane (d = 0) belongs to the voxel
-//! above it. The walks never see a zero direction: its coordinate is moved to the middle of its voxel, where no plane is near
-//! and the product is ±huge, never NaN.
+//! above it, and its coordinate is moved to the middle of that: no plane lies at the coordinate of a direction of 0, and the product
+//! is ±huge, never 0 or NaN.
 
 use glam::{DAffine3, DVec3};
 use pumice_render::{PathOrigin, RayInWorld, RenderError, Surface};
@@ -30,6 +30,17 @@ pub(crate) struct IndexRay {
     pub(crate) inverse: [f64; 3],
     /// t of the scaled ray per t of the world's ray: a power of two.
     pub(crate) scaled_from_world: f64,
+}
+
+/// Where a ray starts.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Start {
+    /// Anywhere.
+    Free,
+    /// On a face, and one past the highest voxel of its element.
+    Face(Surface, [u32; 3]),
+    /// On the plane of an axis, which a cap lies in.
+    Plane(usize, f64),
 }
 
 /// An instance's place in the world, inverted once: as adjugate and determinant, divided last. A zero of the inverse then stays
@@ -77,7 +88,7 @@ impl Placement {
     ///
     /// A ray from a face starts exactly on the face's plane and within the face's rectangle, at its outer side: were it left
     /// where rounding put it, it could start inside a neighbour.
-    pub(crate) fn ray(&self, ray: &RayInWorld, face: Option<(Surface, [u32; 3])>) -> Option<IndexRay> {
+    pub(crate) fn ray(&self, ray: &RayInWorld, start: Start) -> Option<IndexRay> {
         // 1. Scale in the world first, so that a tiny direction does not lose bits in the product.
         let (d_world, k0) = scaled(ray.direction)?;
         let (d, k1) = scaled(self.index_from_world(d_world))?;
@@ -87,15 +98,20 @@ impl Placement {
             return None;
         }
         let (mut origin, mut direction) = (o.to_array(), d.to_array());
-        if let Some((surface, upper)) = face {
-            self.start_on_face(&mut origin, &mut direction, d_world, k1, surface, upper);
+        match start {
+            Start::Free => {}
+            Start::Face(surface, upper) => {
+                self.start_on_face(&mut origin, &mut direction, d_world, k1, surface, upper);
+            }
+            Start::Plane(axis, plane) => origin[axis] = plane,
         }
         // 3. Directions of 0, and so small that 1/d overflows.
         let mut inverse = [0.0; 3];
         for a in 0..3 {
             if direction[a] == 0.0 {
                 direction[a] = 0.0; // −0 becomes 0
-                origin[a] = origin[a].floor() + 0.5;
+                // Elsewhere in the voxel it stays where it is: a cut may go between.
+                origin[a] = if origin[a] == origin[a].floor() { origin[a] + 0.5 } else { origin[a] };
                 inverse[a] = 1.0 / SMALLEST;
             } else {
                 inverse[a] = 1.0 / direction[a].abs().max(SMALLEST).copysign(direction[a]);
@@ -201,8 +217,8 @@ fn exp2(k: i32) -> f64 {
     f64::from_bits(((k.clamp(-1022, 1023) + 1023) as u64) << 52)
 }
 
-/// The face that a path leaves, when it belongs to `instance`.
-pub(crate) fn face_of(from: PathOrigin, instance: u32) -> Option<Surface> {
+/// The surface that a path leaves, when it belongs to `instance`.
+pub(crate) fn surface_of(from: PathOrigin, instance: u32) -> Option<Surface> {
     match from {
         PathOrigin::Face(surface) if surface.instance == instance => Some(surface),
         _ => None,

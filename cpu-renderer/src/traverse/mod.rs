@@ -16,15 +16,20 @@
 //! along the ray. Seams between boxes of one label are no surfaces. Nothing at t = 0 is reported; a ray that starts exactly on a
 //! face and points into the voxel is inside it.
 //!
-//! Not here yet: cut planes and cut boxes (t intervals), triangle meshes.
+//! **Cuts** take parts of space away from an instance; what is left of a ray is traced piece by piece (`cuts`), and a solid that
+//! ends at a cut ends in a cap: as if the voxels themselves had been cut.
+//!
+//! Not here yet: triangle meshes.
 
 mod box_walk;
+mod cuts;
 mod index_ray;
 mod lod;
 mod scene_tracer;
 mod volume_tracer;
 
 pub use box_walk::Level;
+pub use cuts::{CutPlane, Cuts};
 pub(crate) use index_ray::IndexRay;
 pub use index_ray::Placement;
 pub use lod::{ByDistance, Detail, LodChoice};

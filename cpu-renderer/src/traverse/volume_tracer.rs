@@ -7,9 +7,11 @@ use pumice_core::{BoxView, CompressedVolume, NodeRef};
 use pumice_render::{
     BoxBounds, Bvh, BvhRay, Hit, PathOrigin, RayInWorld, RenderError, Surface, SurfaceKind, Tracer,
 };
+use pumice_scene::CutShape;
 
 use super::box_walk::{Found, Level, Step, TIE, Walk};
-use super::index_ray::{Placement, face_of};
+use super::cuts::{CutRay, Cuts};
+use super::index_ray::{Placement, Start, surface_of};
 use super::lod::Detail;
 use super::{IndexRay, LodChoice, TracedInstance, each_axis};
 
@@ -27,6 +29,18 @@ pub struct VolumeTracer {
     all_voxels: bool,
     /// Outward normals in the world: lower and upper face of each axis.
     normals: [[DVec3; 2]; 3],
+    /// What is taken away.
+    cuts: Cuts,
+}
+
+/// How a ray that starts in a label leaves it.
+enum Left {
+    /// Through a face.
+    Through(Hit),
+    /// Not before the end of what was asked about.
+    Within,
+    /// Nowhere that can be told: the ray starts on the label's very edge.
+    Nowhere,
 }
 
 /// What the nearest of the boxes along a ray answered.
@@ -64,11 +78,24 @@ impl VolumeTracer {
             instance,
             bvh,
             all_voxels,
+            cuts: Cuts::default(),
         })
     }
 
+    /// Takes these parts of the world away, and puts back what was taken before.
+    #[must_use]
+    pub fn with_cuts<'a>(mut self, shapes: impl IntoIterator<Item = &'a CutShape>) -> Self {
+        self.cuts = Cuts::new(shapes, &self.placement.world_from_index);
+        self
+    }
+
+    /// What is taken away.
+    pub fn cuts(&self) -> &Cuts {
+        &self.cuts
+    }
+
     /// The same boxes elsewhere or at other levels of detail, where the hierarchy serves for both and is shared: at any place, for
-    /// it is of index space, and at any choice of levels but from [`LodChoice::Voxels`] to another or back (`None`).
+    /// it is of index space, and at any choice of levels but from [`LodChoice::Voxels`] to another or back (`None`). Nothing is cut.
     ///
     /// # Errors
     /// [`RenderError::Scene`] when the matrix is singular.
@@ -85,6 +112,7 @@ impl VolumeTracer {
             instance: self.instance,
             bvh: Arc::clone(&self.bvh),
             all_voxels: self.all_voxels,
+            cuts: Cuts::default(),
         }))
     }
 
@@ -115,30 +143,90 @@ impl VolumeTracer {
     /// The next t in (0, `t_max`) where the ray enters label `label` or, when it starts inside of it, leaves it
     /// (`from_inside`). Other labels are as if they were not there; seams between boxes of the label are no surfaces.
     pub fn next_boundary(&self, ray: &RayInWorld, label: u32, from: PathOrigin, t_max: f64) -> Option<Hit> {
-        let ray = self.index_ray(ray, from)?;
-        self.surface_along(&ray, ray.scaled_t(t_max), Some(label))
+        let r = self.index_ray(ray, from)?;
+        let t_max = r.scaled_t(t_max);
+        if self.cuts.is_empty() {
+            return self.surface_along(&r, t_max, Some(label));
+        }
+        self.kept_surface_along(&self.cut_ray(&r, ray, from), t_max, Some(label), false)
     }
 
     fn index_ray(&self, ray: &RayInWorld, from: PathOrigin) -> Option<IndexRay> {
-        let face = face_of(from, self.instance);
-        self.placement.ray(ray, face.map(|f| (f, self.element_end(&f))))
+        let start = match surface_of(from, self.instance) {
+            None => Start::Free,
+            Some(face) if face.kind == SurfaceKind::Face => Start::Face(face, self.element_end(&face)),
+            Some(cap) => match self.cuts.planes().get(cap.plane as usize) {
+                Some(plane) if plane.axis < 3 => Start::Plane(plane.axis as usize, plane.across_axis()),
+                _ => Start::Free,
+            },
+        };
+        self.placement.ray(ray, start)
     }
 
+    /// The ray, for the cuts. (The world's ray decides to which side of a cap it goes: the integrator saw that one.)
+    fn cut_ray<'a>(&'a self, ray: &'a IndexRay, in_world: &RayInWorld, from: PathOrigin) -> CutRay<'a> {
+        let cap = surface_of(from, self.instance).filter(|s| s.kind == SurfaceKind::Cap);
+        let plane = cap.and_then(|cap| Some((cap.plane, self.cuts.planes().get(cap.plane as usize)?)));
+        let from = plane.map(|(i, p)| (i, p.normal_in_world.dot(in_world.direction) >= 0.0));
+        CutRay { cuts: &self.cuts, ray, from }
+    }
+
+    /// The first surface of label `only`, or of any, with scaled t in (0, `t_max`), where nothing is cut.
     fn surface_along(&self, ray: &IndexRay, t_max: f64, only: Option<u32>) -> Option<Hit> {
-        match self.nearest(ray, t_max, only, false) {
+        match self.nearest(ray, 0.0, t_max, only, false) {
             Nearest::Nothing => None,
-            Nearest::Face { step, item } => {
-                let step = if step.is_near_edge(ray) { self.open_face(ray, step, t_max, only) } else { step };
-                Some(self.hit(ray, &step, item, false))
-            }
-            Nearest::Inside { label, voxel } => self.leave(ray, label, voxel, t_max),
+            Nearest::Face { step, item } => Some(self.face_hit(ray, step, item, t_max, only)),
+            Nearest::Inside { label, voxel } => match self.leave(ray, label, voxel, t_max) {
+                Left::Through(hit) => Some(hit),
+                Left::Within | Left::Nowhere => None,
+            },
         }
     }
 
-    /// The nearest face with scaled t in (0, `t_max`), or where the ray starts inside. With `any`, the first found will do.
-    fn nearest(&self, ray: &IndexRay, t_max: f64, only: Option<u32>, any: bool) -> Nearest {
+    /// The same among what the cuts left, piece by piece; with `any`, some surface will do.
+    fn kept_surface_along(&self, cut: &CutRay, t_max: f64, only: Option<u32>, any: bool) -> Option<Hit> {
+        let ray = cut.ray;
+        let mut t = 0.0;
+        loop {
+            let (start, entry) = cut.kept_from(t);
+            if start >= t_max {
+                return None;
+            }
+            let (end, exit) = cut.kept_to(start);
+            let limit = end.min(t_max);
+            match (self.nearest(ray, start, limit, only, any), entry) {
+                (Nearest::Nothing, _) => {}
+                (Nearest::Face { step, item }, _) => {
+                    return Some(self.face_hit(ray, step, item, limit, only));
+                }
+                (Nearest::Inside { label, voxel }, Some(plane)) => {
+                    return Some(self.cap(ray, start, plane, label, voxel, false));
+                }
+                (Nearest::Inside { label, voxel }, None) => match self.leave(ray, label, voxel, limit) {
+                    Left::Through(hit) => return Some(hit),
+                    Left::Within if end < t_max => {
+                        return Some(self.cap(ray, end, exit, label, self.voxel_at(ray, end), true));
+                    }
+                    Left::Within | Left::Nowhere => return None,
+                },
+            }
+            if end >= t_max {
+                return None;
+            }
+            t = end;
+        }
+    }
+
+    fn face_hit(&self, ray: &IndexRay, step: Step, item: u32, t_max: f64, only: Option<u32>) -> Hit {
+        let step = if step.is_near_edge(ray) { self.open_face(ray, step, t_max, only) } else { step };
+        self.hit(ray, &step, item, false)
+    }
+
+    /// The nearest face with scaled t in (`start`, `t_max`), or what is at `start`. With `any`, the first found will do.
+    #[inline]
+    fn nearest(&self, ray: &IndexRay, start: f64, t_max: f64, only: Option<u32>, any: bool) -> Nearest {
         let mut best = Nearest::Nothing;
-        let Some((bvh_ray, enter_all)) = self.bvh_ray(ray, t_max) else { return best };
+        let Some((bvh_ray, enter_all)) = self.bvh_ray(ray, start, t_max) else { return best };
         // What is hit after best_t cannot win; what is hit at it may, by its label.
         let mut best_t = t_max;
         let limit = |t: f64| (t - enter_all) as f32 * 1.000_001 + bvh_ray.pad;
@@ -146,11 +234,11 @@ impl VolumeTracer {
             let b = self.box_of(item);
             let level = self.detail.level(&b);
             let hi = self.clipped_end(&b);
-            let (enter, leave) = ray.clip(b.origin, hi, 0.0);
+            let (enter, leave) = ray.clip(b.origin, hi, start);
             if enter >= leave || enter > best_t {
                 return limit(best_t);
             }
-            match Walk::begin(ray, b.origin, hi, enter).first_solid(ray, &b, level, enter == 0.0) {
+            match Walk::begin(ray, b.origin, hi, enter).first_solid(ray, &b, level, enter == start) {
                 Found::Nothing => {}
                 Found::Face(step) if step.t >= t_max || step.t > best_t => {}
                 Found::Inside(_) | Found::Face(_) if only.is_some_and(|l| l != self.label_of(item)) => {}
@@ -160,7 +248,7 @@ impl VolumeTracer {
                         best = Nearest::Inside { label: found, voxel };
                     }
                     // With `any`, a face is looked for all the same: else it would matter which of the two came first.
-                    best_t = if any { best_t } else { 0.0 };
+                    best_t = if any { best_t } else { start };
                 }
                 Found::Face(step) => {
                     let wins = match &best {
@@ -187,9 +275,9 @@ impl VolumeTracer {
     }
 
     /// The ray moved to the hierarchy's bounds, and the scaled t of the move.
-    fn bvh_ray(&self, ray: &IndexRay, t_max: f64) -> Option<(BvhRay, f64)> {
+    fn bvh_ray(&self, ray: &IndexRay, start: f64, t_max: f64) -> Option<(BvhRay, f64)> {
         let bounds = self.bvh.bounds()?;
-        let (enter, leave) = ray.clip(bounds.lo, bounds.hi, 0.0);
+        let (enter, leave) = ray.clip(bounds.lo, bounds.hi, start);
         if enter >= leave || enter >= t_max {
             return None;
         }
@@ -210,23 +298,27 @@ impl VolumeTracer {
     }
 
     /// The face through which a ray that starts in `voxel` of `label` leaves the label.
-    fn leave(&self, ray: &IndexRay, label: u32, mut voxel: [u32; 3], t_max: f64) -> Option<Hit> {
+    fn leave(&self, ray: &IndexRay, label: u32, mut voxel: [u32; 3], t_max: f64) -> Left {
         let mut t = 0.0f64;
-        let mut item = self.item_with(label, voxel)?;
+        let Some(mut item) = self.item_with(label, voxel) else { return Left::Nowhere };
         loop {
             let b = self.box_of(item);
             let hi = self.clipped_end(&b);
             let walk = Walk::begin_in(ray, b.origin, hi, t, Some(voxel));
             let (step, left_box) = walk.last_solid(ray, &b, self.detail.level(&b));
             if step.t >= t_max {
-                return None;
+                return Left::Within;
             }
             match self.item_with(label, step.voxel).filter(|_| left_box) {
                 Some(next) => (item, voxel, t) = (next, step.voxel, t.max(step.t)),
                 None => {
                     let step =
                         if step.tied.is_power_of_two() { step } else { self.face_out(ray, step, label) };
-                    return (step.t > 0.0 && step.t < t_max).then(|| self.hit(ray, &step, item, true));
+                    return match step.t {
+                        t if t <= 0.0 => Left::Nowhere,
+                        t if t >= t_max => Left::Within,
+                        _ => Left::Through(self.hit(ray, &step, item, true)),
+                    };
                 }
             }
         }
@@ -315,6 +407,34 @@ impl VolumeTracer {
         }
     }
 
+    /// The cap at scaled `t` in a plane of the cuts.
+    #[cold]
+    fn cap(&self, ray: &IndexRay, t: f64, plane: u32, label: u32, voxel: [u32; 3], from_inside: bool) -> Hit {
+        Hit {
+            t: t / ray.scaled_from_world,
+            surface: Surface {
+                instance: self.instance,
+                kind: SurfaceKind::Cap,
+                voxel,
+                axis: 0,
+                positive: false,
+                plane,
+                label,
+            },
+            normal_in_world: self.cuts.planes()[plane as usize].normal_in_world,
+            from_inside,
+        }
+    }
+
+    /// The voxel where the ray is at scaled `t`.
+    fn voxel_at(&self, ray: &IndexRay, t: f64) -> [u32; 3] {
+        let dims = self.volume.info().dims;
+        each_axis(|a| {
+            let at = (ray.origin[a] + t * ray.direction[a]).floor();
+            at.clamp(0.0, f64::from(dims[a] - 1)) as u32
+        })
+    }
+
     /// One past the highest voxel of a surface's element.
     fn element_end(&self, surface: &Surface) -> [u32; 3] {
         let voxel_end = surface.voxel.map(|v| v.saturating_add(1));
@@ -350,8 +470,12 @@ impl VolumeTracer {
 
 impl Tracer for VolumeTracer {
     fn first_hit(&self, ray: &RayInWorld, from: PathOrigin, t_max: f64) -> Option<Hit> {
-        let ray = self.index_ray(ray, from)?;
-        self.surface_along(&ray, ray.scaled_t(t_max), None)
+        let r = self.index_ray(ray, from)?;
+        let t_max = r.scaled_t(t_max);
+        if self.cuts.is_empty() {
+            return self.surface_along(&r, t_max, None);
+        }
+        self.kept_surface_along(&self.cut_ray(&r, ray, from), t_max, None, false)
     }
 
     /// As `first_hit(…).is_some()`, in less time from a face, where the first box that answers will do. (Not from a free point:
@@ -359,12 +483,17 @@ impl Tracer for VolumeTracer {
     /// coarse elements of labels overlap and a path starts within another's, faces within that one count too.
     fn occluded(&self, ray: &RayInWorld, from: PathOrigin, t_max: f64) -> bool {
         let any = matches!(from, PathOrigin::Face(_));
-        let Some(ray) = self.index_ray(ray, from) else { return false };
-        let t_max = ray.scaled_t(t_max);
-        match self.nearest(&ray, t_max, None, any) {
+        let Some(r) = self.index_ray(ray, from) else { return false };
+        let t_max = r.scaled_t(t_max);
+        if !self.cuts.is_empty() {
+            return self.kept_surface_along(&self.cut_ray(&r, ray, from), t_max, None, any).is_some();
+        }
+        match self.nearest(&r, 0.0, t_max, None, any) {
             Nearest::Nothing => false,
             Nearest::Face { .. } => true,
-            Nearest::Inside { label, voxel } => self.leave(&ray, label, voxel, t_max).is_some(),
+            Nearest::Inside { label, voxel } => {
+                matches!(self.leave(&r, label, voxel, t_max), Left::Through(_))
+            }
         }
     }
 }

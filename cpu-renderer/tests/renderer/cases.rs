@@ -9,8 +9,8 @@ use glam::{DAffine3, DMat3, DVec3};
 use pumice_core::{CompressedVolume, Job, LabelBuffer, LabelType, VolumeInfo, compress_labels};
 use pumice_render::{Image, Picture, Rebuilt, RenderError, Renderer};
 use pumice_scene::{
-    Camera, Environment, Film, Filter, Instance, LabelStyle, Light, LightShape, Lod, Material, Mode,
-    Projection, SCENE_VERSION, Scene, Settings, Show, Sun, World,
+    Camera, Cut, CutShape, Environment, Film, Filter, Instance, LabelStyle, Light, LightShape, Lod, Material,
+    Mode, Projection, SCENE_VERSION, Scene, Settings, Show, Sun, World,
 };
 
 const BLACK: Environment = Environment::Constant { radiance: [0.0; 3] };
@@ -92,6 +92,42 @@ fn a_point_sun_gives_albedo_over_pi_times_strength_times_cosine() {
                 pixel.iter().all(|v| (v - expected).abs() <= 4e-6 * expected),
                 "{pixel:?}, expected {expected}"
             );
+        }
+    }
+}
+
+/// Takes away what lies above a slope of 3 in 4 through the tower's middle at height z.
+fn slope(z: f64) -> Cut {
+    let shape = CutShape::Plane { point: [14.0, 14.0, z], normal: [3.0, 0.0, 4.0] };
+    Cut { shape, instances: None }
+}
+
+#[test]
+fn a_cap_is_lit_as_its_plane_lies() {
+    let sun = Sun { direction: [0.0, 0.0, -1.0], strength: 3.0, color: [1.0; 3], angle_rad: 0.0 };
+    let mut scene = looking_down(BLACK, vec![sun], lambert(0.6));
+    scene.settings.mode = Mode::OneBounce;
+    scene.camera.world_from_camera.translation = DVec3::new(14.0, 14.0, 20.0);
+    // The top of the tower, then its cap, with a cosine of 4/5.
+    for (cuts, cosine) in [(vec![], 1.0), (vec![slope(5.0)], 0.8)] {
+        scene.cuts = cuts;
+        let mut renderer = super::renderer();
+        renderer.set_scene(&scene, &[volume()], &[]).unwrap();
+        while renderer.advance(Duration::ZERO, 2, &Job::new()).unwrap().spp < 2 {}
+        let picture = renderer.picture().unwrap();
+        let expected = 0.6 * FRAC_1_PI * 3.0 * cosine;
+        for pixel in picture.color.pixels {
+            assert!(
+                pixel.iter().all(|v| (v - expected).abs() <= 4e-6 * expected),
+                "{pixel:?}, expected {expected}"
+            );
+        }
+        // Seen is label 9, the second of the table, at the height of the slope in the middle of each pixel.
+        assert!(picture.label.unwrap().iter().all(|&l| l == 2));
+        for (i, depth) in picture.depth.unwrap().into_iter().enumerate() {
+            let x = 12.5 + 3.0 / 8.0 * ((i % 8) as f32 + 0.5);
+            let height = if scene.cuts.is_empty() { 8.0 } else { 5.0 - 0.75 * (x - 14.0) };
+            assert!((depth - (20.0 - height)).abs() < 1e-5, "{depth} at {x}");
         }
     }
 }
@@ -319,6 +355,10 @@ fn only_what_differs_is_made_again() {
         ),
         ("film, by distance", |s| s.film.width += 2, Rebuilt { camera: 1, film: 1, ..none }),
         ("place, by distance", |s| s.instances[0].world_from_index.matrix3 *= 1.25, none),
+        ("a cut", |s| s.cuts = vec![slope(3.5)], none),
+        ("the cut moved", |s| s.cuts = vec![slope(1.25)], none),
+        ("place, cut", |s| s.instances[0].world_from_index.matrix3 *= 0.8, none),
+        ("no cut", |s| s.cuts.clear(), none),
         ("all voxels", |s| s.settings.lod = Lod::Voxels, Rebuilt { acceleration: 1, ..none }),
     ];
     let mut scene = base;

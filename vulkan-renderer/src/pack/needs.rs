@@ -25,14 +25,17 @@ pub struct ShaderNeeds {
     pub glass: bool,
     /// Some label is not wholly there.
     pub clear: bool,
+    /// Something is cut away.
+    pub cuts: bool,
 }
 
 impl ShaderNeeds {
-    /// What this camera, these lights and these looks of all instances need.
+    /// What this camera, these lights, these looks of all instances and these cuts need.
     pub fn new<'a>(
         camera: &Camera,
         lights: &Lights,
         looks: impl IntoIterator<Item = &'a PackedLooks>,
+        cuts: bool,
     ) -> Self {
         let mut materials: Vec<Material> = Vec::new();
         looks.into_iter().for_each(|l| materials.extend(&l.materials));
@@ -48,12 +51,13 @@ impl ShaderNeeds {
             aim: lights.any_aimed(),
             lens: camera.aperture.is_some(),
             lamps: !lights.lamps().is_empty(),
+            cuts,
         }
     }
 
     /// Specialisation constants by their numbers; number 0 is the probe's.
-    pub fn constants(&self) -> [u32; 9] {
-        let Self { lobes, picture, aim, lens, lamps, coat, glass, clear } = *self;
-        [false, lobes, picture, aim, lens, lamps, coat, glass, clear].map(u32::from)
+    pub fn constants(&self) -> [u32; 10] {
+        let Self { lobes, picture, aim, lens, lamps, coat, glass, clear, cuts } = *self;
+        [false, lobes, picture, aim, lens, lamps, coat, glass, clear, cuts].map(u32::from)
     }
 }

@@ -149,6 +149,10 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
         ],
     ),
     (
+        "cpu-renderer/src/traverse/cuts.rs",
+        &[("CutPlane::new", READY), ("Cuts::new", READY), ("Cuts::is_empty", READ), ("Cuts::planes", READ)],
+    ),
+    (
         "cpu-renderer/src/traverse/index_ray.rs",
         &[
             ("Placement::of_instance", READY),
@@ -172,6 +176,8 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
             ("normals", READY),
             ("VolumeTracer::new", READY),
             ("VolumeTracer::again", READY),
+            ("VolumeTracer::with_cuts", READY),
+            ("VolumeTracer::cuts", READ),
             ("VolumeTracer::bytes", COUNTED),
             ("VolumeTracer::boxes", COUNTED),
             ("VolumeTracer::label_at", "asked about a voxel, not by a ray"),
@@ -267,7 +273,7 @@ pub(crate) const OTHER_NAMES: &[Listed] = &[
     (
         "cpu-renderer/src/traverse/index_ray.rs",
         // The adjugate and the translation of a placement are uploaded; a scale by a power of two is f64.glsl's.
-        &[("Placement::ray", "index_ray_new"), ("exp2", "scaled"), ("face_of", "index_ray_new")],
+        &[("Placement::ray", "index_ray_new"), ("exp2", "scaled"), ("surface_of", "index_ray_new")],
     ),
     (
         "cpu-renderer/src/traverse/lod.rs",
@@ -287,6 +293,8 @@ pub(crate) const OTHER_NAMES: &[Listed] = &[
         &[
             ("VolumeTracer::next_boundary", "volume_ask"),
             ("VolumeTracer::surface_along", "volume_ask"),
+            ("VolumeTracer::kept_surface_along", "volume_ask"),
+            ("VolumeTracer::face_hit", "volume_ask"),
             ("VolumeTracer::first_hit", "volume_ask"),
             ("VolumeTracer::occluded", "volume_ask"),
             ("VolumeTracer::hit", "hit_of"),

@@ -91,7 +91,7 @@ fn films_with_doubles_in_integers_are_the_cpus() {
     assert_eq!(cases.len(), 2);
     let needs = |case: &Case| {
         let looks: Vec<_> = case.around.looks.iter().map(|l| PackedLooks::new(l)).collect();
-        ShaderNeeds::new(&case.camera, &case.around.lights, &looks)
+        ShaderNeeds::new(&case.camera, &case.around.lights, &looks, false)
     };
     let [even, distance] = [needs(&cases[0]), needs(&cases[1])];
     assert!(even.constants().iter().zip(distance.constants()).all(|(&e, d)| e <= d), "one program will do");

@@ -6,7 +6,7 @@ use std::time::Duration;
 use glam::{DAffine3, DVec3};
 use pumice_core::{CompressedVolume, Job, LabelBuffer, LabelType, VolumeInfo, compress_labels};
 use pumice_render::Renderer as _;
-use pumice_scene::{Environment, Film, Filter, Lod, Material, Projection, Scene, Show};
+use pumice_scene::{Cut, CutShape, Environment, Film, Filter, Lod, Material, Projection, Scene, Show};
 use pumice_vulkan::Sent;
 use pumice_vulkan::device::Backend;
 
@@ -35,12 +35,16 @@ pub(super) fn scene_of_balls() -> Scene {
     scene
 }
 
+fn cut_at(x: f64) -> Cut {
+    Cut { shape: CutShape::Plane { point: [x, 0.0, 0.0], normal: [1.0, 0.0, 0.2] }, instances: None }
+}
+
 #[test]
 fn an_edit_sends_what_it_changes_and_no_more() {
     type Edit = fn(&mut Scene);
     let none = Sent { header: 1, ..Sent::default() };
-    let cases: [(&str, Edit, Sent); 13] = [
-        ("all", |_| (), Sent { header: 1, lights: 1, filter: 1, materials: 1, boxes: 1, nodes: 1 }),
+    let cases: [(&str, Edit, Sent); 17] = [
+        ("all", |_| (), Sent { header: 1, lights: 1, filter: 1, materials: 1, boxes: 1, nodes: 1, cuts: 0 }),
         ("camera", |s| s.camera.world_from_camera.translation.x += 3.0, none),
         ("bounces", |s| s.settings.bounces = 2, none),
         ("place", |s| s.instances[0].world_from_index.translation.x += 0.25, none),
@@ -76,6 +80,10 @@ fn an_edit_sends_what_it_changes_and_no_more() {
         ),
         ("shown again", |s| s.instances[0].style.show = Show::All, Sent { materials: 1, boxes: 1, ..none }),
         ("coarse", |s| s.settings.lod = Lod::Distance { pixels: 2.0 }, Sent { boxes: 1, ..none }),
+        ("a cut", |s| s.cuts.push(cut_at(100.0)), Sent { cuts: 1, ..none }),
+        ("camera, cut", |s| s.camera.world_from_camera.translation.z += 50.0, none),
+        ("the cut moved", |s| s.cuts[0] = cut_at(120.0), Sent { cuts: 1, ..none }),
+        ("no cut", |s| s.cuts.clear(), none),
         ("camera, coarse", |s| s.camera.world_from_camera.translation.z += 500.0, none),
     ];
     for backend in [Backend::RayQuery, Backend::Compute] {
@@ -93,6 +101,7 @@ fn an_edit_sends_what_it_changes_and_no_more() {
                 materials: after.materials - before.materials,
                 boxes: after.boxes - before.boxes,
                 nodes: after.nodes - before.nodes,
+                cuts: after.cuts - before.cuts,
             };
             assert_eq!(sent, *expected, "{name}");
         }

@@ -1,0 +1,17 @@
+//! What is cut away from an instance.
+
+use pumice_cpu::traverse::Cuts;
+
+use crate::layout::CutPlane;
+
+/// The planes of all parts, as the shaders read them.
+pub fn cut_planes(cuts: &Cuts) -> Vec<CutPlane> {
+    let record = |p: &pumice_cpu::traverse::CutPlane| CutPlane {
+        normal: p.normal,
+        offset: p.offset,
+        normal_in_world: p.normal_in_world.to_array(),
+        axis: p.axis,
+        ends_part: u32::from(p.ends_part),
+    };
+    cuts.planes().iter().map(record).collect()
+}
