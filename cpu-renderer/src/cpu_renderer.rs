@@ -8,14 +8,14 @@ use pumice_render::{
     EnvironmentTable, Image, Pick, Picture, Progress, ReadyLamp, ReadySun, Rebuilt, RenderError, Renderer,
     SurfaceKind,
 };
-use pumice_scene::{Environment, InstanceDiff, Scene, SceneDiff, SceneError};
+use pumice_scene::{Environment, InstanceDiff, MeshDiff, Scene, SceneDiff, SceneError};
 
 use crate::camera_rays::CameraRays;
 use crate::lights::{Lights, Sky};
 use crate::looks::Looks;
 use crate::path::Surroundings;
 use crate::path_tracer::PathTracer;
-use crate::traverse::{LodChoice, SceneTracer, TracedInstance, VolumeTracer};
+use crate::traverse::{LodChoice, MeshTracer, SceneTracer, TracedInstance, VolumeTracer};
 
 /// Reads the scene-linear pictures that scenes name as environments; files are the caller's business.
 pub type ReadImage = fn(&std::path::Path) -> Result<Image, String>;
@@ -32,6 +32,7 @@ pub struct CpuRenderer {
 struct Shown {
     scene: Scene,
     volumes: Vec<Arc<CompressedVolume>>,
+    meshes: Vec<Arc<MeshData>>,
     lod: LodChoice,
     tracer: PathTracer<SceneTracer>,
 }
@@ -120,6 +121,40 @@ impl<'a> Former<'a> {
     }
 }
 
+/// The same for a mesh.
+struct FormerMesh<'a> {
+    shown: &'a Shown,
+    place: usize,
+    change: MeshDiff,
+}
+
+impl<'a> FormerMesh<'a> {
+    fn find(old: Option<&'a Shown>, diff: &SceneDiff, id: u32, mesh: &Arc<MeshData>) -> Option<Self> {
+        let shown = old?;
+        let place = shown.scene.meshes.iter().position(|m| m.id == id)?;
+        Arc::ptr_eq(&shown.meshes[place], mesh).then(|| {
+            let change = diff.meshes_changed.iter().find(|c| c.id == id).copied();
+            Self { shown, place, change: change.unwrap_or_default() }
+        })
+    }
+
+    fn looks(&self) -> Option<&'a Arc<Looks>> {
+        let instance = self.shown.volumes.len() + self.place;
+        (!self.change.materials).then(|| &self.shown.tracer.around().looks[instance])
+    }
+
+    /// Its triangles, elsewhere if need be.
+    fn geometry(
+        &self,
+        place: u32,
+        instance: u32,
+        world_from_mesh: glam::DAffine3,
+    ) -> Result<Option<Arc<MeshTracer>>, RenderError> {
+        let Some(kept) = self.shown.tracer.tracer().mesh(self.place) else { return Ok(None) };
+        Ok(Some(Arc::new(kept.again(place, instance, world_from_mesh)?)))
+    }
+}
+
 impl Renderer for CpuRenderer {
     fn name(&self) -> &'static str {
         "cpu"
@@ -186,8 +221,31 @@ impl Renderer for CpuRenderer {
                 }
             });
         }
+        let mut triangles = Vec::with_capacity(meshes.len());
+        for ((place, mesh), data) in (0u32..).zip(&scene.meshes).zip(meshes) {
+            let former = FormerMesh::find(old, &diff, mesh.id, data);
+            looks.push(match former.as_ref().and_then(FormerMesh::looks) {
+                Some(kept) => Arc::clone(kept),
+                None => {
+                    rebuilt.materials += 1;
+                    Arc::new(Looks::of_mesh(&mesh.materials))
+                }
+            });
+            let instance = volumes.len() as u32 + place;
+            let kept = match &former {
+                Some(f) => f.geometry(place, instance, mesh.world_from_mesh)?,
+                None => None,
+            };
+            triangles.push(match kept {
+                Some(kept) => kept,
+                None => {
+                    rebuilt.acceleration += 1;
+                    Arc::new(MeshTracer::new(place, instance, data, mesh.world_from_mesh)?)
+                }
+            });
+        }
         let around = Surroundings { lights, looks, settings: scene.settings };
-        let geometry = SceneTracer::of(geometry);
+        let geometry = SceneTracer::of(geometry).with_meshes(triangles);
         rebuilt.camera += u64::from(diff.camera || diff.film);
         rebuilt.film += u64::from(diff.film);
         let tracer = match self.shown.take() {
@@ -199,7 +257,8 @@ impl Renderer for CpuRenderer {
             _ => PathTracer::new(geometry, around, &scene.camera, &scene.film),
         };
         self.rebuilt = rebuilt;
-        self.shown = Some(Shown { scene: scene.clone(), volumes: volumes.to_vec(), lod, tracer });
+        let (volumes, meshes) = (volumes.to_vec(), meshes.to_vec());
+        self.shown = Some(Shown { scene: scene.clone(), volumes, meshes, lod, tracer });
         Ok(())
     }
 

@@ -3,7 +3,7 @@
 use pumice_render::palette;
 use pumice_scene::{LabelStyle, Material};
 
-/// Materials of one instance, by dense label.
+/// Materials of one instance by dense label, or of a mesh by the material index of its triangles.
 #[derive(Clone, Debug)]
 pub struct Looks {
     materials: Vec<Material>,
@@ -17,6 +17,15 @@ impl Looks {
     /// One material for all labels.
     pub fn same(material: Material) -> Self {
         Self { has_clear: material.alpha < 1.0, materials: vec![material], of_label: Vec::new() }
+    }
+
+    /// Looks of a mesh with these materials, at least one: indices past the end have the last.
+    pub fn of_mesh(materials: &[Material]) -> Self {
+        let has_clear = materials.iter().any(|m| m.alpha < 1.0);
+        // Who has none of its own has the first.
+        let last = materials.last().copied().unwrap_or_default();
+        let materials = std::iter::once(last).chain(materials.iter().copied()).collect::<Vec<_>>();
+        Self { of_label: (1..materials.len() as u32).collect(), materials, has_clear }
     }
 
     /// Looks of the labels with these ids (rising). `touching` are pairs of dense indices, read only for `auto_color`, where labels

@@ -17,7 +17,7 @@ use std::sync::Arc;
 use glam::{DVec3, Vec3};
 use pumice_render::sampler::{BouncePair, PixelSampler};
 use pumice_render::sun::frame_around;
-use pumice_render::{Hit, PathOrigin, RayInWorld, Receiver, Tracer};
+use pumice_render::{Hit, PathOrigin, RayInWorld, Receiver, SurfaceKind, Tracer};
 use pumice_scene::{Mode, Settings};
 
 use crate::bsdf::{Bsdf, emitted, sample_cosine};
@@ -37,7 +37,7 @@ const LEAST_SURVIVAL: f32 = 0.05;
 pub struct Surroundings {
     /// Sky, suns, backdrop.
     pub lights: Arc<Lights>,
-    /// Looks of each instance's labels.
+    /// Looks of each instance's labels, then of each mesh.
     pub looks: Vec<Arc<Looks>>,
     /// Mode, bounces, roulette.
     pub settings: Settings,
@@ -261,7 +261,9 @@ fn path<T: Tracer + ?Sized>(
         total += throughput * way.lamps(lights, direction, next.as_ref(), t_max);
         match next {
             Some(next) => {
-                buried = outward && next.is_seen_from_within() && !may_touch(direction, &hit);
+                // (A mesh may well stand inside of a label.)
+                let left_label = hit.surface.kind != SurfaceKind::Triangle;
+                buried = outward && left_label && next.is_seen_from_within() && !may_touch(direction, &hit);
                 hit = next;
             }
             None => return total + throughput * lights.found(direction.normalize(), sample.pdf),

@@ -43,6 +43,41 @@ def test_what_is_no_mesh_is_refused_by_name(positions, triangles, materials, sai
     assert said in str(raised.value) and str(raised.value).startswith("mesh: ") and "\n" not in str(raised.value)
 
 
+def test_a_picture_shows_a_mesh_where_it_is(volume):
+    """A square that is seen at a slant: its depth is the plane's, its colour the material's, by triangle."""
+    fields = pumice.figure(volume, size=(24, 20)).to_dict()
+    camera = fields["camera"]
+    camera["world_from_camera"] = [1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 10]
+    camera["projection"] = {"orthographic": {"scale": 6.0}}
+    camera["clip"] = [0.0, 1e9]
+    # Far from the volume; it rises by 1 from x = 0 to 2, in a mirrored place.
+    colors = [[0.9, 0.1, 0.1], [0.1, 0.1, 0.9]]
+    materials = [{"base_color": color, "roughness": 1.0, "specular": 0.0} for color in colors]
+    place = [-1, 0, -0.5, 0, 1, 0, 0, 0, 1, 2, 0, 1]
+    fields["meshes"] = [{"id": 7, "source": "floor", "world_from_mesh": place, "materials": materials}]
+    fields["instances"][0]["world_from_index"] = [1, 0, 0, 0, 1, 0, 0, 0, 1, 1e6, 0, 0]
+    corners = [[0, 0, 0], [2, 0, 0], [2, 2, 0], [0, 2, 0]]
+    square = pumice.Mesh(corners, [[0, 1, 2], [0, 2, 3]], [0, 1])
+    picture = pumice.render(pumice.Scene.from_dict(fields), volume, meshes=[square], spp=4, backend="cpu")
+    x = (np.arange(24) + 0.5) / 4 - 3
+    y = 2.5 - (np.arange(20) + 0.5) / 4
+    x, y = np.meshgrid(x, y)
+    inside = (x > 0) & (x < 2) & (y > 0) & (y < 2)
+    assert np.array_equal(np.isfinite(picture.depth), inside) and inside.sum() == 64
+    assert np.abs(picture.depth - (10 - x / 2))[inside].max() < 1e-5
+    # The diagonal runs from (2, 0) to (0, 2); pixels on it belong to one of both.
+    off = np.abs(x + y - 2) > 0.1
+    expected = np.where((x + y < 2)[..., None], colors[0], colors[1])
+    assert np.abs(picture.albedo - expected)[inside & off].max() < 1e-6
+    assert not picture.label[inside].any()
+    lit = picture.color[inside & off]
+    assert (lit.max(axis=-1) > 0.01).all()
+    # Without its mesh the scene is refused; with another, the picture is another.
+    smaller = pumice.Mesh([[v / 2 for v in c] for c in corners], [[0, 1, 2], [0, 2, 3]])
+    other = pumice.render(pumice.Scene.from_dict(fields), volume, meshes=[smaller], spp=1, backend="cpu")
+    assert np.isfinite(other.depth).sum() == 16
+
+
 def test_as_many_meshes_as_the_scene_has(volume):
     scene = pumice.figure(volume, size=(16, 12)).to_dict()
     place = [1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0]

@@ -64,7 +64,8 @@ pub struct Hit {
     pub t: f64,
     /// What was hit.
     pub surface: Surface,
-    /// Outward unit normal in world space. A triangle's points to where its corners are seen to turn counterclockwise.
+    /// Outward unit normal in world space. A triangle's points to where its corners are seen to turn counterclockwise in the mesh's
+    /// own space: a mirrored mesh keeps its outside, as in Cycles.
     pub normal_in_world: DVec3,
     /// The ray came from within the element (its origin was inside a solid voxel), or onto the back of a triangle.
     pub from_inside: bool,

@@ -23,9 +23,6 @@ pub fn refuse_undrawn(scene: &Scene) -> Result<(), RenderError> {
     if settings.smooth_voxels {
         return refuse("settings.smooth_voxels".into());
     }
-    if !scene.meshes.is_empty() {
-        return refuse("meshes".into());
-    }
     for (i, instance) in scene.instances.iter().enumerate() {
         let style = &instance.style;
         if let Some(field) = undrawn_in(&style.material) {
@@ -34,6 +31,16 @@ pub fn refuse_undrawn(scene: &Scene) -> Result<(), RenderError> {
         for (id, material) in &style.materials {
             if let Some(field) = undrawn_in(material) {
                 return refuse(format!("instances[{i}].style.materials.{id}.{field}"));
+            }
+        }
+    }
+    for (i, mesh) in scene.meshes.iter().enumerate() {
+        if mesh.shadow_catcher {
+            return refuse(format!("meshes[{i}].shadow_catcher"));
+        }
+        for (m, material) in mesh.materials.iter().enumerate() {
+            if let Some(field) = undrawn_in(material) {
+                return refuse(format!("meshes[{i}].materials[{m}].{field}"));
             }
         }
     }

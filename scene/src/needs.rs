@@ -43,6 +43,8 @@ pub struct Needs {
     pub suns: usize,
     /// Lamps that give light, to be aimed at and to be met.
     pub lamps: usize,
+    /// Triangle meshes.
+    pub meshes: usize,
     /// Some light is found both by aiming and by scattering, so that the two are weighted (multiple importance sampling).
     pub mis: bool,
     /// Paths light further surfaces after the first.
@@ -65,6 +67,7 @@ impl Needs {
 
         // Labels, and the materials that can be seen.
         let mut labels = Vec::new();
+        let mut seen = Vec::new();
         let (mut diffuse, mut specular, mut metal, mut emission) = (false, false, false, false);
         let (mut glass, mut coat, mut clear) = (false, false, false);
         for (instance, ids) in scene.instances.iter().zip(ids) {
@@ -74,15 +77,17 @@ impl Needs {
                 visible: visible.iter().filter(|v| **v).count(),
                 all: ids.len(),
             });
-            for (m, colored) in materials(&instance.style, ids, &visible) {
-                diffuse |= m.metallic < 1.0 && (colored || m.base_color != [0.0; 3]);
-                specular |= m.specular > 0.0 && m.ior > 1.0;
-                metal |= m.metallic > 0.0;
-                glass |= m.transmission > 0.0;
-                coat |= m.coat > 0.0;
-                clear |= m.alpha < 1.0;
-                emission |= m.emission != [0.0; 3];
-            }
+            seen.extend(materials(&instance.style, ids, &visible).map(|(m, colored)| (*m, colored)));
+        }
+        seen.extend(scene.meshes.iter().flat_map(|mesh| &mesh.materials).map(|m| (*m, false)));
+        for (m, colored) in seen {
+            diffuse |= m.metallic < 1.0 && (colored || m.base_color != [0.0; 3]);
+            specular |= m.specular > 0.0 && m.ior > 1.0;
+            metal |= m.metallic > 0.0;
+            glass |= m.transmission > 0.0;
+            coat |= m.coat > 0.0;
+            clear |= m.alpha < 1.0;
+            emission |= m.emission != [0.0; 3];
         }
 
         // Lights.
@@ -104,6 +109,7 @@ impl Needs {
             sky_table,
             suns: lit.count(),
             lamps: lamps.count(),
+            meshes: scene.meshes.len(),
             mis: lighting && (sky_table || wide),
             bounces,
             roulette: bounces && settings.russian_roulette,
@@ -129,6 +135,12 @@ impl Needs {
                 let hidden = all - visible;
                 lines.push(format!("left out: boxes of {hidden} labels of instance {instance} (not shown)"));
             }
+        }
+
+        match self.meshes {
+            0 => {}
+            1 => lines.push("needed: triangles of 1 mesh".into()),
+            n => lines.push(format!("needed: triangles of {n} meshes")),
         }
 
         // What is told either way.

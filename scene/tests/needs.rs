@@ -42,6 +42,7 @@ fn least() -> Needs {
         sky_table: false,
         suns: 0,
         lamps: 0,
+        meshes: 0,
         mis: false,
         bounces: true,
         roulette: false,
@@ -90,6 +91,11 @@ fn each_edit_needs_only_what_it_brings() {
         Needs { cuts: 1, ..least() }
     );
     assert_eq!(after(|s| s.cuts = vec![Cut { instances: Some(vec![]), ..cuts[0].clone() }]), least());
+
+    let mut mesh = full_scene().meshes.swap_remove(0);
+    mesh.materials = vec![MATTE, Material { metallic: 1.0, ..MATTE }];
+    assert_eq!(after(|s| s.meshes = vec![mesh.clone()]), Needs { meshes: 1, metal: true, ..least() });
+
     let lamps = full_scene().lights;
     assert_eq!(after(|s| s.lights = vec![lamps[1]]), Needs { lamps: 1, mis: true, ..least() });
     let unlit = pumice_scene::Light { power_w: 0.0, ..lamps[0] };
@@ -120,7 +126,7 @@ fn ambient_occlusion_needs_neither_lights_nor_materials() {
     scene.instances.truncate(1);
     scene.cuts.clear();
     let labels = vec![LabelCount { instance: 7, visible: 3, all: 4 }];
-    let expected = Needs { labels, lighting: false, diffuse: false, bounces: false, ..least() };
+    let expected = Needs { labels, meshes: 2, lighting: false, diffuse: false, bounces: false, ..least() };
     assert_eq!(needs(&scene), expected);
 }
 

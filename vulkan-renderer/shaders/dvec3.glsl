@@ -57,6 +57,15 @@ f64 dvec3_dot(DVec3 a, DVec3 b) {
     return sum;
 }
 
+DVec3 dvec3_cross(DVec3 a, DVec3 b) {
+    DVec3 result;
+    ROLLED for (int i = 0; i < 3; i++) {
+        int j = (i + 1) % 3, k = (i + 2) % 3;
+        result.at[i] = f64_sub(f64_mul(a.at[j], b.at[k]), f64_mul(b.at[j], a.at[k]));
+    }
+    return result;
+}
+
 f64 dvec3_length(DVec3 a) {
     return f64_sqrt(dvec3_dot(a, a));
 }

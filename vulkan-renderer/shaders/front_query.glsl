@@ -7,7 +7,7 @@
 
 #include "hardware_ray.glsl"
 
-void query_boxes(InstanceRef instance, HardwareRay ray, inout Search search) {
+void query_boxes(InstanceRef instance, HardwareRay ray, bool of_voxel, inout Search search) {
     if (instance.it.box_count == 0u) {
         return;
     }
@@ -19,7 +19,8 @@ void query_boxes(InstanceRef instance, HardwareRay ray, inout Search search) {
         if (rayQueryGetIntersectionTypeEXT(query, false) != gl_RayQueryCandidateIntersectionAABBEXT) {
             continue;
         }
-        if (visit(instance, search, uint(rayQueryGetIntersectionPrimitiveIndexEXT(query, false)))) {
+        uint item = uint(rayQueryGetIntersectionPrimitiveIndexEXT(query, false));
+        if (of_voxel ? visit_box(instance, search, item) : visit(instance, search, item)) {
             rayQueryTerminateEXT(query);
             return;
         }
@@ -32,11 +33,11 @@ void query_boxes(InstanceRef instance, HardwareRay ray, inout Search search) {
 }
 
 void along_ray(InstanceRef instance, BvhRay moved, inout Search search) {
-    query_boxes(instance, hardware_ray(moved, search), search);
+    query_boxes(instance, hardware_ray(moved, search), false, search);
 }
 
 void at_voxel(InstanceRef instance, uvec3 voxel, inout Search search) {
-    query_boxes(instance, hardware_point(voxel), search);
+    query_boxes(instance, hardware_point(voxel), true, search);
 }
 
 #endif

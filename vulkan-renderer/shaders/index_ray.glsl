@@ -85,18 +85,41 @@ void start_on_face(Placement p, inout DVec3 origin, inout DVec3 direction, DVec3
     }
 }
 
-// The ray in index space; false when it is not finite or has no direction. `from` belongs to this instance or is no surface; of a
-// cap, `from.axis` is the axis across which its plane lies at `plane`, or 3.
-bool index_ray_new(Placement p, RayInWorld ray, Surface from, uvec3 upper, f64 plane, out IndexRay result) {
+// Unit normal in the world of a surface with this normal in index space.
+DVec3 normal_of(Placement p, DVec3 normal) {
+    DVec3 n = normal;
+    // First of the index space's normal, then of the world's.
+    [[dont_unroll]] for (int turn = 0; turn < 2; turn++) {
+        f64 largest = f64_max(f64_max(f64_abs(n.at[0]), f64_abs(n.at[1])), f64_abs(n.at[2]));
+        ROLLED for (int a = 0; a < 3; a++) {
+            n.at[a] = f64_div(n.at[a], largest);
+        }
+        if (turn == 0) {
+            n = dvec3_add(dvec3_add(dvec3_scale(p.adjugate[0], n.at[0]), dvec3_scale(p.adjugate[1], n.at[1])),
+                dvec3_scale(p.adjugate[2], n.at[2]));
+        }
+    }
+    return dvec3_normalize(n);
+}
+
+// The ray in index space, its direction scaled; false when it is not finite or has no direction.
+bool placement_moved(Placement p, RayInWorld ray, out DVec3 o, out DVec3 d, out DVec3 d_world, out int k0, out int k1) {
     // 1. Scale in the world first.
-    DVec3 d_world, d;
-    int k0, k1;
     if (!scaled(ray.direction, d_world, k0) || !scaled(index_from_world(p, d_world), d, k1)) {
         return false;
     }
     // 2. Subtract the translation before the product.
-    DVec3 o = index_from_world(p, dvec3_sub(ray.origin, p.translation));
-    if (!dvec3_is_finite(o)) {
+    o = index_from_world(p, dvec3_sub(ray.origin, p.translation));
+    return dvec3_is_finite(o);
+}
+
+// The ray in index space; false when it is not finite or has no direction. `from` belongs to this instance or is no surface; of a
+// cap, `from.axis` is the axis across which its plane lies at `plane`, or 3. In the grid of a mesh (`to_mesh`) a point of the ray is
+// what it is, and belongs to no cell.
+bool index_ray_new(Placement p, RayInWorld ray, Surface from, uvec3 upper, f64 plane, bool to_mesh, out IndexRay result) {
+    DVec3 o, d, d_world;
+    int k0, k1;
+    if (!placement_moved(p, ray, o, d, d_world, k0, k1)) {
         return false;
     }
     if (from.instance != NONE && from.kind == SURFACE_FACE) {
@@ -104,9 +127,9 @@ bool index_ray_new(Placement p, RayInWorld ray, Surface from, uvec3 upper, f64 p
     } else if (from.instance != NONE && from.axis < 3u) {
         o.at[from.axis] = plane;
     }
-    // 3. Directions of 0, and so small that 1/d overflows.
+    // Directions of 0, and so small that 1/d overflows.
     ROLLED for (int a = 0; a < 3; a++) {
-        if (f64_eq(d.at[a], F64_ZERO)) {
+        if (!to_mesh && f64_eq(d.at[a], F64_ZERO)) {
             d.at[a] = F64_ZERO;
             o.at[a] = f64_eq(f64_floor(o.at[a]), o.at[a]) ? f64_add(o.at[a], F64_HALF) : o.at[a];
             result.inverse[a] = ONE_OVER_SMALLEST;

@@ -189,6 +189,8 @@ struct CutPlane {
 };
 
 const uint LOD_BY_DISTANCE = 3u;
+// The instance is a mesh.
+const uint LOD_TRIANGLES = 4u;
 const uint64_t INSTANCE_BYTES = 384UL;
 
 struct SurfaceRecord {

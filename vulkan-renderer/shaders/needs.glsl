@@ -21,5 +21,7 @@ layout(constant_id = 7) const uint NEEDS_GLASS = 1u;
 layout(constant_id = 8) const uint NEEDS_CLEAR = 1u;
 // Something is cut away.
 layout(constant_id = 9) const uint NEEDS_CUTS = 1u;
+// There are triangle meshes.
+layout(constant_id = 10) const uint NEEDS_MESHES = 1u;
 
 #endif

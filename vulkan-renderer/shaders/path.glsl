@@ -139,9 +139,9 @@ vec3 radiance(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, fl
             return total + throughput * lights_found(lights, sky, dvec3_normalize(ray.direction), onward_pdf);
         }
         ray.origin = dvec3_add(ray.origin, dvec3_scale(ray.direction, hit.t));
-        // Whether a path outside of all labels started within another label's coarse element.
+        // Whether a path outside of all labels started within another label's coarse element. (A mesh may well stand inside of a label.)
         bool buried = is_seen_from_within(hit) && flight == FLIGHT_SCATTERED && goes_outward(ray.direction, left) &&
-            !may_touch(ray.direction, left);
+            left.surface.kind != SURFACE_TRIANGLE && !may_touch(ray.direction, left);
         left = hit;
 
         // 1 where a cosine-distributed ray meets nothing within reach, else 0.

@@ -301,7 +301,7 @@ void probe_index_ray(uint row) {
         upper[a] = take();
     }
     IndexRay result;
-    bool usable = index_ray_new(placement_of(instance), ray, surface_from_record(r), upper, F64_ZERO, result);
+    bool usable = index_ray_new(placement_of(instance), ray, surface_from_record(r), upper, F64_ZERO, false, result);
     put(usable ? 1u : 0u);
     for (uint a = 0u; a < 3u; a++) {
         put_f64(result.origin[a]);

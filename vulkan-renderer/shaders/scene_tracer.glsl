@@ -1,4 +1,4 @@
-// All instances of a scene: twin of cpu-renderer/src/traverse/scene_tracer.rs.
+// All instances and meshes of a scene: twin of cpu-renderer/src/traverse/scene_tracer.rs.
 #ifndef SCENE_TRACER_GLSL
 #define SCENE_TRACER_GLSL
 
@@ -11,7 +11,7 @@ InstanceRef instance_at(SceneRef scene, uint number) {
 // One function for the three questions of the twin (see volume_ask): `first_hit`; with `any`, `occluded`; with `only` a label,
 // `next_boundary` of it in instance `only_instance`.
 //
-// In order of instances, each within what the others left: at equal t the lowest instance stays.
+// In order of instances, volumes then meshes, each within what the others left: at equal t the lowest instance stays.
 Hit scene_ask(SceneRef scene, RayInWorld ray, Surface from, f64 t_max, bool any, uint only, uint only_instance) {
     Hit best = no_hit();
     f64 limit = t_max;

@@ -16,10 +16,12 @@
 #include "bvh.glsl"
 #include "cuts.glsl"
 #include "needs.glsl"
+#include "triangle.glsl"
 
 const uint NEAREST_NOTHING = 0u;
 const uint NEAREST_INSIDE = 1u;
 const uint NEAREST_FACE = 2u;
+const uint NEAREST_TRIANGLE = 3u;
 
 // What visits look for.
 const uint SEEK_NEAREST = 0u;
@@ -42,8 +44,13 @@ struct Search {
     // Nearest so far.
     uint kind;
     uint label;
+    // Of a box, or of a triangle.
     uint box_number;
     Step step;
+    // In a mesh: its triangle that a path leaves, or NONE; axes (two bits each) and shear of the TriangleRay.
+    uint leaving;
+    uint axes;
+    vec2 shear;
 };
 
 uint number_in(uvec3 origin, uvec3 voxel, uint shift) {
@@ -90,7 +97,7 @@ bool comes_first(uint label_a, uvec3 a, uint label_b, uvec3 b) {
 }
 
 // Looks at one box. True when the search is over.
-bool visit(InstanceRef instance, inout Search search, uint item) {
+bool visit_box(InstanceRef instance, inout Search search, uint item) {
     BoxPlace p = box_place(instance, item);
     if (search.seek == SEEK_HOLDER) {
         bool wanted = search.only == NONE || label_of_box(instance, item) == search.only;
@@ -148,6 +155,13 @@ bool visit(InstanceRef instance, inout Search search, uint item) {
     return false;
 }
 
+#include "mesh_tracer.glsl"
+
+// Looks at what an item is. (Searches for a voxel call `visit_box`: there are many of them, and none is of a mesh.)
+bool visit(InstanceRef instance, inout Search search, uint item) {
+    return is_mesh(instance) ? visit_triangle(instance, search, item) : visit_box(instance, search, item);
+}
+
 const float TWO_POW_60 = 1152921504606846976.0;
 
 #if defined(FRONT_BVH)
@@ -184,8 +198,9 @@ bool bvh_ray(InstanceRef instance, IndexRay ray, f64 start, f64 t_max, out BvhRa
     return true;
 }
 
-// The nearest face with scaled t in (start, t_max), or what is at `start`; with `any`, the first found will do.
-Search nearest(InstanceRef instance, IndexRay ray, f64 start, f64 t_max, uint only, bool any) {
+// The nearest face with scaled t in (start, t_max), or what is at `start`, or the nearest triangle; with `any`, the first found will
+// do.
+Search nearest(InstanceRef instance, IndexRay ray, uint leaving, f64 start, f64 t_max, uint only, bool any) {
     Search search;
     search.ray = ray;
     search.start = start;
@@ -199,9 +214,15 @@ Search nearest(InstanceRef instance, IndexRay ray, f64 start, f64 t_max, uint on
     search.label = NONE;
     search.box_number = NONE;
     search.step = Step(F64_ZERO, 0u, 0u, uvec3(0u), 0u);
+    search.leaving = leaving;
+    search.axes = 0u;
+    search.shear = vec2(0.0);
     BvhRay moved;
     if (bvh_ray(instance, ray, start, t_max, moved, search.enter_all)) {
         search.pad = moved.pad;
+        if (is_mesh(instance)) {
+            start_in_grid(search);
+        }
         along_ray(instance, moved, search);
     }
     return search;
@@ -232,6 +253,9 @@ uint item_with(InstanceRef instance, uint label, uvec3 voxel) {
     search.label = NONE;
     search.box_number = NONE;
     search.step = Step(F64_ZERO, 0u, 0u, voxel, 0u);
+    search.leaving = NONE;
+    search.axes = 0u;
+    search.shear = vec2(0.0);
     at_voxel(instance, voxel, search);
     return search.box_number;
 }
@@ -355,7 +379,8 @@ uvec3 element_end(InstanceRef instance, Surface surface) {
 bool index_ray(InstanceRef instance, uint instance_number, RayInWorld ray, Surface from, out IndexRay result) {
     uvec3 upper = uvec3(0u);
     f64 plane = F64_ZERO;
-    if (from.instance != instance_number) {
+    bool to_mesh = is_mesh(instance);
+    if (from.instance != instance_number || to_mesh) {
         from.instance = NONE;
     } else if (from.kind == SURFACE_FACE) {
         upper = element_end(instance, from);
@@ -366,7 +391,7 @@ bool index_ray(InstanceRef instance, uint instance_number, RayInWorld ray, Surfa
     } else {
         from.instance = NONE;
     }
-    return index_ray_new(placement_of(instance), ray, from, upper, plane, result);
+    return index_ray_new(placement_of(instance), ray, from, upper, plane, to_mesh, result);
 }
 
 // The ray, for the cuts. (The world's ray decides to which side of a cap it goes: the integrator saw that one.)
@@ -384,8 +409,8 @@ CutRay cut_ray(InstanceRef instance, uint instance_number, IndexRay ray, RayInWo
 // questions of the twin, because shaders inline what they call. Cuts leave a ray in pieces, traced one by one; without them it is one.
 Hit volume_ask(InstanceRef instance, uint instance_number, RayInWorld ray, Surface from, f64 t_max, uint only, bool any) {
     IndexRay r;
-    // Not from a free point: within a label, a seam between two of its boxes would answer first.
-    any = any && from.instance != NONE;
+    // Not from a free point or a mesh: within a label, a seam between two of its boxes would answer first.
+    any = any && (is_mesh(instance) || (from.instance != NONE && from.kind != SURFACE_TRIANGLE));
     if (!index_ray(instance, instance_number, ray, from, r)) {
         return no_hit();
     }
@@ -394,6 +419,7 @@ Hit volume_ask(InstanceRef instance, uint instance_number, RayInWorld ray, Surfa
     if (is_cut) {
         cut = cut_ray(instance, instance_number, r, ray, from);
     }
+    uint leaving = is_mesh(instance) && from.instance == instance_number ? from.plane : NONE;
     t_max = scaled_t(r, t_max);
     f64 start = F64_ZERO;
     while (true) {
@@ -407,7 +433,10 @@ Hit volume_ask(InstanceRef instance, uint instance_number, RayInWorld ray, Surfa
             end = cut_ray_kept_to(cut, start, exit);
         }
         f64 limit = f64_min(end, t_max);
-        Search found = nearest(instance, r, start, limit, only, any);
+        Search found = nearest(instance, r, leaving, start, limit, only, any);
+        if (NEEDS_MESHES != 0u && found.kind == NEAREST_TRIANGLE) {
+            return mesh_hit(instance, instance_number, r, found.best_t, found.box_number);
+        }
         if (found.kind == NEAREST_FACE) {
             Step step = found.step;
             // Where one hit will do, nobody asks for its face.

@@ -318,6 +318,9 @@ pub struct CutPlane {
 /// [`Instance::lod`] where each box has a level of its own.
 pub const LOD_BY_DISTANCE: u32 = 3;
 
+/// [`Instance::lod`] of a mesh: `pack::PackedMesh` has the meaning of the other fields.
+pub const LOD_TRIANGLES: u32 = 4;
+
 /// A surface that a path leaves, or was hit: twin of `Surface`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]

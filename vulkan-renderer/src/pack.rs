@@ -3,6 +3,7 @@
 //! ```text
 //! CompressedVolume ──► PackedNodes   nodes and leaves as compressed, those of wanted labels     changes when a label is shown
 //!                  └─► PackedBoxes   boxes of drawn labels, in Morton order, with their levels  changes with visibility and LOD
+//! MeshData         ──► PackedMesh    corners and triangles                                        changes with the mesh
 //! Looks            ──► PackedLooks   materials and which label has which                        changes with colours
 //! Lights, Camera…  ──► records       numbers of `layout`                                        changes with each of them
 //! ```
@@ -12,6 +13,7 @@
 mod boxes;
 mod cuts;
 mod looks;
+mod meshes;
 mod needs;
 mod nodes;
 mod scene;
@@ -19,6 +21,7 @@ mod scene;
 pub use boxes::{PackedBoxes, place};
 pub use cuts::cut_planes;
 pub use looks::PackedLooks;
+pub use meshes::{PackedMesh, place_mesh};
 pub use needs::ShaderNeeds;
 pub use nodes::PackedNodes;
 pub use scene::{PackedSky, camera, header, lamps, lights, settings, suns};

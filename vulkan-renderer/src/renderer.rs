@@ -168,8 +168,8 @@ impl Renderer for VulkanRenderer {
         pumice_render::refuse_undrawn(scene)?;
         pumice_render::check_counts(scene, volumes, meshes)?;
         loop {
-            let (former, counters) = (&mut self.shown, &mut self.counters);
-            match Shown::new(&mut self.machine, former, scene, volumes, self.read_image, counters) {
+            let (machine, former, counters) = (&mut self.machine, &mut self.shown, &mut self.counters);
+            match Shown::new(machine, former, scene, volumes, meshes, self.read_image, counters) {
                 Ok(shown) => {
                     self.shown = Some(shown);
                     self.failed = false;

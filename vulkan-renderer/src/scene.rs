@@ -5,7 +5,8 @@
 //!  (+ Instance │
 //!  records,    ├─ Nodes     nodes and leaves, as compressed                 renewed by: a volume, a label that was never shown
 //!  new with    ├─ Boxes     boxes, labels, hierarchy                        renewed by: visibility, level of detail
-//!  each edit)  ├─ Looks     materials, which label has which                renewed by: colours
+//!  each edit)  ├─ Triangles corners, triangles, hierarchy                   renewed by: another mesh
+//!              ├─ Looks     materials, which label has which                renewed by: colours
 //!              ├─ Cuts      planes of what is taken away                    renewed by: cuts, places
 //!              └─ filter    table of the film's filter                      renewed by: film
 //! ```
@@ -13,14 +14,15 @@
 
 use std::sync::Arc;
 
-use pumice_core::CompressedVolume;
+use glam::DAffine3;
+use pumice_core::{CompressedVolume, MeshData};
 use pumice_cpu::traverse::{Cuts, LodChoice, Placement};
 use pumice_cpu::{Lights, Looks};
-use pumice_render::{Bvh, FilterTable, RenderError};
+use pumice_render::{BoxBounds, Bvh, FilterTable, RenderError};
 
 use crate::device::{Acceleration, Buffer, DeviceError, Gpu};
 use crate::layout;
-use crate::pack::{self, PackedBoxes, PackedLooks, PackedNodes, PackedSky};
+use crate::pack::{self, PackedBoxes, PackedLooks, PackedMesh, PackedNodes, PackedSky};
 
 /// Why a part could not be put on the device.
 #[derive(Debug)]
@@ -108,21 +110,8 @@ impl Boxes {
         let chunks = gpu.buffer_of("the chunks of a volume", bytemuck::cast_slice(&packed.chunks))?;
         let boxes = gpu.buffer_of("the boxes of a volume", bytemuck::cast_slice(&packed.boxes))?;
         let labels = gpu.buffer_of("the labels of boxes", bytemuck::cast_slice(&packed.labels))?;
-        let (mut bvh, mut acceleration) = (None, None);
-        if gpu.backend().uses_hardware_hierarchy() {
-            if record.box_count > 0 {
-                let aabbs = packed.aabbs();
-                let built = gpu.acceleration(place, record.box_count, |i| aabbs[i as usize])?;
-                record.acceleration = built.address();
-                acceleration = Some(built);
-            }
-        } else {
-            let built = Bvh::build(packed.numbered())?;
-            let nodes = gpu.buffer_of("the hierarchy of a volume", built.node_bytes())?;
-            let items = gpu.buffer_of("the items of a hierarchy", bytemuck::cast_slice(built.items()))?;
-            (record.bvh_nodes, record.bvh_items) = (nodes.address(), items.address());
-            bvh = Some([nodes, items]);
-        }
+        let (bvh, acceleration) =
+            hierarchy(gpu, place, &mut record, || packed.aabbs(), || packed.numbered())?;
         record.chunks = chunks.address();
         record.boxes = boxes.address();
         record.labels = labels.address();
@@ -141,7 +130,87 @@ impl Boxes {
     }
 }
 
-/// Materials of an instance.
+/// A hierarchy on the device: ours in compute shaders, else the device's own. Tells the record where it is.
+fn hierarchy(
+    gpu: &Gpu,
+    place: u32,
+    record: &mut layout::Instance,
+    aabbs: impl FnOnce() -> Vec<[f32; 6]>,
+    numbered: impl FnOnce() -> Vec<(BoxBounds, u32)>,
+) -> Result<(Option<[Buffer; 2]>, Option<Acceleration>), Fault> {
+    if gpu.backend().uses_hardware_hierarchy() {
+        if record.box_count == 0 {
+            return Ok((None, None));
+        }
+        let aabbs = aabbs();
+        let built = gpu.acceleration(place, record.box_count, |i| aabbs[i as usize])?;
+        record.acceleration = built.address();
+        return Ok((None, Some(built)));
+    }
+    let built = Bvh::build(numbered())?;
+    let nodes = gpu.buffer_of("a hierarchy", built.node_bytes())?;
+    let items = gpu.buffer_of("the items of a hierarchy", bytemuck::cast_slice(built.items()))?;
+    (record.bvh_nodes, record.bvh_items) = (nodes.address(), items.address());
+    Ok((Some([nodes, items]), None))
+}
+
+/// Triangles of a mesh, as the instance of one number.
+#[derive(Debug)]
+pub(crate) struct Triangles {
+    mesh_from_grid: DAffine3,
+    corners: Buffer,
+    triangles: Buffer,
+    materials: Buffer,
+    bvh: Option<[Buffer; 2]>,
+    acceleration: Option<Acceleration>,
+    /// Its placement, materials and their addresses left 0.
+    record: layout::Instance,
+}
+
+impl Triangles {
+    /// Of the mesh at `place` among the scene's meshes.
+    pub(crate) fn new(gpu: &Gpu, place: u32, instance: u32, mesh: &MeshData) -> Result<Self, Fault> {
+        let packed = PackedMesh::new(place, mesh)?;
+        let mut record = packed.record();
+        let corners = gpu.buffer_of("the corners of a mesh", bytemuck::cast_slice(&packed.grid.corners))?;
+        let triangles = gpu.buffer_of("the triangles of a mesh", bytemuck::cast_slice(mesh.triangles()))?;
+        let materials =
+            gpu.buffer_of("the materials of triangles", bytemuck::cast_slice(&packed.materials))?;
+        let mesh_from_grid = packed.grid.mesh_from_grid;
+        let (bvh, acceleration) =
+            hierarchy(gpu, instance, &mut record, || packed.aabbs(), || packed.bounds.clone())?;
+        record.nodes = corners.address();
+        record.boxes = triangles.address();
+        record.labels = materials.address();
+        Ok(Self { mesh_from_grid, corners, triangles, materials, bvh, acceleration, record })
+    }
+
+    /// Grid to the mesh's own space.
+    pub(crate) fn mesh_from_grid(&self) -> DAffine3 {
+        self.mesh_from_grid
+    }
+}
+
+/// A mesh of the scene.
+#[derive(Clone, Debug)]
+pub(crate) struct MeshOnDevice {
+    pub(crate) triangles: Arc<Triangles>,
+    pub(crate) looks: Arc<LooksOnDevice>,
+    /// Of the mesh's grid.
+    pub(crate) placement: Placement,
+}
+
+impl MeshOnDevice {
+    fn record(&self) -> layout::Instance {
+        let mut record = self.triangles.record;
+        pack::place_mesh(&mut record, &self.placement);
+        let looks = &self.looks;
+        looks.packed.describe(&mut record, looks.materials.address(), looks.of_label.address());
+        record
+    }
+}
+
+/// Materials of an instance or of a mesh.
 #[derive(Debug)]
 pub(crate) struct LooksOnDevice {
     pub(crate) packed: PackedLooks,
@@ -256,6 +325,7 @@ impl FilterOnDevice {
 #[derive(Debug)]
 pub(crate) struct SceneOnDevice {
     pub(crate) instances: Vec<InstanceOnDevice>,
+    pub(crate) meshes: Vec<MeshOnDevice>,
     pub(crate) sky: Arc<SkyOnDevice>,
     pub(crate) filter: Arc<FilterOnDevice>,
     records: Buffer,
@@ -263,16 +333,19 @@ pub(crate) struct SceneOnDevice {
 }
 
 impl SceneOnDevice {
+    #[expect(clippy::too_many_arguments, reason = "all parts")]
     pub(crate) fn new(
         gpu: &Gpu,
         tables: &Buffer,
         instances: Vec<InstanceOnDevice>,
+        meshes: Vec<MeshOnDevice>,
         sky: Arc<SkyOnDevice>,
         filter: Arc<FilterOnDevice>,
         rays: &pumice_cpu::camera_rays::CameraRays,
         settings: &pumice_scene::Settings,
     ) -> Result<Self, DeviceError> {
-        let list: Vec<_> = instances.iter().map(InstanceOnDevice::record).collect();
+        let of_meshes = meshes.iter().map(MeshOnDevice::record);
+        let list: Vec<_> = instances.iter().map(InstanceOnDevice::record).chain(of_meshes).collect();
         let records = gpu.buffer_of("the list of instances", bytemuck::cast_slice(&list))?;
         let header = pack::header(
             (records.address(), list.len() as u32),
@@ -284,7 +357,7 @@ impl SceneOnDevice {
             sky.environment,
         );
         let header = gpu.buffer_of("the scene's header", bytemuck::bytes_of(&header))?;
-        Ok(Self { instances, sky, filter, records, header })
+        Ok(Self { instances, meshes, sky, filter, records, header })
     }
 
     /// Address of the header.
@@ -314,6 +387,17 @@ impl SceneOnDevice {
         }
         let cuts =
             self.instances.iter().filter_map(|i| i.cuts.planes.as_ref()).map(Buffer::bytes).sum::<u64>();
+        for m in &self.meshes {
+            if first(Arc::as_ptr(&m.triangles).cast()) {
+                boxes += m.triangles.corners.bytes() + m.triangles.triangles.bytes();
+                labels += m.triangles.materials.bytes();
+                hierarchy += m.triangles.acceleration.as_ref().map_or(0, Acceleration::bytes)
+                    + m.triangles.bvh.iter().flatten().map(Buffer::bytes).sum::<u64>();
+            }
+            if first(Arc::as_ptr(&m.looks).cast()) {
+                looks += m.looks.materials.bytes() + m.looks.of_label.bytes();
+            }
+        }
         let lights = self.sky.buffers.iter().map(Buffer::bytes).sum::<u64>();
         let tables = self.filter.table.bytes() + self.records.bytes() + self.header.bytes();
         [

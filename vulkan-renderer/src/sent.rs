@@ -13,7 +13,7 @@ pub struct Sent {
     pub cuts: u64,
     /// Materials, and which label has which.
     pub materials: u64,
-    /// Records and labels of the boxes that are drawn, and their hierarchy.
+    /// Records and labels of the boxes that are drawn, and their hierarchy; triangles of a mesh, and theirs.
     pub boxes: u64,
     /// Nodes and leaves of a volume: all that is large.
     pub nodes: u64,

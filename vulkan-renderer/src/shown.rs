@@ -5,12 +5,12 @@ use std::time::Duration;
 
 use bytemuck::Zeroable as _;
 use glam::DAffine3;
-use pumice_core::{CompressedVolume, Job};
+use pumice_core::{CompressedVolume, Job, MeshData};
 use pumice_cpu::camera_rays::CameraRays;
-use pumice_cpu::traverse::{Cuts, LodChoice, Placement};
+use pumice_cpu::traverse::{Cuts, LodChoice, Placement, mesh_placement};
 use pumice_cpu::{Looks, ReadImage, scene_lights};
 use pumice_render::{FilmBuffer, Image, Pick, Picture, Rebuilt, RenderError, SurfaceKind};
-use pumice_scene::{InstanceDiff, Scene, SceneDiff};
+use pumice_scene::{InstanceDiff, Mesh, MeshDiff, Scene, SceneDiff};
 
 use crate::device::DeviceError;
 use crate::film::Film;
@@ -18,8 +18,8 @@ use crate::layout::{FirstRecord, HitRecord, Launch, NONE};
 use crate::machine::Machine;
 use crate::pack::ShaderNeeds;
 use crate::scene::{
-    Boxes, CutsOnDevice, Fault, FilterOnDevice, InstanceOnDevice, LooksOnDevice, Nodes, SceneOnDevice,
-    SkyOnDevice,
+    Boxes, CutsOnDevice, Fault, FilterOnDevice, InstanceOnDevice, LooksOnDevice, MeshOnDevice, Nodes,
+    SceneOnDevice, SkyOnDevice, Triangles,
 };
 use crate::sent::Sent;
 use crate::shaders::Entry;
@@ -30,6 +30,7 @@ use crate::slices::{Cursor, Tile};
 pub(crate) struct Shown {
     scene: Scene,
     volumes: Vec<Arc<CompressedVolume>>,
+    meshes: Vec<Arc<MeshData>>,
     lod: LodChoice,
     parts: SceneOnDevice,
     pub(crate) film: Film,
@@ -83,6 +84,34 @@ impl<'a> Former<'a> {
     }
 }
 
+/// The same for a mesh.
+struct FormerMesh<'a> {
+    shown: &'a Shown,
+    place: usize,
+    change: MeshDiff,
+}
+
+impl<'a> FormerMesh<'a> {
+    fn find(old: Option<&'a Shown>, diff: &SceneDiff, id: u32, mesh: &Arc<MeshData>) -> Option<Self> {
+        let shown = old?;
+        let place = shown.scene.meshes.iter().position(|m| m.id == id)?;
+        Arc::ptr_eq(&shown.meshes[place], mesh).then(|| {
+            let change = diff.meshes_changed.iter().find(|c| c.id == id).copied();
+            Self { shown, place, change: change.unwrap_or_default() }
+        })
+    }
+
+    fn looks(&self) -> Option<&'a Arc<LooksOnDevice>> {
+        (!self.change.materials).then(|| &self.shown.parts.meshes[self.place].looks)
+    }
+
+    /// Its triangles, where they are still the same instance's: a hierarchy knows its number.
+    fn triangles(&self, instance: usize) -> Option<&'a Arc<Triangles>> {
+        let same = self.shown.volumes.len() + self.place == instance;
+        same.then(|| &self.shown.parts.meshes[self.place].triangles)
+    }
+}
+
 impl Shown {
     /// Puts a valid scene on the device. The former one gives its film away, and nothing where the new one cannot be shown because
     /// of a fault in it.
@@ -91,6 +120,7 @@ impl Shown {
         former: &mut Option<Self>,
         scene: &Scene,
         volumes: &[Arc<CompressedVolume>],
+        meshes: &[Arc<MeshData>],
         read_image: ReadImage,
         counters: &mut Counters,
     ) -> Result<Self, Fault> {
@@ -98,12 +128,14 @@ impl Shown {
         let old = former.as_ref();
         let diff = SceneDiff::between(old.map(|o| &o.scene), scene);
         let lod = LodChoice::new(scene.settings.lod, &scene.camera, &scene.film);
-        let parts = parts_of(machine, old, &diff, scene, volumes, lod, read_image, &mut counted)?;
+        let parts = parts_of(machine, old, &diff, scene, volumes, meshes, lod, read_image, &mut counted)?;
+        let of_meshes = parts.meshes.iter().map(|m| &m.looks.packed);
         let needs = ShaderNeeds::new(
             &scene.camera,
             &parts.sky.lights,
-            parts.instances.iter().map(|i| &i.looks.packed),
+            parts.instances.iter().map(|i| &i.looks.packed).chain(of_meshes),
             parts.instances.iter().any(|i| !i.cuts.cuts.is_empty()),
+            !meshes.is_empty(),
         );
         let size = [scene.film.width, scene.film.height];
         let film = match former.take() {
@@ -125,6 +157,7 @@ impl Shown {
         Ok(Self {
             scene: scene.clone(),
             volumes: volumes.to_vec(),
+            meshes: meshes.to_vec(),
             lod,
             parts,
             film,
@@ -139,13 +172,13 @@ impl Shown {
         read_image: ReadImage,
         counters: &mut Counters,
     ) -> Result<Self, Fault> {
-        let Self { scene, volumes, lod, mut film, constants, parts } = self;
+        let Self { scene, volumes, meshes, lod, mut film, constants, parts } = self;
         // Of the lost device: given back before its successor is asked for as much.
         drop(parts);
         let diff = SceneDiff::between(None, &scene);
-        let parts = parts_of(machine, None, &diff, &scene, &volumes, lod, read_image, counters)?;
+        let parts = parts_of(machine, None, &diff, &scene, &volumes, &meshes, lod, read_image, counters)?;
         film.again(&machine.gpu)?;
-        Ok(Self { scene, volumes, lod, parts, film, constants })
+        Ok(Self { scene, volumes, meshes, lod, parts, film, constants })
     }
 
     /// One launch of a pass that brings every pixel to `target` samples, or of the pass that is under way. True when the pass is
@@ -269,6 +302,7 @@ fn parts_of(
     diff: &SceneDiff,
     scene: &Scene,
     volumes: &[Arc<CompressedVolume>],
+    meshes: &[Arc<MeshData>],
     lod: LodChoice,
     read_image: ReadImage,
     counters: &mut Counters,
@@ -295,9 +329,15 @@ fn parts_of(
         let made = instance_of(machine, former.as_ref(), place, scene, volume, lod, &instances, counters)?;
         instances.push(made);
     }
+    let mut on_device = Vec::with_capacity(meshes.len());
+    for (place, (mesh, data)) in scene.meshes.iter().zip(meshes).enumerate() {
+        let former = FormerMesh::find(old, diff, mesh.id, data);
+        on_device.push(mesh_of(machine, former.as_ref(), place, volumes.len(), mesh, data, counters)?);
+    }
     counters.sent.header += 1;
     let rays = CameraRays::new(&scene.camera, &scene.film);
-    Ok(SceneOnDevice::new(gpu, &machine.tables, instances, sky, filter, &rays, &scene.settings)?)
+    let (tables, settings) = (&machine.tables, &scene.settings);
+    Ok(SceneOnDevice::new(gpu, tables, instances, on_device, sky, filter, &rays, settings)?)
 }
 
 /// One instance; `before` are those that come before it in the scene.
@@ -363,6 +403,38 @@ fn instance_of(
         }
     };
     Ok(InstanceOnDevice { boxes, looks, cuts, placement, lod })
+}
+
+/// One mesh; it comes after all `volumes`.
+fn mesh_of(
+    machine: &Machine,
+    former: Option<&FormerMesh<'_>>,
+    place: usize,
+    volumes: usize,
+    mesh: &Mesh,
+    data: &MeshData,
+    counters: &mut Counters,
+) -> Result<MeshOnDevice, Fault> {
+    let gpu = &machine.gpu;
+    let looks = match former.and_then(FormerMesh::looks) {
+        Some(kept) => Arc::clone(kept),
+        None => {
+            counters.rebuilt.materials += 1;
+            counters.sent.materials += 1;
+            Arc::new(LooksOnDevice::new(gpu, &Looks::of_mesh(&mesh.materials))?)
+        }
+    };
+    let instance = volumes + place;
+    let triangles = match former.and_then(|f| f.triangles(instance)) {
+        Some(kept) => Arc::clone(kept),
+        None => {
+            counters.rebuilt.acceleration += 1;
+            counters.sent.boxes += 1;
+            Arc::new(Triangles::new(gpu, place as u32, instance as u32, data)?)
+        }
+    };
+    let placement = mesh_placement(place as u32, triangles.mesh_from_grid(), mesh.world_from_mesh)?;
+    Ok(MeshOnDevice { triangles, looks, placement })
 }
 
 fn placement(place: usize, world_from_index: DAffine3) -> Result<Placement, RenderError> {

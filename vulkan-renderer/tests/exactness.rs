@@ -5,6 +5,9 @@
 #[path = "../../cpu-renderer/tests/exact/mod.rs"]
 mod exact;
 mod gpu;
+#[path = "../../cpu-renderer/tests/meshes/shapes.rs"]
+#[expect(dead_code, reason = "made for another test too")]
+mod shapes;
 
 use std::cell::RefCell;
 use std::sync::{Arc, Mutex};
@@ -15,8 +18,8 @@ use exact::volumes::{Random, blobs, checkerboard, neurites, noise, sheets};
 use glam::{DAffine3, DMat3, DVec3};
 use gpu::scene::Uploaded;
 use gpu::{Gpu, Shared};
-use pumice_core::CompressedVolume;
-use pumice_cpu::traverse::{Cuts, LodChoice, SceneTracer, TracedInstance, VolumeTracer};
+use pumice_core::{CompressedVolume, MeshData};
+use pumice_cpu::traverse::{Cuts, LodChoice, MeshTracer, SceneTracer, TracedInstance, VolumeTracer};
 use pumice_render::{Hit, PathOrigin, RayInWorld, Surface, SurfaceKind, Tracer};
 use pumice_scene::CutShape;
 use pumice_vulkan::device::Backend;
@@ -107,8 +110,17 @@ fn all_fronts() -> Vec<Front> {
 }
 
 impl Front {
-    fn trace(&self, traced: &[TracedInstance], cuts: &[CutShape], asked: &[Asked]) -> Vec<HitRecord> {
+    fn trace(
+        &self,
+        traced: &[TracedInstance],
+        cuts: &[CutShape],
+        meshes: &[Placed],
+        asked: &[Asked],
+    ) -> Vec<HitRecord> {
         let mut uploaded = Uploaded::new(&self.gpu, traced);
+        for (mesh, place) in meshes {
+            uploaded.add_mesh(&self.gpu, mesh, *place);
+        }
         for (i, t) in traced.iter().enumerate().filter(|_| !cuts.is_empty()) {
             let planes = cut_planes(&Cuts::new(cuts, &t.world_from_index));
             uploaded.instances[i].cut_planes = uploaded.put(&self.gpu, &planes);
@@ -127,15 +139,29 @@ impl Front {
 
     /// Compares all answers; gives the number of hits.
     fn check(&self, what: &str, traced: &[TracedInstance], asked: &[Asked]) -> usize {
-        self.check_cut(what, traced, &[], asked)
+        self.compare(what, &tracer(traced, &[]), self.trace(traced, &[], &[], asked), asked)
     }
 
     /// The same where parts of space are taken away.
     fn check_cut(&self, what: &str, traced: &[TracedInstance], cuts: &[CutShape], asked: &[Asked]) -> usize {
-        let tracer = cut_open(traced, cuts);
+        self.compare(what, &cut_open(traced, cuts), self.trace(traced, cuts, &[], asked), asked)
+    }
+
+    /// The same, of a scene with meshes.
+    fn check_beside(
+        &self,
+        what: &str,
+        traced: &[TracedInstance],
+        meshes: &[Placed],
+        asked: &[Asked],
+    ) -> usize {
+        self.compare(what, &tracer(traced, meshes), self.trace(traced, &[], meshes, asked), asked)
+    }
+
+    fn compare(&self, what: &str, tracer: &SceneTracer, got: Vec<HitRecord>, asked: &[Asked]) -> usize {
         let mut hits = 0;
-        for (a, got) in asked.iter().zip(self.trace(traced, cuts, asked)) {
-            let expected = a.answer(&tracer);
+        for (a, got) in asked.iter().zip(got) {
+            let expected = a.answer(tracer);
             hits += usize::from(expected.is_some());
             let same = match &expected {
                 _ if a.question == Question::Occluded => {
@@ -160,6 +186,16 @@ fn cut_open(traced: &[TracedInstance], cuts: &[CutShape]) -> SceneTracer {
     let built = traced.iter().enumerate();
     let built = built.map(|(i, t)| Arc::new(VolumeTracer::new(i as u32, t).unwrap().with_cuts(cuts)));
     SceneTracer::of(built.collect())
+}
+
+/// A mesh and where it is.
+type Placed = (Arc<MeshData>, DAffine3);
+
+fn tracer(traced: &[TracedInstance], meshes: &[Placed]) -> SceneTracer {
+    let meshes = (0u32..).zip(meshes).map(|(i, (mesh, place))| {
+        Arc::new(MeshTracer::new(i, traced.len() as u32 + i, mesh, *place).unwrap())
+    });
+    SceneTracer::new(traced).unwrap().with_meshes(meshes.collect())
 }
 
 fn instance(volume: &Arc<CompressedVolume>, world_from_index: DAffine3, lod: LodChoice) -> TracedInstance {
@@ -439,6 +475,54 @@ fn long_volumes_are_the_cpus() {
     }
 }
 
+/// Meshes beside a volume and in it, one of them mirrored and sheared: rays at random, at corners and edges, from far away, along
+/// coplanar triangles.
+#[test]
+fn meshes_are_the_cpus() {
+    for front in fronts().iter() {
+        let (_, dims, volume) = volumes().swap_remove(5);
+        let mut random = shapes::Random(6);
+        let ball = shapes::bumpy_ball(3, &mut random);
+        let sheared = columns([-20.0, 3.0, 0.1], [0.3, 17.0, 1.0], [2.0, 0.0, 25.0], [30.0, 31.0, 33.0]);
+        let turned = DAffine3::from_axis_angle(DVec3::new(1.0, 2.0, 0.5).normalize(), 0.7);
+        let meshes = [
+            (
+                shapes::cube_of(80.0, 5, |face| face as u32),
+                DAffine3::from_translation(DVec3::new(-8.0, -8.0, -81.0)),
+            ),
+            (Arc::clone(&ball), sheared),
+            (shapes::cube(1e-3, 4), turned * DAffine3::from_scale(DVec3::new(4e4, 3e4, 5e4))),
+        ];
+        let traced = [instance(&volume, DAffine3::IDENTITY, LodChoice::Voxels)];
+        let mut asked: Vec<_> =
+            [Class::Random, Class::Inside, Class::Lattice, Class::Far1e6, Class::AxisParallel]
+                .into_iter()
+                .flat_map(|c| rays_of(c, dims, 14, &DAffine3::IDENTITY, 1_000))
+                .collect();
+        for (i, triangle) in ball.triangles().iter().enumerate() {
+            let [a, b, c] =
+                triangle.map(|c| sheared.transform_point3(DVec3::from(ball.positions()[c as usize])));
+            let origin = sheared.translation + random.direction() * if i % 2 == 0 { 3.0 } else { 60.0 };
+            for aim in [a, (a + b) / 2.0, (a + b + c) / 3.0] {
+                asked.push(Asked::first(RayInWorld { origin, direction: aim - origin }));
+            }
+        }
+        let occluded: Vec<_> = asked.iter().map(|a| Asked { question: Question::Occluded, ..*a }).collect();
+        let hits = front.check_beside("meshes", &traced, &meshes, &asked);
+        assert!(hits > asked.len() / 2, "{hits} hits of {}", asked.len());
+        front.check_beside("meshes, occluded", &traced, &meshes, &occluded);
+        let tracer = tracer(&traced, &meshes);
+        let mut random = Random(32);
+        let second = bounces(&tracer, &asked, &mut random);
+        let on_meshes =
+            second.iter().filter(|a| matches!(a.from, PathOrigin::Face(s) if s.instance > 0)).count();
+        assert!(on_meshes > 1_000, "{on_meshes} paths go on from triangles");
+        front.check_beside("meshes, bounced", &traced, &meshes, &second);
+        let third = bounces(&tracer, &second, &mut random);
+        front.check_beside("meshes, bounced twice", &traced, &meshes, &third);
+    }
+}
+
 /// The comparison can tell: rays moved by a thousandth of a voxel have other answers.
 #[test]
 fn other_rays_have_other_hits() {
@@ -451,7 +535,7 @@ fn other_rays_have_other_hits() {
         .iter()
         .map(|a| Asked { ray: RayInWorld { origin: a.ray.origin + DVec3::splat(1e-3), ..a.ray }, ..*a })
         .collect();
-    let (a, b) = (front.trace(&traced, &[], &asked), front.trace(&traced, &[], &moved));
+    let (a, b) = (front.trace(&traced, &[], &[], &asked), front.trace(&traced, &[], &[], &moved));
     let differ = a.iter().zip(&b).filter(|(a, b)| a.t.to_bits() != b.t.to_bits()).count();
     let faces = a.iter().zip(&b).filter(|(a, b)| a.surface != b.surface).count();
     assert!(differ > 500 && faces > 0, "{differ} distances and {faces} faces differ");

@@ -16,9 +16,9 @@ use bytemuck::{Pod, Zeroable};
 use pumice_render::Bvh;
 use pumice_render::bvh::BoxBounds;
 use pumice_vulkan::layout::{
-    Camera, Chunk, CutPlane, Environment, Filter, FirstRecord, HitRecord, Instance, LOD_BY_DISTANCE, Lamp,
-    Launch, Lights, Material, NONE, Question, RayRecord, SCRATCH_BYTES, SceneHeader, Settings, Sun,
-    SurfaceRecord,
+    Camera, Chunk, CutPlane, Environment, Filter, FirstRecord, HitRecord, Instance, LOD_BY_DISTANCE,
+    LOD_TRIANGLES, Lamp, Launch, Lights, Material, NONE, Question, RayRecord, SCRATCH_BYTES, SceneHeader,
+    Settings, Sun, SurfaceRecord,
 };
 use reflection::{Field, Layout, layouts};
 
@@ -341,6 +341,7 @@ fn constants_are_the_shaders() {
         ("NONE", u64::from(NONE)),
         ("SCRATCH_BYTES", SCRATCH_BYTES),
         ("LOD_BY_DISTANCE", u64::from(LOD_BY_DISTANCE)),
+        ("LOD_TRIANGLES", u64::from(LOD_TRIANGLES)),
         ("INSTANCE_BYTES", size_of::<Instance>() as u64),
         ("QUESTION_FIRST_HIT", Question::FirstHit as u64),
         ("QUESTION_OCCLUDED", Question::Occluded as u64),

@@ -5,6 +5,9 @@
 #[path = "../../cpu-renderer/tests/exact/mod.rs"]
 mod exact;
 mod gpu;
+#[path = "../../cpu-renderer/tests/meshes/shapes.rs"]
+#[expect(dead_code, reason = "made for another test too")]
+mod shapes;
 
 #[path = "radiance/controls.rs"]
 mod controls;

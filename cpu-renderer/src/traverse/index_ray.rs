@@ -56,6 +56,15 @@ pub struct Placement {
     pub determinant: f64,
 }
 
+/// A ray in index space, scaled by 2⁻ᵏ⁰ in the world and by 2⁻ᵏ¹ here.
+struct Moved {
+    origin: DVec3,
+    direction: DVec3,
+    d_world: DVec3,
+    k0: i32,
+    k1: i32,
+}
+
 impl Placement {
     /// [`Placement::new`] for the instance at a place of the scene.
     ///
@@ -89,14 +98,7 @@ impl Placement {
     /// A ray from a face starts exactly on the face's plane and within the face's rectangle, at its outer side: were it left
     /// where rounding put it, it could start inside a neighbour.
     pub(crate) fn ray(&self, ray: &RayInWorld, start: Start) -> Option<IndexRay> {
-        // 1. Scale in the world first, so that a tiny direction does not lose bits in the product.
-        let (d_world, k0) = scaled(ray.direction)?;
-        let (d, k1) = scaled(self.index_from_world(d_world))?;
-        // 2. Subtract the translation before the product: volumes lie far from the world's origin.
-        let o = self.index_from_world(ray.origin - self.world_from_index.translation);
-        if !o.is_finite() {
-            return None;
-        }
+        let Moved { origin: o, direction: d, d_world, k0, k1 } = self.moved(ray)?;
         let (mut origin, mut direction) = (o.to_array(), d.to_array());
         match start {
             Start::Free => {}
@@ -105,7 +107,7 @@ impl Placement {
             }
             Start::Plane(axis, plane) => origin[axis] = plane,
         }
-        // 3. Directions of 0, and so small that 1/d overflows.
+        // Directions of 0, and so small that 1/d overflows.
         let mut inverse = [0.0; 3];
         for a in 0..3 {
             if direction[a] == 0.0 {
@@ -118,6 +120,25 @@ impl Placement {
             }
         }
         Some(IndexRay { origin, direction, inverse, scaled_from_world: exp2(k0) * exp2(k1) })
+    }
+
+    /// The ray in the grid of a mesh: a point of it is what it is, and belongs to no cell.
+    pub(crate) fn ray_to_mesh(&self, ray: &RayInWorld) -> Option<IndexRay> {
+        let Moved { origin, direction, k0, k1, .. } = self.moved(ray)?;
+        let inverse = each_axis(|a| 1.0 / direction[a].abs().max(SMALLEST).copysign(direction[a]));
+        let (origin, direction) = (origin.to_array(), direction.to_array());
+        Some(IndexRay { origin, direction, inverse, scaled_from_world: exp2(k0) * exp2(k1) })
+    }
+
+    /// The ray in index space, its direction scaled; `None` when it is not finite or has no direction.
+    #[inline(always)]
+    fn moved(&self, ray: &RayInWorld) -> Option<Moved> {
+        // 1. Scale in the world first, so that a tiny direction does not lose bits in the product.
+        let (d_world, k0) = scaled(ray.direction)?;
+        let (direction, k1) = scaled(self.index_from_world(d_world))?;
+        // 2. Subtract the translation before the product: volumes lie far from the world's origin.
+        let origin = self.index_from_world(ray.origin - self.world_from_index.translation);
+        origin.is_finite().then_some(Moved { origin, direction, d_world, k0, k1 })
     }
 
     /// Puts the origin on `surface`'s plane, and a direction that rounding turned inward along the plane.
@@ -151,6 +172,16 @@ impl Placement {
                 }
             }
         }
+    }
+
+    /// Unit normal in the world of a surface with this normal in index space: it stays on the same side of the surface, in mirrored
+    /// places too.
+    pub fn normal_of(&self, normal: DVec3) -> DVec3 {
+        let [x, y, z] = self.adjugate;
+        // Adjugates of small voxels are small: a normal that was brought to 1 first has a square that is a number.
+        let n = normal / normal.abs().max_element();
+        let n = x * n.x + y * n.y + z * n.z;
+        (n / n.abs().max_element()).normalize()
     }
 
     /// Outward unit normal of a face in the world: the axis' covector, so that sheared and mirrored matrices are right.

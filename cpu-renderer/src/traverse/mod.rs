@@ -19,13 +19,16 @@
 //! **Cuts** take parts of space away from an instance; what is left of a ray is traced piece by piece (`cuts`), and a solid that
 //! ends at a cut ends in a cap: as if the voxels themselves had been cut.
 //!
-//! Not here yet: triangle meshes.
+//! **Meshes** are hierarchies of the same kind, over triangles in a grid of their own. They are never cut.
 
 mod box_walk;
 mod cuts;
 mod index_ray;
 mod lod;
+mod mesh_grid;
+mod mesh_tracer;
 mod scene_tracer;
+mod triangle;
 mod volume_tracer;
 
 pub use box_walk::Level;
@@ -33,6 +36,8 @@ pub use cuts::{CutPlane, Cuts};
 pub(crate) use index_ray::IndexRay;
 pub use index_ray::Placement;
 pub use lod::{ByDistance, Detail, LodChoice};
+pub use mesh_grid::MeshGrid;
+pub use mesh_tracer::{MeshTracer, mesh_placement};
 pub use scene_tracer::{SceneTracer, TracedInstance};
 pub use volume_tracer::{VolumeTracer, visible_boxes};
 

@@ -1,4 +1,4 @@
-//! All instances of a scene behind one [`Tracer`].
+//! All instances and meshes of a scene behind one [`Tracer`].
 
 use std::sync::Arc;
 
@@ -6,7 +6,7 @@ use glam::DAffine3;
 use pumice_core::CompressedVolume;
 use pumice_render::{Hit, PathOrigin, RayInWorld, RenderError, Tracer};
 
-use super::{LodChoice, VolumeTracer};
+use super::{LodChoice, MeshTracer, VolumeTracer};
 
 /// A volume placed in the world, and what of it is drawn.
 #[derive(Clone, Debug)]
@@ -25,6 +25,7 @@ pub struct TracedInstance {
 #[derive(Debug)]
 pub struct SceneTracer {
     volumes: Vec<Arc<VolumeTracer>>,
+    meshes: Vec<Arc<MeshTracer>>,
 }
 
 impl SceneTracer {
@@ -34,17 +35,29 @@ impl SceneTracer {
     /// [`RenderError::Scene`] names the instance whose matrix is singular or which has too many boxes.
     pub fn new(instances: &[TracedInstance]) -> Result<Self, RenderError> {
         let build = |(i, instance)| VolumeTracer::new(i as u32, instance).map(Arc::new);
-        Ok(Self { volumes: instances.iter().enumerate().map(build).collect::<Result<_, _>>()? })
+        Ok(Self::of(instances.iter().enumerate().map(build).collect::<Result<_, _>>()?))
     }
 
     /// The geometry of instances that are built already; the one at place i was built as instance i.
     pub fn of(volumes: Vec<Arc<VolumeTracer>>) -> Self {
-        Self { volumes }
+        Self { volumes, meshes: Vec::new() }
     }
 
-    /// Heap bytes of the acceleration structures; the volumes are not counted.
+    /// With these meshes; the first is the instance after the last volume's.
+    #[must_use]
+    pub fn with_meshes(self, meshes: Vec<Arc<MeshTracer>>) -> Self {
+        Self { meshes, ..self }
+    }
+
+    /// Heap bytes of the acceleration structures; the volumes and the meshes are not counted.
     pub fn bytes(&self) -> u64 {
-        self.volumes.iter().map(|v| v.bytes()).sum()
+        let volumes: u64 = self.volumes.iter().map(|v| v.bytes()).sum();
+        volumes + self.meshes.iter().map(|m| m.bytes()).sum::<u64>()
+    }
+
+    /// One mesh's geometry, by its place among the meshes.
+    pub fn mesh(&self, place: usize) -> Option<&Arc<MeshTracer>> {
+        self.meshes.get(place)
     }
 
     /// One instance's geometry.
@@ -72,14 +85,19 @@ impl SceneTracer {
 
 impl Tracer for SceneTracer {
     fn first_hit(&self, ray: &RayInWorld, from: PathOrigin, t_max: f64) -> Option<Hit> {
-        // In order of instances, each within what the others left: at equal t the lowest instance stays.
-        self.volumes.iter().fold(None, |best: Option<Hit>, volume| {
+        // In order of instances, volumes then meshes, each within what the others left: at equal t the lowest instance stays.
+        let of_volumes = self.volumes.iter().fold(None, |best: Option<Hit>, volume| {
             let limit = best.map_or(t_max, |b| b.t);
             volume.first_hit(ray, from, limit).filter(|h| h.t < limit).or(best)
+        });
+        self.meshes.iter().fold(of_volumes, |best, mesh| {
+            let limit = best.map_or(t_max, |b| b.t);
+            mesh.first_hit(ray, from, limit).filter(|h| h.t < limit).or(best)
         })
     }
 
     fn occluded(&self, ray: &RayInWorld, from: PathOrigin, t_max: f64) -> bool {
         self.volumes.iter().any(|volume| volume.occluded(ray, from, t_max))
+            || self.meshes.iter().any(|mesh| mesh.occluded(ray, from, t_max))
     }
 }

@@ -226,11 +226,11 @@ impl VolumeTracer {
     #[inline]
     fn nearest(&self, ray: &IndexRay, start: f64, t_max: f64, only: Option<u32>, any: bool) -> Nearest {
         let mut best = Nearest::Nothing;
-        let Some((bvh_ray, enter_all)) = self.bvh_ray(ray, start, t_max) else { return best };
+        let Some((moved, enter_all)) = bvh_ray(&self.bvh, ray, start, t_max) else { return best };
         // What is hit after best_t cannot win; what is hit at it may, by its label.
         let mut best_t = t_max;
-        let limit = |t: f64| (t - enter_all) as f32 * 1.000_001 + bvh_ray.pad;
-        self.bvh.along_ray(&bvh_ray, limit(best_t), |item| {
+        let limit = |t: f64| (t - enter_all) as f32 * 1.000_001 + moved.pad;
+        self.bvh.along_ray(&moved, limit(best_t), |item| {
             let b = self.box_of(item);
             let level = self.detail.level(&b);
             let hi = self.clipped_end(&b);
@@ -272,29 +272,6 @@ impl VolumeTracer {
             limit(best_t)
         });
         best
-    }
-
-    /// The ray moved to the hierarchy's bounds, and the scaled t of the move.
-    fn bvh_ray(&self, ray: &IndexRay, start: f64, t_max: f64) -> Option<(BvhRay, f64)> {
-        let bounds = self.bvh.bounds()?;
-        let (enter, leave) = ray.clip(bounds.lo, bounds.hi, start);
-        if enter >= leave || enter >= t_max {
-            return None;
-        }
-        let far = ray.origin.iter().fold(enter, |m, o| m.max(o.abs()));
-        Some((
-            BvhRay {
-                origin: each_axis(|a| {
-                    let at = ray.origin[a] + enter * ray.direction[a];
-                    at.clamp(f64::from(bounds.lo[a]), f64::from(bounds.hi[a])) as f32
-                }),
-                // A component below 2⁻⁶⁰ moves the ray by less than 2⁻³⁶ voxels within the largest volume: far below the pad.
-                inverse: each_axis(|a| ray.inverse[a].clamp(-TWO_POW_60, TWO_POW_60) as f32),
-                // Three f64 roundings of the move.
-                pad: self.bvh.pad() + (far * 4.0 * f64::EPSILON) as f32,
-            },
-            enter,
-        ))
     }
 
     /// The face through which a ray that starts in `voxel` of `label` leaves the label.
@@ -478,11 +455,11 @@ impl Tracer for VolumeTracer {
         self.kept_surface_along(&self.cut_ray(&r, ray, from), t_max, None, false)
     }
 
-    /// As `first_hit(…).is_some()`, in less time from a face, where the first box that answers will do. (Not from a free point:
-    /// within a label, a seam between two of its boxes would answer first, and only the way out of the label is a surface.) Where
+    /// As `first_hit(…).is_some()`, in less time from a face, where the first box that answers will do. (Not from a free point or a
+    /// mesh: within a label, a seam between two of its boxes would answer first, and only the way out of the label is a surface.) Where
     /// coarse elements of labels overlap and a path starts within another's, faces within that one count too.
     fn occluded(&self, ray: &RayInWorld, from: PathOrigin, t_max: f64) -> bool {
-        let any = matches!(from, PathOrigin::Face(_));
+        let any = matches!(from, PathOrigin::Face(surface) if surface.kind != SurfaceKind::Triangle);
         let Some(r) = self.index_ray(ray, from) else { return false };
         let t_max = r.scaled_t(t_max);
         if !self.cuts.is_empty() {
@@ -496,6 +473,30 @@ impl Tracer for VolumeTracer {
             }
         }
     }
+}
+
+/// The ray moved to the hierarchy's bounds, and the scaled t of the move.
+#[inline]
+pub(super) fn bvh_ray(bvh: &Bvh, ray: &IndexRay, start: f64, t_max: f64) -> Option<(BvhRay, f64)> {
+    let bounds = bvh.bounds()?;
+    let (enter, leave) = ray.clip(bounds.lo, bounds.hi, start);
+    if enter >= leave || enter >= t_max {
+        return None;
+    }
+    let far = ray.origin.iter().fold(enter, |m, o| m.max(o.abs()));
+    Some((
+        BvhRay {
+            origin: each_axis(|a| {
+                let at = ray.origin[a] + enter * ray.direction[a];
+                at.clamp(f64::from(bounds.lo[a]), f64::from(bounds.hi[a])) as f32
+            }),
+            // A component below 2⁻⁶⁰ moves the ray by less than 2⁻³⁶ voxels within the largest volume: far below the pad.
+            inverse: each_axis(|a| ray.inverse[a].clamp(-TWO_POW_60, TWO_POW_60) as f32),
+            // Three f64 roundings of the move.
+            pad: bvh.pad() + (far * 4.0 * f64::EPSILON) as f32,
+        },
+        enter,
+    ))
 }
 
 const TWO_POW_60: f64 = (1u64 << 60) as f64;

@@ -6,11 +6,11 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use glam::{DAffine3, DMat3, DVec3};
-use pumice_core::{CompressedVolume, Job, LabelBuffer, LabelType, VolumeInfo, compress_labels};
+use pumice_core::{CompressedVolume, Job, LabelBuffer, LabelType, MeshData, VolumeInfo, compress_labels};
 use pumice_render::{Image, Picture, Rebuilt, RenderError, Renderer};
 use pumice_scene::{
     Camera, Cut, CutShape, Environment, Film, Filter, Instance, LabelStyle, Light, LightShape, Lod, Material,
-    Mode, Projection, SCENE_VERSION, Scene, Settings, Show, Sun, World,
+    Mesh, Mode, Projection, SCENE_VERSION, Scene, Settings, Show, Sun, World,
 };
 
 const BLACK: Environment = Environment::Constant { radiance: [0.0; 3] };
@@ -130,6 +130,54 @@ fn a_cap_is_lit_as_its_plane_lies() {
             assert!((depth - (20.0 - height)).abs() < 1e-5, "{depth} at {x}");
         }
     }
+}
+
+/// A plate that is seen, then one that is not and whose shadow is, then one that lets half of the sun through, then none.
+#[test]
+fn a_mesh_is_seen_and_shades_and_an_edit_makes_anew_what_it_changes_alone() {
+    let corners = vec![[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]];
+    let plate = [Arc::new(MeshData::new(corners, vec![[0, 1, 2], [0, 2, 3]], vec![]).unwrap())];
+    let tilt = 0.5f64;
+    let sun =
+        Sun { direction: [tilt.sin(), 0.0, -tilt.cos()], strength: 3.0, color: [1.0; 3], angle_rad: 0.0 };
+    let mut scene = looking_down(BLACK, vec![sun], lambert(0.6));
+    scene.settings.mode = Mode::OneBounce;
+    let at = |x: f64, z: f64| DAffine3 {
+        matrix3: DMat3::from_diagonal(DVec3::new(2.2, 2.2, 1.0)),
+        translation: DVec3::new(x, 3.0, z),
+    };
+    scene.meshes = vec![Mesh {
+        id: 4,
+        source: "memory".into(),
+        world_from_mesh: at(3.0, 10.0),
+        materials: vec![lambert(0.3)],
+        shadow_catcher: false,
+    }];
+    let mut renderer = super::renderer();
+    let job = Job::new();
+    let mut expect = |what: &str, scene: &Scene, meshes: &[_], made: [u64; 2], albedo: f32| {
+        let before = renderer.rebuilt();
+        renderer.set_scene(scene, &[volume()], meshes).unwrap();
+        while renderer.advance(Duration::from_millis(20), 2, &job).unwrap().spp < 2 {}
+        let after = renderer.rebuilt();
+        // The volume is another one each time: one hierarchy and one table are its own.
+        let of_mesh = [after.acceleration - before.acceleration - 1, after.materials - before.materials - 1];
+        assert_eq!(of_mesh, made, "{what}");
+        let expected = albedo * FRAC_1_PI * 3.0 * tilt.cos() as f32;
+        for pixel in renderer.color().unwrap().pixels {
+            // As for a sun without meshes.
+            let close = pixel.iter().all(|v| (v - expected).abs() <= 4e-6 * expected);
+            assert!(close, "{what}: {pixel:?}, expected {expected}");
+        }
+    };
+    expect("the plate", &scene, &plate, [1, 1], 0.3);
+    // 10 above the floor, as far aside as light comes slanting: beside the picture.
+    scene.meshes[0].world_from_mesh = at(3.0 - 10.0 * tilt.tan(), 12.0);
+    expect("its shadow", &scene, &plate, [0, 0], 0.0);
+    scene.meshes[0].materials[0].alpha = 0.5;
+    expect("half of it", &scene, &plate, [0, 1], 0.3);
+    scene.meshes.clear();
+    expect("none", &scene, &[], [0, 0], 0.6);
 }
 
 #[test]

@@ -97,12 +97,7 @@ impl PackedBoxes {
     /// Bounds for hardware's hierarchies, in index space: lowest and highest corner, wider than the boxes by more than the rounding
     /// of rays and of the hardware's own test.
     pub fn aabbs(&self) -> Vec<[f32; 6]> {
-        let margin = 2.0 * self.all.map_or(0.0, |b| b.pad()) + FAR_MARGIN;
-        let corners = |b: &BoxBounds| {
-            let (lo, hi) = (b.lo.map(|v| v as f32 - margin), b.hi.map(|v| v as f32 + margin));
-            [lo[0], lo[1], lo[2], hi[0], hi[1], hi[2]]
-        };
-        self.bounds.iter().map(corners).collect()
+        aabbs_of(self.bounds.iter().copied(), self.all.unwrap_or(BoxBounds { lo: [0; 3], hi: [0; 3] }))
     }
 
     /// The instance's record; addresses, materials, place and level of detail left 0.
@@ -118,6 +113,16 @@ impl PackedBoxes {
             ..Instance::default()
         }
     }
+}
+
+/// Bounds for hardware's hierarchies of boxes that are all within `all`.
+pub(super) fn aabbs_of(bounds: impl Iterator<Item = BoxBounds>, all: BoxBounds) -> Vec<[f32; 6]> {
+    let margin = 2.0 * all.pad() + FAR_MARGIN;
+    let corners = |b: BoxBounds| {
+        let (lo, hi) = (b.lo.map(|v| v as f32 - margin), b.hi.map(|v| v as f32 + margin));
+        [lo[0], lo[1], lo[2], hi[0], hi[1], hi[2]]
+    };
+    bounds.map(corners).collect()
 }
 
 /// Puts an instance elsewhere, or draws it at other levels of detail: its boxes stay as they are.

@@ -27,15 +27,18 @@ pub struct ShaderNeeds {
     pub clear: bool,
     /// Something is cut away.
     pub cuts: bool,
+    /// There are triangle meshes.
+    pub meshes: bool,
 }
 
 impl ShaderNeeds {
-    /// What this camera, these lights, these looks of all instances and these cuts need.
+    /// What this camera, these lights, these looks of all instances and meshes, these cuts and these meshes need.
     pub fn new<'a>(
         camera: &Camera,
         lights: &Lights,
         looks: impl IntoIterator<Item = &'a PackedLooks>,
         cuts: bool,
+        meshes: bool,
     ) -> Self {
         let mut materials: Vec<Material> = Vec::new();
         looks.into_iter().for_each(|l| materials.extend(&l.materials));
@@ -52,12 +55,13 @@ impl ShaderNeeds {
             lens: camera.aperture.is_some(),
             lamps: !lights.lamps().is_empty(),
             cuts,
+            meshes,
         }
     }
 
     /// Specialisation constants by their numbers; number 0 is the probe's.
-    pub fn constants(&self) -> [u32; 10] {
-        let Self { lobes, picture, aim, lens, lamps, coat, glass, clear, cuts } = *self;
-        [false, lobes, picture, aim, lens, lamps, coat, glass, clear, cuts].map(u32::from)
+    pub fn constants(&self) -> [u32; 11] {
+        let Self { lobes, picture, aim, lens, lamps, coat, glass, clear, cuts, meshes } = *self;
+        [false, lobes, picture, aim, lens, lamps, coat, glass, clear, cuts, meshes].map(u32::from)
     }
 }

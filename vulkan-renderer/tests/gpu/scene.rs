@@ -1,10 +1,12 @@
 //! Scenes in a device's memory, through `pumice_vulkan::pack` as a renderer would.
 
-use pumice_cpu::traverse::{LodChoice, Placement, TracedInstance};
-use pumice_render::Bvh;
+use glam::DAffine3;
+use pumice_core::MeshData;
+use pumice_cpu::traverse::{LodChoice, Placement, TracedInstance, mesh_placement};
+use pumice_render::{BoxBounds, Bvh};
 use pumice_vulkan::device::Acceleration;
 use pumice_vulkan::layout::{Instance, SceneHeader};
-use pumice_vulkan::pack::{PackedBoxes, PackedNodes, place};
+use pumice_vulkan::pack::{PackedBoxes, PackedMesh, PackedNodes, place, place_mesh};
 
 use super::{Buffer, Gpu};
 
@@ -30,23 +32,38 @@ impl Uploaded {
             record.labels = uploaded.put(gpu, &boxes.labels);
             record.nodes = uploaded.put(gpu, &nodes.bytes(&t.volume));
             record.leaves = uploaded.put(gpu, &PackedNodes::leaves(&t.volume));
-            let number = uploaded.instances.len() as u32;
-            if gpu.device().backend().uses_hardware_hierarchy() {
-                let aabbs = boxes.aabbs();
-                if !aabbs.is_empty() {
-                    let (count, device) = (aabbs.len() as u32, gpu.device());
-                    let built = device.acceleration(number, count, |i| aabbs[i as usize]).expect("built");
-                    record.acceleration = built.address();
-                    uploaded.accelerations.push(built);
-                }
-            } else {
-                let bvh = Bvh::build(boxes.numbered()).expect("a hierarchy");
-                record.bvh_nodes = uploaded.put(gpu, bvh.node_bytes());
-                record.bvh_items = uploaded.put(gpu, bvh.items());
-            }
-            uploaded.instances.push(record);
+            uploaded.push(gpu, record, &boxes.aabbs(), boxes.numbered());
         }
         uploaded
+    }
+
+    /// The next mesh of the scene, after all volumes.
+    pub(crate) fn add_mesh(&mut self, gpu: &Gpu, mesh: &MeshData, world_from_mesh: DAffine3) {
+        let packed = PackedMesh::new(0, mesh).expect("packed");
+        let mut record = packed.record();
+        let placement = mesh_placement(0, packed.grid.mesh_from_grid, world_from_mesh).expect("a place");
+        place_mesh(&mut record, &placement);
+        record.nodes = self.put(gpu, &packed.grid.corners);
+        record.boxes = self.put(gpu, mesh.triangles());
+        record.labels = self.put(gpu, &packed.materials);
+        self.push(gpu, record, &packed.aabbs(), packed.bounds.clone());
+    }
+
+    fn push(&mut self, gpu: &Gpu, mut record: Instance, aabbs: &[[f32; 6]], numbered: Vec<(BoxBounds, u32)>) {
+        let number = self.instances.len() as u32;
+        if gpu.device().backend().uses_hardware_hierarchy() {
+            if !aabbs.is_empty() {
+                let (count, device) = (aabbs.len() as u32, gpu.device());
+                let built = device.acceleration(number, count, |i| aabbs[i as usize]).expect("built");
+                record.acceleration = built.address();
+                self.accelerations.push(built);
+            }
+        } else {
+            let bvh = Bvh::build(numbered).expect("a hierarchy");
+            record.bvh_nodes = self.put(gpu, bvh.node_bytes());
+            record.bvh_items = self.put(gpu, bvh.items());
+        }
+        self.instances.push(record);
     }
 
     pub(crate) fn put<T: bytemuck::Pod>(&mut self, gpu: &Gpu, values: &[T]) -> u64 {

@@ -54,6 +54,7 @@ pub(crate) const HOST_FILES: &[(&str, &str)] = &[
         "what a renderer is asked from outside; src/renderer.rs is beside it",
     ),
     ("cpu-renderer/src/lib.rs", NAMES),
+    ("cpu-renderer/src/traverse/mesh_grid.rs", "corners and bounds: made ready before a ray is traced"),
     ("cpu-renderer/src/traverse/mod.rs", "unrolls loops over axes for the compiler"),
     ("render/src/atomic_file.rs", FILE_FORMAT),
     ("render/src/exr_file.rs", FILE_FORMAT),
@@ -128,6 +129,7 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
         &[
             ("Looks::same", READY),
             ("Looks::new", READY),
+            ("Looks::of_mesh", READY),
             ("Looks::materials", READ),
             ("Looks::of_label", READ),
             ("Looks::has_clear", "a need, known before: NEEDS_CLEAR"),
@@ -162,10 +164,21 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
     ),
     ("cpu-renderer/src/traverse/lod.rs", &[("LodChoice::new", READY), ("LodChoice::placed", READY)]),
     (
+        "cpu-renderer/src/traverse/mesh_tracer.rs",
+        &[
+            ("mesh_placement", READY),
+            ("MeshTracer::new", READY),
+            ("MeshTracer::again", READY),
+            ("MeshTracer::bytes", COUNTED),
+        ],
+    ),
+    (
         "cpu-renderer/src/traverse/scene_tracer.rs",
         &[
             ("SceneTracer::new", READY),
             ("SceneTracer::of", READY),
+            ("SceneTracer::with_meshes", READY),
+            ("SceneTracer::mesh", "edits keep what is built"),
             ("SceneTracer::bytes", COUNTED),
             ("SceneTracer::label_at", "asked about a voxel, not by a ray"),
         ],
@@ -273,11 +286,25 @@ pub(crate) const OTHER_NAMES: &[Listed] = &[
     (
         "cpu-renderer/src/traverse/index_ray.rs",
         // The adjugate and the translation of a placement are uploaded; a scale by a power of two is f64.glsl's.
-        &[("Placement::ray", "index_ray_new"), ("exp2", "scaled"), ("surface_of", "index_ray_new")],
+        &[
+            ("Placement::ray", "index_ray_new"),
+            ("Placement::ray_to_mesh", "index_ray_new"),
+            ("exp2", "scaled"),
+            ("surface_of", "index_ray_new"),
+        ],
     ),
     (
         "cpu-renderer/src/traverse/lod.rs",
         &[("Detail::level", "lod_level"), ("ByDistance::level", "lod_level")],
+    ),
+    (
+        "cpu-renderer/src/traverse/mesh_tracer.rs",
+        // Searches are those of volumes; what is looked at differs.
+        &[
+            ("MeshTracer::nearest", "visit_triangle"),
+            ("MeshTracer::first_hit", "visit_triangle"),
+            ("MeshTracer::occluded", "visit_triangle"),
+        ],
     ),
     (
         "cpu-renderer/src/traverse/scene_tracer.rs",

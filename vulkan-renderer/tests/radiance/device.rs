@@ -25,6 +25,9 @@ pub(crate) struct OnDevice {
 impl OnDevice {
     pub(crate) fn new(gpu: &Gpu, case: &Case) -> Self {
         let mut uploaded = Uploaded::new(gpu, &case.traced);
+        for (mesh, place) in &case.meshes {
+            uploaded.add_mesh(gpu, mesh, *place);
+        }
         for (i, looks) in case.around.looks.iter().enumerate() {
             let packed = PackedLooks::new(looks);
             let materials = uploaded.put(gpu, &packed.materials);

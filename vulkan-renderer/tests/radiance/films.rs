@@ -18,7 +18,8 @@ const SPP: u32 = 2 * REPLICATES;
 /// One scene for each of what the backends do in their own ways: many boxes, several instances, levels of detail; and one in which
 /// all lights and surfaces are.
 fn chosen() -> Vec<Case> {
-    let names = ["all surfaces under", "32 bounces", "by distance", "several instances", "begin within"];
+    let names =
+        ["all surfaces under", "32 bounces", "by distance", "several instances", "meshes", "begin within"];
     let is_chosen = |c: &Case| names.iter().any(|n| c.name.contains(n)) && !c.name.contains("even");
     let chosen: Vec<Case> = cases().into_iter().filter(is_chosen).collect();
     assert_eq!(chosen.len(), names.len());
@@ -91,7 +92,7 @@ fn films_with_doubles_in_integers_are_the_cpus() {
     assert_eq!(cases.len(), 2);
     let needs = |case: &Case| {
         let looks: Vec<_> = case.around.looks.iter().map(|l| PackedLooks::new(l)).collect();
-        ShaderNeeds::new(&case.camera, &case.around.lights, &looks, false)
+        ShaderNeeds::new(&case.camera, &case.around.lights, &looks, false, !case.meshes.is_empty())
     };
     let [even, distance] = [needs(&cases[0]), needs(&cases[1])];
     assert!(even.constants().iter().zip(distance.constants()).all(|(&e, d)| e <= d), "one program will do");

@@ -3,7 +3,8 @@
 use std::sync::Arc;
 
 use glam::{DAffine3, DMat3, DVec3, Vec3};
-use pumice_cpu::traverse::{LodChoice, SceneTracer, TracedInstance};
+use pumice_core::MeshData;
+use pumice_cpu::traverse::{LodChoice, MeshTracer, SceneTracer, TracedInstance};
 use pumice_cpu::{Lights, Looks, PathTracer, Sky, Surroundings};
 use pumice_render::{EnvironmentTable, Image, ReadyLamp, ReadySun};
 use pumice_scene::{
@@ -12,6 +13,7 @@ use pumice_scene::{
 };
 
 use crate::exact::volumes::{blobs, noise, volume};
+use crate::shapes;
 
 /// Pixels along a film's side: not a multiple of a group's 8.
 pub(crate) const SIDE: u32 = 28;
@@ -21,6 +23,8 @@ pub(crate) const SIDE: u32 = 28;
 pub(crate) struct Case {
     pub(crate) name: &'static str,
     pub(crate) traced: Vec<TracedInstance>,
+    /// After the volumes.
+    pub(crate) meshes: Vec<(Arc<MeshData>, DAffine3)>,
     pub(crate) around: Surroundings,
     pub(crate) camera: Camera,
     pub(crate) film: Film,
@@ -35,7 +39,12 @@ pub(crate) struct Case {
 
 impl Case {
     pub(crate) fn tracer(&self) -> SceneTracer {
-        SceneTracer::new(&self.traced).expect("a tracer")
+        let volumes = SceneTracer::new(&self.traced).expect("a tracer");
+        let meshes = (0u32..).zip(&self.meshes).map(|(i, (mesh, place))| {
+            let instance = self.traced.len() as u32 + i;
+            Arc::new(MeshTracer::new(i, instance, mesh, *place).expect("a mesh"))
+        });
+        volumes.with_meshes(meshes.collect())
     }
 
     /// The CPU's picture, not begun.
@@ -104,6 +113,7 @@ pub(crate) fn bodies() -> Case {
     Case {
         name: "an even sky",
         traced: vec![instance],
+        meshes: Vec::new(),
         around,
         camera: looking(DVec3::new(95.0, -60.0, 70.0), DVec3::new(24.0, 22.0, 20.0), projection),
         film: Film::new(SIDE, SIDE, Filter::BlackmanHarris { width: 3.0 }),
@@ -224,6 +234,29 @@ fn several() -> Case {
     case.look(&LabelStyle { auto_color: true, ..LabelStyle::default() }, 4.0)
 }
 
+/// A floor under the bodies, and a bumpy ball of glass, metal and clear triangles among them.
+fn beside_meshes(case: Case) -> Case {
+    let mut case = case;
+    let rough = Material { roughness: 0.7, base_color: [0.9, 0.8, 0.7], ..Material::default() };
+    let floor = DAffine3::from_translation(DVec3::new(-20.0, -20.0, -12.3)) * DAffine3::from_rotation_y(0.05);
+    let ball = shapes::bumpy_ball(2, &mut shapes::Random(8));
+    let faces = (0..ball.triangles().len() as u32).map(|i| i % 4).collect();
+    let ball = MeshData::new(ball.positions().to_vec(), ball.triangles().to_vec(), faces).expect("a mesh");
+    let mirrored = DAffine3::from_scale(DVec3::new(-14.0, 12.0, 15.0));
+    let ball = (Arc::new(ball), DAffine3::from_translation(DVec3::new(52.0, -8.0, 30.0)) * mirrored);
+    case.meshes =
+        vec![(shapes::cube(90.0, 3), floor * DAffine3::from_scale(DVec3::new(1.0, 1.0, 0.05))), ball];
+    let of_ball = [
+        Material { transmission: 1.0, ..rough },
+        Material { metallic: 1.0, ..rough },
+        Material { alpha: 0.4, emission: [0.2, 0.1, 0.0], ..rough },
+    ];
+    case.around.looks.push(Arc::new(Looks::of_mesh(&[Material { specular: 0.0, ..rough }])));
+    case.around.looks.push(Arc::new(Looks::of_mesh(&of_ball)));
+    case.reach = 170.0;
+    case
+}
+
 /// A room with a window in its ceiling and four pillars, seen from within: light comes in after many bounces.
 fn room() -> Case {
     let (_, room) = volume([48, 36, 28], |x, y, z| {
@@ -288,6 +321,7 @@ pub(crate) fn cases() -> Vec<Case> {
         aimed(bodies(), vec![sun(0.3, 2.0)]).lod(Lod::Boxes).named("boxes"),
         aimed(bodies(), vec![sun(0.3, 2.0)]).lod(far).named("cells and voxels by distance"),
         several().named("several instances, labels hidden, colours of the palette"),
+        beside_meshes(passed_through(aimed(bodies(), vec![sun(0.3, 2.0)]))).named("meshes beside a volume"),
         cut,
         soft,
         flat.with_lights(Lights::new(dark(), vec![sun(0.3, 2.0)], backdrop)),

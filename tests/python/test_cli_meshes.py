@@ -1,0 +1,110 @@
+"""Scenes with triangle meshes through the command: what a picture shows of one, and what is said of files that are none."""
+
+import json
+
+import numpy as np
+import pytest
+from command import run
+from PIL import Image
+
+HEADER = """ply
+format ascii 1.0
+element vertex 4
+property float x
+property float y
+property float z
+element face 1
+property list uchar int vertex_indices
+end_header
+"""
+QUICK = ["--backend", "cpu", "--spp", "1"]
+# A square about the origin, in one face of four corners.
+SQUARE = HEADER + "-1 -1 0\n1 -1 0\n1 1 0\n-1 1 0\n4 0 1 2 3\n"
+
+
+@pytest.fixture
+def floored(pumice, data, tmp_path):
+    """Nuclei over a floor that is wider than the picture, seen from above at a slant; the scene file and its fields."""
+    made = tmp_path / "made.json"
+    nuclei = [data / "platynereis_nuclei.tif", "--spacing", "1,1,1"]
+    run(pumice, "render", *nuclei, "-o", tmp_path / "made.png", *QUICK, "--size", "64x48", "--save-scene", made).fine()
+    scene = json.loads(made.read_text())
+    (tmp_path / "floor.ply").write_text(SQUARE)
+    material = {"base_color": [0.8, 0.1, 0.1], "roughness": 1.0, "specular": 0.0}
+    place = [100, 0, 0, 0, 100, 0, 0, 0, 100, 0, 0, -1.8]
+    scene["meshes"] = [{"id": 1, "source": "floor.ply", "world_from_mesh": place, "materials": [material]}]
+    file = tmp_path / "scene.json"
+    file.write_text(json.dumps(scene))
+    return file, scene
+
+
+def picture(pumice, scene, out):
+    run(pumice, "render", scene, "-o", out, "--backend", "cpu", "--spp", "8").fine()
+    return np.asarray(Image.open(out).convert("RGB"), dtype=float)
+
+
+def test_a_floor_is_drawn_under_a_volume_and_lies_in_its_shadow(pumice, floored, tmp_path):
+    file, fields = floored
+    with_floor = picture(pumice, file, tmp_path / "with.png")
+    alone = {**fields, "meshes": []}
+    file.write_text(json.dumps(alone))
+    without = picture(pumice, file, tmp_path / "without.png")
+    changed = np.abs(with_floor - without).max(axis=-1) > 25
+    assert changed.mean() > 0.3, "the floor fills what was empty"
+    red = changed & (with_floor[..., 0] > 1.5 * with_floor[..., 2])
+    assert red.sum() > 0.8 * changed.sum()
+    # The same floor without the volume is lighter where the volume shades it.
+    (tmp_path / "hidden.json").write_text(json.dumps(_hidden(fields)))
+    bare = picture(pumice, tmp_path / "hidden.json", tmp_path / "bare.png")
+    darker = red & (bare[..., 0] - with_floor[..., 0] > 20)
+    lighter = red & (with_floor[..., 0] - bare[..., 0] > 20)
+    assert darker.sum() > 20 and darker.sum() > 5 * lighter.sum(), (darker.sum(), lighter.sum())
+
+
+def _hidden(fields):
+    style = {**fields["instances"][0]["style"], "show": {"only": []}}
+    return {**fields, "instances": [{**fields["instances"][0], "style": style}]}
+
+
+def test_the_picture_is_made_again_from_the_same_mesh_alone(pumice, floored, tmp_path):
+    file, _ = floored
+    out = tmp_path / "with.png"
+    first = picture(pumice, file, out)
+    again = tmp_path / "again.png"
+    run(pumice, "render", "--again", out, "-o", again).fine()
+    assert np.array_equal(np.asarray(Image.open(again).convert("RGB"), dtype=float), first)
+    (tmp_path / "floor.ply").write_text(SQUARE.replace("-1 -1 0", "-1 -2 0"))
+    assert "mesh" in run(pumice, "render", "--again", out, "-o", again).refused()
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (None, "floor.ply"),
+        ("solid cube", "no mesh that can be read"),
+        (SQUARE[:-10], "floor.ply"),
+        (SQUARE.replace("4 0 1 2 3", "4 0 1 2 9"), "corner 9"),
+        (SQUARE.replace("1 1 0", "1 nan 0", 1), "finite"),
+    ],
+)
+def test_a_file_that_is_no_mesh_is_refused_in_a_line(pumice, floored, tmp_path, text, said):
+    file, _ = floored
+    path = tmp_path / "floor.ply"
+    path.unlink() if text is None else path.write_text(text)
+    assert said in run(pumice, "render", file, "-o", tmp_path / "no.png", *QUICK).refused()
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"shadow_catcher": True}, "meshes[0].shadow_catcher: not drawn yet"),
+        ({"materials": []}, "meshes[0].materials"),
+        ({"world_from_mesh": [0.0] * 12}, "meshes[0].world_from_mesh"),
+        ({"world_from_mesh": [1e-300, 0, 0, 0, 1e-300, 0, 0, 0, 1e-300, 0, 0, 0]}, "meshes[0]"),
+    ],
+)
+def test_a_mesh_that_cannot_be_drawn_is_named(pumice, floored, tmp_path, change, said):
+    file, fields = floored
+    fields["meshes"][0].update(change)
+    file.write_text(json.dumps(fields))
+    assert said in run(pumice, "render", file, "-o", tmp_path / "no.png", *QUICK).refused()

@@ -1,0 +1,69 @@
+//! A mesh as an instance whose items are triangles.
+//!
+//! ```text
+//! field of the instance   of a volume     of a mesh
+//! nodes                   nodes           corners in the mesh's grid, 3 floats each
+//! boxes, box_count        boxes           corners of triangles, 3 words each; how many triangles
+//! labels                  labels          material index of each triangle
+//! lod                     level           LOD_TRIANGLES
+//! chunks, leaves, dims    …               0
+//! the others              the same, of the mesh's grid
+//! ```
+
+use pumice_core::MeshData;
+use pumice_cpu::traverse::{MeshGrid, Placement};
+use pumice_render::{BoxBounds, RenderError};
+
+use super::boxes::aabbs_of;
+use crate::layout::{Instance, LOD_TRIANGLES};
+
+/// See the module.
+#[derive(Clone, Debug)]
+pub struct PackedMesh {
+    /// Corners.
+    pub grid: MeshGrid,
+    /// Material index of each triangle.
+    pub materials: Vec<u32>,
+    /// Bounds and number of each triangle: what `pumice_render::Bvh::build` takes.
+    pub bounds: Vec<(BoxBounds, u32)>,
+    all: BoxBounds,
+}
+
+impl PackedMesh {
+    /// The mesh at a place of the scene.
+    ///
+    /// # Errors
+    /// As [`MeshGrid::new`].
+    pub fn new(place: u32, mesh: &MeshData) -> Result<Self, RenderError> {
+        let grid = MeshGrid::new(place, mesh)?;
+        let bounds = grid.bounds(mesh);
+        let all = bounds.iter().map(|b| b.0).reduce(BoxBounds::union);
+        let all = all.unwrap_or(BoxBounds { lo: [0; 3], hi: [0; 3] });
+        let materials = (0..mesh.triangles().len()).map(|t| mesh.material(t)).collect();
+        Ok(Self { grid, materials, bounds, all })
+    }
+
+    /// Bounds for hardware's hierarchies, as of boxes.
+    pub fn aabbs(&self) -> Vec<[f32; 6]> {
+        aabbs_of(self.bounds.iter().map(|b| b.0), self.all)
+    }
+
+    /// The instance's record; addresses, materials and place left 0.
+    pub fn record(&self) -> Instance {
+        Instance {
+            lo: self.all.lo,
+            hi: self.all.hi,
+            pad: self.all.pad(),
+            box_count: self.bounds.len() as u32,
+            lod: LOD_TRIANGLES,
+            ..Instance::default()
+        }
+    }
+}
+
+/// Puts a mesh elsewhere: its grid's placement.
+pub fn place_mesh(record: &mut Instance, placement: &Placement) {
+    record.translation = placement.world_from_index.translation.to_array();
+    record.adjugate = placement.adjugate.map(|row| row.to_array());
+    record.determinant = placement.determinant;
+}
