@@ -277,6 +277,28 @@ def test_cuts_are_what_their_objects_show(blender, stage):
     assert stage()[0].cuts == []
 
 
+def test_a_mesh_is_drawn_where_it_stands(blender, extension):
+    """With the compiled module and the flags of this version: seen from above, the quad covers its rectangle at its height; the
+    triangle that stands on it is seen edge on, so not at all."""
+    import pumice
+
+    added(blender, quad(blender), "floor", location=(0.5, 0.0, 1.0))
+    eye = blender.data.cameras.new("eye")
+    eye.type, eye.ortho_scale = "ORTHO", 8.0
+    camera = added(blender, eye, "eye", location=(0.0, 0.0, 5.0))
+    reader = extension.scene_reader
+    blender.context.view_layer.update()
+    film = {"width": 16, "height": 16, "filter": {"box": {"width": 1.0}}}
+    parts, left_out = reader.read(blender.context.evaluated_depsgraph_get(), reader.lens.read(camera), film, reader.Kept())
+    assert left_out == []
+    scene = pumice.Scene.from_dict(parts.scene())
+    depth = pumice.render(scene, [], meshes=parts.geometries(), spp=1, backend="cpu").depth
+    x, y = np.meshgrid((np.arange(16) + 0.5) / 2 - 4, 4 - (np.arange(16) + 0.5) / 2)
+    inside = (x > 0.5) & (x < 2.5) & (y > 0.0) & (y < 1.0)
+    assert inside.sum() == 8 and np.array_equal(np.isfinite(depth), inside)
+    assert depth[inside] == pytest.approx(4.0, abs=1e-5)
+
+
 def test_the_module_takes_what_is_read(blender, extension, drawn):
     """With the compiled module: a scene of meshes and cuts is valid, and its triangles are as many."""
     import pumice

@@ -29,6 +29,7 @@ FOLDER = Path(__file__).resolve().parent
 DATA = FOLDER.parents[1] / "data"
 # A square, seen from above counter-clockwise.
 FLOOR = [[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]]
+HALVES = [[0, 1, 2], [0, 2, 3]]
 
 
 def names():
@@ -105,11 +106,12 @@ class Rung:
             scene["cuts"] = [{"shape": {"plane": {"point": point, "normal": [1.0, 0.0, 0.0]}}}]
         if "floor" in self.fields:
             floor = self.fields["floor"]
-            path = self.folder / f"{name}-floor.obj"
-            path.write_text("".join(f"v {x} {y} {z}\n" for x, y, z in FLOOR) + "f 1 2 3\nf 1 3 4\n")
+            path = self.folder / f"{name}-floor.ply"
+            path.write_text(ply(FLOOR, HALVES))
             matrix = np.vstack([floor["half"] * np.eye(3), [0, 0, floor["height"]]]).ravel().tolist()
             mesh = {"id": 1, "source": str(path), "world_from_mesh": matrix, "materials": [floor["material"]]}
             scene["meshes"] = [mesh]
+        self.meshes = [pumice.Mesh(FLOOR, HALVES) for _ in scene.get("meshes", [])]
         self.scene = pumice.Scene.from_dict(scene).to_dict()
 
     @property
@@ -138,7 +140,7 @@ class Rung:
             np.save(paths[key], array)
         meshes = []
         for mesh in scene["meshes"]:
-            floor = {"vertices": FLOOR, "triangles": [[0, 1, 2], [0, 2, 3]], "material_of_triangle": [0, 0]}
+            floor = {"vertices": FLOOR, "triangles": HALVES, "material_of_triangle": [0, 0]}
             files = {key: str(self.folder / f"{self.name}-floor-{key}.npy") for key in floor}
             for key, values in floor.items():
                 np.save(files[key], np.array(values))
@@ -182,10 +184,26 @@ class Rung:
         for seed in range(first, first + seeds):
             scene["settings"]["seed"] = seed
             picture = pumice.render(
-                pumice.Scene.from_dict(scene), self.volume, spp=spp or self.spp, backend=backend
+                pumice.Scene.from_dict(scene), self.volume, meshes=self.meshes, spp=spp or self.spp, backend=backend
             )
             out.append(picture.color)
         return np.array(out, dtype=np.float64)
+
+
+def ply(corners, triangles):
+    """A mesh file as text."""
+    header = f"""ply
+format ascii 1.0
+element vertex {len(corners)}
+property double x
+property double y
+property double z
+element face {len(triangles)}
+property list uchar int vertex_indices
+end_header
+"""
+    rows = [*corners, *([3, *triangle] for triangle in triangles)]
+    return header + "".join(" ".join(map(str, row)) + "\n" for row in rows)
 
 
 def cut_out(crop):
