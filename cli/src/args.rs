@@ -195,7 +195,7 @@ pub(crate) struct Render {
     #[arg(short, long, value_name = "OUT")]
     pub(crate) out: PathBuf,
     /// Render a picture again from what it carries: the same pixels
-    #[arg(long, value_name = "PICTURE", conflicts_with_all = ["input", "size", "spp", "time", "error", "bounces", "mode", "lod", "seed", "labels", "pick", "view"])]
+    #[arg(long, value_name = "PICTURE", conflicts_with_all = ["input", "size", "spp", "time", "error", "bounces", "mode", "lod", "seed", "labels", "pick", "view", "transparent"])]
     pub(crate) again: Option<PathBuf>,
     /// What renders: auto, cpu, vulkan-rt, vulkan-query or vulkan-compute
     ///
@@ -228,9 +228,17 @@ pub(crate) struct Render {
     /// Every random number follows from it; default 0, or the scene's
     #[arg(long, value_name = "N")]
     pub(crate) seed: Option<u64>,
-    /// Passes in the EXR beside the picture, by commas: depth,label,albedo,normal,variance; or all, or none
+    /// Passes in the EXR beside the picture, separated by commas; or all, or none
+    ///
+    /// First surface: depth, position, normal, label, albedo. Of the samples: variance, samples. Light by kind, for 132 bytes a pixel:
+    /// light for all of it, or diffuse_direct, diffuse_indirect, diffuse_color, the same of glossy and transmission, emission,
+    /// environment. What is named is made, albedo and normal as means over samples; all is what needs no making, and what the scene's
+    /// film.passes asks for
     #[arg(long, value_name = "A,B,C", default_value = "all", value_delimiter = ',')]
     pub(crate) passes: Vec<String>,
+    /// Leave transparent what camera rays do not meet, instead of the sky or the backdrop
+    #[arg(long)]
+    pub(crate) transparent: bool,
     /// Only these labels, by id, separated by commas
     #[arg(long, value_name = "ID,ID", value_delimiter = ',', conflicts_with = "pick")]
     pub(crate) labels: Option<Vec<u64>>,

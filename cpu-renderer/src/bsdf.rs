@@ -237,6 +237,40 @@ impl Bsdf {
         }
     }
 
+    /// Part of `f`, what [`Bsdf::eval`] gives for `wo`, that is diffuse; 0 where f is.
+    pub fn diffuse_share(&self, wo: Vec3, f: Vec3) -> Vec3 {
+        if wo.z <= 0.0 {
+            return Vec3::ZERO;
+        }
+        let diffuse = self.diffuse * (wo.z * FRAC_1_PI);
+        let part = |d: f32, f: f32| if f > 0.0 { (d / f).min(1.0) } else { 0.0 };
+        Vec3::new(part(diffuse.x, f.x), part(diffuse.y, f.y), part(diffuse.z, f.z))
+    }
+
+    /// About what the lobes of `m` scatter of even light: diffuse, glossy, transmission. Above 0 wherever such light can be.
+    #[inline(never)]
+    pub fn colors(&self, m: &Material) -> [Vec3; 3] {
+        let mut glossy = Vec3::splat(self.coat.albedo);
+        let mut transmission = Vec3::ZERO;
+        let kept = if m.multiscatter { table_2d(REFLECTION, 32, m.roughness, self.wi.z) } else { 1.0 };
+        glossy += self.metal * fresnel_f82_average(self.metal_f0, self.metal_b) * kept;
+        if self.specular != Vec3::ZERO {
+            glossy +=
+                self.specular * share_to_white(self.specular_f0, average_share(self.specular_eta)) * kept;
+        }
+        if self.transmits() {
+            let side = if self.glass_eta < 1.0 { INSIDE } else { 0 };
+            let kept = match m.multiscatter {
+                true => table_3d(GLASS + side, 16, m.roughness, self.wi.z, index_place(m.ior)),
+                false => 1.0,
+            };
+            let reflected = share_to_white(self.glass_f0, average_share(self.glass_eta));
+            glossy += self.glass * reflected * kept;
+            transmission = self.glass * (Vec3::ONE - reflected) * self.glass_tint * kept;
+        }
+        [self.diffuse, glossy, transmission]
+    }
+
     /// What a microfacet reflects, and what it lets pass, at the cosine of `wi` with it.
     #[inline]
     fn reflectance(&self, cos: f32) -> (Vec3, Vec3) {

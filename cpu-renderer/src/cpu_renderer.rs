@@ -273,6 +273,10 @@ impl Renderer for CpuRenderer {
         Ok(self.shown()?.tracer.film().mean())
     }
 
+    fn alpha(&mut self) -> Result<Option<Vec<f32>>, RenderError> {
+        Ok(self.shown()?.tracer.film().alpha())
+    }
+
     fn picture(&mut self) -> Result<Picture, RenderError> {
         Ok(self.shown()?.tracer.picture())
     }

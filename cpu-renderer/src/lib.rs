@@ -10,6 +10,7 @@ pub mod lights;
 pub mod looks;
 pub mod path;
 pub mod path_tracer;
+pub mod tally;
 pub mod traverse;
 
 pub use cpu_renderer::{CpuRenderer, ReadImage, scene_lights};

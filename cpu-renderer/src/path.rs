@@ -1,7 +1,7 @@
 //! One path, from the camera to its end.
 //!
 //! ```text
-//! for each vertex 0, 1, …:
+//! for each vertex 0, 1, …, all light told to a tally:
 //!     add the lamps that were passed on the way
 //!     nothing hit → add the sky and the suns in that direction, weighted; end
 //!     go straight on where the surface is not wholly there (alpha); that is no vertex
@@ -17,13 +17,14 @@ use std::sync::Arc;
 use glam::{DVec3, Vec3};
 use pumice_render::sampler::{BouncePair, PixelSampler};
 use pumice_render::sun::frame_around;
-use pumice_render::{Hit, PathOrigin, RayInWorld, Receiver, SurfaceKind, Tracer};
+use pumice_render::{Hit, PassSums, PathOrigin, RayInWorld, Receiver, SurfaceKind, Tracer};
 use pumice_scene::{Mode, Settings};
 
 use crate::bsdf::{Bsdf, emitted, sample_cosine};
 use crate::crossing::{MOST_CLEAR_SURFACES, may_touch, next_hit, visibility};
 use crate::lights::Lights;
 use crate::looks::Looks;
+use crate::tally::{FirstSurface, Share, Sorted, Tally, Total, clamps};
 
 /// First vertex after which Russian roulette may end a path: the first bounces carry most of the light, and cutting them costs
 /// more noise than time.
@@ -106,43 +107,66 @@ pub fn radiance<T: Tracer + ?Sized>(
     t_max: f64,
     down: f32,
 ) -> Vec3 {
+    if clamps(&around.settings) {
+        let mut sorted = Sorted::new(&around.settings, PassSums::default());
+        follow(tracer, around, sampler, camera_ray, t_max, down, &mut sorted);
+        return sorted.total;
+    }
+    let mut total = Total::default();
+    follow(tracer, around, sampler, camera_ray, t_max, down, &mut total);
+    total.0
+}
+
+/// The same, told to a tally.
+#[inline]
+pub fn follow<T: Tracer + ?Sized>(
+    tracer: &T,
+    around: &Surroundings,
+    sampler: &PixelSampler,
+    camera_ray: RayInWorld,
+    t_max: f64,
+    down: f32,
+    tally: &mut impl Tally,
+) {
     let hit = tracer.first_hit(&camera_ray, PathOrigin::Free, t_max);
-    let lamps = if around.lights.lamps().is_empty() || around.settings.mode == Mode::AmbientOcclusion {
-        Vec3::ZERO
-    } else {
+    if !around.lights.lamps().is_empty() && around.settings.mode != Mode::AmbientOcclusion {
         let length = camera_ray.direction.length();
         let limit = hit.as_ref().map_or(t_max, |h| h.t) * length;
-        around.lights.lamps_seen(camera_ray.origin, camera_ray.direction / length, limit)
-    };
+        tally.met(around.lights.lamps_seen(camera_ray.origin, camera_ray.direction / length, limit), 0);
+    }
     let Some(hit) = hit else {
-        return lamps + around.lights.behind(camera_ray.direction, down);
+        return tally.met_behind(around.lights.behind(camera_ray.direction, down), 0);
     };
     match around.settings.mode {
-        Mode::AmbientOcclusion => ambient(tracer, around, sampler, &camera_ray, &hit),
-        Mode::OneBounce => lamps + path(tracer, around, sampler, camera_ray, hit, 0, t_max, down),
+        Mode::AmbientOcclusion => ambient(tracer, around, sampler, &camera_ray, &hit, tally),
+        Mode::OneBounce => path(tracer, around, sampler, camera_ray, hit, 0, t_max, down, tally),
         Mode::Path => {
-            lamps + path(tracer, around, sampler, camera_ray, hit, around.settings.bounces, t_max, down)
+            path(tracer, around, sampler, camera_ray, hit, around.settings.bounces, t_max, down, tally);
         }
     }
 }
 
-/// 1 where a cosine-distributed ray meets nothing within reach, else 0.
+/// 1 where a cosine-distributed ray meets nothing within reach, else 0: what a white surface would scatter of a white sky.
 fn ambient<T: Tracer + ?Sized>(
     tracer: &T,
     around: &Surroundings,
     sampler: &PixelSampler,
     ray: &RayInWorld,
     hit: &Hit,
-) -> Vec3 {
-    if hit.is_seen_from_within() {
-        return Vec3::ZERO;
-    }
+    tally: &mut impl Tally,
+) {
     let frame = Frame::new(hit.normal_towards_ray());
+    let white = [Vec3::ONE, Vec3::ZERO, Vec3::ZERO];
+    tally.came_to(0, || FirstSurface { colors: white, normal: frame.normal.as_vec3() });
+    if hit.is_seen_from_within() {
+        return;
+    }
     let direction = frame.world(sample_cosine(sampler.bounce(0, BouncePair::Scatter)));
     let ray = RayInWorld { origin: ray.origin + ray.direction * hit.t, direction };
     let open = direction.dot(frame.normal) > 0.0
         && !tracer.occluded(&ray, PathOrigin::Face(hit.surface), around.settings.ao_distance);
-    Vec3::splat(f32::from(u8::from(open)))
+    let light = Vec3::splat(f32::from(u8::from(open)));
+    tally.aimed(light, 0, || Share { diffuse: Vec3::ONE, through: false });
 }
 
 #[expect(clippy::too_many_arguments, reason = "what a path starts from")]
@@ -155,9 +179,10 @@ fn path<T: Tracer + ?Sized>(
     bounces: u32,
     mut t_max: f64,
     down: f32,
-) -> Vec3 {
+    tally: &mut impl Tally,
+) {
     let lights = &around.lights;
-    let (mut total, mut throughput) = (Vec3::ZERO, Vec3::ONE);
+    let mut throughput = Vec3::ONE;
     // Surfaces that scattered, and such that were passed straight through.
     let (mut vertex, mut passed) = (0u32, 0u32);
     let mut way =
@@ -173,14 +198,14 @@ fn path<T: Tracer + ?Sized>(
         if material.alpha < 1.0 && sampler.bounce(step, BouncePair::Roulette)[1] >= material.alpha {
             passed += 1;
             if passed > MOST_CLEAR_SURFACES {
-                return total;
+                return;
             }
             ray.origin = origin;
             t_max -= hit.t;
             way.gone += hit.t * ray.direction.length();
             buried = false;
             let next = next_hit(tracer, &ray, &hit, t_max);
-            total += throughput * way.lamps(lights, ray.direction, next.as_ref(), t_max);
+            tally.met(throughput * way.lamps(lights, ray.direction, next.as_ref(), t_max), vertex);
             match next {
                 Some(next) => hit = next,
                 None => {
@@ -189,7 +214,7 @@ fn path<T: Tracer + ?Sized>(
                         Some(pdf) => lights.found(direction, pdf),
                         None => lights.behind(direction, down),
                     };
-                    return total + throughput * light;
+                    return tally.met_behind(throughput * light, vertex);
                 }
             }
             continue;
@@ -200,11 +225,15 @@ fn path<T: Tracer + ?Sized>(
         let mut wi = frame.local(-ray.direction.normalize());
         // A grazing ray may round to 0 or below: it still sees the front.
         wi.z = wi.z.max(1e-6);
-        total += throughput * emitted(material, wi.z);
+        tally.met(throughput * emitted(material, wi.z), vertex);
         if vertex > bounces || buried {
-            return total;
+            return;
         }
         let bsdf = Bsdf::new(material, wi, hit.from_inside);
+        tally.came_to(vertex, || FirstSurface {
+            colors: bsdf.colors(material),
+            normal: frame.normal.as_vec3(),
+        });
         let receiver =
             Receiver { point: origin, normal: frame.normal.as_vec3(), both_sides: bsdf.transmits() };
         let mut choice = None;
@@ -216,11 +245,16 @@ fn path<T: Tracer + ?Sized>(
             if let Some(light) = lights.sample(&receiver, which, sampler.bounce(step, BouncePair::Light))
                 && (light.direction.dot(frame.normal) > 0.0 || bsdf.transmits())
             {
-                let (f_cos, pdf) = bsdf.eval(frame.local(light.direction));
+                let wo = frame.local(light.direction);
+                let (f_cos, pdf) = bsdf.eval(wo);
                 let add = throughput * f_cos * light.radiance_over_pdf * lights.aimed_weight(light.pdf, pdf);
                 let shadow_ray = RayInWorld { origin, direction: light.direction };
                 if add.max_element() > 0.0 {
-                    total += add * visibility(tracer, around, &shadow_ray, &hit, light.distance);
+                    let seen = visibility(tracer, around, &shadow_ray, &hit, light.distance);
+                    tally.aimed(add * seen, vertex, || Share {
+                        diffuse: bsdf.diffuse_share(wo, f_cos),
+                        through: wo.z < 0.0,
+                    });
                 }
             }
         }
@@ -232,33 +266,42 @@ fn path<T: Tracer + ?Sized>(
             None => 0.5,
         };
         let Some(sample) = bsdf.sample(sampler.bounce(step, BouncePair::Scatter), lobe) else {
-            return total;
+            return;
         };
         throughput *= sample.weight;
         let most = throughput.max_element();
         if most <= 0.0 {
-            return total;
+            return;
         }
+        // A mirror's only direction is the mirror's alone.
+        tally.scattered(vertex, || Share {
+            diffuse: match sample.pdf.is_finite() {
+                true => bsdf.diffuse_share(sample.wo, sample.weight * sample.pdf),
+                false => Vec3::ZERO,
+            },
+            through: sample.wo.z < 0.0,
+        });
 
         // End by Russian roulette; who survives stands for who does not (Arvo and Kirk 1990).
         if around.settings.russian_roulette && vertex >= FIRST_ROULETTE && most < 1.0 {
             let survival = most.max(LEAST_SURVIVAL);
             if sampler.bounce(step, BouncePair::Roulette)[0] >= survival {
-                return total;
+                return;
             }
             throughput /= survival;
         }
         let direction = frame.world(sample.wo);
         let above = direction.dot(frame.normal);
         if above == 0.0 || (above > 0.0) != (sample.wo.z > 0.0) {
-            return total;
+            return;
         }
         ray = RayInWorld { origin, direction };
         t_max = f64::INFINITY;
         way = Way { from: receiver, pdf: Some(sample.pdf), gone: 0.0 };
         let outward = (above > 0.0) != hit.from_inside;
         let next = next_hit(tracer, &ray, &hit, t_max);
-        total += throughput * way.lamps(lights, direction, next.as_ref(), t_max);
+        vertex += 1;
+        tally.met(throughput * way.lamps(lights, direction, next.as_ref(), t_max), vertex);
         match next {
             Some(next) => {
                 // (A mesh may well stand inside of a label.)
@@ -266,8 +309,10 @@ fn path<T: Tracer + ?Sized>(
                 buried = outward && left_label && next.is_seen_from_within() && !may_touch(direction, &hit);
                 hit = next;
             }
-            None => return total + throughput * lights.found(direction.normalize(), sample.pdf),
+            None => {
+                let light = lights.found(direction.normalize(), sample.pdf);
+                return tally.met_behind(throughput * light, vertex);
+            }
         }
-        vertex += 1;
     }
 }

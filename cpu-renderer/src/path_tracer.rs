@@ -7,13 +7,14 @@ use pumice_core::Job;
 use pumice_render::film::STRIDE;
 use pumice_render::sampler::{PixelSampler, REPLICATES};
 use pumice_render::{
-    FilmBuffer, FilterTable, Image, PathOrigin, Picture, Progress, RenderError, SurfaceKind, Tracer,
+    FilmBuffer, FilterTable, Image, PassSums, PathOrigin, Picture, Progress, RenderError, SurfaceKind, Tracer,
 };
-use pumice_scene::{Camera, Film};
+use pumice_scene::{Camera, Film, Passes};
 use rayon::prelude::*;
 
 use crate::camera_rays::CameraRays;
-use crate::path::{Surroundings, radiance};
+use crate::path::{Surroundings, follow, radiance};
+use crate::tally::Sorted;
 
 /// Most samples that each pixel gets between two looks at the clock.
 const MOST_SAMPLES_A_PASS: u32 = 64;
@@ -26,6 +27,7 @@ pub struct PathTracer<T> {
     rays: CameraRays,
     filter: FilterTable,
     film: FilmBuffer,
+    wanted: Passes,
     seconds_a_sample: f64,
 }
 
@@ -37,7 +39,8 @@ impl<T: Tracer> PathTracer<T> {
             around,
             rays: CameraRays::new(camera, film),
             filter: FilterTable::new(&film.filter),
-            film: FilmBuffer::new(film.width, film.height),
+            film: FilmBuffer::with_passes(film.width, film.height, PassSums::of(film)),
+            wanted: film.passes,
             seconds_a_sample: 0.0,
         }
     }
@@ -103,6 +106,8 @@ impl<T: Tracer> PathTracer<T> {
         let (width, height) = self.film.size();
         let Self { tracer, around, rays, filter, film, .. } = self;
         let seed = around.settings.seed;
+        let kept = film.kept();
+        let stride = kept.stride();
         film.rows_mut().par_bridge().for_each(|row| {
             if job.is_cancelled() || *row.samples >= target {
                 return;
@@ -117,7 +122,15 @@ impl<T: Tracer> PathTracer<T> {
                         None => rays.ray(px, py),
                         Some(lens) => rays.lens_ray(lens, px, py, sampler.lens()),
                     };
-                    let color = radiance(&*tracer, around, &sampler, ray, t_max, (py / height as f64) as f32);
+                    let down = (py / height as f64) as f32;
+                    let color = if stride == 0 {
+                        radiance(&*tracer, around, &sampler, ray, t_max, down)
+                    } else {
+                        let mut sorted = Sorted::new(&around.settings, kept);
+                        follow(&*tracer, around, &sampler, ray, t_max, down, &mut sorted);
+                        sorted.add_to(&mut row.passes[x * stride..][..stride]);
+                        sorted.total
+                    };
                     let at = 3 * (sample % REPLICATES) as usize;
                     sums[at] += color.x;
                     sums[at + 1] += color.y;
@@ -156,21 +169,32 @@ impl<T: Tracer> PathTracer<T> {
             .map(|i| self.first((i % width) as u32, (i / width) as u32))
             .collect();
         let image = |f: fn(&First) -> [f32; 3]| Image::new(width, height, firsts.iter().map(f).collect());
-        Picture {
-            color: self.film.mean(),
+        let picture = Picture {
             variance: (self.film.spp() >= REPLICATES).then(|| self.film.variance()),
             depth: Some(firsts.iter().map(|f| f.depth).collect()),
             label: Some(firsts.iter().map(|f| f.label).collect()),
             albedo: Some(image(|f| f.albedo)),
             normal: Some(image(|f| f.normal)),
-            provenance: None,
-        }
+            position: Some(image(|f| f.position)),
+            ..Picture::of(self.film.mean())
+        };
+        self.film.passes_into(picture, self.wanted)
     }
 
     fn first(&self, x: u32, y: u32) -> First {
         match self.pick(x, y) {
-            None => First { depth: f32::INFINITY, label: 0, albedo: [0.0; 3], normal: [0.0; 3] },
+            None => First {
+                depth: f32::INFINITY,
+                label: 0,
+                albedo: [0.0; 3],
+                normal: [0.0; 3],
+                position: [0.0; 3],
+            },
             Some((hit, depth)) => First {
+                position: {
+                    let (ray, _) = self.rays.ray(f64::from(x) + 0.5, f64::from(y) + 0.5);
+                    (ray.origin + ray.direction * hit.t).as_vec3().to_array()
+                },
                 depth: depth as f32,
                 label: if hit.surface.kind == SurfaceKind::Triangle { 0 } else { hit.surface.label + 1 },
                 albedo: self.around.looks[hit.surface.instance as usize]
@@ -191,4 +215,5 @@ struct First {
     label: u32,
     albedo: [f32; 3],
     normal: [f32; 3],
+    position: [f32; 3],
 }

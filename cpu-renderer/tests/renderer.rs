@@ -3,6 +3,8 @@
 
 #[path = "renderer/cases.rs"]
 mod cases;
+#[path = "renderer/passes.rs"]
+mod passes;
 
 fn renderer() -> pumice_cpu::CpuRenderer {
     pumice_cpu::CpuRenderer::new(|path| Err(format!("no picture at {}", path.display())))

@@ -8,7 +8,7 @@ use pumice_core::{
     CompressedVolume, Job, LabelBuffer, LabelNote, LabelType, Level, VolumeInfo, compress_labels,
 };
 use pumice_formats::write::write_volume;
-use pumice_render::{Image, Passes, Picture, Provenance, write_exr, write_png};
+use pumice_render::{Image, Pass, Passes, Picture, Provenance, write_exr, write_png};
 use pumice_scene::Scene;
 
 use crate::scratch;
@@ -184,7 +184,11 @@ pub fn pictures() -> Vec<Vec<u8>> {
         depth: Some(vec![f32::INFINITY; 20]),
         label: Some((0..20).collect()),
         albedo: Some(image.clone()),
-        normal: Some(image),
+        normal: Some(image.clone()),
+        alpha: Some(vec![0.5; 20]),
+        position: Some(image.clone()),
+        samples: Some(vec![64.0; 20]),
+        light: Pass::LIGHT.iter().map(|pass| (*pass, image.clone())).collect(),
         provenance: Some(Provenance {
             version: "0.1.0".into(),
             backend: "cpu".into(),
@@ -195,9 +199,8 @@ pub fn pictures() -> Vec<Vec<u8>> {
             error_estimate: Some(0.01),
         }),
     };
-    let passes = Passes { variance: true, depth: true, label: true, albedo: true, normal: true };
     let mut seeds = vec![
-        written(".exr", |path| write_exr(path, &ours, &passes).unwrap()),
+        written(".exr", |path| write_exr(path, &ours, &Passes::ALL).unwrap()),
         written(".png", |path| write_png(path, &ours).unwrap()),
     ];
     let tiled = Encoding::FAST_LOSSLESS;

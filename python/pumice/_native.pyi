@@ -116,6 +116,10 @@ class Picture:
         """
         Base colour of the first surface.
         """
+    def alpha(self, /) -> Array | None:
+        """
+        Part of the samples that met a surface, of a transparent film: (height, width).
+        """
     def color(self, /) -> Array:
         """
         Scene-linear Rec. 709 radiance: (height, width, 3).
@@ -132,9 +136,21 @@ class Picture:
         """
         Place of its label in the label table + 1, 0 where there is none: (height, width).
         """
+    def light(self, /) -> list[tuple[str, Array]]:
+        """
+        Passes of light, by name.
+        """
     def normal(self, /) -> Array | None:
         """
         Normal of the first surface.
+        """
+    def position(self, /) -> Array | None:
+        """
+        Where the first surface is in the world.
+        """
+    def samples(self, /) -> Array | None:
+        """
+        Samples of each pixel: (height, width).
         """
     def save(self, /, path: str | PathLike[str], passes: SupportsGetItem[int, str]) -> None:
         """

@@ -20,7 +20,7 @@ from .scene import Scene
 from .volume import Job, Volume
 
 Floats = npt.NDArray[np.float32]
-PASSES = ("variance", "depth", "label", "albedo", "normal")
+PASSES = ("depth", "position", "normal", "label", "albedo", "variance", "samples")
 Volumes = Volume | Sequence[Volume] | Mapping[str, Volume]
 
 
@@ -43,19 +43,23 @@ class Picture:
         self._figures: dict[str, Any] = told["figures"]
         self.explanation: list[str] = told["explanation"]
         self.color: Floats = np.asarray(native.color())
-        self.alpha: Floats | None = None
+        self.alpha: Floats | None = _maybe(native.alpha())
         self.variance: Floats | None = _maybe(native.variance())
         self.depth: Floats | None = _maybe(native.depth())
         self.label: npt.NDArray[np.uint32] | None = _maybe(native.label())
         self.albedo: Floats | None = _maybe(native.albedo())
         self.normal: Floats | None = _maybe(native.normal())
+        self.position: Floats | None = _maybe(native.position())
+        self.samples: Floats | None = _maybe(native.samples())
+        self._light: dict[str, Floats] = {name: np.asarray(array) for name, array in native.light()}
 
     @property
     def passes(self) -> dict[str, npt.NDArray[Any]]:
         """Every pass that the picture has, by name: (height, width), or with colours (height, width, 3). `label` is uint32, 0 where
-        there is none, else the row of the label table plus 1; all others are float32."""
+        there is none, else the row of the label table plus 1; all others are float32. Passes of light are there where the scene's
+        `film.passes` asked for them."""
         named = {name: getattr(self, name) for name in PASSES}
-        return {name: array for name, array in named.items() if array is not None}
+        return {**{name: array for name, array in named.items() if array is not None}, **self._light}
 
     @property
     def spp(self) -> int:
@@ -98,7 +102,7 @@ class Picture:
     def save(self, path: Path, *, passes: str | Sequence[str] = "all") -> None:
         """Writes an `.exr` (scene-linear, with these passes) or a `.png` (sRGB), whole or not at all. Both can be made again.
 
-        Passes: `all`, `none`, or any of `variance`, `depth`, `label`, `albedo`, `normal`.
+        Passes: `all`, `none`, `light` for all that are of light, or names as in `passes`; what the picture lacks is left out.
         """
         self._native.save(os.fspath(path), [passes] if isinstance(passes, str) else list(passes))
 

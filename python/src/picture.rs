@@ -26,6 +26,14 @@ fn image(image: &Image) -> Array {
     Array::new(Data::F32(values), &[image.height, image.width, 3])
 }
 
+impl Picture {
+    /// (height, width) floats.
+    fn plane(&self, values: Option<&Vec<f32>>) -> Option<Array> {
+        let color = &self.0.picture.color;
+        Some(Array::new(Data::F32(values?.clone()), &[color.height, color.width]))
+    }
+}
+
 #[pymethods]
 impl Picture {
     /// Scene-linear Rec. 709 radiance: (height, width, 3).
@@ -48,11 +56,29 @@ impl Picture {
         self.0.picture.normal.as_ref().map(image)
     }
 
+    /// Part of the samples that met a surface, of a transparent film: (height, width).
+    fn alpha(&self) -> Option<Array> {
+        self.plane(self.0.picture.alpha.as_ref())
+    }
+
+    /// Where the first surface is in the world.
+    fn position(&self) -> Option<Array> {
+        self.0.picture.position.as_ref().map(image)
+    }
+
+    /// Samples of each pixel: (height, width).
+    fn samples(&self) -> Option<Array> {
+        self.plane(self.0.picture.samples.as_ref())
+    }
+
+    /// Passes of light, by name.
+    fn light(&self) -> Vec<(&'static str, Array)> {
+        self.0.picture.light.iter().map(|(pass, of)| (pass.name(), image(of))).collect()
+    }
+
     /// Distance along the view axis to the first surface, infinite where there is none: (height, width).
     fn depth(&self) -> Option<Array> {
-        let color = &self.0.picture.color;
-        let depth = self.0.picture.depth.clone()?;
-        Some(Array::new(Data::F32(depth), &[color.height, color.width]))
+        self.plane(self.0.picture.depth.as_ref())
     }
 
     /// Place of its label in the label table + 1, 0 where there is none: (height, width).

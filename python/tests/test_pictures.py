@@ -56,6 +56,54 @@ def test_what_a_picture_holds(scene, volume, labels):
         assert not array.flags.writeable and not array.flags.owndata
 
 
+LIGHT = [f"{kind}_{part}" for kind in ("diffuse", "glossy", "transmission") for part in ("direct", "indirect", "color")]
+
+
+def with_film(scene, **film):
+    fields = scene.to_dict()
+    fields["film"].update(film)
+    return pumice.Scene.from_dict(fields)
+
+
+def test_passes_of_light(scene, volume):
+    asked = [*LIGHT, "emission", "environment", "samples", "albedo"]
+    picture = pumice.render(with_film(scene, passes=asked), volume, spp=4, backend="cpu")
+    passes = picture.passes
+    assert set(asked) | {"depth", "position", "normal", "label", "variance"} == set(passes)
+    light = sum(
+        (passes[f"{kind}_direct"] + passes[f"{kind}_indirect"]) * passes[f"{kind}_color"]
+        for kind in ("diffuse", "glossy", "transmission")
+    )
+    # Sums of some dozen contributions in 32 bits.
+    np.testing.assert_allclose(light + passes["emission"] + passes["environment"], picture.color, rtol=3e-5, atol=3e-8)
+    assert (passes["samples"] == 4).all() and passes["samples"].shape == (40, 60)
+    # What is behind all is no surface, and the first surfaces lie within the volume.
+    np.testing.assert_array_equal((passes["position"] == 0).all(axis=-1), picture.label == 0)
+    plain = pumice.render(scene, volume, spp=4, backend="cpu")
+    assert not set(LIGHT) & set(plain.passes) and "samples" not in plain.passes
+    np.testing.assert_array_equal(plain.color, picture.color)
+    assert (plain.passes["albedo"] != passes["albedo"]).any(), "a mean over samples where asked for"
+
+
+def test_a_transparent_film(scene, volume, tmp_path):
+    clear = with_film(scene, transparent=True, passes=["environment"])
+    picture = pumice.render(clear, volume, spp=4, backend="cpu")
+    opaque = pumice.render(scene, volume, spp=4, backend="cpu")
+    assert opaque.alpha is None and picture.alpha.shape == (40, 60)
+    assert set(np.unique(picture.alpha)) <= {0, 0.25, 0.5, 0.75, 1} and 0 < picture.alpha.mean() < 1
+    np.testing.assert_allclose(picture.color + picture.passes["environment"], opaque.color, rtol=1e-5)
+    assert (picture.color[picture.alpha == 0] == 0).all()
+    picture.save(tmp_path / "a.png")
+    # Colour type 6 of the header: with alpha.
+    assert (tmp_path / "a.png").read_bytes()[25] == 6
+    with pumice.Session(clear, volume, backend="cpu", spp=4) as session:
+        while session.status.state == "rendering":
+            time.sleep(0.01)
+        frame = np.asarray(session.latest())[::-1]
+    np.testing.assert_array_equal(frame[..., :3], picture.color)
+    np.testing.assert_array_equal(frame[..., 3], picture.alpha)
+
+
 def test_limits(scene, volume):
     assert pumice.render(scene, volume, seconds=0.05).seconds >= 0.05
     assert pumice.render(scene, volume, error=0.3, spp=1000).spp < 1000
@@ -106,6 +154,7 @@ def test_scenes_are_values(scene, tmp_path):
     [
         (lambda f: f["camera"].update(clip=[2, 1]), "camera.clip"),
         (lambda f: f["film"].update(width=0), "film.width"),
+        (lambda f: f["film"].update(passes=["beauty"]), "beauty"),
         (lambda f: f.update(sky="blue"), "unknown field `sky`"),
         (lambda f: f.pop("camera"), "missing field `camera`"),
         (lambda f: f["camera"].update(shift=[float("nan"), 0]), "scene: "),

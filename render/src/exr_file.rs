@@ -3,13 +3,14 @@
 //! | channels | type | what |
 //! |---|---|---|
 //! | `R`, `G`, `B` | float | scene-linear Rec. 709 radiance |
-//! | `variance.R`, `.G`, `.B` | float | variance of that mean |
-//! | `depth.Z` | float | distance along the view axis to the first surface, +inf where there is none |
+//! | `A` | float | part of the samples that met a surface, of a transparent film; the colour is multiplied with it |
+//! | `ViewLayer.Depth.Z` | float | distance along the view axis to the first surface, +inf where there is none |
 //! | `label.index` | uint | dense index of its label + 1, 0 where there is none |
-//! | `albedo.R`, `.G`, `.B` | float | its base colour |
-//! | `normal.X`, `.Y`, `.Z` | float | its normal, world space |
+//! | `ViewLayer.Position.X`, `.Y`, `.Z` | float | where it is in the world |
+//! | `ViewLayer.DiffDir.R`, `.G`, `.B`, … | float | the other passes of `docs/passes.md`, under the names that Blender gives them |
 //!
-//! Labels are whole numbers of 32 bits and so never pass through a float. The attribute `pumice` (a string) holds
+//! The colour has no layer's name, so that every program shows it; the passes have that of Blender's first layer, so that compositor
+//! set-ups find them. Labels are whole numbers of 32 bits and so never pass through a float. The attribute `pumice` (a string) holds
 //! [`crate::Provenance`] as JSON in ASCII: an EXR string has no encoding, so other characters are escaped as `\uXXXX`. Scan
 //! lines, ZIP in blocks of 16. The bytes follow from the picture alone: no date, no map order.
 
@@ -25,7 +26,7 @@ use exr::prelude::{Compression, LineOrder, Vec2};
 use crate::atomic_file::write_atomically;
 use crate::exr_read;
 use crate::provenance_text::{PROVENANCE_KEY, provenance_to_ascii};
-use crate::{Image, Passes, Picture, PictureError};
+use crate::{Image, Pass, Passes, Picture, PictureError};
 
 /// Where a channel's samples come from.
 #[derive(Clone, Copy)]
@@ -56,6 +57,31 @@ pub fn read_exr(path: &Path) -> Result<Picture, PictureError> {
     exr_read::read(path)
 }
 
+/// The layer of a pass and the last letters of its channels.
+pub(crate) fn channels_of_pass(pass: Pass) -> (&'static str, &'static str) {
+    match pass {
+        Pass::Depth => ("ViewLayer.Depth.", "Z"),
+        Pass::Position => ("ViewLayer.Position.", "XYZ"),
+        Pass::Normal => ("ViewLayer.Normal.", "XYZ"),
+        // Blender has no whole numbers.
+        Pass::Label => ("label.", "index"),
+        Pass::Albedo => ("ViewLayer.Denoising Albedo.", "RGB"),
+        Pass::DiffuseDirect => ("ViewLayer.DiffDir.", "RGB"),
+        Pass::DiffuseIndirect => ("ViewLayer.DiffInd.", "RGB"),
+        Pass::DiffuseColor => ("ViewLayer.DiffCol.", "RGB"),
+        Pass::GlossyDirect => ("ViewLayer.GlossDir.", "RGB"),
+        Pass::GlossyIndirect => ("ViewLayer.GlossInd.", "RGB"),
+        Pass::GlossyColor => ("ViewLayer.GlossCol.", "RGB"),
+        Pass::TransmissionDirect => ("ViewLayer.TransDir.", "RGB"),
+        Pass::TransmissionIndirect => ("ViewLayer.TransInd.", "RGB"),
+        Pass::TransmissionColor => ("ViewLayer.TransCol.", "RGB"),
+        Pass::Emission => ("ViewLayer.Emit.", "RGB"),
+        Pass::Environment => ("ViewLayer.Env.", "RGB"),
+        Pass::Variance => ("ViewLayer.Variance.", "RGB"),
+        Pass::Samples => ("ViewLayer.Debug Sample Count.", "X"),
+    }
+}
+
 /// Channels of the file in the order of their names, which the format demands.
 fn channels_of<'a>(picture: &'a Picture, passes: &Passes) -> Vec<(String, Samples<'a>)> {
     fn triple<'a>(of: &mut Vec<(String, Samples<'a>)>, prefix: &str, letters: &str, image: &'a Image) {
@@ -63,20 +89,29 @@ fn channels_of<'a>(picture: &'a Picture, passes: &Passes) -> Vec<(String, Sample
     }
     let mut channels = Vec::new();
     triple(&mut channels, "", "RGB", &picture.color);
-    if let Some(image) = picture.variance.as_ref().filter(|_| passes.variance) {
-        triple(&mut channels, "variance.", "RGB", image);
-    }
-    if let Some(depth) = picture.depth.as_ref().filter(|_| passes.depth) {
-        channels.push(("depth.Z".into(), Samples::Floats(depth)));
-    }
-    if let Some(label) = picture.label.as_ref().filter(|_| passes.label) {
-        channels.push(("label.index".into(), Samples::Whole(label)));
-    }
-    if let Some(image) = picture.albedo.as_ref().filter(|_| passes.albedo) {
-        triple(&mut channels, "albedo.", "RGB", image);
-    }
-    if let Some(image) = picture.normal.as_ref().filter(|_| passes.normal) {
-        triple(&mut channels, "normal.", "XYZ", image);
+    channels.extend(picture.alpha.as_ref().map(|alpha| ("A".into(), Samples::Floats(alpha))));
+    for pass in passes.iter() {
+        let (layer, letters) = channels_of_pass(pass);
+        let name = || format!("{layer}{letters}");
+        let image = match pass {
+            Pass::Depth | Pass::Samples => {
+                let of = if pass == Pass::Depth { &picture.depth } else { &picture.samples };
+                channels.extend(of.as_ref().map(|of| (name(), Samples::Floats(of))));
+                None
+            }
+            Pass::Label => {
+                channels.extend(picture.label.as_ref().map(|of| (name(), Samples::Whole(of))));
+                None
+            }
+            Pass::Variance => picture.variance.as_ref(),
+            Pass::Albedo => picture.albedo.as_ref(),
+            Pass::Normal => picture.normal.as_ref(),
+            Pass::Position => picture.position.as_ref(),
+            light => picture.light.iter().find(|(pass, _)| *pass == light).map(|(_, image)| image),
+        };
+        if let Some(image) = image {
+            triple(&mut channels, layer, letters, image);
+        }
     }
     channels.sort_by(|a, b| a.0.cmp(&b.0));
     channels
@@ -205,9 +240,14 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.exr");
         let picture = sample_pictures::picture(5, 4);
-        write_exr(&path, &picture, &Passes { label: true, ..Passes::NONE }).unwrap();
+        write_exr(&path, &picture, &Passes::NONE.with(Pass::Label)).unwrap();
         let back = read_exr(&path).unwrap();
-        let expected = Picture { variance: None, depth: None, albedo: None, normal: None, ..picture };
+        let expected = Picture {
+            label: picture.label,
+            alpha: picture.alpha,
+            provenance: picture.provenance,
+            ..Picture::of(picture.color)
+        };
         assert_eq!(back, expected);
     }
 
@@ -252,7 +292,7 @@ mod tests {
         let mut odd = picture;
         odd.depth.as_mut().unwrap().pop();
         let error = write_exr(&path, &odd, &Passes::ALL).unwrap_err().to_string();
-        assert!(error.ends_with("channel depth.Z: expected 5 × 4 samples"), "{error}");
+        assert!(error.ends_with("channel ViewLayer.Depth.Z: expected 5 × 4 samples"), "{error}");
         assert_eq!(std::fs::read(&path).unwrap(), b"before");
         assert_eq!(files_in(folder.path()), ["b.exr"]);
     }

@@ -6,7 +6,7 @@
 //! check that every pixel of the data window came, once
 //! ```
 
-use std::collections::HashSet;
+use std::collections::{BTreeMap, HashSet};
 use std::fs::File;
 use std::io::{BufReader, Read, Seek};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -21,9 +21,9 @@ use exr::meta::header::Header;
 use exr::prelude::{Vec2, f16};
 use rayon::prelude::*;
 
-use crate::exr_file::check_size;
+use crate::exr_file::{channels_of_pass, check_size};
 use crate::provenance_text::PROVENANCE_KEY;
-use crate::{Image, Picture, PictureError, Provenance};
+use crate::{Image, Pass, Picture, PictureError, Provenance};
 
 /// Most bytes that a byte of the file can stand for. Deflate, the strongest of EXR's codecs, reaches 1032; twice that leaves room
 /// for the others. A file that claims more is damaged, and is refused before memory is reserved for it.
@@ -35,11 +35,12 @@ const BATCH_CHUNKS: usize = 64;
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Place {
     Color(usize),
-    Variance(usize),
-    Depth,
+    Alpha,
+    /// Of a pass with three channels.
+    Triple(Pass, usize),
+    /// Of one with one.
+    Number(Pass),
     Label,
-    Albedo(usize),
-    Normal(usize),
 }
 
 /// Reads the picture at `path`.
@@ -226,16 +227,21 @@ fn places_of(header: &Header, prefix: &str) -> Result<Vec<Option<Place>>, String
         {
             return Some(Place::Color(c));
         }
-        let of = |p: &str, letters: &str| {
-            let c = letters.find(name.strip_prefix(p)?).filter(|_| name.len() == p.len() + 1)?;
-            whole(p, letters).then_some(c)
-        };
-        of("variance.", "RGB")
-            .map(Place::Variance)
-            .or_else(|| of("albedo.", "RGB").map(Place::Albedo))
-            .or_else(|| of("normal.", "XYZ").map(Place::Normal))
-            .or_else(|| (name == "depth.Z").then_some(Place::Depth))
-            .or_else(|| (name == "label.index").then_some(Place::Label))
+        if name.strip_prefix(prefix) == Some("A") {
+            return Some(Place::Alpha);
+        }
+        Pass::ALL.iter().find_map(|&pass| {
+            let (layer, letters) = channels_of_pass(pass);
+            let rest = name.strip_prefix(layer)?;
+            match (pass, letters.len()) {
+                (Pass::Label, _) => (rest == letters).then_some(Place::Label),
+                (_, 1) => (rest == letters).then_some(Place::Number(pass)),
+                _ => {
+                    let c = letters.find(rest).filter(|_| rest.len() == 1)?;
+                    whole(layer, letters).then_some(Place::Triple(pass, c))
+                }
+            }
+        })
     };
     let mut places = Vec::with_capacity(header.channels.list.len());
     for channel in &header.channels.list {
@@ -266,11 +272,10 @@ struct Planes {
     width: usize,
     height: usize,
     color: Vec<[f32; 3]>,
-    variance: Option<Vec<[f32; 3]>>,
-    depth: Option<Vec<f32>>,
+    alpha: Option<Vec<f32>>,
     label: Option<Vec<u32>>,
-    albedo: Option<Vec<[f32; 3]>>,
-    normal: Option<Vec<[f32; 3]>>,
+    triples: BTreeMap<Pass, Vec<[f32; 3]>>,
+    numbers: BTreeMap<Pass, Vec<f32>>,
 }
 
 impl Planes {
@@ -283,16 +288,24 @@ impl Planes {
         }
         let pixels = width * height;
         let has = |place| places.contains(&Some(place));
-        let black = |wanted: bool| wanted.then(|| filled(pixels, [0.0f32; 3])).transpose();
+        let (mut triples, mut numbers) = (BTreeMap::new(), BTreeMap::new());
+        for &pass in Pass::ALL {
+            if has(Place::Triple(pass, 0)) {
+                triples.insert(pass, filled(pixels, [0.0; 3])?);
+            }
+            if has(Place::Number(pass)) {
+                let nothing = if pass == Pass::Depth { f32::INFINITY } else { 0.0 };
+                numbers.insert(pass, filled(pixels, nothing)?);
+            }
+        }
         Ok(Self {
             width,
             height,
             color: filled(pixels, [0.0; 3])?,
-            variance: black(has(Place::Variance(0)))?,
-            depth: has(Place::Depth).then(|| filled(pixels, f32::INFINITY)).transpose()?,
+            alpha: has(Place::Alpha).then(|| filled(pixels, 0.0)).transpose()?,
             label: has(Place::Label).then(|| filled(pixels, 0)).transpose()?,
-            albedo: black(has(Place::Albedo(0)))?,
-            normal: black(has(Place::Normal(0)))?,
+            triples,
+            numbers,
         })
     }
 
@@ -304,14 +317,12 @@ impl Planes {
         let row = y as usize * self.width..(y as usize + 1) * self.width;
         let triple =
             |plane: &mut [[f32; 3]], c: usize| copy(&mut plane[row.clone()], x, kind, bytes, |p, v| p[c] = v);
+        let number = |p: &mut Vec<f32>| copy(&mut p[row.clone()], x, kind, bytes, |n, v| *n = v);
         match place {
             Place::Color(c) => triple(&mut self.color, c),
-            Place::Variance(c) => self.variance.iter_mut().for_each(|p| triple(p, c)),
-            Place::Albedo(c) => self.albedo.iter_mut().for_each(|p| triple(p, c)),
-            Place::Normal(c) => self.normal.iter_mut().for_each(|p| triple(p, c)),
-            Place::Depth => {
-                self.depth.iter_mut().for_each(|p| copy(&mut p[row.clone()], x, kind, bytes, |d, v| *d = v));
-            }
+            Place::Triple(pass, c) => self.triples.get_mut(&pass).into_iter().for_each(|p| triple(p, c)),
+            Place::Number(pass) => self.numbers.get_mut(&pass).into_iter().for_each(number),
+            Place::Alpha => self.alpha.iter_mut().for_each(number),
             Place::Label => self.label.iter_mut().for_each(|p| {
                 let values = bytes.as_chunks().0.iter().map(|b| u32::from_ne_bytes(*b));
                 place_line(&mut p[row.clone()], x, values, |l, v| *l = v);
@@ -319,16 +330,20 @@ impl Planes {
         }
     }
 
-    fn into_picture(self, provenance: Option<Provenance>) -> Picture {
+    fn into_picture(mut self, provenance: Option<Provenance>) -> Picture {
         let image = |pixels| Image::new(self.width, self.height, pixels);
         Picture {
-            color: image(self.color),
-            variance: self.variance.map(image),
-            depth: self.depth,
+            variance: self.triples.remove(&Pass::Variance).map(image),
+            depth: self.numbers.remove(&Pass::Depth),
             label: self.label,
-            albedo: self.albedo.map(image),
-            normal: self.normal.map(image),
+            albedo: self.triples.remove(&Pass::Albedo).map(image),
+            normal: self.triples.remove(&Pass::Normal).map(image),
+            alpha: self.alpha,
+            position: self.triples.remove(&Pass::Position).map(image),
+            samples: self.numbers.remove(&Pass::Samples),
+            light: self.triples.into_iter().map(|(pass, pixels)| (pass, image(pixels))).collect(),
             provenance,
+            ..Picture::of(image(self.color))
         }
     }
 }

@@ -15,6 +15,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use crate::image::Image;
+use crate::passes::PassSums;
 use crate::sampler::REPLICATES;
 
 const R: usize = REPLICATES as usize;
@@ -34,6 +35,9 @@ pub struct FilmBuffer {
     width: usize,
     height: usize,
     sums: Vec<f32>,
+    /// Sums of passes, [`PassSums::stride`] floats a pixel.
+    pass_sums: Vec<f32>,
+    kept: PassSums,
     /// Samples in each pixel of each row: rows differ only after a cancelled pass.
     row_samples: Vec<u32>,
 }
@@ -47,13 +51,42 @@ pub struct FilmRow<'a> {
     pub samples: &'a mut u32,
     /// [`STRIDE`] floats a pixel.
     pub sums: &'a mut [f32],
+    /// [`PassSums::stride`] floats a pixel.
+    pub passes: &'a mut [f32],
 }
 
 impl FilmBuffer {
     /// A black picture without samples.
     pub fn new(width: u32, height: u32) -> Self {
+        Self::with_passes(width, height, PassSums::default())
+    }
+
+    /// The same with sums for passes.
+    pub fn with_passes(width: u32, height: u32, kept: PassSums) -> Self {
         let (width, height) = (width as usize, height as usize);
-        Self { width, height, sums: vec![0.0; width * height * STRIDE], row_samples: vec![0; height] }
+        let pixels = width * height;
+        let (sums, pass_sums) = (vec![0.0; pixels * STRIDE], vec![0.0; pixels * kept.stride()]);
+        Self { width, height, sums, pass_sums, kept, row_samples: vec![0; height] }
+    }
+
+    /// Which sums of passes there are.
+    pub fn kept(&self) -> PassSums {
+        self.kept
+    }
+
+    /// All sums of passes, [`PassSums::stride`] floats a pixel, rows from the top.
+    pub fn pass_sums(&self) -> &[f32] {
+        &self.pass_sums
+    }
+
+    /// The same to be overwritten, together with [`FilmBuffer::sums_mut`].
+    pub fn pass_sums_mut(&mut self) -> &mut [f32] {
+        &mut self.pass_sums
+    }
+
+    /// Samples of one pixel, by its number from the upper left.
+    pub fn samples_of(&self, pixel: usize) -> u32 {
+        self.row_samples[pixel / self.width]
     }
 
     /// All sums, [`STRIDE`] floats a pixel, rows from the top: what a device that adds the samples itself starts from.
@@ -74,12 +107,13 @@ impl FilmBuffer {
 
     /// Heap bytes.
     pub fn bytes(&self) -> u64 {
-        (self.sums.len() * 4 + self.row_samples.len() * 4) as u64
+        ((self.sums.len() + self.pass_sums.len() + self.row_samples.len()) * 4) as u64
     }
 
     /// Takes all samples away.
     pub fn clear(&mut self) {
         self.sums.fill(0.0);
+        self.pass_sums.fill(0.0);
         self.row_samples.fill(0);
     }
 
@@ -90,11 +124,13 @@ impl FilmBuffer {
 
     /// Rows to add to, from the top.
     pub fn rows_mut(&mut self) -> impl Iterator<Item = FilmRow<'_>> {
-        self.sums
-            .chunks_mut((self.width * STRIDE).max(1))
-            .zip(&mut self.row_samples)
-            .enumerate()
-            .map(|(y, (sums, samples))| FilmRow { y: y as u32, samples, sums })
+        let mut passes = self.pass_sums.chunks_mut((self.width * self.kept.stride()).max(1));
+        self.sums.chunks_mut((self.width * STRIDE).max(1)).zip(&mut self.row_samples).enumerate().map(
+            move |(y, (sums, samples))| {
+                let passes = passes.next().unwrap_or_default();
+                FilmRow { y: y as u32, samples, sums, passes }
+            },
+        )
     }
 
     /// Mean and variance of the mean of one channel of a pixel with `n` samples.

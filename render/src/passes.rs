@@ -1,52 +1,161 @@
-//! Which passes a file holds beside the colour.
+//! What is summed for a picture's passes, and how sums become passes.
+//!
+//! ```text
+//! floats a pixel, each group only where it is wanted:
+//! alpha     1    samples that met a surface
+//! features  6    colour (r g b) and normal (x y z) of the first surface
+//! light    33    diffuse, glossy, transmission, each direct and indirect; emission; environment; the three colours, r g b each
+//! ```
+//! Sums are over all samples: that there is more than one scramble matters to the error of the colour alone. Light is divided by the
+//! colour of its kind, mean by mean, as Cycles' `film_get_pass_pixel_light_path` does, so that
+//! `(direct + indirect) · colour` of the three kinds, emission and environment add up to the picture again.
 
-/// Names, and what each is; the order in which errors list them.
-const NAMES: [&str; 5] = ["variance", "depth", "label", "albedo", "normal"];
+use pumice_scene::{Film, Pass, Passes};
+use rayon::prelude::*;
 
-/// The passes to write; a pass that the picture does not have is left out.
+use crate::film::FilmBuffer;
+use crate::image::Image;
+use crate::picture::Picture;
+
+/// Kinds of light: two each of diffuse, glossy, transmission (direct, indirect), then emission and environment.
+pub const LIGHT_KINDS: usize = 8;
+
+/// Colours of diffuse, glossy, transmission.
+pub const COLOR_KINDS: usize = 3;
+
+/// Which groups are summed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Passes {
-    /// Variance of the mean, each channel.
-    pub variance: bool,
-    /// Distance to the first surface.
-    pub depth: bool,
-    /// Label of the first surface.
-    pub label: bool,
-    /// Base colour of the first surface.
-    pub albedo: bool,
-    /// Normal of the first surface.
-    pub normal: bool,
+pub struct PassSums {
+    /// Part of the samples that met a surface.
+    pub alpha: bool,
+    /// Colour and normal of the first surface.
+    pub features: bool,
+    /// Light by kind, and colours by kind.
+    pub light: bool,
 }
 
-impl Passes {
-    /// Colour alone.
-    pub const NONE: Self = Self { variance: false, depth: false, label: false, albedo: false, normal: false };
-    /// Every pass.
-    pub const ALL: Self = Self { variance: true, depth: true, label: true, albedo: true, normal: true };
-
-    /// Reads names of passes; `all` and `none` must stand alone.
-    ///
-    /// # Errors
-    /// One line that names what is not a pass and lists those that are.
-    pub fn parse(names: &[String]) -> Result<Self, String> {
-        let mut passes = Self::NONE;
-        for name in names {
-            match name.as_str() {
-                "all" if names.len() == 1 => return Ok(Self::ALL),
-                "none" if names.len() == 1 => return Ok(Self::NONE),
-                "all" | "none" => return Err(format!("passes: \"{name}\" must stand alone")),
-                "variance" => passes.variance = true,
-                "depth" => passes.depth = true,
-                "label" => passes.label = true,
-                "albedo" => passes.albedo = true,
-                "normal" => passes.normal = true,
-                other => {
-                    let names = NAMES.join(", ");
-                    return Err(format!("passes: expected all, none or any of {names}; got {other:?}"));
-                }
-            }
+impl PassSums {
+    /// What a film asks for.
+    pub fn of(film: &Film) -> Self {
+        Self {
+            alpha: film.transparent,
+            features: film.passes.has_any(&[Pass::Albedo, Pass::Normal]),
+            light: film.passes.has_any(Pass::LIGHT),
         }
-        Ok(passes)
+    }
+
+    /// Floats a pixel.
+    pub const fn stride(self) -> usize {
+        self.light_at() + if self.light { 3 * (LIGHT_KINDS + COLOR_KINDS) } else { 0 }
+    }
+
+    /// Place of the features.
+    pub const fn features_at(self) -> usize {
+        self.alpha as usize
+    }
+
+    /// Place of light.
+    pub const fn light_at(self) -> usize {
+        self.features_at() + if self.features { 6 } else { 0 }
+    }
+
+    /// One bit each, as shaders are told: alpha, features, light.
+    pub const fn bits(self) -> u32 {
+        self.alpha as u32 | (self.features as u32) << 1 | (self.light as u32) << 2
+    }
+}
+
+/// The kind of light and the colour that a pass is made of, by their places; `None`: it is no pass of light.
+fn kinds_of(pass: Pass) -> Option<(usize, Option<usize>)> {
+    Some(match pass {
+        Pass::DiffuseDirect => (0, Some(0)),
+        Pass::DiffuseIndirect => (1, Some(0)),
+        Pass::GlossyDirect => (2, Some(1)),
+        Pass::GlossyIndirect => (3, Some(1)),
+        Pass::TransmissionDirect => (4, Some(2)),
+        Pass::TransmissionIndirect => (5, Some(2)),
+        Pass::Emission => (6, None),
+        Pass::Environment => (7, None),
+        Pass::DiffuseColor => (LIGHT_KINDS, None),
+        Pass::GlossyColor => (LIGHT_KINDS + 1, None),
+        Pass::TransmissionColor => (LIGHT_KINDS + 2, None),
+        _ => return None,
+    })
+}
+
+/// Light over the colour that it was multiplied with; a channel in which the colour is 0 gets the mean of the others, as Cycles'
+/// `safe_divide_even_color` does: denoisers want an even light.
+fn divide(light: [f32; 3], color: [f32; 3]) -> [f32; 3] {
+    let has = color.map(|c| c != 0.0);
+    let mut quotient = [0, 1, 2].map(|c| if has[c] { light[c] / color[c] } else { 0.0 });
+    let count = has.iter().filter(|h| **h).count();
+    if count > 0 {
+        let even = quotient.iter().sum::<f32>() / count as f32;
+        (0..3).filter(|&c| !has[c]).for_each(|c| quotient[c] = even);
+    }
+    quotient
+}
+
+impl FilmBuffer {
+    /// Mean of some of each pixel's pass sums, by place.
+    fn means<T: Send>(&self, f: impl Fn(&dyn Fn(usize) -> f32) -> T + Sync) -> Vec<T> {
+        let (width, height) = self.size();
+        let stride = self.kept().stride();
+        let mean = |pixel: usize| {
+            let n = self.samples_of(pixel).max(1) as f32;
+            let sums = &self.pass_sums()[pixel * stride..][..stride];
+            f(&|place| sums[place] / n)
+        };
+        (0..width * height).into_par_iter().map(mean).collect()
+    }
+
+    fn mean_image(&self, place: usize) -> Image {
+        let (width, height) = self.size();
+        Image::new(width, height, self.means(|of| [0, 1, 2].map(|c| of(place + c))))
+    }
+
+    /// Part of the samples that met a surface, where that is kept.
+    pub fn alpha(&self) -> Option<Vec<f32>> {
+        self.kept().alpha.then(|| self.means(|of| of(0)))
+    }
+
+    /// Colour and normal of the first surface, means over samples, where they are kept.
+    pub fn features(&self) -> Option<[Image; 2]> {
+        let at = self.kept().features_at();
+        self.kept().features.then(|| [self.mean_image(at), self.mean_image(at + 3)])
+    }
+
+    /// Those of the wanted passes that are of light, where they are kept.
+    pub fn light(&self, wanted: Passes) -> Vec<(Pass, Image)> {
+        let (at, kept) = (self.kept().light_at(), self.kept().light);
+        let (width, height) = self.size();
+        let image = |pass: Pass| {
+            let (light, color) = kinds_of(pass)?;
+            let Some(color) = color else { return Some((pass, self.mean_image(at + 3 * light))) };
+            let (light, color) = (at + 3 * light, at + 3 * (LIGHT_KINDS + color));
+            let pixels =
+                self.means(|of| divide([0, 1, 2].map(|c| of(light + c)), [0, 1, 2].map(|c| of(color + c))));
+            Some((pass, Image::new(width, height, pixels)))
+        };
+        wanted.iter().filter(|_| kept).filter_map(image).collect()
+    }
+
+    /// The picture with what was summed for it: of albedo and normal, those of `wanted` become means over samples.
+    pub fn passes_into(&self, picture: Picture, wanted: Passes) -> Picture {
+        let (width, height) = self.size();
+        let counts = || (0..width * height).map(|pixel| self.samples_of(pixel) as f32).collect();
+        let (albedo, normal) = match self.features() {
+            Some([albedo, normal]) => (Some(albedo), Some(normal)),
+            None => (None, None),
+        };
+        Picture {
+            alpha: self.alpha(),
+            albedo: albedo.filter(|_| wanted.has(Pass::Albedo)).or(picture.albedo),
+            normal: normal.filter(|_| wanted.has(Pass::Normal)).or(picture.normal),
+            samples: wanted.has(Pass::Samples).then(counts),
+            light: self.light(wanted),
+            ..picture
+        }
     }
 }
 
@@ -54,26 +163,20 @@ impl Passes {
 mod tests {
     use super::*;
 
-    fn parse(names: &str) -> Result<Passes, String> {
-        Passes::parse(&names.split(',').map(str::to_owned).collect::<Vec<_>>())
+    #[test]
+    fn groups_lie_one_behind_the_other() {
+        let all = PassSums { alpha: true, features: true, light: true };
+        assert_eq!((all.features_at(), all.light_at(), all.stride(), all.bits()), (1, 7, 40, 7));
+        let light = PassSums { light: true, ..PassSums::default() };
+        assert_eq!((light.light_at(), light.stride(), light.bits()), (0, 33, 4));
+        assert_eq!(PassSums::default().stride(), 0);
     }
 
     #[test]
-    fn names_are_read() {
-        assert_eq!(parse("all"), Ok(Passes::ALL));
-        assert_eq!(parse("none"), Ok(Passes::NONE));
-        assert_eq!(Passes::parse(&[]), Ok(Passes::NONE));
-        assert_eq!(parse("depth,label"), Ok(Passes { depth: true, label: true, ..Passes::NONE }));
-        assert_eq!(parse(&NAMES.join(",")), Ok(Passes::ALL), "every listed name is known");
-    }
-
-    #[test]
-    fn unknown_names_are_refused_with_the_list() {
-        let error = parse("depth,beauty\n").unwrap_err();
-        assert_eq!(
-            error,
-            "passes: expected all, none or any of variance, depth, label, albedo, normal; got \"beauty\\n\""
-        );
-        assert!(parse("all,depth").is_err() && parse("Depth").is_err() && parse("").is_err());
+    fn light_is_divided_by_its_colour() {
+        assert_eq!(divide([1.0, 2.0, 3.0], [0.5, 0.25, 1.0]), [2.0, 8.0, 3.0]);
+        assert_eq!(divide([1.0, 0.0, 3.0], [0.5, 0.0, 1.0]), [2.0, 2.5, 3.0], "the mean of the others");
+        assert_eq!(divide([0.0, 0.0, 3.0], [0.0, 0.0, 1.5]), [2.0; 3]);
+        assert_eq!(divide([0.0; 3], [0.0; 3]), [0.0; 3]);
     }
 }

@@ -1,6 +1,6 @@
 //! A finished picture: what a renderer hands over, what files hold.
 
-use pumice_scene::Scene;
+use pumice_scene::{Pass, Scene};
 use serde::{Deserialize, Serialize};
 
 use crate::image::Image;
@@ -37,12 +37,40 @@ pub struct Picture {
     pub depth: Option<Vec<f32>>,
     /// Label of that surface: dense index + 1, 0 where there is none. With several instances see `instance`.
     pub label: Option<Vec<u32>>,
-    /// Base colour of the first surface, mean over samples.
+    /// Base colour of the first surface through the pixel's middle. Where the film asks for the pass: the mean over samples of the
+    /// diffuse, glossy and transmission colours together.
     pub albedo: Option<Image>,
-    /// Unit normal of the first surface towards the camera, world space, mean over samples.
+    /// Unit normal of the first surface towards the camera, world space; the mean over samples where the film asks for it.
     pub normal: Option<Image>,
+    /// Part of the samples that met a surface, where the film is transparent: the colour is multiplied with it already.
+    pub alpha: Option<Vec<f32>>,
+    /// Where the first surface is in the world, through the pixel's middle; 0 where there is none.
+    pub position: Option<Image>,
+    /// Samples of each pixel, where the film asks for it.
+    pub samples: Option<Vec<f32>>,
+    /// Passes of light that the film asks for, in the order of [`Pass::ALL`].
+    pub light: Vec<(Pass, Image)>,
     /// How it was made.
     pub provenance: Option<Provenance>,
+}
+
+impl Picture {
+    /// A colour without passes.
+    pub fn of(color: Image) -> Self {
+        Self {
+            color,
+            variance: None,
+            depth: None,
+            label: None,
+            albedo: None,
+            normal: None,
+            alpha: None,
+            position: None,
+            samples: None,
+            light: Vec::new(),
+            provenance: None,
+        }
+    }
 }
 
 /// Why a picture could not be read or written.

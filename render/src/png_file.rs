@@ -1,7 +1,8 @@
 //! Pictures as PNG files: what a screen shows, 8 bits a channel, sRGB.
 //!
 //! The scene-linear colour is clamped to [0, 1] (not a number becomes 0), encoded with the exact sRGB curve and rounded to the
-//! nearest of 256 values. Nothing is tone-mapped. The chunk `sRGB` says so, and an `iTXt` chunk with the keyword `pumice` holds
+//! nearest of 256 values. Nothing is tone-mapped. A transparent film's picture has a fourth channel: its alpha, by which the colour, which
+//! is multiplied with it, is divided, as PNG has it (ISO/IEC 15948 §6.2). The chunk `sRGB` says so, and an `iTXt` chunk with the keyword `pumice` holds
 //! the provenance as JSON.
 
 use std::io::{BufRead, Seek, Write};
@@ -27,19 +28,34 @@ pub fn write_png(path: &Path, picture: &Picture) -> Result<(), PictureError> {
 fn write_to(writer: &mut impl Write, picture: &Picture) -> Result<(), Failure> {
     let color = &picture.color;
     check_size(color.width, color.height)?;
-    let mut bytes = vec![[0u8; 3]; color.pixels.len()];
-    bytes.par_iter_mut().zip(&color.pixels).for_each(|(to, from)| *to = from.map(encoded));
+    let bytes: Vec<u8> = match &picture.alpha {
+        None => color.pixels.par_iter().flat_map_iter(|pixel| pixel.map(encoded)).collect(),
+        Some(alpha) if alpha.len() != color.pixels.len() => {
+            return Err(Failure::File(format!(
+                "alpha: expected {} pixels, got {}",
+                color.pixels.len(),
+                alpha.len()
+            )));
+        }
+        Some(alpha) => {
+            let pixel = |(pixel, &a): (&[f32; 3], &f32)| {
+                let [r, g, b] = pixel.map(|c| encoded(if a > 0.0 { c / a } else { 0.0 }));
+                [r, g, b, (f64::from(a).clamp(0.0, 1.0) * 255.0).round() as u8]
+            };
+            color.pixels.par_iter().zip(alpha).flat_map_iter(pixel).collect()
+        }
+    };
 
     // `check_size` has seen that both sides fit.
     let mut encoder = png::Encoder::new(&mut *writer, color.width as u32, color.height as u32);
-    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_color(if picture.alpha.is_some() { png::ColorType::Rgba } else { png::ColorType::Rgb });
     encoder.set_depth(png::BitDepth::Eight);
     encoder.set_source_srgb(png::SrgbRenderingIntent::RelativeColorimetric);
     if let Some(provenance) = &picture.provenance {
         encoder.add_itxt_chunk(PROVENANCE_KEY.into(), provenance_to_ascii(provenance)?)?;
     }
     let mut image = encoder.write_header()?;
-    image.write_image_data(bytes.as_flattened())?;
+    image.write_image_data(&bytes)?;
     image.finish()?;
     Ok(())
 }
@@ -91,12 +107,12 @@ mod tests {
     use crate::metrics::display::linear_from_srgb;
     use crate::{Image, sample_pictures};
 
-    fn decoded(path: &Path) -> (u32, u32, Vec<u8>, Option<png::SrgbRenderingIntent>) {
+    fn decoded(path: &Path, color: png::ColorType) -> (u32, u32, Vec<u8>, Option<png::SrgbRenderingIntent>) {
         let file = std::io::BufReader::new(std::fs::File::open(path).unwrap());
         let mut reader = png::Decoder::new(file).read_info().unwrap();
         let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
         let frame = reader.next_frame(&mut bytes).unwrap();
-        assert_eq!((frame.color_type, frame.bit_depth), (png::ColorType::Rgb, png::BitDepth::Eight));
+        assert_eq!((frame.color_type, frame.bit_depth), (color, png::BitDepth::Eight));
         (frame.width, frame.height, bytes, reader.info().srgb)
     }
 
@@ -118,8 +134,14 @@ mod tests {
                 [0.2, 0.2, 0.2],
             ],
         );
+        picture.alpha = Some(vec![1.0, 0.5, 0.25, 1.0, 0.0, 1.0]);
         write_png(&path, &picture).unwrap();
-        let (width, height, bytes, intent) = decoded(&path);
+        let (_, _, bytes, _) = decoded(&path, png::ColorType::Rgba);
+        assert_eq!(bytes[..8], [0, 118, 188, 255, 255, 255, 255, 128], "divided by alpha");
+        assert_eq!(bytes[16..20], [0, 0, 0, 0], "nothing where nothing is");
+        picture.alpha = None;
+        write_png(&path, &picture).unwrap();
+        let (width, height, bytes, intent) = decoded(&path, png::ColorType::Rgb);
         assert_eq!((width, height), (3, 2));
         assert_eq!(bytes, [0, 118, 188, 255, 255, 255, 0, 0, 0, 10, 149, 231, 0, 255, 0, 124, 124, 124]);
         assert_eq!(intent, Some(png::SrgbRenderingIntent::RelativeColorimetric));

@@ -96,7 +96,13 @@ pub trait Renderer: Send {
     /// [`RenderError::Scene`] before any scene was set; [`RenderError::Device`] here and below.
     fn color(&mut self) -> Result<Image, RenderError>;
 
-    /// The picture so far, with its first-surface passes; provenance is the caller's to add.
+    /// Part of the samples so far that met a surface, where the film is transparent.
+    ///
+    /// # Errors
+    /// As [`Renderer::color`].
+    fn alpha(&mut self) -> Result<Option<Vec<f32>>, RenderError>;
+
+    /// The picture so far, with its passes; provenance is the caller's to add.
     ///
     /// # Errors
     /// [`RenderError::Scene`] before any scene was set.

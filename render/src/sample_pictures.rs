@@ -2,7 +2,7 @@
 
 use pumice_scene::Scene;
 
-use crate::{Image, Picture, Provenance};
+use crate::{Image, Pass, Picture, Provenance};
 
 /// A provenance with every kind of value, with characters that neither ASCII nor Latin-1 has.
 pub(crate) fn provenance() -> Provenance {
@@ -47,6 +47,10 @@ pub(crate) fn picture(width: usize, height: usize) -> Picture {
         label: Some((0..pixels).map(|i| (i as u32).wrapping_mul(0x0100_0001)).collect()),
         albedo: Some(image(0.5)),
         normal: Some(image(-0.25)),
+        alpha: Some((0..pixels).map(|i| (i % 5) as f32 / 4.0).collect()),
+        position: Some(image(-3.0)),
+        samples: Some(vec![64.0; pixels]),
+        light: Pass::LIGHT.iter().zip(1..).map(|(pass, n)| (*pass, image(1.0 / n as f32))).collect(),
         provenance: Some(provenance()),
     };
     // 2²⁴ + 1 and 2³² − 1 are no floats.

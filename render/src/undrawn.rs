@@ -10,13 +10,7 @@ use crate::RenderError;
 /// [`RenderError::Scene`] names the field.
 pub fn refuse_undrawn(scene: &Scene) -> Result<(), RenderError> {
     let refuse = |field: String| Err(RenderError::Scene(format!("{field}: not drawn yet")));
-    if scene.film.transparent {
-        return refuse("film.transparent".into());
-    }
     let settings = &scene.settings;
-    if settings.clamp_direct != 0.0 || settings.clamp_indirect != 0.0 {
-        return refuse("settings.clamp_direct, settings.clamp_indirect".into());
-    }
     if settings.adaptive.is_some() {
         return refuse("settings.adaptive".into());
     }

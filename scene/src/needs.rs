@@ -3,7 +3,7 @@
 //! A need is told from what is drawn: the material of a hidden label asks for nothing. `left out` is said only of work or memory
 //! that a renderer does save; what costs nothing to have (emission, metal) is told where it is needed and else not mentioned.
 
-use crate::{Cut, Environment, LabelStyle, Light, LightShape, Lod, Material, Mode, Scene};
+use crate::{Cut, Environment, LabelStyle, Light, LightShape, Lod, Material, Mode, Pass, Scene};
 
 /// Labels of one instance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -53,6 +53,8 @@ pub struct Needs {
     pub roulette: bool,
     /// Parts of space that cuts take away from some instance.
     pub cuts: usize,
+    /// Light is sorted: for passes, for a transparent film, or to be clamped.
+    pub sorted: bool,
     /// Edges in voxels of the elements that rays stop at, rising: of 1, 4, 16.
     pub levels: Vec<u32>,
 }
@@ -117,6 +119,11 @@ impl Needs {
                 let shown = |cut: &Cut| scene.instances.iter().any(|i| cut.takes_from(i.id));
                 scene.cuts.iter().filter(|cut| shown(cut)).count()
             },
+            sorted: scene.film.transparent
+                || scene.film.passes.has_any(Pass::LIGHT)
+                || scene.film.passes.has_any(&[Pass::Albedo, Pass::Normal])
+                || settings.clamp_direct != 0.0
+                || settings.clamp_indirect != 0.0,
             levels: match settings.lod {
                 Lod::Voxels => vec![1],
                 Lod::Cells => vec![4],
@@ -195,6 +202,11 @@ impl Needs {
             n => format!("{n} cuts"),
         };
         line(self.cuts > 0, &cuts, "nothing is cut away");
+        line(
+            self.sorted,
+            "sorting of light",
+            "no pass of samples, no transparent film and no clamp is asked for",
+        );
         for edge in [1, 4, 16] {
             let what = format!("elements of {edge}³ voxels");
             line(self.levels.contains(&edge), &what, "the level of detail is another");

@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::Passes;
+
 /// Pixel reconstruction filter; samples are drawn from it, never splatted.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
@@ -34,6 +36,9 @@ pub struct Film {
     /// What camera rays do not meet is left transparent instead of showing the sky or the backdrop.
     #[serde(default)]
     pub transparent: bool,
+    /// Passes that samples must be sorted for; those of the first surface through the middle of each pixel are there unasked.
+    #[serde(default)]
+    pub passes: Passes,
 }
 
 fn square() -> f64 {
@@ -43,7 +48,7 @@ fn square() -> f64 {
 impl Film {
     /// An opaque film of square pixels.
     pub const fn new(width: u32, height: u32, filter: Filter) -> Self {
-        Self { width, height, filter, pixel_aspect: 1.0, transparent: false }
+        Self { width, height, filter, pixel_aspect: 1.0, transparent: false, passes: Passes::NONE }
     }
 }
 
@@ -104,8 +109,8 @@ pub struct Settings {
     pub lod: Lod,
     /// Every random number follows from it.
     pub seed: u64,
-    /// Largest value that light at a first surface point may add to a sample, as Cycles' *Direct Light* clamp; 0: no clamp.
-    /// A clamp takes light away: it biases the picture.
+    /// Largest mean of its three channels that light seen, or scattered once, may add to a sample, as Cycles' *Direct Light* clamp;
+    /// 0: no clamp. A clamp takes light away: it biases the picture.
     pub clamp_direct: f32,
     /// The same for light after further bounces, as Cycles' *Indirect Light* clamp; 0: no clamp.
     pub clamp_indirect: f32,

@@ -5,7 +5,9 @@
 mod common;
 
 use common::full_scene;
-use pumice_scene::{Cut, Environment, LabelCount, LabelStyle, Lod, Material, Mode, Needs, Scene, Show};
+use pumice_scene::{
+    Cut, Environment, LabelCount, LabelStyle, Lod, Material, Mode, Needs, Pass, Passes, Scene, Show,
+};
 
 const IDS: [u64; 4] = [3, 5, 17, u64::MAX];
 const MATTE: Material = Material { base_color: [0.5; 3], roughness: 1.0, specular: 0.0, ..Material::DEFAULT };
@@ -18,6 +20,8 @@ fn plain() -> Scene {
     scene.world.environment = Environment::Constant { radiance: [1.0; 3] };
     scene.suns.clear();
     (scene.lights, scene.meshes, scene.cuts) = Default::default();
+    (scene.film.transparent, scene.film.passes) = (false, Passes::NONE);
+    (scene.settings.clamp_direct, scene.settings.clamp_indirect) = (0.0, 0.0);
     scene.settings.mode = Mode::Path;
     scene.settings.bounces = 4;
     scene.settings.lod = Lod::Voxels;
@@ -47,6 +51,7 @@ fn least() -> Needs {
         bounces: true,
         roulette: false,
         cuts: 0,
+        sorted: false,
         levels: vec![1],
     }
 }
@@ -104,6 +109,11 @@ fn each_edit_needs_only_what_it_brings() {
     let settings = |edit: fn(&mut pumice_scene::Settings)| after(|s| edit(&mut s.settings));
     assert_eq!(settings(|s| s.russian_roulette = true), Needs { roulette: true, ..least() });
     assert_eq!(settings(|s| s.bounces = 0), Needs { bounces: false, ..least() });
+    assert_eq!(settings(|s| s.clamp_indirect = 1.0), Needs { sorted: true, ..least() });
+    let film = |edit: fn(&mut pumice_scene::Film)| after(|s| edit(&mut s.film));
+    assert_eq!(film(|f| f.transparent = true), Needs { sorted: true, ..least() });
+    assert_eq!(film(|f| f.passes = Passes::NONE.with(Pass::Emission)), Needs { sorted: true, ..least() });
+    assert_eq!(film(|f| f.passes = Passes::NONE.with(Pass::Depth)), least());
     assert_eq!(
         settings(|s| (s.mode, s.russian_roulette) = (Mode::OneBounce, true)),
         Needs { bounces: false, ..least() }
@@ -126,7 +136,8 @@ fn ambient_occlusion_needs_neither_lights_nor_materials() {
     scene.instances.truncate(1);
     scene.cuts.clear();
     let labels = vec![LabelCount { instance: 7, visible: 3, all: 4 }];
-    let expected = Needs { labels, meshes: 2, lighting: false, diffuse: false, bounces: false, ..least() };
+    let expected =
+        Needs { labels, meshes: 2, lighting: false, diffuse: false, bounces: false, sorted: true, ..least() };
     assert_eq!(needs(&scene), expected);
 }
 
@@ -169,6 +180,7 @@ left out: weights of lights found in two ways (MIS) (each light is found in one 
 needed: light from surface to surface
 left out: Russian roulette (the settings say so)
 left out: cuts (nothing is cut away)
+left out: sorting of light (no pass of samples, no transparent film and no clamp is asked for)
 needed: elements of 1³ voxels
 left out: elements of 4³ voxels (the level of detail is another)
 left out: elements of 16³ voxels (the level of detail is another)

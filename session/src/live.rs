@@ -48,7 +48,8 @@ pub struct Frame {
     pub width: u32,
     /// Pixels down.
     pub height: u32,
-    /// Scene-linear Rec. 709 radiance and alpha, four floats a pixel; alpha is 1.
+    /// Scene-linear Rec. 709 radiance and alpha, four floats a pixel; alpha is 1 but where the film is
+    /// transparent, and the radiance multiplied with it.
     pub rgba: Vec<f32>,
     /// Rises by one from frame to frame; the first is 1.
     pub serial: u64,

@@ -45,6 +45,8 @@ pub struct RenderOverrides {
     pub labels: Option<Vec<u64>>,
     /// Number of labels to choose for a figure.
     pub pick: Option<usize>,
+    /// What camera rays do not meet is transparent.
+    pub transparent: bool,
     /// Degrees around and above, for volumes only.
     pub view_deg: Option<[f64; 2]>,
 }
@@ -126,7 +128,11 @@ pub fn render_file(
     check_folder(&request.out)?;
     make_renderer(&request.backend)?;
 
-    let Prepared { scene, volumes, meshes, stop, backend } = prepare(request, job)?;
+    let Prepared { mut scene, volumes, meshes, stop, backend } = prepare(request, job)?;
+    // Passes that are named are made; `all` means those that the scene asks for, and what every picture has.
+    if request.passes != ["all"] {
+        scene.film.passes = scene.film.passes.or(passes);
+    }
     if let Some(path) = &request.save_scene {
         scene.save(path).map_err(|source| SessionError::Scene { path: path.clone(), source })?;
     }
@@ -255,6 +261,7 @@ fn apply(wishes: &RenderOverrides, scene: &mut Scene, volumes: &[Arc<CompressedV
     if let Some(seed) = wishes.seed {
         scene.settings.seed = seed;
     }
+    scene.film.transparent |= wishes.transparent;
     if let Some(ids) = &wishes.labels {
         // With several volumes, each shows those of the labels that it has.
         for (instance, volume) in scene.instances.iter_mut().zip(volumes) {

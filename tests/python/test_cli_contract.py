@@ -375,9 +375,9 @@ def test_passes(pumice, compressed, picture, tmp_path):
         return exr_channels(tmp_path / "a.exr")
 
     everything, nothing, two = channels(), channels("--passes", "none"), channels("--passes", "depth,label")
-    assert everything == channels("--passes", "all") and everything == channels("--passes", "depth,label,albedo,normal,variance")
+    assert everything == channels("--passes", "all") and everything == channels("--passes", "depth,position,label,albedo,normal,variance")
     assert {"R", "G", "B"} <= nothing < two < everything
-    added = {name.split(".")[0].lower() for name in two - nothing}
+    added = {name.split(".")[-2].lower() for name in two - nothing}
     assert len(added) == 2 and any("depth" in n or n == "z" for n in added) and any("label" in n for n in added), added
 
 

@@ -198,6 +198,37 @@ bool has_two_lobes(Bsdf b) {
     return b.coat_chance > 0.0 || (b.chance > 0.0 && b.chance < 1.0) || bsdf_transmits(b);
 }
 
+// Part of f, what bsdf_eval gives for wo, that is diffuse; 0 where f is.
+vec3 diffuse_share(Bsdf b, vec3 wo, vec3 f) {
+    if (wo.z <= 0.0) {
+        return vec3(0.0);
+    }
+    vec3 diffuse = b.diffuse * (wo.z * FRAC_1_PI);
+    return vec3(f.x > 0.0 ? min(diffuse.x / f.x, 1.0) : 0.0, f.y > 0.0 ? min(diffuse.y / f.y, 1.0) : 0.0,
+        f.z > 0.0 ? min(diffuse.z / f.z, 1.0) : 0.0);
+}
+
+// About what the lobes of m scatter of even light: diffuse, glossy, transmission. Above 0 wherever such light can be.
+void bsdf_colors(Bsdf b, Address tables, Material m, out vec3 colors[3]) {
+    vec3 glossy = vec3(b.coat.albedo), transmission = vec3(0.0);
+    if (NEEDS_LOBES != 0u) {
+        float kept = m.multiscatter != 0u ? table_2d(tables, REFLECTION, 32u, m.roughness, b.wi.z) : 1.0;
+        glossy += b.metal * fresnel_f82_average(b.metal_f0, b.metal_b) * kept;
+        if (b.specular != vec3(0.0)) {
+            glossy += b.specular * share_to_white(b.specular_f0, average_share(b.specular_eta)) * kept;
+        }
+    }
+    if (bsdf_transmits(b)) {
+        uint side = b.glass_eta < 1.0 ? INSIDE : 0u;
+        float kept =
+            m.multiscatter != 0u ? table_3d(tables, GLASS + side, 16u, m.roughness, b.wi.z, index_place(m.ior)) : 1.0;
+        vec3 reflected = share_to_white(b.glass_f0, average_share(b.glass_eta));
+        glossy += b.glass * reflected * kept;
+        transmission = b.glass * (vec3(1.0) - reflected) * b.glass_tint * kept;
+    }
+    colors = vec3[3](b.diffuse, glossy, transmission);
+}
+
 // What a microfacet reflects, and what it lets pass, at the cosine of wi with it.
 vec3 bsdf_reflectance(Bsdf b, float cosine, out vec3 passed) {
     vec3 reflected = b.metal * fresnel_f82(cosine, b.metal_f0, b.metal_b);

@@ -17,19 +17,23 @@ void first_of_pixel(uvec2 in_tile) {
     RayInWorld ray = camera_ray(scene.it.camera, f64_add(f64_from_u32(pixel.x), F64_HALF),
         f64_add(f64_from_u32(pixel.y), F64_HALF), t_max);
     Hit hit = scene_ask(scene, ray, no_surface(), t_max, false, NONE, 0u);
+    DVec3 position = dvec3_add(ray.origin, dvec3_scale(ray.direction, hit.t));
     // Distance along the view axis.
     hit.t = f64_add(hit.t, f64_from_bits(scene.it.camera.clip[0]));
     if (launch.wanted != 0u) {
         HitRecords(launch.target).at[row] = record_of_hit(hit);
         return;
     }
-    FirstRecord first = FirstRecord(uintBitsToFloat(0x7F800000u), 0u, float[3](0.0, 0.0, 0.0), float[3](0.0, 0.0, 0.0));
+    FirstRecord first = FirstRecord(uintBitsToFloat(0x7F800000u), 0u, float[3](0.0, 0.0, 0.0), float[3](0.0, 0.0, 0.0),
+        float[3](0.0, 0.0, 0.0));
     if (is_hit(hit)) {
         first.depth = f64_to_f32(hit.t);
         first.label = hit.surface.kind == SURFACE_TRIANGLE ? 0u : hit.surface.label + 1u;
         first.albedo = material_of(instance_at(scene, hit.surface.instance), hit.surface.label).base_color;
         vec3 normal = dvec3_to_vec3(hit.from_inside ? dvec3_neg(hit.normal_in_world) : hit.normal_in_world);
         first.normal = float[3](normal.x, normal.y, normal.z);
+        vec3 p = dvec3_to_vec3(position);
+        first.position = float[3](p.x, p.y, p.z);
     }
     FirstRecords(launch.target).at[row] = first;
 }

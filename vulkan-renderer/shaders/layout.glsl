@@ -61,7 +61,9 @@ struct Settings {
     uint mode;
     uint bounces;
     uint russian_roulette;
-    uint reserved;
+    uint kept;
+    float clamp_direct;
+    float clamp_indirect;
 };
 
 struct Lights {
@@ -230,6 +232,7 @@ struct FirstRecord {
     uint label;
     float albedo[3];
     float normal[3];
+    float position[3];
 };
 
 // A bounding volume hierarchy's node, 80 bytes as drawn in pumice_render::bvh; bytes are taken out of their words.

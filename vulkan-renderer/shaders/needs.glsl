@@ -23,5 +23,7 @@ layout(constant_id = 8) const uint NEEDS_CLEAR = 1u;
 layout(constant_id = 9) const uint NEEDS_CUTS = 1u;
 // There are triangle meshes.
 layout(constant_id = 10) const uint NEEDS_MESHES = 1u;
+// Light is clamped, or sorted for passes or a transparent film.
+layout(constant_id = 11) const uint NEEDS_SORTED = 1u;
 
 #endif

@@ -16,6 +16,7 @@
 #include "looks.glsl"
 #include "bsdf.glsl"
 #include "lights.glsl"
+#include "tally.glsl"
 
 const uint FIRST_ROULETTE = 2u;
 const float LEAST_SURVIVAL = 0.05;
@@ -55,8 +56,8 @@ const uint FLIGHT_SHADOW = 1u;
 const uint FLIGHT_SCATTERED = 2u;
 const uint FLIGHT_AMBIENT = 3u;
 
-// Radiance along a camera ray that sees up to t_max; `down` says where in the picture it is, 0 top to 1 bottom.
-vec3 radiance(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, float down) {
+// Light along a camera ray that sees up to t_max; `down` says where in the picture it is, 0 top to 1 bottom.
+Tally follow(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, float down) {
     Lights lights = scene.it.lights;
     Environment sky = scene.it.environment;
     if (NEEDS_PICTURE == 0u) {
@@ -65,7 +66,8 @@ vec3 radiance(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, fl
     uint mode = scene.it.settings.mode;
     uint bounces = mode == MODE_PATH ? scene.it.settings.bounces : 0u;
     bool aims = NEEDS_AIM != 0u && any_aimed(lights);
-    vec3 total = vec3(0.0), throughput = vec3(1.0);
+    Tally tally = tally_new(scene.it.settings);
+    vec3 throughput = vec3(1.0);
     // Surfaces that scattered, and such that were passed straight through.
     uint vertex = 0u, passed = 0u;
     uint flight = FLIGHT_CAMERA;
@@ -88,7 +90,8 @@ vec3 radiance(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, fl
         f64 reach = crosses && may_touch(ray.direction, left) ? F64_INFINITY : t_max;
         Hit hit = scene_ask(scene, ray, left.surface, reach, any, NONE, 0u);
         if (flight == FLIGHT_AMBIENT) {
-            return is_hit(hit) ? vec3(0.0) : vec3(1.0);
+            tally_aimed(tally, is_hit(hit) ? vec3(0.0) : vec3(1.0), 0u);
+            return tally;
         }
         if (crosses) {
             hit = next_hit(hit, ray.direction, left, t_max);
@@ -108,10 +111,10 @@ vec3 radiance(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, fl
             }
             // The light is seen, or not; the path goes on from where it was.
             if (!is_hit(hit)) {
-                total += add;
+                tally_aimed(tally, add, vertex);
             }
             if (!goes_on) {
-                return total;
+                return tally;
             }
             ray.direction = onward;
             t_max = F64_INFINITY;
@@ -127,16 +130,20 @@ vec3 radiance(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, fl
             f64 limit = is_hit(hit) ? hit.t : t_max;
             DVec3 d = dvec3_normalize(ray.direction);
             limit = f64_add(gone, f64_mul(limit, dvec3_length(ray.direction)));
-            total += throughput * lamps_found(lights, receiver, d, limit, onward_pdf, flight == FLIGHT_CAMERA);
+            vec3 light = lamps_found(lights, receiver, d, limit, onward_pdf, flight == FLIGHT_CAMERA);
             if (NEEDS_CLEAR != 0u && f64_lt(F64_ZERO, gone)) {
-                total -= throughput * lamps_found(lights, receiver, d, gone, onward_pdf, flight == FLIGHT_CAMERA);
+                light -= lamps_found(lights, receiver, d, gone, onward_pdf, flight == FLIGHT_CAMERA);
             }
+            tally_met(tally, throughput * light, vertex);
         }
         if (!is_hit(hit)) {
             if (flight == FLIGHT_CAMERA) {
-                return total + lights_behind(lights, sky, ray.direction, down);
+                tally_met_behind(tally, lights_behind(lights, sky, ray.direction, down), 0u);
+            } else {
+                vec3 light = lights_found(lights, sky, dvec3_normalize(ray.direction), onward_pdf);
+                tally_met_behind(tally, throughput * light, vertex);
             }
-            return total + throughput * lights_found(lights, sky, dvec3_normalize(ray.direction), onward_pdf);
+            return tally;
         }
         ray.origin = dvec3_add(ray.origin, dvec3_scale(ray.direction, hit.t));
         // Whether a path outside of all labels started within another label's coarse element. (A mesh may well stand inside of a label.)
@@ -147,9 +154,11 @@ vec3 radiance(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, fl
         // 1 where a cosine-distributed ray meets nothing within reach, else 0.
         if (mode == MODE_AMBIENT_OCCLUSION) {
             Frame frame = frame_new(normal_towards_ray(hit));
+            tally_came_to(tally, 0u, vec3[3](vec3(1.0), vec3(0.0), vec3(0.0)), dvec3_to_vec3(frame.normal));
+            tally.aimed = Share(vec3(1.0), false);
             ray.direction = frame_world(frame, sample_cosine(sampler_bounce(points, 0u, PAIR_SCATTER)));
             if (is_seen_from_within(hit) || f64_le(dvec3_dot(ray.direction, frame.normal), F64_ZERO)) {
-                return vec3(0.0);
+                return tally;
             }
             t_max = f64_from_bits(scene.it.settings.ao_distance);
             flight = FLIGHT_AMBIENT;
@@ -164,7 +173,7 @@ vec3 radiance(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, fl
             sampler_bounce(points, number, PAIR_ROULETTE).y >= material.alpha) {
             passed += 1u;
             if (passed > MOST_CLEAR_SURFACES) {
-                return total;
+                return tally;
             }
             t_max = f64_sub(t_max, hit.t);
             gone = f64_add(gone, f64_mul(hit.t, dvec3_length(ray.direction)));
@@ -178,11 +187,16 @@ vec3 radiance(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, fl
         vec3 wi = frame_local(frame, dvec3_neg(dvec3_normalize(ray.direction)));
         // A grazing ray may round to 0 or below: it still sees the front.
         wi.z = max(wi.z, 1e-6);
-        total += throughput * emitted(scene.it.tables, material, wi.z);
+        tally_met(tally, throughput * emitted(scene.it.tables, material, wi.z), vertex);
         if (vertex > bounces || buried) {
-            return total;
+            return tally;
         }
         Bsdf bsdf = bsdf_new(scene.it.tables, material, wi, hit.from_inside);
+        if (NEEDS_SORTED != 0u && vertex == 0u) {
+            vec3 colors[3];
+            bsdf_colors(bsdf, scene.it.tables, material, colors);
+            tally_came_to(tally, 0u, colors, dvec3_to_vec3(frame.normal));
+        }
         receiver = Receiver(ray.origin, dvec3_to_vec3(frame.normal), bsdf_transmits(bsdf));
         float lobe = 0.5;
 
@@ -197,7 +211,11 @@ vec3 radiance(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, fl
                 lights_sample(lights, sky, receiver, choice.x, sampler_bounce(points, number, PAIR_LIGHT));
             if (light.found && (bsdf_transmits(bsdf) || f64_lt(F64_ZERO, dvec3_dot(light.direction, frame.normal)))) {
                 float pdf;
-                vec3 f_cos = bsdf_eval(bsdf, frame_local(frame, light.direction), pdf);
+                vec3 wo = frame_local(frame, light.direction);
+                vec3 f_cos = bsdf_eval(bsdf, wo, pdf);
+                if (NEEDS_SORTED != 0u && vertex == 0u) {
+                    tally.aimed = Share(diffuse_share(bsdf, wo, f_cos), wo.z < 0.0);
+                }
                 add = throughput * f_cos * light.radiance_over_pdf * aimed_weight(lights, light.pdf, pdf);
                 light_in_flight = max_element(add) > 0.0;
                 towards_light = light.direction;
@@ -212,6 +230,14 @@ vec3 radiance(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, fl
         goes_on = scattered.pdf > 0.0;
         if (goes_on) {
             throughput *= scattered.weight;
+            if (NEEDS_SORTED != 0u && vertex == 0u) {
+                // A mirror's only direction is the mirror's alone.
+                vec3 diffuse = vec3(0.0);
+                if (!isinf(scattered.pdf)) {
+                    diffuse = diffuse_share(bsdf, scattered.wo, scattered.weight * scattered.pdf);
+                }
+                tally_scattered(tally, 0u, Share(diffuse, scattered.wo.z < 0.0));
+            }
             onward = frame_world(frame, scattered.wo);
             onward_pdf = scattered.pdf;
             float most = max_element(throughput);
@@ -237,14 +263,14 @@ vec3 radiance(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, fl
             flight = FLIGHT_SCATTERED;
             vertex += 1u;
         } else {
-            return total;
+            return tally;
         }
     }
-    return total;
+    return tally;
 }
 
 // One sample of one pixel.
-vec3 sample_of_pixel(SceneRef scene, uvec2 pixel, uint number) {
+Tally sample_of_pixel(SceneRef scene, uvec2 pixel, uint number) {
     PixelSampler points = sampler_new(scene.it.settings.seed, pixel, number);
     vec2 u = sampler_film(points);
     f64 px = f64_add(f64_add(f64_from_u32(pixel.x), F64_HALF), f64_from_f32(filter_sample(scene.it.film_filter, u.x)));
@@ -257,7 +283,7 @@ vec3 sample_of_pixel(SceneRef scene, uvec2 pixel, uint number) {
         ray = camera_ray(scene.it.camera, px, py, t_max);
     }
     float down = f64_to_f32(f64_div(py, f64_from_bits(scene.it.camera.size[1])));
-    return radiance(scene, points, ray, t_max, down);
+    return follow(scene, points, ray, t_max, down);
 }
 
 // Adds the launch's samples to one pixel of its tile.
@@ -269,7 +295,11 @@ void add_samples(uvec2 in_tile) {
     uvec2 pixel = uvec2(launch.tile_x, launch.tile_y) + in_tile;
     for (uint i = 0u; i < launch.samples; i++) {
         uint number = launch.first_sample + i;
-        film_add(launch.target, scene.it.film_width, pixel, number, sample_of_pixel(scene, pixel, number));
+        Tally tally = sample_of_pixel(scene, pixel, number);
+        film_add(launch.target, scene.it.film_width, pixel, number, tally.total);
+        if (NEEDS_SORTED != 0u && tally.kept != 0u) {
+            tally_add_to(tally, launch.source, scene.it.film_width, pixel);
+        }
     }
 }
 

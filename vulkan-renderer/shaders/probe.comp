@@ -224,7 +224,7 @@ void probe_lights(uint row) {
 }
 
 void probe_bsdf(uint row) {
-    begin(row, 31u, 18u);
+    begin(row, 31u, 30u);
     Material m;
     vec3 base = take_vec3(), tint = take_vec3(), coat_tint = take_vec3(), emission = take_vec3();
     m.base_color = float[3](base.x, base.y, base.z);
@@ -248,7 +248,8 @@ void probe_bsdf(uint row) {
     Address tables = SceneRef(launch.scene).it.tables;
     Bsdf b = bsdf_new(tables, m, wi, from_inside);
     float pdf;
-    put_vec3(bsdf_eval(b, wo, pdf));
+    vec3 f = bsdf_eval(b, wo, pdf);
+    put_vec3(f);
     put_float(pdf);
     BsdfSample s = bsdf_sample(b, u, choice);
     put_vec3(s.wo);
@@ -257,6 +258,12 @@ void probe_bsdf(uint row) {
     put(has_two_lobes(b) ? 1u : 0u);
     put_vec3(sample_cosine(u));
     put_vec3(emitted(tables, m, wi.z));
+    put_vec3(diffuse_share(b, wo, f));
+    vec3 colors[3];
+    bsdf_colors(b, tables, m, colors);
+    for (uint i = 0u; i < 3u; i++) {
+        put_vec3(colors[i]);
+    }
 }
 
 void probe_box(uint row) {
@@ -314,7 +321,7 @@ void probe_index_ray(uint row) {
 void probe_radiance(uint row) {
     begin(row, 3u, 3u);
     uint x = take(), y = take();
-    put_vec3(sample_of_pixel(SceneRef(launch.scene), uvec2(x, y), take()));
+    put_vec3(sample_of_pixel(SceneRef(launch.scene), uvec2(x, y), take()).total);
 }
 
 void main() {

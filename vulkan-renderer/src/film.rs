@@ -1,13 +1,13 @@
 //! The film on the device, and how far its samples have come.
 //!
-//! Sums are those of [`FilmBuffer`]: three floats for each replicate of each pixel, rows from the top. A pass brings every pixel
+//! Sums are those of [`FilmBuffer`]: three floats for each replicate of each pixel, rows from the top, and what passes need. A pass brings every pixel
 //! from `spp` samples to `target`, launch by launch. A pass that was cancelled is continued by the next one, so each pixel gets
 //! each of its samples once and in order, and the picture does not depend on how it was cut.
 //!
 //! The host holds a copy as of the last whole pass that was read: what is shown, and what is put back when the device is lost.
 
-use pumice_render::FilmBuffer;
 use pumice_render::film::STRIDE;
+use pumice_render::{FilmBuffer, PassSums};
 
 use crate::device::{Buffer, DeviceError, Gpu};
 use crate::slices::Cursor;
@@ -16,6 +16,8 @@ use crate::slices::Cursor;
 #[derive(Debug)]
 pub(crate) struct Film {
     pub(crate) sums: Buffer,
+    /// Sums of passes, where any are kept.
+    pub(crate) pass_sums: Option<Buffer>,
     pub(crate) size: [u32; 2],
     /// Samples that every pixel has.
     pub(crate) spp: u32,
@@ -25,17 +27,28 @@ pub(crate) struct Film {
 }
 
 impl Film {
-    pub(crate) fn new(gpu: &Gpu, size: [u32; 2]) -> Result<Self, DeviceError> {
-        let bytes = u64::from(size[0]) * u64::from(size[1]) * STRIDE as u64 * 4;
+    pub(crate) fn new(gpu: &Gpu, size: [u32; 2], kept: PassSums) -> Result<Self, DeviceError> {
+        let bytes_a_float = u64::from(size[0]) * u64::from(size[1]) * 4;
+        let bytes = bytes_a_float * STRIDE as u64;
         let sums = gpu.buffer("the film", bytes)?;
         gpu.clear(&sums)?;
-        let copy = FilmBuffer::new(size[0], size[1]);
-        Ok(Self { sums, size, spp: 0, pass: None, copy })
+        let mut pass_sums = None;
+        if kept.stride() > 0 {
+            let made = gpu.buffer("the film's passes", bytes_a_float * kept.stride() as u64)?;
+            gpu.clear(&made)?;
+            pass_sums = Some(made);
+        }
+        let copy = FilmBuffer::with_passes(size[0], size[1], kept);
+        Ok(Self { sums, pass_sums, size, spp: 0, pass: None, copy })
     }
 
     /// The same on another device, with the samples that the host has.
     pub(crate) fn again(&mut self, gpu: &Gpu) -> Result<(), DeviceError> {
         let sums = gpu.buffer_of("the film", bytemuck::cast_slice(self.copy.sums()))?;
+        if self.pass_sums.is_some() {
+            let made = gpu.buffer_of("the film's passes", bytemuck::cast_slice(self.copy.pass_sums()))?;
+            self.pass_sums = Some(made);
+        }
         (self.sums, self.spp, self.pass) = (sums, self.copy.spp(), None);
         Ok(())
     }
@@ -43,6 +56,7 @@ impl Film {
     /// Takes all samples away.
     pub(crate) fn clear(&mut self, gpu: &Gpu) -> Result<(), DeviceError> {
         gpu.clear(&self.sums)?;
+        self.pass_sums.iter().try_for_each(|sums| gpu.clear(sums))?;
         (self.spp, self.pass) = (0, None);
         self.copy.clear();
         Ok(())
@@ -53,7 +67,10 @@ impl Film {
         if self.copy.spp() == self.spp || self.pass.is_some() {
             return Ok(());
         }
-        let read = gpu.download(&self.sums, 0, bytemuck::cast_slice_mut(self.copy.sums_mut(self.spp)));
+        let mut read = gpu.download(&self.sums, 0, bytemuck::cast_slice_mut(self.copy.sums_mut(self.spp)));
+        if let (Ok(()), Some(sums)) = (&read, &self.pass_sums) {
+            read = gpu.download(sums, 0, bytemuck::cast_slice_mut(self.copy.pass_sums_mut()));
+        }
         if read.is_err() {
             // A part of it may be there: it is of no use.
             self.copy.clear();
@@ -68,6 +85,6 @@ impl Film {
 
     /// Bytes on the device.
     pub(crate) fn bytes(&self) -> u64 {
-        self.sums.bytes()
+        self.sums.bytes() + self.pass_sums.as_ref().map_or(0, Buffer::bytes)
     }
 }

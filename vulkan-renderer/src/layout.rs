@@ -24,7 +24,8 @@ pub const NONE: u32 = u32::MAX;
 pub struct Launch {
     /// [`SceneHeader`].
     pub scene: Address,
-    /// `trace_rays`: [`RayRecord`]s. `probe`: words. `path`: not used.
+    /// `trace_rays`: [`RayRecord`]s. `probe`: words. `path`: sums of passes, `PassSums::stride` floats a pixel of the whole film; 0 where
+    /// none are kept.
     pub input: Address,
     /// `trace_rays`: [`HitRecord`]s. `probe`: words. `path`: film sums of the whole film, `STRIDE` floats a pixel, rows from the top.
     /// `first`: [`FirstRecord`]s, in the order of the tile's pixels.
@@ -99,7 +100,10 @@ pub struct Settings {
     pub mode: u32,
     pub bounces: u32,
     pub russian_roulette: u32,
-    pub reserved: u32,
+    /// Sums of passes that the film keeps: `PassSums::bits`.
+    pub kept: u32,
+    pub clamp_direct: f32,
+    pub clamp_indirect: f32,
 }
 
 /// Twin of `Lights`.
@@ -397,4 +401,5 @@ pub struct FirstRecord {
     pub label: u32,
     pub albedo: [f32; 3],
     pub normal: [f32; 3],
+    pub position: [f32; 3],
 }

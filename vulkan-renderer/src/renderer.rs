@@ -213,6 +213,10 @@ impl Renderer for VulkanRenderer {
         Ok(self.shown.as_ref().ok_or_else(no_scene)?.film.copy().mean())
     }
 
+    fn alpha(&mut self) -> Result<Option<Vec<f32>>, RenderError> {
+        Ok(self.shown.as_ref().ok_or_else(no_scene)?.film.copy().alpha())
+    }
+
     fn picture(&mut self) -> Result<Picture, RenderError> {
         self.twice(|shown, machine| shown.picture(machine))
     }

@@ -342,7 +342,7 @@ impl SceneOnDevice {
         sky: Arc<SkyOnDevice>,
         filter: Arc<FilterOnDevice>,
         rays: &pumice_cpu::camera_rays::CameraRays,
-        settings: &pumice_scene::Settings,
+        settings: layout::Settings,
     ) -> Result<Self, DeviceError> {
         let of_meshes = meshes.iter().map(MeshOnDevice::record);
         let list: Vec<_> = instances.iter().map(InstanceOnDevice::record).chain(of_meshes).collect();
@@ -352,7 +352,7 @@ impl SceneOnDevice {
             tables.address(),
             rays,
             filter.record,
-            pack::settings(settings),
+            settings,
             sky.lights_record,
             sky.environment,
         );

@@ -9,14 +9,14 @@ use pumice_core::{CompressedVolume, Job, MeshData};
 use pumice_cpu::camera_rays::CameraRays;
 use pumice_cpu::traverse::{Cuts, LodChoice, Placement, mesh_placement};
 use pumice_cpu::{Looks, ReadImage, scene_lights};
-use pumice_render::{FilmBuffer, Image, Pick, Picture, Rebuilt, RenderError, SurfaceKind};
+use pumice_render::{FilmBuffer, Image, PassSums, Pick, Picture, Rebuilt, RenderError, SurfaceKind};
 use pumice_scene::{InstanceDiff, Mesh, MeshDiff, Scene, SceneDiff};
 
-use crate::device::DeviceError;
+use crate::device::{Buffer, DeviceError};
 use crate::film::Film;
 use crate::layout::{FirstRecord, HitRecord, Launch, NONE};
 use crate::machine::Machine;
-use crate::pack::ShaderNeeds;
+use crate::pack::{self, ShaderNeeds};
 use crate::scene::{
     Boxes, CutsOnDevice, Fault, FilterOnDevice, InstanceOnDevice, LooksOnDevice, MeshOnDevice, Nodes,
     SceneOnDevice, SkyOnDevice, Triangles,
@@ -132,21 +132,24 @@ impl Shown {
         let of_meshes = parts.meshes.iter().map(|m| &m.looks.packed);
         let needs = ShaderNeeds::new(
             &scene.camera,
+            &scene.film,
+            &scene.settings,
             &parts.sky.lights,
             parts.instances.iter().map(|i| &i.looks.packed).chain(of_meshes),
             parts.instances.iter().any(|i| !i.cuts.cuts.is_empty()),
             !meshes.is_empty(),
         );
         let size = [scene.film.width, scene.film.height];
+        let kept = PassSums::of(&scene.film);
         let film = match former.take() {
-            Some(Self { mut film, .. }) if film.size == size => {
+            Some(Self { mut film, .. }) if film.size == size && film.copy().kept() == kept => {
                 film.clear(&machine.gpu)?;
                 film
             }
             // The former film's memory may be what the new one needs.
             other => {
                 drop(other);
-                Film::new(&machine.gpu, size)?
+                Film::new(&machine.gpu, size, kept)?
             }
         };
         counted.rebuilt.camera += u64::from(diff.camera || diff.film);
@@ -198,6 +201,7 @@ impl Shown {
         };
         let launch = Launch {
             scene: self.parts.address(),
+            input: film.pass_sums.as_ref().map_or(0, Buffer::address),
             output: film.sums.address(),
             first_sample: film.spp,
             samples,
@@ -248,15 +252,16 @@ impl Shown {
             |f: fn(&FirstRecord) -> [f32; 3]| Image::new(width, height, firsts.iter().map(f).collect());
         let film: &FilmBuffer = self.film.copy();
         let spp = film.spp();
-        Ok(Picture {
-            color: film.mean(),
+        let picture = Picture {
             variance: (spp >= pumice_render::sampler::REPLICATES).then(|| film.variance()),
             depth: Some(firsts.iter().map(|f| f.depth).collect()),
             label: Some(firsts.iter().map(|f| f.label).collect()),
             albedo: Some(image(|f| f.albedo)),
             normal: Some(image(|f| f.normal)),
-            provenance: None,
-        })
+            position: Some(image(|f| f.position)),
+            ..Picture::of(film.mean())
+        };
+        Ok(film.passes_into(picture, self.scene.film.passes))
     }
 
     /// First surfaces of a tile; how long the launch took.
@@ -336,7 +341,8 @@ fn parts_of(
     }
     counters.sent.header += 1;
     let rays = CameraRays::new(&scene.camera, &scene.film);
-    let (tables, settings) = (&machine.tables, &scene.settings);
+    let settings = pack::settings(&scene.settings, PassSums::of(&scene.film));
+    let tables = &machine.tables;
     Ok(SceneOnDevice::new(gpu, tables, instances, on_device, sky, filter, &rays, settings)?)
 }
 

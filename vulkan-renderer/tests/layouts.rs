@@ -120,7 +120,19 @@ fn twins() -> Vec<Layout> {
             }
         ),
         twin!("Filter", Filter { inverse as "inverse_table", width, steps }),
-        twin!("Settings", Settings { seed, ao_distance, mode, bounces, russian_roulette, reserved }),
+        twin!(
+            "Settings",
+            Settings {
+                seed,
+                ao_distance,
+                mode,
+                bounces,
+                russian_roulette,
+                kept,
+                clamp_direct,
+                clamp_indirect
+            }
+        ),
         twin!(
             "Lights",
             Lights {
@@ -243,7 +255,7 @@ fn twins() -> Vec<Layout> {
             RayRecord { origin, direction, t_max, from, question, only, only_instance, reserved }
         ),
         twin!("HitRecord", HitRecord { t, normal, surface, from_inside, reserved }),
-        twin!("FirstRecord", FirstRecord { depth, label, albedo, normal }),
+        twin!("FirstRecord", FirstRecord { depth, label, albedo, normal, position }),
         twin!("BvhNode", BvhNode { origin, exponents_and_inner, first_child, first_item, meta, lo, hi }),
     ]
 }

@@ -85,6 +85,9 @@ mod ray_query {
 mod compute {
     #[path = "../../cpu-renderer/tests/renderer/cases.rs"]
     pub(super) mod cases;
+    /// On one backend: that sums are alike on all, to the bit, is seen in `radiance/films.rs`.
+    #[path = "../../cpu-renderer/tests/renderer/passes.rs"]
+    mod passes;
 
     fn renderer() -> super::Validated {
         super::Validated::open(super::Backend::Compute)

@@ -50,6 +50,7 @@ pub(crate) fn run(args: &Render, job: &Arc<Job>) -> Result<Answer, Failure> {
             seed: args.seed,
             labels: args.labels.clone(),
             pick: args.pick,
+            transparent: args.transparent,
             view_deg: args.view,
         },
         reading: open_options(&args.reading),

@@ -3,8 +3,8 @@
 use glam::{DAffine3, DMat3, DVec3};
 use pumice_scene::{
     Adaptive, Aperture, Camera, Cut, CutShape, Environment, Film, Filter, Instance, LabelStyle, Light,
-    LightShape, Lod, Material, Mesh, Mode, Outline, Projection, SCENE_VERSION, Scene, SensorFit, Settings,
-    Show, Sun, World,
+    LightShape, Lod, Material, Mesh, Mode, Outline, Passes, Projection, SCENE_VERSION, Scene, SensorFit,
+    Settings, Show, Sun, World,
 };
 
 pub(crate) fn full_scene() -> Scene {
@@ -73,6 +73,7 @@ pub(crate) fn full_scene() -> Scene {
         film: Film {
             pixel_aspect: 1.5,
             transparent: true,
+            passes: Passes::ALL,
             ..Film::new(640, 360, Filter::BlackmanHarris { width: 3.0 })
         },
         world: World {

@@ -201,6 +201,10 @@ impl Renderer for FallbackRenderer {
         self.ask(|renderer| renderer.color())
     }
 
+    fn alpha(&mut self) -> Result<Option<Vec<f32>>, RenderError> {
+        self.ask(|renderer| renderer.alpha())
+    }
+
     fn picture(&mut self) -> Result<Picture, RenderError> {
         self.ask(|renderer| renderer.picture())
     }

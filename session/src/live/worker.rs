@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use pumice_core::{CompressedVolume, Job, MeshData};
 use pumice_render::{Image, Progress, RenderError, Renderer};
-use pumice_scene::{Film, Scene};
+use pumice_scene::{Film, Passes, Scene};
 
 use super::{Frame, LiveState, MOST_NOTICES, Question, Shared};
 use crate::backend::FallbackRenderer;
@@ -118,6 +118,8 @@ impl Worker {
         job: &Job,
     ) -> std::result::Result<Turn, RenderError> {
         let clock = Stopwatch::start();
+        // Frames have no passes: nothing is summed for them.
+        let scene = &Scene { film: Film { passes: Passes::NONE, ..scene.film }, ..scene.clone() };
         for divisor in coarse_divisors(&scene.film) {
             let mut coarse = scene.clone();
             coarse.film.width = scene.film.width.div_ceil(divisor);
@@ -210,7 +212,11 @@ impl Worker {
             Err(RenderError::Restarted) => return Ok(false),
             image => image?,
         };
-        let rgba = rows_from_bottom(&image);
+        let alpha = match self.renderer.alpha() {
+            Err(RenderError::Restarted) => return Ok(false),
+            alpha => alpha?,
+        };
+        let rgba = rows_from_bottom(&image, alpha.as_deref());
         let mut board = self.shared.board();
         let serial = board.frame.as_ref().map_or(0, |f| f.serial) + 1;
         *board.counters.entry("frames".into()).or_default() += 1;
@@ -231,10 +237,15 @@ impl Worker {
     }
 }
 
-/// Colours as four floats a pixel, the lowest row first.
-fn rows_from_bottom(image: &Image) -> Vec<f32> {
-    let rows = image.pixels.chunks_exact(image.width.max(1)).rev();
-    rows.flatten().flat_map(|&[r, g, b]| [r, g, b, 1.0]).collect()
+/// Colours and alpha, 1 where there is none, as four floats a pixel, the lowest row first.
+fn rows_from_bottom(image: &Image, alpha: Option<&[f32]>) -> Vec<f32> {
+    let width = image.width.max(1);
+    let places = (0..image.pixels.len() / width).rev().flat_map(|y| y * width..(y + 1) * width);
+    let pixel = |place: usize| {
+        let [r, g, b] = image.pixels[place];
+        [r, g, b, alpha.map_or(1.0, |alpha| alpha[place])]
+    };
+    places.flat_map(pixel).collect()
 }
 
 /// By what the film's sides are divided in the coarse frames: each halves the one before, from one of about

@@ -121,5 +121,5 @@ pub(super) fn mean(pixels: &[[f32; 3]]) -> f64 {
 
 /// A picture without passes.
 pub(super) fn plain(color: Image) -> Picture {
-    Picture { color, variance: None, depth: None, label: None, albedo: None, normal: None, provenance: None }
+    Picture::of(color)
 }

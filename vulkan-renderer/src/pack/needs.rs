@@ -1,7 +1,9 @@
 //! What a scene needs of its shaders: specialisation constants, so that what it does not need is not compiled.
 
+use pumice_cpu::tally::clamps;
 use pumice_cpu::{Lights, Sky};
-use pumice_scene::Camera;
+use pumice_render::PassSums;
+use pumice_scene::{Camera, Film, Settings};
 
 use super::PackedLooks;
 use crate::layout::Material;
@@ -29,12 +31,16 @@ pub struct ShaderNeeds {
     pub cuts: bool,
     /// There are triangle meshes.
     pub meshes: bool,
+    /// Light is clamped, or sorted for passes or a transparent film.
+    pub sorted: bool,
 }
 
 impl ShaderNeeds {
-    /// What this camera, these lights, these looks of all instances and meshes, these cuts and these meshes need.
+    /// What this camera, film, settings, these lights, these looks of all instances and meshes, these cuts and these meshes need.
     pub fn new<'a>(
         camera: &Camera,
+        film: &Film,
+        settings: &Settings,
         lights: &Lights,
         looks: impl IntoIterator<Item = &'a PackedLooks>,
         cuts: bool,
@@ -56,12 +62,13 @@ impl ShaderNeeds {
             lamps: !lights.lamps().is_empty(),
             cuts,
             meshes,
+            sorted: clamps(settings) || PassSums::of(film).stride() > 0,
         }
     }
 
     /// Specialisation constants by their numbers; number 0 is the probe's.
-    pub fn constants(&self) -> [u32; 11] {
-        let Self { lobes, picture, aim, lens, lamps, coat, glass, clear, cuts, meshes } = *self;
-        [false, lobes, picture, aim, lens, lamps, coat, glass, clear, cuts, meshes].map(u32::from)
+    pub fn constants(&self) -> [u32; 12] {
+        let Self { lobes, picture, aim, lens, lamps, coat, glass, clear, cuts, meshes, sorted } = *self;
+        [false, lobes, picture, aim, lens, lamps, coat, glass, clear, cuts, meshes, sorted].map(u32::from)
     }
 }

@@ -2,7 +2,7 @@
 
 use pumice_cpu::camera_rays::CameraRays;
 use pumice_cpu::{Finding, Lights, Sky};
-use pumice_render::EnvironmentTable;
+use pumice_render::{EnvironmentTable, PassSums};
 use pumice_scene::Mode;
 
 use crate::layout;
@@ -30,8 +30,8 @@ pub fn camera(rays: &CameraRays) -> layout::Camera {
     }
 }
 
-/// The settings' record.
-pub fn settings(settings: &pumice_scene::Settings) -> layout::Settings {
+/// The settings' record, for a film that keeps these sums.
+pub fn settings(settings: &pumice_scene::Settings, kept: PassSums) -> layout::Settings {
     layout::Settings {
         seed: settings.seed,
         ao_distance: settings.ao_distance,
@@ -42,7 +42,9 @@ pub fn settings(settings: &pumice_scene::Settings) -> layout::Settings {
         },
         bounces: settings.bounces,
         russian_roulette: u32::from(settings.russian_roulette),
-        reserved: 0,
+        kept: kept.bits(),
+        clamp_direct: settings.clamp_direct,
+        clamp_indirect: settings.clamp_indirect,
     }
 }
 

@@ -64,7 +64,7 @@ pub(crate) const HOST_FILES: &[(&str, &str)] = &[
     ("render/src/sample_pictures.rs", "pictures for tests of files"),
     ("render/src/image.rs", "pictures on the host"),
     ("render/src/picture.rs", "pictures on the host"),
-    ("render/src/passes.rs", "which pictures are wanted"),
+    ("render/src/passes.rs", "which sums are kept, and what is made of them on the host"),
     ("render/src/palette.rs", COLORS),
     ("render/src/lib.rs", NAMES),
     ("render/src/renderer.rs", "the interface of all renderers"),
@@ -150,6 +150,7 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
             ("PathTracer::picture", SHOWN),
         ],
     ),
+    ("cpu-renderer/src/tally.rs", &[("clamps", "a need, known before: NEEDS_SORTED")]),
     (
         "cpu-renderer/src/traverse/cuts.rs",
         &[("CutPlane::new", READY), ("Cuts::new", READY), ("Cuts::is_empty", READ), ("Cuts::planes", READ)],
@@ -227,6 +228,11 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
         "render/src/film.rs",
         &[
             ("FilmBuffer::new", READY),
+            ("FilmBuffer::with_passes", READY),
+            ("FilmBuffer::kept", READ),
+            ("FilmBuffer::pass_sums", READ),
+            ("FilmBuffer::pass_sums_mut", READ),
+            ("FilmBuffer::samples_of", COUNTED),
             ("FilmBuffer::sums", READ),
             ("FilmBuffer::sums_mut", READ),
             ("FilmBuffer::size", READ),
@@ -268,7 +274,7 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
 pub(crate) const OTHER_NAMES: &[Listed] = &[
     ("core/src/box_record.rs", &[("BoxRecord::cell", "box_place"), ("BoxRecord::extent", "box_place")]),
     ("core/src/volume.rs", &[("CompressedVolume::unpack", "box_view")]),
-    ("cpu-renderer/src/crossing.rs", &[("visibility", "radiance"), ("visibility_through", "radiance")]),
+    ("cpu-renderer/src/crossing.rs", &[("visibility", "follow"), ("visibility_through", "follow")]),
     (
         "cpu-renderer/src/lights.rs",
         &[("Lights::chance", "light_chance"), ("Lights::lamps_seen", "lamps_found")],
@@ -277,11 +283,31 @@ pub(crate) const OTHER_NAMES: &[Listed] = &[
     ("cpu-renderer/src/looks.rs", &[("Looks::material", "material_of")]),
     (
         "cpu-renderer/src/path.rs",
-        &[("ambient", "radiance"), ("path", "radiance"), ("Way::lamps", "radiance")],
+        &[("radiance", "follow"), ("ambient", "follow"), ("path", "follow"), ("Way::lamps", "follow")],
     ),
     (
         "cpu-renderer/src/path_tracer.rs",
         &[("PathTracer::pick", "first_of_pixel"), ("PathTracer::first", "first_of_pixel")],
+    ),
+    (
+        "cpu-renderer/src/tally.rs",
+        // One tally there: where nothing is sorted, it is compiled to the sum alone.
+        &[
+            ("Total::met", "tally_met"),
+            ("Total::met_behind", "tally_met_behind"),
+            ("Total::aimed", "tally_aimed"),
+            ("Total::scattered", "tally_scattered"),
+            ("Total::came_to", "tally_came_to"),
+            ("Sorted::new", "tally_new"),
+            ("Sorted::clamped", "tally_clamped"),
+            ("Sorted::deal", "tally_deal"),
+            ("Sorted::add_to", "tally_add_to"),
+            ("Sorted::met", "tally_met"),
+            ("Sorted::met_behind", "tally_met_behind"),
+            ("Sorted::aimed", "tally_aimed"),
+            ("Sorted::scattered", "tally_scattered"),
+            ("Sorted::came_to", "tally_came_to"),
+        ],
     ),
     (
         "cpu-renderer/src/traverse/index_ray.rs",

@@ -5,8 +5,8 @@ use std::cell::RefCell;
 use glam::Vec3;
 use pumice_cpu::bsdf::tables::TABLES;
 use pumice_cpu::camera_rays::CameraRays;
-use pumice_render::FilterTable;
 use pumice_render::film::STRIDE;
+use pumice_render::{FilterTable, PassSums};
 use pumice_vulkan::device::Backend;
 use pumice_vulkan::layout::{self, FirstRecord, Launch};
 use pumice_vulkan::pack::{self, PackedLooks, PackedSky};
@@ -51,7 +51,7 @@ impl OnDevice {
         let filter = layout::Filter { inverse, width: table.width(), steps };
         let tables = uploaded.put(gpu, &TABLES);
         let rays = CameraRays::new(&case.camera, &case.film);
-        let settings = pack::settings(&case.around.settings);
+        let settings = pack::settings(&case.around.settings, PassSums::of(&case.film));
         let lights = pack::lights(lights, [ends, suns, lamps]);
         let sky = environment.unwrap_or_default();
         let header = pack::header((0, 0), tables, &rays, filter, settings, lights, sky);
@@ -100,18 +100,26 @@ impl Front {
 
     /// Sums of `samples` in every pixel, in launches as the renderer might cut them.
     pub(crate) fn film(&self, case: &Case, samples: u32) -> Vec<f32> {
+        self.film_and_passes(case, samples).0
+    }
+
+    /// The same, and the sums of what the film keeps for passes.
+    pub(crate) fn film_and_passes(&self, case: &Case, samples: u32) -> (Vec<f32>, Vec<f32>) {
         let scene = OnDevice::new(&self.gpu, case);
         let (width, height) = (case.film.width, case.film.height);
         let floats = (width * height) as usize * STRIDE;
         let target = self.gpu.buffer(4 * floats);
-        let launch = Launch { scene: scene.address, output: target.address, ..Launch::default() };
+        let floats_of_passes = (width * height) as usize * PassSums::of(&case.film).stride();
+        let passes = self.gpu.buffer(4 * floats_of_passes.max(1));
+        let input = if floats_of_passes > 0 { passes.address } else { 0 };
+        let launch = Launch { scene: scene.address, input, output: target.address, ..Launch::default() };
         let first = samples / 3;
         self.run(&Launch { samples: first, ..launch }, [0, 0, width, height]);
         let rest = Launch { first_sample: first, samples: samples - first, ..launch };
         self.run(&rest, [0, 0, width, 9]);
         self.run(&rest, [0, 9, 13, height - 9]);
         self.run(&rest, [13, 9, width - 13, height - 9]);
-        target.read(floats)
+        (target.read(floats), passes.read(floats_of_passes))
     }
 
     /// First surfaces of all pixels.

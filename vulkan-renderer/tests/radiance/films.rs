@@ -1,10 +1,10 @@
 //! The entry points that a renderer launches, on each backend: films and first surfaces.
 
 use pumice_core::Job;
-use pumice_render::FilmBuffer;
 use pumice_render::metrics::Variance;
 use pumice_render::metrics::chance::chance;
 use pumice_render::sampler::REPLICATES;
+use pumice_render::{FilmBuffer, Pass};
 
 use pumice_vulkan::pack::{PackedLooks, ShaderNeeds};
 
@@ -92,7 +92,15 @@ fn films_with_doubles_in_integers_are_the_cpus() {
     assert_eq!(cases.len(), 2);
     let needs = |case: &Case| {
         let looks: Vec<_> = case.around.looks.iter().map(|l| PackedLooks::new(l)).collect();
-        ShaderNeeds::new(&case.camera, &case.around.lights, &looks, false, !case.meshes.is_empty())
+        ShaderNeeds::new(
+            &case.camera,
+            &case.film,
+            &case.around.settings,
+            &case.around.lights,
+            &looks,
+            false,
+            !case.meshes.is_empty(),
+        )
     };
     let [even, distance] = [needs(&cases[0]), needs(&cases[1])];
     assert!(even.constants().iter().zip(distance.constants()).all(|(&e, d)| e <= d), "one program will do");
@@ -105,6 +113,52 @@ fn films_with_doubles_in_integers_are_the_cpus() {
         println!("{}: {parted} of {} sums parted (at most {most:.1})", case.name, film.len() / 3);
         assert!(parted as f64 <= most, "{}: {parted} sums differ, at most {most:.1} may", case.name);
         assert!(film.iter().any(|&s| s > 0.0), "{}: a black film", case.name);
+    }
+}
+
+/// Sums of passes: light by kind, colours, normals, alpha, of clamped light; of the scenes in which there is most of it.
+#[test]
+fn passes_are_the_cpus_and_alike_on_all_backends() {
+    let fronts = Front::all("path");
+    let names = ["all surfaces under a picture", "glass, clear", "lamps of all kinds", "occlusion"];
+    for mut case in cases().into_iter().filter(|c| names.iter().any(|n| c.name.contains(n))) {
+        case.film.transparent = true;
+        case.film.passes = Pass::LIGHT.iter().copied().chain([Pass::Albedo, Pass::Normal]).collect();
+        (case.around.settings.clamp_direct, case.around.settings.clamp_indirect) = (0.5, 0.25);
+        let expected = cpu_film(&case);
+        let stride = expected.kept().stride();
+        assert_eq!(stride, 40);
+        let (_, first) = fronts[0].film_and_passes(&case, SPP);
+        let found = found(&case, &asked(&case, SPP));
+        let rays = found.iter().map(|f| f.rays).max().unwrap_or(0);
+        // A part of a sum is as exact as the sum; what is left over of it, glossy light beside diffuse, as the whole: by pixel.
+        let tolerance = tolerance(&case, rays);
+        let differ = |(a, b): &(&[f32], &[f32])| {
+            let scale = a.iter().chain(*b).fold(1e-6f32, |m, v| m.max(v.abs()));
+            a.iter().zip(*b).any(|(a, b)| (a - b).abs() > tolerance * scale)
+        };
+        let pairs = first.chunks(stride).zip(expected.pass_sums().chunks(stride));
+        let parted = pairs.filter(differ).count();
+        let mean: f64 = found.iter().map(|f| f.parting.min(1.0)).sum();
+        let most = mean + 5.0 * mean.sqrt() + 3.0;
+        println!("{}: {parted} of {} pixels parted (at most {most:.1})", case.name, first.len() / stride);
+        assert!(parted as f64 <= most, "{}: {parted} pixels differ, at most {most:.1} may", case.name);
+        // Most pixels must be able to tell, and every kind of sum is there: in ambient occlusion diffuse light and its colour.
+        assert!(most < 0.5 * (first.len() / stride) as f64, "{}", case.name);
+        let sums: Vec<f32> =
+            (0..stride).map(|i| first.iter().skip(i).step_by(stride).map(|v| v.abs()).sum()).collect();
+        let groups = [0..1, 1..4, 4..7, 7..10, 31..34];
+        assert!(groups.into_iter().all(|g| sums[g].iter().sum::<f32>() > 0.0), "{}: {sums:?}", case.name);
+        for front in &fronts[1..] {
+            let (_, sums) = front.film_and_passes(&case, SPP);
+            let differ = first.iter().zip(&sums).filter(|(a, b)| a.to_bits() != b.to_bits()).count();
+            assert_eq!(differ, 0, "{}: {} against {}", case.name, front.name, fronts[0].name);
+        }
+        // Negative control: a clamp below what is seen and lit directly shows.
+        (case.around.settings.clamp_direct, case.around.settings.clamp_indirect) = (0.05, 0.25);
+        let (_, other) = fronts[2].film_and_passes(&case, SPP);
+        let parted = other.chunks(stride).zip(expected.pass_sums().chunks(stride)).filter(differ).count();
+        assert!(parted as f64 > most, "{}: other clamps go unnoticed, {parted} pixels", case.name);
     }
 }
 
@@ -128,6 +182,7 @@ fn first_surfaces_are_the_cpus() {
             let picture = case.path_tracer().picture();
             let (depth, label) = (picture.depth.expect("a depth"), picture.label.expect("a label"));
             let (albedo, normal) = (picture.albedo.expect("an albedo"), picture.normal.expect("a normal"));
+            let position = picture.position.expect("a position");
             let firsts = front.firsts(&case);
             let mut hits = 0;
             for (i, first) in firsts.iter().enumerate() {
@@ -136,6 +191,7 @@ fn first_surfaces_are_the_cpus() {
                 assert_eq!(first.label, label[i], "{}", what());
                 assert_eq!(first.albedo, albedo.pixels[i], "{}", what());
                 assert_eq!(first.normal, normal.pixels[i], "{}", what());
+                assert_eq!(first.position, position.pixels[i], "{}", what());
                 hits += usize::from(first.label != 0);
             }
             assert!(hits > firsts.len() / 5, "{}: {hits} hits", case.name);

@@ -146,7 +146,8 @@ fn surfaces_scatter_alike() {
     let inputs: Vec<_> = (0..60_000).map(|_| Input::new(&mut random)).collect();
     let rows: Vec<_> = inputs.iter().map(Input::row).collect();
     let (mut specular, mut lost, mut below, mut mirrors, mut compared, mut other) = (0, 0, 0, 0, 0, 0);
-    for (input, row) in inputs.iter().zip(gpu.probe(false, 9, scene.address, &rows, 18)) {
+    let mut shared = 0;
+    for (input, row) in inputs.iter().zip(gpu.probe(false, 9, scene.address, &rows, 30)) {
         let Input { m, inside, wi, wo, u, choice } = input;
         let bsdf = Bsdf::new(m, *wi, *inside);
         let what = || format!("{m:?} inside {inside} wi {wi} wo {wo} u {u:?} choice {choice}");
@@ -231,9 +232,26 @@ fn surfaces_scatter_alike() {
         for e in emitted(m, wi.z).to_array() {
             close(r.float(), e, PLAIN, &what());
         }
+
+        // The diffuse part is off by as much as f is, of f; where f is 0 for one of both, that is all of it.
+        let share = bsdf.diffuse_share(*wo, f).to_array();
+        for ((e, f), got_f) in share.into_iter().zip(f.to_array()).zip(got_f) {
+            let g = r.float();
+            let error = lobe + (FRESNEL + bend) * pdf / f;
+            if error < 0.1 && got_f > 0.0 {
+                shared += usize::from(e > 0.01 && e < 0.99);
+                close_beside(g, e, PLAIN, error, &what());
+            }
+        }
+        // One minus a part that is reflected: beside the relative error, one of the whole, which multiple scattering may raise
+        // by some units.
+        for e in bsdf.colors(m).into_iter().flat_map(|c| c.to_array()) {
+            close_beside(r.float(), e, PLAIN, 4.0 * PLAIN, &what());
+        }
     }
     let counts = format!("{specular} sharp, {lost} lost, {below} through, {mirrors} mirrored, {other} other");
     assert!(specular > 1_000 && lost > 100 && below > 1_000 && mirrors > 1_000, "{counts}");
     assert!(other < 60, "{counts}");
+    assert!(shared > 1_000, "{shared} mixtures");
     assert!(compared > inputs.len() / 3, "{compared} weights compared; {counts}");
 }

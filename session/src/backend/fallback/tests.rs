@@ -89,11 +89,13 @@ impl Renderer for Fake {
         Ok(self.image())
     }
 
+    fn alpha(&mut self) -> Result<Option<Vec<f32>>, RenderError> {
+        Ok(None)
+    }
+
     fn picture(&mut self) -> Result<Picture, RenderError> {
         self.call(At::Picture)?;
-        let color = self.image();
-        let (variance, depth, label, albedo, normal) = (None, None, None, None, None);
-        Ok(Picture { color, variance, depth, label, albedo, normal, provenance: None })
+        Ok(Picture::of(self.image()))
     }
 
     fn pick(&mut self, x: u32, _: u32) -> Result<Option<Pick>, RenderError> {
@@ -277,6 +279,9 @@ fn a_scene_that_the_next_way_refuses_leaves_the_former_one() {
         }
         fn color(&mut self) -> Result<Image, RenderError> {
             self.0.color()
+        }
+        fn alpha(&mut self) -> Result<Option<Vec<f32>>, RenderError> {
+            self.0.alpha()
         }
         fn picture(&mut self) -> Result<Picture, RenderError> {
             self.0.picture()

@@ -1,0 +1,203 @@
+//! What is made of the light that a path meets: added up, or clamped and sorted into passes first.
+//!
+//! ```text
+//! light that a ray met       seen by the camera: emission, or environment; else by the first surface's kind, direct after one surface
+//! light that was aimed at    by the kind of the first surface, direct at that surface
+//! ```
+//! **Kinds**, as Cycles' `film_write_emission_or_background_pass` and `film_write_direct_light` (`kernel/film/light_passes.h`): what
+//! the first surface scattered decides, whatever came after. Of a mixture, each kind gets its part of f in the direction in which the
+//! path went on: Lambert's is diffuse, all else above the surface glossy, all below transmission.
+//!
+//! **Clamps**, as `film_clamp_light` there: one contribution's channels add up to at most three times the setting, else it is scaled.
+//! Where Cycles' contributions are one lamp each, ours are what a ray meets at once: lamps on one stretch, sky and suns together.
+
+use glam::Vec3;
+use pumice_render::PassSums;
+use pumice_render::passes::{COLOR_KINDS, LIGHT_KINDS};
+use pumice_scene::Settings;
+
+/// Kinds of light, each direct and, one further, indirect.
+const DIFFUSE: usize = 0;
+const GLOSSY: usize = 2;
+const TRANSMISSION: usize = 4;
+const EMISSION: usize = 6;
+const ENVIRONMENT: usize = 7;
+
+/// How scattered light is dealt out to kinds.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Share {
+    /// Part that is diffuse.
+    pub diffuse: Vec3,
+    /// Whether the rest went through the surface.
+    pub through: bool,
+}
+
+/// The first surface.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct FirstSurface {
+    /// Diffuse, glossy and transmission colour.
+    pub colors: [Vec3; COLOR_KINDS],
+    /// On the side that is seen, in the world.
+    pub normal: Vec3,
+}
+
+/// Who hears of the light along a path. A path has scattered at `vertex` surfaces so far.
+pub trait Tally {
+    /// Light that a ray met on its way or at its end.
+    fn met(&mut self, light: Vec3, vertex: u32);
+
+    /// The same from behind everything.
+    fn met_behind(&mut self, light: Vec3, vertex: u32);
+
+    /// Light that the surface in front of the path was found to get from a light, and what it made of it.
+    fn aimed(&mut self, light: Vec3, vertex: u32, share: impl FnOnce() -> Share);
+
+    /// The path goes on.
+    fn scattered(&mut self, vertex: u32, share: impl FnOnce() -> Share);
+
+    /// The path came to a surface.
+    fn came_to(&mut self, vertex: u32, surface: impl FnOnce() -> FirstSurface);
+}
+
+/// The sum of all light and nothing else.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Total(pub Vec3);
+
+impl Tally for Total {
+    #[inline(always)]
+    fn met(&mut self, light: Vec3, _: u32) {
+        self.0 += light;
+    }
+
+    #[inline(always)]
+    fn met_behind(&mut self, light: Vec3, _: u32) {
+        self.0 += light;
+    }
+
+    #[inline(always)]
+    fn aimed(&mut self, light: Vec3, _: u32, _: impl FnOnce() -> Share) {
+        self.0 += light;
+    }
+
+    #[inline(always)]
+    fn scattered(&mut self, _: u32, _: impl FnOnce() -> Share) {}
+
+    #[inline(always)]
+    fn came_to(&mut self, _: u32, _: impl FnOnce() -> FirstSurface) {}
+}
+
+/// Light clamped and sorted.
+#[derive(Clone, Copy, Debug)]
+pub struct Sorted {
+    /// The picture's.
+    pub total: Vec3,
+    /// 0 where nothing was met and the film is transparent.
+    pub alpha: f32,
+    /// By kind.
+    pub light: [Vec3; LIGHT_KINDS],
+    /// Of the first surface; black where there is none.
+    pub first: FirstSurface,
+    scattered: Share,
+    transparent: bool,
+    kept: PassSums,
+    /// Largest sum of a contribution's channels: seen or scattered once, scattered more often.
+    limits: [f32; 2],
+}
+
+/// Whether settings clamp any light.
+pub fn clamps(settings: &Settings) -> bool {
+    settings.clamp_direct != 0.0 || settings.clamp_indirect != 0.0
+}
+
+impl Sorted {
+    /// Nothing yet, for a film that keeps these sums.
+    pub fn new(settings: &Settings, kept: PassSums) -> Self {
+        let limit = |clamp: f32| if clamp == 0.0 { f32::INFINITY } else { 3.0 * clamp };
+        Self {
+            total: Vec3::ZERO,
+            alpha: 1.0,
+            light: [Vec3::ZERO; LIGHT_KINDS],
+            first: FirstSurface::default(),
+            scattered: Share::default(),
+            transparent: kept.alpha,
+            kept,
+            limits: [limit(settings.clamp_direct), limit(settings.clamp_indirect)],
+        }
+    }
+
+    /// At most as much light as the clamp lets pass.
+    #[inline]
+    fn clamped(&self, light: Vec3, indirect: bool) -> Vec3 {
+        let limit = self.limits[usize::from(indirect)];
+        let sum = light.abs().element_sum();
+        if sum > limit { light * (limit / sum) } else { light }
+    }
+
+    /// Deals light out to the kinds of the surface that scattered it first.
+    #[inline]
+    fn deal(&mut self, light: Vec3, share: Share, indirect: bool) {
+        if self.kept.light {
+            let diffuse = light * share.diffuse;
+            let other = if share.through { TRANSMISSION } else { GLOSSY };
+            self.light[DIFFUSE + usize::from(indirect)] += diffuse;
+            self.light[other + usize::from(indirect)] += light - diffuse;
+        }
+    }
+
+    /// Adds the sample to a pixel's sums.
+    pub fn add_to(&self, sums: &mut [f32]) {
+        let alpha = self.kept.alpha.then_some(self.alpha);
+        let color: Vec3 = self.first.colors.iter().sum();
+        let features = self.kept.features.then_some([color, self.first.normal]);
+        let light = self.kept.light.then(|| self.light.into_iter().chain(self.first.colors));
+        let vectors = features.into_iter().flatten().chain(light.into_iter().flatten());
+        let numbers = alpha.into_iter().chain(vectors.flat_map(|v| v.to_array()));
+        for (sum, number) in sums.iter_mut().zip(numbers) {
+            *sum += number;
+        }
+    }
+}
+
+impl Tally for Sorted {
+    fn met(&mut self, light: Vec3, vertex: u32) {
+        let light = self.clamped(light, vertex > 1);
+        self.total += light;
+        if vertex == 0 {
+            self.light[EMISSION] += light;
+        } else {
+            self.deal(light, self.scattered, vertex > 1);
+        }
+    }
+
+    fn met_behind(&mut self, light: Vec3, vertex: u32) {
+        if vertex > 0 {
+            return self.met(light, vertex);
+        }
+        let light = self.clamped(light, false);
+        self.light[ENVIRONMENT] += light;
+        if self.transparent {
+            self.alpha = 0.0;
+        } else {
+            self.total += light;
+        }
+    }
+
+    fn aimed(&mut self, light: Vec3, vertex: u32, share: impl FnOnce() -> Share) {
+        let light = self.clamped(light, vertex > 0);
+        self.total += light;
+        let share = if vertex == 0 && self.kept.light { share() } else { self.scattered };
+        self.deal(light, share, vertex > 0);
+    }
+
+    fn scattered(&mut self, vertex: u32, share: impl FnOnce() -> Share) {
+        if vertex == 0 && self.kept.light {
+            self.scattered = share();
+        }
+    }
+
+    fn came_to(&mut self, vertex: u32, surface: impl FnOnce() -> FirstSurface) {
+        if vertex == 0 && (self.kept.light || self.kept.features) {
+            self.first = surface();
+        }
+    }
+}

@@ -1,0 +1,176 @@
+// What is made of the light that a path meets: twin of cpu-renderer/src/tally.rs, which explains it. Where nothing is sorted, the sum of
+// all light is all there is.
+#ifndef TALLY_GLSL
+#define TALLY_GLSL
+
+#include "layout.glsl"
+#include "needs.glsl"
+
+const uint LIGHT_KINDS = 8u;
+const uint COLOR_KINDS = 3u;
+
+// Kinds of light, each direct and, one further, indirect.
+const uint DIFFUSE = 0u;
+const uint GLOSSY = 2u;
+const uint TRANSMISSION = 4u;
+const uint EMISSION = 6u;
+const uint ENVIRONMENT = 7u;
+
+// Groups of sums that a film keeps: PassSums of render/src/passes.rs.
+const uint KEPT_ALPHA = 1u;
+const uint KEPT_FEATURES = 2u;
+const uint KEPT_LIGHT = 4u;
+
+// How scattered light is dealt out to kinds.
+struct Share {
+    vec3 diffuse;
+    bool through;
+};
+
+struct Tally {
+    vec3 total;
+    float alpha;
+    vec3 light[LIGHT_KINDS];
+    vec3 colors[COLOR_KINDS];
+    vec3 normal;
+    Share scattered;
+    // Of the light in flight.
+    Share aimed;
+    uint kept;
+    vec2 limits;
+};
+
+Tally tally_new(Settings settings) {
+    Tally t;
+    t.total = vec3(0.0);
+    if (NEEDS_SORTED != 0u) {
+        t.alpha = 1.0;
+        for (uint i = 0u; i < LIGHT_KINDS; i++) {
+            t.light[i] = vec3(0.0);
+        }
+        for (uint i = 0u; i < COLOR_KINDS; i++) {
+            t.colors[i] = vec3(0.0);
+        }
+        t.normal = vec3(0.0);
+        t.scattered = Share(vec3(0.0), false);
+        t.aimed = t.scattered;
+        t.kept = settings.kept;
+        float none = uintBitsToFloat(0x7F800000u);
+        t.limits.x = settings.clamp_direct == 0.0 ? none : 3.0 * settings.clamp_direct;
+        t.limits.y = settings.clamp_indirect == 0.0 ? none : 3.0 * settings.clamp_indirect;
+    }
+    return t;
+}
+
+// At most as much light as the clamp lets pass.
+vec3 tally_clamped(Tally t, vec3 light, bool indirect) {
+    float limit = indirect ? t.limits.y : t.limits.x;
+    float sum = abs(light.x) + abs(light.y) + abs(light.z);
+    return sum > limit ? light * (limit / sum) : light;
+}
+
+// Deals light out to the kinds of the surface that scattered it first.
+void tally_deal(inout Tally t, vec3 light, Share share, bool indirect) {
+    if ((t.kept & KEPT_LIGHT) != 0u) {
+        vec3 diffuse = light * share.diffuse;
+        uint further = indirect ? 1u : 0u;
+        t.light[DIFFUSE + further] += diffuse;
+        t.light[(share.through ? TRANSMISSION : GLOSSY) + further] += light - diffuse;
+    }
+}
+
+// Light that a ray met on its way or at its end.
+void tally_met(inout Tally t, vec3 light, uint vertex) {
+    if (NEEDS_SORTED == 0u) {
+        t.total += light;
+        return;
+    }
+    light = tally_clamped(t, light, vertex > 1u);
+    t.total += light;
+    if (vertex == 0u) {
+        t.light[EMISSION] += light;
+    } else {
+        tally_deal(t, light, t.scattered, vertex > 1u);
+    }
+}
+
+// The same from behind everything.
+void tally_met_behind(inout Tally t, vec3 light, uint vertex) {
+    if (NEEDS_SORTED == 0u || vertex > 0u) {
+        tally_met(t, light, vertex);
+        return;
+    }
+    light = tally_clamped(t, light, false);
+    t.light[ENVIRONMENT] += light;
+    if ((t.kept & KEPT_ALPHA) != 0u) {
+        t.alpha = 0.0;
+    } else {
+        t.total += light;
+    }
+}
+
+// Light that the surface in front of the path was found to get from a light; t.aimed is what it made of it.
+void tally_aimed(inout Tally t, vec3 light, uint vertex) {
+    if (NEEDS_SORTED == 0u) {
+        t.total += light;
+        return;
+    }
+    light = tally_clamped(t, light, vertex > 0u);
+    t.total += light;
+    Share share = t.scattered;
+    if (vertex == 0u) {
+        share = t.aimed;
+    }
+    tally_deal(t, light, share, vertex > 0u);
+}
+
+// The path goes on.
+void tally_scattered(inout Tally t, uint vertex, Share share) {
+    if (NEEDS_SORTED != 0u && vertex == 0u) {
+        t.scattered = share;
+    }
+}
+
+// The path came to a surface.
+void tally_came_to(inout Tally t, uint vertex, vec3 colors[COLOR_KINDS], vec3 normal) {
+    if (NEEDS_SORTED != 0u && vertex == 0u) {
+        t.colors = colors;
+        t.normal = normal;
+    }
+}
+
+void put_sum(Floats sums, inout uint at, vec3 v) {
+    sums.at[at] += v.x;
+    sums.at[at + 1u] += v.y;
+    sums.at[at + 2u] += v.z;
+    at += 3u;
+}
+
+// Adds the sample to a pixel's sums.
+void tally_add_to(Tally t, Address all_sums, uint film_width, uvec2 pixel) {
+    bool features = (t.kept & KEPT_FEATURES) != 0u, light = (t.kept & KEPT_LIGHT) != 0u;
+    bool alpha = (t.kept & KEPT_ALPHA) != 0u;
+    uint stride = (alpha ? 1u : 0u) + (features ? 6u : 0u) + (light ? 3u * (LIGHT_KINDS + COLOR_KINDS) : 0u);
+    // 64 bits: a large film has more than 2^32 bytes.
+    uint64_t place = (uint64_t(pixel.y) * uint64_t(film_width) + uint64_t(pixel.x)) * uint64_t(stride);
+    Floats sums = Floats(all_sums + place * 4UL);
+    uint at = 0u;
+    if (alpha) {
+        sums.at[0] += t.alpha;
+        at = 1u;
+    }
+    if (features) {
+        put_sum(sums, at, t.colors[0] + t.colors[1] + t.colors[2]);
+        put_sum(sums, at, t.normal);
+    }
+    if (light) {
+        for (uint i = 0u; i < LIGHT_KINDS; i++) {
+            put_sum(sums, at, t.light[i]);
+        }
+        for (uint i = 0u; i < COLOR_KINDS; i++) {
+            put_sum(sums, at, t.colors[i]);
+        }
+    }
+}
+
+#endif
