@@ -3,8 +3,8 @@
 """Which parts of a scene the compiled module draws. What it does not is left out here, with a line that says so: the module itself
 refuses a scene that has it (`render/src/undrawn.rs`)."""
 
-TRANSPARENT = False
-CLAMPS = False
+TRANSPARENT = True
+CLAMPS = True
 ADAPTIVE = False
 SMOOTH_VOXELS = False
 MESHES = True
@@ -16,5 +16,12 @@ LOBES = frozenset(
     {"specular_tint", "transmission", "subsurface", "subsurface_radius", "alpha", "coat", "coat_roughness", "coat_ior", "coat_tint"}
 )
 # Passes of a picture, and whether a scene must ask for them.
-PASSES = frozenset({"depth", "normal", "label", "albedo", "variance"})
-PASSES_ASKED = False
+PASSES = frozenset(
+    {
+        *("depth", "position", "normal", "label", "albedo", "variance", "samples", "emission", "environment"),
+        *("diffuse_direct", "diffuse_indirect", "diffuse_color"),
+        *("glossy_direct", "glossy_indirect", "glossy_color"),
+        *("transmission_direct", "transmission_indirect", "transmission_color"),
+    }
+)
+PASSES_ASKED = True

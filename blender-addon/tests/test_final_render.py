@@ -339,6 +339,7 @@ def test_what_is_left_out_is_said(stage, monkeypatch):
     original = final_render.parts_of_frame
     monkeypatch.setattr(final_render, "parts_of_frame", lambda *a: (lambda r: (said.extend(r[1]), r)[1])(original(*a)))
     stage.scene.render.film_transparent = True
+    monkeypatch.setattr(stage.load("sync.drawn"), "TRANSPARENT", False)
     light = stage.bpy.data.objects.new("lamp", stage.bpy.data.lights.new("lamp", "POINT"))
     light.data.use_custom_distance = True
     stage.scene.collection.objects.link(light)
