@@ -11,10 +11,6 @@ MESHES = True
 SHADOW_CATCHER = False
 SMOOTH_MESHES = False
 CUTS = True
-# Fields of a material beyond base colour, metallic, roughness, specular, ior, emission and multiscatter.
-LOBES = frozenset(
-    {"specular_tint", "transmission", "subsurface", "subsurface_radius", "alpha", "coat", "coat_roughness", "coat_ior", "coat_tint"}
-)
 # Passes of a picture, and whether a scene must ask for them.
 PASSES = frozenset(
     {

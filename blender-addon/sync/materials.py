@@ -11,7 +11,7 @@ An input that is linked counts with its own value and is named, unless what is l
 are not written: a figure has 10⁵ materials.
 """
 
-from . import drawn, nodes, principled, simple_shaders
+from . import nodes, principled, simple_shaders
 from .surface import PLAIN, Surface
 
 
@@ -22,7 +22,7 @@ def read(material, of_labels=True):
     by_label = of_labels and material.pumice.colors_by_label
     surface = Surface(f"Material {material.name}", by_label)
     _read(material, surface)
-    return _what_is_drawn(surface), by_label, surface.left_out
+    return surface.fields, by_label, surface.left_out
 
 
 class Dresses:
@@ -61,11 +61,3 @@ def _read(material, surface):
         simple_shaders.READERS[node.type](node, surface)
     else:
         surface.leave_out(f"expected a Principled BSDF, got {node.bl_label}; a plain one is drawn")
-
-
-def _what_is_drawn(surface):
-    for field in [f for f in surface.fields if f not in PLAIN and f != "multiscatter" and f not in drawn.LOBES]:
-        del surface.fields[field]
-        if field in {"specular_tint", "transmission", "subsurface", "coat", "sheen", "alpha"}:
-            surface.leave_out(f"{field.replace('_', ' ').capitalize()} is not drawn yet")
-    return surface.fields

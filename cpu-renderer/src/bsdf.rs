@@ -3,7 +3,8 @@
 //! Local frame: z is the normal on the side that `wi` is on; `wi` points back along the path, `wo` is sampled, as in Cycles.
 //!
 //! ```text
-//! coat                        clear layer, its colour absorbs what passes          alone at the top
+//! sheen                       upright fibres                                       alone at the top
+//! coat                        clear layer, its colour absorbs what passes          alone below it
 //! metal      metallic         ┐
 //! glass      transmission     ├ microfacets of one roughness: one lobe, one half vector
 //! dielectric layer            ┘
@@ -15,6 +16,7 @@
 mod cover;
 mod fresnel;
 mod ggx;
+mod sheen;
 pub mod tables;
 
 use std::f32::consts::{FRAC_1_PI, PI};
@@ -22,13 +24,14 @@ use std::f32::consts::{FRAC_1_PI, PI};
 use glam::Vec3;
 use pumice_scene::Material;
 
-use cover::Coat;
 pub use cover::emitted;
+use cover::{Coat, cover};
 use fresnel::{
     f0_from_ior, f82_b, fresnel_dielectric_average, fresnel_f82, fresnel_f82_average, fresnel_share,
     ior_from_f0,
 };
 use ggx::{ggx_d, lambda, sample_visible_normal};
+use sheen::Sheen;
 use tables::{
     FRESNEL_SHARE, GLASS, GLASS_AVERAGE, INSIDE, REFLECTION, REFLECTION_AVERAGE, gain, index_place, table_1d,
     table_2d, table_3d,
@@ -63,9 +66,11 @@ pub struct Bsdf {
     /// Index of refraction beyond the surface over that before it.
     glass_eta: f32,
     coat: Coat,
-    /// Chances of the microfacets, of the coat and of Lambert's lobe.
+    sheen: Sheen,
+    /// Chances of the microfacets, of the coat, of the sheen and of Lambert's lobe.
     chance: f32,
     coat_chance: f32,
+    sheen_chance: f32,
     diffuse_chance: f32,
 }
 
@@ -84,8 +89,8 @@ impl Bsdf {
     /// The surface `m` seen from `wi` (local, z > 0); `from_inside`: that is the side where the material is.
     pub fn new(m: &Material, wi: Vec3, from_inside: bool) -> Self {
         // What lies on top.
-        let (coat, mut weight) = if m.coat > 0.0 { Coat::new(m, wi.z) } else { (Coat::NONE, Vec3::ONE) };
-        let mut b = Self { coat, ..Self::nothing(wi, m.roughness * m.roughness) };
+        let (sheen, coat, mut weight) = cover(m, wi.z);
+        let mut b = Self { sheen, coat, ..Self::nothing(wi, m.roughness * m.roughness) };
         let base = Vec3::from_array(m.base_color);
         let tint = Vec3::from_array(m.specular_tint);
         let kept = |at, average_at| match m.multiscatter {
@@ -161,14 +166,16 @@ impl Bsdf {
 
     /// How often each lobe is chosen: by what it reflects.
     fn choose(&mut self, microfacets: f32) {
-        let (coat, diffuse) = (self.coat.albedo, luminance(self.diffuse));
-        let least = LEAST_SHARE * (microfacets + coat + diffuse);
+        let (coat, sheen, diffuse) =
+            (self.coat.albedo, luminance(self.sheen.albedo), luminance(self.diffuse));
+        let least = LEAST_SHARE * (microfacets + coat + sheen + diffuse);
         let raised = |albedo: f32| if albedo > 0.0 { albedo.max(least) } else { 0.0 };
-        let (microfacets, coat) = (raised(microfacets), raised(coat));
-        let total = microfacets + coat + diffuse;
+        let (microfacets, coat, sheen) = (raised(microfacets), raised(coat), raised(sheen));
+        let total = microfacets + coat + sheen + diffuse;
         if total > 0.0 {
             self.chance = microfacets / total;
             self.coat_chance = coat / total;
+            self.sheen_chance = sheen / total;
             self.diffuse_chance = diffuse / total;
         }
     }
@@ -176,7 +183,10 @@ impl Bsdf {
     /// Whether a sampled direction depends on the choice of a lobe.
     #[inline]
     pub fn has_two_lobes(&self) -> bool {
-        self.coat_chance > 0.0 || (self.chance > 0.0 && self.chance < 1.0) || self.transmits()
+        self.coat_chance > 0.0
+            || self.sheen_chance > 0.0
+            || (self.chance > 0.0 && self.chance < 1.0)
+            || self.transmits()
     }
 
     /// Whether light passes through the surface.
@@ -215,7 +225,14 @@ impl Bsdf {
         if in_coat && self.coat.is_mirror() {
             return Some(self.mirrored(self.coat.reflectance(self.wi.z) / self.coat_chance));
         }
-        let wo = if in_coat { self.coat.sample(self.wi, u) } else { sample_cosine(u) };
+        let in_sheen = choice < self.chance + self.coat_chance + self.sheen_chance;
+        let wo = if in_coat {
+            self.coat.sample(self.wi, u)
+        } else if in_sheen {
+            self.sheen.sample(self.wi, sample_cosine(u))
+        } else {
+            sample_cosine(u)
+        };
         let (f, pdf) = if wo.z > 0.0 { self.eval(wo) } else { (Vec3::ZERO, 0.0) };
         (pdf > 0.0 && pdf.is_finite()).then(|| BsdfSample { wo, weight: f / pdf, pdf })
     }
@@ -225,7 +242,7 @@ impl Bsdf {
         BsdfSample { wo: Vec3::new(-self.wi.x, -self.wi.y, self.wi.z), weight, pdf: f32::INFINITY }
     }
 
-    /// Adds what lobes without microfacets of their own, and the coat, send from or to `wo` above the surface.
+    /// Adds what lobes without microfacets, and the coat, send from or to `wo` above the surface.
     #[inline]
     fn add_others(&self, wo: Vec3, f: &mut Vec3, pdf: &mut f32) {
         *f += self.diffuse * (wo.z * FRAC_1_PI);
@@ -235,14 +252,22 @@ impl Bsdf {
             *f += coat;
             *pdf += self.coat_chance * coat_pdf;
         }
+        if self.sheen_chance > 0.0 {
+            let sheen_pdf = self.sheen.pdf(self.wi, wo);
+            *f += self.sheen.albedo * sheen_pdf;
+            *pdf += self.sheen_chance * sheen_pdf;
+        }
     }
 
-    /// Part of `f`, what [`Bsdf::eval`] gives for `wo`, that is diffuse; 0 where f is.
+    /// Part of `f`, what [`Bsdf::eval`] gives for `wo`, that is diffuse, Lambert's and the sheen's (as in Cycles); 0 where f is.
     pub fn diffuse_share(&self, wo: Vec3, f: Vec3) -> Vec3 {
         if wo.z <= 0.0 {
             return Vec3::ZERO;
         }
-        let diffuse = self.diffuse * (wo.z * FRAC_1_PI);
+        let mut diffuse = self.diffuse * (wo.z * FRAC_1_PI);
+        if self.sheen_chance > 0.0 {
+            diffuse += self.sheen.albedo * self.sheen.pdf(self.wi, wo);
+        }
         let part = |d: f32, f: f32| if f > 0.0 { (d / f).min(1.0) } else { 0.0 };
         Vec3::new(part(diffuse.x, f.x), part(diffuse.y, f.y), part(diffuse.z, f.z))
     }
@@ -268,7 +293,7 @@ impl Bsdf {
             glossy += self.glass * reflected * kept;
             transmission = self.glass * (Vec3::ONE - reflected) * self.glass_tint * kept;
         }
-        [self.diffuse, glossy, transmission]
+        [self.diffuse + self.sheen.albedo, glossy, transmission]
     }
 
     /// What a microfacet reflects, and what it lets pass, at the cosine of `wi` with it.
@@ -370,8 +395,10 @@ impl Bsdf {
             glass_tint: Vec3::ZERO,
             glass_eta: 1.0,
             coat: Coat::NONE,
+            sheen: Sheen::NONE,
             chance: 0.0,
             coat_chance: 0.0,
+            sheen_chance: 0.0,
             diffuse_chance: 0.0,
         }
     }

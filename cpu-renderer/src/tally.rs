@@ -6,7 +6,7 @@
 //! ```
 //! **Kinds**, as Cycles' `film_write_emission_or_background_pass` and `film_write_direct_light` (`kernel/film/light_passes.h`): what
 //! the first surface scattered decides, whatever came after. Of a mixture, each kind gets its part of f in the direction in which the
-//! path went on: Lambert's is diffuse, all else above the surface glossy, all below transmission.
+//! path went on: Lambert's and sheen's is diffuse, all else above the surface glossy, all below transmission.
 //!
 //! **Clamps**, as `film_clamp_light` there: one contribution's channels add up to at most three times the setting, else it is scaled.
 //! Where Cycles' contributions are one lamp each, ours are what a ray meets at once: lamps on one stretch, sky and suns together.

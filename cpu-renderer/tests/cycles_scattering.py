@@ -25,9 +25,16 @@ INPUTS = {
     "coat": "Coat Weight",
     "coat_roughness": "Coat Roughness",
     "coat_ior": "Coat IOR",
+    "sheen": "Sheen Weight",
+    "sheen_roughness": "Sheen Roughness",
     "alpha": "Alpha",
 }
-COLORS = {"base_color": "Base Color", "specular_tint": "Specular Tint", "coat_tint": "Coat Tint"}
+COLORS = {
+    "base_color": "Base Color",
+    "specular_tint": "Specular Tint",
+    "coat_tint": "Coat Tint",
+    "sheen_tint": "Sheen Tint",
+}
 
 
 def toward(z, azimuth, side):

@@ -44,7 +44,7 @@ fn difference(row: &Row, m: &Material) -> f32 {
 fn materials_scatter_as_in_cycles() {
     let rows: Vec<Row> = serde_json::from_str(include_str!("cycles_scattering.json")).expect("rows");
     assert!(rows.len() > 10);
-    let mut convicted = 0;
+    let (mut convicted, mut fibres) = (0, 0);
     for row in &rows {
         // Half a thousandth: entries of tables are alike to 1e-4, and compensation multiplies by up to 2.
         let off = difference(row, &row.material);
@@ -55,6 +55,12 @@ fn materials_scatter_as_in_cycles() {
         assert!(seen, "{:?}: a darker one goes unseen", row.material);
         let m = Material { roughness: row.material.roughness * 1.02, ..row.material };
         convicted += usize::from(difference(row, &m) > 5e-4);
+        // And a sheen's, where the other way there is none above 1.
+        let m = Material { sheen_roughness: row.material.sheen_roughness * 0.98, ..row.material };
+        let seen = difference(row, &m) > 5e-4;
+        assert_eq!(seen, row.material.sheen > 0.0, "{:?}: smoother fibres seen: {seen}", row.material);
+        fibres += usize::from(seen);
     }
     assert!(convicted + 1 >= rows.len(), "{convicted} of {} rougher ones noticed", rows.len());
+    assert_eq!(fibres, 4, "materials with sheen");
 }

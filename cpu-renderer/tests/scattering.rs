@@ -2,6 +2,7 @@
 
 use glam::Vec3;
 use pumice_cpu::bsdf::Bsdf;
+use pumice_cpu::bsdf::tables::{SHEEN, SHEEN_ENTRIES, table_2d};
 use pumice_scene::Material;
 
 /// Metal, plastic and both: light stays above the surface.
@@ -33,6 +34,9 @@ fn lobes() -> Vec<Material> {
         Material { transmission: 1.0, ..base },
         Material { transmission: 0.5, ior: 1.2, roughness: 0.7, multiscatter: false, ..base },
         Material { transmission: 0.7, coat: 0.5, coat_roughness: 0.5, metallic: 0.3, roughness: 0.8, ..base },
+        Material { sheen: 1.0, sheen_roughness: 0.3, sheen_tint: tint, specular: 0.0, ..base },
+        Material { sheen: 1.0, sheen_roughness: 1.0, base_color: [0.0; 3], specular: 0.0, ..base },
+        Material { sheen: 0.7, coat: 0.5, coat_roughness: 0.5, metallic: 0.3, transmission: 0.3, ..base },
     ]
 }
 
@@ -123,7 +127,7 @@ fn samples_follow_their_density_and_energy_is_kept() {
             assert!(total < 1.005, "{}: density integrates to {total}", what());
             // Quadrature and table: half a percent.
             assert!(energy.max_element() <= 1.005, "{}: energy {energy}", what());
-            if m.specular == 0.0 && m.metallic == 0.0 {
+            if m.specular == 0.0 && m.metallic == 0.0 && m.sheen == 0.0 {
                 assert!((total - 1.0).abs() < 1e-3 && (energy.x - 0.9).abs() < 1e-3);
             }
             let (chi, k) = chi_square(&bsdf, &shares, 20_000, 1.0);
@@ -172,9 +176,15 @@ fn extremes_stay_finite() {
     let mut scattered = 0;
     for (i, ior) in [1.0f32, 1.000_01, 1.0001, 1.5, 3.0].into_iter().enumerate() {
         for roughness in [0.0f32, 1e-4, 0.004, 0.01, 0.5, 1.0] {
-            for (metallic, transmission, coat) in
-                [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.3, 0.5, 1.0), (0.0, 0.0, 1.0)]
-            {
+            for (metallic, transmission, coat, sheen) in [
+                (0.0, 0.0, 0.0, 0.0),
+                (1.0, 0.0, 0.0, 0.0),
+                (0.0, 1.0, 0.0, 0.0),
+                (0.3, 0.5, 1.0, 0.0),
+                (0.0, 0.0, 1.0, 0.0),
+                (0.0, 0.0, 0.0, 1.0),
+                (0.3, 0.5, 0.5, 0.5),
+            ] {
                 let m = Material {
                     ior,
                     coat_ior: ior,
@@ -183,6 +193,8 @@ fn extremes_stay_finite() {
                     metallic,
                     transmission,
                     coat,
+                    sheen,
+                    sheen_roughness: roughness,
                     base_color: [1.0, 0.5, 0.0],
                     coat_tint: [1.0, 0.5, 0.0],
                     ..Material::default()
@@ -211,7 +223,7 @@ fn extremes_stay_finite() {
 }
 
 /// Metal alone is reciprocal where one scattering counts, and so is Lambert; the layer over Lambert is not, and neither is what
-/// Cycles adds for further scatterings.
+/// Cycles adds for further scatterings, nor sheen, whose lobe is fitted for one direction at a time.
 #[test]
 fn single_lobes_are_reciprocal() {
     for m in opaque().into_iter().filter(|m| m.metallic == 1.0 || m.metallic + m.specular == 0.0) {
@@ -230,4 +242,30 @@ fn single_lobes_are_reciprocal() {
             );
         }
     }
+}
+
+/// What a sheen of white fibres sends back over black is its table's part, all else is kept; over white nothing is gained.
+#[test]
+fn sheen_takes_off_what_it_reflects() {
+    let fibres = Material { sheen: 1.0, specular: 0.0, base_color: [0.0; 3], ..Material::default() };
+    let mut seen = 0.0f64;
+    for sheen_roughness in [0.0f32, 0.2, 0.5, 1.0] {
+        for z in [1.0f32, 0.7, 0.3, 0.05] {
+            let reflected = |m: Material| {
+                furnace(&Bsdf::new(&Material { sheen_roughness, ..m }, toward(z, 0.4), false), 40_000)
+            };
+            let roughness = sheen_roughness.max(1e-3);
+            let table = f64::from(table_2d(SHEEN + 2 * SHEEN_ENTRIES, 32, z, roughness));
+            let alone = reflected(fibres);
+            // Every sample weighs the same: rounding.
+            assert!((alone - table).abs() < 1e-4, "{sheen_roughness} at {z}: {alone}, of the table {table}");
+            let half = reflected(Material { sheen_tint: [0.5; 3], ..fibres });
+            assert!((half - table / 2.0).abs() < 1e-4, "{sheen_roughness} at {z}: {half} of half");
+            // Lambert below, white: 40,000 choices, each of a weight within 0.1 of 1.
+            let white = reflected(Material { base_color: [1.0; 3], ..fibres });
+            assert!((white - 1.0).abs() < 2e-3, "{sheen_roughness} at {z}: {white} of white");
+            seen = seen.max(table);
+        }
+    }
+    assert!(seen > 0.5, "no fibres were seen: {seen}");
 }

@@ -3,7 +3,8 @@
 use std::f64::consts::PI;
 
 use pumice_cpu::bsdf::tables::{
-    ENTRIES, FRESNEL_SHARE, GLASS, GLASS_AVERAGE, INSIDE, REFLECTION, REFLECTION_AVERAGE, TABLES,
+    ENTRIES, FRESNEL_SHARE, GLASS, GLASS_AVERAGE, INSIDE, REFLECTION, REFLECTION_AVERAGE, SHEEN,
+    SHEEN_ENTRIES, TABLES,
 };
 
 /// GGX's density of normals over its masking, times what a cosine of 1 leaves: D·G2 of Walter et al. 2007 and Heitz 2014.
@@ -50,7 +51,7 @@ fn entry(at: usize) -> f64 {
 
 #[test]
 fn entries_are_what_surfaces_keep() {
-    assert!(TABLES.iter().all(|v| (0.0..=1.0).contains(v)) && TABLES.len() == ENTRIES);
+    assert!(TABLES[..SHEEN].iter().all(|v| (0.0..=1.0).contains(v)) && TABLES.len() == ENTRIES);
     let mut noticed = 0;
     // Rough ones, where a plain grid of directions is fine enough.
     for x in [20usize, 26, 31] {
@@ -135,4 +136,99 @@ fn fresnel_shares_are_averages_over_seen_normals() {
         let got = entry(FRESNEL_SHARE + (z * 16 + y) * 16 + x);
         assert!((got - expected).abs() < 2e-4, "{x} {y} {z}: {got}, expected {expected}");
     }
+}
+
+/// A plain generator: xorshift64* (Vigna 2016).
+struct Random(u64);
+
+impl Random {
+    fn unit(&mut self) -> f64 {
+        self.0 ^= self.0 >> 12;
+        self.0 ^= self.0 << 25;
+        self.0 ^= self.0 >> 27;
+        (self.0.wrapping_mul(0x2545_F491_4F6C_DD1D) >> 11) as f64 / (1u64 << 53) as f64
+    }
+}
+
+/// Where light that comes from (sin, 0, `i_z`) leaves the layer of fibres that sheen stands for; `None` at its bottom.
+///
+/// The layer is one deep and full of mirrors whose normals are those of ellipsoids with the half axes 1, 1 and σ of their shadows, σ
+/// the squared roughness (SGGX: Heitz, Dupuy, Crassin, Dachsbacher 2015): what is seen of one from w is the hemisphere around
+/// v = (w.x, w.y, σ w.z), a point p of which has the normal (p.x, p.y, σ p.z); it is met after 1/|v| on average.
+fn walked(roughness: f64, i_z: f64, random: &mut Random) -> Option<[f64; 3]> {
+    let flat = roughness * roughness;
+    let (mut w, mut depth) = ([(1.0 - i_z * i_z).sqrt(), 0.0, i_z], 0.0);
+    for _ in 0..16 {
+        // w points back along the walk.
+        let v = [w[0], w[1], flat * w[2]];
+        let length = (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt();
+        depth += -(1.0 - random.unit()).ln() / length * w[2];
+        if depth < 0.0 {
+            return Some(w.map(|c| -c));
+        }
+        if depth > 1.0 {
+            return None;
+        }
+        // A point of the hemisphere around v that is even as seen from there: on the sphere's disk, turned to v by a mirror.
+        let (r, (sin, cos)) = (random.unit().sqrt(), (2.0 * PI * random.unit()).sin_cos());
+        let p = [r * cos, r * sin, (1.0 - r * r).sqrt()];
+        let half = [v[0] / length, v[1] / length, v[2] / length + 1.0];
+        let squared = half[0] * half[0] + half[1] * half[1] + half[2] * half[2];
+        let along = 2.0 * (p[0] * half[0] + p[1] * half[1] + p[2] * half[2]) / squared.max(1e-12);
+        let p: [f64; 3] = std::array::from_fn(|a| along * half[a] - p[a]);
+        let m = [p[0], p[1], flat * p[2]];
+        let along = 2.0 * (m[0] * w[0] + m[1] * w[1] + m[2] * w[2])
+            / (m[0] * m[0] + m[1] * m[1] + m[2] * m[2]).max(1e-300);
+        // The next stretch goes where the mirror sends it; w points back along that.
+        w = std::array::from_fn(|a| w[a] - along * m[a]);
+    }
+    // The published fit ends walks there, wherever they are: along upright fibres light goes on for long.
+    (w[2] < 0.0).then(|| w.map(|c| -c))
+}
+
+/// Published, not computed here: walks through the layer reflect what R says, and where A and B say.
+#[test]
+fn sheen_is_what_a_layer_of_fibres_reflects() {
+    let (mut noticed, mut turned, mut entries) = (0, 0, 0);
+    for x in [3usize, 10, 17, 24, 31] {
+        for y in [8usize, 16, 24, 31] {
+            let at = |x: usize, k: usize| entry(SHEEN + k * SHEEN_ENTRIES + y * 32 + x);
+            let mut random = Random(7 + (32 * x + y) as u64);
+            let walks = 60_000;
+            let (mut count, mut sum) = (0.0, [0.0; 3]);
+            for _ in 0..walks {
+                if let Some(o) = walked(y as f64 / 31.0, x as f64 / 31.0, &mut random) {
+                    count += 1.0;
+                    sum = std::array::from_fn(|a| sum[a] + o[a]);
+                }
+            }
+            let share = count / f64::from(walks);
+            // Counting: 5 standard errors.
+            let noise = 5.0 * (share * (1.0 - share) / f64::from(walks)).sqrt();
+            let got = at(x, 2);
+            assert!((got - share).abs() < noise, "cosine {x}, roughness {y}: {got}, walked {share}");
+            noticed += usize::from((at(x - 1, 2) - share).abs() > noise);
+            entries += 1;
+            // The matrix's lobe, over an even grid of what it is made from.
+            let (a, b, n) = (at(x, 0), at(x, 1), 200);
+            let mut mean = [0.0; 3];
+            for i in 0..n * n {
+                let z = ((f64::from(i / n) + 0.5) / f64::from(n)).sqrt();
+                let (sin, cos) = (2.0 * PI * (f64::from(i % n) + 0.5) / f64::from(n)).sin_cos();
+                let r = (1.0 - z * z).sqrt();
+                let d = [r * cos - b * z, r * sin, a * z];
+                let length = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt();
+                mean = std::array::from_fn(|k| mean[k] + d[k] / length / f64::from(n * n));
+            }
+            // A lobe of two numbers is not the walks' own: their means differ by up to 0.025 where they are known well.
+            let near = 0.03 + 3.0 / count.sqrt();
+            let walked = sum.map(|s| s / count);
+            let off =
+                |mean: [f64; 3]| mean.iter().zip(walked).map(|(m, w)| (m - w).abs()).fold(0.0, f64::max);
+            assert!(off(mean) < near, "cosine {x}, roughness {y}: {mean:?}, walked {walked:?}");
+            turned += usize::from(off([-mean[0], mean[1], mean[2]]) > near);
+        }
+    }
+    assert!(turned >= 6, "{turned} of {entries} lobes that lean away from the viewer noticed");
+    assert!(noticed + 2 >= entries, "{noticed} of {entries} neighbours noticed");
 }

@@ -5,11 +5,13 @@
 //! rays        first hits and bounces of the traversal against whole-number arithmetic   longest chord that was skipped
 //! placements  a white furnace and a dark room, far away, tiny, huge, squeezed, mirrored  largest error of a pixel
 //! light       suns, skies, materials, depths with closed forms                           largest error, or of the mean
+//! lamps       no size, no angle, as wide as the world; floors mirrored and sheared       the same
 //! refusals    what must not be drawn at all                                              0 refused, 1 drawn
 //! ```
 //! Rays are the CPU's; pictures are drawn by the backend that is asked for. No pixel of any picture may be anything but a number
 //! from 0 on: they are counted.
 
+mod lamps;
 mod light;
 mod pictures;
 mod placements;
@@ -27,7 +29,7 @@ use pictures::Studio;
 /// One case.
 #[derive(Clone, Debug, Serialize)]
 pub struct Case {
-    /// Which of the four kinds it is.
+    /// Which of the five kinds it is.
     pub group: &'static str,
     /// What is extreme about it.
     pub name: String,
@@ -119,6 +121,7 @@ pub fn measure_stability(
     all.rays = rays::measure(if reduced { 1_500 } else { 60_000 }, &mut tell)?;
     placements::measure(&mut studio, &mut tell)?;
     light::measure(&mut studio, &mut tell)?;
+    lamps::measure(&mut studio, &mut tell)?;
     refusals::measure(&mut studio, &mut tell)?;
     (all.backend, all.device) = studio.drawn_by();
     (all.pixels, all.bad_pixels) = studio.looked_at();
@@ -133,7 +136,7 @@ mod tests {
     fn every_bar_is_kept_on_the_cpu() {
         let all = measure_stability("cpu", true, &Job::new(), &mut |_| {}).unwrap();
         assert!(all.holds(), "{}", all.markdown());
-        assert!(all.cases.len() > 40 && all.rays > 10_000 && all.pixels > 5_000, "{}", all.markdown());
+        assert!(all.cases.len() > 80 && all.rays > 10_000 && all.pixels > 5_000, "{}", all.markdown());
     }
 
     /// The bars can be missed: an error that is no number misses each.

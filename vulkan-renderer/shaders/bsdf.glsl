@@ -31,8 +31,10 @@ struct Bsdf {
     vec3 glass_tint;
     float glass_eta;
     Coat coat;
+    Sheen sheen;
     float chance;
     float coat_chance;
+    float sheen_chance;
     float diffuse_chance;
 };
 
@@ -85,8 +87,10 @@ Bsdf bsdf_nothing(vec3 wi, float alpha) {
     b.glass_tint = vec3(0.0);
     b.glass_eta = 1.0;
     b.coat = no_coat();
+    b.sheen = no_sheen();
     b.chance = 0.0;
     b.coat_chance = 0.0;
+    b.sheen_chance = 0.0;
     b.diffuse_chance = 0.0;
     return b;
 }
@@ -119,14 +123,16 @@ void set_glass(inout Bsdf b, Address tables, Material m, vec3 base, vec3 tint, v
 
 // How often each lobe is chosen: by what it reflects.
 void choose(inout Bsdf b, float microfacets) {
-    float coat = b.coat.albedo, diffuse = luminance(b.diffuse);
-    float least = LEAST_SHARE * (microfacets + coat + diffuse);
+    float coat = b.coat.albedo, sheen = luminance(b.sheen.albedo), diffuse = luminance(b.diffuse);
+    float least = LEAST_SHARE * (microfacets + coat + sheen + diffuse);
     microfacets = microfacets > 0.0 ? max(microfacets, least) : 0.0;
     coat = coat > 0.0 ? max(coat, least) : 0.0;
-    float total = microfacets + coat + diffuse;
+    sheen = sheen > 0.0 ? max(sheen, least) : 0.0;
+    float total = microfacets + coat + sheen + diffuse;
     if (total > 0.0) {
         b.chance = microfacets / total;
         b.coat_chance = coat / total;
+        b.sheen_chance = sheen / total;
         b.diffuse_chance = diffuse / total;
     }
 }
@@ -136,11 +142,9 @@ Bsdf bsdf_new(Address tables, Material m, vec3 wi, bool from_inside) {
     Bsdf b = bsdf_nothing(wi, m.roughness * m.roughness);
     vec3 base = vec3(m.base_color[0], m.base_color[1], m.base_color[2]);
     vec3 tint = vec3(m.specular_tint[0], m.specular_tint[1], m.specular_tint[2]);
-    vec3 weight = vec3(1.0);
+    vec3 weight;
     // What lies on top.
-    if (NEEDS_COAT != 0u && m.coat > 0.0) {
-        b.coat = coat_new(tables, m, wi.z, weight);
-    }
+    cover(tables, m, wi.z, b.sheen, b.coat, weight);
     if (NEEDS_LOBES == 0u) {
         b.diffuse = weight * base;
         choose(b, 0.0);
@@ -195,15 +199,18 @@ Bsdf bsdf_new(Address tables, Material m, vec3 wi, bool from_inside) {
 
 // Whether a sampled direction depends on the choice of a lobe.
 bool has_two_lobes(Bsdf b) {
-    return b.coat_chance > 0.0 || (b.chance > 0.0 && b.chance < 1.0) || bsdf_transmits(b);
+    return b.coat_chance > 0.0 || b.sheen_chance > 0.0 || (b.chance > 0.0 && b.chance < 1.0) || bsdf_transmits(b);
 }
 
-// Part of f, what bsdf_eval gives for wo, that is diffuse; 0 where f is.
+// Part of f, what bsdf_eval gives for wo, that is diffuse, Lambert's and the sheen's; 0 where f is.
 vec3 diffuse_share(Bsdf b, vec3 wo, vec3 f) {
     if (wo.z <= 0.0) {
         return vec3(0.0);
     }
     vec3 diffuse = b.diffuse * (wo.z * FRAC_1_PI);
+    if (NEEDS_SHEEN != 0u && b.sheen_chance > 0.0) {
+        diffuse += b.sheen.albedo * sheen_pdf(b.sheen, b.wi, wo);
+    }
     return vec3(f.x > 0.0 ? min(diffuse.x / f.x, 1.0) : 0.0, f.y > 0.0 ? min(diffuse.y / f.y, 1.0) : 0.0,
         f.z > 0.0 ? min(diffuse.z / f.z, 1.0) : 0.0);
 }
@@ -226,7 +233,7 @@ void bsdf_colors(Bsdf b, Address tables, Material m, out vec3 colors[3]) {
         glossy += b.glass * reflected * kept;
         transmission = b.glass * (vec3(1.0) - reflected) * b.glass_tint * kept;
     }
-    colors = vec3[3](b.diffuse, glossy, transmission);
+    colors = vec3[3](b.diffuse + b.sheen.albedo, glossy, transmission);
 }
 
 // What a microfacet reflects, and what it lets pass, at the cosine of wi with it.
@@ -266,7 +273,7 @@ vec3 microfacets(Bsdf b, vec3 h, vec3 wo, out float pdf) {
     return f * (common_part / (1.0 + lambda_i + lambda_o));
 }
 
-// Adds what lobes without microfacets of their own, and the coat, send from or to wo above the surface.
+// Adds what lobes without microfacets, and the coat, send from or to wo above the surface.
 void add_others(Bsdf b, vec3 wo, inout vec3 f, inout float pdf) {
     f += b.diffuse * (wo.z * FRAC_1_PI);
     pdf += b.diffuse_chance * wo.z * FRAC_1_PI;
@@ -274,6 +281,11 @@ void add_others(Bsdf b, vec3 wo, inout vec3 f, inout float pdf) {
         float coat_pdf;
         f += coat_eval(b.coat, b.wi, wo, coat_pdf);
         pdf += b.coat_chance * coat_pdf;
+    }
+    if (NEEDS_SHEEN != 0u && b.sheen_chance > 0.0) {
+        float density = sheen_pdf(b.sheen, b.wi, wo);
+        f += b.sheen.albedo * density;
+        pdf += b.sheen_chance * density;
     }
 }
 
@@ -379,7 +391,15 @@ BsdfSample bsdf_sample(Bsdf b, vec2 u, float choice) {
     if (in_coat && coat_is_mirror(b.coat)) {
         return mirrored(b, coat_reflectance(b.coat, b.wi.z) / b.coat_chance);
     }
-    vec3 wo = in_coat ? coat_sample(b.coat, b.wi, u) : sample_cosine(u);
+    bool in_sheen = NEEDS_SHEEN != 0u && choice < b.chance + b.coat_chance + b.sheen_chance;
+    vec3 wo;
+    if (in_coat) {
+        wo = coat_sample(b.coat, b.wi, u);
+    } else if (in_sheen) {
+        wo = sheen_sample(b.sheen, b.wi, sample_cosine(u));
+    } else {
+        wo = sample_cosine(u);
+    }
     vec3 f = vec3(0.0);
     float pdf = 0.0;
     if (wo.z > 0.0) {

@@ -7,6 +7,7 @@
 #include "fresnel.glsl"
 #include "ggx.glsl"
 #include "tables.glsl"
+#include "sheen.glsl"
 
 // Lobes of a smaller α² are mirrors.
 const float LEAST_ALPHA_SQUARED = 2e-10;
@@ -61,12 +62,32 @@ vec3 coat_sample(Coat coat, vec3 wi, vec2 u) {
     return 2.0 * dot(wi, h) * h - wi;
 }
 
-// Light that a surface sends out under the cosine: what its coat lets pass.
+// Fibres and coat of m seen under the cosine, and what is left for all that lies below both.
+void cover(Address tables, Material m, float cosine, out Sheen sheen, out Coat coat, out vec3 below) {
+    float left = 1.0;
+    sheen = no_sheen();
+    if (NEEDS_SHEEN != 0u && m.sheen > 0.0) {
+        sheen = sheen_new(tables, m, cosine, left);
+    }
+    coat = no_coat();
+    below = vec3(1.0);
+    if (NEEDS_COAT != 0u && m.coat > 0.0) {
+        coat = coat_new(tables, m, cosine, below);
+    }
+    coat.weight *= left;
+    coat.albedo *= left;
+    below *= left;
+}
+
+// Light that a surface sends out under the cosine: what its cover lets pass.
 vec3 emitted(Address tables, Material m, float cosine) {
     vec3 light = vec3(m.emission[0], m.emission[1], m.emission[2]);
-    if (NEEDS_COAT != 0u && m.coat > 0.0 && light != vec3(0.0)) {
+    bool covered = (NEEDS_COAT != 0u && m.coat > 0.0) || (NEEDS_SHEEN != 0u && m.sheen > 0.0);
+    if (covered && light != vec3(0.0)) {
+        Sheen sheen;
+        Coat coat;
         vec3 below;
-        coat_new(tables, m, cosine, below);
+        cover(tables, m, cosine, sheen, coat, below);
         light *= below;
     }
     return light;

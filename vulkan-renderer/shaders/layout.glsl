@@ -141,6 +141,9 @@ struct Material {
     float coat_roughness;
     float coat_ior;
     float coat_tint[3];
+    float sheen;
+    float sheen_roughness;
+    float sheen_tint[3];
     float alpha;
     uint multiscatter;
 };

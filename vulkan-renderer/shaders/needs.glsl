@@ -25,5 +25,7 @@ layout(constant_id = 9) const uint NEEDS_CUTS = 1u;
 layout(constant_id = 10) const uint NEEDS_MESHES = 1u;
 // Light is clamped, or sorted for passes or a transparent film.
 layout(constant_id = 11) const uint NEEDS_SORTED = 1u;
+// Some label has sheen.
+layout(constant_id = 12) const uint NEEDS_SHEEN = 1u;
 
 #endif

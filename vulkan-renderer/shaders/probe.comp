@@ -224,13 +224,15 @@ void probe_lights(uint row) {
 }
 
 void probe_bsdf(uint row) {
-    begin(row, 31u, 30u);
+    begin(row, 36u, 30u);
     Material m;
     vec3 base = take_vec3(), tint = take_vec3(), coat_tint = take_vec3(), emission = take_vec3();
+    vec3 sheen_tint = take_vec3();
     m.base_color = float[3](base.x, base.y, base.z);
     m.specular_tint = float[3](tint.x, tint.y, tint.z);
     m.coat_tint = float[3](coat_tint.x, coat_tint.y, coat_tint.z);
     m.emission = float[3](emission.x, emission.y, emission.z);
+    m.sheen_tint = float[3](sheen_tint.x, sheen_tint.y, sheen_tint.z);
     m.metallic = take_float();
     m.roughness = take_float();
     m.specular = take_float();
@@ -239,6 +241,8 @@ void probe_bsdf(uint row) {
     m.coat = take_float();
     m.coat_roughness = take_float();
     m.coat_ior = take_float();
+    m.sheen = take_float();
+    m.sheen_roughness = take_float();
     m.alpha = 1.0;
     m.multiscatter = take();
     bool from_inside = take() != 0u;

@@ -10,6 +10,8 @@ const uint FRESNEL_SHARE = 1056u;
 const uint GLASS = 5152u;
 const uint GLASS_AVERAGE = 9248u;
 const uint INSIDE = 4352u;
+const uint SHEEN = 13856u;
+const uint SHEEN_ENTRIES = 1024u;
 
 float table_1d(Address tables, uint at, uint n, float x) {
     x = clamp(x, 0.0, 1.0) * float(n - 1u);

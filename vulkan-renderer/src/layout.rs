@@ -227,6 +227,9 @@ pub struct Material {
     pub coat_roughness: f32,
     pub coat_ior: f32,
     pub coat_tint: [f32; 3],
+    pub sheen: f32,
+    pub sheen_roughness: f32,
+    pub sheen_tint: [f32; 3],
     pub alpha: f32,
     pub multiscatter: u32,
 }

@@ -210,6 +210,9 @@ fn twins() -> Vec<Layout> {
                 coat_roughness,
                 coat_ior,
                 coat_tint,
+                sheen,
+                sheen_roughness,
+                sheen_tint,
                 alpha,
                 multiscatter
             }

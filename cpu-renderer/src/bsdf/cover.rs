@@ -1,4 +1,4 @@
-//! What lies on top of a surface: a clear coat, whose colour absorbs what passes it.
+//! What lies on top of a surface: fibres, and below them a clear coat, whose colour absorbs what passes it.
 
 use glam::Vec3;
 use pumice_scene::Material;
@@ -6,6 +6,7 @@ use pumice_scene::Material;
 use super::LEAST_ALPHA_SQUARED;
 use super::fresnel::{f0_from_ior, fresnel_dielectric, fresnel_dielectric_average};
 use super::ggx::{ggx_d, lambda, sample_visible_normal};
+use super::sheen::Sheen;
 use super::tables::{
     FRESNEL_SHARE, REFLECTION, REFLECTION_AVERAGE, gain, index_place, table_1d, table_2d, table_3d,
 };
@@ -72,9 +73,19 @@ impl Coat {
     }
 }
 
-/// Light that a surface sends out under the cosine `cos`: what its coat lets pass.
+/// Fibres and coat of `m` seen under the cosine `cos`, and what is left for all that lies below both.
+#[inline]
+pub(super) fn cover(m: &Material, cos: f32) -> (Sheen, Coat, Vec3) {
+    let (sheen, left) = if m.sheen > 0.0 { Sheen::new(m, cos) } else { (Sheen::NONE, 1.0) };
+    let (mut coat, below) = if m.coat > 0.0 { Coat::new(m, cos) } else { (Coat::NONE, Vec3::ONE) };
+    coat.weight *= left;
+    coat.albedo *= left;
+    (sheen, coat, below * left)
+}
+
+/// Light that a surface sends out under the cosine `cos`: what its cover lets pass.
 #[inline]
 pub fn emitted(m: &Material, cos: f32) -> Vec3 {
     let light = Vec3::from_array(m.emission);
-    if m.coat > 0.0 && light != Vec3::ZERO { light * Coat::new(m, cos).1 } else { light }
+    if (m.coat > 0.0 || m.sheen > 0.0) && light != Vec3::ZERO { light * cover(m, cos).2 } else { light }
 }

@@ -1,4 +1,4 @@
-//! How much light GGX surfaces keep, by angle and roughness: grids of numbers in [0, 1], between which lines are drawn.
+//! How much light GGX surfaces keep, by angle and roughness: grids of numbers in [0, 1], between which lines are drawn; and sheen's.
 //!
 //! | table | entries, the first index fastest | what |
 //! |---|---|---|
@@ -8,9 +8,14 @@
 //! | `GLASS` | 16 × 16 × 16 | part that one reflection or refraction leaves, from outside |
 //! | `GLASS_AVERAGE` | 16 roughnesses × 16 indices | its average |
 //! | `GLASS_INSIDE`, `GLASS_INSIDE_AVERAGE` | as those | the same from inside |
+//! | `SHEEN`, three of them | 32 cosines × 32 roughnesses | A, B and R of `bsdf/sheen.rs` |
 //!
 //! Roughnesses and cosines go from 0 to 1. An index of refraction n has the place √((n−1)/(n+1)). The grids are Cycles', so that
 //! what lies between entries is as there; the numbers are computed by `examples/scattering_tables.rs`.
+//!
+//! Those of the sheen are published: `fitting/python/data/ltc_table_sheen_volume.npy` of github.com/tizian/ltc-sheen at 9262411
+//! (Apache-2.0), rounded to five digits as in Cycles, in the order of the table above. They are a fit to days of random walks, and
+//! where little is reflected they are that fit's noise, so that another fit would be another picture.
 
 use glam::Vec3;
 
@@ -26,18 +31,24 @@ pub const GLASS: usize = 5152;
 pub const GLASS_AVERAGE: usize = 9248;
 /// From `GLASS` to `GLASS_INSIDE`, and from the one average to the other.
 pub const INSIDE: usize = 4352;
+/// See the module; the first of the three.
+pub const SHEEN: usize = 13_856;
+/// Of each of the three.
+pub const SHEEN_ENTRIES: usize = 1024;
 /// Number of all entries.
-pub const ENTRIES: usize = 13_856;
+pub const ENTRIES: usize = SHEEN + 3 * SHEEN_ENTRIES;
 
 /// All tables, one after the other.
-pub static TABLES: [f32; ENTRIES] = floats(include_bytes!("tables.bin"));
+pub static TABLES: [f32; ENTRIES] = floats(include_bytes!("tables.bin"), include_bytes!("sheen.bin"));
 
-/// Little-endian floats.
-const fn floats(bytes: &[u8; 4 * ENTRIES]) -> [f32; ENTRIES] {
+/// Little-endian floats, of two files.
+const fn floats(computed: &[u8; 4 * SHEEN], published: &[u8; 12 * SHEEN_ENTRIES]) -> [f32; ENTRIES] {
     let mut all = [0.0; ENTRIES];
     let mut i = 0;
     while i < ENTRIES {
-        all[i] = f32::from_le_bytes([bytes[4 * i], bytes[4 * i + 1], bytes[4 * i + 2], bytes[4 * i + 3]]);
+        let (bytes, at): (&[u8], usize) =
+            if i < SHEEN { (computed, 4 * i) } else { (published, 4 * (i - SHEEN)) };
+        all[i] = f32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]]);
         i += 1;
     }
     all

@@ -55,7 +55,13 @@ fn floor(environment: Environment, suns: Vec<Sun>, material: Material) -> Scene 
 
 /// A scene with every way of light: all kinds of surfaces side by side, sky, sun and a lamp, seen from aside.
 fn everything() -> Scene {
-    let glossy = Material { base_color: [0.2, 0.6, 0.9], roughness: 0.4, coat: 0.5, ..Material::default() };
+    let glossy = Material {
+        base_color: [0.2, 0.6, 0.9],
+        roughness: 0.4,
+        coat: 0.5,
+        sheen: 0.6,
+        ..Material::default()
+    };
     let mut scene = looking_down(SKY, vec![Sun { angle_rad: 0.3, ..straight_sun() }], glossy);
     let glass = Material { transmission: 0.7, roughness: 0.3, emission: [0.1, 0.2, 0.0], ..glossy };
     scene.instances[0].style.materials.insert(9, Material { alpha: 0.8, ..glass });

@@ -29,6 +29,9 @@ impl PackedLooks {
             coat_roughness: m.coat_roughness,
             coat_ior: m.coat_ior,
             coat_tint: m.coat_tint,
+            sheen: m.sheen,
+            sheen_roughness: m.sheen_roughness,
+            sheen_tint: m.sheen_tint,
             alpha: m.alpha,
             multiscatter: u32::from(m.multiscatter),
         };

@@ -33,6 +33,8 @@ pub struct ShaderNeeds {
     pub meshes: bool,
     /// Light is clamped, or sorted for passes or a transparent film.
     pub sorted: bool,
+    /// Some label has sheen.
+    pub sheen: bool,
 }
 
 impl ShaderNeeds {
@@ -56,6 +58,7 @@ impl ShaderNeeds {
             coat: any(|m| m.coat > 0.0),
             glass: any(|m| m.transmission > 0.0),
             clear: any(|m| m.alpha < 1.0),
+            sheen: any(|m| m.sheen > 0.0),
             picture: matches!(lights.sky(), Sky::Image(_)),
             aim: lights.any_aimed(),
             lens: camera.aperture.is_some(),
@@ -67,8 +70,10 @@ impl ShaderNeeds {
     }
 
     /// Specialisation constants by their numbers; number 0 is the probe's.
-    pub fn constants(&self) -> [u32; 12] {
-        let Self { lobes, picture, aim, lens, lamps, coat, glass, clear, cuts, meshes, sorted } = *self;
-        [false, lobes, picture, aim, lens, lamps, coat, glass, clear, cuts, meshes, sorted].map(u32::from)
+    pub fn constants(&self) -> [u32; 13] {
+        let Self { lobes, picture, aim, lens, lamps, coat, glass, clear, cuts, meshes, sorted, sheen } =
+            *self;
+        [false, lobes, picture, aim, lens, lamps, coat, glass, clear, cuts, meshes, sorted, sheen]
+            .map(u32::from)
     }
 }

@@ -204,7 +204,7 @@ fn lit_by_lamps() -> Lights {
     Lights::new(dark(), vec![sun(0.3, 1.0)], None).with_lamps(lamps)
 }
 
-/// Every label a surface that light goes through, or that has a coat.
+/// Every label a surface that light goes through, or that has a coat or sheen.
 fn passed_through(case: Case) -> Case {
     let base = |m: Material, i: usize| Material { base_color: [0.9, 0.3 + 0.04 * i as f32, 0.5], ..m };
     let rough = Material { roughness: 0.7, ..Material::default() };
@@ -213,6 +213,7 @@ fn passed_through(case: Case) -> Case {
         Material { alpha: 0.4, ..rough },
         Material { coat: 1.0, coat_roughness: 0.6, coat_tint: [0.9, 0.7, 0.5], emission: [0.1; 3], ..rough },
         Material { transmission: 0.5, alpha: 0.8, multiscatter: false, ior: 1.3, ..rough },
+        Material { sheen: 1.0, sheen_tint: [0.5, 0.8, 1.0], coat: 0.5, coat_roughness: 0.7, ..rough },
     ];
     let ids = case.traced[0].volume.labels().ids().to_vec();
     let materials = ids.iter().enumerate().map(|(i, id)| (*id, base(kinds[i % kinds.len()], i))).collect();
@@ -310,7 +311,7 @@ pub(crate) fn cases() -> Vec<Case> {
         surfaces(bodies()).named("all surfaces under an even sky"),
         Case { reach: 400.0, ..surfaces(bodies().with_lights(lit_by_lamps())) }
             .named("lamps of all kinds and a sun"),
-        passed_through(aimed(bodies(), vec![sun(0.3, 2.0)])).named("glass, clear surfaces and coats"),
+        passed_through(aimed(bodies(), vec![sun(0.3, 2.0)])).named("glass, clear surfaces, coats and sheen"),
         bodies().settings(|s| s.mode = Mode::OneBounce).named("one bounce"),
         bodies().settings(|s| (s.mode, s.ao_distance) = (Mode::AmbientOcclusion, 9.0)).named("occlusion"),
         room().named("32 bounces and roulette"),

@@ -1,10 +1,10 @@
-//! `bsdf.glsl`, and with it `fresnel.glsl`, `ggx.glsl`, `tables.glsl` and `cover.glsl`.
+//! `bsdf.glsl`, and with it `fresnel.glsl`, `ggx.glsl`, `tables.glsl`, `sheen.glsl` and `cover.glsl`.
 //!
 //! Sums and products of floats, divisions and roots that a device may round by 2.5 units, a sine: numbers agree to 2⁻¹⁷ where nothing
 //! cancels. A half vector is off by δ = 2⁻²² when its direction is sampled; the lobe, ∝ (sin² + α² cos²)⁻², then by 2δ/α of itself.
 
 use glam::{DVec3, Vec3};
-use pumice_cpu::bsdf::tables::TABLES;
+use pumice_cpu::bsdf::tables::{SHEEN, TABLES, table_2d};
 use pumice_cpu::bsdf::{Bsdf, LEAST_ALPHA_SQUARED, LEAST_BEND, emitted, sample_cosine};
 use pumice_scene::Material;
 use pumice_vulkan::layout::SceneHeader;
@@ -38,15 +38,19 @@ fn material(random: &mut Random) -> Material {
         // Not down to 1: there the colour's exponent is up to 1,000 at grazing, and with it the error of GLSL's `pow`.
         coat_ior: often([1.2, 2.5]),
         coat_tint: [often([0.2, 1.0]), often([0.5, 1.0]), 1.0],
+        sheen: often([0.0, 1.0]),
+        sheen_roughness: often([0.0, 1.0]),
+        sheen_tint: [often([0.0, 1.0]), often([0.5, 1.0]), 1.0],
         emission: [often([0.0, 1.0]), 0.5, 0.0],
         ..Material::default()
     };
     let multiscatter = random.below(2) == 0;
     // Most often a part alone: all together would hide each.
-    let (bare, plain) = (random.below(2) == 0, random.below(3));
+    let (bare, smooth, plain) = (random.below(2) == 0, random.below(2) == 0, random.below(3));
     Material {
         multiscatter,
         coat: if bare { 0.0 } else { m.coat },
+        sheen: if smooth { 0.0 } else { m.sheen },
         transmission: if plain == 0 { 0.0 } else { m.transmission },
         metallic: if plain == 1 { 0.0 } else { m.metallic },
         ..m
@@ -118,7 +122,8 @@ impl Input {
 
     fn row(&self) -> Vec<u32> {
         let m = &self.m;
-        let colors = [m.base_color, m.specular_tint, m.coat_tint, m.emission].into_iter().flatten();
+        let colors =
+            [m.base_color, m.specular_tint, m.coat_tint, m.emission, m.sheen_tint].into_iter().flatten();
         let numbers = [
             m.metallic,
             m.roughness,
@@ -128,6 +133,8 @@ impl Input {
             m.coat,
             m.coat_roughness,
             m.coat_ior,
+            m.sheen,
+            m.sheen_roughness,
         ];
         let mut row = colors.chain(numbers).fold(Row::default(), Row::float).0;
         row.extend([u32::from(m.multiscatter), u32::from(self.inside)]);
@@ -146,7 +153,7 @@ fn surfaces_scatter_alike() {
     let inputs: Vec<_> = (0..60_000).map(|_| Input::new(&mut random)).collect();
     let rows: Vec<_> = inputs.iter().map(Input::row).collect();
     let (mut specular, mut lost, mut below, mut mirrors, mut compared, mut other) = (0, 0, 0, 0, 0, 0);
-    let mut shared = 0;
+    let (mut shared, mut fibrous) = (0, 0);
     for (input, row) in inputs.iter().zip(gpu.probe(false, 9, scene.address, &rows, 30)) {
         let Input { m, inside, wi, wo, u, choice } = input;
         let bsdf = Bsdf::new(m, *wi, *inside);
@@ -156,13 +163,20 @@ fn surfaces_scatter_alike() {
         let coat = (m.coat_roughness * m.coat_roughness).max(LEAST_ALPHA_SQUARED.sqrt());
         let alpha = if m.coat > 0.0 { base.min(coat) } else { base };
         let eta = eta_of(m, *inside);
+        // How narrow the sheen's lobe is: A of its matrix is the least length of what is brought to length 1 when it is sampled, and
+        // of what its density is divided by.
+        let fibres = if m.sheen > 0.0 {
+            table_2d(SHEEN, 32, wi.z, m.sheen_roughness.max(1e-3)).max(1e-5)
+        } else {
+            1.0
+        };
 
         // Evaluated at one direction for both: the half vector is computed alike but for units in the last place; through the
         // surface, from what two vectors of the lengths 1 and η leave.
         let half = if wo.z > 0.0 { *wi + *wo } else { *wi + eta * *wo };
         let short = half.length().clamp(1e-6, 1.0);
         let bend = bend_error(wi.dot(half) / half.length().max(1e-6), eta);
-        let lobe = PLAIN + (4.0 / alpha + 8.0) * 2f32.powi(-22) / short + bend;
+        let lobe = PLAIN + (4.0 / alpha + 8.0) * 2f32.powi(-22) / short + bend + 2f32.powi(-20) / fibres;
         let (f, pdf) = bsdf.eval(*wo);
         let (got_f, got_pdf) = ([r.float(), r.float(), r.float()], r.float());
         if lobe < 0.1 {
@@ -196,7 +210,7 @@ fn surfaces_scatter_alike() {
                 let error = if is_mirror && (eta - 1.0).abs() >= LEAST_BEND {
                     2f32.powi(-20)
                 } else {
-                    2.0 * of(base).max(of(coat)).max(2f32.powi(-22))
+                    2.0 * of(base).max(of(coat)).max(2f32.powi(-22) / fibres)
                 };
                 let bend = bend_error(1.0, eta).max(2f32.powi(-20) / s.wo.z.abs().max(1e-6));
                 let turned = if through { error * (1.0 + 1.0 / eta) + bend } else { error };
@@ -207,7 +221,7 @@ fn surfaces_scatter_alike() {
                 } else {
                     ((s.wo + *wi).normalize()).dot(*wi)
                 };
-                let sharp = if is_mirror { 0.0 } else { 4.0 * error / alpha };
+                let sharp = if is_mirror { 0.0 } else { 4.0 * error / alpha.min(fibres) };
                 let close_to_one =
                     if through && !is_mirror { error / (eta - 1.0).abs().max(1e-6) } else { 0.0 };
                 let relative = PLAIN
@@ -217,6 +231,7 @@ fn surfaces_scatter_alike() {
                     + bend_error(cos, eta) * (1.0 + error * 2f32.powi(20));
                 if relative < 0.1 {
                     compared += 1;
+                    fibrous += usize::from(m.sheen > 0.5 && m.sheen_roughness > 0.2 && wi.z < 0.7);
                     if !is_mirror {
                         close(got_pdf, s.pdf, relative, &what());
                     }
@@ -254,4 +269,5 @@ fn surfaces_scatter_alike() {
     assert!(other < 60, "{counts}");
     assert!(shared > 1_000, "{shared} mixtures");
     assert!(compared > inputs.len() / 3, "{compared} weights compared; {counts}");
+    assert!(fibrous > 3_000, "{fibrous} weights with sheen compared");
 }
