@@ -331,7 +331,7 @@ def hand_over():
     view = shown()
     scene = pumice.Scene.from_dict(dict(view.sent.scene(view.numbers), film=dict(view.sent.film, width=1920, height=1080)))
     volumes = [sys.modules[EXTENSION].registry.request(p.source).volume for p in view.sent.placed.values()]
-    session = pumice.Session(scene, volumes, spp=1)
+    session = pumice.Session(scene, volumes, meshes=view.sent.geometries(view.numbers), spp=1)
     frame = None
     end = time.monotonic() + PATIENCE_SECONDS
     while frame is None or frame.width < 1920:

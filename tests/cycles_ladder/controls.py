@@ -84,7 +84,14 @@ def _aperture(scene):
     scene["camera"]["aperture"]["radius"] *= 1.05
 
 
+def _cut(scene):
+    # A quarter of a voxel.
+    across = scene["instances"][0]["world_from_index"][0]
+    scene["cuts"][0]["shape"]["plane"]["point"][0] += 0.25 * across
+
+
 FAULTS = {
+    "cut 1/4 voxel": _cut,
     "albedo 2 %": _in_materials("base_color", 0.98),
     "roughness 5 %": _in_materials("roughness", 1.05),
     "coat roughness 5 %": _in_materials("coat_roughness", 1.05),
