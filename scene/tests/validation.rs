@@ -232,6 +232,17 @@ fn lamps() {
         let field = format!("lights[2].shape.area.size[{i}]");
         rule(&field, sized, &[0.0, -1.0, f64::NAN, f64::INFINITY], &[1e-9, 1e6]);
     }
+    // So much power from so small a lamp that its radiance is beyond f32.
+    let bright = |s: &mut Scene, power_w: f32| {
+        area(s, one, [1e-12; 2], PI);
+        s.lights[2].power_w = power_w;
+    };
+    rule("lights[2].power_w", bright, &[1e20, f32::MAX], &[1e10]);
+    let ball = |s: &mut Scene, radius: f64| {
+        point(s, [0.0; 3], radius);
+        s.lights[0].power_w = 1e12;
+    };
+    rule("lights[0].power_w", ball, &[1e-14], &[1e-16, 1e-12]);
     rule("lights[2].shape.area.spread_rad", |s, a| area(s, one, [1.0; 2], a), &angles, &[0.0, PI]);
 }
 

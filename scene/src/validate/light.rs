@@ -42,5 +42,26 @@ pub(super) fn validate_light(c: &Check, light: &Light) -> Checked {
             c.above("shape.area.size[1]", size[1], 0.0)?;
             c.range("shape.area.spread_rad", *spread_rad, 0.0, std::f64::consts::PI)
         }
+    }?;
+    // Radiance (`pumice_render::ReadyLamp`) is an f32: so much power from so small a lamp would blind it.
+    let brightest = light.color.iter().fold(1.0, |a: f32, &b| a.max(b));
+    let radiance = f64::from(light.power_w) * f64::from(brightest) / square_of(&light.shape);
+    c.field("power_w", radiance <= f64::from(f32::MAX), || {
+        format!("expected less or a larger lamp, got {}: radiance {radiance}", light.power_w)
+    })
+}
+
+/// About the least area that a lamp sends its power from: smaller ones are points, or are taken as this large.
+fn square_of(shape: &LightShape) -> f64 {
+    const LEAST_SIZE: f64 = 1e-15;
+    match shape {
+        LightShape::Point { radius, .. } | LightShape::Spot { radius, .. } if *radius < LEAST_SIZE => 1.0,
+        LightShape::Point { radius, .. } | LightShape::Spot { radius, .. } => radius * radius,
+        LightShape::Area { world_from_light, size, .. } => {
+            let m = world_from_light.matrix3;
+            let side = |axis: glam::DVec3, size: f64| (axis.length() * size).max(LEAST_SIZE);
+            // An ellipse has π/4 of its rectangle.
+            0.75 * side(m.x_axis, size[0]) * side(m.y_axis, size[1])
+        }
     }
 }
