@@ -300,7 +300,7 @@ fn a_cut_between_voxels_leaves_whole_voxels() {
 #[test]
 fn paths_go_on_from_caps() {
     let mut random = Random(1234);
-    let (mut outward, mut inward) = (0, 0);
+    let (mut outward, mut inward, mut at_once) = (0, 0, 0);
     for (dense, compressed) in volumes() {
         for place in places() {
             let scale = place.matrix3.determinant().abs().cbrt();
@@ -329,9 +329,13 @@ fn paths_go_on_from_caps() {
                         let expected = oracle(&dense, &place, &shapes, &moved);
                         let steep = d.dot(out).abs() > 0.01;
                         let far = expected.is_none_or(|e| e.t > 100.0 * ahead);
-                        // Within a hair of an edge either answer is right.
-                        let clear = found.as_ref().is_none_or(|f| f.t > 100.0 * ahead);
-                        if !steep || !far || !clear {
+                        if !steep || !far {
+                            continue;
+                        }
+                        // Within a hair of a voxel's face or of another cut either answer is right: that is rare, and a path that
+                        // meets the cap which it leaves is not.
+                        if found.as_ref().is_some_and(|f| f.t <= 100.0 * ahead) {
+                            at_once += 1;
                             continue;
                         }
                         let same = match (&found, &expected) {
@@ -355,8 +359,10 @@ fn paths_go_on_from_caps() {
             }
         }
     }
-    println!("{outward} outward, {inward} inward");
+    println!("{outward} outward, {inward} inward, {at_once} met something at once");
     assert!(outward > 1000 && inward > 1000, "{outward} {inward}");
+    // A point is within 100 of these steps (1e-4 voxels) of one of its voxel's six faces about once in a thousand times.
+    assert!(200 * at_once < outward + inward, "{at_once} paths met something at once");
 }
 
 /// Rays along cuts, in the middle of voxels and between them; cuts that take everything, nothing, or lie beyond the volume.
