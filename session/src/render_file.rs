@@ -1,5 +1,6 @@
 //! From a volume, a scene or a former picture to a new picture.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -94,6 +95,9 @@ pub struct RenderFigures {
     pub peak_rss_bytes: Option<u64>,
     /// Bytes of the acceleration structures.
     pub acceleration_bytes: u64,
+    /// Bytes of the renderer by part, `acceleration` among them: on a graphics processor all that lies on it, the volume's parts
+    /// too; on the CPU what it holds beside the volume.
+    pub bytes: BTreeMap<&'static str, u64>,
     /// Samples a pixel.
     pub spp: u32,
     /// Estimated relative error, where known.
@@ -311,8 +315,8 @@ pub fn render_scene(
         }
     };
     let notices = renderer.notices();
-    let acceleration_bytes =
-        renderer.bytes().iter().filter(|(part, _)| *part == "acceleration").map(|p| p.1).sum();
+    let bytes: BTreeMap<_, _> = renderer.bytes().into_iter().collect();
+    let acceleration_bytes = bytes.get("acceleration").copied().unwrap_or_default();
     let last = curve.last().copied().unwrap_or(CurvePoint {
         seconds: 0.0,
         cpu_seconds: 0.0,
@@ -342,6 +346,7 @@ pub fn render_scene(
             prepare_seconds,
             peak_rss_bytes: peak_rss_bytes(),
             acceleration_bytes,
+            bytes,
             spp: last.spp,
             error_estimate: last.error_estimate,
             curve,

@@ -117,6 +117,10 @@ def test_every_backend_draws_the_picture_of_the_cpu(pumice, volume, tmp_path, ba
     report = picture(pumice, volume, gpu, f"{backend}:{number}", "--spp", 32, "--seed", 1, env=cache)
     assert (report["backend"], report["notices"], report["spp"]) == (backend, [], 32)
     assert report["device"] and report["curve"]
+    # All that lies on the device, the driver's own hierarchy apart.
+    parts = report["bytes"]
+    assert all(parts[p] > 0 for p in ("boxes", "nodes", "leaves", "labels", "materials", "film")), parts
+    assert parts["acceleration"] == report["acceleration_bytes"] > 0
     assert [p.suffix for p in (tmp_path / "cache" / "pipelines").iterdir()] == [".pipelines"]
     # Another seed: two estimates that know nothing of each other may differ by chance alone.
     picture(pumice, volume, cpu, "cpu", "--spp", 32, "--seed", 2)
