@@ -451,7 +451,9 @@ pub(crate) struct Convergence {
 /// Extreme cases, each with its error against an exact oracle or a closed form, and a bar
 ///
 /// Rays of every kind against whole-number arithmetic; volumes far away, tiny, huge, squeezed; suns, materials and depths of which
-/// the picture is known; what must be refused. Exit code 1 when a bar is missed or a pixel is not a number from 0 on.
+/// the picture is known; what must be refused. Rays are the processor's in any case; pictures are drawn by the backend and, where that
+/// is another than cpu, held beside the processor's of the same samples. Exit code 1 when a bar is missed, more of a picture is apart
+/// from the processor's than roundings explain, or a pixel is not a number from 0 on.
 #[derive(Debug, Args)]
 pub(crate) struct Stability {
     /// What draws the pictures: auto, cpu, vulkan-rt, vulkan-query or vulkan-compute

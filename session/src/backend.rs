@@ -160,7 +160,7 @@ fn opener(way: Way) -> fallback::Way {
 }
 
 /// The scene-linear colours of an environment picture.
-fn read_environment(path: &Path) -> std::result::Result<Image, String> {
+pub(crate) fn read_environment(path: &Path) -> std::result::Result<Image, String> {
     pumice_render::read_exr(path).map(|picture| picture.color).map_err(|e| e.to_string())
 }
 

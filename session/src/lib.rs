@@ -32,4 +32,4 @@ pub use pumice_core::{Job, LabelType, Level, Verification};
 pub use pumice_formats::{ArrayAxes, OpenOptions, RawLayout};
 pub use pumice_scene::{Lod, Mode};
 pub use render_file::{RenderFigures, RenderOverrides, RenderRequest, Rendered, Subject, render_file};
-pub use stability::{Case, Stability, measure_stability};
+pub use stability::{Beside, Case, Stability, measure_stability};

@@ -8,9 +8,11 @@
 //! lamps       no size, no angle, as wide as the world; floors mirrored and sheared       the same
 //! refusals    what must not be drawn at all                                              0 refused, 1 drawn
 //! ```
-//! Rays are the CPU's; pictures are drawn by the backend that is asked for. No pixel of any picture may be anything but a number
-//! from 0 on: they are counted.
+//! Rays are the processor's, and the table says so; pictures are drawn by the backend that is asked for, and where that is another
+//! than the processor, each is held beside the processor's ([`Beside`]). No pixel of any picture may be anything but a number from 0
+//! on: they are counted.
 
+mod beside;
 mod lamps;
 mod light;
 mod pictures;
@@ -18,12 +20,15 @@ mod placements;
 mod rays;
 mod refusals;
 
+use std::cell::Cell;
+
 use pumice_core::Job;
 use serde::Serialize;
 
 use crate::error::{Result, SessionError};
 use crate::{FallbackRenderer, make_renderer};
 
+pub use beside::Beside;
 use pictures::Studio;
 
 /// One case.
@@ -43,12 +48,29 @@ pub struct Case {
     pub reason: &'static str,
     /// What was wrong, where something was.
     pub note: Option<String>,
+    /// Why the processor was judged whatever backend was asked for; `None` where that backend drew.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub processor_only: Option<&'static str>,
+    /// Another backend's pictures beside the processor's of the same samples; `None` where there are no two of them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub beside: Option<Beside>,
 }
 
 impl Case {
-    /// Whether the bar is kept.
+    /// How a backend's picture stands beside the processor's, or why there are no two.
+    pub fn beside_text(&self) -> String {
+        match (&self.beside, self.processor_only) {
+            (Some(b), _) => {
+                format!("at most {:.1e} off, {:.1} % of values more than rounding", b.worst, 100.0 * b.apart)
+            }
+            (None, Some(why)) => format!("processor only: {why}"),
+            (None, None) => "–".into(),
+        }
+    }
+
+    /// Whether the bar is kept, and the processor's picture where there is one.
     pub fn holds(&self) -> bool {
-        self.error <= self.bar
+        self.error <= self.bar && self.beside.is_none_or(|b| b.holds())
     }
 }
 
@@ -79,14 +101,21 @@ impl Stability {
     pub fn markdown(&self) -> String {
         let mut text = format!(
             "# stability\n\nPictures by {} on {}; {} rays judged, {} pixels looked at, {} of them not a number from 0 on.\n\n\
-             | kind | case | error | bar | of what | why that bar | holds |\n| --- | --- | --- | --- | --- | --- | --- |\n",
+             | kind | case | error | bar | of what | why that bar | beside the processor's picture | holds |\n\
+             | --- | --- | --- | --- | --- | --- | --- | --- |\n",
             self.backend, self.device, self.rays, self.pixels, self.bad_pixels
         );
         for c in &self.cases {
             let holds = if c.holds() { "yes" } else { "NO" };
             text += &format!(
-                "| {} | {} | {:.1e} | {:.1e} | {} | {} | {holds} |\n",
-                c.group, c.name, c.error, c.bar, c.unit, c.reason
+                "| {} | {} | {:.1e} | {:.1e} | {} | {} | {} | {holds} |\n",
+                c.group,
+                c.name,
+                c.error,
+                c.bar,
+                c.unit,
+                c.reason,
+                c.beside_text()
             );
         }
         text
@@ -104,7 +133,8 @@ pub fn measure_stability(
     watch: &mut dyn FnMut(&Case),
 ) -> Result<Stability> {
     let renderer: FallbackRenderer = make_renderer(backend)?;
-    let mut studio = Studio::new(renderer, job);
+    let beside = Cell::new(None);
+    let mut studio = Studio::new(renderer, &beside, job);
     let mut all = Stability {
         backend: String::new(),
         device: String::new(),
@@ -113,7 +143,8 @@ pub fn measure_stability(
         pixels: 0,
         bad_pixels: 0,
     };
-    let mut tell = |case: Case| {
+    let mut tell = |mut case: Case| {
+        case.beside = beside.take();
         watch(&case);
         all.cases.push(case);
         job.check().map_err(SessionError::from)
@@ -136,6 +167,9 @@ mod tests {
     fn every_bar_is_kept_on_the_cpu() {
         let all = measure_stability("cpu", true, &Job::new(), &mut |_| {}).unwrap();
         assert!(all.holds(), "{}", all.markdown());
+        assert!(
+            all.cases.iter().all(|c| c.beside.is_none() && c.processor_only.is_some() == (c.group == "rays"))
+        );
         assert!(all.cases.len() > 80 && all.rays > 10_000 && all.pixels > 5_000, "{}", all.markdown());
     }
 
@@ -150,8 +184,12 @@ mod tests {
             bar: 1e-3,
             reason: "",
             note: None,
+            processor_only: None,
+            beside: None,
         };
         assert!(case(1e-4).holds());
+        let beside = |apart| Case { beside: Some(Beside { worst: apart, apart }), ..case(1e-4) };
+        assert!(beside(0.01).holds() && !beside(0.5).holds() && !beside(f64::NAN).holds());
         assert!(!case(2e-3).holds() && !case(f64::INFINITY).holds() && !case(f64::NAN).holds());
     }
 }

@@ -38,7 +38,9 @@ class Done:
         return self.out
 
 
-def run(pumice, *args, cwd=None, file_size_limit=None, stdout=None, env=None, meanwhile=None):
+def run(
+    pumice, *args, cwd=None, file_size_limit=None, stdout=None, env=None, meanwhile=None, limit_seconds=LIMIT_SECONDS
+):
     """Starts `pumice args…` and waits for its end; `meanwhile(process)` runs beside it.
 
     `file_size_limit`: no file may grow beyond so many bytes, as on a full disk. SIGXFSZ stays ignored (it is Python's own setting),
@@ -62,7 +64,7 @@ def run(pumice, *args, cwd=None, file_size_limit=None, stdout=None, env=None, me
         )
         if meanwhile:
             meanwhile(process)
-        deadline = time.monotonic() + LIMIT_SECONDS
+        deadline = time.monotonic() + limit_seconds
         while True:
             pid, status, used = os.wait4(process.pid, os.WNOHANG)
             if pid:
@@ -70,7 +72,7 @@ def run(pumice, *args, cwd=None, file_size_limit=None, stdout=None, env=None, me
             if time.monotonic() > deadline:
                 process.kill()
                 process.wait()
-                raise AssertionError(f"pumice {' '.join(map(str, args))} did not end in {LIMIT_SECONDS} s")
+                raise AssertionError(f"pumice {' '.join(map(str, args))} did not end in {limit_seconds} s")
             time.sleep(0.002)
         process.returncode = os.waitstatus_to_exitcode(status)
         out.seek(0)

@@ -1,5 +1,7 @@
 //! `pumice bench`
 
+use std::collections::BTreeMap;
+
 use pumice_session::demo::shipped_volume;
 use pumice_session::{
     Case, ConvergenceOptions, Job, SessionError, measure_convergence, measure_stability, write_convergence,
@@ -98,6 +100,9 @@ fn stability(args: &Stability, job: &Job) -> Result<Answer, Failure> {
             all.device,
             all.bad_pixels
         ))?;
+        for (why, count) in processor_only(&all.cases) {
+            say(format_args!("{count} cases are of the processor only: {why}"))?;
+        }
     }
     if let Some(path) = &args.out {
         std::fs::write(path, all.markdown())
@@ -109,10 +114,22 @@ fn stability(args: &Stability, job: &Job) -> Result<Answer, Failure> {
     Ok(if all.holds() { Answer::Yes } else { Answer::No })
 }
 
+/// Why cases were not asked of the backend, and how many for each reason.
+fn processor_only(cases: &[Case]) -> BTreeMap<&'static str, usize> {
+    let mut reasons = BTreeMap::new();
+    cases.iter().filter_map(|c| c.processor_only).for_each(|why| *reasons.entry(why).or_default() += 1);
+    reasons
+}
+
 fn line(case: &Case) -> Result<(), Failure> {
     let mark = if case.holds() { "ok    " } else { "MISSED" };
+    let beside = match (&case.beside, case.processor_only) {
+        (None, None) => String::new(),
+        (None, Some(_)) => "; processor only".into(),
+        (Some(_), _) => format!("; beside the processor's: {}", case.beside_text()),
+    };
     say(format_args!(
-        "{mark} {:52} {:>8.1e} of {:.1e}  {}",
+        "{mark} {:52} {:>8.1e} of {:.1e}  {}{beside}",
         format!("{}: {}", case.group, case.name),
         case.error,
         case.bar,

@@ -1,33 +1,41 @@
 //! Small pictures of small volumes, and the count of pixels that are no light.
 
+use std::cell::Cell;
 use std::sync::Arc;
 use std::time::Duration;
 
 use glam::{DAffine3, DMat3, DVec3};
 use pumice_core::{CompressedVolume, Job};
+use pumice_cpu::CpuRenderer;
 use pumice_render::{Image, Picture, RenderError, Renderer};
 use pumice_scene::{
     Camera, Environment, Film, Filter, Instance, LabelStyle, Material, Projection, SCENE_VERSION, Scene,
     Settings, World,
 };
 
+use super::Beside;
 use crate::FallbackRenderer;
+use crate::backend::read_environment;
 use crate::error::{Result, SessionError};
 
 /// Pixels along each side.
 pub(super) const SIDE: u32 = 12;
 
-/// One renderer for all pictures.
+/// One renderer for all pictures, and the processor's beside it where another one draws.
 pub(super) struct Studio<'a> {
     renderer: FallbackRenderer,
+    processor: CpuRenderer,
+    beside: &'a Cell<Option<Beside>>,
     job: &'a Job,
     pixels: u64,
     bad: u64,
 }
 
 impl<'a> Studio<'a> {
-    pub(super) fn new(renderer: FallbackRenderer, job: &'a Job) -> Self {
-        Self { renderer, job, pixels: 0, bad: 0 }
+    /// `beside` gathers how far pictures are from the processor's, until somebody takes it.
+    pub(super) fn new(renderer: FallbackRenderer, beside: &'a Cell<Option<Beside>>, job: &'a Job) -> Self {
+        let processor = CpuRenderer::new(read_environment);
+        Self { renderer, processor, beside, job, pixels: 0, bad: 0 }
     }
 
     /// Colours of a picture of `spp` samples a pixel.
@@ -37,15 +45,14 @@ impl<'a> Studio<'a> {
         volume: &Arc<CompressedVolume>,
         spp: u32,
     ) -> std::result::Result<Vec<[f32; 3]>, RenderError> {
-        self.renderer.set_scene(scene, std::slice::from_ref(volume), &[])?;
-        // What the caller counts must not be the steps of a picture.
-        let mut progress = self.renderer.advance(Duration::ZERO, spp, self.job)?;
-        while progress.spp < spp {
-            progress = self.renderer.advance(Duration::from_millis(100), spp, self.job)?;
-        }
-        let pixels = self.renderer.color()?.pixels;
+        let pixels = colors(&mut self.renderer, scene, volume, spp, self.job)?;
         self.pixels += pixels.len() as u64;
         self.bad += pixels.iter().filter(|p| p.iter().any(|v| !v.is_finite() || *v < 0.0)).count() as u64;
+        if self.renderer.name() != "cpu" {
+            let expected = colors(&mut self.processor, scene, volume, spp, self.job)?;
+            let found = Beside::between(&pixels, &expected);
+            self.beside.set(Some(self.beside.get().map_or(found, |former| former.worse(found))));
+        }
         Ok(pixels)
     }
 
@@ -68,6 +75,22 @@ impl<'a> Studio<'a> {
     pub(super) fn looked_at(&self) -> (u64, u64) {
         (self.pixels, self.bad)
     }
+}
+
+fn colors(
+    renderer: &mut dyn Renderer,
+    scene: &Scene,
+    volume: &Arc<CompressedVolume>,
+    spp: u32,
+    job: &Job,
+) -> std::result::Result<Vec<[f32; 3]>, RenderError> {
+    renderer.set_scene(scene, std::slice::from_ref(volume), &[])?;
+    // What the caller counts must not be the steps of a picture.
+    let mut progress = renderer.advance(Duration::ZERO, spp, job)?;
+    while progress.spp < spp {
+        progress = renderer.advance(Duration::from_millis(100), spp, job)?;
+    }
+    Ok(renderer.color()?.pixels)
 }
 
 /// Scatters evenly.

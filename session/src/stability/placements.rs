@@ -30,6 +30,8 @@ pub(super) fn measure(studio: &mut Studio<'_>, tell: &mut dyn FnMut(Case) -> Res
             bar: 6.2e-5,
             reason: "1,024 products in f32, 6e-8 each",
             note: None,
+            processor_only: None,
+            beside: None,
         })?;
         let leaked = leak(studio, &dark_room(&place), &room)?;
         tell(Case {
@@ -40,6 +42,8 @@ pub(super) fn measure(studio: &mut Studio<'_>, tell: &mut dyn FnMut(Case) -> Res
             bar: 0.0,
             reason: "no ray may pass a wall",
             note: None,
+            processor_only: None,
+            beside: None,
         })?;
     }
     Ok(())

@@ -44,7 +44,17 @@ pub(super) fn measure(studio: &mut Studio<'_>, tell: &mut dyn FnMut(Case) -> Res
             }
         };
         let (unit, reason) = ("0 refused, 1 drawn", "one line, and no picture");
-        tell(Case { group: "refusals", name: name.into(), error, unit, bar: 0.0, reason, note })?;
+        tell(Case {
+            group: "refusals",
+            name: name.into(),
+            error,
+            unit,
+            bar: 0.0,
+            reason,
+            note,
+            processor_only: None,
+            beside: None,
+        })?;
     }
     Ok(())
 }

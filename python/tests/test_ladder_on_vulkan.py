@@ -1,0 +1,111 @@
+"""Every rung of the ladder (tests/cycles_ladder) on every Vulkan backend, against the processor's pictures: by the ladder's own judge,
+and value by value. Fewer samples and pixels than against Cycles: what remains is mostly compiling, for a device that computes on the
+processor.
+
+An ordinary run draws each rung on one backend, on another one each day; `--full` on all three. A rung joins when its file no longer
+awaits anything.
+"""
+
+import os
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pumice
+import pytest
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests/cycles_ladder"))
+import controls
+import rung as rungs
+import verdict
+
+BACKENDS = ["vulkan-rt", "vulkan-query", "vulkan-compute"]
+SEEDS, SPP = 8, 4
+# The same samples: a value that is off by more than this share of itself, or of the picture's mean where that is larger, is apart. What
+# roundings make of it was 8e-6 at most (a coat's rough lobe), on Mesa's llvmpipe.
+ROUNDING = 1e-4
+# A rounding may send a path another way, with a chance below 2⁻¹⁴ a choice (vulkan-renderer/tests/radiance): of a pixel's 4 paths with
+# at most some twenty choices each, one value in 200 at the worst. None was seen.
+MOST_APART = 0.005
+
+
+def todays():
+    """(rung, backend) whose turn it is, as PUMICE_TEST_SHARE says: `full`, or K/N on the Kth day of N."""
+    which = os.environ.get("PUMICE_TEST_SHARE") or "0/8"
+    names = rungs.judged()
+    if which == "full":
+        return [(name, backend) for name in names for backend in BACKENDS]
+    return turns(names, int(which.partition("/")[0]))
+
+
+def turns(names, day):
+    return [(name, BACKENDS[(i + day) % len(BACKENDS)]) for i, name in enumerate(names)]
+
+
+def drawn(rung, first, seeds, backend):
+    """Pictures (seeds, height, width, 3) of one live session, which compiles once."""
+    out = []
+    settings = rung.scene["settings"]
+    scene = pumice.Scene.from_dict({**rung.scene, "settings": {**settings, "seed": first}})
+    with pumice.Session(scene, rung.volume, meshes=rung.meshes, spp=SPP, backend=backend) as session:
+        for seed in range(first, first + seeds):
+            revision = 0 if seed == first else session.edit({"edit": "settings", "settings": {**settings, "seed": seed}})
+            frame = converged(session, revision)
+            out.append(np.asarray(frame)[::-1, :, :3].copy())
+        assert session.status.backend == backend and session.status.notices == []
+    return np.array(out, dtype=np.float64)
+
+
+def converged(session, revision):
+    # A guard against hangs: compiling takes seconds, on a busy machine several times that.
+    end = time.monotonic() + 400
+    while time.monotonic() < end:
+        frame = session.latest()
+        if frame is not None and frame.revision >= revision and frame.converged:
+            return frame
+        assert session.status.state != "failed", session.status
+        time.sleep(0.01)
+    raise AssertionError(session.status)
+
+
+def apart(pictures, expected):
+    """(share of values that are apart, largest difference)."""
+    off = np.abs(pictures - expected) / np.maximum(np.abs(expected), expected.mean())
+    return (off > ROUNDING).mean(), off.max()
+
+
+@pytest.mark.parametrize(("name", "backend"), todays())
+def test_a_rung_is_the_processors(name, backend, tmp_path):
+    rung = rungs.Rung(name, tmp_path)
+    for side in ("width", "height"):
+        rung.scene["film"][side] //= 2
+    pictures = drawn(rung, 0, SEEDS, backend)
+
+    # Other seeds, judged by chance, as Cycles is.
+    truth = verdict.Reference.of(rung.draw(1000, 8 * SEEDS, spp=SPP))
+    found = verdict.judge(pictures, truth)
+    if not found.agrees:
+        found = verdict.judge(drawn(rung, SEEDS, 4 * SEEDS, backend), truth)
+    assert found.agrees, found
+
+    # The same seeds, and so the same samples.
+    share, worst = apart(pictures, rung.draw(0, SEEDS, spp=SPP))
+    print(f"{name} on {backend}: {found}; {share:.2e} of values apart, worst {worst:.1e}")
+    assert share <= MOST_APART, (share, worst)
+
+    # Controls: other samples, and each fault of the rung, are told from these.
+    share, _ = apart(pictures, rung.draw(1, SEEDS, spp=SPP))
+    assert share > 2 * MOST_APART, share
+    for fault in rung.fields["controls"]:
+        share, _ = apart(pictures, rung.draw(0, SEEDS, spp=SPP, scene=controls.wrong(rung.scene, fault)))
+        print(f"    {fault}: {share:.3f} of values apart")
+        assert share > 2 * MOST_APART, (fault, share)
+
+
+def test_three_days_draw_all_on_all():
+    names = [str(i) for i in range(20)]
+    for first in range(6):
+        seen = {pair for day in range(first, first + 3) for pair in turns(names, day % 8)}
+        assert len(seen) == 60 or first + 2 >= 8, first
+    assert {b for _, b in turns(names, 7)} == set(BACKENDS)
