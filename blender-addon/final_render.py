@@ -29,7 +29,8 @@ def parts_of_frame(depsgraph, as_rendered=False, make_mesh=None):
     parts, left_out = scene_reader.read(depsgraph, camera, film, scene_reader.Kept(make_mesh), as_rendered=as_rendered)
     asked = passes.asked_for(depsgraph.view_layer_eval)
     if asked is not None:
-        parts = dataclasses.replace(parts, film={**parts.film, "passes": asked})
+        ranks = passes.ranks(depsgraph.view_layer_eval)
+        parts = dataclasses.replace(parts, film={**parts.film, "passes": asked, "cryptomatte_ranks": ranks})
     return parts, scene_reader.render_warnings(scene, depsgraph.view_layer_eval) + left_out
 
 
@@ -64,6 +65,10 @@ def render(engine, depsgraph):
         for line in picture.notices:
             engine.report({"WARNING"}, line)
         hand_over(engine, depsgraph.view_layer_eval, picture)
+        said = passes.metadata(depsgraph.view_layer_eval, picture, pumice.cryptomatte_hash)
+        for key, value in said.items():
+            # On what `begin_result` gave it would be lost.
+            engine.get_result().stamp_data_add_field(key, value)
 
 
 class Work:
@@ -134,10 +139,11 @@ def hand_over(engine, view_layer, picture):
         _fill(layer, "Combined", combined)
         for one in passes.wanted(view_layer):
             pixels = one.pixels(picture)
-            if pixels is None:
+            if not pixels:
                 engine.report({"WARNING"}, f"The picture has no pass {one.in_blender}; it is left empty")
-            elif one.in_blender in layer.passes:
-                _fill(layer, one.in_blender, pixels)
+            for name, plane in zip(one.names(view_layer), pixels):
+                if name in layer.passes:
+                    _fill(layer, name, plane)
     finally:
         engine.end_result(result)
 

@@ -142,6 +142,7 @@ class PUMICE_VIEWLAYER_PT_passes(_OfScene, bpy.types.Panel):
         column.prop(context.view_layer, "use_pass_combined")
         for one in {one.chosen: one for one in passes.TABLE if one.ours in drawn.PASSES}.values():
             column.prop(one.owner(context.view_layer), one.chosen)
+        layout.prop(context.view_layer, "pass_cryptomatte_depth", text="Cryptomatte Levels")
 
 
 class PUMICE_OBJECT_PT_volume(bpy.types.Panel):

@@ -7,6 +7,7 @@
     where it is chosen  a property of the view layer: Blender's own, or one of `view_layer.pumice`
 """
 
+import json
 from typing import NamedTuple
 
 import bpy
@@ -42,11 +43,30 @@ class Pass(NamedTuple):
         """Whether a view layer has it."""
         return self.ours in drawn.PASSES and getattr(self.owner(view_layer), self.chosen)
 
+    @property
+    def is_matte(self):
+        """Whether it is Cryptomatte: numbered layers of two ids with their coverages each."""
+        return self.channels == "rgba"
+
+    def names(self, view_layer):
+        """What Blender knows it by: one name, or one a layer."""
+        if not self.is_matte:
+            return [self.in_blender]
+        return [f"{self.in_blender}{number:02}" for number in range(ranks(view_layer) // 2)]
+
     def pixels(self, picture):
-        """What Blender gets of it, rows from the top; None where the picture has none. Raises Refused where a label is too large."""
+        """What Blender gets of it, rows from the top, for each of its names; none where the picture has it not. Raises Refused where
+        a label is too large."""
         found = picture.passes.get(self.ours)
         if found is None:
-            return None
+            return []
+        if self.is_matte:
+            height, width, count, _ = found.shape
+            layers = found.reshape(height, width, count // 2, 4)
+            return [layers[:, :, number] for number in range(count // 2)]
+        return [self._plane(found)]
+
+    def _plane(self, found):
         if self.ours == "depth":
             # As Cycles has it.
             return np.where(np.isfinite(found), found, NOTHING_DEPTH)
@@ -73,9 +93,31 @@ TABLE = (
     Pass("environment", "Environment", "Env", "RGB", "COLOR", "use_pass_environment"),
     Pass("albedo", "Denoising Albedo", "Denoising Albedo", "RGB", "COLOR", "use_pass_denoising"),
     Pass("normal", "Denoising Normal", "Denoising Normal", "XYZ", "VECTOR", "use_pass_denoising"),
+    Pass("cryptomatte_label", "CryptoObject", "CryptoObject", "rgba", "COLOR", "use_pass_cryptomatte_object"),
+    Pass("cryptomatte_type", "CryptoAsset", "CryptoAsset", "rgba", "COLOR", "use_pass_cryptomatte_asset"),
     Pass("variance", "Variance", "Variance", "RGB", "COLOR", "use_pass_variance"),
     Pass("samples", "Debug Sample Count", "Debug Sample Count", "X", "VALUE", "use_pass_samples"),
 )
+
+
+def ranks(view_layer):
+    """How many labels of a pixel Cryptomatte tells of: whole layers of two, as Cycles makes them."""
+    return 2 * ((min(16, view_layer.pass_cryptomatte_depth) + 1) // 2)
+
+
+def metadata(view_layer, picture, hash_of):
+    """What a render says of its mattes, by key, for the compositor and for files: Cryptomatte's specification 1.2.0."""
+    said = {}
+    for one in wanted(view_layer):
+        if one.is_matte and one.ours in picture.passes:
+            layers = f"{view_layer.name}.{one.in_blender}"
+            key = f"cryptomatte/{hash_of(layers):08x}"[: len("cryptomatte/") + 7]
+            manifest = {name: f"{number:08x}" for name, number in picture.manifests[one.ours].items()}
+            said[f"{key}/name"] = layers
+            said[f"{key}/hash"] = "MurmurHash3_32"
+            said[f"{key}/conversion"] = "uint32_to_float32"
+            said[f"{key}/manifest"] = json.dumps(manifest, ensure_ascii=False, separators=(",", ":"))
+    return said
 
 
 def wanted(view_layer):
@@ -87,7 +129,8 @@ def registered(view_layer):
     """(name, channels, channel names, kind) of each pass that a view layer has, as Blender asks for them."""
     yield "Combined", 4, "RGBA", "COLOR"
     for one in wanted(view_layer):
-        yield one.in_blender, len(one.channels), one.channels, one.kind
+        for name in one.names(view_layer):
+            yield name, len(one.channels), one.channels, one.kind
 
 
 def asked_for(view_layer):

@@ -17,6 +17,7 @@ PASSES = frozenset(
         *("depth", "position", "normal", "label", "albedo", "variance", "samples", "emission", "environment"),
         *("diffuse_direct", "diffuse_indirect", "diffuse_color"),
         *("glossy_direct", "glossy_indirect", "glossy_color"),
+        *("cryptomatte_label", "cryptomatte_type"),
         *("transmission_direct", "transmission_indirect", "transmission_color"),
     }
 )

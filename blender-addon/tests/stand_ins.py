@@ -9,6 +9,7 @@ the tests of what is sent and of failures; pictures are tested with the real one
 import copy
 import threading
 import types
+import zlib
 
 import numpy as np
 
@@ -188,7 +189,18 @@ class Module:
         for place, name in enumerate(("albedo", "normal", "variance", "position", "diffuse_direct", "environment")):
             passes[name] = np.stack([at + place, at * 2 + place, at * 3 + place], axis=2)
         color = np.stack([at, at * 2, at * 3], axis=2)
-        return types.SimpleNamespace(color=color, alpha=self.alpha, passes=passes, notices=list(self.notices))
+        manifests = {}
+        for name, matte in (("cryptomatte_label", "17"), ("cryptomatte_type", 'a "type" ß')):
+            if name in scene.value["film"].get("passes", []):
+                ranks = np.arange(scene.value["film"]["cryptomatte_ranks"], dtype=np.float32)
+                passes[name] = at[:, :, None, None] + np.stack([ranks, ranks / 128], axis=1)
+                manifests[name] = {matte: 0x0123ABCD}
+        notices = list(self.notices)
+        return types.SimpleNamespace(color=color, alpha=self.alpha, passes=passes, manifests=manifests, notices=notices)
+
+    def cryptomatte_hash(self, name):
+        """Another hash than the real one, of as many digits."""
+        return zlib.crc32(name.encode())
 
 
 class Labels:

@@ -84,6 +84,7 @@ def test_every_pass_that_is_offered_arrives_under_cycles_name(stage, drawn, tmp_
     new = stage.bpy.app.version >= (5, 0, 0)
     there = {"Combined", "Depth", "Label", "Normal", "Position", "Denoising Albedo", "Denoising Normal", "Variance"}
     there |= {"Diffuse Direct", "Environment"} if new else {"DiffDir", "Env"}
+    there |= {f"Crypto{kind}{number:02}" for kind in ("Object", "Asset") for number in range(3)}
     assert set(stage.seen) == there, "what the picture has"
     asked = stage.module.renders[-1][0]["film"]["passes"]
     assert asked == sorted({one.ours for one in passes.TABLE})
@@ -99,6 +100,37 @@ def test_every_pass_that_is_offered_arrives_under_cycles_name(stage, drawn, tmp_
     denoised = {"Noisy Image", "Denoising Depth"}  # of Cycles' own denoising
     assert set(theirs) - denoised <= set(ours), "all of these are Cycles' too"
     assert {name: ours[name] for name in theirs if name in ours} == {name: theirs[name] for name in theirs if name in ours}
+
+
+def test_mattes_arrive_in_layers_with_what_they_are(stage, tmp_path):
+    """Cryptomatte's layers, and the names of its ids in the file's attributes; each level asked for is a layer's half."""
+    import OpenImageIO
+
+    layer = stage.bpy.context.view_layer
+    layer.name = "Cells"
+    layer.use_pass_cryptomatte_object, layer.pass_cryptomatte_depth = True, 3
+    assert render(stage) == {"FINISHED"}
+    assert stage.module.renders[-1][0]["film"]["cryptomatte_ranks"] == 4
+    assert set(stage.seen) == {"Combined", "CryptoObject00", "CryptoObject01"}
+    at = np.arange(96, dtype=np.float32).reshape(8, 12)
+    written = channels(tmp_path / "out.exr")
+    for number, channel, plus in [(0, "r", 0), (0, "a", 1 / 128), (1, "r", 2), (1, "g", 2 / 128)]:
+        assert np.array_equal(written[f"CryptoObject{number:02}.{channel}"], at + np.float32(plus)), (number, channel)
+    said = OpenImageIO.ImageInput.open(str(tmp_path / "out.exr")).spec()
+    key = f"cryptomatte/{stage.module.cryptomatte_hash('Cells.CryptoObject'):08x}"[:19]
+    told = {name: said.getattribute(f"{key}/{name}") for name in ("name", "hash", "conversion", "manifest")}
+    assert told == {
+        "name": "Cells.CryptoObject",
+        "hash": "MurmurHash3_32",
+        "conversion": "uint32_to_float32",
+        "manifest": '{"17":"0123abcd"}',
+    }
+    assert not [a.name for a in said.extra_attribs if a.name.startswith("cryptomatte/") and not a.name.startswith(key)]
+    # Not asked for, not there.
+    layer.use_pass_cryptomatte_object = False
+    render(stage)
+    said = OpenImageIO.ImageInput.open(str(tmp_path / "out.exr")).spec()
+    assert not [a.name for a in said.extra_attribs if a.name.startswith("cryptomatte/")]
 
 
 def test_a_pass_that_the_picture_lacks_is_a_warning(stage, drawn, capfd):

@@ -6,9 +6,9 @@ use std::time::Duration;
 use pumice_core::{CompressedVolume, Job, MeshData};
 use pumice_render::{
     EnvironmentTable, Image, Pick, Picture, Progress, ReadyLamp, ReadySun, Rebuilt, RenderError, Renderer,
-    SurfaceKind,
+    SurfaceKind, cryptomatte, name_mattes,
 };
-use pumice_scene::{Environment, InstanceDiff, MeshDiff, Scene, SceneDiff, SceneError};
+use pumice_scene::{Environment, InstanceDiff, MeshDiff, Pass, Scene, SceneDiff, SceneError};
 
 use crate::camera_rays::CameraRays;
 use crate::lights::{Lights, Sky};
@@ -35,6 +35,12 @@ struct Shown {
     meshes: Vec<Arc<MeshData>>,
     lod: LodChoice,
     tracer: PathTracer<SceneTracer>,
+}
+
+impl Shown {
+    fn has_mattes(&self) -> bool {
+        self.scene.film.passes.has_any(Pass::MATTES)
+    }
 }
 
 fn no_scene() -> RenderError {
@@ -94,9 +100,10 @@ impl<'a> Former<'a> {
     }
 
     /// Its materials, where they are still right: colours of neighbours follow from which labels are drawn.
-    fn looks(&self) -> Option<&'a Arc<Looks>> {
-        let same = !self.change.materials && !self.change.visibility;
-        same.then(|| &self.shown.tracer.around().looks[self.place])
+    fn looks(&self, mattes: bool) -> Option<&'a Arc<Looks>> {
+        let looks = &self.shown.tracer.around().looks[self.place];
+        let same = !self.change.materials && !self.change.visibility && self.shown.has_mattes() == mattes;
+        same.then_some(looks)
     }
 
     /// Its geometry, where the same boxes are still drawn as the same instance; elsewhere, at other levels or cut otherwise if need
@@ -138,9 +145,10 @@ impl<'a> FormerMesh<'a> {
         })
     }
 
-    fn looks(&self) -> Option<&'a Arc<Looks>> {
+    fn looks(&self, mattes: bool) -> Option<&'a Arc<Looks>> {
         let instance = self.shown.volumes.len() + self.place;
-        (!self.change.materials).then(|| &self.shown.tracer.around().looks[instance])
+        (!self.change.materials && self.shown.has_mattes() == mattes)
+            .then(|| &self.shown.tracer.around().looks[instance])
     }
 
     /// Its triangles, elsewhere if need be.
@@ -182,11 +190,12 @@ impl Renderer for CpuRenderer {
             }
         };
         let lod = LodChoice::new(scene.settings.lod, &scene.camera, &scene.film);
+        let mattes = scene.film.passes.has_any(Pass::MATTES);
         let mut looks = Vec::with_capacity(volumes.len());
         let mut geometry = Vec::with_capacity(volumes.len());
         for (place, (instance, volume)) in scene.instances.iter().zip(volumes).enumerate() {
             let former = Former::find(old, &diff, instance.id, volume);
-            let kept_looks = former.as_ref().and_then(Former::looks);
+            let kept_looks = former.as_ref().and_then(|f| f.looks(mattes));
             let kept_geometry = match &former {
                 Some(f) => f.geometry(place, scene, diff.cuts, lod)?,
                 None => None,
@@ -203,7 +212,9 @@ impl Renderer for CpuRenderer {
                 None => {
                     rebuilt.materials += 1;
                     let touching = table.contacts().iter();
-                    Arc::new(Looks::new(&instance.style, table.ids(), touching, &visible))
+                    let looks = Looks::new(&instance.style, table.ids(), touching, &visible);
+                    let ids = if mattes { cryptomatte::ids_of_volume(table) } else { Vec::new() };
+                    Arc::new(looks.with_ids(ids))
                 }
             });
             geometry.push(match kept_geometry {
@@ -224,11 +235,12 @@ impl Renderer for CpuRenderer {
         let mut triangles = Vec::with_capacity(meshes.len());
         for ((place, mesh), data) in (0u32..).zip(&scene.meshes).zip(meshes) {
             let former = FormerMesh::find(old, &diff, mesh.id, data);
-            looks.push(match former.as_ref().and_then(FormerMesh::looks) {
+            looks.push(match former.as_ref().and_then(|f| f.looks(mattes)) {
                 Some(kept) => Arc::clone(kept),
                 None => {
                     rebuilt.materials += 1;
-                    Arc::new(Looks::of_mesh(&mesh.materials))
+                    let ids = if mattes { cryptomatte::ids_of_mesh(&mesh.source) } else { Vec::new() };
+                    Arc::new(Looks::of_mesh(&mesh.materials).with_ids(ids))
                 }
             });
             let instance = volumes.len() as u32 + place;
@@ -278,7 +290,10 @@ impl Renderer for CpuRenderer {
     }
 
     fn picture(&mut self) -> Result<Picture, RenderError> {
-        Ok(self.shown()?.tracer.picture())
+        let shown = self.shown()?;
+        let mut picture = shown.tracer.picture();
+        name_mattes(&mut picture, &shown.scene, &shown.volumes);
+        Ok(picture)
     }
 
     fn pick(&mut self, x: u32, y: u32) -> Result<Option<Pick>, RenderError> {

@@ -1,5 +1,6 @@
 //! What each label looks like.
 
+use pumice_render::cryptomatte::Ids;
 use pumice_render::palette;
 use pumice_scene::{LabelStyle, Material};
 
@@ -11,12 +12,19 @@ pub struct Looks {
     of_label: Vec<u32>,
     /// Whether some material lets light pass straight on.
     has_clear: bool,
+    /// What mattes call each label, past the end as the last; empty where there are no mattes.
+    ids: Vec<Ids>,
 }
 
 impl Looks {
     /// One material for all labels.
     pub fn same(material: Material) -> Self {
-        Self { has_clear: material.alpha < 1.0, materials: vec![material], of_label: Vec::new() }
+        Self {
+            has_clear: material.alpha < 1.0,
+            materials: vec![material],
+            of_label: Vec::new(),
+            ids: Vec::new(),
+        }
     }
 
     /// Looks of a mesh with these materials, at least one: indices past the end have the last.
@@ -25,7 +33,8 @@ impl Looks {
         // Who has none of its own has the first.
         let last = materials.last().copied().unwrap_or_default();
         let materials = std::iter::once(last).chain(materials.iter().copied()).collect::<Vec<_>>();
-        Self { of_label: (1..materials.len() as u32).collect(), materials, has_clear }
+        let of_label = (1..materials.len() as u32).collect();
+        Self { of_label, materials, has_clear, ids: Vec::new() }
     }
 
     /// Looks of the labels with these ids (rising). `touching` are pairs of dense indices, read only for `auto_color`, where labels
@@ -55,7 +64,24 @@ impl Looks {
             }
         }
         let has_clear = materials.iter().any(|m| m.alpha < 1.0);
-        Self { materials, of_label, has_clear }
+        Self { materials, of_label, has_clear, ids: Vec::new() }
+    }
+
+    /// The same with what mattes call each label.
+    pub fn with_ids(self, ids: Vec<Ids>) -> Self {
+        Self { ids, ..self }
+    }
+
+    /// What mattes call each label; empty where there are none.
+    pub fn ids(&self) -> &[Ids] {
+        &self.ids
+    }
+
+    /// What mattes call a label.
+    #[inline]
+    pub fn ids_of(&self, label: u32) -> Ids {
+        let last = self.ids.len().saturating_sub(1);
+        self.ids.get(last.min(label as usize)).copied().unwrap_or_default()
     }
 
     /// All materials; the first is that of labels without one of their own.
@@ -83,6 +109,7 @@ impl Looks {
 
     /// Heap bytes.
     pub fn bytes(&self) -> u64 {
-        (self.of_label.len() * 4 + self.materials.len() * size_of::<Material>()) as u64
+        let ids = self.ids.len() * size_of::<Ids>();
+        (self.of_label.len() * 4 + self.materials.len() * size_of::<Material>() + ids) as u64
     }
 }

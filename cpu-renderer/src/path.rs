@@ -157,6 +157,7 @@ fn ambient<T: Tracer + ?Sized>(
 ) {
     let frame = Frame::new(hit.normal_towards_ray());
     let white = [Vec3::ONE, Vec3::ZERO, Vec3::ZERO];
+    tally.named(0, || around.looks[hit.surface.instance as usize].ids_of(hit.surface.label));
     tally.came_to(0, || FirstSurface { colors: white, normal: frame.normal.as_vec3() });
     if hit.is_seen_from_within() {
         return;
@@ -230,6 +231,7 @@ fn path<T: Tracer + ?Sized>(
             return;
         }
         let bsdf = Bsdf::new(material, wi, hit.from_inside);
+        tally.named(vertex, || around.looks[hit.surface.instance as usize].ids_of(hit.surface.label));
         tally.came_to(vertex, || FirstSurface {
             colors: bsdf.colors(material),
             normal: frame.normal.as_vec3(),

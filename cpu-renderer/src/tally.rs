@@ -10,9 +10,12 @@
 //!
 //! **Clamps**, as `film_clamp_light` there: one contribution's channels add up to at most three times the setting, else it is scaled.
 //! Where Cycles' contributions are one lamp each, ours are what a ray meets at once: lamps on one stretch, sky and suns together.
+//!
+//! **Mattes**: the first surface's ids, counted in a pixel's slots ([`pumice_render::cryptomatte`]).
 
 use glam::Vec3;
 use pumice_render::PassSums;
+use pumice_render::cryptomatte::Ids;
 use pumice_render::passes::{COLOR_KINDS, LIGHT_KINDS};
 use pumice_scene::Settings;
 
@@ -57,6 +60,9 @@ pub trait Tally {
 
     /// The path came to a surface.
     fn came_to(&mut self, vertex: u32, surface: impl FnOnce() -> FirstSurface);
+
+    /// Which surface it is, by label and by type.
+    fn named(&mut self, vertex: u32, ids: impl FnOnce() -> Ids);
 }
 
 /// The sum of all light and nothing else.
@@ -84,6 +90,9 @@ impl Tally for Total {
 
     #[inline(always)]
     fn came_to(&mut self, _: u32, _: impl FnOnce() -> FirstSurface) {}
+
+    #[inline(always)]
+    fn named(&mut self, _: u32, _: impl FnOnce() -> Ids) {}
 }
 
 /// Light clamped and sorted.
@@ -97,6 +106,8 @@ pub struct Sorted {
     pub light: [Vec3; LIGHT_KINDS],
     /// Of the first surface; black where there is none.
     pub first: FirstSurface,
+    /// Its ids; 0 where there is none.
+    pub ids: Ids,
     scattered: Share,
     transparent: bool,
     kept: PassSums,
@@ -118,6 +129,7 @@ impl Sorted {
             alpha: 1.0,
             light: [Vec3::ZERO; LIGHT_KINDS],
             first: FirstSurface::default(),
+            ids: Ids::default(),
             scattered: Share::default(),
             transparent: kept.alpha,
             kept,
@@ -155,7 +167,31 @@ impl Sorted {
         for (sum, number) in sums.iter_mut().zip(numbers) {
             *sum += number;
         }
+        let slots = 2 * self.kept.matte_slots();
+        let mut at = self.kept.mattes_at();
+        for (id, _) in self.ids.into_iter().zip(self.kept.mattes).filter(|(_, is_kept)| *is_kept) {
+            if id != 0.0 {
+                matte_add(&mut sums[at..][..slots], id);
+            }
+            at += slots;
+        }
     }
+}
+
+/// Counts an id in a pixel's slots: its own, else a free one, else that of the least count, which it goes on from.
+fn matte_add(slots: &mut [f32], id: f32) {
+    let (mut least, mut place) = (f32::INFINITY, 0);
+    for at in (0..slots.len()).step_by(2) {
+        if slots[at] == id || slots[at] == 0.0 {
+            place = at;
+            break;
+        }
+        if slots[at + 1] < least {
+            (least, place) = (slots[at + 1], at);
+        }
+    }
+    slots[place] = id;
+    slots[place + 1] += 1.0;
 }
 
 impl Tally for Sorted {
@@ -199,5 +235,63 @@ impl Tally for Sorted {
         if vertex == 0 && (self.kept.light || self.kept.features) {
             self.first = surface();
         }
+    }
+
+    fn named(&mut self, vertex: u32, ids: impl FnOnce() -> Ids) {
+        if vertex == 0 && self.kept.ranks > 0 {
+            self.ids = ids();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::HashMap;
+
+    use super::*;
+
+    /// Space-Saving's promises (Metwally et al. 2005, §3.2), against counts of everything; exact while slots last.
+    #[test]
+    fn slots_keep_what_covers_most() {
+        let mut state = 1u32;
+        let mut random = move |below: u32| {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 16) % below
+        };
+        let (mut evicted, mut checked) = (0, 0);
+        for round in 0..200u32 {
+            let (mut slots, mut exact) = ([0f32; 16], HashMap::<u32, u32>::new());
+            let kinds = 1 + random(40);
+            for _ in 0..400 {
+                // Some are seen often.
+                let below = 1 + random(kinds);
+                let id = 1.0 + random(below) as f32;
+                matte_add(&mut slots, id);
+                *exact.entry(id.to_bits()).or_default() += 1;
+            }
+            let kept: HashMap<u32, f32> = slots
+                .as_chunks::<2>()
+                .0
+                .iter()
+                .filter(|s| s[0] != 0.0)
+                .map(|s| (s[0].to_bits(), s[1]))
+                .collect();
+            assert_eq!(kept.values().sum::<f32>(), 400.0, "round {round}");
+            for (id, &count) in &exact {
+                match kept.get(id) {
+                    Some(&told) => {
+                        let over = told - count as f32;
+                        assert!((0.0..=50.0).contains(&over), "round {round}: {told} for {count}");
+                        assert!(exact.len() > 8 || over == 0.0, "round {round}: {told} for {count}");
+                    }
+                    None => {
+                        assert!(count <= 50, "round {round}: {count} of 400 are lost");
+                        evicted += 1;
+                    }
+                }
+                checked += 1;
+            }
+        }
+        assert!(evicted > 1000 && checked > evicted + 1000, "{evicted} of {checked}: the rounds try both");
     }
 }

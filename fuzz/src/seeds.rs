@@ -189,6 +189,11 @@ pub fn pictures() -> Vec<Vec<u8>> {
         position: Some(image.clone()),
         samples: Some(vec![64.0; 20]),
         light: Pass::LIGHT.iter().map(|pass| (*pass, image.clone())).collect(),
+        mattes: vec![pumice_render::Matte {
+            pass: Pass::CryptomatteLabel,
+            layers: vec![vec![[1.5, 0.75, -2.5, 0.25]; 20]],
+            names: [("17".to_owned(), 0x3fc0_0000)].into(),
+        }],
         provenance: Some(Provenance {
             version: "0.1.0".into(),
             backend: "cpu".into(),

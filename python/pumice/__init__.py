@@ -13,7 +13,7 @@ import atexit
 from ._native import Job, __version__, _end_calls
 from .errors import Cancelled, InputError, InternalError, PumiceError, PumiceWarning
 from .mesh import Mesh
-from .picture import CurvePoint, Picture, devices, render
+from .picture import CurvePoint, Picture, cryptomatte_hash, devices, render
 from .scene import Scene, figure
 from .session import Frame, Pick, Session, Status
 from .volume import Faces, LabelTable, Volume, compress, open, probe
@@ -41,6 +41,7 @@ __all__ = [
     "Volume",
     "__version__",
     "compress",
+    "cryptomatte_hash",
     "devices",
     "figure",
     "open",

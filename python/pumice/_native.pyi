@@ -140,6 +140,10 @@ class Picture:
         """
         Passes of light, by name.
         """
+    def mattes(self, /) -> list[tuple[str, Array, dict[str, int]]]:
+        """
+        Cryptomatte, by name: (height, width, ranks, 2) of ids and coverages, and what hash each name in the picture has.
+        """
     def normal(self, /) -> Array | None:
         """
         Normal of the first surface.
@@ -287,6 +291,11 @@ def _panic_on_purpose() -> None:
 def compress(source: str | PathLike[str] | Incomplete, *, types: str | None = None, memory_limit: SupportsIndex | None = None, threads: SupportsIndex = 0, layer: SupportsIndex | None = None, time: SupportsIndex | None = None, channel: SupportsIndex | None = None, array: str | None = None, spacing: SupportsLenAndGetItem[SupportsFloat | SupportsIndex] | None = None, job: Job | None = None) -> tuple[Volume, list[str]]:
     """
     Compresses a file, or blocks; with what the reader found odd.
+    """
+
+def cryptomatte_hash(name: str) -> int:
+    """
+    The hash by which Cryptomatte knows a name: MurmurHash3_x86_32 of its UTF-8.
     """
 
 def devices() -> str:

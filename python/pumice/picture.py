@@ -51,15 +51,19 @@ class Picture:
         self.normal: Floats | None = _maybe(native.normal())
         self.position: Floats | None = _maybe(native.position())
         self.samples: Floats | None = _maybe(native.samples())
+        mattes = native.mattes()
+        self._mattes: dict[str, Floats] = {name: np.asarray(array) for name, array, _ in mattes}
+        self.manifests: dict[str, dict[str, int]] = {name: names for name, _, names in mattes}
+        """Of each Cryptomatte pass, the hash of each name in the picture; its id is the float of these bits."""
         self._light: dict[str, Floats] = {name: np.asarray(array) for name, array in native.light()}
 
     @property
     def passes(self) -> dict[str, npt.NDArray[Any]]:
         """Every pass that the picture has, by name: (height, width), or with colours (height, width, 3). `label` is uint32, 0 where
-        there is none, else the row of the label table plus 1; all others are float32. Passes of light are there where the scene's
-        `film.passes` asked for them."""
+        there is none, else the row of the label table plus 1; all others are float32. Passes of light and Cryptomatte are there
+        where the scene's `film.passes` asked for them; Cryptomatte is (height, width, ranks, 2): ids, coverages."""
         named = {name: getattr(self, name) for name in PASSES}
-        return {**{name: array for name, array in named.items() if array is not None}, **self._light}
+        return {**{name: array for name, array in named.items() if array is not None}, **self._light, **self._mattes}
 
     @property
     def spp(self) -> int:
@@ -102,7 +106,7 @@ class Picture:
     def save(self, path: Path, *, passes: str | Sequence[str] = "all") -> None:
         """Writes an `.exr` (scene-linear, with these passes) or a `.png` (sRGB), whole or not at all. Both can be made again.
 
-        Passes: `all`, `none`, `light` for all that are of light, or names as in `passes`; what the picture lacks is left out.
+        Passes: `all`, `none`, `light` for all that are of light, `cryptomatte` for both of its kinds, or names as in `passes`; what the picture lacks is left out.
         """
         self._native.save(os.fspath(path), [passes] if isinstance(passes, str) else list(passes))
 
@@ -150,6 +154,11 @@ def render(
     for line in picture.notices:
         warnings.warn(line, PumiceWarning, stacklevel=2)
     return picture
+
+
+def cryptomatte_hash(name: str) -> int:
+    """The hash by which Cryptomatte knows a name."""
+    return int(_native.cryptomatte_hash(name))
 
 
 def in_order(scene: Scene, volumes: Volumes) -> list[_native.Volume]:

@@ -32,7 +32,7 @@ mod _native {
     #[pymodule_export]
     use crate::mesh::Mesh;
     #[pymodule_export]
-    use crate::picture::{Picture, devices, panic_on_purpose, render};
+    use crate::picture::{Picture, cryptomatte_hash, devices, panic_on_purpose, render};
     #[pymodule_export]
     use crate::scene::{figure, scene_checked, scene_load, scene_save};
     #[pymodule_export]

@@ -1,10 +1,11 @@
 //! A render to its end, and the picture it gives.
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use pumice_core::{CompressedVolume, MeshData};
-use pumice_render::{Image, Passes};
+use pumice_render::{Image, Matte, Passes};
 use pumice_session::render_file::{PictureFormat, Rendered, render_scene};
 use pumice_session::{OpenOptions, SessionError, Stop};
 use pyo3::prelude::*;
@@ -74,6 +75,20 @@ impl Picture {
     /// Passes of light, by name.
     fn light(&self) -> Vec<(&'static str, Array)> {
         self.0.picture.light.iter().map(|(pass, of)| (pass.name(), image(of))).collect()
+    }
+
+    /// Cryptomatte, by name: (height, width, ranks, 2) of ids and coverages, and what hash each name in the picture has.
+    fn mattes(&self) -> Vec<(&'static str, Array, BTreeMap<String, u32>)> {
+        let color = &self.0.picture.color;
+        let array = |matte: &Matte| {
+            let shape = [color.height, color.width, 2 * matte.layers.len(), 2];
+            let pixels = color.pixels.len();
+            let values =
+                (0..pixels).flat_map(|i| matte.layers.iter().flat_map(move |layer| layer[i])).collect();
+            Array::new(Data::F32(values), &shape)
+        };
+        let named = |m: &Matte| (m.pass.name(), array(m), m.names.clone());
+        self.0.picture.mattes.iter().map(named).collect()
     }
 
     /// Distance along the view axis to the first surface, infinite where there is none: (height, width).
@@ -151,6 +166,12 @@ pub(crate) fn render(
         Some(error) => Err(error),
         None => result.map(Picture),
     }
+}
+
+/// The hash by which Cryptomatte knows a name: MurmurHash3_x86_32 of its UTF-8.
+#[pyfunction]
+pub(crate) fn cryptomatte_hash(name: &str) -> u32 {
+    pumice_render::cryptomatte::hash(name.as_bytes())
 }
 
 /// What can render here, as JSON text.

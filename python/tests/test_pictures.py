@@ -65,6 +65,24 @@ def with_film(scene, **film):
     return pumice.Scene.from_dict(fields)
 
 
+def test_cryptomatte(scene, volume):
+    asked = ["cryptomatte_label", "cryptomatte_type"]
+    picture = pumice.render(with_film(scene, passes=asked, transparent=True, cryptomatte_ranks=8), volume, spp=4, backend="cpu")
+    labels, types = (picture.passes[name] for name in asked)
+    assert labels.shape == types.shape == (40, 60, 8, 2) and labels.dtype == np.float32
+    np.testing.assert_array_equal(labels[..., 1].sum(axis=-1), picture.alpha)
+    # No types in this volume; and no normal float's bits are a hash that is moved.
+    assert picture.manifests["cryptomatte_type"] == {"no type": pumice.cryptomatte_hash("no type")}
+    np.testing.assert_array_equal(types[:, :, 0, 1], picture.alpha)
+    hashes = {int(h) for h in np.unique(labels[..., 0][labels[..., 1] > 0].view(np.uint32))}
+    names = picture.manifests["cryptomatte_label"]
+    assert set(names) <= {str(i) for i in volume.labels.ids} and hashes == set(names.values())
+    assert all(pumice.cryptomatte_hash(name) == h for name, h in names.items())
+    assert pumice.cryptomatte_hash("hello") == 0x248BFA47
+    plain = pumice.render(scene, volume, spp=1, backend="cpu")
+    assert plain.manifests == {} and "cryptomatte_label" not in plain.passes
+
+
 def test_passes_of_light(scene, volume):
     asked = [*LIGHT, "emission", "environment", "samples", "albedo"]
     picture = pumice.render(with_film(scene, passes=asked), volume, spp=4, backend="cpu")

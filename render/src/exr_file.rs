@@ -7,12 +7,13 @@
 //! | `ViewLayer.Depth.Z` | float | distance along the view axis to the first surface, +inf where there is none |
 //! | `label.index` | uint | dense index of its label + 1, 0 where there is none |
 //! | `ViewLayer.Position.X`, `.Y`, `.Z` | float | where it is in the world |
+//! | `ViewLayer.CryptoObject00.r`, `.g`, `.b`, `.a`, … | float | ids and coverages by label, `CryptoAsset` by type: [`crate::cryptomatte`] |
 //! | `ViewLayer.DiffDir.R`, `.G`, `.B`, … | float | the other passes of `docs/passes.md`, under the names that Blender gives them |
 //!
 //! The colour has no layer's name, so that every program shows it; the passes have that of Blender's first layer, so that compositor
 //! set-ups find them. Labels are whole numbers of 32 bits and so never pass through a float. The attribute `pumice` (a string) holds
 //! [`crate::Provenance`] as JSON in ASCII: an EXR string has no encoding, so other characters are escaped as `\uXXXX`. Scan
-//! lines, ZIP in blocks of 16. The bytes follow from the picture alone: no date, no map order.
+//! lines, ZIP in blocks of 16. Attributes lie in the order of their names. The bytes follow from the picture alone: no date, no map order.
 
 use std::io::{Seek, Write};
 use std::path::Path;
@@ -24,6 +25,8 @@ use exr::meta::header::{Header, ImageAttributes, LayerAttributes};
 use exr::prelude::{Compression, LineOrder, Vec2};
 
 use crate::atomic_file::write_atomically;
+use crate::cryptomatte::{self, Matte};
+use crate::exr_header::SortedHeader;
 use crate::exr_read;
 use crate::provenance_text::{PROVENANCE_KEY, provenance_to_ascii};
 use crate::{Image, Pass, Passes, Picture, PictureError};
@@ -32,6 +35,7 @@ use crate::{Image, Pass, Passes, Picture, PictureError};
 #[derive(Clone, Copy)]
 enum Samples<'a> {
     Of(&'a Image, usize),
+    OfFour(&'a [[f32; 4]], usize),
     Floats(&'a [f32]),
     Whole(&'a [u32]),
 }
@@ -77,6 +81,9 @@ pub(crate) fn channels_of_pass(pass: Pass) -> (&'static str, &'static str) {
         Pass::TransmissionColor => ("ViewLayer.TransCol.", "RGB"),
         Pass::Emission => ("ViewLayer.Emit.", "RGB"),
         Pass::Environment => ("ViewLayer.Env.", "RGB"),
+        // The layer's number comes between. Lower case keeps compositors from taking them for colours.
+        Pass::CryptomatteLabel => ("ViewLayer.CryptoObject", "rgba"),
+        Pass::CryptomatteType => ("ViewLayer.CryptoAsset", "rgba"),
         Pass::Variance => ("ViewLayer.Variance.", "RGB"),
         Pass::Samples => ("ViewLayer.Debug Sample Count.", "X"),
     }
@@ -101,6 +108,16 @@ fn channels_of<'a>(picture: &'a Picture, passes: &Passes) -> Vec<(String, Sample
             }
             Pass::Label => {
                 channels.extend(picture.label.as_ref().map(|of| (name(), Samples::Whole(of))));
+                None
+            }
+            Pass::CryptomatteLabel | Pass::CryptomatteType => {
+                for matte in picture.mattes.iter().filter(|m| m.pass == pass) {
+                    for (number, pixels) in matte.layers.iter().enumerate() {
+                        let of = letters.chars().enumerate();
+                        let named = |(c, l)| (format!("{layer}{number:02}.{l}"), Samples::OfFour(pixels, c));
+                        channels.extend(of.map(named));
+                    }
+                }
                 None
             }
             Pass::Variance => picture.variance.as_ref(),
@@ -130,6 +147,7 @@ fn write_to(
     for (name, samples) in &channels {
         let fits = match samples {
             Samples::Of(image, _) => (image.width, image.height) == (width, height),
+            Samples::OfFour(of, _) => of.len() == width * height,
             Samples::Floats(of) => of.len() == width * height,
             Samples::Whole(of) => of.len() == width * height,
         };
@@ -137,8 +155,8 @@ fn write_to(
             return Err(refuse(format!("channel {name}: expected {width} × {height} samples")));
         }
     }
-    let header = header_of(picture, &channels).map_err(refuse)?;
-    exr::block::write(writer, [header].into_iter().collect(), true, |meta, chunks| {
+    let header = header_of(picture, passes, &channels).map_err(refuse)?;
+    exr::block::write(SortedHeader::new(writer), [header].into_iter().collect(), true, |meta, chunks| {
         let blocks = meta.collect_ordered_blocks(|block| {
             UncompressedBlock::from_lines(&meta.headers[block.layer].channels, block, |line| {
                 let first = line.location.position.1 * width + line.location.position.0;
@@ -147,6 +165,7 @@ fn write_to(
                 // samples in the machine's byte order.
                 match channels[line.location.channel].1 {
                     Samples::Of(image, c) => fill(bytes, &image.pixels[first..], |p| p[c].to_ne_bytes()),
+                    Samples::OfFour(of, c) => fill(bytes, &of[first..], |p| p[c].to_ne_bytes()),
                     Samples::Floats(of) => fill(bytes, &of[first..], |v| v.to_ne_bytes()),
                     Samples::Whole(of) => fill(bytes, &of[first..], |v| v.to_ne_bytes()),
                 }
@@ -166,7 +185,11 @@ fn fill<T: Copy>(bytes: &mut [[u8; 4]], samples: &[T], encode: impl Fn(T) -> [u8
     }
 }
 
-fn header_of(picture: &Picture, channels: &[(String, Samples<'_>)]) -> Result<Header, String> {
+fn header_of(
+    picture: &Picture,
+    passes: &Passes,
+    channels: &[(String, Samples<'_>)],
+) -> Result<Header, String> {
     let size = (picture.color.width, picture.color.height);
     let list = channels.iter().map(|(name, samples)| {
         let kind = if matches!(samples, Samples::Whole(_)) { SampleType::U32 } else { SampleType::F32 };
@@ -178,8 +201,13 @@ fn header_of(picture: &Picture, channels: &[(String, Samples<'_>)]) -> Result<He
     };
     if let Some(provenance) = &picture.provenance {
         let json = Text::from(provenance_to_ascii(provenance)?.as_str());
-        // The only entry of the map, so that the file's bytes do not depend on the map's order.
         layer.other.insert(Text::from(PROVENANCE_KEY), AttributeValue::Text(json));
+    }
+    for matte in picture.mattes.iter().filter(|m| passes.has(m.pass)) {
+        for (name, value) in attributes_of(matte)? {
+            let value = AttributeValue::Text(Text::from_slice_unchecked(value.as_bytes()));
+            layer.other.insert(Text::from(name.as_str()), value);
+        }
     }
     let mut shared = ImageAttributes::with_size(size);
     // Rec. 709 primaries and white, ITU-R BT.709-6 table 1.
@@ -193,6 +221,18 @@ fn header_of(picture: &Picture, channels: &[(String, Samples<'_>)]) -> Result<He
         .with_encoding(Compression::ZIP16, exr::meta::BlockDescription::ScanLines, LineOrder::Increasing)
         .with_attributes(layer)
         .with_shared_attributes(shared))
+}
+
+/// What a file says of a matte, by name: see [`cryptomatte`].
+pub(crate) fn attributes_of(matte: &Matte) -> Result<[(String, String); 4], String> {
+    let (layers, _) = channels_of_pass(matte.pass);
+    let of = |what: &str| format!("cryptomatte/{}/{what}", cryptomatte::key_of(layers));
+    Ok([
+        (of("conversion"), "uint32_to_float32".into()),
+        (of("hash"), "MurmurHash3_32".into()),
+        (of("manifest"), cryptomatte::manifest(&matte.names)?),
+        (of("name"), layers.into()),
+    ])
 }
 
 /// Refuses sizes that no picture of ours has, before anything is allocated.
@@ -246,6 +286,7 @@ mod tests {
             label: picture.label,
             alpha: picture.alpha,
             provenance: picture.provenance,
+            mattes: Vec::new(),
             ..Picture::of(picture.color)
         };
         assert_eq!(back, expected);

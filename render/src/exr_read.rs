@@ -21,6 +21,7 @@ use exr::meta::header::Header;
 use exr::prelude::{Vec2, f16};
 use rayon::prelude::*;
 
+use crate::cryptomatte::{self, Matte};
 use crate::exr_file::{channels_of_pass, check_size};
 use crate::provenance_text::PROVENANCE_KEY;
 use crate::{Image, Pass, Picture, PictureError, Provenance};
@@ -41,6 +42,8 @@ enum Place {
     /// Of one with one.
     Number(Pass),
     Label,
+    /// Of a matte's layer by its number.
+    Matte(Pass, usize, usize),
 }
 
 /// Reads the picture at `path`.
@@ -120,6 +123,7 @@ fn read_from(bytes: impl Read + Seek, length_bytes: u64) -> Result<Picture, Fail
         )));
     }
     let provenance = provenance_of(&header).map_err(|e| format!("attribute {PROVENANCE_KEY}: {e}"))?;
+    let names = names_of_mattes(&header)?;
     let mut planes = Planes::new(width, height, &places)?;
 
     let data_in_display = [0, 1].map(|a| {
@@ -164,7 +168,7 @@ fn read_from(bytes: impl Read + Seek, length_bytes: u64) -> Result<Picture, Fail
     if pixels_left != 0 {
         return Err(Failure::File(format!("damaged OpenEXR file: {pixels_left} pixels are missing")));
     }
-    Ok(planes.into_picture(provenance))
+    Ok(planes.into_picture(provenance, names))
 }
 
 /// Decompresses a chunk, damaged or not.
@@ -231,14 +235,22 @@ fn places_of(header: &Header, prefix: &str) -> Result<Vec<Option<Place>>, String
             return Some(Place::Alpha);
         }
         Pass::ALL.iter().find_map(|&pass| {
-            let (layer, letters) = channels_of_pass(pass);
-            let rest = name.strip_prefix(layer)?;
+            let (prefix, letters) = channels_of_pass(pass);
+            let rest = name.strip_prefix(prefix)?;
+            if Pass::MATTES.contains(&pass) {
+                let (number, letter) = rest.split_once('.')?;
+                let c = letters.find(letter).filter(|_| letter.len() == 1)?;
+                let layer = number_of_layer(number)?;
+                // Without gaps, so that no number asks for more memory than the file's channels do.
+                let are_there = (0..=layer).all(|n| whole(&format!("{prefix}{n:02}."), letters));
+                return are_there.then_some(Place::Matte(pass, layer, c));
+            }
             match (pass, letters.len()) {
                 (Pass::Label, _) => (rest == letters).then_some(Place::Label),
                 (_, 1) => (rest == letters).then_some(Place::Number(pass)),
                 _ => {
                     let c = letters.find(rest).filter(|_| rest.len() == 1)?;
-                    whole(layer, letters).then_some(Place::Triple(pass, c))
+                    whole(prefix, letters).then_some(Place::Triple(pass, c))
                 }
             }
         })
@@ -253,9 +265,31 @@ fn places_of(header: &Header, prefix: &str) -> Result<Vec<Option<Place>>, String
         if place == Some(Place::Label) && channel.sample_type != SampleType::U32 {
             return Err("channel label.index: expected whole numbers (UINT), got floats".into());
         }
+        if matches!(place, Some(Place::Matte(..))) && channel.sample_type != SampleType::F32 {
+            return Err(format!("channel {name:?}: expected 32 bit floats (FLOAT), in which ids are exact"));
+        }
         places.push(place);
     }
     Ok(places)
+}
+
+/// A layer's number of two digits.
+fn number_of_layer(digits: &str) -> Option<usize> {
+    (digits.len() == 2 && digits.bytes().all(|b| b.is_ascii_digit())).then(|| digits.parse().ok())?
+}
+
+/// What the ids of a file's mattes stand for; nothing where it does not say.
+fn names_of_mattes(header: &Header) -> Result<BTreeMap<Pass, BTreeMap<String, u32>>, String> {
+    let mut names = BTreeMap::new();
+    for &pass in Pass::MATTES {
+        let name = format!("cryptomatte/{}/manifest", cryptomatte::key_of(channels_of_pass(pass).0));
+        if let Some(AttributeValue::Text(text)) = header.own_attributes.other.get(&Text::from(name.as_str()))
+        {
+            let read = cryptomatte::names_of(text.as_slice());
+            names.insert(pass, read.map_err(|e| format!("attribute {name}: {e}"))?);
+        }
+    }
+    Ok(names)
 }
 
 fn provenance_of(header: &Header) -> Result<Option<Provenance>, String> {
@@ -276,6 +310,7 @@ struct Planes {
     label: Option<Vec<u32>>,
     triples: BTreeMap<Pass, Vec<[f32; 3]>>,
     numbers: BTreeMap<Pass, Vec<f32>>,
+    mattes: BTreeMap<Pass, Vec<Vec<[f32; 4]>>>,
 }
 
 impl Planes {
@@ -298,9 +333,18 @@ impl Planes {
                 numbers.insert(pass, filled(pixels, nothing)?);
             }
         }
+        let mut mattes = BTreeMap::new();
+        for &pass in Pass::MATTES {
+            let layers = (0..100).take_while(|&n| has(Place::Matte(pass, n, 0)));
+            let layers: Vec<_> = layers.map(|_| filled(pixels, [0.0; 4])).collect::<Result<_, _>>()?;
+            if !layers.is_empty() {
+                mattes.insert(pass, layers);
+            }
+        }
         Ok(Self {
             width,
             height,
+            mattes,
             color: filled(pixels, [0.0; 3])?,
             alpha: has(Place::Alpha).then(|| filled(pixels, 0.0)).transpose()?,
             label: has(Place::Label).then(|| filled(pixels, 0)).transpose()?,
@@ -322,6 +366,10 @@ impl Planes {
             Place::Color(c) => triple(&mut self.color, c),
             Place::Triple(pass, c) => self.triples.get_mut(&pass).into_iter().for_each(|p| triple(p, c)),
             Place::Number(pass) => self.numbers.get_mut(&pass).into_iter().for_each(number),
+            Place::Matte(pass, layer, c) => {
+                let layer = self.mattes.get_mut(&pass).and_then(|layers| layers.get_mut(layer));
+                layer.into_iter().for_each(|p| copy(&mut p[row.clone()], x, kind, bytes, |p, v| p[c] = v));
+            }
             Place::Alpha => self.alpha.iter_mut().for_each(number),
             Place::Label => self.label.iter_mut().for_each(|p| {
                 let values = bytes.as_chunks().0.iter().map(|b| u32::from_ne_bytes(*b));
@@ -330,7 +378,13 @@ impl Planes {
         }
     }
 
-    fn into_picture(mut self, provenance: Option<Provenance>) -> Picture {
+    fn into_picture(
+        mut self,
+        provenance: Option<Provenance>,
+        mut names: BTreeMap<Pass, BTreeMap<String, u32>>,
+    ) -> Picture {
+        let mut matte =
+            |(pass, layers)| Matte { pass, layers, names: names.remove(&pass).unwrap_or_default() };
         let image = |pixels| Image::new(self.width, self.height, pixels);
         Picture {
             variance: self.triples.remove(&Pass::Variance).map(image),
@@ -342,6 +396,7 @@ impl Planes {
             position: self.triples.remove(&Pass::Position).map(image),
             samples: self.numbers.remove(&Pass::Samples),
             light: self.triples.into_iter().map(|(pass, pixels)| (pass, image(pixels))).collect(),
+            mattes: self.mattes.into_iter().map(&mut matte).collect(),
             provenance,
             ..Picture::of(image(self.color))
         }
@@ -532,10 +587,15 @@ mod tests {
         let luminance = write(vec![one("Y")]);
         let two = write(["a.R", "a.G", "a.B", "b.R", "b.G", "b.B"].map(one).to_vec());
         let float_label = write(["R", "G", "B", "label.index"].map(one).to_vec());
+        let matte = |l: &str| format!("ViewLayer.CryptoObject00.{l}");
+        let ids = write(
+            "rgba".chars().map(|l| one(&matte(&l.to_string()))).chain(["R", "G", "B"].map(one)).collect(),
+        );
         for (bytes, expected) in [
             (luminance.as_slice(), "expected flat channels R, G and B, got \"Y\""),
             (&two, "one layer that has them, got layers \"a\", \"b\""),
             (&float_label, "label.index: expected whole numbers"),
+            (&ids, "expected 32 bit floats (FLOAT), in which ids are exact"),
             (b"P6 1 1 255 abc", "damaged OpenEXR file"),
             (b"", "damaged OpenEXR file"),
         ] {

@@ -3,8 +3,10 @@
 
 mod atomic_file;
 pub mod bvh;
+pub mod cryptomatte;
 pub mod environment;
 pub mod exr_file;
+mod exr_header;
 mod exr_read;
 pub mod film;
 pub mod filter;
@@ -25,6 +27,7 @@ pub mod trace;
 pub mod undrawn;
 
 pub use bvh::{BoxBounds, Bvh, BvhRay};
+pub use cryptomatte::{Matte, name_mattes};
 pub use environment::EnvironmentTable;
 pub use exr_file::{read_exr, write_exr};
 pub use film::FilmBuffer;

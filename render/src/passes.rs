@@ -5,6 +5,8 @@
 //! alpha     1    samples that met a surface
 //! features  6    colour (r g b) and normal (x y z) of the first surface
 //! light    33    diffuse, glossy, transmission, each direct and indirect; emission; environment; the three colours, r g b each
+//! labels   4 a rank    slots of an id and how many samples saw it (see crate::cryptomatte)
+//! types    4 a rank    the same
 //! ```
 //! Sums are over all samples: that there is more than one scramble matters to the error of the colour alone. Light is divided by the
 //! colour of its kind, mean by mean, as Cycles' `film_get_pass_pixel_light_path` does, so that
@@ -32,12 +34,19 @@ pub struct PassSums {
     pub features: bool,
     /// Light by kind, and colours by kind.
     pub light: bool,
+    /// Which labels are seen, and which types.
+    pub mattes: [bool; 2],
+    /// Of how many of them the picture will tell; 0 where neither is kept.
+    pub ranks: u32,
 }
 
 impl PassSums {
     /// What a film asks for.
     pub fn of(film: &Film) -> Self {
+        let mattes = [Pass::CryptomatteLabel, Pass::CryptomatteType].map(|pass| film.passes.has(pass));
         Self {
+            mattes,
+            ranks: if mattes == [false; 2] { 0 } else { film.cryptomatte_ranks },
             alpha: film.transparent,
             features: film.passes.has_any(&[Pass::Albedo, Pass::Normal]),
             light: film.passes.has_any(Pass::LIGHT),
@@ -46,6 +55,16 @@ impl PassSums {
 
     /// Floats a pixel.
     pub const fn stride(self) -> usize {
+        self.mattes_at() + 2 * self.matte_slots() * (self.mattes[0] as usize + self.mattes[1] as usize)
+    }
+
+    /// Slots of either kind of matte: twice as many as are told of.
+    pub const fn matte_slots(self) -> usize {
+        2 * self.ranks as usize
+    }
+
+    /// Place of mattes, by label before by type.
+    pub const fn mattes_at(self) -> usize {
         self.light_at() + if self.light { 3 * (LIGHT_KINDS + COLOR_KINDS) } else { 0 }
     }
 
@@ -59,9 +78,13 @@ impl PassSums {
         self.features_at() + if self.features { 6 } else { 0 }
     }
 
-    /// One bit each, as shaders are told: alpha, features, light.
+    /// One bit each, as shaders are told: alpha, features, light, mattes by label, by type; from bit 8 on their slots.
     pub const fn bits(self) -> u32 {
-        self.alpha as u32 | (self.features as u32) << 1 | (self.light as u32) << 2
+        let groups = self.alpha as u32 | (self.features as u32) << 1 | (self.light as u32) << 2;
+        groups
+            | (self.mattes[0] as u32) << 3
+            | (self.mattes[1] as u32) << 4
+            | (self.matte_slots() as u32) << 8
     }
 }
 
@@ -97,16 +120,20 @@ fn divide(light: [f32; 3], color: [f32; 3]) -> [f32; 3] {
 }
 
 impl FilmBuffer {
-    /// Mean of some of each pixel's pass sums, by place.
-    fn means<T: Send>(&self, f: impl Fn(&dyn Fn(usize) -> f32) -> T + Sync) -> Vec<T> {
+    /// What is made of each pixel's pass sums and its number of samples, at least 1.
+    pub(crate) fn of_each_pixel<T: Send>(&self, f: impl Fn(&[f32], f32) -> T + Sync) -> Vec<T> {
         let (width, height) = self.size();
         let stride = self.kept().stride();
-        let mean = |pixel: usize| {
-            let n = self.samples_of(pixel).max(1) as f32;
+        let of = |pixel: usize| {
             let sums = &self.pass_sums()[pixel * stride..][..stride];
-            f(&|place| sums[place] / n)
+            f(sums, self.samples_of(pixel).max(1) as f32)
         };
-        (0..width * height).into_par_iter().map(mean).collect()
+        (0..width * height).into_par_iter().map(of).collect()
+    }
+
+    /// Mean of some of each pixel's pass sums, by place.
+    fn means<T: Send>(&self, f: impl Fn(&dyn Fn(usize) -> f32) -> T + Sync) -> Vec<T> {
+        self.of_each_pixel(|sums, n| f(&|place| sums[place] / n))
     }
 
     fn mean_image(&self, place: usize) -> Image {
@@ -154,6 +181,7 @@ impl FilmBuffer {
             normal: normal.filter(|_| wanted.has(Pass::Normal)).or(picture.normal),
             samples: wanted.has(Pass::Samples).then(counts),
             light: self.light(wanted),
+            mattes: self.mattes(),
             ..picture
         }
     }
@@ -165,8 +193,11 @@ mod tests {
 
     #[test]
     fn groups_lie_one_behind_the_other() {
-        let all = PassSums { alpha: true, features: true, light: true };
-        assert_eq!((all.features_at(), all.light_at(), all.stride(), all.bits()), (1, 7, 40, 7));
+        let all = PassSums { alpha: true, features: true, light: true, mattes: [true; 2], ranks: 6 };
+        assert_eq!((all.features_at(), all.light_at(), all.mattes_at(), all.stride()), (1, 7, 40, 88));
+        assert_eq!(all.bits(), 0xC1F, "12 slots of five groups");
+        let types = PassSums { mattes: [false, true], ranks: 2, ..PassSums::default() };
+        assert_eq!((types.mattes_at(), types.stride(), types.bits()), (0, 8, 0x410));
         let light = PassSums { light: true, ..PassSums::default() };
         assert_eq!((light.light_at(), light.stride(), light.bits()), (0, 33, 4));
         assert_eq!(PassSums::default().stride(), 0);

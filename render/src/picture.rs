@@ -3,6 +3,7 @@
 use pumice_scene::{Pass, Scene};
 use serde::{Deserialize, Serialize};
 
+use crate::cryptomatte::Matte;
 use crate::image::Image;
 
 /// Everything that is needed to make the picture again, and to know what it is worth.
@@ -50,6 +51,8 @@ pub struct Picture {
     pub samples: Option<Vec<f32>>,
     /// Passes of light that the film asks for, in the order of [`Pass::ALL`].
     pub light: Vec<(Pass, Image)>,
+    /// Which labels and types are seen, by name, where the film asks for it.
+    pub mattes: Vec<Matte>,
     /// How it was made.
     pub provenance: Option<Provenance>,
 }
@@ -68,6 +71,7 @@ impl Picture {
             position: None,
             samples: None,
             light: Vec::new(),
+            mattes: Vec::new(),
             provenance: None,
         }
     }

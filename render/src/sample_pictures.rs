@@ -2,6 +2,7 @@
 
 use pumice_scene::Scene;
 
+use crate::cryptomatte::{Matte, hash, id_of_hash};
 use crate::{Image, Pass, Picture, Provenance};
 
 /// A provenance with every kind of value, with characters that neither ASCII nor Latin-1 has.
@@ -33,6 +34,15 @@ pub(crate) fn provenance() -> Provenance {
     }
 }
 
+/// Four ranks of what no file may take for numbers to be rounded: ids are bits.
+fn matte(pass: Pass, pixels: usize) -> Matte {
+    let names = ["17", "gehirn \u{df}\u{6f22}\"\\", "membrane"].map(|n| (n.to_owned(), hash(n.as_bytes())));
+    let id = |i: usize| id_of_hash(names[i % 3].1);
+    let layer =
+        |l: usize| (0..pixels).map(|i| [id(i + l), 0.7 / (1 + l) as f32, id(i + l + 1), 1e-3]).collect();
+    Matte { pass, layers: (0..2).map(layer).collect(), names: names.into() }
+}
+
 /// A picture with every pass, each sample different, with values that only 32 bits hold.
 pub(crate) fn picture(width: usize, height: usize) -> Picture {
     let pixels = width * height;
@@ -51,6 +61,7 @@ pub(crate) fn picture(width: usize, height: usize) -> Picture {
         position: Some(image(-3.0)),
         samples: Some(vec![64.0; pixels]),
         light: Pass::LIGHT.iter().zip(1..).map(|(pass, n)| (*pass, image(1.0 / n as f32))).collect(),
+        mattes: Pass::MATTES.iter().map(|&pass| matte(pass, pixels)).collect(),
         provenance: Some(provenance()),
     };
     // 2²⁴ + 1 and 2³² − 1 are no floats.

@@ -55,6 +55,8 @@ pub struct Needs {
     pub cuts: usize,
     /// Light is sorted: for passes, for a transparent film, or to be clamped.
     pub sorted: bool,
+    /// Pixels keep which labels they see, by name.
+    pub mattes: bool,
     /// Edges in voxels of the elements that rays stop at, rising: of 1, 4, 16.
     pub levels: Vec<u32>,
 }
@@ -98,6 +100,7 @@ impl Needs {
         let wide = lit.clone().any(|s| s.angle_rad > 0.0);
         let lamps = scene.lights.iter().filter(|l| lighting && l.power_w > 0.0 && l.color != [0.0; 3]);
         let wide = wide || lamps.clone().any(has_extent);
+        let mattes = scene.film.passes.has_any(Pass::MATTES);
         Self {
             labels,
             lighting,
@@ -119,9 +122,11 @@ impl Needs {
                 let shown = |cut: &Cut| scene.instances.iter().any(|i| cut.takes_from(i.id));
                 scene.cuts.iter().filter(|cut| shown(cut)).count()
             },
+            mattes,
             sorted: scene.film.transparent
                 || scene.film.passes.has_any(Pass::LIGHT)
                 || scene.film.passes.has_any(&[Pass::Albedo, Pass::Normal])
+                || mattes
                 || settings.clamp_direct != 0.0
                 || settings.clamp_indirect != 0.0,
             levels: match settings.lod {
@@ -207,6 +212,7 @@ impl Needs {
             "sorting of light",
             "no pass of samples, no transparent film and no clamp is asked for",
         );
+        line(self.mattes, "Cryptomatte", "it is not asked for");
         for edge in [1, 4, 16] {
             let what = format!("elements of {edge}³ voxels");
             line(self.levels.contains(&edge), &what, "the level of detail is another");

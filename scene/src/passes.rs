@@ -58,6 +58,10 @@ passes! {
     Emission "emission",
     /// The sky or the backdrop where it is seen.
     Environment "environment",
+    /// Labels by name, each with the part of the pixel that it covers.
+    CryptomatteLabel "cryptomatte_label",
+    /// The same by the labels' types.
+    CryptomatteType "cryptomatte_type",
     /// Variance of the picture.
     Variance "variance",
     /// Number of samples.
@@ -79,6 +83,9 @@ impl Pass {
         Self::Emission,
         Self::Environment,
     ];
+
+    /// Mattes after the specification of Cryptomatte.
+    pub const MATTES: &'static [Self] = &[Self::CryptomatteLabel, Self::CryptomatteType];
 }
 
 /// A set of passes; in JSON a list of names.
@@ -142,7 +149,7 @@ impl Passes {
         Pass::ALL.iter().copied().filter(move |p| self.has(*p))
     }
 
-    /// Reads names of passes and the group `light`; `all` and `none` must stand alone.
+    /// Reads names of passes and the groups `light` and `cryptomatte`; `all` and `none` must stand alone.
     ///
     /// # Errors
     /// One line that names what is not a pass and lists those that are.
@@ -154,13 +161,14 @@ impl Passes {
                 "none" if names.len() == 1 => return Ok(Self::NONE),
                 "all" | "none" => return Err(format!("passes: \"{name}\" must stand alone")),
                 "light" => passes = passes.or(Pass::LIGHT.iter().copied().collect()),
+                "cryptomatte" => passes = passes.or(Pass::MATTES.iter().copied().collect()),
                 other => match Pass::ALL.iter().find(|p| p.name() == other) {
                     Some(pass) => passes = passes.with(*pass),
                     None => {
                         let names: Vec<_> = Pass::ALL.iter().map(|p| p.name()).collect();
                         let names = names.join(", ");
                         return Err(format!(
-                            "passes: expected all, none, light or any of {names}; got {other:?}"
+                            "passes: expected all, none, light, cryptomatte or any of {names}; got {other:?}"
                         ));
                     }
                 },
@@ -188,13 +196,14 @@ mod tests {
         assert_eq!(parse(&names.join(",")), Ok(Passes::ALL), "every listed name is known");
         let light = parse("light").unwrap();
         assert!(light.iter().eq(Pass::LIGHT.iter().copied()) && !light.has(Pass::Depth));
+        assert!(parse("cryptomatte").unwrap().iter().eq(Pass::MATTES.iter().copied()));
     }
 
     #[test]
     fn unknown_names_are_refused_with_the_list() {
         let error = parse("depth,beauty\n").unwrap_err();
         assert!(
-            error.starts_with("passes: expected all, none, light or any of depth, position, "),
+            error.starts_with("passes: expected all, none, light, cryptomatte or any of depth, position, "),
             "{error}"
         );
         assert!(error.ends_with("variance, samples; got \"beauty\\n\""), "{error}");

@@ -39,6 +39,13 @@ pub struct Film {
     /// Passes that samples must be sorted for; those of the first surface through the middle of each pixel are there unasked.
     #[serde(default)]
     pub passes: Passes,
+    /// How many labels, or types, of a pixel its Cryptomatte holds: an even number, 2 to [`Film::MOST_RANKS`].
+    #[serde(default = "six")]
+    pub cryptomatte_ranks: u32,
+}
+
+fn six() -> u32 {
+    Film::RANKS
 }
 
 fn square() -> f64 {
@@ -46,9 +53,23 @@ fn square() -> f64 {
 }
 
 impl Film {
+    /// As in Cycles: three layers of two.
+    pub const RANKS: u32 = 6;
+
+    /// Most, as in Cycles.
+    pub const MOST_RANKS: u32 = 16;
+
     /// An opaque film of square pixels.
     pub const fn new(width: u32, height: u32, filter: Filter) -> Self {
-        Self { width, height, filter, pixel_aspect: 1.0, transparent: false, passes: Passes::NONE }
+        Self {
+            width,
+            height,
+            filter,
+            pixel_aspect: 1.0,
+            transparent: false,
+            passes: Passes::NONE,
+            cryptomatte_ranks: Self::RANKS,
+        }
     }
 }
 

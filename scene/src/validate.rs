@@ -215,6 +215,10 @@ fn validate_film(c: &Check, film: &Film) -> Checked {
         format!("expected at most {MAX_PIXELS} pixels in all, got {pixels}")
     })?;
     c.above("pixel_aspect", film.pixel_aspect, 0.0)?;
+    let (ranks, most) = (film.cryptomatte_ranks, Film::MOST_RANKS);
+    c.field("cryptomatte_ranks", ranks.is_multiple_of(2) && (2..=most).contains(&ranks), || {
+        format!("expected an even number from 2 to {most}, got {ranks}")
+    })?;
     let (name, width) = match film.filter {
         Filter::Box { width } => ("filter.box.width", width),
         Filter::BlackmanHarris { width } => ("filter.blackman_harris.width", width),

@@ -52,6 +52,7 @@ fn least() -> Needs {
         roulette: false,
         cuts: 0,
         sorted: false,
+        mattes: false,
         levels: vec![1],
     }
 }
@@ -113,6 +114,8 @@ fn each_edit_needs_only_what_it_brings() {
     let film = |edit: fn(&mut pumice_scene::Film)| after(|s| edit(&mut s.film));
     assert_eq!(film(|f| f.transparent = true), Needs { sorted: true, ..least() });
     assert_eq!(film(|f| f.passes = Passes::NONE.with(Pass::Emission)), Needs { sorted: true, ..least() });
+    let by_type = film(|f| f.passes = Passes::NONE.with(Pass::CryptomatteType));
+    assert_eq!(by_type, Needs { sorted: true, mattes: true, ..least() });
     assert_eq!(film(|f| f.passes = Passes::NONE.with(Pass::Depth)), least());
     assert_eq!(
         settings(|s| (s.mode, s.russian_roulette) = (Mode::OneBounce, true)),
@@ -136,8 +139,16 @@ fn ambient_occlusion_needs_neither_lights_nor_materials() {
     scene.instances.truncate(1);
     scene.cuts.clear();
     let labels = vec![LabelCount { instance: 7, visible: 3, all: 4 }];
-    let expected =
-        Needs { labels, meshes: 2, lighting: false, diffuse: false, bounces: false, sorted: true, ..least() };
+    let expected = Needs {
+        labels,
+        meshes: 2,
+        lighting: false,
+        diffuse: false,
+        bounces: false,
+        sorted: true,
+        mattes: true,
+        ..least()
+    };
     assert_eq!(needs(&scene), expected);
 }
 
@@ -181,6 +192,7 @@ needed: light from surface to surface
 left out: Russian roulette (the settings say so)
 left out: cuts (nothing is cut away)
 left out: sorting of light (no pass of samples, no transparent film and no clamp is asked for)
+left out: Cryptomatte (it is not asked for)
 needed: elements of 1³ voxels
 left out: elements of 4³ voxels (the level of detail is another)
 left out: elements of 16³ voxels (the level of detail is another)

@@ -285,6 +285,12 @@ fn film() {
     let (bad, fine) = ([0.0, -1.0, 16.0f32.next_up(), NAN, INF], [0.1, 16.0]);
     rule("film.filter.box.width", |s, width| s.film.filter = Filter::Box { width }, &bad, &fine);
     rule(
+        "film.cryptomatte_ranks",
+        |s, ranks| s.film.cryptomatte_ranks = ranks,
+        &[0, 1, 5, 17, 18, u32::MAX],
+        &[2, 6, 16],
+    );
+    rule(
         "film.filter.blackman_harris.width",
         |s, width| s.film.filter = Filter::BlackmanHarris { width },
         &bad,

@@ -9,9 +9,8 @@ TYPES = {0: np.dtype("<u4"), 1: np.dtype("<f2"), 2: np.dtype("<f4")}
 LINES = {0: 1, 2: 1, 3: 16}
 
 
-def planes(path):
-    """Every channel by name: (height, width), row 0 at the top."""
-    data = path.read_bytes()
+def attributes_of(data):
+    """Values by name, as bytes; and where they end."""
     assert data[:8] == b"\x76\x2f\x31\x01\x02\x00\x00\x00" or data[4] == 2, "one part, scan lines"
     at, attributes = 8, {}
     while data[at]:
@@ -20,7 +19,13 @@ def planes(path):
         (size,) = struct.unpack_from("<i", data, at)
         attributes[name] = data[at + 4 : at + 4 + size]
         at += 4 + size
-    at += 1
+    return attributes, at + 1
+
+
+def planes(path):
+    """Every channel by name: (height, width), row 0 at the top."""
+    data = path.read_bytes()
+    attributes, at = attributes_of(data)
     channels, place, listed = [], 0, attributes["channels"]
     while listed[place]:
         name, place = text(listed, place)

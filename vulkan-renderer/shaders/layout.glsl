@@ -166,6 +166,7 @@ struct Instance {
     Address materials;
     Address material_of_label;
     Address cut_planes;
+    Address matte_ids;
     F64Bits translation[3];
     F64Bits adjugate[3][3];
     F64Bits determinant;
@@ -182,7 +183,7 @@ struct Instance {
     float eye_in_index[3];
     float edges_from_index[3][3];
     float coarser_from_squared[2];
-    uint reserved;
+    uint last_matte_id;
 };
 
 struct CutPlane {
@@ -196,7 +197,7 @@ struct CutPlane {
 const uint LOD_BY_DISTANCE = 3u;
 // The instance is a mesh.
 const uint LOD_TRIANGLES = 4u;
-const uint64_t INSTANCE_BYTES = 384UL;
+const uint64_t INSTANCE_BYTES = 392UL;
 
 struct SurfaceRecord {
     uint instance;

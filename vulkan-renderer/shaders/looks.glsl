@@ -10,4 +10,11 @@ Material material_of(InstanceRef instance, uint label) {
     return Materials(instance.it.materials).at[index];
 }
 
+// What mattes call a label; there are mattes.
+vec2 looks_ids_of(InstanceRef instance, uint label) {
+    uint at = 2u * min(instance.it.last_matte_id, label);
+    Floats ids = Floats(instance.it.matte_ids);
+    return vec2(ids.at[at], ids.at[at + 1u]);
+}
+
 #endif

@@ -27,5 +27,7 @@ layout(constant_id = 10) const uint NEEDS_MESHES = 1u;
 layout(constant_id = 11) const uint NEEDS_SORTED = 1u;
 // Some label has sheen.
 layout(constant_id = 12) const uint NEEDS_SHEEN = 1u;
+// Pixels keep which labels they see, by name.
+layout(constant_id = 14) const uint NEEDS_MATTES = 1u;
 
 #endif

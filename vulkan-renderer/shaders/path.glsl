@@ -154,6 +154,9 @@ Tally follow(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, flo
         // 1 where a cosine-distributed ray meets nothing within reach, else 0.
         if (mode == MODE_AMBIENT_OCCLUSION) {
             Frame frame = frame_new(normal_towards_ray(hit));
+            if (NEEDS_MATTES != 0u) {
+                tally_named(tally, 0u, looks_ids_of(instance_at(scene, hit.surface.instance), hit.surface.label));
+            }
             tally_came_to(tally, 0u, vec3[3](vec3(1.0), vec3(0.0), vec3(0.0)), dvec3_to_vec3(frame.normal));
             tally.aimed = Share(vec3(1.0), false);
             ray.direction = frame_world(frame, sample_cosine(sampler_bounce(points, 0u, PAIR_SCATTER)));
@@ -192,6 +195,9 @@ Tally follow(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, flo
             return tally;
         }
         Bsdf bsdf = bsdf_new(scene.it.tables, material, wi, hit.from_inside);
+        if (NEEDS_MATTES != 0u && vertex == 0u) {
+            tally_named(tally, 0u, looks_ids_of(instance_at(scene, hit.surface.instance), hit.surface.label));
+        }
         if (NEEDS_SORTED != 0u && vertex == 0u) {
             vec3 colors[3];
             bsdf_colors(bsdf, scene.it.tables, material, colors);

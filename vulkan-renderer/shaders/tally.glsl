@@ -20,6 +20,10 @@ const uint ENVIRONMENT = 7u;
 const uint KEPT_ALPHA = 1u;
 const uint KEPT_FEATURES = 2u;
 const uint KEPT_LIGHT = 4u;
+const uint KEPT_LABELS = 8u;
+const uint KEPT_TYPES = 16u;
+// From this bit on: slots of a matte.
+const uint KEPT_SLOTS = 8u;
 
 // How scattered light is dealt out to kinds.
 struct Share {
@@ -33,6 +37,8 @@ struct Tally {
     vec3 light[LIGHT_KINDS];
     vec3 colors[COLOR_KINDS];
     vec3 normal;
+    // What mattes call the first surface, by label and by type; 0 where there is none.
+    vec2 ids;
     Share scattered;
     // Of the light in flight.
     Share aimed;
@@ -52,6 +58,7 @@ Tally tally_new(Settings settings) {
             t.colors[i] = vec3(0.0);
         }
         t.normal = vec3(0.0);
+        t.ids = vec2(0.0);
         t.scattered = Share(vec3(0.0), false);
         t.aimed = t.scattered;
         t.kept = settings.kept;
@@ -139,6 +146,31 @@ void tally_came_to(inout Tally t, uint vertex, vec3 colors[COLOR_KINDS], vec3 no
     }
 }
 
+// Which surface it is.
+void tally_named(inout Tally t, uint vertex, vec2 ids) {
+    if (NEEDS_MATTES != 0u && vertex == 0u) {
+        t.ids = ids;
+    }
+}
+
+// Counts an id in a pixel's slots: its own, else a free one, else that of the least count, which it goes on from.
+void matte_add(Floats sums, uint first, uint slots, float id) {
+    float least = uintBitsToFloat(0x7F800000u);
+    uint place = first;
+    for (uint at = first; at < first + 2u * slots; at += 2u) {
+        if (sums.at[at] == id || sums.at[at] == 0.0) {
+            place = at;
+            break;
+        }
+        if (sums.at[at + 1u] < least) {
+            least = sums.at[at + 1u];
+            place = at;
+        }
+    }
+    sums.at[place] = id;
+    sums.at[place + 1u] += 1.0;
+}
+
 void put_sum(Floats sums, inout uint at, vec3 v) {
     sums.at[at] += v.x;
     sums.at[at + 1u] += v.y;
@@ -151,6 +183,10 @@ void tally_add_to(Tally t, Address all_sums, uint film_width, uvec2 pixel) {
     bool features = (t.kept & KEPT_FEATURES) != 0u, light = (t.kept & KEPT_LIGHT) != 0u;
     bool alpha = (t.kept & KEPT_ALPHA) != 0u;
     uint stride = (alpha ? 1u : 0u) + (features ? 6u : 0u) + (light ? 3u * (LIGHT_KINDS + COLOR_KINDS) : 0u);
+    uint slots = t.kept >> KEPT_SLOTS;
+    if (NEEDS_MATTES != 0u) {
+        stride += 2u * slots * bitCount(t.kept & (KEPT_LABELS | KEPT_TYPES));
+    }
     // 64 bits: a large film has more than 2^32 bytes.
     uint64_t place = (uint64_t(pixel.y) * uint64_t(film_width) + uint64_t(pixel.x)) * uint64_t(stride);
     Floats sums = Floats(all_sums + place * 4UL);
@@ -169,6 +205,15 @@ void tally_add_to(Tally t, Address all_sums, uint film_width, uvec2 pixel) {
         }
         for (uint i = 0u; i < COLOR_KINDS; i++) {
             put_sum(sums, at, t.colors[i]);
+        }
+    }
+    if (NEEDS_MATTES != 0u && t.ids.x != 0.0) {
+        if ((t.kept & KEPT_LABELS) != 0u) {
+            matte_add(sums, at, slots, t.ids.x);
+            at += 2u * slots;
+        }
+        if ((t.kept & KEPT_TYPES) != 0u) {
+            matte_add(sums, at, slots, t.ids.y);
         }
     }
 }

@@ -272,6 +272,8 @@ pub struct Instance {
     pub material_of_label: Address,
     /// [`CutPlane`]s, or 0.
     pub cut_planes: Address,
+    /// What mattes call each label: two floats, by label and by type; 0 where there are no mattes.
+    pub matte_ids: Address,
     /// World position of index 0.
     pub translation: [f64; 3],
     /// Rows of the adjugate, times the determinant's sign.
@@ -304,11 +306,11 @@ pub struct Instance {
     pub edges_from_index: [[f32; 3]; 3],
     /// See there: from which squared distance on cells are drawn, and whole boxes.
     pub coarser_from_squared: [f32; 2],
-    /// 0.
-    pub reserved: u32,
+    /// The last entry of `matte_ids`, which stands for all labels past it.
+    pub last_matte_id: u32,
 }
 
-const _: () = assert!(size_of::<Instance>() == 384, "INSTANCE_BYTES of layout.glsl");
+const _: () = assert!(size_of::<Instance>() == 392, "INSTANCE_BYTES of layout.glsl");
 
 /// Twin of `CutPlane`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]

@@ -205,7 +205,7 @@ impl MeshOnDevice {
         let mut record = self.triangles.record;
         pack::place_mesh(&mut record, &self.placement);
         let looks = &self.looks;
-        looks.packed.describe(&mut record, looks.materials.address(), looks.of_label.address());
+        looks.describe(&mut record);
         record
     }
 }
@@ -216,6 +216,7 @@ pub(crate) struct LooksOnDevice {
     pub(crate) packed: PackedLooks,
     materials: Buffer,
     of_label: Buffer,
+    ids: Option<Buffer>,
 }
 
 impl LooksOnDevice {
@@ -223,7 +224,20 @@ impl LooksOnDevice {
         let packed = PackedLooks::new(looks);
         let materials = gpu.buffer_of("materials", bytemuck::cast_slice(&packed.materials))?;
         let of_label = gpu.buffer_of("materials of labels", bytemuck::cast_slice(&packed.of_label))?;
-        Ok(Self { packed, materials, of_label })
+        let ids = match packed.ids.is_empty() {
+            true => None,
+            false => Some(gpu.buffer_of("ids of labels", bytemuck::cast_slice(&packed.ids))?),
+        };
+        Ok(Self { packed, materials, of_label, ids })
+    }
+
+    fn describe(&self, record: &mut layout::Instance) {
+        let ids = self.ids.as_ref().map_or(0, Buffer::address);
+        self.packed.describe(record, self.materials.address(), self.of_label.address(), ids);
+    }
+
+    fn bytes(&self) -> u64 {
+        self.materials.bytes() + self.of_label.bytes() + self.ids.as_ref().map_or(0, Buffer::bytes)
     }
 }
 
@@ -262,7 +276,7 @@ impl InstanceOnDevice {
         record.cut_planes = self.cuts.planes.as_ref().map_or(0, Buffer::address);
         record.cut_plane_count = self.cuts.cuts.planes().len() as u32;
         let looks = &self.looks;
-        looks.packed.describe(&mut record, looks.materials.address(), looks.of_label.address());
+        looks.describe(&mut record);
         record
     }
 }
@@ -382,7 +396,7 @@ impl SceneOnDevice {
                 (nodes, leaves) = (nodes + n, leaves + l);
             }
             if first(Arc::as_ptr(&i.looks).cast()) {
-                looks += i.looks.materials.bytes() + i.looks.of_label.bytes();
+                looks += i.looks.bytes();
             }
         }
         let cuts =
@@ -395,7 +409,7 @@ impl SceneOnDevice {
                     + m.triangles.bvh.iter().flatten().map(Buffer::bytes).sum::<u64>();
             }
             if first(Arc::as_ptr(&m.looks).cast()) {
-                looks += m.looks.materials.bytes() + m.looks.of_label.bytes();
+                looks += m.looks.bytes();
             }
         }
         let lights = self.sky.buffers.iter().map(Buffer::bytes).sum::<u64>();

@@ -9,8 +9,10 @@ use pumice_core::{CompressedVolume, Job, MeshData};
 use pumice_cpu::camera_rays::CameraRays;
 use pumice_cpu::traverse::{Cuts, LodChoice, Placement, mesh_placement};
 use pumice_cpu::{Looks, ReadImage, scene_lights};
-use pumice_render::{FilmBuffer, Image, PassSums, Pick, Picture, Rebuilt, RenderError, SurfaceKind};
-use pumice_scene::{InstanceDiff, Mesh, MeshDiff, Scene, SceneDiff};
+use pumice_render::{
+    FilmBuffer, Image, PassSums, Pick, Picture, Rebuilt, RenderError, SurfaceKind, cryptomatte, name_mattes,
+};
+use pumice_scene::{InstanceDiff, MeshDiff, Pass, Scene, SceneDiff};
 
 use crate::device::{Buffer, DeviceError};
 use crate::film::Film;
@@ -72,8 +74,8 @@ impl<'a> Former<'a> {
     }
 
     /// Its materials, where they are still right: colours of neighbours follow from which labels are drawn.
-    fn looks(&self) -> Option<&'a Arc<LooksOnDevice>> {
-        let same = !self.change.materials && !self.change.visibility;
+    fn looks(&self, mattes: bool) -> Option<&'a Arc<LooksOnDevice>> {
+        let same = !self.change.materials && !self.change.visibility && self.shown.has_mattes() == mattes;
         same.then(|| &self.parts().looks)
     }
 
@@ -101,8 +103,9 @@ impl<'a> FormerMesh<'a> {
         })
     }
 
-    fn looks(&self) -> Option<&'a Arc<LooksOnDevice>> {
-        (!self.change.materials).then(|| &self.shown.parts.meshes[self.place].looks)
+    fn looks(&self, mattes: bool) -> Option<&'a Arc<LooksOnDevice>> {
+        (!self.change.materials && self.shown.has_mattes() == mattes)
+            .then(|| &self.shown.parts.meshes[self.place].looks)
     }
 
     /// Its triangles, where they are still the same instance's: a hierarchy knows its number.
@@ -261,7 +264,13 @@ impl Shown {
             position: Some(image(|f| f.position)),
             ..Picture::of(film.mean())
         };
-        Ok(film.passes_into(picture, self.scene.film.passes))
+        let mut picture = film.passes_into(picture, self.scene.film.passes);
+        name_mattes(&mut picture, &self.scene, &self.volumes);
+        Ok(picture)
+    }
+
+    fn has_mattes(&self) -> bool {
+        self.scene.film.passes.has_any(Pass::MATTES)
     }
 
     /// First surfaces of a tile; how long the launch took.
@@ -337,7 +346,7 @@ fn parts_of(
     let mut on_device = Vec::with_capacity(meshes.len());
     for (place, (mesh, data)) in scene.meshes.iter().zip(meshes).enumerate() {
         let former = FormerMesh::find(old, diff, mesh.id, data);
-        on_device.push(mesh_of(machine, former.as_ref(), place, volumes.len(), mesh, data, counters)?);
+        on_device.push(mesh_of(machine, former.as_ref(), place, volumes.len(), scene, data, counters)?);
     }
     counters.sent.header += 1;
     let rays = CameraRays::new(&scene.camera, &scene.film);
@@ -362,7 +371,8 @@ fn instance_of(
     let instance = &scene.instances[place];
     let tight = lod == LodChoice::Voxels;
     let table = volume.labels();
-    let kept_looks = former.and_then(Former::looks);
+    let mattes = scene.film.passes.has_any(Pass::MATTES);
+    let kept_looks = former.and_then(|f| f.looks(mattes));
     let kept_boxes = former.and_then(|f| f.boxes(place, tight));
     let visible = if kept_looks.is_none() || kept_boxes.is_none() {
         let field = format!("instances[{place}].style.show");
@@ -377,7 +387,8 @@ fn instance_of(
             counters.rebuilt.materials += 1;
             counters.sent.materials += 1;
             let looks = Looks::new(&instance.style, table.ids(), table.contacts().iter(), &visible);
-            Arc::new(LooksOnDevice::new(gpu, &looks)?)
+            let ids = if mattes { cryptomatte::ids_of_volume(table) } else { Vec::new() };
+            Arc::new(LooksOnDevice::new(gpu, &looks.with_ids(ids))?)
         }
     };
     let boxes = match kept_boxes {
@@ -417,17 +428,20 @@ fn mesh_of(
     former: Option<&FormerMesh<'_>>,
     place: usize,
     volumes: usize,
-    mesh: &Mesh,
+    scene: &Scene,
     data: &MeshData,
     counters: &mut Counters,
 ) -> Result<MeshOnDevice, Fault> {
     let gpu = &machine.gpu;
-    let looks = match former.and_then(FormerMesh::looks) {
+    let mesh = &scene.meshes[place];
+    let mattes = scene.film.passes.has_any(Pass::MATTES);
+    let looks = match former.and_then(|f| f.looks(mattes)) {
         Some(kept) => Arc::clone(kept),
         None => {
             counters.rebuilt.materials += 1;
             counters.sent.materials += 1;
-            Arc::new(LooksOnDevice::new(gpu, &Looks::of_mesh(&mesh.materials))?)
+            let ids = if mattes { cryptomatte::ids_of_mesh(&mesh.source) } else { Vec::new() };
+            Arc::new(LooksOnDevice::new(gpu, &Looks::of_mesh(&mesh.materials).with_ids(ids))?)
         }
     };
     let instance = volumes + place;

@@ -232,6 +232,7 @@ fn twins() -> Vec<Layout> {
                 materials,
                 material_of_label,
                 cut_planes,
+                matte_ids,
                 translation,
                 adjugate,
                 determinant,
@@ -248,7 +249,7 @@ fn twins() -> Vec<Layout> {
                 eye_in_index,
                 edges_from_index,
                 coarser_from_squared,
-                reserved,
+                last_matte_id,
             }
         ),
         twin!("CutPlane", CutPlane { normal, offset, normal_in_world, axis, ends_part }),

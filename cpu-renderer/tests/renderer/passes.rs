@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use glam::DVec3;
 use pumice_core::Job;
+use pumice_render::cryptomatte::id_of_hash;
 use pumice_render::{Image, Pass, Passes, Picture, Renderer};
 use pumice_scene::{Environment, Light, LightShape, Material, Mode, Projection, Scene, Settings, Show, Sun};
 
@@ -338,4 +339,70 @@ fn occlusion_is_direct_diffuse_light_of_white_surfaces() {
     let picture = render(&scene, 16);
     assert!(apart(&picture, &recombined(&picture, None)) < ROUNDING);
     assert!(apart(&picture, &recombined(&picture, Some(Pass::DiffuseDirect))) > 0.1);
+}
+
+/// (id, coverage) of a pixel's ranks, by kind of matte.
+fn ranks(picture: &Picture, pass: Pass, pixel: usize) -> Vec<[f32; 2]> {
+    let matte =
+        picture.mattes.iter().find(|m| m.pass == pass).unwrap_or_else(|| panic!("no {}", pass.name()));
+    matte.layers.iter().flat_map(|l| [[l[pixel][0], l[pixel][1]], [l[pixel][2], l[pixel][3]]]).collect()
+}
+
+/// Clear surfaces count for what they are there, and what is behind them for the rest; no more than alpha in all.
+#[test]
+fn mattes_cover_what_alpha_does() {
+    let mut scene = looking_down(SKY, vec![], lambert(0.5));
+    scene.instances[0].style.materials.insert(9, Material { alpha: 0.25, ..lambert(0.5) });
+    // Across the tower's side at x = 12 and past the slab's at x = 16: 8 pixels of 1 unit.
+    scene.camera.world_from_camera.translation = DVec3::new(14.0, 14.0, 20.0);
+    scene.camera.projection = Projection::Orthographic { scale: 8.0 };
+    (scene.film.transparent, scene.film.cryptomatte_ranks) = (true, 4);
+    scene.film.passes = Pass::MATTES.iter().copied().collect();
+    let spp = 256;
+    let picture = render(&scene, spp);
+    let alpha = picture.alpha.as_ref().unwrap();
+    let names = |m: usize| picture.mattes[m].names.keys().map(String::as_str).collect::<Vec<_>>();
+    assert_eq!((names(0), names(1)), (vec!["5", "9"], vec!["no type"]));
+    let id = |m: usize, name: &str| id_of_hash(picture.mattes[m].names[name]);
+    let mut towers = 0.0;
+    for (i, &a) in alpha.iter().enumerate() {
+        let labels = ranks(&picture, Pass::CryptomatteLabel, i);
+        let of = |name: &str| labels.iter().find(|r| r[0] == id(0, name)).map_or(0.0, |r| r[1]);
+        let (floor, tower) = (of("5"), of("9"));
+        // Counts over a power of two: no rounding.
+        assert_eq!(floor + tower, a, "pixel {i}");
+        assert!(labels.is_sorted_by(|a, b| a[1] >= b[1]), "{labels:?}");
+        let [whole, .., last] = ranks(&picture, Pass::CryptomatteType, i)[..] else { panic!("no ranks") };
+        assert!(whole[1] == a && (whole[0] == id(1, "no type") || a == 0.0) && last == [0.0; 2]);
+        let (column, row) = (i % 8, i / 8);
+        if (2..6).contains(&column) && (2..6).contains(&row) {
+            // Its top and its bottom stop a quarter each; under it is the floor, which is there.
+            assert_eq!(a, 1.0);
+            towers += tower;
+        } else {
+            let inside = column < 6 && row >= 2;
+            assert_eq!(
+                (floor, tower, a),
+                if inside { (1.0, 0.0, 1.0) } else { (0.0, 0.0, 0.0) },
+                "pixel {i}"
+            );
+        }
+    }
+    // 16 · 256 draws: five standard errors of 0.0078.
+    let mean = towers / 16.0;
+    assert!((mean - (1.0 - 0.75 * 0.75)).abs() < 0.039, "{mean}");
+    // What is not asked for is not there.
+    scene.film.passes = Passes::NONE.with(Pass::CryptomatteType);
+    let kinds: Vec<Pass> = render(&scene, 1).mattes.iter().map(|m| m.pass).collect();
+    assert_eq!(kinds, [Pass::CryptomatteType]);
+    scene.film.passes = Passes::NONE;
+    assert!(render(&scene, 1).mattes.is_empty());
+    // An edit that asks for them finds surfaces named that it had drawn without names.
+    let mut renderer = super::renderer();
+    for passes in [Passes::NONE, Pass::MATTES.iter().copied().collect()] {
+        scene.film.passes = passes;
+        renderer.set_scene(&scene, &[volume()], &[]).unwrap();
+    }
+    while renderer.advance(Duration::from_millis(20), spp, &Job::new()).unwrap().spp < spp {}
+    assert_eq!(renderer.picture().unwrap().mattes, picture.mattes);
 }

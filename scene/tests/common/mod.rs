@@ -74,6 +74,7 @@ pub(crate) fn full_scene() -> Scene {
             pixel_aspect: 1.5,
             transparent: true,
             passes: Passes::ALL,
+            cryptomatte_ranks: 8,
             ..Film::new(640, 360, Filter::BlackmanHarris { width: 3.0 })
         },
         world: World {

@@ -1,6 +1,7 @@
 //! Materials, and which label has which.
 
 use pumice_cpu::Looks;
+use pumice_render::cryptomatte::Ids;
 
 use crate::layout::{Instance, Material};
 
@@ -11,6 +12,8 @@ pub struct PackedLooks {
     pub materials: Vec<Material>,
     /// Material by dense label; empty: all have the first.
     pub of_label: Vec<u32>,
+    /// What mattes call each label; empty where there are none.
+    pub ids: Vec<Ids>,
 }
 
 impl PackedLooks {
@@ -38,11 +41,14 @@ impl PackedLooks {
         Self {
             materials: looks.materials().iter().map(material).collect(),
             of_label: looks.of_label().to_vec(),
+            ids: looks.ids().to_vec(),
         }
     }
 
     /// Tells an instance of them, which lie at these addresses.
-    pub fn describe(&self, instance: &mut Instance, materials: u64, of_label: u64) {
+    pub fn describe(&self, instance: &mut Instance, materials: u64, of_label: u64, ids: u64) {
+        instance.matte_ids = ids;
+        instance.last_matte_id = (self.ids.len() as u32).saturating_sub(1);
         instance.materials = materials;
         instance.material_of_label = of_label;
         instance.label_count = self.of_label.len() as u32;

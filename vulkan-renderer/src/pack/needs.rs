@@ -35,6 +35,8 @@ pub struct ShaderNeeds {
     pub sorted: bool,
     /// Some label has sheen.
     pub sheen: bool,
+    /// Pixels keep which labels they see, by name.
+    pub mattes: bool,
 }
 
 impl ShaderNeeds {
@@ -65,15 +67,32 @@ impl ShaderNeeds {
             lamps: !lights.lamps().is_empty(),
             cuts,
             meshes,
+            mattes: PassSums::of(film).ranks > 0,
             sorted: clamps(settings) || PassSums::of(film).stride() > 0,
         }
     }
 
     /// Specialisation constants by their numbers; number 0 is the probe's.
-    pub fn constants(&self) -> [u32; 13] {
-        let Self { lobes, picture, aim, lens, lamps, coat, glass, clear, cuts, meshes, sorted, sheen } =
-            *self;
-        [false, lobes, picture, aim, lens, lamps, coat, glass, clear, cuts, meshes, sorted, sheen]
-            .map(u32::from)
+    pub fn constants(&self) -> [u32; 15] {
+        let Self {
+            lobes,
+            picture,
+            aim,
+            lens,
+            lamps,
+            coat,
+            glass,
+            clear,
+            cuts,
+            meshes,
+            sorted,
+            sheen,
+            mattes,
+        } = *self;
+        [
+            false, lobes, picture, aim, lens, lamps, coat, glass, clear, cuts, meshes, sorted, sheen, false,
+            mattes,
+        ]
+        .map(u32::from)
     }
 }

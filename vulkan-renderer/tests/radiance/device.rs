@@ -32,7 +32,8 @@ impl OnDevice {
             let packed = PackedLooks::new(looks);
             let materials = uploaded.put(gpu, &packed.materials);
             let of_label = if packed.of_label.is_empty() { 0 } else { uploaded.put(gpu, &packed.of_label) };
-            packed.describe(&mut uploaded.instances[i], materials, of_label);
+            let ids = if packed.ids.is_empty() { 0 } else { uploaded.put(gpu, &packed.ids) };
+            packed.describe(&mut uploaded.instances[i], materials, of_label, ids);
         }
         let lights = &case.around.lights;
         let ends = if lights.ends().is_empty() { 0 } else { uploaded.put(gpu, lights.ends()) };

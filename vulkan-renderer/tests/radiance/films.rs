@@ -1,6 +1,7 @@
 //! The entry points that a renderer launches, on each backend: films and first surfaces.
 
 use pumice_core::Job;
+use pumice_cpu::Looks;
 use pumice_render::metrics::Variance;
 use pumice_render::metrics::chance::chance;
 use pumice_render::sampler::REPLICATES;
@@ -116,6 +117,16 @@ fn films_with_doubles_in_integers_are_the_cpus() {
     }
 }
 
+/// Gives labels ids as mattes have them: a few of types, many of labels, so that slots overflow.
+fn name_all(case: &mut Case) {
+    for (looks, instance) in case.around.looks.iter_mut().zip(0u32..) {
+        let count = case.traced.get(instance as usize).map_or(1, |t| t.volume.labels().len() as u32);
+        // Near one another, so that they do not widen what a pixel may be off by; 1/64 is far beyond that.
+        let ids = |label: u32| [1.5 + (instance * 100 + label) as f32 / 64.0, -2.5 - (label % 3) as f32];
+        *looks = std::sync::Arc::new(Looks::clone(looks).with_ids((0..count).map(ids).collect()));
+    }
+}
+
 /// Sums of passes: light by kind, colours, normals, alpha, of clamped light; of the scenes in which there is most of it.
 #[test]
 fn passes_are_the_cpus_and_alike_on_all_backends() {
@@ -123,11 +134,13 @@ fn passes_are_the_cpus_and_alike_on_all_backends() {
     let names = ["all surfaces under a picture", "glass, clear", "lamps of all kinds", "occlusion"];
     for mut case in cases().into_iter().filter(|c| names.iter().any(|n| c.name.contains(n))) {
         case.film.transparent = true;
-        case.film.passes = Pass::LIGHT.iter().copied().chain([Pass::Albedo, Pass::Normal]).collect();
+        let groups = [Pass::LIGHT, Pass::MATTES, &[Pass::Albedo, Pass::Normal]].concat();
+        (case.film.passes, case.film.cryptomatte_ranks) = (groups.into_iter().collect(), 2);
+        name_all(&mut case);
         (case.around.settings.clamp_direct, case.around.settings.clamp_indirect) = (0.5, 0.25);
         let expected = cpu_film(&case);
         let stride = expected.kept().stride();
-        assert_eq!(stride, 40);
+        assert_eq!(stride, 56);
         let (_, first) = fronts[0].film_and_passes(&case, SPP);
         let found = found(&case, &asked(&case, SPP));
         let rays = found.iter().map(|f| f.rays).max().unwrap_or(0);
@@ -147,7 +160,7 @@ fn passes_are_the_cpus_and_alike_on_all_backends() {
         assert!(most < 0.5 * (first.len() / stride) as f64, "{}", case.name);
         let sums: Vec<f32> =
             (0..stride).map(|i| first.iter().skip(i).step_by(stride).map(|v| v.abs()).sum()).collect();
-        let groups = [0..1, 1..4, 4..7, 7..10, 31..34];
+        let groups = [0..1, 1..4, 4..7, 7..10, 31..34, 41..42, 49..50];
         assert!(groups.into_iter().all(|g| sums[g].iter().sum::<f32>() > 0.0), "{}: {sums:?}", case.name);
         for front in &fronts[1..] {
             let (_, sums) = front.film_and_passes(&case, SPP);
