@@ -195,7 +195,7 @@ pub(crate) struct Render {
     #[arg(short, long, value_name = "OUT")]
     pub(crate) out: PathBuf,
     /// Render a picture again from what it carries: the same pixels
-    #[arg(long, value_name = "PICTURE", conflicts_with_all = ["input", "size", "spp", "time", "error", "bounces", "mode", "lod", "seed", "labels", "pick", "view", "transparent"])]
+    #[arg(long, value_name = "PICTURE", conflicts_with_all = ["input", "size", "spp", "time", "error", "bounces", "mode", "lod", "seed", "labels", "pick", "view", "transparent", "half", "view_transform"])]
     pub(crate) again: Option<PathBuf>,
     /// What renders: auto, cpu, vulkan-rt, vulkan-query or vulkan-compute
     ///
@@ -239,6 +239,16 @@ pub(crate) struct Render {
     /// Leave transparent what camera rays do not meet, instead of the sky or the backdrop
     #[arg(long)]
     pub(crate) transparent: bool,
+    /// In an EXR, colours as half floats (16 bits): half the size, 3 digits, at most 65504
+    ///
+    /// Depth, position, label, Cryptomatte, variance and samples keep 32 bits
+    #[arg(long)]
+    pub(crate) half: bool,
+    /// How a PNG shows light: the sRGB curve (standard), or like Blender's Filmic or AgX
+    ///
+    /// Default: standard, or the scene's. The last two are approximations; docs/passes.md says how near they come
+    #[arg(long, value_enum, value_name = "VIEW")]
+    pub(crate) view_transform: Option<ViewArg>,
     /// Only these labels, by id, separated by commas
     #[arg(long, value_name = "ID,ID", value_delimiter = ',', conflicts_with = "pick")]
     pub(crate) labels: Option<Vec<u64>>,
@@ -283,6 +293,13 @@ pub(crate) enum LodArg {
     #[value(name = "16")]
     Boxes,
     Auto,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum ViewArg {
+    Standard,
+    Filmic,
+    Agx,
 }
 
 /// Measure how far a picture is from a reference: relMSE, PSNR, SSIM, FLIP, and a test for chance where variances are known

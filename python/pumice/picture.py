@@ -104,7 +104,8 @@ class Picture:
         ]
 
     def save(self, path: Path, *, passes: str | Sequence[str] = "all") -> None:
-        """Writes an `.exr` (scene-linear, with these passes) or a `.png` (sRGB), whole or not at all. Both can be made again.
+        """Writes an `.exr` (scene-linear, with these passes; `film.half` of the scene makes colours half floats) or a `.png` (as
+        `film.view_transform` shows it), whole or not at all. Both can be made again.
 
         Passes: `all`, `none`, `light` for all that are of light, `cryptomatte` for both of its kinds, or names as in `passes`; what the picture lacks is left out.
         """

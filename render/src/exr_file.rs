@@ -10,6 +10,8 @@
 //! | `ViewLayer.CryptoObject00.r`, `.g`, `.b`, `.a`, … | float | ids and coverages by label, `CryptoAsset` by type: [`crate::cryptomatte`] |
 //! | `ViewLayer.DiffDir.R`, `.G`, `.B`, … | float | the other passes of `docs/passes.md`, under the names that Blender gives them |
 //!
+//! [`write_exr_half`] writes colours, alpha, normals and albedo as half floats.
+//!
 //! The colour has no layer's name, so that every program shows it; the passes have that of Blender's first layer, so that compositor
 //! set-ups find them. Labels are whole numbers of 32 bits and so never pass through a float. The attribute `pumice` (a string) holds
 //! [`crate::Provenance`] as JSON in ASCII: an EXR string has no encoding, so other characters are escaped as `\uXXXX`. Scan
@@ -22,7 +24,7 @@ use exr::block::UncompressedBlock;
 use exr::block::writer::ChunksWriter;
 use exr::meta::attribute::{AttributeValue, ChannelDescription, Chromaticities, SampleType, Text};
 use exr::meta::header::{Header, ImageAttributes, LayerAttributes};
-use exr::prelude::{Compression, LineOrder, Vec2};
+use exr::prelude::{Compression, LineOrder, Vec2, f16};
 
 use crate::atomic_file::write_atomically;
 use crate::cryptomatte::{self, Matte};
@@ -35,18 +37,40 @@ use crate::{Image, Pass, Passes, Picture, PictureError};
 #[derive(Clone, Copy)]
 enum Samples<'a> {
     Of(&'a Image, usize),
+    HalfOf(&'a Image, usize),
+    HalfFloats(&'a [f32]),
     OfFour(&'a [[f32; 4]], usize),
     Floats(&'a [f32]),
     Whole(&'a [u32]),
 }
 
-/// Writes the picture with those of the passes that it has. The file is there whole or not at all.
+/// Writes the picture with those of the passes that it has, as floats of 32 bits. The file is there whole or not at all.
 ///
 /// # Errors
 /// [`PictureError::Io`] when the system refuses, [`PictureError::File`] when the picture does not fit the format or its passes
 /// have different sizes.
 pub fn write_exr(path: &Path, picture: &Picture, passes: &Passes) -> Result<(), PictureError> {
-    write_atomically(path, |file| write_to(file, path, picture, passes))
+    write_atomically(path, |file| write_to(file, path, picture, passes, false))
+}
+
+/// The same with colours as floats of 16 bits, rounded to the nearest, ties to even; beyond ±65,504 they are that, as Blender writes them:
+/// an infinity would spread through every filter that a compositor has. Where things are and what is counted keeps 32 bits: depth,
+/// position, label, mattes, variance, samples.
+///
+/// # Errors
+/// As [`write_exr`].
+pub fn write_exr_half(path: &Path, picture: &Picture, passes: &Passes) -> Result<(), PictureError> {
+    write_atomically(path, |file| write_to(file, path, picture, passes, true))
+}
+
+/// Whether a pass is of colours, or as good in 16 bits.
+fn may_be_half(pass: Pass) -> bool {
+    matches!(pass, Pass::Albedo | Pass::Normal) || Pass::LIGHT.contains(&pass)
+}
+
+/// The nearest float of 16 bits.
+fn half_of(value: f32) -> f16 {
+    f16::from_f32(value.clamp(-f16::MAX.to_f32(), f16::MAX.to_f32()))
 }
 
 /// Reads a picture: one that [`write_exr`] wrote, or any EXR with channels R, G and B, half or float, tiles or scan lines.
@@ -90,13 +114,21 @@ pub(crate) fn channels_of_pass(pass: Pass) -> (&'static str, &'static str) {
 }
 
 /// Channels of the file in the order of their names, which the format demands.
-fn channels_of<'a>(picture: &'a Picture, passes: &Passes) -> Vec<(String, Samples<'a>)> {
-    fn triple<'a>(of: &mut Vec<(String, Samples<'a>)>, prefix: &str, letters: &str, image: &'a Image) {
-        of.extend(letters.chars().enumerate().map(|(c, l)| (format!("{prefix}{l}"), Samples::Of(image, c))));
+fn channels_of<'a>(picture: &'a Picture, passes: &Passes, half: bool) -> Vec<(String, Samples<'a>)> {
+    fn triple<'a>(
+        of: &mut Vec<(String, Samples<'a>)>,
+        prefix: &str,
+        letters: &str,
+        image: &'a Image,
+        half: bool,
+    ) {
+        let samples = |c| if half { Samples::HalfOf(image, c) } else { Samples::Of(image, c) };
+        of.extend(letters.chars().enumerate().map(|(c, l)| (format!("{prefix}{l}"), samples(c))));
     }
     let mut channels = Vec::new();
-    triple(&mut channels, "", "RGB", &picture.color);
-    channels.extend(picture.alpha.as_ref().map(|alpha| ("A".into(), Samples::Floats(alpha))));
+    triple(&mut channels, "", "RGB", &picture.color, half);
+    let alpha = |of| if half { Samples::HalfFloats(of) } else { Samples::Floats(of) };
+    channels.extend(picture.alpha.as_ref().map(|of| ("A".into(), alpha(of))));
     for pass in passes.iter() {
         let (layer, letters) = channels_of_pass(pass);
         let name = || format!("{layer}{letters}");
@@ -127,7 +159,7 @@ fn channels_of<'a>(picture: &'a Picture, passes: &Passes) -> Vec<(String, Sample
             light => picture.light.iter().find(|(pass, _)| *pass == light).map(|(_, image)| image),
         };
         if let Some(image) = image {
-            triple(&mut channels, layer, letters, image);
+            triple(&mut channels, layer, letters, image, half && may_be_half(pass));
         }
     }
     channels.sort_by(|a, b| a.0.cmp(&b.0));
@@ -139,16 +171,19 @@ fn write_to(
     path: &Path,
     picture: &Picture,
     passes: &Passes,
+    half: bool,
 ) -> Result<(), PictureError> {
     let refuse = |what: String| PictureError::File { path: path.to_owned(), what };
     let (width, height) = (picture.color.width, picture.color.height);
-    let channels = channels_of(picture, passes);
+    let channels = channels_of(picture, passes, half);
     check_size(width, height).map_err(refuse)?;
     for (name, samples) in &channels {
         let fits = match samples {
-            Samples::Of(image, _) => (image.width, image.height) == (width, height),
+            Samples::Of(image, _) | Samples::HalfOf(image, _) => {
+                (image.width, image.height) == (width, height)
+            }
             Samples::OfFour(of, _) => of.len() == width * height,
-            Samples::Floats(of) => of.len() == width * height,
+            Samples::Floats(of) | Samples::HalfFloats(of) => of.len() == width * height,
             Samples::Whole(of) => of.len() == width * height,
         };
         if !fits {
@@ -160,13 +195,17 @@ fn write_to(
         let blocks = meta.collect_ordered_blocks(|block| {
             UncompressedBlock::from_lines(&meta.headers[block.layer].channels, block, |line| {
                 let first = line.location.position.1 * width + line.location.position.0;
-                let bytes = line.value.as_chunks_mut().0;
                 // The crate asks for each line in the order of the header's channels, which is that of `channels`; lines hold
                 // samples in the machine's byte order.
+                let bytes = line.value;
                 match channels[line.location.channel].1 {
                     Samples::Of(image, c) => fill(bytes, &image.pixels[first..], |p| p[c].to_ne_bytes()),
+                    Samples::HalfOf(image, c) => {
+                        fill(bytes, &image.pixels[first..], |p| half_of(p[c]).to_ne_bytes());
+                    }
                     Samples::OfFour(of, c) => fill(bytes, &of[first..], |p| p[c].to_ne_bytes()),
                     Samples::Floats(of) => fill(bytes, &of[first..], |v| v.to_ne_bytes()),
+                    Samples::HalfFloats(of) => fill(bytes, &of[first..], |v| half_of(v).to_ne_bytes()),
                     Samples::Whole(of) => fill(bytes, &of[first..], |v| v.to_ne_bytes()),
                 }
             })
@@ -179,8 +218,8 @@ fn write_to(
     })
 }
 
-fn fill<T: Copy>(bytes: &mut [[u8; 4]], samples: &[T], encode: impl Fn(T) -> [u8; 4]) {
-    for (to, &from) in bytes.iter_mut().zip(samples) {
+fn fill<T: Copy, const N: usize>(bytes: &mut [u8], samples: &[T], encode: impl Fn(T) -> [u8; N]) {
+    for (to, &from) in bytes.as_chunks_mut().0.iter_mut().zip(samples) {
         *to = encode(from);
     }
 }
@@ -192,7 +231,11 @@ fn header_of(
 ) -> Result<Header, String> {
     let size = (picture.color.width, picture.color.height);
     let list = channels.iter().map(|(name, samples)| {
-        let kind = if matches!(samples, Samples::Whole(_)) { SampleType::U32 } else { SampleType::F32 };
+        let kind = match samples {
+            Samples::Whole(_) => SampleType::U32,
+            Samples::HalfOf(..) | Samples::HalfFloats(_) => SampleType::F16,
+            Samples::Of(..) | Samples::OfFour(..) | Samples::Floats(_) => SampleType::F32,
+        };
         ChannelDescription::new(name.as_str(), kind, false)
     });
     let mut layer = LayerAttributes {
@@ -275,6 +318,57 @@ mod tests {
         assert_eq!(files_in(folder.path()), ["a.exr"]);
     }
 
+    /// What is rounded is the nearest by the definition of the format (IEEE 754 binary16), what is not keeps every bit.
+    #[test]
+    fn halves_are_the_nearest_and_only_of_colours() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.exr");
+        let mut picture = sample_pictures::picture(33, 17);
+        // Halfway cases go to even; the smallest; beyond the largest; what is no number.
+        picture.color.pixels[..4].copy_from_slice(&[
+            [2049.0, 2051.0, 65_519.0],
+            [65_520.0, -1e30, f32::INFINITY],
+            [f32::from_bits(0x3300_0000), f32::from_bits(0x3300_0001), 6e-8],
+            [f32::NAN, -0.0, 0.1],
+        ]);
+        write_exr_half(&path, &picture, &Passes::ALL).unwrap();
+        let back = read_exr(&path).unwrap();
+        assert_eq!(back.color.pixels[0], [2048.0, 2052.0, 65_504.0]);
+        assert_eq!(back.color.pixels[1], [65_504.0, -65_504.0, 65_504.0]);
+        assert_eq!(back.color.pixels[2], [0.0, 2f32.powi(-24), 2f32.powi(-24)]);
+        assert!(back.color.pixels[3][0].is_nan() && back.color.pixels[3][1].to_bits() == 1 << 31);
+        assert_eq!(back.color.pixels[3][2], 0.099_975_586);
+        // 11 bits of significand: half of 2⁻¹⁰ of the value at most, or of 2⁻²⁴.
+        let near = |a: &[f32], b: &[f32]| {
+            let mut rounded = 0;
+            for (a, b) in a.iter().zip(b) {
+                let bound = (b.abs() * 2f32.powi(-11)).max(2f32.powi(-25));
+                assert!((a - b).abs() <= bound, "{a} for {b}");
+                rounded += usize::from(a != b);
+            }
+            assert!(rounded > a.len() / 4, "{rounded} of {} are rounded at all", a.len());
+        };
+        near(back.color.pixels[4..].as_flattened(), picture.color.pixels[4..].as_flattened());
+        near(
+            back.albedo.as_ref().unwrap().pixels.as_flattened(),
+            picture.albedo.as_ref().unwrap().pixels.as_flattened(),
+        );
+        for ((pass, a), (_, b)) in back.light.iter().zip(&picture.light) {
+            assert!(Pass::LIGHT.contains(pass));
+            near(a.pixels.as_flattened(), b.pixels.as_flattened());
+        }
+        // All else is as it was.
+        let kept = Picture {
+            color: picture.color.clone(),
+            albedo: picture.albedo.clone(),
+            normal: picture.normal.clone(),
+            alpha: picture.alpha.clone(),
+            light: picture.light.clone(),
+            ..back
+        };
+        assert_eq!(format!("{kept:?}"), format!("{picture:?}"), "as text: one is no number");
+    }
+
     #[test]
     fn unwanted_passes_stay_out() {
         let folder = tempfile::tempdir().unwrap();
@@ -297,7 +391,7 @@ mod tests {
         let picture = sample_pictures::picture(40, 50);
         let bytes = || {
             let mut bytes = Cursor::new(Vec::new());
-            write_to(&mut bytes, Path::new("a.exr"), &picture, &Passes::ALL).unwrap();
+            write_to(&mut bytes, Path::new("a.exr"), &picture, &Passes::ALL, false).unwrap();
             bytes.into_inner()
         };
         assert_eq!(bytes(), bytes());
@@ -369,7 +463,7 @@ mod tests {
         let picture = sample_pictures::picture(30, 40);
         let write = |left| {
             let mut disk = Full { inner: Cursor::new(Vec::new()), left };
-            let result = write_to(&mut disk, Path::new("a.exr"), &picture, &Passes::ALL);
+            let result = write_to(&mut disk, Path::new("a.exr"), &picture, &Passes::ALL, false);
             (result, disk.inner.into_inner().len())
         };
         let (result, whole) = write(usize::MAX);

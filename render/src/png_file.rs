@@ -1,7 +1,7 @@
 //! Pictures as PNG files: what a screen shows, 8 bits a channel, sRGB.
 //!
 //! The scene-linear colour is clamped to [0, 1] (not a number becomes 0), encoded with the exact sRGB curve and rounded to the
-//! nearest of 256 values. Nothing is tone-mapped. A transparent film's picture has a fourth channel: its alpha, by which the colour, which
+//! nearest of 256 values; or, where another [view transform](crate::view_transform) is wanted, shown by that. A transparent film's picture has a fourth channel: its alpha, by which the colour, which
 //! is multiplied with it, is divided, as PNG has it (ISO/IEC 15948 §6.2). The chunk `sRGB` says so, and an `iTXt` chunk with the keyword `pumice` holds
 //! the provenance as JSON.
 
@@ -13,23 +13,31 @@ use rayon::prelude::*;
 use crate::atomic_file::write_atomically;
 use crate::exr_file::check_size;
 use crate::exr_read::Failure;
-use crate::metrics::display::srgb_from_linear;
 use crate::provenance_text::{PROVENANCE_KEY, provenance_to_ascii};
-use crate::{Picture, PictureError, Provenance};
+use crate::view_transform::shown;
+use crate::{Picture, PictureError, Provenance, ViewTransform};
 
 /// Writes the colour as a screen shows it. The file is there whole or not at all.
 ///
 /// # Errors
 /// [`PictureError::Io`] when the system refuses, [`PictureError::File`] when the picture is empty or too large.
 pub fn write_png(path: &Path, picture: &Picture) -> Result<(), PictureError> {
-    write_atomically(path, |file| write_to(file, picture).map_err(|failure| failure.at(path)))
+    write_png_shown(path, picture, ViewTransform::Standard)
 }
 
-fn write_to(writer: &mut impl Write, picture: &Picture) -> Result<(), Failure> {
+/// The same by another view transform.
+///
+/// # Errors
+/// As [`write_png`].
+pub fn write_png_shown(path: &Path, picture: &Picture, view: ViewTransform) -> Result<(), PictureError> {
+    write_atomically(path, |file| write_to(file, picture, view).map_err(|failure| failure.at(path)))
+}
+
+fn write_to(writer: &mut impl Write, picture: &Picture, view: ViewTransform) -> Result<(), Failure> {
     let color = &picture.color;
     check_size(color.width, color.height)?;
     let bytes: Vec<u8> = match &picture.alpha {
-        None => color.pixels.par_iter().flat_map_iter(|pixel| pixel.map(encoded)).collect(),
+        None => color.pixels.par_iter().flat_map_iter(|&pixel| encoded(view, pixel)).collect(),
         Some(alpha) if alpha.len() != color.pixels.len() => {
             return Err(Failure::File(format!(
                 "alpha: expected {} pixels, got {}",
@@ -39,7 +47,7 @@ fn write_to(writer: &mut impl Write, picture: &Picture) -> Result<(), Failure> {
         }
         Some(alpha) => {
             let pixel = |(pixel, &a): (&[f32; 3], &f32)| {
-                let [r, g, b] = pixel.map(|c| encoded(if a > 0.0 { c / a } else { 0.0 }));
+                let [r, g, b] = encoded(view, pixel.map(|c| if a > 0.0 { c / a } else { 0.0 }));
                 [r, g, b, (f64::from(a).clamp(0.0, 1.0) * 255.0).round() as u8]
             };
             color.pixels.par_iter().zip(alpha).flat_map_iter(pixel).collect()
@@ -60,10 +68,9 @@ fn write_to(writer: &mut impl Write, picture: &Picture) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The nearest of 256 values that shows a linear one.
-fn encoded(linear: f32) -> u8 {
-    // The cast makes 0 of what is not a number.
-    (srgb_from_linear(f64::from(linear).clamp(0.0, 1.0)) * 255.0).round() as u8
+/// The nearest of 256 values of each channel that show a linear colour.
+fn encoded(view: ViewTransform, linear: [f32; 3]) -> [u8; 3] {
+    shown(view, linear).map(|c| (c * 255.0).round() as u8)
 }
 
 /// Reads the provenance alone; `None` where the file has none.
@@ -153,8 +160,9 @@ mod tests {
         for byte in 0..255u8 {
             let middle = linear_from_srgb((f64::from(byte) + 0.5) / 255.0);
             // 1e-6 either way is beyond f32 rounding and the step of the two curves' joint.
-            assert_eq!(encoded((middle * (1.0 - 1e-6)) as f32), byte);
-            assert_eq!(encoded((middle * (1.0 + 1e-6)) as f32), byte + 1);
+            let encoded = |linear: f64| encoded(ViewTransform::Standard, [linear as f32; 3]);
+            assert_eq!(encoded(middle * (1.0 - 1e-6)), [byte; 3]);
+            assert_eq!(encoded(middle * (1.0 + 1e-6)), [byte + 1; 3]);
         }
     }
 
@@ -162,11 +170,12 @@ mod tests {
     fn a_full_disk_is_an_io_error() {
         let picture = sample_pictures::picture(30, 30);
         let mut whole = Vec::new();
-        write_to(&mut whole, &picture).unwrap();
+        write_to(&mut whole, &picture, ViewTransform::Standard).unwrap();
         for room in [0, 8, 60, whole.len() - 1] {
             // A cursor over a slice writes 0 bytes where the slice ends, which `write_all` reports.
             let mut disk = vec![0; room];
-            let error = write_to(&mut Cursor::new(&mut disk[..]), &picture).unwrap_err();
+            let error =
+                write_to(&mut Cursor::new(&mut disk[..]), &picture, ViewTransform::Standard).unwrap_err();
             assert!(matches!(error, Failure::Io(_)), "{room} bytes: {error:?}");
         }
     }

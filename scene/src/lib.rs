@@ -34,5 +34,5 @@ pub use mesh::Mesh;
 pub use needs::{LabelCount, Needs};
 pub use passes::{Pass, Passes};
 pub use scene::{Instance, LabelStyle, SCENE_VERSION, Scene};
-pub use settings::{Adaptive, Film, Filter, Lod, Mode, Settings};
+pub use settings::{Adaptive, Film, Filter, Lod, Mode, Settings, ViewTransform};
 pub use show::Show;

@@ -20,6 +20,19 @@ pub enum Filter {
     },
 }
 
+/// How light becomes what a screen shows, in pictures of 8 bits.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ViewTransform {
+    /// The sRGB curve, clamped.
+    #[default]
+    Standard,
+    /// Like Blender's *Filmic*.
+    Filmic,
+    /// Like Blender's *AgX*.
+    Agx,
+}
+
 /// The picture.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -42,6 +55,12 @@ pub struct Film {
     /// How many labels, or types, of a pixel its Cryptomatte holds: an even number, 2 to [`Film::MOST_RANKS`].
     #[serde(default = "six")]
     pub cryptomatte_ranks: u32,
+    /// Colours are written as floats of 16 bits where the file knows them (OpenEXR).
+    #[serde(default)]
+    pub half: bool,
+    /// How they are shown where the file has what a screen shows (PNG).
+    #[serde(default)]
+    pub view_transform: ViewTransform,
 }
 
 fn six() -> u32 {
@@ -69,6 +88,8 @@ impl Film {
             transparent: false,
             passes: Passes::NONE,
             cryptomatte_ranks: Self::RANKS,
+            half: false,
+            view_transform: ViewTransform::Standard,
         }
     }
 }

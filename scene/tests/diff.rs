@@ -195,6 +195,7 @@ fn no_change_of_any_value_goes_unnoticed() {
             Value::String(_) if place.starts_with("/film/passes/") => "depth".into(),
             Value::String(s) if s == "one_bounce" => "path".into(),
             Value::String(s) if s == "vertical" => "auto".into(),
+            Value::String(s) if s == "agx" => "filmic".into(),
             Value::String(s) if s == "ellipse" => "rectangle".into(),
             Value::String(s) => format!("{s}x").into(),
             other => panic!("{place} is {other}"),

@@ -30,6 +30,6 @@ pub use open::{open_meshes, open_source, open_volume};
 pub use progressive::{CurvePoint, Stop};
 pub use pumice_core::{Job, LabelType, Level, Verification};
 pub use pumice_formats::{ArrayAxes, OpenOptions, RawLayout};
-pub use pumice_scene::{Lod, Mode};
+pub use pumice_scene::{Lod, Mode, ViewTransform};
 pub use render_file::{RenderFigures, RenderOverrides, RenderRequest, Rendered, Subject, render_file};
 pub use stability::{Beside, Case, Stability, measure_stability};

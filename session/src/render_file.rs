@@ -7,9 +7,10 @@ use std::sync::Arc;
 use pumice_core::{CompressedVolume, Job, MeshData};
 use pumice_formats::OpenOptions;
 use pumice_render::{
-    Passes, Picture, Provenance, RenderError, Renderer, read_provenance, write_exr, write_png,
+    Passes, Picture, Provenance, RenderError, Renderer, read_provenance, write_exr, write_exr_half,
+    write_png_shown,
 };
-use pumice_scene::{Lod, Mode, Needs, Scene, Show};
+use pumice_scene::{Lod, Mode, Needs, Scene, Show, ViewTransform};
 use serde::Serialize;
 
 use crate::backend::make_renderer;
@@ -48,6 +49,10 @@ pub struct RenderOverrides {
     pub pick: Option<usize>,
     /// What camera rays do not meet is transparent.
     pub transparent: bool,
+    /// Colours are written in half floats.
+    pub half: bool,
+    /// How a PNG shows them.
+    pub view_transform: Option<ViewTransform>,
     /// Degrees around and above, for volumes only.
     pub view_deg: Option<[f64; 2]>,
 }
@@ -266,6 +271,10 @@ fn apply(wishes: &RenderOverrides, scene: &mut Scene, volumes: &[Arc<CompressedV
         scene.settings.seed = seed;
     }
     scene.film.transparent |= wishes.transparent;
+    scene.film.half |= wishes.half;
+    if let Some(view) = wishes.view_transform {
+        scene.film.view_transform = view;
+    }
     if let Some(ids) = &wishes.labels {
         // With several volumes, each shows those of the labels that it has.
         for (instance, volume) in scene.instances.iter_mut().zip(volumes) {
@@ -391,14 +400,16 @@ impl PictureFormat {
         }
     }
 
-    /// Writes a picture.
+    /// Writes a picture as its scene's film says: colours in half floats, by which view transform.
     ///
     /// # Errors
     /// When the file cannot be written; nothing new is under its name then.
     pub fn write(self, path: &Path, picture: &Picture, passes: &Passes) -> Result<()> {
+        let film = picture.provenance.as_ref().map(|p| p.scene.film);
         match self {
+            Self::Exr if film.is_some_and(|f| f.half) => write_exr_half(path, picture, passes)?,
             Self::Exr => write_exr(path, picture, passes)?,
-            Self::Png => write_png(path, picture)?,
+            Self::Png => write_png_shown(path, picture, film.map(|f| f.view_transform).unwrap_or_default())?,
         }
         Ok(())
     }

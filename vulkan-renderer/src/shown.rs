@@ -104,7 +104,9 @@ impl<'a> FormerMesh<'a> {
     }
 
     fn looks(&self, mattes: bool) -> Option<&'a Arc<LooksOnDevice>> {
-        (!self.change.materials && self.shown.has_mattes() == mattes)
+        // Its source is its name there.
+        let renamed = mattes && self.change.geometry;
+        (!self.change.materials && !renamed && self.shown.has_mattes() == mattes)
             .then(|| &self.shown.parts.meshes[self.place].looks)
     }
 

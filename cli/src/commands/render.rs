@@ -8,7 +8,7 @@ use pumice_session::{
 
 use super::open_options;
 use crate::Answer;
-use crate::args::{LodArg, Render, RenderMode};
+use crate::args::{LodArg, Render, RenderMode, ViewArg};
 use crate::failure::{Failure, say};
 use crate::json_report::write_report;
 use crate::progress::Bar;
@@ -51,6 +51,12 @@ pub(crate) fn run(args: &Render, job: &Arc<Job>) -> Result<Answer, Failure> {
             labels: args.labels.clone(),
             pick: args.pick,
             transparent: args.transparent,
+            half: args.half,
+            view_transform: args.view_transform.map(|v| match v {
+                ViewArg::Standard => pumice_session::ViewTransform::Standard,
+                ViewArg::Filmic => pumice_session::ViewTransform::Filmic,
+                ViewArg::Agx => pumice_session::ViewTransform::Agx,
+            }),
             view_deg: args.view,
         },
         reading: open_options(&args.reading),

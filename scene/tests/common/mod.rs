@@ -4,7 +4,7 @@ use glam::{DAffine3, DMat3, DVec3};
 use pumice_scene::{
     Adaptive, Aperture, Camera, Cut, CutShape, Environment, Film, Filter, Instance, LabelStyle, Light,
     LightShape, Lod, Material, Mesh, Mode, Outline, Passes, Projection, SCENE_VERSION, Scene, SensorFit,
-    Settings, Show, Sun, World,
+    Settings, Show, Sun, ViewTransform, World,
 };
 
 pub(crate) fn full_scene() -> Scene {
@@ -75,6 +75,8 @@ pub(crate) fn full_scene() -> Scene {
             transparent: true,
             passes: Passes::ALL,
             cryptomatte_ranks: 8,
+            half: true,
+            view_transform: ViewTransform::Agx,
             ..Film::new(640, 360, Filter::BlackmanHarris { width: 3.0 })
         },
         world: World {

@@ -9,6 +9,8 @@
               pattern     Cycles' sampling pattern
               threads     0: all
               pictures    where (renders, height, width, 3) float32 is written, row 0 at the top; RGBA where the film is transparent
+              passes      where light by kind is written besides, if anywhere: (renders, kinds, height, width, 3) float32 in the order of
+                          `KINDS`, what Cycles divided by a colour multiplied with it again
               report      where seconds, CPU seconds and peak memory are written
 
 What is set here is what must match (docs/cycles.md has the table). Everything that Cycles would do besides is switched off: adaptive
@@ -248,6 +250,61 @@ def set_output(scene, path):
     scene.render.filepath = path
 
 
+# Light by kind: the layers of a file that multiplied give it, by their names in Blender 5 and before.
+KINDS = {
+    "diffuse_direct": ("Diffuse Direct", "DiffDir", "Diffuse Color", "DiffCol"),
+    "diffuse_indirect": ("Diffuse Indirect", "DiffInd", "Diffuse Color", "DiffCol"),
+    "diffuse_color": ("Diffuse Color", "DiffCol"),
+    "glossy_direct": ("Glossy Direct", "GlossDir", "Glossy Color", "GlossCol"),
+    "glossy_indirect": ("Glossy Indirect", "GlossInd", "Glossy Color", "GlossCol"),
+    "transmission_direct": ("Transmission Direct", "TransDir", "Transmission Color", "TransCol"),
+    "transmission_indirect": ("Transmission Indirect", "TransInd", "Transmission Color", "TransCol"),
+    "emission": ("Emission", "Emit"),
+    "environment": ("Environment", "Env"),
+}
+
+
+def want_passes(scene):
+    """Makes the file one of layers, with all that `KINDS` needs."""
+    image, layer = scene.render.image_settings, scene.view_layers[0]
+    # Else another seed alone, without a picture that is loaded between, is not noticed, and each picture is the first again.
+    scene.render.use_persistent_data = False
+    if bpy.app.version >= (5, 0, 0):
+        image.media_type = "MULTI_LAYER_IMAGE"
+    image.file_format, image.color_depth, image.exr_codec = "OPEN_EXR_MULTILAYER", "32", "NONE"
+    for kind in ("diffuse", "glossy", "transmission"):
+        for part in ("direct", "indirect", "color"):
+            setattr(layer, f"use_pass_{kind}_{part}", True)
+    layer.use_pass_emit = layer.use_pass_environment = True
+
+
+def read_layers(path):
+    """(height, width, 3) of each layer by its last name, the upper row first."""
+    from pathlib import Path
+
+    for brought in Path(bpy.utils.resource_path("LOCAL")).glob("python/lib/python3*/site-packages"):
+        sys.path.append(str(brought))
+    import OpenImageIO
+
+    file, found, part = OpenImageIO.ImageInput.open(path), {}, 0
+    while file.seek_subimage(part, 0):
+        spec = file.spec()
+        pixels = file.read_image(part, 0, 0, spec.nchannels, "float")
+        for at, name in enumerate(spec.channelnames):
+            *_, layer, channel = f"{spec.getattribute('name') or ''}.{name}".split(".")
+            if channel in ("R", "G", "B"):
+                found.setdefault(layer, np.zeros((spec.height, spec.width, 3), np.float32))[..., "RGB".index(channel)] = pixels[..., at]
+        part += 1
+    file.close()
+    return found
+
+
+def light_by_kind(layers):
+    """(kinds, height, width, 3)."""
+    there = lambda names: [layers[name] for name in names if name in layers]  # noqa: E731
+    return np.stack([np.prod(there(names), axis=0) for names in KINDS.values()])
+
+
 def read_picture(path, transparent):
     image = bpy.data.images.load(path)
     width, height = image.size
@@ -293,18 +350,27 @@ def main(job):
     before = {"cpu_seconds": cpu_seconds(), "seconds": time.perf_counter(), "peak_bytes": peak_bytes()}
     scene = build(job)
     transparent = scene.render.film_transparent
-    pictures, rows = [], []
+    pictures, rows, kinds = [], [], []
     with tempfile.TemporaryDirectory() as folder:
         path = os.path.join(folder, "picture.exr")
         set_output(scene, path)
+        if job.get("passes"):
+            want_passes(scene)
         built = {"cpu_seconds": cpu_seconds() - before["cpu_seconds"], "seconds": time.perf_counter() - before["seconds"]}
         for render in job["renders"]:
             scene.cycles.seed, scene.cycles.samples = render["seed"], render["spp"]
             start, cpu = time.perf_counter(), cpu_seconds()
             bpy.ops.render.render(write_still=True)
             rows.append({**render, "seconds": time.perf_counter() - start, "cpu_seconds": cpu_seconds() - cpu})
-            pictures.append(read_picture(path, transparent))
+            if job.get("passes"):
+                layers = read_layers(path)
+                pictures.append(layers["Combined"])
+                kinds.append(light_by_kind(layers))
+            else:
+                pictures.append(read_picture(path, transparent))
     np.save(job["pictures"], np.stack(pictures))
+    if job.get("passes"):
+        np.save(job["passes"], np.stack(kinds))
     report = {
         "blender": bpy.app.version_string,
         "built": built,

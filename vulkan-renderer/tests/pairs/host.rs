@@ -70,6 +70,7 @@ pub(crate) const HOST_FILES: &[(&str, &str)] = &[
     ("render/src/palette.rs", COLORS),
     ("render/src/lib.rs", NAMES),
     ("render/src/renderer.rs", "the interface of all renderers"),
+    ("render/src/view_transform.rs", "what a screen shows of a finished picture"),
     ("render/src/undrawn.rs", "what is refused before anything is drawn"),
 ];
 

@@ -1,0 +1,71 @@
+"""Passes of light against Cycles': tests/cycles_ladder/pass_reference.py says what is compared and how, docs/passes.md what differs.
+
+Cycles' passes are checked in as means of tiles with their variances, so no Blender is needed here.
+"""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests/cycles_ladder"))
+import pass_reference
+import rung as rungs
+
+SEEDS = 12
+# What a rung has, of what is told apart.
+SEEN = {
+    "10_metal_and_plastic": ["diffuse_color", "diffuse_direct", "diffuse_indirect", "environment", "glossy_direct", "glossy_indirect"],
+    "11_glass": ["environment", "glossy_direct", "glossy_indirect", "transmission_indirect"],
+    "12_coat_and_sheen": ["diffuse_color", "diffuse_direct", "diffuse_indirect", "environment", "glossy_direct", "glossy_indirect"],
+}
+# By how much a fault must be brighter to be seen: 2 %, and 5 % of indirect light, which is the noisier. What clear glass reflects is
+# little, and after further surfaces a thousandth of the picture's light, of a small bright window.
+NOISIER = {("11_glass", "glossy_direct"): 1.1, ("11_glass", "glossy_indirect"): 1.5}
+
+
+@pytest.fixture(scope="module", params=pass_reference.RUNGS)
+def drawn(request, tmp_path_factory):
+    """(name, pictures by kind, reference)."""
+    rung = rungs.Rung(request.param, tmp_path_factory.mktemp("rung"))
+    reference = pass_reference.load(rung.name)
+    assert reference[2]["digest"] == rung.digest, "the rung changed: make_pass_references.py draws its reference anew"
+    assert reference[2]["kinds"] == list(pass_reference.KINDS)
+    return rung.name, pass_reference.drawn(rung, 0, SEEDS), reference
+
+
+def test_passes_are_cycles(drawn):
+    name, pictures, reference = drawn
+    there = [kind for kind, light in zip(pass_reference.KINDS, reference[0]) if light.any()]
+    assert sorted(there) == SEEN[name]
+    found = pass_reference.judge(pictures, reference)
+    print(found)
+    assert pass_reference.guilty(found) == [], found
+
+
+def test_faults_are_convicted(drawn):
+    """Each kind a little brighter, which must be seen in it and in no other; and two kinds mistaken for one another."""
+    name, pictures, reference = drawn
+    for kind in SEEN[name]:
+        factor = NOISIER.get((name, kind), 1.05 if "indirect" in kind else 1.02)
+        faulty = pictures.copy()
+        faulty[:, pass_reference.KINDS.index(kind)] *= factor
+        found = pass_reference.judge(faulty, reference)
+        assert pass_reference.guilty(found) == [kind], (kind, found)
+    pair = [pass_reference.KINDS.index(kind) for kind in SEEN[name] if "direct" in kind][:2]
+    faulty = pictures.copy()
+    faulty[:, pair] = faulty[:, pair[::-1]]
+    assert pass_reference.guilty(pass_reference.judge(faulty, reference)) == sorted(pass_reference.KINDS[i] for i in pair)
+
+
+def test_other_seeds_of_cycles_are_not_convicted():
+    """The verdict on pictures that do agree: noise about a gradient, skewed as a path tracer's, black in places."""
+    random = np.random.default_rng(3)
+    mean = np.linspace(0.0, 1.0, 24)[None, None, None, :, None].clip(0.3) - 0.3
+    noise = lambda n: mean * random.exponential(size=(n, len(pass_reference.KINDS), 16, 24, 3))  # noqa: E731
+    parts = pass_reference.of_seeds(noise(400))
+    reference = parts.mean(axis=0), parts.var(axis=0, ddof=1) / 400, {"seeds": 400}
+    guilty = sum(bool(pass_reference.guilty(pass_reference.judge(noise(SEEDS), reference))) for _ in range(60))
+    # 1 of 100 each: 4 or more of 60 come once in 300.
+    assert guilty < 4, guilty
