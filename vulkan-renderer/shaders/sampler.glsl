@@ -19,9 +19,18 @@ const uint PAIR_ROULETTE = 3u;
 
 const uint PAIRS_A_BOUNCE = 4u;
 
+// Pairs whose first points are spread over the picture: those below this.
+const uint SPREAD = 1u + 2u * PAIRS_A_BOUNCE;
+
+const uint64_t SHARED_BY_PIXELS = 0x8000000000000000UL;
+
 struct PixelSampler {
     uint64_t base;
     uint index;
+    // Key of what all pixels of a replicate share.
+    uint64_t shared_key;
+    // The pixel's number along a Z-shaped curve through the picture.
+    uint place;
 };
 
 // 24 high bits as a number in [0, 1).
@@ -60,18 +69,49 @@ uint64_t mix64(uint64_t x) {
     return x ^ (x >> 31);
 }
 
+uint z_order_part(uint v) {
+    v = v & 0xFFFFu;
+    v = (v | (v << 8)) & 0x00FF00FFu;
+    v = (v | (v << 4)) & 0x0F0F0F0Fu;
+    v = (v | (v << 2)) & 0x33333333u;
+    return (v | (v << 1)) & 0x55555555u;
+}
+
+// The bits of x and y in turn.
+uint z_order(uvec2 pixel) {
+    return z_order_part(pixel.x) | (z_order_part(pixel.y) << 1);
+}
+
 PixelSampler sampler_new(uint64_t seed, uvec2 pixel, uint number) {
-    uint64_t word = uint64_t(pixel.x) | (uint64_t(pixel.y) << 17) | (uint64_t(number % REPLICATES) << 34);
-    return PixelSampler(mix64(mix64(seed) ^ word), number / REPLICATES);
+    uint64_t replicate = uint64_t(number % REPLICATES) << 34;
+    uint64_t word = uint64_t(pixel.x) | (uint64_t(pixel.y) << 17) | replicate;
+    uint64_t mixed = mix64(seed);
+    uint64_t shared_key = mix64(mixed ^ (replicate | SHARED_BY_PIXELS));
+    return PixelSampler(mix64(mixed ^ word), number / REPLICATES, shared_key, z_order(pixel));
+}
+
+// Key of one dimension's scramble.
+uint64_t key_of(uint64_t base, uint dimension) {
+    return mix64(base + uint64_t(dimension) * 0x9E3779B97F4A7C15UL);
+}
+
+// Point `index` of the sequence, its order and its digits scrambled by `key`.
+uvec2 scrambled_point(uint index, uint64_t key) {
+    uint low = uint(key), high = uint(key >> 32);
+    index = owen_scramble(index, low);
+    uint x = owen_scramble(bitfieldReverse(index), high);
+    uint y = owen_scramble(sobol_second(index), ((low << 16) | (low >> 16)) ^ (high * 0x85EBCA6Bu));
+    return uvec2(x, y);
 }
 
 vec2 sampler_pair(PixelSampler points, uint dimension) {
-    uint64_t key = mix64(points.base + uint64_t(dimension) * 0x9E3779B97F4A7C15UL);
-    uint low = uint(key), high = uint(key >> 32);
-    uint index = owen_scramble(points.index, low);
-    uint x = owen_scramble(bitfieldReverse(index), high);
-    uint y = owen_scramble(sobol_second(index), ((low << 16) | (low >> 16)) ^ (high * 0x85EBCA6Bu));
-    return vec2(unit(x), unit(y));
+    uint64_t key = key_of(points.base, dimension);
+    uvec2 point = scrambled_point(points.index, key);
+    if (dimension < SPREAD) {
+        // Of the first point this leaves where it shall be.
+        point ^= scrambled_point(0u, key) ^ scrambled_point(points.place, key_of(points.shared_key, dimension));
+    }
+    return vec2(unit(point.x), unit(point.y));
 }
 
 // The pair for `pair` of bounce `bounce`, each number in [0, 1).

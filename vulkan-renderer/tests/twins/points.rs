@@ -18,7 +18,8 @@ fn sample_points_are_the_same() {
         .map(|_| {
             let pixel = [random.below(1 << 17), random.below(1 << 17)];
             let most = 1 << random.below(20);
-            (random.next(), pixel, random.below(most), random.below(130), random.below(4))
+            let bounces = 2 << random.below(7);
+            (random.next(), pixel, random.below(most), random.below(bounces), random.below(4))
         })
         .collect();
     let rows: Vec<_> = inputs
