@@ -5,7 +5,7 @@ refuses a scene that has it (`render/src/undrawn.rs`)."""
 
 TRANSPARENT = True
 CLAMPS = True
-ADAPTIVE = False
+ADAPTIVE = True
 SMOOTH_VOXELS = False
 MESHES = True
 SHADOW_CATCHER = False

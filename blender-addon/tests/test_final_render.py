@@ -281,11 +281,13 @@ def test_the_wishes_reach_the_render(stage):
     wishes.samples, wishes.use_error, wishes.error_percent, wishes.use_time, wishes.time_seconds = 5, True, 3.0, True, 9.0
     wishes.mode, wishes.lod, wishes.lod_pixels, wishes.seed, wishes.bounces = "ONE_BOUNCE", "DISTANCE", 2.0, 11, 4
     wishes.filter_pixels, wishes.backend = 1.0, "CPU"
+    wishes.use_adaptive, wishes.adaptive_threshold, wishes.adaptive_min_samples = True, 0.25, 12
     render(stage)
     scene, _, limits = stage.module.renders[-1]
     assert limits == {"spp": 5, "error": pytest.approx(0.03), "seconds": pytest.approx(9.0), "backend": "cpu"}
     settings = scene["settings"]
     assert settings["mode"] == "one_bounce" and settings["lod"] == {"distance": {"pixels": 2.0}}
+    assert settings["adaptive"] == {"threshold": 0.25, "min_spp": 12}
     assert (settings["seed"], settings["bounces"], settings["russian_roulette"]) == (11, 4, True)
     assert scene["film"]["filter"] == {"blackman_harris": {"width": 2.0}}
 

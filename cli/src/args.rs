@@ -195,7 +195,7 @@ pub(crate) struct Render {
     #[arg(short, long, value_name = "OUT")]
     pub(crate) out: PathBuf,
     /// Render a picture again from what it carries: the same pixels
-    #[arg(long, value_name = "PICTURE", conflicts_with_all = ["input", "size", "spp", "time", "error", "bounces", "mode", "lod", "seed", "labels", "pick", "view", "transparent", "half", "view_transform"])]
+    #[arg(long, value_name = "PICTURE", conflicts_with_all = ["input", "size", "spp", "time", "error", "bounces", "mode", "lod", "seed", "labels", "pick", "view", "transparent", "half", "view_transform", "noise_threshold", "min_spp"])]
     pub(crate) again: Option<PathBuf>,
     /// What renders: auto, cpu, vulkan-rt, vulkan-query or vulkan-compute
     ///
@@ -216,6 +216,15 @@ pub(crate) struct Render {
     /// Stop when the estimated relative error is at most this: 0.03 or 3%
     #[arg(long, value_name = "RELATIVE", value_parser = relative)]
     pub(crate) error: Option<f64>,
+    /// A pixel gets no more samples once its estimated relative error is at most this: 0.05 or 5%
+    ///
+    /// Blender's Noise Threshold. The picture is done when all pixels rest, or at another limit. It is a little biased: which pixels
+    /// go on depends on what they found
+    #[arg(long, value_name = "RELATIVE", value_parser = relative)]
+    pub(crate) noise_threshold: Option<f64>,
+    /// Samples that every pixel gets before it may rest, from 4; default 16
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(4..))]
+    pub(crate) min_spp: Option<u32>,
     /// Bounces of light, as in Cycles; default 32, or the scene's
     #[arg(long, value_name = "N")]
     pub(crate) bounces: Option<u32>,

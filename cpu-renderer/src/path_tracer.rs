@@ -34,12 +34,14 @@ pub struct PathTracer<T> {
 impl<T: Tracer> PathTracer<T> {
     /// Starts a black picture.
     pub fn new(tracer: T, around: Surroundings, camera: &Camera, film: &Film) -> Self {
+        let mut buffer = FilmBuffer::with_passes(film.width, film.height, PassSums::of(film));
+        buffer.rest_by(around.settings.adaptive);
         Self {
             tracer,
             around,
             rays: CameraRays::new(camera, film),
             filter: FilterTable::new(&film.filter),
-            film: FilmBuffer::with_passes(film.width, film.height, PassSums::of(film)),
+            film: buffer,
             wanted: film.passes,
             seconds_a_sample: 0.0,
         }
@@ -50,7 +52,7 @@ impl<T: Tracer> PathTracer<T> {
         self.tracer = tracer;
         self.around = around;
         self.rays = camera.unwrap_or(self.rays);
-        self.film.clear();
+        self.film.rest_by(self.around.settings.adaptive);
         self.seconds_a_sample = 0.0;
     }
 
@@ -82,21 +84,26 @@ impl<T: Tracer> PathTracer<T> {
         let end = Instant::now() + slice;
         loop {
             let spp = self.film.spp();
-            if spp >= spp_limit {
+            if spp >= spp_limit || self.film.all_rest() {
                 break;
             }
             let left = end.saturating_duration_since(Instant::now()).as_secs_f64();
             let fit = if self.seconds_a_sample > 0.0 { (left / self.seconds_a_sample) as u32 } else { 1 };
-            let most = MOST_SAMPLES_A_PASS.min(spp_limit - spp);
+            let most = MOST_SAMPLES_A_PASS.min(spp_limit.min(self.film.next_look()) - spp);
             self.add_samples(spp + fit.clamp(1, most), job)?;
             if Instant::now() >= end {
                 break;
             }
         }
-        Ok(Progress { spp: self.film.spp(), error_estimate: self.error_estimate() })
+        Ok(Progress {
+            spp: self.film.spp(),
+            mean_spp: self.film.mean_spp(),
+            error_estimate: self.error_estimate(),
+            all_rest: self.film.all_rest(),
+        })
     }
 
-    /// Brings every pixel to `target` samples.
+    /// Brings every pixel that does not rest to `target` samples, which is not beyond where the film looks at itself.
     ///
     /// # Errors
     /// As [`PathTracer::advance`].
@@ -113,6 +120,7 @@ impl<T: Tracer> PathTracer<T> {
                 return;
             }
             for (x, sums) in row.sums.chunks_exact_mut(STRIDE).enumerate() {
+                let target = target.min(row.most.get(x).copied().unwrap_or(u32::MAX));
                 for sample in *row.samples..target {
                     let sampler = PixelSampler::new(seed, [x as u32, row.y], sample);
                     let [u, v] = sampler.film();
@@ -143,6 +151,7 @@ impl<T: Tracer> PathTracer<T> {
         if job.is_cancelled() {
             return Err(RenderError::Cancelled);
         }
+        self.film.look();
         if target > before {
             self.seconds_a_sample = start.elapsed().as_secs_f64() / f64::from(target - before);
         }

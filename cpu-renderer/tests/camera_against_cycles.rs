@@ -134,8 +134,9 @@ fn squared_differences(ours: &[f64], theirs: &[f64]) -> (f64, f64) {
 }
 
 /// Most that [`squared_differences`] may be in the mean, kind by kind: samples are stratified, the better the fewer dimensions matter,
-/// so all are well below the 1 of independent ones. Half as much again as was found.
-const MOST: [f64; 10] = [0.007, 0.005, 0.006, 0.006, 0.007, 0.005, 0.1, 0.19, 0.075, 0.095];
+/// so all are well below the 1 of independent ones. Half as much again as the most of eight seeds: from seed to seed they differ by a
+/// factor of two where all is sharp (few pixels have an edge), by a fifth elsewhere.
+const MOST: [f64; 10] = [0.01, 0.01, 0.01, 0.01, 0.01, 0.01, 0.123, 0.21, 0.093, 0.094];
 
 /// 4 standard deviations of independent samples are one pixel in 16,000, of which there are as many.
 fn alike(number: usize, ours: &[f64], theirs: &[f64]) -> bool {

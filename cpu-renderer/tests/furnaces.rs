@@ -125,7 +125,8 @@ fn a_bound_on_bounces_is_convicted() {
     assert!(furnace.convicts(&rendered));
 }
 
-/// Under an even sky of 1 nothing is brighter than 1. Single-scatter GGX of roughness 1 keeps some 45 %: more than 40 % is asked.
+/// Under an even sky of 1 nothing is brighter than 1, to 4 standard errors: 0.8 % of the roughest metal, which keeps all. Single-scatter
+/// GGX of roughness 1 keeps some 45 %: more than 40 % is asked.
 #[test]
 fn glossy_bodies_never_give_more_than_they_get() {
     for roughness in [0.0f32, 0.3, 1.0] {
@@ -133,8 +134,11 @@ fn glossy_bodies_never_give_more_than_they_get() {
             let mut furnace = convex_body(even_sky(1.0), 1.0);
             let material = Material { base_color: [1.0; 3], roughness, metallic, ..Material::default() };
             furnace.around.looks = vec![Looks::same(material).into()];
-            let m = furnace.mean(&rendered).value;
-            assert!(m < 1.002 && m > 0.4, "roughness {roughness}, metallic {metallic}: {m}");
+            furnace.spp = 64;
+            let kept = furnace.mean(&rendered);
+            // (Rounding where there is no noise.)
+            let most = 1.0 + 4.0 * kept.standard_error + 1e-5;
+            assert!(kept.value < most && kept.value > 0.4, "{roughness}, {metallic}: {kept:?}");
         }
     }
 }

@@ -5,6 +5,8 @@
 mod cases;
 #[path = "renderer/passes.rs"]
 mod passes;
+#[path = "renderer/resting.rs"]
+mod resting;
 
 fn renderer() -> pumice_cpu::CpuRenderer {
     pumice_cpu::CpuRenderer::new(|path| Err(format!("no picture at {}", path.display())))

@@ -92,6 +92,11 @@ class Picture:
         return list(self._figures["notices"])
 
     @property
+    def mean_spp(self) -> float:
+        """Mean over pixels of the samples that each has: `spp`, or less where pixels came to rest (`settings.adaptive`)."""
+        return float(self._figures["mean_spp"])
+
+    @property
     def seconds(self) -> float:
         """Wall seconds of rendering."""
         return float(self._figures["seconds"])
@@ -128,15 +133,17 @@ def render(
     job: Job | None = None,
     on_progress: Callable[[CurvePoint], None] | None = None,
 ) -> Picture:
-    """Renders until the first limit is reached: samples a pixel, wall seconds, estimated relative error.
+    """Renders until the first limit is reached: samples a pixel, wall seconds, estimated relative error; or until all pixels
+    rest, where the scene's `settings.adaptive` lets them.
 
     `volumes`: one for each instance in the scene's order, or by the instance's source; without them the sources are opened.
     `meshes`: one for each of the scene's meshes, in their order.
     `backend`: `auto`, `cpu`, or one of Vulkan's, alone or with its device: `vulkan-rt`, `vulkan-query:1`, `vulkan-compute:radeon`
     (see `devices`). `auto` goes on with the next backend where a device fails; that is a `PumiceWarning`.
     """
-    if spp is None and seconds is None and error is None:
-        raise InputError("render: give spp, seconds or error, or it would never end")
+    may_rest = scene.to_dict()["settings"].get("adaptive") is not None
+    if spp is None and seconds is None and error is None and not may_rest:
+        raise InputError("render: give spp, seconds or error, or settings.adaptive in the scene, or it would never end")
     stop = arguments.limits(spp, seconds, error)
     told = None
     if on_progress is not None:

@@ -122,6 +122,21 @@ def test_a_transparent_film(scene, volume, tmp_path):
     np.testing.assert_array_equal(frame[..., 3], picture.alpha)
 
 
+def test_pixels_rest_once_they_are_good_enough(scene, volume):
+    fields = scene.to_dict()
+    fields["settings"]["adaptive"] = {"threshold": 0.1, "min_spp": 8}
+    fields["film"]["passes"] = ["samples"]
+    rested = pumice.render(pumice.Scene.from_dict(fields), volume, backend="cpu")
+    assert rested.samples.min() == 8 and rested.samples.max() == rested.spp > 8
+    assert rested.mean_spp == pytest.approx(rested.samples.mean(), rel=1e-6)
+    assert rested.error_estimate < 0.1
+    fields["settings"]["adaptive"] = None
+    even = pumice.render(pumice.Scene.from_dict(fields), volume, spp=8, backend="cpu")
+    assert even.mean_spp == 8 and (even.samples == 8).all()
+    same = (even.color == rested.color).all(axis=-1)
+    assert same[rested.samples == 8].all() and not same.all()
+
+
 def test_limits(scene, volume):
     assert pumice.render(scene, volume, seconds=0.05).seconds >= 0.05
     assert pumice.render(scene, volume, error=0.3, spp=1000).spp < 1000

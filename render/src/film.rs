@@ -12,10 +12,12 @@
 
 use std::ops::Range;
 
+use pumice_scene::Adaptive;
 use rayon::prelude::*;
 
 use crate::image::Image;
 use crate::passes::PassSums;
+use crate::resting::Resting;
 use crate::sampler::REPLICATES;
 
 const R: usize = REPLICATES as usize;
@@ -27,7 +29,7 @@ pub const STRIDE: usize = 3 * R;
 const ROWS_A_BLOCK: usize = 32;
 
 /// Added to μ², so that black pixels do not count infinitely: as in `metrics::rel_mse`.
-const FLOOR: f64 = 0.01;
+pub(crate) const FLOOR: f64 = 0.01;
 
 /// See the module.
 #[derive(Clone, Debug)]
@@ -40,6 +42,8 @@ pub struct FilmBuffer {
     kept: PassSums,
     /// Samples in each pixel of each row: rows differ only after a cancelled pass.
     row_samples: Vec<u32>,
+    /// Which pixels have enough, where they may.
+    pub(crate) resting: Option<Resting>,
 }
 
 /// One row, to be added to.
@@ -53,6 +57,8 @@ pub struct FilmRow<'a> {
     pub sums: &'a mut [f32],
     /// [`PassSums::stride`] floats a pixel.
     pub passes: &'a mut [f32],
+    /// Per pixel the samples that it may have in all; empty where there is no limit.
+    pub most: &'a [u32],
 }
 
 impl FilmBuffer {
@@ -66,7 +72,7 @@ impl FilmBuffer {
         let (width, height) = (width as usize, height as usize);
         let pixels = width * height;
         let (sums, pass_sums) = (vec![0.0; pixels * STRIDE], vec![0.0; pixels * kept.stride()]);
-        Self { width, height, sums, pass_sums, kept, row_samples: vec![0; height] }
+        Self { width, height, sums, pass_sums, kept, row_samples: vec![0; height], resting: None }
     }
 
     /// Which sums of passes there are.
@@ -86,7 +92,14 @@ impl FilmBuffer {
 
     /// Samples of one pixel, by its number from the upper left.
     pub fn samples_of(&self, pixel: usize) -> u32 {
-        self.row_samples[pixel / self.width]
+        let most = self.resting.as_ref().map_or(u32::MAX, |r| r.rested()[pixel]);
+        self.row_samples[pixel / self.width].min(most)
+    }
+
+    /// Takes all samples away; pixels of the picture to come rest by this rule, if by any.
+    pub fn rest_by(&mut self, rule: Option<Adaptive>) {
+        self.clear();
+        self.resting = rule.map(|rule| Resting::new(rule, self.width * self.height));
     }
 
     /// All sums, [`STRIDE`] floats a pixel, rows from the top: what a device that adds the samples itself starts from.
@@ -107,35 +120,48 @@ impl FilmBuffer {
 
     /// Heap bytes.
     pub fn bytes(&self) -> u64 {
-        ((self.sums.len() + self.pass_sums.len() + self.row_samples.len()) * 4) as u64
+        let resting = self.resting.as_ref().map_or(0, Resting::bytes);
+        ((self.sums.len() + self.pass_sums.len() + self.row_samples.len()) * 4) as u64 + resting
     }
 
-    /// Takes all samples away.
+    /// Takes all samples away: every pixel is awake.
     pub fn clear(&mut self) {
+        if let Some(resting) = &mut self.resting {
+            *resting = Resting::new(resting.rule(), self.width * self.height);
+        }
         self.sums.fill(0.0);
         self.pass_sums.fill(0.0);
         self.row_samples.fill(0);
     }
 
-    /// Samples that every pixel has at least.
+    /// Samples of pixels that do not rest; of rows that are behind.
     pub fn spp(&self) -> u32 {
         self.row_samples.iter().copied().min().unwrap_or(0)
+    }
+
+    /// Mean over pixels of the samples that each has.
+    pub fn mean_spp(&self) -> f64 {
+        let pixels = self.width * self.height;
+        let sum: u64 = (0..pixels).map(|pixel| u64::from(self.samples_of(pixel))).sum();
+        sum as f64 / pixels.max(1) as f64
     }
 
     /// Rows to add to, from the top.
     pub fn rows_mut(&mut self) -> impl Iterator<Item = FilmRow<'_>> {
         let mut passes = self.pass_sums.chunks_mut((self.width * self.kept.stride()).max(1));
+        let mut most = self.resting.as_ref().map_or(&[][..], Resting::rested).chunks(self.width.max(1));
         self.sums.chunks_mut((self.width * STRIDE).max(1)).zip(&mut self.row_samples).enumerate().map(
             move |(y, (sums, samples))| {
                 let passes = passes.next().unwrap_or_default();
-                FilmRow { y: y as u32, samples, sums, passes }
+                let most = most.next().unwrap_or_default();
+                FilmRow { y: y as u32, samples, sums, passes, most }
             },
         )
     }
 
     /// Mean and variance of the mean of one channel of a pixel with `n` samples.
     #[inline]
-    fn moments(&self, pixel: usize, channel: usize, n: u32) -> (f64, f64) {
+    pub(crate) fn moments(&self, pixel: usize, channel: usize, n: u32) -> (f64, f64) {
         let sums = &self.sums[pixel * STRIDE..][..STRIDE];
         let n_of = |r: usize| f64::from((n + REPLICATES - 1 - r as u32) / REPLICATES);
         let total = f64::from(n);
@@ -161,7 +187,7 @@ impl FilmBuffer {
 
     fn picture_of(&self, f: impl Fn(&Self, usize, usize, u32) -> f64 + Sync) -> Image {
         let pixel = |i: usize| {
-            let n = self.row_samples[i / self.width];
+            let n = self.samples_of(i);
             if n == 0 { [0.0; 3] } else { [0, 1, 2].map(|c| f(self, i, c, n) as f32) }
         };
         Image::new(
@@ -199,7 +225,7 @@ impl FilmBuffer {
         for channel in 0..3 {
             for (i, m) in moments.iter_mut().enumerate() {
                 let pixel = first * width + i;
-                *m = self.moments(pixel, channel, self.row_samples[pixel / width]);
+                *m = self.moments(pixel, channel, self.samples_of(pixel));
             }
             for y in rows.clone() {
                 for x in 0..width {

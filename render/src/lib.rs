@@ -19,6 +19,7 @@ pub mod picture;
 pub mod png_file;
 mod provenance_text;
 pub mod renderer;
+pub mod resting;
 #[cfg(test)]
 mod sample_pictures;
 pub mod sampler;

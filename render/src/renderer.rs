@@ -33,10 +33,14 @@ pub enum RenderError {
 /// How far a picture has come.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Progress {
-    /// Samples in every pixel so far.
+    /// Samples in every pixel so far; of those that do not rest, where pixels may ([`pumice_scene::Adaptive`]).
     pub spp: u32,
+    /// Mean over pixels of the samples that each has: `spp`, or less where pixels rest.
+    pub mean_spp: f64,
     /// Estimated relative error of the picture as it stands (`pumice_render::error_estimate`), infinite until it can be known.
     pub error_estimate: f64,
+    /// Every pixel rests: further samples change nothing.
+    pub all_rest: bool,
 }
 
 /// What is under a pixel.
@@ -84,7 +88,7 @@ pub trait Renderer: Send {
         meshes: &[Arc<MeshData>],
     ) -> Result<(), RenderError>;
 
-    /// Adds samples to every pixel for about `slice`, at least one sample, but never more than `spp_limit` in all.
+    /// Adds samples to every pixel that does not rest for about `slice`, at least one sample, but never more than `spp_limit` in all.
     ///
     /// # Errors
     /// [`RenderError::Cancelled`] soon after `job` is cancelled.

@@ -7,7 +7,7 @@
 //! Samples are dealt to [`REPLICATES`] scrambles in turn. Within a replicate the points are stratified, so their spread says
 //! nothing of the error; the replicates are independent, so theirs does.
 //!
-//! **Dithered across pixels.** What pairs of the camera and the first surfaces ([`SPREAD`]) draw first in each replicate is itself a
+//! **Dithered across pixels.** What pairs of the camera and the first surfaces (`SPREAD`) draw first in each replicate is itself a
 //! scrambled Sobol sequence along a Z-shaped curve through the picture: neighbouring pixels draw different numbers, so that what one
 //! finds too bright another finds too dark, and the noise of a few samples is fine grained (Ahmed and Wonka 2020, *Screen-Space
 //! Blue-Noise Diffusion of Monte Carlo Sampling Error via Hierarchical Ordering of Pixels*). Only the first point is chosen: all digits

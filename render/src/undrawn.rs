@@ -11,9 +11,6 @@ use crate::RenderError;
 pub fn refuse_undrawn(scene: &Scene) -> Result<(), RenderError> {
     let refuse = |field: String| Err(RenderError::Scene(format!("{field}: not drawn yet")));
     let settings = &scene.settings;
-    if settings.adaptive.is_some() {
-        return refuse("settings.adaptive".into());
-    }
     if settings.smooth_voxels {
         return refuse("settings.smooth_voxels".into());
     }

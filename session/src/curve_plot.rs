@@ -129,6 +129,7 @@ mod tests {
             .map(|i| CurvePoint {
                 seconds: f64::from(i),
                 cpu_seconds: 2.0 * f64::from(i),
+                mean_spp: 0.0,
                 spp: i as u32,
                 error_estimate: (i > 2).then(|| 0.3 / f64::from(i).sqrt()),
             })

@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use crate::measure::Stopwatch;
 
-/// When a picture is done: at the first of its limits. No limit at all means never (until cancelled).
+/// When a picture is done: at the first of its limits, or when every pixel rests. No limit at all means never (until cancelled).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Stop {
     /// Samples a pixel.
@@ -26,8 +26,10 @@ pub struct CurvePoint {
     pub seconds: f64,
     /// CPU seconds of the process in that time.
     pub cpu_seconds: f64,
-    /// Samples in every pixel.
+    /// Samples in every pixel that does not rest.
     pub spp: u32,
+    /// Mean over pixels of the samples that each has.
+    pub mean_spp: f64,
     /// Estimated relative error; `null` in JSON until it can be known.
     pub error_estimate: Option<f64>,
 }
@@ -55,6 +57,7 @@ pub fn render_until(
             seconds: clock.seconds(),
             cpu_seconds: clock.cpu_seconds(),
             spp: progress.spp,
+            mean_spp: progress.mean_spp,
             error_estimate: progress.error_estimate.is_finite().then_some(progress.error_estimate),
         };
         watch(&point);
@@ -63,7 +66,8 @@ pub fn render_until(
             curve.clear();
         }
         curve.push(point);
-        let done = stop.spp.is_some_and(|n| point.spp >= n)
+        let done = progress.all_rest
+            || stop.spp.is_some_and(|n| point.spp >= n)
             || stop.seconds.is_some_and(|s| point.seconds >= s)
             || matches!((stop.error, point.error_estimate), (Some(bar), Some(e)) if e <= bar);
         if done {
@@ -98,7 +102,7 @@ mod tests {
     use super::*;
 
     fn point(seconds: f64) -> CurvePoint {
-        CurvePoint { seconds, cpu_seconds: seconds, spp: 1, error_estimate: None }
+        CurvePoint { seconds, cpu_seconds: seconds, spp: 1, mean_spp: 1.0, error_estimate: None }
     }
 
     #[test]

@@ -10,7 +10,7 @@ use pumice_render::{
     Passes, Picture, Provenance, RenderError, Renderer, read_provenance, write_exr, write_exr_half,
     write_png_shown,
 };
-use pumice_scene::{Lod, Mode, Needs, Scene, Show, ViewTransform};
+use pumice_scene::{Adaptive, Lod, Mode, Needs, Scene, Show, ViewTransform};
 use serde::Serialize;
 
 use crate::backend::make_renderer;
@@ -20,6 +20,9 @@ use crate::measure::{Stopwatch, peak_rss_bytes};
 use crate::open::{open_meshes, open_volume};
 use crate::progressive::{CurvePoint, Stop, render_until};
 use crate::selection::select_labels;
+
+/// Samples that every pixel gets before it may rest, where nobody says.
+const DEFAULT_MIN_SPP: u32 = 16;
 
 /// What is to be rendered.
 #[derive(Clone, Debug)]
@@ -53,6 +56,10 @@ pub struct RenderOverrides {
     pub half: bool,
     /// How a PNG shows them.
     pub view_transform: Option<ViewTransform>,
+    /// Pixels rest once their estimated relative error is below this.
+    pub noise_threshold: Option<f32>,
+    /// Samples that every pixel gets before it may rest.
+    pub min_spp: Option<u32>,
     /// Degrees around and above, for volumes only.
     pub view_deg: Option<[f64; 2]>,
 }
@@ -103,8 +110,10 @@ pub struct RenderFigures {
     /// Bytes of the renderer by part, `acceleration` among them: on a graphics processor all that lies on it, the volume's parts
     /// too; on the CPU what it holds beside the volume.
     pub bytes: BTreeMap<&'static str, u64>,
-    /// Samples a pixel.
+    /// Samples a pixel; of those that did not rest.
     pub spp: u32,
+    /// Mean over pixels of the samples that each has.
+    pub mean_spp: f64,
     /// Estimated relative error, where known.
     pub error_estimate: Option<f64>,
     /// Error against run time.
@@ -275,6 +284,20 @@ fn apply(wishes: &RenderOverrides, scene: &mut Scene, volumes: &[Arc<CompressedV
     if let Some(view) = wishes.view_transform {
         scene.film.view_transform = view;
     }
+    match (&mut scene.settings.adaptive, wishes.noise_threshold) {
+        (Some(rule), Some(threshold)) => rule.threshold = threshold,
+        (none, Some(threshold)) => *none = Some(Adaptive { threshold, min_spp: DEFAULT_MIN_SPP }),
+        (_, None) => {}
+    }
+    match (&mut scene.settings.adaptive, wishes.min_spp) {
+        (Some(rule), Some(min_spp)) => rule.min_spp = min_spp,
+        (None, Some(_)) => {
+            let what =
+                "--min-spp: no pixel rests without --noise-threshold, or a scene with settings.adaptive";
+            return Err(SessionError::Caller(what.into()));
+        }
+        (_, None) => {}
+    }
     if let Some(ids) = &wishes.labels {
         // With several volumes, each shows those of the labels that it has.
         for (instance, volume) in scene.instances.iter_mut().zip(volumes) {
@@ -330,6 +353,7 @@ pub fn render_scene(
         seconds: 0.0,
         cpu_seconds: 0.0,
         spp: 0,
+        mean_spp: 0.0,
         error_estimate: None,
     });
     let ids: Vec<&[u64]> = volumes.iter().map(|v| v.labels().ids()).collect();
@@ -357,6 +381,7 @@ pub fn render_scene(
             acceleration_bytes,
             bytes,
             spp: last.spp,
+            mean_spp: last.mean_spp,
             error_estimate: last.error_estimate,
             curve,
         },

@@ -11,6 +11,7 @@ import pytest
 import tifffile
 from broken_files import labels
 from command import peak_rss_bytes, run
+from exr_planes import planes
 from PIL import Image
 
 SHIPPED = {
@@ -415,6 +416,26 @@ def test_stops_by_time_and_by_error(pumice, compressed, tmp_path):
         report = json.loads((tmp_path / "a.json").read_text())
         assert report["spp"] >= 1
     assert report["error_estimate"] <= 0.5
+
+
+def test_pixels_rest_once_they_are_good_enough(pumice, compressed, tmp_path):
+    args = [compressed["ct"][0], "--size", "48x32", "--backend", "cpu"]
+    rest = ["--noise-threshold", "15%", "--min-spp", "8"]
+    out, again, report = tmp_path / "a.exr", tmp_path / "b.exr", tmp_path / "a.json"
+    line = run(pumice, "render", *args, *rest, "--passes", "samples", "-o", out, "--json", report).fine()
+    report = json.loads(report.read_text())
+    samples = planes(out)["ViewLayer.Debug Sample Count.X"]
+    assert samples.min() == 8 and samples.max() == report["spp"] > 8
+    assert report["mean_spp"] == pytest.approx(samples.mean(), rel=1e-6) and report["error_estimate"] < 0.15
+    assert f"{report['spp']} samples a pixel ({report['mean_spp']:.1f} on average)" in line
+    # Again, whole; and its pixels that rest are those of a picture with as many samples everywhere.
+    run(pumice, "render", "--again", out, "-o", again, "--passes", "samples").fine()
+    assert again.read_bytes() == out.read_bytes()
+    run(pumice, "render", *args, "--spp", "8", "-o", again).fine()
+    same = (exr_pixels(again) == exr_pixels(out)).all(axis=-1)
+    assert same[samples == 8].all() and not same.all()
+    for wrong in (["--min-spp", "8"], ["--noise-threshold", "0"], [*rest[:2], "--min-spp", "3"], ["--noise-threshold", "nan"]):
+        run(pumice, "render", *args, "-o", again, *wrong).refused()
 
 
 def test_compare(pumice, compressed, picture, tmp_path):

@@ -18,6 +18,7 @@ struct Launch {
     Address source;
     Address target;
     Address scratch;
+    Address resting;
     uint tile_x;
     uint tile_y;
     uint tile_width;

@@ -299,6 +299,12 @@ void add_samples(uvec2 in_tile) {
     }
     SceneRef scene = SceneRef(launch.scene);
     uvec2 pixel = uvec2(launch.tile_x, launch.tile_y) + in_tile;
+    if (launch.resting != 0UL) {
+        uint64_t place = uint64_t(pixel.y) * uint64_t(scene.it.film_width) + uint64_t(pixel.x);
+        if (Words(launch.resting + place * 4UL).at[0] != 0u) {
+            return;
+        }
+    }
     for (uint i = 0u; i < launch.samples; i++) {
         uint number = launch.first_sample + i;
         Tally tally = sample_of_pixel(scene, pixel, number);

@@ -7,7 +7,9 @@
 //! The host holds a copy as of the last whole pass that was read: what is shown, and what is put back when the device is lost.
 
 use pumice_render::film::STRIDE;
+use pumice_render::resting::{AWAKE, Resting};
 use pumice_render::{FilmBuffer, PassSums};
+use pumice_scene::Adaptive;
 
 use crate::device::{Buffer, DeviceError, Gpu};
 use crate::slices::Cursor;
@@ -19,7 +21,9 @@ pub(crate) struct Film {
     /// Sums of passes, where any are kept.
     pub(crate) pass_sums: Option<Buffer>,
     pub(crate) size: [u32; 2],
-    /// Samples that every pixel has.
+    /// Which pixels rest, where any does: a word each, not 0 of those that do.
+    pub(crate) resting: Option<Buffer>,
+    /// Samples that every pixel has that does not rest.
     pub(crate) spp: u32,
     /// The pass under way: the samples that it brings pixels to, and where it is.
     pub(crate) pass: Option<(u32, Cursor)>,
@@ -27,7 +31,12 @@ pub(crate) struct Film {
 }
 
 impl Film {
-    pub(crate) fn new(gpu: &Gpu, size: [u32; 2], kept: PassSums) -> Result<Self, DeviceError> {
+    pub(crate) fn new(
+        gpu: &Gpu,
+        size: [u32; 2],
+        kept: PassSums,
+        rule: Option<Adaptive>,
+    ) -> Result<Self, DeviceError> {
         let bytes_a_float = u64::from(size[0]) * u64::from(size[1]) * 4;
         let bytes = bytes_a_float * STRIDE as u64;
         let sums = gpu.buffer("the film", bytes)?;
@@ -38,27 +47,52 @@ impl Film {
             gpu.clear(&made)?;
             pass_sums = Some(made);
         }
-        let copy = FilmBuffer::with_passes(size[0], size[1], kept);
-        Ok(Self { sums, pass_sums, size, spp: 0, pass: None, copy })
+        let mut copy = FilmBuffer::with_passes(size[0], size[1], kept);
+        copy.rest_by(rule);
+        Ok(Self { sums, pass_sums, resting: None, size, spp: 0, pass: None, copy })
     }
 
     /// The same on another device, with the samples that the host has.
     pub(crate) fn again(&mut self, gpu: &Gpu) -> Result<(), DeviceError> {
+        if self.copy.spp() == 0 {
+            self.copy.clear();
+        }
         let sums = gpu.buffer_of("the film", bytemuck::cast_slice(self.copy.sums()))?;
         if self.pass_sums.is_some() {
             let made = gpu.buffer_of("the film's passes", bytemuck::cast_slice(self.copy.pass_sums()))?;
             self.pass_sums = Some(made);
         }
         (self.sums, self.spp, self.pass) = (sums, self.copy.spp(), None);
+        self.tell_who_rests(gpu)
+    }
+
+    /// Takes all samples away; pixels of the picture to come rest by this rule, if by any.
+    pub(crate) fn clear(&mut self, gpu: &Gpu, rule: Option<Adaptive>) -> Result<(), DeviceError> {
+        gpu.clear(&self.sums)?;
+        self.pass_sums.iter().try_for_each(|sums| gpu.clear(sums))?;
+        (self.spp, self.pass, self.resting) = (0, None, None);
+        self.copy.rest_by(rule);
         Ok(())
     }
 
-    /// Takes all samples away.
-    pub(crate) fn clear(&mut self, gpu: &Gpu) -> Result<(), DeviceError> {
-        gpu.clear(&self.sums)?;
-        self.pass_sums.iter().try_for_each(|sums| gpu.clear(sums))?;
-        (self.spp, self.pass) = (0, None);
-        self.copy.clear();
+    /// Looks which pixels may rest, if this is where to look.
+    pub(crate) fn look(&mut self, gpu: &Gpu) -> Result<(), DeviceError> {
+        if self.spp < self.copy.next_look() || self.pass.is_some() {
+            return Ok(());
+        }
+        self.read(gpu)?;
+        if self.copy.look() { self.tell_who_rests(gpu) } else { Ok(()) }
+    }
+
+    fn tell_who_rests(&mut self, gpu: &Gpu) -> Result<(), DeviceError> {
+        let words =
+            |resting: &Resting| resting.rested().iter().map(|&r| u32::from(r != AWAKE)).collect::<Vec<_>>();
+        self.resting = match self.copy.resting().map(words) {
+            Some(words) if words.contains(&1) => {
+                Some(gpu.buffer_of("which pixels rest", bytemuck::cast_slice(&words))?)
+            }
+            _ => None,
+        };
         Ok(())
     }
 
@@ -72,8 +106,8 @@ impl Film {
             read = gpu.download(sums, 0, bytemuck::cast_slice_mut(self.copy.pass_sums_mut()));
         }
         if read.is_err() {
-            // A part of it may be there: it is of no use.
-            self.copy.clear();
+            // A part of it may be there: it is of no use. Who rests on the device does so still.
+            self.copy.sums_mut(0);
         }
         read
     }
@@ -85,6 +119,7 @@ impl Film {
 
     /// Bytes on the device.
     pub(crate) fn bytes(&self) -> u64 {
-        self.sums.bytes() + self.pass_sums.as_ref().map_or(0, Buffer::bytes)
+        let more = self.pass_sums.iter().chain(&self.resting);
+        self.sums.bytes() + more.map(Buffer::bytes).sum::<u64>()
     }
 }

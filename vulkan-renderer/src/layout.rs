@@ -32,6 +32,8 @@ pub struct Launch {
     pub output: Address,
     /// Ray tracing pipeline: [`SCRATCH_BYTES`] for each ray of the launch, uninitialised.
     pub scratch: Address,
+    /// `path`: a word for each pixel of the film, not 0 where it rests; 0 where none does.
+    pub resting: Address,
     /// `path`, `first`: left edge of the tile in pixels of the film.
     pub tile_x: u32,
     /// Upper edge.

@@ -189,13 +189,17 @@ impl Renderer for VulkanRenderer {
     fn advance(&mut self, slice: Duration, spp_limit: u32, job: &Job) -> Result<Progress, RenderError> {
         let end = Instant::now() + slice;
         loop {
-            let (start, spp) = (Instant::now(), self.spp()?);
-            if spp >= spp_limit {
+            self.twice(|shown, machine| shown.film.look(&machine.gpu))?;
+            let film = &self.shown.as_ref().ok_or_else(no_scene)?.film;
+            let (start, spp) = (Instant::now(), film.spp);
+            let (look, all_rest) = (film.copy().next_look(), film.copy().all_rest());
+            if spp >= spp_limit || all_rest {
                 break;
             }
             let left = end.saturating_duration_since(start).as_secs_f64();
             let fit = if self.seconds_a_sample > 0.0 { (left / self.seconds_a_sample) as u32 } else { 1 };
-            let most = MOST_SAMPLES_A_PASS.min(self.machine.slices.most_samples()).min(spp_limit - spp);
+            let most = MOST_SAMPLES_A_PASS.min(self.machine.slices.most_samples());
+            let most = most.min(spp_limit.min(look) - spp);
             self.pass(spp + fit.clamp(1, most), job)?;
             let now = Instant::now();
             let added = self.spp()?.saturating_sub(spp).max(1);
@@ -204,9 +208,17 @@ impl Renderer for VulkanRenderer {
                 break;
             }
         }
-        self.twice(|shown, machine| shown.film.read(&machine.gpu))?;
+        self.twice(|shown, machine| {
+            shown.film.look(&machine.gpu)?;
+            shown.film.read(&machine.gpu)
+        })?;
         let film = self.shown.as_ref().ok_or_else(no_scene)?.film.copy();
-        Ok(Progress { spp: film.spp(), error_estimate: film.error_estimate() })
+        Ok(Progress {
+            spp: film.spp(),
+            mean_spp: film.mean_spp(),
+            error_estimate: film.error_estimate(),
+            all_rest: film.all_rest(),
+        })
     }
 
     fn color(&mut self) -> Result<Image, RenderError> {

@@ -148,13 +148,13 @@ impl Shown {
         let kept = PassSums::of(&scene.film);
         let film = match former.take() {
             Some(Self { mut film, .. }) if film.size == size && film.copy().kept() == kept => {
-                film.clear(&machine.gpu)?;
+                film.clear(&machine.gpu, scene.settings.adaptive)?;
                 film
             }
             // The former film's memory may be what the new one needs.
             other => {
                 drop(other);
-                Film::new(&machine.gpu, size, kept)?
+                Film::new(&machine.gpu, size, kept, scene.settings.adaptive)?
             }
         };
         counted.rebuilt.camera += u64::from(diff.camera || diff.film);
@@ -208,6 +208,7 @@ impl Shown {
             scene: self.parts.address(),
             input: film.pass_sums.as_ref().map_or(0, Buffer::address),
             output: film.sums.address(),
+            resting: film.resting.as_ref().map_or(0, Buffer::address),
             first_sample: film.spp,
             samples,
             ..launch_of(&tile)

@@ -88,6 +88,7 @@ fn twins() -> Vec<Layout> {
                 input as "source",
                 output as "target",
                 scratch,
+                resting,
                 tile_x,
                 tile_y,
                 tile_width,

@@ -88,6 +88,8 @@ mod compute {
     /// On one backend: that sums are alike on all, to the bit, is seen in `radiance/films.rs`.
     #[path = "../../cpu-renderer/tests/renderer/passes.rs"]
     mod passes;
+    #[path = "../../cpu-renderer/tests/renderer/resting.rs"]
+    mod resting;
 
     fn renderer() -> super::Validated {
         super::Validated::open(super::Backend::Compute)

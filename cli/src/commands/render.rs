@@ -17,7 +17,8 @@ use crate::progress::Bar;
 const DEFAULT_SPP: u32 = 64;
 
 pub(crate) fn run(args: &Render, job: &Arc<Job>) -> Result<Answer, Failure> {
-    let unlimited = args.spp.is_none() && args.time.is_none() && args.error.is_none();
+    let unlimited =
+        args.spp.is_none() && args.time.is_none() && args.error.is_none() && args.noise_threshold.is_none();
     let stop =
         Stop { spp: args.spp.or(unlimited.then_some(DEFAULT_SPP)), seconds: args.time, error: args.error };
     let subject = match (&args.again, &args.input) {
@@ -57,6 +58,8 @@ pub(crate) fn run(args: &Render, job: &Arc<Job>) -> Result<Answer, Failure> {
                 ViewArg::Filmic => pumice_session::ViewTransform::Filmic,
                 ViewArg::Agx => pumice_session::ViewTransform::Agx,
             }),
+            noise_threshold: args.noise_threshold.map(|t| t as f32),
+            min_spp: args.min_spp,
             view_deg: args.view,
         },
         reading: open_options(&args.reading),
@@ -111,8 +114,12 @@ pub(crate) fn summary(figures: &RenderFigures) -> String {
     let error = figures
         .error_estimate
         .map_or("error not known".into(), |e| format!("estimated error {:.2} %", 100.0 * e));
+    let resting = match figures.mean_spp < f64::from(figures.spp) {
+        true => format!(" ({:.1} on average)", figures.mean_spp),
+        false => String::new(),
+    };
     format!(
-        "{} samples a pixel, {error}, {:.1} s ({:.1} CPU s)",
+        "{} samples a pixel{resting}, {error}, {:.1} s ({:.1} CPU s)",
         figures.spp, figures.seconds, figures.cpu_seconds
     )
 }

@@ -137,7 +137,8 @@ impl Worker {
             let age = Duration::from_secs_f64(clock.seconds() / 4.0);
             let slice = age.clamp(FIRST_SLICE, LONGEST_SLICE);
             let progress = self.renderer.advance(slice, self.stop.spp.unwrap_or(u32::MAX), job)?;
-            let done = self.stop.spp.is_some_and(|n| progress.spp >= n)
+            let done = progress.all_rest
+                || self.stop.spp.is_some_and(|n| progress.spp >= n)
                 || self.stop.seconds.is_some_and(|s| clock.seconds() >= s)
                 || self.stop.error.is_some_and(|bar| progress.error_estimate <= bar)
                 || progress.spp == u32::MAX;

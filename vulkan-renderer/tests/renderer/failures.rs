@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use pumice_core::Job;
 use pumice_render::{Image, RenderError, Renderer as _};
+use pumice_scene::Adaptive;
 use pumice_vulkan::device::{Backend, Fault};
 
 use super::Validated;
@@ -81,6 +82,31 @@ fn samples_survive_a_lost_device() {
     let film = scene_of_balls().film;
     let samples = job.progress().0 / u64::from(film.width * film.height);
     assert_eq!(samples, u64::from(SPP) - 2, "no sample was computed twice");
+}
+
+/// So does which pixels rest.
+#[test]
+fn pixels_rest_on_after_a_lost_device() {
+    let mut renderer = Validated::open(Backend::Compute);
+    let mut scene = scene_of_balls();
+    scene.settings.adaptive = Some(Adaptive { threshold: 0.2, min_spp: 4 });
+    let mut drawn = |fault: bool| {
+        renderer.set_scene(&scene, &[balls()], &[]).unwrap();
+        while renderer.advance(Duration::ZERO, 5, &Job::new()).unwrap().spp < 5 {}
+        if fault {
+            renderer.gpu().inject(Fault::Submission, 1, 1);
+        }
+        let mut progress = renderer.advance(Duration::ZERO, 9, &Job::new()).unwrap();
+        while progress.spp < 9 {
+            progress = renderer.advance(Duration::ZERO, 9, &Job::new()).unwrap();
+        }
+        (renderer.color().unwrap(), progress.mean_spp, renderer.notices().len())
+    };
+    let (expected, mean_spp, _) = drawn(false);
+    assert!(mean_spp > 4.0 && mean_spp < 9.0, "some rest: {mean_spp}");
+    let (color, again, notices) = drawn(true);
+    assert!(color == expected, "other colours");
+    assert_eq!((again, notices), (mean_spp, 1));
 }
 
 /// Twice in a row is given up, in one line that names backend and device; afterwards the renderer can be used again.

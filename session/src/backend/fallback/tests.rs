@@ -81,7 +81,7 @@ impl Renderer for Fake {
             self.call(At::Advance)?;
         }
         self.spp = (self.spp + 1).min(spp_limit);
-        Ok(Progress { spp: self.spp, error_estimate: 0.5 })
+        Ok(Progress { spp: self.spp, mean_spp: f64::from(self.spp), error_estimate: 0.5, all_rest: false })
     }
 
     fn color(&mut self) -> Result<Image, RenderError> {

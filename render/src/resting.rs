@@ -1,0 +1,131 @@
+//! Pixels that have enough samples rest (Blender's *Noise Threshold*).
+//!
+//! At given numbers of samples the film looks at itself. A pixel's squared error is the mean over channels of var / (μ² + 0.01), as
+//! in [`FilmBuffer::error_estimate`]; four replicates make it coarse, so it is averaged over 3 × 3 pixels. A pixel rests for good
+//! where no such mean within one pixel of it is above the threshold: what is about to turn noisy wakes its surroundings, as in
+//! Cycles, which dilates by as much.
+//!
+//! ```text
+//! looks at   min_spp (a multiple of the replicates), then each time a quarter more samples: a handful for each doubling
+//! rested     per pixel the samples that it had when it came to rest, or AWAKE
+//! ```
+//! Looks are at fixed numbers of samples and see whole passes alone, so what rests does not depend on time, threads or slices. Which
+//! pixels go on depends on what they found, which biases the picture a little (docs/error-against-time.md says how much).
+
+use pumice_scene::Adaptive;
+use rayon::prelude::*;
+
+use crate::film::FilmBuffer;
+use crate::sampler::REPLICATES;
+
+/// Of a pixel that does not rest.
+pub const AWAKE: u32 = u32::MAX;
+
+/// See the module.
+#[derive(Clone, Debug)]
+pub struct Resting {
+    rule: Adaptive,
+    next_look: u32,
+    rested: Vec<u32>,
+    awake: usize,
+}
+
+impl Resting {
+    /// All of `pixels` awake.
+    pub(crate) fn new(rule: Adaptive, pixels: usize) -> Self {
+        let next_look = rule.min_spp.max(REPLICATES).next_multiple_of(REPLICATES);
+        Self { rule, next_look, rested: vec![AWAKE; pixels], awake: pixels }
+    }
+
+    /// Per pixel the samples that it had when it came to rest, or [`AWAKE`].
+    pub fn rested(&self) -> &[u32] {
+        &self.rested
+    }
+
+    /// By what pixels come to rest.
+    pub(crate) fn rule(&self) -> Adaptive {
+        self.rule
+    }
+
+    /// Heap bytes.
+    pub(crate) fn bytes(&self) -> u64 {
+        self.rested.len() as u64 * 4
+    }
+}
+
+impl FilmBuffer {
+    /// The number of samples up to which a pass may go: where the film next looks at itself, [`u32::MAX`] where it never does.
+    pub fn next_look(&self) -> u32 {
+        self.resting.as_ref().map_or(u32::MAX, |r| r.next_look)
+    }
+
+    /// Whether every pixel rests: further samples change nothing.
+    pub fn all_rest(&self) -> bool {
+        self.resting.as_ref().is_some_and(|r| r.awake == 0)
+    }
+
+    /// Which pixels rest, where they may.
+    pub fn resting(&self) -> Option<&Resting> {
+        self.resting.as_ref()
+    }
+
+    /// Looks which pixels may rest, if this is where to look; true where some came to rest.
+    pub fn look(&mut self) -> bool {
+        let spp = self.spp();
+        if spp < self.next_look() {
+            return false;
+        }
+        let Some(mut resting) = self.resting.take() else { return false };
+        let steps = spp / REPLICATES;
+        resting.next_look = steps.saturating_add((steps / 4).max(1)).saturating_mul(REPLICATES);
+
+        let (width, height) = self.size();
+        let errors = self.squared_errors();
+        let mean = around(&errors, width, height, |values| {
+            let (sum, n) = values.fold((0.0, 0.0), |(sum, n), v| (sum + v, n + 1.0));
+            sum / n
+        });
+        let worst = around(&mean, width, height, |values| values.fold(0.0, f32::max));
+        let bar = resting.rule.threshold * resting.rule.threshold;
+        let awake = resting.awake;
+        for (rested, worst) in resting.rested.iter_mut().zip(&worst) {
+            if *rested == AWAKE && *worst <= bar {
+                *rested = spp;
+                resting.awake -= 1;
+            }
+        }
+        let some = resting.awake < awake;
+        self.resting = Some(resting);
+        some
+    }
+
+    /// Mean over channels of var / (μ² + floor), pixel by pixel.
+    fn squared_errors(&self) -> Vec<f32> {
+        let (width, height) = self.size();
+        let error = |pixel: usize| {
+            let n = self.samples_of(pixel);
+            let of_channel = |channel| {
+                let (mean, var) = self.moments(pixel, channel, n);
+                var / (mean * mean + crate::film::FLOOR)
+            };
+            ((0..3).map(of_channel).sum::<f64>() / 3.0) as f32
+        };
+        (0..width * height).into_par_iter().map(error).collect()
+    }
+}
+
+/// A value made of each pixel and its up to eight neighbours, in a fixed order.
+fn around(
+    of: &[f32],
+    width: usize,
+    height: usize,
+    f: impl Fn(&mut dyn Iterator<Item = f32>) -> f32 + Sync,
+) -> Vec<f32> {
+    let value = |pixel: usize| {
+        let (x, y) = (pixel % width, pixel / width);
+        let columns = x.saturating_sub(1)..(x + 2).min(width);
+        let rows = y.saturating_sub(1)..(y + 2).min(height);
+        f(&mut rows.flat_map(|y| columns.clone().map(move |x| of[y * width + x])))
+    };
+    (0..width * height).into_par_iter().map(value).collect()
+}
