@@ -276,7 +276,10 @@ pub(crate) struct Render {
     /// Write the scene as JSON to this file
     #[arg(long, value_name = "SCENE.json")]
     pub(crate) save_scene: Option<PathBuf>,
-    /// Print what the scene needs, and what was left out
+    /// Print what the scene needs, what was left out, and what that saves
+    ///
+    /// What it saves is measured: after the picture small ones of 160 pixels are drawn both ways, each part left out and put in in turn.
+    /// Takes seconds; on a graphics processor also the driver's time to compile each way
     #[arg(long)]
     pub(crate) explain: bool,
     #[command(flatten)]
@@ -437,6 +440,33 @@ pub(crate) struct Bench {
 pub(crate) enum BenchKind {
     Convergence(Convergence),
     Stability(Stability),
+    Needs(Needs),
+}
+
+/// What it saves to leave out what a scene does not need: both ways in turn
+///
+/// Draws the least that can be drawn of a volume, with all labels and with some, without and with each part that a renderer leaves out
+/// where no scene needs it. Writes needs.csv and needs.md. Exit code 1 when both ways do not draw the same picture.
+#[derive(Debug, Args)]
+pub(crate) struct Needs {
+    /// Label volumes; the shipped one by default
+    #[arg(value_name = "FILE")]
+    pub(crate) volumes: Vec<PathBuf>,
+    /// What draws: auto, cpu, vulkan-rt, vulkan-query or vulkan-compute
+    #[arg(long, value_name = "NAME", default_value = "auto")]
+    pub(crate) backend: String,
+    /// Labels of the scene that shows some, the longest ones
+    #[arg(long, value_name = "N", default_value = "10", value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) show: u32,
+    /// Rounds of both ways
+    #[arg(long, value_name = "N", default_value = "21", value_parser = clap::value_parser!(u32).range(2..=10_000))]
+    pub(crate) rounds: u32,
+    /// Pixels of the pictures across
+    #[arg(long, value_name = "N", default_value = "320", value_parser = clap::value_parser!(u32).range(16..=4096))]
+    pub(crate) side: u32,
+    /// Folder for the results, made if absent
+    #[arg(long, value_name = "DIR", default_value = "pumice-needs")]
+    pub(crate) out: PathBuf,
 }
 
 /// Error against CPU seconds, beside Cycles where a Python with Blender is named

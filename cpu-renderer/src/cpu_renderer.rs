@@ -8,7 +8,7 @@ use pumice_render::{
     EnvironmentTable, Image, Pick, Picture, Progress, ReadyLamp, ReadySun, Rebuilt, RenderError, Renderer,
     SurfaceKind, cryptomatte, name_mattes,
 };
-use pumice_scene::{Environment, InstanceDiff, MeshDiff, Pass, Scene, SceneDiff, SceneError};
+use pumice_scene::{Environment, InstanceDiff, MeshDiff, Part, Pass, Scene, SceneDiff, SceneError, Spare};
 
 use crate::camera_rays::CameraRays;
 use crate::lights::{Lights, Sky};
@@ -26,6 +26,7 @@ pub struct CpuRenderer {
     read_image: ReadImage,
     shown: Option<Shown>,
     rebuilt: Rebuilt,
+    spare: Spare,
 }
 
 #[derive(Debug)]
@@ -50,7 +51,7 @@ fn no_scene() -> RenderError {
 impl CpuRenderer {
     /// A renderer that shows nothing yet.
     pub fn new(read_image: ReadImage) -> Self {
-        Self { read_image, shown: None, rebuilt: Rebuilt::default() }
+        Self { read_image, shown: None, rebuilt: Rebuilt::default(), spare: Spare::NONE }
     }
 
     fn shown(&self) -> Result<&Shown, RenderError> {
@@ -170,6 +171,16 @@ impl Renderer for CpuRenderer {
         "cpu"
     }
 
+    fn carry(&mut self, spare: Spare) {
+        (self.spare, self.shown) = (spare, None);
+    }
+
+    /// The rest is decided as paths go: its code is always there, and asked only by what a scene has.
+    fn can_carry(&self) -> Spare {
+        let parts = [Part::HiddenLabels, Part::Levels, Part::Clear, Part::Sorting, Part::Mattes];
+        parts.into_iter().fold(Spare::NONE, Spare::with)
+    }
+
     fn set_scene(
         &mut self,
         scene: &Scene,
@@ -192,7 +203,10 @@ impl Renderer for CpuRenderer {
             }
         };
         let lod = LodChoice::new(scene.settings.lod, &scene.camera, &scene.film);
-        let mattes = scene.film.passes.has_any(Pass::MATTES);
+        let mattes = scene.film.passes.has_any(Pass::MATTES) || self.spare.has(Part::Mattes);
+        let lod = if self.spare.has(Part::Levels) { lod.carrying_levels() } else { lod };
+        let carry_clear =
+            |looks: Looks| Arc::new(if self.spare.has(Part::Clear) { looks.carrying_clear() } else { looks });
         let mut looks = Vec::with_capacity(volumes.len());
         let mut geometry = Vec::with_capacity(volumes.len());
         for (place, (instance, volume)) in scene.instances.iter().zip(volumes).enumerate() {
@@ -216,7 +230,7 @@ impl Renderer for CpuRenderer {
                     let touching = table.contacts().iter();
                     let looks = Looks::new(&instance.style, table.ids(), touching, &visible);
                     let ids = if mattes { cryptomatte::ids_of_volume(table) } else { Vec::new() };
-                    Arc::new(looks.with_ids(ids))
+                    carry_clear(looks.with_ids(ids))
                 }
             });
             geometry.push(match kept_geometry {
@@ -229,7 +243,10 @@ impl Renderer for CpuRenderer {
                         visible,
                         lod,
                     };
-                    let geometry = VolumeTracer::new(place as u32, &traced)?;
+                    let geometry = match self.spare.has(Part::HiddenLabels) {
+                        true => VolumeTracer::carrying_hidden(place as u32, &traced)?,
+                        false => VolumeTracer::new(place as u32, &traced)?,
+                    };
                     Arc::new(geometry.with_cuts(scene.cuts_of(instance.id)))
                 }
             });
@@ -242,7 +259,7 @@ impl Renderer for CpuRenderer {
                 None => {
                     rebuilt.materials += 1;
                     let ids = if mattes { cryptomatte::ids_of_mesh(&mesh.source) } else { Vec::new() };
-                    Arc::new(Looks::of_mesh(&mesh.materials).with_ids(ids))
+                    carry_clear(Looks::of_mesh(&mesh.materials).with_ids(ids))
                 }
             });
             let instance = volumes.len() as u32 + place;
@@ -262,7 +279,7 @@ impl Renderer for CpuRenderer {
         let geometry = SceneTracer::of(geometry).with_meshes(triangles);
         rebuilt.camera += u64::from(diff.camera || diff.film);
         rebuilt.film += u64::from(diff.film);
-        let tracer = match self.shown.take() {
+        let mut tracer = match self.shown.take() {
             Some(Shown { mut tracer, .. }) if !diff.film => {
                 let camera = diff.camera.then(|| CameraRays::new(&scene.camera, &scene.film));
                 tracer.restart(geometry, around, camera);
@@ -270,6 +287,7 @@ impl Renderer for CpuRenderer {
             }
             _ => PathTracer::new(geometry, around, &scene.camera, &scene.film),
         };
+        tracer.carry_sorting(self.spare.has(Part::Sorting));
         self.rebuilt = rebuilt;
         let (volumes, meshes) = (volumes.to_vec(), meshes.to_vec());
         self.shown = Some(Shown { scene: scene.clone(), volumes, meshes, lod, tracer });

@@ -27,6 +27,12 @@ impl Looks {
         }
     }
 
+    /// The same, as if some material let light pass: shadow rays ask what they meet, and not only whether.
+    #[must_use]
+    pub fn carrying_clear(self) -> Self {
+        Self { has_clear: true, ..self }
+    }
+
     /// Looks of a mesh with these materials, at least one: indices past the end have the last.
     pub fn of_mesh(materials: &[Material]) -> Self {
         let has_clear = materials.iter().any(|m| m.alpha < 1.0);

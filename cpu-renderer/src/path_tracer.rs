@@ -29,6 +29,8 @@ pub struct PathTracer<T> {
     film: FilmBuffer,
     wanted: Passes,
     seconds_a_sample: f64,
+    /// Light is sorted though nobody asks for it.
+    sorts: bool,
 }
 
 impl<T: Tracer> PathTracer<T> {
@@ -44,7 +46,13 @@ impl<T: Tracer> PathTracer<T> {
             film: buffer,
             wanted: film.passes,
             seconds_a_sample: 0.0,
+            sorts: false,
         }
+    }
+
+    /// Sorts light even where no pass and no clamp asks for it: what it saves not to can be measured so.
+    pub fn carry_sorting(&mut self, on: bool) {
+        self.sorts = on;
     }
 
     /// Starts the picture again on the same film, with other surroundings and, where one is given, another camera.
@@ -111,7 +119,7 @@ impl<T: Tracer> PathTracer<T> {
         let start = Instant::now();
         let before = self.film.spp();
         let (width, height) = self.film.size();
-        let Self { tracer, around, rays, filter, film, .. } = self;
+        let Self { tracer, around, rays, filter, film, sorts, .. } = self;
         let seed = around.settings.seed;
         let kept = film.kept();
         let stride = kept.stride();
@@ -131,7 +139,7 @@ impl<T: Tracer> PathTracer<T> {
                         Some(lens) => rays.lens_ray(lens, px, py, sampler.lens()),
                     };
                     let down = (py / height as f64) as f32;
-                    let color = if stride == 0 {
+                    let color = if stride == 0 && !*sorts {
                         radiance(&*tracer, around, &sampler, ray, t_max, down)
                     } else {
                         let mut sorted = Sorted::new(&around.settings, kept);

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use pumice_core::{CompressedVolume, Job, MeshData};
-use pumice_scene::Scene;
+use pumice_scene::{Scene, Spare};
 
 use crate::{Image, Picture};
 
@@ -75,6 +75,16 @@ pub struct Rebuilt {
 pub trait Renderer: Send {
     /// Name as in `--backend`.
     fn name(&self) -> &'static str;
+
+    /// Asks it to build and run what scenes do not need all the same, so that what leaving it out saves can be measured. It shows no
+    /// scene any more; pictures of the next one are as they would be. What it does not know of ([`Renderer::can_carry`]) changes
+    /// nothing.
+    fn carry(&mut self, _spare: Spare) {}
+
+    /// What it leaves out where a scene does not need it; all else it has always, or never.
+    fn can_carry(&self) -> Spare {
+        Spare::NONE
+    }
 
     /// Makes the renderer show `scene`; `volumes[i]` belongs to `scene.instances[i]`, `meshes[i]` to `scene.meshes[i]`. It
     /// compares with the scene shown before ([`pumice_scene::SceneDiff`]) and makes anew only what differs; the picture restarts.

@@ -20,6 +20,7 @@ pub mod passes;
 pub mod scene;
 pub mod settings;
 pub mod show;
+pub mod spare;
 pub mod validate;
 
 pub use camera::{Aperture, Camera, Projection, SensorFit};
@@ -36,3 +37,4 @@ pub use passes::{Pass, Passes};
 pub use scene::{Instance, LabelStyle, SCENE_VERSION, Scene};
 pub use settings::{Adaptive, Film, Filter, Lod, Mode, Settings, ViewTransform};
 pub use show::Show;
+pub use spare::{Part, Spare};

@@ -3,7 +3,7 @@
 //! A need is told from what is drawn: the material of a hidden label asks for nothing. `left out` is said only of work or memory
 //! that a renderer does save; what costs nothing to have (emission, metal) is told where it is needed and else not mentioned.
 
-use crate::{Cut, Environment, LabelStyle, Light, LightShape, Lod, Material, Mode, Pass, Scene};
+use crate::{Cut, Environment, LabelStyle, Light, LightShape, Lod, Material, Mode, Part, Pass, Scene, Spare};
 
 /// Labels of one instance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -35,6 +35,10 @@ pub struct Needs {
     pub coat: bool,
     /// Some surface lets light pass straight on.
     pub clear: bool,
+    /// Some surface has sheen.
+    pub sheen: bool,
+    /// The camera's opening has a size.
+    pub lens: bool,
     /// Some surface sends out light.
     pub emission: bool,
     /// The sky is a picture, with a table to aim by.
@@ -73,7 +77,7 @@ impl Needs {
         let mut labels = Vec::new();
         let mut seen = Vec::new();
         let (mut diffuse, mut specular, mut metal, mut emission) = (false, false, false, false);
-        let (mut glass, mut coat, mut clear) = (false, false, false);
+        let (mut glass, mut coat, mut clear, mut sheen) = (false, false, false, false);
         for (instance, ids) in scene.instances.iter().zip(ids) {
             let visible = visible(&instance.style, ids);
             labels.push(LabelCount {
@@ -91,6 +95,7 @@ impl Needs {
             glass |= m.transmission > 0.0;
             coat |= m.coat > 0.0;
             clear |= m.alpha < 1.0;
+            sheen |= m.sheen > 0.0;
             emission |= m.emission != [0.0; 3];
         }
 
@@ -110,6 +115,8 @@ impl Needs {
             glass: lighting && glass,
             coat: lighting && coat,
             clear: lighting && clear,
+            sheen: lighting && sheen,
+            lens: scene.camera.aperture.is_some(),
             emission: lighting && emission,
             sky_table,
             suns: lit.count(),
@@ -136,6 +143,26 @@ impl Needs {
                 Lod::Distance { .. } => vec![1, 4, 16],
             },
         }
+    }
+
+    /// What the scene does not need.
+    pub fn spare(&self) -> Spare {
+        Spare::NONE
+            .with_if(Part::HiddenLabels, self.labels.iter().any(|l| l.visible < l.all))
+            .with_if(Part::Levels, self.levels == [1])
+            .with_if(Part::Microfacets, !(self.specular || self.metal || self.glass))
+            .with_if(Part::Coats, !self.coat)
+            .with_if(Part::Sheen, !self.sheen)
+            .with_if(Part::Glass, !self.glass)
+            .with_if(Part::Clear, !self.clear)
+            .with_if(Part::Lamps, self.lamps == 0)
+            .with_if(Part::Aiming, !self.sky_table && self.suns == 0 && self.lamps == 0)
+            .with_if(Part::SkyPicture, !self.sky_table)
+            .with_if(Part::Lens, !self.lens)
+            .with_if(Part::Cuts, self.cuts == 0)
+            .with_if(Part::Meshes, self.meshes == 0)
+            .with_if(Part::Sorting, !self.sorted)
+            .with_if(Part::Mattes, !self.mattes)
     }
 
     /// A line for each thing that is needed (`needed: …`) and for each that is left out, with the reason (`left out: … (…)`).
@@ -225,6 +252,8 @@ impl Needs {
             (self.glass, "glass"),
             (self.coat, "clear coat"),
             (self.clear, "surfaces that light passes straight through"),
+            (self.sheen, "sheen"),
+            (self.lens, "depth of field"),
             (self.emission, "emission"),
         ];
         lines.extend(free.iter().filter(|f| f.0).map(|f| format!("needed: {}", f.1)));

@@ -6,7 +6,8 @@ mod common;
 
 use common::full_scene;
 use pumice_scene::{
-    Cut, Environment, LabelCount, LabelStyle, Lod, Material, Mode, Needs, Pass, Passes, Scene, Show,
+    Cut, Environment, LabelCount, LabelStyle, Lod, Material, Mode, Needs, Part, Pass, Passes, Scene, Show,
+    Spare,
 };
 
 const IDS: [u64; 4] = [3, 5, 17, u64::MAX];
@@ -19,6 +20,7 @@ fn plain() -> Scene {
     scene.instances[0].style = LabelStyle { material: MATTE, ..LabelStyle::default() };
     scene.world.environment = Environment::Constant { radiance: [1.0; 3] };
     scene.suns.clear();
+    scene.camera.aperture = None;
     (scene.lights, scene.meshes, scene.cuts) = Default::default();
     (scene.film.transparent, scene.film.passes) = (false, Passes::NONE);
     (scene.settings.clamp_direct, scene.settings.clamp_indirect) = (0.0, 0.0);
@@ -42,6 +44,8 @@ fn least() -> Needs {
         glass: false,
         coat: false,
         clear: false,
+        sheen: false,
+        lens: false,
         emission: false,
         sky_table: false,
         suns: 0,
@@ -76,6 +80,7 @@ fn each_edit_needs_only_what_it_brings() {
     assert_eq!(style(|s| s.material.transmission = 0.5), Needs { glass: true, ..least() });
     assert_eq!(style(|s| s.material.coat = 0.5), Needs { coat: true, ..least() });
     assert_eq!(style(|s| s.material.alpha = 0.5), Needs { clear: true, ..least() });
+    assert_eq!(style(|s| s.material.sheen = 0.5), Needs { sheen: true, ..least() });
     assert_eq!(style(|s| s.material.base_color = [0.0; 3]), Needs { diffuse: false, ..least() });
     // A black that automatic colours replace is not black.
     assert_eq!(style(|s| (s.material.base_color, s.auto_color) = ([0.0; 3], true)), least());
@@ -138,6 +143,7 @@ fn ambient_occlusion_needs_neither_lights_nor_materials() {
     scene.settings.lod = Lod::Voxels;
     scene.instances.truncate(1);
     scene.cuts.clear();
+    scene.camera.aperture = None;
     let labels = vec![LabelCount { instance: 7, visible: 3, all: 4 }];
     let expected = Needs {
         labels,
@@ -175,6 +181,30 @@ fn hidden_labels_ask_for_nothing() {
     });
     assert_eq!(own, Needs { emission: true, labels: seen(1), ..least() });
     assert_eq!(with(Show::Only(vec![])), Needs { diffuse: false, labels: seen(0), ..least() });
+}
+
+/// What is not needed is spare, and each edit takes its own part out of that.
+#[test]
+fn what_is_not_needed_is_spare() {
+    let all = Spare::ALL.without(Spare::NONE.with(Part::HiddenLabels));
+    assert_eq!(least().spare(), all);
+    let without = |parts: &[Part]| parts.iter().fold(all, |s, &p| s.without(Spare::NONE.with(p)));
+    let style = |edit: fn(&mut LabelStyle)| after(|s| edit(&mut s.instances[0].style)).spare();
+    assert_eq!(style(|s| s.show = Show::Only(vec![5])), Spare::ALL);
+    assert_eq!(style(|s| s.material.metallic = 1.0), without(&[Part::Microfacets]));
+    assert_eq!(style(|s| s.material.transmission = 1.0), without(&[Part::Microfacets, Part::Glass]));
+    assert_eq!(style(|s| s.material.coat = 1.0), without(&[Part::Coats]));
+    assert_eq!(style(|s| s.material.sheen = 1.0), without(&[Part::Sheen]));
+    assert_eq!(style(|s| s.material.alpha = 0.5), without(&[Part::Clear]));
+    let full = full_scene();
+    assert_eq!(after(|s| s.suns = full.suns).spare(), without(&[Part::Aiming]));
+    assert_eq!(after(|s| s.lights = full.lights).spare(), without(&[Part::Aiming, Part::Lamps]));
+    assert_eq!(
+        after(|s| s.meshes = full.meshes[..1].to_vec()).spare().and(Spare::NONE.with(Part::Meshes)),
+        Spare::NONE
+    );
+    assert_eq!(after(|s| s.film.transparent = true).spare(), without(&[Part::Sorting]));
+    assert_eq!(after(|s| s.settings.lod = Lod::Boxes).spare(), without(&[Part::Levels]));
 }
 
 #[test]

@@ -15,6 +15,7 @@ pub mod measure;
 pub mod open;
 pub mod progressive;
 pub mod render_file;
+pub mod savings;
 pub mod selection;
 pub mod stability;
 
@@ -32,4 +33,7 @@ pub use pumice_core::{Job, LabelType, Level, Verification};
 pub use pumice_formats::{ArrayAxes, OpenOptions, RawLayout};
 pub use pumice_scene::{Lod, Mode, ViewTransform};
 pub use render_file::{RenderFigures, RenderOverrides, RenderRequest, Rendered, Subject, render_file};
+pub use savings::{
+    NeedsOptions, NeedsScene, Savings, SavingsOptions, measure_needs, measure_savings, write_needs,
+};
 pub use stability::{Beside, Case, Stability, measure_stability};

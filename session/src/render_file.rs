@@ -19,6 +19,7 @@ use crate::figure::{FigureOptions, compose};
 use crate::measure::{Stopwatch, peak_rss_bytes};
 use crate::open::{open_meshes, open_volume};
 use crate::progressive::{CurvePoint, Stop, render_until};
+use crate::savings::{Savings, SavingsOptions, measure_savings};
 use crate::selection::select_labels;
 
 /// Samples that every pixel gets before it may rest, where nobody says.
@@ -85,6 +86,8 @@ pub struct RenderRequest {
     pub threads: Option<usize>,
     /// Where to write the scene, if anywhere.
     pub save_scene: Option<PathBuf>,
+    /// Measure what it saves to leave out what the scene does not need.
+    pub explain: bool,
 }
 
 /// What a picture cost and how good it is: the JSON report.
@@ -118,6 +121,9 @@ pub struct RenderFigures {
     pub error_estimate: Option<f64>,
     /// Error against run time.
     pub curve: Vec<CurvePoint>,
+    /// What leaving out saves, where that was asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub savings: Option<Savings>,
 }
 
 /// A rendered picture, its figures, and what was needed for it.
@@ -154,8 +160,18 @@ pub fn render_file(
     if let Some(path) = &request.save_scene {
         scene.save(path).map_err(|source| SessionError::Scene { path: path.clone(), source })?;
     }
-    let mut render =
-        || render_scene(&scene, &volumes, &meshes, &backend, &stop, job, &mut |point| watch(&stop, point));
+    let mut render = || -> Result<Rendered> {
+        let mut rendered =
+            render_scene(&scene, &volumes, &meshes, &backend, &stop, job, &mut |point| watch(&stop, point))?;
+        if request.explain {
+            // By what drew: `auto` may have gone on with another way.
+            let drew = if backend == "auto" { rendered.figures.backend.clone() } else { backend.clone() };
+            let quick = SavingsOptions::QUICK;
+            rendered.figures.savings =
+                Some(measure_savings(&scene, &volumes, &meshes, &drew, &quick, job, &mut |_| {})?);
+        }
+        Ok(rendered)
+    };
     let rendered = match request.threads {
         None => render()?,
         Some(threads) => in_pool(threads, render)?,
@@ -384,6 +400,7 @@ pub fn render_scene(
             mean_spp: last.mean_spp,
             error_estimate: last.error_estimate,
             curve,
+            savings: None,
         },
         explanation,
     })

@@ -22,6 +22,6 @@ pub use boxes::{PackedBoxes, place};
 pub use cuts::cut_planes;
 pub use looks::PackedLooks;
 pub use meshes::{PackedMesh, place_mesh};
-pub use needs::ShaderNeeds;
+pub use needs::{ShaderNeeds, carrying, compiled_parts};
 pub use nodes::PackedNodes;
 pub use scene::{PackedSky, camera, header, lamps, lights, settings, suns};

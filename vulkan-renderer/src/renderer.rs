@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 use pumice_core::{CompressedVolume, Job, MeshData};
 use pumice_cpu::ReadImage;
 use pumice_render::{Image, Pick, Picture, Progress, Rebuilt, RenderError, Renderer};
-use pumice_scene::{Scene, SceneError};
+use pumice_scene::{Part, Scene, SceneError, Spare};
 
 use crate::device::{Backend, Candidate, DeviceError, Gpu, Instance};
 use crate::machine::{Machine, Opening};
@@ -103,7 +103,7 @@ impl VulkanRenderer {
         let mut slices = self.machine.slices;
         slices.shrink();
         let mut again = Machine::open(&self.how).map_err(|e| self.given_up(&e))?;
-        again.slices = slices;
+        (again.slices, again.spare) = (slices, self.machine.spare);
         self.machine = again;
         let Some(shown) = self.shown.take() else { return Ok(()) };
         match shown.again(&mut self.machine, self.read_image, &mut self.counters) {
@@ -156,6 +156,14 @@ impl VulkanRenderer {
 impl Renderer for VulkanRenderer {
     fn name(&self) -> &'static str {
         self.how.backend.name()
+    }
+
+    fn carry(&mut self, spare: Spare) {
+        (self.machine.spare, self.shown) = (spare, None);
+    }
+
+    fn can_carry(&self) -> Spare {
+        crate::pack::compiled_parts().with(Part::HiddenLabels).with(Part::Levels)
     }
 
     fn set_scene(

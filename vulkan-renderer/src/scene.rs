@@ -96,6 +96,7 @@ pub(crate) struct Boxes {
 }
 
 impl Boxes {
+    /// With `carry_hidden` also the boxes of labels that are not visible, whose nodes must be there; none of their voxels.
     pub(crate) fn new(
         gpu: &Gpu,
         place: u32,
@@ -103,9 +104,17 @@ impl Boxes {
         nodes: Arc<Nodes>,
         visible: &[bool],
         tight: bool,
+        carry_hidden: bool,
     ) -> Result<Self, Fault> {
         let limit = |what: String| RenderError::Scene(format!("instances[{place}]: {what}"));
-        let packed = PackedBoxes::new(volume, &nodes.packed, visible, tight).map_err(limit)?;
+        let packed = if carry_hidden {
+            let mut packed =
+                PackedBoxes::new(volume, &nodes.packed, &vec![true; visible.len()], tight).map_err(limit)?;
+            packed.hide(&nodes.packed, visible).map_err(limit)?;
+            packed
+        } else {
+            PackedBoxes::new(volume, &nodes.packed, visible, tight).map_err(limit)?
+        };
         let mut record = packed.record();
         let chunks = gpu.buffer_of("the chunks of a volume", bytemuck::cast_slice(&packed.chunks))?;
         let boxes = gpu.buffer_of("the boxes of a volume", bytemuck::cast_slice(&packed.boxes))?;

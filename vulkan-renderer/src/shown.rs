@@ -12,7 +12,7 @@ use pumice_cpu::{Looks, ReadImage, scene_lights};
 use pumice_render::{
     FilmBuffer, Image, PassSums, Pick, Picture, Rebuilt, RenderError, SurfaceKind, cryptomatte, name_mattes,
 };
-use pumice_scene::{InstanceDiff, MeshDiff, Pass, Scene, SceneDiff};
+use pumice_scene::{InstanceDiff, MeshDiff, Part, Pass, Scene, SceneDiff};
 
 use crate::device::{Buffer, DeviceError};
 use crate::film::Film;
@@ -133,6 +133,7 @@ impl Shown {
         let old = former.as_ref();
         let diff = SceneDiff::between(old.map(|o| &o.scene), scene);
         let lod = LodChoice::new(scene.settings.lod, &scene.camera, &scene.film);
+        let lod = if machine.spare.has(Part::Levels) { lod.carrying_levels() } else { lod };
         let parts = parts_of(machine, old, &diff, scene, volumes, meshes, lod, read_image, &mut counted)?;
         let of_meshes = parts.meshes.iter().map(|m| &m.looks.packed);
         let needs = ShaderNeeds::new(
@@ -169,7 +170,7 @@ impl Shown {
             lod,
             parts,
             film,
-            constants: needs.constants().to_vec(),
+            constants: pack::carrying(needs.constants().to_vec(), machine.spare),
         })
     }
 
@@ -374,7 +375,7 @@ fn instance_of(
     let instance = &scene.instances[place];
     let tight = lod == LodChoice::Voxels;
     let table = volume.labels();
-    let mattes = scene.film.passes.has_any(Pass::MATTES);
+    let mattes = scene.film.passes.has_any(Pass::MATTES) || machine.spare.has(Part::Mattes);
     let kept_looks = former.and_then(|f| f.looks(mattes));
     let kept_boxes = former.and_then(|f| f.boxes(place, tight));
     let visible = if kept_looks.is_none() || kept_boxes.is_none() {
@@ -402,15 +403,18 @@ fn instance_of(
             // The same volume may be on the device already, with all that is wanted now.
             let here = former.map(|f| f.parts().boxes.nodes());
             let here = here.into_iter().chain(before.iter().map(|i| i.boxes.nodes()));
-            let known = here.filter(|n| n.is_of(volume)).find(|n| n.covers(&visible)).map(Arc::clone);
+            let carry_hidden = machine.spare.has(Part::HiddenLabels);
+            let all = vec![true; visible.len()];
+            let wanted = if carry_hidden { &all } else { &visible };
+            let known = here.filter(|n| n.is_of(volume)).find(|n| n.covers(wanted)).map(Arc::clone);
             let nodes = match known {
                 Some(nodes) => nodes,
                 None => {
                     counters.sent.nodes += 1;
-                    Arc::new(Nodes::new(gpu, volume, &visible)?)
+                    Arc::new(Nodes::new(gpu, volume, wanted)?)
                 }
             };
-            Arc::new(Boxes::new(gpu, place as u32, volume, nodes, &visible, tight)?)
+            Arc::new(Boxes::new(gpu, place as u32, volume, nodes, &visible, tight, carry_hidden)?)
         }
     };
     let placement = placement(place, instance.world_from_index)?;
@@ -437,7 +441,7 @@ fn mesh_of(
 ) -> Result<MeshOnDevice, Fault> {
     let gpu = &machine.gpu;
     let mesh = &scene.meshes[place];
-    let mattes = scene.film.passes.has_any(Pass::MATTES);
+    let mattes = scene.film.passes.has_any(Pass::MATTES) || machine.spare.has(Part::Mattes);
     let looks = match former.and_then(|f| f.looks(mattes)) {
         Some(kept) => Arc::clone(kept),
         None => {

@@ -4,11 +4,12 @@ use std::collections::BTreeMap;
 
 use pumice_session::demo::shipped_volume;
 use pumice_session::{
-    Case, ConvergenceOptions, Job, SessionError, measure_convergence, measure_stability, write_convergence,
+    Case, ConvergenceOptions, Job, NeedsOptions, SavingsOptions, SessionError, measure_convergence,
+    measure_needs, measure_stability, write_convergence, write_needs,
 };
 
 use crate::Answer;
-use crate::args::{Bench, BenchKind, Convergence, Stability};
+use crate::args::{Bench, BenchKind, Convergence, Needs, Stability};
 use crate::failure::{Failure, say};
 use crate::json_report::write_report;
 
@@ -16,6 +17,7 @@ pub(crate) fn run(args: &Bench, job: &Job) -> Result<Answer, Failure> {
     match &args.what {
         BenchKind::Convergence(a) => convergence(a, job),
         BenchKind::Stability(a) => stability(a, job),
+        BenchKind::Needs(a) => needs(a, job),
     }
 }
 
@@ -57,17 +59,53 @@ fn convergence(args: &Convergence, job: &Job) -> Result<Answer, Failure> {
         }
         scenes.push(scene);
     }
-    let machine = format!(
+    write_convergence(&args.out, &machine(), &scenes)?;
+    say(format_args!("{}", args.out.join("convergence.md").display()))?;
+    Ok(Answer::Yes)
+}
+
+/// What the figures were measured on.
+fn machine() -> String {
+    format!(
         "Pumice {}; {}, {} cores, {} {}.",
         env!("CARGO_PKG_VERSION"),
         processor(),
         std::thread::available_parallelism().map_or(1, usize::from),
         std::env::consts::OS,
         std::env::consts::ARCH
-    );
-    write_convergence(&args.out, &machine, &scenes)?;
-    say(format_args!("{}", args.out.join("convergence.md").display()))?;
-    Ok(Answer::Yes)
+    )
+}
+
+fn needs(args: &Needs, job: &Job) -> Result<Answer, Failure> {
+    let volumes = match args.volumes.is_empty() {
+        true => vec![shipped_volume()?],
+        false => args.volumes.clone(),
+    };
+    let mut scenes = Vec::new();
+    for volume in volumes {
+        let how = SavingsOptions { rounds: args.rounds, side: args.side };
+        let options = NeedsOptions { volume, backend: args.backend.clone(), show: args.show as usize, how };
+        let mut closed = None;
+        let measured = measure_needs(&options, job, &mut |line| {
+            if closed.is_none() {
+                closed = say(line).err();
+            }
+        })?;
+        if let Some(failure) = closed {
+            return Err(failure);
+        }
+        for scene in &measured {
+            say(format_args!("{}: {}", scene.volume, scene.scene))?;
+            for line in scene.savings.lines() {
+                say(format_args!("    {line}"))?;
+            }
+        }
+        scenes.extend(measured);
+    }
+    let build = if cfg!(debug_assertions) { "development build" } else { "release build" };
+    write_needs(&args.out, &format!("{}; {build}.", machine().trim_end_matches('.')), &scenes)?;
+    say(format_args!("{}", args.out.join("needs.md").display()))?;
+    Ok(if scenes.iter().all(|s| s.savings.holds()) { Answer::Yes } else { Answer::No })
 }
 
 /// The processor's name, where the system tells it in a file.

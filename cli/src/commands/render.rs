@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use pumice_session::{
-    CurvePoint, Job, RenderFigures, RenderOverrides, RenderRequest, Stop, Subject, render_file,
+    CurvePoint, Job, RenderFigures, RenderOverrides, RenderRequest, Savings, Stop, Subject, render_file,
 };
 
 use super::open_options;
@@ -65,6 +65,7 @@ pub(crate) fn run(args: &Render, job: &Arc<Job>) -> Result<Answer, Failure> {
         reading: open_options(&args.reading),
         threads: args.threads.map(usize::from),
         save_scene: args.save_scene.clone(),
+        explain: args.explain,
     };
 
     let mut opening = Some(Bar::follow("opening", job));
@@ -82,7 +83,8 @@ pub(crate) fn run(args: &Render, job: &Arc<Job>) -> Result<Answer, Failure> {
         say(format_args!("{}: {}, by {}", args.out.display(), summary(figures), figures.backend))?;
     }
     if args.explain {
-        for line in &rendered.explanation {
+        let measured = rendered.figures.savings.iter().flat_map(Savings::lines);
+        for line in rendered.explanation.iter().cloned().chain(measured) {
             say(line)?;
         }
     }

@@ -55,6 +55,17 @@ impl LodChoice {
         }
     }
 
+    /// The same levels, chosen box by box among all: by a distance that no box is beyond.
+    #[must_use]
+    pub fn carrying_levels(self) -> Self {
+        match self {
+            Self::Voxels => {
+                Self::Distance { eye_in_world: DVec3::ZERO, world_per_distance: 0.0, world_constant: 0.0 }
+            }
+            other => other,
+        }
+    }
+
     /// The choice, made ready for boxes of one placement.
     pub fn placed(&self, world_from_index: &DAffine3) -> Detail {
         match *self {

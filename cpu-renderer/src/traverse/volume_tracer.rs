@@ -31,6 +31,8 @@ pub struct VolumeTracer {
     normals: [[DVec3; 2]; 3],
     /// What is taken away.
     cuts: Cuts,
+    /// Labels that are in the hierarchy and not drawn.
+    hidden: Option<Arc<[bool]>>,
 }
 
 /// How a ray that starts in a label leaves it.
@@ -79,7 +81,20 @@ impl VolumeTracer {
             bvh,
             all_voxels,
             cuts: Cuts::default(),
+            hidden: None,
         })
+    }
+
+    /// The same with the boxes of hidden labels in the hierarchy, where rays pass over them: what it saves to leave them out can be
+    /// measured against it.
+    ///
+    /// # Errors
+    /// As [`VolumeTracer::new`].
+    pub fn carrying_hidden(instance: u32, traced: &TracedInstance) -> Result<Self, RenderError> {
+        let labels = traced.volume.labels().len();
+        let all = TracedInstance { visible: vec![true; labels], ..traced.clone() };
+        let is_hidden = |label: usize| !traced.visible.get(label).copied().unwrap_or(false);
+        Ok(Self { hidden: Some((0..labels).map(is_hidden).collect()), ..Self::new(instance, &all)? })
     }
 
     /// Takes these parts of the world away, and puts back what was taken before.
@@ -113,6 +128,7 @@ impl VolumeTracer {
             bvh: Arc::clone(&self.bvh),
             all_voxels: self.all_voxels,
             cuts: Cuts::default(),
+            hidden: self.hidden.clone(),
         }))
     }
 
@@ -231,6 +247,9 @@ impl VolumeTracer {
         let mut best_t = t_max;
         let limit = |t: f64| (t - enter_all) as f32 * 1.000_001 + moved.pad;
         self.bvh.along_ray(&moved, limit(best_t), |item| {
+            if self.is_hidden(item) {
+                return limit(best_t);
+            }
             let b = self.box_of(item);
             let level = self.detail.level(&b);
             let hi = self.clipped_end(&b);
@@ -347,6 +366,9 @@ impl VolumeTracer {
     }
 
     fn holds(&self, item: u32, voxel: [u32; 3]) -> bool {
+        if self.is_hidden(item) {
+            return false;
+        }
         let b = self.box_of(item);
         let hi = self.clipped_end(&b);
         let inside = BoxBounds { lo: b.origin, hi }.contains(voxel);
@@ -426,6 +448,11 @@ impl VolumeTracer {
             Level::Cells => [0, 1, 2].map(|a| (surface.voxel[a] + 4).min(hi[a])),
             Level::Boxes => hi,
         }
+    }
+
+    #[inline(always)]
+    fn is_hidden(&self, item: u32) -> bool {
+        self.hidden.as_ref().is_some_and(|hidden| hidden[self.label_of(item) as usize])
     }
 
     #[inline(always)]

@@ -15,7 +15,7 @@ use std::time::Duration;
 
 use pumice_core::{CompressedVolume, Job, MeshData};
 use pumice_render::{Image, Pick, Picture, Progress, Rebuilt, RenderError, Renderer};
-use pumice_scene::Scene;
+use pumice_scene::{Scene, Spare};
 
 /// Opens a renderer.
 type Open = Box<dyn Fn() -> Result<Box<dyn Renderer>, RenderError> + Send>;
@@ -49,6 +49,7 @@ pub struct FallbackRenderer {
     notices: Vec<String>,
     /// What the renderers before the current one have made.
     rebuilt_before: Rebuilt,
+    spare: Spare,
 }
 
 impl std::fmt::Debug for FallbackRenderer {
@@ -61,7 +62,15 @@ impl FallbackRenderer {
     /// `ways` has at least one; the first is tried first.
     pub(super) fn new(ways: Vec<Way>) -> Self {
         let rebuilt_before = Rebuilt::default();
-        Self { ways, place: 0, current: None, shown: None, notices: Vec::new(), rebuilt_before }
+        Self {
+            ways,
+            place: 0,
+            current: None,
+            shown: None,
+            notices: Vec::new(),
+            rebuilt_before,
+            spare: Spare::NONE,
+        }
     }
 
     /// What it draws on now.
@@ -100,7 +109,11 @@ impl FallbackRenderer {
         let renderer = match self.current.take() {
             Some(renderer) => renderer,
             None => match self.ways.get(self.place) {
-                Some(way) => (way.open)()?,
+                Some(way) => {
+                    let mut renderer = (way.open)()?;
+                    renderer.carry(self.spare);
+                    renderer
+                }
                 None => return Err(RenderError::Device("there is no way to render".into())),
             },
         };
@@ -166,6 +179,18 @@ fn sum(a: Rebuilt, b: Rebuilt) -> Rebuilt {
 impl Renderer for FallbackRenderer {
     fn name(&self) -> &'static str {
         self.ways.get(self.place).map_or("none", |way| way.backend)
+    }
+
+    fn carry(&mut self, spare: Spare) {
+        self.spare = spare;
+        self.shown = None;
+        if let Some(renderer) = &mut self.current {
+            renderer.carry(spare);
+        }
+    }
+
+    fn can_carry(&self) -> Spare {
+        self.current.as_ref().map_or(Spare::NONE, |r| r.can_carry())
     }
 
     fn set_scene(

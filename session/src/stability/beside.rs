@@ -22,7 +22,7 @@ pub struct Beside {
 
 impl Beside {
     /// What was found, beside what was expected.
-    pub(super) fn between(found: &[[f32; 3]], expected: &[[f32; 3]]) -> Self {
+    pub(crate) fn between(found: &[[f32; 3]], expected: &[[f32; 3]]) -> Self {
         let count = expected.as_flattened().len().max(1) as f64;
         let mean = expected.as_flattened().iter().map(|v| f64::from(*v)).sum::<f64>() / count;
         let pairs = found.as_flattened().iter().zip(expected.as_flattened());

@@ -3,10 +3,40 @@
 use pumice_cpu::tally::clamps;
 use pumice_cpu::{Lights, Sky};
 use pumice_render::PassSums;
-use pumice_scene::{Camera, Film, Settings};
+use pumice_scene::{Camera, Film, Part, Settings, Spare};
 
 use super::PackedLooks;
 use crate::layout::Material;
+
+/// What each specialisation constant compiles.
+const PARTS: [(usize, Part); 13] = [
+    (1, Part::Microfacets),
+    (2, Part::SkyPicture),
+    (3, Part::Aiming),
+    (4, Part::Lens),
+    (5, Part::Lamps),
+    (6, Part::Coats),
+    (7, Part::Glass),
+    (8, Part::Clear),
+    (9, Part::Cuts),
+    (10, Part::Meshes),
+    (11, Part::Sorting),
+    (12, Part::Sheen),
+    (14, Part::Mattes),
+];
+
+/// The constants, with those of spare parts set too.
+pub fn carrying(mut constants: Vec<u32>, spare: Spare) -> Vec<u32> {
+    for (number, _) in PARTS.iter().filter(|(_, part)| spare.has(*part)) {
+        constants[*number] = 1;
+    }
+    constants
+}
+
+/// The parts that constants leave out.
+pub fn compiled_parts() -> Spare {
+    PARTS.iter().fold(Spare::NONE, |all, (_, part)| all.with(*part))
+}
 
 /// Twin of `shaders/needs.glsl`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

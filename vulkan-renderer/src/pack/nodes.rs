@@ -20,8 +20,9 @@ pub struct PackedNodes {
     words: u64,
 }
 
-/// Words at the end that shaders may read and never use: they read nodes by aligned words of 32 bits.
-const SPARE_WORDS: usize = 4;
+/// Words of zeros at the end: a node without any voxel, and what shaders may read behind a node and never use, for they read nodes by
+/// aligned words of 32 bits.
+const SPARE_WORDS: usize = 16;
 
 impl PackedNodes {
     /// Chooses the nodes of the labels for which `wanted` holds; labels past its end are not wanted.
@@ -60,6 +61,11 @@ impl PackedNodes {
             Ok(i) => self.kept[i].1,
             Err(_) => word,
         }
+    }
+
+    /// Place of a node without any voxel.
+    pub(super) fn empty(&self) -> u64 {
+        self.words
     }
 
     /// Bytes that [`PackedNodes::bytes`] has.

@@ -1,0 +1,367 @@
+//! What it saves to leave out what a scene does not need: measured by running both ways, in turn, and never computed.
+//!
+//! ```text
+//! for each part that is spare, and at last for all of them together:
+//!     rounds of building       left out, put in, put in, left out, …      milliseconds of `set_scene`, each with a new renderer
+//!     the last two renderers   bytes by part; the first sample, with what is compiled for it
+//!     rounds of samples        left out, put in, put in, left out, …      milliseconds a sample of a small picture
+//!     both pictures            must be the same
+//! ```
+//! Milliseconds are the process's own (user and system, all threads), so that other programs disturb little. What is saved is the
+//! median of the rounds' differences; where their quartiles have 0 between them, nothing can be said but that.
+
+mod tables;
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::time::Duration;
+
+use pumice_core::{CompressedVolume, Job, MeshData};
+use pumice_render::Renderer;
+use pumice_scene::{Needs, Part, Scene, Spare};
+use serde::Serialize;
+
+use crate::backend::{FallbackRenderer, make_renderer};
+use crate::error::Result;
+use crate::measure::Stopwatch;
+use crate::stability::Beside;
+
+pub use tables::{NeedsOptions, NeedsScene, measure_needs, write_needs};
+
+/// How much is done for it.
+#[derive(Clone, Copy, Debug)]
+pub struct SavingsOptions {
+    /// Rounds of both ways.
+    pub rounds: u32,
+    /// Pixels along the longer side of the pictures at most.
+    pub side: u32,
+}
+
+impl SavingsOptions {
+    /// For `--explain`: seconds on a processor.
+    pub const QUICK: Self = Self { rounds: 9, side: 160 };
+}
+
+/// Median and quartiles.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Spread {
+    /// A quarter is below.
+    pub low: f64,
+    /// Half is below.
+    pub median: f64,
+    /// A quarter is above.
+    pub high: f64,
+}
+
+impl Spread {
+    /// Of at least one number.
+    fn of(mut values: Vec<f64>) -> Self {
+        values.sort_by(f64::total_cmp);
+        let last = values.len().saturating_sub(1) as f64;
+        let at = |share: f64| {
+            let place = share * last;
+            let (below, above) = (place.floor() as usize, place.ceil() as usize);
+            let [a, b] = [below, above].map(|i| values.get(i).copied().unwrap_or(f64::NAN));
+            a + (b - a) * (place - place.floor())
+        };
+        Self { low: at(0.25), median: at(0.5), high: at(0.75) }
+    }
+}
+
+/// Milliseconds of both ways.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Both {
+    /// Left out.
+    pub without: Spread,
+    /// Put in.
+    pub with: Spread,
+    /// What is saved: the rounds' differences.
+    pub saved: Spread,
+}
+
+impl Both {
+    fn of(without: Vec<f64>, with: Vec<f64>) -> Self {
+        let saved = with.iter().zip(&without).map(|(with, without)| with - without).collect();
+        Self { without: Spread::of(without), with: Spread::of(with), saved: Spread::of(saved) }
+    }
+}
+
+/// What leaving one part out saves, or all of them.
+#[derive(Clone, Debug, Serialize)]
+pub struct Saving {
+    /// Which; `None` for all together.
+    pub part: Option<Part>,
+    /// Bytes of the renderer by part: left out, put in.
+    pub bytes: BTreeMap<&'static str, [u64; 2]>,
+    /// Milliseconds of building.
+    pub build_ms: Both,
+    /// Milliseconds of the first sample, compiling included: left out, put in.
+    pub first_ms: [f64; 2],
+    /// Milliseconds of each further sample of the whole picture.
+    pub sample_ms: Both,
+    /// The picture with it beside the one without.
+    pub beside: Beside,
+}
+
+impl Saving {
+    /// What it is, in words.
+    pub fn name(&self) -> &'static str {
+        self.part.map_or("all of it together", Part::spoken)
+    }
+
+    /// Bytes saved, all parts of the renderer together.
+    pub fn bytes_saved(&self) -> i64 {
+        self.bytes.values().map(|[without, with]| *with as i64 - *without as i64).sum()
+    }
+}
+
+/// All that was measured of a scene.
+#[derive(Clone, Debug, Serialize)]
+pub struct Savings {
+    /// Backend that was asked.
+    pub backend: String,
+    /// What it runs on.
+    pub device: String,
+    /// Pixels of the pictures.
+    pub size: [u32; 2],
+    /// Rounds.
+    pub rounds: u32,
+    /// Part by part, then all together.
+    pub savings: Vec<Saving>,
+    /// Parts that the scene does not need and that this backend has nothing to leave out for, with the reason.
+    pub always_there: Vec<(Part, &'static str)>,
+}
+
+impl Savings {
+    /// A line for each part.
+    pub fn lines(&self) -> Vec<String> {
+        let [width, height] = self.size;
+        let mut lines = vec![format!(
+            "measured by {} on {}, each part left out and put in in turn, {} rounds of {width} × {height} pixels; CPU milliseconds, \
+             medians and quartiles:",
+            self.backend, self.device, self.rounds
+        )];
+        for s in &self.savings {
+            let ms =
+                |b: &Both| format!("{:.2} ms ({:.2} to {:.2})", b.saved.median, b.saved.low, b.saved.high);
+            let [first_without, first_with] = s.first_ms;
+            let mut line = format!(
+                "saved by leaving out {}: {} bytes; {} of building; {:.1} ms of the first sample; {} of each further of {:.2} ms",
+                s.name(),
+                s.bytes_saved(),
+                ms(&s.build_ms),
+                first_with - first_without,
+                ms(&s.sample_ms),
+                s.sample_ms.with.median
+            );
+            if !s.beside.holds() {
+                line += "; NOT COMPARABLE: the pictures differ";
+            }
+            lines.push(line);
+        }
+        let always = self.always_there.iter();
+        lines.extend(
+            always.map(|(part, why)| format!("saved by leaving out {}: nothing ({why})", part.spoken())),
+        );
+        lines
+    }
+
+    /// Whether both ways drew the same pictures.
+    pub fn holds(&self) -> bool {
+        self.savings.iter().all(|s| s.beside.holds())
+    }
+}
+
+/// Measures it. `watch` hears the name of each part before it is measured.
+///
+/// # Errors
+/// What the renderer reports; the job's cancellation.
+pub fn measure_savings(
+    scene: &Scene,
+    volumes: &[Arc<CompressedVolume>],
+    meshes: &[Arc<MeshData>],
+    backend: &str,
+    options: &SavingsOptions,
+    job: &Job,
+    watch: &mut dyn FnMut(&str),
+) -> Result<Savings> {
+    let mut scene = scene.clone();
+    let longer = scene.film.width.max(scene.film.height);
+    if longer > options.side {
+        let shorten = |n: u32| (u64::from(n) * u64::from(options.side) / u64::from(longer)).max(1) as u32;
+        (scene.film.width, scene.film.height) = (shorten(scene.film.width), shorten(scene.film.height));
+    }
+    let ids: Vec<&[u64]> = volumes.iter().map(|v| v.labels().ids()).collect();
+    let needs = Needs::of(&scene, &ids);
+    let ways = Ways { scene: &scene, volumes, meshes, backend, rounds: options.rounds.max(2), job };
+
+    // What there is to leave out.
+    let (asked, _) = ways.built(Spare::NONE)?;
+    let mut can = asked.can_carry();
+    let mut always_there = Vec::new();
+    let is_cpu = asked.name() == "cpu";
+    if !is_cpu && needs.levels.contains(&16) && needs.spare().has(Part::HiddenLabels) {
+        can = can.without(Spare::NONE.with(Part::HiddenLabels));
+        always_there
+            .push((Part::HiddenLabels, "not measured: boxes that are drawn whole cannot be passed over"));
+    }
+    let why = "its code is always there, and asked only by what a scene has";
+    let missing = needs.spare().without(asked.can_carry());
+    always_there.extend(missing.parts().map(|part| (part, why)));
+    let spare = needs.spare().and(can);
+
+    let mut savings = Vec::new();
+    for part in spare.parts() {
+        watch(part.spoken());
+        savings.push(Saving { part: Some(part), ..ways.measure(Spare::NONE.with(part))? });
+    }
+    if !spare.is_none() {
+        watch("all of it together");
+        savings.push(ways.measure(spare)?);
+    }
+    Ok(Savings {
+        backend: asked.name().to_owned(),
+        device: asked.device().to_owned(),
+        size: [scene.film.width, scene.film.height],
+        rounds: ways.rounds,
+        savings,
+        always_there,
+    })
+}
+
+/// A scene, to be drawn both ways.
+struct Ways<'a> {
+    scene: &'a Scene,
+    volumes: &'a [Arc<CompressedVolume>],
+    meshes: &'a [Arc<MeshData>],
+    backend: &'a str,
+    rounds: u32,
+    job: &'a Job,
+}
+
+impl Ways<'_> {
+    /// A renderer that shows the scene, and the milliseconds that this took.
+    fn built(&self, spare: Spare) -> Result<(FallbackRenderer, f64)> {
+        let mut renderer = make_renderer(self.backend)?;
+        renderer.carry(spare);
+        let clock = Stopwatch::start();
+        renderer.set_scene(self.scene, self.volumes, self.meshes)?;
+        Ok((renderer, 1e3 * clock.cpu_seconds()))
+    }
+
+    /// Milliseconds of one more sample.
+    fn sample(&self, renderer: &mut FallbackRenderer, spp: u32) -> Result<f64> {
+        let clock = Stopwatch::start();
+        renderer.advance(Duration::ZERO, spp, self.job)?;
+        Ok(1e3 * clock.cpu_seconds())
+    }
+
+    /// Both ways, in turn: ABBA.
+    fn rounds<T>(&self, mut one: impl FnMut(bool, u32) -> Result<T>) -> Result<[Vec<T>; 2]> {
+        let [mut without, mut with] = [Vec::new(), Vec::new()];
+        for round in 0..self.rounds {
+            self.job.check()?;
+            let first = round % 2 == 1;
+            for put_in in [first, !first] {
+                let found = one(put_in, round)?;
+                if put_in { with.push(found) } else { without.push(found) }
+            }
+        }
+        Ok([without, with])
+    }
+
+    fn measure(&self, spare: Spare) -> Result<Saving> {
+        let mut last = [None, None];
+        let built = self.rounds(|put_in, _| {
+            let (renderer, ms) = self.built(if put_in { spare } else { Spare::NONE })?;
+            last[usize::from(put_in)] = Some(renderer);
+            Ok(ms)
+        })?;
+        let [without, with] = built;
+        let build_ms = Both::of(without, with);
+        let mut renderers = Vec::new();
+        for (i, renderer) in last.into_iter().enumerate() {
+            renderers.push(match renderer {
+                Some(renderer) => renderer,
+                None => self.built(if i == 1 { spare } else { Spare::NONE })?.0,
+            });
+        }
+
+        let mut first_ms = [0.0; 2];
+        for (ms, renderer) in first_ms.iter_mut().zip(&mut renderers) {
+            *ms = self.sample(renderer, 1)?;
+        }
+        let [without, with] =
+            self.rounds(|put_in, round| self.sample(&mut renderers[usize::from(put_in)], 2 + round))?;
+
+        let mut bytes: BTreeMap<&'static str, [u64; 2]> = BTreeMap::new();
+        for (way, renderer) in renderers.iter().enumerate() {
+            for (part, count) in renderer.bytes() {
+                bytes.entry(part).or_default()[way] += count;
+            }
+        }
+        let mut pictures = Vec::new();
+        for renderer in &mut renderers {
+            pictures.push(renderer.color()?.pixels);
+        }
+        let beside = Beside::between(&pictures[1], &pictures[0]);
+        Ok(Saving { part: None, bytes, build_ms, first_ms, sample_ms: Both::of(without, with), beside })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use pumice_oracle::volumes::blobs;
+    use pumice_scene::Show;
+
+    use super::*;
+    use crate::figure::{FigureOptions, compose};
+
+    fn measured(edit: impl FnOnce(&mut Scene)) -> Savings {
+        let (_, bodies) = blobs([48, 48, 48], 60, 5, 4);
+        let options =
+            FigureOptions { size: [64, 40], labels: None, view_deg: FigureOptions::DEFAULT_VIEW_DEG };
+        let mut scene = compose(&bodies, "memory".into(), &options);
+        edit(&mut scene);
+        let how = SavingsOptions { rounds: 3, side: 32 };
+        measure_savings(&scene, &[bodies], &[], "cpu", &how, &Job::new(), &mut |_| {}).unwrap()
+    }
+
+    #[test]
+    fn each_spare_part_is_measured_and_what_is_needed_is_not() {
+        let all = measured(|s| s.instances[0].style.show = Show::Only(vec![1, 2]));
+        assert_eq!((all.backend.as_str(), all.size, all.rounds), ("cpu", [32, 20], 3));
+        let parts: Vec<_> = all.savings.iter().map(|s| s.part).collect();
+        let expected = [Part::HiddenLabels, Part::Levels, Part::Clear, Part::Sorting, Part::Mattes].map(Some);
+        assert_eq!(parts, [&expected[..], &[None]].concat());
+        assert!(all.holds(), "{all:?}");
+        // Bytes are what the renderer holds, and no clock's.
+        assert!(all.savings[0].bytes_saved() > 0 && all.savings[3].bytes_saved() == 0, "{all:?}");
+        let lines = all.lines();
+        assert_eq!(lines.len(), 1 + 6 + all.always_there.len());
+        assert!(
+            lines[1].starts_with("saved by leaving out boxes of labels that are not shown: "),
+            "{lines:?}"
+        );
+        assert!(
+            lines.iter().any(|l| l.starts_with("saved by leaving out clear coats: nothing (")),
+            "{lines:?}"
+        );
+
+        let needed = measured(|s| {
+            s.instances[0].style.material.alpha = 0.5;
+            s.settings.clamp_direct = 7.0;
+        });
+        let parts: Vec<_> = needed.savings.iter().map(|s| s.part).collect();
+        assert_eq!(parts, [Some(Part::Levels), Some(Part::Mattes), None]);
+    }
+
+    #[test]
+    fn medians_and_quartiles() {
+        assert_eq!(Spread::of(vec![3.0, 1.0, 2.0, 5.0, 4.0]), Spread { low: 2.0, median: 3.0, high: 4.0 });
+        assert_eq!(Spread::of(vec![1.0, 2.0]), Spread { low: 1.25, median: 1.5, high: 1.75 });
+        // Differences are those of one round: what slows down over time is not counted as saved.
+        let both = Both::of(vec![1.0, 2.0, 3.0], vec![2.0, 3.0, 4.0]);
+        assert_eq!(both.saved, Spread { low: 1.0, median: 1.0, high: 1.0 });
+    }
+}

@@ -1,0 +1,183 @@
+//! The tables of `pumice bench needs`: scenes of one volume, part by part.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use pumice_core::{CompressedVolume, Job};
+use pumice_formats::OpenOptions;
+use pumice_scene::{Environment, Material, Scene, World};
+use serde::Serialize;
+
+use super::{Both, Savings, SavingsOptions, measure_savings};
+use crate::error::{Result, io};
+use crate::figure::{FigureOptions, compose};
+use crate::measure::Stopwatch;
+use crate::open::open_volume;
+use crate::selection::select_labels;
+
+/// What is measured.
+#[derive(Clone, Debug)]
+pub struct NeedsOptions {
+    /// Label volume or `.pumice` file.
+    pub volume: PathBuf,
+    /// Backend by name.
+    pub backend: String,
+    /// Labels of the second scene.
+    pub show: usize,
+    /// Rounds, and pixels along the longer side.
+    pub how: SavingsOptions,
+}
+
+/// One scene of the volume.
+#[derive(Clone, Debug, Serialize)]
+pub struct NeedsScene {
+    /// The volume's file, without its folder.
+    pub volume: String,
+    /// What it shows.
+    pub scene: String,
+    /// Milliseconds (CPU) of opening the file, and what the volume takes in memory then: of all labels, for files are read whole.
+    pub opening: (f64, u64),
+    /// Figures.
+    pub savings: Savings,
+}
+
+/// The least that can be drawn of a volume, all of its labels and some of them.
+///
+/// # Errors
+/// What is wrong with the file; what the renderer reports.
+pub fn measure_needs(
+    options: &NeedsOptions,
+    job: &Job,
+    watch: &mut dyn FnMut(&str),
+) -> Result<Vec<NeedsScene>> {
+    let clock = Stopwatch::start();
+    let volume = open_volume(&options.volume, &OpenOptions::default(), job)?;
+    let opening = (1e3 * clock.cpu_seconds(), volume.resident_parts().into_iter().map(|(_, b)| b).sum());
+    let all = volume.labels().len();
+    let chosen = select_labels(&volume, options.show);
+    let mut scenes = Vec::new();
+    for (name, labels) in [
+        (format!("all {all} labels, matte, under an even sky"), None),
+        (format!("{} of {all} labels, matte, under an even sky", chosen.len()), Some(chosen)),
+    ] {
+        let scene = minimal(&volume, labels, options.how.side);
+        let mut told = |part: &str| watch(&format!("{name}: {part}"));
+        let volumes = [Arc::clone(&volume)];
+        let savings = measure_savings(&scene, &volumes, &[], &options.backend, &options.how, job, &mut told)?;
+        let file = options.volume.file_name().unwrap_or(options.volume.as_os_str());
+        scenes.push(NeedsScene {
+            volume: file.to_string_lossy().into_owned(),
+            scene: name,
+            opening,
+            savings,
+        });
+    }
+    Ok(scenes)
+}
+
+/// A figure without all that can be left out.
+fn minimal(volume: &CompressedVolume, labels: Option<Vec<u32>>, side: u32) -> Scene {
+    let size = [side, (side * 9).div_ceil(16)];
+    let options = FigureOptions { size, labels, view_deg: FigureOptions::DEFAULT_VIEW_DEG };
+    let mut scene = compose(volume, "volume".into(), &options);
+    scene.suns.clear();
+    scene.world = World { environment: Environment::Constant { radiance: [1.0; 3] }, backdrop: None };
+    let material = Material { base_color: [0.8; 3], specular: 0.0, roughness: 1.0, ..Material::default() };
+    for instance in &mut scene.instances {
+        instance.style.material = material;
+        instance.style.auto_color = false;
+        instance.style.materials.clear();
+    }
+    scene
+}
+
+/// Writes `needs.csv` and `needs.md`; `machine` describes what they were measured on.
+///
+/// # Errors
+/// When the folder or a file cannot be written.
+pub fn write_needs(folder: &Path, machine: &str, scenes: &[NeedsScene]) -> Result<()> {
+    std::fs::create_dir_all(folder).map_err(io(folder))?;
+    for (name, text) in [("needs.csv", csv(scenes)), ("needs.md", markdown(machine, scenes))] {
+        let path = folder.join(name);
+        std::fs::write(&path, text).map_err(io(&path))?;
+    }
+    Ok(())
+}
+
+fn csv(scenes: &[NeedsScene]) -> String {
+    let both = |name: &str| {
+        ["without", "with", "saved"]
+            .map(|way| format!("{name}_{way}_low,{name}_{way},{name}_{way}_high"))
+            .join(",")
+    };
+    let mut text = format!(
+        "volume,scene,backend,device,rounds,width,height,left_out,bytes_without,bytes_with,{},first_ms_without,first_ms_with,{}\n",
+        both("build_ms"),
+        both("sample_ms")
+    );
+    for s in scenes {
+        let all = &s.savings;
+        for one in &all.savings {
+            let [without, with] = one.bytes.values().fold([0, 0], |[a, b], [c, d]| [a + c, b + d]);
+            let spread = |b: &Both| {
+                let three = [b.without, b.with, b.saved];
+                three.map(|s| format!("{:.4},{:.4},{:.4}", s.low, s.median, s.high)).join(",")
+            };
+            let quoted = |t: &str| format!("\"{}\"", t.replace('"', "\"\""));
+            text += &format!(
+                "{},{},{},{},{},{},{},{},{without},{with},{},{:.4},{:.4},{}\n",
+                quoted(&s.volume),
+                quoted(&s.scene),
+                all.backend,
+                quoted(&all.device),
+                all.rounds,
+                all.size[0],
+                all.size[1],
+                quoted(one.name()),
+                spread(&one.build_ms),
+                one.first_ms[0],
+                one.first_ms[1],
+                spread(&one.sample_ms)
+            );
+        }
+    }
+    text
+}
+
+fn markdown(machine: &str, scenes: &[NeedsScene]) -> String {
+    let mut text = format!(
+        "# needs\n\n{machine}\n\nWhat a scene does not need, left out and put in in turn (ABBA). Milliseconds are the process's own \
+         (CPU), medians with quartiles; *saved* is the median of the rounds' differences. A quartile on each side of 0 says that \
+         nothing was found.\n"
+    );
+    for s in scenes {
+        let all = &s.savings;
+        let (opening_ms, resident) = s.opening;
+        text += &format!(
+            "\n## {}: {}, {} on {}\n\nOpening the file: {opening_ms:.0} ms, {resident} bytes in memory, whatever is shown: files are read \
+             whole. {} rounds, {} × {} pixels.\n\n\
+             | left out | bytes with it | bytes saved | building with it, ms | saved, ms | first sample, saved, ms | \
+             a sample with it, ms | saved, ms |\n| --- | --- | --- | --- | --- | --- | --- | --- |\n",
+            s.volume, s.scene, all.backend, all.device, all.rounds, all.size[0], all.size[1]
+        );
+        for one in &all.savings {
+            let with: u64 = one.bytes.values().map(|[_, with]| with).sum();
+            let saved =
+                |b: &Both| format!("{:.2} ({:.2} to {:.2})", b.saved.median, b.saved.low, b.saved.high);
+            text += &format!(
+                "| {} | {with} | {} | {:.2} | {} | {:.1} | {:.2} | {} |\n",
+                one.name(),
+                one.bytes_saved(),
+                one.build_ms.with.median,
+                saved(&one.build_ms),
+                one.first_ms[1] - one.first_ms[0],
+                one.sample_ms.with.median,
+                saved(&one.sample_ms)
+            );
+        }
+        for (part, why) in &all.always_there {
+            text += &format!("| {} | – | 0 | – | nothing: {why} | – | – | nothing |\n", part.spoken());
+        }
+    }
+    text
+}

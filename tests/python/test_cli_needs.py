@@ -1,0 +1,47 @@
+"""What leaving out saves, measured both ways: `pumice render --explain` and `pumice bench needs`."""
+
+import csv
+import json
+
+from command import run
+
+
+def test_explain_measures_what_is_left_out(pumice, data, tmp_path):
+    picture = tmp_path / "o.png"
+    args = ["--pick", 3, "--size", "48x32", "--spp", 1, "--backend", "cpu", "--explain", "--json", tmp_path / "o.json"]
+    said = run(pumice, "render", data / "platynereis_nuclei.tif", "-o", picture, *args).fine()
+    assert "left out: boxes of 30 labels of instance 1 (not shown)" in said
+    savings = json.loads((tmp_path / "o.json").read_text())["savings"]
+    hidden = savings["savings"][0]
+    assert hidden["part"] == "hidden_labels" and savings["savings"][-1]["part"] is None
+    saved = sum(after - before for before, after in hidden["bytes"].values())
+    assert saved > 0 and f"saved by leaving out boxes of labels that are not shown: {saved} bytes; " in said
+    for saving in savings["savings"]:
+        assert saving["beside"]["apart"] == 0, "both ways draw the same picture"
+        low, median, high = (saving["sample_ms"]["saved"][k] for k in ("low", "median", "high"))
+        assert low <= median <= high
+    # Parts for which the processor has nothing to leave out are told too.
+    assert savings["always_there"] and "saved by leaving out cuts: nothing (" in said
+    # Nobody asked: nothing is measured, nothing is said.
+    said = run(pumice, "render", data / "platynereis_nuclei.tif", "-o", picture, *args[:-3], "--json", tmp_path / "o.json").fine()
+    assert "saved" not in said and "savings" not in json.loads((tmp_path / "o.json").read_text())
+
+
+def test_bench_needs_writes_both_tables(pumice, data, tmp_path):
+    out = tmp_path / "out"
+    args = ["--backend", "cpu", "--show", 2, "--rounds", 2, "--side", 32, "--out", out]
+    said = run(pumice, "bench", "needs", data / "platynereis_nuclei.tif", *args).fine()
+    assert str(out / "needs.md") in said
+    rows = list(csv.DictReader((out / "needs.csv").open()))
+    scenes = {row["scene"] for row in rows}
+    assert scenes == {"all 33 labels, matte, under an even sky", "2 of 33 labels, matte, under an even sky"}
+    hidden = [r for r in rows if r["left_out"] == "boxes of labels that are not shown"]
+    assert [r["scene"] for r in hidden] == ["2 of 33 labels, matte, under an even sky"]
+    assert int(hidden[0]["bytes_with"]) > int(hidden[0]["bytes_without"])
+    page = (out / "needs.md").read_text()
+    assert page.count("| all of it together |") == 2 and "files are read whole" in page
+    for bad in (["--rounds", 1], ["--show", 0], ["--side", 3], ["--backend", "abacus"]):
+        done = run(pumice, "bench", "needs", data / "platynereis_nuclei.tif", *args[:-2], "--out", tmp_path / "no", *bad)
+        assert done.code == 2 and not (tmp_path / "no").exists(), done
+    line = run(pumice, "bench", "needs", tmp_path / "none.nrrd", "--out", out).refused()
+    assert "none.nrrd" in line
