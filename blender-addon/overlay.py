@@ -25,6 +25,8 @@ def line(status, frame, notes):
         said.append(f"{frame.spp} sample" + ("s" if frame.spp != 1 else ""))
         if frame.error_estimate < 10.0:
             said.append(f"error {percent(frame.error_estimate)}")
+        if frame.filtered:
+            said.append("filtered")
         said.append(f"{frame.seconds:.1f} s")
         if status.error:
             said.append(f"not shown: {status.error}")

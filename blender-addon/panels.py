@@ -63,6 +63,7 @@ class PUMICE_RENDER_PT_sampling(_OfScene, bpy.types.Panel):
         layout.use_property_split = True
         layout.use_property_decorate = False
         layout.prop(wishes, "viewport_samples", text="Viewport")
+        layout.prop(wishes, "use_viewport_denoise")
         layout.prop(wishes, "samples", text="Render")
         for use, value, heading in (("use_error", "error_percent", "Error"), ("use_time", "time_seconds", "Time Limit")):
             row = layout.row(heading=heading)

@@ -61,6 +61,14 @@ class PumiceSceneSettings(bpy.types.PropertyGroup):
         max=1 << 24,
         default=256,
     )
+    use_viewport_denoise: BoolProperty(
+        name="Denoise Viewport",
+        description=(
+            "Filter the noise of the viewport's picture until it is done. Edges stay, fine shadows may blur. "
+            "The finished picture, and every render, is what was sampled"
+        ),
+        default=False,
+    )
     use_error: BoolProperty(
         name="Error Target",
         description="End a render when its estimated relative error is as low as set here",

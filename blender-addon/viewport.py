@@ -181,6 +181,7 @@ class Viewport:
             "backend": preferences.backend(wishes),
             "spp": wishes.viewport_samples,
             "error": wishes.error_percent / 100.0 if wishes.use_error else None,
+            "denoise": wishes.use_viewport_denoise,
         }
         if self.session is not None and (limits != self.limits or self._state() in {"failed", "stopped"}):
             if limits != self.limits or parts != self.sent:

@@ -133,8 +133,9 @@ class Module:
     class Session:
         made = []
 
-        def __init__(self, scene, volumes, meshes=(), backend="auto", spp=None, error=None):
+        def __init__(self, scene, volumes, meshes=(), backend="auto", spp=None, error=None, denoise=False):
             self.scene, self.volumes, self.limits = scene.value, list(volumes), (backend, spp, error)
+            self.denoise = denoise
             self.meshes = list(meshes)
             self.edits, self.frame = [], None
             self.status = types.SimpleNamespace(state="rendering", error=None, backend="cpu", device="Processor", notices=[], revision=1)
@@ -155,7 +156,7 @@ class Module:
             return self.frame if self.frame is not None and self.frame.serial > after else None
 
         def show(self, serial, **over):
-            fields = dict(serial=serial, spp=serial, error_estimate=float("inf"), seconds=0.1, width=4, height=2)
+            fields = dict(serial=serial, spp=serial, error_estimate=float("inf"), seconds=0.1, width=4, height=2, filtered=False)
             self.frame = types.SimpleNamespace(**{**fields, **over})
 
         def stop(self):

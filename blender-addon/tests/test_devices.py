@@ -41,7 +41,7 @@ def test_a_choice_that_is_gone_stays_visible(extension):
 
 def test_the_line_names_backend_and_device_and_what_was_overcome(extension):
     overlay = load(extension, "overlay")
-    frame = types.SimpleNamespace(spp=3, error_estimate=0.021, seconds=3.4)
+    frame = types.SimpleNamespace(spp=3, error_estimate=0.021, seconds=3.4, filtered=False)
     fields = dict(state="rendering", error=None, revision=1, notices=[])
     gpu = types.SimpleNamespace(backend="vulkan-rt", device="Radeon (RADV NAVI31)", **fields)
     assert overlay.line(gpu, frame, []) == "vulkan-rt on Radeon · 3 samples · error 2.1 % · 3.4 s"

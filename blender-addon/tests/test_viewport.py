@@ -199,6 +199,18 @@ def test_through_a_camera_a_viewport_has_its_depth_of_field(stage, drawn):
     assert "aperture" not in stage.viewport.of(stage.engine).sent.camera
 
 
+def test_the_viewport_is_filtered_where_that_is_wished_and_says_so(stage):
+    first = stage.update().session
+    assert not first.denoise
+    stage.bpy.context.scene.pumice.use_viewport_denoise = True
+    shown = stage.update()
+    assert shown.session is not first and shown.session.denoise
+    for filtered in (True, False):
+        shown.session.show(1 + (not filtered), filtered=filtered)
+        shown.poll()
+        assert ("filtered" in stage.load("overlay").line(shown.session.status, shown.session.frame, [])) == filtered
+
+
 def test_only_the_coloured_label_is_sent(stage):
     assert edits_of(stage, color_label) == ["label_materials"]
     sent = stage.viewport.of(stage.engine).session.edits[-1]["materials"]

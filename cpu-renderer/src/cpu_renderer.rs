@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use pumice_core::{CompressedVolume, Job, MeshData};
+use pumice_render::sampler::REPLICATES;
 use pumice_render::{
     EnvironmentTable, Image, Pick, Picture, Progress, ReadyLamp, ReadySun, Rebuilt, RenderError, Renderer,
     SurfaceKind, cryptomatte, name_mattes,
@@ -307,6 +308,11 @@ impl Renderer for CpuRenderer {
 
     fn alpha(&mut self) -> Result<Option<Vec<f32>>, RenderError> {
         Ok(self.shown()?.tracer.film().alpha())
+    }
+
+    fn variance(&mut self) -> Result<Option<Image>, RenderError> {
+        let film = self.shown()?.tracer.film();
+        Ok((film.spp() >= REPLICATES).then(|| film.variance()))
     }
 
     fn picture(&mut self) -> Result<Picture, RenderError> {

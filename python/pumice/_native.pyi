@@ -38,6 +38,11 @@ class Frame:
         Estimated relative error, infinite until it can be known.
         """
     @property
+    def filtered(self, /) -> bool:
+        """
+        Whether its noise was filtered away: it is no mean of samples.
+        """
+    @property
     def height(self, /) -> int:
         """
         Pixels down.
@@ -170,7 +175,7 @@ class Session:
     """
     A live, progressively refined picture.
     """
-    def __new__(cls, /, scene: str, volumes: SupportsGetItem[int, Volume], meshes: SupportsGetItem[int, Mesh], *, backend: str, spp: SupportsIndex | None, seconds: SupportsFloat | SupportsIndex | None, error: SupportsFloat | SupportsIndex | None) -> Session: ...
+    def __new__(cls, /, scene: str, volumes: SupportsGetItem[int, Volume], meshes: SupportsGetItem[int, Mesh], *, backend: str, spp: SupportsIndex | None, seconds: SupportsFloat | SupportsIndex | None, error: SupportsFloat | SupportsIndex | None, denoise: bool) -> Session: ...
     def _panic_on_purpose(self, /) -> None:
         """
         Makes the worker panic, for tests of those who must survive it.

@@ -45,7 +45,10 @@ Frame = _native.Frame
 
 
 class Session:
-    """A live picture of a scene; volumes and meshes as for `render`. Without a limit it is refined for ever."""
+    """A live picture of a scene; volumes and meshes as for `render`. Without a limit it is refined for ever.
+
+    `denoise`: frames before the last are filtered (`Frame.filtered`); the last is the mean of its samples.
+    """
 
     def __init__(
         self,
@@ -57,10 +60,13 @@ class Session:
         spp: int | None = None,
         seconds: float | None = None,
         error: float | None = None,
+        denoise: bool = False,
     ) -> None:
         volumes_in_order = in_order(scene, volumes)
         stop = arguments.limits(spp, seconds, error)
-        self._native = _native.Session(scene.to_json(), volumes_in_order, mesh.natives(meshes), backend=backend, **stop)
+        self._native = _native.Session(
+            scene.to_json(), volumes_in_order, mesh.natives(meshes), backend=backend, denoise=bool(denoise), **stop
+        )
 
     def edit(self, *edits: dict[str, Any]) -> int:
         """Applies edits, all or none, and gives the new revision at once; InputError names the field at fault."""

@@ -87,6 +87,12 @@ impl Frame {
         self.frame.coarse
     }
 
+    /// Whether its noise was filtered away: it is no mean of samples.
+    #[getter]
+    fn filtered(&self) -> bool {
+        self.frame.filtered
+    }
+
     /// Whether it is the last of its revision.
     #[getter]
     fn converged(&self) -> bool {

@@ -23,7 +23,7 @@ pub(crate) struct Session(Live);
 #[pymethods]
 impl Session {
     #[new]
-    #[pyo3(signature = (scene, volumes, meshes, *, backend, spp, seconds, error))]
+    #[pyo3(signature = (scene, volumes, meshes, *, backend, spp, seconds, error, denoise))]
     fn new(
         scene: &str,
         volumes: Vec<Bound<'_, Volume>>,
@@ -32,10 +32,11 @@ impl Session {
         spp: Option<u32>,
         seconds: Option<f64>,
         error: Option<f64>,
+        denoise: bool,
     ) -> PyResult<Self> {
         let volumes = volumes.iter().map(|v| Arc::clone(&v.get().0)).collect();
         let meshes = meshes.iter().map(|m| Arc::clone(&m.get().0)).collect();
-        let options = LiveOptions { backend, stop: Stop { spp, seconds, error } };
+        let options = LiveOptions { backend, stop: Stop { spp, seconds, error }, denoise };
         Live::start(parse(scene)?, volumes, meshes, options).map(Self).map_err(IntoException::into_exception)
     }
 

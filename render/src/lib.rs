@@ -17,6 +17,7 @@ pub mod palette;
 pub mod passes;
 pub mod picture;
 pub mod png_file;
+pub mod preview;
 mod provenance_text;
 pub mod renderer;
 pub mod resting;

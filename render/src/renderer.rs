@@ -116,6 +116,12 @@ pub trait Renderer: Send {
     /// As [`Renderer::color`].
     fn alpha(&mut self) -> Result<Option<Vec<f32>>, RenderError>;
 
+    /// Variance of those colours, once it is known: from four samples on.
+    ///
+    /// # Errors
+    /// As [`Renderer::color`].
+    fn variance(&mut self) -> Result<Option<Image>, RenderError>;
+
     /// The picture so far, with its passes; provenance is the caller's to add.
     ///
     /// # Errors

@@ -33,11 +33,13 @@ pub struct LiveOptions {
     pub backend: String,
     /// When the picture of one revision is done.
     pub stop: Stop,
+    /// Frames that are not converged are [filtered](pumice_render::preview).
+    pub denoise: bool,
 }
 
 impl Default for LiveOptions {
     fn default() -> Self {
-        Self { backend: "auto".into(), stop: Stop::default() }
+        Self { backend: "auto".into(), stop: Stop::default(), denoise: false }
     }
 }
 
@@ -65,6 +67,8 @@ pub struct Frame {
     pub cpu_seconds: f64,
     /// Fewer pixels than the film has.
     pub coarse: bool,
+    /// Its noise was filtered away: it is no mean of samples.
+    pub filtered: bool,
     /// The last of its revision: enough samples, or an error small enough.
     pub converged: bool,
 }
@@ -180,7 +184,7 @@ impl Live {
         options: LiveOptions,
     ) -> Result<Self> {
         check(&scene, &volumes, &meshes)?;
-        Self::draw(scene, volumes, meshes, make_renderer(&options.backend)?, options.stop)
+        Self::draw(scene, volumes, meshes, make_renderer(&options.backend)?, options.stop, options.denoise)
     }
 
     fn draw(
@@ -189,6 +193,7 @@ impl Live {
         meshes: Vec<Arc<MeshData>>,
         renderer: FallbackRenderer,
         stop: Stop,
+        denoise: bool,
     ) -> Result<Self> {
         let shared = Arc::new(Shared {
             board: Mutex::new(Board {
@@ -210,7 +215,7 @@ impl Live {
             }),
             work: Condvar::new(),
         });
-        let worker = worker::Worker::new(Arc::clone(&shared), renderer, stop);
+        let worker = worker::Worker::new(Arc::clone(&shared), renderer, stop, denoise);
         let spawned = std::thread::Builder::new().name("pumice-live".into()).spawn(move || worker.run());
         let worker =
             spawned.map_err(|e| SessionError::Caller(format!("no thread for a live picture: {e}")))?;

@@ -29,7 +29,11 @@ fn scene(size: [u32; 2]) -> Scene {
 }
 
 fn spp(n: u32) -> LiveOptions {
-    LiveOptions { backend: "cpu".into(), stop: Stop { spp: Some(n), ..Stop::default() } }
+    LiveOptions {
+        backend: "cpu".into(),
+        stop: Stop { spp: Some(n), ..Stop::default() },
+        ..LiveOptions::default()
+    }
 }
 
 /// The next frame that is wanted; a test that waits a minute has found that it does not come.
@@ -68,6 +72,33 @@ fn plain(scene: &Scene, n: u32) -> Vec<f32> {
     let color = made.picture.color;
     let rows: Vec<&[[f32; 3]]> = color.pixels.chunks(color.width).collect();
     rows.iter().rev().flat_map(|row| row.iter().flat_map(|&[r, g, b]| [r, g, b, 1.0])).collect()
+}
+
+/// Mean of (a − b)² / (b² + 0.01) over the colours.
+fn rel_mse(a: &[f32], b: &[f32]) -> f64 {
+    let off = |(a, b): (&f32, &f32)| f64::from((a - b).powi(2)) / (f64::from(b * b) + 0.01);
+    a.iter().zip(b).map(off).sum::<f64>() / a.len() as f64
+}
+
+/// Filtered frames are nearer to the picture; the last one is what was sampled.
+#[test]
+fn young_frames_are_filtered_and_the_last_is_not() {
+    let scene = scene([200, 120]);
+    let reference = plain(&scene, 256);
+    let filtered = LiveOptions { denoise: true, ..spp(64) };
+    let live = Live::start(scene.clone(), vec![volume()], vec![], filtered).unwrap();
+    let mut young = None;
+    let last = wait(&live, |f| {
+        if !f.coarse && !f.converged && young.is_none() {
+            young = Some((f.spp, f.filtered, f.rgba.clone()));
+        }
+        f.converged
+    });
+    assert!(!last.filtered && last.rgba == plain(&scene, 64), "bit for bit");
+    let (samples, is_filtered, frame) = young.expect("64 samples take more than one slice");
+    let (with, without) = (rel_mse(&frame, &reference), rel_mse(&plain(&scene, samples), &reference));
+    println!("{samples} samples: {with:.5} filtered, {without:.5} as they are");
+    assert!(is_filtered && with < without, "{samples} samples: {with} of {without}");
 }
 
 #[test]

@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 
 use pumice_core::{CompressedVolume, Job, MeshData};
 use pumice_cpu::ReadImage;
+use pumice_render::sampler::REPLICATES;
 use pumice_render::{Image, Pick, Picture, Progress, Rebuilt, RenderError, Renderer};
 use pumice_scene::{Part, Scene, SceneError, Spare};
 
@@ -235,6 +236,11 @@ impl Renderer for VulkanRenderer {
 
     fn alpha(&mut self) -> Result<Option<Vec<f32>>, RenderError> {
         Ok(self.shown.as_ref().ok_or_else(no_scene)?.film.copy().alpha())
+    }
+
+    fn variance(&mut self) -> Result<Option<Image>, RenderError> {
+        let film = self.shown.as_ref().ok_or_else(no_scene)?.film.copy();
+        Ok((film.spp() >= REPLICATES).then(|| film.variance()))
     }
 
     fn picture(&mut self) -> Result<Picture, RenderError> {

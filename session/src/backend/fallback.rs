@@ -230,6 +230,10 @@ impl Renderer for FallbackRenderer {
         self.ask(|renderer| renderer.alpha())
     }
 
+    fn variance(&mut self) -> Result<Option<Image>, RenderError> {
+        self.ask(|renderer| renderer.variance())
+    }
+
     fn picture(&mut self) -> Result<Picture, RenderError> {
         self.ask(|renderer| renderer.picture())
     }

@@ -5,6 +5,7 @@ use std::sync::{Arc, PoisonError};
 use std::time::{Duration, Instant};
 
 use pumice_core::{CompressedVolume, Job, MeshData};
+use pumice_render::preview::{Guides, filtered};
 use pumice_render::{Image, Progress, RenderError, Renderer};
 use pumice_scene::{Film, Passes, Scene};
 
@@ -25,6 +26,9 @@ pub(super) struct Worker {
     shared: Arc<Shared>,
     renderer: FallbackRenderer,
     stop: Stop,
+    denoise: bool,
+    /// What the filter goes by: of this revision, at the size of the frames that come now.
+    guides: Option<Guides>,
 }
 
 /// Why the worker looks up.
@@ -36,8 +40,8 @@ enum Turn {
 }
 
 impl Worker {
-    pub(super) fn new(shared: Arc<Shared>, renderer: FallbackRenderer, stop: Stop) -> Self {
-        Self { shared, renderer, stop }
+    pub(super) fn new(shared: Arc<Shared>, renderer: FallbackRenderer, stop: Stop, denoise: bool) -> Self {
+        Self { shared, renderer, stop, denoise, guides: None }
     }
 
     /// Draws until it is stopped; a panic ends it and is told.
@@ -124,12 +128,12 @@ impl Worker {
             let mut coarse = scene.clone();
             coarse.film.width = scene.film.width.div_ceil(divisor);
             coarse.film.height = scene.film.height.div_ceil(divisor);
-            self.renderer.set_scene(&coarse, volumes, meshes)?;
+            self.show(&coarse, volumes, meshes)?;
             let progress = self.renderer.advance(Duration::ZERO, 1, job)?;
             // A picture that was begun anew meanwhile has nothing to show yet: the next one will.
             self.publish(revision, progress, &clock, true, false)?;
         }
-        self.renderer.set_scene(scene, volumes, meshes)?;
+        self.show(scene, volumes, meshes)?;
         self.shared.board().error = None;
         let mut last_published = Instant::now();
         let mut published_spp = 0;
@@ -158,6 +162,34 @@ impl Worker {
                 return Ok(Turn::Changed);
             }
         }
+    }
+
+    fn show(
+        &mut self,
+        scene: &Scene,
+        volumes: &[Arc<CompressedVolume>],
+        meshes: &[Arc<MeshData>],
+    ) -> std::result::Result<(), RenderError> {
+        self.guides = None;
+        self.renderer.set_scene(scene, volumes, meshes)
+    }
+
+    /// The picture with its noise filtered away; as it is where the film was begun anew meanwhile.
+    fn filtered(&mut self, image: Image) -> std::result::Result<(Image, bool), RenderError> {
+        if self.guides.is_none() {
+            self.guides = match self.renderer.picture() {
+                Err(RenderError::Restarted) => None,
+                picture => Guides::of(&picture?),
+            };
+        }
+        let variance = match self.renderer.variance() {
+            Err(RenderError::Restarted) => return Ok((image, false)),
+            variance => variance?,
+        };
+        Ok(match &self.guides {
+            Some(guides) => (filtered(&image, variance.as_ref(), guides), guides.fit(&image)),
+            None => (image, false),
+        })
     }
 
     /// Answers what was asked meanwhile.
@@ -217,6 +249,10 @@ impl Worker {
             Err(RenderError::Restarted) => return Ok(false),
             alpha => alpha?,
         };
+        let (image, filtered) = match self.denoise && !converged {
+            true => self.filtered(image)?,
+            false => (image, false),
+        };
         let rgba = rows_from_bottom(&image, alpha.as_deref());
         let mut board = self.shared.board();
         let serial = board.frame.as_ref().map_or(0, |f| f.serial) + 1;
@@ -232,6 +268,7 @@ impl Worker {
             seconds: clock.seconds(),
             cpu_seconds: clock.cpu_seconds(),
             coarse,
+            filtered,
             converged,
         }));
         Ok(true)

@@ -89,6 +89,10 @@ impl Renderer for Fake {
         Ok(self.image())
     }
 
+    fn variance(&mut self) -> Result<Option<Image>, RenderError> {
+        Ok(None)
+    }
+
     fn alpha(&mut self) -> Result<Option<Vec<f32>>, RenderError> {
         Ok(None)
     }
@@ -280,6 +284,10 @@ fn a_scene_that_the_next_way_refuses_leaves_the_former_one() {
         fn color(&mut self) -> Result<Image, RenderError> {
             self.0.color()
         }
+        fn variance(&mut self) -> Result<Option<Image>, RenderError> {
+            Ok(None)
+        }
+
         fn alpha(&mut self) -> Result<Option<Vec<f32>>, RenderError> {
             self.0.alpha()
         }
