@@ -12,6 +12,7 @@ use pumice_render::{
 use pumice_scene::{Environment, InstanceDiff, MeshDiff, Part, Pass, Scene, SceneDiff, SceneError, Spare};
 
 use crate::camera_rays::CameraRays;
+use crate::emitters::{Emitters, Shining};
 use crate::lights::{Lights, Sky};
 use crate::looks::Looks;
 use crate::path::Surroundings;
@@ -37,6 +38,8 @@ struct Shown {
     meshes: Vec<Arc<MeshData>>,
     lod: LodChoice,
     tracer: PathTracer<SceneTracer>,
+    /// Lights but surfaces that shine.
+    lights: Arc<Lights>,
 }
 
 impl Shown {
@@ -70,12 +73,50 @@ pub fn scene_lights(scene: &Scene, read_image: ReadImage) -> Result<Lights, Rend
         Environment::Image { path, rotation_rad, strength } => {
             let at = |what: String| RenderError::Source(format!("{}: {what}", path.display()));
             let image = read_image(path).map_err(at)?;
-            Sky::Image(Box::new(EnvironmentTable::new(image, *strength, *rotation_rad).map_err(at)?))
+            Sky::Image(Arc::new(EnvironmentTable::new(image, *strength, *rotation_rad).map_err(at)?))
         }
     };
     let lamps = scene.lights.iter().map(ReadyLamp::new).filter(ReadyLamp::is_lit).collect();
     let suns = scene.suns.iter().map(ReadySun::new).collect();
     Ok(Lights::new(sky, suns, scene.world.backdrop).with_lamps(lamps))
+}
+
+/// What of a scene shines and can be aimed at.
+///
+/// # Errors
+/// As [`Emitters::new`].
+pub fn emitters_of(tracer: &SceneTracer, looks: &[Arc<Looks>]) -> Result<Option<Emitters>, RenderError> {
+    let volumes = tracer.volumes().iter().zip(0u32..).filter(|(_, i)| looks[*i as usize].shines());
+    let of_volumes = volumes.map(|(v, instance)| Shining::Volume {
+        instance,
+        volume: v.volume(),
+        drawn: v.drawn().to_vec(),
+        placement: *v.placement(),
+        detail: v.detail(),
+        cuts: v.cuts(),
+        looks: &looks[instance as usize],
+    });
+    let first = tracer.volumes().len() as u32;
+    let meshes = tracer.meshes().iter().zip(first..).filter(|(_, i)| looks[*i as usize].shines());
+    let of_meshes = meshes.map(|(m, instance)| {
+        let (mesh, grid) = m.mesh();
+        Shining::Mesh { instance, mesh, grid, placement: *m.placement(), looks: &looks[instance as usize] }
+    });
+    Emitters::new(&of_volumes.chain(of_meshes).collect::<Vec<_>>())
+}
+
+/// Whether the same surfaces shine alike, so that what is made to aim at them stays right.
+fn shine_alike(a: &SceneTracer, a_looks: &[Arc<Looks>], b: &SceneTracer, b_looks: &[Arc<Looks>]) -> bool {
+    let same_looks = a_looks.len() == b_looks.len()
+        && a_looks.iter().zip(b_looks).all(|(a, b)| Arc::ptr_eq(a, b) || a.shines_like(b));
+    let shines = |i: usize| b_looks[i].shines();
+    let volumes = a.volumes().len();
+    same_looks
+        && volumes == b.volumes().len()
+        && (0..volumes).all(|i| !shines(i) || Arc::ptr_eq(&a.volumes()[i], &b.volumes()[i]))
+        && a.meshes().iter().zip(b.meshes()).zip(volumes..).all(|((a, b), i)| {
+            !shines(i) || (Arc::ptr_eq(a.mesh().0, b.mesh().0) && a.placement() == b.placement())
+        })
 }
 
 /// What the former scene has to offer for an instance of the new one: its place there, where its volume is the same.
@@ -197,7 +238,7 @@ impl Renderer for CpuRenderer {
         let mut rebuilt = self.rebuilt;
 
         let lights = match old {
-            Some(o) if !diff.world && !diff.suns && !diff.lights => Arc::clone(&o.tracer.around().lights),
+            Some(o) if !diff.world && !diff.suns && !diff.lights => Arc::clone(&o.lights),
             _ => {
                 rebuilt.lights += 1;
                 Arc::new(scene_lights(scene, self.read_image)?)
@@ -276,8 +317,22 @@ impl Renderer for CpuRenderer {
                 }
             });
         }
-        let around = Surroundings { lights, looks, settings: scene.settings };
         let geometry = SceneTracer::of(geometry).with_meshes(triangles);
+        let emitters = match old {
+            Some(o) if shine_alike(o.tracer.tracer(), &o.tracer.around().looks, &geometry, &looks) => {
+                o.tracer.around().lights.emitters().map(Arc::clone)
+            }
+            _ => {
+                let made = emitters_of(&geometry, &looks)?.map(Arc::new);
+                rebuilt.lights += u64::from(made.is_some());
+                made
+            }
+        };
+        let lit = match emitters {
+            None => Arc::clone(&lights),
+            some => Arc::new(Lights::clone(&lights).with_emitters(some)),
+        };
+        let around = Surroundings { lights: lit, looks, settings: scene.settings };
         rebuilt.camera += u64::from(diff.camera || diff.film);
         rebuilt.film += u64::from(diff.film);
         let mut tracer = match self.shown.take() {
@@ -291,7 +346,7 @@ impl Renderer for CpuRenderer {
         tracer.carry_sorting(self.spare.has(Part::Sorting));
         self.rebuilt = rebuilt;
         let (volumes, meshes) = (volumes.to_vec(), meshes.to_vec());
-        self.shown = Some(Shown { scene: scene.clone(), volumes, meshes, lod, tracer });
+        self.shown = Some(Shown { scene: scene.clone(), volumes, meshes, lod, tracer, lights });
         Ok(())
     }
 
@@ -343,6 +398,7 @@ impl Renderer for CpuRenderer {
                 ("acceleration", s.tracer.tracer().bytes()),
                 ("film", s.tracer.film().bytes()),
                 ("materials", s.tracer.around().looks.iter().map(|l| l.bytes()).sum()),
+                ("emitters", s.tracer.around().lights.emitters().map_or(0, |e| e.bytes())),
             ]
         })
     }

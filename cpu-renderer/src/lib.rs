@@ -5,6 +5,7 @@ pub mod bsdf;
 pub mod camera_rays;
 pub mod cpu_renderer;
 pub mod crossing;
+pub mod emitters;
 pub mod lens;
 pub mod lights;
 pub mod looks;
@@ -13,7 +14,8 @@ pub mod path_tracer;
 pub mod tally;
 pub mod traverse;
 
-pub use cpu_renderer::{CpuRenderer, ReadImage, scene_lights};
+pub use cpu_renderer::{CpuRenderer, ReadImage, emitters_of, scene_lights};
+pub use emitters::Emitters;
 pub use lights::{Finding, Lights, Sky};
 pub use looks::Looks;
 pub use path::Surroundings;

@@ -1,15 +1,22 @@
-//! What lights the scene, made ready: sky, suns, lamps, and the choice among them.
+//! What lights the scene, made ready: sky, suns, lamps, surfaces that shine, and the choice among them.
 //!
 //! A constant sky is not sampled: directions scattered by a surface already follow what it does with even light, so aiming at the
 //! sky would cost a ray and gain nothing. A picture, suns and lamps are aimed at; one of them for each surface point, with a chance
 //! in proportion to the irradiance it can give (a lamp: from a length of 1 away).
 //!
+//! Surfaces that shine ([`Emitters`]) are aimed at too, all of them together as one more light; its irradiance is that about where
+//! they are. A ray that is scattered finds them as the surfaces that it meets.
+//!
 //! A lamp is no surface: rays pass through it, and one that is scattered towards it finds it where it is nearer than what is hit.
 
 use std::f32::consts::PI;
 
+use std::sync::Arc;
+
 use glam::{DVec3, Vec3};
-use pumice_render::{EnvironmentTable, ReadyLamp, ReadySun, Receiver};
+use pumice_render::{EnvironmentTable, Hit, ReadyLamp, ReadySun, Receiver, Tracer};
+
+use crate::emitters::Emitters;
 
 /// Light from infinity.
 #[derive(Clone, Debug)]
@@ -17,7 +24,7 @@ pub enum Sky {
     /// The same from everywhere.
     Constant(Vec3),
     /// A picture.
-    Image(Box<EnvironmentTable>),
+    Image(Arc<EnvironmentTable>),
 }
 
 /// A sampled light.
@@ -33,8 +40,8 @@ pub struct LightSample {
     pub distance: f64,
 }
 
-/// What touches a lamp within this part of its distance does not hide it: distances to lamps are f32.
-const TOUCHING: f64 = 1.0 - 1.0 / 1_048_576.0;
+/// What touches a lamp or a surface that shines within this part of its distance does not hide it: distances to lamps are f32.
+pub(crate) const TOUCHING: f64 = 1.0 - 1.0 / 1_048_576.0;
 
 /// Which of the two ways to find light is used: all of light transport is in both where both can find it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -57,6 +64,9 @@ pub struct Lights {
     backdrop: Option<[Vec3; 2]>,
     /// Summed chances: the sky's, then each sun's, then each lamp's.
     ends: Vec<f32>,
+    /// The surfaces that shine, and the chance that it is they that are aimed at; the others share what is left.
+    emitters: Option<Arc<Emitters>>,
+    emitters_chance: f32,
     finding: Finding,
 }
 
@@ -64,24 +74,61 @@ impl Lights {
     /// Lights of a scene without lamps.
     pub fn new(sky: Sky, suns: Vec<ReadySun>, backdrop: Option<[[f32; 3]; 2]>) -> Self {
         let backdrop = backdrop.map(|b| b.map(Vec3::from_array));
-        let lights =
-            Self { sky, suns, lamps: Vec::new(), backdrop, ends: Vec::new(), finding: Finding::Both };
+        let lights = Self {
+            sky,
+            suns,
+            lamps: Vec::new(),
+            backdrop,
+            ends: Vec::new(),
+            emitters: None,
+            emitters_chance: 0.0,
+            finding: Finding::Both,
+        };
         lights.with_lamps(Vec::new())
     }
 
     /// The same lights, with these lamps.
     #[must_use]
     pub fn with_lamps(self, lamps: Vec<ReadyLamp>) -> Self {
+        let emitters = self.emitters.clone();
+        let lights = Self { lamps, ..self };
+        Self { ends: ends_of(&lights.powers()), ..lights }.with_emitters(emitters)
+    }
+
+    /// The same lights, and these surfaces that shine.
+    #[must_use]
+    pub fn with_emitters(self, emitters: Option<Arc<Emitters>>) -> Self {
+        let emitters_chance = emitters.as_ref().map_or(0.0, |e| self.chance_of_emitters(e.irradiance()));
+        Self { emitters: emitters.filter(|_| emitters_chance > 0.0), emitters_chance, ..self }
+    }
+
+    /// The chance that surfaces which give this irradiance have beside these lights.
+    pub fn chance_of_emitters(&self, irradiance: f32) -> f32 {
+        if irradiance <= 0.0 {
+            return 0.0;
+        }
+        if self.ends.is_empty() {
+            return 1.0;
+        }
+        // As in `ends_of`.
+        let powers = self.powers();
+        let lit = powers.iter().filter(|&&p| p > 0.0).count() + 1;
+        let total = powers.iter().sum::<f32>() + irradiance;
+        let part = if total.is_finite() { irradiance / total } else { 0.5 };
+        0.9 * part + 0.1 / lit as f32
+    }
+
+    /// Irradiance that the sky, each sun and each lamp can give.
+    fn powers(&self) -> Vec<f32> {
         let sky_power = match &self.sky {
             Sky::Constant(_) => 0.0,
             Sky::Image(table) => table.total_radiance(),
         };
         let suns = self.suns.iter().map(ReadySun::irradiance);
-        let powers: Vec<f32> = std::iter::once(sky_power)
+        std::iter::once(sky_power)
             .chain(suns)
-            .chain(lamps.iter().map(|l| l.power() / 4.0 / PI))
-            .collect();
-        Self { lamps, ends: ends_of(&powers), ..self }
+            .chain(self.lamps.iter().map(|l| l.power() / 4.0 / PI))
+            .collect()
     }
 
     /// The same lights, found in one way only.
@@ -116,6 +163,16 @@ impl Lights {
         &self.ends
     }
 
+    /// The surfaces that shine and are aimed at.
+    pub fn emitters(&self) -> Option<&Arc<Emitters>> {
+        self.emitters.as_ref()
+    }
+
+    /// The chance that it is one of them that is aimed at.
+    pub fn emitters_chance(&self) -> f32 {
+        self.emitters_chance
+    }
+
     /// How light is found.
     pub fn finding(&self) -> Finding {
         self.finding
@@ -124,18 +181,65 @@ impl Lights {
     /// Whether any light is aimed at.
     #[inline]
     pub fn any_aimed(&self) -> bool {
-        !self.ends.is_empty() && self.finding != Finding::Scattered
+        (!self.ends.is_empty() || self.emitters.is_some()) && self.finding != Finding::Scattered
     }
 
     #[inline]
     fn chance(&self, light: usize) -> f32 {
         match self.ends.get(light) {
-            Some(&end) => end - if light == 0 { 0.0 } else { self.ends[light - 1] },
+            Some(&end) => {
+                (end - if light == 0 { 0.0 } else { self.ends[light - 1] }) * (1.0 - self.emitters_chance)
+            }
             None => 0.0,
         }
     }
 
-    /// A light and a direction towards it; `None` where [`Lights::any_aimed`] is false or the sample brings no light.
+    /// A light and a direction towards it; `None` where [`Lights::any_aimed`] is false or the sample brings no light. `further` numbers
+    /// are drawn where one of many surfaces is chosen.
+    #[inline]
+    pub fn aim(
+        &self,
+        from: &Receiver,
+        choice: f32,
+        u: [f32; 2],
+        further: impl FnOnce() -> [f32; 2],
+    ) -> Option<LightSample> {
+        let Some(emitters) = &self.emitters else { return self.sample(from, choice, u) };
+        if choice >= self.emitters_chance {
+            let choice = (choice - self.emitters_chance) / (1.0 - self.emitters_chance);
+            return self.sample(from, choice, u);
+        }
+        let s = emitters.sample(from, choice / self.emitters_chance, further(), u)?;
+        let pdf = s.pdf * self.emitters_chance;
+        Some(LightSample {
+            direction: s.direction,
+            radiance_over_pdf: s.radiance / pdf,
+            pdf: Some(pdf),
+            distance: s.distance,
+        })
+    }
+
+    /// Weight of light that a surface was met to send out, by a ray scattered at `from` with density `pdf` after it had gone `distance`.
+    #[inline]
+    pub fn emission_weight<T: Tracer + ?Sized>(
+        &self,
+        tracer: &T,
+        from: &Receiver,
+        hit: &Hit,
+        distance: f64,
+        pdf: f32,
+    ) -> f32 {
+        let Some(emitters) = &self.emitters else { return 1.0 };
+        // The front of a label that touches the one which a path leaves is not aimed at; nor are insides.
+        if hit.is_seen_from_within() || hit.t == 0.0 {
+            return 1.0;
+        }
+        let box_origin = || tracer.box_origin(&hit.surface);
+        let aimed = emitters.pdf(from, &hit.surface, box_origin, distance) * self.emitters_chance;
+        self.scattered_weight(pdf, aimed)
+    }
+
+    /// [`Lights::aim`] at what is no surface.
     #[inline]
     pub fn sample(&self, from: &Receiver, choice: f32, u: [f32; 2]) -> Option<LightSample> {
         let light = self.ends.partition_point(|&e| e <= choice);

@@ -4,6 +4,8 @@ use pumice_render::cryptomatte::Ids;
 use pumice_render::palette;
 use pumice_scene::{LabelStyle, Material};
 
+use crate::emitters::shine;
+
 /// Materials of one instance by dense label, or of a mesh by the material index of its triangles.
 #[derive(Clone, Debug)]
 pub struct Looks {
@@ -111,6 +113,22 @@ impl Looks {
     #[inline]
     pub fn has_clear(&self) -> bool {
         self.has_clear
+    }
+
+    /// Whether some material shines.
+    pub fn shines(&self) -> bool {
+        self.materials.iter().any(|m| shine(m) > 0.0)
+    }
+
+    /// Whether the same labels shine as much and alike, whatever their colours.
+    pub fn shines_like(&self, other: &Self) -> bool {
+        // What the light of a material depends on.
+        let light = |m: &Material| match shine(m) > 0.0 {
+            true => Material { base_color: [0.0; 3], ..*m },
+            false => Material::default(),
+        };
+        self.of_label == other.of_label
+            && self.materials.iter().map(light).eq(other.materials.iter().map(light))
     }
 
     /// Heap bytes.

@@ -33,6 +33,9 @@ const FIRST_ROULETTE: u32 = 2;
 /// Least chance to go on: a path that survives is never weighted by more than this says.
 const LEAST_SURVIVAL: f32 = 0.05;
 
+/// Added to a surface's number for numbers beyond its pairs: no path has so many surfaces.
+const FURTHER: u32 = 1 << 28;
+
 /// Everything a path meets but geometry.
 #[derive(Clone, Debug)]
 pub struct Surroundings {
@@ -226,7 +229,14 @@ fn path<T: Tracer + ?Sized>(
         let mut wi = frame.local(-ray.direction.normalize());
         // A grazing ray may round to 0 or below: it still sees the front.
         wi.z = wi.z.max(1e-6);
-        tally.met(throughput * emitted(material, wi.z), vertex);
+        let mut light = emitted(material, wi.z);
+        if let Some(pdf) = way.pdf
+            && light != Vec3::ZERO
+        {
+            let distance = way.gone + hit.t * ray.direction.length();
+            light *= lights.emission_weight(tracer, &way.from, &hit, distance, pdf);
+        }
+        tally.met(throughput * light, vertex);
         if vertex > bounces || buried {
             return;
         }
@@ -244,7 +254,9 @@ fn path<T: Tracer + ?Sized>(
         if lights.any_aimed() {
             let [which, lobe] = sampler.bounce(step, BouncePair::Choice);
             choice = Some(lobe);
-            if let Some(light) = lights.sample(&receiver, which, sampler.bounce(step, BouncePair::Light))
+            let further = || sampler.bounce(step | FURTHER, BouncePair::Choice);
+            let towards = sampler.bounce(step, BouncePair::Light);
+            if let Some(light) = lights.aim(&receiver, which, towards, further)
                 && (light.direction.dot(frame.normal) > 0.0 || bsdf.transmits())
             {
                 let wo = frame.local(light.direction);

@@ -43,7 +43,7 @@ fn sky_picture() -> Sky {
     for (x, y) in [(20, 4), (21, 4), (20, 5), (21, 5)] {
         image.pixels[y * 32 + x] = [12.0, 10.0, 8.0];
     }
-    Sky::Image(Box::new(EnvironmentTable::new(image, 1.0, 0.3).expect("valid")))
+    Sky::Image(std::sync::Arc::new(EnvironmentTable::new(image, 1.0, 0.3).expect("valid")))
 }
 
 fn suns() -> Vec<ReadySun> {

@@ -24,6 +24,7 @@ pub(crate) struct Session(Live);
 impl Session {
     #[new]
     #[pyo3(signature = (scene, volumes, meshes, *, backend, spp, seconds, error, denoise))]
+    #[expect(clippy::too_many_arguments, reason = "named ones, from Python")]
     fn new(
         scene: &str,
         volumes: Vec<Bound<'_, Volume>>,

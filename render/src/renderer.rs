@@ -63,7 +63,7 @@ pub struct Rebuilt {
     pub camera: u64,
     /// Film: its memory and filter table.
     pub film: u64,
-    /// Sky, suns, and the choice among them.
+    /// Sky, suns and lamps, and the choice among them; and once more what of the scene shines, for aiming at it.
     pub lights: u64,
     /// Tables of materials, one an instance or mesh.
     pub materials: u64,

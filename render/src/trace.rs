@@ -95,6 +95,12 @@ pub trait Tracer: Sync {
     fn occluded(&self, ray: &RayInWorld, from: PathOrigin, t_max: f64) -> bool {
         self.first_hit(ray, from, t_max).is_some()
     }
+
+    /// Lowest voxel of the box that draws a face: what of its label is there may be aimed at as one light. `None` where that is not
+    /// known; no light is aimed at there then.
+    fn box_origin(&self, _face: &Surface) -> Option<[u32; 3]> {
+        None
+    }
 }
 
 impl<T: Tracer + Send + ?Sized> Tracer for std::sync::Arc<T> {
@@ -104,5 +110,9 @@ impl<T: Tracer + Send + ?Sized> Tracer for std::sync::Arc<T> {
 
     fn occluded(&self, ray: &RayInWorld, from: PathOrigin, t_max: f64) -> bool {
         (**self).occluded(ray, from, t_max)
+    }
+
+    fn box_origin(&self, face: &Surface) -> Option<[u32; 3]> {
+        (**self).box_origin(face)
     }
 }

@@ -1,7 +1,7 @@
 //! What a scene needs of a renderer, and what is left out for it.
 //!
 //! A need is told from what is drawn: the material of a hidden label asks for nothing. `left out` is said only of work or memory
-//! that a renderer does save; what costs nothing to have (emission, metal) is told where it is needed and else not mentioned.
+//! that a renderer does save; what costs nothing to have (metal, glass) is told where it is needed and else not mentioned.
 
 use crate::{Cut, Environment, LabelStyle, Light, LightShape, Lod, Material, Mode, Part, Pass, Scene, Spare};
 
@@ -39,7 +39,7 @@ pub struct Needs {
     pub sheen: bool,
     /// The camera's opening has a size.
     pub lens: bool,
-    /// Some surface sends out light.
+    /// Some surface sends out light, to be aimed at and to be met.
     pub emission: bool,
     /// The sky is a picture, with a table to aim by.
     pub sky_table: bool,
@@ -122,7 +122,7 @@ impl Needs {
             suns: lit.count(),
             lamps: lamps.count(),
             meshes: scene.meshes.len(),
-            mis: lighting && (sky_table || wide),
+            mis: lighting && (sky_table || wide || emission),
             bounces,
             roulette: bounces && settings.russian_roulette,
             cuts: {
@@ -156,13 +156,14 @@ impl Needs {
             .with_if(Part::Glass, !self.glass)
             .with_if(Part::Clear, !self.clear)
             .with_if(Part::Lamps, self.lamps == 0)
-            .with_if(Part::Aiming, !self.sky_table && self.suns == 0 && self.lamps == 0)
+            .with_if(Part::Aiming, !(self.sky_table || self.suns > 0 || self.lamps > 0 || self.emission))
             .with_if(Part::SkyPicture, !self.sky_table)
             .with_if(Part::Lens, !self.lens)
             .with_if(Part::Cuts, self.cuts == 0)
             .with_if(Part::Meshes, self.meshes == 0)
             .with_if(Part::Sorting, !self.sorted)
             .with_if(Part::Mattes, !self.mattes)
+            .with_if(Part::Emitters, !self.emission)
     }
 
     /// A line for each thing that is needed (`needed: …`) and for each that is left out, with the reason (`left out: … (…)`).
@@ -208,6 +209,8 @@ impl Needs {
             _ => lamps.as_str(),
         };
         line(self.lamps > 0, lamps, or_ambient("no lamp gives light"));
+        let shines = or_ambient("no visible label or mesh shines");
+        line(self.emission, "aiming at surfaces that shine", shines);
         line(
             self.sky_table,
             "table of the sky",
@@ -254,7 +257,6 @@ impl Needs {
             (self.clear, "surfaces that light passes straight through"),
             (self.sheen, "sheen"),
             (self.lens, "depth of field"),
-            (self.emission, "emission"),
         ];
         lines.extend(free.iter().filter(|f| f.0).map(|f| format!("needed: {}", f.1)));
         lines

@@ -37,11 +37,13 @@ pub enum Part {
     Sorting,
     /// Cryptomatte.
     Mattes,
+    /// Surfaces that shine, to be aimed at.
+    Emitters,
 }
 
 impl Part {
     /// All of them.
-    pub const ALL: [Self; 15] = [
+    pub const ALL: [Self; 16] = [
         Self::HiddenLabels,
         Self::Levels,
         Self::Microfacets,
@@ -57,6 +59,7 @@ impl Part {
         Self::Meshes,
         Self::Sorting,
         Self::Mattes,
+        Self::Emitters,
     ];
 
     /// In words.
@@ -77,6 +80,7 @@ impl Part {
             Self::Meshes => "meshes",
             Self::Sorting => "sorting of light",
             Self::Mattes => "Cryptomatte",
+            Self::Emitters => "surfaces that shine, to be aimed at",
         }
     }
 }

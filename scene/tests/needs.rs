@@ -76,7 +76,7 @@ fn each_edit_needs_only_what_it_brings() {
     assert_eq!(style(|s| s.material.specular = 0.5), Needs { specular: true, ..least() });
     assert_eq!(style(|s| s.material.metallic = 0.5), Needs { metal: true, ..least() });
     assert_eq!(style(|s| s.material.metallic = 1.0), Needs { metal: true, diffuse: false, ..least() });
-    assert_eq!(style(|s| s.material.emission[2] = 0.1), Needs { emission: true, ..least() });
+    assert_eq!(style(|s| s.material.emission[2] = 0.1), Needs { emission: true, mis: true, ..least() });
     assert_eq!(style(|s| s.material.transmission = 0.5), Needs { glass: true, ..least() });
     assert_eq!(style(|s| s.material.coat = 0.5), Needs { coat: true, ..least() });
     assert_eq!(style(|s| s.material.alpha = 0.5), Needs { clear: true, ..least() });
@@ -169,17 +169,20 @@ fn hidden_labels_ask_for_nothing() {
     };
     let seen = |visible| vec![LabelCount { instance: 7, visible, all: 4 }];
     // 99 is no label of the volume.
-    assert_eq!(with(Show::All), Needs { emission: true, ..least() });
+    assert_eq!(with(Show::All), Needs { emission: true, mis: true, ..least() });
     assert_eq!(with(Show::Except(vec![5])), Needs { labels: seen(3), ..least() });
     assert_eq!(with(Show::Only(vec![3, 3])), Needs { labels: seen(1), ..least() });
-    assert_eq!(with(Show::Only(vec![5, 17])), Needs { emission: true, labels: seen(2), ..least() });
+    assert_eq!(
+        with(Show::Only(vec![5, 17])),
+        Needs { emission: true, mis: true, labels: seen(2), ..least() }
+    );
     // The common material is not needed where all that is seen have their own.
     let own = after(|s| {
         s.instances[0].style.show = Show::Only(vec![5]);
         s.instances[0].style.material.metallic = 1.0;
         s.instances[0].style.materials = [(5, glow)].into();
     });
-    assert_eq!(own, Needs { emission: true, labels: seen(1), ..least() });
+    assert_eq!(own, Needs { emission: true, mis: true, labels: seen(1), ..least() });
     assert_eq!(with(Show::Only(vec![])), Needs { diffuse: false, labels: seen(0), ..least() });
 }
 
@@ -216,6 +219,7 @@ needed: materials
 left out: dielectric layer (no visible label has one)
 left out: aiming at suns (no sun gives light)
 left out: lamps (no lamp gives light)
+left out: aiming at surfaces that shine (no visible label or mesh shines)
 left out: table of the sky (it is the same from everywhere: scattering finds it as well as aiming would)
 left out: weights of lights found in two ways (MIS) (each light is found in one way)
 needed: light from surface to surface

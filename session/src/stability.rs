@@ -6,6 +6,7 @@
 //! placements  a white furnace and a dark room, far away, tiny, huge, squeezed, mirrored  largest error of a pixel
 //! light       suns, skies, materials, depths with closed forms                           largest error, or of the mean
 //! lamps       no size, no angle, as wide as the world; floors mirrored and sheared       the same
+//! emission    a hundred thousand labels that shine, small, far and long voxels           the same
 //! refusals    what must not be drawn at all                                              0 refused, 1 drawn
 //! ```
 //! Rays are the processor's, and the table says so; pictures are drawn by the backend that is asked for, and where that is another
@@ -13,6 +14,7 @@
 //! on: they are counted.
 
 mod beside;
+mod emission;
 mod lamps;
 mod light;
 mod pictures;
@@ -34,7 +36,7 @@ use pictures::Studio;
 /// One case.
 #[derive(Clone, Debug, Serialize)]
 pub struct Case {
-    /// Which of the five kinds it is.
+    /// Which of the six kinds it is.
     pub group: &'static str,
     /// What is extreme about it.
     pub name: String,
@@ -153,6 +155,7 @@ pub fn measure_stability(
     placements::measure(&mut studio, &mut tell)?;
     light::measure(&mut studio, &mut tell)?;
     lamps::measure(&mut studio, &mut tell)?;
+    emission::measure(&mut studio, &mut tell)?;
     refusals::measure(&mut studio, &mut tell)?;
     (all.backend, all.device) = studio.drawn_by();
     (all.pixels, all.bad_pixels) = studio.looked_at();

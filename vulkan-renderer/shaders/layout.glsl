@@ -78,6 +78,8 @@ struct Lights {
     float backdrop[2][3];
     uint lamp_count;
     Address lamps;
+    float emitters_chance;
+    uint reserved;
 };
 
 struct Sun {
@@ -117,6 +119,50 @@ struct Environment {
     uint reserved;
 };
 
+struct LightNode {
+    float lo[3];
+    float hi[3];
+    float power;
+};
+
+struct Emitter {
+    uint place;
+    uint label;
+    uint origin[3];
+    uint first;
+    uint ends[3];
+    uint planes;
+};
+
+struct EmitterPlace {
+    F64Bits world_from_index[3][3];
+    F64Bits units_per_world;
+    float areas[3];
+    uint instance;
+    uint is_mesh;
+    uint keys[2];
+    uint reserved;
+};
+
+struct ShiningTriangle {
+    float corners[3][3];
+    float area;
+};
+
+struct Emitters {
+    Address nodes;
+    Address emitters;
+    Address faces;
+    Address triangles;
+    Address by_key;
+    Address places;
+    Address place_of;
+    F64Bits middle[3];
+    F64Bits scale;
+    uint count;
+    uint place_of_count;
+};
+
 struct SceneHeader {
     Address instances;
     Address tables;
@@ -125,6 +171,7 @@ struct SceneHeader {
     Settings settings;
     Lights lights;
     Environment environment;
+    Emitters emitters;
     uint instance_count;
     uint film_width;
 };
@@ -260,6 +307,10 @@ layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Chu
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer CutPlanes { CutPlane at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Suns { Sun at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Lamps { Lamp at[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer LightNodes { LightNode at[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer EmitterRecords { Emitter at[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer EmitterPlaces { EmitterPlace at[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer ShiningTriangles { ShiningTriangle at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Materials { Material at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer BvhNodes { BvhNode at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer RayRecords { RayRecord at[]; };

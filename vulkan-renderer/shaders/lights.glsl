@@ -4,6 +4,7 @@
 
 #include "environment.glsl"
 #include "lamp.glsl"
+#include "emitters.glsl"
 #include "needs.glsl"
 
 const uint FINDING_BOTH = 0u;
@@ -19,9 +20,6 @@ struct LightSample {
     f64 distance_to;
 };
 
-// What touches a lamp within this part of its distance does not hide it.
-const float TOUCHING = 1.0 - 1.0 / 1048576.0;
-
 // Veach 1997, eq. 9.13 with β = 2. Ratios first: squares of peaked densities overflow.
 float power_heuristic(float a, float b) {
     if (a <= 0.0) {
@@ -33,7 +31,7 @@ float power_heuristic(float a, float b) {
 
 // Whether any light is aimed at.
 bool any_aimed(Lights lights) {
-    return lights.end_count != 0u && lights.finding != FINDING_SCATTERED;
+    return (lights.end_count != 0u || lights.emitters_chance > 0.0) && lights.finding != FINDING_SCATTERED;
 }
 
 float light_chance(Lights lights, uint light) {
@@ -41,10 +39,10 @@ float light_chance(Lights lights, uint light) {
         return 0.0;
     }
     Floats ends = Floats(lights.ends);
-    return ends.at[light] - (light == 0u ? 0.0 : ends.at[light - 1u]);
+    return (ends.at[light] - (light == 0u ? 0.0 : ends.at[light - 1u])) * (1.0 - lights.emitters_chance);
 }
 
-// A light and a direction towards it.
+// A light that is no surface, and a direction towards it.
 LightSample lights_sample(Lights lights, Environment sky, Receiver from, float choice, vec2 u) {
     LightSample result;
     result.found = false;
@@ -87,6 +85,24 @@ LightSample lights_sample(Lights lights, Environment sky, Receiver from, float c
     return result;
 }
 
+// A light and a direction towards it; `further` numbers are for one of many surfaces.
+LightSample lights_aim(SceneRef scene, Lights lights, Environment sky, Receiver from, float choice, vec2 u, vec2 further) {
+    if (NEEDS_EMITTERS != 0u && choice < lights.emitters_chance) {
+        EmitterSample s = emitters_sample(scene, from, choice / lights.emitters_chance, further, u);
+        LightSample result;
+        result.found = s.found;
+        result.direction = s.direction;
+        result.pdf = s.pdf * lights.emitters_chance;
+        result.radiance_over_pdf = s.radiance / result.pdf;
+        result.distance_to = s.distance_to;
+        return result;
+    }
+    if (NEEDS_EMITTERS != 0u && lights.emitters_chance > 0.0) {
+        choice = (choice - lights.emitters_chance) / (1.0 - lights.emitters_chance);
+    }
+    return lights_sample(lights, sky, from, choice, u);
+}
+
 // Weight of light that was aimed at, where scattering would have found it with density `other`.
 float aimed_weight(Lights lights, float pdf, float other) {
     return pdf > 0.0 && lights.finding == FINDING_BOTH ? power_heuristic(pdf, other) : 1.0;
@@ -97,6 +113,15 @@ float scattered_weight(Lights lights, float pdf, float light) {
         return power_heuristic(pdf, light);
     }
     return lights.finding == FINDING_AIMED && light > 0.0 ? 0.0 : 1.0;
+}
+
+// Weight of light that a surface was met to send out, by a ray scattered at `from` with density pdf after it had gone `far`.
+float emission_weight(SceneRef scene, Lights lights, Receiver from, Hit hit, f64 far, float pdf) {
+    if (is_seen_from_within(hit) || f64_eq(hit.t, F64_ZERO)) {
+        return 1.0;
+    }
+    float aimed = emitters_pdf(scene, from, hit.surface, far) * lights.emitters_chance;
+    return scattered_weight(lights, pdf, aimed);
 }
 
 // Light that a scattered ray (unit direction, drawn with density pdf) finds at infinity.

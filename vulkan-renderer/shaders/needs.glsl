@@ -27,6 +27,8 @@ layout(constant_id = 10) const uint NEEDS_MESHES = 1u;
 layout(constant_id = 11) const uint NEEDS_SORTED = 1u;
 // Some label has sheen.
 layout(constant_id = 12) const uint NEEDS_SHEEN = 1u;
+// Surfaces that shine are aimed at.
+layout(constant_id = 13) const uint NEEDS_EMITTERS = 1u;
 // Pixels keep which labels they see, by name.
 layout(constant_id = 14) const uint NEEDS_MATTES = 1u;
 

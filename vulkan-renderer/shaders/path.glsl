@@ -19,6 +19,8 @@
 #include "tally.glsl"
 
 const uint FIRST_ROULETTE = 2u;
+// Added to a surface's number for numbers beyond its pairs.
+const uint FURTHER = 1u << 28;
 const float LEAST_SURVIVAL = 0.05;
 
 const uint MODE_PATH = 0u;
@@ -182,15 +184,20 @@ Tally follow(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, flo
             gone = f64_add(gone, f64_mul(hit.t, dvec3_length(ray.direction)));
             continue;
         }
-        t_max = F64_INFINITY;
-        gone = F64_ZERO;
 
         // The side that is seen.
         Frame frame = frame_new(hit.from_inside ? dvec3_neg(hit.normal_in_world) : hit.normal_in_world);
         vec3 wi = frame_local(frame, dvec3_neg(dvec3_normalize(ray.direction)));
         // A grazing ray may round to 0 or below: it still sees the front.
         wi.z = max(wi.z, 1e-6);
-        tally_met(tally, throughput * emitted(scene.it.tables, material, wi.z), vertex);
+        vec3 shines = emitted(scene.it.tables, material, wi.z);
+        if (NEEDS_EMITTERS != 0u && flight == FLIGHT_SCATTERED && lights.emitters_chance > 0.0 && shines != vec3(0.0)) {
+            f64 far = f64_add(gone, f64_mul(hit.t, dvec3_length(ray.direction)));
+            shines *= emission_weight(scene, lights, receiver, hit, far, onward_pdf);
+        }
+        tally_met(tally, throughput * shines, vertex);
+        t_max = F64_INFINITY;
+        gone = F64_ZERO;
         if (vertex > bounces || buried) {
             return tally;
         }
@@ -213,8 +220,12 @@ Tally follow(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, flo
         if (aims) {
             vec2 choice = sampler_bounce(points, number, PAIR_CHOICE);
             lobe = choice.y;
+            vec2 further = vec2(0.0);
+            if (NEEDS_EMITTERS != 0u && choice.x < lights.emitters_chance) {
+                further = sampler_bounce(points, number | FURTHER, PAIR_CHOICE);
+            }
             LightSample light =
-                lights_sample(lights, sky, receiver, choice.x, sampler_bounce(points, number, PAIR_LIGHT));
+                lights_aim(scene, lights, sky, receiver, choice.x, sampler_bounce(points, number, PAIR_LIGHT), further);
             if (light.found && (bsdf_transmits(bsdf) || f64_lt(F64_ZERO, dvec3_dot(light.direction, frame.normal)))) {
                 float pdf;
                 vec3 wo = frame_local(frame, light.direction);

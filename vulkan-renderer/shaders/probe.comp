@@ -201,6 +201,45 @@ void probe_lamp(uint row) {
     put_lamp_sample(lamp_meet(lamp, from, take_vec3()));
 }
 
+void probe_emitters(uint row) {
+    begin(row, 28u, 19u);
+    SceneRef scene = SceneRef(launch.scene);
+    Emitters emitters = scene.it.emitters;
+    Receiver from = take_receiver();
+    float choice = take_float();
+    vec2 further = take_vec2(), u = take_vec2();
+    Surface surface = no_surface();
+    surface.instance = take();
+    surface.kind = take();
+    surface.voxel.x = take();
+    surface.voxel.y = take();
+    surface.voxel.z = take();
+    surface.axis = take();
+    surface.positive = take() != 0u;
+    surface.plane = take();
+    surface.label = take();
+    surface.box_number = take();
+    f64 far = take_f64();
+    uint emitter = take();
+    float chance;
+    put(tree_choose(emitters, seen_from(emitters, from), vec2(choice, further.x), chance));
+    put_float(chance);
+    put_float(tree_chance(emitters, seen_from(emitters, from), emitter));
+    EmitterSample s = emitters_sample(scene, from, choice, further, u);
+    put(s.found ? 1u : 0u);
+    put_dvec3(s.direction);
+    put_f64(s.distance_to);
+    put_vec3(s.radiance);
+    put_float(s.pdf);
+    put_float(emitters_pdf(scene, from, surface, far));
+    Hit hit = no_hit();
+    hit.surface = surface;
+    hit.t = F64_ONE;
+    put_float(emission_weight(scene, scene.it.lights, from, hit, far, choice));
+    LightSample aimed = lights_aim(scene, scene.it.lights, scene.it.environment, from, choice, u, further);
+    put_float(aimed.found ? aimed.pdf : 0.0);
+}
+
 void probe_lights(uint row) {
     begin(row, 23u, 22u);
     SceneRef scene = SceneRef(launch.scene);
@@ -378,6 +417,9 @@ void main() {
         break;
     case 20u:
         probe_lamp(row);
+        break;
+    case 21u:
+        probe_emitters(row);
         break;
     }
 }

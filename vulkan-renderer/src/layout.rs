@@ -132,6 +132,10 @@ pub struct Lights {
     pub lamp_count: u32,
     /// [`Lamp`]s.
     pub lamps: Address,
+    /// Chance that a surface that shines is aimed at; 0 where there is none.
+    pub emitters_chance: f32,
+    /// 0.
+    pub reserved: u32,
 }
 
 /// Twin of `ReadyLamp`.
@@ -193,6 +197,82 @@ pub struct Environment {
     pub reserved: u32,
 }
 
+/// Twin of `pumice_cpu::emitters::LightNode`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+#[allow(missing_docs, reason = "as there")]
+pub struct LightNode {
+    pub lo: [f32; 3],
+    pub hi: [f32; 3],
+    pub power: f32,
+}
+
+/// Twin of `pumice_cpu::emitters::Emitter`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+#[allow(missing_docs, reason = "as there")]
+pub struct Emitter {
+    pub place: u32,
+    pub label: u32,
+    pub origin: [u32; 3],
+    pub first: u32,
+    /// Two of 16 bits each, the first in the lower half.
+    pub ends: [u32; 3],
+    pub planes: u32,
+}
+
+/// Twin of `pumice_cpu::emitters::Place`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+#[allow(missing_docs, reason = "as there")]
+pub struct EmitterPlace {
+    /// Columns.
+    pub world_from_index: [[f64; 3]; 3],
+    pub units_per_world: f64,
+    pub areas: [f32; 3],
+    pub instance: u32,
+    pub is_mesh: u32,
+    pub keys: [u32; 2],
+    pub reserved: u32,
+}
+
+/// Twin of `pumice_cpu::emitters::ShiningTriangle`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+#[allow(missing_docs, reason = "as there")]
+pub struct ShiningTriangle {
+    pub corners: [[f32; 3]; 3],
+    pub area: f32,
+}
+
+/// Twin of `pumice_cpu::Emitters`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Emitters {
+    /// [`LightNode`]s.
+    pub nodes: Address,
+    /// [`Emitter`]s, in the tree's order.
+    pub emitters: Address,
+    /// Codes of faces, 16 bits each.
+    pub faces: Address,
+    /// [`ShiningTriangle`]s.
+    pub triangles: Address,
+    /// Numbers of emitters by key.
+    pub by_key: Address,
+    /// [`EmitterPlace`]s.
+    pub places: Address,
+    /// Number of the place by instance.
+    pub place_of: Address,
+    /// The tree's middle.
+    pub middle: [f64; 3],
+    /// The tree's scale.
+    pub scale: f64,
+    /// Number of emitters.
+    pub count: u32,
+    /// Entries of `place_of`.
+    pub place_of_count: u32,
+}
+
 /// What everything hangs from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
@@ -207,6 +287,7 @@ pub struct SceneHeader {
     pub settings: Settings,
     pub lights: Lights,
     pub environment: Environment,
+    pub emitters: Emitters,
     pub instance_count: u32,
     /// Pixels across, for the film's rows.
     pub film_width: u32,

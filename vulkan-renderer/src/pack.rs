@@ -5,6 +5,7 @@
 //!                  └─► PackedBoxes   boxes of drawn labels, in Morton order, with their levels  changes with visibility and LOD
 //! MeshData         ──► PackedMesh    corners and triangles                                        changes with the mesh
 //! Looks            ──► PackedLooks   materials and which label has which                        changes with colours
+//! Emitters         ──► PackedEmitters  surfaces that shine, and their tree                     changes with what shines and where
 //! Lights, Camera…  ──► records       numbers of `layout`                                        changes with each of them
 //! ```
 //! Nothing is inflated: a box is the 8 bytes of its record and its label; a node is copied as it lies. What is not drawn is not
@@ -12,6 +13,7 @@
 
 mod boxes;
 mod cuts;
+mod emitters;
 mod looks;
 mod meshes;
 mod needs;
@@ -20,6 +22,7 @@ mod scene;
 
 pub use boxes::{PackedBoxes, place};
 pub use cuts::cut_planes;
+pub use emitters::PackedEmitters;
 pub use looks::PackedLooks;
 pub use meshes::{PackedMesh, place_mesh};
 pub use needs::{ShaderNeeds, carrying, compiled_parts};

@@ -7,6 +7,7 @@
 //!  new with    ├─ Boxes     boxes, labels, hierarchy                        renewed by: visibility, level of detail
 //!  each edit)  ├─ Triangles corners, triangles, hierarchy                   renewed by: another mesh
 //!              ├─ Looks     materials, which label has which                renewed by: colours
+//!              ├─ Emitters  surfaces that shine, and their tree                renewed by: what shines, its place, shape and neighbours
 //!              ├─ Cuts      planes of what is taken away                    renewed by: cuts, places
 //!              └─ filter    table of the film's filter                      renewed by: film
 //! ```
@@ -17,12 +18,12 @@ use std::sync::Arc;
 use glam::DAffine3;
 use pumice_core::{CompressedVolume, MeshData};
 use pumice_cpu::traverse::{Cuts, LodChoice, Placement};
-use pumice_cpu::{Lights, Looks};
+use pumice_cpu::{Emitters, Lights, Looks};
 use pumice_render::{BoxBounds, Bvh, FilterTable, RenderError};
 
 use crate::device::{Acceleration, Buffer, DeviceError, Gpu};
 use crate::layout;
-use crate::pack::{self, PackedBoxes, PackedLooks, PackedMesh, PackedNodes, PackedSky};
+use crate::pack::{self, PackedBoxes, PackedEmitters, PackedLooks, PackedMesh, PackedNodes, PackedSky};
 
 /// Why a part could not be put on the device.
 #[derive(Debug)]
@@ -222,6 +223,7 @@ impl MeshOnDevice {
 /// Materials of an instance or of a mesh.
 #[derive(Debug)]
 pub(crate) struct LooksOnDevice {
+    pub(crate) looks: Arc<Looks>,
     pub(crate) packed: PackedLooks,
     materials: Buffer,
     of_label: Buffer,
@@ -229,15 +231,15 @@ pub(crate) struct LooksOnDevice {
 }
 
 impl LooksOnDevice {
-    pub(crate) fn new(gpu: &Gpu, looks: &Looks) -> Result<Self, DeviceError> {
-        let packed = PackedLooks::new(looks);
+    pub(crate) fn new(gpu: &Gpu, looks: Looks) -> Result<Self, DeviceError> {
+        let packed = PackedLooks::new(&looks);
         let materials = gpu.buffer_of("materials", bytemuck::cast_slice(&packed.materials))?;
         let of_label = gpu.buffer_of("materials of labels", bytemuck::cast_slice(&packed.of_label))?;
         let ids = match packed.ids.is_empty() {
             true => None,
             false => Some(gpu.buffer_of("ids of labels", bytemuck::cast_slice(&packed.ids))?),
         };
-        Ok(Self { packed, materials, of_label, ids })
+        Ok(Self { looks: Arc::new(looks), packed, materials, of_label, ids })
     }
 
     fn describe(&self, record: &mut layout::Instance) {
@@ -326,6 +328,30 @@ impl SkyOnDevice {
     }
 }
 
+/// Surfaces that shine and are aimed at.
+#[derive(Debug)]
+pub(crate) struct EmittersOnDevice {
+    /// Of all together, for choosing among lights.
+    pub(crate) irradiance: f32,
+    record: layout::Emitters,
+    buffers: Vec<Buffer>,
+}
+
+impl EmittersOnDevice {
+    pub(crate) fn new(gpu: &Gpu, emitters: &Emitters) -> Result<Self, DeviceError> {
+        let packed = PackedEmitters::new(emitters);
+        let (mut buffers, mut at) = (Vec::new(), [0; 7]);
+        for (address, (what, bytes)) in at.iter_mut().zip(packed.parts()) {
+            if !bytes.is_empty() {
+                let buffer = gpu.buffer_of(what, bytes)?;
+                *address = buffer.address();
+                buffers.push(buffer);
+            }
+        }
+        Ok(Self { irradiance: emitters.irradiance(), record: packed.record(at), buffers })
+    }
+}
+
 /// Table of the film's filter.
 #[derive(Debug)]
 pub(crate) struct FilterOnDevice {
@@ -350,6 +376,7 @@ pub(crate) struct SceneOnDevice {
     pub(crate) instances: Vec<InstanceOnDevice>,
     pub(crate) meshes: Vec<MeshOnDevice>,
     pub(crate) sky: Arc<SkyOnDevice>,
+    pub(crate) emitters: Option<Arc<EmittersOnDevice>>,
     pub(crate) filter: Arc<FilterOnDevice>,
     records: Buffer,
     header: Buffer,
@@ -363,6 +390,7 @@ impl SceneOnDevice {
         instances: Vec<InstanceOnDevice>,
         meshes: Vec<MeshOnDevice>,
         sky: Arc<SkyOnDevice>,
+        emitters: Option<Arc<EmittersOnDevice>>,
         filter: Arc<FilterOnDevice>,
         rays: &pumice_cpu::camera_rays::CameraRays,
         settings: layout::Settings,
@@ -376,11 +404,17 @@ impl SceneOnDevice {
             rays,
             filter.record,
             settings,
-            sky.lights_record,
+            layout::Lights {
+                emitters_chance: emitters
+                    .as_ref()
+                    .map_or(0.0, |e| sky.lights.chance_of_emitters(e.irradiance)),
+                ..sky.lights_record
+            },
             sky.environment,
+            emitters.as_ref().map_or_else(layout::Emitters::default, |e| e.record),
         );
         let header = gpu.buffer_of("the scene's header", bytemuck::bytes_of(&header))?;
-        Ok(Self { instances, meshes, sky, filter, records, header })
+        Ok(Self { instances, meshes, sky, emitters, filter, records, header })
     }
 
     /// Address of the header.
@@ -389,7 +423,7 @@ impl SceneOnDevice {
     }
 
     /// Bytes on the device by part, shared parts counted once.
-    pub(crate) fn bytes(&self) -> [(&'static str, u64); 6] {
+    pub(crate) fn bytes(&self) -> [(&'static str, u64); 7] {
         let mut seen = std::collections::BTreeSet::new();
         let mut first = |pointer: *const u8| seen.insert(pointer.addr());
         let (mut nodes, mut leaves, mut boxes, mut labels, mut hierarchy, mut looks) = (0, 0, 0, 0, 0, 0);
@@ -422,6 +456,7 @@ impl SceneOnDevice {
             }
         }
         let lights = self.sky.buffers.iter().map(Buffer::bytes).sum::<u64>();
+        let emitters = self.emitters.iter().flat_map(|e| &e.buffers).map(Buffer::bytes).sum::<u64>();
         let tables = self.filter.table.bytes() + self.records.bytes() + self.header.bytes();
         [
             ("acceleration", hierarchy),
@@ -430,6 +465,7 @@ impl SceneOnDevice {
             ("leaves", leaves),
             ("labels", labels),
             ("materials", looks + lights + cuts + tables),
+            ("emitters", emitters),
         ]
     }
 }

@@ -5,7 +5,7 @@
 pub struct Sent {
     /// Camera, settings and places: a few hundred bytes, with each edit.
     pub header: u64,
-    /// Sky and suns.
+    /// Sky, suns and lamps; surfaces that shine.
     pub lights: u64,
     /// Table of the film's filter.
     pub filter: u64,

@@ -7,8 +7,9 @@ use bytemuck::Zeroable as _;
 use glam::DAffine3;
 use pumice_core::{CompressedVolume, Job, MeshData};
 use pumice_cpu::camera_rays::CameraRays;
-use pumice_cpu::traverse::{Cuts, LodChoice, Placement, mesh_placement};
-use pumice_cpu::{Looks, ReadImage, scene_lights};
+use pumice_cpu::emitters::Shining;
+use pumice_cpu::traverse::{Cuts, LodChoice, MeshGrid, Placement, mesh_placement};
+use pumice_cpu::{Emitters, Looks, ReadImage, scene_lights};
 use pumice_render::{
     FilmBuffer, Image, PassSums, Pick, Picture, Rebuilt, RenderError, SurfaceKind, cryptomatte, name_mattes,
 };
@@ -20,8 +21,8 @@ use crate::layout::{FirstRecord, HitRecord, Launch, NONE};
 use crate::machine::Machine;
 use crate::pack::{self, ShaderNeeds};
 use crate::scene::{
-    Boxes, CutsOnDevice, Fault, FilterOnDevice, InstanceOnDevice, LooksOnDevice, MeshOnDevice, Nodes,
-    SceneOnDevice, SkyOnDevice, Triangles,
+    Boxes, CutsOnDevice, EmittersOnDevice, Fault, FilterOnDevice, InstanceOnDevice, LooksOnDevice,
+    MeshOnDevice, Nodes, SceneOnDevice, SkyOnDevice, Triangles,
 };
 use crate::sent::Sent;
 use crate::shaders::Entry;
@@ -136,7 +137,7 @@ impl Shown {
         let lod = if machine.spare.has(Part::Levels) { lod.carrying_levels() } else { lod };
         let parts = parts_of(machine, old, &diff, scene, volumes, meshes, lod, read_image, &mut counted)?;
         let of_meshes = parts.meshes.iter().map(|m| &m.looks.packed);
-        let needs = ShaderNeeds::new(
+        let mut needs = ShaderNeeds::new(
             &scene.camera,
             &scene.film,
             &scene.settings,
@@ -145,6 +146,8 @@ impl Shown {
             parts.instances.iter().any(|i| !i.cuts.cuts.is_empty()),
             !meshes.is_empty(),
         );
+        needs.emitters = parts.emitters.is_some();
+        needs.aim |= needs.emitters;
         let size = [scene.film.width, scene.film.height];
         let kept = PassSums::of(&scene.film);
         let film = match former.take() {
@@ -352,11 +355,90 @@ fn parts_of(
         let former = FormerMesh::find(old, diff, mesh.id, data);
         on_device.push(mesh_of(machine, former.as_ref(), place, volumes.len(), scene, data, counters)?);
     }
+    let emitters = match old {
+        Some(o) if shine_alike(&o.parts, &instances, &on_device) => o.parts.emitters.clone(),
+        _ => {
+            let made = emitters_of(scene, volumes, meshes, &instances, &on_device)?;
+            counters.rebuilt.lights += u64::from(made.is_some());
+            counters.sent.lights += u64::from(made.is_some());
+            made.map(|made| EmittersOnDevice::new(gpu, &made).map(Arc::new)).transpose()?
+        }
+    };
     counters.sent.header += 1;
     let rays = CameraRays::new(&scene.camera, &scene.film);
     let settings = pack::settings(&scene.settings, PassSums::of(&scene.film));
     let tables = &machine.tables;
-    Ok(SceneOnDevice::new(gpu, tables, instances, on_device, sky, filter, &rays, settings)?)
+    Ok(SceneOnDevice::new(gpu, tables, instances, on_device, sky, emitters, filter, &rays, settings)?)
+}
+
+/// What of a scene shines and can be aimed at.
+fn emitters_of(
+    scene: &Scene,
+    volumes: &[Arc<CompressedVolume>],
+    meshes: &[Arc<MeshData>],
+    instances: &[InstanceOnDevice],
+    on_device: &[MeshOnDevice],
+) -> Result<Option<Emitters>, RenderError> {
+    let mut grids = Vec::new();
+    for (place, (mesh, data)) in (0u32..).zip(on_device.iter().zip(meshes)) {
+        grids.push(if mesh.looks.looks.shines() { Some(MeshGrid::new(place, data)?) } else { None });
+    }
+    let mut shining = Vec::new();
+    for (place, (instance, volume)) in instances.iter().zip(volumes).enumerate() {
+        if !instance.looks.looks.shines() {
+            continue;
+        }
+        let field = format!("instances[{place}].style.show");
+        let visible = scene.instances[place].style.show.resolve(&field, volume.labels().ids());
+        let visible = visible.map_err(|e| RenderError::Scene(e.to_string()))?;
+        let (mut drawn, mut number) = (Vec::new(), 0);
+        volume.for_each_box(|label, _| {
+            if visible[label as usize] {
+                drawn.push(number);
+            }
+            number += 1;
+        });
+        shining.push(Shining::Volume {
+            instance: place as u32,
+            volume,
+            drawn,
+            placement: instance.placement,
+            detail: instance.lod.placed(&instance.placement.world_from_index),
+            cuts: &instance.cuts.cuts,
+            looks: &instance.looks.looks,
+        });
+    }
+    for (place, (mesh, data)) in on_device.iter().zip(meshes).enumerate() {
+        if let Some(grid) = &grids[place] {
+            shining.push(Shining::Mesh {
+                instance: (instances.len() + place) as u32,
+                mesh: data,
+                grid,
+                placement: mesh.placement,
+                looks: &mesh.looks.looks,
+            });
+        }
+    }
+    Emitters::new(&shining)
+}
+
+/// Whether the same surfaces shine alike, so that what is made to aim at them stays right.
+fn shine_alike(old: &SceneOnDevice, instances: &[InstanceOnDevice], meshes: &[MeshOnDevice]) -> bool {
+    let like =
+        |a: &Arc<LooksOnDevice>, b: &Arc<LooksOnDevice>| Arc::ptr_eq(a, b) || a.looks.shines_like(&b.looks);
+    old.instances.len() == instances.len()
+        && old.meshes.len() == meshes.len()
+        && old.instances.iter().zip(instances).all(|(a, b)| {
+            let same = Arc::ptr_eq(&a.boxes, &b.boxes)
+                && Arc::ptr_eq(&a.cuts, &b.cuts)
+                && a.placement == b.placement
+                && a.lod == b.lod;
+            like(&a.looks, &b.looks) && (same || !b.looks.looks.shines())
+        })
+        && old.meshes.iter().zip(meshes).all(|(a, b)| {
+            let same = Arc::ptr_eq(&a.triangles, &b.triangles) && a.placement == b.placement;
+            like(&a.looks, &b.looks) && (same || !b.looks.looks.shines())
+        })
 }
 
 /// One instance; `before` are those that come before it in the scene.
@@ -392,7 +474,7 @@ fn instance_of(
             counters.sent.materials += 1;
             let looks = Looks::new(&instance.style, table.ids(), table.contacts().iter(), &visible);
             let ids = if mattes { cryptomatte::ids_of_volume(table) } else { Vec::new() };
-            Arc::new(LooksOnDevice::new(gpu, &looks.with_ids(ids))?)
+            Arc::new(LooksOnDevice::new(gpu, looks.with_ids(ids))?)
         }
     };
     let boxes = match kept_boxes {
@@ -448,7 +530,7 @@ fn mesh_of(
             counters.rebuilt.materials += 1;
             counters.sent.materials += 1;
             let ids = if mattes { cryptomatte::ids_of_mesh(&mesh.source) } else { Vec::new() };
-            Arc::new(LooksOnDevice::new(gpu, &Looks::of_mesh(&mesh.materials).with_ids(ids))?)
+            Arc::new(LooksOnDevice::new(gpu, Looks::of_mesh(&mesh.materials).with_ids(ids))?)
         }
     };
     let instance = volumes + place;

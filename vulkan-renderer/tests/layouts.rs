@@ -16,9 +16,9 @@ use bytemuck::{Pod, Zeroable};
 use pumice_render::Bvh;
 use pumice_render::bvh::BoxBounds;
 use pumice_vulkan::layout::{
-    Camera, Chunk, CutPlane, Environment, Filter, FirstRecord, HitRecord, Instance, LOD_BY_DISTANCE,
-    LOD_TRIANGLES, Lamp, Launch, Lights, Material, NONE, Question, RayRecord, SCRATCH_BYTES, SceneHeader,
-    Settings, Sun, SurfaceRecord,
+    Camera, Chunk, CutPlane, Emitter, EmitterPlace, Emitters, Environment, Filter, FirstRecord, HitRecord,
+    Instance, LOD_BY_DISTANCE, LOD_TRIANGLES, Lamp, Launch, LightNode, Lights, Material, NONE, Question,
+    RayRecord, SCRATCH_BYTES, SceneHeader, Settings, ShiningTriangle, Sun, SurfaceRecord,
 };
 use reflection::{Field, Layout, layouts};
 
@@ -38,7 +38,7 @@ macro_rules! shapes {
 }
 
 shapes!(u32 => "u32", f32 => "f32", u64 => "u64", f64 => "u64", Camera => "CameraRecord", Filter => "Filter",
-    Settings => "Settings", Lights => "Lights", Environment => "Environment", SurfaceRecord => "SurfaceRecord");
+    Settings => "Settings", Lights => "Lights", Environment => "Environment", Emitters => "Emitters", SurfaceRecord => "SurfaceRecord");
 
 impl<T: Shape, const N: usize> Shape for [T; N] {
     fn shape() -> String {
@@ -147,6 +147,8 @@ fn twins() -> Vec<Layout> {
                 backdrop,
                 lamp_count,
                 lamps,
+                emitters_chance,
+                reserved,
             }
         ),
         twin!("Sun", Sun { towards, tangent, bitangent, one_minus_cos_half_angle, radiance, cone_pdf }),
@@ -182,6 +184,29 @@ fn twins() -> Vec<Layout> {
                 reserved,
             }
         ),
+        twin!("LightNode", LightNode { lo, hi, power }),
+        twin!("Emitter", Emitter { place, label, origin, first, ends, planes }),
+        twin!(
+            "EmitterPlace",
+            EmitterPlace { world_from_index, units_per_world, areas, instance, is_mesh, keys, reserved }
+        ),
+        twin!("ShiningTriangle", ShiningTriangle { corners, area }),
+        twin!(
+            "Emitters",
+            Emitters {
+                nodes,
+                emitters,
+                faces,
+                triangles,
+                by_key,
+                places,
+                place_of,
+                middle,
+                scale,
+                count,
+                place_of_count,
+            }
+        ),
         twin!(
             "SceneHeader",
             SceneHeader {
@@ -192,6 +217,7 @@ fn twins() -> Vec<Layout> {
                 settings,
                 lights,
                 environment,
+                emitters,
                 instance_count,
                 film_width,
             }

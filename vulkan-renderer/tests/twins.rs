@@ -9,6 +9,8 @@ mod gpu;
 
 #[path = "twins/doubles.rs"]
 mod doubles;
+#[path = "twins/emission.rs"]
+mod emission;
 #[path = "twins/geometry.rs"]
 mod geometry;
 #[path = "twins/lighting.rs"]

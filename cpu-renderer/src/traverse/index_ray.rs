@@ -46,7 +46,7 @@ pub(crate) enum Start {
 /// An instance's place in the world, inverted once: as adjugate and determinant, divided last. A zero of the inverse then stays
 /// an exact zero, and a matrix of small whole numbers (spacings in nm, permuted or sheared axes) is inverted without rounding
 /// but for that division: rays in a plane between voxels, as in isometric views, stay in it.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Placement {
     /// Index space to world.
     pub world_from_index: DAffine3,
@@ -89,7 +89,9 @@ impl Placement {
         usable.then_some(Self { world_from_index, adjugate, determinant: det.abs() })
     }
 
-    fn index_from_world(&self, v: DVec3) -> DVec3 {
+    /// A vector of the world in index space.
+    #[inline]
+    pub fn index_from_world(&self, v: DVec3) -> DVec3 {
         DVec3::from(each_axis(|a| self.adjugate[a].dot(v) / self.determinant))
     }
 

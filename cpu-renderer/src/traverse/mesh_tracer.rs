@@ -101,6 +101,16 @@ impl MeshTracer {
         Ok(Self { geometry: Arc::clone(&self.geometry), placement, instance })
     }
 
+    /// The mesh, and its corners in its grid.
+    pub fn mesh(&self) -> (&Arc<MeshData>, &MeshGrid) {
+        (&self.geometry.mesh, &self.geometry.grid)
+    }
+
+    /// Where its grid is.
+    pub fn placement(&self) -> &Placement {
+        &self.placement
+    }
+
     /// Heap bytes of the hierarchy and of the corners that it was built for; the mesh itself is not counted.
     pub fn bytes(&self) -> u64 {
         self.geometry.bvh.bytes() + self.geometry.grid.bytes()

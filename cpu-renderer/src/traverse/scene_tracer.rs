@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glam::DAffine3;
 use pumice_core::CompressedVolume;
-use pumice_render::{Hit, PathOrigin, RayInWorld, RenderError, Tracer};
+use pumice_render::{Hit, PathOrigin, RayInWorld, RenderError, Surface, Tracer};
 
 use super::{LodChoice, MeshTracer, VolumeTracer};
 
@@ -55,6 +55,16 @@ impl SceneTracer {
         volumes + self.meshes.iter().map(|m| m.bytes()).sum::<u64>()
     }
 
+    /// Geometry of all instances of volumes.
+    pub fn volumes(&self) -> &[Arc<VolumeTracer>] {
+        &self.volumes
+    }
+
+    /// Geometry of all meshes.
+    pub fn meshes(&self) -> &[Arc<MeshTracer>] {
+        &self.meshes
+    }
+
     /// One mesh's geometry, by its place among the meshes.
     pub fn mesh(&self, place: usize) -> Option<&Arc<MeshTracer>> {
         self.meshes.get(place)
@@ -99,5 +109,9 @@ impl Tracer for SceneTracer {
     fn occluded(&self, ray: &RayInWorld, from: PathOrigin, t_max: f64) -> bool {
         self.volumes.iter().any(|volume| volume.occluded(ray, from, t_max))
             || self.meshes.iter().any(|mesh| mesh.occluded(ray, from, t_max))
+    }
+
+    fn box_origin(&self, face: &Surface) -> Option<[u32; 3]> {
+        self.instance(face.instance)?.box_origin(face)
     }
 }

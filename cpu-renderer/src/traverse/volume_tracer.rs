@@ -137,6 +137,26 @@ impl VolumeTracer {
         self.bvh.bytes()
     }
 
+    /// Numbers of the boxes that are drawn.
+    pub fn drawn(&self) -> &[u32] {
+        self.bvh.items()
+    }
+
+    /// The volume.
+    pub fn volume(&self) -> &Arc<CompressedVolume> {
+        &self.volume
+    }
+
+    /// Where it is.
+    pub fn placement(&self) -> &Placement {
+        &self.placement
+    }
+
+    /// Levels of its boxes.
+    pub fn detail(&self) -> Detail {
+        self.detail
+    }
+
     /// Number of boxes that are drawn.
     pub fn boxes(&self) -> usize {
         self.bvh.len()
@@ -499,6 +519,10 @@ impl Tracer for VolumeTracer {
                 matches!(self.leave(&r, label, voxel, t_max), Left::Through(_))
             }
         }
+    }
+
+    fn box_origin(&self, face: &Surface) -> Option<[u32; 3]> {
+        self.item_with(face.label, face.voxel).map(|item| self.box_of(item).origin)
     }
 }
 

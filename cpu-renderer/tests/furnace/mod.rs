@@ -155,7 +155,7 @@ pub fn even_sky(radiance: f32) -> Sky {
 /// The same light as a picture: it is aimed at, and both ways to find it are weighted.
 pub fn painted_sky(radiance: f32) -> Sky {
     let image = Image::new(16, 8, vec![[radiance; 3]; 128]);
-    Sky::Image(Box::new(EnvironmentTable::new(image, 1.0, 0.7).expect("valid")))
+    Sky::Image(std::sync::Arc::new(EnvironmentTable::new(image, 1.0, 0.7).expect("valid")))
 }
 
 pub fn camera(from: DVec3, to: DVec3, fov_rad: f64) -> Camera {

@@ -446,6 +446,34 @@ fn only_what_differs_is_made_again() {
         ("place, cut", |s| s.instances[0].world_from_index.matrix3 *= 0.8, none),
         ("no cut", |s| s.cuts.clear(), none),
         ("all voxels", |s| s.settings.lod = Lod::Voxels, Rebuilt { acceleration: 1, ..none }),
+        // What shines is aimed at: it is gathered anew where it shines otherwise, or elsewhere, and where it is cut.
+        (
+            "labels shine",
+            |s| s.instances[0].style.material.emission = [2.0, 1.0, 0.5],
+            Rebuilt { lights: 1, materials: 1, ..none },
+        ),
+        (
+            "their colour",
+            |s| s.instances[0].style.material.base_color = [0.1, 0.2, 0.3],
+            Rebuilt { materials: 1, ..none },
+        ),
+        (
+            "camera, shining",
+            |s| s.camera.world_from_camera.translation.x -= 0.25,
+            Rebuilt { camera: 1, ..none },
+        ),
+        (
+            "place, shining",
+            |s| s.instances[0].world_from_index.translation.x -= 0.5,
+            Rebuilt { lights: 1, ..none },
+        ),
+        ("lamp, shining", |s| s.lights.clear(), Rebuilt { lights: 1, ..none }),
+        ("a cut, shining", |s| s.cuts = vec![slope(3.5)], Rebuilt { lights: 1, ..none }),
+        (
+            "no longer",
+            |s| s.instances[0].style.material.emission = [0.0; 3],
+            Rebuilt { materials: 1, ..none },
+        ),
     ];
     let mut scene = base;
     for (name, edit, expected) in cases {

@@ -9,7 +9,7 @@ use super::PackedLooks;
 use crate::layout::Material;
 
 /// What each specialisation constant compiles.
-const PARTS: [(usize, Part); 13] = [
+const PARTS: [(usize, Part); 14] = [
     (1, Part::Microfacets),
     (2, Part::SkyPicture),
     (3, Part::Aiming),
@@ -22,6 +22,7 @@ const PARTS: [(usize, Part); 13] = [
     (10, Part::Meshes),
     (11, Part::Sorting),
     (12, Part::Sheen),
+    (13, Part::Emitters),
     (14, Part::Mattes),
 ];
 
@@ -65,6 +66,8 @@ pub struct ShaderNeeds {
     pub sorted: bool,
     /// Some label has sheen.
     pub sheen: bool,
+    /// Surfaces that shine are aimed at.
+    pub emitters: bool,
     /// Pixels keep which labels they see, by name.
     pub mattes: bool,
 }
@@ -97,6 +100,7 @@ impl ShaderNeeds {
             lamps: !lights.lamps().is_empty(),
             cuts,
             meshes,
+            emitters: lights.emitters().is_some(),
             mattes: PassSums::of(film).ranks > 0,
             sorted: clamps(settings) || PassSums::of(film).stride() > 0,
         }
@@ -117,11 +121,12 @@ impl ShaderNeeds {
             meshes,
             sorted,
             sheen,
+            emitters,
             mattes,
         } = *self;
         [
-            false, lobes, picture, aim, lens, lamps, coat, glass, clear, cuts, meshes, sorted, sheen, false,
-            mattes,
+            false, lobes, picture, aim, lens, lamps, coat, glass, clear, cuts, meshes, sorted, sheen,
+            emitters, mattes,
         ]
         .map(u32::from)
     }

@@ -101,6 +101,8 @@ pub fn lights(lights: &Lights, [ends, suns, lamps]: [u64; 3]) -> layout::Lights 
         backdrop: lights.backdrop().map_or([[0.0; 3]; 2], |b| b.map(|c| c.to_array())),
         lamp_count: lights.lamps().len() as u32,
         lamps,
+        emitters_chance: lights.emitters_chance(),
+        reserved: 0,
     }
 }
 
@@ -147,6 +149,7 @@ impl<'a> PackedSky<'a> {
 }
 
 /// What a header is made of beside its parts' records: where the other tables lie.
+#[expect(clippy::too_many_arguments, reason = "all parts")]
 pub fn header(
     instances: (u64, u32),
     tables: u64,
@@ -155,6 +158,7 @@ pub fn header(
     settings: layout::Settings,
     lights: layout::Lights,
     environment: layout::Environment,
+    emitters: layout::Emitters,
 ) -> layout::SceneHeader {
     layout::SceneHeader {
         instances: instances.0,
@@ -164,6 +168,7 @@ pub fn header(
         settings,
         lights,
         environment,
+        emitters,
         instance_count: instances.1,
         film_width: rays.size[0] as u32,
     }

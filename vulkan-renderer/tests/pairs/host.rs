@@ -4,9 +4,10 @@
 pub(crate) type Listed = (&'static str, &'static [(&'static str, &'static str)]);
 
 /// Folders of which every Rust file is looked at.
-pub(crate) const FOLDERS: [&str; 5] = [
+pub(crate) const FOLDERS: [&str; 6] = [
     "cpu-renderer/src",
     "cpu-renderer/src/bsdf",
+    "cpu-renderer/src/emitters",
     "cpu-renderer/src/traverse",
     "render/src",
     "render/src/lamp",
@@ -53,6 +54,8 @@ pub(crate) const HOST_FILES: &[(&str, &str)] = &[
         "cpu-renderer/src/cpu_renderer.rs",
         "what a renderer is asked from outside; src/renderer.rs is beside it",
     ),
+    ("cpu-renderer/src/emitters/faces.rs", "which faces are aimed at: made ready before a ray is traced"),
+    ("cpu-renderer/src/emitters/gather.rs", "what is aimed at: made ready before a ray is traced"),
     ("cpu-renderer/src/lib.rs", NAMES),
     ("cpu-renderer/src/traverse/mesh_grid.rs", "corners and bounds: made ready before a ray is traced"),
     ("cpu-renderer/src/traverse/mod.rs", "unrolls loops over axes for the compiler"),
@@ -78,6 +81,7 @@ pub(crate) const HOST_FILES: &[(&str, &str)] = &[
 const READY: &str = "made ready before a ray is traced, for both renderers";
 const READ: &str = "hands out a field, which the shader reads itself";
 const COUNTED: &str = "counts memory or items of the host's";
+const BOX_KNOWN: &str = "surfaces know the number of their box there";
 const SHOWN: &str = "what is made of the sums is the host's, for both renderers";
 
 /// Functions that the host alone computes.
@@ -112,12 +116,44 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
         "cpu-renderer/src/camera_rays.rs",
         &[("CameraRays::new", READY), ("CameraRays::near", READ), ("fitted_side", READY)],
     ),
+    (
+        "cpu-renderer/src/emitters/light_tree.rs",
+        &[
+            ("LightTree::new", READY),
+            ("LightTree::nodes", READ),
+            ("LightTree::len", COUNTED),
+            ("LightTree::is_empty", COUNTED),
+            ("LightTree::bytes", COUNTED),
+            ("fill", READY),
+        ],
+    ),
+    (
+        "cpu-renderer/src/emitters/mod.rs",
+        &[
+            ("Emitters::new", READY),
+            ("Emitters::of", READY),
+            ("Emitters::places", READ),
+            ("Emitters::place_of", READ),
+            ("Emitters::emitters", READ),
+            ("Emitters::faces", READ),
+            ("Emitters::triangles", READ),
+            ("Emitters::by_key", READ),
+            ("Emitters::tree", READ),
+            ("Emitters::irradiance", READY),
+            ("Emitters::bytes", COUNTED),
+        ],
+    ),
     ("cpu-renderer/src/lens.rs", &[("Lens::new", READY)]),
     (
         "cpu-renderer/src/lights.rs",
         &[
             ("Lights::new", READY),
             ("Lights::with_lamps", READY),
+            ("Lights::with_emitters", READY),
+            ("Lights::chance_of_emitters", READY),
+            ("Lights::powers", READY),
+            ("Lights::emitters", READ),
+            ("Lights::emitters_chance", READ),
             ("ends_of", READY),
             ("Lights::found_by", READY),
             ("Lights::sky", READ),
@@ -139,6 +175,8 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
             ("Looks::with_ids", READY),
             ("Looks::ids", READ),
             ("Looks::has_clear", "a need, known before: NEEDS_CLEAR"),
+            ("Looks::shines", "a need, known before: NEEDS_EMITTERS"),
+            ("Looks::shines_like", "edits keep what is built"),
             ("Looks::bytes", COUNTED),
         ],
     ),
@@ -176,6 +214,8 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
             ("mesh_placement", READY),
             ("MeshTracer::new", READY),
             ("MeshTracer::again", READY),
+            ("MeshTracer::mesh", READ),
+            ("MeshTracer::placement", READ),
             ("MeshTracer::bytes", COUNTED),
         ],
     ),
@@ -186,6 +226,9 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
             ("SceneTracer::of", READY),
             ("SceneTracer::with_meshes", READY),
             ("SceneTracer::mesh", "edits keep what is built"),
+            ("SceneTracer::volumes", READ),
+            ("SceneTracer::meshes", READ),
+            ("SceneTracer::box_origin", BOX_KNOWN),
             ("SceneTracer::bytes", COUNTED),
             ("SceneTracer::label_at", "asked about a voxel, not by a ray"),
         ],
@@ -198,6 +241,11 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
             ("VolumeTracer::again", READY),
             ("VolumeTracer::with_cuts", READY),
             ("VolumeTracer::cuts", READ),
+            ("VolumeTracer::drawn", READ),
+            ("VolumeTracer::volume", READ),
+            ("VolumeTracer::placement", READ),
+            ("VolumeTracer::detail", READ),
+            ("VolumeTracer::box_origin", BOX_KNOWN),
             ("VolumeTracer::bytes", COUNTED),
             ("VolumeTracer::boxes", COUNTED),
             ("VolumeTracer::label_at", "asked about a voxel, not by a ray"),
@@ -283,6 +331,7 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
 /// Functions whose twin has another name: GLSL has no methods to tell two `new` apart, and one function there answers questions that
 /// the CPU compiles apart.
 pub(crate) const OTHER_NAMES: &[Listed] = &[
+    ("cpu-renderer/src/emitters/mod.rs", &[("Emitter::key", "key_is_before")]),
     ("core/src/box_record.rs", &[("BoxRecord::cell", "box_place"), ("BoxRecord::extent", "box_place")]),
     ("core/src/volume.rs", &[("CompressedVolume::unpack", "box_view")]),
     ("cpu-renderer/src/crossing.rs", &[("visibility", "follow"), ("visibility_through", "follow")]),
@@ -379,6 +428,8 @@ pub(crate) const OTHER_NAMES: &[Listed] = &[
             ("Tracer::occluded", "is_hit"),
             ("Arc::first_hit", "is_hit"),
             ("Arc::occluded", "is_hit"),
+            ("Tracer::box_origin", "surface_from_record"),
+            ("Arc::box_origin", "surface_from_record"),
         ],
     ),
 ];

@@ -9,7 +9,7 @@ use pumice_render::film::STRIDE;
 use pumice_render::{FilterTable, PassSums};
 use pumice_vulkan::device::Backend;
 use pumice_vulkan::layout::{self, FirstRecord, Launch};
-use pumice_vulkan::pack::{self, PackedLooks, PackedSky};
+use pumice_vulkan::pack::{self, PackedEmitters, PackedLooks, PackedSky};
 use pumice_vulkan::program::Program;
 
 use crate::gpu::Gpu;
@@ -46,6 +46,11 @@ impl OnDevice {
             let parts = sky.parts().map(|part| uploaded.put(gpu, part));
             sky.record(parts)
         });
+        let emitters = lights.emitters().map(|emitters| {
+            let packed = PackedEmitters::new(emitters);
+            let parts = packed.parts();
+            packed.record(parts.map(|(_, part)| if part.is_empty() { 0 } else { uploaded.put(gpu, part) }))
+        });
         let table = FilterTable::new(&case.film.filter);
         let steps = table.inverse().len().saturating_sub(1) as u32;
         let inverse = if steps == 0 { 0 } else { uploaded.put(gpu, table.inverse()) };
@@ -55,7 +60,8 @@ impl OnDevice {
         let settings = pack::settings(&case.around.settings, PassSums::of(&case.film));
         let lights = pack::lights(lights, [ends, suns, lamps]);
         let sky = environment.unwrap_or_default();
-        let header = pack::header((0, 0), tables, &rays, filter, settings, lights, sky);
+        let header =
+            pack::header((0, 0), tables, &rays, filter, settings, lights, sky, emitters.unwrap_or_default());
         let address = uploaded.header(gpu, header);
         Self { _kept: uploaded, address }
     }

@@ -14,7 +14,7 @@ use glam::{DVec3, Vec3};
 use pumice_cpu::camera_rays::CameraRays;
 use pumice_cpu::path::radiance;
 use pumice_render::sampler::PixelSampler;
-use pumice_render::{FilterTable, Hit, PathOrigin, RayInWorld, Tracer};
+use pumice_render::{FilterTable, Hit, PathOrigin, RayInWorld, Surface, Tracer};
 
 use crate::scenes::Case;
 
@@ -86,6 +86,10 @@ impl<T: Tracer> Tracer for Listening<'_, T> {
     fn occluded(&self, ray: &RayInWorld, from: PathOrigin, t_max: f64) -> bool {
         self.fly(self.reach.min(t_max), false);
         self.tracer.occluded(ray, from, t_max)
+    }
+
+    fn box_origin(&self, face: &Surface) -> Option<[u32; 3]> {
+        self.tracer.box_origin(face)
     }
 }
 

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 use pumice_core::MeshData;
 use pumice_cpu::traverse::{LodChoice, MeshTracer, SceneTracer, TracedInstance};
-use pumice_cpu::{Lights, Looks, PathTracer, Sky, Surroundings};
+use pumice_cpu::{Lights, Looks, PathTracer, Sky, Surroundings, emitters_of};
 use pumice_render::{EnvironmentTable, Image, ReadyLamp, ReadySun};
 use pumice_scene::{
     Aperture, Camera, Film, Filter, LabelStyle, Light, LightShape, Lod, Material, Mode, Outline, Projection,
@@ -55,6 +55,14 @@ impl Case {
     pub(crate) fn with_lights(mut self, lights: Lights) -> Self {
         self.around.lights = Arc::new(lights);
         self
+    }
+
+    /// What shines is aimed at, beside the lights that there are.
+    pub(crate) fn aimed_at_emission(self) -> Self {
+        let emitters = emitters_of(&self.tracer(), &self.around.looks).expect("emitters");
+        assert!(emitters.is_some(), "{} is dark", self.name);
+        let lights = Lights::clone(&self.around.lights).with_emitters(emitters.map(Arc::new));
+        self.with_lights(lights)
     }
 
     fn settings(mut self, change: impl FnOnce(&mut Settings)) -> Self {
@@ -142,7 +150,7 @@ pub(crate) fn picture(strength: f32) -> Sky {
         [0.5 + lamp + 0.2 * (x * std::f32::consts::TAU).sin(), 0.4 + lamp, 0.6 + lamp - 0.3 * y]
     };
     let image = Image::new(64, 32, (0..64 * 32).map(pixel).collect());
-    Sky::Image(Box::new(EnvironmentTable::new(image, strength, 0.3).expect("a sky")))
+    Sky::Image(std::sync::Arc::new(EnvironmentTable::new(image, strength, 0.3).expect("a sky")))
 }
 
 /// Chance that a place in [`picture`], off by 2⁻²⁰ of a turn, is across a border of its 64 + 32.
@@ -323,6 +331,18 @@ pub(crate) fn cases() -> Vec<Case> {
         aimed(bodies(), vec![sun(0.3, 2.0)]).lod(far).named("cells and voxels by distance"),
         several().named("several instances, labels hidden, colours of the palette"),
         beside_meshes(passed_through(aimed(bodies(), vec![sun(0.3, 2.0)]))).named("meshes beside a volume"),
+        surfaces(aimed(bodies(), vec![])).aimed_at_emission().named("labels that shine, in the dark"),
+        surfaces(painted(bodies(), vec![sun(0.3, 1.0)]))
+            .aimed_at_emission()
+            .named("labels that shine, under a picture and a sun"),
+        surfaces(several()).aimed_at_emission().named("labels that shine, of several instances"),
+        surfaces(aimed(bodies(), vec![sun(0.3, 2.0)]))
+            .lod(far)
+            .aimed_at_emission()
+            .named("labels that shine, cells and voxels by distance"),
+        beside_meshes(passed_through(aimed(bodies(), vec![])))
+            .aimed_at_emission()
+            .named("meshes and coated labels that shine, among glass"),
         cut,
         soft,
         flat.with_lights(Lights::new(dark(), vec![sun(0.3, 2.0)], backdrop)),

@@ -43,7 +43,7 @@ fn cut_at(x: f64) -> Cut {
 fn an_edit_sends_what_it_changes_and_no_more() {
     type Edit = fn(&mut Scene);
     let none = Sent { header: 1, ..Sent::default() };
-    let cases: [(&str, Edit, Sent); 17] = [
+    let cases: [(&str, Edit, Sent); 22] = [
         ("all", |_| (), Sent { header: 1, lights: 1, filter: 1, materials: 1, boxes: 1, nodes: 1, cuts: 0 }),
         ("camera", |s| s.camera.world_from_camera.translation.x += 3.0, none),
         ("bounces", |s| s.settings.bounces = 2, none),
@@ -79,6 +79,26 @@ fn an_edit_sends_what_it_changes_and_no_more() {
             Sent { materials: 1, boxes: 1, ..none },
         ),
         ("shown again", |s| s.instances[0].style.show = Show::All, Sent { materials: 1, boxes: 1, ..none }),
+        (
+            "a label shines",
+            |s| {
+                let shines = Material { emission: [2.0, 1.0, 0.5], ..s.instances[0].style.material };
+                s.instances[0].style.materials = [(9, shines)].into_iter().collect();
+            },
+            Sent { materials: 1, lights: 1, ..none },
+        ),
+        (
+            "others' colour, shining",
+            |s| s.instances[0].style.material.base_color = [0.2; 3],
+            Sent { materials: 1, ..none },
+        ),
+        ("camera, shining", |s| s.camera.world_from_camera.translation.x -= 2.0, none),
+        (
+            "place, shining",
+            |s| s.instances[0].world_from_index.translation.x -= 0.5,
+            Sent { lights: 1, ..none },
+        ),
+        ("dark again", |s| s.instances[0].style.materials.clear(), Sent { materials: 1, ..none }),
         ("coarse", |s| s.settings.lod = Lod::Distance { pixels: 2.0 }, Sent { boxes: 1, ..none }),
         ("a cut", |s| s.cuts.push(cut_at(100.0)), Sent { cuts: 1, ..none }),
         ("camera, cut", |s| s.camera.world_from_camera.translation.z += 50.0, none),

@@ -223,7 +223,7 @@ fn environments_are_the_same() {
     let gpu = Gpu::new();
     for (width, height, rotation) in [(64, 31, 0.0), (257, 128, 2.1), (8, 4, -7.0)] {
         let table = EnvironmentTable::new(picture(width, height), 1.5, rotation).expect("a table");
-        let lights = Lights::new(Sky::Image(Box::new(table.clone())), vec![], None);
+        let lights = Lights::new(Sky::Image(std::sync::Arc::new(table.clone())), vec![], None);
         let (_kept, scene) = lights_scene(&gpu, &lights);
         let mut random = Random(25);
         let inputs: Vec<_> = directions(&mut random, 20_000)
@@ -260,7 +260,9 @@ fn environments_are_the_same() {
 #[test]
 fn chosen_lights_are_the_same() {
     let gpu = Gpu::new();
-    let image = || Sky::Image(Box::new(EnvironmentTable::new(picture(64, 32), 1.0, 0.3).expect("a table")));
+    let image = || {
+        Sky::Image(std::sync::Arc::new(EnvironmentTable::new(picture(64, 32), 1.0, 0.3).expect("a table")))
+    };
     let constant = || Sky::Constant(Vec3::new(0.1, 0.2, 0.3));
     let backdrop = Some([[0.1, 0.2, 0.3], [0.9, 0.8, 0.7]]);
     let scenes = [
@@ -372,12 +374,12 @@ fn lamps() -> Vec<ReadyLamp> {
     shapes.map(|s| ReadyLamp::new(&light(s))).into()
 }
 
-fn receiver(random: &mut Random) -> Receiver {
+pub(super) fn receiver(random: &mut Random) -> Receiver {
     let point = direction(random) * (3.0 * f64::from(random.unit()));
     Receiver { point, normal: direction(random).as_vec3(), both_sides: random.below(4) == 0 }
 }
 
-fn row_of(row: Row, from: &Receiver) -> Row {
+pub(super) fn row_of(row: Row, from: &Receiver) -> Row {
     let [x, y, z] = from.normal.to_array();
     row.doubles(from.point.to_array()).float(x).float(y).float(z).word(u32::from(from.both_sides))
 }

@@ -1,0 +1,210 @@
+//! Gathering emitters from what is drawn.
+
+use std::f64::consts::PI;
+use std::sync::Arc;
+
+use glam::{DVec3, Vec3};
+use pumice_core::{CompressedVolume, MeshData};
+use pumice_render::RenderError;
+use pumice_scene::Material;
+
+use super::faces::{Occupied, append_faces};
+use super::{Bounded, Emitter, Emitters, Place, ShiningTriangle};
+use crate::Looks;
+use crate::bsdf::luminance;
+use crate::traverse::{Cuts, Detail, Level, MeshGrid, Placement};
+
+/// An instance or mesh, some of whose materials shine ([`Looks::shines`]).
+#[derive(Debug)]
+pub enum Shining<'a> {
+    /// Labels of a volume.
+    Volume {
+        /// As in surfaces.
+        instance: u32,
+        /// The volume.
+        volume: &'a CompressedVolume,
+        /// Numbers of the boxes that are drawn, in any order.
+        drawn: Vec<u32>,
+        /// Its place in the world.
+        placement: Placement,
+        /// Levels of its boxes.
+        detail: Detail,
+        /// What is taken away.
+        cuts: &'a Cuts,
+        /// Its materials.
+        looks: &'a Arc<Looks>,
+    },
+    /// Triangles.
+    Mesh {
+        /// As in surfaces.
+        instance: u32,
+        /// The mesh.
+        mesh: &'a MeshData,
+        /// Its grid.
+        grid: &'a MeshGrid,
+        /// The grid's place in the world.
+        placement: Placement,
+        /// Its materials.
+        looks: &'a Arc<Looks>,
+    },
+}
+
+/// Emission of a material seen straight on, for choosing among emitters.
+pub(crate) fn shine(m: &Material) -> f64 {
+    f64::from(luminance(Vec3::from_array(m.emission)) * m.alpha)
+}
+
+#[derive(Default)]
+struct Gathered {
+    places: Vec<Place>,
+    emitters: Vec<Emitter>,
+    bounded: Vec<Bounded>,
+    faces: Vec<u16>,
+    triangles: Vec<ShiningTriangle>,
+}
+
+pub(super) fn gather(shining: &[Shining<'_>]) -> Result<Option<Emitters>, RenderError> {
+    let mut all = Gathered::default();
+    for one in shining {
+        let before = all.emitters.len();
+        match one {
+            Shining::Volume { instance, volume, drawn, placement, detail, cuts, looks } => {
+                all.begin(*instance, placement, false, looks);
+                all.add_volume(volume, drawn, detail, cuts, looks);
+            }
+            Shining::Mesh { instance, mesh, grid, placement, looks } => {
+                all.begin(*instance, placement, true, looks);
+                all.add_mesh(mesh, grid, looks);
+            }
+        }
+        if all.emitters.len() == before {
+            all.places.pop();
+        }
+        // Node numbers go up to twice that.
+        let (emitters, faces) = (all.emitters.len(), all.faces.len());
+        if emitters >= 1 << 30 || faces as u64 > u64::from(u32::MAX) {
+            return Err(RenderError::Scene(format!(
+                "{emitters} boxes and triangles that shine, with {faces} faces, are more than the limits of 2^30 and 2^32: let fewer \
+                 labels shine"
+            )));
+        }
+    }
+    if all.emitters.is_empty() {
+        return Ok(None);
+    }
+    let Gathered { places, mut emitters, bounded, mut faces, triangles } = all;
+    emitters.shrink_to_fit();
+    faces.shrink_to_fit();
+    Ok(Some(Emitters::of(places, &emitters, &bounded, faces, triangles)))
+}
+
+impl Gathered {
+    fn begin(&mut self, instance: u32, placement: &Placement, is_mesh: bool, looks: &Arc<Looks>) {
+        let side = placement.determinant.cbrt();
+        let areas = placement.adjugate.map(|row| (row / side).length() / side);
+        self.places.push(Place {
+            instance,
+            placement: *placement,
+            units_per_world: 1.0 / side,
+            areas: areas.map(|a| a as f32),
+            is_mesh,
+            keys: [0; 2],
+            looks: Arc::clone(looks),
+        });
+    }
+
+    /// Adds an emitter that sends out so much, for an area of 1 of index space seen straight on.
+    fn push(&mut self, emitter: Emitter, power: f64, corners: impl Iterator<Item = DVec3>) {
+        let (mut lo, mut hi) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        let place = &self.places[emitter.place as usize];
+        for corner in corners {
+            let at = place.placement.world_from_index.transform_point3(corner);
+            (lo, hi) = (lo.min(at), hi.max(at));
+        }
+        let side = 1.0 / place.units_per_world;
+        self.bounded.push(Bounded { lo, hi, power: PI * power * side * side });
+        self.emitters.push(emitter);
+    }
+
+    fn add_volume(
+        &mut self,
+        volume: &CompressedVolume,
+        drawn: &[u32],
+        detail: &Detail,
+        cuts: &Cuts,
+        looks: &Looks,
+    ) {
+        let shines = |i: &u32| {
+            let material = looks.material(volume.label_of_box(*i as usize));
+            shine(material) > 0.0 && detail.level(&volume.get_box(*i as usize)) == Level::Voxels
+        };
+        let mut near: Vec<u32> = drawn.iter().copied().filter(shines).collect();
+        near.sort_unstable();
+        if near.is_empty() {
+            return;
+        }
+        let around = Occupied::new(volume, drawn, &near);
+        let place = self.places.len() as u32 - 1;
+        let areas = self.places[place as usize].areas;
+        for i in near {
+            let b = volume.get_box(i as usize);
+            let label = volume.label_of_box(i as usize);
+            let first = self.faces.len() as u32;
+            let ends = append_faces(&b, &around, cuts, &mut self.faces);
+            let list = &self.faces[first as usize..];
+            if list.is_empty() {
+                continue;
+            }
+            // Planes of each direction, and the box around all faces.
+            let (mut planes, mut area, mut start) = (0, 0.0, 0);
+            let (mut lo, mut hi) = ([16u32; 3], [0u32; 3]);
+            for direction in 0..6 {
+                let (axis, positive) = (direction / 2, direction % 2 == 1);
+                let of_direction = &list[usize::from(start)..usize::from(ends[direction])];
+                start = ends[direction];
+                let at = |code: &u16, a: usize| u32::from(code >> (4 * a) & 15);
+                let along = of_direction.iter().map(|c| at(c, axis));
+                let plane =
+                    if positive { along.min().map_or(0, |v| v + 1) } else { along.max().unwrap_or(0) };
+                planes |= plane << (5 * direction);
+                area += of_direction.len() as f64 * f64::from(areas[axis]);
+                for code in of_direction {
+                    for a in 0..3 {
+                        lo[a] = lo[a].min(at(code, a));
+                        hi[a] = hi[a].max(at(code, a) + 1);
+                    }
+                }
+            }
+            let emitter = Emitter { place, label, origin: b.origin, first, ends, planes };
+            let corners = (0..8).map(|corner| {
+                DVec3::from([0, 1, 2].map(|a: usize| {
+                    f64::from(b.origin[a] + if corner >> a & 1 == 1 { hi[a] } else { lo[a] })
+                }))
+            });
+            self.push(emitter, shine(looks.material(label)) * area, corners);
+        }
+    }
+
+    fn add_mesh(&mut self, mesh: &MeshData, grid: &MeshGrid, looks: &Looks) {
+        let place = self.places.len() as u32 - 1;
+        for (number, triangle) in (0u32..).zip(mesh.triangles()) {
+            let label = mesh.material(number as usize);
+            let shine = shine(looks.material(label));
+            let mut triangle =
+                ShiningTriangle { corners: triangle.map(|c| grid.corners[c as usize]), area: 0.0 };
+            let (corners, normal) = triangle.shape();
+            let Place { placement, units_per_world, .. } = &self.places[place as usize];
+            let [x, y, z] = placement.adjugate;
+            let area = (x * normal.x + y * normal.y + z * normal.z) * *units_per_world;
+            triangle.area = (area * *units_per_world).length() as f32;
+            if shine <= 0.0 || triangle.area <= 0.0 {
+                continue;
+            }
+            let first = self.triangles.len() as u32;
+            self.triangles.push(triangle);
+            let emitter = Emitter { place, label, origin: [number, 0, 0], first, ends: [0; 6], planes: 0 };
+            // From both sides.
+            self.push(emitter, 2.0 * shine * f64::from(triangle.area), corners.into_iter());
+        }
+    }
+}

@@ -1,0 +1,119 @@
+// A binary tree over emitters: twin of cpu-renderer/src/emitters/light_tree.rs, which draws it.
+#ifndef LIGHT_TREE_GLSL
+#define LIGHT_TREE_GLSL
+
+#include "layout.glsl"
+#include "dvec3.glsl"
+#include "lamp_ball.glsl"
+
+const uint LEVELS_A_NUMBER = 12u;
+const float FARTHEST_RECEIVER = 1e4;
+const float LEAST_SQUARED = 1e-20;
+const float BELOW_ONE = 1.0 - 1.0 / 16777216.0;
+
+// A receiver as the tree sees it.
+struct SeenFrom {
+    vec3 point;
+    vec3 normal;
+    bool both_sides;
+};
+
+// How many of `count` emitters are on the left.
+uint left_of(uint count) {
+    return (count + 1u) / 2u;
+}
+
+// How much the emitters below a node matter to a receiver.
+float importance(LightNode node, SeenFrom from) {
+    vec3 lo = vec3_of(node.lo), hi = vec3_of(node.hi);
+    vec3 half_extent = (hi - lo) * 0.5;
+    vec3 way = (lo + hi) * 0.5 - from.point;
+    float squared = max(max(dot(way, way), dot(half_extent, half_extent)), LEAST_SQUARED);
+    if (from.both_sides) {
+        return node.power / squared;
+    }
+    // Of the corner that is highest above the receiver.
+    float height = dot(way, from.normal) + dot(half_extent, abs(from.normal));
+    return height <= 0.0 ? 0.0 : node.power * min(height / sqrt(squared), 1.0) / squared;
+}
+
+// A receiver as the tree sees it.
+SeenFrom seen_from(Emitters emitters, Receiver from) {
+    DVec3 way = dvec3_sub(from.point, dvec3_from_bits(emitters.middle));
+    vec3 point = dvec3_to_vec3(dvec3_scale(way, f64_from_bits(emitters.scale)));
+    point = clamp(point, vec3(-1e30), vec3(1e30));
+    float away = max(max(abs(point.x), abs(point.y)), abs(point.z));
+    if (away > FARTHEST_RECEIVER) {
+        point *= FARTHEST_RECEIVER / away;
+    }
+    return SeenFrom(point, from.normal, from.both_sides);
+}
+
+// Chance of the left one of a node's halves; below 0 where neither matters.
+float chance_left(LightNodes nodes, uint node, uint left, SeenFrom from) {
+    float a = importance(nodes.at[node + 1u], from);
+    float b = importance(nodes.at[node + 2u * left], from);
+    float both = a + b;
+    return both > 0.0 ? a / both : -1.0;
+}
+
+// An emitter, and the chance with which it is chosen; 0 where none matters.
+uint tree_choose(Emitters emitters, SeenFrom from, vec2 numbers, out float chance) {
+    LightNodes nodes = LightNodes(emitters.nodes);
+    uint node = 0u, first = 0u, count = emitters.count, level = 0u;
+    float u = numbers.x;
+    chance = 1.0;
+    while (count > 1u) {
+        if (level == LEVELS_A_NUMBER) {
+            u = numbers.y;
+        }
+        level += 1u;
+        uint left = left_of(count);
+        float part = chance_left(nodes, node, left, from);
+        if (part < 0.0) {
+            chance = 0.0;
+            return 0u;
+        }
+        if (u < part) {
+            u /= part;
+            chance *= part;
+            node += 1u;
+            count = left;
+        } else {
+            u = (u - part) / (1.0 - part);
+            chance *= 1.0 - part;
+            node += 2u * left;
+            first += left;
+            count -= left;
+        }
+        u = min(u, BELOW_ONE);
+    }
+    return first;
+}
+
+// The chance with which tree_choose gives this emitter.
+float tree_chance(Emitters emitters, SeenFrom from, uint emitter) {
+    LightNodes nodes = LightNodes(emitters.nodes);
+    uint node = 0u, first = 0u, count = emitters.count;
+    float chance = 1.0;
+    while (count > 1u) {
+        uint left = left_of(count);
+        float part = chance_left(nodes, node, left, from);
+        if (part < 0.0) {
+            return 0.0;
+        }
+        if (emitter < first + left) {
+            chance *= part;
+            node += 1u;
+            count = left;
+        } else {
+            chance *= 1.0 - part;
+            node += 2u * left;
+            first += left;
+            count -= left;
+        }
+    }
+    return chance;
+}
+
+#endif

@@ -1,0 +1,88 @@
+//! Surfaces that shine, as lights that are aimed at.
+
+use pumice_cpu::Emitters;
+
+use crate::layout::{self, Emitter, EmitterPlace, LightNode, ShiningTriangle};
+
+/// Tables of emitters, in the order of their record's addresses.
+#[derive(Clone, Debug, Default)]
+pub struct PackedEmitters {
+    /// The tree's.
+    pub nodes: Vec<LightNode>,
+    /// In the tree's order.
+    pub emitters: Vec<Emitter>,
+    /// Two codes a word.
+    pub faces: Vec<u32>,
+    /// Where meshes shine.
+    pub triangles: Vec<ShiningTriangle>,
+    /// Numbers of emitters by key.
+    pub by_key: Vec<u32>,
+    /// Instances and meshes.
+    pub places: Vec<EmitterPlace>,
+    /// Number of the place by instance.
+    pub place_of: Vec<u32>,
+    record: layout::Emitters,
+}
+
+impl PackedEmitters {
+    /// Packs them.
+    pub fn new(of: &Emitters) -> Self {
+        let pairs = |a: u16, b: u16| u32::from(a) | u32::from(b) << 16;
+        let emitter = |e: &pumice_cpu::emitters::Emitter| Emitter {
+            place: e.place,
+            label: e.label,
+            origin: e.origin,
+            first: e.first,
+            ends: [0, 1, 2].map(|i| pairs(e.ends[2 * i], e.ends[2 * i + 1])),
+            planes: e.planes,
+        };
+        let place = |p: &pumice_cpu::emitters::Place| EmitterPlace {
+            world_from_index: p.placement.world_from_index.matrix3.to_cols_array_2d(),
+            units_per_world: p.units_per_world,
+            areas: p.areas,
+            instance: p.instance,
+            is_mesh: u32::from(p.is_mesh),
+            keys: p.keys,
+            reserved: 0,
+        };
+        let node = |n: &pumice_cpu::emitters::LightNode| LightNode { lo: n.lo, hi: n.hi, power: n.power };
+        let triangle =
+            |t: &pumice_cpu::emitters::ShiningTriangle| ShiningTriangle { corners: t.corners, area: t.area };
+        let tree = of.tree();
+        Self {
+            nodes: tree.nodes().iter().map(node).collect(),
+            emitters: of.emitters().iter().map(emitter).collect(),
+            faces: of.faces().chunks(2).map(|f| pairs(f[0], f.get(1).copied().unwrap_or(0))).collect(),
+            triangles: of.triangles().iter().map(triangle).collect(),
+            by_key: of.by_key().to_vec(),
+            places: of.places().iter().map(place).collect(),
+            place_of: of.place_of().to_vec(),
+            record: layout::Emitters {
+                middle: tree.middle.to_array(),
+                scale: tree.scale,
+                count: tree.len(),
+                place_of_count: of.place_of().len() as u32,
+                ..layout::Emitters::default()
+            },
+        }
+    }
+
+    /// The tables as bytes.
+    pub fn parts(&self) -> [(&'static str, &[u8]); 7] {
+        [
+            ("the tree of lights", bytemuck::cast_slice(&self.nodes)),
+            ("boxes and triangles that shine", bytemuck::cast_slice(&self.emitters)),
+            ("faces that shine", bytemuck::cast_slice(&self.faces)),
+            ("triangles that shine", bytemuck::cast_slice(&self.triangles)),
+            ("the order of what shines", bytemuck::cast_slice(&self.by_key)),
+            ("instances that shine", bytemuck::cast_slice(&self.places)),
+            ("which instances shine", bytemuck::cast_slice(&self.place_of)),
+        ]
+    }
+
+    /// The record, the tables at these addresses.
+    pub fn record(&self, at: [u64; 7]) -> layout::Emitters {
+        let [nodes, emitters, faces, triangles, by_key, places, place_of] = at;
+        layout::Emitters { nodes, emitters, faces, triangles, by_key, places, place_of, ..self.record }
+    }
+}
