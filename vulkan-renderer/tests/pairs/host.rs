@@ -69,6 +69,7 @@ pub(crate) const HOST_FILES: &[(&str, &str)] = &[
     ("render/src/sample_pictures.rs", "pictures for tests of files"),
     ("render/src/image.rs", "pictures on the host"),
     ("render/src/picture.rs", "pictures on the host"),
+    ("render/src/preview.rs", "filters live pictures on the host"),
     ("render/src/resting.rs", "the host looks at the film; a device is told who rests, word by word"),
     ("render/src/passes.rs", "which sums are kept, and what is made of them on the host"),
     ("render/src/palette.rs", COLORS),
@@ -82,6 +83,7 @@ const READY: &str = "made ready before a ray is traced, for both renderers";
 const READ: &str = "hands out a field, which the shader reads itself";
 const COUNTED: &str = "counts memory or items of the host's";
 const BOX_KNOWN: &str = "surfaces know the number of their box there";
+const CARRIED: &str = "puts in what a scene does not need, to be measured; on a device `pack` does";
 const SHOWN: &str = "what is made of the sums is the host's, for both renderers";
 
 /// Functions that the host alone computes.
@@ -168,6 +170,7 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
         "cpu-renderer/src/looks.rs",
         &[
             ("Looks::same", READY),
+            ("Looks::carrying_clear", CARRIED),
             ("Looks::new", READY),
             ("Looks::of_mesh", READY),
             ("Looks::materials", READ),
@@ -185,6 +188,7 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
         &[
             ("PathTracer::new", READY),
             ("PathTracer::restart", READY),
+            ("PathTracer::carry_sorting", CARRIED),
             ("PathTracer::tracer", READ),
             ("PathTracer::film", READ),
             ("PathTracer::around", READ),
@@ -207,7 +211,10 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
             ("Placement::normal", "ready before: a table of three"),
         ],
     ),
-    ("cpu-renderer/src/traverse/lod.rs", &[("LodChoice::new", READY), ("LodChoice::placed", READY)]),
+    (
+        "cpu-renderer/src/traverse/lod.rs",
+        &[("LodChoice::new", READY), ("LodChoice::placed", READY), ("LodChoice::carrying_levels", CARRIED)],
+    ),
     (
         "cpu-renderer/src/traverse/mesh_tracer.rs",
         &[
@@ -240,6 +247,8 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
             ("VolumeTracer::new", READY),
             ("VolumeTracer::again", READY),
             ("VolumeTracer::with_cuts", READY),
+            ("VolumeTracer::carrying_hidden", CARRIED),
+            ("VolumeTracer::is_hidden", CARRIED),
             ("VolumeTracer::cuts", READ),
             ("VolumeTracer::drawn", READ),
             ("VolumeTracer::volume", READ),
