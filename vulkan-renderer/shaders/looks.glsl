@@ -10,8 +10,11 @@ Material material_of(InstanceRef instance, uint label) {
     return Materials(instance.it.materials).at[index];
 }
 
-// What mattes call a label; there are mattes.
+// What mattes call a label; 0, which is no name, where there are none.
 vec2 looks_ids_of(InstanceRef instance, uint label) {
+    if (instance.it.matte_ids == 0UL) {
+        return vec2(0.0);
+    }
     uint at = 2u * min(instance.it.last_matte_id, label);
     Floats ids = Floats(instance.it.matte_ids);
     return vec2(ids.at[at], ids.at[at + 1u]);
