@@ -22,7 +22,7 @@ SEEN = {
 }
 # By how much a fault must be brighter to be seen: 2 %, and 5 % of indirect light, which is the noisier. What clear glass reflects is
 # little, and after further surfaces a thousandth of the picture's light, of a small bright window.
-NOISIER = {("11_glass", "glossy_direct"): 1.1, ("11_glass", "glossy_indirect"): 1.5}
+NOISIER = {("11_glass", "glossy_direct"): 1.05, ("11_glass", "glossy_indirect"): 1.2}
 
 
 @pytest.fixture(scope="module", params=pass_reference.RUNGS)

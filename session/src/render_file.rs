@@ -149,6 +149,12 @@ pub fn render_file(
     // A wrong ending, pass or backend is known before the work, not after it.
     let format = PictureFormat::of(&request.out)?;
     let passes = Passes::parse(&request.passes).map_err(|e| SessionError::Caller(format!("--{e}")))?;
+    if request.overrides.half && format == PictureFormat::Png {
+        let out = request.out.display();
+        return Err(SessionError::Caller(format!(
+            "--half: {out} has 8 bits a channel; half floats go into an .exr"
+        )));
+    }
     check_folder(&request.out)?;
     make_renderer(&request.backend)?;
 

@@ -59,6 +59,28 @@ pub struct Case {
 }
 
 impl Case {
+    /// A case of which there is no more to say; [`measure_stability`] sets how it stands beside the processor.
+    fn new(
+        group: &'static str,
+        name: impl Into<String>,
+        error: f64,
+        unit: &'static str,
+        bar: f64,
+        reason: &'static str,
+    ) -> Self {
+        Self {
+            group,
+            name: name.into(),
+            error,
+            unit,
+            bar,
+            reason,
+            note: None,
+            processor_only: None,
+            beside: None,
+        }
+    }
+
     /// How a backend's picture stands beside the processor's, or why there are no two.
     pub fn beside_text(&self) -> String {
         match (&self.beside, self.processor_only) {
@@ -179,17 +201,7 @@ mod tests {
     /// The bars can be missed: an error that is no number misses each.
     #[test]
     fn wrong_answers_miss_their_bars() {
-        let case = |error| Case {
-            group: "rays",
-            name: String::new(),
-            error,
-            unit: "voxels",
-            bar: 1e-3,
-            reason: "",
-            note: None,
-            processor_only: None,
-            beside: None,
-        };
+        let case = |error| Case::new("rays", "", error, "voxels", 1e-3, "");
         assert!(case(1e-4).holds());
         let beside = |apart| Case { beside: Some(Beside { worst: apart, apart }), ..case(1e-4) };
         assert!(beside(0.01).holds() && !beside(0.5).holds() && !beside(f64::NAN).holds());

@@ -9,7 +9,6 @@ program estimates the colours of glossy light and of transmission, which differ 
 
     means of tiles and of the whole, each kind and channel    Welch's t, none beyond Šidák's bound at 1 % for all of a rung together
     a tile or whole without noise in either                   off by rounding alone
-    a tile with less than a thousandth of the whole's mean    not judged: the edge of a surface, which a handful of samples met
 """
 
 import json
@@ -18,9 +17,6 @@ from pathlib import Path
 import numpy as np
 
 from verdict import LEVEL, ROUNDING, tiles, two_sided
-
-# Of the whole's mean: what a tile must have to be judged.
-LEAST_SHARE = 1e-3
 
 FOLDER = Path(__file__).resolve().parent / "pass_references"
 RUNGS = ("10_metal_and_plastic", "11_glass", "12_coat_and_sheen")
@@ -91,8 +87,6 @@ def judge(pictures, reference):
     freedom = (va + vb + floor + 1e-30) ** 2 / (va**2 / (n - 1) + vb**2 / (about["seeds"] - 1) + 1e-62)
     chances = two_sided(t.ravel(), np.minimum(freedom.ravel(), 1e4)).reshape(t.shape)
     bound = 1.0 - (1.0 - LEVEL) ** (1.0 / t.size)
-    whole = np.maximum(means[:, -1:], parts.mean(axis=0)[:, -1:])
-    chances = np.where(np.maximum(means, parts.mean(axis=0)) < LEAST_SHARE * whole, 1.0, chances)
     found = {}
     for kind, of_kind in zip(KINDS, chances):
         found[kind] = (int((of_kind < bound).sum()), float(of_kind.min() * t.size))

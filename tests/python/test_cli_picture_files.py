@@ -89,5 +89,6 @@ def test_wishes_that_are_none_are_refused(pumice, scene, tmp_path, film, what):
     line = run(pumice, "render", tmp_path / "s.json", "-o", tmp_path / "a.png").refused()
     assert what in line or "expected" in line, line
     run(pumice, "render", "--again", scene / "a.exr", "-o", tmp_path / "a.exr", "--half").refused()
+    assert "--half" in run(pumice, "render", scene / "s.json", "-o", tmp_path / "a.png", "--half").refused()
     run(pumice, "render", "--again", scene / "a.exr", "-o", tmp_path / "a.png", "--view-transform", "agx").refused()
     assert not list(tmp_path.glob("a.*"))

@@ -59,17 +59,7 @@ fn below(
 }
 
 fn case(name: &str, error: f64, unit: &'static str, bar: f64, reason: &'static str) -> Case {
-    Case {
-        group: "emission",
-        name: name.into(),
-        error,
-        unit,
-        bar,
-        reason,
-        note: None,
-        processor_only: None,
-        beside: None,
-    }
+    Case::new("emission", name, error, unit, bar, reason)
 }
 
 /// A plate of a hundred thousand labels, alike; the same with one that is a million times brighter, over the place that is looked at.

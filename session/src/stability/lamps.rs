@@ -103,17 +103,7 @@ fn tilted(
 const RELATIVE: &str = "largest relative error of a pixel";
 
 fn case(name: &str, error: f64, unit: &'static str, bar: f64, reason: &'static str) -> Case {
-    Case {
-        group: "lamps",
-        name: name.into(),
-        error,
-        unit,
-        bar,
-        reason,
-        note: None,
-        processor_only: None,
-        beside: None,
-    }
+    Case::new("lamps", name, error, unit, bar, reason)
 }
 
 fn lit(shape: LightShape, at: [f64; 2], scale: f64) -> Scene {

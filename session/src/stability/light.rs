@@ -18,17 +18,7 @@ type Tell<'a> = dyn FnMut(Case) -> Result<()> + 'a;
 const FEW_PRODUCTS: &str = "a handful of products in f32";
 
 fn case(name: &str, error: f64, unit: &'static str, bar: f64, reason: &'static str) -> Case {
-    Case {
-        group: "light",
-        name: name.into(),
-        error,
-        unit,
-        bar,
-        reason,
-        note: None,
-        processor_only: None,
-        beside: None,
-    }
+    Case::new("light", name, error, unit, bar, reason)
 }
 
 pub(super) fn measure(studio: &mut Studio<'_>, tell: &mut Tell<'_>) -> Result<()> {

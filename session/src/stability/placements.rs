@@ -22,29 +22,11 @@ pub(super) fn measure(studio: &mut Studio<'_>, tell: &mut dyn FnMut(Case) -> Res
     let (_, room) = volume([20, 20, 20], |x, y, z| u32::from([x, y, z].iter().any(|&v| v == 2 || v == 17)));
     for (name, place) in places() {
         let error = worst(&studio.expose(&furnace(&place), &bodies, 4)?, 1.0);
-        tell(Case {
-            group: "placements",
-            name: format!("white furnace, {name}"),
-            error,
-            unit: "largest relative error of a pixel",
-            bar: 6.2e-5,
-            reason: "1,024 products in f32, 6e-8 each",
-            note: None,
-            processor_only: None,
-            beside: None,
-        })?;
+        let (unit, reason) = ("largest relative error of a pixel", "1,024 products in f32, 6e-8 each");
+        tell(Case::new("placements", format!("white furnace, {name}"), error, unit, 6.2e-5, reason))?;
         let leaked = leak(studio, &dark_room(&place), &room)?;
-        tell(Case {
-            group: "placements",
-            name: format!("dark room, {name}"),
-            error: leaked,
-            unit: "largest value of a pixel",
-            bar: 0.0,
-            reason: "no ray may pass a wall",
-            note: None,
-            processor_only: None,
-            beside: None,
-        })?;
+        let (unit, reason) = ("largest value of a pixel", "no ray may pass a wall");
+        tell(Case::new("placements", format!("dark room, {name}"), leaked, unit, 0.0, reason))?;
     }
     Ok(())
 }

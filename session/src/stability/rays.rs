@@ -30,16 +30,11 @@ fn tracer(volume: &Arc<CompressedVolume>, world_from_index: DAffine3) -> Result<
 }
 
 fn case(name: String, tally: Tally) -> Case {
+    let error = if tally.wrong > 0 { f64::INFINITY } else { tally.worst_chord };
     Case {
-        group: "rays",
-        name,
-        error: if tally.wrong > 0 { f64::INFINITY } else { tally.worst_chord },
-        unit: "longest skipped chord, voxels",
-        bar: TIE_CHORD,
-        reason: REASON,
         note: tally.first_wrong,
         processor_only: Some(PROCESSOR_ONLY),
-        beside: None,
+        ..Case::new("rays", name, error, "longest skipped chord, voxels", TIE_CHORD, REASON)
     }
 }
 

@@ -44,17 +44,7 @@ pub(super) fn measure(studio: &mut Studio<'_>, tell: &mut dyn FnMut(Case) -> Res
             }
         };
         let (unit, reason) = ("0 refused, 1 drawn", "one line, and no picture");
-        tell(Case {
-            group: "refusals",
-            name: name.into(),
-            error,
-            unit,
-            bar: 0.0,
-            reason,
-            note,
-            processor_only: None,
-            beside: None,
-        })?;
+        tell(Case { note, ..Case::new("refusals", name, error, unit, 0.0, reason) })?;
     }
     Ok(())
 }
