@@ -10,8 +10,13 @@ use xxhash_rust::xxh3::Xxh3;
 use crate::CompressedVolume;
 
 impl CompressedVolume {
-    /// See the module [`crate::content_hash`].
+    /// See the module [`crate::content_hash`]. Of a volume with chosen labels it is the whole one's, as its file says. Computed
+    /// once.
     pub fn content_hash(&self) -> u128 {
+        *self.hash.get_or_init(|| self.hash_of_boxes())
+    }
+
+    fn hash_of_boxes(&self) -> u128 {
         let mut hash = Xxh3::new();
         for d in self.info.dims {
             hash.update(&d.to_le_bytes());

@@ -65,6 +65,10 @@ pub struct CompressedVolume {
     pub(crate) dictionary: Vec<u64>,
     pub(crate) labels: LabelTable,
     pub(crate) grid: OnceLock<BoxGrid>,
+    /// Once it was asked for, or known from the file.
+    pub(crate) hash: OnceLock<u128>,
+    /// By dense index, where not all labels were read.
+    pub(crate) held: Option<Vec<bool>>,
 }
 
 impl CompressedVolume {
@@ -79,7 +83,20 @@ impl CompressedVolume {
             dictionary: Vec::new(),
             labels: LabelTable::default(),
             grid: OnceLock::new(),
+            hash: OnceLock::new(),
+            held: None,
         }
+    }
+
+    /// Whether this label's boxes were read ([`CompressedVolume::open_labels`]).
+    #[inline]
+    pub fn holds(&self, label: u32) -> bool {
+        self.held.as_ref().is_none_or(|held| held.get(label as usize).is_some_and(|&h| h))
+    }
+
+    /// Whether it has all labels of its table.
+    pub fn is_whole(&self) -> bool {
+        self.held.as_ref().is_none_or(|held| held.iter().all(|&h| h))
     }
 
     /// Heap bytes held, by part. `index` is there once a query has built it ([`CompressedVolume::grid`]).

@@ -68,6 +68,11 @@ fn u64_at(bytes: &[u8], at: usize) -> u64 {
 }
 
 impl Layout {
+    /// The entry of a section, where there is one.
+    pub(super) fn entry(&self, name: &[u8; 4]) -> Option<&Entry> {
+        self.entries.iter().find(|e| e.name == *name)
+    }
+
     /// Header and table as bytes.
     pub(super) fn to_bytes(&self) -> Vec<u8> {
         let mut bytes = Vec::with_capacity(HEADER_BYTES + ENTRY_BYTES * self.entries.len());

@@ -8,12 +8,13 @@
 //! ```
 //! `docs/file-format.md` has every field; this module's parts are: `layout` (header and table), `codec` (filters and
 //! compression of one section), `nodes` (nodes and boxes taken apart into streams that compress well, and put together again),
-//! `write` and `read`, `check` (every invariant of a volume that comes from outside).
+//! `write` and `read`, `chosen` (some labels alone), `check` (every invariant of a volume that comes from outside).
 //!
 //! A volume is written to a temporary file in the same folder, synced, then renamed: a killed process never leaves half a file
 //! under the final name.
 
 mod check;
+mod chosen;
 mod codec;
 mod layout;
 mod nodes;

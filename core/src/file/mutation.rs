@@ -1,12 +1,15 @@
 //! Damaged files: never a panic, and nothing but an error or the very same volume comes out.
 
+use std::collections::HashMap;
 use std::io::Cursor;
 
+use super::chosen::read_chosen;
 use super::layout::{ENTRY_BYTES, HEADER_BYTES, section_checksum};
 use super::read::{Stop, read};
 use super::{Level, layout};
 use crate::{
-    BoxRecord, CompressedVolume, Job, LabelBuffer, LabelNote, LabelType, VolumeInfo, compress_labels,
+    BoxRecord, CompressedVolume, Job, LabelBuffer, LabelNote, LabelTable, LabelType, VolumeInfo,
+    compress_labels,
 };
 
 /// Numbers that are the same on every machine (SplitMix64).
@@ -52,11 +55,21 @@ fn file_bytes(volume: &CompressedVolume, level: Level) -> Vec<u8> {
 }
 
 fn open(bytes: &[u8], check_hash: bool) -> Result<CompressedVolume, String> {
-    read(&mut Cursor::new(bytes), bytes.len() as u64, check_hash, &Job::new()).map_err(|stop| match stop {
+    read(&mut Cursor::new(bytes), bytes.len() as u64, check_hash, &Job::new()).map_err(in_words)
+}
+
+fn in_words(stop: Stop) -> String {
+    match stop {
         Stop::Fault(f) => format!("{} at byte {} of section {}", f.what, f.at, f.section.escape_ascii()),
         Stop::Io(e) => e.to_string(),
         Stop::Core(e) => e.to_string(),
-    })
+    }
+}
+
+/// Every second label of a file.
+fn open_chosen(bytes: &[u8]) -> Result<CompressedVolume, String> {
+    let second = |labels: &LabelTable| (0..labels.len()).map(|i| i % 2 == 1).collect();
+    read_chosen(&mut Cursor::new(bytes), bytes.len() as u64, second, &Job::new()).map_err(in_words)
 }
 
 /// Makes all checksums right again, so that a change reaches what lies behind them.
@@ -115,6 +128,7 @@ fn truncated_files_are_refused() {
             (0..400.min(bytes.len())).chain((400..bytes.len()).step_by(step)).chain([bytes.len() - 1])
         {
             assert!(open(&bytes[..length], true).is_err(), "{length} of {}", bytes.len());
+            assert!(open_chosen(&bytes[..length]).is_err(), "{length} of {}, chosen", bytes.len());
         }
         let mut longer = bytes;
         longer.extend([0; 8]);
@@ -149,7 +163,7 @@ fn damage_behind_right_checksums_never_panics() {
     for level in [Level::Fast, Level::Default] {
         let bytes = file_bytes(&volume, level);
         let mut random = Random(2);
-        let mut passed = 0;
+        let (mut passed, mut chosen_passed) = (0, 0);
         for round in 0..1500 {
             let mut damaged = bytes.clone();
             for _ in 0..1 + random.below(3) {
@@ -174,9 +188,13 @@ fn damage_behind_right_checksums_never_panics() {
             if let Ok(back) = open(&damaged, true) {
                 assert_eq!(back.content_hash(), volume.content_hash(), "round {round}");
             }
+            if let Ok(back) = open_chosen(&damaged) {
+                chosen_passed += 1;
+                use_all(&back);
+            }
         }
         // A control on the test itself: some damage must get through to where only structure is left to check it.
-        assert!(passed > 0);
+        assert!(passed > 0 && chosen_passed > passed);
     }
 }
 
@@ -187,7 +205,7 @@ fn damaged_arrays_never_panic() {
     let bytes = file_bytes(&volume, Level::Fast);
     let mut random = Random(3);
     let names = ["INFO", "CHNK", "RUNS", "LIDS", "LVOX", "LTYP", "LCON", "LEAF", "BOXS", "NODE"];
-    let mut refused = std::collections::HashMap::new();
+    let (mut refused, mut refused_chosen) = (HashMap::new(), HashMap::new());
     for (s, name) in names.iter().enumerate() {
         let entry = HEADER_BYTES + s * ENTRY_BYTES;
         assert_eq!(&bytes[entry..entry + 4], name.as_bytes());
@@ -202,7 +220,15 @@ fn damaged_arrays_never_panic() {
                 Ok(back) => use_all(&back),
                 Err(_) => *refused.entry(name).or_insert(0) += 1,
             }
+            match open_chosen(&damaged) {
+                Ok(back) => use_all(&back),
+                Err(_) => *refused_chosen.entry(name).or_insert(0) += 1,
+            }
         }
+    }
+    // Half of the labels, and so about half of what is damaged.
+    for name in ["CHNK", "RUNS", "LIDS", "LVOX", "LCON", "BOXS", "NODE"] {
+        assert!(refused_chosen.get(&name).is_some_and(|&n| n > 25), "{name}: {refused_chosen:?}");
     }
     for name in ["CHNK", "RUNS", "LIDS", "LVOX", "LCON", "BOXS", "NODE", "LEAF"] {
         assert!(refused.get(&name).is_some_and(|&n| n > 50), "{name}: {refused:?}");

@@ -9,6 +9,8 @@
 //! ```
 //! Bits fill bytes from the lowest; the last byte's rest is 0.
 
+use std::ops::Range;
+
 use crate::node::{NODE_HEADER_WORDS, NodeRef, extent_of};
 use crate::{BoxRecord, Chunk, morton};
 
@@ -74,7 +76,7 @@ fn cells(mut mask: u64) -> impl Iterator<Item = u32> {
 }
 
 /// A section and what is wrong with it.
-type Wrong = ([u8; 4], String);
+pub(super) type Wrong = ([u8; 4], String);
 
 /// Takes nodes and boxes apart.
 pub(super) fn split(chunks: &[Chunk], boxes: &[BoxRecord], nodes: &[u16]) -> Streams {
@@ -116,6 +118,93 @@ fn u64s(bytes: &[u8]) -> impl Iterator<Item = u64> + '_ {
     bytes.as_chunks::<8>().0.iter().map(|&b| u64::from_le_bytes(b))
 }
 
+/// A mask or a field as words.
+pub(super) fn words_of(mask: u64) -> [u16; 4] {
+    [0, 16, 32, 48].map(|s| (mask >> s) as u16)
+}
+
+/// The lowest cell of box number `b`; `None` past the end.
+pub(super) fn cell_of(cells: &[u8], b: u64) -> Option<[u32; 3]> {
+    let code = cells.as_chunks::<3>().0.get(usize::try_from(b).ok()?)?;
+    Some(morton::decode(u64::from(u32::from_le_bytes([code[0], code[1], code[2], 0]))))
+}
+
+/// The node of each box in rising ranges of boxes, by number.
+pub(super) fn numbers_of(backs: &[u8], ranges: impl Iterator<Item = Range<u64>>) -> Result<Vec<u64>, Wrong> {
+    let backs = backs.as_chunks::<4>().0;
+    let (mut numbers, mut next, mut at) = (Vec::new(), 0u64, 0);
+    for range in ranges {
+        while at < range.end {
+            let Some(&back) = backs.get(at as usize) else {
+                return Err((*b"BNOD", format!("ends before box {at}")));
+            };
+            let back = u64::from(u32::from_le_bytes(back));
+            if at >= range.start {
+                let number = next.checked_sub(back);
+                numbers.push(number.ok_or_else(|| {
+                    (*b"BNOD", format!("box {at}: got a node out of reach ({back} before number {next})"))
+                })?);
+            }
+            next += u64::from(back == 0);
+            at += 1;
+        }
+    }
+    Ok(numbers)
+}
+
+/// A node among the streams.
+pub(super) struct Place {
+    /// Occupied, solid, ranked.
+    pub(super) masks: [u64; 3],
+    /// Its elements of `REFS`.
+    pub(super) references: Range<usize>,
+    /// Its elements of `FLDS`.
+    pub(super) fields: Range<usize>,
+}
+
+/// Where the nodes with these numbers lie, which rise.
+pub(super) fn find(
+    occupied: &[u8],
+    solid: &[u8],
+    ranked: &[u8],
+    numbers: &[u64],
+) -> Result<Vec<Place>, Wrong> {
+    let mut solid = BitReader { bytes: solid, at: 0 };
+    let mut ranked = BitReader { bytes: ranked, at: 0 };
+    let mut places = Vec::with_capacity(numbers.len());
+    let (mut references, mut fields) = (0, 0);
+    let mut asked = numbers.iter();
+    let mut wanted = asked.next();
+    for (number, occupied) in (0u64..).zip(u64s(occupied)) {
+        let Some(&asked_for) = wanted else { break };
+        let masks = masks_of(occupied, &mut solid, &mut ranked)?;
+        let references_end = references + masks[2].count_ones() as usize;
+        let fields_end = fields + (occupied & !masks[1] & !masks[2]).count_ones() as usize;
+        if number == asked_for {
+            places.push(Place { masks, references: references..references_end, fields: fields..fields_end });
+            wanted = asked.next();
+        }
+        (references, fields) = (references_end, fields_end);
+    }
+    match wanted {
+        None => Ok(places),
+        Some(number) => Err((*b"OCCU", format!("ends before node {number}"))),
+    }
+}
+
+/// A node's masks: occupied, solid, ranked.
+fn masks_of(occupied: u64, solid: &mut BitReader, ranked: &mut BitReader) -> Result<[u64; 3], Wrong> {
+    let short = |section: &[u8; 4]| (*section, "ends before the last node".to_owned());
+    let mut masks = [occupied, 0, 0];
+    for c in cells(occupied) {
+        masks[1] |= u64::from(solid.next().ok_or_else(|| short(b"SOLI"))?) << c;
+    }
+    for c in cells(occupied & !masks[1]) {
+        masks[2] |= u64::from(ranked.next().ok_or_else(|| short(b"RANK"))?) << c;
+    }
+    Ok(masks)
+}
+
 /// Puts nodes together again; also returns each one's first word. The error names a section and what is wrong with it.
 pub(super) fn join_nodes(streams: &Streams) -> Result<(Vec<u16>, Vec<u64>), Wrong> {
     if !streams.occupied.len().is_multiple_of(8) {
@@ -134,20 +223,14 @@ pub(super) fn join_nodes(streams: &Streams) -> Result<(Vec<u16>, Vec<u64>), Wron
     let mut starts = Vec::with_capacity(nodes_count);
     for occupied in u64s(&streams.occupied) {
         starts.push(nodes.len() as u64);
-        let mut masks = [occupied, 0, 0];
-        for c in cells(occupied) {
-            masks[1] |= u64::from(solid.next().ok_or_else(|| short(b"SOLI"))?) << c;
-        }
-        for c in cells(occupied & !masks[1]) {
-            masks[2] |= u64::from(ranked.next().ok_or_else(|| short(b"RANK"))?) << c;
-        }
-        nodes.extend(masks.iter().flat_map(|m| [0, 16, 32, 48].map(|s| (m >> s) as u16)));
+        let masks = masks_of(occupied, &mut solid, &mut ranked)?;
+        nodes.extend(masks.iter().flat_map(|&m| words_of(m)));
         for _ in 0..masks[2].count_ones() {
             nodes.push(references.next().ok_or_else(|| short(b"REFS"))?);
         }
         for _ in 0..(occupied & !masks[1] & !masks[2]).count_ones() {
             let field = fields.next().ok_or_else(|| short(b"FLDS"))?;
-            nodes.extend([0, 16, 32, 48].map(|s| (field >> s) as u16));
+            nodes.extend(words_of(field));
         }
     }
     let long = |section: &[u8; 4]| (*section, "goes on after the last node".to_owned());

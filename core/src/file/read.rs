@@ -41,36 +41,53 @@ impl CompressedVolume {
     /// # Errors
     /// [`Error::Io`]; [`Error::File`] that says where and what when the file is damaged; [`Error::Cancelled`].
     pub fn open(path: &Path, job: &Job) -> Result<Self> {
-        let io = |source| Error::Io { path: path.to_owned(), source };
-        let mut file = File::open(path).map_err(io)?;
-        let file_bytes = file.metadata().map_err(io)?.len();
-        read(&mut file, file_bytes, true, job).map_err(|stop| match stop {
-            Stop::Fault(Fault { section, at, what }) => {
-                Error::File { path: path.to_owned(), section: section.escape_ascii().to_string(), at, what }
-            }
-            Stop::Io(source) => io(source),
-            Stop::Core(error) => error,
-        })
+        from_path(path, |file, file_bytes| read(file, file_bytes, true, job))
     }
 }
 
+/// Opens a file and has it read; what stops that gets the file's name.
+pub(super) fn from_path<T>(
+    path: &Path,
+    read: impl FnOnce(&mut File, u64) -> std::result::Result<T, Stop>,
+) -> Result<T> {
+    let io = |source| Error::Io { path: path.to_owned(), source };
+    let mut file = File::open(path).map_err(io)?;
+    let file_bytes = file.metadata().map_err(io)?.len();
+    read(&mut file, file_bytes).map_err(|stop| match stop {
+        Stop::Fault(Fault { section, at, what }) => {
+            Error::File { path: path.to_owned(), section: section.escape_ascii().to_string(), at, what }
+        }
+        Stop::Io(source) => io(source),
+        Stop::Core(error) => error,
+    })
+}
+
+/// What is known of a volume without its boxes.
+pub(super) const HEAD_SECTIONS: [&[u8; 4]; 8] =
+    [b"INFO", b"CHNK", b"RUNS", b"LIDS", b"LVOX", b"LTYP", b"LCON", b"LEAF"];
+
+/// Boxes and nodes, in the one form or the other.
+const BOX_SECTIONS: [&[u8; 4]; 9] =
+    [b"BOXS", b"NODE", b"BCEL", b"BNOD", b"OCCU", b"SOLI", b"RANK", b"REFS", b"FLDS"];
+
 /// Sections read and decoded, by name.
-struct Sections {
+pub(super) struct Sections {
     decoded: HashMap<[u8; 4], Vec<u8>>,
     offsets: HashMap<[u8; 4], u64>,
 }
 
 impl Sections {
-    fn fault(&self, section: [u8; 4], what: impl Into<String>) -> Stop {
-        Stop::Fault(Fault {
-            section,
-            at: self.offsets.get(&section).copied().unwrap_or(0),
-            what: what.into(),
-        })
+    pub(super) fn fault(&self, section: [u8; 4], what: impl Into<String>) -> Stop {
+        Stop::Fault(Fault { section, at: self.offset(&section), what: what.into() })
+    }
+
+    /// Where a section lies in the file; 0 where it was not read.
+    pub(super) fn offset(&self, name: &[u8; 4]) -> u64 {
+        self.offsets.get(name).copied().unwrap_or(0)
     }
 
     /// Takes a section's bytes.
-    fn take(&mut self, name: &[u8; 4]) -> std::result::Result<Vec<u8>, Stop> {
+    pub(super) fn take(&mut self, name: &[u8; 4]) -> std::result::Result<Vec<u8>, Stop> {
         self.decoded.remove(name).ok_or_else(|| self.fault(*name, "expected the section, got none"))
     }
 
@@ -87,6 +104,16 @@ impl Sections {
         }
         Ok(whole.iter().map(|&b| element(b)).collect())
     }
+
+    /// Checks the touching pairs, of a volume whose number of labels is checked.
+    pub(super) fn unpack_contacts(&self, volume: &mut CompressedVolume) -> std::result::Result<(), Stop> {
+        let packed = std::mem::take(&mut volume.labels.contacts.bytes);
+        volume.labels.contacts =
+            Contacts::from_packed(packed, volume.labels.len() as u32).map_err(|(at, what)| {
+                self.fault(*b"LCON", format!("{what} (byte {at} of the decoded section)"))
+            })?;
+        Ok(())
+    }
 }
 
 /// Reads a volume. `check_hash` is off only where a test wants to reach what lies behind the checks.
@@ -97,15 +124,14 @@ pub(super) fn read(
     job: &Job,
 ) -> std::result::Result<CompressedVolume, Stop> {
     let layout = read_layout(file, file_bytes)?;
-    let mut sections = read_sections(file, &layout, job)?;
+    let names: Vec<&[u8; 4]> = HEAD_SECTIONS.into_iter().chain(BOX_SECTIONS).collect();
+    job.begin(layout.file_bytes);
+    let mut sections = read_sections(file, &layout, &names, job)?;
     let mut volume = assemble(&mut sections)?;
     job.check()?;
-    check::check(&volume).map_err(|(section, what)| sections.fault(section, what))?;
-    let packed = std::mem::take(&mut volume.labels.contacts.bytes);
-    volume.labels.contacts =
-        Contacts::from_packed(packed, volume.labels.len() as u32).map_err(|(at, what)| {
-            sections.fault(*b"LCON", format!("{what} (byte {at} of the decoded section)"))
-        })?;
+    let wrong = |(section, what)| sections.fault(section, what);
+    check::check_head(&volume).and_then(|()| check::check(&volume)).map_err(wrong)?;
+    sections.unpack_contacts(&mut volume)?;
     job.check()?;
     if check_hash {
         let (expected, got) = (layout.content_hash, volume.content_hash());
@@ -117,7 +143,10 @@ pub(super) fn read(
     Ok(volume)
 }
 
-fn read_layout(file: &mut (impl Read + Seek), file_bytes: u64) -> std::result::Result<Layout, Stop> {
+pub(super) fn read_layout(
+    file: &mut (impl Read + Seek),
+    file_bytes: u64,
+) -> std::result::Result<Layout, Stop> {
     let head = |at: u64, what: String| Stop::Fault(Fault { section: *b"HEAD", at, what });
     if file_bytes < HEADER_BYTES as u64 {
         return Err(head(
@@ -142,7 +171,7 @@ fn read_layout(file: &mut (impl Read + Seek), file_bytes: u64) -> std::result::R
 }
 
 /// Reads a range that lies within the file's length.
-fn read_at(
+pub(super) fn read_at(
     file: &mut (impl Read + Seek),
     offset: u64,
     length: u64,
@@ -161,19 +190,15 @@ fn read_at(
     }
 }
 
-/// All sections that this version knows; others are left alone.
-fn read_sections(
+/// Those of the named sections that are there.
+pub(super) fn read_sections(
     file: &mut (impl Read + Seek),
     layout: &Layout,
+    names: &[&[u8; 4]],
     job: &Job,
 ) -> std::result::Result<Sections, Stop> {
-    const KNOWN: [&[u8; 4]; 17] = [
-        b"INFO", b"CHNK", b"RUNS", b"LIDS", b"LVOX", b"LTYP", b"LCON", b"LEAF", b"BOXS", b"NODE", b"BCEL",
-        b"BNOD", b"OCCU", b"SOLI", b"RANK", b"REFS", b"FLDS",
-    ];
     let mut sections = Sections { decoded: HashMap::new(), offsets: HashMap::new() };
-    job.begin(layout.file_bytes);
-    for entry in layout.entries.iter().filter(|e| KNOWN.contains(&&e.name)) {
+    for entry in layout.entries.iter().filter(|e| names.contains(&&e.name)) {
         job.check()?;
         let fault = |what| Stop::Fault(Fault { section: entry.name, at: entry.offset, what });
         let stored = read_at(file, entry.offset, entry.stored, entry.name)?;
@@ -190,8 +215,8 @@ fn read_sections(
     Ok(sections)
 }
 
-/// A volume from its sections, unchecked but for what putting it together needs.
-fn assemble(sections: &mut Sections) -> std::result::Result<CompressedVolume, Stop> {
+/// A volume without boxes, unchecked.
+pub(super) fn assemble_head(sections: &mut Sections) -> std::result::Result<CompressedVolume, Stop> {
     let info = sections.take(b"INFO")?;
     let Info { volume: info, types: type_names } = serde_json::from_slice(&info).map_err(|e| {
         // It quotes the file.
@@ -221,6 +246,12 @@ fn assemble(sections: &mut Sections) -> std::result::Result<CompressedVolume, St
         contacts: Contacts { bytes: sections.take(b"LCON")?, pairs: 0 },
     };
     volume.dictionary = sections.elements(b"LEAF", u64::from_le_bytes)?;
+    Ok(volume)
+}
+
+/// A volume from its sections, unchecked but for what putting it together needs.
+fn assemble(sections: &mut Sections) -> std::result::Result<CompressedVolume, Stop> {
+    let mut volume = assemble_head(sections)?;
     if sections.decoded.contains_key(b"NODE") {
         volume.nodes = sections.elements(b"NODE", u16::from_le_bytes)?;
         volume.boxes = sections.elements(b"BOXS", |b| BoxRecord(u64::from_le_bytes(b)))?;

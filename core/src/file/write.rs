@@ -44,8 +44,14 @@ impl CompressedVolume {
     /// Writes the volume to a `.pumice` file; replaces what was there only when all of it is on disk.
     ///
     /// # Errors
-    /// [`Error::Io`] and [`Error::Cancelled`]; no new file is there then.
+    /// [`Error::Io`] and [`Error::Cancelled`], and [`Error::Caller`] where the volume has chosen labels alone; no new file is there
+    /// then.
     pub fn save(&self, path: &Path, level: Level, job: &Job) -> Result<()> {
+        if !self.is_whole() {
+            let path = path.display();
+            let what = "only chosen labels were read of this volume; open all of it to save it";
+            return Err(Error::Caller(format!("{path}: {what}")));
+        }
         let io = |source| Error::Io { path: path.to_owned(), source };
         let folder = match path.parent() {
             Some(p) if !p.as_os_str().is_empty() => p,

@@ -1,0 +1,366 @@
+//! Chosen labels out of a file, without the others.
+//!
+//! ```text
+//! RUNS ─► boxes of the labels asked for ─► their nodes, each once ─► a volume of these boxes alone
+//!
+//! plain form (BOXS, NODE as they lie)   only the ranges that are needed are read       costs what the labels cost
+//! packed form (streams)                 streams are inflated whole, one at a time      costs inflating, not joining
+//! ```
+//! The label table is whole: dense indices, contacts and names stay what they are. The dictionary keeps the entries that are used.
+//!
+//! What is checked: header, table and each section that is read whole by checksum; the volume that comes out as every other
+//! ([`super::check`]), its labels' voxels counted against the table. A section of which only ranges are read has no checksum of
+//! them, and the content hash is the header's word, since it is a hash of all labels.
+
+use std::collections::BTreeMap;
+use std::io::{Read, Seek};
+use std::ops::Range;
+use std::path::Path;
+
+use super::layout::{Entry, Layout};
+use super::nodes::{self, Wrong};
+use super::read::{HEAD_SECTIONS, Stop, assemble_head, read_at, read_layout, read_sections};
+use super::{check, read};
+use crate::node::{NODE_HEADER_WORDS, NodeRef, extent_of};
+use crate::{BoxRecord, Chunk, CompressedVolume, Job, LabelRun, LabelTable, Result};
+
+/// Bytes of a section that are read at once: neighbouring nodes come together.
+const PIECE_BYTES: u64 = 1 << 16;
+
+/// Words of a node with an inline field in each cell.
+const MOST_NODE_WORDS: u64 = NODE_HEADER_WORDS as u64 + 4 * 64;
+
+/// Words of nodes after which a chunk no longer shares those of chunks before it: its boxes reach 2³² words.
+const WINDOW_WORDS: usize = 1 << 31;
+
+impl CompressedVolume {
+    /// Reads those labels of a `.pumice` file that `choose` marks, by dense index; labels past its end are not chosen.
+    ///
+    /// The volume draws as the whole one does where only these labels are shown, and has its content hash; voxels of other labels
+    /// are background to its queries. [`CompressedVolume::holds`] tells which labels it has; it cannot be saved.
+    ///
+    /// # Errors
+    /// As [`CompressedVolume::open`].
+    pub fn open_labels(
+        path: &Path,
+        choose: impl FnOnce(&LabelTable) -> Vec<bool>,
+        job: &Job,
+    ) -> Result<Self> {
+        read::from_path(path, |file, file_bytes| read_chosen(file, file_bytes, choose, job))
+    }
+}
+
+/// Boxes of one label in one chunk, by number in the file.
+struct Wanted {
+    chunk: usize,
+    label: u32,
+    boxes: Range<u64>,
+}
+
+/// Boxes that are wanted, in the file's order, and their nodes.
+#[derive(Default)]
+struct Picked {
+    /// Lowest cell within the chunk, and which node.
+    boxes: Vec<([u32; 3], u64)>,
+    /// Words of each node, by what boxes call it.
+    nodes: BTreeMap<u64, Vec<u16>>,
+}
+
+pub(super) fn read_chosen(
+    file: &mut (impl Read + Seek),
+    file_bytes: u64,
+    choose: impl FnOnce(&LabelTable) -> Vec<bool>,
+    job: &Job,
+) -> std::result::Result<CompressedVolume, Stop> {
+    let layout = read_layout(file, file_bytes)?;
+    let mut sections = read_sections(file, &layout, &HEAD_SECTIONS, job)?;
+    let mut volume = assemble_head(&mut sections)?;
+    check::check_head(&volume).map_err(|(section, what)| sections.fault(section, what))?;
+    sections.unpack_contacts(&mut volume)?;
+
+    let mut held = choose(&volume.labels);
+    held.resize(volume.labels.len(), false);
+    let plain = layout.entry(b"NODE").is_some();
+    let boxes_in_file = match layout.entry(if plain { b"BOXS" } else { b"BCEL" }) {
+        Some(entry) => entry.decoded / if plain { 8 } else { 3 },
+        None => return Err(sections.fault(*b"BCEL", "expected the section, got none")),
+    };
+    let wanted = wanted(&volume.chunks, &volume.runs, boxes_in_file, &held)
+        .map_err(|(section, what)| sections.fault(section, what))?;
+    let picked = if plain {
+        pick_plain(file, &layout, &volume.chunks, &wanted, job)?
+    } else {
+        pick_packed(file, &layout, &wanted, job)?
+    };
+    let chunks = std::mem::take(&mut volume.chunks);
+    put_together(&mut volume, &chunks, &wanted, &picked)
+        .map_err(|(section, what)| sections.fault(section, what))?;
+    volume.held = Some(held);
+    check::check(&volume).map_err(|(section, what)| sections.fault(section, what))?;
+    volume.hash = layout.content_hash.into();
+    Ok(volume)
+}
+
+/// The boxes of labels that are held.
+fn wanted(
+    chunks: &[Chunk],
+    runs: &[LabelRun],
+    boxes_in_file: u64,
+    held: &[bool],
+) -> std::result::Result<Vec<Wanted>, Wrong> {
+    let mut wanted = Vec::new();
+    for (c, chunk) in chunks.iter().enumerate() {
+        let next = chunks.get(c + 1);
+        let last_box = next.map_or(boxes_in_file, |n| n.first_box);
+        let last_run = next.map_or(runs.len() as u64, |n| n.first_run);
+        let within = runs.get(chunk.first_run as usize..last_run as usize);
+        let runs = within.filter(|_| last_box <= boxes_in_file).ok_or_else(|| {
+            (*b"CHNK", format!("chunk {c}: expected boxes and runs that rise and are there"))
+        })?;
+        for (r, run) in runs.iter().enumerate() {
+            let first = chunk.first_box.saturating_add(run.first_box.into());
+            let end =
+                runs.get(r + 1).map_or(last_box, |n| chunk.first_box.saturating_add(n.first_box.into()));
+            let Some(&is_held) = held.get(run.label as usize).filter(|_| first < end && end <= last_box)
+            else {
+                return Err((
+                    *b"RUNS",
+                    format!("chunk {c}, run {r}: expected a label and boxes that are there"),
+                ));
+            };
+            if is_held {
+                wanted.push(Wanted { chunk: c, label: run.label, boxes: first..end });
+            }
+        }
+    }
+    Ok(wanted)
+}
+
+/// From arrays as they lie in the file. A node is called by its first word.
+fn pick_plain(
+    file: &mut (impl Read + Seek),
+    layout: &Layout,
+    chunks: &[Chunk],
+    wanted: &[Wanted],
+    job: &Job,
+) -> std::result::Result<Picked, Stop> {
+    let mut picked = Picked::default();
+    let mut boxes = Ranges::open(file, layout, b"BOXS", job)?;
+    for w in wanted {
+        job.check()?;
+        let chunk = &chunks[w.chunk];
+        let bytes = boxes.read(8 * w.boxes.start, 8 * (w.boxes.end - w.boxes.start))?;
+        for &record in bytes.as_chunks::<8>().0 {
+            let record = BoxRecord(u64::from_le_bytes(record));
+            let at = chunk.node_base.saturating_add(record.node().into());
+            picked.boxes.push((record.cell(), at));
+            picked.nodes.entry(at).or_default();
+        }
+    }
+    let mut nodes = Ranges::open(file, layout, b"NODE", job)?;
+    let end = nodes.bytes / 2;
+    for (&at, words) in &mut picked.nodes {
+        job.check()?;
+        let most = MOST_NODE_WORDS.min(end.saturating_sub(at));
+        let bytes = nodes.read(2 * at.min(end), 2 * most)?;
+        words.extend(bytes.as_chunks::<2>().0.iter().map(|&b| u16::from_le_bytes(b)));
+        let whole = words.len() >= NODE_HEADER_WORDS && NodeRef::read(words, 0, &[]).words() <= words.len();
+        if !whole {
+            let what = format!("node at word {at}: expected all of it before word {end}");
+            return Err(nodes.fault(what));
+        }
+        words.truncate(NodeRef::read(words, 0, &[]).words());
+    }
+    Ok(picked)
+}
+
+/// From streams. A node is called by its number.
+fn pick_packed(
+    file: &mut (impl Read + Seek),
+    layout: &Layout,
+    wanted: &[Wanted],
+    job: &Job,
+) -> std::result::Result<Picked, Stop> {
+    let mut picked = Picked::default();
+    let mut section = |name: &'static [u8; 4]| -> std::result::Result<(Vec<u8>, u64), Stop> {
+        let mut sections = read_sections(file, layout, &[name], job)?;
+        Ok((sections.take(name)?, sections.offset(name)))
+    };
+    let fault = |(section, what): Wrong, at: u64| Stop::Fault(super::Fault { section, at, what });
+
+    let numbers = wanted.iter().map(|w| w.boxes.clone());
+    let (backs, at) = section(b"BNOD")?;
+    let numbers = nodes::numbers_of(&backs, numbers).map_err(|w| fault(w, at))?;
+    drop(backs);
+    let (cells, at) = section(b"BCEL")?;
+    let places = wanted.iter().flat_map(|w| w.boxes.clone());
+    for (b, &number) in places.zip(&numbers) {
+        let cell =
+            nodes::cell_of(&cells, b).ok_or_else(|| fault((*b"BCEL", format!("ends before box {b}")), at))?;
+        picked.boxes.push((cell, number));
+        picked.nodes.entry(number).or_default();
+    }
+    drop(cells);
+
+    let asked: Vec<u64> = picked.nodes.keys().copied().collect();
+    let ((occupied, at), (solid, _), (ranked, _)) = (section(b"OCCU")?, section(b"SOLI")?, section(b"RANK")?);
+    let found = nodes::find(&occupied, &solid, &ranked, &asked).map_err(|w| fault(w, at))?;
+    drop((occupied, solid, ranked));
+    let (references, at) = section(b"REFS")?;
+    for (node, words) in found.iter().zip(picked.nodes.values_mut()) {
+        let part = node.references.clone();
+        let bytes = references.get(2 * part.start..2 * part.end);
+        let bytes = bytes.ok_or_else(|| fault((*b"REFS", "ends before the last node".into()), at))?;
+        words.extend(node.masks.iter().flat_map(|&m| nodes::words_of(m)));
+        words.extend(bytes.as_chunks::<2>().0.iter().map(|&b| u16::from_le_bytes(b)));
+    }
+    drop(references);
+    let (fields, at) = section(b"FLDS")?;
+    for (node, words) in found.iter().zip(picked.nodes.values_mut()) {
+        let part = node.fields.clone();
+        let bytes = fields.get(8 * part.start..8 * part.end);
+        let bytes = bytes.ok_or_else(|| fault((*b"FLDS", "ends before the last node".into()), at))?;
+        words.extend(bytes.as_chunks::<2>().0.iter().map(|&b| u16::from_le_bytes(b)));
+    }
+    Ok(picked)
+}
+
+/// Chunks, runs, boxes and nodes of the picked boxes alone, and the dictionary of what they use.
+fn put_together(
+    volume: &mut CompressedVolume,
+    chunks: &[Chunk],
+    wanted: &[Wanted],
+    picked: &Picked,
+) -> std::result::Result<(), Wrong> {
+    let (dictionary, place_of) = used_entries(&volume.dictionary, picked)?;
+    volume.dictionary = dictionary;
+    volume.runs = Vec::with_capacity(wanted.len());
+    volume.boxes = Vec::with_capacity(picked.boxes.len());
+    volume.nodes = Vec::with_capacity(picked.nodes.values().map(Vec::len).sum());
+    let mut placed: BTreeMap<u64, usize> = BTreeMap::new();
+    let mut boxes = picked.boxes.iter();
+    for in_chunk in wanted.chunk_by(|a, b| a.chunk == b.chunk) {
+        let words = volume.nodes.len();
+        let before = volume.chunks.last().map_or(0, |c: &Chunk| c.node_base);
+        let node_base = if words - before as usize > WINDOW_WORDS { words as u64 } else { before };
+        let first_box = volume.boxes.len();
+        volume.chunks.push(Chunk {
+            origin: chunks[in_chunk[0].chunk].origin,
+            first_box: first_box as u64,
+            first_run: volume.runs.len() as u64,
+            node_base,
+        });
+        for w in in_chunk {
+            let run = LabelRun { label: w.label, first_box: (volume.boxes.len() - first_box) as u32 };
+            volume.runs.push(run);
+            for &(cell, name) in boxes.by_ref().take((w.boxes.end - w.boxes.start) as usize) {
+                let words = &picked.nodes[&name];
+                let at = *placed
+                    .entry(name)
+                    .and_modify(|at| {
+                        if (*at as u64) < node_base {
+                            *at = volume.nodes.len();
+                        }
+                    })
+                    .or_insert(volume.nodes.len());
+                if at == volume.nodes.len() {
+                    append(&mut volume.nodes, words, &place_of);
+                }
+                let occupied = NodeRef::read(words, 0, &[]).occupied;
+                if occupied == 0 {
+                    return Err((*b"OCCU", format!("node {name}: got no occupied cell")));
+                }
+                let node = u32::try_from(at as u64 - node_base).map_err(|_| {
+                    (*b"NODE", format!("chunk {}: nodes of its boxes are out of reach", w.chunk))
+                })?;
+                volume.boxes.push(BoxRecord::new(cell, extent_of(occupied), node));
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Entries of the dictionary that the nodes name, in its order, and where each went.
+fn used_entries(dictionary: &[u64], picked: &Picked) -> std::result::Result<(Vec<u64>, Vec<u16>), Wrong> {
+    let mut place_of = vec![u16::MAX; dictionary.len()];
+    let mut is_used = vec![false; dictionary.len()];
+    for words in picked.nodes.values() {
+        let ranked = NodeRef::read(words, 0, &[]).ranked.count_ones() as usize;
+        for &entry in words.iter().skip(NODE_HEADER_WORDS).take(ranked) {
+            let used = is_used.get_mut(usize::from(entry)).ok_or_else(|| {
+                (*b"LEAF", format!("entries: expected more than {entry}, got {}", dictionary.len()))
+            })?;
+            *used = true;
+        }
+    }
+    let mut used = Vec::new();
+    for ((&field, place), is_used) in dictionary.iter().zip(&mut place_of).zip(is_used) {
+        if is_used {
+            // At most 65,536 entries: the last one's place is 65,535.
+            *place = used.len() as u16;
+            used.push(field);
+        }
+    }
+    Ok((used, place_of))
+}
+
+/// A node with its entries where they went.
+fn append(nodes: &mut Vec<u16>, words: &[u16], place_of: &[u16]) {
+    let ranked = NodeRef::read(words, 0, &[]).ranked.count_ones() as usize;
+    let (masks, rest) = words.split_at(NODE_HEADER_WORDS);
+    let (entries, fields) = rest.split_at(ranked);
+    nodes.extend_from_slice(masks);
+    nodes.extend(entries.iter().map(|&e| place_of[usize::from(e)]));
+    nodes.extend_from_slice(fields);
+}
+
+/// A section of which ranges are read: from the file where it lies there as it is, else out of memory.
+struct Ranges<'a, F> {
+    file: &'a mut F,
+    entry: Entry,
+    /// Bytes when decoded.
+    bytes: u64,
+    /// A part of the section, from this byte on; all of it where it had to be decoded.
+    window: (u64, Vec<u8>),
+}
+
+impl<'a, F: Read + Seek> Ranges<'a, F> {
+    fn open(
+        file: &'a mut F,
+        layout: &Layout,
+        name: &'static [u8; 4],
+        job: &Job,
+    ) -> std::result::Result<Self, Stop> {
+        let Some(entry) = layout.entry(name).copied() else {
+            let what = "expected the section, got none".into();
+            return Err(Stop::Fault(super::Fault { section: *name, at: 0, what }));
+        };
+        let e = entry.encoding;
+        let window = if e.zstd || e.delta || e.planes {
+            (0, read_sections(file, layout, &[name], job)?.take(name)?)
+        } else {
+            (0, Vec::new())
+        };
+        Ok(Self { file, entry, bytes: entry.decoded, window })
+    }
+
+    fn fault(&self, what: String) -> Stop {
+        Stop::Fault(super::Fault { section: self.entry.name, at: self.entry.offset, what })
+    }
+
+    /// Bytes `from..from + length` of the section.
+    fn read(&mut self, from: u64, length: u64) -> std::result::Result<&[u8], Stop> {
+        if from.checked_add(length).is_none_or(|end| end > self.bytes) {
+            return Err(self.fault(format!("expected bytes {from} to {from} + {length}, got {}", self.bytes)));
+        }
+        let (start, window) = &self.window;
+        if from < *start || from + length > start + window.len() as u64 {
+            let take = length.max(PIECE_BYTES).min(self.bytes - from);
+            let bytes = read_at(self.file, self.entry.offset + from, take, self.entry.name)?;
+            self.window = (from, bytes);
+        }
+        let (start, window) = &self.window;
+        let at = (from - start) as usize;
+        Ok(&window[at..at + length as usize])
+    }
+}
