@@ -313,9 +313,10 @@ def figure(volume: Volume, source: str | PathLike[str], size: SupportsLenAndGetI
     A scene that shows a volume: placed, framed, lit.
     """
 
-def open(path: str | PathLike[str], *, layer: SupportsIndex | None = None, time: SupportsIndex | None = None, channel: SupportsIndex | None = None, array: str | None = None, spacing: SupportsLenAndGetItem[SupportsFloat | SupportsIndex] | None = None, job: Job | None = None) -> tuple[Volume, list[str]]:
+def open(path: str | PathLike[str], *, labels: SupportsGetItem[int, SupportsIndex] | None = None, layer: SupportsIndex | None = None, time: SupportsIndex | None = None, channel: SupportsIndex | None = None, array: str | None = None, spacing: SupportsLenAndGetItem[SupportsFloat | SupportsIndex] | None = None, job: Job | None = None) -> tuple[Volume, list[str]]:
     """
-    Opens a `.pumice` file, or compresses a label volume of another format in memory; with what the reader found odd.
+    Opens a `.pumice` file, or compresses a label volume of another format in memory; with what the reader found odd. Of a `.pumice`
+    file these labels alone, where they are given.
     """
 
 def probe(path: str | PathLike[str], *, layer: SupportsIndex | None = None, time: SupportsIndex | None = None, channel: SupportsIndex | None = None, array: str | None = None, spacing: SupportsLenAndGetItem[SupportsFloat | SupportsIndex] | None = None, job: Job | None = None) -> str:

@@ -129,6 +129,11 @@ class Volume:
         return self._content_hash
 
     @property
+    def is_whole(self) -> bool:
+        """Whether all labels of the table were read."""
+        return bool(self._facts["is_whole"])
+
+    @property
     def boxes(self) -> int:
         """Number of boxes."""
         return int(self._facts["boxes"])
@@ -225,13 +230,19 @@ class Faces:
     labels: npt.NDArray[np.uint32]
 
 
-def open(path: Path, *, job: Job | None = None, **reading: Unpack[Reading]) -> Volume:
+def open(
+    path: Path, *, labels: Iterable[int] | None = None, job: Job | None = None, **reading: Unpack[Reading]
+) -> Volume:
     """Opens a `.pumice` file, or any label volume of a known format, which is compressed in memory.
+
+    `labels`: of a `.pumice` file, these ids alone are read. The table has all labels still; voxels of the others are background
+    (0), their boxes none and their bounds empty, and the volume cannot be saved.
 
     Keywords: `layer`, `time`, `channel` (numbers from 0), `array` (name within an `.npz`), `spacing` (three lengths). What is odd in
     the file and no error is a `PumiceWarning`.
     """
-    native, odd = _native.open(_path(path), job=job, **arguments.reading(reading))
+    chosen = None if labels is None else arguments.ids("labels", labels)
+    native, odd = _native.open(_path(path), labels=chosen, job=job, **arguments.reading(reading))
     _warn(odd)
     return Volume(native)
 

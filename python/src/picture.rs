@@ -144,12 +144,7 @@ pub(crate) fn render(
     let result = released(py, &job, || {
         let volumes = match volumes {
             Some(volumes) => volumes,
-            None => {
-                let open = |i: &pumice_scene::Instance| {
-                    pumice_session::open_volume(&i.source, &OpenOptions::default(), &job)
-                };
-                scene.instances.iter().map(open).collect::<Result<_, SessionError>>()?
-            }
+            None => pumice_session::open_shown(&scene, None, &OpenOptions::default(), &job)?,
         };
         render_scene(&scene, &volumes, &meshes, backend, &stop, &job, &mut |point| {
             let Some(call) = &on_progress else { return };

@@ -49,6 +49,7 @@ impl Volume {
             "world_from_index": info.world_from_index.to_cols_array(),
             "labels": v.labels().len(),
             "boxes": v.boxes().len(),
+            "is_whole": v.is_whole(),
             "type_names": v.labels().type_names(),
         })
         .to_string()
@@ -243,13 +244,15 @@ impl Volume {
 /// A volume, and what its reader found odd in the file, a line each.
 type Opened = (Volume, Vec<String>);
 
-/// Opens a `.pumice` file, or compresses a label volume of another format in memory; with what the reader found odd.
+/// Opens a `.pumice` file, or compresses a label volume of another format in memory; with what the reader found odd. Of a `.pumice`
+/// file these labels alone, where they are given.
 #[pyfunction]
-#[pyo3(signature = (path, *, layer=None, time=None, channel=None, array=None, spacing=None, job=None))]
+#[pyo3(signature = (path, *, labels=None, layer=None, time=None, channel=None, array=None, spacing=None, job=None))]
 #[allow(clippy::too_many_arguments, reason = "they are keywords")]
 pub(crate) fn open(
     py: Python<'_>,
     path: PathBuf,
+    labels: Option<Vec<u64>>,
     layer: Option<u32>,
     time: Option<u32>,
     channel: Option<u32>,
@@ -259,7 +262,10 @@ pub(crate) fn open(
 ) -> PyResult<Opened> {
     let job = job_of(job);
     let reading = reading(layer, time, channel, array, spacing);
-    let volume = released(py, &job, || pumice_session::open_volume(&path, &reading, &job))?;
+    let volume = released(py, &job, || match &labels {
+        None => pumice_session::open_volume(&path, &reading, &job),
+        Some(ids) => pumice_session::open_labels(&path, ids, &job),
+    })?;
     Ok((Volume(volume), reading.warnings.list()))
 }
 

@@ -140,6 +140,40 @@ def test_saved_and_opened_it_is_the_same(volume, labels, tmp_path):
         volume.save(path, level="tiny")
 
 
+@pytest.mark.parametrize("level", ["fast", "default"])
+def test_labels_that_are_read_alone(volume, labels, level, tmp_path):
+    path = tmp_path / "a.pumice"
+    volume.save(path, level=level)
+    chosen = volume.labels.ids[1::3]
+    part = pumice.open(path, labels=chosen)
+    np.testing.assert_array_equal(part.decode(), np.where(np.isin(labels, chosen), labels, 0))
+    np.testing.assert_array_equal(part.labels.ids, volume.labels.ids)
+    np.testing.assert_array_equal(part.labels.boxes > 0, np.isin(volume.labels.ids, chosen))
+    np.testing.assert_array_equal(part.contacts, volume.contacts)
+    assert volume.is_whole and not part.is_whole and part.content_hash == volume.content_hash
+    assert part.bytes_resident < volume.bytes_resident
+    # What is not there is neither saved, nor shown, nor chosen.
+    with pytest.raises(pumice.PumiceError, match="only chosen labels were read"):
+        part.save(tmp_path / "b.pumice")
+    assert not (tmp_path / "b.pumice").exists()
+    hidden = int(np.setdiff1d(volume.labels.ids, chosen)[0])
+    scene = pumice.figure(volume, labels=[hidden], size=(16, 16))
+    with pytest.raises(pumice.PumiceError, match=f"instances.0..style.show: label {hidden} was not read"):
+        pumice.render(scene, part, spp=1)
+    shown = pumice.figure(part, pick=1000, size=(16, 16)).to_dict()["instances"][0]["style"]["show"]["only"]
+    assert sorted(shown) == chosen.tolist()
+
+
+def test_labels_cannot_be_read_alone_from_other_files(volume, cortex, tmp_path):
+    volume.save(tmp_path / "a.pumice")
+    with pytest.raises(pumice.InputError, match="the volume has no label 251"):
+        pumice.open(tmp_path / "a.pumice", labels=[1, 251])
+    with pytest.raises(pumice.InputError, match="is no .pumice file"):
+        pumice.open(cortex, labels=[1])
+    with pytest.raises(pumice.InputError, match="labels: expected 0 to"):
+        pumice.open(tmp_path / "a.pumice", labels=[-1])
+
+
 def test_files_of_others(cortex):
     volume = pumice.open(cortex)
     assert volume.dims == (256, 256, 512) and volume.spacing == (32.0, 32.0, 40.0) and volume.unit == "nm"

@@ -148,10 +148,10 @@ pub trait Renderer: Send {
     }
 }
 
-/// Whether there is a volume for each instance of the scene and a mesh for each of its meshes.
+/// Whether there is a volume for each instance of the scene, with the labels that it shows, and a mesh for each of its meshes.
 ///
 /// # Errors
-/// [`RenderError::Scene`] with the counts.
+/// [`RenderError::Scene`] with the counts, or the label that was not read from its file.
 pub fn check_counts(
     scene: &Scene,
     volumes: &[Arc<CompressedVolume>],
@@ -164,6 +164,19 @@ pub fn check_counts(
         if expected != got {
             return Err(RenderError::Scene(format!(
                 "{list}: expected one {what} for each of {expected}, got {got}"
+            )));
+        }
+    }
+    for (i, (instance, volume)) in scene.instances.iter().zip(volumes).enumerate() {
+        if volume.is_whole() {
+            continue;
+        }
+        let (ids, show) = (volume.labels().ids(), &instance.style.show);
+        let shown = (0u32..).zip(show.among(ids)).filter(|(_, is_shown)| *is_shown);
+        if let Some((label, _)) = shown.into_iter().find(|(label, _)| !volume.holds(*label)) {
+            return Err(RenderError::Scene(format!(
+                "instances[{i}].style.show: label {} was not read from the volume's file; open it with this label too",
+                ids[label as usize]
             )));
         }
     }

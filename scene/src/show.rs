@@ -26,27 +26,35 @@ impl Show {
     /// [`SceneError::Field`] names the first id of [`Show::Only`] that the volume does not have: a figure that silently lacks a
     /// label is wrong.
     pub fn resolve(&self, field: &str, ids: &[u64]) -> Result<Vec<bool>, SceneError> {
-        let unless_named = self.visible_unless_named();
-        let mut visible = vec![unless_named; ids.len()];
-        for (i, id) in self.named().iter().enumerate() {
-            match ids.binary_search(id) {
-                Ok(dense) => visible[dense] = !unless_named,
-                Err(_) if unless_named => {}
-                Err(_) => {
-                    let problem = match (*id, ids) {
-                        (0, _) => "0 is the background, which is not drawn".into(),
-                        (id, [first, .., last]) => format!(
-                            "the volume has no label {id}; its {} labels are within {first} to {last}",
-                            ids.len()
-                        ),
-                        (id, [only]) => format!("the volume has no label {id}; its only label is {only}"),
-                        (id, []) => format!("the volume has no label {id}, nor any other"),
-                    };
-                    return Err(SceneError::Field { field: format!("{field}.only[{i}]"), problem });
+        if let Self::Only(named) = self {
+            for (i, &id) in named.iter().enumerate() {
+                if ids.binary_search(&id).is_ok() {
+                    continue;
                 }
+                let problem = match (id, ids) {
+                    (0, _) => "0 is the background, which is not drawn".into(),
+                    (id, [first, .., last]) => format!(
+                        "the volume has no label {id}; its {} labels are within {first} to {last}",
+                        ids.len()
+                    ),
+                    (id, [only]) => format!("the volume has no label {id}; its only label is {only}"),
+                    (id, []) => format!("the volume has no label {id}, nor any other"),
+                };
+                return Err(SceneError::Field { field: format!("{field}.only[{i}]"), problem });
             }
         }
-        Ok(visible)
+        Ok(self.among(ids))
+    }
+
+    /// Which of these labels are drawn, by place; `ids` rise. Ids that are not among them are passed over: what is to be read of a
+    /// volume before its scene is checked.
+    pub fn among(&self, ids: &[u64]) -> Vec<bool> {
+        let unless_named = self.visible_unless_named();
+        let mut visible = vec![unless_named; ids.len()];
+        for dense in self.named().iter().filter_map(|id| ids.binary_search(id).ok()) {
+            visible[dense] = !unless_named;
+        }
+        visible
     }
 
     /// The ids that are named, whichever way they are meant.

@@ -25,7 +25,7 @@ pub const DIAGONAL: f64 = 10.0;
 pub struct FigureOptions {
     /// Pixels across and down.
     pub size: [u32; 2],
-    /// Dense indices of the labels to show; `None` shows all.
+    /// Dense indices of the labels to show; `None` shows all that were read.
     pub labels: Option<Vec<u32>>,
     /// Direction from the subject to the camera in degrees: around the vertical axis, above the horizon.
     pub view_deg: [f64; 2],
@@ -43,10 +43,9 @@ pub fn compose(volume: &CompressedVolume, source: PathBuf, options: &FigureOptio
     // Bounding box of what is shown, in index space.
     let info = volume.info();
     let bounds = volume.label_bounds();
-    let shown: Vec<u32> = match &options.labels {
-        Some(labels) => labels.clone(),
-        None => (0..volume.labels().len() as u32).collect(),
-    };
+    let held = || (0..volume.labels().len() as u32).filter(|&label| volume.holds(label)).collect();
+    let chosen: Option<Vec<u32>> = options.labels.clone().or_else(|| (!volume.is_whole()).then(held));
+    let shown: Vec<u32> = chosen.clone().unwrap_or_else(held);
     let (mut lo, mut hi) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     for &label in &shown {
         let b = bounds[label as usize];
@@ -71,7 +70,7 @@ pub fn compose(volume: &CompressedVolume, source: PathBuf, options: &FigureOptio
 
     let [around, above] = options.view_deg.map(f64::to_radians);
     let toward_camera = DVec3::new(around.sin() * above.cos(), -around.cos() * above.cos(), above.sin());
-    let mut is_shown = vec![options.labels.is_none(); bounds.len()];
+    let mut is_shown = vec![chosen.is_none(); bounds.len()];
     for &label in &shown {
         is_shown[label as usize] = true;
     }
@@ -106,7 +105,7 @@ pub fn compose(volume: &CompressedVolume, source: PathBuf, options: &FigureOptio
             source,
             world_from_index,
             style: LabelStyle {
-                show: match &options.labels {
+                show: match &chosen {
                     Some(labels) => {
                         Show::Only(labels.iter().map(|&l| volume.labels().ids()[l as usize]).collect())
                     }

@@ -27,13 +27,14 @@ pub use error::SessionError;
 pub use file_info::{FileInfo, file_info};
 pub use live::{Frame, Live, LiveOptions, LiveState, Status};
 pub use measure::{Stopwatch, peak_rss_bytes};
-pub use open::{open_meshes, open_source, open_volume};
+pub use open::{open_chosen, open_labels, open_meshes, open_shown, open_source, open_volume};
 pub use progressive::{CurvePoint, Stop};
 pub use pumice_core::{Job, LabelType, Level, Verification};
 pub use pumice_formats::{ArrayAxes, OpenOptions, RawLayout};
 pub use pumice_scene::{Lod, Mode, ViewTransform};
 pub use render_file::{RenderFigures, RenderOverrides, RenderRequest, Rendered, Subject, render_file};
 pub use savings::{
-    NeedsOptions, NeedsScene, Savings, SavingsOptions, measure_needs, measure_savings, write_needs,
+    NeedsOptions, NeedsScene, OpeningSaved, Savings, SavingsOptions, measure_needs, measure_savings,
+    write_needs,
 };
 pub use stability::{Beside, Case, Stability, measure_stability};

@@ -1,14 +1,15 @@
 //! Opening whatever holds a volume: a `.pumice` file as it is, a label volume of others by compressing it in memory.
 
+use std::collections::BTreeMap;
 use std::io::Read;
 use std::path::Path;
 use std::sync::Arc;
 
-use pumice_core::{BlockSource, CompressOptions, CompressedVolume, Job, MeshData};
+use pumice_core::{BlockSource, CompressOptions, CompressedVolume, Job, LabelTable, MeshData};
 use pumice_formats::OpenOptions;
-use pumice_scene::Scene;
+use pumice_scene::{Scene, Show};
 
-use crate::error::{Result, io};
+use crate::error::{Result, SessionError, io};
 
 /// Whether a file begins as `.pumice` files do.
 ///
@@ -40,6 +41,79 @@ pub fn open_volume(path: &Path, reading: &OpenOptions, job: &Job) -> Result<Arc<
     }
     let mut source = pumice_formats::open(path, reading)?;
     Ok(Arc::new(compress_source(source.as_mut(), &CompressOptions::default(), job)?))
+}
+
+/// Opens the volumes of a scene, in its order: each file once, and of a `.pumice` file only the labels that the scene shows of it,
+/// or those of `instead` where that is given.
+///
+/// # Errors
+/// As [`open_volume`].
+pub fn open_shown(
+    scene: &Scene,
+    instead: Option<&Show>,
+    reading: &OpenOptions,
+    job: &Job,
+) -> Result<Vec<Arc<CompressedVolume>>> {
+    let mut opened: BTreeMap<&Path, Arc<CompressedVolume>> = BTreeMap::new();
+    let mut volumes = Vec::with_capacity(scene.instances.len());
+    for instance in &scene.instances {
+        let path = instance.source.as_path();
+        let volume = match opened.get(path) {
+            Some(volume) => Arc::clone(volume),
+            None => {
+                let of_file = scene.instances.iter().filter(|i| i.source == path);
+                let shows: Vec<&Show> = match instead {
+                    Some(show) => vec![show],
+                    None => of_file.map(|i| &i.style.show).collect(),
+                };
+                let volume = open_chosen(path, &shows, reading, job)?;
+                opened.insert(path, Arc::clone(&volume));
+                volume
+            }
+        };
+        volumes.push(volume);
+    }
+    Ok(volumes)
+}
+
+/// Opens a volume with the labels that any of `shows` draws: those alone where that is not all of them and it is a `.pumice` file.
+///
+/// # Errors
+/// As [`open_volume`].
+pub fn open_chosen(
+    path: &Path,
+    shows: &[&Show],
+    reading: &OpenOptions,
+    job: &Job,
+) -> Result<Arc<CompressedVolume>> {
+    if shows.contains(&&Show::All) || !is_pumice_file(path)? {
+        return open_volume(path, reading, job);
+    }
+    let choose = |labels: &LabelTable| {
+        let mut chosen = vec![false; labels.len()];
+        for show in shows {
+            chosen.iter_mut().zip(show.among(labels.ids())).for_each(|(chosen, shown)| *chosen |= shown);
+        }
+        chosen
+    };
+    Ok(Arc::new(CompressedVolume::open_labels(path, choose, job)?))
+}
+
+/// Opens these labels of a `.pumice` file.
+///
+/// # Errors
+/// As [`open_volume`]; an id that the volume does not have; another format, which has to be read whole.
+pub fn open_labels(path: &Path, ids: &[u64], job: &Job) -> Result<Arc<CompressedVolume>> {
+    if !is_pumice_file(path)? {
+        let path = path.display();
+        return Err(SessionError::Caller(format!(
+            "labels: {path} is no .pumice file, and only of those labels are read alone"
+        )));
+    }
+    let show = Show::Only(ids.to_vec());
+    let volume = open_chosen(path, &[&show], &OpenOptions::default(), job)?;
+    show.resolve("labels", volume.labels().ids()).map_err(|e| SessionError::Caller(e.to_string()))?;
+    Ok(volume)
 }
 
 /// A label volume as blocks; a `.pumice` file is none.

@@ -17,9 +17,9 @@ use crate::backend::make_renderer;
 use crate::error::{Result, SessionError};
 use crate::figure::{FigureOptions, compose};
 use crate::measure::{Stopwatch, peak_rss_bytes};
-use crate::open::{open_meshes, open_volume};
+use crate::open::{open_chosen, open_meshes, open_shown};
 use crate::progressive::{CurvePoint, Stop, render_until};
-use crate::savings::{Savings, SavingsOptions, measure_savings};
+use crate::savings::{OpeningSaved, Savings, SavingsOptions, measure_opening, measure_savings};
 use crate::selection::select_labels;
 
 /// Samples that every pixel gets before it may rest, where nobody says.
@@ -103,6 +103,11 @@ pub struct RenderFigures {
     pub seconds: f64,
     /// CPU seconds of rendering.
     pub cpu_seconds: f64,
+    /// Wall and CPU seconds of opening the volumes and meshes, where that was part of the work.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub opening_seconds: Option<[f64; 2]>,
+    /// Bytes of the volumes in memory by part: of the labels that were read, and each volume once.
+    pub volume_bytes: BTreeMap<&'static str, u64>,
     /// Wall and CPU seconds of building the acceleration structures and tables.
     pub prepare_seconds: [f64; 2],
     /// Largest memory of the process so far; absent where the system does not tell.
@@ -158,7 +163,9 @@ pub fn render_file(
     check_folder(&request.out)?;
     make_renderer(&request.backend)?;
 
+    let clock = Stopwatch::start();
     let Prepared { mut scene, volumes, meshes, stop, backend } = prepare(request, job)?;
+    let opening_seconds = [clock.seconds(), clock.cpu_seconds()];
     // Passes that are named are made; `all` means those that the scene asks for, and what every picture has.
     if request.passes != ["all"] {
         scene.film.passes = scene.film.passes.or(passes);
@@ -169,12 +176,14 @@ pub fn render_file(
     let mut render = || -> Result<Rendered> {
         let mut rendered =
             render_scene(&scene, &volumes, &meshes, &backend, &stop, job, &mut |point| watch(&stop, point))?;
+        rendered.figures.opening_seconds = Some(opening_seconds);
         if request.explain {
             // By what drew: `auto` may have gone on with another way.
             let drew = if backend == "auto" { rendered.figures.backend.clone() } else { backend.clone() };
+            let (opening, volumes) = measure_openings(&scene, &volumes, &request.reading, job)?;
             let quick = SavingsOptions::QUICK;
-            rendered.figures.savings =
-                Some(measure_savings(&scene, &volumes, &meshes, &drew, &quick, job, &mut |_| {})?);
+            let measured = measure_savings(&scene, &volumes, &meshes, &drew, &quick, job, &mut |_| {})?;
+            rendered.figures.savings = Some(Savings { opening, ..measured });
         }
         Ok(rendered)
     };
@@ -184,6 +193,34 @@ pub fn render_file(
     };
     format.write(&request.out, &rendered.picture, &passes)?;
     Ok(rendered)
+}
+
+/// What it saved to read only the labels that are shown; the same volumes with all labels.
+fn measure_openings(
+    scene: &Scene,
+    volumes: &[Arc<CompressedVolume>],
+    reading: &OpenOptions,
+    job: &Job,
+) -> Result<(Vec<OpeningSaved>, Vec<Arc<CompressedVolume>>)> {
+    let mut saved = Vec::new();
+    let mut whole: BTreeMap<&Path, Arc<CompressedVolume>> = BTreeMap::new();
+    for (instance, volume) in scene.instances.iter().zip(volumes) {
+        let path = instance.source.as_path();
+        if volume.is_whole() || whole.contains_key(path) {
+            continue;
+        }
+        let of_file = scene.instances.iter().filter(|i| i.source == path);
+        let shows: Vec<&Show> = of_file.map(|i| &i.style.show).collect();
+        let (one, volume) = measure_opening(path, &shows, reading, SavingsOptions::QUICK.rounds, job)?;
+        saved.push(one);
+        whole.insert(path, volume);
+    }
+    let volumes = scene
+        .instances
+        .iter()
+        .zip(volumes)
+        .map(|(instance, volume)| Arc::clone(whole.get(instance.source.as_path()).unwrap_or(volume)));
+    Ok((saved, volumes.collect()))
 }
 
 struct Prepared {
@@ -196,9 +233,8 @@ struct Prepared {
 
 /// Reads the subject and makes a scene with its volumes of it.
 fn prepare(request: &RenderRequest, job: &Job) -> Result<Prepared> {
-    let open_all = |scene: &Scene| -> Result<Vec<Arc<CompressedVolume>>> {
-        scene.instances.iter().map(|i| open_volume(&i.source, &request.reading, job)).collect()
-    };
+    let instead = request.overrides.labels.clone().map(Show::Only);
+    let open_all = |scene: &Scene| open_shown(scene, instead.as_ref(), &request.reading, job);
     let (mut scene, volumes, meshes, stop, backend) = match &request.subject {
         Subject::Again(picture) => {
             let made = read_provenance(picture)?.ok_or_else(|| {
@@ -229,7 +265,9 @@ fn prepare(request: &RenderRequest, job: &Job) -> Result<Prepared> {
             (scene, volumes, meshes, request.stop, request.backend.clone())
         }
         Subject::File(path) => {
-            let volume = open_volume(path, &request.reading, job)?;
+            // Labels that are chosen by their shape are chosen among all.
+            let shows = instead.as_ref().unwrap_or(&Show::All);
+            let volume = open_chosen(path, &[shows], &request.reading, job)?;
             let options = FigureOptions {
                 size: request.overrides.size.unwrap_or([960, 540]),
                 labels: request.overrides.pick.map(|n| select_labels(&volume, n)),
@@ -398,6 +436,8 @@ pub fn render_scene(
             notices,
             seconds: last.seconds,
             cpu_seconds: last.cpu_seconds,
+            opening_seconds: None,
+            volume_bytes: volume_bytes(volumes),
             prepare_seconds,
             peak_rss_bytes: peak_rss_bytes(),
             acceleration_bytes,
@@ -410,6 +450,20 @@ pub fn render_scene(
         },
         explanation,
     })
+}
+
+/// Bytes in memory by part, each volume once.
+fn volume_bytes(volumes: &[Arc<CompressedVolume>]) -> BTreeMap<&'static str, u64> {
+    let mut bytes = BTreeMap::new();
+    for (i, volume) in volumes.iter().enumerate() {
+        if volumes[..i].iter().any(|v| Arc::ptr_eq(v, volume)) {
+            continue;
+        }
+        for (part, more) in volume.resident_parts() {
+            *bytes.entry(part).or_default() += more;
+        }
+    }
+    bytes
 }
 
 /// Content hash of a volume as pictures carry it.

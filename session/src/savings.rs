@@ -1,6 +1,7 @@
 //! What it saves to leave out what a scene does not need: measured by running both ways, in turn, and never computed.
 //!
 //! ```text
+//! each file of which not all labels are shown    opened for these alone, whole, whole, for these alone, …
 //! for each part that is spare, and at last for all of them together:
 //!     rounds of building       left out, put in, put in, left out, …      milliseconds of `set_scene`, each with a new renderer
 //!     the last two renderers   bytes by part; the first sample, with what is compiled for it
@@ -10,6 +11,7 @@
 //! Milliseconds are the process's own (user and system, all threads), so that other programs disturb little. What is saved is the
 //! median of the rounds' differences; where their quartiles have 0 between them, nothing can be said but that.
 
+mod opening;
 mod tables;
 
 use std::collections::BTreeMap;
@@ -26,6 +28,7 @@ use crate::error::Result;
 use crate::measure::Stopwatch;
 use crate::stability::Beside;
 
+pub use opening::{OpeningSaved, measure_opening};
 pub use tables::{NeedsOptions, NeedsScene, measure_needs, write_needs};
 
 /// How much is done for it.
@@ -126,6 +129,8 @@ pub struct Savings {
     pub size: [u32; 2],
     /// Rounds.
     pub rounds: u32,
+    /// File by file, where the scene's volumes were read for the labels that it shows.
+    pub opening: Vec<OpeningSaved>,
     /// Part by part, then all together.
     pub savings: Vec<Saving>,
     /// Parts that the scene does not need and that this backend has nothing to leave out for, with the reason.
@@ -141,6 +146,7 @@ impl Savings {
              medians and quartiles:",
             self.backend, self.device, self.rounds
         )];
+        lines.extend(self.opening.iter().map(OpeningSaved::line));
         for s in &self.savings {
             let ms =
                 |b: &Both| format!("{:.2} ms ({:.2} to {:.2})", b.saved.median, b.saved.low, b.saved.high);
@@ -224,9 +230,24 @@ pub fn measure_savings(
         device: asked.device().to_owned(),
         size: [scene.film.width, scene.film.height],
         rounds: ways.rounds,
+        opening: Vec::new(),
         savings,
         always_there,
     })
+}
+
+/// Both ways, in turn: ABBA. `one` is asked with what can be left out put in or not, and the round.
+fn in_turn<T>(rounds: u32, job: &Job, mut one: impl FnMut(bool, u32) -> Result<T>) -> Result<[Vec<T>; 2]> {
+    let [mut without, mut with] = [Vec::new(), Vec::new()];
+    for round in 0..rounds {
+        job.check()?;
+        let first = round % 2 == 1;
+        for put_in in [first, !first] {
+            let found = one(put_in, round)?;
+            if put_in { with.push(found) } else { without.push(found) }
+        }
+    }
+    Ok([without, with])
 }
 
 /// A scene, to be drawn both ways.
@@ -256,23 +277,9 @@ impl Ways<'_> {
         Ok(1e3 * clock.cpu_seconds())
     }
 
-    /// Both ways, in turn: ABBA.
-    fn rounds<T>(&self, mut one: impl FnMut(bool, u32) -> Result<T>) -> Result<[Vec<T>; 2]> {
-        let [mut without, mut with] = [Vec::new(), Vec::new()];
-        for round in 0..self.rounds {
-            self.job.check()?;
-            let first = round % 2 == 1;
-            for put_in in [first, !first] {
-                let found = one(put_in, round)?;
-                if put_in { with.push(found) } else { without.push(found) }
-            }
-        }
-        Ok([without, with])
-    }
-
     fn measure(&self, spare: Spare) -> Result<Saving> {
         let mut last = [None, None];
-        let built = self.rounds(|put_in, _| {
+        let built = in_turn(self.rounds, self.job, |put_in, _| {
             let (renderer, ms) = self.built(if put_in { spare } else { Spare::NONE })?;
             last[usize::from(put_in)] = Some(renderer);
             Ok(ms)
@@ -291,8 +298,9 @@ impl Ways<'_> {
         for (ms, renderer) in first_ms.iter_mut().zip(&mut renderers) {
             *ms = self.sample(renderer, 1)?;
         }
-        let [without, with] =
-            self.rounds(|put_in, round| self.sample(&mut renderers[usize::from(put_in)], 2 + round))?;
+        let [without, with] = in_turn(self.rounds, self.job, |put_in, round| {
+            self.sample(&mut renderers[usize::from(put_in)], 2 + round)
+        })?;
 
         let mut bytes: BTreeMap<&'static str, [u64; 2]> = BTreeMap::new();
         for (way, renderer) in renderers.iter().enumerate() {

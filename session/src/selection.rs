@@ -14,7 +14,8 @@ pub const GIANT_SHARE: f64 = 0.01;
 /// some hundreds.
 pub const SPECK_SHARE: f64 = 2e-4;
 
-/// The `count` labels that make the best figure, by dense index, best first; fewer where the volume has fewer.
+/// The `count` labels that make the best figure, by dense index, best first; fewer where the volume has fewer. Of those that were
+/// read from its file.
 pub fn select_labels(volume: &CompressedVolume, count: usize) -> Vec<u32> {
     let bounds = volume.label_bounds();
     let all = volume.info().voxels() as f64;
@@ -26,7 +27,7 @@ pub fn select_labels(volume: &CompressedVolume, count: usize) -> Vec<u32> {
     let share = |label: u32| volume.labels().voxels()[label as usize] as f64 / all;
     // Giants and specks come last: an organ atlas or a handful of cells has nothing else, and who asks for n labels gets n.
     let thing = |label: u32| (SPECK_SHARE..GIANT_SHARE).contains(&share(label));
-    let mut labels: Vec<u32> = (0..volume.labels().len() as u32).collect();
+    let mut labels: Vec<u32> = (0..volume.labels().len() as u32).filter(|&l| volume.holds(l)).collect();
     labels.sort_by(|&a, &b| thing(b).cmp(&thing(a)).then(reach(b).total_cmp(&reach(a))).then(a.cmp(&b)));
     labels.truncate(count);
     labels

@@ -27,6 +27,36 @@ def test_explain_measures_what_is_left_out(pumice, data, tmp_path):
     assert "saved" not in said and "savings" not in json.loads((tmp_path / "o.json").read_text())
 
 
+def test_labels_that_are_not_shown_are_not_read(pumice, data, tmp_path):
+    """The same picture from the labels that are shown alone as from the whole volume, at less memory; `--explain` measures it."""
+    for level in ("fast", "default"):
+        volume = tmp_path / f"{level}.pumice"
+        run(pumice, "compress", data / "platynereis_nuclei.tif", "-o", volume, "--level", level).fine()
+        args = ["--size", "48x32", "--spp", 2, "--backend", "cpu"]
+        scene, picture, report = tmp_path / "s.json", tmp_path / "a.exr", tmp_path / "a.json"
+        some = ["--labels", "3,7,12"]
+        said = run(pumice, "render", volume, "-o", picture, *args, *some, "--save-scene", scene, "--explain", "--json", report).fine()
+        part = json.loads(report.read_text())
+        (opening,) = part["savings"]["opening"]
+        assert opening["labels"] == [3, 33] and opening["file"] == f"{level}.pumice"
+        assert f"saved by reading 3 of 33 labels of {level}.pumice: {opening['bytes'][1] - opening['bytes'][0]} of {opening['bytes'][1]} bytes; " in said
+        assert sum(part["volume_bytes"].values()) == opening["bytes"][0] < opening["bytes"][1] / 2
+        assert len(part["opening_seconds"]) == 2
+        # A tif is compressed whole, and draws the same; so does the scene, and the picture again.
+        whole, again = tmp_path / "w.exr", tmp_path / "b.exr"
+        run(pumice, "render", data / "platynereis_nuclei.tif", "-o", whole, *args, *some, "--json", report).fine()
+        assert sum(json.loads(report.read_text())["volume_bytes"].values()) == opening["bytes"][1]
+        for made in ([scene, *args], ["--again", picture]):
+            run(pumice, "render", *made, "-o", again).fine()
+            for other in (again, whole):
+                said = run(pumice, "compare", picture, other, "--json", "-").fine()
+                assert json.loads(said)["rel_mse"] == 0
+        # Another choice of labels than the scene's is read instead.
+        run(pumice, "render", scene, "-o", again, *args, "--labels", "5").fine()
+        line = run(pumice, "render", volume, "-o", again, *args, "--labels", "5,77").refused()
+        assert "no label 77" in line
+
+
 def test_bench_needs_writes_both_tables(pumice, data, tmp_path):
     out = tmp_path / "out"
     args = ["--backend", "cpu", "--show", 2, "--rounds", 2, "--side", 32, "--out", out]
@@ -39,7 +69,12 @@ def test_bench_needs_writes_both_tables(pumice, data, tmp_path):
     assert [r["scene"] for r in hidden] == ["2 of 33 labels, matte, under an even sky"]
     assert int(hidden[0]["bytes_with"]) > int(hidden[0]["bytes_without"])
     page = (out / "needs.md").read_text()
-    assert page.count("| all of it together |") == 2 and "files are read whole" in page
+    assert page.count("| all of it together |") == 2
+    openings = list(csv.DictReader((out / "needs-opening.csv").open()))
+    assert [row["level"] for row in openings] == ["default", "fast"]
+    for row in openings:
+        assert (row["labels_shown"], row["labels"]) == ("2", "33") and int(row["bytes_shown"]) < int(row["bytes"])
+        assert f"| {row['level']} | {row['bytes']} | {row['bytes_shown']} | " in page
     for bad in (["--rounds", 1], ["--show", 0], ["--side", 3], ["--backend", "abacus"]):
         done = run(pumice, "bench", "needs", data / "platynereis_nuclei.tif", *args[:-2], "--out", tmp_path / "no", *bad)
         assert done.code == 2 and not (tmp_path / "no").exists(), done

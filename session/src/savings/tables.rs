@@ -3,15 +3,14 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use pumice_core::{CompressedVolume, Job};
+use pumice_core::{CompressedVolume, Job, Level};
 use pumice_formats::OpenOptions;
-use pumice_scene::{Environment, Material, Scene, World};
+use pumice_scene::{Environment, Material, Scene, Show, World};
 use serde::Serialize;
 
-use super::{Both, Savings, SavingsOptions, measure_savings};
+use super::{Both, OpeningSaved, Savings, SavingsOptions, Spread, measure_opening, measure_savings};
 use crate::error::{Result, io};
 use crate::figure::{FigureOptions, compose};
-use crate::measure::Stopwatch;
 use crate::open::open_volume;
 use crate::selection::select_labels;
 
@@ -35,8 +34,8 @@ pub struct NeedsScene {
     pub volume: String,
     /// What it shows.
     pub scene: String,
-    /// Milliseconds (CPU) of opening the file, and what the volume takes in memory then: of all labels, for files are read whole.
-    pub opening: (f64, u64),
+    /// Opening it as a file of each level, for the labels that are shown; empty where all are.
+    pub opening: Vec<(&'static str, OpeningSaved)>,
     /// Figures.
     pub savings: Savings,
 }
@@ -50,9 +49,7 @@ pub fn measure_needs(
     job: &Job,
     watch: &mut dyn FnMut(&str),
 ) -> Result<Vec<NeedsScene>> {
-    let clock = Stopwatch::start();
     let volume = open_volume(&options.volume, &OpenOptions::default(), job)?;
-    let opening = (1e3 * clock.cpu_seconds(), volume.resident_parts().into_iter().map(|(_, b)| b).sum());
     let all = volume.labels().len();
     let chosen = select_labels(&volume, options.show);
     let mut scenes = Vec::new();
@@ -63,6 +60,9 @@ pub fn measure_needs(
         let scene = minimal(&volume, labels, options.how.side);
         let mut told = |part: &str| watch(&format!("{name}: {part}"));
         let volumes = [Arc::clone(&volume)];
+        let show = &scene.instances[0].style.show;
+        let opening =
+            if *show == Show::All { Vec::new() } else { openings(&volume, show, &options.how, job)? };
         let savings = measure_savings(&scene, &volumes, &[], &options.backend, &options.how, job, &mut told)?;
         let file = options.volume.file_name().unwrap_or(options.volume.as_os_str());
         scenes.push(NeedsScene {
@@ -73,6 +73,24 @@ pub fn measure_needs(
         });
     }
     Ok(scenes)
+}
+
+/// Opens the volume as a file of each level that opens differently.
+fn openings(
+    volume: &CompressedVolume,
+    show: &Show,
+    how: &SavingsOptions,
+    job: &Job,
+) -> Result<Vec<(&'static str, OpeningSaved)>> {
+    let temporary = std::env::temp_dir();
+    let folder = tempfile::tempdir_in(&temporary).map_err(io(&temporary))?;
+    let mut openings = Vec::new();
+    for (name, level) in [("default", Level::Default), ("fast", Level::Fast)] {
+        let path = folder.path().join(format!("{name}.pumice"));
+        volume.save(&path, level, job)?;
+        openings.push((name, measure_opening(&path, &[show], &OpenOptions::default(), how.rounds, job)?.0));
+    }
+    Ok(openings)
 }
 
 /// A figure without all that can be left out.
@@ -91,13 +109,17 @@ fn minimal(volume: &CompressedVolume, labels: Option<Vec<u32>>, side: u32) -> Sc
     scene
 }
 
-/// Writes `needs.csv` and `needs.md`; `machine` describes what they were measured on.
+/// Writes `needs.csv`, `needs-opening.csv` and `needs.md`; `machine` describes what they were measured on.
 ///
 /// # Errors
 /// When the folder or a file cannot be written.
 pub fn write_needs(folder: &Path, machine: &str, scenes: &[NeedsScene]) -> Result<()> {
     std::fs::create_dir_all(folder).map_err(io(folder))?;
-    for (name, text) in [("needs.csv", csv(scenes)), ("needs.md", markdown(machine, scenes))] {
+    for (name, text) in [
+        ("needs.csv", csv(scenes)),
+        ("needs-opening.csv", csv_of_openings(scenes)),
+        ("needs.md", markdown(machine, scenes)),
+    ] {
         let path = folder.join(name);
         std::fs::write(&path, text).map_err(io(&path))?;
     }
@@ -144,6 +166,19 @@ fn csv(scenes: &[NeedsScene]) -> String {
     text
 }
 
+fn csv_of_openings(scenes: &[NeedsScene]) -> String {
+    let mut text = "volume,level,labels_shown,labels,bytes_shown,bytes,ms_shown_low,ms_shown,ms_shown_high,\
+                    ms_low,ms,ms_high,ms_saved_low,ms_saved,ms_saved_high\n"
+        .to_owned();
+    for (scene, (level, one)) in scenes.iter().flat_map(|s| s.opening.iter().map(move |o| (s, o))) {
+        let ([shown, all], [without, with]) = (one.labels, one.bytes);
+        let three = [one.ms.without, one.ms.with, one.ms.saved];
+        let ms = three.map(|s| format!("{:.4},{:.4},{:.4}", s.low, s.median, s.high)).join(",");
+        text += &format!("{},{level},{shown},{all},{without},{with},{ms}\n", scene.volume);
+    }
+    text
+}
+
 fn markdown(machine: &str, scenes: &[NeedsScene]) -> String {
     let mut text = format!(
         "# needs\n\n{machine}\n\nWhat a scene does not need, left out and put in in turn (ABBA). Milliseconds are the process's own \
@@ -152,13 +187,22 @@ fn markdown(machine: &str, scenes: &[NeedsScene]) -> String {
     );
     for s in scenes {
         let all = &s.savings;
-        let (opening_ms, resident) = s.opening;
+        text += &format!("\n## {}: {}, {} on {}\n\n", s.volume, s.scene, all.backend, all.device);
+        if !s.opening.is_empty() {
+            text += "| file, by its level | bytes in memory, all labels | those shown | opening, all labels, ms | those shown, ms |\n\
+                     | --- | --- | --- | --- | --- |\n";
+        }
+        for (level, one) in &s.opening {
+            let spread = |s: Spread| format!("{:.2} ({:.2} to {:.2})", s.median, s.low, s.high);
+            let ([without, with], ms) = (one.bytes, one.ms);
+            text +=
+                &format!("| {level} | {with} | {without} | {} | {} |\n", spread(ms.with), spread(ms.without));
+        }
         text += &format!(
-            "\n## {}: {}, {} on {}\n\nOpening the file: {opening_ms:.0} ms, {resident} bytes in memory, whatever is shown: files are read \
-             whole. {} rounds, {} × {} pixels.\n\n\
+            "\n{} rounds, {} × {} pixels.\n\n\
              | left out | bytes with it | bytes saved | building with it, ms | saved, ms | first sample, saved, ms | \
              a sample with it, ms | saved, ms |\n| --- | --- | --- | --- | --- | --- | --- | --- |\n",
-            s.volume, s.scene, all.backend, all.device, all.rounds, all.size[0], all.size[1]
+            all.rounds, all.size[0], all.size[1]
         );
         for one in &all.savings {
             let with: u64 = one.bytes.values().map(|[_, with]| with).sum();
