@@ -9,7 +9,7 @@ ADAPTIVE = True
 SMOOTH_VOXELS = False
 MESHES = True
 SHADOW_CATCHER = False
-SMOOTH_MESHES = False
+SMOOTH_MESHES = True
 CUTS = True
 # Passes of a picture, and whether a scene must ask for them.
 PASSES = frozenset(

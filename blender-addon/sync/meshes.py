@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Ordinary objects as triangle meshes of the scene: meshes, curves, surfaces, texts, metaballs, with their modifiers.
 
-    geometry    evaluated triangles, read once and kept until Blender says that they changed; objects that share data share it
+    geometry    evaluated triangles, and where they are smooth the normals of their corners, read once and kept until Blender says
+                that they changed; objects that share data share it
     place       the instance's matrix
     materials   of the object's slots, in order: a triangle names its slot
 
@@ -36,9 +37,10 @@ class Geometries:
     """Triangles by what they are of."""
 
     def __init__(self, make=None):
-        """`make` takes corners, triangles and material indices; by default it is the compiled module's `Mesh`."""
+        """`make` takes corners, triangles, material indices and, where the mesh is smooth, `normals` of the triangles' corners; by
+        default it is the compiled module's `Mesh`."""
         self._kept, self._seen = {}, set()
-        self._make = make or (lambda *arrays: native.require().Mesh(*arrays))
+        self._make = make or (lambda *arrays, **more: native.require().Mesh(*arrays, **more))
         self.reads = 0
 
     def begin(self, depsgraph):
@@ -126,13 +128,25 @@ def _read(obj, make):
         mesh.loop_triangles.foreach_get("vertices", corners)
         slots = np.empty(count, dtype=np.int32)
         mesh.loop_triangles.foreach_get("material_index", slots)
+        is_smooth = _is_smooth(mesh)
+        more = {"normals": _normals(mesh, count)} if is_smooth and drawn.SMOOTH_MESHES else {}
         made = make(
-            positions.reshape(-1, 3), corners.reshape(-1, 3).view(np.uint32), np.maximum(slots, 0).view(np.uint32)
+            positions.reshape(-1, 3), corners.reshape(-1, 3).view(np.uint32), np.maximum(slots, 0).view(np.uint32), **more
         )
-        return Geometry(made, _is_smooth(mesh))
+        return Geometry(made, is_smooth)
     finally:
         if not of_curve:
             obj.to_mesh_clear()
+
+
+def _normals(mesh, count):
+    """(triangles, 3, 3): normals of the triangles' corners, sharp edges and custom normals heeded."""
+    at_corners = np.empty(3 * len(mesh.loops), dtype=np.float32)
+    mesh.corner_normals.foreach_get("vector", at_corners)
+    corners = np.empty(3 * count, dtype=np.int32)
+    mesh.loop_triangles.foreach_get("loops", corners)
+    # What Blender could not tell is a normal that says nothing.
+    return np.nan_to_num(at_corners).reshape(-1, 3)[corners].reshape(-1, 3, 3)
 
 
 def _is_smooth(mesh):

@@ -119,8 +119,8 @@ class Module:
     class Mesh:
         """Keeps the arrays."""
 
-        def __init__(self, positions, triangles, materials=None):
-            self.positions, self.triangles, self.materials = positions, triangles, materials
+        def __init__(self, positions, triangles, materials=None, *, normals=None):
+            self.positions, self.triangles, self.materials, self.normals = positions, triangles, materials, normals
 
     class Scene:
         def __init__(self, value):

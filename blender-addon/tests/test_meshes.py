@@ -248,6 +248,52 @@ def test_smooth_shading_is_named_where_it_is_not_drawn(blender, stage, drawn, mo
     assert len(stage()[1]) == 1, "a smooth plane is flat"
 
 
+def test_smooth_shading_is_blenders_normals(blender, stage, drawn, tmp_path):
+    """Vertices in the open, an edge that is sharp, normals of its own: each triangle's corners have what Blender says there."""
+    assert drawn.SMOOTH_MESHES
+    mesh = quad(blender)
+    added(blender, mesh, "round")
+    of = lambda parts: next(iter(parts.meshes.values())).geometry  # noqa: E731
+    assert of(stage()[0]).normals is None
+    mesh.shade_smooth()
+    mesh.update()
+    parts, left_out = stage()
+    assert left_out == []
+    smooth = of(parts)
+    # Both faces meet at corners 0 and 1: the angles there are half a turn's quarter each; the face stands upright on the floor.
+    both = np.array([0, -1, 1]) / np.sqrt(2)
+    expected = {2: (0, 0, 1), 3: (0, 0, 1), 4: (0, -1, 0), 0: both}
+    for triangle, normals in zip(smooth.triangles, smooth.normals, strict=True):
+        for corner, normal in zip(triangle, normals, strict=True):
+            if int(corner) in expected:
+                np.testing.assert_allclose(normal, expected[int(corner)], atol=1e-4)
+    edge = next(e for e in mesh.edges if set(e.vertices) == {0, 1})
+    edge.use_edge_sharp = True
+    mesh.update()
+    sharp = of(stage()[0])
+    assert sharp is not smooth and sharp.normals is None, "two faces, each with its own normal: flat"
+
+    # Normals of its own, and the file: as many vertices as there are pairs of corner and normal.
+    edge.use_edge_sharp = False
+    own = np.array([[0.1 * i, 0.2, 1.0] for i in range(7)], dtype=np.float32)
+    own /= np.linalg.norm(own, axis=1)[:, None]
+    mesh.normals_split_custom_set(own.tolist())
+    mesh.update()
+    geometry = of(stage()[0])
+    loops = np.array([loop for t in mesh.loop_triangles for loop in t.loops])
+    np.testing.assert_allclose(geometry.normals.reshape(-1, 3), own[loops], atol=1e-3)
+    module = stage.load("mesh_file")
+    arrays = module.Arrays(geometry.positions, geometry.triangles, geometry.materials, geometry.normals)
+    module.write(tmp_path / "a.ply", arrays)
+    raw = (tmp_path / "a.ply").read_bytes()
+    header, _, body = raw.partition(b"end_header\n")
+    assert b"element vertex 7\n" in header and header.index(b"property float z") < header.index(b"property float nx")
+    rows = np.frombuffer(body[: 7 * 24], dtype="<f4").reshape(7, 6)
+    faces = np.frombuffer(body[7 * 24 :], dtype=[("count", "u1"), ("corners", "<u4", 3), ("material", "<u4")])
+    np.testing.assert_array_equal(rows[faces["corners"]][..., 3:], geometry.normals)
+    np.testing.assert_array_equal(rows[faces["corners"]][..., :3], geometry.positions[geometry.triangles])
+
+
 def test_cuts_are_what_their_objects_show(blender, stage):
     turned = Matrix.LocRotScale(Vector((1, 2, 3)), Matrix.Rotation(0.7, 3, "X").to_quaternion(), Vector((1.5, 2.0, -0.5)))
     empty = added(blender, None, "box", empty_display_type="CUBE", empty_display_size=0.7, matrix_world=turned)

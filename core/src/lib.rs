@@ -28,6 +28,7 @@ pub mod label_table;
 pub mod mesh;
 pub mod morton;
 pub mod node;
+pub mod octahedral;
 pub mod part;
 mod scan;
 mod store;

@@ -1,9 +1,15 @@
 //! A triangle mesh as plain data: where its corners are, which three make a triangle, which material each triangle has.
 //!
-//! A mesh stands beside volumes in a scene and is no volume: nothing here is compressed. Whoever reads a mesh file fills
+//! A mesh stands beside volumes in a scene and is no volume: nothing here is compressed but normals. Whoever reads a mesh file fills
 //! [`MeshData::new`]; what it lets through, renderers may index and compute with unasked.
+//!
+//! **Normals**, of meshes that are shaded smooth, are words of 32 bits, one for each corner of each triangle; [`crate::octahedral`]
+//! says what is in them. A mesh that is flat everywhere has none. So an edge may be sharp on one side alone, and twelve bytes a
+//! triangle are all that smoothness costs.
 
 use xxhash_rust::xxh3::Xxh3;
+
+use crate::octahedral;
 
 /// Most triangles, and most corners: numbers above are kept for marks.
 pub const MAX_TRIANGLES: usize = 1 << 31;
@@ -37,6 +43,24 @@ pub enum MeshError {
         /// Number of materials.
         materials: usize,
     },
+    /// Not one normal for each place that has one.
+    #[error("expected a normal for each of {places} {what}, got {normals}")]
+    Normals {
+        /// Corners of the mesh, or of its triangles.
+        what: &'static str,
+        /// How many there are.
+        places: usize,
+        /// Number of normals.
+        normals: usize,
+    },
+    /// A normal is NaN or infinite.
+    #[error("normal {number}: expected finite numbers, got {normal:?}")]
+    NormalNotFinite {
+        /// Which.
+        number: usize,
+        /// What was given.
+        normal: [f32; 3],
+    },
     /// More than numbers can name.
     #[error("{what}: {got} are more than the limit of 2^31")]
     TooMany {
@@ -53,7 +77,13 @@ pub struct MeshData {
     positions: Vec<[f64; 3]>,
     triangles: Vec<[u32; 3]>,
     materials: Vec<u32>,
+    /// Of each triangle's corners; empty where all is flat.
+    normals: Vec<[u32; 3]>,
 }
+
+/// A corner nearer to its triangle's own normal than this is flat: single precision turns normals by less, and so do words. Cosine of
+/// 1e-4 rad.
+const FLAT_COSINE: f64 = 1.0 - 5e-9;
 
 impl MeshData {
     /// A mesh of corners in its own space, triangles that name three of them each (counterclockwise as seen from outside), and a
@@ -83,7 +113,71 @@ impl MeshData {
         if !materials.is_empty() && materials.len() != triangles.len() {
             return Err(MeshError::Materials { triangles: triangles.len(), materials: materials.len() });
         }
-        Ok(Self { positions, triangles, materials })
+        Ok(Self { positions, triangles, materials, normals: Vec::new() })
+    }
+
+    /// Shaded smooth: a normal for each corner of the mesh, on the outer side, of any length. One of 0 says nothing: the normals of
+    /// the triangles that meet there stay what they are.
+    ///
+    /// # Errors
+    /// [`MeshError`] where there is another number of them, or one is not finite.
+    pub fn with_corner_normals(self, normals: &[[f32; 3]]) -> Result<Self, MeshError> {
+        self.check_normals("corners", self.positions.len(), normals)?;
+        let of_triangle = |t: &[u32; 3]| t.map(|c| normals[c as usize]);
+        let all = self.triangles.iter().map(of_triangle).collect();
+        Ok(self.smooth(all))
+    }
+
+    /// The same with a normal for each corner of each triangle, one triangle after the other: where triangles that share a corner of
+    /// the mesh differ there, the edge between them is sharp.
+    ///
+    /// # Errors
+    /// As [`MeshData::with_corner_normals`].
+    pub fn with_triangle_normals(self, normals: &[[f32; 3]]) -> Result<Self, MeshError> {
+        self.check_normals("corners of triangles", 3 * self.triangles.len(), normals)?;
+        Ok(self.smooth(normals.as_chunks::<3>().0.to_vec()))
+    }
+
+    fn check_normals(
+        &self,
+        what: &'static str,
+        places: usize,
+        normals: &[[f32; 3]],
+    ) -> Result<(), MeshError> {
+        if normals.len() != places {
+            return Err(MeshError::Normals { what, places, normals: normals.len() });
+        }
+        match normals.iter().position(|n| n.iter().any(|v| !v.is_finite())) {
+            Some(number) => Err(MeshError::NormalNotFinite { number, normal: normals[number] }),
+            None => Ok(()),
+        }
+    }
+
+    fn smooth(mut self, normals: Vec<[[f32; 3]; 3]>) -> Self {
+        self.normals = std::iter::zip(&self.triangles, normals)
+            .map(|(triangle, normals)| {
+                let flat = unit(normal_of(triangle.map(|c| self.positions[c as usize])));
+                normals.map(|n| match (unit(n.map(f64::from)), flat) {
+                    (None, _) => octahedral::FLAT,
+                    (Some(n), Some(flat)) if dot(n, flat) > FLAT_COSINE => octahedral::FLAT,
+                    (Some(n), _) => octahedral::encode(n),
+                })
+            })
+            .collect();
+        if self.normals.iter().flatten().all(|&n| n == octahedral::FLAT) {
+            self.normals = Vec::new();
+        }
+        self
+    }
+
+    /// Normals at the corners of each triangle, as [`crate::octahedral`] has them; empty where all is flat.
+    pub fn normals(&self) -> &[[u32; 3]] {
+        &self.normals
+    }
+
+    /// Whether some triangle is shaded smooth.
+    pub fn is_smooth(&self) -> bool {
+        !self.normals.is_empty()
     }
 
     /// Corners, in the mesh's own space.
@@ -101,7 +195,7 @@ impl MeshData {
         self.materials.get(triangle).copied().unwrap_or(0)
     }
 
-    /// XXH3-128 of all its numbers: of a mesh with other corners, triangles or material indices it is another.
+    /// XXH3-128 of all its numbers: of a mesh with other corners, triangles, material indices or normals it is another.
     pub fn content_hash(&self) -> u128 {
         let mut hasher = Xxh3::new();
         for count in [self.positions.len(), self.triangles.len(), self.materials.len()] {
@@ -110,7 +204,7 @@ impl MeshData {
         for v in self.positions.iter().flatten() {
             hasher.update(&v.to_bits().to_le_bytes());
         }
-        for v in self.triangles.iter().flatten().chain(&self.materials) {
+        for v in self.triangles.iter().flatten().chain(&self.materials).chain(self.normals.iter().flatten()) {
             hasher.update(&v.to_le_bytes());
         }
         hasher.digest128()
@@ -118,8 +212,33 @@ impl MeshData {
 
     /// Heap bytes.
     pub fn bytes(&self) -> u64 {
-        (self.positions.len() * 24 + self.triangles.len() * 12 + self.materials.len() * 4) as u64
+        let triangles = self.triangles.len() + self.normals.len();
+        (self.positions.len() * 24 + triangles * 12 + self.materials.len() * 4) as u64
     }
+}
+
+/// Of a triangle, to where its corners are seen to turn counterclockwise; of any length.
+fn normal_of([a, b, c]: [[f64; 3]; 3]) -> [f64; 3] {
+    let from_a = |p: [f64; 3]| [0, 1, 2].map(|i| p[i] - a[i]);
+    let (u, v) = (from_a(b), from_a(c));
+    // Sides of one length first: products of tiny ones would be 0.
+    let (Some(u), Some(v)) = (unit(u), unit(v)) else { return [0.0; 3] };
+    [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]]
+}
+
+/// The direction; of 0 none.
+fn unit(v: [f64; 3]) -> Option<[f64; 3]> {
+    let largest = v.iter().fold(0.0f64, |m, c| m.max(c.abs()));
+    if largest == 0.0 || !largest.is_finite() {
+        return None;
+    }
+    let v = v.map(|c| c / largest);
+    let length = dot(v, v).sqrt();
+    Some(v.map(|c| c / length))
+}
+
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 #[cfg(test)]
@@ -145,5 +264,40 @@ mod tests {
         );
         let mesh = MeshData::new(corners, vec![[0, 1, 2], [2, 1, 0]], vec![4, 5]).unwrap();
         assert_eq!([mesh.material(0), mesh.material(1), mesh.material(2)], [4, 5, 0]);
+    }
+
+    #[test]
+    fn normals_are_counted_checked_and_left_out_where_flat() {
+        let corners = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]];
+        let mesh = || MeshData::new(corners.clone(), vec![[0, 1, 2], [1, 3, 2]], vec![]).unwrap();
+        let up = [0.0, 0.0, 2.0];
+        let fault = |n: &[[f32; 3]]| mesh().with_corner_normals(n).unwrap_err().to_string();
+        assert_eq!(fault(&[up; 3]), "expected a normal for each of 4 corners, got 3");
+        assert_eq!(
+            fault(&[up, [0.0, f32::NAN, 1.0], up, up]),
+            "normal 1: expected finite numbers, got [0.0, NaN, 1.0]"
+        );
+        let told = mesh().with_triangle_normals(&[up; 5]).unwrap_err().to_string();
+        assert_eq!(told, "expected a normal for each of 6 corners of triangles, got 5");
+        // What says nothing, and what the triangles have anyway.
+        for same in [[0.0; 3], up, [0.0, 5e-5, 1.0], [-0.0, 0.0, f32::MIN_POSITIVE]] {
+            assert_eq!(mesh().with_corner_normals(&[same; 4]).unwrap(), mesh(), "{same:?}");
+        }
+        let bent = mesh().with_corner_normals(&[up, up, [0.3, 0.0, 1.0], up]).unwrap();
+        assert!(bent.is_smooth() && bent.content_hash() != mesh().content_hash());
+        assert_eq!(bent.bytes(), mesh().bytes() + 24);
+        let word = bent.normals()[0][2];
+        assert_eq!(
+            bent.normals(),
+            [[octahedral::FLAT, octahedral::FLAT, word], [octahedral::FLAT, octahedral::FLAT, word]]
+        );
+        let by_triangle = [up, up, [0.3, 0.0, 1.0], up, up, up];
+        let sharp = mesh().with_triangle_normals(&by_triangle).unwrap();
+        assert_eq!(sharp.normals(), [[octahedral::FLAT, octahedral::FLAT, word], [octahedral::FLAT; 3]]);
+        // The other side of a triangle is not its own.
+        assert!(mesh().with_corner_normals(&[[0.0, 0.0, -1.0]; 4]).unwrap().is_smooth());
+        // A triangle of no size has no normal of its own.
+        let line = MeshData::new(corners[..2].to_vec(), vec![[0, 1, 1]], vec![]).unwrap();
+        assert!(line.with_corner_normals(&[up; 2]).unwrap().is_smooth());
     }
 }

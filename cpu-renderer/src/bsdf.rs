@@ -12,12 +12,17 @@
 //! ```
 //! What a layer reflects towards the viewer is taken off all that lies below it, as in Cycles; that is not reciprocal, but keeps
 //! the sum at or below 1. A lobe sharper than [`LEAST_ALPHA_SQUARED`] is a mirror: no light that is aimed at is seen in it.
+//!
+//! Where the shading normal is not the surface's own, microfacets and coat may have a third one ([`Tilt`]). A direction that their
+//! horizon and the shading normal's divide is not lit by them when it is aimed at, and is when they sampled it (as in Cycles); what
+//! is below the surface itself, whoever samples rejects.
 
 mod cover;
 mod fresnel;
 mod ggx;
 mod sheen;
 pub mod tables;
+mod tilt;
 
 use std::f32::consts::{FRAC_1_PI, PI};
 
@@ -36,6 +41,7 @@ use tables::{
     FRESNEL_SHARE, GLASS, GLASS_AVERAGE, INSIDE, REFLECTION, REFLECTION_AVERAGE, gain, index_place, table_1d,
     table_2d, table_3d,
 };
+pub use tilt::Tilt;
 
 /// Lobes of a smaller α² are mirrors, as in Cycles: f32 directions are too coarse for them.
 pub const LEAST_ALPHA_SQUARED: f32 = 2e-10;
@@ -43,13 +49,20 @@ pub const LEAST_ALPHA_SQUARED: f32 = 2e-10;
 /// Indices of refraction nearer to 1 than this do not spread light, as in Cycles: the half vector is lost in rounding.
 pub const LEAST_BEND: f32 = 1e-4;
 
+/// Least cosine of the viewer: a grazing ray may round to 0 or below, and still sees the front.
+pub const LEAST_VIEW: f32 = 1e-6;
+
 /// A lobe that is there is chosen at least this often in proportion to all: what it reflects is then at most ten times its density.
 const LEAST_SHARE: f32 = 0.1;
 
 /// A material, made ready for one point seen from `wi`.
 #[derive(Clone, Copy, Debug)]
 pub struct Bsdf {
+    /// Towards the viewer, for microfacets and coat.
     wi: Vec3,
+    /// The same for Lambert and sheen.
+    shading_wi: Vec3,
+    tilt: Tilt,
     /// GGX α of metal, glass and dielectric layer.
     alpha: f32,
     /// Weights, what lies above taken off; 0 where there is none.
@@ -77,8 +90,10 @@ pub struct Bsdf {
 /// A sampled direction.
 #[derive(Clone, Copy, Debug)]
 pub struct BsdfSample {
-    /// Sampled direction in the local frame; z below 0 passes through the surface.
+    /// Sampled direction in the local frame.
     pub wo: Vec3,
+    /// Whether it passes through the surface: z is below 0 then, where there is no tilt.
+    pub through: bool,
     /// f · |cos| / pdf.
     pub weight: Vec3,
     /// Density per solid angle of the whole mixture; infinite for a mirror's only direction.
@@ -88,9 +103,28 @@ pub struct BsdfSample {
 impl Bsdf {
     /// The surface `m` seen from `wi` (local, z > 0); `from_inside`: that is the side where the material is.
     pub fn new(m: &Material, wi: Vec3, from_inside: bool) -> Self {
+        Self::made(m, wi, wi, from_inside)
+    }
+
+    /// The same, shaded by another normal than its own: `wi`, of any z, and `tilt` are in that one's frame.
+    pub fn tilted(m: &Material, wi: Vec3, tilt: Tilt, from_inside: bool) -> Self {
+        let to = tilt.to_microfacets(wi);
+        let seen = |w: Vec3| Vec3::new(w.x, w.y, w.z.max(LEAST_VIEW));
+        let b = Self { tilt, ..Self::made(m, seen(to), seen(wi), from_inside) };
+        if to.z > 0.0 {
+            return b;
+        }
+        // A normal on the far side of the surface: what mirrors is not seen (as in Cycles).
+        let (metal, specular, glass, coat) = (Vec3::ZERO, Vec3::ZERO, Vec3::ZERO, Coat::NONE);
+        let mut b = Self { metal, specular, glass, coat, chance: 0.0, coat_chance: 0.0, ..b };
+        b.choose(0.0);
+        b
+    }
+
+    fn made(m: &Material, wi: Vec3, shading_wi: Vec3, from_inside: bool) -> Self {
         // What lies on top.
-        let (sheen, coat, mut weight) = cover(m, wi.z);
-        let mut b = Self { sheen, coat, ..Self::nothing(wi, m.roughness * m.roughness) };
+        let (sheen, coat, mut weight) = cover(m, shading_wi.z, wi.z);
+        let mut b = Self { sheen, coat, shading_wi, ..Self::nothing(wi, m.roughness * m.roughness) };
         let base = Vec3::from_array(m.base_color);
         let tint = Vec3::from_array(m.specular_tint);
         let kept = |at, average_at| match m.multiscatter {
@@ -205,14 +239,15 @@ impl Bsdf {
         if self.wi.z <= 0.0 || wo.z == 0.0 {
             return (Vec3::ZERO, 0.0);
         }
+        let to = self.tilt.to_microfacets(wo);
         if wo.z < 0.0 {
-            return if self.transmits() { self.eval_below(wo) } else { (Vec3::ZERO, 0.0) };
+            return if self.transmits() && to.z < 0.0 { self.eval_below(to) } else { (Vec3::ZERO, 0.0) };
         }
         let (mut f, mut pdf) = (Vec3::ZERO, 0.0);
-        if self.chance > 0.0 && !self.is_mirror() {
-            (f, pdf) = self.microfacets((self.wi + wo).normalize(), wo);
+        if self.chance > 0.0 && !self.is_mirror() && to.z > 0.0 {
+            (f, pdf) = self.microfacets((self.wi + to).normalize(), to);
         }
-        self.add_others(wo, &mut f, &mut pdf);
+        self.add_others(wo, to, &mut f, &mut pdf);
         (f, pdf)
     }
 
@@ -226,34 +261,46 @@ impl Bsdf {
             return Some(self.mirrored(self.coat.reflectance(self.wi.z) / self.coat_chance));
         }
         let in_sheen = choice < self.chance + self.coat_chance + self.sheen_chance;
+        let mut is_above = true;
         let wo = if in_coat {
-            self.coat.sample(self.wi, u)
+            let to = self.coat.sample(self.wi, u);
+            let wo = self.tilt.from_microfacets(to);
+            is_above = to.z > 0.0;
+            if is_above && wo.z <= 0.0 {
+                let (f, pdf) = self.coat.eval(self.wi, to);
+                return sampled(wo, false, f, self.coat_chance * pdf);
+            }
+            wo
         } else if in_sheen {
-            self.sheen.sample(self.wi, sample_cosine(u))
+            self.sheen.sample(self.shading_wi, sample_cosine(u))
         } else {
             sample_cosine(u)
         };
-        let (f, pdf) = if wo.z > 0.0 { self.eval(wo) } else { (Vec3::ZERO, 0.0) };
-        (pdf > 0.0 && pdf.is_finite()).then(|| BsdfSample { wo, weight: f / pdf, pdf })
+        let (f, pdf) = if is_above && wo.z > 0.0 { self.eval(wo) } else { (Vec3::ZERO, 0.0) };
+        sampled(wo, false, f, pdf)
     }
 
     /// The mirror's direction.
     fn mirrored(&self, weight: Vec3) -> BsdfSample {
-        BsdfSample { wo: Vec3::new(-self.wi.x, -self.wi.y, self.wi.z), weight, pdf: f32::INFINITY }
+        let wo = self.tilt.from_microfacets(Vec3::new(-self.wi.x, -self.wi.y, self.wi.z));
+        BsdfSample { wo, through: false, weight, pdf: f32::INFINITY }
     }
 
-    /// Adds what lobes without microfacets, and the coat, send from or to `wo` above the surface.
+    /// Adds what lobes without microfacets, and the coat, send from or to `wo` above the surface; `to` is that for the coat.
     #[inline]
-    fn add_others(&self, wo: Vec3, f: &mut Vec3, pdf: &mut f32) {
+    fn add_others(&self, wo: Vec3, to: Vec3, f: &mut Vec3, pdf: &mut f32) {
+        if wo.z <= 0.0 {
+            return;
+        }
         *f += self.diffuse * (wo.z * FRAC_1_PI);
         *pdf += self.diffuse_chance * wo.z * FRAC_1_PI;
-        if self.coat_chance > 0.0 && !self.coat.is_mirror() {
-            let (coat, coat_pdf) = self.coat.eval(self.wi, wo);
+        if self.coat_chance > 0.0 && !self.coat.is_mirror() && to.z > 0.0 {
+            let (coat, coat_pdf) = self.coat.eval(self.wi, to);
             *f += coat;
             *pdf += self.coat_chance * coat_pdf;
         }
         if self.sheen_chance > 0.0 {
-            let sheen_pdf = self.sheen.pdf(self.wi, wo);
+            let sheen_pdf = self.sheen.pdf(self.shading_wi, wo);
             *f += self.sheen.albedo * sheen_pdf;
             *pdf += self.sheen_chance * sheen_pdf;
         }
@@ -266,7 +313,7 @@ impl Bsdf {
         }
         let mut diffuse = self.diffuse * (wo.z * FRAC_1_PI);
         if self.sheen_chance > 0.0 {
-            diffuse += self.sheen.albedo * self.sheen.pdf(self.wi, wo);
+            diffuse += self.sheen.albedo * self.sheen.pdf(self.shading_wi, wo);
         }
         let part = |d: f32, f: f32| if f > 0.0 { (d / f).min(1.0) } else { 0.0 };
         Vec3::new(part(diffuse.x, f.x), part(diffuse.y, f.y), part(diffuse.z, f.z))
@@ -353,35 +400,39 @@ impl Bsdf {
         let cos = self.wi.dot(h);
         let (reflected, passed) = self.reflectance(cos);
         let share = share_reflected(reflected, passed);
-        let (wo, (f, pdf)) = if choice < share {
+        if choice < share {
             if self.is_mirror() {
                 return Some(self.mirrored(reflected / (share * self.chance)));
             }
-            let wo = 2.0 * cos * h - self.wi;
-            if wo.z <= 0.0 {
+            let to = 2.0 * cos * h - self.wi;
+            if to.z <= 0.0 {
                 return None;
             }
-            let (mut f, mut pdf) = self.microfacets(h, wo);
-            self.add_others(wo, &mut f, &mut pdf);
-            (wo, (f, pdf))
+            let wo = self.tilt.from_microfacets(to);
+            let (mut f, mut pdf) = self.microfacets(h, to);
+            self.add_others(wo, to, &mut f, &mut pdf);
+            sampled(wo, false, f, pdf)
         } else {
             let cos_t = (1.0 - (1.0 - cos * cos) / (self.glass_eta * self.glass_eta)).max(0.0).sqrt();
-            let wo = ((cos / self.glass_eta - cos_t) * h - self.wi / self.glass_eta).normalize();
-            if wo.z >= 0.0 {
+            let to = ((cos / self.glass_eta - cos_t) * h - self.wi / self.glass_eta).normalize();
+            if to.z >= 0.0 {
                 return None;
             }
+            let wo = self.tilt.from_microfacets(to);
             if self.is_mirror() || (self.glass_eta - 1.0).abs() < LEAST_BEND {
                 let weight = passed / ((1.0 - share) * self.chance);
-                return Some(BsdfSample { wo, weight, pdf: f32::INFINITY });
+                return Some(BsdfSample { wo, through: true, weight, pdf: f32::INFINITY });
             }
-            (wo, self.microfacets(h, wo))
-        };
-        (pdf > 0.0 && pdf.is_finite()).then(|| BsdfSample { wo, weight: f / pdf, pdf })
+            let (f, pdf) = self.microfacets(h, to);
+            sampled(wo, true, f, pdf)
+        }
     }
 
     fn nothing(wi: Vec3, alpha: f32) -> Self {
         Self {
             wi,
+            shading_wi: wi,
+            tilt: Tilt::NONE,
             alpha,
             diffuse: Vec3::ZERO,
             metal: Vec3::ZERO,
@@ -402,6 +453,12 @@ impl Bsdf {
             diffuse_chance: 0.0,
         }
     }
+}
+
+/// A sample of this density; none where it has none.
+#[inline]
+fn sampled(wo: Vec3, through: bool, f: Vec3, pdf: f32) -> Option<BsdfSample> {
+    (pdf > 0.0 && pdf.is_finite()).then(|| BsdfSample { wo, through, weight: f / pdf, pdf })
 }
 
 /// Chance of reflection where a microfacet both reflects and lets pass.

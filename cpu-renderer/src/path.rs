@@ -20,7 +20,7 @@ use pumice_render::sun::frame_around;
 use pumice_render::{Hit, PassSums, PathOrigin, RayInWorld, Receiver, SurfaceKind, Tracer};
 use pumice_scene::{Mode, Settings};
 
-use crate::bsdf::{Bsdf, emitted, sample_cosine};
+use crate::bsdf::{Bsdf, LEAST_VIEW, Tilt, emitted, sample_cosine};
 use crate::crossing::{MOST_CLEAR_SURFACES, may_touch, next_hit, visibility};
 use crate::lights::Lights;
 use crate::looks::Looks;
@@ -158,7 +158,9 @@ fn ambient<T: Tracer + ?Sized>(
     hit: &Hit,
     tally: &mut impl Tally,
 ) {
-    let frame = Frame::new(hit.normal_towards_ray());
+    let normal = hit.normal_towards_ray();
+    let frame =
+        Frame::new(tracer.shading_normal(hit, ray.origin + ray.direction * hit.t, normal).unwrap_or(normal));
     let white = [Vec3::ONE, Vec3::ZERO, Vec3::ZERO];
     tally.named(0, || around.looks[hit.surface.instance as usize].ids_of(hit.surface.label));
     tally.came_to(0, || FirstSurface { colors: white, normal: frame.normal.as_vec3() });
@@ -167,7 +169,7 @@ fn ambient<T: Tracer + ?Sized>(
     }
     let direction = frame.world(sample_cosine(sampler.bounce(0, BouncePair::Scatter)));
     let ray = RayInWorld { origin: ray.origin + ray.direction * hit.t, direction };
-    let open = direction.dot(frame.normal) > 0.0
+    let open = direction.dot(normal) > 0.0
         && !tracer.occluded(&ray, PathOrigin::Face(hit.surface), around.settings.ao_distance);
     let light = Vec3::splat(f32::from(u8::from(open)));
     tally.aimed(light, 0, || Share { diffuse: Vec3::ONE, through: false });
@@ -225,11 +227,14 @@ fn path<T: Tracer + ?Sized>(
         }
 
         // The side that is seen.
-        let frame = Frame::new(if hit.from_inside { -hit.normal_in_world } else { hit.normal_in_world });
+        let normal = if hit.from_inside { -hit.normal_in_world } else { hit.normal_in_world };
+        let smooth = tracer.shading_normal(&hit, origin, normal);
+        let frame = Frame::new(smooth.unwrap_or(normal));
         let mut wi = frame.local(-ray.direction.normalize());
-        // A grazing ray may round to 0 or below: it still sees the front.
-        wi.z = wi.z.max(1e-6);
-        let mut light = emitted(material, wi.z);
+        // What shines, shines as the surface lies: those who aim at it know no other normal.
+        let own = smooth.map(|_| frame.local(normal));
+        let cos = own.map_or(wi.z, |own| wi.dot(own)).max(LEAST_VIEW);
+        let mut light = emitted(material, cos);
         if let Some(pdf) = way.pdf
             && light != Vec3::ZERO
         {
@@ -240,7 +245,13 @@ fn path<T: Tracer + ?Sized>(
         if vertex > bounces || buried {
             return;
         }
-        let bsdf = Bsdf::new(material, wi, hit.from_inside);
+        let bsdf = match own {
+            Some(own) => Bsdf::tilted(material, wi, Tilt::new(own, wi), hit.from_inside),
+            None => {
+                wi.z = cos;
+                Bsdf::new(material, wi, hit.from_inside)
+            }
+        };
         tally.named(vertex, || around.looks[hit.surface.instance as usize].ids_of(hit.surface.label));
         tally.came_to(vertex, || FirstSurface {
             colors: bsdf.colors(material),
@@ -293,7 +304,7 @@ fn path<T: Tracer + ?Sized>(
                 true => bsdf.diffuse_share(sample.wo, sample.weight * sample.pdf),
                 false => Vec3::ZERO,
             },
-            through: sample.wo.z < 0.0,
+            through: sample.through,
         });
 
         // End by Russian roulette; who survives stands for who does not (Arvo and Kirk 1990).
@@ -305,8 +316,9 @@ fn path<T: Tracer + ?Sized>(
             throughput /= survival;
         }
         let direction = frame.world(sample.wo);
-        let above = direction.dot(frame.normal);
-        if above == 0.0 || (above > 0.0) != (sample.wo.z > 0.0) {
+        // On the side of the surface itself that it was sampled for.
+        let above = direction.dot(normal);
+        if above == 0.0 || (above > 0.0) == sample.through {
             return;
         }
         ray = RayInWorld { origin, direction };

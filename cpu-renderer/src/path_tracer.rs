@@ -207,21 +207,22 @@ impl<T: Tracer> PathTracer<T> {
                 normal: [0.0; 3],
                 position: [0.0; 3],
             },
-            Some((hit, depth)) => First {
-                position: {
-                    let (ray, _) = self.rays.ray(f64::from(x) + 0.5, f64::from(y) + 0.5);
-                    (ray.origin + ray.direction * hit.t).as_vec3().to_array()
-                },
-                depth: depth as f32,
-                label: if hit.surface.kind == SurfaceKind::Triangle { 0 } else { hit.surface.label + 1 },
-                albedo: self.around.looks[hit.surface.instance as usize]
-                    .material(hit.surface.label)
-                    .base_color,
-                normal: {
-                    let n = if hit.from_inside { -hit.normal_in_world } else { hit.normal_in_world };
-                    n.as_vec3().to_array()
-                },
-            },
+            Some((hit, depth)) => {
+                let (ray, _) = self.rays.ray(f64::from(x) + 0.5, f64::from(y) + 0.5);
+                let point = ray.origin + ray.direction * hit.t;
+                First {
+                    position: point.as_vec3().to_array(),
+                    depth: depth as f32,
+                    label: if hit.surface.kind == SurfaceKind::Triangle { 0 } else { hit.surface.label + 1 },
+                    albedo: self.around.looks[hit.surface.instance as usize]
+                        .material(hit.surface.label)
+                        .base_color,
+                    normal: {
+                        let n = if hit.from_inside { -hit.normal_in_world } else { hit.normal_in_world };
+                        self.tracer.shading_normal(&hit, point, n).unwrap_or(n).as_vec3().to_array()
+                    },
+                }
+            }
         }
     }
 }

@@ -8,6 +8,8 @@ mod hits;
 mod pictures;
 #[path = "meshes/shapes.rs"]
 mod shapes;
+#[path = "meshes/smooth.rs"]
+mod smooth;
 
 fn renderer() -> pumice_cpu::CpuRenderer {
     pumice_cpu::CpuRenderer::new(|path| Err(format!("no picture at {}", path.display())))

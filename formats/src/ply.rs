@@ -6,6 +6,7 @@
 //! comment …
 //! element vertex 8
 //! property float x                       three numbers x, y, z among any properties
+//! property float nx                      nx, ny, nz where there are any: the mesh is shaded smooth
 //! …
 //! element face 12
 //! property list uchar int vertex_indices       (or vertex_index): corners, counterclockwise from outside
@@ -95,9 +96,11 @@ fn read(mut from: impl BufRead) -> std::result::Result<MeshData, Fault> {
     let (encoding, elements) = header(&mut from)?;
     let mut numbers = Numbers { from, encoding };
     let (mut positions, mut triangles, mut materials) = (Vec::new(), Vec::new(), Vec::new());
+    let mut normals = None;
     let place = |e: &Element, name: &str| e.properties.iter().position(|p| p.name == name);
     for element in &elements {
         let axes = ["x", "y", "z"].map(|name| place(element, name));
+        let normal_axes = ["nx", "ny", "nz"].map(|name| place(element, name));
         let corners = place(element, "vertex_indices").or(place(element, "vertex_index"));
         let material = place(element, "material_index");
         let is_vertex = element.name == "vertex";
@@ -105,11 +108,17 @@ fn read(mut from: impl BufRead) -> std::result::Result<MeshData, Fault> {
         if is_vertex && axes.iter().any(Option::is_none) {
             return Err(Fault::File("expected properties x, y and z of element vertex".into()));
         }
+        let has_normals = is_vertex && normal_axes.iter().any(Option::is_some);
+        if has_normals && normal_axes.iter().any(Option::is_none) {
+            return Err(Fault::File(
+                "expected all of the properties nx, ny and nz of element vertex, or none".into(),
+            ));
+        }
         if is_face && corners.is_none_or(|c| element.properties[c].length.is_none()) {
             return Err(Fault::File("expected a list vertex_indices of element face".into()));
         }
         for row in 0..element.count {
-            let mut point = [0.0; 3];
+            let (mut point, mut normal) = ([0.0; 3], [0.0f32; 3]);
             let mut face: Vec<u32> = Vec::new();
             let mut own = 0;
             for (i, property) in element.properties.iter().enumerate() {
@@ -117,6 +126,9 @@ fn read(mut from: impl BufRead) -> std::result::Result<MeshData, Fault> {
                     let value = numbers.next(property.number)?;
                     if let Some(axis) = axes.iter().position(|a| *a == Some(i)) {
                         point[axis] = value;
+                    }
+                    if let Some(axis) = normal_axes.iter().position(|a| *a == Some(i)) {
+                        normal[axis] = value as f32;
                     }
                     if material == Some(i) {
                         own = whole(value, &format!("material_index of face {row}"))?;
@@ -139,6 +151,9 @@ fn read(mut from: impl BufRead) -> std::result::Result<MeshData, Fault> {
             if is_vertex {
                 positions.push(point);
             }
+            if has_normals {
+                normals.get_or_insert_with(Vec::new).push(normal);
+            }
             if is_face {
                 for two in face.get(1..).unwrap_or_default().windows(2) {
                     triangles.push([face[0], two[0], two[1]]);
@@ -147,7 +162,12 @@ fn read(mut from: impl BufRead) -> std::result::Result<MeshData, Fault> {
             }
         }
     }
-    MeshData::new(positions, triangles, materials).map_err(|e| Fault::File(e.to_string()))
+    let mesh = MeshData::new(positions, triangles, materials);
+    let mesh = match normals {
+        Some(normals) => mesh.and_then(|mesh| mesh.with_corner_normals(&normals)),
+        None => mesh,
+    };
+    mesh.map_err(|e| Fault::File(e.to_string()))
 }
 
 /// A whole number of at least 0.
@@ -315,6 +335,35 @@ mod tests {
         assert_eq!(mesh.material(1), 7);
         assert_eq!(parse(&binary(false)).unwrap(), mesh);
         assert_eq!(parse(&binary(true)).unwrap(), mesh);
+    }
+
+    /// Normals among other properties, in another order; the same as an array that is laid over the mesh.
+    #[test]
+    fn normals_are_read() {
+        let names = "property uchar red\r\nproperty double nz\r\nproperty float nx\r\nproperty float ny";
+        let text = TEXT.replace("property uchar red", names);
+        let with = |normal: &str| {
+            let rows = text.replace("0.5 9", &format!("0.5 9 {normal}"));
+            parse(rows.replace("-2e3 9", "-2e3 9 1 0 0").as_bytes())
+        };
+        let up = [0.0, 0.0, 1.0];
+        let flat = parse(TEXT.as_bytes()).unwrap();
+        let expected =
+            flat.clone().with_corner_normals(&[[0.5, -0.5, 2.0], [0.5, -0.5, 2.0], [0.5, -0.5, 2.0], up]);
+        let got = with("2 0.5 -0.5").unwrap();
+        assert_eq!(got, expected.unwrap());
+        assert!(got.is_smooth() && !flat.is_smooth());
+        assert_eq!(with("nan 0 0").unwrap_err(), "normal 0: expected finite numbers, got [0.0, 0.0, NaN]");
+        // Beyond floats of 32 bits there is no direction either.
+        assert_eq!(
+            with("0 1e300 0").unwrap_err(),
+            "normal 0: expected finite numbers, got [1e300, 0.0, 0.0]".replace("1e300", "inf")
+        );
+        let two = text.replace("property float ny", "property float v");
+        assert_eq!(
+            parse(two.as_bytes()).unwrap_err(),
+            "expected all of the properties nx, ny and nz of element vertex, or none"
+        );
     }
 
     #[test]

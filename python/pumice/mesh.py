@@ -16,14 +16,26 @@ class Mesh:
     is said in the scene (`meshes` in docs/scene.md)."""
 
     def __init__(
-        self, positions: npt.ArrayLike, triangles: npt.ArrayLike, materials: npt.ArrayLike | None = None
+        self,
+        positions: npt.ArrayLike,
+        triangles: npt.ArrayLike,
+        materials: npt.ArrayLike | None = None,
+        *,
+        normals: npt.ArrayLike | None = None,
     ) -> None:
         """`positions` (n, 3) are corners; `triangles` (m, 3) name three of them each, counter-clockwise seen from outside;
-        `materials` (m,) are places in the list of materials that the scene has for this mesh, all 0 without it. Arrays are copied."""
+        `materials` (m,) are places in the list of materials that the scene has for this mesh, all 0 without it. Arrays are copied.
+
+        `normals` make it smooth: (n, 3), one a corner, or (m, 3, 3), one for each corner of each triangle, where edges may be sharp; on
+        the outer side, of any length. Where one is 0 a triangle keeps its own. Without them all is flat."""
         corners = _array("positions", positions, np.float64, 2)
         faces = _array("triangles", triangles, np.uint32, 2)
         chosen = _array("materials", () if materials is None else materials, np.uint32, 1)
-        self._native = _native.Mesh(corners, faces, chosen)
+        directions, of_triangles = None, False
+        if normals is not None:
+            of_triangles = np.ndim(normals) == 3
+            directions = _array("normals", normals, np.float32, 3 if of_triangles else 2)
+        self._native = _native.Mesh(corners, faces, chosen, directions, of_triangles)
 
     def __repr__(self) -> str:
         corners, triangles, bytes_resident = self._native.counts()
@@ -33,6 +45,11 @@ class Mesh:
     def triangles(self) -> int:
         """Number of triangles."""
         return self._native.counts()[1]
+
+    @property
+    def is_smooth(self) -> bool:
+        """Whether some triangle is shaded smooth: normals that are those of the triangles anyway change nothing."""
+        return self._native.is_smooth()
 
     @property
     def bytes_resident(self) -> int:
@@ -63,8 +80,8 @@ def _array(name: str, values: npt.ArrayLike, dtype: type, axes: int) -> npt.NDAr
             raise
         raise InputError(f"mesh: {name}: {error}") from None
     if empty:
-        return np.zeros((0, 3) if axes == 2 else 0, dtype=dtype)
-    if array.ndim != axes or (axes == 2 and array.shape[1] != 3):
-        wanted = "(n, 3)" if axes == 2 else "(n,)"
+        return np.zeros((0, *[3] * (axes - 1)), dtype=dtype)
+    if array.ndim != axes or array.shape[1:] != (3,) * (axes - 1):
+        wanted = ["(n,)", "(n, 3)", "(n, 3, 3)"][axes - 1]
         raise InputError(f"mesh: {name}: expected an array of shape {wanted}, got {array.shape}")
     return array

@@ -16,23 +16,40 @@ pub(crate) struct Mesh(pub(crate) Arc<MeshData>);
 #[pymethods]
 impl Mesh {
     /// Corners (n, 3) as 64 bit floats, triangles (m, 3) and materials (m,) as 32 bit numbers without a sign; no materials: all 0.
+    /// Normals as 32 bit floats, of corners (n, 3) or `of_triangles` (m, 3, 3); none: all is flat.
     #[new]
-    #[pyo3(signature = (positions, triangles, materials))]
+    #[pyo3(signature = (positions, triangles, materials, normals, of_triangles))]
     fn new(
         py: Python<'_>,
         positions: &Bound<'_, PyAny>,
         triangles: &Bound<'_, PyAny>,
         materials: &Bound<'_, PyAny>,
+        normals: Option<&Bound<'_, PyAny>>,
+        of_triangles: bool,
     ) -> PyResult<Self> {
         let positions = threes(numbers::<f64>(positions)?)?;
         let triangles = threes(numbers::<u32>(triangles)?)?;
         let materials = numbers::<u32>(materials)?;
-        detached(py, || MeshData::new(positions, triangles, materials)).map(|data| Self(Arc::new(data)))
+        let normals = normals.map(|all| threes(numbers::<f32>(all)?)).transpose()?;
+        let made = || {
+            let mesh = MeshData::new(positions, triangles, materials)?;
+            match normals {
+                None => Ok(mesh),
+                Some(all) if of_triangles => mesh.with_triangle_normals(&all),
+                Some(all) => mesh.with_corner_normals(&all),
+            }
+        };
+        detached(py, made).map(|data| Self(Arc::new(data)))
     }
 
     /// (corners, triangles, bytes in memory).
     fn counts(&self) -> (usize, usize, u64) {
         (self.0.positions().len(), self.0.triangles().len(), self.0.bytes())
+    }
+
+    /// Whether some triangle is shaded smooth.
+    fn is_smooth(&self) -> bool {
+        self.0.is_smooth()
     }
 
     /// Hash of all its numbers, 32 hexadecimal digits.

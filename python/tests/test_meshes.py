@@ -43,6 +43,36 @@ def test_what_is_no_mesh_is_refused_by_name(positions, triangles, materials, sai
     assert said in str(raised.value) and str(raised.value).startswith("mesh: ") and "\n" not in str(raised.value)
 
 
+def test_normals_make_a_mesh_smooth():
+    up, bent = [0.0, 0.0, 1.0], [0.5, 0.0, 1.0]
+    flat, by_corner = pumice.Mesh(CORNERS, FACES), pumice.Mesh(CORNERS, FACES, normals=[bent, bent, up, up])
+    by_triangle = pumice.Mesh(CORNERS, FACES, normals=np.array([bent, bent, up, up])[np.array(FACES)])
+    assert by_corner.is_smooth and not flat.is_smooth and by_corner.content_hash == by_triangle.content_hash
+    assert by_corner.bytes_resident == flat.bytes_resident + 2 * 12
+    # Lengths do not count, and what a triangle has anyway, or 0, is no normal of its own.
+    assert pumice.Mesh(CORNERS, FACES, normals=np.array([bent, bent, up, up]) * 7).content_hash == by_corner.content_hash
+    one = pumice.Mesh(CORNERS, FACES[:1])
+    assert pumice.Mesh(CORNERS, FACES[:1], normals=[up, [0, 0, 0], [0, 0, 3], bent]).content_hash == one.content_hash
+
+
+@pytest.mark.parametrize(
+    "normals,said",
+    [
+        ([[0, 0, 1]] * 3, "expected a normal for each of 4 corners, got 3"),
+        (np.zeros((3, 3, 3)), "expected a normal for each of 6 corners of triangles, got 9"),
+        ([[0, 0, 1]] * 3 + [[0, np.inf, 1]], "normal 3: expected finite numbers, got [0.0, inf, 1.0]"),
+        ([[0, 1]] * 4, "normals: expected an array of shape (n, 3), got (4, 2)"),
+        (np.zeros((2, 4, 3)), "normals: expected an array of shape (n, 3, 3), got (2, 4, 3)"),
+        ([[1e300, 0, 0]] * 4, "normal 0: expected finite numbers"),
+        ("up", "normals: "),
+    ],
+)
+def test_bad_normals_are_refused_by_name(normals, said):
+    with np.errstate(over="ignore"), pytest.raises(pumice.InputError) as raised:
+        pumice.Mesh(CORNERS, FACES, normals=normals)
+    assert said in str(raised.value) and str(raised.value).startswith("mesh: ") and "\n" not in str(raised.value)
+
+
 def test_a_picture_shows_a_mesh_where_it_is(volume):
     """A square that is seen at a slant: its depth is the plane's, its colour the material's, by triangle."""
     fields = pumice.figure(volume, size=(24, 20)).to_dict()

@@ -101,6 +101,27 @@ pub trait Tracer: Sync {
     fn box_origin(&self, _face: &Surface) -> Option<[u32; 3]> {
         None
     }
+
+    /// Unit normal in the world that a surface is shaded by at a point of it, on the side of [`Hit::normal_in_world`]; `None` where
+    /// that one is it.
+    fn smooth_normal(&self, _surface: &Surface, _point: DVec3) -> Option<DVec3> {
+        None
+    }
+
+    /// Whether [`Tracer::smooth_normal`] is worth asking anywhere.
+    fn is_smooth(&self) -> bool {
+        false
+    }
+
+    /// The same on the side of `normal`, which is the hit's own or its opposite.
+    #[inline]
+    fn shading_normal(&self, hit: &Hit, point: DVec3, normal: DVec3) -> Option<DVec3> {
+        if !self.is_smooth() {
+            return None;
+        }
+        let smooth = self.smooth_normal(&hit.surface, point)?;
+        Some(if normal.dot(hit.normal_in_world) < 0.0 { -smooth } else { smooth })
+    }
 }
 
 impl<T: Tracer + Send + ?Sized> Tracer for std::sync::Arc<T> {
@@ -114,5 +135,13 @@ impl<T: Tracer + Send + ?Sized> Tracer for std::sync::Arc<T> {
 
     fn box_origin(&self, face: &Surface) -> Option<[u32; 3]> {
         (**self).box_origin(face)
+    }
+
+    fn smooth_normal(&self, surface: &Surface, point: DVec3) -> Option<DVec3> {
+        (**self).smooth_normal(surface, point)
+    }
+
+    fn is_smooth(&self) -> bool {
+        (**self).is_smooth()
     }
 }

@@ -164,6 +164,8 @@ impl Needs {
             .with_if(Part::Sorting, !self.sorted)
             .with_if(Part::Mattes, !self.mattes)
             .with_if(Part::Emitters, !self.emission)
+            // Meshes may have them or not: their files say.
+            .with_if(Part::SmoothNormals, self.meshes == 0)
     }
 
     /// A line for each thing that is needed (`needed: …`) and for each that is left out, with the reason (`left out: … (…)`).

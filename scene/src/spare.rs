@@ -39,11 +39,13 @@ pub enum Part {
     Mattes,
     /// Surfaces that shine, to be aimed at.
     Emitters,
+    /// Surfaces shaded by another normal than their own.
+    SmoothNormals,
 }
 
 impl Part {
     /// All of them.
-    pub const ALL: [Self; 16] = [
+    pub const ALL: [Self; 17] = [
         Self::HiddenLabels,
         Self::Levels,
         Self::Microfacets,
@@ -60,6 +62,7 @@ impl Part {
         Self::Sorting,
         Self::Mattes,
         Self::Emitters,
+        Self::SmoothNormals,
     ];
 
     /// In words.
@@ -81,6 +84,7 @@ impl Part {
             Self::Sorting => "sorting of light",
             Self::Mattes => "Cryptomatte",
             Self::Emitters => "surfaces that shine, to be aimed at",
+            Self::SmoothNormals => "smooth normals",
         }
     }
 }

@@ -202,10 +202,9 @@ fn what_is_not_needed_is_spare() {
     let full = full_scene();
     assert_eq!(after(|s| s.suns = full.suns).spare(), without(&[Part::Aiming]));
     assert_eq!(after(|s| s.lights = full.lights).spare(), without(&[Part::Aiming, Part::Lamps]));
-    assert_eq!(
-        after(|s| s.meshes = full.meshes[..1].to_vec()).spare().and(Spare::NONE.with(Part::Meshes)),
-        Spare::NONE
-    );
+    // Meshes may be smooth: their files say.
+    let of_meshes = Spare::NONE.with(Part::Meshes).with(Part::SmoothNormals);
+    assert_eq!(after(|s| s.meshes = full.meshes[..1].to_vec()).spare().and(of_meshes), Spare::NONE);
     assert_eq!(after(|s| s.film.transparent = true).spare(), without(&[Part::Sorting]));
     assert_eq!(after(|s| s.settings.lod = Lod::Boxes).spare(), without(&[Part::Levels]));
 }

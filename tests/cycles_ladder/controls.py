@@ -4,6 +4,9 @@ they are visible would be worth nothing."""
 import copy
 import math
 
+# Ends of the names of a rung's mesh files that are shaded flat.
+FLAT = "-flat.ply"
+
 
 def wrong(scene, name):
     """A copy of the scene with the fault of this name."""
@@ -16,6 +19,8 @@ def _materials(scene):
     for instance in scene["instances"]:
         yield instance["style"]["material"]
         yield from instance["style"]["materials"].values()
+    for mesh in scene["meshes"]:
+        yield from mesh["materials"]
 
 
 def _scaled(values, factor):
@@ -90,7 +95,13 @@ def _cut(scene):
     scene["cuts"][0]["shape"]["plane"]["point"][0] += 0.25 * across
 
 
+def _flat_normals(scene):
+    for mesh in scene["meshes"]:
+        mesh["source"] = mesh["source"].removesuffix(".ply") + FLAT
+
+
 FAULTS = {
+    "flat normals": _flat_normals,
     "cut 1/4 voxel": _cut,
     "albedo 2 %": _in_materials("base_color", 0.98),
     "roughness 5 %": _in_materials("roughness", 1.05),

@@ -9,6 +9,7 @@
       scene            what the scene file has; labels of `style.materials` are ranks within the crop
       sky              draws the picture of an image sky
       floor            a square mesh: height, half of its side, material
+      ball             a mesh shaded smooth: where, radius, how often its triangles are cut in four, materials of its halves
       seeds, spp       of a verdict
       controls         faults that the verdict must see, by the names of `controls.py`
 """
@@ -23,13 +24,12 @@ from pathlib import Path
 
 import numpy as np
 
+import controls
+import shapes
 import sky
 
 FOLDER = Path(__file__).resolve().parent
 DATA = FOLDER.parents[1] / "data"
-# A square, seen from above counter-clockwise.
-FLOOR = [[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]]
-HALVES = [[0, 1, 2], [0, 2, 3]]
 
 
 def names():
@@ -90,6 +90,8 @@ class Rung:
         self.volume = pumice.compress(self.labels)
         self.ids = ranked(self.labels)
 
+        # By their files' names; each also as it is shaded flat.
+        self.shapes = {}
         scene = copy.deepcopy(self.fields["scene"])
         style = scene.pop("style")
         if "materials" in style:
@@ -106,18 +108,37 @@ class Rung:
             scene["cuts"] = [{"shape": {"plane": {"point": point, "normal": [1.0, 0.0, 0.0]}}}]
         if "floor" in self.fields:
             floor = self.fields["floor"]
-            path = self.folder / f"{name}-floor.ply"
-            path.write_text(ply(FLOOR, HALVES))
-            matrix = np.vstack([floor["half"] * np.eye(3), [0, 0, floor["height"]]]).ravel().tolist()
-            mesh = {"id": 1, "source": str(path), "world_from_mesh": matrix, "materials": [floor["material"]]}
-            scene["meshes"] = [mesh]
-        self.meshes = [pumice.Mesh(FLOOR, HALVES) for _ in scene.get("meshes", [])]
+            place = floor["half"], [0, 0, floor["height"]]
+            self.add_mesh(scene, shapes.square(), place, [floor["material"]])
+        if "ball" in self.fields:
+            ball = self.fields["ball"]
+            self.add_mesh(scene, shapes.ball(ball["times"]), (ball["radius"], ball["at"]), ball["materials"])
         self.scene = pumice.Scene.from_dict(scene).to_dict()
+
+    def add_mesh(self, scene, shape, place, materials):
+        """Puts a mesh into a scene, scaled and moved, and its file beside it."""
+        scale, at = place
+        stem = self.folder / f"{self.name}-mesh-{len(self.shapes)}"
+        for path, form in ((f"{stem}.ply", shape), (f"{stem}{controls.FLAT}", shape.flat())):
+            Path(path).write_text(form.ply())
+            self.shapes[path] = form
+        matrix = np.vstack([scale * np.eye(3), at]).ravel().tolist()
+        mesh = {"id": len(scene.get("meshes", [])) + 1, "source": f"{stem}.ply", "world_from_mesh": matrix, "materials": materials}
+        scene.setdefault("meshes", []).append(mesh)
+
+    def meshes_of(self, scene):
+        """The meshes that a scene of the rung names."""
+        return [self.shapes[mesh["source"]].made() for mesh in scene["meshes"]]
+
+    @property
+    def meshes(self):
+        """Its own."""
+        return self.meshes_of(self.scene)
 
     @property
     def digest(self):
         """Changes with all that the reference depends on."""
-        scene = {k: v for k, v in self.fields.items() if k in ("crop", "view", "scene", "sky", "floor")}
+        scene = {k: v for k, v in self.fields.items() if k in ("crop", "view", "scene", "sky", "floor", "ball")}
         text = json.dumps(scene, sort_keys=True).encode() + np.ascontiguousarray(self.labels).tobytes()
         return hashlib.sha256(text).hexdigest()[:16]
 
@@ -140,10 +161,13 @@ class Rung:
             np.save(paths[key], array)
         meshes = []
         for mesh in scene["meshes"]:
-            floor = {"vertices": FLOOR, "triangles": HALVES, "material_of_triangle": [0, 0]}
-            files = {key: str(self.folder / f"{self.name}-floor-{key}.npy") for key in floor}
-            for key, values in floor.items():
-                np.save(files[key], np.array(values))
+            shape = self.shapes[mesh["source"]]
+            arrays = {"vertices": shape.corners, "triangles": shape.triangles, "material_of_triangle": shape.materials}
+            if shape.normals is not None:
+                arrays["normals"] = shape.normals[shape.triangles]
+            files = {key: f"{mesh['source']}-{key}.npy" for key in arrays}
+            for key, values in arrays.items():
+                np.save(files[key], values)
             meshes.append({**files, "materials": mesh["materials"]})
         return {
             "scene": scene,
@@ -180,30 +204,14 @@ class Rung:
         import pumice
 
         scene = self.scene if scene is None else scene
-        out = []
+        out, meshes = [], self.meshes_of(scene)
         for seed in range(first, first + seeds):
             scene["settings"]["seed"] = seed
             picture = pumice.render(
-                pumice.Scene.from_dict(scene), self.volume, meshes=self.meshes, spp=spp or self.spp, backend=backend
+                pumice.Scene.from_dict(scene), self.volume, meshes=meshes, spp=spp or self.spp, backend=backend
             )
             out.append(picture.color)
         return np.array(out, dtype=np.float64)
-
-
-def ply(corners, triangles):
-    """A mesh file as text."""
-    header = f"""ply
-format ascii 1.0
-element vertex {len(corners)}
-property double x
-property double y
-property double z
-element face {len(triangles)}
-property list uchar int vertex_indices
-end_header
-"""
-    rows = [*corners, *([3, *triangle] for triangle in triangles)]
-    return header + "".join(" ".join(map(str, row)) + "\n" for row in rows)
 
 
 def cut_out(crop):

@@ -9,8 +9,10 @@
 #include "ggx.glsl"
 #include "tables.glsl"
 #include "cover.glsl"
+#include "tilt.glsl"
 
 const float LEAST_BEND = 1e-4;
+const float LEAST_VIEW = 1e-6;
 const float LEAST_SHARE = 0.1;
 
 // Density of a mirror's only direction.
@@ -18,6 +20,8 @@ const float MIRROR_PDF = 1.0 / 0.0;
 
 struct Bsdf {
     vec3 wi;
+    vec3 shading_wi;
+    Tilt tilt;
     float alpha;
     vec3 diffuse;
     vec3 metal;
@@ -41,6 +45,7 @@ struct Bsdf {
 // Density 0: the sampled microfacet sends light to the wrong side.
 struct BsdfSample {
     vec3 wo;
+    bool through;
     vec3 weight;
     float pdf;
 };
@@ -74,6 +79,8 @@ float share_reflected(vec3 reflected, vec3 passed) {
 Bsdf bsdf_nothing(vec3 wi, float alpha) {
     Bsdf b;
     b.wi = wi;
+    b.shading_wi = wi;
+    b.tilt = no_tilt();
     b.alpha = alpha;
     b.diffuse = vec3(0.0);
     b.metal = vec3(0.0);
@@ -137,14 +144,14 @@ void choose(inout Bsdf b, float microfacets) {
     }
 }
 
-// The surface m seen from wi (local, z > 0); from_inside: that is the side where the material is.
-Bsdf bsdf_new(Address tables, Material m, vec3 wi, bool from_inside) {
+Bsdf bsdf_made(Address tables, Material m, vec3 wi, vec3 shading_wi, bool from_inside) {
     Bsdf b = bsdf_nothing(wi, m.roughness * m.roughness);
+    b.shading_wi = shading_wi;
     vec3 base = vec3(m.base_color[0], m.base_color[1], m.base_color[2]);
     vec3 tint = vec3(m.specular_tint[0], m.specular_tint[1], m.specular_tint[2]);
     vec3 weight;
     // What lies on top.
-    cover(tables, m, wi.z, b.sheen, b.coat, weight);
+    cover(tables, m, shading_wi.z, wi.z, b.sheen, b.coat, weight);
     if (NEEDS_LOBES == 0u) {
         b.diffuse = weight * base;
         choose(b, 0.0);
@@ -197,6 +204,30 @@ Bsdf bsdf_new(Address tables, Material m, vec3 wi, bool from_inside) {
     return b;
 }
 
+// The surface m seen from wi (local, z > 0); from_inside: that is the side where the material is.
+Bsdf bsdf_new(Address tables, Material m, vec3 wi, bool from_inside) {
+    return bsdf_made(tables, m, wi, wi, from_inside);
+}
+
+// The same, shaded by another normal than its own: wi, of any z, and tilt are in that one's frame.
+Bsdf bsdf_tilted(Address tables, Material m, vec3 wi, Tilt tilt, bool from_inside) {
+    vec3 to = to_microfacets(tilt, wi);
+    bool is_seen = to.z > 0.0;
+    to.z = max(to.z, LEAST_VIEW);
+    wi.z = max(wi.z, LEAST_VIEW);
+    Bsdf b = bsdf_made(tables, m, to, wi, from_inside);
+    b.tilt = tilt;
+    if (is_seen) {
+        return b;
+    }
+    // A normal on the far side of the surface: what mirrors is not seen.
+    b.metal = b.specular = b.glass = vec3(0.0);
+    b.coat = no_coat();
+    b.chance = b.coat_chance = 0.0;
+    choose(b, 0.0);
+    return b;
+}
+
 // Whether a sampled direction depends on the choice of a lobe.
 bool has_two_lobes(Bsdf b) {
     return b.coat_chance > 0.0 || b.sheen_chance > 0.0 || (b.chance > 0.0 && b.chance < 1.0) || bsdf_transmits(b);
@@ -209,7 +240,7 @@ vec3 diffuse_share(Bsdf b, vec3 wo, vec3 f) {
     }
     vec3 diffuse = b.diffuse * (wo.z * FRAC_1_PI);
     if (NEEDS_SHEEN != 0u && b.sheen_chance > 0.0) {
-        diffuse += b.sheen.albedo * sheen_pdf(b.sheen, b.wi, wo);
+        diffuse += b.sheen.albedo * sheen_pdf(b.sheen, b.shading_wi, wo);
     }
     return vec3(f.x > 0.0 ? min(diffuse.x / f.x, 1.0) : 0.0, f.y > 0.0 ? min(diffuse.y / f.y, 1.0) : 0.0,
         f.z > 0.0 ? min(diffuse.z / f.z, 1.0) : 0.0);
@@ -273,17 +304,20 @@ vec3 microfacets(Bsdf b, vec3 h, vec3 wo, out float pdf) {
     return f * (common_part / (1.0 + lambda_i + lambda_o));
 }
 
-// Adds what lobes without microfacets, and the coat, send from or to wo above the surface.
-void add_others(Bsdf b, vec3 wo, inout vec3 f, inout float pdf) {
+// Adds what lobes without microfacets, and the coat, send from or to wo above the surface; `to` is that for the coat.
+void add_others(Bsdf b, vec3 wo, vec3 to, inout vec3 f, inout float pdf) {
+    if (wo.z <= 0.0) {
+        return;
+    }
     f += b.diffuse * (wo.z * FRAC_1_PI);
     pdf += b.diffuse_chance * wo.z * FRAC_1_PI;
-    if (NEEDS_COAT != 0u && b.coat_chance > 0.0 && !coat_is_mirror(b.coat)) {
+    if (NEEDS_COAT != 0u && b.coat_chance > 0.0 && !coat_is_mirror(b.coat) && to.z > 0.0) {
         float coat_pdf;
-        f += coat_eval(b.coat, b.wi, wo, coat_pdf);
+        f += coat_eval(b.coat, b.wi, to, coat_pdf);
         pdf += b.coat_chance * coat_pdf;
     }
     if (NEEDS_SHEEN != 0u && b.sheen_chance > 0.0) {
-        float density = sheen_pdf(b.sheen, b.wi, wo);
+        float density = sheen_pdf(b.sheen, b.shading_wi, wo);
         f += b.sheen.albedo * density;
         pdf += b.sheen_chance * density;
     }
@@ -310,17 +344,18 @@ vec3 bsdf_eval(Bsdf b, vec3 wo, out float pdf) {
     if (b.wi.z <= 0.0 || wo.z == 0.0) {
         return vec3(0.0);
     }
+    vec3 to = to_microfacets(b.tilt, wo);
     if (wo.z < 0.0) {
-        if (bsdf_transmits(b)) {
-            return eval_below(b, wo, pdf);
+        if (bsdf_transmits(b) && to.z < 0.0) {
+            return eval_below(b, to, pdf);
         }
         return vec3(0.0);
     }
     vec3 f = vec3(0.0);
-    if (NEEDS_LOBES != 0u && b.chance > 0.0 && !bsdf_is_mirror(b)) {
-        f = microfacets(b, normalized(b.wi + wo), wo, pdf);
+    if (NEEDS_LOBES != 0u && b.chance > 0.0 && !bsdf_is_mirror(b) && to.z > 0.0) {
+        f = microfacets(b, normalized(b.wi + to), to, pdf);
     }
-    add_others(b, wo, f, pdf);
+    add_others(b, wo, to, f, pdf);
     return f;
 }
 
@@ -339,11 +374,19 @@ vec3 sample_cosine(vec2 u) {
 
 // The mirror's direction.
 BsdfSample mirrored(Bsdf b, vec3 weight) {
-    return BsdfSample(vec3(-b.wi.x, -b.wi.y, b.wi.z), weight, MIRROR_PDF);
+    return BsdfSample(from_microfacets(b.tilt, vec3(-b.wi.x, -b.wi.y, b.wi.z)), false, weight, MIRROR_PDF);
 }
 
 BsdfSample no_sample(vec3 wo) {
-    return BsdfSample(wo, vec3(0.0), 0.0);
+    return BsdfSample(wo, false, vec3(0.0), 0.0);
+}
+
+// A sample of this density; none where it has none.
+BsdfSample sampled(vec3 wo, bool through, vec3 f, float pdf) {
+    if (!(pdf > 0.0) || isinf(pdf)) {
+        return no_sample(wo);
+    }
+    return BsdfSample(wo, through, f / pdf, pdf);
 }
 
 BsdfSample sample_microfacets(Bsdf b, vec2 u, float choice) {
@@ -353,33 +396,33 @@ BsdfSample sample_microfacets(Bsdf b, vec2 u, float choice) {
     vec3 passed;
     vec3 reflected = bsdf_reflectance(b, cosine, passed);
     float share = share_reflected(reflected, passed);
-    vec3 wo, f;
+    vec3 to, wo, f;
     float pdf;
-    if (choice < share) {
+    bool through = !(choice < share);
+    if (!through) {
         if (is_mirror) {
             return mirrored(b, reflected / (share * b.chance));
         }
-        wo = 2.0 * cosine * h - b.wi;
-        if (wo.z <= 0.0) {
+        to = 2.0 * cosine * h - b.wi;
+        wo = from_microfacets(b.tilt, to);
+        if (to.z <= 0.0) {
             return no_sample(wo);
         }
-        f = microfacets(b, h, wo, pdf);
-        add_others(b, wo, f, pdf);
+        f = microfacets(b, h, to, pdf);
+        add_others(b, wo, to, f, pdf);
     } else {
         float cos_t = sqrt(max(1.0 - (1.0 - cosine * cosine) / (b.glass_eta * b.glass_eta), 0.0));
-        wo = normalized((cosine / b.glass_eta - cos_t) * h - b.wi / b.glass_eta);
-        if (wo.z >= 0.0) {
+        to = normalized((cosine / b.glass_eta - cos_t) * h - b.wi / b.glass_eta);
+        wo = from_microfacets(b.tilt, to);
+        if (to.z >= 0.0) {
             return no_sample(wo);
         }
         if (is_mirror || abs(b.glass_eta - 1.0) < LEAST_BEND) {
-            return BsdfSample(wo, passed / ((1.0 - share) * b.chance), MIRROR_PDF);
+            return BsdfSample(wo, true, passed / ((1.0 - share) * b.chance), MIRROR_PDF);
         }
-        f = microfacets(b, h, wo, pdf);
+        f = microfacets(b, h, to, pdf);
     }
-    if (!(pdf > 0.0) || isinf(pdf)) {
-        return no_sample(wo);
-    }
-    return BsdfSample(wo, f / pdf, pdf);
+    return sampled(wo, through, f, pdf);
 }
 
 // A direction with density as bsdf_eval says.
@@ -392,23 +435,27 @@ BsdfSample bsdf_sample(Bsdf b, vec2 u, float choice) {
         return mirrored(b, coat_reflectance(b.coat, b.wi.z) / b.coat_chance);
     }
     bool in_sheen = NEEDS_SHEEN != 0u && choice < b.chance + b.coat_chance + b.sheen_chance;
+    bool is_above = true;
     vec3 wo;
+    vec3 f = vec3(0.0);
+    float pdf = 0.0;
     if (in_coat) {
-        wo = coat_sample(b.coat, b.wi, u);
+        vec3 to = coat_sample(b.coat, b.wi, u);
+        wo = from_microfacets(b.tilt, to);
+        is_above = to.z > 0.0;
+        if (NEEDS_SMOOTH != 0u && is_above && wo.z <= 0.0) {
+            f = coat_eval(b.coat, b.wi, to, pdf);
+            return sampled(wo, false, f, b.coat_chance * pdf);
+        }
     } else if (in_sheen) {
-        wo = sheen_sample(b.sheen, b.wi, sample_cosine(u));
+        wo = sheen_sample(b.sheen, b.shading_wi, sample_cosine(u));
     } else {
         wo = sample_cosine(u);
     }
-    vec3 f = vec3(0.0);
-    float pdf = 0.0;
-    if (wo.z > 0.0) {
+    if (is_above && wo.z > 0.0) {
         f = bsdf_eval(b, wo, pdf);
     }
-    if (!(pdf > 0.0) || isinf(pdf)) {
-        return no_sample(wo);
-    }
-    return BsdfSample(wo, f / pdf, pdf);
+    return sampled(wo, false, f, pdf);
 }
 
 #endif

@@ -62,8 +62,8 @@ vec3 coat_sample(Coat coat, vec3 wi, vec2 u) {
     return 2.0 * dot(wi, h) * h - wi;
 }
 
-// Fibres and coat of m seen under the cosine, and what is left for all that lies below both.
-void cover(Address tables, Material m, float cosine, out Sheen sheen, out Coat coat, out vec3 below) {
+// Fibres of m seen under the cosine, its coat under the other, and what is left for all that lies below both.
+void cover(Address tables, Material m, float cosine, float coat_cosine, out Sheen sheen, out Coat coat, out vec3 below) {
     float left = 1.0;
     sheen = no_sheen();
     if (NEEDS_SHEEN != 0u && m.sheen > 0.0) {
@@ -72,7 +72,7 @@ void cover(Address tables, Material m, float cosine, out Sheen sheen, out Coat c
     coat = no_coat();
     below = vec3(1.0);
     if (NEEDS_COAT != 0u && m.coat > 0.0) {
-        coat = coat_new(tables, m, cosine, below);
+        coat = coat_new(tables, m, coat_cosine, below);
     }
     coat.weight *= left;
     coat.albedo *= left;
@@ -87,7 +87,7 @@ vec3 emitted(Address tables, Material m, float cosine) {
         Sheen sheen;
         Coat coat;
         vec3 below;
-        cover(tables, m, cosine, sheen, coat, below);
+        cover(tables, m, cosine, cosine, sheen, coat, below);
         light *= below;
     }
     return light;

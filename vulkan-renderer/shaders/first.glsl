@@ -30,7 +30,9 @@ void first_of_pixel(uvec2 in_tile) {
         first.depth = f64_to_f32(hit.t);
         first.label = hit.surface.kind == SURFACE_TRIANGLE ? 0u : hit.surface.label + 1u;
         first.albedo = material_of(instance_at(scene, hit.surface.instance), hit.surface.label).base_color;
-        vec3 normal = dvec3_to_vec3(hit.from_inside ? dvec3_neg(hit.normal_in_world) : hit.normal_in_world);
+        DVec3 seen = hit.from_inside ? dvec3_neg(hit.normal_in_world) : hit.normal_in_world;
+        shading_normal(scene, hit, position, seen);
+        vec3 normal = dvec3_to_vec3(seen);
         first.normal = float[3](normal.x, normal.y, normal.z);
         vec3 p = dvec3_to_vec3(position);
         first.position = float[3](p.x, p.y, p.z);

@@ -3,6 +3,8 @@
 #ifndef MESH_TRACER_GLSL
 #define MESH_TRACER_GLSL
 
+#include "mesh_normals.glsl"
+
 bool is_mesh(InstanceRef instance) {
     return NEEDS_MESHES != 0u && instance.it.lod == LOD_TRIANGLES;
 }
@@ -100,6 +102,25 @@ Hit mesh_hit(InstanceRef instance, uint instance_number, IndexRay ray, f64 t, ui
     return Hit(f64_div(t, ray.scaled_from_world),
         Surface(instance_number, SURFACE_TRIANGLE, uvec3(0u), 0u, false, triangle, material, triangle),
         normal_of(placement_of(instance), normal), f64_lt(F64_ZERO, dvec3_dot(normal, direction)));
+}
+
+// The normal that a triangle is shaded by at a point; false where that is its own.
+bool mesh_smooth_normal(InstanceRef instance, uint triangle, DVec3 point, out DVec3 normal) {
+    normal = point;
+    if (instance.it.leaves == 0UL) {
+        return false;
+    }
+    Words of_triangle = Words(instance.it.leaves + uint64_t(triangle) * 12UL);
+    DVec3 corners[3];
+    mesh_corners(instance, triangle, corners);
+    Placement placement = placement_of(instance);
+    DVec3 in_grid = index_from_world(placement, dvec3_sub(point, placement.translation));
+    vec3 blended;
+    if (!blended_normal(corners, uint[3](of_triangle.at[0], of_triangle.at[1], of_triangle.at[2]), in_grid, blended)) {
+        return false;
+    }
+    normal = normal_of(placement, dvec3_of(f64_from_f32(blended.x), f64_from_f32(blended.y), f64_from_f32(blended.z)));
+    return true;
 }
 
 #endif

@@ -31,5 +31,7 @@ layout(constant_id = 12) const uint NEEDS_SHEEN = 1u;
 layout(constant_id = 13) const uint NEEDS_EMITTERS = 1u;
 // Pixels keep which labels they see, by name.
 layout(constant_id = 14) const uint NEEDS_MATTES = 1u;
+// Some surface is shaded by another normal than its own.
+layout(constant_id = 15) const uint NEEDS_SMOOTH = 1u;
 
 #endif

@@ -155,14 +155,16 @@ Tally follow(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, flo
 
         // 1 where a cosine-distributed ray meets nothing within reach, else 0.
         if (mode == MODE_AMBIENT_OCCLUSION) {
-            Frame frame = frame_new(normal_towards_ray(hit));
+            DVec3 normal = normal_towards_ray(hit), shading = normal;
+            shading_normal(scene, hit, ray.origin, shading);
+            Frame frame = frame_new(shading);
             if (NEEDS_MATTES != 0u) {
                 tally_named(tally, 0u, looks_ids_of(instance_at(scene, hit.surface.instance), hit.surface.label));
             }
             tally_came_to(tally, 0u, vec3[3](vec3(1.0), vec3(0.0), vec3(0.0)), dvec3_to_vec3(frame.normal));
             tally.aimed = Share(vec3(1.0), false);
             ray.direction = frame_world(frame, sample_cosine(sampler_bounce(points, 0u, PAIR_SCATTER)));
-            if (is_seen_from_within(hit) || f64_le(dvec3_dot(ray.direction, frame.normal), F64_ZERO)) {
+            if (is_seen_from_within(hit) || f64_le(dvec3_dot(ray.direction, normal), F64_ZERO)) {
                 return tally;
             }
             t_max = f64_from_bits(scene.it.settings.ao_distance);
@@ -186,11 +188,15 @@ Tally follow(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, flo
         }
 
         // The side that is seen.
-        Frame frame = frame_new(hit.from_inside ? dvec3_neg(hit.normal_in_world) : hit.normal_in_world);
+        DVec3 normal = hit.from_inside ? dvec3_neg(hit.normal_in_world) : hit.normal_in_world;
+        DVec3 shading = normal;
+        bool is_smooth = shading_normal(scene, hit, ray.origin, shading);
+        Frame frame = frame_new(shading);
         vec3 wi = frame_local(frame, dvec3_neg(dvec3_normalize(ray.direction)));
-        // A grazing ray may round to 0 or below: it still sees the front.
-        wi.z = max(wi.z, 1e-6);
-        vec3 shines = emitted(scene.it.tables, material, wi.z);
+        // What shines, shines as the surface lies: those who aim at it know no other normal.
+        vec3 own = is_smooth ? frame_local(frame, normal) : vec3(0.0, 0.0, 1.0);
+        float cosine = max(is_smooth ? dot(wi, own) : wi.z, LEAST_VIEW);
+        vec3 shines = emitted(scene.it.tables, material, cosine);
         if (NEEDS_EMITTERS != 0u && flight == FLIGHT_SCATTERED && lights.emitters_chance > 0.0 && shines != vec3(0.0)) {
             f64 far = f64_add(gone, f64_mul(hit.t, dvec3_length(ray.direction)));
             shines *= emission_weight(scene, lights, receiver, hit, far, onward_pdf);
@@ -201,7 +207,13 @@ Tally follow(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, flo
         if (vertex > bounces || buried) {
             return tally;
         }
-        Bsdf bsdf = bsdf_new(scene.it.tables, material, wi, hit.from_inside);
+        Bsdf bsdf;
+        if (is_smooth) {
+            bsdf = bsdf_tilted(scene.it.tables, material, wi, tilt_new(own, wi), hit.from_inside);
+        } else {
+            wi.z = cosine;
+            bsdf = bsdf_new(scene.it.tables, material, wi, hit.from_inside);
+        }
         if (NEEDS_MATTES != 0u && vertex == 0u) {
             tally_named(tally, 0u, looks_ids_of(instance_at(scene, hit.surface.instance), hit.surface.label));
         }
@@ -253,13 +265,14 @@ Tally follow(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, flo
                 if (!isinf(scattered.pdf)) {
                     diffuse = diffuse_share(bsdf, scattered.wo, scattered.weight * scattered.pdf);
                 }
-                tally_scattered(tally, 0u, Share(diffuse, scattered.wo.z < 0.0));
+                tally_scattered(tally, 0u, Share(diffuse, scattered.through));
             }
             onward = frame_world(frame, scattered.wo);
             onward_pdf = scattered.pdf;
             float most = max_element(throughput);
-            f64 above = dvec3_dot(onward, frame.normal);
-            goes_on = most > 0.0 && (scattered.wo.z > 0.0 ? f64_lt(F64_ZERO, above) : f64_lt(above, F64_ZERO));
+            // On the side of the surface itself that it was sampled for.
+            f64 above = dvec3_dot(onward, normal);
+            goes_on = most > 0.0 && (scattered.through ? f64_lt(above, F64_ZERO) : f64_lt(F64_ZERO, above));
 
             // End by Russian roulette; who survives stands for who does not.
             if (goes_on && scene.it.settings.russian_roulette != 0u && vertex >= FIRST_ROULETTE && most < 1.0) {

@@ -31,4 +31,21 @@ Hit scene_ask(SceneRef scene, RayInWorld ray, Surface from, f64 t_max, bool any,
     return best;
 }
 
+// The normal that a surface is shaded by at a point; false where that is its own.
+bool scene_smooth_normal(SceneRef scene, Surface surface, DVec3 point, out DVec3 normal) {
+    InstanceRef instance = instance_at(scene, surface.instance);
+    normal = point;
+    return is_mesh(instance) && mesh_smooth_normal(instance, surface.plane, point, normal);
+}
+
+// The normal that a surface is shaded by at a point of it, on the side of its own `normal`; that one where it is it, and false.
+bool shading_normal(SceneRef scene, Hit hit, DVec3 point, inout DVec3 normal) {
+    DVec3 smooth_one;
+    if (NEEDS_SMOOTH == 0u || !scene_smooth_normal(scene, hit.surface, point, smooth_one)) {
+        return false;
+    }
+    normal = on_side_of(hit, normal, smooth_one);
+    return true;
+}
+
 #endif

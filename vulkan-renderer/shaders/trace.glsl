@@ -57,6 +57,11 @@ DVec3 normal_towards_ray(Hit hit) {
     return back ? dvec3_neg(hit.normal_in_world) : hit.normal_in_world;
 }
 
+// A normal of the hit, on the side of another of its.
+DVec3 on_side_of(Hit hit, DVec3 normal, DVec3 smooth_one) {
+    return f64_lt(dvec3_dot(normal, hit.normal_in_world), F64_ZERO) ? dvec3_neg(smooth_one) : smooth_one;
+}
+
 Surface surface_from_record(SurfaceRecord r) {
     return Surface(r.instance, r.face >> 3, uvec3(r.voxel[0], r.voxel[1], r.voxel[2]), r.face & 3u, (r.face & 4u) != 0u, r.plane,
         r.label, r.box_number);

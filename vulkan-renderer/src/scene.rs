@@ -5,7 +5,7 @@
 //!  (+ Instance │
 //!  records,    ├─ Nodes     nodes and leaves, as compressed                 renewed by: a volume, a label that was never shown
 //!  new with    ├─ Boxes     boxes, labels, hierarchy                        renewed by: visibility, level of detail
-//!  each edit)  ├─ Triangles corners, triangles, hierarchy                   renewed by: another mesh
+//!  each edit)  ├─ Triangles corners, triangles, normals, hierarchy          renewed by: another mesh
 //!              ├─ Looks     materials, which label has which                renewed by: colours
 //!              ├─ Emitters  surfaces that shine, and their tree                renewed by: what shines, its place, shape and neighbours
 //!              ├─ Cuts      planes of what is taken away                    renewed by: cuts, places
@@ -171,6 +171,8 @@ pub(crate) struct Triangles {
     corners: Buffer,
     triangles: Buffer,
     materials: Buffer,
+    /// Where some triangle is shaded smooth.
+    normals: Option<Buffer>,
     bvh: Option<[Buffer; 2]>,
     acceleration: Option<Acceleration>,
     /// Its placement, materials and their addresses left 0.
@@ -186,13 +188,18 @@ impl Triangles {
         let triangles = gpu.buffer_of("the triangles of a mesh", bytemuck::cast_slice(mesh.triangles()))?;
         let materials =
             gpu.buffer_of("the materials of triangles", bytemuck::cast_slice(&packed.materials))?;
+        let normals = match mesh.normals() {
+            [] => None,
+            all => Some(gpu.buffer_of("the normals of a mesh", bytemuck::cast_slice(all))?),
+        };
         let mesh_from_grid = packed.grid.mesh_from_grid;
         let (bvh, acceleration) =
             hierarchy(gpu, instance, &mut record, || packed.aabbs(), || packed.bounds.clone())?;
         record.nodes = corners.address();
         record.boxes = triangles.address();
         record.labels = materials.address();
-        Ok(Self { mesh_from_grid, corners, triangles, materials, bvh, acceleration, record })
+        record.leaves = normals.as_ref().map_or(0, Buffer::address);
+        Ok(Self { mesh_from_grid, corners, triangles, materials, normals, bvh, acceleration, record })
     }
 
     /// Grid to the mesh's own space.
@@ -447,6 +454,7 @@ impl SceneOnDevice {
         for m in &self.meshes {
             if first(Arc::as_ptr(&m.triangles).cast()) {
                 boxes += m.triangles.corners.bytes() + m.triangles.triangles.bytes();
+                boxes += m.triangles.normals.as_ref().map_or(0, Buffer::bytes);
                 labels += m.triangles.materials.bytes();
                 hierarchy += m.triangles.acceleration.as_ref().map_or(0, Acceleration::bytes)
                     + m.triangles.bvh.iter().flatten().map(Buffer::bytes).sum::<u64>();

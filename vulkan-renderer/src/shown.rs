@@ -148,6 +148,7 @@ impl Shown {
         );
         needs.emitters = parts.emitters.is_some();
         needs.aim |= needs.emitters;
+        needs.smooth = meshes.iter().any(|mesh| mesh.is_smooth());
         let size = [scene.film.width, scene.film.height];
         let kept = PassSums::of(&scene.film);
         let film = match former.take() {

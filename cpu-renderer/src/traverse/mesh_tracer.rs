@@ -13,6 +13,7 @@ use pumice_render::{Bvh, Hit, PathOrigin, RayInWorld, RenderError, Surface, Surf
 use super::IndexRay;
 use super::index_ray::{Placement, surface_of};
 use super::mesh_grid::MeshGrid;
+use super::mesh_normals::blended_normal;
 use super::triangle::TriangleRay;
 use super::volume_tracer::bvh_ray;
 
@@ -196,5 +197,16 @@ impl Tracer for MeshTracer {
     fn occluded(&self, ray: &RayInWorld, from: PathOrigin, t_max: f64) -> bool {
         let Some(ray) = self.placement.ray_to_mesh(ray) else { return false };
         self.nearest(&ray, from, ray.scaled_t(t_max), true).is_some()
+    }
+
+    fn smooth_normal(&self, surface: &Surface, point: DVec3) -> Option<DVec3> {
+        let normals = *self.geometry.mesh.normals().get(surface.plane as usize)?;
+        let in_grid = self.placement.index_from_world(point - self.placement.world_from_index.translation);
+        let normal = blended_normal(self.corners(surface.plane), normals, in_grid)?;
+        Some(self.placement.normal_of(normal.as_dvec3()))
+    }
+
+    fn is_smooth(&self) -> bool {
+        self.geometry.mesh.is_smooth()
     }
 }

@@ -19,13 +19,15 @@
 //! **Cuts** take parts of space away from an instance; what is left of a ray is traced piece by piece (`cuts`), and a solid that
 //! ends at a cut ends in a cap: as if the voxels themselves had been cut.
 //!
-//! **Meshes** are hierarchies of the same kind, over triangles in a grid of their own. They are never cut.
+//! **Meshes** are hierarchies of the same kind, over triangles in a grid of their own. They are never cut. Smooth normals of their
+//! corners (`mesh_normals`) are for shading alone: hits, sides and what paths go on from are those of the triangles.
 
 mod box_walk;
 mod cuts;
 mod index_ray;
 mod lod;
 mod mesh_grid;
+mod mesh_normals;
 mod mesh_tracer;
 mod scene_tracer;
 mod triangle;

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use glam::DAffine3;
+use glam::{DAffine3, DVec3};
 use pumice_core::CompressedVolume;
 use pumice_render::{Hit, PathOrigin, RayInWorld, RenderError, Surface, Tracer};
 
@@ -26,6 +26,8 @@ pub struct TracedInstance {
 pub struct SceneTracer {
     volumes: Vec<Arc<VolumeTracer>>,
     meshes: Vec<Arc<MeshTracer>>,
+    /// Some mesh is shaded smooth.
+    is_smooth: bool,
 }
 
 impl SceneTracer {
@@ -40,13 +42,13 @@ impl SceneTracer {
 
     /// The geometry of instances that are built already; the one at place i was built as instance i.
     pub fn of(volumes: Vec<Arc<VolumeTracer>>) -> Self {
-        Self { volumes, meshes: Vec::new() }
+        Self { volumes, meshes: Vec::new(), is_smooth: false }
     }
 
     /// With these meshes; the first is the instance after the last volume's.
     #[must_use]
     pub fn with_meshes(self, meshes: Vec<Arc<MeshTracer>>) -> Self {
-        Self { meshes, ..self }
+        Self { is_smooth: meshes.iter().any(|mesh| mesh.is_smooth()), meshes, ..self }
     }
 
     /// Heap bytes of the acceleration structures; the volumes and the meshes are not counted.
@@ -113,5 +115,14 @@ impl Tracer for SceneTracer {
 
     fn box_origin(&self, face: &Surface) -> Option<[u32; 3]> {
         self.instance(face.instance)?.box_origin(face)
+    }
+
+    fn smooth_normal(&self, surface: &Surface, point: DVec3) -> Option<DVec3> {
+        let place = (surface.instance as usize).checked_sub(self.volumes.len())?;
+        self.mesh(place)?.smooth_normal(surface, point)
+    }
+
+    fn is_smooth(&self) -> bool {
+        self.is_smooth
     }
 }

@@ -3,7 +3,8 @@
     JOB.json  scene       the scene file's object (docs/scene.md), every default written out, paths absolute
               instances   for each: vertices.npy (n, 3), quads.npy (m, 4), materials.npy (m,): a quad for each voxel face in index
                           space, and the materials that the last counts in
-              meshes      for each: vertices.npy, triangles.npy, materials.npy
+              meshes      for each: vertices.npy, triangles.npy, materials.npy; normals.npy (m, 3, 3) at the triangles' corners, where
+                          the mesh is smooth
               renders     [{seed, spp}, …]
               smooth      true shades smoothly: a fault on purpose
               pattern     Cycles' sampling pattern
@@ -69,8 +70,8 @@ def linked(name, data, matrix):
     return obj
 
 
-def mesh_object(name, vertices, faces, material_of_face, materials, matrix, smooth):
-    """A mesh from arrays. `faces` are rows of 3 or 4 vertex numbers."""
+def mesh_object(name, vertices, faces, material_of_face, materials, matrix, smooth, normals=None):
+    """A mesh from arrays. `faces` are rows of 3 or 4 vertex numbers; `normals` are of their corners."""
     mesh = bpy.data.meshes.new(name)
     corners = faces.shape[1]
     mesh.vertices.add(len(vertices))
@@ -81,12 +82,19 @@ def mesh_object(name, vertices, faces, material_of_face, materials, matrix, smoo
     mesh.polygons.foreach_set("loop_start", np.arange(0, faces.size, corners, dtype=np.int32))
     mesh.polygons.foreach_set("material_index", np.ascontiguousarray(material_of_face, dtype=np.int32))
     # A mesh from arrays is shaded smooth unless its faces are said to be sharp.
-    sharp = np.full(len(faces), not smooth, dtype=bool)
+    sharp = np.full(len(faces), not smooth and normals is None, dtype=bool)
     mesh.attributes.new("sharp_face", "BOOLEAN", "FACE").data.foreach_set("value", sharp)
+    if normals is not None:
+        # As they are: what `normals_split_custom_set` keeps is rounded to 16 bits. (Blender 4.5 and on.)
+        values = np.ascontiguousarray(normals, dtype=np.float32).ravel()
+        mesh.attributes.new("custom_normal", "FLOAT_VECTOR", "CORNER").data.foreach_set("vector", values)
     mesh.update(calc_edges=True)
     for i, fields in enumerate(materials):
         mesh.materials.append(principled(f"{name} {i}", fields))
-    return linked(name, mesh, matrix)
+    obj = linked(name, mesh, matrix)
+    # Blender moves where shadow rays start from smooth triangles; here they start from where the surface is.
+    obj.shadow_terminator_geometry_offset = obj.shadow_terminator_shading_offset = 0.0
+    return obj
 
 
 def principled(name, fields):
@@ -337,7 +345,8 @@ def build(job):
         mesh_object(f"volume {i}", *arrays, mesh["materials"], matrix_of(instance["world_from_index"]), smooth)
     for i, (instance, mesh) in enumerate(zip(wanted.get("meshes", []), job.get("meshes", []), strict=True)):
         arrays = (np.load(mesh[key]) for key in ("vertices", "triangles", "material_of_triangle"))
-        mesh_object(f"mesh {i}", *arrays, mesh["materials"], matrix_of(instance["world_from_mesh"]), smooth)
+        normals = np.load(mesh["normals"]) if "normals" in mesh else None
+        mesh_object(f"mesh {i}", *arrays, mesh["materials"], matrix_of(instance["world_from_mesh"]), smooth, normals)
     set_camera(scene, wanted["camera"], wanted["film"])
     set_world(scene, wanted["world"])
     add_suns(wanted["suns"])

@@ -5,8 +5,9 @@
 //! nodes                   nodes           corners in the mesh's grid, 3 floats each
 //! boxes, box_count        boxes           corners of triangles, 3 words each; how many triangles
 //! labels                  labels          material index of each triangle
+//! leaves                  leaves          normals at the corners of triangles, 3 words each; 0 where all is flat
 //! lod                     level           LOD_TRIANGLES
-//! chunks, leaves, dims    …               0
+//! chunks, dims            …               0
 //! the others              the same, of the mesh's grid
 //! ```
 

@@ -9,7 +9,7 @@ use super::PackedLooks;
 use crate::layout::Material;
 
 /// What each specialisation constant compiles.
-const PARTS: [(usize, Part); 14] = [
+const PARTS: [(usize, Part); 15] = [
     (1, Part::Microfacets),
     (2, Part::SkyPicture),
     (3, Part::Aiming),
@@ -24,6 +24,7 @@ const PARTS: [(usize, Part); 14] = [
     (12, Part::Sheen),
     (13, Part::Emitters),
     (14, Part::Mattes),
+    (15, Part::SmoothNormals),
 ];
 
 /// The constants, with those of spare parts set too.
@@ -70,6 +71,8 @@ pub struct ShaderNeeds {
     pub emitters: bool,
     /// Pixels keep which labels they see, by name.
     pub mattes: bool,
+    /// Some surface is shaded by another normal than its own.
+    pub smooth: bool,
 }
 
 impl ShaderNeeds {
@@ -102,12 +105,14 @@ impl ShaderNeeds {
             meshes,
             emitters: lights.emitters().is_some(),
             mattes: PassSums::of(film).ranks > 0,
+            // Scenes do not say what meshes have: who has them does.
+            smooth: false,
             sorted: clamps(settings) || PassSums::of(film).stride() > 0,
         }
     }
 
     /// Specialisation constants by their numbers; number 0 is the probe's.
-    pub fn constants(&self) -> [u32; 15] {
+    pub fn constants(&self) -> [u32; 16] {
         let Self {
             lobes,
             picture,
@@ -123,10 +128,11 @@ impl ShaderNeeds {
             sheen,
             emitters,
             mattes,
+            smooth,
         } = *self;
         [
             false, lobes, picture, aim, lens, lamps, coat, glass, clear, cuts, meshes, sorted, sheen,
-            emitters, mattes,
+            emitters, mattes, smooth,
         ]
         .map(u32::from)
     }

@@ -46,6 +46,7 @@ impl Uploaded {
         record.nodes = self.put(gpu, &packed.grid.corners);
         record.boxes = self.put(gpu, mesh.triangles());
         record.labels = self.put(gpu, &packed.materials);
+        record.leaves = if mesh.is_smooth() { self.put(gpu, mesh.normals()) } else { 0 };
         self.push(gpu, record, &packed.aabbs(), packed.bounds.clone());
     }
 

@@ -13,8 +13,9 @@ pub(crate) const FOLDERS: [&str; 6] = [
     "render/src/lamp",
 ];
 
-/// Files besides: what reads a compressed volume.
-pub(crate) const FILES: [&str; 3] = ["core/src/node.rs", "core/src/volume.rs", "core/src/box_record.rs"];
+/// Files besides: what reads a compressed volume, and normals.
+pub(crate) const FILES: [&str; 4] =
+    ["core/src/node.rs", "core/src/volume.rs", "core/src/box_record.rs", "core/src/octahedral.rs"];
 
 const FRONT: &str = "a front end: the twin's hierarchy in its place, asked in another way";
 const ENTRY: &str = "an entry point: includes a twin and calls it once a pixel or ray";
@@ -84,6 +85,7 @@ const READ: &str = "hands out a field, which the shader reads itself";
 const COUNTED: &str = "counts memory or items of the host's";
 const BOX_KNOWN: &str = "surfaces know the number of their box there";
 const CARRIED: &str = "puts in what a scene does not need, to be measured; on a device `pack` does";
+const COMPILED: &str = "whether to ask at all: there a constant of the shader";
 const SHOWN: &str = "what is made of the sums is the host's, for both renderers";
 
 /// Functions that the host alone computes.
@@ -92,6 +94,7 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
         "core/src/box_record.rs",
         &[("BoxRecord::new", "the compressor's"), ("BoxRecord::node", "its bits are taken out in box_place")],
     ),
+    ("core/src/octahedral.rs", &[("encode", "words are made before a ray is traced")]),
     (
         "core/src/node.rs",
         &[("NodeRef::words", COUNTED), ("extent_of", "tight bounds for the hierarchy: ready before")],
@@ -223,6 +226,7 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
             ("MeshTracer::again", READY),
             ("MeshTracer::mesh", READ),
             ("MeshTracer::placement", READ),
+            ("MeshTracer::is_smooth", COMPILED),
             ("MeshTracer::bytes", COUNTED),
         ],
     ),
@@ -236,6 +240,7 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
             ("SceneTracer::volumes", READ),
             ("SceneTracer::meshes", READ),
             ("SceneTracer::box_origin", BOX_KNOWN),
+            ("SceneTracer::is_smooth", COMPILED),
             ("SceneTracer::bytes", COUNTED),
             ("SceneTracer::label_at", "asked about a voxel, not by a ray"),
         ],
@@ -439,6 +444,11 @@ pub(crate) const OTHER_NAMES: &[Listed] = &[
             ("Arc::occluded", "is_hit"),
             ("Tracer::box_origin", "surface_from_record"),
             ("Arc::box_origin", "surface_from_record"),
+            ("Tracer::smooth_normal", "on_side_of"),
+            ("Arc::smooth_normal", "on_side_of"),
+            ("Tracer::shading_normal", "on_side_of"),
+            ("Tracer::is_smooth", "is_hit"),
+            ("Arc::is_smooth", "is_hit"),
         ],
     ),
 ];

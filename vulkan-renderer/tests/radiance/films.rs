@@ -24,7 +24,8 @@ fn chosen() -> Vec<Case> {
         "32 bounces",
         "by distance",
         "several instances",
-        "meshes",
+        "meshes beside",
+        "smooth meshes",
         "begin within",
         "shine, in the dark",
     ];

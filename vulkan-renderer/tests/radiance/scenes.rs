@@ -266,6 +266,30 @@ fn beside_meshes(case: Case) -> Case {
     case
 }
 
+/// The same shaded smooth, by normals that fit the bumps badly: they lie on the far side of some triangles, and what they would
+/// mirror is often below the surface.
+fn beside_smooth_meshes(case: Case) -> Case {
+    let mut case = beside_meshes(case);
+    for (mesh, _) in &mut case.meshes {
+        let middle =
+            mesh.positions().iter().map(|p| DVec3::from(*p)).sum::<DVec3>() / mesh.positions().len() as f64;
+        let normals: Vec<_> =
+            mesh.positions().iter().map(|p| (DVec3::from(*p) - middle).as_vec3().to_array()).collect();
+        *mesh = Arc::new(MeshData::clone(mesh).with_corner_normals(&normals).expect("normals"));
+        assert!(mesh.is_smooth());
+    }
+    let rough = Material { roughness: 0.7, base_color: [0.9, 0.8, 0.7], ..Material::default() };
+    let of_ball = [
+        Material { transmission: 1.0, ..rough },
+        Material { metallic: 1.0, ..rough },
+        Material { coat: 1.0, coat_roughness: 0.7, sheen: 0.5, emission: [0.2, 0.1, 0.0], ..rough },
+        Material { alpha: 0.5, sheen: 1.0, specular: 0.0, ..rough },
+    ];
+    let last = case.around.looks.len() - 1;
+    case.around.looks[last] = Arc::new(Looks::of_mesh(&of_ball));
+    case
+}
+
 /// A room with a window in its ceiling and four pillars, seen from within: light comes in after many bounces.
 fn room() -> Case {
     let (_, room) = volume([48, 36, 28], |x, y, z| {
@@ -331,6 +355,10 @@ pub(crate) fn cases() -> Vec<Case> {
         aimed(bodies(), vec![sun(0.3, 2.0)]).lod(far).named("cells and voxels by distance"),
         several().named("several instances, labels hidden, colours of the palette"),
         beside_meshes(passed_through(aimed(bodies(), vec![sun(0.3, 2.0)]))).named("meshes beside a volume"),
+        beside_smooth_meshes(passed_through(aimed(bodies(), vec![sun(0.3, 2.0)]))).named("smooth meshes"),
+        beside_smooth_meshes(bodies())
+            .settings(|s| (s.mode, s.ao_distance) = (Mode::AmbientOcclusion, 30.0))
+            .named("occlusion of smooth surfaces"),
         surfaces(aimed(bodies(), vec![])).aimed_at_emission().named("labels that shine, in the dark"),
         surfaces(painted(bodies(), vec![sun(0.3, 1.0)]))
             .aimed_at_emission()
