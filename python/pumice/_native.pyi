@@ -99,9 +99,10 @@ class Mesh:
     """
     A triangle mesh, checked; it never changes.
     """
-    def __new__(cls, /, positions: Any, triangles: Any, materials: Any) -> Mesh:
+    def __new__(cls, /, positions: Any, triangles: Any, materials: Any, normals: Any | None, of_triangles: bool) -> Mesh:
         """
         Corners (n, 3) as 64 bit floats, triangles (m, 3) and materials (m,) as 32 bit numbers without a sign; no materials: all 0.
+        Normals as 32 bit floats, of corners (n, 3) or `of_triangles` (m, 3, 3); none: all is flat.
         """
     def content_hash(self, /) -> str:
         """
@@ -110,6 +111,10 @@ class Mesh:
     def counts(self, /) -> tuple[int, int, int]:
         """
         (corners, triangles, bytes in memory).
+        """
+    def is_smooth(self, /) -> bool:
+        """
+        Whether some triangle is shaded smooth.
         """
 
 @final
