@@ -6,7 +6,7 @@ refuses a scene that has it (`render/src/undrawn.rs`)."""
 TRANSPARENT = True
 CLAMPS = True
 ADAPTIVE = True
-SMOOTH_VOXELS = False
+SMOOTH_VOXELS = True
 MESHES = True
 SHADOW_CATCHER = False
 SMOOTH_MESHES = True

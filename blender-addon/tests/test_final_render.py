@@ -283,7 +283,11 @@ def test_the_wishes_reach_the_render(stage):
     wishes.filter_pixels, wishes.backend = 1.0, "CPU"
     wishes.use_adaptive, wishes.adaptive_threshold, wishes.adaptive_min_samples = True, 0.25, 12
     render(stage)
+    assert "smooth_voxels" not in stage.module.renders[-1][0]["settings"], "off unless wished for"
+    wishes.smooth_voxels = True
+    render(stage)
     scene, _, limits = stage.module.renders[-1]
+    assert scene["settings"]["smooth_voxels"] is True
     assert limits == {"spp": 5, "error": pytest.approx(0.03), "seconds": pytest.approx(9.0), "backend": "cpu"}
     settings = scene["settings"]
     assert settings["mode"] == "one_bounce" and settings["lod"] == {"distance": {"pixels": 2.0}}

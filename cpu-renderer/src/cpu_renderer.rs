@@ -162,12 +162,16 @@ impl<'a> Former<'a> {
             return Ok(None);
         }
         let Some(kept) = self.shown.tracer.tracer().instance(place as u32) else { return Ok(None) };
-        if !self.change.moved && !cuts && self.shown.lod == lod {
+        let smooth = scene.settings.smooth_voxels;
+        let is_as_smooth = self.shown.scene.settings.smooth_voxels == smooth;
+        if !self.change.moved && !cuts && self.shown.lod == lod && is_as_smooth {
             return Ok(Some(Arc::clone(kept)));
         }
         let instance = &scene.instances[place];
         let again = kept.again(instance.world_from_index, lod)?;
-        Ok(again.map(|geometry| Arc::new(geometry.with_cuts(scene.cuts_of(instance.id)))))
+        let made =
+            |geometry: VolumeTracer| geometry.with_cuts(scene.cuts_of(instance.id)).shaded_smooth(smooth);
+        Ok(again.map(|geometry| Arc::new(made(geometry))))
     }
 }
 
@@ -289,7 +293,8 @@ impl Renderer for CpuRenderer {
                         true => VolumeTracer::carrying_hidden(place as u32, &traced)?,
                         false => VolumeTracer::new(place as u32, &traced)?,
                     };
-                    Arc::new(geometry.with_cuts(scene.cuts_of(instance.id)))
+                    let geometry = geometry.with_cuts(scene.cuts_of(instance.id));
+                    Arc::new(geometry.shaded_smooth(scene.settings.smooth_voxels))
                 }
             });
         }

@@ -10,10 +10,6 @@ use crate::RenderError;
 /// [`RenderError::Scene`] names the field.
 pub fn refuse_undrawn(scene: &Scene) -> Result<(), RenderError> {
     let refuse = |field: String| Err(RenderError::Scene(format!("{field}: not drawn yet")));
-    let settings = &scene.settings;
-    if settings.smooth_voxels {
-        return refuse("settings.smooth_voxels".into());
-    }
     for (i, mesh) in scene.meshes.iter().enumerate() {
         if mesh.shadow_catcher {
             return refuse(format!("meshes[{i}].shadow_catcher"));

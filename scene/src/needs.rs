@@ -61,6 +61,8 @@ pub struct Needs {
     pub sorted: bool,
     /// Pixels keep which labels they see, by name.
     pub mattes: bool,
+    /// Voxels are shaded by how their label falls off.
+    pub smooth_voxels: bool,
     /// Edges in voxels of the elements that rays stop at, rising: of 1, 4, 16.
     pub levels: Vec<u32>,
 }
@@ -130,6 +132,7 @@ impl Needs {
                 scene.cuts.iter().filter(|cut| shown(cut)).count()
             },
             mattes,
+            smooth_voxels: settings.smooth_voxels,
             sorted: scene.film.transparent
                 || scene.film.passes.has_any(Pass::LIGHT)
                 || scene.film.passes.has_any(&[Pass::Albedo, Pass::Normal])
@@ -165,7 +168,7 @@ impl Needs {
             .with_if(Part::Mattes, !self.mattes)
             .with_if(Part::Emitters, !self.emission)
             // Meshes may have them or not: their files say.
-            .with_if(Part::SmoothNormals, self.meshes == 0)
+            .with_if(Part::SmoothNormals, self.meshes == 0 && !self.smooth_voxels)
     }
 
     /// A line for each thing that is needed (`needed: …`) and for each that is left out, with the reason (`left out: … (…)`).
@@ -259,6 +262,7 @@ impl Needs {
             (self.clear, "surfaces that light passes straight through"),
             (self.sheen, "sheen"),
             (self.lens, "depth of field"),
+            (self.smooth_voxels, "smooth normals of voxels, and which boxes of a label are near"),
         ];
         lines.extend(free.iter().filter(|f| f.0).map(|f| format!("needed: {}", f.1)));
         lines

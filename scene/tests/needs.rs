@@ -27,6 +27,7 @@ fn plain() -> Scene {
     scene.settings.mode = Mode::Path;
     scene.settings.bounces = 4;
     scene.settings.lod = Lod::Voxels;
+    scene.settings.smooth_voxels = false;
     scene
 }
 
@@ -57,6 +58,7 @@ fn least() -> Needs {
         cuts: 0,
         sorted: false,
         mattes: false,
+        smooth_voxels: false,
         levels: vec![1],
     }
 }
@@ -115,6 +117,7 @@ fn each_edit_needs_only_what_it_brings() {
     let settings = |edit: fn(&mut pumice_scene::Settings)| after(|s| edit(&mut s.settings));
     assert_eq!(settings(|s| s.russian_roulette = true), Needs { roulette: true, ..least() });
     assert_eq!(settings(|s| s.bounces = 0), Needs { bounces: false, ..least() });
+    assert_eq!(settings(|s| s.smooth_voxels = true), Needs { smooth_voxels: true, ..least() });
     assert_eq!(settings(|s| s.clamp_indirect = 1.0), Needs { sorted: true, ..least() });
     let film = |edit: fn(&mut pumice_scene::Film)| after(|s| edit(&mut s.film));
     assert_eq!(film(|f| f.transparent = true), Needs { sorted: true, ..least() });
@@ -153,6 +156,7 @@ fn ambient_occlusion_needs_neither_lights_nor_materials() {
         bounces: false,
         sorted: true,
         mattes: true,
+        smooth_voxels: true,
         ..least()
     };
     assert_eq!(needs(&scene), expected);
@@ -207,6 +211,7 @@ fn what_is_not_needed_is_spare() {
     assert_eq!(after(|s| s.meshes = full.meshes[..1].to_vec()).spare().and(of_meshes), Spare::NONE);
     assert_eq!(after(|s| s.film.transparent = true).spare(), without(&[Part::Sorting]));
     assert_eq!(after(|s| s.settings.lod = Lod::Boxes).spare(), without(&[Part::Levels]));
+    assert_eq!(after(|s| s.settings.smooth_voxels = true).spare(), without(&[Part::SmoothNormals]));
 }
 
 #[test]

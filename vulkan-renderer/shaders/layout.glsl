@@ -215,6 +215,7 @@ struct Instance {
     Address material_of_label;
     Address cut_planes;
     Address matte_ids;
+    Address neighbors;
     F64Bits translation[3];
     F64Bits adjugate[3][3];
     F64Bits determinant;
@@ -245,7 +246,7 @@ struct CutPlane {
 const uint LOD_BY_DISTANCE = 3u;
 // The instance is a mesh.
 const uint LOD_TRIANGLES = 4u;
-const uint64_t INSTANCE_BYTES = 392UL;
+const uint64_t INSTANCE_BYTES = 400UL;
 
 struct SurfaceRecord {
     uint instance;

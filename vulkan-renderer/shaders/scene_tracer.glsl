@@ -35,7 +35,8 @@ Hit scene_ask(SceneRef scene, RayInWorld ray, Surface from, f64 t_max, bool any,
 bool scene_smooth_normal(SceneRef scene, Surface surface, DVec3 point, out DVec3 normal) {
     InstanceRef instance = instance_at(scene, surface.instance);
     normal = point;
-    return is_mesh(instance) && mesh_smooth_normal(instance, surface.plane, point, normal);
+    return is_mesh(instance) ? mesh_smooth_normal(instance, surface.plane, point, normal)
+                             : volume_smooth_normal(instance, surface, point, normal);
 }
 
 // The normal that a surface is shaded by at a point of it, on the side of its own `normal`; that one where it is it, and false.

@@ -17,6 +17,7 @@
 #include "cuts.glsl"
 #include "needs.glsl"
 #include "triangle.glsl"
+#include "voxel_normals.glsl"
 
 const uint NEAREST_NOTHING = 0u;
 const uint NEAREST_INSIDE = 1u;
@@ -462,6 +463,31 @@ Hit volume_ask(InstanceRef instance, uint instance_number, RayInWorld ray, Surfa
         start = end;
     }
     return no_hit();
+}
+
+// The normal that a face is shaded by at a point; false where that is its own: caps and coarse elements are flat.
+bool volume_smooth_normal(InstanceRef instance, Surface surface, DVec3 point, out DVec3 normal) {
+    normal = point;
+    if (instance.it.neighbors == 0UL || surface.kind != SURFACE_FACE) {
+        return false;
+    }
+    uint item = surface.box_number != NONE ? surface.box_number : item_with(instance, surface.label, surface.voxel);
+    if (item == NONE || box_place(instance, item).level != LEVEL_VOXELS) {
+        return false;
+    }
+    Placement placement = placement_of(instance);
+    DVec3 p = index_from_world(placement, dvec3_sub(point, placement.translation));
+    p.at[min(surface.axis, 2u)] = f64_from_u32(surface.plane);
+    vec3 outward = falling_off(instance, item, p);
+    float largest = max(max(abs(outward.x), abs(outward.y)), abs(outward.z));
+    if (largest <= 0.0) {
+        return false;
+    }
+    // In a hollow the label may fall off to the other side of the face.
+    outward /= largest;
+    normal = normal_of(placement, dvec3_of(f64_from_f32(outward.x), f64_from_f32(outward.y), f64_from_f32(outward.z)));
+    f64 own = dvec3_dot(normal, dvec3_from_bits(instance.it.normals[min(surface.axis, 2u)]));
+    return f64_lt(F64_ZERO, surface.positive ? own : f64_neg(own));
 }
 
 #endif

@@ -357,6 +357,8 @@ pub struct Instance {
     pub cut_planes: Address,
     /// What mattes call each label: two floats, by label and by type; 0 where there are no mattes.
     pub matte_ids: Address,
+    /// Of a volume whose voxels are shaded smooth: where each box's neighbours end, and then all of them; else 0.
+    pub neighbors: Address,
     /// World position of index 0.
     pub translation: [f64; 3],
     /// Rows of the adjugate, times the determinant's sign.
@@ -393,7 +395,7 @@ pub struct Instance {
     pub last_matte_id: u32,
 }
 
-const _: () = assert!(size_of::<Instance>() == 392, "INSTANCE_BYTES of layout.glsl");
+const _: () = assert!(size_of::<Instance>() == 400, "INSTANCE_BYTES of layout.glsl");
 
 /// Twin of `CutPlane`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]

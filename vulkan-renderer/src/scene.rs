@@ -92,12 +92,15 @@ pub(crate) struct Boxes {
     bvh: Option<[Buffer; 2]>,
     acceleration: Option<Acceleration>,
     tight: bool,
+    /// Where voxels are shaded smooth.
+    neighbors: Option<Buffer>,
     /// Its placement, materials and their addresses left 0.
     record: layout::Instance,
 }
 
 impl Boxes {
     /// With `carry_hidden` also the boxes of labels that are not visible, whose nodes must be there; none of their voxels.
+    #[expect(clippy::too_many_arguments, reason = "all that decides what is drawn")]
     pub(crate) fn new(
         gpu: &Gpu,
         place: u32,
@@ -105,6 +108,7 @@ impl Boxes {
         nodes: Arc<Nodes>,
         visible: &[bool],
         tight: bool,
+        smooth: bool,
         carry_hidden: bool,
     ) -> Result<Self, Fault> {
         let limit = |what: String| RenderError::Scene(format!("instances[{place}]: {what}"));
@@ -127,12 +131,24 @@ impl Boxes {
         record.labels = labels.address();
         record.nodes = nodes.nodes.address();
         record.leaves = nodes.leaves.address();
-        Ok(Self { nodes, chunks, boxes, labels, bvh, acceleration, tight, record })
+        let neighbors = match smooth {
+            true => {
+                Some(gpu.buffer_of("the neighbours of boxes", bytemuck::cast_slice(&packed.neighbors()))?)
+            }
+            false => None,
+        };
+        record.neighbors = neighbors.as_ref().map_or(0, Buffer::address);
+        Ok(Self { nodes, chunks, boxes, labels, bvh, acceleration, tight, neighbors, record })
     }
 
     /// See [`PackedBoxes::new`].
     pub(crate) fn is_tight(&self) -> bool {
         self.tight
+    }
+
+    /// Whether its voxels are shaded smooth.
+    pub(crate) fn is_smooth(&self) -> bool {
+        self.neighbors.is_some()
     }
 
     pub(crate) fn nodes(&self) -> &Arc<Nodes> {
@@ -437,6 +453,7 @@ impl SceneOnDevice {
         for i in &self.instances {
             if first(Arc::as_ptr(&i.boxes).cast()) {
                 boxes += i.boxes.boxes.bytes() + i.boxes.chunks.bytes();
+                boxes += i.boxes.neighbors.as_ref().map_or(0, Buffer::bytes);
                 labels += i.boxes.labels.bytes();
                 hierarchy += i.boxes.acceleration.as_ref().map_or(0, Acceleration::bytes)
                     + i.boxes.bvh.iter().flatten().map(Buffer::bytes).sum::<u64>();

@@ -81,9 +81,10 @@ impl<'a> Former<'a> {
     }
 
     /// Its boxes, where the same ones are drawn as the same instance and with bounds for the same kind of detail.
-    fn boxes(&self, place: usize, tight: bool) -> Option<&'a Arc<Boxes>> {
+    fn boxes(&self, place: usize, tight: bool, smooth: bool) -> Option<&'a Arc<Boxes>> {
         let boxes = &self.parts().boxes;
-        (self.place == place && !self.change.visibility && boxes.is_tight() == tight).then_some(boxes)
+        let same = !self.change.visibility && boxes.is_tight() == tight && boxes.is_smooth() == smooth;
+        (self.place == place && same).then_some(boxes)
     }
 }
 
@@ -148,7 +149,7 @@ impl Shown {
         );
         needs.emitters = parts.emitters.is_some();
         needs.aim |= needs.emitters;
-        needs.smooth = meshes.iter().any(|mesh| mesh.is_smooth());
+        needs.smooth = scene.settings.smooth_voxels || meshes.iter().any(|mesh| mesh.is_smooth());
         let size = [scene.film.width, scene.film.height];
         let kept = PassSums::of(&scene.film);
         let film = match former.take() {
@@ -457,10 +458,11 @@ fn instance_of(
     let gpu = &machine.gpu;
     let instance = &scene.instances[place];
     let tight = lod == LodChoice::Voxels;
+    let smooth = scene.settings.smooth_voxels;
     let table = volume.labels();
     let mattes = scene.film.passes.has_any(Pass::MATTES) || machine.spare.has(Part::Mattes);
     let kept_looks = former.and_then(|f| f.looks(mattes));
-    let kept_boxes = former.and_then(|f| f.boxes(place, tight));
+    let kept_boxes = former.and_then(|f| f.boxes(place, tight, smooth));
     let visible = if kept_looks.is_none() || kept_boxes.is_none() {
         let field = format!("instances[{place}].style.show");
         let resolved = instance.style.show.resolve(&field, table.ids());
@@ -497,7 +499,7 @@ fn instance_of(
                     Arc::new(Nodes::new(gpu, volume, wanted)?)
                 }
             };
-            Arc::new(Boxes::new(gpu, place as u32, volume, nodes, &visible, tight, carry_hidden)?)
+            Arc::new(Boxes::new(gpu, place as u32, volume, nodes, &visible, tight, smooth, carry_hidden)?)
         }
     };
     let placement = placement(place, instance.world_from_index)?;

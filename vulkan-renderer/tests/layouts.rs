@@ -260,6 +260,7 @@ fn twins() -> Vec<Layout> {
                 material_of_label,
                 cut_planes,
                 matte_ids,
+                neighbors,
                 translation,
                 adjugate,
                 determinant,

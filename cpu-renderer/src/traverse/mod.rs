@@ -20,7 +20,8 @@
 //! ends at a cut ends in a cap: as if the voxels themselves had been cut.
 //!
 //! **Meshes** are hierarchies of the same kind, over triangles in a grid of their own. They are never cut. Smooth normals of their
-//! corners (`mesh_normals`) are for shading alone: hits, sides and what paths go on from are those of the triangles.
+//! corners (`mesh_normals`), and of voxels (`voxel_normals`), are for shading alone: hits, sides and what paths go on from are those of the triangles and
+//! voxels.
 
 mod box_walk;
 mod cuts;
@@ -29,9 +30,11 @@ mod lod;
 mod mesh_grid;
 mod mesh_normals;
 mod mesh_tracer;
+mod neighbors;
 mod scene_tracer;
 mod triangle;
 mod volume_tracer;
+mod voxel_normals;
 
 pub use box_walk::Level;
 pub use cuts::{CutPlane, Cuts};
@@ -40,6 +43,7 @@ pub use index_ray::Placement;
 pub use lod::{ByDistance, Detail, LodChoice};
 pub use mesh_grid::MeshGrid;
 pub use mesh_tracer::{MeshTracer, mesh_placement};
+pub use neighbors::{Neighbors, REACH};
 pub use scene_tracer::{SceneTracer, TracedInstance};
 pub use volume_tracer::{VolumeTracer, visible_boxes};
 

@@ -26,7 +26,7 @@ pub struct TracedInstance {
 pub struct SceneTracer {
     volumes: Vec<Arc<VolumeTracer>>,
     meshes: Vec<Arc<MeshTracer>>,
-    /// Some mesh is shaded smooth.
+    /// Some mesh, or some volume's voxels, are shaded smooth.
     is_smooth: bool,
 }
 
@@ -42,13 +42,14 @@ impl SceneTracer {
 
     /// The geometry of instances that are built already; the one at place i was built as instance i.
     pub fn of(volumes: Vec<Arc<VolumeTracer>>) -> Self {
-        Self { volumes, meshes: Vec::new(), is_smooth: false }
+        Self { is_smooth: volumes.iter().any(|v| v.is_smooth()), volumes, meshes: Vec::new() }
     }
 
     /// With these meshes; the first is the instance after the last volume's.
     #[must_use]
     pub fn with_meshes(self, meshes: Vec<Arc<MeshTracer>>) -> Self {
-        Self { is_smooth: meshes.iter().any(|mesh| mesh.is_smooth()), meshes, ..self }
+        let is_smooth = self.is_smooth || meshes.iter().any(|mesh| mesh.is_smooth());
+        Self { meshes, is_smooth, ..self }
     }
 
     /// Heap bytes of the acceleration structures; the volumes and the meshes are not counted.
@@ -118,8 +119,10 @@ impl Tracer for SceneTracer {
     }
 
     fn smooth_normal(&self, surface: &Surface, point: DVec3) -> Option<DVec3> {
-        let place = (surface.instance as usize).checked_sub(self.volumes.len())?;
-        self.mesh(place)?.smooth_normal(surface, point)
+        match (surface.instance as usize).checked_sub(self.volumes.len()) {
+            Some(place) => self.mesh(place)?.smooth_normal(surface, point),
+            None => self.instance(surface.instance)?.smooth_normal(surface, point),
+        }
     }
 
     fn is_smooth(&self) -> bool {

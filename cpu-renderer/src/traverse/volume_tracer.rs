@@ -13,6 +13,8 @@ use super::box_walk::{Found, Level, Step, TIE, Walk};
 use super::cuts::{CutRay, Cuts};
 use super::index_ray::{Placement, Start, surface_of};
 use super::lod::Detail;
+use super::neighbors::Neighbors;
+use super::voxel_normals::falling_off;
 use super::{IndexRay, LodChoice, TracedInstance, each_axis};
 
 /// Geometry of one instance.
@@ -33,6 +35,8 @@ pub struct VolumeTracer {
     cuts: Cuts,
     /// Labels that are in the hierarchy and not drawn.
     hidden: Option<Arc<[bool]>>,
+    /// Where voxels are shaded smooth.
+    neighbors: Option<Arc<Neighbors>>,
 }
 
 /// How a ray that starts in a label leaves it.
@@ -82,6 +86,7 @@ impl VolumeTracer {
             all_voxels,
             cuts: Cuts::default(),
             hidden: None,
+            neighbors: None,
         })
     }
 
@@ -101,6 +106,22 @@ impl VolumeTracer {
     #[must_use]
     pub fn with_cuts<'a>(mut self, shapes: impl IntoIterator<Item = &'a CutShape>) -> Self {
         self.cuts = Cuts::new(shapes, &self.placement.world_from_index);
+        self
+    }
+
+    /// Shades voxels by how their label falls off about them, or again as they lie.
+    #[must_use]
+    pub fn shaded_smooth(mut self, is_smooth: bool) -> Self {
+        if !is_smooth {
+            self.neighbors = None;
+        } else if self.neighbors.is_none() {
+            let drawn = self.drawn().iter().map(|&item| {
+                let b = self.box_of(item);
+                (item, self.label_of(item), BoxBounds { lo: b.origin, hi: self.clipped_end(&b) })
+            });
+            let drawn: Vec<_> = drawn.collect();
+            self.neighbors = Some(Arc::new(Neighbors::new(self.volume.boxes().len(), &drawn)));
+        }
         self
     }
 
@@ -129,12 +150,13 @@ impl VolumeTracer {
             all_voxels: self.all_voxels,
             cuts: Cuts::default(),
             hidden: self.hidden.clone(),
+            neighbors: self.neighbors.clone(),
         }))
     }
 
-    /// Heap bytes of the hierarchy.
+    /// Heap bytes of the hierarchy, and of what smooth shading needs besides.
     pub fn bytes(&self) -> u64 {
-        self.bvh.bytes()
+        self.bvh.bytes() + self.neighbors.as_ref().map_or(0, |n| n.bytes())
     }
 
     /// Numbers of the boxes that are drawn.
@@ -523,6 +545,35 @@ impl Tracer for VolumeTracer {
 
     fn box_origin(&self, face: &Surface) -> Option<[u32; 3]> {
         self.item_with(face.label, face.voxel).map(|item| self.box_of(item).origin)
+    }
+
+    fn smooth_normal(&self, surface: &Surface, point: DVec3) -> Option<DVec3> {
+        // Caps and coarse elements are flat.
+        let neighbors = self.neighbors.as_ref().filter(|_| surface.kind == SurfaceKind::Face)?;
+        let item = self.item_with(surface.label, surface.voxel)?;
+        if self.detail.level(&self.box_of(item)) != Level::Voxels {
+            return None;
+        }
+        let axis = usize::from(surface.axis.min(2));
+        let mut p = self.placement.index_from_world(point - self.placement.world_from_index.translation);
+        p[axis] = f64::from(surface.plane);
+        let boxes = neighbors.of(item).iter().map(|&near| {
+            let b = self.box_of(near);
+            (b, self.detail.level(&b), self.clipped_end(&b))
+        });
+        let outward = falling_off(boxes, p);
+        let largest = outward.abs().max_element();
+        if largest <= 0.0 {
+            return None;
+        }
+        // In a hollow the label may fall off to the other side of the face.
+        let normal = self.placement.normal_of((outward / largest).as_dvec3());
+        let own = self.normals[axis][usize::from(surface.positive)];
+        (normal.dot(own) > 0.0).then_some(normal)
+    }
+
+    fn is_smooth(&self) -> bool {
+        self.neighbors.is_some()
     }
 }
 

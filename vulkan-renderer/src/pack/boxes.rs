@@ -1,7 +1,7 @@
 //! The boxes that are drawn, in the order that hierarchies want, and the record of their instance.
 
 use pumice_core::{BoxRecord, CompressedVolume, morton};
-use pumice_cpu::traverse::{Detail, LodChoice, Placement, visible_boxes};
+use pumice_cpu::traverse::{Detail, LodChoice, Neighbors, Placement, visible_boxes};
 use pumice_render::BoxBounds;
 
 use super::PackedNodes;
@@ -111,6 +111,13 @@ impl PackedBoxes {
     /// Bounds and number of each box: what `pumice_render::Bvh::build` takes.
     pub fn numbered(&self) -> Vec<(BoxBounds, u32)> {
         self.bounds.iter().zip(0..).map(|(&b, i)| (b, i)).collect()
+    }
+
+    /// Which boxes of a label are near each: ends of lists, then the lists. What voxels that are shaded smooth look at.
+    pub fn neighbors(&self) -> Vec<u32> {
+        let drawn = self.bounds.iter().zip(&self.labels).zip(0..).map(|((&b, &label), i)| (i, label, b));
+        let near = Neighbors::new(self.boxes.len(), &drawn.collect::<Vec<_>>());
+        [near.ends(), near.boxes()].concat()
     }
 
     /// Bounds for hardware's hierarchies, in index space: lowest and highest corner, wider than the boxes by more than the rounding

@@ -37,6 +37,16 @@ impl Uploaded {
         uploaded
     }
 
+    /// Voxels are shaded smooth.
+    pub(crate) fn shade_smooth(&mut self, gpu: &Gpu, traced: &[TracedInstance]) {
+        for (i, t) in traced.iter().enumerate() {
+            let nodes = PackedNodes::new(&t.volume, &t.visible);
+            let boxes =
+                PackedBoxes::new(&t.volume, &nodes, &t.visible, t.lod == LodChoice::Voxels).expect("packed");
+            self.instances[i].neighbors = self.put(gpu, &boxes.neighbors());
+        }
+    }
+
     /// The next mesh of the scene, after all volumes.
     pub(crate) fn add_mesh(&mut self, gpu: &Gpu, mesh: &MeshData, world_from_mesh: DAffine3) {
         let packed = PackedMesh::new(0, mesh).expect("packed");

@@ -25,6 +25,9 @@ pub(crate) struct OnDevice {
 impl OnDevice {
     pub(crate) fn new(gpu: &Gpu, case: &Case) -> Self {
         let mut uploaded = Uploaded::new(gpu, &case.traced);
+        if case.around.settings.smooth_voxels {
+            uploaded.shade_smooth(gpu, &case.traced);
+        }
         for (mesh, place) in &case.meshes {
             uploaded.add_mesh(gpu, mesh, *place);
         }

@@ -26,6 +26,7 @@ fn chosen() -> Vec<Case> {
         "several instances",
         "meshes beside",
         "smooth meshes",
+        "smooth voxels",
         "begin within",
         "shine, in the dark",
     ];

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 use pumice_core::MeshData;
-use pumice_cpu::traverse::{LodChoice, MeshTracer, SceneTracer, TracedInstance};
+use pumice_cpu::traverse::{LodChoice, MeshTracer, SceneTracer, TracedInstance, VolumeTracer};
 use pumice_cpu::{Lights, Looks, PathTracer, Sky, Surroundings, emitters_of};
 use pumice_render::{EnvironmentTable, Image, ReadyLamp, ReadySun};
 use pumice_scene::{
@@ -39,7 +39,11 @@ pub(crate) struct Case {
 
 impl Case {
     pub(crate) fn tracer(&self) -> SceneTracer {
-        let volumes = SceneTracer::new(&self.traced).expect("a tracer");
+        let smooth = self.around.settings.smooth_voxels;
+        let volumes = (0u32..).zip(&self.traced).map(|(i, traced)| {
+            Arc::new(VolumeTracer::new(i, traced).expect("a tracer").shaded_smooth(smooth))
+        });
+        let volumes = SceneTracer::of(volumes.collect());
         let meshes = (0u32..).zip(&self.meshes).map(|(i, (mesh, place))| {
             let instance = self.traced.len() as u32 + i;
             Arc::new(MeshTracer::new(i, instance, mesh, *place).expect("a mesh"))
@@ -359,6 +363,13 @@ pub(crate) fn cases() -> Vec<Case> {
         beside_smooth_meshes(bodies())
             .settings(|s| (s.mode, s.ao_distance) = (Mode::AmbientOcclusion, 30.0))
             .named("occlusion of smooth surfaces"),
+        surfaces(several().with_lights(Lights::new(dark(), vec![sun(0.3, 2.0)], None)))
+            .settings(|s| s.smooth_voxels = true)
+            .named("smooth voxels"),
+        passed_through(aimed(bodies(), vec![sun(0.3, 2.0)]))
+            .lod(far)
+            .settings(|s| s.smooth_voxels = true)
+            .named("glass and levels of detail, shaded smooth"),
         surfaces(aimed(bodies(), vec![])).aimed_at_emission().named("labels that shine, in the dark"),
         surfaces(painted(bodies(), vec![sun(0.3, 1.0)]))
             .aimed_at_emission()
