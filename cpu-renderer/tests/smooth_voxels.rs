@@ -237,10 +237,13 @@ fn normals_are_those_of_a_naive_sum() {
     assert!(compared > 5000, "{compared} {flat}");
 }
 
+/// Whether a voxel with this middle is there.
+type Shape = fn(DVec3) -> bool;
+
 /// A voxel alone, a sheet and a rod of one voxel, corners that touch, a block that fills its volume: numbers, and on the face's side.
 #[test]
 fn what_is_thin_has_normals() {
-    let shapes: [(&str, fn(DVec3) -> bool); 6] = [
+    let shapes: [(&str, Shape); 6] = [
         ("voxel", |p| p == DVec3::splat(5.5)),
         ("sheet", |p| p.z == 5.5),
         ("rod", |p| p.z == 5.5 && p.x == 5.5),
