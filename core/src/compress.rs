@@ -63,6 +63,19 @@ pub fn compress(
     // A quarter for records, a quarter at most for blocks that wait; finishing may use all but the records' quarter.
     let store = PartStore::new(options.memory_limit_bytes.map(|limit| limit / 4), folder);
     let labelled = make_parts(source, &store, threads, options.memory_limit_bytes, job)?;
+    volume_of_parts(info, store, Some(labelled), options, job)
+}
+
+/// The volume of all parts in a store; `labelled` is how many voxels with a label they were made from, where that is to be
+/// checked.
+pub(crate) fn volume_of_parts(
+    info: VolumeInfo,
+    store: PartStore,
+    labelled: Option<u64>,
+    options: &CompressOptions,
+    job: &Job,
+) -> Result<CompressedVolume> {
+    let threads = options.thread_count();
     let parts = store.into_parts();
     let budget = Budget { limit_bytes: options.memory_limit_bytes, threads };
     let pool = rayon::ThreadPoolBuilder::new()
@@ -74,7 +87,7 @@ pub fn compress(
         // Blocks that overlap in one label are OR-ed into fewer voxels than they delivered. (Overlap in two labels shows when
         // contacts are looked for.)
         let kept: u64 = labels.voxels().iter().sum();
-        if kept != labelled {
+        if let Some(labelled) = labelled.filter(|&labelled| labelled != kept) {
             return Err(Error::Caller(format!(
                 "blocks of the source overlap: they delivered {labelled} labelled voxels, {kept} places are labelled"
             )));

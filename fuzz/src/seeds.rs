@@ -63,7 +63,7 @@ fn volume(dims: [u32; 3]) -> CompressedVolume {
 pub fn pumice_files() -> Vec<Vec<u8>> {
     let empty = compress_labels(info([5, 1, 1], LabelType::U8), LabelBuffer::U8(vec![0; 5])).unwrap();
     let volumes = [volume([21, 13, 9]), volume([33, 17, 16]), volume([1, 1, 2060]), volume([1, 1, 1]), empty];
-    let levels = [Level::Fast, Level::Default];
+    let levels = [Level::Fast, Level::Default, Level::Small];
     let saved =
         |v: &CompressedVolume, level| written(".pumice", |path| v.save(path, level, &Job::new()).unwrap());
     volumes.iter().flat_map(|v| levels.map(|level| saved(v, level))).collect()

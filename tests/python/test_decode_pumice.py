@@ -44,7 +44,8 @@ def test_every_voxel_is_the_same(samples):
 
 
 def test_contacts_are_the_same(samples):
-    for file in samples:
+    # Files of voxels have none: contacts follow from the voxels.
+    for file in (f for f in samples if ".small." not in f.name):
         ids = expected_ids(file)
         pairs = set()
         for axis in range(3):

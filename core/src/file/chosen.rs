@@ -5,6 +5,7 @@
 //!
 //! plain form (BOXS, NODE as they lie)   only the ranges that are needed are read       costs what the labels cost
 //! packed form (streams)                 streams are inflated whole, one at a time      costs inflating, not joining
+//! archive (voxels)                      all labels are read
 //! ```
 //! The label table is whole: dense indices, contacts and names stay what they are. The dictionary keeps the entries that are used.
 //!
@@ -20,7 +21,7 @@ use std::path::Path;
 use super::layout::{Entry, Layout};
 use super::nodes::{self, Wrong};
 use super::read::{HEAD_SECTIONS, Stop, assemble_head, read_at, read_layout, read_sections};
-use super::{check, read};
+use super::{archive, check, read};
 use crate::node::{NODE_HEADER_WORDS, NodeRef, extent_of};
 use crate::{BoxRecord, Chunk, CompressedVolume, Job, LabelRun, LabelTable, Result};
 
@@ -34,7 +35,8 @@ const MOST_NODE_WORDS: u64 = NODE_HEADER_WORDS as u64 + 4 * 64;
 const WINDOW_WORDS: usize = 1 << 31;
 
 impl CompressedVolume {
-    /// Reads those labels of a `.pumice` file that `choose` marks, by dense index; labels past its end are not chosen.
+    /// Reads those labels of a `.pumice` file that `choose` marks, by dense index; labels past its end are not chosen. A file of
+    /// [`crate::Level::Small`] is read whole.
     ///
     /// The volume draws as the whole one does where only these labels are shown, and has its content hash; voxels of other labels
     /// are background to its queries. [`CompressedVolume::holds`] tells which labels it has; it cannot be saved.
@@ -73,6 +75,10 @@ pub(super) fn read_chosen(
     job: &Job,
 ) -> std::result::Result<CompressedVolume, Stop> {
     let layout = read_layout(file, file_bytes)?;
+    if archive::is_archive(&layout) {
+        // Voxels say nothing of where a label is: all of them are decoded, and then nothing is saved by throwing labels away.
+        return read::read(file, file_bytes, true, job);
+    }
     let mut sections = read_sections(file, &layout, &HEAD_SECTIONS, job)?;
     let mut volume = assemble_head(&mut sections)?;
     check::check_head(&volume).map_err(|(section, what)| sections.fault(section, what))?;

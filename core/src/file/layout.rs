@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! header   0  8  magic 89 "PUMICE" 0A            table entry   0  4  name, ASCII
-//!          8  4  version, 1                                    4  1  compression: 0 none, 1 zstd
+//!          8  4  version, 1 or 2                               4  1  compression: 0 none, 1 zstd
 //!         12  4  flags, 0                                      5  1  element width w of the filters, in bytes
 //!         16  8  length of the file                            6  1  filters: bit 0 delta, bit 1 planes
 //!         24  8  offset of the section table, 64               7  1  0
@@ -19,7 +19,9 @@ use super::Fault;
 
 /// First bytes of every `.pumice` file.
 pub const MAGIC: [u8; 8] = *b"\x89PUMICE\n";
-pub(super) const VERSION: u32 = 1;
+/// The newest version. Files with boxes are of version 1, which holds all that they need: older programs go on reading them.
+pub(super) const VERSION: u32 = 2;
+pub(super) const VERSION_OF_BOXES: u32 = 1;
 pub(super) const HEADER_BYTES: usize = 64;
 pub(super) const ENTRY_BYTES: usize = 48;
 /// More than any version will need; bounds what a damaged count makes the reader allocate.
@@ -49,6 +51,7 @@ pub(super) struct Entry {
 /// Header and table.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Layout {
+    pub(super) version: u32,
     pub(super) file_bytes: u64,
     pub(super) content_hash: u128,
     pub(super) entries: Vec<Entry>,
@@ -77,7 +80,7 @@ impl Layout {
     pub(super) fn to_bytes(&self) -> Vec<u8> {
         let mut bytes = Vec::with_capacity(HEADER_BYTES + ENTRY_BYTES * self.entries.len());
         bytes.extend(MAGIC);
-        bytes.extend(VERSION.to_le_bytes());
+        bytes.extend(self.version.to_le_bytes());
         bytes.extend(0u32.to_le_bytes());
         bytes.extend(self.file_bytes.to_le_bytes());
         bytes.extend((HEADER_BYTES as u64).to_le_bytes());
@@ -111,10 +114,12 @@ impl Layout {
             return Err(head(0, "expected the signature of a .pumice file, got another".into()));
         }
         let version = u32_at(header, 8);
-        if version != VERSION {
+        if !(VERSION_OF_BOXES..=VERSION).contains(&version) {
             return Err(head(
                 8,
-                format!("format version: expected {VERSION}, got {version} (a newer program wrote it?)"),
+                format!(
+                    "format version: expected {VERSION_OF_BOXES} to {VERSION}, got {version} (a newer program wrote it?)"
+                ),
             ));
         }
         expect(12, "flags", 0, u32_at(header, 12).into())?;
@@ -180,7 +185,7 @@ impl Layout {
             return Err(head(16, format!("length of the file: expected {}, got {file_bytes}", align(end))));
         }
         let content_hash = u128::from(u64_at(bytes, 40)) | u128::from(u64_at(bytes, 48)) << 64;
-        Ok(Self { file_bytes, content_hash, entries })
+        Ok(Self { version: u32_at(bytes, 8), file_bytes, content_hash, entries })
     }
 }
 

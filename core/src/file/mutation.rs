@@ -121,7 +121,7 @@ fn files_of_all_levels_round_trip() {
 
 #[test]
 fn truncated_files_are_refused() {
-    for level in [Level::Fast, Level::Default] {
+    for level in [Level::Fast, Level::Default, Level::Small] {
         let bytes = file_bytes(&sample(), level);
         let step = (bytes.len() / 700).max(1);
         for length in
@@ -160,11 +160,12 @@ fn damage_is_found_by_the_checksums() {
 #[test]
 fn damage_behind_right_checksums_never_panics() {
     let volume = sample();
-    for level in [Level::Fast, Level::Default] {
+    // A file of voxels takes 50 ms to decode.
+    for (level, rounds) in [(Level::Fast, 1500), (Level::Default, 1500), (Level::Small, 150)] {
         let bytes = file_bytes(&volume, level);
         let mut random = Random(2);
         let (mut passed, mut chosen_passed) = (0, 0);
-        for round in 0..1500 {
+        for round in 0..rounds {
             let mut damaged = bytes.clone();
             for _ in 0..1 + random.below(3) {
                 // Half of the damage in header and table, where the lengths are.
@@ -194,7 +195,8 @@ fn damage_behind_right_checksums_never_panics() {
             }
         }
         // A control on the test itself: some damage must get through to where only structure is left to check it.
-        assert!(passed > 0 && chosen_passed > passed);
+        // Labels that are read alone are not held against the content hash; the smallest files are read whole.
+        assert!(passed > 0 && (level == Level::Small || chosen_passed > passed));
     }
 }
 
@@ -204,7 +206,7 @@ fn damaged_arrays_never_panic() {
     let volume = sample();
     let bytes = file_bytes(&volume, Level::Fast);
     let mut random = Random(3);
-    let names = ["INFO", "CHNK", "RUNS", "LIDS", "LVOX", "LTYP", "LCON", "LEAF", "BOXS", "NODE"];
+    let names = ["INFO", "LIDS", "LTYP", "CHNK", "RUNS", "LVOX", "LCON", "LEAF", "BOXS", "NODE"];
     let (mut refused, mut refused_chosen) = (HashMap::new(), HashMap::new());
     for (s, name) in names.iter().enumerate() {
         let entry = HEADER_BYTES + s * ENTRY_BYTES;
@@ -282,4 +284,19 @@ fn what_is_quoted_stays_on_one_line() {
     fix_checksums(&mut bytes);
     let what = open(&bytes, true).unwrap_err();
     assert!(what.contains("a\\nbcde") && !what.contains('\n'), "{what}");
+}
+
+/// Boxes that overlap are no volume's, and there is no telling them from voxels.
+#[test]
+fn overlapping_boxes_are_not_saved_as_voxels() {
+    let mut labels = vec![0u8; 64];
+    (labels[0], labels[40]) = (1, 2);
+    let info = VolumeInfo::new([64, 1, 1], LabelType::U8);
+    let mut volume = compress_labels(info, LabelBuffer::U8(labels)).unwrap();
+    assert!(volume.encode_sections(Level::Small, &Job::new()).is_ok());
+    let [first, second] = volume.boxes[..] else { panic!("{:?}", volume.boxes) };
+    volume.boxes[1] = BoxRecord::new(first.cell(), second.extent(), second.node());
+    volume.grid = std::sync::OnceLock::new();
+    let what = volume.encode_sections(Level::Small, &Job::new()).unwrap_err().to_string();
+    assert_eq!(what, "two labels claim one voxel: 2 are labelled at 1 places");
 }

@@ -9,7 +9,7 @@ use serde::Deserialize;
 
 use super::layout::{ENTRY_BYTES, Encoding, HEADER_BYTES, Layout, section_checksum};
 use super::nodes::{self, Streams};
-use super::{Fault, check, codec};
+use super::{Fault, archive, check, codec};
 use crate::error::one_line;
 use crate::{
     BoxRecord, Chunk, CompressedVolume, Contacts, Error, Job, LabelRun, LabelTable, Result, VolumeInfo,
@@ -92,7 +92,7 @@ impl Sections {
     }
 
     /// Takes a section as elements of `N` bytes.
-    fn elements<const N: usize, T>(
+    pub(super) fn elements<const N: usize, T>(
         &mut self,
         name: &[u8; 4],
         element: impl Fn([u8; N]) -> T,
@@ -124,6 +124,10 @@ pub(super) fn read(
     job: &Job,
 ) -> std::result::Result<CompressedVolume, Stop> {
     let layout = read_layout(file, file_bytes)?;
+    if archive::is_archive(&layout) {
+        let volume = archive::read_archive(file, &layout, job)?;
+        return if check_hash { check_content(&layout, volume) } else { Ok(volume) };
+    }
     let names: Vec<&[u8; 4]> = HEAD_SECTIONS.into_iter().chain(BOX_SECTIONS).collect();
     job.begin(layout.file_bytes);
     let mut sections = read_sections(file, &layout, &names, job)?;
@@ -133,12 +137,15 @@ pub(super) fn read(
     check::check_head(&volume).and_then(|()| check::check(&volume)).map_err(wrong)?;
     sections.unpack_contacts(&mut volume)?;
     job.check()?;
-    if check_hash {
-        let (expected, got) = (layout.content_hash, volume.content_hash());
-        if expected != got {
-            let what = format!("content hash: expected {expected:032x}, got {got:032x}");
-            return Err(Stop::Fault(Fault { section: *b"HEAD", at: 40, what }));
-        }
+    if check_hash { check_content(&layout, volume) } else { Ok(volume) }
+}
+
+/// A volume that has the hash that its file names.
+fn check_content(layout: &Layout, volume: CompressedVolume) -> std::result::Result<CompressedVolume, Stop> {
+    let (expected, got) = (layout.content_hash, volume.content_hash());
+    if expected != got {
+        let what = format!("content hash: expected {expected:032x}, got {got:032x}");
+        return Err(Stop::Fault(Fault { section: *b"HEAD", at: 40, what }));
     }
     Ok(volume)
 }
@@ -215,13 +222,19 @@ pub(super) fn read_sections(
     Ok(sections)
 }
 
-/// A volume without boxes, unchecked.
-pub(super) fn assemble_head(sections: &mut Sections) -> std::result::Result<CompressedVolume, Stop> {
+/// What the section `INFO` holds: the volume's own, and names of types.
+pub(super) fn info_of(sections: &mut Sections) -> std::result::Result<(VolumeInfo, Vec<String>), Stop> {
     let info = sections.take(b"INFO")?;
-    let Info { volume: info, types: type_names } = serde_json::from_slice(&info).map_err(|e| {
+    let Info { volume, types } = serde_json::from_slice(&info).map_err(|e| {
         // It quotes the file.
         sections.fault(*b"INFO", one_line(&format!("JSON: {e}")))
     })?;
+    Ok((volume, types))
+}
+
+/// A volume without boxes, unchecked.
+pub(super) fn assemble_head(sections: &mut Sections) -> std::result::Result<CompressedVolume, Stop> {
+    let (info, type_names) = info_of(sections)?;
     let mut volume = CompressedVolume::empty(info);
     volume.chunks = sections.elements(b"CHNK", |b: [u8; 40]| {
         let u32_at = |at: usize| u32::from_le_bytes([b[at], b[at + 1], b[at + 2], b[at + 3]]);

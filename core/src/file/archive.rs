@@ -1,0 +1,207 @@
+//! A volume as the voxels that it was made from: the smallest file there is, and no boxes in it.
+//!
+//! ```text
+//! volume ─► pieces of 1024³ voxels that have any ─► a stream each ([`super::voxels`])        PIEC  where, how long    VOXL  the streams
+//! and back: streams ─► parts, as while compressing ─► the same volume, since its form is canonical
+//! ```
+//! Opening compresses anew: what it takes goes by voxels, where other files go by boxes. Counts and contacts come out of that too and
+//! are not stored.
+
+use std::collections::BTreeSet;
+use std::io::{Read, Seek};
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+
+use rayon::prelude::*;
+
+use super::layout::Layout;
+use super::read::{Stop, info_of, read_sections};
+use super::voxels::{VoxelDecoder, VoxelEncoder};
+use super::{Fault, check};
+use crate::compress::volume_of_parts;
+use crate::part::Part;
+use crate::store::PartStore;
+use crate::volume::CHUNK_CELLS;
+use crate::{
+    CHUNK_VOXELS, CompressOptions, CompressedVolume, Error, Job, LabelBlock, LabelBuffer, LabelTable, Result,
+    morton,
+};
+
+/// Slices that are handed on together: whole cells, and 16 MiB of labels at most.
+const SLAB: u32 = 4;
+
+/// Bytes of a piece in `PIEC`.
+const PIECE_BYTES: usize = 24;
+
+/// Voxels of the piece at `origin`.
+fn piece_dims(volume_dims: [u32; 3], origin: [u32; 3]) -> [u32; 3] {
+    [0, 1, 2].map(|a| CHUNK_VOXELS.min(volume_dims[a] - origin[a]))
+}
+
+fn morton_of(origin: [u32; 3]) -> u64 {
+    morton::encode(origin.map(|o| o / 4)) / CHUNK_CELLS
+}
+
+/// `PIEC` and `VOXL`.
+///
+/// # Errors
+/// [`Error::Cancelled`]; [`Error::Caller`] when two labels claim one voxel.
+pub(super) fn encode(volume: &CompressedVolume, job: &Job) -> Result<[Vec<u8>; 2]> {
+    let mut codes = BTreeSet::new();
+    volume.for_each_box(|_, b| {
+        // A box may reach into the next chunk along each axis, and past the volume's end by some voxels.
+        let (low, high) = b.voxel_bounds();
+        for corner in 0..8u32 {
+            codes.insert(morton_of([0, 1, 2].map(|a| if corner >> a & 1 == 0 { low[a] } else { high[a] })));
+        }
+    });
+    let pieces: Vec<[u32; 3]> =
+        codes.into_iter().map(|code| morton::decode(code * CHUNK_CELLS).map(|c| 4 * c)).collect();
+    let voxels =
+        |&origin: &[u32; 3]| piece_dims(volume.info.dims, origin).map(u64::from).iter().product::<u64>();
+    job.begin(pieces.iter().map(voxels).sum());
+
+    let labelled = AtomicU64::new(0);
+    let streams: Vec<Vec<u8>> = pieces
+        .par_iter()
+        .map(|&origin| {
+            let [w, h, d] = piece_dims(volume.info.dims, origin);
+            let mut encoder = VoxelEncoder::new([w as usize, h as usize], volume.labels.len() as u32);
+            for z in (0..d).step_by(SLAB as usize) {
+                job.check()?;
+                let dims = [w, h, SLAB.min(d - z)];
+                let slab = volume.decode_block([origin[0], origin[1], origin[2] + z], dims)?;
+                slab.chunks_exact((w * h) as usize).for_each(|slice| encoder.slice(slice));
+                labelled.fetch_add(slab.iter().filter(|&&v| v != 0).count() as u64, Relaxed);
+                job.advance(slab.len() as u64);
+            }
+            Ok(encoder.finish())
+        })
+        .collect::<Result<_>>()?;
+    // Boxes of a file that was made to do harm may overlap, and then voxels are not all that there is.
+    let (expected, got) = (volume.labels.voxels.iter().sum::<u64>(), labelled.into_inner());
+    if expected != got {
+        let what = format!("two labels claim one voxel: {expected} are labelled at {got} places");
+        return Err(Error::Caller(what));
+    }
+    let table = pieces.iter().zip(&streams).flat_map(|(origin, stream)| {
+        let origin = origin.iter().flat_map(|o| o.to_le_bytes());
+        origin.chain([0; 4]).chain((stream.len() as u64).to_le_bytes()).collect::<Vec<u8>>()
+    });
+    Ok([table.collect(), streams.concat()])
+}
+
+/// Whether a file holds voxels.
+pub(super) fn is_archive(layout: &Layout) -> bool {
+    layout.entry(b"VOXL").is_some()
+}
+
+/// Reads such a file; its hash is not compared yet.
+pub(super) fn read_archive(
+    file: &mut (impl Read + Seek),
+    layout: &Layout,
+    job: &Job,
+) -> std::result::Result<CompressedVolume, Stop> {
+    let mut sections = read_sections(file, layout, &[b"INFO", b"LIDS", b"LTYP", b"PIEC", b"VOXL"], job)?;
+    let (info, type_names) = info_of(&mut sections)?;
+    let ids = sections.elements(b"LIDS", u64::from_le_bytes)?;
+    let types = sections.elements(b"LTYP", u16::from_le_bytes)?;
+    let mut head = CompressedVolume::empty(info);
+    head.labels = LabelTable { voxels: vec![0; ids.len()], ids, types, type_names, ..LabelTable::default() };
+    check::check_head(&head).map_err(|(section, what)| sections.fault(section, what))?;
+
+    let table = sections.elements(b"PIEC", |b: [u8; PIECE_BYTES]| {
+        let number = |at: usize| u32::from_le_bytes([b[at], b[at + 1], b[at + 2], b[at + 3]]);
+        ([number(0), number(4), number(8)], u64::from(number(16)) | u64::from(number(20)) << 32)
+    })?;
+    let streams = sections.take(b"VOXL")?;
+    let pieces = pieces_of(&table, &streams, head.info.dims)
+        .map_err(|(section, what)| sections.fault(section, what))?;
+
+    let number = head.labels.len() as u32;
+    let fault = |what: String| {
+        let (section, at) = (*b"VOXL", sections.offset(b"VOXL"));
+        Stop::Fault(Fault { section, at, what })
+    };
+    let store = PartStore::new(None, std::env::temp_dir());
+    let dims = head.info.dims;
+    job.begin(pieces.iter().map(|p| p.dims.map(u64::from).iter().product::<u64>()).sum());
+    pieces.par_iter().try_for_each(|piece| decode_piece(piece, dims, number, &store, &fault, job))?;
+    let info = std::mem::replace(&mut head.info, crate::VolumeInfo::new([0; 3], crate::LabelType::U32));
+    let mut volume = volume_of_parts(info, store, None, &CompressOptions::default(), job)?;
+    // Each label was called by its dense index and 1.
+    if volume.labels.len() != head.labels.len() {
+        let what = format!("labels: expected {}, got {}", head.labels.len(), volume.labels.len());
+        return Err(fault(what));
+    }
+    let made = std::mem::take(&mut volume.labels);
+    volume.labels = LabelTable { voxels: made.voxels, contacts: made.contacts, ..head.labels };
+    Ok(volume)
+}
+
+/// A piece and its stream.
+struct Piece<'a> {
+    origin: [u32; 3],
+    dims: [u32; 3],
+    stream: &'a [u8],
+}
+
+fn pieces_of<'a>(
+    table: &[([u32; 3], u64)],
+    mut streams: &'a [u8],
+    dims: [u32; 3],
+) -> std::result::Result<Vec<Piece<'a>>, ([u8; 4], String)> {
+    let mut pieces: Vec<Piece<'_>> = Vec::with_capacity(table.len());
+    for (i, &(origin, bytes)) in table.iter().enumerate() {
+        let inside = (0..3).all(|a| origin[a].is_multiple_of(CHUNK_VOXELS) && origin[a] < dims[a]);
+        let rises = pieces.last().is_none_or(|before| morton_of(before.origin) < morton_of(origin));
+        if !inside || !rises {
+            let what = format!("piece {i}: expected a rising place in {dims:?} voxels, got {origin:?}");
+            return Err((*b"PIEC", what));
+        }
+        let stream = usize::try_from(bytes).ok().and_then(|n| streams.split_off(..n));
+        let stream = stream.ok_or_else(|| {
+            (*b"PIEC", format!("piece {i}: expected at most the bytes that are left of VOXL, got {bytes}"))
+        })?;
+        pieces.push(Piece { origin, dims: piece_dims(dims, origin), stream });
+    }
+    match streams.len() {
+        0 => Ok(pieces),
+        rest => Err((*b"VOXL", format!("goes on after the last piece: {rest} bytes"))),
+    }
+}
+
+/// A piece's voxels as parts.
+fn decode_piece(
+    piece: &Piece<'_>,
+    volume_dims: [u32; 3],
+    labels: u32,
+    store: &PartStore,
+    fault: &(impl Fn(String) -> Stop + Sync),
+    job: &Job,
+) -> std::result::Result<(), Stop> {
+    let ([w, h, d], [x, y, z]) = (piece.dims, piece.origin);
+    let area = (w * h) as usize;
+    let mut decoder = VoxelDecoder::new([w as usize, h as usize], labels, piece.stream);
+    for from in (0..d).step_by(SLAB as usize) {
+        job.check()?;
+        let layers = SLAB.min(d - from);
+        let mut voxels = vec![0; area * layers as usize];
+        for (slice, layer) in voxels.chunks_exact_mut(area).zip(from..) {
+            if !decoder.slice(slice) {
+                return Err(fault(format!("piece at {:?}: ends in slice {layer} of {d}", piece.origin)));
+            }
+        }
+        if let Some(&above) = voxels.iter().find(|&&v| v > labels) {
+            let what = format!("piece at {:?}: expected labels to {labels}, got {above}", piece.origin);
+            return Err(fault(what));
+        }
+        let block = LabelBlock::x_fastest([x, y, z + from], [w, h, layers], LabelBuffer::U32(voxels));
+        let part = Part::from_block(&block, volume_dims)?;
+        store.add(part, false)?;
+        job.advance(u64::from(w) * u64::from(h) * u64::from(layers));
+    }
+    match decoder.is_at_end() {
+        true => Ok(()),
+        false => Err(fault(format!("piece at {:?}: goes on after its last slice", piece.origin))),
+    }
+}
