@@ -31,6 +31,16 @@ impl CompressedVolume {
     /// # Errors
     /// [`Error::Caller`] when the block is not within the volume.
     pub fn decode_block(&self, origin: [u32; 3], dims: [u32; 3]) -> Result<Vec<u32>> {
+        self.decode_block_by(self.grid(), origin, dims)
+    }
+
+    /// The same by an index of the caller's.
+    pub(crate) fn decode_block_by(
+        &self,
+        grid: &BoxGrid,
+        origin: [u32; 3],
+        dims: [u32; 3],
+    ) -> Result<Vec<u32>> {
         if (0..3).any(|a| u64::from(origin[a]) + u64::from(dims[a]) > u64::from(self.info.dims[a])) {
             return Err(Error::Caller(format!(
                 "block at {origin:?} of {dims:?} voxels reaches beyond the volume of {:?}",
@@ -43,7 +53,7 @@ impl CompressedVolume {
         }
         let last = [0, 1, 2].map(|a| (origin[a] + dims[a] - 1) / BRICK_VOXELS);
         let mut boxes: Vec<u32> = cells_between(origin.map(|o| o / BRICK_VOXELS), last)
-            .flat_map(|brick| self.grid().boxes_in(brick).iter().copied())
+            .flat_map(|brick| grid.boxes_in(brick).iter().copied())
             .collect();
         boxes.sort_unstable();
         boxes.dedup();

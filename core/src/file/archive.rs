@@ -18,6 +18,7 @@ use super::read::{Stop, info_of, read_sections};
 use super::voxels::{VoxelDecoder, VoxelEncoder};
 use super::{Fault, check};
 use crate::compress::volume_of_parts;
+use crate::grid::BoxGrid;
 use crate::part::Part;
 use crate::store::PartStore;
 use crate::volume::CHUNK_CELLS;
@@ -60,7 +61,8 @@ pub(super) fn encode(volume: &CompressedVolume, job: &Job) -> Result<[Vec<u8>; 2
         |&origin: &[u32; 3]| piece_dims(volume.info.dims, origin).map(u64::from).iter().product::<u64>();
     job.begin(pieces.iter().map(voxels).sum());
 
-    let labelled = AtomicU64::new(0);
+    // One of its own: who saves a volume does not want it larger in memory from then on.
+    let (grid, labelled) = (BoxGrid::new(volume), AtomicU64::new(0));
     let streams: Vec<Vec<u8>> = pieces
         .par_iter()
         .map(|&origin| {
@@ -69,7 +71,7 @@ pub(super) fn encode(volume: &CompressedVolume, job: &Job) -> Result<[Vec<u8>; 2
             for z in (0..d).step_by(SLAB as usize) {
                 job.check()?;
                 let dims = [w, h, SLAB.min(d - z)];
-                let slab = volume.decode_block([origin[0], origin[1], origin[2] + z], dims)?;
+                let slab = volume.decode_block_by(&grid, [origin[0], origin[1], origin[2] + z], dims)?;
                 slab.chunks_exact((w * h) as usize).for_each(|slice| encoder.slice(slice));
                 labelled.fetch_add(slab.iter().filter(|&&v| v != 0).count() as u64, Relaxed);
                 job.advance(slab.len() as u64);
