@@ -246,7 +246,7 @@ impl Model {
         let third = near.wrapping_mul(0x9E37_79B1)
             ^ third.wrapping_mul(0x85EB_CA6B)
             ^ (far & 7).wrapping_mul(0xC2B2_AE35)
-            ^ order * 77_777;
+            ^ (order * 77_777);
         let hashed = |key: u32, by: u32| (key.wrapping_mul(by) >> (32 - TABLE_BITS)) as usize;
         let places = [near as usize, hashed(wide, 0x9E37_79B1), hashed(third, 0x27D4_EB2F)];
 
