@@ -1,15 +1,16 @@
 //! Sizes, speeds, and error against time of given volumes, as Markdown and CSV.
 //!
-//! It drives the programs that users run (`pumice`, and the examples `build_speed`, `ray_rate`, `live_latency` and `backend_speed`, which measure what no
-//! command reports) and puts their figures into tables: so it measures what is shipped, and has no second copy of anything.
+//! It drives the programs that users run (`pumice`, and the examples `build_speed`, `ray_rate`, `live_latency`, `backend_speed` and `instance_speed`, which measure
+//! what no command reports) and puts their figures into tables: so it measures what is shipped, and has no second copy of anything.
 //!
 //! ```text
-//! cargo run --release -p pumice-bench -- sizes|speeds|live|backends|convergence VOLUME… [--out bench/results]
+//! cargo run --release -p pumice-bench -- sizes|speeds|live|backends|instances|convergence VOLUME… [--out bench/results]
 //! ```
 #![forbid(unsafe_code)]
 
 mod backends;
 mod convergence;
+mod instances;
 mod live;
 mod machine;
 mod programs;
@@ -32,6 +33,7 @@ Usage: cargo run --release -p pumice-bench -- BENCH VOLUME… [--backends NAME,N
   speeds        parts, finish, saving, opening, rays: per CPU-second (volumes of u32 labels)
   live          how soon a live 1920 × 1080 picture follows an edit, and what the edit costs its caller
   backends      rays and frames on each backend (or those that are named), of 1920x1080 or the size; bytes on the device
+  instances     what many instances of a volume (or of a mesh: `mesh`) cost a sample, in turn and by a hierarchy over them
   convergence   relMSE against a reference of 64 times as many samples (128 or N at most), by CPU-seconds, on the CPU
   errors        the same on each backend (or those that are named), by seconds
 
@@ -78,6 +80,7 @@ fn run() -> Result<()> {
                 vec![PUMICE, example("pumice-core", "build_speed"), example("pumice-cpu", "ray_rate")]
             }
             "live" => vec![example("pumice-session", "live_latency")],
+            "instances" => vec![example("pumice-session", "instance_speed")],
             // Who names the backends need not ask what is here.
             "backends" if !backends.is_empty() => vec![example("pumice-session", "backend_speed")],
             "backends" => vec![PUMICE, example("pumice-session", "backend_speed")],
@@ -92,6 +95,7 @@ fn run() -> Result<()> {
         "sizes" => sizes::measure(&build()?, &volumes)?,
         "speeds" => speeds::measure(&build()?, &volumes)?,
         "live" => live::measure(&build()?, &volumes)?,
+        "instances" => instances::measure(&build()?, &volumes)?,
         "convergence" => convergence::measure(&build()?, &volumes, &["cpu".to_owned()], most_spp)?,
         "backends" => {
             let programs = build()?;

@@ -9,7 +9,9 @@ use pumice_render::{
     EnvironmentTable, Image, Pick, Picture, Progress, ReadyLamp, ReadySun, Rebuilt, RenderError, Renderer,
     SurfaceKind, cryptomatte, name_mattes,
 };
-use pumice_scene::{Environment, InstanceDiff, MeshDiff, Part, Pass, Scene, SceneDiff, SceneError, Spare};
+use pumice_scene::{
+    Environment, INSTANCES_OF_A_TREE, InstanceDiff, MeshDiff, Part, Pass, Scene, SceneDiff, SceneError, Spare,
+};
 
 use crate::camera_rays::CameraRays;
 use crate::emitters::{Emitters, Shining};
@@ -46,6 +48,12 @@ impl Shown {
     fn has_mattes(&self) -> bool {
         self.scene.film.passes.has_any(Pass::MATTES)
     }
+}
+
+/// Those that instances share counted once.
+fn bytes_of_looks(looks: &[Arc<Looks>]) -> u64 {
+    let mut seen = std::collections::BTreeSet::new();
+    looks.iter().filter(|l| seen.insert(Arc::as_ptr(l).addr())).map(|l| l.bytes()).sum()
 }
 
 fn no_scene() -> RenderError {
@@ -168,7 +176,7 @@ impl<'a> Former<'a> {
             return Ok(Some(Arc::clone(kept)));
         }
         let instance = &scene.instances[place];
-        let again = kept.again(instance.world_from_index, lod)?;
+        let again = kept.again(place as u32, instance.world_from_index, lod)?;
         let made =
             |geometry: VolumeTracer| geometry.with_cuts(scene.cuts_of(instance.id)).shaded_smooth(smooth);
         Ok(again.map(|geometry| Arc::new(made(geometry))))
@@ -223,7 +231,8 @@ impl Renderer for CpuRenderer {
 
     /// The rest is decided as paths go: its code is always there, and asked only by what a scene has.
     fn can_carry(&self) -> Spare {
-        let parts = [Part::HiddenLabels, Part::Levels, Part::Clear, Part::Sorting, Part::Mattes];
+        let parts =
+            [Part::HiddenLabels, Part::Levels, Part::Clear, Part::Sorting, Part::Mattes, Part::InstanceTree];
         parts.into_iter().fold(Spare::NONE, Spare::with)
     }
 
@@ -257,10 +266,28 @@ impl Renderer for CpuRenderer {
         let mut geometry = Vec::with_capacity(volumes.len());
         for (place, (instance, volume)) in scene.instances.iter().zip(volumes).enumerate() {
             let former = Former::find(old, &diff, instance.id, volume);
-            let kept_looks = former.as_ref().and_then(|f| f.looks(mattes));
+            let twin = (0..place).find(|&other| {
+                Arc::ptr_eq(&volumes[other], volume)
+                    && scene.instances[other].style.show == instance.style.show
+            });
+            let kept_looks = former.as_ref().and_then(|f| f.looks(mattes)).or_else(|| {
+                let alike = twin.filter(|&other| scene.instances[other].style == instance.style)?;
+                looks.get(alike)
+            });
+            let kept_looks = kept_looks.map(Arc::clone);
             let kept_geometry = match &former {
                 Some(f) => f.geometry(place, scene, diff.cuts, lod)?,
                 None => None,
+            };
+            let kept_geometry = match (kept_geometry, twin) {
+                (None, Some(other)) => {
+                    let twin: &Arc<VolumeTracer> = &geometry[other];
+                    let again = twin.again(place as u32, instance.world_from_index, lod)?;
+                    let cuts = scene.cuts_of(instance.id);
+                    let smooth = scene.settings.smooth_voxels;
+                    again.map(|g| Arc::new(g.with_cuts(cuts).shaded_smooth(smooth)))
+                }
+                (kept, _) => kept,
             };
             let table = volume.labels();
             let visible = if kept_looks.is_none() || kept_geometry.is_none() {
@@ -270,7 +297,7 @@ impl Renderer for CpuRenderer {
                 Vec::new()
             };
             looks.push(match kept_looks {
-                Some(kept) => Arc::clone(kept),
+                Some(kept) => kept,
                 None => {
                     rebuilt.materials += 1;
                     let touching = table.contacts().iter();
@@ -310,9 +337,11 @@ impl Renderer for CpuRenderer {
                 }
             });
             let instance = volumes.len() as u32 + place;
-            let kept = match &former {
-                Some(f) => f.geometry(place, instance, mesh.world_from_mesh)?,
-                None => None,
+            let twin = || triangles.iter().find(|other: &&Arc<MeshTracer>| Arc::ptr_eq(other.mesh().0, data));
+            let kept = match (&former, twin()) {
+                (Some(f), _) => f.geometry(place, instance, mesh.world_from_mesh)?,
+                (None, Some(twin)) => Some(Arc::new(twin.again(place, instance, mesh.world_from_mesh)?)),
+                (None, None) => None,
             };
             triangles.push(match kept {
                 Some(kept) => kept,
@@ -322,7 +351,10 @@ impl Renderer for CpuRenderer {
                 }
             });
         }
-        let geometry = SceneTracer::of(geometry).with_meshes(triangles);
+        let least = if self.spare.has(Part::InstanceTree) { 1 } else { INSTANCES_OF_A_TREE };
+        let former = old.map(|o| o.tracer.tracer());
+        let (geometry, made) = SceneTracer::of(geometry).with_meshes(triangles).with_tree(former, least)?;
+        rebuilt.top_level += u64::from(made);
         let emitters = match old {
             Some(o) if shine_alike(o.tracer.tracer(), &o.tracer.around().looks, &geometry, &looks) => {
                 o.tracer.around().lights.emitters().map(Arc::clone)
@@ -337,7 +369,7 @@ impl Renderer for CpuRenderer {
             None => Arc::clone(&lights),
             some => Arc::new(Lights::clone(&lights).with_emitters(some)),
         };
-        let around = Surroundings { lights: lit, looks, settings: scene.settings };
+        let around = Surroundings { lights: lit, looks: looks.into(), settings: scene.settings };
         rebuilt.camera += u64::from(diff.camera || diff.film);
         rebuilt.film += u64::from(diff.film);
         let mut tracer = match self.shown.take() {
@@ -402,7 +434,7 @@ impl Renderer for CpuRenderer {
             vec![
                 ("acceleration", s.tracer.tracer().bytes()),
                 ("film", s.tracer.film().bytes()),
-                ("materials", s.tracer.around().looks.iter().map(|l| l.bytes()).sum()),
+                ("materials", bytes_of_looks(&s.tracer.around().looks)),
                 ("emitters", s.tracer.around().lights.emitters().map_or(0, |e| e.bytes())),
             ]
         })

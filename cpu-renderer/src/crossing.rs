@@ -61,7 +61,7 @@ pub fn visibility<T: Tracer + ?Sized>(
     left: &Hit,
     t_max: f64,
 ) -> f32 {
-    if around.looks.iter().any(|looks| looks.has_clear()) {
+    if around.looks.has_clear() {
         return visibility_through(tracer, around, ray, left, t_max);
     }
     f32::from(u8::from(!tracer.occluded(ray, PathOrigin::Face(left.surface), t_max)))

@@ -1,5 +1,8 @@
 //! What each label looks like.
 
+use std::ops::{Deref, DerefMut};
+use std::sync::{Arc, OnceLock};
+
 use pumice_render::cryptomatte::Ids;
 use pumice_render::palette;
 use pumice_scene::{LabelStyle, Material};
@@ -16,6 +19,43 @@ pub struct Looks {
     has_clear: bool,
     /// What mattes call each label, past the end as the last; empty where there are no mattes.
     ids: Vec<Ids>,
+}
+
+/// Looks of each instance, then of each mesh, and what is asked of all of them for each shadow.
+#[derive(Clone, Debug, Default)]
+pub struct AllLooks {
+    each: Vec<Arc<Looks>>,
+    has_clear: OnceLock<bool>,
+}
+
+impl From<Vec<Arc<Looks>>> for AllLooks {
+    fn from(each: Vec<Arc<Looks>>) -> Self {
+        Self { each, has_clear: OnceLock::new() }
+    }
+}
+
+impl Deref for AllLooks {
+    type Target = Vec<Arc<Looks>>;
+
+    #[inline]
+    fn deref(&self) -> &Vec<Arc<Looks>> {
+        &self.each
+    }
+}
+
+impl DerefMut for AllLooks {
+    fn deref_mut(&mut self) -> &mut Vec<Arc<Looks>> {
+        self.has_clear = OnceLock::new();
+        &mut self.each
+    }
+}
+
+impl AllLooks {
+    /// Whether some material of any lets light pass straight on.
+    #[inline]
+    pub fn has_clear(&self) -> bool {
+        *self.has_clear.get_or_init(|| self.each.iter().any(|looks| looks.has_clear()))
+    }
 }
 
 impl Looks {

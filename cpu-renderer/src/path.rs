@@ -23,7 +23,7 @@ use pumice_scene::{Mode, Settings};
 use crate::bsdf::{Bsdf, LEAST_VIEW, Tilt, emitted, sample_cosine};
 use crate::crossing::{MOST_CLEAR_SURFACES, may_touch, next_hit, visibility};
 use crate::lights::Lights;
-use crate::looks::Looks;
+use crate::looks::AllLooks;
 use crate::tally::{FirstSurface, Share, Sorted, Tally, Total, clamps};
 
 /// First vertex after which Russian roulette may end a path: the first bounces carry most of the light, and cutting them costs
@@ -42,7 +42,7 @@ pub struct Surroundings {
     /// Sky, suns, backdrop.
     pub lights: Arc<Lights>,
     /// Looks of each instance's labels, then of each mesh.
-    pub looks: Vec<Arc<Looks>>,
+    pub looks: AllLooks,
     /// Mode, bounces, roulette.
     pub settings: Settings,
 }

@@ -37,7 +37,7 @@ fn two_slabs() -> SceneTracer {
 fn around(material: Material) -> Surroundings {
     Surroundings {
         lights: Lights::new(Sky::Constant(Vec3::ONE), Vec::new(), None).into(),
-        looks: vec![Looks::same(material).into()],
+        looks: vec![Looks::same(material).into()].into(),
         settings: Settings { bounces: 200, russian_roulette: false, ..Settings::default() },
     }
 }

@@ -73,7 +73,7 @@ fn scene(which: u32, seed: u64, finding: Finding) -> PathTracer<Dense> {
     };
     let around = Surroundings {
         lights: lights.found_by(finding).into(),
-        looks: vec![Looks::same(material).into()],
+        looks: vec![Looks::same(material).into()].into(),
         settings: Settings { bounces: 4, seed, ..Settings::default() },
     };
     let film = Film::new(SIZE, SIZE, Filter::BlackmanHarris { width: 3.0 });

@@ -133,7 +133,7 @@ fn glossy_bodies_never_give_more_than_they_get() {
         for metallic in [0.0f32, 1.0] {
             let mut furnace = convex_body(even_sky(1.0), 1.0);
             let material = Material { base_color: [1.0; 3], roughness, metallic, ..Material::default() };
-            furnace.around.looks = vec![Looks::same(material).into()];
+            furnace.around.looks = vec![Looks::same(material).into()].into();
             furnace.spp = 64;
             let kept = furnace.mean(&rendered);
             // (Rounding where there is no noise.)
@@ -148,7 +148,7 @@ fn threads_and_slices_do_not_change_the_picture() {
     let picture = |threads: usize, steps: &[u32]| {
         let around = Surroundings {
             lights: Lights::new(even_sky(1.0), Vec::new(), None).into(),
-            looks: vec![Looks::same(Material::default()).into()],
+            looks: vec![Looks::same(Material::default()).into()].into(),
             settings: Settings::default(),
         };
         let mut tracer = PathTracer::new(sponge(), around, &outside(), &FILM);

@@ -32,7 +32,7 @@ fn halves(lamps: Vec<ReadyLamp>, finding: Finding, mode: Mode, seed: u64, sample
     let material = Material { base_color: [0.7; 3], specular: 0.3, roughness: 0.5, ..Material::default() };
     let around = Surroundings {
         lights: Arc::new(lights),
-        looks: vec![Arc::new(Looks::same(material))],
+        looks: vec![Arc::new(Looks::same(material))].into(),
         settings: Settings { mode, bounces: 3, seed, ..Settings::default() },
     };
     let above = DAffine3::from_mat3_translation(DMat3::IDENTITY, DVec3::new(8.5, 8.0, 60.0));

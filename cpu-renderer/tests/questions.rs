@@ -225,13 +225,13 @@ fn levels_of_detail_match_naive() {
                     ..instance(&compressed, shown, built)
                 }]);
                 let built = built.unwrap();
-                match built.instance(0).unwrap().again(PLACE, lod).unwrap() {
+                match built.instance(0).unwrap().again(0, PLACE, lod).unwrap() {
                     Some(again) => assert_labels(&SceneTracer::of(vec![Arc::new(again)]), &expected),
                     None => assert_eq!(lod, LodChoice::Voxels),
                 }
             }
             assert_eq!(
-                tracer.instance(0).unwrap().again(PLACE, far).unwrap().is_none(),
+                tracer.instance(0).unwrap().again(0, PLACE, far).unwrap().is_none(),
                 lod == LodChoice::Voxels
             );
             // Within coarse elements labels overlap: what a ray leaves there is its label's union, not the array's.

@@ -117,6 +117,7 @@ pub struct Bvh {
     nodes: Vec<Node>,
     items: Vec<u32>,
     bounds: Option<BoxBounds>,
+    depth: usize,
 }
 
 impl Bvh {
@@ -125,9 +126,17 @@ impl Bvh {
     /// on some).
     ///
     /// # Errors
-    /// [`RenderError::Scene`] when a box is empty or reaches past [`MAX_DIM`], when there are 2³¹ boxes or more, or when the
-    /// hierarchy is too deep to traverse.
-    pub fn build(mut boxes: Vec<(BoxBounds, u32)>) -> Result<Self, RenderError> {
+    /// [`RenderError::Scene`] when a box is empty or reaches past [`MAX_DIM`], or when there are 2³¹ boxes or more.
+    pub fn build(boxes: Vec<(BoxBounds, u32)>) -> Result<Self, RenderError> {
+        Self::build_within(boxes, MAX_DEPTH)
+    }
+
+    /// The same for a traversal whose stack is as deep as this, from 12 on: boxes that lie at one place are grouped by nearness into
+    /// chains (a thousand equal ones 143 levels deep); where that is too deep, by their order.
+    ///
+    /// # Errors
+    /// As [`Bvh::build`].
+    pub fn build_within(mut boxes: Vec<(BoxBounds, u32)>, depth: usize) -> Result<Self, RenderError> {
         if boxes.len() >= 1 << 31 {
             return Err(RenderError::Scene(format!(
                 "{} visible boxes are more than the limit of 2^31 of one instance: hide some labels",
@@ -146,19 +155,22 @@ impl Bvh {
             return Ok(Self::default());
         }
         boxes.sort_unstable_by_key(|&(b, item)| (morton::encode(b.lo.map(|v| v / 4)), b, item));
-        let built = build::build(&boxes);
-        if built.depth > MAX_DEPTH {
-            return Err(RenderError::Scene(format!(
-                "the bounding volume hierarchy is {} levels deep, more than the limit of {MAX_DEPTH}",
-                built.depth
-            )));
-        }
-        Ok(Self { nodes: built.nodes, items: built.items, bounds: Some(built.bounds) })
+        let grouped = (!build::has_chain(&boxes)).then(|| build::build(&boxes));
+        let built = match grouped.filter(|b| b.depth <= depth.min(MAX_DEPTH)) {
+            Some(built) => built,
+            None => build::in_order(&boxes),
+        };
+        Ok(Self { nodes: built.nodes, items: built.items, bounds: Some(built.bounds), depth: built.depth })
     }
 
     /// The box around all boxes; `None` when there are none.
     pub fn bounds(&self) -> Option<BoxBounds> {
         self.bounds
+    }
+
+    /// Nodes from the root to the farthest leaf: a traversal's stack holds one less.
+    pub fn depth(&self) -> usize {
+        self.depth
     }
 
     /// Number of boxes.
@@ -439,6 +451,33 @@ mod tests {
         let (a, b) = (Bvh::build(boxes).unwrap(), Bvh::build(turned).unwrap());
         assert_eq!(a.nodes, b.nodes);
         assert_eq!(a.items, b.items);
+    }
+
+    /// Boxes that no bounds tell apart are found all the same, by points and by rays, and not in chains as long as they are many.
+    #[test]
+    fn equal_boxes_do_not_make_it_deep() {
+        let equal = BoxBounds { lo: [5; 3], hi: [9; 3] };
+        let other = BoxBounds { lo: [700, 5, 5], hi: [701, 6, 6] };
+        for n in [1, 3, 4, 9, 24, 25, 1000, 70_000] {
+            let boxes: Vec<_> = (0..n).map(|i| (equal, i)).chain([(other, n)]).collect();
+            let bvh = Bvh::build_within(boxes, 12).unwrap();
+            assert!(bvh.depth() <= 12, "{n}: {} levels", bvh.depth());
+            let (mut at_place, mut along) = (Vec::new(), Vec::new());
+            bvh.at_voxel([6; 3], |i| {
+                at_place.push(i);
+                true
+            });
+            let ray = BvhRay { origin: [0.0, 5.5, 5.5], inverse: [1.0, 1e18, 1e18], pad: bvh.pad() };
+            bvh.along_ray(&ray, f32::INFINITY, |i| {
+                along.push(i);
+                f32::INFINITY
+            });
+            // (The other may share a leaf with some.)
+            at_place.retain(|&i| i < n);
+            at_place.sort_unstable();
+            along.sort_unstable();
+            assert!(at_place.into_iter().eq(0..n) && along.into_iter().eq(0..=n), "of {n}");
+        }
     }
 
     #[test]

@@ -65,10 +65,12 @@ pub struct Rebuilt {
     pub film: u64,
     /// Sky, suns and lamps, and the choice among them; and once more what of the scene shines, for aiming at it.
     pub lights: u64,
-    /// Tables of materials, one an instance or mesh.
+    /// Tables of materials. Instances that look alike share them.
     pub materials: u64,
-    /// Acceleration structures, one an instance or mesh.
+    /// Acceleration structures: of the boxes of a volume that are drawn, of the triangles of a mesh. Instances share them.
     pub acceleration: u64,
+    /// Hierarchies over all instances and meshes, where a scene has one.
+    pub top_level: u64,
 }
 
 /// A renderer of scenes.

@@ -32,7 +32,7 @@ pub use label_materials::LabelMaterials;
 pub use light::{Environment, Light, LightShape, Outline, Sun, World};
 pub use material::Material;
 pub use mesh::Mesh;
-pub use needs::{LabelCount, Needs};
+pub use needs::{INSTANCES_OF_A_TREE, LabelCount, Needs};
 pub use passes::{Pass, Passes};
 pub use scene::{Instance, LabelStyle, SCENE_VERSION, Scene};
 pub use settings::{Adaptive, Film, Filter, Lod, Mode, Settings, ViewTransform};

@@ -5,6 +5,10 @@
 
 use crate::{Cut, Environment, LabelStyle, Light, LightShape, Lod, Material, Mode, Part, Pass, Scene, Spare};
 
+/// Fewest instances and meshes together over which a hierarchy is made: fewer are asked in turn, as fast.
+/// `bench/results/instances.md` has what they cost both ways.
+pub const INSTANCES_OF_A_TREE: usize = 4;
+
 /// Labels of one instance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LabelCount {
@@ -49,6 +53,8 @@ pub struct Needs {
     pub lamps: usize,
     /// Triangle meshes.
     pub meshes: usize,
+    /// Instances and meshes are so many that a hierarchy over them pays.
+    pub instance_tree: bool,
     /// Some light is found both by aiming and by scattering, so that the two are weighted (multiple importance sampling).
     pub mis: bool,
     /// Paths light further surfaces after the first.
@@ -124,6 +130,7 @@ impl Needs {
             suns: lit.count(),
             lamps: lamps.count(),
             meshes: scene.meshes.len(),
+            instance_tree: scene.instances.len() + scene.meshes.len() >= INSTANCES_OF_A_TREE,
             mis: lighting && (sky_table || wide || emission),
             bounces,
             roulette: bounces && settings.russian_roulette,
@@ -169,6 +176,7 @@ impl Needs {
             .with_if(Part::Emitters, !self.emission)
             // Meshes may have them or not: their files say.
             .with_if(Part::SmoothNormals, self.meshes == 0 && !self.smooth_voxels)
+            .with_if(Part::InstanceTree, !self.instance_tree)
     }
 
     /// A line for each thing that is needed (`needed: …`) and for each that is left out, with the reason (`left out: … (…)`).
@@ -248,6 +256,7 @@ impl Needs {
             "no pass of samples, no transparent film and no clamp is asked for",
         );
         line(self.mattes, "Cryptomatte", "it is not asked for");
+        line(self.instance_tree, "a hierarchy over instances", "they are few and asked in turn");
         for edge in [1, 4, 16] {
             let what = format!("elements of {edge}³ voxels");
             line(self.levels.contains(&edge), &what, "the level of detail is another");

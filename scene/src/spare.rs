@@ -41,11 +41,13 @@ pub enum Part {
     Emitters,
     /// Surfaces shaded by another normal than their own.
     SmoothNormals,
+    /// A hierarchy over instances and meshes.
+    InstanceTree,
 }
 
 impl Part {
     /// All of them.
-    pub const ALL: [Self; 17] = [
+    pub const ALL: [Self; 18] = [
         Self::HiddenLabels,
         Self::Levels,
         Self::Microfacets,
@@ -63,6 +65,7 @@ impl Part {
         Self::Mattes,
         Self::Emitters,
         Self::SmoothNormals,
+        Self::InstanceTree,
     ];
 
     /// In words.
@@ -85,6 +88,7 @@ impl Part {
             Self::Mattes => "Cryptomatte",
             Self::Emitters => "surfaces that shine, to be aimed at",
             Self::SmoothNormals => "smooth normals",
+            Self::InstanceTree => "a hierarchy over instances",
         }
     }
 }

@@ -6,8 +6,8 @@ mod common;
 
 use common::full_scene;
 use pumice_scene::{
-    Cut, Environment, LabelCount, LabelStyle, Lod, Material, Mode, Needs, Part, Pass, Passes, Scene, Show,
-    Spare,
+    Cut, Environment, LabelCount, LabelStyle, Lod, Material, Mesh, Mode, Needs, Part, Pass, Passes, Scene,
+    Show, Spare,
 };
 
 const IDS: [u64; 4] = [3, 5, 17, u64::MAX];
@@ -52,6 +52,7 @@ fn least() -> Needs {
         suns: 0,
         lamps: 0,
         meshes: 0,
+        instance_tree: false,
         mis: false,
         bounces: true,
         roulette: false,
@@ -108,6 +109,9 @@ fn each_edit_needs_only_what_it_brings() {
     let mut mesh = full_scene().meshes.swap_remove(0);
     mesh.materials = vec![MATTE, Material { metallic: 1.0, ..MATTE }];
     assert_eq!(after(|s| s.meshes = vec![mesh.clone()]), Needs { meshes: 1, metal: true, ..least() });
+    // With the instance four.
+    let tree = after(|s| s.meshes = (0..3).map(|i| Mesh { id: 90 + i, ..mesh.clone() }).collect());
+    assert_eq!(tree, Needs { meshes: 3, metal: true, instance_tree: true, ..least() });
 
     let lamps = full_scene().lights;
     assert_eq!(after(|s| s.lights = vec![lamps[1]]), Needs { lamps: 1, mis: true, ..least() });
@@ -231,6 +235,7 @@ left out: Russian roulette (the settings say so)
 left out: cuts (nothing is cut away)
 left out: sorting of light (no pass of samples, no transparent film and no clamp is asked for)
 left out: Cryptomatte (it is not asked for)
+left out: a hierarchy over instances (they are few and asked in turn)
 needed: elements of 1³ voxels
 left out: elements of 4³ voxels (the level of detail is another)
 left out: elements of 16³ voxels (the level of detail is another)

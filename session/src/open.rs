@@ -138,5 +138,15 @@ pub(crate) fn compress_source(
 /// # Errors
 /// One line that says what is wrong with which file.
 pub fn open_meshes(scene: &Scene) -> Result<Vec<Arc<MeshData>>> {
-    scene.meshes.iter().map(|m| Ok(Arc::new(pumice_formats::open_mesh(&m.source)?))).collect()
+    // A file that several name is read once, and what is made of its triangles is made once.
+    let mut opened: BTreeMap<&Path, Arc<MeshData>> = BTreeMap::new();
+    let mut meshes = Vec::new();
+    for mesh in &scene.meshes {
+        let path = mesh.source.as_path();
+        if !opened.contains_key(path) {
+            opened.insert(path, Arc::new(pumice_formats::open_mesh(path)?));
+        }
+        meshes.extend(opened.get(path).cloned());
+    }
+    Ok(meshes)
 }

@@ -340,13 +340,15 @@ mod tests {
         let all = measured(|s| s.instances[0].style.show = Show::Only(vec![1, 2]));
         assert_eq!((all.backend.as_str(), all.size, all.rounds), ("cpu", [32, 20], 3));
         let parts: Vec<_> = all.savings.iter().map(|s| s.part).collect();
-        let expected = [Part::HiddenLabels, Part::Levels, Part::Clear, Part::Sorting, Part::Mattes].map(Some);
+        let (voxels, light) = ([Part::HiddenLabels, Part::Levels], [Part::Clear, Part::Sorting]);
+        let expected = [&voxels[..], &light, &[Part::Mattes, Part::InstanceTree]].concat();
+        let expected: Vec<_> = expected.into_iter().map(Some).collect();
         assert_eq!(parts, [&expected[..], &[None]].concat());
         assert!(all.holds(), "{all:?}");
         // Bytes are what the renderer holds, and no clock's.
         assert!(all.savings[0].bytes_saved() > 0 && all.savings[3].bytes_saved() == 0, "{all:?}");
         let lines = all.lines();
-        assert_eq!(lines.len(), 1 + 6 + all.always_there.len());
+        assert_eq!(lines.len(), 1 + 7 + all.always_there.len());
         assert!(
             lines[1].starts_with("saved by leaving out boxes of labels that are not shown: "),
             "{lines:?}"
@@ -361,7 +363,7 @@ mod tests {
             s.settings.clamp_direct = 7.0;
         });
         let parts: Vec<_> = needed.savings.iter().map(|s| s.part).collect();
-        assert_eq!(parts, [Some(Part::Levels), Some(Part::Mattes), None]);
+        assert_eq!(parts, [Some(Part::Levels), Some(Part::Mattes), Some(Part::InstanceTree), None]);
     }
 
     #[test]

@@ -26,7 +26,6 @@ uvec3 voxel_before(Step step, IndexRay ray) {
 }
 
 // Planes of a voxel that are met within this of each other may be taken for a tie: 2·16·3·2^−24.
-#define TIE f64_from_bits(0x3ED8000000000000UL)
 
 // The same step through the plane of another axis by which the ray comes into the voxel.
 Step through(Step step, uint axis, IndexRay ray) {

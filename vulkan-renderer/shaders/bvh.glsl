@@ -13,6 +13,8 @@ struct BvhRay {
 
 const uint MAX_DEPTH = 64u;
 
+const float TWO_POW_60 = 1152921504606846976.0;
+
 uint byte_of(uint words[2], uint c) {
     return (words[c >> 2] >> ((c & 3u) << 3)) & 0xFFu;
 }

@@ -8,6 +8,9 @@
 #define SMALLEST f64_exp2(-1022)
 #define ONE_OVER_SMALLEST f64_exp2(1022)
 
+// Planes of a voxel that are met within this of each other may be taken for a tie: box_walk.glsl.
+#define TIE f64_from_bits(0x3ED8000000000000UL)
+
 struct IndexRay {
     f64 origin[3];
     f64 direction[3];
@@ -153,6 +156,15 @@ f64 world_t(IndexRay ray, uint a, uint p) {
 
 f64 scaled_t(IndexRay ray, f64 world_t) {
     return f64_mul(world_t, ray.scaled_from_world);
+}
+
+// The scaled t below which a hit is looked for, where one is known at `best` in the world's t.
+f64 reach(IndexRay ray, f64 t_max, f64 best) {
+    best = scaled_t(ray, best);
+    // ε·16: a double's ε is 2^−52.
+    f64 limit = f64_add(f64_add(best, f64_mul(best, f64_exp2(-48))), f64_mul(f64_exp2(1), TIE));
+    t_max = scaled_t(ray, t_max);
+    return f64_lt(limit, t_max) ? limit : t_max;
 }
 
 bool is_down(IndexRay ray, uint a) {

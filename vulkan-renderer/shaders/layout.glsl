@@ -163,6 +163,19 @@ struct Emitters {
     uint place_of_count;
 };
 
+struct InstanceTree {
+    Address nodes;
+    Address items;
+    F64Bits translation[3];
+    F64Bits cells_a_unit;
+    F64Bits slack_a_unit;
+    F64Bits slack;
+    uint lo[3];
+    uint hi[3];
+    float pad;
+    uint reserved;
+};
+
 struct SceneHeader {
     Address instances;
     Address tables;
@@ -172,6 +185,7 @@ struct SceneHeader {
     Lights lights;
     Environment environment;
     Emitters emitters;
+    InstanceTree instance_tree;
     uint instance_count;
     uint film_width;
 };

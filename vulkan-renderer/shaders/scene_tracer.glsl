@@ -3,6 +3,7 @@
 #define SCENE_TRACER_GLSL
 
 #include "volume_tracer.glsl"
+#include "instance_tree.glsl"
 
 InstanceRef instance_at(SceneRef scene, uint number) {
     return InstanceRef(scene.it.instances + uint64_t(number) * INSTANCE_BYTES);
@@ -11,18 +12,48 @@ InstanceRef instance_at(SceneRef scene, uint number) {
 // One function for the three questions of the twin (see volume_ask): `first_hit`; with `any`, `occluded`; with `only` a label,
 // `next_boundary` of it in instance `only_instance`.
 //
-// In order of instances, volumes then meshes, each within what the others left: at equal t the lowest instance stays.
+// The nearest of what each meets by itself, that of the lowest number where several are as near, in whatever order they are asked. (One
+// call of volume_ask, because shaders inline what they call: what is asked next is chosen before it.)
 Hit scene_ask(SceneRef scene, RayInWorld ray, Surface from, f64 t_max, bool any, uint only, uint only_instance) {
     Hit best = no_hit();
-    f64 limit = t_max;
-    for (uint i = 0u; i < scene.it.instance_count; i++) {
-        if (only != NONE && i != only_instance) {
+    uint count = scene.it.instance_count;
+    bool by_tree = NEEDS_INSTANCE_TREE != 0u && scene.it.instance_tree.nodes != 0UL && only == NONE;
+    InstanceTree tree;
+    InstanceWalk walk;
+    if (by_tree) {
+        tree = scene.it.instance_tree;
+        by_tree = instance_tree_along_ray(tree, ray, t_max, walk);
+        count = 0u;
+    }
+    // In turn from `next` to `count`; where there is a hierarchy, the one that the path goes on from, and then as that finds them.
+    uint next = 0u;
+    if (only != NONE) {
+        next = only_instance;
+        count = min(count, only_instance + 1u);
+    } else if (NEEDS_INSTANCE_TREE != 0u && count == 0u && from.instance < scene.it.instance_count) {
+        next = from.instance;
+        count = next + 1u;
+    }
+    while (true) {
+        uint number = next;
+        if (next < count) {
+            next += 1u;
+        } else {
+            number = by_tree ? instance_tree_next(tree, walk, f64_min(best.t, t_max)) : NONE;
+            if (number == NONE) {
+                break;
+            }
+            if (number == from.instance) {
+                continue;
+            }
+        }
+        Hit hit = volume_ask(instance_at(scene, number), number, ray, from, t_max, best.t, only, any);
+        if (!is_hit(hit)) {
             continue;
         }
-        Hit hit = volume_ask(instance_at(scene, i), i, ray, from, limit, only, any);
-        if (is_hit(hit) && (any || only != NONE || f64_lt(hit.t, limit))) {
+        bool first = f64_lt(hit.t, best.t) || (f64_eq(hit.t, best.t) && number < best.surface.instance);
+        if (any || only != NONE || (first && f64_lt(hit.t, t_max))) {
             best = hit;
-            limit = hit.t;
             if (any) {
                 break;
             }

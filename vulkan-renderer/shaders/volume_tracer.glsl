@@ -163,8 +163,6 @@ bool visit(InstanceRef instance, inout Search search, uint item) {
     return is_mesh(instance) ? visit_triangle(instance, search, item) : visit_box(instance, search, item);
 }
 
-const float TWO_POW_60 = 1152921504606846976.0;
-
 #if defined(FRONT_BVH)
 #include "front_bvh.glsl"
 #elif defined(FRONT_QUERY)
@@ -408,7 +406,10 @@ CutRay cut_ray(InstanceRef instance, uint instance_number, IndexRay ray, RayInWo
 
 // The first hit, or with `any` some hit where one will do, or with `only` the next boundary of that label: one function for the
 // questions of the twin, because shaders inline what they call. Cuts leave a ray in pieces, traced one by one; without them it is one.
-Hit volume_ask(InstanceRef instance, uint instance_number, RayInWorld ray, Surface from, f64 t_max, uint only, bool any) {
+//
+// Nothing farther than `best` is of interest.
+Hit volume_ask(
+    InstanceRef instance, uint instance_number, RayInWorld ray, Surface from, f64 t_max, f64 best, uint only, bool any) {
     IndexRay r;
     // Not from a free point or a mesh: within a label, a seam between two of its boxes would answer first.
     any = any && (is_mesh(instance) || (from.instance != NONE && from.kind != SURFACE_TRIANGLE));
@@ -421,7 +422,7 @@ Hit volume_ask(InstanceRef instance, uint instance_number, RayInWorld ray, Surfa
         cut = cut_ray(instance, instance_number, r, ray, from);
     }
     uint leaving = is_mesh(instance) && from.instance == instance_number ? from.plane : NONE;
-    t_max = scaled_t(r, t_max);
+    t_max = reach(r, t_max, best);
     f64 start = F64_ZERO;
     while (true) {
         f64 end = F64_INFINITY;

@@ -273,6 +273,29 @@ pub struct Emitters {
     pub place_of_count: u32,
 }
 
+/// Twin of `pumice_cpu::traverse::InstanceTree`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+#[allow(missing_docs, reason = "as there")]
+pub struct InstanceTree {
+    /// Nodes of its `pumice_render::Bvh`; 0: there is none, and instances are asked in turn.
+    pub nodes: Address,
+    /// Numbers of instances.
+    pub items: Address,
+    pub translation: [f64; 3],
+    pub cells_a_unit: f64,
+    pub slack_a_unit: f64,
+    pub slack: f64,
+    /// Bounds of all, in cells.
+    pub lo: [u32; 3],
+    /// See there.
+    pub hi: [u32; 3],
+    /// `Bvh::pad`.
+    pub pad: f32,
+    /// 0.
+    pub reserved: u32,
+}
+
 /// What everything hangs from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
@@ -288,6 +311,7 @@ pub struct SceneHeader {
     pub lights: Lights,
     pub environment: Environment,
     pub emitters: Emitters,
+    pub instance_tree: InstanceTree,
     pub instance_count: u32,
     /// Pixels across, for the film's rows.
     pub film_width: u32,

@@ -27,4 +27,4 @@ pub use looks::PackedLooks;
 pub use meshes::{PackedMesh, place_mesh};
 pub use needs::{ShaderNeeds, carrying, compiled_parts};
 pub use nodes::PackedNodes;
-pub use scene::{PackedSky, camera, header, lamps, lights, settings, suns};
+pub use scene::{PackedSky, camera, header, instance_tree, lamps, lights, settings, suns};

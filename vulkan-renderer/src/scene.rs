@@ -9,6 +9,7 @@
 //!              ├─ Looks     materials, which label has which                renewed by: colours
 //!              ├─ Emitters  surfaces that shine, and their tree                renewed by: what shines, its place, shape and neighbours
 //!              ├─ Cuts      planes of what is taken away                    renewed by: cuts, places
+//!              ├─ Tree      hierarchy over many instances                   renewed by: places
 //!              └─ filter    table of the film's filter                      renewed by: film
 //! ```
 //! The header and the instances' records are a few hundred bytes and written anew each time: a camera move sends them alone.
@@ -17,7 +18,7 @@ use std::sync::Arc;
 
 use glam::DAffine3;
 use pumice_core::{CompressedVolume, MeshData};
-use pumice_cpu::traverse::{Cuts, LodChoice, Placement};
+use pumice_cpu::traverse::{Cuts, InstanceTree, LodChoice, Placement, WorldBounds};
 use pumice_cpu::{Emitters, Lights, Looks};
 use pumice_render::{BoxBounds, Bvh, FilterTable, RenderError};
 
@@ -393,6 +394,46 @@ impl FilterOnDevice {
     }
 }
 
+/// The hierarchy over instances.
+#[derive(Debug)]
+pub(crate) struct TreeOnDevice {
+    /// What it is over.
+    bounds: Vec<Option<WorldBounds>>,
+    record: layout::InstanceTree,
+    buffers: [Buffer; 2],
+}
+
+impl TreeOnDevice {
+    /// Over these instances and meshes, where there are at least so many: the former one where all are where they were. Says whether one
+    /// was made.
+    pub(crate) fn new(
+        gpu: &Gpu,
+        former: Option<&Arc<Self>>,
+        instances: &[InstanceOnDevice],
+        meshes: &[MeshOnDevice],
+        least: usize,
+    ) -> Result<(Option<Arc<Self>>, bool), Fault> {
+        if instances.len() + meshes.len() < least {
+            return Ok((None, false));
+        }
+        let bounds_of = |record: &layout::Instance, placement: &Placement| {
+            let bounds = BoxBounds { lo: record.lo, hi: record.hi };
+            (record.box_count > 0).then(|| WorldBounds::new(bounds, placement))
+        };
+        let of_instances = instances.iter().map(|i| bounds_of(&i.boxes.record, &i.placement));
+        let of_meshes = meshes.iter().map(|m| bounds_of(&m.triangles.record, &m.placement));
+        let bounds: Vec<_> = of_instances.chain(of_meshes).collect();
+        if let Some(former) = former.filter(|f| f.bounds == bounds) {
+            return Ok((Some(Arc::clone(former)), false));
+        }
+        let Some(tree) = InstanceTree::new(bounds.iter().copied(), least)? else { return Ok((None, false)) };
+        let nodes = gpu.buffer_of("a hierarchy over instances", tree.bvh().node_bytes())?;
+        let items = gpu.buffer_of("the items of one", bytemuck::cast_slice(tree.bvh().items()))?;
+        let record = pack::instance_tree(&tree, [nodes.address(), items.address()]);
+        Ok((Some(Arc::new(Self { bounds, record, buffers: [nodes, items] })), true))
+    }
+}
+
 /// All parts together, with the header from which shaders find them.
 #[derive(Debug)]
 pub(crate) struct SceneOnDevice {
@@ -401,6 +442,7 @@ pub(crate) struct SceneOnDevice {
     pub(crate) sky: Arc<SkyOnDevice>,
     pub(crate) emitters: Option<Arc<EmittersOnDevice>>,
     pub(crate) filter: Arc<FilterOnDevice>,
+    pub(crate) tree: Option<Arc<TreeOnDevice>>,
     records: Buffer,
     header: Buffer,
 }
@@ -415,6 +457,7 @@ impl SceneOnDevice {
         sky: Arc<SkyOnDevice>,
         emitters: Option<Arc<EmittersOnDevice>>,
         filter: Arc<FilterOnDevice>,
+        tree: Option<Arc<TreeOnDevice>>,
         rays: &pumice_cpu::camera_rays::CameraRays,
         settings: layout::Settings,
     ) -> Result<Self, DeviceError> {
@@ -435,9 +478,10 @@ impl SceneOnDevice {
             },
             sky.environment,
             emitters.as_ref().map_or_else(layout::Emitters::default, |e| e.record),
+            tree.as_ref().map_or_else(layout::InstanceTree::default, |t| t.record),
         );
         let header = gpu.buffer_of("the scene's header", bytemuck::bytes_of(&header))?;
-        Ok(Self { instances, meshes, sky, emitters, filter, records, header })
+        Ok(Self { instances, meshes, sky, emitters, filter, tree, records, header })
     }
 
     /// Address of the header.
@@ -480,6 +524,7 @@ impl SceneOnDevice {
                 looks += m.looks.bytes();
             }
         }
+        hierarchy += self.tree.iter().flat_map(|t| &t.buffers).map(Buffer::bytes).sum::<u64>();
         let lights = self.sky.buffers.iter().map(Buffer::bytes).sum::<u64>();
         let emitters = self.emitters.iter().flat_map(|e| &e.buffers).map(Buffer::bytes).sum::<u64>();
         let tables = self.filter.table.bytes() + self.records.bytes() + self.header.bytes();

@@ -13,16 +13,16 @@ use pumice_cpu::{Emitters, Looks, ReadImage, scene_lights};
 use pumice_render::{
     FilmBuffer, Image, PassSums, Pick, Picture, Rebuilt, RenderError, SurfaceKind, cryptomatte, name_mattes,
 };
-use pumice_scene::{InstanceDiff, MeshDiff, Part, Pass, Scene, SceneDiff};
+use pumice_scene::{INSTANCES_OF_A_TREE, InstanceDiff, MeshDiff, Part, Pass, Scene, SceneDiff};
 
-use crate::device::{Buffer, DeviceError};
+use crate::device::{Backend, Buffer, DeviceError};
 use crate::film::Film;
 use crate::layout::{FirstRecord, HitRecord, Launch, NONE};
 use crate::machine::Machine;
 use crate::pack::{self, ShaderNeeds};
 use crate::scene::{
     Boxes, CutsOnDevice, EmittersOnDevice, Fault, FilterOnDevice, InstanceOnDevice, LooksOnDevice,
-    MeshOnDevice, Nodes, SceneOnDevice, SkyOnDevice, Triangles,
+    MeshOnDevice, Nodes, SceneOnDevice, SkyOnDevice, TreeOnDevice, Triangles,
 };
 use crate::sent::Sent;
 use crate::shaders::Entry;
@@ -148,6 +148,7 @@ impl Shown {
             !meshes.is_empty(),
         );
         needs.emitters = parts.emitters.is_some();
+        needs.instance_tree = parts.tree.is_some();
         needs.aim |= needs.emitters;
         needs.smooth = scene.settings.smooth_voxels || meshes.iter().any(|mesh| mesh.is_smooth());
         let size = [scene.film.width, scene.film.height];
@@ -352,10 +353,12 @@ fn parts_of(
         let made = instance_of(machine, former.as_ref(), place, scene, volume, lod, &instances, counters)?;
         instances.push(made);
     }
-    let mut on_device = Vec::with_capacity(meshes.len());
+    let mut on_device: Vec<MeshOnDevice> = Vec::with_capacity(meshes.len());
     for (place, (mesh, data)) in scene.meshes.iter().zip(meshes).enumerate() {
         let former = FormerMesh::find(old, diff, mesh.id, data);
-        on_device.push(mesh_of(machine, former.as_ref(), place, volumes.len(), scene, data, counters)?);
+        let twin = (0..place).find(|&other| Arc::ptr_eq(&meshes[other], data)).map(|other| &on_device[other]);
+        let made = mesh_of(machine, former.as_ref(), twin, place, volumes.len(), scene, data, counters)?;
+        on_device.push(made);
     }
     let emitters = match old {
         Some(o) if shine_alike(&o.parts, &instances, &on_device) => o.parts.emitters.clone(),
@@ -366,11 +369,15 @@ fn parts_of(
             made.map(|made| EmittersOnDevice::new(gpu, &made).map(Arc::new)).transpose()?
         }
     };
+    let least = if machine.spare.has(Part::InstanceTree) { 1 } else { INSTANCES_OF_A_TREE };
+    let former = old.and_then(|o| o.parts.tree.as_ref());
+    let (tree, made) = TreeOnDevice::new(gpu, former, &instances, &on_device, least)?;
+    counters.rebuilt.top_level += u64::from(made);
     counters.sent.header += 1;
     let rays = CameraRays::new(&scene.camera, &scene.film);
     let settings = pack::settings(&scene.settings, PassSums::of(&scene.film));
     let tables = &machine.tables;
-    Ok(SceneOnDevice::new(gpu, tables, instances, on_device, sky, emitters, filter, &rays, settings)?)
+    Ok(SceneOnDevice::new(gpu, tables, instances, on_device, sky, emitters, filter, tree, &rays, settings)?)
 }
 
 /// What of a scene shines and can be aimed at.
@@ -461,8 +468,16 @@ fn instance_of(
     let smooth = scene.settings.smooth_voxels;
     let table = volume.labels();
     let mattes = scene.film.passes.has_any(Pass::MATTES) || machine.spare.has(Part::Mattes);
-    let kept_looks = former.and_then(|f| f.looks(mattes));
+    // Of the same labels of the same volume; and in the same colours.
+    let twin = (0..place).find(|&other| {
+        before[other].boxes.nodes().is_of(volume) && scene.instances[other].style.show == instance.style.show
+    });
+    let alike = twin.filter(|&other| scene.instances[other].style == instance.style);
+    let kept_looks = former.and_then(|f| f.looks(mattes)).or_else(|| Some(&before[alike?].looks));
+    // The intersection shader of a pipeline knows an instance by its hierarchy.
+    let sharing = gpu.backend() != Backend::RayPipeline;
     let kept_boxes = former.and_then(|f| f.boxes(place, tight, smooth));
+    let kept_boxes = kept_boxes.or_else(|| Some(&before[twin.filter(|_| sharing)?].boxes));
     let visible = if kept_looks.is_none() || kept_boxes.is_none() {
         let field = format!("instances[{place}].style.show");
         let resolved = instance.style.show.resolve(&field, table.ids());
@@ -514,10 +529,12 @@ fn instance_of(
     Ok(InstanceOnDevice { boxes, looks, cuts, placement, lod })
 }
 
-/// One mesh; it comes after all `volumes`.
+/// One mesh; it comes after all `volumes`. `twin` has the same triangles.
+#[expect(clippy::too_many_arguments, reason = "as parts_of")]
 fn mesh_of(
     machine: &Machine,
     former: Option<&FormerMesh<'_>>,
+    twin: Option<&MeshOnDevice>,
     place: usize,
     volumes: usize,
     scene: &Scene,
@@ -537,7 +554,8 @@ fn mesh_of(
         }
     };
     let instance = volumes + place;
-    let triangles = match former.and_then(|f| f.triangles(instance)) {
+    let shared = twin.filter(|_| gpu.backend() != Backend::RayPipeline).map(|t| &t.triangles);
+    let triangles = match former.and_then(|f| f.triangles(instance)).or(shared) {
         Some(kept) => Arc::clone(kept),
         None => {
             counters.rebuilt.acceleration += 1;

@@ -126,6 +126,10 @@ impl Front {
             uploaded.instances[i].cut_planes = uploaded.put(&self.gpu, &planes);
             uploaded.instances[i].cut_plane_count = planes.len() as u32;
         }
+        self.ask(uploaded, asked)
+    }
+
+    fn ask(&self, mut uploaded: Uploaded, asked: &[Asked]) -> Vec<HitRecord> {
         let scene = uploaded.header(&self.gpu, SceneHeader::default());
         let records: Vec<RayRecord> = asked.iter().map(Asked::record).collect();
         let source = self.gpu.buffer_of(&records);
@@ -156,6 +160,18 @@ impl Front {
         asked: &[Asked],
     ) -> usize {
         self.compare(what, &tracer(traced, meshes), self.trace(traced, &[], meshes, asked), asked)
+    }
+
+    /// The same as a hierarchy over instances finds them, on both sides.
+    fn check_tree(&self, what: &str, traced: &[TracedInstance], meshes: &[Placed], asked: &[Asked]) -> usize {
+        let (tracer, made) = tracer(traced, meshes).with_tree(None, 1).unwrap();
+        assert!(made);
+        let mut uploaded = Uploaded::new(&self.gpu, traced);
+        for (mesh, place) in meshes {
+            uploaded.add_mesh(&self.gpu, mesh, *place);
+        }
+        uploaded.add_tree(&self.gpu, &tracer);
+        self.compare(what, &tracer, self.ask(uploaded, asked), asked)
     }
 
     fn compare(&self, what: &str, tracer: &SceneTracer, got: Vec<HitRecord>, asked: &[Asked]) -> usize {
@@ -539,4 +555,58 @@ fn other_rays_have_other_hits() {
     let differ = a.iter().zip(&b).filter(|(a, b)| a.t.to_bits() != b.t.to_bits()).count();
     let faces = a.iter().zip(&b).filter(|(a, b)| a.surface != b.surface).count();
     assert!(differ > 500 && faces > 0, "{differ} distances and {faces} faces differ");
+}
+
+/// Many instances and meshes, about each other, at one place, far away, tiny: as a hierarchy finds them, first surfaces, shadows and
+/// what paths meet that go on; and asked in turn.
+#[test]
+fn instances_are_the_cpus() {
+    for front in fronts().iter() {
+        let mut random = Random(12);
+        let volumes = [volumes().swap_remove(1).2, volumes().swap_remove(5).2];
+        let mesh = shapes::cube(30.0, 3);
+        for (name, spread, size, at) in [
+            ("about each other", 4.0, 1.0, 0.0),
+            ("at one place", 0.0, 1.0, 0.0),
+            ("far away", 3.0, 1.0, 1e9),
+            ("tiny", 1e-8, 1e-9, 0.25),
+        ] {
+            let mut place = || {
+                let m = [0; 3].map(|_| DVec3::from([0; 3].map(|_| random.unit() - 0.5)));
+                let m = DMat3::from_cols(m[0], m[1], m[2]) * (size / 30.0);
+                let m = if spread == 0.0 { DMat3::from_diagonal(DVec3::splat(size / 30.0)) } else { m };
+                let offset = DVec3::from([0; 3].map(|_| random.unit())) * spread;
+                DAffine3::from_mat3_translation(m, offset + at)
+            };
+            let traced: Vec<_> =
+                (0..12).map(|i| instance(&volumes[i % 2], place(), LodChoice::Voxels)).collect();
+            let meshes: Vec<Placed> = (0..5).map(|_| (Arc::clone(&mesh), place())).collect();
+            let all: Vec<_> =
+                traced.iter().map(|t| t.world_from_index).chain(meshes.iter().map(|m| m.1)).collect();
+            let mut asked = Vec::new();
+            for i in 0..1200 {
+                let mut point = || {
+                    let p = DVec3::from([0; 3].map(|_| 80.0 * random.unit() - 10.0));
+                    all[random.below(all.len() as u32) as usize].transform_point3(p)
+                };
+                let (origin, target) = (point(), point());
+                let mut a = Asked::first(RayInWorld { origin, direction: target - origin });
+                if i % 3 == 0 {
+                    a.question = Question::Occluded;
+                }
+                a.t_max = if i % 5 == 0 { random.unit() } else { f64::INFINITY };
+                asked.push(a);
+            }
+            let tracer = tracer(&traced, &meshes);
+            let second = bounces(&tracer, &asked, &mut random);
+            let third = bounces(&tracer, &second, &mut random);
+            let mut hits = 0;
+            for (what, asked) in [("", &asked), (", bounced", &second), (", bounced twice", &third)] {
+                hits += front.check_tree(&format!("{name}{what}"), &traced, &meshes, asked);
+                front.check_beside(&format!("{name}{what}, in turn"), &traced, &meshes, asked);
+            }
+            println!("{}, {name}: {hits} hits", front.name);
+            assert!(hits > 600, "{name}: {hits} hits");
+        }
+    }
 }

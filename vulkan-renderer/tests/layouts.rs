@@ -17,8 +17,8 @@ use pumice_render::Bvh;
 use pumice_render::bvh::BoxBounds;
 use pumice_vulkan::layout::{
     Camera, Chunk, CutPlane, Emitter, EmitterPlace, Emitters, Environment, Filter, FirstRecord, HitRecord,
-    Instance, LOD_BY_DISTANCE, LOD_TRIANGLES, Lamp, Launch, LightNode, Lights, Material, NONE, Question,
-    RayRecord, SCRATCH_BYTES, SceneHeader, Settings, ShiningTriangle, Sun, SurfaceRecord,
+    Instance, InstanceTree, LOD_BY_DISTANCE, LOD_TRIANGLES, Lamp, Launch, LightNode, Lights, Material, NONE,
+    Question, RayRecord, SCRATCH_BYTES, SceneHeader, Settings, ShiningTriangle, Sun, SurfaceRecord,
 };
 use reflection::{Field, Layout, layouts};
 
@@ -38,7 +38,7 @@ macro_rules! shapes {
 }
 
 shapes!(u32 => "u32", f32 => "f32", u64 => "u64", f64 => "u64", Camera => "CameraRecord", Filter => "Filter",
-    Settings => "Settings", Lights => "Lights", Environment => "Environment", Emitters => "Emitters", SurfaceRecord => "SurfaceRecord");
+    Settings => "Settings", Lights => "Lights", Environment => "Environment", Emitters => "Emitters", InstanceTree => "InstanceTree", SurfaceRecord => "SurfaceRecord");
 
 impl<T: Shape, const N: usize> Shape for [T; N] {
     fn shape() -> String {
@@ -218,8 +218,24 @@ fn twins() -> Vec<Layout> {
                 lights,
                 environment,
                 emitters,
+                instance_tree,
                 instance_count,
                 film_width,
+            }
+        ),
+        twin!(
+            "InstanceTree",
+            InstanceTree {
+                nodes,
+                items,
+                translation,
+                cells_a_unit,
+                slack_a_unit,
+                slack,
+                lo,
+                hi,
+                pad,
+                reserved,
             }
         ),
         twin!(

@@ -14,10 +14,14 @@
 use glam::{DAffine3, DVec3};
 use pumice_render::{PathOrigin, RayInWorld, RenderError, Surface};
 
+use super::box_walk::TIE;
 use super::each_axis;
 
 /// Smallest scaled direction component whose reciprocal is finite in f64.
-const SMALLEST: f64 = f64::MIN_POSITIVE;
+pub(super) const SMALLEST: f64 = f64::MIN_POSITIVE;
+
+/// 2⁻⁴⁸: more than the five roundings by which the product for a plane and its reported distance may differ.
+const AS_NEAR: f64 = 16.0 * f64::EPSILON;
 
 /// See the module.
 #[derive(Clone, Copy, Debug)]
@@ -210,6 +214,16 @@ impl IndexRay {
         world_t * self.scaled_from_world
     }
 
+    /// The scaled t below which a hit is looked for, where one is known at `best` in the world's t: whatever is reported as far as
+    /// that or nearer is found. What is reported has two roundings of its own, and may be of another face of the voxel, within
+    /// [`TIE`].
+    pub(crate) fn reach(&self, t_max: f64, best: f64) -> f64 {
+        let best = self.scaled_t(best);
+        let reach = best + best * AS_NEAR + 2.0 * TIE;
+        let t_max = self.scaled_t(t_max);
+        if reach < t_max { reach } else { t_max }
+    }
+
     /// Whether the ray moves down along axis `a`.
     #[inline(always)]
     pub(crate) fn is_down(&self, a: usize) -> bool {
@@ -231,7 +245,7 @@ impl IndexRay {
 }
 
 /// The vector times 2⁻ᵏ with its largest component within [1, 2), and k. `None` for zero and for what is not finite.
-fn scaled(v: DVec3) -> Option<(DVec3, i32)> {
+pub(super) fn scaled(v: DVec3) -> Option<(DVec3, i32)> {
     let largest = v.abs().max_element();
     if !v.is_finite() || largest == 0.0 {
         return None;
@@ -246,7 +260,7 @@ fn scaled(v: DVec3) -> Option<(DVec3, i32)> {
 }
 
 /// 2ᵏ, saturating.
-fn exp2(k: i32) -> f64 {
+pub(super) fn exp2(k: i32) -> f64 {
     f64::from_bits(((k.clamp(-1022, 1023) + 1023) as u64) << 52)
 }
 

@@ -12,6 +12,7 @@ use pumice_render::{Bvh, Hit, PathOrigin, RayInWorld, RenderError, Surface, Surf
 
 use super::IndexRay;
 use super::index_ray::{Placement, surface_of};
+use super::instance_tree::WorldBounds;
 use super::mesh_grid::MeshGrid;
 use super::mesh_normals::blended_normal;
 use super::triangle::TriangleRay;
@@ -107,6 +108,16 @@ impl MeshTracer {
         (&self.geometry.mesh, &self.geometry.grid)
     }
 
+    /// Where it is in the world.
+    pub(super) fn world_bounds(&self) -> Option<WorldBounds> {
+        self.geometry.bvh.bounds().map(|bounds| WorldBounds::new(bounds, &self.placement))
+    }
+
+    /// The same for all that share its hierarchy, and for no other.
+    pub(super) fn hierarchy_address(&self) -> usize {
+        Arc::as_ptr(&self.geometry).addr()
+    }
+
     /// Where its grid is.
     pub fn placement(&self) -> &Placement {
         &self.placement
@@ -167,6 +178,19 @@ impl MeshTracer {
         best
     }
 
+    /// [`Tracer::first_hit`], where nothing farther than `best` is of interest.
+    pub(super) fn first_hit_within(
+        &self,
+        ray: &RayInWorld,
+        from: PathOrigin,
+        t_max: f64,
+        best: f64,
+    ) -> Option<Hit> {
+        let ray = self.placement.ray_to_mesh(ray)?;
+        let (t, triangle) = self.nearest(&ray, from, ray.reach(t_max, best), false)?;
+        Some(self.hit(&ray, t, triangle))
+    }
+
     fn hit(&self, ray: &IndexRay, t: f64, triangle: u32) -> Hit {
         let [a, b, c] = self.corners(triangle);
         let normal = (b - a).cross(c - a);
@@ -189,9 +213,7 @@ impl MeshTracer {
 
 impl Tracer for MeshTracer {
     fn first_hit(&self, ray: &RayInWorld, from: PathOrigin, t_max: f64) -> Option<Hit> {
-        let ray = self.placement.ray_to_mesh(ray)?;
-        let (t, triangle) = self.nearest(&ray, from, ray.scaled_t(t_max), false)?;
-        Some(self.hit(&ray, t, triangle))
+        self.first_hit_within(ray, from, t_max, f64::INFINITY)
     }
 
     fn occluded(&self, ray: &RayInWorld, from: PathOrigin, t_max: f64) -> bool {

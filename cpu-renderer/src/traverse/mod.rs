@@ -19,6 +19,9 @@
 //! **Cuts** take parts of space away from an instance; what is left of a ray is traced piece by piece (`cuts`), and a solid that
 //! ends at a cut ends in a cap: as if the voxels themselves had been cut.
 //!
+//! **Instances**, volumes and meshes, are asked in turn where they are few, else as a hierarchy over them finds them
+//! ([`instance_tree`]). The nearest hit is told either way, of the first instance where several are as near.
+//!
 //! **Meshes** are hierarchies of the same kind, over triangles in a grid of their own. They are never cut. Smooth normals of their
 //! corners (`mesh_normals`), and of voxels (`voxel_normals`), are for shading alone: hits, sides and what paths go on from are those of the triangles and
 //! voxels.
@@ -26,6 +29,7 @@
 mod box_walk;
 mod cuts;
 mod index_ray;
+mod instance_tree;
 mod lod;
 mod mesh_grid;
 mod mesh_normals;
@@ -40,6 +44,7 @@ pub use box_walk::Level;
 pub use cuts::{CutPlane, Cuts};
 pub(crate) use index_ray::IndexRay;
 pub use index_ray::Placement;
+pub use instance_tree::{InstanceTree, WorldBounds};
 pub use lod::{ByDistance, Detail, LodChoice};
 pub use mesh_grid::MeshGrid;
 pub use mesh_tracer::{MeshTracer, mesh_placement};

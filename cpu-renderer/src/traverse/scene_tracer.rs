@@ -1,4 +1,7 @@
 //! All instances and meshes of a scene behind one [`Tracer`].
+//!
+//! What is met is the nearest of what each instance meets by itself, that of the lowest number where several are as near: so it hangs
+//! neither on the order in which they are asked, nor on what the others have left to look at.
 
 use std::sync::Arc;
 
@@ -6,6 +9,7 @@ use glam::{DAffine3, DVec3};
 use pumice_core::CompressedVolume;
 use pumice_render::{Hit, PathOrigin, RayInWorld, RenderError, Surface, Tracer};
 
+use super::instance_tree::{InstanceTree, WorldBounds};
 use super::{LodChoice, MeshTracer, VolumeTracer};
 
 /// A volume placed in the world, and what of it is drawn.
@@ -28,6 +32,32 @@ pub struct SceneTracer {
     meshes: Vec<Arc<MeshTracer>>,
     /// Some mesh, or some volume's voxels, are shaded smooth.
     is_smooth: bool,
+    /// `None`: they are asked in turn.
+    tree: Option<Arc<InstanceTree>>,
+}
+
+/// The nearest hit so far.
+struct Nearest {
+    hit: Option<Hit>,
+    /// Its t, infinite where there is none.
+    t: f64,
+    t_max: f64,
+}
+
+impl Nearest {
+    fn new(t_max: f64) -> Self {
+        Self { hit: None, t: f64::INFINITY, t_max }
+    }
+
+    #[inline]
+    fn see(&mut self, found: Option<Hit>) {
+        let Some(found) = found else { return };
+        let before = |other: &Hit| found.t == other.t && found.surface.instance < other.surface.instance;
+        if found.t < self.t_max && (found.t < self.t || self.hit.as_ref().is_some_and(before)) {
+            self.t = found.t;
+            self.hit = Some(found);
+        }
+    }
 }
 
 impl SceneTracer {
@@ -42,7 +72,7 @@ impl SceneTracer {
 
     /// The geometry of instances that are built already; the one at place i was built as instance i.
     pub fn of(volumes: Vec<Arc<VolumeTracer>>) -> Self {
-        Self { is_smooth: volumes.iter().any(|v| v.is_smooth()), volumes, meshes: Vec::new() }
+        Self { is_smooth: volumes.iter().any(|v| v.is_smooth()), volumes, meshes: Vec::new(), tree: None }
     }
 
     /// With these meshes; the first is the instance after the last volume's.
@@ -52,10 +82,41 @@ impl SceneTracer {
         Self { meshes, is_smooth, ..self }
     }
 
-    /// Heap bytes of the acceleration structures; the volumes and the meshes are not counted.
+    /// With a hierarchy over instances and meshes where there are at least `least` of them
+    /// ([`pumice_scene::INSTANCES_OF_A_TREE`] where that shall pay): `former`'s where all are where they are there. Says whether one was made.
+    ///
+    /// # Errors
+    /// As [`pumice_render::Bvh::build`].
+    pub fn with_tree(self, former: Option<&Self>, least: usize) -> Result<(Self, bool), RenderError> {
+        if self.volumes.len() + self.meshes.len() < least {
+            return Ok((self, false));
+        }
+        let kept = former.filter(|f| f.world_bounds().eq(self.world_bounds())).and_then(|f| f.tree.clone());
+        if kept.is_some() {
+            return Ok((Self { tree: kept, ..self }, false));
+        }
+        let tree = InstanceTree::new(self.world_bounds(), least)?.map(Arc::new);
+        let made = tree.is_some();
+        Ok((Self { tree, ..self }, made))
+    }
+
+    /// The hierarchy over instances, where there is one.
+    pub fn tree(&self) -> Option<&InstanceTree> {
+        self.tree.as_deref()
+    }
+
+    fn world_bounds(&self) -> impl Iterator<Item = Option<WorldBounds>> {
+        let of_volumes = self.volumes.iter().map(|v| v.world_bounds());
+        of_volumes.chain(self.meshes.iter().map(|m| m.world_bounds()))
+    }
+
+    /// Heap bytes of the acceleration structures, shared ones counted once; the volumes and the meshes are not counted.
     pub fn bytes(&self) -> u64 {
-        let volumes: u64 = self.volumes.iter().map(|v| v.bytes()).sum();
-        volumes + self.meshes.iter().map(|m| m.bytes()).sum::<u64>()
+        let mut seen = std::collections::BTreeSet::new();
+        let volumes = self.volumes.iter().filter(|v| seen.insert(v.hierarchy_address()));
+        let volumes = volumes.map(|v| v.bytes()).sum::<u64>();
+        let meshes = self.meshes.iter().filter(|m| seen.insert(m.hierarchy_address()));
+        volumes + meshes.map(|m| m.bytes()).sum::<u64>() + self.tree.as_ref().map_or(0, |t| t.bytes())
     }
 
     /// Geometry of all instances of volumes.
@@ -96,20 +157,89 @@ impl SceneTracer {
     }
 }
 
+impl SceneTracer {
+    /// What an instance or a mesh meets, by its number.
+    #[inline]
+    fn ask(&self, number: u32, ray: &RayInWorld, from: PathOrigin, nearest: &mut Nearest) {
+        let (place, volumes, t_max) = (number as usize, self.volumes.len(), nearest.t_max);
+        nearest.see(match self.volumes.get(place) {
+            Some(volume) => volume.first_hit_within(ray, from, t_max, nearest.t),
+            None => {
+                self.meshes.get(place - volumes).and_then(|m| m.first_hit_within(ray, from, t_max, nearest.t))
+            }
+        });
+    }
+
+    #[inline]
+    fn occludes(&self, number: u32, ray: &RayInWorld, from: PathOrigin, t_max: f64) -> bool {
+        let (place, volumes) = (number as usize, self.volumes.len());
+        match self.volumes.get(place) {
+            Some(volume) => volume.occluded(ray, from, t_max),
+            None => self.meshes.get(place - volumes).is_some_and(|mesh| mesh.occluded(ray, from, t_max)),
+        }
+    }
+
+    /// The number of the instance that a path goes on from.
+    #[inline]
+    fn left(&self, from: PathOrigin) -> Option<u32> {
+        let PathOrigin::Face(surface) = from else { return None };
+        ((surface.instance as usize) < self.volumes.len() + self.meshes.len()).then_some(surface.instance)
+    }
+
+    #[inline(never)]
+    fn first_hit_by_tree(
+        &self,
+        tree: &InstanceTree,
+        ray: &RayInWorld,
+        from: PathOrigin,
+        t_max: f64,
+    ) -> Option<Hit> {
+        let (mut nearest, left) = (Nearest::new(t_max), self.left(from));
+        if let Some(number) = left {
+            self.ask(number, ray, from, &mut nearest);
+        }
+        tree.along_ray(ray, nearest.t.min(t_max), |number| {
+            if left != Some(number) {
+                self.ask(number, ray, from, &mut nearest);
+            }
+            nearest.t.min(t_max)
+        });
+        nearest.hit
+    }
+
+    #[inline(never)]
+    fn occluded_by_tree(&self, tree: &InstanceTree, ray: &RayInWorld, from: PathOrigin, t_max: f64) -> bool {
+        let left = self.left(from);
+        let mut occluded = left.is_some_and(|number| self.occludes(number, ray, from, t_max));
+        if !occluded {
+            tree.along_ray(ray, t_max, |number| {
+                occluded = left != Some(number) && self.occludes(number, ray, from, t_max);
+                if occluded { f64::NEG_INFINITY } else { t_max }
+            });
+        }
+        occluded
+    }
+}
+
 impl Tracer for SceneTracer {
     fn first_hit(&self, ray: &RayInWorld, from: PathOrigin, t_max: f64) -> Option<Hit> {
-        // In order of instances, volumes then meshes, each within what the others left: at equal t the lowest instance stays.
-        let of_volumes = self.volumes.iter().fold(None, |best: Option<Hit>, volume| {
-            let limit = best.map_or(t_max, |b| b.t);
-            volume.first_hit(ray, from, limit).filter(|h| h.t < limit).or(best)
-        });
-        self.meshes.iter().fold(of_volumes, |best, mesh| {
-            let limit = best.map_or(t_max, |b| b.t);
-            mesh.first_hit(ray, from, limit).filter(|h| h.t < limit).or(best)
-        })
+        if let Some(tree) = &self.tree {
+            return self.first_hit_by_tree(tree, ray, from, t_max);
+        }
+        let mut nearest = Nearest::new(t_max);
+        for volume in &self.volumes {
+            nearest.see(volume.first_hit_within(ray, from, t_max, nearest.t));
+        }
+        for mesh in &self.meshes {
+            nearest.see(mesh.first_hit_within(ray, from, t_max, nearest.t));
+        }
+        nearest.hit
     }
 
     fn occluded(&self, ray: &RayInWorld, from: PathOrigin, t_max: f64) -> bool {
+        if let Some(tree) = &self.tree {
+            return self.occluded_by_tree(tree, ray, from, t_max);
+        }
         self.volumes.iter().any(|volume| volume.occluded(ray, from, t_max))
             || self.meshes.iter().any(|mesh| mesh.occluded(ray, from, t_max))
     }

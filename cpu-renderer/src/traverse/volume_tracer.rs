@@ -12,6 +12,7 @@ use pumice_scene::CutShape;
 use super::box_walk::{Found, Level, Step, TIE, Walk};
 use super::cuts::{CutRay, Cuts};
 use super::index_ray::{Placement, Start, surface_of};
+use super::instance_tree::WorldBounds;
 use super::lod::Detail;
 use super::neighbors::Neighbors;
 use super::voxel_normals::falling_off;
@@ -130,22 +131,27 @@ impl VolumeTracer {
         &self.cuts
     }
 
-    /// The same boxes elsewhere or at other levels of detail, where the hierarchy serves for both and is shared: at any place, for
+    /// The same boxes elsewhere, as another instance or at other levels of detail, where the hierarchy serves for both and is shared: at any place, for
     /// it is of index space, and at any choice of levels but from [`LodChoice::Voxels`] to another or back (`None`). Nothing is cut.
     ///
     /// # Errors
     /// [`RenderError::Scene`] when the matrix is singular.
-    pub fn again(&self, world_from_index: DAffine3, lod: LodChoice) -> Result<Option<Self>, RenderError> {
+    pub fn again(
+        &self,
+        instance: u32,
+        world_from_index: DAffine3,
+        lod: LodChoice,
+    ) -> Result<Option<Self>, RenderError> {
         if self.all_voxels != (lod == LodChoice::Voxels) {
             return Ok(None);
         }
-        let placement = Placement::of_instance(self.instance, world_from_index)?;
+        let placement = Placement::of_instance(instance, world_from_index)?;
         Ok(Some(Self {
             volume: Arc::clone(&self.volume),
             normals: normals(&placement),
             detail: lod.placed(&world_from_index),
             placement,
-            instance: self.instance,
+            instance,
             bvh: Arc::clone(&self.bvh),
             all_voxels: self.all_voxels,
             cuts: Cuts::default(),
@@ -172,6 +178,16 @@ impl VolumeTracer {
     /// Where it is.
     pub fn placement(&self) -> &Placement {
         &self.placement
+    }
+
+    /// Where what is drawn of it is in the world; `None` where nothing is.
+    pub(super) fn world_bounds(&self) -> Option<WorldBounds> {
+        self.bvh.bounds().map(|bounds| WorldBounds::new(bounds, &self.placement))
+    }
+
+    /// The same for all that share its hierarchy, and for no other.
+    pub(super) fn hierarchy_address(&self) -> usize {
+        Arc::as_ptr(&self.bvh).addr()
     }
 
     /// Levels of its boxes.
@@ -207,6 +223,23 @@ impl VolumeTracer {
             return self.surface_along(&r, t_max, Some(label));
         }
         self.kept_surface_along(&self.cut_ray(&r, ray, from), t_max, Some(label), false)
+    }
+
+    /// [`Tracer::first_hit`], where nothing farther than `best` is of interest.
+    #[inline]
+    pub(super) fn first_hit_within(
+        &self,
+        ray: &RayInWorld,
+        from: PathOrigin,
+        t_max: f64,
+        best: f64,
+    ) -> Option<Hit> {
+        let r = self.index_ray(ray, from)?;
+        let t_max = r.reach(t_max, best);
+        if self.cuts.is_empty() {
+            return self.surface_along(&r, t_max, None);
+        }
+        self.kept_surface_along(&self.cut_ray(&r, ray, from), t_max, None, false)
     }
 
     fn index_ray(&self, ray: &RayInWorld, from: PathOrigin) -> Option<IndexRay> {
@@ -516,12 +549,7 @@ impl VolumeTracer {
 
 impl Tracer for VolumeTracer {
     fn first_hit(&self, ray: &RayInWorld, from: PathOrigin, t_max: f64) -> Option<Hit> {
-        let r = self.index_ray(ray, from)?;
-        let t_max = r.scaled_t(t_max);
-        if self.cuts.is_empty() {
-            return self.surface_along(&r, t_max, None);
-        }
-        self.kept_surface_along(&self.cut_ray(&r, ray, from), t_max, None, false)
+        self.first_hit_within(ray, from, t_max, f64::INFINITY)
     }
 
     /// As `first_hit(…).is_some()`, in less time from a face, where the first box that answers will do. (Not from a free point or a
@@ -601,7 +629,7 @@ pub(super) fn bvh_ray(bvh: &Bvh, ray: &IndexRay, start: f64, t_max: f64) -> Opti
     ))
 }
 
-const TWO_POW_60: f64 = (1u64 << 60) as f64;
+pub(super) const TWO_POW_60: f64 = (1u64 << 60) as f64;
 
 #[inline(always)]
 fn clipped_end(b: &BoxView, dims: [u32; 3]) -> [u32; 3] {

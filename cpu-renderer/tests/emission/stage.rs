@@ -94,7 +94,7 @@ impl Stage {
     pub(crate) fn cut(mut self, cuts: &[CutShape]) -> Self {
         let [only] = self.tracer.volumes() else { panic!("one volume") };
         let place = only.placement().world_from_index;
-        let again = only.again(place, LodChoice::Voxels).unwrap().unwrap();
+        let again = only.again(0, place, LodChoice::Voxels).unwrap().unwrap();
         self.tracer = SceneTracer::of(vec![Arc::new(again.with_cuts(cuts))]);
         self
     }
@@ -147,7 +147,7 @@ impl Stage {
             .map(|seed| {
                 let around = Surroundings {
                     lights: Arc::clone(&lights),
-                    looks: self.looks.clone(),
+                    looks: self.looks.clone().into(),
                     settings: Settings { mode: self.mode, bounces: 4, seed, ..Settings::default() },
                 };
                 let tracer = SceneTracer::of(self.tracer.volumes().to_vec())

@@ -47,7 +47,7 @@ impl Furnace {
     ) -> Self {
         let around = Surroundings {
             lights: Lights::new(sky, Vec::new(), None).into(),
-            looks: vec![Looks::same(material).into()],
+            looks: vec![Looks::same(material).into()].into(),
             settings,
         };
         Self { name: name.to_owned(), dense, around, camera, spp: 16, exact: 1.0 }

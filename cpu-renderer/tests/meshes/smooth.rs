@@ -107,7 +107,7 @@ fn light_is_that_of_a_ball() {
     let material = Material { base_color: [albedo; 3], specular: 0.0, roughness: 1.0, ..Material::default() };
     let around = Surroundings {
         lights: Arc::new(Lights::new(Sky::Constant(Vec3::ZERO), vec![sun], None)),
-        looks: vec![Arc::new(Looks::same(material))],
+        looks: vec![Arc::new(Looks::same(material))].into(),
         settings: Settings { mode: Mode::OneBounce, ..Settings::default() },
     };
     let side = 64;

@@ -416,7 +416,11 @@ fn only_what_differs_is_made_again() {
     let shared = volume();
     let none = Rebuilt::default();
     let cases: Vec<(&str, Edit, Rebuilt)> = vec![
-        ("all", |_| (), Rebuilt { camera: 1, film: 1, lights: 1, materials: 1, acceleration: 1 }),
+        (
+            "all",
+            |_| (),
+            Rebuilt { camera: 1, film: 1, lights: 1, materials: 1, acceleration: 1, top_level: 0 },
+        ),
         ("nothing", |_| (), none),
         ("camera", |s| s.camera.world_from_camera.translation.x += 0.5, Rebuilt { camera: 1, ..none }),
         ("film", |s| s.film.width += 3, Rebuilt { camera: 1, film: 1, ..none }),
@@ -487,11 +491,74 @@ fn only_what_differs_is_made_again() {
             lights: after.lights - before.lights,
             materials: after.materials - before.materials,
             acceleration: after.acceleration - before.acceleration,
+            top_level: after.top_level - before.top_level,
         };
         assert_eq!(made, expected, "{name}");
         // What was kept is as good as new.
         renderer.advance(Duration::ZERO, 4, &Job::new()).unwrap();
         while renderer.advance(Duration::ZERO, 4, &Job::new()).unwrap().spp < 4 {}
         assert_eq!(renderer.color().unwrap(), render(&scene, 4), "{name}");
+    }
+}
+
+/// Instances of one volume share its hierarchy where they show the same labels, and materials where they look alike; the hierarchy over
+/// all of them is made anew where one moves, and for nothing else. Whatever is kept, the picture is that of a new renderer.
+#[test]
+fn many_instances_share_what_is_alike() {
+    type Edit = fn(&mut Scene);
+    let mut scene = looking_down(Environment::Constant { radiance: [1.0; 3] }, vec![], lambert(0.8));
+    let shared = volume();
+    let at = |i: u32| {
+        DAffine3::from_translation(DVec3::new(f64::from(i % 3), f64::from(i / 3), -3.0 * f64::from(i)))
+    };
+    let first = scene.instances[0].clone();
+    scene.instances = (0..7)
+        .map(|i| Instance { id: i + 1, world_from_index: at(i) * first.world_from_index, ..first.clone() })
+        .collect();
+    let none = Rebuilt::default();
+    let cases: Vec<(&str, Edit, Rebuilt)> = vec![
+        (
+            "all",
+            |_| (),
+            Rebuilt { camera: 1, film: 1, lights: 1, materials: 1, acceleration: 1, top_level: 1 },
+        ),
+        ("nothing", |_| (), none),
+        ("camera", |s| s.camera.world_from_camera.translation.x += 0.5, Rebuilt { camera: 1, ..none }),
+        (
+            "one place",
+            |s| s.instances[3].world_from_index.translation.x += 0.25,
+            Rebuilt { top_level: 1, ..none },
+        ),
+        ("one colour", |s| s.instances[5].style.material.metallic = 0.5, Rebuilt { materials: 1, ..none }),
+        (
+            "what one shows",
+            |s| s.instances[4].style.show = Show::Except(vec![5]),
+            Rebuilt { materials: 1, acceleration: 1, top_level: 1, ..none },
+        ),
+        ("a cut", |s| s.cuts = vec![slope(3.5)], none),
+        ("one fewer", |s| drop(s.instances.pop()), Rebuilt { top_level: 1, ..none }),
+        ("few", |s| s.instances.truncate(3), none),
+    ];
+    let mut renderer = super::renderer();
+    for (name, edit, expected) in cases {
+        let before = renderer.rebuilt();
+        edit(&mut scene);
+        let volumes = vec![Arc::clone(&shared); scene.instances.len()];
+        renderer.set_scene(&scene, &volumes, &[]).unwrap();
+        let after = renderer.rebuilt();
+        let made = Rebuilt {
+            camera: after.camera - before.camera,
+            film: after.film - before.film,
+            lights: after.lights - before.lights,
+            materials: after.materials - before.materials,
+            acceleration: after.acceleration - before.acceleration,
+            top_level: after.top_level - before.top_level,
+        };
+        assert_eq!(made, expected, "{name}");
+        while renderer.advance(Duration::ZERO, 2, &Job::new()).unwrap().spp < 2 {}
+        let mut anew = super::renderer();
+        anew.set_scene(&scene, &volumes, &[]).unwrap();
+        while anew.advance(Duration::ZERO, 2, &Job::new()).unwrap().spp < 2 {}
+        assert_eq!(renderer.color().unwrap(), anew.color().unwrap(), "{name}");
     }
 }

@@ -173,6 +173,7 @@ fn sum(a: Rebuilt, b: Rebuilt) -> Rebuilt {
         lights: a.lights + b.lights,
         materials: a.materials + b.materials,
         acceleration: a.acceleration + b.acceleration,
+        top_level: a.top_level + b.top_level,
     }
 }
 

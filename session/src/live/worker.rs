@@ -203,6 +203,7 @@ impl Worker {
                 ("lights", rebuilt.lights),
                 ("materials", rebuilt.materials),
                 ("acceleration", rebuilt.acceleration),
+                ("top_level", rebuilt.top_level),
             ] {
                 board.counters.insert(format!("rebuilt.{name}"), count);
             }

@@ -9,7 +9,7 @@ use super::PackedLooks;
 use crate::layout::Material;
 
 /// What each specialisation constant compiles.
-const PARTS: [(usize, Part); 15] = [
+const PARTS: [(usize, Part); 16] = [
     (1, Part::Microfacets),
     (2, Part::SkyPicture),
     (3, Part::Aiming),
@@ -25,6 +25,7 @@ const PARTS: [(usize, Part); 15] = [
     (13, Part::Emitters),
     (14, Part::Mattes),
     (15, Part::SmoothNormals),
+    (17, Part::InstanceTree),
 ];
 
 /// The constants, with those of spare parts set too.
@@ -73,6 +74,8 @@ pub struct ShaderNeeds {
     pub mattes: bool,
     /// Some surface is shaded by another normal than its own.
     pub smooth: bool,
+    /// There is a hierarchy over instances.
+    pub instance_tree: bool,
 }
 
 impl ShaderNeeds {
@@ -107,12 +110,13 @@ impl ShaderNeeds {
             mattes: PassSums::of(film).ranks > 0,
             // Scenes do not say what meshes have: who has them does.
             smooth: false,
+            instance_tree: false,
             sorted: clamps(settings) || PassSums::of(film).stride() > 0,
         }
     }
 
     /// Specialisation constants by their numbers; number 0 is the probe's.
-    pub fn constants(&self) -> [u32; 16] {
+    pub fn constants(&self) -> [u32; 18] {
         let Self {
             lobes,
             picture,
@@ -129,10 +133,27 @@ impl ShaderNeeds {
             emitters,
             mattes,
             smooth,
+            instance_tree,
         } = *self;
         [
-            false, lobes, picture, aim, lens, lamps, coat, glass, clear, cuts, meshes, sorted, sheen,
-            emitters, mattes, smooth,
+            false,
+            lobes,
+            picture,
+            aim,
+            lens,
+            lamps,
+            coat,
+            glass,
+            clear,
+            cuts,
+            meshes,
+            sorted,
+            sheen,
+            emitters,
+            mattes,
+            smooth,
+            false,
+            instance_tree,
         ]
         .map(u32::from)
     }

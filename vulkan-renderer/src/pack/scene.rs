@@ -1,8 +1,9 @@
 //! Numbers of a scene: camera, settings, lights, sky, filter.
 
 use pumice_cpu::camera_rays::CameraRays;
+use pumice_cpu::traverse::InstanceTree;
 use pumice_cpu::{Finding, Lights, Sky};
-use pumice_render::{EnvironmentTable, PassSums};
+use pumice_render::{BoxBounds, EnvironmentTable, PassSums};
 use pumice_scene::Mode;
 
 use crate::layout;
@@ -148,6 +149,23 @@ impl<'a> PackedSky<'a> {
     }
 }
 
+/// The record of a hierarchy over instances whose nodes and items lie at these addresses.
+pub fn instance_tree(tree: &InstanceTree, [nodes, items]: [u64; 2]) -> layout::InstanceTree {
+    let bounds = tree.bvh().bounds().unwrap_or(BoxBounds { lo: [0; 3], hi: [0; 3] });
+    layout::InstanceTree {
+        nodes,
+        items,
+        translation: tree.translation.to_array(),
+        cells_a_unit: tree.cells_a_unit,
+        slack_a_unit: tree.slack_a_unit,
+        slack: tree.slack,
+        lo: bounds.lo,
+        hi: bounds.hi,
+        pad: tree.bvh().pad(),
+        reserved: 0,
+    }
+}
+
 /// What a header is made of beside its parts' records: where the other tables lie.
 #[expect(clippy::too_many_arguments, reason = "all parts")]
 pub fn header(
@@ -159,6 +177,7 @@ pub fn header(
     lights: layout::Lights,
     environment: layout::Environment,
     emitters: layout::Emitters,
+    instance_tree: layout::InstanceTree,
 ) -> layout::SceneHeader {
     layout::SceneHeader {
         instances: instances.0,
@@ -169,6 +188,7 @@ pub fn header(
         lights,
         environment,
         emitters,
+        instance_tree,
         instance_count: instances.1,
         film_width: rays.size[0] as u32,
     }

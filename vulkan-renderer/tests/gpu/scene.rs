@@ -2,11 +2,11 @@
 
 use glam::DAffine3;
 use pumice_core::MeshData;
-use pumice_cpu::traverse::{LodChoice, Placement, TracedInstance, mesh_placement};
+use pumice_cpu::traverse::{LodChoice, Placement, SceneTracer, TracedInstance, mesh_placement};
 use pumice_render::{BoxBounds, Bvh};
 use pumice_vulkan::device::Acceleration;
-use pumice_vulkan::layout::{Instance, SceneHeader};
-use pumice_vulkan::pack::{PackedBoxes, PackedMesh, PackedNodes, place, place_mesh};
+use pumice_vulkan::layout::{Instance, InstanceTree, SceneHeader};
+use pumice_vulkan::pack::{PackedBoxes, PackedMesh, PackedNodes, instance_tree, place, place_mesh};
 
 use super::{Buffer, Gpu};
 
@@ -15,11 +15,13 @@ pub(crate) struct Uploaded {
     pub(crate) buffers: Vec<Buffer>,
     pub(crate) accelerations: Vec<Acceleration>,
     pub(crate) instances: Vec<Instance>,
+    pub(crate) tree: InstanceTree,
 }
 
 impl Uploaded {
     pub(crate) fn new(gpu: &Gpu, traced: &[TracedInstance]) -> Self {
-        let mut uploaded = Self { buffers: Vec::new(), accelerations: Vec::new(), instances: Vec::new() };
+        let (buffers, accelerations, instances) = (Vec::new(), Vec::new(), Vec::new());
+        let mut uploaded = Self { buffers, accelerations, instances, tree: InstanceTree::default() };
         for t in traced {
             let placement = Placement::new(t.world_from_index).expect("a place");
             let nodes = PackedNodes::new(&t.volume, &t.visible);
@@ -82,10 +84,21 @@ impl Uploaded {
         self.buffers[self.buffers.len() - 1].address
     }
 
+    /// The hierarchy over all instances that a scene on the processor has.
+    #[allow(dead_code, reason = "not of all tests")]
+    pub(crate) fn add_tree(&mut self, gpu: &Gpu, tracer: &SceneTracer) {
+        if let Some(tree) = tracer.tree() {
+            let nodes = self.put(gpu, tree.bvh().node_bytes());
+            let items = self.put(gpu, tree.bvh().items());
+            self.tree = instance_tree(tree, [nodes, items]);
+        }
+    }
+
     /// Address of a header whose other fields are as given.
     pub(crate) fn header(&mut self, gpu: &Gpu, mut header: SceneHeader) -> u64 {
         header.instances = self.put(gpu, &self.instances.clone());
         header.instance_count = self.instances.len() as u32;
+        header.instance_tree = self.tree;
         self.put(gpu, &[header])
     }
 }

@@ -26,7 +26,7 @@ fn with_looks(name: &str, change: impl Fn(&mut pumice_scene::Material)) -> [Case
     let mut material = *case.around.looks[0].material(0);
     change(&mut material);
     let mut other = case.clone();
-    other.around.looks = vec![Arc::new(pumice_cpu::Looks::same(material))];
+    other.around.looks = vec![Arc::new(pumice_cpu::Looks::same(material))].into();
     [case, other]
 }
 

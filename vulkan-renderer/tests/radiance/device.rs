@@ -63,8 +63,17 @@ impl OnDevice {
         let settings = pack::settings(&case.around.settings, PassSums::of(&case.film));
         let lights = pack::lights(lights, [ends, suns, lamps]);
         let sky = environment.unwrap_or_default();
-        let header =
-            pack::header((0, 0), tables, &rays, filter, settings, lights, sky, emitters.unwrap_or_default());
+        let header = pack::header(
+            (0, 0),
+            tables,
+            &rays,
+            filter,
+            settings,
+            lights,
+            sky,
+            emitters.unwrap_or_default(),
+            layout::InstanceTree::default(),
+        );
         let address = uploaded.header(gpu, header);
         Self { _kept: uploaded, address }
     }

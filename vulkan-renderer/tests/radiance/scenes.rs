@@ -79,7 +79,7 @@ impl Case {
             let table = t.volume.labels();
             Arc::new(Looks::new(style, table.ids(), table.contacts().iter(), &t.visible))
         };
-        self.around.looks = self.traced.iter().map(look).collect();
+        self.around.looks = self.traced.iter().map(look).collect::<Vec<_>>().into();
         self.sharpness = sharpness;
         self
     }
@@ -118,7 +118,7 @@ pub(crate) fn bodies() -> Case {
     let material = Material { base_color: [0.8, 0.6, 0.4], specular: 0.0, ..Material::default() };
     let around = Surroundings {
         lights: Arc::new(Lights::new(Sky::Constant(Vec3::new(0.9, 1.0, 1.1)), Vec::new(), None)),
-        looks: vec![Arc::new(Looks::same(material))],
+        looks: vec![Arc::new(Looks::same(material))].into(),
         settings: Settings { bounces: 4, seed: 7, ..Settings::default() },
     };
     let projection = Projection::Perspective { fov_rad: 0.45 };

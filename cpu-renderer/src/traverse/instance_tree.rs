@@ -1,0 +1,294 @@
+//! A hierarchy over the instances and meshes of a scene: which of them a ray may meet, roughly front to back.
+//!
+//! ```text
+//!  world       bounds of what each instance draws, in f64
+//!      │  (x − lowest corner) · 2ᵏ + 2        k so that the longest side of all has 2²¹ to 2²² cells
+//!      ▼
+//!  grid        the same hierarchy as over boxes of voxels and over triangles; its items are numbers of instances
+//! ```
+//! It only leaves instances out that would answer with nothing: what is met, and at which t, each says itself, as if it had been asked
+//! in turn. A scene of a few instances has none and asks them in turn (`pumice_scene::INSTANCES_OF_A_TREE`).
+//!
+//! # Why no instance is lost
+//! An instance takes a ray to its own space by the adjugate A and the determinant of its matrix M, each step rounded. What that makes of
+//! a point x is another point of the instance, off in the world by less than K·ε·C·(|x| + |M|·|corner| + |T|): C is the largest row
+//! of |M|·|A|/det (1 without shear and rotation), T the translation, all of sizes. K is below 32: two roundings of each
+//! of A's entries, six of a row's sum and the division, and the same again for the direction. Every plane is moved outward by that with
+//! [`ROUNDINGS`] for K, of the largest C, the largest corner and the ray's own origin, besides what [`pumice_render::bvh`] moves it by. In
+//! its own space an instance's bounds are taken [`MARGIN`] wider: a surface may be reported as far as a tie before the voxel.
+//!
+//! A ray that goes on from a surface starts on it in that instance's space, wherever the sums of a path have put it in the world: that
+//! instance is asked first, whatever the hierarchy says. A ray whose origin overflows the grid meets nothing.
+
+use glam::DVec3;
+use pumice_render::{BoxBounds, Bvh, BvhRay, RayInWorld, RenderError};
+
+use super::box_walk::TIE;
+use super::index_ray::{Placement, SMALLEST, exp2, scaled};
+use super::volume_tracer::TWO_POW_60;
+
+/// Deepest hierarchy that is used: shaders have a stack of as many places. That over 2²⁰ instances side by side has 8 levels.
+const MAX_DEPTH: usize = 32;
+
+/// See the module.
+const ROUNDINGS: f64 = 256.0;
+
+/// See the module. In voxels, or cells of a mesh's grid.
+const MARGIN: f64 = 64.0 * TIE;
+
+/// Cells from the grid's lowest plane to the lowest instance.
+const FIRST_CELL: f64 = 2.0;
+
+/// Farthest that planes are moved and origins lie beside, in cells: far beyond the grid, and with any inverse below what f32 can hold.
+const FARTHEST: f64 = (1u64 << 40) as f64;
+
+/// Where an instance is in the world, as corners and as sizes: see the module.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WorldBounds {
+    lo: DVec3,
+    hi: DVec3,
+    /// |M|·|corner| + |T|, the largest component.
+    size: f64,
+    /// C.
+    condition: f64,
+}
+
+/// See the module.
+#[derive(Debug)]
+pub struct InstanceTree {
+    bvh: Bvh,
+    /// World position of the grid's origin.
+    pub translation: DVec3,
+    /// A power of two.
+    pub cells_a_unit: f64,
+    /// How far planes are moved, in cells: by each unit that the ray's origin is from the world's.
+    pub slack_a_unit: f64,
+    /// And besides.
+    pub slack: f64,
+}
+
+/// A ray in the grid.
+struct GridRay {
+    moved: BvhRay,
+    /// Scaled t where it comes to the grid.
+    enter: f64,
+    /// Scaled t per t of the world's ray.
+    scale: f64,
+}
+
+impl WorldBounds {
+    /// Of these bounds in the placement's own space.
+    pub fn new(bounds: BoxBounds, placement: &Placement) -> Self {
+        let m = placement.world_from_index.matrix3;
+        let columns = [m.x_axis, m.y_axis, m.z_axis];
+        let translation = placement.world_from_index.translation;
+        let (mut lo, mut hi, mut size) = (translation, translation, translation.abs());
+        for (a, column) in columns.into_iter().enumerate() {
+            let [first, last] =
+                [f64::from(bounds.lo[a]) - MARGIN, f64::from(bounds.hi[a]) + MARGIN].map(|at| column * at);
+            lo += first.min(last);
+            hi += first.max(last);
+            size += last.abs();
+        }
+        // The adjugate of sizes: nothing cancels.
+        let [x, y, z] = columns.map(DVec3::abs);
+        let cross = |a: DVec3, b: DVec3| {
+            DVec3::new(a.y * b.z + a.z * b.y, a.z * b.x + a.x * b.z, a.x * b.y + a.y * b.x)
+        };
+        let rows = [cross(y, z), cross(z, x), cross(x, y)];
+        let sums = [x, y, z].into_iter().zip(rows).map(|(column, row)| column * row.element_sum());
+        let condition = sums.fold(DVec3::ZERO, |all, s| all + s).max_element() / placement.determinant;
+        Self { lo, hi, size: size.max_element(), condition }
+    }
+}
+
+impl InstanceTree {
+    /// Over instances by their numbers; those that draw nothing are `None`. No hierarchy where there are fewer than `least`, or none that
+    /// this grid can hold: of sizes that doubles cannot span.
+    ///
+    /// # Errors
+    /// As [`Bvh::build`].
+    pub fn new(
+        instances: impl Iterator<Item = Option<WorldBounds>>,
+        least: usize,
+    ) -> Result<Option<Self>, RenderError> {
+        let instances: Vec<(WorldBounds, u32)> =
+            instances.zip(0..).filter_map(|(bounds, number)| Some((bounds?, number))).collect();
+        if instances.is_empty() || instances.len() < least {
+            return Ok(None);
+        }
+        let all = |of: fn(&WorldBounds) -> DVec3, take: fn(DVec3, DVec3) -> DVec3| {
+            instances.iter().map(|(b, _)| of(b)).reduce(take).unwrap_or_default()
+        };
+        let most = |of: fn(&WorldBounds) -> f64| instances.iter().map(|(b, _)| of(b)).fold(0.0, f64::max);
+        let (lo, hi) = (all(|b| b.lo, DVec3::min), all(|b| b.hi, DVec3::max));
+        let side = (hi - lo).max_element();
+        let (size, condition) = (most(|b| b.size), most(|b| b.condition));
+        // 2ᵏ, its inverse and all products are normal numbers.
+        if !(1e-200..1e200).contains(&side) || !(size * condition < 1e250) {
+            return Ok(None);
+        }
+        let cells_a_unit = exp2(21 - ((side.to_bits() >> 52) as i32 - 1023));
+        let translation = lo - FIRST_CELL / cells_a_unit;
+        let cells = |(b, number): &(WorldBounds, u32)| {
+            let [lo, hi] = [b.lo, b.hi].map(|x| (x - translation) * cells_a_unit);
+            let lo = lo.floor().max(DVec3::ZERO).to_array().map(|v| v as u32);
+            let hi = hi.ceil().to_array().map(|v| v as u32);
+            let bounds = BoxBounds { lo, hi: [0, 1, 2].map(|a| hi[a].max(lo[a] + 1)) };
+            (bounds, *number)
+        };
+        let bvh = Bvh::build_within(instances.iter().map(cells).collect(), MAX_DEPTH)?;
+        let slack_a_unit = ROUNDINGS * f64::EPSILON * condition * cells_a_unit;
+        Ok(Some(Self { bvh, translation, cells_a_unit, slack_a_unit, slack: slack_a_unit * size }))
+    }
+
+    /// The hierarchy, in cells of the grid.
+    pub fn bvh(&self) -> &Bvh {
+        &self.bvh
+    }
+
+    /// Heap bytes.
+    pub fn bytes(&self) -> u64 {
+        self.bvh.bytes()
+    }
+
+    /// Calls `visit` with the number of each instance that the ray may meet before `t_max`, in the world's t. `visit` returns the
+    /// new limit; −∞ ends it.
+    #[inline]
+    pub(crate) fn along_ray(&self, ray: &RayInWorld, t_max: f64, mut visit: impl FnMut(u32) -> f64) {
+        let Some(GridRay { moved, enter, scale }) = self.grid_ray(ray, t_max) else { return };
+        let limit = |t: f64| (t * scale - enter) as f32 * 1.000_001 + moved.pad;
+        self.bvh.along_ray(&moved, limit(t_max), |number| limit(visit(number)));
+    }
+
+    /// The ray moved to the grid; `None` where it misses all, or is none.
+    #[inline]
+    fn grid_ray(&self, ray: &RayInWorld, t_max: f64) -> Option<GridRay> {
+        let bounds = self.bvh.bounds()?;
+        let (direction, k) = scaled(ray.direction)?;
+        let origin = (ray.origin - self.translation) * self.cells_a_unit;
+        if !origin.is_finite() {
+            return None;
+        }
+        let pad = self.slack_a_unit * ray.origin.abs().max_element() + self.slack;
+        let (mut enter, mut leave, mut inverse) = (0.0, f64::INFINITY, [0.0; 3]);
+        for a in 0..3 {
+            inverse[a] = 1.0 / direction[a].abs().max(SMALLEST).copysign(direction[a]);
+            let (lo, hi) = (f64::from(bounds.lo[a]) - pad, f64::from(bounds.hi[a]) + pad);
+            let (near, far) = if inverse[a] < 0.0 { (hi, lo) } else { (lo, hi) };
+            let (t_near, t_far) = ((near - origin[a]) * inverse[a], (far - origin[a]) * inverse[a]);
+            enter = if t_near > enter { t_near } else { enter };
+            leave = if t_far < leave { t_far } else { leave };
+        }
+        let scale = exp2(k) * self.cells_a_unit;
+        if enter > leave || enter > t_max * scale {
+            return None;
+        }
+        let mut moved = BvhRay { origin: [0.0; 3], inverse: [0.0; 3], pad: 0.0 };
+        let beside = pad.min(FARTHEST);
+        for a in 0..3 {
+            let at = origin[a] + enter * direction[a];
+            let (lo, hi) = (f64::from(bounds.lo[a]) - beside, f64::from(bounds.hi[a]) + beside);
+            moved.origin[a] = at.clamp(lo, hi) as f32;
+            moved.inverse[a] = inverse[a].clamp(-TWO_POW_60, TWO_POW_60) as f32;
+        }
+        // Twice: what the hierarchy's own roundings make of an origin beside its bounds is a small part of how far it is beside.
+        moved.pad = self.bvh.pad() + (2.0 * beside) as f32;
+        Some(GridRay { moved, enter, scale })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{DAffine3, DMat3};
+
+    use super::*;
+
+    struct Random(u64);
+
+    impl Random {
+        fn next(&mut self) -> f64 {
+            self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (self.0 >> 11) as f64 / (1u64 << 53) as f64
+        }
+
+        fn point(&mut self) -> DVec3 {
+            DVec3::new(self.next(), self.next(), self.next())
+        }
+    }
+
+    /// How many of the instances that rays are aimed at, in the instances' own space, a hierarchy over them does not find: of sheared
+    /// shapes, or of none that are, about a place, seen from nearby and from afar.
+    fn lost(at: f64, squeeze: Option<f64>, change: impl Fn(&mut InstanceTree)) -> usize {
+        let mut random = Random(9);
+        let bounds = BoxBounds { lo: [0; 3], hi: [64; 3] };
+        let places: Vec<Placement> = (0..300)
+            .map(|_| {
+                let mut column = || 1e-3 * (random.point() - 0.5);
+                let m = match squeeze {
+                    Some(squeeze) => DMat3::from_cols(column(), squeeze * column(), column()),
+                    // (So long that far away doubles round it down.)
+                    None => DMat3::from_diagonal(DVec3::splat(1.02e-3)),
+                };
+                let at = DVec3::splat(at) + random.point();
+                Placement::new(DAffine3::from_mat3_translation(m, at)).unwrap()
+            })
+            .collect();
+        let all = places.iter().map(|p| Some(WorldBounds::new(bounds, p)));
+        let mut tree = InstanceTree::new(all, 1).unwrap().unwrap();
+        change(&mut tree);
+        let mut lost = 0;
+        for (number, place) in (0u32..).zip(&places) {
+            for reach in [1.0, 1e3, 1e6] {
+                // Beside an edge of its bounds.
+                let origin = DVec3::splat(at) + (random.point() - 0.5) * reach;
+                let corner = DVec3::new(63.7, 63.7, 64.0 * random.next());
+                // (To where it is in between what doubles can say of the world.)
+                let from = place.index_from_world(origin - place.world_from_index.translation);
+                let ray = RayInWorld { origin, direction: place.world_from_index.matrix3 * (corner - from) };
+                // As the instance sees it: it may pass beside by rounding.
+                let Some(own) = place.ray_to_mesh(&ray) else { continue };
+                let (enter, leave) = own.clip(bounds.lo, bounds.hi, 0.0);
+                let mut found = false;
+                tree.along_ray(&ray, f64::INFINITY, |i| {
+                    found |= i == number;
+                    f64::INFINITY
+                });
+                lost += usize::from(enter < leave && !found);
+            }
+        }
+        lost
+    }
+
+    #[test]
+    fn what_an_instance_meets_is_found() {
+        for at in [0.0, 1e3, -1e9, 1e13] {
+            assert_eq!(lost(at, None, |_| {}), 0, "at {at}");
+            for squeeze in [1.0, 1e-3, 1e-8, 1e6] {
+                assert_eq!(lost(at, Some(squeeze), |_| {}), 0, "at {at}, squeezed {squeeze}");
+            }
+        }
+    }
+
+    /// The control: with planes where doubles put them, rays are lost far away.
+    #[test]
+    fn without_the_slack_rays_are_lost() {
+        let without = |tree: &mut InstanceTree| (tree.slack, tree.slack_a_unit) = (0.0, 0.0);
+        let far = lost(1e13, None, without);
+        assert!(far > 10, "{far} of 900");
+    }
+
+    /// The condition of matrices whose inverse is known.
+    #[test]
+    fn conditions_are_those_of_the_matrix() {
+        let unit = BoxBounds { lo: [0; 3], hi: [1; 3] };
+        let condition = |m: DMat3| {
+            let place = Placement::new(DAffine3::from_mat3_translation(m, DVec3::ZERO)).unwrap();
+            WorldBounds::new(unit, &place).condition
+        };
+        assert_eq!(condition(DMat3::from_diagonal(DVec3::new(0.5, -4.0, 1024.0))), 1.0);
+        // |M| = [[1, s], [0, 1]], its inverse's sizes the same: rows of the product sum to 1 + 2 s.
+        let sheared = DMat3::from_cols(DVec3::X, DVec3::new(1000.0, 1.0, 0.0), DVec3::Z);
+        assert_eq!(condition(sheared), 2001.0);
+    }
+}
