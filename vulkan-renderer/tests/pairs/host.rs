@@ -106,6 +106,8 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
             ("CompressedVolume::empty", "an empty volume has no box to read"),
             ("CompressedVolume::resident_parts", COUNTED),
             ("CompressedVolume::bytes", COUNTED),
+            ("CompressedVolume::holds", "which labels were read: asked before anything is drawn"),
+            ("CompressedVolume::is_whole", "the same"),
             ("CompressedVolume::info", READ),
             ("CompressedVolume::labels", READ),
             ("CompressedVolume::chunks", READ),
