@@ -125,7 +125,7 @@ impl InstanceTree {
         let side = (hi - lo).max_element();
         let (size, condition) = (most(|b| b.size), most(|b| b.condition));
         // 2ᵏ, its inverse and all products are normal numbers.
-        if !(1e-200..1e200).contains(&side) || !(size * condition < 1e250) {
+        if !(1e-200..1e200).contains(&side) || !(0.0..1e250).contains(&(size * condition)) {
             return Ok(None);
         }
         let cells_a_unit = exp2(21 - ((side.to_bits() >> 52) as i32 - 1023));

@@ -20,7 +20,7 @@
 //! ends at a cut ends in a cap: as if the voxels themselves had been cut.
 //!
 //! **Instances**, volumes and meshes, are asked in turn where they are few, else as a hierarchy over them finds them
-//! ([`instance_tree`]). The nearest hit is told either way, of the first instance where several are as near.
+//! (`instance_tree`). The nearest hit is told either way, of the first instance where several are as near.
 //!
 //! **Meshes** are hierarchies of the same kind, over triangles in a grid of their own. They are never cut. Smooth normals of their
 //! corners (`mesh_normals`), and of voxels (`voxel_normals`), are for shading alone: hits, sides and what paths go on from are those of the triangles and

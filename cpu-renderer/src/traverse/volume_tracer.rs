@@ -131,7 +131,8 @@ impl VolumeTracer {
         &self.cuts
     }
 
-    /// The same boxes elsewhere, as another instance or at other levels of detail, where the hierarchy serves for both and is shared: at any place, for
+    /// The same boxes elsewhere, as another instance or at other levels of detail, where the hierarchy serves for both and is shared: at
+    /// any place, for
     /// it is of index space, and at any choice of levels but from [`LodChoice::Voxels`] to another or back (`None`). Nothing is cut.
     ///
     /// # Errors

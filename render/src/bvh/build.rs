@@ -84,7 +84,7 @@ pub(super) fn in_order(boxes: &[(BoxBounds, u32)]) -> Built {
     };
     let mut built = Built { nodes: Vec::new(), items: Vec::new(), bounds: all(&(0..boxes.len())), depth: 0 };
     // Level by level: a node's children are put behind all nodes that are known.
-    let mut level = vec![0..boxes.len()];
+    let mut level: Vec<Range<usize>> = std::iter::once(0..boxes.len()).collect();
     while !level.is_empty() {
         let mut next = Vec::new();
         let first_of_next = (built.nodes.len() + level.len()) as u32;
