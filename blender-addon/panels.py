@@ -174,7 +174,7 @@ class PUMICE_OBJECT_PT_volume(bpy.types.Panel):
 
 
 class PUMICE_OBJECT_PT_cut(_OfScene, bpy.types.Panel):
-    """Whether an object cuts volumes open."""
+    """Whether an object cuts volumes open, and whether it catches shadows."""
 
     bl_label = "Pumice"
     bl_context = "object"
@@ -183,11 +183,16 @@ class PUMICE_OBJECT_PT_cut(_OfScene, bpy.types.Panel):
     def poll(cls, context):
         obj = context.object
         wanted = drawn.CUTS and context.engine in cls.COMPAT_ENGINES and obj is not None
-        return wanted and obj.type in {"EMPTY", "MESH"} and not is_volume(obj)
+        return wanted and obj.type in {"EMPTY", *meshes.KINDS} and not is_volume(obj)
 
     def draw(self, context):
+        obj = context.object
         self.layout.use_property_split = True
-        self.layout.prop(context.object.pumice, "cut")
+        if obj.type in {"EMPTY", "MESH"}:
+            self.layout.prop(obj.pumice, "cut")
+        if drawn.SHADOW_CATCHER and obj.type in meshes.KINDS:
+            # Blender's own, which it shows with Cycles alone.
+            self.layout.prop(obj, "is_shadow_catcher")
 
 
 class PUMICE_MATERIAL_PT_labels(_OfScene, bpy.types.Panel):

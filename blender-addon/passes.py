@@ -91,6 +91,7 @@ TABLE = (
     Pass("transmission_color", "Transmission Color", "TransCol", "RGB", "COLOR", "use_pass_transmission_color"),
     Pass("emission", "Emission", "Emit", "RGB", "COLOR", "use_pass_emit"),
     Pass("environment", "Environment", "Env", "RGB", "COLOR", "use_pass_environment"),
+    Pass("shadow_catcher", "Shadow Catcher", "Shadow Catcher", "RGB", "COLOR", "use_pass_shadow_catcher"),
     Pass("albedo", "Denoising Albedo", "Denoising Albedo", "RGB", "COLOR", "use_pass_denoising"),
     Pass("normal", "Denoising Normal", "Denoising Normal", "XYZ", "VECTOR", "use_pass_denoising"),
     Pass("cryptomatte_label", "CryptoObject", "CryptoObject", "rgba", "COLOR", "use_pass_cryptomatte_object"),

@@ -190,6 +190,14 @@ class PumiceViewLayerSettings(bpy.types.PropertyGroup):
         description="Base color and normal of first surfaces, for the Denoise node of the compositor",
         default=False,
     )
+    use_pass_shadow_catcher: BoolProperty(
+        name="Shadow Catcher",
+        description=(
+            "What is left of the light of shadow catchers, to multiply a background with; "
+            "Combined then has no shadows of theirs, and is to be laid over it"
+        ),
+        default=False,
+    )
     use_pass_variance: BoolProperty(
         name="Variance", description="Estimated variance of the picture, each channel", default=False
     )

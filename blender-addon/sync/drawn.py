@@ -1,14 +1,13 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which parts of a scene the compiled module draws. What it does not is left out here, with a line that says so: the module itself
-refuses a scene that has it (`render/src/undrawn.rs`)."""
+"""Which parts of a scene the compiled module draws. What it does not is left out here, with a line that says so."""
 
 TRANSPARENT = True
 CLAMPS = True
 ADAPTIVE = True
 SMOOTH_VOXELS = True
 MESHES = True
-SHADOW_CATCHER = False
+SHADOW_CATCHER = True
 SMOOTH_MESHES = True
 CUTS = True
 # Passes of a picture, and whether a scene must ask for them.
@@ -17,6 +16,7 @@ PASSES = frozenset(
         *("depth", "position", "normal", "label", "albedo", "variance", "samples", "emission", "environment"),
         *("diffuse_direct", "diffuse_indirect", "diffuse_color"),
         *("glossy_direct", "glossy_indirect", "glossy_color"),
+        "shadow_catcher",
         *("cryptomatte_label", "cryptomatte_type"),
         *("transmission_direct", "transmission_indirect", "transmission_color"),
     }

@@ -157,6 +157,8 @@ class _Lamp:
             self.leave_out("Custom Distance has no effect, as in Cycles")
         if light.type == "SUN" and light.angle > 0.0 and obj.visible_camera:
             self.leave_out("the camera does not see it")
+        if not obj.is_shadow_catcher:
+            self.leave_out("it lights shadow catchers as other lights do")
         hidden = [ray for ray in ("diffuse", "glossy", "transmission") if not getattr(obj, f"visible_{ray}")]
         if hidden:
             self.leave_out(f"it is seen by {' and '.join(hidden)} rays all the same")

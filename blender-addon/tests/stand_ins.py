@@ -187,7 +187,7 @@ class Module:
         depth = at + 0.5
         depth[0, 0] = np.inf
         passes = {"depth": depth, "label": at.astype(np.uint32) + 7}
-        for place, name in enumerate(("albedo", "normal", "variance", "position", "diffuse_direct", "environment")):
+        for place, name in enumerate(("albedo", "normal", "variance", "position", "diffuse_direct", "environment", "shadow_catcher")):
             passes[name] = np.stack([at + place, at * 2 + place, at * 3 + place], axis=2)
         color = np.stack([at, at * 2, at * 3], axis=2)
         manifests = {}

@@ -83,6 +83,7 @@ def test_every_pass_that_is_offered_arrives_under_cycles_name(stage, drawn, tmp_
     assert render(stage) == {"FINISHED"}
     new = stage.bpy.app.version >= (5, 0, 0)
     there = {"Combined", "Depth", "Label", "Normal", "Position", "Denoising Albedo", "Denoising Normal", "Variance"}
+    there.add("Shadow Catcher")
     there |= {"Diffuse Direct", "Environment"} if new else {"DiffDir", "Env"}
     there |= {f"Crypto{kind}{number:02}" for kind in ("Object", "Asset") for number in range(3)}
     assert set(stage.seen) == there, "what the picture has"
@@ -90,14 +91,15 @@ def test_every_pass_that_is_offered_arrives_under_cycles_name(stage, drawn, tmp_
     assert asked == sorted({one.ours for one in passes.TABLE})
     at = np.arange(96, dtype=np.float32).reshape(8, 12)
     written = channels(tmp_path / "out.exr")
-    for place, name in [(0, "Denoising Albedo.G"), (1, "Denoising Normal.Y"), (1, "Normal.Y"), (2, "Variance.G"), (3, "Position.Y")]:
+    for place, name in [(0, "Denoising Albedo.G"), (1, "Denoising Normal.Y"), (1, "Normal.Y"), (2, "Variance.G"), (3, "Position.Y"), (6, "Shadow Catcher.G")]:
         assert np.array_equal(written[name], at * 2 + place), name
     # Blender's own names for what its view layers know, so that compositors find them.
+    layer.cycles.use_pass_shadow_catcher = True
     from cycles.engine import list_render_passes
 
     theirs = {name: (len(channels), kind) for name, channels, kind in list_render_passes(stage.scene, layer)}
     ours = {name: (count, kind) for name, count, _, kind in passes.registered(layer)}
-    denoised = {"Noisy Image", "Denoising Depth"}  # of Cycles' own denoising
+    denoised = {"Noisy Image", "Noisy Shadow Catcher", "Denoising Depth"}  # of Cycles' own denoising
     assert set(theirs) - denoised <= set(ours), "all of these are Cycles' too"
     assert {name: ours[name] for name in theirs if name in ours} == {name: theirs[name] for name in theirs if name in ours}
 

@@ -89,6 +89,19 @@ def test_a_mesh_is_its_evaluated_triangles_with_their_materials(blender, stage):
     assert placed.shadow_catcher is False
 
 
+def test_a_shadow_catcher_is_one(blender, stage):
+    obj = added(blender, quad(blender), is_shadow_catcher=True)
+    light = added(blender, blender.data.lights.new("lamp", "POINT"), "lamp")
+    parts, left_out = stage()
+    (placed,) = parts.meshes.values()
+    assert placed.shadow_catcher is True and placed.mesh(3)["shadow_catcher"] is True and left_out == []
+    # A light of the figure's own, which Cycles does not count for the catcher alone.
+    light.is_shadow_catcher, obj.is_shadow_catcher = False, False
+    parts, left_out = stage()
+    assert next(iter(parts.meshes.values())).shadow_catcher is False
+    assert left_out == ["Light lamp: it lights shadow catchers as other lights do"]
+
+
 def test_modifiers_curves_and_texts_are_what_blender_shows(blender, stage):
     cube = added(blender, quad(blender, "thick"), "thick")
     cube.modifiers.new("thick", "SOLIDIFY").thickness = 0.5

@@ -244,7 +244,7 @@ pub(crate) struct Render {
     ///
     /// First surface: depth, position, normal, label, albedo. Of the samples: variance, samples. Light by kind, for 132 bytes a pixel:
     /// light for all of it, or diffuse_direct, diffuse_indirect, diffuse_color, the same of glossy and transmission, emission,
-    /// environment. Mattes, 96 bytes a pixel each: cryptomatte_label, cryptomatte_type, or cryptomatte for both. What is named is made,
+    /// environment. shadow_catcher: shadows that are caught, which then leave the picture. Mattes, 96 bytes a pixel each: cryptomatte_label, cryptomatte_type, or cryptomatte for both. What is named is made,
     /// albedo and normal as means over samples; all is what needs no making, and what the scene's film.passes asks for
     #[arg(long, value_name = "A,B,C", default_value = "all", value_delimiter = ',')]
     pub(crate) passes: Vec<String>,

@@ -6,8 +6,8 @@ use std::time::Duration;
 use pumice_core::{CompressedVolume, Job, MeshData};
 use pumice_render::sampler::REPLICATES;
 use pumice_render::{
-    EnvironmentTable, Image, Pick, Picture, Progress, ReadyLamp, ReadySun, Rebuilt, RenderError, Renderer,
-    SurfaceKind, cryptomatte, name_mattes,
+    EnvironmentTable, Image, PassSums, Pick, Picture, Progress, ReadyLamp, ReadySun, Rebuilt, RenderError,
+    Renderer, SurfaceKind, cryptomatte, name_mattes,
 };
 use pumice_scene::{
     Environment, INSTANCES_OF_A_TREE, InstanceDiff, MeshDiff, Part, Pass, Scene, SceneDiff, SceneError, Spare,
@@ -244,7 +244,6 @@ impl Renderer for CpuRenderer {
     ) -> Result<(), RenderError> {
         let fault = |e: SceneError| RenderError::Scene(e.to_string());
         scene.validate().map_err(fault)?;
-        pumice_render::refuse_undrawn(scene)?;
         pumice_render::check_counts(scene, volumes, meshes)?;
         let old = self.shown.as_ref();
         let diff = SceneDiff::between(old.map(|o| &o.scene), scene);
@@ -333,7 +332,8 @@ impl Renderer for CpuRenderer {
                 None => {
                     rebuilt.materials += 1;
                     let ids = if mattes { cryptomatte::ids_of_mesh(&mesh.source) } else { Vec::new() };
-                    carry_clear(Looks::of_mesh(&mesh.materials).with_ids(ids))
+                    let looks = Looks::of_mesh(&mesh.materials).catching(mesh.shadow_catcher);
+                    carry_clear(looks.with_ids(ids))
                 }
             });
             let instance = volumes.len() as u32 + place;
@@ -355,6 +355,8 @@ impl Renderer for CpuRenderer {
         let former = old.map(|o| o.tracer.tracer());
         let (geometry, made) = SceneTracer::of(geometry).with_meshes(triangles).with_tree(former, least)?;
         rebuilt.top_level += u64::from(made);
+        let catches: Vec<bool> = scene.meshes.iter().map(|m| m.shadow_catcher).collect();
+        let geometry = geometry.with_catchers(&catches);
         let emitters = match old {
             Some(o) if shine_alike(o.tracer.tracer(), &o.tracer.around().looks, &geometry, &looks) => {
                 o.tracer.around().lights.emitters().map(Arc::clone)
@@ -372,8 +374,9 @@ impl Renderer for CpuRenderer {
         let around = Surroundings { lights: lit, looks: looks.into(), settings: scene.settings };
         rebuilt.camera += u64::from(diff.camera || diff.film);
         rebuilt.film += u64::from(diff.film);
+        let kept = PassSums::of(&scene.film, catches.contains(&true));
         let mut tracer = match self.shown.take() {
-            Some(Shown { mut tracer, .. }) if !diff.film => {
+            Some(Shown { mut tracer, .. }) if !diff.film && tracer.film().kept() == kept => {
                 let camera = diff.camera.then(|| CameraRays::new(&scene.camera, &scene.film));
                 tracer.restart(geometry, around, camera);
                 tracer

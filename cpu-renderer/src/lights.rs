@@ -38,6 +38,8 @@ pub struct LightSample {
     pub pdf: Option<f32>,
     /// What is nearer than this hides it.
     pub distance: f64,
+    /// The instance or mesh whose surface it is, if it is one.
+    pub instance: Option<u32>,
 }
 
 /// What touches a lamp or a surface that shines within this part of its distance does not hide it: distances to lamps are f32.
@@ -216,6 +218,7 @@ impl Lights {
             radiance_over_pdf: s.radiance / pdf,
             pdf: Some(pdf),
             distance: s.distance,
+            instance: Some(s.instance),
         })
     }
 
@@ -258,7 +261,13 @@ impl Lights {
         };
         let pdf = pdf.map(|p| p * chance);
         let over = pdf.unwrap_or(chance);
-        (over > 0.0).then(|| LightSample { direction, radiance_over_pdf: radiance / over, pdf, distance })
+        (over > 0.0).then(|| LightSample {
+            direction,
+            radiance_over_pdf: radiance / over,
+            pdf,
+            distance,
+            instance: None,
+        })
     }
 
     /// Weight of light that was aimed at, where scattering would have found it with density `other`.

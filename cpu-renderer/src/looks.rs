@@ -19,6 +19,8 @@ pub struct Looks {
     has_clear: bool,
     /// What mattes call each label, past the end as the last; empty where there are no mattes.
     ids: Vec<Ids>,
+    /// Of a mesh that is a shadow catcher.
+    catches: bool,
 }
 
 /// Looks of each instance, then of each mesh, and what is asked of all of them for each shadow.
@@ -66,6 +68,7 @@ impl Looks {
             materials: vec![material],
             of_label: Vec::new(),
             ids: Vec::new(),
+            catches: false,
         }
     }
 
@@ -82,7 +85,7 @@ impl Looks {
         let last = materials.last().copied().unwrap_or_default();
         let materials = std::iter::once(last).chain(materials.iter().copied()).collect::<Vec<_>>();
         let of_label = (1..materials.len() as u32).collect();
-        Self { of_label, materials, has_clear, ids: Vec::new() }
+        Self { of_label, materials, has_clear, ids: Vec::new(), catches: false }
     }
 
     /// Looks of the labels with these ids (rising). `touching` are pairs of dense indices, read only for `auto_color`, where labels
@@ -112,12 +115,24 @@ impl Looks {
             }
         }
         let has_clear = materials.iter().any(|m| m.alpha < 1.0);
-        Self { materials, of_label, has_clear, ids: Vec::new() }
+        Self { materials, of_label, has_clear, ids: Vec::new(), catches: false }
     }
 
     /// The same with what mattes call each label.
     pub fn with_ids(self, ids: Vec<Ids>) -> Self {
         Self { ids, ..self }
+    }
+
+    /// The same as a shadow catcher, or not as one.
+    #[must_use]
+    pub fn catching(self, catches: bool) -> Self {
+        Self { catches, ..self }
+    }
+
+    /// Whether they are a shadow catcher's.
+    #[inline]
+    pub fn catches(&self) -> bool {
+        self.catches
     }
 
     /// What mattes call each label; empty where there are none.

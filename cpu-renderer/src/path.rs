@@ -4,6 +4,7 @@
 //! for each vertex 0, 1, …, all light told to a tally:
 //!     add the lamps that were passed on the way
 //!     nothing hit → add the sky and the suns in that direction, weighted; end
+//!     the camera's first shadow catcher → go on twice, by the same numbers: among catchers alone, and among all things
 //!     go straight on where the surface is not wholly there (alpha); that is no vertex
 //!     add the surface's emission; end here if this vertex is past the last that is lit
 //!     aim at a light; add it where nothing stands between, weighted
@@ -73,6 +74,7 @@ impl Frame {
 }
 
 /// The straight way that a ray is on, through surfaces that are not there.
+#[derive(Clone, Copy)]
 struct Way {
     /// Where it began: the camera, or where it was scattered last.
     from: Receiver,
@@ -98,6 +100,29 @@ impl Way {
         let light = up_to(self.gone + next.map_or(t_max, |h| h.t) * length);
         if self.gone > 0.0 { light - up_to(self.gone) } else { light }
     }
+}
+
+/// What a path may meet.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Among {
+    /// All things; the camera has seen no shadow catcher.
+    All,
+    /// The same after the first of them.
+    Caught,
+    /// Shadow catchers alone, after the first.
+    Catchers,
+}
+
+/// A path on its way from the camera, before a surface.
+#[derive(Clone, Copy)]
+struct Start {
+    ray: RayInWorld,
+    hit: Hit,
+    t_max: f64,
+    way: Way,
+    /// Surfaces passed straight through.
+    passed: u32,
+    among: Among,
 }
 
 /// Radiance along a camera ray that sees up to `t_max`; `down` says where in the picture it is, 0 top to 1 bottom.
@@ -140,13 +165,15 @@ pub fn follow<T: Tracer + ?Sized>(
     let Some(hit) = hit else {
         return tally.met_behind(around.lights.behind(camera_ray.direction, down), 0);
     };
-    match around.settings.mode {
-        Mode::AmbientOcclusion => ambient(tracer, around, sampler, &camera_ray, &hit, tally),
-        Mode::OneBounce => path(tracer, around, sampler, camera_ray, hit, 0, t_max, down, tally),
-        Mode::Path => {
-            path(tracer, around, sampler, camera_ray, hit, around.settings.bounces, t_max, down, tally);
-        }
-    }
+    let bounces = match around.settings.mode {
+        Mode::AmbientOcclusion => return ambient(tracer, around, sampler, &camera_ray, &hit, down, tally),
+        Mode::OneBounce => 0,
+        Mode::Path => around.settings.bounces,
+    };
+    let from = Receiver { point: camera_ray.origin, normal: Vec3::Z, both_sides: true };
+    let way = Way { from, pdf: None, gone: 0.0 };
+    let start = Start { ray: camera_ray, hit, t_max, way, passed: 0, among: Among::All };
+    path(tracer, around, sampler, start, bounces, down, tally);
 }
 
 /// 1 where a cosine-distributed ray meets nothing within reach, else 0: what a white surface would scatter of a white sky.
@@ -156,47 +183,67 @@ fn ambient<T: Tracer + ?Sized>(
     sampler: &PixelSampler,
     ray: &RayInWorld,
     hit: &Hit,
+    down: f32,
     tally: &mut impl Tally,
 ) {
     let normal = hit.normal_towards_ray();
     let frame =
         Frame::new(tracer.shading_normal(hit, ray.origin + ray.direction * hit.t, normal).unwrap_or(normal));
     let white = [Vec3::ONE, Vec3::ZERO, Vec3::ZERO];
-    tally.named(0, || around.looks[hit.surface.instance as usize].ids_of(hit.surface.label));
+    let looks = &around.looks[hit.surface.instance as usize];
+    let catches = tally.catches() && looks.catches();
+    if catches {
+        tally.caught(|| around.lights.behind(ray.direction, down));
+    }
+    tally.named(0, || looks.ids_of(hit.surface.label));
     tally.came_to(0, || FirstSurface { colors: white, normal: frame.normal.as_vec3() });
     if hit.is_seen_from_within() {
         return;
     }
     let direction = frame.world(sample_cosine(sampler.bounce(0, BouncePair::Scatter)));
     let ray = RayInWorld { origin: ray.origin + ray.direction * hit.t, direction };
-    let open = direction.dot(normal) > 0.0
-        && !tracer.occluded(&ray, PathOrigin::Face(hit.surface), around.settings.ao_distance);
-    let light = Vec3::splat(f32::from(u8::from(open)));
-    tally.aimed(light, 0, || Share { diffuse: Vec3::ONE, through: false });
+    let above = direction.dot(normal) > 0.0;
+    let (from, reach) = (PathOrigin::Face(hit.surface), around.settings.ao_distance);
+    let all_of_it = || Share { diffuse: Vec3::ONE, through: false };
+    let light = |open: bool| Vec3::splat(f32::from(u8::from(open)));
+    tally.aimed(light(above && !tracer.occluded(&ray, from, reach)), 0, all_of_it);
+    if catches && let Some(catchers) = tracer.catchers() {
+        tally.among_catchers(true);
+        tally.aimed(light(above && !catchers.occluded(&ray, from, reach)), 0, all_of_it);
+    }
 }
 
-#[expect(clippy::too_many_arguments, reason = "what a path starts from")]
 fn path<T: Tracer + ?Sized>(
     tracer: &T,
     around: &Surroundings,
     sampler: &PixelSampler,
-    mut ray: RayInWorld,
-    mut hit: Hit,
+    start: Start,
     bounces: u32,
-    mut t_max: f64,
     down: f32,
     tally: &mut impl Tally,
 ) {
     let lights = &around.lights;
     let mut throughput = Vec3::ONE;
-    // Surfaces that scattered, and such that were passed straight through.
-    let (mut vertex, mut passed) = (0u32, 0u32);
-    let mut way =
-        Way { from: Receiver { point: ray.origin, normal: Vec3::Z, both_sides: true }, pdf: None, gone: 0.0 };
+    let Start { mut ray, mut hit, mut t_max, mut way, mut passed, mut among } = start;
+    // Surfaces that scattered.
+    let mut vertex = 0u32;
     // Whether a path outside of all labels started within another label's coarse element.
     let mut buried = false;
     loop {
-        let material = around.looks[hit.surface.instance as usize].material(hit.surface.label);
+        let looks = &around.looks[hit.surface.instance as usize];
+        let material = looks.material(hit.surface.label);
+
+        // The camera's first shadow catcher.
+        if looks.catches() && among == Among::All && vertex == 0 && tally.catches() {
+            tally.caught(|| lights.behind(ray.direction.normalize(), down));
+            if let Some(catchers) = tracer.catchers() {
+                let start = Start { ray, hit, t_max, way, passed, among: Among::Catchers };
+                tally.among_catchers(true);
+                path(catchers, around, sampler, start, bounces, down, tally);
+                tally.among_catchers(false);
+            }
+            among = Among::Caught;
+        }
         let step = vertex + passed;
         let origin = ray.origin + ray.direction * hit.t;
 
@@ -269,6 +316,8 @@ fn path<T: Tracer + ?Sized>(
             let towards = sampler.bounce(step, BouncePair::Light);
             if let Some(light) = lights.aim(&receiver, which, towards, further)
                 && (light.direction.dot(frame.normal) > 0.0 || bsdf.transmits())
+                && (among != Among::Catchers
+                    || light.instance.is_none_or(|i| around.looks[i as usize].catches()))
             {
                 let wo = frame.local(light.direction);
                 let (f_cos, pdf) = bsdf.eval(wo);

@@ -36,7 +36,8 @@ pub struct PathTracer<T> {
 impl<T: Tracer> PathTracer<T> {
     /// Starts a black picture.
     pub fn new(tracer: T, around: Surroundings, camera: &Camera, film: &Film) -> Self {
-        let mut buffer = FilmBuffer::with_passes(film.width, film.height, PassSums::of(film));
+        let kept = PassSums::of(film, around.looks.iter().any(|looks| looks.catches()));
+        let mut buffer = FilmBuffer::with_passes(film.width, film.height, kept);
         buffer.rest_by(around.settings.adaptive);
         Self {
             tracer,
@@ -144,7 +145,7 @@ impl<T: Tracer> PathTracer<T> {
                     } else {
                         let mut sorted = Sorted::new(&around.settings, kept);
                         follow(&*tracer, around, &sampler, ray, t_max, down, &mut sorted);
-                        sorted.add_to(&mut row.passes[x * stride..][..stride]);
+                        sorted.add_to(&mut row.passes[x * stride..][..stride], sample);
                         sorted.total
                     };
                     let at = 3 * (sample % REPLICATES) as usize;

@@ -12,11 +12,15 @@
 //! Where Cycles' contributions are one lamp each, ours are what a ray meets at once: lamps on one stretch, sky and suns together.
 //!
 //! **Mattes**: the first surface's ids, counted in a pixel's slots ([`pumice_render::cryptomatte`]).
+//!
+//! **Shadow catchers**: from the first that a camera's path meets, its light is the catcher's, and in no pass of light, as in Cycles
+//! ([`pumice_render::shadow_catcher`]).
 
 use glam::Vec3;
 use pumice_render::PassSums;
 use pumice_render::cryptomatte::Ids;
 use pumice_render::passes::{COLOR_KINDS, LIGHT_KINDS};
+use pumice_render::sampler::REPLICATES;
 use pumice_scene::Settings;
 
 /// Kinds of light, each direct and, one further, indirect.
@@ -63,6 +67,28 @@ pub trait Tally {
 
     /// Which surface it is, by label and by type.
     fn named(&mut self, vertex: u32, ids: impl FnOnce() -> Ids);
+
+    /// Whether light of shadow catchers is kept apart: a path that meets one goes on twice.
+    fn catches(&self) -> bool {
+        false
+    }
+
+    /// The path has met its first shadow catcher, with this light behind everything.
+    fn caught(&mut self, _behind: impl FnOnce() -> Vec3) {}
+
+    /// What follows is met among catchers alone, or among all things again.
+    fn among_catchers(&mut self, _alone: bool) {}
+}
+
+/// Whose light it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Sink {
+    /// The picture's.
+    Matte,
+    /// A shadow catcher's among all things.
+    Caught,
+    /// The same among catchers alone.
+    Alone,
 }
 
 /// The sum of all light and nothing else.
@@ -108,6 +134,13 @@ pub struct Sorted {
     pub first: FirstSurface,
     /// Its ids; 0 where there is none.
     pub ids: Ids,
+    /// A shadow catcher's among all things, and among catchers alone.
+    pub caught: [Vec3; 2],
+    /// Seen behind everything, past a catcher too.
+    pub behind: Vec3,
+    /// Whether something but a catcher was met, or an opaque film's background.
+    pub covered: bool,
+    sink: Sink,
     scattered: Share,
     transparent: bool,
     kept: PassSums,
@@ -130,6 +163,10 @@ impl Sorted {
             light: [Vec3::ZERO; LIGHT_KINDS],
             first: FirstSurface::default(),
             ids: Ids::default(),
+            caught: [Vec3::ZERO; 2],
+            behind: Vec3::ZERO,
+            covered: true,
+            sink: Sink::Matte,
             scattered: Share::default(),
             transparent: kept.alpha,
             kept,
@@ -156,8 +193,18 @@ impl Sorted {
         }
     }
 
-    /// Adds the sample to a pixel's sums.
-    pub fn add_to(&self, sums: &mut [f32]) {
+    /// Puts light into the sum of whom it is of.
+    #[inline]
+    fn put(&mut self, light: Vec3) {
+        match self.sink {
+            Sink::Matte => self.total += light,
+            Sink::Caught => self.caught[0] += light,
+            Sink::Alone => self.caught[1] += light,
+        }
+    }
+
+    /// Adds a sample of this number to a pixel's sums.
+    pub fn add_to(&self, sums: &mut [f32], number: u32) {
         let alpha = self.kept.alpha.then_some(self.alpha);
         let color: Vec3 = self.first.colors.iter().sum();
         let features = self.kept.features.then_some([color, self.first.normal]);
@@ -166,6 +213,18 @@ impl Sorted {
         let numbers = alpha.into_iter().chain(vectors.flat_map(|v| v.to_array()));
         for (sum, number) in sums.iter_mut().zip(numbers) {
             *sum += number;
+        }
+        if self.kept.caught {
+            let floats = self.kept.caught_floats();
+            let at = self.kept.caught_at() + floats * (number % REPLICATES) as usize;
+            let [all, alone] = self.caught;
+            let part = |is: bool| f32::from(u8::from(is));
+            let counts = [part(self.covered), part(self.alpha == 0.0)];
+            let numbers = all.to_array().into_iter().chain(alone.to_array()).chain(counts);
+            let numbers = numbers.chain(self.behind.to_array());
+            for (sum, number) in sums[at..][..floats].iter_mut().zip(numbers) {
+                *sum += number;
+            }
         }
         let slots = 2 * self.kept.matte_slots();
         let mut at = self.kept.mattes_at();
@@ -197,7 +256,10 @@ fn matte_add(slots: &mut [f32], id: f32) {
 impl Tally for Sorted {
     fn met(&mut self, light: Vec3, vertex: u32) {
         let light = self.clamped(light, vertex > 1);
-        self.total += light;
+        self.put(light);
+        if self.sink != Sink::Matte {
+            return;
+        }
         if vertex == 0 {
             self.light[EMISSION] += light;
         } else {
@@ -210,17 +272,24 @@ impl Tally for Sorted {
             return self.met(light, vertex);
         }
         let light = self.clamped(light, false);
-        self.light[ENVIRONMENT] += light;
-        if self.transparent {
+        if self.sink == Sink::Matte {
+            self.light[ENVIRONMENT] += light;
+            self.behind += light;
+            self.covered = !self.transparent;
+        }
+        if !self.transparent {
+            self.put(light);
+        } else if self.sink != Sink::Alone {
             self.alpha = 0.0;
-        } else {
-            self.total += light;
         }
     }
 
     fn aimed(&mut self, light: Vec3, vertex: u32, share: impl FnOnce() -> Share) {
         let light = self.clamped(light, vertex > 0);
-        self.total += light;
+        self.put(light);
+        if self.sink != Sink::Matte {
+            return;
+        }
         let share = if vertex == 0 && self.kept.light { share() } else { self.scattered };
         self.deal(light, share, vertex > 0);
     }
@@ -232,15 +301,32 @@ impl Tally for Sorted {
     }
 
     fn came_to(&mut self, vertex: u32, surface: impl FnOnce() -> FirstSurface) {
-        if vertex == 0 && (self.kept.light || self.kept.features) {
+        if vertex == 0 && self.sink != Sink::Alone && (self.kept.light || self.kept.features) {
             self.first = surface();
         }
     }
 
     fn named(&mut self, vertex: u32, ids: impl FnOnce() -> Ids) {
-        if vertex == 0 && self.kept.ranks > 0 {
+        if vertex == 0 && self.sink != Sink::Alone && self.kept.ranks > 0 {
             self.ids = ids();
         }
+    }
+
+    fn catches(&self) -> bool {
+        self.kept.caught
+    }
+
+    fn caught(&mut self, behind: impl FnOnce() -> Vec3) {
+        (self.sink, self.covered) = (Sink::Caught, false);
+        if self.kept.keeps_behind() {
+            let light = self.clamped(behind(), false);
+            self.behind += light;
+            self.light[ENVIRONMENT] += light;
+        }
+    }
+
+    fn among_catchers(&mut self, alone: bool) {
+        self.sink = if alone { Sink::Alone } else { Sink::Caught };
     }
 }
 

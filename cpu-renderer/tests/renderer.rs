@@ -3,6 +3,10 @@
 
 #[path = "renderer/cases.rs"]
 mod cases;
+#[path = "renderer/catchers.rs"]
+mod catchers;
+#[path = "renderer/catching.rs"]
+mod catching;
 #[path = "renderer/passes.rs"]
 mod passes;
 #[path = "renderer/resting.rs"]

@@ -103,6 +103,26 @@ def test_passes_of_light(scene, volume):
     assert (plain.passes["albedo"] != passes["albedo"]).any(), "a mean over samples where asked for"
 
 
+def test_a_floor_that_catches_shadows(scene, volume):
+    fields = scene.to_dict()
+    height = float(np.min(np.array(fields["instances"][0]["world_from_index"]).reshape(4, 3)[3][2])) - 0.2
+    place = [50, 0, 0, 0, 50, 0, 0, 0, 1, 0, 0, height]
+    fields["meshes"] = [{"id": 1, "source": "floor", "world_from_mesh": place, "materials": [{}], "shadow_catcher": True}]
+    fields["film"]["transparent"] = True
+    floor = pumice.Mesh([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], [[0, 1, 2], [0, 2, 3]])
+    picture = pumice.render(pumice.Scene.from_dict(fields), volume, meshes=[floor], spp=8, backend="cpu")
+    dark = (picture.alpha > 0.1) & (picture.color == 0).all(axis=-1)
+    assert dark.sum() > 20 and "shadow_catcher" not in picture.passes
+    fields["film"]["passes"] = ["shadow_catcher"]
+    apart = pumice.render(pumice.Scene.from_dict(fields), volume, meshes=[floor], spp=8, backend="cpu")
+    shadow = apart.passes["shadow_catcher"]
+    # Some of the volume is as black as a shadow.
+    dark &= apart.alpha == 0
+    np.testing.assert_allclose(picture.alpha[dark], 1 - shadow[dark].mean(axis=-1), atol=1e-6)
+    np.testing.assert_array_equal(apart.color, picture.color)
+    assert dark.sum() > 20 and apart.alpha.max() == 1
+
+
 def test_a_transparent_film(scene, volume, tmp_path):
     clear = with_film(scene, transparent=True, passes=["environment"])
     picture = pumice.render(clear, volume, spp=4, backend="cpu")

@@ -65,7 +65,7 @@ pub fn write_exr_half(path: &Path, picture: &Picture, passes: &Passes) -> Result
 
 /// Whether a pass is of colours, or as good in 16 bits.
 fn may_be_half(pass: Pass) -> bool {
-    matches!(pass, Pass::Albedo | Pass::Normal) || Pass::LIGHT.contains(&pass)
+    matches!(pass, Pass::Albedo | Pass::Normal | Pass::ShadowCatcher) || Pass::LIGHT.contains(&pass)
 }
 
 /// The nearest float of 16 bits.
@@ -105,6 +105,7 @@ pub(crate) fn channels_of_pass(pass: Pass) -> (&'static str, &'static str) {
         Pass::TransmissionColor => ("ViewLayer.TransCol.", "RGB"),
         Pass::Emission => ("ViewLayer.Emit.", "RGB"),
         Pass::Environment => ("ViewLayer.Env.", "RGB"),
+        Pass::ShadowCatcher => ("ViewLayer.Shadow Catcher.", "RGB"),
         // The layer's number comes between. Lower case keeps compositors from taking them for colours.
         Pass::CryptomatteLabel => ("ViewLayer.CryptoObject", "rgba"),
         Pass::CryptomatteType => ("ViewLayer.CryptoAsset", "rgba"),
@@ -354,7 +355,7 @@ mod tests {
             picture.albedo.as_ref().unwrap().pixels.as_flattened(),
         );
         for ((pass, a), (_, b)) in back.light.iter().zip(&picture.light) {
-            assert!(Pass::LIGHT.contains(pass));
+            assert!(Pass::LIGHT.contains(pass) || *pass == Pass::ShadowCatcher);
             near(a.pixels.as_flattened(), b.pixels.as_flattened());
         }
         // All else is as it was.

@@ -159,9 +159,12 @@ impl FilmBuffer {
         )
     }
 
-    /// Mean and variance of the mean of one channel of a pixel with `n` samples.
+    /// Mean and variance of the mean of one channel of a pixel with `n` samples; with shadow catchers, laid over white.
     #[inline]
     pub(crate) fn moments(&self, pixel: usize, channel: usize, n: u32) -> (f64, f64) {
+        if self.kept.caught {
+            return self.caught_moments(pixel, channel, n);
+        }
         let sums = &self.sums[pixel * STRIDE..][..STRIDE];
         let n_of = |r: usize| f64::from((n + REPLICATES - 1 - r as u32) / REPLICATES);
         let total = f64::from(n);
@@ -175,12 +178,15 @@ impl FilmBuffer {
         (mean, if n < REPLICATES { f64::INFINITY } else { spread * R as f64 / (R - 1) as f64 })
     }
 
-    /// The mean of all samples.
+    /// The mean of all samples; with shadow catchers the colours that are made of it.
     pub fn mean(&self) -> Image {
+        if self.kept.caught {
+            return self.caught_color();
+        }
         self.picture_of(|film, pixel, channel, n| film.moments(pixel, channel, n).0)
     }
 
-    /// Variance of that mean, infinite below one sample for each replicate.
+    /// Variance of that mean, infinite below one sample for each replicate. With shadow catchers, of the picture laid over white.
     pub fn variance(&self) -> Image {
         self.picture_of(|film, pixel, channel, n| film.moments(pixel, channel, n).1)
     }

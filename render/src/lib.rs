@@ -24,9 +24,9 @@ pub mod resting;
 #[cfg(test)]
 mod sample_pictures;
 pub mod sampler;
+pub mod shadow_catcher;
 pub mod sun;
 pub mod trace;
-pub mod undrawn;
 pub mod view_transform;
 
 pub use bvh::{BoxBounds, Bvh, BvhRay};
@@ -45,4 +45,3 @@ pub use pumice_scene::{Pass, Passes, ViewTransform};
 pub use renderer::{Pick, Progress, Rebuilt, RenderError, Renderer, check_counts};
 pub use sun::ReadySun;
 pub use trace::{Hit, PathOrigin, RayInWorld, Surface, SurfaceKind, Tracer};
-pub use undrawn::refuse_undrawn;

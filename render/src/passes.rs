@@ -5,6 +5,7 @@
 //! alpha     1    samples that met a surface
 //! features  6    colour (r g b) and normal (x y z) of the first surface
 //! light    33    diffuse, glossy, transmission, each direct and indirect; emission; environment; the three colours, r g b each
+//! caught   32 or 44    light of shadow catchers, a group for each replicate (see crate::shadow_catcher)
 //! labels   4 a rank    slots of an id and how many samples saw it (see crate::cryptomatte)
 //! types    4 a rank    the same
 //! ```
@@ -18,6 +19,8 @@ use rayon::prelude::*;
 use crate::film::FilmBuffer;
 use crate::image::Image;
 use crate::picture::Picture;
+use crate::sampler::REPLICATES;
+use crate::shadow_catcher::CAUGHT_FLOATS;
 
 /// Kinds of light: two each of diffuse, glossy, transmission (direct, indirect), then emission and environment.
 pub const LIGHT_KINDS: usize = 8;
@@ -38,11 +41,15 @@ pub struct PassSums {
     pub mattes: [bool; 2],
     /// Of how many of them the picture will tell; 0 where neither is kept.
     pub ranks: u32,
+    /// Light of shadow catchers.
+    pub caught: bool,
+    /// Their shadows are in a pass of their own, and not in the picture.
+    pub shadow_apart: bool,
 }
 
 impl PassSums {
-    /// What a film asks for.
-    pub fn of(film: &Film) -> Self {
+    /// What a film asks for; `catches` where the scene has a shadow catcher.
+    pub fn of(film: &Film, catches: bool) -> Self {
         let mattes = [Pass::CryptomatteLabel, Pass::CryptomatteType].map(|pass| film.passes.has(pass));
         Self {
             mattes,
@@ -50,6 +57,8 @@ impl PassSums {
             alpha: film.transparent,
             features: film.passes.has_any(&[Pass::Albedo, Pass::Normal]),
             light: film.passes.has_any(Pass::LIGHT),
+            caught: catches,
+            shadow_apart: catches && film.passes.has(Pass::ShadowCatcher),
         }
     }
 
@@ -65,7 +74,22 @@ impl PassSums {
 
     /// Place of mattes, by label before by type.
     pub const fn mattes_at(self) -> usize {
+        self.caught_at() + if self.caught { REPLICATES as usize * self.caught_floats() } else { 0 }
+    }
+
+    /// Place of catchers' light.
+    pub const fn caught_at(self) -> usize {
         self.light_at() + if self.light { 3 * (LIGHT_KINDS + COLOR_KINDS) } else { 0 }
+    }
+
+    /// Floats of each replicate of it.
+    pub const fn caught_floats(self) -> usize {
+        CAUGHT_FLOATS[self.keeps_behind() as usize]
+    }
+
+    /// Whether light from behind everything is among them: where the picture shows it past catchers.
+    pub const fn keeps_behind(self) -> bool {
+        self.caught && !self.alpha && !self.shadow_apart
     }
 
     /// Place of the features.
@@ -78,12 +102,15 @@ impl PassSums {
         self.features_at() + if self.features { 6 } else { 0 }
     }
 
-    /// One bit each, as shaders are told: alpha, features, light, mattes by label, by type; from bit 8 on their slots.
+    /// One bit each, as shaders are told: alpha, features, light, mattes by label, by type, catchers' light, light behind them; from bit 8
+    /// on the mattes' slots.
     pub const fn bits(self) -> u32 {
         let groups = self.alpha as u32 | (self.features as u32) << 1 | (self.light as u32) << 2;
         groups
             | (self.mattes[0] as u32) << 3
             | (self.mattes[1] as u32) << 4
+            | (self.caught as u32) << 5
+            | (self.keeps_behind() as u32) << 6
             | (self.matte_slots() as u32) << 8
     }
 }
@@ -141,9 +168,21 @@ impl FilmBuffer {
         Image::new(width, height, self.means(|of| [0, 1, 2].map(|c| of(place + c))))
     }
 
-    /// Part of the samples that met a surface, where that is kept.
+    /// Part of the samples that met a surface, where that is kept; with it the shadows that are caught.
     pub fn alpha(&self) -> Option<Vec<f32>> {
+        if self.kept().caught {
+            return self.caught_alpha();
+        }
         self.kept().alpha.then(|| self.means(|of| of(0)))
+    }
+
+    /// What is left of shadow catchers' light, where the pass is wanted: 1 in a scene without any.
+    fn shadow_wanted(&self, wanted: Passes) -> Option<(Pass, Image)> {
+        let (width, height) = self.size();
+        wanted.has(Pass::ShadowCatcher).then(|| match self.kept().caught {
+            true => (Pass::ShadowCatcher, self.shadow()),
+            false => (Pass::ShadowCatcher, Image::new(width, height, vec![[1.0; 3]; width * height])),
+        })
     }
 
     /// Colour and normal of the first surface, means over samples, where they are kept.
@@ -180,7 +219,7 @@ impl FilmBuffer {
             albedo: albedo.filter(|_| wanted.has(Pass::Albedo)).or(picture.albedo),
             normal: normal.filter(|_| wanted.has(Pass::Normal)).or(picture.normal),
             samples: wanted.has(Pass::Samples).then(counts),
-            light: self.light(wanted),
+            light: self.light(wanted).into_iter().chain(self.shadow_wanted(wanted)).collect(),
             mattes: self.mattes(),
             ..picture
         }
@@ -193,9 +232,22 @@ mod tests {
 
     #[test]
     fn groups_lie_one_behind_the_other() {
-        let all = PassSums { alpha: true, features: true, light: true, mattes: [true; 2], ranks: 6 };
+        let all = PassSums {
+            alpha: true,
+            features: true,
+            light: true,
+            mattes: [true; 2],
+            ranks: 6,
+            ..PassSums::default()
+        };
         assert_eq!((all.features_at(), all.light_at(), all.mattes_at(), all.stride()), (1, 7, 40, 88));
         assert_eq!(all.bits(), 0xC1F, "12 slots of five groups");
+        let caught = PassSums { caught: true, ..all };
+        assert_eq!((caught.caught_at(), caught.mattes_at(), caught.stride()), (40, 72, 120));
+        assert_eq!(caught.bits(), 0xC3F);
+        let behind = PassSums { alpha: false, ..caught };
+        assert_eq!((behind.caught_at(), behind.mattes_at(), behind.bits()), (39, 83, 0xC7E));
+        assert!(!PassSums { shadow_apart: true, ..behind }.keeps_behind(), "nothing behind is shown");
         let types = PassSums { mattes: [false, true], ranks: 2, ..PassSums::default() };
         assert_eq!((types.mattes_at(), types.stride(), types.bits()), (0, 8, 0x410));
         let light = PassSums { light: true, ..PassSums::default() };

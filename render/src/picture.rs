@@ -43,13 +43,14 @@ pub struct Picture {
     pub albedo: Option<Image>,
     /// Unit normal of the first surface towards the camera, world space; the mean over samples where the film asks for it.
     pub normal: Option<Image>,
-    /// Part of the samples that met a surface, where the film is transparent: the colour is multiplied with it already.
+    /// Part of the samples that met a surface, where the film is transparent: the colour is multiplied with it already. Shadows that
+    /// catchers leave are in it, where they are not in a pass of their own.
     pub alpha: Option<Vec<f32>>,
     /// Where the first surface is in the world, through the pixel's middle; 0 where there is none.
     pub position: Option<Image>,
     /// Samples of each pixel, where the film asks for it.
     pub samples: Option<Vec<f32>>,
-    /// Passes of light that the film asks for, in the order of [`Pass::ALL`].
+    /// Passes of light and of caught shadows that the film asks for, in the order of [`Pass::ALL`].
     pub light: Vec<(Pass, Image)>,
     /// Which labels and types are seen, by name, where the film asks for it.
     pub mattes: Vec<Matte>,

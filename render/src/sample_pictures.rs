@@ -60,7 +60,12 @@ pub(crate) fn picture(width: usize, height: usize) -> Picture {
         alpha: Some((0..pixels).map(|i| (i % 5) as f32 / 4.0).collect()),
         position: Some(image(-3.0)),
         samples: Some(vec![64.0; pixels]),
-        light: Pass::LIGHT.iter().zip(1..).map(|(pass, n)| (*pass, image(1.0 / n as f32))).collect(),
+        light: Pass::LIGHT
+            .iter()
+            .chain(&[Pass::ShadowCatcher])
+            .zip(1..)
+            .map(|(pass, n)| (*pass, image(1.0 / n as f32)))
+            .collect(),
         mattes: Pass::MATTES.iter().map(|&pass| matte(pass, pixels)).collect(),
         provenance: Some(provenance()),
     };

@@ -96,6 +96,11 @@ pub trait Tracer: Sync {
         self.first_hit(ray, from, t_max).is_some()
     }
 
+    /// The geometry of shadow catchers alone, their surfaces known by the same numbers; `None` where there is none.
+    fn catchers(&self) -> Option<&dyn Tracer> {
+        None
+    }
+
     /// Lowest voxel of the box that draws a face: what of its label is there may be aimed at as one light. `None` where that is not
     /// known; no light is aimed at there then.
     fn box_origin(&self, _face: &Surface) -> Option<[u32; 3]> {
@@ -131,6 +136,10 @@ impl<T: Tracer + Send + ?Sized> Tracer for std::sync::Arc<T> {
 
     fn occluded(&self, ray: &RayInWorld, from: PathOrigin, t_max: f64) -> bool {
         (**self).occluded(ray, from, t_max)
+    }
+
+    fn catchers(&self) -> Option<&dyn Tracer> {
+        (**self).catchers()
     }
 
     fn box_origin(&self, face: &Surface) -> Option<[u32; 3]> {

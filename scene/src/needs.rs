@@ -55,6 +55,8 @@ pub struct Needs {
     pub meshes: usize,
     /// Instances and meshes are so many that a hierarchy over them pays.
     pub instance_tree: bool,
+    /// Meshes that are left out of the picture but for the shadows on them.
+    pub catchers: usize,
     /// Some light is found both by aiming and by scattering, so that the two are weighted (multiple importance sampling).
     pub mis: bool,
     /// Paths light further surfaces after the first.
@@ -114,6 +116,7 @@ impl Needs {
         let lamps = scene.lights.iter().filter(|l| lighting && l.power_w > 0.0 && l.color != [0.0; 3]);
         let wide = wide || lamps.clone().any(has_extent);
         let mattes = scene.film.passes.has_any(Pass::MATTES);
+        let catchers = scene.meshes.iter().filter(|m| m.shadow_catcher).count();
         Self {
             labels,
             lighting,
@@ -131,6 +134,7 @@ impl Needs {
             lamps: lamps.count(),
             meshes: scene.meshes.len(),
             instance_tree: scene.instances.len() + scene.meshes.len() >= INSTANCES_OF_A_TREE,
+            catchers,
             mis: lighting && (sky_table || wide || emission),
             bounces,
             roulette: bounces && settings.russian_roulette,
@@ -144,6 +148,7 @@ impl Needs {
                 || scene.film.passes.has_any(Pass::LIGHT)
                 || scene.film.passes.has_any(&[Pass::Albedo, Pass::Normal])
                 || mattes
+                || catchers > 0
                 || settings.clamp_direct != 0.0
                 || settings.clamp_indirect != 0.0,
             levels: match settings.lod {
@@ -177,6 +182,7 @@ impl Needs {
             // Meshes may have them or not: their files say.
             .with_if(Part::SmoothNormals, self.meshes == 0 && !self.smooth_voxels)
             .with_if(Part::InstanceTree, !self.instance_tree)
+            .with_if(Part::Catchers, self.catchers == 0)
     }
 
     /// A line for each thing that is needed (`needed: …`) and for each that is left out, with the reason (`left out: … (…)`).
@@ -253,10 +259,16 @@ impl Needs {
         line(
             self.sorted,
             "sorting of light",
-            "no pass of samples, no transparent film and no clamp is asked for",
+            "no pass of samples, no transparent film, no clamp and no shadow catcher is asked for",
         );
         line(self.mattes, "Cryptomatte", "it is not asked for");
         line(self.instance_tree, "a hierarchy over instances", "they are few and asked in turn");
+        let catchers = match self.catchers {
+            0 => "shadow catchers".to_owned(),
+            1 => "1 shadow catcher".to_owned(),
+            n => format!("{n} shadow catchers"),
+        };
+        line(self.catchers > 0, &catchers, "no mesh is one");
         for edge in [1, 4, 16] {
             let what = format!("elements of {edge}³ voxels");
             line(self.levels.contains(&edge), &what, "the level of detail is another");

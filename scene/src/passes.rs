@@ -58,6 +58,8 @@ passes! {
     Emission "emission",
     /// The sky or the backdrop where it is seen.
     Environment "environment",
+    /// What is left of a shadow catcher's light: 1 where nothing shades it.
+    ShadowCatcher "shadow_catcher",
     /// Labels by name, each with the part of the pixel that it covers.
     CryptomatteLabel "cryptomatte_label",
     /// The same by the labels' types.

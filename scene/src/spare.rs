@@ -43,11 +43,13 @@ pub enum Part {
     SmoothNormals,
     /// A hierarchy over instances and meshes.
     InstanceTree,
+    /// Shadow catchers.
+    Catchers,
 }
 
 impl Part {
     /// All of them.
-    pub const ALL: [Self; 18] = [
+    pub const ALL: [Self; 19] = [
         Self::HiddenLabels,
         Self::Levels,
         Self::Microfacets,
@@ -66,6 +68,7 @@ impl Part {
         Self::Emitters,
         Self::SmoothNormals,
         Self::InstanceTree,
+        Self::Catchers,
     ];
 
     /// In words.
@@ -89,6 +92,7 @@ impl Part {
             Self::Emitters => "surfaces that shine, to be aimed at",
             Self::SmoothNormals => "smooth normals",
             Self::InstanceTree => "a hierarchy over instances",
+            Self::Catchers => "shadow catchers",
         }
     }
 }

@@ -53,6 +53,7 @@ fn least() -> Needs {
         lamps: 0,
         meshes: 0,
         instance_tree: false,
+        catchers: 0,
         mis: false,
         bounces: true,
         roulette: false,
@@ -108,10 +109,16 @@ fn each_edit_needs_only_what_it_brings() {
 
     let mut mesh = full_scene().meshes.swap_remove(0);
     mesh.materials = vec![MATTE, Material { metallic: 1.0, ..MATTE }];
+    mesh.shadow_catcher = false;
     assert_eq!(after(|s| s.meshes = vec![mesh.clone()]), Needs { meshes: 1, metal: true, ..least() });
     // With the instance four.
     let tree = after(|s| s.meshes = (0..3).map(|i| Mesh { id: 90 + i, ..mesh.clone() }).collect());
     assert_eq!(tree, Needs { meshes: 3, metal: true, instance_tree: true, ..least() });
+    mesh.shadow_catcher = true;
+    assert_eq!(
+        after(|s| s.meshes = vec![mesh.clone()]),
+        Needs { meshes: 1, catchers: 1, metal: true, sorted: true, ..least() }
+    );
 
     let lamps = full_scene().lights;
     assert_eq!(after(|s| s.lights = vec![lamps[1]]), Needs { lamps: 1, mis: true, ..least() });
@@ -155,6 +162,7 @@ fn ambient_occlusion_needs_neither_lights_nor_materials() {
     let expected = Needs {
         labels,
         meshes: 2,
+        catchers: 2,
         lighting: false,
         diffuse: false,
         bounces: false,
@@ -233,9 +241,10 @@ left out: weights of lights found in two ways (MIS) (each light is found in one 
 needed: light from surface to surface
 left out: Russian roulette (the settings say so)
 left out: cuts (nothing is cut away)
-left out: sorting of light (no pass of samples, no transparent film and no clamp is asked for)
+left out: sorting of light (no pass of samples, no transparent film, no clamp and no shadow catcher is asked for)
 left out: Cryptomatte (it is not asked for)
 left out: a hierarchy over instances (they are few and asked in turn)
+left out: shadow catchers (no mesh is one)
 needed: elements of 1³ voxels
 left out: elements of 4³ voxels (the level of detail is another)
 left out: elements of 16³ voxels (the level of detail is another)

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
+from rung import laid_over_white
+
 SCRIPT = Path(__file__).resolve().parents[2] / "session/src/convergence/scene_in_cycles.py"
 
 
@@ -26,9 +28,11 @@ def pictures(python, rung, first, seeds, *, spp=None, scene=None, **options):
     done = subprocess.run([python, SCRIPT, job_file], capture_output=True, text=True, env=surroundings(python))
     if done.returncode != 0 or not report.exists():
         raise RuntimeError(f"{SCRIPT.name} failed with {done.returncode}:\n{done.stdout[-2000:]}\n{done.stderr[-2000:]}")
-    result = np.load(out).astype(np.float64), json.loads(report.read_text())
+    drawn, told = np.load(out).astype(np.float64), json.loads(report.read_text())
     report.unlink()
-    return result
+    if drawn.shape[-1] > 3:
+        drawn = laid_over_white(drawn[..., :3], drawn[..., 3], drawn[..., 4:] if drawn.shape[-1] > 4 else None)
+    return drawn, told
 
 
 def surroundings(python):

@@ -100,8 +100,19 @@ def _flat_normals(scene):
         mesh["source"] = mesh["source"].removesuffix(".ply") + FLAT
 
 
+def _catcher(scene):
+    # A shadow a twentieth weaker.
+    scene["meshes"][0]["materials"][0]["alpha"] = 0.95
+
+
+def _no_catcher(scene):
+    scene["meshes"][0]["shadow_catcher"] = False
+
+
 FAULTS = {
     "flat normals": _flat_normals,
+    "shadow 5 %": _catcher,
+    "no catcher": _no_catcher,
     "cut 1/4 voxel": _cut,
     "albedo 2 %": _in_materials("base_color", 0.98),
     "roughness 5 %": _in_materials("roughness", 1.05),

@@ -8,7 +8,7 @@
       view             eye and target in world units: the crop's middle is the origin, its longest side 2
       scene            what the scene file has; labels of `style.materials` are ranks within the crop
       sky              draws the picture of an image sky
-      floor            a square mesh: height, half of its side, material
+      floor            a square mesh: height, half of its side, material, shadow_catcher
       ball             a mesh shaded smooth: where, radius, how often its triangles are cut in four, materials of its halves
       seeds, spp       of a verdict
       controls         faults that the verdict must see, by the names of `controls.py`
@@ -110,6 +110,7 @@ class Rung:
             floor = self.fields["floor"]
             place = floor["half"], [0, 0, floor["height"]]
             self.add_mesh(scene, shapes.square(), place, [floor["material"]])
+            scene["meshes"][-1]["shadow_catcher"] = floor.get("shadow_catcher", False)
         if "ball" in self.fields:
             ball = self.fields["ball"]
             self.add_mesh(scene, shapes.ball(ball["times"]), (ball["radius"], ball["at"]), ball["materials"])
@@ -210,8 +211,15 @@ class Rung:
             picture = pumice.render(
                 pumice.Scene.from_dict(scene), self.volume, meshes=meshes, spp=spp or self.spp, backend=backend
             )
-            out.append(picture.color)
+            out.append(laid_over_white(picture.color, picture.alpha, picture.passes.get("shadow_catcher")))
         return np.array(out, dtype=np.float64)
+
+
+def laid_over_white(color, alpha, shadow=None):
+    """A picture in three channels: what has alpha is judged over white, which shadows in a pass of their own darken."""
+    if alpha is None:
+        return color
+    return color + (1.0 - alpha[..., None]) * (1.0 if shadow is None else shadow)
 
 
 def cut_out(crop):

@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 from command import run
+from exr_planes import planes
 from PIL import Image
 
 HEADER = """ply
@@ -77,6 +78,39 @@ def test_the_picture_is_made_again_from_the_same_mesh_alone(pumice, floored, tmp
     assert "mesh" in run(pumice, "render", "--again", out, "-o", again).refused()
 
 
+def test_a_floor_that_catches_leaves_its_shadow(pumice, floored, tmp_path):
+    """Dark where the ordinary floor lies in the volume's shadow, and nothing where it does not; the pass has what alpha loses."""
+    file, fields = floored
+    fields["film"]["transparent"] = True
+
+    def drawn(name, catches, *more):
+        fields["meshes"][0]["shadow_catcher"] = catches
+        file.write_text(json.dumps(fields))
+        out = tmp_path / name
+        run(pumice, "render", file, "-o", out, "--backend", "cpu", "--spp", "16", *more).fine()
+        return planes(out)
+
+    caught, apart = drawn("caught.exr", True), drawn("apart.exr", True, "--passes", "shadow_catcher")
+    ordinary = drawn("floor.exr", False)
+    (tmp_path / "hidden.json").write_text(json.dumps(_hidden(fields)))
+    run(pumice, "render", tmp_path / "hidden.json", "-o", tmp_path / "bare.exr", "--backend", "cpu", "--spp", "16").fine()
+    bare = planes(tmp_path / "bare.exr")
+    floor = (ordinary["label.index"] == 0) & (ordinary["A"] == 1) & (apart["A"] == 0)
+    left = np.mean([ordinary[c] / bare[c] for c in "RGB"], axis=0)[floor]
+    assert floor.mean() > 0.2 and left.min() < 0.7
+    # The same quotient from sums of the same 16 samples.
+    assert np.abs(1 - caught["A"][floor] - np.minimum(left, 1)).max() < 1e-4
+    assert set(apart) == {*"RGBA", *(f"ViewLayer.Shadow Catcher.{c}" for c in "RGB")}
+    assert (apart["R"] == caught["R"]).all() and apart["A"].max() == 1
+    mean = np.mean([apart[f"ViewLayer.Shadow Catcher.{c}"] for c in "RGB"], axis=0)
+    assert np.abs(mean[floor] - left).max() < 1e-4
+    for name in ("caught.exr", "apart.exr"):
+        run(pumice, "render", "--again", tmp_path / name, "-o", tmp_path / "again.exr").fine()
+        again = planes(tmp_path / "again.exr")
+        assert all(np.array_equal(again[c], plane) for c, plane in planes(tmp_path / name).items() if c in again)
+        assert "A" in again
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [
@@ -97,7 +131,7 @@ def test_a_file_that_is_no_mesh_is_refused_in_a_line(pumice, floored, tmp_path, 
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"shadow_catcher": True}, "meshes[0].shadow_catcher: not drawn yet"),
+        ({"shadow_catcher": 1}, "expected a boolean"),
         ({"materials": []}, "meshes[0].materials"),
         ({"world_from_mesh": [0.0] * 12}, "meshes[0].world_from_mesh"),
         ({"world_from_mesh": [1e-300, 0, 0, 0, 1e-300, 0, 0, 0, 1e-300, 0, 0, 0]}, "meshes[0]"),

@@ -20,6 +20,7 @@ struct EmitterSample {
     f64 distance_to;
     vec3 radiance;
     float pdf;
+    uint instance;
 };
 
 // The way from a receiver to a point of an emitter.
@@ -162,6 +163,7 @@ EmitterSample emitters_sample(SceneRef scene, Receiver from, float choice, vec2 
     }
     Emitter emitter = EmitterRecords(emitters.emitters).at[number];
     EmitterPlace place = EmitterPlaces(emitters.places).at[emitter.place];
+    result.instance = place.instance;
     DVec3 point = place_point(scene, place, from);
     WayTo to;
     if (NEEDS_MESHES != 0u && place.is_mesh != 0u) {

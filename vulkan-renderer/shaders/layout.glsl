@@ -260,6 +260,8 @@ struct CutPlane {
 const uint LOD_BY_DISTANCE = 3u;
 // The instance is a mesh.
 const uint LOD_TRIANGLES = 4u;
+// The same, and it is a shadow catcher.
+const uint LOD_CATCHER = 5u;
 const uint64_t INSTANCE_BYTES = 400UL;
 
 struct SurfaceRecord {

@@ -11,13 +11,14 @@ const uint FINDING_BOTH = 0u;
 const uint FINDING_AIMED = 1u;
 const uint FINDING_SCATTERED = 2u;
 
-// `pdf` 0: a single direction; `found` false: no sample.
+// `pdf` 0: a single direction; `found` false: no sample; `instance`: whose surface it is, NONE where it is none.
 struct LightSample {
     bool found;
     DVec3 direction;
     vec3 radiance_over_pdf;
     float pdf;
     f64 distance_to;
+    uint instance;
 };
 
 // Veach 1997, eq. 9.13 with β = 2. Ratios first: squares of peaked densities overflow.
@@ -47,6 +48,7 @@ LightSample lights_sample(Lights lights, Environment sky, Receiver from, float c
     LightSample result;
     result.found = false;
     result.distance_to = F64_INFINITY;
+    result.instance = NONE;
     Floats ends = Floats(lights.ends);
     uint light = 0u;
     while (light < lights.end_count && ends.at[light] <= choice) {
@@ -95,6 +97,7 @@ LightSample lights_aim(SceneRef scene, Lights lights, Environment sky, Receiver 
         result.pdf = s.pdf * lights.emitters_chance;
         result.radiance_over_pdf = s.radiance / result.pdf;
         result.distance_to = s.distance_to;
+        result.instance = s.instance;
         return result;
     }
     if (NEEDS_EMITTERS != 0u && lights.emitters_chance > 0.0) {

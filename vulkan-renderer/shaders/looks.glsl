@@ -3,6 +3,12 @@
 #define LOOKS_GLSL
 
 #include "layout.glsl"
+#include "needs.glsl"
+
+// Whether they are a shadow catcher's.
+bool looks_catches(InstanceRef instance) {
+    return NEEDS_CATCHER != 0u && instance.it.lod == LOD_CATCHER;
+}
 
 // Material of a dense label.
 Material material_of(InstanceRef instance, uint label) {

@@ -6,7 +6,7 @@
 #include "mesh_normals.glsl"
 
 bool is_mesh(InstanceRef instance) {
-    return NEEDS_MESHES != 0u && instance.it.lod == LOD_TRIANGLES;
+    return NEEDS_MESHES != 0u && instance.it.lod >= LOD_TRIANGLES;
 }
 
 void mesh_corners(InstanceRef instance, uint triangle, out DVec3 corners[3]) {

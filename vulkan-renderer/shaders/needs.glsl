@@ -33,6 +33,8 @@ layout(constant_id = 13) const uint NEEDS_EMITTERS = 1u;
 layout(constant_id = 14) const uint NEEDS_MATTES = 1u;
 // Some surface is shaded by another normal than its own.
 layout(constant_id = 15) const uint NEEDS_SMOOTH = 1u;
+// Some mesh is a shadow catcher.
+layout(constant_id = 16) const uint NEEDS_CATCHER = 1u;
 // There are so many instances that a hierarchy over them pays.
 layout(constant_id = 17) const uint NEEDS_INSTANCE_TREE = 1u;
 

@@ -58,8 +58,8 @@ const uint FLIGHT_SHADOW = 1u;
 const uint FLIGHT_SCATTERED = 2u;
 const uint FLIGHT_AMBIENT = 3u;
 
-// Light along a camera ray that sees up to t_max; `down` says where in the picture it is, 0 top to 1 bottom.
-Tally follow(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, float down) {
+// Light along a camera ray that sees up to t_max, told to a tally; `down` says where in the picture it is, 0 top to 1 bottom.
+void follow(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, float down, inout Tally tally) {
     Lights lights = scene.it.lights;
     Environment sky = scene.it.environment;
     if (NEEDS_PICTURE == 0u) {
@@ -68,7 +68,6 @@ Tally follow(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, flo
     uint mode = scene.it.settings.mode;
     uint bounces = mode == MODE_PATH ? scene.it.settings.bounces : 0u;
     bool aims = NEEDS_AIM != 0u && any_aimed(lights);
-    Tally tally = tally_new(scene.it.settings);
     vec3 throughput = vec3(1.0);
     // Surfaces that scattered, and such that were passed straight through.
     uint vertex = 0u, passed = 0u;
@@ -90,10 +89,11 @@ Tally follow(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, flo
         bool any = (flight == FLIGHT_SHADOW && NEEDS_CLEAR == 0u) || flight == FLIGHT_AMBIENT;
         bool crosses = (NEEDS_CLEAR | NEEDS_GLASS) != 0u && !any;
         f64 reach = crosses && may_touch(ray.direction, left) ? F64_INFINITY : t_max;
-        Hit hit = scene_ask(scene, ray, left.surface, reach, any, NONE, 0u);
+        bool among_catchers = NEEDS_CATCHER != 0u && tally.sink == SINK_ALONE;
+        Hit hit = scene_ask(scene, ray, left.surface, reach, any, NONE, 0u, among_catchers);
         if (flight == FLIGHT_AMBIENT) {
             tally_aimed(tally, is_hit(hit) ? vec3(0.0) : vec3(1.0), 0u);
-            return tally;
+            return;
         }
         if (crosses) {
             hit = next_hit(hit, ray.direction, left, t_max);
@@ -116,7 +116,7 @@ Tally follow(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, flo
                 tally_aimed(tally, add, vertex);
             }
             if (!goes_on) {
-                return tally;
+                return;
             }
             ray.direction = onward;
             t_max = F64_INFINITY;
@@ -145,13 +145,23 @@ Tally follow(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, flo
                 vec3 light = lights_found(lights, sky, dvec3_normalize(ray.direction), onward_pdf);
                 tally_met_behind(tally, throughput * light, vertex);
             }
-            return tally;
+            return;
         }
         ray.origin = dvec3_add(ray.origin, dvec3_scale(ray.direction, hit.t));
         // Whether a path outside of all labels started within another label's coarse element. (A mesh may well stand inside of a label.)
         bool buried = is_seen_from_within(hit) && flight == FLIGHT_SCATTERED && goes_outward(ray.direction, left) &&
             left.surface.kind != SURFACE_TRIANGLE && !may_touch(ray.direction, left);
         left = hit;
+
+        // The camera's first shadow catcher: the twin goes on twice from here. Here the whole sample is followed twice, the second time
+        // to get here, by the same numbers, and on among catchers alone: so nothing need be kept meanwhile.
+        if (vertex == 0u && tally_catches(tally) && looks_catches(instance_at(scene, hit.surface.instance))) {
+            if (tally.sink == SINK_NOTHING) {
+                tally_among_catchers(tally);
+            } else {
+                tally_caught(tally, lights_behind(lights, sky, ray.direction, down));
+            }
+        }
 
         // 1 where a cosine-distributed ray meets nothing within reach, else 0.
         if (mode == MODE_AMBIENT_OCCLUSION) {
@@ -165,7 +175,7 @@ Tally follow(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, flo
             tally.aimed = Share(vec3(1.0), false);
             ray.direction = frame_world(frame, sample_cosine(sampler_bounce(points, 0u, PAIR_SCATTER)));
             if (is_seen_from_within(hit) || f64_le(dvec3_dot(ray.direction, normal), F64_ZERO)) {
-                return tally;
+                return;
             }
             t_max = f64_from_bits(scene.it.settings.ao_distance);
             flight = FLIGHT_AMBIENT;
@@ -180,7 +190,7 @@ Tally follow(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, flo
             sampler_bounce(points, number, PAIR_ROULETTE).y >= material.alpha) {
             passed += 1u;
             if (passed > MOST_CLEAR_SURFACES) {
-                return tally;
+                return;
             }
             t_max = f64_sub(t_max, hit.t);
             gone = f64_add(gone, f64_mul(hit.t, dvec3_length(ray.direction)));
@@ -205,7 +215,7 @@ Tally follow(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, flo
         t_max = F64_INFINITY;
         gone = F64_ZERO;
         if (vertex > bounces || buried) {
-            return tally;
+            return;
         }
         Bsdf bsdf;
         if (is_smooth) {
@@ -238,6 +248,9 @@ Tally follow(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, flo
             }
             LightSample light =
                 lights_aim(scene, lights, sky, receiver, choice.x, sampler_bounce(points, number, PAIR_LIGHT), further);
+            if (NEEDS_CATCHER != 0u && tally.sink == SINK_ALONE && light.found && light.instance != NONE) {
+                light.found = looks_catches(instance_at(scene, light.instance));
+            }
             if (light.found && (bsdf_transmits(bsdf) || f64_lt(F64_ZERO, dvec3_dot(light.direction, frame.normal)))) {
                 float pdf;
                 vec3 wo = frame_local(frame, light.direction);
@@ -293,10 +306,9 @@ Tally follow(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, flo
             flight = FLIGHT_SCATTERED;
             vertex += 1u;
         } else {
-            return tally;
+            return;
         }
     }
-    return tally;
 }
 
 // One sample of one pixel.
@@ -313,7 +325,16 @@ Tally sample_of_pixel(SceneRef scene, uvec2 pixel, uint number) {
         ray = camera_ray(scene.it.camera, px, py, t_max);
     }
     float down = f64_to_f32(f64_div(py, f64_from_bits(scene.it.camera.size[1])));
-    return follow(scene, points, ray, t_max, down);
+    Tally tally = tally_new(scene.it.settings);
+    // Once more among catchers, where one was met.
+    for (uint round = 0u; round < (NEEDS_CATCHER == 0u ? 1u : 2u); round++) {
+        follow(scene, points, ray, t_max, down, tally);
+        if (tally.sink != SINK_CAUGHT) {
+            break;
+        }
+        tally.sink = SINK_NOTHING;
+    }
+    return tally;
 }
 
 // Adds the launch's samples to one pixel of its tile.
@@ -334,7 +355,7 @@ void add_samples(uvec2 in_tile) {
         Tally tally = sample_of_pixel(scene, pixel, number);
         film_add(launch.target, scene.it.film_width, pixel, number, tally.total);
         if (NEEDS_SORTED != 0u && tally.kept != 0u) {
-            tally_add_to(tally, launch.source, scene.it.film_width, pixel);
+            tally_add_to(tally, launch.source, scene.it.film_width, pixel, number);
         }
     }
 }

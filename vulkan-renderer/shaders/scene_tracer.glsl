@@ -4,6 +4,7 @@
 
 #include "volume_tracer.glsl"
 #include "instance_tree.glsl"
+#include "looks.glsl"
 
 InstanceRef instance_at(SceneRef scene, uint number) {
     return InstanceRef(scene.it.instances + uint64_t(number) * INSTANCE_BYTES);
@@ -12,9 +13,12 @@ InstanceRef instance_at(SceneRef scene, uint number) {
 // One function for the three questions of the twin (see volume_ask): `first_hit`; with `any`, `occluded`; with `only` a label,
 // `next_boundary` of it in instance `only_instance`.
 //
+// With `catchers`, they are asked of shadow catchers alone, for which the twin has a tracer of their own.
+//
 // The nearest of what each meets by itself, that of the lowest number where several are as near, in whatever order they are asked. (One
 // call of volume_ask, because shaders inline what they call: what is asked next is chosen before it.)
-Hit scene_ask(SceneRef scene, RayInWorld ray, Surface from, f64 t_max, bool any, uint only, uint only_instance) {
+Hit scene_ask(SceneRef scene, RayInWorld ray, Surface from, f64 t_max, bool any, uint only, uint only_instance,
+    bool catchers) {
     Hit best = no_hit();
     uint count = scene.it.instance_count;
     bool by_tree = NEEDS_INSTANCE_TREE != 0u && scene.it.instance_tree.nodes != 0UL && only == NONE;
@@ -46,6 +50,9 @@ Hit scene_ask(SceneRef scene, RayInWorld ray, Surface from, f64 t_max, bool any,
             if (number == from.instance) {
                 continue;
             }
+        }
+        if (NEEDS_CATCHER != 0u && catchers && !looks_catches(instance_at(scene, number))) {
+            continue;
         }
         Hit hit = volume_ask(instance_at(scene, number), number, ray, from, t_max, best.t, only, any);
         if (!is_hit(hit)) {

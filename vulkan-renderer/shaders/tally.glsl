@@ -5,6 +5,7 @@
 
 #include "layout.glsl"
 #include "needs.glsl"
+#include "sampler.glsl"
 
 const uint LIGHT_KINDS = 8u;
 const uint COLOR_KINDS = 3u;
@@ -22,8 +23,17 @@ const uint KEPT_FEATURES = 2u;
 const uint KEPT_LIGHT = 4u;
 const uint KEPT_LABELS = 8u;
 const uint KEPT_TYPES = 16u;
+const uint KEPT_CAUGHT = 32u;
+const uint KEPT_BEHIND = 64u;
 // From this bit on: slots of a matte.
 const uint KEPT_SLOTS = 8u;
+
+// Whose light it is: the picture's; a shadow catcher's among all things, and among catchers alone; nobody's, on the second way to a
+// catcher.
+const uint SINK_MATTE = 0u;
+const uint SINK_CAUGHT = 1u;
+const uint SINK_ALONE = 2u;
+const uint SINK_NOTHING = 3u;
 
 // How scattered light is dealt out to kinds.
 struct Share {
@@ -44,6 +54,12 @@ struct Tally {
     Share aimed;
     uint kept;
     vec2 limits;
+    // A shadow catcher's light among all things, and among catchers alone; light behind everything; whether something else was met.
+    vec3 caught;
+    vec3 alone;
+    vec3 behind;
+    bool covered;
+    uint sink;
 };
 
 Tally tally_new(Settings settings) {
@@ -66,7 +82,33 @@ Tally tally_new(Settings settings) {
         t.limits.x = settings.clamp_direct == 0.0 ? none : 3.0 * settings.clamp_direct;
         t.limits.y = settings.clamp_indirect == 0.0 ? none : 3.0 * settings.clamp_indirect;
     }
+    t.sink = SINK_MATTE;
+    if (NEEDS_CATCHER != 0u) {
+        t.caught = vec3(0.0);
+        t.alone = vec3(0.0);
+        t.behind = vec3(0.0);
+        t.covered = true;
+    }
     return t;
+}
+
+// Whether light of shadow catchers is kept apart, and none was met.
+bool tally_catches(Tally t) {
+    if (NEEDS_CATCHER == 0u || NEEDS_SORTED == 0u) {
+        return false;
+    }
+    return (t.kept & KEPT_CAUGHT) != 0u && (t.sink == SINK_MATTE || t.sink == SINK_NOTHING);
+}
+
+// Puts light into the sum of whom it is of.
+void tally_put(inout Tally t, vec3 light) {
+    if (NEEDS_CATCHER == 0u || t.sink == SINK_MATTE) {
+        t.total += light;
+    } else if (t.sink == SINK_CAUGHT) {
+        t.caught += light;
+    } else if (t.sink == SINK_ALONE) {
+        t.alone += light;
+    }
 }
 
 // At most as much light as the clamp lets pass.
@@ -93,7 +135,10 @@ void tally_met(inout Tally t, vec3 light, uint vertex) {
         return;
     }
     light = tally_clamped(t, light, vertex > 1u);
-    t.total += light;
+    tally_put(t, light);
+    if (NEEDS_CATCHER != 0u && t.sink != SINK_MATTE) {
+        return;
+    }
     if (vertex == 0u) {
         t.light[EMISSION] += light;
     } else {
@@ -108,12 +153,35 @@ void tally_met_behind(inout Tally t, vec3 light, uint vertex) {
         return;
     }
     light = tally_clamped(t, light, false);
-    t.light[ENVIRONMENT] += light;
-    if ((t.kept & KEPT_ALPHA) != 0u) {
-        t.alpha = 0.0;
-    } else {
-        t.total += light;
+    bool transparent = (t.kept & KEPT_ALPHA) != 0u;
+    if (NEEDS_CATCHER == 0u || t.sink == SINK_MATTE) {
+        t.light[ENVIRONMENT] += light;
+        if (NEEDS_CATCHER != 0u) {
+            t.behind += light;
+            t.covered = !transparent;
+        }
     }
+    if (!transparent) {
+        tally_put(t, light);
+    } else if (NEEDS_CATCHER == 0u || t.sink != SINK_ALONE) {
+        t.alpha = 0.0;
+    }
+}
+
+// The path has met its first shadow catcher, with this light behind everything.
+void tally_caught(inout Tally t, vec3 behind) {
+    t.sink = SINK_CAUGHT;
+    t.covered = false;
+    if ((t.kept & KEPT_BEHIND) != 0u) {
+        vec3 light = tally_clamped(t, behind, false);
+        t.behind += light;
+        t.light[ENVIRONMENT] += light;
+    }
+}
+
+// What follows is met among catchers alone.
+void tally_among_catchers(inout Tally t) {
+    t.sink = SINK_ALONE;
 }
 
 // Light that the surface in front of the path was found to get from a light; t.aimed is what it made of it.
@@ -123,7 +191,10 @@ void tally_aimed(inout Tally t, vec3 light, uint vertex) {
         return;
     }
     light = tally_clamped(t, light, vertex > 0u);
-    t.total += light;
+    tally_put(t, light);
+    if (NEEDS_CATCHER != 0u && t.sink != SINK_MATTE) {
+        return;
+    }
     Share share = t.scattered;
     if (vertex == 0u) {
         share = t.aimed;
@@ -140,7 +211,7 @@ void tally_scattered(inout Tally t, uint vertex, Share share) {
 
 // The path came to a surface.
 void tally_came_to(inout Tally t, uint vertex, vec3 colors[COLOR_KINDS], vec3 normal) {
-    if (NEEDS_SORTED != 0u && vertex == 0u) {
+    if (NEEDS_SORTED != 0u && vertex == 0u && t.sink != SINK_ALONE) {
         t.colors = colors;
         t.normal = normal;
     }
@@ -148,7 +219,7 @@ void tally_came_to(inout Tally t, uint vertex, vec3 colors[COLOR_KINDS], vec3 no
 
 // Which surface it is.
 void tally_named(inout Tally t, uint vertex, vec2 ids) {
-    if (NEEDS_MATTES != 0u && vertex == 0u) {
+    if (NEEDS_MATTES != 0u && vertex == 0u && t.sink != SINK_ALONE) {
         t.ids = ids;
     }
 }
@@ -178,12 +249,17 @@ void put_sum(Floats sums, inout uint at, vec3 v) {
     at += 3u;
 }
 
-// Adds the sample to a pixel's sums.
-void tally_add_to(Tally t, Address all_sums, uint film_width, uvec2 pixel) {
+// Adds a sample of this number to a pixel's sums.
+void tally_add_to(Tally t, Address all_sums, uint film_width, uvec2 pixel, uint number) {
     bool features = (t.kept & KEPT_FEATURES) != 0u, light = (t.kept & KEPT_LIGHT) != 0u;
     bool alpha = (t.kept & KEPT_ALPHA) != 0u;
     uint stride = (alpha ? 1u : 0u) + (features ? 6u : 0u) + (light ? 3u * (LIGHT_KINDS + COLOR_KINDS) : 0u);
     uint slots = t.kept >> KEPT_SLOTS;
+    bool behind = (t.kept & KEPT_BEHIND) != 0u;
+    uint caught_floats = behind ? 11u : 8u;
+    if (NEEDS_CATCHER != 0u && (t.kept & KEPT_CAUGHT) != 0u) {
+        stride += REPLICATES * caught_floats;
+    }
     if (NEEDS_MATTES != 0u) {
         stride += 2u * slots * bitCount(t.kept & (KEPT_LABELS | KEPT_TYPES));
     }
@@ -205,6 +281,18 @@ void tally_add_to(Tally t, Address all_sums, uint film_width, uvec2 pixel) {
         }
         for (uint i = 0u; i < COLOR_KINDS; i++) {
             put_sum(sums, at, t.colors[i]);
+        }
+    }
+    if (NEEDS_CATCHER != 0u && (t.kept & KEPT_CAUGHT) != 0u) {
+        uint here = at + caught_floats * (number % REPLICATES);
+        at += REPLICATES * caught_floats;
+        put_sum(sums, here, t.caught);
+        put_sum(sums, here, t.alone);
+        sums.at[here] += t.covered ? 1.0 : 0.0;
+        sums.at[here + 1u] += t.alpha == 0.0 ? 1.0 : 0.0;
+        here += 2u;
+        if (behind) {
+            put_sum(sums, here, t.behind);
         }
     }
     if (NEEDS_MATTES != 0u && t.ids.x != 0.0) {

@@ -439,6 +439,9 @@ pub const LOD_BY_DISTANCE: u32 = 3;
 /// [`Instance::lod`] of a mesh: `pack::PackedMesh` has the meaning of the other fields.
 pub const LOD_TRIANGLES: u32 = 4;
 
+/// [`Instance::lod`] of a mesh that is a shadow catcher.
+pub const LOD_CATCHER: u32 = 5;
+
 /// A surface that a path leaves, or was hit: twin of `Surface`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]

@@ -174,7 +174,6 @@ impl Renderer for VulkanRenderer {
         meshes: &[Arc<MeshData>],
     ) -> Result<(), RenderError> {
         scene.validate().map_err(|e: SceneError| RenderError::Scene(e.to_string()))?;
-        pumice_render::refuse_undrawn(scene)?;
         pumice_render::check_counts(scene, volumes, meshes)?;
         loop {
             let (machine, former, counters) = (&mut self.machine, &mut self.shown, &mut self.counters);

@@ -152,7 +152,7 @@ impl Shown {
         needs.aim |= needs.emitters;
         needs.smooth = scene.settings.smooth_voxels || meshes.iter().any(|mesh| mesh.is_smooth());
         let size = [scene.film.width, scene.film.height];
-        let kept = PassSums::of(&scene.film);
+        let kept = kept_of(scene);
         let film = match former.take() {
             Some(Self { mut film, .. }) if film.size == size && film.copy().kept() == kept => {
                 film.clear(&machine.gpu, scene.settings.adaptive)?;
@@ -375,9 +375,14 @@ fn parts_of(
     counters.rebuilt.top_level += u64::from(made);
     counters.sent.header += 1;
     let rays = CameraRays::new(&scene.camera, &scene.film);
-    let settings = pack::settings(&scene.settings, PassSums::of(&scene.film));
+    let settings = pack::settings(&scene.settings, kept_of(scene));
     let tables = &machine.tables;
     Ok(SceneOnDevice::new(gpu, tables, instances, on_device, sky, emitters, filter, tree, &rays, settings)?)
+}
+
+/// What a scene's film keeps for passes.
+fn kept_of(scene: &Scene) -> PassSums {
+    PassSums::of(&scene.film, scene.meshes.iter().any(|mesh| mesh.shadow_catcher))
 }
 
 /// What of a scene shines and can be aimed at.
@@ -550,7 +555,8 @@ fn mesh_of(
             counters.rebuilt.materials += 1;
             counters.sent.materials += 1;
             let ids = if mattes { cryptomatte::ids_of_mesh(&mesh.source) } else { Vec::new() };
-            Arc::new(LooksOnDevice::new(gpu, Looks::of_mesh(&mesh.materials).with_ids(ids))?)
+            let looks = Looks::of_mesh(&mesh.materials).catching(mesh.shadow_catcher);
+            Arc::new(LooksOnDevice::new(gpu, looks.with_ids(ids))?)
         }
     };
     let instance = volumes + place;

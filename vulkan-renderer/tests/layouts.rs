@@ -17,8 +17,9 @@ use pumice_render::Bvh;
 use pumice_render::bvh::BoxBounds;
 use pumice_vulkan::layout::{
     Camera, Chunk, CutPlane, Emitter, EmitterPlace, Emitters, Environment, Filter, FirstRecord, HitRecord,
-    Instance, InstanceTree, LOD_BY_DISTANCE, LOD_TRIANGLES, Lamp, Launch, LightNode, Lights, Material, NONE,
-    Question, RayRecord, SCRATCH_BYTES, SceneHeader, Settings, ShiningTriangle, Sun, SurfaceRecord,
+    Instance, InstanceTree, LOD_BY_DISTANCE, LOD_CATCHER, LOD_TRIANGLES, Lamp, Launch, LightNode, Lights,
+    Material, NONE, Question, RayRecord, SCRATCH_BYTES, SceneHeader, Settings, ShiningTriangle, Sun,
+    SurfaceRecord,
 };
 use reflection::{Field, Layout, layouts};
 
@@ -402,6 +403,7 @@ fn constants_are_the_shaders() {
         ("SCRATCH_BYTES", SCRATCH_BYTES),
         ("LOD_BY_DISTANCE", u64::from(LOD_BY_DISTANCE)),
         ("LOD_TRIANGLES", u64::from(LOD_TRIANGLES)),
+        ("LOD_CATCHER", u64::from(LOD_CATCHER)),
         ("INSTANCE_BYTES", size_of::<Instance>() as u64),
         ("QUESTION_FIRST_HIT", Question::FirstHit as u64),
         ("QUESTION_OCCLUDED", Question::Occluded as u64),

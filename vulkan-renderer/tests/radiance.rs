@@ -9,6 +9,8 @@ mod gpu;
 #[expect(dead_code, reason = "made for another test too")]
 mod shapes;
 
+#[path = "radiance/catchers.rs"]
+mod catchers;
 #[path = "radiance/controls.rs"]
 mod controls;
 #[path = "radiance/device.rs"]

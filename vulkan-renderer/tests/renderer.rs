@@ -85,6 +85,9 @@ mod ray_query {
 mod compute {
     #[path = "../../cpu-renderer/tests/renderer/cases.rs"]
     pub(super) mod cases;
+    /// On one backend, as passes below; what more there is of them is seen sum by sum in `radiance/catchers.rs`.
+    #[path = "../../cpu-renderer/tests/renderer/catchers.rs"]
+    mod catchers;
     /// On one backend: that sums are alike on all, to the bit, is seen in `radiance/films.rs`.
     #[path = "../../cpu-renderer/tests/renderer/passes.rs"]
     mod passes;

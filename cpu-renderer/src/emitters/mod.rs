@@ -112,6 +112,8 @@ pub struct EmitterSample {
     pub radiance: Vec3,
     /// Density per solid angle.
     pub pdf: f32,
+    /// Whose surface it is.
+    pub instance: u32,
 }
 
 /// The way from a receiver to a point of an emitter.
@@ -289,6 +291,7 @@ impl Emitters {
             distance: distance * crate::lights::TOUCHING - from.point.abs().max_element() * POINT_ROUNDING,
             radiance,
             pdf,
+            instance: place.instance,
         })
     }
 

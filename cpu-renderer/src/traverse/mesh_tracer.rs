@@ -108,6 +108,11 @@ impl MeshTracer {
         (&self.geometry.mesh, &self.geometry.grid)
     }
 
+    /// As what its hits are known.
+    pub fn instance(&self) -> u32 {
+        self.instance
+    }
+
     /// Where it is in the world.
     pub(super) fn world_bounds(&self) -> Option<WorldBounds> {
         self.geometry.bvh.bounds().map(|bounds| WorldBounds::new(bounds, &self.placement))

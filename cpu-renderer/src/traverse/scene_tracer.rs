@@ -34,6 +34,8 @@ pub struct SceneTracer {
     is_smooth: bool,
     /// `None`: they are asked in turn.
     tree: Option<Arc<InstanceTree>>,
+    /// Those of the meshes that are shadow catchers, where any is; they are asked in turn.
+    catchers: Option<Box<SceneTracer>>,
 }
 
 /// The nearest hit so far.
@@ -72,7 +74,8 @@ impl SceneTracer {
 
     /// The geometry of instances that are built already; the one at place i was built as instance i.
     pub fn of(volumes: Vec<Arc<VolumeTracer>>) -> Self {
-        Self { is_smooth: volumes.iter().any(|v| v.is_smooth()), volumes, meshes: Vec::new(), tree: None }
+        let is_smooth = volumes.iter().any(|v| v.is_smooth());
+        Self { is_smooth, volumes, meshes: Vec::new(), tree: None, catchers: None }
     }
 
     /// With these meshes; the first is the instance after the last volume's.
@@ -80,6 +83,15 @@ impl SceneTracer {
     pub fn with_meshes(self, meshes: Vec<Arc<MeshTracer>>) -> Self {
         let is_smooth = self.is_smooth || meshes.iter().any(|mesh| mesh.is_smooth());
         Self { meshes, is_smooth, ..self }
+    }
+
+    /// With those of its meshes as shadow catchers for which `catches` holds, by place.
+    #[must_use]
+    pub fn with_catchers(self, catches: &[bool]) -> Self {
+        let of = self.meshes.iter().zip(catches).filter(|(_, catches)| **catches);
+        let meshes: Vec<_> = of.map(|(mesh, _)| Arc::clone(mesh)).collect();
+        let catchers = (!meshes.is_empty()).then(|| Box::new(Self::of(Vec::new()).with_meshes(meshes)));
+        Self { catchers, ..self }
     }
 
     /// With a hierarchy over instances and meshes where there are at least `least` of them
@@ -244,15 +256,22 @@ impl Tracer for SceneTracer {
             || self.meshes.iter().any(|mesh| mesh.occluded(ray, from, t_max))
     }
 
+    fn catchers(&self) -> Option<&dyn Tracer> {
+        self.catchers.as_deref().map(|catchers| catchers as &dyn Tracer)
+    }
+
     fn box_origin(&self, face: &Surface) -> Option<[u32; 3]> {
         self.instance(face.instance)?.box_origin(face)
     }
 
     fn smooth_normal(&self, surface: &Surface, point: DVec3) -> Option<DVec3> {
-        match (surface.instance as usize).checked_sub(self.volumes.len()) {
-            Some(place) => self.mesh(place)?.smooth_normal(surface, point),
-            None => self.instance(surface.instance)?.smooth_normal(surface, point),
-        }
+        let Some(place) = (surface.instance as usize).checked_sub(self.volumes.len()) else {
+            return self.instance(surface.instance)?.smooth_normal(surface, point);
+        };
+        // Among catchers alone, meshes stand closer together than their numbers say.
+        let is_it = |mesh: &&Arc<MeshTracer>| mesh.instance() == surface.instance;
+        let mesh = self.mesh(place).filter(is_it).or_else(|| self.meshes.iter().find(is_it));
+        mesh?.smooth_normal(surface, point)
     }
 
     fn is_smooth(&self) -> bool {

@@ -9,7 +9,8 @@
               smooth      true shades smoothly: a fault on purpose
               pattern     Cycles' sampling pattern
               threads     0: all
-              pictures    where (renders, height, width, 3) float32 is written, row 0 at the top; RGBA where the film is transparent
+              pictures    where (renders, height, width, 3) float32 is written, row 0 at the top; RGBA where the film is transparent, and
+                          the shadow catchers' pass behind that where the film asks for it
               passes      where light by kind is written besides, if anywhere: (renders, kinds, height, width, 3) float32 in the order of
                           `KINDS`, what Cycles divided by a colour multiplied with it again
               report      where seconds, CPU seconds and peak memory are written
@@ -287,7 +288,7 @@ def want_passes(scene):
 
 
 def read_layers(path):
-    """(height, width, 3) of each layer by its last name, the upper row first."""
+    """(height, width, 3) of each layer by its last name, the upper row first; of the picture's alpha (height, width, 1)."""
     from pathlib import Path
 
     for brought in Path(bpy.utils.resource_path("LOCAL")).glob("python/lib/python3*/site-packages"):
@@ -300,7 +301,9 @@ def read_layers(path):
         pixels = file.read_image(part, 0, 0, spec.nchannels, "float")
         for at, name in enumerate(spec.channelnames):
             *_, layer, channel = f"{spec.getattribute('name') or ''}.{name}".split(".")
-            if channel in ("R", "G", "B"):
+            if (layer, channel) == ("Combined", "A"):
+                found["Alpha"] = pixels[..., at : at + 1].copy()
+            elif channel in ("R", "G", "B"):
                 found.setdefault(layer, np.zeros((spec.height, spec.width, 3), np.float32))[..., "RGB".index(channel)] = pixels[..., at]
         part += 1
     file.close()
@@ -346,7 +349,9 @@ def build(job):
     for i, (instance, mesh) in enumerate(zip(wanted.get("meshes", []), job.get("meshes", []), strict=True)):
         arrays = (np.load(mesh[key]) for key in ("vertices", "triangles", "material_of_triangle"))
         normals = np.load(mesh["normals"]) if "normals" in mesh else None
-        mesh_object(f"mesh {i}", *arrays, mesh["materials"], matrix_of(instance["world_from_mesh"]), smooth, normals)
+        place = matrix_of(instance["world_from_mesh"])
+        obj = mesh_object(f"mesh {i}", *arrays, mesh["materials"], place, smooth, normals)
+        obj.is_shadow_catcher = instance.get("shadow_catcher", False)
     set_camera(scene, wanted["camera"], wanted["film"])
     set_world(scene, wanted["world"])
     add_suns(wanted["suns"])
@@ -363,15 +368,20 @@ def main(job):
     with tempfile.TemporaryDirectory() as folder:
         path = os.path.join(folder, "picture.exr")
         set_output(scene, path)
-        if job.get("passes"):
+        shadow_apart = "shadow_catcher" in job["scene"]["film"].get("passes", [])
+        if job.get("passes") or shadow_apart:
             want_passes(scene)
+            scene.view_layers[0].cycles.use_pass_shadow_catcher = shadow_apart
         built = {"cpu_seconds": cpu_seconds() - before["cpu_seconds"], "seconds": time.perf_counter() - before["seconds"]}
         for render in job["renders"]:
             scene.cycles.seed, scene.cycles.samples = render["seed"], render["spp"]
             start, cpu = time.perf_counter(), cpu_seconds()
             bpy.ops.render.render(write_still=True)
             rows.append({**render, "seconds": time.perf_counter() - start, "cpu_seconds": cpu_seconds() - cpu})
-            if job.get("passes"):
+            if shadow_apart:
+                layers = read_layers(path)
+                pictures.append(np.concatenate([layers["Combined"], layers["Alpha"], layers["Shadow Catcher"]], axis=2))
+            elif job.get("passes"):
                 layers = read_layers(path)
                 pictures.append(layers["Combined"])
                 kinds.append(light_by_kind(layers))

@@ -3,7 +3,7 @@
 use pumice_cpu::Looks;
 use pumice_render::cryptomatte::Ids;
 
-use crate::layout::{Instance, Material};
+use crate::layout::{Instance, LOD_CATCHER, Material};
 
 /// See the module.
 #[derive(Clone, Debug, Default)]
@@ -14,6 +14,8 @@ pub struct PackedLooks {
     pub of_label: Vec<u32>,
     /// What mattes call each label; empty where there are none.
     pub ids: Vec<Ids>,
+    /// Of a mesh that is a shadow catcher.
+    pub catches: bool,
 }
 
 impl PackedLooks {
@@ -42,11 +44,15 @@ impl PackedLooks {
             materials: looks.materials().iter().map(material).collect(),
             of_label: looks.of_label().to_vec(),
             ids: looks.ids().to_vec(),
+            catches: looks.catches(),
         }
     }
 
     /// Tells an instance of them, which lie at these addresses.
     pub fn describe(&self, instance: &mut Instance, materials: u64, of_label: u64, ids: u64) {
+        if self.catches {
+            instance.lod = LOD_CATCHER;
+        }
         instance.matte_ids = ids;
         instance.last_matte_id = (self.ids.len() as u32).saturating_sub(1);
         instance.materials = materials;

@@ -6,7 +6,7 @@
 //! boxes, box_count        boxes           corners of triangles, 3 words each; how many triangles
 //! labels                  labels          material index of each triangle
 //! leaves                  leaves          normals at the corners of triangles, 3 words each; 0 where all is flat
-//! lod                     level           LOD_TRIANGLES
+//! lod                     level           LOD_TRIANGLES; LOD_CATCHER by its looks
 //! chunks, dims            …               0
 //! the others              the same, of the mesh's grid
 //! ```

@@ -9,7 +9,7 @@ use super::PackedLooks;
 use crate::layout::Material;
 
 /// What each specialisation constant compiles.
-const PARTS: [(usize, Part); 16] = [
+const PARTS: [(usize, Part); 17] = [
     (1, Part::Microfacets),
     (2, Part::SkyPicture),
     (3, Part::Aiming),
@@ -25,6 +25,7 @@ const PARTS: [(usize, Part); 16] = [
     (13, Part::Emitters),
     (14, Part::Mattes),
     (15, Part::SmoothNormals),
+    (16, Part::Catchers),
     (17, Part::InstanceTree),
 ];
 
@@ -74,6 +75,8 @@ pub struct ShaderNeeds {
     pub mattes: bool,
     /// Some surface is shaded by another normal than its own.
     pub smooth: bool,
+    /// Some mesh is a shadow catcher.
+    pub catchers: bool,
     /// There is a hierarchy over instances.
     pub instance_tree: bool,
 }
@@ -89,8 +92,12 @@ impl ShaderNeeds {
         cuts: bool,
         meshes: bool,
     ) -> Self {
-        let mut materials: Vec<Material> = Vec::new();
-        looks.into_iter().for_each(|l| materials.extend(&l.materials));
+        let (mut materials, mut catchers) = (Vec::<Material>::new(), false);
+        for looks in looks {
+            materials.extend(&looks.materials);
+            catchers |= looks.catches;
+        }
+        let kept = PassSums::of(film, catchers);
         let any = |is: fn(&Material) -> bool| materials.iter().any(is);
         let has_microfacets =
             |m: &Material| m.metallic > 0.0 || m.transmission > 0.0 || (m.specular > 0.0 && m.ior != 1.0);
@@ -107,11 +114,12 @@ impl ShaderNeeds {
             cuts,
             meshes,
             emitters: lights.emitters().is_some(),
-            mattes: PassSums::of(film).ranks > 0,
+            mattes: kept.ranks > 0,
             // Scenes do not say what meshes have: who has them does.
             smooth: false,
             instance_tree: false,
-            sorted: clamps(settings) || PassSums::of(film).stride() > 0,
+            sorted: clamps(settings) || kept.stride() > 0,
+            catchers,
         }
     }
 
@@ -133,6 +141,7 @@ impl ShaderNeeds {
             emitters,
             mattes,
             smooth,
+            catchers,
             instance_tree,
         } = *self;
         [
@@ -152,7 +161,7 @@ impl ShaderNeeds {
             emitters,
             mattes,
             smooth,
-            false,
+            catchers,
             instance_tree,
         ]
         .map(u32::from)

@@ -74,11 +74,11 @@ pub(crate) const HOST_FILES: &[(&str, &str)] = &[
     ("render/src/preview.rs", "filters live pictures on the host"),
     ("render/src/resting.rs", "the host looks at the film; a device is told who rests, word by word"),
     ("render/src/passes.rs", "which sums are kept, and what is made of them on the host"),
+    ("render/src/shadow_catcher.rs", "what is made of catchers' sums on the host"),
     ("render/src/palette.rs", COLORS),
     ("render/src/lib.rs", NAMES),
     ("render/src/renderer.rs", "the interface of all renderers"),
     ("render/src/view_transform.rs", "what a screen shows of a finished picture"),
-    ("render/src/undrawn.rs", "what is refused before anything is drawn"),
 ];
 
 const READY: &str = "made ready before a ray is traced, for both renderers";
@@ -179,6 +179,7 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
         &[
             ("Looks::same", READY),
             ("Looks::carrying_clear", CARRIED),
+            ("Looks::catching", READY),
             ("Looks::new", READY),
             ("Looks::of_mesh", READY),
             ("Looks::materials", READ),
@@ -240,6 +241,7 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
         "cpu-renderer/src/traverse/mesh_tracer.rs",
         &[
             ("mesh_placement", READY),
+            ("MeshTracer::instance", READ),
             ("MeshTracer::new", READY),
             ("MeshTracer::again", READY),
             ("MeshTracer::mesh", READ),
@@ -259,6 +261,7 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
             ("SceneTracer::with_tree", READY),
             ("SceneTracer::tree", READ),
             ("SceneTracer::world_bounds", READY),
+            ("SceneTracer::with_catchers", READY),
             ("SceneTracer::mesh", "edits keep what is built"),
             ("SceneTracer::volumes", READ),
             ("SceneTracer::meshes", READ),
@@ -412,6 +415,10 @@ pub(crate) const OTHER_NAMES: &[Listed] = &[
             ("Sorted::aimed", "tally_aimed"),
             ("Sorted::scattered", "tally_scattered"),
             ("Sorted::came_to", "tally_came_to"),
+            ("Sorted::among_catchers", "tally_among_catchers"),
+            ("Sorted::put", "tally_put"),
+            ("Sorted::caught", "tally_caught"),
+            ("Sorted::catches", "tally_catches"),
         ],
     ),
     (
@@ -452,6 +459,7 @@ pub(crate) const OTHER_NAMES: &[Listed] = &[
             ("SceneTracer::occluded_by_tree", "scene_ask"),
             ("Nearest::new", "scene_ask"),
             ("Nearest::see", "scene_ask"),
+            ("SceneTracer::catchers", "scene_ask"),
         ],
     ),
     (
@@ -487,6 +495,8 @@ pub(crate) const OTHER_NAMES: &[Listed] = &[
             ("Tracer::shading_normal", "on_side_of"),
             ("Tracer::is_smooth", "is_hit"),
             ("Arc::is_smooth", "is_hit"),
+            ("Tracer::catchers", "no_surface"),
+            ("Arc::catchers", "no_surface"),
         ],
     ),
 ];

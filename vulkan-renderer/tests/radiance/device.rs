@@ -5,8 +5,8 @@ use std::cell::RefCell;
 use glam::Vec3;
 use pumice_cpu::bsdf::tables::TABLES;
 use pumice_cpu::camera_rays::CameraRays;
+use pumice_render::FilterTable;
 use pumice_render::film::STRIDE;
-use pumice_render::{FilterTable, PassSums};
 use pumice_vulkan::device::Backend;
 use pumice_vulkan::layout::{self, FirstRecord, Launch};
 use pumice_vulkan::pack::{self, PackedEmitters, PackedLooks, PackedSky};
@@ -60,7 +60,7 @@ impl OnDevice {
         let filter = layout::Filter { inverse, width: table.width(), steps };
         let tables = uploaded.put(gpu, &TABLES);
         let rays = CameraRays::new(&case.camera, &case.film);
-        let settings = pack::settings(&case.around.settings, PassSums::of(&case.film));
+        let settings = pack::settings(&case.around.settings, case.kept());
         let lights = pack::lights(lights, [ends, suns, lamps]);
         let sky = environment.unwrap_or_default();
         let header = pack::header(
@@ -128,7 +128,7 @@ impl Front {
         let (width, height) = (case.film.width, case.film.height);
         let floats = (width * height) as usize * STRIDE;
         let target = self.gpu.buffer(4 * floats);
-        let floats_of_passes = (width * height) as usize * PassSums::of(&case.film).stride();
+        let floats_of_passes = (width * height) as usize * case.kept().stride();
         let passes = self.gpu.buffer(4 * floats_of_passes.max(1));
         let input = if floats_of_passes > 0 { passes.address } else { 0 };
         let launch = Launch { scene: scene.address, input, output: target.address, ..Launch::default() };

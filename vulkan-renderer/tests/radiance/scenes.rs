@@ -6,7 +6,7 @@ use glam::{DAffine3, DMat3, DVec3, Vec3};
 use pumice_core::MeshData;
 use pumice_cpu::traverse::{LodChoice, MeshTracer, SceneTracer, TracedInstance, VolumeTracer};
 use pumice_cpu::{Lights, Looks, PathTracer, Sky, Surroundings, emitters_of};
-use pumice_render::{EnvironmentTable, Image, ReadyLamp, ReadySun};
+use pumice_render::{EnvironmentTable, Image, PassSums, ReadyLamp, ReadySun};
 use pumice_scene::{
     Aperture, Camera, Film, Filter, LabelStyle, Light, LightShape, Lod, Material, Mode, Outline, Projection,
     SensorFit, Settings, Sun,
@@ -48,7 +48,17 @@ impl Case {
             let instance = self.traced.len() as u32 + i;
             Arc::new(MeshTracer::new(i, instance, mesh, *place).expect("a mesh"))
         });
-        volumes.with_meshes(meshes.collect())
+        let catches: Vec<bool> = self.looks_of_meshes().map(|looks| looks.catches()).collect();
+        volumes.with_meshes(meshes.collect()).with_catchers(&catches)
+    }
+
+    fn looks_of_meshes(&self) -> impl Iterator<Item = &Arc<Looks>> {
+        self.around.looks.iter().skip(self.traced.len())
+    }
+
+    /// What the film keeps for passes.
+    pub(crate) fn kept(&self) -> PassSums {
+        PassSums::of(&self.film, self.looks_of_meshes().any(|looks| looks.catches()))
     }
 
     /// The CPU's picture, not begun.
@@ -316,6 +326,24 @@ fn room() -> Case {
     case.reach = 66.0;
     // Rough: errors of many mirror images would leave nothing to compare.
     surfaces_of(case, 0.8)
+}
+
+/// The floor under bodies and meshes catches their shadows: of a sun, of surfaces that shine, of even light around.
+pub(crate) fn catching() -> Vec<Case> {
+    let sky = Sky::Constant(Vec3::new(0.4, 0.5, 0.6));
+    let lit = |suns| beside_meshes(bodies().with_lights(Lights::new(sky.clone(), suns, None)));
+    // The ball's roughness.
+    let shining = Case { sharpness: 1.0 / 0.49, ..lit(vec![sun(0.3, 2.0)]).aimed_at_emission() };
+    let around = lit(Vec::new()).settings(|s| (s.mode, s.ao_distance) = (Mode::AmbientOcclusion, 30.0));
+    let mut cases = vec![
+        shining.named("a floor that catches, among what shines"),
+        around.named("a floor that catches, occlusion"),
+    ];
+    for case in &mut cases {
+        let floor = case.traced.len();
+        case.around.looks[floor] = Arc::new(Looks::clone(&case.around.looks[floor]).catching(true));
+    }
+    cases
 }
 
 /// All of them.
