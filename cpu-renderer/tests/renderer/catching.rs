@@ -102,7 +102,7 @@ fn edits_and_slices() {
     let plain = draw(&ordinary, &meshes, 5);
     assert_ne!(caught, plain);
     let mut renderer = super::renderer();
-    for (scene, expected) in [(&scene, &caught), (&ordinary, &plain), (&scene, &caught)] {
+    for (scene, expected) in [(&ordinary, &plain), (&scene, &caught), (&ordinary, &plain)] {
         let (_, picture) = draw_on!(renderer, scene, &meshes, Duration::ZERO, 5);
         assert_eq!(picture, *expected);
     }
