@@ -91,6 +91,14 @@ impl<T: Tracer> Tracer for Listening<'_, T> {
     fn box_origin(&self, face: &Surface) -> Option<[u32; 3]> {
         self.tracer.box_origin(face)
     }
+
+    fn smooth_normal(&self, surface: &Surface, point: DVec3) -> Option<DVec3> {
+        self.tracer.smooth_normal(surface, point)
+    }
+
+    fn is_smooth(&self) -> bool {
+        self.tracer.is_smooth()
+    }
 }
 
 /// What the CPU finds of a sample.
