@@ -16,8 +16,8 @@ pub(crate) fn measure(programs: &Programs, volumes: &[PathBuf]) -> Result<Table>
             let args = ["compress".as_ref(), volume.as_os_str(), "-o".as_ref(), file.as_os_str()];
             programs.pumice(&[&args[..], &["--level".as_ref(), level.as_ref()]].concat())?;
             disk.push(std::fs::metadata(&file).map_err(|e| e.to_string())?.len() as f64);
+            programs.pumice(&["verify".as_ref(), file.as_os_str(), volume.as_os_str()])?;
         }
-        programs.pumice(&["verify".as_ref(), file.as_os_str(), volume.as_os_str()])?;
 
         let info = programs.report(&["info".as_ref(), file.as_os_str(), "--json".as_ref()])?;
         let raw = number(&info, "bytes_raw")?;

@@ -25,7 +25,7 @@ const PARTS: [(&str, u64, &str); 14] = [
     ("python", 600, "formats, file layout and metrics against other people's code"),
     ("cli", 900, "the command: contract, bad input, full disk, Ctrl-C"),
     ("wheel", 1200, "the module pumice for Python, built and installed"),
-    ("python-module", 900, "its stub, its types, its tests"),
+    ("python-module", 1500, "its stub, its types, its tests"),
     ("blender-env", 900, "target/venv-bpy: Blender as a module, and the libraries that it lacks here"),
     ("blender", 900, "the extension, packed and installed as a user does, in Blender without a window"),
     ("shared-rust", 900, "suites over volumes that may not be shipped"),
