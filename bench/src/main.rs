@@ -1,15 +1,16 @@
 //! Sizes, speeds, and error against time of given volumes, as Markdown and CSV.
 //!
-//! It drives the programs that users run (`pumice`, and the examples `build_speed`, `ray_rate`, `live_latency`, `backend_speed` and `instance_speed`, which measure
+//! It drives the programs that users run (`pumice`, and the examples `build_speed`, `ray_rate`, `live_latency`, `backend_speed`, `instance_speed` and `embree_rays`, which measure
 //! what no command reports) and puts their figures into tables: so it measures what is shipped, and has no second copy of anything.
 //!
 //! ```text
-//! cargo run --release -p pumice-bench -- sizes|speeds|live|backends|instances|convergence VOLUME… [--out bench/results]
+//! cargo run --release -p pumice-bench -- sizes|speeds|live|backends|instances|embree|convergence VOLUME… [--out bench/results]
 //! ```
 #![forbid(unsafe_code)]
 
 mod backends;
 mod convergence;
+mod embree;
 mod instances;
 mod live;
 mod machine;
@@ -27,13 +28,14 @@ use crate::programs::Programs;
 type Result<T> = std::result::Result<T, String>;
 
 const USAGE: &str = "\
-Usage: cargo run --release -p pumice-bench -- BENCH VOLUME… [--backends NAME,NAME…] [--size WxH] [--spp N] [--out FOLDER]
+Usage: cargo run --release -p pumice-bench -- BENCH VOLUME… [--backends NAME,NAME…] [--size WxH] [--spp N] [--embree PREFIX] [--side N] [--out FOLDER]
 
   sizes         bytes in memory by part, on disk by level, in per cent of 4 bytes a voxel
   speeds        parts, finish, saving, opening, rays: per CPU-second (volumes of u32 labels)
   live          how soon a live 1920 × 1080 picture follows an edit, and what the edit costs its caller
   backends      rays and frames on each backend (or those that are named), of 1920x1080 or the size; bytes on the device
   instances     what many instances of a volume (or of a mesh: `mesh`) cost a sample, in turn and by a hierarchy over them
+  embree        the same rays through Embree, by the voxels' faces as quads (15 % of the labels shown; N × N primary rays)
   convergence   relMSE against a reference of 64 times as many samples (128 or N at most), by CPU-seconds, on the CPU
   errors        the same on each backend (or those that are named), by seconds
 
@@ -54,6 +56,7 @@ fn run() -> Result<()> {
     let bench = args.next().ok_or(USAGE)?;
     let (mut volumes, mut out, mut backends) = (Vec::new(), None, Vec::new());
     let (mut size, mut most_spp) = ("1920x1080".to_owned(), 128);
+    let (mut embree, mut side) = (None, "1024".to_owned());
     while let Some(arg) = args.next() {
         match arg.as_str() {
             "--out" => out = Some(PathBuf::from(args.next().ok_or("--out needs a folder")?)),
@@ -62,6 +65,11 @@ fn run() -> Result<()> {
                 backends = list.split(',').map(str::to_owned).collect();
             }
             "--size" => size = args.next().ok_or("--size needs WIDTHxHEIGHT")?,
+            "--embree" => embree = Some(PathBuf::from(args.next().ok_or("--embree needs a folder")?)),
+            "--side" => {
+                let number = args.next().filter(|n| n.parse::<u32>().is_ok_and(|n| n >= 8 && n % 8 == 0));
+                side = number.ok_or("--side needs a multiple of 8")?;
+            }
             "--spp" => {
                 let number = args.next().and_then(|n| n.parse().ok()).filter(|&n: &u32| n > 0);
                 most_spp = number.ok_or("--spp needs a number of samples")?;
@@ -81,6 +89,7 @@ fn run() -> Result<()> {
             }
             "live" => vec![example("pumice-session", "live_latency")],
             "instances" => vec![example("pumice-session", "instance_speed")],
+            "embree" => vec![example("pumice-session", "embree_rays")],
             // Who names the backends need not ask what is here.
             "backends" if !backends.is_empty() => vec![example("pumice-session", "backend_speed")],
             "backends" => vec![PUMICE, example("pumice-session", "backend_speed")],
@@ -96,6 +105,7 @@ fn run() -> Result<()> {
         "speeds" => speeds::measure(&build()?, &volumes)?,
         "live" => live::measure(&build()?, &volumes)?,
         "instances" => instances::measure(&build()?, &volumes)?,
+        "embree" => embree::measure(&build()?, &volumes, embree.as_deref(), &side)?,
         "convergence" => convergence::measure(&build()?, &volumes, &["cpu".to_owned()], most_spp)?,
         "backends" => {
             let programs = build()?;

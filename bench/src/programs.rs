@@ -47,7 +47,8 @@ impl Programs {
     }
 }
 
-fn said(command: &mut Command) -> Result<String> {
+/// What a command prints; an error where it fails.
+pub(crate) fn said(command: &mut Command) -> Result<String> {
     let name = command.get_program().to_string_lossy().into_owned();
     let output = command.output().map_err(|e| format!("{name}: {e}"))?;
     if !output.status.success() {

@@ -444,6 +444,49 @@ pub(crate) enum BenchKind {
     Convergence(Convergence),
     Stability(Stability),
     Needs(Needs),
+    Peers(Peers),
+    Extremes(Extremes),
+}
+
+/// The worst volumes that there are, generated: bytes, memory, time, and how it grows
+///
+/// A label of 2³² voxels, 10⁷ labels of one voxel, a line, a checkerboard, noise: each compressed, saved, opened and held against its
+/// generator. Writes extremes.csv and extremes.md. Exit code 1 when one takes more bytes than its bound, or its time grows faster than
+/// its voxels.
+#[derive(Debug, Args)]
+pub(crate) struct Extremes {
+    /// Some cases only: runs, full, labels, checkerboard, noise-2, noise-256
+    #[arg(long = "case", value_name = "NAME,…", value_delimiter = ',')]
+    pub(crate) cases: Vec<String>,
+    /// A 64th of the voxels: seconds instead of minutes
+    #[arg(long)]
+    pub(crate) reduced: bool,
+    /// Memory to stay below while compressing, in bytes
+    #[arg(long, value_name = "BYTES", value_parser = bytes)]
+    pub(crate) memory_limit: Option<u64>,
+    /// Folder for the results, made if absent
+    #[arg(long, value_name = "DIR", default_value = "pumice-extremes")]
+    pub(crate) out: PathBuf,
+}
+
+/// Other programs that store label volumes, side by side: bytes, CPU seconds, what one voxel costs
+///
+/// Compresses and decompresses the volume with Pumice at all levels and with crackle, compresso, compressed_segmentation, zstd, NIfTI and
+/// zarr by their own Python packages, and holds what comes back against the volume. Writes peers.csv and peers.md.
+#[derive(Debug, Args)]
+pub(crate) struct Peers {
+    /// Label volumes; the shipped one by default
+    #[arg(value_name = "FILE")]
+    pub(crate) volumes: Vec<PathBuf>,
+    /// Python interpreter that has the programs' packages
+    #[arg(long, value_name = "PYTHON", default_value = "python3")]
+    pub(crate) python: PathBuf,
+    /// Programs to leave out
+    #[arg(long, value_name = "NAME,…", value_delimiter = ',')]
+    pub(crate) without: Vec<String>,
+    /// Folder for the results, made if absent
+    #[arg(long, value_name = "DIR", default_value = "pumice-peers")]
+    pub(crate) out: PathBuf,
 }
 
 /// What it saves to leave out what a scene does not need: both ways in turn

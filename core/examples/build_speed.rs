@@ -59,7 +59,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         volume.labels().len(),
         volume.boxes().len(),
         volume.nodes().len(),
-        volume.dictionary().len(),
+        volume.leaves().patterns().len(),
         volume.content_hash()
     );
     for level in [pumice_core::Level::Fast, pumice_core::Level::Default, pumice_core::Level::Small] {

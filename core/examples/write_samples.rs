@@ -33,6 +33,15 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let q = p.map(|v| u64::from((v + mix(p, 3) % 2) / 13));
         if q[0] == 2 { 0 } else { 1 + q[0] + 100 * q[1] + 10_000_000_000 * q[2] }
     })?;
+    // Slices repeat, and a few fields have others: all classes of references.
+    write(folder, "speckled", [200, 96, 64], |p| {
+        let d2: u32 = p.iter().map(|&v| (v % 32).abs_diff(16).pow(2)).sum();
+        match mix(p, 4) % 2 {
+            0 => 1 + u64::from(mix(p, 5) % 5),
+            _ if d2 < 140 => 6 + u64::from(p[0] / 32),
+            _ => 0,
+        }
+    })?;
     Ok(())
 }
 
@@ -49,7 +58,10 @@ fn write(
         dims.iter().flat_map(|v| v.to_le_bytes()).chain(ids.iter().flat_map(|v| v.to_le_bytes())).collect();
     std::fs::write(folder.join(format!("{name}.ids")), bytes)?;
     let volume = compress_labels(VolumeInfo::new(dims, LabelType::U64), LabelBuffer::U64(ids))?;
-    for (level, word) in [(Level::Fast, "fast"), (Level::Default, "default"), (Level::Small, "small")] {
+    let levels = [(Level::Fast, "fast"), (Level::Default, "default"), (Level::Small, "small")];
+    // A decoder in Python takes seconds for 10⁵ voxels one by one.
+    let few = usize::from(dims.iter().product::<u32>() < 300_000);
+    for &(level, word) in &levels[..2 + few] {
         volume.save(&folder.join(format!("{name}.{word}.pumice")), level, &Job::new())?;
     }
     Ok(())

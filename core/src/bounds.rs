@@ -32,11 +32,7 @@ impl BoxView<'_> {
     pub fn voxel_bounds(&self) -> ([u32; 3], [u32; 3]) {
         // Bit p of used[a]: some voxel has coordinate p along axis a, counted from the box's corner.
         let mut used = [0u32; 3];
-        let mut cells = self.node.occupied;
-        while cells != 0 {
-            let c = cells.trailing_zeros();
-            cells &= cells - 1;
-            let field = self.node.field(c);
+        for (c, field) in self.node.fields() {
             // Fold z layers together, then rows, then read off what is left.
             let layer = field | field >> 32;
             let layer = (layer | layer >> 16) as u32 & 0xFFFF;

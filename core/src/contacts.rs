@@ -58,7 +58,6 @@ impl Neighbourhood {
     ) {
         for &i in boxes {
             let b = volume.get_box(i as usize);
-            let label = volume.label_of_box(i as usize);
             let origin = b.origin.map(|o| i64::from(o / 4));
             let mut range = [(0u32, 0u32); 3];
             let mut empty = false;
@@ -72,6 +71,8 @@ impl Neighbourhood {
             if empty {
                 continue;
             }
+            // A search among all labels of the chunk: most boxes of a neighbour are none of a brick's.
+            let label = volume.label_of_box(i as usize);
             for p in cells_between(range.map(|r| r.0), range.map(|r| r.1)) {
                 let field = b.node.field(p[0] + 4 * p[1] + 16 * p[2]);
                 if field != 0 {

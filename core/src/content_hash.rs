@@ -30,11 +30,10 @@ impl CompressedVolume {
                 hash.update(&v.to_le_bytes());
             }
             hash.update(&b.node.occupied.to_le_bytes());
-            hash.update(&b.node.solid.to_le_bytes());
-            let mut mixed = b.node.occupied & !b.node.solid;
-            while mixed != 0 {
-                hash.update(&b.node.field(mixed.trailing_zeros()).to_le_bytes());
-                mixed &= mixed - 1;
+            let solid = b.node.solid();
+            hash.update(&solid.to_le_bytes());
+            for (_, field) in b.node.fields().filter(|&(c, _)| solid >> c & 1 == 0) {
+                hash.update(&field.to_le_bytes());
             }
         });
         hash.digest128()

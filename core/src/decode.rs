@@ -85,16 +85,12 @@ impl BoxView<'_> {
         let [x, y, z] = [0, 1, 2].map(|a| voxel[a] - self.origin[a]);
         let cell = (x >> 2) + (y & !3) + 4 * (z & !3);
         let bit = (x & 3) + 4 * (y & 3) + 16 * (z & 3);
-        self.node.field(cell) >> bit & 1 != 0
+        self.node.has(cell, bit)
     }
 
     /// Writes `label` wherever the box has a voxel within the block.
     fn paint(&self, label: u32, origin: [u32; 3], dims: [u32; 3], labels: &mut [u32]) {
-        let mut cells = self.node.occupied;
-        while cells != 0 {
-            let c = cells.trailing_zeros();
-            cells &= cells - 1;
-            let field = self.node.field(c);
+        for (c, field) in self.node.fields() {
             let low = [0, 1, 2].map(|a| self.origin[a] + 4 * (c >> (2 * a) & 3));
             for row in 0..16 {
                 let four = field >> (4 * row) & 15;

@@ -4,7 +4,7 @@
 //! for each label (in parallel):  gather its records from all parts ─► Snap4 boxes, each with its fields
 //! sort the boxes:                chunk (Morton), label, Morton code of the origin
 //! share:                         boxes with the same contents have one node
-//! dictionary:                    the most frequent fields of the distinct nodes
+//! leaves:                        the most frequent fields and slices of the distinct nodes
 //! write the nodes:               in the order of first use, then box records and label runs
 //! ```
 //! Each step's result follows from the volume alone, so threads, blocks and their order leave no trace in it.
@@ -17,13 +17,13 @@ use xxhash_rust::xxh3::Xxh3;
 
 use crate::boxes::{RawBox, RawBoxes, split_label};
 use crate::cell::Cell;
-use crate::node::NODE_HEADER_WORDS;
+use crate::leaves::{LeafIndex, Leaves};
+use crate::node::{node_words, write_node};
 use crate::part::Run;
 use crate::store::StoredParts;
 use crate::volume::CHUNK_CELLS;
 use crate::{
-    BoxRecord, Chunk, CompressedVolume, Error, Job, LabelRun, LabelTable, Result, VolumeInfo, dictionary,
-    morton,
+    BoxRecord, Chunk, CompressedVolume, Error, Job, LabelRun, LabelTable, Result, VolumeInfo, morton,
 };
 
 /// Records that one task takes at least: enough to hide its cost, few enough to balance.
@@ -197,17 +197,17 @@ fn finish_with_window(
     }
     drop((first_with, hashes));
 
-    // Dictionary over the distinct nodes.
+    // Leaves of the distinct nodes.
     job.check()?;
     let uses = distinct.iter().flat_map(|&i| fields_of(&boxes[i as usize])).copied().collect();
-    let dictionary = dictionary::build(uses);
-    let index = dictionary::index(&dictionary);
+    let leaves = Leaves::of_fields(uses);
+    let index = LeafIndex::new(&leaves);
     let sizes: Vec<u16> = distinct
         .par_iter()
         .map(|&i| {
-            let fields = fields_of(&boxes[i as usize]);
-            let ranked = fields.iter().filter(|f| index.contains_key(f)).count();
-            (NODE_HEADER_WORDS + ranked + 4 * (fields.len() - ranked)) as u16
+            let b = &boxes[i as usize];
+            // At most MOST_NODE_WORDS.
+            node_words(b.occupied, fields_of(b), &index) as u16
         })
         .collect();
 
@@ -254,7 +254,7 @@ fn finish_with_window(
     }
     volume.runs.shrink_to_fit();
     volume.chunks.shrink_to_fit();
-    volume.boxes = records;
+    volume.boxes = records.into();
 
     // Write the nodes, in parallel: each group of nodes into its own piece of the array.
     let mut nodes = vec![0u16; words as usize];
@@ -270,45 +270,14 @@ fn finish_with_window(
         for &d in group {
             let b = &boxes[distinct[d as usize] as usize];
             let (node, tail) = piece.split_at_mut(usize::from(sizes[d as usize]));
-            write_node(b, fields_of(b), &index, node);
+            write_node(b.occupied, b.solid, fields_of(b), &index, node);
             piece = tail;
         }
     });
-    volume.nodes = nodes;
-    volume.dictionary = dictionary;
+    volume.nodes = nodes.into();
+    volume.leaves = leaves;
     volume.labels = labels;
     Ok(volume)
-}
-
-/// Writes a node as drawn in [`crate::node`].
-fn write_node(b: &RawBox, fields: &[u64], index: &FxHashMap<u64, u16>, node: &mut [u16]) {
-    fn put64(words: &mut [u16], value: u64) {
-        for (i, word) in words.iter_mut().take(4).enumerate() {
-            *word = (value >> (16 * i)) as u16;
-        }
-    }
-    let known: u32 = fields.iter().map(|f| u32::from(index.contains_key(f))).sum();
-    let mut ranked = 0u64;
-    let (mut short, mut long) = (NODE_HEADER_WORDS, NODE_HEADER_WORDS + known as usize);
-    let mut mixed = b.occupied & !b.solid;
-    for field in fields {
-        let c = mixed.trailing_zeros();
-        mixed &= mixed - 1;
-        match index.get(field) {
-            Some(&i) => {
-                ranked |= 1 << c;
-                node[short] = i;
-                short += 1;
-            }
-            None => {
-                put64(&mut node[long..], *field);
-                long += 4;
-            }
-        }
-    }
-    put64(node, b.occupied);
-    put64(&mut node[4..], b.solid);
-    put64(&mut node[8..], ranked);
 }
 
 #[cfg(test)]
@@ -333,7 +302,7 @@ mod tests {
         let dims = [3000, 5, 7];
         let (raw, labels, ids) = raw(dims);
         let mut sizes = Vec::new();
-        for window in [0, 40, 200, u64::MAX / 2] {
+        for window in [0, 10, 30, u64::MAX / 2] {
             let info = VolumeInfo::new(dims, LabelType::U8);
             let mut volume =
                 finish_with_window(info, raw.clone(), labels.clone(), &Job::new(), window).unwrap();

@@ -4,7 +4,7 @@
 //! ```text
 //! BlockSource ──► parts ──► merge ──► finish ──► CompressedVolume ──► .pumice
 //!   labels        (label, cell, mask)  boxes, nodes,  queries, decoding
-//!   by block      records, OR-ed       dictionary
+//!   by block      records, OR-ed       leaves
 //! ```
 
 pub mod array_source;
@@ -17,7 +17,7 @@ pub mod compress;
 pub mod contacts;
 pub mod content_hash;
 mod decode;
-pub mod dictionary;
+pub mod elements;
 pub mod error;
 pub mod file;
 mod finish;
@@ -25,6 +25,7 @@ pub mod grid;
 pub mod info;
 pub mod job;
 pub mod label_table;
+pub mod leaves;
 pub mod mesh;
 pub mod morton;
 pub mod node;
@@ -42,12 +43,14 @@ pub use bounds::Bounds;
 pub use box_record::BoxRecord;
 pub use compress::{CompressOptions, compress, compress_labels};
 pub use contacts::Contacts;
+pub use elements::Elements;
 pub use error::{Error, Result};
 pub use file::Level;
 pub use grid::BoxGrid;
 pub use info::{LabelNote, LabelType, Unit, VolumeInfo, WorldFrame};
 pub use job::Job;
 pub use label_table::LabelTable;
+pub use leaves::Leaves;
 pub use mesh::{MeshData, MeshError};
 pub use node::NodeRef;
 pub use part::Part;

@@ -6,39 +6,62 @@
 //!
 //! ```text
 //! a node in the array of 16-bit words, little-endian:
-//! word   0          4          8          12                        12 + D                     12 + D + 4·I
-//!        ┌──────────┬──────────┬──────────┬─────────────────────────┬──────────────────────────┐
-//!        │ occupied │ solid    │ ranked   │ D dictionary indices    │ I occupancy fields       │
-//!        │ 64 bits  │ 64 bits  │ 64 bits  │ 16 bits each            │ 64 bits each             │
-//!        └──────────┴──────────┴──────────┴─────────────────────────┴──────────────────────────┘
-//! occupied  bit c: cell c has a voxel                c = x + 4·y + 16·z, x y z in 0..4, of the cell in its box
-//! solid     bit c: cell c has all 64 voxels          solid ⊆ occupied
-//! ranked    bit c: cell c's field is in the leaf dictionary, at the index given by this node
-//!                                                    ranked ⊆ occupied ∖ solid
-//! D = popcount(ranked), I = popcount(occupied ∖ solid ∖ ranked); both lists in increasing c
-//! field     bit v: voxel v of the cell is there      v = x + 4·y + 16·z of the voxel in its cell
+//! word   0          4                4 + ⌈2n / 16⌉
+//!        ┌──────────┬────────────────┬──────────────────────────────────────────┐
+//!        │ occupied │ low    high    │ references, of 0 to 4 words,             │
+//!        │ 64 bits  │ n bits n bits  │ of the occupied cells by rising c        │
+//!        └──────────┴────────────────┴──────────────────────────────────────────┘
+//! occupied   bit c: cell c has a voxel              c = x + 4·y + 16·z, x y z in 0..4, of the cell in its box
+//! n          popcount(occupied)
+//! low, high  bit r: class of the occupied cell of rank r; then zeros up to a whole word
+//!            low high
+//!             0   0   solid: all 64 voxels          no reference
+//!             1   0   ranked                        1 word    ([`crate::leaves`])
+//!             0   1   sliced                        2 words
+//!             1   1   long                          3 words, in some volumes 4
+//! field      bit v: voxel v of the cell is there    v = x + 4·y + 16·z of the voxel in its cell
 //! ```
+//! So a cell's reference begins popcount(low) + 2·popcount(high) words behind the first, over the ranks below, and where long ones have
+//! 4 words, popcount(low ∧ high) farther.
 
-/// Words (16 bits each) of a node before its references.
-pub const NODE_HEADER_WORDS: usize = 12;
+use crate::leaves::{Class, LeafIndex, Leaves, flipped};
+
+/// Words (16 bits each) of a node before its classes.
+pub(crate) const OCCUPIED_WORDS: usize = 4;
+
+/// Words that a node takes at most: every cell with a field of its own.
+pub(crate) const MOST_NODE_WORDS: usize = OCCUPIED_WORDS + 8 + 4 * 64;
+
+/// Words of a node up to its references, where so many cells are occupied.
+#[inline(always)]
+pub(crate) fn header_words(occupied_cells: u32) -> usize {
+    OCCUPIED_WORDS + (2 * occupied_cells as usize).div_ceil(16)
+}
 
 /// A node, read in place.
 #[derive(Clone, Copy, Debug)]
 pub struct NodeRef<'a> {
     /// Cells with a voxel.
     pub occupied: u64,
-    /// Cells with all 64 voxels.
-    pub solid: u64,
-    /// Cells whose field is in the dictionary.
-    pub ranked: u64,
+    /// Classes by rank, each the lower and the upper bit.
+    low: u64,
+    high: u64,
+    /// From the first word of the first reference on.
     references: &'a [u16],
-    dictionary: &'a [u64],
+    leaves: &'a Leaves,
 }
 
-#[inline]
+#[inline(always)]
 fn word64(words: &[u16], at: usize) -> u64 {
     let w = &words[at..at + 4];
     u64::from(w[0]) | u64::from(w[1]) << 16 | u64::from(w[2]) << 32 | u64::from(w[3]) << 48
+}
+
+/// Words of references whose classes are these; long ones have so many beyond three.
+#[inline(always)]
+fn reference_words(low: u64, high: u64, beyond_3: usize) -> usize {
+    let three = (low.count_ones() + 2 * high.count_ones()) as usize;
+    if beyond_3 == 0 { three } else { three + (low & high).count_ones() as usize }
 }
 
 impl<'a> NodeRef<'a> {
@@ -47,44 +70,167 @@ impl<'a> NodeRef<'a> {
     /// # Panics
     /// When the node does not lie within `nodes`; a volume's constructor checks each of its references once.
     #[inline]
-    pub fn read(nodes: &'a [u16], at: usize, dictionary: &'a [u64]) -> Self {
+    pub fn read(nodes: &'a [u16], at: usize, leaves: &'a Leaves) -> Self {
         let node = &nodes[at..];
+        let occupied = word64(node, 0);
+        let n = occupied.count_ones();
+        // 128 bits hold the classes of all 64 cells; they may reach behind the node, and behind the last one there is nothing.
+        let classes = match node.get(OCCUPIED_WORDS..OCCUPIED_WORDS + 8) {
+            Some(words) => u128::from(word64(words, 0)) | u128::from(word64(words, 4)) << 64,
+            None => node[OCCUPIED_WORDS..].iter().rev().fold(0, |bits, &w| bits << 16 | u128::from(w)),
+        };
+        let mask = u64::MAX.checked_shr(64 - n).unwrap_or(0);
         Self {
-            occupied: word64(node, 0),
-            solid: word64(node, 4),
-            ranked: word64(node, 8),
-            references: &node[NODE_HEADER_WORDS..],
-            dictionary,
+            occupied,
+            low: classes as u64 & mask,
+            high: (classes >> n) as u64 & mask,
+            references: &node[header_words(n)..],
+            leaves,
         }
     }
 
     /// Occupancy field of cell `c` in 0..64: 0 where empty, all ones where solid.
     #[inline]
     pub fn field(&self, c: u32) -> u64 {
+        let (field, flip) = self.flipped_field(c);
+        flipped(field, flip)
+    }
+
+    /// Whether voxel `voxel` of cell `c` is there.
+    #[inline]
+    pub fn has(&self, c: u32, voxel: u32) -> bool {
+        let (field, flip) = self.flipped_field(c);
+        field >> (voxel ^ flip) & 1 != 0
+    }
+
+    /// A field and a flip: voxel v of cell `c` is voxel v ^ flip of the field.
+    #[inline]
+    pub fn flipped_field(&self, c: u32) -> (u64, u32) {
         let bit = 1u64 << c;
         if self.occupied & bit == 0 {
-            return 0;
+            return (0, 0);
         }
-        if self.solid & bit != 0 {
-            return u64::MAX;
-        }
-        let below = bit - 1;
-        if self.ranked & bit != 0 {
-            let rank = (self.ranked & below).count_ones() as usize;
-            self.dictionary[usize::from(self.references[rank])]
-        } else {
-            let inline = self.occupied & !self.solid & !self.ranked;
-            let rank = (inline & below).count_ones() as usize;
-            word64(self.references, self.ranked.count_ones() as usize + 4 * rank)
+        let rank = (self.occupied & (bit - 1)).count_ones();
+        let below = (1u64 << rank) - 1;
+        let at = reference_words(self.low & below, self.high & below, self.leaves.words_beyond_3());
+        match (self.low >> rank & 1, self.high >> rank & 1) {
+            (0, 0) => (u64::MAX, 0),
+            (1, 0) => self.leaves.ranked(self.references[at]),
+            (0, _) => (self.leaves.sliced([self.references[at], self.references[at + 1]]), 0),
+            _ => (self.leaves.long(&self.references[at..]), 0),
         }
     }
 
     /// Length of the whole node in 16-bit words.
     #[inline]
     pub fn words(&self) -> usize {
-        let inline = self.occupied & !self.solid & !self.ranked;
-        NODE_HEADER_WORDS + self.ranked.count_ones() as usize + 4 * inline.count_ones() as usize
+        header_words(self.occupied.count_ones())
+            + reference_words(self.low, self.high, self.leaves.words_beyond_3())
     }
+
+    /// Cells with all 64 voxels.
+    pub fn solid(&self) -> u64 {
+        self.classes().filter(|&(_, class)| class == Class::Solid).fold(0, |mask, (c, _)| mask | 1 << c)
+    }
+
+    /// The occupied cells by rising c, and how each one's field is named.
+    pub(crate) fn classes(&self) -> impl Iterator<Item = (u32, Class)> + use<> {
+        let (mut cells, mut low, mut high) = (self.occupied, self.low, self.high);
+        std::iter::from_fn(move || {
+            let c = cells.trailing_zeros();
+            let class = match (low & 1, high & 1) {
+                (0, 0) => Class::Solid,
+                (1, 0) => Class::Ranked,
+                (0, _) => Class::Sliced,
+                _ => Class::Long,
+            };
+            cells &= cells.wrapping_sub(1);
+            (low, high) = (low >> 1, high >> 1);
+            (c < 64).then_some((c, class))
+        })
+    }
+
+    /// The occupied cells by rising c with their fields: quicker than asking for one after another.
+    #[inline]
+    pub fn fields(&self) -> impl Iterator<Item = (u32, u64)> + use<'a> {
+        self.flipped_fields().map(|(c, field, flip)| (c, flipped(field, flip)))
+    }
+
+    /// The same with a flip each, as [`NodeRef::flipped_field`] has it.
+    #[inline]
+    pub(crate) fn flipped_fields(&self) -> FlippedFields<'a> {
+        FlippedFields(*self)
+    }
+
+    /// The classes with the first word of each one's reference, counted from the node's.
+    pub(crate) fn references(&self) -> impl Iterator<Item = (u32, Class, usize)> + use<'a> {
+        let (mut at, leaves) = (header_words(self.occupied.count_ones()), self.leaves);
+        self.classes().map(move |(c, class)| {
+            let from = at;
+            at += leaves.words_of(class);
+            (c, class, from)
+        })
+    }
+}
+
+/// See [`NodeRef::flipped_fields`]: a node without the cells that have been.
+pub(crate) struct FlippedFields<'a>(NodeRef<'a>);
+
+impl Iterator for FlippedFields<'_> {
+    type Item = (u32, u64, u32);
+
+    #[inline(always)]
+    fn next(&mut self) -> Option<Self::Item> {
+        let node = &mut self.0;
+        if node.occupied == 0 {
+            return None;
+        }
+        let c = node.occupied.trailing_zeros();
+        let words = node.references;
+        let (field, flip, used) = match (node.low & 1, node.high & 1) {
+            (0, 0) => (u64::MAX, 0, 0),
+            (1, 0) => {
+                let (pattern, flip) = node.leaves.ranked(words[0]);
+                (pattern, flip, 1)
+            }
+            (0, _) => (node.leaves.sliced([words[0], words[1]]), 0, 2),
+            _ => (node.leaves.long(words), 0, node.leaves.words_of(Class::Long)),
+        };
+        node.references = &words[used..];
+        node.occupied &= node.occupied - 1;
+        (node.low, node.high) = (node.low >> 1, node.high >> 1);
+        Some((c, field, flip))
+    }
+}
+
+/// Words of a node with these contents.
+pub(crate) fn node_words(occupied: u64, fields: &[u64], index: &LeafIndex) -> usize {
+    let references: usize = fields.iter().map(|&f| index.words(f)).sum();
+    header_words(occupied.count_ones()) + references
+}
+
+/// Writes a node; `fields` are those of its occupied, not solid cells by rising c. `node` has [`node_words`] words.
+pub(crate) fn write_node(occupied: u64, solid: u64, fields: &[u64], index: &LeafIndex, node: &mut [u16]) {
+    let n = occupied.count_ones();
+    let (header, mut references) = node.split_at_mut(header_words(n));
+    let (mut classes, mut rank) = (0u128, 0);
+    let (mut cells, mut fields) = (occupied, fields.iter());
+    while cells != 0 {
+        let is_solid = solid & (cells & cells.wrapping_neg()) != 0;
+        cells &= cells - 1;
+        if let Some(&field) = fields.as_slice().first().filter(|_| !is_solid) {
+            fields.next();
+            let (class, words, count) = index.reference(field);
+            classes |= (class as u128 & 1) << rank | (class as u128 >> 1) << (n + rank);
+            let (these, rest) = std::mem::take(&mut references).split_at_mut(count);
+            these.copy_from_slice(&words[..count]);
+            references = rest;
+        }
+        rank += 1;
+    }
+    let (mask, bits) = header.split_at_mut(OCCUPIED_WORDS);
+    mask.iter_mut().zip(0..).for_each(|(w, i)| *w = (occupied >> (16 * i)) as u16);
+    bits.iter_mut().zip(0..).for_each(|(w, i)| *w = (classes >> (16 * i)) as u16);
 }
 
 /// Extent in cells of the tight box of some cells: one more than the highest coordinate along each axis.
@@ -104,6 +250,65 @@ pub(crate) fn extent_of(occupied: u64) -> [u32; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Contents of any kind: cells with probability `often`, one in four of them solid.
+    fn contents(s: &mut u64, often: u64) -> (u64, u64, Vec<u64>) {
+        let mut random = || {
+            *s = s.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            *s >> 33
+        };
+        let (mut occupied, mut solid, mut fields) = (0u64, 0u64, Vec::new());
+        for c in 0..64 {
+            if random() % 100 >= often {
+                continue;
+            }
+            occupied |= 1 << c;
+            match random() % 4 {
+                0 => solid |= 1 << c,
+                1 => fields.push([0xF, 0x00FF_00FF, 0x8888_8888_8888_8888][random() as usize % 3]),
+                2 => fields.push((0..4).fold(0, |f, _| f << 16 | (3 + 500 * (random() % 40)))),
+                _ => fields.push(random() << 33 ^ random() << 9 | 1),
+            }
+        }
+        (occupied, solid, fields)
+    }
+
+    #[test]
+    fn written_nodes_are_read_back() {
+        let mut s = 5;
+        let all: Vec<_> = (0..400).map(|i| contents(&mut s, [3, 40, 100][i % 3])).collect();
+        let leaves = Leaves::of_fields(all.iter().flat_map(|(_, _, f)| f).copied().collect());
+        let index = LeafIndex::new(&leaves);
+        let (mut nodes, mut starts, mut seen) = (Vec::new(), Vec::new(), [0; 4]);
+        for (occupied, solid, fields) in &all {
+            let at = nodes.len();
+            starts.push(at);
+            nodes.resize(at + node_words(*occupied, fields, &index), 0);
+            write_node(*occupied, *solid, fields, &index, &mut nodes[at..]);
+        }
+        for (at, (occupied, solid, fields)) in starts.iter().zip(&all) {
+            let node = NodeRef::read(&nodes, *at, &leaves);
+            assert_eq!((node.occupied, node.solid()), (*occupied, *solid));
+            assert_eq!(node.words(), node_words(*occupied, fields, &index));
+            let mut expected = fields.iter();
+            assert!(node.fields().eq((0..64).map(|c| (c, node.field(c))).filter(|&(_, f)| f != 0)));
+            for c in 0..64 {
+                let field = match (occupied >> c & 1, solid >> c & 1) {
+                    (0, _) => 0,
+                    (_, 1) => u64::MAX,
+                    _ => *expected.next().unwrap(),
+                };
+                assert_eq!(node.field(c), field);
+                let (image, flip) = node.flipped_field(c);
+                assert!(
+                    (0..64).all(|v| image >> (v ^ flip) & 1 == field >> v & 1
+                        && node.has(c, v) == (field >> v & 1 != 0))
+                );
+            }
+            node.classes().for_each(|(_, class)| seen[class as usize] += 1);
+        }
+        assert!(seen.iter().all(|&n| n > 500), "{seen:?}");
+    }
 
     #[test]
     fn extent_matches_naive() {

@@ -1,7 +1,7 @@
 //! The compressed volume: chunks of boxes over one shared sparse voxel DAG.
 //!
 //! ```text
-//! chunk (1024³ voxels of space) ──► its boxes, sorted by (label, Morton order of the corner) ──► node ──► leaf dictionary
+//! chunk (1024³ voxels of space) ──► its boxes, sorted by (label, Morton order of the corner) ──► node ──► leaves
 //!                               └─► its label runs: (label, first box), sorted by label
 //! ```
 //! A voxel belongs to at most one box. Boxes of one label never overlap; boxes of different labels may (paper §3.1).
@@ -9,7 +9,7 @@
 use std::sync::OnceLock;
 
 use crate::grid::BoxGrid;
-use crate::{BoxRecord, LabelTable, NodeRef, VolumeInfo};
+use crate::{BoxRecord, Elements, LabelTable, Leaves, NodeRef, VolumeInfo};
 
 /// Side of a chunk in voxels: 256 cells, so that a box's cell fits in 8 bits an axis.
 pub const CHUNK_VOXELS: u32 = 1024;
@@ -60,9 +60,9 @@ pub struct CompressedVolume {
     pub(crate) info: VolumeInfo,
     pub(crate) chunks: Vec<Chunk>,
     pub(crate) runs: Vec<LabelRun>,
-    pub(crate) boxes: Vec<BoxRecord>,
-    pub(crate) nodes: Vec<u16>,
-    pub(crate) dictionary: Vec<u64>,
+    pub(crate) boxes: Elements<BoxRecord>,
+    pub(crate) nodes: Elements<u16>,
+    pub(crate) leaves: Leaves,
     pub(crate) labels: LabelTable,
     pub(crate) grid: OnceLock<BoxGrid>,
     /// Once it was asked for, or known from the file.
@@ -78,9 +78,9 @@ impl CompressedVolume {
             info,
             chunks: Vec::new(),
             runs: Vec::new(),
-            boxes: Vec::new(),
-            nodes: Vec::new(),
-            dictionary: Vec::new(),
+            boxes: Elements::default(),
+            nodes: Elements::default(),
+            leaves: Leaves::default(),
             labels: LabelTable::default(),
             grid: OnceLock::new(),
             hash: OnceLock::new(),
@@ -99,23 +99,32 @@ impl CompressedVolume {
         self.held.as_ref().is_none_or(|held| held.iter().all(|&h| h))
     }
 
-    /// Heap bytes held, by part. `index` is there once a query has built it ([`CompressedVolume::grid`]).
+    /// Bytes held, by part, on the heap or mapped. `index` is there once a query has built it ([`CompressedVolume::grid`]).
     pub fn resident_parts(&self) -> Vec<(&'static str, u64)> {
         fn bytes<T>(v: &Vec<T>) -> u64 {
             (v.capacity() * size_of::<T>()) as u64
         }
+        fn of<T>(e: &Elements<T>) -> u64 {
+            e.heap_bytes() + e.mapped_bytes()
+        }
         let names: usize = self.info.notes.iter().filter_map(|n| n.name.as_ref()).map(String::capacity).sum();
         let notes = self.info.notes.capacity() * size_of::<crate::LabelNote>() + names;
         let mut parts = vec![
-            ("boxes", bytes(&self.boxes) + bytes(&self.runs) + bytes(&self.chunks)),
-            ("nodes", bytes(&self.nodes)),
-            ("leaves", bytes(&self.dictionary)),
+            ("boxes", of(&self.boxes) + bytes(&self.runs) + bytes(&self.chunks)),
+            ("nodes", of(&self.nodes)),
+            ("leaves", self.leaves.bytes()),
             ("labels", self.labels.bytes() + notes as u64),
         ];
         if let Some(grid) = self.grid.get() {
             parts.push(("index", grid.bytes()));
         }
         parts
+    }
+
+    /// How many of [`CompressedVolume::resident_parts`] are a file's own pages and none of this process
+    /// ([`CompressedVolume::open_mapped`]).
+    pub fn mapped_bytes(&self) -> u64 {
+        self.boxes.mapped_bytes() + self.nodes.mapped_bytes()
     }
 
     /// Size, place, names as in the source.
@@ -148,9 +157,9 @@ impl CompressedVolume {
         &self.nodes
     }
 
-    /// The most frequent 4³ occupancy fields, at most 65,536, by falling count.
-    pub fn dictionary(&self) -> &[u64] {
-        &self.dictionary
+    /// The occupancy fields and slices that nodes name.
+    pub fn leaves(&self) -> &Leaves {
+        &self.leaves
     }
 
     /// Name and colour that the source gave a label.
@@ -201,7 +210,7 @@ impl CompressedVolume {
             node: NodeRef::read(
                 &self.nodes,
                 (chunk.node_base + u64::from(record.node())) as usize,
-                &self.dictionary,
+                &self.leaves,
             ),
         }
     }

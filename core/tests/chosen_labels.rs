@@ -64,9 +64,14 @@ fn what_is_chosen_is_what_the_whole_volume_has() {
             assert_eq!(part.is_whole(), round == 1);
             assert_eq!(part.content_hash(), volume.content_hash());
             assert!(part.nodes().len() <= volume.nodes().len());
-            assert!(part.dictionary().iter().all(|f| volume.dictionary().contains(f)));
+            assert!(part.leaves().patterns().iter().all(|f| volume.leaves().patterns().contains(f)));
             if round == 0 {
-                assert!(part.boxes().is_empty() && part.nodes().is_empty() && part.dictionary().is_empty());
+                assert!(
+                    part.boxes().is_empty()
+                        && part.nodes().is_empty()
+                        && part.leaves().patterns().is_empty()
+                        && part.leaves().rare().is_empty()
+                );
             }
         }
     }

@@ -190,7 +190,7 @@ fn state(v: &CompressedVolume) -> impl PartialEq + std::fmt::Debug {
         v.runs().iter().map(|r| (r.label, r.first_box)).collect::<Vec<_>>(),
         v.boxes().to_vec(),
         v.nodes().to_vec(),
-        v.dictionary().to_vec(),
+        v.leaves().clone(),
         v.labels().clone(),
     )
 }

@@ -148,6 +148,11 @@ class Volume:
         """Bytes in memory: the sum of `resident_parts`."""
         return sum(self.resident_parts.values())
 
+    @property
+    def bytes_mapped(self) -> int:
+        """How many of `bytes_resident` are pages of the file and none of this process: see `open`."""
+        return self._native.mapped_bytes()
+
     def save(self, path: Path, *, level: Level = "default", job: Job | None = None) -> None:
         """Writes a `.pumice` file, whole or not at all; level is fast, default or small."""
         self._native.save(os.fspath(path), level, job)
@@ -231,18 +236,27 @@ class Faces:
 
 
 def open(
-    path: Path, *, labels: Iterable[int] | None = None, job: Job | None = None, **reading: Unpack[Reading]
+    path: Path,
+    *,
+    labels: Iterable[int] | None = None,
+    mapped: bool = False,
+    job: Job | None = None,
+    **reading: Unpack[Reading],
 ) -> Volume:
     """Opens a `.pumice` file, or any label volume of a known format, which is compressed in memory.
 
     `labels`: of a `.pumice` file, these ids alone are read. The table has all labels still; voxels of the others are background
     (0), their boxes none and their bounds empty, and the volume cannot be saved.
 
+    `mapped`: boxes and nodes of a `.pumice` file of the level `fast` stay in the file and take no memory of this process. Until the
+    volume is gone no other program may change that file in place, or this process ends; saving over it with Pumice is safe. Files of
+    other levels, and chosen labels, are read.
+
     Keywords: `layer`, `time`, `channel` (numbers from 0), `array` (name within an `.npz`), `spacing` (three lengths). What is odd in
     the file and no error is a `PumiceWarning`.
     """
     chosen = None if labels is None else arguments.ids("labels", labels)
-    native, odd = _native.open(_path(path), labels=chosen, job=job, **arguments.reading(reading))
+    native, odd = _native.open(_path(path), labels=chosen, mapped=mapped, job=job, **arguments.reading(reading))
     _warn(odd)
     return Volume(native)
 

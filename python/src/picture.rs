@@ -144,7 +144,9 @@ pub(crate) fn render(
     let result = released(py, &job, || {
         let volumes = match volumes {
             Some(volumes) => volumes,
-            None => pumice_session::open_shown(&scene, None, &OpenOptions::default(), &job)?,
+            None => {
+                pumice_session::open_shown(&scene, None, &OpenOptions::default(), Residence::Copied, &job)?
+            }
         };
         render_scene(&scene, &volumes, &meshes, backend, &stop, &job, &mut |point| {
             let Some(call) = &on_progress else { return };

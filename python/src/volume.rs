@@ -10,7 +10,7 @@ use pumice_core::{
     LabelType, Level, TypeTable, Unit, Verification, VolumeInfo,
 };
 use pumice_export::{Corners, Interfaces, QuadMesh};
-use pumice_session::{OpenOptions, SessionError};
+use pumice_session::{OpenOptions, Residence, SessionError};
 use pyo3::buffer::PyBuffer;
 use pyo3::prelude::*;
 use serde_json::json;
@@ -61,6 +61,10 @@ impl Volume {
     }
 
     /// Bytes in memory by part, as they are now: queries build an index.
+    fn mapped_bytes(&self) -> u64 {
+        self.0.mapped_bytes()
+    }
+
     fn resident_parts(&self) -> BTreeMap<&'static str, u64> {
         self.0.resident_parts().into_iter().collect()
     }
@@ -247,12 +251,13 @@ type Opened = (Volume, Vec<String>);
 /// Opens a `.pumice` file, or compresses a label volume of another format in memory; with what the reader found odd. Of a `.pumice`
 /// file these labels alone, where they are given.
 #[pyfunction]
-#[pyo3(signature = (path, *, labels=None, layer=None, time=None, channel=None, array=None, spacing=None, job=None))]
+#[pyo3(signature = (path, *, labels=None, mapped=false, layer=None, time=None, channel=None, array=None, spacing=None, job=None))]
 #[allow(clippy::too_many_arguments, reason = "they are keywords")]
 pub(crate) fn open(
     py: Python<'_>,
     path: PathBuf,
     labels: Option<Vec<u64>>,
+    mapped: bool,
     layer: Option<u32>,
     time: Option<u32>,
     channel: Option<u32>,
@@ -262,8 +267,9 @@ pub(crate) fn open(
 ) -> PyResult<Opened> {
     let job = job_of(job);
     let reading = reading(layer, time, channel, array, spacing);
+    let residence = if mapped { Residence::Mapped } else { Residence::Copied };
     let volume = released(py, &job, || match &labels {
-        None => pumice_session::open_volume(&path, &reading, &job),
+        None => pumice_session::open_volume(&path, &reading, residence, &job),
         Some(ids) => pumice_session::open_labels(&path, ids, &job),
     })?;
     Ok((Volume(volume), reading.warnings.list()))

@@ -140,6 +140,23 @@ def test_saved_and_opened_it_is_the_same(volume, labels, tmp_path):
         volume.save(path, level="tiny")
 
 
+def test_a_mapped_file_is_the_same_volume_and_takes_no_memory_for_boxes_and_nodes(volume, labels, tmp_path):
+    path = tmp_path / "a.pumice"
+    volume.save(path, level="fast")
+    mapped = pumice.open(path, mapped=True)
+    parts = mapped.resident_parts
+    assert 0.9 * (parts["boxes"] + parts["nodes"]) < mapped.bytes_mapped <= parts["boxes"] + parts["nodes"]
+    assert mapped.bytes_resident == volume.bytes_resident and volume.bytes_mapped == 0
+    # The file is replaced, not changed: the volume is what it was.
+    other = np.ones((5, 5, 5), np.uint8)
+    pumice.compress(other).save(path, level="fast")
+    np.testing.assert_array_equal(mapped.decode(), labels)
+    np.testing.assert_array_equal(pumice.open(path, mapped=True).decode(), other)
+    # There is nothing to map in a file that has to be decoded.
+    volume.save(path, level="default")
+    assert pumice.open(path, mapped=True).bytes_mapped == 0
+
+
 @pytest.mark.parametrize("level", ["fast", "default"])
 def test_labels_that_are_read_alone(volume, labels, level, tmp_path):
     path = tmp_path / "a.pumice"

@@ -14,7 +14,7 @@ use pumice_render::Renderer;
 use pumice_scene::{Environment, LabelMaterials, Lod, Material, Scene, Show};
 use pumice_session::figure::{FigureOptions, compose};
 use pumice_session::selection::select_labels;
-use pumice_session::{Job, OpenOptions, Stopwatch, make_renderer, open_volume};
+use pumice_session::{Job, OpenOptions, Residence, Stopwatch, make_renderer, open_volume};
 
 /// Frames of which the fastest counts: so few that the error, which costs time, is not estimated yet.
 const FRAMES: usize = 2;
@@ -30,7 +30,7 @@ fn main() -> Result<(), Failure> {
     };
     let (width, height) = size.split_once('x').ok_or("a size such as 1920x1080")?;
     let size = [width.parse()?, height.parse()?];
-    let volume = open_volume(&path, &OpenOptions::default(), &Job::new())?;
+    let volume = open_volume(&path, &OpenOptions::default(), Residence::Copied, &Job::new())?;
     let labels = (count > 0).then(|| select_labels(&volume, count));
     let options = FigureOptions { size, labels, view_deg: FigureOptions::DEFAULT_VIEW_DEG };
     let scene = compose(&volume, path, &options);

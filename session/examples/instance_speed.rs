@@ -15,7 +15,7 @@ use pumice_cpu::traverse::{LodChoice, MeshTracer, SceneTracer, TracedInstance, V
 use pumice_cpu::{Lights, Looks, Sky};
 use pumice_scene::{Camera, Film, Filter, Material, Projection, Settings};
 use pumice_session::selection::select_labels;
-use pumice_session::{Job, OpenOptions, Stopwatch, open_volume};
+use pumice_session::{Job, OpenOptions, Residence, Stopwatch, open_volume};
 
 type Failure = Box<dyn std::error::Error>;
 
@@ -28,7 +28,12 @@ fn main() -> Result<(), Failure> {
     let film = Film::new(width.parse()?, height.parse()?, Filter::BlackmanHarris { width: 3.0 });
     let shape = match what.as_str() {
         "mesh" => Shape::Mesh(Arc::new(ball(4)?)),
-        path => Shape::Volume(open_volume(&PathBuf::from(path), &OpenOptions::default(), &Job::new())?),
+        path => Shape::Volume(open_volume(
+            &PathBuf::from(path),
+            &OpenOptions::default(),
+            Residence::Copied,
+            &Job::new(),
+        )?),
     };
     for count in counts.split(',') {
         measure(&shape, count.parse()?, &film)?;

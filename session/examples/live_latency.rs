@@ -12,7 +12,7 @@ use pumice_scene::{Material, SceneEdit};
 use pumice_session::figure::{FigureOptions, compose};
 use pumice_session::live::{Frame, Live, LiveOptions};
 use pumice_session::selection::select_labels;
-use pumice_session::{Job, OpenOptions, open_volume};
+use pumice_session::{Job, OpenOptions, Residence, open_volume};
 
 const ROUNDS: usize = 20;
 
@@ -25,7 +25,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     };
     let (width, height) = size.split_once('x').ok_or("a size such as 1920x1080")?;
     let size = [width.parse()?, height.parse()?];
-    let volume = open_volume(&path, &OpenOptions::default(), &Job::new())?;
+    let volume = open_volume(&path, &OpenOptions::default(), Residence::Copied, &Job::new())?;
     let labels = (!colors).then(|| select_labels(&volume, 32));
     let options = FigureOptions { size, labels, view_deg: FigureOptions::DEFAULT_VIEW_DEG };
     let mut scene = compose(&volume, path, &options);

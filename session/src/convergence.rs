@@ -30,7 +30,7 @@ use crate::figure::{FigureOptions, compose};
 use crate::measure::{Stopwatch, peak_rss_bytes};
 use crate::progressive::{Stop, render_until};
 use crate::selection::select_labels;
-use crate::{make_renderer, open_volume};
+use crate::{Residence, make_renderer, open_volume};
 
 /// Seed of the first measured picture; repeats follow. The references' are far from them.
 const FIRST_SEED: u64 = 1;
@@ -149,7 +149,7 @@ pub fn measure_convergence(
     let base_bytes = peak_rss_bytes();
     watch("Pumice: compress, build, render");
     let clock = Stopwatch::start();
-    let volume = open_volume(&options.volume, &OpenOptions::default(), job)?;
+    let volume = open_volume(&options.volume, &OpenOptions::default(), Residence::Mapped, job)?;
     let scene = scene_of(&volume, options);
     let mut renderer = make_renderer("cpu")?;
     renderer.set_scene(&scene, &[Arc::clone(&volume)], &[])?;

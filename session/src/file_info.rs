@@ -86,14 +86,7 @@ fn pumice_info(path: &Path, job: &Job) -> Result<PumiceInfo> {
     let mut parts: BTreeMap<String, u64> =
         volume.resident_parts().iter().map(|&(name, bytes)| (name.to_string(), bytes)).collect();
 
-    // The acceleration structure is not in the file: build it, so that its size is a measurement.
-    let everything = TracedInstance {
-        visible: vec![true; volume.labels().len()],
-        volume: volume.clone(),
-        world_from_index: volume.info().world_from_index,
-        lod: LodChoice::Voxels,
-    };
-    parts.insert("acceleration".into(), SceneTracer::new(&[everything])?.bytes());
+    parts.insert("acceleration".into(), acceleration_bytes(&volume)?);
 
     let (info, labels) = (volume.info(), volume.labels());
     Ok(PumiceInfo {
@@ -107,13 +100,24 @@ fn pumice_info(path: &Path, job: &Job) -> Result<PumiceInfo> {
         types: labels.type_names().len() as u64,
         touching_pairs: labels.contacts().len(),
         boxes: volume.boxes().len() as u64,
-        leaf_patterns: volume.dictionary().len() as u64,
+        leaf_patterns: volume.leaves().patterns().len() as u64,
         content_hash: hash_text(&volume),
         bytes_raw: info.voxels().saturating_mul(4),
         bytes_disk,
         bytes_resident: parts.values().sum(),
         resident_parts: parts,
     })
+}
+
+/// Bytes of the hierarchy over all boxes of a volume. It is in no file: it is built, so that its size is a measurement.
+pub(crate) fn acceleration_bytes(volume: &Arc<CompressedVolume>) -> Result<u64> {
+    let everything = TracedInstance {
+        visible: vec![true; volume.labels().len()],
+        volume: Arc::clone(volume),
+        world_from_index: volume.info().world_from_index,
+        lod: LodChoice::Voxels,
+    };
+    Ok(SceneTracer::new(&[everything])?.bytes())
 }
 
 fn source_info(path: &Path, reading: &OpenOptions) -> Result<SourceInfo> {

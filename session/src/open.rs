@@ -31,13 +31,31 @@ pub fn is_pumice_file(path: &Path) -> Result<bool> {
     Ok(magic == pumice_core::file::MAGIC)
 }
 
+/// Where what a `.pumice` file holds is to be while it is used.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Residence {
+    /// In memory of this process: the file may change afterwards.
+    Copied,
+    /// In the file, as far as it lies there as in memory ([`CompressedVolume::open_mapped`]): for a process that has nothing to lose
+    /// where another program cuts the file short.
+    Mapped,
+}
+
 /// Opens a volume for rendering.
 ///
 /// # Errors
 /// One line that says what is wrong with the file and where; [`pumice_core::Error::Cancelled`] when `job` is cancelled.
-pub fn open_volume(path: &Path, reading: &OpenOptions, job: &Job) -> Result<Arc<CompressedVolume>> {
+pub fn open_volume(
+    path: &Path,
+    reading: &OpenOptions,
+    residence: Residence,
+    job: &Job,
+) -> Result<Arc<CompressedVolume>> {
     if is_pumice_file(path)? {
-        return Ok(Arc::new(CompressedVolume::open(path, job)?));
+        return Ok(Arc::new(match residence {
+            Residence::Copied => CompressedVolume::open(path, job)?,
+            Residence::Mapped => CompressedVolume::open_mapped(path, job)?,
+        }));
     }
     let mut source = pumice_formats::open(path, reading)?;
     Ok(Arc::new(compress_source(source.as_mut(), &CompressOptions::default(), job)?))
@@ -52,6 +70,7 @@ pub fn open_shown(
     scene: &Scene,
     instead: Option<&Show>,
     reading: &OpenOptions,
+    residence: Residence,
     job: &Job,
 ) -> Result<Vec<Arc<CompressedVolume>>> {
     let mut opened: BTreeMap<&Path, Arc<CompressedVolume>> = BTreeMap::new();
@@ -66,7 +85,7 @@ pub fn open_shown(
                     Some(show) => vec![show],
                     None => of_file.map(|i| &i.style.show).collect(),
                 };
-                let volume = open_chosen(path, &shows, reading, job)?;
+                let volume = open_chosen(path, &shows, reading, residence, job)?;
                 opened.insert(path, Arc::clone(&volume));
                 volume
             }
@@ -76,7 +95,8 @@ pub fn open_shown(
     Ok(volumes)
 }
 
-/// Opens a volume with the labels that any of `shows` draws: those alone where that is not all of them and it is a `.pumice` file.
+/// Opens a volume with the labels that any of `shows` draws: those alone where that is not all of them and it is a `.pumice` file;
+/// they are copied then.
 ///
 /// # Errors
 /// As [`open_volume`].
@@ -84,10 +104,11 @@ pub fn open_chosen(
     path: &Path,
     shows: &[&Show],
     reading: &OpenOptions,
+    residence: Residence,
     job: &Job,
 ) -> Result<Arc<CompressedVolume>> {
     if shows.contains(&&Show::All) || !is_pumice_file(path)? {
-        return open_volume(path, reading, job);
+        return open_volume(path, reading, residence, job);
     }
     let choose = |labels: &LabelTable| {
         let mut chosen = vec![false; labels.len()];
@@ -111,7 +132,7 @@ pub fn open_labels(path: &Path, ids: &[u64], job: &Job) -> Result<Arc<Compressed
         )));
     }
     let show = Show::Only(ids.to_vec());
-    let volume = open_chosen(path, &[&show], &OpenOptions::default(), job)?;
+    let volume = open_chosen(path, &[&show], &OpenOptions::default(), Residence::Copied, job)?;
     show.resolve("labels", volume.labels().ids()).map_err(|e| SessionError::Caller(e.to_string()))?;
     Ok(volume)
 }

@@ -17,7 +17,7 @@ use crate::backend::make_renderer;
 use crate::error::{Result, SessionError};
 use crate::figure::{FigureOptions, compose};
 use crate::measure::{Stopwatch, peak_rss_bytes};
-use crate::open::{open_chosen, open_meshes, open_shown};
+use crate::open::{Residence, open_chosen, open_meshes, open_shown};
 use crate::progressive::{CurvePoint, Stop, render_until};
 use crate::savings::{OpeningSaved, Savings, SavingsOptions, measure_opening, measure_savings};
 use crate::selection::select_labels;
@@ -234,7 +234,8 @@ struct Prepared {
 /// Reads the subject and makes a scene with its volumes of it.
 fn prepare(request: &RenderRequest, job: &Job) -> Result<Prepared> {
     let instead = request.overrides.labels.clone().map(Show::Only);
-    let open_all = |scene: &Scene| open_shown(scene, instead.as_ref(), &request.reading, job);
+    let open_all =
+        |scene: &Scene| open_shown(scene, instead.as_ref(), &request.reading, Residence::Mapped, job);
     let (mut scene, volumes, meshes, stop, backend) = match &request.subject {
         Subject::Again(picture) => {
             let made = read_provenance(picture)?.ok_or_else(|| {
@@ -267,7 +268,7 @@ fn prepare(request: &RenderRequest, job: &Job) -> Result<Prepared> {
         Subject::File(path) => {
             // Labels that are chosen by their shape are chosen among all.
             let shows = instead.as_ref().unwrap_or(&Show::All);
-            let volume = open_chosen(path, &[shows], &request.reading, job)?;
+            let volume = open_chosen(path, &[shows], &request.reading, Residence::Mapped, job)?;
             let options = FigureOptions {
                 size: request.overrides.size.unwrap_or([960, 540]),
                 labels: request.overrides.pick.map(|n| select_labels(&volume, n)),

@@ -19,7 +19,7 @@ def read_sections(data):
     """Sections by name, decoded (sections 2 and 3 of the page)."""
     assert data[:8] == SIGNATURE, "not a .pumice file"
     version, flags, length, table, count, frames = struct.unpack_from("<IIQQII", data, 8)
-    assert version in (1, 2) and (flags, length, table, frames) == (0, len(data), 64, 1)
+    assert version in (1, 2, 3) and (flags, length, table, frames) == (0, len(data), 64, 1)
     sections = {}
     for i in range(count):
         name, compression, width, filters, zero, offset, stored, decoded, _, _ = struct.unpack_from(
@@ -72,8 +72,93 @@ def node_fields(occupied, solid, ranked, references, inline, leaf):
     return fields
 
 
-def packed_nodes(s, leaf):
+def mirror_images(leaf):
+    """Patterns mirrored in all eight ways, by reference."""
+    rows = mask_bits(leaf)
+    flips = [(m & 1) * 3 ^ (m >> 1 & 1) * 12 ^ (m >> 2) * 48 for m in range(8)]
+    images = np.concatenate([rows[:, np.arange(64) ^ flip] for flip in flips])
+    out = np.zeros((8, 8192), np.uint64)
+    packed = np.ascontiguousarray(np.packbits(images, axis=1, bitorder="little"))
+    out[:, : len(leaf)] = packed.view("<u8").reshape(8, len(leaf))
+    return out.ravel()
+
+
+def tables(s):
+    """Patterns by reference, slices, rare fields."""
+    return mirror_images(np.frombuffer(s["LEAF"], "<u8")), np.frombuffer(s["SLIC"], "<u2"), np.frombuffer(s["RARE"], "<u8")
+
+
+def class_fields(occupied, low, high, ranked, sliced, long, tables):
+    """Fields of nodes, one row of 64 a node; the masks as booleans by cell, the references by class."""
+    patterns, slices, rare = tables
+
+    def of_slices(numbers):
+        return np.ascontiguousarray(slices[numbers], "<u2").view("<u8").ravel()
+
+    fields = np.zeros(occupied.shape, np.uint64)
+    fields[occupied & ~low & ~high] = np.uint64(2**64 - 1)
+    fields[low & ~high] = patterns[ranked]
+    fields[~low & high] = of_slices(np.frombuffer(sliced, np.uint8).reshape(-1, 4))
+    if len(slices) <= 256:
+        fields[low & high] = np.frombuffer(long, "<u8")
+    else:
+        words = np.frombuffer(long, "<u2").reshape(-1, 3).astype(np.uint64)
+        three = words[:, 0] | words[:, 1] << np.uint64(16) | words[:, 2] << np.uint64(32)
+        numbers = np.stack([three >> np.uint64(12 * i) & np.uint64(4095) for i in range(4)], axis=1)
+        is_rare = numbers[:, 0] == 4095
+        values = np.zeros(len(three), np.uint64)
+        values[is_rare] = rare[three[is_rare] >> np.uint64(12)]
+        values[~is_rare] = of_slices(numbers[~is_rare])
+        fields[low & high] = values
+    return fields
+
+
+def boxes_nodes(s):
+    """Which node each box has, in the packed form."""
+    back = np.frombuffer(s["BNOD"], "<u4").astype(np.int64)
+    unused = np.cumsum(back == 0) - (back == 0)
+    return unused - back
+
+
+def packed_nodes(s):
     """Nodes of the packed form, and which one each box has."""
+    occupied = mask_bits(np.frombuffer(s["OCCU"], "<u8"))
+    classes = bits(2 * occupied.sum(), s["CLAS"]).reshape(-1, 2)
+    low, high = np.zeros_like(occupied), np.zeros_like(occupied)
+    low[occupied], high[occupied] = classes[:, 0], classes[:, 1]
+    ranked = np.frombuffer(s["REFS"], "<u2")
+    return class_fields(occupied, low, high, ranked, s["SLCR"], s["FLDS"], tables(s)), boxes_nodes(s)
+
+
+def plain_nodes(s):
+    """Nodes of the plain form, and the number of the node at each word where one starts."""
+    words = np.frombuffer(s["NODE"], "<u2")
+    long_words = 3 if len(s["SLIC"]) > 512 else 4
+    rows, number_at, at, all_tables = [], {}, 0, tables(s)
+    while at < len(words):
+        number_at[at] = len(rows)
+        occupied = mask_bits(np.ascontiguousarray(words[at : at + 4]).view("<u8"))
+        n = int(occupied.sum())
+        to = at + 4 + -(-2 * n // 16)
+        classes = np.unpackbits(words[at + 4 : to].view(np.uint8), bitorder="little").astype(bool)
+        assert not classes[2 * n :].any()
+        low, high = np.zeros_like(occupied), np.zeros_like(occupied)
+        low[occupied], high[occupied] = classes[:n], classes[n : 2 * n]
+        references = [[], [], []]
+        for a, b in zip(classes[:n], classes[n : 2 * n]):
+            if a or b:
+                size = long_words if a and b else 2 if b else 1
+                references[2 if a and b else 1 if b else 0].extend(words[to : to + size])
+                to += size
+        ranked, sliced, long = (np.array(r, "<u2") for r in references)
+        references = (ranked, sliced.tobytes(), long.tobytes())
+        rows.append(class_fields(occupied, low, high, *references, all_tables)[0])
+        at = to
+    return np.array(rows, np.uint64).reshape(-1, 64), number_at
+
+
+def packed_nodes_1(s, leaf):
+    """The same of version 1."""
     occupied = mask_bits(np.frombuffer(s["OCCU"], "<u8"))
     solid, ranked = np.zeros_like(occupied), np.zeros_like(occupied)
     solid[occupied] = bits(occupied.sum(), s["SOLI"])
@@ -81,13 +166,11 @@ def packed_nodes(s, leaf):
     ranked[mixed] = bits(mixed.sum(), s["RANK"])
     references, inline = np.frombuffer(s["REFS"], "<u2"), np.frombuffer(s["FLDS"], "<u8")
     fields = node_fields(occupied, solid, ranked, references, inline, leaf)
-    back = np.frombuffer(s["BNOD"], "<u4").astype(np.int64)
-    unused = np.cumsum(back == 0) - (back == 0)
-    return fields, unused - back
+    return fields, boxes_nodes(s)
 
 
-def plain_nodes(s, leaf):
-    """Nodes of the plain form, and the number of the node at each word where one starts."""
+def plain_nodes_1(s, leaf):
+    """The same of version 1."""
     words = np.frombuffer(s["NODE"], "<u2")
     rows, number_at, at = [], {}, 0
     while at < len(words):
@@ -262,12 +345,12 @@ def decode(data):
     if plain:
         records = np.frombuffer(s["BOXS"], "<u8")
         cell = np.stack([(records >> np.uint64(40 + 8 * a)) & np.uint64(255) for a in range(3)], axis=1)
-        fields, number_at = plain_nodes(s, leaf)
+        fields, number_at = plain_nodes(s) if "SLIC" in s else plain_nodes_1(s, leaf)
         count = len(records)
     else:
         code = np.frombuffer(s["BCEL"], np.uint8).reshape(-1, 3).astype(np.int64) @ [1, 256, 65536]
         cell = demorton(code)
-        fields, number = packed_nodes(s, leaf)
+        fields, number = packed_nodes(s) if "SLIC" in s else packed_nodes_1(s, leaf)
         count = len(code)
 
     # Room for boxes that reach past the end by up to 3 voxels; cut off afterwards.

@@ -43,6 +43,12 @@ def test_every_voxel_is_the_same(samples):
         assert (ids == expected).all(), f"{file.name}: first difference at {np.argwhere(ids != expected)[0]}"
 
 
+def test_all_kinds_of_leaves_are_there(samples):
+    sections = [decode_pumice.read_sections(f.read_bytes()) for f in samples if ".small." not in f.name]
+    assert any(len(s["RARE"]) for s in sections) and any(len(s["LEAF"]) for s in sections)
+    assert any(len(s["SLIC"]) > 512 for s in sections) and any(0 < len(s["SLIC"]) <= 512 for s in sections)
+
+
 def test_contacts_are_the_same(samples):
     # Files of voxels have none: contacts follow from the voxels.
     for file in (f for f in samples if ".small." not in f.name):
@@ -51,7 +57,8 @@ def test_contacts_are_the_same(samples):
         for axis in range(3):
             a, b = np.moveaxis(ids, axis, 0)[:-1].ravel(), np.moveaxis(ids, axis, 0)[1:].ravel()
             touch = (a != b) & (a != 0) & (b != 0)
-            pairs |= set(zip(np.minimum(a, b)[touch].tolist(), np.maximum(a, b)[touch].tolist()))
+            found = np.stack([np.minimum(a, b)[touch], np.maximum(a, b)[touch]], axis=1)
+            pairs |= set(map(tuple, np.unique(found, axis=0).tolist()))
         labels = np.unique(ids[ids != 0]).tolist()
         got = [(labels[a], labels[b]) for a, b in decode_pumice.contacts(file.read_bytes())]
         assert got == sorted(pairs), file.name

@@ -34,6 +34,14 @@ fn reported_bytes_are_allocated_bytes() {
     agree("volume", opening.kept, reported);
     assert_eq!(volume.info().dims, DIMS);
 
+    // What is mapped is no memory of the process.
+    let fast = folder.path().join("mapped.pumice");
+    volume.save(&fast, Level::Fast, &Job::new()).unwrap();
+    let (mapped, mapping) = measured(|| CompressedVolume::open_mapped(&fast, &Job::new()).unwrap());
+    assert!(mapped.mapped_bytes() > reported / 2, "{} of {reported}", mapped.mapped_bytes());
+    agree("mapped volume", mapping.kept, reported - mapped.mapped_bytes());
+    drop(mapped);
+
     // Building the tracer.
     let (tracer, building) = measured(|| {
         let instance = TracedInstance {

@@ -212,16 +212,16 @@ Found walk_first_solid(Walk walk, IndexRay ray, BoxView b, bool began_inside) {
     if (b.level == LEVEL_BOXES) {
         return walk_found(walk, ray, began_inside);
     }
-    uint64_t whole = b.level == LEVEL_CELLS ? b.node.occupied : b.node.solid;
     while (true) {
         uint cell = walk_cell(walk);
         if (bit64(b.node.occupied, cell)) {
-            if (bit64(whole, cell)) {
+            if (b.level == LEVEL_CELLS) {
                 return walk_found(walk, ray, began_inside);
             }
-            uint64_t field = node_field(b.node, cell);
+            uint flip;
+            uint64_t field = node_flipped_field(b.node, cell, flip);
             while (true) {
-                if (bit64(field, walk_voxel_in_cell(walk))) {
+                if (bit64(field, walk_voxel_in_cell(walk) ^ flip)) {
                     return walk_found(walk, ray, began_inside);
                 }
                 uvec3 before = walk.m;
@@ -258,7 +258,7 @@ Step walk_last_solid(Walk walk, IndexRay ray, BoxView b, out bool left_box) {
         uint cell = walk_cell(walk);
         bool solid = b.level == LEVEL_BOXES ? true
             : b.level == LEVEL_CELLS ? bit64(b.node.occupied, cell)
-                                     : bit64(node_field(b.node, cell), walk_voxel_in_cell(walk));
+                                     : node_has(b.node, cell, walk_voxel_in_cell(walk));
         if (!solid) {
             left_box = false;
             break;

@@ -1,19 +1,27 @@
-// One 64-wide node: twin of core/src/node.rs. Nodes start at any 16-bit word; they are read by aligned 32-bit words, so that
-// devices need not have 16-bit memory access. The last read of an odd node reaches 2 bytes past its end.
+// One 64-wide node: twin of core/src/node.rs and leaves.rs. Nodes start at any 16-bit word; they are read by aligned 32-bit words, so
+// that devices need not have 16-bit memory access. A read may reach behind a node, where there is another or spare zeros.
 #ifndef NODE_GLSL
 #define NODE_GLSL
 
 #include "layout.glsl"
 
-const uint NODE_HEADER_WORDS = 12u;
+const uint OCCUPIED_WORDS = 4u;
+const uint MAX_PATTERNS = 8192u;
+// Number of a first slice that says that the field is a rare one.
+const uint RARE = 4095u;
+// What leaves begin with: words of a long reference, bytes before the patterns, bytes before the rare fields; slices from here on.
+const uint LEAVES_HEADER_BYTES = 16u;
 
 struct NodeRef {
     uint64_t occupied;
-    uint64_t solid;
-    uint64_t ranked;
+    // Classes by rank, each the lower and the upper bit.
+    uint64_t low;
+    uint64_t high;
     // Address of the 32-bit word that holds the first 16-bit one, and whether that is its upper half.
     Address words;
     uint odd;
+    // First word of the references.
+    uint references;
     Address leaves;
 };
 
@@ -34,14 +42,27 @@ uint count_ones64(uint64_t v) {
     return uint(bitCount(uint(v)) + bitCount(uint(v >> 32)));
 }
 
+uint64_t below64(uint rank) {
+    return rank == 64u ? 0xFFFFFFFFFFFFFFFFUL : (1UL << rank) - 1UL;
+}
+
+uint header_words(uint occupied_cells) {
+    return OCCUPIED_WORDS + (2u * occupied_cells + 15u) / 16u;
+}
+
 NodeRef node_read(Address nodes, uint64_t at, Address leaves) {
     NodeRef node;
     node.words = nodes + ((at >> 1) << 2);
     node.odd = uint(at) & 1u;
     node.leaves = leaves;
     node.occupied = word64(node.words, node.odd, 0u);
-    node.solid = word64(node.words, node.odd, 4u);
-    node.ranked = word64(node.words, node.odd, 8u);
+    uint n = count_ones64(node.occupied);
+    uint64_t first = word64(node.words, node.odd, OCCUPIED_WORDS);
+    uint64_t second = word64(node.words, node.odd, OCCUPIED_WORDS + 4u);
+    node.low = first & below64(n);
+    // The bits from n on; 0 and 64 are no shifts.
+    node.high = (n == 64u ? second : n == 0u ? 0UL : (first >> n) | (second << (64u - n))) & below64(n);
+    node.references = header_words(n);
     return node;
 }
 
@@ -49,23 +70,96 @@ bool bit64(uint64_t v, uint i) {
     return (uint(v >> i) & 1u) != 0u;
 }
 
-uint64_t node_field(NodeRef node, uint c) {
+uint reference_words(uint64_t low, uint64_t high, uint beyond_3) {
+    return count_ones64(low) + 2u * count_ones64(high) + beyond_3 * count_ones64(low & high);
+}
+
+// By which a voxel's number in its cell is changed where the field is mirrored along these axes.
+uint flip_of(uint mirrors) {
+    return (mirrors & 1u) * 3u | ((mirrors >> 1) & 1u) * 12u | (mirrors >> 2) * 48u;
+}
+
+// A field whose voxel v is voxel v ^ flip of another.
+uint64_t flipped(uint64_t field, uint flip) {
+    uint64_t f = field;
+    if ((flip & 3u) != 0u) {
+        f = ((f & 0x1111111111111111UL) << 3) | ((f & 0x2222222222222222UL) << 1) | ((f >> 1) & 0x2222222222222222UL)
+            | ((f >> 3) & 0x1111111111111111UL);
+    }
+    if ((flip & 12u) != 0u) {
+        f = ((f & 0x000F000F000F000FUL) << 12) | ((f & 0x00F000F000F000F0UL) << 4) | ((f >> 4) & 0x00F000F000F000F0UL)
+            | ((f >> 12) & 0x000F000F000F000FUL);
+    }
+    if ((flip & 48u) != 0u) {
+        f = (f << 48) | ((f & 0xFFFF0000UL) << 16) | ((f >> 16) & 0xFFFF0000UL) | (f >> 48);
+    }
+    return f;
+}
+
+uint64_t leaf_slice(Address leaves, uint number) {
+    return uint64_t((Words(leaves + LEAVES_HEADER_BYTES).at[number >> 1] >> ((number & 1u) << 4)) & 0xFFFFu);
+}
+
+uint64_t leaf_of_slices(Address leaves, uint a, uint b, uint c, uint d) {
+    return leaf_slice(leaves, a) | (leaf_slice(leaves, b) << 16) | (leaf_slice(leaves, c) << 32) | (leaf_slice(leaves, d) << 48);
+}
+
+uint64_t leaf_sliced(Address leaves, uint first, uint second) {
+    return leaf_of_slices(leaves, first & 255u, first >> 8, second & 255u, second >> 8);
+}
+
+// The field of a long reference, of which these are the first 4 words.
+uint64_t leaf_long(Address leaves, uint beyond_3, uint64_t words) {
+    if (beyond_3 == 1u) {
+        return words;
+    }
+    uint64_t three = words & 0xFFFFFFFFFFFFUL;
+    if ((uint(three) & RARE) == RARE) {
+        return Longs(leaves + Words(leaves).at[2]).at[uint(three >> 12)];
+    }
+    return leaf_of_slices(leaves, uint(three) & RARE, uint(three >> 12) & RARE, uint(three >> 24) & RARE, uint(three >> 36));
+}
+
+// Pattern of a ranked reference, and its flip.
+uint64_t leaf_ranked(Address leaves, uint word, out uint flip) {
+    flip = flip_of(word / MAX_PATTERNS);
+    return Longs(leaves + Words(leaves).at[1]).at[word % MAX_PATTERNS];
+}
+
+// A field and a flip: voxel v of the cell is voxel v ^ flip of the field.
+uint64_t node_flipped_field(NodeRef node, uint c, out uint flip) {
+    flip = 0u;
     uint64_t bit = 1UL << c;
     if ((node.occupied & bit) == 0UL) {
         return 0UL;
     }
-    if ((node.solid & bit) != 0UL) {
+    uint rank = count_ones64(node.occupied & (bit - 1UL));
+    uint64_t below = below64(rank);
+    uint beyond_3 = Words(node.leaves).at[0] - 3u;
+    uint at = node.references + reference_words(node.low & below, node.high & below, beyond_3);
+    bool low = bit64(node.low, rank), high = bit64(node.high, rank);
+    if (!low && !high) {
         return 0xFFFFFFFFFFFFFFFFUL;
     }
-    uint64_t below = bit - 1UL;
-    if ((node.ranked & bit) != 0UL) {
-        uint rank = count_ones64(node.ranked & below);
-        return Longs(node.leaves).at[word16(node.words, node.odd, NODE_HEADER_WORDS + rank)];
+    if (low && high) {
+        return leaf_long(node.leaves, beyond_3, word64(node.words, node.odd, at));
     }
-    // `inline` is a word of the language.
-    uint64_t inlined = node.occupied & ~node.solid & ~node.ranked;
-    uint rank = count_ones64(inlined & below);
-    return word64(node.words, node.odd, NODE_HEADER_WORDS + count_ones64(node.ranked) + 4u * rank);
+    uint first = word16(node.words, node.odd, at);
+    return high ? leaf_sliced(node.leaves, first, word16(node.words, node.odd, at + 1u))
+                : leaf_ranked(node.leaves, first, flip);
+}
+
+// Whether a voxel of a cell is there.
+bool node_has(NodeRef node, uint c, uint voxel) {
+    uint flip;
+    uint64_t field = node_flipped_field(node, c, flip);
+    return bit64(field, voxel ^ flip);
+}
+
+uint64_t node_field(NodeRef node, uint c) {
+    uint flip;
+    uint64_t field = node_flipped_field(node, c, flip);
+    return flipped(field, flip);
 }
 
 #endif

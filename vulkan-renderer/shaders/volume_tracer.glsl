@@ -83,7 +83,7 @@ bool holds(InstanceRef instance, BoxPlace p, uvec3 voxel) {
     BoxView b = box_view(instance, p);
     uint cell = number_in(p.origin, voxel, 2u);
     return p.level == LEVEL_CELLS ? bit64(b.node.occupied, cell)
-                                  : bit64(node_field(b.node, cell), number_in(p.origin, voxel, 0u));
+                                  : node_has(b.node, cell, number_in(p.origin, voxel, 0u));
 }
 
 // (label, voxel) of a before those of b, by number.

@@ -365,7 +365,7 @@ pub struct Instance {
     pub labels: Address,
     /// Nodes as compressed, those of drawn labels; 4 bytes more than they need.
     pub nodes: Address,
-    /// Leaf dictionary as compressed.
+    /// Slices and patterns of leaves.
     pub leaves: Address,
     /// Hierarchy for compute shaders: nodes of `pumice_render::Bvh` as they lie there; 0 where hardware traces.
     pub bvh_nodes: Address,

@@ -4,12 +4,13 @@ use std::collections::BTreeMap;
 
 use pumice_session::demo::shipped_volume;
 use pumice_session::{
-    Case, ConvergenceOptions, Job, NeedsOptions, SavingsOptions, SessionError, measure_convergence,
-    measure_needs, measure_stability, write_convergence, write_needs,
+    Case, ConvergenceOptions, ExtremesOptions, Job, NeedsOptions, PeersOptions, SavingsOptions, SessionError,
+    measure_convergence, measure_extremes, measure_needs, measure_peers, measure_stability,
+    write_convergence, write_extremes, write_needs, write_peers,
 };
 
 use crate::Answer;
-use crate::args::{Bench, BenchKind, Convergence, Needs, Stability};
+use crate::args::{Bench, BenchKind, Convergence, Extremes, Needs, Peers, Stability};
 use crate::failure::{Failure, say};
 use crate::json_report::write_report;
 
@@ -18,6 +19,8 @@ pub(crate) fn run(args: &Bench, job: &Job) -> Result<Answer, Failure> {
         BenchKind::Convergence(a) => convergence(a, job),
         BenchKind::Stability(a) => stability(a, job),
         BenchKind::Needs(a) => needs(a, job),
+        BenchKind::Peers(a) => peers(a, job),
+        BenchKind::Extremes(a) => extremes(a, job),
     }
 }
 
@@ -106,6 +109,54 @@ fn needs(args: &Needs, job: &Job) -> Result<Answer, Failure> {
     write_needs(&args.out, &format!("{}; {build}.", machine().trim_end_matches('.')), &scenes)?;
     say(format_args!("{}", args.out.join("needs.md").display()))?;
     Ok(if scenes.iter().all(|s| s.savings.holds()) { Answer::Yes } else { Answer::No })
+}
+
+fn peers(args: &Peers, job: &Job) -> Result<Answer, Failure> {
+    let volumes = match args.volumes.is_empty() {
+        true => vec![shipped_volume()?],
+        false => args.volumes.clone(),
+    };
+    let mut tables = Vec::new();
+    for volume in volumes {
+        let named = volume.display().to_string();
+        let options = PeersOptions { volume, python: args.python.clone(), without: args.without.clone() };
+        let mut closed = None;
+        let table = measure_peers(&options, job, &mut |program| {
+            if closed.is_none() {
+                closed = say(format_args!("{named}: {program}")).err();
+            }
+        })?;
+        if let Some(failure) = closed {
+            return Err(failure);
+        }
+        tables.push(table);
+    }
+    write_peers(&args.out, &machine(), &tables)?;
+    say(format_args!("{}", args.out.join("peers.md").display()))?;
+    Ok(Answer::Yes)
+}
+
+fn extremes(args: &Extremes, job: &Job) -> Result<Answer, Failure> {
+    let options = ExtremesOptions {
+        cases: args.cases.clone(),
+        reduced: args.reduced,
+        memory_limit_bytes: args.memory_limit,
+    };
+    let mut closed = None;
+    let cases = measure_extremes(&options, job, &mut |case| {
+        if closed.is_none() {
+            closed = say(case).err();
+        }
+    })?;
+    if let Some(failure) = closed {
+        return Err(failure);
+    }
+    write_extremes(&args.out, &machine(), &cases)?;
+    for case in cases.iter().filter(|c| !c.holds()) {
+        say(format_args!("{}: beyond its bound", case.name))?;
+    }
+    say(format_args!("{}", args.out.join("extremes.md").display()))?;
+    Ok(if cases.iter().all(|c| c.holds()) { Answer::Yes } else { Answer::No })
 }
 
 /// The processor's name, where the system tells it in a file.

@@ -103,7 +103,8 @@ pub(super) fn read_archive(
     layout: &Layout,
     job: &Job,
 ) -> std::result::Result<CompressedVolume, Stop> {
-    let mut sections = read_sections(file, layout, &[b"INFO", b"LIDS", b"LTYP", b"PIEC", b"VOXL"], job)?;
+    let mut sections =
+        read_sections(file, None, layout, &[b"INFO", b"LIDS", b"LTYP", b"PIEC", b"VOXL"], job)?;
     let (info, type_names) = info_of(&mut sections)?;
     let ids = sections.elements(b"LIDS", u64::from_le_bytes)?;
     let types = sections.elements(b"LTYP", u16::from_le_bytes)?;

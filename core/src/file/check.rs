@@ -3,10 +3,11 @@
 //! In order: names, dictionary, chunks, runs, nodes, boxes, voxel counts. What is not checked is that no voxel is claimed by two
 //! labels (it would take as much memory as decoding); the content hash, compared afterwards, covers that for undamaged writers.
 
-use crate::node::{NODE_HEADER_WORDS, NodeRef, extent_of};
+use crate::leaves::{Class, MAX_PATTERNS, MAX_SLICES, RARE};
+use crate::node::{NodeRef, OCCUPIED_WORDS, extent_of, header_words};
 use crate::types::NO_TYPE;
 use crate::volume::CHUNK_CELLS;
-use crate::{BoxView, CHUNK_VOXELS, CompressedVolume, MAX_DIM, VolumeInfo, dictionary, morton};
+use crate::{BoxView, CHUNK_VOXELS, CompressedVolume, MAX_DIM, VolumeInfo, morton};
 
 /// The section that is wrong, and how.
 pub(super) type Finding = Result<(), ([u8; 4], String)>;
@@ -19,13 +20,17 @@ fn ensure(holds: bool, section: &[u8; 4], what: impl FnOnce() -> String) -> Find
 pub(super) fn check_head(v: &CompressedVolume) -> Finding {
     check_info(&v.info)?;
     check_labels(v)?;
-    ensure(v.dictionary.len() <= dictionary::MAX_ENTRIES, b"LEAF", || {
-        format!("entries: expected at most {}, got {}", dictionary::MAX_ENTRIES, v.dictionary.len())
+    let (patterns, slices) = (v.leaves.patterns().len(), v.leaves.slices().len());
+    ensure(patterns <= MAX_PATTERNS, b"LEAF", || {
+        format!("patterns: expected at most {MAX_PATTERNS}, got {patterns}")
     })?;
-    for (i, &field) in v.dictionary.iter().enumerate() {
-        ensure(field != 0 && field != u64::MAX, b"LEAF", || {
-            format!("entry {i}: got an empty or a full field")
-        })?;
+    ensure(slices <= MAX_SLICES, b"SLIC", || format!("slices: expected at most {MAX_SLICES}, got {slices}"))?;
+    for (section, fields) in [(b"LEAF", v.leaves.patterns()), (b"RARE", v.leaves.rare())] {
+        for (i, &field) in fields.iter().enumerate() {
+            ensure(field != 0 && field != u64::MAX, section, || {
+                format!("entry {i}: got an empty or a full field")
+            })?;
+        }
     }
     Ok(())
 }
@@ -115,27 +120,50 @@ fn check_nodes(v: &CompressedVolume) -> Result<BitSet, ([u8; 4], String)> {
     let mut starts = BitSet(vec![0; v.nodes.len().div_ceil(64)]);
     let mut at = 0;
     while at < v.nodes.len() {
-        ensure(v.nodes.len() - at >= NODE_HEADER_WORDS, b"NODE", || {
-            format!("node at word {at}: expected {NODE_HEADER_WORDS} words, got {}", v.nodes.len() - at)
-        })?;
-        let node = NodeRef::read(&v.nodes, at, &v.dictionary);
-        let masks = node.occupied != 0
-            && node.solid & !node.occupied == 0
-            && node.ranked & !(node.occupied & !node.solid) == 0;
-        ensure(masks, b"NODE", || format!("node at word {at}: got masks that contradict each other"))?;
-        ensure(v.nodes.len() - at >= node.words(), b"NODE", || {
-            format!("node at word {at}: expected {} words, got {}", node.words(), v.nodes.len() - at)
-        })?;
-        let first = at + NODE_HEADER_WORDS;
-        let (short, long) = v.nodes[first..at + node.words()].split_at(node.ranked.count_ones() as usize);
-        let worst = short.iter().copied().max().map_or(0, |r| usize::from(r) + 1);
-        ensure(worst <= v.dictionary.len(), b"NODE", || {
-            format!("node at word {at}: expected entries below {}, got {}", v.dictionary.len(), worst - 1)
-        })?;
-        let empty_or_full = |f: &[u16; 4]| f == &[0; 4] || f == &[u16::MAX; 4];
-        ensure(!long.as_chunks::<4>().0.iter().any(empty_or_full), b"NODE", || {
-            format!("node at word {at}: got an empty or a full field")
-        })?;
+        let wrong = |what: String| Err((*b"NODE", format!("node at word {at}: {what}")));
+        let got = v.nodes.len() - at;
+        let occupied = v.nodes[at..].iter().take(OCCUPIED_WORDS).map(|w| w.count_ones()).sum::<u32>();
+        if got < OCCUPIED_WORDS || occupied == 0 || got < header_words(occupied) {
+            return wrong(format!("expected occupied cells and their classes, got {got} words"));
+        }
+        let node = NodeRef::read(&v.nodes, at, &v.leaves);
+        if got < node.words() {
+            return wrong(format!("expected {} words, got {got}", node.words()));
+        }
+        // What the last word of the classes has to spare.
+        let spare = 16 * (header_words(occupied) - OCCUPIED_WORDS) - 2 * occupied as usize;
+        if u32::from(v.nodes[at + header_words(occupied) - 1]).wrapping_shr(16 - spare as u32) != 0 {
+            return wrong("got bits behind the last class".into());
+        }
+        for (_, class, from) in node.references() {
+            let words = &v.nodes[at + from..];
+            let (highest, entries) = match class {
+                Class::Solid => continue,
+                Class::Ranked => (u64::from(words[0]) % MAX_PATTERNS as u64, v.leaves.patterns().len()),
+                Class::Sliced => {
+                    let numbers = words[..2].iter().flat_map(|w| w.to_le_bytes()).max();
+                    (numbers.unwrap_or(0).into(), v.leaves.slices().len())
+                }
+                Class::Long if v.leaves.words_beyond_3() == 1 => continue,
+                Class::Long => {
+                    let three = words[..3].iter().rev().fold(0, |all, &w| all << 16 | u64::from(w));
+                    if three & RARE == RARE {
+                        (three >> 12, v.leaves.rare().len())
+                    } else {
+                        let numbers = [0, 12, 24, 36].map(|s| three >> s & RARE);
+                        (numbers.into_iter().max().unwrap_or(0), v.leaves.slices().len())
+                    }
+                }
+            };
+            if highest >= entries as u64 {
+                return wrong(format!("expected leaves below {entries}, got {highest}"));
+            }
+        }
+        let mut fields =
+            node.classes().zip(node.flipped_fields()).filter(|((_, class), _)| *class != Class::Solid);
+        if fields.any(|(_, (_, field, _))| field == 0 || field == u64::MAX) {
+            return wrong("got an empty or a full field".into());
+        }
         starts.insert(at);
         at += node.words();
     }
@@ -158,7 +186,7 @@ fn check_boxes(v: &CompressedVolume, starts: &BitSet) -> Finding {
                     "expected nodes in order of first use, next word {unused}, got {at}"
                 )));
             }
-            let node = NodeRef::read(&v.nodes, at as usize, &v.dictionary);
+            let node = NodeRef::read(&v.nodes, at as usize, &v.leaves);
             if at == unused {
                 unused += node.words() as u64;
             }
@@ -208,13 +236,8 @@ fn for_each_run(v: &CompressedVolume, mut visit: impl FnMut(&[crate::BoxRecord])
 fn check_counts(v: &CompressedVolume) -> Finding {
     let mut counts = vec![0u64; v.labels.ids.len()];
     v.for_each_box(|label, b| {
-        let mut voxels = 64 * u64::from(b.node.solid.count_ones());
-        let mut mixed = b.node.occupied & !b.node.solid;
-        while mixed != 0 {
-            voxels += u64::from(b.node.field(mixed.trailing_zeros()).count_ones());
-            mixed &= mixed - 1;
-        }
-        counts[label as usize] += voxels;
+        let voxels = |(_, field, _): (u32, u64, u32)| u64::from(field.count_ones());
+        counts[label as usize] += b.node.flipped_fields().map(voxels).sum::<u64>();
     });
     for (i, (&expected, &got)) in v.labels.voxels.iter().zip(&counts).enumerate() {
         let expected = if v.holds(i as u32) { expected } else { 0 };

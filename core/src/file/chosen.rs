@@ -5,9 +5,9 @@
 //!
 //! plain form (BOXS, NODE as they lie)   only the ranges that are needed are read       costs what the labels cost
 //! packed form (streams)                 streams are inflated whole, one at a time      costs inflating, not joining
-//! archive (voxels)                      all labels are read
+//! archive (voxels), version 1           all labels are read
 //! ```
-//! The label table is whole: dense indices, contacts and names stay what they are. The dictionary keeps the entries that are used.
+//! The label table is whole: dense indices, contacts and names stay what they are. Patterns that are not used are left out.
 //!
 //! What is checked: header, table and each section that is read whole by checksum; the volume that comes out as every other
 //! ([`super::check`]), its labels' voxels counted against the table. A section of which only ranges are read has no checksum of
@@ -21,22 +21,20 @@ use std::path::Path;
 use super::layout::{Entry, Layout};
 use super::nodes::{self, Wrong};
 use super::read::{HEAD_SECTIONS, Stop, assemble_head, read_at, read_layout, read_sections};
-use super::{archive, check, read};
-use crate::node::{NODE_HEADER_WORDS, NodeRef, extent_of};
-use crate::{BoxRecord, Chunk, CompressedVolume, Job, LabelRun, LabelTable, Result};
+use super::{archive, check, legacy, read};
+use crate::leaves::{Class, MAX_PATTERNS, RARE};
+use crate::node::{MOST_NODE_WORDS, NodeRef, OCCUPIED_WORDS, extent_of, header_words};
+use crate::{BoxRecord, Chunk, CompressedVolume, Job, LabelRun, LabelTable, Leaves, Result};
 
 /// Bytes of a section that are read at once: neighbouring nodes come together.
 const PIECE_BYTES: u64 = 1 << 16;
-
-/// Words of a node with an inline field in each cell.
-const MOST_NODE_WORDS: u64 = NODE_HEADER_WORDS as u64 + 4 * 64;
 
 /// Words of nodes after which a chunk no longer shares those of chunks before it: its boxes reach 2³² words.
 const WINDOW_WORDS: usize = 1 << 31;
 
 impl CompressedVolume {
     /// Reads those labels of a `.pumice` file that `choose` marks, by dense index; labels past its end are not chosen. A file of
-    /// [`crate::Level::Small`] is read whole.
+    /// [`crate::Level::Small`] is read whole, and so is one of version 1.
     ///
     /// The volume draws as the whole one does where only these labels are shown, and has its content hash; voxels of other labels
     /// are background to its queries. [`CompressedVolume::holds`] tells which labels it has; it cannot be saved.
@@ -75,11 +73,12 @@ pub(super) fn read_chosen(
     job: &Job,
 ) -> std::result::Result<CompressedVolume, Stop> {
     let layout = read_layout(file, file_bytes)?;
-    if archive::is_archive(&layout) {
-        // Voxels say nothing of where a label is: all of them are decoded, and then nothing is saved by throwing labels away.
-        return read::read(file, file_bytes, true, job);
+    if archive::is_archive(&layout) || legacy::is_legacy(&layout) {
+        // Voxels say nothing of where a label is: all of them are decoded, and then nothing is saved by throwing labels away. Nodes
+        // of the first version are written anew, all together.
+        return read::read(file, file_bytes, None, true, job);
     }
-    let mut sections = read_sections(file, &layout, &HEAD_SECTIONS, job)?;
+    let mut sections = read_sections(file, None, &layout, &HEAD_SECTIONS, job)?;
     let mut volume = assemble_head(&mut sections)?;
     check::check_head(&volume).map_err(|(section, what)| sections.fault(section, what))?;
     sections.unpack_contacts(&mut volume)?;
@@ -94,9 +93,9 @@ pub(super) fn read_chosen(
     let wanted = wanted(&volume.chunks, &volume.runs, boxes_in_file, &held)
         .map_err(|(section, what)| sections.fault(section, what))?;
     let picked = if plain {
-        pick_plain(file, &layout, &volume.chunks, &wanted, job)?
+        pick_plain(file, &layout, &volume, &wanted, job)?
     } else {
-        pick_packed(file, &layout, &wanted, job)?
+        pick_packed(file, &layout, &volume.leaves, &wanted, job)?
     };
     let chunks = std::mem::take(&mut volume.chunks);
     put_together(&mut volume, &chunks, &wanted, &picked)
@@ -146,7 +145,7 @@ fn wanted(
 fn pick_plain(
     file: &mut (impl Read + Seek),
     layout: &Layout,
-    chunks: &[Chunk],
+    head: &CompressedVolume,
     wanted: &[Wanted],
     job: &Job,
 ) -> std::result::Result<Picked, Stop> {
@@ -154,7 +153,7 @@ fn pick_plain(
     let mut boxes = Ranges::open(file, layout, b"BOXS", job)?;
     for w in wanted {
         job.check()?;
-        let chunk = &chunks[w.chunk];
+        let chunk = &head.chunks[w.chunk];
         let bytes = boxes.read(8 * w.boxes.start, 8 * (w.boxes.end - w.boxes.start))?;
         for &record in bytes.as_chunks::<8>().0 {
             let record = BoxRecord(u64::from_le_bytes(record));
@@ -167,29 +166,39 @@ fn pick_plain(
     let end = nodes.bytes / 2;
     for (&at, words) in &mut picked.nodes {
         job.check()?;
-        let most = MOST_NODE_WORDS.min(end.saturating_sub(at));
+        let most = (MOST_NODE_WORDS as u64).min(end.saturating_sub(at));
         let bytes = nodes.read(2 * at.min(end), 2 * most)?;
         words.extend(bytes.as_chunks::<2>().0.iter().map(|&b| u16::from_le_bytes(b)));
-        let whole = words.len() >= NODE_HEADER_WORDS && NodeRef::read(words, 0, &[]).words() <= words.len();
-        if !whole {
-            let what = format!("node at word {at}: expected all of it before word {end}");
-            return Err(nodes.fault(what));
+        match length_of(words, &head.leaves) {
+            Some(length) => words.truncate(length),
+            None => {
+                let what = format!("node at word {at}: expected all of it before word {end}");
+                return Err(nodes.fault(what));
+            }
         }
-        words.truncate(NodeRef::read(words, 0, &[]).words());
     }
     Ok(picked)
+}
+
+/// Length of the node at the start of some words; `None` where they end before it does.
+fn length_of(words: &[u16], leaves: &Leaves) -> Option<usize> {
+    let occupied = words.get(..OCCUPIED_WORDS)?.iter().map(|w| w.count_ones()).sum();
+    words.get(..header_words(occupied))?;
+    let length = NodeRef::read(words, 0, leaves).words();
+    (length <= words.len()).then_some(length)
 }
 
 /// From streams. A node is called by its number.
 fn pick_packed(
     file: &mut (impl Read + Seek),
     layout: &Layout,
+    leaves: &Leaves,
     wanted: &[Wanted],
     job: &Job,
 ) -> std::result::Result<Picked, Stop> {
     let mut picked = Picked::default();
     let mut section = |name: &'static [u8; 4]| -> std::result::Result<(Vec<u8>, u64), Stop> {
-        let mut sections = read_sections(file, layout, &[name], job)?;
+        let mut sections = read_sections(file, None, layout, &[name], job)?;
         Ok((sections.take(name)?, sections.offset(name)))
     };
     let fault = |(section, what): Wrong, at: u64| Stop::Fault(super::Fault { section, at, what });
@@ -209,24 +218,18 @@ fn pick_packed(
     drop(cells);
 
     let asked: Vec<u64> = picked.nodes.keys().copied().collect();
-    let ((occupied, at), (solid, _), (ranked, _)) = (section(b"OCCU")?, section(b"SOLI")?, section(b"RANK")?);
-    let found = nodes::find(&occupied, &solid, &ranked, &asked).map_err(|w| fault(w, at))?;
-    drop((occupied, solid, ranked));
-    let (references, at) = section(b"REFS")?;
-    for (node, words) in found.iter().zip(picked.nodes.values_mut()) {
-        let part = node.references.clone();
-        let bytes = references.get(2 * part.start..2 * part.end);
-        let bytes = bytes.ok_or_else(|| fault((*b"REFS", "ends before the last node".into()), at))?;
-        words.extend(node.masks.iter().flat_map(|&m| nodes::words_of(m)));
-        words.extend(bytes.as_chunks::<2>().0.iter().map(|&b| u16::from_le_bytes(b)));
+    let ((occupied, at), (classes, _)) = (section(b"OCCU")?, section(b"CLAS")?);
+    let found = nodes::find(&occupied, &classes, &asked).map_err(|w| fault(w, at))?;
+    drop((occupied, classes));
+    let mut parts: Vec<[Vec<u8>; 3]> = found.iter().map(|_| Default::default()).collect();
+    for (k, name) in nodes::REFERENCES.into_iter().enumerate() {
+        let (stream, at) = section(name)?;
+        for (node, parts) in found.iter().zip(&mut parts) {
+            parts[k] = nodes::elements(&stream, k, &node.references[k], leaves).map_err(|w| fault(w, at))?;
+        }
     }
-    drop(references);
-    let (fields, at) = section(b"FLDS")?;
-    for (node, words) in found.iter().zip(picked.nodes.values_mut()) {
-        let part = node.fields.clone();
-        let bytes = fields.get(8 * part.start..8 * part.end);
-        let bytes = bytes.ok_or_else(|| fault((*b"FLDS", "ends before the last node".into()), at))?;
-        words.extend(bytes.as_chunks::<2>().0.iter().map(|&b| u16::from_le_bytes(b)));
+    for ((node, parts), words) in found.iter().zip(&parts).zip(picked.nodes.values_mut()) {
+        *words = node.words([&parts[0], &parts[1], &parts[2]], leaves);
     }
     Ok(picked)
 }
@@ -238,18 +241,19 @@ fn put_together(
     wanted: &[Wanted],
     picked: &Picked,
 ) -> std::result::Result<(), Wrong> {
-    let (dictionary, place_of) = used_entries(&volume.dictionary, picked)?;
-    volume.dictionary = dictionary;
+    let former = std::mem::take(&mut volume.leaves);
+    let (leaves, places) = used_leaves(&former, picked)?;
+    volume.leaves = leaves;
     volume.runs = Vec::with_capacity(wanted.len());
-    volume.boxes = Vec::with_capacity(picked.boxes.len());
-    volume.nodes = Vec::with_capacity(picked.nodes.values().map(Vec::len).sum());
+    let mut records = Vec::with_capacity(picked.boxes.len());
+    let mut nodes = Vec::with_capacity(picked.nodes.values().map(Vec::len).sum());
     let mut placed: BTreeMap<u64, usize> = BTreeMap::new();
     let mut boxes = picked.boxes.iter();
     for in_chunk in wanted.chunk_by(|a, b| a.chunk == b.chunk) {
-        let words = volume.nodes.len();
+        let words = nodes.len();
         let before = volume.chunks.last().map_or(0, |c: &Chunk| c.node_base);
         let node_base = if words - before as usize > WINDOW_WORDS { words as u64 } else { before };
-        let first_box = volume.boxes.len();
+        let first_box = records.len();
         volume.chunks.push(Chunk {
             origin: chunks[in_chunk[0].chunk].origin,
             first_box: first_box as u64,
@@ -257,7 +261,7 @@ fn put_together(
             node_base,
         });
         for w in in_chunk {
-            let run = LabelRun { label: w.label, first_box: (volume.boxes.len() - first_box) as u32 };
+            let run = LabelRun { label: w.label, first_box: (records.len() - first_box) as u32 };
             volume.runs.push(run);
             for &(cell, name) in boxes.by_ref().take((w.boxes.end - w.boxes.start) as usize) {
                 let words = &picked.nodes[&name];
@@ -265,59 +269,104 @@ fn put_together(
                     .entry(name)
                     .and_modify(|at| {
                         if (*at as u64) < node_base {
-                            *at = volume.nodes.len();
+                            *at = nodes.len();
                         }
                     })
-                    .or_insert(volume.nodes.len());
-                if at == volume.nodes.len() {
-                    append(&mut volume.nodes, words, &place_of);
+                    .or_insert(nodes.len());
+                if at == nodes.len() {
+                    append(&mut nodes, words, &former, &places);
                 }
-                let occupied = NodeRef::read(words, 0, &[]).occupied;
+                let occupied = NodeRef::read(words, 0, &volume.leaves).occupied;
                 if occupied == 0 {
                     return Err((*b"OCCU", format!("node {name}: got no occupied cell")));
                 }
                 let node = u32::try_from(at as u64 - node_base).map_err(|_| {
                     (*b"NODE", format!("chunk {}: nodes of its boxes are out of reach", w.chunk))
                 })?;
-                volume.boxes.push(BoxRecord::new(cell, extent_of(occupied), node));
+                records.push(BoxRecord::new(cell, extent_of(occupied), node));
             }
         }
     }
+    (volume.boxes, volume.nodes) = (records.into(), nodes.into());
     Ok(())
 }
 
-/// Entries of the dictionary that the nodes name, in its order, and where each went.
-fn used_entries(dictionary: &[u64], picked: &Picked) -> std::result::Result<(Vec<u64>, Vec<u16>), Wrong> {
-    let mut place_of = vec![u16::MAX; dictionary.len()];
-    let mut is_used = vec![false; dictionary.len()];
-    for words in picked.nodes.values() {
-        let ranked = NodeRef::read(words, 0, &[]).ranked.count_ones() as usize;
-        for &entry in words.iter().skip(NODE_HEADER_WORDS).take(ranked) {
-            let used = is_used.get_mut(usize::from(entry)).ok_or_else(|| {
-                (*b"LEAF", format!("entries: expected more than {entry}, got {}", dictionary.len()))
-            })?;
-            *used = true;
-        }
-    }
-    let mut used = Vec::new();
-    for ((&field, place), is_used) in dictionary.iter().zip(&mut place_of).zip(is_used) {
-        if is_used {
-            // At most 65,536 entries: the last one's place is 65,535.
-            *place = used.len() as u16;
-            used.push(field);
-        }
-    }
-    Ok((used, place_of))
+/// A leaf that a node names, and where among the node's words it does.
+enum Named {
+    Pattern(usize),
+    Rare(usize),
 }
 
-/// A node with its entries where they went.
-fn append(nodes: &mut Vec<u16>, words: &[u16], place_of: &[u16]) {
-    let ranked = NodeRef::read(words, 0, &[]).ranked.count_ones() as usize;
-    let (masks, rest) = words.split_at(NODE_HEADER_WORDS);
-    let (entries, fields) = rest.split_at(ranked);
-    nodes.extend_from_slice(masks);
-    nodes.extend(entries.iter().map(|&e| place_of[usize::from(e)]));
-    nodes.extend_from_slice(fields);
+/// What a node names that may be left out.
+fn named<'a>(words: &'a [u16], leaves: &'a Leaves) -> impl Iterator<Item = (Named, usize)> + 'a {
+    let node = NodeRef::read(words, 0, leaves);
+    node.references().filter_map(|(_, class, at)| match class {
+        Class::Ranked => Some((Named::Pattern(usize::from(words[at]) % MAX_PATTERNS), at)),
+        Class::Long if leaves.words_beyond_3() == 0 && u64::from(words[at]) & RARE == RARE => {
+            Some((Named::Rare(rare_at(words, at)), at))
+        }
+        _ => None,
+    })
+}
+
+/// Place of a rare field, by the reference at a word.
+fn rare_at(words: &[u16], at: usize) -> usize {
+    usize::from(words[at]) >> 12 | usize::from(words[at + 1]) << 4 | usize::from(words[at + 2]) << 20
+}
+
+/// Where patterns and rare fields went.
+struct Places {
+    patterns: Vec<usize>,
+    rare: Vec<usize>,
+}
+
+/// The leaves that the nodes name, in their order, and where each went. Slices stay: long references are as long as before.
+fn used_leaves(leaves: &Leaves, picked: &Picked) -> std::result::Result<(Leaves, Places), Wrong> {
+    let (mut patterns, mut rare) = (vec![false; leaves.patterns.len()], vec![false; leaves.rare.len()]);
+    for words in picked.nodes.values() {
+        for (leaf, _) in named(words, leaves) {
+            let (section, used, place) = match leaf {
+                Named::Pattern(place) => (b"LEAF", &mut patterns, place),
+                Named::Rare(place) => (b"RARE", &mut rare, place),
+            };
+            let entries = used.len();
+            *used
+                .get_mut(place)
+                .ok_or_else(|| (*section, format!("entries: expected more than {place}, got {entries}")))? =
+                true;
+        }
+    }
+    let keep = |all: &[u64], is_used: &[bool]| -> (Vec<u64>, Vec<usize>) {
+        let mut kept = Vec::new();
+        let place = |(&field, &is_used): (&u64, &bool)| {
+            let place = kept.len();
+            kept.extend(is_used.then_some(field));
+            place
+        };
+        let places = all.iter().zip(is_used).map(place).collect();
+        (kept, places)
+    };
+    let (patterns, patterns_places) = keep(&leaves.patterns, &patterns);
+    let (rare, rare_places) = keep(&leaves.rare, &rare);
+    let places = Places { patterns: patterns_places, rare: rare_places };
+    Ok((Leaves { patterns, slices: leaves.slices.clone(), rare }, places))
+}
+
+/// A node with its leaves where they went.
+fn append(nodes: &mut Vec<u16>, words: &[u16], leaves: &Leaves, places: &Places) {
+    let start = nodes.len();
+    nodes.extend_from_slice(words);
+    for (leaf, at) in named(words, leaves) {
+        let to = &mut nodes[start + at..];
+        match leaf {
+            // Each goes to where it was or before: the bits that it had are enough.
+            Named::Pattern(from) => to[0] -= (from - places.patterns[from]) as u16,
+            Named::Rare(from) => {
+                let place = (places.rare[from] as u64) << 12 | RARE;
+                to.iter_mut().take(3).zip([0, 16, 32]).for_each(|(w, s)| *w = (place >> s) as u16);
+            }
+        }
+    }
 }
 
 /// A section of which ranges are read: from the file where it lies there as it is, else out of memory.
@@ -343,7 +392,7 @@ impl<'a, F: Read + Seek> Ranges<'a, F> {
         };
         let e = entry.encoding;
         let window = if e.zstd || e.delta || e.planes {
-            (0, read_sections(file, layout, &[name], job)?.take(name)?)
+            (0, read_sections(file, None, layout, &[name], job)?.take(name)?)
         } else {
             (0, Vec::new())
         };

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! header   0  8  magic 89 "PUMICE" 0A            table entry   0  4  name, ASCII
-//!          8  4  version, 1 or 2                               4  1  compression: 0 none, 1 zstd
+//!          8  4  version, 1 to 3                               4  1  compression: 0 none, 1 zstd
 //!         12  4  flags, 0                                      5  1  element width w of the filters, in bytes
 //!         16  8  length of the file                            6  1  filters: bit 0 delta, bit 1 planes
 //!         24  8  offset of the section table, 64               7  1  0
@@ -19,9 +19,12 @@ use super::Fault;
 
 /// First bytes of every `.pumice` file.
 pub const MAGIC: [u8; 8] = *b"\x89PUMICE\n";
-/// The newest version. Files with boxes are of version 1, which holds all that they need: older programs go on reading them.
-pub(super) const VERSION: u32 = 2;
-pub(super) const VERSION_OF_BOXES: u32 = 1;
+/// The newest version, of files with boxes.
+pub(super) const VERSION: u32 = 3;
+/// Files of voxels, which older programs go on reading.
+pub(super) const VERSION_OF_VOXELS: u32 = 2;
+/// The first version, which is read and no longer written ([`super::legacy`]).
+pub(super) const VERSION_OF_LARGE_NODES: u32 = 1;
 pub(super) const HEADER_BYTES: usize = 64;
 pub(super) const ENTRY_BYTES: usize = 48;
 /// More than any version will need; bounds what a damaged count makes the reader allocate.
@@ -114,11 +117,11 @@ impl Layout {
             return Err(head(0, "expected the signature of a .pumice file, got another".into()));
         }
         let version = u32_at(header, 8);
-        if !(VERSION_OF_BOXES..=VERSION).contains(&version) {
+        if !(VERSION_OF_LARGE_NODES..=VERSION).contains(&version) {
             return Err(head(
                 8,
                 format!(
-                    "format version: expected {VERSION_OF_BOXES} to {VERSION}, got {version} (a newer program wrote it?)"
+                    "format version: expected {VERSION_OF_LARGE_NODES} to {VERSION}, got {version} (a newer program wrote it?)"
                 ),
             ));
         }

@@ -4,14 +4,15 @@
 //! BCEL  u24 a box   Morton code of its lowest cell within its chunk
 //! BNOD  u32 a box   0: its node is the next new one; k: the one k before the next new one
 //! OCCU  u64 a node  occupied cells; a box's extent follows from it, because boxes are tight
-//! SOLI  1 bit for each occupied cell      RANK  1 bit for each occupied, not solid cell
-//! REFS  u16 for each set bit of RANK      FLDS  u64 for each unset bit of RANK
+//! CLAS  2 bits for each occupied cell, the lower one first: its class ([`crate::node`])
+//! REFS  1 word a ranked cell      SLCR  2 words a sliced cell      FLDS  3 or 4 words a cell with a long reference
 //! ```
 //! Bits fill bytes from the lowest; the last byte's rest is 0.
 
 use std::ops::Range;
 
-use crate::node::{NODE_HEADER_WORDS, NodeRef, extent_of};
+use crate::leaves::{Class, Leaves};
+use crate::node::{NodeRef, OCCUPIED_WORDS, extent_of, header_words};
 use crate::{BoxRecord, Chunk, morton};
 
 /// See the module.
@@ -20,11 +21,13 @@ pub(super) struct Streams {
     pub(super) cells: Vec<u8>,
     pub(super) backs: Vec<u8>,
     pub(super) occupied: Vec<u8>,
-    pub(super) solid: Vec<u8>,
-    pub(super) ranked: Vec<u8>,
-    pub(super) references: Vec<u8>,
-    pub(super) fields: Vec<u8>,
+    pub(super) classes: Vec<u8>,
+    /// Of ranked and sliced cells, and of those with long references.
+    pub(super) references: [Vec<u8>; 3],
 }
+
+/// Sections of [`Streams::references`].
+pub(super) const REFERENCES: [&[u8; 4]; 3] = [b"REFS", b"SLCR", b"FLDS"];
 
 /// Bits one after another.
 #[derive(Default)]
@@ -46,28 +49,32 @@ impl BitWriter {
 }
 
 /// The bits of one stream again.
-struct BitReader<'a> {
+pub(super) struct BitReader<'a> {
     bytes: &'a [u8],
     at: usize,
 }
 
-impl BitReader<'_> {
+impl<'a> BitReader<'a> {
+    pub(super) fn new(bytes: &'a [u8]) -> Self {
+        Self { bytes, at: 0 }
+    }
+
     /// The next bit; `None` at the end.
-    fn next(&mut self) -> Option<bool> {
+    pub(super) fn next(&mut self) -> Option<bool> {
         let bit = self.bytes.get(self.at / 8)? >> (self.at % 8) & 1 != 0;
         self.at += 1;
         Some(bit)
     }
 
     /// Whether nothing but the last byte's padding of zeros is left.
-    fn is_done(&self) -> bool {
+    pub(super) fn is_done(&self) -> bool {
         self.at.div_ceil(8) == self.bytes.len()
             && (self.at.is_multiple_of(8) || self.bytes[self.at / 8] >> (self.at % 8) == 0)
     }
 }
 
 /// The cells of `mask`, rising.
-fn cells(mut mask: u64) -> impl Iterator<Item = u32> {
+pub(super) fn cells(mut mask: u64) -> impl Iterator<Item = u32> {
     std::iter::from_fn(move || {
         let c = mask.trailing_zeros();
         mask &= mask.wrapping_sub(1);
@@ -79,24 +86,26 @@ fn cells(mut mask: u64) -> impl Iterator<Item = u32> {
 pub(super) type Wrong = ([u8; 4], String);
 
 /// Takes nodes and boxes apart.
-pub(super) fn split(chunks: &[Chunk], boxes: &[BoxRecord], nodes: &[u16]) -> Streams {
+pub(super) fn split(chunks: &[Chunk], boxes: &[BoxRecord], nodes: &[u16], leaves: &Leaves) -> Streams {
     let mut streams = Streams::default();
-    let (mut solid, mut ranked) = (BitWriter::default(), BitWriter::default());
+    let mut classes = BitWriter::default();
     let mut starts = Vec::new();
     let mut at = 0;
     while at < nodes.len() {
         starts.push(at as u64);
-        let node = NodeRef::read(nodes, at, &[]);
-        let end = at + node.words();
+        let node = NodeRef::read(nodes, at, leaves);
         streams.occupied.extend(node.occupied.to_le_bytes());
-        cells(node.occupied).for_each(|c| solid.push(node.solid >> c & 1 != 0));
-        cells(node.occupied & !node.solid).for_each(|c| ranked.push(node.ranked >> c & 1 != 0));
-        let fields = at + NODE_HEADER_WORDS + node.ranked.count_ones() as usize;
-        streams.references.extend_from_slice(bytemuck::cast_slice(&nodes[at + NODE_HEADER_WORDS..fields]));
-        streams.fields.extend_from_slice(bytemuck::cast_slice(&nodes[fields..end]));
-        at = end;
+        for (_, class, from) in node.references() {
+            classes.push(class as u8 & 1 != 0);
+            classes.push(class as u8 & 2 != 0);
+            if class != Class::Solid {
+                let words = &nodes[at + from..][..leaves.words_of(class)];
+                streams.references[class as usize - 1].extend(words.iter().flat_map(|w| w.to_le_bytes()));
+            }
+        }
+        at += node.words();
     }
-    (streams.solid, streams.ranked) = (solid.bytes, ranked.bytes);
+    streams.classes = classes.bytes;
 
     let mut next = 0;
     for (c, chunk) in chunks.iter().enumerate() {
@@ -114,13 +123,8 @@ pub(super) fn split(chunks: &[Chunk], boxes: &[BoxRecord], nodes: &[u16]) -> Str
     streams
 }
 
-fn u64s(bytes: &[u8]) -> impl Iterator<Item = u64> + '_ {
+pub(super) fn u64s(bytes: &[u8]) -> impl Iterator<Item = u64> + '_ {
     bytes.as_chunks::<8>().0.iter().map(|&b| u64::from_le_bytes(b))
-}
-
-/// A mask or a field as words.
-pub(super) fn words_of(mask: u64) -> [u16; 4] {
-    [0, 16, 32, 48].map(|s| (mask >> s) as u16)
 }
 
 /// The lowest cell of box number `b`; `None` past the end.
@@ -154,37 +158,94 @@ pub(super) fn numbers_of(backs: &[u8], ranges: impl Iterator<Item = Range<u64>>)
 
 /// A node among the streams.
 pub(super) struct Place {
-    /// Occupied, solid, ranked.
-    pub(super) masks: [u64; 3],
-    /// Its elements of `REFS`.
-    pub(super) references: Range<usize>,
-    /// Its elements of `FLDS`.
-    pub(super) fields: Range<usize>,
+    /// The words before its references.
+    header: Vec<u16>,
+    /// Class of each cell that has a reference, by rising cell.
+    classes: Vec<Class>,
+    /// Its elements of each of [`REFERENCES`].
+    pub(super) references: [Range<usize>; 3],
+}
+
+impl Place {
+    /// The node's words, from its elements of each of [`REFERENCES`].
+    pub(super) fn words(&self, elements: [&[u8]; 3], leaves: &Leaves) -> Vec<u16> {
+        let mut words = self.header.clone();
+        let mut elements = elements.map(|bytes| bytes.as_chunks::<2>().0.iter());
+        for &class in &self.classes {
+            let next = elements[class as usize - 1].by_ref().take(leaves.words_of(class));
+            words.extend(next.map(|&b| u16::from_le_bytes(b)));
+        }
+        words
+    }
+}
+
+/// Reads the nodes' heads one after another.
+struct Heads<'a> {
+    classes: BitReader<'a>,
+    /// Elements of each of [`REFERENCES`] that nodes so far have.
+    used: [usize; 3],
+}
+
+impl<'a> Heads<'a> {
+    fn new(classes: &'a [u8]) -> Self {
+        Self { classes: BitReader::new(classes), used: [0; 3] }
+    }
+
+    fn next(&mut self, occupied: u64) -> Result<Place, Wrong> {
+        let n = occupied.count_ones();
+        let (mut bits, mut classes) = (0u128, Vec::new());
+        let from = self.used;
+        for rank in 0..n {
+            let (Some(low), Some(high)) = (self.classes.next(), self.classes.next()) else {
+                return Err((*b"CLAS", "ends before the last node".to_owned()));
+            };
+            bits |= u128::from(low) << rank | u128::from(high) << (n + rank);
+            let class = match (low, high) {
+                (false, false) => continue,
+                (true, false) => Class::Ranked,
+                (false, true) => Class::Sliced,
+                (true, true) => Class::Long,
+            };
+            classes.push(class);
+            self.used[class as usize - 1] += 1;
+        }
+        let mut header: Vec<u16> = (0..OCCUPIED_WORDS).map(|i| (occupied >> (16 * i)) as u16).collect();
+        header.extend((0..header_words(n) - OCCUPIED_WORDS).map(|i| (bits >> (16 * i)) as u16));
+        let references = [0, 1, 2].map(|k| from[k]..self.used[k]);
+        Ok(Place { header, classes, references })
+    }
+}
+
+/// Bytes of an element of `REFERENCES[k]`.
+fn element_bytes(k: usize, leaves: &Leaves) -> usize {
+    2 * leaves.words_of([Class::Ranked, Class::Sliced, Class::Long][k])
+}
+
+/// Bytes of some elements of `REFERENCES[k]`.
+pub(super) fn elements(
+    bytes: &[u8],
+    k: usize,
+    range: &Range<usize>,
+    leaves: &Leaves,
+) -> Result<Vec<u8>, Wrong> {
+    let size = element_bytes(k, leaves);
+    let bytes = bytes.get(size * range.start..size * range.end);
+    bytes.map(<[u8]>::to_vec).ok_or_else(|| (*REFERENCES[k], "ends before the last node".to_owned()))
 }
 
 /// Where the nodes with these numbers lie, which rise.
-pub(super) fn find(
-    occupied: &[u8],
-    solid: &[u8],
-    ranked: &[u8],
-    numbers: &[u64],
-) -> Result<Vec<Place>, Wrong> {
-    let mut solid = BitReader { bytes: solid, at: 0 };
-    let mut ranked = BitReader { bytes: ranked, at: 0 };
+pub(super) fn find(occupied: &[u8], classes: &[u8], numbers: &[u64]) -> Result<Vec<Place>, Wrong> {
+    let mut heads = Heads::new(classes);
     let mut places = Vec::with_capacity(numbers.len());
-    let (mut references, mut fields) = (0, 0);
     let mut asked = numbers.iter();
     let mut wanted = asked.next();
     for (number, occupied) in (0u64..).zip(u64s(occupied)) {
         let Some(&asked_for) = wanted else { break };
-        let masks = masks_of(occupied, &mut solid, &mut ranked)?;
-        let references_end = references + masks[2].count_ones() as usize;
-        let fields_end = fields + (occupied & !masks[1] & !masks[2]).count_ones() as usize;
+        let place = heads.next(occupied)?;
         if number == asked_for {
-            places.push(Place { masks, references: references..references_end, fields: fields..fields_end });
+            places.push(place);
             wanted = asked.next();
         }
-        (references, fields) = (references_end, fields_end);
     }
     match wanted {
         None => Ok(places),
@@ -192,59 +253,35 @@ pub(super) fn find(
     }
 }
 
-/// A node's masks: occupied, solid, ranked.
-fn masks_of(occupied: u64, solid: &mut BitReader, ranked: &mut BitReader) -> Result<[u64; 3], Wrong> {
-    let short = |section: &[u8; 4]| (*section, "ends before the last node".to_owned());
-    let mut masks = [occupied, 0, 0];
-    for c in cells(occupied) {
-        masks[1] |= u64::from(solid.next().ok_or_else(|| short(b"SOLI"))?) << c;
-    }
-    for c in cells(occupied & !masks[1]) {
-        masks[2] |= u64::from(ranked.next().ok_or_else(|| short(b"RANK"))?) << c;
-    }
-    Ok(masks)
-}
-
 /// Puts nodes together again; also returns each one's first word. The error names a section and what is wrong with it.
-pub(super) fn join_nodes(streams: &Streams) -> Result<(Vec<u16>, Vec<u64>), Wrong> {
+pub(super) fn join_nodes(streams: &Streams, leaves: &Leaves) -> Result<(Vec<u16>, Vec<u64>), Wrong> {
     if !streams.occupied.len().is_multiple_of(8) {
         return Err((*b"OCCU", format!("size: expected a multiple of 8, got {}", streams.occupied.len())));
     }
-    let short = |section: &[u8; 4]| (*section, "ends before the last node".to_owned());
-    let mut solid = BitReader { bytes: &streams.solid, at: 0 };
-    let mut ranked = BitReader { bytes: &streams.ranked, at: 0 };
-    let mut references = streams.references.as_chunks::<2>().0.iter().map(|&b| u16::from_le_bytes(b));
-    let mut fields = u64s(&streams.fields);
+    let mut heads = Heads::new(&streams.classes);
     let nodes_count = streams.occupied.len() / 8;
     // What the streams can yield at most: their own sizes bound it.
-    let mut nodes: Vec<u16> = Vec::with_capacity(
-        NODE_HEADER_WORDS * nodes_count + streams.references.len() / 2 + streams.fields.len() / 2,
-    );
+    let references: usize = streams.references.iter().map(Vec::len).sum();
+    let mut nodes: Vec<u16> =
+        Vec::with_capacity((OCCUPIED_WORDS + 1) * nodes_count + streams.classes.len() / 2 + references / 2);
     let mut starts = Vec::with_capacity(nodes_count);
     for occupied in u64s(&streams.occupied) {
         starts.push(nodes.len() as u64);
-        let masks = masks_of(occupied, &mut solid, &mut ranked)?;
-        nodes.extend(masks.iter().flat_map(|&m| words_of(m)));
-        for _ in 0..masks[2].count_ones() {
-            nodes.push(references.next().ok_or_else(|| short(b"REFS"))?);
+        let place = heads.next(occupied)?;
+        let mut parts: [Vec<u8>; 3] = Default::default();
+        for (k, part) in parts.iter_mut().enumerate() {
+            *part = elements(&streams.references[k], k, &place.references[k], leaves)?;
         }
-        for _ in 0..(occupied & !masks[1] & !masks[2]).count_ones() {
-            let field = fields.next().ok_or_else(|| short(b"FLDS"))?;
-            nodes.extend(words_of(field));
-        }
+        nodes.extend(place.words([&parts[0], &parts[1], &parts[2]], leaves));
     }
     let long = |section: &[u8; 4]| (*section, "goes on after the last node".to_owned());
-    if !solid.is_done() {
-        return Err(long(b"SOLI"));
+    if !heads.classes.is_done() {
+        return Err(long(b"CLAS"));
     }
-    if !ranked.is_done() {
-        return Err(long(b"RANK"));
-    }
-    if references.next().is_some() || !streams.references.len().is_multiple_of(2) {
-        return Err(long(b"REFS"));
-    }
-    if fields.next().is_some() || !streams.fields.len().is_multiple_of(8) {
-        return Err(long(b"FLDS"));
+    for (k, bytes) in streams.references.iter().enumerate() {
+        if bytes.len() != element_bytes(k, leaves) * heads.used[k] {
+            return Err(long(REFERENCES[k]));
+        }
     }
     Ok((nodes, starts))
 }
@@ -266,6 +303,7 @@ pub(super) fn join_boxes(
         return Err((*b"BCEL", what));
     }
     let mut records = Vec::with_capacity(count);
+    let leaves = Leaves::default();
     let (mut next, mut c) = (0usize, 0usize);
     let boxes = streams.cells.as_chunks::<3>().0.iter().zip(streams.backs.as_chunks::<4>().0);
     for (i, (code, back)) in boxes.enumerate() {
@@ -283,7 +321,7 @@ pub(super) fn join_boxes(
         };
         next += usize::from(back == 0);
         let cell = morton::decode(u64::from(u32::from_le_bytes([code[0], code[1], code[2], 0])));
-        let occupied = NodeRef::read(nodes, at as usize, &[]).occupied;
+        let occupied = NodeRef::read(nodes, at as usize, &leaves).occupied;
         if occupied == 0 {
             return Err((*b"OCCU", format!("node of box {i}: got no occupied cell")));
         }

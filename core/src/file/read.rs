@@ -3,13 +3,16 @@
 use std::collections::HashMap;
 use std::fs::File;
 use std::io::{ErrorKind, Read, Seek, SeekFrom};
+use std::ops::Range;
 use std::path::Path;
 
+use bytemuck::Pod;
 use serde::Deserialize;
 
-use super::layout::{ENTRY_BYTES, Encoding, HEADER_BYTES, Layout, section_checksum};
+use super::layout::{ENTRY_BYTES, Entry, HEADER_BYTES, Layout, section_checksum};
 use super::nodes::{self, Streams};
-use super::{Fault, archive, check, codec};
+use super::{Fault, archive, check, codec, legacy};
+use crate::elements::{Elements, MappedFile};
 use crate::error::one_line;
 use crate::{
     BoxRecord, Chunk, CompressedVolume, Contacts, Error, Job, LabelRun, LabelTable, Result, VolumeInfo,
@@ -41,7 +44,24 @@ impl CompressedVolume {
     /// # Errors
     /// [`Error::Io`]; [`Error::File`] that says where and what when the file is damaged; [`Error::Cancelled`].
     pub fn open(path: &Path, job: &Job) -> Result<Self> {
-        from_path(path, |file, file_bytes| read(file, file_bytes, true, job))
+        from_path(path, |file, file_bytes| read(file, file_bytes, None, true, job))
+    }
+
+    /// The same, but boxes and nodes of a file of [`crate::Level::Fast`] stay in the file, which is mapped into memory: they are
+    /// shared with other processes and given back where memory runs short. Everything is checked as by [`CompressedVolume::open`];
+    /// files of other levels have nothing to map and are read. [`CompressedVolume::mapped_bytes`] tells what is mapped.
+    ///
+    /// While the volume is there, the file must not be changed in place: where another program cuts it short, the process ends with a
+    /// signal. [`CompressedVolume::save`] over it is safe, as it replaces the file and leaves the former one to who has it open.
+    ///
+    /// # Errors
+    /// As [`CompressedVolume::open`], and [`Error::Io`] where the system cannot map the file.
+    pub fn open_mapped(path: &Path, job: &Job) -> Result<Self> {
+        from_path(path, |file, file_bytes| {
+            // Files without a byte cannot be mapped, and are refused for that length by the reader.
+            let map = if file_bytes > 0 { Some(MappedFile::new(file).map_err(Stop::Io)?) } else { None };
+            read(file, file_bytes, map, true, job)
+        })
     }
 }
 
@@ -63,17 +83,20 @@ pub(super) fn from_path<T>(
 }
 
 /// What is known of a volume without its boxes.
-pub(super) const HEAD_SECTIONS: [&[u8; 4]; 8] =
-    [b"INFO", b"CHNK", b"RUNS", b"LIDS", b"LVOX", b"LTYP", b"LCON", b"LEAF"];
+pub(super) const HEAD_SECTIONS: [&[u8; 4]; 10] =
+    [b"INFO", b"CHNK", b"RUNS", b"LIDS", b"LVOX", b"LTYP", b"LCON", b"LEAF", b"SLIC", b"RARE"];
 
 /// Boxes and nodes, in the one form or the other.
 const BOX_SECTIONS: [&[u8; 4]; 9] =
-    [b"BOXS", b"NODE", b"BCEL", b"BNOD", b"OCCU", b"SOLI", b"RANK", b"REFS", b"FLDS"];
+    [b"BOXS", b"NODE", b"BCEL", b"BNOD", b"OCCU", b"CLAS", b"REFS", b"SLCR", b"FLDS"];
 
 /// Sections read and decoded, by name.
 pub(super) struct Sections {
     decoded: HashMap<[u8; 4], Vec<u8>>,
     offsets: HashMap<[u8; 4], u64>,
+    /// The file, where it is mapped, and where in it those sections are that need no decoding and were not read therefore.
+    map: Option<MappedFile>,
+    mapped: HashMap<[u8; 4], Range<usize>>,
 }
 
 impl Sections {
@@ -84,6 +107,11 @@ impl Sections {
     /// Where a section lies in the file; 0 where it was not read.
     pub(super) fn offset(&self, name: &[u8; 4]) -> u64 {
         self.offsets.get(name).copied().unwrap_or(0)
+    }
+
+    /// Whether a section was read and is there still.
+    pub(super) fn has(&self, name: &[u8; 4]) -> bool {
+        self.decoded.contains_key(name) || self.mapped.contains_key(name)
     }
 
     /// Takes a section's bytes.
@@ -105,6 +133,23 @@ impl Sections {
         Ok(whole.iter().map(|&b| element(b)).collect())
     }
 
+    /// Takes a section as an array whose elements lie in the file as they do in memory.
+    fn array<const N: usize, T: Pod>(
+        &mut self,
+        name: &[u8; 4],
+        element: impl Fn([u8; N]) -> T,
+    ) -> std::result::Result<Elements<T>, Stop> {
+        match (&self.map, self.mapped.remove(name)) {
+            (Some(map), Some(range)) => {
+                let length = range.len();
+                map.elements(range).ok_or_else(|| {
+                    self.fault(*name, format!("size: expected a multiple of {N}, got {length}"))
+                })
+            }
+            _ => Ok(self.elements(name, element)?.into()),
+        }
+    }
+
     /// Checks the touching pairs, of a volume whose number of labels is checked.
     pub(super) fn unpack_contacts(&self, volume: &mut CompressedVolume) -> std::result::Result<(), Stop> {
         let packed = std::mem::take(&mut volume.labels.contacts.bytes);
@@ -116,10 +161,12 @@ impl Sections {
     }
 }
 
-/// Reads a volume. `check_hash` is off only where a test wants to reach what lies behind the checks.
+/// Reads a volume; what is mapped of its file need not be read. `check_hash` is off only where a test wants to reach what lies behind
+/// the checks.
 pub(super) fn read(
     file: &mut (impl Read + Seek),
     file_bytes: u64,
+    map: Option<MappedFile>,
     check_hash: bool,
     job: &Job,
 ) -> std::result::Result<CompressedVolume, Stop> {
@@ -128,10 +175,14 @@ pub(super) fn read(
         let volume = archive::read_archive(file, &layout, job)?;
         return if check_hash { check_content(&layout, volume) } else { Ok(volume) };
     }
-    let names: Vec<&[u8; 4]> = HEAD_SECTIONS.into_iter().chain(BOX_SECTIONS).collect();
+    let is_legacy = legacy::is_legacy(&layout);
+    let former = if is_legacy { &legacy::SECTIONS[..] } else { &[] };
+    let names: Vec<&[u8; 4]> =
+        HEAD_SECTIONS.into_iter().chain(BOX_SECTIONS).chain(former.iter().copied()).collect();
     job.begin(layout.file_bytes);
-    let mut sections = read_sections(file, &layout, &names, job)?;
-    let mut volume = assemble(&mut sections)?;
+    let map = map.filter(|_| !is_legacy);
+    let mut sections = read_sections(file, map, &layout, &names, job)?;
+    let mut volume = assemble(&mut sections, is_legacy)?;
     job.check()?;
     let wrong = |(section, what)| sections.fault(section, what);
     check::check_head(&volume).and_then(|()| check::check(&volume)).map_err(wrong)?;
@@ -197,26 +248,44 @@ pub(super) fn read_at(
     }
 }
 
+/// Where a section lies in a mapped file, if it need not be decoded.
+fn place_in(map: Option<&MappedFile>, entry: &Entry) -> Option<Range<usize>> {
+    let is_array = [b"BOXS", b"NODE"].contains(&&entry.name);
+    if !is_array || entry.encoding.zstd || entry.encoding.delta || entry.encoding.planes {
+        return None;
+    }
+    let range = usize::try_from(entry.offset).ok()?..usize::try_from(entry.offset + entry.stored).ok()?;
+    // It may have become shorter since its length was asked for: then reading says so.
+    (cfg!(target_endian = "little") && range.end <= map?.bytes().len()).then_some(range)
+}
+
 /// Those of the named sections that are there.
 pub(super) fn read_sections(
     file: &mut (impl Read + Seek),
+    map: Option<MappedFile>,
     layout: &Layout,
     names: &[&[u8; 4]],
     job: &Job,
 ) -> std::result::Result<Sections, Stop> {
-    let mut sections = Sections { decoded: HashMap::new(), offsets: HashMap::new() };
+    let mut sections =
+        Sections { decoded: HashMap::new(), offsets: HashMap::new(), map, mapped: HashMap::new() };
     for entry in layout.entries.iter().filter(|e| names.contains(&&e.name)) {
         job.check()?;
         let fault = |what| Stop::Fault(Fault { section: entry.name, at: entry.offset, what });
-        let stored = read_at(file, entry.offset, entry.stored, entry.name)?;
-        let got = section_checksum(&stored);
-        if got != entry.checksum {
-            return Err(fault(format!("checksum: expected {:016x}, got {got:016x}", entry.checksum)));
-        }
-        let encoding: Encoding = entry.encoding;
-        let bytes = codec::decode(stored, encoding, entry.decoded, job)?.map_err(fault)?;
-        sections.decoded.insert(entry.name, bytes);
+        let is_right = |stored: &[u8]| match section_checksum(stored) {
+            got if got == entry.checksum => Ok(()),
+            got => Err(fault(format!("checksum: expected {:016x}, got {got:016x}", entry.checksum))),
+        };
         sections.offsets.insert(entry.name, entry.offset);
+        if let (Some(map), Some(place)) = (&sections.map, place_in(sections.map.as_ref(), entry)) {
+            is_right(&map.bytes()[place.clone()])?;
+            sections.mapped.insert(entry.name, place);
+        } else {
+            let stored = read_at(file, entry.offset, entry.stored, entry.name)?;
+            is_right(&stored)?;
+            let bytes = codec::decode(stored, entry.encoding, entry.decoded, job)?.map_err(fault)?;
+            sections.decoded.insert(entry.name, bytes);
+        }
         job.advance(entry.stored);
     }
     Ok(sections)
@@ -258,32 +327,34 @@ pub(super) fn assemble_head(sections: &mut Sections) -> std::result::Result<Comp
         // Still packed: they are checked once the number of labels is.
         contacts: Contacts { bytes: sections.take(b"LCON")?, pairs: 0 },
     };
-    volume.dictionary = sections.elements(b"LEAF", u64::from_le_bytes)?;
+    volume.leaves.patterns = sections.elements(b"LEAF", u64::from_le_bytes)?;
+    if sections.has(b"SLIC") {
+        volume.leaves.slices = sections.elements(b"SLIC", u16::from_le_bytes)?;
+        volume.leaves.rare = sections.elements(b"RARE", u64::from_le_bytes)?;
+    }
     Ok(volume)
 }
 
 /// A volume from its sections, unchecked but for what putting it together needs.
-fn assemble(sections: &mut Sections) -> std::result::Result<CompressedVolume, Stop> {
+fn assemble(sections: &mut Sections, is_legacy: bool) -> std::result::Result<CompressedVolume, Stop> {
     let mut volume = assemble_head(sections)?;
-    if sections.decoded.contains_key(b"NODE") {
-        volume.nodes = sections.elements(b"NODE", u16::from_le_bytes)?;
-        volume.boxes = sections.elements(b"BOXS", |b| BoxRecord(u64::from_le_bytes(b)))?;
+    if is_legacy {
+        legacy::read_boxes(&mut volume, sections)?;
+    } else if sections.has(b"NODE") {
+        volume.nodes = sections.array(b"NODE", u16::from_le_bytes)?;
+        volume.boxes = sections.array(b"BOXS", |b| BoxRecord(u64::from_le_bytes(b)))?;
     } else {
         let streams = Streams {
             cells: sections.take(b"BCEL")?,
             backs: sections.take(b"BNOD")?,
             occupied: sections.take(b"OCCU")?,
-            solid: sections.take(b"SOLI")?,
-            ranked: sections.take(b"RANK")?,
-            references: sections.take(b"REFS")?,
-            fields: sections.take(b"FLDS")?,
+            classes: sections.take(b"CLAS")?,
+            references: [sections.take(b"REFS")?, sections.take(b"SLCR")?, sections.take(b"FLDS")?],
         };
         let fault = |(section, what): ([u8; 4], String)| sections.fault(section, what);
-        let (nodes, starts) = nodes::join_nodes(&streams).map_err(fault)?;
-        volume.boxes = nodes::join_boxes(&streams, &volume.chunks, &nodes, &starts).map_err(fault)?;
-        volume.nodes = nodes;
+        let (nodes, starts) = nodes::join_nodes(&streams, &volume.leaves).map_err(fault)?;
+        volume.boxes = nodes::join_boxes(&streams, &volume.chunks, &nodes, &starts).map_err(fault)?.into();
+        volume.nodes = nodes.into();
     }
-    volume.nodes.shrink_to_fit();
-    volume.boxes.shrink_to_fit();
     Ok(volume)
 }

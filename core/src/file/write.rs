@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::layout::{
-    ENTRY_BYTES, Encoding, Entry, HEADER_BYTES, Layout, VERSION, VERSION_OF_BOXES, align, section_checksum,
+    ENTRY_BYTES, Encoding, Entry, HEADER_BYTES, Layout, VERSION, VERSION_OF_VOXELS, align, section_checksum,
 };
 use super::{archive, codec, nodes};
 use crate::{CompressedVolume, Error, Job, Result, VolumeInfo};
@@ -113,7 +113,7 @@ impl CompressedVolume {
             })
             .collect();
         let streams = match level {
-            Level::Default => nodes::split(&self.chunks, &self.boxes, &self.nodes),
+            Level::Default => nodes::split(&self.chunks, &self.boxes, &self.nodes, &self.leaves),
             Level::Fast | Level::Small => nodes::Streams::default(),
         };
         let [pieces, voxels] =
@@ -135,7 +135,9 @@ impl CompressedVolume {
                 (*b"RUNS", bytemuck::cast_slice(&self.runs), (8, true, true)),
                 (*b"LVOX", bytemuck::cast_slice(&self.labels.voxels), (8, false, true)),
                 (*b"LCON", &self.labels.contacts.bytes, PLAIN),
-                (*b"LEAF", bytemuck::cast_slice(&self.dictionary), (8, false, true)),
+                (*b"LEAF", bytemuck::cast_slice(&self.leaves.patterns), (8, false, true)),
+                (*b"SLIC", bytemuck::cast_slice(&self.leaves.slices), PLAIN),
+                (*b"RARE", bytemuck::cast_slice(&self.leaves.rare), (8, true, true)),
             ]);
         }
         match level {
@@ -148,10 +150,10 @@ impl CompressedVolume {
                 (*b"BCEL", &streams.cells[..], (3, true, true)),
                 (*b"BNOD", &streams.backs, PLAIN),
                 (*b"OCCU", &streams.occupied, PLAIN),
-                (*b"SOLI", &streams.solid, PLAIN),
-                (*b"RANK", &streams.ranked, PLAIN),
-                (*b"REFS", &streams.references, PLAIN),
-                (*b"FLDS", &streams.fields, PLAIN),
+                (*b"CLAS", &streams.classes, PLAIN),
+                (*b"REFS", &streams.references[0], PLAIN),
+                (*b"SLCR", &streams.references[1], PLAIN),
+                (*b"FLDS", &streams.references[2], PLAIN),
             ]),
         }
         job.begin(plan.iter().map(|p| p.1.len() as u64).sum());
@@ -182,7 +184,7 @@ impl CompressedVolume {
             entry.offset = align(end);
             end = entry.offset + entry.stored;
         }
-        let version = if level == Level::Small { VERSION } else { VERSION_OF_BOXES };
+        let version = if level == Level::Small { VERSION_OF_VOXELS } else { VERSION };
         let content_hash = self.content_hash();
         Ok((Layout { version, file_bytes: align(end), content_hash, entries }, sections))
     }

@@ -45,11 +45,8 @@ impl Occupied {
             let b = volume.get_box(i as usize);
             let mut is_near = false;
             for_corners(b.origin, b.extent.map(|e| e - 1), |brick| is_near |= bricks.contains(&brick));
-            let mut left = if is_near { b.node.occupied } else { 0 };
-            while left != 0 {
-                let c = left.trailing_zeros();
-                left &= left - 1;
-                *cells.entry(cell_of(&b, c)).or_default() |= b.node.field(c);
+            for (c, field) in b.node.fields().take_while(|_| is_near) {
+                *cells.entry(cell_of(&b, c)).or_default() |= field;
             }
         }
         Self { cells }

@@ -270,16 +270,15 @@ impl Walk {
         if level == Level::Boxes {
             return self.found(ray, began_inside);
         }
-        let whole = if level == Level::Cells { b.node.occupied } else { b.node.solid };
         loop {
             let cell = self.cell();
             if b.node.occupied >> cell & 1 != 0 {
-                if whole >> cell & 1 != 0 {
+                if level == Level::Cells {
                     return self.found(ray, began_inside);
                 }
-                let field = b.node.field(cell);
+                let (field, flip) = b.node.flipped_field(cell);
                 loop {
-                    if field >> self.voxel_in_cell() & 1 != 0 {
+                    if field >> (self.voxel_in_cell() ^ flip) & 1 != 0 {
                         return self.found(ray, began_inside);
                     }
                     let before = self.m;
@@ -316,7 +315,7 @@ impl Walk {
             let solid = match level {
                 Level::Boxes => true,
                 Level::Cells => b.node.occupied >> cell & 1 != 0,
-                Level::Voxels => b.node.field(cell) >> self.voxel_in_cell() & 1 != 0,
+                Level::Voxels => b.node.has(cell, self.voxel_in_cell()),
             };
             if !solid {
                 return (self.face(ray), false);

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use glam::{DAffine3, DVec3};
-use pumice_core::{BoxView, CompressedVolume, NodeRef};
+use pumice_core::{BoxView, CompressedVolume};
 use pumice_render::{
     BoxBounds, Bvh, BvhRay, Hit, PathOrigin, RayInWorld, RenderError, Surface, SurfaceKind, Tracer,
 };
@@ -452,7 +452,7 @@ impl VolumeTracer {
             && match self.detail.level(&b) {
                 Level::Boxes => true,
                 Level::Cells => b.node.occupied >> number_in(&b, voxel, 2) & 1 != 0,
-                Level::Voxels => b.node.field(number_in(&b, voxel, 2)) >> number_in(&b, voxel, 0) & 1 != 0,
+                Level::Voxels => b.node.has(number_in(&b, voxel, 2), number_in(&b, voxel, 0)),
             }
     }
 
@@ -660,7 +660,8 @@ pub fn visible_boxes(volume: &CompressedVolume, visible: &[bool], tight: bool) -
             for i in first..end {
                 let b = volume.get_box(i as usize);
                 let bounds = if tight {
-                    bounds_of_voxels(&b)
+                    let (lo, last) = b.voxel_bounds();
+                    BoxBounds { lo, hi: last.map(|v| v + 1) }
                 } else {
                     BoxBounds { lo: b.origin, hi: clipped_end(&b, volume.info().dims) }
                 };
@@ -671,36 +672,4 @@ pub fn visible_boxes(volume: &CompressedVolume, visible: &[bool], tight: bool) -
     // Building needs several times as much again: no room is left over.
     boxes.shrink_to_fit();
     boxes
-}
-
-/// Tight bounds of a box's voxels.
-fn bounds_of_voxels(b: &BoxView) -> BoxBounds {
-    let (mut lo, mut hi) = (b.origin, b.origin);
-    for a in 0..3 {
-        // A slab is the 16 cells that share their coordinate along a.
-        let used = [0, 1, 2, 3].map(|i| b.node.occupied & (SLAB[a] << (i << (2 * a))) != 0);
-        let first = used.iter().position(|&u| u).unwrap_or(0);
-        let last = used.iter().rposition(|&u| u).unwrap_or(3);
-        lo[a] += 4 * first as u32 + extent_in_slab(&b.node, a, first).0;
-        hi[a] += 4 * last as u32 + extent_in_slab(&b.node, a, last).1;
-    }
-    BoxBounds { lo, hi }
-}
-
-/// Cells with coordinate 0 along x, y, z.
-const SLAB: [u64; 3] = [0x1111_1111_1111_1111, 0x000F_000F_000F_000F, 0xFFFF];
-
-/// First voxel and end along axis `a` of what the cells of slab `i` hold, from the slab's start.
-fn extent_in_slab(node: &NodeRef, a: usize, i: usize) -> (u32, u32) {
-    let slab = |i: usize| SLAB[a] << (i << (2 * a));
-    let mut cells = node.occupied & slab(i);
-    let mut voxels = 0;
-    while cells != 0 {
-        voxels |= node.field(cells.trailing_zeros());
-        cells &= cells - 1;
-    }
-    let used = [0, 1, 2, 3].map(|i| voxels & slab(i) != 0);
-    let first = used.iter().position(|&u| u).unwrap_or(0);
-    let last = used.iter().rposition(|&u| u).unwrap_or(3);
-    (first as u32, last as u32 + 1)
 }

@@ -41,9 +41,9 @@ pub(super) struct Built {
 
 /// Builds over boxes in Morton order, at least one.
 pub(super) fn build(boxes: &[(BoxBounds, u32)]) -> Built {
-    // 1. Two children a node. Whole numbers up to 2²³ are exact in f32.
-    let corner = |v: [u32; 3]| Vec3A::new(v[0] as f32, v[1] as f32, v[2] as f32);
-    let aabbs: Vec<Aabb> = boxes.iter().map(|(b, _)| Aabb::new(corner(b.lo), corner(b.hi))).collect();
+    // 1. Two children a node. Bounds are fitted again in the end: here they decide only which boxes are near.
+    let apart = Apart::new(boxes);
+    let aabbs: Vec<Aabb> = boxes.iter().enumerate().map(|(i, (b, _))| apart.moved(i, *b)).collect();
     let indices = (0..aabbs.len() as u32).collect();
     let mut binary = PlocBuilder::with_capacity(aabbs.len()).build(
         PlocSearchDistance::Medium,
@@ -62,6 +62,59 @@ pub(super) fn build(boxes: &[(BoxBounds, u32)]) -> Built {
     let (nodes, bounds, depth) = fit(&wide.nodes, &wide.primitive_indices, boxes);
     let items = wide.primitive_indices.iter().map(|&i| boxes[i as usize].1).collect();
     Built { nodes, items, bounds, depth }
+}
+
+/// Moves boxes that lie along a line, each by chance a little otherwise.
+///
+/// PLOC merges boxes that are each other's nearest. Where all are equally far from their neighbours, as along a thin straight label, each
+/// takes the one on the same side, and one pair a round is left: 127,000 boxes of a line took 13 CPU seconds, and 100 times as many
+/// would have taken 10⁴ times as long. Where no two distances are equal, a third of the boxes find a partner in every round.
+///
+/// Boxes that fill a space are never all so, and are left where they are: by its luck, moving them changed what rays cost by −0 to +9 %.
+struct Apart {
+    /// Subtracted, so that a step of f32 is as short as can be.
+    centre: [f32; 3],
+    /// Most that a box is moved along an axis, in voxels: some steps of f32; 0 where they stay.
+    most: f32,
+}
+
+impl Apart {
+    /// For boxes in Morton order.
+    fn new(boxes: &[(BoxBounds, u32)]) -> Self {
+        let all = boxes.iter().fold(BoxBounds::EMPTY, |all, &(b, _)| all.union(b));
+        let longest = (0..3).map(|a| all.hi[a] - all.lo[a]).max().unwrap_or(0);
+        if !lie_along_a_line(boxes, longest) {
+            return Self { centre: [0.0; 3], most: 0.0 };
+        }
+        Self {
+            centre: [0, 1, 2].map(|a| (all.lo[a] + (all.hi[a] - all.lo[a]) / 2) as f32),
+            most: (longest as f32 / 2_097_152.0).max(0.25),
+        }
+    }
+
+    /// Box number `i`, moved.
+    fn moved(&self, i: usize, bounds: BoxBounds) -> Aabb {
+        let shift = [0, 1, 2].map(|axis| {
+            // Three fractions of one number's multiples of irrational ones (Weyl): as unlike as need be, and the same every time.
+            let step = [0.754_877_666, 0.569_840_291, 0.438_744_877][axis]
+                * (i as f64 + 1.0)
+                * (i % 1021 + 1) as f64;
+            step.fract() as f32 * self.most - self.centre[axis]
+        });
+        let corner = |v: [u32; 3]| Vec3A::from([0, 1, 2].map(|a| v[a] as f32 + shift[a]));
+        Aabb::new(corner(bounds.lo), corner(bounds.hi))
+    }
+}
+
+/// Whether boxes in Morton order, within bounds so long, are spread over fewer than one and a half dimensions: n boxes over d of them
+/// make a path of n^(1 − 1/d) times that length.
+fn lie_along_a_line(boxes: &[(BoxBounds, u32)], longest: u32) -> bool {
+    let step = |pair: &[(BoxBounds, u32)]| {
+        let lo = |i: usize| pair[i].0.lo;
+        (0..3).map(|a| u64::from(lo(0)[a].abs_diff(lo(1)[a]))).max().unwrap_or(0)
+    };
+    let path: u64 = boxes.windows(2).map(step).sum();
+    (path as f64) < (boxes.len() as f64).cbrt() * f64::from(longest)
 }
 
 /// So many equal boxes in a row are not grouped by nearness: each that is added to a group is as near to it as any other, which makes a
@@ -174,4 +227,65 @@ fn quantised(children: &[BoxBounds; 8]) -> Node {
         }
     }
     node
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// `n` boxes of 16³ voxels, each `step` from the one before, with `copies` at each place.
+    fn boxes_in_line(n: u32, step: [u32; 3], copies: u32) -> Vec<(BoxBounds, u32)> {
+        let at = |i: u32| step.map(|s| s * (i / copies));
+        let mut boxes: Vec<_> =
+            (0..n).map(|i| (BoxBounds { lo: at(i), hi: at(i).map(|v| v + 16) }, i)).collect();
+        boxes.sort_unstable_by_key(|&(b, item)| (pumice_core::morton::encode(b.lo.map(|v| v / 4)), b, item));
+        boxes
+    }
+
+    /// Share of boxes that are the nearest of their nearest, by what a box around both has of surface; of equal ones the first.
+    fn partners(boxes: &[Aabb]) -> f64 {
+        let nearest = |i: usize| {
+            let near = i.saturating_sub(14)..boxes.len().min(i + 15);
+            near.filter(|&j| j != i)
+                .min_by(|&j, &k| {
+                    let area = |j: usize| boxes[i].union(&boxes[j]).half_area();
+                    area(j).total_cmp(&area(k))
+                })
+                .unwrap()
+        };
+        let mutual = (0..boxes.len()).filter(|&i| nearest(nearest(i)) == i).count();
+        mutual as f64 / boxes.len() as f64
+    }
+
+    #[test]
+    fn boxes_of_a_line_find_partners() {
+        for step in [[0, 0, 16], [16, 0, 0], [16, 16, 16], [12, 16, 0]] {
+            let boxes = boxes_in_line(4000, step, 1);
+            let apart = Apart::new(&boxes);
+            let stay = Apart { centre: [0.0; 3], most: 0.0 };
+            let placed = |apart: &Apart| -> Vec<Aabb> {
+                boxes.iter().enumerate().map(|(i, (b, _))| apart.moved(i, *b)).collect()
+            };
+            let (before, after) = (partners(&placed(&stay)), partners(&placed(&apart)));
+            assert!(before < 0.001 && after > 0.5, "{step:?}: {before} without moving, {after} with");
+            let built = build(&boxes);
+            assert!(built.depth <= 16, "{step:?}: {} levels", built.depth);
+            let mut items = built.items;
+            items.sort_unstable();
+            assert!(items.into_iter().eq(0..4000));
+        }
+        assert!(Apart::new(&boxes_in_line(4000, [0, 32, 0], 4)).most > 0.0);
+    }
+
+    #[test]
+    fn boxes_that_fill_a_space_stay_where_they_are() {
+        let cube = |i: u32| [i % 20, i / 20 % 20, i / 400].map(|c| 16 * c);
+        let sheet = |i: u32| [16 * (i % 90), 16 * (i / 90), 0];
+        for place in [&cube as &dyn Fn(u32) -> [u32; 3], &sheet] {
+            let mut boxes: Vec<_> =
+                (0..8000).map(|i| (BoxBounds { lo: place(i), hi: place(i).map(|v| v + 16) }, i)).collect();
+            boxes.sort_unstable_by_key(|b| pumice_core::morton::encode(b.0.lo.map(|v| v / 4)));
+            assert_eq!(Apart::new(&boxes).most, 0.0);
+        }
+    }
 }

@@ -1,9 +1,6 @@
 //! The other program: the scene's voxel faces as files, a job that names them, a Python that has Blender, and what came back.
 
-use std::io::Write;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
-use std::time::Duration;
+use std::path::Path;
 
 use pumice_core::{CompressedVolume, Job};
 use pumice_cpu::looks::Looks;
@@ -15,6 +12,8 @@ use serde_json::json;
 
 use super::Preparation;
 use crate::error::{Result, SessionError, io};
+use crate::npy::{read_npy_f32, write_npy};
+use crate::script::run_script;
 
 /// Translates the scene, inside Blender.
 const SCRIPT: &str = include_str!("scene_in_cycles.py");
@@ -88,7 +87,7 @@ pub(super) fn drawn_by_cycles(
     });
     std::fs::write(path("job.json"), asked.to_string()).map_err(io(path("job.json")))?;
     std::fs::write(path("scene_in_cycles.py"), SCRIPT).map_err(io(path("scene_in_cycles.py")))?;
-    run(python, &path("scene_in_cycles.py"), &path("job.json"), &path("said.txt"), job)?;
+    run_script("Cycles", python, &path("scene_in_cycles.py"), &path("job.json"), &path("said.txt"), job)?;
 
     let report = std::fs::read(path("report.json")).map_err(io(path("report.json")))?;
     let report: Report = serde_json::from_slice(&report)
@@ -124,116 +123,4 @@ pub(super) fn drawn_by_cycles(
 /// Cycles' seeds are 31 bits and not independent where they are near each other: a multiplication by an odd number spreads them.
 fn cycles_seed(seed: u64) -> u64 {
     (seed * 2_654_435_761) % 2_147_483_647
-}
-
-/// Runs the script to its end; what it says goes into a file, whose last line is the error's.
-fn run(python: &Path, script: &Path, asked: &Path, said: &Path, job: &Job) -> Result<()> {
-    let log = std::fs::File::create(said).map_err(io(said))?;
-    let errors = log.try_clone().map_err(io(said))?;
-    let mut child = Command::new(python)
-        .arg(script)
-        .arg(asked)
-        .stdin(Stdio::null())
-        .stdout(log)
-        .stderr(errors)
-        .spawn()
-        .map_err(io(python))?;
-    let status = loop {
-        if let Some(status) = child.try_wait().map_err(io(python))? {
-            break status;
-        }
-        if let Err(cancelled) = job.check() {
-            child.kill().and_then(|()| child.wait()).map_err(io(python))?;
-            return Err(cancelled.into());
-        }
-        std::thread::sleep(Duration::from_millis(50));
-    };
-    if status.success() {
-        return Ok(());
-    }
-    let text = std::fs::read(said).map_err(io(said))?;
-    let text = String::from_utf8_lossy(&text);
-    let last = text.lines().rev().find(|line| !line.trim().is_empty()).unwrap_or("it said nothing");
-    Err(SessionError::Caller(format!(
-        "Cycles in {} ended with {status}: {}",
-        python.display(),
-        pumice_core::error::one_line(last)
-    )))
-}
-
-/// Writes a C-ordered array as .npy, version 1.0 (numpy's `numpy.lib.format`).
-fn write_npy(path: &PathBuf, kind: &str, shape: &[usize], bytes: &[u8]) -> Result<()> {
-    let sizes: String = shape.iter().map(|n| format!("{n}, ")).collect();
-    let mut header = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': ({sizes}), }}");
-    // Magic, version and length take 10 bytes; the whole is a multiple of 64 and ends with a line break.
-    while (10 + header.len() + 1) % 64 != 0 {
-        header.push(' ');
-    }
-    header.push('\n');
-    let mut file = std::fs::File::create(path).map_err(io(path))?;
-    let mut write = |part: &[u8]| file.write_all(part).map_err(io(path));
-    write(b"\x93NUMPY\x01\x00")?;
-    write(&(header.len() as u16).to_le_bytes())?;
-    write(header.as_bytes())?;
-    write(bytes)
-}
-
-/// The values of a .npy of 32-bit floats that has as many as expected.
-fn read_npy_f32(path: &PathBuf, expected: usize) -> Result<Vec<f32>> {
-    let bytes = std::fs::read(path).map_err(io(path))?;
-    let header = match bytes.get(8..10) {
-        Some(&[low, high]) if bytes.starts_with(b"\x93NUMPY\x01") => {
-            usize::from(u16::from_le_bytes([low, high]))
-        }
-        _ => return Err(SessionError::Caller(format!("{}: expected .npy, version 1", path.display()))),
-    };
-    let values = bytes.get(10 + header..).unwrap_or(&[]);
-    if values.len() != 4 * expected || !bytes[..10 + header].windows(3).any(|w| w == b"<f4") {
-        return Err(SessionError::Caller(format!(
-            "{}: expected {expected} floats of 32 bits, got {} bytes",
-            path.display(),
-            values.len()
-        )));
-    }
-    Ok(values.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn arrays_come_back() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("a.npy");
-        let values = [1.5f32, -2.0, 3.25, 0.0, 7.0, 8.0];
-        write_npy(&path, "<f4", &[2, 3], bytemuck::cast_slice(&values)).unwrap();
-        let bytes = std::fs::read(&path).unwrap();
-        // numpy asks for data at a multiple of 64 bytes.
-        assert_eq!((bytes.len() - 24) % 64, 0);
-        assert!(bytes[10..].starts_with(b"{'descr': '<f4', 'fortran_order': False, 'shape': (2, 3, ), }"));
-        assert_eq!(read_npy_f32(&path, 6).unwrap(), values);
-        assert!(read_npy_f32(&path, 5).is_err());
-        std::fs::write(&path, b"no array").unwrap();
-        assert!(read_npy_f32(&path, 6).unwrap_err().to_string().contains("a.npy"));
-    }
-
-    #[test]
-    fn a_program_that_fails_is_quoted_in_one_line() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = |name: &str| folder.path().join(name);
-        std::fs::write(path("s"), "echo first; echo 'No module named bpy' >&2; exit 3").unwrap();
-        let failed = |program: &str| {
-            run(Path::new(program), &path("s"), &path("job"), &path("said"), &Job::new())
-                .unwrap_err()
-                .to_string()
-        };
-        assert_eq!(failed("sh"), "Cycles in sh ended with exit status: 3: No module named bpy");
-        assert!(failed("/no/such/python").starts_with("/no/such/python: "));
-        let job = Job::new();
-        job.cancel();
-        std::fs::write(path("s"), "exec sleep 100").unwrap();
-        let ended = run(Path::new("sh"), &path("s"), &path("job"), &path("said"), &job).unwrap_err();
-        assert_eq!(ended.to_string(), "cancelled");
-    }
 }

@@ -11,7 +11,7 @@ use serde::Serialize;
 use super::{Both, in_turn};
 use crate::error::Result;
 use crate::measure::Stopwatch;
-use crate::open::open_chosen;
+use crate::open::{Residence, open_chosen};
 
 /// Of one file.
 #[derive(Clone, Debug, Serialize)]
@@ -55,7 +55,7 @@ pub fn measure_opening(
 ) -> Result<(OpeningSaved, Arc<CompressedVolume>)> {
     let open = |shows: &[&Show]| -> Result<(Arc<CompressedVolume>, f64)> {
         let clock = Stopwatch::start();
-        let volume = open_chosen(path, shows, reading, job)?;
+        let volume = open_chosen(path, shows, reading, Residence::Copied, job)?;
         Ok((volume, 1e3 * clock.cpu_seconds()))
     };
     // Once before: neither way is the first to find the file on the disk.

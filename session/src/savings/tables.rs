@@ -11,7 +11,7 @@ use serde::Serialize;
 use super::{Both, OpeningSaved, Savings, SavingsOptions, Spread, measure_opening, measure_savings};
 use crate::error::{Result, io};
 use crate::figure::{FigureOptions, compose};
-use crate::open::open_volume;
+use crate::open::{Residence, open_volume};
 use crate::selection::select_labels;
 
 /// What is measured.
@@ -49,7 +49,7 @@ pub fn measure_needs(
     job: &Job,
     watch: &mut dyn FnMut(&str),
 ) -> Result<Vec<NeedsScene>> {
-    let volume = open_volume(&options.volume, &OpenOptions::default(), job)?;
+    let volume = open_volume(&options.volume, &OpenOptions::default(), Residence::Copied, job)?;
     let all = volume.labels().len();
     let chosen = select_labels(&volume, options.show);
     let mut scenes = Vec::new();

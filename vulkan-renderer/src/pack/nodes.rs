@@ -6,8 +6,6 @@
 //! kept             (a → 0) (c → 20) (d → 44)     words; empty where all are kept and nothing moves
 //! ```
 
-use std::borrow::Cow;
-
 use pumice_core::CompressedVolume;
 
 /// See the module.
@@ -86,15 +84,29 @@ impl PackedNodes {
         bytemuck::cast_slice(&words).to_vec()
     }
 
-    /// The leaf dictionary.
-    pub fn leaves(volume: &CompressedVolume) -> Cow<'_, [u8]> {
-        Cow::Borrowed(bytemuck::cast_slice(volume.dictionary()))
+    /// The leaves: words of a long reference, bytes before the patterns, bytes before the rare fields, 0 (4 bytes each), slices (2
+    /// bytes each), patterns, rare fields (8 bytes each, at multiples of 8).
+    pub fn leaves(volume: &CompressedVolume) -> Vec<u8> {
+        let leaves = volume.leaves();
+        let slices: Vec<u16> = leaves.slices().iter().copied().chain([0; 3]).collect();
+        let slices = &slices[..slices.len() / 4 * 4];
+        let patterns = 16 + 2 * slices.len();
+        let rare = patterns + 8 * leaves.patterns().len();
+        // 8192 slices and patterns at most: 32 bits are plenty.
+        let header = [leaves.long_words() as u32, patterns as u32, rare as u32, 0];
+        [
+            bytemuck::cast_slice(&header),
+            bytemuck::cast_slice(slices),
+            bytemuck::cast_slice(leaves.patterns()),
+            bytemuck::cast_slice(leaves.rare()),
+        ]
+        .concat()
     }
 }
 
 /// Words of the node at a word of the volume.
 fn length(volume: &CompressedVolume, word: u64) -> usize {
-    pumice_core::NodeRef::read(volume.nodes(), word as usize, volume.dictionary()).words()
+    pumice_core::NodeRef::read(volume.nodes(), word as usize, volume.leaves()).words()
 }
 
 /// Chunk, label and boxes of each run of a volume.

@@ -98,7 +98,18 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
     ("core/src/octahedral.rs", &[("encode", "words are made before a ray is traced")]),
     (
         "core/src/node.rs",
-        &[("NodeRef::words", COUNTED), ("extent_of", "tight bounds for the hierarchy: ready before")],
+        &[
+            ("NodeRef::words", COUNTED),
+            ("NodeRef::solid", "the compressor's"),
+            ("NodeRef::fields", READY),
+            ("NodeRef::flipped_fields", READY),
+            ("NodeRef::classes", "takes nodes apart, for files"),
+            ("NodeRef::references", "takes nodes apart, for files"),
+            ("FlippedFields::next", READY),
+            ("node_words", "the compressor's"),
+            ("write_node", "the compressor's"),
+            ("extent_of", "tight bounds for the hierarchy: ready before"),
+        ],
     ),
     (
         "core/src/volume.rs",
@@ -114,7 +125,7 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
             ("CompressedVolume::runs", READ),
             ("CompressedVolume::boxes", READ),
             ("CompressedVolume::nodes", READ),
-            ("CompressedVolume::dictionary", READ),
+            ("CompressedVolume::leaves", READ),
             ("CompressedVolume::note", "texts about labels"),
             ("CompressedVolume::holds", "which labels were read is asked before anything is drawn"),
             ("CompressedVolume::is_whole", "which labels were read is asked before anything is drawn"),
@@ -294,8 +305,6 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
             ("VolumeTracer::boxes", COUNTED),
             ("VolumeTracer::label_at", "asked about a voxel, not by a ray"),
             ("visible_boxes", READY),
-            ("bounds_of_voxels", READY),
-            ("extent_in_slab", READY),
         ],
     ),
     (

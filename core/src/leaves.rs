@@ -1,0 +1,428 @@
+//! The leaves that nodes share: occupancy fields by 16 bits where they occur often, slice by slice where their slices do.
+//!
+//! ```text
+//! class    reference                            field
+//! ranked   1 word   m:3 i:13                    patterns[i], mirrored along the axes m
+//! sliced   2 words  d:8 c:8 b:8 a:8             slices[a] | slices[b] << 16 | slices[c] << 32 | slices[d] << 48
+//! long     3 words  d:12 c:12 b:12 a:12         the same; where a is 4095: rare[d c b], 36 bits        with over 256 slices
+//!          4 words  the field                                                                         otherwise
+//! ```
+//! A pattern stands for itself and its mirror images, the least of which it is. A slice is a cell's 4 × 4 voxels of one z: surfaces
+//! cut a cell in countless ways, a slice in few. Of cortex's fields 77 % are ranked and 18 % sliced. All tables follow from the
+//! fields alone; in noise, where slices repeat no more than fields, there are at most 256 of them.
+
+use rayon::prelude::*;
+use rustc_hash::FxHashMap;
+
+/// Most patterns: 13 bits of a reference are left beside the mirrors.
+pub const MAX_PATTERNS: usize = 1 << 13;
+
+/// Slices that 8 bits name.
+pub const SHORT_SLICES: usize = 1 << 8;
+
+/// Most slices: 12 bits name one, and one number of 12 bits is [`RARE`].
+pub const MAX_SLICES: usize = RARE as usize;
+
+/// Number of a first slice that says that the field is a rare one.
+pub(crate) const RARE: u64 = (1 << 12) - 1;
+
+/// Words that a pattern takes itself.
+const WORDS_OF_PATTERN: u64 = 4;
+
+/// How a node names a field, in the order of the words that a reference takes: 0, 1, 2, and 3 or 4.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Class {
+    Solid = 0,
+    Ranked = 1,
+    Sliced = 2,
+    Long = 3,
+}
+
+/// See the module.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Leaves {
+    pub(crate) patterns: Vec<u64>,
+    pub(crate) slices: Vec<u16>,
+    pub(crate) rare: Vec<u64>,
+}
+
+/// By which a voxel's number in its cell is changed where the field is mirrored along the axes of `mirrors` (bit 0: x).
+#[inline(always)]
+pub(crate) fn flip_of(mirrors: u32) -> u32 {
+    let along = |axis: u32| mirrors >> axis & 1;
+    along(0) * 0b11 + along(1) * 0b11_00 + along(2) * 0b11_00_00
+}
+
+/// A field whose voxel v is voxel v ^ `flip` of another.
+#[inline]
+pub(crate) fn flipped(field: u64, flip: u32) -> u64 {
+    let mut f = field;
+    if flip & 0b11 != 0 {
+        f = (f & 0x1111_1111_1111_1111) << 3
+            | (f & 0x2222_2222_2222_2222) << 1
+            | f >> 1 & 0x2222_2222_2222_2222
+            | f >> 3 & 0x1111_1111_1111_1111;
+    }
+    if flip & 0b11_00 != 0 {
+        f = (f & 0x000F_000F_000F_000F) << 12
+            | (f & 0x00F0_00F0_00F0_00F0) << 4
+            | f >> 4 & 0x00F0_00F0_00F0_00F0
+            | f >> 12 & 0x000F_000F_000F_000F;
+    }
+    if flip & 0b11_00_00 != 0 {
+        f = f << 48 | (f & 0xFFFF_0000) << 16 | f >> 16 & 0xFFFF_0000 | f >> 48;
+    }
+    f
+}
+
+/// The least of a field's mirror images.
+fn least_image(field: u64) -> u64 {
+    (0..8).map(|m| flipped(field, flip_of(m))).min().unwrap_or(field)
+}
+
+/// The four slices of a field.
+#[inline]
+fn slices_of(field: u64) -> [u16; 4] {
+    [0, 16, 32, 48].map(|s| (field >> s) as u16)
+}
+
+/// Keys by falling weight, then rising key; the first `most` of them.
+fn heaviest<K: Copy + Ord + Send>(mut weighed: Vec<(u64, K)>, most: usize) -> Vec<K> {
+    let rank = |&(weight, key): &(u64, K)| (std::cmp::Reverse(weight), key);
+    if weighed.len() > most {
+        weighed.select_nth_unstable_by_key(most, rank);
+        weighed.truncate(most);
+    }
+    weighed.sort_unstable_by_key(rank);
+    // Through an iterator of known length into a vector of its own: `into_iter` would keep the larger allocation.
+    weighed.iter().map(|&(_, key)| key).collect()
+}
+
+/// A field among those that are to be named.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct Counted {
+    pattern: u64,
+    field: u64,
+    uses: u64,
+}
+
+/// Number of each slice; `u16::MAX` where it has none.
+struct SliceNumbers(Vec<u16>);
+
+impl SliceNumbers {
+    fn new(slices: &[u16]) -> Self {
+        let mut numbers = vec![u16::MAX; 1 << 16];
+        slices.iter().zip(0..).for_each(|(&s, i)| numbers[usize::from(s)] = i);
+        Self(numbers)
+    }
+
+    /// The numbers of a field's slices and the highest of them.
+    #[inline]
+    fn of(&self, field: u64) -> ([u16; 4], usize) {
+        let numbers = slices_of(field).map(|s| self.0[usize::from(s)]);
+        (numbers, numbers.into_iter().max().map_or(0, usize::from))
+    }
+}
+
+impl Leaves {
+    /// The leaves of these fields (one entry a use), which are neither empty nor full; sorts `uses` as its scratch.
+    ///
+    /// First the slices: the most frequent ones of fields that are not among the [`MAX_PATTERNS`] most used patterns, those that
+    /// are there twice at most left out (a use saves half a word, and a slice takes one). Then the patterns by the words that each
+    /// saves; one that saves no more than its own 4 words is left out. With up to [`MAX_SLICES`] slices or with [`SHORT_SLICES`],
+    /// whichever takes fewer words.
+    pub(crate) fn of_fields(mut uses: Vec<u64>) -> Self {
+        uses.par_sort_unstable();
+        let count = |same: &[u64]| Counted { pattern: 0, field: same[0], uses: same.len() as u64 };
+        let mut counted: Vec<Counted> = uses.chunk_by(|a, b| a == b).map(count).collect();
+        drop(uses);
+        counted.par_iter_mut().for_each(|c| c.pattern = least_image(c.field));
+        counted.par_sort_unstable();
+
+        let images = counted.chunk_by(|a, b| a.pattern == b.pattern);
+        let used = images.map(|same| (same.iter().map(|c| c.uses).sum::<u64>(), same[0].pattern));
+        let mut often = heaviest(used.filter(|&(n, _)| n > WORDS_OF_PATTERN).collect(), MAX_PATTERNS);
+        often.sort_unstable();
+        let mut slice_uses = vec![0u64; 1 << 16];
+        for c in counted.iter().filter(|c| often.binary_search(&c.pattern).is_err()) {
+            slices_of(c.field).iter().for_each(|&s| slice_uses[usize::from(s)] += c.uses);
+        }
+        drop(often);
+        let used = (0..=u16::MAX).zip(slice_uses).filter(|&(_, n)| n > 2).map(|(s, n)| (n, s)).collect();
+        let slices = heaviest(used, MAX_SLICES);
+
+        let few = slices[..slices.len().min(SHORT_SLICES)].to_vec();
+        let (words, leaves) = Self::with_slices(few, &counted);
+        if slices.len() <= SHORT_SLICES {
+            return leaves;
+        }
+        let (words_of_more, of_more) = Self::with_slices(slices, &counted);
+        if words_of_more < words { of_more } else { leaves }
+    }
+
+    /// The leaves with these slices, and the words that they and all references take.
+    fn with_slices(slices: Vec<u16>, counted: &[Counted]) -> (u64, Self) {
+        let numbers = SliceNumbers::new(&slices);
+        let mut leaves = Self { patterns: Vec::new(), slices, rare: Vec::new() };
+        let long = leaves.words_of(Class::Long) as u64;
+        let is_rare = |highest: usize| long == 3 && highest >= MAX_SLICES;
+        // Words of a field without a pattern.
+        let words = |c: &Counted| match numbers.of(c.field).1 {
+            highest if highest < SHORT_SLICES => 2 * c.uses,
+            highest => long * c.uses + if is_rare(highest) { 4 } else { 0 },
+        };
+        let images = counted.chunk_by(|a, b| a.pattern == b.pattern);
+        let saved = images.map(|same| (same.iter().map(|c| words(c) - c.uses).sum::<u64>(), same[0].pattern));
+        leaves.patterns = heaviest(saved.filter(|&(n, _)| n > WORDS_OF_PATTERN).collect(), MAX_PATTERNS);
+
+        let mut patterns = leaves.patterns.clone();
+        patterns.sort_unstable();
+        let mut total = leaves.slices.len() as u64 + WORDS_OF_PATTERN * patterns.len() as u64;
+        for c in counted {
+            if patterns.binary_search(&c.pattern).is_ok() {
+                total += c.uses;
+                continue;
+            }
+            total += words(c);
+            if is_rare(numbers.of(c.field).1) {
+                leaves.rare.push(c.field);
+            }
+        }
+        leaves.rare.sort_unstable();
+        leaves.rare.shrink_to_fit();
+        (total, leaves)
+    }
+
+    /// Words of a long reference: 3 or 4.
+    pub fn long_words(&self) -> usize {
+        self.words_of(Class::Long)
+    }
+
+    /// Words of a reference.
+    #[inline(always)]
+    pub(crate) fn words_of(&self, class: Class) -> usize {
+        match class {
+            Class::Long => 3 + self.words_beyond_3(),
+            class => class as usize,
+        }
+    }
+
+    /// Words of a long reference beyond three: 0 or 1.
+    #[inline(always)]
+    pub(crate) fn words_beyond_3(&self) -> usize {
+        usize::from(self.slices.len() <= SHORT_SLICES)
+    }
+
+    /// Fields that 16 bits name, at most [`MAX_PATTERNS`]: each the least of its mirror images.
+    pub fn patterns(&self) -> &[u64] {
+        &self.patterns
+    }
+
+    /// Slices by number, at most [`MAX_SLICES`]: bit x + 4·y of one is voxel (x, y).
+    pub fn slices(&self) -> &[u16] {
+        &self.slices
+    }
+
+    /// Fields that have slices without a number, where long references are short.
+    pub fn rare(&self) -> &[u64] {
+        &self.rare
+    }
+
+    /// Heap bytes held.
+    pub fn bytes(&self) -> u64 {
+        let fields = self.patterns.capacity() + self.rare.capacity();
+        (fields * size_of::<u64>() + self.slices.capacity() * size_of::<u16>()) as u64
+    }
+
+    /// Pattern and flip of a ranked reference.
+    #[inline(always)]
+    pub(crate) fn ranked(&self, word: u16) -> (u64, u32) {
+        (self.patterns[usize::from(word) % MAX_PATTERNS], flip_of(u32::from(word) / MAX_PATTERNS as u32))
+    }
+
+    /// Field of slices with these numbers.
+    #[inline(always)]
+    fn of_slices(&self, numbers: [u64; 4]) -> u64 {
+        let [a, b, c, d] = numbers.map(|n| u64::from(self.slices[n as usize]));
+        a | b << 16 | c << 32 | d << 48
+    }
+
+    /// Field of a sliced reference.
+    #[inline(always)]
+    pub(crate) fn sliced(&self, words: [u16; 2]) -> u64 {
+        let [a, b] = words.map(u64::from);
+        self.of_slices([a & 255, a >> 8, b & 255, b >> 8])
+    }
+
+    /// Field of a long reference at the start of some words.
+    #[inline]
+    pub(crate) fn long(&self, words: &[u16]) -> u64 {
+        let w = |i: usize| u64::from(words[i]) << (16 * i);
+        let three = w(0) | w(1) | w(2);
+        if self.words_beyond_3() == 1 {
+            three | w(3)
+        } else if three & RARE == RARE {
+            self.rare[(three >> 12) as usize]
+        } else {
+            self.of_slices([0, 12, 24, 36].map(|s| three >> s & RARE))
+        }
+    }
+}
+
+/// Names fields by given leaves.
+pub(crate) struct LeafIndex<'a> {
+    leaves: &'a Leaves,
+    /// Of each pattern and its mirror images, the lowest reference.
+    ranked: FxHashMap<u64, u16>,
+    slices: SliceNumbers,
+}
+
+impl<'a> LeafIndex<'a> {
+    pub(crate) fn new(leaves: &'a Leaves) -> Self {
+        let mut ranked = FxHashMap::with_capacity_and_hasher(8 * leaves.patterns.len(), Default::default());
+        for (i, &pattern) in (0u16..).zip(&leaves.patterns) {
+            for mirrors in 0..8u16 {
+                let image = flipped(pattern, flip_of(mirrors.into()));
+                ranked.entry(image).or_insert(mirrors << 13 | i);
+            }
+        }
+        Self { leaves, ranked, slices: SliceNumbers::new(&leaves.slices) }
+    }
+
+    /// Words of the reference of a field that is neither empty nor full.
+    #[inline]
+    pub(crate) fn words(&self, field: u64) -> usize {
+        let class = if self.ranked.contains_key(&field) {
+            Class::Ranked
+        } else if self.slices.of(field).1 < SHORT_SLICES {
+            Class::Sliced
+        } else {
+            Class::Long
+        };
+        self.leaves.words_of(class)
+    }
+
+    /// The reference of a field: class, its words, and how many they are.
+    #[inline]
+    pub(crate) fn reference(&self, field: u64) -> (Class, [u16; 4], usize) {
+        if let Some(&word) = self.ranked.get(&field) {
+            return (Class::Ranked, [word, 0, 0, 0], 1);
+        }
+        let ([a, b, c, d], highest) = self.slices.of(field);
+        let long = self.leaves.words_of(Class::Long);
+        if highest < SHORT_SLICES {
+            (Class::Sliced, [a | b << 8, c | d << 8, 0, 0], 2)
+        } else if long == 4 {
+            (Class::Long, slices_of(field), long)
+        } else {
+            let numbers = match highest < MAX_SLICES {
+                true => [a, b, c, d].iter().rev().fold(0, |all, &n| all << 12 | u64::from(n)),
+                // All fields that need it are there: the leaves were made of them.
+                false => (self.leaves.rare.partition_point(|&f| f < field) as u64) << 12 | RARE,
+            };
+            (Class::Long, slices_of(numbers), long)
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn random(state: &mut u64) -> u64 {
+        *state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        *state ^ *state >> 31
+    }
+
+    #[test]
+    fn flipped_moves_each_voxel() {
+        let mut s = 1;
+        for _ in 0..200 {
+            let field = random(&mut s);
+            for mirrors in 0..8 {
+                let image = flipped(field, flip_of(mirrors));
+                for v in 0..64u32 {
+                    let [x, y, z] = [v & 3, v >> 2 & 3, v >> 4];
+                    let m = |c: u32, a: u32| if mirrors >> a & 1 != 0 { 3 - c } else { c };
+                    let from = m(x, 0) + 4 * m(y, 1) + 16 * m(z, 2);
+                    assert_eq!(image >> v & 1, field >> from & 1);
+                }
+            }
+        }
+    }
+
+    /// Names all of these by their leaves; how many there were of each class, and of rare ones.
+    fn named(uses: Vec<u64>) -> (Leaves, [usize; 4]) {
+        let leaves = Leaves::of_fields(uses.clone());
+        assert!(leaves.patterns.len() <= MAX_PATTERNS && leaves.slices.len() <= MAX_SLICES);
+        assert!(leaves.patterns.iter().all(|&p| p == least_image(p)));
+        let index = LeafIndex::new(&leaves);
+        let mut seen = [0; 4];
+        for field in uses {
+            let (class, words, count) = index.reference(field);
+            assert_eq!((count, count), (index.words(field), leaves.words_of(class)));
+            seen[class as usize] += 1;
+            let back = match class {
+                Class::Ranked => {
+                    let (pattern, flip) = leaves.ranked(words[0]);
+                    flipped(pattern, flip)
+                }
+                Class::Sliced => leaves.sliced([words[0], words[1]]),
+                Class::Long | Class::Solid => leaves.long(&words[..count]),
+            };
+            assert_eq!(back, field);
+        }
+        (leaves, seen)
+    }
+
+    /// More fields of so many kinds of slices than there can be patterns, and one of noise for each `noise`.
+    fn fields(slices: u64, noise: u64) -> Vec<u64> {
+        let mut s = 7;
+        let slice = |s: &mut u64| 0xFFFE - 37 * ((random(s) >> 40) % slices);
+        let mut uses = Vec::new();
+        for i in 0..30_000u64 {
+            let field = (0..4).fold(0, |f, _| f << 16 | slice(&mut s));
+            uses.extend(std::iter::repeat_n(field, 1 + (i % 5) as usize));
+            if i % noise == 0 {
+                uses.push(random(&mut s) | 1);
+            }
+        }
+        uses
+    }
+
+    #[test]
+    fn references_give_their_fields_back() {
+        let (leaves, seen) = named(fields(24, 7));
+        assert!(leaves.slices.len() <= SHORT_SLICES && leaves.rare.is_empty());
+        assert!(seen[1] > 1000 && seen[2] > 1000 && seen[3] > 1000, "{seen:?}");
+        // Slices of 12 bits, and a few fields that have none.
+        let (leaves, seen) = named(fields(700, 70));
+        assert!(leaves.slices.len() > SHORT_SLICES && leaves.rare.len() > 100, "{}", leaves.rare.len());
+        assert!(seen[1] > 1000 && seen[2] > 1000 && seen[3] > 1000, "{seen:?}");
+    }
+
+    #[test]
+    fn in_noise_fields_are_not_made_longer() {
+        let mut s = 11;
+        let (leaves, seen) = named((0..50_000).map(|_| random(&mut s) | 1).collect());
+        assert_eq!((leaves.words_of(Class::Long), leaves.rare.len(), seen[3]), (4, 0, 50_000));
+    }
+
+    #[test]
+    fn a_pattern_must_save_more_than_it_takes() {
+        // A use saves three words where a slice has no number, else one; a pattern takes four.
+        let leaves = Leaves::of_fields([vec![0xF0; 4], vec![0xF; 5]].concat());
+        assert_eq!(leaves.patterns, [0xF]);
+        // Mirrored along y: one pattern.
+        let leaves = Leaves::of_fields([vec![0xF000; 3], vec![0xF; 2], vec![0x8]].concat());
+        assert_eq!(leaves.patterns, [0xF]);
+    }
+
+    #[test]
+    fn no_more_than_references_reach() {
+        let mut s = 3;
+        let uses: Vec<u64> = (0..9000).flat_map(|_| [random(&mut s) | 1; 5]).collect();
+        let leaves = Leaves::of_fields(uses);
+        assert_eq!(leaves.patterns.len(), MAX_PATTERNS);
+    }
+}

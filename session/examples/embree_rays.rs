@@ -1,0 +1,247 @@
+//! The same rays through the compressed form and, as a mesh of the same voxels' faces, through Embree; in turn, on one thread.
+//!
+//! ```text
+//! cargo run --release -p pumice-session --example embree_rays -- VOLUME DRIVER [share of labels shown, in per cent: 15] [side: 1024] [rounds: 7]
+//! ```
+//! DRIVER is `bench/embree/rays.c`, built with Embree. Prints a line of JSON.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a measuring tool: it stops at the first fault"
+)]
+
+use std::io::{BufRead, BufReader, Write};
+use std::path::{Path, PathBuf};
+use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+use std::sync::Arc;
+
+use glam::DVec3;
+use pumice_core::{CompressedVolume, Level};
+use pumice_cpu::traverse::{LodChoice, SceneTracer, TracedInstance};
+use pumice_export::{Corners, Interfaces, QuadMesh};
+use pumice_render::{Hit, PathOrigin, RayInWorld, Tracer};
+use pumice_session::{Job, OpenOptions, Residence, Stopwatch, open_volume};
+use serde_json::json;
+
+/// How far above the face that it leaves a ray of Embree's starts, in the shortest side of a voxel: it has no other way to miss it.
+const LIFT: f64 = 1e-3;
+/// Hits are the same where the two lie in one plane, within so much of the distance and of a voxel: Embree's f32.
+const SAME_PLANE: f64 = 1e-4;
+
+/// 64 well-mixed bits of a counter (SplitMix64).
+fn mix(i: u64) -> u64 {
+    let z = i.wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    let z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    z ^ (z >> 31)
+}
+
+fn unit(i: u64) -> f64 {
+    (mix(i) >> 11) as f64 / (1u64 << 53) as f64
+}
+
+/// Cosine-distributed around `n`.
+fn diffuse(n: DVec3, i: u64) -> DVec3 {
+    let (z, phi) = (1.0 - 2.0 * unit(2 * i), std::f64::consts::TAU * unit(2 * i + 1));
+    let r = (1.0 - z * z).sqrt();
+    n + DVec3::new(r * phi.cos(), r * phi.sin(), z)
+}
+
+/// The other program, waiting for rays.
+struct Embree {
+    child: Child,
+    ask: ChildStdin,
+    answer: BufReader<ChildStdout>,
+}
+
+impl Embree {
+    /// Its numbers of the next line, which begins with `word`.
+    fn said(&mut self, word: &str) -> Vec<f64> {
+        let mut line = String::new();
+        self.answer.read_line(&mut line).expect("an answer");
+        let mut words = line.split_whitespace();
+        assert_eq!(words.next(), Some(word), "Embree's program said {line:?}");
+        words.map(|w| w.parse().unwrap()).collect()
+    }
+
+    fn trace(&mut self, rays: &Path, hits: &Path) -> f64 {
+        writeln!(self.ask, "trace {} {}", rays.display(), hits.display()).unwrap();
+        self.said("traced")[0]
+    }
+}
+
+/// Rays, each from a little beside where it begins.
+fn write_rays(path: &Path, rays: &[(RayInWorld, DVec3)]) {
+    let mut bytes = (rays.len() as u64).to_le_bytes().to_vec();
+    for (ray, beside) in rays {
+        let (o, d) = (ray.origin + *beside, ray.direction);
+        for v in [o.x, o.y, o.z, 0.0, d.x, d.y, d.z, 0.0] {
+            bytes.extend((v as f32).to_le_bytes());
+        }
+    }
+    std::fs::write(path, bytes).unwrap();
+}
+
+/// Distance of each hit, infinite where there is none.
+fn read_hits(path: &Path) -> Vec<f64> {
+    let bytes = std::fs::read(path).unwrap();
+    let hit = |b: &[u8; 8]| match u32::from_le_bytes([b[4], b[5], b[6], b[7]]) {
+        u32::MAX => f64::INFINITY,
+        _ => f64::from(f32::from_le_bytes([b[0], b[1], b[2], b[3]])),
+    };
+    bytes.as_chunks::<8>().0.iter().map(hit).collect()
+}
+
+/// Rays that the two see differently: one hits and the other does not, or what they hit does not lie in one plane.
+/// Distances alone would not do: a ray that is lifted along the face it leaves meets a face parallel to that one earlier, the more so the flatter it goes.
+fn differing(rays: &[(RayInWorld, DVec3)], ours: &[Option<Hit>], theirs: &[f64], voxel: f64) -> usize {
+    assert_eq!(ours.len(), theirs.len());
+    let apart = |i: usize| match (&ours[i], theirs[i].is_finite()) {
+        (Some(hit), true) => {
+            let (ray, beside) = &rays[i];
+            let from_ours_to_theirs = *beside + (theirs[i] - hit.t) * ray.direction;
+            let off = from_ours_to_theirs.dot(hit.normal_in_world.normalize()).abs();
+            off > SAME_PLANE * (hit.t + voxel)
+        }
+        (ours, theirs) => ours.is_some() != theirs,
+    };
+    (0..rays.len()).filter(|&i| apart(i)).count()
+}
+
+fn main() {
+    let mut args = std::env::args().skip(1);
+    let path = PathBuf::from(args.next().expect("VOLUME"));
+    let driver = args.next().expect("DRIVER");
+    let percent: u64 = args.next().map_or(15, |a| a.parse().unwrap());
+    let side: u64 = args.next().map_or(1024, |a| a.parse().unwrap());
+    let rounds: usize = args.next().map_or(7, |a| a.parse().unwrap());
+
+    let job = Job::new();
+    let volume = open_volume(&path, &OpenOptions::default(), Residence::Copied, &job).expect("the volume");
+    let visible: Vec<bool> = (0..volume.labels().len() as u64).map(|l| mix(l) % 100 < percent).collect();
+    // As a scene that shows these labels opens it: Embree gets no faces of others either.
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str| folder.path().join(name);
+    volume.save(&file("volume.pumice"), Level::Fast, &job).unwrap();
+    let shown = CompressedVolume::open_labels(&file("volume.pumice"), |_| visible.clone(), &job).unwrap();
+    let volume = Arc::new(shown);
+    let world = volume.info().world_from_index;
+
+    // Places around the volume's middle, so that Embree's f32 has them as exactly as it can.
+    let middle = world.transform_point3(DVec3::from(volume.info().dims.map(f64::from)) / 2.0);
+    let mesh = QuadMesh::new(&volume, &visible, Interfaces::Outside, Corners::Own, &job).expect("the mesh");
+    let quads = mesh.quads.len();
+    let mesh_bytes = 12 * mesh.vertices.len() + 16 * quads;
+    let mut bytes = Vec::with_capacity(16 + mesh_bytes);
+    bytes.extend((mesh.vertices.len() as u64).to_le_bytes());
+    bytes.extend((quads as u64).to_le_bytes());
+    for v in &mesh.vertices {
+        let place = world.transform_point3(DVec3::from(v.map(f64::from))) - middle;
+        bytes.extend(place.to_array().iter().flat_map(|&x| (x as f32).to_le_bytes()));
+    }
+    bytes.extend(mesh.quads.iter().flatten().flat_map(|v| v.to_le_bytes()));
+    drop(mesh);
+    std::fs::write(file("mesh"), bytes).unwrap();
+    let mut child = Command::new(driver)
+        .arg(file("mesh"))
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()
+        .expect("Embree's program");
+    let (ask, answer) = (child.stdin.take().unwrap(), BufReader::new(child.stdout.take().unwrap()));
+    let mut embree = Embree { child, ask, answer };
+    let built = embree.said("built");
+
+    let clock = Stopwatch::start();
+    let mut moved = world;
+    moved.translation -= middle;
+    let scene = SceneTracer::new(&[TracedInstance {
+        volume: Arc::clone(&volume),
+        world_from_index: moved,
+        visible,
+        lod: LodChoice::Voxels,
+    }])
+    .unwrap();
+    let build_seconds = clock.cpu_seconds();
+
+    // Tiles of 8² pixels, as a renderer goes, of a camera that sees all.
+    let size = world.transform_vector3(DVec3::from(volume.info().dims.map(f64::from)));
+    let forward = DVec3::new(-1.0, -0.8, -0.6).normalize();
+    let eye = -forward * size.length() * 1.2;
+    let right = forward.cross(DVec3::Z).normalize();
+    let up = right.cross(forward);
+    let primary: Vec<(RayInWorld, DVec3)> = (0..side * side)
+        .map(|i| {
+            let (tile, inner) = (i / 64, i % 64);
+            let (x, y) = (tile % (side / 8) * 8 + inner % 8, tile / (side / 8) * 8 + inner / 8);
+            let s = |v: u64| ((v as f64 + 0.5) / side as f64 - 0.5) * 0.75;
+            let direction = (forward + right * s(x) + up * s(y)).normalize();
+            (RayInWorld { origin: eye, direction }, DVec3::ZERO)
+        })
+        .collect();
+    let hits: Vec<(RayInWorld, Hit)> = primary
+        .iter()
+        .filter_map(|(r, _)| Some((*r, scene.first_hit(r, PathOrigin::Free, f64::INFINITY)?)))
+        .collect();
+    let voxel = (0..3).map(|a| world.matrix3.col(a).length()).fold(f64::INFINITY, f64::min);
+    let bounces: Vec<(RayInWorld, DVec3)> = hits
+        .iter()
+        .enumerate()
+        .map(|(i, (r, h))| {
+            let origin = r.origin + h.t * r.direction;
+            let direction = diffuse(h.normal_in_world, i as u64);
+            (RayInWorld { origin, direction }, LIFT * voxel * h.normal_in_world.normalize())
+        })
+        .collect();
+    let from: Vec<PathOrigin> = hits.iter().map(|(_, h)| PathOrigin::Face(h.surface)).collect();
+
+    let mut kinds = Vec::new();
+    for (name, rays, from) in [("primary", &primary, None), ("bounce", &bounces, Some(&from))] {
+        write_rays(&file("rays"), rays);
+        let mut seconds = [Vec::new(), Vec::new()];
+        let (mut ours, mut theirs) = (Vec::new(), Vec::new());
+        for _ in 0..rounds {
+            let clock = Stopwatch::start();
+            ours = rays
+                .iter()
+                .enumerate()
+                .map(|(i, (r, _))| {
+                    let from = from.map_or(PathOrigin::Free, |f| f[i]);
+                    scene.first_hit(r, from, f64::INFINITY)
+                })
+                .collect();
+            seconds[0].push(clock.cpu_seconds());
+            seconds[1].push(embree.trace(&file("rays"), &file("hits")));
+        }
+        theirs.extend(read_hits(&file("hits")));
+        let rate = |s: &Vec<f64>, q: f64| {
+            let mut sorted = s.clone();
+            sorted.sort_by(f64::total_cmp);
+            rays.len() as f64 / sorted[((sorted.len() - 1) as f64 * q) as usize] / 1e6
+        };
+        kinds.push(json!({
+            "rays": name,
+            "count": rays.len(),
+            "hits": ours.iter().flatten().count(),
+            "differing": differing(rays, &ours, &theirs, voxel),
+            "ours_best": rate(&seconds[0], 0.0), "ours_median": rate(&seconds[0], 0.5),
+            "embree_best": rate(&seconds[1], 0.0), "embree_median": rate(&seconds[1], 0.5),
+        }));
+    }
+    drop(embree.ask);
+    assert!(embree.child.wait().unwrap().success());
+    let volume_bytes: u64 = volume.resident_parts().iter().map(|p| p.1).sum();
+    println!(
+        "{}",
+        json!({
+            "boxes": scene.instance(0).unwrap().boxes(),
+            "quads": quads,
+            "ours_bytes": volume_bytes + scene.bytes(),
+            "embree_bytes": built[1],
+            "ours_build_cpu_seconds": build_seconds,
+            "embree_build_cpu_seconds": built[0],
+            "kinds": kinds,
+        })
+    );
+}

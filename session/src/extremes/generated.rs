@@ -1,0 +1,89 @@
+//! Volumes that no file is needed for: a label for every voxel by a rule, delivered in slabs.
+
+use pumice_core::{BlockSource, LabelBlock, LabelBuffer, LabelType, VolumeInfo};
+
+/// Voxels of a block, about.
+const BLOCK_VOXELS: u64 = 1 << 22;
+
+/// What label a voxel has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Rule {
+    /// 1, everywhere.
+    Full,
+    /// One of its own for each voxel: its number from 1 on, times an odd number, so that ids are sparse and in no order.
+    OfItsOwn,
+    /// Runs of 7 along z, of five labels in turn, the first of them background.
+    Runs,
+    /// 1 and 2, so that no voxel has a neighbour of its label.
+    Checkerboard,
+    /// Labels 0 to N − 1 by chance.
+    Noise(u32),
+}
+
+/// See the module.
+#[derive(Debug)]
+pub(super) struct Generated {
+    info: VolumeInfo,
+    rule: Rule,
+    z: u32,
+}
+
+impl Generated {
+    pub(super) fn new(dims: [u32; 3], rule: Rule) -> Self {
+        Self { info: VolumeInfo::new(dims, LabelType::U32), rule, z: 0 }
+    }
+}
+
+/// 32 well-mixed bits of a number (the finaliser of MurmurHash3, A. Appleby).
+fn mixed(number: u64) -> u64 {
+    let mut h = number.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    h = (h ^ h >> 33).wrapping_mul(0xff51_afd7_ed55_8ccd);
+    h = (h ^ h >> 33).wrapping_mul(0xc4ce_b9fe_1a85_ec53);
+    (h ^ h >> 33) >> 32
+}
+
+impl Rule {
+    /// The label of voxel `number`, x fastest, at [x, y, z].
+    fn label(self, number: u64, [x, y, z]: [u32; 3]) -> u32 {
+        match self {
+            Self::Full => 1,
+            Self::OfItsOwn => (number as u32 + 1).wrapping_mul(0x9e37_79b1),
+            Self::Runs => z / 7 % 5,
+            Self::Checkerboard => 1 + (x + y + z) % 2,
+            // Multiplied and shifted, not divided: as even as 32 bits are.
+            Self::Noise(labels) => ((mixed(number) * u64::from(labels)) >> 32) as u32,
+        }
+    }
+}
+
+impl BlockSource for Generated {
+    fn info(&self) -> &VolumeInfo {
+        &self.info
+    }
+
+    fn next_block(&mut self) -> pumice_core::Result<Option<LabelBlock>> {
+        let [x, y, z] = self.info.dims;
+        let layer = u64::from(x) * u64::from(y);
+        let layers = ((BLOCK_VOXELS / layer.max(1)).max(4) / 4 * 4).min(u64::from(z - self.z)) as u32;
+        if layers == 0 {
+            return Ok(None);
+        }
+        let (rule, low) = (self.rule, self.z);
+        self.z += layers;
+        let labels = match rule {
+            // A byte a voxel, and no arithmetic for any.
+            Rule::Full => LabelBuffer::U8(vec![1; (layer * u64::from(layers)) as usize]),
+            _ => {
+                let mut labels = Vec::with_capacity((layer * u64::from(layers)) as usize);
+                for pz in low..low + layers {
+                    for py in 0..y {
+                        let first = u64::from(pz) * layer + u64::from(py) * u64::from(x);
+                        labels.extend((0..x).map(|px| rule.label(first + u64::from(px), [px, py, pz])));
+                    }
+                }
+                LabelBuffer::U32(labels)
+            }
+        };
+        Ok(Some(LabelBlock::x_fastest([0, 0, low], [x, y, layers], labels)))
+    }
+}

@@ -1,0 +1,92 @@
+"""`pumice bench peers`: other programs beside Pumice, by their own packages."""
+
+import csv
+import pathlib
+import shutil
+import sys
+
+import pytest
+from command import run
+
+COMMITTED = pathlib.Path(__file__).parents[2] / "bench/results/peers.csv"
+SMALL = "platynereis_nuclei.tif"
+# What deflate makes depends on the zlib that Python was built with; every other program brings its own coder.
+BY_ZLIB = {"compresso + gzip", "NIfTI + gzip"}
+
+
+def rows_of(path, volume):
+    with path.open() as file:
+        return {row["program"]: row for row in csv.DictReader(file) if row["volume"] == volume}
+
+
+def differing(got, expected):
+    """Programs whose bytes are not those expected."""
+
+    def apart(program):
+        a, b = (int(rows[program]["bytes"]) for rows in (got, expected))
+        return abs(a - b) > (0.02 * b if program in BY_ZLIB else 0)
+
+    return sorted(p for p in expected if p not in got or apart(p)) + sorted(got.keys() - expected.keys())
+
+
+@pytest.fixture(scope="module")
+def measured(pumice, data, tmp_path_factory):
+    """The command's output folder and what it said, of the small volume."""
+    out = tmp_path_factory.mktemp("peers") / "made" / "here"
+    said = run(pumice, "bench", "peers", data / SMALL, "--python", sys.executable, "--out", out).fine()
+    return out, said
+
+
+def test_bytes_are_those_of_the_committed_table(measured):
+    out, said = measured
+    assert str(out / "peers.md") in said
+    got, expected = rows_of(out / "peers.csv", SMALL), rows_of(COMMITTED, SMALL)
+    assert len(expected) == 12 and differing(got, expected) == []
+    # The comparison sees a byte, and a program that is not there.
+    for program in ("crackle", "Pumice, default"):
+        off = {**got, program: {**got[program], "bytes": str(int(got[program]["bytes"]) + 1)}}
+        assert differing(off, expected) == [program]
+        assert differing({p: row for p, row in got.items() if p != program}, expected) == [program]
+
+
+def test_the_table_is_whole_and_its_figures_are_possible(measured):
+    out, _ = measured
+    rows = rows_of(out / "peers.csv", SMALL)
+    page = (out / "peers.md").read_text()
+    for program, row in rows.items():
+        assert f"| {program} {row['version']} | {row['bytes']} | " in page
+        assert int(row["bytes_raw"]) == 4 * 256 * 256 * 103 > int(row["bytes"]) > 0
+        assert float(row["compress_cpu_s"]) > 0 and float(row["decompress_cpu_s"]) > 0
+        assert (row["voxel_cpu_us"] == "") == (program in {"Pumice, fast", "Pumice, default", "Pumice, small"})
+    voxel = {program: float(row["voxel_cpu_us"]) for program, row in rows.items() if row["voxel_cpu_us"]}
+    # Who decodes everything for a voxel is slower at it than who reads a block: by orders of magnitude, on any machine.
+    assert voxel["zstd"] > 10 * voxel["compressed_segmentation"]
+
+
+def test_what_is_left_out_is_told(pumice, data, tmp_path):
+    args = ["--python", sys.executable, "--out", tmp_path, "--without"]
+    kept = {"zstd"}
+    without = [p for p in rows_of(COMMITTED, SMALL) if not p.startswith("Pumice") and p not in kept]
+    run(pumice, "bench", "peers", data / "slicer_Segmentation.seg.nrrd", *args, ",".join(without)).fine()
+    rows = rows_of(tmp_path / "peers.csv", "slicer_Segmentation.seg.nrrd")
+    assert {p for p in rows if not p.startswith("Pumice")} == kept
+    assert f"Left out: {', '.join(without)}." in (tmp_path / "peers.md").read_text()
+    line = run(pumice, "bench", "peers", data / SMALL, *args, "abacus").refused()
+    assert "abacus" in line and "crackle" in line
+
+
+def test_what_is_missing_is_named_before_anything_is_measured(pumice, data, tmp_path):
+    out = tmp_path / "out"
+    # The same interpreter without its packages.
+    bare = tmp_path / "python"
+    bare.write_text(f'#!/bin/sh\nexec "{sys.executable}" -I -S "$@"\n')
+    bare.chmod(0o755)
+    line = run(pumice, "bench", "peers", data / SMALL, "--python", bare, "--out", out).refused()
+    assert "crackle needs the Python package crackle-codec: pip install crackle-codec" in line and "--without" in line
+    line = run(pumice, "bench", "peers", data / SMALL, "--python", tmp_path / "none", "--out", out).refused()
+    assert str(tmp_path / "none") in line
+    line = run(pumice, "bench", "peers", tmp_path / "none.nrrd", "--python", sys.executable, "--out", out).refused()
+    assert "none.nrrd" in line
+    line = run(pumice, "bench", "peers", data / SMALL, "--python", shutil.which("false"), "--out", out).refused()
+    assert "false" in line
+    assert not out.exists()
