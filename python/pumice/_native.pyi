@@ -267,14 +267,15 @@ class Volume:
         """
         Original id of the label at a voxel; 0 is background. The first query builds the index.
         """
+    def mapped_bytes(self, /) -> int:
+        """
+        Bytes in memory by part, as they are now: queries build an index.
+        """
     def notes(self, /) -> tuple[list[str], Array]:
         """
         Names, empty where the file gives none, and sRGB colours, NaN where it gives none.
         """
-    def resident_parts(self, /) -> dict[str, int]:
-        """
-        Bytes in memory by part, as they are now: queries build an index.
-        """
+    def resident_parts(self, /) -> dict[str, int]: ...
     def save(self, /, path: str | PathLike[str], level: str = "default", job: Job | None = None) -> None:
         """
         Writes a `.pumice` file, whole or not at all.
@@ -318,7 +319,7 @@ def figure(volume: Volume, source: str | PathLike[str], size: SupportsLenAndGetI
     A scene that shows a volume: placed, framed, lit.
     """
 
-def open(path: str | PathLike[str], *, labels: SupportsGetItem[int, SupportsIndex] | None = None, layer: SupportsIndex | None = None, time: SupportsIndex | None = None, channel: SupportsIndex | None = None, array: str | None = None, spacing: SupportsLenAndGetItem[SupportsFloat | SupportsIndex] | None = None, job: Job | None = None) -> tuple[Volume, list[str]]:
+def open(path: str | PathLike[str], *, labels: SupportsGetItem[int, SupportsIndex] | None = None, mapped: bool = False, layer: SupportsIndex | None = None, time: SupportsIndex | None = None, channel: SupportsIndex | None = None, array: str | None = None, spacing: SupportsLenAndGetItem[SupportsFloat | SupportsIndex] | None = None, job: Job | None = None) -> tuple[Volume, list[str]]:
     """
     Opens a `.pumice` file, or compresses a label volume of another format in memory; with what the reader found odd. Of a `.pumice`
     file these labels alone, where they are given.

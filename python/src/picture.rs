@@ -144,9 +144,13 @@ pub(crate) fn render(
     let result = released(py, &job, || {
         let volumes = match volumes {
             Some(volumes) => volumes,
-            None => {
-                pumice_session::open_shown(&scene, None, &OpenOptions::default(), Residence::Copied, &job)?
-            }
+            None => pumice_session::open_shown(
+                &scene,
+                None,
+                &OpenOptions::default(),
+                pumice_session::Residence::Copied,
+                &job,
+            )?,
         };
         render_scene(&scene, &volumes, &meshes, backend, &stop, &job, &mut |point| {
             let Some(call) = &on_progress else { return };

@@ -156,8 +156,9 @@ fn pieces_of<'a>(
     let mut pieces: Vec<Piece<'_>> = Vec::with_capacity(table.len());
     for (i, &(origin, bytes)) in table.iter().enumerate() {
         let inside = (0..3).all(|a| origin[a].is_multiple_of(CHUNK_VOXELS) && origin[a] < dims[a]);
-        let rises = pieces.last().is_none_or(|before| morton_of(before.origin) < morton_of(origin));
-        if !inside || !rises {
+        // A place outside need not have a code.
+        let rises = || pieces.last().is_none_or(|before| morton_of(before.origin) < morton_of(origin));
+        if !inside || !rises() {
             let what = format!("piece {i}: expected a rising place in {dims:?} voxels, got {origin:?}");
             return Err((*b"PIEC", what));
         }
