@@ -20,7 +20,7 @@ pub const MAX_PATTERNS: usize = 1 << 13;
 /// Slices that 8 bits name.
 pub const SHORT_SLICES: usize = 1 << 8;
 
-/// Most slices: 12 bits name one, and one number of 12 bits is [`RARE`].
+/// Most slices: 12 bits name one, and one number of 12 bits says that the field is a rare one.
 pub const MAX_SLICES: usize = RARE as usize;
 
 /// Number of a first slice that says that the field is a rare one.

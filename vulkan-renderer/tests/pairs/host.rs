@@ -126,6 +126,8 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
             ("CompressedVolume::boxes", READ),
             ("CompressedVolume::nodes", READ),
             ("CompressedVolume::leaves", READ),
+            ("CompressedVolume::of", COUNTED),
+            ("CompressedVolume::mapped_bytes", COUNTED),
             ("CompressedVolume::note", "texts about labels"),
             ("CompressedVolume::holds", "which labels were read is asked before anything is drawn"),
             ("CompressedVolume::is_whole", "which labels were read is asked before anything is drawn"),
