@@ -26,19 +26,19 @@ impl BoxRecord {
     }
 
     /// Lowest cell, counted from the chunk's corner.
-    #[inline]
+    #[inline(always)]
     pub fn cell(self) -> [u32; 3] {
         [(self.0 >> 40) as u32 & 255, (self.0 >> 48) as u32 & 255, (self.0 >> 56) as u32]
     }
 
     /// Extent in cells, 1 to 4 each.
-    #[inline]
+    #[inline(always)]
     pub fn extent(self) -> [u32; 3] {
         [(self.0 >> 32) as u32 & 3, (self.0 >> 34) as u32 & 3, (self.0 >> 36) as u32 & 3].map(|e| e + 1)
     }
 
     /// Word offset of the node from the chunk's node base.
-    #[inline]
+    #[inline(always)]
     pub fn node(self) -> u32 {
         self.0 as u32
     }

@@ -11,6 +11,8 @@ use std::sync::Arc;
 
 use bytemuck::Pod;
 use memmap2::Mmap;
+#[cfg(unix)]
+use memmap2::UncheckedAdvice;
 
 /// A file in memory, as long as it was when it was mapped.
 #[derive(Clone)]
@@ -31,6 +33,19 @@ impl MappedFile {
     /// All of its bytes.
     pub(crate) fn bytes(&self) -> &[u8] {
         &self.0
+    }
+
+    /// Lets go of the pages that were touched: they are read from the file again when they are needed. Where the system has no such
+    /// thing, they stay.
+    pub(crate) fn let_go(&self) {
+        #[cfg(unix)]
+        {
+            // SAFETY: the mapping is of a file and read only, so no page holds anything that the file does not.
+            #[allow(unsafe_code)]
+            let done = unsafe { self.0.unchecked_advise(UncheckedAdvice::DontNeed) };
+            // It is advice: what the system does not take leaves the pages where they are.
+            let _ = done;
+        }
     }
 
     /// The elements in these bytes; `None` where they do not lie as elements do in memory: on a place that is no multiple of their

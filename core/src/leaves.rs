@@ -255,7 +255,7 @@ impl Leaves {
     }
 
     /// Field of a long reference at the start of some words.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn long(&self, words: &[u16]) -> u64 {
         let w = |i: usize| u64::from(words[i]) << (16 * i);
         let three = w(0) | w(1) | w(2);

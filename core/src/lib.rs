@@ -56,4 +56,4 @@ pub use node::NodeRef;
 pub use part::Part;
 pub use types::TypeTable;
 pub use verify::{Verification, verify};
-pub use volume::{BoxView, CHUNK_VOXELS, Chunk, CompressedVolume, LabelRun, MAX_DIM};
+pub use volume::{BoxPlace, BoxView, CHUNK_VOXELS, Chunk, CompressedVolume, LabelRun, MAX_DIM};

@@ -69,7 +69,7 @@ impl<'a> NodeRef<'a> {
     ///
     /// # Panics
     /// When the node does not lie within `nodes`; a volume's constructor checks each of its references once.
-    #[inline]
+    #[inline(always)]
     pub fn read(nodes: &'a [u16], at: usize, leaves: &'a Leaves) -> Self {
         let node = &nodes[at..];
         let occupied = word64(node, 0);
@@ -104,7 +104,7 @@ impl<'a> NodeRef<'a> {
     }
 
     /// A field and a flip: voxel v of cell `c` is voxel v ^ flip of the field.
-    #[inline]
+    #[inline(always)]
     pub fn flipped_field(&self, c: u32) -> (u64, u32) {
         let bit = 1u64 << c;
         if self.occupied & bit == 0 {

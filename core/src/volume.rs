@@ -43,6 +43,17 @@ pub struct LabelRun {
     pub first_box: u32,
 }
 
+/// Where a box is, before anything is read of what is in it.
+#[derive(Clone, Copy, Debug)]
+pub struct BoxPlace {
+    /// As [`BoxView::origin`].
+    pub origin: [u32; 3],
+    /// As [`BoxView::extent`].
+    pub extent: [u32; 3],
+    /// First word of its node.
+    node: u64,
+}
+
 /// A box, unpacked.
 #[derive(Clone, Copy, Debug)]
 pub struct BoxView<'a> {
@@ -179,14 +190,14 @@ impl CompressedVolume {
                 let start = chunk.first_box + u64::from(run.first_box);
                 let end = runs.get(r + 1).map_or(last_box, |n| chunk.first_box + u64::from(n.first_box));
                 for record in &self.boxes[start as usize..end as usize] {
-                    visit(run.label, self.unpack(chunk, *record));
+                    visit(run.label, self.box_at(&place_of(chunk, *record)));
                 }
             }
         }
     }
 
     /// The chunk that holds box `index`.
-    #[inline]
+    #[inline(always)]
     fn chunk_of_box(&self, index: usize) -> usize {
         self.chunks.partition_point(|c| c.first_box <= index as u64) - 1
     }
@@ -197,21 +208,25 @@ impl CompressedVolume {
     /// When `index` is out of range.
     #[inline]
     pub fn get_box(&self, index: usize) -> BoxView<'_> {
-        let chunk = &self.chunks[self.chunk_of_box(index)];
-        self.unpack(chunk, self.boxes[index])
+        self.box_at(&self.place_of_box(index))
     }
 
-    #[inline]
-    fn unpack(&self, chunk: &Chunk, record: BoxRecord) -> BoxView<'_> {
-        let cell = record.cell();
+    /// Where box number `index` is: for those who may need no more.
+    ///
+    /// # Panics
+    /// When `index` is out of range.
+    #[inline(always)]
+    pub fn place_of_box(&self, index: usize) -> BoxPlace {
+        place_of(&self.chunks[self.chunk_of_box(index)], self.boxes[index])
+    }
+
+    /// The box at a place of this volume.
+    #[inline(always)]
+    pub fn box_at(&self, place: &BoxPlace) -> BoxView<'_> {
         BoxView {
-            origin: [0, 1, 2].map(|a| chunk.origin[a] + 4 * cell[a]),
-            extent: record.extent().map(|e| 4 * e),
-            node: NodeRef::read(
-                &self.nodes,
-                (chunk.node_base + u64::from(record.node())) as usize,
-                &self.leaves,
-            ),
+            origin: place.origin,
+            extent: place.extent,
+            node: NodeRef::read(&self.nodes, place.node as usize, &self.leaves),
         }
     }
 
@@ -226,5 +241,15 @@ impl CompressedVolume {
         let runs = &self.runs[self.chunks[c].first_run as usize..end];
         let local = (index as u64 - self.chunks[c].first_box) as u32;
         runs[runs.partition_point(|r| r.first_box <= local) - 1].label
+    }
+}
+
+#[inline(always)]
+fn place_of(chunk: &Chunk, record: BoxRecord) -> BoxPlace {
+    let cell = record.cell();
+    BoxPlace {
+        origin: [0, 1, 2].map(|a| chunk.origin[a] + 4 * cell[a]),
+        extent: record.extent().map(|e| 4 * e),
+        node: chunk.node_base + u64::from(record.node()),
     }
 }

@@ -1,5 +1,5 @@
 //! The reference path tracer: every machine can render.
-#![forbid(unsafe_code)]
+#![deny(unsafe_code)]
 
 pub mod bsdf;
 pub mod camera_rays;

@@ -205,7 +205,7 @@ impl Bvh {
 
     /// Calls `visit(item)` for each box whose bounds the ray meets at a distance in [0, `limit`], roughly front to back. `visit`
     /// returns the new limit; a negative one ends the traversal.
-    #[inline]
+    #[inline(always)]
     pub fn along_ray(&self, ray: &BvhRay, mut limit: f32, mut visit: impl FnMut(u32) -> f32) {
         let Some(mut node) = self.nodes.first() else { return };
         // Slot c was filled so that c ^ octant, highest first, is front to back (Ylitie et al. 2017, §3.2).
@@ -292,7 +292,7 @@ impl Bvh {
 
 impl Node {
     /// Which children the ray meets: bit c for child c.
-    #[inline]
+    #[inline(always)]
     fn children_along(&self, ray: &BvhRay, limit: f32) -> u8 {
         let mut near = [0.0f32; 8];
         let mut far = [limit; 8];

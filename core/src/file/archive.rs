@@ -209,3 +209,23 @@ fn decode_piece(
         false => Err(fault(format!("piece at {:?}: goes on after its last slice", piece.origin))),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Fuzzing found the last: a Morton code was asked for a place that has none.
+    #[test]
+    fn pieces_must_rise_within_the_volume() {
+        let dims = [2000, 5, 5];
+        let pieces = |origins: &[[u32; 3]]| {
+            let table: Vec<_> = origins.iter().map(|&o| (o, 0)).collect();
+            pieces_of(&table, &[], dims).map(|pieces| pieces.len()).map_err(|(_, what)| what)
+        };
+        assert_eq!(pieces(&[[0; 3], [1024, 0, 0]]), Ok(2));
+        let later = [[7, 0, 0], [0; 3], [2048, 0, 0], [1 << 30, 0, 0]];
+        for wrong in later.map(|second| pieces(&[[0; 3], second])) {
+            assert!(wrong.is_err_and(|what| what.contains("piece 1: expected a rising place")));
+        }
+    }
+}

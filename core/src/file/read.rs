@@ -48,7 +48,8 @@ impl CompressedVolume {
     }
 
     /// The same, but boxes and nodes of a file of [`crate::Level::Fast`] stay in the file, which is mapped into memory: they are
-    /// shared with other processes and given back where memory runs short. Everything is checked as by [`CompressedVolume::open`];
+    /// shared with other processes, given back where memory runs short, and of this process only once they are used. Everything is
+    /// checked as by [`CompressedVolume::open`];
     /// files of other levels have nothing to map and are read. [`CompressedVolume::mapped_bytes`] tells what is mapped.
     ///
     /// While the volume is there, the file must not be changed in place: where another program cuts it short, the process ends with a
@@ -60,7 +61,10 @@ impl CompressedVolume {
         from_path(path, |file, file_bytes| {
             // Files without a byte cannot be mapped, and are refused for that length by the reader.
             let map = if file_bytes > 0 { Some(MappedFile::new(file).map_err(Stop::Io)?) } else { None };
-            read(file, file_bytes, map, true, job)
+            let volume = read(file, file_bytes, map.clone(), true, job)?;
+            // Checking went through all of it; a picture may need little.
+            map.iter().for_each(MappedFile::let_go);
+            Ok(volume)
         })
     }
 }

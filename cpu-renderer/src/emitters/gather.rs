@@ -136,7 +136,10 @@ impl Gathered {
     ) {
         let shines = |i: &u32| {
             let material = looks.material(volume.label_of_box(*i as usize));
-            shine(material) > 0.0 && detail.level(&volume.get_box(*i as usize)) == Level::Voxels
+            shine(material) > 0.0 && {
+                let b = volume.place_of_box(*i as usize);
+                detail.level(b.origin, b.extent) == Level::Voxels
+            }
         };
         let mut near: Vec<u32> = drawn.iter().copied().filter(shines).collect();
         near.sort_unstable();

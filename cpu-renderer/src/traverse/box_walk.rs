@@ -111,7 +111,7 @@ const FAR: f32 = 1e30;
 
 impl Walk {
     /// Begins where `ray` is at scaled t = `enter`, which lies within the box `lo..hi`.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn begin(ray: &IndexRay, lo: [u32; 3], hi: [u32; 3], enter: f64) -> Self {
         Self::begin_in(ray, lo, hi, enter, None)
     }
@@ -258,8 +258,14 @@ impl Walk {
         }
     }
 
-    /// The first element of `level` that holds a voxel.
-    #[inline]
+    /// What a box that is drawn whole is met by: where the walk begins.
+    #[inline(always)]
+    pub(crate) fn whole_box(&self, ray: &IndexRay, began_inside: bool) -> Found {
+        self.found(ray, began_inside)
+    }
+
+    /// The first voxel, or the first cell that holds one.
+    #[inline(always)]
     pub(crate) fn first_solid(
         mut self,
         ray: &IndexRay,
@@ -267,9 +273,6 @@ impl Walk {
         level: Level,
         began_inside: bool,
     ) -> Found {
-        if level == Level::Boxes {
-            return self.found(ray, began_inside);
-        }
         loop {
             let cell = self.cell();
             if b.node.occupied >> cell & 1 != 0 {

@@ -4,7 +4,6 @@
 //! so that a camera moves without anything being built.
 
 use glam::{DAffine3, DVec3};
-use pumice_core::BoxView;
 use pumice_scene::{Camera, Film, Lod, Projection};
 
 use super::box_walk::Level;
@@ -121,10 +120,10 @@ pub struct ByDistance {
 impl Detail {
     /// The level of one box.
     #[inline(always)]
-    pub(crate) fn level(&self, b: &BoxView) -> Level {
+    pub(crate) fn level(&self, origin: [u32; 3], extent: [u32; 3]) -> Level {
         match self {
             Self::Same(level) => *level,
-            Self::ByDistance(by) => by.level(b.origin, b.extent),
+            Self::ByDistance(by) => by.level(origin, extent),
         }
     }
 }

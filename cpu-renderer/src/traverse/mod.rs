@@ -39,6 +39,7 @@ mod scene_tracer;
 mod triangle;
 mod volume_tracer;
 mod voxel_normals;
+mod wide;
 
 pub use box_walk::Level;
 pub use cuts::{CutPlane, Cuts};

@@ -51,7 +51,8 @@ enum Left {
 }
 
 /// What the nearest of the boxes along a ray answered.
-enum Nearest {
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Nearest {
     Nothing,
     Inside { label: u32, voxel: [u32; 3] },
     Face { step: Step, item: u32 },
@@ -265,7 +266,7 @@ impl VolumeTracer {
 
     /// The first surface of label `only`, or of any, with scaled t in (0, `t_max`), where nothing is cut.
     fn surface_along(&self, ray: &IndexRay, t_max: f64, only: Option<u32>) -> Option<Hit> {
-        match self.nearest(ray, 0.0, t_max, only, false) {
+        match self.find_nearest(ray, 0.0, t_max, only, false) {
             Nearest::Nothing => None,
             Nearest::Face { step, item } => Some(self.face_hit(ray, step, item, t_max, only)),
             Nearest::Inside { label, voxel } => match self.leave(ray, label, voxel, t_max) {
@@ -286,7 +287,7 @@ impl VolumeTracer {
             }
             let (end, exit) = cut.kept_to(start);
             let limit = end.min(t_max);
-            match (self.nearest(ray, start, limit, only, any), entry) {
+            match (self.find_nearest(ray, start, limit, only, any), entry) {
                 (Nearest::Nothing, _) => {}
                 (Nearest::Face { step, item }, _) => {
                     return Some(self.face_hit(ray, step, item, limit, only));
@@ -315,8 +316,17 @@ impl VolumeTracer {
     }
 
     /// The nearest face with scaled t in (`start`, `t_max`), or what is at `start`. With `any`, the first found will do.
-    #[inline]
-    fn nearest(&self, ray: &IndexRay, start: f64, t_max: f64, only: Option<u32>, any: bool) -> Nearest {
+    ///
+    /// A `KIND` for each place that calls it: what visits a box is then a function with one caller, into which it is compiled.
+    #[inline(always)]
+    pub(super) fn nearest<const KIND: u8>(
+        &self,
+        ray: &IndexRay,
+        start: f64,
+        t_max: f64,
+        only: Option<u32>,
+        any: bool,
+    ) -> Nearest {
         let mut best = Nearest::Nothing;
         let Some((moved, enter_all)) = bvh_ray(&self.bvh, ray, start, t_max) else { return best };
         // What is hit after best_t cannot win; what is hit at it may, by its label.
@@ -326,14 +336,19 @@ impl VolumeTracer {
             if self.is_hidden(item) {
                 return limit(best_t);
             }
-            let b = self.box_of(item);
-            let level = self.detail.level(&b);
-            let hi = self.clipped_end(&b);
-            let (enter, leave) = ray.clip(b.origin, hi, start);
+            let place = self.volume.place_of_box(item as usize);
+            let hi = clipped_end(place.origin, place.extent, self.volume.info().dims);
+            let (enter, leave) = ray.clip(place.origin, hi, start);
             if enter >= leave || enter > best_t {
                 return limit(best_t);
             }
-            match Walk::begin(ray, b.origin, hi, enter).first_solid(ray, &b, level, enter == start) {
+            let walk = Walk::begin(ray, place.origin, hi, enter);
+            // What is in the box is read only where it matters.
+            let found = match self.detail.level(place.origin, place.extent) {
+                Level::Boxes => walk.whole_box(ray, enter == start),
+                level => walk.first_solid(ray, &self.volume.box_at(&place), level, enter == start),
+            };
+            match found {
                 Found::Nothing => {}
                 Found::Face(step) if step.t >= t_max || step.t > best_t => {}
                 Found::Inside(_) | Found::Face(_) if only.is_some_and(|l| l != self.label_of(item)) => {}
@@ -377,7 +392,7 @@ impl VolumeTracer {
             let b = self.box_of(item);
             let hi = self.clipped_end(&b);
             let walk = Walk::begin_in(ray, b.origin, hi, t, Some(voxel));
-            let (step, left_box) = walk.last_solid(ray, &b, self.detail.level(&b));
+            let (step, left_box) = walk.last_solid(ray, &b, self.detail.level(b.origin, b.extent));
             if step.t >= t_max {
                 return Left::Within;
             }
@@ -445,23 +460,29 @@ impl VolumeTracer {
         if self.is_hidden(item) {
             return false;
         }
-        let b = self.box_of(item);
-        let hi = self.clipped_end(&b);
-        let inside = BoxBounds { lo: b.origin, hi }.contains(voxel);
-        inside
-            && match self.detail.level(&b) {
-                Level::Boxes => true,
-                Level::Cells => b.node.occupied >> number_in(&b, voxel, 2) & 1 != 0,
-                Level::Voxels => b.node.has(number_in(&b, voxel, 2), number_in(&b, voxel, 0)),
-            }
+        let place = self.volume.place_of_box(item as usize);
+        let hi = clipped_end(place.origin, place.extent, self.volume.info().dims);
+        if !(BoxBounds { lo: place.origin, hi }).contains(voxel) {
+            return false;
+        }
+        let level = self.detail.level(place.origin, place.extent);
+        if level == Level::Boxes {
+            return true;
+        }
+        let b = self.volume.box_at(&place);
+        match level {
+            Level::Boxes => true,
+            Level::Cells => b.node.occupied >> number_in(&b, voxel, 2) & 1 != 0,
+            Level::Voxels => b.node.has(number_in(&b, voxel, 2), number_in(&b, voxel, 0)),
+        }
     }
 
     fn hit(&self, ray: &IndexRay, step: &Step, item: u32, from_inside: bool) -> Hit {
         let axis = step.axis;
         let positive = ray.is_down(axis) != from_inside;
         let voxel = if from_inside { step.voxel_before(ray) } else { step.voxel };
-        let b = self.box_of(item);
-        let element = match self.detail.level(&b) {
+        let b = self.volume.place_of_box(item as usize);
+        let element = match self.detail.level(b.origin, b.extent) {
             Level::Voxels => voxel,
             Level::Cells => voxel.map(|v| v & !3),
             Level::Boxes => b.origin,
@@ -517,9 +538,9 @@ impl VolumeTracer {
             return voxel_end;
         }
         let Some(item) = self.item_with(surface.label, surface.voxel) else { return voxel_end };
-        let b = self.box_of(item);
-        let hi = self.clipped_end(&b);
-        match self.detail.level(&b) {
+        let b = self.volume.place_of_box(item as usize);
+        let hi = clipped_end(b.origin, b.extent, self.volume.info().dims);
+        match self.detail.level(b.origin, b.extent) {
             Level::Voxels => voxel_end,
             Level::Cells => [0, 1, 2].map(|a| (surface.voxel[a] + 4).min(hi[a])),
             Level::Boxes => hi,
@@ -544,7 +565,7 @@ impl VolumeTracer {
     /// One past the box's highest voxel within the volume.
     #[inline(always)]
     fn clipped_end(&self, b: &BoxView) -> [u32; 3] {
-        clipped_end(b, self.volume.info().dims)
+        clipped_end(b.origin, b.extent, self.volume.info().dims)
     }
 }
 
@@ -563,7 +584,7 @@ impl Tracer for VolumeTracer {
         if !self.cuts.is_empty() {
             return self.kept_surface_along(&self.cut_ray(&r, ray, from), t_max, None, any).is_some();
         }
-        match self.nearest(&r, 0.0, t_max, None, any) {
+        match self.find_nearest(&r, 0.0, t_max, None, any) {
             Nearest::Nothing => false,
             Nearest::Face { .. } => true,
             Nearest::Inside { label, voxel } => {
@@ -573,14 +594,15 @@ impl Tracer for VolumeTracer {
     }
 
     fn box_origin(&self, face: &Surface) -> Option<[u32; 3]> {
-        self.item_with(face.label, face.voxel).map(|item| self.box_of(item).origin)
+        self.item_with(face.label, face.voxel).map(|item| self.volume.place_of_box(item as usize).origin)
     }
 
     fn smooth_normal(&self, surface: &Surface, point: DVec3) -> Option<DVec3> {
         // Caps and coarse elements are flat.
         let neighbors = self.neighbors.as_ref().filter(|_| surface.kind == SurfaceKind::Face)?;
         let item = self.item_with(surface.label, surface.voxel)?;
-        if self.detail.level(&self.box_of(item)) != Level::Voxels {
+        let b = self.volume.place_of_box(item as usize);
+        if self.detail.level(b.origin, b.extent) != Level::Voxels {
             return None;
         }
         let axis = usize::from(surface.axis.min(2));
@@ -588,7 +610,7 @@ impl Tracer for VolumeTracer {
         p[axis] = f64::from(surface.plane);
         let boxes = neighbors.of(item).iter().map(|&near| {
             let b = self.box_of(near);
-            (b, self.detail.level(&b), self.clipped_end(&b))
+            (b, self.detail.level(b.origin, b.extent), self.clipped_end(&b))
         });
         let outward = falling_off(boxes, p);
         let largest = outward.abs().max_element();
@@ -607,7 +629,7 @@ impl Tracer for VolumeTracer {
 }
 
 /// The ray moved to the hierarchy's bounds, and the scaled t of the move.
-#[inline]
+#[inline(always)]
 pub(super) fn bvh_ray(bvh: &Bvh, ray: &IndexRay, start: f64, t_max: f64) -> Option<(BvhRay, f64)> {
     let bounds = bvh.bounds()?;
     let (enter, leave) = ray.clip(bounds.lo, bounds.hi, start);
@@ -633,8 +655,8 @@ pub(super) fn bvh_ray(bvh: &Bvh, ray: &IndexRay, start: f64, t_max: f64) -> Opti
 pub(super) const TWO_POW_60: f64 = (1u64 << 60) as f64;
 
 #[inline(always)]
-fn clipped_end(b: &BoxView, dims: [u32; 3]) -> [u32; 3] {
-    each_axis(|a| (b.origin[a] + b.extent[a]).min(dims[a]))
+fn clipped_end(origin: [u32; 3], extent: [u32; 3], dims: [u32; 3]) -> [u32; 3] {
+    each_axis(|a| (origin[a] + extent[a]).min(dims[a]))
 }
 
 /// Number of the cell (`shift` 2) or of the voxel in its cell (`shift` 0): x + 4y + 16z.
@@ -658,12 +680,13 @@ pub fn visible_boxes(volume: &CompressedVolume, visible: &[bool], tight: bool) -
             let first = chunk.first_box + u64::from(run.first_box);
             let end = runs.get(r + 1).map_or(chunk_end, |n| chunk.first_box + u64::from(n.first_box));
             for i in first..end {
-                let b = volume.get_box(i as usize);
+                let place = volume.place_of_box(i as usize);
                 let bounds = if tight {
-                    let (lo, last) = b.voxel_bounds();
+                    let (lo, last) = volume.box_at(&place).voxel_bounds();
                     BoxBounds { lo, hi: last.map(|v| v + 1) }
                 } else {
-                    BoxBounds { lo: b.origin, hi: clipped_end(&b, volume.info().dims) }
+                    let hi = clipped_end(place.origin, place.extent, volume.info().dims);
+                    BoxBounds { lo: place.origin, hi }
                 };
                 boxes.push((bounds, i as u32));
             }

@@ -60,6 +60,7 @@ pub(crate) const HOST_FILES: &[(&str, &str)] = &[
     ("cpu-renderer/src/lib.rs", NAMES),
     ("cpu-renderer/src/traverse/mesh_grid.rs", "corners and bounds: made ready before a ray is traced"),
     ("cpu-renderer/src/traverse/neighbors.rs", "which boxes are near: made ready before a ray is traced"),
+    ("cpu-renderer/src/traverse/wide.rs", "the search compiled for two kinds of processors"),
     ("cpu-renderer/src/traverse/mod.rs", "unrolls loops over axes for the compiler"),
     ("render/src/atomic_file.rs", FILE_FORMAT),
     ("render/src/cryptomatte.rs", "names, and what is made of counts on the host"),
@@ -390,7 +391,14 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
 pub(crate) const OTHER_NAMES: &[Listed] = &[
     ("cpu-renderer/src/emitters/mod.rs", &[("Emitter::key", "key_is_before")]),
     ("core/src/box_record.rs", &[("BoxRecord::cell", "box_place"), ("BoxRecord::extent", "box_place")]),
-    ("core/src/volume.rs", &[("CompressedVolume::unpack", "box_view")]),
+    (
+        "core/src/volume.rs",
+        &[
+            ("CompressedVolume::place_of_box", "box_place"),
+            ("CompressedVolume::box_at", "box_view"),
+            ("place_of", "box_place"),
+        ],
+    ),
     ("cpu-renderer/src/crossing.rs", &[("visibility", "follow"), ("visibility_through", "follow")]),
     (
         "cpu-renderer/src/lights.rs",
@@ -456,6 +464,7 @@ pub(crate) const OTHER_NAMES: &[Listed] = &[
             ("MeshTracer::occluded", "visit_triangle"),
         ],
     ),
+    ("cpu-renderer/src/traverse/box_walk.rs", &[("Walk::whole_box", "walk_first_solid")]),
     (
         "cpu-renderer/src/traverse/scene_tracer.rs",
         &[
