@@ -446,6 +446,64 @@ pub(crate) enum BenchKind {
     Needs(Needs),
     Peers(Peers),
     Extremes(Extremes),
+    Lod(LodBench),
+    Paper(Paper),
+}
+
+/// The encodings of the paper that Pumice implements, in its layouts, with ours beside them
+///
+/// Makes SVOs, SVDAGs of types and one SVDAG of all, without and with occupancy fields, decodes each back, and traces the same rays through
+/// them. Writes paper.csv, paper.md with the paper's tables 1, 3, 4 and 5 and section 5.6, and the curves of its figure 6 as SVG. Takes
+/// minutes and some 4 GB for 512³ voxels.
+#[derive(Debug, Args)]
+pub(crate) struct Paper {
+    /// Label volumes; the shipped one by default
+    #[arg(value_name = "FILE")]
+    pub(crate) volumes: Vec<PathBuf>,
+    /// Types that labels are dealt to in turn; by default the volume's own, or one for each label
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) types: Option<u32>,
+    /// Labels that rays meet, in per cent
+    #[arg(long, value_name = "PERCENT", default_value = "15", value_parser = clap::value_parser!(u32).range(1..=100))]
+    pub(crate) show: u32,
+    /// Pixels of the camera along each side
+    #[arg(long, value_name = "N", default_value = "512", value_parser = clap::value_parser!(u32).range(8..=8192))]
+    pub(crate) side: u32,
+    /// Rounds of rays, of which the fastest counts
+    #[arg(long, value_name = "N", default_value = "3", value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) rounds: u32,
+    /// Folder for the results, made if absent
+    #[arg(long, value_name = "DIR", default_value = "pumice-paper")]
+    pub(crate) out: PathBuf,
+}
+
+/// Levels of detail: picture error against frame time and resident bytes
+///
+/// Draws a figure of some labels at voxels, by distance, at cells of 4³ and at boxes of 16³, in pictures of each size, on the CPU, and
+/// compares all with voxels of many samples. Writes lod.csv, lod.md and an SVG for each volume and size.
+#[derive(Debug, Args)]
+pub(crate) struct LodBench {
+    /// Label volumes; the shipped one by default
+    #[arg(value_name = "FILE")]
+    pub(crate) volumes: Vec<PathBuf>,
+    /// Number of labels, the longest ones
+    #[arg(long, value_name = "N", default_value = "30", value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) pick: u32,
+    /// Picture sizes in pixels
+    #[arg(long = "size", value_name = "WxH,…", value_delimiter = ',', default_value = "384x216,96x54", value_parser = size)]
+    pub(crate) sizes: Vec<[u32; 2]>,
+    /// Samples a pixel, rising
+    #[arg(long, value_name = "N,…", value_delimiter = ',', default_value = "1,4,16,64", value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) spp: Vec<u32>,
+    /// Pictures at each number of samples, averaged
+    #[arg(long, value_name = "N", default_value = "3", value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) repeats: u32,
+    /// Samples a pixel by which a level's own error is known
+    #[arg(long, value_name = "N", default_value = "512", value_parser = clap::value_parser!(u32).range(8..))]
+    pub(crate) reference_spp: u32,
+    /// Folder for the results, made if absent
+    #[arg(long, value_name = "DIR", default_value = "pumice-lod")]
+    pub(crate) out: PathBuf,
 }
 
 /// The worst volumes that there are, generated: bytes, memory, time, and how it grows

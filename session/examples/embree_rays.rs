@@ -21,6 +21,7 @@ use pumice_core::{CompressedVolume, Level};
 use pumice_cpu::traverse::{LodChoice, SceneTracer, TracedInstance};
 use pumice_export::{Corners, Interfaces, QuadMesh};
 use pumice_render::{Hit, PathOrigin, RayInWorld, Tracer};
+use pumice_session::ray_sets::{camera_rays, diffuse_rays, some_labels, voxel_side};
 use pumice_session::{Job, OpenOptions, Residence, Stopwatch, open_volume};
 use serde_json::json;
 
@@ -28,25 +29,6 @@ use serde_json::json;
 const LIFT: f64 = 1e-3;
 /// Hits are the same where the two lie in one plane, within so much of the distance and of a voxel: Embree's f32.
 const SAME_PLANE: f64 = 1e-4;
-
-/// 64 well-mixed bits of a counter (SplitMix64).
-fn mix(i: u64) -> u64 {
-    let z = i.wrapping_mul(0x9e37_79b9_7f4a_7c15);
-    let z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    z ^ (z >> 31)
-}
-
-fn unit(i: u64) -> f64 {
-    (mix(i) >> 11) as f64 / (1u64 << 53) as f64
-}
-
-/// Cosine-distributed around `n`.
-fn diffuse(n: DVec3, i: u64) -> DVec3 {
-    let (z, phi) = (1.0 - 2.0 * unit(2 * i), std::f64::consts::TAU * unit(2 * i + 1));
-    let r = (1.0 - z * z).sqrt();
-    n + DVec3::new(r * phi.cos(), r * phi.sin(), z)
-}
 
 /// The other program, waiting for rays.
 struct Embree {
@@ -113,13 +95,13 @@ fn main() {
     let mut args = std::env::args().skip(1);
     let path = PathBuf::from(args.next().expect("VOLUME"));
     let driver = args.next().expect("DRIVER");
-    let percent: u64 = args.next().map_or(15, |a| a.parse().unwrap());
+    let percent: u32 = args.next().map_or(15, |a| a.parse().unwrap());
     let side: u64 = args.next().map_or(1024, |a| a.parse().unwrap());
     let rounds: usize = args.next().map_or(7, |a| a.parse().unwrap());
 
     let job = Job::new();
     let volume = open_volume(&path, &OpenOptions::default(), Residence::Copied, &job).expect("the volume");
-    let visible: Vec<bool> = (0..volume.labels().len() as u64).map(|l| mix(l) % 100 < percent).collect();
+    let visible = some_labels(volume.labels().len(), percent);
     // As a scene that shows these labels opens it: Embree gets no faces of others either.
     let folder = tempfile::tempdir().unwrap();
     let file = |name: &str| folder.path().join(name);
@@ -165,35 +147,15 @@ fn main() {
     .unwrap();
     let build_seconds = clock.cpu_seconds();
 
-    // Tiles of 8² pixels, as a renderer goes, of a camera that sees all.
-    let size = world.transform_vector3(DVec3::from(volume.info().dims.map(f64::from)));
-    let forward = DVec3::new(-1.0, -0.8, -0.6).normalize();
-    let eye = -forward * size.length() * 1.2;
-    let right = forward.cross(DVec3::Z).normalize();
-    let up = right.cross(forward);
-    let primary: Vec<(RayInWorld, DVec3)> = (0..side * side)
-        .map(|i| {
-            let (tile, inner) = (i / 64, i % 64);
-            let (x, y) = (tile % (side / 8) * 8 + inner % 8, tile / (side / 8) * 8 + inner / 8);
-            let s = |v: u64| ((v as f64 + 0.5) / side as f64 - 0.5) * 0.75;
-            let direction = (forward + right * s(x) + up * s(y)).normalize();
-            (RayInWorld { origin: eye, direction }, DVec3::ZERO)
-        })
-        .collect();
-    let hits: Vec<(RayInWorld, Hit)> = primary
+    let rays = camera_rays(&moved, volume.info().dims, side);
+    let hits: Vec<(RayInWorld, Hit)> = rays
         .iter()
-        .filter_map(|(r, _)| Some((*r, scene.first_hit(r, PathOrigin::Free, f64::INFINITY)?)))
+        .filter_map(|r| Some((*r, scene.first_hit(r, PathOrigin::Free, f64::INFINITY)?)))
         .collect();
-    let voxel = (0..3).map(|a| world.matrix3.col(a).length()).fold(f64::INFINITY, f64::min);
-    let bounces: Vec<(RayInWorld, DVec3)> = hits
-        .iter()
-        .enumerate()
-        .map(|(i, (r, h))| {
-            let origin = r.origin + h.t * r.direction;
-            let direction = diffuse(h.normal_in_world, i as u64);
-            (RayInWorld { origin, direction }, LIFT * voxel * h.normal_in_world.normalize())
-        })
-        .collect();
+    let voxel = voxel_side(&world);
+    let primary: Vec<(RayInWorld, DVec3)> = rays.into_iter().map(|r| (r, DVec3::ZERO)).collect();
+    let lifts = hits.iter().map(|(_, h)| LIFT * voxel * h.normal_in_world.normalize());
+    let bounces: Vec<(RayInWorld, DVec3)> = diffuse_rays(&hits).into_iter().zip(lifts).collect();
     let from: Vec<PathOrigin> = hits.iter().map(|(_, h)| PathOrigin::Face(h.surface)).collect();
 
     let mut kinds = Vec::new();

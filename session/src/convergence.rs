@@ -21,7 +21,6 @@ use std::sync::Arc;
 use pumice_core::{CompressedVolume, Job};
 use pumice_formats::OpenOptions;
 use pumice_render::metrics::compare;
-use pumice_render::metrics::rel_mse::EPSILON;
 use pumice_render::{Image, Renderer};
 use pumice_scene::{Material, Scene};
 
@@ -29,6 +28,7 @@ use crate::error::{Result, SessionError, io};
 use crate::figure::{FigureOptions, compose};
 use crate::measure::{Stopwatch, peak_rss_bytes};
 use crate::progressive::{Stop, render_until};
+use crate::reference::MeanPicture;
 use crate::selection::select_labels;
 use crate::{Residence, make_renderer, open_volume};
 
@@ -224,39 +224,19 @@ fn sorted_out(run: cycles::Run, options: &ConvergenceOptions) -> Drawn {
     }
 }
 
-/// A mean picture, value by value, and the variance of each.
-struct Mean {
-    values: Vec<f64>,
-    variances: Vec<f64>,
-}
-
-fn mean_of(batches: &[Image]) -> Mean {
-    let n = batches.len() as f64;
-    let flat = |i: &Image| i.pixels.iter().flatten().map(|&v| f64::from(v)).collect::<Vec<f64>>();
-    let all: Vec<Vec<f64>> = batches.iter().map(flat).collect();
-    let values: Vec<f64> = (0..all[0].len()).map(|i| all.iter().map(|b| b[i]).sum::<f64>() / n).collect();
-    let variances = values
-        .iter()
-        .enumerate()
-        .map(|(i, m)| all.iter().map(|b| (b[i] - m).powi(2)).sum::<f64>() / (n - 1.0) / n)
-        .collect();
-    Mean { values, variances }
-}
-
 /// Errors of all pictures against the common reference.
 fn judged(options: &ConvergenceOptions, faces: usize, all: &[Drawn], job: &Job) -> Result<Convergence> {
-    let means: Vec<Mean> = all.iter().map(|d| mean_of(&d.batches)).collect();
+    let means: Vec<MeanPicture> = all.iter().map(|d| MeanPicture::of(&d.batches)).collect();
     // One weight for each program: weights by pixel, from so few batches, would follow the noise.
     let weights: Vec<f64> = means.iter().map(|m| 1.0 / m.variances.iter().sum::<f64>().max(1e-300)).collect();
     let total: f64 = weights.iter().sum();
-    let mix = |of: fn(&Mean) -> &Vec<f64>, power: i32| -> Vec<f64> {
+    let mix = |of: fn(&MeanPicture) -> &Vec<f64>, power: i32| -> Vec<f64> {
         let weighted =
             |i: usize| means.iter().zip(&weights).map(|(m, w)| of(m)[i] * (w / total).powi(power)).sum();
         (0..means[0].values.len()).map(weighted).collect()
     };
-    let (values, variances) = (mix(|m| &m.values, 1), mix(|m| &m.variances, 2));
-    let reference_rel_mse =
-        values.iter().zip(&variances).map(|(v, s)| s / (v * v + EPSILON)).sum::<f64>() / values.len() as f64;
+    let mixed = MeanPicture { values: mix(|m| &m.values, 1), variances: mix(|m| &m.variances, 2) };
+    let reference_rel_mse = mixed.own_rel_mse();
     let disagreement = match &means[..] {
         [a, b] => {
             let difference = a.values.iter().zip(&b.values).map(|(a, b)| a - b).sum::<f64>().abs();
@@ -266,9 +246,7 @@ fn judged(options: &ConvergenceOptions, faces: usize, all: &[Drawn], job: &Job) 
         _ => None,
     };
 
-    let [width, height] = options.size.map(|s| s as usize);
-    let pixels = values.chunks_exact(3).map(|p| [p[0] as f32, p[1] as f32, p[2] as f32]).collect();
-    let reference = Image::new(width, height, pixels);
+    let reference = mixed.image(options.size);
     let mut programs = Vec::new();
     for drawn in all {
         let mut points = Vec::new();
@@ -381,12 +359,10 @@ mod tests {
         assert_eq!(both(curve(2.0), vec![point(1.0, -1e-9)]).cpu_ratio_at_equal_error(), None);
     }
 
-    /// Two batches by hand; the weight of a reference is one over its variance.
+    /// The weight of a reference is one over its variance.
     #[test]
     fn references_are_weighted_by_their_variance() {
         let image = |v: f32| Image::new(1, 1, vec![[v; 3]]);
-        let mean = mean_of(&[image(1.0), image(3.0)]);
-        assert_eq!((mean.values[0], mean.variances[0]), (2.0, 1.0));
         let drawn = |values: [f32; 2], picture: f32| Drawn {
             name: "p".into(),
             preparation: Preparation::default(),

@@ -1,5 +1,6 @@
-//! What a piece of work cost: wall seconds, CPU seconds of the whole process, peak memory.
+//! What a piece of work cost: wall seconds, CPU seconds of the whole process, memory.
 
+use std::path::Path;
 use std::time::Instant;
 
 use cpu_time::ProcessTime;
@@ -35,6 +36,25 @@ pub fn peak_rss_bytes() -> Option<u64> {
     let line = status.lines().find_map(|l| l.strip_prefix("VmHWM:"))?;
     let kib: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
     Some(kib * 1024)
+}
+
+/// Bytes of a mapped file that are in this process's resident set now; `None` where the system does not tell (all but Linux). The system
+/// brings in a few pages around each one that is touched.
+pub fn resident_file_bytes(path: &Path) -> Option<u64> {
+    let path = path.canonicalize().ok()?;
+    let text = std::fs::read_to_string("/proc/self/smaps").ok()?;
+    let mut is_of_file = false;
+    let mut kib = 0;
+    for line in text.lines() {
+        // A mapping begins with a line "from-to rights offset device inode path", and its figures follow, a line each.
+        if line.split_once(' ').is_some_and(|(range, _)| range.contains('-')) {
+            let name = line.splitn(6, ' ').nth(5).map(str::trim_start);
+            is_of_file = name.is_some_and(|n| Path::new(n) == path);
+        } else if let (true, Some(rest)) = (is_of_file, line.strip_prefix("Rss:")) {
+            kib += rest.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()?;
+        }
+    }
+    Some(1024 * kib)
 }
 
 #[cfg(test)]

@@ -4,13 +4,14 @@ use std::collections::BTreeMap;
 
 use pumice_session::demo::shipped_volume;
 use pumice_session::{
-    Case, ConvergenceOptions, ExtremesOptions, Job, NeedsOptions, PeersOptions, SavingsOptions, SessionError,
-    measure_convergence, measure_extremes, measure_needs, measure_peers, measure_stability,
-    write_convergence, write_extremes, write_needs, write_peers,
+    Case, ConvergenceOptions, DetailOptions, ExtremesOptions, Job, NeedsOptions, PaperOptions, PeersOptions,
+    SavingsOptions, SessionError, measure_convergence, measure_detail, measure_extremes, measure_needs,
+    measure_paper, measure_peers, measure_stability, write_convergence, write_detail, write_extremes,
+    write_needs, write_paper, write_peers,
 };
 
 use crate::Answer;
-use crate::args::{Bench, BenchKind, Convergence, Extremes, Needs, Peers, Stability};
+use crate::args::{Bench, BenchKind, Convergence, Extremes, LodBench, Needs, Paper, Peers, Stability};
 use crate::failure::{Failure, say};
 use crate::json_report::write_report;
 
@@ -21,13 +22,20 @@ pub(crate) fn run(args: &Bench, job: &Job) -> Result<Answer, Failure> {
         BenchKind::Needs(a) => needs(a, job),
         BenchKind::Peers(a) => peers(a, job),
         BenchKind::Extremes(a) => extremes(a, job),
+        BenchKind::Lod(a) => lod(a, job),
+        BenchKind::Paper(a) => paper(a, job),
+    }
+}
+
+fn rising(spp: &[u32]) -> Result<(), Failure> {
+    match spp.is_sorted_by(|a, b| a < b) {
+        true => Ok(()),
+        false => Err(SessionError::Caller("--spp: expected rising numbers".into()).into()),
     }
 }
 
 fn convergence(args: &Convergence, job: &Job) -> Result<Answer, Failure> {
-    if !args.spp.is_sorted_by(|a, b| a < b) {
-        return Err(SessionError::Caller("--spp: expected rising numbers".into()).into());
-    }
+    rising(&args.spp)?;
     let volume = match &args.volume {
         Some(path) => path.clone(),
         None => shipped_volume()?,
@@ -157,6 +165,64 @@ fn extremes(args: &Extremes, job: &Job) -> Result<Answer, Failure> {
     }
     say(format_args!("{}", args.out.join("extremes.md").display()))?;
     Ok(if cases.iter().all(|c| c.holds()) { Answer::Yes } else { Answer::No })
+}
+
+fn lod(args: &LodBench, job: &Job) -> Result<Answer, Failure> {
+    rising(&args.spp)?;
+    let volumes = match args.volumes.is_empty() {
+        true => vec![shipped_volume()?],
+        false => args.volumes.clone(),
+    };
+    let mut tables = Vec::new();
+    for volume in volumes {
+        let named = volume.display().to_string();
+        let options = DetailOptions {
+            volume,
+            pick: args.pick as usize,
+            sizes: args.sizes.clone(),
+            spp: args.spp.clone(),
+            repeats: args.repeats,
+            reference_spp: args.reference_spp,
+        };
+        let mut closed = None;
+        tables.extend(measure_detail(&options, job, &mut |line| {
+            if closed.is_none() {
+                closed = say(format_args!("{named}: {line}")).err();
+            }
+        })?);
+        if let Some(failure) = closed {
+            return Err(failure);
+        }
+    }
+    write_detail(&args.out, &machine(), &tables)?;
+    say(format_args!("{}", args.out.join("lod.md").display()))?;
+    Ok(Answer::Yes)
+}
+
+fn paper(args: &Paper, job: &Job) -> Result<Answer, Failure> {
+    let volumes = match args.volumes.is_empty() {
+        true => vec![shipped_volume()?],
+        false => args.volumes.clone(),
+    };
+    let mut tables = Vec::new();
+    for volume in volumes {
+        let named = volume.display().to_string();
+        let options =
+            PaperOptions { volume, types: args.types, show: args.show, side: args.side, rounds: args.rounds };
+        let mut closed = None;
+        let measured = measure_paper(&options, job, &mut |line| {
+            if closed.is_none() {
+                closed = say(format_args!("{named}: {line}")).err();
+            }
+        })?;
+        if let Some(failure) = closed {
+            return Err(failure);
+        }
+        tables.push(measured);
+    }
+    write_paper(&args.out, &machine(), &tables)?;
+    say(format_args!("{}", args.out.join("paper.md").display()))?;
+    Ok(Answer::Yes)
 }
 
 /// The processor's name, where the system tells it in a file.

@@ -1,0 +1,65 @@
+"""`pumice bench lod`: picture error against frame time and resident bytes, level by level."""
+
+import csv
+import sys
+
+import pytest
+from command import run
+
+LEVELS = ["voxels", "by distance", "cells of 4³", "boxes of 16³"]
+
+
+@pytest.fixture(scope="module")
+def measured(pumice, data, tmp_path_factory):
+    """The bench's output folder, small, and its rows."""
+    out = tmp_path_factory.mktemp("lod") / "made" / "here"
+    args = ["--pick", 8, "--size", "48x32,320x213", "--spp", "1,4", "--repeats", 1, "--reference-spp", 64, "--out", out]
+    said = run(pumice, "bench", "lod", data / "platynereis_nuclei.tif", *args).fine()
+    assert str(out / "lod.md") in said
+    with (out / "lod.csv").open() as file:
+        return out, list(csv.DictReader(file))
+
+
+def test_each_level_size_and_number_of_samples_has_its_row(measured):
+    out, rows = measured
+    expected = [(w, level, n) for w in ("48", "320") for level in LEVELS for n in ("1", "4")]
+    assert [(r["width"], r["level"], r["samples"]) for r in rows] == expected
+    assert all(r["labels"] == "8" and float(r["frame_cpu_s"]) > 0 and int(r["bytes_held"]) > 0 for r in rows)
+    page = (out / "lod.md").read_text()
+    for size in ("48x32", "320x213"):
+        svg = f"lod_platynereis_nuclei_{size}.svg"
+        assert svg in page and (out / svg).read_text().startswith("<svg")
+
+
+def test_coarser_levels_are_farther_from_the_picture(measured):
+    _, rows = measured
+    for width in ("48", "320"):
+        own = {r["level"]: r for r in rows if r["width"] == width}
+        assert own["voxels"]["own_relmse"] == "", "the reference has no error against itself"
+        cells, boxes = (float(own[level]["own_relmse"]) for level in LEVELS[2:])
+        assert 0 < cells < boxes
+    # What spans less than a pixel is hardly seen: by distance, a small picture is coarser than a large one and yet close.
+    small = {r["level"]: r for r in rows if r["width"] == "48"}
+    assert float(small["by distance"]["own_relmse"]) < float(small["boxes of 16³"]["own_relmse"]) / 4
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="only Linux tells what of a file is resident")
+def test_a_coarser_level_touches_no_more_of_the_file(measured):
+    _, rows = measured
+    for width in ("48", "320"):
+        touched = {r["level"]: int(r["bytes_touched"]) for r in rows if r["width"] == width}
+        mapped = int(rows[0]["bytes_mapped"])
+        assert 0 < touched["boxes of 16³"] <= touched["voxels"] <= mapped + 2 * 65536
+
+
+def test_bad_arguments_are_refused(pumice, data, tmp_path):
+    volume = data / "platynereis_nuclei.tif"
+    line = run(pumice, "bench", "lod", volume, "--spp", "4,1", "--out", tmp_path / "o").refused()
+    assert "--spp" in line and "rising" in line
+    line = run(pumice, "bench", "lod", tmp_path / "none.nrrd", "--out", tmp_path / "o").refused()
+    assert "none.nrrd" in line
+    assert run(pumice, "bench", "lod", volume, "--size", "0x4", "--out", tmp_path / "o").code == 2
+    (tmp_path / "file").write_text("")
+    small = ["--size", "16x16", "--spp", 1, "--repeats", 1, "--reference-spp", 8]
+    line = run(pumice, "bench", "lod", volume, *small, "--out", tmp_path / "file").refused()
+    assert str(tmp_path / "file") in line
