@@ -43,11 +43,14 @@ def test_coarser_levels_are_farther_from_the_picture(measured):
     assert float(small["by distance"]["own_relmse"]) < float(small["boxes of 16³"]["own_relmse"]) / 4
 
 
-@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="only Linux tells what of a file is resident")
 def test_a_coarser_level_touches_no_more_of_the_file(measured):
     _, rows = measured
     for width in ("48", "320"):
-        touched = {r["level"]: int(r["bytes_touched"]) for r in rows if r["width"] == width}
+        told = {r["level"]: r["bytes_touched"] for r in rows if r["width"] == width}
+        if not sys.platform.startswith("linux"):
+            assert set(told.values()) == {""}, "only Linux tells what of a file is resident"
+            continue
+        touched = {level: int(bytes_) for level, bytes_ in told.items()}
         mapped = int(rows[0]["bytes_mapped"])
         assert 0 < touched["boxes of 16³"] <= touched["voxels"] <= mapped + 2 * 65536
 

@@ -1,6 +1,7 @@
 //! `pumice bench`
 
 use std::collections::BTreeMap;
+use std::path::PathBuf;
 
 use pumice_session::demo::shipped_volume;
 use pumice_session::{
@@ -34,6 +35,24 @@ fn rising(spp: &[u32]) -> Result<(), Failure> {
     }
 }
 
+fn volumes_or_shipped(volumes: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
+    Ok(if volumes.is_empty() { vec![shipped_volume()?] } else { volumes.to_vec() })
+}
+
+/// Measures, and says what begins, with `named` in front; whoever listens may have gone by then.
+fn watched<T>(
+    named: &str,
+    measure: impl FnOnce(&mut dyn FnMut(&str)) -> Result<T, SessionError>,
+) -> Result<T, Failure> {
+    let mut closed = None;
+    let measured = measure(&mut |line| {
+        if closed.is_none() {
+            closed = say(format_args!("{named}{line}")).err();
+        }
+    })?;
+    closed.map_or(Ok(measured), Err)
+}
+
 fn convergence(args: &Convergence, job: &Job) -> Result<Answer, Failure> {
     rising(&args.spp)?;
     let volume = match &args.volume {
@@ -52,16 +71,8 @@ fn convergence(args: &Convergence, job: &Job) -> Result<Answer, Failure> {
             bounces,
             reference_spp: args.reference_spp,
         };
-        let mut closed = None;
-        let mut watch = |line: &str| {
-            if closed.is_none() {
-                closed = say(format_args!("{bounces} bounces: {line}")).err();
-            }
-        };
-        let scene = measure_convergence(&options, job, &mut watch)?;
-        if let Some(failure) = closed {
-            return Err(failure);
-        }
+        let scene =
+            watched(&format!("{bounces} bounces: "), |watch| measure_convergence(&options, job, watch))?;
         if let Some(ratio) = scene.cpu_ratio_at_equal_error() {
             say(format_args!(
                 "{bounces} bounces: {:.0} % of Cycles' CPU seconds at equal error",
@@ -88,23 +99,12 @@ fn machine() -> String {
 }
 
 fn needs(args: &Needs, job: &Job) -> Result<Answer, Failure> {
-    let volumes = match args.volumes.is_empty() {
-        true => vec![shipped_volume()?],
-        false => args.volumes.clone(),
-    };
+    let volumes = volumes_or_shipped(&args.volumes)?;
     let mut scenes = Vec::new();
     for volume in volumes {
         let how = SavingsOptions { rounds: args.rounds, side: args.side };
         let options = NeedsOptions { volume, backend: args.backend.clone(), show: args.show as usize, how };
-        let mut closed = None;
-        let measured = measure_needs(&options, job, &mut |line| {
-            if closed.is_none() {
-                closed = say(line).err();
-            }
-        })?;
-        if let Some(failure) = closed {
-            return Err(failure);
-        }
+        let measured = watched("", |watch| measure_needs(&options, job, watch))?;
         for scene in &measured {
             say(format_args!("{}: {}", scene.volume, scene.scene))?;
             for line in scene.savings.lines() {
@@ -120,24 +120,12 @@ fn needs(args: &Needs, job: &Job) -> Result<Answer, Failure> {
 }
 
 fn peers(args: &Peers, job: &Job) -> Result<Answer, Failure> {
-    let volumes = match args.volumes.is_empty() {
-        true => vec![shipped_volume()?],
-        false => args.volumes.clone(),
-    };
+    let volumes = volumes_or_shipped(&args.volumes)?;
     let mut tables = Vec::new();
     for volume in volumes {
-        let named = volume.display().to_string();
+        let named = format!("{}: ", volume.display());
         let options = PeersOptions { volume, python: args.python.clone(), without: args.without.clone() };
-        let mut closed = None;
-        let table = measure_peers(&options, job, &mut |program| {
-            if closed.is_none() {
-                closed = say(format_args!("{named}: {program}")).err();
-            }
-        })?;
-        if let Some(failure) = closed {
-            return Err(failure);
-        }
-        tables.push(table);
+        tables.push(watched(&named, |watch| measure_peers(&options, job, watch))?);
     }
     write_peers(&args.out, &machine(), &tables)?;
     say(format_args!("{}", args.out.join("peers.md").display()))?;
@@ -150,15 +138,7 @@ fn extremes(args: &Extremes, job: &Job) -> Result<Answer, Failure> {
         reduced: args.reduced,
         memory_limit_bytes: args.memory_limit,
     };
-    let mut closed = None;
-    let cases = measure_extremes(&options, job, &mut |case| {
-        if closed.is_none() {
-            closed = say(case).err();
-        }
-    })?;
-    if let Some(failure) = closed {
-        return Err(failure);
-    }
+    let cases = watched("", |watch| measure_extremes(&options, job, watch))?;
     write_extremes(&args.out, &machine(), &cases)?;
     for case in cases.iter().filter(|c| !c.holds()) {
         say(format_args!("{}: beyond its bound", case.name))?;
@@ -169,13 +149,10 @@ fn extremes(args: &Extremes, job: &Job) -> Result<Answer, Failure> {
 
 fn lod(args: &LodBench, job: &Job) -> Result<Answer, Failure> {
     rising(&args.spp)?;
-    let volumes = match args.volumes.is_empty() {
-        true => vec![shipped_volume()?],
-        false => args.volumes.clone(),
-    };
+    let volumes = volumes_or_shipped(&args.volumes)?;
     let mut tables = Vec::new();
     for volume in volumes {
-        let named = volume.display().to_string();
+        let named = format!("{}: ", volume.display());
         let options = DetailOptions {
             volume,
             pick: args.pick as usize,
@@ -184,15 +161,7 @@ fn lod(args: &LodBench, job: &Job) -> Result<Answer, Failure> {
             repeats: args.repeats,
             reference_spp: args.reference_spp,
         };
-        let mut closed = None;
-        tables.extend(measure_detail(&options, job, &mut |line| {
-            if closed.is_none() {
-                closed = say(format_args!("{named}: {line}")).err();
-            }
-        })?);
-        if let Some(failure) = closed {
-            return Err(failure);
-        }
+        tables.extend(watched(&named, |watch| measure_detail(&options, job, watch))?);
     }
     write_detail(&args.out, &machine(), &tables)?;
     say(format_args!("{}", args.out.join("lod.md").display()))?;
@@ -200,25 +169,13 @@ fn lod(args: &LodBench, job: &Job) -> Result<Answer, Failure> {
 }
 
 fn paper(args: &Paper, job: &Job) -> Result<Answer, Failure> {
-    let volumes = match args.volumes.is_empty() {
-        true => vec![shipped_volume()?],
-        false => args.volumes.clone(),
-    };
+    let volumes = volumes_or_shipped(&args.volumes)?;
     let mut tables = Vec::new();
     for volume in volumes {
-        let named = volume.display().to_string();
+        let named = format!("{}: ", volume.display());
         let options =
             PaperOptions { volume, types: args.types, show: args.show, side: args.side, rounds: args.rounds };
-        let mut closed = None;
-        let measured = measure_paper(&options, job, &mut |line| {
-            if closed.is_none() {
-                closed = say(format_args!("{named}: {line}")).err();
-            }
-        })?;
-        if let Some(failure) = closed {
-            return Err(failure);
-        }
-        tables.push(measured);
+        tables.push(watched(&named, |watch| measure_paper(&options, job, watch))?);
     }
     write_paper(&args.out, &machine(), &tables)?;
     say(format_args!("{}", args.out.join("paper.md").display()))?;

@@ -111,8 +111,6 @@ pub(super) fn markdown(machine: &str, volumes: &[PaperTables]) -> String {
 
 fn one(text: &mut String, v: &PaperTables) {
     let raw = v.bytes_raw() as f64;
-    let mb = |bytes: u64| format!("{:.3}", bytes as f64 / 1e6);
-    let share = |bytes: u64| format!("{:.3} %", 100.0 * bytes as f64 / raw);
     let voxels = raw / 4.0;
     let _ = write!(
         text,
@@ -127,17 +125,7 @@ fn one(text: &mut String, v: &PaperTables) {
     );
     *text += "\nTable 3: bytes.\n\n| form | boxes | boxes, MB | BVH, MB | in them, MB | together, MB | of raw |\n| --- | --- | --- | --- | --- | --- | --- |\n";
     for f in &v.forms {
-        let _ = writeln!(
-            text,
-            "| {} | {} | {} | {} | {} | {} | {} |",
-            form_name(f),
-            f.boxes,
-            mb(f.box_bytes),
-            mb(f.bvh_bytes),
-            mb(f.tree_bytes),
-            mb(f.bytes()),
-            share(f.bytes())
-        );
+        bytes(text, &form_name(f), f, raw);
     }
     let [camera, diffuse] = v.rays;
     let _ = write!(
@@ -158,18 +146,7 @@ fn one(text: &mut String, v: &PaperTables) {
     }
     *text += "\nSection 5.6: other sizes of boxes, one graph with fields.\n\n| boxes of | boxes | boxes, MB | BVH, MB | in them, MB | together, MB | of raw |\n| --- | --- | --- | --- | --- | --- | --- |\n";
     for s in &v.sides {
-        let f = &s.figures;
-        let _ = writeln!(
-            text,
-            "| {} | {} | {} | {} | {} | {} | {} |",
-            side_name(s.side),
-            f.boxes,
-            mb(f.box_bytes),
-            mb(f.bvh_bytes),
-            mb(f.tree_bytes),
-            mb(f.bytes()),
-            share(f.bytes())
-        );
+        bytes(text, &side_name(s.side), &s.figures, raw);
     }
     *text += "\n| boxes of | camera, M/s | diffuse, M/s | nodes a ray: camera, diffuse | hits: camera, diffuse |\n| --- | --- | --- | --- | --- |\n";
     for s in &v.sides {
@@ -211,6 +188,18 @@ fn one(text: &mut String, v: &PaperTables) {
     }
 }
 
+fn mb(bytes: u64) -> String {
+    format!("{:.3}", bytes as f64 / 1e6)
+}
+
+/// A row of bytes.
+fn bytes(text: &mut String, name: &str, f: &FormFigures, raw: f64) {
+    let [boxes, bvh, trees, all] = [f.box_bytes, f.bvh_bytes, f.tree_bytes, f.bytes()].map(mb);
+    let share = 100.0 * f.bytes() as f64 / raw;
+    let _ = writeln!(text, "| {name} | {} | {boxes} | {bvh} | {trees} | {all} | {share:.3} % |", f.boxes);
+}
+
+/// A row of rays.
 fn rates(text: &mut String, name: &str, f: &FormFigures) {
     let both = |i: usize| format!("{:.3} ({:.3})", f.fine.rays[i], f.coarse.rays[i]);
     let nodes = match f.fine.nodes {
