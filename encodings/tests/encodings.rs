@@ -41,7 +41,8 @@ fn noise(dims: [u32; 3], labels: u32) -> CompressedVolume {
 fn each_form_is_decoded_back() {
     let (_, bodies) = blobs([70, 50, 90], 40, 9, 3);
     // Noise fills a box of 16³ to the last node: pointers of 12 bits must reach.
-    for volume in [&*bodies, &noise([33, 20, 17], 1), &noise([16, 16, 16], 200), &noise([1, 1, 1], 1)] {
+    let full = noise([16; 3], 1);
+    for volume in [&*bodies, &full, &noise([33, 20, 17], 1), &noise([16; 3], 200), &noise([1; 3], 1)] {
         for side in SIDES {
             for (with_fields, e) in all_forms(volume, side) {
                 assert_eq!(e.verify(volume), Ok(()), "{:?} {side:?} {with_fields}", e.form());
