@@ -55,7 +55,7 @@ pub(crate) fn flip_of(mirrors: u32) -> u32 {
 
 /// A field whose voxel v is voxel v ^ `flip` of another.
 #[inline]
-pub(crate) fn flipped(field: u64, flip: u32) -> u64 {
+pub fn flipped(field: u64, flip: u32) -> u64 {
     let mut f = field;
     if flip & 0b11 != 0 {
         f = (f & 0x1111_1111_1111_1111) << 3

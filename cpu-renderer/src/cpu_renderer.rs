@@ -317,7 +317,7 @@ impl Renderer for CpuRenderer {
                     };
                     let geometry = match self.spare.has(Part::HiddenLabels) {
                         true => VolumeTracer::carrying_hidden(place as u32, &traced)?,
-                        false => VolumeTracer::new(place as u32, &traced)?,
+                        false => VolumeTracer::new(place as u32, &traced)?.with_bricks(),
                     };
                     let geometry = geometry.with_cuts(scene.cuts_of(instance.id));
                     Arc::new(geometry.shaded_smooth(scene.settings.smooth_voxels))
@@ -434,8 +434,10 @@ impl Renderer for CpuRenderer {
 
     fn bytes(&self) -> Vec<(&'static str, u64)> {
         self.shown.as_ref().map_or_else(Vec::new, |s| {
+            let tracer = s.tracer.tracer();
             vec![
-                ("acceleration", s.tracer.tracer().bytes()),
+                ("acceleration", tracer.bytes() - tracer.brick_bytes()),
+                ("bricks", tracer.brick_bytes()),
                 ("film", s.tracer.film().bytes()),
                 ("materials", bytes_of_looks(&s.tracer.around().looks)),
                 ("emitters", s.tracer.around().lights.emitters().map_or(0, |e| e.bytes())),

@@ -15,7 +15,7 @@ use exact::volumes::{Random, blobs, checkerboard, neurites, noise, sheets};
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 use pumice_core::CompressedVolume;
 use pumice_cpu::traverse::{LodChoice, SceneTracer, TracedInstance};
-use pumice_render::{Hit, PathOrigin, RayInWorld, Tracer};
+use pumice_render::{Hit, PathOrigin, RayInWorld, RenderError, Tracer};
 
 /// What a ray aims at; each number of it is then rounded once more by the matrix, so that all bits are in use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -141,20 +141,26 @@ fn places() -> Vec<(&'static str, DAffine3)> {
     ]
 }
 
-fn volumes() -> Vec<(&'static str, Dense, Arc<CompressedVolume>)> {
-    let named = |name, (dense, compressed)| (name, dense, compressed);
-    vec![
-        named("noise 3 %", noise([64, 64, 64], 0.03, 4, 2)),
-        named("noise 50 %", noise([37, 50, 41], 0.5, 3, 3)),
-        named("checkerboard", checkerboard([33, 34, 35])),
-        named("sheets", sheets([66, 70, 50])),
-        named("blobs", blobs([64, 64, 64], 60, 12, 4)),
-        named("neurites", neurites()),
-    ]
+fn volumes() -> impl Iterator<Item = (String, Dense, Arc<CompressedVolume>, Make)> {
+    let named = [
+        ("noise 3 %", noise([64, 64, 64], 0.03, 4, 2)),
+        ("noise 50 %", noise([37, 50, 41], 0.5, 3, 3)),
+        ("checkerboard", checkerboard([33, 34, 35])),
+        ("sheets", sheets([66, 70, 50])),
+        ("blobs", blobs([64, 64, 64], 60, 12, 4)),
+        ("neurites", neurites()),
+    ];
+    named.into_iter().flat_map(|(name, (dense, compressed))| {
+        MAKES.map(|(way, make)| (format!("{name}, {way}"), dense.clone(), Arc::clone(&compressed), make))
+    })
 }
 
-fn tracer(volume: &Arc<CompressedVolume>, world_from_index: DAffine3) -> SceneTracer {
-    SceneTracer::new(&[TracedInstance {
+/// How the same is traced: through bricks, and through the hierarchy alone.
+type Make = fn(&[TracedInstance]) -> Result<SceneTracer, RenderError>;
+const MAKES: [(&str, Make); 2] = [("bricks", SceneTracer::new), ("boxes", SceneTracer::without_bricks)];
+
+fn tracer(make: Make, volume: &Arc<CompressedVolume>, world_from_index: DAffine3) -> SceneTracer {
+    make(&[TracedInstance {
         volume: Arc::clone(volume),
         world_from_index,
         visible: vec![true; volume.labels().len()],
@@ -168,9 +174,9 @@ type Trace<'a> = &'a dyn Fn(&SceneTracer, RayInWorld) -> Option<Hit>;
 /// One tally a class, over all volumes and placements, of `n` rays each.
 fn tallies(classes: &[Class], n: u32, trace: Trace<'_>) -> Vec<(Class, Tally)> {
     let mut all: Vec<_> = classes.iter().map(|&c| (c, Tally::default())).collect();
-    for (name, dense, compressed) in volumes() {
+    for (name, dense, compressed, make) in volumes() {
         for (place_name, place) in places() {
-            let (tracer, exact) = (tracer(&compressed, place), ExactPlace::new(place));
+            let (tracer, exact) = (tracer(make, &compressed, place), ExactPlace::new(place));
             for (class, tally) in &mut all {
                 let mut random = Random(u64::from(n) ^ *class as u64);
                 for _ in 0..n {
@@ -237,9 +243,9 @@ fn careless_rebasing_is_convicted() {
 /// Bounces in any placement: from where a ray in the world met an exposed face, also along it and a hair off it.
 #[test]
 fn paths_from_faces_are_exact_in_any_placement() {
-    for (name, dense, compressed) in volumes() {
+    for (name, dense, compressed, make) in volumes() {
         for (place_name, place) in places() {
-            let (tracer, exact) = (tracer(&compressed, place), ExactPlace::new(place));
+            let (tracer, exact) = (tracer(make, &compressed, place), ExactPlace::new(place));
             let (mut random, mut tally) = (Random(6), Tally::default());
             while tally.rays < 600 {
                 // Half of them start at the edges of faces.
@@ -272,7 +278,7 @@ fn paths_from_faces_are_exact_in_any_placement() {
                     "{name}, {place_name}: a path met the plane that it left: {bounce:?} {first:?} {hit:?}"
                 );
                 let said = RationalRay::new(&exact, bounce.origin, direction)
-                    .leaving_face(axis, s.plane, s.positive);
+                    .leaving_face(s.voxel, axis, s.plane, s.positive);
                 tally.add(judge(&dense, &said, hit.as_ref()), hit.is_some(), || {
                     format!("{place_name}: {bounce:?} from {s:?}: {hit:?}")
                 });

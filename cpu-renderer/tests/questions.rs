@@ -249,9 +249,10 @@ fn levels_of_detail_match_naive() {
 fn the_hierarchy_does_not_change_the_answer() {
     for (dense, compressed) in volumes() {
         for lod in [LodChoice::Voxels, LodChoice::Cells, LodChoice::Boxes] {
-            let together = scene(&compressed, |_| true, lod);
-            let apart: Vec<_> =
-                (0..compressed.labels().len() as u32).map(|l| scene(&compressed, |m| m == l, lod)).collect();
+            let together = SceneTracer::without_bricks(&[instance(&compressed, |_| true, lod)]).unwrap();
+            let apart: Vec<_> = (0..compressed.labels().len() as u32)
+                .map(|l| SceneTracer::without_bricks(&[instance(&compressed, |m| m == l, lod)]).unwrap())
+                .collect();
             let mut random = Random(8);
             for class in [Class::Random, Class::Lattice, Class::InFace] {
                 for _ in 0..1500 {

@@ -215,7 +215,8 @@ impl Bvh {
             .map(|(bit, i)| if i < 0.0 { 0 } else { bit })
             .sum::<usize>();
         let order = &ORDER[octant];
-        let mut stack = [(0u32, 0u16, 0u8); MAX_DEPTH];
+        // Packed: a tuple's fields would be made empty one by one, for every ray.
+        let mut stack = [0u64; MAX_DEPTH];
         let mut height = 0;
         loop {
             let hit = node.children_along(ray, limit);
@@ -242,13 +243,13 @@ impl Bvh {
                     return;
                 }
                 height -= 1;
-                let (b, p, i) = stack[height];
-                (base, pending, inner) = (b, p as u8, i);
+                let left = stack[height];
+                (base, pending, inner) = (left as u32, (left >> 32) as u8, (left >> 40) as u8);
             }
             let highest = 7 - pending.leading_zeros() as usize;
             pending &= !(1 << highest);
             if pending != 0 {
-                stack[height] = (base, u16::from(pending), inner);
+                stack[height] = u64::from(base) | u64::from(pending) << 32 | u64::from(inner) << 40;
                 height += 1;
             }
             let slot = (highest ^ octant) & 7;

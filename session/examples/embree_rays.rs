@@ -162,20 +162,26 @@ fn main() {
     for (name, rays, from) in [("primary", &primary, None), ("bounce", &bounces, Some(&from))] {
         write_rays(&file("rays"), rays);
         let mut seconds = [Vec::new(), Vec::new()];
-        let (mut ours, mut theirs) = (Vec::new(), Vec::new());
+        let first_hit = |i: usize| {
+            let from = from.map_or(PathOrigin::Free, |f| f[i]);
+            scene.first_hit(&rays[i].0, from, f64::INFINITY)
+        };
+        let ours: Vec<Option<Hit>> = (0..rays.len()).map(first_hit).collect();
+        // Kept of each ray is what Embree's program keeps, in memory that is there: the distance, and what was hit.
+        let mut kept = vec![(f32::INFINITY, u32::MAX); rays.len()];
         for _ in 0..rounds {
             let clock = Stopwatch::start();
-            ours = rays
-                .iter()
-                .enumerate()
-                .map(|(i, (r, _))| {
-                    let from = from.map_or(PathOrigin::Free, |f| f[i]);
-                    scene.first_hit(r, from, f64::INFINITY)
-                })
-                .collect();
+            for (i, kept) in kept.iter_mut().enumerate() {
+                *kept = first_hit(i).map_or((f32::INFINITY, u32::MAX), |h| (h.t as f32, h.surface.label));
+            }
             seconds[0].push(clock.cpu_seconds());
             seconds[1].push(embree.trace(&file("rays"), &file("hits")));
         }
+        let same = |(hit, kept): (&Option<Hit>, &(f32, u32))| {
+            hit.as_ref().map(|h| h.surface.label).unwrap_or(u32::MAX) == kept.1
+        };
+        assert!(ours.iter().zip(&kept).all(same), "rays differ from one round to another");
+        let mut theirs = Vec::new();
         theirs.extend(read_hits(&file("hits")));
         let rate = |s: &Vec<f64>, q: f64| {
             let mut sorted = s.clone();

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use glam::DAffine3;
 use pumice_core::{CompressedVolume, Job};
-use pumice_cpu::traverse::{LodChoice, SceneTracer, TracedInstance};
+use pumice_cpu::traverse::{LodChoice, TracedInstance, VolumeTracer};
 use pumice_formats::OpenOptions;
 use serde::Serialize;
 
@@ -117,7 +117,7 @@ pub(crate) fn acceleration_bytes(volume: &Arc<CompressedVolume>) -> Result<u64> 
         world_from_index: volume.info().world_from_index,
         lod: LodChoice::Voxels,
     };
-    Ok(SceneTracer::new(&[everything])?.bytes())
+    Ok(VolumeTracer::new(0, &everything)?.bytes())
 }
 
 fn source_info(path: &Path, reading: &OpenOptions) -> Result<SourceInfo> {

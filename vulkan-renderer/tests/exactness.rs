@@ -211,7 +211,7 @@ fn tracer(traced: &[TracedInstance], meshes: &[Placed]) -> SceneTracer {
     let meshes = (0u32..).zip(meshes).map(|(i, (mesh, place))| {
         Arc::new(MeshTracer::new(i, traced.len() as u32 + i, mesh, *place).unwrap())
     });
-    SceneTracer::new(traced).unwrap().with_meshes(meshes.collect())
+    SceneTracer::without_bricks(traced).unwrap().with_meshes(meshes.collect())
 }
 
 fn instance(volume: &Arc<CompressedVolume>, world_from_index: DAffine3, lod: LodChoice) -> TracedInstance {
@@ -326,7 +326,7 @@ fn bounces_are_the_cpus() {
             for place in [DAffine3::IDENTITY, places()[3]] {
                 for lod in [LodChoice::Voxels, LodChoice::Cells, LodChoice::Boxes] {
                     let traced = [instance(&volume, place, lod)];
-                    let tracer = SceneTracer::new(&traced).unwrap();
+                    let tracer = SceneTracer::without_bricks(&traced).unwrap();
                     let first = rays_of(Class::Random, dims, 20, &place, 1_500);
                     let second = bounces(&tracer, &first, &mut random);
                     let third = bounces(&tracer, &second, &mut random);
@@ -458,7 +458,7 @@ fn scenes_of_several_instances_are_the_cpus() {
         // One of which nothing is drawn.
         traced.insert(1, instance(&volumes[4].2, DAffine3::IDENTITY, LodChoice::Voxels));
         traced[1].visible.fill(false);
-        let tracer = SceneTracer::new(&traced).unwrap();
+        let tracer = SceneTracer::without_bricks(&traced).unwrap();
         let mut asked: Vec<_> = [Class::Random, Class::Inside, Class::Lattice, Class::Far1e6]
             .into_iter()
             .flat_map(|c| rays_of(c, [96; 3], 14, &DAffine3::IDENTITY, 1_500))

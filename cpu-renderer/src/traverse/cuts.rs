@@ -21,6 +21,7 @@ use glam::{DAffine3, DVec3};
 use pumice_scene::CutShape;
 
 use super::IndexRay;
+use super::four::Lanes;
 
 /// A half-space that is taken away: index-space points x with `normal·x > offset`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -94,7 +95,7 @@ impl CutPlane {
     }
 }
 
-fn dot_of(a: &[f64; 3], b: &[f64; 3]) -> f64 {
+fn dot_of(a: &[f64; 3], b: &Lanes) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 

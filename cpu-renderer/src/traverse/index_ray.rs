@@ -16,6 +16,7 @@ use pumice_render::{PathOrigin, RayInWorld, RenderError, Surface};
 
 use super::box_walk::TIE;
 use super::each_axis;
+use super::four::{Four, Instructions, Lanes, Plain, lanes};
 
 /// Smallest scaled direction component whose reciprocal is finite in f64.
 pub(super) const SMALLEST: f64 = f64::MIN_POSITIVE;
@@ -26,12 +27,12 @@ const AS_NEAR: f64 = 16.0 * f64::EPSILON;
 /// See the module.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct IndexRay {
-    /// Where t = 0 is, in voxels.
-    pub(crate) origin: [f64; 3],
-    /// Scaled direction: the largest component is within [1, 2) in size.
-    pub(crate) direction: [f64; 3],
+    /// Where t = 0 is, in voxels; the spare is 0.
+    pub(crate) origin: Lanes,
+    /// Scaled direction: the largest component is within [1, 2) in size; the spare is 1.
+    pub(crate) direction: Lanes,
     /// 1 / direction, finite.
-    pub(crate) inverse: [f64; 3],
+    pub(crate) inverse: Lanes,
     /// t of the scaled ray per t of the world's ray: a power of two.
     pub(crate) scaled_from_world: f64,
 }
@@ -58,12 +59,14 @@ pub struct Placement {
     pub adjugate: [DVec3; 3],
     /// Absolute determinant.
     pub determinant: f64,
+    /// The adjugate's columns, whose spares are 0.
+    columns: [Lanes; 3],
 }
 
 /// A ray in index space, scaled by 2⁻ᵏ⁰ in the world and by 2⁻ᵏ¹ here.
-struct Moved {
-    origin: DVec3,
-    direction: DVec3,
+struct Moved<F> {
+    origin: F,
+    direction: F,
     d_world: DVec3,
     k0: i32,
     k1: i32,
@@ -90,94 +93,129 @@ impl Placement {
         let det = m.x_axis.dot(rows[0]);
         let usable = world_from_index.is_finite() && det.is_normal() && rows.iter().all(|r| r.is_finite());
         let adjugate = rows.map(|r| if det < 0.0 { -r } else { r });
-        usable.then_some(Self { world_from_index, adjugate, determinant: det.abs() })
+        let columns = each_axis(|c| [adjugate[0][c], adjugate[1][c], adjugate[2][c], 0.0]);
+        usable.then_some(Self { world_from_index, adjugate, determinant: det.abs(), columns })
     }
 
     /// A vector of the world in index space.
-    #[inline]
+    #[inline(always)]
     pub fn index_from_world(&self, v: DVec3) -> DVec3 {
-        DVec3::from(each_axis(|a| self.adjugate[a].dot(v) / self.determinant))
+        DVec3::from_slice(&self.four_from_world(Plain, v))
+    }
+
+    #[inline(always)]
+    fn four_from_world<I: Instructions>(&self, by: I, v: DVec3) -> I::Four {
+        let [x, y, z] = self.columns.each_ref().map(|column| by.four(column));
+        let sum = x.times(by.all(v.x)).plus(y.times(by.all(v.y))).plus(z.times(by.all(v.z)));
+        sum.over(by.all(self.determinant))
     }
 
     /// The ray in index space; `None` when it is not finite or has no direction.
     ///
     /// A ray from a face starts exactly on the face's plane and within the face's rectangle, at its outer side: were it left
     /// where rounding put it, it could start inside a neighbour.
-    pub(crate) fn ray(&self, ray: &RayInWorld, start: Start) -> Option<IndexRay> {
-        let Moved { origin: o, direction: d, d_world, k0, k1 } = self.moved(ray)?;
-        let (mut origin, mut direction) = (o.to_array(), d.to_array());
-        match start {
-            Start::Free => {}
+    #[inline(always)]
+    pub(super) fn ray<I: Instructions>(&self, by: I, ray: &RayInWorld, start: Start) -> Option<IndexRay> {
+        let Moved { origin, direction, d_world, k0, k1 } = self.moved(by, ray)?;
+        // The spare of a direction is 1. (All that is done to a ray is done to whole fours: what is stored lane by lane is not there yet
+        // when it is wanted as a four.)
+        let direction = direction.plus(by.four(&[0.0, 0.0, 0.0, 1.0]));
+        let (origin, direction) = match start {
+            Start::Free => (origin, direction),
             Start::Face(surface, upper) => {
-                self.start_on_face(&mut origin, &mut direction, d_world, k1, surface, upper);
+                self.start_on_face(by, origin, direction, d_world, k1, surface, upper)
             }
-            Start::Plane(axis, plane) => origin[axis] = plane,
-        }
-        // Directions of 0, and so small that 1/d overflows.
-        let mut inverse = [0.0; 3];
-        for a in 0..3 {
-            if direction[a] == 0.0 {
-                direction[a] = 0.0; // −0 becomes 0
-                // Elsewhere in the voxel it stays where it is: a cut may go between.
-                origin[a] = if origin[a] == origin[a].floor() { origin[a] + 0.5 } else { origin[a] };
-                inverse[a] = 1.0 / SMALLEST;
-            } else {
-                inverse[a] = 1.0 / direction[a].abs().max(SMALLEST).copysign(direction[a]);
+            Start::Plane(axis, plane) => {
+                let origin = origin.array();
+                (by.four(&lanes(|a| if a == axis { plane } else { origin[a] })), direction)
             }
-        }
+        };
+        let [origin, direction, inverse] = match direction.size().below(by.all(SMALLEST)) {
+            0 => [origin, direction, by.all(1.0).over(direction)],
+            _ => turned_finite(by, origin, direction),
+        };
+        let [origin, direction, inverse] = [origin.array(), direction.array(), inverse.array()];
         Some(IndexRay { origin, direction, inverse, scaled_from_world: exp2(k0) * exp2(k1) })
     }
 
     /// The ray in the grid of a mesh: a point of it is what it is, and belongs to no cell.
     pub(crate) fn ray_to_mesh(&self, ray: &RayInWorld) -> Option<IndexRay> {
-        let Moved { origin, direction, k0, k1, .. } = self.moved(ray)?;
-        let inverse = each_axis(|a| 1.0 / direction[a].abs().max(SMALLEST).copysign(direction[a]));
-        let (origin, direction) = (origin.to_array(), direction.to_array());
+        let Moved { origin, mut direction, k0, k1, .. } = self.moved(Plain, ray)?;
+        direction[3] = 1.0;
+        let inverse = lanes(|a| 1.0 / direction[a].abs().max(SMALLEST).copysign(direction[a]));
         Some(IndexRay { origin, direction, inverse, scaled_from_world: exp2(k0) * exp2(k1) })
     }
 
     /// The ray in index space, its direction scaled; `None` when it is not finite or has no direction.
     #[inline(always)]
-    fn moved(&self, ray: &RayInWorld) -> Option<Moved> {
+    fn moved<I: Instructions>(&self, by: I, ray: &RayInWorld) -> Option<Moved<I::Four>> {
         // 1. Scale in the world first, so that a tiny direction does not lose bits in the product.
-        let (d_world, k0) = scaled(ray.direction)?;
-        let (direction, k1) = scaled(self.index_from_world(d_world))?;
+        let RayInWorld { origin: o, direction: d } = ray;
+        let (d_world, k0) = scaled_four(by, by.four(&[d.x, d.y, d.z, 0.0]))?;
+        let d_world = DVec3::from_slice(&d_world.array());
+        let (direction, k1) = scaled_four(by, self.four_from_world(by, d_world))?;
         // 2. Subtract the translation before the product: volumes lie far from the world's origin.
-        let origin = self.index_from_world(ray.origin - self.world_from_index.translation);
-        origin.is_finite().then_some(Moved { origin, direction, d_world, k0, k1 })
+        let origin = self.four_from_world(by, *o - self.world_from_index.translation);
+        let is_finite = origin.size().below(by.all(f64::INFINITY)) == 0b1111;
+        is_finite.then_some(Moved { origin, direction, d_world, k0, k1 })
     }
 
-    /// Puts the origin on `surface`'s plane, and a direction that rounding turned inward along the plane.
-    fn start_on_face(
+    /// The origin put on `surface`'s plane, and a direction that rounding turned inward along the plane.
+    #[inline(always)]
+    #[allow(clippy::too_many_arguments, reason = "what `ray` has at hand")]
+    fn start_on_face<I: Instructions>(
         &self,
-        origin: &mut [f64; 3],
-        direction: &mut [f64; 3],
+        by: I,
+        origin: I::Four,
+        direction: I::Four,
         d_world: DVec3,
         k1: i32,
         surface: Surface,
         upper: [u32; 3],
-    ) {
+    ) -> (I::Four, I::Four) {
         let axis = usize::from(surface.axis.min(2));
-        for a in 0..3 {
-            if a != axis {
-                // Off the rectangle's edges, where the next column begins; 2⁻²⁸ is representable at 2²³ voxels.
-                let inset = 1.0 / 268_435_456.0;
-                origin[a] = origin[a].clamp(f64::from(surface.voxel[a]) + inset, f64::from(upper[a]) - inset);
-            }
-        }
-        origin[axis] = f64::from(surface.plane);
-        let outward = if surface.positive { direction[axis] } else { -direction[axis] };
+        let plane = f64::from(surface.plane);
+        // Off the rectangle's edges, where the next column begins; 2⁻²⁸ is representable at 2²³ voxels.
+        let inset = 1.0 / 268_435_456.0;
+        let within = |end: [u32; 3], inset: f64| {
+            let end = |a: usize| end.get(a).map_or(0.0, |&end| f64::from(end) + inset);
+            by.four(&lanes(|a| if a == axis { plane } else { end(a) }))
+        };
+        let (lowest, highest) = (within(surface.voxel, inset), within(upper, -inset));
+        let origin = origin.max(lowest).min(highest);
+        let along = direction.array()[axis];
+        let outward = if surface.positive { along } else { -along };
         if outward <= 0.0 {
-            // What three products and two sums of the change of space may lose of this component.
-            let row = self.adjugate[axis].abs().dot(d_world.abs()) / self.determinant * exp2(-k1);
-            if -outward <= row * f64::EPSILON * 4.0 {
-                direction[axis] = 0.0;
-                // A ray in the plane belongs to the voxel above it; from a lower face the outer side is below.
-                if !surface.positive {
-                    origin[axis] -= 0.5;
-                }
-            }
+            return self.start_along_face(by, origin, direction, outward, d_world, k1, surface);
         }
+        (origin, direction)
+    }
+
+    #[cold]
+    #[allow(clippy::too_many_arguments, reason = "the rest of `start_on_face`")]
+    fn start_along_face<I: Instructions>(
+        &self,
+        by: I,
+        origin: I::Four,
+        direction: I::Four,
+        outward: f64,
+        d_world: DVec3,
+        k1: i32,
+        surface: Surface,
+    ) -> (I::Four, I::Four) {
+        let axis = usize::from(surface.axis.min(2));
+        // What three products and two sums of the change of space may lose of this component.
+        let row = self.adjugate[axis].abs().dot(d_world.abs()) / self.determinant * exp2(-k1);
+        if -outward > row * f64::EPSILON * 4.0 {
+            return (origin, direction);
+        }
+        let (mut origin, mut direction) = (origin.array(), direction.array());
+        direction[axis] = 0.0;
+        // A ray in the plane belongs to the voxel above it; from a lower face the outer side is below.
+        if !surface.positive {
+            origin[axis] -= 0.5;
+        }
+        (by.four(&origin), by.four(&direction))
     }
 
     /// Unit normal in the world of a surface with this normal in index space: it stays on the same side of the surface, in mirrored
@@ -233,19 +271,72 @@ impl IndexRay {
     /// The part of the ray within `lo ≤ x < hi` and t ≥ `start`: (enter, leave), empty unless enter < leave.
     #[inline(always)]
     pub(crate) fn clip(&self, lo: [u32; 3], hi: [u32; 3], start: f64) -> (f64, f64) {
-        let (mut enter, mut leave) = (start, f64::INFINITY);
-        for a in 0..3 {
-            let (near, far) = if self.is_down(a) { (hi[a], lo[a]) } else { (lo[a], hi[a]) };
-            let (t_near, t_far) = (self.t_of(a, f64::from(near)), self.t_of(a, f64::from(far)));
-            enter = if t_near > enter { t_near } else { enter };
-            leave = if t_far < leave { t_far } else { leave };
-        }
-        (enter, leave)
+        let [lo, hi] = [lo, hi].map(|p| [f64::from(p[0]), f64::from(p[1]), f64::from(p[2]), 0.0]);
+        self.clip_by(Plain, lo, hi, start)
+    }
+
+    /// The same for whole numbers as lanes.
+    #[inline(always)]
+    pub(super) fn clip_by<I: Instructions>(&self, by: I, lo: I::Four, hi: I::Four, start: f64) -> (f64, f64) {
+        let (at_lo, at_hi) = (self.t_of_each(by, lo), self.t_of_each(by, hi));
+        // (Products are monotone: of an axis' two planes the one that is met first is the nearer one, whatever way the ray goes.)
+        let (near, far) = (at_lo.min(at_hi).array(), at_lo.max(at_hi).array());
+        let enter = if near[0] > start { near[0] } else { start };
+        let last = if near[1] > near[2] { near[1] } else { near[2] };
+        let leave = if far[0] < far[1] { far[0] } else { far[1] };
+        (if last > enter { last } else { enter }, if far[2] < leave { far[2] } else { leave })
+    }
+
+    /// [`IndexRay::t_of`] of a plane of each axis.
+    #[inline(always)]
+    pub(super) fn t_of_each<I: Instructions>(&self, by: I, planes: I::Four) -> I::Four {
+        planes.minus(by.four(&self.origin)).times(by.four(&self.inverse))
     }
 }
 
+/// Origin, direction and its inverse where directions are 0, or so small that 1/d overflows.
+#[cold]
+fn turned_finite<I: Instructions>(by: I, origin: I::Four, direction: I::Four) -> [I::Four; 3] {
+    let (mut origin, mut direction, mut inverse) = (origin.array(), direction.array(), [1.0; 4]);
+    for a in 0..3 {
+        if direction[a] == 0.0 {
+            direction[a] = 0.0; // −0 becomes 0
+            // Elsewhere in the voxel it stays where it is: a cut may go between.
+            origin[a] = if origin[a] == origin[a].floor() { origin[a] + 0.5 } else { origin[a] };
+            inverse[a] = 1.0 / SMALLEST;
+        } else {
+            inverse[a] = 1.0 / direction[a].abs().max(SMALLEST).copysign(direction[a]);
+        }
+    }
+    [by.four(&origin), by.four(&direction), by.four(&inverse)]
+}
+
+/// Sizes of lanes beyond these are not scaled at once: 2ᵏ and 2⁻ᵏ must be normal numbers.
+const MODERATE: std::ops::Range<f64> = f64::from_bits(23 << 52)..f64::from_bits(2023 << 52);
+
 /// The vector times 2⁻ᵏ with its largest component within [1, 2), and k. `None` for zero and for what is not finite.
 pub(super) fn scaled(v: DVec3) -> Option<(DVec3, i32)> {
+    let (v, k) = scaled_four(Plain, [v.x, v.y, v.z, 0.0])?;
+    Some((DVec3::from_slice(&v), k))
+}
+
+/// The same of lanes, whose spare is 0.
+#[inline(always)]
+fn scaled_four<I: Instructions>(by: I, v: I::Four) -> Option<(I::Four, i32)> {
+    let size = v.size().array();
+    let largest = if size[0] > size[1] { size[0] } else { size[1] };
+    let largest = if size[2] > largest { size[2] } else { largest };
+    // (What is not a number is in no range.)
+    if !(largest >= MODERATE.start && size[0] + size[1] + size[2] < MODERATE.end) {
+        let (v, k) = scaled_extreme(DVec3::from_slice(&v.array()))?;
+        return Some((by.four(&v), k));
+    }
+    let k = exponent(largest);
+    Some((v.times(by.all(f64::from_bits(((1023 - k) as u64) << 52))), k))
+}
+
+#[cold]
+fn scaled_extreme(v: DVec3) -> Option<(Lanes, i32)> {
     let largest = v.abs().max_element();
     if !v.is_finite() || largest == 0.0 {
         return None;
@@ -253,13 +344,20 @@ pub(super) fn scaled(v: DVec3) -> Option<(DVec3, i32)> {
     // A subnormal length is brought up first: its exponent field says nothing.
     let (v, largest, lift) =
         if largest < SMALLEST { (v * exp2(600), largest * exp2(600), 600) } else { (v, largest, 0) };
-    let k = (largest.to_bits() >> 52) as i32 - 1023;
+    let k = exponent(largest);
     // In two steps: 2⁻ᵏ itself may not be representable.
     let half = k / 2;
-    Some((v * exp2(-half) * exp2(half - k), k - lift))
+    let v = v * exp2(-half) * exp2(half - k);
+    Some(([v.x, v.y, v.z, 0.0], k - lift))
+}
+
+#[inline(always)]
+fn exponent(v: f64) -> i32 {
+    (v.to_bits() >> 52) as i32 - 1023
 }
 
 /// 2ᵏ, saturating.
+#[inline(always)]
 pub(super) fn exp2(k: i32) -> f64 {
     f64::from_bits(((k.clamp(-1022, 1023) + 1023) as u64) << 52)
 }

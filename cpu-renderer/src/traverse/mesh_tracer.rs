@@ -143,7 +143,7 @@ impl MeshTracer {
         let surface = surface_of(from, self.instance)?;
         let [a, b, c] = self.corners(surface.plane);
         let normal = (b - a).cross(c - a);
-        let goes_back = normal.dot(DVec3::from(ray.direction)) < 0.0;
+        let goes_back = normal.dot(DVec3::from_slice(&ray.direction)) < 0.0;
         let length = |d: DVec3| d.x.abs() + d.y.abs() + d.z.abs();
         Some(Leaving {
             triangle: surface.plane,
@@ -160,8 +160,8 @@ impl MeshTracer {
         let (moved, enter_all) = bvh_ray(bvh, ray, 0.0, t_max)?;
         let leaving = self.leaving(ray, from);
         // From where the ray comes to the mesh: beside it, f32 tells corners apart however far the ray comes from.
-        let direction = DVec3::from(ray.direction);
-        let in_grid = TriangleRay::new(DVec3::from(ray.origin) + direction * enter_all, direction);
+        let direction = DVec3::from_slice(&ray.direction);
+        let in_grid = TriangleRay::new(DVec3::from_slice(&ray.origin) + direction * enter_all, direction);
         let mut best = None;
         let mut best_t = t_max;
         let limit = |t: f64| (t - enter_all) as f32 * 1.000_001 + moved.pad;
@@ -211,7 +211,7 @@ impl MeshTracer {
                 label: self.geometry.mesh.material(triangle as usize),
             },
             normal_in_world: self.placement.normal_of(normal),
-            from_inside: normal.dot(DVec3::from(ray.direction)) > 0.0,
+            from_inside: normal.dot(DVec3::from_slice(&ray.direction)) > 0.0,
         }
     }
 }

@@ -63,11 +63,22 @@ impl Nearest {
 }
 
 impl SceneTracer {
-    /// Builds the acceleration structures; instance i of `instances` is `Surface::instance` i.
+    /// Builds the acceleration structures, bricks too; instance i of `instances` is `Surface::instance` i.
     ///
     /// # Errors
     /// [`RenderError::Scene`] names the instance whose matrix is singular or which has too many boxes.
     pub fn new(instances: &[TracedInstance]) -> Result<Self, RenderError> {
+        let build = |(i, instance)| {
+            VolumeTracer::new(i as u32, instance).map(|volume| Arc::new(volume.with_bricks()))
+        };
+        Ok(Self::of(instances.iter().enumerate().map(build).collect::<Result<_, _>>()?))
+    }
+
+    /// The same without bricks: what traces as a device does, where a ray along an edge may meet another of the voxels there.
+    ///
+    /// # Errors
+    /// As [`SceneTracer::new`].
+    pub fn without_bricks(instances: &[TracedInstance]) -> Result<Self, RenderError> {
         let build = |(i, instance)| VolumeTracer::new(i as u32, instance).map(Arc::new);
         Ok(Self::of(instances.iter().enumerate().map(build).collect::<Result<_, _>>()?))
     }
@@ -125,10 +136,20 @@ impl SceneTracer {
     /// Heap bytes of the acceleration structures, shared ones counted once; the volumes and the meshes are not counted.
     pub fn bytes(&self) -> u64 {
         let mut seen = std::collections::BTreeSet::new();
-        let volumes = self.volumes.iter().filter(|v| seen.insert(v.hierarchy_address()));
-        let volumes = volumes.map(|v| v.bytes()).sum::<u64>();
+        let volumes = self.own_volumes().map(|v| v.bytes()).sum::<u64>();
         let meshes = self.meshes.iter().filter(|m| seen.insert(m.hierarchy_address()));
         volumes + meshes.map(|m| m.bytes()).sum::<u64>() + self.tree.as_ref().map_or(0, |t| t.bytes())
+    }
+
+    /// How many of them are of bricks.
+    pub fn brick_bytes(&self) -> u64 {
+        self.own_volumes().map(|v| v.brick_bytes()).sum()
+    }
+
+    /// Volumes, of those that share a hierarchy the first.
+    fn own_volumes(&self) -> impl Iterator<Item = &Arc<VolumeTracer>> {
+        let mut seen = std::collections::BTreeSet::new();
+        self.volumes.iter().filter(move |v| seen.insert(v.hierarchy_address()))
     }
 
     /// Geometry of all instances of volumes.
@@ -237,6 +258,12 @@ impl Tracer for SceneTracer {
     fn first_hit(&self, ray: &RayInWorld, from: PathOrigin, t_max: f64) -> Option<Hit> {
         if let Some(tree) = &self.tree {
             return self.first_hit_by_tree(tree, ray, from, t_max);
+        }
+        // One volume alone, as most scenes have it, is nobody's rival.
+        if let ([volume], []) = (self.volumes.as_slice(), self.meshes.as_slice()) {
+            let hit = volume.first_hit_within(ray, from, t_max, f64::INFINITY);
+            // (Not `filter`, which copies it.)
+            return if hit.as_ref().is_none_or(|hit| hit.t < t_max) { hit } else { None };
         }
         let mut nearest = Nearest::new(t_max);
         for volume in &self.volumes {

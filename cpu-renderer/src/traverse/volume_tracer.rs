@@ -1,22 +1,26 @@
 //! One instance of a volume: its hierarchy, and the questions that rays ask of it.
 
+mod making;
+
+pub use making::visible_boxes;
+
 use std::sync::Arc;
 
-use glam::{DAffine3, DVec3};
+use glam::DVec3;
 use pumice_core::{BoxView, CompressedVolume};
-use pumice_render::{
-    BoxBounds, Bvh, BvhRay, Hit, PathOrigin, RayInWorld, RenderError, Surface, SurfaceKind, Tracer,
-};
-use pumice_scene::CutShape;
+use pumice_render::{BoxBounds, Bvh, BvhRay, Hit, PathOrigin, RayInWorld, Surface, SurfaceKind, Tracer};
 
 use super::box_walk::{Found, Level, Step, TIE, Walk};
+use super::brick_walk::InBricks;
+use super::bricks::{BrickPart, Bricks};
 use super::cuts::{CutRay, Cuts};
+use super::four::{Instructions, Plain};
 use super::index_ray::{Placement, Start, surface_of};
-use super::instance_tree::WorldBounds;
 use super::lod::Detail;
 use super::neighbors::Neighbors;
+use super::pierced::Pierce;
 use super::voxel_normals::falling_off;
-use super::{IndexRay, LodChoice, TracedInstance, each_axis};
+use super::{IndexRay, each_axis};
 
 /// Geometry of one instance.
 #[derive(Debug)]
@@ -26,6 +30,8 @@ pub struct VolumeTracer {
     instance: u32,
     /// Items are numbers of boxes.
     bvh: Arc<Bvh>,
+    /// What is drawn, all labels in one, where there is such a form: it answers what does not ask for one label.
+    bricks: Option<Arc<Bricks>>,
     detail: Detail,
     /// Whether every box is at voxel level: a surface's element is its voxel then, and the hierarchy's bounds are those of the
     /// voxels. Otherwise they are the boxes' own, which hold every level.
@@ -55,153 +61,10 @@ enum Left {
 pub(super) enum Nearest {
     Nothing,
     Inside { label: u32, voxel: [u32; 3] },
-    Face { step: Step, item: u32 },
-}
-
-fn normals(placement: &Placement) -> [[DVec3; 2]; 3] {
-    [0, 1, 2].map(|a| [placement.normal(a, false), placement.normal(a, true)])
+    Face { step: Step, item: u32, label: u32 },
 }
 
 impl VolumeTracer {
-    /// Builds the hierarchy over the boxes of visible labels.
-    ///
-    /// # Errors
-    /// [`RenderError::Scene`] when the matrix is singular or there are too many boxes to number.
-    pub fn new(instance: u32, traced: &TracedInstance) -> Result<Self, RenderError> {
-        let TracedInstance { volume, world_from_index, visible, lod } = traced;
-        let placement = Placement::of_instance(instance, *world_from_index)?;
-        if volume.boxes().len() as u64 >> 32 != 0 {
-            return Err(RenderError::Scene(format!(
-                "instances[{instance}]: {} boxes are more than the limit of 2^32 of one instance",
-                volume.boxes().len()
-            )));
-        }
-        let all_voxels = *lod == LodChoice::Voxels;
-        let bvh = Arc::new(Bvh::build(visible_boxes(volume, visible, all_voxels))?);
-        Ok(Self {
-            volume: Arc::clone(volume),
-            normals: normals(&placement),
-            detail: lod.placed(world_from_index),
-            placement,
-            instance,
-            bvh,
-            all_voxels,
-            cuts: Cuts::default(),
-            hidden: None,
-            neighbors: None,
-        })
-    }
-
-    /// The same with the boxes of hidden labels in the hierarchy, where rays pass over them: what it saves to leave them out can be
-    /// measured against it.
-    ///
-    /// # Errors
-    /// As [`VolumeTracer::new`].
-    pub fn carrying_hidden(instance: u32, traced: &TracedInstance) -> Result<Self, RenderError> {
-        let labels = traced.volume.labels().len();
-        let all = TracedInstance { visible: vec![true; labels], ..traced.clone() };
-        let is_hidden = |label: usize| !traced.visible.get(label).copied().unwrap_or(false);
-        Ok(Self { hidden: Some((0..labels).map(is_hidden).collect()), ..Self::new(instance, &all)? })
-    }
-
-    /// Takes these parts of the world away, and puts back what was taken before.
-    #[must_use]
-    pub fn with_cuts<'a>(mut self, shapes: impl IntoIterator<Item = &'a CutShape>) -> Self {
-        self.cuts = Cuts::new(shapes, &self.placement.world_from_index);
-        self
-    }
-
-    /// Shades voxels by how their label falls off about them, or again as they lie.
-    #[must_use]
-    pub fn shaded_smooth(mut self, is_smooth: bool) -> Self {
-        if !is_smooth {
-            self.neighbors = None;
-        } else if self.neighbors.is_none() {
-            let drawn = self.drawn().iter().map(|&item| {
-                let b = self.box_of(item);
-                (item, self.label_of(item), BoxBounds { lo: b.origin, hi: self.clipped_end(&b) })
-            });
-            let drawn: Vec<_> = drawn.collect();
-            self.neighbors = Some(Arc::new(Neighbors::new(self.volume.boxes().len(), &drawn)));
-        }
-        self
-    }
-
-    /// What is taken away.
-    pub fn cuts(&self) -> &Cuts {
-        &self.cuts
-    }
-
-    /// The same boxes elsewhere, as another instance or at other levels of detail, where the hierarchy serves for both and is shared: at
-    /// any place, for
-    /// it is of index space, and at any choice of levels but from [`LodChoice::Voxels`] to another or back (`None`). Nothing is cut.
-    ///
-    /// # Errors
-    /// [`RenderError::Scene`] when the matrix is singular.
-    pub fn again(
-        &self,
-        instance: u32,
-        world_from_index: DAffine3,
-        lod: LodChoice,
-    ) -> Result<Option<Self>, RenderError> {
-        if self.all_voxels != (lod == LodChoice::Voxels) {
-            return Ok(None);
-        }
-        let placement = Placement::of_instance(instance, world_from_index)?;
-        Ok(Some(Self {
-            volume: Arc::clone(&self.volume),
-            normals: normals(&placement),
-            detail: lod.placed(&world_from_index),
-            placement,
-            instance,
-            bvh: Arc::clone(&self.bvh),
-            all_voxels: self.all_voxels,
-            cuts: Cuts::default(),
-            hidden: self.hidden.clone(),
-            neighbors: self.neighbors.clone(),
-        }))
-    }
-
-    /// Heap bytes of the hierarchy, and of what smooth shading needs besides.
-    pub fn bytes(&self) -> u64 {
-        self.bvh.bytes() + self.neighbors.as_ref().map_or(0, |n| n.bytes())
-    }
-
-    /// Numbers of the boxes that are drawn.
-    pub fn drawn(&self) -> &[u32] {
-        self.bvh.items()
-    }
-
-    /// The volume.
-    pub fn volume(&self) -> &Arc<CompressedVolume> {
-        &self.volume
-    }
-
-    /// Where it is.
-    pub fn placement(&self) -> &Placement {
-        &self.placement
-    }
-
-    /// Where what is drawn of it is in the world; `None` where nothing is.
-    pub(super) fn world_bounds(&self) -> Option<WorldBounds> {
-        self.bvh.bounds().map(|bounds| WorldBounds::new(bounds, &self.placement))
-    }
-
-    /// The same for all that share its hierarchy, and for no other.
-    pub(super) fn hierarchy_address(&self) -> usize {
-        Arc::as_ptr(&self.bvh).addr()
-    }
-
-    /// Levels of its boxes.
-    pub fn detail(&self) -> Detail {
-        self.detail
-    }
-
-    /// Number of boxes that are drawn.
-    pub fn boxes(&self) -> usize {
-        self.bvh.len()
-    }
-
     /// Dense index of the visible label at `voxel`, at the level of detail that is drawn: the lowest where several are.
     pub fn label_at(&self, voxel: [u32; 3]) -> Option<u32> {
         let mut label = None;
@@ -219,7 +82,7 @@ impl VolumeTracer {
     /// The next t in (0, `t_max`) where the ray enters label `label` or, when it starts inside of it, leaves it
     /// (`from_inside`). Other labels are as if they were not there; seams between boxes of the label are no surfaces.
     pub fn next_boundary(&self, ray: &RayInWorld, label: u32, from: PathOrigin, t_max: f64) -> Option<Hit> {
-        let r = self.index_ray(ray, from)?;
+        let r = self.index_ray(Plain, ray, from)?;
         let t_max = r.scaled_t(t_max);
         if self.cuts.is_empty() {
             return self.surface_along(&r, t_max, Some(label));
@@ -236,15 +99,52 @@ impl VolumeTracer {
         t_max: f64,
         best: f64,
     ) -> Option<Hit> {
-        let r = self.index_ray(ray, from)?;
-        let t_max = r.reach(t_max, best);
         if self.cuts.is_empty() {
-            return self.surface_along(&r, t_max, None);
+            return self.first_hit_uncut(ray, from, t_max, best);
         }
+        let r = self.index_ray(Plain, ray, from)?;
+        let t_max = r.reach(t_max, best);
         self.kept_surface_along(&self.cut_ray(&r, ray, from), t_max, None, false)
     }
 
-    fn index_ray(&self, ray: &RayInWorld, from: PathOrigin) -> Option<IndexRay> {
+    /// The same where nothing is cut. (A `KIND` as [`VolumeTracer::nearest`] has one.)
+    #[inline(always)]
+    pub(super) fn first_hit_by<P: Pierce, const KIND: u8>(
+        &self,
+        by: P,
+        ray: &RayInWorld,
+        from: PathOrigin,
+        t_max: f64,
+        best: f64,
+    ) -> Option<Hit> {
+        let r = self.index_ray(by, ray, from)?;
+        let t_max = r.reach(t_max, best);
+        let nearest = self.nearest::<P, KIND>(by, &r, 0.0, t_max, None, false);
+        self.surface_of_nearest(&r, nearest, t_max, None)
+    }
+
+    /// [`Tracer::occluded`] where nothing is cut. (A `KIND` as [`VolumeTracer::nearest`] has one.)
+    #[inline(always)]
+    pub(super) fn occluded_by<P: Pierce, const KIND: u8>(
+        &self,
+        by: P,
+        ray: &RayInWorld,
+        from: PathOrigin,
+        t_max: f64,
+    ) -> bool {
+        let Some(r) = self.index_ray(by, ray, from) else { return false };
+        let t_max = r.scaled_t(t_max);
+        match self.nearest::<P, KIND>(by, &r, 0.0, t_max, None, any_will_do(from)) {
+            Nearest::Nothing => false,
+            Nearest::Face { .. } => true,
+            Nearest::Inside { label, voxel } => {
+                matches!(self.leave(&r, label, voxel, t_max), Left::Through(_))
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn index_ray<I: Instructions>(&self, by: I, ray: &RayInWorld, from: PathOrigin) -> Option<IndexRay> {
         let start = match surface_of(from, self.instance) {
             None => Start::Free,
             Some(face) if face.kind == SurfaceKind::Face => Start::Face(face, self.element_end(&face)),
@@ -253,7 +153,7 @@ impl VolumeTracer {
                 _ => Start::Free,
             },
         };
-        self.placement.ray(ray, start)
+        self.placement.ray(by, ray, start)
     }
 
     /// The ray, for the cuts. (The world's ray decides to which side of a cap it goes: the integrator saw that one.)
@@ -266,9 +166,21 @@ impl VolumeTracer {
 
     /// The first surface of label `only`, or of any, with scaled t in (0, `t_max`), where nothing is cut.
     fn surface_along(&self, ray: &IndexRay, t_max: f64, only: Option<u32>) -> Option<Hit> {
-        match self.find_nearest(ray, 0.0, t_max, only, false) {
+        let nearest = self.find_nearest(ray, 0.0, t_max, only, false);
+        self.surface_of_nearest(ray, nearest, t_max, only)
+    }
+
+    #[inline(always)]
+    fn surface_of_nearest(
+        &self,
+        ray: &IndexRay,
+        nearest: Nearest,
+        t_max: f64,
+        only: Option<u32>,
+    ) -> Option<Hit> {
+        match nearest {
             Nearest::Nothing => None,
-            Nearest::Face { step, item } => Some(self.face_hit(ray, step, item, t_max, only)),
+            Nearest::Face { step, item, label } => Some(self.face_hit(ray, step, item, label, t_max, only)),
             Nearest::Inside { label, voxel } => match self.leave(ray, label, voxel, t_max) {
                 Left::Through(hit) => Some(hit),
                 Left::Within | Left::Nowhere => None,
@@ -289,8 +201,8 @@ impl VolumeTracer {
             let limit = end.min(t_max);
             match (self.find_nearest(ray, start, limit, only, any), entry) {
                 (Nearest::Nothing, _) => {}
-                (Nearest::Face { step, item }, _) => {
-                    return Some(self.face_hit(ray, step, item, limit, only));
+                (Nearest::Face { step, item, label }, _) => {
+                    return Some(self.face_hit(ray, step, item, label, limit, only));
                 }
                 (Nearest::Inside { label, voxel }, Some(plane)) => {
                     return Some(self.cap(ray, start, plane, label, voxel, false));
@@ -310,23 +222,35 @@ impl VolumeTracer {
         }
     }
 
-    fn face_hit(&self, ray: &IndexRay, step: Step, item: u32, t_max: f64, only: Option<u32>) -> Hit {
+    fn face_hit(
+        &self,
+        ray: &IndexRay,
+        step: Step,
+        item: u32,
+        label: u32,
+        t_max: f64,
+        only: Option<u32>,
+    ) -> Hit {
         let step = if step.is_near_edge(ray) { self.open_face(ray, step, t_max, only) } else { step };
-        self.hit(ray, &step, item, false)
+        self.hit(ray, &step, item, label, false)
     }
 
     /// The nearest face with scaled t in (`start`, `t_max`), or what is at `start`. With `any`, the first found will do.
     ///
     /// A `KIND` for each place that calls it: what visits a box is then a function with one caller, into which it is compiled.
     #[inline(always)]
-    pub(super) fn nearest<const KIND: u8>(
+    pub(super) fn nearest<P: Pierce, const KIND: u8>(
         &self,
+        by: P,
         ray: &IndexRay,
         start: f64,
         t_max: f64,
         only: Option<u32>,
         any: bool,
     ) -> Nearest {
+        if let Some(bricks) = self.bricks.as_ref().filter(|_| only.is_none()) {
+            return self.nearest_in_bricks(by, bricks, ray, start, t_max);
+        }
         let mut best = Nearest::Nothing;
         let Some((moved, enter_all)) = bvh_ray(&self.bvh, ray, start, t_max) else { return best };
         // What is hit after best_t cannot win; what is hit at it may, by its label.
@@ -364,7 +288,7 @@ impl VolumeTracer {
                     let wins = match &best {
                         Nearest::Nothing => true,
                         Nearest::Inside { .. } => any,
-                        Nearest::Face { step: other, item: other_item } => {
+                        Nearest::Face { step: other, item: other_item, .. } => {
                             step.t < other.t
                                 || (self.label_of(item), step.voxel)
                                     < (self.label_of(*other_item), other.voxel)
@@ -372,7 +296,8 @@ impl VolumeTracer {
                     };
                     if wins {
                         best_t = step.t;
-                        best = Nearest::Face { step, item };
+                        // (Its label is looked up once nothing nearer can come.)
+                        best = Nearest::Face { step, item, label: u32::MAX };
                         if any {
                             return -1.0;
                         }
@@ -381,7 +306,35 @@ impl VolumeTracer {
             }
             limit(best_t)
         });
+        if let Nearest::Face { item, label, .. } = &mut best {
+            *label = self.label_of(*item);
+        }
         best
+    }
+
+    /// The same by bricks, which are asked in their order: the first found is the nearest.
+    #[inline(always)]
+    fn nearest_in_bricks<P: Pierce>(
+        &self,
+        by: P,
+        bricks: &Bricks,
+        ray: &IndexRay,
+        start: f64,
+        t_max: f64,
+    ) -> Nearest {
+        let Some(InBricks { found, brick }) = bricks.first_voxel(by, ray, start, t_max) else {
+            return Nearest::Nothing;
+        };
+        let part_of = |voxel| bricks.part(brick, voxel, |item| self.holds(item, voxel));
+        let nearest = match found {
+            Found::Nothing => None,
+            Found::Inside(voxel) => part_of(voxel).map(|part| Nearest::Inside { label: part.label, voxel }),
+            Found::Face(step) => {
+                let face = |part: BrickPart| Nearest::Face { step, item: part.item, label: part.label };
+                part_of(step.voxel).map(face)
+            }
+        };
+        nearest.unwrap_or(Nearest::Nothing)
     }
 
     /// The face through which a ray that starts in `voxel` of `label` leaves the label.
@@ -404,7 +357,7 @@ impl VolumeTracer {
                     return match step.t {
                         t if t <= 0.0 => Left::Nowhere,
                         t if t >= t_max => Left::Within,
-                        _ => Left::Through(self.hit(ray, &step, item, true)),
+                        _ => Left::Through(self.hit(ray, &step, item, label, true)),
                     };
                 }
             }
@@ -477,15 +430,19 @@ impl VolumeTracer {
         }
     }
 
-    fn hit(&self, ray: &IndexRay, step: &Step, item: u32, from_inside: bool) -> Hit {
+    fn hit(&self, ray: &IndexRay, step: &Step, item: u32, label: u32, from_inside: bool) -> Hit {
         let axis = step.axis;
         let positive = ray.is_down(axis) != from_inside;
         let voxel = if from_inside { step.voxel_before(ray) } else { step.voxel };
-        let b = self.volume.place_of_box(item as usize);
-        let element = match self.detail.level(b.origin, b.extent) {
-            Level::Voxels => voxel,
-            Level::Cells => voxel.map(|v| v & !3),
-            Level::Boxes => b.origin,
+        let element = if self.all_voxels {
+            voxel
+        } else {
+            let b = self.volume.place_of_box(item as usize);
+            match self.detail.level(b.origin, b.extent) {
+                Level::Voxels => voxel,
+                Level::Cells => voxel.map(|v| v & !3),
+                Level::Boxes => b.origin,
+            }
         };
         Hit {
             t: ray.world_t(axis, step.plane),
@@ -496,7 +453,7 @@ impl VolumeTracer {
                 axis: axis as u8,
                 positive,
                 plane: step.plane,
-                label: self.label_of(item),
+                label,
             },
             normal_in_world: self.normals[axis][usize::from(positive)],
             from_inside,
@@ -532,11 +489,16 @@ impl VolumeTracer {
     }
 
     /// One past the highest voxel of a surface's element.
+    #[inline(always)]
     fn element_end(&self, surface: &Surface) -> [u32; 3] {
-        let voxel_end = surface.voxel.map(|v| v.saturating_add(1));
-        if self.all_voxels {
-            return voxel_end;
+        match self.all_voxels {
+            true => surface.voxel.map(|v| v.saturating_add(1)),
+            false => self.coarse_element_end(surface),
         }
+    }
+
+    fn coarse_element_end(&self, surface: &Surface) -> [u32; 3] {
+        let voxel_end = surface.voxel.map(|v| v.saturating_add(1));
         let Some(item) = self.item_with(surface.label, surface.voxel) else { return voxel_end };
         let b = self.volume.place_of_box(item as usize);
         let hi = clipped_end(b.origin, b.extent, self.volume.info().dims);
@@ -578,19 +540,12 @@ impl Tracer for VolumeTracer {
     /// mesh: within a label, a seam between two of its boxes would answer first, and only the way out of the label is a surface.) Where
     /// coarse elements of labels overlap and a path starts within another's, faces within that one count too.
     fn occluded(&self, ray: &RayInWorld, from: PathOrigin, t_max: f64) -> bool {
-        let any = matches!(from, PathOrigin::Face(surface) if surface.kind != SurfaceKind::Triangle);
-        let Some(r) = self.index_ray(ray, from) else { return false };
+        if self.cuts.is_empty() {
+            return self.occluded_uncut(ray, from, t_max);
+        }
+        let Some(r) = self.index_ray(Plain, ray, from) else { return false };
         let t_max = r.scaled_t(t_max);
-        if !self.cuts.is_empty() {
-            return self.kept_surface_along(&self.cut_ray(&r, ray, from), t_max, None, any).is_some();
-        }
-        match self.find_nearest(&r, 0.0, t_max, None, any) {
-            Nearest::Nothing => false,
-            Nearest::Face { .. } => true,
-            Nearest::Inside { label, voxel } => {
-                matches!(self.leave(&r, label, voxel, t_max), Left::Through(_))
-            }
-        }
+        self.kept_surface_along(&self.cut_ray(&r, ray, from), t_max, None, any_will_do(from)).is_some()
     }
 
     fn box_origin(&self, face: &Surface) -> Option<[u32; 3]> {
@@ -628,6 +583,12 @@ impl Tracer for VolumeTracer {
     }
 }
 
+/// Whether the first box that answers will do for a ray from there ([`Tracer::occluded`] of [`VolumeTracer`]).
+#[inline(always)]
+fn any_will_do(from: PathOrigin) -> bool {
+    matches!(from, PathOrigin::Face(surface) if surface.kind != SurfaceKind::Triangle)
+}
+
 /// The ray moved to the hierarchy's bounds, and the scaled t of the move.
 #[inline(always)]
 pub(super) fn bvh_ray(bvh: &Bvh, ray: &IndexRay, start: f64, t_max: f64) -> Option<(BvhRay, f64)> {
@@ -663,36 +624,4 @@ fn clipped_end(origin: [u32; 3], extent: [u32; 3], dims: [u32; 3]) -> [u32; 3] {
 fn number_in(b: &BoxView, voxel: [u32; 3], shift: u32) -> u32 {
     let part = |a: usize| (voxel[a] - b.origin[a]) >> shift & 3;
     part(0) | part(1) << 2 | part(2) << 4
-}
-
-/// Bounds and number of each box of a visible label, in the volume's order; `tight` ones are those of its voxels.
-pub fn visible_boxes(volume: &CompressedVolume, visible: &[bool], tight: bool) -> Vec<(BoxBounds, u32)> {
-    let mut boxes = Vec::new();
-    for (c, chunk) in volume.chunks().iter().enumerate() {
-        let next = volume.chunks().get(c + 1);
-        let runs = &volume.runs()
-            [chunk.first_run as usize..next.map_or(volume.runs().len(), |n| n.first_run as usize)];
-        let chunk_end = next.map_or(volume.boxes().len() as u64, |n| n.first_box);
-        for (r, run) in runs.iter().enumerate() {
-            if !visible.get(run.label as usize).copied().unwrap_or(false) {
-                continue;
-            }
-            let first = chunk.first_box + u64::from(run.first_box);
-            let end = runs.get(r + 1).map_or(chunk_end, |n| chunk.first_box + u64::from(n.first_box));
-            for i in first..end {
-                let place = volume.place_of_box(i as usize);
-                let bounds = if tight {
-                    let (lo, last) = volume.box_at(&place).voxel_bounds();
-                    BoxBounds { lo, hi: last.map(|v| v + 1) }
-                } else {
-                    let hi = clipped_end(place.origin, place.extent, volume.info().dims);
-                    BoxBounds { lo: place.origin, hi }
-                };
-                boxes.push((bounds, i as u32));
-            }
-        }
-    }
-    // Building needs several times as much again: no room is left over.
-    boxes.shrink_to_fit();
-    boxes
 }

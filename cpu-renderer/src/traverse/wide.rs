@@ -1,51 +1,67 @@
-//! The search through a volume's hierarchy and boxes, compiled a second time for processors with AVX2: eight children of a node fit in
-//! one of its registers, and counting bits is one instruction. Rust never fuses a product and a sum, so both give the same bits.
+//! The search through a volume's hierarchy and boxes, or through its bricks, compiled anew for processors with AVX2 and for those with
+//! AVX-512: four or eight numbers in f64 fit in one of their registers, and counting bits is one instruction. Rust never fuses a product
+//! and a sum, so all give the same bits.
+
+use pumice_render::{Hit, PathOrigin, RayInWorld};
 
 use super::IndexRay;
+use super::four::Plain;
+#[cfg(target_arch = "x86_64")]
+use super::four::{Wide, Widest};
 use super::volume_tracer::{Nearest, VolumeTracer};
 
-impl VolumeTracer {
-    /// [`VolumeTracer::nearest`], by the instructions that this processor has.
-    #[inline]
-    pub(super) fn find_nearest(
-        &self,
-        ray: &IndexRay,
-        start: f64,
-        t_max: f64,
-        only: Option<u32>,
-        any: bool,
-    ) -> Nearest {
-        #[cfg(target_arch = "x86_64")]
-        if is_wide() {
-            // SAFETY: the processor has the instructions that the function is compiled for, as it was just asked.
-            #[allow(unsafe_code)]
-            return unsafe { self.nearest_wide(ray, start, t_max, only, any) };
-        }
-        self.nearest_plain(ray, start, t_max, only, any)
-    }
-
-    #[inline(never)]
-    fn nearest_plain(&self, ray: &IndexRay, start: f64, t_max: f64, only: Option<u32>, any: bool) -> Nearest {
-        self.nearest::<0>(ray, start, t_max, only, any)
-    }
-
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
-    #[inline(never)]
-    fn nearest_wide(&self, ray: &IndexRay, start: f64, t_max: f64, only: Option<u32>, any: bool) -> Nearest {
-        self.nearest::<1>(ray, start, t_max, only, any)
-    }
+/// Methods that call a generic one by the instructions that this processor has. (A `KIND` as [`VolumeTracer::nearest`] has one.)
+macro_rules! by_what_the_processor_has {
+    ($($(#[$doc:meta])* $name:ident = $generic:ident, $kind:literal: ($($arg:ident: $type:ty),*) -> $result:ty;)*) => {
+        $(
+            $(#[$doc])*
+            #[inline]
+            pub(super) fn $name(&self, $($arg: $type),*) -> $result {
+                #[cfg(target_arch = "x86_64")]
+                {
+                    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt,avx512f,avx512bw,avx512dq,avx512vl")]
+                    #[inline(never)]
+                    fn widest(by: Widest, tracer: &VolumeTracer, $($arg: $type),*) -> $result {
+                        tracer.$generic::<_, $kind>(by, $($arg),*)
+                    }
+                    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
+                    #[inline(never)]
+                    fn wide(by: Wide, tracer: &VolumeTracer, $($arg: $type),*) -> $result {
+                        tracer.$generic::<_, $kind>(by, $($arg),*)
+                    }
+                    // SAFETY: the processor has the instructions that each is compiled for: there is no `Widest` and no `Wide` where it
+                    // lacks them.
+                    #[allow(unsafe_code)]
+                    unsafe {
+                        if let Some(by) = Widest::new() {
+                            return widest(by, self, $($arg),*);
+                        }
+                        if let Some(by) = Wide::new() {
+                            return wide(by, self, $($arg),*);
+                        }
+                    }
+                }
+                #[inline(never)]
+                fn plain(tracer: &VolumeTracer, $($arg: $type),*) -> $result {
+                    tracer.$generic::<_, $kind>(Plain, $($arg),*)
+                }
+                plain(self, $($arg),*)
+            }
+        )*
+    };
 }
 
-/// Whether the processor has all that [`VolumeTracer::nearest_wide`] is compiled for. (The answers are kept: this reads a word.)
-#[cfg(target_arch = "x86_64")]
-#[inline]
-fn is_wide() -> bool {
-    is_x86_feature_detected!("avx2")
-        && is_x86_feature_detected!("bmi1")
-        && is_x86_feature_detected!("bmi2")
-        && is_x86_feature_detected!("lzcnt")
-        && is_x86_feature_detected!("popcnt")
+impl VolumeTracer {
+    by_what_the_processor_has! {
+        /// [`VolumeTracer::nearest`].
+        find_nearest = nearest, 0:
+            (ray: &IndexRay, start: f64, t_max: f64, only: Option<u32>, any: bool) -> Nearest;
+        /// [`VolumeTracer::first_hit_by`].
+        first_hit_uncut = first_hit_by, 1:
+            (ray: &RayInWorld, from: PathOrigin, t_max: f64, best: f64) -> Option<Hit>;
+        /// [`VolumeTracer::occluded_by`].
+        occluded_uncut = occluded_by, 2: (ray: &RayInWorld, from: PathOrigin, t_max: f64) -> bool;
+    }
 }
 
 #[cfg(test)]
@@ -54,13 +70,14 @@ mod tests {
     use pumice_oracle::volumes::blobs;
     use pumice_render::RayInWorld;
 
+    use super::super::four::each_way;
     use super::super::index_ray::Start;
+    use super::super::pierced::Pierce;
     use super::super::{LodChoice, TracedInstance};
     use super::*;
 
     /// To the bit, at every level of detail, whether the first found will do or not.
-    #[test]
-    fn the_way_of_this_processor_finds_what_the_plain_one_does() {
+    fn finds_what_the_plain_way_does(by: impl Pierce) {
         let (_, volume) = blobs([90, 70, 60], 50, 9, 8);
         let mut s = 3u64;
         let mut random = || {
@@ -68,7 +85,13 @@ mod tests {
             (s >> 11) as f64 / (1u64 << 53) as f64 - 0.5
         };
         let (mut faces, mut inside) = (0, 0);
-        for lod in [LodChoice::Voxels, LodChoice::Cells, LodChoice::Boxes] {
+        let ways = [
+            (LodChoice::Voxels, true),
+            (LodChoice::Voxels, false),
+            (LodChoice::Cells, false),
+            (LodChoice::Boxes, false),
+        ];
+        for (lod, with_bricks) in ways {
             let instance = TracedInstance {
                 volume: volume.clone(),
                 world_from_index: DAffine3::IDENTITY,
@@ -76,21 +99,38 @@ mod tests {
                 lod,
             };
             let tracer = VolumeTracer::new(0, &instance).unwrap();
+            let tracer = if with_bricks { tracer.with_bricks() } else { tracer };
+            assert_eq!(tracer.brick_bytes() > 0, with_bricks);
             for _ in 0..4000 {
                 let mut point =
                     || DVec3::new(45.0, 35.0, 30.0) + 120.0 * DVec3::new(random(), random(), random());
                 let (origin, target) = (point(), point());
                 let ray = RayInWorld { origin, direction: target - origin };
-                let Some(ray) = tracer.placement().ray(&ray, Start::Free) else { continue };
+                let place = tracer.placement();
+                let Some(in_index) = place.ray(Plain, &ray, Start::Free) else { continue };
+                let same = place.ray(by, &ray, Start::Free);
+                assert_eq!(format!("{same:?}"), format!("{:?}", Some(in_index)));
                 for any in [false, true] {
-                    let plain = tracer.nearest_plain(&ray, 0.0, f64::INFINITY, None, any);
-                    let found = tracer.find_nearest(&ray, 0.0, f64::INFINITY, None, any);
+                    let plain = tracer.nearest::<_, 9>(Plain, &in_index, 0.0, f64::INFINITY, None, any);
+                    let found = tracer.nearest::<_, 9>(by, &in_index, 0.0, f64::INFINITY, None, any);
                     assert_eq!(plain, found, "{lod:?} {ray:?}");
                     faces += usize::from(matches!(plain, Nearest::Face { .. }));
                     inside += usize::from(matches!(plain, Nearest::Inside { .. }));
                 }
+                // What is handed out is what the generic one finds.
+                let hit =
+                    tracer.first_hit_by::<_, 9>(by, &ray, PathOrigin::Free, f64::INFINITY, f64::INFINITY);
+                assert_eq!(hit, tracer.first_hit_uncut(&ray, PathOrigin::Free, f64::INFINITY, f64::INFINITY));
+                let occluded = tracer.occluded_by::<_, 9>(by, &ray, PathOrigin::Free, f64::INFINITY);
+                assert_eq!(occluded, hit.is_some());
+                assert_eq!(occluded, tracer.occluded_uncut(&ray, PathOrigin::Free, f64::INFINITY));
             }
         }
         assert!(faces > 3000 && inside > 300, "{faces} {inside}");
+    }
+
+    #[test]
+    fn all_ways_find_what_the_plain_one_does() {
+        each_way!(finds_what_the_plain_way_does);
     }
 }

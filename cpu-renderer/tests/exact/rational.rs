@@ -169,13 +169,21 @@ impl RationalRay {
         ray
     }
 
-    /// The same as it leaves a face: exactly on its plane, never back through it, and in the voxel in front of it. The face's rectangle
-    /// is kept to by 2⁻²⁸, as its renderer says.
+    /// The same as it leaves a face of `voxel`: exactly on its plane, never back through it, and in the voxel in front of it. The face's
+    /// rectangle is kept to by 2⁻²⁸, as its renderer says, also by a path whose origin in the world was rounded to beside it, or whose first hit was at an edge
+    /// that a walk took for met.
     #[must_use]
-    pub fn leaving_face(mut self, axis: usize, plane: u32, positive: bool) -> Self {
+    pub fn leaving_face(mut self, voxel: [u32; 3], axis: usize, plane: u32, positive: bool) -> Self {
         self.o[axis] = &self.e * plane;
-        self.origin_error =
-            [0, 1, 2].map(|a| if a == axis { 0.0 } else { self.origin_error[a] + 2f64.powi(-28) });
+        self.origin_error = [0, 1, 2].map(|a| {
+            if a == axis {
+                return 0.0;
+            }
+            let above = |p: u32| float(&(&self.o[a] - &self.e * p)) / float(&self.e);
+            let beside = (-above(voxel[a])).max(above(voxel[a] + 1)).max(0.0);
+            assert!(beside <= WALK_CHORD, "a path starts {beside} voxels beside its face");
+            self.origin_error[a] + 2f64.powi(-28) + beside
+        });
         if self.d[axis].is_zero() || self.d[axis].is_negative() == positive {
             assert!(self.component(axis).abs() <= self.direction_error[axis], "the ray points into the face");
             self.d[axis] = BigInt::zero();

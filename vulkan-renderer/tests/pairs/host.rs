@@ -4,11 +4,13 @@
 pub(crate) type Listed = (&'static str, &'static [(&'static str, &'static str)]);
 
 /// Folders of which every Rust file is looked at.
-pub(crate) const FOLDERS: [&str; 6] = [
+pub(crate) const FOLDERS: [&str; 8] = [
     "cpu-renderer/src",
     "cpu-renderer/src/bsdf",
     "cpu-renderer/src/emitters",
     "cpu-renderer/src/traverse",
+    "cpu-renderer/src/traverse/pierced",
+    "cpu-renderer/src/traverse/volume_tracer",
     "render/src",
     "render/src/lamp",
 ];
@@ -58,9 +60,17 @@ pub(crate) const HOST_FILES: &[(&str, &str)] = &[
     ("cpu-renderer/src/emitters/faces.rs", "which faces are aimed at: made ready before a ray is traced"),
     ("cpu-renderer/src/emitters/gather.rs", "what is aimed at: made ready before a ray is traced"),
     ("cpu-renderer/src/lib.rs", NAMES),
+    ("cpu-renderer/src/traverse/brick_walk.rs", BRICKS),
+    ("cpu-renderer/src/traverse/bricks.rs", BRICKS),
+    ("cpu-renderer/src/traverse/pierced.rs", BRICKS),
+    ("cpu-renderer/src/traverse/pierced/wide.rs", BRICKS),
+    ("cpu-renderer/src/traverse/pierced/widest.rs", BRICKS),
+    ("cpu-renderer/src/traverse/mirrored.rs", BRICKS),
+    ("cpu-renderer/src/traverse/four.rs", WIDE),
+    ("cpu-renderer/src/traverse/wide.rs", WIDE),
+    ("cpu-renderer/src/traverse/volume_tracer/making.rs", READY),
     ("cpu-renderer/src/traverse/mesh_grid.rs", "corners and bounds: made ready before a ray is traced"),
     ("cpu-renderer/src/traverse/neighbors.rs", "which boxes are near: made ready before a ray is traced"),
-    ("cpu-renderer/src/traverse/wide.rs", "the search compiled for two kinds of processors"),
     ("cpu-renderer/src/traverse/mod.rs", "unrolls loops over axes for the compiler"),
     ("render/src/atomic_file.rs", FILE_FORMAT),
     ("render/src/cryptomatte.rs", "names, and what is made of counts on the host"),
@@ -82,6 +92,9 @@ pub(crate) const HOST_FILES: &[(&str, &str)] = &[
     ("render/src/view_transform.rs", "what a screen shows of a finished picture"),
 ];
 
+const WIDE: &str = "the same operations by what a kind of processor has for several numbers at once";
+const BRICKS: &str =
+    "the CPU's own form of what is drawn; on a device the boxes are asked, as without bricks on the CPU";
 const READY: &str = "made ready before a ray is traced, for both renderers";
 const READ: &str = "hands out a field, which the shader reads itself";
 const COUNTED: &str = "counts memory or items of the host's";
@@ -271,6 +284,9 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
         &[
             ("SceneTracer::new", READY),
             ("SceneTracer::of", READY),
+            ("SceneTracer::without_bricks", READY),
+            ("SceneTracer::brick_bytes", COUNTED),
+            ("SceneTracer::own_volumes", COUNTED),
             ("SceneTracer::with_meshes", READY),
             ("SceneTracer::with_tree", READY),
             ("SceneTracer::tree", READ),
@@ -288,26 +304,11 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
     (
         "cpu-renderer/src/traverse/volume_tracer.rs",
         &[
-            ("normals", READY),
-            ("VolumeTracer::new", READY),
-            ("VolumeTracer::again", READY),
-            ("VolumeTracer::with_cuts", READY),
-            ("VolumeTracer::carrying_hidden", CARRIED),
             ("VolumeTracer::is_hidden", CARRIED),
-            ("VolumeTracer::cuts", READ),
-            ("VolumeTracer::drawn", READ),
-            ("VolumeTracer::world_bounds", READY),
-            ("VolumeTracer::hierarchy_address", COUNTED),
-            ("VolumeTracer::volume", READ),
-            ("VolumeTracer::placement", READ),
-            ("VolumeTracer::detail", READ),
+            ("VolumeTracer::nearest_in_bricks", BRICKS),
             ("VolumeTracer::box_origin", BOX_KNOWN),
-            ("VolumeTracer::shaded_smooth", READY),
             ("VolumeTracer::is_smooth", COMPILED),
-            ("VolumeTracer::bytes", COUNTED),
-            ("VolumeTracer::boxes", COUNTED),
             ("VolumeTracer::label_at", "asked about a voxel, not by a ray"),
-            ("visible_boxes", READY),
         ],
     ),
     (
@@ -446,6 +447,14 @@ pub(crate) const OTHER_NAMES: &[Listed] = &[
         &[
             ("Placement::ray", "index_ray_new"),
             ("Placement::ray_to_mesh", "index_ray_new"),
+            ("Placement::four_from_world", "index_from_world"),
+            ("Placement::start_along_face", "start_on_face"),
+            ("IndexRay::clip_by", "clip"),
+            ("IndexRay::t_of_each", "t_of"),
+            ("turned_finite", "index_ray_new"),
+            ("scaled_four", "scaled"),
+            ("scaled_extreme", "scaled"),
+            ("exponent", "scaled"),
             ("exp2", "scaled"),
             ("surface_of", "index_ray_new"),
         ],
@@ -490,8 +499,13 @@ pub(crate) const OTHER_NAMES: &[Listed] = &[
             ("VolumeTracer::kept_surface_along", "volume_ask"),
             ("VolumeTracer::face_hit", "volume_ask"),
             ("VolumeTracer::first_hit", "volume_ask"),
+            ("VolumeTracer::first_hit_by", "volume_ask"),
+            ("VolumeTracer::surface_of_nearest", "volume_ask"),
             ("VolumeTracer::first_hit_within", "volume_ask"),
             ("VolumeTracer::occluded", "volume_ask"),
+            ("VolumeTracer::occluded_by", "volume_ask"),
+            ("VolumeTracer::coarse_element_end", "element_end"),
+            ("any_will_do", "volume_ask"),
             ("VolumeTracer::hit", "hit_of"),
             ("VolumeTracer::box_of", "visit"),
             ("VolumeTracer::label_of", "visit"),

@@ -95,7 +95,8 @@ fn emitters_are_the_same() {
 
     // On the host.
     let triangles = MeshTracer::new(0, 2, &mesh, mesh_place).expect("a mesh");
-    let tracer = SceneTracer::new(&traced).expect("a tracer").with_meshes(vec![Arc::new(triangles)]);
+    let tracer =
+        SceneTracer::without_bricks(&traced).expect("a tracer").with_meshes(vec![Arc::new(triangles)]);
     let emitters = Arc::new(emitters_of(&tracer, &looks).expect("emitters").expect("some"));
     assert!(
         emitters.emitters().len() > 20 && emitters.triangles().len() == 2 && emitters.places().len() == 3

@@ -1,0 +1,224 @@
+//! Rays through [`Bricks`]: from block to block in f64, and in each block, brick and cell by the mask of what the ray passes through
+//! there ([`super::pierced`]), met with the mask of what there is.
+//!
+//! A ray passes through the parts of a mask in the order of their numbers once those of the axes along which it moves down are
+//! mirrored: a coordinate never goes back. So the first that is there is the lowest bit. It is the mask of what there is that is
+//! mirrored: that can be done while it is still being told what the ray passes through, and one waits for the other's end.
+//!
+//! **What is exact.** All of it is decided by the planes' t in f64 ([`IndexRay::t_of`]): planes met at the same t are crossed at once,
+//! blocks, bricks and cells that are only touched are looked at too, and a voxel is met where clipping the ray against it leaves a chord.
+//! (A walk through a box may skip one of 2·10⁻⁵ voxels.)
+
+use super::box_walk::{Found, Step};
+use super::bricks::{BLOCK, BRICK, Brick, Bricks};
+use super::four::{Four, Lanes};
+use super::mirrored::Octant;
+use super::pierced::Pierce;
+use super::{IndexRay, each_axis};
+
+/// What a ray meets first, and the brick.
+pub(super) struct InBricks {
+    pub(super) found: Found,
+    pub(super) brick: usize,
+}
+
+/// Half of an ulp more than what makes rounding to the nearest a rounding down, but for numbers just below a whole one: a guess.
+const ALMOST_HALF: f64 = 0.499_999_999;
+/// Voxels along the side of a block.
+const SIDE: f64 = BLOCK as f64;
+/// 1.5·2⁵²: added to a small number, it leaves no room behind the point.
+const ROUNDING: f64 = 6_755_399_441_055_744.0;
+
+/// The block where the ray is, and the planes through which it leaves it.
+struct BlockWalk {
+    /// Its number.
+    index: usize,
+    /// Its lowest corner.
+    corner: Lanes,
+    plane_t: Lanes,
+}
+
+impl BlockWalk {
+    #[inline(always)]
+    fn begin<P: Pierce>(by: P, bricks: &Bricks, ray: &IndexRay, enter: f64) -> Self {
+        let at = by.four(&ray.origin).plus(by.all(enter).times(by.four(&ray.direction)));
+        let at = at.times(by.all(1.0 / SIDE)).minus(by.all(ALMOST_HALF));
+        let at = at.max(by.all(0.0)).min(by.four(&bricks.last_block)).plus(by.all(ROUNDING));
+        let corner = at.minus(by.all(ROUNDING)).times(by.all(SIDE));
+        let low = ray.t_of_each(by, corner);
+        let high = ray.t_of_each(by, corner.plus(by.all(SIDE)));
+        let (behind, ahead) = (low.min(high), low.max(high));
+        let is_right = ((by.all(enter).below(behind)) | !by.all(enter).below(ahead)) & 0b111 == 0;
+        let mut walk = Self { index: 0, corner: corner.array(), plane_t: ahead.array() };
+        let mut at = at.array();
+        if !is_right {
+            walk.correct(bricks, ray, enter);
+            at = walk.corner.map(|v| v / SIDE + ROUNDING);
+        }
+        let at = |a: usize| at[a].to_bits() as u32 as usize;
+        walk.index = at(0) + bricks.strides[1] * at(1) + bricks.strides[2] * at(2);
+        walk
+    }
+
+    /// The guess, where rounding made it one too far or too near: planes met at t ≤ `enter` are behind.
+    #[cold]
+    fn correct(&mut self, bricks: &Bricks, ray: &IndexRay, enter: f64) {
+        for a in 0..3 {
+            let last = bricks.last_block[a];
+            let t = |plane: f64| ray.t_of(a, SIDE * plane);
+            let mut at = self.corner[a] / SIDE;
+            if ray.is_down(a) {
+                while at > 0.0 && t(at) <= enter {
+                    at -= 1.0;
+                }
+                while at < last && t(at + 1.0) > enter {
+                    at += 1.0;
+                }
+            } else {
+                while at < last && t(at + 1.0) <= enter {
+                    at += 1.0;
+                }
+                while at > 0.0 && t(at) > enter {
+                    at -= 1.0;
+                }
+            }
+            self.corner[a] = SIDE * at;
+            self.plane_t[a] = t(if ray.is_down(a) { at } else { at + 1.0 });
+        }
+    }
+
+    /// On to the next block at t, unless that is not before `end`: its t.
+    #[inline(always)]
+    fn step(&mut self, bricks: &Bricks, ray: &IndexRay, end: f64) -> Option<f64> {
+        let [x, y, z, _] = self.plane_t;
+        let t = if x < y { x } else { y };
+        let t = if z < t { z } else { t };
+        if t >= end {
+            return None;
+        }
+        for a in 0..3 {
+            if self.plane_t[a] == t {
+                let (side, ahead) = if ray.is_down(a) { (-SIDE, -SIDE) } else { (SIDE, 2.0 * SIDE) };
+                let plane = self.corner[a] + ahead;
+                self.corner[a] += side;
+                if !(self.corner[a] >= 0.0 && self.corner[a] <= SIDE * bricks.last_block[a]) {
+                    return None;
+                }
+                let stride = bricks.strides[a];
+                self.index = if ray.is_down(a) { self.index - stride } else { self.index + stride };
+                self.plane_t[a] = ray.t_of(a, plane);
+            }
+        }
+        Some(t)
+    }
+}
+
+impl Bricks {
+    /// The first voxel with scaled t in (`start`, `t_max`), or at `start`.
+    #[inline(always)]
+    pub(super) fn first_voxel<P: Pierce>(
+        &self,
+        by: P,
+        ray: &IndexRay,
+        start: f64,
+        t_max: f64,
+    ) -> Option<InBricks> {
+        let (mut enter, leave) = ray.clip_by(by, by.four(&self.bounds[0]), by.four(&self.bounds[1]), start);
+        if enter >= leave || enter >= t_max {
+            return None;
+        }
+        let end = if leave < t_max { leave } else { t_max };
+        let octant = Octant::new(|a| ray.is_down(a));
+        let mut walk = BlockWalk::begin(by, self, ray, enter);
+        loop {
+            let occupied = self.occupied(walk.index);
+            if occupied != 0 {
+                let met = by.pierced::<true>(ray, by.four(&walk.corner), &[0.0; 4], f64::from(BRICK), enter);
+                let mut met = met & by.mirrored(occupied, octant);
+                while met != 0 {
+                    let place = met.trailing_zeros() ^ octant.mirror();
+                    met &= met - 1;
+                    let (number, brick) = self.brick(walk.index, place);
+                    let step = &STEPS_OF_BRICKS[place as usize & 63];
+                    let corner = by.four(&walk.corner);
+                    match self.first_of_brick(by, ray, brick, corner, step, octant, start, enter) {
+                        Found::Nothing => {}
+                        Found::Face(step) if step.t >= t_max => return None,
+                        found => return Some(InBricks { found, brick: number }),
+                    }
+                }
+            }
+            enter = walk.step(self, ray, end)?;
+        }
+    }
+
+    /// The first voxel of a brick whose lowest corner is at `corner + step`; `from`: any t before the ray comes into it.
+    #[inline(always)]
+    #[allow(clippy::too_many_arguments, reason = "one caller, into which it is compiled")]
+    fn first_of_brick<P: Pierce>(
+        &self,
+        by: P,
+        ray: &IndexRay,
+        brick: &Brick,
+        corner: P::Four,
+        step: &Lanes,
+        octant: Octant,
+        start: f64,
+        from: f64,
+    ) -> Found {
+        let mut met = by.pierced::<true>(ray, corner, step, 4.0, from) & by.mirrored(brick.occupied, octant);
+        if met == 0 {
+            return Found::Nothing;
+        }
+        let lo = corner.plus(by.four(step));
+        let (enter, leave) = ray.clip_by(by, lo, lo.plus(by.all(f64::from(BRICK))), start);
+        if enter >= leave {
+            return Found::Nothing;
+        }
+        while met != 0 {
+            let cell = met.trailing_zeros() ^ octant.mirror();
+            met &= met - 1;
+            let step = &STEPS_OF_CELLS[cell as usize & 63];
+            let field = by.mirrored(self.field(brick, cell), octant);
+            let voxels = by.pierced::<false>(ray, lo, step, 1.0, enter) & field;
+            if voxels != 0 {
+                let first = voxels.trailing_zeros() ^ octant.mirror();
+                let corner = lo.plus(by.four(step)).plus(by.four(&STEPS_OF_VOXELS[first as usize & 63]));
+                return face_of(by, ray, corner, start);
+            }
+        }
+        Found::Nothing
+    }
+}
+
+/// From the lowest corner of 4 × 4 × 4 parts with this side to that of each.
+const fn steps_of(side: u32) -> [Lanes; 64] {
+    let (mut steps, mut place) = ([[0.0; 4]; 64], 0);
+    while place < 64 {
+        let [x, y, z] = [place & 3, place >> 2 & 3, place >> 4];
+        steps[place as usize] = [(side * x) as f64, (side * y) as f64, (side * z) as f64, 0.0];
+        place += 1;
+    }
+    steps
+}
+
+static STEPS_OF_BRICKS: [Lanes; 64] = steps_of(BRICK);
+static STEPS_OF_CELLS: [Lanes; 64] = steps_of(4);
+static STEPS_OF_VOXELS: [Lanes; 64] = steps_of(1);
+
+/// The face through which a ray comes into the voxel at `corner`.
+#[inline(always)]
+fn face_of<P: Pierce>(by: P, ray: &IndexRay, corner: P::Four, start: f64) -> Found {
+    let (low, high) = (ray.t_of_each(by, corner), ray.t_of_each(by, corner.plus(by.all(1.0))));
+    let t = low.min(high).array();
+    let last = if t[0] > t[1] { t[0] } else { t[1] };
+    let last = if t[2] > last { t[2] } else { last };
+    let corner = corner.array();
+    let voxel = each_axis(|a| corner[a] as u32);
+    if last <= start {
+        return Found::Inside(voxel);
+    }
+    let tied: u8 = (0..3).map(|a| u8::from(t[a] == last) << a).sum();
+    let axis = tied.trailing_zeros() as usize;
+    Found::Face(Step { t: t[axis], axis, plane: voxel[axis] + u32::from(ray.is_down(axis)), voxel, tied })
+}

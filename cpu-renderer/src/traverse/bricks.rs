@@ -1,0 +1,318 @@
+//! What is drawn of a volume, all labels in one: 4³ bricks of 4³ cells of 4³ voxels, in 64-bit masks.
+//!
+//! The volume's own form keeps each label apart, so a brick of space is several boxes; the hierarchy finds them one after another, and
+//! each is walked through. Where every label is drawn at voxel level it does not matter which of them a voxel is of until one is hit:
+//! here the voxels of all drawn labels are put together, space is met once, in order, and the first voxel that is found is the answer.
+//! Derived from the volume for one choice of labels; not for coarser levels, where labels overlap.
+//!
+//! ```text
+//! blocks   of 64³ voxels, x first: a mask of their bricks that hold a voxel, and the number of the first of these
+//! bricks   of 16³ voxels, by block and place in it: masks of cells that hold a voxel, and of those that hold all 64; the number
+//!          of the first field
+//! fields   of the cells that are neither empty nor full: a mask of voxels each
+//! parts    of each brick: the boxes that reach into it, with their cells there
+//! ```
+//! In every mask, bit x + 4y + 16z.
+
+use pumice_core::CompressedVolume;
+use pumice_render::BoxBounds;
+
+use super::each_axis;
+use super::four::{Lanes, lanes};
+
+/// Voxels along the side of a block.
+pub(super) const BLOCK: u32 = 64;
+/// Voxels along the side of a brick.
+pub(super) const BRICK: u32 = 16;
+
+/// See the module.
+#[derive(Debug)]
+pub(super) struct Bricks {
+    /// Around all voxels: lowest and highest corner.
+    pub(super) bounds: [Lanes; 2],
+    /// The last block along each axis.
+    pub(super) last_block: Lanes,
+    /// Blocks from one to the next along each axis.
+    pub(super) strides: [usize; 3],
+    blocks: Vec<Block>,
+    bricks: Vec<Brick>,
+    fields: Vec<u64>,
+    parts: Vec<BrickPart>,
+}
+
+/// 64³ voxels.
+#[derive(Clone, Copy, Debug, Default)]
+struct Block {
+    occupied: u64,
+    first_brick: u32,
+}
+
+/// 16³ voxels, of which some are there.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Brick {
+    /// Cells with a voxel.
+    pub(super) occupied: u64,
+    /// Cells with all.
+    full: u64,
+    first_field: u32,
+    first_part: u32,
+}
+
+/// A box in a brick.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct BrickPart {
+    /// Its cells there.
+    cells: u64,
+    /// The box.
+    pub(super) item: u32,
+    /// Its label.
+    pub(super) label: u32,
+}
+
+/// A sparse volume may have so many times as many blocks as boxes, beyond a few; where it has more, most are empty and cost memory.
+const BLOCKS_A_BOX: u64 = 8;
+const FEW_BLOCKS: u64 = 1 << 16;
+
+/// Bits of a brick's number among all.
+const PLACE_BITS: u32 = 6;
+
+impl Bricks {
+    /// Of these boxes of a volume; `None` where the volume is too sparse for it, or what is numbered too much for 32 bits.
+    pub(super) fn new(volume: &CompressedVolume, items: &[u32]) -> Option<Self> {
+        let blocks_along = volume.info().dims.map(|d| d.div_ceil(BLOCK));
+        let blocks = blocks_along.iter().map(|&n| u64::from(n)).try_fold(1u64, u64::checked_mul)?;
+        if items.is_empty() || blocks > FEW_BLOCKS.max(BLOCKS_A_BOX * items.len() as u64) || blocks >> 31 != 0
+        {
+            return None;
+        }
+        let reaching = boxes_by_brick(volume, items, blocks_along);
+        let mut made = Self {
+            bounds: [[0.0; 4]; 2],
+            last_block: lanes(|a| blocks_along.get(a).map_or(0.0, |&n| f64::from(n - 1))),
+            strides: [1, blocks_along[0] as usize, blocks_along[0] as usize * blocks_along[1] as usize],
+            blocks: vec![Block::default(); blocks as usize],
+            bricks: Vec::new(),
+            fields: Vec::new(),
+            parts: Vec::new(),
+        };
+        let mut bounds = BoxBounds::EMPTY;
+        for of_brick in reaching.chunk_by(|a, b| a.0 == b.0) {
+            bounds = bounds.union(made.add(volume, of_brick)?);
+        }
+        made.bounds = [bounds.lo, bounds.hi].map(|p| lanes(|a| p.get(a).map_or(0.0, |&v| f64::from(v))));
+        // One after the last: where its fields and parts end.
+        made.bricks.push(made.next_brick()?);
+        made.bricks.shrink_to_fit();
+        made.fields.shrink_to_fit();
+        made.parts.shrink_to_fit();
+        Some(made)
+    }
+
+    fn next_brick(&self) -> Option<Brick> {
+        let first_field = self.fields.len().try_into().ok()?;
+        Some(Brick { occupied: 0, full: 0, first_field, first_part: self.parts.len().try_into().ok()? })
+    }
+
+    /// The next brick, of boxes that reach into it; what is around its voxels.
+    fn add(&mut self, volume: &CompressedVolume, of_brick: &[(u64, u32)]) -> Option<BoxBounds> {
+        let number = of_brick.first()?.0;
+        let (block, place) = ((number >> PLACE_BITS) as u32, number as u32 & 63);
+        let [_, along_y, along_z] = self.strides.map(|stride| stride as u32);
+        let of_block = [block % along_y, block % along_z / along_y, block / along_z];
+        let origin = each_axis(|a| BLOCK * of_block[a] + BRICK * (place >> (2 * a) & 3));
+        let (mut brick, mut cells, mut bounds) = (self.next_brick()?, [0u64; 64], BoxBounds::EMPTY);
+        for &(_, item) in of_brick {
+            let b = volume.get_box(item as usize);
+            // Boxes lie on a grid of cells, not of bricks.
+            let shift = each_axis(|a| (b.origin[a] as i32 - origin[a] as i32) / 4);
+            let mut part = BrickPart { cells: 0, item, label: volume.label_of_box(item as usize) };
+            for (c, field) in b.node.fields() {
+                let at = each_axis(|a| (c >> (2 * a) & 3) as i32 + shift[a]);
+                if at.iter().all(|at| (0..4).contains(at)) {
+                    let c = (at[0] + 4 * at[1] + 16 * at[2]) as usize;
+                    cells[c] |= field;
+                    part.cells |= 1 << c;
+                }
+            }
+            if part.cells != 0 {
+                self.parts.push(part);
+            }
+        }
+        for (c, &field) in cells.iter().enumerate().filter(|(_, field)| **field != 0) {
+            brick.occupied |= 1 << c;
+            let corner = each_axis(|a| origin[a] + 4 * (c as u32 >> (2 * a) & 3));
+            bounds = bounds.union(bounds_of(field, corner));
+            if field == u64::MAX {
+                brick.full |= 1 << c;
+            } else {
+                self.fields.push(field);
+            }
+        }
+        if brick.occupied != 0 {
+            let block = &mut self.blocks[block as usize];
+            if block.occupied == 0 {
+                block.first_brick = self.bricks.len().try_into().ok()?;
+            }
+            block.occupied |= 1 << place;
+            self.bricks.push(brick);
+        }
+        Some(bounds)
+    }
+
+    /// Heap bytes.
+    pub(super) fn bytes(&self) -> u64 {
+        let bytes = self.blocks.capacity() * size_of::<Block>()
+            + self.bricks.capacity() * size_of::<Brick>()
+            + self.fields.capacity() * size_of::<u64>()
+            + self.parts.capacity() * size_of::<BrickPart>();
+        bytes as u64
+    }
+
+    /// Which bricks of a block hold a voxel.
+    #[inline(always)]
+    pub(super) fn occupied(&self, block: usize) -> u64 {
+        self.blocks[block].occupied
+    }
+
+    /// The brick at a place of a block that is occupied, and its number.
+    #[inline(always)]
+    pub(super) fn brick(&self, block: usize, place: u32) -> (usize, &Brick) {
+        let block = &self.blocks[block];
+        let below = block.occupied & ((1 << place) - 1);
+        let number = block.first_brick as usize + below.count_ones() as usize;
+        (number, &self.bricks[number])
+    }
+
+    /// The voxels of a brick's cell that is occupied.
+    #[inline(always)]
+    pub(super) fn field(&self, brick: &Brick, cell: u32) -> u64 {
+        let partial = brick.occupied & !brick.full;
+        let bit = 1 << cell;
+        if partial & bit == 0 {
+            return u64::MAX;
+        }
+        self.fields[brick.first_field as usize + (partial & (bit - 1)).count_ones() as usize]
+    }
+
+    /// The box that holds `voxel` of a brick, where `holds` says so of those that have voxels in its cell.
+    #[inline]
+    pub(super) fn part(
+        &self,
+        brick: usize,
+        voxel: [u32; 3],
+        holds: impl Fn(u32) -> bool,
+    ) -> Option<BrickPart> {
+        let cell = (voxel[0] >> 2 & 3) | (voxel[1] >> 2 & 3) << 2 | (voxel[2] >> 2 & 3) << 4;
+        let end = self.bricks[brick + 1].first_part as usize;
+        let parts = &self.parts[self.bricks[brick].first_part as usize..end];
+        let mut there = parts.iter().filter(|part| part.cells >> cell & 1 != 0);
+        let first = there.next()?;
+        match there.next() {
+            None => Some(*first),
+            Some(second) => [first, second].into_iter().chain(there).find(|part| holds(part.item)).copied(),
+        }
+    }
+}
+
+/// The bricks into which each box reaches, by block and place, and the box; in their order.
+fn boxes_by_brick(volume: &CompressedVolume, items: &[u32], blocks_along: [u32; 3]) -> Vec<(u64, u32)> {
+    let mut reaching = Vec::with_capacity(items.len());
+    for &item in items {
+        let place = volume.place_of_box(item as usize);
+        let first = place.origin.map(|v| v / BRICK);
+        let last = each_axis(|a| (place.origin[a] + place.extent[a] - 1) / BRICK);
+        // A box may end beyond the volume, where it holds nothing.
+        let last = each_axis(|a| last[a].min((volume.info().dims[a] - 1) / BRICK));
+        for z in first[2]..=last[2] {
+            for y in first[1]..=last[1] {
+                for x in first[0]..=last[0] {
+                    let block = u64::from(z / 4 * blocks_along[1] + y / 4) * u64::from(blocks_along[0])
+                        + u64::from(x / 4);
+                    let place = (x & 3) | (y & 3) << 2 | (z & 3) << 4;
+                    reaching.push((block << PLACE_BITS | u64::from(place), item));
+                }
+            }
+        }
+    }
+    reaching.sort_unstable();
+    reaching
+}
+
+/// Around the voxels of a field that is not empty, whose first is at `corner`.
+fn bounds_of(field: u64, corner: [u32; 3]) -> BoxBounds {
+    // Every fourth bit, every fourth nibble, every fourth word of 16 bits: which coordinates of an axis occur.
+    let layer = (field | field >> 32) | (field | field >> 32) >> 16;
+    let row = (layer | layer >> 8) | (layer | layer >> 8) >> 4;
+    let of = [
+        row & 15,
+        (0..4).fold(0, |of, y| of | u64::from(layer >> (4 * y) & 15 != 0) << y),
+        (0..4).fold(0, |of, z| of | u64::from(field >> (16 * z) & 0xFFFF != 0) << z),
+    ];
+    BoxBounds {
+        lo: each_axis(|a| corner[a] + of[a].trailing_zeros()),
+        hi: each_axis(|a| corner[a] + 64 - of[a].leading_zeros()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use pumice_oracle::volumes::blobs;
+
+    use super::*;
+
+    /// Voxel by voxel against the volume's own boxes: there where one holds it, and of that box.
+    #[test]
+    fn voxels_are_those_of_the_boxes() {
+        let (_, volume) = blobs([90, 70, 150], 60, 9, 8);
+        let items: Vec<u32> =
+            (0..volume.boxes().len() as u32).filter(|&i| volume.label_of_box(i as usize) % 3 != 1).collect();
+        let bricks = Bricks::new(&volume, &items).unwrap();
+        let mut expected = std::collections::BTreeMap::new();
+        let (mut bounds, shared) = (BoxBounds::EMPTY, std::cell::Cell::new(0));
+        for &item in &items {
+            let b = volume.get_box(item as usize);
+            for (c, field) in b.node.fields() {
+                for v in (0..64).filter(|v| field >> v & 1 != 0) {
+                    let voxel = each_axis(|a| b.origin[a] + 4 * (c >> (2 * a) & 3) + (v >> (2 * a) & 3));
+                    bounds = bounds.union(BoxBounds { lo: voxel, hi: voxel.map(|x| x + 1) });
+                    assert_eq!(expected.insert(voxel, item), None);
+                }
+            }
+        }
+        assert_eq!(
+            bricks.bounds.map(|p| p.map(|v| v as u32)),
+            [bounds.lo, bounds.hi].map(|[x, y, z]| [x, y, z, 0])
+        );
+        for z in 0..150 {
+            for y in 0..70 {
+                for x in 0..90 {
+                    let voxel = [x, y, z];
+                    let of_block = [x, y, z].map(|v| v as usize / 64);
+                    let block = (0..3).map(|a| bricks.strides[a] * of_block[a]).sum();
+                    let at = |shift: u32| (x >> shift & 3) | (y >> shift & 3) << 2 | (z >> shift & 3) << 4;
+                    let found = (bricks.occupied(block) >> at(4) & 1 != 0)
+                        .then(|| bricks.brick(block, at(4)))
+                        .filter(|(_, brick)| brick.occupied >> at(2) & 1 != 0)
+                        .filter(|(_, brick)| bricks.field(brick, at(2)) >> at(0) & 1 != 0)
+                        .and_then(|(number, _)| {
+                            bricks.part(number, voxel, |item| {
+                                shared.set(shared.get() + 1);
+                                expected[&voxel] == item
+                            })
+                        });
+                    assert_eq!(found.map(|part| part.item), expected.get(&voxel).copied(), "{voxel:?}");
+                    if let Some(part) = found {
+                        assert_eq!(part.label, volume.label_of_box(part.item as usize));
+                    }
+                }
+            }
+        }
+        assert!(expected.len() > 50_000 && shared.get() > 1000, "{} {shared:?}", expected.len());
+    }
+
+    #[test]
+    fn nothing_and_what_is_too_sparse_have_none() {
+        let (_, volume) = blobs([90, 70, 60], 50, 9, 8);
+        assert!(Bricks::new(&volume, &[]).is_none());
+    }
+}

@@ -1,0 +1,149 @@
+//! Which of 4 × 4 × 4 equal boxes a ray passes through, told at once: each box against the planes around it, without a walk from one to
+//! the next. A processor guesses wrong where a walk turns and where it ends; here nothing is to be guessed.
+//!
+//! ```text
+//! near[a][i], far[a][i]     t at which the ray comes to box i of a row along axis a, and leaves it, for i = 0 to 3 in its direction
+//! box (i, j, k)             max(near[x][i], near[y][j], near[z][k], from)  <  min(far[x][i], far[y][j], far[z][k])
+//! ```
+//! A plane is met at `(plane − origin)·inverse` in f64, as everywhere ([`IndexRay::t_of`]), and that is what is compared: what is told
+//! here is what clipping the ray against each box by itself would tell. What counts is how soon one box leads to the next smaller ones:
+//! so corners are handed in in two parts, of which the one that is known late takes one sum to all planes.
+
+use pumice_core::leaves::flipped;
+
+use super::four::{Instructions, Lanes, Plain};
+use super::mirrored::Octant;
+use super::{IndexRay, each_axis};
+
+/// The planes between which four boxes in a row lie, in sides of a box from the lowest: in the order in which a ray meets the boxes,
+/// where they begin and where they end.
+type Row = [f64; 8];
+
+/// Of a ray that moves up along the row's axis, and of one that moves down.
+const ROWS: [Row; 2] = [[0.0, 1.0, 2.0, 3.0, 1.0, 2.0, 3.0, 4.0], [4.0, 3.0, 2.0, 1.0, 3.0, 2.0, 1.0, 0.0]];
+
+/// How boxes are told.
+pub(super) trait Pierce: Instructions {
+    /// Bit x + 4y + 16z: whether `ray` passes through a box of the 4³ with this `side` whose lowest corner is `corner + step`, at
+    /// t > `from`; with `TOUCHED` those besides that it only touches. x, y and z count in the ray's direction: from the top where it
+    /// moves down.
+    fn pierced<const TOUCHED: bool>(
+        self,
+        ray: &IndexRay,
+        corner: Self::Four,
+        step: &Lanes,
+        side: f64,
+        from: f64,
+    ) -> u64;
+
+    /// A mask whose x, y and z count up, as one of that kind.
+    fn mirrored(self, mask: u64, octant: Octant) -> u64;
+}
+
+impl Pierce for Plain {
+    #[inline]
+    fn pierced<const TOUCHED: bool>(
+        self,
+        ray: &IndexRay,
+        corner: Self::Four,
+        step: &Lanes,
+        side: f64,
+        from: f64,
+    ) -> u64 {
+        let rows: [Row; 3] = each_axis(|a| {
+            let row = &ROWS[usize::from(ray.is_down(a))];
+            row.map(|sides| ray.t_of(a, corner[a] + sides * side + step[a]))
+        });
+        let mut mask = 0;
+        for c in 0..64 {
+            let [x, y, z] = each_axis(|a| c >> (2 * a) & 3);
+            let greater = |a: f64, b: f64| if a > b { a } else { b };
+            let lesser = |a: f64, b: f64| if a < b { a } else { b };
+            let near = greater(greater(greater(rows[0][x], from), rows[1][y]), rows[2][z]);
+            let far = lesser(lesser(rows[0][4 + x], rows[1][4 + y]), rows[2][4 + z]);
+            mask |= u64::from(if TOUCHED { near <= far } else { near < far }) << c;
+        }
+        mask
+    }
+
+    #[inline]
+    fn mirrored(self, mask: u64, octant: Octant) -> u64 {
+        flipped(mask, octant.mirror())
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+mod wide;
+#[cfg(target_arch = "x86_64")]
+mod widest;
+
+#[cfg(test)]
+mod tests {
+    use glam::{DAffine3, DVec3};
+    use pumice_render::RayInWorld;
+
+    use super::super::Placement;
+    use super::super::four::each_way;
+    use super::super::index_ray::Start;
+    use super::*;
+
+    /// Rays of all kinds about a box of side 64 at 640: askew, in planes, along axes, through edges and corners, almost so.
+    fn rays() -> Vec<IndexRay> {
+        let mut s = 9u64;
+        let mut random = || {
+            s = s.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            (s >> 11) as f64 / (1u64 << 53) as f64
+        };
+        let place = Placement::new(DAffine3::IDENTITY).unwrap();
+        let mut rays = Vec::new();
+        for i in 0..6000 {
+            let mut point = |snap: bool| {
+                let p = DVec3::new(random(), random(), random()) * 200.0 - 70.0;
+                DVec3::splat(640.0) + if snap { (p / 4.0).round() * 4.0 } else { p }
+            };
+            let (origin, mut target) = (point(i % 3 == 1), point(i % 3 != 0));
+            if i % 5 == 0 {
+                target.x = origin.x;
+            }
+            if i % 20 == 0 {
+                target.z = origin.z + if i % 40 == 0 { 0.0 } else { 1e-9 };
+            }
+            if i % 3 == 1 && i % 2 == 0 {
+                // Along diagonals of the grid: through edges and corners.
+                let signs = [0, 1, 2].map(|bit| if i >> bit & 2 != 0 { 1.0 } else { -1.0 });
+                target = origin - DVec3::from(signs) * (origin - DVec3::splat(672.0)).abs().max_element();
+            }
+            rays.extend(place.ray(Plain, &RayInWorld { origin, direction: target - origin }, Start::Free));
+        }
+        rays
+    }
+
+    /// Box by box: those in which clipping leaves something of the ray, or a point of it.
+    fn boxes_are_those_that_clipping_finds(by: impl Pierce) {
+        let (mut with, mut touched_only) = (0, 0);
+        for ray in rays() {
+            for (lo, side, from) in [(640u32, 16, 0.0), (660, 4, 12.5), (672, 1, 30.0)] {
+                let (corner, step) = ([lo - 40, lo - 1, lo - 16], [40.0, 1.0, 16.0, 0.0]);
+                let fours = by.four(&[corner[0], corner[1], corner[2], 0].map(f64::from));
+                let touched = by.pierced::<true>(&ray, fours, &step, f64::from(side), from);
+                let chords = by.pierced::<false>(&ray, fours, &step, f64::from(side), from);
+                for c in 0..64 {
+                    // (Counted in the ray's direction.)
+                    let number = |a: usize| (c >> (2 * a) & 3) ^ if ray.is_down(a) { 3 } else { 0 };
+                    let lowest = each_axis(|a| corner[a] + step[a] as u32 + side * number(a));
+                    let (enter, leave) = ray.clip(lowest, lowest.map(|v| v + side), from);
+                    assert_eq!(chords >> c & 1 != 0, enter < leave, "{enter} to {leave} of {ray:?}");
+                    assert_eq!(touched >> c & 1 != 0, enter <= leave, "{enter} to {leave} of {ray:?}");
+                    with += usize::from(enter < leave);
+                    touched_only += usize::from(enter == leave);
+                }
+            }
+        }
+        assert!(with > 5000 && touched_only > 100, "{with} {touched_only}");
+    }
+
+    #[test]
+    fn boxes_are_those_that_clipping_finds_by_all_ways() {
+        each_way!(boxes_are_those_that_clipping_finds);
+    }
+}

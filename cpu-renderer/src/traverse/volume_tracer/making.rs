@@ -1,0 +1,211 @@
+//! What a [`VolumeTracer`] is made of, before a ray is traced: its hierarchy, its bricks, its cuts; and what they take.
+
+use std::sync::Arc;
+
+use glam::{DAffine3, DVec3};
+use pumice_core::CompressedVolume;
+use pumice_render::{BoxBounds, Bvh, RenderError};
+use pumice_scene::CutShape;
+
+use super::super::bricks::Bricks;
+use super::super::cuts::Cuts;
+use super::super::index_ray::Placement;
+use super::super::instance_tree::WorldBounds;
+use super::super::lod::Detail;
+use super::super::neighbors::Neighbors;
+use super::super::{LodChoice, TracedInstance};
+use super::{VolumeTracer, clipped_end};
+
+fn normals(placement: &Placement) -> [[DVec3; 2]; 3] {
+    [0, 1, 2].map(|a| [placement.normal(a, false), placement.normal(a, true)])
+}
+
+impl VolumeTracer {
+    /// Builds the hierarchy over the boxes of visible labels.
+    ///
+    /// # Errors
+    /// [`RenderError::Scene`] when the matrix is singular or there are too many boxes to number.
+    pub fn new(instance: u32, traced: &TracedInstance) -> Result<Self, RenderError> {
+        let TracedInstance { volume, world_from_index, visible, lod } = traced;
+        let placement = Placement::of_instance(instance, *world_from_index)?;
+        if volume.boxes().len() as u64 >> 32 != 0 {
+            return Err(RenderError::Scene(format!(
+                "instances[{instance}]: {} boxes are more than the limit of 2^32 of one instance",
+                volume.boxes().len()
+            )));
+        }
+        let all_voxels = *lod == LodChoice::Voxels;
+        let bvh = Arc::new(Bvh::build(visible_boxes(volume, visible, all_voxels))?);
+        Ok(Self {
+            volume: Arc::clone(volume),
+            normals: normals(&placement),
+            detail: lod.placed(world_from_index),
+            placement,
+            instance,
+            bvh,
+            bricks: None,
+            all_voxels,
+            cuts: Cuts::default(),
+            hidden: None,
+            neighbors: None,
+        })
+    }
+
+    /// The same with the boxes of hidden labels in the hierarchy, where rays pass over them: what it saves to leave them out can be
+    /// measured against it.
+    ///
+    /// # Errors
+    /// As [`VolumeTracer::new`].
+    pub fn carrying_hidden(instance: u32, traced: &TracedInstance) -> Result<Self, RenderError> {
+        let labels = traced.volume.labels().len();
+        let all = TracedInstance { visible: vec![true; labels], ..traced.clone() };
+        let is_hidden = |label: usize| !traced.visible.get(label).copied().unwrap_or(false);
+        Ok(Self { hidden: Some((0..labels).map(is_hidden).collect()), ..Self::new(instance, &all)? })
+    }
+
+    /// With bricks beside the hierarchy: more bytes, and rays in less time. Without them where not every box is at voxel level, where
+    /// hidden labels are in the hierarchy, and where the volume is too sparse.
+    #[must_use]
+    pub fn with_bricks(mut self) -> Self {
+        if self.bricks.is_none() && self.all_voxels && self.hidden.is_none() {
+            self.bricks = Bricks::new(&self.volume, self.bvh.items()).map(Arc::new);
+        }
+        self
+    }
+
+    /// Takes these parts of the world away, and puts back what was taken before.
+    #[must_use]
+    pub fn with_cuts<'a>(mut self, shapes: impl IntoIterator<Item = &'a CutShape>) -> Self {
+        self.cuts = Cuts::new(shapes, &self.placement.world_from_index);
+        self
+    }
+
+    /// Shades voxels by how their label falls off about them, or again as they lie.
+    #[must_use]
+    pub fn shaded_smooth(mut self, is_smooth: bool) -> Self {
+        if !is_smooth {
+            self.neighbors = None;
+        } else if self.neighbors.is_none() {
+            let drawn = self.drawn().iter().map(|&item| {
+                let b = self.box_of(item);
+                (item, self.label_of(item), BoxBounds { lo: b.origin, hi: self.clipped_end(&b) })
+            });
+            let drawn: Vec<_> = drawn.collect();
+            self.neighbors = Some(Arc::new(Neighbors::new(self.volume.boxes().len(), &drawn)));
+        }
+        self
+    }
+
+    /// What is taken away.
+    pub fn cuts(&self) -> &Cuts {
+        &self.cuts
+    }
+
+    /// The same boxes elsewhere, as another instance or at other levels of detail, where the hierarchy serves for both and is shared: at
+    /// any place, for
+    /// it is of index space, and at any choice of levels but from [`LodChoice::Voxels`] to another or back (`None`). Nothing is cut.
+    ///
+    /// # Errors
+    /// [`RenderError::Scene`] when the matrix is singular.
+    pub fn again(
+        &self,
+        instance: u32,
+        world_from_index: DAffine3,
+        lod: LodChoice,
+    ) -> Result<Option<Self>, RenderError> {
+        if self.all_voxels != (lod == LodChoice::Voxels) {
+            return Ok(None);
+        }
+        let placement = Placement::of_instance(instance, world_from_index)?;
+        Ok(Some(Self {
+            volume: Arc::clone(&self.volume),
+            normals: normals(&placement),
+            detail: lod.placed(&world_from_index),
+            placement,
+            instance,
+            bvh: Arc::clone(&self.bvh),
+            bricks: self.bricks.clone(),
+            all_voxels: self.all_voxels,
+            cuts: Cuts::default(),
+            hidden: self.hidden.clone(),
+            neighbors: self.neighbors.clone(),
+        }))
+    }
+
+    /// Heap bytes of the hierarchy, of bricks, and of what smooth shading needs besides.
+    pub fn bytes(&self) -> u64 {
+        self.bvh.bytes() + self.brick_bytes() + self.neighbors.as_ref().map_or(0, |n| n.bytes())
+    }
+
+    /// How many of them are of bricks.
+    pub fn brick_bytes(&self) -> u64 {
+        self.bricks.as_ref().map_or(0, |b| b.bytes())
+    }
+
+    /// Numbers of the boxes that are drawn.
+    pub fn drawn(&self) -> &[u32] {
+        self.bvh.items()
+    }
+
+    /// The volume.
+    pub fn volume(&self) -> &Arc<CompressedVolume> {
+        &self.volume
+    }
+
+    /// Where it is.
+    pub fn placement(&self) -> &Placement {
+        &self.placement
+    }
+
+    /// Where what is drawn of it is in the world; `None` where nothing is.
+    pub(in super::super) fn world_bounds(&self) -> Option<WorldBounds> {
+        self.bvh.bounds().map(|bounds| WorldBounds::new(bounds, &self.placement))
+    }
+
+    /// The same for all that share its hierarchy, and for no other.
+    pub(in super::super) fn hierarchy_address(&self) -> usize {
+        Arc::as_ptr(&self.bvh).addr()
+    }
+
+    /// Levels of its boxes.
+    pub fn detail(&self) -> Detail {
+        self.detail
+    }
+
+    /// Number of boxes that are drawn.
+    pub fn boxes(&self) -> usize {
+        self.bvh.len()
+    }
+}
+
+/// Bounds and number of each box of a visible label, in the volume's order; `tight` ones are those of its voxels.
+pub fn visible_boxes(volume: &CompressedVolume, visible: &[bool], tight: bool) -> Vec<(BoxBounds, u32)> {
+    let mut boxes = Vec::new();
+    for (c, chunk) in volume.chunks().iter().enumerate() {
+        let next = volume.chunks().get(c + 1);
+        let runs = &volume.runs()
+            [chunk.first_run as usize..next.map_or(volume.runs().len(), |n| n.first_run as usize)];
+        let chunk_end = next.map_or(volume.boxes().len() as u64, |n| n.first_box);
+        for (r, run) in runs.iter().enumerate() {
+            if !visible.get(run.label as usize).copied().unwrap_or(false) {
+                continue;
+            }
+            let first = chunk.first_box + u64::from(run.first_box);
+            let end = runs.get(r + 1).map_or(chunk_end, |n| chunk.first_box + u64::from(n.first_box));
+            for i in first..end {
+                let place = volume.place_of_box(i as usize);
+                let bounds = if tight {
+                    let (lo, last) = volume.box_at(&place).voxel_bounds();
+                    BoxBounds { lo, hi: last.map(|v| v + 1) }
+                } else {
+                    let hi = clipped_end(place.origin, place.extent, volume.info().dims);
+                    BoxBounds { lo: place.origin, hi }
+                };
+                boxes.push((bounds, i as u32));
+            }
+        }
+    }
+    // Building needs several times as much again: no room is left over.
+    boxes.shrink_to_fit();
+    boxes
+}
