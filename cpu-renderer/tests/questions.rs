@@ -12,8 +12,9 @@ use exact::volumes::{Random, blobs, noise, sheets};
 use exact::{Dense, ExactRay, Verdict, describe, in_world, judge};
 use glam::{DAffine3, DVec3};
 use pumice_core::CompressedVolume;
-use pumice_cpu::traverse::{LodChoice, SceneTracer, TracedInstance};
+use pumice_cpu::traverse::{LodChoice, SceneTracer, TracedInstance, VolumeTracer};
 use pumice_render::{Hit, PathOrigin, RayInWorld, Tracer};
+use pumice_scene::CutShape;
 
 const PLACE: DAffine3 = DAffine3::IDENTITY;
 
@@ -344,4 +345,60 @@ fn impossible_placements_and_rays_are_refused() {
             }
         }
     }
+}
+
+/// Any choice of labels, at any level that has bricks, cut or whole: the same hits, and the same from the faces that were hit.
+#[test]
+fn bricks_answer_what_boxes_do() {
+    let (mut hits, mut bounced, mut inside) = (0, 0, 0);
+    for (dense, compressed) in volumes() {
+        let cut = CutShape::Plane { point: [20.3, 21.7, 18.1], normal: [0.7, -0.2, 0.4] };
+        let choices: [fn(u32) -> bool; 3] = [|_| true, |l| l % 3 == 1, |l| l % 7 == 2];
+        for lod in [LodChoice::Voxels, LodChoice::Cells, LodChoice::Boxes] {
+            for (shown, cuts) in choices.into_iter().flat_map(|shown| [(shown, None), (shown, Some(&cut))]) {
+                let boxes = || VolumeTracer::new(0, &instance(&compressed, shown, lod)).unwrap();
+                let bricks = boxes().with_bricks().with_cuts(cuts);
+                let boxes = boxes().with_cuts(cuts);
+                assert!(bricks.brick_bytes() > 0 && boxes.brick_bytes() == 0);
+                let mut random = Random(u64::from(cuts.is_some()));
+                for class in [Class::Random, Class::Inside] {
+                    for _ in 0..1000 {
+                        let (o, d) = ray(class, dense.dims, 40, &mut random);
+                        let r = in_world(o, d, &PLACE);
+                        let hit = bricks.first_hit(&r, PathOrigin::Free, f64::INFINITY);
+                        assert_eq!(
+                            hit,
+                            boxes.first_hit(&r, PathOrigin::Free, f64::INFINITY),
+                            "{lod:?} {r:?}"
+                        );
+                        let is_occluded = bricks.occluded(&r, PathOrigin::Free, f64::INFINITY);
+                        assert_eq!(is_occluded, hit.is_some(), "{lod:?} {r:?}");
+                        let Some(first) = hit else { continue };
+                        (hits, inside) = (hits + 1, inside + u32::from(first.from_inside));
+                        let (_, turned) = ray(Class::Inside, dense.dims, 40, &mut random);
+                        let mut direction = DVec3::from(turned);
+                        if direction.dot(first.normal_in_world) < 0.0 {
+                            direction = -direction;
+                        }
+                        let bounce = RayInWorld { origin: r.origin + first.t * r.direction, direction };
+                        let from = PathOrigin::Face(first.surface);
+                        let second = bricks.first_hit(&bounce, from, f64::INFINITY);
+                        assert_eq!(
+                            second,
+                            boxes.first_hit(&bounce, from, f64::INFINITY),
+                            "{lod:?} {bounce:?}"
+                        );
+                        let is_occluded = bricks.occluded(&bounce, from, f64::INFINITY);
+                        assert_eq!(
+                            is_occluded,
+                            boxes.occluded(&bounce, from, f64::INFINITY),
+                            "{lod:?} {bounce:?}"
+                        );
+                        bounced += u32::from(second.is_some());
+                    }
+                }
+            }
+        }
+    }
+    assert!(hits > 20_000 && bounced > 3_000 && inside > 3_000, "{hits} {bounced} {inside}");
 }

@@ -1,9 +1,10 @@
 //! What is drawn of a volume, all labels in one: 4³ bricks of 4³ cells of 4³ voxels, in 64-bit masks.
 //!
 //! The volume's own form keeps each label apart, so a brick of space is several boxes; the hierarchy finds them one after another, and
-//! each is walked through. Where every label is drawn at voxel level it does not matter which of them a voxel is of until one is hit:
-//! here the voxels of all drawn labels are put together, space is met once, in order, and the first voxel that is found is the answer.
-//! Derived from the volume for one choice of labels; not for coarser levels, where labels overlap.
+//! each is walked through. Where every label is drawn at one level of detail it does not matter which of them a voxel is of until one is
+//! hit: here the voxels of all drawn labels are put together, space is met once, in order, and the first voxel that is found is the
+//! answer. (At coarser levels labels overlap; the one of the lowest number is told.) Derived from the volume for one choice of labels and
+//! one level.
 //!
 //! ```text
 //! blocks   of 64³ voxels, x first: a mask of their bricks that hold a voxel, and the number of the first of these
@@ -17,6 +18,7 @@
 use pumice_core::CompressedVolume;
 use pumice_render::BoxBounds;
 
+use super::box_walk::Level;
 use super::each_axis;
 use super::four::{Lanes, lanes};
 
@@ -28,6 +30,8 @@ pub(super) const BRICK: u32 = 16;
 /// See the module.
 #[derive(Debug)]
 pub(super) struct Bricks {
+    /// Of what is drawn.
+    level: Level,
     /// Around all voxels: lowest and highest corner.
     pub(super) bounds: [Lanes; 2],
     /// The last block along each axis.
@@ -77,8 +81,9 @@ const FEW_BLOCKS: u64 = 1 << 16;
 const PLACE_BITS: u32 = 6;
 
 impl Bricks {
-    /// Of these boxes of a volume; `None` where the volume is too sparse for it, or what is numbered too much for 32 bits.
-    pub(super) fn new(volume: &CompressedVolume, items: &[u32]) -> Option<Self> {
+    /// Of these boxes of a volume, all at this level; `None` where the volume is too sparse for it, or what is numbered too much for 32
+    /// bits.
+    pub(super) fn new(volume: &CompressedVolume, items: &[u32], level: Level) -> Option<Self> {
         let blocks_along = volume.info().dims.map(|d| d.div_ceil(BLOCK));
         let blocks = blocks_along.iter().map(|&n| u64::from(n)).try_fold(1u64, u64::checked_mul)?;
         if items.is_empty() || blocks > FEW_BLOCKS.max(BLOCKS_A_BOX * items.len() as u64) || blocks >> 31 != 0
@@ -87,6 +92,7 @@ impl Bricks {
         }
         let reaching = boxes_by_brick(volume, items, blocks_along);
         let mut made = Self {
+            level,
             bounds: [[0.0; 4]; 2],
             last_block: lanes(|a| blocks_along.get(a).map_or(0.0, |&n| f64::from(n - 1))),
             strides: [1, blocks_along[0] as usize, blocks_along[0] as usize * blocks_along[1] as usize],
@@ -122,16 +128,28 @@ impl Bricks {
         let origin = each_axis(|a| BLOCK * of_block[a] + BRICK * (place >> (2 * a) & 3));
         let (mut brick, mut cells, mut bounds) = (self.next_brick()?, [0u64; 64], BoxBounds::EMPTY);
         for &(_, item) in of_brick {
-            let b = volume.get_box(item as usize);
+            let b = volume.place_of_box(item as usize);
             // Boxes lie on a grid of cells, not of bricks.
             let shift = each_axis(|a| (b.origin[a] as i32 - origin[a] as i32) / 4);
             let mut part = BrickPart { cells: 0, item, label: volume.label_of_box(item as usize) };
-            for (c, field) in b.node.fields() {
+            let mut put = |c: u32, field: u64| {
                 let at = each_axis(|a| (c >> (2 * a) & 3) as i32 + shift[a]);
                 if at.iter().all(|at| (0..4).contains(at)) {
                     let c = (at[0] + 4 * at[1] + 16 * at[2]) as usize;
                     cells[c] |= field;
                     part.cells |= 1 << c;
+                }
+            };
+            // What a level does not need is not read: of a mapped file it never comes into memory.
+            match self.level {
+                Level::Voxels => volume.box_at(&b).node.fields().for_each(|(c, field)| put(c, field)),
+                Level::Cells => {
+                    let occupied = volume.box_at(&b).node.occupied;
+                    (0..64).filter(|c| occupied >> c & 1 != 0).for_each(|c| put(c, u64::MAX));
+                }
+                Level::Boxes => {
+                    let holds = |c: &u32| (0..3).all(|a| 4 * (c >> (2 * a) & 3) < b.extent[a]);
+                    (0..64).filter(holds).for_each(|c| put(c, u64::MAX));
                 }
             }
             if part.cells != 0 {
@@ -141,6 +159,8 @@ impl Bricks {
         for (c, &field) in cells.iter().enumerate().filter(|(_, field)| **field != 0) {
             brick.occupied |= 1 << c;
             let corner = each_axis(|a| origin[a] + 4 * (c as u32 >> (2 * a) & 3));
+            // Coarser elements may reach beyond the volume, where nothing is drawn.
+            let field = field & within(corner, volume.info().dims);
             bounds = bounds.union(bounds_of(field, corner));
             if field == u64::MAX {
                 brick.full |= 1 << c;
@@ -194,7 +214,8 @@ impl Bricks {
         self.fields[brick.first_field as usize + (partial & (bit - 1)).count_ones() as usize]
     }
 
-    /// The box that holds `voxel` of a brick, where `holds` says so of those that have voxels in its cell.
+    /// The box that holds `voxel` of a brick, where `holds` says so of those that have voxels in its cell; at coarser levels the one of
+    /// the lowest label.
     #[inline]
     pub(super) fn part(
         &self,
@@ -206,6 +227,9 @@ impl Bricks {
         let end = self.bricks[brick + 1].first_part as usize;
         let parts = &self.parts[self.bricks[brick].first_part as usize..end];
         let mut there = parts.iter().filter(|part| part.cells >> cell & 1 != 0);
+        if self.level != Level::Voxels {
+            return there.min_by_key(|part| part.label).copied();
+        }
         let first = there.next()?;
         match there.next() {
             None => Some(*first),
@@ -238,6 +262,17 @@ fn boxes_by_brick(volume: &CompressedVolume, items: &[u32], blocks_along: [u32; 
     reaching
 }
 
+/// The voxels of a cell at `corner` that are in the volume.
+fn within(corner: [u32; 3], dims: [u32; 3]) -> u64 {
+    let [x, y, z] = each_axis(|a| (dims[a] - corner[a]).min(4));
+    if [x, y, z] == [4; 3] {
+        return u64::MAX;
+    }
+    let row = (1 << x) - 1;
+    let layer = (0..y).fold(0, |layer, y| layer | row << (4 * y));
+    (0..z).fold(0, |field, z| field | layer << (16 * z))
+}
+
 /// Around the voxels of a field that is not empty, whose first is at `corner`.
 fn bounds_of(field: u64, corner: [u32; 3]) -> BoxBounds {
     // Every fourth bit, every fourth nibble, every fourth word of 16 bits: which coordinates of an axis occur.
@@ -266,7 +301,7 @@ mod tests {
         let (_, volume) = blobs([90, 70, 150], 60, 9, 8);
         let items: Vec<u32> =
             (0..volume.boxes().len() as u32).filter(|&i| volume.label_of_box(i as usize) % 3 != 1).collect();
-        let bricks = Bricks::new(&volume, &items).unwrap();
+        let bricks = Bricks::new(&volume, &items, Level::Voxels).unwrap();
         let mut expected = std::collections::BTreeMap::new();
         let (mut bounds, shared) = (BoxBounds::EMPTY, std::cell::Cell::new(0));
         for &item in &items {
@@ -313,6 +348,6 @@ mod tests {
     #[test]
     fn nothing_and_what_is_too_sparse_have_none() {
         let (_, volume) = blobs([90, 70, 60], 50, 9, 8);
-        assert!(Bricks::new(&volume, &[]).is_none());
+        assert!(Bricks::new(&volume, &[], Level::Voxels).is_none());
     }
 }

@@ -32,6 +32,8 @@ pub struct VolumeTracer {
     bvh: Arc<Bvh>,
     /// What is drawn, all labels in one, where there is such a form: it answers what does not ask for one label.
     bricks: Option<Arc<Bricks>>,
+    /// Whether there shall be such a form where there can be.
+    wants_bricks: bool,
     detail: Detail,
     /// Whether every box is at voxel level: a surface's element is its voxel then, and the hierarchy's bounds are those of the
     /// voxels. Otherwise they are the boxes' own, which hold every level.

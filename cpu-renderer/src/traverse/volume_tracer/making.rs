@@ -44,6 +44,7 @@ impl VolumeTracer {
             instance,
             bvh,
             bricks: None,
+            wants_bricks: false,
             all_voxels,
             cuts: Cuts::default(),
             hidden: None,
@@ -63,12 +64,13 @@ impl VolumeTracer {
         Ok(Self { hidden: Some((0..labels).map(is_hidden).collect()), ..Self::new(instance, &all)? })
     }
 
-    /// With bricks beside the hierarchy: more bytes, and rays in less time. Without them where not every box is at voxel level, where
-    /// hidden labels are in the hierarchy, and where the volume is too sparse.
+    /// With bricks beside the hierarchy: more bytes, and rays in less time. Without them where levels hang on distances, where hidden
+    /// labels are in the hierarchy, and where the volume is too sparse.
     #[must_use]
     pub fn with_bricks(mut self) -> Self {
-        if self.bricks.is_none() && self.all_voxels && self.hidden.is_none() {
-            self.bricks = Bricks::new(&self.volume, self.bvh.items()).map(Arc::new);
+        self.wants_bricks = true;
+        if let (None, Detail::Same(level), None) = (&self.bricks, self.detail, &self.hidden) {
+            self.bricks = Bricks::new(&self.volume, self.bvh.items(), level).map(Arc::new);
         }
         self
     }
@@ -102,8 +104,7 @@ impl VolumeTracer {
     }
 
     /// The same boxes elsewhere, as another instance or at other levels of detail, where the hierarchy serves for both and is shared: at
-    /// any place, for
-    /// it is of index space, and at any choice of levels but from [`LodChoice::Voxels`] to another or back (`None`). Nothing is cut.
+    /// any place, for it is of index space, and at any choice of levels but from [`LodChoice::Voxels`] to another or back (`None`). Nothing is cut.
     ///
     /// # Errors
     /// [`RenderError::Scene`] when the matrix is singular.
@@ -117,19 +118,24 @@ impl VolumeTracer {
             return Ok(None);
         }
         let placement = Placement::of_instance(instance, world_from_index)?;
-        Ok(Some(Self {
+        let detail = lod.placed(&world_from_index);
+        // Bricks are of one level.
+        let kept = self.bricks.as_ref().filter(|_| detail == self.detail);
+        let again = Self {
             volume: Arc::clone(&self.volume),
             normals: normals(&placement),
-            detail: lod.placed(&world_from_index),
+            detail,
             placement,
             instance,
             bvh: Arc::clone(&self.bvh),
-            bricks: self.bricks.clone(),
+            bricks: kept.cloned(),
+            wants_bricks: self.wants_bricks,
             all_voxels: self.all_voxels,
             cuts: Cuts::default(),
             hidden: self.hidden.clone(),
             neighbors: self.neighbors.clone(),
-        }))
+        };
+        Ok(Some(if self.wants_bricks { again.with_bricks() } else { again }))
     }
 
     /// Heap bytes of the hierarchy, of bricks, and of what smooth shading needs besides.
