@@ -33,6 +33,7 @@ pub(crate) fn measure(
                 Ok((number(kind, &format!("ours_{what}"))?, number(kind, &format!("embree_{what}"))?))
             };
             let (best, median) = (both("best")?, both("median")?);
+            let boxes = (number(kind, "boxes_best")?, number(kind, "boxes_median")?);
             table.push(vec![
                 ("volume", name_of(volume)),
                 ("boxes shown", report["boxes"].to_string()),
@@ -41,6 +42,7 @@ pub(crate) fn measure(
                     let (ours, theirs) = (number(&report, "ours_bytes")?, number(&report, "embree_bytes")?);
                     format!("{ours:.0}, {theirs:.0} ({:.2} %)", 100.0 * ours / theirs)
                 }),
+                ("bytes: boxes alone", format!("{:.0}", number(&report, "boxes_bytes")?)),
                 ("building: ours, Embree's, CPU s", {
                     let build = |who: &str| number(&report, &format!("{who}_build_cpu_seconds"));
                     format!("{:.2}, {:.2}", build("ours")?, build("embree")?)
@@ -49,6 +51,7 @@ pub(crate) fn measure(
                 ("traced", kind["count"].to_string()),
                 ("seen otherwise", kind["differing"].to_string()),
                 ("ours, M/s, best (median)", format!("{:.3} ({:.3})", best.0, median.0)),
+                ("boxes alone, M/s, best (median)", format!("{:.3} ({:.3})", boxes.0, boxes.1)),
                 ("Embree, M/s, best (median)", format!("{:.3} ({:.3})", best.1, median.1)),
                 ("ratio, best (median)", format!("{:.3} ({:.3})", best.0 / best.1, median.0 / median.1)),
             ]);

@@ -138,14 +138,15 @@ fn main() {
     let clock = Stopwatch::start();
     let mut moved = world;
     moved.translation -= middle;
-    let scene = SceneTracer::new(&[TracedInstance {
+    let shown = [TracedInstance {
         volume: Arc::clone(&volume),
         world_from_index: moved,
         visible,
         lod: LodChoice::Voxels,
-    }])
-    .unwrap();
+    }];
+    let scene = SceneTracer::new(&shown).unwrap();
     let build_seconds = clock.cpu_seconds();
+    let boxes = SceneTracer::without_bricks(&shown).unwrap();
 
     let rays = camera_rays(&moved, volume.info().dims, side);
     let hits: Vec<(RayInWorld, Hit)> = rays
@@ -161,21 +162,24 @@ fn main() {
     let mut kinds = Vec::new();
     for (name, rays, from) in [("primary", &primary, None), ("bounce", &bounces, Some(&from))] {
         write_rays(&file("rays"), rays);
-        let mut seconds = [Vec::new(), Vec::new()];
-        let first_hit = |i: usize| {
+        let mut seconds_of = [Vec::new(), Vec::new(), Vec::new()];
+        let first_hit = |scene: &SceneTracer, i: usize| {
             let from = from.map_or(PathOrigin::Free, |f| f[i]);
             scene.first_hit(&rays[i].0, from, f64::INFINITY)
         };
-        let ours: Vec<Option<Hit>> = (0..rays.len()).map(first_hit).collect();
+        let ours: Vec<Option<Hit>> = (0..rays.len()).map(|i| first_hit(&scene, i)).collect();
         // Kept of each ray is what Embree's program keeps, in memory that is there: the distance, and what was hit.
         let mut kept = vec![(f32::INFINITY, u32::MAX); rays.len()];
         for _ in 0..rounds {
-            let clock = Stopwatch::start();
-            for (i, kept) in kept.iter_mut().enumerate() {
-                *kept = first_hit(i).map_or((f32::INFINITY, u32::MAX), |h| (h.t as f32, h.surface.label));
+            for (scene, seconds) in [&boxes, &scene].into_iter().zip([2, 0]) {
+                let clock = Stopwatch::start();
+                for (i, kept) in kept.iter_mut().enumerate() {
+                    let hit = first_hit(scene, i);
+                    *kept = hit.map_or((f32::INFINITY, u32::MAX), |h| (h.t as f32, h.surface.label));
+                }
+                seconds_of[seconds].push(clock.cpu_seconds());
             }
-            seconds[0].push(clock.cpu_seconds());
-            seconds[1].push(embree.trace(&file("rays"), &file("hits")));
+            seconds_of[1].push(embree.trace(&file("rays"), &file("hits")));
         }
         let same = |(hit, kept): (&Option<Hit>, &(f32, u32))| {
             hit.as_ref().map(|h| h.surface.label).unwrap_or(u32::MAX) == kept.1
@@ -193,8 +197,9 @@ fn main() {
             "count": rays.len(),
             "hits": ours.iter().flatten().count(),
             "differing": differing(rays, &ours, &theirs, voxel),
-            "ours_best": rate(&seconds[0], 0.0), "ours_median": rate(&seconds[0], 0.5),
-            "embree_best": rate(&seconds[1], 0.0), "embree_median": rate(&seconds[1], 0.5),
+            "ours_best": rate(&seconds_of[0], 0.0), "ours_median": rate(&seconds_of[0], 0.5),
+            "boxes_best": rate(&seconds_of[2], 0.0), "boxes_median": rate(&seconds_of[2], 0.5),
+            "embree_best": rate(&seconds_of[1], 0.0), "embree_median": rate(&seconds_of[1], 0.5),
         }));
     }
     drop(embree.ask);
@@ -206,6 +211,7 @@ fn main() {
             "boxes": scene.instance(0).unwrap().boxes(),
             "quads": quads,
             "ours_bytes": volume_bytes + scene.bytes(),
+            "boxes_bytes": volume_bytes + boxes.bytes(),
             "embree_bytes": built[1],
             "ours_build_cpu_seconds": build_seconds,
             "embree_build_cpu_seconds": built[0],
