@@ -347,6 +347,36 @@ fn impossible_placements_and_rays_are_refused() {
     }
 }
 
+/// Where the camera is so near that all boxes are drawn as voxels, bricks serve as if voxels had been asked for, also after a move;
+/// where some are not, there are none.
+#[test]
+fn distances_that_change_nothing_have_bricks() {
+    for (dense, compressed) in volumes() {
+        let at = |x: f64| LodChoice::Distance {
+            eye_in_world: DVec3::new(x, 20.0, 20.0),
+            world_per_distance: 0.04,
+            world_constant: 0.0,
+        };
+        // Cells from 100 voxels away on: the volumes are 64 and less wide.
+        let (near, far) = (at(-20.0), at(-90.0));
+        let made = VolumeTracer::new(0, &instance(&compressed, |_| true, near)).unwrap().with_bricks();
+        let again = |from: &VolumeTracer, lod| from.again(0, PLACE, lod).unwrap().unwrap();
+        let moved = again(&made, far);
+        let back = again(&moved, near);
+        assert!(
+            made.brick_bytes() > 0 && moved.brick_bytes() == 0 && back.brick_bytes() == made.brick_bytes()
+        );
+        let voxels = scene(&compressed, |_| true, LodChoice::Voxels);
+        let mut random = Random(3);
+        for _ in 0..2000 {
+            let (o, d) = ray(Class::Random, dense.dims, 40, &mut random);
+            let r = in_world(o, d, &PLACE);
+            let hit = voxels.first_hit(&r, PathOrigin::Free, f64::INFINITY);
+            assert_eq!(back.first_hit(&r, PathOrigin::Free, f64::INFINITY), hit, "{r:?}");
+        }
+    }
+}
+
 /// Any choice of labels, at any level that has bricks, cut or whole: the same hits, and the same from the faces that were hit.
 #[test]
 fn bricks_answer_what_boxes_do() {

@@ -179,6 +179,11 @@ impl Bricks {
         Some(bounds)
     }
 
+    /// The level of what is drawn.
+    pub(super) fn level(&self) -> Level {
+        self.level
+    }
+
     /// Heap bytes.
     pub(super) fn bytes(&self) -> u64 {
         let bytes = self.blocks.capacity() * size_of::<Block>()

@@ -4,6 +4,7 @@
 //! so that a camera moves without anything being built.
 
 use glam::{DAffine3, DVec3};
+use pumice_render::BoxBounds;
 use pumice_scene::{Camera, Film, Lod, Projection};
 
 use super::box_walk::Level;
@@ -126,6 +127,23 @@ impl Detail {
             Self::ByDistance(by) => by.level(origin, extent),
         }
     }
+
+    /// The level of all boxes within `bounds` where it is one for certain: the one that was chosen, or voxels where the farthest corner is
+    /// near enough for them.
+    pub(super) fn everywhere(&self, bounds: &BoxBounds) -> Option<Level> {
+        match self {
+            Self::Same(level) => Some(*level),
+            Self::ByDistance(by) => {
+                let corners = (0..8u32).map(|c| {
+                    let at = |a: usize| if c >> a & 1 == 0 { bounds.lo[a] } else { bounds.hi[a] };
+                    by.distance_squared(each_axis(|a| by.eye_in_index[a] - at(a) as f32))
+                });
+                // Distances grow towards corners, and eight roundings are far less than this.
+                let farthest = corners.fold(0.0, f32::max) * 1.000_01;
+                (farthest < by.cells_from_squared).then_some(Level::Voxels)
+            }
+        }
+    }
 }
 
 impl ByDistance {
@@ -138,9 +156,7 @@ impl ByDistance {
             let (lo, hi) = (origin[a] as f32, (origin[a] + extent[a]) as f32);
             self.eye_in_index[a] - self.eye_in_index[a].clamp(lo, hi)
         });
-        let m = &self.edges_from_index;
-        let [x, y, z] = each_axis(|r| m[0][r] * away[0] + m[1][r] * away[1] + m[2][r] * away[2]);
-        let distance_squared = x * x + y * y + z * z;
+        let distance_squared = self.distance_squared(away);
         if distance_squared >= self.boxes_from_squared {
             Level::Boxes
         } else if distance_squared >= self.cells_from_squared {
@@ -148,5 +164,12 @@ impl ByDistance {
         } else {
             Level::Voxels
         }
+    }
+
+    #[inline(always)]
+    fn distance_squared(&self, away: [f32; 3]) -> f32 {
+        let m = &self.edges_from_index;
+        let [x, y, z] = each_axis(|r| m[0][r] * away[0] + m[1][r] * away[1] + m[2][r] * away[2]);
+        x * x + y * y + z * z
     }
 }

@@ -262,7 +262,12 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
     ),
     (
         "cpu-renderer/src/traverse/lod.rs",
-        &[("LodChoice::new", READY), ("LodChoice::placed", READY), ("LodChoice::carrying_levels", CARRIED)],
+        &[
+            ("LodChoice::new", READY),
+            ("LodChoice::placed", READY),
+            ("LodChoice::carrying_levels", CARRIED),
+            ("Detail::everywhere", READY),
+        ],
     ),
     (
         "cpu-renderer/src/traverse/mesh_tracer.rs",
@@ -461,7 +466,11 @@ pub(crate) const OTHER_NAMES: &[Listed] = &[
     ),
     (
         "cpu-renderer/src/traverse/lod.rs",
-        &[("Detail::level", "lod_level"), ("ByDistance::level", "lod_level")],
+        &[
+            ("Detail::level", "lod_level"),
+            ("ByDistance::level", "lod_level"),
+            ("ByDistance::distance_squared", "lod_level"),
+        ],
     ),
     (
         "cpu-renderer/src/traverse/mesh_tracer.rs",

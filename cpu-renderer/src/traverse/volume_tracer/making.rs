@@ -64,13 +64,17 @@ impl VolumeTracer {
         Ok(Self { hidden: Some((0..labels).map(is_hidden).collect()), ..Self::new(instance, &all)? })
     }
 
-    /// With bricks beside the hierarchy: more bytes, and rays in less time. Without them where levels hang on distances, where hidden
+    /// With bricks beside the hierarchy: more bytes, and rays in less time. Without them where boxes have different levels, where hidden
     /// labels are in the hierarchy, and where the volume is too sparse.
     #[must_use]
     pub fn with_bricks(mut self) -> Self {
         self.wants_bricks = true;
-        if let (None, Detail::Same(level), None) = (&self.bricks, self.detail, &self.hidden) {
-            self.bricks = Bricks::new(&self.volume, self.bvh.items(), level).map(Arc::new);
+        let level =
+            self.bvh.bounds().filter(|_| self.hidden.is_none()).and_then(|b| self.detail.everywhere(&b));
+        // (Kept ones are of the level that they were made for.)
+        if self.bricks.as_ref().map(|bricks| bricks.level()) != level {
+            let made = level.and_then(|level| Bricks::new(&self.volume, self.bvh.items(), level));
+            self.bricks = made.map(Arc::new);
         }
         self
     }
@@ -118,17 +122,14 @@ impl VolumeTracer {
             return Ok(None);
         }
         let placement = Placement::of_instance(instance, world_from_index)?;
-        let detail = lod.placed(&world_from_index);
-        // Bricks are of one level.
-        let kept = self.bricks.as_ref().filter(|_| detail == self.detail);
         let again = Self {
             volume: Arc::clone(&self.volume),
             normals: normals(&placement),
-            detail,
+            detail: lod.placed(&world_from_index),
             placement,
             instance,
             bvh: Arc::clone(&self.bvh),
-            bricks: kept.cloned(),
+            bricks: self.bricks.clone(),
             wants_bricks: self.wants_bricks,
             all_voxels: self.all_voxels,
             cuts: Cuts::default(),
