@@ -6,7 +6,7 @@
 //! mirrored: that can be done while it is still being told what the ray passes through, and one waits for the other's end.
 //!
 //! **What is exact.** All of it is decided by the planes' t in f64 ([`IndexRay::t_of`]): planes met at the same t are crossed at once,
-//! blocks, bricks and cells that are only touched are looked at too, and a voxel is met where clipping the ray against it leaves a chord.
+//! and a block, brick, cell or voxel is met where clipping the ray against it leaves a chord.
 //! (A walk through a box may skip one of 2·10⁻⁵ voxels.)
 
 use super::box_walk::{Found, Step};
@@ -133,7 +133,7 @@ impl Bricks {
         loop {
             let occupied = self.occupied(walk.index);
             if occupied != 0 {
-                let met = by.pierced::<true>(ray, by.four(&walk.corner), &[0.0; 4], f64::from(BRICK), enter);
+                let met = by.pierced(ray, by.four(&walk.corner), &[0.0; 4], f64::from(BRICK), enter);
                 let mut met = met & by.mirrored(occupied, octant);
                 while met != 0 {
                     let place = met.trailing_zeros() ^ octant.mirror();
@@ -166,21 +166,14 @@ impl Bricks {
         start: f64,
         from: f64,
     ) -> Found {
-        let mut met = by.pierced::<true>(ray, corner, step, 4.0, from) & by.mirrored(brick.occupied, octant);
-        if met == 0 {
-            return Found::Nothing;
-        }
+        let mut met = by.pierced(ray, corner, step, 4.0, from) & by.mirrored(brick.occupied, octant);
         let lo = corner.plus(by.four(step));
-        let (enter, leave) = ray.clip_by(by, lo, lo.plus(by.all(f64::from(BRICK))), start);
-        if enter >= leave {
-            return Found::Nothing;
-        }
         while met != 0 {
             let cell = met.trailing_zeros() ^ octant.mirror();
             met &= met - 1;
             let step = &STEPS_OF_CELLS[cell as usize & 63];
             let field = by.mirrored(self.field(brick, cell), octant);
-            let voxels = by.pierced::<false>(ray, lo, step, 1.0, enter) & field;
+            let voxels = by.pierced(ray, lo, step, 1.0, from) & field;
             if voxels != 0 {
                 let first = voxels.trailing_zeros() ^ octant.mirror();
                 let corner = lo.plus(by.four(step)).plus(by.four(&STEPS_OF_VOXELS[first as usize & 63]));

@@ -1,10 +1,9 @@
 //! [`Pierce`] by AVX2: the boxes of one y and z at once.
 
 use std::arch::x86_64::{
-    __m256d, __m256i, _CMP_LE_OQ, _CMP_LT_OQ, _mm256_add_pd, _mm256_castpd_ps, _mm256_castps_si256,
-    _mm256_cmp_pd, _mm256_loadu_pd, _mm256_max_pd, _mm256_min_pd, _mm256_movemask_epi8, _mm256_mul_pd,
-    _mm256_packs_epi16, _mm256_packs_epi32, _mm256_permute4x64_pd, _mm256_set1_pd, _mm256_shuffle_ps,
-    _mm256_sub_pd, _pdep_u32,
+    __m256d, __m256i, _CMP_LT_OQ, _mm256_add_pd, _mm256_castpd_ps, _mm256_castps_si256, _mm256_cmp_pd,
+    _mm256_loadu_pd, _mm256_max_pd, _mm256_min_pd, _mm256_movemask_epi8, _mm256_mul_pd, _mm256_packs_epi16,
+    _mm256_packs_epi32, _mm256_permute4x64_pd, _mm256_set1_pd, _mm256_shuffle_ps, _mm256_sub_pd, _pdep_u32,
 };
 
 use super::super::four::Wide;
@@ -13,18 +12,11 @@ use super::{IndexRay, Lanes, Octant, Pierce, ROWS};
 
 impl Pierce for Wide {
     #[inline(always)]
-    fn pierced<const TOUCHED: bool>(
-        self,
-        ray: &IndexRay,
-        corner: Self::Four,
-        step: &Lanes,
-        side: f64,
-        from: f64,
-    ) -> u64 {
+    fn pierced(self, ray: &IndexRay, corner: Self::Four, step: &Lanes, side: f64, from: f64) -> u64 {
         // SAFETY: the processor has the instructions that the function is compiled for: there is no `Wide` where it lacks them.
         #[allow(unsafe_code)]
         unsafe {
-            pierced::<TOUCHED>(ray, corner.register(), step, side, from)
+            pierced(ray, corner.register(), step, side, from)
         }
     }
 
@@ -40,7 +32,7 @@ impl Pierce for Wide {
 
 #[target_feature(enable = "avx2,bmi2")]
 #[inline]
-fn pierced<const TOUCHED: bool>(ray: &IndexRay, corner: __m256d, step: &Lanes, side: f64, from: f64) -> u64 {
+fn pierced(ray: &IndexRay, corner: __m256d, step: &Lanes, side: f64, from: f64) -> u64 {
     let x = row(ray, 0, _mm256_permute4x64_pd::<0x00>(corner), step, side);
     let y = row(ray, 1, _mm256_permute4x64_pd::<0x55>(corner), step, side);
     let z = row(ray, 2, _mm256_permute4x64_pd::<0xAA>(corner), step, side);
@@ -55,8 +47,8 @@ fn pierced<const TOUCHED: bool>(ray: &IndexRay, corner: __m256d, step: &Lanes, s
     let (near_z, far_z) = (each(z.0), each(z.1));
     let (mut mask, mut k) = (0, 0);
     while k < 4 {
-        let lower = slice::<TOUCHED>(&near, &far, near_z[k], far_z[k]);
-        let upper = slice::<TOUCHED>(&near, &far, near_z[k + 1], far_z[k + 1]);
+        let lower = slice(&near, &far, near_z[k], far_z[k]);
+        let upper = slice(&near, &far, near_z[k + 1], far_z[k + 1]);
         // A bit a box: the first two x of each y and z, then the others.
         let bits = _mm256_movemask_epi8(_mm256_packs_epi16(lower, upper)) as u32;
         let bits = _pdep_u32(bits, 0x3333_3333) | _pdep_u32(bits >> 16, 0xCCCC_CCCC);
@@ -103,21 +95,16 @@ fn each(numbers: __m256d) -> [__m256d; 4] {
 /// The boxes of one z: 16 bits each, all or none.
 #[target_feature(enable = "avx2")]
 #[inline]
-fn slice<const TOUCHED: bool>(
-    near: &[__m256d; 4],
-    far: &[__m256d; 4],
-    near_z: __m256d,
-    far_z: __m256d,
-) -> __m256i {
-    let first = two_rows::<TOUCHED>(near[0], far[0], near[1], far[1], near_z, far_z);
-    let others = two_rows::<TOUCHED>(near[2], far[2], near[3], far[3], near_z, far_z);
+fn slice(near: &[__m256d; 4], far: &[__m256d; 4], near_z: __m256d, far_z: __m256d) -> __m256i {
+    let first = two_rows(near[0], far[0], near[1], far[1], near_z, far_z);
+    let others = two_rows(near[2], far[2], near[3], far[3], near_z, far_z);
     _mm256_packs_epi32(first, others)
 }
 
 /// Of each of eight boxes half of its 64 bits.
 #[target_feature(enable = "avx2")]
 #[inline]
-fn two_rows<const TOUCHED: bool>(
+fn two_rows(
     near: __m256d,
     far: __m256d,
     other_near: __m256d,
@@ -125,13 +112,13 @@ fn two_rows<const TOUCHED: bool>(
     near_z: __m256d,
     far_z: __m256d,
 ) -> __m256i {
-    let one = before::<TOUCHED>(_mm256_max_pd(near, near_z), _mm256_min_pd(far, far_z));
-    let other = before::<TOUCHED>(_mm256_max_pd(other_near, near_z), _mm256_min_pd(other_far, far_z));
+    let one = before(_mm256_max_pd(near, near_z), _mm256_min_pd(far, far_z));
+    let other = before(_mm256_max_pd(other_near, near_z), _mm256_min_pd(other_far, far_z));
     _mm256_castps_si256(_mm256_shuffle_ps::<0b10_00_10_00>(_mm256_castpd_ps(one), _mm256_castpd_ps(other)))
 }
 
 #[target_feature(enable = "avx2")]
 #[inline]
-fn before<const TOUCHED: bool>(near: __m256d, far: __m256d) -> __m256d {
-    if TOUCHED { _mm256_cmp_pd::<_CMP_LE_OQ>(near, far) } else { _mm256_cmp_pd::<_CMP_LT_OQ>(near, far) }
+fn before(near: __m256d, far: __m256d) -> __m256d {
+    _mm256_cmp_pd::<_CMP_LT_OQ>(near, far)
 }

@@ -1,9 +1,9 @@
 //! [`Pierce`] by AVX-512: the boxes of two y and one z at once, and their masks in registers of their own.
 
 use std::arch::x86_64::{
-    __m256d, __m512d, __mmask8, _CMP_LE_OQ, _CMP_LT_OQ, _mm512_add_pd, _mm512_castpd256_pd512,
-    _mm512_cmp_pd_mask, _mm512_kunpackb, _mm512_kunpackd, _mm512_kunpackw, _mm512_loadu_pd, _mm512_max_pd,
-    _mm512_min_pd, _mm512_mul_pd, _mm512_permutexvar_pd, _mm512_set1_pd, _mm512_setr_epi64, _mm512_sub_pd,
+    __m256d, __m512d, __mmask8, _CMP_LT_OQ, _mm512_add_pd, _mm512_castpd256_pd512, _mm512_cmp_pd_mask,
+    _mm512_kunpackb, _mm512_kunpackd, _mm512_kunpackw, _mm512_loadu_pd, _mm512_max_pd, _mm512_min_pd,
+    _mm512_mul_pd, _mm512_permutexvar_pd, _mm512_set1_pd, _mm512_setr_epi64, _mm512_sub_pd,
 };
 
 use super::super::four::Widest;
@@ -12,18 +12,11 @@ use super::{IndexRay, Lanes, Octant, Pierce, ROWS};
 
 impl Pierce for Widest {
     #[inline(always)]
-    fn pierced<const TOUCHED: bool>(
-        self,
-        ray: &IndexRay,
-        corner: Self::Four,
-        step: &Lanes,
-        side: f64,
-        from: f64,
-    ) -> u64 {
+    fn pierced(self, ray: &IndexRay, corner: Self::Four, step: &Lanes, side: f64, from: f64) -> u64 {
         // SAFETY: the processor has the instructions that the function is compiled for: there is no `Widest` where it lacks them.
         #[allow(unsafe_code)]
         unsafe {
-            pierced::<TOUCHED>(ray, corner.register(), step, side, from)
+            pierced(ray, corner.register(), step, side, from)
         }
     }
 
@@ -39,7 +32,7 @@ impl Pierce for Widest {
 
 #[target_feature(enable = "avx512f,avx512bw,avx512dq")]
 #[inline]
-fn pierced<const TOUCHED: bool>(ray: &IndexRay, corner: __m256d, step: &Lanes, side: f64, from: f64) -> u64 {
+fn pierced(ray: &IndexRay, corner: __m256d, step: &Lanes, side: f64, from: f64) -> u64 {
     let x = row(ray, 0, corner, step, side);
     let y = row(ray, 1, corner, step, side);
     let z = row(ray, 2, corner, step, side);
@@ -59,8 +52,8 @@ fn pierced<const TOUCHED: bool>(ray: &IndexRay, corner: __m256d, step: &Lanes, s
             pick(z, k, k, k, k, k, k, k, k),
             pick(z, k + 4, k + 4, k + 4, k + 4, k + 4, k + 4, k + 4, k + 4),
         );
-        let lower = before::<TOUCHED>(_mm512_max_pd(near.0, near_z), _mm512_min_pd(far.0, far_z));
-        let upper = before::<TOUCHED>(_mm512_max_pd(near.1, near_z), _mm512_min_pd(far.1, far_z));
+        let lower = before(_mm512_max_pd(near.0, near_z), _mm512_min_pd(far.0, far_z));
+        let upper = before(_mm512_max_pd(near.1, near_z), _mm512_min_pd(far.1, far_z));
         _mm512_kunpackb(upper.into(), lower.into())
     };
     let lower = _mm512_kunpackw(slice(1).into(), slice(0).into());
@@ -93,10 +86,6 @@ fn pick(of: __m512d, a: i64, b: i64, c: i64, d: i64, e: i64, f: i64, g: i64, h: 
 
 #[target_feature(enable = "avx512f")]
 #[inline]
-fn before<const TOUCHED: bool>(near: __m512d, far: __m512d) -> __mmask8 {
-    if TOUCHED {
-        _mm512_cmp_pd_mask::<_CMP_LE_OQ>(near, far)
-    } else {
-        _mm512_cmp_pd_mask::<_CMP_LT_OQ>(near, far)
-    }
+fn before(near: __m512d, far: __m512d) -> __mmask8 {
+    _mm512_cmp_pd_mask::<_CMP_LT_OQ>(near, far)
 }
