@@ -317,9 +317,9 @@ impl Renderer for CpuRenderer {
                     };
                     let geometry = match self.spare.has(Part::HiddenLabels) {
                         true => VolumeTracer::carrying_hidden(place as u32, &traced)?,
-                        false => VolumeTracer::new(place as u32, &traced)?.with_bricks(),
+                        false => VolumeTracer::new(place as u32, &traced)?,
                     };
-                    let geometry = geometry.with_cuts(scene.cuts_of(instance.id));
+                    let geometry = geometry.with_bricks().with_cuts(scene.cuts_of(instance.id));
                     Arc::new(geometry.shaded_smooth(scene.settings.smooth_voxels))
                 }
             });

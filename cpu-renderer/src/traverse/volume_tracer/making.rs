@@ -64,16 +64,16 @@ impl VolumeTracer {
         Ok(Self { hidden: Some((0..labels).map(is_hidden).collect()), ..Self::new(instance, &all)? })
     }
 
-    /// With bricks beside the hierarchy: more bytes, and rays in less time. Without them where boxes have different levels, where hidden
-    /// labels are in the hierarchy, and where the volume is too sparse.
+    /// With bricks beside the hierarchy: more bytes, and rays in less time. Without them where boxes have different levels, and where the
+    /// volume is too sparse.
     #[must_use]
     pub fn with_bricks(mut self) -> Self {
         self.wants_bricks = true;
-        let level =
-            self.bvh.bounds().filter(|_| self.hidden.is_none()).and_then(|b| self.detail.everywhere(&b));
+        let level = self.bvh.bounds().and_then(|bounds| self.detail.everywhere(&bounds));
         // (Kept ones are of the level that they were made for.)
         if self.bricks.as_ref().map(|bricks| bricks.level()) != level {
-            let made = level.and_then(|level| Bricks::new(&self.volume, self.bvh.items(), level));
+            let drawn = self.bvh.items().iter().copied().filter(|&item| !self.is_hidden(item));
+            let made = level.and_then(|level| Bricks::new(&self.volume, &drawn.collect::<Vec<_>>(), level));
             self.bricks = made.map(Arc::new);
         }
         self
