@@ -4,8 +4,8 @@
 //! volume ─► pieces of 1024³ voxels that have any ─► a stream each ([`super::voxels`])        PIEC  where, how long    VOXL  the streams
 //! and back: streams ─► parts, as while compressing ─► the same volume, since its form is canonical
 //! ```
-//! Opening compresses anew: what it takes goes by voxels, where other files go by boxes. Counts and contacts come out of that too and
-//! are not stored.
+//! Opening compresses anew: what it takes goes by voxels, where other files go by boxes. Counts come out of that too, and contacts of
+//! decoding, which knows where neighbours differ; neither is stored.
 
 use std::collections::BTreeSet;
 use std::io::{Read, Seek};
@@ -125,7 +125,7 @@ pub(super) fn read_archive(
     let dims = head.info.dims;
     let is_former = layout.version == VERSION_OF_FORMER_VOXELS;
     job.begin(pieces.iter().map(|p| p.dims.map(u64::from).iter().product::<u64>()).sum());
-    pieces.par_iter().try_for_each(|piece| {
+    let decode = |piece: &Piece<'_>| {
         let size = [piece.dims[0], piece.dims[1]].map(|n| n as usize);
         if is_former {
             let stream = FormerVoxelDecoder::new(size, number, piece.stream);
@@ -133,9 +133,12 @@ pub(super) fn read_archive(
         }
         let stream = VoxelDecoder::new(size, number, piece.stream);
         decode_piece(piece, stream, dims, number, &store, &fault, job)
-    })?;
+    };
+    let touching: Vec<Option<Vec<u64>>> =
+        pieces.par_iter().map(decode).collect::<std::result::Result<_, Stop>>()?;
+    let touching = touching.into_iter().collect::<Option<Vec<_>>>().map(|pairs| pairs.concat());
     let info = std::mem::replace(&mut head.info, crate::VolumeInfo::new([0; 3], crate::LabelType::U32));
-    let mut volume = volume_of_parts(info, store, None, &CompressOptions::default(), job)?;
+    let mut volume = volume_of_parts(info, store, None, touching, &CompressOptions::default(), job)?;
     // Each label was called by its dense index and 1.
     if volume.labels.len() != head.labels.len() {
         let what = format!("labels: expected {}, got {}", head.labels.len(), volume.labels.len());
@@ -192,9 +195,12 @@ pub(super) trait SliceDecoder {
 
     /// Whether nothing is left of the stream.
     fn is_at_end(&self) -> bool;
+
+    /// The dense indices of touching labels, as [`crate::contacts`] has pairs, where they were met on the way.
+    fn touching(self) -> Option<Vec<u64>>;
 }
 
-/// A piece's voxels as parts.
+/// A piece's voxels as parts, and the pairs of labels that touch in it.
 fn decode_piece(
     piece: &Piece<'_>,
     mut stream: impl SliceDecoder,
@@ -203,7 +209,7 @@ fn decode_piece(
     store: &PartStore,
     fault: &(impl Fn(String) -> Stop + Sync),
     job: &Job,
-) -> std::result::Result<(), Stop> {
+) -> std::result::Result<Option<Vec<u64>>, Stop> {
     let ([w, h, d], [x, y, z]) = (piece.dims, piece.origin);
     for from in (0..d).step_by(SLAB) {
         job.check()?;
@@ -222,7 +228,7 @@ fn decode_piece(
         job.advance(u64::from(w) * u64::from(h) * u64::from(layers));
     }
     match stream.is_at_end() {
-        true => Ok(()),
+        true => Ok(stream.touching()),
         false => Err(fault(format!("piece at {:?}: goes on after its last slice", piece.origin))),
     }
 }

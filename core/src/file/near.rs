@@ -10,12 +10,13 @@
 //! ```
 //! The numbers are those of bits. The first 17 make contexts.
 
+use super::sixteen::{Sixteen, equal};
 use super::slices::{Around, BORDER};
 
 /// Their labels: rows of four, of the bits from 0, 4, 8 and 11 on; and those of bits 14, 15, 16, 19.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Near {
-    rows: [[u32; 4]; 4],
+    rows: Sixteen,
     others: [u32; 4],
 }
 
@@ -41,7 +42,7 @@ impl Near {
     /// Which of them have a label, a bit of each.
     #[inline(always)]
     pub(super) fn having(&self, label: u32) -> u32 {
-        let rows = sixteen(&self.rows, label);
+        let rows = equal(&self.rows, &[[label; 4]; 4]);
         // The last of the third and of the fourth row make no context.
         let rows = rows & 0x7FF | rows >> 1 & 0x3800 | (rows & 0x800) << 6 | (rows & 0x8000) << 3;
         let [a, b, c, d] = self.others.map(|v| u32::from(v == label));
@@ -56,34 +57,6 @@ impl Near {
     }
 }
 
-/// Which of four rows have a label, row after row. Every x86-64 processor does it in eight steps, of which the compiler makes forty.
-#[cfg(target_arch = "x86_64")]
-#[inline(always)]
-fn sixteen(rows: &[[u32; 4]; 4], label: u32) -> u32 {
-    use std::arch::x86_64::{_mm_cmpeq_epi32, _mm_movemask_epi8, _mm_packs_epi16, _mm_packs_epi32};
-    let [a, b, c, d] = rows.map(bytemuck::cast);
-    let label = bytemuck::cast([label; 4]);
-    // SAFETY: SSE2 is part of x86-64.
-    #[allow(unsafe_code)]
-    let bits = unsafe {
-        let first = _mm_packs_epi32(_mm_cmpeq_epi32(a, label), _mm_cmpeq_epi32(b, label));
-        let second = _mm_packs_epi32(_mm_cmpeq_epi32(c, label), _mm_cmpeq_epi32(d, label));
-        _mm_movemask_epi8(_mm_packs_epi16(first, second))
-    };
-    bits as u32
-}
-
-#[cfg(not(target_arch = "x86_64"))]
-#[inline(always)]
-fn sixteen(rows: &[[u32; 4]; 4], label: u32) -> u32 {
-    sixteen_plainly(rows, label)
-}
-
-#[cfg(any(test, not(target_arch = "x86_64")))]
-fn sixteen_plainly(rows: &[[u32; 4]; 4], label: u32) -> u32 {
-    rows.as_flattened().iter().enumerate().fold(0, |bits, (i, &v)| bits | u32::from(v == label) << i)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -96,7 +69,6 @@ mod tests {
                 rows: std::array::from_fn(|i| std::array::from_fn(|j| label(4 * i + j))),
                 others: std::array::from_fn(|i| label(16 + i)),
             };
-            assert_eq!(sixteen(&near.rows, 1), sixteen_plainly(&near.rows, 1));
             let naive = near.in_order().iter().enumerate().fold(0, |m, (i, &v)| m | u32::from(v == 1) << i);
             assert_eq!(near.having(1), naive, "{near:?}");
         }

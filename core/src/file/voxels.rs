@@ -20,6 +20,7 @@ use super::arithmetic::{Coder, Decoder, Encoder, Seen};
 use super::links::{SliceLinks, end_of_ones, words};
 use super::near::{CONTEXTS, FIRST, NEIGHBOURS, Near};
 use super::slices::{Around, BORDER, Slices, fill};
+use crate::contacts::Pairs;
 
 /// Neighbours that are asked for where no near one has the label: steps along x, along y, slices back.
 const FAR: [[i8; 3]; 36] = [
@@ -124,8 +125,11 @@ impl Learnt {
             }
             let told = told.map(|t| t[x]);
             let context = Near::of(row, around, x).having(label) as usize % CONTEXTS;
-            let is_left = !begins && self.near[0][context].code(coder, told.map(|t| t == label));
-            row[BORDER + x] = if is_left { label } else { self.other(coder, row, around, x, told) };
+            if !begins && self.near[0][context].code(coder, told.map(|t| t == label)) {
+                row[BORDER + x] = label;
+            } else {
+                row[BORDER + x] = self.other(coder, row, around, x, told);
+            }
             x += 1;
         }
     }
@@ -133,7 +137,7 @@ impl Learnt {
     /// How many voxels of a run of `length` have its label.
     #[inline(always)]
     fn run(&mut self, coder: &mut impl Coder, length: usize, breaks: Option<usize>) -> usize {
-        let class = (usize::BITS - length.leading_zeros()) as usize % LENGTHS;
+        let class = ((usize::BITS - length.leading_zeros()) as usize).min(LENGTHS - 1);
         match self.whole[class].code(coder, breaks.map(|b| b == length)) {
             true => length,
             false => self.place(coder, length, class, breaks),
@@ -160,7 +164,7 @@ impl Learnt {
         x: usize,
         told: Option<u32>,
     ) -> u32 {
-        // Once more: handed on from where the first bit is decoded they would go through memory, for each voxel.
+        // Once more: handed on from where the first bit is decoded, they would go through memory there, for each voxel.
         let near = Near::of(row, around, x);
         let labels = near.in_order();
         let all = (1 << NEIGHBOURS) - 1;
@@ -226,9 +230,9 @@ impl Model {
         }
     }
 
-    /// Codes the next slice; `told` are its voxels where they are known.
+    /// Codes the next slice; `told` are its voxels where they are known. The labels of neighbours that differ are `met`.
     #[inline(always)]
-    fn slice(&mut self, coder: &mut impl Coder, told: Option<&[u32]>) {
+    fn slice(&mut self, coder: &mut impl Coder, told: Option<&[u32]>, mut met: impl FnMut(u32, u32)) {
         let (columns, rows) = (self.slices.columns(), self.slices.rows());
         self.slices.begin();
         self.links.swap(0, 1);
@@ -241,6 +245,7 @@ impl Model {
             self.learnt.row(coder, row, &around, &self.even, told, columns);
             row[BORDER + columns..].fill(0);
             links.learn(y, row, &around);
+            links.unlike(before, y, row, &around, &mut met);
         }
         let (row, around) = slices.row(rows);
         links.learn(rows, row, &around);
@@ -261,7 +266,7 @@ impl VoxelEncoder {
 
     /// The next slice, x fastest.
     pub(super) fn slice(&mut self, voxels: &[u32]) {
-        self.model.slice(&mut self.coder, Some(voxels));
+        self.model.slice(&mut self.coder, Some(voxels), |_, _| ());
     }
 
     pub(super) fn finish(self) -> Vec<u8> {
@@ -273,18 +278,25 @@ impl VoxelEncoder {
 pub(super) struct VoxelDecoder<'a> {
     model: Model,
     coder: Decoder<'a>,
+    touching: Pairs,
 }
 
 impl<'a> VoxelDecoder<'a> {
     /// As [`VoxelEncoder::new`].
     pub(super) fn new(size: [usize; 2], most: u32, bytes: &'a [u8]) -> Self {
-        Self { model: Model::new(size, most), coder: Decoder::new(bytes) }
+        Self { model: Model::new(size, most), coder: Decoder::new(bytes), touching: Pairs::new() }
     }
 }
 
 impl SliceDecoder for VoxelDecoder<'_> {
     fn slice(&mut self) -> bool {
-        self.model.slice(&mut self.coder, None);
+        let touching = &mut self.touching;
+        // The labels of a damaged stream may be any: pairs of them are wrong, and no more than that.
+        self.model.slice(&mut self.coder, None, |a, b| {
+            if a != 0 && b != 0 {
+                touching.add(a - 1, b - 1);
+            }
+        });
         !self.coder.is_past_end()
     }
 
@@ -298,6 +310,10 @@ impl SliceDecoder for VoxelDecoder<'_> {
 
     fn is_at_end(&self) -> bool {
         self.coder.is_at_end()
+    }
+
+    fn touching(self) -> Option<Vec<u64>> {
+        Some(self.touching.into_vec())
     }
 }
 

@@ -378,6 +378,10 @@ impl SliceDecoder for FormerVoxelDecoder<'_> {
     fn is_at_end(&self) -> bool {
         self.bits.rest.is_empty() && !self.bits.is_past_end
     }
+
+    fn touching(self) -> Option<Vec<u64>> {
+        None
+    }
 }
 
 #[cfg(test)]
