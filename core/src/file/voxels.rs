@@ -10,7 +10,7 @@
 //! ```
 //! Most voxels lie in runs, which are found 64 voxels at a time ([`super::links`]). Each bit's chance is what one context has seen:
 //! which of 17 neighbours have the label that is asked for. Mixing three such contexts, as files of version 2 do
-//! ([`super::voxels_of_version_2`]), takes 4 % off the file and ten times as long.
+//! ([`super::voxels_of_version_2`]), takes 3 % off the file and nine times as long.
 //!
 //! Encoder and decoder are one piece of code and learn from the same bits. All of it is in whole numbers. `docs/file-format.md` has
 //! every constant, since each of them decides what a file means.

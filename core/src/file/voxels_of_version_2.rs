@@ -10,7 +10,7 @@
 //! A bit's chance is mixed from what three contexts have seen: which of the 16 near neighbours have the label that is asked for; which
 //! of the 9 nearest and the 12 far ones; the 16 with which of the nearest have a third label. The mixer is the logistic one of PAQ
 //! (Mahoney, *Adaptive weighing of context models for lossless data compression*, 2005): contexts' chances are added as log odds,
-//! weighted by what has proved right. It saves 4 % of the bytes against one context, and takes ten times as long.
+//! weighted by what has proved right. It saves 3 % of the bytes against one context, and takes nine times as long.
 //!
 //! All of it is in whole numbers. `docs/file-format.md` has every constant, since each of them decides what a file means.
 
