@@ -63,15 +63,16 @@ pub fn compress(
     // A quarter for records, a quarter at most for blocks that wait; finishing may use all but the records' quarter.
     let store = PartStore::new(options.memory_limit_bytes.map(|limit| limit / 4), folder);
     let labelled = make_parts(source, &store, threads, options.memory_limit_bytes, job)?;
-    volume_of_parts(info, store, Some(labelled), options, job)
+    volume_of_parts(info, store, Some(labelled), None, options, job)
 }
 
 /// The volume of all parts in a store; `labelled` is how many voxels with a label they were made from, where that is to be
-/// checked.
+/// checked, and `touching` the pairs of dense indices that touch within a chunk, where they are known.
 pub(crate) fn volume_of_parts(
     info: VolumeInfo,
     store: PartStore,
     labelled: Option<u64>,
+    touching: Option<Vec<u64>>,
     options: &CompressOptions,
     job: &Job,
 ) -> Result<CompressedVolume> {
@@ -95,7 +96,10 @@ pub(crate) fn volume_of_parts(
         // Their memory, and the spill file, before finishing needs its own.
         drop(parts);
         let mut volume = finish(info, raw, labels, job)?;
-        volume.labels.contacts = volume.find_contacts(job)?;
+        volume.labels.contacts = match touching {
+            Some(known) => volume.find_contacts_across_chunks(known, job)?,
+            None => volume.find_contacts(job)?,
+        };
         if let Some(types) = &options.types {
             types.apply(&mut volume.labels);
         }

@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use rustc_hash::FxHashSet;
 
 use crate::grid::{BRICK_VOXELS, BoxGrid, cells_between};
-use crate::{CompressedVolume, Error, Job, Result, morton};
+use crate::{CHUNK_VOXELS, CompressedVolume, Error, Job, Result, morton};
 
 /// Voxels of a cell with x = 0, y = 0, z = 0, as a mask.
 const LOW_FACE: [u64; 3] = [0x1111_1111_1111_1111, 0x000F_000F_000F_000F, 0xFFFF];
@@ -85,7 +85,7 @@ impl Neighbourhood {
 }
 
 /// Pairs found so far; a small direct-mapped cache keeps the repeats of a long border away from the set.
-struct Pairs {
+pub(crate) struct Pairs {
     set: FxHashSet<u64>,
     recent: [u64; 64],
     /// Corner of a cell of which two labels claim the same voxel, if one was met.
@@ -93,8 +93,18 @@ struct Pairs {
 }
 
 impl Pairs {
+    pub(crate) fn new() -> Self {
+        Self { set: FxHashSet::default(), recent: [0; 64], claimed_twice: None }
+    }
+
+    /// All of them, in any order.
+    pub(crate) fn into_vec(self) -> Vec<u64> {
+        self.set.into_iter().collect()
+    }
+
+    /// Adds the pair of two different dense indices.
     #[inline]
-    fn add(&mut self, a: u32, b: u32) {
+    pub(crate) fn add(&mut self, a: u32, b: u32) {
         let pair = u64::from(a.min(b)) << 32 | u64::from(a.max(b));
         let slot = (pair.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 58) as usize;
         // The pair (0, 0) does not exist, so an empty slot cannot match.
@@ -115,14 +125,43 @@ impl CompressedVolume {
     /// [`Error::Cancelled`]; [`Error::Caller`] when two labels claim one voxel, which this sweep notices on its way.
     pub fn find_contacts(&self, job: &Job) -> Result<Contacts> {
         // A grid of its own, dropped afterwards: most volumes never need one again.
-        let pairs = find(self, &BoxGrid::new(self), job)?;
+        let grid = BoxGrid::new(self);
+        let pairs = find(self, &grid, grid.bricks(), Vec::new(), job)?;
+        Ok(Contacts::pack(&pairs, self.labels().len() as u32))
+    }
+
+    /// The same where the pairs are known that touch within a chunk, as they are of a volume that was voxels.
+    pub(crate) fn find_contacts_across_chunks(&self, known: Vec<u64>, job: &Job) -> Result<Contacts> {
+        let pairs = if self.info().dims.iter().all(|&n| n <= CHUNK_VOXELS) {
+            rising(known)
+        } else {
+            let grid = BoxGrid::new(self);
+            let is_at_border = |code: &u64| {
+                let upper = morton::decode(*code).map(|b| (b + 1) * BRICK_VOXELS);
+                upper.iter().any(|&u| u.is_multiple_of(CHUNK_VOXELS))
+            };
+            let at_border: Vec<u64> = grid.bricks().iter().copied().filter(is_at_border).collect();
+            find(self, &grid, &at_border, known, job)?
+        };
         Ok(Contacts::pack(&pairs, self.labels().len() as u32))
     }
 }
 
-/// All touching pairs of a volume as `a << 32 | b`, a < b, rising.
-fn find(volume: &CompressedVolume, grid: &BoxGrid, job: &Job) -> Result<Vec<u64>> {
-    let bricks = grid.bricks();
+/// Each pair once.
+fn rising(mut pairs: Vec<u64>) -> Vec<u64> {
+    pairs.par_sort_unstable();
+    pairs.dedup();
+    pairs
+}
+
+/// The touching pairs of some bricks as `a << 32 | b`, a < b, rising; and those that are known.
+fn find(
+    volume: &CompressedVolume,
+    grid: &BoxGrid,
+    bricks: &[u64],
+    known: Vec<u64>,
+    job: &Job,
+) -> Result<Vec<u64>> {
     job.begin(bricks.len() as u64);
     let tasks = bricks.len().div_ceil(TASK_BRICKS);
     let found: Vec<Result<Vec<u64>>> = (0..tasks)
@@ -131,39 +170,36 @@ fn find(volume: &CompressedVolume, grid: &BoxGrid, job: &Job) -> Result<Vec<u64>
             job.check()?;
             let range = task * TASK_BRICKS..((task + 1) * TASK_BRICKS).min(bricks.len());
             job.advance(range.len() as u64);
-            let mut pairs = Pairs { set: FxHashSet::default(), recent: [0; 64], claimed_twice: None };
+            let mut pairs = Pairs::new();
             let mut around = Neighbourhood { cells: vec![Vec::new(); 125] };
-            for i in range {
-                find_in_brick(volume, grid, i, &mut around, &mut pairs);
+            for &brick in &bricks[range] {
+                find_in_brick(volume, grid, morton::decode(brick), &mut around, &mut pairs);
             }
             match pairs.claimed_twice {
-                None => Ok(pairs.set.into_iter().collect()),
+                None => Ok(pairs.into_vec()),
                 Some(cell) => Err(Error::Caller(format!(
                     "two labels claim one voxel of the cell at {cell:?}: blocks of the source overlap"
                 ))),
             }
         })
         .collect();
-    let mut all = Vec::new();
+    let mut all = known;
     for pairs in found {
         all.extend(pairs?);
     }
-    all.par_sort_unstable();
-    all.dedup();
-    Ok(all)
+    Ok(rising(all))
 }
 
 fn find_in_brick(
     volume: &CompressedVolume,
     grid: &BoxGrid,
-    i: usize,
+    brick: [u32; 3],
     around: &mut Neighbourhood,
     pairs: &mut Pairs,
 ) {
-    let brick = morton::decode(grid.bricks()[i]);
     let brick_cell = brick.map(|b| b * (BRICK_VOXELS / 4));
     around.cells.iter_mut().for_each(Vec::clear);
-    around.list(volume, grid.boxes_of(i), brick_cell, [0; 3], [3; 3]);
+    around.list(volume, grid.boxes_in(brick), brick_cell, [0; 3], [3; 3]);
     for axis in 0..3 {
         let (mut next, mut first, mut last) = (brick, [0; 3], [3; 3]);
         next[axis] += 1;

@@ -165,56 +165,70 @@ impl Part {
     /// # Errors
     /// [`Error::Caller`] when the block reaches beyond the volume or beyond its own buffer.
     pub fn from_block(block: &LabelBlock, dims: [u32; 3]) -> Result<Part> {
-        check(block, dims)?;
-        let mut records = Records::new();
+        let LabelBlock { origin, dims: size, strides, .. } = *block;
         match &block.labels {
-            LabelBuffer::U8(labels) => Scan { block, labels }.run(&mut records),
-            LabelBuffer::U16(labels) => Scan { block, labels }.run(&mut records),
-            LabelBuffer::U32(labels) => Scan { block, labels }.run(&mut records),
-            LabelBuffer::U64(labels) => Scan { block, labels }.run(&mut records),
+            LabelBuffer::U8(labels) => Scan { origin, dims: size, strides, labels }.part(dims),
+            LabelBuffer::U16(labels) => Scan { origin, dims: size, strides, labels }.part(dims),
+            LabelBuffer::U32(labels) => Scan { origin, dims: size, strides, labels }.part(dims),
+            LabelBuffer::U64(labels) => Scan { origin, dims: size, strides, labels }.part(dims),
         }
-        Ok(records.into_part())
     }
-}
 
-/// Refuses a block whose voxels are not all in the volume and in its buffer.
-fn check(block: &LabelBlock, dims: [u32; 3]) -> Result<()> {
-    let mut last = 0u128;
-    for a in 0..3 {
-        let end = u64::from(block.origin[a]) + u64::from(block.dims[a]);
-        if end > u64::from(dims[a]) {
-            return Err(Error::Caller(format!(
-                "block at {:?} of {:?} voxels reaches beyond the volume of {dims:?}",
-                block.origin, block.dims
-            )));
-        }
-        last += u128::from(block.dims[a].saturating_sub(1)) * block.strides[a] as u128;
+    /// The same of labels that lie in somebody's memory, voxel (x, y, z) of the block as a [`LabelBlock`]'s.
+    pub(crate) fn from_labels(
+        [origin, dims]: [[u32; 3]; 2],
+        (labels, strides): (&[u32], [usize; 3]),
+        volume_dims: [u32; 3],
+    ) -> Result<Part> {
+        Scan { origin, dims, strides, labels }.part(volume_dims)
     }
-    if !block.dims.contains(&0) && last >= block.labels.len() as u128 {
-        return Err(Error::Caller(format!(
-            "block at {:?} of {:?} voxels needs {} labels, has {}",
-            block.origin,
-            block.dims,
-            last + 1,
-            block.labels.len()
-        )));
-    }
-    Ok(())
 }
 
 /// A block being scanned.
 struct Scan<'a, T> {
-    block: &'a LabelBlock,
+    origin: [u32; 3],
+    dims: [u32; 3],
+    strides: [usize; 3],
     labels: &'a [T],
 }
 
 impl<T: Label> Scan<'_, T> {
+    fn part(&self, volume_dims: [u32; 3]) -> Result<Part> {
+        self.check(volume_dims)?;
+        let mut records = Records::new();
+        self.run(&mut records);
+        Ok(records.into_part())
+    }
+
+    /// Refuses a block whose voxels are not all in the volume and in its buffer.
+    fn check(&self, volume_dims: [u32; 3]) -> Result<()> {
+        let Self { origin, dims, strides, labels } = self;
+        let mut last = 0u128;
+        for a in 0..3 {
+            let end = u64::from(origin[a]) + u64::from(dims[a]);
+            if end > u64::from(volume_dims[a]) {
+                return Err(Error::Caller(format!(
+                    "block at {origin:?} of {dims:?} voxels reaches beyond the volume of {volume_dims:?}"
+                )));
+            }
+            last += u128::from(dims[a].saturating_sub(1)) * strides[a] as u128;
+        }
+        if !dims.contains(&0) && last >= labels.len() as u128 {
+            return Err(Error::Caller(format!(
+                "block at {origin:?} of {dims:?} voxels needs {} labels, has {}",
+                last + 1,
+                labels.len()
+            )));
+        }
+        Ok(())
+    }
+
     fn run(&self, records: &mut Records) {
-        if self.block.dims.contains(&0) {
+        if self.dims.contains(&0) {
             return;
         }
-        let first = self.block.origin.map(|o| o / CELL);
-        let last = [0, 1, 2].map(|a| (self.block.origin[a] + self.block.dims[a] - 1) / CELL);
+        let first = self.origin.map(|o| o / CELL);
+        let last = [0, 1, 2].map(|a| (self.origin[a] + self.dims[a] - 1) / CELL);
         // Start at the smallest aligned cube that holds all the cells.
         let mut level = 0;
         while (0..3).any(|a| first[a] >> level != last[a] >> level) {
@@ -240,7 +254,7 @@ impl<T: Label> Scan<'_, T> {
     /// Reads one cell and records its labels.
     #[inline]
     fn cell(&self, cell: [u32; 3], records: &mut Records) {
-        let LabelBlock { origin, dims, strides, .. } = self.block;
+        let Self { origin, dims, strides, .. } = self;
         let low = cell.map(|c| c * CELL);
         let inside = (0..3).all(|a| low[a] >= origin[a] && low[a] - origin[a] + CELL <= dims[a]);
         let mut labels = [T::default(); 64];
@@ -277,7 +291,7 @@ impl<T: Label> Scan<'_, T> {
     /// Reads a cell at the block's edge; the result has a bit for each voxel that the block holds.
     #[cold]
     fn read_partly(&self, low: [u32; 3], labels: &mut [T; 64]) -> u64 {
-        let LabelBlock { origin, dims, strides, .. } = self.block;
+        let Self { origin, dims, strides, .. } = self;
         let mut valid = 0;
         for v in 0..64u32 {
             let voxel = [low[0] + (v & 3), low[1] + (v >> 2 & 3), low[2] + (v >> 4)];

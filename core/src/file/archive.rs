@@ -4,8 +4,8 @@
 //! volume ─► pieces of 1024³ voxels that have any ─► a stream each ([`super::voxels`])        PIEC  where, how long    VOXL  the streams
 //! and back: streams ─► parts, as while compressing ─► the same volume, since its form is canonical
 //! ```
-//! Opening compresses anew: what it takes goes by voxels, where other files go by boxes. Counts and contacts come out of that too and
-//! are not stored.
+//! Opening compresses anew: what it takes goes by voxels, where other files go by boxes. Counts come out of that too, and contacts of
+//! decoding, which knows where neighbours differ; neither is stored.
 
 use std::collections::BTreeSet;
 use std::io::{Read, Seek};
@@ -13,22 +13,18 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 use rayon::prelude::*;
 
-use super::layout::Layout;
+use super::layout::{Layout, VERSION_OF_FORMER_VOXELS};
 use super::read::{Stop, info_of, read_sections};
+use super::slices::SLAB;
 use super::voxels::{VoxelDecoder, VoxelEncoder};
+use super::voxels_of_version_2::FormerVoxelDecoder;
 use super::{Fault, check};
 use crate::compress::volume_of_parts;
 use crate::grid::BoxGrid;
 use crate::part::Part;
 use crate::store::PartStore;
 use crate::volume::CHUNK_CELLS;
-use crate::{
-    CHUNK_VOXELS, CompressOptions, CompressedVolume, Error, Job, LabelBlock, LabelBuffer, LabelTable, Result,
-    morton,
-};
-
-/// Slices that are handed on together: whole cells, and 16 MiB of labels at most.
-const SLAB: u32 = 4;
+use crate::{CHUNK_VOXELS, CompressOptions, CompressedVolume, Error, Job, LabelTable, Result, morton};
 
 /// Bytes of a piece in `PIEC`.
 const PIECE_BYTES: usize = 24;
@@ -68,9 +64,9 @@ pub(super) fn encode(volume: &CompressedVolume, job: &Job) -> Result<[Vec<u8>; 2
         .map(|&origin| {
             let [w, h, d] = piece_dims(volume.info.dims, origin);
             let mut encoder = VoxelEncoder::new([w as usize, h as usize], volume.labels.len() as u32);
-            for z in (0..d).step_by(SLAB as usize) {
+            for z in (0..d).step_by(SLAB) {
                 job.check()?;
-                let dims = [w, h, SLAB.min(d - z)];
+                let dims = [w, h, (SLAB as u32).min(d - z)];
                 let slab = volume.decode_block_by(&grid, [origin[0], origin[1], origin[2] + z], dims)?;
                 slab.chunks_exact((w * h) as usize).for_each(|slice| encoder.slice(slice));
                 labelled.fetch_add(slab.iter().filter(|&&v| v != 0).count() as u64, Relaxed);
@@ -127,10 +123,22 @@ pub(super) fn read_archive(
     };
     let store = PartStore::new(None, std::env::temp_dir());
     let dims = head.info.dims;
+    let is_former = layout.version == VERSION_OF_FORMER_VOXELS;
     job.begin(pieces.iter().map(|p| p.dims.map(u64::from).iter().product::<u64>()).sum());
-    pieces.par_iter().try_for_each(|piece| decode_piece(piece, dims, number, &store, &fault, job))?;
+    let decode = |piece: &Piece<'_>| {
+        let size = [piece.dims[0], piece.dims[1]].map(|n| n as usize);
+        if is_former {
+            let stream = FormerVoxelDecoder::new(size, number, piece.stream);
+            return decode_piece(piece, stream, dims, number, &store, &fault, job);
+        }
+        let stream = VoxelDecoder::new(size, number, piece.stream);
+        decode_piece(piece, stream, dims, number, &store, &fault, job)
+    };
+    let touching: Vec<Option<Vec<u64>>> =
+        pieces.par_iter().map(decode).collect::<std::result::Result<_, Stop>>()?;
+    let touching = touching.into_iter().collect::<Option<Vec<_>>>().map(|pairs| pairs.concat());
     let info = std::mem::replace(&mut head.info, crate::VolumeInfo::new([0; 3], crate::LabelType::U32));
-    let mut volume = volume_of_parts(info, store, None, &CompressOptions::default(), job)?;
+    let mut volume = volume_of_parts(info, store, None, touching, &CompressOptions::default(), job)?;
     // Each label was called by its dense index and 1.
     if volume.labels.len() != head.labels.len() {
         let what = format!("labels: expected {}, got {}", head.labels.len(), volume.labels.len());
@@ -174,38 +182,53 @@ fn pieces_of<'a>(
     }
 }
 
-/// A piece's voxels as parts.
+/// A piece's stream, decoded slice after slice.
+pub(super) trait SliceDecoder {
+    /// Decodes the next slice; false where the stream has ended before it.
+    fn slice(&mut self) -> bool;
+
+    /// The slices since the last multiple of [`SLAB`]: their labels from the first voxel on, and how far apart those are along x, y, z.
+    fn slab(&self) -> (&[u32], [usize; 3]);
+
+    /// The highest label so far: of a damaged stream it may be above what there are.
+    fn highest(&self) -> u32;
+
+    /// Whether nothing is left of the stream.
+    fn is_at_end(&self) -> bool;
+
+    /// The dense indices of touching labels, as [`crate::contacts`] has pairs, where they were met on the way.
+    fn touching(self) -> Option<Vec<u64>>;
+}
+
+/// A piece's voxels as parts, and the pairs of labels that touch in it.
 fn decode_piece(
     piece: &Piece<'_>,
+    mut stream: impl SliceDecoder,
     volume_dims: [u32; 3],
     labels: u32,
     store: &PartStore,
     fault: &(impl Fn(String) -> Stop + Sync),
     job: &Job,
-) -> std::result::Result<(), Stop> {
+) -> std::result::Result<Option<Vec<u64>>, Stop> {
     let ([w, h, d], [x, y, z]) = (piece.dims, piece.origin);
-    let area = (w * h) as usize;
-    let mut decoder = VoxelDecoder::new([w as usize, h as usize], labels, piece.stream);
-    for from in (0..d).step_by(SLAB as usize) {
+    for from in (0..d).step_by(SLAB) {
         job.check()?;
-        let layers = SLAB.min(d - from);
-        let mut voxels = vec![0; area * layers as usize];
-        for (slice, layer) in voxels.chunks_exact_mut(area).zip(from..) {
-            if !decoder.slice(slice) {
+        let layers = (SLAB as u32).min(d - from);
+        for layer in from..from + layers {
+            if !stream.slice() {
                 return Err(fault(format!("piece at {:?}: ends in slice {layer} of {d}", piece.origin)));
             }
         }
-        if let Some(&above) = voxels.iter().find(|&&v| v > labels) {
-            let what = format!("piece at {:?}: expected labels to {labels}, got {above}", piece.origin);
-            return Err(fault(what));
+        if stream.highest() > labels {
+            let (above, place) = (stream.highest(), piece.origin);
+            return Err(fault(format!("piece at {place:?}: expected labels to {labels}, got {above}")));
         }
-        let block = LabelBlock::x_fastest([x, y, z + from], [w, h, layers], LabelBuffer::U32(voxels));
-        let part = Part::from_block(&block, volume_dims)?;
-        store.add(part, false)?;
+        let place = [[x, y, z + from], [w, h, layers]];
+        store.add(Part::from_labels(place, stream.slab(), volume_dims)?, false)?;
         job.advance(u64::from(w) * u64::from(h) * u64::from(layers));
     }
-    match decoder.is_at_end() {
-        true => Ok(()),
+    match stream.is_at_end() {
+        true => Ok(stream.touching()),
         false => Err(fault(format!("piece at {:?}: goes on after its last slice", piece.origin))),
     }
 }

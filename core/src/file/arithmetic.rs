@@ -1,9 +1,16 @@
 //! Binary arithmetic coding with chances that learn, in whole numbers alone: every machine decodes what any machine wrote.
 //!
-//! The range coder keeps an interval of 32 bits and cuts it where a bit's chance says (Martin, *Range encoding*, 1979, in the
-//! carryless form of M. Mahoney's PAQ, *Adaptive weighing of context models for lossless data compression*, 2005, §3). A chance is what
-//! a context has seen: it starts at a half and moves by 1/(n + 1.5) of the way towards each bit, n bits having been seen, so the first
-//! ones count most (an estimator of Krichevsky and Trofimov, slightly bolder); from 255 on it forgets.
+//! ```text
+//! 0 ─────────────────── code ───────────────────── range        64 bits, of which the stream gives 32 at a time
+//! └──── bit is 1 ────┴────────── bit is 0 ──────────┘
+//!       range · chance         the rest
+//! ```
+//! The range coder keeps an interval and cuts it where a bit's chance says (Martin, *Range encoding*, 1979; by the width alone, as in
+//! I. Pavlov's LZMA, so that a decoder compares once a bit). An interval below 2³² is widened by four bytes of the stream: seldom, and
+//! at once. The encoder carries into bytes that it has already written.
+//!
+//! A chance is what a context has seen: it starts at a half and moves by 1/(n + 1.5) of the way towards each bit, n bits having been
+//! seen, so the first ones count most (an estimator of Krichevsky and Trofimov, slightly bolder); from 255 on it forgets.
 
 /// A chance that a bit is 1, of 65,536.
 pub(super) type Chance = u32;
@@ -17,62 +24,57 @@ pub(super) trait Coder {
     fn code(&mut self, chance: Chance, told: Option<bool>) -> bool;
 }
 
-/// The interval from `low` to `high`, both within.
-#[derive(Clone, Copy, Debug)]
-struct Interval {
-    low: u32,
-    high: u32,
-}
-
-impl Interval {
-    const ALL: Self = Self { low: 0, high: u32::MAX };
-
-    /// Last place of the part that stands for 1.
-    fn middle(self, chance: Chance) -> u32 {
-        self.low + ((u64::from(self.high - self.low) * u64::from(chance)) >> 16) as u32
-    }
-
-    fn cut(&mut self, middle: u32, bit: bool) {
-        if bit { self.high = middle } else { self.low = middle + 1 }
-    }
-
-    /// The first byte of all its places, where they have one; the interval is what follows it then.
-    fn settled(&mut self) -> Option<u8> {
-        let byte = (self.high >> 24) as u8;
-        if self.low >> 24 != self.high >> 24 {
-            return None;
-        }
-        (self.low, self.high) = (self.low << 8, self.high << 8 | 255);
-        Some(byte)
-    }
-}
+/// Intervals narrower than this are widened.
+const NARROW: u64 = 1 << 32;
 
 /// Bits into bytes.
 #[derive(Debug)]
 pub(super) struct Encoder {
-    interval: Interval,
+    low: u64,
+    range: u64,
     bytes: Vec<u8>,
 }
 
 impl Encoder {
     pub(super) fn new() -> Self {
-        Self { interval: Interval::ALL, bytes: Vec::new() }
+        Self { low: 0, range: u64::MAX, bytes: Vec::new() }
+    }
+
+    /// Adds 1 to the number that the bytes are.
+    #[cold]
+    fn carry(&mut self) {
+        for byte in self.bytes.iter_mut().rev() {
+            *byte = byte.wrapping_add(1);
+            if *byte != 0 {
+                return;
+            }
+        }
     }
 
     /// All bytes.
     pub(super) fn finish(mut self) -> Vec<u8> {
-        self.bytes.extend(self.interval.low.to_be_bytes());
+        self.bytes.extend(self.low.to_be_bytes());
         self.bytes
     }
 }
 
 impl Coder for Encoder {
-    #[inline]
+    #[inline(always)]
     fn code(&mut self, chance: Chance, told: Option<bool>) -> bool {
         let bit = told == Some(true);
-        self.interval.cut(self.interval.middle(chance), bit);
-        while let Some(byte) = self.interval.settled() {
-            self.bytes.push(byte);
+        let part = (self.range >> 16) * u64::from(chance);
+        if bit {
+            self.range = part;
+        } else {
+            let (low, carries) = self.low.overflowing_add(part);
+            (self.low, self.range) = (low, self.range - part);
+            if carries {
+                self.carry();
+            }
+        }
+        if self.range < NARROW {
+            self.bytes.extend(((self.low >> 32) as u32).to_be_bytes());
+            (self.low, self.range) = (self.low << 32, self.range << 32);
         }
         bit
     }
@@ -81,23 +83,33 @@ impl Coder for Encoder {
 /// Bytes into bits.
 #[derive(Debug)]
 pub(super) struct Decoder<'a> {
-    interval: Interval,
-    code: u32,
+    code: u64,
+    range: u64,
     rest: &'a [u8],
     is_past_end: bool,
 }
 
 impl<'a> Decoder<'a> {
     pub(super) fn new(bytes: &'a [u8]) -> Self {
-        let mut decoder = Self { interval: Interval::ALL, code: 0, rest: bytes, is_past_end: false };
-        (0..4).for_each(|_| decoder.take());
+        let mut decoder = Self { code: 0, range: u64::MAX, rest: bytes, is_past_end: false };
+        decoder.take();
+        decoder.take();
         decoder
     }
 
+    #[inline]
     fn take(&mut self) {
-        let byte = self.rest.split_off_first();
-        self.is_past_end |= byte.is_none();
-        self.code = self.code << 8 | u32::from(byte.copied().unwrap_or(0));
+        let bytes = match self.rest.split_first_chunk::<4>() {
+            Some((bytes, rest)) => {
+                self.rest = rest;
+                *bytes
+            }
+            None => {
+                self.is_past_end = true;
+                [0; 4]
+            }
+        };
+        self.code = self.code << 32 | u64::from(u32::from_be_bytes(bytes));
     }
 
     /// Whether more bytes were needed than there are: what was decoded since means nothing.
@@ -112,12 +124,18 @@ impl<'a> Decoder<'a> {
 }
 
 impl Coder for Decoder<'_> {
-    #[inline]
+    #[inline(always)]
     fn code(&mut self, chance: Chance, _: Option<bool>) -> bool {
-        let middle = self.interval.middle(chance);
-        let bit = self.code <= middle;
-        self.interval.cut(middle, bit);
-        while self.interval.settled().is_some() {
+        let part = (self.range >> 16) * u64::from(chance);
+        let bit = self.code < part;
+        if bit {
+            self.range = part;
+        } else {
+            self.code -= part;
+            self.range -= part;
+        }
+        if self.range < NARROW {
+            self.range <<= 32;
             self.take();
         }
         bit
@@ -131,6 +149,16 @@ pub(super) struct Seen(u32);
 /// Bits after which the count stays.
 const MOST_COUNTED: u32 = 255;
 
+/// What part of the way a context goes that has counted n bits, of 65,536: the floor of 65,536 / (n + 1.5).
+const WAY: [u16; 256] = {
+    let (mut parts, mut n) = ([0; 256], 0);
+    while n < 256 {
+        parts[n] = (131_072 / (2 * n + 3)) as u16;
+        n += 1;
+    }
+    parts
+};
+
 impl Seen {
     /// Nothing.
     pub(super) const NOTHING: Self = Self(1 << 31);
@@ -141,19 +169,18 @@ impl Seen {
         (self.0 >> 20) as usize
     }
 
-    #[inline]
+    #[inline(always)]
     pub(super) fn learn(&mut self, bit: bool) {
         let (chance, count) = (self.0 >> 10, self.0 & 1023);
         let target = if bit { (1 << 22) - 1 } else { 0 };
         let way = i64::from(target) - i64::from(chance);
-        // Floor of 65,536 / (n + 1.5).
-        let part = i64::from(131_072 / (2 * count + 3));
+        let part = i64::from(WAY[count as usize & 255]);
         let chance = (i64::from(chance) + ((way * part) >> 16)) as u32;
         self.0 = chance << 10 | (count + u32::from(count < MOST_COUNTED));
     }
 
     /// Codes a bit by this chance alone, and learns it.
-    #[inline]
+    #[inline(always)]
     pub(super) fn code(&mut self, coder: &mut impl Coder, told: Option<bool>) -> bool {
         let bit = coder.code(bounded(self.0 >> 16), told);
         self.learn(bit);

@@ -19,10 +19,12 @@ use super::Fault;
 
 /// First bytes of every `.pumice` file.
 pub const MAGIC: [u8; 8] = *b"\x89PUMICE\n";
-/// The newest version, of files with boxes.
-pub(super) const VERSION: u32 = 3;
-/// Files of voxels, which older programs go on reading.
-pub(super) const VERSION_OF_VOXELS: u32 = 2;
+/// The newest version, of files of voxels.
+pub(super) const VERSION_OF_VOXELS: u32 = 4;
+/// Files with boxes, which older programs go on reading.
+pub(super) const VERSION_OF_BOXES: u32 = 3;
+/// Files of voxels before, which are read and no longer written ([`super::voxels_of_version_2`]).
+pub(super) const VERSION_OF_FORMER_VOXELS: u32 = 2;
 /// The first version, which is read and no longer written ([`super::legacy`]).
 pub(super) const VERSION_OF_LARGE_NODES: u32 = 1;
 pub(super) const HEADER_BYTES: usize = 64;
@@ -117,11 +119,11 @@ impl Layout {
             return Err(head(0, "expected the signature of a .pumice file, got another".into()));
         }
         let version = u32_at(header, 8);
-        if !(VERSION_OF_LARGE_NODES..=VERSION).contains(&version) {
+        if !(VERSION_OF_LARGE_NODES..=VERSION_OF_VOXELS).contains(&version) {
             return Err(head(
                 8,
                 format!(
-                    "format version: expected {VERSION_OF_LARGE_NODES} to {VERSION}, got {version} (a newer program wrote it?)"
+                    "format version: expected {VERSION_OF_LARGE_NODES} to {VERSION_OF_VOXELS}, got {version} (a newer program wrote it?)"
                 ),
             ));
         }

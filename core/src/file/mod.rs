@@ -8,8 +8,9 @@
 //! ```
 //! `docs/file-format.md` has every field; this module's parts are: `layout` (header and table), `codec` (filters and
 //! compression of one section), `nodes` (nodes and boxes taken apart into streams that compress well, and put together again),
-//! `archive` (a volume as its voxels, which `voxels` and `arithmetic` code), `write` and `read`, `chosen` (some labels alone),
-//! `legacy` (files of version 1), `check` (every invariant of a volume that comes from outside).
+//! `archive` (a volume as its voxels, which `voxels` codes by way of `slices`, `links`, `near`, `sixteen` and `arithmetic`), `write` and
+//! `read`, `chosen` (some labels alone), `legacy` and `voxels_of_version_2` (files of versions 1 and 2), `check` (every invariant of a
+//! volume that comes from outside).
 //!
 //! A volume is written to a temporary file in the same folder, synced, then renamed: a killed process never leaves half a file
 //! under the final name.
@@ -21,9 +22,14 @@ mod chosen;
 mod codec;
 mod layout;
 mod legacy;
+mod links;
+mod near;
 mod nodes;
 mod read;
+mod sixteen;
+mod slices;
 mod voxels;
+mod voxels_of_version_2;
 mod write;
 
 #[cfg(test)]

@@ -8,7 +8,8 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::layout::{
-    ENTRY_BYTES, Encoding, Entry, HEADER_BYTES, Layout, VERSION, VERSION_OF_VOXELS, align, section_checksum,
+    ENTRY_BYTES, Encoding, Entry, HEADER_BYTES, Layout, VERSION_OF_BOXES, VERSION_OF_VOXELS, align,
+    section_checksum,
 };
 use super::{archive, codec, nodes};
 use crate::{CompressedVolume, Error, Job, Result, VolumeInfo};
@@ -22,7 +23,7 @@ pub enum Level {
     #[default]
     Default,
     /// The voxels that the volume was made from, by arithmetic coding: a third of the size. Writing and opening go through every
-    /// voxel and take seconds for each 10⁸.
+    /// voxel and take a second or two for each 10⁸.
     Small,
 }
 
@@ -184,7 +185,7 @@ impl CompressedVolume {
             entry.offset = align(end);
             end = entry.offset + entry.stored;
         }
-        let version = if level == Level::Small { VERSION_OF_VOXELS } else { VERSION };
+        let version = if level == Level::Small { VERSION_OF_VOXELS } else { VERSION_OF_BOXES };
         let content_hash = self.content_hash();
         Ok((Layout { version, file_bytes: align(end), content_hash, entries }, sections))
     }
