@@ -15,6 +15,11 @@ use pumice_core::leaves::flipped;
 use super::four::{Instructions, Lanes, Plain};
 use super::mirrored::Octant;
 use super::{IndexRay, each_axis};
+#[cfg(target_arch = "x86_64")]
+use super::{
+    four::{Wide, Widest},
+    mirrored::mirrored,
+};
 
 /// The planes between which four boxes in a row lie, in sides of a box from the lowest: in the order in which a ray meets the boxes,
 /// where they begin and where they end.
@@ -62,6 +67,37 @@ impl Pierce for Plain {
 mod wide;
 #[cfg(target_arch = "x86_64")]
 mod widest;
+
+/// [`Pierce`] by the functions of a module that are compiled for a kind of processor.
+#[cfg(target_arch = "x86_64")]
+macro_rules! pierce_by {
+    ($kind:ty: $module:ident) => {
+        impl Pierce for $kind {
+            #[inline(always)]
+            fn pierced(self, ray: &IndexRay, corner: Self::Four, step: &Lanes, side: f64, from: f64) -> u64 {
+                // SAFETY: the processor has the instructions that the function is compiled for: there is no such value where it lacks
+                // them.
+                #[allow(unsafe_code)]
+                unsafe {
+                    $module::pierced(ray, corner.register(), step, side, from)
+                }
+            }
+
+            #[inline(always)]
+            fn mirrored(self, mask: u64, octant: Octant) -> u64 {
+                // SAFETY: as above.
+                #[allow(unsafe_code)]
+                unsafe {
+                    mirrored(mask, octant)
+                }
+            }
+        }
+    };
+}
+#[cfg(target_arch = "x86_64")]
+pierce_by!(Wide: wide);
+#[cfg(target_arch = "x86_64")]
+pierce_by!(Widest: widest);
 
 #[cfg(test)]
 mod tests {

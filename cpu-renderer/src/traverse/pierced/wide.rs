@@ -1,4 +1,4 @@
-//! [`Pierce`] by AVX2: the boxes of one y and z at once.
+//! [`super::Pierce`] by AVX2: the boxes of one y and z at once.
 
 use std::arch::x86_64::{
     __m256d, __m256i, _CMP_LT_OQ, _mm256_add_pd, _mm256_castpd_ps, _mm256_castps_si256, _mm256_cmp_pd,
@@ -6,33 +6,12 @@ use std::arch::x86_64::{
     _mm256_packs_epi32, _mm256_permute4x64_pd, _mm256_set1_pd, _mm256_shuffle_ps, _mm256_sub_pd, _pdep_u32,
 };
 
-use super::super::four::Wide;
-use super::super::mirrored::mirrored;
-use super::{IndexRay, Lanes, Octant, Pierce, ROWS};
+use super::{IndexRay, Lanes, ROWS};
 
-impl Pierce for Wide {
-    #[inline(always)]
-    fn pierced(self, ray: &IndexRay, corner: Self::Four, step: &Lanes, side: f64, from: f64) -> u64 {
-        // SAFETY: the processor has the instructions that the function is compiled for: there is no `Wide` where it lacks them.
-        #[allow(unsafe_code)]
-        unsafe {
-            pierced(ray, corner.register(), step, side, from)
-        }
-    }
-
-    #[inline(always)]
-    fn mirrored(self, mask: u64, octant: Octant) -> u64 {
-        // SAFETY: as above.
-        #[allow(unsafe_code)]
-        unsafe {
-            mirrored(mask, octant)
-        }
-    }
-}
-
+/// What [`super::Pierce::pierced`] says.
 #[target_feature(enable = "avx2,bmi2")]
 #[inline]
-fn pierced(ray: &IndexRay, corner: __m256d, step: &Lanes, side: f64, from: f64) -> u64 {
+pub(super) fn pierced(ray: &IndexRay, corner: __m256d, step: &Lanes, side: f64, from: f64) -> u64 {
     let x = row(ray, 0, _mm256_permute4x64_pd::<0x00>(corner), step, side);
     let y = row(ray, 1, _mm256_permute4x64_pd::<0x55>(corner), step, side);
     let z = row(ray, 2, _mm256_permute4x64_pd::<0xAA>(corner), step, side);

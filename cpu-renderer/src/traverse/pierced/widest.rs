@@ -1,4 +1,4 @@
-//! [`Pierce`] by AVX-512: the boxes of two y and one z at once, and their masks in registers of their own.
+//! [`super::Pierce`] by AVX-512: the boxes of two y and one z at once, and their masks in registers of their own.
 
 use std::arch::x86_64::{
     __m256d, __m512d, __mmask8, _CMP_LT_OQ, _mm512_add_pd, _mm512_castpd256_pd512, _mm512_cmp_pd_mask,
@@ -6,33 +6,12 @@ use std::arch::x86_64::{
     _mm512_mul_pd, _mm512_permutexvar_pd, _mm512_set1_pd, _mm512_setr_epi64, _mm512_sub_pd,
 };
 
-use super::super::four::Widest;
-use super::super::mirrored::mirrored;
-use super::{IndexRay, Lanes, Octant, Pierce, ROWS};
+use super::{IndexRay, Lanes, ROWS};
 
-impl Pierce for Widest {
-    #[inline(always)]
-    fn pierced(self, ray: &IndexRay, corner: Self::Four, step: &Lanes, side: f64, from: f64) -> u64 {
-        // SAFETY: the processor has the instructions that the function is compiled for: there is no `Widest` where it lacks them.
-        #[allow(unsafe_code)]
-        unsafe {
-            pierced(ray, corner.register(), step, side, from)
-        }
-    }
-
-    #[inline(always)]
-    fn mirrored(self, mask: u64, octant: Octant) -> u64 {
-        // SAFETY: as above.
-        #[allow(unsafe_code)]
-        unsafe {
-            mirrored(mask, octant)
-        }
-    }
-}
-
+/// What [`super::Pierce::pierced`] says.
 #[target_feature(enable = "avx512f,avx512bw,avx512dq")]
 #[inline]
-fn pierced(ray: &IndexRay, corner: __m256d, step: &Lanes, side: f64, from: f64) -> u64 {
+pub(super) fn pierced(ray: &IndexRay, corner: __m256d, step: &Lanes, side: f64, from: f64) -> u64 {
     let x = row(ray, 0, corner, step, side);
     let y = row(ray, 1, corner, step, side);
     let z = row(ray, 2, corner, step, side);
