@@ -102,11 +102,11 @@ impl Rays {
         self.measure(&ways, &[0, 1], job)
     }
 
-    /// Of ours: voxels, boxes drawn whole.
+    /// Of ours: voxels, boxes drawn whole. (Through boxes alone, as the paper's forms are traced: bricks are bytes besides.)
     pub(super) fn ours(&self, volume: &Arc<CompressedVolume>, job: &Job) -> Result<[Rates; 2]> {
         let mut rates = [Rates::default(); 2];
         for (rates, lod) in rates.iter_mut().zip([LodChoice::Voxels, LodChoice::Boxes]) {
-            let scene = SceneTracer::new(&[traced(volume, &self.visible, lod)])?;
+            let scene = SceneTracer::without_bricks(&[traced(volume, &self.visible, lod)])?;
             let way =
                 |r: &RayInWorld, _: &mut u64| scene.first_hit(r, PathOrigin::Free, f64::INFINITY).is_some();
             *rates = self.measure(&[&way], &[0, 1], job)?[0];
