@@ -114,7 +114,7 @@ pub(crate) struct Compress {
     pub(crate) out: PathBuf,
     /// Size on disk against speed
     ///
-    /// `fast` stores the form as it is in memory, `default` costs little time, `small` takes several times as long.
+    /// `fast` stores the form as it is in memory, `default` costs little time, `small` takes about twice as long.
     #[arg(long, value_enum, default_value_t = Level::Default)]
     pub(crate) level: Level,
     /// Write a report in JSON to this file (- for standard output)
