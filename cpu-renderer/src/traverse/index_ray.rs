@@ -149,10 +149,16 @@ impl Placement {
     /// The ray in index space, its direction scaled; `None` when it is not finite or has no direction.
     #[inline(always)]
     fn moved<I: Instructions>(&self, by: I, ray: &RayInWorld) -> Option<Moved<I::Four>> {
-        // 1. Scale in the world first, so that a tiny direction does not lose bits in the product.
+        // 1. Scale in the world first, so that a tiny direction does not lose bits in the product. (A usual one does not: powers of two
+        //    come through the product as they are, and all of the scale is found after it, with the same bits and sooner.)
         let RayInWorld { origin: o, direction: d } = ray;
-        let (d_world, k0) = scaled_four(by, by.four(&[d.x, d.y, d.z, 0.0]))?;
-        let d_world = DVec3::from_slice(&d_world.array());
+        let size = d.x.abs() + d.y.abs() + d.z.abs();
+        let (d_world, k0) = if USUAL.contains(&size) {
+            (*d, 0)
+        } else {
+            let (d_world, k0) = scaled_four(by, by.four(&[d.x, d.y, d.z, 0.0]))?;
+            (DVec3::from_slice(&d_world.array()), k0)
+        };
         let (direction, k1) = scaled_four(by, self.four_from_world(by, d_world))?;
         // 2. Subtract the translation before the product: volumes lie far from the world's origin.
         let origin = self.four_from_world(by, *o - self.world_from_index.translation);
@@ -313,6 +319,9 @@ fn turned_finite<I: Instructions>(by: I, origin: I::Four, direction: I::Four) ->
 
 /// Sizes of lanes beyond these are not scaled at once: 2ᵏ and 2⁻ᵏ must be normal numbers.
 const MODERATE: std::ops::Range<f64> = f64::from_bits(23 << 52)..f64::from_bits(2023 << 52);
+
+/// Sums of a direction's sizes that are not scaled before the change of space: 2⁻³² to 2³².
+const USUAL: std::ops::Range<f64> = f64::from_bits((1023 - 32) << 52)..f64::from_bits((1023 + 32) << 52);
 
 /// The vector times 2⁻ᵏ with its largest component within [1, 2), and k. `None` for zero and for what is not finite.
 pub(super) fn scaled(v: DVec3) -> Option<(DVec3, i32)> {
