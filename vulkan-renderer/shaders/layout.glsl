@@ -216,6 +216,28 @@ struct Chunk {
     uint first_box;
 };
 
+// 64³ voxels, x first: their bricks that hold a voxel, and the number of the first of these.
+struct BrickBlock {
+    uint64_t occupied;
+    uint first_brick;
+    uint reserved;
+};
+
+// 16³ voxels: cells with a voxel and with all, and where the fields of the others and the boxes begin.
+struct Brick {
+    uint64_t occupied;
+    uint64_t full;
+    uint first_field;
+    uint first_part;
+};
+
+// A box in a brick: its cells there.
+struct BrickPart {
+    uint64_t cells;
+    uint box_number;
+    uint label;
+};
+
 struct Instance {
     Address chunks;
     Address boxes;
@@ -230,6 +252,11 @@ struct Instance {
     Address cut_planes;
     Address matte_ids;
     Address neighbors;
+    Address blocks;
+    Address bricks;
+    Address brick_fields;
+    Address brick_parts;
+    Address brick_corners;
     F64Bits translation[3];
     F64Bits adjugate[3][3];
     F64Bits determinant;
@@ -262,7 +289,7 @@ const uint LOD_BY_DISTANCE = 3u;
 const uint LOD_TRIANGLES = 4u;
 // The same, and it is a shadow catcher.
 const uint LOD_CATCHER = 5u;
-const uint64_t INSTANCE_BYTES = 400UL;
+const uint64_t INSTANCE_BYTES = 440UL;
 
 struct SurfaceRecord {
     uint instance;
@@ -321,6 +348,9 @@ layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Floats { flo
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer SceneRef { SceneHeader it; };
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Instances { Instance at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Chunks { Chunk at[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer BrickBlocks { BrickBlock at[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Bricks { Brick at[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer BrickParts { BrickPart at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer CutPlanes { CutPlane at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Suns { Sun at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Lamps { Lamp at[]; };

@@ -37,5 +37,9 @@ layout(constant_id = 15) const uint NEEDS_SMOOTH = 1u;
 layout(constant_id = 16) const uint NEEDS_CATCHER = 1u;
 // There are so many instances that a hierarchy over them pays.
 layout(constant_id = 17) const uint NEEDS_INSTANCE_TREE = 1u;
+// Some volume is drawn by bricks.
+layout(constant_id = 18) const uint NEEDS_BRICKS = 1u;
+// Some volume is drawn by boxes.
+layout(constant_id = 19) const uint NEEDS_BOXES = 1u;
 
 #endif

@@ -1,4 +1,5 @@
-// One instance and the questions that rays ask of it: twin of cpu-renderer/src/traverse/volume_tracer.rs.
+// One instance and the questions that rays ask of it: twin of cpu-renderer/src/traverse/volume_tracer.rs, and of bricks.rs where
+// a brick tells which box holds a voxel.
 //
 // The twin hands closures to its hierarchy. Here a search is a structure, `visit` is what looks at one box, and one of three front
 // ends finds the boxes; it is chosen by a definition:
@@ -13,6 +14,7 @@
 #define VOLUME_TRACER_GLSL
 
 #include "box_walk.glsl"
+#include "brick_walk.glsl"
 #include "bvh.glsl"
 #include "cuts.glsl"
 #include "needs.glsl"
@@ -158,9 +160,115 @@ bool visit_box(InstanceRef instance, inout Search search, uint item) {
 
 #include "mesh_tracer.glsl"
 
+// The box that holds a voxel of a brick, of label `only` or of any (NONE): at coarser levels, where labels overlap, the lowest. With
+// NONE, some box must.
+uint brick_part(InstanceRef instance, uint brick, uvec3 voxel, uint only) {
+    BrickParts parts = BrickParts(instance.it.brick_parts);
+    uint cell = place_in(voxel, CELL_SHIFT);
+    uint end = brick_at(instance, brick + 1u).first_part;
+    uint candidate = NONE, label = NONE;
+    [[dont_unroll]] for (uint i = brick_at(instance, brick).first_part; i <= end; i++) {
+        BrickPart part = BrickPart(0UL, NONE, NONE);
+        if (i < end) {
+            part = parts.at[i];
+            if (!bit64(part.cells, cell) || (only != NONE && part.label != only)) {
+                continue;
+            }
+        }
+        if (instance.it.lod != LEVEL_VOXELS) {
+            if (part.label < label) {
+                candidate = part.box_number;
+                label = part.label;
+            }
+            continue;
+        }
+        // Which one holds the voxel is looked up where several may.
+        if (candidate != NONE) {
+            if ((i == end && only == NONE) || holds(instance, box_place(instance, candidate), voxel)) {
+                return candidate;
+            }
+        }
+        candidate = part.box_number;
+    }
+    return candidate;
+}
+
+// `item_with`, where there are bricks; `voxel` is within the bounds of all boxes.
+uint item_in_bricks(InstanceRef instance, uint label, uvec3 voxel) {
+    BrickBlock block = block_at(instance, voxel);
+    uint place = place_in(voxel, BRICK_SHIFT), cell = place_in(voxel, CELL_SHIFT);
+    if (!bit64(block.occupied, place)) {
+        return NONE;
+    }
+    uint number = block_brick(block, place);
+    Brick brick = brick_at(instance, number);
+    if (!bit64(brick.occupied, cell) || !bit64(brick_field(instance, brick, cell), place_in(voxel, 0u))) {
+        return NONE;
+    }
+    return brick_part(instance, number, voxel, label);
+}
+
+// What a walk through bricks found; a brick stands in the box's place.
+void found_in_brick(inout Search search, Found found, uint brick) {
+    if (found.kind == FOUND_INSIDE) {
+        search.kind = NEAREST_INSIDE;
+        search.best_t = search.start;
+    } else if (found.kind == FOUND_FACE && f64_lt(found.step.t, search.best_t)) {
+        search.kind = NEAREST_FACE;
+        search.best_t = found.step.t;
+    } else {
+        return;
+    }
+    search.step = found.step;
+    search.box_number = brick;
+}
+
+#ifndef FRONT_BVH
+
+// Looks at one brick, where hardware finds bricks.
+bool visit_brick(InstanceRef instance, inout Search search, uint number) {
+    if (search.only != NONE) {
+        // One label's boxes: what reaches into several bricks is looked at again, and found the same.
+        uint end = brick_at(instance, number + 1u).first_part;
+        for (uint i = brick_at(instance, number).first_part; i < end; i++) {
+            BrickPart part = BrickParts(instance.it.brick_parts).at[i];
+            if (part.label == search.only && visit_box(instance, search, part.box_number)) {
+                return true;
+            }
+        }
+        return false;
+    }
+    Words corners = Words(instance.it.brick_corners);
+    BrickWalk walk;
+    walk.shift = BRICK_SHIFT;
+    walk.corner = uvec3(corners.at[3u * number], corners.at[3u * number + 1u], corners.at[3u * number + 2u]);
+    f64 leave;
+    clip(search.ray, walk.corner, walk.corner + (1u << BRICK_SHIFT), search.start, walk.t, leave);
+    if (f64_le(leave, walk.t) || f64_le(search.best_t, walk.t)) {
+        return false;
+    }
+    ROLLED for (uint a = 0u; a < 3u; a++) {
+        walk.ahead[a] = plane_ahead(walk, search.ray, a);
+    }
+    brick_walk_descend(walk, search.ray);
+    Found found = first_of_walk(walk, instance, search.ray, CELL_SHIFT, search.start, f64_min(leave, search.best_t), number);
+    found_in_brick(search, found, number);
+    return false;
+}
+
+#endif
+
 // Looks at what an item is. (Searches for a voxel call `visit_box`: there are many of them, and none is of a mesh.)
 bool visit(InstanceRef instance, inout Search search, uint item) {
-    return is_mesh(instance) ? visit_triangle(instance, search, item) : visit_box(instance, search, item);
+    if (is_mesh(instance)) {
+        return visit_triangle(instance, search, item);
+    }
+#ifndef FRONT_BVH
+    if (has_bricks(instance)) {
+        return visit_brick(instance, search, item);
+    }
+#endif
+    return NEEDS_BOXES != 0u && visit_box(instance, search, item);
 }
 
 #if defined(FRONT_BVH)
@@ -216,13 +324,32 @@ Search nearest(InstanceRef instance, IndexRay ray, uint leaving, f64 start, f64 
     search.leaving = leaving;
     search.axes = 0u;
     search.shear = vec2(0.0);
+    bool by_bricks = has_bricks(instance) && only == NONE;
+    if (by_bricks) {
+        // The nearest even where any will do: a ray that starts within a label is told by what is at its start.
+        search.seek = SEEK_NEAREST;
+    }
+    bool by_hierarchy = true;
+#ifdef FRONT_BVH
+    if (by_bricks) {
+        uint brick;
+        Found found = first_voxel(instance, ray, start, t_max, brick);
+        found_in_brick(search, found, brick);
+        by_hierarchy = false;
+    }
+#endif
     BvhRay moved;
-    if (bvh_ray(instance, ray, start, t_max, moved, search.enter_all)) {
+    if (by_hierarchy && bvh_ray(instance, ray, start, t_max, moved, search.enter_all)) {
         search.pad = moved.pad;
         if (is_mesh(instance)) {
             start_in_grid(search);
         }
         along_ray(instance, moved, search);
+    }
+    if (by_bricks && search.kind != NEAREST_NOTHING) {
+        // Only now is it asked which box it is.
+        search.box_number = brick_part(instance, search.box_number, search.step.voxel, NONE);
+        search.label = label_of_box(instance, search.box_number);
     }
     return search;
 }
@@ -233,6 +360,12 @@ uint item_with(InstanceRef instance, uint label, uvec3 voxel) {
         if (voxel[a] < instance.it.lo[a] || voxel[a] >= instance.it.hi[a]) {
             return NONE;
         }
+    }
+    if (has_bricks(instance)) {
+        return item_in_bricks(instance, label, voxel);
+    }
+    if (NEEDS_BOXES == 0u) {
+        return NONE;
     }
     Search search;
     search.ray.scaled_from_world = F64_ONE;

@@ -353,6 +353,44 @@ pub struct Chunk {
     pub first_box: u32,
 }
 
+/// Twin of `Block` of `pumice_cpu::traverse::Bricks`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub struct BrickBlock {
+    /// Its bricks that hold a voxel.
+    pub occupied: u64,
+    /// Number of the first of these.
+    pub first_brick: u32,
+    /// 0.
+    pub reserved: u32,
+}
+
+/// Twin of `Brick` there.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Brick {
+    /// Cells with a voxel.
+    pub occupied: u64,
+    /// Cells with all.
+    pub full: u64,
+    /// Its first field.
+    pub first_field: u32,
+    /// Its first part.
+    pub first_part: u32,
+}
+
+/// Twin of `BrickPart` there, over the boxes that are drawn.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub struct BrickPart {
+    /// The box's cells there.
+    pub cells: u64,
+    /// The box.
+    pub box_number: u32,
+    /// Its label.
+    pub label: u32,
+}
+
 /// Twin of `VolumeTracer` with its `Placement`: a volume in the world and what is drawn of it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
@@ -383,6 +421,16 @@ pub struct Instance {
     pub matte_ids: Address,
     /// Of a volume whose voxels are shaded smooth: where each box's neighbours end, and then all of them; else 0.
     pub neighbors: Address,
+    /// [`BrickBlock`]s of the whole volume, x first; 0 where boxes are drawn one by one.
+    pub blocks: Address,
+    /// [`Brick`]s, one more than there are: where the last one's parts end.
+    pub bricks: Address,
+    /// Voxels of cells that are neither empty nor full, 8 bytes each.
+    pub brick_fields: Address,
+    /// [`BrickPart`]s.
+    pub brick_parts: Address,
+    /// Lowest voxel of each brick, three words each, where hardware finds bricks; else 0.
+    pub brick_corners: Address,
     /// World position of index 0.
     pub translation: [f64; 3],
     /// Rows of the adjugate, times the determinant's sign.
@@ -419,7 +467,7 @@ pub struct Instance {
     pub last_matte_id: u32,
 }
 
-const _: () = assert!(size_of::<Instance>() == 400, "INSTANCE_BYTES of layout.glsl");
+const _: () = assert!(size_of::<Instance>() == 440, "INSTANCE_BYTES of layout.glsl");
 
 /// Twin of `CutPlane`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]

@@ -24,7 +24,9 @@ use pumice_render::{BoxBounds, Bvh, FilterTable, RenderError};
 
 use crate::device::{Acceleration, Buffer, DeviceError, Gpu};
 use crate::layout;
-use crate::pack::{self, PackedBoxes, PackedEmitters, PackedLooks, PackedMesh, PackedNodes, PackedSky};
+use crate::pack::{
+    self, PackedBoxes, PackedBricks, PackedEmitters, PackedLooks, PackedMesh, PackedNodes, PackedSky,
+};
 
 /// Why a part could not be put on the device.
 #[derive(Debug)]
@@ -89,10 +91,12 @@ pub(crate) struct Boxes {
     chunks: Buffer,
     boxes: Buffer,
     labels: Buffer,
-    /// Ours in compute shaders; else the device's own.
+    /// All labels in one, where boxes are drawn at one level.
+    bricks: Option<BricksOnDevice>,
+    /// Over boxes: ours in compute shaders, else the device's own. Over bricks: the device's own alone.
     bvh: Option<[Buffer; 2]>,
     acceleration: Option<Acceleration>,
-    tight: bool,
+    lod: Option<LodChoice>,
     /// Where voxels are shaded smooth.
     neighbors: Option<Buffer>,
     /// Its placement, materials and their addresses left 0.
@@ -108,10 +112,11 @@ impl Boxes {
         volume: &CompressedVolume,
         nodes: Arc<Nodes>,
         visible: &[bool],
-        tight: bool,
+        lod: LodChoice,
         smooth: bool,
         carry_hidden: bool,
     ) -> Result<Self, Fault> {
+        let tight = lod == LodChoice::Voxels;
         let limit = |what: String| RenderError::Scene(format!("instances[{place}]: {what}"));
         let packed = if carry_hidden {
             let mut packed =
@@ -125,8 +130,16 @@ impl Boxes {
         let chunks = gpu.buffer_of("the chunks of a volume", bytemuck::cast_slice(&packed.chunks))?;
         let boxes = gpu.buffer_of("the boxes of a volume", bytemuck::cast_slice(&packed.boxes))?;
         let labels = gpu.buffer_of("the labels of boxes", bytemuck::cast_slice(&packed.labels))?;
-        let (bvh, acceleration) =
-            hierarchy(gpu, place, &mut record, || packed.aabbs(), || packed.numbered())?;
+        let in_bricks = PackedBricks::new(volume, &packed, visible, lod);
+        let bricks = in_bricks.as_ref().map(|b| BricksOnDevice::new(gpu, b, &mut record)).transpose()?;
+        let (bvh, acceleration) = match &in_bricks {
+            None => hierarchy(gpu, place, &mut record, || packed.aabbs(), || packed.numbered())?,
+            // Rays find bricks by themselves where hardware does not.
+            Some(bricks) if gpu.backend().uses_hardware_hierarchy() => {
+                hierarchy(gpu, place, &mut record, || bricks.aabbs(&packed), Vec::new)?
+            }
+            Some(_) => (None, None),
+        };
         record.chunks = chunks.address();
         record.boxes = boxes.address();
         record.labels = labels.address();
@@ -139,12 +152,18 @@ impl Boxes {
             false => None,
         };
         record.neighbors = neighbors.as_ref().map_or(0, Buffer::address);
-        Ok(Self { nodes, chunks, boxes, labels, bvh, acceleration, tight, neighbors, record })
+        let lod = kind_of(lod);
+        Ok(Self { nodes, chunks, boxes, labels, bricks, bvh, acceleration, lod, neighbors, record })
     }
 
-    /// See [`PackedBoxes::new`].
-    pub(crate) fn is_tight(&self) -> bool {
-        self.tight
+    /// Whether they are drawn at levels of detail that are chosen like this.
+    pub(crate) fn are_at(&self, lod: LodChoice) -> bool {
+        self.lod == kind_of(lod)
+    }
+
+    /// Whether rays go through bricks.
+    pub(crate) fn has_bricks(&self) -> bool {
+        self.bricks.is_some()
     }
 
     /// Whether its voxels are shaded smooth.
@@ -154,6 +173,42 @@ impl Boxes {
 
     pub(crate) fn nodes(&self) -> &Arc<Nodes> {
         &self.nodes
+    }
+}
+
+/// A choice of one level; `None` where it is by distance: then boxes are the same wherever the camera is.
+fn kind_of(lod: LodChoice) -> Option<LodChoice> {
+    (!matches!(lod, LodChoice::Distance { .. })).then_some(lod)
+}
+
+/// What is drawn of a volume, all labels in one.
+#[derive(Debug)]
+struct BricksOnDevice {
+    buffers: Vec<Buffer>,
+}
+
+impl BricksOnDevice {
+    /// Tells the record where they are.
+    fn new(gpu: &Gpu, packed: &PackedBricks, record: &mut layout::Instance) -> Result<Self, DeviceError> {
+        let mut buffers = Vec::new();
+        let mut put = |what: &'static str, bytes: &[u8]| {
+            let buffer = gpu.buffer_of(what, bytes)?;
+            let address = buffer.address();
+            buffers.push(buffer);
+            Ok::<_, DeviceError>(address)
+        };
+        record.blocks = put("the blocks of a volume", bytemuck::cast_slice(&packed.blocks))?;
+        record.bricks = put("the bricks of a volume", bytemuck::cast_slice(&packed.bricks))?;
+        record.brick_fields = put("the voxels of bricks", bytemuck::cast_slice(&packed.fields))?;
+        record.brick_parts = put("the boxes of bricks", bytemuck::cast_slice(&packed.parts))?;
+        if gpu.backend().uses_hardware_hierarchy() {
+            record.brick_corners = put("the corners of bricks", bytemuck::cast_slice(&packed.corners))?;
+        }
+        Ok(Self { buffers })
+    }
+
+    fn bytes(&self) -> u64 {
+        self.buffers.iter().map(Buffer::bytes).sum()
     }
 }
 
@@ -170,7 +225,7 @@ fn hierarchy(
             return Ok((None, None));
         }
         let aabbs = aabbs();
-        let built = gpu.acceleration(place, record.box_count, |i| aabbs[i as usize])?;
+        let built = gpu.acceleration(place, aabbs.len() as u32, |i| aabbs[i as usize])?;
         record.acceleration = built.address();
         return Ok((None, Some(built)));
     }
@@ -490,15 +545,17 @@ impl SceneOnDevice {
     }
 
     /// Bytes on the device by part, shared parts counted once.
-    pub(crate) fn bytes(&self) -> [(&'static str, u64); 7] {
+    pub(crate) fn bytes(&self) -> [(&'static str, u64); 8] {
         let mut seen = std::collections::BTreeSet::new();
         let mut first = |pointer: *const u8| seen.insert(pointer.addr());
         let (mut nodes, mut leaves, mut boxes, mut labels, mut hierarchy, mut looks) = (0, 0, 0, 0, 0, 0);
+        let mut bricks = 0;
         for i in &self.instances {
             if first(Arc::as_ptr(&i.boxes).cast()) {
                 boxes += i.boxes.boxes.bytes() + i.boxes.chunks.bytes();
                 boxes += i.boxes.neighbors.as_ref().map_or(0, Buffer::bytes);
                 labels += i.boxes.labels.bytes();
+                bricks += i.boxes.bricks.as_ref().map_or(0, BricksOnDevice::bytes);
                 hierarchy += i.boxes.acceleration.as_ref().map_or(0, Acceleration::bytes)
                     + i.boxes.bvh.iter().flatten().map(Buffer::bytes).sum::<u64>();
             }
@@ -530,6 +587,7 @@ impl SceneOnDevice {
         let tables = self.filter.table.bytes() + self.records.bytes() + self.header.bytes();
         [
             ("acceleration", hierarchy),
+            ("bricks", bricks),
             ("boxes", boxes),
             ("nodes", nodes),
             ("leaves", leaves),

@@ -80,10 +80,10 @@ impl<'a> Former<'a> {
         same.then(|| &self.parts().looks)
     }
 
-    /// Its boxes, where the same ones are drawn as the same instance and with bounds for the same kind of detail.
-    fn boxes(&self, place: usize, tight: bool, smooth: bool) -> Option<&'a Arc<Boxes>> {
+    /// Its boxes, where the same ones are drawn as the same instance and at the same kind of detail.
+    fn boxes(&self, place: usize, lod: LodChoice, smooth: bool) -> Option<&'a Arc<Boxes>> {
         let boxes = &self.parts().boxes;
-        let same = !self.change.visibility && boxes.is_tight() == tight && boxes.is_smooth() == smooth;
+        let same = !self.change.visibility && boxes.are_at(lod) && boxes.is_smooth() == smooth;
         (self.place == place && same).then_some(boxes)
     }
 }
@@ -150,6 +150,8 @@ impl Shown {
         needs.emitters = parts.emitters.is_some();
         needs.instance_tree = parts.tree.is_some();
         needs.aim |= needs.emitters;
+        needs.bricks = parts.instances.iter().any(|i| i.boxes.has_bricks());
+        needs.boxes = parts.instances.iter().any(|i| !i.boxes.has_bricks());
         needs.smooth = scene.settings.smooth_voxels || meshes.iter().any(|mesh| mesh.is_smooth());
         let size = [scene.film.width, scene.film.height];
         let kept = kept_of(scene);
@@ -469,7 +471,6 @@ fn instance_of(
 ) -> Result<InstanceOnDevice, Fault> {
     let gpu = &machine.gpu;
     let instance = &scene.instances[place];
-    let tight = lod == LodChoice::Voxels;
     let smooth = scene.settings.smooth_voxels;
     let table = volume.labels();
     let mattes = scene.film.passes.has_any(Pass::MATTES) || machine.spare.has(Part::Mattes);
@@ -481,7 +482,7 @@ fn instance_of(
     let kept_looks = former.and_then(|f| f.looks(mattes)).or_else(|| Some(&before[alike?].looks));
     // The intersection shader of a pipeline knows an instance by its hierarchy.
     let sharing = gpu.backend() != Backend::RayPipeline;
-    let kept_boxes = former.and_then(|f| f.boxes(place, tight, smooth));
+    let kept_boxes = former.and_then(|f| f.boxes(place, lod, smooth));
     let kept_boxes = kept_boxes.or_else(|| Some(&before[twin.filter(|_| sharing)?].boxes));
     let visible = if kept_looks.is_none() || kept_boxes.is_none() {
         let field = format!("instances[{place}].style.show");
@@ -519,7 +520,7 @@ fn instance_of(
                     Arc::new(Nodes::new(gpu, volume, wanted)?)
                 }
             };
-            Arc::new(Boxes::new(gpu, place as u32, volume, nodes, &visible, tight, smooth, carry_hidden)?)
+            Arc::new(Boxes::new(gpu, place as u32, volume, nodes, &visible, lod, smooth, carry_hidden)?)
         }
     };
     let placement = placement(place, instance.world_from_index)?;

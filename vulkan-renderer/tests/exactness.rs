@@ -16,7 +16,7 @@ use exact::in_world;
 use exact::rays::{CLASSES, Class, ray};
 use exact::volumes::{Random, blobs, checkerboard, neurites, noise, sheets};
 use glam::{DAffine3, DMat3, DVec3};
-use gpu::scene::Uploaded;
+use gpu::scene::{Form, Uploaded};
 use gpu::{Gpu, Shared};
 use pumice_core::{CompressedVolume, MeshData};
 use pumice_cpu::traverse::{Cuts, LodChoice, MeshTracer, SceneTracer, TracedInstance, VolumeTracer};
@@ -112,12 +112,13 @@ fn all_fronts() -> Vec<Front> {
 impl Front {
     fn trace(
         &self,
+        form: Form,
         traced: &[TracedInstance],
         cuts: &[CutShape],
         meshes: &[Placed],
         asked: &[Asked],
     ) -> Vec<HitRecord> {
-        let mut uploaded = Uploaded::new(&self.gpu, traced);
+        let mut uploaded = Uploaded::new(&self.gpu, traced, form);
         for (mesh, place) in meshes {
             uploaded.add_mesh(&self.gpu, mesh, *place);
         }
@@ -143,12 +144,15 @@ impl Front {
 
     /// Compares all answers; gives the number of hits.
     fn check(&self, what: &str, traced: &[TracedInstance], asked: &[Asked]) -> usize {
-        self.compare(what, &tracer(traced, &[]), self.trace(traced, &[], &[], asked), asked)
+        self.check_beside(what, traced, &[], asked)
     }
 
     /// The same where parts of space are taken away.
     fn check_cut(&self, what: &str, traced: &[TracedInstance], cuts: &[CutShape], asked: &[Asked]) -> usize {
-        self.compare(what, &cut_open(traced, cuts), self.trace(traced, cuts, &[], asked), asked)
+        self.in_both_forms(|form| {
+            let got = self.trace(form, traced, cuts, &[], asked);
+            self.compare(&format!("{what}, {form:?}"), &cut_open(traced, cuts, form), got, asked)
+        })
     }
 
     /// The same, of a scene with meshes.
@@ -159,19 +163,29 @@ impl Front {
         meshes: &[Placed],
         asked: &[Asked],
     ) -> usize {
-        self.compare(what, &tracer(traced, meshes), self.trace(traced, &[], meshes, asked), asked)
+        self.in_both_forms(|form| {
+            let got = self.trace(form, traced, &[], meshes, asked);
+            self.compare(&format!("{what}, {form:?}"), &tracer(traced, meshes, form), got, asked)
+        })
+    }
+
+    /// The hits of both forms of what is drawn: not always as many, where rays touch edges.
+    fn in_both_forms(&self, hits: impl Fn(Form) -> usize) -> usize {
+        hits(Form::Boxes).min(hits(Form::Bricks))
     }
 
     /// The same as a hierarchy over instances finds them, on both sides.
     fn check_tree(&self, what: &str, traced: &[TracedInstance], meshes: &[Placed], asked: &[Asked]) -> usize {
-        let (tracer, made) = tracer(traced, meshes).with_tree(None, 1).unwrap();
-        assert!(made);
-        let mut uploaded = Uploaded::new(&self.gpu, traced);
-        for (mesh, place) in meshes {
-            uploaded.add_mesh(&self.gpu, mesh, *place);
-        }
-        uploaded.add_tree(&self.gpu, &tracer);
-        self.compare(what, &tracer, self.ask(uploaded, asked), asked)
+        self.in_both_forms(|form| {
+            let (tracer, made) = tracer(traced, meshes, form).with_tree(None, 1).unwrap();
+            assert!(made);
+            let mut uploaded = Uploaded::new(&self.gpu, traced, form);
+            for (mesh, place) in meshes {
+                uploaded.add_mesh(&self.gpu, mesh, *place);
+            }
+            uploaded.add_tree(&self.gpu, &tracer);
+            self.compare(&format!("{what}, {form:?}"), &tracer, self.ask(uploaded, asked), asked)
+        })
     }
 
     fn compare(&self, what: &str, tracer: &SceneTracer, got: Vec<HitRecord>, asked: &[Asked]) -> usize {
@@ -198,20 +212,24 @@ impl Front {
     }
 }
 
-fn cut_open(traced: &[TracedInstance], cuts: &[CutShape]) -> SceneTracer {
-    let built = traced.iter().enumerate();
-    let built = built.map(|(i, t)| Arc::new(VolumeTracer::new(i as u32, t).unwrap().with_cuts(cuts)));
+/// The processor's tracers of the same form. (By distance, devices have boxes alone.)
+fn cut_open(traced: &[TracedInstance], cuts: &[CutShape], form: Form) -> SceneTracer {
+    let built = traced.iter().enumerate().map(|(i, t)| {
+        let made = VolumeTracer::new(i as u32, t).unwrap().with_cuts(cuts);
+        let by_distance = matches!(t.lod, LodChoice::Distance { .. });
+        Arc::new(if form == Form::Bricks && !by_distance { made.with_bricks() } else { made })
+    });
     SceneTracer::of(built.collect())
 }
 
 /// A mesh and where it is.
 type Placed = (Arc<MeshData>, DAffine3);
 
-fn tracer(traced: &[TracedInstance], meshes: &[Placed]) -> SceneTracer {
+fn tracer(traced: &[TracedInstance], meshes: &[Placed], form: Form) -> SceneTracer {
     let meshes = (0u32..).zip(meshes).map(|(i, (mesh, place))| {
         Arc::new(MeshTracer::new(i, traced.len() as u32 + i, mesh, *place).unwrap())
     });
-    SceneTracer::without_bricks(traced).unwrap().with_meshes(meshes.collect())
+    cut_open(traced, &[], form).with_meshes(meshes.collect())
 }
 
 fn instance(volume: &Arc<CompressedVolume>, world_from_index: DAffine3, lod: LodChoice) -> TracedInstance {
@@ -397,7 +415,7 @@ fn cut_volumes_are_the_cpus() {
                     },
                 ];
                 let traced = [instance(&volume, place, lod)];
-                let tracer = cut_open(&traced, &cuts);
+                let tracer = cut_open(&traced, &cuts, Form::Bricks);
                 let mut asked = Vec::new();
                 for class in [Class::Random, Class::Lattice, Class::Inside] {
                     asked.extend(rays_of(class, dims, 20, &place, 400));
@@ -527,7 +545,7 @@ fn meshes_are_the_cpus() {
         let hits = front.check_beside("meshes", &traced, &meshes, &asked);
         assert!(hits > asked.len() / 2, "{hits} hits of {}", asked.len());
         front.check_beside("meshes, occluded", &traced, &meshes, &occluded);
-        let tracer = tracer(&traced, &meshes);
+        let tracer = tracer(&traced, &meshes, Form::Bricks);
         let mut random = Random(32);
         let second = bounces(&tracer, &asked, &mut random);
         let on_meshes =
@@ -551,7 +569,8 @@ fn other_rays_have_other_hits() {
         .iter()
         .map(|a| Asked { ray: RayInWorld { origin: a.ray.origin + DVec3::splat(1e-3), ..a.ray }, ..*a })
         .collect();
-    let (a, b) = (front.trace(&traced, &[], &[], &asked), front.trace(&traced, &[], &[], &moved));
+    let trace = |asked: &[Asked]| front.trace(Form::Bricks, &traced, &[], &[], asked);
+    let (a, b) = (trace(&asked), trace(&moved));
     let differ = a.iter().zip(&b).filter(|(a, b)| a.t.to_bits() != b.t.to_bits()).count();
     let faces = a.iter().zip(&b).filter(|(a, b)| a.surface != b.surface).count();
     assert!(differ > 500 && faces > 0, "{differ} distances and {faces} faces differ");
@@ -597,7 +616,7 @@ fn instances_are_the_cpus() {
                 a.t_max = if i % 5 == 0 { random.unit() } else { f64::INFINITY };
                 asked.push(a);
             }
-            let tracer = tracer(&traced, &meshes);
+            let tracer = tracer(&traced, &meshes, Form::Bricks);
             let second = bounces(&tracer, &asked, &mut random);
             let third = bounces(&tracer, &second, &mut random);
             let mut hits = 0;

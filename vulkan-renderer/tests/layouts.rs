@@ -16,7 +16,7 @@ use bytemuck::{Pod, Zeroable};
 use pumice_render::Bvh;
 use pumice_render::bvh::BoxBounds;
 use pumice_vulkan::layout::{
-    Camera, Chunk, CutPlane, Emitter, EmitterPlace, Emitters, Environment, Filter, FirstRecord, HitRecord,
+    Brick, BrickBlock, BrickPart, Camera, Chunk, CutPlane, Emitter, EmitterPlace, Emitters, Environment, Filter, FirstRecord, HitRecord,
     Instance, InstanceTree, LOD_BY_DISTANCE, LOD_CATCHER, LOD_TRIANGLES, Lamp, Launch, LightNode, Lights,
     Material, NONE, Question, RayRecord, SCRATCH_BYTES, SceneHeader, Settings, ShiningTriangle, Sun,
     SurfaceRecord,
@@ -262,6 +262,9 @@ fn twins() -> Vec<Layout> {
             }
         ),
         twin!("Chunk", Chunk { node_base, origin, first_box }),
+        twin!("BrickBlock", BrickBlock { occupied, first_brick, reserved }),
+        twin!("Brick", Brick { occupied, full, first_field, first_part }),
+        twin!("BrickPart", BrickPart { cells, box_number, label }),
         twin!(
             "Instance",
             Instance {
@@ -278,6 +281,11 @@ fn twins() -> Vec<Layout> {
                 cut_planes,
                 matte_ids,
                 neighbors,
+                blocks,
+                bricks,
+                brick_fields,
+                brick_parts,
+                brick_corners,
                 translation,
                 adjugate,
                 determinant,

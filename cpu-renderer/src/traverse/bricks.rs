@@ -23,13 +23,13 @@ use super::each_axis;
 use super::four::{Lanes, lanes};
 
 /// Voxels along the side of a block.
-pub(super) const BLOCK: u32 = 64;
+pub const BLOCK: u32 = 64;
 /// Voxels along the side of a brick.
-pub(super) const BRICK: u32 = 16;
+pub const BRICK: u32 = 16;
 
 /// See the module.
 #[derive(Debug)]
-pub(super) struct Bricks {
+pub struct Bricks {
     /// Of what is drawn.
     level: Level,
     /// Around all voxels: lowest and highest corner.
@@ -46,31 +46,35 @@ pub(super) struct Bricks {
 
 /// 64³ voxels.
 #[derive(Clone, Copy, Debug, Default)]
-struct Block {
-    occupied: u64,
-    first_brick: u32,
+pub struct Block {
+    /// Its bricks that hold a voxel.
+    pub occupied: u64,
+    /// Number of the first of these.
+    pub first_brick: u32,
 }
 
 /// 16³ voxels, of which some are there.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Brick {
+pub struct Brick {
     /// Cells with a voxel.
-    pub(super) occupied: u64,
+    pub occupied: u64,
     /// Cells with all.
-    full: u64,
-    first_field: u32,
-    first_part: u32,
+    pub full: u64,
+    /// Number of its first field.
+    pub first_field: u32,
+    /// Number of its first part.
+    pub first_part: u32,
 }
 
 /// A box in a brick.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct BrickPart {
+pub struct BrickPart {
     /// Its cells there.
-    cells: u64,
+    pub cells: u64,
     /// The box.
-    pub(super) item: u32,
+    pub item: u32,
     /// Its label.
-    pub(super) label: u32,
+    pub label: u32,
 }
 
 /// A sparse volume may have so many times as many blocks as boxes, beyond a few; where it has more, most are empty and cost memory.
@@ -83,7 +87,7 @@ const PLACE_BITS: u32 = 6;
 impl Bricks {
     /// Of these boxes of a volume, all at this level; `None` where the volume is too sparse for it, or what is numbered too much for 32
     /// bits.
-    pub(super) fn new(volume: &CompressedVolume, items: &[u32], level: Level) -> Option<Self> {
+    pub fn new(volume: &CompressedVolume, items: &[u32], level: Level) -> Option<Self> {
         let blocks_along = volume.info().dims.map(|d| d.div_ceil(BLOCK));
         let blocks = blocks_along.iter().map(|&n| u64::from(n)).try_fold(1u64, u64::checked_mul)?;
         if items.is_empty() || blocks > FEW_BLOCKS.max(BLOCKS_A_BOX * items.len() as u64) || blocks >> 31 != 0
@@ -106,7 +110,6 @@ impl Bricks {
             bounds = bounds.union(made.add(volume, of_brick)?);
         }
         made.bounds = [bounds.lo, bounds.hi].map(|p| lanes(|a| p.get(a).map_or(0.0, |&v| f64::from(v))));
-        // One after the last: where its fields and parts end.
         made.bricks.push(made.next_brick()?);
         made.bricks.shrink_to_fit();
         made.fields.shrink_to_fit();
@@ -177,6 +180,26 @@ impl Bricks {
             self.bricks.push(brick);
         }
         Some(bounds)
+    }
+
+    /// Blocks, x first.
+    pub fn blocks(&self) -> &[Block] {
+        &self.blocks
+    }
+
+    /// Bricks, and one after the last: where its fields and parts end.
+    pub fn bricks(&self) -> &[Brick] {
+        &self.bricks
+    }
+
+    /// Voxels of the cells that are neither empty nor full.
+    pub fn fields(&self) -> &[u64] {
+        &self.fields
+    }
+
+    /// Boxes of all bricks.
+    pub fn parts(&self) -> &[BrickPart] {
+        &self.parts
     }
 
     /// The level of what is drawn.

@@ -52,6 +52,7 @@ mod voxel_normals;
 mod wide;
 
 pub use box_walk::Level;
+pub use bricks::{BLOCK, BRICK, Block, Brick, BrickPart, Bricks};
 pub use cuts::{CutPlane, Cuts};
 pub(crate) use index_ray::IndexRay;
 pub use index_ray::Placement;

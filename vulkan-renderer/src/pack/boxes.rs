@@ -16,6 +16,8 @@ pub struct PackedBoxes {
     pub boxes: Vec<u64>,
     /// Dense label of each.
     pub labels: Vec<u32>,
+    /// The number of each among the volume's.
+    pub items: Vec<u32>,
     /// What hierarchies are built over: tight bounds of the voxels, or where there are other levels the box's own.
     pub bounds: Vec<BoxBounds>,
     all: Option<BoxBounds>,
@@ -48,6 +50,7 @@ impl PackedBoxes {
         let mut packed = Self {
             boxes: Vec::with_capacity(drawn.len()),
             labels: Vec::with_capacity(drawn.len()),
+            items: Vec::with_capacity(drawn.len()),
             bounds: Vec::with_capacity(drawn.len()),
             dims: volume.info().dims,
             ..Self::default()
@@ -83,6 +86,7 @@ impl PackedBoxes {
             let record = BoxRecord::new(record.cell(), record.extent(), node);
             packed.boxes.push(record.0);
             packed.labels.push(volume.label_of_box(index as usize));
+            packed.items.push(index);
             packed.bounds.push(bounds);
             packed.all = Some(packed.all.map_or(bounds, |all| all.union(bounds)));
         }
@@ -123,12 +127,17 @@ impl PackedBoxes {
     /// Bounds for hardware's hierarchies, in index space: lowest and highest corner, wider than the boxes by more than the rounding
     /// of rays and of the hardware's own test.
     pub fn aabbs(&self) -> Vec<[f32; 6]> {
-        aabbs_of(self.bounds.iter().copied(), self.all.unwrap_or(BoxBounds { lo: [0; 3], hi: [0; 3] }))
+        aabbs_of(self.bounds.iter().copied(), self.around_all())
+    }
+
+    /// Around all boxes; around nothing where there is none.
+    pub(super) fn around_all(&self) -> BoxBounds {
+        self.all.unwrap_or(BoxBounds { lo: [0; 3], hi: [0; 3] })
     }
 
     /// The instance's record; addresses, materials, place and level of detail left 0.
     pub fn record(&self) -> Instance {
-        let all = self.all.unwrap_or(BoxBounds { lo: [0; 3], hi: [0; 3] });
+        let all = self.around_all();
         Instance {
             lo: all.lo,
             hi: all.hi,

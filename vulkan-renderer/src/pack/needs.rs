@@ -79,6 +79,10 @@ pub struct ShaderNeeds {
     pub catchers: bool,
     /// There is a hierarchy over instances.
     pub instance_tree: bool,
+    /// Some volume is drawn by bricks.
+    pub bricks: bool,
+    /// Some volume is drawn by boxes.
+    pub boxes: bool,
 }
 
 impl ShaderNeeds {
@@ -118,13 +122,16 @@ impl ShaderNeeds {
             // Scenes do not say what meshes have: who has them does.
             smooth: false,
             instance_tree: false,
+            // Nor how volumes lie on the device.
+            bricks: false,
+            boxes: true,
             sorted: clamps(settings) || kept.stride() > 0,
             catchers,
         }
     }
 
     /// Specialisation constants by their numbers; number 0 is the probe's.
-    pub fn constants(&self) -> [u32; 18] {
+    pub fn constants(&self) -> [u32; 20] {
         let Self {
             lobes,
             picture,
@@ -143,6 +150,8 @@ impl ShaderNeeds {
             smooth,
             catchers,
             instance_tree,
+            bricks,
+            boxes,
         } = *self;
         [
             false,
@@ -163,6 +172,8 @@ impl ShaderNeeds {
             smooth,
             catchers,
             instance_tree,
+            bricks,
+            boxes,
         ]
         .map(u32::from)
     }

@@ -6,9 +6,21 @@ use pumice_cpu::traverse::{LodChoice, Placement, SceneTracer, TracedInstance, me
 use pumice_render::{BoxBounds, Bvh};
 use pumice_vulkan::device::Acceleration;
 use pumice_vulkan::layout::{Instance, InstanceTree, SceneHeader};
-use pumice_vulkan::pack::{PackedBoxes, PackedMesh, PackedNodes, instance_tree, place, place_mesh};
+use pumice_vulkan::pack::{
+    PackedBoxes, PackedBricks, PackedMesh, PackedNodes, instance_tree, place, place_mesh,
+};
 
 use super::{Buffer, Gpu};
+
+/// What rays go through.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[allow(dead_code, reason = "not of all tests")]
+pub(crate) enum Form {
+    /// Boxes, found by a hierarchy.
+    Boxes,
+    /// Bricks, where there can be, as a renderer has it.
+    Bricks,
+}
 
 /// What lies on the device; the header is written last.
 pub(crate) struct Uploaded {
@@ -19,7 +31,7 @@ pub(crate) struct Uploaded {
 }
 
 impl Uploaded {
-    pub(crate) fn new(gpu: &Gpu, traced: &[TracedInstance]) -> Self {
+    pub(crate) fn new(gpu: &Gpu, traced: &[TracedInstance], form: Form) -> Self {
         let (buffers, accelerations, instances) = (Vec::new(), Vec::new(), Vec::new());
         let mut uploaded = Self { buffers, accelerations, instances, tree: InstanceTree::default() };
         for t in traced {
@@ -34,7 +46,21 @@ impl Uploaded {
             record.labels = uploaded.put(gpu, &boxes.labels);
             record.nodes = uploaded.put(gpu, &nodes.bytes(&t.volume));
             record.leaves = uploaded.put(gpu, &PackedNodes::leaves(&t.volume));
-            uploaded.push(gpu, record, &boxes.aabbs(), boxes.numbered());
+            let bricks = match form {
+                Form::Boxes => None,
+                Form::Bricks => PackedBricks::new(&t.volume, &boxes, &t.visible, t.lod),
+            };
+            let Some(bricks) = bricks else {
+                uploaded.push(gpu, record, &boxes.aabbs(), boxes.numbered());
+                continue;
+            };
+            record.blocks = uploaded.put(gpu, &bricks.blocks);
+            record.bricks = uploaded.put(gpu, &bricks.bricks);
+            record.brick_fields = uploaded.put(gpu, &bricks.fields);
+            record.brick_parts = uploaded.put(gpu, &bricks.parts);
+            record.brick_corners = uploaded.put(gpu, &bricks.corners);
+            // (Shaders that find bricks by themselves ask boxes about one label alone, which no renderer does.)
+            uploaded.push(gpu, record, &bricks.aabbs(&boxes), boxes.numbered());
         }
         uploaded
     }

@@ -60,12 +60,10 @@ pub(crate) const HOST_FILES: &[(&str, &str)] = &[
     ("cpu-renderer/src/emitters/faces.rs", "which faces are aimed at: made ready before a ray is traced"),
     ("cpu-renderer/src/emitters/gather.rs", "what is aimed at: made ready before a ray is traced"),
     ("cpu-renderer/src/lib.rs", NAMES),
-    ("cpu-renderer/src/traverse/brick_walk.rs", BRICKS),
-    ("cpu-renderer/src/traverse/bricks.rs", BRICKS),
-    ("cpu-renderer/src/traverse/pierced.rs", BRICKS),
-    ("cpu-renderer/src/traverse/pierced/wide.rs", BRICKS),
-    ("cpu-renderer/src/traverse/pierced/widest.rs", BRICKS),
-    ("cpu-renderer/src/traverse/mirrored.rs", BRICKS),
+    ("cpu-renderer/src/traverse/pierced.rs", MASKS),
+    ("cpu-renderer/src/traverse/pierced/wide.rs", MASKS),
+    ("cpu-renderer/src/traverse/pierced/widest.rs", MASKS),
+    ("cpu-renderer/src/traverse/mirrored.rs", MASKS),
     ("cpu-renderer/src/traverse/four.rs", WIDE),
     ("cpu-renderer/src/traverse/wide.rs", WIDE),
     ("cpu-renderer/src/traverse/volume_tracer/making.rs", READY),
@@ -93,8 +91,7 @@ pub(crate) const HOST_FILES: &[(&str, &str)] = &[
 ];
 
 const WIDE: &str = "the same operations by what a kind of processor has for several numbers at once";
-const BRICKS: &str =
-    "the CPU's own form of what is drawn; on a device the boxes are asked, as without bricks on the CPU";
+const MASKS: &str = "all that a ray passes through at once; on a device a ray goes from one to the next";
 const READY: &str = "made ready before a ray is traced, for both renderers";
 const READ: &str = "hands out a field, which the shader reads itself";
 const COUNTED: &str = "counts memory or items of the host's";
@@ -307,10 +304,30 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
         ],
     ),
     (
+        "cpu-renderer/src/traverse/brick_walk.rs",
+        &[("BlockWalk::correct", "in brick_walk_begin, without a guess before it"), ("steps_of", MASKS)],
+    ),
+    (
+        "cpu-renderer/src/traverse/bricks.rs",
+        &[
+            ("Bricks::new", READY),
+            ("Bricks::next_brick", READY),
+            ("Bricks::add", READY),
+            ("Bricks::blocks", READ),
+            ("Bricks::bricks", READ),
+            ("Bricks::fields", READ),
+            ("Bricks::parts", READ),
+            ("Bricks::level", "the instance's"),
+            ("Bricks::bytes", COUNTED),
+            ("boxes_by_brick", READY),
+            ("within", READY),
+            ("bounds_of", READY),
+        ],
+    ),
+    (
         "cpu-renderer/src/traverse/volume_tracer.rs",
         &[
             ("VolumeTracer::is_hidden", CARRIED),
-            ("VolumeTracer::nearest_in_bricks", BRICKS),
             ("VolumeTracer::box_origin", BOX_KNOWN),
             ("VolumeTracer::is_smooth", COMPILED),
             ("VolumeTracer::label_at", "asked about a voxel, not by a ray"),
@@ -405,6 +422,24 @@ pub(crate) const OTHER_NAMES: &[Listed] = &[
             ("place_of", "box_place"),
         ],
     ),
+    (
+        "cpu-renderer/src/traverse/brick_walk.rs",
+        &[
+            ("BlockWalk::begin", "brick_walk_begin"),
+            ("BlockWalk::step", "brick_walk_step"),
+            ("Bricks::first_of_brick", "first_of_walk"),
+        ],
+    ),
+    (
+        "cpu-renderer/src/traverse/bricks.rs",
+        &[
+            ("Bricks::occupied", "block_at"),
+            ("Bricks::brick", "block_brick"),
+            ("Bricks::field", "brick_field"),
+            ("Bricks::part", "brick_part"),
+        ],
+    ),
+    ("cpu-renderer/src/traverse/volume_tracer.rs", &[("VolumeTracer::nearest_in_bricks", "found_in_brick")]),
     ("cpu-renderer/src/crossing.rs", &[("visibility", "follow"), ("visibility_through", "follow")]),
     (
         "cpu-renderer/src/lights.rs",

@@ -13,7 +13,7 @@ use pumice_vulkan::pack::{self, PackedEmitters, PackedLooks, PackedSky};
 use pumice_vulkan::program::Program;
 
 use crate::gpu::Gpu;
-use crate::gpu::scene::Uploaded;
+use crate::gpu::scene::{Form, Uploaded};
 use crate::scenes::Case;
 
 /// A scene on a device: kept as long as its address is used.
@@ -24,7 +24,7 @@ pub(crate) struct OnDevice {
 
 impl OnDevice {
     pub(crate) fn new(gpu: &Gpu, case: &Case) -> Self {
-        let mut uploaded = Uploaded::new(gpu, &case.traced);
+        let mut uploaded = Uploaded::new(gpu, &case.traced, Form::Bricks);
         if case.around.settings.smooth_voxels {
             uploaded.shade_smooth(gpu, &case.traced);
         }

@@ -15,7 +15,7 @@ use pumice_vulkan::layout::{NONE, SceneHeader};
 use pumice_vulkan::pack::{self, PackedBoxes, PackedEmitters, PackedLooks, PackedNodes};
 
 use super::gpu::Gpu;
-use super::gpu::scene::Uploaded;
+use super::gpu::scene::{Form, Uploaded};
 use super::lighting::{receiver, row_of};
 use super::words::{Random, Reader, Row, close};
 
@@ -106,7 +106,7 @@ fn emitters_are_the_same() {
     let lights = lights.with_emitters(Some(Arc::clone(&emitters)));
 
     // On the device.
-    let mut uploaded = Uploaded::new(&gpu, &traced);
+    let mut uploaded = Uploaded::new(&gpu, &traced, Form::Bricks);
     uploaded.add_mesh(&gpu, &mesh, mesh_place);
     for (i, looks) in looks.iter().enumerate() {
         let packed = PackedLooks::new(looks);

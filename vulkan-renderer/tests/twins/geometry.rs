@@ -9,7 +9,7 @@ use pumice_vulkan::layout::{NONE, SceneHeader};
 use pumice_vulkan::pack::{PackedBoxes, PackedNodes};
 
 use super::gpu::Gpu;
-use super::gpu::scene::Uploaded;
+use super::gpu::scene::{Form, Uploaded};
 use super::words::{Random, Reader};
 
 /// Round bodies in several chunks, and one voxel in so many is noise, all voxels below an x, so that there are cells of all classes.
@@ -58,7 +58,7 @@ fn boxes_of_volume_are_read_as_compressed(volume: &Arc<CompressedVolume>) {
     assert!(nodes.len_bytes() < 2 * volume.nodes().len() as u64, "hidden labels' nodes are left out");
     assert_eq!(nodes.bytes(volume).len() as u64, nodes.len_bytes());
     let packed = PackedBoxes::new(volume, &nodes, &traced.visible, false).expect("packed");
-    let mut uploaded = Uploaded::new(&gpu, std::slice::from_ref(&traced));
+    let mut uploaded = Uploaded::new(&gpu, std::slice::from_ref(&traced), Form::Bricks);
     let scene = uploaded.header(&gpu, SceneHeader::default());
     let mut random = Random(52);
     let inputs: Vec<_> =
@@ -95,7 +95,7 @@ fn boxes_are_found_by_voxel() {
     for lod in [LodChoice::Voxels, LodChoice::Cells] {
         let traced = traced(&volume, lod);
         let tracer = VolumeTracer::new(0, &traced).expect("a tracer");
-        let mut uploaded = Uploaded::new(&gpu, std::slice::from_ref(&traced));
+        let mut uploaded = Uploaded::new(&gpu, std::slice::from_ref(&traced), Form::Bricks);
         let scene = uploaded.header(&gpu, SceneHeader::default());
         let mut random = Random(53);
         let labels = volume.labels().len() as u32;

@@ -13,7 +13,7 @@ use pumice_vulkan::layout::SceneHeader;
 use pumice_vulkan::pack::{self, PackedSky};
 
 use super::gpu::Gpu;
-use super::gpu::scene::Uploaded;
+use super::gpu::scene::{Form, Uploaded};
 use super::words::{Random, Reader, Row, close};
 
 fn direction(random: &mut Random) -> DVec3 {
@@ -149,7 +149,7 @@ fn sun(angle_rad: f64) -> ReadySun {
 }
 
 fn lights_scene(gpu: &Gpu, lights: &Lights) -> (Uploaded, u64) {
-    let mut uploaded = Uploaded::new(gpu, &[]);
+    let mut uploaded = Uploaded::new(gpu, &[], Form::Bricks);
     let ends = uploaded.put(gpu, if lights.ends().is_empty() { &[0.0] } else { lights.ends() });
     let suns = pack::suns(lights);
     let suns = if suns.is_empty() { 0 } else { uploaded.put(gpu, &suns) };

@@ -1,0 +1,105 @@
+//! What is drawn of a volume as bricks, for shaders: the CPU's own form, in which a box has its number among those that are drawn.
+
+use pumice_core::CompressedVolume;
+use pumice_cpu::traverse::{BLOCK, BRICK, Bricks, Level, LodChoice};
+use pumice_render::BoxBounds;
+
+use super::PackedBoxes;
+use super::boxes::aabbs_of;
+use crate::layout::{Brick, BrickBlock, BrickPart};
+
+/// Bricks of one instance: parallel to what [`Bricks`] has.
+#[derive(Debug)]
+pub struct PackedBricks {
+    /// Blocks of the whole volume, x first.
+    pub blocks: Vec<BrickBlock>,
+    /// Bricks, and one after the last.
+    pub bricks: Vec<Brick>,
+    /// Fields of cells that are neither empty nor full.
+    pub fields: Vec<u64>,
+    /// Boxes of all bricks.
+    pub parts: Vec<BrickPart>,
+    /// Lowest voxel of each brick.
+    pub corners: Vec<[u32; 3]>,
+}
+
+impl PackedBricks {
+    /// Of those boxes whose labels are `visible`. `None` where boxes have different levels of detail, where the volume is too sparse for
+    /// blocks all over it, and where these would reach beyond what 32 bits number.
+    pub fn new(
+        volume: &CompressedVolume,
+        boxes: &PackedBoxes,
+        visible: &[bool],
+        lod: LodChoice,
+    ) -> Option<Self> {
+        let level = match lod {
+            LodChoice::Voxels => Level::Voxels,
+            LodChoice::Cells => Level::Cells,
+            LodChoice::Boxes => Level::Boxes,
+            LodChoice::Distance { .. } => return None,
+        };
+        let dims = volume.info().dims;
+        if dims.iter().any(|&n| n > u32::MAX - BLOCK) {
+            return None;
+        }
+        let is_visible = |label: u32| visible.get(label as usize).copied().unwrap_or(false);
+        let drawn = (0u32..).zip(&boxes.items).zip(&boxes.labels).filter(|&(_, &label)| is_visible(label));
+        let mut numbers: Vec<(u32, u32)> = drawn.map(|((number, &item), _)| (item, number)).collect();
+        numbers.sort_unstable();
+        let items: Vec<u32> = numbers.iter().map(|&(item, _)| item).collect();
+        let made = Bricks::new(volume, &items, level)?;
+        // (Parts are of these items.)
+        let number_of = |item: u32| numbers[numbers.partition_point(|&(i, _)| i < item)].1;
+        let blocks = made.blocks().iter();
+        let blocks =
+            blocks.map(|b| BrickBlock { occupied: b.occupied, first_brick: b.first_brick, reserved: 0 });
+        let bricks = made.bricks().iter().map(|b| Brick {
+            occupied: b.occupied,
+            full: b.full,
+            first_field: b.first_field,
+            first_part: b.first_part,
+        });
+        let parts = made.parts().iter().map(|part| BrickPart {
+            cells: part.cells,
+            box_number: number_of(part.item),
+            label: part.label,
+        });
+        Some(Self {
+            blocks: blocks.collect(),
+            bricks: bricks.collect(),
+            fields: made.fields().to_vec(),
+            parts: parts.collect(),
+            corners: corners_of(&made, dims),
+        })
+    }
+
+    /// Bounds of the bricks' cells for hardware's hierarchies; see [`PackedBoxes::aabbs`].
+    pub fn aabbs(&self, boxes: &PackedBoxes) -> Vec<[f32; 6]> {
+        let bounds = self.corners.iter().zip(&self.bricks).map(|(corner, brick)| {
+            let has = |a: usize, at: u32| {
+                (0..64).any(|c| c >> (2 * a) & 3 == at && brick.occupied >> c & 1 != 0)
+            };
+            let first = |a: usize| (0..4).find(|&at| has(a, at)).unwrap_or(0);
+            let last = |a: usize| (0..4).rfind(|&at| has(a, at)).unwrap_or(3);
+            BoxBounds {
+                lo: [0, 1, 2].map(|a| corner[a] + 4 * first(a)),
+                hi: [0, 1, 2].map(|a| corner[a] + 4 * last(a) + 4),
+            }
+        });
+        aabbs_of(bounds, boxes.around_all())
+    }
+}
+
+/// Lowest voxel of each brick, in their order.
+fn corners_of(made: &Bricks, dims: [u32; 3]) -> Vec<[u32; 3]> {
+    let along = dims.map(|n| n.div_ceil(BLOCK));
+    let mut corners = vec![[0; 3]; made.bricks().len() - 1];
+    for (number, block) in (0u32..).zip(made.blocks()) {
+        let at = [number % along[0], number / along[0] % along[1], number / along[0] / along[1]];
+        let places = (0..64u32).filter(|&place| block.occupied >> place & 1 != 0);
+        for (place, corner) in places.zip(corners.iter_mut().skip(block.first_brick as usize)) {
+            *corner = [0, 1, 2].map(|a| BLOCK * at[a] + BRICK * (place >> (2 * a) & 3));
+        }
+    }
+    corners
+}
