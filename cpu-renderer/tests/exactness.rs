@@ -6,18 +6,15 @@ mod exact;
 
 use std::sync::Arc;
 
+use exact::cases::{MAKES, Make, volumes_both_ways};
 use exact::rays::{CLASSES, Class, ray, snap};
 use exact::tally::Tally;
-use exact::volumes::{Random, blobs, checkerboard, neurites, noise, sheets};
+use exact::volumes::{Random, noise};
 use exact::{Dense, ExactRay, describe, in_world, judge, value};
 use glam::{DAffine3, DMat3, DVec3};
 use pumice_core::CompressedVolume;
 use pumice_cpu::traverse::{LodChoice, SceneTracer, TracedInstance};
-use pumice_render::{Hit, PathOrigin, RenderError, Tracer};
-
-/// How the same is traced: through bricks, and through the hierarchy alone.
-type Make = fn(&[TracedInstance]) -> Result<SceneTracer, RenderError>;
-const MAKES: [(&str, Make); 2] = [("bricks", SceneTracer::new), ("boxes", SceneTracer::without_bricks)];
+use pumice_render::{Hit, PathOrigin, Tracer};
 
 fn tracer(make: Make, volume: &Arc<CompressedVolume>, world_from_index: DAffine3) -> SceneTracer {
     make(&[TracedInstance {
@@ -27,21 +24,6 @@ fn tracer(make: Make, volume: &Arc<CompressedVolume>, world_from_index: DAffine3
         lod: LodChoice::Voxels,
     }])
     .unwrap()
-}
-
-fn volumes() -> impl Iterator<Item = (String, Dense, Arc<CompressedVolume>, Make)> {
-    let named = [
-        ("noise 0.1 %", noise([70, 61, 83], 0.001, 9, 1)),
-        ("noise 3 %", noise([64, 64, 64], 0.03, 4, 2)),
-        ("noise 50 %", noise([37, 50, 41], 0.5, 3, 3)),
-        ("checkerboard", checkerboard([33, 34, 35])),
-        ("sheets", sheets([66, 70, 50])),
-        ("blobs", blobs([64, 64, 64], 60, 12, 4)),
-        ("neurites", neurites()),
-    ];
-    named.into_iter().flat_map(|(name, (dense, compressed))| {
-        MAKES.map(|(way, make)| (format!("{name}, {way}"), dense.clone(), Arc::clone(&compressed), make))
-    })
 }
 
 fn trace_class(
@@ -68,7 +50,7 @@ fn trace_class(
 }
 
 fn all_classes(n: u32) {
-    for (name, dense, compressed, make) in volumes() {
+    for (name, dense, compressed, make) in volumes_both_ways() {
         let tracer = tracer(make, &compressed, DAffine3::IDENTITY);
         for class in CLASSES {
             trace_class(&dense, &tracer, &DAffine3::IDENTITY, class, 20, n)
@@ -80,7 +62,7 @@ fn all_classes(n: u32) {
 /// Each is made as its name says.
 #[test]
 fn both_ways_are_traced() {
-    for (name, _, compressed, make) in volumes() {
+    for (name, _, compressed, make) in volumes_both_ways() {
         assert_eq!(tracer(make, &compressed, DAffine3::IDENTITY).brick_bytes() > 0, name.ends_with("bricks"));
     }
 }
@@ -106,7 +88,7 @@ fn placements_are_exact() {
         ("mirrored", columns([-16.0, 0.0, 0.0], [0.0, 0.0, 40.0], [0.0, 16.0, 0.0])),
         ("sheared", columns([3.0, 1.0, 0.0], [-1.0, 5.0, 2.0], [7.0, 0.0, -11.0])),
     ];
-    for (name, dense, compressed, make) in volumes() {
+    for (name, dense, compressed, make) in volumes_both_ways() {
         for (place_name, matrix) in &places {
             let place = DAffine3 { matrix3: *matrix, translation: DVec3::new(1024.0, -77.0, 3.0) };
             let tracer = tracer(make, &compressed, place);
@@ -121,7 +103,7 @@ fn placements_are_exact() {
 /// Bounces: from the interior, the edges and the corners of exposed faces, in every direction of the outer half-space.
 #[test]
 fn paths_from_faces_are_exact() {
-    for (name, dense, compressed, make) in volumes() {
+    for (name, dense, compressed, make) in volumes_both_ways() {
         let tracer = tracer(make, &compressed, DAffine3::IDENTITY);
         let mut random = Random(5);
         let mut tally = Tally::default();
@@ -192,7 +174,7 @@ fn faces_met(dense: &Dense, ray: &ExactRay, hit: &Hit) -> Vec<(usize, bool)> {
 #[test]
 fn faces_with_nothing_before_them_are_preferred() {
     let (mut hits, mut ties, mut all_closed, mut lowest_closed) = (0, 0, 0, 0);
-    for (name, dense, compressed, make) in volumes() {
+    for (name, dense, compressed, make) in volumes_both_ways() {
         let tracer = tracer(make, &compressed, DAffine3::IDENTITY);
         for class in [Class::Lattice, Class::ThroughCorner, Class::InFace, Class::Random] {
             let mut random = Random(77);

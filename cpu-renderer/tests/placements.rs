@@ -7,15 +7,15 @@ mod exact;
 
 use std::sync::Arc;
 
-use exact::Dense;
+use exact::cases::{Make, volumes_both_ways};
 use exact::rational::judge::judge;
 use exact::rational::{ExactPlace, RationalRay};
 use exact::tally::Tally;
-use exact::volumes::{Random, blobs, checkerboard, neurites, noise, sheets};
+use exact::volumes::Random;
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 use pumice_core::CompressedVolume;
 use pumice_cpu::traverse::{LodChoice, SceneTracer, TracedInstance};
-use pumice_render::{Hit, PathOrigin, RayInWorld, RenderError, Tracer};
+use pumice_render::{Hit, PathOrigin, RayInWorld, Tracer};
 
 /// What a ray aims at; each number of it is then rounded once more by the matrix, so that all bits are in use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -141,24 +141,6 @@ fn places() -> Vec<(&'static str, DAffine3)> {
     ]
 }
 
-fn volumes() -> impl Iterator<Item = (String, Dense, Arc<CompressedVolume>, Make)> {
-    let named = [
-        ("noise 3 %", noise([64, 64, 64], 0.03, 4, 2)),
-        ("noise 50 %", noise([37, 50, 41], 0.5, 3, 3)),
-        ("checkerboard", checkerboard([33, 34, 35])),
-        ("sheets", sheets([66, 70, 50])),
-        ("blobs", blobs([64, 64, 64], 60, 12, 4)),
-        ("neurites", neurites()),
-    ];
-    named.into_iter().flat_map(|(name, (dense, compressed))| {
-        MAKES.map(|(way, make)| (format!("{name}, {way}"), dense.clone(), Arc::clone(&compressed), make))
-    })
-}
-
-/// How the same is traced: through bricks, and through the hierarchy alone.
-type Make = fn(&[TracedInstance]) -> Result<SceneTracer, RenderError>;
-const MAKES: [(&str, Make); 2] = [("bricks", SceneTracer::new), ("boxes", SceneTracer::without_bricks)];
-
 fn tracer(make: Make, volume: &Arc<CompressedVolume>, world_from_index: DAffine3) -> SceneTracer {
     make(&[TracedInstance {
         volume: Arc::clone(volume),
@@ -174,7 +156,7 @@ type Trace<'a> = &'a dyn Fn(&SceneTracer, RayInWorld) -> Option<Hit>;
 /// One tally a class, over all volumes and placements, of `n` rays each.
 fn tallies(classes: &[Class], n: u32, trace: Trace<'_>) -> Vec<(Class, Tally)> {
     let mut all: Vec<_> = classes.iter().map(|&c| (c, Tally::default())).collect();
-    for (name, dense, compressed, make) in volumes() {
+    for (name, dense, compressed, make) in volumes_both_ways() {
         for (place_name, place) in places() {
             let (tracer, exact) = (tracer(make, &compressed, place), ExactPlace::new(place));
             for (class, tally) in &mut all {
@@ -243,7 +225,7 @@ fn careless_rebasing_is_convicted() {
 /// Bounces in any placement: from where a ray in the world met an exposed face, also along it and a hair off it.
 #[test]
 fn paths_from_faces_are_exact_in_any_placement() {
-    for (name, dense, compressed, make) in volumes() {
+    for (name, dense, compressed, make) in volumes_both_ways() {
         for (place_name, place) in places() {
             let (tracer, exact) = (tracer(make, &compressed, place), ExactPlace::new(place));
             let (mut random, mut tally) = (Random(6), Tally::default());

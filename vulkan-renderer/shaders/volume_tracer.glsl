@@ -396,8 +396,13 @@ Hit hit_of(InstanceRef instance, uint instance_number, IndexRay ray, Step step, 
     uint axis = step.axis;
     bool positive = is_down(ray, axis) != from_inside;
     uvec3 voxel = from_inside ? voxel_before(step, ray) : step.voxel;
-    BoxPlace p = box_place(instance, item);
-    uvec3 element = p.level == LEVEL_VOXELS ? voxel : p.level == LEVEL_CELLS ? voxel & ~3u : p.origin;
+    uvec3 element = voxel;
+    if (instance.it.lod == LEVEL_CELLS) {
+        element = voxel & ~3u;
+    } else if (instance.it.lod != LEVEL_VOXELS) {
+        BoxPlace p = box_place(instance, item);
+        element = p.level == LEVEL_VOXELS ? voxel : p.level == LEVEL_CELLS ? voxel & ~3u : p.origin;
+    }
     DVec3 normal = dvec3_from_bits(instance.it.normals[axis]);
     return Hit(world_t(ray, axis, step.plane),
         Surface(instance_number, SURFACE_FACE, element, axis, positive, step.plane, label_of_box(instance, item), item),
@@ -493,11 +498,19 @@ uvec3 voxel_at(InstanceRef instance, IndexRay ray, f64 t) {
     return voxel;
 }
 
+// One past the highest voxel of a voxel's cell, which ends at `end` at the latest.
+uvec3 cell_end(uvec3 voxel, uvec3 end) {
+    return min((voxel | 3u) + 1u, end);
+}
+
 // One past the highest voxel of a surface's element.
 uvec3 element_end(InstanceRef instance, Surface surface) {
     uvec3 voxel_end = surface.voxel + 1u;
     if (instance.it.lod == LEVEL_VOXELS) {
         return voxel_end;
+    }
+    if (instance.it.lod == LEVEL_CELLS) {
+        return cell_end(surface.voxel, dims_of(instance));
     }
     uint item = surface.box_number != NONE ? surface.box_number : item_with(instance, surface.label, surface.voxel);
     if (item == NONE) {
@@ -505,7 +518,7 @@ uvec3 element_end(InstanceRef instance, Surface surface) {
     }
     BoxPlace p = box_place(instance, item);
     uvec3 hi = clipped_end(instance, p.origin, p.extent);
-    return p.level == LEVEL_VOXELS ? voxel_end : p.level == LEVEL_CELLS ? min(surface.voxel + 4u, hi) : hi;
+    return p.level == LEVEL_VOXELS ? voxel_end : p.level == LEVEL_CELLS ? cell_end(surface.voxel, hi) : hi;
 }
 
 bool index_ray(InstanceRef instance, uint instance_number, RayInWorld ray, Surface from, out IndexRay result) {

@@ -12,9 +12,10 @@ mod shapes;
 use std::cell::RefCell;
 use std::sync::{Arc, Mutex};
 
-use exact::in_world;
+use exact::cases::volumes;
 use exact::rays::{CLASSES, Class, ray};
-use exact::volumes::{Random, blobs, checkerboard, neurites, noise, sheets};
+use exact::volumes::{Random, noise};
+use exact::{Dense, in_world};
 use glam::{DAffine3, DMat3, DVec3};
 use gpu::scene::{Form, Uploaded};
 use gpu::{Gpu, Shared};
@@ -237,19 +238,6 @@ fn instance(volume: &Arc<CompressedVolume>, world_from_index: DAffine3, lod: Lod
     TracedInstance { volume: Arc::clone(volume), world_from_index, visible, lod }
 }
 
-fn volumes() -> Vec<(&'static str, [u32; 3], Arc<CompressedVolume>)> {
-    let named = |name, (dense, compressed): (exact::Dense, _)| (name, dense.dims, compressed);
-    vec![
-        named("noise 0.1 %", noise([70, 61, 83], 0.001, 9, 1)),
-        named("noise 3 %", noise([64, 64, 64], 0.03, 4, 2)),
-        named("noise 50 %", noise([37, 50, 41], 0.5, 3, 3)),
-        named("checkerboard", checkerboard([33, 34, 35])),
-        named("sheets", sheets([66, 70, 50])),
-        named("blobs", blobs([64, 64, 64], 60, 12, 4)),
-        named("neurites", neurites()),
-    ]
-}
-
 fn rays_of(class: Class, dims: [u32; 3], fine: u32, place: &DAffine3, n: u32) -> Vec<Asked> {
     let mut random = Random(u64::from(n) ^ class as u64);
     (0..n)
@@ -263,7 +251,7 @@ fn rays_of(class: Class, dims: [u32; 3], fine: u32, place: &DAffine3, n: u32) ->
 #[test]
 fn first_hits_are_the_cpus() {
     for front in fronts().iter() {
-        for (name, dims, volume) in volumes() {
+        for (name, Dense { dims, .. }, volume) in volumes() {
             let traced = [instance(&volume, DAffine3::IDENTITY, LodChoice::Voxels)];
             let mut asked = Vec::new();
             for class in CLASSES {
@@ -301,7 +289,7 @@ fn places() -> Vec<DAffine3> {
 #[test]
 fn placed_volumes_are_the_cpus() {
     for front in fronts().iter() {
-        for (name, dims, volume) in volumes() {
+        for (name, Dense { dims, .. }, volume) in volumes() {
             for (i, place) in places().iter().enumerate() {
                 let traced = [instance(&volume, *place, LodChoice::Voxels)];
                 let mut asked = Vec::new();
@@ -340,7 +328,7 @@ fn bounces(tracer: &SceneTracer, asked: &[Asked], random: &mut Random) -> Vec<As
 fn bounces_are_the_cpus() {
     for front in fronts().iter() {
         let mut random = Random(31);
-        for (name, dims, volume) in volumes() {
+        for (name, Dense { dims, .. }, volume) in volumes() {
             for place in [DAffine3::IDENTITY, places()[3]] {
                 for lod in [LodChoice::Voxels, LodChoice::Cells, LodChoice::Boxes] {
                     let traced = [instance(&volume, place, lod)];
@@ -360,7 +348,7 @@ fn bounces_are_the_cpus() {
 #[test]
 fn boundaries_of_one_label_are_the_cpus() {
     for front in fronts().iter() {
-        for (name, dims, volume) in volumes() {
+        for (name, Dense { dims, .. }, volume) in volumes() {
             let traced = [instance(&volume, DAffine3::IDENTITY, LodChoice::Voxels)];
             let labels = volume.labels().len() as u32;
             let mut random = Random(77);
@@ -382,7 +370,7 @@ fn cut_volumes_are_the_cpus() {
     for front in fronts().iter() {
         let mut random = Random(404);
         let mut caps = 0;
-        for (name, dims, volume) in volumes() {
+        for (name, Dense { dims, .. }, volume) in volumes() {
             for (place, lod) in [
                 (DAffine3::IDENTITY, LodChoice::Voxels),
                 (places()[1], LodChoice::Voxels),
@@ -514,7 +502,7 @@ fn long_volumes_are_the_cpus() {
 #[test]
 fn meshes_are_the_cpus() {
     for front in fronts().iter() {
-        let (_, dims, volume) = volumes().swap_remove(5);
+        let (_, Dense { dims, .. }, volume) = volumes().swap_remove(5);
         let mut random = shapes::Random(6);
         let ball = shapes::bumpy_ball(3, &mut random);
         let sheared = columns([-20.0, 3.0, 0.1], [0.3, 17.0, 1.0], [2.0, 0.0, 25.0], [30.0, 31.0, 33.0]);
@@ -562,7 +550,7 @@ fn meshes_are_the_cpus() {
 fn other_rays_have_other_hits() {
     let fronts = fronts();
     let front = &fronts[0];
-    let (_, dims, volume) = volumes().swap_remove(6);
+    let (_, Dense { dims, .. }, volume) = volumes().swap_remove(6);
     let traced = [instance(&volume, DAffine3::IDENTITY, LodChoice::Voxels)];
     let asked = rays_of(Class::Random, dims, 20, &DAffine3::IDENTITY, 2_000);
     let moved: Vec<_> = asked

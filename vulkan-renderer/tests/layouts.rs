@@ -16,10 +16,10 @@ use bytemuck::{Pod, Zeroable};
 use pumice_render::Bvh;
 use pumice_render::bvh::BoxBounds;
 use pumice_vulkan::layout::{
-    Brick, BrickBlock, BrickPart, Camera, Chunk, CutPlane, Emitter, EmitterPlace, Emitters, Environment, Filter, FirstRecord, HitRecord,
-    Instance, InstanceTree, LOD_BY_DISTANCE, LOD_CATCHER, LOD_TRIANGLES, Lamp, Launch, LightNode, Lights,
-    Material, NONE, Question, RayRecord, SCRATCH_BYTES, SceneHeader, Settings, ShiningTriangle, Sun,
-    SurfaceRecord,
+    Brick, BrickBlock, BrickPart, Camera, Chunk, CutPlane, Emitter, EmitterPlace, Emitters, Environment,
+    Filter, FirstRecord, HitRecord, Instance, InstanceTree, LOD_BY_DISTANCE, LOD_CATCHER, LOD_TRIANGLES,
+    Lamp, Launch, LightNode, Lights, Material, NONE, Question, RayRecord, SCRATCH_BYTES, SceneHeader,
+    Settings, ShiningTriangle, Sun, SurfaceRecord,
 };
 use reflection::{Field, Layout, layouts};
 

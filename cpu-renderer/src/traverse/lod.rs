@@ -92,6 +92,9 @@ impl LodChoice {
     }
 }
 
+/// Voxels by which a box may end beyond the volume.
+const MOST_BEYOND: u32 = 15;
+
 /// Squares of distances up to here are finite in f32; an eye beyond is put here.
 const FARTHEST_EYE: f32 = 1e18;
 
@@ -128,8 +131,8 @@ impl Detail {
         }
     }
 
-    /// The level of all boxes within `bounds` where it is one for certain: the one that was chosen, or voxels where the farthest corner is
-    /// near enough for them.
+    /// The level of all boxes within `bounds` where it is one for certain: the one that was chosen, or the one that the nearest and the
+    /// farthest point share.
     pub(super) fn everywhere(&self, bounds: &BoxBounds) -> Option<Level> {
         match self {
             Self::Same(level) => Some(*level),
@@ -140,7 +143,17 @@ impl Detail {
                 });
                 // Distances grow towards corners, and eight roundings are far less than this.
                 let farthest = corners.fold(0.0, f32::max) * 1.000_01;
-                (farthest < by.cells_from_squared).then_some(Level::Voxels)
+                // (Boxes may reach beyond the volume, where their bounds end.)
+                let end = bounds.hi.map(|hi| hi.saturating_add(MOST_BEYOND));
+                let nearest = by.level(bounds.lo, each_axis(|a| end[a] - bounds.lo[a]));
+                match nearest {
+                    _ if farthest < by.cells_from_squared => Some(Level::Voxels),
+                    // Coordinates along axes that are parallel to the world's: each is no farther for a box than for what is around all,
+                    // and sums and products in f32 keep that order.
+                    Level::Boxes if by.is_aligned() => Some(Level::Boxes),
+                    Level::Cells if by.is_aligned() && farthest < by.boxes_from_squared => Some(Level::Cells),
+                    _ => None,
+                }
             }
         }
     }
@@ -166,10 +179,68 @@ impl ByDistance {
         }
     }
 
+    /// Whether each axis of index space lies along one of the world's.
+    fn is_aligned(&self) -> bool {
+        let others = |r: usize| (0..3).filter(|&c| self.edges_from_index[c][r] != 0.0).count();
+        (0..3).all(|r| others(r) == 1)
+    }
+
     #[inline(always)]
     fn distance_squared(&self, away: [f32; 3]) -> f32 {
         let m = &self.edges_from_index;
         let [x, y, z] = each_axis(|r| m[0][r] * away[0] + m[1][r] * away[1] + m[2][r] * away[2]);
         x * x + y * y + z * z
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DMat3;
+
+    use super::*;
+
+    /// Wherever a level is told for all boxes within bounds, each box has it: placements along the world's axes and askew, eyes within and
+    /// far off, boxes that end beyond the bounds. Each level is told, and some choices are not one level.
+    #[test]
+    fn a_level_everywhere_is_that_of_each_box() {
+        let mut s = 7u64;
+        let mut below = |n: u32| {
+            s = s.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            (u64::from(n) * (s >> 33) >> 31) as u32
+        };
+        let mut told = [0; 4];
+        for i in 0..4000 {
+            let mut coordinate = |most: u32| f64::from(below(most)) - f64::from(most) / 2.0;
+            let matrix = match i % 3 {
+                0 => DMat3::from_diagonal(DVec3::new(16.0, -16.0, 40.0)),
+                1 => DMat3::from_cols(DVec3::Y * 0.3, DVec3::Z * -1.1, DVec3::X * 0.7),
+                _ => DMat3::from_cols(
+                    DVec3::new(3.0, coordinate(3), 0.0),
+                    DVec3::new(-1.0, 5.0, coordinate(5)),
+                    DVec3::new(coordinate(7), 0.0, -11.0),
+                ),
+            };
+            let world_from_index = DAffine3::from_mat3_translation(matrix, DVec3::splat(100.0));
+            let reach = [300, 3000, 30000][i / 3 % 3];
+            let eye = DVec3::new(coordinate(reach), coordinate(reach), coordinate(reach));
+            let choice = LodChoice::Distance {
+                eye_in_world: world_from_index.transform_point3(eye),
+                world_per_distance: [0.001, 0.01, 0.1][below(3) as usize],
+                world_constant: 0.0,
+            };
+            let detail = choice.placed(&world_from_index);
+            let lo = each_axis(|_| 4 * below(20));
+            let hi = each_axis(|a| lo[a] + 1 + below(150));
+            let level = detail.everywhere(&BoxBounds { lo, hi });
+            told[level.map_or(3, |level| level as usize)] += 1;
+            for _ in 0..40 {
+                let origin = each_axis(|a| lo[a] + below((hi[a] - lo[a]).div_ceil(4)) * 4);
+                let extent = each_axis(|_| 4 * (1 + below(4)));
+                if let Some(level) = level {
+                    assert_eq!(detail.level(origin, extent), level, "{origin:?} {extent:?} by {detail:?}");
+                }
+            }
+        }
+        assert!(told.iter().all(|&n| n > 200), "{told:?}");
     }
 }

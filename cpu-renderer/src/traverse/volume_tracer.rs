@@ -35,9 +35,11 @@ pub struct VolumeTracer {
     /// Whether there shall be such a form where there can be.
     wants_bricks: bool,
     detail: Detail,
-    /// Whether every box is at voxel level: a surface's element is its voxel then, and the hierarchy's bounds are those of the
-    /// voxels. Otherwise they are the boxes' own, which hold every level.
-    all_voxels: bool,
+    /// The level of all boxes, where it is one for certain: then no surface asks its box which element it is of.
+    level: Option<Level>,
+    /// Whether the hierarchy's bounds are those of the voxels, at which level every box is. Otherwise they are the boxes' own, which hold
+    /// every level.
+    tight: bool,
     /// Outward normals in the world: lower and upper face of each axis.
     normals: [[DVec3; 2]; 3],
     /// What is taken away.
@@ -76,7 +78,7 @@ impl VolumeTracer {
                 label = Some(label.map_or(found, |l: u32| l.min(found)));
             }
             // Voxels belong to one label; coarser elements overlap.
-            label.is_none() || !self.all_voxels
+            label.is_none() || self.level != Some(Level::Voxels)
         });
         label
     }
@@ -436,15 +438,15 @@ impl VolumeTracer {
         let axis = step.axis;
         let positive = ray.is_down(axis) != from_inside;
         let voxel = if from_inside { step.voxel_before(ray) } else { step.voxel };
-        let element = if self.all_voxels {
-            voxel
-        } else {
-            let b = self.volume.place_of_box(item as usize);
-            match self.detail.level(b.origin, b.extent) {
-                Level::Voxels => voxel,
-                Level::Cells => voxel.map(|v| v & !3),
-                Level::Boxes => b.origin,
-            }
+        let place = || self.volume.place_of_box(item as usize);
+        let level = self.level.unwrap_or_else(|| {
+            let b = place();
+            self.detail.level(b.origin, b.extent)
+        });
+        let element = match level {
+            Level::Voxels => voxel,
+            Level::Cells => voxel.map(|v| v & !3),
+            Level::Boxes => place().origin,
         };
         Hit {
             t: ray.world_t(axis, step.plane),
@@ -493,9 +495,11 @@ impl VolumeTracer {
     /// One past the highest voxel of a surface's element.
     #[inline(always)]
     fn element_end(&self, surface: &Surface) -> [u32; 3] {
-        match self.all_voxels {
-            true => surface.voxel.map(|v| v.saturating_add(1)),
-            false => self.coarse_element_end(surface),
+        let dims = self.volume.info().dims;
+        match self.level {
+            Some(Level::Voxels) => surface.voxel.map(|v| v.saturating_add(1)),
+            Some(Level::Cells) => cell_end(surface.voxel, dims),
+            _ => self.coarse_element_end(surface),
         }
     }
 
@@ -506,7 +510,7 @@ impl VolumeTracer {
         let hi = clipped_end(b.origin, b.extent, self.volume.info().dims);
         match self.detail.level(b.origin, b.extent) {
             Level::Voxels => voxel_end,
-            Level::Cells => [0, 1, 2].map(|a| (surface.voxel[a] + 4).min(hi[a])),
+            Level::Cells => cell_end(surface.voxel, hi),
             Level::Boxes => hi,
         }
     }
@@ -620,6 +624,12 @@ pub(super) const TWO_POW_60: f64 = (1u64 << 60) as f64;
 #[inline(always)]
 fn clipped_end(origin: [u32; 3], extent: [u32; 3], dims: [u32; 3]) -> [u32; 3] {
     each_axis(|a| (origin[a] + extent[a]).min(dims[a]))
+}
+
+/// One past the highest voxel of a voxel's cell, which ends at `end` at the latest.
+#[inline(always)]
+fn cell_end(voxel: [u32; 3], end: [u32; 3]) -> [u32; 3] {
+    each_axis(|a| (voxel[a] | 3).saturating_add(1).min(end[a]))
 }
 
 /// Number of the cell (`shift` 2) or of the voxel in its cell (`shift` 0): x + 4y + 16z.

@@ -1,6 +1,7 @@
 //! The oracles of traversal: whole numbers on a grid (the crate `pumice-oracle`), rational ones for any placement (here).
 #![allow(dead_code, unreachable_pub, unused_imports, reason = "each test file uses its part")]
 
+pub mod cases;
 pub mod rational;
 pub mod volumes;
 

@@ -76,9 +76,8 @@ impl PackedBricks {
     /// Bounds of the bricks' cells for hardware's hierarchies; see [`PackedBoxes::aabbs`].
     pub fn aabbs(&self, boxes: &PackedBoxes) -> Vec<[f32; 6]> {
         let bounds = self.corners.iter().zip(&self.bricks).map(|(corner, brick)| {
-            let has = |a: usize, at: u32| {
-                (0..64).any(|c| c >> (2 * a) & 3 == at && brick.occupied >> c & 1 != 0)
-            };
+            let has =
+                |a: usize, at: u32| (0..64).any(|c| c >> (2 * a) & 3 == at && brick.occupied >> c & 1 != 0);
             let first = |a: usize| (0..4).find(|&at| has(a, at)).unwrap_or(0);
             let last = |a: usize| (0..4).rfind(|&at| has(a, at)).unwrap_or(3);
             BoxBounds {

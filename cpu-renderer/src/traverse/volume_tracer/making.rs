@@ -7,6 +7,7 @@ use pumice_core::CompressedVolume;
 use pumice_render::{BoxBounds, Bvh, RenderError};
 use pumice_scene::CutShape;
 
+use super::super::box_walk::Level;
 use super::super::bricks::Bricks;
 use super::super::cuts::Cuts;
 use super::super::index_ray::Placement;
@@ -34,18 +35,20 @@ impl VolumeTracer {
                 volume.boxes().len()
             )));
         }
-        let all_voxels = *lod == LodChoice::Voxels;
-        let bvh = Arc::new(Bvh::build(visible_boxes(volume, visible, all_voxels))?);
+        let tight = *lod == LodChoice::Voxels;
+        let bvh = Arc::new(Bvh::build(visible_boxes(volume, visible, tight))?);
+        let detail = lod.placed(world_from_index);
         Ok(Self {
             volume: Arc::clone(volume),
             normals: normals(&placement),
-            detail: lod.placed(world_from_index),
+            level: level_of(&bvh, &detail),
+            detail,
             placement,
             instance,
             bvh,
             bricks: None,
             wants_bricks: false,
-            all_voxels,
+            tight,
             cuts: Cuts::default(),
             hidden: None,
             neighbors: None,
@@ -69,11 +72,11 @@ impl VolumeTracer {
     #[must_use]
     pub fn with_bricks(mut self) -> Self {
         self.wants_bricks = true;
-        let level = self.bvh.bounds().and_then(|bounds| self.detail.everywhere(&bounds));
         // (Kept ones are of the level that they were made for.)
-        if self.bricks.as_ref().map(|bricks| bricks.level()) != level {
+        if self.bricks.as_ref().map(|bricks| bricks.level()) != self.level {
             let drawn = self.bvh.items().iter().copied().filter(|&item| !self.is_hidden(item));
-            let made = level.and_then(|level| Bricks::new(&self.volume, &drawn.collect::<Vec<_>>(), level));
+            let made =
+                self.level.and_then(|level| Bricks::new(&self.volume, &drawn.collect::<Vec<_>>(), level));
             self.bricks = made.map(Arc::new);
         }
         self
@@ -118,20 +121,22 @@ impl VolumeTracer {
         world_from_index: DAffine3,
         lod: LodChoice,
     ) -> Result<Option<Self>, RenderError> {
-        if self.all_voxels != (lod == LodChoice::Voxels) {
+        if self.tight != (lod == LodChoice::Voxels) {
             return Ok(None);
         }
         let placement = Placement::of_instance(instance, world_from_index)?;
+        let detail = lod.placed(&world_from_index);
         let again = Self {
             volume: Arc::clone(&self.volume),
             normals: normals(&placement),
-            detail: lod.placed(&world_from_index),
+            level: level_of(&self.bvh, &detail),
+            detail,
             placement,
             instance,
             bvh: Arc::clone(&self.bvh),
             bricks: self.bricks.clone(),
             wants_bricks: self.wants_bricks,
-            all_voxels: self.all_voxels,
+            tight: self.tight,
             cuts: Cuts::default(),
             hidden: self.hidden.clone(),
             neighbors: self.neighbors.clone(),
@@ -183,6 +188,11 @@ impl VolumeTracer {
     pub fn boxes(&self) -> usize {
         self.bvh.len()
     }
+}
+
+/// See [`Detail::everywhere`]; of no box, none.
+fn level_of(bvh: &Bvh, detail: &Detail) -> Option<Level> {
+    bvh.bounds().and_then(|bounds| detail.everywhere(&bounds))
 }
 
 /// Bounds and number of each box of a visible label, in the volume's order; `tight` ones are those of its voxels.
