@@ -7,7 +7,7 @@ mod exact;
 
 use std::sync::Arc;
 
-use exact::cases::{Make, volumes_both_ways};
+use exact::cases::{MAKES, Make, volumes_both_ways};
 use exact::rational::judge::judge;
 use exact::rational::{ExactPlace, RationalRay};
 use exact::tally::Tally;
@@ -225,7 +225,8 @@ fn careless_rebasing_is_convicted() {
 /// Bounces in any placement: from where a ray in the world met an exposed face, also along it and a hair off it.
 #[test]
 fn paths_from_faces_are_exact_in_any_placement() {
-    for (name, dense, compressed, make) in volumes_both_ways() {
+    // (Of the thinnest noise a path meets too little.)
+    for (name, dense, compressed, make) in volumes_both_ways().skip(MAKES.len()) {
         for (place_name, place) in places() {
             let (tracer, exact) = (tracer(make, &compressed, place), ExactPlace::new(place));
             let (mut random, mut tally) = (Random(6), Tally::default());

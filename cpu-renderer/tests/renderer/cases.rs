@@ -295,7 +295,9 @@ fn what_is_carried_changes_no_picture() {
         renderer.carry(spare);
         renderer.set_scene(scene, &[volume()], &[]).unwrap();
         while renderer.advance(Duration::ZERO, 8, &Job::new()).unwrap().spp < 8 {}
-        let bytes: u64 = renderer.bytes().iter().map(|(_, bytes)| bytes).sum();
+        // (Bricks, which are for speed alone, give way to boxes where levels differ.)
+        let bytes: u64 =
+            renderer.bytes().iter().filter(|(part, _)| *part != "bricks").map(|(_, bytes)| bytes).sum();
         let seen = renderer.pick(18, 6).unwrap();
         let can = renderer.can_carry();
         (renderer.color().unwrap().pixels, seen, bytes, can)
@@ -415,6 +417,8 @@ fn only_what_differs_is_made_again() {
     let mut renderer = super::renderer();
     let shared = volume();
     let none = Rebuilt::default();
+    // By distance a device has a hierarchy over boxes, which it does without where all are of one level.
+    let by_distance = u64::from(renderer.name() != "cpu");
     let cases: Vec<(&str, Edit, Rebuilt)> = vec![
         (
             "all",
@@ -437,7 +441,11 @@ fn only_what_differs_is_made_again() {
             Rebuilt { materials: 1, acceleration: 1, ..none },
         ),
         ("detail", |s| s.settings.lod = Lod::Cells, Rebuilt { acceleration: 1, ..none }),
-        ("by distance", |s| s.settings.lod = Lod::Distance { pixels: 4.0 }, none),
+        (
+            "by distance",
+            |s| s.settings.lod = Lod::Distance { pixels: 4.0 },
+            Rebuilt { acceleration: by_distance, ..none },
+        ),
         (
             "camera, by distance",
             |s| s.camera.world_from_camera.translation.z += 40.0,

@@ -6,6 +6,7 @@
 
 pub(crate) mod scene;
 pub(crate) mod tiny;
+pub(crate) mod validated;
 
 use std::cell::RefCell;
 use std::collections::HashMap;
