@@ -130,7 +130,7 @@ impl Boxes {
         let chunks = gpu.buffer_of("the chunks of a volume", bytemuck::cast_slice(&packed.chunks))?;
         let boxes = gpu.buffer_of("the boxes of a volume", bytemuck::cast_slice(&packed.boxes))?;
         let labels = gpu.buffer_of("the labels of boxes", bytemuck::cast_slice(&packed.labels))?;
-        let in_bricks = PackedBricks::new(volume, &packed, visible, lod);
+        let in_bricks = suits_bricks(gpu).then(|| PackedBricks::new(volume, &packed, visible, lod)).flatten();
         let bricks = in_bricks.as_ref().map(|b| BricksOnDevice::new(gpu, b, &mut record)).transpose()?;
         let (bvh, acceleration) = match &in_bricks {
             None => hierarchy(gpu, place, &mut record, || packed.aabbs(), || packed.numbered())?,
@@ -179,6 +179,12 @@ impl Boxes {
 /// A choice of one level; `None` where it is by distance: then boxes are the same wherever the camera is.
 fn kind_of(lod: LodChoice) -> Option<LodChoice> {
     (!matches!(lod, LodChoice::Distance { .. })).then_some(lod)
+}
+
+/// Whether rays are to go through bricks, where there can be any: not where hardware finds them and doubles are integers. What looks at a
+/// brick then takes more time than what looks at its boxes, by a quarter on Mesa's driver (docs/measured.md).
+fn suits_bricks(gpu: &Gpu) -> bool {
+    !gpu.backend().uses_hardware_hierarchy() || gpu.candidate().native_f64
 }
 
 /// What is drawn of a volume, all labels in one.

@@ -9,9 +9,9 @@
 //! A candidate's result depends on the ray and the box alone, candidates are compared by (t, label, voxel), and the hierarchy
 //! only leaves out boxes that cannot win: the answer does not depend on the order of traversal.
 //!
-//! **Bricks** (`bricks`, `brick_walk`) are a second form of what is drawn, of all labels in one, where every box is at voxel level: space is
-//! met in order, and the first voxel there is the answer. They answer what does not ask for one label, two to three times as fast; the
-//! hierarchy answers the rest, and all of it at coarser levels and on a device. The two tell the same surfaces but for chords that a walk
+//! **Bricks** (`bricks`, `brick_walk`) are a second form of what is drawn, of all labels in one, where every box is at the same level: space
+//! is met in order, and the first voxel there is the answer. They answer what does not ask for one label, two to three times as fast; the
+//! hierarchy answers the rest, and all of it where levels differ. The two tell the same surfaces but for chords that a walk
 //! skips and for which voxel stands at an edge.
 //!
 //! **Surfaces.** Where the ray comes from outside, the first voxel of a visible label that it passes through with a chord above
