@@ -45,6 +45,17 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let options = CompressOptions { threads: 1, ..Default::default() };
     let volume = pumice_core::compress(&mut source, &options, &Job::new())?;
     let whole = cpu_seconds() - start;
+    let mut walls = [f64::INFINITY; 2];
+    for round in 0..6 {
+        let threads = 1 + round % 2;
+        source = source.rewound();
+        let wall = Instant::now();
+        let options = CompressOptions { threads, ..Default::default() };
+        pumice_core::compress(&mut source, &options, &Job::new())?;
+        walls[threads - 1] = walls[threads - 1].min(wall.elapsed().as_secs_f64());
+    }
+    let [one, two] = walls;
+    println!("threads: one {one:.3} s, two {two:.3} s of wall, {:.2} times as fast", one / two);
     let start = cpu_seconds();
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
     let contacts = pool.install(|| volume.find_contacts(&Job::new()))?;
