@@ -264,6 +264,7 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
             ("LodChoice::placed", READY),
             ("LodChoice::carrying_levels", CARRIED),
             ("Detail::everywhere", READY),
+            ("ByDistance::is_aligned", READY),
         ],
     ),
     (
