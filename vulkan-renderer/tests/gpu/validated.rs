@@ -14,7 +14,7 @@ static IDLE: Mutex<Vec<VulkanRenderer>> = Mutex::new(Vec::new());
 
 impl Validated {
     pub(crate) fn open(backend: Backend) -> Self {
-        let mut idle = IDLE.lock().unwrap();
+        let mut idle = IDLE.lock().expect("no test panicked while it held the lock");
         let known = idle.iter().position(|r| r.gpu().backend() == backend);
         Self(Some(known.map_or_else(|| open(backend), |place| idle.swap_remove(place))))
     }
@@ -22,23 +22,23 @@ impl Validated {
 
 fn open(backend: Backend) -> VulkanRenderer {
     let instance = super::validated();
-    let all = device::survey(&instance).unwrap();
+    let all = device::survey(&instance).expect("the devices");
     let candidate = all.iter().find(|c| c.can(backend)).unwrap_or_else(|| panic!("{backend}: {all:?}"));
     let read = |path: &std::path::Path| Err(format!("no picture at {}", path.display()));
-    VulkanRenderer::open(&instance, candidate, backend, None, read).unwrap()
+    VulkanRenderer::open(&instance, candidate, backend, None, read).expect("a renderer")
 }
 
 impl std::ops::Deref for Validated {
     type Target = VulkanRenderer;
 
     fn deref(&self) -> &VulkanRenderer {
-        self.0.as_ref().unwrap()
+        self.0.as_ref().expect("taken when dropped")
     }
 }
 
 impl std::ops::DerefMut for Validated {
     fn deref_mut(&mut self) -> &mut VulkanRenderer {
-        self.0.as_mut().unwrap()
+        self.0.as_mut().expect("taken when dropped")
     }
 }
 
@@ -52,7 +52,7 @@ impl Drop for Validated {
         if let Some(mut renderer) = self.0.take().filter(|r| !r.gpu().is_lost()) {
             renderer.forget_scene();
             renderer.notices();
-            IDLE.lock().unwrap().push(renderer);
+            IDLE.lock().expect("no test panicked while it held the lock").push(renderer);
         }
     }
 }
