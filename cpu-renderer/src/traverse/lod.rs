@@ -206,7 +206,7 @@ mod tests {
         let mut s = 7u64;
         let mut below = |n: u32| {
             s = s.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-            (u64::from(n) * (s >> 33) >> 31) as u32
+            ((u64::from(n) * (s >> 33)) >> 31) as u32
         };
         let mut told = [0; 4];
         for i in 0..4000 {
