@@ -6,23 +6,21 @@ use std::time::Duration;
 use pumice_core::{CompressedVolume, Job, MeshData};
 use pumice_render::sampler::REPLICATES;
 use pumice_render::{
-    EnvironmentTable, Image, PassSums, Pick, Picture, Progress, ReadyLamp, ReadySun, Rebuilt, RenderError,
-    Renderer, SurfaceKind, cryptomatte, name_mattes,
+    Image, PassSums, Pick, Picture, Progress, Rebuilt, RenderError, Renderer, SurfaceKind, cryptomatte,
+    name_mattes,
 };
 use pumice_scene::{
-    Environment, INSTANCES_OF_A_TREE, InstanceDiff, MeshDiff, Part, Pass, Scene, SceneDiff, SceneError, Spare,
+    INSTANCES_OF_A_TREE, InstanceDiff, MeshDiff, Part, Pass, Scene, SceneDiff, SceneError, Spare,
 };
 
 use crate::camera_rays::CameraRays;
 use crate::emitters::{Emitters, Shining};
-use crate::lights::{Lights, Sky};
+use crate::lights::Lights;
 use crate::looks::Looks;
 use crate::path::Surroundings;
 use crate::path_tracer::PathTracer;
+use crate::scene_lights::{ReadImage, scene_lights};
 use crate::traverse::{LodChoice, MeshTracer, SceneTracer, TracedInstance, VolumeTracer};
-
-/// Reads the scene-linear pictures that scenes name as environments; files are the caller's business.
-pub type ReadImage = fn(&std::path::Path) -> Result<Image, String>;
 
 /// See the module.
 #[derive(Debug)]
@@ -69,24 +67,6 @@ impl CpuRenderer {
     fn shown(&self) -> Result<&Shown, RenderError> {
         self.shown.as_ref().ok_or_else(no_scene)
     }
-}
-
-/// Lights of a scene, its picture read.
-///
-/// # Errors
-/// [`RenderError::Source`] where the picture cannot be read.
-pub fn scene_lights(scene: &Scene, read_image: ReadImage) -> Result<Lights, RenderError> {
-    let sky = match &scene.world.environment {
-        Environment::Constant { radiance } => Sky::Constant(glam::Vec3::from_array(*radiance)),
-        Environment::Image { path, rotation_rad, strength } => {
-            let at = |what: String| RenderError::Source(format!("{}: {what}", path.display()));
-            let image = read_image(path).map_err(at)?;
-            Sky::Image(Arc::new(EnvironmentTable::new(image, *strength, *rotation_rad).map_err(at)?))
-        }
-    };
-    let lamps = scene.lights.iter().map(ReadyLamp::new).filter(ReadyLamp::is_lit).collect();
-    let suns = scene.suns.iter().map(ReadySun::new).collect();
-    Ok(Lights::new(sky, suns, scene.world.backdrop).with_lamps(lamps))
 }
 
 /// What of a scene shines and can be aimed at.

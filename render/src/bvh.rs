@@ -60,6 +60,9 @@ impl BoxBounds {
     }
 }
 
+/// Largest component of a ray's inverse direction: with it no product in f32 overflows.
+pub const LARGEST_INVERSE: f64 = (1u64 << 60) as f64;
+
 /// A ray as the hierarchy sees it: moved to the hierarchy's bounds in f64, then rounded.
 #[derive(Clone, Copy, Debug)]
 pub struct BvhRay {

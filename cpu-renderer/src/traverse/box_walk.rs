@@ -20,18 +20,8 @@
 
 use pumice_core::BoxView;
 
+use super::lod::Level;
 use super::{IndexRay, each_axis};
-
-/// Detail at which the walk stops.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Level {
-    /// Voxels.
-    Voxels = 0,
-    /// Cells with a voxel.
-    Cells = 1,
-    /// The whole box.
-    Boxes = 2,
-}
 
 /// Where a walk ended.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -113,66 +113,68 @@ impl BlockWalk {
     }
 }
 
-impl Bricks {
-    /// The first voxel with scaled t in (`start`, `t_max`), or at `start`.
-    #[inline(always)]
-    pub(super) fn first_voxel<P: Pierce>(
-        &self,
-        by: P,
-        ray: &IndexRay,
-        start: f64,
-        t_max: f64,
-    ) -> Option<InBricks> {
-        let (mut enter, leave) = ray.clip_by(by, by.four(&self.bounds[0]), by.four(&self.bounds[1]), start);
-        if enter >= leave || enter >= t_max {
-            return None;
-        }
-        let end = if leave < t_max { leave } else { t_max };
-        let octant = Octant::new(|a| ray.is_down(a));
-        let mut walk = BlockWalk::begin(by, self, ray, enter);
-        loop {
-            let occupied = self.occupied(walk.index);
-            if occupied != 0 {
-                let met = by.pierced(ray, by.four(&walk.corner), &[0.0; 4], f64::from(BRICK), enter);
-                let mut met = met & by.mirrored(occupied, octant);
-                while met != 0 {
-                    let place = met.trailing_zeros() ^ octant.mirror();
-                    met &= met - 1;
-                    let (number, brick) = self.brick(walk.index, place);
-                    let step = &STEPS_OF_BRICKS[place as usize & 63];
-                    let corner = by.four(&walk.corner);
-                    match self.first_of_brick(by, ray, brick, corner, step, octant, start, enter) {
-                        Found::Nothing => {}
-                        Found::Face(step) if step.t >= t_max => return None,
-                        found => return Some(InBricks { found, brick: number }),
-                    }
+/// The first voxel with scaled t in (`start`, `t_max`), or at `start`.
+#[inline(always)]
+pub(super) fn first_voxel<P: Pierce>(
+    by: P,
+    bricks: &Bricks,
+    ray: &IndexRay,
+    start: f64,
+    t_max: f64,
+) -> Option<InBricks> {
+    let [low, high] = &bricks.bounds;
+    let (mut enter, leave) = ray.clip_by(by, by.four(low), by.four(high), start);
+    if enter >= leave || enter >= t_max {
+        return None;
+    }
+    let end = if leave < t_max { leave } else { t_max };
+    let search = BrickSearch { by, bricks, ray, octant: Octant::new(|a| ray.is_down(a)), start };
+    let octant = search.octant;
+    let mut walk = BlockWalk::begin(by, bricks, ray, enter);
+    loop {
+        let occupied = bricks.occupied(walk.index);
+        if occupied != 0 {
+            let met = by.pierced(ray, by.four(&walk.corner), &[0.0; 4], f64::from(BRICK), enter);
+            let mut met = met & by.mirrored(occupied, octant);
+            while met != 0 {
+                let place = met.trailing_zeros() ^ octant.mirror();
+                met &= met - 1;
+                let (number, brick) = bricks.brick(walk.index, place);
+                let step = &STEPS_OF_BRICKS[place as usize & 63];
+                match search.first_of_brick(brick, by.four(&walk.corner), step, enter) {
+                    Found::Nothing => {}
+                    Found::Face(step) if step.t >= t_max => return None,
+                    found => return Some(InBricks { found, brick: number }),
                 }
             }
-            enter = walk.step(self, ray, end)?;
         }
+        enter = walk.step(bricks, ray, end)?;
     }
+}
 
+/// What a search through one brick shares with that through the next.
+#[derive(Clone, Copy)]
+struct BrickSearch<'a, P> {
+    by: P,
+    bricks: &'a Bricks,
+    ray: &'a IndexRay,
+    octant: Octant,
+    /// Scaled t that a voxel is met after, or at.
+    start: f64,
+}
+
+impl<P: Pierce> BrickSearch<'_, P> {
     /// The first voxel of a brick whose lowest corner is at `corner + step`; `from`: any t before the ray comes into it.
     #[inline(always)]
-    #[allow(clippy::too_many_arguments, reason = "one caller, into which it is compiled")]
-    fn first_of_brick<P: Pierce>(
-        &self,
-        by: P,
-        ray: &IndexRay,
-        brick: &Brick,
-        corner: P::Four,
-        step: &Lanes,
-        octant: Octant,
-        start: f64,
-        from: f64,
-    ) -> Found {
+    fn first_of_brick(&self, brick: &Brick, corner: P::Four, step: &Lanes, from: f64) -> Found {
+        let Self { by, bricks, ray, octant, start } = *self;
         let mut met = by.pierced(ray, corner, step, 4.0, from) & by.mirrored(brick.occupied, octant);
         let lo = corner.plus(by.four(step));
         while met != 0 {
             let cell = met.trailing_zeros() ^ octant.mirror();
             met &= met - 1;
             let step = &STEPS_OF_CELLS[cell as usize & 63];
-            let field = by.mirrored(self.field(brick, cell), octant);
+            let field = by.mirrored(bricks.field(brick, cell), octant);
             let voxels = by.pierced(ray, lo, step, 1.0, from) & field;
             if voxels != 0 {
                 let first = voxels.trailing_zeros() ^ octant.mirror();

@@ -18,9 +18,8 @@
 use pumice_core::CompressedVolume;
 use pumice_render::BoxBounds;
 
-use super::box_walk::Level;
 use super::each_axis;
-use super::four::{Lanes, lanes};
+use super::lod::Level;
 
 /// Voxels along the side of a block.
 pub const BLOCK: u32 = 64;
@@ -33,9 +32,9 @@ pub struct Bricks {
     /// Of what is drawn.
     level: Level,
     /// Around all voxels: lowest and highest corner.
-    pub(super) bounds: [Lanes; 2],
+    pub(super) bounds: [[f64; 4]; 2],
     /// The last block along each axis.
-    pub(super) last_block: Lanes,
+    pub(super) last_block: [f64; 4],
     /// Blocks from one to the next along each axis.
     pub(super) strides: [usize; 3],
     blocks: Vec<Block>,
@@ -98,7 +97,7 @@ impl Bricks {
         let mut made = Self {
             level,
             bounds: [[0.0; 4]; 2],
-            last_block: lanes(|a| blocks_along.get(a).map_or(0.0, |&n| f64::from(n - 1))),
+            last_block: four(blocks_along.map(|n| n - 1)),
             strides: [1, blocks_along[0] as usize, blocks_along[0] as usize * blocks_along[1] as usize],
             blocks: vec![Block::default(); blocks as usize],
             bricks: Vec::new(),
@@ -109,7 +108,7 @@ impl Bricks {
         for of_brick in reaching.chunk_by(|a, b| a.0 == b.0) {
             bounds = bounds.union(made.add(volume, of_brick)?);
         }
-        made.bounds = [bounds.lo, bounds.hi].map(|p| lanes(|a| p.get(a).map_or(0.0, |&v| f64::from(v))));
+        made.bounds = [bounds.lo, bounds.hi].map(four);
         made.bricks.push(made.next_brick()?);
         made.bricks.shrink_to_fit();
         made.fields.shrink_to_fit();
@@ -264,6 +263,11 @@ impl Bricks {
             Some(second) => [first, second].into_iter().chain(there).find(|part| holds(part.item)).copied(),
         }
     }
+}
+
+/// Whole numbers as doubles, and a 0 after them: what four lanes hold.
+fn four([x, y, z]: [u32; 3]) -> [f64; 4] {
+    [f64::from(x), f64::from(y), f64::from(z), 0.0]
 }
 
 /// The bricks into which each box reaches, by block and place, and the box; in their order.

@@ -11,15 +11,13 @@
 //! above it, and its coordinate is moved to the middle of that: no plane lies at the coordinate of a direction of 0, and the product
 //! is ±huge, never 0 or NaN.
 
-use glam::{DAffine3, DVec3};
-use pumice_render::{PathOrigin, RayInWorld, RenderError, Surface};
+use glam::DVec3;
+use pumice_render::{PathOrigin, RayInWorld, Surface};
 
 use super::box_walk::TIE;
-use super::each_axis;
 use super::four::{Four, Instructions, Lanes, Plain, lanes};
-
-/// Smallest scaled direction component whose reciprocal is finite in f64.
-pub(super) const SMALLEST: f64 = f64::MIN_POSITIVE;
+use super::placement::Placement;
+use super::power_of_two::{MODERATE, SMALLEST, exp2, exponent, scaled_extreme};
 
 /// 2⁻⁴⁸: more than the five roundings by which the product for a plane and its reported distance may differ.
 const AS_NEAR: f64 = 16.0 * f64::EPSILON;
@@ -48,21 +46,6 @@ pub(crate) enum Start {
     Plane(usize, f64),
 }
 
-/// An instance's place in the world, inverted once: as adjugate and determinant, divided last. A zero of the inverse then stays
-/// an exact zero, and a matrix of small whole numbers (spacings in nm, permuted or sheared axes) is inverted without rounding
-/// but for that division: rays in a plane between voxels, as in isometric views, stay in it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Placement {
-    /// Index space to world.
-    pub world_from_index: DAffine3,
-    /// Rows of the adjugate, all times the determinant's sign.
-    pub adjugate: [DVec3; 3],
-    /// Absolute determinant.
-    pub determinant: f64,
-    /// The adjugate's columns, whose spares are 0.
-    columns: [Lanes; 3],
-}
-
 /// A ray in index space, scaled by 2⁻ᵏ⁰ in the world and by 2⁻ᵏ¹ here.
 struct Moved<F> {
     origin: F,
@@ -72,83 +55,18 @@ struct Moved<F> {
     k1: i32,
 }
 
-impl Placement {
-    /// [`Placement::new`] for the instance at a place of the scene.
-    ///
-    /// # Errors
-    /// [`RenderError::Scene`] names the instance.
-    pub fn of_instance(place: u32, world_from_index: DAffine3) -> Result<Self, RenderError> {
-        Self::new(world_from_index).ok_or_else(|| {
-            RenderError::Scene(format!(
-                "instances[{place}]: world_from_index cannot be inverted: {:?}",
-                world_from_index.to_cols_array()
-            ))
-        })
-    }
+/// A vector of the world in index space.
+#[inline(always)]
+fn four_from_world<I: Instructions>(by: I, placement: &Placement, v: DVec3) -> I::Four {
+    let [x, y, z] = placement.columns.each_ref().map(|column| by.four(column));
+    let sum = x.times(by.all(v.x)).plus(y.times(by.all(v.y))).plus(z.times(by.all(v.z)));
+    sum.over(by.all(placement.determinant))
+}
 
-    /// `None` when the matrix is singular, not finite, or so small or large that its determinant is not a normal number.
-    pub fn new(world_from_index: DAffine3) -> Option<Self> {
-        let m = world_from_index.matrix3;
-        let rows = [m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis)];
-        let det = m.x_axis.dot(rows[0]);
-        let usable = world_from_index.is_finite() && det.is_normal() && rows.iter().all(|r| r.is_finite());
-        let adjugate = rows.map(|r| if det < 0.0 { -r } else { r });
-        let columns = each_axis(|c| [adjugate[0][c], adjugate[1][c], adjugate[2][c], 0.0]);
-        usable.then_some(Self { world_from_index, adjugate, determinant: det.abs(), columns })
-    }
-
-    /// A vector of the world in index space.
-    #[inline(always)]
-    pub fn index_from_world(&self, v: DVec3) -> DVec3 {
-        DVec3::from_slice(&self.four_from_world(Plain, v))
-    }
-
-    #[inline(always)]
-    fn four_from_world<I: Instructions>(&self, by: I, v: DVec3) -> I::Four {
-        let [x, y, z] = self.columns.each_ref().map(|column| by.four(column));
-        let sum = x.times(by.all(v.x)).plus(y.times(by.all(v.y))).plus(z.times(by.all(v.z)));
-        sum.over(by.all(self.determinant))
-    }
-
-    /// The ray in index space; `None` when it is not finite or has no direction.
-    ///
-    /// A ray from a face starts exactly on the face's plane and within the face's rectangle, at its outer side: were it left
-    /// where rounding put it, it could start inside a neighbour.
-    #[inline(always)]
-    pub(super) fn ray<I: Instructions>(&self, by: I, ray: &RayInWorld, start: Start) -> Option<IndexRay> {
-        let Moved { origin, direction, d_world, k0, k1 } = self.moved(by, ray)?;
-        // The spare of a direction is 1. (All that is done to a ray is done to whole fours: what is stored lane by lane is not there yet
-        // when it is wanted as a four.)
-        let direction = direction.plus(by.four(&[0.0, 0.0, 0.0, 1.0]));
-        let (origin, direction) = match start {
-            Start::Free => (origin, direction),
-            Start::Face(surface, upper) => {
-                self.start_on_face(by, origin, direction, d_world, k1, surface, upper)
-            }
-            Start::Plane(axis, plane) => {
-                let origin = origin.array();
-                (by.four(&lanes(|a| if a == axis { plane } else { origin[a] })), direction)
-            }
-        };
-        let [origin, direction, inverse] = match direction.size().below(by.all(SMALLEST)) {
-            0 => [origin, direction, by.all(1.0).over(direction)],
-            _ => turned_finite(by, origin, direction),
-        };
-        let [origin, direction, inverse] = [origin.array(), direction.array(), inverse.array()];
-        Some(IndexRay { origin, direction, inverse, scaled_from_world: exp2(k0) * exp2(k1) })
-    }
-
-    /// The ray in the grid of a mesh: a point of it is what it is, and belongs to no cell.
-    pub(crate) fn ray_to_mesh(&self, ray: &RayInWorld) -> Option<IndexRay> {
-        let Moved { origin, mut direction, k0, k1, .. } = self.moved(Plain, ray)?;
-        direction[3] = 1.0;
-        let inverse = lanes(|a| 1.0 / direction[a].abs().max(SMALLEST).copysign(direction[a]));
-        Some(IndexRay { origin, direction, inverse, scaled_from_world: exp2(k0) * exp2(k1) })
-    }
-
+impl<F: Four> Moved<F> {
     /// The ray in index space, its direction scaled; `None` when it is not finite or has no direction.
     #[inline(always)]
-    fn moved<I: Instructions>(&self, by: I, ray: &RayInWorld) -> Option<Moved<I::Four>> {
+    fn new<I: Instructions<Four = F>>(by: I, placement: &Placement, ray: &RayInWorld) -> Option<Self> {
         // 1. Scale in the world first, so that a tiny direction does not lose bits in the product. (A usual one does not: powers of two
         //    come through the product as they are, and all of the scale is found after it, with the same bits and sooner.)
         let RayInWorld { origin: o, direction: d } = ray;
@@ -159,26 +77,28 @@ impl Placement {
             let (d_world, k0) = scaled_four(by, by.four(&[d.x, d.y, d.z, 0.0]))?;
             (DVec3::from_slice(&d_world.array()), k0)
         };
-        let (direction, k1) = scaled_four(by, self.four_from_world(by, d_world))?;
+        let (direction, k1) = scaled_four(by, four_from_world(by, placement, d_world))?;
         // 2. Subtract the translation before the product: volumes lie far from the world's origin.
-        let origin = self.four_from_world(by, *o - self.world_from_index.translation);
+        let origin = four_from_world(by, placement, *o - placement.world_from_index.translation);
         let is_finite = origin.size().below(by.all(f64::INFINITY)) == 0b1111;
-        is_finite.then_some(Moved { origin, direction, d_world, k0, k1 })
+        is_finite.then_some(Self { origin, direction, d_world, k0, k1 })
+    }
+
+    /// Scaled t per t of the world's ray.
+    #[inline(always)]
+    fn scaled_from_world(&self) -> f64 {
+        exp2(self.k0) * exp2(self.k1)
     }
 
     /// The origin put on `surface`'s plane, and a direction that rounding turned inward along the plane.
     #[inline(always)]
-    #[allow(clippy::too_many_arguments, reason = "what `ray` has at hand")]
-    fn start_on_face<I: Instructions>(
+    fn start_on_face<I: Instructions<Four = F>>(
         &self,
         by: I,
-        origin: I::Four,
-        direction: I::Four,
-        d_world: DVec3,
-        k1: i32,
+        placement: &Placement,
         surface: Surface,
         upper: [u32; 3],
-    ) -> (I::Four, I::Four) {
+    ) -> (F, F) {
         let axis = usize::from(surface.axis.min(2));
         let plane = f64::from(surface.plane);
         // Off the rectangle's edges, where the next column begins; 2⁻²⁸ is representable at 2²³ voxels.
@@ -188,34 +108,31 @@ impl Placement {
             by.four(&lanes(|a| if a == axis { plane } else { end(a) }))
         };
         let (lowest, highest) = (within(surface.voxel, inset), within(upper, -inset));
-        let origin = origin.max(lowest).min(highest);
-        let along = direction.array()[axis];
+        let origin = self.origin.max(lowest).min(highest);
+        let along = self.direction.array()[axis];
         let outward = if surface.positive { along } else { -along };
         if outward <= 0.0 {
-            return self.start_along_face(by, origin, direction, outward, d_world, k1, surface);
+            return self.start_along_face(by, placement, surface, origin, outward);
         }
-        (origin, direction)
+        (origin, self.direction)
     }
 
     #[cold]
-    #[allow(clippy::too_many_arguments, reason = "the rest of `start_on_face`")]
-    fn start_along_face<I: Instructions>(
+    fn start_along_face<I: Instructions<Four = F>>(
         &self,
         by: I,
-        origin: I::Four,
-        direction: I::Four,
-        outward: f64,
-        d_world: DVec3,
-        k1: i32,
+        placement: &Placement,
         surface: Surface,
-    ) -> (I::Four, I::Four) {
+        origin: F,
+        outward: f64,
+    ) -> (F, F) {
         let axis = usize::from(surface.axis.min(2));
         // What three products and two sums of the change of space may lose of this component.
-        let row = self.adjugate[axis].abs().dot(d_world.abs()) / self.determinant * exp2(-k1);
-        if -outward > row * f64::EPSILON * 4.0 {
-            return (origin, direction);
+        let row = placement.adjugate[axis].abs().dot(self.d_world.abs()) / placement.determinant;
+        if -outward > row * exp2(-self.k1) * f64::EPSILON * 4.0 {
+            return (origin, self.direction);
         }
-        let (mut origin, mut direction) = (origin.array(), direction.array());
+        let (mut origin, mut direction) = (origin.array(), self.direction.array());
         direction[axis] = 0.0;
         // A ray in the plane belongs to the voxel above it; from a lower face the outer side is below.
         if !surface.positive {
@@ -223,25 +140,49 @@ impl Placement {
         }
         (by.four(&origin), by.four(&direction))
     }
-
-    /// Unit normal in the world of a surface with this normal in index space: it stays on the same side of the surface, in mirrored
-    /// places too.
-    pub fn normal_of(&self, normal: DVec3) -> DVec3 {
-        let [x, y, z] = self.adjugate;
-        // Adjugates of small voxels are small: a normal that was brought to 1 first has a square that is a number.
-        let n = normal / normal.abs().max_element();
-        let n = x * n.x + y * n.y + z * n.z;
-        (n / n.abs().max_element()).normalize()
-    }
-
-    /// Outward unit normal of a face in the world: the axis' covector, so that sheared and mirrored matrices are right.
-    pub fn normal(&self, axis: usize, positive: bool) -> DVec3 {
-        let n = self.adjugate[axis].normalize();
-        if positive { n } else { -n }
-    }
 }
 
 impl IndexRay {
+    /// The ray in the index space of an instance; `None` when it is not finite or has no direction.
+    ///
+    /// A ray from a face starts exactly on the face's plane and within the face's rectangle, at its outer side: were it left
+    /// where rounding put it, it could start inside a neighbour.
+    #[inline(always)]
+    pub(super) fn new<I: Instructions>(
+        by: I,
+        placement: &Placement,
+        ray: &RayInWorld,
+        start: Start,
+    ) -> Option<Self> {
+        let mut moved = Moved::new(by, placement, ray)?;
+        // The spare of a direction is 1. (All that is done to a ray is done to whole fours: what is stored lane by lane is not there yet
+        // when it is wanted as a four.)
+        moved.direction = moved.direction.plus(by.four(&[0.0, 0.0, 0.0, 1.0]));
+        let (origin, direction) = match start {
+            Start::Free => (moved.origin, moved.direction),
+            Start::Face(surface, upper) => moved.start_on_face(by, placement, surface, upper),
+            Start::Plane(axis, plane) => {
+                let origin = moved.origin.array();
+                (by.four(&lanes(|a| if a == axis { plane } else { origin[a] })), moved.direction)
+            }
+        };
+        let [origin, direction, inverse] = match direction.size().below(by.all(SMALLEST)) {
+            0 => [origin, direction, by.all(1.0).over(direction)],
+            _ => turned_finite(by, origin, direction),
+        };
+        let [origin, direction, inverse] = [origin.array(), direction.array(), inverse.array()];
+        Some(Self { origin, direction, inverse, scaled_from_world: moved.scaled_from_world() })
+    }
+
+    /// The ray in the grid of a mesh: a point of it is what it is, and belongs to no cell.
+    pub(crate) fn in_mesh_grid(placement: &Placement, ray: &RayInWorld) -> Option<Self> {
+        let moved = Moved::new(Plain, placement, ray)?;
+        let mut direction = moved.direction;
+        direction[3] = 1.0;
+        let inverse = lanes(|a| 1.0 / direction[a].abs().max(SMALLEST).copysign(direction[a]));
+        Some(Self { origin: moved.origin, direction, inverse, scaled_from_world: moved.scaled_from_world() })
+    }
+
     /// Where the ray meets plane `p` of axis `a` (see the module).
     #[inline(always)]
     pub(crate) fn t_of(&self, a: usize, p: f64) -> f64 {
@@ -317,19 +258,10 @@ fn turned_finite<I: Instructions>(by: I, origin: I::Four, direction: I::Four) ->
     [by.four(&origin), by.four(&direction), by.four(&inverse)]
 }
 
-/// Sizes of lanes beyond these are not scaled at once: 2ᵏ and 2⁻ᵏ must be normal numbers.
-const MODERATE: std::ops::Range<f64> = f64::from_bits(23 << 52)..f64::from_bits(2023 << 52);
-
 /// Sums of a direction's sizes that are not scaled before the change of space: 2⁻³² to 2³².
 const USUAL: std::ops::Range<f64> = f64::from_bits((1023 - 32) << 52)..f64::from_bits((1023 + 32) << 52);
 
-/// The vector times 2⁻ᵏ with its largest component within [1, 2), and k. `None` for zero and for what is not finite.
-pub(super) fn scaled(v: DVec3) -> Option<(DVec3, i32)> {
-    let (v, k) = scaled_four(Plain, [v.x, v.y, v.z, 0.0])?;
-    Some((DVec3::from_slice(&v), k))
-}
-
-/// The same of lanes, whose spare is 0.
+/// [`scaled`] of lanes, whose spare is 0.
 #[inline(always)]
 fn scaled_four<I: Instructions>(by: I, v: I::Four) -> Option<(I::Four, i32)> {
     let size = v.size().array();
@@ -338,37 +270,10 @@ fn scaled_four<I: Instructions>(by: I, v: I::Four) -> Option<(I::Four, i32)> {
     // (What is not a number is in no range.)
     if !(largest >= MODERATE.start && size[0] + size[1] + size[2] < MODERATE.end) {
         let (v, k) = scaled_extreme(DVec3::from_slice(&v.array()))?;
-        return Some((by.four(&v), k));
+        return Some((by.four(&[v.x, v.y, v.z, 0.0]), k));
     }
     let k = exponent(largest);
     Some((v.times(by.all(f64::from_bits(((1023 - k) as u64) << 52))), k))
-}
-
-#[cold]
-fn scaled_extreme(v: DVec3) -> Option<(Lanes, i32)> {
-    let largest = v.abs().max_element();
-    if !v.is_finite() || largest == 0.0 {
-        return None;
-    }
-    // A subnormal length is brought up first: its exponent field says nothing.
-    let (v, largest, lift) =
-        if largest < SMALLEST { (v * exp2(600), largest * exp2(600), 600) } else { (v, largest, 0) };
-    let k = exponent(largest);
-    // In two steps: 2⁻ᵏ itself may not be representable.
-    let half = k / 2;
-    let v = v * exp2(-half) * exp2(half - k);
-    Some(([v.x, v.y, v.z, 0.0], k - lift))
-}
-
-#[inline(always)]
-fn exponent(v: f64) -> i32 {
-    (v.to_bits() >> 52) as i32 - 1023
-}
-
-/// 2ᵏ, saturating.
-#[inline(always)]
-pub(super) fn exp2(k: i32) -> f64 {
-    f64::from_bits(((k.clamp(-1022, 1023) + 1023) as u64) << 52)
 }
 
 /// The surface that a path leaves, when it belongs to `instance`.

@@ -21,11 +21,12 @@
 //! instance is asked first, whatever the hierarchy says. A ray whose origin overflows the grid meets nothing.
 
 use glam::DVec3;
+use pumice_render::bvh::LARGEST_INVERSE;
 use pumice_render::{BoxBounds, Bvh, BvhRay, RayInWorld, RenderError};
 
 use super::box_walk::TIE;
-use super::index_ray::{Placement, SMALLEST, exp2, scaled};
-use super::volume_tracer::TWO_POW_60;
+use super::placement::Placement;
+use super::power_of_two::{SMALLEST, exp2, scaled};
 
 /// Deepest hierarchy that is used: shaders have a stack of as many places. That over 2²⁰ instances side by side has 8 levels.
 const MAX_DEPTH: usize = 32;
@@ -190,7 +191,7 @@ impl InstanceTree {
             let at = origin[a] + enter * direction[a];
             let (lo, hi) = (f64::from(bounds.lo[a]) - beside, f64::from(bounds.hi[a]) + beside);
             moved.origin[a] = at.clamp(lo, hi) as f32;
-            moved.inverse[a] = inverse[a].clamp(-TWO_POW_60, TWO_POW_60) as f32;
+            moved.inverse[a] = inverse[a].clamp(-LARGEST_INVERSE, LARGEST_INVERSE) as f32;
         }
         // Twice: what the hierarchy's own roundings make of an origin beside its bounds is a small part of how far it is beside.
         moved.pad = self.bvh.pad() + (2.0 * beside) as f32;
@@ -247,8 +248,13 @@ mod tests {
                 let from = place.index_from_world(origin - place.world_from_index.translation);
                 let ray = RayInWorld { origin, direction: place.world_from_index.matrix3 * (corner - from) };
                 // As the instance sees it: it may pass beside by rounding.
-                let Some(own) = place.ray_to_mesh(&ray) else { continue };
-                let (enter, leave) = own.clip(bounds.lo, bounds.hi, 0.0);
+                let own = place.index_from_world(ray.direction);
+                let (mut enter, mut leave) = (0.0f64, f64::INFINITY);
+                for a in 0..3 {
+                    let t = |plane: u32| (f64::from(plane) - from[a]) / own[a];
+                    let (lo, hi) = (t(bounds.lo[a]), t(bounds.hi[a]));
+                    (enter, leave) = (enter.max(lo.min(hi)), leave.min(lo.max(hi)));
+                }
                 let mut found = false;
                 tree.along_ray(&ray, f64::INFINITY, |i| {
                     found |= i == number;

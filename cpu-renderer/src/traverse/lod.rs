@@ -7,9 +7,19 @@ use glam::{DAffine3, DVec3};
 use pumice_render::BoxBounds;
 use pumice_scene::{Camera, Film, Lod, Projection};
 
-use super::box_walk::Level;
 use super::each_axis;
 use crate::camera_rays::fitted_side;
+
+/// Detail at which the walk through a box stops.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Level {
+    /// Voxels.
+    Voxels = 0,
+    /// Cells with a voxel.
+    Cells = 1,
+    /// The whole box.
+    Boxes = 2,
+}
 
 /// How a box's level is chosen.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -17,6 +17,8 @@ use glam::{DAffine3, DVec3};
 use pumice_core::MeshData;
 use pumice_render::{BoxBounds, RenderError};
 
+use super::placement::Placement;
+
 /// Cells from the grid's lowest plane to the mesh: room for the bounds' margin.
 const MARGIN: f64 = 2.0;
 
@@ -71,6 +73,23 @@ impl MeshGrid {
     pub fn bytes(&self) -> u64 {
         (self.corners.capacity() * size_of::<[f32; 3]>()) as u64
     }
+}
+
+/// Where a mesh of the scene is, as the place of its grid.
+///
+/// # Errors
+/// [`RenderError::Scene`] names the mesh whose matrix is singular.
+pub fn mesh_placement(
+    place: u32,
+    mesh_from_grid: DAffine3,
+    world_from_mesh: DAffine3,
+) -> Result<Placement, RenderError> {
+    Placement::new(world_from_mesh * mesh_from_grid).ok_or_else(|| {
+        RenderError::Scene(format!(
+            "meshes[{place}]: world_from_mesh cannot be inverted at the mesh's size: {:?}",
+            world_from_mesh.to_cols_array()
+        ))
+    })
 }
 
 #[cfg(test)]

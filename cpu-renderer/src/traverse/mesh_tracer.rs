@@ -11,10 +11,11 @@ use pumice_core::MeshData;
 use pumice_render::{Bvh, Hit, PathOrigin, RayInWorld, RenderError, Surface, SurfaceKind, Tracer};
 
 use super::IndexRay;
-use super::index_ray::{Placement, surface_of};
+use super::index_ray::surface_of;
 use super::instance_tree::WorldBounds;
-use super::mesh_grid::MeshGrid;
+use super::mesh_grid::{MeshGrid, mesh_placement};
 use super::mesh_normals::blended_normal;
+use super::placement::Placement;
 use super::triangle::TriangleRay;
 use super::volume_tracer::bvh_ray;
 
@@ -57,23 +58,6 @@ impl Leaving {
             self.normal.dot(d) <= size * (8.0 * f64::EPSILON)
         })
     }
-}
-
-/// Where a mesh of the scene is, as the place of its grid.
-///
-/// # Errors
-/// [`RenderError::Scene`] names the mesh whose matrix is singular.
-pub fn mesh_placement(
-    place: u32,
-    mesh_from_grid: DAffine3,
-    world_from_mesh: DAffine3,
-) -> Result<Placement, RenderError> {
-    Placement::new(world_from_mesh * mesh_from_grid).ok_or_else(|| {
-        RenderError::Scene(format!(
-            "meshes[{place}]: world_from_mesh cannot be inverted at the mesh's size: {:?}",
-            world_from_mesh.to_cols_array()
-        ))
-    })
 }
 
 impl MeshTracer {
@@ -191,7 +175,7 @@ impl MeshTracer {
         t_max: f64,
         best: f64,
     ) -> Option<Hit> {
-        let ray = self.placement.ray_to_mesh(ray)?;
+        let ray = IndexRay::in_mesh_grid(&self.placement, ray)?;
         let (t, triangle) = self.nearest(&ray, from, ray.reach(t_max, best), false)?;
         Some(self.hit(&ray, t, triangle))
     }
@@ -222,7 +206,7 @@ impl Tracer for MeshTracer {
     }
 
     fn occluded(&self, ray: &RayInWorld, from: PathOrigin, t_max: f64) -> bool {
-        let Some(ray) = self.placement.ray_to_mesh(ray) else { return false };
+        let Some(ray) = IndexRay::in_mesh_grid(&self.placement, ray) else { return false };
         self.nearest(&ray, from, ray.scaled_t(t_max), true).is_some()
     }
 

@@ -135,7 +135,12 @@ mod tests {
                 let signs = [0, 1, 2].map(|bit| if i >> bit & 2 != 0 { 1.0 } else { -1.0 });
                 target = origin - DVec3::from(signs) * (origin - DVec3::splat(672.0)).abs().max_element();
             }
-            rays.extend(place.ray(Plain, &RayInWorld { origin, direction: target - origin }, Start::Free));
+            rays.extend(IndexRay::new(
+                Plain,
+                &place,
+                &RayInWorld { origin, direction: target - origin },
+                Start::Free,
+            ));
         }
         rays
     }

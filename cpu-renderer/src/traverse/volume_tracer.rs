@@ -2,23 +2,25 @@
 
 mod making;
 
-pub use making::visible_boxes;
-
 use std::sync::Arc;
 
 use glam::DVec3;
 use pumice_core::{BoxView, CompressedVolume};
+use pumice_render::bvh::LARGEST_INVERSE;
 use pumice_render::{BoxBounds, Bvh, BvhRay, Hit, PathOrigin, RayInWorld, Surface, SurfaceKind, Tracer};
 
-use super::box_walk::{Found, Level, Step, TIE, Walk};
-use super::brick_walk::InBricks;
+use super::box_walk::{Found, Step, TIE, Walk};
+use super::brick_walk::{InBricks, first_voxel};
 use super::bricks::{BrickPart, Bricks};
-use super::cuts::{CutRay, Cuts};
+use super::cut_ray::CutRay;
+use super::cuts::Cuts;
 use super::four::{Instructions, Plain};
-use super::index_ray::{Placement, Start, surface_of};
-use super::lod::Detail;
+use super::index_ray::{Start, surface_of};
+use super::lod::{Detail, Level};
 use super::neighbors::Neighbors;
 use super::pierced::Pierce;
+use super::placement::Placement;
+use super::visible_boxes::clipped_end;
 use super::voxel_normals::falling_off;
 use super::{IndexRay, each_axis};
 
@@ -157,7 +159,7 @@ impl VolumeTracer {
                 _ => Start::Free,
             },
         };
-        self.placement.ray(by, ray, start)
+        IndexRay::new(by, &self.placement, ray, start)
     }
 
     /// The ray, for the cuts. (The world's ray decides to which side of a cap it goes: the integrator saw that one.)
@@ -326,7 +328,7 @@ impl VolumeTracer {
         start: f64,
         t_max: f64,
     ) -> Nearest {
-        let Some(InBricks { found, brick }) = bricks.first_voxel(by, ray, start, t_max) else {
+        let Some(InBricks { found, brick }) = first_voxel(by, bricks, ray, start, t_max) else {
             return Nearest::Nothing;
         };
         let part_of = |voxel| bricks.part(brick, voxel, |item| self.holds(item, voxel));
@@ -611,19 +613,12 @@ pub(super) fn bvh_ray(bvh: &Bvh, ray: &IndexRay, start: f64, t_max: f64) -> Opti
                 at.clamp(f64::from(bounds.lo[a]), f64::from(bounds.hi[a])) as f32
             }),
             // A component below 2⁻⁶⁰ moves the ray by less than 2⁻³⁶ voxels within the largest volume: far below the pad.
-            inverse: each_axis(|a| ray.inverse[a].clamp(-TWO_POW_60, TWO_POW_60) as f32),
+            inverse: each_axis(|a| ray.inverse[a].clamp(-LARGEST_INVERSE, LARGEST_INVERSE) as f32),
             // Three f64 roundings of the move.
             pad: bvh.pad() + (far * 4.0 * f64::EPSILON) as f32,
         },
         enter,
     ))
-}
-
-pub(super) const TWO_POW_60: f64 = (1u64 << 60) as f64;
-
-#[inline(always)]
-fn clipped_end(origin: [u32; 3], extent: [u32; 3], dims: [u32; 3]) -> [u32; 3] {
-    each_axis(|a| (origin[a] + extent[a]).min(dims[a]))
 }
 
 /// One past the highest voxel of a voxel's cell, which ends at `end` at the latest.

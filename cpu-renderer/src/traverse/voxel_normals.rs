@@ -15,8 +15,8 @@
 use glam::{DVec3, Vec3};
 use pumice_core::BoxView;
 
-use super::box_walk::Level;
 use super::each_axis;
+use super::lod::Level;
 use super::neighbors::REACH;
 
 /// Voxels along each axis.

@@ -68,6 +68,8 @@ pub(crate) const HOST_FILES: &[(&str, &str)] = &[
     ("cpu-renderer/src/traverse/wide.rs", WIDE),
     ("cpu-renderer/src/traverse/volume_tracer/making.rs", READY),
     ("cpu-renderer/src/traverse/mesh_grid.rs", "corners and bounds: made ready before a ray is traced"),
+    ("cpu-renderer/src/scene_lights.rs", "lights are made ready before a ray is traced"),
+    ("cpu-renderer/src/traverse/visible_boxes.rs", READY),
     ("cpu-renderer/src/traverse/neighbors.rs", "which boxes are near: made ready before a ray is traced"),
     ("cpu-renderer/src/traverse/mod.rs", "unrolls loops over axes for the compiler"),
     ("render/src/atomic_file.rs", FILE_FORMAT),
@@ -241,7 +243,7 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
         &[("CutPlane::new", READY), ("Cuts::new", READY), ("Cuts::is_empty", READ), ("Cuts::planes", READ)],
     ),
     (
-        "cpu-renderer/src/traverse/index_ray.rs",
+        "cpu-renderer/src/traverse/placement.rs",
         &[
             ("Placement::of_instance", READY),
             ("Placement::new", READY),
@@ -270,7 +272,6 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
     (
         "cpu-renderer/src/traverse/mesh_tracer.rs",
         &[
-            ("mesh_placement", READY),
             ("MeshTracer::instance", READ),
             ("MeshTracer::new", READY),
             ("MeshTracer::again", READY),
@@ -321,6 +322,7 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
             ("Bricks::level", "the instance's"),
             ("Bricks::bytes", COUNTED),
             ("boxes_by_brick", READY),
+            ("four", READY),
             ("within", READY),
             ("bounds_of", READY),
         ],
@@ -428,7 +430,7 @@ pub(crate) const OTHER_NAMES: &[Listed] = &[
         &[
             ("BlockWalk::begin", "brick_walk_begin"),
             ("BlockWalk::step", "brick_walk_step"),
-            ("Bricks::first_of_brick", "first_of_walk"),
+            ("BrickSearch::first_of_brick", "first_of_walk"),
         ],
     ),
     (
@@ -486,20 +488,23 @@ pub(crate) const OTHER_NAMES: &[Listed] = &[
         "cpu-renderer/src/traverse/index_ray.rs",
         // The adjugate and the translation of a placement are uploaded; a scale by a power of two is f64.glsl's.
         &[
-            ("Placement::ray", "index_ray_new"),
-            ("Placement::ray_to_mesh", "index_ray_new"),
-            ("Placement::four_from_world", "index_from_world"),
-            ("Placement::start_along_face", "start_on_face"),
+            ("IndexRay::in_mesh_grid", "index_ray_new"),
+            ("Moved::new", "placement_moved"),
+            ("Moved::scaled_from_world", "index_ray_new"),
+            ("four_from_world", "index_from_world"),
+            ("Moved::start_along_face", "start_on_face"),
             ("IndexRay::clip_by", "clip"),
             ("IndexRay::t_of_each", "t_of"),
             ("turned_finite", "index_ray_new"),
             ("scaled_four", "scaled"),
-            ("scaled_extreme", "scaled"),
-            ("exponent", "scaled"),
-            ("exp2", "scaled"),
             ("surface_of", "index_ray_new"),
         ],
     ),
+    (
+        "cpu-renderer/src/traverse/power_of_two.rs",
+        &[("scaled_extreme", "scaled"), ("exponent", "scaled"), ("exp2", "scaled")],
+    ),
+    ("cpu-renderer/src/traverse/cut_ray.rs", &[("crossing", "cut_plane_crossing")]),
     (
         "cpu-renderer/src/traverse/lod.rs",
         &[

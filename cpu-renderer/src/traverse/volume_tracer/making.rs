@@ -7,15 +7,15 @@ use pumice_core::CompressedVolume;
 use pumice_render::{BoxBounds, Bvh, RenderError};
 use pumice_scene::CutShape;
 
-use super::super::box_walk::Level;
 use super::super::bricks::Bricks;
 use super::super::cuts::Cuts;
-use super::super::index_ray::Placement;
 use super::super::instance_tree::WorldBounds;
-use super::super::lod::Detail;
+use super::super::lod::{Detail, Level};
 use super::super::neighbors::Neighbors;
+use super::super::placement::Placement;
+use super::super::visible_boxes::visible_boxes;
 use super::super::{LodChoice, TracedInstance};
-use super::{VolumeTracer, clipped_end};
+use super::VolumeTracer;
 
 fn normals(placement: &Placement) -> [[DVec3; 2]; 3] {
     [0, 1, 2].map(|a| [placement.normal(a, false), placement.normal(a, true)])
@@ -193,36 +193,4 @@ impl VolumeTracer {
 /// See [`Detail::everywhere`]; of no box, none.
 fn level_of(bvh: &Bvh, detail: &Detail) -> Option<Level> {
     bvh.bounds().and_then(|bounds| detail.everywhere(&bounds))
-}
-
-/// Bounds and number of each box of a visible label, in the volume's order; `tight` ones are those of its voxels.
-pub fn visible_boxes(volume: &CompressedVolume, visible: &[bool], tight: bool) -> Vec<(BoxBounds, u32)> {
-    let mut boxes = Vec::new();
-    for (c, chunk) in volume.chunks().iter().enumerate() {
-        let next = volume.chunks().get(c + 1);
-        let runs = &volume.runs()
-            [chunk.first_run as usize..next.map_or(volume.runs().len(), |n| n.first_run as usize)];
-        let chunk_end = next.map_or(volume.boxes().len() as u64, |n| n.first_box);
-        for (r, run) in runs.iter().enumerate() {
-            if !visible.get(run.label as usize).copied().unwrap_or(false) {
-                continue;
-            }
-            let first = chunk.first_box + u64::from(run.first_box);
-            let end = runs.get(r + 1).map_or(chunk_end, |n| chunk.first_box + u64::from(n.first_box));
-            for i in first..end {
-                let place = volume.place_of_box(i as usize);
-                let bounds = if tight {
-                    let (lo, last) = volume.box_at(&place).voxel_bounds();
-                    BoxBounds { lo, hi: last.map(|v| v + 1) }
-                } else {
-                    let hi = clipped_end(place.origin, place.extent, volume.info().dims);
-                    BoxBounds { lo: place.origin, hi }
-                };
-                boxes.push((bounds, i as u32));
-            }
-        }
-    }
-    // Building needs several times as much again: no room is left over.
-    boxes.shrink_to_fit();
-    boxes
 }

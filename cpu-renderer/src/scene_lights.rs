@@ -1,0 +1,29 @@
+//! Lights made ready from a scene.
+
+use std::sync::Arc;
+
+use pumice_render::{EnvironmentTable, Image, ReadyLamp, ReadySun, RenderError};
+use pumice_scene::{Environment, Scene};
+
+use crate::lights::{Lights, Sky};
+
+/// Reads the scene-linear pictures that scenes name as environments; files are the caller's business.
+pub type ReadImage = fn(&std::path::Path) -> Result<Image, String>;
+
+/// Lights of a scene, its picture read.
+///
+/// # Errors
+/// [`RenderError::Source`] where the picture cannot be read.
+pub fn scene_lights(scene: &Scene, read_image: ReadImage) -> Result<Lights, RenderError> {
+    let sky = match &scene.world.environment {
+        Environment::Constant { radiance } => Sky::Constant(glam::Vec3::from_array(*radiance)),
+        Environment::Image { path, rotation_rad, strength } => {
+            let at = |what: String| RenderError::Source(format!("{}: {what}", path.display()));
+            let image = read_image(path).map_err(at)?;
+            Sky::Image(Arc::new(EnvironmentTable::new(image, *strength, *rotation_rad).map_err(at)?))
+        }
+    };
+    let lamps = scene.lights.iter().map(ReadyLamp::new).filter(ReadyLamp::is_lit).collect();
+    let suns = scene.suns.iter().map(ReadySun::new).collect();
+    Ok(Lights::new(sky, suns, scene.world.backdrop).with_lamps(lamps))
+}

@@ -1,0 +1,117 @@
+//! What cuts leave of a ray.
+//!
+//! A cut takes away a convex part of space, which is where its half-spaces meet: one for a plane, six for a box. A ray is within a
+//! half-space from one t on, or up to one t, and so within each part in one interval. What is between them is kept:
+//!
+//! ```text
+//!   part A        ├───────────┤
+//!   part B               ├─────────┤            ├────
+//!   ──────────────────────────────────────────────────► t
+//!   kept   ───────┤                ├────────────┤
+//!                 leaves           enters       leaves
+//! ```
+//! Each kept stretch is traced by itself. Where one begins inside of a label, the ray meets a cap: the plane through which it came
+//! is the surface, and its normal points to what was taken away.
+//!
+//! Planes are of index space. **A plane between voxels** has the very t of the faces in it (the same product), so that a cut along
+//! them leaves no sliver of the next voxels; and a point on a cap is put there exactly. Oblique planes meet faces in lines alone,
+//! and there whichever comes first by rounding is taken.
+
+use super::IndexRay;
+use super::cuts::{CutPlane, Cuts};
+use super::four::Lanes;
+
+/// The scaled t at which the ray crosses the plane, and whether it goes to what is taken away.
+#[inline]
+pub(crate) fn crossing(plane: &CutPlane, ray: &IndexRay) -> (f64, bool) {
+    if plane.axis < 3 {
+        let a = plane.axis as usize;
+        let up = plane.normal[a] > 0.0;
+        return (ray.t_of(a, plane.across_axis()), ray.is_down(a) != up);
+    }
+    let rate = dot_of(&plane.normal, &ray.direction);
+    let height = plane.offset - dot_of(&plane.normal, &ray.origin);
+    if rate == 0.0 {
+        // Along the plane: always within, or never.
+        return (if height < 0.0 { f64::NEG_INFINITY } else { f64::INFINITY }, true);
+    }
+    (height / rate, rate > 0.0)
+}
+
+fn dot_of(a: &[f64; 3], b: &Lanes) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// A ray that cuts are asked about.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct CutRay<'a> {
+    pub(crate) cuts: &'a Cuts,
+    pub(crate) ray: &'a IndexRay,
+    /// The plane that the ray starts on, and whether it goes to what that takes away: rounding must not decide that again.
+    pub(crate) from: Option<(u32, bool)>,
+}
+
+/// The interval in which a ray is within a part, and the planes at its ends. Empty unless `enter < leave`.
+struct Within {
+    enter: f64,
+    enter_plane: u32,
+    leave: f64,
+    leave_plane: u32,
+}
+
+impl CutRay<'_> {
+    /// The part that begins with plane `next`, which becomes the first of the part after it.
+    fn within(&self, next: &mut u32) -> Within {
+        let mut within =
+            Within { enter: f64::NEG_INFINITY, enter_plane: 0, leave: f64::INFINITY, leave_plane: 0 };
+        loop {
+            let i = *next;
+            let plane = &self.cuts.planes()[i as usize];
+            *next += 1;
+            let (mut t, mut rises) = crossing(plane, self.ray);
+            if let Some((_, outward)) = self.from.filter(|from| from.0 == i) {
+                (t, rises) = (0.0, outward);
+            }
+            if rises && t > within.enter {
+                (within.enter, within.enter_plane) = (t, i);
+            } else if !rises && t < within.leave {
+                (within.leave, within.leave_plane) = (t, i);
+            }
+            if plane.ends_part {
+                return within;
+            }
+        }
+    }
+
+    /// The least t from `t` on that is kept, and the plane through which the ray comes to it, if it does not start there.
+    pub(crate) fn kept_from(&self, mut t: f64) -> (f64, Option<u32>) {
+        let mut plane = None;
+        // What follows a part in the list may end later and what comes before it too: once more until nothing takes t away.
+        loop {
+            let before = t;
+            let mut next = 0;
+            while (next as usize) < self.cuts.planes().len() {
+                let within = self.within(&mut next);
+                if within.enter <= t && t < within.leave {
+                    (t, plane) = (within.leave, Some(within.leave_plane));
+                }
+            }
+            if t == before {
+                return (t, plane);
+            }
+        }
+    }
+
+    /// Where what is kept at `t` ends, and the plane through which the ray leaves it; infinite where it does not.
+    pub(crate) fn kept_to(&self, t: f64) -> (f64, u32) {
+        let (mut end, mut plane) = (f64::INFINITY, 0);
+        let mut next = 0;
+        while (next as usize) < self.cuts.planes().len() {
+            let within = self.within(&mut next);
+            if within.enter < within.leave && within.enter > t && within.enter < end {
+                (end, plane) = (within.enter, within.enter_plane);
+            }
+        }
+        (end, plane)
+    }
+}

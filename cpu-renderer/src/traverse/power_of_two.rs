@@ -1,0 +1,49 @@
+//! Scaling by powers of two, which loses no bit.
+
+use glam::DVec3;
+
+/// Smallest scaled direction component whose reciprocal is finite in f64.
+pub(super) const SMALLEST: f64 = f64::MIN_POSITIVE;
+
+/// Largest components that are scaled in one step: 2ᵏ and 2⁻ᵏ must be normal numbers.
+pub(super) const MODERATE: std::ops::Range<f64> = f64::from_bits(23 << 52)..f64::from_bits(2023 << 52);
+
+/// The vector times 2⁻ᵏ with its largest component within [1, 2), and k. `None` for zero and for what is not finite.
+pub(super) fn scaled(v: DVec3) -> Option<(DVec3, i32)> {
+    let largest = v.abs().max_element();
+    // A sum that is not a number is in no range.
+    if !(largest >= MODERATE.start && v.abs().element_sum() < MODERATE.end) {
+        return scaled_extreme(v);
+    }
+    let k = exponent(largest);
+    Some((v * exp2(-k), k))
+}
+
+/// [`scaled`] of any vector, in more steps.
+#[cold]
+pub(super) fn scaled_extreme(v: DVec3) -> Option<(DVec3, i32)> {
+    let largest = v.abs().max_element();
+    if !v.is_finite() || largest == 0.0 {
+        return None;
+    }
+    // A subnormal length is brought up first: its exponent field says nothing.
+    let (v, largest, lift) =
+        if largest < SMALLEST { (v * exp2(600), largest * exp2(600), 600) } else { (v, largest, 0) };
+    let k = exponent(largest);
+    // In two steps: 2⁻ᵏ itself may not be representable.
+    let half = k / 2;
+    let v = v * exp2(-half) * exp2(half - k);
+    Some((v, k - lift))
+}
+
+/// k of a normal number in [2ᵏ, 2ᵏ⁺¹).
+#[inline(always)]
+pub(super) fn exponent(v: f64) -> i32 {
+    (v.to_bits() >> 52) as i32 - 1023
+}
+
+/// 2ᵏ, saturating.
+#[inline(always)]
+pub(super) fn exp2(k: i32) -> f64 {
+    f64::from_bits(((k.clamp(-1022, 1023) + 1023) as u64) << 52)
+}
