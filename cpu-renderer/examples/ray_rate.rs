@@ -17,8 +17,9 @@ use std::sync::Arc;
 
 use glam::{DAffine3, DVec3};
 use pumice_core::{LabelBuffer, LabelType, VolumeInfo, compress_labels};
-use pumice_cpu::traverse::{LodChoice, SceneTracer, TracedInstance};
-use pumice_render::{Hit, PathOrigin, RayInWorld, Tracer};
+use pumice_cpu::traverse::{SceneTracer, TracedInstance};
+use pumice_transport::geometry::LodChoice;
+use pumice_transport::{Hit, PathOrigin, RayInWorld, Tracer};
 
 /// Seconds that this process has computed, in user and system mode.
 fn cpu_seconds() -> f64 {

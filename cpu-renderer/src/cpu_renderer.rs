@@ -4,23 +4,22 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use pumice_core::{CompressedVolume, Job, MeshData};
-use pumice_render::sampler::REPLICATES;
-use pumice_render::{
-    Image, PassSums, Pick, Picture, Progress, Rebuilt, RenderError, Renderer, SurfaceKind, cryptomatte,
-    name_mattes,
-};
+use pumice_picture::film::REPLICATES;
+use pumice_picture::{Image, PassSums, Picture, cryptomatte, name_mattes};
 use pumice_scene::{
     INSTANCES_OF_A_TREE, InstanceDiff, MeshDiff, Part, Pass, Scene, SceneDiff, SceneError, Spare,
 };
+use pumice_transport::camera_rays::CameraRays;
+use pumice_transport::emitters::{Emitters, Shining};
+use pumice_transport::geometry::LodChoice;
+use pumice_transport::lights::Lights;
+use pumice_transport::looks::Looks;
+use pumice_transport::scene_lights::{ReadImage, scene_lights};
+use pumice_transport::{Pick, Progress, Rebuilt, RenderError, Renderer, SurfaceKind};
 
-use crate::camera_rays::CameraRays;
-use crate::emitters::{Emitters, Shining};
-use crate::lights::Lights;
-use crate::looks::Looks;
 use crate::path::Surroundings;
 use crate::path_tracer::PathTracer;
-use crate::scene_lights::{ReadImage, scene_lights};
-use crate::traverse::{LodChoice, MeshTracer, SceneTracer, TracedInstance, VolumeTracer};
+use crate::traverse::{MeshTracer, SceneTracer, TracedInstance, VolumeTracer};
 
 /// See the module.
 #[derive(Debug)]
@@ -224,7 +223,7 @@ impl Renderer for CpuRenderer {
     ) -> Result<(), RenderError> {
         let fault = |e: SceneError| RenderError::Scene(e.to_string());
         scene.validate().map_err(fault)?;
-        pumice_render::check_counts(scene, volumes, meshes)?;
+        pumice_transport::check_counts(scene, volumes, meshes)?;
         let old = self.shown.as_ref();
         let diff = SceneDiff::between(old.map(|o| &o.scene), scene);
         let mut rebuilt = self.rebuilt;

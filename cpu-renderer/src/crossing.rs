@@ -11,7 +11,7 @@
 //! between here.
 
 use glam::DVec3;
-use pumice_render::{Hit, PathOrigin, RayInWorld, Surface, SurfaceKind, Tracer};
+use pumice_transport::{Hit, PathOrigin, RayInWorld, Surface, SurfaceKind, Tracer};
 
 use crate::path::Surroundings;
 

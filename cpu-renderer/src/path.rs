@@ -16,15 +16,16 @@
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
-use pumice_render::sampler::{BouncePair, PixelSampler};
-use pumice_render::sun::frame_around;
-use pumice_render::{Hit, PassSums, PathOrigin, RayInWorld, Receiver, SurfaceKind, Tracer};
+use pumice_picture::PassSums;
 use pumice_scene::{Mode, Settings};
+use pumice_transport::bsdf::{Bsdf, LEAST_VIEW, Tilt, emitted, sample_cosine};
+use pumice_transport::lights::Lights;
+use pumice_transport::looks::AllLooks;
+use pumice_transport::sampler::{BouncePair, PixelSampler};
+use pumice_transport::sun::frame_around;
+use pumice_transport::{Hit, PathOrigin, RayInWorld, Receiver, SurfaceKind, Tracer};
 
-use crate::bsdf::{Bsdf, LEAST_VIEW, Tilt, emitted, sample_cosine};
 use crate::crossing::{MOST_CLEAR_SURFACES, may_touch, next_hit, visibility};
-use crate::lights::Lights;
-use crate::looks::AllLooks;
 use crate::tally::{FirstSurface, Share, Sorted, Tally, Total, clamps};
 
 /// First vertex after which Russian roulette may end a path: the first bounces carry most of the light, and cutting them costs

@@ -4,15 +4,14 @@
 use std::time::{Duration, Instant};
 
 use pumice_core::Job;
-use pumice_render::film::STRIDE;
-use pumice_render::sampler::{PixelSampler, REPLICATES};
-use pumice_render::{
-    FilmBuffer, FilterTable, Image, PassSums, PathOrigin, Picture, Progress, RenderError, SurfaceKind, Tracer,
-};
+use pumice_picture::film::{REPLICATES, STRIDE};
+use pumice_picture::{FilmBuffer, Image, PassSums, Picture};
 use pumice_scene::{Camera, Film, Passes};
+use pumice_transport::camera_rays::CameraRays;
+use pumice_transport::sampler::PixelSampler;
+use pumice_transport::{FilterTable, PathOrigin, Progress, RenderError, SurfaceKind, Tracer};
 use rayon::prelude::*;
 
-use crate::camera_rays::CameraRays;
 use crate::path::{Surroundings, follow, radiance};
 use crate::tally::Sorted;
 
@@ -173,7 +172,7 @@ impl<T: Tracer> PathTracer<T> {
     }
 
     /// What is seen through the middle of a pixel from the middle of the opening, and its depth along the view axis.
-    pub fn pick(&self, x: u32, y: u32) -> Option<(pumice_render::Hit, f64)> {
+    pub fn pick(&self, x: u32, y: u32) -> Option<(pumice_transport::Hit, f64)> {
         let (ray, t_max) = self.rays.ray(f64::from(x) + 0.5, f64::from(y) + 0.5);
         let hit = self.tracer.first_hit(&ray, PathOrigin::Free, t_max)?;
         Some((hit, hit.t + self.rays.near()))

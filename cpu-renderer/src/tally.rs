@@ -11,16 +11,16 @@
 //! **Clamps**, as `film_clamp_light` there: one contribution's channels add up to at most three times the setting, else it is scaled.
 //! Where Cycles' contributions are one lamp each, ours are what a ray meets at once: lamps on one stretch, sky and suns together.
 //!
-//! **Mattes**: the first surface's ids, counted in a pixel's slots ([`pumice_render::cryptomatte`]).
+//! **Mattes**: the first surface's ids, counted in a pixel's slots ([`pumice_picture::cryptomatte`]).
 //!
 //! **Shadow catchers**: from the first that a camera's path meets, its light is the catcher's, and in no pass of light, as in Cycles
-//! ([`pumice_render::shadow_catcher`]).
+//! ([`pumice_picture::shadow_catcher`]).
 
 use glam::Vec3;
-use pumice_render::PassSums;
-use pumice_render::cryptomatte::Ids;
-use pumice_render::passes::{COLOR_KINDS, LIGHT_KINDS};
-use pumice_render::sampler::REPLICATES;
+use pumice_picture::PassSums;
+use pumice_picture::cryptomatte::Ids;
+use pumice_picture::film::REPLICATES;
+use pumice_picture::passes::{COLOR_KINDS, LIGHT_KINDS};
 use pumice_scene::Settings;
 
 /// Kinds of light, each direct and, one further, indirect.

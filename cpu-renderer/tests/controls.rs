@@ -9,7 +9,7 @@ use exact::rays::{Class, ray};
 use exact::volumes::{Random, noise};
 use exact::{Dense, ExactRay, Verdict, judge};
 use glam::DVec3;
-use pumice_render::{Hit, Surface, SurfaceKind};
+use pumice_transport::{Hit, Surface, SurfaceKind};
 
 fn hit_at(volume: &Dense, v: [i64; 3], t: f64, axis: usize, d: [f64; 3]) -> Hit {
     let positive = d[axis] < 0.0;

@@ -6,13 +6,14 @@ use std::sync::Arc;
 
 use glam::{DAffine3, DVec3, Vec3};
 use pumice_core::{LabelBuffer, LabelType, VolumeInfo, compress_labels};
+use pumice_cpu::Surroundings;
 use pumice_cpu::crossing::{next_hit, visibility};
 use pumice_cpu::path::radiance;
-use pumice_cpu::traverse::{LodChoice, SceneTracer, TracedInstance};
-use pumice_cpu::{Lights, Looks, Sky, Surroundings};
-use pumice_render::sampler::PixelSampler;
-use pumice_render::{PathOrigin, RayInWorld, Tracer};
+use pumice_cpu::traverse::{SceneTracer, TracedInstance};
 use pumice_scene::{Material, Settings};
+use pumice_transport::geometry::LodChoice;
+use pumice_transport::sampler::PixelSampler;
+use pumice_transport::{Lights, Looks, PathOrigin, RayInWorld, Sky, Tracer};
 
 /// 8³ voxels; label 1 fills x 2 to 3, label 2 fills x 4 to 5, both all of y and z from 1 to 6.
 fn two_slabs() -> SceneTracer {

@@ -11,9 +11,10 @@ use exact::Dense;
 use exact::volumes::{Random, blobs, neurites, noise, sheets};
 use glam::{DAffine3, DMat3, DVec3};
 use pumice_core::CompressedVolume;
-use pumice_cpu::traverse::{LodChoice, TracedInstance, VolumeTracer};
-use pumice_render::{Hit, PathOrigin, RayInWorld, SurfaceKind, Tracer};
+use pumice_cpu::traverse::{TracedInstance, VolumeTracer};
 use pumice_scene::CutShape;
+use pumice_transport::geometry::LodChoice;
+use pumice_transport::{Hit, PathOrigin, RayInWorld, SurfaceKind, Tracer};
 
 fn tracer(volume: &Arc<CompressedVolume>, place: DAffine3, cuts: &[CutShape]) -> VolumeTracer {
     let visible = vec![true; volume.labels().len()];

@@ -10,12 +10,10 @@ use std::f64::consts::PI;
 use std::sync::Arc;
 
 use glam::{DAffine3, DMat3, DVec3, Vec3};
-use pumice_cpu::Finding;
-use pumice_cpu::traverse::LodChoice;
 use pumice_oracle::volumes::volume;
-use pumice_render::{PathOrigin, RayInWorld, Receiver, Tracer};
 use pumice_scene::{CutShape, Material};
-
+use pumice_transport::geometry::LodChoice;
+use pumice_transport::{Finding, PathOrigin, RayInWorld, Receiver, Tracer};
 use stage::{Stage, glowing, lambert};
 
 /// A floor (label 1, z < 2) and above it what `at` says (labels from 2 on).

@@ -9,9 +9,10 @@ use std::time::Duration;
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 use naive::Dense;
 use pumice_core::Job;
-use pumice_cpu::{Finding, Lights, Looks, PathTracer, Sky, Surroundings};
-use pumice_render::{EnvironmentTable, FilmBuffer, Image, ReadySun};
+use pumice_cpu::{PathTracer, Surroundings};
+use pumice_picture::{FilmBuffer, Image};
 use pumice_scene::{Adaptive, Camera, Film, Filter, Material, Projection, Settings, Sun};
+use pumice_transport::{EnvironmentTable, Finding, Lights, Looks, ReadySun, Sky};
 
 const SIZE: u32 = 28;
 
@@ -179,7 +180,7 @@ fn where_all_pixels_rest_the_error_is_below_the_threshold() {
 #[test]
 fn taking_stratified_samples_for_independent_is_convicted() {
     use pumice_cpu::path::radiance;
-    use pumice_render::sampler::PixelSampler;
+    use pumice_transport::sampler::PixelSampler;
     let tracer = drawn(0, 3, 1, Finding::Both);
     let (n, mut naive, mut image) =
         (128u32, 0.0, Image::new(SIZE as usize, SIZE as usize, vec![[0.0; 3]; (SIZE * SIZE) as usize]));
@@ -189,7 +190,7 @@ fn taking_stratified_samples_for_independent_is_convicted() {
             for i in 0..n {
                 let s = PixelSampler::new(9, [x, y], i);
                 let [u, v] = s.film();
-                let table = pumice_render::FilterTable::new(&Filter::Box { width: 1.0 });
+                let table = pumice_transport::FilterTable::new(&Filter::Box { width: 1.0 });
                 let (px, py) = (
                     f64::from(x) + 0.5 + f64::from(table.sample(u)),
                     f64::from(y) + 0.5 + f64::from(table.sample(v)),

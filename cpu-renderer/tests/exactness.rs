@@ -13,8 +13,9 @@ use exact::volumes::{Random, noise};
 use exact::{Dense, ExactRay, describe, in_world, judge, value};
 use glam::{DAffine3, DMat3, DVec3};
 use pumice_core::CompressedVolume;
-use pumice_cpu::traverse::{LodChoice, SceneTracer, TracedInstance};
-use pumice_render::{Hit, PathOrigin, Tracer};
+use pumice_cpu::traverse::{SceneTracer, TracedInstance};
+use pumice_transport::geometry::LodChoice;
+use pumice_transport::{Hit, PathOrigin, Tracer};
 
 fn tracer(make: Make, volume: &Arc<CompressedVolume>, world_from_index: DAffine3) -> SceneTracer {
     make(&[TracedInstance {

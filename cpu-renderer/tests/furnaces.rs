@@ -11,8 +11,9 @@ use furnace::{
     FILM, Furnace, convex_body, even_sky, glowing_cavity, outside, painted_sky, rendered, sponge, white_world,
 };
 use pumice_core::Job;
-use pumice_cpu::{Lights, Looks, PathTracer, Surroundings};
+use pumice_cpu::{PathTracer, Surroundings};
 use pumice_scene::{Material, Settings};
+use pumice_transport::{Lights, Looks};
 
 fn furnaces() -> Vec<Furnace> {
     let mut all = Vec::new();

@@ -10,9 +10,10 @@ use std::sync::Arc;
 
 use exact::volumes::{blobs, noise};
 use glam::{DAffine3, DMat3, DQuat, DVec3};
-use pumice_cpu::traverse::{LodChoice, MeshTracer, SceneTracer, TracedInstance, VolumeTracer};
-use pumice_render::{Hit, PathOrigin, RayInWorld, Tracer};
+use pumice_cpu::traverse::{MeshTracer, SceneTracer, TracedInstance, VolumeTracer};
 use pumice_scene::CutShape;
+use pumice_transport::geometry::LodChoice;
+use pumice_transport::{Hit, PathOrigin, RayInWorld, Tracer};
 use shapes::{Random, bumpy_ball};
 
 /// The nearest of what each meets by itself, of the first where several are as near.

@@ -6,10 +6,11 @@ use std::sync::Arc;
 
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 use pumice_core::{Job, LabelBuffer, LabelType, VolumeInfo, compress_labels};
-use pumice_cpu::traverse::{LodChoice, SceneTracer, TracedInstance};
-use pumice_cpu::{Finding, Lights, Looks, PathTracer, Sky, Surroundings};
-use pumice_render::ReadyLamp;
+use pumice_cpu::traverse::{SceneTracer, TracedInstance};
+use pumice_cpu::{PathTracer, Surroundings};
 use pumice_scene::{Camera, Film, Filter, Light, LightShape, Material, Mode, Outline, Projection, Settings};
+use pumice_transport::geometry::LodChoice;
+use pumice_transport::{Finding, Lights, Looks, ReadyLamp, Sky};
 
 /// A floor of 16 × 16 voxels up to z = 2, a wall at x = 8 up to z = 10.
 fn tracer() -> SceneTracer {

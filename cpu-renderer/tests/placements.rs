@@ -14,8 +14,9 @@ use exact::tally::Tally;
 use exact::volumes::Random;
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 use pumice_core::CompressedVolume;
-use pumice_cpu::traverse::{LodChoice, SceneTracer, TracedInstance};
-use pumice_render::{Hit, PathOrigin, RayInWorld, Tracer};
+use pumice_cpu::traverse::{SceneTracer, TracedInstance};
+use pumice_transport::geometry::LodChoice;
+use pumice_transport::{Hit, PathOrigin, RayInWorld, Tracer};
 
 /// What a ray aims at; each number of it is then rounded once more by the matrix, so that all bits are in use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

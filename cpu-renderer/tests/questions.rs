@@ -12,9 +12,10 @@ use exact::volumes::{Random, blobs, noise, sheets};
 use exact::{Dense, ExactRay, Verdict, describe, in_world, judge};
 use glam::{DAffine3, DVec3};
 use pumice_core::CompressedVolume;
-use pumice_cpu::traverse::{LodChoice, SceneTracer, TracedInstance, VolumeTracer};
-use pumice_render::{Hit, PathOrigin, RayInWorld, Tracer};
+use pumice_cpu::traverse::{SceneTracer, TracedInstance, VolumeTracer};
 use pumice_scene::CutShape;
+use pumice_transport::geometry::LodChoice;
+use pumice_transport::{Hit, PathOrigin, RayInWorld, Tracer};
 
 const PLACE: DAffine3 = DAffine3::IDENTITY;
 

@@ -7,12 +7,14 @@ use std::time::Duration;
 use glam::{DAffine3, DMat3, DVec3};
 use pumice_core::{CompressedVolume, Job, LabelBuffer, LabelType, VolumeInfo, compress_labels};
 use pumice_cpu::CpuRenderer;
-use pumice_cpu::traverse::{LodChoice, TracedInstance, VolumeTracer};
-use pumice_render::{Hit, PathOrigin, Picture, RayInWorld, Renderer, SurfaceKind, Tracer};
+use pumice_cpu::traverse::{TracedInstance, VolumeTracer};
+use pumice_picture::Picture;
 use pumice_scene::{
     Camera, Environment, Film, Filter, Instance, LabelStyle, Lod, Projection, SCENE_VERSION, Scene, Settings,
     World,
 };
+use pumice_transport::geometry::LodChoice;
+use pumice_transport::{Hit, PathOrigin, RayInWorld, Renderer, SurfaceKind, Tracer};
 
 /// Random numbers in [0, 1) (Steele et al. 2014, *SplitMix*).
 struct Random(u64);
@@ -292,7 +294,7 @@ fn what_stays_flat() {
     let tracer = voxels.tracer(DAffine3::IDENTITY, LodChoice::Voxels);
     let (hit, point) = hits(&tracer, middle, 8.0, 1)[0];
     assert!(tracer.smooth_normal(&hit.surface, point).is_some());
-    let cap = pumice_render::Surface { kind: SurfaceKind::Cap, ..hit.surface };
+    let cap = pumice_transport::Surface { kind: SurfaceKind::Cap, ..hit.surface };
     assert_eq!(tracer.smooth_normal(&cap, point), None);
 }
 

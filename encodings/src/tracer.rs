@@ -3,7 +3,7 @@
 //! The hierarchy is the one that Pumice's own form is traced with, so that what is compared is the boxes and what is in them.
 
 use glam::DAffine3;
-use pumice_render::{BoxBounds, Bvh, BvhRay, RayInWorld, RenderError};
+use pumice_transport::{BoxBounds, Bvh, BvhRay, RayInWorld, RenderError};
 
 use crate::encoding::{BoxRecord, Encoding, Trees};
 use crate::tree::Node;

@@ -9,7 +9,7 @@ use pumice_encodings::{
     Encoding, EncodingTracer, Form, Reuse, Subdivision, Types, merge_in_turn, merge_on_all_cores,
 };
 use pumice_oracle::volumes::blobs;
-use pumice_render::RayInWorld;
+use pumice_transport::RayInWorld;
 
 const SIDES: [Option<u32>; 4] = [Some(8), Some(16), Some(32), None];
 

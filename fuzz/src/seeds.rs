@@ -4,11 +4,9 @@
 use std::path::{Path, PathBuf};
 
 use glam::{DAffine3, DVec3};
-use pumice_core::{
-    CompressedVolume, Job, LabelBuffer, LabelNote, LabelType, Level, VolumeInfo, compress_labels,
-};
+use pumice_core::{CompressedVolume, Job, LabelBuffer, LabelNote, LabelType, Level, VolumeInfo, compress_labels};
 use pumice_formats::write::write_volume;
-use pumice_render::{Image, Pass, Passes, Picture, Provenance, write_exr, write_png};
+use pumice_picture::{Image, Pass, Passes, Picture, Provenance, write_exr, write_png};
 use pumice_scene::Scene;
 
 use crate::scratch;
@@ -195,7 +193,7 @@ pub fn pictures() -> Vec<Vec<u8>> {
         position: Some(image.clone()),
         samples: Some(vec![64.0; 20]),
         light: Pass::LIGHT.iter().map(|pass| (*pass, image.clone())).collect(),
-        mattes: vec![pumice_render::Matte {
+        mattes: vec![pumice_picture::Matte {
             pass: Pass::CryptomatteLabel,
             layers: vec![vec![[1.5, 0.75, -2.5, 0.25]; 20]],
             names: [("17".to_owned(), 0x3fc0_0000)].into(),

@@ -2,7 +2,7 @@
 #![no_main]
 
 use pumice_fuzz::{scratch, seeds};
-use pumice_render::{PictureError, read_exr, read_provenance};
+use pumice_picture::{PictureError, read_exr, read_provenance};
 
 fn init() {
     // The reader catches panics of the EXR library and tells them as errors; libFuzzer's hook would end the process before that.

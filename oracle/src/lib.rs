@@ -10,7 +10,7 @@ pub mod tally;
 pub mod volumes;
 
 use glam::{DAffine3, DVec3};
-use pumice_render::{Hit, PathOrigin, RayInWorld};
+use pumice_transport::{Hit, PathOrigin, RayInWorld};
 
 /// Fraction bits of origins and directions.
 pub const BITS: u32 = 46;

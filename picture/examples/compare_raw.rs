@@ -5,10 +5,10 @@
 
 use std::error::Error;
 
-use pumice_render::image::Image;
-use pumice_render::metrics::display::display_from_linear;
-use pumice_render::metrics::flip::flip_map;
-use pumice_render::metrics::{Variance, compare};
+use pumice_picture::image::Image;
+use pumice_picture::metrics::display::display_from_linear;
+use pumice_picture::metrics::flip::flip_map;
+use pumice_picture::metrics::{Variance, compare};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut args: Vec<String> = std::env::args().skip(1).collect();

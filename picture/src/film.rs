@@ -18,7 +18,10 @@ use rayon::prelude::*;
 use crate::image::Image;
 use crate::passes::PassSums;
 use crate::resting::Resting;
-use crate::sampler::REPLICATES;
+
+/// Independent scrambles that a pixel's samples are dealt to, in turn: the sampler's. What each replicate's mean differs by tells the
+/// error.
+pub const REPLICATES: u32 = 4;
 
 const R: usize = REPLICATES as usize;
 

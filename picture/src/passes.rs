@@ -17,9 +17,9 @@ use pumice_scene::{Film, Pass, Passes};
 use rayon::prelude::*;
 
 use crate::film::FilmBuffer;
+use crate::film::REPLICATES;
 use crate::image::Image;
 use crate::picture::Picture;
-use crate::sampler::REPLICATES;
 use crate::shadow_catcher::CAUGHT_FLOATS;
 
 /// Kinds of light: two each of diffuse, glossy, transmission (direct, indirect), then emission and environment.

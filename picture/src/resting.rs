@@ -16,7 +16,7 @@ use pumice_scene::Adaptive;
 use rayon::prelude::*;
 
 use crate::film::FilmBuffer;
-use crate::sampler::REPLICATES;
+use crate::film::REPLICATES;
 
 /// Of a pixel that does not rest.
 pub const AWAKE: u32 = u32::MAX;

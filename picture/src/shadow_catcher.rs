@@ -26,10 +26,10 @@
 //! left out (the jackknife: Efron and Stein 1981); of sums it is the estimate of [`crate::film`] exactly. What is estimated is the
 //! picture laid over white, as shadows are in alpha alone.
 
+use crate::film::REPLICATES;
 use crate::film::{FilmBuffer, STRIDE};
 use crate::image::Image;
 use crate::passes::PassSums;
-use crate::sampler::REPLICATES;
 
 const R: usize = REPLICATES as usize;
 

@@ -3,8 +3,8 @@
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "tests")]
 
-use pumice_render::ViewTransform;
-use pumice_render::view_transform::shown;
+use pumice_picture::ViewTransform;
+use pumice_picture::view_transform::shown;
 
 /// Scene-linear colour, Blender's Filmic, Blender's AgX.
 type Row = [[f64; 3]; 3];

@@ -2,9 +2,9 @@
 
 use pumice_core::Error as CoreError;
 use pumice_formats::FormatError;
-use pumice_render::RenderError;
 use pumice_scene::SceneError;
 use pumice_session::SessionError;
+use pumice_transport::RenderError;
 use pyo3::PyErr;
 
 pyo3::import_exception!(pumice.errors, InputError);
@@ -79,7 +79,7 @@ impl IntoException for pumice_core::MeshError {
     }
 }
 
-impl IntoException for pumice_render::PictureError {
+impl IntoException for pumice_picture::PictureError {
     fn into_exception(self) -> PyErr {
         input(&self)
     }

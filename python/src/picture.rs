@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use pumice_core::{CompressedVolume, MeshData};
-use pumice_render::{Image, Matte, Passes};
+use pumice_picture::{Image, Matte, Passes};
 use pumice_session::render_file::{PictureFormat, Rendered, render_scene};
 use pumice_session::{OpenOptions, SessionError, Stop};
 use pyo3::prelude::*;
@@ -172,7 +172,7 @@ pub(crate) fn render(
 /// The hash by which Cryptomatte knows a name: MurmurHash3_x86_32 of its UTF-8.
 #[pyfunction]
 pub(crate) fn cryptomatte_hash(name: &str) -> u32 {
-    pumice_render::cryptomatte::hash(name.as_bytes())
+    pumice_picture::cryptomatte::hash(name.as_bytes())
 }
 
 /// What can render here, as JSON text.

@@ -137,7 +137,7 @@ impl Volume {
         }
         detached(py, || {
             let colors =
-                pumice_render::palette::assign_colors(n, table.contacts().iter(), visible.as_deref());
+                pumice_transport::palette::assign_colors(n, table.contacts().iter(), visible.as_deref());
             Ok::<_, CoreError>(Array::new(Data::F32(colors.into_flattened()), &[n, 3]))
         })
     }

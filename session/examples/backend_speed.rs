@@ -10,11 +10,11 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use pumice_core::CompressedVolume;
-use pumice_render::Renderer;
 use pumice_scene::{Environment, LabelMaterials, Lod, Material, Scene, Show};
 use pumice_session::figure::{FigureOptions, compose};
 use pumice_session::selection::select_labels;
 use pumice_session::{Job, OpenOptions, Residence, Stopwatch, make_renderer, open_volume};
+use pumice_transport::Renderer;
 
 /// Frames of which the fastest counts: so few that the error, which costs time, is not estimated yet.
 const FRAMES: usize = 2;

@@ -18,11 +18,12 @@ use std::sync::Arc;
 
 use glam::DVec3;
 use pumice_core::{CompressedVolume, Level};
-use pumice_cpu::traverse::{LodChoice, SceneTracer, TracedInstance};
+use pumice_cpu::traverse::{SceneTracer, TracedInstance};
 use pumice_export::{Corners, Interfaces, QuadMesh};
-use pumice_render::{Hit, PathOrigin, RayInWorld, Tracer};
 use pumice_session::ray_sets::{camera_rays, diffuse_rays, some_labels, voxel_side};
 use pumice_session::{Job, OpenOptions, Residence, Stopwatch, open_volume};
+use pumice_transport::geometry::LodChoice;
+use pumice_transport::{Hit, PathOrigin, RayInWorld, Tracer};
 use serde_json::json;
 
 /// How far above the face that it leaves a ray of Embree's starts, in the shortest side of a voxel: it has no other way to miss it.

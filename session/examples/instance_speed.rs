@@ -11,11 +11,12 @@ use glam::{DAffine3, DMat3, DVec3, Vec3};
 use pumice_core::{CompressedVolume, MeshData};
 use pumice_cpu::path::Surroundings;
 use pumice_cpu::path_tracer::PathTracer;
-use pumice_cpu::traverse::{LodChoice, MeshTracer, SceneTracer, TracedInstance, VolumeTracer};
-use pumice_cpu::{Lights, Looks, Sky};
+use pumice_cpu::traverse::{MeshTracer, SceneTracer, TracedInstance, VolumeTracer};
 use pumice_scene::{Camera, Film, Filter, Material, Projection, Settings};
 use pumice_session::selection::select_labels;
 use pumice_session::{Job, OpenOptions, Residence, Stopwatch, open_volume};
+use pumice_transport::geometry::LodChoice;
+use pumice_transport::{Lights, Looks, Sky};
 
 type Failure = Box<dyn std::error::Error>;
 

@@ -13,14 +13,14 @@ mod machine;
 
 use std::path::Path;
 
+use card::Card;
+use choice::Way;
 use pumice_cpu::CpuRenderer;
-use pumice_render::Image;
+use pumice_picture::Image;
 use pumice_vulkan::device::{Backend, DeviceKind};
 use serde::Serialize;
 
 use crate::error::Result;
-use card::Card;
-use choice::Way;
 
 pub use cache_folder::CACHE_VARIABLE;
 pub use fallback::FallbackRenderer;
@@ -161,7 +161,7 @@ fn opener(way: Way) -> fallback::Way {
 
 /// The scene-linear colours of an environment picture.
 pub(crate) fn read_environment(path: &Path) -> std::result::Result<Image, String> {
-    pumice_render::read_exr(path).map(|picture| picture.color).map_err(|e| e.to_string())
+    pumice_picture::read_exr(path).map(|picture| picture.color).map_err(|e| e.to_string())
 }
 
 #[cfg(test)]

@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use pumice_core::Job;
-use pumice_render::metrics::{CompareError, Comparison, Variance, compare};
-use pumice_render::read_exr;
-use pumice_render::sampler::REPLICATES;
+use pumice_picture::film::REPLICATES;
+use pumice_picture::metrics::{CompareError, Comparison, Variance, compare};
+use pumice_picture::read_exr;
 
 use crate::error::{Result, SessionError};
 

@@ -20,9 +20,10 @@ use std::sync::Arc;
 
 use pumice_core::{CompressedVolume, Job};
 use pumice_formats::OpenOptions;
-use pumice_render::metrics::compare;
-use pumice_render::{Image, Renderer};
+use pumice_picture::Image;
+use pumice_picture::metrics::compare;
 use pumice_scene::{Material, Scene};
+use pumice_transport::Renderer;
 
 use crate::error::{Result, SessionError, io};
 use crate::figure::{FigureOptions, compose};

@@ -9,8 +9,7 @@ use std::sync::Arc;
 
 use pumice_core::{CompressOptions, Job, Level, Verification};
 use pumice_formats::OpenOptions;
-
-use pumice_render::Passes;
+use pumice_picture::Passes;
 
 use crate::curve_plot::{Series, error_against_time_svg};
 use crate::error::{Result, SessionError, io};

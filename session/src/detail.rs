@@ -15,9 +15,10 @@ use std::sync::Arc;
 
 use pumice_core::{CompressedVolume, Job, Level};
 use pumice_formats::OpenOptions;
-use pumice_render::metrics::compare;
-use pumice_render::{Image, Renderer};
+use pumice_picture::Image;
+use pumice_picture::metrics::compare;
 use pumice_scene::{Lod, Scene};
+use pumice_transport::Renderer;
 
 use crate::backend::{FallbackRenderer, make_renderer};
 use crate::convergence::Point;

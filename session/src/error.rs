@@ -22,10 +22,10 @@ pub enum SessionError {
     },
     /// From a renderer.
     #[error(transparent)]
-    Render(#[from] pumice_render::RenderError),
+    Render(#[from] pumice_transport::RenderError),
     /// From a picture file.
     #[error(transparent)]
-    Picture(#[from] pumice_render::PictureError),
+    Picture(#[from] pumice_picture::PictureError),
     /// The operating system refused.
     #[error("{}: {source}", path.display())]
     Io {

@@ -11,7 +11,7 @@ use std::path::PathBuf;
 
 use glam::{DAffine3, DMat3, DVec3};
 use pumice_core::{CompressedVolume, WorldFrame};
-use pumice_render::metrics::display::linear_from_srgb;
+use pumice_picture::metrics::display::linear_from_srgb;
 use pumice_scene::{
     Camera, Environment, Film, Filter, Instance, LabelStyle, Material, Projection, SCENE_VERSION, Scene,
     Settings, Show, Sun, World,

@@ -6,8 +6,9 @@ use std::sync::Arc;
 
 use glam::DAffine3;
 use pumice_core::{CompressedVolume, Job};
-use pumice_cpu::traverse::{LodChoice, TracedInstance, VolumeTracer};
+use pumice_cpu::traverse::{TracedInstance, VolumeTracer};
 use pumice_formats::OpenOptions;
+use pumice_transport::geometry::LodChoice;
 use serde::Serialize;
 
 use crate::error::{Result, SessionError, io};

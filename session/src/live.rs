@@ -17,8 +17,8 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 
 use pumice_core::{CompressedVolume, Job, MeshData};
-use pumice_render::{Pick, RenderError, Renderer};
 use pumice_scene::{Instance, Mesh, Scene, SceneEdit, SceneError};
+use pumice_transport::{Pick, RenderError, Renderer};
 
 use crate::backend::{FallbackRenderer, make_renderer};
 use crate::error::{Result, SessionError};
@@ -33,7 +33,7 @@ pub struct LiveOptions {
     pub backend: String,
     /// When the picture of one revision is done.
     pub stop: Stop,
-    /// Frames that are not converged are [filtered](pumice_render::preview).
+    /// Frames that are not converged are [filtered](pumice_picture::preview).
     pub denoise: bool,
 }
 
@@ -388,7 +388,8 @@ impl Drop for Live {
 fn check(scene: &Scene, volumes: &[Arc<CompressedVolume>], meshes: &[Arc<MeshData>]) -> Result<()> {
     let fault = |e: SceneError| SessionError::Caller(e.to_string());
     scene.validate().map_err(fault)?;
-    pumice_render::check_counts(scene, volumes, meshes).map_err(|e| SessionError::Caller(e.to_string()))?;
+    pumice_transport::check_counts(scene, volumes, meshes)
+        .map_err(|e| SessionError::Caller(e.to_string()))?;
     for (i, (instance, volume)) in scene.instances.iter().zip(volumes).enumerate() {
         let field = format!("instances[{i}].style.show");
         instance.style.show.resolve(&field, volume.labels().ids()).map_err(fault)?;

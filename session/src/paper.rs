@@ -309,7 +309,7 @@ fn measured_forms(
     let tracer = |e| EncodingTracer::new(e, place, &rays.visible);
     let fine = encodings.iter().map(|(e, _)| tracer(e)).collect::<std::result::Result<Vec<_>, _>>()?;
     let coarse = encodings.iter().map(|(e, _)| Ok(tracer(e)?.coarse(true)));
-    let coarse = coarse.collect::<std::result::Result<Vec<_>, pumice_render::RenderError>>()?;
+    let coarse = coarse.collect::<std::result::Result<Vec<_>, pumice_transport::RenderError>>()?;
     let (fine, coarse) = (rays.rates(&fine, job)?, rays.rates(&coarse, job)?);
     let mut figures = Vec::new();
     for ((e, with_fields), (fine, coarse)) in encodings.iter().zip(fine.into_iter().zip(coarse)) {

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use pumice_core::Job;
-use pumice_render::{RenderError, Renderer};
+use pumice_transport::{RenderError, Renderer};
 use serde::Serialize;
 
 use crate::measure::Stopwatch;

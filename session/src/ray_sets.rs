@@ -1,7 +1,7 @@
 //! Rays for benches: what a camera sends, and what a diffuse surface sends on. The same for every machine and every program.
 
 use glam::{DAffine3, DVec3};
-use pumice_render::{Hit, RayInWorld};
+use pumice_transport::{Hit, RayInWorld};
 
 /// 64 well-mixed bits of a counter (SplitMix64).
 pub fn mix(i: u64) -> u64 {

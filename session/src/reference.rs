@@ -1,7 +1,7 @@
 //! The mean of independent pictures and its variance: what other pictures are judged by, with its own error known.
 
-use pumice_render::Image;
-use pumice_render::metrics::rel_mse::EPSILON;
+use pumice_picture::Image;
+use pumice_picture::metrics::rel_mse::EPSILON;
 
 /// A mean picture, value by value, and the variance of each mean.
 #[derive(Clone, Debug)]

@@ -6,11 +6,11 @@ use std::sync::Arc;
 
 use pumice_core::{CompressedVolume, Job, MeshData};
 use pumice_formats::OpenOptions;
-use pumice_render::{
-    Passes, Picture, Provenance, RenderError, Renderer, read_provenance, write_exr, write_exr_half,
-    write_png_shown,
+use pumice_picture::{
+    Passes, Picture, Provenance, read_provenance, write_exr, write_exr_half, write_png_shown,
 };
 use pumice_scene::{Adaptive, Lod, Mode, Needs, Scene, Show, ViewTransform};
+use pumice_transport::{RenderError, Renderer};
 use serde::Serialize;
 
 use crate::backend::make_renderer;

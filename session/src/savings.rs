@@ -19,8 +19,8 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use pumice_core::{CompressedVolume, Job, MeshData};
-use pumice_render::Renderer;
 use pumice_scene::{Needs, Part, Scene, Spare};
+use pumice_transport::Renderer;
 use serde::Serialize;
 
 use crate::backend::{FallbackRenderer, make_renderer};

@@ -38,7 +38,7 @@ def shared_data():
 
 @pytest.fixture(scope="session")
 def rust_example():
-    """Builds an example binary and gives its path: rust_example("pumice-render", "compare_raw")."""
+    """Builds an example binary and gives its path: rust_example("pumice-picture", "compare_raw")."""
 
     def build(package, name):
         subprocess.run(["cargo", "build", "--quiet", "--package", package, "--example", name], cwd=ROOT, check=True)

@@ -1,4 +1,4 @@
-"""Means of a white Lambert square under each kind of lamp, rendered by Cycles: the figures in `render/tests/lamps.rs`.
+"""Means of a white Lambert square under each kind of lamp, rendered by Cycles: the figures in `transport/tests/lamps.rs`.
 
 Run with Blender's module (5.0.1), once in a while by hand; a change of the figures is a change of Cycles:
 

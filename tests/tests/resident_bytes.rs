@@ -16,9 +16,10 @@ use glam::DVec3;
 use pumice_core::{
     ArraySource, CompressOptions, CompressedVolume, Job, LabelBuffer, LabelType, Level, VolumeInfo,
 };
-use pumice_cpu::traverse::{LodChoice, SceneTracer, TracedInstance};
-use pumice_render::bvh::BUILD_BYTES_A_BOX;
-use pumice_render::{PathOrigin, RayInWorld, Tracer};
+use pumice_cpu::traverse::{SceneTracer, TracedInstance};
+use pumice_transport::geometry::LodChoice;
+use pumice_transport::geometry::bvh::BUILD_BYTES_A_BOX;
+use pumice_transport::{PathOrigin, RayInWorld, Tracer};
 
 const DIMS: [u32; 3] = [256, 256, 512];
 
@@ -66,7 +67,7 @@ fn reported_bytes_are_allocated_bytes() {
         println!("{what}: {counted:?}");
         assert!(!is_volume_sized(counted, voxels), "{what}: {counted:?}");
     }
-    // Building is stricter: what `pumice_render::bvh` says by box, and nothing by voxel. (64 KiB for what does not grow: queues,
+    // Building is stricter: what `pumice_transport::geometry::bvh` says by box, and nothing by voxel. (64 KiB for what does not grow: queues,
     // stacks, the labels that are visible.)
     let boxes = tracer.instance(0).unwrap().boxes();
     let bar = (boxes * BUILD_BYTES_A_BOX) as isize + (64 << 10);

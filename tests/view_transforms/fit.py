@@ -1,4 +1,4 @@
-"""From what `measure.py` found to the constants of render/src/view_transform.rs and to the colours of render/tests/view_transforms.csv:
+"""From what `measure.py` found to the constants of picture/src/view_transform.rs and to the colours of picture/tests/view_transforms.csv:
 `python fit.py MEASURED.npz OUT.csv` (numpy, scipy). Prints the constants, and how far the formula is off.
 
     greys      curve of log2, knots half a stop apart, Catmull-Rom between them: least squares

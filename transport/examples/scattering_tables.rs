@@ -1,11 +1,11 @@
-//! Computes `cpu-renderer/src/bsdf/tables.bin`: how much light GGX surfaces keep, by angle and roughness.
+//! Computes `transport/src/bsdf/tables.bin`: how much light GGX surfaces keep, by angle and roughness.
 //!
 //! ```text
-//! cargo run -p pumice-cpu --example scattering_tables -- cpu-renderer/src/bsdf/tables.bin     (minutes)
+//! cargo run -p pumice-cpu --example scattering_tables -- transport/src/bsdf/tables.bin     (minutes)
 //! ```
 //! The grids are those of `bsdf/tables.rs`, which says what each is for. An entry is an integral over the normals that are seen
 //! from one direction (Heitz 2018, JCGT 7(4)), by the midpoint rule in f64; the integrand is even in the azimuth, so half of the
-//! disk is enough. `cpu-renderer/tests/scattering_tables.rs` recomputes some of them over outgoing directions instead.
+//! disk is enough. `transport/tests/scattering_tables.rs` recomputes some of them over outgoing directions instead.
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "a tool: it stops at the first fault")]
 
 use std::f64::consts::PI;

@@ -4,8 +4,8 @@
 //! height. With depth of field a ray starts at a point of the opening and passes through the point in focus, where the ray from the
 //! opening's middle meets the plane at the focus distance.
 
+use crate::RayInWorld;
 use glam::{DAffine3, DVec3};
-use pumice_render::RayInWorld;
 use pumice_scene::{Camera, Film, Projection, SensorFit};
 
 use crate::lens::Lens;

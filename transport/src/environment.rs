@@ -19,8 +19,7 @@
 use std::f64::consts::PI;
 
 use glam::{DVec3, Vec3};
-
-use crate::image::Image;
+use pumice_picture::image::Image;
 
 /// See the module.
 #[derive(Clone, Debug)]

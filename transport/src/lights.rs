@@ -13,8 +13,8 @@ use std::f32::consts::PI;
 
 use std::sync::Arc;
 
+use crate::{EnvironmentTable, Hit, ReadyLamp, ReadySun, Receiver, Tracer};
 use glam::{DVec3, Vec3};
-use pumice_render::{EnvironmentTable, Hit, ReadyLamp, ReadySun, Receiver, Tracer};
 
 use crate::emitters::Emitters;
 

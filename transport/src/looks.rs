@@ -3,11 +3,11 @@
 use std::ops::{Deref, DerefMut};
 use std::sync::{Arc, OnceLock};
 
-use pumice_render::cryptomatte::Ids;
-use pumice_render::palette;
+use pumice_picture::cryptomatte::Ids;
 use pumice_scene::{LabelStyle, Material};
 
 use crate::emitters::shine;
+use crate::palette;
 
 /// Materials of one instance by dense label, or of a mesh by the material index of its triangles.
 #[derive(Clone, Debug)]

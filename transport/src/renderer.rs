@@ -4,9 +4,8 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use pumice_core::{CompressedVolume, Job, MeshData};
+use pumice_picture::{Image, Picture};
 use pumice_scene::{Scene, Spare};
-
-use crate::{Image, Picture};
 
 /// Why a renderer could not go on.
 #[derive(Debug, thiserror::Error)]
@@ -37,7 +36,7 @@ pub struct Progress {
     pub spp: u32,
     /// Mean over pixels of the samples that each has: `spp`, or less where pixels rest.
     pub mean_spp: f64,
-    /// Estimated relative error of the picture as it stands (`pumice_render::error_estimate`), infinite until it can be known.
+    /// Estimated relative error of the picture as it stands ([`pumice_picture::FilmBuffer::error_estimate`]), infinite until it can be known.
     pub error_estimate: f64,
     /// Every pixel rests: further samples change nothing.
     pub all_rest: bool,

@@ -14,8 +14,7 @@
 //! of the pixel's own scramble are flipped so that it comes there. An Owen scramble with flipped digits is one, so no pixel's estimate
 //! is any worse for it, after any number of samples, and nothing need be known of how many there will be.
 
-/// Independent scrambles that a pixel's samples are dealt to.
-pub const REPLICATES: u32 = 4;
+use pumice_picture::film::REPLICATES;
 
 /// What a pair of random numbers is for. Dimensions of a bounce follow [`Dimension::Bounce`] in steps of [`PAIRS_A_BOUNCE`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

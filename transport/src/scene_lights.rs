@@ -2,10 +2,11 @@
 
 use std::sync::Arc;
 
-use pumice_render::{EnvironmentTable, Image, ReadyLamp, ReadySun, RenderError};
+use pumice_picture::Image;
 use pumice_scene::{Environment, Scene};
 
 use crate::lights::{Lights, Sky};
+use crate::{EnvironmentTable, ReadyLamp, ReadySun, RenderError};
 
 /// Reads the scene-linear pictures that scenes name as environments; files are the caller's business.
 pub type ReadImage = fn(&std::path::Path) -> Result<Image, String>;

@@ -8,10 +8,10 @@
 use std::f64::consts::PI;
 
 use glam::{DAffine3, DVec3};
-use pumice_cpu::camera_rays::CameraRays;
-use pumice_render::RayInWorld;
-use pumice_render::sampler::PixelSampler;
 use pumice_scene::{Aperture, Camera, Film, Filter, Projection, SensorFit};
+use pumice_transport::RayInWorld;
+use pumice_transport::camera_rays::CameraRays;
+use pumice_transport::sampler::PixelSampler;
 
 /// float32, kind by kind, rows from the top: the share of each pixel that the cubes fill.
 const CYCLES: &[u8] = include_bytes!("camera_against_cycles/cycles.npy");

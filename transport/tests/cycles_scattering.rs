@@ -6,8 +6,8 @@
 #![allow(clippy::expect_used, reason = "tests")]
 
 use glam::Vec3;
-use pumice_cpu::bsdf::{Bsdf, emitted};
 use pumice_scene::Material;
+use pumice_transport::bsdf::{Bsdf, emitted};
 use serde::Deserialize;
 
 #[derive(Deserialize)]

@@ -6,8 +6,8 @@
 use std::f64::consts::PI;
 
 use glam::{DAffine3, DMat3, DVec3, Vec3};
-use pumice_render::{ReadyLamp, Receiver};
 use pumice_scene::{Light, LightShape, Outline};
+use pumice_transport::{ReadyLamp, Receiver};
 
 fn light(shape: LightShape) -> Light {
     Light { shape, power_w: 100.0, color: [1.0; 3], visible_to_camera: false }

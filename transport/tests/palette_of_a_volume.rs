@@ -6,7 +6,7 @@ use std::collections::{HashMap, HashSet};
 use std::io::Read;
 use std::path::Path;
 
-use pumice_render::palette::{PALETTE_COLORS, assign_colors, least_delta_e, palette};
+use pumice_transport::palette::{PALETTE_COLORS, assign_colors, least_delta_e, palette};
 
 /// Labels and touching pairs of the shipped volume, found voxel by voxel; label 0 is background.
 fn contacts() -> (usize, Vec<(u32, u32)>) {

@@ -1,9 +1,9 @@
 //! What a surface scatters, against quadrature and counting that share no code with the sampling.
 
 use glam::Vec3;
-use pumice_cpu::bsdf::Bsdf;
-use pumice_cpu::bsdf::tables::{SHEEN, SHEEN_ENTRIES, table_2d};
 use pumice_scene::Material;
+use pumice_transport::bsdf::Bsdf;
+use pumice_transport::bsdf::tables::{SHEEN, SHEEN_ENTRIES, table_2d};
 
 /// Metal, plastic and both: light stays above the surface.
 fn opaque() -> Vec<Material> {

@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use pumice_cpu::bsdf::tables::{
+use pumice_transport::bsdf::tables::{
     ENTRIES, FRESNEL_SHARE, GLASS, GLASS_AVERAGE, INSIDE, REFLECTION, REFLECTION_AVERAGE, SHEEN,
     SHEEN_ENTRIES, TABLES,
 };

@@ -1,4 +1,4 @@
-// What is drawn of a volume, all labels in one: twin of cpu-renderer/src/traverse/bricks.rs, which explains it.
+// What is drawn of a volume, all labels in one: twin of transport/src/geometry/bricks.rs, which explains it.
 #ifndef BRICKS_GLSL
 #define BRICKS_GLSL
 

@@ -1,4 +1,4 @@
-// How a surface scatters: twin of cpu-renderer/src/bsdf.rs, which explains it.
+// How a surface scatters: twin of transport/src/bsdf.rs, which explains it.
 #ifndef BSDF_GLSL
 #define BSDF_GLSL
 

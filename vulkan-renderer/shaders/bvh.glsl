@@ -1,4 +1,4 @@
-// Traversal of the hierarchy of compute shaders: twin of render/src/bvh.rs, which explains nodes and order. A closure is not to be
+// Traversal of the hierarchy of compute shaders: twin of transport/src/geometry/bvh.rs, which explains nodes and order. A closure is not to be
 // had in GLSL: `along_ray` and `at_voxel` call `bvh_visit`, which the file that includes this one defines.
 #ifndef BVH_GLSL
 #define BVH_GLSL

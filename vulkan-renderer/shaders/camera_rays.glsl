@@ -1,4 +1,4 @@
-// Rays of the camera: twin of cpu-renderer/src/camera_rays.rs.
+// Rays of the camera: twin of transport/src/camera_rays.rs.
 #ifndef CAMERA_RAYS_GLSL
 #define CAMERA_RAYS_GLSL
 

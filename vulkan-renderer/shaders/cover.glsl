@@ -1,4 +1,4 @@
-// What lies on top of a surface: twin of cpu-renderer/src/bsdf/cover.rs, which explains it.
+// What lies on top of a surface: twin of transport/src/bsdf/cover.rs, which explains it.
 #ifndef COVER_GLSL
 #define COVER_GLSL
 

@@ -1,4 +1,5 @@
-// What cuts leave of a ray: twin of cpu-renderer/src/traverse/cut_ray.rs and cuts.rs.
+// What cuts leave of a ray: twin of cpu-renderer/src/traverse/cut_ray.rs
+// and transport/src/geometry/cuts.rs.
 #ifndef CUTS_GLSL
 #define CUTS_GLSL
 

@@ -1,4 +1,4 @@
-// Emissive labels and meshes as lights that are aimed at: twin of cpu-renderer/src/emitters/mod.rs, which explains it.
+// Emissive labels and meshes as lights that are aimed at: twin of transport/src/emitters/mod.rs, which explains it.
 #ifndef EMITTERS_GLSL
 #define EMITTERS_GLSL
 

@@ -1,4 +1,4 @@
-// A picture of what surrounds the scene: twin of render/src/environment.rs. Angles are floats here, doubles there: a place in a
+// A picture of what surrounds the scene: twin of transport/src/environment.rs. Angles are floats here, doubles there: a place in a
 // picture of 4,096 pixels is off by up to 2^−10 pixels.
 #ifndef ENVIRONMENT_GLSL
 #define ENVIRONMENT_GLSL

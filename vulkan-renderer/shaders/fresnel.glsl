@@ -1,4 +1,4 @@
-// How much a smooth surface reflects: twin of cpu-renderer/src/bsdf/fresnel.rs, which has the sources.
+// How much a smooth surface reflects: twin of transport/src/bsdf/fresnel.rs, which has the sources.
 #ifndef FRESNEL_GLSL
 #define FRESNEL_GLSL
 

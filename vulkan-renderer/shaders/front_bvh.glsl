@@ -1,4 +1,4 @@
-// Finds boxes by our own hierarchy: the loops of render/src/bvh.rs, with `visit` for its closures.
+// Finds boxes by our own hierarchy: the loops of transport/src/geometry/bvh.rs, with `visit` for its closures.
 #ifndef FRONT_BVH_GLSL
 #define FRONT_BVH_GLSL
 

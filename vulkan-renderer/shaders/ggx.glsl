@@ -1,4 +1,4 @@
-// Microfacets: twin of cpu-renderer/src/bsdf/ggx.rs, which has the sources.
+// Microfacets: twin of transport/src/bsdf/ggx.rs, which has the sources.
 #ifndef GGX_GLSL
 #define GGX_GLSL
 

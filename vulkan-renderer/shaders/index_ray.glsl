@@ -1,5 +1,5 @@
 // A ray in a volume's index space: twin of cpu-renderer/src/traverse/index_ray.rs,
-// placement.rs and power_of_two.rs.
+// transport/src/geometry/placement.rs and power_of_two.rs.
 #ifndef INDEX_RAY_GLSL
 #define INDEX_RAY_GLSL
 

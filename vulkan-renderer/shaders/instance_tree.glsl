@@ -1,4 +1,4 @@
-// The hierarchy over instances: twin of cpu-renderer/src/traverse/instance_tree.rs, which explains it. It lies there as our own in all
+// The hierarchy over instances: twin of transport/src/geometry/instance_tree.rs, which explains it. It lies there as our own in all
 // three front ends: hardware would take rays to an instance's space by floats.
 //
 // There is no closure to hand to it: the walk is a structure that `instance_tree_next` brings on to the next instance.

@@ -1,4 +1,4 @@
-// A lamp that stands in the scene: twin of render/src/lamp/mod.rs.
+// A lamp that stands in the scene: twin of transport/src/lamp/mod.rs.
 #ifndef LAMP_GLSL
 #define LAMP_GLSL
 

@@ -1,4 +1,4 @@
-// Area lamps: twin of render/src/lamp/area.rs.
+// Area lamps: twin of transport/src/lamp/area.rs.
 #ifndef LAMP_AREA_GLSL
 #define LAMP_AREA_GLSL
 

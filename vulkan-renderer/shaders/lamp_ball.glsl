@@ -1,4 +1,4 @@
-// Balls: point and spot lamps: twin of render/src/lamp/ball.rs, with what of mod.rs it asks for.
+// Balls: point and spot lamps: twin of transport/src/lamp/ball.rs, with what of mod.rs it asks for.
 #ifndef LAMP_BALL_GLSL
 #define LAMP_BALL_GLSL
 

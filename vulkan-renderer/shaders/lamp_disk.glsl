@@ -1,4 +1,4 @@
-// Balls with soft falloff, disks that face whoever looks: twin of render/src/lamp/disk.rs.
+// Balls with soft falloff, disks that face whoever looks: twin of transport/src/lamp/disk.rs.
 #ifndef LAMP_DISK_GLSL
 #define LAMP_DISK_GLSL
 

@@ -331,7 +331,7 @@ struct FirstRecord {
     float position[3];
 };
 
-// A bounding volume hierarchy's node, 80 bytes as drawn in pumice_render::bvh; bytes are taken out of their words.
+// A bounding volume hierarchy's node, 80 bytes as drawn in pumice_transport::geometry::bvh; bytes are taken out of their words.
 struct BvhNode {
     float origin[3];
     uint exponents_and_inner;

@@ -1,4 +1,4 @@
-// Points of the camera's opening: twin of cpu-renderer/src/lens.rs.
+// Points of the camera's opening: twin of transport/src/lens.rs.
 #ifndef LENS_GLSL
 #define LENS_GLSL
 

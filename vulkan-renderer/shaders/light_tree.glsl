@@ -1,4 +1,4 @@
-// A binary tree over emitters: twin of cpu-renderer/src/emitters/light_tree.rs, which draws it.
+// A binary tree over emitters: twin of transport/src/emitters/light_tree.rs, which draws it.
 #ifndef LIGHT_TREE_GLSL
 #define LIGHT_TREE_GLSL
 

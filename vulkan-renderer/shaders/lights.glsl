@@ -1,4 +1,4 @@
-// What lights the scene: twin of cpu-renderer/src/lights.rs.
+// What lights the scene: twin of transport/src/lights.rs.
 #ifndef LIGHTS_GLSL
 #define LIGHTS_GLSL
 

@@ -1,4 +1,4 @@
-// Which detail a box is drawn at: twin of cpu-renderer/src/traverse/lod.rs.
+// Which detail a box is drawn at: twin of transport/src/geometry/lod.rs.
 #ifndef LOD_GLSL
 #define LOD_GLSL
 

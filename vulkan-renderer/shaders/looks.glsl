@@ -1,4 +1,4 @@
-// What each label looks like: twin of render's looks (cpu-renderer/src/looks.rs).
+// What each label looks like: twin of render's looks (transport/src/looks.rs).
 #ifndef LOOKS_GLSL
 #define LOOKS_GLSL
 

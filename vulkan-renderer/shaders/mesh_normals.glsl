@@ -1,4 +1,4 @@
-// Smooth normals of triangles: twin of cpu-renderer/src/traverse/mesh_normals.rs, which explains it, and of core/src/octahedral.rs,
+// Smooth normals of triangles: twin of transport/src/geometry/mesh_normals.rs, which explains it, and of core/src/octahedral.rs,
 // which has the words.
 #ifndef MESH_NORMALS_GLSL
 #define MESH_NORMALS_GLSL

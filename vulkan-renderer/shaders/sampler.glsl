@@ -1,4 +1,4 @@
-// Sample points: twin of render/src/sampler.rs.
+// Sample points: twin of transport/src/sampler.rs.
 #ifndef SAMPLER_GLSL
 #define SAMPLER_GLSL
 

@@ -1,4 +1,4 @@
-// Fibres that stand on a surface: twin of cpu-renderer/src/bsdf/sheen.rs, which explains it.
+// Fibres that stand on a surface: twin of transport/src/bsdf/sheen.rs, which explains it.
 #ifndef SHEEN_GLSL
 #define SHEEN_GLSL
 

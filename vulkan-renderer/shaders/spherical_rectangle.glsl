@@ -1,4 +1,4 @@
-// Uniform directions over a rectangle: twin of render/src/lamp/spherical_rectangle.rs.
+// Uniform directions over a rectangle: twin of transport/src/lamp/spherical_rectangle.rs.
 #ifndef SPHERICAL_RECTANGLE_GLSL
 #define SPHERICAL_RECTANGLE_GLSL
 

@@ -1,4 +1,4 @@
-// A sun, ready to be sampled: twin of render/src/sun.rs. Directions are doubles as there; the sine and cosine of a sampled azimuth
+// A sun, ready to be sampled: twin of transport/src/sun.rs. Directions are doubles as there; the sine and cosine of a sampled azimuth
 // are floats, which turns the direction within the sun by up to 2^−22 of its radius.
 #ifndef SUN_GLSL
 #define SUN_GLSL

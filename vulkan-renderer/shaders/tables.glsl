@@ -1,4 +1,4 @@
-// How much light GGX surfaces keep: twin of cpu-renderer/src/bsdf/tables.rs, which says what each table is.
+// How much light GGX surfaces keep: twin of transport/src/bsdf/tables.rs, which says what each table is.
 #ifndef TABLES_GLSL
 #define TABLES_GLSL
 

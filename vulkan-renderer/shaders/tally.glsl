@@ -17,7 +17,7 @@ const uint TRANSMISSION = 4u;
 const uint EMISSION = 6u;
 const uint ENVIRONMENT = 7u;
 
-// Groups of sums that a film keeps: PassSums of render/src/passes.rs.
+// Groups of sums that a film keeps: PassSums of picture/src/passes.rs.
 const uint KEPT_ALPHA = 1u;
 const uint KEPT_FEATURES = 2u;
 const uint KEPT_LIGHT = 4u;

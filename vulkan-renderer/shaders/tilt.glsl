@@ -1,4 +1,4 @@
-// Surfaces that are shaded by another normal than their own: twin of cpu-renderer/src/bsdf/tilt.rs, which explains it.
+// Surfaces that are shaded by another normal than their own: twin of transport/src/bsdf/tilt.rs, which explains it.
 #ifndef TILT_GLSL
 #define TILT_GLSL
 

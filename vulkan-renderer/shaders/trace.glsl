@@ -1,4 +1,4 @@
-// What an integrator asks of geometry: twin of render/src/trace.rs.
+// What an integrator asks of geometry: twin of transport/src/trace.rs.
 #ifndef TRACE_GLSL
 #define TRACE_GLSL
 

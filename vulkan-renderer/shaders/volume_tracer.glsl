@@ -1,4 +1,5 @@
-// One instance and the questions that rays ask of it: twin of cpu-renderer/src/traverse/volume_tracer.rs, and of bricks.rs where
+// One instance and the questions that rays ask of it: twin of cpu-renderer/src/traverse/volume_tracer.rs, and of
+// transport/src/geometry/bricks.rs where
 // a brick tells which box holds a voxel.
 //
 // The twin hands closures to its hierarchy. Here a search is a structure, `visit` is what looks at one box, and one of three front

@@ -1,4 +1,4 @@
-// Smooth normals of voxels: twin of cpu-renderer/src/traverse/voxel_normals.rs, which explains it.
+// Smooth normals of voxels: twin of transport/src/geometry/voxel_normals.rs, which explains it.
 #ifndef VOXEL_NORMALS_GLSL
 #define VOXEL_NORMALS_GLSL
 

@@ -6,9 +6,9 @@
 //!
 //! The host holds a copy as of the last whole pass that was read: what is shown, and what is put back when the device is lost.
 
-use pumice_render::film::STRIDE;
-use pumice_render::resting::{AWAKE, Resting};
-use pumice_render::{FilmBuffer, PassSums};
+use pumice_picture::film::STRIDE;
+use pumice_picture::resting::{AWAKE, Resting};
+use pumice_picture::{FilmBuffer, PassSums};
 use pumice_scene::Adaptive;
 
 use crate::device::{Buffer, DeviceError, Gpu};

@@ -197,7 +197,7 @@ pub struct Environment {
     pub reserved: u32,
 }
 
-/// Twin of `pumice_cpu::emitters::LightNode`.
+/// Twin of `pumice_transport::emitters::LightNode`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 #[allow(missing_docs, reason = "as there")]
@@ -207,7 +207,7 @@ pub struct LightNode {
     pub power: f32,
 }
 
-/// Twin of `pumice_cpu::emitters::Emitter`.
+/// Twin of `pumice_transport::emitters::Emitter`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 #[allow(missing_docs, reason = "as there")]
@@ -221,7 +221,7 @@ pub struct Emitter {
     pub planes: u32,
 }
 
-/// Twin of `pumice_cpu::emitters::Place`.
+/// Twin of `pumice_transport::emitters::Place`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 #[allow(missing_docs, reason = "as there")]
@@ -236,7 +236,7 @@ pub struct EmitterPlace {
     pub reserved: u32,
 }
 
-/// Twin of `pumice_cpu::emitters::ShiningTriangle`.
+/// Twin of `pumice_transport::emitters::ShiningTriangle`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 #[allow(missing_docs, reason = "as there")]
@@ -245,7 +245,7 @@ pub struct ShiningTriangle {
     pub area: f32,
 }
 
-/// Twin of `pumice_cpu::Emitters`.
+/// Twin of `pumice_transport::Emitters`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Emitters {
@@ -273,12 +273,12 @@ pub struct Emitters {
     pub place_of_count: u32,
 }
 
-/// Twin of `pumice_cpu::traverse::InstanceTree`.
+/// Twin of `pumice_transport::geometry::InstanceTree`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 #[allow(missing_docs, reason = "as there")]
 pub struct InstanceTree {
-    /// Nodes of its `pumice_render::Bvh`; 0: there is none, and instances are asked in turn.
+    /// Nodes of its `pumice_transport::Bvh`; 0: there is none, and instances are asked in turn.
     pub nodes: Address,
     /// Numbers of instances.
     pub items: Address,
@@ -303,7 +303,7 @@ pub struct InstanceTree {
 pub struct SceneHeader {
     /// [`Instance`]s.
     pub instances: Address,
-    /// How much light surfaces keep: `pumice_cpu::bsdf::tables::TABLES`.
+    /// How much light surfaces keep: `pumice_transport::bsdf::tables::TABLES`.
     pub tables: Address,
     pub camera: Camera,
     pub filter: Filter,
@@ -353,7 +353,7 @@ pub struct Chunk {
     pub first_box: u32,
 }
 
-/// Twin of `Block` of `pumice_cpu::traverse::Bricks`.
+/// Twin of `Block` of `pumice_transport::geometry::Bricks`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct BrickBlock {
@@ -405,7 +405,7 @@ pub struct Instance {
     pub nodes: Address,
     /// Slices and patterns of leaves.
     pub leaves: Address,
-    /// Hierarchy for compute shaders: nodes of `pumice_render::Bvh` as they lie there; 0 where hardware traces.
+    /// Hierarchy for compute shaders: nodes of `pumice_transport::Bvh` as they lie there; 0 where hardware traces.
     pub bvh_nodes: Address,
     /// Box number of each of its items.
     pub bvh_items: Address,

@@ -36,7 +36,7 @@ pub(crate) struct Machine {
 impl Machine {
     pub(crate) fn open(how: &Opening) -> Result<Self, DeviceError> {
         let gpu = Gpu::open(&how.instance, &how.candidate, how.backend, how.cache_folder.as_deref())?;
-        let tables = bytemuck::cast_slice(&pumice_cpu::bsdf::tables::TABLES);
+        let tables = bytemuck::cast_slice(&pumice_transport::bsdf::tables::TABLES);
         let tables = gpu.buffer_of("the tables of scattering", tables)?;
         Ok(Self {
             gpu,

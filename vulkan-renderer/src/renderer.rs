@@ -10,10 +10,10 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use pumice_core::{CompressedVolume, Job, MeshData};
-use pumice_cpu::ReadImage;
-use pumice_render::sampler::REPLICATES;
-use pumice_render::{Image, Pick, Picture, Progress, Rebuilt, RenderError, Renderer};
+use pumice_picture::film::REPLICATES;
+use pumice_picture::{Image, Picture};
 use pumice_scene::{Part, Scene, SceneError, Spare};
+use pumice_transport::{Pick, Progress, ReadImage, Rebuilt, RenderError, Renderer};
 
 use crate::device::{Backend, Candidate, DeviceError, Gpu, Instance};
 use crate::machine::{Machine, Opening};
@@ -174,7 +174,7 @@ impl Renderer for VulkanRenderer {
         meshes: &[Arc<MeshData>],
     ) -> Result<(), RenderError> {
         scene.validate().map_err(|e: SceneError| RenderError::Scene(e.to_string()))?;
-        pumice_render::check_counts(scene, volumes, meshes)?;
+        pumice_transport::check_counts(scene, volumes, meshes)?;
         loop {
             let (machine, former, counters) = (&mut self.machine, &mut self.shown, &mut self.counters);
             match Shown::new(machine, former, scene, volumes, meshes, self.read_image, counters) {

@@ -18,9 +18,8 @@ use std::sync::Arc;
 
 use glam::DAffine3;
 use pumice_core::{CompressedVolume, MeshData};
-use pumice_cpu::traverse::{Cuts, InstanceTree, LodChoice, Placement, WorldBounds};
-use pumice_cpu::{Emitters, Lights, Looks};
-use pumice_render::{BoxBounds, Bvh, FilterTable, RenderError};
+use pumice_transport::geometry::{Cuts, InstanceTree, LodChoice, Placement, WorldBounds};
+use pumice_transport::{BoxBounds, Bvh, Emitters, FilterTable, Lights, Looks, RenderError};
 
 use crate::device::{Acceleration, Buffer, DeviceError, Gpu};
 use crate::layout;
@@ -519,7 +518,7 @@ impl SceneOnDevice {
         emitters: Option<Arc<EmittersOnDevice>>,
         filter: Arc<FilterOnDevice>,
         tree: Option<Arc<TreeOnDevice>>,
-        rays: &pumice_cpu::camera_rays::CameraRays,
+        rays: &pumice_transport::camera_rays::CameraRays,
         settings: layout::Settings,
     ) -> Result<Self, DeviceError> {
         let of_meshes = meshes.iter().map(MeshOnDevice::record);

@@ -6,14 +6,12 @@ use std::time::Duration;
 use bytemuck::Zeroable as _;
 use glam::DAffine3;
 use pumice_core::{CompressedVolume, Job, MeshData};
-use pumice_cpu::camera_rays::CameraRays;
-use pumice_cpu::emitters::Shining;
-use pumice_cpu::traverse::{Cuts, LodChoice, MeshGrid, Placement, mesh_placement};
-use pumice_cpu::{Emitters, Looks, ReadImage, scene_lights};
-use pumice_render::{
-    FilmBuffer, Image, PassSums, Pick, Picture, Rebuilt, RenderError, SurfaceKind, cryptomatte, name_mattes,
-};
+use pumice_picture::{FilmBuffer, Image, PassSums, Picture, cryptomatte, name_mattes};
 use pumice_scene::{INSTANCES_OF_A_TREE, InstanceDiff, MeshDiff, Part, Pass, Scene, SceneDiff};
+use pumice_transport::camera_rays::CameraRays;
+use pumice_transport::emitters::Shining;
+use pumice_transport::geometry::{Cuts, LodChoice, MeshGrid, Placement, mesh_placement};
+use pumice_transport::{Emitters, Looks, Pick, ReadImage, Rebuilt, RenderError, SurfaceKind, scene_lights};
 
 use crate::device::{Backend, Buffer, DeviceError};
 use crate::film::Film;
@@ -268,7 +266,7 @@ impl Shown {
         let film: &FilmBuffer = self.film.copy();
         let spp = film.spp();
         let picture = Picture {
-            variance: (spp >= pumice_render::sampler::REPLICATES).then(|| film.variance()),
+            variance: (spp >= pumice_picture::film::REPLICATES).then(|| film.variance()),
             depth: Some(firsts.iter().map(|f| f.depth).collect()),
             label: Some(firsts.iter().map(|f| f.label).collect()),
             albedo: Some(image(|f| f.albedo)),

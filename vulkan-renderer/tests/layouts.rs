@@ -13,8 +13,8 @@ use std::mem::offset_of;
 use std::path::Path;
 
 use bytemuck::{Pod, Zeroable};
-use pumice_render::Bvh;
-use pumice_render::bvh::BoxBounds;
+use pumice_transport::Bvh;
+use pumice_transport::geometry::bvh::BoxBounds;
 use pumice_vulkan::layout::{
     Brick, BrickBlock, BrickPart, Camera, Chunk, CutPlane, Emitter, EmitterPlace, Emitters, Environment,
     Filter, FirstRecord, HitRecord, Instance, InstanceTree, LOD_BY_DISTANCE, LOD_CATCHER, LOD_TRIANGLES,
@@ -67,7 +67,7 @@ macro_rules! twin {
     }};
 }
 
-/// A node as drawn in `pumice_render::bvh`, whose own type is private: `hierarchies_lie_as_drawn` holds it against real ones.
+/// A node as drawn in `pumice_transport::geometry::bvh`, whose own type is private: `hierarchies_lie_as_drawn` holds it against real ones.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
 struct BvhNode {

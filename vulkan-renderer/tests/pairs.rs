@@ -164,7 +164,7 @@ fn missing_twins_are_named() {
         change(&mut changed);
         changed.faults().join("\n")
     };
-    let bsdf = "cpu-renderer/src/bsdf.rs";
+    let bsdf = "transport/src/bsdf.rs";
     let rust = |path: &'static str, from: &'static str, to: &'static str| {
         fault_of(&move |s: &mut Sources| {
             let source = s.rust.get_mut(path).expect("a file");
@@ -183,14 +183,14 @@ fn missing_twins_are_named() {
     assert_eq!(rust(bsdf, "pub fn luminance(", added), format!("{bsdf}: transmit has no twin"));
     let method = "pub fn transmit(&self) {}\n\n    pub fn eval(";
     assert_eq!(rust(bsdf, "pub fn eval(", method), format!("{bsdf}: Bsdf::transmit has no twin"));
-    let ggx = "cpu-renderer/src/bsdf/ggx.rs";
+    let ggx = "transport/src/bsdf/ggx.rs";
     let private = "fn ggx_g1(h: Vec3) {}\npub(super) fn ggx_d(";
     assert_eq!(rust(ggx, "pub(super) fn ggx_d(", private), format!("{ggx}: ggx_g1 has no twin"));
     let renamed = shader("lights.glsl", "lights_found(", "lights_lost(");
-    assert_eq!(renamed, "cpu-renderer/src/lights.rs: Lights::found has no twin");
-    let gone = shader("sun.glsl", "render/src/sun.rs", "render/src/moon.rs");
-    assert!(gone.contains("sun.glsl names render/src/moon.rs, which does not exist"), "{gone}");
-    assert!(gone.contains("render/src/sun.rs has no shader that names it"), "{gone}");
+    assert_eq!(renamed, "transport/src/lights.rs: Lights::found has no twin");
+    let gone = shader("sun.glsl", "transport/src/sun.rs", "transport/src/moon.rs");
+    assert!(gone.contains("sun.glsl names transport/src/moon.rs, which does not exist"), "{gone}");
+    assert!(gone.contains("transport/src/sun.rs has no shader that names it"), "{gone}");
     let silent = shader("node.glsl", "twin of", "like");
     assert_eq!(silent, "node.glsl names no twin at its head, and pairs/host.rs no reason");
     let new_file = fault_of(&|s: &mut Sources| {
@@ -202,7 +202,7 @@ fn missing_twins_are_named() {
     });
     assert_eq!(new_shader, "fog.glsl names no twin at its head, and pairs/host.rs no reason");
     // A reason for what is no longer there is no reason.
-    let stale = rust("render/src/filter.rs", "fn half_distribution(", "fn distribution(");
+    let stale = rust("transport/src/filter.rs", "fn half_distribution(", "fn distribution(");
     assert!(stale.contains("half_distribution is listed and does not exist"), "{stale}");
 }
 

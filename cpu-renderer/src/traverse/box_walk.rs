@@ -12,16 +12,17 @@
 //!
 //! **Ties** step all tied axes: the ray passes through the edge, and the voxels that it only touches are not visited. (Which of the
 //! planes is the face that is reported, `VolumeTracer` decides: one with nothing before it.) What is within rounding of a tie may
-//! be taken for one: t ≤ 16 in a box, so two planes are ordered right but for 2·16·3·2⁻²⁴ ([`TIE`]), and the direction is at most
+//! be taken for one: t ≤ 16 in a box, so two planes are ordered right but for 2·16·3·2⁻²⁴ ([`TIE`](pumice_transport::geometry::TIE)), and the direction is at most
 //! 2√3 long: a chord of 2·10⁻⁵ voxels can be skipped, no more.
 //!
 //! Products and sums only, f32 and integers (f64 at the entry alone, where a GPU uses two f32): meant to be transcribed line by
 //! line into a shader.
 
 use pumice_core::BoxView;
+use pumice_transport::geometry::lod::Level;
+use pumice_transport::geometry::{TIE, each_axis};
 
-use super::lod::Level;
-use super::{IndexRay, each_axis};
+use super::IndexRay;
 
 /// Where a walk ended.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -92,9 +93,6 @@ pub(crate) struct Walk {
     axis: usize,
     tied: u8,
 }
-
-/// Planes of a voxel that are met within this of each other may be taken for a tie, or one for the other: see the module.
-pub(crate) const TIE: f64 = 2.0 * 16.0 * 3.0 / 16_777_216.0;
 
 /// Far enough that no walk reaches it, near enough that sums stay finite.
 const FAR: f32 = 1e30;

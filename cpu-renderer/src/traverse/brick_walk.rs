@@ -9,12 +9,14 @@
 //! and a block, brick, cell or voxel is met where clipping the ray against it leaves a chord.
 //! (A walk through a box may skip one of 2·10⁻⁵ voxels.)
 
+use pumice_transport::geometry::bricks::{BLOCK, BRICK, Brick, Bricks};
+use pumice_transport::geometry::each_axis;
+
+use super::IndexRay;
 use super::box_walk::{Found, Step};
-use super::bricks::{BLOCK, BRICK, Brick, Bricks};
 use super::four::{Four, Lanes};
 use super::mirrored::Octant;
 use super::pierced::Pierce;
-use super::{IndexRay, each_axis};
 
 /// What a ray meets first, and the brick.
 pub(super) struct InBricks {

@@ -17,8 +17,9 @@
 //! them leaves no sliver of the next voxels; and a point on a cap is put there exactly. Oblique planes meet faces in lines alone,
 //! and there whichever comes first by rounding is taken.
 
+use pumice_transport::geometry::cuts::{CutPlane, Cuts};
+
 use super::IndexRay;
-use super::cuts::{CutPlane, Cuts};
 use super::four::Lanes;
 
 /// The scaled t at which the ray crosses the plane, and whether it goes to what is taken away.

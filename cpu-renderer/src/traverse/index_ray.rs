@@ -12,12 +12,12 @@
 //! is ±huge, never 0 or NaN.
 
 use glam::DVec3;
-use pumice_render::{PathOrigin, RayInWorld, Surface};
+use pumice_transport::geometry::TIE;
+use pumice_transport::geometry::placement::Placement;
+use pumice_transport::geometry::power_of_two::{MODERATE, SMALLEST, exp2, exponent, scaled_extreme};
+use pumice_transport::{PathOrigin, RayInWorld, Surface};
 
-use super::box_walk::TIE;
 use super::four::{Four, Instructions, Lanes, Plain, lanes};
-use super::placement::Placement;
-use super::power_of_two::{MODERATE, SMALLEST, exp2, exponent, scaled_extreme};
 
 /// 2⁻⁴⁸: more than the five roundings by which the product for a plane and its reported distance may differ.
 const AS_NEAR: f64 = 16.0 * f64::EPSILON;

@@ -8,14 +8,14 @@ use std::sync::Arc;
 
 use glam::{DAffine3, DVec3};
 use pumice_core::MeshData;
-use pumice_render::{Bvh, Hit, PathOrigin, RayInWorld, RenderError, Surface, SurfaceKind, Tracer};
+use pumice_transport::geometry::instance_tree::WorldBounds;
+use pumice_transport::geometry::mesh_grid::{MeshGrid, mesh_placement};
+use pumice_transport::geometry::mesh_normals::blended_normal;
+use pumice_transport::geometry::placement::Placement;
+use pumice_transport::{Bvh, Hit, PathOrigin, RayInWorld, RenderError, Surface, SurfaceKind, Tracer};
 
 use super::IndexRay;
 use super::index_ray::surface_of;
-use super::instance_tree::WorldBounds;
-use super::mesh_grid::{MeshGrid, mesh_placement};
-use super::mesh_normals::blended_normal;
-use super::placement::Placement;
 use super::triangle::TriangleRay;
 use super::volume_tracer::bvh_ray;
 

@@ -33,44 +33,18 @@
 
 mod box_walk;
 mod brick_walk;
-mod bricks;
 mod cut_ray;
-mod cuts;
 mod four;
 mod index_ray;
-mod instance_tree;
-mod lod;
-mod mesh_grid;
-mod mesh_normals;
 mod mesh_tracer;
 mod mirrored;
-mod neighbors;
 mod pierced;
-mod placement;
-mod power_of_two;
 mod scene_tracer;
 mod triangle;
-mod visible_boxes;
 mod volume_tracer;
-mod voxel_normals;
 mod wide;
 
-pub use bricks::{BLOCK, BRICK, Block, Brick, BrickPart, Bricks};
-pub use cuts::{CutPlane, Cuts};
 pub(crate) use index_ray::IndexRay;
-pub use instance_tree::{InstanceTree, WorldBounds};
-pub use lod::{ByDistance, Detail, Level, LodChoice};
-pub use mesh_grid::{MeshGrid, mesh_placement};
 pub use mesh_tracer::MeshTracer;
-pub use neighbors::{Neighbors, REACH};
-pub use placement::Placement;
 pub use scene_tracer::{SceneTracer, TracedInstance};
-pub use visible_boxes::visible_boxes;
 pub use volume_tracer::VolumeTracer;
-
-/// `f` of the three axes. (What `[0, 1, 2].map(f)` is, but for certain without a call: whether the compiler takes the one in a
-/// walk for worth inlining hangs on unrelated lines, and the call costs some per cent of all rays.)
-#[inline(always)]
-pub(crate) fn each_axis<T>(mut f: impl FnMut(usize) -> T) -> [T; 3] {
-    [f(0), f(1), f(2)]
-}

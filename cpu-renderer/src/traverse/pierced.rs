@@ -11,10 +11,11 @@
 //! so corners are handed in in two parts, of which the one that is known late takes one sum to all planes.
 
 use pumice_core::leaves::flipped;
+use pumice_transport::geometry::each_axis;
 
+use super::IndexRay;
 use super::four::{Instructions, Lanes, Plain};
 use super::mirrored::Octant;
-use super::{IndexRay, each_axis};
 #[cfg(target_arch = "x86_64")]
 use super::{
     four::{Wide, Widest},
@@ -102,9 +103,9 @@ pierce_by!(Widest: widest);
 #[cfg(test)]
 mod tests {
     use glam::{DAffine3, DVec3};
-    use pumice_render::RayInWorld;
+    use pumice_transport::RayInWorld;
+    use pumice_transport::geometry::Placement;
 
-    use super::super::Placement;
     use super::super::four::each_way;
     use super::super::index_ray::Start;
     use super::*;

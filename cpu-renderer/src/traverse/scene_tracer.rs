@@ -7,10 +7,11 @@ use std::sync::Arc;
 
 use glam::{DAffine3, DVec3};
 use pumice_core::CompressedVolume;
-use pumice_render::{Hit, PathOrigin, RayInWorld, RenderError, Surface, Tracer};
+use pumice_transport::geometry::LodChoice;
+use pumice_transport::geometry::instance_tree::{InstanceTree, WorldBounds};
+use pumice_transport::{Hit, PathOrigin, RayInWorld, RenderError, Surface, Tracer};
 
-use super::instance_tree::{InstanceTree, WorldBounds};
-use super::{LodChoice, MeshTracer, VolumeTracer};
+use super::{MeshTracer, VolumeTracer};
 
 /// A volume placed in the world, and what of it is drawn.
 #[derive(Clone, Debug)]
@@ -109,7 +110,7 @@ impl SceneTracer {
     /// ([`pumice_scene::INSTANCES_OF_A_TREE`] where that shall pay): `former`'s where all are where they are there. Says whether one was made.
     ///
     /// # Errors
-    /// As [`pumice_render::Bvh::build`].
+    /// As [`pumice_transport::Bvh::build`].
     pub fn with_tree(self, former: Option<&Self>, least: usize) -> Result<(Self, bool), RenderError> {
         if self.volumes.len() + self.meshes.len() < least {
             return Ok((self, false));

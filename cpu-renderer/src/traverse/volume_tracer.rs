@@ -6,23 +6,24 @@ use std::sync::Arc;
 
 use glam::DVec3;
 use pumice_core::{BoxView, CompressedVolume};
-use pumice_render::bvh::LARGEST_INVERSE;
-use pumice_render::{BoxBounds, Bvh, BvhRay, Hit, PathOrigin, RayInWorld, Surface, SurfaceKind, Tracer};
+use pumice_transport::geometry::bricks::{BrickPart, Bricks};
+use pumice_transport::geometry::bvh::LARGEST_INVERSE;
+use pumice_transport::geometry::cuts::Cuts;
+use pumice_transport::geometry::lod::{Detail, Level};
+use pumice_transport::geometry::neighbors::Neighbors;
+use pumice_transport::geometry::placement::Placement;
+use pumice_transport::geometry::visible_boxes::clipped_end;
+use pumice_transport::geometry::voxel_normals::falling_off;
+use pumice_transport::geometry::{TIE, each_axis};
+use pumice_transport::{BoxBounds, Bvh, BvhRay, Hit, PathOrigin, RayInWorld, Surface, SurfaceKind, Tracer};
 
-use super::box_walk::{Found, Step, TIE, Walk};
+use super::IndexRay;
+use super::box_walk::{Found, Step, Walk};
 use super::brick_walk::{InBricks, first_voxel};
-use super::bricks::{BrickPart, Bricks};
 use super::cut_ray::CutRay;
-use super::cuts::Cuts;
 use super::four::{Instructions, Plain};
 use super::index_ray::{Start, surface_of};
-use super::lod::{Detail, Level};
-use super::neighbors::Neighbors;
 use super::pierced::Pierce;
-use super::placement::Placement;
-use super::visible_boxes::clipped_end;
-use super::voxel_normals::falling_off;
-use super::{IndexRay, each_axis};
 
 /// Geometry of one instance.
 #[derive(Debug)]

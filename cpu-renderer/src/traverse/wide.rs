@@ -2,7 +2,7 @@
 //! AVX-512: four or eight numbers in f64 fit in one of their registers, and counting bits is one instruction. Rust never fuses a product
 //! and a sum, so all give the same bits.
 
-use pumice_render::{Hit, PathOrigin, RayInWorld};
+use pumice_transport::{Hit, PathOrigin, RayInWorld};
 
 use super::IndexRay;
 use super::four::Plain;
@@ -68,12 +68,13 @@ impl VolumeTracer {
 mod tests {
     use glam::{DAffine3, DVec3};
     use pumice_oracle::volumes::blobs;
-    use pumice_render::RayInWorld;
+    use pumice_transport::RayInWorld;
+    use pumice_transport::geometry::LodChoice;
 
+    use super::super::TracedInstance;
     use super::super::four::each_way;
     use super::super::index_ray::Start;
     use super::super::pierced::Pierce;
-    use super::super::{LodChoice, TracedInstance};
     use super::*;
 
     /// To the bit, at every level of detail, whether the first found will do or not.

@@ -4,10 +4,11 @@ use std::sync::Arc;
 
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 use pumice_core::{CompressedVolume, Job, MeshData};
-use pumice_cpu::traverse::{LodChoice, MeshTracer, SceneTracer, TracedInstance, VolumeTracer};
-use pumice_cpu::{Emitters, Finding, Lights, Looks, PathTracer, Sky, Surroundings, emitters_of};
-use pumice_render::ReadySun;
+use pumice_cpu::traverse::{MeshTracer, SceneTracer, TracedInstance, VolumeTracer};
+use pumice_cpu::{PathTracer, Surroundings, emitters_of};
 use pumice_scene::{Camera, CutShape, Film, Filter, LabelStyle, Material, Mode, Projection, Settings, Sun};
+use pumice_transport::geometry::LodChoice;
+use pumice_transport::{Emitters, Finding, Lights, Looks, ReadySun, Sky};
 
 pub(crate) fn lambert(albedo: f32) -> Material {
     Material { base_color: [albedo; 3], specular: 0.0, roughness: 1.0, ..Material::default() }

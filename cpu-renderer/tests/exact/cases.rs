@@ -6,7 +6,7 @@ use pumice_core::CompressedVolume;
 use pumice_cpu::traverse::{SceneTracer, TracedInstance};
 use pumice_oracle::Dense;
 use pumice_oracle::volumes::{blobs, checkerboard, noise, sheets};
-use pumice_render::RenderError;
+use pumice_transport::RenderError;
 
 use super::volumes::neurites;
 

@@ -5,10 +5,10 @@
 
 use glam::{DVec3, Vec3};
 use pumice_cpu::Surroundings;
-use pumice_cpu::bsdf::Bsdf;
-use pumice_render::sampler::{BouncePair, PixelSampler};
-use pumice_render::sun::frame_around;
-use pumice_render::{PathOrigin, RayInWorld, Receiver, Tracer};
+use pumice_transport::bsdf::Bsdf;
+use pumice_transport::sampler::{BouncePair, PixelSampler};
+use pumice_transport::sun::frame_around;
+use pumice_transport::{PathOrigin, RayInWorld, Receiver, Tracer};
 
 use crate::naive::Dense;
 

@@ -5,11 +5,13 @@
 pub mod faulty;
 
 use glam::{DAffine3, DMat3, DVec3, Vec3};
-use pumice_cpu::camera_rays::CameraRays;
-use pumice_cpu::{Lights, Looks, Sky, Surroundings};
-use pumice_render::sampler::{PixelSampler, REPLICATES};
-use pumice_render::{EnvironmentTable, Image, PathOrigin, RayInWorld, Tracer};
+use pumice_cpu::Surroundings;
+use pumice_picture::Image;
+use pumice_picture::film::REPLICATES;
 use pumice_scene::{Camera, Film, Filter, Material, Projection, Settings};
+use pumice_transport::camera_rays::CameraRays;
+use pumice_transport::sampler::PixelSampler;
+use pumice_transport::{EnvironmentTable, Lights, Looks, PathOrigin, RayInWorld, Sky, Tracer};
 use rayon::prelude::*;
 
 use crate::naive::Dense;

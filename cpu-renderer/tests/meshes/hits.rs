@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::{DAffine3, DMat3, DVec3};
 use pumice_core::MeshData;
 use pumice_cpu::traverse::MeshTracer;
-use pumice_render::{PathOrigin, RayInWorld, SurfaceKind, Tracer};
+use pumice_transport::{PathOrigin, RayInWorld, SurfaceKind, Tracer};
 
 use crate::shapes::{Random, bumpy_ball, cube};
 

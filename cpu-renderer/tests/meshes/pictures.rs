@@ -6,11 +6,12 @@ use std::time::Duration;
 
 use glam::{DAffine3, DMat3, DVec3};
 use pumice_core::{CompressedVolume, Job, LabelBuffer, LabelType, MeshData, VolumeInfo, compress_labels};
-use pumice_render::{Image, Picture, Renderer};
+use pumice_picture::{Image, Picture};
 use pumice_scene::{
     Camera, Environment, Film, Filter, Instance, LabelStyle, Light, LightShape, Material, Mesh, Mode,
     Projection, SCENE_VERSION, Scene, Settings, Sun, World,
 };
+use pumice_transport::Renderer;
 
 use crate::shapes::{cube, cube_of};
 

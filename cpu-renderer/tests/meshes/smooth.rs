@@ -6,9 +6,9 @@ use std::sync::Arc;
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 use pumice_core::MeshData;
 use pumice_cpu::traverse::{MeshTracer, SceneTracer};
-use pumice_cpu::{Lights, Looks, PathTracer, Sky, Surroundings};
-use pumice_render::{PathOrigin, RayInWorld, ReadySun, Tracer};
+use pumice_cpu::{PathTracer, Surroundings};
 use pumice_scene::{Camera, Film, Filter, Material, Mode, Projection, Settings, Sun};
+use pumice_transport::{Lights, Looks, PathOrigin, RayInWorld, ReadySun, Sky, Tracer};
 
 use crate::shapes::{Random, bumpy_ball};
 

@@ -2,7 +2,7 @@
 #![allow(dead_code, unreachable_pub, reason = "each test file uses its part")]
 
 use glam::DVec3;
-use pumice_render::{Hit, PathOrigin, RayInWorld, Surface, SurfaceKind, Tracer};
+use pumice_transport::{Hit, PathOrigin, RayInWorld, Surface, SurfaceKind, Tracer};
 
 /// Labels by voxel, 0 is empty; index space is world space.
 #[derive(Clone, Debug)]

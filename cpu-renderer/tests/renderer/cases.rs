@@ -7,11 +7,12 @@ use std::time::Duration;
 
 use glam::{DAffine3, DMat3, DVec3};
 use pumice_core::{CompressedVolume, Job, LabelBuffer, LabelType, MeshData, VolumeInfo, compress_labels};
-use pumice_render::{Image, Picture, Rebuilt, RenderError, Renderer};
+use pumice_picture::{Image, Picture};
 use pumice_scene::{
     Camera, Cut, CutShape, Environment, Film, Filter, Instance, LabelStyle, Light, LightShape, Lod, Material,
     Mesh, Mode, Part, Projection, SCENE_VERSION, Scene, Settings, Show, Spare, Sun, World,
 };
+use pumice_transport::{Rebuilt, RenderError, Renderer};
 
 const BLACK: Environment = Environment::Constant { radiance: [0.0; 3] };
 

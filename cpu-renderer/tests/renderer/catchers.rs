@@ -12,11 +12,12 @@ use std::time::Duration;
 
 use glam::{DAffine3, DMat3, DVec3};
 use pumice_core::{Job, MeshData};
-use pumice_render::{Pass, Picture, Renderer as _};
+use pumice_picture::{Pass, Picture};
 use pumice_scene::{
     Camera, Environment, Film, Filter, Material, Mesh, Mode, Passes, Projection, SCENE_VERSION, Scene,
     Settings, Sun, World,
 };
+use pumice_transport::Renderer as _;
 
 /// Pixels across; the picture is 8 units wide, so a pixel is an eighth of one.
 pub(crate) const SIDE: u32 = 64;

@@ -6,8 +6,9 @@ use std::time::Duration;
 
 use glam::DMat3;
 use pumice_core::{Job, MeshData};
-use pumice_render::{Pass, Renderer as _};
+use pumice_picture::Pass;
 use pumice_scene::{Adaptive, Environment, Material, Passes, Sun};
+use pumice_transport::Renderer as _;
 
 use super::catchers::{
     SIDE, SLICE, Sheet, alpha, draw, draw_apart, draw_on, floor, lambert, plate, scene_of, sun, wall, x_of,

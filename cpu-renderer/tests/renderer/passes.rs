@@ -6,9 +6,10 @@ use std::time::Duration;
 
 use glam::DVec3;
 use pumice_core::Job;
-use pumice_render::cryptomatte::id_of_hash;
-use pumice_render::{Image, Pass, Passes, Picture, Renderer};
+use pumice_picture::cryptomatte::id_of_hash;
+use pumice_picture::{Image, Pass, Passes, Picture};
 use pumice_scene::{Environment, Light, LightShape, Material, Mode, Projection, Scene, Settings, Show, Sun};
+use pumice_transport::Renderer;
 
 use super::cases::{lambert, looking_down, volume};
 

@@ -4,8 +4,9 @@ use std::time::Duration;
 
 use glam::DVec3;
 use pumice_core::Job;
-use pumice_render::{Pass, Passes, Progress, Renderer as _};
+use pumice_picture::{Pass, Passes};
 use pumice_scene::{Adaptive, Environment, Scene, Settings, Sun};
+use pumice_transport::{Progress, Renderer as _};
 
 use super::cases::{lambert, looking_down, volume};
 

@@ -8,7 +8,7 @@ pub(super) fn validate_sun(c: &Check, sun: &Sun) -> Checked {
     c.at_least("strength", sun.strength.into(), 0.0)?;
     c.color("color", sun.color)?;
     c.range("angle_rad", sun.angle_rad, 0.0, std::f64::consts::PI)?;
-    // Radiance within the cone (`pumice_render::ReadySun`) is an f32: a needle of a sun would blind it.
+    // Radiance within the cone (`pumice_transport::ReadySun`) is an f32: a needle of a sun would blind it.
     let cone = std::f64::consts::PI * (0.5 * sun.angle_rad).sin().powi(2);
     let brightest = sun.color.iter().fold(0.0, |a: f32, &b| a.max(b)).max(1.0);
     let radiance =
@@ -43,7 +43,7 @@ pub(super) fn validate_light(c: &Check, light: &Light) -> Checked {
             c.range("shape.area.spread_rad", *spread_rad, 0.0, std::f64::consts::PI)
         }
     }?;
-    // Radiance (`pumice_render::ReadyLamp`) is an f32: so much power from so small a lamp would blind it.
+    // Radiance (`pumice_transport::ReadyLamp`) is an f32: so much power from so small a lamp would blind it.
     let brightest = light.color.iter().fold(1.0, |a: f32, &b| a.max(b));
     let radiance = f64::from(light.power_w) * f64::from(brightest) / square_of(&light.shape);
     c.field("power_w", radiance <= f64::from(f32::MAX), || {

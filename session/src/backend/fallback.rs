@@ -14,8 +14,9 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use pumice_core::{CompressedVolume, Job, MeshData};
-use pumice_render::{Image, Pick, Picture, Progress, Rebuilt, RenderError, Renderer};
+use pumice_picture::{Image, Picture};
 use pumice_scene::{Scene, Spare};
+use pumice_transport::{Pick, Progress, Rebuilt, RenderError, Renderer};
 
 /// Opens a renderer.
 type Open = Box<dyn Fn() -> Result<Box<dyn Renderer>, RenderError> + Send>;

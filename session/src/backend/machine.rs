@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::sync::OnceLock;
 
-use pumice_render::{RenderError, Renderer};
+use pumice_transport::{RenderError, Renderer};
 use pumice_vulkan::VulkanRenderer;
 use pumice_vulkan::device::{Backend, Candidate, DeviceError, Instance, InstanceOptions, survey};
 

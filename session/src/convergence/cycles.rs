@@ -3,10 +3,10 @@
 use std::path::Path;
 
 use pumice_core::{CompressedVolume, Job};
-use pumice_cpu::looks::Looks;
 use pumice_export::{Corners, Interfaces, QuadMesh};
-use pumice_render::Image;
+use pumice_picture::Image;
 use pumice_scene::Scene;
+use pumice_transport::looks::Looks;
 use serde::Deserialize;
 use serde_json::json;
 

@@ -5,9 +5,10 @@ use std::sync::{Arc, PoisonError};
 use std::time::{Duration, Instant};
 
 use pumice_core::{CompressedVolume, Job, MeshData};
-use pumice_render::preview::{Guides, filtered};
-use pumice_render::{Image, Progress, RenderError, Renderer};
+use pumice_picture::Image;
+use pumice_picture::preview::{Guides, filtered};
 use pumice_scene::{Film, Passes, Scene};
+use pumice_transport::{Progress, RenderError, Renderer};
 
 use super::{Frame, LiveState, MOST_NOTICES, Question, Shared};
 use crate::backend::FallbackRenderer;

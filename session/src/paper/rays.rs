@@ -4,9 +4,10 @@ use std::sync::Arc;
 
 use glam::DVec3;
 use pumice_core::{CompressedVolume, Job};
-use pumice_cpu::traverse::{LodChoice, SceneTracer, TracedInstance, VolumeTracer};
+use pumice_cpu::traverse::{SceneTracer, TracedInstance, VolumeTracer};
 use pumice_encodings::{Encoding, EncodingTracer};
-use pumice_render::{Hit, PathOrigin, RayInWorld, Tracer};
+use pumice_transport::geometry::LodChoice;
+use pumice_transport::{Hit, PathOrigin, RayInWorld, Tracer};
 
 use super::PaperOptions;
 use crate::error::Result;

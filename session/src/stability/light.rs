@@ -6,7 +6,7 @@ use std::sync::Arc;
 use glam::{DAffine3, DMat3, DVec3};
 use pumice_core::CompressedVolume;
 use pumice_oracle::volumes::{noise, volume};
-use pumice_render::{Image, Passes, write_exr};
+use pumice_picture::{Image, Passes, write_exr};
 use pumice_scene::{Environment, Material, Mode, Projection, Scene, Sun};
 
 use super::Case;

@@ -7,11 +7,12 @@ use std::time::Duration;
 use glam::{DAffine3, DMat3, DVec3};
 use pumice_core::{CompressedVolume, Job};
 use pumice_cpu::CpuRenderer;
-use pumice_render::{Image, Picture, RenderError, Renderer};
+use pumice_picture::{Image, Picture};
 use pumice_scene::{
     Camera, Environment, Film, Filter, Instance, LabelStyle, Material, Projection, SCENE_VERSION, Scene,
     Settings, World,
 };
+use pumice_transport::{RenderError, Renderer};
 
 use super::Beside;
 use crate::FallbackRenderer;

@@ -4,12 +4,13 @@ use std::sync::Arc;
 
 use glam::{DAffine3, DMat3, DVec3};
 use pumice_core::CompressedVolume;
-use pumice_cpu::traverse::{LodChoice, SceneTracer, TracedInstance};
+use pumice_cpu::traverse::{SceneTracer, TracedInstance};
 use pumice_oracle::rays::{CLASSES, Class, ray, snap};
 use pumice_oracle::tally::Tally;
 use pumice_oracle::volumes::{Random, blobs, checkerboard, noise, sheets, volume};
 use pumice_oracle::{Dense, ExactRay, describe, in_world, judge};
-use pumice_render::{PathOrigin, Tracer};
+use pumice_transport::geometry::LodChoice;
+use pumice_transport::{PathOrigin, Tracer};
 
 use super::Case;
 use crate::error::Result;

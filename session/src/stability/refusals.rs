@@ -2,7 +2,7 @@
 
 use glam::DMat3;
 use pumice_oracle::volumes::volume;
-use pumice_render::{Image, Passes, write_exr};
+use pumice_picture::{Image, Passes, write_exr};
 use pumice_scene::{Environment, Scene, Sun};
 
 use super::Case;

@@ -12,7 +12,7 @@ use std::collections::{HashMap, HashSet};
 use glam::DVec3;
 use pumice_core::{BoxView, CompressedVolume};
 
-use crate::traverse::Cuts;
+use crate::geometry::Cuts;
 
 /// Voxels of a cell with coordinate 0 along x, y, z.
 const LOWEST: [u64; 3] = [0x1111_1111_1111_1111, 0x000F_000F_000F_000F, 0xFFFF];

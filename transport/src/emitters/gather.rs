@@ -3,16 +3,16 @@
 use std::f64::consts::PI;
 use std::sync::Arc;
 
+use crate::RenderError;
 use glam::{DVec3, Vec3};
 use pumice_core::{CompressedVolume, MeshData};
-use pumice_render::RenderError;
 use pumice_scene::Material;
 
 use super::faces::{Occupied, append_faces};
 use super::{Bounded, Emitter, Emitters, Place, ShiningTriangle};
 use crate::Looks;
 use crate::bsdf::luminance;
-use crate::traverse::{Cuts, Detail, Level, MeshGrid, Placement};
+use crate::geometry::{Cuts, Detail, Level, MeshGrid, Placement};
 
 /// An instance or mesh, some of whose materials shine ([`Looks::shines`]).
 #[derive(Debug)]

@@ -23,12 +23,12 @@ mod light_tree;
 use std::f64::consts::PI;
 use std::sync::Arc;
 
+use crate::{Receiver, RenderError, Surface, SurfaceKind};
 use glam::{DVec3, Vec3};
-use pumice_render::{Receiver, RenderError, Surface, SurfaceKind};
 
 use crate::Looks;
 use crate::bsdf::emitted;
-use crate::traverse::Placement;
+use crate::geometry::Placement;
 pub use gather::Shining;
 pub(crate) use gather::shine;
 pub use light_tree::{Bounded, LightNode, LightTree, SeenFrom};

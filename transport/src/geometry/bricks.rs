@@ -15,8 +15,8 @@
 //! ```
 //! In every mask, bit x + 4y + 16z.
 
+use crate::BoxBounds;
 use pumice_core::CompressedVolume;
-use pumice_render::BoxBounds;
 
 use super::each_axis;
 use super::lod::Level;
@@ -32,11 +32,11 @@ pub struct Bricks {
     /// Of what is drawn.
     level: Level,
     /// Around all voxels: lowest and highest corner.
-    pub(super) bounds: [[f64; 4]; 2],
+    pub bounds: [[f64; 4]; 2],
     /// The last block along each axis.
-    pub(super) last_block: [f64; 4],
+    pub last_block: [f64; 4],
     /// Blocks from one to the next along each axis.
-    pub(super) strides: [usize; 3],
+    pub strides: [usize; 3],
     blocks: Vec<Block>,
     bricks: Vec<Brick>,
     fields: Vec<u64>,
@@ -202,12 +202,12 @@ impl Bricks {
     }
 
     /// The level of what is drawn.
-    pub(super) fn level(&self) -> Level {
+    pub fn level(&self) -> Level {
         self.level
     }
 
     /// Heap bytes.
-    pub(super) fn bytes(&self) -> u64 {
+    pub fn bytes(&self) -> u64 {
         let bytes = self.blocks.capacity() * size_of::<Block>()
             + self.bricks.capacity() * size_of::<Brick>()
             + self.fields.capacity() * size_of::<u64>()
@@ -217,13 +217,13 @@ impl Bricks {
 
     /// Which bricks of a block hold a voxel.
     #[inline(always)]
-    pub(super) fn occupied(&self, block: usize) -> u64 {
+    pub fn occupied(&self, block: usize) -> u64 {
         self.blocks[block].occupied
     }
 
     /// The brick at a place of a block that is occupied, and its number.
     #[inline(always)]
-    pub(super) fn brick(&self, block: usize, place: u32) -> (usize, &Brick) {
+    pub fn brick(&self, block: usize, place: u32) -> (usize, &Brick) {
         let block = &self.blocks[block];
         let below = block.occupied & ((1 << place) - 1);
         let number = block.first_brick as usize + below.count_ones() as usize;
@@ -232,7 +232,7 @@ impl Bricks {
 
     /// The voxels of a brick's cell that is occupied.
     #[inline(always)]
-    pub(super) fn field(&self, brick: &Brick, cell: u32) -> u64 {
+    pub fn field(&self, brick: &Brick, cell: u32) -> u64 {
         let partial = brick.occupied & !brick.full;
         let bit = 1 << cell;
         if partial & bit == 0 {
@@ -244,12 +244,7 @@ impl Bricks {
     /// The box that holds `voxel` of a brick, where `holds` says so of those that have voxels in its cell; at coarser levels the one of
     /// the lowest label.
     #[inline]
-    pub(super) fn part(
-        &self,
-        brick: usize,
-        voxel: [u32; 3],
-        holds: impl Fn(u32) -> bool,
-    ) -> Option<BrickPart> {
+    pub fn part(&self, brick: usize, voxel: [u32; 3], holds: impl Fn(u32) -> bool) -> Option<BrickPart> {
         let cell = (voxel[0] >> 2 & 3) | (voxel[1] >> 2 & 3) << 2 | (voxel[2] >> 2 & 3) << 4;
         let end = self.bricks[brick + 1].first_part as usize;
         let parts = &self.parts[self.bricks[brick].first_part as usize..end];

@@ -14,17 +14,17 @@
 //! a point x is another point of the instance, off in the world by less than K·ε·C·(|x| + |M|·|corner| + |T|): C is the largest row
 //! of |M|·|A|/det (1 without shear and rotation), T the translation, all of sizes. K is below 32: two roundings of each
 //! of A's entries, six of a row's sum and the division, and the same again for the direction. Every plane is moved outward by that with
-//! [`ROUNDINGS`] for K, of the largest C, the largest corner and the ray's own origin, besides what [`pumice_render::bvh`] moves it by. In
+//! [`ROUNDINGS`] for K, of the largest C, the largest corner and the ray's own origin, besides what [`crate::geometry::bvh`] moves it by. In
 //! its own space an instance's bounds are taken [`MARGIN`] wider: a surface may be reported as far as a tie before the voxel.
 //!
 //! A ray that goes on from a surface starts on it in that instance's space, wherever the sums of a path have put it in the world: that
 //! instance is asked first, whatever the hierarchy says. A ray whose origin overflows the grid meets nothing.
 
+use crate::geometry::bvh::LARGEST_INVERSE;
+use crate::{BoxBounds, Bvh, BvhRay, RayInWorld, RenderError};
 use glam::DVec3;
-use pumice_render::bvh::LARGEST_INVERSE;
-use pumice_render::{BoxBounds, Bvh, BvhRay, RayInWorld, RenderError};
 
-use super::box_walk::TIE;
+use super::TIE;
 use super::placement::Placement;
 use super::power_of_two::{SMALLEST, exp2, scaled};
 
@@ -156,7 +156,7 @@ impl InstanceTree {
     /// Calls `visit` with the number of each instance that the ray may meet before `t_max`, in the world's t. `visit` returns the
     /// new limit; −∞ ends it.
     #[inline]
-    pub(crate) fn along_ray(&self, ray: &RayInWorld, t_max: f64, mut visit: impl FnMut(u32) -> f64) {
+    pub fn along_ray(&self, ray: &RayInWorld, t_max: f64, mut visit: impl FnMut(u32) -> f64) {
         let Some(GridRay { moved, enter, scale }) = self.grid_ray(ray, t_max) else { return };
         let limit = |t: f64| (t * scale - enter) as f32 * 1.000_001 + moved.pad;
         self.bvh.along_ray(&moved, limit(t_max), |number| limit(visit(number)));

@@ -3,8 +3,8 @@
 //! The choice is no part of the hierarchy: a box's level is found when a ray meets the box, from the placement and the choice alone,
 //! so that a camera moves without anything being built.
 
+use crate::BoxBounds;
 use glam::{DAffine3, DVec3};
-use pumice_render::BoxBounds;
 use pumice_scene::{Camera, Film, Lod, Projection};
 
 use super::each_axis;
@@ -134,7 +134,7 @@ pub struct ByDistance {
 impl Detail {
     /// The level of one box.
     #[inline(always)]
-    pub(crate) fn level(&self, origin: [u32; 3], extent: [u32; 3]) -> Level {
+    pub fn level(&self, origin: [u32; 3], extent: [u32; 3]) -> Level {
         match self {
             Self::Same(level) => *level,
             Self::ByDistance(by) => by.level(origin, extent),
@@ -143,7 +143,7 @@ impl Detail {
 
     /// The level of all boxes within `bounds` where it is one for certain: the one that was chosen, or the one that the nearest and the
     /// farthest point share.
-    pub(super) fn everywhere(&self, bounds: &BoxBounds) -> Option<Level> {
+    pub fn everywhere(&self, bounds: &BoxBounds) -> Option<Level> {
         match self {
             Self::Same(level) => Some(*level),
             Self::ByDistance(by) => {

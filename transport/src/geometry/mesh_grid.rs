@@ -10,12 +10,12 @@
 //! Blender's corners have to begin with, and wherever the mesh lies in the world, that is how it stays. A side that is parallel to an
 //! axis stays so exactly.
 //!
-//! Bounds reach a whole cell beyond the triangle on each side: [`super::triangle`] computes in f32 from distances of less than
+//! Bounds reach a whole cell beyond the triangle on each side: [`crate::traverse::triangle`] computes in f32 from distances of less than
 //! 2²¹ cells, and decides as if the ray passed by less than half a cell from where it does.
 
+use crate::{BoxBounds, RenderError};
 use glam::{DAffine3, DVec3};
 use pumice_core::MeshData;
-use pumice_render::{BoxBounds, RenderError};
 
 use super::placement::Placement;
 

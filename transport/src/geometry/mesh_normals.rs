@@ -8,7 +8,7 @@ use glam::{DVec3, Vec3};
 use pumice_core::octahedral::{FLAT, decode};
 
 /// Blended normal at `p`, of any length above 0, in the space of the corners; `None` where the triangle's own is meant.
-pub(crate) fn blended_normal(corners: [DVec3; 3], normals: [u32; 3], p: DVec3) -> Option<Vec3> {
+pub fn blended_normal(corners: [DVec3; 3], normals: [u32; 3], p: DVec3) -> Option<Vec3> {
     if normals == [FLAT; 3] {
         return None;
     }

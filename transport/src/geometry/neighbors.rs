@@ -9,7 +9,7 @@
 
 use std::collections::HashMap;
 
-use pumice_render::BoxBounds;
+use crate::BoxBounds;
 
 /// How far a face's surroundings reach, in voxels.
 pub const REACH: u32 = 3;

@@ -1,7 +1,7 @@
 //! Where an instance of a volume, or the grid of a mesh, is in the world.
 
+use crate::RenderError;
 use glam::{DAffine3, DVec3};
-use pumice_render::RenderError;
 
 use super::each_axis;
 
@@ -17,7 +17,7 @@ pub struct Placement {
     /// Absolute determinant.
     pub determinant: f64,
     /// The adjugate's columns, each with a 0 after it: what four lanes hold.
-    pub(crate) columns: [[f64; 4]; 3],
+    pub columns: [[f64; 4]; 3],
 }
 
 impl Placement {

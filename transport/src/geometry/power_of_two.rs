@@ -3,10 +3,10 @@
 use glam::DVec3;
 
 /// Smallest scaled direction component whose reciprocal is finite in f64.
-pub(super) const SMALLEST: f64 = f64::MIN_POSITIVE;
+pub const SMALLEST: f64 = f64::MIN_POSITIVE;
 
 /// Largest components that are scaled in one step: 2ᵏ and 2⁻ᵏ must be normal numbers.
-pub(super) const MODERATE: std::ops::Range<f64> = f64::from_bits(23 << 52)..f64::from_bits(2023 << 52);
+pub const MODERATE: std::ops::Range<f64> = f64::from_bits(23 << 52)..f64::from_bits(2023 << 52);
 
 /// The vector times 2⁻ᵏ with its largest component within [1, 2), and k. `None` for zero and for what is not finite.
 pub(super) fn scaled(v: DVec3) -> Option<(DVec3, i32)> {
@@ -21,7 +21,7 @@ pub(super) fn scaled(v: DVec3) -> Option<(DVec3, i32)> {
 
 /// [`scaled`] of any vector, in more steps.
 #[cold]
-pub(super) fn scaled_extreme(v: DVec3) -> Option<(DVec3, i32)> {
+pub fn scaled_extreme(v: DVec3) -> Option<(DVec3, i32)> {
     let largest = v.abs().max_element();
     if !v.is_finite() || largest == 0.0 {
         return None;
@@ -38,12 +38,12 @@ pub(super) fn scaled_extreme(v: DVec3) -> Option<(DVec3, i32)> {
 
 /// k of a normal number in [2ᵏ, 2ᵏ⁺¹).
 #[inline(always)]
-pub(super) fn exponent(v: f64) -> i32 {
+pub fn exponent(v: f64) -> i32 {
     (v.to_bits() >> 52) as i32 - 1023
 }
 
 /// 2ᵏ, saturating.
 #[inline(always)]
-pub(super) fn exp2(k: i32) -> f64 {
+pub fn exp2(k: i32) -> f64 {
     f64::from_bits(((k.clamp(-1022, 1023) + 1023) as u64) << 52)
 }

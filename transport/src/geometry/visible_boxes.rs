@@ -1,7 +1,7 @@
 //! The boxes of a volume that are drawn, for whoever builds a hierarchy over them.
 
+use crate::BoxBounds;
 use pumice_core::CompressedVolume;
-use pumice_render::BoxBounds;
 
 use super::each_axis;
 
@@ -39,6 +39,6 @@ pub fn visible_boxes(volume: &CompressedVolume, visible: &[bool], tight: bool) -
 
 /// One past the highest voxel of a box that is within the volume.
 #[inline(always)]
-pub(super) fn clipped_end(origin: [u32; 3], extent: [u32; 3], dims: [u32; 3]) -> [u32; 3] {
+pub fn clipped_end(origin: [u32; 3], extent: [u32; 3], dims: [u32; 3]) -> [u32; 3] {
     each_axis(|a| (origin[a] + extent[a]).min(dims[a]))
 }

@@ -62,7 +62,7 @@ impl Weights {
 }
 
 /// −∇f at `p_in_index`, of any length, where these boxes hold the label about it; (0, 0, 0) where it falls off to no side.
-pub(crate) fn falling_off<'a>(
+pub fn falling_off<'a>(
     boxes: impl Iterator<Item = (BoxView<'a>, Level, [u32; 3])>,
     p_in_index: DVec3,
 ) -> Vec3 {

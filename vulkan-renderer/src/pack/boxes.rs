@@ -1,8 +1,8 @@
 //! The boxes that are drawn, in the order that hierarchies want, and the record of their instance.
 
 use pumice_core::{BoxRecord, CompressedVolume, morton};
-use pumice_cpu::traverse::{Detail, LodChoice, Neighbors, Placement, visible_boxes};
-use pumice_render::BoxBounds;
+use pumice_transport::BoxBounds;
+use pumice_transport::geometry::{Detail, LodChoice, Neighbors, Placement, visible_boxes};
 
 use super::PackedNodes;
 use crate::layout::{Chunk, Instance, LOD_BY_DISTANCE};
@@ -112,7 +112,7 @@ impl PackedBoxes {
         Ok(())
     }
 
-    /// Bounds and number of each box: what `pumice_render::Bvh::build` takes.
+    /// Bounds and number of each box: what `pumice_transport::Bvh::build` takes.
     pub fn numbered(&self) -> Vec<(BoxBounds, u32)> {
         self.bounds.iter().zip(0..).map(|(&b, i)| (b, i)).collect()
     }

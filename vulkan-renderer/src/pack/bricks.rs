@@ -1,8 +1,8 @@
 //! What is drawn of a volume as bricks, for shaders: the CPU's own form, in which a box has its number among those that are drawn.
 
 use pumice_core::CompressedVolume;
-use pumice_cpu::traverse::{BLOCK, BRICK, Bricks, Level, LodChoice};
-use pumice_render::BoxBounds;
+use pumice_transport::BoxBounds;
+use pumice_transport::geometry::{BLOCK, BRICK, Bricks, Level, LodChoice};
 
 use super::PackedBoxes;
 use super::boxes::aabbs_of;

@@ -1,12 +1,12 @@
 //! What is cut away from an instance.
 
-use pumice_cpu::traverse::Cuts;
+use pumice_transport::geometry::Cuts;
 
 use crate::layout::CutPlane;
 
 /// The planes of all parts, as the shaders read them.
 pub fn cut_planes(cuts: &Cuts) -> Vec<CutPlane> {
-    let record = |p: &pumice_cpu::traverse::CutPlane| CutPlane {
+    let record = |p: &pumice_transport::geometry::CutPlane| CutPlane {
         normal: p.normal,
         offset: p.offset,
         normal_in_world: p.normal_in_world.to_array(),

@@ -1,6 +1,6 @@
 //! Surfaces that shine, as lights that are aimed at.
 
-use pumice_cpu::Emitters;
+use pumice_transport::Emitters;
 
 use crate::layout::{self, Emitter, EmitterPlace, LightNode, ShiningTriangle};
 
@@ -28,7 +28,7 @@ impl PackedEmitters {
     /// Packs them.
     pub fn new(of: &Emitters) -> Self {
         let pairs = |a: u16, b: u16| u32::from(a) | u32::from(b) << 16;
-        let emitter = |e: &pumice_cpu::emitters::Emitter| Emitter {
+        let emitter = |e: &pumice_transport::emitters::Emitter| Emitter {
             place: e.place,
             label: e.label,
             origin: e.origin,
@@ -36,7 +36,7 @@ impl PackedEmitters {
             ends: [0, 1, 2].map(|i| pairs(e.ends[2 * i], e.ends[2 * i + 1])),
             planes: e.planes,
         };
-        let place = |p: &pumice_cpu::emitters::Place| EmitterPlace {
+        let place = |p: &pumice_transport::emitters::Place| EmitterPlace {
             world_from_index: p.placement.world_from_index.matrix3.to_cols_array_2d(),
             units_per_world: p.units_per_world,
             areas: p.areas,
@@ -45,9 +45,12 @@ impl PackedEmitters {
             keys: p.keys,
             reserved: 0,
         };
-        let node = |n: &pumice_cpu::emitters::LightNode| LightNode { lo: n.lo, hi: n.hi, power: n.power };
-        let triangle =
-            |t: &pumice_cpu::emitters::ShiningTriangle| ShiningTriangle { corners: t.corners, area: t.area };
+        let node =
+            |n: &pumice_transport::emitters::LightNode| LightNode { lo: n.lo, hi: n.hi, power: n.power };
+        let triangle = |t: &pumice_transport::emitters::ShiningTriangle| ShiningTriangle {
+            corners: t.corners,
+            area: t.area,
+        };
         let tree = of.tree();
         Self {
             nodes: tree.nodes().iter().map(node).collect(),

@@ -1,7 +1,7 @@
 //! Materials, and which label has which.
 
-use pumice_cpu::Looks;
-use pumice_render::cryptomatte::Ids;
+use pumice_picture::cryptomatte::Ids;
+use pumice_transport::Looks;
 
 use crate::layout::{Instance, LOD_CATCHER, Material};
 

@@ -12,8 +12,8 @@
 //! ```
 
 use pumice_core::MeshData;
-use pumice_cpu::traverse::{MeshGrid, Placement};
-use pumice_render::{BoxBounds, RenderError};
+use pumice_transport::geometry::{MeshGrid, Placement};
+use pumice_transport::{BoxBounds, RenderError};
 
 use super::boxes::aabbs_of;
 use crate::layout::{Instance, LOD_TRIANGLES};
@@ -25,7 +25,7 @@ pub struct PackedMesh {
     pub grid: MeshGrid,
     /// Material index of each triangle.
     pub materials: Vec<u32>,
-    /// Bounds and number of each triangle: what `pumice_render::Bvh::build` takes.
+    /// Bounds and number of each triangle: what `pumice_transport::Bvh::build` takes.
     pub bounds: Vec<(BoxBounds, u32)>,
     all: BoxBounds,
 }

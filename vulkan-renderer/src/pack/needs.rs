@@ -1,9 +1,9 @@
 //! What a scene needs of its shaders: specialisation constants, so that what it does not need is not compiled.
 
 use pumice_cpu::tally::clamps;
-use pumice_cpu::{Lights, Sky};
-use pumice_render::PassSums;
+use pumice_picture::PassSums;
 use pumice_scene::{Camera, Film, Part, Settings, Spare};
+use pumice_transport::{Lights, Sky};
 
 use super::PackedLooks;
 use crate::layout::Material;

@@ -1,10 +1,10 @@
 //! Numbers of a scene: camera, settings, lights, sky, filter.
 
-use pumice_cpu::camera_rays::CameraRays;
-use pumice_cpu::traverse::InstanceTree;
-use pumice_cpu::{Finding, Lights, Sky};
-use pumice_render::{BoxBounds, EnvironmentTable, PassSums};
+use pumice_picture::PassSums;
 use pumice_scene::Mode;
+use pumice_transport::camera_rays::CameraRays;
+use pumice_transport::geometry::InstanceTree;
+use pumice_transport::{BoxBounds, EnvironmentTable, Finding, Lights, Sky};
 
 use crate::layout;
 
@@ -51,7 +51,7 @@ pub fn settings(settings: &pumice_scene::Settings, kept: PassSums) -> layout::Se
 
 /// The suns' records.
 pub fn suns(lights: &Lights) -> Vec<layout::Sun> {
-    let sun = |s: &pumice_render::ReadySun| layout::Sun {
+    let sun = |s: &pumice_transport::ReadySun| layout::Sun {
         towards: s.towards.to_array(),
         tangent: s.tangent.to_array(),
         bitangent: s.bitangent.to_array(),
@@ -64,7 +64,7 @@ pub fn suns(lights: &Lights) -> Vec<layout::Sun> {
 
 /// The lamps' records.
 pub fn lamps(lights: &Lights) -> Vec<layout::Lamp> {
-    let lamp = |l: &pumice_render::ReadyLamp| layout::Lamp {
+    let lamp = |l: &pumice_transport::ReadyLamp| layout::Lamp {
         position: l.position.to_array(),
         kind: l.kind as u32,
         axis: l.axis.to_array(),

@@ -2,8 +2,9 @@
 
 use glam::DAffine3;
 use pumice_core::MeshData;
-use pumice_cpu::traverse::{LodChoice, Placement, SceneTracer, TracedInstance, mesh_placement};
-use pumice_render::{BoxBounds, Bvh};
+use pumice_cpu::traverse::{SceneTracer, TracedInstance};
+use pumice_transport::geometry::{LodChoice, Placement, mesh_placement};
+use pumice_transport::{BoxBounds, Bvh};
 use pumice_vulkan::device::Acceleration;
 use pumice_vulkan::layout::{Instance, InstanceTree, SceneHeader};
 use pumice_vulkan::pack::{

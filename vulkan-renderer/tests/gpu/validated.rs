@@ -2,7 +2,7 @@
 
 use std::sync::Mutex;
 
-use pumice_render::Renderer as _;
+use pumice_transport::Renderer as _;
 use pumice_vulkan::VulkanRenderer;
 use pumice_vulkan::device::{self, Backend};
 

@@ -4,15 +4,18 @@
 pub(crate) type Listed = (&'static str, &'static [(&'static str, &'static str)]);
 
 /// Folders of which every Rust file is looked at.
-pub(crate) const FOLDERS: [&str; 8] = [
+pub(crate) const FOLDERS: [&str; 11] = [
     "cpu-renderer/src",
-    "cpu-renderer/src/bsdf",
-    "cpu-renderer/src/emitters",
     "cpu-renderer/src/traverse",
     "cpu-renderer/src/traverse/pierced",
     "cpu-renderer/src/traverse/volume_tracer",
-    "render/src",
-    "render/src/lamp",
+    "picture/src",
+    "transport/src",
+    "transport/src/bsdf",
+    "transport/src/emitters",
+    "transport/src/geometry",
+    "transport/src/geometry/bvh",
+    "transport/src/lamp",
 ];
 
 /// Files besides: what reads a compressed volume, and normals.
@@ -57,8 +60,8 @@ pub(crate) const HOST_FILES: &[(&str, &str)] = &[
         "cpu-renderer/src/cpu_renderer.rs",
         "what a renderer is asked from outside; src/renderer.rs is beside it",
     ),
-    ("cpu-renderer/src/emitters/faces.rs", "which faces are aimed at: made ready before a ray is traced"),
-    ("cpu-renderer/src/emitters/gather.rs", "what is aimed at: made ready before a ray is traced"),
+    ("transport/src/emitters/faces.rs", "which faces are aimed at: made ready before a ray is traced"),
+    ("transport/src/emitters/gather.rs", "what is aimed at: made ready before a ray is traced"),
     ("cpu-renderer/src/lib.rs", NAMES),
     ("cpu-renderer/src/traverse/pierced.rs", MASKS),
     ("cpu-renderer/src/traverse/pierced/wide.rs", MASKS),
@@ -67,29 +70,32 @@ pub(crate) const HOST_FILES: &[(&str, &str)] = &[
     ("cpu-renderer/src/traverse/four.rs", WIDE),
     ("cpu-renderer/src/traverse/wide.rs", WIDE),
     ("cpu-renderer/src/traverse/volume_tracer/making.rs", READY),
-    ("cpu-renderer/src/traverse/mesh_grid.rs", "corners and bounds: made ready before a ray is traced"),
-    ("cpu-renderer/src/scene_lights.rs", "lights are made ready before a ray is traced"),
-    ("cpu-renderer/src/traverse/visible_boxes.rs", READY),
-    ("cpu-renderer/src/traverse/neighbors.rs", "which boxes are near: made ready before a ray is traced"),
-    ("cpu-renderer/src/traverse/mod.rs", "unrolls loops over axes for the compiler"),
-    ("render/src/atomic_file.rs", FILE_FORMAT),
-    ("render/src/cryptomatte.rs", "names, and what is made of counts on the host"),
-    ("render/src/exr_file.rs", FILE_FORMAT),
-    ("render/src/exr_header.rs", FILE_FORMAT),
-    ("render/src/exr_read.rs", FILE_FORMAT),
-    ("render/src/png_file.rs", FILE_FORMAT),
-    ("render/src/provenance_text.rs", FILE_FORMAT),
-    ("render/src/sample_pictures.rs", "pictures for tests of files"),
-    ("render/src/image.rs", "pictures on the host"),
-    ("render/src/picture.rs", "pictures on the host"),
-    ("render/src/preview.rs", "filters live pictures on the host"),
-    ("render/src/resting.rs", "the host looks at the film; a device is told who rests, word by word"),
-    ("render/src/passes.rs", "which sums are kept, and what is made of them on the host"),
-    ("render/src/shadow_catcher.rs", "what is made of catchers' sums on the host"),
-    ("render/src/palette.rs", COLORS),
-    ("render/src/lib.rs", NAMES),
-    ("render/src/renderer.rs", "the interface of all renderers"),
-    ("render/src/view_transform.rs", "what a screen shows of a finished picture"),
+    ("transport/src/geometry/mesh_grid.rs", "corners and bounds: made ready before a ray is traced"),
+    ("transport/src/scene_lights.rs", "lights are made ready before a ray is traced"),
+    ("transport/src/geometry/visible_boxes.rs", READY),
+    ("transport/src/geometry/neighbors.rs", "which boxes are near: made ready before a ray is traced"),
+    ("cpu-renderer/src/traverse/mod.rs", NAMES),
+    ("transport/src/geometry/mod.rs", "unrolls loops over axes for the compiler"),
+    ("transport/src/lib.rs", NAMES),
+    ("transport/src/geometry/bvh/build.rs", READY),
+    ("picture/src/atomic_file.rs", FILE_FORMAT),
+    ("picture/src/cryptomatte.rs", "names, and what is made of counts on the host"),
+    ("picture/src/exr_file.rs", FILE_FORMAT),
+    ("picture/src/exr_header.rs", FILE_FORMAT),
+    ("picture/src/exr_read.rs", FILE_FORMAT),
+    ("picture/src/png_file.rs", FILE_FORMAT),
+    ("picture/src/provenance_text.rs", FILE_FORMAT),
+    ("picture/src/sample_pictures.rs", "pictures for tests of files"),
+    ("picture/src/image.rs", "pictures on the host"),
+    ("picture/src/picture.rs", "pictures on the host"),
+    ("picture/src/preview.rs", "filters live pictures on the host"),
+    ("picture/src/resting.rs", "the host looks at the film; a device is told who rests, word by word"),
+    ("picture/src/passes.rs", "which sums are kept, and what is made of them on the host"),
+    ("picture/src/shadow_catcher.rs", "what is made of catchers' sums on the host"),
+    ("transport/src/palette.rs", COLORS),
+    ("picture/src/lib.rs", NAMES),
+    ("transport/src/renderer.rs", "the interface of all renderers"),
+    ("picture/src/view_transform.rs", "what a screen shows of a finished picture"),
 ];
 
 const WIDE: &str = "the same operations by what a kind of processor has for several numbers at once";
@@ -147,13 +153,13 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
             ("CompressedVolume::for_each_box", "packing and hierarchies walk over all; rays do not"),
         ],
     ),
-    ("cpu-renderer/src/bsdf/tables.rs", &[("floats", READY)]),
+    ("transport/src/bsdf/tables.rs", &[("floats", READY)]),
     (
-        "cpu-renderer/src/camera_rays.rs",
+        "transport/src/camera_rays.rs",
         &[("CameraRays::new", READY), ("CameraRays::near", READ), ("fitted_side", READY)],
     ),
     (
-        "cpu-renderer/src/emitters/light_tree.rs",
+        "transport/src/emitters/light_tree.rs",
         &[
             ("LightTree::new", READY),
             ("LightTree::nodes", READ),
@@ -164,7 +170,7 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
         ],
     ),
     (
-        "cpu-renderer/src/emitters/mod.rs",
+        "transport/src/emitters/mod.rs",
         &[
             ("Emitters::new", READY),
             ("Emitters::of", READY),
@@ -179,9 +185,9 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
             ("Emitters::bytes", COUNTED),
         ],
     ),
-    ("cpu-renderer/src/lens.rs", &[("Lens::new", READY)]),
+    ("transport/src/lens.rs", &[("Lens::new", READY)]),
     (
-        "cpu-renderer/src/lights.rs",
+        "transport/src/lights.rs",
         &[
             ("Lights::new", READY),
             ("Lights::with_lamps", READY),
@@ -201,7 +207,7 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
         ],
     ),
     (
-        "cpu-renderer/src/looks.rs",
+        "transport/src/looks.rs",
         &[
             ("Looks::same", READY),
             ("Looks::carrying_clear", CARRIED),
@@ -239,11 +245,11 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
     ),
     ("cpu-renderer/src/tally.rs", &[("clamps", "a need, known before: NEEDS_SORTED")]),
     (
-        "cpu-renderer/src/traverse/cuts.rs",
+        "transport/src/geometry/cuts.rs",
         &[("CutPlane::new", READY), ("Cuts::new", READY), ("Cuts::is_empty", READ), ("Cuts::planes", READ)],
     ),
     (
-        "cpu-renderer/src/traverse/placement.rs",
+        "transport/src/geometry/placement.rs",
         &[
             ("Placement::of_instance", READY),
             ("Placement::new", READY),
@@ -251,7 +257,7 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
         ],
     ),
     (
-        "cpu-renderer/src/traverse/instance_tree.rs",
+        "transport/src/geometry/instance_tree.rs",
         &[
             ("WorldBounds::new", READY),
             ("InstanceTree::new", READY),
@@ -260,7 +266,7 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
         ],
     ),
     (
-        "cpu-renderer/src/traverse/lod.rs",
+        "transport/src/geometry/lod.rs",
         &[
             ("LodChoice::new", READY),
             ("LodChoice::placed", READY),
@@ -310,7 +316,7 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
         &[("BlockWalk::correct", "in brick_walk_begin, without a guess before it"), ("steps_of", MASKS)],
     ),
     (
-        "cpu-renderer/src/traverse/bricks.rs",
+        "transport/src/geometry/bricks.rs",
         &[
             ("Bricks::new", READY),
             ("Bricks::next_brick", READY),
@@ -337,7 +343,7 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
         ],
     ),
     (
-        "render/src/bvh.rs",
+        "transport/src/geometry/bvh.rs",
         &[
             ("BoxBounds::union", READY),
             ("BoxBounds::pad", READY),
@@ -355,7 +361,7 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
         ],
     ),
     (
-        "render/src/environment.rs",
+        "transport/src/environment.rs",
         &[
             ("EnvironmentTable::new", READY),
             ("EnvironmentTable::total_radiance", READY),
@@ -363,7 +369,7 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
         ],
     ),
     (
-        "render/src/film.rs",
+        "picture/src/film.rs",
         &[
             ("FilmBuffer::new", READY),
             ("FilmBuffer::with_passes", READY),
@@ -392,7 +398,7 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
         ],
     ),
     (
-        "render/src/filter.rs",
+        "transport/src/filter.rs",
         &[
             ("FilterTable::new", READY),
             ("FilterTable::width", READ),
@@ -400,9 +406,9 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
             ("half_distribution", READY),
         ],
     ),
-    ("render/src/lamp/mod.rs", &[("ReadyLamp::new", READY), ("ReadyLamp::power", READY)]),
+    ("transport/src/lamp/mod.rs", &[("ReadyLamp::new", READY), ("ReadyLamp::power", READY)]),
     (
-        "render/src/sun.rs",
+        "transport/src/sun.rs",
         &[
             ("ReadySun::new", READY),
             ("ReadySun::is_delta", "the shader asks whether cone_pdf is 0"),
@@ -415,7 +421,7 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
 /// Functions whose twin has another name: GLSL has no methods to tell two `new` apart, and one function there answers questions that
 /// the CPU compiles apart.
 pub(crate) const OTHER_NAMES: &[Listed] = &[
-    ("cpu-renderer/src/emitters/mod.rs", &[("Emitter::key", "key_is_before")]),
+    ("transport/src/emitters/mod.rs", &[("Emitter::key", "key_is_before")]),
     ("core/src/box_record.rs", &[("BoxRecord::cell", "box_place"), ("BoxRecord::extent", "box_place")]),
     (
         "core/src/volume.rs",
@@ -434,7 +440,7 @@ pub(crate) const OTHER_NAMES: &[Listed] = &[
         ],
     ),
     (
-        "cpu-renderer/src/traverse/bricks.rs",
+        "transport/src/geometry/bricks.rs",
         &[
             ("Bricks::occupied", "block_at"),
             ("Bricks::brick", "block_brick"),
@@ -444,12 +450,9 @@ pub(crate) const OTHER_NAMES: &[Listed] = &[
     ),
     ("cpu-renderer/src/traverse/volume_tracer.rs", &[("VolumeTracer::nearest_in_bricks", "found_in_brick")]),
     ("cpu-renderer/src/crossing.rs", &[("visibility", "follow"), ("visibility_through", "follow")]),
-    (
-        "cpu-renderer/src/lights.rs",
-        &[("Lights::chance", "light_chance"), ("Lights::lamps_seen", "lamps_found")],
-    ),
-    ("render/src/lamp/ball.rs", &[("smoothstep", "smoothstep_of")]),
-    ("cpu-renderer/src/looks.rs", &[("Looks::material", "material_of")]),
+    ("transport/src/lights.rs", &[("Lights::chance", "light_chance"), ("Lights::lamps_seen", "lamps_found")]),
+    ("transport/src/lamp/ball.rs", &[("smoothstep", "smoothstep_of")]),
+    ("transport/src/looks.rs", &[("Looks::material", "material_of")]),
     (
         "cpu-renderer/src/path.rs",
         &[("radiance", "follow"), ("ambient", "follow"), ("path", "follow"), ("Way::lamps", "follow")],
@@ -501,12 +504,12 @@ pub(crate) const OTHER_NAMES: &[Listed] = &[
         ],
     ),
     (
-        "cpu-renderer/src/traverse/power_of_two.rs",
+        "transport/src/geometry/power_of_two.rs",
         &[("scaled_extreme", "scaled"), ("exponent", "scaled"), ("exp2", "scaled")],
     ),
     ("cpu-renderer/src/traverse/cut_ray.rs", &[("crossing", "cut_plane_crossing")]),
     (
-        "cpu-renderer/src/traverse/lod.rs",
+        "transport/src/geometry/lod.rs",
         &[
             ("Detail::level", "lod_level"),
             ("ByDistance::level", "lod_level"),
@@ -561,11 +564,14 @@ pub(crate) const OTHER_NAMES: &[Listed] = &[
             ("VolumeTracer::label_of", "visit"),
         ],
     ),
-    ("render/src/bvh.rs", &[("order_table", "in_order"), ("Node::child_bounds", "child_may_hold")]),
-    ("render/src/film.rs", &[("FilmBuffer::rows_mut", "film_add")]),
-    ("render/src/sampler.rs", &[("mix", "mix64")]),
     (
-        "render/src/trace.rs",
+        "transport/src/geometry/bvh.rs",
+        &[("order_table", "in_order"), ("Node::child_bounds", "child_may_hold")],
+    ),
+    ("picture/src/film.rs", &[("FilmBuffer::rows_mut", "film_add")]),
+    ("transport/src/sampler.rs", &[("mix", "mix64")]),
+    (
+        "transport/src/trace.rs",
         // Declared here, answered in the tracers: what a hit is, is the twin's.
         &[
             ("Tracer::first_hit", "is_hit"),

@@ -3,9 +3,9 @@
 use std::sync::Arc;
 
 use pumice_core::Job;
-use pumice_cpu::Looks;
-use pumice_render::sampler::REPLICATES;
-use pumice_render::{FilmBuffer, Pass};
+use pumice_picture::film::REPLICATES;
+use pumice_picture::{FilmBuffer, Pass};
+use pumice_transport::Looks;
 
 use crate::device::Front;
 use crate::samples::{asked, found, tolerance};

@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use pumice_cpu::Lights;
 use pumice_scene::Mode;
+use pumice_transport::Lights;
 
 use crate::device::radiances;
 use crate::probing;
@@ -26,7 +26,7 @@ fn with_looks(name: &str, change: impl Fn(&mut pumice_scene::Material)) -> [Case
     let mut material = *case.around.looks[0].material(0);
     change(&mut material);
     let mut other = case.clone();
-    other.around.looks = vec![Arc::new(pumice_cpu::Looks::same(material))].into();
+    other.around.looks = vec![Arc::new(pumice_transport::Looks::same(material))].into();
     [case, other]
 }
 

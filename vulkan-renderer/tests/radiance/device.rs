@@ -3,10 +3,10 @@
 use std::cell::RefCell;
 
 use glam::Vec3;
-use pumice_cpu::bsdf::tables::TABLES;
-use pumice_cpu::camera_rays::CameraRays;
-use pumice_render::FilterTable;
-use pumice_render::film::STRIDE;
+use pumice_picture::film::STRIDE;
+use pumice_transport::FilterTable;
+use pumice_transport::bsdf::tables::TABLES;
+use pumice_transport::camera_rays::CameraRays;
 use pumice_vulkan::device::Backend;
 use pumice_vulkan::layout::{self, FirstRecord, Launch};
 use pumice_vulkan::pack::{self, PackedEmitters, PackedLooks, PackedSky};

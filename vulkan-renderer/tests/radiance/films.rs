@@ -1,12 +1,11 @@
 //! The entry points that a renderer launches, on each backend: films and first surfaces.
 
 use pumice_core::Job;
-use pumice_cpu::Looks;
-use pumice_render::metrics::Variance;
-use pumice_render::metrics::chance::chance;
-use pumice_render::sampler::REPLICATES;
-use pumice_render::{FilmBuffer, Pass};
-
+use pumice_picture::film::REPLICATES;
+use pumice_picture::metrics::Variance;
+use pumice_picture::metrics::chance::chance;
+use pumice_picture::{FilmBuffer, Pass};
+use pumice_transport::Looks;
 use pumice_vulkan::pack::{PackedLooks, ShaderNeeds};
 
 use crate::device::Front;

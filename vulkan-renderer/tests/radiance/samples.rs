@@ -11,10 +11,10 @@
 use std::sync::Mutex;
 
 use glam::{DVec3, Vec3};
-use pumice_cpu::camera_rays::CameraRays;
 use pumice_cpu::path::radiance;
-use pumice_render::sampler::PixelSampler;
-use pumice_render::{FilterTable, Hit, PathOrigin, RayInWorld, Surface, Tracer};
+use pumice_transport::camera_rays::CameraRays;
+use pumice_transport::sampler::PixelSampler;
+use pumice_transport::{FilterTable, Hit, PathOrigin, RayInWorld, Surface, Tracer};
 
 use crate::scenes::Case;
 

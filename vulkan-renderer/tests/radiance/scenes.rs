@@ -4,13 +4,15 @@ use std::sync::Arc;
 
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 use pumice_core::MeshData;
-use pumice_cpu::traverse::{LodChoice, MeshTracer, SceneTracer, TracedInstance, VolumeTracer};
-use pumice_cpu::{Lights, Looks, PathTracer, Sky, Surroundings, emitters_of};
-use pumice_render::{EnvironmentTable, Image, PassSums, ReadyLamp, ReadySun};
+use pumice_cpu::traverse::{MeshTracer, SceneTracer, TracedInstance, VolumeTracer};
+use pumice_cpu::{PathTracer, Surroundings, emitters_of};
+use pumice_picture::{Image, PassSums};
 use pumice_scene::{
     Aperture, Camera, Film, Filter, LabelStyle, Light, LightShape, Lod, Material, Mode, Outline, Projection,
     SensorFit, Settings, Sun,
 };
+use pumice_transport::geometry::LodChoice;
+use pumice_transport::{EnvironmentTable, Lights, Looks, ReadyLamp, ReadySun, Sky};
 
 use crate::exact::volumes::{blobs, noise, volume};
 use crate::shapes;

@@ -5,8 +5,8 @@ use std::time::Duration;
 
 use glam::{DAffine3, DVec3};
 use pumice_core::{CompressedVolume, Job, LabelBuffer, LabelType, VolumeInfo, compress_labels};
-use pumice_render::Renderer as _;
 use pumice_scene::{Cut, CutShape, Environment, Film, Filter, Lod, Material, Projection, Scene, Show};
+use pumice_transport::Renderer as _;
 use pumice_vulkan::Sent;
 use pumice_vulkan::device::Backend;
 

@@ -3,8 +3,9 @@
 use std::time::Duration;
 
 use pumice_core::Job;
-use pumice_render::{Image, RenderError, Renderer as _};
+use pumice_picture::Image;
 use pumice_scene::Adaptive;
+use pumice_transport::{RenderError, Renderer as _};
 use pumice_vulkan::device::{Backend, Fault};
 
 use super::Validated;

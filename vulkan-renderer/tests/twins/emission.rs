@@ -6,11 +6,12 @@ use glam::{DAffine3, DMat3, DVec3, Vec3};
 use pumice_core::{
     BoxRecord, CompressedVolume, LabelBuffer, LabelType, MeshData, VolumeInfo, compress_labels,
 };
-use pumice_cpu::bsdf::tables::TABLES;
-use pumice_cpu::traverse::{LodChoice, MeshTracer, SceneTracer, TracedInstance};
-use pumice_cpu::{Lights, Looks, Sky, emitters_of};
-use pumice_render::{Hit, PathOrigin, RayInWorld, ReadySun, SurfaceKind, Tracer};
+use pumice_cpu::emitters_of;
+use pumice_cpu::traverse::{MeshTracer, SceneTracer, TracedInstance};
 use pumice_scene::{LabelStyle, Material, Sun};
+use pumice_transport::bsdf::tables::TABLES;
+use pumice_transport::geometry::LodChoice;
+use pumice_transport::{Hit, Lights, Looks, PathOrigin, RayInWorld, ReadySun, Sky, SurfaceKind, Tracer};
 use pumice_vulkan::layout::{NONE, SceneHeader};
 use pumice_vulkan::pack::{self, PackedBoxes, PackedEmitters, PackedLooks, PackedNodes};
 

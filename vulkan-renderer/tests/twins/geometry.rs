@@ -4,7 +4,8 @@ use std::sync::Arc;
 
 use glam::{DAffine3, DVec3};
 use pumice_core::{CompressedVolume, LabelBuffer, LabelType, VolumeInfo, compress_labels};
-use pumice_cpu::traverse::{Detail, Level, LodChoice, TracedInstance, VolumeTracer, visible_boxes};
+use pumice_cpu::traverse::{TracedInstance, VolumeTracer};
+use pumice_transport::geometry::{Detail, Level, LodChoice, visible_boxes};
 use pumice_vulkan::layout::{NONE, SceneHeader};
 use pumice_vulkan::pack::{PackedBoxes, PackedNodes};
 

@@ -3,12 +3,12 @@
 use std::f64::consts::PI;
 
 use glam::{DAffine3, DVec3, Vec3};
-use pumice_cpu::camera_rays::CameraRays;
-use pumice_cpu::{Finding, Lights, Sky};
-use pumice_render::lamp::LampKind;
-use pumice_render::sun::frame_around;
-use pumice_render::{EnvironmentTable, Image, RayInWorld, ReadyLamp, ReadySun, Receiver};
+use pumice_picture::Image;
 use pumice_scene::{Aperture, Camera, Film, Filter, Light, LightShape, Outline, Projection, SensorFit, Sun};
+use pumice_transport::camera_rays::CameraRays;
+use pumice_transport::lamp::LampKind;
+use pumice_transport::sun::frame_around;
+use pumice_transport::{EnvironmentTable, Finding, Lights, RayInWorld, ReadyLamp, ReadySun, Receiver, Sky};
 use pumice_vulkan::layout::SceneHeader;
 use pumice_vulkan::pack::{self, PackedSky};
 

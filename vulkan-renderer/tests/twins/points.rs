@@ -1,8 +1,8 @@
 //! `sampler.glsl` and `filter.glsl`: bit for bit.
 
-use pumice_render::FilterTable;
-use pumice_render::sampler::{BouncePair, PixelSampler};
 use pumice_scene::Filter;
+use pumice_transport::FilterTable;
+use pumice_transport::sampler::{BouncePair, PixelSampler};
 use pumice_vulkan::layout;
 
 use super::gpu::Gpu;

@@ -4,9 +4,9 @@
 //! cancels. A half vector is off by δ = 2⁻²² when its direction is sampled; the lobe, ∝ (sin² + α² cos²)⁻², then by 2δ/α of itself.
 
 use glam::{DVec3, Vec3};
-use pumice_cpu::bsdf::tables::{SHEEN, TABLES, table_2d};
-use pumice_cpu::bsdf::{Bsdf, LEAST_ALPHA_SQUARED, LEAST_BEND, emitted, sample_cosine};
 use pumice_scene::Material;
+use pumice_transport::bsdf::tables::{SHEEN, TABLES, table_2d};
+use pumice_transport::bsdf::{Bsdf, LEAST_ALPHA_SQUARED, LEAST_BEND, emitted, sample_cosine};
 use pumice_vulkan::layout::SceneHeader;
 
 use super::gpu::Gpu;

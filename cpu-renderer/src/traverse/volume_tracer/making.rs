@@ -4,17 +4,18 @@ use std::sync::Arc;
 
 use glam::{DAffine3, DVec3};
 use pumice_core::CompressedVolume;
-use pumice_render::{BoxBounds, Bvh, RenderError};
 use pumice_scene::CutShape;
+use pumice_transport::geometry::LodChoice;
+use pumice_transport::geometry::bricks::Bricks;
+use pumice_transport::geometry::cuts::Cuts;
+use pumice_transport::geometry::instance_tree::WorldBounds;
+use pumice_transport::geometry::lod::{Detail, Level};
+use pumice_transport::geometry::neighbors::Neighbors;
+use pumice_transport::geometry::placement::Placement;
+use pumice_transport::geometry::visible_boxes::visible_boxes;
+use pumice_transport::{BoxBounds, Bvh, RenderError};
 
-use super::super::bricks::Bricks;
-use super::super::cuts::Cuts;
-use super::super::instance_tree::WorldBounds;
-use super::super::lod::{Detail, Level};
-use super::super::neighbors::Neighbors;
-use super::super::placement::Placement;
-use super::super::visible_boxes::visible_boxes;
-use super::super::{LodChoice, TracedInstance};
+use super::super::TracedInstance;
 use super::VolumeTracer;
 
 fn normals(placement: &Placement) -> [[DVec3; 2]; 3] {

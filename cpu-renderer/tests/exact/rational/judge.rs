@@ -5,7 +5,7 @@
 //! derived, not fitted ([`super::ExactPlace::rounding`]), and typically 10⁻¹⁴ voxels; the walk within a box adds the chord of
 //! 2·10⁻⁵ voxels that it documents.
 
-use pumice_render::Hit;
+use pumice_transport::Hit;
 
 use super::super::{Dense, Verdict};
 use super::{RationalRay, WALK_CHORD};
