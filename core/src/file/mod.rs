@@ -8,32 +8,32 @@
 //! ```
 //! `docs/file-format.md` has every field; this module's parts are: `layout` (header and table), `codec` (filters and
 //! compression of one section), `nodes` (nodes and boxes taken apart into streams that compress well, and put together again),
-//! `archive` (a volume as its voxels, which `voxels` codes by way of `slices`, `links`, `near`, `sixteen` and `arithmetic`), `write` and
-//! `read`, `chosen` (some labels alone), `legacy` and `voxels_of_version_2` (files of versions 1 and 2), `check` (every invariant of a
+//! `voxel_pieces` (a volume as its voxels, which `voxel_coder` codes by way of `slices`, `equal_neighbours`, `neighbours`, `sse2` and `arithmetic`), `write` and
+//! `read`, `label_subset` (some labels alone), `legacy` and `voxels_of_version_2` (files of versions 1 and 2), `check` (every invariant of a
 //! volume that comes from outside).
 //!
 //! A volume is written to a temporary file in the same folder, synced, then renamed: a killed process never leaves half a file
 //! under the final name.
 
-mod archive;
 mod arithmetic;
 mod check;
-mod chosen;
 mod codec;
+mod equal_neighbours;
+mod label_subset;
 mod layout;
 mod legacy;
-mod links;
-mod near;
+mod neighbours;
 mod nodes;
 mod read;
-mod sixteen;
 mod slices;
-mod voxels;
+mod sse2;
+mod voxel_coder;
+mod voxel_pieces;
 mod voxels_of_version_2;
 mod write;
 
 #[cfg(test)]
-mod mutation;
+mod damaged_files;
 
 pub use layout::MAGIC;
 pub use write::Level;

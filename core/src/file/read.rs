@@ -11,7 +11,7 @@ use serde::Deserialize;
 
 use super::layout::{ENTRY_BYTES, Entry, HEADER_BYTES, Layout, section_checksum};
 use super::nodes::{self, Streams};
-use super::{Fault, archive, check, codec, legacy};
+use super::{Fault, check, codec, legacy, voxel_pieces};
 use crate::elements::{Elements, MappedFile};
 use crate::error::one_line;
 use crate::{
@@ -175,8 +175,8 @@ pub(super) fn read(
     job: &Job,
 ) -> std::result::Result<CompressedVolume, Stop> {
     let layout = read_layout(file, file_bytes)?;
-    if archive::is_archive(&layout) {
-        let volume = archive::read_archive(file, &layout, job)?;
+    if voxel_pieces::is_archive(&layout) {
+        let volume = voxel_pieces::read_archive(file, &layout, job)?;
         return if check_hash { check_content(&layout, volume) } else { Ok(volume) };
     }
     let is_legacy = legacy::is_legacy(&layout);

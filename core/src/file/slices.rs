@@ -58,7 +58,7 @@ pub(super) struct Around<'a> {
 impl Slices {
     /// For slices of `columns` × `rows` voxels; those before the first have none.
     pub(super) fn new(columns: usize, rows: usize) -> Self {
-        let stride = BORDER + 64 * super::links::words(columns) + BEHIND;
+        let stride = BORDER + 64 * super::equal_neighbours::words(columns) + BEHIND;
         let area = stride * (rows + 2 * ROWS);
         Self {
             columns,

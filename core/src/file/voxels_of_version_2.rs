@@ -1,4 +1,4 @@
-//! Voxels as files of version 2 have them: decoded, and no longer written ([`super::voxels`] is what came after).
+//! Voxels as files of version 2 have them: decoded, and no longer written ([`super::voxel_coder`] is what came after).
 //!
 //! ```text
 //! slice after slice, row after row, in stretches of 16 voxels:
@@ -14,9 +14,9 @@
 //!
 //! All of it is in whole numbers. `docs/file-format.md` has every constant, since each of them decides what a file means.
 
-use super::archive::SliceDecoder;
 use super::arithmetic::{Chance, Coder, Seen, bounded};
 use super::slices::SLAB;
+use super::voxel_pieces::SliceDecoder;
 
 /// Neighbours whose labels are asked for first and that make contexts: steps along x, y and back along z.
 const NEAR: [[i8; 3]; 16] = [

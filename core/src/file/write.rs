@@ -11,7 +11,7 @@ use super::layout::{
     ENTRY_BYTES, Encoding, Entry, HEADER_BYTES, Layout, VERSION_OF_BOXES, VERSION_OF_VOXELS, align,
     section_checksum,
 };
-use super::{archive, codec, nodes};
+use super::{codec, nodes};
 use crate::{CompressedVolume, Error, Job, Result, VolumeInfo};
 
 /// How much time to spend on a small file. All levels hold the same volume.
@@ -118,7 +118,7 @@ impl CompressedVolume {
             Level::Fast | Level::Small => nodes::Streams::default(),
         };
         let [pieces, voxels] =
-            if level == Level::Small { archive::encode(self, job)? } else { Default::default() };
+            if level == Level::Small { voxel_pieces::encode(self, job)? } else { Default::default() };
 
         // Name, bytes, filters (width, delta, planes) of each section.
         type Plan<'a> = ([u8; 4], &'a [u8], (u8, bool, bool));

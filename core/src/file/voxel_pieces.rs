@@ -1,7 +1,7 @@
 //! A volume as the voxels that it was made from: the smallest file there is, and no boxes in it.
 //!
 //! ```text
-//! volume ─► pieces of 1024³ voxels that have any ─► a stream each ([`super::voxels`])        PIEC  where, how long    VOXL  the streams
+//! volume ─► pieces of 1024³ voxels that have any ─► a stream each ([`super::voxel_coder`])        PIEC  where, how long    VOXL  the streams
 //! and back: streams ─► parts, as while compressing ─► the same volume, since its form is canonical
 //! ```
 //! Opening compresses anew: what it takes goes by voxels, where other files go by boxes. Counts come out of that too, and contacts of
@@ -16,7 +16,7 @@ use rayon::prelude::*;
 use super::layout::{Layout, VERSION_OF_FORMER_VOXELS};
 use super::read::{Stop, info_of, read_sections};
 use super::slices::SLAB;
-use super::voxels::{VoxelDecoder, VoxelEncoder};
+use super::voxel_coder::{VoxelDecoder, VoxelEncoder};
 use super::voxels_of_version_2::FormerVoxelDecoder;
 use super::{Fault, check};
 use crate::compress::volume_of_parts;

@@ -8,18 +8,18 @@
 //!         none: each one among 36 farther ones                              one bit
 //!         none                                                              its number, a bit at a time
 //! ```
-//! Most voxels lie in runs, which are found 64 voxels at a time ([`super::links`]). Each bit's chance is what one context has seen:
+//! Most voxels lie in runs, which are found 64 voxels at a time ([`super::equal_neighbours`]). Each bit's chance is what one context has seen:
 //! which of 17 neighbours have the label that is asked for. Mixing three such contexts, as files of version 2 do
 //! ([`super::voxels_of_version_2`]), takes 3 % off the file and nine times as long.
 //!
 //! Encoder and decoder are one piece of code and learn from the same bits. All of it is in whole numbers. `docs/file-format.md` has
 //! every constant, since each of them decides what a file means.
 
-use super::archive::SliceDecoder;
 use super::arithmetic::{Coder, Decoder, Encoder, Seen};
-use super::links::{SliceLinks, end_of_ones, words};
-use super::near::{CONTEXTS, FIRST, NEIGHBOURS, Near};
+use super::equal_neighbours::{SliceLinks, end_of_ones, words};
+use super::neighbours::{CONTEXTS, FIRST, NEIGHBOURS, Near};
 use super::slices::{Around, BORDER, Slices, fill};
+use super::voxel_pieces::SliceDecoder;
 use crate::contacts::Pairs;
 
 /// Neighbours that are asked for where no near one has the label: steps along x, along y, slices back.

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::io::Cursor;
 
-use super::chosen::read_chosen;
+use super::label_subset::read_chosen;
 use super::layout::{ENTRY_BYTES, HEADER_BYTES, section_checksum};
 use super::read::{Stop, read};
 use super::{Level, layout};

@@ -21,7 +21,7 @@ use std::path::Path;
 use super::layout::{Entry, Layout};
 use super::nodes::{self, Wrong};
 use super::read::{HEAD_SECTIONS, Stop, assemble_head, read_at, read_layout, read_sections};
-use super::{archive, check, legacy, read};
+use super::{check, legacy, read, voxel_pieces};
 use crate::leaves::{Class, MAX_PATTERNS, RARE};
 use crate::node::{MOST_NODE_WORDS, NodeRef, OCCUPIED_WORDS, extent_of, header_words};
 use crate::{BoxRecord, Chunk, CompressedVolume, Job, LabelRun, LabelTable, Leaves, Result};
@@ -73,7 +73,7 @@ pub(super) fn read_chosen(
     job: &Job,
 ) -> std::result::Result<CompressedVolume, Stop> {
     let layout = read_layout(file, file_bytes)?;
-    if archive::is_archive(&layout) || legacy::is_legacy(&layout) {
+    if voxel_pieces::is_archive(&layout) || legacy::is_legacy(&layout) {
         // Voxels say nothing of where a label is: all of them are decoded, and then nothing is saved by throwing labels away. Nodes
         // of the first version are written anew, all together.
         return read::read(file, file_bytes, None, true, job);
