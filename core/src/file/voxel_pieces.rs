@@ -20,7 +20,6 @@ use super::sections::{info_of, read_sections};
 use super::slices::SLAB;
 use super::voxel_coder::{VoxelDecoder, VoxelEncoder};
 use crate::compress::volume_of_parts;
-use crate::grid::BoxGrid;
 use crate::part::Part;
 use crate::store::PartStore;
 use crate::volume::CHUNK_CELLS;
@@ -58,7 +57,7 @@ pub(super) fn encode(volume: &CompressedVolume, job: &Job) -> Result<[Vec<u8>; 2
     job.begin(pieces.iter().map(voxels).sum());
 
     // One of its own: who saves a volume does not want it larger in memory from then on.
-    let (grid, labelled) = (BoxGrid::new(volume), AtomicU64::new(0));
+    let (grid, labelled) = (volume.new_grid(), AtomicU64::new(0));
     let streams: Vec<Vec<u8>> = pieces
         .par_iter()
         .map(|&origin| {
