@@ -21,7 +21,7 @@ use crate::text_stream::TextStream;
 use crate::volume_file::{Format, OpenStream, VolumeFile};
 
 /// MetaImage files.
-pub(crate) const FORMAT: Format = Format { name: "MetaImage", recognises: recognises, read };
+pub(crate) const FORMAT: Format = Format { name: "MetaImage", recognises, read };
 
 /// Whether a file is one of MetaImage: the format has no magic, so its first fields tell, else its name.
 fn recognises(path: &Path, head: &[u8]) -> bool {

@@ -25,7 +25,7 @@ use crate::stream::{ByteStream, PlainStream, open_file};
 use crate::volume_file::{Format, VolumeFile};
 
 /// NIfTI files.
-pub(crate) const FORMAT: Format = Format { name: "NIfTI", recognises: recognises, read };
+pub(crate) const FORMAT: Format = Format { name: "NIfTI", recognises, read };
 
 /// Whether a file is one of NIfTI: by its first bytes (inflated if need be), else by its name.
 fn recognises(path: &Path, head: &[u8]) -> bool {
