@@ -6,7 +6,15 @@ use crate::{BoxView, CompressedVolume, Error, Result};
 impl CompressedVolume {
     /// The spatial index, built at its first use.
     pub fn grid(&self) -> &BoxGrid {
-        self.grid.get_or_init(|| BoxGrid::new(self))
+        self.grid.get_or_init(|| self.new_grid())
+    }
+
+    /// A spatial index of the caller's own: who needs one once does not want the volume larger in memory from then on.
+    pub(crate) fn new_grid(&self) -> BoxGrid {
+        BoxGrid::new(self.boxes().len(), |i| {
+            let place = self.place_of_box(i);
+            (place.origin, place.extent)
+        })
     }
 
     /// Frees the spatial index; the next query builds it anew.

@@ -28,6 +28,16 @@ pub enum Error {
         /// What is wrong: expected and got.
         what: String,
     },
+    /// A `.pumice` file of a version that this program does not read.
+    #[error(
+        "{}: file version at byte 8: expected 3 (boxes) or 4 (voxels), got {got}; {}", path.display(), way_out(*got)
+    )]
+    Version {
+        /// The file.
+        path: PathBuf,
+        /// The version that it has.
+        got: u32,
+    },
     /// A block source could not deliver its labels: the source's own one-line message.
     #[error("{0}")]
     Source(#[source] Box<dyn std::error::Error + Send + Sync>),
@@ -47,6 +57,15 @@ pub enum Error {
     /// The job was cancelled; nothing was left behind.
     #[error("cancelled")]
     Cancelled,
+}
+
+/// What the owner of a file of another version can do.
+fn way_out(version: u32) -> &'static str {
+    if version < 3 {
+        "an older pumice wrote it: compress the source volume again"
+    } else {
+        "a newer pumice wrote it: open it with that one, or compress the source volume again"
+    }
 }
 
 /// Result of the core.

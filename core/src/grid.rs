@@ -9,7 +9,7 @@
 
 use rayon::prelude::*;
 
-use crate::{CompressedVolume, morton};
+use crate::morton;
 
 /// Side of a brick in voxels.
 pub const BRICK_VOXELS: u32 = 16;
@@ -23,14 +23,14 @@ pub struct BoxGrid {
 }
 
 impl BoxGrid {
-    /// The grid of a volume's boxes.
-    pub fn new(volume: &CompressedVolume) -> Self {
-        let mut pairs: Vec<(u64, u32)> = (0..volume.boxes().len() as u32)
+    /// The grid of so many boxes, of which `place` tells the lowest voxel and the extent in voxels.
+    pub(crate) fn new(boxes: usize, place: impl Fn(usize) -> ([u32; 3], [u32; 3]) + Sync) -> Self {
+        let mut pairs: Vec<(u64, u32)> = (0..boxes as u32)
             .into_par_iter()
             .flat_map_iter(|i| {
-                let b = volume.get_box(i as usize);
-                let first = b.origin.map(|o| o / BRICK_VOXELS);
-                let last = [0, 1, 2].map(|a| (b.origin[a] + b.extent[a] - 1) / BRICK_VOXELS);
+                let (origin, extent) = place(i as usize);
+                let first = origin.map(|o| o / BRICK_VOXELS);
+                let last = [0, 1, 2].map(|a| (origin[a] + extent[a] - 1) / BRICK_VOXELS);
                 cells_between(first, last).map(move |brick| (morton::encode(brick), i))
             })
             .collect();

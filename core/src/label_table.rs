@@ -2,6 +2,9 @@
 
 use crate::contacts::Contacts;
 
+/// Type number of a label without one.
+pub(crate) const NO_TYPE: u16 = u16::MAX;
+
 /// Labels by dense index, which follows the order of ids. Background (id 0) is not in the table.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct LabelTable {
@@ -46,7 +49,7 @@ impl LabelTable {
 
     /// Type number of a label; `None` where it has none.
     pub fn type_of(&self, label: u32) -> Option<u16> {
-        self.types.get(label as usize).copied().filter(|&t| t != crate::types::NO_TYPE)
+        self.types.get(label as usize).copied().filter(|&t| t != NO_TYPE)
     }
 
     /// Pairs of labels that share a face of two voxels.

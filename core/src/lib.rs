@@ -20,6 +20,7 @@ mod decode;
 pub mod elements;
 pub mod error;
 pub mod file;
+mod find_contacts;
 mod finish;
 pub mod grid;
 pub mod info;

@@ -8,10 +8,8 @@
 
 use std::collections::BTreeMap;
 
+use crate::label_table::NO_TYPE;
 use crate::{Error, LabelTable, Result};
-
-/// Type number of a label without one.
-pub(crate) const NO_TYPE: u16 = u16::MAX;
 
 /// Types of labels by id.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]

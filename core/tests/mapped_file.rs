@@ -44,12 +44,6 @@ fn files_of_the_fast_level_are_mapped_and_others_read() {
             assert_eq!(voxels(&mapped), voxels(&volume));
         }
     }
-    for name in ["1_fast", "1_default", "1_small", "2_small"] {
-        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("tests/former_versions/{name}.pumice"));
-        let (mapped, read) =
-            (open_mapped(&path).unwrap(), CompressedVolume::open(&path, &Job::new()).unwrap());
-        assert_eq!((mapped.mapped_bytes(), voxels(&mapped)), (0, voxels(&read)), "{name}");
-    }
 }
 
 #[test]

@@ -85,7 +85,7 @@ fn other_files_are_refused_in_one_line() {
     for (bytes, what) in [
         (&b""[..], "expected at least 64, got 0"),
         (&[b'x'; 100][..], "signature"),
-        (&[0x89, b'P', b'U', b'M', b'I', b'C', b'E', b'\n', 9, 0, 0, 0].repeat(9)[..], "format version"),
+        (&[0x89, b'P', b'U', b'M', b'I', b'C', b'E', b'\n', 9, 0, 0, 0].repeat(9)[..], "file version"),
     ] {
         std::fs::write(&path, bytes).unwrap();
         let text = CompressedVolume::open(&path, &Job::new()).unwrap_err().to_string();

@@ -52,3 +52,27 @@ pub(crate) fn read_lines(path: &Path, mut is_last: impl FnMut(&str) -> bool) -> 
 pub(crate) fn numbers<T: std::str::FromStr>(text: &str) -> Option<Vec<T>> {
     text.split_whitespace().map(|word| word.parse().ok()).collect()
 }
+
+/// printf with one `%d`, `%3d` or `%03d`.
+pub(crate) fn format_number(pattern: &str, number: i64) -> Option<String> {
+    let (before, after) = pattern.split_once('%')?;
+    let (width, after) = after.split_once(['d', 'i', 'u'])?;
+    if after.contains('%') {
+        return None;
+    }
+    let digits = if width.is_empty() { 0 } else { width.parse::<usize>().ok().filter(|&w| w <= 32)? };
+    Some(if width.starts_with('0') {
+        format!("{before}{number:0digits$}{after}")
+    } else {
+        format!("{before}{number:digits$}{after}")
+    })
+}
+
+/// At most 60 characters of a line, for messages.
+pub(crate) fn shorten(text: &str) -> String {
+    let mut short: String = text.chars().take(60).collect();
+    if short.len() < text.len() {
+        short.push('…');
+    }
+    short
+}

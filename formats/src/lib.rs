@@ -3,10 +3,10 @@
 //! triangle meshes ([`mesh`]).
 //!
 //! ```text
-//! open ──► sniff ──► one module a format ──► Found: info, axes, element type, byte stream ──► SlabSource ──► LabelBlock
-//!          (magic)   (header only)                                                            (shared by all)
+//! open ──► registry ──► one module a format ──► VolumeFile: info, axes, element type, byte stream ──► SlabSource ──► LabelBlock
+//!          (content)    (header only)                                                                 (shared by all)
 //! ```
-//! A format module only understands its header. Everything that touches voxels is written once: `stream` turns a file into
+//! A format module understands its header and knows no other format, nor who asks. Everything that touches voxels is written once: `stream` turns a file into
 //! the plain bytes of the voxels, `layout` says which voxel each byte belongs to, `element` turns bytes into labels and
 //! refuses what is not one, `slab` ties them together with bounded memory.
 
@@ -33,6 +33,7 @@ mod nrrd_header;
 mod placement;
 mod ply;
 mod raw;
+mod registry;
 mod slab;
 mod stream;
 mod text_stream;
@@ -41,6 +42,8 @@ mod tiff_axes;
 mod tiff_folder;
 mod tiff_ifd;
 mod tiff_page;
+mod volume_file;
+mod voxel_writer;
 mod write_nifti;
 mod write_npy;
 mod write_nrrd;
@@ -48,5 +51,6 @@ mod write_tiff;
 
 pub use error::FormatError;
 pub use mesh::open_mesh;
-pub use open::{Layer, Probe, open, probe};
+pub use open::{Probe, open, probe};
 pub use options::{ArrayAxes, OpenOptions, RawLayout, Warnings};
+pub use volume_file::Layer;

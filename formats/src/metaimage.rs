@@ -14,21 +14,24 @@ use crate::error::{FormatError, Result};
 use crate::gzip::{GZIP_MAGIC, InflateStream, Wrapping};
 use crate::layout::{FileAxis, Layout, Role};
 use crate::metaimage_header::{self, DataFile, Encoding, MetaHeader};
-use crate::open::{Found, OpenStream};
 use crate::options::{OpenOptions, Warnings};
 use crate::placement;
 use crate::stream::{ByteStream, ChainedStream, PlainStream, open_file};
 use crate::text_stream::TextStream;
+use crate::volume_file::{Format, OpenStream, VolumeFile};
+
+/// MetaImage files.
+pub(crate) const FORMAT: Format = Format { name: "MetaImage", recognises, read };
 
 /// Whether a file is one of MetaImage: the format has no magic, so its first fields tell, else its name.
-pub(crate) fn recognises(path: &Path, head: &[u8]) -> bool {
+fn recognises(path: &Path, head: &[u8]) -> bool {
     let named =
         path.extension().is_some_and(|e| e.eq_ignore_ascii_case("mha") || e.eq_ignore_ascii_case("mhd"));
     named || metaimage_header::recognises(head)
 }
 
 /// Understands the header of `path`.
-pub(crate) fn read(path: &Path, options: &OpenOptions) -> Result<Found> {
+fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
     let header = metaimage_header::read(path)?;
     // Numbers written as text come out little-endian.
     let big_endian = header.big_endian && header.encoding != Encoding::Ascii;
@@ -53,7 +56,16 @@ pub(crate) fn read(path: &Path, options: &OpenOptions) -> Result<Found> {
     let layout = Layout::new(path, axes, element.bytes())?;
     let info = place(path, &header, VolumeInfo::new(layout.dims(), header.label_type), options)?;
     let (stream, encoding) = data(path, &header, &layout, &options.warnings)?;
-    Ok(Found { format: "MetaImage", encoding, info, layout, element, layers: Vec::new(), undecided, stream })
+    Ok(VolumeFile {
+        format: "MetaImage",
+        encoding,
+        info,
+        layout,
+        element,
+        layers: Vec::new(),
+        undecided,
+        stream,
+    })
 }
 
 /// Spacing, directions, origin, unit.

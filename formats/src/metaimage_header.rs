@@ -14,8 +14,7 @@ use std::path::Path;
 use pumice_core::LabelType;
 
 use crate::error::{FormatError, Result};
-use crate::header_text::{self, numbers};
-use crate::nrrd_header::{format_number, shorten};
+use crate::header_text::{self, format_number, numbers, shorten};
 
 /// Where the voxels are.
 #[derive(Clone, Debug, PartialEq, Eq)]

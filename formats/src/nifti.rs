@@ -19,13 +19,16 @@ use crate::error::{FormatError, Result};
 use crate::gzip::{GZIP_MAGIC, InflateStream, Wrapping};
 use crate::layout::{FileAxis, Layout, Role};
 use crate::nifti_header::{self, MAX_BYTES, NiftiHeader};
-use crate::open::Found;
 use crate::options::{OpenOptions, Warnings};
 use crate::placement;
 use crate::stream::{ByteStream, PlainStream, open_file};
+use crate::volume_file::{Format, VolumeFile};
+
+/// NIfTI files.
+pub(crate) const FORMAT: Format = Format { name: "NIfTI", recognises, read };
 
 /// Whether a file is one of NIfTI: by its first bytes (inflated if need be), else by its name.
-pub(crate) fn recognises(path: &Path, head: &[u8]) -> bool {
+fn recognises(path: &Path, head: &[u8]) -> bool {
     let name = lower_name(path);
     let named =
         [".nii", ".hdr", ".img"].iter().any(|e| name.strip_suffix(".gz").unwrap_or(&name).ends_with(e));
@@ -38,7 +41,7 @@ pub(crate) fn recognises(path: &Path, head: &[u8]) -> bool {
 }
 
 /// Understands the header of `path`, or of the header beside it where `path` is the `.img` of a pair.
-pub(crate) fn read(path: &Path, options: &OpenOptions) -> Result<Found> {
+fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
     let header_path = header_path(path)?;
     let header = nifti_header::parse(&header_path, &first_bytes(&header_path)?)?;
     let (label_type, bits) = label_type(&header_path, header.datatype)?;
@@ -78,7 +81,7 @@ pub(crate) fn read(path: &Path, options: &OpenOptions) -> Result<Found> {
         encoding.push_str(", detached");
     }
     let warnings = options.warnings.clone();
-    Ok(Found {
+    Ok(VolumeFile {
         format: if header.version == 1 { "NIfTI-1" } else { "NIfTI-2" },
         encoding,
         info,

@@ -13,18 +13,20 @@ use pumice_core::{LabelType, VolumeInfo};
 use crate::choice::{self, refuse_absent};
 use crate::element::Element;
 use crate::error::{FormatError, Result};
+use crate::header_text::shorten;
 use crate::layout::{FileAxis, Layout, Role};
 use crate::npy_header::{self, NpyHeader};
-use crate::open::Found;
 use crate::options::{ArrayAxes, OpenOptions};
 use crate::placement;
 use crate::stream::{ByteStream, PlainStream, open_file};
+use crate::volume_file::{Format, VolumeFile};
 
-/// First bytes of a file.
-pub(crate) const MAGIC: &[u8] = b"\x93NUMPY";
+/// NPY files.
+pub(crate) const FORMAT: Format =
+    Format { name: "NPY", recognises: |_, head| head.starts_with(npy_header::MAGIC), read };
 
 /// Understands the header of `path`.
-pub(crate) fn read(path: &Path, options: &OpenOptions) -> Result<Found> {
+fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
     let mut stream = PlainStream::open(path, 0)?;
     let header = npy_header::read(path, &mut stream)?;
     let array = Array::new(path, &header, options)?;
@@ -36,7 +38,7 @@ pub(crate) fn read(path: &Path, options: &OpenOptions) -> Result<Found> {
         return Err(FormatError::Short { path: path.to_owned(), expected, got, at: Some(bytes) });
     }
     let data = path.to_owned();
-    Ok(array.found("NPY", "raw", move || Ok(Box::new(PlainStream::open(&data, offset)?))))
+    Ok(array.volume_file("NPY", "raw", move || Ok(Box::new(PlainStream::open(&data, offset)?))))
 }
 
 /// An array that can be a volume.
@@ -106,14 +108,14 @@ impl Array {
         Ok(Self { layout, element, info })
     }
 
-    /// What [`crate::open()`] needs to know.
-    pub(crate) fn found(
+    /// The array as the volume of a file.
+    pub(crate) fn volume_file(
         self,
         format: &'static str,
         encoding: &str,
         stream: impl FnOnce() -> Result<Box<dyn ByteStream>> + 'static,
-    ) -> Found {
-        Found {
+    ) -> VolumeFile {
+        VolumeFile {
             format,
             encoding: encoding.into(),
             info: self.info,
@@ -131,7 +133,7 @@ fn label_type(path: &Path, descr: &str) -> Result<LabelType> {
     let refused = |what: &str| {
         Err(FormatError::unsupported(
             path,
-            format!("the array's type is {what} (descr {})", crate::nrrd_header::shorten(descr)),
+            format!("the array's type is {what} (descr {})", shorten(descr)),
             "convert it with .astype('uint32') before saving",
         ))
     };
@@ -158,7 +160,7 @@ fn label_type(path: &Path, descr: &str) -> Result<LabelType> {
             _ => {
                 return Err(FormatError::damaged(
                     path,
-                    format!("the array's type {:?} is not known", crate::nrrd_header::shorten(descr)),
+                    format!("the array's type {:?} is not known", shorten(descr)),
                 ));
             }
         },

@@ -3,8 +3,11 @@
 use std::path::Path;
 
 use crate::error::{FormatError, Result};
-use crate::nrrd_header::shorten;
+use crate::header_text::shorten;
 use crate::stream::ByteStream;
+
+/// First bytes of an array.
+pub(crate) const MAGIC: &[u8] = b"\x93NUMPY";
 
 /// Longest header that is read; NumPy's own reader stops at 10 000 bytes unless told otherwise.
 const MAX_HEADER_BYTES: usize = 1 << 20;
@@ -43,7 +46,7 @@ pub(crate) fn read(path: &Path, stream: &mut dyn ByteStream) -> Result<NpyHeader
         Ok(bytes)
     };
     let start = take(8)?;
-    if !start.starts_with(crate::npy::MAGIC) {
+    if !start.starts_with(MAGIC) {
         return Err(bad(format!(
             "the array begins with {:02x?}, expected the magic \\x93NUMPY",
             &start[..6]

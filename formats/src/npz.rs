@@ -13,18 +13,22 @@ use zip::result::ZipError;
 
 use crate::error::{FormatError, Result};
 use crate::gzip::{InflateStream, Wrapping};
+use crate::header_text::shorten;
 use crate::npy::Array;
 use crate::npy_header::{self, NpyHeader};
-use crate::nrrd_header::shorten;
-use crate::open::Found;
 use crate::options::{OpenOptions, Warnings};
 use crate::stream::{ByteStream, PlainStream, open_file};
+use crate::volume_file::{Format, VolumeFile};
 
 /// First bytes of an archive, and of one without members.
-pub(crate) const MAGICS: [&[u8]; 2] = [b"PK\x03\x04", b"PK\x05\x06"];
+const MAGICS: [&[u8]; 2] = [b"PK\x03\x04", b"PK\x05\x06"];
+
+/// NPZ files.
+pub(crate) const FORMAT: Format =
+    Format { name: "NPZ", recognises: |_, head| MAGICS.iter().any(|magic| head.starts_with(magic)), read };
 
 /// Understands the directory of `path` and the header of the array wanted.
-pub(crate) fn read(path: &Path, options: &OpenOptions) -> Result<Found> {
+fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
     let members = members(path)?;
     let (member, header) = pick(path, &members, options)?;
     let array = Array::new(path, &header, options)?;
@@ -34,7 +38,7 @@ pub(crate) fn read(path: &Path, options: &OpenOptions) -> Result<Found> {
     }
     let encoding = if member.deflated { "deflate" } else { "raw" };
     let (path, member, warnings) = (path.to_owned(), member.clone(), options.warnings.clone());
-    Ok(array.found("NPZ", encoding, move || {
+    Ok(array.volume_file("NPZ", encoding, move || {
         let mut stream = MemberStream::open(&path, &member, &warnings)?;
         stream.skip(header.bytes)?;
         Ok(Box::new(stream))

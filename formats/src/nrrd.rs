@@ -14,14 +14,21 @@ use crate::error::{FormatError, Result};
 use crate::gzip::{InflateStream, Wrapping};
 use crate::layout::{FileAxis, Layout, Role};
 use crate::nrrd_header::{self, DataFile, Encoding, NrrdHeader};
-use crate::open::{Found, Layer, OpenStream};
 use crate::options::{OpenOptions, Warnings};
 use crate::placement;
 use crate::stream::{ByteStream, ChainedStream, CountingFile, PlainStream, open_file};
 use crate::text_stream::TextStream;
+use crate::volume_file::{Format, Layer, OpenStream, VolumeFile};
+
+/// First bytes of a file, before its version.
+const MAGIC: &[u8] = b"NRRD";
+
+/// NRRD files.
+pub(crate) const FORMAT: Format =
+    Format { name: "NRRD", recognises: |_, head| head.starts_with(MAGIC), read };
 
 /// Understands the header of `path`.
-pub(crate) fn read(path: &Path, options: &OpenOptions) -> Result<Found> {
+fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
     let header = nrrd_header::read(path)?;
     let element = Element::new(header.label_type, header.big_endian);
 
@@ -62,7 +69,7 @@ pub(crate) fn read(path: &Path, options: &OpenOptions) -> Result<Found> {
     info.notes = notes(&header, if layer_count > 1 { Some(options.layer.unwrap_or(0)) } else { None });
 
     let (stream, encoding) = data(path, &header, &layout, &options.warnings)?;
-    Ok(Found {
+    Ok(VolumeFile {
         format: if info.notes.is_empty() && layers.is_empty() {
             "NRRD"
         } else {

@@ -15,7 +15,7 @@ use std::path::Path;
 use pumice_core::LabelType;
 
 use crate::error::{FormatError, Result};
-use crate::header_text::{self, numbers};
+use crate::header_text::{self, format_number, numbers, shorten};
 
 /// How the voxels are stored (§5, `encoding`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -340,28 +340,4 @@ fn expand_pattern(path: &Path, value: &str) -> Result<Vec<String>> {
         return Err(bad());
     }
     (0..count).map(|i| format_number(pattern, first + i * step).ok_or_else(bad)).collect()
-}
-
-/// printf with one `%d`, `%3d` or `%03d`.
-pub(crate) fn format_number(pattern: &str, number: i64) -> Option<String> {
-    let (before, after) = pattern.split_once('%')?;
-    let (width, after) = after.split_once(['d', 'i', 'u'])?;
-    if after.contains('%') {
-        return None;
-    }
-    let digits = if width.is_empty() { 0 } else { width.parse::<usize>().ok().filter(|&w| w <= 32)? };
-    Some(if width.starts_with('0') {
-        format!("{before}{number:0digits$}{after}")
-    } else {
-        format!("{before}{number:digits$}{after}")
-    })
-}
-
-/// At most 60 characters of a line, for messages.
-pub(crate) fn shorten(text: &str) -> String {
-    let mut short: String = text.chars().take(60).collect();
-    if short.len() < text.len() {
-        short.push('…');
-    }
-    short
 }

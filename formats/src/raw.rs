@@ -8,13 +8,13 @@ use crate::element::Element;
 use crate::error::{FormatError, Result};
 use crate::gzip::{GZIP_MAGIC, InflateStream, Wrapping};
 use crate::layout::Layout;
-use crate::open::Found;
 use crate::options::{OpenOptions, RawLayout};
 use crate::placement;
 use crate::stream::{ByteStream, PlainStream, open_file};
+use crate::volume_file::VolumeFile;
 
 /// Describes `path` as `raw` says.
-pub(crate) fn read(path: &Path, raw: &RawLayout, options: &OpenOptions) -> Result<Found> {
+pub(crate) fn read(path: &Path, raw: &RawLayout, options: &OpenOptions) -> Result<VolumeFile> {
     let element = Element::new(raw.label_type, raw.big_endian);
     let layout = Layout::x_fastest(path, raw.dims, element.bytes())?;
     let mut magic = [0; 2];
@@ -38,7 +38,7 @@ pub(crate) fn read(path: &Path, raw: &RawLayout, options: &OpenOptions) -> Resul
     let affine = placement::from_spacing(path, [1.0; 3], options)?;
     let info = VolumeInfo::new(layout.dims(), raw.label_type).from_centre_affine(affine);
     let (path, offset, warnings) = (path.to_owned(), raw.offset, options.warnings.clone());
-    Ok(Found {
+    Ok(VolumeFile {
         format: "raw",
         encoding: if gzip { "gzip" } else { "raw" }.into(),
         info,

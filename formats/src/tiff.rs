@@ -8,16 +8,23 @@ use crate::choice::{self, choose, choose_among, refuse_absent};
 use crate::element::Element;
 use crate::error::{FormatError, Result};
 use crate::layout::{FileAxis, Layout, Role};
-use crate::open::{Found, OpenStream};
 use crate::options::OpenOptions;
 use crate::placement;
 use crate::stream::{ByteStream, ChainedStream, PlainStream};
 use crate::tiff_axes::{self, Axes, PageAxis};
 use crate::tiff_ifd::{Directory, TiffFile, tag};
 use crate::tiff_page::{self, Compression, Page, PageShape, PageStream};
+use crate::volume_file::{Format, OpenStream, VolumeFile};
+
+/// First bytes of a file: byte order, and version 42 (classic) or 43 (BigTIFF).
+const MAGICS: [&[u8]; 4] = [b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"];
+
+/// TIFF files.
+pub(crate) const FORMAT: Format =
+    Format { name: "TIFF", recognises: |_, head| MAGICS.iter().any(|magic| head.starts_with(magic)), read };
 
 /// Understands the pages of `path`.
-pub(crate) fn read(path: &Path, options: &OpenOptions) -> Result<Found> {
+fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
     let mut tiff = TiffFile::open(path)?;
     let pages = tiff.pages()?;
     let (shape, compression) = tiff_page::shape(path, &mut tiff, pages[0])?;
@@ -80,7 +87,7 @@ pub(crate) fn read(path: &Path, options: &OpenOptions) -> Result<Found> {
     } else {
         (Element::new(shape.label_type, false), page_stream(path, pages, axes.page_of_plane, planes, shape))
     };
-    Ok(Found {
+    Ok(VolumeFile {
         format: axes.format,
         encoding: match compression {
             Compression::None => "raw",

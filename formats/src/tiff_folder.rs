@@ -9,16 +9,16 @@ use crate::choice::{self, refuse_absent};
 use crate::element::Element;
 use crate::error::{FormatError, Result};
 use crate::layout::Layout;
-use crate::open::Found;
 use crate::options::OpenOptions;
 use crate::placement;
 use crate::stream::{ByteStream, ChainedStream};
 use crate::tiff::{plane_bytes, same_shape};
 use crate::tiff_ifd::TiffFile;
 use crate::tiff_page::{self, Compression, Page, PageStream};
+use crate::volume_file::VolumeFile;
 
 /// Understands the slices in `folder`.
-pub(crate) fn read(folder: &Path, options: &OpenOptions) -> Result<Found> {
+pub(crate) fn read(folder: &Path, options: &OpenOptions) -> Result<VolumeFile> {
     let (time, channel, layer) = (options.time, options.channel, options.layer);
     refuse_absent(folder, &[(&choice::TIME, time), (&choice::CHANNEL, channel), (&choice::LAYER, layer)])?;
     let mut files: Vec<PathBuf> = Vec::new();
@@ -81,7 +81,7 @@ pub(crate) fn read(folder: &Path, options: &OpenOptions) -> Result<Found> {
             Ok(Box::new(PageStream::new(Page::read(&paths[slice], &mut tiff, page)?)) as Box<dyn ByteStream>)
         })) as Box<dyn ByteStream>)
     });
-    Ok(Found {
+    Ok(VolumeFile {
         format: "folder of TIFF slices",
         encoding: if compression == Compression::None { "raw" } else { "compressed" }.into(),
         info,

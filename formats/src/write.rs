@@ -8,12 +8,13 @@
 //! a format can hold is in its own writer.
 
 use std::fs::File;
-use std::io::{self, BufWriter, Write};
+use std::io::{self, BufWriter};
 use std::path::Path;
 
 use pumice_core::{LabelType, VolumeInfo};
 
 use crate::error::{FormatError, Result};
+use crate::voxel_writer::VoxelWriter;
 use crate::{write_nifti, write_npy, write_nrrd, write_tiff};
 
 /// Voxels asked for at once: 32 MiB of ids.
@@ -21,15 +22,6 @@ const SLAB_VOXELS: u64 = 4 << 20;
 
 /// Delivers the ids of a block, x fastest: (origin, dims) → ids.
 pub type DecodeIds<'a> = dyn FnMut([u32; 3], [u32; 3]) -> pumice_core::Result<Vec<u64>> + 'a;
-
-/// A format that takes voxels in order, x fastest.
-pub(crate) trait VoxelWriter {
-    /// The next voxels, little-endian, in the volume's label type.
-    fn write_voxels(&mut self, bytes: &[u8]) -> io::Result<()>;
-
-    /// Writes what comes behind the voxels and hands the file back.
-    fn finish(self: Box<Self>) -> io::Result<File>;
-}
 
 /// Writes a volume to `out`, in the format that its ending names: `.nrrd`, `.npy`, `.nii`, `.nii.gz`, `.tif`, `.tiff`.
 ///
@@ -39,7 +31,7 @@ pub(crate) trait VoxelWriter {
 /// When the ending names no format, the folder is missing, the disk is full, a label does not fit the type, or whatever
 /// `decode` fails with. Nothing is left under the final name then.
 pub fn write_volume(out: &Path, info: &VolumeInfo, decode: &mut DecodeIds<'_>) -> pumice_core::Result<()> {
-    let format = format_of(out)?;
+    let start = writer_of(out)?;
     if info.voxels() == 0 {
         return Err(FormatError::option(out, "the volume has no voxels, so there is nothing to write").into());
     }
@@ -59,13 +51,7 @@ pub fn write_volume(out: &Path, info: &VolumeInfo, decode: &mut DecodeIds<'_>) -
     let to_file = temporary.reopen().map_err(FormatError::io(out))?;
     let to_file = BufWriter::with_capacity(1 << 20, to_file);
 
-    let mut writer: Box<dyn VoxelWriter> = match format {
-        Format::Nrrd => write_nrrd::start(info, to_file),
-        Format::Npy => write_npy::start(info, to_file),
-        Format::Nifti { gzip } => write_nifti::start(info, gzip, to_file),
-        Format::Tiff => write_tiff::start(info, to_file),
-    }
-    .map_err(FormatError::io(out))?;
+    let mut writer = start(info, to_file).map_err(FormatError::io(out))?;
     let mut bytes = Vec::new();
     for (origin, dims) in slabs(info.dims) {
         let ids = decode(origin, dims)?;
@@ -79,34 +65,27 @@ pub fn write_volume(out: &Path, info: &VolumeInfo, decode: &mut DecodeIds<'_>) -
     Ok(())
 }
 
-#[derive(Clone, Copy, Debug)]
-enum Format {
-    Nrrd,
-    Npy,
-    Nifti { gzip: bool },
-    Tiff,
-}
+/// Starts a file with its header.
+type Start = fn(&VolumeInfo, BufWriter<File>) -> io::Result<Box<dyn VoxelWriter>>;
 
-fn format_of(out: &Path) -> Result<Format> {
+/// Formats that are written, by the ending of the file's name; the first one that fits is taken.
+const WRITERS: [(&str, Start); 6] = [
+    (".nrrd", write_nrrd::start),
+    (".npy", write_npy::start),
+    (".nii.gz", |info, file| write_nifti::start(info, true, file)),
+    (".nii", |info, file| write_nifti::start(info, false, file)),
+    (".tif", write_tiff::start),
+    (".tiff", write_tiff::start),
+];
+
+fn writer_of(out: &Path) -> Result<Start> {
     let name = out.file_name().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
-    let ends = |ending: &str| name.ends_with(ending);
-    if ends(".nrrd") {
-        Ok(Format::Nrrd)
-    } else if ends(".npy") {
-        Ok(Format::Npy)
-    } else if ends(".nii.gz") {
-        Ok(Format::Nifti { gzip: true })
-    } else if ends(".nii") {
-        Ok(Format::Nifti { gzip: false })
-    } else if ends(".tif") || ends(".tiff") {
-        Ok(Format::Tiff)
-    } else {
-        Err(FormatError::Unknown {
-            path: out.to_owned(),
-            what: "the ending names no format that can be written: expected .nrrd, .npy, .nii.gz, .nii, .tif or .tiff"
-                .into(),
-        })
-    }
+    let writer = WRITERS.iter().find(|(ending, _)| name.ends_with(ending));
+    writer.map(|&(_, start)| start).ok_or_else(|| FormatError::Unknown {
+        path: out.to_owned(),
+        what: "the ending names no format that can be written: expected .nrrd, .npy, .nii.gz, .nii, .tif or .tiff"
+            .into(),
+    })
 }
 
 /// Blocks in file order: some planes, or some rows of one plane where a plane is more than [`SLAB_VOXELS`].
@@ -174,48 +153,6 @@ fn too_large(out: &Path, id: u64, label_type: LabelType, limit: u64) -> FormatEr
         what: format!("a label to be written as {label_type:?}"),
         got: id.to_string(),
         limit,
-    }
-}
-
-/// Bytes of one voxel.
-pub(crate) fn bytes_of(label_type: LabelType) -> usize {
-    crate::element::Element::new(label_type, false).bytes()
-}
-
-/// Hands a buffered file back, all of it written.
-pub(crate) fn unbuffer(buffered: BufWriter<File>) -> io::Result<File> {
-    buffered.into_inner().map_err(io::IntoInnerError::into_error)
-}
-
-/// Voxels as they are, behind a header.
-pub(crate) struct PlainWriter(pub(crate) BufWriter<File>);
-
-impl VoxelWriter for PlainWriter {
-    fn write_voxels(&mut self, bytes: &[u8]) -> io::Result<()> {
-        self.0.write_all(bytes)
-    }
-
-    fn finish(self: Box<Self>) -> io::Result<File> {
-        unbuffer(self.0)
-    }
-}
-
-/// Voxels through gzip.
-pub(crate) struct GzipWriter(pub(crate) flate2::write::GzEncoder<BufWriter<File>>);
-
-impl GzipWriter {
-    pub(crate) fn new(file: BufWriter<File>) -> Self {
-        Self(flate2::write::GzEncoder::new(file, flate2::Compression::default()))
-    }
-}
-
-impl VoxelWriter for GzipWriter {
-    fn write_voxels(&mut self, bytes: &[u8]) -> io::Result<()> {
-        self.0.write_all(bytes)
-    }
-
-    fn finish(self: Box<Self>) -> io::Result<File> {
-        unbuffer(self.0.finish()?)
     }
 }
 

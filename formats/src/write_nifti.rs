@@ -13,7 +13,7 @@ use std::io::{self, BufWriter};
 
 use pumice_core::{LabelType, Unit, VolumeInfo, WorldFrame};
 
-use crate::write::{GzipWriter, PlainWriter, VoxelWriter, bytes_of};
+use crate::voxel_writer::{GzipWriter, PlainWriter, VoxelWriter, bytes_of};
 
 /// Voxels begin behind the header and four bytes that say "no extensions".
 const EXTENSION_BYTES: usize = 4;

@@ -5,7 +5,7 @@ use std::io::{self, BufWriter, Write};
 
 use pumice_core::{LabelType, VolumeInfo};
 
-use crate::write::{PlainWriter, VoxelWriter};
+use crate::voxel_writer::{PlainWriter, VoxelWriter};
 
 /// Writes the header (NumPy's `numpy.lib.format`, version 1.0).
 pub(crate) fn start(info: &VolumeInfo, mut file: BufWriter<File>) -> io::Result<Box<dyn VoxelWriter>> {

@@ -7,7 +7,7 @@ use std::io::{self, BufWriter, Write};
 use glam::DVec3;
 use pumice_core::{LabelType, Unit, VolumeInfo, WorldFrame};
 
-use crate::write::{GzipWriter, VoxelWriter};
+use crate::voxel_writer::{GzipWriter, VoxelWriter};
 
 /// Writes the header; voxels follow as gzip.
 pub(crate) fn start(info: &VolumeInfo, mut file: BufWriter<File>) -> io::Result<Box<dyn VoxelWriter>> {

@@ -15,7 +15,7 @@ use flate2::write::ZlibEncoder;
 use pumice_core::{LabelType, Unit, VolumeInfo};
 
 use crate::tiff_ifd::tag;
-use crate::write::{VoxelWriter, bytes_of, unbuffer};
+use crate::voxel_writer::{VoxelWriter, bytes_of, unbuffer};
 
 /// Classic TIFF up to here; the rest of its 4 GiB is for directories and for data that deflate makes larger.
 const CLASSIC_BYTES: u64 = 7 << 29;

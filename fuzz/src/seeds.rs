@@ -57,20 +57,14 @@ fn volume(dims: [u32; 3]) -> CompressedVolume {
     compress_labels(info(dims, LabelType::U32), LabelBuffer::U32(ids(dims))).unwrap()
 }
 
-/// `.pumice` files: several boxes, several chunks, one voxel, nothing; and of former versions.
+/// `.pumice` files: several boxes, several chunks, one voxel, nothing; each at all levels.
 pub fn pumice_files() -> Vec<Vec<u8>> {
     let empty = compress_labels(info([5, 1, 1], LabelType::U8), LabelBuffer::U8(vec![0; 5])).unwrap();
     let volumes = [volume([21, 13, 9]), volume([33, 17, 16]), volume([1, 1, 2060]), volume([1, 1, 1]), empty];
     let levels = [Level::Fast, Level::Default, Level::Small];
     let saved =
         |v: &CompressedVolume, level| written(".pumice", |path| v.save(path, level, &Job::new()).unwrap());
-    let former: [&[u8]; 3] = [
-        include_bytes!("../../core/tests/former_versions/1_default.pumice"),
-        include_bytes!("../../core/tests/former_versions/2_noise.pumice"),
-        include_bytes!("../../core/tests/former_versions/2_long.pumice"),
-    ];
-    let today = volumes.iter().flat_map(|v| levels.map(|level| saved(v, level)));
-    today.chain(former.map(<[u8]>::to_vec)).collect()
+    volumes.iter().flat_map(|v| levels.map(|level| saved(v, level))).collect()
 }
 
 /// Volumes of every format that has a writer, and of those that have none by hand.

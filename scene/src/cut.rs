@@ -3,8 +3,6 @@
 use glam::DAffine3;
 use serde::{Deserialize, Serialize};
 
-use crate::Scene;
-
 /// A part of space in which volumes are not drawn. Several cuts take away all that any of them takes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -20,13 +18,6 @@ impl Cut {
     /// Whether it takes away from the instance with this id.
     pub fn takes_from(&self, instance: u32) -> bool {
         self.instances.as_ref().is_none_or(|ids| ids.contains(&instance))
-    }
-}
-
-impl Scene {
-    /// What is taken away from the instance with this id.
-    pub fn cuts_of(&self, instance: u32) -> impl Iterator<Item = &CutShape> {
-        self.cuts.iter().filter(move |cut| cut.takes_from(instance)).map(|cut| &cut.shape)
     }
 }
 

@@ -1,7 +1,5 @@
 //! What can be wrong with a scene, in one line that says what and where.
 
-use crate::SCENE_VERSION;
-
 /// What is wrong with a scene.
 ///
 /// The text of each variant is one line: whatever a file holds, control characters are escaped and long names are cut.
@@ -31,7 +29,7 @@ pub enum SceneError {
     Version {
         /// In the file.
         got: u64,
-        /// [`SCENE_VERSION`].
+        /// [`crate::SCENE_VERSION`].
         expected: u32,
     },
     /// The system refused.
@@ -41,12 +39,6 @@ pub enum SceneError {
 
 /// Most characters of a parser's message that are repeated: names in it come from the file and may be megabytes long.
 const MOST_CHARS: usize = 300;
-
-impl SceneError {
-    pub(crate) fn version(got: u64) -> Self {
-        Self::Version { got, expected: SCENE_VERSION }
-    }
-}
 
 impl From<serde_json::Error> for SceneError {
     fn from(error: serde_json::Error) -> Self {

@@ -23,7 +23,7 @@ impl Scene {
         }
         let Versioned { version } = serde_json::from_str(text)?;
         if version != u64::from(SCENE_VERSION) {
-            return Err(SceneError::version(version));
+            return Err(SceneError::Version { got: version, expected: SCENE_VERSION });
         }
         let scene: Self = serde_json::from_str(text)?;
         scene.validate()?;

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use glam::DAffine3;
 use serde::{Deserialize, Serialize};
 
-use crate::{Camera, Cut, Film, LabelMaterials, Light, Material, Mesh, Settings, Show, Sun, World};
+use crate::{Camera, Cut, CutShape, Film, LabelMaterials, Light, Material, Mesh, Settings, Show, Sun, World};
 
 /// Version of the JSON form that this code writes and reads.
 pub const SCENE_VERSION: u32 = 1;
@@ -68,4 +68,11 @@ pub struct Scene {
     /// How it is computed.
     #[serde(default)]
     pub settings: Settings,
+}
+
+impl Scene {
+    /// What is taken away from the instance with this id.
+    pub fn cuts_of(&self, instance: u32) -> impl Iterator<Item = &CutShape> {
+        self.cuts.iter().filter(move |cut| cut.takes_from(instance)).map(|cut| &cut.shape)
+    }
 }

@@ -121,7 +121,7 @@ impl Scene {
     /// [`SceneError::Version`] for a scene of another version.
     pub fn validate(&self) -> Checked {
         if self.version != SCENE_VERSION {
-            return Err(SceneError::version(self.version.into()));
+            return Err(SceneError::Version { got: self.version.into(), expected: SCENE_VERSION });
         }
         let mut check = Check { path: Vec::new() };
         let c = &mut check;

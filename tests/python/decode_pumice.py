@@ -12,16 +12,18 @@ import sys
 import numpy as np
 
 import decode_voxels
-import decode_voxels_of_version_2
 
 SIGNATURE = b"\x89PUMICE\n"
+# Versions of files of boxes and of files of voxels.
+BOXES, VOXELS = 3, 4
 
 
 def read_sections(data):
     """Sections by name, decoded (sections 2 and 3 of the page)."""
     assert data[:8] == SIGNATURE, "not a .pumice file"
     version, flags, length, table, count, frames = struct.unpack_from("<IIQQII", data, 8)
-    assert version in (1, 2, 3, 4) and (flags, length, table, frames) == (0, len(data), 64, 1)
+    assert version in (BOXES, VOXELS), f"file version: expected {BOXES} or {VOXELS}, got {version}"
+    assert (flags, length, table, frames) == (0, len(data), 64, 1)
     sections = {}
     for i in range(count):
         name, compression, width, filters, zero, offset, stored, decoded, _, _ = struct.unpack_from(
@@ -63,15 +65,6 @@ def mask_bits(masks):
 def demorton(code):
     """(x, y, z) of Morton codes of 24 bits."""
     return np.stack([sum(((code >> (3 * k + a)) & 1) << k for k in range(8)) for a in range(3)], axis=1)
-
-
-def node_fields(occupied, solid, ranked, references, inline, leaf):
-    """Fields of nodes, one row of 64 a node; the three masks as booleans."""
-    fields = np.zeros(occupied.shape, np.uint64)
-    fields[solid] = np.uint64(2**64 - 1)
-    fields[ranked] = leaf[references]
-    fields[occupied & ~solid & ~ranked] = inline
-    return fields
 
 
 def mirror_images(leaf):
@@ -159,36 +152,7 @@ def plain_nodes(s):
     return np.array(rows, np.uint64).reshape(-1, 64), number_at
 
 
-def packed_nodes_1(s, leaf):
-    """The same of version 1."""
-    occupied = mask_bits(np.frombuffer(s["OCCU"], "<u8"))
-    solid, ranked = np.zeros_like(occupied), np.zeros_like(occupied)
-    solid[occupied] = bits(occupied.sum(), s["SOLI"])
-    mixed = occupied & ~solid
-    ranked[mixed] = bits(mixed.sum(), s["RANK"])
-    references, inline = np.frombuffer(s["REFS"], "<u2"), np.frombuffer(s["FLDS"], "<u8")
-    fields = node_fields(occupied, solid, ranked, references, inline, leaf)
-    return fields, boxes_nodes(s)
-
-
-def plain_nodes_1(s, leaf):
-    """The same of version 1."""
-    words = np.frombuffer(s["NODE"], "<u2")
-    rows, number_at, at = [], {}, 0
-    while at < len(words):
-        masks = words[at : at + 12].view("<u8")
-        occupied, solid, ranked = mask_bits(masks)
-        first = at + 12
-        middle = first + ranked.sum()
-        end = middle + 4 * (occupied & ~solid & ~ranked).sum()
-        inline = np.ascontiguousarray(words[middle:end]).view("<u8")
-        number_at[at] = len(rows)
-        rows.append(node_fields(occupied, solid, ranked, words[first:middle], inline, leaf))
-        at = end
-    return np.array(rows, np.uint64).reshape(-1, 64), number_at
-
-
-def decode_archive(s, version):
+def decode_pieces(s):
     """The same as `decode`, of a file of voxels."""
     info = json.loads(s["INFO"])
     dims = info["volume"]["dims"]
@@ -196,8 +160,7 @@ def decode_archive(s, version):
     out, at = np.zeros(dims, np.uint64), 0
     for *origin, zero, length in struct.iter_unpack("<3IIQ", s["PIEC"]):
         w, h, d = (min(1024, n - o) for n, o in zip(dims, origin))
-        piece = decode_voxels_of_version_2.piece if version == 2 else decode_voxels.piece
-        dense = piece(s["VOXL"][at : at + length], w, h, d, len(ids) - 1)
+        dense = decode_voxels.piece(s["VOXL"][at : at + length], w, h, d, len(ids) - 1)
         out[tuple(slice(o, o + n) for o, n in zip(origin, (w, h, d)))] = ids[dense].transpose(2, 1, 0)
         assert zero == 0 and dense.any(), "a piece without labels"
         at += length
@@ -208,22 +171,22 @@ def decode_archive(s, version):
 def decode(data):
     """(ids as uint64 indexed [x, y, z], INFO) of a whole file's bytes."""
     s = read_sections(data)
-    if "VOXL" in s:
-        return decode_archive(s, struct.unpack_from("<I", data, 8)[0])
+    if struct.unpack_from("<I", data, 8)[0] == VOXELS:
+        return decode_pieces(s)
     info = json.loads(s["INFO"])
-    ids, leaf = np.frombuffer(s["LIDS"], "<u8"), np.frombuffer(s["LEAF"], "<u8")
+    ids = np.frombuffer(s["LIDS"], "<u8")
     chunks = np.frombuffer(s["CHNK"], [("origin", "<u4", 3), ("zero", "<u4"), ("starts", "<u8", 3)])
     runs = np.frombuffer(s["RUNS"], "<u4").reshape(-1, 2).astype(np.int64)
     plain = "NODE" in s
     if plain:
         records = np.frombuffer(s["BOXS"], "<u8")
         cell = np.stack([(records >> np.uint64(40 + 8 * a)) & np.uint64(255) for a in range(3)], axis=1)
-        fields, number_at = plain_nodes(s) if "SLIC" in s else plain_nodes_1(s, leaf)
+        fields, number_at = plain_nodes(s)
         count = len(records)
     else:
         code = np.frombuffer(s["BCEL"], np.uint8).reshape(-1, 3).astype(np.int64) @ [1, 256, 65536]
         cell = demorton(code)
-        fields, number = packed_nodes(s) if "SLIC" in s else packed_nodes_1(s, leaf)
+        fields, number = packed_nodes(s)
         count = len(code)
 
     # Room for boxes that reach past the end by up to 3 voxels; cut off afterwards.

@@ -141,6 +141,30 @@ def test_broken_pumice_files_are_refused(pumice, good_pumice, good, tmp_path):
     assert refused > 50, "most of the breaks are noticed, and so the checks above have run"
 
 
+def test_pumice_files_of_other_versions_are_refused(pumice, good_pumice, good, tmp_path):
+    whole = good_pumice.read_bytes()
+    file = tmp_path / "other.pumice"
+    for version, way_out in [
+        (1, "compress the source volume again"),
+        (2, "compress the source volume again"),
+        (5, "a newer pumice wrote it"),
+    ]:
+        file.write_bytes(whole[:8] + version.to_bytes(4, "little") + whole[12:])
+        for command in [
+            ("info", file, "--json"),
+            ("decompress", file, "-o", tmp_path / "out.npy"),
+            ("verify", file, good["raw.nrrd"]),
+            ("render", file, "-o", tmp_path / "p.png", "--spp", 1, "--size", "8x8"),
+        ]:
+            line = run(pumice, *command).refused()
+            expected = f"other.pumice: file version at byte 8: expected 3 (boxes) or 4 (voxels), got {version}; "
+            assert expected in line and way_out in line, line
+        assert left_in(tmp_path) == ["other.pumice"]
+    # A control: the file is refused for its version alone.
+    file.write_bytes(whole)
+    run(pumice, "decompress", file, "-o", tmp_path / "out.npy").fine()
+
+
 @pytest.mark.parametrize("name", huge_headers())
 def test_sizes_that_multiply_past_64_bits(pumice, name, tmp_path):
     assert attempt(pumice, tmp_path, name, huge_headers()[name]).code == 2

@@ -43,15 +43,12 @@ def test_every_voxel_is_the_same(samples):
         assert (ids == expected).all(), f"{file.name}: first difference at {np.argwhere(ids != expected)[0]}"
 
 
-def test_former_versions_hold_the_same_voxels():
-    """Files that are kept as they were; those of version 2 are voxels, coded otherwise."""
-    folder = ROOT / "core" / "tests" / "former_versions"
-    expected, _ = decode_pumice.decode((folder / "1_fast.pumice").read_bytes())
-    for name in ("1_default.pumice", "1_small.pumice", "2_small.pumice"):
-        ids, _ = decode_pumice.decode((folder / name).read_bytes())
-        assert ids.shape == expected.shape and (ids == expected).all(), name
-    ids, _ = decode_pumice.decode((folder / "2_different.pumice").read_bytes())
-    assert (ids == np.arange(990, dtype=np.uint64).reshape(9, 10, 11, order="F") * np.uint64(2**32 + 3)).all()
+def test_other_versions_are_refused(samples):
+    data = bytearray(samples[0].read_bytes())
+    for version in (0, 1, 2, 5):
+        data[8:12] = struct.pack("<I", version)
+        with pytest.raises(AssertionError, match=f"file version: expected 3 or 4, got {version}"):
+            decode_pumice.decode(bytes(data))
 
 
 def test_all_kinds_of_leaves_are_there(samples):

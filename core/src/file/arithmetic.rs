@@ -163,14 +163,8 @@ impl Seen {
     /// Nothing.
     pub(super) const NOTHING: Self = Self(1 << 31);
 
-    /// The chance of 1 in 12 bits.
-    #[inline]
-    pub(super) fn twelve_bits(self) -> usize {
-        (self.0 >> 20) as usize
-    }
-
     #[inline(always)]
-    pub(super) fn learn(&mut self, bit: bool) {
+    fn learn(&mut self, bit: bool) {
         let (chance, count) = (self.0 >> 10, self.0 & 1023);
         let target = if bit { (1 << 22) - 1 } else { 0 };
         let way = i64::from(target) - i64::from(chance);
@@ -190,7 +184,7 @@ impl Seen {
 
 /// A chance that both bits have one by.
 #[inline]
-pub(super) fn bounded(chance: Chance) -> Chance {
+fn bounded(chance: Chance) -> Chance {
     chance.clamp(SUREST, 65_536 - SUREST)
 }
 

@@ -3,9 +3,9 @@
 //! In order: names, dictionary, chunks, runs, nodes, boxes, voxel counts. What is not checked is that no voxel is claimed by two
 //! labels (it would take as much memory as decoding); the content hash, compared afterwards, covers that for undamaged writers.
 
+use crate::label_table::NO_TYPE;
 use crate::leaves::{Class, MAX_PATTERNS, MAX_SLICES, RARE};
 use crate::node::{NodeRef, OCCUPIED_WORDS, extent_of, header_words};
-use crate::types::NO_TYPE;
 use crate::volume::CHUNK_CELLS;
 use crate::{BoxView, CHUNK_VOXELS, CompressedVolume, MAX_DIM, VolumeInfo, morton};
 

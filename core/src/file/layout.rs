@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! header   0  8  magic 89 "PUMICE" 0A            table entry   0  4  name, ASCII
-//!          8  4  version, 1 to 3                               4  1  compression: 0 none, 1 zstd
+//!          8  4  version: 3 boxes, 4 voxels                    4  1  compression: 0 none, 1 zstd
 //!         12  4  flags, 0                                      5  1  element width w of the filters, in bytes
 //!         16  8  length of the file                            6  1  filters: bit 0 delta, bit 1 planes
 //!         24  8  offset of the section table, 64               7  1  0
@@ -15,22 +15,30 @@
 
 use xxhash_rust::xxh3::{Xxh3, xxh3_64};
 
-use super::Fault;
+use super::fault::{Fault, Stop};
 
 /// First bytes of every `.pumice` file.
 pub const MAGIC: [u8; 8] = *b"\x89PUMICE\n";
-/// The newest version, of files of voxels.
-pub(super) const VERSION_OF_VOXELS: u32 = 4;
-/// Files with boxes, which older programs go on reading.
-pub(super) const VERSION_OF_BOXES: u32 = 3;
-/// Files of voxels before, which are read and no longer written ([`super::voxels_of_version_2`]).
-pub(super) const VERSION_OF_FORMER_VOXELS: u32 = 2;
-/// The first version, which is read and no longer written ([`super::legacy`]).
-pub(super) const VERSION_OF_LARGE_NODES: u32 = 1;
 pub(super) const HEADER_BYTES: usize = 64;
 pub(super) const ENTRY_BYTES: usize = 48;
 /// More than any version will need; bounds what a damaged count makes the reader allocate.
 pub(super) const MAX_SECTIONS: u32 = 64;
+
+/// What a file holds. Each kind has one version number: the program writes it and reads no other.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Contents {
+    /// Boxes and nodes, as they are in memory or packed.
+    Boxes = 3,
+    /// Arithmetically coded voxels.
+    Voxels = 4,
+}
+
+impl Contents {
+    /// The kind that has this version number.
+    fn of_version(version: u32) -> Option<Self> {
+        [Self::Boxes, Self::Voxels].into_iter().find(|&kind| kind as u32 == version)
+    }
+}
 
 /// How a section's bytes were made smaller.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -56,7 +64,7 @@ pub(super) struct Entry {
 /// Header and table.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Layout {
-    pub(super) version: u32,
+    pub(super) contents: Contents,
     pub(super) file_bytes: u64,
     pub(super) content_hash: u128,
     pub(super) entries: Vec<Entry>,
@@ -85,7 +93,7 @@ impl Layout {
     pub(super) fn to_bytes(&self) -> Vec<u8> {
         let mut bytes = Vec::with_capacity(HEADER_BYTES + ENTRY_BYTES * self.entries.len());
         bytes.extend(MAGIC);
-        bytes.extend(self.version.to_le_bytes());
+        bytes.extend((self.contents as u32).to_le_bytes());
         bytes.extend(0u32.to_le_bytes());
         bytes.extend(self.file_bytes.to_le_bytes());
         bytes.extend((HEADER_BYTES as u64).to_le_bytes());
@@ -107,25 +115,25 @@ impl Layout {
     }
 
     /// Number of sections that a header promises, after its other fields have been checked.
-    pub(super) fn sections(header: &[u8; HEADER_BYTES], file_bytes: u64) -> Result<u32, Fault> {
+    pub(super) fn sections(header: &[u8; HEADER_BYTES], file_bytes: u64) -> Result<u32, Stop> {
         let expect = |at: usize, what: &str, expected: u64, got: u64| {
             if expected == got {
                 Ok(())
             } else {
-                Err(head(at as u64, format!("{what}: expected {expected}, got {got}")))
+                Err(Stop::Fault(Fault::in_header(
+                    at as u64,
+                    format!("{what}: expected {expected}, got {got}"),
+                )))
             }
         };
         if header[..8] != MAGIC {
-            return Err(head(0, "expected the signature of a .pumice file, got another".into()));
+            return Err(
+                Fault::in_header(0, "expected the signature of a .pumice file, got another".into()).into()
+            );
         }
         let version = u32_at(header, 8);
-        if !(VERSION_OF_LARGE_NODES..=VERSION_OF_VOXELS).contains(&version) {
-            return Err(head(
-                8,
-                format!(
-                    "format version: expected {VERSION_OF_LARGE_NODES} to {VERSION_OF_VOXELS}, got {version} (a newer program wrote it?)"
-                ),
-            ));
+        if Contents::of_version(version).is_none() {
+            return Err(Stop::Version(version));
         }
         expect(12, "flags", 0, u32_at(header, 12).into())?;
         expect(16, "length of the file (truncated?)", u64_at(header, 16), file_bytes)?;
@@ -133,19 +141,29 @@ impl Layout {
         expect(36, "number of frames", 1, u32_at(header, 36).into())?;
         let sections = u32_at(header, 32);
         if sections > MAX_SECTIONS {
-            return Err(head(
+            return Err(Fault::in_header(
                 32,
                 format!("number of sections: expected at most {MAX_SECTIONS}, got {sections}"),
-            ));
+            )
+            .into());
         }
         Ok(sections)
     }
 
     /// Checks header and table and takes them apart. `bytes` are the first of a file of `file_bytes`, up to the table's end.
-    pub(super) fn parse(bytes: &[u8], file_bytes: u64) -> Result<Self, Fault> {
+    pub(super) fn parse(bytes: &[u8], file_bytes: u64) -> Result<Self, Stop> {
+        let version = u32_at(bytes, 8);
+        let contents = Contents::of_version(version).ok_or(Stop::Version(version))?;
+        let entries = Self::parse_table(bytes, file_bytes)?;
+        let content_hash = u128::from(u64_at(bytes, 40)) | u128::from(u64_at(bytes, 48)) << 64;
+        Ok(Self { contents, file_bytes, content_hash, entries })
+    }
+
+    /// The entries of the section table, of which each begins where the one before ends.
+    fn parse_table(bytes: &[u8], file_bytes: u64) -> Result<Vec<Entry>, Fault> {
         let (expected, got) = (checksum(bytes), u64_at(bytes, 56));
         if expected != got {
-            return Err(head(
+            return Err(Fault::in_header(
                 56,
                 format!("checksum of header and table: expected {got:016x}, got {expected:016x}"),
             ));
@@ -157,29 +175,35 @@ impl Layout {
             let name = [b[0], b[1], b[2], b[3]];
             let (zstd, width, filters) = (b[4], b[5], b[6]);
             if zstd > 1 || filters > 3 || b[7] != 0 || !(1..=8).contains(&width) {
-                return Err(head(at + 4, format!("encoding of section {i}: got unknown {:?}", &b[4..8])));
+                return Err(Fault::in_header(
+                    at + 4,
+                    format!("encoding of section {i}: got unknown {:?}", &b[4..8]),
+                ));
             }
             let encoding =
                 Encoding { zstd: zstd == 1, width, delta: filters & 1 != 0, planes: filters & 2 != 0 };
             let (offset, stored, decoded) = (u64_at(b, 8), u64_at(b, 16), u64_at(b, 24));
             if offset != align(end) {
-                return Err(head(
+                return Err(Fault::in_header(
                     at + 8,
                     format!("offset of section {i}: expected {}, got {offset}", align(end)),
                 ));
             }
             end = offset.saturating_add(stored);
             if end > file_bytes {
-                return Err(head(
+                return Err(Fault::in_header(
                     at + 16,
                     format!("end of section {i}: expected at most {file_bytes}, got {end}"),
                 ));
             }
             if !encoding.zstd && stored != decoded {
-                return Err(head(at + 24, format!("size of section {i}: expected {stored}, got {decoded}")));
+                return Err(Fault::in_header(
+                    at + 24,
+                    format!("size of section {i}: expected {stored}, got {decoded}"),
+                ));
             }
             if entries.iter().any(|e| e.name == name) {
-                return Err(head(
+                return Err(Fault::in_header(
                     at,
                     format!("name of section {i}: {:?} comes twice", name.escape_ascii().to_string()),
                 ));
@@ -187,10 +211,12 @@ impl Layout {
             entries.push(Entry { name, encoding, offset, stored, decoded, checksum: u64_at(b, 32) });
         }
         if align(end) != file_bytes {
-            return Err(head(16, format!("length of the file: expected {}, got {file_bytes}", align(end))));
+            return Err(Fault::in_header(
+                16,
+                format!("length of the file: expected {}, got {file_bytes}", align(end)),
+            ));
         }
-        let content_hash = u128::from(u64_at(bytes, 40)) | u128::from(u64_at(bytes, 48)) << 64;
-        Ok(Self { version: u32_at(bytes, 8), file_bytes, content_hash, entries })
+        Ok(entries)
     }
 }
 
@@ -205,8 +231,4 @@ fn checksum(bytes: &[u8]) -> u64 {
 /// Checksum of a section's bytes in the file.
 pub(super) fn section_checksum(stored: &[u8]) -> u64 {
     xxh3_64(stored)
-}
-
-fn head(at: u64, what: String) -> Fault {
-    Fault { section: *b"HEAD", at, what }
 }

@@ -6,45 +6,40 @@
 //! │ 64 B   │ 48 B each     │ padded with 0  │ padded with 0  │
 //! └────────┴───────────────┴────────────────┴────────────────┴─
 //! ```
-//! `docs/file-format.md` has every field; this module's parts are: `layout` (header and table), `codec` (filters and
-//! compression of one section), `nodes` (nodes and boxes taken apart into streams that compress well, and put together again),
-//! `archive` (a volume as its voxels, which `voxels` codes by way of `slices`, `links`, `near`, `sixteen` and `arithmetic`), `write` and
-//! `read`, `chosen` (some labels alone), `legacy` and `voxels_of_version_2` (files of versions 1 and 2), `check` (every invariant of a
-//! volume that comes from outside).
+//! `docs/file-format.md` has every field. The modules here, from the ground up:
+//!
+//! | module | its subject |
+//! |---|---|
+//! | `fault` | why a file is not read |
+//! | `layout`, `codec`, `sections` | header and section table; filters and zstd of one section; sections read and checked |
+//! | `nodes` | nodes and boxes as streams that compress well, and back |
+//! | `arithmetic`, `sse2`, `slices`, `neighbours`, `equal_neighbours` | the parts of the voxel coder |
+//! | `voxel_coder`, `voxel_pieces` | voxels of one piece as a stream of bits, and back; a volume as pieces, and back |
+//! | `check` | every invariant of a volume that comes from outside |
+//! | `write`, `read`, `label_subset` | a volume into a file, out of a file, and some labels alone out of a file |
 //!
 //! A volume is written to a temporary file in the same folder, synced, then renamed: a killed process never leaves half a file
 //! under the final name.
 
-mod archive;
 mod arithmetic;
 mod check;
-mod chosen;
 mod codec;
+mod equal_neighbours;
+mod fault;
+mod label_subset;
 mod layout;
-mod legacy;
-mod links;
-mod near;
+mod neighbours;
 mod nodes;
 mod read;
-mod sixteen;
+mod sections;
 mod slices;
-mod voxels;
-mod voxels_of_version_2;
+mod sse2;
+mod voxel_coder;
+mod voxel_pieces;
 mod write;
 
 #[cfg(test)]
-mod mutation;
+mod damaged_files;
 
 pub use layout::MAGIC;
 pub use write::Level;
-
-/// What is wrong with a file, before its path is known.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Fault {
-    /// Name of the section, or `HEAD`.
-    pub(crate) section: [u8; 4],
-    /// Byte within the file where the section lies or, in header and table, of the field.
-    pub(crate) at: u64,
-    /// Expected and got.
-    pub(crate) what: String,
-}

@@ -49,37 +49,28 @@ impl BitWriter {
 }
 
 /// The bits of one stream again.
-pub(super) struct BitReader<'a> {
+struct BitReader<'a> {
     bytes: &'a [u8],
     at: usize,
 }
 
 impl<'a> BitReader<'a> {
-    pub(super) fn new(bytes: &'a [u8]) -> Self {
+    fn new(bytes: &'a [u8]) -> Self {
         Self { bytes, at: 0 }
     }
 
     /// The next bit; `None` at the end.
-    pub(super) fn next(&mut self) -> Option<bool> {
+    fn next(&mut self) -> Option<bool> {
         let bit = self.bytes.get(self.at / 8)? >> (self.at % 8) & 1 != 0;
         self.at += 1;
         Some(bit)
     }
 
     /// Whether nothing but the last byte's padding of zeros is left.
-    pub(super) fn is_done(&self) -> bool {
+    fn is_done(&self) -> bool {
         self.at.div_ceil(8) == self.bytes.len()
             && (self.at.is_multiple_of(8) || self.bytes[self.at / 8] >> (self.at % 8) == 0)
     }
-}
-
-/// The cells of `mask`, rising.
-pub(super) fn cells(mut mask: u64) -> impl Iterator<Item = u32> {
-    std::iter::from_fn(move || {
-        let c = mask.trailing_zeros();
-        mask &= mask.wrapping_sub(1);
-        (c < 64).then_some(c)
-    })
 }
 
 /// A section and what is wrong with it.
@@ -123,7 +114,7 @@ pub(super) fn split(chunks: &[Chunk], boxes: &[BoxRecord], nodes: &[u16], leaves
     streams
 }
 
-pub(super) fn u64s(bytes: &[u8]) -> impl Iterator<Item = u64> + '_ {
+fn u64s(bytes: &[u8]) -> impl Iterator<Item = u64> + '_ {
     bytes.as_chunks::<8>().0.iter().map(|&b| u64::from_le_bytes(b))
 }
 

@@ -20,6 +20,11 @@ const BEHIND: usize = 16;
 /// Rows of border.
 const ROWS: usize = 3;
 
+/// Words of 64 bits for a row of this many voxels and the one behind the last.
+pub(super) fn words(columns: usize) -> usize {
+    columns / 64 + 1
+}
+
 /// See the module.
 #[derive(Debug)]
 pub(super) struct Slices {
@@ -58,7 +63,7 @@ pub(super) struct Around<'a> {
 impl Slices {
     /// For slices of `columns` × `rows` voxels; those before the first have none.
     pub(super) fn new(columns: usize, rows: usize) -> Self {
-        let stride = BORDER + 64 * super::links::words(columns) + BEHIND;
+        let stride = BORDER + 64 * words(columns) + BEHIND;
         let area = stride * (rows + 2 * ROWS);
         Self {
             columns,

@@ -7,11 +7,8 @@ use std::path::Path;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::layout::{
-    ENTRY_BYTES, Encoding, Entry, HEADER_BYTES, Layout, VERSION_OF_BOXES, VERSION_OF_VOXELS, align,
-    section_checksum,
-};
-use super::{archive, codec, nodes};
+use super::layout::{Contents, ENTRY_BYTES, Encoding, Entry, HEADER_BYTES, Layout, align, section_checksum};
+use super::{codec, nodes, voxel_pieces};
 use crate::{CompressedVolume, Error, Job, Result, VolumeInfo};
 
 /// How much time to spend on a small file. All levels hold the same volume.
@@ -118,7 +115,7 @@ impl CompressedVolume {
             Level::Fast | Level::Small => nodes::Streams::default(),
         };
         let [pieces, voxels] =
-            if level == Level::Small { archive::encode(self, job)? } else { Default::default() };
+            if level == Level::Small { voxel_pieces::encode(self, job)? } else { Default::default() };
 
         // Name, bytes, filters (width, delta, planes) of each section.
         type Plan<'a> = ([u8; 4], &'a [u8], (u8, bool, bool));
@@ -185,8 +182,8 @@ impl CompressedVolume {
             entry.offset = align(end);
             end = entry.offset + entry.stored;
         }
-        let version = if level == Level::Small { VERSION_OF_VOXELS } else { VERSION_OF_BOXES };
+        let contents = if level == Level::Small { Contents::Voxels } else { Contents::Boxes };
         let content_hash = self.content_hash();
-        Ok((Layout { version, file_bytes: align(end), content_hash, entries }, sections))
+        Ok((Layout { contents, file_bytes: align(end), content_hash, entries }, sections))
     }
 }

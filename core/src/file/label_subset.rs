@@ -5,7 +5,7 @@
 //!
 //! plain form (BOXS, NODE as they lie)   only the ranges that are needed are read       costs what the labels cost
 //! packed form (streams)                 streams are inflated whole, one at a time      costs inflating, not joining
-//! archive (voxels), version 1           all labels are read
+//! voxels                                all labels are read
 //! ```
 //! The label table is whole: dense indices, contacts and names stay what they are. Patterns that are not used are left out.
 //!
@@ -18,10 +18,12 @@ use std::io::{Read, Seek};
 use std::ops::Range;
 use std::path::Path;
 
-use super::layout::{Entry, Layout};
+use super::fault::{Fault, Stop};
+use super::layout::{Contents, Entry, Layout};
 use super::nodes::{self, Wrong};
-use super::read::{HEAD_SECTIONS, Stop, assemble_head, read_at, read_layout, read_sections};
-use super::{archive, check, legacy, read};
+use super::read::{HEAD_SECTIONS, assemble_head};
+use super::sections::{read_at, read_layout, read_sections};
+use super::{check, read};
 use crate::leaves::{Class, MAX_PATTERNS, RARE};
 use crate::node::{MOST_NODE_WORDS, NodeRef, OCCUPIED_WORDS, extent_of, header_words};
 use crate::{BoxRecord, Chunk, CompressedVolume, Job, LabelRun, LabelTable, Leaves, Result};
@@ -34,7 +36,7 @@ const WINDOW_WORDS: usize = 1 << 31;
 
 impl CompressedVolume {
     /// Reads those labels of a `.pumice` file that `choose` marks, by dense index; labels past its end are not chosen. A file of
-    /// [`crate::Level::Small`] is read whole, and so is one of version 1.
+    /// [`crate::Level::Small`] is read whole.
     ///
     /// The volume draws as the whole one does where only these labels are shown, and has its content hash; voxels of other labels
     /// are background to its queries. [`CompressedVolume::holds`] tells which labels it has; it cannot be saved.
@@ -73,9 +75,8 @@ pub(super) fn read_chosen(
     job: &Job,
 ) -> std::result::Result<CompressedVolume, Stop> {
     let layout = read_layout(file, file_bytes)?;
-    if archive::is_archive(&layout) || legacy::is_legacy(&layout) {
-        // Voxels say nothing of where a label is: all of them are decoded, and then nothing is saved by throwing labels away. Nodes
-        // of the first version are written anew, all together.
+    if layout.contents == Contents::Voxels {
+        // Voxels say nothing of where a label is: all of them are decoded, and then nothing is saved by throwing labels away.
         return read::read(file, file_bytes, None, true, job);
     }
     let mut sections = read_sections(file, None, &layout, &HEAD_SECTIONS, job)?;
@@ -201,7 +202,7 @@ fn pick_packed(
         let mut sections = read_sections(file, None, layout, &[name], job)?;
         Ok((sections.take(name)?, sections.offset(name)))
     };
-    let fault = |(section, what): Wrong, at: u64| Stop::Fault(super::Fault { section, at, what });
+    let fault = |(section, what): Wrong, at: u64| Stop::Fault(Fault { section, at, what });
 
     let numbers = wanted.iter().map(|w| w.boxes.clone());
     let (backs, at) = section(b"BNOD")?;
@@ -388,7 +389,7 @@ impl<'a, F: Read + Seek> Ranges<'a, F> {
     ) -> std::result::Result<Self, Stop> {
         let Some(entry) = layout.entry(name).copied() else {
             let what = "expected the section, got none".into();
-            return Err(Stop::Fault(super::Fault { section: *name, at: 0, what }));
+            return Err(Stop::Fault(Fault { section: *name, at: 0, what }));
         };
         let e = entry.encoding;
         let window = if e.zstd || e.delta || e.planes {
@@ -400,7 +401,7 @@ impl<'a, F: Read + Seek> Ranges<'a, F> {
     }
 
     fn fault(&self, what: String) -> Stop {
-        Stop::Fault(super::Fault { section: self.entry.name, at: self.entry.offset, what })
+        Stop::Fault(Fault { section: self.entry.name, at: self.entry.offset, what })
     }
 
     /// Bytes `from..from + length` of the section.

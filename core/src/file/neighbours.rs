@@ -10,8 +10,8 @@
 //! ```
 //! The numbers are those of bits. The first 17 make contexts.
 
-use super::sixteen::{Sixteen, equal};
 use super::slices::{Around, BORDER};
+use super::sse2::{Sixteen, equal};
 
 /// Their labels: rows of four, of the bits from 0, 4, 8 and 11 on; and those of bits 14, 15, 16, 19.
 #[derive(Clone, Copy, Debug)]

@@ -1,7 +1,7 @@
 //! A volume as the voxels that it was made from: the smallest file there is, and no boxes in it.
 //!
 //! ```text
-//! volume ─► pieces of 1024³ voxels that have any ─► a stream each ([`super::voxels`])        PIEC  where, how long    VOXL  the streams
+//! volume ─► pieces of 1024³ voxels that have any ─► a stream each ([`super::voxel_coder`])        PIEC  where, how long    VOXL  the streams
 //! and back: streams ─► parts, as while compressing ─► the same volume, since its form is canonical
 //! ```
 //! Opening compresses anew: what it takes goes by voxels, where other files go by boxes. Counts come out of that too, and contacts of
@@ -13,14 +13,13 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 use rayon::prelude::*;
 
-use super::layout::{Layout, VERSION_OF_FORMER_VOXELS};
-use super::read::{Stop, info_of, read_sections};
+use super::check;
+use super::fault::{Fault, Stop};
+use super::layout::Layout;
+use super::sections::{info_of, read_sections};
 use super::slices::SLAB;
-use super::voxels::{VoxelDecoder, VoxelEncoder};
-use super::voxels_of_version_2::FormerVoxelDecoder;
-use super::{Fault, check};
+use super::voxel_coder::{VoxelDecoder, VoxelEncoder};
 use crate::compress::volume_of_parts;
-use crate::grid::BoxGrid;
 use crate::part::Part;
 use crate::store::PartStore;
 use crate::volume::CHUNK_CELLS;
@@ -58,7 +57,7 @@ pub(super) fn encode(volume: &CompressedVolume, job: &Job) -> Result<[Vec<u8>; 2
     job.begin(pieces.iter().map(voxels).sum());
 
     // One of its own: who saves a volume does not want it larger in memory from then on.
-    let (grid, labelled) = (BoxGrid::new(volume), AtomicU64::new(0));
+    let (grid, labelled) = (volume.new_grid(), AtomicU64::new(0));
     let streams: Vec<Vec<u8>> = pieces
         .par_iter()
         .map(|&origin| {
@@ -88,13 +87,8 @@ pub(super) fn encode(volume: &CompressedVolume, job: &Job) -> Result<[Vec<u8>; 2
     Ok([table.collect(), streams.concat()])
 }
 
-/// Whether a file holds voxels.
-pub(super) fn is_archive(layout: &Layout) -> bool {
-    layout.entry(b"VOXL").is_some()
-}
-
-/// Reads such a file; its hash is not compared yet.
-pub(super) fn read_archive(
+/// Reads a file of voxels; the content hash is not compared yet.
+pub(super) fn read_voxels(
     file: &mut (impl Read + Seek),
     layout: &Layout,
     job: &Job,
@@ -123,22 +117,16 @@ pub(super) fn read_archive(
     };
     let store = PartStore::new(None, std::env::temp_dir());
     let dims = head.info.dims;
-    let is_former = layout.version == VERSION_OF_FORMER_VOXELS;
     job.begin(pieces.iter().map(|p| p.dims.map(u64::from).iter().product::<u64>()).sum());
     let decode = |piece: &Piece<'_>| {
         let size = [piece.dims[0], piece.dims[1]].map(|n| n as usize);
-        if is_former {
-            let stream = FormerVoxelDecoder::new(size, number, piece.stream);
-            return decode_piece(piece, stream, dims, number, &store, &fault, job);
-        }
         let stream = VoxelDecoder::new(size, number, piece.stream);
         decode_piece(piece, stream, dims, number, &store, &fault, job)
     };
-    let touching: Vec<Option<Vec<u64>>> =
-        pieces.par_iter().map(decode).collect::<std::result::Result<_, Stop>>()?;
-    let touching = touching.into_iter().collect::<Option<Vec<_>>>().map(|pairs| pairs.concat());
+    let touching: Vec<Vec<u64>> = pieces.par_iter().map(decode).collect::<std::result::Result<_, Stop>>()?;
     let info = std::mem::replace(&mut head.info, crate::VolumeInfo::new([0; 3], crate::LabelType::U32));
-    let mut volume = volume_of_parts(info, store, None, touching, &CompressOptions::default(), job)?;
+    let mut volume =
+        volume_of_parts(info, store, None, Some(touching.concat()), &CompressOptions::default(), job)?;
     // Each label was called by its dense index and 1.
     if volume.labels.len() != head.labels.len() {
         let what = format!("labels: expected {}, got {}", head.labels.len(), volume.labels.len());
@@ -182,34 +170,16 @@ fn pieces_of<'a>(
     }
 }
 
-/// A piece's stream, decoded slice after slice.
-pub(super) trait SliceDecoder {
-    /// Decodes the next slice; false where the stream has ended before it.
-    fn slice(&mut self) -> bool;
-
-    /// The slices since the last multiple of [`SLAB`]: their labels from the first voxel on, and how far apart those are along x, y, z.
-    fn slab(&self) -> (&[u32], [usize; 3]);
-
-    /// The highest label so far: of a damaged stream it may be above what there are.
-    fn highest(&self) -> u32;
-
-    /// Whether nothing is left of the stream.
-    fn is_at_end(&self) -> bool;
-
-    /// The dense indices of touching labels, as [`crate::contacts`] has pairs, where they were met on the way.
-    fn touching(self) -> Option<Vec<u64>>;
-}
-
 /// A piece's voxels as parts, and the pairs of labels that touch in it.
 fn decode_piece(
     piece: &Piece<'_>,
-    mut stream: impl SliceDecoder,
+    mut stream: VoxelDecoder<'_>,
     volume_dims: [u32; 3],
     labels: u32,
     store: &PartStore,
     fault: &(impl Fn(String) -> Stop + Sync),
     job: &Job,
-) -> std::result::Result<Option<Vec<u64>>, Stop> {
+) -> std::result::Result<Vec<u64>, Stop> {
     let ([w, h, d], [x, y, z]) = (piece.dims, piece.origin);
     for from in (0..d).step_by(SLAB) {
         job.check()?;

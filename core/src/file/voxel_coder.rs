@@ -8,18 +8,17 @@
 //!         none: each one among 36 farther ones                              one bit
 //!         none                                                              its number, a bit at a time
 //! ```
-//! Most voxels lie in runs, which are found 64 voxels at a time ([`super::links`]). Each bit's chance is what one context has seen:
-//! which of 17 neighbours have the label that is asked for. Mixing three such contexts, as files of version 2 do
-//! ([`super::voxels_of_version_2`]), takes 3 % off the file and nine times as long.
+//! Most voxels lie in runs, which are found 64 voxels at a time ([`super::equal_neighbours`]). Each bit's chance is what one context has seen:
+//! which of 17 neighbours have the label that is asked for. Mixing three such contexts by a logistic mixer
+//! (Mahoney, *Adaptive weighing of context models for lossless data compression*, 2005) takes 3 % off the file and nine times as long.
 //!
 //! Encoder and decoder are one piece of code and learn from the same bits. All of it is in whole numbers. `docs/file-format.md` has
 //! every constant, since each of them decides what a file means.
 
-use super::archive::SliceDecoder;
 use super::arithmetic::{Coder, Decoder, Encoder, Seen};
-use super::links::{SliceLinks, end_of_ones, words};
-use super::near::{CONTEXTS, FIRST, NEIGHBOURS, Near};
-use super::slices::{Around, BORDER, Slices, fill};
+use super::equal_neighbours::{SliceLinks, end_of_ones};
+use super::neighbours::{CONTEXTS, FIRST, NEIGHBOURS, Near};
+use super::slices::{Around, BORDER, Slices, fill, words};
 use crate::contacts::Pairs;
 
 /// Neighbours that are asked for where no near one has the label: steps along x, along y, slices back.
@@ -286,10 +285,9 @@ impl<'a> VoxelDecoder<'a> {
     pub(super) fn new(size: [usize; 2], most: u32, bytes: &'a [u8]) -> Self {
         Self { model: Model::new(size, most), coder: Decoder::new(bytes), touching: Pairs::new() }
     }
-}
 
-impl SliceDecoder for VoxelDecoder<'_> {
-    fn slice(&mut self) -> bool {
+    /// Decodes the next slice; false where the stream ends before it does.
+    pub(super) fn slice(&mut self) -> bool {
         let touching = &mut self.touching;
         // The labels of a damaged stream may be any: pairs of them are wrong, and no more than that.
         self.model.slice(&mut self.coder, None, |a, b| {
@@ -300,20 +298,25 @@ impl SliceDecoder for VoxelDecoder<'_> {
         !self.coder.is_past_end()
     }
 
-    fn slab(&self) -> (&[u32], [usize; 3]) {
+    /// The slices since the last multiple of [`super::slices::SLAB`]: their labels from the first voxel on, and how far apart those
+    /// are along x, y, z.
+    pub(super) fn slab(&self) -> (&[u32], [usize; 3]) {
         self.model.slices.slab()
     }
 
-    fn highest(&self) -> u32 {
+    /// The highest label so far. A damaged stream may have one above the number of labels.
+    pub(super) fn highest(&self) -> u32 {
         self.model.learnt.highest
     }
 
-    fn is_at_end(&self) -> bool {
+    /// Whether the stream has no byte left.
+    pub(super) fn is_at_end(&self) -> bool {
         self.coder.is_at_end()
     }
 
-    fn touching(self) -> Option<Vec<u64>> {
-        Some(self.touching.into_vec())
+    /// The pairs of labels that touch within the piece, by dense index as [`crate::contacts`] has them, in any order.
+    pub(super) fn touching(self) -> Vec<u64> {
+        self.touching.into_vec()
     }
 }
 

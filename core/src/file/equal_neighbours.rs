@@ -12,8 +12,8 @@
 //! Seven links join the eight, and so 64 voxels take some ten operations. The links of a row are made when its voxels are known. What
 //! is outside of a slice counts as label 0.
 
-use super::sixteen::{Sixteen, equal};
-use super::slices::{Around, BORDER};
+use super::slices::{Around, BORDER, words};
+use super::sse2::{Sixteen, equal};
 
 /// Links of 64 voxels, the first in bit 0.
 #[derive(Clone, Copy, Debug)]
@@ -34,11 +34,6 @@ pub(super) struct SliceLinks {
     words: usize,
     /// Rows from the one above the first to the one below the last.
     links: Vec<Links>,
-}
-
-/// Words for a row of this many voxels.
-pub(super) fn words(columns: usize) -> usize {
-    columns / 64 + 1
 }
 
 impl SliceLinks {

@@ -1,0 +1,194 @@
+//! The sections of a file: found by the header and its table, checked against their checksums, decoded.
+
+use std::collections::HashMap;
+use std::io::{ErrorKind, Read, Seek, SeekFrom};
+use std::ops::Range;
+
+use bytemuck::Pod;
+use serde::Deserialize;
+
+use super::codec;
+use super::fault::{Fault, Stop};
+use super::layout::{ENTRY_BYTES, Entry, HEADER_BYTES, Layout, section_checksum};
+use crate::elements::{Elements, MappedFile};
+use crate::error::one_line;
+use crate::{CompressedVolume, Contacts, Job, VolumeInfo};
+
+/// What the section `INFO` holds.
+#[derive(Deserialize)]
+struct Info {
+    volume: VolumeInfo,
+    types: Vec<String>,
+}
+
+/// Sections read and decoded, by name.
+pub(super) struct Sections {
+    decoded: HashMap<[u8; 4], Vec<u8>>,
+    offsets: HashMap<[u8; 4], u64>,
+    /// The file, where it is mapped, and where in it those sections are that need no decoding and were not read therefore.
+    map: Option<MappedFile>,
+    mapped: HashMap<[u8; 4], Range<usize>>,
+}
+
+impl Sections {
+    pub(super) fn fault(&self, section: [u8; 4], what: impl Into<String>) -> Stop {
+        Stop::Fault(Fault { section, at: self.offset(&section), what: what.into() })
+    }
+
+    /// Where a section lies in the file; 0 where it was not read.
+    pub(super) fn offset(&self, name: &[u8; 4]) -> u64 {
+        self.offsets.get(name).copied().unwrap_or(0)
+    }
+
+    /// Whether a section was read and is there still.
+    pub(super) fn has(&self, name: &[u8; 4]) -> bool {
+        self.decoded.contains_key(name) || self.mapped.contains_key(name)
+    }
+
+    /// Takes a section's bytes.
+    pub(super) fn take(&mut self, name: &[u8; 4]) -> std::result::Result<Vec<u8>, Stop> {
+        self.decoded.remove(name).ok_or_else(|| self.fault(*name, "expected the section, got none"))
+    }
+
+    /// Takes a section as elements of `N` bytes.
+    pub(super) fn elements<const N: usize, T>(
+        &mut self,
+        name: &[u8; 4],
+        element: impl Fn([u8; N]) -> T,
+    ) -> std::result::Result<Vec<T>, Stop> {
+        let bytes = self.take(name)?;
+        let (whole, rest) = bytes.as_chunks::<N>();
+        if !rest.is_empty() {
+            return Err(self.fault(*name, format!("size: expected a multiple of {N}, got {}", bytes.len())));
+        }
+        Ok(whole.iter().map(|&b| element(b)).collect())
+    }
+
+    /// Takes a section as an array whose elements lie in the file as they do in memory.
+    pub(super) fn array<const N: usize, T: Pod>(
+        &mut self,
+        name: &[u8; 4],
+        element: impl Fn([u8; N]) -> T,
+    ) -> std::result::Result<Elements<T>, Stop> {
+        match (&self.map, self.mapped.remove(name)) {
+            (Some(map), Some(range)) => {
+                let length = range.len();
+                map.elements(range).ok_or_else(|| {
+                    self.fault(*name, format!("size: expected a multiple of {N}, got {length}"))
+                })
+            }
+            _ => Ok(self.elements(name, element)?.into()),
+        }
+    }
+
+    /// Checks the touching pairs, of a volume whose number of labels is checked.
+    pub(super) fn unpack_contacts(&self, volume: &mut CompressedVolume) -> std::result::Result<(), Stop> {
+        let packed = std::mem::take(&mut volume.labels.contacts.bytes);
+        volume.labels.contacts =
+            Contacts::from_packed(packed, volume.labels.len() as u32).map_err(|(at, what)| {
+                self.fault(*b"LCON", format!("{what} (byte {at} of the decoded section)"))
+            })?;
+        Ok(())
+    }
+}
+
+/// Reads and checks header and section table.
+pub(super) fn read_layout(
+    file: &mut (impl Read + Seek),
+    file_bytes: u64,
+) -> std::result::Result<Layout, Stop> {
+    let head = |at: u64, what: String| Stop::Fault(Fault::in_header(at, what));
+    if file_bytes < HEADER_BYTES as u64 {
+        return Err(head(
+            0,
+            format!("length of the file: expected at least {HEADER_BYTES}, got {file_bytes}"),
+        ));
+    }
+    let bytes = read_at(file, 0, HEADER_BYTES as u64, *b"HEAD")?;
+    let Ok(header) = <&[u8; HEADER_BYTES]>::try_from(bytes.as_slice()) else {
+        return Err(head(0, "the file became shorter while it was read".into()));
+    };
+    let count = Layout::sections(header, file_bytes)?;
+    let length = HEADER_BYTES as u64 + u64::from(count) * ENTRY_BYTES as u64;
+    if length > file_bytes {
+        return Err(head(
+            32,
+            format!("end of the section table: expected at most {file_bytes}, got {length}"),
+        ));
+    }
+    let bytes = read_at(file, 0, length, *b"HEAD")?;
+    Layout::parse(&bytes, file_bytes)
+}
+
+/// Reads a range that lies within the file's length.
+pub(super) fn read_at(
+    file: &mut (impl Read + Seek),
+    offset: u64,
+    length: u64,
+    section: [u8; 4],
+) -> std::result::Result<Vec<u8>, Stop> {
+    file.seek(SeekFrom::Start(offset)).map_err(Stop::Io)?;
+    let mut bytes = Vec::with_capacity(length as usize);
+    match file.take(length).read_to_end(&mut bytes) {
+        Ok(n) if n as u64 == length => Ok(bytes),
+        Err(error) if error.kind() != ErrorKind::UnexpectedEof => Err(Stop::Io(error)),
+        _ => Err(Stop::Fault(Fault {
+            section,
+            at: offset + bytes.len() as u64,
+            what: "the file became shorter while it was read".into(),
+        })),
+    }
+}
+
+/// Where a section lies in a mapped file, if it need not be decoded.
+fn place_in(map: Option<&MappedFile>, entry: &Entry) -> Option<Range<usize>> {
+    let is_array = [b"BOXS", b"NODE"].contains(&&entry.name);
+    if !is_array || entry.encoding.zstd || entry.encoding.delta || entry.encoding.planes {
+        return None;
+    }
+    let range = usize::try_from(entry.offset).ok()?..usize::try_from(entry.offset + entry.stored).ok()?;
+    // It may have become shorter since its length was asked for: then reading says so.
+    (cfg!(target_endian = "little") && range.end <= map?.bytes().len()).then_some(range)
+}
+
+/// Those of the named sections that are there.
+pub(super) fn read_sections(
+    file: &mut (impl Read + Seek),
+    map: Option<MappedFile>,
+    layout: &Layout,
+    names: &[&[u8; 4]],
+    job: &Job,
+) -> std::result::Result<Sections, Stop> {
+    let mut sections =
+        Sections { decoded: HashMap::new(), offsets: HashMap::new(), map, mapped: HashMap::new() };
+    for entry in layout.entries.iter().filter(|e| names.contains(&&e.name)) {
+        job.check()?;
+        let fault = |what| Stop::Fault(Fault { section: entry.name, at: entry.offset, what });
+        let is_right = |stored: &[u8]| match section_checksum(stored) {
+            got if got == entry.checksum => Ok(()),
+            got => Err(fault(format!("checksum: expected {:016x}, got {got:016x}", entry.checksum))),
+        };
+        sections.offsets.insert(entry.name, entry.offset);
+        if let (Some(map), Some(place)) = (&sections.map, place_in(sections.map.as_ref(), entry)) {
+            is_right(&map.bytes()[place.clone()])?;
+            sections.mapped.insert(entry.name, place);
+        } else {
+            let stored = read_at(file, entry.offset, entry.stored, entry.name)?;
+            is_right(&stored)?;
+            let bytes = codec::decode(stored, entry.encoding, entry.decoded, job)?.map_err(fault)?;
+            sections.decoded.insert(entry.name, bytes);
+        }
+        job.advance(entry.stored);
+    }
+    Ok(sections)
+}
+
+/// What the section `INFO` holds: the volume's own, and names of types.
+pub(super) fn info_of(sections: &mut Sections) -> std::result::Result<(VolumeInfo, Vec<String>), Stop> {
+    let info = sections.take(b"INFO")?;
+    let Info { volume, types } = serde_json::from_slice(&info).map_err(|e| {
+        // It quotes the file.
+        sections.fault(*b"INFO", one_line(&format!("JSON: {e}")))
+    })?;
+    Ok((volume, types))
+}

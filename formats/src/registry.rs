@@ -1,0 +1,77 @@
+//! The formats of label volumes that are read: by content first, by name second.
+
+use std::fmt::Write as _;
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+use crate::error::{FormatError, Result};
+use crate::options::OpenOptions;
+use crate::volume_file::{Format, VolumeFile};
+use crate::{metaimage, nifti, npy, npz, nrrd, raw, tiff, tiff_folder};
+
+/// In the order in which they are asked: those that a magic number tells come before NIfTI and MetaImage, which go by the name too.
+const FORMATS: [Format; 6] =
+    [nrrd::FORMAT, tiff::FORMAT, npy::FORMAT, npz::FORMAT, nifti::FORMAT, metaimage::FORMAT];
+
+/// Bytes from a file's start that formats are recognised by: enough for every magic number.
+const HEAD_BYTES: u64 = 1024;
+
+/// Reads the header of a file, or of a folder of TIFF slices. Raw voxels are read where the options describe them.
+pub(crate) fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
+    if let Some(layout) = &options.raw {
+        return raw::read(path, layout, options);
+    }
+    let metadata = std::fs::metadata(path).map_err(FormatError::io(path))?;
+    if metadata.is_dir() {
+        return tiff_folder::read(path, options);
+    }
+    let mut head = Vec::new();
+    File::open(path)
+        .and_then(|file| file.take(HEAD_BYTES).read_to_end(&mut head))
+        .map_err(FormatError::io(path))?;
+    if head.is_empty() {
+        return Err(FormatError::damaged(path, "the file is empty"));
+    }
+    match FORMATS.iter().find(|format| (format.recognises)(path, &head)) {
+        Some(format) => (format.read)(path, options),
+        None => Err(unknown(path, &guess(&head))),
+    }
+}
+
+/// What an unreadable file seems to be.
+fn guess(head: &[u8]) -> String {
+    const KNOWN: [(&[u8], &str); 9] = [
+        (
+            b"\x89HDF\r\n\x1a\n",
+            "HDF5, which this version does not read: export the label array as NRRD, TIFF or NPY",
+        ),
+        (b"\x89PNG", "a PNG picture"),
+        (b"\xFF\xD8\xFF", "a JPEG picture"),
+        (b"%PDF", "a PDF document"),
+        (b"PUMICE", "a compressed Pumice volume, not a source volume"),
+        (b"# vtk DataFile", "legacy VTK, which is not read: export NRRD or MetaImage"),
+        (b"<?xml", "an XML file"),
+        (b"MATLAB 5.0", "a MATLAB file: save the labels with numpy.save or nrrdwrite"),
+        (b"BZh", "bzip2-compressed: unpack it first"),
+    ];
+    if let Some((_, what)) = KNOWN.iter().find(|(magic, _)| head.starts_with(magic)) {
+        return (*what).to_owned();
+    }
+    let mut text = String::from("a file that begins with bytes");
+    for byte in head.iter().take(8) {
+        // Writing to a string cannot fail.
+        let _ = write!(text, " {byte:02x}");
+    }
+    text
+}
+
+fn unknown(path: &Path, what: &str) -> FormatError {
+    let formats = FORMATS.map(|format| format.name).join(", ");
+    FormatError::Unknown {
+        path: path.to_owned(),
+        what: format!(
+            "this is {what}; expected {formats}, a folder of TIFF slices, or raw voxels with their size and type given"
+        ),
+    }
+}
