@@ -1,4 +1,4 @@
-/* Traces given rays through given quads with Embree 3, one ray a call, on one thread. Driven by the example `embree_rays`.
+/* Traces given rays through given quads with Embree 3, one ray a call, on one thread. Driven by `pumice bench embree`.
  *
  *   rays MESH     MESH: u64 vertices, u64 quads, then 3 floats a vertex, 4 u32 a quad, counter-clockwise from outside
  *

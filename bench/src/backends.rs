@@ -1,72 +1,233 @@
-//! How fast each backend is, as the example `backend_speed` measures it: rays, frames of 1920 × 1080 at 1 and 32 bounces for each
-//! level of detail (the paper's table 4), bytes on the device.
+//! How fast each backend is on one volume: rays a second, seconds a frame at each level of detail (the paper's table 4), bytes on the
+//! device.
+//!
+//! Rays: a picture of black labels costs primary rays alone, one of grey labels without light a second, diffuse ray from each hit; what
+//! the second picture costs more is the diffuse rays. Frames: one sample a pixel under the figure's own light, at 1 and 32 bounces. Each
+//! figure is the least of several frames after one that is not counted. Where a processor imitates a graphics processor beside other
+//! work, its own CPU seconds are what counts.
 
-use std::ffi::OsStr;
-use std::path::PathBuf;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Duration;
 
-use crate::Result;
-use crate::programs::{Programs, figure, name_of};
-use crate::table::Table;
+use clap::Args;
+use pumice_core::{CompressedVolume, Job};
+use pumice_formats::OpenOptions;
+use pumice_scene::{Environment, LabelMaterials, Lod, Material, Scene};
+use pumice_session::error::Result;
+use pumice_session::figure::{FigureOptions, compose};
+use pumice_session::selection::select_labels;
+use pumice_session::values::size;
+use pumice_session::{Residence, devices, make_renderer, open_volume};
+use pumice_transport::Renderer;
+use serde::Serialize;
 
-pub(crate) fn measure(
-    programs: &Programs,
-    volumes: &[PathBuf],
-    backends: &[String],
-    size: &str,
-) -> Result<Table> {
-    let mut table = Table::default();
-    for volume in volumes {
-        let list = backends.join(",");
-        let args = [volume.as_os_str(), OsStr::new(size), OsStr::new(&list)];
-        let text = programs.example("backend_speed", &args)?;
-        for backend in backends {
-            let of = |what: &str, unit: &str| figure(&text, &format!("{backend}: {what}"), unit);
-            let device = text.lines().find_map(|l| l.strip_prefix(&format!("{backend}: on ")));
-            let bytes = |part: &str| of(&format!("{part} "), "bytes").unwrap_or_else(|_| "–".into());
-            // Where a processor imitates a graphics processor beside other work, its own seconds are what counts.
-            let frame = |what: &str| -> Result<String> {
-                let seconds = |bounces, unit| of(&format!("frame {what}, {bounces} bounces"), unit);
-                Ok(format!(
-                    "{} / {} ({} / {})",
-                    seconds(1, "s,")?,
-                    seconds(32, "s,")?,
-                    seconds(1, "CPU-s")?,
-                    seconds(32, "CPU-s")?
-                ))
-            };
-            table.push(vec![
-                ("volume", name_of(volume)),
-                ("backend", backend.clone()),
-                ("device", device.unwrap_or("?").to_owned()),
-                ("primary, M rays/s", of("primary", "M/s,")?),
-                ("primary, M rays per CPU s", of("primary", "M/CPU-s")?),
-                ("diffuse, M rays/s", of("bounce", "M/s,")?),
-                ("diffuse, M rays per CPU s", of("bounce", "M/CPU-s")?),
-                ("frame", size.to_owned()),
-                ("finest, s (CPU s) a frame at 1 / 32 bounces", frame("finest")?),
-                ("by distance", frame("by distance")?),
-                ("coarsest", frame("coarsest")?),
-                ("hierarchy, bytes", bytes("acceleration")),
-                ("boxes", bytes("boxes")),
-                ("nodes", bytes("nodes")),
-                ("leaves", bytes("leaves")),
-                ("labels of boxes", bytes("labels")),
-            ]);
-        }
-    }
-    Ok(table)
+use crate::console::{BenchResult, Console, Outcome};
+use crate::files::file_name;
+use crate::table::{Row, TableFlags};
+use crate::timing::{Took, clocked};
+
+/// Frames of which the fastest counts: so few that the error, which costs time, is not estimated yet.
+const FRAMES: u32 = 2;
+/// Levels of detail of the frames, by the table's names.
+const LEVELS: [(&str, Lod); 3] =
+    [("finest", Lod::Voxels), ("by distance", Lod::Distance { pixels: 1.0 }), ("coarsest", Lod::Boxes)];
+/// Bounces of the frames.
+const BOUNCES: [u32; 2] = [1, 32];
+
+/// Rays and frames on each backend, and bytes on the device
+///
+/// Draws a figure of some labels: primary rays, diffuse rays, and frames of one sample at each level of detail and 1 and 32 bounces.
+#[derive(Debug, Args)]
+pub(crate) struct Flags {
+    #[command(flatten)]
+    table: TableFlags,
+    /// Backends to measure; default: all that can render here
+    #[arg(long, value_name = "NAME,…", value_delimiter = ',')]
+    backends: Vec<String>,
+    /// Picture size in pixels
+    #[arg(long, value_name = "WxH", default_value = "1920x1080", value_parser = size)]
+    size: [u32; 2],
+    /// Labels in the figure, the longest ones; 0 for all
+    #[arg(long, value_name = "N", default_value_t = 96)]
+    labels: usize,
 }
 
-/// The backends that can render here, best first.
-pub(crate) fn usable(programs: &Programs) -> Result<Vec<String>> {
-    let report = programs.report(&["devices", "--json"])?;
-    let devices = report["devices"].as_array().ok_or("pumice devices --json lists none")?;
-    let names = devices.iter().filter(|d| d["usable"] == true).filter_map(|d| d["backend"].as_str());
-    let mut usable: Vec<String> = Vec::new();
-    for name in names {
-        if !usable.iter().any(|u| u == name) {
-            usable.push(name.to_owned());
+pub(crate) fn run(flags: &Flags, job: &Job, console: &mut Console<'_>) -> BenchResult<Outcome> {
+    let mut rows = Vec::new();
+    for volume in &flags.table.volumes {
+        for backend in usable_unless(&flags.backends) {
+            rows.push(measure_backend(volume, &backend, flags.size, flags.labels, job)?);
         }
     }
-    Ok(usable)
+    for row in &rows {
+        for notice in &row.notices {
+            console.line(format_args!("{}: {notice}", row.backend))?;
+        }
+    }
+    flags.table.show("backends", &rows, console)?;
+    Ok(Outcome::Holds)
+}
+
+/// The backends that are named, or else those that can render here, best first.
+pub(crate) fn usable_unless(named: &[String]) -> Vec<String> {
+    if !named.is_empty() {
+        return named.to_vec();
+    }
+    let mut usable: Vec<String> = Vec::new();
+    for device in devices().into_iter().filter(|d| d.usable) {
+        if usable.iter().all(|u| u != device.backend) {
+            usable.push(device.backend.to_owned());
+        }
+    }
+    usable
+}
+
+/// Figures of one backend.
+#[derive(Clone, Debug, Serialize)]
+pub struct BackendSpeed {
+    /// The volume's file name.
+    pub volume: String,
+    /// Name of the backend.
+    pub backend: String,
+    /// What it ran on.
+    pub device: String,
+    /// What went wrong with a device and was overcome.
+    pub notices: Vec<String>,
+    /// Pixels of the picture.
+    pub size: [u32; 2],
+    /// Primary rays: millions a wall second, and a CPU second.
+    pub primary: [f64; 2],
+    /// Diffuse rays, likewise.
+    pub diffuse: [f64; 2],
+    /// Frames at each level of detail, finest first, at 1 and at 32 bounces.
+    pub frames: [[Took; 2]; 3],
+    /// Bytes on the device by part.
+    pub bytes: Vec<(&'static str, u64)>,
+}
+
+/// Measures one backend on the figure of `labels` long labels of a volume, or of all labels where that is 0.
+///
+/// # Errors
+/// What opening and rendering report; the job's cancellation.
+pub fn measure_backend(
+    path: &Path,
+    backend: &str,
+    size: [u32; 2],
+    labels: usize,
+    job: &Job,
+) -> Result<BackendSpeed> {
+    let volume = open_volume(path, &OpenOptions::default(), Residence::Copied, job)?;
+    let labels = (labels > 0).then(|| select_labels(&volume, labels));
+    let options = FigureOptions { size, labels, view_deg: FigureOptions::DEFAULT_VIEW_DEG };
+    let scene = compose(&volume, path.to_owned(), &options);
+    let mut renderer = make_renderer(backend)?;
+
+    let pixels = f64::from(size[0]) * f64::from(size[1]);
+    let primary = frame(&mut renderer, &dark(&scene, 0.0), &volume, job)?;
+    let both = frame(&mut renderer, &dark(&scene, 0.8), &volume, job)?;
+    let hits = renderer.picture()?.label.iter().flatten().filter(|&&l| l != 0).count() as f64;
+    let device = renderer.device().to_owned();
+
+    let mut frames = [[Took::default(); 2]; 3];
+    for (frames, (_, lod)) in frames.iter_mut().zip(LEVELS) {
+        for (took, bounces) in frames.iter_mut().zip(BOUNCES) {
+            let mut lit = scene.clone();
+            lit.settings.lod = lod;
+            lit.settings.bounces = bounces;
+            *took = frame(&mut renderer, &lit, &volume, job)?;
+        }
+    }
+    renderer.set_scene(&scene, std::slice::from_ref(&volume), &[])?;
+    let millions = |rays: f64, seconds: f64| rays / seconds / 1e6;
+    Ok(BackendSpeed {
+        volume: file_name(path),
+        backend: backend.to_owned(),
+        device,
+        notices: renderer.notices(),
+        size,
+        primary: [millions(pixels, primary.seconds), millions(pixels, primary.cpu_seconds)],
+        diffuse: [
+            millions(hits, both.seconds - primary.seconds),
+            millions(hits, both.cpu_seconds - primary.cpu_seconds),
+        ],
+        frames,
+        bytes: renderer.bytes(),
+    })
+}
+
+/// The scene without light and without bounces, all labels of one albedo: black ones end paths, grey ones send a diffuse ray on.
+fn dark(scene: &Scene, albedo: f32) -> Scene {
+    let mut dark = scene.clone();
+    let material = Material {
+        base_color: [albedo; 3],
+        specular: 0.0,
+        metallic: 0.0,
+        roughness: 1.0,
+        ..Material::default()
+    };
+    for instance in &mut dark.instances {
+        instance.style.auto_color = false;
+        instance.style.materials = LabelMaterials::default();
+        instance.style.material = material;
+    }
+    dark.suns.clear();
+    dark.world.environment = Environment::Constant { radiance: [0.0; 3] };
+    dark.settings.bounces = 0;
+    dark
+}
+
+/// What one sample a pixel takes.
+fn frame(
+    renderer: &mut dyn Renderer,
+    scene: &Scene,
+    volume: &Arc<CompressedVolume>,
+    job: &Job,
+) -> Result<Took> {
+    renderer.set_scene(scene, std::slice::from_ref(volume), &[])?;
+    let mut best = Took { seconds: f64::INFINITY, cpu_seconds: f64::INFINITY };
+    for number in 0..=FRAMES {
+        let ((), took) = clocked(|| {
+            renderer.advance(Duration::ZERO, number + 1, job)?;
+            Ok(())
+        })?;
+        if number > 0 {
+            best = best.least(took);
+        }
+    }
+    Ok(best)
+}
+
+impl Row for BackendSpeed {
+    fn cells(&self) -> Vec<(&'static str, String)> {
+        let rate = |r: f64| format!("{r:.3}");
+        let frame = |[one, many]: [Took; 2]| {
+            format!(
+                "{:.4} / {:.4} ({:.4} / {:.4})",
+                one.seconds, many.seconds, one.cpu_seconds, many.cpu_seconds
+            )
+        };
+        let bytes = |name: &str| {
+            self.bytes.iter().find(|(part, _)| *part == name).map_or("–".into(), |(_, b)| b.to_string())
+        };
+        let [finest, by_distance, coarsest] = self.frames.map(frame);
+        vec![
+            ("volume", self.volume.clone()),
+            ("backend", self.backend.clone()),
+            ("device", self.device.clone()),
+            ("primary, M rays/s", rate(self.primary[0])),
+            ("primary, M rays per CPU s", rate(self.primary[1])),
+            ("diffuse, M rays/s", rate(self.diffuse[0])),
+            ("diffuse, M rays per CPU s", rate(self.diffuse[1])),
+            ("frame", format!("{}x{}", self.size[0], self.size[1])),
+            ("finest, s (CPU s) a frame at 1 / 32 bounces", finest),
+            ("by distance", by_distance),
+            ("coarsest", coarsest),
+            ("hierarchy, bytes", bytes("acceleration")),
+            ("boxes", bytes("boxes")),
+            ("nodes", bytes("nodes")),
+            ("leaves", bytes("leaves")),
+            ("labels of boxes", bytes("labels")),
+        ]
+    }
 }

@@ -1,81 +1,433 @@
-//! Error against time: relMSE of pictures of 1, 4, 16 … samples a pixel against a reference of many more, with the time that each
-//! took and the error that each estimated of itself. The reference is the CPU's whatever backend is measured: all of them draw the
-//! same picture, and one that did not would show here.
+//! Error against run time, ours beside Cycles', on one scene: what `pumice bench convergence` writes.
+//!
+//! ```text
+//! volume ─► figure of some labels, Lambert ─┬─► Pumice, 1, 4, 16 … samples ─► pictures ─┐
+//!                                           └─► voxel faces ─► Cycles, the same ────────┼─► relMSE, FLIP ─► CSV, Markdown, SVG
+//!                          both again, many samples, other seeds ─► common reference ───┘
+//! ```
+//! * Both draw on all cores, take the same numbers of samples, and stop there: no adaptive sampling, no denoising.
+//! * The reference is the mean of both weighted by inverse variance, from seeds that no measured picture has. Its own error is known from
+//!   its batches and taken off the relMSE that is measured against it.
+//! * Lambert surfaces, an even sky and a sun: of these it is shown that both converge to the same picture (`docs/cycles.md`).
+//! * Preparation stands apart: compressing and building here; sending the mesh and building the hierarchy there.
 
-use std::path::PathBuf;
+pub(crate) mod command;
+mod plot;
+mod tables;
 
-use crate::Result;
-use crate::programs::{Programs, name_of, number, scratch};
-use crate::table::Table;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
-/// Samples a pixel of the pictures; the reference has [`REFERENCE_FACTOR`] times the last one that is drawn.
-const SPP: [u32; 6] = [1, 4, 16, 32, 64, 128];
-/// The reference's own error adds its share to what is measured: at 64 times the samples 1 or 2 % of it.
-const REFERENCE_FACTOR: u32 = 64;
+use pumice_core::{CompressedVolume, Job};
+use pumice_formats::OpenOptions;
+use pumice_picture::Image;
+use pumice_picture::metrics::compare;
+use pumice_scene::{Material, Scene};
+use pumice_session::cycles::{CyclesRun, render_with_cycles};
+use pumice_session::error::{Result, SessionError};
+use pumice_session::figure::{FigureOptions, compose};
+use pumice_session::measure::peak_rss_bytes;
+use pumice_session::progressive::{Stop, render_until};
+use pumice_session::selection::select_labels;
+use pumice_session::{Residence, make_renderer, open_volume};
+use pumice_transport::Renderer;
+use serde::Serialize;
 
-pub(crate) fn measure(
-    programs: &Programs,
-    volumes: &[PathBuf],
-    backends: &[String],
-    most_spp: u32,
-) -> Result<Table> {
-    let folder = scratch()?;
-    let mut table = Table::default();
-    for volume in volumes {
-        // The reference has a seed of its own, so that its noise is not the pictures'.
-        let render = |backend: &str, name: &str, spp: u32, seed: &str| {
-            let picture = folder.path().join(name);
-            let spp = spp.to_string();
-            let fixed = [
-                "--pick",
-                "32",
-                "--size",
-                "160x90",
-                "--backend",
-                backend,
-                "--json",
-                "-",
-                "--seed",
-                seed,
-                "--spp",
-                &spp,
-            ];
-            let mut args = vec!["render".as_ref(), volume.as_os_str(), "-o".as_ref(), picture.as_os_str()];
-            args.extend(fixed.iter().map(std::ffi::OsStr::new));
-            programs.report(&args).map(|report| (picture.clone(), report))
-        };
-        let counts: Vec<u32> = SPP.into_iter().filter(|&spp| spp <= most_spp).collect();
-        let last = counts.last().ok_or("error against time begins at 1 sample")?;
-        let (reference, _) = render("cpu", "reference.exr", last * REFERENCE_FACTOR, "1")?;
-        for backend in backends {
-            for &spp in &counts {
-                let (picture, report) = render(backend, "picture.exr", spp, "2")?;
-                let args = [
-                    "compare".as_ref(),
-                    picture.as_os_str(),
-                    reference.as_os_str(),
-                    "--json".as_ref(),
-                    "-".as_ref(),
-                ];
-                let comparison = programs.report(&args)?;
-                let (rel_mse, cpu) = (number(&comparison, "rel_mse")?, number(&report, "cpu_seconds")?);
-                table.push(vec![
-                    ("volume", name_of(volume)),
-                    ("backend", backend.clone()),
-                    ("samples", spp.to_string()),
-                    ("s", format!("{:.2}", number(&report, "seconds")?)),
-                    ("CPU s", format!("{cpu:.2}")),
-                    ("relMSE", format!("{rel_mse:.3e}")),
-                    ("relMSE × CPU s", format!("{:.3e}", rel_mse * cpu)),
-                    (
-                        "estimated error",
-                        report["error_estimate"].as_f64().map_or("–".into(), |e| format!("{e:.4}")),
-                    ),
-                    ("√relMSE", format!("{:.4}", rel_mse.sqrt())),
-                    ("FLIP", format!("{:.4}", number(&comparison, "flip")?)),
-                ]);
+use crate::files::{file_name, write_results};
+use crate::mean_picture::MeanPicture;
+use crate::timing::{Took, clocked};
+
+/// Seed of the first measured picture; repeats follow. The references' are far from them.
+const FIRST_SEED: u64 = 1;
+const REFERENCE_SEED: u64 = 1_000;
+/// Cycles draws one sample twice before all others: what the first took longer than the second was preparation.
+const WARM_UP: [(u64, u32); 2] = [(9_999_991, 1), (9_999_992, 1)];
+/// Pictures that the reference is the mean of, for each program: enough to know its variance within a third.
+const BATCHES: usize = 8;
+
+/// What is measured.
+#[derive(Clone, Debug)]
+pub struct ConvergenceOptions {
+    /// Label volume.
+    pub volume: PathBuf,
+    /// A Python that has Blender as a module; without it only ours is measured, against itself.
+    pub cycles: Option<PathBuf>,
+    /// Labels shown.
+    pub pick: usize,
+    /// Pixels across and down.
+    pub size: [u32; 2],
+    /// Samples a pixel, rising.
+    pub spp: Vec<u32>,
+    /// Pictures at each, with seeds of their own.
+    pub repeats: u32,
+    /// As in a scene.
+    pub bounces: u32,
+    /// Samples a pixel of the reference, of each program.
+    pub reference_spp: u32,
+}
+
+/// A program at a number of samples: means over the repeats.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Point {
+    /// Samples a pixel.
+    pub spp: u32,
+    /// Wall seconds of rendering.
+    pub seconds: f64,
+    /// CPU seconds of rendering, all threads.
+    pub cpu_seconds: f64,
+    /// Against the reference, whose own error is taken off.
+    pub rel_mse: f64,
+    /// Against the reference.
+    pub flip: f64,
+}
+
+/// What a program did before its first sample.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Preparation {
+    /// What it took.
+    #[serde(flatten)]
+    pub took: Took,
+    /// Largest resident set of the process while it rendered; `None` where the system does not tell.
+    pub peak_bytes: Option<u64>,
+    /// Resident set of the program before it was given anything.
+    pub base_bytes: Option<u64>,
+}
+
+/// A program's figures.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Program {
+    /// With its version.
+    pub name: String,
+    /// Before the first sample.
+    pub preparation: Preparation,
+    /// By rising samples.
+    pub points: Vec<Point>,
+}
+
+/// All figures of one scene.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Convergence {
+    /// The volume's file name.
+    pub volume: String,
+    /// As asked for.
+    pub size: [u32; 2],
+    /// As asked for.
+    pub bounces: u32,
+    /// Voxel faces that Cycles was given.
+    pub faces: usize,
+    /// The reference's own relMSE, which was taken off.
+    pub reference_rel_mse: f64,
+    /// Largest difference of the two programs' references, in standard errors of the whole picture's mean; none with one program.
+    pub disagreement: Option<f64>,
+    /// Ours first.
+    pub programs: Vec<Program>,
+}
+
+/// Pictures of one program before they are judged.
+struct Drawn {
+    name: String,
+    preparation: Preparation,
+    /// Each repeat of each number of samples.
+    pictures: Vec<Shot>,
+    /// Pictures that the reference is made of.
+    batches: Vec<Image>,
+}
+
+/// One picture, before it is judged.
+struct Shot {
+    spp: u32,
+    took: Took,
+    picture: Image,
+}
+
+impl Drawn {
+    /// Parts the reference's pictures from the measured ones; all are in the order of [`schedule`].
+    fn new(
+        name: String,
+        preparation: Preparation,
+        mut pictures: Vec<Shot>,
+        options: &ConvergenceOptions,
+    ) -> Self {
+        let batches = pictures.split_off(options.spp.len() * options.repeats as usize);
+        Self { name, preparation, pictures, batches: batches.into_iter().map(|shot| shot.picture).collect() }
+    }
+}
+
+/// Seeds and samples of all pictures in their order: those that are measured, then the reference's.
+fn schedule(options: &ConvergenceOptions) -> Vec<(u64, u32)> {
+    let measured = options.spp.iter().flat_map(|&spp| {
+        (0..u64::from(options.repeats)).map(move |r| (FIRST_SEED + 31 * r + 7 * u64::from(spp), spp))
+    });
+    let each = options.reference_spp.div_ceil(BATCHES as u32);
+    let reference = (0..BATCHES as u64).map(|b| (REFERENCE_SEED * (b + 1) + (1 << 20), each));
+    measured.chain(reference).collect()
+}
+
+/// Measures one scene. `watch` hears what begins, a line each.
+///
+/// # Errors
+/// What reading, rendering, or the other program reports.
+pub fn measure_convergence(
+    options: &ConvergenceOptions,
+    job: &Job,
+    watch: &mut dyn FnMut(&str),
+) -> Result<Convergence> {
+    // Ours first, so that the peak of memory is that of compressing and rendering.
+    let base_bytes = peak_rss_bytes();
+    watch("Pumice: compress, build, render");
+    let ((volume, scene, mut renderer), took) = clocked(|| {
+        let volume = open_volume(&options.volume, &OpenOptions::default(), Residence::Mapped, job)?;
+        let scene = scene_of(&volume, options);
+        let mut renderer = make_renderer("cpu")?;
+        renderer.set_scene(&scene, &[Arc::clone(&volume)], &[])?;
+        Ok((volume, scene, renderer))
+    })?;
+    let pictures = drawn_by_us(&mut renderer, &scene, &volume, options, job)?;
+    let name = format!("Pumice {}", env!("CARGO_PKG_VERSION"));
+    let preparation = Preparation { took, peak_bytes: peak_rss_bytes(), base_bytes };
+    let mut all = vec![Drawn::new(name, preparation, pictures, options)];
+    let mut faces = 0;
+    if let Some(python) = &options.cycles {
+        watch("Cycles: send, build, render");
+        let asked: Vec<(u64, u32)> = WARM_UP.into_iter().chain(schedule(options)).collect();
+        let run = render_with_cycles(python, &scene, std::slice::from_ref(&volume), &asked, job)?;
+        faces = run.faces;
+        all.push(drawn_by_cycles(run, options)?);
+    }
+    watch("compare");
+    judged(options, faces, &all, job)
+}
+
+/// A figure of the longest labels whose picture both programs agree on.
+fn scene_of(volume: &CompressedVolume, options: &ConvergenceOptions) -> Scene {
+    let labels = Some(select_labels(volume, options.pick));
+    let figure = FigureOptions { size: options.size, labels, view_deg: FigureOptions::DEFAULT_VIEW_DEG };
+    let mut scene = compose(volume, options.volume.clone(), &figure);
+    scene.world.backdrop = None;
+    scene.settings.bounces = options.bounces;
+    scene.instances[0].style.material =
+        Material { specular: 0.0, roughness: 1.0, ..scene.instances[0].style.material };
+    scene
+}
+
+fn drawn_by_us(
+    renderer: &mut dyn Renderer,
+    scene: &Scene,
+    volume: &Arc<CompressedVolume>,
+    options: &ConvergenceOptions,
+    job: &Job,
+) -> Result<Vec<Shot>> {
+    let mut scene = scene.clone();
+    let mut pictures = Vec::new();
+    for (seed, spp) in schedule(options) {
+        scene.settings.seed = seed;
+        renderer.set_scene(&scene, &[Arc::clone(volume)], &[])?;
+        let stop = Stop { spp: Some(spp), ..Stop::default() };
+        let (_, took) = clocked(|| Ok(render_until(renderer, &stop, job, &mut |_| {})?))?;
+        pictures.push(Shot { spp, took, picture: renderer.color()? });
+    }
+    Ok(pictures)
+}
+
+/// Cycles' pictures; what the first took longer than the second was preparation.
+fn drawn_by_cycles(run: CyclesRun, options: &ConvergenceOptions) -> Result<Drawn> {
+    let mut pictures = run.pictures.into_iter().map(|p| Shot {
+        spp: p.spp,
+        took: Took { seconds: p.took.seconds, cpu_seconds: p.took.cpu_seconds },
+        picture: p.picture,
+    });
+    let (Some(first), Some(second)) = (pictures.next(), pictures.next()) else {
+        return Err(SessionError::Caller("Cycles drew fewer pictures than were asked for".into()));
+    };
+    let preparation = Preparation {
+        took: Took {
+            seconds: run.built.seconds + first.took.seconds - second.took.seconds,
+            cpu_seconds: run.built.cpu_seconds + first.took.cpu_seconds - second.took.cpu_seconds,
+        },
+        peak_bytes: Some(run.peak_bytes),
+        base_bytes: Some(run.bytes_before),
+    };
+    let name = format!("Cycles in Blender {}", run.blender);
+    Ok(Drawn::new(name, preparation, pictures.collect(), options))
+}
+
+/// Errors of all pictures against the common reference.
+fn judged(options: &ConvergenceOptions, faces: usize, all: &[Drawn], job: &Job) -> Result<Convergence> {
+    let means: Vec<MeanPicture> = all.iter().map(|d| MeanPicture::of(&d.batches)).collect();
+    // One weight for each program: weights by pixel, from so few batches, would follow the noise.
+    let weights: Vec<f64> = means.iter().map(|m| 1.0 / m.variances.iter().sum::<f64>().max(1e-300)).collect();
+    let total: f64 = weights.iter().sum();
+    let mix = |of: fn(&MeanPicture) -> &Vec<f64>, power: i32| -> Vec<f64> {
+        let weighted =
+            |i: usize| means.iter().zip(&weights).map(|(m, w)| of(m)[i] * (w / total).powi(power)).sum();
+        (0..means[0].values.len()).map(weighted).collect()
+    };
+    let mixed = MeanPicture { values: mix(|m| &m.values, 1), variances: mix(|m| &m.variances, 2) };
+    let reference_rel_mse = mixed.own_rel_mse();
+    let disagreement = match &means[..] {
+        [a, b] => {
+            let difference = a.values.iter().zip(&b.values).map(|(a, b)| a - b).sum::<f64>().abs();
+            let variance: f64 = a.variances.iter().chain(&b.variances).sum();
+            Some(difference / variance.sqrt())
+        }
+        _ => None,
+    };
+
+    let reference = mixed.image(options.size);
+    let mut programs = Vec::new();
+    for drawn in all {
+        let mut points = Vec::new();
+        for repeats in drawn.pictures.chunks(options.repeats as usize) {
+            let n = repeats.len() as f64;
+            let (mut rel_mse, mut flip) = (0.0, 0.0);
+            for shot in repeats {
+                let found = compare(&shot.picture, &reference, None, &|| job.is_cancelled())
+                    .map_err(|e| SessionError::Caller(e.to_string()))?;
+                rel_mse += (found.rel_mse - reference_rel_mse) / n;
+                flip += found.flip / n;
             }
+            points.push(Point {
+                spp: repeats[0].spp,
+                seconds: repeats.iter().map(|r| r.took.seconds).sum::<f64>() / n,
+                cpu_seconds: repeats.iter().map(|r| r.took.cpu_seconds).sum::<f64>() / n,
+                rel_mse,
+                flip,
+            });
+        }
+        programs.push(Program { name: drawn.name.clone(), preparation: drawn.preparation, points });
+    }
+    Ok(Convergence {
+        volume: file_name(&options.volume),
+        size: options.size,
+        bounces: options.bounces,
+        faces,
+        reference_rel_mse,
+        disagreement,
+        programs,
+    })
+}
+
+/// Writes `convergence.csv`, `convergence.md` and an SVG for each scene into `folder`, made if absent. `machine` is a line on what it ran.
+///
+/// # Errors
+/// When the folder cannot be written or there is nothing to plot.
+pub fn write_convergence(folder: &Path, machine: &str, scenes: &[Convergence]) -> Result<()> {
+    let mut files = vec![
+        ("convergence.csv".into(), tables::csv(scenes)),
+        ("convergence.md".into(), tables::markdown(machine, scenes)),
+    ];
+    for scene in scenes {
+        let name = format!("convergence_{}_bounces.svg", scene.bounces);
+        files.push((name, plot::svg(scene).map_err(SessionError::Caller)?));
+    }
+    write_results(folder, files)
+}
+
+impl Convergence {
+    /// CPU seconds that ours needs for the error that the other program has at its most samples, over the other's; by the line through
+    /// our two points about that error, on logarithmic scales. `None` with one program, or where noise left no error above 0.
+    pub fn cpu_ratio_at_equal_error(&self) -> Option<f64> {
+        let [ours, theirs] = &self.programs[..] else { return None };
+        let last = theirs.points.last()?;
+        let seconds = seconds_at(&ours.points, last.rel_mse)?;
+        Some(seconds / last.cpu_seconds)
+    }
+}
+
+/// CPU seconds at which the points' error is `rel_mse`; beyond the ends along the last two.
+fn seconds_at(points: &[Point], rel_mse: f64) -> Option<f64> {
+    if rel_mse <= 0.0 || points.iter().any(|p| p.rel_mse <= 0.0 || p.cpu_seconds <= 0.0) {
+        return None;
+    }
+    let last = points.len().checked_sub(2)?;
+    let i = points.iter().skip(1).position(|p| p.rel_mse <= rel_mse).unwrap_or(last);
+    let (a, b) = (&points[i], &points[i + 1]);
+    let along = (rel_mse / a.rel_mse).ln() / (b.rel_mse / a.rel_mse).ln();
+    Some(a.cpu_seconds * (b.cpu_seconds / a.cpu_seconds).powf(along))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn point(cpu_seconds: f64, rel_mse: f64) -> Point {
+        Point { spp: 1, seconds: cpu_seconds, cpu_seconds, rel_mse, flip: 0.0 }
+    }
+
+    fn both(ours: Vec<Point>, theirs: Vec<Point>) -> Convergence {
+        let program = |points| Program { name: "p".into(), preparation: Preparation::default(), points };
+        Convergence {
+            volume: "v".into(),
+            size: [4, 4],
+            bounces: 1,
+            faces: 6,
+            reference_rel_mse: 1e-5,
+            disagreement: Some(0.5),
+            programs: vec![program(ours), program(theirs)],
         }
     }
-    Ok(table)
+
+    /// Errors that fall with one over time: twice as fast is half the time at every error, between and beyond the points.
+    #[test]
+    fn equal_error_is_found_between_points_and_beyond() {
+        let curve = |speed: f64| [1.0, 4.0, 16.0].map(|t| point(t / speed, 0.1 / t)).to_vec();
+        for their_last in [0.5, 1.0, 7.0, 16.0, 40.0] {
+            let theirs = vec![point(0.1, 1.0), point(their_last, 0.1 / their_last)];
+            let ratio = both(curve(2.0), theirs).cpu_ratio_at_equal_error().unwrap();
+            assert!((ratio - 0.5).abs() < 1e-9, "{their_last}: {ratio}");
+        }
+        assert_eq!(both(curve(2.0), vec![point(1.0, -1e-9)]).cpu_ratio_at_equal_error(), None);
+    }
+
+    /// The weight of a reference is one over its variance.
+    #[test]
+    fn references_are_weighted_by_their_variance() {
+        let image = |v: f32| Image::new(1, 1, vec![[v; 3]]);
+        let drawn = |values: [f32; 2], picture: f32| Drawn {
+            name: "p".into(),
+            preparation: Preparation::default(),
+            pictures: vec![Shot { spp: 1, took: Took::default(), picture: image(picture) }],
+            batches: values.map(image).to_vec(),
+        };
+        // Variances 1 and 4: the reference is (4 · 2 + 1 · 7) / 5 = 3, its variance (16 · 1 + 1 · 4) / 25 = 0.8.
+        let options = ConvergenceOptions {
+            volume: "folder/v".into(),
+            cycles: None,
+            pick: 1,
+            size: [1, 1],
+            spp: vec![1],
+            repeats: 1,
+            bounces: 0,
+            reference_spp: 1,
+        };
+        let all = [drawn([1.0, 3.0], 4.0), drawn([5.0, 9.0], 3.0)];
+        let found = judged(&options, 0, &all, &Job::new()).unwrap();
+        let floor = 0.8 / 9.01;
+        assert!((found.reference_rel_mse - floor).abs() < 1e-9);
+        assert!((found.programs[0].points[0].rel_mse - (1.0 / 9.01 - floor)).abs() < 1e-7);
+        assert!((found.programs[1].points[0].rel_mse + floor).abs() < 1e-7);
+        // Means 2 and 7 in three channels of one pixel, variances 1 and 4.
+        assert!((found.disagreement.unwrap() - 15.0 / 15f64.sqrt()).abs() < 1e-9);
+    }
+
+    #[test]
+    fn seeds_of_the_reference_are_no_measured_ones() {
+        let options = ConvergenceOptions {
+            volume: "v".into(),
+            cycles: None,
+            pick: 1,
+            size: [1, 1],
+            spp: vec![1, 4, 16, 64, 256],
+            repeats: 5,
+            bounces: 0,
+            reference_spp: 4096,
+        };
+        let all = schedule(&options);
+        let (measured, reference) = all.split_at(25);
+        assert!(reference.iter().all(|(seed, spp)| *spp == 512 && measured.iter().all(|m| m.0 != *seed)));
+        let mut seeds: Vec<u64> = all.iter().map(|s| s.0).collect();
+        seeds.sort_unstable();
+        seeds.dedup();
+        assert_eq!(seeds.len(), all.len());
+    }
 }

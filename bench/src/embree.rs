@@ -1,85 +1,286 @@
-//! Rays through the compressed form beside Embree's through a mesh of the same faces, as the example `embree_rays` measures them.
+//! The same rays through the compressed form and, as a mesh of the same voxels' faces, through Embree; in turn, on one thread.
+//!
+//! ```text
+//! volume, some labels ─┬─► hierarchies of ours ───────────────────────────► first hits ─┐
+//!                      └─► faces as quads ─► bench/embree/rays.c, compiled ─► first hits ─┴─► rates, hits that differ
+//! ```
+//! Rays start from files that Embree's program reads; only its tracing is on its clock.
+
+mod driver;
 
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::sync::Arc;
 
-use serde_json::Value;
+use clap::Args;
+use driver::{Driver, build_driver};
+use glam::DVec3;
+use pumice_core::{CompressedVolume, Job, Level};
+use pumice_cpu::traverse::{SceneTracer, TracedInstance};
+use pumice_export::{Corners, Interfaces, QuadMesh};
+use pumice_formats::OpenOptions;
+use pumice_session::error::{Result, SessionError};
+use pumice_session::{Residence, open_volume};
+use pumice_transport::geometry::LodChoice;
+use pumice_transport::{Hit, PathOrigin, RayInWorld, Tracer};
+use serde::Serialize;
 
-use crate::Result;
-use crate::programs::{Programs, name_of, number, said, scratch};
-use crate::table::Table;
+use crate::console::{BenchResult, Console, Outcome};
+use crate::files::{file_name, scratch};
+use crate::ray_sets::{camera_rays, diffuse_rays, some_labels, voxel_side};
+use crate::table::{Row, TableFlags};
+use crate::timing::clocked;
 
-/// What to do where Embree is not found.
-const INSTALL: &str = "Embree 3 is needed to compare with: install it (Debian 12: apt install libembree-dev), or name a folder with its \
-                       include and lib by --embree (packages that were unpacked: …/usr)";
+/// Labels shown, in per cent.
+const SHOWN_PERCENT: u32 = 15;
+/// Rounds of each kind of ray, the programs in turn.
+const ROUNDS: usize = 7;
+/// How far above the face that it leaves a ray of Embree's starts, in the shortest side of a voxel: it has no other way to miss it.
+const LIFT: f64 = 1e-3;
+/// Hits are the same where the two lie in one plane, within so much of the distance and of a voxel: Embree's f32.
+const SAME_PLANE: f64 = 1e-4;
 
-pub(crate) fn measure(
-    programs: &Programs,
-    volumes: &[PathBuf],
-    prefix: Option<&Path>,
-    side: &str,
-) -> Result<Table> {
+/// The same rays through Embree, by the voxels' faces as quads
+///
+/// Shows 15 % of the labels; sends the rays of a camera and a diffuse ray from each hit, on one thread. Needs Embree 3 and a C compiler.
+#[derive(Debug, Args)]
+pub(crate) struct Flags {
+    #[command(flatten)]
+    table: TableFlags,
+    /// Folder with Embree's include and lib, where the system has none
+    #[arg(long, value_name = "DIR")]
+    embree: Option<PathBuf>,
+    /// Pixels of the camera along each side: a multiple of 8
+    #[arg(long, value_name = "N", default_value = "1024", value_parser = side)]
+    side: u64,
+}
+
+fn side(text: &str) -> std::result::Result<u64, String> {
+    let side = text.parse().ok().filter(|n: &u64| (8..=8192).contains(n) && n.is_multiple_of(8));
+    side.ok_or_else(|| "expected a multiple of 8 from 8 to 8192".into())
+}
+
+pub(crate) fn run(flags: &Flags, job: &Job, console: &mut Console<'_>) -> BenchResult<Outcome> {
     let folder = scratch()?;
-    let driver = folder.path().join("rays");
-    build(&driver, prefix)?;
-    let mut table = Table::default();
-    for volume in volumes {
-        let args = [volume.as_os_str(), driver.as_os_str(), "15".as_ref(), side.as_ref()];
-        let report: Value = serde_json::from_str(&programs.example("embree_rays", &args)?)
-            .map_err(|e| format!("what embree_rays reported: {e}"))?;
-        let kinds = report["kinds"].as_array().ok_or("embree_rays reported no rays")?;
-        for kind in kinds {
-            let both = |what: &str| -> Result<(f64, f64)> {
-                Ok((number(kind, &format!("ours_{what}"))?, number(kind, &format!("embree_{what}"))?))
-            };
-            let (best, median) = (both("best")?, both("median")?);
-            let boxes = (number(kind, "boxes_best")?, number(kind, "boxes_median")?);
-            table.push(vec![
-                ("volume", name_of(volume)),
-                ("boxes shown", report["boxes"].to_string()),
-                ("quads", report["quads"].to_string()),
-                ("bytes: ours, Embree's", {
-                    let (ours, theirs) = (number(&report, "ours_bytes")?, number(&report, "embree_bytes")?);
-                    format!("{ours:.0}, {theirs:.0} ({:.2} %)", 100.0 * ours / theirs)
-                }),
-                ("bytes: boxes alone", format!("{:.0}", number(&report, "boxes_bytes")?)),
-                ("building: ours, Embree's, CPU s", {
-                    let build = |who: &str| number(&report, &format!("{who}_build_cpu_seconds"));
-                    format!("{:.2}, {:.2}", build("ours")?, build("embree")?)
-                }),
-                ("rays", kind["rays"].as_str().unwrap_or_default().to_owned()),
-                ("traced", kind["count"].to_string()),
-                ("seen otherwise", kind["differing"].to_string()),
-                ("ours, M/s, best (median)", format!("{:.3} ({:.3})", best.0, median.0)),
-                ("boxes alone, M/s, best (median)", format!("{:.3} ({:.3})", boxes.0, boxes.1)),
-                ("Embree, M/s, best (median)", format!("{:.3} ({:.3})", best.1, median.1)),
-                ("ratio, best (median)", format!("{:.3} ({:.3})", best.0 / best.1, median.0 / median.1)),
-            ]);
-        }
+    let driver = build_driver(folder.path(), flags.embree.as_deref())?;
+    let mut rows = Vec::new();
+    for volume in &flags.table.volumes {
+        rows.extend(measure_embree(volume, &driver, flags.side, job)?);
     }
-    Ok(table)
+    flags.table.show("embree", &rows, console)?;
+    Ok(Outcome::Holds)
 }
 
-/// Compiles the program that traces with Embree.
-fn build(driver: &Path, prefix: Option<&Path>) -> Result<()> {
-    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("embree/rays.c");
-    let mut compiler = Command::new("cc");
-    compiler.args(["-O3", "-march=native", "-std=gnu11", "-o"]).arg(driver).arg(source);
-    if let Some(prefix) = prefix {
-        compiler.arg("-I").arg(prefix.join("include"));
-        for lib in ["lib", "lib/x86_64-linux-gnu", "lib/aarch64-linux-gnu"] {
-            let lib = prefix.join(lib);
-            if let Ok(lib) = lib.canonicalize() {
-                compiler.arg("-L").arg(&lib).arg(format!("-Wl,-rpath,{}", lib.display()));
-            }
-        }
-        // What Embree links is found where it is itself.
-        compiler.args(["-Wl,--disable-new-dtags", "-Wl,--allow-shlib-undefined"]);
-    }
-    said(compiler.arg("-lembree3").arg("-lm")).map(drop).map_err(|e| format!("{INSTALL}; {}", one_line(&e)))
+/// Rays in a CPU second, in millions.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Rate {
+    /// In the fastest round.
+    pub best: f64,
+    /// In the median one.
+    pub median: f64,
 }
 
-/// The first line of what a compiler said.
-fn one_line(text: &str) -> &str {
-    text.lines().next().unwrap_or_default()
+impl Rate {
+    fn of(rays: usize, mut seconds: Vec<f64>) -> Self {
+        seconds.sort_by(f64::total_cmp);
+        let at = |i: usize| rays as f64 / seconds.get(i).copied().unwrap_or(f64::NAN) / 1e6;
+        Self { best: at(0), median: at(seconds.len().saturating_sub(1) / 2) }
+    }
+}
+
+/// Rays of one kind through both programs.
+#[derive(Clone, Debug, Serialize)]
+pub struct EmbreeRays {
+    /// The volume's file name.
+    pub volume: String,
+    /// Boxes of the labels shown.
+    pub boxes: usize,
+    /// Faces that Embree was given.
+    pub quads: usize,
+    /// Bytes of the volume and of all that traces it: bricks and boxes, boxes alone, Embree's.
+    pub bytes: [u64; 3],
+    /// CPU seconds of building ours, and Embree's.
+    pub build_cpu_seconds: [f64; 2],
+    /// `primary` or `bounce`.
+    pub kind: &'static str,
+    /// How many were traced.
+    pub rays: usize,
+    /// How many hit, by ours.
+    pub hits: usize,
+    /// How many the two see differently.
+    pub differing: usize,
+    /// Ours, through bricks.
+    pub ours: Rate,
+    /// Ours, through boxes alone.
+    pub boxes_alone: Rate,
+    /// Embree's.
+    pub embree: Rate,
+}
+
+/// Measures camera rays and bounces on one volume. `driver` is the compiled program.
+///
+/// # Errors
+/// What is wrong with the volume; what Embree's program says; rays that differ between rounds; the job's cancellation.
+pub fn measure_embree(path: &Path, driver: &Path, side: u64, job: &Job) -> Result<Vec<EmbreeRays>> {
+    // Open the labels that are shown alone, as a scene that shows them does: Embree gets no faces of others either.
+    let folder = scratch()?;
+    let file = |name: &str| folder.path().join(name);
+    let volume = open_volume(path, &OpenOptions::default(), Residence::Copied, job)?;
+    let visible = some_labels(volume.labels().len(), SHOWN_PERCENT);
+    volume.save(&file("volume.pumice"), Level::Fast, job)?;
+    drop(volume);
+    let shown = CompressedVolume::open_labels(&file("volume.pumice"), |_| visible.clone(), job)?;
+    let volume = Arc::new(shown);
+    let world = volume.info().world_from_index;
+    let voxel = voxel_side(&world);
+
+    // Place all around the volume's middle, so that Embree's f32 has it as exactly as it can; build both.
+    let middle = world.transform_point3(DVec3::from(volume.info().dims.map(f64::from)) / 2.0);
+    let mesh = QuadMesh::new(&volume, &visible, Interfaces::Outside, Corners::Own, job)?;
+    let quads = mesh.quads.len();
+    driver::write_mesh(&file("mesh"), &mesh, &world, middle)?;
+    drop(mesh);
+    let mut embree = Driver::start(driver, &file("mesh"))?;
+    let mut moved = world;
+    moved.translation -= middle;
+    let instance = [TracedInstance {
+        volume: Arc::clone(&volume),
+        world_from_index: moved,
+        visible,
+        lod: LodChoice::Voxels,
+    }];
+    let (bricks, building) = clocked(|| Ok(SceneTracer::new(&instance)?))?;
+    let boxes = SceneTracer::without_bricks(&instance)?;
+
+    // Rays: the camera's, and a diffuse one from each hit. Embree's start a little above the face.
+    let camera = camera_rays(&moved, volume.info().dims, side);
+    let first = |r: &RayInWorld| Some((*r, bricks.first_hit(r, PathOrigin::Free, f64::INFINITY)?));
+    let hits: Vec<(RayInWorld, Hit)> = camera.iter().filter_map(first).collect();
+    let primary = camera.iter().map(|&ray| Ray { ray, lift: DVec3::ZERO, from: PathOrigin::Free }).collect();
+    let bounces = diffuse_rays(&hits).into_iter().zip(&hits).map(|(ray, (_, hit))| Ray {
+        ray,
+        lift: LIFT * voxel * hit.normal_in_world.normalize(),
+        from: PathOrigin::Face(hit.surface),
+    });
+    let kinds: [(&'static str, Vec<Ray>); 2] = [("primary", primary), ("bounce", bounces.collect())];
+
+    let volume_bytes: u64 = volume.resident_parts().iter().map(|p| p.1).sum();
+    let mut rows = Vec::new();
+    for (kind, rays) in kinds {
+        job.check()?;
+        driver::write_rays(&file("rays"), &rays)?;
+        let compared = compare(&rays, [&bricks, &boxes], &mut embree, &file("rays"), &file("hits"), job)?;
+        let theirs = driver::read_hits(&file("hits"), rays.len())?;
+        let [ours, boxes_alone, by_embree] = compared.seconds.map(|s| Rate::of(rays.len(), s));
+        rows.push(EmbreeRays {
+            volume: file_name(path),
+            boxes: bricks.instance(0).map_or(0, |i| i.boxes()),
+            quads,
+            bytes: [volume_bytes + bricks.bytes(), volume_bytes + boxes.bytes(), embree.bytes],
+            build_cpu_seconds: [building.cpu_seconds, embree.build_cpu_seconds],
+            kind,
+            rays: rays.len(),
+            hits: compared.hits.iter().flatten().count(),
+            differing: differing(&rays, &compared.hits, &theirs, voxel),
+            ours,
+            boxes_alone,
+            embree: by_embree,
+        });
+    }
+    embree.end()?;
+    Ok(rows)
+}
+
+/// A ray of ours, and how far from its start Embree's starts.
+pub(crate) struct Ray {
+    ray: RayInWorld,
+    lift: DVec3,
+    from: PathOrigin,
+}
+
+/// Hits of ours, and the CPU seconds of each round: bricks, boxes alone, Embree.
+struct Compared {
+    hits: Vec<Option<Hit>>,
+    seconds: [Vec<f64>; 3],
+}
+
+fn compare(
+    rays: &[Ray],
+    [bricks, boxes]: [&SceneTracer; 2],
+    embree: &mut Driver,
+    rays_file: &Path,
+    hits_file: &Path,
+    job: &Job,
+) -> Result<Compared> {
+    let first_hit = |scene: &SceneTracer, r: &Ray| scene.first_hit(&r.ray, r.from, f64::INFINITY);
+    let hits: Vec<Option<Hit>> = rays.iter().map(|r| first_hit(bricks, r)).collect();
+    let mut seconds = [Vec::new(), Vec::new(), Vec::new()];
+    // Kept of each ray is what Embree's program keeps, in memory that is there: the distance, and what was hit.
+    let mut kept = vec![(f32::INFINITY, u32::MAX); rays.len()];
+    for _ in 0..ROUNDS {
+        job.check()?;
+        for (scene, of) in [(boxes, 1), (bricks, 0)] {
+            let ((), took) = clocked(|| {
+                for (ray, kept) in rays.iter().zip(&mut kept) {
+                    let hit = first_hit(scene, ray);
+                    *kept = hit.map_or((f32::INFINITY, u32::MAX), |h| (h.t as f32, h.surface.label));
+                }
+                Ok(())
+            })?;
+            seconds[of].push(took.cpu_seconds);
+        }
+        seconds[2].push(embree.trace(rays_file, hits_file)?);
+    }
+    let label = |hit: &Option<Hit>| hit.as_ref().map_or(u32::MAX, |h| h.surface.label);
+    match hits.iter().zip(&kept).position(|(hit, kept)| label(hit) != kept.1) {
+        None => Ok(Compared { hits, seconds }),
+        Some(ray) => Err(SessionError::Caller(format!("ray {ray} meets another label in another round"))),
+    }
+}
+
+/// Rays that the two see differently: one hits and the other does not, or what they hit does not lie in one plane. Distances alone
+/// would not do: a ray that is lifted along the face it leaves meets a face parallel to that one earlier, the more so the flatter it goes.
+fn differing(rays: &[Ray], ours: &[Option<Hit>], theirs: &[f64], voxel: f64) -> usize {
+    let apart = |ray: &Ray, ours: &Option<Hit>, theirs: f64| match (ours, theirs.is_finite()) {
+        (Some(hit), true) => {
+            let from_ours_to_theirs = ray.lift + (theirs - hit.t) * ray.ray.direction;
+            let off = from_ours_to_theirs.dot(hit.normal_in_world.normalize()).abs();
+            off > SAME_PLANE * (hit.t + voxel)
+        }
+        (ours, theirs) => ours.is_some() != theirs,
+    };
+    rays.iter().zip(ours).zip(theirs).filter(|((ray, ours), theirs)| apart(ray, ours, **theirs)).count()
+}
+
+impl Row for EmbreeRays {
+    fn cells(&self) -> Vec<(&'static str, String)> {
+        let rate = |r: Rate| format!("{:.3} ({:.3})", r.best, r.median);
+        let [ours, boxes_alone, theirs] = self.bytes;
+        vec![
+            ("volume", self.volume.clone()),
+            ("boxes shown", self.boxes.to_string()),
+            ("quads", self.quads.to_string()),
+            (
+                "bytes: ours, Embree's",
+                format!("{ours}, {theirs} ({:.2} %)", 100.0 * ours as f64 / theirs as f64),
+            ),
+            ("bytes: boxes alone", boxes_alone.to_string()),
+            (
+                "building: ours, Embree's, CPU s",
+                format!("{:.2}, {:.2}", self.build_cpu_seconds[0], self.build_cpu_seconds[1]),
+            ),
+            ("rays", self.kind.into()),
+            ("traced", self.rays.to_string()),
+            ("seen otherwise", self.differing.to_string()),
+            ("ours, M/s, best (median)", rate(self.ours)),
+            ("boxes alone, M/s, best (median)", rate(self.boxes_alone)),
+            ("Embree, M/s, best (median)", rate(self.embree)),
+            (
+                "ratio, best (median)",
+                rate(Rate {
+                    best: self.ours.best / self.embree.best,
+                    median: self.ours.median / self.embree.median,
+                }),
+            ),
+        ]
+    }
 }

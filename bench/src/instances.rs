@@ -1,36 +1,231 @@
-//! What many instances cost, as the example `instance_speed` measures it: asked in turn, and found by a hierarchy over them.
+//! What many instances cost: CPU seconds a sample where they are asked in turn and where a hierarchy over them finds them.
+//!
+//! Copies of the figure of 32 long labels, or of a ball of 2,048 triangles, lie side by side on a square, each turned another way, and
+//! are seen from above at a slant: an even sky, three bounces. Both ways must draw the same film, bit for bit. Seconds are the process's
+//! own, the least of several samples, the two ways in turn.
 
-use std::ffi::OsStr;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
-use crate::Result;
-use crate::programs::{Programs, figure, name_of};
-use crate::table::Table;
+use clap::Args;
+use glam::{DAffine3, DMat3, DVec3, Vec3};
+use pumice_core::{CompressedVolume, Job, MeshData};
+use pumice_cpu::path::Surroundings;
+use pumice_cpu::path_tracer::PathTracer;
+use pumice_cpu::traverse::{MeshTracer, SceneTracer, TracedInstance, VolumeTracer};
+use pumice_formats::OpenOptions;
+use pumice_scene::{Camera, Film, Filter, Material, Projection, Settings};
+use pumice_session::error::{Result, SessionError};
+use pumice_session::selection::select_labels;
+use pumice_session::{Residence, open_volume};
+use pumice_transport::geometry::LodChoice;
+use pumice_transport::{Lights, Looks, Sky};
+use serde::Serialize;
 
-/// Of the picture: where thousands are asked in turn, a larger one takes minutes.
-const SIZE: &str = "160x90";
+use crate::console::{BenchResult, Console, Outcome};
+use crate::files::file_name;
+use crate::table::{Row, TableFlags};
+use crate::timing::clocked;
 
-const COUNTS: [&str; 11] = ["1", "2", "3", "4", "6", "8", "16", "64", "256", "1024", "4096"];
+/// Pixels of the picture: where thousands are asked in turn, a larger one takes minutes.
+const SIZE: [u32; 2] = [160, 90];
+/// Numbers of instances.
+const COUNTS: [usize; 11] = [1, 2, 3, 4, 6, 8, 16, 64, 256, 1024, 4096];
+/// Samples of each way at most, and CPU seconds after which there are no more.
+const MOST_SAMPLES: u32 = 40;
+const MOST_SECONDS: f64 = 30.0;
+/// The word that stands for a ball of triangles in place of a volume.
+const MESH: &str = "mesh";
 
-pub(crate) fn measure(programs: &Programs, volumes: &[PathBuf]) -> Result<Table> {
-    let mut table = Table::default();
-    for volume in volumes {
-        let text = programs.example(
-            "instance_speed",
-            &[volume.as_os_str(), OsStr::new(SIZE), OsStr::new(&COUNTS.join(","))],
-        )?;
-        for count in COUNTS {
-            let of = |what: &str, unit: &str| figure(&text, &format!("{count}: {what}"), unit);
-            table.push(vec![
-                ("what", name_of(volume)),
-                ("instances", count.to_owned()),
-                ("in turn, CPU s a sample", of("in turn", "CPU-s,")?),
-                ("by a hierarchy, CPU s a sample", of("in turn", "CPU-s")?),
-                ("building it, CPU s", of("tree", "CPU-s")?),
-                ("its bytes", of("tree of", "bytes")?),
-                ("all hierarchies, bytes", of("hierarchies of", "bytes")?),
-            ]);
+/// What many instances of a volume cost a sample, in turn and by a hierarchy over them
+///
+/// The word `mesh` in place of a volume measures a ball of 2,048 triangles.
+#[derive(Debug, Args)]
+pub(crate) struct Flags {
+    #[command(flatten)]
+    table: TableFlags,
+}
+
+pub(crate) fn run(flags: &Flags, job: &Job, console: &mut Console<'_>) -> BenchResult<Outcome> {
+    let mut rows = Vec::new();
+    for what in &flags.table.volumes {
+        let what = if what == Path::new(MESH) { Subject::Ball } else { Subject::Volume(what.clone()) };
+        rows.extend(measure_instances(&what, job)?);
+    }
+    flags.table.show("instances", &rows, console)?;
+    Ok(Outcome::Holds)
+}
+
+/// What there are many instances of.
+#[derive(Clone, Debug)]
+pub enum Subject {
+    /// The long labels of a label volume.
+    Volume(PathBuf),
+    /// A ball of triangles.
+    Ball,
+}
+
+/// Figures of one number of instances.
+#[derive(Clone, Debug, Serialize)]
+pub struct InstanceCost {
+    /// The volume's file name, or `mesh`.
+    pub what: String,
+    /// Instances.
+    pub count: usize,
+    /// CPU seconds a sample where they are asked in turn.
+    pub in_turn_cpu_seconds: f64,
+    /// CPU seconds a sample where the hierarchy finds them.
+    pub by_tree_cpu_seconds: f64,
+    /// CPU seconds of building the hierarchy over them.
+    pub tree_build_cpu_seconds: f64,
+    /// Bytes of that hierarchy.
+    pub tree_bytes: u64,
+    /// Bytes of all hierarchies.
+    pub hierarchy_bytes: u64,
+}
+
+/// Measures all numbers of instances.
+///
+/// # Errors
+/// What opening and tracing report; two ways that draw different films; the job's cancellation.
+pub fn measure_instances(what: &Subject, job: &Job) -> Result<Vec<InstanceCost>> {
+    let (name, shape) = match what {
+        Subject::Ball => (MESH.to_owned(), Shape::Mesh(Arc::new(ball(4)?))),
+        Subject::Volume(path) => {
+            let volume = open_volume(path, &OpenOptions::default(), Residence::Copied, job)?;
+            (file_name(path), Shape::Volume(volume))
+        }
+    };
+    COUNTS.iter().map(|&count| measure(&name, &shape, count, job)).collect()
+}
+
+enum Shape {
+    Volume(Arc<CompressedVolume>),
+    Mesh(Arc<MeshData>),
+}
+
+impl Shape {
+    /// Copies at these places, each about the origin of its own, 1 long at most.
+    fn copies(&self, places: &[DAffine3]) -> Result<SceneTracer> {
+        let numbered = || (0u32..).zip(places);
+        match self {
+            Self::Volume(volume) => {
+                let mut visible = vec![false; volume.labels().len()];
+                select_labels(volume, 32).into_iter().for_each(|label| visible[label as usize] = true);
+                let dims = DVec3::from(volume.info().dims.map(f64::from));
+                let unit = DAffine3::from_scale(DVec3::splat(1.0 / dims.max_element()))
+                    * DAffine3::from_translation(-0.5 * dims);
+                let (volume, world_from_index, lod) = (Arc::clone(volume), unit, LodChoice::Voxels);
+                let first = VolumeTracer::new(0, &TracedInstance { volume, world_from_index, visible, lod })?;
+                let mut copies = Vec::new();
+                for (number, place) in numbered() {
+                    let copy = first.again(number, *place * unit, lod)?;
+                    let other = || SessionError::Caller("a copy has other levels of detail".into());
+                    copies.push(Arc::new(copy.ok_or_else(other)?));
+                }
+                Ok(SceneTracer::of(copies))
+            }
+            Self::Mesh(mesh) => {
+                let first = MeshTracer::new(0, 0, mesh, DAffine3::IDENTITY)?;
+                let mut copies = Vec::new();
+                for (number, place) in numbered() {
+                    copies.push(Arc::new(first.again(number, number, *place)?));
+                }
+                Ok(SceneTracer::of(Vec::new()).with_meshes(copies))
+            }
         }
     }
-    Ok(table)
+}
+
+/// A ball of diameter 1: an octahedron whose triangles are cut in four, `times` times.
+fn ball(times: usize) -> Result<MeshData> {
+    let axes = [DVec3::X, DVec3::Y, DVec3::Z];
+    let mut triangles: Vec<[DVec3; 3]> = (0..8)
+        .map(|octant| [0, 1, 2].map(|a| if octant >> a & 1 == 0 { axes[a] } else { -axes[a] }))
+        .collect();
+    for _ in 0..times {
+        let cut = |&[a, b, c]: &[DVec3; 3]| {
+            let [ab, bc, ca] = [a + b, b + c, c + a].map(DVec3::normalize);
+            [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]
+        };
+        triangles = triangles.iter().flat_map(cut).collect();
+    }
+    let corners = triangles.iter().flatten().map(|p| (0.5 * *p).to_array()).collect();
+    let numbers = (0..triangles.len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+    MeshData::new(corners, numbers, Vec::new()).map_err(|e| SessionError::Caller(format!("{MESH}: {e}")))
+}
+
+fn measure(name: &str, shape: &Shape, count: usize, job: &Job) -> Result<InstanceCost> {
+    // Lay them on a square, and look at it at a slant.
+    let columns = (count as f64).sqrt().ceil() as usize;
+    let reach = 1.1 * columns as f64;
+    let places: Vec<DAffine3> = (0..count)
+        .map(|i| {
+            let at = DVec3::new((i % columns) as f64, (i / columns) as f64, 0.0) + 0.5;
+            let turned = DMat3::from_rotation_z(2.4 * i as f64) * DMat3::from_rotation_x(1.1 * i as f64);
+            DAffine3::from_mat3_translation(turned, 1.1 * at - 0.5 * reach)
+        })
+        .collect();
+    let eye = DVec3::new(0.0, -1.3, 1.0) * reach.max(1.5);
+    let (back, right) = (eye.normalize(), DVec3::X);
+    let world_from_camera =
+        DAffine3::from_mat3_translation(DMat3::from_cols(right, back.cross(right), back), eye);
+    let camera = Camera::new(world_from_camera, Projection::Perspective { fov_rad: 0.6 });
+    let film = Film::new(SIZE[0], SIZE[1], Filter::BlackmanHarris { width: 3.0 });
+
+    // Build the hierarchy over them.
+    let copies = shape.copies(&places)?;
+    let ((by_tree, _), building) = clocked(|| Ok(copies.with_tree(None, 1)?))?;
+    let (tree_bytes, hierarchy_bytes) = (by_tree.tree().map_or(0, |tree| tree.bytes()), by_tree.bytes());
+
+    // Draw both ways in turn: more samples where one takes little, fewer where it takes minutes.
+    let material = Material { base_color: [0.7; 3], specular: 0.0, roughness: 1.0, ..Material::default() };
+    let looks = Arc::new(Looks::same(material));
+    let around = Surroundings {
+        lights: Arc::new(Lights::new(Sky::Constant(Vec3::ONE), Vec::new(), None)),
+        looks: vec![looks; count].into(),
+        settings: Settings { bounces: 3, ..Settings::default() },
+    };
+    let mut ways =
+        [shape.copies(&places)?, by_tree].map(|t| PathTracer::new(t, around.clone(), &camera, &film));
+    let mut least = [f64::INFINITY; 2];
+    let mut spent = 0.0;
+    for sample in 1..=MOST_SAMPLES {
+        for (way, least) in ways.iter_mut().zip(&mut least) {
+            let (_, took) = clocked(|| Ok(way.add_samples(sample, job)?))?;
+            (*least, spent) = (least.min(took.cpu_seconds), spent + took.cpu_seconds);
+        }
+        if spent > MOST_SECONDS {
+            break;
+        }
+    }
+    let [in_turn, by_tree] = &ways;
+    if in_turn.film().sums() != by_tree.film().sums() {
+        return Err(SessionError::Caller(format!(
+            "{name}, {count} instances: the two ways draw different films"
+        )));
+    }
+    Ok(InstanceCost {
+        what: name.to_owned(),
+        count,
+        in_turn_cpu_seconds: least[0],
+        by_tree_cpu_seconds: least[1],
+        tree_build_cpu_seconds: building.cpu_seconds,
+        tree_bytes,
+        hierarchy_bytes,
+    })
+}
+
+impl Row for InstanceCost {
+    fn cells(&self) -> Vec<(&'static str, String)> {
+        vec![
+            ("what", self.what.clone()),
+            ("instances", self.count.to_string()),
+            ("in turn, CPU s a sample", format!("{:.5}", self.in_turn_cpu_seconds)),
+            ("by a hierarchy, CPU s a sample", format!("{:.5}", self.by_tree_cpu_seconds)),
+            ("building it, CPU s", format!("{:.6}", self.tree_build_cpu_seconds)),
+            ("its bytes", self.tree_bytes.to_string()),
+            ("all hierarchies, bytes", self.hierarchy_bytes.to_string()),
+        ]
+    }
 }

@@ -1,35 +1,178 @@
-//! How soon a live picture follows an edit, as the example `live_latency` measures it: wall milliseconds, because that is what a
-//! person waits for.
+//! How soon a live picture follows an edit, and what the edit costs its caller: wall milliseconds, because that is what a person at
+//! the screen waits for.
 
-use std::ffi::OsStr;
-use std::path::PathBuf;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
 
-use crate::Result;
-use crate::programs::{Programs, figure, name_of};
-use crate::table::Table;
+use clap::Args;
+use pumice_core::{CompressedVolume, Job};
+use pumice_formats::OpenOptions;
+use pumice_scene::{Material, Scene, SceneEdit};
+use pumice_session::error::{Result, SessionError};
+use pumice_session::figure::{FigureOptions, compose};
+use pumice_session::live::{Frame, Live, LiveOptions, LiveState};
+use pumice_session::selection::select_labels;
+use pumice_session::{Residence, open_volume};
+use serde::Serialize;
 
-/// Of the picture.
-const SIZE: &str = "1920x1080";
+use crate::console::{BenchResult, Console, Outcome};
+use crate::files::file_name;
+use crate::table::{Row, TableFlags};
 
-pub(crate) fn measure(programs: &Programs, volumes: &[PathBuf]) -> Result<Table> {
-    let mut table = Table::default();
-    for volume in volumes {
-        for (labels, more) in [("32", None), ("all, each with its own material", Some("colours"))] {
-            let mut args = vec![volume.as_os_str(), OsStr::new(SIZE)];
-            args.extend(more.map(OsStr::new));
-            let text = programs.example("live_latency", &args)?;
-            for edit in ["camera", "colour"] {
-                let median = |what: &str| figure(&text, &format!("{edit}: {what}"), "ms");
-                table.push(vec![
-                    ("volume", name_of(volume)),
-                    ("labels shown", labels.to_owned()),
-                    ("edit", edit.to_owned()),
-                    ("call, ms", median("call")?),
-                    ("first frame, ms", median("first frame")?),
-                    ("whole frame of 1 sample, ms", median("whole frame")?),
-                ]);
+/// Pixels of the picture.
+const SIZE: [u32; 2] = [1920, 1080];
+/// Edits of each kind.
+const ROUNDS: usize = 20;
+/// Labels of the scene that shows some.
+const SOME: usize = 32;
+
+/// How soon a live 1920 × 1080 picture follows an edit, and what the edit costs its caller
+///
+/// Moves the camera and edits a colour, 20 times each, in a scene of 32 labels and in one of all labels, each with its own material.
+/// Medians, wall milliseconds.
+#[derive(Debug, Args)]
+pub(crate) struct Flags {
+    #[command(flatten)]
+    table: TableFlags,
+}
+
+pub(crate) fn run(flags: &Flags, job: &Job, console: &mut Console<'_>) -> BenchResult<Outcome> {
+    let mut rows = Vec::new();
+    for volume in &flags.table.volumes {
+        rows.extend(measure_live(volume, job)?);
+    }
+    flags.table.show("live", &rows, console)?;
+    Ok(Outcome::Holds)
+}
+
+/// Median and largest of some durations, in milliseconds.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Milliseconds {
+    /// Half of the durations are shorter.
+    pub median: f64,
+    /// The longest.
+    pub largest: f64,
+}
+
+impl Milliseconds {
+    fn of(mut durations: Vec<Duration>) -> Self {
+        durations.sort_unstable();
+        let at = |i: usize| durations.get(i).map_or(f64::NAN, |d| 1e3 * d.as_secs_f64());
+        Self { median: at(durations.len() / 2), largest: at(durations.len().saturating_sub(1)) }
+    }
+}
+
+/// One kind of edit in one scene.
+#[derive(Clone, Debug, Serialize)]
+pub struct EditLatency {
+    /// The volume's file name.
+    pub volume: String,
+    /// What the scene shows.
+    pub labels: &'static str,
+    /// What is edited.
+    pub edit: &'static str,
+    /// From the call of the edit to its return.
+    pub call_ms: Milliseconds,
+    /// To the first frame that has it.
+    pub first_frame_ms: Milliseconds,
+    /// To the first frame of the whole size with a sample a pixel.
+    pub whole_frame_ms: Milliseconds,
+}
+
+/// Measures edits of both kinds in both scenes of a volume.
+///
+/// # Errors
+/// What opening and rendering report; a volume without labels; the job's cancellation.
+pub fn measure_live(path: &Path, job: &Job) -> Result<Vec<EditLatency>> {
+    let volume = open_volume(path, &OpenOptions::default(), Residence::Copied, job)?;
+    let Some(&id) = volume.labels().ids().first() else {
+        return Err(SessionError::Caller(format!("{}: there is no label to edit", path.display())));
+    };
+    let mut all = Vec::new();
+    for (labels, own_materials) in [("32", false), ("all, each with its own material", true)] {
+        let scene = scene_of(&volume, path, own_materials);
+        let camera = scene.camera;
+        let live = Live::start(scene, vec![Arc::clone(&volume)], vec![], LiveOptions::default())?;
+        let mut serial = wait(&live, 0, job, |f| !f.coarse)?.serial;
+        let move_camera = |i: usize| {
+            let mut camera = camera;
+            camera.shift[0] += 1e-3 * i as f64;
+            SceneEdit::Camera { camera }
+        };
+        let edit_colour = |i: usize| {
+            let material =
+                Material { base_color: [i as f32 / ROUNDS as f32, 0.5, 0.5], ..Material::default() };
+            SceneEdit::LabelMaterials { id: 1, materials: [(id, Some(material))].into() }
+        };
+        let edits: [(&str, &dyn Fn(usize) -> SceneEdit); 2] =
+            [("camera", &move_camera), ("colour", &edit_colour)];
+        for (edit, make) in edits {
+            let (mut calls, mut firsts, mut wholes) = (Vec::new(), Vec::new(), Vec::new());
+            for i in 0..ROUNDS {
+                let begin = Instant::now();
+                let revision = live.edit(vec![make(i)])?;
+                calls.push(begin.elapsed());
+                let first = wait(&live, serial, job, |f| f.revision == revision)?;
+                firsts.push(begin.elapsed());
+                let whole = wait(&live, first.serial - 1, job, |f| f.revision == revision && !f.coarse)?;
+                serial = whole.serial;
+                wholes.push(begin.elapsed());
+            }
+            all.push(EditLatency {
+                volume: file_name(path),
+                labels,
+                edit,
+                call_ms: Milliseconds::of(calls),
+                first_frame_ms: Milliseconds::of(firsts),
+                whole_frame_ms: Milliseconds::of(wholes),
+            });
+        }
+    }
+    Ok(all)
+}
+
+/// A figure of some long labels, or of all, each with a material of its own.
+fn scene_of(volume: &CompressedVolume, path: &Path, own_materials: bool) -> Scene {
+    let labels = (!own_materials).then(|| select_labels(volume, SOME));
+    let options = FigureOptions { size: SIZE, labels, view_deg: FigureOptions::DEFAULT_VIEW_DEG };
+    let mut scene = compose(volume, path.to_owned(), &options);
+    if own_materials {
+        let of = |id: &u64| (*id, Material { base_color: [0.25, 0.5, 0.75], ..Material::default() });
+        scene.instances[0].style.materials = volume.labels().ids().iter().map(of).collect();
+    }
+    scene
+}
+
+/// The newest frame after `after` that is `wanted`.
+fn wait(live: &Live, after: u64, job: &Job, wanted: impl Fn(&Frame) -> bool) -> Result<Arc<Frame>> {
+    loop {
+        match live.latest(after) {
+            Some(frame) if wanted(&frame) => return Ok(frame),
+            _ => {
+                job.check()?;
+                let status = live.status();
+                if status.state == LiveState::Failed {
+                    return Err(SessionError::Caller(
+                        status.error.unwrap_or_else(|| "the live picture ended".into()),
+                    ));
+                }
+                std::thread::sleep(Duration::from_micros(200));
             }
         }
     }
-    Ok(table)
+}
+
+impl Row for EditLatency {
+    fn cells(&self) -> Vec<(&'static str, String)> {
+        let median = |ms: Milliseconds| format!("{:.3}", ms.median);
+        vec![
+            ("volume", self.volume.clone()),
+            ("labels shown", self.labels.into()),
+            ("edit", self.edit.into()),
+            ("call, ms", median(self.call_ms)),
+            ("first frame, ms", median(self.first_frame_ms)),
+            ("whole frame of 1 sample, ms", median(self.whole_frame_ms)),
+        ]
+    }
 }

@@ -2,22 +2,21 @@
 
 use std::process::Command;
 
-/// Processor, cores, system, compiler, version, in one line.
-pub(crate) fn description() -> String {
-    let cpu = std::fs::read_to_string("/proc/cpuinfo").ok().and_then(|text| {
-        let line = text.lines().find(|l| l.starts_with("model name"))?;
-        Some(line.split_once(':')?.1.trim().to_owned())
-    });
-    let cores = std::thread::available_parallelism().map_or(0, usize::from);
-    let rustc = Command::new("rustc").arg("--version").output().ok();
-    let rustc = rustc.map(|o| String::from_utf8_lossy(&o.stdout).trim().to_owned());
-    let unknown = || "unknown".to_owned();
+use pumice_session::measure::processor_name;
+
+/// Version, processor, cores, system, compiler (where there is one) and profile, in one line.
+pub fn description() -> String {
+    let processor = processor_name().unwrap_or_else(|| "an unnamed processor".into());
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let compiler = match Command::new("rustc").arg("--version").output() {
+        Ok(said) if said.status.success() => format!("; {}", String::from_utf8_lossy(&said.stdout).trim()),
+        _ => String::new(),
+    };
+    let build = if cfg!(debug_assertions) { "development build" } else { "release build" };
     format!(
-        "Pumice {}; {} ({cores} cores), {} {}; {}; release build.",
+        "Pumice {}; {processor}, {cores} cores, {} {}{compiler}; {build}.",
         env!("CARGO_PKG_VERSION"),
-        cpu.unwrap_or_else(unknown),
         std::env::consts::OS,
-        std::env::consts::ARCH,
-        rustc.unwrap_or_else(unknown),
+        std::env::consts::ARCH
     )
 }

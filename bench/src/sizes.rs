@@ -1,44 +1,114 @@
-//! Bytes in memory by part, and on disk by level.
+//! Bytes of a volume: in memory by part, on disk by level, in per cent of 4 bytes a voxel.
 
-use std::path::PathBuf;
+use std::collections::BTreeMap;
+use std::path::Path;
 
-use crate::Result;
-use crate::programs::{Programs, name_of, number, scratch};
-use crate::table::Table;
+use clap::Args;
+use pumice_core::{Job, Level, Verification};
+use pumice_formats::OpenOptions;
+use pumice_session::error::{Result, SessionError};
+use pumice_session::file_info::{FileInfo, file_info};
+use pumice_session::{CompressRequest, compress_file, verify_file};
+use serde::Serialize;
 
-pub(crate) fn measure(programs: &Programs, volumes: &[PathBuf]) -> Result<Table> {
+use crate::console::{BenchResult, Console, Outcome};
+use crate::files::{file_name, scratch};
+use crate::table::{Row, TableFlags};
+
+/// Bytes in memory by part, on disk by level, in per cent of 4 bytes a voxel
+///
+/// Compresses each volume at each level and holds the file against the volume, voxel by voxel.
+#[derive(Debug, Args)]
+pub(crate) struct Flags {
+    #[command(flatten)]
+    table: TableFlags,
+}
+
+pub(crate) fn run(flags: &Flags, job: &Job, console: &mut Console<'_>) -> BenchResult<Outcome> {
+    let rows: Vec<Sizes> =
+        flags.table.volumes.iter().map(|v| measure_sizes(v, job)).collect::<Result<_>>()?;
+    flags.table.show("sizes", &rows, console)?;
+    Ok(Outcome::Holds)
+}
+
+/// Sizes of one volume.
+#[derive(Clone, Debug, Serialize)]
+pub struct Sizes {
+    /// The volume's file name.
+    pub volume: String,
+    /// 4 bytes a voxel.
+    pub bytes_raw: u64,
+    /// Labels without background.
+    pub labels: u64,
+    /// Boxes.
+    pub boxes: u64,
+    /// Bytes in memory by part, the hierarchy over all boxes included.
+    pub resident_parts: BTreeMap<String, u64>,
+    /// Bytes of the file at the levels fast, default and small.
+    pub bytes_disk: [u64; 3],
+}
+
+/// Measures one volume.
+///
+/// # Errors
+/// What is wrong with the volume; a file that does not hold every voxel of it; the job's cancellation.
+pub fn measure_sizes(volume: &Path, job: &Job) -> Result<Sizes> {
     let folder = scratch()?;
     let file = folder.path().join("volume.pumice");
-    let mut table = Table::default();
-    for volume in volumes {
-        let mut disk = Vec::new();
-        for level in ["fast", "small", "default"] {
-            let args = ["compress".as_ref(), volume.as_os_str(), "-o".as_ref(), file.as_os_str()];
-            programs.pumice(&[&args[..], &["--level".as_ref(), level.as_ref()]].concat())?;
-            disk.push(std::fs::metadata(&file).map_err(|e| e.to_string())?.len() as f64);
-            programs.pumice(&["verify".as_ref(), file.as_os_str(), volume.as_os_str()])?;
+    let mut bytes_disk = [0; 3];
+    for (bytes, level) in bytes_disk.iter_mut().zip([Level::Fast, Level::Default, Level::Small]) {
+        let request = CompressRequest {
+            input: volume.to_owned(),
+            output: file.clone(),
+            reading: OpenOptions::default(),
+            level,
+            threads: None,
+            memory_limit_bytes: None,
+            types: None,
+        };
+        *bytes = compress_file(&request, job)?.bytes_disk;
+        let verified = verify_file(&file, volume, &OpenOptions::default(), job)?;
+        if !matches!(verified, Verification::Same { .. }) {
+            return Err(SessionError::Caller(format!(
+                "{}: a file at level {level:?}: {verified}",
+                volume.display()
+            )));
         }
-
-        let info = programs.report(&["info".as_ref(), file.as_os_str(), "--json".as_ref()])?;
-        let raw = number(&info, "bytes_raw")?;
-        let share = |bytes: f64| format!("{:.0} ({:.3} %)", bytes, 100.0 * bytes / raw);
-        let part = |name: &str| number(&info["resident_parts"], name);
-        let acceleration = part("acceleration")?;
-        table.push(vec![
-            ("volume", name_of(volume)),
-            ("voxels", format!("{:.0}", raw / 4.0)),
-            ("labels", info["labels"].to_string()),
-            ("boxes", info["boxes"].to_string()),
-            ("box bytes", share(part("boxes")?)),
-            ("node bytes", share(part("nodes")?)),
-            ("leaf bytes", share(part("leaves")?)),
-            ("label bytes", share(part("labels")?)),
-            ("together", share(number(&info, "bytes_resident")? - acceleration)),
-            ("acceleration bytes", share(acceleration)),
-            ("disk, fast", share(disk[0])),
-            ("disk, default", share(disk[2])),
-            ("disk, small", share(disk[1])),
-        ]);
     }
-    Ok(table)
+    let FileInfo::Pumice(info) = file_info(&file, &OpenOptions::default(), job)? else {
+        return Err(SessionError::Caller(format!("{}: expected a .pumice file", file.display())));
+    };
+    Ok(Sizes {
+        volume: file_name(volume),
+        bytes_raw: info.bytes_raw,
+        labels: info.labels,
+        boxes: info.boxes,
+        resident_parts: info.resident_parts,
+        bytes_disk,
+    })
+}
+
+impl Row for Sizes {
+    fn cells(&self) -> Vec<(&'static str, String)> {
+        let share = |bytes: u64| format!("{bytes} ({:.3} %)", 100.0 * bytes as f64 / self.bytes_raw as f64);
+        let part = |name: &str| self.resident_parts.get(name).copied().unwrap_or(0);
+        let acceleration = part("acceleration");
+        let all: u64 = self.resident_parts.values().sum();
+        let [fast, default, small] = self.bytes_disk;
+        vec![
+            ("volume", self.volume.clone()),
+            ("voxels", (self.bytes_raw / 4).to_string()),
+            ("labels", self.labels.to_string()),
+            ("boxes", self.boxes.to_string()),
+            ("box bytes", share(part("boxes"))),
+            ("node bytes", share(part("nodes"))),
+            ("leaf bytes", share(part("leaves"))),
+            ("label bytes", share(part("labels"))),
+            ("together", share(all - acceleration)),
+            ("acceleration bytes", share(acceleration)),
+            ("disk, fast", share(fast)),
+            ("disk, default", share(default)),
+            ("disk, small", share(small)),
+        ]
+    }
 }

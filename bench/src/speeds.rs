@@ -1,68 +1,104 @@
-//! CPU time of compressing from memory, and of rays, as the examples `build_speed` and `ray_rate` measure it on one thread.
+//! CPU time of compressing and of rays: the whole from a file, the parts from memory on one thread.
 
-use std::path::{Path, PathBuf};
+mod compression;
+mod rays;
 
-use crate::Result;
-use crate::programs::{Programs, figure, name_of, number, scratch};
-use crate::table::Table;
+use std::path::Path;
+use std::sync::Arc;
 
-pub(crate) fn measure(programs: &Programs, volumes: &[PathBuf]) -> Result<Table> {
-    let folder = scratch()?;
-    let at = |name: &str| folder.path().join(name);
-    let mut table = Table::default();
-    for volume in volumes {
-        // The examples take labels without header and a gzipped NRRD: both come from the file as Pumice read it.
-        let file = at("volume.pumice");
-        let report = programs.report(&[
-            "compress".as_ref(),
-            volume.as_os_str(),
-            "-o".as_ref(),
-            file.as_os_str(),
-            "--json".as_ref(),
-            "-".as_ref(),
-        ])?;
-        for out in ["volume.npy", "volume.nrrd"] {
-            programs.pumice(&[
-                "decompress".as_ref(),
-                file.as_os_str(),
-                "-o".as_ref(),
-                at(out).as_os_str(),
-            ])?;
-        }
-        write_u32_labels(&at("volume.npy"), &at("volume.raw"))?;
-        let dims: Vec<String> = (0..3).map(|a| report["dims"][a].to_string()).collect();
-        let raw = at("volume.raw").display().to_string();
-        let build = programs.example("build_speed", &[&raw, &dims[0], &dims[1], &dims[2]])?;
-        let rays = programs.example("ray_rate", &[at("volume.nrrd")])?;
-        let compression_figure = |line, unit| figure(&build, line, unit);
-        let ray_figure = |line| figure(&rays, line, "M/s");
-        table.push(vec![
-            ("volume", name_of(volume)),
-            ("whole compression from the file, CPU s", format!("{:.2}", number(&report, "cpu_seconds")?)),
-            ("parts, MVoxel per CPU s", compression_figure("parts", "MVoxel/CPU-s")?),
-            ("finish, CPU s", compression_figure("finish", "CPU-s")?),
-            ("contacts, CPU s", compression_figure("contacts", "CPU-s,")?),
-            ("verify, CPU s", compression_figure("verify", "CPU-s:")?),
-            ("primary rays, M per CPU s", ray_figure("primary")?),
-            ("diffuse rays, M per CPU s", ray_figure("diffuse")?),
-            ("occlusion rays, M per CPU s", ray_figure("occluded")?),
-        ]);
-    }
-    Ok(table)
+use clap::Args;
+use pumice_core::{Job, Level};
+use pumice_formats::OpenOptions;
+use pumice_session::error::Result;
+use pumice_session::{CompressRequest, Residence, compress_file, open_volume};
+use serde::Serialize;
+
+use crate::console::{BenchResult, Console, Outcome};
+use crate::files::{file_name, scratch};
+use crate::table::{Row, TableFlags};
+
+pub use compression::{CompressionSpeed, LevelSpeed, measure_compression};
+pub use rays::{RaySpeed, measure_rays};
+
+/// Compressing and rays, per CPU second
+///
+/// From memory on one thread: parts, finish, contacts, saving and opening at each level, comparing every voxel; rays of a camera, diffuse
+/// ones from its hits, shadow rays. Labels are measured as 32-bit numbers.
+#[derive(Debug, Args)]
+pub(crate) struct Flags {
+    #[command(flatten)]
+    table: TableFlags,
 }
 
-/// The array behind an NPY header (bytes 8 and 9 give its length), which must be of u32.
-fn write_u32_labels(npy: &Path, raw: &Path) -> Result<()> {
-    let bytes = std::fs::read(npy).map_err(|e| format!("{}: {e}", npy.display()))?;
-    let header_bytes = match bytes.get(8..10) {
-        Some(&[low, high]) => usize::from(u16::from_le_bytes([low, high])) + 10,
-        _ => return Err(format!("{}: no NPY header", npy.display())),
+pub(crate) fn run(flags: &Flags, job: &Job, console: &mut Console<'_>) -> BenchResult<Outcome> {
+    let rows: Vec<Speeds> =
+        flags.table.volumes.iter().map(|v| measure_speeds(v, job)).collect::<Result<_>>()?;
+    flags.table.show("speeds", &rows, console)?;
+    Ok(Outcome::Holds)
+}
+
+/// Speeds of one volume.
+#[derive(Clone, Debug, Serialize)]
+pub struct Speeds {
+    /// The volume's file name.
+    pub volume: String,
+    /// CPU seconds from the file to a `.pumice` file, all threads.
+    pub from_file_cpu_seconds: f64,
+    /// From an array in memory, one thread.
+    pub compression: CompressionSpeed,
+    /// Camera rays, diffuse ones from their hits, shadow rays from there.
+    pub rays: [RaySpeed; 3],
+}
+
+/// Measures one volume.
+///
+/// # Errors
+/// What is wrong with the volume; ids that need more than 32 bits; the job's cancellation.
+pub fn measure_speeds(path: &Path, job: &Job) -> Result<Speeds> {
+    let folder = scratch()?;
+    let request = CompressRequest {
+        input: path.to_owned(),
+        output: folder.path().join("volume.pumice"),
+        reading: OpenOptions::default(),
+        level: Level::Default,
+        threads: None,
+        memory_limit_bytes: None,
+        types: None,
     };
-    let header = String::from_utf8_lossy(bytes.get(..header_bytes).unwrap_or_default());
-    if !header.contains("<u4") || !header.contains("'fortran_order': True") {
-        return Err(format!(
-            "speeds are measured on u32 labels, x fastest: this volume came out as {header}"
-        ));
+    let outcome = compress_file(&request, job)?;
+    let volume = open_volume(&request.output, &OpenOptions::default(), Residence::Copied, job)?;
+    Ok(Speeds {
+        volume: file_name(path),
+        from_file_cpu_seconds: outcome.cpu_seconds,
+        compression: measure_compression(&volume, job)?,
+        rays: measure_rays(&Arc::clone(&volume), rays::SHOWN_PERCENT, rays::SIDE, job)?,
+    })
+}
+
+impl Row for Speeds {
+    fn cells(&self) -> Vec<(&'static str, String)> {
+        let c = &self.compression;
+        let [one, two] = c.thread_seconds;
+        let levels = |of: fn(&LevelSpeed) -> f64| {
+            c.levels.iter().map(|l| format!("{:.3}", of(l))).collect::<Vec<_>>().join(", ")
+        };
+        let [camera, diffuse, shadow] = self.rays.map(|r| format!("{:.3}", r.millions_per_cpu_second));
+        vec![
+            ("volume", self.volume.clone()),
+            ("whole compression from the file, CPU s", format!("{:.2}", self.from_file_cpu_seconds)),
+            ("parts, MVoxel per CPU s", format!("{:.1}", c.parts_mvoxels_per_cpu_second)),
+            ("finish, CPU s", format!("{:.3}", c.finish_cpu_seconds)),
+            ("contacts, CPU s", format!("{:.3}", c.contacts_cpu_seconds)),
+            ("verify, CPU s", format!("{:.3}", c.verify_cpu_seconds)),
+            (
+                "one thread, two threads, wall s",
+                format!("{one:.3}, {two:.3} ({:.2} times as fast)", one / two),
+            ),
+            ("saving: fast, default, small, CPU s", levels(|l| l.save_cpu_seconds)),
+            ("opening: fast, default, small, CPU s", levels(|l| l.open_cpu_seconds)),
+            ("primary rays, M per CPU s", camera),
+            ("diffuse rays, M per CPU s", diffuse),
+            ("occlusion rays, M per CPU s", shadow),
+        ]
     }
-    std::fs::write(raw, &bytes[header_bytes..]).map_err(|e| format!("{}: {e}", raw.display()))
 }

@@ -1,49 +1,124 @@
-//! A table, printed two ways.
+//! A table of rows, as Markdown and as CSV.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use pumice_session::error::Result;
+use serde::Serialize;
+
+use crate::console::{BenchResult, Console};
+use crate::files::write_results;
+use crate::machine;
+
+/// Figures that stand in one row.
+pub trait Row: Serialize {
+    /// Columns with what stands in them; all rows of a table have the same columns.
+    fn cells(&self) -> Vec<(&'static str, String)>;
+}
 
 /// Named columns, rows of text.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Table {
-    columns: Vec<String>,
+pub struct Table {
+    columns: Vec<&'static str>,
     rows: Vec<Vec<String>>,
 }
 
 impl Table {
-    /// Adds a row; the first one names the columns, and all rows have the same.
-    pub(crate) fn push(&mut self, row: Vec<(&str, String)>) {
-        let columns: Vec<String> = row.iter().map(|c| c.0.to_owned()).collect();
-        if self.rows.is_empty() {
-            self.columns = columns;
-        } else {
-            debug_assert_eq!(self.columns, columns);
+    /// A table of these rows, whose columns are those of the first.
+    pub fn of<R: Row>(rows: &[R]) -> Self {
+        let mut table = Self::default();
+        for row in rows {
+            let (columns, cells): (Vec<&'static str>, Vec<String>) = row.cells().into_iter().unzip();
+            if table.rows.is_empty() {
+                table.columns = columns;
+            } else {
+                debug_assert_eq!(table.columns, columns);
+            }
+            table.rows.push(cells);
         }
-        self.rows.push(row.into_iter().map(|c| c.1).collect());
+        table
     }
 
-    pub(crate) fn markdown(&self) -> String {
-        let line = |cells: &[String]| format!("| {} |\n", cells.join(" | "));
-        let rule: Vec<String> = self.columns.iter().map(|_| "---".to_owned()).collect();
-        let rows: String = self.rows.iter().map(|r| line(r)).collect();
-        line(&self.columns) + &line(&rule) + &rows
+    /// The table of a Markdown page.
+    pub fn markdown(&self) -> String {
+        let line = |cells: Vec<&str>| format!("| {} |\n", cells.join(" | "));
+        let rule = self.columns.iter().map(|_| "---").collect();
+        let rows: String = self.rows.iter().map(|r| line(r.iter().map(String::as_str).collect())).collect();
+        line(self.columns.clone()) + &line(rule) + &rows
     }
 
-    pub(crate) fn csv(&self) -> String {
-        let cell = |c: &String| match c.contains([',', '"', '\n']) {
-            true => format!("\"{}\"", c.replace('"', "\"\"")),
-            false => c.clone(),
-        };
-        let line = |cells: &Vec<String>| cells.iter().map(cell).collect::<Vec<_>>().join(",") + "\n";
-        line(&self.columns) + &self.rows.iter().map(line).collect::<String>()
+    /// Comma-separated values, quoted where they must be (RFC 4180).
+    pub fn csv(&self) -> String {
+        let line = |cells: Vec<&str>| cells.into_iter().map(csv_cell).collect::<Vec<_>>().join(",") + "\n";
+        let rows: String = self.rows.iter().map(|r| line(r.iter().map(String::as_str).collect())).collect();
+        line(self.columns.clone()) + &rows
     }
+}
+
+/// A value as CSV has it.
+pub(crate) fn csv_cell(value: &str) -> String {
+    match value.contains([',', '"', '\n']) {
+        true => quoted(value),
+        false => value.to_owned(),
+    }
+}
+
+/// A value in quotes.
+pub(crate) fn quoted(value: &str) -> String {
+    format!("\"{}\"", value.replace('"', "\"\""))
+}
+
+/// The volumes of a bench with one table, and where the table goes.
+#[derive(Debug, Args)]
+pub(crate) struct TableFlags {
+    /// Label volumes or .pumice files
+    #[arg(value_name = "VOLUME", required = true)]
+    pub(crate) volumes: Vec<PathBuf>,
+    /// Also write NAME.md and NAME.csv into this folder, made if absent
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
+}
+
+impl TableFlags {
+    /// Prints the page of the bench `name`, and writes it where that was asked for.
+    pub(crate) fn show<R: Row>(&self, name: &str, rows: &[R], console: &mut Console<'_>) -> BenchResult<()> {
+        let table = Table::of(rows);
+        let page = page(name, &table);
+        console.line(page.trim_end())?;
+        if let Some(folder) = &self.out {
+            write(folder, name, page, &table)?;
+        }
+        Ok(())
+    }
+}
+
+fn page(name: &str, table: &Table) -> String {
+    format!("# {name}\n\n{}\n\n{}", machine::description(), table.markdown())
+}
+
+fn write(folder: &Path, name: &str, page: String, table: &Table) -> Result<()> {
+    write_results(folder, [(format!("{name}.md"), page), (format!("{name}.csv"), table.csv())])
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    #[derive(Serialize)]
+    struct Megabytes {
+        volume: &'static str,
+        mb: f64,
+    }
+
+    impl Row for Megabytes {
+        fn cells(&self) -> Vec<(&'static str, String)> {
+            vec![("volume", self.volume.into()), ("MB", format!("{:.1}", self.mb))]
+        }
+    }
+
     #[test]
     fn both_ways() {
-        let mut table = Table::default();
-        table.push(vec![("volume", "a, \"b\"".into()), ("MB", "1.5".into())]);
+        let table = Table::of(&[Megabytes { volume: "a, \"b\"", mb: 1.5 }]);
         assert_eq!(table.markdown(), "| volume | MB |\n| --- | --- |\n| a, \"b\" | 1.5 |\n");
         assert_eq!(table.csv(), "volume,MB\n\"a, \"\"b\"\"\",1.5\n");
     }

@@ -3,6 +3,7 @@
 
 mod args;
 mod commands;
+mod demo;
 mod failure;
 mod json_report;
 mod progress;

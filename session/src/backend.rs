@@ -21,6 +21,7 @@ use pumice_vulkan::device::{Backend, DeviceKind};
 use serde::Serialize;
 
 use crate::error::Result;
+use crate::measure::processor_name;
 
 pub use cache_folder::CACHE_VARIABLE;
 pub use fallback::FallbackRenderer;
@@ -121,12 +122,7 @@ fn reason(card: &Card, backend: Backend, chosen: bool) -> String {
 
 /// The processor's own name, where the system tells, and its threads.
 fn processor() -> String {
-    let linux = || {
-        let text = std::fs::read_to_string("/proc/cpuinfo").ok()?;
-        let line = text.lines().find(|l| l.starts_with("model name"))?;
-        Some(line.split_once(':')?.1.trim().to_string())
-    };
-    let name = linux().unwrap_or_else(|| format!("{} processor", std::env::consts::ARCH));
+    let name = processor_name().unwrap_or_else(|| format!("{} processor", std::env::consts::ARCH));
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
     format!("{name} on {threads} thread{}", if threads == 1 { "" } else { "s" })
 }
@@ -160,7 +156,7 @@ fn opener(way: Way) -> fallback::Way {
 }
 
 /// The scene-linear colours of an environment picture.
-pub(crate) fn read_environment(path: &Path) -> std::result::Result<Image, String> {
+pub fn read_environment(path: &Path) -> std::result::Result<Image, String> {
     pumice_picture::read_exr(path).map(|picture| picture.color).map_err(|e| e.to_string())
 }
 

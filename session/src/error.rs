@@ -43,7 +43,7 @@ pub enum SessionError {
 pub type Result<T> = std::result::Result<T, SessionError>;
 
 /// Adds the path to an I/O error.
-pub(crate) fn io(path: impl Into<PathBuf>) -> impl FnOnce(std::io::Error) -> SessionError {
+pub fn io(path: impl Into<PathBuf>) -> impl FnOnce(std::io::Error) -> SessionError {
     let path = path.into();
     move |source| SessionError::Io { path, source }
 }

@@ -111,7 +111,7 @@ fn pumice_info(path: &Path, job: &Job) -> Result<PumiceInfo> {
 }
 
 /// Bytes of the hierarchy over all boxes of a volume. It is in no file: it is built, so that its size is a measurement.
-pub(crate) fn acceleration_bytes(volume: &Arc<CompressedVolume>) -> Result<u64> {
+pub fn acceleration_bytes(volume: &Arc<CompressedVolume>) -> Result<u64> {
     let everything = TracedInstance {
         visible: vec![true; volume.labels().len()],
         volume: Arc::clone(volume),

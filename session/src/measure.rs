@@ -29,6 +29,13 @@ impl Stopwatch {
     }
 }
 
+/// The processor's own name; `None` where the system does not tell it in a file (all but Linux).
+pub fn processor_name() -> Option<String> {
+    let text = std::fs::read_to_string("/proc/cpuinfo").ok()?;
+    let line = text.lines().find(|l| l.starts_with("model name"))?;
+    Some(line.split_once(':')?.1.trim().to_owned())
+}
+
 /// Largest resident set of this process so far, in bytes; `None` where the system does not tell without unsafe code (all but
 /// Linux).
 pub fn peak_rss_bytes() -> Option<u64> {

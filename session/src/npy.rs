@@ -6,7 +6,7 @@ use std::path::Path;
 use crate::error::{Result, SessionError, io};
 
 /// Writes a C-ordered array; `kind` is numpy's name of its elements' type.
-pub(crate) fn write_npy(path: &Path, kind: &str, shape: &[usize], bytes: &[u8]) -> Result<()> {
+pub fn write_npy(path: &Path, kind: &str, shape: &[usize], bytes: &[u8]) -> Result<()> {
     let sizes: String = shape.iter().map(|n| format!("{n}, ")).collect();
     let mut header = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': ({sizes}), }}");
     // Magic, version and length take 10 bytes; the whole is a multiple of 64 and ends with a line break.
@@ -23,7 +23,7 @@ pub(crate) fn write_npy(path: &Path, kind: &str, shape: &[usize], bytes: &[u8]) 
 }
 
 /// The values of a .npy of 32-bit floats that has as many as expected.
-pub(crate) fn read_npy_f32(path: &Path, expected: usize) -> Result<Vec<f32>> {
+pub fn read_npy_f32(path: &Path, expected: usize) -> Result<Vec<f32>> {
     let bytes = std::fs::read(path).map_err(io(path))?;
     let header = match bytes.get(8..10) {
         Some(&[low, high]) if bytes.starts_with(b"\x93NUMPY\x01") => {

@@ -11,8 +11,8 @@
 //! Milliseconds are the process's own (user and system, all threads), so that other programs disturb little. What is saved is the
 //! median of the rounds' differences; where their quartiles have 0 between them, nothing can be said but that.
 
+mod beside;
 mod opening;
-mod tables;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -26,10 +26,9 @@ use serde::Serialize;
 use crate::backend::{FallbackRenderer, make_renderer};
 use crate::error::Result;
 use crate::measure::Stopwatch;
-use crate::stability::Beside;
 
+pub use beside::{Beside, ROUNDING};
 pub use opening::{OpeningSaved, measure_opening};
-pub use tables::{NeedsOptions, NeedsScene, measure_needs, write_needs};
 
 /// How much is done for it.
 #[derive(Clone, Copy, Debug)]

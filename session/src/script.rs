@@ -12,7 +12,7 @@ use crate::error::{Result, SessionError, io};
 ///
 /// # Errors
 /// When the interpreter cannot be started, the script fails, or `job` is cancelled, which ends the script.
-pub(crate) fn run_script(
+pub fn run_script(
     what: &str,
     python: &Path,
     script: &Path,

@@ -9,7 +9,7 @@ import numpy as np
 
 from rung import laid_over_white
 
-SCRIPT = Path(__file__).resolve().parents[2] / "session/src/convergence/scene_in_cycles.py"
+SCRIPT = Path(__file__).resolve().parents[2] / "session/src/cycles/scene_in_cycles.py"
 
 
 def seed_of(number):

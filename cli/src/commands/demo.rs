@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
-use pumice_session::demo::{self, DemoOptions, DemoStage};
-use pumice_session::{Job, Stop};
+use pumice_session::{Job, Stop, shipped_volume};
 
 use crate::Answer;
 use crate::args::Demo;
+use crate::demo::{self, DemoOptions, DemoStage};
 use crate::failure::{Failure, say};
 use crate::progress::Bar;
 
@@ -14,7 +14,7 @@ pub(crate) fn run(args: &Demo, job: &Arc<Job>) -> Result<Answer, Failure> {
     let options = DemoOptions {
         volume: match &args.volume {
             Some(path) => path.clone(),
-            None => demo::shipped_volume()?,
+            None => shipped_volume()?,
         },
         out: args.out.clone(),
         stop: Stop { spp: None, seconds: Some(args.time), error: Some(args.error) },

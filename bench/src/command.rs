@@ -1,0 +1,63 @@
+//! The subcommands of `pumice bench`, each the flags of a module and its run.
+
+use std::io::Write;
+
+use clap::{Args, Subcommand};
+use pumice_core::Job;
+
+use crate::console::{BenchResult, Console, Outcome};
+use crate::{
+    backends, convergence, embree, errors, extremes, instances, live, lod, needs, paper, peers, sizes,
+    speeds, stability,
+};
+
+/// Measure, and print a table
+#[derive(Debug, Args)]
+pub struct Bench {
+    #[command(subcommand)]
+    what: Kind,
+}
+
+#[derive(Debug, Subcommand)]
+enum Kind {
+    Convergence(convergence::command::Flags),
+    Errors(errors::Flags),
+    Stability(stability::command::Flags),
+    Needs(needs::command::Flags),
+    Peers(peers::command::Flags),
+    Extremes(extremes::command::Flags),
+    Lod(lod::command::Flags),
+    Paper(paper::command::Flags),
+    Sizes(sizes::Flags),
+    Speeds(speeds::Flags),
+    Live(live::Flags),
+    Backends(backends::Flags),
+    Instances(instances::Flags),
+    Embree(embree::Flags),
+}
+
+impl Bench {
+    /// Measures what the flags say, and prints to `out` what begins and what came of it.
+    ///
+    /// # Errors
+    /// What is wrong with the flags or the volumes; what measuring or writing reports; the job's cancellation.
+    pub fn run(&self, job: &Job, out: &mut dyn Write) -> BenchResult<Outcome> {
+        let console = &mut Console::new(out);
+        match &self.what {
+            Kind::Convergence(flags) => convergence::command::run(flags, job, console),
+            Kind::Errors(flags) => errors::run(flags, job, console),
+            Kind::Stability(flags) => stability::command::run(flags, job, console),
+            Kind::Needs(flags) => needs::command::run(flags, job, console),
+            Kind::Peers(flags) => peers::command::run(flags, job, console),
+            Kind::Extremes(flags) => extremes::command::run(flags, job, console),
+            Kind::Lod(flags) => lod::command::run(flags, job, console),
+            Kind::Paper(flags) => paper::command::run(flags, job, console),
+            Kind::Sizes(flags) => sizes::run(flags, job, console),
+            Kind::Speeds(flags) => speeds::run(flags, job, console),
+            Kind::Live(flags) => live::run(flags, job, console),
+            Kind::Backends(flags) => backends::run(flags, job, console),
+            Kind::Instances(flags) => instances::run(flags, job, console),
+            Kind::Embree(flags) => embree::run(flags, job, console),
+        }
+    }
+}

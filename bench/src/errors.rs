@@ -1,0 +1,138 @@
+//! Error against time on each backend: relMSE of pictures of 1, 4, 16 … samples a pixel against a reference of many more, with the
+//! time that each took and the error that each estimated of itself. The reference is the CPU's whatever backend is measured: all of
+//! them draw the same picture, and one that did not would show here.
+
+use std::path::Path;
+
+use clap::Args;
+use pumice_core::Job;
+use pumice_formats::OpenOptions;
+use pumice_picture::metrics::compare;
+use pumice_session::error::{Result, SessionError};
+use pumice_session::figure::{FigureOptions, compose};
+use pumice_session::render_file::{Rendered, render_scene};
+use pumice_session::selection::select_labels;
+use pumice_session::{Residence, Stop, open_volume};
+use serde::Serialize;
+
+use crate::backends::usable_unless;
+use crate::console::{BenchResult, Console, Outcome};
+use crate::files::file_name;
+use crate::table::{Row, TableFlags};
+
+/// Samples a pixel of the pictures; the reference has [`REFERENCE_FACTOR`] times the last one that is drawn.
+const SPP: [u32; 6] = [1, 4, 16, 32, 64, 128];
+/// The reference's own error adds its share to what is measured: at 64 times the samples 1 or 2 % of it.
+const REFERENCE_FACTOR: u32 = 64;
+/// Labels in the figure, and its pixels.
+const LABELS: usize = 32;
+const SIZE: [u32; 2] = [160, 90];
+/// The reference has a seed of its own, so that its noise is not the pictures'.
+const REFERENCE_SEED: u64 = 1;
+const PICTURE_SEED: u64 = 2;
+
+/// relMSE by seconds, on each backend, against a reference of 64 times as many samples
+///
+/// Draws a figure of 32 labels, 160 × 90 pixels, with rising numbers of samples.
+#[derive(Debug, Args)]
+pub(crate) struct Flags {
+    #[command(flatten)]
+    table: TableFlags,
+    /// Backends to measure; default: all that can render here
+    #[arg(long, value_name = "NAME,…", value_delimiter = ',')]
+    backends: Vec<String>,
+    /// Samples a pixel at most
+    #[arg(long, value_name = "N", default_value = "128", value_parser = clap::value_parser!(u32).range(1..))]
+    spp: u32,
+}
+
+pub(crate) fn run(flags: &Flags, job: &Job, console: &mut Console<'_>) -> BenchResult<Outcome> {
+    let backends = usable_unless(&flags.backends);
+    let mut rows = Vec::new();
+    for volume in &flags.table.volumes {
+        rows.extend(measure_errors(volume, &backends, flags.spp, job)?);
+    }
+    flags.table.show("errors", &rows, console)?;
+    Ok(Outcome::Holds)
+}
+
+/// A picture beside the reference.
+#[derive(Clone, Debug, Serialize)]
+pub struct PictureError {
+    /// The volume's file name.
+    pub volume: String,
+    /// Name of the backend.
+    pub backend: String,
+    /// Samples a pixel.
+    pub spp: u32,
+    /// Wall seconds of rendering.
+    pub seconds: f64,
+    /// CPU seconds of rendering.
+    pub cpu_seconds: f64,
+    /// Against the reference.
+    pub rel_mse: f64,
+    /// Against the reference.
+    pub flip: f64,
+    /// The relative error that the picture estimated of itself; `None` where it has too few samples to know.
+    pub error_estimate: Option<f64>,
+}
+
+/// Measures the figure of a volume on each backend, with at most `most_spp` samples a pixel.
+///
+/// # Errors
+/// What opening and rendering report; the job's cancellation.
+pub fn measure_errors(
+    path: &Path,
+    backends: &[String],
+    most_spp: u32,
+    job: &Job,
+) -> Result<Vec<PictureError>> {
+    let volume = open_volume(path, &OpenOptions::default(), Residence::Mapped, job)?;
+    let labels = Some(select_labels(&volume, LABELS));
+    let options = FigureOptions { size: SIZE, labels, view_deg: FigureOptions::DEFAULT_VIEW_DEG };
+    let mut scene = compose(&volume, path.to_owned(), &options);
+    let mut render = |backend: &str, spp: u32, seed: u64| -> Result<Rendered> {
+        scene.settings.seed = seed;
+        let stop = Stop { spp: Some(spp), ..Stop::default() };
+        render_scene(&scene, std::slice::from_ref(&volume), &[], backend, &stop, job, &mut |_| {})
+    };
+    let counts: Vec<u32> = SPP.into_iter().filter(|&spp| spp <= most_spp.max(SPP[0])).collect();
+    let last = counts.last().copied().unwrap_or(SPP[0]);
+    let reference = render("cpu", last * REFERENCE_FACTOR, REFERENCE_SEED)?.picture.color;
+    let mut rows = Vec::new();
+    for backend in backends {
+        for &spp in &counts {
+            let Rendered { picture, figures, .. } = render(backend, spp, PICTURE_SEED)?;
+            let found = compare(&picture.color, &reference, None, &|| job.is_cancelled())
+                .map_err(|e| SessionError::Caller(e.to_string()))?;
+            rows.push(PictureError {
+                volume: file_name(path),
+                backend: backend.clone(),
+                spp,
+                seconds: figures.seconds,
+                cpu_seconds: figures.cpu_seconds,
+                rel_mse: found.rel_mse,
+                flip: found.flip,
+                error_estimate: figures.error_estimate,
+            });
+        }
+    }
+    Ok(rows)
+}
+
+impl Row for PictureError {
+    fn cells(&self) -> Vec<(&'static str, String)> {
+        vec![
+            ("volume", self.volume.clone()),
+            ("backend", self.backend.clone()),
+            ("samples", self.spp.to_string()),
+            ("s", format!("{:.2}", self.seconds)),
+            ("CPU s", format!("{:.2}", self.cpu_seconds)),
+            ("relMSE", format!("{:.3e}", self.rel_mse)),
+            ("relMSE × CPU s", format!("{:.3e}", self.rel_mse * self.cpu_seconds)),
+            ("estimated error", self.error_estimate.map_or("–".into(), |e| format!("{e:.4}"))),
+            ("√relMSE", format!("{:.4}", self.rel_mse.sqrt())),
+            ("FLIP", format!("{:.4}", self.flip)),
+        ]
+    }
+}

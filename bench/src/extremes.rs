@@ -1,0 +1,328 @@
+//! The worst volumes that there are, generated: each must come back voxel by voxel, within a bound that is stated, in time that grows
+//! no faster than the volume.
+
+pub(crate) mod command;
+mod generated;
+mod tables;
+
+use std::path::Path;
+use std::sync::Arc;
+
+use pumice_core::{
+    BlockSource, CompressOptions, CompressedVolume, Job, Level, Verification, compress, verify,
+};
+use pumice_session::error::{Result, SessionError, io};
+use pumice_session::file_info::acceleration_bytes;
+use pumice_session::measure::peak_rss_bytes;
+use serde::Serialize;
+
+use crate::files::scratch;
+use crate::timing::clocked;
+use generated::{Generated, Rule};
+
+pub use tables::write_extremes;
+
+/// A volume, and what is promised of it.
+#[derive(Clone, Copy, Debug)]
+struct Extreme {
+    name: &'static str,
+    what: &'static str,
+    rule: Rule,
+    dims: [u32; 3],
+    /// Most bytes in memory by the form's layout, hierarchy and label table included: so many for each of the volume's voxels…
+    bytes_a_voxel: f64,
+    /// …and so many besides.
+    bytes_besides: f64,
+}
+
+/// Bytes besides: a node, tables of leaves, names.
+const BESIDES: f64 = 200_000.0;
+
+/// See [`Extreme::bytes_a_voxel`], where there is a label for each voxel: id 8, voxels 8, type 2, run 8, box 8, contacts with three
+/// neighbours of up to 5 bytes each, hierarchy 14.
+const BYTES_A_LABEL: f64 = 63.0;
+
+/// See [`Extreme::bytes_a_voxel`], where a box of 16³ voxels has N labels by chance: for each label a box of 8 bytes, 14 of the hierarchy
+/// and a node of 24 bytes and, for each of its voxels, a reference of 8 at most.
+const fn noise(labels: u32) -> f64 {
+    (8.0 + 14.0 + 24.0) * labels as f64 / 4096.0 + 8.0
+}
+
+const EXTREMES: [Extreme; 6] = [
+    Extreme {
+        name: "runs",
+        what: "1 × 1 × 10⁶ voxels, runs of 7 of four labels and background",
+        rule: Rule::Runs,
+        dims: [1, 1, 1_000_000],
+        // A box of 16 voxels for each of four labels, of 4 cells: 8 bytes, 14 of the hierarchy, and nodes that repeat.
+        bytes_a_voxel: 4.0 * 22.0 / 16.0,
+        bytes_besides: BESIDES,
+    },
+    Extreme {
+        name: "full",
+        what: "2³² voxels of one label",
+        rule: Rule::Full,
+        dims: [2048, 2048, 1024],
+        bytes_a_voxel: 22.0 / 4096.0,
+        bytes_besides: BESIDES,
+    },
+    Extreme {
+        name: "labels",
+        what: "10⁷ labels of one voxel each",
+        rule: Rule::OfItsOwn,
+        dims: [250, 200, 200],
+        bytes_a_voxel: BYTES_A_LABEL,
+        bytes_besides: BESIDES,
+    },
+    Extreme {
+        name: "checkerboard",
+        what: "a checkerboard of two labels, 512³ voxels",
+        rule: Rule::Checkerboard,
+        dims: [512, 512, 512],
+        bytes_a_voxel: 2.0 * 22.0 / 4096.0,
+        bytes_besides: BESIDES,
+    },
+    Extreme {
+        name: "noise-2",
+        what: "one label or none by chance, 512³ voxels",
+        rule: Rule::Noise(2),
+        dims: [512, 512, 512],
+        // All 64 cells of a box have a field of their own: 8 + 8 · 64 + 16 bytes of node.
+        bytes_a_voxel: (22.0 + 536.0) / 4096.0,
+        bytes_besides: BESIDES,
+    },
+    Extreme {
+        name: "noise-256",
+        what: "255 labels or none by chance, 256³ voxels",
+        rule: Rule::Noise(256),
+        dims: [256, 256, 256],
+        bytes_a_voxel: noise(256),
+        bytes_besides: BESIDES,
+    },
+];
+
+/// Names of the cases, in the order in which they are measured.
+pub const EXTREME_NAMES: [&str; 6] = ["runs", "full", "labels", "checkerboard", "noise-2", "noise-256"];
+
+/// Most that the CPU time of a case may grow by, as a power of its voxels, from an eighth of them on: linear work has 1, what a machine
+/// and its caches add is less than half.
+const MOST_EXPONENT: f64 = 1.4;
+
+/// A smaller volume's CPU seconds below which an exponent says more of the clock than of the work.
+const LEAST_SECONDS: f64 = 0.2;
+
+/// What is measured.
+#[derive(Clone, Debug, Default)]
+pub struct ExtremesOptions {
+    /// Names among [`EXTREME_NAMES`]; all where empty.
+    pub cases: Vec<String>,
+    /// A 64th of the voxels.
+    pub reduced: bool,
+    /// As [`CompressOptions::memory_limit_bytes`].
+    pub memory_limit_bytes: Option<u64>,
+}
+
+/// Figures of one volume.
+#[derive(Clone, Debug, Serialize)]
+pub struct ExtremeFigures {
+    /// Size.
+    pub dims: [u32; 3],
+    /// Labels without background.
+    pub labels: u64,
+    /// Boxes.
+    pub boxes: u64,
+    /// In memory, with the hierarchy over the boxes.
+    pub bytes_resident: u64,
+    /// Most that the form can take for such a volume.
+    pub bytes_bound: u64,
+    /// On disk, levels fast and default.
+    pub bytes_disk: [u64; 2],
+    /// From the generator to the compressed volume, the generator's own time taken off.
+    pub compress_cpu_seconds: f64,
+    /// Saving at both levels and opening them again.
+    pub file_cpu_seconds: f64,
+    /// Building the hierarchy.
+    pub hierarchy_cpu_seconds: f64,
+    /// Holding every voxel against the generator's, its own time taken off.
+    pub verify_cpu_seconds: f64,
+    /// Largest memory of the process meanwhile; `None` where the system does not tell.
+    pub peak_rss_bytes: Option<u64>,
+    /// Of the generator alone.
+    pub generator_cpu_seconds: f64,
+}
+
+impl ExtremeFigures {
+    fn voxels(&self) -> f64 {
+        self.dims.iter().map(|&d| f64::from(d)).product()
+    }
+
+    /// All but the generator.
+    fn cpu_seconds(&self) -> f64 {
+        self.compress_cpu_seconds
+            + self.file_cpu_seconds
+            + self.hierarchy_cpu_seconds
+            + self.verify_cpu_seconds
+    }
+}
+
+/// A case: an eighth of its volume, then all of it.
+#[derive(Clone, Debug, Serialize)]
+pub struct ExtremeCase {
+    /// Name.
+    pub name: &'static str,
+    /// In words.
+    pub what: &'static str,
+    /// Of the smaller and the whole volume.
+    pub figures: [ExtremeFigures; 2],
+    /// As which power of the voxels the CPU time grew; `None` where the smaller volume took too little to tell.
+    pub exponent: Option<f64>,
+}
+
+impl ExtremeCase {
+    /// Whether it stays within its bound and grows no faster than it may. (Voxels that do not come back are an error.)
+    pub fn holds(&self) -> bool {
+        self.figures.iter().all(|f| f.bytes_resident <= f.bytes_bound)
+            && self.exponent.is_none_or(|e| e <= MOST_EXPONENT)
+    }
+}
+
+/// Measures the cases that are asked for.
+///
+/// # Errors
+/// An unknown name; a voxel that does not come back; a memory limit that is too small; no room for the files;
+/// [`pumice_core::Error::Cancelled`].
+pub fn measure_extremes(
+    options: &ExtremesOptions,
+    job: &Job,
+    watch: &mut dyn FnMut(&str),
+) -> Result<Vec<ExtremeCase>> {
+    if let Some(unknown) = options.cases.iter().find(|n| !EXTREME_NAMES.contains(&n.as_str())) {
+        let names = EXTREME_NAMES.join(", ");
+        return Err(SessionError::Caller(format!("--case: no case {unknown:?}; there are {names}")));
+    }
+    let folder = scratch()?;
+    let mut cases = Vec::new();
+    for extreme in EXTREMES {
+        if !options.cases.is_empty() && options.cases.iter().all(|n| n != extreme.name) {
+            continue;
+        }
+        let whole = if options.reduced { divided(extreme.dims, 64) } else { extreme.dims };
+        let mut one = |dims: [u32; 3]| {
+            watch(&format!("{}, {} × {} × {}", extreme.name, dims[0], dims[1], dims[2]));
+            measure(&extreme, dims, options.memory_limit_bytes, folder.path(), job)
+        };
+        let figures = [one(divided(whole, 8))?, one(whole)?];
+        let [small, large] = &figures;
+        let exponent = (small.cpu_seconds() >= LEAST_SECONDS).then(|| {
+            (large.cpu_seconds() / small.cpu_seconds()).ln() / (large.voxels() / small.voxels()).ln()
+        });
+        cases.push(ExtremeCase { name: extreme.name, what: extreme.what, figures, exponent });
+    }
+    Ok(cases)
+}
+
+/// A volume of a part of the voxels: its longest axis is halved until it is that part.
+fn divided(mut dims: [u32; 3], part: u32) -> [u32; 3] {
+    for _ in 0..part.ilog2() {
+        let longest = (0..3).max_by_key(|&a| dims[a]).unwrap_or(0);
+        dims[longest] = dims[longest].div_ceil(2);
+    }
+    dims
+}
+
+fn measure(
+    extreme: &Extreme,
+    dims: [u32; 3],
+    memory_limit_bytes: Option<u64>,
+    folder: &Path,
+    job: &Job,
+) -> Result<ExtremeFigures> {
+    forget_peak();
+    let source = || Generated::new(dims, extreme.rule);
+    let mut generator = source();
+    let ((), generating) = clocked(|| {
+        while let Some(block) = generator.next_block()? {
+            job.check()?;
+            std::hint::black_box(&block);
+        }
+        Ok(())
+    })?;
+    let options = CompressOptions { memory_limit_bytes, ..CompressOptions::default() };
+    let (volume, compressing) = clocked(|| {
+        compress(&mut source(), &options, job).map_err(|e| match e {
+            limit @ pumice_core::Error::Limit { .. } => {
+                SessionError::Caller(format!("{}: {limit}", extreme.name))
+            }
+            other => other.into(),
+        })
+    })?;
+    let file = folder.join("extreme.pumice");
+    let (bytes_disk, files) = clocked(|| {
+        let mut bytes = [0; 2];
+        for (level, bytes) in [Level::Fast, Level::Default].into_iter().zip(&mut bytes) {
+            volume.save(&file, level, job)?;
+            *bytes = std::fs::metadata(&file).map_err(io(&file))?.len();
+            let back = CompressedVolume::open(&file, job)?;
+            if back.content_hash() != volume.content_hash() {
+                return Err(SessionError::Caller(format!(
+                    "{}: a file at level {level:?} differs",
+                    extreme.name
+                )));
+            }
+        }
+        Ok(bytes)
+    })?;
+    let volume = Arc::new(volume);
+    let held: u64 = volume.resident_parts().iter().map(|p| p.1).sum();
+    let (hierarchy_bytes, building) = clocked(|| acceleration_bytes(&volume))?;
+    let (verified, verifying) = clocked(|| Ok(verify(&volume, &mut source(), job)?))?;
+    if !matches!(verified, Verification::Same { .. }) {
+        return Err(SessionError::Caller(format!("{}: {verified}", extreme.name)));
+    }
+    let voxels = volume.info().voxels() as f64;
+    Ok(ExtremeFigures {
+        dims,
+        labels: volume.labels().len() as u64,
+        boxes: volume.boxes().len() as u64,
+        bytes_resident: held + hierarchy_bytes,
+        bytes_bound: (extreme.bytes_a_voxel * voxels + extreme.bytes_besides) as u64,
+        bytes_disk,
+        compress_cpu_seconds: (compressing.cpu_seconds - generating.cpu_seconds).max(0.0),
+        file_cpu_seconds: files.cpu_seconds,
+        hierarchy_cpu_seconds: building.cpu_seconds,
+        verify_cpu_seconds: (verifying.cpu_seconds - generating.cpu_seconds).max(0.0),
+        peak_rss_bytes: peak_rss_bytes(),
+        generator_cpu_seconds: generating.cpu_seconds,
+    })
+}
+
+/// Lets the largest memory of this process be counted from now on, where the system can (Linux: proc_pid_clear_refs(5)).
+fn forget_peak() {
+    // Where it cannot, the peak is that of the cases before too: never too small.
+    let _ = std::fs::write("/proc/self/clear_refs", "5");
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_those_of_the_cases_and_parts_are_parts() {
+        assert_eq!(EXTREMES.map(|e| e.name), EXTREME_NAMES);
+        assert_eq!(divided([2048, 2048, 1024], 8), [1024, 1024, 512]);
+        assert_eq!(divided([1, 1, 1_000_000], 64), [1, 1, 15_625]);
+        assert_eq!(divided([250, 200, 200], 8), [125, 100, 100]);
+    }
+
+    #[test]
+    fn a_bound_that_is_exceeded_and_time_that_grows_too_fast_are_seen() {
+        let options = ExtremesOptions { cases: vec!["runs".into()], reduced: true, ..Default::default() };
+        let mut case = measure_extremes(&options, &Job::new(), &mut |_| ()).unwrap().remove(0);
+        assert!(case.holds(), "{case:?}");
+        case.exponent = Some(2.0);
+        assert!(!case.holds());
+        case.exponent = None;
+        case.figures[1].bytes_bound = case.figures[1].bytes_resident - 1;
+        assert!(!case.holds());
+    }
+}

@@ -1,0 +1,176 @@
+//! The same rays through every form: a camera's, and what diffuse surfaces send on.
+
+use std::sync::Arc;
+
+use glam::DVec3;
+use pumice_core::{CompressedVolume, Job};
+use pumice_cpu::traverse::{SceneTracer, TracedInstance, VolumeTracer};
+use pumice_encodings::{Encoding, EncodingTracer};
+use pumice_session::error::Result;
+use pumice_session::measure::Stopwatch;
+use pumice_transport::geometry::LodChoice;
+use pumice_transport::{Hit, PathOrigin, RayInWorld, Tracer};
+
+use super::PaperOptions;
+use crate::ray_sets::{camera_rays, diffuse_rays, some_labels, voxel_side};
+
+/// How far above the face that it leaves a ray starts, in the shortest side of a voxel: the paper's forms have no other way to miss it.
+const LIFT: f64 = 1e-3;
+/// Shares of labels that are shown, in per cent.
+const SHOWN: [u32; 5] = [100, 50, 25, 10, 3];
+
+/// What rays found, and how fast.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Rates {
+    /// Millions a CPU second: of the camera, and diffuse ones.
+    pub rays: [f64; 2],
+    /// How many of them hit.
+    pub hits: [usize; 2],
+    /// Nodes that each read, on average; 0 where they were not counted.
+    pub nodes: [f64; 2],
+}
+
+/// Some labels shown, in the two ways that there are.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hiding {
+    /// Labels that are shown, in per cent.
+    pub shown: u32,
+    /// CPU milliseconds of building the hierarchy anew: the paper's boxes, ours.
+    pub rebuild_ms: [f64; 2],
+    /// Camera rays, millions a CPU second, with it: the paper's, ours.
+    pub rebuilt: [f64; 2],
+    /// The same with one hierarchy for all labels, where hits of hidden ones are passed over.
+    pub discarding: [f64; 2],
+}
+
+/// Rays, and the labels that they meet.
+pub(super) struct Rays {
+    sets: [Vec<RayInWorld>; 2],
+    pub(super) visible: Vec<bool>,
+    rounds: u32,
+}
+
+/// Whatever finds a ray's first hit; nodes that are read are counted.
+type FirstHit<'a> = &'a dyn Fn(&RayInWorld, &mut u64) -> bool;
+
+impl Rays {
+    pub(super) fn new(volume: &Arc<CompressedVolume>, options: &PaperOptions) -> Result<Self> {
+        let visible = some_labels(volume.labels().len(), options.show);
+        let place = volume.info().world_from_index;
+        let camera = camera_rays(&place, volume.info().dims, u64::from(options.side.next_multiple_of(8)));
+        let scene = SceneTracer::new(&[traced(volume, &visible, LodChoice::Voxels)])?;
+        let first = |r: &RayInWorld| Some((*r, scene.first_hit(r, PathOrigin::Free, f64::INFINITY)?));
+        let hits: Vec<(RayInWorld, Hit)> = camera.iter().filter_map(first).collect();
+        let lift = LIFT * voxel_side(&place);
+        let lifted = |(ray, (_, hit)): (RayInWorld, &(RayInWorld, Hit))| {
+            let above: DVec3 = lift * hit.normal_in_world.normalize();
+            RayInWorld { origin: ray.origin + above, ..ray }
+        };
+        let diffuse = diffuse_rays(&hits).into_iter().zip(&hits).map(lifted).collect();
+        Ok(Self { sets: [camera, diffuse], visible, rounds: options.rounds })
+    }
+
+    pub(super) fn counts(&self) -> [usize; 2] {
+        [self.sets[0].len(), self.sets[1].len()]
+    }
+
+    /// Of each tracer, in turn.
+    fn measure(&self, tracers: &[FirstHit<'_>], sets: &[usize], job: &Job) -> Result<Vec<Rates>> {
+        let mut all = vec![Rates::default(); tracers.len()];
+        for &set in sets {
+            let mut best = vec![f64::INFINITY; tracers.len()];
+            for _ in 0..self.rounds {
+                for (tracer, (rates, best)) in tracers.iter().zip(all.iter_mut().zip(&mut best)) {
+                    job.check()?;
+                    let mut nodes = 0;
+                    let clock = Stopwatch::start();
+                    let hits = self.sets[set].iter().filter(|r| tracer(r, &mut nodes)).count();
+                    *best = best.min(clock.cpu_seconds());
+                    rates.hits[set] = hits;
+                    rates.nodes[set] = nodes as f64 / self.sets[set].len().max(1) as f64;
+                }
+            }
+            for (rates, best) in all.iter_mut().zip(best) {
+                rates.rays[set] = self.sets[set].len() as f64 / best.max(1e-9) / 1e6;
+            }
+        }
+        Ok(all)
+    }
+
+    pub(super) fn rates(&self, tracers: &[EncodingTracer<'_>], job: &Job) -> Result<Vec<Rates>> {
+        let ways: Vec<_> = tracers.iter().map(by).collect();
+        let ways: Vec<FirstHit<'_>> = ways.iter().map(|w| w as FirstHit<'_>).collect();
+        self.measure(&ways, &[0, 1], job)
+    }
+
+    /// Of ours: voxels, boxes drawn whole. (Through boxes alone, as the paper's forms are traced: bricks are bytes besides.)
+    pub(super) fn ours(&self, volume: &Arc<CompressedVolume>, job: &Job) -> Result<[Rates; 2]> {
+        let mut rates = [Rates::default(); 2];
+        for (rates, lod) in rates.iter_mut().zip([LodChoice::Voxels, LodChoice::Boxes]) {
+            let scene = SceneTracer::without_bricks(&[traced(volume, &self.visible, lod)])?;
+            let way =
+                |r: &RayInWorld, _: &mut u64| scene.first_hit(r, PathOrigin::Free, f64::INFINITY).is_some();
+            *rates = self.measure(&[&way], &[0, 1], job)?[0];
+        }
+        Ok(rates)
+    }
+
+    /// Labels hidden in two ways, of the paper's form and of ours.
+    pub(super) fn hiding(
+        &self,
+        encoding: &Encoding,
+        volume: &Arc<CompressedVolume>,
+        job: &Job,
+    ) -> Result<Vec<Hiding>> {
+        let place = volume.info().world_from_index;
+        let mut all = Vec::new();
+        for shown in SHOWN {
+            let visible = some_labels(volume.labels().len(), shown);
+            let instance = traced(volume, &visible, LodChoice::Voxels);
+            let mut rebuild_ms = [f64::INFINITY; 2];
+            for _ in 0..self.rounds {
+                let clock = Stopwatch::start();
+                EncodingTracer::new(encoding, place, &visible)?;
+                rebuild_ms[0] = rebuild_ms[0].min(1e3 * clock.cpu_seconds());
+                let clock = Stopwatch::start();
+                VolumeTracer::new(0, &instance)?;
+                rebuild_ms[1] = rebuild_ms[1].min(1e3 * clock.cpu_seconds());
+            }
+            let scene = |tracer| SceneTracer::of(vec![Arc::new(tracer)]);
+            let theirs = [
+                EncodingTracer::new(encoding, place, &visible)?,
+                EncodingTracer::discarding(encoding, place, &visible)?,
+            ];
+            let ours = [
+                scene(VolumeTracer::new(0, &instance)?),
+                scene(VolumeTracer::carrying_hidden(0, &instance)?),
+            ];
+            let ours = ours.each_ref().map(|scene| {
+                |r: &RayInWorld, _: &mut u64| scene.first_hit(r, PathOrigin::Free, f64::INFINITY).is_some()
+            });
+            let theirs = theirs.each_ref().map(by);
+            let ways: [FirstHit<'_>; 4] = [&theirs[0], &ours[0], &theirs[1], &ours[1]];
+            let rates: Vec<f64> = self.measure(&ways, &[0], job)?.iter().map(|r| r.rays[0]).collect();
+            all.push(Hiding {
+                shown,
+                rebuild_ms,
+                rebuilt: [rates[0], rates[1]],
+                discarding: [rates[2], rates[3]],
+            });
+        }
+        Ok(all)
+    }
+}
+
+fn by<'a>(tracer: &'a EncodingTracer<'a>) -> impl Fn(&RayInWorld, &mut u64) -> bool + 'a {
+    |ray, nodes| tracer.first_hit(ray, nodes).is_some()
+}
+
+fn traced(volume: &Arc<CompressedVolume>, visible: &[bool], lod: LodChoice) -> TracedInstance {
+    TracedInstance {
+        volume: Arc::clone(volume),
+        world_from_index: volume.info().world_from_index,
+        visible: visible.to_vec(),
+        lod,
+    }
+}

@@ -1,0 +1,359 @@
+//! Other programs that store label volumes beside Pumice: bytes, CPU seconds, what one voxel costs, whether it can be ray traced.
+//!
+//! ```text
+//! volume ─► labels.npy ─► one Python process a program: compress, decompress, compare, read single voxels ─► report.json
+//!       └─► the same array, in this process: compress, save and open at each level, decode, `label_at`
+//! ```
+//! Each gets the voxels as an array in memory and gives them back as one.
+
+pub(crate) mod command;
+mod tables;
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use pumice_core::{
+    ArraySource, CompressOptions, CompressedVolume, Job, LabelBuffer, LabelType, Level, VolumeInfo, compress,
+};
+use pumice_formats::OpenOptions;
+use pumice_session::error::{Result, SessionError, io};
+use pumice_session::file_info::acceleration_bytes;
+use pumice_session::measure::Stopwatch;
+use pumice_session::npy::write_npy;
+use pumice_session::script::run_script;
+use pumice_session::{Residence, open_volume};
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+
+use crate::files::{file_name, scratch};
+use crate::timing::{Took, clocked};
+use crate::voxels::{decoded, each_slab};
+
+pub use tables::write_peers;
+
+/// Measures one program, in Python.
+const SCRIPT: &str = include_str!("peers/peers.py");
+
+/// Programs that are measured by their own Python packages, and whether what they make can be ray traced as it is.
+pub const PEERS: [(&str, &str); 8] = [
+    ("crackle", "no: a z layer is decoded for a voxel of it"),
+    ("crackle + zstd", "no: all is decoded"),
+    ("compresso", "no: a z layer is decoded for a voxel of it"),
+    ("compresso + gzip", "no: all is decoded"),
+    ("compressed_segmentation", "voxel by voxel: nothing tells a ray what it may skip"),
+    ("zstd", "no: all is decoded"),
+    ("NIfTI + gzip", "no: all is decoded"),
+    ("zarr", "no: chunks are decoded"),
+];
+
+/// Voxels that are read one by one, at most (of slow programs as many as two seconds allow).
+const VOXELS: u32 = 20_000;
+
+/// What is measured.
+#[derive(Clone, Debug)]
+pub struct PeersOptions {
+    /// Label volume or `.pumice` file.
+    pub volume: PathBuf,
+    /// Python interpreter that has the programs' packages.
+    pub python: PathBuf,
+    /// Names among [`PEERS`] that are left out.
+    pub without: Vec<String>,
+}
+
+/// One program's figures.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Peer {
+    /// Name, for Pumice with the level.
+    pub name: String,
+    /// Version of its package.
+    pub version: String,
+    /// What it made: the file's bytes, or those in memory for the row that says so.
+    pub bytes: u64,
+    /// From the array to those bytes.
+    pub compress: Took,
+    /// And back to an array.
+    pub decompress: Took,
+    /// CPU seconds for reading one voxel of what it made.
+    pub voxel_cpu_seconds: f64,
+    /// What it does for that.
+    pub one_voxel: String,
+    /// Whether a ray can be traced through those bytes.
+    pub traversable: String,
+}
+
+/// One volume's programs.
+#[derive(Clone, Debug, Serialize)]
+pub struct PeersTable {
+    /// The volume's file, without its folder.
+    pub volume: String,
+    /// Its size.
+    pub dims: [u32; 3],
+    /// 4 bytes a voxel.
+    pub bytes_raw: u64,
+    /// Pumice first.
+    pub programs: Vec<Peer>,
+    /// Those that the caller left out.
+    pub left_out: Vec<String>,
+}
+
+#[derive(Deserialize)]
+struct Missing {
+    missing: Vec<String>,
+}
+
+#[derive(Deserialize)]
+struct Report {
+    version: String,
+    bytes: u64,
+    compress: Took,
+    decompress: Took,
+    lossless: bool,
+    voxel_cpu_seconds: f64,
+    one_voxel: String,
+}
+
+/// Measures a volume with Pumice and all programs that are not left out.
+///
+/// # Errors
+/// What is wrong with the volume or its file; an unknown name; a package that is missing, before anything is measured; a program that
+/// does not give back the very same voxels; [`pumice_core::Error::Cancelled`].
+pub fn measure_peers(options: &PeersOptions, job: &Job, watch: &mut dyn FnMut(&str)) -> Result<PeersTable> {
+    if let Some(unknown) = options.without.iter().find(|n| PEERS.iter().all(|p| p.0 != n.as_str())) {
+        let names = PEERS.map(|p| p.0).join(", ");
+        return Err(SessionError::Caller(format!("--without: no program {unknown:?}; there are {names}")));
+    }
+    let asked: Vec<(&str, &str)> =
+        PEERS.into_iter().filter(|p| options.without.iter().all(|n| n != p.0)).collect();
+    let python = Python::new(&options.python, job)?;
+    if !asked.is_empty() {
+        let names: Vec<&str> = asked.iter().map(|p| p.0).collect();
+        let found: Missing = python.ask("the programs' packages", json!({ "check": names }))?;
+        if let Some(line) = found.missing.first() {
+            let more = match found.missing.len() {
+                1 => String::new(),
+                n => format!(" (and {} more)", n - 1),
+            };
+            let python = options.python.display();
+            return Err(SessionError::Caller(format!("{python}: {line}{more}, or name it with --without")));
+        }
+    }
+
+    let volume = open_volume(&options.volume, &OpenOptions::default(), Residence::Copied, job)?;
+    let dims = volume.info().dims;
+    if volume.info().voxels() == 0 {
+        let path = options.volume.display();
+        return Err(SessionError::Caller(format!(
+            "{path}: a volume of {dims:?} voxels has nothing to measure"
+        )));
+    }
+    let labels = decoded(&volume, job)?;
+    drop(volume);
+    let voxels = spread(dims);
+    let mut programs = pumice(&options.volume, dims, &labels, &voxels, job, watch)?;
+
+    if !asked.is_empty() {
+        let (kind, bytes): (_, &[u8]) = match &labels {
+            LabelBuffer::U64(v) => ("<u8", bytemuck::cast_slice(v)),
+            LabelBuffer::U32(v) => ("<u4", bytemuck::cast_slice(v)),
+            // `decoded` makes no others.
+            _ => ("|u1", &[]),
+        };
+        write_npy(&python.path("labels.npy"), kind, &[2, 1, 0].map(|a| dims[a] as usize), bytes)?;
+    }
+    drop(labels);
+    for (name, traversable) in asked {
+        watch(name);
+        let report: Report = python.ask(
+            name,
+            json!({
+                "peer": name,
+                "labels": python.path("labels.npy"),
+                "voxels": voxels,
+                "scratch": python.path("scratch"),
+            }),
+        )?;
+        if !report.lossless {
+            let (path, version) = (options.volume.display(), &report.version);
+            return Err(SessionError::Caller(format!("{path}: {name} {version} gave other voxels back")));
+        }
+        programs.push(Peer {
+            name: name.into(),
+            version: report.version,
+            bytes: report.bytes,
+            compress: report.compress,
+            decompress: report.decompress,
+            voxel_cpu_seconds: report.voxel_cpu_seconds,
+            one_voxel: report.one_voxel,
+            traversable: traversable.into(),
+        });
+    }
+    Ok(PeersTable {
+        volume: file_name(&options.volume),
+        dims,
+        bytes_raw: dims.iter().map(|&d| u64::from(d)).product::<u64>().saturating_mul(4),
+        programs,
+        left_out: options.without.clone(),
+    })
+}
+
+/// The interpreter, and a folder for what it is asked.
+struct Python<'a> {
+    interpreter: &'a Path,
+    folder: tempfile::TempDir,
+    job: &'a Job,
+}
+
+impl<'a> Python<'a> {
+    fn new(interpreter: &'a Path, job: &'a Job) -> Result<Self> {
+        let folder = scratch()?;
+        let python = Self { interpreter, folder, job };
+        std::fs::write(python.path("peers.py"), SCRIPT).map_err(io(python.path("peers.py")))?;
+        Ok(python)
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// Runs the script of `what` on a request, and reads what it reports.
+    fn ask<T: serde::de::DeserializeOwned>(&self, what: &str, mut request: serde_json::Value) -> Result<T> {
+        let [asked, report, said] = ["job.json", "report.json", "said.txt"].map(|name| self.path(name));
+        request["report"] = json!(report);
+        std::fs::write(&asked, request.to_string()).map_err(io(&asked))?;
+        run_script(what, self.interpreter, &self.path("peers.py"), &asked, &said, self.job)?;
+        let text = std::fs::read(&report).map_err(io(&report))?;
+        serde_json::from_slice(&text).map_err(|e| SessionError::Caller(format!("what {what} reported: {e}")))
+    }
+}
+
+/// Voxels all over a volume, none of them where a block begins more than chance has it: the additive recurrence of the plastic number
+/// (M. Roberts, "The Unreasonable Effectiveness of Quasirandom Sequences", 2018).
+fn spread(dims: [u32; 3]) -> Vec<[u32; 3]> {
+    const PLASTIC: f64 = 1.220_744_084_605_76;
+    let at = |i: u32, a: usize| {
+        let share = (0.5 + f64::from(i) / PLASTIC.powi(a as i32 + 1)).fract();
+        ((share * f64::from(dims[a])) as u32).min(dims[a] - 1)
+    };
+    (0..VOXELS).map(|i| [0, 1, 2].map(|a| at(i, a))).collect()
+}
+
+/// Pumice at all levels, and the form that is traced.
+fn pumice(
+    path: &Path,
+    dims: [u32; 3],
+    labels: &LabelBuffer,
+    voxels: &[[u32; 3]],
+    job: &Job,
+    watch: &mut dyn FnMut(&str),
+) -> Result<Vec<Peer>> {
+    let label_type = if matches!(labels, LabelBuffer::U64(_)) { LabelType::U64 } else { LabelType::U32 };
+    let mut source = ArraySource::new(VolumeInfo::new(dims, label_type), labels.clone())?;
+    watch("Pumice");
+    let (volume, compressing) = clocked(|| Ok(compress(&mut source, &CompressOptions::default(), job)?))?;
+    drop(source);
+    let folder = scratch()?;
+    let file = folder.path().join("volume.pumice");
+
+    let mut programs = Vec::new();
+    for (level, name) in [(Level::Fast, "fast"), (Level::Default, "default"), (Level::Small, "small")] {
+        watch(&format!("Pumice, {name}"));
+        let ((), saving) = clocked(|| Ok(volume.save(&file, level, job)?))?;
+        let mut same = true;
+        let mut at = 0;
+        // Compared slab by slab outside the clock: the others' arrays are compared outside theirs.
+        let mut decoding = Took::default();
+        let (back, opening) = clocked(|| Ok(CompressedVolume::open(&file, job)?))?;
+        let mut clock = Stopwatch::start();
+        each_slab(&back, job, |ids| {
+            decoding = decoding + Took::since(&clock);
+            same &= match labels {
+                LabelBuffer::U64(v) => v[at..at + ids.len()] == ids,
+                LabelBuffer::U32(v) => {
+                    v[at..at + ids.len()].iter().zip(&ids).all(|(&a, &b)| u64::from(a) == b)
+                }
+                _ => false,
+            };
+            at += ids.len();
+            clock = Stopwatch::start();
+        })?;
+        if !same {
+            let path = path.display();
+            return Err(SessionError::Caller(format!(
+                "{path}: Pumice at level {name} gave other voxels back"
+            )));
+        }
+        programs.push(Peer {
+            name: format!("Pumice, {name}"),
+            version: env!("CARGO_PKG_VERSION").into(),
+            bytes: std::fs::metadata(&file).map_err(io(&file))?.len(),
+            compress: compressing + saving,
+            decompress: opening + decoding,
+            voxel_cpu_seconds: f64::NAN,
+            one_voxel: "opened once, then as in memory".into(),
+            traversable: "once it is opened".into(),
+        });
+    }
+
+    watch("Pumice, in memory");
+    let bytes = volume.resident_parts().iter().map(|p| p.1).sum();
+    // The index for single voxels is no part of what is traced; it is built before the clock starts, as the others' readers are.
+    volume.grid();
+    let (wrong, reading) = clocked(|| {
+        let ids = volume.labels().ids();
+        let id = |&v: &[u32; 3]| volume.label_at(v).map_or(0, |l| ids[l as usize]);
+        let place = |v: &[u32; 3]| {
+            (v[0] as usize) + dims[0] as usize * (v[1] as usize + dims[1] as usize * v[2] as usize)
+        };
+        let expected = |v: &[u32; 3]| match labels {
+            LabelBuffer::U64(labels) => labels[place(v)],
+            LabelBuffer::U32(labels) => u64::from(labels[place(v)]),
+            _ => u64::MAX,
+        };
+        Ok(voxels.iter().filter(|v| id(v) != expected(v)).count())
+    })?;
+    if wrong > 0 {
+        let path = path.display();
+        return Err(SessionError::Caller(format!(
+            "{path}: Pumice read {wrong} of {} voxels wrong",
+            voxels.len()
+        )));
+    }
+    let (ids, decoding) = clocked(|| {
+        let mut count = 0;
+        each_slab(&volume, job, |ids| count += ids.len())?;
+        Ok(count)
+    })?;
+    debug_assert_eq!(ids, labels.len());
+    let volume = Arc::new(volume);
+    programs.push(Peer {
+        name: "Pumice, in memory".into(),
+        version: env!("CARGO_PKG_VERSION").into(),
+        bytes,
+        compress: compressing,
+        decompress: decoding,
+        voxel_cpu_seconds: reading.cpu_seconds / voxels.len() as f64,
+        one_voxel: format!("from its box, by an index of {} bytes more", volume.grid().bytes()),
+        traversable: format!(
+            "yes, with a hierarchy over its boxes of {} bytes more",
+            acceleration_bytes(&volume)?
+        ),
+    });
+    Ok(programs)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn voxels_are_spread_over_all_of_the_volume() {
+        let dims = [7, 1, 300];
+        let voxels = spread(dims);
+        for (a, &dim) in dims.iter().enumerate() {
+            let mut met: Vec<u32> = voxels.iter().map(|v| v[a]).collect();
+            met.sort_unstable();
+            met.dedup();
+            assert_eq!(met, (0..dim).collect::<Vec<_>>());
+        }
+    }
+}

@@ -1,0 +1,83 @@
+//! The figures as CSV, a row a program, and as a page.
+
+use std::path::Path;
+
+use pumice_session::error::Result;
+
+use super::{Peer, PeersTable};
+use crate::files::write_results;
+use crate::table::quoted;
+
+/// Writes `peers.csv` and `peers.md`; `machine` describes what they were measured on.
+///
+/// # Errors
+/// When the folder or a file cannot be written.
+pub fn write_peers(folder: &Path, machine: &str, tables: &[PeersTable]) -> Result<()> {
+    write_results(folder, [("peers.csv".into(), csv(tables)), ("peers.md".into(), markdown(machine, tables))])
+}
+
+fn csv(tables: &[PeersTable]) -> String {
+    let mut text =
+        "volume,program,version,bytes,bytes_raw,compress_cpu_s,compress_s,decompress_cpu_s,decompress_s,\
+                    voxel_cpu_us,one_voxel,traversable\n"
+            .to_owned();
+    for (table, p) in tables.iter().flat_map(|t| t.programs.iter().map(move |p| (t, p))) {
+        text += &format!(
+            "{},{},{},{},{},{:.3},{:.3},{:.3},{:.3},{},{},{}\n",
+            quoted(&table.volume),
+            quoted(&p.name),
+            p.version,
+            p.bytes,
+            table.bytes_raw,
+            p.compress.cpu_seconds,
+            p.compress.seconds,
+            p.decompress.cpu_seconds,
+            p.decompress.seconds,
+            microseconds(p).unwrap_or_default(),
+            quoted(&p.one_voxel),
+            quoted(&p.traversable)
+        );
+    }
+    text
+}
+
+/// What one voxel costs, where it was measured.
+fn microseconds(p: &Peer) -> Option<String> {
+    p.voxel_cpu_seconds.is_finite().then(|| format!("{:.3}", 1e6 * p.voxel_cpu_seconds))
+}
+
+fn markdown(machine: &str, tables: &[PeersTable]) -> String {
+    let mut text = format!(
+        "# peers\n\n{machine}\n\nEach program gets the voxels as an array in memory and gives them back as one; all gave back the very \
+         same voxels. Per cent are of 4 bytes a voxel, seconds are CPU seconds of all threads, with the wall's beside them.\n"
+    );
+    for table in tables {
+        let [x, y, z] = table.dims;
+        text += &format!(
+            "\n## {}, {x} × {y} × {z}\n\n\
+             | program | bytes | % | compress, CPU s (wall) | decompress, CPU s (wall) | one voxel, CPU µs | how | ray traced as it is |\n\
+             | --- | --- | --- | --- | --- | --- | --- | --- |\n",
+            table.volume
+        );
+        for p in &table.programs {
+            let percent = 100.0 * p.bytes as f64 / table.bytes_raw as f64;
+            text += &format!(
+                "| {} {} | {} | {percent:.3} | {:.2} ({:.2}) | {:.2} ({:.2}) | {} | {} | {} |\n",
+                p.name,
+                p.version,
+                p.bytes,
+                p.compress.cpu_seconds,
+                p.compress.seconds,
+                p.decompress.cpu_seconds,
+                p.decompress.seconds,
+                microseconds(p).unwrap_or_else(|| "–".into()),
+                p.one_voxel,
+                p.traversable
+            );
+        }
+        if !table.left_out.is_empty() {
+            text += &format!("\nLeft out: {}.\n", table.left_out.join(", "));
+        }
+    }
+    text
+}

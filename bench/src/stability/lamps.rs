@@ -1,0 +1,135 @@
+//! Lamps without size, without angle and as wide as the world, over a floor of which one place is looked at: what it shows is albedo / π
+//! of the irradiance there.
+
+use std::f64::consts::PI;
+use std::sync::Arc;
+
+use glam::{DAffine3, DMat3, DVec3};
+use pumice_core::CompressedVolume;
+use pumice_oracle::volumes::volume;
+use pumice_scene::{Light, LightShape, Mode, Outline, Scene};
+use pumice_session::error::Result;
+
+use super::Case;
+use super::pictures::{Studio, from_above, lambert, mean_off, sky, worst};
+
+const ALBEDO: f32 = 0.6;
+const POWER: f64 = 1000.0;
+/// Of a lamp over the place that is looked at.
+const HEIGHT: f64 = 10.0;
+/// Of what is looked at: straight below a lamp cosines and distances are the same all over it to 1e-10.
+const SIDE: f64 = 1e-4;
+
+pub(super) fn measure(studio: &mut Studio<'_>, tell: &mut dyn FnMut(Case) -> Result<()>) -> Result<()> {
+    let (_, floor) = volume([16, 16, 4], |_, _, z| u32::from(z < 2));
+    // Intensity P / 4π of points and spots, over the squared distance.
+    let from_point = POWER / (4.0 * PI * HEIGHT * HEIGHT);
+    for (name, shape, irradiance) in [
+        ("a point of size 0", point(0.0), from_point),
+        ("a ball of radius 1e-20", point(1e-20), from_point),
+        ("a ball of radius 1e-7", point(1e-7), from_point),
+        ("a spot of angle 1e-3", spot(1e-3, 0.0), from_point),
+        ("a spot of angle π", spot(PI, 0.0), from_point),
+        ("a spot of angle 0", spot(0.0, 0.0), 0.0),
+        ("a ball with a spot's angle of 0", spot(0.0, 1.0), 0.0),
+        // Radiance P / πA, seen small.
+        ("an area of size 1e-6", area(1e-6, PI), POWER / (PI * HEIGHT * HEIGHT)),
+        // A beam: P / A.
+        ("a beam of size 1e6", area(1e6, 0.0), POWER / 1e12),
+        // All around, radiance P / 4π²r².
+        ("a ball of radius 1e6 around all", point(1e6), POWER / (4.0 * PI * 1e12)),
+    ] {
+        let pixels = studio.expose(&under(shape), &floor, 4)?;
+        let case = match irradiance {
+            0.0 => {
+                let light = pixels.iter().flatten().fold(0.0, |m: f64, &v| m.max(v.into()));
+                case(name, light, "largest value of a pixel", 0.0, "a cone of no width lets nothing through")
+            }
+            // From within a ball directions follow the cosine, whoever draws them: without noise too.
+            _ => {
+                let error = worst(&pixels, f64::from(ALBEDO) / PI * irradiance);
+                case(name, error, RELATIVE, 5e-6, "a handful of products in f32")
+            }
+        };
+        tell(case)?;
+    }
+
+    // Radiance P / πA from half of all directions: π of it arrives.
+    let off =
+        mean_off(&studio.expose(&under(area(1e6, PI)), &floor, 64)?, f64::from(ALBEDO) / PI * POWER / 1e12);
+    // Even directions, weighted by a cosine: σ is at most 0.58 of the mean, and 144 pixels × 64 samples leave 0.6 % of that.
+    let reason = "two standard errors of even directions";
+    tell(case("an area of size 1e6", off.abs(), "relative error of the mean", 7e-3, reason))?;
+    tilted(studio, &floor, tell)
+}
+
+/// The floor mirrored and sheared: the cosine is that of its own normal.
+fn tilted(
+    studio: &mut Studio<'_>,
+    floor: &Arc<CompressedVolume>,
+    tell: &mut dyn FnMut(Case) -> Result<()>,
+) -> Result<()> {
+    let sheared = DMat3::from_cols_array(&[1.0, 0.2, 0.3, -0.3, 1.1, -0.6, 0.4, 0.0, 0.9]);
+    for (name, matrix3) in [
+        ("mirrored", DMat3::from_diagonal(DVec3::new(-1.0, 1.0, 1.0))),
+        ("turned over", DMat3::from_diagonal(DVec3::new(1.0, 1.0, -1.0))),
+        ("sheared", sheared),
+        ("sheared and mirrored", sheared * DMat3::from_diagonal(DVec3::new(1.0, -1.0, 1.0))),
+        ("sheared, 1e-6 of its size", sheared * 1e-6),
+    ] {
+        let place = DAffine3 { matrix3, translation: DVec3::new(3.0, -2.0, 1.0) };
+        // Of the slab's two faces that which is seen from above.
+        let across = matrix3.x_axis.cross(matrix3.y_axis).normalize();
+        let normal = across * across.z.signum();
+        let top = if normal.dot(matrix3.z_axis) > 0.0 { 2.0 } else { 0.0 };
+        let seen = place.transform_point3(DVec3::new(8.0, 8.0, top));
+        let lamp = seen + DVec3::new(3.0, -1.0, HEIGHT);
+        let shape = LightShape::Point { position: lamp.to_array(), radius: 0.0, soft_falloff: false };
+        let scale = matrix3.x_axis.length();
+        let mut scene = lit(shape, [seen.x, seen.y], SIDE * scale.min(1.0));
+        scene.instances[0].world_from_index = place;
+        let way = lamp - seen;
+        let cos = way.normalize().dot(normal);
+        let expected = f64::from(ALBEDO) / PI * POWER * cos / (4.0 * PI * way.length_squared());
+        let error = worst(&studio.expose(&scene, floor, 4)?, expected);
+        let name = format!("a point over a floor, {name}");
+        // From its middle what is looked at goes on for 7e-5, 7e-6 of the distance, which the irradiance follows threefold.
+        let reason = "what is looked at is 1e-5 of the distance wide";
+        tell(case(&name, error, RELATIVE, 2.5e-5, reason))?;
+    }
+    Ok(())
+}
+
+const RELATIVE: &str = "largest relative error of a pixel";
+
+fn case(name: &str, error: f64, unit: &'static str, bar: f64, reason: &'static str) -> Case {
+    Case::new("lamps", name, error, unit, bar, reason)
+}
+
+fn lit(shape: LightShape, at: [f64; 2], scale: f64) -> Scene {
+    let mut scene = from_above(lambert(ALBEDO), sky(0.0), at, scale);
+    scene.settings.mode = Mode::OneBounce;
+    scene.lights = vec![Light { shape, power_w: POWER as f32, color: [1.0; 3], visible_to_camera: false }];
+    scene
+}
+
+fn under(shape: LightShape) -> Scene {
+    lit(shape, [8.0, 8.0], SIDE)
+}
+
+/// Over the middle of the floor.
+const ABOVE: [f64; 3] = [8.0, 8.0, 2.0 + HEIGHT];
+
+fn point(radius: f64) -> LightShape {
+    LightShape::Point { position: ABOVE, radius, soft_falloff: false }
+}
+
+fn spot(angle_rad: f64, radius: f64) -> LightShape {
+    let direction = [0.0, 0.0, -1.0];
+    LightShape::Spot { position: ABOVE, direction, radius, angle_rad, blend: 0.0, soft_falloff: false }
+}
+
+fn area(side: f64, spread_rad: f64) -> LightShape {
+    let world_from_light = DAffine3::from_translation(ABOVE.into());
+    LightShape::Area { world_from_light, outline: Outline::Rectangle, size: [side; 2], spread_rad }
+}

@@ -1,0 +1,196 @@
+//! Small pictures of small volumes, and the count of pixels that are no light.
+
+use std::cell::Cell;
+use std::sync::Arc;
+use std::time::Duration;
+
+use glam::{DAffine3, DMat3, DVec3};
+use pumice_core::{CompressedVolume, Job};
+use pumice_cpu::CpuRenderer;
+use pumice_picture::{Image, Picture};
+use pumice_scene::{
+    Camera, Environment, Film, Filter, Instance, LabelStyle, Material, Projection, SCENE_VERSION, Scene,
+    Settings, World,
+};
+use pumice_session::FallbackRenderer;
+use pumice_session::backend::read_environment;
+use pumice_session::error::{Result, SessionError};
+use pumice_transport::{RenderError, Renderer};
+
+use super::Beside;
+
+/// Pixels along each side.
+pub(super) const SIDE: u32 = 12;
+
+/// One renderer for all pictures, and the processor's beside it where another one draws.
+pub(super) struct Studio<'a> {
+    renderer: FallbackRenderer,
+    processor: CpuRenderer,
+    beside: &'a Cell<Option<Beside>>,
+    job: &'a Job,
+    pixels: u64,
+    bad: u64,
+}
+
+impl<'a> Studio<'a> {
+    /// `beside` gathers how far pictures are from the processor's, until somebody takes it.
+    pub(super) fn new(renderer: FallbackRenderer, beside: &'a Cell<Option<Beside>>, job: &'a Job) -> Self {
+        let processor = CpuRenderer::new(read_environment);
+        Self { renderer, processor, beside, job, pixels: 0, bad: 0 }
+    }
+
+    /// Colours of a picture of `spp` samples a pixel.
+    pub(super) fn draw(
+        &mut self,
+        scene: &Scene,
+        volume: &Arc<CompressedVolume>,
+        spp: u32,
+    ) -> std::result::Result<Vec<[f32; 3]>, RenderError> {
+        let pixels = colors(&mut self.renderer, scene, volume, spp, self.job)?;
+        self.pixels += pixels.len() as u64;
+        self.bad += pixels.iter().filter(|p| p.iter().any(|v| !v.is_finite() || *v < 0.0)).count() as u64;
+        if self.renderer.name() != "cpu" {
+            let expected = colors(&mut self.processor, scene, volume, spp, self.job)?;
+            let found = Beside::between(&pixels, &expected);
+            self.beside.set(Some(self.beside.get().map_or(found, |former| former.worse(found))));
+        }
+        Ok(pixels)
+    }
+
+    /// The same, where the picture must be possible.
+    pub(super) fn expose(
+        &mut self,
+        scene: &Scene,
+        volume: &Arc<CompressedVolume>,
+        spp: u32,
+    ) -> Result<Vec<[f32; 3]>> {
+        self.draw(scene, volume, spp).map_err(SessionError::from)
+    }
+
+    /// Backend and device.
+    pub(super) fn drawn_by(&self) -> (String, String) {
+        (self.renderer.name().to_owned(), self.renderer.device().to_owned())
+    }
+
+    /// Pixels so far, and how many of them were not a number from 0 on.
+    pub(super) fn looked_at(&self) -> (u64, u64) {
+        (self.pixels, self.bad)
+    }
+}
+
+fn colors(
+    renderer: &mut dyn Renderer,
+    scene: &Scene,
+    volume: &Arc<CompressedVolume>,
+    spp: u32,
+    job: &Job,
+) -> std::result::Result<Vec<[f32; 3]>, RenderError> {
+    renderer.set_scene(scene, std::slice::from_ref(volume), &[])?;
+    // What the caller counts must not be the steps of a picture.
+    let mut progress = renderer.advance(Duration::ZERO, spp, job)?;
+    while progress.spp < spp {
+        progress = renderer.advance(Duration::from_millis(100), spp, job)?;
+    }
+    Ok(renderer.color()?.pixels)
+}
+
+/// Scatters evenly.
+pub(super) fn lambert(albedo: f32) -> Material {
+    Material { base_color: [albedo; 3], specular: 0.0, roughness: 1.0, ..Material::default() }
+}
+
+pub(super) fn sky(radiance: f32) -> Environment {
+    Environment::Constant { radiance: [radiance; 3] }
+}
+
+/// A volume seen by a parallel projection straight down: `scale` index units around (x, y), from far above.
+pub(super) fn from_above(material: Material, environment: Environment, at: [f64; 2], scale: f64) -> Scene {
+    let translation = DVec3::new(at[0], at[1], 200.0);
+    Scene {
+        version: SCENE_VERSION,
+        instances: vec![Instance {
+            id: 1,
+            source: "memory".into(),
+            world_from_index: DAffine3::IDENTITY,
+            style: LabelStyle { material, ..LabelStyle::default() },
+        }],
+        camera: Camera::new(
+            DAffine3 { matrix3: DMat3::IDENTITY, translation },
+            Projection::Orthographic { scale },
+        ),
+        film: Film::new(SIDE, SIDE, Filter::Box { width: 1.0 }),
+        world: World { environment, backdrop: None },
+        suns: Vec::new(),
+        lights: Vec::new(),
+        meshes: Vec::new(),
+        cuts: Vec::new(),
+        settings: Settings::default(),
+    }
+}
+
+/// Largest relative difference of any channel from what is known.
+pub(super) fn worst(pixels: &[[f32; 3]], expected: f64) -> f64 {
+    let off = |v: &f32| (f64::from(*v) / expected - 1.0).abs();
+    pixels.iter().flatten().map(off).fold(0.0, |m, e| if e <= m { m } else { e })
+}
+
+/// Relative difference of the mean from what is known.
+pub(super) fn mean_off(pixels: &[[f32; 3]], expected: f64) -> f64 {
+    mean(pixels) / expected - 1.0
+}
+
+pub(super) fn mean(pixels: &[[f32; 3]]) -> f64 {
+    pixels.iter().flatten().map(|&v| f64::from(v)).sum::<f64>() / (3 * pixels.len()).max(1) as f64
+}
+
+/// A picture without passes.
+pub(super) fn plain(color: Image) -> Picture {
+    Picture::of(color)
+}
+
+#[cfg(test)]
+mod tests {
+    use pumice_oracle::volumes::blobs;
+    use pumice_session::make_renderer;
+    use pumice_session::savings::ROUNDING;
+
+    use super::*;
+
+    /// Controls: the same samples are told from others by a seed, an albedo off by 2 %, a bounce fewer.
+    #[test]
+    fn other_pictures_are_apart() {
+        let (_, bodies) = blobs([24, 24, 24], 9, 4, 11);
+        let (cell, job) = (Cell::new(None), Job::new());
+        let mut studio = Studio::new(make_renderer("cpu").unwrap(), &cell, &job);
+        let mut scene = from_above(lambert(0.8), sky(1.0), [12.0, 12.0], 20.0);
+        scene.settings.bounces = 8;
+        let truth = studio.expose(&scene, &bodies, 8).unwrap();
+        assert_eq!(Beside::between(&truth, &truth), Beside { worst: 0.0, apart: 0.0 });
+        // A processor beside itself is no comparison.
+        assert_eq!(cell.get(), None);
+        let mut off = |fault: &dyn Fn(&mut Scene)| {
+            let mut other = scene.clone();
+            fault(&mut other);
+            Beside::between(&studio.expose(&other, &bodies, 8).unwrap(), &truth)
+        };
+        for (name, found) in [
+            ("the next seed", off(&|s| s.settings.seed += 1)),
+            ("albedo 2 %", off(&|s| s.instances[0].style.material.base_color = [0.784; 3])),
+            ("fewer bounces", off(&|s| s.settings.bounces = 1)),
+        ] {
+            assert!(!found.holds() && found.worst > ROUNDING, "{name}: {found:?}");
+        }
+        // The last bit of each value is rounding's.
+        let rounded: Vec<[f32; 3]> = truth.iter().map(|p| p.map(|v| v * (1.0 + f32::EPSILON))).collect();
+        let found = Beside::between(&rounded, &truth);
+        assert!(found.holds() && found.worst > 0.0, "{found:?}");
+        // One wrong pixel in a hundred may be a path that went another way; one in ten may not.
+        let spoiled = |count: usize, value: f32| {
+            let mut pixels = truth.clone();
+            pixels[..count].fill([value; 3]);
+            Beside::between(&pixels, &truth)
+        };
+        assert!(spoiled(2, 7.0).holds() && !spoiled(15, 7.0).holds());
+        assert!(!spoiled(15, f32::NAN).holds());
+    }
+}

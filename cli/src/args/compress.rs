@@ -1,0 +1,51 @@
+//! `pumice compress`
+
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+use pumice_session::values::bytes;
+
+use super::Reading;
+
+/// Compress a label volume losslessly into a .pumice file
+///
+/// Reads NRRD, NIfTI, TIFF (also a folder of slices), NPY, NPZ, MetaImage and raw files as a stream: the whole volume is never in
+/// memory. A file under the final name is always whole.
+#[derive(Debug, Args)]
+pub(crate) struct Compress {
+    /// Label volume
+    #[arg(value_name = "IN")]
+    pub(crate) input: PathBuf,
+    /// The .pumice file to write
+    #[arg(short, long, value_name = "OUT.pumice")]
+    pub(crate) out: PathBuf,
+    /// Size on disk against speed
+    ///
+    /// `fast` stores the form as it is in memory, `default` costs little time, `small` takes about twice as long.
+    #[arg(long, value_enum, default_value_t = Level::Default)]
+    pub(crate) level: Level,
+    /// Write a report in JSON to this file (- for standard output)
+    #[arg(long, value_name = "REPORT")]
+    pub(crate) json: Option<PathBuf>,
+    /// Threads; default: all cores. The result does not depend on it
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    pub(crate) threads: Option<u16>,
+    /// Memory for records not yet merged; more is spilled to a temporary folder. Bytes, or with K, M, G
+    #[arg(long, value_name = "BYTES", value_parser = bytes)]
+    pub(crate) memory_limit: Option<u64>,
+    /// CSV table with the columns id,type: groups labels into types
+    #[arg(long, value_name = "TABLE")]
+    pub(crate) types: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) reading: Reading,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Level {
+    /// Arrays as they are in memory: opens soonest, for a few labels at once
+    Fast,
+    /// Half the size or less, inflated when it is opened
+    Default,
+    /// The voxels themselves, a third of the default; writing and opening take seconds for each 10⁸
+    Small,
+}

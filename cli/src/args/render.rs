@@ -1,0 +1,142 @@
+//! `pumice render`
+
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+use pumice_session::values::size;
+
+use super::Reading;
+use super::values::{positive, relative, view};
+
+/// Path trace a volume or a scene
+///
+/// A volume is framed and lit by itself; a scene (JSON, see docs) says all. Ends at the first of --spp, --time and --error;
+/// with none of them at 64 samples a pixel. The picture is written when the rendering ends, also when it is interrupted by its
+/// limits, and carries the data's hash, the scene and all settings.
+#[derive(Debug, Args)]
+pub(crate) struct Render {
+    /// A .pumice file, any label volume, or a scene (.json)
+    #[arg(value_name = "FILE|SCENE.json", required_unless_present = "again")]
+    pub(crate) input: Option<PathBuf>,
+    /// The picture: .exr (scene-linear, all passes) or .png (8 bit sRGB)
+    #[arg(short, long, value_name = "OUT")]
+    pub(crate) out: PathBuf,
+    /// Render a picture again from what it carries: the same pixels
+    #[arg(long, value_name = "PICTURE", conflicts_with_all = ["input", "size", "spp", "time", "error", "bounces", "mode", "lod", "seed", "labels", "pick", "view", "transparent", "half", "view_transform", "noise_threshold", "min_spp"])]
+    pub(crate) again: Option<PathBuf>,
+    /// What renders: auto, cpu, vulkan-rt, vulkan-query or vulkan-compute
+    ///
+    /// auto takes the best graphics processor, goes on with the next backend where a device fails, and says so. A backend that is
+    /// named is used alone; its device is the best that can, or the one after a colon, by number or part of its name: vulkan-rt:0.
+    /// `pumice devices` lists them
+    #[arg(long, value_name = "NAME[:DEVICE]", default_value = "auto")]
+    pub(crate) backend: String,
+    /// Picture size in pixels; default 960x540, or the scene's
+    #[arg(long, value_name = "WxH", value_parser = size)]
+    pub(crate) size: Option<[u32; 2]>,
+    /// Stop at this many samples a pixel
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) spp: Option<u32>,
+    /// Stop after this many seconds
+    #[arg(long, value_name = "SECONDS", value_parser = positive)]
+    pub(crate) time: Option<f64>,
+    /// Stop when the estimated relative error is at most this: 0.03 or 3%
+    #[arg(long, value_name = "RELATIVE", value_parser = relative)]
+    pub(crate) error: Option<f64>,
+    /// A pixel gets no more samples once its estimated relative error is at most this: 0.05 or 5%
+    ///
+    /// Blender's Noise Threshold. The picture is done when all pixels rest, or at another limit. It is a little biased: which pixels
+    /// go on depends on what they found
+    #[arg(long, value_name = "RELATIVE", value_parser = relative)]
+    pub(crate) noise_threshold: Option<f64>,
+    /// Samples that every pixel gets before it may rest, from 4; default 16
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(4..))]
+    pub(crate) min_spp: Option<u32>,
+    /// Bounces of light, as in Cycles; default 32, or the scene's
+    #[arg(long, value_name = "N")]
+    pub(crate) bounces: Option<u32>,
+    /// Which light is counted; default path, or the scene's
+    #[arg(long, value_enum)]
+    pub(crate) mode: Option<RenderMode>,
+    /// Finest element drawn: voxels (1), 4³ cells (4), boxes (16), or by distance (auto)
+    #[arg(long, value_enum)]
+    pub(crate) lod: Option<LodArg>,
+    /// Every random number follows from it; default 0, or the scene's
+    #[arg(long, value_name = "N")]
+    pub(crate) seed: Option<u64>,
+    /// Passes in the EXR beside the picture, separated by commas; or all, or none
+    ///
+    /// First surface: depth, position, normal, label, albedo. Of the samples: variance, samples. Light by kind, for 132 bytes a pixel:
+    /// light for all of it, or diffuse_direct, diffuse_indirect, diffuse_color, the same of glossy and transmission, emission,
+    /// environment. shadow_catcher: shadows that are caught, which then leave the picture. Mattes, 96 bytes a pixel each: cryptomatte_label, cryptomatte_type, or cryptomatte for both. What is named is made,
+    /// albedo and normal as means over samples; all is what needs no making, and what the scene's film.passes asks for
+    #[arg(long, value_name = "A,B,C", default_value = "all", value_delimiter = ',')]
+    pub(crate) passes: Vec<String>,
+    /// Leave transparent what camera rays do not meet, instead of the sky or the backdrop
+    #[arg(long)]
+    pub(crate) transparent: bool,
+    /// In an EXR, colours as half floats (16 bits): half the size, 3 digits, at most 65504
+    ///
+    /// Depth, position, label, Cryptomatte, variance and samples keep 32 bits
+    #[arg(long)]
+    pub(crate) half: bool,
+    /// How a PNG shows light: the sRGB curve (standard), or like Blender's Filmic or AgX
+    ///
+    /// Default: standard, or the scene's. The last two are approximations; docs/passes.md says how near they come
+    #[arg(long, value_enum, value_name = "VIEW")]
+    pub(crate) view_transform: Option<ViewArg>,
+    /// Only these labels, by id, separated by commas
+    #[arg(long, value_name = "ID,ID", value_delimiter = ',', conflicts_with = "pick")]
+    pub(crate) labels: Option<Vec<u64>>,
+    /// Only the N labels that make the best figure: long and thin before lumps
+    #[arg(long, value_name = "N")]
+    pub(crate) pick: Option<usize>,
+    /// Where a volume is seen from, in degrees: around the vertical axis, above the horizon
+    #[arg(long, value_name = "AROUND,ABOVE", value_parser = view, allow_hyphen_values = true)]
+    pub(crate) view: Option<[f64; 2]>,
+    /// Threads; default: all cores. The picture does not depend on it
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    pub(crate) threads: Option<u16>,
+    /// Write a report in JSON to this file (- for standard output)
+    #[arg(long, value_name = "REPORT")]
+    pub(crate) json: Option<PathBuf>,
+    /// Write the scene as JSON to this file
+    #[arg(long, value_name = "SCENE.json")]
+    pub(crate) save_scene: Option<PathBuf>,
+    /// Print what the scene needs, what was left out, and what that saves
+    ///
+    /// What it saves is measured: after the picture small ones of 160 pixels are drawn both ways, each part left out and put in in turn.
+    /// Takes seconds; on a graphics processor also the driver's time to compile each way
+    #[arg(long)]
+    pub(crate) explain: bool,
+    #[command(flatten)]
+    pub(crate) reading: Reading,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum RenderMode {
+    /// All light
+    Path,
+    /// Direct light only
+    OneBounce,
+    /// Ambient occlusion: white surfaces, no lights
+    Ao,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum LodArg {
+    #[value(name = "1")]
+    Voxels,
+    #[value(name = "4")]
+    Cells,
+    #[value(name = "16")]
+    Boxes,
+    Auto,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum ViewArg {
+    Standard,
+    Filmic,
+    Agx,
+}

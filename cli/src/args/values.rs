@@ -1,0 +1,60 @@
+//! Values of flags: what is read, and what was expected where it is something else. (Sizes and bytes: `pumice_session::values`.)
+
+use pumice_session::LabelType;
+use pumice_session::values::numbers;
+
+/// Voxels along x, y and z: `512,512,128`.
+pub(super) fn dims(text: &str) -> Result<[u64; 3], String> {
+    numbers(text, ',').ok_or_else(|| "expected three whole numbers, e.g. 512,512,128".into())
+}
+
+/// Voxel size along x, y and z: `16,16,40`.
+pub(super) fn spacing(text: &str) -> Result<[f64; 3], String> {
+    numbers(text, ',')
+        .filter(|s: &[f64; 3]| s.iter().all(|v| v.is_finite() && *v > 0.0))
+        .ok_or_else(|| "expected three numbers above 0, e.g. 16,16,40".into())
+}
+
+/// Degrees around the vertical axis and above the horizon: `30,20`.
+pub(super) fn view(text: &str) -> Result<[f64; 2], String> {
+    numbers(text, ',')
+        .filter(|v: &[f64; 2]| v[0].is_finite() && v[1].abs() <= 90.0)
+        .ok_or_else(|| "expected degrees around and above (-90 to 90), e.g. 30,20".into())
+}
+
+/// A number above 0.
+pub(super) fn positive(text: &str) -> Result<f64, String> {
+    text.parse()
+        .ok()
+        .filter(|v: &f64| v.is_finite() && *v > 0.0)
+        .ok_or_else(|| "expected a number above 0".into())
+}
+
+/// A share: `0.03` or `3%`.
+pub(super) fn relative(text: &str) -> Result<f64, String> {
+    let (number, factor) = text.strip_suffix('%').map_or((text, 1.0), |t| (t, 0.01));
+    positive(number).map(|v| v * factor).map_err(|_| "expected a number above 0, e.g. 0.03 or 3%".into())
+}
+
+/// A label type by name: `u32`.
+pub(super) fn label_type(text: &str) -> Result<LabelType, String> {
+    serde_json::from_value(serde_json::Value::String(text.to_lowercase()))
+        .map_err(|_| "expected one of u8 u16 u32 u64 i8 i16 i32 i64 f32 f64".into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_are_read_or_refused() {
+        assert_eq!(relative("3%"), Ok(0.03));
+        assert_eq!(spacing("16,16,40"), Ok([16.0, 16.0, 40.0]));
+        for bad in ["NaN,1,1", "0,1,1", "1,1", "inf,1,1"] {
+            assert!(spacing(bad).is_err(), "{bad}");
+        }
+        for bad in ["0", "-0.1", "nan", "x%"] {
+            assert!(relative(bad).is_err(), "{bad}");
+        }
+    }
+}

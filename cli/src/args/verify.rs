@@ -1,0 +1,22 @@
+//! `pumice verify`
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::Reading;
+
+/// Check that a .pumice file holds a volume exactly: every voxel, every id
+///
+/// Exit code 0 only if all are the same; 1 with the first difference if not.
+#[derive(Debug, Args)]
+pub(crate) struct Verify {
+    /// The .pumice file
+    #[arg(value_name = "FILE")]
+    pub(crate) file: PathBuf,
+    /// The volume that it was made from
+    #[arg(value_name = "IN")]
+    pub(crate) input: PathBuf,
+    #[command(flatten)]
+    pub(crate) reading: Reading,
+}

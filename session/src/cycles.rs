@@ -1,0 +1,180 @@
+//! Blender's path tracer Cycles on a scene of Pumice, for comparison: the scene as JSON and its voxel faces as `.npy`, a Python
+//! that has Blender as the module `bpy`, and the pictures that come back.
+//!
+//! ```text
+//! scene, volumes ─► job.json, vertices.npy, quads.npy, materials.npy ─► python scene_in_cycles.py job.json ─► pictures.npy, report.json
+//! ```
+//! `cycles/scene_in_cycles.py` is the one translation of a scene into Blender's; the Cycles ladder (`tests/cycles_ladder`) runs it too,
+//! on meshes that it makes itself.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use pumice_core::{CompressedVolume, Job};
+use pumice_export::{Corners, Interfaces, QuadMesh};
+use pumice_picture::Image;
+use pumice_scene::{Instance, Scene};
+use pumice_transport::looks::Looks;
+use serde::Deserialize;
+use serde_json::{Value, json};
+
+use crate::error::{Result, SessionError, io};
+use crate::npy::{read_npy_f32, write_npy};
+use crate::script::run_script;
+
+/// Translates the scene and renders it, inside Blender.
+const SCRIPT: &str = include_str!("cycles/scene_in_cycles.py");
+
+/// Wall and CPU seconds of a piece of work in Blender.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
+pub struct Seconds {
+    /// Wall seconds.
+    pub seconds: f64,
+    /// CPU seconds, all threads.
+    pub cpu_seconds: f64,
+}
+
+/// One picture by Cycles.
+#[derive(Clone, Debug)]
+pub struct CyclesPicture {
+    /// Samples a pixel.
+    pub spp: u32,
+    /// What the call to render took.
+    pub took: Seconds,
+    /// Scene-linear colours.
+    pub picture: Image,
+}
+
+/// What a run of Blender gave.
+#[derive(Clone, Debug)]
+pub struct CyclesRun {
+    /// Version of Blender.
+    pub blender: String,
+    /// Voxel faces of all instances, as quads.
+    pub faces: usize,
+    /// Translating the scene.
+    pub built: Seconds,
+    /// In the order in which they were asked for.
+    pub pictures: Vec<CyclesPicture>,
+    /// Resident set of the process before the scene was built, in bytes.
+    pub bytes_before: u64,
+    /// Largest resident set of the process, in bytes.
+    pub peak_bytes: u64,
+}
+
+#[derive(Deserialize)]
+struct Report {
+    blender: String,
+    built: Seconds,
+    renders: Vec<Seconds>,
+    bytes_before: u64,
+    peak_bytes: u64,
+}
+
+/// Renders a scene of volumes (one for each instance) with Cycles, once for each (seed, samples a pixel), in one process of `python`.
+///
+/// # Errors
+/// A scene with triangle meshes or cuts, which this does not translate; what the interpreter, the script or the system reports;
+/// [`pumice_core::Error::Cancelled`] when `job` is cancelled, which ends the process.
+pub fn render_with_cycles(
+    python: &Path,
+    scene: &Scene,
+    volumes: &[Arc<CompressedVolume>],
+    renders: &[(u64, u32)],
+    job: &Job,
+) -> Result<CyclesRun> {
+    for (what, is_there) in [("meshes", !scene.meshes.is_empty()), ("cuts", !scene.cuts.is_empty())] {
+        if is_there {
+            return Err(SessionError::Caller(format!("{what}: Cycles is given volumes alone, without cuts")));
+        }
+    }
+    let folder = tempfile::tempdir().map_err(io(std::env::temp_dir()))?;
+    let path = |name: &str| folder.path().join(name);
+
+    // Write the voxel faces of each instance.
+    let mut faces = 0;
+    let mut instances = Vec::new();
+    for (number, (instance, volume)) in scene.instances.iter().zip(volumes).enumerate() {
+        let (count, fields) = write_faces(folder.path(), number, instance, volume, job)?;
+        faces += count;
+        instances.push(fields);
+    }
+
+    // Ask for the pictures.
+    let asked = json!({
+        "scene": scene,
+        "instances": instances,
+        "renders": renders.iter().map(|&(seed, spp)| json!({ "seed": cycles_seed(seed), "spp": spp })).collect::<Vec<_>>(),
+        "pictures": path("pictures.npy"),
+        "report": path("report.json"),
+    });
+    std::fs::write(path("job.json"), asked.to_string()).map_err(io(path("job.json")))?;
+    std::fs::write(path("scene_in_cycles.py"), SCRIPT).map_err(io(path("scene_in_cycles.py")))?;
+    run_script("Cycles", python, &path("scene_in_cycles.py"), &path("job.json"), &path("said.txt"), job)?;
+
+    // Read what came back.
+    let report = std::fs::read(path("report.json")).map_err(io(path("report.json")))?;
+    let report: Report = serde_json::from_slice(&report)
+        .map_err(|e| SessionError::Caller(format!("what Cycles reported: {e}")))?;
+    if report.renders.len() != renders.len() {
+        return Err(SessionError::Caller(format!(
+            "expected {} pictures of Cycles, got {}",
+            renders.len(),
+            report.renders.len()
+        )));
+    }
+    let [width, height] = [scene.film.width, scene.film.height].map(|n| n as usize);
+    let values = read_npy_f32(&path("pictures.npy"), renders.len() * width * height * 3)?;
+    let images = values
+        .chunks_exact(width * height * 3)
+        .map(|v| Image::new(width, height, v.chunks_exact(3).map(|p| [p[0], p[1], p[2]]).collect()));
+    let pictures = renders
+        .iter()
+        .zip(&report.renders)
+        .zip(images)
+        .map(|((&(_, spp), &took), picture)| CyclesPicture { spp, took, picture });
+    Ok(CyclesRun {
+        blender: report.blender,
+        faces,
+        built: report.built,
+        pictures: pictures.collect(),
+        bytes_before: report.bytes_before,
+        peak_bytes: report.peak_bytes,
+    })
+}
+
+/// Writes the faces of the labels that an instance shows; gives their number and what the job says of them.
+fn write_faces(
+    folder: &Path,
+    number: usize,
+    instance: &Instance,
+    volume: &CompressedVolume,
+    job: &Job,
+) -> Result<(usize, Value)> {
+    let path = |name: &str| folder.join(format!("{name}-{number}.npy"));
+    let (style, table) = (&instance.style, volume.labels());
+    let field = |source| SessionError::Scene { path: instance.source.clone(), source };
+    let visible =
+        style.show.resolve(&format!("instances[{number}].style.show"), table.ids()).map_err(field)?;
+    let mesh = QuadMesh::new(volume, &visible, Interfaces::Outside, Corners::Own, job)?;
+    let looks = Looks::new(style, table.ids(), table.contacts().iter(), &visible);
+    let of_label = looks.of_label();
+    let material = |&label: &u32| of_label.get(label as usize).map_or(0, |&m| m as i32);
+    let materials: Vec<i32> = mesh.labels.iter().map(material).collect();
+    let faces = mesh.quads.len();
+    write_npy(&path("vertices"), "<i4", &[mesh.vertices.len(), 3], bytemuck::cast_slice(&mesh.vertices))?;
+    write_npy(&path("quads"), "<u4", &[faces, 4], bytemuck::cast_slice(&mesh.quads))?;
+    write_npy(&path("materials"), "<i4", &[faces], bytemuck::cast_slice(&materials))?;
+    let fields = json!({
+        "vertices": path("vertices"),
+        "quads": path("quads"),
+        "material_of_quad": path("materials"),
+        "materials": looks.materials(),
+    });
+    Ok((faces, fields))
+}
+
+/// Cycles' seeds are 31 bits and not independent where they are near each other: a multiplication by an odd number spreads them.
+fn cycles_seed(seed: u64) -> u64 {
+    (seed * 2_654_435_761) % 2_147_483_647
+}

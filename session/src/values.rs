@@ -1,0 +1,53 @@
+//! Values as flags have them: sizes in pixels, amounts of bytes.
+
+/// `N` whole numbers or decimals with a separator between them; `None` where there are more or fewer, or one is none.
+pub fn numbers<T: std::str::FromStr, const N: usize>(text: &str, separator: char) -> Option<[T; N]> {
+    let parts: Vec<T> = text.split(separator).map(|p| p.trim().parse().ok()).collect::<Option<_>>()?;
+    parts.try_into().ok()
+}
+
+/// Width and height of a picture in pixels: `960x540`.
+///
+/// # Errors
+/// What was expected, where it is something else.
+pub fn size(text: &str) -> Result<[u32; 2], String> {
+    numbers(text, 'x')
+        .filter(|s: &[u32; 2]| s.iter().all(|&n| (1..=65_536).contains(&n)))
+        .ok_or_else(|| "expected WIDTHxHEIGHT in pixels, each 1 to 65536, e.g. 960x540".into())
+}
+
+/// An amount of bytes: `268435456`, or `256M`, with K, M and G for 2¹⁰, 2²⁰ and 2³⁰.
+///
+/// # Errors
+/// What was expected, where it is something else.
+pub fn bytes(text: &str) -> Result<u64, String> {
+    let (number, shift) = match text.chars().last() {
+        Some('K' | 'k') => (&text[..text.len() - 1], 10),
+        Some('M' | 'm') => (&text[..text.len() - 1], 20),
+        Some('G' | 'g') => (&text[..text.len() - 1], 30),
+        _ => (text, 0),
+    };
+    number
+        .parse::<u64>()
+        .ok()
+        .and_then(|n| n.checked_mul(1 << shift))
+        .filter(|&n| n > 0)
+        .ok_or_else(|| "expected a number of bytes above 0, e.g. 268435456 or 256M".into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_are_read_or_refused() {
+        assert_eq!(size("960x540"), Ok([960, 540]));
+        assert_eq!(bytes("256M"), Ok(256 << 20));
+        for bad in ["0x5", "960", "-1x3", "960x540x2", "99999999x1"] {
+            assert!(size(bad).is_err(), "{bad}");
+        }
+        for bad in ["", "0", "-5", "18446744073709551615G", "M"] {
+            assert!(bytes(bad).is_err(), "{bad}");
+        }
+    }
+}
