@@ -26,7 +26,7 @@ use pumice_transport::sun::frame_around;
 use pumice_transport::{Hit, PathOrigin, RayInWorld, Receiver, SurfaceKind, Tracer};
 
 use crate::crossing::{MOST_CLEAR_SURFACES, may_touch, next_hit, visibility};
-use crate::tally::{FirstSurface, Share, Sorted, Tally, Total, clamps};
+use crate::tally::{FirstSurface, Share, Sorted, Tally, Total};
 
 /// First vertex after which Russian roulette may end a path: the first bounces carry most of the light, and cutting them costs
 /// more noise than time.
@@ -136,7 +136,7 @@ pub fn radiance<T: Tracer + ?Sized>(
     t_max: f64,
     down: f32,
 ) -> Vec3 {
-    if clamps(&around.settings) {
+    if around.settings.clamps() {
         let mut sorted = Sorted::new(&around.settings, PassSums::default());
         follow(tracer, around, sampler, camera_ray, t_max, down, &mut sorted);
         return sorted.total;

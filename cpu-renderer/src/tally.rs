@@ -148,11 +148,6 @@ pub struct Sorted {
     limits: [f32; 2],
 }
 
-/// Whether settings clamp any light.
-pub fn clamps(settings: &Settings) -> bool {
-    settings.clamp_direct != 0.0 || settings.clamp_indirect != 0.0
-}
-
 impl Sorted {
     /// Nothing yet, for a film that keeps these sums.
     pub fn new(settings: &Settings, kept: PassSums) -> Self {

@@ -149,8 +149,7 @@ impl Needs {
                 || scene.film.passes.has_any(&[Pass::Albedo, Pass::Normal])
                 || mattes
                 || catchers > 0
-                || settings.clamp_direct != 0.0
-                || settings.clamp_indirect != 0.0,
+                || settings.clamps(),
             levels: match settings.lod {
                 Lod::Voxels => vec![1],
                 Lod::Cells => vec![4],

@@ -162,6 +162,13 @@ pub struct Settings {
     pub smooth_voxels: bool,
 }
 
+impl Settings {
+    /// Whether the clamps take any light away.
+    pub fn clamps(&self) -> bool {
+        self.clamp_direct != 0.0 || self.clamp_indirect != 0.0
+    }
+}
+
 impl Default for Settings {
     fn default() -> Self {
         Self {

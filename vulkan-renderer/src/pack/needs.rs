@@ -1,6 +1,5 @@
 //! What a scene needs of its shaders: specialisation constants, so that what it does not need is not compiled.
 
-use pumice_cpu::tally::clamps;
 use pumice_picture::PassSums;
 use pumice_scene::{Camera, Film, Part, Settings, Spare};
 use pumice_transport::{Lights, Sky};
@@ -125,7 +124,7 @@ impl ShaderNeeds {
             // Nor how volumes lie on the device.
             bricks: false,
             boxes: true,
-            sorted: clamps(settings) || kept.stride() > 0,
+            sorted: settings.clamps() || kept.stride() > 0,
             catchers,
         }
     }

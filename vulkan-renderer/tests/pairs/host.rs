@@ -243,7 +243,6 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
             ("PathTracer::picture", SHOWN),
         ],
     ),
-    ("cpu-renderer/src/tally.rs", &[("clamps", "a need, known before: NEEDS_SORTED")]),
     (
         "transport/src/geometry/cuts.rs",
         &[("CutPlane::new", READY), ("Cuts::new", READY), ("Cuts::is_empty", READ), ("Cuts::planes", READ)],
