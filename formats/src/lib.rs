@@ -6,9 +6,9 @@
 //! open ──► registry ──► one module a format ──► VolumeFile: info, axes, element type, byte stream ──► SlabSource ──► LabelBlock
 //!          (content)    (header only)                                                                 (shared by all)
 //! ```
-//! A format module understands its header and knows no other format, nor who asks. Everything that touches voxels is written once: `stream` turns a file into
-//! the plain bytes of the voxels, `layout` says which voxel each byte belongs to, `element` turns bytes into labels and
-//! refuses what is not one, `slab` ties them together with bounded memory.
+//! A format module understands its header and knows no other format, nor who asks. Everything that touches voxels is written
+//! once: `stream` turns a file into the plain bytes of the voxels, `layout` says which voxel each byte belongs to, `element` turns
+//! bytes into labels and refuses what is not one, `slab` ties them together with bounded memory.
 
 pub mod error;
 pub mod mesh;

@@ -1,33 +1,34 @@
-//! Binary arithmetic coding with chances that learn, in whole numbers alone: every machine decodes what any machine wrote.
+//! Binary arithmetic coding with adaptive probabilities, in integers alone: every machine decodes what any machine wrote.
 //!
 //! ```text
 //! 0 ─────────────────── code ───────────────────── range        64 bits, of which the stream gives 32 at a time
 //! └──── bit is 1 ────┴────────── bit is 0 ──────────┘
-//!       range · chance         the rest
+//!     range · probability      the rest
 //! ```
-//! The range coder keeps an interval and cuts it where a bit's chance says (Martin, *Range encoding*, 1979; by the width alone, as in
-//! I. Pavlov's LZMA, so that a decoder compares once a bit). An interval below 2³² is widened by four bytes of the stream: seldom, and
-//! at once. The encoder carries into bytes that it has already written.
+//! The range coder keeps an interval and splits it by the probability of the next bit (Martin, *Range encoding*, 1979; by
+//! the width alone, as in I. Pavlov's LZMA, so that a decoder compares once a bit). An interval below 2³² is widened by four bytes of
+//! the stream. The encoder carries into bytes that it has already written.
 //!
-//! A chance is what a context has seen: it starts at a half and moves by 1/(n + 1.5) of the way towards each bit, n bits having been
-//! seen, so the first ones count most (an estimator of Krichevsky and Trofimov, slightly bolder); from 255 on it forgets.
+//! A context's probability starts at a half. After n bits, the next one moves it by 1/(n + 1.5) of the way towards that bit, so the first
+//! bits count most (the estimator of Krichevsky and Trofimov, slightly faster). n stays at 255, so old bits fade.
 
-/// A chance that a bit is 1, of 65,536.
-pub(super) type Chance = u32;
+/// Probability that a bit is 1, in units of 1/65,536.
+pub(super) type Probability = u32;
 
-/// No bit is believed to be surer than this: a wrong belief costs 12 bits then.
-const SUREST: Chance = 16;
+/// No bit has a lower probability than this: the unlikeliest one costs 12 bits.
+const MIN_PROBABILITY: Probability = 16;
 
-/// Codes bits: an encoder is told them, a decoder tells them.
+/// An encoder or a decoder: one model drives both.
 pub(super) trait Coder {
-    /// A bit that is 1 by this chance, above 0 and below 65,536. `told` is `None` where it is to be decoded.
-    fn code(&mut self, chance: Chance, told: Option<bool>) -> bool;
+    /// Codes a bit that is 1 with this probability, above 0 and below 65,536. An encoder takes the bit from `told`; a decoder passes
+    /// `None` and gets it.
+    fn code(&mut self, probability: Probability, told: Option<bool>) -> bool;
 }
 
 /// Intervals narrower than this are widened.
 const NARROW: u64 = 1 << 32;
 
-/// Bits into bytes.
+/// Encodes bits into bytes.
 #[derive(Debug)]
 pub(super) struct Encoder {
     low: u64,
@@ -60,9 +61,9 @@ impl Encoder {
 
 impl Coder for Encoder {
     #[inline(always)]
-    fn code(&mut self, chance: Chance, told: Option<bool>) -> bool {
+    fn code(&mut self, probability: Probability, told: Option<bool>) -> bool {
         let bit = told == Some(true);
-        let part = (self.range >> 16) * u64::from(chance);
+        let part = (self.range >> 16) * u64::from(probability);
         if bit {
             self.range = part;
         } else {
@@ -80,7 +81,7 @@ impl Coder for Encoder {
     }
 }
 
-/// Bytes into bits.
+/// Decodes bytes into bits.
 #[derive(Debug)]
 pub(super) struct Decoder<'a> {
     code: u64,
@@ -125,8 +126,8 @@ impl<'a> Decoder<'a> {
 
 impl Coder for Decoder<'_> {
     #[inline(always)]
-    fn code(&mut self, chance: Chance, _: Option<bool>) -> bool {
-        let part = (self.range >> 16) * u64::from(chance);
+    fn code(&mut self, probability: Probability, _: Option<bool>) -> bool {
+        let part = (self.range >> 16) * u64::from(probability);
         let bit = self.code < part;
         if bit {
             self.range = part;
@@ -142,11 +143,11 @@ impl Coder for Decoder<'_> {
     }
 }
 
-/// What a context has seen: a chance in 22 bits above a count in 10.
+/// The adaptive probability of one context: 22 bits of probability above 10 bits of count.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Seen(u32);
+pub(super) struct BitModel(u32);
 
-/// Bits after which the count stays.
+/// Count of bits that is not exceeded.
 const MOST_COUNTED: u32 = 255;
 
 /// What part of the way a context goes that has counted n bits, of 65,536: the floor of 65,536 / (n + 1.5).
@@ -159,40 +160,40 @@ const WAY: [u16; 256] = {
     parts
 };
 
-impl Seen {
-    /// Nothing.
-    pub(super) const NOTHING: Self = Self(1 << 31);
+impl BitModel {
+    /// A context that has met no bit.
+    pub(super) const NEW: Self = Self(1 << 31);
 
     #[inline(always)]
     fn learn(&mut self, bit: bool) {
-        let (chance, count) = (self.0 >> 10, self.0 & 1023);
+        let (probability, count) = (self.0 >> 10, self.0 & 1023);
         let target = if bit { (1 << 22) - 1 } else { 0 };
-        let way = i64::from(target) - i64::from(chance);
+        let way = i64::from(target) - i64::from(probability);
         let part = i64::from(WAY[count as usize & 255]);
-        let chance = (i64::from(chance) + ((way * part) >> 16)) as u32;
-        self.0 = chance << 10 | (count + u32::from(count < MOST_COUNTED));
+        let probability = (i64::from(probability) + ((way * part) >> 16)) as u32;
+        self.0 = probability << 10 | (count + u32::from(count < MOST_COUNTED));
     }
 
-    /// Codes a bit by this chance alone, and learns it.
+    /// Codes a bit by this probability and adapts to it.
     #[inline(always)]
     pub(super) fn code(&mut self, coder: &mut impl Coder, told: Option<bool>) -> bool {
-        let bit = coder.code(bounded(self.0 >> 16), told);
+        let bit = coder.code(clamped(self.0 >> 16), told);
         self.learn(bit);
         bit
     }
 }
 
-/// A chance that both bits have one by.
+/// The probability, within what leaves room for either bit.
 #[inline]
-fn bounded(chance: Chance) -> Chance {
-    chance.clamp(SUREST, 65_536 - SUREST)
+fn clamped(probability: Probability) -> Probability {
+    probability.clamp(MIN_PROBABILITY, 65_536 - MIN_PROBABILITY)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    /// Bits with a chance of 1 in 20 each come back, and take what Shannon says: −log₂ of the chances.
+    /// Bits with a probability of 1 in 20 each come back, and take what Shannon says: −log₂ of the probabilitys.
     #[test]
     fn bits_come_back_and_take_their_entropy() {
         let mut state = 1u64;
@@ -202,16 +203,16 @@ mod tests {
                 (state >> 33).is_multiple_of(20)
             })
             .collect();
-        let (mut encoder, mut seen) = (Encoder::new(), Seen::NOTHING);
+        let (mut encoder, mut seen) = (Encoder::new(), BitModel::NEW);
         bits.iter().for_each(|&b| _ = seen.code(&mut encoder, Some(b)));
         let bytes = encoder.finish();
         let ones = bits.iter().filter(|&&b| b).count() as f64 / bits.len() as f64;
         let entropy = -(ones * ones.log2() + (1.0 - ones) * (1.0 - ones).log2()) * bits.len() as f64 / 8.0;
-        // A chance that forgets after 255 bits wavers: 0.5 to 1 bit for each of these (Krichevsky and Trofimov).
+        // A probability that forgets after 255 bits wavers: 0.5 to 1 bit for each of these (Krichevsky and Trofimov).
         let most = entropy + bits.len() as f64 / 255.0 / 8.0;
         assert!((entropy - 20.0..most).contains(&(bytes.len() as f64)), "{} of {entropy}", bytes.len());
 
-        let (mut decoder, mut seen) = (Decoder::new(&bytes), Seen::NOTHING);
+        let (mut decoder, mut seen) = (Decoder::new(&bytes), BitModel::NEW);
         assert!(bits.iter().all(|&b| seen.code(&mut decoder, None) == b));
         assert!(decoder.is_at_end());
         // One bit more may still fit into the last bytes; some hundred do not.
@@ -220,14 +221,14 @@ mod tests {
     }
 
     #[test]
-    fn the_surest_chances_code_both_bits() {
+    fn the_surest_probabilitys_code_both_bits() {
         for bit in [false, true] {
-            for chance in [SUREST, 65_536 - SUREST] {
+            for probability in [MIN_PROBABILITY, 65_536 - MIN_PROBABILITY] {
                 let mut encoder = Encoder::new();
-                (0..300).for_each(|i| _ = encoder.code(chance, Some(bit ^ (i % 3 == 0))));
+                (0..300).for_each(|i| _ = encoder.code(probability, Some(bit ^ (i % 3 == 0))));
                 let bytes = encoder.finish();
                 let mut decoder = Decoder::new(&bytes);
-                assert!((0..300).all(|i| decoder.code(chance, None) == bit ^ (i % 3 == 0)));
+                assert!((0..300).all(|i| decoder.code(probability, None) == bit ^ (i % 3 == 0)));
             }
         }
     }

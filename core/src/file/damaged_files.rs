@@ -1,10 +1,10 @@
-//! Damaged files: never a panic, and nothing but an error or the very same volume comes out.
+//! Tests of damaged files: reading one never panics, and gives an error or the very same volume.
 
 use std::collections::HashMap;
 use std::io::Cursor;
 
 use super::fault::Stop;
-use super::label_subset::read_chosen;
+use super::label_subset::read_subset;
 use super::layout::{ENTRY_BYTES, HEADER_BYTES, section_checksum};
 use super::read::read;
 use super::{Level, layout};
@@ -69,9 +69,9 @@ fn in_words(stop: Stop) -> String {
 }
 
 /// Every second label of a file.
-fn open_chosen(bytes: &[u8]) -> Result<CompressedVolume, String> {
+fn open_subset(bytes: &[u8]) -> Result<CompressedVolume, String> {
     let second = |labels: &LabelTable| (0..labels.len()).map(|i| i % 2 == 1).collect();
-    read_chosen(&mut Cursor::new(bytes), bytes.len() as u64, second, &Job::new()).map_err(in_words)
+    read_subset(&mut Cursor::new(bytes), bytes.len() as u64, second, &Job::new()).map_err(in_words)
 }
 
 /// Makes all checksums right again, so that a change reaches what lies behind them.
@@ -130,7 +130,7 @@ fn truncated_files_are_refused() {
             (0..400.min(bytes.len())).chain((400..bytes.len()).step_by(step)).chain([bytes.len() - 1])
         {
             assert!(open(&bytes[..length], true).is_err(), "{length} of {}", bytes.len());
-            assert!(open_chosen(&bytes[..length]).is_err(), "{length} of {}, chosen", bytes.len());
+            assert!(open_subset(&bytes[..length]).is_err(), "{length} of {}, chosen", bytes.len());
         }
         let mut longer = bytes;
         longer.extend([0; 8]);
@@ -190,7 +190,7 @@ fn damage_behind_right_checksums_never_panics() {
             if let Ok(back) = open(&damaged, true) {
                 assert_eq!(back.content_hash(), volume.content_hash(), "round {round}");
             }
-            if let Ok(back) = open_chosen(&damaged) {
+            if let Ok(back) = open_subset(&damaged) {
                 chosen_passed += 1;
                 use_all(&back);
             }
@@ -224,7 +224,7 @@ fn damaged_arrays_never_panic() {
                 Ok(back) => use_all(&back),
                 Err(_) => *refused.entry(name).or_insert(0) += 1,
             }
-            match open_chosen(&damaged) {
+            match open_subset(&damaged) {
                 Ok(back) => use_all(&back),
                 Err(_) => *refused_chosen.entry(name).or_insert(0) += 1,
             }

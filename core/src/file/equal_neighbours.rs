@@ -1,21 +1,21 @@
-//! Which voxels have the label of a neighbour, 64 of a row in a word: what is even is found by words and not by voxels.
+//! Which voxels have the same label as a neighbour, one bit a voxel: runs of one label are found 64 voxels at a time.
 //!
 //! ```text
 //! links of a voxel      left ──●   up │   back ╱       a bit of each, set where both have one label
 //!                                     ●       ●
 //!
-//! even, of the rows that are known before a row's voxels are          slice before     this slice
-//! (their links are): all eight of these have one label                    · ● ·          ● ● ●
+//! A voxel (?) is even where these eight neighbours, whose             slice before     this slice
+//! rows are decoded before its own, all have one label                     · ● ·          ● ● ●
 //!                                                                         ● ● ●            ?
 //!                                                                         · ● ·
 //! ```
-//! Seven links join the eight, and so 64 voxels take some ten operations. The links of a row are made when its voxels are known. What
-//! is outside of a slice counts as label 0.
+//! Seven links join the eight, so 64 voxels take some ten operations. The links of a row are made once its voxels are decoded. Voxels
+//! outside of a slice count as label 0.
 
 use super::slices::{Around, BORDER, words};
-use super::sse2::{Sixteen, equal};
+use super::sse2::{Labels16, equal_mask};
 
-/// Links of 64 voxels, the first in bit 0.
+/// Links of 64 voxels, the first voxel in bit 0.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Links {
     left: u64,
@@ -27,7 +27,7 @@ impl Links {
     const ALL: Self = Self { left: u64::MAX, up: u64::MAX, back: u64::MAX };
 }
 
-/// Links of a slice's voxels, and of those one outside: above, to the right and below.
+/// Links of a slice's voxels and of the border one voxel wide above, to the right and below.
 #[derive(Clone, Debug)]
 pub(super) struct SliceLinks {
     /// Words of a row: the voxel behind the last one has a bit.
@@ -37,7 +37,7 @@ pub(super) struct SliceLinks {
 }
 
 impl SliceLinks {
-    /// Of a slice without labels, in front of another.
+    /// Links of a slice without labels, which lies before the first.
     pub(super) fn empty(columns: usize, rows: usize) -> Self {
         let words = words(columns);
         Self { words, links: vec![Links::ALL; words * (rows + 2)] }
@@ -48,7 +48,7 @@ impl SliceLinks {
         &self.links[i * self.words..][..self.words]
     }
 
-    /// Takes in row `y`, known now; the row below the last is one without labels.
+    /// Makes the links of row `y`, which is decoded now; the row below the last has no labels.
     pub(super) fn learn(&mut self, y: usize, row: &[u32], around: &Around<'_>) {
         let links = &mut self.links[(y + 1) * self.words..][..self.words];
         for (k, links) in links.iter_mut().enumerate() {
@@ -96,7 +96,7 @@ impl SliceLinks {
         }
     }
 
-    /// The voxels of row `y` that are even, this being the slice under way.
+    /// Marks the voxels of row `y` that are even. `self` is the slice being decoded, `before` the slice before it.
     pub(super) fn even(&self, before: &Self, y: usize, even: &mut [u64]) {
         let (above, here, below) = (self.row(y), before.row(y + 1), before.row(y + 2));
         let left = |k: usize| above[k].left & here[k].left;
@@ -108,17 +108,17 @@ impl SliceLinks {
     }
 }
 
-/// A row's voxels from a place on: rows are as long as all their words.
+/// The 64 voxels of a row from a place on: rows are padded to whole words.
 #[inline]
-fn sixty_four(row: &[u32], from: usize) -> &[Sixteen; 4] {
-    const NONE: [Sixteen; 4] = [[[0; 4]; 4]; 4];
+fn sixty_four(row: &[u32], from: usize) -> &[Labels16; 4] {
+    const NONE: [Labels16; 4] = [[[0; 4]; 4]; 4];
     bytemuck::cast_slice(&row[from..from + 64]).first_chunk().unwrap_or(&NONE)
 }
 
-/// Bit i is set where both have one label at i.
+/// A mask whose bit i is set where both have one label at i.
 #[inline]
-fn equal_64(a: &[Sixteen; 4], b: &[Sixteen; 4]) -> u64 {
-    (0..4).fold(0, |bits, i| bits | u64::from(equal(&a[i], &b[i])) << (16 * i))
+fn equal_64(a: &[Labels16; 4], b: &[Labels16; 4]) -> u64 {
+    (0..4).fold(0, |bits, i| bits | u64::from(equal_mask(&a[i], &b[i])) << (16 * i))
 }
 
 /// The first place from `from` on whose bit is not set, or where the bits end.

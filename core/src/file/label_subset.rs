@@ -1,4 +1,4 @@
-//! Chosen labels out of a file, without the others.
+//! Reads some labels of a file without the others.
 //!
 //! ```text
 //! RUNS ─► boxes of the labels asked for ─► their nodes, each once ─► a volume of these boxes alone
@@ -48,18 +48,18 @@ impl CompressedVolume {
         choose: impl FnOnce(&LabelTable) -> Vec<bool>,
         job: &Job,
     ) -> Result<Self> {
-        read::from_path(path, |file, file_bytes| read_chosen(file, file_bytes, choose, job))
+        read::from_path(path, |file, file_bytes| read_subset(file, file_bytes, choose, job))
     }
 }
 
-/// Boxes of one label in one chunk, by number in the file.
+/// A range of boxes to be read: those of one label in one chunk, by number in the file.
 struct Wanted {
     chunk: usize,
     label: u32,
     boxes: Range<u64>,
 }
 
-/// Boxes that are wanted, in the file's order, and their nodes.
+/// The boxes that were read, in the file's order, and their nodes.
 #[derive(Default)]
 struct Picked {
     /// Lowest cell within the chunk, and which node.
@@ -68,7 +68,7 @@ struct Picked {
     nodes: BTreeMap<u64, Vec<u16>>,
 }
 
-pub(super) fn read_chosen(
+pub(super) fn read_subset(
     file: &mut (impl Read + Seek),
     file_bytes: u64,
     choose: impl FnOnce(&LabelTable) -> Vec<bool>,

@@ -1,4 +1,5 @@
-//! The twenty near neighbours of a voxel, and which of them have a label: what is asked for each voxel that lies in no run.
+//! The twenty nearest decoded neighbours of a voxel, and a mask of those that have a given label. The coder needs it for each voxel
+//! outside of a run.
 //!
 //! ```text
 //!            two slices before        slice before                  this slice
@@ -8,27 +9,30 @@
 //! y + 1                              11 12 13 18
 //!                                    x from x − 1 on                      x
 //! ```
-//! The numbers are those of bits. The first 17 make contexts.
+//! ● is the voxel. The numbers are bits of the mask; the lowest 17 select a context.
 
 use super::slices::{Around, BORDER};
-use super::sse2::{Sixteen, equal};
+use super::sse2::{Labels16, equal_mask};
 
-/// Their labels: rows of four, of the bits from 0, 4, 8 and 11 on; and those of bits 14, 15, 16, 19.
+/// The labels of a voxel's neighbours.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Near {
-    rows: Sixteen,
+pub(super) struct Neighbours {
+    /// Rows of four: bits from 0, 4, 8 and 11 on.
+    rows: Labels16,
+    /// Bits 14, 15, 16 and 19.
     others: [u32; 4],
 }
 
-/// How many there are, and how many sets of those that make contexts.
+/// Bits of the mask.
 pub(super) const NEIGHBOURS: usize = 20;
+/// Contexts that the lowest 17 bits select.
 pub(super) const CONTEXTS: usize = 1 << 17;
 
-/// Those that are asked for first: above, and in the slice before.
+/// The neighbours whose labels the coder tries first: the one above and the one in the slice before.
 pub(super) const FIRST: u32 = 1 << 1 | 1 << 5;
 
-impl Near {
-    /// Of voxel `x`.
+impl Neighbours {
+    /// The neighbours of voxel `x` of a row.
     #[inline(always)]
     pub(super) fn of(row: &[u32], around: &Around<'_>, x: usize) -> Self {
         let at = BORDER + x;
@@ -39,17 +43,17 @@ impl Near {
         }
     }
 
-    /// Which of them have a label, a bit of each.
+    /// Mask of the neighbours that have `label`.
     #[inline(always)]
-    pub(super) fn having(&self, label: u32) -> u32 {
-        let rows = equal(&self.rows, &[[label; 4]; 4]);
+    pub(super) fn mask_of(&self, label: u32) -> u32 {
+        let rows = equal_mask(&self.rows, &[[label; 4]; 4]);
         // The last of the third and of the fourth row make no context.
         let rows = rows & 0x7FF | rows >> 1 & 0x3800 | (rows & 0x800) << 6 | (rows & 0x8000) << 3;
         let [a, b, c, d] = self.others.map(|v| u32::from(v == label));
         rows | a << 14 | b << 15 | c << 16 | d << 19
     }
 
-    /// Their labels in the order of their bits.
+    /// The labels in the order of their bits.
     pub(super) fn in_order(&self) -> [u32; NEIGHBOURS] {
         let [[a, b, c, d], [e, f, g, h], [i, j, k, r], [l, m, n, s]] = self.rows;
         let [o, p, q, t] = self.others;
@@ -65,12 +69,12 @@ mod tests {
     fn bits_are_those_of_the_labels_in_order() {
         for seed in 0..500u32 {
             let label = |i: usize| (i as u32 ^ seed).wrapping_mul(0x9E37_79B1).rotate_left(seed % 32) % 3;
-            let near = Near {
+            let near = Neighbours {
                 rows: std::array::from_fn(|i| std::array::from_fn(|j| label(4 * i + j))),
                 others: std::array::from_fn(|i| label(16 + i)),
             };
             let naive = near.in_order().iter().enumerate().fold(0, |m, (i, &v)| m | u32::from(v == 1) << i);
-            assert_eq!(near.having(1), naive, "{near:?}");
+            assert_eq!(near.mask_of(1), naive, "{near:?}");
         }
     }
 }

@@ -1,12 +1,12 @@
-//! The slices that a voxel's neighbours lie in: the one under way and those before it, with borders of background.
+//! The slices that a voxel's neighbours lie in, with borders of background: the one being coded and those before it.
 //!
 //! ```text
-//! two slabs of four slices, by turns:    ┌────┬────┬────┬────┐   ┌────┬────┬────┬────┐
-//!                                        │ z−5│ z−4│ z−3│ z−2│   │ z−1│  z │    │    │      what is full is handed on as it lies there
+//! two slabs of four slices, in turns:    ┌────┬────┬────┬────┐   ┌────┬────┬────┬────┐
+//!                                        │ z−5│ z−4│ z−3│ z−2│   │ z−1│  z │    │    │      a full slab is handed on in place
 //!                                        └────┴────┴────┴────┘   └────┴────┴────┴────┘
 //! a slice:  rows of    8 of border │ voxels, up to a multiple of 64 │ 16 of border        three rows of border above and below
 //! ```
-//! Borders are as wide as neighbours are far; voxels may be written up to 16 at a time past a row's end, until it is closed.
+//! Borders are as wide as the farthest neighbour. Writes of 16 voxels at a time may pass a row's end; its border is cleared afterwards.
 
 /// Slices of a slab: whole cells, whatever z it begins at. With sixteen, which leave the caches, opening takes 6 % longer.
 pub(super) const SLAB: usize = 4;
@@ -14,10 +14,10 @@ pub(super) const SLAB: usize = 4;
 /// Voxels of border before a row.
 pub(super) const BORDER: usize = 8;
 
-/// And behind it: as many as [`fill`] writes at a time.
+/// Voxels of border behind a row: as many as [`fill`] writes at a time.
 const BEHIND: usize = 16;
 
-/// Rows of border.
+/// Rows of border above and below a slice.
 const ROWS: usize = 3;
 
 /// Words of 64 bits for a row of this many voxels and the one behind the last.
@@ -35,18 +35,18 @@ pub(super) struct Slices {
     area: usize,
     slab: Vec<u32>,
     former: Vec<u32>,
-    /// Slices of the slab that are begun.
+    /// Slices of the slab so far, with the one being coded.
     begun: usize,
 }
 
-/// The slice under way and those before it.
+/// The slice being coded and the two before it.
 pub(super) struct Three<'a> {
     now: &'a mut [u32],
     before: [&'a [u32]; 2],
     stride: usize,
 }
 
-/// The rows that are known around one under way, each with its borders; by steps along y and slices back.
+/// The decoded rows around the one being coded, each with its borders, named by steps along y and slices back.
 pub(super) struct Around<'a> {
     pub(super) up: &'a [u32],
     pub(super) up_2: &'a [u32],
@@ -54,14 +54,14 @@ pub(super) struct Around<'a> {
     pub(super) back_up: &'a [u32],
     pub(super) back_down: &'a [u32],
     pub(super) back_2: &'a [u32],
-    /// The slice as far as it is known, the two before it, and where the row begins in them.
+    /// The decoded part of the slice, the two slices before it, and where the row begins in them.
     slices: [&'a [u32]; 3],
     at: usize,
     stride: usize,
 }
 
 impl Slices {
-    /// For slices of `columns` × `rows` voxels; those before the first have none.
+    /// Slices of `columns` × `rows` voxels; those before the first are background.
     pub(super) fn new(columns: usize, rows: usize) -> Self {
         let stride = BORDER + 64 * words(columns) + BEHIND;
         let area = stride * (rows + 2 * ROWS);
@@ -85,7 +85,7 @@ impl Slices {
         self.begun += 1;
     }
 
-    /// The slice that was begun last, and the two before it.
+    /// The newest slice and the two before it.
     pub(super) fn three(&mut self) -> Three<'_> {
         let area = self.area;
         let (done, rest) = self.slab.split_at_mut((self.begun - 1) * area);
@@ -113,7 +113,7 @@ impl Slices {
 }
 
 impl Three<'_> {
-    /// Row `y`, which is under way or, if it is the number of rows, below the last; and what is around it.
+    /// Row `y` of the slice being coded and the rows around it. The row below the last is asked for too.
     #[inline]
     pub(super) fn row(&mut self, y: usize) -> (&mut [u32], Around<'_>) {
         let (stride, at) = (self.stride, (y + ROWS) * self.stride);
@@ -136,7 +136,7 @@ impl Three<'_> {
 }
 
 impl Around<'_> {
-    /// The label some steps along x, y and slices back from voxel `x`: of what is known, and no farther than borders are wide.
+    /// The label some steps along x, y and slices back from voxel `x`. The step must lead to a decoded voxel or a border.
     #[inline]
     pub(super) fn at(&self, x: usize, [dx, dy, back]: [i8; 3]) -> u32 {
         let row = self.at.wrapping_add_signed(isize::from(dy) * self.stride as isize);
@@ -144,7 +144,7 @@ impl Around<'_> {
     }
 }
 
-/// Gives the voxels from `x` to `end` a label, and some behind them, which are written later.
+/// Gives the voxels from `x` to `end` a label, and up to 15 behind them, which later writes replace.
 #[inline]
 pub(super) fn fill(row: &mut [u32], x: usize, end: usize, label: u32) {
     for at in (x..end).step_by(BEHIND) {

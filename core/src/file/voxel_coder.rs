@@ -1,27 +1,27 @@
-//! The voxels of a piece of volume as a stream of bits: what a voxel's neighbours are says nearly all of what it is.
+//! Codes the voxels of a piece of volume as a stream of bits: a voxel's neighbours predict it nearly always.
 //!
 //! ```text
 //! slice after slice, row after row:
-//!     a run of voxels amid one label        ─► one bit: it is of that label to its end; or else where it breaks
+//!     a run of voxels amid one label        ─► one bit: the whole run has that label; if not, where it breaks
 //!     any other voxel, and one that breaks a run:
-//!         each label among 20 neighbours that are known, nearest first      one bit: is it this one?
+//!         each label among 20 decoded neighbours, nearest first             one bit: is it this one?
 //!         none: each one among 36 farther ones                              one bit
 //!         none                                                              its number, a bit at a time
 //! ```
-//! Most voxels lie in runs, which are found 64 voxels at a time ([`super::equal_neighbours`]). Each bit's chance is what one context has seen:
-//! which of 17 neighbours have the label that is asked for. Mixing three such contexts by a logistic mixer
+//! Most voxels lie in runs, which are found 64 voxels at a time ([`super::equal_neighbours`]). Each bit is coded by one
+//! context: which of 17 neighbours have the label that is tried. Mixing three such contexts by a logistic mixer
 //! (Mahoney, *Adaptive weighing of context models for lossless data compression*, 2005) takes 3 % off the file and nine times as long.
 //!
-//! Encoder and decoder are one piece of code and learn from the same bits. All of it is in whole numbers. `docs/file-format.md` has
-//! every constant, since each of them decides what a file means.
+//! Encoder and decoder are one piece of code and adapt to the same bits, in integers alone. `docs/file-format.md` has every constant,
+//! since each of them decides what a file means.
 
-use super::arithmetic::{Coder, Decoder, Encoder, Seen};
+use super::arithmetic::{BitModel, Coder, Decoder, Encoder};
 use super::equal_neighbours::{SliceLinks, end_of_ones};
-use super::neighbours::{CONTEXTS, FIRST, NEIGHBOURS, Near};
+use super::neighbours::{CONTEXTS, FIRST, NEIGHBOURS, Neighbours};
 use super::slices::{Around, BORDER, Slices, fill, words};
 use crate::contacts::Pairs;
 
-/// Neighbours that are asked for where no near one has the label: steps along x, along y, slices back.
+/// Neighbours whose labels are tried where no near one has the voxel's: steps along x, along y, slices back.
 const FAR: [[i8; 3]; 36] = [
     [-2, 0, 1],
     [0, 2, 1],
@@ -70,34 +70,34 @@ const PLACE_CONTEXTS: usize = 1 << 7;
 /// Bits of a label's number that have contexts of their own; the lower ones of longer numbers are taken as they come.
 const NUMBER_CONTEXTS: usize = 1 << 16;
 
-/// What has been learnt of a piece's voxels.
-struct Learnt {
-    /// By the length of a run: whether it is of one label to its end; where it breaks.
-    whole: [Seen; LENGTHS],
-    place: Vec<[Seen; PLACE_CONTEXTS]>,
-    /// For the first label that is asked for, the second, and those after it.
-    near: [Vec<Seen>; 3],
-    far: [Seen; FAR.len()],
-    number: Vec<Seen>,
-    /// Bits of a label's number, and the highest one that was met.
+/// The contexts of a piece.
+struct Models {
+    /// By the length of a run: whether all of it has one label, and where it breaks.
+    whole: [BitModel; LENGTHS],
+    place: Vec<[BitModel; PLACE_CONTEXTS]>,
+    /// For the first label that is tried, the second, and those after it.
+    near: [Vec<BitModel>; 3],
+    far: [BitModel; FAR.len()],
+    number: Vec<BitModel>,
+    /// Bits of a label's number, and the highest number so far.
     number_bits: u32,
     highest: u32,
 }
 
-impl Learnt {
+impl Models {
     fn new(most: u32) -> Self {
         Self {
-            whole: [Seen::NOTHING; LENGTHS],
-            place: vec![[Seen::NOTHING; PLACE_CONTEXTS]; LENGTHS],
-            near: [0; 3].map(|_| vec![Seen::NOTHING; CONTEXTS]),
-            far: [Seen::NOTHING; FAR.len()],
-            number: vec![Seen::NOTHING; NUMBER_CONTEXTS],
+            whole: [BitModel::NEW; LENGTHS],
+            place: vec![[BitModel::NEW; PLACE_CONTEXTS]; LENGTHS],
+            near: [0; 3].map(|_| vec![BitModel::NEW; CONTEXTS]),
+            far: [BitModel::NEW; FAR.len()],
+            number: vec![BitModel::NEW; NUMBER_CONTEXTS],
             number_bits: u32::BITS - most.leading_zeros(),
             highest: 0,
         }
     }
 
-    /// Codes a row whose even voxels are known; `told` are its voxels, where they are.
+    /// Codes a row whose even voxels are known. An encoder gives its voxels in `told`.
     #[inline(always)]
     fn row(
         &mut self,
@@ -123,7 +123,7 @@ impl Learnt {
                 }
             }
             let told = told.map(|t| t[x]);
-            let context = Near::of(row, around, x).having(label) as usize % CONTEXTS;
+            let context = Neighbours::of(row, around, x).mask_of(label) as usize % CONTEXTS;
             if !begins && self.near[0][context].code(coder, told.map(|t| t == label)) {
                 row[BORDER + x] = label;
             } else {
@@ -133,7 +133,7 @@ impl Learnt {
         }
     }
 
-    /// How many voxels of a run of `length` have its label.
+    /// Codes how many voxels of a run of `length` have its label.
     #[inline(always)]
     fn run(&mut self, coder: &mut impl Coder, length: usize, breaks: Option<usize>) -> usize {
         let class = ((usize::BITS - length.leading_zeros()) as usize).min(LENGTHS - 1);
@@ -143,17 +143,17 @@ impl Learnt {
         }
     }
 
-    /// Where a run breaks: from the highest bit, each bit's context the bits above it.
+    /// Codes where a run breaks.
     #[cold]
     fn place(&mut self, coder: &mut impl Coder, length: usize, class: usize, breaks: Option<usize>) -> usize {
         let bits = usize::BITS - (length - 1).leading_zeros();
         let told = breaks.map(|b| b as u32);
         let place = number(coder, &mut self.place[class], bits, told) as usize;
-        // Only a damaged stream has one beyond.
+        // A damaged stream may have a place beyond the run.
         place.min(length - 1)
     }
 
-    /// A voxel that has not the label before it.
+    /// Codes a voxel that has another label than the voxel to its left.
     #[inline(never)]
     fn other(
         &mut self,
@@ -163,26 +163,26 @@ impl Learnt {
         x: usize,
         told: Option<u32>,
     ) -> u32 {
-        // Once more: handed on from where the first bit is decoded, they would go through memory there, for each voxel.
-        let near = Near::of(row, around, x);
+        // Gathered again: passing them on would put them into memory for each voxel, also for those that end at the first bit.
+        let near = Neighbours::of(row, around, x);
         let labels = near.in_order();
         let all = (1 << NEIGHBOURS) - 1;
-        let (mut rest, mut order) = (all & !near.having(row[BORDER + x - 1]), 1);
+        let (mut rest, mut order) = (all & !near.mask_of(row[BORDER + x - 1]), 1);
         while rest != 0 {
             let first = if rest & FIRST != 0 { rest & FIRST } else { rest };
             let label = labels[first.trailing_zeros() as usize % labels.len()];
-            let having = near.having(label);
-            if self.near[order][having as usize % CONTEXTS].code(coder, told.map(|t| t == label)) {
+            let mask = near.mask_of(label);
+            if self.near[order][mask as usize % CONTEXTS].code(coder, told.map(|t| t == label)) {
                 return label;
             }
-            rest &= !having;
+            rest &= !mask;
             order = 2;
         }
         let mut asked = [0; FAR.len()];
         for (i, step) in FAR.into_iter().enumerate() {
             let label = around.at(x, step);
             asked[i] = label;
-            if near.having(label) == 0
+            if near.mask_of(label) == 0
                 && !asked[..i].contains(&label)
                 && self.far[i].code(coder, told.map(|t| t == label))
             {
@@ -195,8 +195,8 @@ impl Learnt {
     }
 }
 
-/// A number of some bits, from the highest, each bit's context the bits above it.
-fn number(coder: &mut impl Coder, contexts: &mut [Seen], bits: u32, told: Option<u32>) -> u32 {
+/// Codes a number of some bits, from the highest; each bit's context is the bits above it.
+fn number(coder: &mut impl Coder, contexts: &mut [BitModel], bits: u32, told: Option<u32>) -> u32 {
     let (mut number, mut context) = (0u32, 1usize);
     for bit in (0..bits).rev() {
         let told = told.map(|number| number >> bit & 1 != 0);
@@ -210,26 +210,26 @@ fn number(coder: &mut impl Coder, contexts: &mut [Seen], bits: u32, told: Option
     number
 }
 
-/// What encoder and decoder share.
+/// The state that encoder and decoder share.
 struct Model {
     slices: Slices,
     links: [SliceLinks; 2],
     even: Vec<u64>,
-    learnt: Learnt,
+    models: Models,
 }
 
 impl Model {
-    /// For slices of `size` voxels with labels from 0 to `most`.
+    /// A model of slices of `size` voxels with labels from 0 to `most`.
     fn new([columns, rows]: [usize; 2], most: u32) -> Self {
         Self {
             slices: Slices::new(columns, rows),
             links: [0; 2].map(|_| SliceLinks::empty(columns, rows)),
             even: vec![0; words(columns)],
-            learnt: Learnt::new(most),
+            models: Models::new(most),
         }
     }
 
-    /// Codes the next slice; `told` are its voxels where they are known. The labels of neighbours that differ are `met`.
+    /// Codes the next slice. An encoder gives its voxels in `told`. Calls `met` with the labels of neighbours that differ.
     #[inline(always)]
     fn slice(&mut self, coder: &mut impl Coder, told: Option<&[u32]>, mut met: impl FnMut(u32, u32)) {
         let (columns, rows) = (self.slices.columns(), self.slices.rows());
@@ -241,7 +241,7 @@ impl Model {
             let told = told.map(|voxels| &voxels[y * columns..][..columns]);
             let (row, around) = slices.row(y);
             links.even(before, y, &mut self.even);
-            self.learnt.row(coder, row, &around, &self.even, told, columns);
+            self.models.row(coder, row, &around, &self.even, told, columns);
             row[BORDER + columns..].fill(0);
             links.learn(y, row, &around);
             links.unlike(before, y, row, &around, &mut met);
@@ -251,19 +251,19 @@ impl Model {
     }
 }
 
-/// Slices into a stream.
+/// Encodes slices into a stream.
 pub(super) struct VoxelEncoder {
     model: Model,
     coder: Encoder,
 }
 
 impl VoxelEncoder {
-    /// For slices of `size` voxels, neither 0, with labels from 0 to `most`.
+    /// An encoder of slices of `size` voxels, neither 0, with labels from 0 to `most`.
     pub(super) fn new(size: [usize; 2], most: u32) -> Self {
         Self { model: Model::new(size, most), coder: Encoder::new() }
     }
 
-    /// The next slice, x fastest.
+    /// Encodes the next slice, x fastest.
     pub(super) fn slice(&mut self, voxels: &[u32]) {
         self.model.slice(&mut self.coder, Some(voxels), |_, _| ());
     }
@@ -273,7 +273,7 @@ impl VoxelEncoder {
     }
 }
 
-/// A stream into slices.
+/// Decodes a stream into slices.
 pub(super) struct VoxelDecoder<'a> {
     model: Model,
     coder: Decoder<'a>,
@@ -306,7 +306,7 @@ impl<'a> VoxelDecoder<'a> {
 
     /// The highest label so far. A damaged stream may have one above the number of labels.
     pub(super) fn highest(&self) -> u32 {
-        self.model.learnt.highest
+        self.model.models.highest
     }
 
     /// Whether the stream has no byte left.

@@ -1,11 +1,11 @@
-//! A volume as the voxels that it was made from: the smallest file there is, and no boxes in it.
+//! Writes and reads a volume as its voxels, piece by piece: the smallest file, without boxes.
 //!
 //! ```text
-//! volume ─► pieces of 1024³ voxels that have any ─► a stream each ([`super::voxel_coder`])        PIEC  where, how long    VOXL  the streams
+//! volume ─► pieces of 1024³ voxels that have any ─► a stream each ([`super::voxel_coder`])    PIEC  where, how long    VOXL  streams
 //! and back: streams ─► parts, as while compressing ─► the same volume, since its form is canonical
 //! ```
-//! Opening compresses anew: what it takes goes by voxels, where other files go by boxes. Counts come out of that too, and contacts of
-//! decoding, which knows where neighbours differ; neither is stored.
+//! Opening compresses again, so its time goes by voxels, not by boxes. Counts of voxels follow from that, and contacts from decoding,
+//! which meets the neighbours that differ; neither is stored.
 
 use std::collections::BTreeSet;
 use std::io::{Read, Seek};
@@ -56,7 +56,7 @@ pub(super) fn encode(volume: &CompressedVolume, job: &Job) -> Result<[Vec<u8>; 2
         |&origin: &[u32; 3]| piece_dims(volume.info.dims, origin).map(u64::from).iter().product::<u64>();
     job.begin(pieces.iter().map(voxels).sum());
 
-    // One of its own: who saves a volume does not want it larger in memory from then on.
+    // A grid of its own: saving leaves the volume as small in memory as it was.
     let (grid, labelled) = (volume.new_grid(), AtomicU64::new(0));
     let streams: Vec<Vec<u8>> = pieces
         .par_iter()
