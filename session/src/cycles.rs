@@ -179,7 +179,8 @@ fn cycles_seed(seed: u64) -> u64 {
     (seed * 2_654_435_761) % 2_147_483_647
 }
 
-#[cfg(all(test, unix))]
+#[cfg(unix)]
+#[cfg(test)]
 mod tests {
     use std::os::unix::fs::PermissionsExt;
     use std::path::PathBuf;
