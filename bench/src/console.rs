@@ -19,7 +19,7 @@ pub enum BenchError {
 /// Result of a bench.
 pub type BenchResult<T> = Result<T, BenchError>;
 
-/// How a bench that came to its end came out.
+/// Answer of a bench that came to its end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outcome {
     /// All that it asks holds; a bench that asks nothing.

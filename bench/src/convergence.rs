@@ -60,7 +60,7 @@ pub struct ConvergenceOptions {
     pub spp: Vec<u32>,
     /// Pictures at each, with seeds of their own.
     pub repeats: u32,
-    /// As in a scene.
+    /// Bounces of light, as `settings.bounces` of a scene.
     pub bounces: u32,
     /// Samples a pixel of the reference, of each program.
     pub reference_spp: u32,
@@ -75,16 +75,16 @@ pub struct Point {
     pub seconds: f64,
     /// CPU seconds of rendering, all threads.
     pub cpu_seconds: f64,
-    /// Against the reference, whose own error is taken off.
+    /// relMSE against the reference, less the reference's own.
     pub rel_mse: f64,
-    /// Against the reference.
+    /// FLIP against the reference.
     pub flip: f64,
 }
 
 /// What a program did before its first sample.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Preparation {
-    /// What it took.
+    /// Seconds before the first sample.
     #[serde(flatten)]
     pub took: Took,
     /// Largest resident set of the process while it rendered; `None` where the system does not tell.
@@ -96,11 +96,11 @@ pub struct Preparation {
 /// A program's figures.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Program {
-    /// With its version.
+    /// Name and version of the program.
     pub name: String,
-    /// Before the first sample.
+    /// What the program did before its first sample.
     pub preparation: Preparation,
-    /// By rising samples.
+    /// A point for each number of samples, rising.
     pub points: Vec<Point>,
 }
 
@@ -109,9 +109,9 @@ pub struct Program {
 pub struct Convergence {
     /// The volume's file name.
     pub volume: String,
-    /// As asked for.
+    /// Pixels across and down.
     pub size: [u32; 2],
-    /// As asked for.
+    /// Bounces of light.
     pub bounces: u32,
     /// Voxel faces that Cycles was given.
     pub faces: usize,
@@ -119,7 +119,7 @@ pub struct Convergence {
     pub reference_rel_mse: f64,
     /// Largest difference of the two programs' references, in standard errors of the whole picture's mean; none with one program.
     pub disagreement: Option<f64>,
-    /// Ours first.
+    /// Pumice first, then Cycles where it was asked for.
     pub programs: Vec<Program>,
 }
 

@@ -73,9 +73,9 @@ pub(crate) fn run(flags: &Flags, job: &Job, console: &mut Console<'_>) -> BenchR
 /// Rays in a CPU second, in millions.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Rate {
-    /// In the fastest round.
+    /// Rate of the fastest round.
     pub best: f64,
-    /// In the median one.
+    /// Rate of the median round.
     pub median: f64,
 }
 
@@ -102,11 +102,11 @@ pub struct EmbreeRays {
     pub build_cpu_seconds: [f64; 2],
     /// `primary` or `bounce`.
     pub kind: &'static str,
-    /// How many were traced.
+    /// Rays traced.
     pub rays: usize,
-    /// How many hit, by ours.
+    /// Rays that hit, by Pumice.
     pub hits: usize,
-    /// How many the two see differently.
+    /// Rays that Pumice and Embree see differently.
     pub differing: usize,
     /// Ours, through bricks.
     pub ours: Rate,

@@ -69,9 +69,9 @@ pub struct PictureError {
     pub seconds: f64,
     /// CPU seconds of rendering.
     pub cpu_seconds: f64,
-    /// Against the reference.
+    /// relMSE against the reference.
     pub rel_mse: f64,
-    /// Against the reference.
+    /// FLIP against the reference.
     pub flip: f64,
     /// The relative error that the picture estimated of itself; `None` where it has too few samples to know.
     pub error_estimate: Option<f64>,

@@ -118,7 +118,7 @@ pub struct ExtremesOptions {
     pub cases: Vec<String>,
     /// A 64th of the voxels.
     pub reduced: bool,
-    /// As [`CompressOptions::memory_limit_bytes`].
+    /// Bytes of records kept in memory while compressing; more is spilled ([`CompressOptions::memory_limit_bytes`]).
     pub memory_limit_bytes: Option<u64>,
 }
 
@@ -131,13 +131,13 @@ pub struct ExtremeFigures {
     pub labels: u64,
     /// Boxes.
     pub boxes: u64,
-    /// In memory, with the hierarchy over the boxes.
+    /// Bytes in memory, with the hierarchy over the boxes.
     pub bytes_resident: u64,
     /// Most that the form can take for such a volume.
     pub bytes_bound: u64,
-    /// On disk, levels fast and default.
+    /// Bytes of the file at the levels fast and default.
     pub bytes_disk: [u64; 2],
-    /// From the generator to the compressed volume, the generator's own time taken off.
+    /// CPU seconds from the generator to the compressed volume, less the generator's own.
     pub compress_cpu_seconds: f64,
     /// Saving at both levels and opening them again.
     pub file_cpu_seconds: f64,
@@ -147,7 +147,7 @@ pub struct ExtremeFigures {
     pub verify_cpu_seconds: f64,
     /// Largest memory of the process meanwhile; `None` where the system does not tell.
     pub peak_rss_bytes: Option<u64>,
-    /// Of the generator alone.
+    /// CPU seconds of the generator alone.
     pub generator_cpu_seconds: f64,
 }
 
@@ -170,11 +170,11 @@ impl ExtremeFigures {
 pub struct ExtremeCase {
     /// Name.
     pub name: &'static str,
-    /// In words.
+    /// The volume in words.
     pub what: &'static str,
-    /// Of the smaller and the whole volume.
+    /// Figures of the smaller and of the whole volume.
     pub figures: [ExtremeFigures; 2],
-    /// As which power of the voxels the CPU time grew; `None` where the smaller volume took too little to tell.
+    /// Power of the voxels with which the CPU time grew; `None` where the smaller volume took too little to tell.
     pub exponent: Option<f64>,
 }
 

@@ -229,3 +229,16 @@ impl Row for InstanceCost {
         ]
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_ball_of_triangles_is_measured_both_ways() {
+        let shape = Shape::Mesh(Arc::new(ball(1).unwrap()));
+        let cost = measure("mesh", &shape, 5, &Job::new()).unwrap();
+        assert!(cost.count == 5 && cost.tree_bytes > 0 && cost.hierarchy_bytes > cost.tree_bytes, "{cost:?}");
+        assert!(cost.in_turn_cpu_seconds > 0.0 && cost.by_tree_cpu_seconds > 0.0, "{cost:?}");
+    }
+}

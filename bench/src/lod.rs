@@ -69,7 +69,7 @@ pub struct LodOptions {
 /// One level's figures in pictures of one size.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LevelFigures {
-    /// Among [`LEVELS`].
+    /// Name of the level in [`LEVELS`].
     pub name: &'static str,
     /// CPU seconds until the first sample can be drawn, from an open volume on.
     pub build_cpu_seconds: f64,
@@ -92,17 +92,17 @@ pub struct LevelFigures {
 pub struct LodTable {
     /// The volume's file name.
     pub volume: String,
-    /// Its size.
+    /// Voxels along x, y and z.
     pub dims: [u32; 3],
     /// Bytes of its file that can be mapped.
     pub bytes_mapped: u64,
-    /// Of the pictures.
+    /// Pixels of the pictures across and down.
     pub size: [u32; 2],
     /// Labels shown.
     pub labels: usize,
     /// The reference's own relMSE, which was taken off.
     pub reference_rel_mse: f64,
-    /// In the order of [`LEVELS`].
+    /// Figures of each level, in the order of [`LEVELS`].
     pub levels: Vec<LevelFigures>,
 }
 

@@ -11,7 +11,7 @@ pub(crate) struct MeanPicture {
 }
 
 impl MeanPicture {
-    /// Of at least two pictures of one size.
+    /// The mean of at least two pictures of one size.
     pub(crate) fn of(batches: &[Image]) -> Self {
         let n = batches.len() as f64;
         let flat = |i: &Image| i.pixels.iter().flatten().map(|&v| f64::from(v)).collect::<Vec<f64>>();
@@ -41,7 +41,7 @@ impl MeanPicture {
         (0..self.values.len()).map(squared).sum::<f64>() / self.values.len() as f64
     }
 
-    /// As a picture of this size.
+    /// The mean as a picture of this size.
     pub(crate) fn image(&self, size: [u32; 2]) -> Image {
         let [width, height] = size.map(|s| s as usize);
         let pixels = self.values.as_chunks::<3>().0.iter().map(|p| p.map(|v| v as f32)).collect();

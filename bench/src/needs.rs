@@ -39,7 +39,7 @@ pub struct NeedsOptions {
 pub struct NeedsScene {
     /// The volume's file, without its folder.
     pub volume: String,
-    /// What it shows.
+    /// What the scene shows, in words.
     pub scene: String,
     /// Opening it as a file of each level, for the labels that are shown; empty where all are.
     pub opening: Vec<(&'static str, OpeningSaved)>,

@@ -28,6 +28,7 @@ use pumice_formats::OpenOptions;
 use pumice_session::error::{Result, SessionError};
 use pumice_session::file_info::acceleration_bytes;
 use pumice_session::{Residence, open_volume};
+use serde::Serialize;
 
 use crate::files::{file_name, write_results};
 use crate::timing::{Took, clocked};
@@ -55,15 +56,15 @@ pub struct PaperOptions {
 }
 
 /// A form's figures.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize)]
 pub struct FormFigures {
-    /// As the paper calls it, or ours.
+    /// The form's name in the paper, or `Pumice`.
     pub name: String,
     /// Whether cells of 4³ are bit fields.
     pub with_fields: bool,
     /// Boxes of all labels.
     pub boxes: usize,
-    /// Their bytes.
+    /// Bytes of those boxes.
     pub box_bytes: u64,
     /// Bytes of the hierarchy over all of them.
     pub bvh_bytes: u64,
@@ -83,7 +84,7 @@ impl FormFigures {
 }
 
 /// A step of compressing.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize)]
 pub struct Step {
     /// What is done.
     pub name: &'static str,
@@ -92,11 +93,11 @@ pub struct Step {
 }
 
 /// Boxes of another size.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize)]
 pub struct SideFigures {
     /// Longest side; none where boxes are not cut.
     pub side: Option<u32>,
-    /// Of one graph with fields.
+    /// Figures of one shared graph with occupancy fields.
     pub figures: FormFigures,
 }
 
@@ -104,22 +105,22 @@ pub struct SideFigures {
 const STEPS_TOLD: usize = 64;
 
 /// Bytes while types are merged one after another.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Growth {
     /// Types so far.
     pub types: usize,
-    /// Their boxes.
+    /// Boxes of those types.
     pub boxes: usize,
     /// Bytes of their octrees, of their graphs, of the one graph.
     pub bytes: [u64; 3],
 }
 
 /// All figures of a volume.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize)]
 pub struct PaperTables {
     /// The volume's file name.
     pub volume: String,
-    /// Its size.
+    /// Voxels along x, y and z.
     pub dims: [u32; 3],
     /// Voxels that have a label.
     pub solid: u64,
@@ -133,7 +134,7 @@ pub struct PaperTables {
     pub rays: [usize; 2],
     /// The paper's forms, then ours.
     pub forms: Vec<FormFigures>,
-    /// From voxels to each form.
+    /// Steps of compressing, from voxels to each form.
     pub steps: Vec<Step>,
     /// Other sizes of boxes.
     pub sides: Vec<SideFigures>,
@@ -141,7 +142,7 @@ pub struct PaperTables {
     pub hiding: Vec<Hiding>,
     /// Uses of the shared graph's nodes, without and with fields.
     pub reuse: Vec<Reuse>,
-    /// With fields: some steps, evenly apart, and the last.
+    /// Bytes with occupancy fields after some steps, evenly apart, and after the last.
     pub growth: Vec<Growth>,
 }
 

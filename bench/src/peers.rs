@@ -67,15 +67,15 @@ pub struct Peer {
     pub name: String,
     /// Version of its package.
     pub version: String,
-    /// What it made: the file's bytes, or those in memory for the row that says so.
+    /// Bytes of the file that it made, or in memory for the row that says so.
     pub bytes: u64,
-    /// From the array to those bytes.
+    /// Seconds from the array to those bytes.
     pub compress: Took,
-    /// And back to an array.
+    /// Seconds from those bytes back to an array.
     pub decompress: Took,
     /// CPU seconds for reading one voxel of what it made.
     pub voxel_cpu_seconds: f64,
-    /// What it does for that.
+    /// What the program does to read one voxel.
     pub one_voxel: String,
     /// Whether a ray can be traced through those bytes.
     pub traversable: String,
@@ -86,13 +86,13 @@ pub struct Peer {
 pub struct PeersTable {
     /// The volume's file, without its folder.
     pub volume: String,
-    /// Its size.
+    /// Voxels along x, y and z.
     pub dims: [u32; 3],
     /// 4 bytes a voxel.
     pub bytes_raw: u64,
     /// Pumice first.
     pub programs: Vec<Peer>,
-    /// Those that the caller left out.
+    /// Programs that the caller left out.
     pub left_out: Vec<String>,
 }
 

@@ -1,4 +1,4 @@
-//! Error against run time as an SVG picture.
+//! Curves on logarithmic axes, as SVG pictures.
 
 use plotters::prelude::*;
 use pumice_session::progressive::CurvePoint;

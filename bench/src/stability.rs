@@ -36,15 +36,15 @@ pub use pumice_session::savings::Beside;
 /// One case.
 #[derive(Clone, Debug, Serialize)]
 pub struct Case {
-    /// Which of the six kinds it is.
+    /// Kind of the case: a row of the module's table.
     pub group: &'static str,
     /// What is extreme about it.
     pub name: String,
     /// What was measured; not finite where the answer was plainly wrong.
     pub error: f64,
-    /// Of what it is.
+    /// Quantity and unit of `error` and `bar`.
     pub unit: &'static str,
-    /// What it may be at most.
+    /// Largest `error` that passes.
     pub bar: f64,
     /// Where the bar comes from.
     pub reason: &'static str,
@@ -101,17 +101,17 @@ impl Case {
 /// All cases.
 #[derive(Clone, Debug, Serialize)]
 pub struct Stability {
-    /// That drew the pictures.
+    /// Backend that drew the pictures.
     pub backend: String,
     /// What it ran on.
     pub device: String,
-    /// In groups.
+    /// Cases, kind after kind.
     pub cases: Vec<Case>,
     /// Rays that the oracle has judged.
     pub rays: u64,
     /// Pixels that were looked at.
     pub pixels: u64,
-    /// Those that were not a number, infinite, or negative.
+    /// Pixels that were not a number, infinite, or negative.
     pub bad_pixels: u64,
 }
 
@@ -121,7 +121,7 @@ impl Stability {
         self.bad_pixels == 0 && self.cases.iter().all(Case::holds)
     }
 
-    /// As a table.
+    /// The cases as a page with a table.
     pub fn markdown(&self) -> String {
         let mut text = format!(
             "# stability\n\nPictures by {} on {}; {} rays judged, {} pixels looked at, {} of them not a number from 0 on.\n\n\

@@ -41,7 +41,7 @@ impl Add for Took {
 /// Does a piece of work, and gives what it took beside its result.
 ///
 /// # Errors
-/// Those of the work.
+/// What the work reports.
 pub fn clocked<T>(work: impl FnOnce() -> Result<T>) -> Result<(T, Took)> {
     let clock = Stopwatch::start();
     let result = work()?;

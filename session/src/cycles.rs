@@ -39,7 +39,7 @@ pub struct Seconds {
 pub struct CyclesPicture {
     /// Samples a pixel.
     pub spp: u32,
-    /// What the call to render took.
+    /// Seconds of the call to render.
     pub took: Seconds,
     /// Scene-linear colours.
     pub picture: Image,
@@ -52,9 +52,9 @@ pub struct CyclesRun {
     pub blender: String,
     /// Voxel faces of all instances, as quads.
     pub faces: usize,
-    /// Translating the scene.
+    /// Seconds of translating the scene.
     pub built: Seconds,
-    /// In the order in which they were asked for.
+    /// Pictures in the order in which they were asked for.
     pub pictures: Vec<CyclesPicture>,
     /// Resident set of the process before the scene was built, in bytes.
     pub bytes_before: u64,
@@ -177,4 +177,72 @@ fn write_faces(
 /// Cycles' seeds are 31 bits and not independent where they are near each other: a multiplication by an odd number spreads them.
 fn cycles_seed(seed: u64) -> u64 {
     (seed * 2_654_435_761) % 2_147_483_647
+}
+
+#[cfg(unix)]
+#[cfg(test)]
+mod tests {
+    use std::os::unix::fs::PermissionsExt;
+    use std::path::PathBuf;
+
+    use pumice_oracle::volumes::blobs;
+    use pumice_scene::{Cut, CutShape};
+
+    use super::*;
+    use crate::figure::{FigureOptions, compose};
+
+    /// A program in Blender's place: it keeps the job and answers with a report of so many pictures.
+    fn stand_in(folder: &Path, pictures: usize) -> PathBuf {
+        let values: Vec<f32> = (0..pictures * 2 * 3).map(|v| v as f32).collect();
+        write_npy(&folder.join("p.npy"), "<f4", &[pictures, 1, 2, 3], bytemuck::cast_slice(&values)).unwrap();
+        let renders: Vec<Value> =
+            (0..pictures).map(|i| json!({ "seconds": 0.5, "cpu_seconds": i as f64 + 1.0 })).collect();
+        let built = json!({ "seconds": 0.25, "cpu_seconds": 0.75 });
+        let report = json!({
+            "blender": "4.2.0", "built": built, "renders": renders, "bytes_before": 10, "peak_bytes": 30,
+        });
+        std::fs::write(folder.join("r.json"), report.to_string()).unwrap();
+        let program = folder.join("python");
+        let here = folder.display();
+        let script = format!(
+            "#!/bin/sh\nout=$(dirname \"$2\")\ncp \"$2\" {here}/asked.json\ncp {here}/p.npy $out/pictures.npy\ncp {here}/r.json $out/report.json\n"
+        );
+        std::fs::write(&program, script).unwrap();
+        std::fs::set_permissions(&program, std::fs::Permissions::from_mode(0o755)).unwrap();
+        program
+    }
+
+    #[test]
+    fn each_picture_that_is_asked_for_comes_back_with_its_time() {
+        let folder = tempfile::tempdir().unwrap();
+        let (_, bodies) = blobs([24, 24, 24], 9, 4, 11);
+        let options = FigureOptions { size: [2, 1], labels: None, view_deg: FigureOptions::DEFAULT_VIEW_DEG };
+        let mut scene = compose(&bodies, "memory".into(), &options);
+        let draw = |scene: &Scene, python: &Path| {
+            render_with_cycles(python, scene, &[Arc::clone(&bodies)], &[(1, 4), (2, 16)], &Job::new())
+        };
+        let run = draw(&scene, &stand_in(folder.path(), 2)).unwrap();
+        assert_eq!((run.blender.as_str(), run.bytes_before, run.peak_bytes), ("4.2.0", 10, 30));
+        assert_eq!(
+            run.pictures.iter().map(|p| (p.spp, p.took.cpu_seconds)).collect::<Vec<_>>(),
+            [(4, 1.0), (16, 2.0)]
+        );
+        assert_eq!(run.pictures[1].picture.pixels, [[6.0, 7.0, 8.0], [9.0, 10.0, 11.0]]);
+        assert!(run.faces > 100, "{}", run.faces);
+        let asked = std::fs::read_to_string(folder.path().join("asked.json")).unwrap();
+        let asked: Value = serde_json::from_str(&asked).unwrap();
+        assert_eq!(asked["renders"][1]["spp"], 16);
+        assert_ne!(asked["renders"][0]["seed"], asked["renders"][1]["seed"]);
+        assert_eq!(asked["instances"].as_array().unwrap().len(), 1);
+
+        // One picture too few, and what is not translated, are refused.
+        let few = draw(&scene, &stand_in(folder.path(), 1)).unwrap_err().to_string();
+        assert_eq!(few, "expected 2 pictures of Cycles, got 1");
+        scene.cuts = vec![Cut {
+            shape: CutShape::Plane { point: [0.0; 3], normal: [1.0, 0.0, 0.0] },
+            instances: None,
+        }];
+        let cut = draw(&scene, &stand_in(folder.path(), 2)).unwrap_err().to_string();
+        assert!(cut.starts_with("cuts: "), "{cut}");
+    }
 }

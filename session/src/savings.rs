@@ -30,7 +30,7 @@ use crate::measure::Stopwatch;
 pub use beside::{Beside, ROUNDING};
 pub use opening::{OpeningSaved, measure_opening};
 
-/// How much is done for it.
+/// How many rounds, of which pictures.
 #[derive(Clone, Copy, Debug)]
 pub struct SavingsOptions {
     /// Rounds of both ways.
@@ -56,7 +56,7 @@ pub struct Spread {
 }
 
 impl Spread {
-    /// Of at least one number.
+    /// Median and quartiles of at least one number.
     fn of(mut values: Vec<f64>) -> Self {
         values.sort_by(f64::total_cmp);
         let last = values.len().saturating_sub(1) as f64;
@@ -106,7 +106,7 @@ pub struct Saving {
 }
 
 impl Saving {
-    /// What it is, in words.
+    /// What is left out, in words.
     pub fn name(&self) -> &'static str {
         self.part.map_or("all of it together", Part::spoken)
     }
@@ -122,7 +122,7 @@ impl Saving {
 pub struct Savings {
     /// Backend that was asked.
     pub backend: String,
-    /// What it runs on.
+    /// Device that the backend runs on.
     pub device: String,
     /// Pixels of the pictures.
     pub size: [u32; 2],

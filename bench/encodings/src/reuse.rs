@@ -1,11 +1,13 @@
 //! How often nodes of a graph are used (Figure 6).
 
+use serde::Serialize;
+
 use crate::dag::Dag;
 use crate::encoding::{BoxRecord, Encoding};
 
 /// Nodes of one level: those with as long a way down to their farthest leaf. (A node has no level of its own: equal ones of different
 /// levels are one.)
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct LevelReuse {
     /// Voxels along each side of the cube that a node of this level divides at least.
     pub side: u32,
@@ -18,7 +20,7 @@ pub struct LevelReuse {
 }
 
 /// See the module.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Reuse {
     /// From the lowest on. The empty and the solid leaf are in none.
     pub levels: Vec<LevelReuse>,

@@ -20,7 +20,7 @@ pub(super) enum Rule {
     Noise(u32),
 }
 
-/// See the module.
+/// A volume whose labels follow a rule.
 #[derive(Debug)]
 pub(super) struct Generated {
     info: VolumeInfo,

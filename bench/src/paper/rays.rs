@@ -8,8 +8,7 @@ use pumice_cpu::traverse::{SceneTracer, TracedInstance, VolumeTracer};
 use pumice_encodings::{Encoding, EncodingTracer};
 use pumice_session::error::Result;
 use pumice_session::measure::Stopwatch;
-use pumice_transport::geometry::LodChoice;
-use pumice_transport::{Hit, PathOrigin, RayInWorld, Tracer};
+use serde::Serialize;
 
 use super::PaperOptions;
 use crate::ray_sets::{camera_rays, diffuse_rays, some_labels, voxel_side};
@@ -20,7 +19,7 @@ const LIFT: f64 = 1e-3;
 const SHOWN: [u32; 5] = [100, 50, 25, 10, 3];
 
 /// What rays found, and how fast.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Rates {
     /// Millions a CPU second: of the camera, and diffuse ones.
     pub rays: [f64; 2],
@@ -31,7 +30,7 @@ pub struct Rates {
 }
 
 /// Some labels shown, in the two ways that there are.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Hiding {
     /// Labels that are shown, in per cent.
     pub shown: u32,
@@ -74,7 +73,7 @@ impl Rays {
         [self.sets[0].len(), self.sets[1].len()]
     }
 
-    /// Of each tracer, in turn.
+    /// Rates of each tracer; the tracers take turns.
     fn measure(&self, tracers: &[FirstHit<'_>], sets: &[usize], job: &Job) -> Result<Vec<Rates>> {
         let mut all = vec![Rates::default(); tracers.len()];
         for &set in sets {
@@ -103,7 +102,7 @@ impl Rays {
         self.measure(&ways, &[0, 1], job)
     }
 
-    /// Of ours: voxels, boxes drawn whole. (Through boxes alone, as the paper's forms are traced: bricks are bytes besides.)
+    /// Rates of Pumice's own form, through voxels and through boxes drawn whole. (Through boxes alone, as the paper's forms are traced: bricks are bytes besides.)
     pub(super) fn ours(&self, volume: &Arc<CompressedVolume>, job: &Job) -> Result<[Rates; 2]> {
         let mut rates = [Rates::default(); 2];
         for (rates, lod) in rates.iter_mut().zip([LodChoice::Voxels, LodChoice::Boxes]) {

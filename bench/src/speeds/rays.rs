@@ -21,9 +21,9 @@ pub(super) const SIDE: u64 = 1024;
 /// Rays of one kind.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct RaySpeed {
-    /// How many were traced.
+    /// Rays traced.
     pub rays: usize,
-    /// How many hit.
+    /// Rays that hit.
     pub hits: usize,
     /// Millions in a CPU second.
     pub millions_per_cpu_second: f64,

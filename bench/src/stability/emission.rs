@@ -14,11 +14,11 @@ use super::Case;
 use super::pictures::{Studio, from_above, lambert, mean_off, sky, worst};
 
 const ALBEDO: f32 = 0.6;
-/// Of the plate of labels: 99,856 of a voxel each.
+/// Voxels along each side of the plate, each a label of its own: 99,856 labels.
 const WIDE: u32 = 316;
-/// Of what shines over the floor that is looked at, in voxels.
+/// Height of what shines over the floor that is looked at, in voxels.
 const HEIGHT: u32 = 12;
-/// Of what is looked at, in voxels: straight below the middle the irradiance is the same all over it to 1e-6.
+/// Side of what is looked at, in voxels: straight below the middle the irradiance is the same all over it to 1e-6.
 const SIDE: f64 = 1e-3;
 
 pub(super) fn measure(studio: &mut Studio<'_>, tell: &mut dyn FnMut(Case) -> Result<()>) -> Result<()> {

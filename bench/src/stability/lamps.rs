@@ -15,9 +15,9 @@ use super::pictures::{Studio, from_above, lambert, mean_off, sky, worst};
 
 const ALBEDO: f32 = 0.6;
 const POWER: f64 = 1000.0;
-/// Of a lamp over the place that is looked at.
+/// Height of a lamp over the place that is looked at.
 const HEIGHT: f64 = 10.0;
-/// Of what is looked at: straight below a lamp cosines and distances are the same all over it to 1e-10.
+/// Side of what is looked at: straight below a lamp cosines and distances are the same all over it to 1e-10.
 const SIDE: f64 = 1e-4;
 
 pub(super) fn measure(studio: &mut Studio<'_>, tell: &mut dyn FnMut(Case) -> Result<()>) -> Result<()> {

@@ -141,7 +141,7 @@ fn first_hits(
     }
 }
 
-/// From points of exposed faces into the outer half-space, nearly in the plane too.
+/// Rays from points of exposed faces into the outer half-space, some of them nearly in the face's plane.
 fn bounces(dense: &Dense, tracer: &SceneTracer, count: u32, tally: &mut Tally) {
     let mut random = Random(5);
     for _ in 0..4 * count {

@@ -11,7 +11,7 @@ pub const ROUNDING: f64 = 1e-4;
 /// pixel of the longest picture here makes 128 × 3 of them: one in 40. Another seed, or an albedo off by 2 %, parts all of them.
 const MOST_APART: f64 = 0.05;
 
-/// See the module.
+/// How far a picture is from another of the same samples.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Beside {
     /// Largest difference of a value, as a share of the larger of the value and the picture's mean.

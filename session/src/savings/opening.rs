@@ -13,7 +13,7 @@ use crate::error::Result;
 use crate::measure::Stopwatch;
 use crate::open::{Residence, open_chosen};
 
-/// Of one file.
+/// What reading only the labels that are shown saves of one file.
 #[derive(Clone, Debug, Serialize)]
 pub struct OpeningSaved {
     /// The file, without its folder.
@@ -27,7 +27,7 @@ pub struct OpeningSaved {
 }
 
 impl OpeningSaved {
-    /// In words.
+    /// The saving in one line of words.
     pub fn line(&self) -> String {
         let ([shown, all], [without, with], saved) = (self.labels, self.bytes, self.ms.saved);
         format!(

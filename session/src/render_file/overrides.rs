@@ -1,0 +1,67 @@
+//! What the caller wishes instead of what the scene says.
+
+use std::sync::Arc;
+
+use pumice_core::CompressedVolume;
+use pumice_scene::{Adaptive, Scene, Show};
+
+use super::request::RenderOverrides;
+use crate::error::{Result, SessionError};
+
+/// Samples that every pixel gets before it may rest, where nobody says.
+const DEFAULT_MIN_SPP: u32 = 16;
+
+/// Puts the wishes into the scene.
+pub(super) fn apply(
+    wishes: &RenderOverrides,
+    scene: &mut Scene,
+    volumes: &[Arc<CompressedVolume>],
+) -> Result<()> {
+    if let Some([width, height]) = wishes.size {
+        (scene.film.width, scene.film.height) = (width, height);
+    }
+    if let Some(bounces) = wishes.bounces {
+        scene.settings.bounces = bounces;
+    }
+    if let Some(mode) = wishes.mode {
+        scene.settings.mode = mode;
+    }
+    if let Some(lod) = wishes.lod {
+        scene.settings.lod = lod;
+    }
+    if let Some(seed) = wishes.seed {
+        scene.settings.seed = seed;
+    }
+    scene.film.transparent |= wishes.transparent;
+    scene.film.half |= wishes.half;
+    if let Some(view) = wishes.view_transform {
+        scene.film.view_transform = view;
+    }
+    match (&mut scene.settings.adaptive, wishes.noise_threshold) {
+        (Some(rule), Some(threshold)) => rule.threshold = threshold,
+        (none, Some(threshold)) => *none = Some(Adaptive { threshold, min_spp: DEFAULT_MIN_SPP }),
+        (_, None) => {}
+    }
+    match (&mut scene.settings.adaptive, wishes.min_spp) {
+        (Some(rule), Some(min_spp)) => rule.min_spp = min_spp,
+        (None, Some(_)) => {
+            let what =
+                "--min-spp: no pixel rests without --noise-threshold, or a scene with settings.adaptive";
+            return Err(SessionError::Caller(what.into()));
+        }
+        (_, None) => {}
+    }
+    if let Some(ids) = &wishes.labels {
+        // With several volumes, each shows those of the labels that it has.
+        for (instance, volume) in scene.instances.iter_mut().zip(volumes) {
+            let held = ids.iter().copied().filter(|&id| volume.labels().index_of(id).is_some());
+            instance.style.show = Show::Only(held.collect());
+        }
+        for &id in ids {
+            if !volumes.iter().any(|v| v.labels().index_of(id).is_some()) {
+                return Err(SessionError::Caller(format!("--labels: no volume has a label {id}")));
+            }
+        }
+    }
+    Ok(())
+}

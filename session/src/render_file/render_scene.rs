@@ -1,0 +1,153 @@
+//! From a scene whose volumes and meshes are open to a picture, with what it cost.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use pumice_core::{CompressedVolume, Job, MeshData};
+use pumice_render::{Picture, Provenance, RenderError, Renderer};
+use pumice_scene::{Needs, Scene};
+use serde::Serialize;
+
+use super::provenance::{hash_text, mesh_hash_text};
+use crate::backend::make_renderer;
+use crate::error::Result;
+use crate::measure::{Stopwatch, peak_rss_bytes};
+use crate::progressive::{CurvePoint, Stop, render_until};
+use crate::savings::Savings;
+
+/// What a picture cost and how good it is: the JSON report.
+#[derive(Clone, Debug, Serialize)]
+pub struct RenderFigures {
+    /// Backend that drew it.
+    pub backend: String,
+    /// What it drew on.
+    pub device: String,
+    /// What went wrong with a device and was overcome, a line each.
+    pub notices: Vec<String>,
+    /// Wall seconds of rendering.
+    pub seconds: f64,
+    /// CPU seconds of rendering.
+    pub cpu_seconds: f64,
+    /// Wall and CPU seconds of opening the volumes and meshes, where that was part of the work.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub opening_seconds: Option<[f64; 2]>,
+    /// Bytes of the volumes in memory by part: of the labels that were read, and each volume once.
+    pub volume_bytes: BTreeMap<&'static str, u64>,
+    /// Wall and CPU seconds of building the acceleration structures and tables.
+    pub prepare_seconds: [f64; 2],
+    /// Largest memory of the process so far; absent where the system does not tell.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub peak_rss_bytes: Option<u64>,
+    /// Bytes of the acceleration structures.
+    pub acceleration_bytes: u64,
+    /// Bytes of the renderer by part, `acceleration` among them: on a graphics processor all that lies on it, the volume's parts
+    /// too; on the CPU what it holds beside the volume.
+    pub bytes: BTreeMap<&'static str, u64>,
+    /// Samples a pixel; of those that did not rest.
+    pub spp: u32,
+    /// Mean over pixels of the samples that each has.
+    pub mean_spp: f64,
+    /// Estimated relative error, where known.
+    pub error_estimate: Option<f64>,
+    /// Error against run time.
+    pub curve: Vec<CurvePoint>,
+    /// What leaving out saves, where that was asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub savings: Option<Savings>,
+}
+
+/// A rendered picture, its figures, and what was needed for it.
+#[derive(Clone, Debug)]
+pub struct Rendered {
+    /// With provenance.
+    pub picture: Picture,
+    /// Figures.
+    pub figures: RenderFigures,
+    /// What the scene needs and what was left out, a line each.
+    pub explanation: Vec<String>,
+}
+
+/// Renders a scene whose volumes and meshes are open.
+///
+/// # Errors
+/// What the renderer reports.
+pub fn render_scene(
+    scene: &Scene,
+    volumes: &[Arc<CompressedVolume>],
+    meshes: &[Arc<MeshData>],
+    backend: &str,
+    stop: &Stop,
+    job: &Job,
+    watch: &mut dyn FnMut(&CurvePoint),
+) -> Result<Rendered> {
+    let clock = Stopwatch::start();
+    let mut renderer = make_renderer(backend)?;
+    renderer.set_scene(scene, volumes, meshes)?;
+    let prepare_seconds = [clock.seconds(), clock.cpu_seconds()];
+    let (curve, mut picture) = loop {
+        let curve = render_until(&mut renderer, stop, job, watch)?;
+        match renderer.picture() {
+            // The device failed at the last moment: another one draws it again.
+            Err(RenderError::Restarted) => {}
+            picture => break (curve, picture?),
+        }
+    };
+    let notices = renderer.notices();
+    let bytes: BTreeMap<_, _> = renderer.bytes().into_iter().collect();
+    let acceleration_bytes = bytes.get("acceleration").copied().unwrap_or_default();
+    let last = curve.last().copied().unwrap_or(CurvePoint {
+        seconds: 0.0,
+        cpu_seconds: 0.0,
+        spp: 0,
+        mean_spp: 0.0,
+        error_estimate: None,
+    });
+    let ids: Vec<&[u64]> = volumes.iter().map(|v| v.labels().ids()).collect();
+    let explanation = Needs::of(scene, &ids).explain();
+    let backend = renderer.name().to_string();
+    picture.provenance = Some(Provenance {
+        version: env!("CARGO_PKG_VERSION").into(),
+        backend: backend.clone(),
+        scene: scene.clone(),
+        volume_hashes: volumes.iter().map(|v| hash_text(v)).collect(),
+        mesh_hashes: meshes.iter().map(|m| mesh_hash_text(m)).collect(),
+        spp: last.spp,
+        error_estimate: last.error_estimate,
+    });
+    Ok(Rendered {
+        picture,
+        figures: RenderFigures {
+            backend,
+            device: renderer.device().to_owned(),
+            notices,
+            seconds: last.seconds,
+            cpu_seconds: last.cpu_seconds,
+            opening_seconds: None,
+            volume_bytes: volume_bytes(volumes),
+            prepare_seconds,
+            peak_rss_bytes: peak_rss_bytes(),
+            acceleration_bytes,
+            bytes,
+            spp: last.spp,
+            mean_spp: last.mean_spp,
+            error_estimate: last.error_estimate,
+            curve,
+            savings: None,
+        },
+        explanation,
+    })
+}
+
+/// Bytes in memory by part, each volume once.
+fn volume_bytes(volumes: &[Arc<CompressedVolume>]) -> BTreeMap<&'static str, u64> {
+    let mut bytes = BTreeMap::new();
+    for (i, volume) in volumes.iter().enumerate() {
+        if volumes[..i].iter().any(|v| Arc::ptr_eq(v, volume)) {
+            continue;
+        }
+        for (part, more) in volume.resident_parts() {
+            *bytes.entry(part).or_default() += more;
+        }
+    }
+    bytes
+}
