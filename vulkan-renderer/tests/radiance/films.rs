@@ -10,6 +10,7 @@ use pumice_render::{FilmBuffer, Pass};
 use pumice_vulkan::pack::{PackedLooks, ShaderNeeds};
 
 use crate::device::Front;
+use crate::paths;
 use crate::samples::{asked, found, tolerance};
 use crate::scenes::{Case, cases};
 
@@ -69,7 +70,7 @@ fn parted(case: &Case, sums: &[f32], expected: &[f32]) -> (usize, f64) {
 
 #[test]
 fn films_are_the_cpus_and_alike_on_all_backends() {
-    let fronts = Front::all("path");
+    let fronts = paths();
     for case in chosen() {
         let expected = cpu_film(&case);
         let first = fronts[0].film(&case, SPP);
@@ -142,7 +143,7 @@ fn name_all(case: &mut Case) {
 /// Sums of passes: light by kind, colours, normals, alpha, of clamped light; of the scenes in which there is most of it.
 #[test]
 fn passes_are_the_cpus_and_alike_on_all_backends() {
-    let fronts = Front::all("path");
+    let fronts = paths();
     let names = ["all surfaces under a picture", "glass, clear", "lamps of all kinds", "occlusion"];
     for mut case in cases().into_iter().filter(|c| names.iter().any(|n| c.name.contains(n))) {
         case.film.transparent = true;
@@ -192,7 +193,8 @@ fn passes_are_the_cpus_and_alike_on_all_backends() {
 #[test]
 #[ignore = "full: the path with doubles in integers takes minutes to compile for a CPU"]
 fn films_are_alike_with_doubles_in_integers() {
-    let [native, integers] = [Front::all("path").swap_remove(2), Front::in_integers("path")];
+    let (fronts, integers) = (paths(), Front::in_integers("path"));
+    let native = &fronts[2];
     for case in chosen() {
         let (a, b) = (native.film(&case, SPP), integers.film(&case, SPP));
         let differ = a.iter().zip(&b).filter(|(a, b)| a.to_bits() != b.to_bits()).count();
