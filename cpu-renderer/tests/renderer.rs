@@ -1,6 +1,8 @@
 //! The CPU behind the interface of all renderers.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test may fail by panicking")]
 
+#[path = "renderer/carried.rs"]
+mod carried;
 #[path = "renderer/cases.rs"]
 mod cases;
 #[path = "renderer/catchers.rs"]

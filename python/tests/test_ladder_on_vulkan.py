@@ -1,9 +1,9 @@
 """Every rung of the ladder (tests/cycles_ladder) on every Vulkan backend, against the processor's pictures: by the ladder's own judge,
 and value by value. Fewer samples and pixels than against Cycles: what remains is mostly compiling, for a device that computes on the
-processor.
+processor. Each rung is compiled for what it needs alone.
 
-An ordinary run draws each rung on one backend, on another one each day; `--full` on all three. A rung joins when its file no longer
-awaits anything.
+An ordinary run draws an eighth of the pairs of rung and backend, all three backends among them, another one each day; `--full` all. A
+rung joins when its file no longer awaits anything.
 """
 
 import os
@@ -36,11 +36,14 @@ def todays():
     names = rungs.judged()
     if which == "full":
         return [(name, backend) for name in names for backend in BACKENDS]
-    return turns(names, int(which.partition("/")[0]))
+    day, _, days = which.partition("/")
+    return turns(names, int(day), int(days))
 
 
-def turns(names, day):
-    return [(name, BACKENDS[(i + day) % len(BACKENDS)]) for i, name in enumerate(names)]
+def turns(names, day, days):
+    """Every `days`th pair: pair number i is of rung i // 3."""
+    pairs = [(name, backend) for name in names for backend in BACKENDS]
+    return pairs[day::days]
 
 
 def drawn(rung, first, seeds, backend):
@@ -108,9 +111,11 @@ def test_a_rung_is_the_processors(name, backend, tmp_path):
         assert share > 2 * MOST_APART, (fault, share)
 
 
-def test_three_days_draw_all_on_all():
+def test_each_day_draws_on_all_and_eight_days_draw_all_on_all():
     names = [str(i) for i in range(20)]
-    for first in range(6):
-        seen = {pair for day in range(first, first + 3) for pair in turns(names, day % 8)}
-        assert len(seen) == 60 or first + 2 >= 8, first
-    assert {b for _, b in turns(names, 7)} == set(BACKENDS)
+    each = [turns(names, day, 8) for day in range(8)]
+    assert all({backend for _, backend in day} == set(BACKENDS) for day in each)
+    drawn = [pair for day in each for pair in day]
+    assert len(drawn) == len(set(drawn)) == 60
+    # Rungs of a day are spread over the list.
+    assert all(len({name for name, _ in day}) == len(day) for day in each)

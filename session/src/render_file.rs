@@ -16,9 +16,11 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
+use picture_format::check_folder;
+use prepare::{Prepared, prepare};
 use pumice_core::{CompressedVolume, Job};
 use pumice_formats::OpenOptions;
-use pumice_render::Passes;
+use pumice_picture::Passes;
 use pumice_scene::{Scene, Show};
 
 use crate::backend::make_renderer;
@@ -26,8 +28,6 @@ use crate::error::{Result, SessionError};
 use crate::measure::Stopwatch;
 use crate::progressive::{CurvePoint, Stop};
 use crate::savings::{OpeningSaved, Savings, SavingsOptions, measure_opening, measure_savings};
-use picture_format::check_folder;
-use prepare::{Prepared, prepare};
 
 pub use picture_format::PictureFormat;
 pub use provenance::hash_text;

@@ -1,4 +1,5 @@
-"""Long tests, marked `full`: hooks of pytest that leave out those whose turn it is not. A conftest.py imports them."""
+"""Long tests, marked `full`: hooks of pytest that leave out those whose turn it is not. A conftest.py imports them. And the choice of
+those of several alike whose turn it is."""
 
 import os
 
@@ -26,3 +27,11 @@ def pytest_collection_modifyitems(config, items):
     ]
     config.hook.pytest_deselected(items=[i for i, t in zip(items, turn) if not t])
     items[:] = [i for i, t in zip(items, turn) if t]
+
+
+def one_of_today(things):
+    """One of them each day, as PUMICE_TEST_SHARE says; all with `full`, the first where it is unset."""
+    which = os.environ.get("PUMICE_TEST_SHARE", "")
+    if which == "full":
+        return list(things)
+    return [things[int(which.partition("/")[0] or 0) % len(things)]]

@@ -90,25 +90,68 @@ struct Front {
 }
 
 static FRONTS: Mutex<Option<Vec<Front>>> = Mutex::new(None);
+static OTHERS: Mutex<Option<Vec<Front>>> = Mutex::new(None);
 
+/// Each backend with the doubles that it would draw with, and compute shaders with doubles in integers.
 fn fronts() -> Shared<Vec<Front>> {
-    Shared::take(&FRONTS, all_fronts, |fronts| fronts.iter().map(|f| &f.gpu).collect())
+    let made = |backend, gpu: &Gpu| match (backend, gpu.has_f64) {
+        (Backend::Compute, true) => vec![true, false],
+        (_, native) => vec![native],
+    };
+    Shared::take(&FRONTS, || fronts_of(made), |fronts| fronts.iter().map(|f| &f.gpu).collect())
 }
 
-fn all_fronts() -> Vec<Front> {
+/// Doubles in integers where the device has its own, in the other two.
+fn others() -> Shared<Vec<Front>> {
+    let made = |backend, gpu: &Gpu| match (backend, gpu.has_f64) {
+        (Backend::RayPipeline | Backend::RayQuery, true) => vec![false],
+        _ => vec![],
+    };
+    Shared::take(&OTHERS, || fronts_of(made), |fronts| fronts.iter().map(|f| &f.gpu).collect())
+}
+
+fn fronts_of(made: impl Fn(Backend, &Gpu) -> Vec<bool>) -> Vec<Front> {
     let mut fronts = Vec::new();
     for backend in Backend::ALL {
-        for native in [false, true] {
+        for native in made(backend, &Gpu::of(backend)) {
             let gpu = Gpu::of(backend);
-            if native && !gpu.has_f64 {
-                continue;
-            }
             let program = RefCell::new(gpu.program("trace_rays", native, [64, 1]));
             let name = format!("{backend}{}", if native { ", native doubles" } else { "" });
             fronts.push(Front { name, gpu, program });
         }
     }
     fronts
+}
+
+/// Each property on the ways to trace of an ordinary run, and on the others.
+macro_rules! on_fronts {
+    ($($property:ident)*) => {
+        mod fronts {
+            $(#[test]
+            fn $property() {
+                super::$property(&super::fronts());
+            })*
+        }
+        mod doubles_in_integers {
+            $(#[test]
+            #[ignore = "full: doubles in integers where rays are found by hardware, compiled for a CPU"]
+            fn $property() {
+                super::$property(&super::others());
+            })*
+        }
+    };
+}
+
+on_fronts! {
+    first_hits_are_the_cpus
+    placed_volumes_are_the_cpus
+    bounces_are_the_cpus
+    boundaries_of_one_label_are_the_cpus
+    cut_volumes_are_the_cpus
+    scenes_of_several_instances_are_the_cpus
+    long_volumes_are_the_cpus
+    meshes_are_the_cpus
+    instances_are_the_cpus
 }
 
 impl Front {
@@ -249,9 +292,8 @@ fn rays_of(class: Class, dims: [u32; 3], fine: u32, place: &DAffine3, n: u32) ->
         .collect()
 }
 
-#[test]
-fn first_hits_are_the_cpus() {
-    for front in fronts().iter() {
+fn first_hits_are_the_cpus(fronts: &[Front]) {
+    for front in fronts {
         for (name, Dense { dims, .. }, volume) in volumes() {
             let traced = [instance(&volume, DAffine3::IDENTITY, LodChoice::Voxels)];
             let mut asked = Vec::new();
@@ -287,9 +329,8 @@ fn places() -> Vec<DAffine3> {
     ]
 }
 
-#[test]
-fn placed_volumes_are_the_cpus() {
-    for front in fronts().iter() {
+fn placed_volumes_are_the_cpus(fronts: &[Front]) {
+    for front in fronts {
         for (name, Dense { dims, .. }, volume) in volumes() {
             for (i, place) in places().iter().enumerate() {
                 let traced = [instance(&volume, *place, LodChoice::Voxels)];
@@ -325,9 +366,8 @@ fn bounces(tracer: &SceneTracer, asked: &[Asked], random: &mut Random) -> Vec<As
     bounced
 }
 
-#[test]
-fn bounces_are_the_cpus() {
-    for front in fronts().iter() {
+fn bounces_are_the_cpus(fronts: &[Front]) {
+    for front in fronts {
         let mut random = Random(31);
         for (name, Dense { dims, .. }, volume) in volumes() {
             for place in [DAffine3::IDENTITY, places()[3]] {
@@ -346,9 +386,8 @@ fn bounces_are_the_cpus() {
     }
 }
 
-#[test]
-fn boundaries_of_one_label_are_the_cpus() {
-    for front in fronts().iter() {
+fn boundaries_of_one_label_are_the_cpus(fronts: &[Front]) {
+    for front in fronts {
         for (name, Dense { dims, .. }, volume) in volumes() {
             let traced = [instance(&volume, DAffine3::IDENTITY, LodChoice::Voxels)];
             let labels = volume.labels().len() as u32;
@@ -366,9 +405,8 @@ fn boundaries_of_one_label_are_the_cpus() {
 
 /// Planes and boxes, oblique, along the axes and between voxels, in placed volumes: first surfaces and caps, what paths meet that go
 /// on from them to both sides, shadows, the next boundary of one label.
-#[test]
-fn cut_volumes_are_the_cpus() {
-    for front in fronts().iter() {
+fn cut_volumes_are_the_cpus(fronts: &[Front]) {
+    for front in fronts {
         let mut random = Random(404);
         let mut caps = 0;
         for (name, Dense { dims, .. }, volume) in volumes() {
@@ -444,9 +482,8 @@ fn cut_volumes_are_the_cpus() {
 }
 
 /// Several instances, one twice, some labels hidden, by-distance levels of detail, limits.
-#[test]
-fn scenes_of_several_instances_are_the_cpus() {
-    for front in fronts().iter() {
+fn scenes_of_several_instances_are_the_cpus(fronts: &[Front]) {
+    for front in fronts {
         let volumes = volumes();
         let mut random = Random(5);
         let eye = DVec3::new(-40.0, 10.0, 20.0);
@@ -479,9 +516,8 @@ fn scenes_of_several_instances_are_the_cpus() {
 }
 
 /// A volume of 2²⁰ voxels along one axis, in many chunks: the hierarchy's f32 has 1/16 voxel left there.
-#[test]
-fn long_volumes_are_the_cpus() {
-    for front in fronts().iter() {
+fn long_volumes_are_the_cpus(fronts: &[Front]) {
+    for front in fronts {
         let (dense, volume) = noise([1 << 20, 4, 4], 0.003, 5, 9);
         let mut traced = [instance(&volume, DAffine3::IDENTITY, LodChoice::Voxels)];
         for hidden in [None, Some(2)] {
@@ -500,9 +536,8 @@ fn long_volumes_are_the_cpus() {
 
 /// Meshes beside a volume and in it, one of them mirrored and sheared: rays at random, at corners and edges, from far away, along
 /// coplanar triangles.
-#[test]
-fn meshes_are_the_cpus() {
-    for front in fronts().iter() {
+fn meshes_are_the_cpus(fronts: &[Front]) {
+    for front in fronts {
         let (_, Dense { dims, .. }, volume) = volumes().swap_remove(5);
         let mut random = shapes::Random(6);
         let ball = shapes::bumpy_ball(3, &mut random);
@@ -567,9 +602,8 @@ fn other_rays_have_other_hits() {
 
 /// Many instances and meshes, about each other, at one place, far away, tiny: as a hierarchy finds them, first surfaces, shadows and
 /// what paths meet that go on; and asked in turn.
-#[test]
-fn instances_are_the_cpus() {
-    for front in fronts().iter() {
+fn instances_are_the_cpus(fronts: &[Front]) {
+    for front in fronts {
         let mut random = Random(12);
         let volumes = [volumes().swap_remove(1).2, volumes().swap_remove(5).2];
         let mesh = shapes::cube(30.0, 3);

@@ -24,6 +24,7 @@ mod scenes;
 
 use std::sync::Mutex;
 
+use device::Front;
 use gpu::{Gpu, Shared};
 use samples::{Verdict, asked, found};
 use scenes::cases;
@@ -33,6 +34,13 @@ static PROBING: Mutex<Option<Gpu>> = Mutex::new(None);
 /// The device that computes single samples.
 fn probing() -> Shared<Gpu> {
     Shared::take(&PROBING, Gpu::new, |gpu| vec![gpu])
+}
+
+static PATHS: Mutex<Option<Vec<Front>>> = Mutex::new(None);
+
+/// The integrator on each backend, compiled once for all tests of films.
+fn paths() -> Shared<Vec<Front>> {
+    Shared::take(&PATHS, || Front::all("path"), |fronts| fronts.iter().map(|front| &front.gpu).collect())
 }
 
 /// Samples of each pixel of each scene.

@@ -1,5 +1,7 @@
-//! A graphics processor behind the interface of all renderers: the cases of the CPU's test in compute shaders, and what edits and
-//! failures do on each backend.
+//! Compute shaders behind the interface of all renderers: the cases of the CPU's test, what edits and failures do, and what all backends
+//! have alike.
+//!
+//! A program for each backend: a driver that computes on the processor keeps all that it ever compiled.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "tests")]
 
 mod gpu;
@@ -7,25 +9,39 @@ mod gpu;
 use gpu::validated::Validated;
 use pumice_vulkan::device::Backend;
 
+/// What there is of it on other backends is seen in pictures of rungs, each day another part of them (`python/tests`).
+#[path = "../../cpu-renderer/tests/renderer/carried.rs"]
+mod carried;
+#[path = "../../cpu-renderer/tests/renderer/cases.rs"]
+mod cases;
+#[path = "renderer/edits.rs"]
+mod edits;
+#[path = "renderer/failures.rs"]
+mod failures;
+#[path = "renderer/labels.rs"]
+mod labels;
+#[path = "renderer/lost.rs"]
+mod lost;
+/// With passes, on one backend: that sums are alike on all, to the bit, is seen in `radiance/films.rs` and `radiance/catchers.rs`.
 #[path = "."]
-mod compute {
-    #[path = "../../cpu-renderer/tests/renderer/cases.rs"]
-    pub(super) mod cases;
-    /// On one backend, as passes below; what more there is of them is seen sum by sum in `radiance/catchers.rs`.
+mod sorting {
+    use super::cases;
     #[path = "../../cpu-renderer/tests/renderer/catchers.rs"]
     mod catchers;
-    /// On one backend: that sums are alike on all, to the bit, is seen in `radiance/films.rs`.
     #[path = "../../cpu-renderer/tests/renderer/passes.rs"]
     mod passes;
     #[path = "../../cpu-renderer/tests/renderer/resting.rs"]
     mod resting;
 
     fn renderer() -> super::Validated {
-        super::Validated::open(super::Backend::Compute)
+        super::Validated::open_sorting(super::Backend::Compute)
     }
 }
 
-#[path = "renderer/edits.rs"]
-mod edits;
-#[path = "renderer/failures.rs"]
-mod failures;
+fn renderer() -> Validated {
+    Validated::open(Backend::Compute)
+}
+
+fn bare() -> Validated {
+    Validated::open_bare(Backend::Compute)
+}

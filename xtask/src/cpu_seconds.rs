@@ -1,14 +1,24 @@
-//! CPU time of the processes that this one has started and waited for.
+//! CPU time of a process that has ended and has not been waited for.
+//!
+//! `/proc/PID/stat` (proc_pid_stat(5)): the state is field 3, `Z` between the end and the wait; user and system time are fields 14 and
+//! 15, those of children that it waited for 16 and 17, in ticks: 100 a second on every Linux that Rust's toolchain runs on.
 
-/// Seconds of user and system time of all finished children and their finished children; `None` where the system has no `/proc`.
-///
-/// `/proc/self/stat`, fields 16 and 17 (proc_pid_stat(5)), in ticks: 100 a second on every Linux that Rust's toolchain runs on.
-pub(crate) fn of_children() -> Option<f64> {
-    let stat = std::fs::read_to_string("/proc/self/stat").ok()?;
-    // The second field is the program's name in parentheses and may hold anything: count from behind it.
-    let fields: Vec<&str> = stat.rsplit_once(')')?.1.split_whitespace().collect();
-    let ticks = |field: usize| fields.get(field - 3)?.parse::<f64>().ok();
-    Some((ticks(16)? + ticks(17)?) / 100.0)
+/// Whether the process has ended; so it has where the system has no `/proc`.
+pub(crate) fn has_ended(process: u32) -> bool {
+    fields(process).is_none_or(|fields| fields[0] == "Z")
+}
+
+/// Seconds of user and system time of the process and of its finished children and theirs; `None` where the system has no `/proc`.
+pub(crate) fn of(process: u32) -> Option<f64> {
+    let fields = fields(process)?;
+    let ticks: Option<f64> = (14..=17).map(|field| fields.get(field - 3)?.parse::<f64>().ok()).sum();
+    Some(ticks? / 100.0)
+}
+
+/// Fields from the third on: the second is the program's name in parentheses and may hold anything.
+fn fields(process: u32) -> Option<Vec<String>> {
+    let stat = std::fs::read_to_string(format!("/proc/{process}/stat")).ok()?;
+    Some(stat.rsplit_once(')')?.1.split_whitespace().map(str::to_owned).collect())
 }
 
 #[cfg(all(test, target_os = "linux"))]
@@ -16,10 +26,18 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_busy_child_counts_when_it_has_ended() {
-        let before = of_children().unwrap();
-        let burn = "i=0; while [ $i -lt 200000 ]; do i=$((i+1)); done";
-        assert!(std::process::Command::new("sh").args(["-c", burn]).status().unwrap().success());
-        assert!(of_children().unwrap() > before);
+    fn a_busy_process_counts_when_it_has_ended() {
+        let burn = "i=0; while [ $i -lt 200000 ]; do i=$((i+1)); done; read line";
+        let mut command = std::process::Command::new("sh");
+        let mut child = command.args(["-c", burn]).stdin(std::process::Stdio::piped()).spawn().unwrap();
+        let process = child.id();
+        assert!(!has_ended(process));
+        drop(child.stdin.take());
+        while !has_ended(process) {
+            std::thread::sleep(std::time::Duration::from_millis(5));
+        }
+        assert!(of(process).unwrap() > 0.0);
+        child.wait().unwrap();
+        assert_eq!((has_ended(process), of(process)), (true, None));
     }
 }

@@ -1,14 +1,14 @@
 //! One part of the run: commands one after the other under one cap of seconds.
 //!
 //! A command runs in a process group of its own, so that what it started ends with it when the cap is hit or Ctrl-C is pressed.
-//! Its output is passed on line by line and searched for the runners' closing lines.
+//! Its output is searched for the runners' closing lines, and passed on: line by line, or, of a part that runs beside another one, as
+//! a block when the part ends.
 
 use std::io::{BufRead, BufReader, Read};
 use std::os::unix::process::CommandExt;
 use std::process::{Command, Stdio};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use crate::closing_lines::Counts;
@@ -35,20 +35,49 @@ pub(crate) struct Row {
     pub(crate) cap_seconds: u64,
 }
 
-/// Process group that runs now; 0 when none does.
+/// Process groups that run now.
 #[derive(Clone, Default)]
-pub(crate) struct Running(Arc<AtomicU32>);
+pub(crate) struct Running(Arc<Mutex<Vec<u32>>>);
 
 impl Running {
-    /// Ends the group at once.
+    /// Ends all groups at once.
     pub(crate) fn kill(&self) {
-        let group = self.0.load(Ordering::SeqCst);
-        if group != 0 {
-            // std cannot signal a group; every system with a shell can.
-            let _ = Command::new("sh")
-                .args(["-c", &format!("kill -KILL -{group}")])
-                .stderr(Stdio::null())
-                .status();
+        self.groups(|groups| groups.iter().for_each(|&group| kill_group(group)));
+    }
+
+    fn groups<T>(&self, change: impl FnOnce(&mut Vec<u32>) -> T) -> T {
+        change(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+}
+
+fn kill_group(group: u32) {
+    // std cannot signal a group; every system with a shell can.
+    let _ = Command::new("sh").args(["-c", &format!("kill -KILL -{group}")]).stderr(Stdio::null()).status();
+}
+
+/// Where the lines of a part go.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Output {
+    /// To the terminal, as they come.
+    Live,
+    /// To the terminal as one block, when the part ends.
+    AtTheEnd,
+}
+
+/// The lines of a part.
+struct Lines {
+    output: Output,
+    kept: String,
+}
+
+impl Lines {
+    fn say(&mut self, line: &str) {
+        match self.output {
+            Output::Live => println!("{line}"),
+            Output::AtTheEnd => {
+                self.kept.push_str(line);
+                self.kept.push('\n');
+            }
         }
     }
 }
@@ -58,19 +87,26 @@ pub(crate) fn run(
     name: &'static str,
     cap_seconds: u64,
     must_test: bool,
+    output: Output,
     running: &Running,
     steps: impl FnOnce() -> Result<Vec<Step>, Outcome>,
 ) -> Row {
-    println!("\n──── {name} (at most {cap_seconds} s) ────");
-    let (start, cpu_start) = (Instant::now(), cpu_seconds::of_children());
+    let mut lines = Lines { output, kept: String::new() };
+    lines.say(&format!("\n──── {name} (at most {cap_seconds} s) ────"));
+    if output == Output::AtTheEnd {
+        println!("──── {name} begins; its lines follow when it ends");
+    }
+    let start = Instant::now();
     let deadline = start + Duration::from_secs(cap_seconds);
     let mut counts = Counts::default();
-    let mut outcome = Outcome::Passed;
+    let (mut outcome, mut cpu_seconds) = (Outcome::Passed, Some(0.0));
     match steps() {
         Err(early) => outcome = early,
         Ok(steps) => {
             for step in steps {
-                if let Err(what) = run_one(step, deadline, running, &mut counts) {
+                let (ended, used) = run_one(step, deadline, running, &mut lines, &mut counts);
+                cpu_seconds = cpu_seconds.zip(used).map(|(a, b)| a + b);
+                if let Err(what) = ended {
                     outcome = Outcome::Failed(what);
                     break;
                 }
@@ -82,22 +118,24 @@ pub(crate) fn run(
     }
     match &outcome {
         Outcome::Passed => {}
-        Outcome::Failed(what) => println!("──── {name} FAILED: {what}"),
-        Outcome::LeftOut(why) => println!("──── {name} left out: {why}"),
+        Outcome::Failed(what) => lines.say(&format!("──── {name} FAILED: {what}")),
+        Outcome::LeftOut(why) => lines.say(&format!("──── {name} left out: {why}")),
     }
-    Row {
-        name,
-        outcome,
-        counts,
-        seconds: start.elapsed().as_secs_f64(),
-        cpu_seconds: cpu_start.zip(cpu_seconds::of_children()).map(|(a, b)| b - a),
-        cap_seconds,
-    }
+    // One call, so that no line of another part comes between.
+    print!("{}", lines.kept);
+    Row { name, outcome, counts, seconds: start.elapsed().as_secs_f64(), cpu_seconds, cap_seconds }
 }
 
-fn run_one(mut step: Step, deadline: Instant, running: &Running, counts: &mut Counts) -> Result<(), String> {
+/// How a step ended, and the CPU seconds that it took.
+fn run_one(
+    mut step: Step,
+    deadline: Instant,
+    running: &Running,
+    lines: &mut Lines,
+    counts: &mut Counts,
+) -> (Result<(), String>, Option<f64>) {
     let said = spelled(&step.command);
-    println!("$ {said}");
+    lines.say(&format!("$ {said}"));
     let started = step
         .command
         .stdin(Stdio::null())
@@ -105,11 +143,15 @@ fn run_one(mut step: Step, deadline: Instant, running: &Running, counts: &mut Co
         .stderr(Stdio::piped())
         .process_group(0)
         .spawn();
-    let mut child = started.map_err(|e| step.failure(&e.to_string()))?;
-    running.0.store(child.id(), Ordering::SeqCst);
+    let mut child = match started {
+        Ok(child) => child,
+        Err(e) => return (Err(step.failure(&e.to_string())), None),
+    };
+    let group = child.id();
+    running.groups(|groups| groups.push(group));
 
     // Two readers pass the lines on; the channel closes when both pipes have.
-    let (send, lines) = channel::<String>();
+    let (send, received) = channel::<String>();
     let pipes: [Option<Box<dyn Read + Send>>; 2] =
         [child.stdout.take().map(|p| Box::new(p) as _), child.stderr.take().map(|p| Box::new(p) as _)];
     for pipe in pipes.into_iter().flatten() {
@@ -126,36 +168,46 @@ fn run_one(mut step: Step, deadline: Instant, running: &Running, counts: &mut Co
 
     let mut capped = false;
     loop {
-        match lines.recv_timeout(deadline.saturating_duration_since(Instant::now())) {
+        match received.recv_timeout(deadline.saturating_duration_since(Instant::now())) {
             Ok(line) => {
-                println!("{line}");
+                lines.say(&line);
                 counts.read(&line);
             }
             Err(RecvTimeoutError::Disconnected) => break,
             Err(RecvTimeoutError::Timeout) => {
                 capped = true;
-                running.kill();
+                kill_group(group);
                 break;
             }
         }
+    }
+    // Its CPU time can be read once it has ended and before it is waited for.
+    let mut used = None;
+    while used.is_none() && Instant::now() < deadline && !cpu_seconds::has_ended(group) {
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    if cpu_seconds::has_ended(group) {
+        used = cpu_seconds::of(group);
     }
     let status = loop {
         match child.try_wait() {
             Ok(Some(status)) => break Ok(status),
             Ok(None) if Instant::now() >= deadline && !capped => {
                 capped = true;
-                running.kill();
+                kill_group(group);
             }
             Ok(None) => std::thread::sleep(Duration::from_millis(10)),
             Err(e) => break Err(format!("{said}: {e}")),
         }
     };
-    running.0.store(0, Ordering::SeqCst);
-    match status? {
-        _ if capped => Err(format!("hit its cap in: {said}")),
-        status if status.success() => Ok(()),
-        status => Err(step.failure(&status.to_string())),
-    }
+    running.groups(|groups| groups.retain(|&other| other != group));
+    let ended = match status {
+        Err(e) => Err(e),
+        Ok(_) if capped => Err(format!("hit its cap in: {said}")),
+        Ok(status) if status.success() => Ok(()),
+        Ok(status) => Err(step.failure(&status.to_string())),
+    };
+    (ended, used)
 }
 
 #[cfg(test)]
@@ -168,10 +220,27 @@ mod tests {
         command
     }
 
+    fn row_of(cap_seconds: u64, must_test: bool, script: &str) -> Row {
+        let steps = || Ok(vec![shell(script).into()]);
+        run("trial", cap_seconds, must_test, Output::AtTheEnd, &Running::default(), steps)
+    }
+
     fn outcome_of(cap_seconds: u64, must_test: bool, script: &str) -> (Outcome, Counts) {
-        let row =
-            run("trial", cap_seconds, must_test, &Running::default(), || Ok(vec![shell(script).into()]));
+        let row = row_of(cap_seconds, must_test, script);
         (row.outcome, row.counts)
+    }
+
+    /// Each of two parts that run at once has the CPU time of its own processes, those that they waited for among them.
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn parts_beside_each_other_have_their_own_seconds() {
+        let burn = "sh -c 'i=0; while [ $i -lt 400000 ]; do i=$((i+1)); done'";
+        let (busy, idle) = std::thread::scope(|scope| {
+            let busy = scope.spawn(|| row_of(60, false, burn).cpu_seconds);
+            let idle = scope.spawn(|| row_of(60, false, "sleep 0.5").cpu_seconds);
+            (busy.join().unwrap().unwrap(), idle.join().unwrap().unwrap())
+        });
+        assert!(busy > 4.0 * idle && busy > 0.05, "{busy} s of a loop, {idle} s of sleep");
     }
 
     #[test]

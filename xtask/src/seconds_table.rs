@@ -4,8 +4,8 @@ use std::fmt::Write;
 
 use crate::part::{Outcome, Row};
 
-/// The table, and below it one line a part that did not pass.
-pub(crate) fn table(rows: &[Row]) -> String {
+/// The table; `elapsed_seconds` passed for all parts together, of which some run beside others.
+pub(crate) fn table(rows: &[Row], elapsed_seconds: f64) -> String {
     let mut text = format!(
         "{:<16}{:>10}{:>10}{:>8}{:>9}{:>9}  result\n",
         "part", "seconds", "CPU s", "cap", "passed", "failed"
@@ -34,7 +34,7 @@ pub(crate) fn table(rows: &[Row]) -> String {
         text,
         "{:<16}{:>10.1}{:>10}{:>8}{:>9}{:>9}",
         "together",
-        rows.iter().map(|r| r.seconds).sum::<f64>(),
+        elapsed_seconds,
         cpu(rows.iter().map(|r| r.cpu_seconds).sum()),
         "",
         sum(|r| r.counts.passed),

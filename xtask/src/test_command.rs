@@ -1,10 +1,20 @@
-//! `cargo xtask test`: the parts, in order.
+//! `cargo xtask test`: the parts, in two lanes side by side.
+//!
+//! ```text
+//! first    build ─────────────────────────► rust ─► rust-docs ─► shared-rust ─► share
+//! second   python-env ─► vulkan-env ─► blender-env ─► wheel ─► python ─► cli ─► python-module ─► blender ─► shared-python
+//! ```
+//! What the second lane fetches and unpacks comes while the first compiles; later each leaves the other the core that it does not use
+//! itself. A part waits for those that it needs (`needed`). Lines of the first lane are passed on as they come, those of a part of the
+//! second as a block when it ends.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
+use std::sync::{Condvar, Mutex, PoisonError};
+use std::time::Instant;
 
 use crate::blender::Blender;
-use crate::part::{self, Outcome, Row, Running};
+use crate::part::{self, Outcome, Output, Row, Running};
 use crate::private_mesa::PrivateMesa;
 use crate::python_env::Environment;
 use crate::step::Step;
@@ -15,18 +25,14 @@ use crate::{extension, seconds_table, share, shared_data, wheel};
 const PARTS: [(&str, u64, &str); 14] = [
     ("build", 1800, "the workspace's tests, the command, the examples"),
     ("python-env", 600, "target/venv from tests/python/requirements.txt"),
-    (
-        "vulkan-env",
-        600,
-        "target/mesa: Vulkan on the CPU, its validation layer, the shader compiler; compiled shaders are not stale",
-    ),
-    ("rust", 2700, "unit and integration tests of every crate"),
+    ("vulkan-env", 600, "target/mesa: Vulkan on the CPU, its validation layer, the shader compiler"),
+    ("blender-env", 900, "target/venv-bpy: Blender as a module, and the libraries that it lacks here"),
+    ("rust", 2700, "compiled shaders are not stale; unit and integration tests of every crate"),
     ("rust-docs", 300, "examples in the documentation"),
+    ("wheel", 1200, "the module pumice for Python, built and installed"),
     ("python", 600, "formats, file layout and metrics against other people's code"),
     ("cli", 900, "the command: contract, bad input, full disk, Ctrl-C"),
-    ("wheel", 1200, "the module pumice for Python, built and installed"),
     ("python-module", 1500, "its stub, its types, its tests"),
-    ("blender-env", 900, "target/venv-bpy: Blender as a module, and the libraries that it lacks here"),
     ("blender", 900, "the extension, packed and installed as a user does, in Blender without a window"),
     ("shared-rust", 900, "suites over volumes that may not be shipped"),
     ("shared-python", 600, "the same, in Python"),
@@ -133,38 +139,97 @@ pub(crate) fn run(options: &Options) -> ExitCode {
         share::SHARES,
         suite.share
     );
-    let mut rows: Vec<Row> = Vec::new();
-    for (name, cap, _) in PARTS {
-        if !options.wants(name) || (options.full && name == "share") {
-            continue;
+    let start = Instant::now();
+    let wanted: Vec<&str> = PARTS
+        .iter()
+        .map(|part| part.0)
+        .filter(|name| options.wants(name) && !(options.full && *name == "share"))
+        .collect();
+    let done = Done::default();
+    std::thread::scope(|scope| {
+        for lane in [Output::Live, Output::AtTheEnd] {
+            let (suite, running, done, wanted) = (&suite, &running, &done, &wanted);
+            scope.spawn(move || {
+                for (name, cap, _) in
+                    PARTS.into_iter().filter(|p| wanted.contains(&p.0) && lane_of(p.0) == lane)
+                {
+                    let cap = if options.full { cap * FULL_CAP_FACTOR } else { cap };
+                    let needed = needed(name).iter().filter(|part| wanted.contains(part));
+                    let lost = done.failed_of(needed.copied());
+                    done.push(part::run(name, cap, must_test(name), lane, running, || match lost {
+                        Some(part) => Err(Outcome::Failed(format!("{part} failed"))),
+                        None => suite.steps(name),
+                    }));
+                }
+            });
         }
-        let cap = if options.full { cap * FULL_CAP_FACTOR } else { cap };
-        // There may be no example in the documentation, and no test of the full set whose turn it is.
-        let must_test = !matches!(
-            name,
-            "build" | "python-env" | "wheel" | "blender-env" | "vulkan-env" | "rust-docs" | "share"
-        );
-        // Tests cannot begin without their environment: one that was left out for want of it would count as passed.
-        let needed: &[&str] = match name {
-            "wheel" => &["python-env"],
-            "python" | "cli" | "shared-python" => &["python-env", "vulkan-env"],
-            "python-module" => &["python-env", "vulkan-env", "wheel"],
-            "blender" => &["python-env", "vulkan-env", "wheel", "blender-env"],
-            "rust" | "shared-rust" | "share" => &["vulkan-env"],
-            _ => &[],
-        };
-        let failed =
-            |part: &str| rows.iter().any(|r| r.name == part && matches!(r.outcome, Outcome::Failed(_)));
-        let lost = needed.iter().find(|part| failed(part)).copied();
-        rows.push(part::run(name, cap, must_test, &running, || match lost {
-            Some(part) => Err(Outcome::Failed(format!("{part} failed"))),
-            None => suite.steps(name),
-        }));
-    }
+    });
 
-    println!("\n{}", seconds_table::table(&rows));
+    let rows = done.in_order();
+    println!("\n{}", seconds_table::table(&rows, start.elapsed().as_secs_f64()));
     let failed = rows.iter().any(|r| matches!(r.outcome, Outcome::Failed(_)));
     if failed { ExitCode::from(1) } else { ExitCode::SUCCESS }
+}
+
+/// The lane of a part, by where its lines go.
+fn lane_of(part: &str) -> Output {
+    match part {
+        "build" | "rust" | "rust-docs" | "shared-rust" | "share" => Output::Live,
+        _ => Output::AtTheEnd,
+    }
+}
+
+/// The parts that a part waits for. Tests cannot begin without their environment: one that was left out for want of it would count as
+/// passed.
+fn needed(part: &str) -> &'static [&'static str] {
+    match part {
+        "wheel" => &["python-env", "build"],
+        "python" | "cli" | "shared-python" => &["python-env", "vulkan-env", "build"],
+        "python-module" => &["python-env", "vulkan-env", "build", "wheel"],
+        "blender" => &["python-env", "vulkan-env", "build", "wheel", "blender-env"],
+        "rust" | "shared-rust" | "share" => &["vulkan-env"],
+        _ => &[],
+    }
+}
+
+/// Whether a part in which no test ran has failed. There may be no example in the documentation, and no test of the full set whose turn
+/// it is.
+fn must_test(part: &str) -> bool {
+    !matches!(part, "build" | "python-env" | "wheel" | "blender-env" | "vulkan-env" | "rust-docs" | "share")
+}
+
+/// The parts that have ended, told to those that wait for them.
+#[derive(Default)]
+struct Done {
+    rows: Mutex<Vec<Row>>,
+    one_more: Condvar,
+}
+
+impl Done {
+    fn push(&self, row: Row) {
+        self.rows.lock().unwrap_or_else(PoisonError::into_inner).push(row);
+        self.one_more.notify_all();
+    }
+
+    /// Waits until all these parts have ended; the first of them that failed.
+    fn failed_of(&self, parts: impl Iterator<Item = &'static str>) -> Option<&'static str> {
+        let mut failed = None;
+        for part in parts {
+            let rows = self.rows.lock().unwrap_or_else(PoisonError::into_inner);
+            let has_not_ended = |rows: &mut Vec<Row>| !rows.iter().any(|r| r.name == part);
+            let rows = self.one_more.wait_while(rows, has_not_ended).unwrap_or_else(PoisonError::into_inner);
+            let has_failed = rows.iter().any(|r| r.name == part && matches!(r.outcome, Outcome::Failed(_)));
+            failed = failed.or(has_failed.then_some(part));
+        }
+        failed
+    }
+
+    /// The rows as the parts are listed.
+    fn in_order(self) -> Vec<Row> {
+        let mut rows = self.rows.into_inner().unwrap_or_else(PoisonError::into_inner);
+        rows.sort_by_key(|row| PARTS.iter().position(|part| part.0 == row.name));
+        rows
+    }
 }
 
 /// Where everything is.
@@ -204,10 +269,11 @@ impl Suite {
             "python-module" => return self.module_steps(),
             "blender-env" => return self.blender.steps(&self.root, &self.target),
             "blender" => return self.blender_steps(),
-            "vulkan-env" => return Ok(self.vulkan_steps()),
-            "rust" => {
-                vec![self.cargo(&[&["test", "--workspace", "--tests", "--no-fail-fast"], ignored].concat())]
-            }
+            "vulkan-env" => return Ok(vec![PrivateMesa::new(&self.target).step(&self.root)]),
+            "rust" => vec![
+                self.cargo(&["run", "--quiet", "--package", "xtask", "--", "shaders", "--check"]),
+                self.cargo(&[&["test", "--workspace", "--tests", "--no-fail-fast"], ignored].concat()),
+            ],
             "rust-docs" => vec![self.cargo(&["test", "--workspace", "--doc", "--no-fail-fast"])],
             "python" => vec![self.pytest(&|name| !name.starts_with("test_cli_") && !is_shared(name))?],
             "cli" => vec![self.pytest(&|name| name.starts_with("test_cli_"))?],
@@ -268,12 +334,6 @@ impl Suite {
         PrivateMesa::new(&self.target).surround_checked(&self.root, &mut tests);
         steps.push(tests.into());
         Ok(steps)
-    }
-
-    /// Vulkan for the tests; the compiled shaders are as their sources give them.
-    fn vulkan_steps(&self) -> Vec<Step> {
-        let check = self.cargo(&["run", "--quiet", "--package", "xtask", "--", "shaders", "--check"]);
-        vec![PrivateMesa::new(&self.target).step(&self.root), check.into()]
     }
 
     /// The ignored tests whose turn it is. The Python ones run within their own parts (see `tests/python/share.py`).
@@ -348,6 +408,42 @@ fn is_shared(name: &str) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// No two parts wait for each other: each waits for parts that are listed before it alone, or, of its own lane, come before it.
+    #[test]
+    fn lanes_come_to_an_end() {
+        let place = |name: &str| PARTS.iter().position(|p| p.0 == name).unwrap();
+        for (name, ..) in PARTS {
+            for part in needed(name) {
+                assert!(place(part) < place(name), "{name} waits for {part}");
+            }
+        }
+        assert!(PARTS.iter().any(|p| lane_of(p.0) == Output::Live));
+    }
+
+    #[test]
+    fn a_part_waits_for_what_it_needs_and_hears_of_its_failure() {
+        let row = |name, outcome| Row {
+            name,
+            outcome,
+            counts: Default::default(),
+            seconds: 0.0,
+            cpu_seconds: None,
+            cap_seconds: 1,
+        };
+        let done = Done::default();
+        std::thread::scope(|scope| {
+            let waiting = scope.spawn(|| done.failed_of(["python-env", "build"].into_iter()));
+            done.push(row("build", Outcome::Failed("no compiler".into())));
+            std::thread::sleep(std::time::Duration::from_millis(50));
+            assert!(!waiting.is_finished(), "python-env has not ended");
+            done.push(row("python-env", Outcome::Passed));
+            assert_eq!(waiting.join().unwrap(), Some("build"));
+        });
+        assert_eq!(done.failed_of(["python-env"].into_iter()), None);
+        let names: Vec<&str> = done.in_order().iter().map(|row| row.name).collect();
+        assert_eq!(names, ["build", "python-env"]);
+    }
 
     fn parsed(args: &[&str]) -> Result<Options, String> {
         Options::parse(&args.iter().map(|a| a.to_string()).collect::<Vec<_>>())

@@ -8,6 +8,8 @@ use pumice_cpu::traverse::{SceneTracer, TracedInstance, VolumeTracer};
 use pumice_encodings::{Encoding, EncodingTracer};
 use pumice_session::error::Result;
 use pumice_session::measure::Stopwatch;
+use pumice_transport::geometry::LodChoice;
+use pumice_transport::{Hit, PathOrigin, RayInWorld, Tracer};
 use serde::Serialize;
 
 use super::PaperOptions;

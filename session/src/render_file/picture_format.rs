@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use pumice_render::{Passes, Picture, write_exr, write_exr_half, write_png_shown};
+use pumice_picture::{Passes, Picture, write_exr, write_exr_half, write_png_shown};
 
 use crate::error::{Result, SessionError};
 

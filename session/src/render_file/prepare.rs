@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use pumice_core::{CompressedVolume, Job, MeshData};
-use pumice_render::read_provenance;
+use pumice_picture::read_provenance;
 use pumice_scene::{Scene, Show};
 
 use super::overrides::apply;

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use pumice_core::{CompressedVolume, MeshData};
-use pumice_render::Provenance;
+use pumice_picture::Provenance;
 
 use crate::error::{Result, SessionError};
 

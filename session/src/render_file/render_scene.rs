@@ -4,8 +4,9 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use pumice_core::{CompressedVolume, Job, MeshData};
-use pumice_render::{Picture, Provenance, RenderError, Renderer};
+use pumice_picture::{Picture, Provenance};
 use pumice_scene::{Needs, Scene};
+use pumice_transport::{RenderError, Renderer};
 use serde::Serialize;
 
 use super::provenance::{hash_text, mesh_hash_text};

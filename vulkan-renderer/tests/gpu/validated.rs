@@ -1,22 +1,74 @@
-//! Renderers behind the validation layer.
+//! Renderers behind the validation layer, for one test after the other.
+//!
+//! A driver that computes on the CPU takes most of a test's time to compile, and gives nothing back that it compiled. So there are no
+//! more renderers than one test has at once, each is used again by later tests, and they carry what scenes may need ([`carried`]): a
+//! few programs draw all scenes of all tests. Programs that leave out all that a scene does not need are those of `carried.rs`, of the
+//! tests of failures, and of every test outside of this crate.
 
-use std::sync::Mutex;
+use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+use std::thread::ThreadId;
 
+use pumice_scene::{Part, Spare};
 use pumice_transport::Renderer as _;
 use pumice_vulkan::VulkanRenderer;
 use pumice_vulkan::device::{self, Backend};
 
-/// A renderer whose every call is checked by the validation layer. It is used again by later tests, with nothing left of its scene:
-/// compiling for a device that computes on the CPU takes longer than most tests.
+/// A renderer whose every call is checked by the validation layer. It is used again by later tests, with nothing left of its scene.
 pub(crate) struct Validated(Option<VulkanRenderer>);
 
-static IDLE: Mutex<Vec<VulkanRenderer>> = Mutex::new(Vec::new());
+/// The test whose turn it is, how many renderers it has, and those that wait.
+struct Turn {
+    of: Option<ThreadId>,
+    taken: usize,
+    idle: Vec<VulkanRenderer>,
+}
+
+static TURN: Mutex<Turn> = Mutex::new(Turn { of: None, taken: 0, idle: Vec::new() });
+static OVER: Condvar = Condvar::new();
+
+fn turn() -> MutexGuard<'static, Turn> {
+    TURN.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// What is compiled whether a scene needs it or not: what many of the tests' scenes need and little of others, so that few programs
+/// draw them all. (All that there is takes a CPU six times as long to compile as the least.) Nothing that tests count.
+fn carried() -> Spare {
+    [Part::Microfacets, Part::Aiming, Part::Lamps, Part::Cuts, Part::Clear, Part::Meshes]
+        .into_iter()
+        .fold(Spare::NONE, Spare::with)
+}
 
 impl Validated {
+    /// Waits for the test whose turn it is, unless that is the caller.
     pub(crate) fn open(backend: Backend) -> Self {
-        let mut idle = IDLE.lock().expect("no test panicked while it held the lock");
-        let known = idle.iter().position(|r| r.gpu().backend() == backend);
-        Self(Some(known.map_or_else(|| open(backend), |place| idle.swap_remove(place))))
+        Self::open_carrying(backend, carried())
+    }
+
+    /// One for scenes of which the film keeps passes besides, with all kinds of surfaces.
+    pub(crate) fn open_sorting(backend: Backend) -> Self {
+        let parts = [Part::Sorting, Part::Coats, Part::Glass, Part::Sheen, Part::Catchers];
+        Self::open_carrying(backend, parts.into_iter().fold(carried(), Spare::with))
+    }
+
+    /// One that leaves out what a scene does not need.
+    pub(crate) fn open_bare(backend: Backend) -> Self {
+        Self::open_carrying(backend, Spare::NONE)
+    }
+
+    fn open_carrying(backend: Backend, spare: Spare) -> Self {
+        let me = std::thread::current().id();
+        let others = |turn: &mut Turn| turn.of.is_some_and(|of| of != me);
+        let mut turn = OVER.wait_while(turn(), others).unwrap_or_else(PoisonError::into_inner);
+        (turn.of, turn.taken) = (Some(me), turn.taken + 1);
+        let known = turn.idle.iter().position(|r| r.gpu().backend() == backend);
+        let known = known.map(|place| turn.idle.swap_remove(place));
+        drop(turn);
+        // Its turn ends with it, whatever happens here.
+        let mut opened = Self(None);
+        let mut renderer = known.unwrap_or_else(|| open(backend));
+        renderer.carry(spare);
+        opened.0 = Some(renderer);
+        opened
     }
 }
 
@@ -44,15 +96,24 @@ impl std::ops::DerefMut for Validated {
 
 impl Drop for Validated {
     fn drop(&mut self) {
-        let said = self.gpu().instance().messages().take();
-        if std::thread::panicking() {
-            return;
-        }
-        assert!(said.is_empty(), "the validation layer says:\n{}", said.join("\n"));
-        if let Some(mut renderer) = self.0.take().filter(|r| !r.gpu().is_lost()) {
+        let mut renderer = self.0.take();
+        let said = renderer.as_ref().map(|r| r.gpu().instance().messages().take()).unwrap_or_default();
+        if let Some(renderer) = &mut renderer {
             renderer.forget_scene();
             renderer.notices();
-            IDLE.lock().expect("no test panicked while it held the lock").push(renderer);
+        }
+        // A test that fails leaves nothing to the next.
+        let kept = renderer.filter(|r| !std::thread::panicking() && !r.gpu().is_lost());
+        let mut turn = turn();
+        turn.idle.extend(kept);
+        turn.taken -= 1;
+        if turn.taken == 0 {
+            turn.of = None;
+            OVER.notify_all();
+        }
+        drop(turn);
+        if !std::thread::panicking() {
+            assert!(said.is_empty(), "the validation layer says:\n{}", said.join("\n"));
         }
     }
 }

@@ -7,7 +7,7 @@ use pumice_picture::film::REPLICATES;
 use pumice_picture::{FilmBuffer, Pass};
 use pumice_transport::Looks;
 
-use crate::device::Front;
+use crate::paths;
 use crate::samples::{asked, found, tolerance};
 use crate::scenes::{Case, catching};
 
@@ -31,7 +31,7 @@ fn parted(case: &Case, stride: usize, sums: &[f32], expected: &[f32], rays: u32)
 
 #[test]
 fn caught_light_is_the_cpus_and_alike_on_all_backends() {
-    let fronts = Front::all("path");
+    let fronts = paths();
     for case in catching() {
         // Occlusion differs in what is told to the sums alone: once will do.
         let films = if case.name.contains("occlusion") { &[true][..] } else { &[false, true] };

@@ -1,20 +1,18 @@
-//! What an edit sends, what lies on the device, and how long launches are.
+//! What an edit sends to the device, and what is given back. `super::bare()` makes the renderer that is tested.
 
 use std::sync::Arc;
 use std::time::Duration;
 
-use glam::{DAffine3, DVec3};
+use glam::DVec3;
 use pumice_core::{CompressedVolume, Job, LabelBuffer, LabelType, VolumeInfo, compress_labels};
 use pumice_scene::{Cut, CutShape, Environment, Film, Filter, Lod, Material, Projection, Scene, Show};
 use pumice_transport::Renderer as _;
 use pumice_vulkan::Sent;
-use pumice_vulkan::device::Backend;
 
-use super::Validated;
-use super::compute::cases::{lambert, looking_down};
+use super::cases::{lambert, looking_down};
 
 /// Balls of 60 labels side by side, 480 × 48 × 48 voxels.
-pub(super) fn balls() -> Arc<CompressedVolume> {
+pub(crate) fn balls() -> Arc<CompressedVolume> {
     let dims = [480u32, 48, 48];
     let ids = (0..dims[0] * dims[1] * dims[2])
         .map(|i| {
@@ -27,7 +25,7 @@ pub(super) fn balls() -> Arc<CompressedVolume> {
 }
 
 /// All of them from the side, under an even sky.
-pub(super) fn scene_of_balls() -> Scene {
+pub(crate) fn scene_of_balls() -> Scene {
     let mut scene = looking_down(Environment::Constant { radiance: [1.0; 3] }, vec![], lambert(0.7));
     scene.camera.world_from_camera.translation = DVec3::new(240.0, 24.0, 600.0);
     scene.camera.projection = Projection::Perspective { fov_rad: 0.8 };
@@ -106,118 +104,45 @@ fn an_edit_sends_what_it_changes_and_no_more() {
         ("no cut", |s| s.cuts.clear(), none),
         ("camera, coarse", |s| s.camera.world_from_camera.translation.z += 500.0, none),
     ];
-    for backend in [Backend::RayQuery, Backend::Compute] {
-        let mut renderer = Validated::open(backend);
-        let (mut scene, volume) = (scene_of_balls(), balls());
-        for (name, edit, expected) in &cases {
-            let before = renderer.sent();
-            edit(&mut scene);
-            renderer.set_scene(&scene, std::slice::from_ref(&volume), &[]).unwrap();
-            let after = renderer.sent();
-            let sent = Sent {
-                header: after.header - before.header,
-                lights: after.lights - before.lights,
-                filter: after.filter - before.filter,
-                materials: after.materials - before.materials,
-                boxes: after.boxes - before.boxes,
-                nodes: after.nodes - before.nodes,
-                cuts: after.cuts - before.cuts,
-            };
-            assert_eq!(sent, *expected, "{name}");
-        }
-    }
-}
-
-/// Only labels that are drawn lie on the device; one that is shown for the first time brings its nodes, and what was there stays.
-#[test]
-fn hidden_labels_are_not_on_the_device() {
-    let mut renderer = Validated::open(Backend::Compute);
+    let mut renderer = super::bare();
     let (mut scene, volume) = (scene_of_balls(), balls());
-    let part = |renderer: &Validated, name: &str| {
-        renderer.bytes().into_iter().find(|(n, _)| *n == name).unwrap_or_else(|| panic!("{name}")).1
-    };
-    let show = |renderer: &mut Validated, scene: &Scene| {
-        renderer.set_scene(scene, std::slice::from_ref(&volume), &[]).unwrap();
-    };
-    show(&mut renderer, &scene);
-    let of_volume: u64 = ["boxes", "labels"].map(|p| part(&renderer, p)).iter().sum();
-    let in_memory = volume.boxes().len() as u64 * 12;
-    assert!(of_volume >= in_memory && of_volume < in_memory + 4096, "{of_volume}, in memory {in_memory}");
-    let nodes_in_memory = 2 * volume.nodes().len() as u64;
-    assert!(part(&renderer, "nodes") < nodes_in_memory + 64);
-    assert!(part(&renderer, "leaves") < 512 + 8 * volume.leaves().patterns().len() as u64 + 64);
-
-    renderer.forget_scene();
-    scene.instances[0].style.show = Show::Only(vec![1, 2]);
-    show(&mut renderer, &scene);
-    assert!(part(&renderer, "boxes") < in_memory / 10);
-    let before = renderer.sent();
-    scene.instances[0].style.show = Show::Only(vec![1, 2, 3]);
-    show(&mut renderer, &scene);
-    assert_eq!(renderer.sent().nodes, before.nodes + 1, "label 3 was not there");
-    // Twice in the scene, once on the device.
-    let nodes = part(&renderer, "nodes");
-    let mut second = scene.instances[0].clone();
-    second.id = 2;
-    second.world_from_index = DAffine3::from_translation(DVec3::new(0.0, 60.0, 0.0));
-    scene.instances.push(second);
-    renderer.set_scene(&scene, &[Arc::clone(&volume), Arc::clone(&volume)], &[]).unwrap();
-    assert_eq!(part(&renderer, "nodes"), nodes);
-    assert_eq!(renderer.sent().nodes, before.nodes + 1);
+    for (name, edit, expected) in &cases {
+        let before = renderer.sent();
+        edit(&mut scene);
+        renderer.set_scene(&scene, std::slice::from_ref(&volume), &[]).unwrap();
+        let after = renderer.sent();
+        let sent = Sent {
+            header: after.header - before.header,
+            lights: after.lights - before.lights,
+            filter: after.filter - before.filter,
+            materials: after.materials - before.materials,
+            boxes: after.boxes - before.boxes,
+            nodes: after.nodes - before.nodes,
+            cuts: after.cuts - before.cuts,
+        };
+        assert_eq!(sent, *expected, "{name}");
+    }
 }
 
 /// All that was taken is given back.
 #[test]
 fn nothing_is_left_on_the_device() {
-    for backend in Backend::ALL {
-        let mut renderer = Validated::open(backend);
-        let (scene, volume) = (scene_of_balls(), balls());
-        let mut held = Vec::new();
-        for _ in 0..3 {
-            renderer.set_scene(&scene, std::slice::from_ref(&volume), &[]).unwrap();
-            renderer.advance(Duration::ZERO, 1, &Job::new()).unwrap();
-            renderer.picture().unwrap();
-            let counted: u64 = renderer.bytes().iter().map(|(_, b)| b).sum();
-            let allocated = renderer.gpu().allocated_bytes();
-            // Beside the parts: tables of shaders, those of scattering, staging memory, alignment of each buffer.
-            assert!(allocated >= counted && allocated < counted + (20 << 20), "{allocated} {counted}");
-            // Programs outlive scenes, and with them the rays' scratch memory: as large as the largest launch was, and how large
-            // launches become is a matter of how fast they were.
-            let scratch: u64 = renderer.bytes().iter().filter(|(n, _)| *n == "scratch").map(|(_, b)| b).sum();
-            renderer.forget_scene();
-            held.push(renderer.gpu().allocated_bytes() - scratch);
-        }
-        assert_eq!(held[1], held[2], "{backend}");
+    let mut renderer = super::bare();
+    let (scene, volume) = (scene_of_balls(), balls());
+    let mut held = Vec::new();
+    for _ in 0..3 {
+        renderer.set_scene(&scene, std::slice::from_ref(&volume), &[]).unwrap();
+        renderer.advance(Duration::ZERO, 1, &Job::new()).unwrap();
+        renderer.picture().unwrap();
+        let counted: u64 = renderer.bytes().iter().map(|(_, b)| b).sum();
+        let allocated = renderer.gpu().allocated_bytes();
+        // Beside the parts: tables of shaders, those of scattering, staging memory, alignment of each buffer.
+        assert!(allocated >= counted && allocated < counted + (20 << 20), "{allocated} {counted}");
+        // Programs outlive scenes, and with them the rays' scratch memory: as large as the largest launch was, and how large
+        // launches become is a matter of how fast they were.
+        let scratch: u64 = renderer.bytes().iter().filter(|(n, _)| *n == "scratch").map(|(_, b)| b).sum();
+        renderer.forget_scene();
+        held.push(renderer.gpu().allocated_bytes() - scratch);
     }
-}
-
-/// A cancelled pass is left after the launch in flight, and goes on where it was.
-#[test]
-fn a_pass_that_is_cancelled_midway_goes_on() {
-    let (mut scene, volume) = (scene_of_balls(), balls());
-    scene.film = Film::new(320, 180, Filter::Box { width: 1.0 });
-    let whole = |renderer: &mut Validated| {
-        while renderer.advance(Duration::ZERO, 2, &Job::new()).unwrap().spp < 2 {}
-        renderer.color().unwrap()
-    };
-    let mut renderer = Validated::open(Backend::Compute);
-    renderer.set_scene(&scene, std::slice::from_ref(&volume), &[]).unwrap();
-    let expected = whole(&mut renderer);
-    let mut cut = 0;
-    for delay_ms in [5, 30, 60, 120] {
-        let mut other = Validated::open(Backend::Compute);
-        other.set_scene(&scene, std::slice::from_ref(&volume), &[]).unwrap();
-        let job = Arc::new(Job::new());
-        let canceller = Arc::clone(&job);
-        let thread = std::thread::spawn(move || {
-            std::thread::sleep(Duration::from_millis(delay_ms));
-            canceller.cancel();
-        });
-        let before = other.launches().0;
-        let cancelled = other.advance(Duration::from_secs(3600), 2, &job).is_err();
-        cut += u32::from(cancelled && other.launches().0 > before);
-        thread.join().unwrap();
-        assert_eq!(whole(&mut other), expected, "{delay_ms} ms");
-    }
-    assert!(cut > 0, "no pass was cut within");
+    assert_eq!(held[1], held[2]);
 }

@@ -1,0 +1,80 @@
+//! What of a lost device is found again: the same code on all backends, seen on one (each opening compiles anew).
+
+use std::time::Duration;
+
+use pumice_core::Job;
+use pumice_scene::Adaptive;
+use pumice_transport::{RenderError, Renderer as _};
+use pumice_vulkan::device::Fault;
+
+use super::edits::{balls, scene_of_balls};
+use super::failures::{SPP, draw};
+
+/// Samples that the host has seen survive the device.
+#[test]
+fn samples_survive_a_lost_device() {
+    let mut renderer = super::bare();
+    let (expected, _) = draw(&mut renderer, &[]).unwrap();
+    renderer.set_scene(&scene_of_balls(), &[balls()], &[]).unwrap();
+    while renderer.advance(Duration::ZERO, 2, &Job::new()).unwrap().spp < 2 {}
+    renderer.gpu().inject(Fault::Submission, 1, 1);
+    let job = Job::new();
+    while renderer.advance(Duration::ZERO, SPP, &job).unwrap().spp < SPP {}
+    assert_eq!(renderer.color().unwrap(), expected);
+    assert_eq!(renderer.notices().len(), 1);
+    let film = scene_of_balls().film;
+    let samples = job.progress().0 / u64::from(film.width * film.height);
+    assert_eq!(samples, u64::from(SPP) - 2, "no sample was computed twice");
+}
+
+/// So does which pixels rest.
+#[test]
+fn pixels_rest_on_after_a_lost_device() {
+    let mut renderer = super::bare();
+    let mut scene = scene_of_balls();
+    scene.settings.adaptive = Some(Adaptive { threshold: 0.2, min_spp: 4 });
+    let mut drawn = |fault: bool| {
+        renderer.set_scene(&scene, &[balls()], &[]).unwrap();
+        while renderer.advance(Duration::ZERO, 5, &Job::new()).unwrap().spp < 5 {}
+        if fault {
+            renderer.gpu().inject(Fault::Submission, 1, 1);
+        }
+        let mut progress = renderer.advance(Duration::ZERO, 9, &Job::new()).unwrap();
+        while progress.spp < 9 {
+            progress = renderer.advance(Duration::ZERO, 9, &Job::new()).unwrap();
+        }
+        (renderer.color().unwrap(), progress.mean_spp, renderer.notices().len())
+    };
+    let (expected, mean_spp, _) = drawn(false);
+    assert!(mean_spp > 4.0 && mean_spp < 9.0, "some rest: {mean_spp}");
+    let (color, again, notices) = drawn(true);
+    assert!(color == expected, "other colours");
+    assert_eq!((again, notices), (mean_spp, 1));
+}
+
+/// Twice in a row is given up, in one line that names backend and device; afterwards the renderer can be used again.
+#[test]
+fn what_fails_twice_is_given_up() {
+    let mut renderer = super::bare();
+    let (expected, _) = draw(&mut renderer, &[]).unwrap();
+    renderer.forget_scene();
+    renderer.gpu().inject(Fault::Allocation, 2, 2);
+    let error = renderer.set_scene(&scene_of_balls(), &[balls()], &[]).unwrap_err();
+    let RenderError::Device(text) = &error else { panic!("{error}") };
+    assert!(text.starts_with("vulkan-compute on ") && text.contains("out of GPU memory"), "{text}");
+    assert!(!text.contains('\n'));
+    assert!(matches!(renderer.advance(Duration::ZERO, 1, &Job::new()), Err(RenderError::Scene(_))));
+    assert_eq!(draw(&mut renderer, &[]).unwrap().0, expected);
+}
+
+/// Lost while the scene is sent, and while it is drawn; every point where it can be lost is in the full set (`failures.rs`).
+#[test]
+fn a_device_that_is_lost_once_is_overcome() {
+    let mut renderer = super::bare();
+    let (expected, _) = draw(&mut renderer, &[]).unwrap();
+    renderer.forget_scene();
+    let (image, notices) = draw(&mut renderer, &[(Fault::Submission, 3)]).unwrap();
+    assert_eq!(image, expected);
+    let [notice] = &notices[..] else { panic!("{notices:?}") };
+    assert!(notice.starts_with("the GPU was lost during ") && !notice.contains('\n'), "{notice}");
+}
