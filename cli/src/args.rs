@@ -28,7 +28,7 @@ pub(crate) use verify::Verify;
 /// Path traced figures from segmentation volumes that other tools cannot load.
 ///
 /// A segmentation volume has one whole-number label per voxel. Pumice compresses it losslessly to a few per cent, path traces
-/// the compressed form as it is, and writes pictures that know their own error.
+/// the compressed form as it is, and writes pictures that carry an estimate of their own error.
 ///
 /// Begin with `pumice demo`, or with your own file: `pumice render volume.nrrd -o picture.png`.
 #[derive(Debug, Parser)]

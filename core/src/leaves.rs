@@ -10,6 +10,21 @@
 //! A pattern stands for itself and its mirror images, the least of which it is. A slice is a cell's 4 × 4 voxels of one z: surfaces
 //! cut a cell in countless ways, a slice in few. Of cortex's fields 77 % are ranked and 18 % sliced. All tables follow from the
 //! fields alone; in noise, where slices repeat no more than fields, there are at most 256 of them.
+//!
+//! # How the tables were chosen
+//! On 512³ voxels of cortex, 2.03 million references name leaves that are neither empty nor full. A short reference reaches
+//!
+//! | leaves | references |
+//! |---|---|
+//! | the 65,536 most frequent | 1.60 M |
+//! | the 65,536 most frequent, or the complement of one | 1.67 M |
+//! | the 65,536 most frequent, mirrored on any axes | 1.82 M |
+//! | both | 1.86 M |
+//! | **the 8,192 most frequent, mirrored: 13 bits and 3** | **1.57 M** |
+//!
+//! The last takes 16 bits a reference as the first does, and its tables 119 kB instead of 524 kB. The other references take 12 bits a
+//! slice. Slices across z are best: across another axis the references take 7 % more, differences between slices 13 % more.
+//! Rendering takes as much CPU time as with a dictionary of 65,536 leaves (1.36 CPU s for 480 × 270 pixels of 8 samples, both).
 
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;

@@ -23,6 +23,23 @@
 //! ```
 //! So a cell's reference begins popcount(low) + 2·popcount(high) words behind the first, over the ranks below, and where long ones have
 //! 4 words, popcount(low ∧ high) farther.
+//!
+//! # Forms that were measured
+//! MB in memory without the hierarchy (per cent of 4 bytes a voxel), of 512³ voxels: *cortex*, 2,523 labels, 99 % solid; *cells*,
+//! 17,001 synthetic labels, 15 % solid.
+//!
+//! | form | cortex | cells |
+//! |---|---|---|
+//! | octree with compact pointers, 8-byte records | 19.9 (3.71) | 7.0 (1.31) |
+//! | the same, mirrored nodes shared | 18.0 | 6.1 |
+//! | 64-wide nodes, u32 references, re-tightened boxes | 14.7 (2.74) | 6.2 (1.15) |
+//! | 64-wide nodes, dictionary of 65,536 leaves, other leaves inline | 11.1 (2.07) | 4.6 (0.86) |
+//! | the same on a grid without snapping (a prototype) | 11.3 (2.10) | 4.1 (0.77) |
+//! | several labels a box, in priority order (a prototype) | 10.2 (1.89) | 5.0 (0.93) |
+//! | 64-wide nodes, 8,192 leaves and their mirror images, other leaves by slices of 8 bits | 8.4 (1.57) | |
+//! | **the same, slices of 12 bits too and rare leaves apart: this form** | **8.2 (1.54)** | **5.2 (0.98)** |
+//!
+//! A box of several labels cannot leave a hidden one out, and takes more bytes than this form.
 
 use crate::leaves::{Class, LeafIndex, Leaves, flipped};
 

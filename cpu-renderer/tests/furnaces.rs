@@ -1,5 +1,8 @@
 //! White furnaces: the renderer's mean within 0.1 % of what is known exactly; and the same judgement convicts renderers with a
 //! fault each, so that it proves something.
+//!
+//! Pictures hide such faults. A roulette that divides by an unclamped probability from the first bounce keeps 71 to 85 % of the energy of
+//! a furnace of albedo 0.95, and nobody sees it.
 
 #![allow(clippy::expect_used, reason = "test helpers: a failure is a failed test")]
 

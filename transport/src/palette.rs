@@ -15,7 +15,8 @@
 //! The palette is made in OKLCH (Ottosson 2020, *A perceptual color space for image processing*): six rings of six hues, each
 //! ring turned against the last by half a step. Rings differ in lightness, which all three kinds of eye share, and six hues from
 //! 35° on differ in blue-yellow, which two of them still have; eight hues in four rings left 1.7 % of the touching pairs of a
-//! packed volume of neurites alike, of which this leaves 0.04 %. Calm: a ring's chroma is what its weakest hue can show, and at
+//! packed volume of neurites alike, of which this leaves 0.04 %. (Hues by a hash of the id leave 10 to 19 % of 39,797 touching pairs
+//! alike, a fixed palette of 256 colours 1 to 5.5 %.) Calm: a ring's chroma is what its weakest hue can show, and at
 //! most 0.12. Time is linear in contacts, and in labels × palette.
 
 /// Lightness and chroma in OKLCH of each ring, from light to dark. Lightness is what all three kinds of eye share.

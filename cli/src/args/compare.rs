@@ -6,7 +6,7 @@ use clap::Args;
 
 use super::values::positive;
 
-/// Measure how far a picture is from a reference: relMSE, PSNR, SSIM, FLIP, and a test for chance where variances are known
+/// Measure how far a picture is from a reference: relMSE, PSNR, SSIM, FLIP, and a statistical test where variances are known
 #[derive(Debug, Args)]
 pub(crate) struct Compare {
     /// The picture (.exr)

@@ -10,7 +10,7 @@ use super::Reading;
 /// Compress a label volume losslessly into a .pumice file
 ///
 /// Reads NRRD, NIfTI, TIFF (also a folder of slices), NPY, NPZ, MetaImage and raw files as a stream: the whole volume is never in
-/// memory. A file under the final name is always whole.
+/// memory. The file appears under its final name only when it is complete.
 #[derive(Debug, Args)]
 pub(crate) struct Compress {
     /// Label volume
@@ -30,10 +30,10 @@ pub(crate) struct Compress {
     /// Threads; default: all cores. The result does not depend on it
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     pub(crate) threads: Option<u16>,
-    /// Memory for records not yet merged; more is spilled to a temporary folder. Bytes, or with K, M, G
+    /// Memory for records that are not merged yet, in bytes or with K, M, G; the rest waits in a temporary file
     #[arg(long, value_name = "BYTES", value_parser = bytes)]
     pub(crate) memory_limit: Option<u64>,
-    /// CSV table with the columns id,type: groups labels into types
+    /// CSV table with the columns id,type that gives labels their types
     #[arg(long, value_name = "TABLE")]
     pub(crate) types: Option<PathBuf>,
     #[command(flatten)]
@@ -42,10 +42,10 @@ pub(crate) struct Compress {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Level {
-    /// Arrays as they are in memory: opens soonest, for a few labels at once
+    /// The arrays as they are in memory; opens fastest, also for a few labels alone
     Fast,
-    /// Half the size or less, inflated when it is opened
+    /// About two thirds of that size; decompressed when it is opened
     Default,
-    /// The voxels themselves, a third of the default; writing and opening take seconds for each 10⁸
+    /// The voxels themselves, about a third of the default; writing and opening take about a CPU second each for 10⁸ voxels
     Small,
 }

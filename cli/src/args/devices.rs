@@ -2,7 +2,7 @@
 
 use clap::Args;
 
-/// List what can render here, what would be chosen, and why
+/// List the devices that can render here, which one auto takes, and why
 #[derive(Debug, Args)]
 pub(crate) struct Devices {
     /// One JSON object instead of text

@@ -8,7 +8,7 @@ use super::Reading;
 
 /// Show what a .pumice file or a label volume holds
 ///
-/// For .pumice: dims, spacing, labels, boxes, bytes on disk and in memory by part. For files of others only the header is read.
+/// For .pumice: dims, spacing, labels, boxes, bytes on disk and in memory by part. For other formats, reads the header alone.
 #[derive(Debug, Args)]
 pub(crate) struct Info {
     /// A .pumice file or any label volume

@@ -10,9 +10,9 @@ use super::values::{positive, relative, view};
 
 /// Path trace a volume or a scene
 ///
-/// A volume is framed and lit by itself; a scene (JSON, see docs) says all. Ends at the first of --spp, --time and --error;
-/// with none of them at 64 samples a pixel. The picture is written when the rendering ends, also when it is interrupted by its
-/// limits, and carries the data's hash, the scene and all settings.
+/// Frames and lights a volume automatically; a scene (JSON, docs/scene.md) sets everything. Stops at the first of --spp, --time and
+/// --error, or at 64 samples a pixel where none is given, and writes the picture. The picture carries the hash of the data, the
+/// scene and all settings.
 #[derive(Debug, Args)]
 pub(crate) struct Render {
     /// A .pumice file, any label volume, or a scene (.json)
@@ -21,13 +21,13 @@ pub(crate) struct Render {
     /// The picture: .exr (scene-linear, all passes) or .png (8 bit sRGB)
     #[arg(short, long, value_name = "OUT")]
     pub(crate) out: PathBuf,
-    /// Render a picture again from what it carries: the same pixels
+    /// Render a picture again from the scene and settings that it carries: the same pixels
     #[arg(long, value_name = "PICTURE", conflicts_with_all = ["input", "size", "spp", "time", "error", "bounces", "mode", "lod", "seed", "labels", "pick", "view", "transparent", "half", "view_transform", "noise_threshold", "min_spp"])]
     pub(crate) again: Option<PathBuf>,
-    /// What renders: auto, cpu, vulkan-rt, vulkan-query or vulkan-compute
+    /// Backend that renders: auto, cpu, vulkan-rt, vulkan-query or vulkan-compute
     ///
-    /// auto takes the best graphics processor, goes on with the next backend where a device fails, and says so. A backend that is
-    /// named is used alone; its device is the best that can, or the one after a colon, by number or part of its name: vulkan-rt:0.
+    /// auto takes the best graphics processor; where a device fails, it goes on with the next backend and says so. A named backend is
+    /// used alone, on the best device that supports it, or on the one after a colon, by number or part of its name: vulkan-rt:0.
     /// `pumice devices` lists them
     #[arg(long, value_name = "NAME[:DEVICE]", default_value = "auto")]
     pub(crate) backend: String,
@@ -45,11 +45,11 @@ pub(crate) struct Render {
     pub(crate) error: Option<f64>,
     /// A pixel gets no more samples once its estimated relative error is at most this: 0.05 or 5%
     ///
-    /// Blender's Noise Threshold. The picture is done when all pixels rest, or at another limit. It is a little biased: which pixels
-    /// go on depends on what they found
+    /// Blender's Noise Threshold. The picture is done when no pixel gets samples any more, or at another limit. It is slightly biased:
+    /// which pixels go on depends on what they found
     #[arg(long, value_name = "RELATIVE", value_parser = relative)]
     pub(crate) noise_threshold: Option<f64>,
-    /// Samples that every pixel gets before it may rest, from 4; default 16
+    /// Samples that every pixel gets at least with --noise-threshold, from 4; default 16
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(4..))]
     pub(crate) min_spp: Option<u32>,
     /// Bounces of light, as in Cycles; default 32, or the scene's
@@ -61,18 +61,19 @@ pub(crate) struct Render {
     /// Finest element drawn: voxels (1), 4³ cells (4), boxes (16), or by distance (auto)
     #[arg(long, value_enum)]
     pub(crate) lod: Option<LodArg>,
-    /// Every random number follows from it; default 0, or the scene's
+    /// Seed of all random numbers; default 0, or the scene's
     #[arg(long, value_name = "N")]
     pub(crate) seed: Option<u64>,
     /// Passes in the EXR beside the picture, separated by commas; or all, or none
     ///
     /// First surface: depth, position, normal, label, albedo. Of the samples: variance, samples. Light by kind, for 132 bytes a pixel:
     /// light for all of it, or diffuse_direct, diffuse_indirect, diffuse_color, the same of glossy and transmission, emission,
-    /// environment. shadow_catcher: shadows that are caught, which then leave the picture. Mattes, 96 bytes a pixel each: cryptomatte_label, cryptomatte_type, or cryptomatte for both. What is named is made,
-    /// albedo and normal as means over samples; all is what needs no making, and what the scene's film.passes asks for
+    /// environment. shadow_catcher: caught shadows, which are then not in the picture. Mattes, 96 bytes a pixel each: cryptomatte_label,
+    /// cryptomatte_type, or cryptomatte for both. A named pass is made, albedo and normal as means over samples. all: the passes that
+    /// every picture has, and those of the scene's film.passes
     #[arg(long, value_name = "A,B,C", default_value = "all", value_delimiter = ',')]
     pub(crate) passes: Vec<String>,
-    /// Leave transparent what camera rays do not meet, instead of the sky or the backdrop
+    /// Make the background transparent, instead of showing the sky or the backdrop
     #[arg(long)]
     pub(crate) transparent: bool,
     /// In an EXR, colours as half floats (16 bits): half the size, 3 digits, at most 65504
@@ -82,16 +83,16 @@ pub(crate) struct Render {
     pub(crate) half: bool,
     /// How a PNG shows light: the sRGB curve (standard), or like Blender's Filmic or AgX
     ///
-    /// Default: standard, or the scene's. The last two are approximations; docs/passes.md says how near they come
+    /// Default: standard, or the scene's. filmic and agx are approximations; docs/passes.md says how close they are
     #[arg(long, value_enum, value_name = "VIEW")]
     pub(crate) view_transform: Option<ViewArg>,
     /// Only these labels, by id, separated by commas
     #[arg(long, value_name = "ID,ID", value_delimiter = ',', conflicts_with = "pick")]
     pub(crate) labels: Option<Vec<u64>>,
-    /// Only the N labels that make the best figure: long and thin before lumps
+    /// Only N labels that make a good figure: long, thin ones first
     #[arg(long, value_name = "N")]
     pub(crate) pick: Option<usize>,
-    /// Where a volume is seen from, in degrees: around the vertical axis, above the horizon
+    /// Direction of a volume's camera, in degrees: around the vertical axis, above the horizon
     #[arg(long, value_name = "AROUND,ABOVE", value_parser = view, allow_hyphen_values = true)]
     pub(crate) view: Option<[f64; 2]>,
     /// Threads; default: all cores. The picture does not depend on it
@@ -105,8 +106,8 @@ pub(crate) struct Render {
     pub(crate) save_scene: Option<PathBuf>,
     /// Print what the scene needs, what was left out, and what that saves
     ///
-    /// What it saves is measured: after the picture small ones of 160 pixels are drawn both ways, each part left out and put in in turn.
-    /// Takes seconds; on a graphics processor also the driver's time to compile each way
+    /// The savings are measured: after the picture, small ones of 160 pixels are drawn with and without each part in turn. Takes
+    /// seconds; on a graphics processor also the driver's time to compile both ways
     #[arg(long)]
     pub(crate) explain: bool,
     #[command(flatten)]

@@ -9,6 +9,27 @@
 //! here is what clipping the ray against each box by itself would tell. That product is monotone in the plane, so whoever passes through a
 //! small box passes through the large one around it, ties and roundings included. What counts is how soon one box leads to the next smaller ones:
 //! so corners are handed in in two parts, of which the one that is known late takes one sum to all planes.
+//!
+//! # What made rays faster
+//! Nanoseconds a ray on one core, 15 % of the labels of two volumes of 512³ voxels shown:
+//!
+//! | rays through | cortex, camera | cortex, diffuse | cells, camera | cells, diffuse |
+//! |---|---|---|---|---|
+//! | boxes, found by the hierarchy | 380 | 700 | 220 | 980 |
+//! | bricks, compared in f32 by AVX2 | 184 | 302 | 106 | 320 |
+//! | the same; a ray is made ready four numbers at once | 183 | 300 | 104 | 317 |
+//! | the same, and never stored lane by lane before it is read as four | 167 | 297 | 91 | 316 |
+//! | the same; masks are mirrored while planes are compared, not after | 155 | 287 | 86 | 310 |
+//! | in f64 by AVX2, corners handed in in two parts | 154 | 286 | 85 | 304 |
+//! | in f64 by AVX-512 | 142 | 257 | 78 | 276 |
+//! | the same; boxes that a ray only touches are left out, as f64 allows | 141 | 245 | 77 | 260 |
+//! | **the same; a usual direction is scaled once instead of twice** | – | – | **74** | – |
+//!
+//! Latency decides, not the number of instructions. Mirroring masks by eight instructions instead of thirty an axis, a quarter of all
+//! instructions, changed nothing once it was off the way from one level to the next. Eight numbers that are stored one by one and read
+//! as one wait for each other: two such places were 28 of 44 ns of a ray that meets nothing. Of those, 22 ns are left, three divisions
+//! of four numbers among them. Closures that are handed to `array::map` are not compiled into functions with instructions of their own:
+//! with them this took two and a half times as long.
 
 use pumice_core::leaves::flipped;
 use pumice_transport::geometry::each_axis;

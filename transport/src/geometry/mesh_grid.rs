@@ -10,7 +10,7 @@
 //! Blender's corners have to begin with, and wherever the mesh lies in the world, that is how it stays. A side that is parallel to an
 //! axis stays so exactly.
 //!
-//! Bounds reach a whole cell beyond the triangle on each side: [`crate::traverse::triangle`] computes in f32 from distances of less than
+//! Bounds reach a whole cell beyond the triangle on each side: `cpu-renderer/src/traverse/triangle.rs` computes in f32 from distances of less than
 //! 2²¹ cells, and decides as if the ray passed by less than half a cell from where it does.
 
 use crate::{BoxBounds, RenderError};
