@@ -30,7 +30,7 @@ pub enum Error {
     },
     /// A `.pumice` file of a version that this program does not read.
     #[error(
-        "{}: file version at byte 8: expected 3 (boxes) or 4 (voxels), got {got}; {}", path.display(), way_out(*got)
+        "{}: file version at byte 8: expected 5, got {got}; {}", path.display(), way_out(*got)
     )]
     Version {
         /// The file.
@@ -61,7 +61,7 @@ pub enum Error {
 
 /// What the owner of a file of another version can do.
 fn way_out(version: u32) -> &'static str {
-    if version < 3 {
+    if version < 5 {
         "an older pumice wrote it: compress the source volume again"
     } else {
         "a newer pumice wrote it: open it with that one, or compress the source volume again"

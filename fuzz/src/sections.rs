@@ -22,10 +22,10 @@ pub fn to_file(mut input: &[u8]) -> Vec<u8> {
         input = rest;
     }
 
-    let mut file = Vec::from(*b"\x89PUMICE\n\x03\0\0\0\0\0\0\0");
+    let mut file = Vec::from(*b"\x89PUMICE\n\x05\0\0\0\0\0\0\0");
     if sections.iter().any(|(name, ..)| name == b"VOXL") {
         // A file of voxels, not of boxes.
-        file[8] = 4;
+        file[12] = 1;
     }
     file.resize(HEADER_BYTES + ENTRY_BYTES * sections.len(), 0);
     file[24..32].copy_from_slice(&(HEADER_BYTES as u64).to_le_bytes());

@@ -15,15 +15,15 @@ import decode_voxels
 
 SIGNATURE = b"\x89PUMICE\n"
 # Versions of files of boxes and of files of voxels.
-BOXES, VOXELS = 3, 4
+VERSION, BOXES, VOXELS = 5, 0, 1
 
 
 def read_sections(data):
     """Sections by name, decoded (sections 2 and 3 of the page)."""
     assert data[:8] == SIGNATURE, "not a .pumice file"
-    version, flags, length, table, count, frames = struct.unpack_from("<IIQQII", data, 8)
-    assert version in (BOXES, VOXELS), f"file version: expected {BOXES} or {VOXELS}, got {version}"
-    assert (flags, length, table, frames) == (0, len(data), 64, 1)
+    version, contents, length, table, count, frames = struct.unpack_from("<IIQQII", data, 8)
+    assert version == VERSION, f"file version: expected {VERSION}, got {version}"
+    assert contents in (BOXES, VOXELS) and (length, table, frames) == (len(data), 64, 1)
     sections = {}
     for i in range(count):
         name, compression, width, filters, zero, offset, stored, decoded, _, _ = struct.unpack_from(
@@ -171,7 +171,7 @@ def decode_pieces(s):
 def decode(data):
     """(ids as uint64 indexed [x, y, z], INFO) of a whole file's bytes."""
     s = read_sections(data)
-    if struct.unpack_from("<I", data, 8)[0] == VOXELS:
+    if struct.unpack_from("<I", data, 12)[0] == VOXELS:
         return decode_pieces(s)
     info = json.loads(s["INFO"])
     ids = np.frombuffer(s["LIDS"], "<u8")

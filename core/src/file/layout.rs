@@ -2,8 +2,8 @@
 //!
 //! ```text
 //! header   0  8  magic 89 "PUMICE" 0A            table entry   0  4  name, ASCII
-//!          8  4  version: 3 boxes, 4 voxels                    4  1  compression: 0 none, 1 zstd
-//!         12  4  flags, 0                                      5  1  element width w of the filters, in bytes
+//!          8  4  version, 5                                    4  1  compression: 0 none, 1 zstd
+//!         12  4  contents: 0 boxes, 1 voxels                   5  1  element width w of the filters, in bytes
 //!         16  8  length of the file                            6  1  filters: bit 0 delta, bit 1 planes
 //!         24  8  offset of the section table, 64               7  1  0
 //!         32  4  number of sections                            8  8  offset in the file, a multiple of 8
@@ -24,19 +24,22 @@ pub(super) const ENTRY_BYTES: usize = 48;
 /// More than any version will need; bounds what a damaged count makes the reader allocate.
 pub(super) const MAX_SECTIONS: u32 = 64;
 
-/// What a file holds. Each kind has one version number: the program writes it and reads no other.
+/// Version of the files that the program writes; it reads no other.
+pub(super) const VERSION: u32 = 5;
+
+/// What a file holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Contents {
     /// Boxes and nodes, as they are in memory or packed.
-    Boxes = 3,
+    Boxes = 0,
     /// Arithmetically coded voxels.
-    Voxels = 4,
+    Voxels = 1,
 }
 
 impl Contents {
-    /// The kind that has this version number.
-    fn of_version(version: u32) -> Option<Self> {
-        [Self::Boxes, Self::Voxels].into_iter().find(|&kind| kind as u32 == version)
+    /// The kind that has this number in the header.
+    fn of_number(number: u32) -> Option<Self> {
+        [Self::Boxes, Self::Voxels].into_iter().find(|&kind| kind as u32 == number)
     }
 }
 
@@ -93,8 +96,8 @@ impl Layout {
     pub(super) fn to_bytes(&self) -> Vec<u8> {
         let mut bytes = Vec::with_capacity(HEADER_BYTES + ENTRY_BYTES * self.entries.len());
         bytes.extend(MAGIC);
+        bytes.extend(VERSION.to_le_bytes());
         bytes.extend((self.contents as u32).to_le_bytes());
-        bytes.extend(0u32.to_le_bytes());
         bytes.extend(self.file_bytes.to_le_bytes());
         bytes.extend((HEADER_BYTES as u64).to_le_bytes());
         bytes.extend((self.entries.len() as u32).to_le_bytes());
@@ -132,10 +135,10 @@ impl Layout {
             );
         }
         let version = u32_at(header, 8);
-        if Contents::of_version(version).is_none() {
+        if version != VERSION {
             return Err(Stop::Version(version));
         }
-        expect(12, "flags", 0, u32_at(header, 12).into())?;
+        contents_of(header)?;
         expect(16, "length of the file (truncated?)", u64_at(header, 16), file_bytes)?;
         expect(24, "offset of the section table", HEADER_BYTES as u64, u64_at(header, 24))?;
         expect(36, "number of frames", 1, u32_at(header, 36).into())?;
@@ -152,8 +155,7 @@ impl Layout {
 
     /// Checks header and table and takes them apart. `bytes` are the first of a file of `file_bytes`, up to the table's end.
     pub(super) fn parse(bytes: &[u8], file_bytes: u64) -> Result<Self, Stop> {
-        let version = u32_at(bytes, 8);
-        let contents = Contents::of_version(version).ok_or(Stop::Version(version))?;
+        let contents = contents_of(bytes)?;
         let entries = Self::parse_table(bytes, file_bytes)?;
         let content_hash = u128::from(u64_at(bytes, 40)) | u128::from(u64_at(bytes, 48)) << 64;
         Ok(Self { contents, file_bytes, content_hash, entries })
@@ -218,6 +220,14 @@ impl Layout {
         }
         Ok(entries)
     }
+}
+
+/// What a header says that the file holds.
+fn contents_of(header: &[u8]) -> Result<Contents, Fault> {
+    let got = u32_at(header, 12);
+    Contents::of_number(got).ok_or_else(|| {
+        Fault::in_header(12, format!("contents: expected 0 (boxes) or 1 (voxels), got {got}"))
+    })
 }
 
 /// XXH3-64 of all but the checksum itself.
