@@ -17,6 +17,7 @@ use pumice_session::measure::{Stopwatch, peak_rss_bytes};
 use pumice_session::progressive::{CurvePoint, Stop, thin_curve};
 use pumice_session::render_file::{PictureFormat, RenderFigures, render_scene};
 use pumice_session::selection::select_labels;
+use pumice_transport::LoadedScene;
 
 /// Labels in the figure.
 const FIGURE_LABELS: usize = 32;
@@ -106,10 +107,10 @@ pub(crate) fn run(options: &DemoOptions, job: &Job, watch: &mut dyn FnMut(DemoSt
 
     // Path trace.
     let volume = Arc::new(volume);
-    let rendered =
-        render_scene(&scene, std::slice::from_ref(&volume), &[], "auto", &options.stop, job, &mut |point| {
-            watch(DemoStage::Render(*point));
-        })?;
+    let scene = LoadedScene::new(scene, vec![Arc::clone(&volume)], vec![])?;
+    let rendered = render_scene(&scene, "auto", &options.stop, job, &mut |point| {
+        watch(DemoStage::Render(*point));
+    })?;
 
     // Write.
     watch(DemoStage::Write);

@@ -10,7 +10,7 @@ use pumice_picture::{
     Passes, Picture, Provenance, read_provenance, write_exr, write_exr_half, write_png_shown,
 };
 use pumice_scene::{Adaptive, Lod, Mode, Needs, Scene, Show, ViewTransform};
-use pumice_transport::{RenderError, Renderer};
+use pumice_transport::{LoadedScene, RenderError, Renderer};
 use serde::Serialize;
 
 use crate::backend::make_renderer;
@@ -173,16 +173,15 @@ pub fn render_file(
     if let Some(path) = &request.save_scene {
         scene.save(path).map_err(|source| SessionError::Scene { path: path.clone(), source })?;
     }
+    let scene = LoadedScene::new(scene, volumes, meshes)?;
     let mut render = || -> Result<Rendered> {
-        let mut rendered =
-            render_scene(&scene, &volumes, &meshes, &backend, &stop, job, &mut |point| watch(&stop, point))?;
+        let mut rendered = render_scene(&scene, &backend, &stop, job, &mut |point| watch(&stop, point))?;
         rendered.figures.opening_seconds = Some(opening_seconds);
         if request.explain {
             // By what drew: `auto` may have gone on with another way.
             let drew = if backend == "auto" { rendered.figures.backend.clone() } else { backend.clone() };
-            let (opening, volumes) = measure_openings(&scene, &volumes, &request.reading, job)?;
-            let quick = SavingsOptions::QUICK;
-            let measured = measure_savings(&scene, &volumes, &meshes, &drew, &quick, job, &mut |_| {})?;
+            let (opening, whole) = measure_openings(&scene, &request.reading, job)?;
+            let measured = measure_savings(&whole, &drew, &SavingsOptions::QUICK, job, &mut |_| {})?;
             rendered.figures.savings = Some(Savings { opening, ..measured });
         }
         Ok(rendered)
@@ -195,13 +194,13 @@ pub fn render_file(
     Ok(rendered)
 }
 
-/// What it saved to read only the labels that are shown; the same volumes with all labels.
+/// What it saved to read only the labels that are shown; the same scene of volumes with all labels.
 fn measure_openings(
-    scene: &Scene,
-    volumes: &[Arc<CompressedVolume>],
+    loaded: &LoadedScene,
     reading: &OpenOptions,
     job: &Job,
-) -> Result<(Vec<OpeningSaved>, Vec<Arc<CompressedVolume>>)> {
+) -> Result<(Vec<OpeningSaved>, LoadedScene)> {
+    let (scene, volumes) = (loaded.scene(), loaded.volumes());
     let mut saved = Vec::new();
     let mut whole: BTreeMap<&Path, Arc<CompressedVolume>> = BTreeMap::new();
     for (instance, volume) in scene.instances.iter().zip(volumes) {
@@ -220,7 +219,8 @@ fn measure_openings(
         .iter()
         .zip(volumes)
         .map(|(instance, volume)| Arc::clone(whole.get(instance.source.as_path()).unwrap_or(volume)));
-    Ok((saved, volumes.collect()))
+    let all_labels = LoadedScene::new(scene.clone(), volumes.collect(), loaded.meshes().to_vec())?;
+    Ok((saved, all_labels))
 }
 
 struct Prepared {
@@ -387,9 +387,7 @@ fn in_pool<T: Send>(threads: usize, work: impl FnOnce() -> Result<T> + Send) -> 
 /// # Errors
 /// What the renderer reports.
 pub fn render_scene(
-    scene: &Scene,
-    volumes: &[Arc<CompressedVolume>],
-    meshes: &[Arc<MeshData>],
+    loaded: &LoadedScene,
     backend: &str,
     stop: &Stop,
     job: &Job,
@@ -397,7 +395,7 @@ pub fn render_scene(
 ) -> Result<Rendered> {
     let clock = Stopwatch::start();
     let mut renderer = make_renderer(backend)?;
-    renderer.set_scene(scene, volumes, meshes)?;
+    renderer.set_scene(loaded)?;
     let prepare_seconds = [clock.seconds(), clock.cpu_seconds()];
     let (curve, mut picture) = loop {
         let curve = render_until(&mut renderer, stop, job, watch)?;
@@ -417,6 +415,7 @@ pub fn render_scene(
         mean_spp: 0.0,
         error_estimate: None,
     });
+    let (scene, volumes, meshes) = (loaded.scene(), loaded.volumes(), loaded.meshes());
     let ids: Vec<&[u64]> = volumes.iter().map(|v| v.labels().ids()).collect();
     let explanation = Needs::of(scene, &ids).explain();
     let backend = renderer.name().to_string();

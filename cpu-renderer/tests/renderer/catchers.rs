@@ -17,7 +17,7 @@ use pumice_scene::{
     Camera, Environment, Film, Filter, Material, Mesh, Mode, Passes, Projection, SCENE_VERSION, Scene,
     Settings, Sun, World,
 };
-use pumice_transport::Renderer as _;
+use pumice_transport::{LoadedScene, Renderer as _};
 
 /// Pixels across; the picture is 8 units wide, so a pixel is an eighth of one.
 pub(crate) const SIDE: u32 = 64;
@@ -92,7 +92,9 @@ pub(crate) fn sun() -> Sun {
 /// Draws until there are enough samples (a macro: what `super::renderer()` gives need not be a renderer itself).
 macro_rules! draw_on {
     ($renderer:expr, $scene:expr, $meshes:expr, $slice:expr, $spp:expr) => {{
-        $renderer.set_scene($scene, &[], $meshes).unwrap();
+        $renderer
+            .set_scene(&LoadedScene::new(Scene::clone($scene), vec![], $meshes.to_vec()).unwrap())
+            .unwrap();
         loop {
             let told = $renderer.advance($slice, $spp, &Job::new()).unwrap();
             if told.spp >= $spp || told.all_rest {

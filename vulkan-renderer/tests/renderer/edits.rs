@@ -6,7 +6,7 @@ use std::time::Duration;
 use glam::{DAffine3, DVec3};
 use pumice_core::{CompressedVolume, Job, LabelBuffer, LabelType, VolumeInfo, compress_labels};
 use pumice_scene::{Cut, CutShape, Environment, Film, Filter, Lod, Material, Projection, Scene, Show};
-use pumice_transport::Renderer as _;
+use pumice_transport::{LoadedScene, Renderer as _};
 use pumice_vulkan::Sent;
 use pumice_vulkan::device::Backend;
 
@@ -112,7 +112,9 @@ fn an_edit_sends_what_it_changes_and_no_more() {
         for (name, edit, expected) in &cases {
             let before = renderer.sent();
             edit(&mut scene);
-            renderer.set_scene(&scene, std::slice::from_ref(&volume), &[]).unwrap();
+            renderer
+                .set_scene(&LoadedScene::new(scene.clone(), vec![Arc::clone(&volume)], vec![]).unwrap())
+                .unwrap();
             let after = renderer.sent();
             let sent = Sent {
                 header: after.header - before.header,
@@ -137,7 +139,9 @@ fn hidden_labels_are_not_on_the_device() {
         renderer.bytes().into_iter().find(|(n, _)| *n == name).unwrap_or_else(|| panic!("{name}")).1
     };
     let show = |renderer: &mut Validated, scene: &Scene| {
-        renderer.set_scene(scene, std::slice::from_ref(&volume), &[]).unwrap();
+        renderer
+            .set_scene(&LoadedScene::new(scene.clone(), vec![Arc::clone(&volume)], vec![]).unwrap())
+            .unwrap();
     };
     show(&mut renderer, &scene);
     let of_volume: u64 = ["boxes", "labels"].map(|p| part(&renderer, p)).iter().sum();
@@ -161,7 +165,11 @@ fn hidden_labels_are_not_on_the_device() {
     second.id = 2;
     second.world_from_index = DAffine3::from_translation(DVec3::new(0.0, 60.0, 0.0));
     scene.instances.push(second);
-    renderer.set_scene(&scene, &[Arc::clone(&volume), Arc::clone(&volume)], &[]).unwrap();
+    renderer
+        .set_scene(
+            &LoadedScene::new(scene.clone(), vec![Arc::clone(&volume), Arc::clone(&volume)], vec![]).unwrap(),
+        )
+        .unwrap();
     assert_eq!(part(&renderer, "nodes"), nodes);
     assert_eq!(renderer.sent().nodes, before.nodes + 1);
 }
@@ -174,7 +182,9 @@ fn nothing_is_left_on_the_device() {
         let (scene, volume) = (scene_of_balls(), balls());
         let mut held = Vec::new();
         for _ in 0..3 {
-            renderer.set_scene(&scene, std::slice::from_ref(&volume), &[]).unwrap();
+            renderer
+                .set_scene(&LoadedScene::new(scene.clone(), vec![Arc::clone(&volume)], vec![]).unwrap())
+                .unwrap();
             renderer.advance(Duration::ZERO, 1, &Job::new()).unwrap();
             renderer.picture().unwrap();
             let counted: u64 = renderer.bytes().iter().map(|(_, b)| b).sum();
@@ -201,12 +211,14 @@ fn a_pass_that_is_cancelled_midway_goes_on() {
         renderer.color().unwrap()
     };
     let mut renderer = Validated::open(Backend::Compute);
-    renderer.set_scene(&scene, std::slice::from_ref(&volume), &[]).unwrap();
+    renderer.set_scene(&LoadedScene::new(scene.clone(), vec![Arc::clone(&volume)], vec![]).unwrap()).unwrap();
     let expected = whole(&mut renderer);
     let mut cut = 0;
     for delay_ms in [5, 30, 60, 120] {
         let mut other = Validated::open(Backend::Compute);
-        other.set_scene(&scene, std::slice::from_ref(&volume), &[]).unwrap();
+        other
+            .set_scene(&LoadedScene::new(scene.clone(), vec![Arc::clone(&volume)], vec![]).unwrap())
+            .unwrap();
         let job = Arc::new(Job::new());
         let canceller = Arc::clone(&job);
         let thread = std::thread::spawn(move || {

@@ -5,7 +5,7 @@ use std::time::Duration;
 use pumice_core::Job;
 use pumice_picture::Image;
 use pumice_scene::Adaptive;
-use pumice_transport::{RenderError, Renderer as _};
+use pumice_transport::{LoadedScene, RenderError, Renderer as _};
 use pumice_vulkan::device::{Backend, Fault};
 
 use super::Validated;
@@ -18,7 +18,7 @@ fn draw(renderer: &mut Validated, faults: &[(Fault, u32)]) -> Result<(Image, Vec
     for &(fault, nth) in faults {
         renderer.gpu().inject(fault, nth, 1);
     }
-    renderer.set_scene(&scene_of_balls(), &[balls()], &[])?;
+    renderer.set_scene(&LoadedScene::new(scene_of_balls(), vec![balls()], vec![])?)?;
     while renderer.advance(Duration::ZERO, SPP, &Job::new())?.spp < SPP {}
     let picture = renderer.picture()?;
     Ok((picture.color, renderer.notices()))
@@ -73,7 +73,7 @@ fn a_device_that_is_lost_once_is_overcome() {
 fn samples_survive_a_lost_device() {
     let mut renderer = Validated::open(Backend::Compute);
     let (expected, _) = draw(&mut renderer, &[]).unwrap();
-    renderer.set_scene(&scene_of_balls(), &[balls()], &[]).unwrap();
+    renderer.set_scene(&LoadedScene::new(scene_of_balls(), vec![balls()], vec![]).unwrap()).unwrap();
     while renderer.advance(Duration::ZERO, 2, &Job::new()).unwrap().spp < 2 {}
     renderer.gpu().inject(Fault::Submission, 1, 1);
     let job = Job::new();
@@ -92,7 +92,7 @@ fn pixels_rest_on_after_a_lost_device() {
     let mut scene = scene_of_balls();
     scene.settings.adaptive = Some(Adaptive { threshold: 0.2, min_spp: 4 });
     let mut drawn = |fault: bool| {
-        renderer.set_scene(&scene, &[balls()], &[]).unwrap();
+        renderer.set_scene(&LoadedScene::new(scene.clone(), vec![balls()], vec![]).unwrap()).unwrap();
         while renderer.advance(Duration::ZERO, 5, &Job::new()).unwrap().spp < 5 {}
         if fault {
             renderer.gpu().inject(Fault::Submission, 1, 1);
@@ -117,7 +117,8 @@ fn what_fails_twice_is_given_up() {
     let (expected, _) = draw(&mut renderer, &[]).unwrap();
     renderer.forget_scene();
     renderer.gpu().inject(Fault::Allocation, 2, 2);
-    let error = renderer.set_scene(&scene_of_balls(), &[balls()], &[]).unwrap_err();
+    let error =
+        renderer.set_scene(&LoadedScene::new(scene_of_balls(), vec![balls()], vec![]).unwrap()).unwrap_err();
     let RenderError::Device(text) = &error else { panic!("{error}") };
     assert!(text.starts_with("vulkan-compute on ") && text.contains("out of GPU memory"), "{text}");
     assert!(!text.contains('\n'));
