@@ -11,13 +11,13 @@ use pumice_bench::plot::{Series, error_against_time_svg};
 use pumice_core::{CompressOptions, Job, Level, Verification};
 use pumice_formats::OpenOptions;
 use pumice_picture::Passes;
+use pumice_session::LoadedScene;
 use pumice_session::error::{Result, SessionError, io};
 use pumice_session::figure::{FigureOptions, compose};
 use pumice_session::measure::{Stopwatch, peak_rss_bytes};
 use pumice_session::progressive::{CurvePoint, Stop, thin_curve};
 use pumice_session::render_file::{PictureFormat, RenderFigures, render_scene};
 use pumice_session::selection::select_labels;
-use pumice_transport::LoadedScene;
 
 /// Labels in the figure.
 const FIGURE_LABELS: usize = 32;
