@@ -19,7 +19,7 @@ use pumice_session::figure::{FigureOptions, compose};
 use pumice_session::selection::select_labels;
 use pumice_session::values::size;
 use pumice_session::{Residence, devices, make_renderer, open_volume};
-use pumice_transport::Renderer;
+use pumice_transport::{LoadedScene, Renderer};
 use serde::Serialize;
 
 use crate::console::{BenchResult, Console, Outcome};
@@ -138,7 +138,7 @@ pub fn measure_backend(
             *took = frame(&mut renderer, &lit, &volume, job)?;
         }
     }
-    renderer.set_scene(&scene, std::slice::from_ref(&volume), &[])?;
+    renderer.set_scene(&LoadedScene::new(scene.clone(), vec![Arc::clone(&volume)], vec![])?)?;
     let millions = |rays: f64, seconds: f64| rays / seconds / 1e6;
     Ok(BackendSpeed {
         volume: file_name(path),
@@ -184,7 +184,7 @@ fn frame(
     volume: &Arc<CompressedVolume>,
     job: &Job,
 ) -> Result<Took> {
-    renderer.set_scene(scene, std::slice::from_ref(volume), &[])?;
+    renderer.set_scene(&LoadedScene::new(scene.clone(), vec![Arc::clone(volume)], vec![])?)?;
     let mut best = Took { seconds: f64::INFINITY, cpu_seconds: f64::INFINITY };
     for number in 0..=FRAMES {
         let ((), took) = clocked(|| {

@@ -30,7 +30,7 @@ use pumice_session::measure::peak_rss_bytes;
 use pumice_session::progressive::{Stop, render_until};
 use pumice_session::selection::select_labels;
 use pumice_session::{Residence, make_renderer, open_volume};
-use pumice_transport::Renderer;
+use pumice_transport::{LoadedScene, Renderer};
 use serde::Serialize;
 
 use crate::files::{file_name, write_results};
@@ -179,7 +179,7 @@ pub fn measure_convergence(
         let volume = open_volume(&options.volume, &OpenOptions::default(), Residence::Mapped, job)?;
         let scene = scene_of(&volume, options);
         let mut renderer = make_renderer("cpu")?;
-        renderer.set_scene(&scene, &[Arc::clone(&volume)], &[])?;
+        renderer.set_scene(&LoadedScene::new(scene.clone(), vec![Arc::clone(&volume)], vec![])?)?;
         Ok((volume, scene, renderer))
     })?;
     let pictures = drawn_by_us(&mut renderer, &scene, &volume, options, job)?;
@@ -221,7 +221,7 @@ fn drawn_by_us(
     let mut pictures = Vec::new();
     for (seed, spp) in schedule(options) {
         scene.settings.seed = seed;
-        renderer.set_scene(&scene, &[Arc::clone(volume)], &[])?;
+        renderer.set_scene(&LoadedScene::new(scene.clone(), vec![Arc::clone(volume)], vec![])?)?;
         let stop = Stop { spp: Some(spp), ..Stop::default() };
         let (_, took) = clocked(|| Ok(render_until(renderer, &stop, job, &mut |_| {})?))?;
         pictures.push(Shot { spp, took, picture: renderer.color()? });

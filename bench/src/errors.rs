@@ -3,6 +3,7 @@
 //! them draw the same picture, and one that did not would show here.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use clap::Args;
 use pumice_core::Job;
@@ -13,6 +14,7 @@ use pumice_session::figure::{FigureOptions, compose};
 use pumice_session::render_file::{Rendered, render_scene};
 use pumice_session::selection::select_labels;
 use pumice_session::{Residence, Stop, open_volume};
+use pumice_transport::LoadedScene;
 use serde::Serialize;
 
 use crate::backends::usable_unless;
@@ -94,7 +96,8 @@ pub fn measure_errors(
     let mut render = |backend: &str, spp: u32, seed: u64| -> Result<Rendered> {
         scene.settings.seed = seed;
         let stop = Stop { spp: Some(spp), ..Stop::default() };
-        render_scene(&scene, std::slice::from_ref(&volume), &[], backend, &stop, job, &mut |_| {})
+        let loaded = LoadedScene::new(scene.clone(), vec![Arc::clone(&volume)], vec![])?;
+        render_scene(&loaded, backend, &stop, job, &mut |_| {})
     };
     let counts: Vec<u32> = SPP.into_iter().filter(|&spp| spp <= most_spp.max(SPP[0])).collect();
     let last = counts.last().copied().unwrap_or(SPP[0]);

@@ -175,7 +175,7 @@ fn measure(name: &str, shape: &Shape, count: usize, job: &Job) -> Result<Instanc
 
     // Build the hierarchy over them.
     let copies = shape.copies(&places)?;
-    let ((by_tree, _), building) = clocked(|| Ok(copies.with_tree(None, 1)?))?;
+    let ((by_tree, _), building) = clocked(|| Ok(copies.with_tree(1)?))?;
     let (tree_bytes, hierarchy_bytes) = (by_tree.tree().map_or(0, |tree| tree.bytes()), by_tree.bytes());
 
     // Draw both ways in turn: more samples where one takes little, fewer where it takes minutes.

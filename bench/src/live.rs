@@ -14,6 +14,7 @@ use pumice_session::figure::{FigureOptions, compose};
 use pumice_session::live::{Frame, Live, LiveOptions, LiveState};
 use pumice_session::selection::select_labels;
 use pumice_session::{Residence, open_volume};
+use pumice_transport::LoadedScene;
 use serde::Serialize;
 
 use crate::console::{BenchResult, Console, Outcome};
@@ -93,7 +94,8 @@ pub fn measure_live(path: &Path, job: &Job) -> Result<Vec<EditLatency>> {
     for (labels, own_materials) in [("32", false), ("all, each with its own material", true)] {
         let scene = scene_of(&volume, path, own_materials);
         let camera = scene.camera;
-        let live = Live::start(scene, vec![Arc::clone(&volume)], vec![], LiveOptions::default())?;
+        let scene = LoadedScene::new(scene, vec![Arc::clone(&volume)], vec![])?;
+        let live = Live::start(scene, LiveOptions::default())?;
         let mut serial = wait(&live, 0, job, |f| !f.coarse)?.serial;
         let move_camera = |i: usize| {
             let mut camera = camera;

@@ -26,7 +26,7 @@ use pumice_session::measure::resident_file_bytes;
 use pumice_session::progressive::{Stop, render_until};
 use pumice_session::selection::select_labels;
 use pumice_session::{Residence, open_volume};
-use pumice_transport::Renderer;
+use pumice_transport::{LoadedScene, Renderer};
 use serde::Serialize;
 
 use crate::convergence::Point;
@@ -153,13 +153,13 @@ fn measured(path: &Path, size: [u32; 2], options: &LodOptions, job: &Job) -> Res
     for (_, lod) in LEVELS {
         scene.settings.lod = lod;
         let mut renderer = make_renderer("cpu")?;
-        renderer.set_scene(&scene, &[Arc::clone(&volume)], &[])?;
+        renderer.set_scene(&LoadedScene::new(scene.clone(), vec![Arc::clone(&volume)], vec![])?)?;
         renderers.push(renderer);
     }
     let mut draw = |renderer: &mut FallbackRenderer, lod: Lod, seed: u64, spp: u32| {
         scene.settings.lod = lod;
         scene.settings.seed = seed;
-        renderer.set_scene(&scene, &[Arc::clone(&volume)], &[])?;
+        renderer.set_scene(&LoadedScene::new(scene.clone(), vec![Arc::clone(&volume)], vec![])?)?;
         let stop = Stop { spp: Some(spp), ..Stop::default() };
         let (_, took) = clocked(|| Ok(render_until(renderer, &stop, job, &mut |_| {})?))?;
         Ok::<_, SessionError>((took, renderer.color()?))
@@ -222,7 +222,8 @@ fn measured(path: &Path, size: [u32; 2], options: &LodOptions, job: &Job) -> Res
 fn alone(name: &'static str, path: &Path, scene: &Scene, job: &Job) -> Result<LevelFigures> {
     let volume = opened(path, job)?;
     let mut renderer = make_renderer("cpu")?;
-    let ((), building) = clocked(|| Ok(renderer.set_scene(scene, &[Arc::clone(&volume)], &[])?))?;
+    let loaded = LoadedScene::new(scene.clone(), vec![Arc::clone(&volume)], vec![])?;
+    let ((), building) = clocked(|| Ok(renderer.set_scene(&loaded)?))?;
     render_until(&mut renderer, &Stop { spp: Some(TOUCHING_SPP), ..Stop::default() }, job, &mut |_| {})?;
     Ok(LevelFigures {
         name,

@@ -16,6 +16,7 @@ use pumice_session::savings::{
     Both, OpeningSaved, Savings, SavingsOptions, Spread, measure_opening, measure_savings,
 };
 use pumice_session::selection::select_labels;
+use pumice_transport::LoadedScene;
 use serde::Serialize;
 
 use crate::files::{file_name, scratch, write_results};
@@ -66,11 +67,11 @@ pub fn measure_needs(
     ] {
         let scene = minimal(&volume, labels, options.how.side);
         let mut told = |part: &str| watch(&format!("{name}: {part}"));
-        let volumes = [Arc::clone(&volume)];
         let show = &scene.instances[0].style.show;
         let opening =
             if *show == Show::All { Vec::new() } else { openings(&volume, show, &options.how, job)? };
-        let savings = measure_savings(&scene, &volumes, &[], &options.backend, &options.how, job, &mut told)?;
+        let loaded = LoadedScene::new(scene, vec![Arc::clone(&volume)], vec![])?;
+        let savings = measure_savings(&loaded, &options.backend, &options.how, job, &mut told)?;
         scenes.push(NeedsScene { volume: file_name(&options.volume), scene: name, opening, savings });
     }
     Ok(scenes)

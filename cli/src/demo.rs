@@ -11,6 +11,7 @@ use pumice_bench::plot::{Series, error_against_time_svg};
 use pumice_core::{CompressOptions, Job, Level, Verification};
 use pumice_formats::OpenOptions;
 use pumice_picture::Passes;
+use pumice_session::LoadedScene;
 use pumice_session::error::{Result, SessionError, io};
 use pumice_session::figure::{FigureOptions, compose};
 use pumice_session::measure::{Stopwatch, peak_rss_bytes};
@@ -106,10 +107,10 @@ pub(crate) fn run(options: &DemoOptions, job: &Job, watch: &mut dyn FnMut(DemoSt
 
     // Path trace.
     let volume = Arc::new(volume);
-    let rendered =
-        render_scene(&scene, std::slice::from_ref(&volume), &[], "auto", &options.stop, job, &mut |point| {
-            watch(DemoStage::Render(*point));
-        })?;
+    let scene = LoadedScene::new(scene, vec![Arc::clone(&volume)], vec![])?;
+    let rendered = render_scene(&scene, "auto", &options.stop, job, &mut |point| {
+        watch(DemoStage::Render(*point));
+    })?;
 
     // Write.
     watch(DemoStage::Write);

@@ -3,19 +3,19 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use pumice_core::{CompressedVolume, Job, MeshData};
+use pumice_core::Job;
+use pumice_picture::cryptomatte::{self, Ids};
 use pumice_picture::film::REPLICATES;
-use pumice_picture::{Image, PassSums, Picture, cryptomatte, name_mattes};
-use pumice_scene::{
-    INSTANCES_OF_A_TREE, InstanceDiff, MeshDiff, Part, Pass, Scene, SceneDiff, SceneError, Spare,
-};
+use pumice_picture::{Image, Picture, name_mattes};
+use pumice_scene::{INSTANCES_OF_A_TREE, Part, Pass, Scene, Spare};
 use pumice_transport::camera_rays::CameraRays;
 use pumice_transport::emitters::{Emitters, Shining};
 use pumice_transport::geometry::LodChoice;
 use pumice_transport::lights::Lights;
 use pumice_transport::looks::Looks;
 use pumice_transport::scene_lights::{ReadImage, scene_lights};
-use pumice_transport::{Pick, Progress, Rebuilt, RenderError, Renderer, SurfaceKind};
+use pumice_transport::scene_plan::{InstancePlan, MeshPlan, Reuse, ScenePlan, lod_of};
+use pumice_transport::{LoadedScene, Pick, Progress, Rebuilt, RenderError, Renderer, SurfaceKind};
 
 use crate::path::Surroundings;
 use crate::path_tracer::PathTracer;
@@ -32,19 +32,10 @@ pub struct CpuRenderer {
 
 #[derive(Debug)]
 struct Shown {
-    scene: Scene,
-    volumes: Vec<Arc<CompressedVolume>>,
-    meshes: Vec<Arc<MeshData>>,
-    lod: LodChoice,
+    scene: LoadedScene,
     tracer: PathTracer<SceneTracer>,
     /// Lights but surfaces that shine.
     lights: Arc<Lights>,
-}
-
-impl Shown {
-    fn has_mattes(&self) -> bool {
-        self.scene.film.passes.has_any(Pass::MATTES)
-    }
 }
 
 /// Those that instances share counted once.
@@ -92,110 +83,102 @@ pub fn emitters_of(tracer: &SceneTracer, looks: &[Arc<Looks>]) -> Result<Option<
     Emitters::new(&of_volumes.chain(of_meshes).collect::<Vec<_>>())
 }
 
-/// Whether the same surfaces shine alike, so that what is made to aim at them stays right.
-fn shine_alike(a: &SceneTracer, a_looks: &[Arc<Looks>], b: &SceneTracer, b_looks: &[Arc<Looks>]) -> bool {
-    let same_looks = a_looks.len() == b_looks.len()
-        && a_looks.iter().zip(b_looks).all(|(a, b)| Arc::ptr_eq(a, b) || a.shines_like(b));
-    let shines = |i: usize| b_looks[i].shines();
-    let volumes = a.volumes().len();
-    same_looks
-        && volumes == b.volumes().len()
-        && (0..volumes).all(|i| !shines(i) || Arc::ptr_eq(&a.volumes()[i], &b.volumes()[i]))
-        && a.meshes().iter().zip(b.meshes()).zip(volumes..).all(|((a, b), i)| {
-            !shines(i) || (Arc::ptr_eq(a.mesh().0, b.mesh().0) && a.placement() == b.placement())
-        })
+/// What is made of a scene, and how often, for a scene to be shown.
+struct Making<'a> {
+    new: &'a LoadedScene,
+    old: Option<&'a Shown>,
+    lod: LodChoice,
+    spare: Spare,
+    rebuilt: Rebuilt,
 }
 
-/// What the former scene has to offer for an instance of the new one: its place there, where its volume is the same.
-struct Former<'a> {
-    shown: &'a Shown,
-    place: usize,
-    change: InstanceDiff,
-}
-
-impl<'a> Former<'a> {
-    fn find(
-        old: Option<&'a Shown>,
-        diff: &SceneDiff,
-        id: u32,
-        volume: &Arc<CompressedVolume>,
-    ) -> Option<Self> {
-        let shown = old?;
-        let place = shown.scene.instances.iter().position(|i| i.id == id)?;
-        // The same path may hold another volume by now.
-        Arc::ptr_eq(&shown.volumes[place], volume).then(|| {
-            let change = diff.changed.iter().find(|c| c.id == id).copied();
-            Self { shown, place, change: change.unwrap_or_default() }
-        })
+impl Making<'_> {
+    /// Looks of an instance or of a mesh, ready to be shared.
+    fn ready(&mut self, looks: Looks, ids: impl FnOnce() -> Vec<Ids>) -> Arc<Looks> {
+        self.rebuilt.materials += 1;
+        let mattes = self.new.scene().film.passes.has_any(Pass::MATTES) || self.spare.has(Part::Mattes);
+        let looks = looks.with_ids(if mattes { ids() } else { Vec::new() });
+        Arc::new(if self.spare.has(Part::Clear) { looks.carrying_clear() } else { looks })
     }
 
-    /// Its materials, where they are still right: colours of neighbours follow from which labels are drawn.
-    fn looks(&self, mattes: bool) -> Option<&'a Arc<Looks>> {
-        let looks = &self.shown.tracer.around().looks[self.place];
-        let same = !self.change.materials && !self.change.visibility && self.shown.has_mattes() == mattes;
-        same.then_some(looks)
+    /// The former scene's looks of this number: meshes come after volumes.
+    fn former_looks(&self, number: usize) -> Option<Arc<Looks>> {
+        self.old.and_then(|old| old.tracer.around().looks.get(number)).map(Arc::clone)
     }
 
-    /// Its geometry, where the same boxes are still drawn as the same instance; elsewhere, at other levels or cut otherwise if need
-    /// be.
-    fn geometry(
-        &self,
+    fn looks_of_instance(&mut self, place: usize, plan: &InstancePlan, before: &[Arc<Looks>]) -> Arc<Looks> {
+        let (former, shared) = (|i: usize| self.former_looks(i), |i: usize| before.get(i).map(Arc::clone));
+        if let Some(looks) = plan.materials.find(former, shared) {
+            return looks;
+        }
+        let (style, table) = (&self.new.scene().instances[place].style, self.new.volumes()[place].labels());
+        let looks = Looks::new(style, table.ids(), table.contacts().iter(), &self.new.visible(place));
+        self.ready(looks, || cryptomatte::ids_of_volume(table))
+    }
+
+    fn looks_of_mesh(&mut self, place: usize, plan: &MeshPlan) -> Arc<Looks> {
+        let former = |i: usize| self.former_looks(self.old?.scene.volumes().len() + i);
+        if let Some(looks) = plan.materials.find(former, |_| None) {
+            return looks;
+        }
+        let mesh = &self.new.scene().meshes[place];
+        let looks = Looks::of_mesh(&mesh.materials).catching(mesh.shadow_catcher);
+        self.ready(looks, || cryptomatte::ids_of_mesh(&mesh.source))
+    }
+
+    /// Geometry of an instance; `before` is that of those that come before it.
+    fn volume(
+        &mut self,
         place: usize,
-        scene: &Scene,
-        cuts: bool,
-        lod: LodChoice,
-    ) -> Result<Option<Arc<VolumeTracer>>, RenderError> {
-        if self.place != place || self.change.visibility {
-            return Ok(None);
+        plan: &InstancePlan,
+        before: &[Arc<VolumeTracer>],
+    ) -> Result<Arc<VolumeTracer>, RenderError> {
+        let former = |i: usize| self.old.and_then(|old| old.tracer.tracer().volumes().get(i));
+        if let (true, Some(kept)) = (plan.keeps_geometry(), former(place)) {
+            return Ok(Arc::clone(kept));
         }
-        let Some(kept) = self.shown.tracer.tracer().instance(place as u32) else { return Ok(None) };
-        let smooth = scene.settings.smooth_voxels;
-        let is_as_smooth = self.shown.scene.settings.smooth_voxels == smooth;
-        if !self.change.moved && !cuts && self.shown.lod == lod && is_as_smooth {
-            return Ok(Some(Arc::clone(kept)));
-        }
+        let scene = self.new.scene();
         let instance = &scene.instances[place];
-        let again = kept.again(place as u32, instance.world_from_index, lod)?;
-        let made =
-            |geometry: VolumeTracer| geometry.with_cuts(scene.cuts_of(instance.id)).shaded_smooth(smooth);
-        Ok(again.map(|geometry| Arc::new(made(geometry))))
-    }
-}
-
-/// The same for a mesh.
-struct FormerMesh<'a> {
-    shown: &'a Shown,
-    place: usize,
-    change: MeshDiff,
-}
-
-impl<'a> FormerMesh<'a> {
-    fn find(old: Option<&'a Shown>, diff: &SceneDiff, id: u32, mesh: &Arc<MeshData>) -> Option<Self> {
-        let shown = old?;
-        let place = shown.scene.meshes.iter().position(|m| m.id == id)?;
-        Arc::ptr_eq(&shown.meshes[place], mesh).then(|| {
-            let change = diff.meshes_changed.iter().find(|c| c.id == id).copied();
-            Self { shown, place, change: change.unwrap_or_default() }
-        })
-    }
-
-    fn looks(&self, mattes: bool) -> Option<&'a Arc<Looks>> {
-        let instance = self.shown.volumes.len() + self.place;
-        // Its source is its name there.
-        let renamed = mattes && self.change.geometry;
-        (!self.change.materials && !renamed && self.shown.has_mattes() == mattes)
-            .then(|| &self.shown.tracer.around().looks[instance])
+        let again = match plan.hierarchy.find(former, |i| before.get(i)) {
+            Some(like) => like.again(place as u32, instance.world_from_index, self.lod)?,
+            None => None,
+        };
+        let geometry = match again {
+            Some(geometry) => geometry,
+            None => {
+                self.rebuilt.acceleration += 1;
+                let traced = TracedInstance {
+                    volume: Arc::clone(&self.new.volumes()[place]),
+                    world_from_index: instance.world_from_index,
+                    visible: self.new.visible(place),
+                    lod: self.lod,
+                };
+                match self.spare.has(Part::HiddenLabels) {
+                    true => VolumeTracer::carrying_hidden(place as u32, &traced)?,
+                    false => VolumeTracer::new(place as u32, &traced)?,
+                }
+                .with_bricks()
+            }
+        };
+        let geometry = geometry.with_cuts(scene.cuts_of(instance.id));
+        Ok(Arc::new(geometry.shaded_smooth(scene.settings.smooth_voxels)))
     }
 
-    /// Its triangles, elsewhere if need be.
-    fn geometry(
-        &self,
-        place: u32,
-        instance: u32,
-        world_from_mesh: glam::DAffine3,
-    ) -> Result<Option<Arc<MeshTracer>>, RenderError> {
-        let Some(kept) = self.shown.tracer.tracer().mesh(self.place) else { return Ok(None) };
-        Ok(Some(Arc::new(kept.again(place, instance, world_from_mesh)?)))
+    /// Geometry of a mesh; `before` is that of those that come before it.
+    fn mesh(
+        &mut self,
+        place: usize,
+        plan: &MeshPlan,
+        before: &[Arc<MeshTracer>],
+    ) -> Result<Arc<MeshTracer>, RenderError> {
+        let former = |i: usize| self.old.and_then(|old| old.tracer.tracer().mesh(i));
+        let world_from_mesh = self.new.scene().meshes[place].world_from_mesh;
+        let (number, instance) = (place as u32, (self.new.volumes().len() + place) as u32);
+        if let Some(like) = plan.triangles.find(former, |i| before.get(i)) {
+            return Ok(Arc::new(like.again(number, instance, world_from_mesh)?));
+        }
+        self.rebuilt.acceleration += 1;
+        Ok(Arc::new(MeshTracer::new(number, instance, &self.new.meshes()[place], world_from_mesh)?))
     }
 }
 
@@ -215,134 +198,53 @@ impl Renderer for CpuRenderer {
         parts.into_iter().fold(Spare::NONE, Spare::with)
     }
 
-    fn set_scene(
-        &mut self,
-        scene: &Scene,
-        volumes: &[Arc<CompressedVolume>],
-        meshes: &[Arc<MeshData>],
-    ) -> Result<(), RenderError> {
-        let fault = |e: SceneError| RenderError::Scene(e.to_string());
-        scene.validate().map_err(fault)?;
-        pumice_transport::check_counts(scene, volumes, meshes)?;
+    fn set_scene(&mut self, scene: &LoadedScene) -> Result<(), RenderError> {
         let old = self.shown.as_ref();
-        let diff = SceneDiff::between(old.map(|o| &o.scene), scene);
-        let mut rebuilt = self.rebuilt;
+        let plan = ScenePlan::between(old.map(|o| &o.scene), scene);
+        let lod = lod_of(scene.scene());
+        let lod = if self.spare.has(Part::Levels) { lod.carrying_levels() } else { lod };
+        let mut making = Making { new: scene, old, lod, spare: self.spare, rebuilt: self.rebuilt };
 
+        // Lights but surfaces that shine.
         let lights = match old {
-            Some(o) if !diff.world && !diff.suns && !diff.lights => Arc::clone(&o.lights),
+            Some(o) if plan.lights == Reuse::Keep => Arc::clone(&o.lights),
             _ => {
-                rebuilt.lights += 1;
-                Arc::new(scene_lights(scene, self.read_image)?)
+                making.rebuilt.lights += 1;
+                Arc::new(scene_lights(scene.scene(), self.read_image)?)
             }
         };
-        let lod = LodChoice::new(scene.settings.lod, &scene.camera, &scene.film);
-        let mattes = scene.film.passes.has_any(Pass::MATTES) || self.spare.has(Part::Mattes);
-        let lod = if self.spare.has(Part::Levels) { lod.carrying_levels() } else { lod };
-        let carry_clear =
-            |looks: Looks| Arc::new(if self.spare.has(Part::Clear) { looks.carrying_clear() } else { looks });
-        let mut looks = Vec::with_capacity(volumes.len());
-        let mut geometry = Vec::with_capacity(volumes.len());
-        for (place, (instance, volume)) in scene.instances.iter().zip(volumes).enumerate() {
-            let former = Former::find(old, &diff, instance.id, volume);
-            let twin = (0..place).find(|&other| {
-                Arc::ptr_eq(&volumes[other], volume)
-                    && scene.instances[other].style.show == instance.style.show
-            });
-            let kept_looks = former.as_ref().and_then(|f| f.looks(mattes)).or_else(|| {
-                let alike = twin.filter(|&other| scene.instances[other].style == instance.style)?;
-                looks.get(alike)
-            });
-            let kept_looks = kept_looks.map(Arc::clone);
-            let kept_geometry = match &former {
-                Some(f) => f.geometry(place, scene, diff.cuts, lod)?,
-                None => None,
-            };
-            let kept_geometry = match (kept_geometry, twin) {
-                (None, Some(other)) => {
-                    let twin: &Arc<VolumeTracer> = &geometry[other];
-                    let again = twin.again(place as u32, instance.world_from_index, lod)?;
-                    let cuts = scene.cuts_of(instance.id);
-                    let smooth = scene.settings.smooth_voxels;
-                    again.map(|g| Arc::new(g.with_cuts(cuts).shaded_smooth(smooth)))
-                }
-                (kept, _) => kept,
-            };
-            let table = volume.labels();
-            let visible = if kept_looks.is_none() || kept_geometry.is_none() {
-                let field = format!("instances[{place}].style.show");
-                instance.style.show.resolve(&field, table.ids()).map_err(fault)?
-            } else {
-                Vec::new()
-            };
-            looks.push(match kept_looks {
-                Some(kept) => kept,
-                None => {
-                    rebuilt.materials += 1;
-                    let touching = table.contacts().iter();
-                    let looks = Looks::new(&instance.style, table.ids(), touching, &visible);
-                    let ids = if mattes { cryptomatte::ids_of_volume(table) } else { Vec::new() };
-                    carry_clear(looks.with_ids(ids))
-                }
-            });
-            geometry.push(match kept_geometry {
-                Some(kept) => kept,
-                None => {
-                    rebuilt.acceleration += 1;
-                    let traced = TracedInstance {
-                        volume: Arc::clone(volume),
-                        world_from_index: instance.world_from_index,
-                        visible,
-                        lod,
-                    };
-                    let geometry = match self.spare.has(Part::HiddenLabels) {
-                        true => VolumeTracer::carrying_hidden(place as u32, &traced)?,
-                        false => VolumeTracer::new(place as u32, &traced)?,
-                    };
-                    let geometry = geometry.with_bricks().with_cuts(scene.cuts_of(instance.id));
-                    Arc::new(geometry.shaded_smooth(scene.settings.smooth_voxels))
-                }
-            });
+
+        // Materials and geometry, of volumes first.
+        let (mut looks, mut volumes, mut meshes) = (Vec::new(), Vec::new(), Vec::new());
+        for (place, plan) in plan.instances.iter().enumerate() {
+            looks.push(making.looks_of_instance(place, plan, &looks));
+            volumes.push(making.volume(place, plan, &volumes)?);
         }
-        let mut triangles = Vec::with_capacity(meshes.len());
-        for ((place, mesh), data) in (0u32..).zip(&scene.meshes).zip(meshes) {
-            let former = FormerMesh::find(old, &diff, mesh.id, data);
-            looks.push(match former.as_ref().and_then(|f| f.looks(mattes)) {
-                Some(kept) => Arc::clone(kept),
-                None => {
-                    rebuilt.materials += 1;
-                    let ids = if mattes { cryptomatte::ids_of_mesh(&mesh.source) } else { Vec::new() };
-                    let looks = Looks::of_mesh(&mesh.materials).catching(mesh.shadow_catcher);
-                    carry_clear(looks.with_ids(ids))
-                }
-            });
-            let instance = volumes.len() as u32 + place;
-            let twin = || triangles.iter().find(|other: &&Arc<MeshTracer>| Arc::ptr_eq(other.mesh().0, data));
-            let kept = match (&former, twin()) {
-                (Some(f), _) => f.geometry(place, instance, mesh.world_from_mesh)?,
-                (None, Some(twin)) => Some(Arc::new(twin.again(place, instance, mesh.world_from_mesh)?)),
-                (None, None) => None,
-            };
-            triangles.push(match kept {
-                Some(kept) => kept,
-                None => {
-                    rebuilt.acceleration += 1;
-                    Arc::new(MeshTracer::new(place, instance, data, mesh.world_from_mesh)?)
-                }
-            });
+        for (place, plan) in plan.meshes.iter().enumerate() {
+            looks.push(making.looks_of_mesh(place, plan));
+            meshes.push(making.mesh(place, plan, &meshes)?);
         }
+
+        // The hierarchy over all of them.
+        let geometry = SceneTracer::of(volumes).with_meshes(meshes);
         let least = if self.spare.has(Part::InstanceTree) { 1 } else { INSTANCES_OF_A_TREE };
-        let former = old.map(|o| o.tracer.tracer());
-        let (geometry, made) = SceneTracer::of(geometry).with_meshes(triangles).with_tree(former, least)?;
-        rebuilt.top_level += u64::from(made);
-        let catches: Vec<bool> = scene.meshes.iter().map(|m| m.shadow_catcher).collect();
-        let geometry = geometry.with_catchers(&catches);
-        let emitters = match old {
-            Some(o) if shine_alike(o.tracer.tracer(), &o.tracer.around().looks, &geometry, &looks) => {
-                o.tracer.around().lights.emitters().map(Arc::clone)
+        let geometry = match old {
+            Some(o) if plan.top_level == Reuse::Keep => geometry.with_tree_of(o.tracer.tracer()),
+            _ => {
+                let (geometry, made) = geometry.with_tree(least)?;
+                making.rebuilt.top_level += u64::from(made);
+                geometry
             }
+        };
+        let catches: Vec<bool> = scene.scene().meshes.iter().map(|m| m.shadow_catcher).collect();
+        let geometry = geometry.with_catchers(&catches);
+
+        // Surfaces that shine.
+        let emitters = match old {
+            Some(o) if plan.emitters == Reuse::Keep => o.tracer.around().lights.emitters().map(Arc::clone),
             _ => {
                 let made = emitters_of(&geometry, &looks)?.map(Arc::new);
-                rebuilt.lights += u64::from(made.is_some());
+                making.rebuilt.lights += u64::from(made.is_some());
                 made
             }
         };
@@ -350,22 +252,24 @@ impl Renderer for CpuRenderer {
             None => Arc::clone(&lights),
             some => Arc::new(Lights::clone(&lights).with_emitters(some)),
         };
-        let around = Surroundings { lights: lit, looks: looks.into(), settings: scene.settings };
-        rebuilt.camera += u64::from(diff.camera || diff.film);
-        rebuilt.film += u64::from(diff.film);
-        let kept = PassSums::of(&scene.film, catches.contains(&true));
+
+        // Camera and film.
+        let Making { mut rebuilt, .. } = making;
+        rebuilt.camera += u64::from(plan.camera.is_build());
+        rebuilt.film += u64::from(plan.film.is_build());
+        let Scene { camera, film, settings, .. } = scene.scene();
+        let around = Surroundings { lights: lit, looks: looks.into(), settings: *settings };
         let mut tracer = match self.shown.take() {
-            Some(Shown { mut tracer, .. }) if !diff.film && tracer.film().kept() == kept => {
-                let camera = diff.camera.then(|| CameraRays::new(&scene.camera, &scene.film));
+            Some(Shown { mut tracer, .. }) if [plan.film, plan.sums] == [Reuse::Keep; 2] => {
+                let camera = plan.camera.is_build().then(|| CameraRays::new(camera, film));
                 tracer.restart(geometry, around, camera);
                 tracer
             }
-            _ => PathTracer::new(geometry, around, &scene.camera, &scene.film),
+            _ => PathTracer::new(geometry, around, camera, film),
         };
         tracer.carry_sorting(self.spare.has(Part::Sorting));
         self.rebuilt = rebuilt;
-        let (volumes, meshes) = (volumes.to_vec(), meshes.to_vec());
-        self.shown = Some(Shown { scene: scene.clone(), volumes, meshes, lod, tracer, lights });
+        self.shown = Some(Shown { scene: scene.clone(), tracer, lights });
         Ok(())
     }
 
@@ -392,13 +296,13 @@ impl Renderer for CpuRenderer {
     fn picture(&mut self) -> Result<Picture, RenderError> {
         let shown = self.shown()?;
         let mut picture = shown.tracer.picture();
-        name_mattes(&mut picture, &shown.scene, &shown.volumes);
+        name_mattes(&mut picture, shown.scene.scene(), shown.scene.volumes());
         Ok(picture)
     }
 
     fn pick(&mut self, x: u32, y: u32) -> Result<Option<Pick>, RenderError> {
         let shown = self.shown()?;
-        let film = &shown.scene.film;
+        let film = &shown.scene.scene().film;
         let hit = if x < film.width && y < film.height { shown.tracer.pick(x, y) } else { None };
         let labelled = hit.filter(|(hit, _)| hit.surface.kind != SurfaceKind::Triangle);
         Ok(labelled.map(|(hit, depth)| {

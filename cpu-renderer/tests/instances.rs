@@ -114,7 +114,7 @@ fn scene(places: Places, seed: u64) -> (SceneTracer, SceneTracer) {
     let built = (0u32..).zip(of_meshes).map(|(i, at)| MeshTracer::new(i, first + i, &mesh, at).unwrap());
     let built: Vec<_> = built.map(Arc::new).collect();
     let linear = SceneTracer::of(of_volumes.clone()).with_meshes(built.clone());
-    let (tree, made) = SceneTracer::of(of_volumes).with_meshes(built).with_tree(None, 1).unwrap();
+    let (tree, made) = SceneTracer::of(of_volumes).with_meshes(built).with_tree(1).unwrap();
     assert!(made);
     (linear, tree)
 }
@@ -236,7 +236,7 @@ fn many_at_one_place_are_as_in_turn() {
     let others = (0..1000).map(|i| first.again(i, DAffine3::IDENTITY, LodChoice::Voxels).unwrap().unwrap());
     let volumes: Vec<_> = others.map(Arc::new).collect();
     let linear = SceneTracer::of(volumes.clone());
-    let (tree, made) = SceneTracer::of(volumes).with_tree(None, 4).unwrap();
+    let (tree, made) = SceneTracer::of(volumes).with_tree(4).unwrap();
     let levels = tree.tree().unwrap().bvh().depth();
     assert!(made && levels <= 6, "{levels} levels");
     // One hierarchy of boxes, whoever shares it.
@@ -264,7 +264,7 @@ fn nothing_is_met_where_nothing_is() {
     let hidden: Vec<_> = (0..9).map(|i| Arc::new(VolumeTracer::new(i, &hidden).unwrap())).collect();
     let ray = RayInWorld { origin: DVec3::splat(-9.0), direction: DVec3::ONE };
     for volumes in [Vec::new(), hidden] {
-        let (scene, made) = SceneTracer::of(volumes).with_tree(None, 1).unwrap();
+        let (scene, made) = SceneTracer::of(volumes).with_tree(1).unwrap();
         assert!(!made && scene.tree().is_none());
         assert_eq!(scene.first_hit(&ray, PathOrigin::Free, f64::INFINITY), None);
     }
@@ -277,20 +277,4 @@ fn nothing_is_met_where_nothing_is() {
         let is_number = bad == DVec3::ZERO;
         assert!(is_number || tree.first_hit(&ray, PathOrigin::Free, f64::INFINITY).is_none());
     }
-}
-
-/// The hierarchy is kept where all are where they were, and made anew where one is elsewhere.
-#[test]
-fn a_tree_is_kept_until_something_moves() {
-    let (linear, tree) = scene(PLACES[0].1, 5);
-    let again = |volumes: Vec<_>| {
-        SceneTracer::of(volumes).with_meshes(linear.meshes().to_vec()).with_tree(Some(&tree), 4).unwrap()
-    };
-    let (kept, made) = again(linear.volumes().to_vec());
-    assert!(!made && std::ptr::eq(kept.tree().unwrap(), tree.tree().unwrap()));
-    let mut moved = linear.volumes().to_vec();
-    let at = DAffine3::from_translation(DVec3::X) * moved[3].placement().world_from_index;
-    moved[3] = Arc::new(moved[3].again(3, at, LodChoice::Voxels).unwrap().unwrap());
-    let (other, made) = again(moved);
-    assert!(made && !std::ptr::eq(other.tree().unwrap(), tree.tree().unwrap()));
 }

@@ -14,7 +14,7 @@ use pumice_scene::{
     World,
 };
 use pumice_transport::geometry::LodChoice;
-use pumice_transport::{Hit, PathOrigin, RayInWorld, Renderer, SurfaceKind, Tracer};
+use pumice_transport::{Hit, LoadedScene, PathOrigin, RayInWorld, Renderer, SurfaceKind, Tracer};
 
 /// Random numbers in [0, 1) (Steele et al. 2014, *SplitMix*).
 struct Random(u64);
@@ -299,7 +299,7 @@ fn what_stays_flat() {
 }
 
 fn draw(renderer: &mut CpuRenderer, scene: &Scene, volume: &Arc<CompressedVolume>) -> Picture {
-    renderer.set_scene(scene, std::slice::from_ref(volume), &[]).unwrap();
+    renderer.set_scene(&LoadedScene::new(scene.clone(), vec![Arc::clone(volume)], vec![]).unwrap()).unwrap();
     while renderer.advance(Duration::from_secs(5), 4, &Job::new()).unwrap().spp < 4 {}
     renderer.picture().unwrap()
 }

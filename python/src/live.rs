@@ -6,6 +6,7 @@ use pumice_core::Job as CoreJob;
 use pumice_scene::{Instance, Mesh as SceneMesh, SceneEdit};
 use pumice_session::live::{Live, LiveOptions};
 use pumice_session::{SessionError, Stop};
+use pumice_transport::{LoadedEdit, LoadedScene};
 use pyo3::prelude::*;
 
 use crate::calls::Call;
@@ -37,8 +38,10 @@ impl Session {
     ) -> PyResult<Self> {
         let volumes = volumes.iter().map(|v| Arc::clone(&v.get().0)).collect();
         let meshes = meshes.iter().map(|m| Arc::clone(&m.get().0)).collect();
+        let scene =
+            LoadedScene::new(parse(scene)?, volumes, meshes).map_err(IntoException::into_exception)?;
         let options = LiveOptions { backend, stop: Stop { spp, seconds, error }, denoise };
-        Live::start(parse(scene)?, volumes, meshes, options).map(Self).map_err(IntoException::into_exception)
+        Live::start(scene, options).map(Self).map_err(IntoException::into_exception)
     }
 
     /// Applies a list of edits in JSON, all or none; the new revision.
@@ -51,13 +54,15 @@ impl Session {
     fn add(&self, instance: &str, volume: &Bound<'_, Volume>) -> PyResult<u64> {
         let instance: Instance =
             serde_json::from_str(instance).map_err(|e| input(&format_args!("instance: {e}")))?;
-        self.0.add(instance, Arc::clone(&volume.get().0)).map_err(IntoException::into_exception)
+        let added = LoadedEdit::Add { instance: Box::new(instance), volume: Arc::clone(&volume.get().0) };
+        self.0.edit(vec![added]).map_err(IntoException::into_exception)
     }
 
     /// Adds a mesh in JSON with its triangles, or replaces the one with the same id; the new revision.
     fn add_mesh(&self, mesh: &str, data: &Bound<'_, Mesh>) -> PyResult<u64> {
         let mesh: SceneMesh = serde_json::from_str(mesh).map_err(|e| input(&format_args!("mesh: {e}")))?;
-        self.0.add_mesh(mesh, Arc::clone(&data.get().0)).map_err(IntoException::into_exception)
+        let added = LoadedEdit::AddMesh { mesh: Box::new(mesh), data: Arc::clone(&data.get().0) };
+        self.0.edit(vec![added]).map_err(IntoException::into_exception)
     }
 
     /// The newest frame, where its serial is above `after`; never waits.

@@ -8,6 +8,7 @@ use pumice_core::{CompressedVolume, MeshData};
 use pumice_picture::{Image, Matte, Passes};
 use pumice_session::render_file::{PictureFormat, Rendered, render_scene};
 use pumice_session::{OpenOptions, SessionError, Stop};
+use pumice_transport::LoadedScene;
 use pyo3::prelude::*;
 
 use crate::array::{Array, Data};
@@ -152,7 +153,8 @@ pub(crate) fn render(
                 &job,
             )?,
         };
-        render_scene(&scene, &volumes, &meshes, backend, &stop, &job, &mut |point| {
+        let scene = LoadedScene::new(scene, volumes, meshes)?;
+        render_scene(&scene, backend, &stop, &job, &mut |point| {
             let Some(call) = &on_progress else { return };
             Python::attach(|py| {
                 let arguments = (point.spp, point.seconds, point.cpu_seconds, point.error_estimate);

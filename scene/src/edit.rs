@@ -1,4 +1,5 @@
-//! One change to a scene, as a live client sends it: a camera move sends a camera, a colour edit a material.
+//! One change to a scene, as a live client sends it: a camera move sends a camera, a colour edit a material. What is added needs data
+//! besides, a volume or triangles, and is no edit of the scene alone: `pumice_transport::LoadedEdit`.
 //!
 //! The JSON form has the tag `edit` beside the fields of the variant: `{"edit": "camera", "camera": {…}}`.
 
@@ -89,20 +90,10 @@ pub enum SceneEdit {
         #[serde(deserialize_with = "each_once")]
         materials: BTreeMap<u64, Option<Material>>,
     },
-    /// Another volume, or one more.
-    Add {
-        /// Replaces the instance with the same id where there is one.
-        instance: Instance,
-    },
     /// An instance goes.
     Remove {
         /// Of the instance.
         id: u32,
-    },
-    /// Another mesh, or one more.
-    AddMesh {
-        /// Replaces the mesh with the same id where there is one.
-        mesh: Mesh,
     },
     /// A mesh stands elsewhere.
     PlaceMesh {
@@ -127,7 +118,7 @@ pub enum SceneEdit {
 
 impl SceneEdit {
     /// Every tag of the JSON form.
-    pub const NAMES: [&str; 18] = [
+    pub const NAMES: [&str; 16] = [
         "camera",
         "film",
         "world",
@@ -140,9 +131,7 @@ impl SceneEdit {
         "material",
         "auto_color",
         "label_materials",
-        "add",
         "remove",
-        "add_mesh",
         "place_mesh",
         "mesh_materials",
         "remove_mesh",
@@ -163,9 +152,7 @@ impl SceneEdit {
             Self::Material { .. } => "material",
             Self::AutoColor { .. } => "auto_color",
             Self::LabelMaterials { .. } => "label_materials",
-            Self::Add { .. } => "add",
             Self::Remove { .. } => "remove",
-            Self::AddMesh { .. } => "add_mesh",
             Self::PlaceMesh { .. } => "place_mesh",
             Self::MeshMaterials { .. } => "mesh_materials",
             Self::RemoveMesh { .. } => "remove_mesh",
@@ -187,60 +174,72 @@ impl Scene {
     /// # Errors
     /// [`SceneError::Field`] names an instance that is not there; edits before it have been applied.
     pub fn apply(&mut self, edits: Vec<SceneEdit>) -> Result<(), SceneError> {
-        for (i, edit) in edits.into_iter().enumerate() {
-            let name = edit.name();
-            match edit {
-                SceneEdit::Camera { camera } => self.camera = camera,
-                SceneEdit::Film { film } => self.film = film,
-                SceneEdit::World { world } => self.world = world,
-                SceneEdit::Suns { suns } => self.suns = suns,
-                SceneEdit::Lights { lights } => self.lights = lights,
-                SceneEdit::Cuts { cuts } => self.cuts = cuts,
-                SceneEdit::Settings { settings } => self.settings = settings,
-                SceneEdit::Place { id, world_from_index } => {
-                    self.instance_mut(i, name, id)?.world_from_index = world_from_index;
+        edits.into_iter().enumerate().try_for_each(|(number, edit)| self.apply_one(number, edit))
+    }
+
+    /// Applies the edit of this number in a list. The result is not validated.
+    ///
+    /// # Errors
+    /// [`SceneError::Field`] names an instance that is not there; nothing has changed then.
+    pub fn apply_one(&mut self, number: usize, edit: SceneEdit) -> Result<(), SceneError> {
+        let name = edit.name();
+        match edit {
+            SceneEdit::Camera { camera } => self.camera = camera,
+            SceneEdit::Film { film } => self.film = film,
+            SceneEdit::World { world } => self.world = world,
+            SceneEdit::Suns { suns } => self.suns = suns,
+            SceneEdit::Lights { lights } => self.lights = lights,
+            SceneEdit::Cuts { cuts } => self.cuts = cuts,
+            SceneEdit::Settings { settings } => self.settings = settings,
+            SceneEdit::Place { id, world_from_index } => {
+                self.instance_mut(number, name, id)?.world_from_index = world_from_index;
+            }
+            SceneEdit::Show { id, show } => self.style_mut(number, name, id)?.show = show,
+            SceneEdit::Material { id, material } => self.style_mut(number, name, id)?.material = material,
+            SceneEdit::AutoColor { id, auto_color } => {
+                self.style_mut(number, name, id)?.auto_color = auto_color;
+            }
+            SceneEdit::LabelMaterials { id, materials } => {
+                let own = &mut self.style_mut(number, name, id)?.materials;
+                for (label, material) in materials {
+                    match material {
+                        Some(material) => own.insert(label, material),
+                        None => own.remove(&label),
+                    };
                 }
-                SceneEdit::Show { id, show } => self.style_mut(i, name, id)?.show = show,
-                SceneEdit::Material { id, material } => self.style_mut(i, name, id)?.material = material,
-                SceneEdit::AutoColor { id, auto_color } => {
-                    self.style_mut(i, name, id)?.auto_color = auto_color;
-                }
-                SceneEdit::LabelMaterials { id, materials } => {
-                    let own = &mut self.style_mut(i, name, id)?.materials;
-                    for (label, material) in materials {
-                        match material {
-                            Some(material) => own.insert(label, material),
-                            None => own.remove(&label),
-                        };
-                    }
-                }
-                SceneEdit::Add { instance } => {
-                    match self.instances.iter_mut().find(|o| o.id == instance.id) {
-                        Some(old) => *old = instance,
-                        None => self.instances.push(instance),
-                    }
-                }
-                SceneEdit::Remove { id } => {
-                    self.instance_mut(i, name, id)?;
-                    self.instances.retain(|o| o.id != id);
-                }
-                SceneEdit::AddMesh { mesh } => match self.meshes.iter_mut().find(|o| o.id == mesh.id) {
-                    Some(old) => *old = mesh,
-                    None => self.meshes.push(mesh),
-                },
-                SceneEdit::PlaceMesh { id, world_from_mesh } => {
-                    self.mesh_mut(i, name, id)?.world_from_mesh = world_from_mesh;
-                }
-                SceneEdit::MeshMaterials { id, materials } => {
-                    self.mesh_mut(i, name, id)?.materials = materials;
-                }
-                SceneEdit::RemoveMesh { id } => {
-                    self.mesh_mut(i, name, id)?;
-                    self.meshes.retain(|o| o.id != id);
-                }
+            }
+            SceneEdit::Remove { id } => {
+                self.instance_mut(number, name, id)?;
+                self.instances.retain(|o| o.id != id);
+            }
+            SceneEdit::PlaceMesh { id, world_from_mesh } => {
+                self.mesh_mut(number, name, id)?.world_from_mesh = world_from_mesh;
+            }
+            SceneEdit::MeshMaterials { id, materials } => {
+                self.mesh_mut(number, name, id)?.materials = materials;
+            }
+            SceneEdit::RemoveMesh { id } => {
+                self.mesh_mut(number, name, id)?;
+                self.meshes.retain(|o| o.id != id);
             }
         }
         Ok(())
+    }
+
+    /// Adds an instance, or puts it in the place of that with the same id.
+    pub fn put_instance(&mut self, instance: Instance) {
+        match self.instances.iter_mut().find(|o| o.id == instance.id) {
+            Some(old) => *old = instance,
+            None => self.instances.push(instance),
+        }
+    }
+
+    /// Adds a mesh, or puts it in the place of that with the same id.
+    pub fn put_mesh(&mut self, mesh: Mesh) {
+        match self.meshes.iter_mut().find(|o| o.id == mesh.id) {
+            Some(old) => *old = mesh,
+            None => self.meshes.push(mesh),
+        }
     }
 
     fn instance_mut(&mut self, edit: usize, name: &str, id: u32) -> Result<&mut Instance, SceneError> {

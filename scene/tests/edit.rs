@@ -25,8 +25,6 @@ fn edits() -> Vec<(SceneEdit, SceneDiff)> {
     world.backdrop = None;
     let mut settings = scene.settings;
     settings.seed = 3;
-    let mut third = scene.instances[1].clone();
-    third.id = 9;
     let mut place = scene.instances[1].world_from_index;
     place.translation.x += 1.0;
     let gray = Material { base_color: [0.5; 3], ..Material::default() };
@@ -35,8 +33,6 @@ fn edits() -> Vec<(SceneEdit, SceneDiff)> {
         change(&mut diff);
         SceneDiff { meshes_changed: vec![diff], ..none() }
     };
-    let mut fifth = scene.meshes[1].clone();
-    fifth.id = 5;
     let place_mesh = SceneEdit::PlaceMesh { id: 4, world_from_mesh: place };
     vec![
         (SceneEdit::Camera { camera }, SceneDiff { camera: true, ..none() }),
@@ -54,9 +50,7 @@ fn edits() -> Vec<(SceneEdit, SceneDiff)> {
             SceneEdit::LabelMaterials { id: 8, materials: [(17, None), (3, Some(gray))].into() },
             instance(|d| d.materials = true),
         ),
-        (SceneEdit::Add { instance: third }, SceneDiff { added: vec![9], ..none() }),
         (SceneEdit::Remove { id: 8 }, SceneDiff { removed: vec![8], ..none() }),
-        (SceneEdit::AddMesh { mesh: fifth }, SceneDiff { meshes_added: vec![5], ..none() }),
         (place_mesh, mesh(|d| d.moved = true)),
         (SceneEdit::MeshMaterials { id: 4, materials: vec![gray] }, mesh(|d| d.materials = true)),
         (SceneEdit::RemoveMesh { id: 4 }, SceneDiff { meshes_removed: vec![4], ..none() }),
@@ -70,6 +64,31 @@ fn each_edit_changes_its_own_part_and_no_other() {
         new.apply(vec![edit.clone()]).unwrap();
         assert_eq!(SceneDiff::between(Some(&old), &new), expected, "{}", edit.name());
     }
+}
+
+#[test]
+fn what_is_put_in_is_added_or_replaces_that_with_its_id() {
+    let none = SceneDiff::default;
+    let mut scene = full_scene();
+    let mut third = scene.instances[1].clone();
+    third.id = 9;
+    scene.put_instance(third.clone());
+    assert_eq!(SceneDiff::between(Some(&full_scene()), &scene), SceneDiff { added: vec![9], ..none() });
+    third.style.auto_color = !third.style.auto_color;
+    scene.put_instance(third.clone());
+    assert_eq!((scene.instances.len(), scene.instances.last()), (3, Some(&third)));
+
+    let mut scene = full_scene();
+    let mut fifth = scene.meshes[1].clone();
+    fifth.id = 5;
+    scene.put_mesh(fifth.clone());
+    assert_eq!(
+        SceneDiff::between(Some(&full_scene()), &scene),
+        SceneDiff { meshes_added: vec![5], ..none() }
+    );
+    fifth.materials.clear();
+    scene.put_mesh(fifth.clone());
+    assert_eq!((scene.meshes.len(), scene.meshes.last()), (3, Some(&fifth)));
 }
 
 #[test]

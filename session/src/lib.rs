@@ -32,6 +32,7 @@ pub use progressive::{CurvePoint, Stop};
 pub use pumice_core::{Job, LabelType, Level, Verification};
 pub use pumice_formats::{ArrayAxes, OpenOptions, RawLayout};
 pub use pumice_scene::{Lod, Mode, ViewTransform};
+pub use pumice_transport::LoadedScene;
 pub use render_file::{RenderFigures, RenderOverrides, RenderRequest, Rendered, Subject, render_file};
 pub use savings::{OpeningSaved, Savings, SavingsOptions, measure_savings};
 pub use shipped_volume::shipped_volume;

@@ -16,9 +16,9 @@ use std::sync::mpsc::{Sender, channel};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 
-use pumice_core::{CompressedVolume, Job, MeshData};
-use pumice_scene::{Instance, Mesh, Scene, SceneEdit, SceneError};
-use pumice_transport::{Pick, RenderError, Renderer};
+use pumice_core::{CompressedVolume, Job};
+use pumice_scene::{Scene, SceneEdit};
+use pumice_transport::{LoadedEdit, LoadedScene, Pick, RenderError, Renderer};
 
 use crate::backend::{FallbackRenderer, make_renderer};
 use crate::error::{Result, SessionError};
@@ -135,9 +135,7 @@ struct Shared {
 }
 
 struct Board {
-    scene: Scene,
-    volumes: Vec<Arc<CompressedVolume>>,
-    meshes: Vec<Arc<MeshData>>,
+    scene: LoadedScene,
     revision: u64,
     /// Cancels the samples under way.
     job: Arc<Job>,
@@ -173,33 +171,19 @@ impl std::fmt::Debug for Live {
 }
 
 impl Live {
-    /// Starts to draw `scene`; `volumes[i]` belongs to `scene.instances[i]`, `meshes[i]` to `scene.meshes[i]`. Returns at once.
+    /// Starts to draw `scene`. Returns at once.
     ///
     /// # Errors
-    /// When the scene is not valid, or there is no such backend.
-    pub fn start(
-        scene: Scene,
-        volumes: Vec<Arc<CompressedVolume>>,
-        meshes: Vec<Arc<MeshData>>,
-        options: LiveOptions,
-    ) -> Result<Self> {
-        check(&scene, &volumes, &meshes)?;
-        Self::draw(scene, volumes, meshes, make_renderer(&options.backend)?, options.stop, options.denoise)
+    /// When there is no such backend.
+    pub fn start(scene: LoadedScene, options: LiveOptions) -> Result<Self> {
+        Self::draw(scene, make_renderer(&options.backend)?, options.stop, options.denoise)
     }
 
-    fn draw(
-        scene: Scene,
-        volumes: Vec<Arc<CompressedVolume>>,
-        meshes: Vec<Arc<MeshData>>,
-        renderer: FallbackRenderer,
-        stop: Stop,
-        denoise: bool,
-    ) -> Result<Self> {
+    fn draw(scene: LoadedScene, renderer: FallbackRenderer, stop: Stop, denoise: bool) -> Result<Self> {
+        let names = SceneEdit::NAMES.into_iter().chain(LoadedEdit::NAMES_OF_ADDING);
         let shared = Arc::new(Shared {
             board: Mutex::new(Board {
                 scene,
-                volumes,
-                meshes,
                 revision: 1,
                 job: Arc::new(Job::new()),
                 questions: Vec::new(),
@@ -211,7 +195,7 @@ impl Live {
                 backend: renderer.name(),
                 device: renderer.device().to_owned(),
                 notices: Vec::new(),
-                counters: SceneEdit::NAMES.iter().map(|name| (format!("edits.{name}"), 0)).collect(),
+                counters: names.map(|name| (format!("edits.{name}"), 0)).collect(),
             }),
             work: Condvar::new(),
         });
@@ -225,70 +209,20 @@ impl Live {
     /// Applies edits, all or none, and returns the new revision; its frames follow. No edits change nothing.
     ///
     /// # Errors
-    /// When the scene would not be valid; it stays as it was. [`SceneEdit::Add`] must come through [`Live::add`],
-    /// [`SceneEdit::AddMesh`] through [`Live::add_mesh`].
-    pub fn edit(&self, edits: Vec<SceneEdit>) -> Result<u64> {
-        if edits.iter().any(|e| matches!(e, SceneEdit::Add { .. })) {
-            return Err(SessionError::Caller("edits: an instance is added together with its volume".into()));
-        }
-        if edits.iter().any(|e| matches!(e, SceneEdit::AddMesh { .. })) {
-            return Err(SessionError::Caller("edits: a mesh is added together with its triangles".into()));
-        }
-        self.change(edits, None, None)
-    }
-
-    /// Adds an instance with its volume, or replaces the instance with the same id.
-    ///
-    /// # Errors
-    /// As [`Live::edit`].
-    pub fn add(&self, instance: Instance, volume: Arc<CompressedVolume>) -> Result<u64> {
-        let id = instance.id;
-        self.change(vec![SceneEdit::Add { instance }], Some((id, volume)), None)
-    }
-
-    /// Adds a mesh with its triangles, or replaces the mesh with the same id.
-    ///
-    /// # Errors
-    /// As [`Live::edit`].
-    pub fn add_mesh(&self, mesh: Mesh, data: Arc<MeshData>) -> Result<u64> {
-        let id = mesh.id;
-        self.change(vec![SceneEdit::AddMesh { mesh }], None, Some((id, data)))
-    }
-
-    fn change(
-        &self,
-        edits: Vec<SceneEdit>,
-        added: Option<(u32, Arc<CompressedVolume>)>,
-        added_mesh: Option<(u32, Arc<MeshData>)>,
-    ) -> Result<u64> {
+    /// When the scene would not be valid; it stays as it was.
+    pub fn edit<E: Into<LoadedEdit>>(&self, edits: Vec<E>) -> Result<u64> {
+        let edits: Vec<LoadedEdit> = edits.into_iter().map(Into::into).collect();
         let mut board = self.shared.board();
         if edits.is_empty() {
             return Ok(board.revision);
         }
-        let names: Vec<&'static str> = edits.iter().map(SceneEdit::name).collect();
-        let mut scene = board.scene.clone();
-        scene.apply(edits).map_err(|e| SessionError::Caller(e.to_string()))?;
-        let volume_of = |instance: &Instance| match &added {
-            Some((id, volume)) if *id == instance.id => Some(Arc::clone(volume)),
-            _ => {
-                let place = board.scene.instances.iter().position(|i| i.id == instance.id)?;
-                Some(Arc::clone(&board.volumes[place]))
-            }
-        };
-        let volumes: Vec<_> = scene.instances.iter().filter_map(volume_of).collect();
-        let mesh_of = |mesh: &Mesh| match &added_mesh {
-            Some((id, data)) if *id == mesh.id => Some(Arc::clone(data)),
-            _ => {
-                let place = board.scene.meshes.iter().position(|m| m.id == mesh.id)?;
-                Some(Arc::clone(&board.meshes[place]))
-            }
-        };
-        let meshes: Vec<_> = scene.meshes.iter().filter_map(mesh_of).collect();
-        check(&scene, &volumes, &meshes)?;
+        let names: Vec<&'static str> = edits.iter().map(LoadedEdit::name).collect();
+        // What a renderer would refuse is told to whoever edits, at once.
+        let scene = board.scene.edited(edits).map_err(|e| SessionError::Caller(e.to_string()))?;
         for name in names {
             *board.counters.entry(format!("edits.{name}")).or_default() += 1;
         }
-        (board.scene, board.volumes, board.meshes) = (scene, volumes, meshes);
+        board.scene = scene;
         board.revision += 1;
         if matches!(board.state, LiveState::Converged) {
             board.state = LiveState::Rendering;
@@ -305,14 +239,12 @@ impl Live {
 
     /// The scene as it is now.
     pub fn scene(&self) -> Scene {
-        self.shared.board().scene.clone()
+        self.shared.board().scene.scene().clone()
     }
 
     /// The volume of the instance with this id.
     pub fn volume(&self, id: u32) -> Option<Arc<CompressedVolume>> {
-        let board = self.shared.board();
-        let place = board.scene.instances.iter().position(|i| i.id == id)?;
-        Some(Arc::clone(&board.volumes[place]))
+        self.shared.board().scene.volume(id).map(Arc::clone)
     }
 
     /// What is under the middle of a pixel of the film, counted from the upper left, in the newest revision that is drawn.
@@ -382,19 +314,6 @@ impl Drop for Live {
     fn drop(&mut self) {
         self.stop();
     }
-}
-
-/// Whether a scene can be drawn: what a renderer would refuse is told to whoever edits, at once.
-fn check(scene: &Scene, volumes: &[Arc<CompressedVolume>], meshes: &[Arc<MeshData>]) -> Result<()> {
-    let fault = |e: SceneError| SessionError::Caller(e.to_string());
-    scene.validate().map_err(fault)?;
-    pumice_transport::check_counts(scene, volumes, meshes)
-        .map_err(|e| SessionError::Caller(e.to_string()))?;
-    for (i, (instance, volume)) in scene.instances.iter().zip(volumes).enumerate() {
-        let field = format!("instances[{i}].style.show");
-        instance.style.show.resolve(&field, volume.labels().ids()).map_err(fault)?;
-    }
-    Ok(())
 }
 
 #[cfg(test)]

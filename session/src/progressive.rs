@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use pumice_core::Job;
-use pumice_transport::{RenderError, Renderer};
+use pumice_transport::{Progress, RenderError, Renderer};
 use serde::Serialize;
 
 use crate::measure::Stopwatch;
@@ -17,6 +17,17 @@ pub struct Stop {
     pub seconds: Option<f64>,
     /// Estimated relative error.
     pub error: Option<f64>,
+}
+
+impl Stop {
+    /// Whether a picture that has come so far, in so many wall seconds, is done.
+    pub fn is_met(&self, progress: &Progress, seconds: f64) -> bool {
+        let error = progress.error_estimate;
+        progress.all_rest
+            || progress.spp >= self.spp.unwrap_or(u32::MAX)
+            || self.seconds.is_some_and(|limit| seconds >= limit)
+            || self.error.is_some_and(|bar| error.is_finite() && error <= bar)
+    }
 }
 
 /// Error against run time: one point of a render's history.
@@ -66,11 +77,7 @@ pub fn render_until(
             curve.clear();
         }
         curve.push(point);
-        let done = progress.all_rest
-            || stop.spp.is_some_and(|n| point.spp >= n)
-            || stop.seconds.is_some_and(|s| point.seconds >= s)
-            || matches!((stop.error, point.error_estimate), (Some(bar), Some(e)) if e <= bar);
-        if done {
+        if stop.is_met(&progress, point.seconds) {
             return Ok(curve);
         }
     }
@@ -103,6 +110,26 @@ mod tests {
 
     fn point(seconds: f64) -> CurvePoint {
         CurvePoint { seconds, cpu_seconds: seconds, spp: 1, mean_spp: 1.0, error_estimate: None }
+    }
+
+    /// Each limit by itself, just missed and just met.
+    #[test]
+    fn a_picture_is_done_at_the_first_of_its_limits() {
+        let so_far = Progress { spp: 7, mean_spp: 7.0, error_estimate: 0.25, all_rest: false };
+        let no_limit = Stop::default();
+        let cases = [
+            (Stop { spp: Some(8), ..no_limit }, Stop { spp: Some(7), ..no_limit }),
+            (Stop { seconds: Some(2.5), ..no_limit }, Stop { seconds: Some(2.0), ..no_limit }),
+            (Stop { error: Some(0.2), ..no_limit }, Stop { error: Some(0.25), ..no_limit }),
+        ];
+        for (missed, met) in cases {
+            assert!(!missed.is_met(&so_far, 2.0) && met.is_met(&so_far, 2.0), "{missed:?}, {met:?}");
+        }
+        assert!(!no_limit.is_met(&so_far, 1e9));
+        assert!(no_limit.is_met(&Progress { all_rest: true, ..so_far }, 0.0));
+        // An error that is not known yet meets no bar.
+        let unknown = Progress { error_estimate: f64::INFINITY, ..so_far };
+        assert!(!Stop { error: Some(f64::INFINITY), ..no_limit }.is_met(&unknown, 0.0));
     }
 
     #[test]

@@ -21,7 +21,8 @@ use prepare::{Prepared, prepare};
 use pumice_core::{CompressedVolume, Job};
 use pumice_formats::OpenOptions;
 use pumice_picture::Passes;
-use pumice_scene::{Scene, Show};
+use pumice_scene::Show;
+use pumice_transport::LoadedScene;
 
 use crate::backend::make_renderer;
 use crate::error::{Result, SessionError};
@@ -65,16 +66,15 @@ pub fn render_file(
     if let Some(path) = &request.save_scene {
         scene.save(path).map_err(|source| SessionError::Scene { path: path.clone(), source })?;
     }
+    let scene = LoadedScene::new(scene, volumes, meshes)?;
     let mut render = || -> Result<Rendered> {
-        let mut rendered =
-            render_scene(&scene, &volumes, &meshes, &backend, &stop, job, &mut |point| watch(&stop, point))?;
+        let mut rendered = render_scene(&scene, &backend, &stop, job, &mut |point| watch(&stop, point))?;
         rendered.figures.opening_seconds = Some(opening_seconds);
         if request.explain {
             // By what drew: `auto` may have gone on with another way.
             let drew = if backend == "auto" { rendered.figures.backend.clone() } else { backend.clone() };
-            let (opening, volumes) = measure_openings(&scene, &volumes, &request.reading, job)?;
-            let quick = SavingsOptions::QUICK;
-            let measured = measure_savings(&scene, &volumes, &meshes, &drew, &quick, job, &mut |_| {})?;
+            let (opening, whole) = measure_openings(&scene, &request.reading, job)?;
+            let measured = measure_savings(&whole, &drew, &SavingsOptions::QUICK, job, &mut |_| {})?;
             rendered.figures.savings = Some(Savings { opening, ..measured });
         }
         Ok(rendered)
@@ -87,13 +87,13 @@ pub fn render_file(
     Ok(rendered)
 }
 
-/// What it saved to read only the labels that are shown; the same volumes with all labels.
+/// What it saved to read only the labels that are shown; the same scene of volumes with all labels.
 fn measure_openings(
-    scene: &Scene,
-    volumes: &[Arc<CompressedVolume>],
+    loaded: &LoadedScene,
     reading: &OpenOptions,
     job: &Job,
-) -> Result<(Vec<OpeningSaved>, Vec<Arc<CompressedVolume>>)> {
+) -> Result<(Vec<OpeningSaved>, LoadedScene)> {
+    let (scene, volumes) = (loaded.scene(), loaded.volumes());
     let mut saved = Vec::new();
     let mut whole: BTreeMap<&Path, Arc<CompressedVolume>> = BTreeMap::new();
     for (instance, volume) in scene.instances.iter().zip(volumes) {
@@ -112,7 +112,8 @@ fn measure_openings(
         .iter()
         .zip(volumes)
         .map(|(instance, volume)| Arc::clone(whole.get(instance.source.as_path()).unwrap_or(volume)));
-    Ok((saved, volumes.collect()))
+    let all_labels = LoadedScene::new(scene.clone(), volumes.collect(), loaded.meshes().to_vec())?;
+    Ok((saved, all_labels))
 }
 
 /// Does work on so many threads.

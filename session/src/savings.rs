@@ -15,12 +15,11 @@ mod beside;
 mod opening;
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
 use std::time::Duration;
 
-use pumice_core::{CompressedVolume, Job, MeshData};
-use pumice_scene::{Needs, Part, Scene, Spare};
-use pumice_transport::Renderer;
+use pumice_core::Job;
+use pumice_scene::{Needs, Part, Spare};
+use pumice_transport::{LoadedScene, Renderer};
 use serde::Serialize;
 
 use crate::backend::{FallbackRenderer, make_renderer};
@@ -182,23 +181,22 @@ impl Savings {
 /// # Errors
 /// What the renderer reports; the job's cancellation.
 pub fn measure_savings(
-    scene: &Scene,
-    volumes: &[Arc<CompressedVolume>],
-    meshes: &[Arc<MeshData>],
+    scene: &LoadedScene,
     backend: &str,
     options: &SavingsOptions,
     job: &Job,
     watch: &mut dyn FnMut(&str),
 ) -> Result<Savings> {
-    let mut scene = scene.clone();
-    let longer = scene.film.width.max(scene.film.height);
+    let mut film = scene.scene().film;
+    let longer = film.width.max(film.height);
     if longer > options.side {
         let shorten = |n: u32| (u64::from(n) * u64::from(options.side) / u64::from(longer)).max(1) as u32;
-        (scene.film.width, scene.film.height) = (shorten(scene.film.width), shorten(scene.film.height));
+        (film.width, film.height) = (shorten(film.width), shorten(film.height));
     }
-    let ids: Vec<&[u64]> = volumes.iter().map(|v| v.labels().ids()).collect();
-    let needs = Needs::of(&scene, &ids);
-    let ways = Ways { scene: &scene, volumes, meshes, backend, rounds: options.rounds.max(2), job };
+    let scene = scene.with_film(film)?;
+    let ids: Vec<&[u64]> = scene.volumes().iter().map(|v| v.labels().ids()).collect();
+    let needs = Needs::of(scene.scene(), &ids);
+    let ways = Ways { scene: &scene, backend, rounds: options.rounds.max(2), job };
 
     // What there is to leave out.
     let (asked, _) = ways.built(Spare::NONE)?;
@@ -227,7 +225,7 @@ pub fn measure_savings(
     Ok(Savings {
         backend: asked.name().to_owned(),
         device: asked.device().to_owned(),
-        size: [scene.film.width, scene.film.height],
+        size: [film.width, film.height],
         rounds: ways.rounds,
         opening: Vec::new(),
         savings,
@@ -251,9 +249,7 @@ fn in_turn<T>(rounds: u32, job: &Job, mut one: impl FnMut(bool, u32) -> Result<T
 
 /// A scene, to be drawn both ways.
 struct Ways<'a> {
-    scene: &'a Scene,
-    volumes: &'a [Arc<CompressedVolume>],
-    meshes: &'a [Arc<MeshData>],
+    scene: &'a LoadedScene,
     backend: &'a str,
     rounds: u32,
     job: &'a Job,
@@ -265,7 +261,7 @@ impl Ways<'_> {
         let mut renderer = make_renderer(self.backend)?;
         renderer.carry(spare);
         let clock = Stopwatch::start();
-        renderer.set_scene(self.scene, self.volumes, self.meshes)?;
+        renderer.set_scene(self.scene)?;
         Ok((renderer, 1e3 * clock.cpu_seconds()))
     }
 
@@ -319,7 +315,7 @@ impl Ways<'_> {
 #[cfg(test)]
 mod tests {
     use pumice_oracle::volumes::blobs;
-    use pumice_scene::Show;
+    use pumice_scene::{Scene, Show};
 
     use super::*;
     use crate::figure::{FigureOptions, compose};
@@ -331,7 +327,14 @@ mod tests {
         let mut scene = compose(&bodies, "memory".into(), &options);
         edit(&mut scene);
         let how = SavingsOptions { rounds: 3, side: 32 };
-        measure_savings(&scene, &[bodies], &[], "cpu", &how, &Job::new(), &mut |_| {}).unwrap()
+        measure_savings(
+            &LoadedScene::new(scene, vec![bodies], vec![]).unwrap(),
+            "cpu",
+            &how,
+            &Job::new(),
+            &mut |_| {},
+        )
+        .unwrap()
     }
 
     #[test]

@@ -11,6 +11,7 @@ use pumice_scene::{Environment, Material, Scene, SceneEdit, Show, World};
 use pumice_session::figure::{FigureOptions, compose};
 use pumice_session::live::{Frame, Live, LiveOptions, LiveState, Status};
 use pumice_session::{Stop, render_file::render_scene};
+use pumice_transport::{LoadedEdit, LoadedScene};
 
 /// Two touching blocks of labels 5 and 9 in a 24 × 16 × 8 volume.
 fn volume() -> Arc<CompressedVolume> {
@@ -26,6 +27,10 @@ fn volume() -> Arc<CompressedVolume> {
 fn scene(size: [u32; 2]) -> Scene {
     let options = FigureOptions { size, labels: None, view_deg: FigureOptions::DEFAULT_VIEW_DEG };
     compose(&volume(), "memory".into(), &options)
+}
+
+fn loaded(scene: Scene) -> LoadedScene {
+    LoadedScene::new(scene, vec![volume()], vec![]).unwrap()
 }
 
 fn spp(n: u32) -> LiveOptions {
@@ -68,7 +73,7 @@ fn wait_status(live: &Live, wanted: impl Fn(&Status) -> bool) -> Status {
 /// What a plain render gives, in a frame's layout.
 fn plain(scene: &Scene, n: u32) -> Vec<f32> {
     let stop = Stop { spp: Some(n), ..Stop::default() };
-    let made = render_scene(scene, &[volume()], &[], "cpu", &stop, &Job::new(), &mut |_| ()).unwrap();
+    let made = render_scene(&loaded(scene.clone()), "cpu", &stop, &Job::new(), &mut |_| ()).unwrap();
     let color = made.picture.color;
     let rows: Vec<&[[f32; 3]]> = color.pixels.chunks(color.width).collect();
     rows.iter().rev().flat_map(|row| row.iter().flat_map(|&[r, g, b]| [r, g, b, 1.0])).collect()
@@ -86,7 +91,7 @@ fn young_frames_are_filtered_and_the_last_is_not() {
     let scene = scene([200, 120]);
     let reference = plain(&scene, 256);
     let filtered = LiveOptions { denoise: true, ..spp(64) };
-    let live = Live::start(scene.clone(), vec![volume()], vec![], filtered).unwrap();
+    let live = Live::start(loaded(scene.clone()), filtered).unwrap();
     let mut young = None;
     let last = wait(&live, |f| {
         if !f.coarse && !f.converged && young.is_none() {
@@ -104,7 +109,7 @@ fn young_frames_are_filtered_and_the_last_is_not() {
 #[test]
 fn it_converges_to_the_picture_of_a_plain_render() {
     let scene = scene([200, 120]);
-    let live = Live::start(scene.clone(), vec![volume()], vec![], spp(6)).unwrap();
+    let live = Live::start(loaded(scene.clone()), spp(6)).unwrap();
     let frame = wait(&live, |f| f.converged);
     assert_eq!((frame.width, frame.height, frame.spp, frame.coarse), (200, 120, 6, false));
     assert!(frame.rgba == plain(&scene, 6), "bit for bit");
@@ -125,7 +130,7 @@ fn it_converges_to_the_picture_of_a_plain_render() {
 
 #[test]
 fn a_large_film_begins_with_coarse_frames_of_the_whole_view() {
-    let live = Live::start(scene([640, 360]), vec![volume()], vec![], spp(1)).unwrap();
+    let live = Live::start(loaded(scene([640, 360])), spp(1)).unwrap();
     let mut seen = Vec::new();
     wait(&live, |f| {
         seen.push((f.width, f.height, f.coarse));
@@ -141,7 +146,7 @@ fn a_large_film_begins_with_coarse_frames_of_the_whole_view() {
 
 #[test]
 fn counters_prove_what_each_edit_costs() {
-    let live = Live::start(scene([64, 48]), vec![volume()], vec![], spp(1)).unwrap();
+    let live = Live::start(loaded(scene([64, 48])), spp(1)).unwrap();
     let idle = |revision| wait_status(&live, |s| s.state == LiveState::Converged && s.revision == revision);
     let mut revision = 1;
     let mut costs = |edit: SceneEdit| {
@@ -169,7 +174,7 @@ fn counters_prove_what_each_edit_costs() {
 
 #[test]
 fn what_cannot_be_drawn_is_refused_and_changes_nothing() {
-    let live = Live::start(scene([32, 32]), vec![volume()], vec![], spp(2)).unwrap();
+    let live = Live::start(loaded(scene([32, 32])), spp(2)).unwrap();
     let before = live.scene();
     let refused = |edits: Vec<SceneEdit>| live.edit(edits).unwrap_err().to_string();
     let mut camera = before.camera;
@@ -186,22 +191,22 @@ fn what_cannot_be_drawn_is_refused_and_changes_nothing() {
 
     let mut bad = before.clone();
     bad.camera.shift[0] = f64::NAN;
-    assert!(Live::start(bad, vec![volume()], vec![], spp(1)).is_err());
+    assert!(LoadedScene::new(bad, vec![volume()], vec![]).is_err());
     let options = LiveOptions { backend: "abacus".into(), ..spp(1) };
-    assert!(Live::start(before.clone(), vec![volume()], vec![], options).is_err());
-    assert!(Live::start(before, vec![], vec![], spp(1)).is_err());
+    assert!(Live::start(loaded(before.clone()), options).is_err());
+    assert!(LoadedScene::new(before, vec![], vec![]).is_err());
 }
 
 #[test]
 fn instances_come_and_go() {
-    let live = Live::start(scene([48, 32]), vec![volume()], vec![], spp(2)).unwrap();
+    let live = Live::start(loaded(scene([48, 32])), spp(2)).unwrap();
     let mut second = live.scene().instances[0].clone();
     second.id = 2;
     second.world_from_index.translation.x += 3.0;
-    let revision = live.add(second.clone(), volume()).unwrap();
+    let added = LoadedEdit::Add { instance: Box::new(second), volume: volume() };
+    let revision = live.edit(vec![added]).unwrap();
     wait(&live, |f| f.converged && f.revision == revision);
-    let alone = live.edit(vec![SceneEdit::Add { instance: second }]);
-    assert!(alone.is_err(), "an instance comes with its volume");
+    assert_eq!(live.status().counters["edits.add"], 1);
     let revision = live.edit(vec![SceneEdit::Remove { id: 1 }]).unwrap();
     let frame = wait(&live, |f| f.converged && f.revision == revision);
     let left = live.scene();
@@ -213,7 +218,7 @@ fn instances_come_and_go() {
 
 #[test]
 fn picks_name_what_is_seen() {
-    let live = Live::start(scene([64, 64]), vec![volume()], vec![], spp(4)).unwrap();
+    let live = Live::start(loaded(scene([64, 64])), spp(4)).unwrap();
     let pick = live.pick(32, 32).unwrap().expect("the figure is in the middle");
     assert!(pick.label < 2 && pick.depth > 0.0);
     assert_eq!(live.pick(0, 0).unwrap(), None);
@@ -224,7 +229,7 @@ fn picks_name_what_is_seen() {
 
 #[test]
 fn edits_without_end_do_not_pile_up() {
-    let live = Live::start(scene([320, 240]), vec![volume()], vec![], LiveOptions::default()).unwrap();
+    let live = Live::start(loaded(scene([320, 240])), LiveOptions::default()).unwrap();
     let mut camera = live.scene().camera;
     for i in 0..200 {
         camera.shift[0] = f64::from(i) * 0.001;
@@ -240,7 +245,7 @@ fn edits_without_end_do_not_pile_up() {
 
 #[test]
 fn a_panic_is_told_and_goes_no_further() {
-    let live = Live::start(scene([32, 32]), vec![volume()], vec![], LiveOptions::default()).unwrap();
+    let live = Live::start(loaded(scene([32, 32])), LiveOptions::default()).unwrap();
     live.panic_on_purpose();
     let status = wait_status(&live, |s| s.state == LiveState::Failed);
     assert_eq!(status.error.as_deref(), Some("internal error: a panic on purpose"));
@@ -252,7 +257,7 @@ fn a_panic_is_told_and_goes_no_further() {
 
 #[test]
 fn a_missing_sky_keeps_the_former_picture_and_says_why() {
-    let live = Live::start(scene([32, 32]), vec![volume()], vec![], spp(2)).unwrap();
+    let live = Live::start(loaded(scene([32, 32])), spp(2)).unwrap();
     let good = wait(&live, |f| f.converged);
     let sky = |environment| vec![SceneEdit::World { world: World { environment, backdrop: None } }];
     let absent = Environment::Image { path: "absent.exr".into(), rotation_rad: 0.0, strength: 1.0 };

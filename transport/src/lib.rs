@@ -2,6 +2,7 @@
 //! is the same whoever traces it.
 //!
 //! ```text
+//! loaded_scene a scene with its volumes and meshes, valid as one  scene_plan  what an edit makes anew of it
 //! renderer     what a caller asks of any renderer                 trace    what an integrator asks of geometry
 //! camera_rays  rays through pixels (lens, filter, sampler)        bsdf     how surfaces scatter (looks, palette: which has which)
 //! lights       which light is sampled (sun, lamp, environment, emitters)
@@ -19,11 +20,13 @@ pub mod geometry;
 pub mod lamp;
 pub mod lens;
 pub mod lights;
+pub mod loaded_scene;
 pub mod looks;
 pub mod palette;
 pub mod renderer;
 pub mod sampler;
 pub mod scene_lights;
+pub mod scene_plan;
 pub mod sun;
 pub mod trace;
 
@@ -33,8 +36,10 @@ pub use filter::FilterTable;
 pub use geometry::bvh::{BoxBounds, Bvh, BvhRay};
 pub use lamp::{ReadyLamp, Receiver};
 pub use lights::{Finding, Lights, Sky};
+pub use loaded_scene::{LoadedEdit, LoadedScene};
 pub use looks::Looks;
-pub use renderer::{Pick, Progress, Rebuilt, RenderError, Renderer, check_counts};
+pub use renderer::{Pick, Progress, Rebuilt, RenderError, Renderer};
 pub use scene_lights::{ReadImage, scene_lights};
+pub use scene_plan::{InstancePlan, MeshPlan, Reuse, ScenePlan, Source};
 pub use sun::ReadySun;
 pub use trace::{Hit, PathOrigin, RayInWorld, Surface, SurfaceKind, Tracer};

@@ -175,17 +175,6 @@ impl Looks {
         self.materials.iter().any(|m| shine(m) > 0.0)
     }
 
-    /// Whether the same labels shine as much and alike, whatever their colours.
-    pub fn shines_like(&self, other: &Self) -> bool {
-        // What the light of a material depends on.
-        let light = |m: &Material| match shine(m) > 0.0 {
-            true => Material { base_color: [0.0; 3], ..*m },
-            false => Material::default(),
-        };
-        self.of_label == other.of_label
-            && self.materials.iter().map(light).eq(other.materials.iter().map(light))
-    }
-
     /// Heap bytes.
     pub fn bytes(&self) -> u64 {
         let ids = self.ids.len() * size_of::<Ids>();

@@ -1,11 +1,12 @@
 //! One interface for every renderer: the caller never knows which backend draws.
 
-use std::sync::Arc;
 use std::time::Duration;
 
-use pumice_core::{CompressedVolume, Job, MeshData};
+use pumice_core::Job;
 use pumice_picture::{Image, Picture};
-use pumice_scene::{Scene, Spare};
+use pumice_scene::Spare;
+
+use crate::LoadedScene;
 
 /// Why a renderer could not go on.
 #[derive(Debug, thiserror::Error)]
@@ -87,17 +88,12 @@ pub trait Renderer: Send {
         Spare::NONE
     }
 
-    /// Makes the renderer show `scene`; `volumes[i]` belongs to `scene.instances[i]`, `meshes[i]` to `scene.meshes[i]`. It
-    /// compares with the scene shown before ([`pumice_scene::SceneDiff`]) and makes anew only what differs; the picture restarts.
+    /// Makes the renderer show `scene`. It compares with the scene shown before ([`crate::ScenePlan`]) and makes anew only what
+    /// differs; the picture restarts.
     ///
     /// # Errors
     /// [`RenderError::Scene`] names the field at fault; the renderer keeps its former scene.
-    fn set_scene(
-        &mut self,
-        scene: &Scene,
-        volumes: &[Arc<CompressedVolume>],
-        meshes: &[Arc<MeshData>],
-    ) -> Result<(), RenderError>;
+    fn set_scene(&mut self, scene: &LoadedScene) -> Result<(), RenderError>;
 
     /// Adds samples to every pixel that does not rest for about `slice`, at least one sample, but never more than `spp_limit` in all.
     ///
@@ -147,39 +143,4 @@ pub trait Renderer: Send {
     fn notices(&mut self) -> Vec<String> {
         Vec::new()
     }
-}
-
-/// Whether there is a volume for each instance of the scene, with the labels that it shows, and a mesh for each of its meshes.
-///
-/// # Errors
-/// [`RenderError::Scene`] with the counts, or the label that was not read from its file.
-pub fn check_counts(
-    scene: &Scene,
-    volumes: &[Arc<CompressedVolume>],
-    meshes: &[Arc<MeshData>],
-) -> Result<(), RenderError> {
-    for (list, what, expected, got) in [
-        ("instances", "volume", scene.instances.len(), volumes.len()),
-        ("meshes", "mesh", scene.meshes.len(), meshes.len()),
-    ] {
-        if expected != got {
-            return Err(RenderError::Scene(format!(
-                "{list}: expected one {what} for each of {expected}, got {got}"
-            )));
-        }
-    }
-    for (i, (instance, volume)) in scene.instances.iter().zip(volumes).enumerate() {
-        if volume.is_whole() {
-            continue;
-        }
-        let (ids, show) = (volume.labels().ids(), &instance.style.show);
-        let shown = (0u32..).zip(show.among(ids)).filter(|(_, is_shown)| *is_shown);
-        if let Some((label, _)) = shown.into_iter().find(|(label, _)| !volume.holds(*label)) {
-            return Err(RenderError::Scene(format!(
-                "instances[{i}].style.show: label {} was not read from the volume's file; open it with this label too",
-                ids[label as usize]
-            )));
-        }
-    }
-    Ok(())
 }

@@ -6,14 +6,13 @@
 //! scene and the volumes, which never left the host.
 
 use std::path::PathBuf;
-use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use pumice_core::{CompressedVolume, Job, MeshData};
+use pumice_core::Job;
 use pumice_picture::film::REPLICATES;
 use pumice_picture::{Image, Picture};
-use pumice_scene::{Part, Scene, SceneError, Spare};
-use pumice_transport::{Pick, Progress, ReadImage, Rebuilt, RenderError, Renderer};
+use pumice_scene::{Part, Spare};
+use pumice_transport::{LoadedScene, Pick, Progress, ReadImage, Rebuilt, RenderError, Renderer};
 
 use crate::device::{Backend, Candidate, DeviceError, Gpu, Instance};
 use crate::machine::{Machine, Opening};
@@ -167,17 +166,10 @@ impl Renderer for VulkanRenderer {
         crate::pack::compiled_parts().with(Part::HiddenLabels).with(Part::Levels)
     }
 
-    fn set_scene(
-        &mut self,
-        scene: &Scene,
-        volumes: &[Arc<CompressedVolume>],
-        meshes: &[Arc<MeshData>],
-    ) -> Result<(), RenderError> {
-        scene.validate().map_err(|e: SceneError| RenderError::Scene(e.to_string()))?;
-        pumice_transport::check_counts(scene, volumes, meshes)?;
+    fn set_scene(&mut self, scene: &LoadedScene) -> Result<(), RenderError> {
         loop {
             let (machine, former, counters) = (&mut self.machine, &mut self.shown, &mut self.counters);
-            match Shown::new(machine, former, scene, volumes, meshes, self.read_image, counters) {
+            match Shown::new(machine, former, scene, self.read_image, counters) {
                 Ok(shown) => {
                     self.shown = Some(shown);
                     self.failed = false;

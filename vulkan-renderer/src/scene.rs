@@ -95,7 +95,6 @@ pub(crate) struct Boxes {
     /// Over boxes: ours in compute shaders, else the device's own. Over bricks: the device's own alone.
     bvh: Option<[Buffer; 2]>,
     acceleration: Option<Acceleration>,
-    lod: Option<LodChoice>,
     /// Where voxels are shaded smooth.
     neighbors: Option<Buffer>,
     /// Its placement, materials and their addresses left 0.
@@ -151,13 +150,7 @@ impl Boxes {
             false => None,
         };
         record.neighbors = neighbors.as_ref().map_or(0, Buffer::address);
-        let lod = kind_of(lod);
-        Ok(Self { nodes, chunks, boxes, labels, bricks, bvh, acceleration, lod, neighbors, record })
-    }
-
-    /// Whether they are drawn at levels of detail that are chosen like this.
-    pub(crate) fn are_at(&self, lod: LodChoice) -> bool {
-        self.lod == kind_of(lod)
+        Ok(Self { nodes, chunks, boxes, labels, bricks, bvh, acceleration, neighbors, record })
     }
 
     /// Whether rays go through bricks.
@@ -165,19 +158,9 @@ impl Boxes {
         self.bricks.is_some()
     }
 
-    /// Whether its voxels are shaded smooth.
-    pub(crate) fn is_smooth(&self) -> bool {
-        self.neighbors.is_some()
-    }
-
     pub(crate) fn nodes(&self) -> &Arc<Nodes> {
         &self.nodes
     }
-}
-
-/// A choice of one level; `None` where it is by distance: then boxes are the same wherever the camera is.
-fn kind_of(lod: LodChoice) -> Option<LodChoice> {
-    (!matches!(lod, LodChoice::Distance { .. })).then_some(lod)
 }
 
 /// Whether rays are to go through bricks, where there can be any: not where hardware finds them and doubles are integers. What looks at a
@@ -457,24 +440,20 @@ impl FilterOnDevice {
 /// The hierarchy over instances.
 #[derive(Debug)]
 pub(crate) struct TreeOnDevice {
-    /// What it is over.
-    bounds: Vec<Option<WorldBounds>>,
     record: layout::InstanceTree,
     buffers: [Buffer; 2],
 }
 
 impl TreeOnDevice {
-    /// Over these instances and meshes, where there are at least so many: the former one where all are where they were. Says whether one
-    /// was made.
+    /// Over these instances and meshes, where there are at least so many.
     pub(crate) fn new(
         gpu: &Gpu,
-        former: Option<&Arc<Self>>,
         instances: &[InstanceOnDevice],
         meshes: &[MeshOnDevice],
         least: usize,
-    ) -> Result<(Option<Arc<Self>>, bool), Fault> {
+    ) -> Result<Option<Self>, Fault> {
         if instances.len() + meshes.len() < least {
-            return Ok((None, false));
+            return Ok(None);
         }
         let bounds_of = |record: &layout::Instance, placement: &Placement| {
             let bounds = BoxBounds { lo: record.lo, hi: record.hi };
@@ -482,15 +461,11 @@ impl TreeOnDevice {
         };
         let of_instances = instances.iter().map(|i| bounds_of(&i.boxes.record, &i.placement));
         let of_meshes = meshes.iter().map(|m| bounds_of(&m.triangles.record, &m.placement));
-        let bounds: Vec<_> = of_instances.chain(of_meshes).collect();
-        if let Some(former) = former.filter(|f| f.bounds == bounds) {
-            return Ok((Some(Arc::clone(former)), false));
-        }
-        let Some(tree) = InstanceTree::new(bounds.iter().copied(), least)? else { return Ok((None, false)) };
+        let Some(tree) = InstanceTree::new(of_instances.chain(of_meshes), least)? else { return Ok(None) };
         let nodes = gpu.buffer_of("a hierarchy over instances", tree.bvh().node_bytes())?;
         let items = gpu.buffer_of("the items of one", bytemuck::cast_slice(tree.bvh().items()))?;
         let record = pack::instance_tree(&tree, [nodes.address(), items.address()]);
-        Ok((Some(Arc::new(Self { bounds, record, buffers: [nodes, items] })), true))
+        Ok(Some(Self { record, buffers: [nodes, items] }))
     }
 }
 

@@ -4,14 +4,16 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use bytemuck::Zeroable as _;
-use glam::DAffine3;
-use pumice_core::{CompressedVolume, Job, MeshData};
-use pumice_picture::{FilmBuffer, Image, PassSums, Picture, cryptomatte, name_mattes};
-use pumice_scene::{INSTANCES_OF_A_TREE, InstanceDiff, MeshDiff, Part, Pass, Scene, SceneDiff};
+use pumice_core::Job;
+use pumice_picture::{FilmBuffer, Image, Picture, cryptomatte, name_mattes};
+use pumice_scene::{INSTANCES_OF_A_TREE, Part, Pass};
 use pumice_transport::camera_rays::CameraRays;
 use pumice_transport::emitters::Shining;
 use pumice_transport::geometry::{Cuts, LodChoice, MeshGrid, Placement, mesh_placement};
-use pumice_transport::{Emitters, Looks, Pick, ReadImage, Rebuilt, RenderError, SurfaceKind, scene_lights};
+use pumice_transport::scene_plan::{InstancePlan, MeshPlan, Reuse, ScenePlan, Source, lod_of, sums_of};
+use pumice_transport::{
+    Emitters, LoadedScene, Looks, Pick, ReadImage, Rebuilt, RenderError, SurfaceKind, scene_lights,
+};
 
 use crate::device::{Backend, Buffer, DeviceError};
 use crate::film::Film;
@@ -29,10 +31,7 @@ use crate::slices::{Cursor, Tile};
 /// See the module.
 #[derive(Debug)]
 pub(crate) struct Shown {
-    scene: Scene,
-    volumes: Vec<Arc<CompressedVolume>>,
-    meshes: Vec<Arc<MeshData>>,
-    lod: LodChoice,
+    scene: LoadedScene,
     parts: SceneOnDevice,
     pub(crate) film: Film,
     constants: Vec<u32>,
@@ -45,139 +44,54 @@ pub(crate) struct Counters {
     pub(crate) sent: Sent,
 }
 
-/// What the former scene has to offer for an instance of the new one: its place there, where its volume is the same.
-struct Former<'a> {
-    shown: &'a Shown,
-    place: usize,
-    change: InstanceDiff,
-}
-
-impl<'a> Former<'a> {
-    fn find(
-        old: Option<&'a Shown>,
-        diff: &SceneDiff,
-        id: u32,
-        volume: &Arc<CompressedVolume>,
-    ) -> Option<Self> {
-        let shown = old?;
-        let place = shown.scene.instances.iter().position(|i| i.id == id)?;
-        // The same path may hold another volume by now.
-        Arc::ptr_eq(&shown.volumes[place], volume).then(|| {
-            let change = diff.changed.iter().find(|c| c.id == id).copied();
-            Self { shown, place, change: change.unwrap_or_default() }
-        })
-    }
-
-    fn parts(&self) -> &'a InstanceOnDevice {
-        &self.shown.parts.instances[self.place]
-    }
-
-    /// Its materials, where they are still right: colours of neighbours follow from which labels are drawn.
-    fn looks(&self, mattes: bool) -> Option<&'a Arc<LooksOnDevice>> {
-        let same = !self.change.materials && !self.change.visibility && self.shown.has_mattes() == mattes;
-        same.then(|| &self.parts().looks)
-    }
-
-    /// Its boxes, where the same ones are drawn as the same instance and at the same kind of detail.
-    fn boxes(&self, place: usize, lod: LodChoice, smooth: bool) -> Option<&'a Arc<Boxes>> {
-        let boxes = &self.parts().boxes;
-        let same = !self.change.visibility && boxes.are_at(lod) && boxes.is_smooth() == smooth;
-        (self.place == place && same).then_some(boxes)
-    }
-}
-
-/// The same for a mesh.
-struct FormerMesh<'a> {
-    shown: &'a Shown,
-    place: usize,
-    change: MeshDiff,
-}
-
-impl<'a> FormerMesh<'a> {
-    fn find(old: Option<&'a Shown>, diff: &SceneDiff, id: u32, mesh: &Arc<MeshData>) -> Option<Self> {
-        let shown = old?;
-        let place = shown.scene.meshes.iter().position(|m| m.id == id)?;
-        Arc::ptr_eq(&shown.meshes[place], mesh).then(|| {
-            let change = diff.meshes_changed.iter().find(|c| c.id == id).copied();
-            Self { shown, place, change: change.unwrap_or_default() }
-        })
-    }
-
-    fn looks(&self, mattes: bool) -> Option<&'a Arc<LooksOnDevice>> {
-        // Its source is its name there.
-        let renamed = mattes && self.change.geometry;
-        (!self.change.materials && !renamed && self.shown.has_mattes() == mattes)
-            .then(|| &self.shown.parts.meshes[self.place].looks)
-    }
-
-    /// Its triangles, where they are still the same instance's: a hierarchy knows its number.
-    fn triangles(&self, instance: usize) -> Option<&'a Arc<Triangles>> {
-        let same = self.shown.volumes.len() + self.place == instance;
-        same.then(|| &self.shown.parts.meshes[self.place].triangles)
-    }
-}
-
 impl Shown {
-    /// Puts a valid scene on the device. The former one gives its film away, and nothing where the new one cannot be shown because
+    /// Puts a scene on the device. The former one gives its film away, and nothing where the new one cannot be shown because
     /// of a fault in it.
     pub(crate) fn new(
         machine: &mut Machine,
         former: &mut Option<Self>,
-        scene: &Scene,
-        volumes: &[Arc<CompressedVolume>],
-        meshes: &[Arc<MeshData>],
+        scene: &LoadedScene,
         read_image: ReadImage,
         counters: &mut Counters,
     ) -> Result<Self, Fault> {
         let mut counted = *counters;
-        let old = former.as_ref();
-        let diff = SceneDiff::between(old.map(|o| &o.scene), scene);
-        let lod = LodChoice::new(scene.settings.lod, &scene.camera, &scene.film);
-        let lod = if machine.spare.has(Part::Levels) { lod.carrying_levels() } else { lod };
-        let parts = parts_of(machine, old, &diff, scene, volumes, meshes, lod, read_image, &mut counted)?;
+        let plan = ScenePlan::between(former.as_ref().map(|o| &o.scene), scene);
+        let parts = Making::new(machine, scene, former.as_ref(), &mut counted).parts(&plan, read_image)?;
+        let s = scene.scene();
         let of_meshes = parts.meshes.iter().map(|m| &m.looks.packed);
         let mut needs = ShaderNeeds::new(
-            &scene.camera,
-            &scene.film,
-            &scene.settings,
+            &s.camera,
+            &s.film,
+            &s.settings,
             &parts.sky.lights,
             parts.instances.iter().map(|i| &i.looks.packed).chain(of_meshes),
             parts.instances.iter().any(|i| !i.cuts.cuts.is_empty()),
-            !meshes.is_empty(),
+            !scene.meshes().is_empty(),
         );
         needs.emitters = parts.emitters.is_some();
         needs.instance_tree = parts.tree.is_some();
         needs.aim |= needs.emitters;
         needs.bricks = parts.instances.iter().any(|i| i.boxes.has_bricks());
         needs.boxes = parts.instances.iter().any(|i| !i.boxes.has_bricks());
-        needs.smooth = scene.settings.smooth_voxels || meshes.iter().any(|mesh| mesh.is_smooth());
-        let size = [scene.film.width, scene.film.height];
-        let kept = kept_of(scene);
+        needs.smooth = s.settings.smooth_voxels || scene.meshes().iter().any(|mesh| mesh.is_smooth());
         let film = match former.take() {
-            Some(Self { mut film, .. }) if film.size == size && film.copy().kept() == kept => {
-                film.clear(&machine.gpu, scene.settings.adaptive)?;
+            Some(Self { mut film, .. }) if plan.sums == Reuse::Keep => {
+                film.clear(&machine.gpu, s.settings.adaptive)?;
                 film
             }
             // The former film's memory may be what the new one needs.
             other => {
                 drop(other);
-                Film::new(&machine.gpu, size, kept, scene.settings.adaptive)?
+                Film::new(&machine.gpu, [s.film.width, s.film.height], sums_of(s), s.settings.adaptive)?
             }
         };
-        counted.rebuilt.camera += u64::from(diff.camera || diff.film);
-        counted.rebuilt.film += u64::from(diff.film);
+        counted.rebuilt.camera += u64::from(plan.camera.is_build());
+        counted.rebuilt.film += u64::from(plan.film.is_build());
         *counters = counted;
         machine.slices.be_careful();
         machine.slices_of_firsts.be_careful();
-        Ok(Self {
-            scene: scene.clone(),
-            volumes: volumes.to_vec(),
-            meshes: meshes.to_vec(),
-            lod,
-            parts,
-            film,
-            constants: pack::carrying(needs.constants().to_vec(), machine.spare),
-        })
+        let constants = pack::carrying(needs.constants().to_vec(), machine.spare);
+        Ok(Self { scene: scene.clone(), parts, film, constants })
     }
 
     /// The same scene and samples on another device.
@@ -187,13 +101,13 @@ impl Shown {
         read_image: ReadImage,
         counters: &mut Counters,
     ) -> Result<Self, Fault> {
-        let Self { scene, volumes, meshes, lod, mut film, constants, parts } = self;
+        let Self { scene, mut film, constants, parts } = self;
         // Of the lost device: given back before its successor is asked for as much.
         drop(parts);
-        let diff = SceneDiff::between(None, &scene);
-        let parts = parts_of(machine, None, &diff, &scene, &volumes, &meshes, lod, read_image, counters)?;
+        let plan = ScenePlan::between(None, &scene);
+        let parts = Making::new(machine, &scene, None, counters).parts(&plan, read_image)?;
         film.again(&machine.gpu)?;
-        Ok(Self { scene, volumes, meshes, lod, parts, film, constants })
+        Ok(Self { scene, parts, film, constants })
     }
 
     /// One launch of a pass that brings every pixel to `target` samples, or of the pass that is under way. True when the pass is
@@ -274,13 +188,9 @@ impl Shown {
             position: Some(image(|f| f.position)),
             ..Picture::of(film.mean())
         };
-        let mut picture = film.passes_into(picture, self.scene.film.passes);
-        name_mattes(&mut picture, &self.scene, &self.volumes);
+        let mut picture = film.passes_into(picture, self.scene.scene().film.passes);
+        name_mattes(&mut picture, self.scene.scene(), self.scene.volumes());
         Ok(picture)
-    }
-
-    fn has_mattes(&self) -> bool {
-        self.scene.film.passes.has_any(Pass::MATTES)
     }
 
     /// First surfaces of a tile; how long the launch took.
@@ -318,93 +228,212 @@ fn launch_of(tile: &Tile) -> Launch {
     }
 }
 
-/// The parts of a scene, from the former one's where they are still right.
-#[expect(clippy::too_many_arguments, reason = "all that decides what is made anew")]
-fn parts_of(
-    machine: &Machine,
-    old: Option<&Shown>,
-    diff: &SceneDiff,
-    scene: &Scene,
-    volumes: &[Arc<CompressedVolume>],
-    meshes: &[Arc<MeshData>],
+/// The parts of a scene as they are made, by its plan, from the former one's where those are still right.
+struct Making<'a> {
+    machine: &'a Machine,
+    new: &'a LoadedScene,
+    old: Option<&'a SceneOnDevice>,
     lod: LodChoice,
-    read_image: ReadImage,
-    counters: &mut Counters,
-) -> Result<SceneOnDevice, Fault> {
-    let gpu = &machine.gpu;
-    let sky = match old {
-        Some(o) if !diff.world && !diff.suns && !diff.lights => Arc::clone(&o.parts.sky),
-        _ => {
-            counters.rebuilt.lights += 1;
-            counters.sent.lights += 1;
-            Arc::new(SkyOnDevice::new(gpu, scene_lights(scene, read_image)?)?)
-        }
-    };
-    let filter = match old {
-        Some(o) if o.scene.film.filter == scene.film.filter => Arc::clone(&o.parts.filter),
-        _ => {
-            counters.sent.filter += 1;
-            Arc::new(FilterOnDevice::new(gpu, &scene.film.filter)?)
-        }
-    };
-    let mut instances: Vec<InstanceOnDevice> = Vec::with_capacity(volumes.len());
-    for (place, (instance, volume)) in scene.instances.iter().zip(volumes).enumerate() {
-        let former = Former::find(old, diff, instance.id, volume);
-        let made = instance_of(machine, former.as_ref(), place, scene, volume, lod, &instances, counters)?;
-        instances.push(made);
-    }
-    let mut on_device: Vec<MeshOnDevice> = Vec::with_capacity(meshes.len());
-    for (place, (mesh, data)) in scene.meshes.iter().zip(meshes).enumerate() {
-        let former = FormerMesh::find(old, diff, mesh.id, data);
-        let twin = (0..place).find(|&other| Arc::ptr_eq(&meshes[other], data)).map(|other| &on_device[other]);
-        let made = mesh_of(machine, former.as_ref(), twin, place, volumes.len(), scene, data, counters)?;
-        on_device.push(made);
-    }
-    let emitters = match old {
-        Some(o) if shine_alike(&o.parts, &instances, &on_device) => o.parts.emitters.clone(),
-        _ => {
-            let made = emitters_of(scene, volumes, meshes, &instances, &on_device)?;
-            counters.rebuilt.lights += u64::from(made.is_some());
-            counters.sent.lights += u64::from(made.is_some());
-            made.map(|made| EmittersOnDevice::new(gpu, &made).map(Arc::new)).transpose()?
-        }
-    };
-    let least = if machine.spare.has(Part::InstanceTree) { 1 } else { INSTANCES_OF_A_TREE };
-    let former = old.and_then(|o| o.parts.tree.as_ref());
-    let (tree, made) = TreeOnDevice::new(gpu, former, &instances, &on_device, least)?;
-    counters.rebuilt.top_level += u64::from(made);
-    counters.sent.header += 1;
-    let rays = CameraRays::new(&scene.camera, &scene.film);
-    let settings = pack::settings(&scene.settings, kept_of(scene));
-    let tables = &machine.tables;
-    Ok(SceneOnDevice::new(gpu, tables, instances, on_device, sky, emitters, filter, tree, &rays, settings)?)
+    counters: &'a mut Counters,
 }
 
-/// What a scene's film keeps for passes.
-fn kept_of(scene: &Scene) -> PassSums {
-    PassSums::of(&scene.film, scene.meshes.iter().any(|mesh| mesh.shadow_catcher))
+impl<'a> Making<'a> {
+    fn new(
+        machine: &'a Machine,
+        new: &'a LoadedScene,
+        old: Option<&'a Shown>,
+        counters: &'a mut Counters,
+    ) -> Self {
+        let lod = lod_of(new.scene());
+        let lod = if machine.spare.has(Part::Levels) { lod.carrying_levels() } else { lod };
+        Self { machine, new, old: old.map(|o| &o.parts), lod, counters }
+    }
+
+    fn parts(mut self, plan: &ScenePlan, read_image: ReadImage) -> Result<SceneOnDevice, Fault> {
+        let (gpu, scene) = (&self.machine.gpu, self.new.scene());
+        let sky = match self.old {
+            Some(old) if plan.lights == Reuse::Keep => Arc::clone(&old.sky),
+            _ => {
+                self.counters.rebuilt.lights += 1;
+                self.counters.sent.lights += 1;
+                Arc::new(SkyOnDevice::new(gpu, scene_lights(scene, read_image)?)?)
+            }
+        };
+        let filter = match self.old {
+            Some(old) if plan.filter == Reuse::Keep => Arc::clone(&old.filter),
+            _ => {
+                self.counters.sent.filter += 1;
+                Arc::new(FilterOnDevice::new(gpu, &scene.film.filter)?)
+            }
+        };
+        let mut instances = Vec::with_capacity(plan.instances.len());
+        for (place, plan) in plan.instances.iter().enumerate() {
+            instances.push(self.instance(place, plan, &instances)?);
+        }
+        let mut meshes = Vec::with_capacity(plan.meshes.len());
+        for (place, plan) in plan.meshes.iter().enumerate() {
+            meshes.push(self.mesh(place, plan, &meshes)?);
+        }
+        let emitters = match self.old {
+            Some(old) if plan.emitters == Reuse::Keep => old.emitters.clone(),
+            _ => {
+                let made = emitters_of(self.new, &instances, &meshes)?;
+                self.counters.rebuilt.lights += u64::from(made.is_some());
+                self.counters.sent.lights += u64::from(made.is_some());
+                made.map(|made| EmittersOnDevice::new(gpu, &made).map(Arc::new)).transpose()?
+            }
+        };
+        let tree = match self.old {
+            Some(old) if plan.top_level == Reuse::Keep => old.tree.clone(),
+            _ => {
+                let least = if self.machine.spare.has(Part::InstanceTree) { 1 } else { INSTANCES_OF_A_TREE };
+                let tree = TreeOnDevice::new(gpu, &instances, &meshes, least)?;
+                self.counters.rebuilt.top_level += u64::from(tree.is_some());
+                tree.map(Arc::new)
+            }
+        };
+        self.counters.sent.header += 1;
+        let rays = CameraRays::new(&scene.camera, &scene.film);
+        let settings = pack::settings(&scene.settings, sums_of(scene));
+        let tables = &self.machine.tables;
+        Ok(SceneOnDevice::new(gpu, tables, instances, meshes, sky, emitters, filter, tree, &rays, settings)?)
+    }
+
+    /// Whether instances may share a hierarchy: the intersection shader of a pipeline knows an instance by its own.
+    fn shares_hierarchies(&self) -> bool {
+        self.machine.gpu.backend() != Backend::RayPipeline
+    }
+
+    fn looks(
+        &mut self,
+        looks: Looks,
+        ids: impl FnOnce() -> Vec<cryptomatte::Ids>,
+    ) -> Result<LooksOnDevice, Fault> {
+        self.counters.rebuilt.materials += 1;
+        self.counters.sent.materials += 1;
+        let mattes =
+            self.new.scene().film.passes.has_any(Pass::MATTES) || self.machine.spare.has(Part::Mattes);
+        let looks = looks.with_ids(if mattes { ids() } else { Vec::new() });
+        Ok(LooksOnDevice::new(&self.machine.gpu, looks)?)
+    }
+
+    /// One instance; `before` are those that come before it in the scene.
+    fn instance(
+        &mut self,
+        place: usize,
+        plan: &InstancePlan,
+        before: &[InstanceOnDevice],
+    ) -> Result<InstanceOnDevice, Fault> {
+        let (gpu, scene, volume) = (&self.machine.gpu, self.new.scene(), &self.new.volumes()[place]);
+        let (instance, old) = (&scene.instances[place], self.old);
+        let former = |place: usize| old.and_then(|old| old.instances.get(place));
+
+        let looks = plan.materials.find(former, |i| before.get(i)).map(|like| Arc::clone(&like.looks));
+        let looks = match looks {
+            Some(kept) => kept,
+            None => {
+                let (style, table) = (&instance.style, volume.labels());
+                let looks = Looks::new(style, table.ids(), table.contacts().iter(), &self.new.visible(place));
+                Arc::new(self.looks(looks, || cryptomatte::ids_of_volume(table))?)
+            }
+        };
+
+        let source = match self.shares_hierarchies() {
+            true => plan.boxes(),
+            false if plan.number == Reuse::Keep => plan.boxes().unshared(),
+            false => Source::Built,
+        };
+        let boxes = match source.find(former, |i| before.get(i)) {
+            Some(like) => Arc::clone(&like.boxes),
+            None => {
+                self.counters.rebuilt.acceleration += 1;
+                self.counters.sent.boxes += 1;
+                let visible = self.new.visible(place);
+                // The same volume may be on the device already, with all that is wanted now.
+                let here = plan.former.and_then(former).into_iter().chain(before).map(|i| i.boxes.nodes());
+                let carry_hidden = self.machine.spare.has(Part::HiddenLabels);
+                let all = vec![true; visible.len()];
+                let wanted = if carry_hidden { &all } else { &visible };
+                let known = here.filter(|n| n.is_of(volume)).find(|n| n.covers(wanted)).map(Arc::clone);
+                let nodes = match known {
+                    Some(nodes) => nodes,
+                    None => {
+                        self.counters.sent.nodes += 1;
+                        Arc::new(Nodes::new(gpu, volume, wanted)?)
+                    }
+                };
+                let smooth = scene.settings.smooth_voxels;
+                let (number, lod) = (place as u32, self.lod);
+                Arc::new(Boxes::new(gpu, number, volume, nodes, &visible, lod, smooth, carry_hidden)?)
+            }
+        };
+
+        let cuts = match plan.former.and_then(former) {
+            Some(former) if plan.cuts == Reuse::Keep => Arc::clone(&former.cuts),
+            _ => {
+                let cuts = Cuts::new(scene.cuts_of(instance.id), &instance.world_from_index);
+                self.counters.sent.cuts += u64::from(!cuts.is_empty());
+                Arc::new(CutsOnDevice::new(gpu, cuts)?)
+            }
+        };
+        let placement = Placement::of_instance(place as u32, instance.world_from_index)?;
+        Ok(InstanceOnDevice { boxes, looks, cuts, placement, lod: self.lod })
+    }
+
+    /// One mesh; it comes after all volumes, and after the meshes `before`.
+    fn mesh(
+        &mut self,
+        place: usize,
+        plan: &MeshPlan,
+        before: &[MeshOnDevice],
+    ) -> Result<MeshOnDevice, Fault> {
+        let (mesh, data, old) = (&self.new.scene().meshes[place], &self.new.meshes()[place], self.old);
+        let former = |place: usize| old.and_then(|old| old.meshes.get(place));
+
+        let looks = plan.materials.find(former, |i| before.get(i)).map(|like| Arc::clone(&like.looks));
+        let looks = match looks {
+            Some(kept) => kept,
+            None => {
+                let looks = Looks::of_mesh(&mesh.materials).catching(mesh.shadow_catcher);
+                Arc::new(self.looks(looks, || cryptomatte::ids_of_mesh(&mesh.source))?)
+            }
+        };
+
+        let source = match self.shares_hierarchies() {
+            true => plan.triangles,
+            false if plan.number == Reuse::Keep => plan.triangles.unshared(),
+            false => Source::Built,
+        };
+        let triangles = match source.find(former, |i| before.get(i)) {
+            Some(like) => Arc::clone(&like.triangles),
+            None => {
+                self.counters.rebuilt.acceleration += 1;
+                self.counters.sent.boxes += 1;
+                let instance = self.new.volumes().len() + place;
+                Arc::new(Triangles::new(&self.machine.gpu, place as u32, instance as u32, data)?)
+            }
+        };
+        let placement = mesh_placement(place as u32, triangles.mesh_from_grid(), mesh.world_from_mesh)?;
+        Ok(MeshOnDevice { triangles, looks, placement })
+    }
 }
 
 /// What of a scene shines and can be aimed at.
 fn emitters_of(
-    scene: &Scene,
-    volumes: &[Arc<CompressedVolume>],
-    meshes: &[Arc<MeshData>],
+    scene: &LoadedScene,
     instances: &[InstanceOnDevice],
-    on_device: &[MeshOnDevice],
+    meshes: &[MeshOnDevice],
 ) -> Result<Option<Emitters>, RenderError> {
     let mut grids = Vec::new();
-    for (place, (mesh, data)) in (0u32..).zip(on_device.iter().zip(meshes)) {
+    for (place, (mesh, data)) in (0u32..).zip(meshes.iter().zip(scene.meshes())) {
         grids.push(if mesh.looks.looks.shines() { Some(MeshGrid::new(place, data)?) } else { None });
     }
     let mut shining = Vec::new();
-    for (place, (instance, volume)) in instances.iter().zip(volumes).enumerate() {
+    for (place, (instance, volume)) in instances.iter().zip(scene.volumes()).enumerate() {
         if !instance.looks.looks.shines() {
             continue;
         }
-        let field = format!("instances[{place}].style.show");
-        let visible = scene.instances[place].style.show.resolve(&field, volume.labels().ids());
-        let visible = visible.map_err(|e| RenderError::Scene(e.to_string()))?;
+        let visible = scene.visible(place);
         let (mut drawn, mut number) = (Vec::new(), 0);
         volume.for_each_box(|label, _| {
             if visible[label as usize] {
@@ -422,7 +451,7 @@ fn emitters_of(
             looks: &instance.looks.looks,
         });
     }
-    for (place, (mesh, data)) in on_device.iter().zip(meshes).enumerate() {
+    for (place, (mesh, data)) in meshes.iter().zip(scene.meshes()).enumerate() {
         if let Some(grid) = &grids[place] {
             shining.push(Shining::Mesh {
                 instance: (instances.len() + place) as u32,
@@ -434,144 +463,4 @@ fn emitters_of(
         }
     }
     Emitters::new(&shining)
-}
-
-/// Whether the same surfaces shine alike, so that what is made to aim at them stays right.
-fn shine_alike(old: &SceneOnDevice, instances: &[InstanceOnDevice], meshes: &[MeshOnDevice]) -> bool {
-    let like =
-        |a: &Arc<LooksOnDevice>, b: &Arc<LooksOnDevice>| Arc::ptr_eq(a, b) || a.looks.shines_like(&b.looks);
-    old.instances.len() == instances.len()
-        && old.meshes.len() == meshes.len()
-        && old.instances.iter().zip(instances).all(|(a, b)| {
-            let same = Arc::ptr_eq(&a.boxes, &b.boxes)
-                && Arc::ptr_eq(&a.cuts, &b.cuts)
-                && a.placement == b.placement
-                && a.lod == b.lod;
-            like(&a.looks, &b.looks) && (same || !b.looks.looks.shines())
-        })
-        && old.meshes.iter().zip(meshes).all(|(a, b)| {
-            let same = Arc::ptr_eq(&a.triangles, &b.triangles) && a.placement == b.placement;
-            like(&a.looks, &b.looks) && (same || !b.looks.looks.shines())
-        })
-}
-
-/// One instance; `before` are those that come before it in the scene.
-#[expect(clippy::too_many_arguments, reason = "as parts_of")]
-fn instance_of(
-    machine: &Machine,
-    former: Option<&Former<'_>>,
-    place: usize,
-    scene: &Scene,
-    volume: &Arc<CompressedVolume>,
-    lod: LodChoice,
-    before: &[InstanceOnDevice],
-    counters: &mut Counters,
-) -> Result<InstanceOnDevice, Fault> {
-    let gpu = &machine.gpu;
-    let instance = &scene.instances[place];
-    let smooth = scene.settings.smooth_voxels;
-    let table = volume.labels();
-    let mattes = scene.film.passes.has_any(Pass::MATTES) || machine.spare.has(Part::Mattes);
-    // Of the same labels of the same volume; and in the same colours.
-    let twin = (0..place).find(|&other| {
-        before[other].boxes.nodes().is_of(volume) && scene.instances[other].style.show == instance.style.show
-    });
-    let alike = twin.filter(|&other| scene.instances[other].style == instance.style);
-    let kept_looks = former.and_then(|f| f.looks(mattes)).or_else(|| Some(&before[alike?].looks));
-    // The intersection shader of a pipeline knows an instance by its hierarchy.
-    let sharing = gpu.backend() != Backend::RayPipeline;
-    let kept_boxes = former.and_then(|f| f.boxes(place, lod, smooth));
-    let kept_boxes = kept_boxes.or_else(|| Some(&before[twin.filter(|_| sharing)?].boxes));
-    let visible = if kept_looks.is_none() || kept_boxes.is_none() {
-        let field = format!("instances[{place}].style.show");
-        let resolved = instance.style.show.resolve(&field, table.ids());
-        resolved.map_err(|e| RenderError::Scene(e.to_string()))?
-    } else {
-        Vec::new()
-    };
-    let looks = match kept_looks {
-        Some(kept) => Arc::clone(kept),
-        None => {
-            counters.rebuilt.materials += 1;
-            counters.sent.materials += 1;
-            let looks = Looks::new(&instance.style, table.ids(), table.contacts().iter(), &visible);
-            let ids = if mattes { cryptomatte::ids_of_volume(table) } else { Vec::new() };
-            Arc::new(LooksOnDevice::new(gpu, looks.with_ids(ids))?)
-        }
-    };
-    let boxes = match kept_boxes {
-        Some(kept) => Arc::clone(kept),
-        None => {
-            counters.rebuilt.acceleration += 1;
-            counters.sent.boxes += 1;
-            // The same volume may be on the device already, with all that is wanted now.
-            let here = former.map(|f| f.parts().boxes.nodes());
-            let here = here.into_iter().chain(before.iter().map(|i| i.boxes.nodes()));
-            let carry_hidden = machine.spare.has(Part::HiddenLabels);
-            let all = vec![true; visible.len()];
-            let wanted = if carry_hidden { &all } else { &visible };
-            let known = here.filter(|n| n.is_of(volume)).find(|n| n.covers(wanted)).map(Arc::clone);
-            let nodes = match known {
-                Some(nodes) => nodes,
-                None => {
-                    counters.sent.nodes += 1;
-                    Arc::new(Nodes::new(gpu, volume, wanted)?)
-                }
-            };
-            Arc::new(Boxes::new(gpu, place as u32, volume, nodes, &visible, lod, smooth, carry_hidden)?)
-        }
-    };
-    let placement = placement(place, instance.world_from_index)?;
-    let cuts = Cuts::new(scene.cuts_of(instance.id), &instance.world_from_index);
-    let cuts = match former.map(|f| &f.parts().cuts).filter(|kept| kept.cuts == cuts) {
-        Some(kept) => Arc::clone(kept),
-        None => {
-            counters.sent.cuts += u64::from(!cuts.is_empty());
-            Arc::new(CutsOnDevice::new(gpu, cuts)?)
-        }
-    };
-    Ok(InstanceOnDevice { boxes, looks, cuts, placement, lod })
-}
-
-/// One mesh; it comes after all `volumes`. `twin` has the same triangles.
-#[expect(clippy::too_many_arguments, reason = "as parts_of")]
-fn mesh_of(
-    machine: &Machine,
-    former: Option<&FormerMesh<'_>>,
-    twin: Option<&MeshOnDevice>,
-    place: usize,
-    volumes: usize,
-    scene: &Scene,
-    data: &MeshData,
-    counters: &mut Counters,
-) -> Result<MeshOnDevice, Fault> {
-    let gpu = &machine.gpu;
-    let mesh = &scene.meshes[place];
-    let mattes = scene.film.passes.has_any(Pass::MATTES) || machine.spare.has(Part::Mattes);
-    let looks = match former.and_then(|f| f.looks(mattes)) {
-        Some(kept) => Arc::clone(kept),
-        None => {
-            counters.rebuilt.materials += 1;
-            counters.sent.materials += 1;
-            let ids = if mattes { cryptomatte::ids_of_mesh(&mesh.source) } else { Vec::new() };
-            let looks = Looks::of_mesh(&mesh.materials).catching(mesh.shadow_catcher);
-            Arc::new(LooksOnDevice::new(gpu, looks.with_ids(ids))?)
-        }
-    };
-    let instance = volumes + place;
-    let shared = twin.filter(|_| gpu.backend() != Backend::RayPipeline).map(|t| &t.triangles);
-    let triangles = match former.and_then(|f| f.triangles(instance)).or(shared) {
-        Some(kept) => Arc::clone(kept),
-        None => {
-            counters.rebuilt.acceleration += 1;
-            counters.sent.boxes += 1;
-            Arc::new(Triangles::new(gpu, place as u32, instance as u32, data)?)
-        }
-    };
-    let placement = mesh_placement(place as u32, triangles.mesh_from_grid(), mesh.world_from_mesh)?;
-    Ok(MeshOnDevice { triangles, looks, placement })
-}
-
-fn placement(place: usize, world_from_index: DAffine3) -> Result<Placement, RenderError> {
-    Placement::of_instance(place as u32, world_from_index)
 }

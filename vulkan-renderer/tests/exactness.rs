@@ -222,7 +222,7 @@ impl Front {
     /// The same as a hierarchy over instances finds them, on both sides.
     fn check_tree(&self, what: &str, traced: &[TracedInstance], meshes: &[Placed], asked: &[Asked]) -> usize {
         self.in_both_forms(|form| {
-            let (tracer, made) = tracer(traced, meshes, form).with_tree(None, 1).unwrap();
+            let (tracer, made) = tracer(traced, meshes, form).with_tree(1).unwrap();
             assert!(made);
             let mut uploaded = Uploaded::new(&self.gpu, traced, form);
             for (mesh, place) in meshes {

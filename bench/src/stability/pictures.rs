@@ -15,7 +15,7 @@ use pumice_scene::{
 use pumice_session::FallbackRenderer;
 use pumice_session::backend::read_environment;
 use pumice_session::error::{Result, SessionError};
-use pumice_transport::{RenderError, Renderer};
+use pumice_transport::{LoadedScene, RenderError, Renderer};
 
 use super::Beside;
 
@@ -85,7 +85,7 @@ fn colors(
     spp: u32,
     job: &Job,
 ) -> std::result::Result<Vec<[f32; 3]>, RenderError> {
-    renderer.set_scene(scene, std::slice::from_ref(volume), &[])?;
+    renderer.set_scene(&LoadedScene::new(scene.clone(), vec![Arc::clone(volume)], vec![])?)?;
     // What the caller counts must not be the steps of a picture.
     let mut progress = renderer.advance(Duration::ZERO, spp, job)?;
     while progress.spp < spp {

@@ -225,9 +225,8 @@ impl Layout {
 /// What a header says that the file holds.
 fn contents_of(header: &[u8]) -> Result<Contents, Fault> {
     let got = u32_at(header, 12);
-    Contents::of_number(got).ok_or_else(|| {
-        Fault::in_header(12, format!("contents: expected 0 (boxes) or 1 (voxels), got {got}"))
-    })
+    Contents::of_number(got)
+        .ok_or_else(|| Fault::in_header(12, format!("contents: expected 0 (boxes) or 1 (voxels), got {got}")))
 }
 
 /// XXH3-64 of all but the checksum itself.

@@ -107,21 +107,23 @@ impl SceneTracer {
     }
 
     /// With a hierarchy over instances and meshes where there are at least `least` of them
-    /// ([`pumice_scene::INSTANCES_OF_A_TREE`] where that shall pay): `former`'s where all are where they are there. Says whether one was made.
+    /// ([`pumice_scene::INSTANCES_OF_A_TREE`] where that shall pay). Says whether one was made.
     ///
     /// # Errors
     /// As [`pumice_transport::Bvh::build`].
-    pub fn with_tree(self, former: Option<&Self>, least: usize) -> Result<(Self, bool), RenderError> {
+    pub fn with_tree(self, least: usize) -> Result<(Self, bool), RenderError> {
         if self.volumes.len() + self.meshes.len() < least {
             return Ok((self, false));
-        }
-        let kept = former.filter(|f| f.world_bounds().eq(self.world_bounds())).and_then(|f| f.tree.clone());
-        if kept.is_some() {
-            return Ok((Self { tree: kept, ..self }, false));
         }
         let tree = InstanceTree::new(self.world_bounds(), least)?.map(Arc::new);
         let made = tree.is_some();
         Ok((Self { tree, ..self }, made))
+    }
+
+    /// With the hierarchy of `former`, in which all instances and meshes have the same bounds.
+    #[must_use]
+    pub fn with_tree_of(self, former: &Self) -> Self {
+        Self { tree: former.tree.clone(), ..self }
     }
 
     /// The hierarchy over instances, where there is one.

@@ -11,7 +11,7 @@ use pumice_scene::{
     Camera, Environment, Film, Filter, Instance, LabelStyle, Light, LightShape, Material, Mesh, Mode,
     Projection, SCENE_VERSION, Scene, Settings, Sun, World,
 };
-use pumice_transport::Renderer;
+use pumice_transport::{LoadedScene, Renderer};
 
 use crate::shapes::{cube, cube_of};
 
@@ -99,9 +99,13 @@ fn scene_of(blocks: &[Block], as_mesh: AsMesh) -> (Scene, Vec<Arc<CompressedVolu
     (scene, volumes, meshes)
 }
 
+fn loaded(scene: &Scene, volumes: &[Arc<CompressedVolume>], meshes: &[Arc<MeshData>]) -> LoadedScene {
+    LoadedScene::new(scene.clone(), volumes.to_vec(), meshes.to_vec()).unwrap()
+}
+
 fn draw(scene: &Scene, volumes: &[Arc<CompressedVolume>], meshes: &[Arc<MeshData>], spp: u32) -> Picture {
     let mut renderer = crate::renderer();
-    renderer.set_scene(scene, volumes, meshes).unwrap();
+    renderer.set_scene(&loaded(scene, volumes, meshes)).unwrap();
     let job = Job::new();
     while renderer.advance(Duration::from_secs(5), spp, &job).unwrap().spp < spp {}
     renderer.picture().unwrap()
@@ -276,11 +280,11 @@ fn each_face_has_its_own_material_and_the_last_stands_for_those_past_the_end() {
 fn an_edit_makes_anew_what_it_changes_alone() {
     let (scene, volumes, meshes) = scene_of(&floor_and_box(lambert([0.5; 3])), &[false, true]);
     let mut renderer = crate::renderer();
-    renderer.set_scene(&scene, &volumes, &meshes).unwrap();
+    renderer.set_scene(&loaded(&scene, &volumes, &meshes)).unwrap();
     let job = Job::new();
     let mut picture_of = |scene: &Scene, volumes: &[_], meshes: &[_]| {
         let before = renderer.rebuilt();
-        renderer.set_scene(scene, volumes, meshes).unwrap();
+        renderer.set_scene(&loaded(scene, volumes, meshes)).unwrap();
         renderer.advance(Duration::ZERO, 1, &job).unwrap();
         let after = renderer.rebuilt();
         let made = (after.acceleration - before.acceleration, after.materials - before.materials);
@@ -314,7 +318,8 @@ fn an_edit_makes_anew_what_it_changes_alone() {
 fn what_is_not_drawn_of_a_mesh_is_refused_by_name() {
     let (scene, volumes, _) = scene_of(&floor_and_box(lambert([0.5; 3])), &[false, true]);
     let refusal = |scene: &Scene, meshes: &[Arc<MeshData>]| {
-        crate::renderer().set_scene(scene, &volumes, meshes).unwrap_err().to_string()
+        let loaded = LoadedScene::new(scene.clone(), volumes.clone(), meshes.to_vec());
+        loaded.and_then(|scene| crate::renderer().set_scene(&scene)).unwrap_err().to_string()
     };
     assert_eq!(refusal(&scene, &[]), "meshes: expected one mesh for each of 1, got 0");
     let huge = [cube(1e300, 1)];
@@ -322,5 +327,6 @@ fn what_is_not_drawn_of_a_mesh_is_refused_by_name() {
     assert!(told.starts_with("meshes[0]: expected a longest side from 1e-270 to 1e270, got 1e300"), "{told}");
     // A mesh without triangles is nothing.
     let nothing = [Arc::new(MeshData::default())];
-    assert!(crate::renderer().set_scene(&scene, &volumes, &nothing).is_ok());
+    let loaded = LoadedScene::new(scene, volumes, nothing.to_vec()).unwrap();
+    assert!(crate::renderer().set_scene(&loaded).is_ok());
 }

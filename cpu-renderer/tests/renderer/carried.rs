@@ -5,7 +5,7 @@ use std::time::Duration;
 use glam::DVec3;
 use pumice_core::Job;
 use pumice_scene::{Environment, Film, Filter, Part, Projection, Scene, Show, Spare};
-use pumice_transport::Renderer as _;
+use pumice_transport::{LoadedScene, Renderer as _};
 
 use super::cases::{lambert, looking_down, volume};
 
@@ -21,7 +21,7 @@ fn what_is_carried_changes_no_picture() {
     let mut renderer = super::renderer();
     let mut draw = |spare: Spare, scene: &Scene| {
         renderer.carry(spare);
-        renderer.set_scene(scene, &[volume()], &[]).unwrap();
+        renderer.set_scene(&LoadedScene::new(scene.clone(), vec![volume()], vec![]).unwrap()).unwrap();
         while renderer.advance(Duration::ZERO, 8, &Job::new()).unwrap().spp < 8 {}
         // (Bricks, which are for speed alone, give way to boxes where levels differ.)
         let bytes: u64 =

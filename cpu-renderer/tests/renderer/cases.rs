@@ -12,7 +12,7 @@ use pumice_scene::{
     Camera, Cut, CutShape, Environment, Film, Filter, Instance, LabelStyle, Light, LightShape, Lod, Material,
     Mesh, Mode, Projection, SCENE_VERSION, Scene, Settings, Show, Sun, World,
 };
-use pumice_transport::{Rebuilt, RenderError, Renderer};
+use pumice_transport::{LoadedScene, Rebuilt, RenderError, Renderer};
 
 const BLACK: Environment = Environment::Constant { radiance: [0.0; 3] };
 
@@ -67,7 +67,7 @@ pub(crate) fn lambert(albedo: f32) -> Material {
 fn render(scene: &Scene, spp: u32) -> Image {
     let mut renderer = super::renderer();
     let volumes = vec![volume(); scene.instances.len()];
-    renderer.set_scene(scene, &volumes, &[]).unwrap();
+    renderer.set_scene(&LoadedScene::new(scene.clone(), volumes.clone(), vec![]).unwrap()).unwrap();
     let job = Job::new();
     while renderer.advance(Duration::from_millis(20), spp, &job).unwrap().spp < spp {}
     renderer.picture().unwrap().color
@@ -113,7 +113,7 @@ fn a_cap_is_lit_as_its_plane_lies() {
     for (cuts, cosine) in [(vec![], 1.0), (vec![slope(5.0)], 0.8)] {
         scene.cuts = cuts;
         let mut renderer = super::renderer();
-        renderer.set_scene(&scene, &[volume()], &[]).unwrap();
+        renderer.set_scene(&LoadedScene::new(scene.clone(), vec![volume()], vec![]).unwrap()).unwrap();
         while renderer.advance(Duration::ZERO, 2, &Job::new()).unwrap().spp < 2 {}
         let picture = renderer.picture().unwrap();
         let expected = 0.6 * FRAC_1_PI * 3.0 * cosine;
@@ -158,7 +158,9 @@ fn a_mesh_is_seen_and_shades_and_an_edit_makes_anew_what_it_changes_alone() {
     let job = Job::new();
     let mut expect = |what: &str, scene: &Scene, meshes: &[_], made: [u64; 2], albedo: f32| {
         let before = renderer.rebuilt();
-        renderer.set_scene(scene, &[volume()], meshes).unwrap();
+        renderer
+            .set_scene(&LoadedScene::new(scene.clone(), vec![volume()], meshes.to_vec()).unwrap())
+            .unwrap();
         while renderer.advance(Duration::from_millis(20), 2, &job).unwrap().spp < 2 {}
         let after = renderer.rebuilt();
         // The volume is another one each time: one hierarchy and one table are its own.
@@ -233,7 +235,7 @@ fn a_cancelled_picture_goes_on_as_if_nothing_had_happened() {
     let scene = looking_down(Environment::Constant { radiance: [1.0; 3] }, vec![], lambert(0.8));
     let expected = render(&scene, 8);
     let mut renderer = super::renderer();
-    renderer.set_scene(&scene, &[volume()], &[]).unwrap();
+    renderer.set_scene(&LoadedScene::new(scene.clone(), vec![volume()], vec![]).unwrap()).unwrap();
     let job = Job::new();
     renderer.advance(Duration::ZERO, 3, &job).unwrap();
     let cancelled = Job::new();
@@ -247,7 +249,7 @@ fn a_cancelled_picture_goes_on_as_if_nothing_had_happened() {
 fn a_faulty_scene_leaves_the_former_one() {
     let scene = looking_down(Environment::Constant { radiance: [1.0; 3] }, vec![], lambert(0.8));
     let mut renderer = super::renderer();
-    renderer.set_scene(&scene, &[volume()], &[]).unwrap();
+    renderer.set_scene(&LoadedScene::new(scene.clone(), vec![volume()], vec![]).unwrap()).unwrap();
     renderer.advance(Duration::ZERO, 1, &Job::new()).unwrap();
     let before = renderer.picture().unwrap();
     let mut no_such_label = scene.clone();
@@ -260,7 +262,8 @@ fn a_faulty_scene_leaves_the_former_one() {
     for (bad, named) in
         [(no_such_label, "label 6"), (not_a_number, "camera.shift"), (no_picture, "absent.exr")]
     {
-        let error = renderer.set_scene(&bad, &[volume()], &[]).unwrap_err().to_string();
+        let loaded = LoadedScene::new(bad, vec![volume()], vec![]);
+        let error = loaded.and_then(|bad| renderer.set_scene(&bad)).unwrap_err().to_string();
         assert!(error.contains(named) && !error.contains('\n'), "{error}");
         assert_eq!(renderer.picture().unwrap(), before);
     }
@@ -350,7 +353,11 @@ fn no_extreme_material_puts_anything_but_numbers_on_the_film() {
                     };
                     let mut scene = looking_down(sky.clone(), vec![sun(angle_rad)], material);
                     along_the_floor(&mut scene, fov_rad);
-                    renderer.set_scene(&scene, std::slice::from_ref(&shared), &[]).unwrap();
+                    renderer
+                        .set_scene(
+                            &LoadedScene::new(scene.clone(), vec![Arc::clone(&shared)], vec![]).unwrap(),
+                        )
+                        .unwrap();
                     while renderer.advance(Duration::ZERO, 4, &Job::new()).unwrap().spp < 4 {}
                     let ([floor, tower, nothing], least) =
                         seen_along_the_floor(&scene, renderer.picture().unwrap());
@@ -453,7 +460,9 @@ fn only_what_differs_is_made_again() {
     for (name, edit, expected) in cases {
         let before = renderer.rebuilt();
         edit(&mut scene);
-        renderer.set_scene(&scene, std::slice::from_ref(&shared), &[]).unwrap();
+        renderer
+            .set_scene(&LoadedScene::new(scene.clone(), vec![Arc::clone(&shared)], vec![]).unwrap())
+            .unwrap();
         let after = renderer.rebuilt();
         let made = Rebuilt {
             camera: after.camera - before.camera,
@@ -517,7 +526,7 @@ fn many_instances_share_what_is_alike() {
         let before = renderer.rebuilt();
         edit(&mut scene);
         let volumes = vec![Arc::clone(&shared); scene.instances.len()];
-        renderer.set_scene(&scene, &volumes, &[]).unwrap();
+        renderer.set_scene(&LoadedScene::new(scene.clone(), volumes.clone(), vec![]).unwrap()).unwrap();
         let after = renderer.rebuilt();
         let made = Rebuilt {
             camera: after.camera - before.camera,
@@ -534,7 +543,11 @@ fn many_instances_share_what_is_alike() {
     drop(renderer);
     for (name, scene, image) in drawn {
         let mut anew = super::renderer();
-        anew.set_scene(&scene, &vec![Arc::clone(&shared); scene.instances.len()], &[]).unwrap();
+        anew.set_scene(
+            &LoadedScene::new(scene.clone(), vec![Arc::clone(&shared); scene.instances.len()], vec![])
+                .unwrap(),
+        )
+        .unwrap();
         while anew.advance(Duration::ZERO, 2, &Job::new()).unwrap().spp < 2 {}
         assert_eq!(image, anew.color().unwrap(), "{name}");
     }

@@ -92,7 +92,16 @@ pub(crate) fn sun() -> Sun {
 /// Draws until there are enough samples (a macro: what `super::renderer()` gives need not be a renderer itself).
 macro_rules! draw_on {
     ($renderer:expr, $scene:expr, $meshes:expr, $slice:expr, $spp:expr) => {{
-        $renderer.set_scene($scene, &[], $meshes).unwrap();
+        $renderer
+            .set_scene(
+                &pumice_transport::LoadedScene::new(
+                    pumice_scene::Scene::clone($scene),
+                    vec![],
+                    $meshes.to_vec(),
+                )
+                .unwrap(),
+            )
+            .unwrap();
         loop {
             let told = $renderer.advance($slice, $spp, &Job::new()).unwrap();
             if told.spp >= $spp || told.all_rest {

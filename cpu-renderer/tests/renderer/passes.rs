@@ -9,7 +9,7 @@ use pumice_core::Job;
 use pumice_picture::cryptomatte::id_of_hash;
 use pumice_picture::{Image, Pass, Passes, Picture};
 use pumice_scene::{Environment, Light, LightShape, Material, Mode, Projection, Scene, Settings, Show, Sun};
-use pumice_transport::Renderer;
+use pumice_transport::{LoadedScene, Renderer};
 
 use super::cases::{lambert, looking_down, volume};
 
@@ -22,7 +22,7 @@ fn light() -> Passes {
 
 fn render(scene: &Scene, spp: u32) -> Picture {
     let mut renderer = super::renderer();
-    renderer.set_scene(scene, &[volume()], &[]).unwrap();
+    renderer.set_scene(&LoadedScene::new(scene.clone(), vec![volume()], vec![]).unwrap()).unwrap();
     let job = Job::new();
     while renderer.advance(Duration::from_millis(20), spp, &job).unwrap().spp < spp {}
     renderer.picture().unwrap()
@@ -402,7 +402,7 @@ fn mattes_cover_what_alpha_does() {
     let mut renderer = super::renderer();
     for passes in [Passes::NONE, Pass::MATTES.iter().copied().collect()] {
         scene.film.passes = passes;
-        renderer.set_scene(&scene, &[volume()], &[]).unwrap();
+        renderer.set_scene(&LoadedScene::new(scene.clone(), vec![volume()], vec![]).unwrap()).unwrap();
     }
     while renderer.advance(Duration::from_millis(20), spp, &Job::new()).unwrap().spp < spp {}
     assert_eq!(renderer.picture().unwrap().mattes, picture.mattes);

@@ -6,7 +6,7 @@ use glam::DVec3;
 use pumice_core::Job;
 use pumice_picture::{Pass, Passes};
 use pumice_scene::{Adaptive, Environment, Scene, Settings, Sun};
-use pumice_transport::{Progress, Renderer as _};
+use pumice_transport::{LoadedScene, Progress, Renderer as _};
 
 use super::cases::{lambert, looking_down, volume};
 
@@ -39,7 +39,7 @@ macro_rules! draw {
 #[test]
 fn a_pixel_that_rests_is_that_of_an_even_picture_with_its_samples() {
     let mut renderer = super::renderer();
-    renderer.set_scene(&scene(), &[volume()], &[]).unwrap();
+    renderer.set_scene(&LoadedScene::new(scene(), vec![volume()], vec![]).unwrap()).unwrap();
     let (progress, rested) = draw!(renderer, Duration::from_millis(30), MOST);
     let counts = rested.samples.clone().unwrap();
     let mut kinds: Vec<u32> = counts.iter().map(|&n| n as u32).collect();
@@ -53,7 +53,7 @@ fn a_pixel_that_rests_is_that_of_an_even_picture_with_its_samples() {
     let mut even = scene();
     even.settings.adaptive = None;
     for &n in &kinds {
-        renderer.set_scene(&even, &[volume()], &[]).unwrap();
+        renderer.set_scene(&LoadedScene::new(even.clone(), vec![volume()], vec![]).unwrap()).unwrap();
         let (progress, picture) = draw!(renderer, Duration::from_millis(30), n);
         assert_eq!((progress.spp, progress.mean_spp, progress.all_rest), (n, f64::from(n), false));
         assert!(picture.samples.unwrap().iter().all(|&s| s == n as f32));
@@ -68,7 +68,7 @@ fn a_pixel_that_rests_is_that_of_an_even_picture_with_its_samples() {
     }
 
     // However it is cut into slices.
-    renderer.set_scene(&scene(), &[volume()], &[]).unwrap();
+    renderer.set_scene(&LoadedScene::new(scene(), vec![volume()], vec![]).unwrap()).unwrap();
     let (_, again) = draw!(renderer, Duration::ZERO, MOST);
     assert_eq!((again.color.pixels, again.samples), (rested.color.pixels, rested.samples));
 }
@@ -84,7 +84,7 @@ fn a_picture_without_noise_is_done_at_the_first_look() {
     still.camera.projection = pumice_scene::Projection::Orthographic { scale: 3.0 };
     // Six is no multiple of the replicates: eight.
     still.settings.adaptive = Some(Adaptive { threshold: 1e-3, min_spp: 6 });
-    renderer.set_scene(&still, &[volume()], &[]).unwrap();
+    renderer.set_scene(&LoadedScene::new(still.clone(), vec![volume()], vec![]).unwrap()).unwrap();
     let (progress, _) = draw!(renderer, Duration::from_millis(30), MOST);
     assert_eq!((progress.spp, progress.all_rest), (8, true));
     // Going on changes nothing and ends at once.

@@ -10,13 +10,12 @@
 //! A way is opened when the first scene is set, and not before: opening a graphics processor takes time, and whoever draws live
 //! shall not wait for it.
 
-use std::sync::Arc;
 use std::time::Duration;
 
-use pumice_core::{CompressedVolume, Job, MeshData};
+use pumice_core::Job;
 use pumice_picture::{Image, Picture};
-use pumice_scene::{Scene, Spare};
-use pumice_transport::{Pick, Progress, Rebuilt, RenderError, Renderer};
+use pumice_scene::Spare;
+use pumice_transport::{LoadedScene, Pick, Progress, Rebuilt, RenderError, Renderer};
 
 /// Opens a renderer.
 type Open = Box<dyn Fn() -> Result<Box<dyn Renderer>, RenderError> + Send>;
@@ -38,15 +37,12 @@ impl Way {
     }
 }
 
-/// A scene with its volumes and meshes.
-type ShownScene = (Scene, Vec<Arc<CompressedVolume>>, Vec<Arc<MeshData>>);
-
 /// See the module.
 pub struct FallbackRenderer {
     ways: Vec<Way>,
     place: usize,
     current: Option<Box<dyn Renderer>>,
-    shown: Option<ShownScene>,
+    shown: Option<LoadedScene>,
     notices: Vec<String>,
     /// What the renderers before the current one have made.
     rebuilt_before: Rebuilt,
@@ -138,14 +134,9 @@ impl FallbackRenderer {
     }
 
     /// Shows a scene by the first way that can.
-    fn show(
-        &mut self,
-        scene: &Scene,
-        volumes: &[Arc<CompressedVolume>],
-        meshes: &[Arc<MeshData>],
-    ) -> Result<(), RenderError> {
+    fn show(&mut self, scene: &LoadedScene) -> Result<(), RenderError> {
         loop {
-            match self.opened().and_then(|renderer| renderer.set_scene(scene, volumes, meshes)) {
+            match self.opened().and_then(|renderer| renderer.set_scene(scene)) {
                 Err(RenderError::Device(why)) => self.go_on(&why)?,
                 other => return other,
             }
@@ -154,10 +145,10 @@ impl FallbackRenderer {
 
     /// Shows what was shown before by the way that has come into use.
     fn show_again(&mut self) -> Result<(), RenderError> {
-        let Some((scene, volumes, meshes)) = self.shown.take() else { return Ok(()) };
-        let result = self.show(&scene, &volumes, &meshes);
-        self.shown = Some((scene, volumes, meshes));
-        result
+        match self.shown.clone() {
+            Some(scene) => self.show(&scene),
+            None => Ok(()),
+        }
     }
 
     fn collect_notices(&mut self) {
@@ -195,16 +186,11 @@ impl Renderer for FallbackRenderer {
         self.current.as_ref().map_or(Spare::NONE, |r| r.can_carry())
     }
 
-    fn set_scene(
-        &mut self,
-        scene: &Scene,
-        volumes: &[Arc<CompressedVolume>],
-        meshes: &[Arc<MeshData>],
-    ) -> Result<(), RenderError> {
+    fn set_scene(&mut self, scene: &LoadedScene) -> Result<(), RenderError> {
         let place = self.place;
-        let result = self.show(scene, volumes, meshes);
+        let result = self.show(scene);
         match &result {
-            Ok(()) => self.shown = Some((scene.clone(), volumes.to_vec(), meshes.to_vec())),
+            Ok(()) => self.shown = Some(scene.clone()),
             // The renderer that refused the scene would keep its former one, but this one has come since.
             Err(_) if self.place != place => self.show_again()?,
             Err(_) => {}

@@ -19,9 +19,8 @@ fn settled(live: &Live) -> Status {
 }
 
 fn started(fails: &[(&'static str, At)]) -> Live {
-    let (scene, volumes) = scene([4, 2]);
     let stop = Stop { spp: Some(4), ..Stop::default() };
-    Live::draw(scene, volumes, Vec::new(), ways(fails, full).0, stop, false).unwrap()
+    Live::draw(scene([4, 2]), ways(fails, full).0, stop, false).unwrap()
 }
 
 #[test]

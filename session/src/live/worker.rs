@@ -4,11 +4,11 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, PoisonError};
 use std::time::{Duration, Instant};
 
-use pumice_core::{CompressedVolume, Job, MeshData};
+use pumice_core::Job;
 use pumice_picture::Image;
 use pumice_picture::preview::{Guides, filtered};
-use pumice_scene::{Film, Passes, Scene};
-use pumice_transport::{Progress, RenderError, Renderer};
+use pumice_scene::{Film, Passes};
+use pumice_transport::{LoadedScene, Progress, RenderError, Renderer};
 
 use super::{Frame, LiveState, MOST_NOTICES, Question, Shared};
 use crate::backend::FallbackRenderer;
@@ -68,7 +68,7 @@ impl Worker {
     fn follow(&mut self) -> Option<String> {
         let mut drawn = 0;
         loop {
-            let (scene, volumes, meshes, revision, job) = {
+            let (scene, revision, job) = {
                 let mut board = self.shared.board();
                 while board.revision == drawn
                     && !board.stopping
@@ -86,16 +86,10 @@ impl Worker {
                     continue;
                 }
                 board.job = Arc::new(Job::new());
-                (
-                    board.scene.clone(),
-                    board.volumes.clone(),
-                    board.meshes.clone(),
-                    board.revision,
-                    Arc::clone(&board.job),
-                )
+                (board.scene.clone(), board.revision, Arc::clone(&board.job))
             };
             drawn = revision;
-            let outcome = self.draw(&scene, &volumes, &meshes, revision, &job);
+            let outcome = self.draw(&scene, revision, &job);
             self.tell();
             let mut board = self.shared.board();
             match outcome {
@@ -116,25 +110,21 @@ impl Worker {
     /// Draws one revision: coarse first, then all samples.
     fn draw(
         &mut self,
-        scene: &Scene,
-        volumes: &[Arc<CompressedVolume>],
-        meshes: &[Arc<MeshData>],
+        scene: &LoadedScene,
         revision: u64,
         job: &Job,
     ) -> std::result::Result<Turn, RenderError> {
         let clock = Stopwatch::start();
         // Frames have no passes: nothing is summed for them.
-        let scene = &Scene { film: Film { passes: Passes::NONE, ..scene.film }, ..scene.clone() };
-        for divisor in coarse_divisors(&scene.film) {
-            let mut coarse = scene.clone();
-            coarse.film.width = scene.film.width.div_ceil(divisor);
-            coarse.film.height = scene.film.height.div_ceil(divisor);
-            self.show(&coarse, volumes, meshes)?;
+        let film = Film { passes: Passes::NONE, ..scene.scene().film };
+        for divisor in coarse_divisors(&film) {
+            let [width, height] = [film.width, film.height].map(|n| n.div_ceil(divisor));
+            self.show(&scene.with_film(Film { width, height, ..film })?)?;
             let progress = self.renderer.advance(Duration::ZERO, 1, job)?;
             // A picture that was begun anew meanwhile has nothing to show yet: the next one will.
             self.publish(revision, progress, &clock, true, false)?;
         }
-        self.show(scene, volumes, meshes)?;
+        self.show(&scene.with_film(film)?)?;
         self.shared.board().error = None;
         let mut last_published = Instant::now();
         let mut published_spp = 0;
@@ -142,11 +132,7 @@ impl Worker {
             let age = Duration::from_secs_f64(clock.seconds() / 4.0);
             let slice = age.clamp(FIRST_SLICE, LONGEST_SLICE);
             let progress = self.renderer.advance(slice, self.stop.spp.unwrap_or(u32::MAX), job)?;
-            let done = progress.all_rest
-                || self.stop.spp.is_some_and(|n| progress.spp >= n)
-                || self.stop.seconds.is_some_and(|s| clock.seconds() >= s)
-                || self.stop.error.is_some_and(|bar| progress.error_estimate <= bar)
-                || progress.spp == u32::MAX;
+            let done = self.stop.is_met(&progress, clock.seconds());
             if done || published_spp == 0 || last_published.elapsed() >= slice {
                 let begun_anew = !self.publish(revision, progress, &clock, false, done)?;
                 if begun_anew {
@@ -165,14 +151,9 @@ impl Worker {
         }
     }
 
-    fn show(
-        &mut self,
-        scene: &Scene,
-        volumes: &[Arc<CompressedVolume>],
-        meshes: &[Arc<MeshData>],
-    ) -> std::result::Result<(), RenderError> {
+    fn show(&mut self, scene: &LoadedScene) -> std::result::Result<(), RenderError> {
         self.guides = None;
-        self.renderer.set_scene(scene, volumes, meshes)
+        self.renderer.set_scene(scene)
     }
 
     /// The picture with its noise filtered away; as it is where the film was begun anew meanwhile.

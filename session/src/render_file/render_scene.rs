@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use pumice_core::{CompressedVolume, Job, MeshData};
+use pumice_core::{CompressedVolume, Job};
 use pumice_picture::{Picture, Provenance};
-use pumice_scene::{Needs, Scene};
-use pumice_transport::{RenderError, Renderer};
+use pumice_scene::Needs;
+use pumice_transport::{LoadedScene, RenderError, Renderer};
 use serde::Serialize;
 
 use super::provenance::{hash_text, mesh_hash_text};
@@ -73,9 +73,7 @@ pub struct Rendered {
 /// # Errors
 /// What the renderer reports.
 pub fn render_scene(
-    scene: &Scene,
-    volumes: &[Arc<CompressedVolume>],
-    meshes: &[Arc<MeshData>],
+    loaded: &LoadedScene,
     backend: &str,
     stop: &Stop,
     job: &Job,
@@ -83,7 +81,7 @@ pub fn render_scene(
 ) -> Result<Rendered> {
     let clock = Stopwatch::start();
     let mut renderer = make_renderer(backend)?;
-    renderer.set_scene(scene, volumes, meshes)?;
+    renderer.set_scene(loaded)?;
     let prepare_seconds = [clock.seconds(), clock.cpu_seconds()];
     let (curve, mut picture) = loop {
         let curve = render_until(&mut renderer, stop, job, watch)?;
@@ -103,6 +101,7 @@ pub fn render_scene(
         mean_spp: 0.0,
         error_estimate: None,
     });
+    let (scene, volumes, meshes) = (loaded.scene(), loaded.volumes(), loaded.meshes());
     let ids: Vec<&[u64]> = volumes.iter().map(|v| v.labels().ids()).collect();
     let explanation = Needs::of(scene, &ids).explain();
     let backend = renderer.name().to_string();

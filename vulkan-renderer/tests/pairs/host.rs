@@ -95,6 +95,8 @@ pub(crate) const HOST_FILES: &[(&str, &str)] = &[
     ("transport/src/palette.rs", COLORS),
     ("picture/src/lib.rs", NAMES),
     ("transport/src/renderer.rs", "the interface of all renderers"),
+    ("transport/src/loaded_scene.rs", "a scene with its data, before a renderer has it"),
+    ("transport/src/scene_plan.rs", "what an edit makes anew, decided before anything is built"),
     ("picture/src/view_transform.rs", "what a screen shows of a finished picture"),
 ];
 
@@ -224,7 +226,6 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
             ("AllLooks::deref", READ),
             ("AllLooks::deref_mut", READ),
             ("Looks::shines", "a need, known before: NEEDS_EMITTERS"),
-            ("Looks::shines_like", "edits keep what is built"),
             ("Looks::bytes", COUNTED),
         ],
     ),
@@ -298,6 +299,7 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
             ("SceneTracer::own_volumes", COUNTED),
             ("SceneTracer::with_meshes", READY),
             ("SceneTracer::with_tree", READY),
+            ("SceneTracer::with_tree_of", READY),
             ("SceneTracer::tree", READ),
             ("SceneTracer::world_bounds", READY),
             ("SceneTracer::with_catchers", READY),

@@ -6,7 +6,7 @@ use std::time::Duration;
 use glam::DVec3;
 use pumice_core::{CompressedVolume, Job, LabelBuffer, LabelType, VolumeInfo, compress_labels};
 use pumice_scene::{Cut, CutShape, Environment, Film, Filter, Lod, Material, Projection, Scene, Show};
-use pumice_transport::Renderer as _;
+use pumice_transport::{LoadedScene, Renderer as _};
 use pumice_vulkan::Sent;
 
 use super::cases::{lambert, looking_down};
@@ -109,7 +109,9 @@ fn an_edit_sends_what_it_changes_and_no_more() {
     for (name, edit, expected) in &cases {
         let before = renderer.sent();
         edit(&mut scene);
-        renderer.set_scene(&scene, std::slice::from_ref(&volume), &[]).unwrap();
+        renderer
+            .set_scene(&LoadedScene::new(scene.clone(), vec![Arc::clone(&volume)], vec![]).unwrap())
+            .unwrap();
         let after = renderer.sent();
         let sent = Sent {
             header: after.header - before.header,
@@ -131,7 +133,9 @@ fn nothing_is_left_on_the_device() {
     let (scene, volume) = (scene_of_balls(), balls());
     let mut held = Vec::new();
     for _ in 0..3 {
-        renderer.set_scene(&scene, std::slice::from_ref(&volume), &[]).unwrap();
+        renderer
+            .set_scene(&LoadedScene::new(scene.clone(), vec![Arc::clone(&volume)], vec![]).unwrap())
+            .unwrap();
         renderer.advance(Duration::ZERO, 1, &Job::new()).unwrap();
         renderer.picture().unwrap();
         let counted: u64 = renderer.bytes().iter().map(|(_, b)| b).sum();

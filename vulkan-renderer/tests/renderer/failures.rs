@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use pumice_core::Job;
 use pumice_picture::Image;
-use pumice_transport::{RenderError, Renderer as _};
+use pumice_transport::{LoadedScene, RenderError, Renderer as _};
 use pumice_vulkan::device::Fault;
 
 use super::Validated;
@@ -21,7 +21,7 @@ pub(super) fn draw(
     for &(fault, nth) in faults {
         renderer.gpu().inject(fault, nth, 1);
     }
-    renderer.set_scene(&scene_of_balls(), &[balls()], &[])?;
+    renderer.set_scene(&LoadedScene::new(scene_of_balls(), vec![balls()], vec![]).unwrap())?;
     while renderer.advance(Duration::ZERO, SPP, &Job::new())?.spp < SPP {}
     let picture = renderer.picture()?;
     Ok((picture.color, renderer.notices()))

@@ -6,7 +6,7 @@ use std::time::Duration;
 use glam::{DAffine3, DVec3};
 use pumice_core::Job;
 use pumice_scene::{Film, Filter, Scene, Show};
-use pumice_transport::Renderer as _;
+use pumice_transport::{LoadedScene, Renderer as _};
 
 use super::Validated;
 use super::edits::{balls, scene_of_balls};
@@ -20,7 +20,9 @@ fn hidden_labels_are_not_on_the_device() {
         renderer.bytes().into_iter().find(|(n, _)| *n == name).unwrap_or_else(|| panic!("{name}")).1
     };
     let show = |renderer: &mut Validated, scene: &Scene| {
-        renderer.set_scene(scene, std::slice::from_ref(&volume), &[]).unwrap();
+        renderer
+            .set_scene(&LoadedScene::new(scene.clone(), vec![Arc::clone(&volume)], vec![]).unwrap())
+            .unwrap();
     };
     show(&mut renderer, &scene);
     let of_volume: u64 = ["boxes", "labels"].map(|p| part(&renderer, p)).iter().sum();
@@ -44,7 +46,11 @@ fn hidden_labels_are_not_on_the_device() {
     second.id = 2;
     second.world_from_index = DAffine3::from_translation(DVec3::new(0.0, 60.0, 0.0));
     scene.instances.push(second);
-    renderer.set_scene(&scene, &[Arc::clone(&volume), Arc::clone(&volume)], &[]).unwrap();
+    renderer
+        .set_scene(
+            &LoadedScene::new(scene.clone(), vec![Arc::clone(&volume), Arc::clone(&volume)], vec![]).unwrap(),
+        )
+        .unwrap();
     assert_eq!(part(&renderer, "nodes"), nodes);
     assert_eq!(renderer.sent().nodes, before.nodes + 1);
 }
@@ -59,13 +65,15 @@ fn a_pass_that_is_cancelled_midway_goes_on() {
         renderer.color().unwrap()
     };
     let mut renderer = super::bare();
-    renderer.set_scene(&scene, std::slice::from_ref(&volume), &[]).unwrap();
+    renderer.set_scene(&LoadedScene::new(scene.clone(), vec![Arc::clone(&volume)], vec![]).unwrap()).unwrap();
     let expected = whole(&mut renderer);
     drop(renderer);
     let mut cut = 0;
     for delay_ms in [5, 30, 60, 120] {
         let mut other = super::bare();
-        other.set_scene(&scene, std::slice::from_ref(&volume), &[]).unwrap();
+        other
+            .set_scene(&LoadedScene::new(scene.clone(), vec![Arc::clone(&volume)], vec![]).unwrap())
+            .unwrap();
         let job = Arc::new(Job::new());
         let canceller = Arc::clone(&job);
         let thread = std::thread::spawn(move || {

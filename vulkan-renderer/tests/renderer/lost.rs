@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use pumice_core::Job;
 use pumice_scene::Adaptive;
-use pumice_transport::{RenderError, Renderer as _};
+use pumice_transport::{LoadedScene, RenderError, Renderer as _};
 use pumice_vulkan::device::Fault;
 
 use super::edits::{balls, scene_of_balls};
@@ -15,7 +15,7 @@ use super::failures::{SPP, draw};
 fn samples_survive_a_lost_device() {
     let mut renderer = super::bare();
     let (expected, _) = draw(&mut renderer, &[]).unwrap();
-    renderer.set_scene(&scene_of_balls(), &[balls()], &[]).unwrap();
+    renderer.set_scene(&LoadedScene::new(scene_of_balls(), vec![balls()], vec![]).unwrap()).unwrap();
     while renderer.advance(Duration::ZERO, 2, &Job::new()).unwrap().spp < 2 {}
     renderer.gpu().inject(Fault::Submission, 1, 1);
     let job = Job::new();
@@ -34,7 +34,7 @@ fn pixels_rest_on_after_a_lost_device() {
     let mut scene = scene_of_balls();
     scene.settings.adaptive = Some(Adaptive { threshold: 0.2, min_spp: 4 });
     let mut drawn = |fault: bool| {
-        renderer.set_scene(&scene, &[balls()], &[]).unwrap();
+        renderer.set_scene(&LoadedScene::new(scene.clone(), vec![balls()], vec![]).unwrap()).unwrap();
         while renderer.advance(Duration::ZERO, 5, &Job::new()).unwrap().spp < 5 {}
         if fault {
             renderer.gpu().inject(Fault::Submission, 1, 1);
@@ -59,7 +59,8 @@ fn what_fails_twice_is_given_up() {
     let (expected, _) = draw(&mut renderer, &[]).unwrap();
     renderer.forget_scene();
     renderer.gpu().inject(Fault::Allocation, 2, 2);
-    let error = renderer.set_scene(&scene_of_balls(), &[balls()], &[]).unwrap_err();
+    let error =
+        renderer.set_scene(&LoadedScene::new(scene_of_balls(), vec![balls()], vec![]).unwrap()).unwrap_err();
     let RenderError::Device(text) = &error else { panic!("{error}") };
     assert!(text.starts_with("vulkan-compute on ") && text.contains("out of GPU memory"), "{text}");
     assert!(!text.contains('\n'));

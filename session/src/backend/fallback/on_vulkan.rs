@@ -29,8 +29,7 @@ fn cpu() -> Way {
 }
 
 fn draw(renderer: &mut FallbackRenderer) -> Picture {
-    let (scene, volumes) = scene([8, 6]);
-    renderer.set_scene(&scene, &volumes, &[]).unwrap();
+    renderer.set_scene(&scene([8, 6])).unwrap();
     loop {
         while renderer.advance(Duration::ZERO, 4, &Job::new()).unwrap().spp < 4 {}
         match renderer.picture() {

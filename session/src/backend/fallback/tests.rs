@@ -1,8 +1,9 @@
 //! Renderers that fail on command at each of their calls, against the one that goes on.
 
-use std::sync::Mutex;
+use std::sync::{Arc, Mutex};
 
-use pumice_core::{LabelBuffer, LabelType, MeshData, VolumeInfo, compress_labels};
+use pumice_core::{LabelBuffer, LabelType, VolumeInfo, compress_labels};
+use pumice_scene::Scene;
 
 use super::*;
 use crate::figure::{FigureOptions, compose};
@@ -63,14 +64,9 @@ impl Renderer for Fake {
         self.name
     }
 
-    fn set_scene(
-        &mut self,
-        scene: &Scene,
-        _: &[Arc<CompressedVolume>],
-        _: &[Arc<MeshData>],
-    ) -> Result<(), RenderError> {
+    fn set_scene(&mut self, scene: &LoadedScene) -> Result<(), RenderError> {
         self.call(At::SetScene)?;
-        (self.scene, self.spp) = (Some(scene.clone()), 0);
+        (self.scene, self.spp) = (Some(scene.scene().clone()), 0);
         self.rebuilt.camera += 1;
         Ok(())
     }
@@ -138,17 +134,18 @@ pub(crate) fn ways(fails: &[(&'static str, At)], error: Failure) -> (FallbackRen
     (FallbackRenderer::new(fails.iter().map(way).collect()), log)
 }
 
-pub(crate) fn scene(size: [u32; 2]) -> (Scene, Vec<Arc<CompressedVolume>>) {
+pub(crate) fn scene(size: [u32; 2]) -> LoadedScene {
     let info = VolumeInfo::new([2, 1, 1], LabelType::U8);
     let volume = compress_labels(info, LabelBuffer::U8(vec![5, 9])).unwrap();
     let options = FigureOptions { size, labels: None, view_deg: FigureOptions::DEFAULT_VIEW_DEG };
-    (compose(&volume, "memory".into(), &options), vec![Arc::new(volume)])
+    let scene = compose(&volume, "memory".into(), &options);
+    LoadedScene::new(scene, vec![Arc::new(volume)], vec![]).unwrap()
 }
 
 /// A picture of four samples, as sessions make it; whether it began anew on the way.
 fn render(renderer: &mut FallbackRenderer) -> Result<(Picture, bool), RenderError> {
-    let (scene, volumes) = scene([4, 2]);
-    renderer.set_scene(&scene, &volumes, &[])?;
+    let scene = scene([4, 2]);
+    renderer.set_scene(&scene)?;
     let mut restarted = false;
     let mut former = 0;
     loop {
@@ -217,14 +214,14 @@ fn every_way_is_tried_in_order() {
 #[test]
 fn a_pick_is_answered_by_the_next_way_and_a_color_later() {
     let (mut renderer, _) = ways(&[("vulkan-rt", At::Pick), ("cpu", At::Never)], full);
-    let (scene, volumes) = scene([4, 2]);
-    renderer.set_scene(&scene, &volumes, &[]).unwrap();
+    let scene = scene([4, 2]);
+    renderer.set_scene(&scene).unwrap();
     renderer.advance(Duration::ZERO, 9, &Job::new()).unwrap();
     assert_eq!(renderer.pick(3, 0).unwrap().unwrap().label, 3);
     assert_eq!(renderer.name(), "cpu");
 
     let (mut renderer, _) = ways(&[("vulkan-rt", At::Color), ("cpu", At::Never)], full);
-    renderer.set_scene(&scene, &volumes, &[]).unwrap();
+    renderer.set_scene(&scene).unwrap();
     renderer.advance(Duration::ZERO, 9, &Job::new()).unwrap();
     assert!(matches!(renderer.color(), Err(RenderError::Restarted)));
     assert_eq!(renderer.advance(Duration::ZERO, 9, &Job::new()).unwrap().spp, 1);
@@ -266,16 +263,11 @@ fn a_scene_that_the_next_way_refuses_leaves_the_former_one() {
         fn name(&self) -> &'static str {
             self.0.name
         }
-        fn set_scene(
-            &mut self,
-            scene: &Scene,
-            volumes: &[Arc<CompressedVolume>],
-            meshes: &[Arc<MeshData>],
-        ) -> Result<(), RenderError> {
-            match (scene.film.width, self.0.name) {
+        fn set_scene(&mut self, scene: &LoadedScene) -> Result<(), RenderError> {
+            match (scene.scene().film.width, self.0.name) {
                 (8, "vulkan-rt") => Err(full()),
                 (8, _) => Err(RenderError::Scene("film.width: not 8".into())),
-                _ => self.0.set_scene(scene, volumes, meshes),
+                _ => self.0.set_scene(scene),
             }
         }
         fn advance(&mut self, slice: Duration, limit: u32, job: &Job) -> Result<Progress, RenderError> {
@@ -314,9 +306,8 @@ fn a_scene_that_the_next_way_refuses_leaves_the_former_one() {
         Way { backend: name, device: "X".into(), open }
     };
     let mut renderer = FallbackRenderer::new(vec![way("vulkan-rt"), way("cpu")]);
-    let (first, volumes) = scene([4, 2]);
-    renderer.set_scene(&first, &volumes, &[]).unwrap();
-    let error = renderer.set_scene(&scene([8, 2]).0, &volumes, &[]).unwrap_err();
+    renderer.set_scene(&scene([4, 2])).unwrap();
+    let error = renderer.set_scene(&scene([8, 2])).unwrap_err();
     assert_eq!(error.to_string(), "film.width: not 8");
     assert_eq!(renderer.name(), "cpu");
     renderer.advance(Duration::ZERO, 1, &Job::new()).unwrap();

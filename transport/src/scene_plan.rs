@@ -1,0 +1,353 @@
+//! What a renderer makes anew for an edit, and what it keeps: decided here, once for all renderers, before anything is built.
+//!
+//! ```text
+//! part                   hangs on                                             kept for
+//! lights                 world, suns, lamps                                   all other edits
+//! materials              style, drawn labels, whether there are mattes        another place, camera, film …
+//! hierarchy of boxes     volume, drawn labels, whether boxes are tight        another place, cut, coarser level …
+//! bricks                 the same, level of detail                            another place, cut …
+//! neighbours of boxes    the same, smooth voxels
+//! triangles              mesh                                                 another place, other materials
+//! emitters               all of these of what shines, but its base colours    whatever happens to the dark
+//! top-level hierarchy    which instances there are, and their bounds          other materials, cuts …
+//! ```
+//! A part that cannot be kept may be shared: instances that draw the same labels of the same volume have one hierarchy. What is a
+//! matter of a device alone (a ray tracing pipeline shares none) is the renderer's to add.
+
+use std::sync::Arc;
+
+use pumice_picture::PassSums;
+use pumice_scene::{Film, LabelStyle, Material, Pass, Scene, SceneDiff};
+
+use crate::LoadedScene;
+use crate::emitters::shine;
+use crate::geometry::LodChoice;
+
+/// What becomes of a part that a renderer has once.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Reuse {
+    /// It is right as it is.
+    Keep,
+    /// It is made anew.
+    Build,
+}
+
+/// Where a part of an instance or of a mesh comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Source {
+    /// From the former scene, where it is the part of the instance, or of the mesh, at this place.
+    Kept(usize),
+    /// From an earlier instance, or mesh, of the new scene: the one at this place.
+    Shared(usize),
+    /// It is made.
+    Built,
+}
+
+/// What becomes of the parts of an instance of a volume.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct InstancePlan {
+    /// Its place in the former scene, where it was of the same volume.
+    pub former: Option<usize>,
+    /// Materials by label.
+    pub materials: Source,
+    /// The hierarchy over the boxes that are drawn, in index space.
+    pub hierarchy: Source,
+    /// What is made for the levels of detail of these boxes: bricks.
+    pub levels: Source,
+    /// Which boxes of a label are near each other, where voxels are shaded smooth.
+    pub neighbors: Source,
+    /// Its place in the list of instances, by which hits name it.
+    pub number: Reuse,
+    /// Its matrix, and the distances at which its boxes are coarser.
+    pub placement: Reuse,
+    /// What is cut away from it.
+    pub cuts: Reuse,
+}
+
+/// What becomes of the parts of a mesh.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct MeshPlan {
+    /// Materials by their index.
+    pub materials: Source,
+    /// Triangles, and the hierarchy over them.
+    pub triangles: Source,
+    /// Its number among all instances: meshes come after volumes.
+    pub number: Reuse,
+    /// Its matrix.
+    pub placement: Reuse,
+}
+
+/// What becomes of each part of a renderer's data.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ScenePlan {
+    /// Rays of the camera.
+    pub camera: Reuse,
+    /// Anything of the film: its size, its filter, its passes.
+    pub film: Reuse,
+    /// Table of the film's filter.
+    pub filter: Reuse,
+    /// The film's memory: its size, and the sums that it keeps for passes.
+    pub sums: Reuse,
+    /// Sky, suns and lamps, and the choice among them.
+    pub lights: Reuse,
+    /// Each instance of a volume.
+    pub instances: Vec<InstancePlan>,
+    /// Each mesh.
+    pub meshes: Vec<MeshPlan>,
+    /// Surfaces that shine, and the tree over them.
+    pub emitters: Reuse,
+    /// The hierarchy over all instances and meshes.
+    pub top_level: Reuse,
+}
+
+impl Reuse {
+    fn keep_if(same: bool) -> Self {
+        if same { Self::Keep } else { Self::Build }
+    }
+
+    /// Whether it is made anew.
+    pub fn is_build(self) -> bool {
+        self == Self::Build
+    }
+}
+
+impl Source {
+    fn kept_or_shared(kept: Option<usize>, shared: Option<usize>) -> Self {
+        kept.map(Self::Kept).or(shared.map(Self::Shared)).unwrap_or(Self::Built)
+    }
+
+    fn is_kept(self) -> bool {
+        matches!(self, Self::Kept(_))
+    }
+
+    /// The same for a renderer that shares nothing between instances.
+    #[must_use]
+    pub fn unshared(self) -> Self {
+        if let Self::Shared(_) = self { Self::Built } else { self }
+    }
+
+    /// The part itself, `None` where it is to be made: `kept` and `shared` find it by its place.
+    pub fn find<T>(
+        self,
+        kept: impl FnOnce(usize) -> Option<T>,
+        shared: impl FnOnce(usize) -> Option<T>,
+    ) -> Option<T> {
+        match self {
+            Self::Kept(place) => kept(place),
+            Self::Shared(place) => shared(place),
+            Self::Built => None,
+        }
+    }
+}
+
+impl InstancePlan {
+    /// Hierarchy, bricks and neighbours as one part, for a renderer that holds them as one.
+    pub fn boxes(&self) -> Source {
+        let parts = [self.hierarchy, self.levels, self.neighbors];
+        parts.into_iter().find(|part| !part.is_kept()).unwrap_or(self.hierarchy)
+    }
+
+    /// Whether all of its geometry is where and as it was.
+    pub fn keeps_geometry(&self) -> bool {
+        self.boxes().is_kept() && [self.number, self.placement, self.cuts] == [Reuse::Keep; 3]
+    }
+}
+
+impl MeshPlan {
+    /// Whether all of its geometry is where and as it was.
+    pub fn keeps_geometry(&self) -> bool {
+        self.triangles.is_kept() && [self.number, self.placement] == [Reuse::Keep; 2]
+    }
+}
+
+impl ScenePlan {
+    /// What a renderer that shows `old`, or nothing yet, makes anew to show `new`.
+    pub fn between(old: Option<&LoadedScene>, new: &LoadedScene) -> Self {
+        let edit = Edit { old, new, diff: SceneDiff::between(old.map(LoadedScene::scene), new.scene()) };
+        let instances: Vec<_> = (0..new.volumes().len()).map(|place| edit.instance(place)).collect();
+        let meshes: Vec<_> = (0..new.meshes().len()).map(|place| edit.mesh(place)).collect();
+        let Edit { diff, .. } = &edit;
+        let of_film = |same: fn(&Scene, &Scene) -> bool| {
+            Reuse::keep_if(old.is_some_and(|old| same(old.scene(), new.scene())))
+        };
+        Self {
+            camera: Reuse::keep_if(!diff.camera && !diff.film),
+            film: Reuse::keep_if(!diff.film),
+            filter: of_film(|old, new| old.film.filter == new.film.filter),
+            sums: of_film(|old, new| {
+                size_of(&old.film) == size_of(&new.film) && sums_of(old) == sums_of(new)
+            }),
+            lights: Reuse::keep_if(!diff.world && !diff.suns && !diff.lights),
+            emitters: Reuse::keep_if(edit.shines_alike(&instances, &meshes)),
+            top_level: Reuse::keep_if(edit.bounds_are_kept(&instances, &meshes)),
+            instances,
+            meshes,
+        }
+    }
+}
+
+fn size_of(film: &Film) -> [u32; 2] {
+    [film.width, film.height]
+}
+
+/// What a scene's film keeps for passes.
+pub fn sums_of(scene: &Scene) -> PassSums {
+    PassSums::of(&scene.film, scene.meshes.iter().any(|mesh| mesh.shadow_catcher))
+}
+
+/// How a scene's levels of detail are chosen.
+pub fn lod_of(scene: &Scene) -> LodChoice {
+    LodChoice::new(scene.settings.lod, &scene.camera, &scene.film)
+}
+
+/// Whether boxes of both choices are of the same kind: a distance decides ray by ray, whatever it is.
+fn is_same_kind(a: LodChoice, b: LodChoice) -> bool {
+    let by_distance = |lod| matches!(lod, LodChoice::Distance { .. });
+    a == b || by_distance(a) && by_distance(b)
+}
+
+struct Edit<'a> {
+    old: Option<&'a LoadedScene>,
+    new: &'a LoadedScene,
+    diff: SceneDiff,
+}
+
+impl Edit<'_> {
+    /// Whether mattes are kept in both scenes, or in neither.
+    fn same_mattes(&self) -> bool {
+        let has = |scene: &Scene| scene.film.passes.has_any(Pass::MATTES);
+        self.old.is_some_and(|old| has(old.scene()) == has(self.new.scene()))
+    }
+
+    fn instance(&self, place: usize) -> InstancePlan {
+        let (scene, volumes) = (self.new.scene(), self.new.volumes());
+        let (instance, volume) = (&scene.instances[place], &volumes[place]);
+        // An earlier one that draws the same labels of the same volume.
+        let twin = (0..place).find(|&other| {
+            Arc::ptr_eq(&volumes[other], volume) && scene.instances[other].style.show == instance.style.show
+        });
+        let alike = twin.filter(|&other| scene.instances[other].style == instance.style);
+        let mut plan = InstancePlan {
+            former: None,
+            materials: Source::kept_or_shared(None, alike),
+            hierarchy: Source::kept_or_shared(None, twin),
+            levels: Source::kept_or_shared(None, twin),
+            neighbors: Source::kept_or_shared(None, twin),
+            number: Reuse::Build,
+            placement: Reuse::Build,
+            cuts: Reuse::Build,
+        };
+        let Some(old) = self.old else { return plan };
+        // The same path may hold another volume by now.
+        let is_former = |&place: &usize| Arc::ptr_eq(&old.volumes()[place], volume);
+        let Some(former) = old.scene().instances.iter().position(|i| i.id == instance.id).filter(is_former)
+        else {
+            return plan;
+        };
+        let change = self.diff.changed.iter().find(|c| c.id == instance.id).copied().unwrap_or_default();
+        let keep = |same: bool, twin| Source::kept_or_shared(same.then_some(former), twin);
+        let lods = [lod_of(old.scene()), lod_of(scene)];
+        let [was_tight, is_tight] = lods.map(|lod| lod == LodChoice::Voxels);
+        let same_boxes = !change.visibility && was_tight == is_tight;
+        let smooth = |scene: &Scene| scene.settings.smooth_voxels;
+        let same_cuts = old.scene().cuts_of(instance.id).eq(scene.cuts_of(instance.id));
+        let is_cut = scene.cuts_of(instance.id).next().is_some();
+        plan.former = Some(former);
+        // Colours of neighbours follow from which labels are drawn.
+        plan.materials = keep(!change.materials && !change.visibility && self.same_mattes(), alike);
+        plan.hierarchy = keep(same_boxes, twin);
+        plan.levels = keep(same_boxes && is_same_kind(lods[0], lods[1]), twin);
+        plan.neighbors = keep(same_boxes && smooth(old.scene()) == smooth(scene), twin);
+        plan.number = Reuse::keep_if(former == place);
+        plan.placement = Reuse::keep_if(!change.moved && lods[0] == lods[1]);
+        plan.cuts = Reuse::keep_if(same_cuts && !(is_cut && change.moved));
+        plan
+    }
+
+    fn mesh(&self, place: usize) -> MeshPlan {
+        let (scene, meshes) = (self.new.scene(), self.new.meshes());
+        let (mesh, data) = (&scene.meshes[place], &meshes[place]);
+        let twin = (0..place).find(|&other| Arc::ptr_eq(&meshes[other], data));
+        let mut plan = MeshPlan {
+            materials: Source::Built,
+            triangles: Source::kept_or_shared(None, twin),
+            number: Reuse::Build,
+            placement: Reuse::Build,
+        };
+        let Some(old) = self.old else { return plan };
+        let is_former = |&place: &usize| Arc::ptr_eq(&old.meshes()[place], data);
+        let Some(former) = old.scene().meshes.iter().position(|m| m.id == mesh.id).filter(is_former) else {
+            return plan;
+        };
+        let change = self.diff.meshes_changed.iter().find(|c| c.id == mesh.id).copied().unwrap_or_default();
+        // Mattes call a mesh by its source.
+        let is_renamed = scene.film.passes.has_any(Pass::MATTES) && change.geometry;
+        if !change.materials && !is_renamed && self.same_mattes() {
+            plan.materials = Source::Kept(former);
+        }
+        plan.triangles = Source::Kept(former);
+        plan.number = Reuse::keep_if(old.volumes().len() + former == self.new.volumes().len() + place);
+        plan.placement = Reuse::keep_if(!change.moved);
+        plan
+    }
+
+    /// Whether there are as many instances and meshes as before, so that their numbers say the same.
+    fn same_counts(&self) -> bool {
+        self.old.is_some_and(|old| {
+            old.volumes().len() == self.new.volumes().len() && old.meshes().len() == self.new.meshes().len()
+        })
+    }
+
+    /// Whether all that shines is where it was and shines as it did, whatever its base colours.
+    fn shines_alike(&self, instances: &[InstancePlan], meshes: &[MeshPlan]) -> bool {
+        let Some(old) = self.old.filter(|_| self.same_counts()) else { return false };
+        let (old, new) = (old.scene(), self.new.scene());
+        let of_instances =
+            old.instances.iter().zip(&new.instances).zip(instances).all(|((old, new), plan)| {
+                let shine = [&old.style, &new.style].map(style_shines);
+                shine == [false; 2] || plan.keeps_geometry() && styles_shine_alike(&old.style, &new.style)
+            });
+        let of_meshes = old.meshes.iter().zip(&new.meshes).zip(meshes).all(|((old, new), plan)| {
+            let shine = [&old.materials, &new.materials].map(|all| all.iter().any(shines));
+            shine == [false; 2]
+                || plan.keeps_geometry()
+                    && old.materials.iter().map(light).eq(new.materials.iter().map(light))
+        });
+        of_instances && of_meshes
+    }
+
+    /// Whether what is drawn of each instance and mesh has the bounds that it had.
+    fn bounds_are_kept(&self, instances: &[InstancePlan], meshes: &[MeshPlan]) -> bool {
+        self.same_counts()
+            && instances.iter().all(|i| i.hierarchy.is_kept() && i.number == Reuse::Keep && !self.is_moved(i))
+            && meshes.iter().all(MeshPlan::keeps_geometry)
+    }
+
+    fn is_moved(&self, plan: &InstancePlan) -> bool {
+        let (Some(old), Some(former)) = (self.old, plan.former) else { return true };
+        let id = old.scene().instances[former].id;
+        self.diff.changed.iter().any(|change| change.id == id && change.moved)
+    }
+}
+
+fn shines(material: &Material) -> bool {
+    shine(material) > 0.0
+}
+
+fn style_shines(style: &LabelStyle) -> bool {
+    shines(&style.material) || style.materials.values().any(shines)
+}
+
+/// What the light of a material hangs on; `None` of one that does not shine.
+fn light(material: &Material) -> Option<Material> {
+    shines(material).then_some(Material { base_color: [0.0; 3], ..*material })
+}
+
+/// Whether the same labels shine as much and alike.
+fn styles_shine_alike(old: &LabelStyle, new: &LabelStyle) -> bool {
+    let own =
+        |style: &LabelStyle| -> Vec<_> { style.materials.iter().map(|(id, m)| (*id, light(m))).collect() };
+    old.auto_color == new.auto_color
+        && light(&old.material) == light(&new.material)
+        && (old.materials == new.materials || own(old) == own(new))
+}
