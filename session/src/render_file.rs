@@ -9,7 +9,7 @@ use pumice_formats::OpenOptions;
 use pumice_picture::{
     Passes, Picture, Provenance, read_provenance, write_exr, write_exr_half, write_png_shown,
 };
-use pumice_scene::{Adaptive, Lod, Mode, Needs, Scene, Show, ViewTransform};
+use pumice_scene::{Adaptive, Lod, Mode, Scene, Show, ViewTransform};
 use pumice_transport::{LoadedScene, RenderError, Renderer};
 use serde::Serialize;
 
@@ -416,8 +416,7 @@ pub fn render_scene(
         error_estimate: None,
     });
     let (scene, volumes, meshes) = (loaded.scene(), loaded.volumes(), loaded.meshes());
-    let ids: Vec<&[u64]> = volumes.iter().map(|v| v.labels().ids()).collect();
-    let explanation = Needs::of(scene, &ids).explain();
+    let explanation = loaded.needs().explain();
     let backend = renderer.name().to_string();
     picture.provenance = Some(Provenance {
         version: env!("CARGO_PKG_VERSION").into(),
