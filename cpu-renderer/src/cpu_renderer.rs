@@ -7,14 +7,14 @@ use pumice_core::Job;
 use pumice_picture::cryptomatte::{self, Ids};
 use pumice_picture::film::REPLICATES;
 use pumice_picture::{Image, Picture, name_mattes};
-use pumice_scene::{INSTANCES_OF_A_TREE, Part, Pass, Scene, Spare};
+use pumice_scene::{Part, PartSet, Scene};
 use pumice_transport::camera_rays::CameraRays;
 use pumice_transport::emitters::{Emitters, Shining};
 use pumice_transport::geometry::LodChoice;
 use pumice_transport::lights::Lights;
-use pumice_transport::looks::Looks;
+use pumice_transport::looks::{AllLooks, Looks};
 use pumice_transport::scene_lights::{ReadImage, scene_lights};
-use pumice_transport::scene_plan::{InstancePlan, MeshPlan, Reuse, ScenePlan, lod_of};
+use pumice_transport::scene_plan::{InstancePlan, MeshPlan, Reuse, ScenePlan};
 use pumice_transport::{LoadedScene, Pick, Progress, Rebuilt, RenderError, Renderer, SurfaceKind};
 
 use crate::path::Surroundings;
@@ -27,7 +27,6 @@ pub struct CpuRenderer {
     read_image: ReadImage,
     shown: Option<Shown>,
     rebuilt: Rebuilt,
-    spare: Spare,
 }
 
 #[derive(Debug)]
@@ -37,6 +36,16 @@ struct Shown {
     /// Lights but surfaces that shine.
     lights: Arc<Lights>,
 }
+
+/// What it leaves out where a scene does not need it. The rest is decided as paths go: its code is always there, and asked only by
+/// what a scene has.
+pub const LEAVES_OUT: PartSet = PartSet::NONE
+    .with(Part::HiddenLabels)
+    .with(Part::Levels)
+    .with(Part::Clear)
+    .with(Part::Sorting)
+    .with(Part::Mattes)
+    .with(Part::InstanceTree);
 
 /// Those that instances share counted once.
 fn bytes_of_looks(looks: &[Arc<Looks>]) -> u64 {
@@ -51,7 +60,7 @@ fn no_scene() -> RenderError {
 impl CpuRenderer {
     /// A renderer that shows nothing yet.
     pub fn new(read_image: ReadImage) -> Self {
-        Self { read_image, shown: None, rebuilt: Rebuilt::default(), spare: Spare::NONE }
+        Self { read_image, shown: None, rebuilt: Rebuilt::default() }
     }
 
     fn shown(&self) -> Result<&Shown, RenderError> {
@@ -88,7 +97,7 @@ struct Making<'a> {
     new: &'a LoadedScene,
     old: Option<&'a Shown>,
     lod: LodChoice,
-    spare: Spare,
+    parts: PartSet,
     rebuilt: Rebuilt,
 }
 
@@ -96,9 +105,8 @@ impl Making<'_> {
     /// Looks of an instance or of a mesh, ready to be shared.
     fn ready(&mut self, looks: Looks, ids: impl FnOnce() -> Vec<Ids>) -> Arc<Looks> {
         self.rebuilt.materials += 1;
-        let mattes = self.new.scene().film.passes.has_any(Pass::MATTES) || self.spare.has(Part::Mattes);
-        let looks = looks.with_ids(if mattes { ids() } else { Vec::new() });
-        Arc::new(if self.spare.has(Part::Clear) { looks.carrying_clear() } else { looks })
+        let mattes = self.parts.has(Part::Mattes);
+        Arc::new(looks.with_ids(if mattes { ids() } else { Vec::new() }))
     }
 
     /// The former scene's looks of this number: meshes come after volumes.
@@ -153,7 +161,7 @@ impl Making<'_> {
                     visible: self.new.visible(place),
                     lod: self.lod,
                 };
-                match self.spare.has(Part::HiddenLabels) {
+                match self.parts.has(Part::HiddenLabels) {
                     true => VolumeTracer::carrying_hidden(place as u32, &traced)?,
                     false => VolumeTracer::new(place as u32, &traced)?,
                 }
@@ -187,23 +195,11 @@ impl Renderer for CpuRenderer {
         "cpu"
     }
 
-    fn carry(&mut self, spare: Spare) {
-        (self.spare, self.shown) = (spare, None);
-    }
-
-    /// The rest is decided as paths go: its code is always there, and asked only by what a scene has.
-    fn can_carry(&self) -> Spare {
-        let parts =
-            [Part::HiddenLabels, Part::Levels, Part::Clear, Part::Sorting, Part::Mattes, Part::InstanceTree];
-        parts.into_iter().fold(Spare::NONE, Spare::with)
-    }
-
     fn set_scene(&mut self, scene: &LoadedScene) -> Result<(), RenderError> {
         let old = self.shown.as_ref();
         let plan = ScenePlan::between(old.map(|o| &o.scene), scene);
-        let lod = lod_of(scene.scene());
-        let lod = if self.spare.has(Part::Levels) { lod.carrying_levels() } else { lod };
-        let mut making = Making { new: scene, old, lod, spare: self.spare, rebuilt: self.rebuilt };
+        let (needs, parts) = (scene.needs(), scene.needs().parts());
+        let mut making = Making { new: scene, old, lod: scene.lod(), parts, rebuilt: self.rebuilt };
 
         // Lights but surfaces that shine.
         let lights = match old {
@@ -227,11 +223,10 @@ impl Renderer for CpuRenderer {
 
         // The hierarchy over all of them.
         let geometry = SceneTracer::of(volumes).with_meshes(meshes);
-        let least = if self.spare.has(Part::InstanceTree) { 1 } else { INSTANCES_OF_A_TREE };
         let geometry = match old {
             Some(o) if plan.top_level == Reuse::Keep => geometry.with_tree_of(o.tracer.tracer()),
             _ => {
-                let (geometry, made) = geometry.with_tree(least)?;
+                let (geometry, made) = geometry.with_tree(needs.least_of_a_tree())?;
                 making.rebuilt.top_level += u64::from(made);
                 geometry
             }
@@ -242,6 +237,7 @@ impl Renderer for CpuRenderer {
         // Surfaces that shine.
         let emitters = match old {
             Some(o) if plan.emitters == Reuse::Keep => o.tracer.around().lights.emitters().map(Arc::clone),
+            _ if !parts.has(Part::Emitters) => None,
             _ => {
                 let made = emitters_of(&geometry, &looks)?.map(Arc::new);
                 making.rebuilt.lights += u64::from(made.is_some());
@@ -258,7 +254,8 @@ impl Renderer for CpuRenderer {
         rebuilt.camera += u64::from(plan.camera.is_build());
         rebuilt.film += u64::from(plan.film.is_build());
         let Scene { camera, film, settings, .. } = scene.scene();
-        let around = Surroundings { lights: lit, looks: looks.into(), settings: *settings };
+        let looks = AllLooks::new(looks, parts.has(Part::Clear));
+        let around = Surroundings { lights: lit, looks, settings: *settings };
         let mut tracer = match self.shown.take() {
             Some(Shown { mut tracer, .. }) if [plan.film, plan.sums] == [Reuse::Keep; 2] => {
                 let camera = plan.camera.is_build().then(|| CameraRays::new(camera, film));
@@ -267,7 +264,7 @@ impl Renderer for CpuRenderer {
             }
             _ => PathTracer::new(geometry, around, camera, film),
         };
-        tracer.carry_sorting(self.spare.has(Part::Sorting));
+        tracer.carry_sorting(parts.has(Part::Sorting));
         self.rebuilt = rebuilt;
         self.shown = Some(Shown { scene: scene.clone(), tracer, lights });
         Ok(())

@@ -8,6 +8,6 @@ pub mod path_tracer;
 pub mod tally;
 pub mod traverse;
 
-pub use cpu_renderer::{CpuRenderer, emitters_of};
+pub use cpu_renderer::{CpuRenderer, LEAVES_OUT, emitters_of};
 pub use path::Surroundings;
 pub use path_tracer::PathTracer;

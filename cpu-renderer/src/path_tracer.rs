@@ -28,7 +28,7 @@ pub struct PathTracer<T> {
     film: FilmBuffer,
     wanted: Passes,
     seconds_a_sample: f64,
-    /// Light is sorted though nobody asks for it.
+    /// Light is sorted, whoever asks for it.
     sorts: bool,
 }
 
@@ -50,7 +50,7 @@ impl<T: Tracer> PathTracer<T> {
         }
     }
 
-    /// Sorts light even where no pass and no clamp asks for it: what it saves not to can be measured so.
+    /// Whether light is sorted even where no pass asks for it.
     pub fn carry_sorting(&mut self, on: bool) {
         self.sorts = on;
     }

@@ -1,9 +1,13 @@
 //! What a scene needs of a renderer, and what is left out for it.
 //!
-//! A need is told from what is drawn: the material of a hidden label asks for nothing. `left out` is said only of work or memory
-//! that a renderer does save; what costs nothing to have (metal, glass) is told where it is needed and else not mentioned.
+//! Renderers build by it, and it says what they build: one value for both. A need is told from what is drawn: the material of a hidden
+//! label asks for nothing. `left out` is said only of work or memory that a renderer does save; what costs nothing to have (metal,
+//! glass) is told where it is needed and else not mentioned. What ambient occlusion has no use for, materials and lights, is made
+//! ready all the same, so that another mode builds nothing; it is needed, then, and only work along paths is left out.
 
-use crate::{Cut, Environment, LabelStyle, Light, LightShape, Lod, Material, Mode, Part, Pass, Scene, Spare};
+use crate::{
+    Cut, Environment, LabelStyle, Light, LightShape, Lod, Material, Mode, Part, PartSet, Pass, Scene,
+};
 
 /// Fewest instances and meshes together over which a hierarchy is made: fewer are asked in turn, as fast.
 /// `bench/results/instances.md` has what they cost both ways.
@@ -25,7 +29,7 @@ pub struct LabelCount {
 pub struct Needs {
     /// Labels of each instance.
     pub labels: Vec<LabelCount>,
-    /// Surfaces are lit and have materials: not for ambient occlusion.
+    /// Paths look for light: not for ambient occlusion.
     pub lighting: bool,
     /// Some surface scatters light evenly.
     pub diffuse: bool,
@@ -71,14 +75,18 @@ pub struct Needs {
     pub mattes: bool,
     /// Voxels are shaded by how their label falls off.
     pub smooth_voxels: bool,
+    /// Some mesh has normals other than those of its triangles.
+    pub smooth_meshes: bool,
     /// Edges in voxels of the elements that rays stop at, rising: of 1, 4, 16.
     pub levels: Vec<u32>,
+    /// What is built besides ([`Needs::with`]).
+    pub besides: PartSet,
 }
 
 impl Needs {
-    /// Needs of a scene whose instances have these label ids, in rising order. Ids that a volume lacks ask for nothing
-    /// ([`crate::Show::resolve`] refuses them).
-    pub fn of(scene: &Scene, ids: &[&[u64]]) -> Self {
+    /// Needs of a scene whose instances have these label ids, in rising order, and some of whose meshes have normals of their own or
+    /// not. Ids that a volume lacks ask for nothing ([`crate::Show::resolve`] refuses them).
+    pub fn of(scene: &Scene, ids: &[&[u64]], smooth_meshes: bool) -> Self {
         let settings = &scene.settings;
         let lighting = settings.mode != Mode::AmbientOcclusion;
         let bounces = settings.mode == Mode::Path && settings.bounces > 0;
@@ -111,24 +119,23 @@ impl Needs {
 
         // Lights.
         let sky_table = matches!(scene.world.environment, Environment::Image { .. });
-        let lit = scene.suns.iter().filter(|s| lighting && s.strength > 0.0 && s.color != [0.0; 3]);
+        let lit = scene.suns.iter().filter(|s| s.strength > 0.0 && s.color != [0.0; 3]);
         let wide = lit.clone().any(|s| s.angle_rad > 0.0);
-        let lamps = scene.lights.iter().filter(|l| lighting && l.power_w > 0.0 && l.color != [0.0; 3]);
+        let lamps = scene.lights.iter().filter(|l| l.power_w > 0.0 && l.color != [0.0; 3]);
         let wide = wide || lamps.clone().any(has_extent);
-        let mattes = scene.film.passes.has_any(Pass::MATTES);
         let catchers = scene.meshes.iter().filter(|m| m.shadow_catcher).count();
         Self {
             labels,
             lighting,
-            diffuse: lighting && diffuse,
-            specular: lighting && specular,
-            metal: lighting && metal,
-            glass: lighting && glass,
-            coat: lighting && coat,
-            clear: lighting && clear,
-            sheen: lighting && sheen,
+            diffuse,
+            specular,
+            metal,
+            glass,
+            coat,
+            clear,
+            sheen,
             lens: scene.camera.aperture.is_some(),
-            emission: lighting && emission,
+            emission,
             sky_table,
             suns: lit.count(),
             lamps: lamps.count(),
@@ -142,14 +149,11 @@ impl Needs {
                 let shown = |cut: &Cut| scene.instances.iter().any(|i| cut.takes_from(i.id));
                 scene.cuts.iter().filter(|cut| shown(cut)).count()
             },
-            mattes,
             smooth_voxels: settings.smooth_voxels,
-            sorted: scene.film.transparent
-                || scene.film.passes.has_any(Pass::LIGHT)
-                || scene.film.passes.has_any(&[Pass::Albedo, Pass::Normal])
-                || mattes
-                || catchers > 0
-                || settings.clamps(),
+            smooth_meshes,
+            besides: PartSet::NONE,
+            mattes: has_mattes(scene),
+            sorted: sorts_light(scene),
             levels: match settings.lod {
                 Lod::Voxels => vec![1],
                 Lod::Cells => vec![4],
@@ -159,9 +163,31 @@ impl Needs {
         }
     }
 
+    /// The same scene's on another film.
+    #[must_use]
+    pub fn on_film(&self, scene: &Scene) -> Self {
+        Self { mattes: has_mattes(scene), sorted: sorts_light(scene), ..self.clone() }
+    }
+
+    /// As if this part were needed too: so that what it saves to leave it out is measured, and need not be believed.
+    #[must_use]
+    pub fn with(self, part: Part) -> Self {
+        Self { besides: self.besides.with(part), ..self }
+    }
+
+    /// What is built: all that the scene needs, and what is built besides. Of hidden labels no scene needs anything.
+    pub fn parts(&self) -> PartSet {
+        PartSet::ALL.without(self.spare()).without(PartSet::NONE.with(Part::HiddenLabels)).or(self.besides)
+    }
+
+    /// Fewest instances and meshes together over which a hierarchy is made.
+    pub fn least_of_a_tree(&self) -> usize {
+        if self.besides.has(Part::InstanceTree) { 1 } else { INSTANCES_OF_A_TREE }
+    }
+
     /// What the scene does not need.
-    pub fn spare(&self) -> Spare {
-        Spare::NONE
+    pub fn spare(&self) -> PartSet {
+        PartSet::NONE
             .with_if(Part::HiddenLabels, self.labels.iter().any(|l| l.visible < l.all))
             .with_if(Part::Levels, self.levels == [1])
             .with_if(Part::Microfacets, !(self.specular || self.metal || self.glass))
@@ -178,8 +204,7 @@ impl Needs {
             .with_if(Part::Sorting, !self.sorted)
             .with_if(Part::Mattes, !self.mattes)
             .with_if(Part::Emitters, !self.emission)
-            // Meshes may have them or not: their files say.
-            .with_if(Part::SmoothNormals, self.meshes == 0 && !self.smooth_voxels)
+            .with_if(Part::SmoothNormals, !self.smooth_meshes && !self.smooth_voxels)
             .with_if(Part::InstanceTree, !self.instance_tree)
             .with_if(Part::Catchers, self.catchers == 0)
     }
@@ -209,26 +234,25 @@ impl Needs {
                 format!("left out: {what} ({why_not})")
             });
         };
-        let ambient = "ambient occlusion has no lights and no materials";
-        let or_ambient = |why_not| if self.lighting { why_not } else { ambient };
-        line(self.lighting, "materials", ambient);
-        line(self.specular, "dielectric layer", or_ambient("no visible label has one"));
+        let or_ambient =
+            |why_not| if self.lighting { why_not } else { "ambient occlusion looks for no light" };
+        line(true, "materials", "");
+        line(self.specular, "dielectric layer", "no visible label has one");
         let suns = format!("aiming at {} suns", self.suns);
         let suns = match self.suns {
             0 => "aiming at suns",
             1 => "aiming at 1 sun",
             _ => suns.as_str(),
         };
-        line(self.suns > 0, suns, or_ambient("no sun gives light"));
+        line(self.suns > 0, suns, "no sun gives light");
         let lamps = format!("{} lamps", self.lamps);
         let lamps = match self.lamps {
             0 => "lamps",
             1 => "1 lamp",
             _ => lamps.as_str(),
         };
-        line(self.lamps > 0, lamps, or_ambient("no lamp gives light"));
-        let shines = or_ambient("no visible label or mesh shines");
-        line(self.emission, "aiming at surfaces that shine", shines);
+        line(self.lamps > 0, lamps, "no lamp gives light");
+        line(self.emission, "aiming at surfaces that shine", "no visible label or mesh shines");
         line(
             self.sky_table,
             "table of the sky",
@@ -283,10 +307,26 @@ impl Needs {
             (self.sheen, "sheen"),
             (self.lens, "depth of field"),
             (self.smooth_voxels, "smooth normals of voxels, and which boxes of a label are near"),
+            (self.smooth_meshes, "smooth normals of meshes"),
         ];
         lines.extend(free.iter().filter(|f| f.0).map(|f| format!("needed: {}", f.1)));
         lines
     }
+}
+
+fn has_mattes(scene: &Scene) -> bool {
+    scene.film.passes.has_any(Pass::MATTES)
+}
+
+/// Whether light is sorted: for passes, for a transparent film, for shadow catchers, or to be clamped.
+fn sorts_light(scene: &Scene) -> bool {
+    let (film, settings) = (&scene.film, &scene.settings);
+    film.transparent
+        || film.passes.has_any(Pass::LIGHT)
+        || film.passes.has_any(&[Pass::Albedo, Pass::Normal])
+        || has_mattes(scene)
+        || scene.meshes.iter().any(|mesh| mesh.shadow_catcher)
+        || settings.clamps()
 }
 
 /// Whether a scattered ray can meet it.

@@ -6,8 +6,8 @@ mod common;
 
 use common::full_scene;
 use pumice_scene::{
-    Cut, Environment, LabelCount, LabelStyle, Lod, Material, Mesh, Mode, Needs, Part, Pass, Passes, Scene,
-    Show, Spare,
+    Cut, Environment, LabelCount, LabelStyle, Lod, Material, Mesh, Mode, Needs, Part, PartSet, Pass, Passes,
+    Scene, Show,
 };
 
 const IDS: [u64; 4] = [3, 5, 17, u64::MAX];
@@ -32,7 +32,7 @@ fn plain() -> Scene {
 }
 
 fn needs(scene: &Scene) -> Needs {
-    Needs::of(scene, &vec![&IDS[..]; scene.instances.len()])
+    Needs::of(scene, &vec![&IDS[..]; scene.instances.len()], false)
 }
 
 fn least() -> Needs {
@@ -61,7 +61,9 @@ fn least() -> Needs {
         sorted: false,
         mattes: false,
         smooth_voxels: false,
+        smooth_meshes: false,
         levels: vec![1],
+        besides: PartSet::NONE,
     }
 }
 
@@ -148,30 +150,57 @@ fn each_edit_needs_only_what_it_brings() {
     );
 }
 
+/// Materials and lights are made ready in every mode, and told as needed; weights, bounces and roulette are work along paths.
 #[test]
-fn ambient_occlusion_needs_neither_lights_nor_materials() {
+fn ambient_occlusion_leaves_out_work_along_paths_alone() {
     let mut scene = full_scene();
-    scene.settings.mode = Mode::AmbientOcclusion;
+    scene.settings.mode = Mode::Path;
     scene.settings.russian_roulette = true;
-    scene.world.environment = Environment::Constant { radiance: [1.0; 3] };
-    scene.settings.lod = Lod::Voxels;
-    scene.instances.truncate(1);
-    scene.cuts.clear();
-    scene.camera.aperture = None;
-    let labels = vec![LabelCount { instance: 7, visible: 3, all: 4 }];
-    let expected = Needs {
-        labels,
-        meshes: 2,
-        catchers: 2,
-        lighting: false,
-        diffuse: false,
-        bounces: false,
-        sorted: true,
-        mattes: true,
-        smooth_voxels: true,
-        ..least()
-    };
-    assert_eq!(needs(&scene), expected);
+    let in_full = needs(&scene);
+    assert!(in_full.mis && in_full.bounces && in_full.roulette);
+    scene.settings.mode = Mode::AmbientOcclusion;
+    let ambient = needs(&scene);
+    let expected = Needs { lighting: false, mis: false, bounces: false, roulette: false, ..in_full.clone() };
+    assert_eq!(ambient, expected);
+    assert_eq!(ambient.parts(), in_full.parts(), "the same is built");
+    let told = ambient.explain();
+    assert!(told.contains(&"needed: materials".to_owned()) && told.contains(&"needed: 3 lamps".to_owned()));
+    let weights =
+        "left out: weights of lights found in two ways (MIS) (ambient occlusion looks for no light)";
+    assert!(told.contains(&weights.to_owned()), "{told:?}");
+}
+
+/// What is built is what is needed, and each part that it is to be measured with.
+#[test]
+fn what_is_built_is_what_is_needed_and_more_where_it_is_asked_for() {
+    let needed = PartSet::ALL.without(least().spare()).without(PartSet::NONE.with(Part::HiddenLabels));
+    assert_eq!(least().parts(), needed);
+    for part in Part::ALL {
+        assert!(!least().parts().has(part), "{part:?}");
+        let more = least().with(part);
+        assert_eq!(more.parts(), needed.with(part));
+        assert_eq!(
+            (more.spare(), more.explain()),
+            (least().spare(), least().explain()),
+            "a scene needs no more for it"
+        );
+    }
+    assert_eq!((least().least_of_a_tree(), least().with(Part::InstanceTree).least_of_a_tree()), (4, 1));
+    // Of hidden labels nothing is built, whether there are some or none.
+    let hidden = after(|s| s.instances[0].style.show = Show::Only(vec![5]));
+    assert!(!hidden.parts().has(Part::HiddenLabels));
+    let smooth = Needs { smooth_meshes: true, ..least() };
+    assert!(smooth.parts().has(Part::SmoothNormals) && !least().parts().has(Part::SmoothNormals));
+}
+
+/// Another film changes what hangs on the film, as if the scene had been looked at anew.
+#[test]
+fn another_film_needs_what_the_scene_on_it_does() {
+    for passes in [Passes::NONE, Passes::ALL] {
+        let mut scene = plain();
+        scene.film.passes = passes;
+        assert_eq!(least().on_film(&scene), needs(&scene));
+    }
 }
 
 #[test]
@@ -205,11 +234,11 @@ fn hidden_labels_ask_for_nothing() {
 /// What is not needed is spare, and each edit takes its own part out of that.
 #[test]
 fn what_is_not_needed_is_spare() {
-    let all = Spare::ALL.without(Spare::NONE.with(Part::HiddenLabels));
+    let all = PartSet::ALL.without(PartSet::NONE.with(Part::HiddenLabels));
     assert_eq!(least().spare(), all);
-    let without = |parts: &[Part]| parts.iter().fold(all, |s, &p| s.without(Spare::NONE.with(p)));
+    let without = |parts: &[Part]| parts.iter().fold(all, |s, &p| s.without(PartSet::NONE.with(p)));
     let style = |edit: fn(&mut LabelStyle)| after(|s| edit(&mut s.instances[0].style)).spare();
-    assert_eq!(style(|s| s.show = Show::Only(vec![5])), Spare::ALL);
+    assert_eq!(style(|s| s.show = Show::Only(vec![5])), PartSet::ALL);
     assert_eq!(style(|s| s.material.metallic = 1.0), without(&[Part::Microfacets]));
     assert_eq!(style(|s| s.material.transmission = 1.0), without(&[Part::Microfacets, Part::Glass]));
     assert_eq!(style(|s| s.material.coat = 1.0), without(&[Part::Coats]));
@@ -218,9 +247,8 @@ fn what_is_not_needed_is_spare() {
     let full = full_scene();
     assert_eq!(after(|s| s.suns = full.suns).spare(), without(&[Part::Aiming]));
     assert_eq!(after(|s| s.lights = full.lights).spare(), without(&[Part::Aiming, Part::Lamps]));
-    // Meshes may be smooth: their files say.
-    let of_meshes = Spare::NONE.with(Part::Meshes).with(Part::SmoothNormals);
-    assert_eq!(after(|s| s.meshes = full.meshes[..1].to_vec()).spare().and(of_meshes), Spare::NONE);
+    assert!(!after(|s| s.meshes = full.meshes[..1].to_vec()).spare().has(Part::Meshes));
+    assert!(!Needs { smooth_meshes: true, ..least() }.spare().has(Part::SmoothNormals));
     assert_eq!(after(|s| s.film.transparent = true).spare(), without(&[Part::Sorting]));
     assert_eq!(after(|s| s.settings.lod = Lod::Boxes).spare(), without(&[Part::Levels]));
     assert_eq!(after(|s| s.settings.smooth_voxels = true).spare(), without(&[Part::SmoothNormals]));

@@ -18,7 +18,7 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use pumice_core::Job;
-use pumice_scene::{Needs, Part, Spare};
+use pumice_scene::{Part, PartSet};
 use pumice_transport::{LoadedScene, Renderer};
 use serde::Serialize;
 
@@ -194,29 +194,29 @@ pub fn measure_savings(
         (film.width, film.height) = (shorten(film.width), shorten(film.height));
     }
     let scene = scene.with_film(film)?;
-    let ids: Vec<&[u64]> = scene.volumes().iter().map(|v| v.labels().ids()).collect();
-    let needs = Needs::of(scene.scene(), &ids);
+    let needs = scene.needs();
     let ways = Ways { scene: &scene, backend, rounds: options.rounds.max(2), job };
 
     // What there is to leave out.
-    let (asked, _) = ways.built(Spare::NONE)?;
-    let mut can = asked.can_carry();
+    let (asked, _) = ways.built(PartSet::NONE)?;
+    let leaves_out = left_out_by(asked.name());
+    let mut can = leaves_out;
     let mut always_there = Vec::new();
     let is_cpu = asked.name() == "cpu";
     if !is_cpu && needs.levels.contains(&16) && needs.spare().has(Part::HiddenLabels) {
-        can = can.without(Spare::NONE.with(Part::HiddenLabels));
+        can = can.without(PartSet::NONE.with(Part::HiddenLabels));
         always_there
             .push((Part::HiddenLabels, "not measured: boxes that are drawn whole cannot be passed over"));
     }
     let why = "its code is always there, and asked only by what a scene has";
-    let missing = needs.spare().without(asked.can_carry());
+    let missing = needs.spare().without(leaves_out);
     always_there.extend(missing.parts().map(|part| (part, why)));
     let spare = needs.spare().and(can);
 
     let mut savings = Vec::new();
     for part in spare.parts() {
         watch(part.spoken());
-        savings.push(Saving { part: Some(part), ..ways.measure(Spare::NONE.with(part))? });
+        savings.push(Saving { part: Some(part), ..ways.measure(PartSet::NONE.with(part))? });
     }
     if !spare.is_none() {
         watch("all of it together");
@@ -231,6 +231,11 @@ pub fn measure_savings(
         savings,
         always_there,
     })
+}
+
+/// What a backend leaves out where a scene does not need it; all else it has always, or never.
+fn left_out_by(backend: &str) -> PartSet {
+    if backend == "cpu" { pumice_cpu::LEAVES_OUT } else { pumice_vulkan::pack::LEAVES_OUT }
 }
 
 /// Both ways, in turn: ABBA. `one` is asked with what can be left out put in or not, and the round.
@@ -256,12 +261,12 @@ struct Ways<'a> {
 }
 
 impl Ways<'_> {
-    /// A renderer that shows the scene, and the milliseconds that this took.
-    fn built(&self, spare: Spare) -> Result<(FallbackRenderer, f64)> {
+    /// A renderer that shows the scene and has built these parts besides, and the milliseconds that this took.
+    fn built(&self, besides: PartSet) -> Result<(FallbackRenderer, f64)> {
         let mut renderer = make_renderer(self.backend)?;
-        renderer.carry(spare);
+        let scene = self.scene.with_parts(besides);
         let clock = Stopwatch::start();
-        renderer.set_scene(self.scene)?;
+        renderer.set_scene(&scene)?;
         Ok((renderer, 1e3 * clock.cpu_seconds()))
     }
 
@@ -272,10 +277,10 @@ impl Ways<'_> {
         Ok(1e3 * clock.cpu_seconds())
     }
 
-    fn measure(&self, spare: Spare) -> Result<Saving> {
+    fn measure(&self, spare: PartSet) -> Result<Saving> {
         let mut last = [None, None];
         let built = in_turn(self.rounds, self.job, |put_in, _| {
-            let (renderer, ms) = self.built(if put_in { spare } else { Spare::NONE })?;
+            let (renderer, ms) = self.built(if put_in { spare } else { PartSet::NONE })?;
             last[usize::from(put_in)] = Some(renderer);
             Ok(ms)
         })?;
@@ -285,7 +290,7 @@ impl Ways<'_> {
         for (i, renderer) in last.into_iter().enumerate() {
             renderers.push(match renderer {
                 Some(renderer) => renderer,
-                None => self.built(if i == 1 { spare } else { Spare::NONE })?.0,
+                None => self.built(if i == 1 { spare } else { PartSet::NONE })?.0,
             });
         }
 

@@ -4,15 +4,16 @@
 //! Scene ── instances[i] ── volumes[i]     checked together, once: lists of equal length, labels that are there, numbers in range
 //!      └── meshes[i] ───── meshes[i]
 //! ```
-//! It never changes: an edit gives another one, which shares what the edit leaves alone. Copies share everything.
+//! What it needs of a renderer is found then too. It never changes: an edit gives another one, which shares what the edit leaves alone. Copies share everything.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use pumice_core::{CompressedVolume, MeshData};
-use pumice_scene::{Film, Instance, Mesh, Scene, SceneEdit, SceneError};
+use pumice_scene::{Film, Instance, Mesh, Needs, Part, PartSet, Scene, SceneEdit, SceneError};
 
 use crate::RenderError;
+use crate::geometry::LodChoice;
 
 /// See the module.
 #[derive(Clone, Debug)]
@@ -20,6 +21,7 @@ pub struct LoadedScene {
     scene: Arc<Scene>,
     volumes: Arc<[Arc<CompressedVolume>]>,
     meshes: Arc<[Arc<MeshData>]>,
+    needs: Arc<Needs>,
 }
 
 /// A change to a loaded scene. What is added comes with its data.
@@ -84,7 +86,10 @@ impl LoadedScene {
         for (place, (instance, volume)) in scene.instances.iter().zip(&volumes).enumerate() {
             check_labels(place, instance, volume)?;
         }
-        Ok(Self { scene: Arc::new(scene), volumes: volumes.into(), meshes: meshes.into() })
+        let ids: Vec<&[u64]> = volumes.iter().map(|v| v.labels().ids()).collect();
+        let needs = Needs::of(&scene, &ids, meshes.iter().any(|mesh| mesh.is_smooth()));
+        let (scene, needs) = (Arc::new(scene), Arc::new(needs));
+        Ok(Self { scene, volumes: volumes.into(), meshes: meshes.into(), needs })
     }
 
     /// The scene.
@@ -100,6 +105,24 @@ impl LoadedScene {
     /// The triangles of each mesh.
     pub fn meshes(&self) -> &[Arc<MeshData>] {
         &self.meshes
+    }
+
+    /// What a renderer builds for it.
+    pub fn needs(&self) -> &Needs {
+        &self.needs
+    }
+
+    /// How its levels of detail are chosen: among all of them where they are built though all boxes are drawn by their voxels.
+    pub fn lod(&self) -> LodChoice {
+        let lod = LodChoice::new(self.scene.settings.lod, &self.scene.camera, &self.scene.film);
+        if self.needs.parts().has(Part::Levels) { lod.carrying_levels() } else { lod }
+    }
+
+    /// The same, for which these parts are built besides; its picture is the same.
+    #[must_use]
+    pub fn with_parts(&self, parts: PartSet) -> Self {
+        let needs = parts.parts().fold(Needs::clone(&self.needs), Needs::with);
+        Self { needs: Arc::new(needs), ..self.clone() }
     }
 
     /// The volume of the instance with this id.
@@ -120,7 +143,8 @@ impl LoadedScene {
     pub fn with_film(&self, film: Film) -> Result<Self, RenderError> {
         let scene = Scene { film, ..Scene::clone(&self.scene) };
         scene.validate().map_err(fault)?;
-        Ok(Self { scene: Arc::new(scene), ..self.clone() })
+        let needs = Arc::new(self.needs.on_film(&scene));
+        Ok(Self { scene: Arc::new(scene), needs, ..self.clone() })
     }
 
     /// The scene after edits, in their order: all of them, or none where this fails.

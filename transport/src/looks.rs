@@ -53,6 +53,11 @@ impl DerefMut for AllLooks {
 }
 
 impl AllLooks {
+    /// Looks of a scene that is known to need surfaces that light passes straight through, or none.
+    pub fn new(each: Vec<Arc<Looks>>, has_clear: bool) -> Self {
+        Self { each, has_clear: OnceLock::from(has_clear) }
+    }
+
     /// Whether some material of any lets light pass straight on.
     #[inline]
     pub fn has_clear(&self) -> bool {
@@ -70,12 +75,6 @@ impl Looks {
             ids: Vec::new(),
             catches: false,
         }
-    }
-
-    /// The same, as if some material let light pass: shadow rays ask what they meet, and not only whether.
-    #[must_use]
-    pub fn carrying_clear(self) -> Self {
-        Self { has_clear: true, ..self }
     }
 
     /// Looks of a mesh with these materials, at least one: indices past the end have the last.

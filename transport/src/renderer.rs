@@ -2,11 +2,9 @@
 
 use std::time::Duration;
 
+use crate::LoadedScene;
 use pumice_core::Job;
 use pumice_picture::{Image, Picture};
-use pumice_scene::Spare;
-
-use crate::LoadedScene;
 
 /// Why a renderer could not go on.
 #[derive(Debug, thiserror::Error)]
@@ -78,17 +76,7 @@ pub trait Renderer: Send {
     /// Name as in `--backend`.
     fn name(&self) -> &'static str;
 
-    /// Asks it to build and run what scenes do not need all the same, so that what leaving it out saves can be measured. It shows no
-    /// scene any more; pictures of the next one are as they would be. What it does not know of ([`Renderer::can_carry`]) changes
-    /// nothing.
-    fn carry(&mut self, _spare: Spare) {}
-
-    /// What it leaves out where a scene does not need it; all else it has always, or never.
-    fn can_carry(&self) -> Spare {
-        Spare::NONE
-    }
-
-    /// Makes the renderer show `scene`. It compares with the scene shown before ([`crate::ScenePlan`]) and makes anew only what
+    /// Makes the renderer show `scene`, for which it builds what the scene needs ([`LoadedScene::needs`]). It compares with the scene shown before ([`crate::ScenePlan`]) and makes anew only what
     /// differs; the picture restarts.
     ///
     /// # Errors

@@ -11,13 +11,15 @@
 //! emitters               all of these of what shines, but its base colours    whatever happens to the dark
 //! top-level hierarchy    which instances there are, and their bounds          other materials, cuts …
 //! ```
+//! What the scenes need ([`pumice_scene::Needs`]) is looked at like the scenes themselves.
+//!
 //! A part that cannot be kept may be shared: instances that draw the same labels of the same volume have one hierarchy. What is a
 //! matter of a device alone (a ray tracing pipeline shares none) is the renderer's to add.
 
 use std::sync::Arc;
 
 use pumice_picture::PassSums;
-use pumice_scene::{Film, LabelStyle, Material, Pass, Scene, SceneDiff};
+use pumice_scene::{Film, LabelStyle, Material, Part, Scene, SceneDiff};
 
 use crate::LoadedScene;
 use crate::emitters::shine;
@@ -195,11 +197,6 @@ pub fn sums_of(scene: &Scene) -> PassSums {
     PassSums::of(&scene.film, scene.meshes.iter().any(|mesh| mesh.shadow_catcher))
 }
 
-/// How a scene's levels of detail are chosen.
-pub fn lod_of(scene: &Scene) -> LodChoice {
-    LodChoice::new(scene.settings.lod, &scene.camera, &scene.film)
-}
-
 /// Whether boxes of both choices are of the same kind: a distance decides ray by ray, whatever it is.
 fn is_same_kind(a: LodChoice, b: LodChoice) -> bool {
     let by_distance = |lod| matches!(lod, LodChoice::Distance { .. });
@@ -213,10 +210,9 @@ struct Edit<'a> {
 }
 
 impl Edit<'_> {
-    /// Whether mattes are kept in both scenes, or in neither.
-    fn same_mattes(&self) -> bool {
-        let has = |scene: &Scene| scene.film.passes.has_any(Pass::MATTES);
-        self.old.is_some_and(|old| has(old.scene()) == has(self.new.scene()))
+    /// Whether a part is built for both scenes, or for neither.
+    fn same(&self, part: Part) -> bool {
+        self.old.is_some_and(|old| old.needs().parts().has(part) == self.new.needs().parts().has(part))
     }
 
     fn instance(&self, place: usize) -> InstancePlan {
@@ -246,15 +242,15 @@ impl Edit<'_> {
         };
         let change = self.diff.changed.iter().find(|c| c.id == instance.id).copied().unwrap_or_default();
         let keep = |same: bool, twin| Source::kept_or_shared(same.then_some(former), twin);
-        let lods = [lod_of(old.scene()), lod_of(scene)];
+        let lods = [old.lod(), self.new.lod()];
         let [was_tight, is_tight] = lods.map(|lod| lod == LodChoice::Voxels);
-        let same_boxes = !change.visibility && was_tight == is_tight;
+        let same_boxes = !change.visibility && was_tight == is_tight && self.same(Part::HiddenLabels);
         let smooth = |scene: &Scene| scene.settings.smooth_voxels;
         let same_cuts = old.scene().cuts_of(instance.id).eq(scene.cuts_of(instance.id));
         let is_cut = scene.cuts_of(instance.id).next().is_some();
         plan.former = Some(former);
         // Colours of neighbours follow from which labels are drawn.
-        plan.materials = keep(!change.materials && !change.visibility && self.same_mattes(), alike);
+        plan.materials = keep(!change.materials && !change.visibility && self.same(Part::Mattes), alike);
         plan.hierarchy = keep(same_boxes, twin);
         plan.levels = keep(same_boxes && is_same_kind(lods[0], lods[1]), twin);
         plan.neighbors = keep(same_boxes && smooth(old.scene()) == smooth(scene), twin);
@@ -281,8 +277,8 @@ impl Edit<'_> {
         };
         let change = self.diff.meshes_changed.iter().find(|c| c.id == mesh.id).copied().unwrap_or_default();
         // Mattes call a mesh by its source.
-        let is_renamed = scene.film.passes.has_any(Pass::MATTES) && change.geometry;
-        if !change.materials && !is_renamed && self.same_mattes() {
+        let is_renamed = self.new.needs().parts().has(Part::Mattes) && change.geometry;
+        if !change.materials && !is_renamed && self.same(Part::Mattes) {
             plan.materials = Source::Kept(former);
         }
         plan.triangles = Source::Kept(former);
@@ -318,7 +314,9 @@ impl Edit<'_> {
 
     /// Whether what is drawn of each instance and mesh has the bounds that it had.
     fn bounds_are_kept(&self, instances: &[InstancePlan], meshes: &[MeshPlan]) -> bool {
+        let least = |scene: &LoadedScene| scene.needs().least_of_a_tree();
         self.same_counts()
+            && self.old.is_some_and(|old| least(old) == least(self.new))
             && instances.iter().all(|i| i.hierarchy.is_kept() && i.number == Reuse::Keep && !self.is_moved(i))
             && meshes.iter().all(MeshPlan::keeps_geometry)
     }

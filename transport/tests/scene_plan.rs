@@ -11,7 +11,7 @@ use std::sync::Arc;
 use common::full_scene;
 use glam::DAffine3;
 use pumice_core::{CompressedVolume, LabelBuffer, LabelType, MeshData, VolumeInfo, compress_labels};
-use pumice_scene::{CutShape, Lod, Material, Pass, Scene, Show};
+use pumice_scene::{CutShape, Lod, Material, Part, PartSet, Pass, Scene, Show};
 use pumice_transport::Reuse::{Build, Keep};
 use pumice_transport::Source::{Built, Kept, Shared};
 use pumice_transport::{InstancePlan, LoadedScene, MeshPlan, Reuse, ScenePlan};
@@ -294,6 +294,46 @@ fn levels_by_distance_follow_the_camera_and_keep_what_is_built() {
     let plan = ScenePlan::between(Some(&cells), &old);
     assert_eq!((plan.instances[0].hierarchy, plan.instances[0].levels), (Kept(0), Built));
     assert_eq!((plan.instances[0].boxes(), plan.instances[1].boxes()), (Built, Shared(0)));
+}
+
+/// What is built besides is made, and what is no longer is not kept.
+#[test]
+fn what_a_scene_is_built_with_is_part_of_its_plan() {
+    let data = Data::new();
+    let mut scene = plain_scene();
+    scene.film.passes = Pass::LIGHT.iter().copied().collect();
+    let plain = data.load(scene).unwrap();
+    let more = |part| plain.with_parts(PartSet::NONE.with(part));
+    let table: [(Part, Expected); 5] = [
+        (Part::Mattes, |p| {
+            (p.instances[0].materials, p.instances[1].materials) = (Built, Shared(0));
+            p.meshes.iter_mut().for_each(|m| m.materials = Built);
+        }),
+        (Part::HiddenLabels, |p| {
+            for (place, source) in [(0, Built), (1, Shared(0))] {
+                let i = &mut p.instances[place];
+                (i.hierarchy, i.levels, i.neighbors) = (source, source, source);
+            }
+            (p.emitters, p.top_level) = (Build, Build);
+        }),
+        (Part::Levels, |p| {
+            for (place, source) in [(0, Built), (1, Shared(0))] {
+                let i = &mut p.instances[place];
+                (i.hierarchy, i.levels, i.neighbors, i.placement) = (source, source, source, Build);
+            }
+            (p.emitters, p.top_level) = (Build, Build);
+        }),
+        (Part::InstanceTree, |p| p.top_level = Build),
+        // Of shaders alone.
+        (Part::Coats, |_| ()),
+    ];
+    for (part, expected) in table {
+        let mut plan = kept();
+        expected(&mut plan);
+        assert_eq!(ScenePlan::between(Some(&plain), &more(part)), plan, "{part:?} put in");
+        assert_eq!(ScenePlan::between(Some(&more(part)), &plain), plan, "{part:?} left out");
+        assert_eq!(ScenePlan::between(Some(&more(part)), &more(part)), kept(), "{part:?} as before");
+    }
 }
 
 #[test]

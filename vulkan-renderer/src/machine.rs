@@ -6,7 +6,6 @@ use crate::device::{Backend, Buffer, Candidate, DeviceError, Gpu, Instance};
 use crate::program::Program;
 use crate::shaders::{Entry, program};
 use crate::slices::Slices;
-use pumice_scene::Spare;
 
 /// What a device was opened by: enough to open it again after it was lost.
 #[derive(Clone, Debug)]
@@ -27,8 +26,6 @@ pub(crate) struct Machine {
     pub(crate) slices: Slices,
     /// Of first surfaces.
     pub(crate) slices_of_firsts: Slices,
-    /// What is built and compiled though scenes do not need it.
-    pub(crate) spare: Spare,
     /// By entry and specialisation constants: no more than the kinds of scenes that were shown.
     programs: Vec<(Entry, Vec<u32>, Program)>,
 }
@@ -43,7 +40,6 @@ impl Machine {
             tables,
             slices: Slices::default(),
             slices_of_firsts: Slices::of_records(),
-            spare: Spare::NONE,
             programs: Vec::new(),
         })
     }

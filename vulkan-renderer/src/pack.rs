@@ -29,6 +29,6 @@ pub use cuts::cut_planes;
 pub use emitters::PackedEmitters;
 pub use looks::PackedLooks;
 pub use meshes::{PackedMesh, place_mesh};
-pub use needs::{ShaderNeeds, carrying, compiled_parts};
+pub use needs::{LEAVES_OUT, ShaderNeeds};
 pub use nodes::PackedNodes;
 pub use scene::{PackedSky, camera, header, instance_tree, lamps, lights, settings, suns};

@@ -11,7 +11,6 @@ use std::time::{Duration, Instant};
 use pumice_core::Job;
 use pumice_picture::film::REPLICATES;
 use pumice_picture::{Image, Picture};
-use pumice_scene::{Part, Spare};
 use pumice_transport::{LoadedScene, Pick, Progress, ReadImage, Rebuilt, RenderError, Renderer};
 
 use crate::device::{Backend, Candidate, DeviceError, Gpu, Instance};
@@ -103,7 +102,7 @@ impl VulkanRenderer {
         let mut slices = self.machine.slices;
         slices.shrink();
         let mut again = Machine::open(&self.how).map_err(|e| self.given_up(&e))?;
-        (again.slices, again.spare) = (slices, self.machine.spare);
+        again.slices = slices;
         self.machine = again;
         let Some(shown) = self.shown.take() else { return Ok(()) };
         match shown.again(&mut self.machine, self.read_image, &mut self.counters) {
@@ -156,14 +155,6 @@ impl VulkanRenderer {
 impl Renderer for VulkanRenderer {
     fn name(&self) -> &'static str {
         self.how.backend.name()
-    }
-
-    fn carry(&mut self, spare: Spare) {
-        (self.machine.spare, self.shown) = (spare, None);
-    }
-
-    fn can_carry(&self) -> Spare {
-        crate::pack::compiled_parts().with(Part::HiddenLabels).with(Part::Levels)
     }
 
     fn set_scene(&mut self, scene: &LoadedScene) -> Result<(), RenderError> {

@@ -6,11 +6,11 @@ use std::time::Duration;
 use bytemuck::Zeroable as _;
 use pumice_core::Job;
 use pumice_picture::{FilmBuffer, Image, Picture, cryptomatte, name_mattes};
-use pumice_scene::{INSTANCES_OF_A_TREE, Part, Pass};
+use pumice_scene::{Part, PartSet};
 use pumice_transport::camera_rays::CameraRays;
 use pumice_transport::emitters::Shining;
 use pumice_transport::geometry::{Cuts, LodChoice, MeshGrid, Placement, mesh_placement};
-use pumice_transport::scene_plan::{InstancePlan, MeshPlan, Reuse, ScenePlan, Source, lod_of, sums_of};
+use pumice_transport::scene_plan::{InstancePlan, MeshPlan, Reuse, ScenePlan, Source, sums_of};
 use pumice_transport::{
     Emitters, LoadedScene, Looks, Pick, ReadImage, Rebuilt, RenderError, SurfaceKind, scene_lights,
 };
@@ -58,22 +58,12 @@ impl Shown {
         let plan = ScenePlan::between(former.as_ref().map(|o| &o.scene), scene);
         let parts = Making::new(machine, scene, former.as_ref(), &mut counted).parts(&plan, read_image)?;
         let s = scene.scene();
-        let of_meshes = parts.meshes.iter().map(|m| &m.looks.packed);
-        let mut needs = ShaderNeeds::new(
-            &s.camera,
-            &s.film,
-            &s.settings,
-            &parts.sky.lights,
-            parts.instances.iter().map(|i| &i.looks.packed).chain(of_meshes),
-            parts.instances.iter().any(|i| !i.cuts.cuts.is_empty()),
-            !scene.meshes().is_empty(),
-        );
-        needs.emitters = parts.emitters.is_some();
-        needs.instance_tree = parts.tree.is_some();
-        needs.aim |= needs.emitters;
-        needs.bricks = parts.instances.iter().any(|i| i.boxes.has_bricks());
-        needs.boxes = parts.instances.iter().any(|i| !i.boxes.has_bricks());
-        needs.smooth = s.settings.smooth_voxels || scene.meshes().iter().any(|mesh| mesh.is_smooth());
+        let needs = ShaderNeeds {
+            parts: scene.needs().parts(),
+            instance_tree: parts.tree.is_some(),
+            bricks: parts.instances.iter().any(|i| i.boxes.has_bricks()),
+            boxes: parts.instances.iter().any(|i| !i.boxes.has_bricks()),
+        };
         let film = match former.take() {
             Some(Self { mut film, .. }) if plan.sums == Reuse::Keep => {
                 film.clear(&machine.gpu, s.settings.adaptive)?;
@@ -90,7 +80,7 @@ impl Shown {
         *counters = counted;
         machine.slices.be_careful();
         machine.slices_of_firsts.be_careful();
-        let constants = pack::carrying(needs.constants().to_vec(), machine.spare);
+        let constants = needs.constants().to_vec();
         Ok(Self { scene: scene.clone(), parts, film, constants })
     }
 
@@ -234,6 +224,7 @@ struct Making<'a> {
     new: &'a LoadedScene,
     old: Option<&'a SceneOnDevice>,
     lod: LodChoice,
+    wanted: PartSet,
     counters: &'a mut Counters,
 }
 
@@ -244,9 +235,8 @@ impl<'a> Making<'a> {
         old: Option<&'a Shown>,
         counters: &'a mut Counters,
     ) -> Self {
-        let lod = lod_of(new.scene());
-        let lod = if machine.spare.has(Part::Levels) { lod.carrying_levels() } else { lod };
-        Self { machine, new, old: old.map(|o| &o.parts), lod, counters }
+        let (lod, wanted) = (new.lod(), new.needs().parts());
+        Self { machine, new, old: old.map(|o| &o.parts), lod, wanted, counters }
     }
 
     fn parts(mut self, plan: &ScenePlan, read_image: ReadImage) -> Result<SceneOnDevice, Fault> {
@@ -276,6 +266,7 @@ impl<'a> Making<'a> {
         }
         let emitters = match self.old {
             Some(old) if plan.emitters == Reuse::Keep => old.emitters.clone(),
+            _ if !self.wanted.has(Part::Emitters) => None,
             _ => {
                 let made = emitters_of(self.new, &instances, &meshes)?;
                 self.counters.rebuilt.lights += u64::from(made.is_some());
@@ -286,7 +277,7 @@ impl<'a> Making<'a> {
         let tree = match self.old {
             Some(old) if plan.top_level == Reuse::Keep => old.tree.clone(),
             _ => {
-                let least = if self.machine.spare.has(Part::InstanceTree) { 1 } else { INSTANCES_OF_A_TREE };
+                let least = self.new.needs().least_of_a_tree();
                 let tree = TreeOnDevice::new(gpu, &instances, &meshes, least)?;
                 self.counters.rebuilt.top_level += u64::from(tree.is_some());
                 tree.map(Arc::new)
@@ -311,9 +302,7 @@ impl<'a> Making<'a> {
     ) -> Result<LooksOnDevice, Fault> {
         self.counters.rebuilt.materials += 1;
         self.counters.sent.materials += 1;
-        let mattes =
-            self.new.scene().film.passes.has_any(Pass::MATTES) || self.machine.spare.has(Part::Mattes);
-        let looks = looks.with_ids(if mattes { ids() } else { Vec::new() });
+        let looks = looks.with_ids(if self.wanted.has(Part::Mattes) { ids() } else { Vec::new() });
         Ok(LooksOnDevice::new(&self.machine.gpu, looks)?)
     }
 
@@ -351,7 +340,7 @@ impl<'a> Making<'a> {
                 let visible = self.new.visible(place);
                 // The same volume may be on the device already, with all that is wanted now.
                 let here = plan.former.and_then(former).into_iter().chain(before).map(|i| i.boxes.nodes());
-                let carry_hidden = self.machine.spare.has(Part::HiddenLabels);
+                let carry_hidden = self.wanted.has(Part::HiddenLabels);
                 let all = vec![true; visible.len()];
                 let wanted = if carry_hidden { &all } else { &visible };
                 let known = here.filter(|n| n.is_of(volume)).find(|n| n.covers(wanted)).map(Arc::clone);

@@ -1,39 +1,37 @@
-//! What a renderer is asked to build and compile though the scene does not need it. `super::renderer()` makes the one that is tested.
+//! What is built and compiled though the scene does not need it. `super::renderer()` makes the one that is tested.
 
 use std::time::Duration;
 
 use glam::DVec3;
 use pumice_core::Job;
-use pumice_scene::{Environment, Film, Filter, Part, Projection, Scene, Show, Spare};
+use pumice_scene::{Environment, Film, Filter, Part, PartSet, Projection, Scene, Show};
 use pumice_transport::{LoadedScene, Renderer as _};
 
 use super::cases::{lambert, looking_down, volume};
 
-/// Whatever a renderer is asked to build and run besides, it draws the same picture: the tower is hidden, and in the way if it were
+/// Whatever is built and run besides what the scene needs, the picture is the same: the tower is hidden, and in the way if it were
 /// not; beside the floor a ray meets nothing.
 #[test]
-fn what_is_carried_changes_no_picture() {
+fn what_is_built_besides_changes_no_picture() {
     let mut scene = looking_down(Environment::Constant { radiance: [1.0; 3] }, vec![], lambert(0.8));
     scene.instances[0].style.show = Show::Only(vec![5]);
     scene.camera.world_from_camera.translation = DVec3::new(12.0, 12.0, 20.0);
     scene.camera.projection = Projection::Orthographic { scale: 12.0 };
     scene.film = Film::new(24, 24, Filter::Box { width: 1.0 });
     let mut renderer = super::renderer();
-    let mut draw = |spare: Spare, scene: &Scene| {
-        renderer.carry(spare);
-        renderer.set_scene(&LoadedScene::new(scene.clone(), vec![volume()], vec![]).unwrap()).unwrap();
+    let mut draw = |besides: PartSet, scene: &Scene| {
+        let loaded = LoadedScene::new(scene.clone(), vec![volume()], vec![]).unwrap();
+        renderer.set_scene(&loaded.with_parts(besides)).unwrap();
         while renderer.advance(Duration::ZERO, 8, &Job::new()).unwrap().spp < 8 {}
         // (Bricks, which are for speed alone, give way to boxes where levels differ.)
         let bytes: u64 =
             renderer.bytes().iter().filter(|(part, _)| *part != "bricks").map(|(_, bytes)| bytes).sum();
         let seen = renderer.pick(18, 6).unwrap();
-        let can = renderer.can_carry();
-        (renderer.color().unwrap().pixels, seen, bytes, can)
+        (renderer.color().unwrap().pixels, seen, bytes)
     };
-    let (least, seen, least_bytes, can) = draw(Spare::NONE, &scene);
-    assert!(can.has(Part::HiddenLabels) && can.has(Part::Levels) && can.has(Part::Sorting));
-    for spare in [Spare::NONE.with(Part::HiddenLabels), Spare::ALL] {
-        let (all, seen_too, bytes, _) = draw(spare, &scene);
+    let (least, seen, least_bytes) = draw(PartSet::NONE, &scene);
+    for besides in [PartSet::NONE.with(Part::HiddenLabels), PartSet::ALL] {
+        let (all, seen_too, bytes) = draw(besides, &scene);
         // Compiled otherwise, the last bits may be others.
         let off =
             all.iter().flatten().zip(least.iter().flatten()).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
@@ -43,7 +41,7 @@ fn what_is_carried_changes_no_picture() {
     }
     // Control: the tower would be seen.
     scene.instances[0].style.show = Show::All;
-    let (other, seen_too, _, _) = draw(Spare::NONE, &scene);
+    let (other, seen_too, _) = draw(PartSet::NONE, &scene);
     let off =
         other.iter().flatten().zip(least.iter().flatten()).filter(|(a, b)| (*a - *b).abs() > 1e-3).count();
     assert!(off > 100 && seen_too != seen, "{off}");

@@ -17,7 +17,7 @@ use pumice_scene::{
     Camera, Environment, Film, Filter, Material, Mesh, Mode, Passes, Projection, SCENE_VERSION, Scene,
     Settings, Sun, World,
 };
-use pumice_transport::Renderer as _;
+use pumice_transport::{LoadedScene, Renderer as _};
 
 /// Pixels across; the picture is 8 units wide, so a pixel is an eighth of one.
 pub(crate) const SIDE: u32 = 64;
@@ -89,19 +89,15 @@ pub(crate) fn sun() -> Sun {
     Sun { direction: [-1.0, 0.0, -1.0], strength: 2.0, color: [1.0; 3], angle_rad: 0.0 }
 }
 
+/// A scene of meshes alone, with their triangles.
+pub(crate) fn loaded(scene: &Scene, meshes: &[Arc<MeshData>]) -> LoadedScene {
+    LoadedScene::new(scene.clone(), vec![], meshes.to_vec()).unwrap()
+}
+
 /// Draws until there are enough samples (a macro: what `super::renderer()` gives need not be a renderer itself).
 macro_rules! draw_on {
     ($renderer:expr, $scene:expr, $meshes:expr, $slice:expr, $spp:expr) => {{
-        $renderer
-            .set_scene(
-                &pumice_transport::LoadedScene::new(
-                    pumice_scene::Scene::clone($scene),
-                    vec![],
-                    $meshes.to_vec(),
-                )
-                .unwrap(),
-            )
-            .unwrap();
+        $renderer.set_scene(&super::catchers::loaded($scene, $meshes)).unwrap();
         loop {
             let told = $renderer.advance($slice, $spp, &Job::new()).unwrap();
             if told.spp >= $spp || told.all_rest {

@@ -14,7 +14,6 @@ use std::time::Duration;
 
 use pumice_core::Job;
 use pumice_picture::{Image, Picture};
-use pumice_scene::Spare;
 use pumice_transport::{LoadedScene, Pick, Progress, Rebuilt, RenderError, Renderer};
 
 /// Opens a renderer.
@@ -46,7 +45,6 @@ pub struct FallbackRenderer {
     notices: Vec<String>,
     /// What the renderers before the current one have made.
     rebuilt_before: Rebuilt,
-    spare: Spare,
 }
 
 impl std::fmt::Debug for FallbackRenderer {
@@ -59,15 +57,7 @@ impl FallbackRenderer {
     /// `ways` has at least one; the first is tried first.
     pub(super) fn new(ways: Vec<Way>) -> Self {
         let rebuilt_before = Rebuilt::default();
-        Self {
-            ways,
-            place: 0,
-            current: None,
-            shown: None,
-            notices: Vec::new(),
-            rebuilt_before,
-            spare: Spare::NONE,
-        }
+        Self { ways, place: 0, current: None, shown: None, notices: Vec::new(), rebuilt_before }
     }
 
     /// What it draws on now.
@@ -106,11 +96,7 @@ impl FallbackRenderer {
         let renderer = match self.current.take() {
             Some(renderer) => renderer,
             None => match self.ways.get(self.place) {
-                Some(way) => {
-                    let mut renderer = (way.open)()?;
-                    renderer.carry(self.spare);
-                    renderer
-                }
+                Some(way) => (way.open)()?,
                 None => return Err(RenderError::Device("there is no way to render".into())),
             },
         };
@@ -172,18 +158,6 @@ fn sum(a: Rebuilt, b: Rebuilt) -> Rebuilt {
 impl Renderer for FallbackRenderer {
     fn name(&self) -> &'static str {
         self.ways.get(self.place).map_or("none", |way| way.backend)
-    }
-
-    fn carry(&mut self, spare: Spare) {
-        self.spare = spare;
-        self.shown = None;
-        if let Some(renderer) = &mut self.current {
-            renderer.carry(spare);
-        }
-    }
-
-    fn can_carry(&self) -> Spare {
-        self.current.as_ref().map_or(Spare::NONE, |r| r.can_carry())
     }
 
     fn set_scene(&mut self, scene: &LoadedScene) -> Result<(), RenderError> {

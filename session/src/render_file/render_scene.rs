@@ -5,7 +5,6 @@ use std::sync::Arc;
 
 use pumice_core::{CompressedVolume, Job};
 use pumice_picture::{Picture, Provenance};
-use pumice_scene::Needs;
 use pumice_transport::{LoadedScene, RenderError, Renderer};
 use serde::Serialize;
 
@@ -102,8 +101,7 @@ pub fn render_scene(
         error_estimate: None,
     });
     let (scene, volumes, meshes) = (loaded.scene(), loaded.volumes(), loaded.meshes());
-    let ids: Vec<&[u64]> = volumes.iter().map(|v| v.labels().ids()).collect();
-    let explanation = Needs::of(scene, &ids).explain();
+    let explanation = loaded.needs().explain();
     let backend = renderer.name().to_string();
     picture.provenance = Some(Provenance {
         version: env!("CARGO_PKG_VERSION").into(),

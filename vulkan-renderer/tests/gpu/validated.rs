@@ -8,13 +8,17 @@
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::ThreadId;
 
-use pumice_scene::{Part, Spare};
-use pumice_transport::Renderer as _;
+use pumice_scene::{Part, PartSet};
+use pumice_transport::{LoadedScene, RenderError, Renderer as _};
 use pumice_vulkan::VulkanRenderer;
 use pumice_vulkan::device::{self, Backend};
 
 /// A renderer whose every call is checked by the validation layer. It is used again by later tests, with nothing left of its scene.
-pub(crate) struct Validated(Option<VulkanRenderer>);
+pub(crate) struct Validated {
+    renderer: Option<VulkanRenderer>,
+    /// What is built besides what a scene needs.
+    besides: PartSet,
+}
 
 /// The test whose turn it is, how many renderers it has, and those that wait.
 struct Turn {
@@ -32,10 +36,10 @@ fn turn() -> MutexGuard<'static, Turn> {
 
 /// What is compiled whether a scene needs it or not: what many of the tests' scenes need and little of others, so that few programs
 /// draw them all. (All that there is takes a CPU six times as long to compile as the least.) Nothing that tests count.
-fn carried() -> Spare {
+fn carried() -> PartSet {
     [Part::Microfacets, Part::Aiming, Part::Lamps, Part::Cuts, Part::Clear, Part::Meshes]
         .into_iter()
-        .fold(Spare::NONE, Spare::with)
+        .fold(PartSet::NONE, PartSet::with)
 }
 
 impl Validated {
@@ -47,15 +51,15 @@ impl Validated {
     /// One for scenes of which the film keeps passes besides, with all kinds of surfaces.
     pub(crate) fn open_sorting(backend: Backend) -> Self {
         let parts = [Part::Sorting, Part::Coats, Part::Glass, Part::Sheen, Part::Catchers];
-        Self::open_carrying(backend, parts.into_iter().fold(carried(), Spare::with))
+        Self::open_carrying(backend, parts.into_iter().fold(carried(), PartSet::with))
     }
 
     /// One that leaves out what a scene does not need.
     pub(crate) fn open_bare(backend: Backend) -> Self {
-        Self::open_carrying(backend, Spare::NONE)
+        Self::open_carrying(backend, PartSet::NONE)
     }
 
-    fn open_carrying(backend: Backend, spare: Spare) -> Self {
+    fn open_carrying(backend: Backend, besides: PartSet) -> Self {
         let me = std::thread::current().id();
         let others = |turn: &mut Turn| turn.of.is_some_and(|of| of != me);
         let mut turn = OVER.wait_while(turn(), others).unwrap_or_else(PoisonError::into_inner);
@@ -64,11 +68,15 @@ impl Validated {
         let known = known.map(|place| turn.idle.swap_remove(place));
         drop(turn);
         // Its turn ends with it, whatever happens here.
-        let mut opened = Self(None);
-        let mut renderer = known.unwrap_or_else(|| open(backend));
-        renderer.carry(spare);
-        opened.0 = Some(renderer);
+        let mut opened = Self { renderer: None, besides };
+        opened.renderer = Some(known.unwrap_or_else(|| open(backend)));
         opened
+    }
+
+    /// [`pumice_transport::Renderer::set_scene`], with what is carried.
+    pub(crate) fn set_scene(&mut self, scene: &LoadedScene) -> Result<(), RenderError> {
+        let scene = scene.with_parts(self.besides);
+        (**self).set_scene(&scene)
     }
 }
 
@@ -84,19 +92,19 @@ impl std::ops::Deref for Validated {
     type Target = VulkanRenderer;
 
     fn deref(&self) -> &VulkanRenderer {
-        self.0.as_ref().expect("taken when dropped")
+        self.renderer.as_ref().expect("taken when dropped")
     }
 }
 
 impl std::ops::DerefMut for Validated {
     fn deref_mut(&mut self) -> &mut VulkanRenderer {
-        self.0.as_mut().expect("taken when dropped")
+        self.renderer.as_mut().expect("taken when dropped")
     }
 }
 
 impl Drop for Validated {
     fn drop(&mut self) {
-        let mut renderer = self.0.take();
+        let mut renderer = self.renderer.take();
         let said = renderer.as_ref().map(|r| r.gpu().instance().messages().take()).unwrap_or_default();
         if let Some(renderer) = &mut renderer {
             renderer.forget_scene();

@@ -212,7 +212,7 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
         "transport/src/looks.rs",
         &[
             ("Looks::same", READY),
-            ("Looks::carrying_clear", CARRIED),
+            ("AllLooks::new", READY),
             ("Looks::catching", READY),
             ("Looks::new", READY),
             ("Looks::of_mesh", READY),

@@ -5,8 +5,9 @@ use pumice_picture::film::REPLICATES;
 use pumice_picture::metrics::Variance;
 use pumice_picture::metrics::chance::chance;
 use pumice_picture::{FilmBuffer, Pass};
-use pumice_transport::Looks;
-use pumice_vulkan::pack::{PackedLooks, ShaderNeeds};
+use pumice_scene::{Part, PartSet};
+use pumice_transport::{Looks, Sky};
+use pumice_vulkan::pack::ShaderNeeds;
 
 use crate::device::Front;
 use crate::paths;
@@ -104,20 +105,17 @@ fn films_with_doubles_in_integers_are_the_cpus() {
         .collect();
     assert_eq!(cases.len(), 2);
     let needs = |case: &Case| {
-        let looks: Vec<_> = case.around.looks.iter().map(|l| PackedLooks::new(l)).collect();
-        ShaderNeeds::new(
-            &case.camera,
-            &case.film,
-            &case.around.settings,
-            &case.around.lights,
-            &looks,
-            false,
-            !case.meshes.is_empty(),
-        )
+        let materials = || case.around.looks.iter().flat_map(|l| l.materials());
+        assert!(materials().all(|m| m.specular == 0.0 && m.emission == [0.0; 3] && m.alpha == 1.0));
+        assert!(matches!(case.around.lights.sky(), Sky::Constant(_)) && case.camera.aperture.is_none());
+        let parts = PartSet::NONE
+            .with_if(Part::Aiming, case.around.lights.any_aimed())
+            .with_if(Part::Lamps, !case.around.lights.lamps().is_empty())
+            .with_if(Part::Meshes, !case.meshes.is_empty());
+        ShaderNeeds { parts, instance_tree: false, bricks: false, boxes: true }
     };
     let [even, distance] = [needs(&cases[0]), needs(&cases[1])];
     assert!(even.constants().iter().zip(distance.constants()).all(|(&e, d)| e <= d), "one program will do");
-    assert!(!distance.lobes && !distance.picture, "the least is compiled");
     let front = Front::in_integers_for("path", &distance.constants());
     for case in cases {
         let expected = cpu_film(&case);

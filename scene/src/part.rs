@@ -1,5 +1,5 @@
-//! What a renderer may leave out, by name, and sets of it: what it is asked to carry all the same, so that what leaving it out saves
-//! can be measured and need not be believed. Pictures do not depend on it.
+//! What a renderer may leave out where a scene does not need it, by name, and sets of it. Pictures do not depend on what is there
+//! besides.
 
 use serde::Serialize;
 
@@ -99,10 +99,10 @@ impl Part {
 
 /// A set of parts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub struct Spare(u32);
+pub struct PartSet(u32);
 
-impl Spare {
-    /// None of them: what is not needed is left out.
+impl PartSet {
+    /// None of them.
     pub const NONE: Self = Self(0);
 
     /// All of them.
@@ -118,6 +118,12 @@ impl Spare {
     #[must_use]
     pub const fn with_if(self, part: Part, is: bool) -> Self {
         if is { self.with(part) } else { self }
+    }
+
+    /// Those that are in either set.
+    #[must_use]
+    pub const fn or(self, other: Self) -> Self {
+        Self(self.0 | other.0)
     }
 
     /// Those of them that are in the other set too.
@@ -155,11 +161,12 @@ mod tests {
     #[test]
     fn sets_hold_what_was_put_in() {
         assert!(Part::ALL.iter().enumerate().all(|(i, &part)| part as usize == i));
-        let two = Spare::NONE.with(Part::Levels).with(Part::Sorting).with(Part::Levels);
+        let two = PartSet::NONE.with(Part::Levels).with(Part::Sorting).with(Part::Levels);
         assert_eq!(two.parts().collect::<Vec<_>>(), [Part::Levels, Part::Sorting]);
-        assert_eq!(Spare::ALL.parts().collect::<Vec<_>>(), Part::ALL);
-        assert_eq!(Spare::ALL.without(two).parts().count(), Part::ALL.len() - 2);
-        assert!(Spare::ALL.without(two).and(two).is_none() && !two.is_none());
-        assert_eq!(Spare::NONE.with_if(Part::Cuts, false), Spare::NONE);
+        assert_eq!(PartSet::ALL.parts().collect::<Vec<_>>(), Part::ALL);
+        assert_eq!(PartSet::ALL.without(two).parts().count(), Part::ALL.len() - 2);
+        assert!(PartSet::ALL.without(two).and(two).is_none() && !two.is_none());
+        assert_eq!(PartSet::ALL.without(two).or(two), PartSet::ALL);
+        assert_eq!(PartSet::NONE.with_if(Part::Cuts, false), PartSet::NONE);
     }
 }
