@@ -1,7 +1,7 @@
 //! Touching pairs of labels: gathered, then packed.
 //!
 //! The pairs are kept as varints: for each label a the number of its partners b > a, the first as b − a − 1, each next as the
-//! distance to the one before, less 1. [`crate::find_contacts`] finds them.
+//! distance to the one before, less 1. `find_contacts.rs` finds them.
 
 use rustc_hash::FxHashSet;
 

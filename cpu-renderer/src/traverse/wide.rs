@@ -108,8 +108,8 @@ mod tests {
                 let (origin, target) = (point(), point());
                 let ray = RayInWorld { origin, direction: target - origin };
                 let place = tracer.placement();
-                let Some(in_index) = IndexRay::new(Plain, &place, &ray, Start::Free) else { continue };
-                let same = IndexRay::new(by, &place, &ray, Start::Free);
+                let Some(in_index) = IndexRay::new(Plain, place, &ray, Start::Free) else { continue };
+                let same = IndexRay::new(by, place, &ray, Start::Free);
                 assert_eq!(format!("{same:?}"), format!("{:?}", Some(in_index)));
                 for any in [false, true] {
                     let plain = tracer.nearest::<_, 9>(Plain, &in_index, 0.0, f64::INFINITY, None, any);
