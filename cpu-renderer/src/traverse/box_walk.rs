@@ -12,7 +12,7 @@
 //!
 //! **Ties** step all tied axes: the ray passes through the edge, and the voxels that it only touches are not visited. (Which of the
 //! planes is the face that is reported, `VolumeTracer` decides: one with nothing before it.) What is within rounding of a tie may
-//! be taken for one: t ≤ 16 in a box, so two planes are ordered right but for 2·16·3·2⁻²⁴ ([`TIE`](pumice_transport::geometry::TIE)), and the direction is at most
+//! be taken for one: t ≤ 16 in a box, so two planes are ordered right but for 2·16·3·2⁻²⁴ ([`TIE`]), and the direction is at most
 //! 2√3 long: a chord of 2·10⁻⁵ voxels can be skipped, no more.
 //!
 //! Products and sums only, f32 and integers (f64 at the entry alone, where a GPU uses two f32): meant to be transcribed line by

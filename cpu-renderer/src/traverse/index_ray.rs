@@ -261,7 +261,7 @@ fn turned_finite<I: Instructions>(by: I, origin: I::Four, direction: I::Four) ->
 /// Sums of a direction's sizes that are not scaled before the change of space: 2⁻³² to 2³².
 const USUAL: std::ops::Range<f64> = f64::from_bits((1023 - 32) << 52)..f64::from_bits((1023 + 32) << 52);
 
-/// [`scaled`] of lanes, whose spare is 0.
+/// `pumice_transport::geometry::power_of_two::scaled` of lanes, whose spare is 0.
 #[inline(always)]
 fn scaled_four<I: Instructions>(by: I, v: I::Four) -> Option<(I::Four, i32)> {
     let size = v.size().array();

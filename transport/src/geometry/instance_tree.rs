@@ -14,8 +14,8 @@
 //! a point x is another point of the instance, off in the world by less than K·ε·C·(|x| + |M|·|corner| + |T|): C is the largest row
 //! of |M|·|A|/det (1 without shear and rotation), T the translation, all of sizes. K is below 32: two roundings of each
 //! of A's entries, six of a row's sum and the division, and the same again for the direction. Every plane is moved outward by that with
-//! [`ROUNDINGS`] for K, of the largest C, the largest corner and the ray's own origin, besides what [`crate::geometry::bvh`] moves it by. In
-//! its own space an instance's bounds are taken [`MARGIN`] wider: a surface may be reported as far as a tie before the voxel.
+//! `ROUNDINGS` for K, of the largest C, the largest corner and the ray's own origin, besides what [`crate::geometry::bvh`] moves it by. In
+//! its own space an instance's bounds are taken `MARGIN` wider: a surface may be reported as far as a tie before the voxel.
 //!
 //! A ray that goes on from a surface starts on it in that instance's space, wherever the sums of a path have put it in the world: that
 //! instance is asked first, whatever the hierarchy says. A ray whose origin overflows the grid meets nothing.

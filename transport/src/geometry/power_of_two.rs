@@ -9,7 +9,7 @@ pub const SMALLEST: f64 = f64::MIN_POSITIVE;
 pub const MODERATE: std::ops::Range<f64> = f64::from_bits(23 << 52)..f64::from_bits(2023 << 52);
 
 /// The vector times 2⁻ᵏ with its largest component within [1, 2), and k. `None` for zero and for what is not finite.
-pub(super) fn scaled(v: DVec3) -> Option<(DVec3, i32)> {
+pub fn scaled(v: DVec3) -> Option<(DVec3, i32)> {
     let largest = v.abs().max_element();
     // A sum that is not a number is in no range.
     if !(largest >= MODERATE.start && v.abs().element_sum() < MODERATE.end) {
