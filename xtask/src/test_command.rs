@@ -20,23 +20,23 @@ use crate::python_env::Environment;
 use crate::step::Step;
 use crate::{extension, seconds_table, share, shared_data, wheel};
 
-/// Name, cap in seconds, what it is. The caps are several times what two cores need, so that only a hang or a gross slowdown
+/// Name, cap in seconds, what it is. The caps are several times what a lane needs beside another, so that only a hang or a gross slowdown
 /// hits one.
 const PARTS: [(&str, u64, &str); 14] = [
     ("build", 1800, "the workspace's tests, the command, the examples"),
     ("python-env", 600, "target/venv from tests/python/requirements.txt"),
     ("vulkan-env", 600, "target/mesa: Vulkan on the CPU, its validation layer, the shader compiler"),
     ("blender-env", 900, "target/venv-bpy: Blender as a module, and the libraries that it lacks here"),
-    ("rust", 2700, "compiled shaders are not stale; unit and integration tests of every crate"),
-    ("rust-docs", 300, "examples in the documentation"),
+    ("rust", 3600, "compiled shaders are not stale; unit and integration tests of every crate"),
+    ("rust-docs", 900, "examples in the documentation"),
     ("wheel", 1200, "the module pumice for Python, built and installed"),
-    ("python", 600, "formats, file layout and metrics against other people's code"),
-    ("cli", 900, "the command: contract, bad input, full disk, Ctrl-C"),
-    ("python-module", 1500, "its stub, its types, its tests"),
-    ("blender", 900, "the extension, packed and installed as a user does, in Blender without a window"),
-    ("shared-rust", 900, "suites over volumes that may not be shipped"),
-    ("shared-python", 600, "the same, in Python"),
-    ("share", 600, "today's share of the full set"),
+    ("python", 1500, "formats, file layout and metrics against other people's code"),
+    ("cli", 2400, "the command: contract, bad input, full disk, Ctrl-C"),
+    ("python-module", 2400, "its stub, its types, its tests"),
+    ("blender", 1800, "the extension, packed and installed as a user does, in Blender without a window"),
+    ("shared-rust", 1500, "suites over volumes that may not be shipped"),
+    ("shared-python", 1200, "the same, in Python"),
+    ("share", 2400, "today's share of the full set"),
 ];
 /// With `--full` a part may take this many times its cap: hours.
 const FULL_CAP_FACTOR: u64 = 24;
