@@ -27,7 +27,7 @@ const PARTS: [(&str, u64, &str); 14] = [
     ("python-env", 600, "target/venv from tests/python/requirements.txt"),
     ("vulkan-env", 600, "target/mesa: Vulkan on the CPU, its validation layer, the shader compiler"),
     ("blender-env", 900, "target/venv-bpy: Blender as a module, and the libraries that it lacks here"),
-    ("rust", 3600, "compiled shaders are not stale; unit and integration tests of every crate"),
+    ("rust", 4000, "compiled shaders are not stale; unit and integration tests of every crate"),
     ("rust-docs", 900, "examples in the documentation"),
     ("wheel", 1200, "the module pumice for Python, built and installed"),
     ("python", 1500, "formats, file layout and metrics against other people's code"),
@@ -38,6 +38,9 @@ const PARTS: [(&str, u64, &str); 14] = [
     ("shared-python", 1200, "the same, in Python"),
     ("share", 2400, "today's share of the full set"),
 ];
+/// Test programs of `pumice-vulkan` that take turns by day. Their manifest says `test = false`, so that a plain `cargo test` passes them by.
+const BY_TURNS: [&str; 2] = ["renderer_query", "renderer_pipeline"];
+
 /// With `--full` a part may take this many times its cap: hours.
 const FULL_CAP_FACTOR: u64 = 24;
 
@@ -270,10 +273,15 @@ impl Suite {
             "blender-env" => return self.blender.steps(&self.root, &self.target),
             "blender" => return self.blender_steps(),
             "vulkan-env" => return Ok(vec![PrivateMesa::new(&self.target).step(&self.root)]),
-            "rust" => vec![
-                self.cargo(&["run", "--quiet", "--package", "xtask", "--", "shaders", "--check"]),
-                self.cargo(&[&["test", "--workspace", "--tests", "--no-fail-fast"], ignored].concat()),
-            ],
+            "rust" => {
+                let mut by_turns = vec!["test", "--package", "pumice-vulkan", "--no-fail-fast"];
+                self.backends_of_the_day().iter().for_each(|name| by_turns.extend(["--test", name]));
+                vec![
+                    self.cargo(&["run", "--quiet", "--package", "xtask", "--", "shaders", "--check"]),
+                    self.cargo(&[&["test", "--workspace", "--tests", "--no-fail-fast"], ignored].concat()),
+                    self.cargo(&[by_turns.as_slice(), ignored].concat()),
+                ]
+            }
             "rust-docs" => vec![self.cargo(&["test", "--workspace", "--doc", "--no-fail-fast"])],
             "python" => vec![self.pytest(&|name| !name.starts_with("test_cli_") && !is_shared(name))?],
             "cli" => vec![self.pytest(&|name| name.starts_with("test_cli_"))?],
@@ -299,6 +307,12 @@ impl Suite {
             _ => return Err(Outcome::Failed(format!("part {part} has no commands"))),
         };
         Ok(commands.into_iter().map(Step::from).collect())
+    }
+
+    /// Which of the renderers that differ from `renderer`'s in how a device finds surfaces are tested: one a day, both with `--full`.
+    fn backends_of_the_day(&self) -> &'static [&'static str] {
+        let of_today = self.share as usize % BY_TURNS.len();
+        if self.full { &BY_TURNS } else { &BY_TURNS[of_today..=of_today] }
     }
 
     /// The wheel installed, its stub compared, the types checked, the tests run.
