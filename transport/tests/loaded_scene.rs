@@ -88,7 +88,10 @@ fn what_is_added_comes_with_its_data_and_the_rest_keeps_its_own() {
         instance: Box::new(instance),
         volume: Arc::clone(volume),
     };
-    let edited = scene.edited(vec![add(third.clone(), &other), SceneEdit::Remove { id: 7 }.into()]).unwrap();
+    // (A cut of the scene names the instance that goes.)
+    let uncut = SceneEdit::Cuts { cuts: vec![] }.into();
+    let gone = SceneEdit::Remove { id: 7 }.into();
+    let edited = scene.edited(vec![add(third.clone(), &other), uncut, gone]).unwrap();
     assert_eq!(edited.scene().instances.iter().map(|i| i.id).collect::<Vec<_>>(), [8, 9]);
     assert!(
         Arc::ptr_eq(&edited.volumes()[0], &scene.volumes()[1]) && Arc::ptr_eq(&edited.volumes()[1], &other)
