@@ -9,7 +9,7 @@
 //! | [`errors`], [`lod`] | relMSE by seconds; by level of detail | a picture of many samples |
 //! | [`convergence`] | relMSE by CPU seconds | Cycles |
 //! | [`embree`], [`peers`], [`paper`] | rays; bytes and voxels; encodings | Embree; other programs; the paper |
-//! | [`needs`] | what a scene's spare parts cost | the same scene without them |
+//! | [`needs`] | what it costs to build what a scene does not need | the same scene without it |
 //! | [`stability`], [`extremes`] | extreme scenes and volumes | exact answers, bounds |
 //!
 //! The command `pumice bench` and the program `pumice-bench` are both [`Bench::run`].
