@@ -1,19 +1,19 @@
-"""Whether two builds of Pumice give the same results, bit for bit: what a change that only moves code is held to.
+"""Checks whether two builds of Pumice give the same results, bit for bit, as a change that only moves code must.
 
     PYTHON tests/same_results.py record OLD.json --pumice OLD/target/release/pumice --labels FOLDER…
     PYTHON tests/same_results.py compare OLD.json NEW.json
 
-PYTHON has numpy and that build's module `pumice`. What is recorded:
+PYTHON has numpy and the module `pumice` of that build. `record` writes:
 
-    volumes    of every volume below the folders: bytes of its `.pumice` file at each level (what follows the header), content hash,
-               all voxels, label_at
-    pictures   every pass of every rung of the Cycles ladder and of VARIANTS of them, on the CPU; of some on each Vulkan backend
-               that can be used here
+    volumes    of every volume in the folders: bytes of its `.pumice` file at each level (without the header), content hash, all
+               voxels, label_at
+    pictures   every pass of every rung of the Cycles ladder and of VARIANTS of them on the CPU; some also on each Vulkan backend
+               that works on this machine
     reports    names of the fields of `info --json`, `compress --json` and `render --json`
-    shaders    the compiled shaders, names of their variables left out
+    shaders    the compiled shaders without names of variables
 
-A picture depends on the processor's instructions and on the device's driver: both builds are recorded on one machine. `compare` exits
-with 1 where anything differs, and names it.
+Pictures depend on the processor's instructions and on the device's driver, so record both builds on one machine. `compare` prints every
+difference and exits with 1 if there is one.
 """
 
 import argparse
@@ -31,7 +31,7 @@ import numpy as np
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE / "cycles_ladder"))
 
-# Of a `.pumice` file: its version may change, and with it the header's checksum.
+# Length of the header of a `.pumice` file, which is skipped: its version may change, and with it its checksum.
 HEADER_BYTES = 64
 SPP = 4
 SIZE = (48, 40)
@@ -40,7 +40,7 @@ ENDINGS = (".nrrd", ".nii.gz", ".tif", ".npy", ".mha")
 LIGHT = [f"{kind}_{part}" for kind in ("diffuse", "glossy", "transmission") for part in ("direct", "indirect", "color")]
 ALL_PASSES = ["depth", "position", "normal", "label", "albedo", *LIGHT, "emission", "environment"]
 ALL_PASSES += ["cryptomatte_label", "cryptomatte_type", "variance", "samples"]
-# Rungs with something else asked of them: name, rung, what replaces fields of its scene (as RFC 7386 merges).
+# Rungs with changed scenes: name, rung, and a patch of the scene (RFC 7386 JSON merge patch).
 VARIANTS = [
     ("ambient occlusion", "03_eight_bounces", {"settings": {"mode": "ambient_occlusion"}}),
     ("one bounce", "03_eight_bounces", {"settings": {"mode": "one_bounce"}}),
@@ -107,7 +107,7 @@ def pictures(backends, scratch):
         scene["settings"]["seed"] = 5
         for backend in ["cpu", *(backends if name in ON_DEVICES else [])]:
             with warnings.catch_warnings():
-                # A device that failed must not be taken for one that drew.
+                # Makes a failed device an error; it would fall back to another backend otherwise.
                 warnings.simplefilter("error", pumice.PumiceWarning)
                 picture = pumice.render(
                     pumice.Scene.from_dict(scene), made.volume, meshes=made.meshes, spp=SPP, backend=backend
@@ -126,7 +126,7 @@ def report_fields(pumice_command, labels, scratch):
 
 
 def shaders():
-    """SPIR-V (Khronos, *SPIR-V Specification*, §2.3) without OpName, OpMemberName, OpSource, OpString and their kin."""
+    """Digests of the SPIR-V (Khronos, *SPIR-V Specification*, §2.3) without debug instructions such as OpName and OpSource."""
     found = {}
     for path in sorted((HERE.parent / "vulkan-renderer" / "spirv").glob("*.spv")):
         words = struct.unpack(f"<{path.stat().st_size // 4}I", path.read_bytes())

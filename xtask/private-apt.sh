@@ -1,10 +1,10 @@
 # shellcheck shell=bash
-# An apt of our own, for scripts that unpack packages without installing them: sourced.
+# Functions for a private apt, for scripts that unpack packages without installing them. Source this file.
 #
-#   private_apt FOLDER          readies it: the machine's mirrors, proxy and certificates; none of its hooks, and not its list of what
-#                               is installed, so that what comes depends on the release alone. Sets APT_CONFIG.
-#   private_update FOLDER       fetches the lists of packages; false when none came
-#   private_why FOLDER          what the last command said went wrong, in a few lines
+#   private_apt FOLDER          sets it up in FOLDER and sets APT_CONFIG. It uses the machine's mirrors, proxy and certificates, but not its
+#                               hooks, and an empty list of installed packages, so that the result depends only on the release.
+#   private_update FOLDER       fetches the lists of packages; fails when there are none
+#   private_why FOLDER          prints the errors and warnings of the last command, at most three lines
 
 private_apt() {
     local work=$1
@@ -32,7 +32,7 @@ END
     export APT_CONFIG=$work/apt.conf
 }
 
-# A mirror of somebody else's that does not answer is no matter as long as the release's own does.
+# Ignores the exit code: a third-party mirror that does not answer does no harm if the release's own mirror does.
 private_update() {
     apt-get --quiet update >"$1/log" 2>&1 || true
     ls "$1"/lists/*Packages* >/dev/null 2>&1

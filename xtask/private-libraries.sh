@@ -1,17 +1,17 @@
 #!/usr/bin/env bash
-# Unpacks the system libraries that Blender's module needs, and this machine lacks, into a private folder. Nothing is installed and
-# nobody needs to be root.
+# Unpacks the system libraries that Blender's module needs and this machine lacks into a private folder. It installs nothing and needs no
+# root.
 #
-#   private-libraries.sh FOLDER FILE.so…    FOLDER/lib gets what the files' dynamic linker does not find; nothing when it finds all
+#   private-libraries.sh FOLDER FILE.so…    puts libraries into FOLDER/lib until the dynamic linker finds all that the files need
 #
 #   /etc/apt (mirrors, proxy) ─► FOLDER/apt: lists of packages ─► the packages below ─► their *.so* in FOLDER/lib
 #
-# Debian and Ubuntu only: elsewhere it fails and names what is missing. The C library is never among what is unpacked: a process has
-# one, and it must be the machine's.
+# Debian and Ubuntu only; elsewhere it fails and names what is missing. It never unpacks the C library, because a process can have only
+# one, the machine's.
 set -euo pipefail
 export LC_ALL=C
-# What Blender's module links, and what that links in turn; names that this system's release does not know are passed over, and
-# whether they sufficed is asked of the dynamic linker at the end.
+# Packages with the libraries that Blender's module links, directly or indirectly. Names that this release does not know are skipped; in
+# the end the dynamic linker tells whether the rest suffices.
 PACKAGES=(libx11-6 libxcb1 libxau6 libxdmcp6 libbsd0 libmd0 libxrender1 libxfixes3 libxi6 libxext6 libxkbcommon0 xkb-data libsm6 libice6
     libuuid1 libgl1 libglvnd0 libglx0 libegl1 libxxf86vm1)
 INSTALL="install them (Debian and Ubuntu: apt install libgl1 libegl1 libsm6 libice6 libxext6 libxfixes3 libxi6 libxrender1 libxxf86vm1 libxkbcommon0)"
@@ -20,7 +20,7 @@ fail() {
     printf 'private-libraries: %s\n' "$*" >&2
     exit 1
 }
-# lacking FILE…: the libraries that the dynamic linker does not find, on one line.
+# lacking FILE…: prints the libraries that the dynamic linker does not find, on one line.
 lacking() {
     LD_LIBRARY_PATH="$folder/lib${LD_LIBRARY_PATH:+:$LD_LIBRARY_PATH}" ldd "$@" | awk '/not found/ && !seen[$1]++ { printf " %s", $1 }'
 }
@@ -29,12 +29,12 @@ lacking() {
 for file in "${@:2}"; do
     [ -f "$file" ] || fail "$file is missing"
 done
-command -v ldd >/dev/null || fail "ldd is missing, which asks the dynamic linker: this works on Linux with the GNU C library"
+command -v ldd >/dev/null || fail "ldd is missing, which lists needed libraries: this script works on Linux with the GNU C library"
 mkdir -p "$1"
 folder=$(cd "$1" && pwd -P)
 shift
 exec 9>"$folder/.lock"
-flock 9 # two at once: the second finds all there
+flock 9 # of two processes at once, the second waits and then finds everything in place
 missing=$(lacking "$@")
 [ -n "$missing" ] || exit 0
 for tool in apt-get apt-cache dpkg-deb; do

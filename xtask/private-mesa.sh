@@ -1,13 +1,13 @@
 #!/usr/bin/env bash
 # Unpacks Vulkan on the CPU into a private folder: Mesa's lavapipe with ray tracing, the loader, the Khronos validation layer, the
-# shader compiler and validator. Nothing is installed and nobody needs to be root.
+# shader compiler and validator. It installs nothing and needs no root.
 #
-#   private-mesa.sh FOLDER      FOLDER/root gets the packages, FOLDER/env what a process must be told to use them
+#   private-mesa.sh FOLDER      unpacks packages into FOLDER/root; FOLDER/env lists the environment variables of processes that use them
 #
 #   /etc/apt (mirrors, proxy) ─► FOLDER/apt: lists of packages ─► the packages below and what they need ─► FOLDER/root
 #
-# Debian and Ubuntu only: elsewhere it fails and says what to install. Mesa can trace rays on the CPU since 24.1; Debian 12 has that
-# among its backports alone. The C and C++ libraries are never among what is unpacked: a process has one of each, the machine's.
+# Debian and Ubuntu only; elsewhere it fails and says what to install. Mesa can trace rays on the CPU since 24.1, which Debian 12 has
+# only in its backports. It never unpacks the C and C++ libraries, because a process can have only one of each, the machine's.
 set -euo pipefail
 export LC_ALL=C
 umask 022
@@ -22,9 +22,9 @@ fail() {
 [ $# = 1 ] || fail "usage: private-mesa.sh FOLDER"
 mkdir -p "$1"
 folder=$(cd "$1" && pwd -P)
-stamp="1 $folder ${PACKAGES[*]}" # the folder's own path is in its files
+stamp="1 $folder ${PACKAGES[*]}" # includes the folder's path, because the unpacked files hold it
 exec 9>"$folder/.lock"
-flock 9 # two at once: the second finds all there
+flock 9 # of two processes at once, the second waits and then finds everything in place
 [ "$(cat "$folder/.done" 2>/dev/null)" != "$stamp" ] || exit 0
 rm -f "$folder/.done"
 for tool in apt-get apt-cache dpkg-deb ldd; do
@@ -36,8 +36,8 @@ here=$(dirname "$0")
 work=$folder/apt
 trap 'rm -rf "$work"' EXIT
 
-# On Debian 12 the same mirrors' backports are asked too, and preferred; elsewhere the release itself will do. A mirror signed with
-# a key of the machine's own needs the second try.
+# On Debian 12, also uses the backports of the same mirrors, and prefers them. The second option is for mirrors that are signed with a
+# key of the machine's own.
 codename=$(. /etc/os-release && echo "${VERSION_CODENAME:-}")
 if [ "$codename" = bookworm ]; then
     suites=(bookworm bookworm-backports)
@@ -56,14 +56,14 @@ if [ "$codename" = bookworm ]; then
                 printf 'Dir::Etc::SourceList "%s";\nDir::Etc::SourceParts "%s";\nAPT::Default-Release "bookworm-backports";\n' \
                     "$work/sources.list" "$work/none" >>"$work/apt.conf"
                 private_update "$work" || continue
-                # Not `grep -q`: it would stop listening, and apt-cache fail for it.
+                # Not `grep -q`, which would close the pipe early and make apt-cache fail.
                 if apt-cache show mesa-vulkan-drivers 2>/dev/null | grep '^Version: .*~bpo12' >/dev/null; then
                     found=1
                     break 3
                 fi
             done
         done
-        # A mirror may answer in part for a moment.
+        # A mirror may be incomplete for a moment, so wait and try again.
         sleep $((attempt * 3))
     done
     [ -n "$found" ] || {
@@ -99,7 +99,7 @@ driver=$(find "$root/usr/lib" -name libvulkan_lvp.so)
 [ -f "$driver" ] || fail "lavapipe is not among the packages of this release: $INSTALL"
 lib=$(dirname "$driver")
 triplet=$(basename "$lib")
-# Some libraries still lie in /lib, and drivers of real devices have no business here: the tests shall not depend on the machine.
+# Moves libraries that are still in /lib. Removes drivers of real devices, so that tests do not depend on the machine.
 if [ -d "$root/lib/$triplet" ]; then cp -a "$root/lib/$triplet/." "$lib/"; fi
 find "$lib" -name 'libvulkan_*.so' ! -name libvulkan_lvp.so -delete
 vulkan=$root/usr/share/vulkan
@@ -118,7 +118,7 @@ MESA_SHADER_CACHE_DIR=$folder/cache
 LD_LIBRARY_PATH=$lib
 END
 missing=$(LD_LIBRARY_PATH=$lib ldd "$driver" "$lib/libvulkan.so.1" "$lib/libVkLayer_khronos_validation.so" | awk '/not found/ && !seen[$1]++ { printf " %s", $1 }')
-[ -z "$missing" ] || fail "the driver lacks$missing: $INSTALL"
+[ -z "$missing" ] || fail "the driver needs libraries that are missing:$missing: $INSTALL"
 mesa=$(sed -n 's/^mesa-vulkan-drivers //p' "$folder/packages.txt")
 major=${mesa#*:}
 dpkg --compare-versions "$major" ge 24.1 || fail "Mesa $mesa of this release cannot trace rays on the CPU (24.1 or newer can): $INSTALL"

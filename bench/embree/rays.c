@@ -1,11 +1,12 @@
-/* Traces given rays through given quads with Embree 3, one ray a call, on one thread. Driven by `pumice bench embree`.
+/* Traces given rays through given quads with Embree 3: one ray per call, on one thread. `pumice bench embree` starts it.
  *
  *   rays MESH     MESH: u64 vertices, u64 quads, then 3 floats a vertex, 4 u32 a quad, counter-clockwise from outside
  *
- * It builds, prints "built CPU-seconds BYTES" (what Embree holds, by its own count, the quads' arrays besides), then answers lines:
+ * It builds the scene and prints "built CPU-seconds BYTES". BYTES is what Embree itself counts as allocated, with the arrays of the quads.
+ * Then it answers each line of standard input:
  *
  *   trace RAYS HITS     RAYS: u64 n, then 8 floats a ray: origin, least t, direction, 0.   HITS: n times (float t, u32 quad)
- *                       prints "traced CPU-seconds", of the tracing alone
+ *                       prints "traced CPU-seconds", which counts only the tracing
  */
 #include <embree3/rtcore.h>
 #include <math.h>

@@ -1,10 +1,10 @@
-//! How fast each backend is on one volume: rays a second, seconds a frame at each level of detail (the paper's table 4), bytes on the
+//! Measures each backend on one volume: rays per second, seconds per frame at each level of detail (the paper's table 4), and bytes on the
 //! device.
 //!
-//! Rays: a picture of black labels costs primary rays alone, one of grey labels without light a second, diffuse ray from each hit; what
-//! the second picture costs more is the diffuse rays. Frames: one sample a pixel under the figure's own light, at 1 and 32 bounces. Each
-//! figure is the least of several frames after one that is not counted. Where a processor imitates a graphics processor beside other
-//! work, its own CPU seconds are what counts.
+//! Rays: rendering black labels costs primary rays only. Rendering grey labels without light costs one diffuse ray more for each hit, so
+//! the difference of the two times is the time of the diffuse rays. Frames: one sample per pixel under the figure's own light, at 1 and 32
+//! bounces. Each time is the least of several frames after one warm-up frame. CPU seconds are the figure to trust where a processor
+//! emulates a graphics processor while it does other work.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -27,12 +27,12 @@ use crate::files::file_name;
 use crate::table::{Row, TableFlags};
 use crate::timing::{Took, clocked};
 
-/// Frames of which the fastest counts: so few that the error, which costs time, is not estimated yet.
+/// Number of frames, of which the fastest counts. With so few samples the renderer does not estimate its error yet, which would take time.
 const FRAMES: u32 = 2;
-/// Levels of detail of the frames, by the table's names.
+/// Levels of detail of the frames, with their names in the table.
 const LEVELS: [(&str, Lod); 3] =
     [("finest", Lod::Voxels), ("by distance", Lod::Distance { pixels: 1.0 }), ("coarsest", Lod::Boxes)];
-/// Bounces of the frames.
+/// Numbers of bounces of the frames.
 const BOUNCES: [u32; 2] = [1, 32];
 
 /// Rays and frames on each backend, and bytes on the device
@@ -42,7 +42,7 @@ const BOUNCES: [u32; 2] = [1, 32];
 pub(crate) struct Flags {
     #[command(flatten)]
     table: TableFlags,
-    /// Backends to measure; default: all that can render here
+    /// Backends to measure; default: all that work on this machine
     #[arg(long, value_name = "NAME,…", value_delimiter = ',')]
     backends: Vec<String>,
     /// Picture size in pixels
@@ -69,7 +69,7 @@ pub(crate) fn run(flags: &Flags, job: &Job, console: &mut Console<'_>) -> BenchR
     Ok(Outcome::Holds)
 }
 
-/// The backends that are named, or else those that can render here, best first.
+/// The given backends; if none are given, those that work on this machine, best first.
 pub(crate) fn usable_unless(named: &[String]) -> Vec<String> {
     if !named.is_empty() {
         return named.to_vec();
@@ -83,22 +83,22 @@ pub(crate) fn usable_unless(named: &[String]) -> Vec<String> {
     usable
 }
 
-/// Figures of one backend.
+/// Measurements of one backend.
 #[derive(Clone, Debug, Serialize)]
 pub struct BackendSpeed {
     /// The volume's file name.
     pub volume: String,
     /// Name of the backend.
     pub backend: String,
-    /// What it ran on.
+    /// Device that the backend ran on.
     pub device: String,
-    /// What went wrong with a device and was overcome.
+    /// Faults of the device that the renderer recovered from.
     pub notices: Vec<String>,
-    /// Pixels of the picture.
+    /// Width and height of the picture in pixels.
     pub size: [u32; 2],
-    /// Primary rays: millions a wall second, and a CPU second.
+    /// Primary rays: millions per wall second, and per CPU second.
     pub primary: [f64; 2],
-    /// Diffuse rays, likewise.
+    /// Diffuse rays: millions per wall second, and per CPU second.
     pub diffuse: [f64; 2],
     /// Frames at each level of detail, finest first, at 1 and at 32 bounces.
     pub frames: [[Took; 2]; 3],
@@ -106,10 +106,10 @@ pub struct BackendSpeed {
     pub bytes: Vec<(&'static str, u64)>,
 }
 
-/// Measures one backend on the figure of `labels` long labels of a volume, or of all labels where that is 0.
+/// Measures one backend on a figure of the `labels` longest labels of a volume, or of all labels if that is 0.
 ///
 /// # Errors
-/// What opening and rendering report; the job's cancellation.
+/// Errors of opening and rendering; the job's cancellation.
 pub fn measure_backend(
     path: &Path,
     backend: &str,
@@ -156,7 +156,7 @@ pub fn measure_backend(
     })
 }
 
-/// The scene without light and without bounces, all labels of one albedo: black ones end paths, grey ones send a diffuse ray on.
+/// The scene without light and bounces, with one albedo for all labels: paths end at black labels and send a diffuse ray from grey ones.
 fn dark(scene: &Scene, albedo: f32) -> Scene {
     let mut dark = scene.clone();
     let material = Material {
@@ -177,7 +177,7 @@ fn dark(scene: &Scene, albedo: f32) -> Scene {
     dark
 }
 
-/// What one sample a pixel takes.
+/// Time of one sample per pixel, the least of several frames.
 fn frame(
     renderer: &mut dyn Renderer,
     scene: &Scene,

@@ -1,4 +1,4 @@
-//! The subcommands of `pumice bench`, each the flags of a module and its run.
+//! The subcommands of `pumice bench`. Each module of this crate has its flags and its `run`.
 
 use std::io::Write;
 
@@ -37,10 +37,10 @@ enum Kind {
 }
 
 impl Bench {
-    /// Measures what the flags say, and prints to `out` what begins and what came of it.
+    /// Runs the bench that the flags select, and prints progress and results to `out`.
     ///
     /// # Errors
-    /// What is wrong with the flags or the volumes; what measuring or writing reports; the job's cancellation.
+    /// Wrong flags or volumes; errors of measuring or writing; the job's cancellation.
     pub fn run(&self, job: &Job, out: &mut dyn Write) -> BenchResult<Outcome> {
         let console = &mut Console::new(out);
         match &self.what {

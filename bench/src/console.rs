@@ -1,4 +1,4 @@
-//! What a bench prints while it runs, and how it ends.
+//! Output of a bench while it runs, and its outcome.
 
 use std::fmt::Display;
 use std::io::{self, Write};
@@ -8,10 +8,10 @@ use pumice_session::SessionError;
 /// Why a bench stopped before its end.
 #[derive(Debug, thiserror::Error)]
 pub enum BenchError {
-    /// What was measured could not be, or its results could not be written.
+    /// Measuring failed, or the results could not be written.
     #[error(transparent)]
     Session(#[from] SessionError),
-    /// What it prints has no reader, or could not be written.
+    /// Standard output is closed or cannot be written.
     #[error("standard output: {0}")]
     Output(io::Error),
 }
@@ -19,23 +19,23 @@ pub enum BenchError {
 /// Result of a bench.
 pub type BenchResult<T> = Result<T, BenchError>;
 
-/// Answer of a bench that came to its end.
+/// Outcome of a bench that finished.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outcome {
-    /// All that it asks holds; a bench that asks nothing.
+    /// All checks of the bench passed, or it has none.
     Holds,
-    /// A bar was missed, or two ways drew different pictures.
+    /// A limit was exceeded, or two renderings that must be equal differ.
     Missed,
 }
 
 impl Outcome {
-    /// [`Outcome::Holds`] where it does.
+    /// [`Outcome::Holds`] if `holds`, else [`Outcome::Missed`].
     pub(crate) fn of(holds: bool) -> Self {
         if holds { Self::Holds } else { Self::Missed }
     }
 }
 
-/// Lines to whoever watches.
+/// Prints lines to the bench's output.
 pub(crate) struct Console<'a> {
     out: &'a mut dyn Write,
 }
@@ -45,13 +45,12 @@ impl<'a> Console<'a> {
         Self { out }
     }
 
-    /// Prints a line.
     pub(crate) fn line(&mut self, line: impl Display) -> BenchResult<()> {
         writeln!(self.out, "{line}").map_err(BenchError::Output)
     }
 
-    /// Measures, and prints what begins with `named` in front. Once a line cannot be printed no more are tried, and the error comes
-    /// when the measuring ends.
+    /// Runs `measure` and prints each line of progress that it reports, prefixed with `named`. After a line that cannot be printed no
+    /// further line is printed, and its error is returned when `measure` ends.
     pub(crate) fn watch<T>(
         &mut self,
         named: &str,

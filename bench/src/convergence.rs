@@ -1,15 +1,15 @@
-//! Error against run time, ours beside Cycles', on one scene: what `pumice bench convergence` writes.
+//! `pumice bench convergence`: error against run time on one scene, of Pumice beside Cycles.
 //!
 //! ```text
 //! volume ─► figure of some labels, Lambert ─┬─► Pumice, 1, 4, 16 … samples ─► pictures ─┐
 //!                                           └─► voxel faces ─► Cycles, the same ────────┼─► relMSE, FLIP ─► CSV, Markdown, SVG
-//!                          both again, many samples, other seeds ─► common reference ───┘
+//!                     both again with many samples and other seeds ─► common reference ─┘
 //! ```
-//! * Both draw on all cores, take the same numbers of samples, and stop there: no adaptive sampling, no denoising.
-//! * The reference is the mean of both weighted by inverse variance, from seeds that no measured picture has. Its own error is known from
-//!   its batches and taken off the relMSE that is measured against it.
-//! * Lambert surfaces, an even sky and a sun: of these it is shown that both converge to the same picture (`docs/cycles.md`).
-//! * Preparation stands apart: compressing and building here; sending the mesh and building the hierarchy there.
+//! * Both programs render on all cores with the same numbers of samples, without adaptive sampling and denoising.
+//! * The reference is the mean of both programs weighted by inverse variance, with seeds that no measured picture uses. The variance of
+//!   its batches gives its own error, which is subtracted from every relMSE measured against it.
+//! * The scene has Lambert surfaces, a constant sky and a sun, for which both programs converge to the same picture (`docs/cycles.md`).
+//! * Preparation is reported separately: compressing and building in Pumice, sending the mesh and building the hierarchy in Cycles.
 
 pub(crate) mod command;
 mod plot;
@@ -37,103 +37,103 @@ use crate::files::{file_name, write_results};
 use crate::mean_picture::MeanPicture;
 use crate::timing::{Took, clocked};
 
-/// Seed of the first measured picture; repeats follow. The references' are far from them.
+/// Seed of the first measured picture; further pictures use seeds near it, and the reference uses seeds far away.
 const FIRST_SEED: u64 = 1;
 const REFERENCE_SEED: u64 = 1_000;
-/// Cycles draws one sample twice before all others: what the first took longer than the second was preparation.
+/// Seeds and samples of two pictures that Cycles renders first: the first one's extra time over the second is preparation.
 const WARM_UP: [(u64, u32); 2] = [(9_999_991, 1), (9_999_992, 1)];
-/// Pictures that the reference is the mean of, for each program: enough to know its variance within a third.
+/// Pictures per program over which the reference is averaged: enough to know its variance to within a third.
 const BATCHES: usize = 8;
 
-/// What is measured.
+/// Options of [`measure_convergence`].
 #[derive(Clone, Debug)]
 pub struct ConvergenceOptions {
     /// Label volume.
     pub volume: PathBuf,
-    /// A Python that has Blender as a module; without it only ours is measured, against itself.
+    /// A Python that has Blender as a module; without it only Pumice is measured, against its own reference.
     pub cycles: Option<PathBuf>,
-    /// Labels shown.
+    /// Number of labels shown, the longest ones.
     pub pick: usize,
-    /// Pixels across and down.
+    /// Width and height in pixels.
     pub size: [u32; 2],
-    /// Samples a pixel, rising.
+    /// Samples per pixel, in increasing order.
     pub spp: Vec<u32>,
-    /// Pictures at each, with seeds of their own.
+    /// Pictures at each number of samples, each with its own seed.
     pub repeats: u32,
     /// Bounces of light, as `settings.bounces` of a scene.
     pub bounces: u32,
-    /// Samples a pixel of the reference, of each program.
+    /// Samples per pixel of the reference, by each program.
     pub reference_spp: u32,
 }
 
-/// A program at a number of samples: means over the repeats.
+/// Results of a program at one number of samples, averaged over the repeats.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Point {
-    /// Samples a pixel.
+    /// Samples per pixel.
     pub spp: u32,
     /// Wall seconds of rendering.
     pub seconds: f64,
     /// CPU seconds of rendering, all threads.
     pub cpu_seconds: f64,
-    /// relMSE against the reference, less the reference's own.
+    /// relMSE against the reference, minus the reference's own.
     pub rel_mse: f64,
     /// FLIP against the reference.
     pub flip: f64,
 }
 
-/// What a program did before its first sample.
+/// Time and memory of a program before its first sample.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Preparation {
     /// Seconds before the first sample.
     #[serde(flatten)]
     pub took: Took,
-    /// Largest resident set of the process while it rendered; `None` where the system does not tell.
+    /// Peak resident set of the process while it rendered; `None` if the system does not report it.
     pub peak_bytes: Option<u64>,
-    /// Resident set of the program before it was given anything.
+    /// Resident set of the program before it received any data.
     pub base_bytes: Option<u64>,
 }
 
-/// A program's figures.
+/// Measurements of one program.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Program {
     /// Name and version of the program.
     pub name: String,
-    /// What the program did before its first sample.
+    /// Time and memory before the first sample.
     pub preparation: Preparation,
-    /// A point for each number of samples, rising.
+    /// Results for each number of samples, in increasing order.
     pub points: Vec<Point>,
 }
 
-/// All figures of one scene.
+/// All measurements of one scene.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Convergence {
     /// The volume's file name.
     pub volume: String,
-    /// Pixels across and down.
+    /// Width and height in pixels.
     pub size: [u32; 2],
     /// Bounces of light.
     pub bounces: u32,
-    /// Voxel faces that Cycles was given.
+    /// Number of voxel faces in the mesh that Cycles renders.
     pub faces: usize,
-    /// The reference's own relMSE, which was taken off.
+    /// The reference's own relMSE, which has been subtracted.
     pub reference_rel_mse: f64,
-    /// Largest difference of the two programs' references, in standard errors of the whole picture's mean; none with one program.
+    /// Difference of the means of the two programs' references, in standard errors; `None` with one program.
     pub disagreement: Option<f64>,
-    /// Pumice first, then Cycles where it was asked for.
+    /// Pumice, then Cycles if it was measured.
     pub programs: Vec<Program>,
 }
 
-/// Pictures of one program before they are judged.
+/// Pictures of one program, before they are compared with the reference.
 struct Drawn {
     name: String,
     preparation: Preparation,
-    /// Each repeat of each number of samples.
+    /// Measured pictures: every repeat of every number of samples.
     pictures: Vec<Shot>,
-    /// Pictures that the reference is made of.
+    /// Pictures that the reference averages.
     batches: Vec<Image>,
 }
 
-/// One picture, before it is judged.
+/// One picture with its samples per pixel and its time.
 struct Shot {
     spp: u32,
     took: Took,
@@ -141,7 +141,7 @@ struct Shot {
 }
 
 impl Drawn {
-    /// Parts the reference's pictures from the measured ones; all are in the order of [`schedule`].
+    /// Splits the pictures, which are in the order of [`schedule`], into measured ones and those of the reference.
     fn new(
         name: String,
         preparation: Preparation,
@@ -153,7 +153,7 @@ impl Drawn {
     }
 }
 
-/// Seeds and samples of all pictures in their order: those that are measured, then the reference's.
+/// Seeds and samples per pixel of all pictures in order: the measured ones, then those of the reference.
 fn schedule(options: &ConvergenceOptions) -> Vec<(u64, u32)> {
     let measured = options.spp.iter().flat_map(|&spp| {
         (0..u64::from(options.repeats)).map(move |r| (FIRST_SEED + 31 * r + 7 * u64::from(spp), spp))
@@ -163,16 +163,16 @@ fn schedule(options: &ConvergenceOptions) -> Vec<(u64, u32)> {
     measured.chain(reference).collect()
 }
 
-/// Measures one scene. `watch` hears what begins, a line each.
+/// Measures one scene. `watch` is called with a line of text when a step begins.
 ///
 /// # Errors
-/// What reading, rendering, or the other program reports.
+/// Errors of reading, rendering, or of Cycles.
 pub fn measure_convergence(
     options: &ConvergenceOptions,
     job: &Job,
     watch: &mut dyn FnMut(&str),
 ) -> Result<Convergence> {
-    // Ours first, so that the peak of memory is that of compressing and rendering.
+    // Pumice runs first, so that the process's peak memory is that of compressing and rendering.
     let base_bytes = peak_rss_bytes();
     watch("Pumice: compress, build, render");
     let ((volume, scene, mut renderer), took) = clocked(|| {
@@ -198,7 +198,7 @@ pub fn measure_convergence(
     judged(options, faces, &all, job)
 }
 
-/// A figure of the longest labels whose picture both programs agree on.
+/// A figure of the longest labels, with materials on which both programs agree.
 fn scene_of(volume: &CompressedVolume, options: &ConvergenceOptions) -> Scene {
     let labels = Some(select_labels(volume, options.pick));
     let figure = FigureOptions { size: options.size, labels, view_deg: FigureOptions::DEFAULT_VIEW_DEG };
@@ -229,7 +229,7 @@ fn drawn_by_us(
     Ok(pictures)
 }
 
-/// Cycles' pictures; what the first took longer than the second was preparation.
+/// The pictures by Cycles; the extra time of its first picture over the second counts as preparation (see [`WARM_UP`]).
 fn drawn_by_cycles(run: CyclesRun, options: &ConvergenceOptions) -> Result<Drawn> {
     let mut pictures = run.pictures.into_iter().map(|p| Shot {
         spp: p.spp,
@@ -251,10 +251,10 @@ fn drawn_by_cycles(run: CyclesRun, options: &ConvergenceOptions) -> Result<Drawn
     Ok(Drawn::new(name, preparation, pictures.collect(), options))
 }
 
-/// Errors of all pictures against the common reference.
+/// Computes the errors of all pictures against the common reference.
 fn judged(options: &ConvergenceOptions, faces: usize, all: &[Drawn], job: &Job) -> Result<Convergence> {
     let means: Vec<MeanPicture> = all.iter().map(|d| MeanPicture::of(&d.batches)).collect();
-    // One weight for each program: weights by pixel, from so few batches, would follow the noise.
+    // One weight per program: weights per pixel, from so few batches, would follow the noise.
     let weights: Vec<f64> = means.iter().map(|m| 1.0 / m.variances.iter().sum::<f64>().max(1e-300)).collect();
     let total: f64 = weights.iter().sum();
     let mix = |of: fn(&MeanPicture) -> &Vec<f64>, power: i32| -> Vec<f64> {
@@ -307,7 +307,8 @@ fn judged(options: &ConvergenceOptions, faces: usize, all: &[Drawn], job: &Job) 
     })
 }
 
-/// Writes `convergence.csv`, `convergence.md` and an SVG for each scene into `folder`, made if absent. `machine` is a line on what it ran.
+/// Writes `convergence.csv`, `convergence.md` and an SVG for each scene into `folder`, which is created if missing. `machine` is a line
+/// that describes the machine.
 ///
 /// # Errors
 /// When the folder cannot be written or there is nothing to plot.
@@ -324,8 +325,9 @@ pub fn write_convergence(folder: &Path, machine: &str, scenes: &[Convergence]) -
 }
 
 impl Convergence {
-    /// CPU seconds that ours needs for the error that the other program has at its most samples, over the other's; by the line through
-    /// our two points about that error, on logarithmic scales. `None` with one program, or where noise left no error above 0.
+    /// Ratio of Pumice's CPU seconds to those of the other program at equal error, which is the other's error at its most samples.
+    /// Pumice's seconds are interpolated on logarithmic scales between its two points around that error. `None` with one program, or if
+    /// noise makes an error 0 or less.
     pub fn cpu_ratio_at_equal_error(&self) -> Option<f64> {
         let [ours, theirs] = &self.programs[..] else { return None };
         let last = theirs.points.last()?;
@@ -334,7 +336,7 @@ impl Convergence {
     }
 }
 
-/// CPU seconds at which the points' error is `rel_mse`; beyond the ends along the last two.
+/// CPU seconds at which the points reach the error `rel_mse`, interpolated on logarithmic scales, and extrapolated beyond the ends.
 fn seconds_at(points: &[Point], rel_mse: f64) -> Option<f64> {
     if rel_mse <= 0.0 || points.iter().any(|p| p.rel_mse <= 0.0 || p.cpu_seconds <= 0.0) {
         return None;
@@ -367,7 +369,7 @@ mod tests {
         }
     }
 
-    /// Errors that fall with one over time: twice as fast is half the time at every error, between and beyond the points.
+    /// Errors fall as 1 / time. A program that is twice as fast needs half the time at every error, between and beyond the points.
     #[test]
     fn equal_error_is_found_between_points_and_beyond() {
         let curve = |speed: f64| [1.0, 4.0, 16.0].map(|t| point(t / speed, 0.1 / t)).to_vec();
@@ -379,7 +381,7 @@ mod tests {
         assert_eq!(both(curve(2.0), vec![point(1.0, -1e-9)]).cpu_ratio_at_equal_error(), None);
     }
 
-    /// The weight of a reference is one over its variance.
+    /// The weight of a program's reference is 1 / its variance.
     #[test]
     fn references_are_weighted_by_their_variance() {
         let image = |v: f32| Image::new(1, 1, vec![[v; 3]]);

@@ -1,10 +1,11 @@
-//! The same rays through the compressed form and, as a mesh of the same voxels' faces, through Embree; in turn, on one thread.
+//! Traces the same rays through the compressed volume and through Embree, which gets a mesh of the same voxels' faces. The two take turns on
+//! one thread.
 //!
 //! ```text
-//! volume, some labels ─┬─► hierarchies of ours ───────────────────────────► first hits ─┐
+//! volume, some labels ─┬─► Pumice's hierarchies ───────────────────────────► first hits ─┐
 //!                      └─► faces as quads ─► bench/embree/rays.c, compiled ─► first hits ─┴─► rates, hits that differ
 //! ```
-//! Rays start from files that Embree's program reads; only its tracing is on its clock.
+//! The program with Embree reads rays from files and times only the tracing.
 
 mod driver;
 
@@ -14,7 +15,7 @@ use std::sync::Arc;
 use clap::Args;
 use driver::{Driver, build_driver};
 use glam::DVec3;
-use pumice_core::{CompressedVolume, Job, Level};
+use pumice_core::{CompressedVolume, CompressionLevel, Job};
 use pumice_cpu::traverse::{SceneTracer, TracedInstance};
 use pumice_export::{Corners, Interfaces, QuadMesh};
 use pumice_formats::OpenOptions;
@@ -30,26 +31,27 @@ use crate::ray_sets::{camera_rays, diffuse_rays, some_labels, voxel_side};
 use crate::table::{Row, TableFlags};
 use crate::timing::clocked;
 
-/// Labels shown, in per cent.
+/// Share of the labels that are shown, in per cent.
 const SHOWN_PERCENT: u32 = 15;
-/// Rounds of each kind of ray, the programs in turn.
+/// Rounds of each kind of ray; in each round the programs take turns.
 const ROUNDS: usize = 7;
-/// How far above the face that it leaves a ray of Embree's starts, in the shortest side of a voxel: it has no other way to miss it.
+/// Height above the face it leaves at which a ray for Embree starts, in units of the voxel's shortest side. Without it the ray hits that
+/// face again.
 const LIFT: f64 = 1e-3;
-/// Hits are the same where the two lie in one plane, within so much of the distance and of a voxel: Embree's f32.
+/// Two hits are the same if they lie in one plane within this share of (distance + voxel side), which covers Embree's f32 precision.
 const SAME_PLANE: f64 = 1e-4;
 
-/// The same rays through Embree, by the voxels' faces as quads
+/// The same rays through Embree, which gets the voxels' faces as quads
 ///
-/// Shows 15 % of the labels; sends the rays of a camera and a diffuse ray from each hit, on one thread. Needs Embree 3 and a C compiler.
+/// Shows 15 % of the labels and traces the rays of a camera and a diffuse ray from each hit, on one thread. Needs Embree 3 and a C compiler.
 #[derive(Debug, Args)]
 pub(crate) struct Flags {
     #[command(flatten)]
     table: TableFlags,
-    /// Folder with Embree's include and lib, where the system has none
+    /// Folder with Embree's include and lib, if the system has none
     #[arg(long, value_name = "DIR")]
     embree: Option<PathBuf>,
-    /// Pixels of the camera along each side: a multiple of 8
+    /// Pixels of the camera along each side, a multiple of 8
     #[arg(long, value_name = "N", default_value = "1024", value_parser = side)]
     side: u64,
 }
@@ -70,7 +72,7 @@ pub(crate) fn run(flags: &Flags, job: &Job, console: &mut Console<'_>) -> BenchR
     Ok(Outcome::Holds)
 }
 
-/// Rays in a CPU second, in millions.
+/// Millions of rays per CPU second.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Rate {
     /// Rate of the fastest round.
@@ -87,53 +89,53 @@ impl Rate {
     }
 }
 
-/// Rays of one kind through both programs.
+/// Measurements of one kind of ray in both programs.
 #[derive(Clone, Debug, Serialize)]
 pub struct EmbreeRays {
     /// The volume's file name.
     pub volume: String,
     /// Boxes of the labels shown.
     pub boxes: usize,
-    /// Faces that Embree was given.
+    /// Number of faces in Embree's mesh.
     pub quads: usize,
-    /// Bytes of the volume and of all that traces it: bricks and boxes, boxes alone, Embree's.
+    /// Bytes of geometry and acceleration structures: Pumice with bricks and boxes, Pumice with boxes only, Embree.
     pub bytes: [u64; 3],
-    /// CPU seconds of building ours, and Embree's.
+    /// CPU seconds of building Pumice's structures, and Embree's.
     pub build_cpu_seconds: [f64; 2],
     /// `primary` or `bounce`.
     pub kind: &'static str,
-    /// Rays traced.
+    /// Number of rays traced.
     pub rays: usize,
-    /// Rays that hit, by Pumice.
+    /// Number of rays that hit something, by Pumice.
     pub hits: usize,
-    /// Rays that Pumice and Embree see differently.
+    /// Number of rays for which Pumice and Embree report different hits.
     pub differing: usize,
-    /// Ours, through bricks.
+    /// Rate of Pumice through bricks.
     pub ours: Rate,
-    /// Ours, through boxes alone.
+    /// Rate of Pumice through boxes only.
     pub boxes_alone: Rate,
-    /// Embree's.
+    /// Rate of Embree.
     pub embree: Rate,
 }
 
-/// Measures camera rays and bounces on one volume. `driver` is the compiled program.
+/// Measures camera rays and diffuse rays from their hits on one volume. `driver` is the compiled program with Embree.
 ///
 /// # Errors
-/// What is wrong with the volume; what Embree's program says; rays that differ between rounds; the job's cancellation.
+/// Errors of the volume or of the program with Embree; rays whose hits differ between rounds; the job's cancellation.
 pub fn measure_embree(path: &Path, driver: &Path, side: u64, job: &Job) -> Result<Vec<EmbreeRays>> {
-    // Open the labels that are shown alone, as a scene that shows them does: Embree gets no faces of others either.
+    // Open only the shown labels, as a scene does. Embree gets no faces of other labels either.
     let folder = scratch()?;
     let file = |name: &str| folder.path().join(name);
     let volume = open_volume(path, &OpenOptions::default(), Residence::Copied, job)?;
     let visible = some_labels(volume.labels().len(), SHOWN_PERCENT);
-    volume.save(&file("volume.pumice"), Level::Fast, job)?;
+    volume.save(&file("volume.pumice"), CompressionLevel::Fast, job)?;
     drop(volume);
     let shown = CompressedVolume::open_labels(&file("volume.pumice"), |_| visible.clone(), job)?;
     let volume = Arc::new(shown);
     let world = volume.info().world_from_index;
     let voxel = voxel_side(&world);
 
-    // Place all around the volume's middle, so that Embree's f32 has it as exactly as it can; build both.
+    // Move the volume's middle to the origin, where Embree's f32 coordinates are most exact. Build both.
     let middle = world.transform_point3(DVec3::from(volume.info().dims.map(f64::from)) / 2.0);
     let mesh = QuadMesh::new(&volume, &visible, Interfaces::Outside, Corners::Own, job)?;
     let quads = mesh.quads.len();
@@ -151,7 +153,7 @@ pub fn measure_embree(path: &Path, driver: &Path, side: u64, job: &Job) -> Resul
     let (bricks, building) = clocked(|| Ok(SceneTracer::new(&instance)?))?;
     let boxes = SceneTracer::without_bricks(&instance)?;
 
-    // Rays: the camera's, and a diffuse one from each hit. Embree's start a little above the face.
+    // Make the camera's rays and a diffuse ray from each hit. Those for Embree start a little above the face.
     let camera = camera_rays(&moved, volume.info().dims, side);
     let first = |r: &RayInWorld| Some((*r, bricks.first_hit(r, PathOrigin::Free, f64::INFINITY)?));
     let hits: Vec<(RayInWorld, Hit)> = camera.iter().filter_map(first).collect();
@@ -190,14 +192,14 @@ pub fn measure_embree(path: &Path, driver: &Path, side: u64, job: &Job) -> Resul
     Ok(rows)
 }
 
-/// A ray of ours, and how far from its start Embree's starts.
+/// A ray for Pumice, and the offset from its origin at which the ray for Embree starts.
 pub(crate) struct Ray {
     ray: RayInWorld,
     lift: DVec3,
     from: PathOrigin,
 }
 
-/// Hits of ours, and the CPU seconds of each round: bricks, boxes alone, Embree.
+/// Pumice's hits, and the CPU seconds of each round through bricks, through boxes only, and by Embree.
 struct Compared {
     hits: Vec<Option<Hit>>,
     seconds: [Vec<f64>; 3],
@@ -214,7 +216,7 @@ fn compare(
     let first_hit = |scene: &SceneTracer, r: &Ray| scene.first_hit(&r.ray, r.from, f64::INFINITY);
     let hits: Vec<Option<Hit>> = rays.iter().map(|r| first_hit(bricks, r)).collect();
     let mut seconds = [Vec::new(), Vec::new(), Vec::new()];
-    // Kept of each ray is what Embree's program keeps, in memory that is there: the distance, and what was hit.
+    // Keeps of each ray what the program with Embree keeps: distance and what was hit, in memory that is allocated before.
     let mut kept = vec![(f32::INFINITY, u32::MAX); rays.len()];
     for _ in 0..ROUNDS {
         job.check()?;
@@ -233,12 +235,14 @@ fn compare(
     let label = |hit: &Option<Hit>| hit.as_ref().map_or(u32::MAX, |h| h.surface.label);
     match hits.iter().zip(&kept).position(|(hit, kept)| label(hit) != kept.1) {
         None => Ok(Compared { hits, seconds }),
-        Some(ray) => Err(SessionError::Caller(format!("ray {ray} meets another label in another round"))),
+        Some(ray) => Err(SessionError::Caller(format!(
+            "ray {ray} hits another label in the last round than in the first"
+        ))),
     }
 }
 
-/// Rays that the two see differently: one hits and the other does not, or what they hit does not lie in one plane. Distances alone
-/// would not do: a ray that is lifted along the face it leaves meets a face parallel to that one earlier, the more so the flatter it goes.
+/// Counts rays for which the two programs differ: only one hits, or their hits do not lie in one plane. Comparing distances would not
+/// suffice: a ray that starts above the face it leaves meets a parallel face earlier, all the more at grazing angles.
 fn differing(rays: &[Ray], ours: &[Option<Hit>], theirs: &[f64], voxel: f64) -> usize {
     let apart = |ray: &Ray, ours: &Option<Hit>, theirs: f64| match (ours, theirs.is_finite()) {
         (Some(hit), true) => {
@@ -270,7 +274,7 @@ impl Row for EmbreeRays {
             ),
             ("rays", self.kind.into()),
             ("traced", self.rays.to_string()),
-            ("seen otherwise", self.differing.to_string()),
+            ("differing hits", self.differing.to_string()),
             ("ours, M/s, best (median)", rate(self.ours)),
             ("boxes alone, M/s, best (median)", rate(self.boxes_alone)),
             ("Embree, M/s, best (median)", rate(self.embree)),

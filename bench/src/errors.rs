@@ -1,6 +1,6 @@
-//! Error against time on each backend: relMSE of pictures of 1, 4, 16 … samples a pixel against a reference of many more, with the
-//! time that each took and the error that each estimated of itself. The reference is the CPU's whatever backend is measured: all of
-//! them draw the same picture, and one that did not would show here.
+//! Measures error against time on each backend: relMSE of pictures of 1, 4, 16 … samples per pixel against a reference of many more, with
+//! the time of each picture and its own estimate of its error. The reference is always rendered by the CPU backend: all backends must
+//! converge to the same picture, and one that does not shows up here.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -22,28 +22,29 @@ use crate::console::{BenchResult, Console, Outcome};
 use crate::files::file_name;
 use crate::table::{Row, TableFlags};
 
-/// Samples a pixel of the pictures; the reference has [`REFERENCE_FACTOR`] times the last one that is drawn.
+/// Samples per pixel of the pictures; the reference has [`REFERENCE_FACTOR`] times the largest number used.
 const SPP: [u32; 6] = [1, 4, 16, 32, 64, 128];
-/// The reference's own error adds its share to what is measured: at 64 times the samples 1 or 2 % of it.
+/// At 64 times the samples, the reference's own error adds 1 or 2 % to the measured relMSE.
 const REFERENCE_FACTOR: u32 = 64;
-/// Labels in the figure, and its pixels.
+/// Number of labels in the figure.
 const LABELS: usize = 32;
+/// Width and height of the figure in pixels.
 const SIZE: [u32; 2] = [160, 90];
-/// The reference has a seed of its own, so that its noise is not the pictures'.
+/// The reference has its own seed, so that its noise is independent of the pictures' noise.
 const REFERENCE_SEED: u64 = 1;
 const PICTURE_SEED: u64 = 2;
 
-/// relMSE by seconds, on each backend, against a reference of 64 times as many samples
+/// relMSE over seconds on each backend, against a reference of 64 times as many samples
 ///
-/// Draws a figure of 32 labels, 160 × 90 pixels, with rising numbers of samples.
+/// Renders a figure of 32 labels, 160 × 90 pixels, with increasing numbers of samples.
 #[derive(Debug, Args)]
 pub(crate) struct Flags {
     #[command(flatten)]
     table: TableFlags,
-    /// Backends to measure; default: all that can render here
+    /// Backends to measure; default: all that work on this machine
     #[arg(long, value_name = "NAME,…", value_delimiter = ',')]
     backends: Vec<String>,
-    /// Samples a pixel at most
+    /// Largest number of samples per pixel
     #[arg(long, value_name = "N", default_value = "128", value_parser = clap::value_parser!(u32).range(1..))]
     spp: u32,
 }
@@ -58,14 +59,14 @@ pub(crate) fn run(flags: &Flags, job: &Job, console: &mut Console<'_>) -> BenchR
     Ok(Outcome::Holds)
 }
 
-/// A picture beside the reference.
+/// Measurements of one picture.
 #[derive(Clone, Debug, Serialize)]
 pub struct PictureError {
     /// The volume's file name.
     pub volume: String,
     /// Name of the backend.
     pub backend: String,
-    /// Samples a pixel.
+    /// Samples per pixel.
     pub spp: u32,
     /// Wall seconds of rendering.
     pub seconds: f64,
@@ -75,14 +76,14 @@ pub struct PictureError {
     pub rel_mse: f64,
     /// FLIP against the reference.
     pub flip: f64,
-    /// The relative error that the picture estimated of itself; `None` where it has too few samples to know.
+    /// The picture's estimate of its own relative error; `None` if it has too few samples for one.
     pub error_estimate: Option<f64>,
 }
 
-/// Measures the figure of a volume on each backend, with at most `most_spp` samples a pixel.
+/// Measures a figure of the volume on each backend, with at most `most_spp` samples per pixel.
 ///
 /// # Errors
-/// What opening and rendering report; the job's cancellation.
+/// Errors of opening and rendering; the job's cancellation.
 pub fn measure_errors(
     path: &Path,
     backends: &[String],

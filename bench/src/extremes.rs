@@ -1,5 +1,5 @@
-//! The worst volumes that there are, generated: each must come back voxel by voxel, within a bound that is stated, in time that grows
-//! no faster than the volume.
+//! Compresses generated worst-case volumes. Each must decompress to the same voxels, stay within a stated bound of bytes, and take time
+//! that grows about linearly with the number of voxels.
 
 pub(crate) mod command;
 mod generated;
@@ -9,7 +9,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use pumice_core::{
-    BlockSource, CompressOptions, CompressedVolume, Job, Level, Verification, compress, verify,
+    BlockSource, CompressOptions, CompressedVolume, CompressionLevel, Job, Verification, compress, verify,
 };
 use pumice_session::error::{Result, SessionError, io};
 use pumice_session::file_info::acceleration_bytes;
@@ -22,28 +22,29 @@ use generated::{Generated, Rule};
 
 pub use tables::write_extremes;
 
-/// A volume, and what is promised of it.
+/// A generated volume, and its bound on bytes in memory (hierarchy and label table included), which follows from the layout:
+/// `bytes_a_voxel` × voxels + `bytes_besides`.
 #[derive(Clone, Copy, Debug)]
 struct Extreme {
     name: &'static str,
     what: &'static str,
     rule: Rule,
     dims: [u32; 3],
-    /// Most bytes in memory by the form's layout, hierarchy and label table included: so many for each of the volume's voxels…
+    /// Bytes for each voxel of the volume, background included.
     bytes_a_voxel: f64,
-    /// …and so many besides.
+    /// Bytes that do not depend on the number of voxels.
     bytes_besides: f64,
 }
 
-/// Bytes besides: a node, tables of leaves, names.
+/// [`Extreme::bytes_besides`] of all cases: a node, tables of leaves, names.
 const BESIDES: f64 = 200_000.0;
 
-/// See [`Extreme::bytes_a_voxel`], where there is a label for each voxel: id 8, voxels 8, type 2, run 8, box 8, contacts with three
-/// neighbours of up to 5 bytes each, hierarchy 14.
+/// [`Extreme::bytes_a_voxel`] where each voxel is a label of its own, in bytes: id 8, voxel count 8, type 2, run 8, box 8, contacts with
+/// three neighbours of up to 5 each, hierarchy 14.
 const BYTES_A_LABEL: f64 = 63.0;
 
-/// See [`Extreme::bytes_a_voxel`], where a box of 16³ voxels has N labels by chance: for each label a box of 8 bytes, 14 of the hierarchy
-/// and a node of 24 bytes and, for each of its voxels, a reference of 8 at most.
+/// [`Extreme::bytes_a_voxel`] where each voxel has one of N labels at random: in each block of 16³ voxels, every label has a box of 8 bytes,
+/// 14 bytes of hierarchy, a node of 24 bytes and, for each of its voxels, a reference of at most 8 bytes.
 const fn noise(labels: u32) -> f64 {
     (8.0 + 14.0 + 24.0) * labels as f64 / 4096.0 + 8.0
 }
@@ -54,7 +55,7 @@ const EXTREMES: [Extreme; 6] = [
         what: "1 × 1 × 10⁶ voxels, runs of 7 of four labels and background",
         rule: Rule::Runs,
         dims: [1, 1, 1_000_000],
-        // A box of 16 voxels for each of four labels, of 4 cells: 8 bytes, 14 of the hierarchy, and nodes that repeat.
+        // Every 16 voxels have a box of 4 cells for each of four labels: 8 bytes and 14 of the hierarchy each. Nodes repeat.
         bytes_a_voxel: 4.0 * 22.0 / 16.0,
         bytes_besides: BESIDES,
     },
@@ -87,7 +88,7 @@ const EXTREMES: [Extreme; 6] = [
         what: "one label or none by chance, 512³ voxels",
         rule: Rule::Noise(2),
         dims: [512, 512, 512],
-        // All 64 cells of a box have a field of their own: 8 + 8 · 64 + 16 bytes of node.
+        // All 64 cells of a box have different fields: the node takes 8 + 8 · 64 + 16 bytes.
         bytes_a_voxel: (22.0 + 536.0) / 4096.0,
         bytes_besides: BESIDES,
     },
@@ -104,48 +105,48 @@ const EXTREMES: [Extreme; 6] = [
 /// Names of the cases, in the order in which they are measured.
 pub const EXTREME_NAMES: [&str; 6] = ["runs", "full", "labels", "checkerboard", "noise-2", "noise-256"];
 
-/// Most that the CPU time of a case may grow by, as a power of its voxels, from an eighth of them on: linear work has 1, what a machine
-/// and its caches add is less than half.
+/// Largest exponent with which the CPU time of a case may grow with its voxels, from an eighth of them to all. Linear work has 1, and the
+/// machine and its caches add less than half.
 const MOST_EXPONENT: f64 = 1.4;
 
-/// A smaller volume's CPU seconds below which an exponent says more of the clock than of the work.
+/// If the smaller volume takes fewer CPU seconds than this, the clock's resolution dominates and no exponent is computed.
 const LEAST_SECONDS: f64 = 0.2;
 
-/// What is measured.
+/// Options of [`measure_extremes`].
 #[derive(Clone, Debug, Default)]
 pub struct ExtremesOptions {
-    /// Names among [`EXTREME_NAMES`]; all where empty.
+    /// Names from [`EXTREME_NAMES`]; all cases if empty.
     pub cases: Vec<String>,
-    /// A 64th of the voxels.
+    /// Whether volumes have only a 64th of the voxels.
     pub reduced: bool,
-    /// Bytes of records kept in memory while compressing; more is spilled ([`CompressOptions::memory_limit_bytes`]).
+    /// Limit of the bytes of records in memory while compressing; more go to disk ([`CompressOptions::memory_limit_bytes`]).
     pub memory_limit_bytes: Option<u64>,
 }
 
-/// Figures of one volume.
+/// Measurements of one volume.
 #[derive(Clone, Debug, Serialize)]
 pub struct ExtremeFigures {
-    /// Size.
+    /// Voxels along x, y and z.
     pub dims: [u32; 3],
-    /// Labels without background.
+    /// Number of labels without background.
     pub labels: u64,
-    /// Boxes.
+    /// Number of boxes.
     pub boxes: u64,
     /// Bytes in memory, with the hierarchy over the boxes.
     pub bytes_resident: u64,
-    /// Most that the form can take for such a volume.
+    /// Upper bound of `bytes_resident` by the layout.
     pub bytes_bound: u64,
     /// Bytes of the file at the levels fast and default.
     pub bytes_disk: [u64; 2],
-    /// CPU seconds from the generator to the compressed volume, less the generator's own.
+    /// CPU seconds of compressing, without the generator's own.
     pub compress_cpu_seconds: f64,
-    /// Saving at both levels and opening them again.
+    /// CPU seconds of saving at both levels and opening both files.
     pub file_cpu_seconds: f64,
-    /// Building the hierarchy.
+    /// CPU seconds of building the hierarchy.
     pub hierarchy_cpu_seconds: f64,
-    /// Holding every voxel against the generator's, its own time taken off.
+    /// CPU seconds of comparing every voxel with the generator's, without the generator's own.
     pub verify_cpu_seconds: f64,
-    /// Largest memory of the process meanwhile; `None` where the system does not tell.
+    /// Peak memory of the process during all steps; `None` if the system does not report it.
     pub peak_rss_bytes: Option<u64>,
     /// CPU seconds of the generator alone.
     pub generator_cpu_seconds: f64,
@@ -156,7 +157,7 @@ impl ExtremeFigures {
         self.dims.iter().map(|&d| f64::from(d)).product()
     }
 
-    /// All but the generator.
+    /// CPU seconds of all steps, without the generator's.
     fn cpu_seconds(&self) -> f64 {
         self.compress_cpu_seconds
             + self.file_cpu_seconds
@@ -165,31 +166,31 @@ impl ExtremeFigures {
     }
 }
 
-/// A case: an eighth of its volume, then all of it.
+/// Results of a case, measured on an eighth of its volume and on all of it.
 #[derive(Clone, Debug, Serialize)]
 pub struct ExtremeCase {
-    /// Name.
+    /// Name from [`EXTREME_NAMES`].
     pub name: &'static str,
-    /// The volume in words.
+    /// Description of the volume.
     pub what: &'static str,
-    /// Figures of the smaller and of the whole volume.
+    /// Measurements of the smaller and of the whole volume.
     pub figures: [ExtremeFigures; 2],
-    /// Power of the voxels with which the CPU time grew; `None` where the smaller volume took too little to tell.
+    /// Exponent with which the CPU time grew with the voxels; `None` if the smaller volume took too little time.
     pub exponent: Option<f64>,
 }
 
 impl ExtremeCase {
-    /// Whether it stays within its bound and grows no faster than it may. (Voxels that do not come back are an error.)
+    /// Whether bytes stay within their bound and time within its exponent. (A voxel that differs is an error of the measuring instead.)
     pub fn holds(&self) -> bool {
         self.figures.iter().all(|f| f.bytes_resident <= f.bytes_bound)
             && self.exponent.is_none_or(|e| e <= MOST_EXPONENT)
     }
 }
 
-/// Measures the cases that are asked for.
+/// Measures the selected cases. `watch` is called with a line of text when a volume begins.
 ///
 /// # Errors
-/// An unknown name; a voxel that does not come back; a memory limit that is too small; no room for the files;
+/// An unknown name; a voxel that differs after decompression; a memory limit that is too small; no space for the files;
 /// [`pumice_core::Error::Cancelled`].
 pub fn measure_extremes(
     options: &ExtremesOptions,
@@ -198,7 +199,7 @@ pub fn measure_extremes(
 ) -> Result<Vec<ExtremeCase>> {
     if let Some(unknown) = options.cases.iter().find(|n| !EXTREME_NAMES.contains(&n.as_str())) {
         let names = EXTREME_NAMES.join(", ");
-        return Err(SessionError::Caller(format!("--case: no case {unknown:?}; there are {names}")));
+        return Err(SessionError::Caller(format!("--case: expected names among {names}, got {unknown:?}")));
     }
     let folder = scratch()?;
     let mut cases = Vec::new();
@@ -221,7 +222,7 @@ pub fn measure_extremes(
     Ok(cases)
 }
 
-/// A volume of a part of the voxels: its longest axis is halved until it is that part.
+/// Size of a volume with 1/`part` of the voxels: halves the longest axis until it has so few.
 fn divided(mut dims: [u32; 3], part: u32) -> [u32; 3] {
     for _ in 0..part.ilog2() {
         let longest = (0..3).max_by_key(|&a| dims[a]).unwrap_or(0);
@@ -259,13 +260,14 @@ fn measure(
     let file = folder.join("extreme.pumice");
     let (bytes_disk, files) = clocked(|| {
         let mut bytes = [0; 2];
-        for (level, bytes) in [Level::Fast, Level::Default].into_iter().zip(&mut bytes) {
+        for (level, bytes) in [CompressionLevel::Fast, CompressionLevel::Default].into_iter().zip(&mut bytes)
+        {
             volume.save(&file, level, job)?;
             *bytes = std::fs::metadata(&file).map_err(io(&file))?.len();
             let back = CompressedVolume::open(&file, job)?;
             if back.content_hash() != volume.content_hash() {
                 return Err(SessionError::Caller(format!(
-                    "{}: a file at level {level:?} differs",
+                    "{}: the file saved at level {level:?} has another content hash than the volume",
                     extreme.name
                 )));
             }
@@ -296,9 +298,9 @@ fn measure(
     })
 }
 
-/// Lets the largest memory of this process be counted from now on, where the system can (Linux: proc_pid_clear_refs(5)).
+/// Resets the peak memory of this process where the system can (Linux: proc_pid_clear_refs(5)).
 fn forget_peak() {
-    // Where it cannot, the peak is that of the cases before too: never too small.
+    // If it cannot, the peak includes earlier cases, so it is never too small.
     let _ = std::fs::write("/proc/self/clear_refs", "5");
 }
 

@@ -1,8 +1,9 @@
-//! What many instances cost: CPU seconds a sample where they are asked in turn and where a hierarchy over them finds them.
+//! Measures the cost of many instances: CPU seconds per sample when a ray tests one instance after another, and when a hierarchy over the
+//! instances finds them.
 //!
-//! Copies of the figure of 32 long labels, or of a ball of 2,048 triangles, lie side by side on a square, each turned another way, and
-//! are seen from above at a slant: an even sky, three bounces. Both ways must draw the same film, bit for bit. Seconds are the process's
-//! own, the least of several samples, the two ways in turn.
+//! Copies of 32 long labels of a volume, or of a ball of 2,048 triangles, lie side by side on a square, each rotated differently, and are
+//! seen obliquely from above, under a constant sky with three bounces. Both ways must render the same film, bit for bit. Times are CPU
+//! seconds of the process, the least of several samples; the two ways take turns.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -19,7 +20,7 @@ use pumice_session::error::{Result, SessionError};
 use pumice_session::selection::select_labels;
 use pumice_session::{Residence, open_volume};
 use pumice_transport::geometry::LodChoice;
-use pumice_transport::{Lights, Looks, Sky};
+use pumice_transport::{Lights, MaterialTable, Sky};
 use serde::Serialize;
 
 use crate::console::{BenchResult, Console, Outcome};
@@ -27,19 +28,20 @@ use crate::files::file_name;
 use crate::table::{Row, TableFlags};
 use crate::timing::clocked;
 
-/// Pixels of the picture: where thousands are asked in turn, a larger one takes minutes.
+/// Width and height of the picture. A larger one would take minutes where a ray tests thousands of instances one after another.
 const SIZE: [u32; 2] = [160, 90];
-/// Numbers of instances.
+/// Numbers of instances that are measured.
 const COUNTS: [usize; 11] = [1, 2, 3, 4, 6, 8, 16, 64, 256, 1024, 4096];
-/// Samples of each way at most, and CPU seconds after which there are no more.
+/// Largest number of samples of each way.
 const MOST_SAMPLES: u32 = 40;
+/// CPU seconds after which no further sample is taken.
 const MOST_SECONDS: f64 = 30.0;
-/// The word that stands for a ball of triangles in place of a volume.
+/// The argument that selects the ball of triangles instead of a volume.
 const MESH: &str = "mesh";
 
-/// What many instances of a volume cost a sample, in turn and by a hierarchy over them
+/// Cost per sample of many instances, tested one after another or found by a hierarchy
 ///
-/// The word `mesh` in place of a volume measures a ball of 2,048 triangles.
+/// The word `mesh` instead of a volume selects a ball of 2,048 triangles.
 #[derive(Debug, Args)]
 pub(crate) struct Flags {
     #[command(flatten)]
@@ -56,38 +58,38 @@ pub(crate) fn run(flags: &Flags, job: &Job, console: &mut Console<'_>) -> BenchR
     Ok(Outcome::Holds)
 }
 
-/// What there are many instances of.
+/// The object that the scene has many instances of.
 #[derive(Clone, Debug)]
 pub enum Subject {
-    /// The long labels of a label volume.
+    /// The longest labels of a label volume.
     Volume(PathBuf),
     /// A ball of triangles.
     Ball,
 }
 
-/// Figures of one number of instances.
+/// Measurements for one number of instances.
 #[derive(Clone, Debug, Serialize)]
 pub struct InstanceCost {
     /// The volume's file name, or `mesh`.
     pub what: String,
-    /// Instances.
+    /// Number of instances.
     pub count: usize,
-    /// CPU seconds a sample where they are asked in turn.
+    /// CPU seconds per sample if rays test one instance after another.
     pub in_turn_cpu_seconds: f64,
-    /// CPU seconds a sample where the hierarchy finds them.
+    /// CPU seconds per sample if rays find instances through a hierarchy.
     pub by_tree_cpu_seconds: f64,
-    /// CPU seconds of building the hierarchy over them.
+    /// CPU seconds of building the hierarchy over the instances.
     pub tree_build_cpu_seconds: f64,
     /// Bytes of that hierarchy.
     pub tree_bytes: u64,
-    /// Bytes of all hierarchies.
+    /// Bytes of all hierarchies, those within instances included.
     pub hierarchy_bytes: u64,
 }
 
-/// Measures all numbers of instances.
+/// Measures each of the numbers of instances.
 ///
 /// # Errors
-/// What opening and tracing report; two ways that draw different films; the job's cancellation.
+/// Errors of opening and tracing; a film that differs between the two ways; the job's cancellation.
 pub fn measure_instances(what: &Subject, job: &Job) -> Result<Vec<InstanceCost>> {
     let (name, shape) = match what {
         Subject::Ball => (MESH.to_owned(), Shape::Mesh(Arc::new(ball(4)?))),
@@ -105,7 +107,7 @@ enum Shape {
 }
 
 impl Shape {
-    /// Copies at these places, each about the origin of its own, 1 long at most.
+    /// A scene with a copy at each of these places. Each copy is centred and its longest side is at most 1.
     fn copies(&self, places: &[DAffine3]) -> Result<SceneTracer> {
         let numbered = || (0u32..).zip(places);
         match self {
@@ -120,7 +122,11 @@ impl Shape {
                 let mut copies = Vec::new();
                 for (number, place) in numbered() {
                     let copy = first.again(number, *place * unit, lod)?;
-                    let other = || SessionError::Caller("a copy has other levels of detail".into());
+                    let other = || {
+                        SessionError::Caller(
+                            "a copy of an instance has another level of detail than the first one".into(),
+                        )
+                    };
                     copies.push(Arc::new(copy.ok_or_else(other)?));
                 }
                 Ok(SceneTracer::of(copies))
@@ -137,7 +143,7 @@ impl Shape {
     }
 }
 
-/// A ball of diameter 1: an octahedron whose triangles are cut in four, `times` times.
+/// A ball of diameter 1: an octahedron whose triangles are split into four, `times` times, with all corners moved onto the sphere.
 fn ball(times: usize) -> Result<MeshData> {
     let axes = [DVec3::X, DVec3::Y, DVec3::Z];
     let mut triangles: Vec<[DVec3; 3]> = (0..8)
@@ -156,7 +162,7 @@ fn ball(times: usize) -> Result<MeshData> {
 }
 
 fn measure(name: &str, shape: &Shape, count: usize, job: &Job) -> Result<InstanceCost> {
-    // Lay them on a square, and look at it at a slant.
+    // Lay the copies out on a square and look at it obliquely.
     let columns = (count as f64).sqrt().ceil() as usize;
     let reach = 1.1 * columns as f64;
     let places: Vec<DAffine3> = (0..count)
@@ -173,17 +179,17 @@ fn measure(name: &str, shape: &Shape, count: usize, job: &Job) -> Result<Instanc
     let camera = Camera::new(world_from_camera, Projection::Perspective { fov_rad: 0.6 });
     let film = Film::new(SIZE[0], SIZE[1], Filter::BlackmanHarris { width: 3.0 });
 
-    // Build the hierarchy over them.
+    // Build the hierarchy over the copies.
     let copies = shape.copies(&places)?;
     let ((by_tree, _), building) = clocked(|| Ok(copies.with_tree(1)?))?;
     let (tree_bytes, hierarchy_bytes) = (by_tree.tree().map_or(0, |tree| tree.bytes()), by_tree.bytes());
 
-    // Draw both ways in turn: more samples where one takes little, fewer where it takes minutes.
+    // Render both ways in turn, with fewer samples the longer a sample takes.
     let material = Material { base_color: [0.7; 3], specular: 0.0, roughness: 1.0, ..Material::default() };
-    let looks = Arc::new(Looks::same(material));
+    let materials = Arc::new(MaterialTable::same(material));
     let around = Surroundings {
         lights: Arc::new(Lights::new(Sky::Constant(Vec3::ONE), Vec::new(), None)),
-        looks: vec![looks; count].into(),
+        materials: vec![materials; count].into(),
         settings: Settings { bounces: 3, ..Settings::default() },
     };
     let mut ways =
@@ -202,7 +208,7 @@ fn measure(name: &str, shape: &Shape, count: usize, job: &Job) -> Result<Instanc
     let [in_turn, by_tree] = &ways;
     if in_turn.film().sums() != by_tree.film().sums() {
         return Err(SessionError::Caller(format!(
-            "{name}, {count} instances: the two ways draw different films"
+            "{name}, {count} instances: the film with a hierarchy over instances differs from the film without"
         )));
     }
     Ok(InstanceCost {

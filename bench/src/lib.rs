@@ -1,18 +1,18 @@
-//! Benches: what Pumice takes and how exact it is, measured, as typed tables with their Markdown, CSV and plots.
+//! Benches: measurements of Pumice's time, memory and accuracy, as typed tables with Markdown, CSV and plots.
 //!
-//! A module is a subcommand of `pumice bench`, and the files that it writes have its name:
+//! Each module here is a subcommand of `pumice bench`, and the files that it writes have its name:
 //!
-//! | module | measures | beside |
+//! | module | measures | compares with |
 //! |---|---|---|
-//! | [`sizes`], [`speeds`] | bytes by part and level; CPU seconds of each step, rays | |
-//! | [`backends`], [`live`], [`instances`] | rays and frames; how soon an edit is seen; many copies | |
-//! | [`errors`], [`lod`] | relMSE by seconds; by level of detail | a picture of many samples |
-//! | [`convergence`] | relMSE by CPU seconds | Cycles |
+//! | [`sizes`], [`speeds`] | bytes by part and level; CPU seconds of each step, rays per second | |
+//! | [`backends`], [`live`], [`instances`] | rays and frames; latency of an edit; many instances | |
+//! | [`errors`], [`lod`] | relMSE over seconds; by level of detail | a picture of many samples |
+//! | [`convergence`] | relMSE over CPU seconds | Cycles |
 //! | [`embree`], [`peers`], [`paper`] | rays; bytes and voxels; encodings | Embree; other programs; the paper |
-//! | [`needs`] | what it costs to build what a scene does not need | the same scene without it |
-//! | [`stability`], [`extremes`] | extreme scenes and volumes | exact answers, bounds |
+//! | [`needs`] | the cost of building parts that a scene does not need | the same scene without them |
+//! | [`stability`], [`extremes`] | errors in extreme scenes; bytes of extreme volumes | exact answers; bounds |
 //!
-//! The command `pumice bench` and the program `pumice-bench` are both [`Bench::run`].
+//! The command `pumice bench` and the program `pumice-bench` both call [`Bench::run`].
 #![forbid(unsafe_code)]
 
 pub mod backends;

@@ -1,5 +1,5 @@
-//! How soon a live picture follows an edit, and what the edit costs its caller: wall milliseconds, because that is what a person at
-//! the screen waits for.
+//! Measures how soon a live picture shows an edit, and how long the caller of the edit waits. In wall milliseconds, because that is what a
+//! person at the screen waits for.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -21,17 +21,17 @@ use crate::console::{BenchResult, Console, Outcome};
 use crate::files::file_name;
 use crate::table::{Row, TableFlags};
 
-/// Pixels of the picture.
+/// Width and height of the picture in pixels.
 const SIZE: [u32; 2] = [1920, 1080];
-/// Edits of each kind.
+/// Number of edits of each kind.
 const ROUNDS: usize = 20;
-/// Labels of the scene that shows some.
+/// Number of labels in the scene that does not show all.
 const SOME: usize = 32;
 
-/// How soon a live 1920 × 1080 picture follows an edit, and what the edit costs its caller
+/// Time until a live 1920 × 1080 picture shows an edit, and time that the edit takes its caller
 ///
 /// Moves the camera and edits a colour, 20 times each, in a scene of 32 labels and in one of all labels, each with its own material.
-/// Medians, wall milliseconds.
+/// Reports medians in wall milliseconds.
 #[derive(Debug, Args)]
 pub(crate) struct Flags {
     #[command(flatten)]
@@ -50,9 +50,9 @@ pub(crate) fn run(flags: &Flags, job: &Job, console: &mut Console<'_>) -> BenchR
 /// Median and largest of some durations, in milliseconds.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Milliseconds {
-    /// Half of the durations are shorter.
+    /// The median.
     pub median: f64,
-    /// The longest.
+    /// The longest duration.
     pub largest: f64,
 }
 
@@ -64,31 +64,34 @@ impl Milliseconds {
     }
 }
 
-/// One kind of edit in one scene.
+/// Latencies of one kind of edit in one scene.
 #[derive(Clone, Debug, Serialize)]
 pub struct EditLatency {
     /// The volume's file name.
     pub volume: String,
-    /// What the scene shows.
+    /// The labels that the scene shows.
     pub labels: &'static str,
-    /// What is edited.
+    /// What is edited: `camera` or `colour`.
     pub edit: &'static str,
     /// From the call of the edit to its return.
     pub call_ms: Milliseconds,
-    /// To the first frame that has it.
+    /// From the call to the first frame that shows the edit.
     pub first_frame_ms: Milliseconds,
-    /// To the first frame of the whole size with a sample a pixel.
+    /// From the call to the first frame at full size with one sample per pixel.
     pub whole_frame_ms: Milliseconds,
 }
 
-/// Measures edits of both kinds in both scenes of a volume.
+/// Measures both kinds of edits in both scenes of a volume.
 ///
 /// # Errors
-/// What opening and rendering report; a volume without labels; the job's cancellation.
+/// Errors of opening and rendering; a volume without labels; the job's cancellation.
 pub fn measure_live(path: &Path, job: &Job) -> Result<Vec<EditLatency>> {
     let volume = open_volume(path, &OpenOptions::default(), Residence::Copied, job)?;
     let Some(&id) = volume.labels().ids().first() else {
-        return Err(SessionError::Caller(format!("{}: there is no label to edit", path.display())));
+        return Err(SessionError::Caller(format!(
+            "{}: expected a volume with labels, got one without",
+            path.display()
+        )));
     };
     let mut all = Vec::new();
     for (labels, own_materials) in [("32", false), ("all, each with its own material", true)] {
@@ -134,7 +137,7 @@ pub fn measure_live(path: &Path, job: &Job) -> Result<Vec<EditLatency>> {
     Ok(all)
 }
 
-/// A figure of some long labels, or of all, each with a material of its own.
+/// A figure of the longest labels, or (`own_materials`) of all labels, each with its own material.
 fn scene_of(volume: &CompressedVolume, path: &Path, own_materials: bool) -> Scene {
     let labels = (!own_materials).then(|| select_labels(volume, SOME));
     let options = FigureOptions { size: SIZE, labels, view_deg: FigureOptions::DEFAULT_VIEW_DEG };
@@ -146,7 +149,7 @@ fn scene_of(volume: &CompressedVolume, path: &Path, own_materials: bool) -> Scen
     scene
 }
 
-/// The newest frame after `after` that is `wanted`.
+/// Waits for a frame with a serial number above `after` for which `wanted` holds.
 fn wait(live: &Live, after: u64, job: &Job, wanted: impl Fn(&Frame) -> bool) -> Result<Arc<Frame>> {
     loop {
         match live.latest(after) {

@@ -1,12 +1,13 @@
-//! What coarser levels of detail gain and cost: picture error against frame time and resident bytes. What `pumice bench lod` writes.
+//! `pumice bench lod`: gain and cost of coarser levels of detail, as picture error against frame time and resident bytes.
 //!
 //! ```text
-//! volume ─► file of the fast level, mapped ─► figure of some labels, drawn at voxels, cells, boxes and by distance:
-//!     opened, built, drawn, alone         bytes of the file that were touched, bytes of the hierarchy, CPU seconds of building
-//!     1, 4, 16 … samples, in turn         CPU seconds; relMSE and FLIP against voxels with many samples
-//!     many samples                        the level's own error, with the noise taken off
+//! volume ─► file of the fast level, mapped ─► figure of some labels, rendered at voxels, cells, boxes and by distance:
+//!     each level with the file for itself  bytes of the file that were read, bytes of the hierarchy, CPU seconds of building
+//!     1, 4, 16 … samples, levels in turn   CPU seconds; relMSE and FLIP against voxels with many samples
+//!     many samples                         the level's own error, with the noise subtracted
 //! ```
-//! Pictures of several sizes: what a voxel is to a pixel decides what a level costs, and a small picture is as good as a far camera.
+//! Several picture sizes are measured, because the size of a voxel in pixels decides the cost of a level. A small picture stands for a
+//! distant camera.
 
 pub(crate) mod command;
 mod tables;
@@ -14,7 +15,7 @@ mod tables;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use pumice_core::{CompressedVolume, Job, Level};
+use pumice_core::{CompressedVolume, CompressionLevel, Job};
 use pumice_formats::OpenOptions;
 use pumice_picture::Image;
 use pumice_picture::metrics::compare;
@@ -36,7 +37,7 @@ use crate::timing::clocked;
 
 pub use tables::write_lod;
 
-/// The levels, finest first: the reference.
+/// The levels of detail. The first, voxels, is the reference.
 pub const LEVELS: [(&str, Lod); 4] = [
     ("voxels", Lod::Voxels),
     ("by distance", Lod::Distance { pixels: 1.0 }),
@@ -44,46 +45,46 @@ pub const LEVELS: [(&str, Lod); 4] = [
     ("boxes of 16³", Lod::Boxes),
 ];
 
-/// Pictures that a level's mean is of: enough to know its variance within a third.
+/// Pictures over which a level's mean is taken: enough to know its variance to within a third.
 const BATCHES: u64 = 8;
-/// Samples with which it is seen what a level touches: by then each pixel's paths have gone where they go.
+/// Samples per pixel after which the touched bytes of the file are counted; paths have reached about everything by then.
 const TOUCHING_SPP: u32 = 4;
 
-/// What is measured.
+/// Options of [`measure_lod`].
 #[derive(Clone, Debug)]
 pub struct LodOptions {
     /// Label volume or `.pumice` file.
     pub volume: PathBuf,
-    /// Labels shown, the longest ones.
+    /// Number of labels shown, the longest ones.
     pub pick: usize,
-    /// Pixels across and down of each picture.
+    /// Width and height of each picture in pixels.
     pub sizes: Vec<[u32; 2]>,
-    /// Samples a pixel, rising.
+    /// Samples per pixel, in increasing order.
     pub spp: Vec<u32>,
-    /// Pictures at each, with seeds of their own.
+    /// Pictures at each number of samples, each with its own seed.
     pub repeats: u32,
-    /// Samples a pixel of each level's mean.
+    /// Samples per pixel of each level's mean.
     pub reference_spp: u32,
 }
 
-/// One level's figures in pictures of one size.
+/// Measurements of one level in pictures of one size.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LevelFigures {
     /// Name of the level in [`LEVELS`].
     pub name: &'static str,
-    /// CPU seconds until the first sample can be drawn, from an open volume on.
+    /// CPU seconds from an open volume until the renderer can take its first sample.
     pub build_cpu_seconds: f64,
-    /// CPU seconds of a sample of each pixel, at the most samples.
+    /// CPU seconds of one sample per pixel, measured at the largest number of samples.
     pub frame_cpu_seconds: f64,
-    /// Bytes of the hierarchy over the boxes, and whatever else the renderer holds.
+    /// Bytes of the hierarchy over the boxes and of everything else that the renderer holds.
     pub bytes_held: u64,
-    /// Bytes of the volume's file that were in memory after a few samples; `None` where the system does not tell.
+    /// Bytes of the volume's file that were in memory after a few samples; `None` if the system does not report it.
     pub bytes_touched: Option<u64>,
-    /// The level's own error: relMSE of its mean against the voxels', noise taken off. None for the voxels.
+    /// The level's own error: relMSE of its mean against that of the voxels, with the noise subtracted. `None` for the voxels.
     pub rel_mse: Option<f64>,
-    /// FLIP of the two means.
+    /// FLIP between the two means; `None` for the voxels.
     pub flip: Option<f64>,
-    /// Error of pictures with rising samples, the reference's own taken off.
+    /// Errors of pictures with increasing numbers of samples, minus the reference's own error.
     pub points: Vec<Point>,
 }
 
@@ -96,27 +97,27 @@ pub struct LodTable {
     pub dims: [u32; 3],
     /// Bytes of its file that can be mapped.
     pub bytes_mapped: u64,
-    /// Pixels of the pictures across and down.
+    /// Width and height of the pictures in pixels.
     pub size: [u32; 2],
-    /// Labels shown.
+    /// Number of labels shown.
     pub labels: usize,
-    /// The reference's own relMSE, which was taken off.
+    /// The reference's own relMSE, which has been subtracted.
     pub reference_rel_mse: f64,
-    /// Figures of each level, in the order of [`LEVELS`].
+    /// Measurements of each level, in the order of [`LEVELS`].
     pub levels: Vec<LevelFigures>,
 }
 
-/// Measures a volume: a table for each size. `watch` hears what begins.
+/// Measures a volume and returns a table for each picture size. `watch` is called with a line of text when a step begins.
 ///
 /// # Errors
-/// What reading, saving a temporary file, or rendering reports.
+/// Errors of reading, of saving a temporary file, or of rendering.
 pub fn measure_lod(options: &LodOptions, job: &Job, watch: &mut dyn FnMut(&str)) -> Result<Vec<LodTable>> {
     let folder = scratch()?;
     let path = folder.path().join("volume.pumice");
     watch("open");
     open_volume(&options.volume, &OpenOptions::default(), Residence::Copied, job)?.save(
         &path,
-        Level::Fast,
+        CompressionLevel::Fast,
         job,
     )?;
     let mut tables = Vec::new();
@@ -137,7 +138,7 @@ fn measured(path: &Path, size: [u32; 2], options: &LodOptions, job: &Job) -> Res
     let figure =
         FigureOptions { size, labels: Some(labels.clone()), view_deg: FigureOptions::DEFAULT_VIEW_DEG };
     let mut scene = compose(&volume, options.volume.clone(), &figure);
-    // Behind what is shown there is nothing, and of nothing there is no error.
+    // Without a backdrop, pixels that show no label are equal at all levels and add no error.
     scene.world.backdrop = None;
     let (dims, bytes_mapped) = (volume.info().dims, volume.mapped_bytes());
     drop(volume);
@@ -165,13 +166,13 @@ fn measured(path: &Path, size: [u32; 2], options: &LodOptions, job: &Job) -> Res
         Ok::<_, SessionError>((took, renderer.color()?))
     };
 
-    // Seeds of the means are far from those of the pictures that are judged.
+    // Seeds of the means are far from those of the measured pictures.
     let each = options.reference_spp.div_ceil(BATCHES as u32);
     let mut means = Vec::new();
     for (level, (renderer, (_, lod))) in renderers.iter_mut().zip(LEVELS).enumerate() {
         let mut batches = Vec::new();
         for b in 0..BATCHES {
-            // Their noise is independent: what it makes of a difference is known.
+            // Each level has its own seeds, so the noise of two means is independent and its expected effect can be subtracted.
             let seed = (1 << 20) + BATCHES * level as u64 + b;
             batches.push(draw(renderer, lod, seed, each)?.1);
         }
@@ -218,7 +219,7 @@ fn measured(path: &Path, size: [u32; 2], options: &LodOptions, job: &Job) -> Res
     })
 }
 
-/// What a level holds and touches, by a renderer that has the file for itself.
+/// Measures the bytes that a level holds and touches, with a renderer that has the file for itself.
 fn alone(name: &'static str, path: &Path, scene: &Scene, job: &Job) -> Result<LevelFigures> {
     let volume = opened(path, job)?;
     let mut renderer = make_renderer("cpu")?;
@@ -243,11 +244,11 @@ mod tests {
 
     use super::*;
 
-    /// Opened, a mapped file is hardly in memory; a picture of few labels brings in what it needs, decoding all of it.
+    /// An opened, mapped file is hardly in memory. Reading one box brings in a little of it, and decoding the volume nearly all.
     #[test]
     #[cfg(target_os = "linux")]
     fn a_mapped_file_comes_in_as_it_is_used() {
-        // Noise: eight bytes for each cell, and no two boxes alike.
+        // Noise takes eight bytes per cell, and no two boxes are equal.
         let mut s = 1u64;
         let mut voxel = || {
             s = s.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
@@ -258,7 +259,7 @@ mod tests {
         let volume = compress_labels(VolumeInfo::new(dims, LabelType::U8), LabelBuffer::U8(ids)).unwrap();
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("v.pumice");
-        volume.save(&path, Level::Fast, &Job::new()).unwrap();
+        volume.save(&path, CompressionLevel::Fast, &Job::new()).unwrap();
         let mapped = opened(&path, &Job::new()).unwrap();
         let all = mapped.mapped_bytes();
         let resident = || resident_file_bytes(&path).unwrap();

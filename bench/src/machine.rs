@@ -1,10 +1,10 @@
-//! What the figures were measured on.
+//! Describes the machine and the build that measured.
 
 use std::process::Command;
 
 use pumice_session::measure::processor_name;
 
-/// Version, processor, cores, system, compiler (where there is one) and profile, in one line.
+/// One line with version, processor, cores, system, compiler (if rustc is installed) and build profile.
 pub fn description() -> String {
     let processor = processor_name().unwrap_or_else(|| "an unnamed processor".into());
     let cores = std::thread::available_parallelism().map_or(1, usize::from);

@@ -1,4 +1,4 @@
-//! `pumice bench` as a program of its own: `cargo run --release -p pumice-bench -- NAME`.
+//! `pumice bench` as a separate program: `cargo run --release -p pumice-bench -- NAME`.
 #![forbid(unsafe_code)]
 
 use std::io;
@@ -19,7 +19,7 @@ struct Cli {
 
 fn main() -> ExitCode {
     let cli = Cli::parse();
-    // Ctrl-C asks the work to stop and clean up; a second one ends it at once.
+    // The first Ctrl-C cancels the job, which cleans up; a second one exits at once.
     let job = Arc::new(Job::new());
     let watched = job.clone();
     let handler = ctrlc::set_handler(move || {

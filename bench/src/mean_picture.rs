@@ -1,9 +1,9 @@
-//! The mean of independent pictures and its variance: what other pictures are judged by, with its own error known.
+//! The mean of independent pictures with its variance: a reference for other pictures whose own error is known.
 
 use pumice_picture::Image;
 use pumice_picture::metrics::rel_mse::EPSILON;
 
-/// A mean picture, value by value, and the variance of each mean.
+/// The mean of each value (three per pixel), and the variance of that mean.
 #[derive(Clone, Debug)]
 pub(crate) struct MeanPicture {
     pub(crate) values: Vec<f64>,
@@ -25,13 +25,13 @@ impl MeanPicture {
         Self { values, variances }
     }
 
-    /// The relMSE that its noise makes in expectation, by itself.
+    /// Expected relMSE of this picture due to its own noise.
     pub(crate) fn own_rel_mse(&self) -> f64 {
         let each = self.values.iter().zip(&self.variances).map(|(v, s)| s / (v * v + EPSILON));
         each.sum::<f64>() / self.values.len() as f64
     }
 
-    /// relMSE against a reference, less what the noise of both makes of it in expectation: 0 on average where both have one mean.
+    /// relMSE against a reference, minus its expected part due to the noise of both: 0 on average if both have the same expectation.
     pub(crate) fn rel_mse_without_noise(&self, reference: &Self) -> f64 {
         let squared = |i: usize| {
             let (value, expected) = (self.values[i], reference.values[i]);
@@ -41,7 +41,7 @@ impl MeanPicture {
         (0..self.values.len()).map(squared).sum::<f64>() / self.values.len() as f64
     }
 
-    /// The mean as a picture of this size.
+    /// The mean as a picture of this size in pixels.
     pub(crate) fn image(&self, size: [u32; 2]) -> Image {
         let [width, height] = size.map(|s| s as usize);
         let pixels = self.values.as_chunks::<3>().0.iter().map(|p| p.map(|v| v as f32)).collect();
@@ -58,7 +58,7 @@ mod tests {
         MeanPicture::of(&images)
     }
 
-    /// By hand: means 2 and 7, variances of the means 1 and 4.
+    /// Expected values computed by hand: the means are 2 and 7, and the variances of the means 1 and 4.
     #[test]
     fn noise_is_known_and_taken_off() {
         let (a, b) = (mean(&[1.0, 3.0]), mean(&[5.0, 9.0]));

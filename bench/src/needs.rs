@@ -1,12 +1,13 @@
-//! What it saves to leave out what a scene does not need, on the least that can be drawn of a volume: all of its labels, and some of them.
-//! Part by part, as `pumice render --explain` measures it of any scene ([`pumice_session::savings`]).
+//! Measures, part by part, how much a renderer saves by leaving out parts that a scene does not need (tables, structures, shader code).
+//! The scenes are minimal ones of a volume, with all of its labels and with some. `pumice render --explain` measures any scene in the same
+//! way ([`pumice_session::savings`]).
 
 pub(crate) mod command;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use pumice_core::{CompressedVolume, Job, Level};
+use pumice_core::{CompressedVolume, CompressionLevel, Job};
 use pumice_formats::OpenOptions;
 use pumice_scene::{Environment, Material, Scene, Show, World};
 use pumice_session::error::Result;
@@ -22,36 +23,36 @@ use serde::Serialize;
 use crate::files::{file_name, scratch, write_results};
 use crate::table::quoted;
 
-/// What is measured.
+/// Options of [`measure_needs`].
 #[derive(Clone, Debug)]
 pub struct NeedsOptions {
     /// Label volume or `.pumice` file.
     pub volume: PathBuf,
-    /// Backend by name.
+    /// Name of the backend.
     pub backend: String,
-    /// Labels of the second scene.
+    /// Number of labels in the second scene, the longest ones.
     pub show: usize,
-    /// Rounds, and pixels along the longer side.
+    /// Rounds, and pixels along the longer side of the picture.
     pub how: SavingsOptions,
 }
 
-/// One scene of the volume.
+/// Measurements of one scene.
 #[derive(Clone, Debug, Serialize)]
 pub struct NeedsScene {
-    /// The volume's file, without its folder.
+    /// The volume's file name without its folder.
     pub volume: String,
-    /// What the scene shows, in words.
+    /// Description of the scene.
     pub scene: String,
-    /// Opening it as a file of each level, for the labels that are shown; empty where all are.
+    /// For each level of the file: savings of opening only the shown labels. Empty if the scene shows all labels.
     pub opening: Vec<(&'static str, OpeningSaved)>,
-    /// Figures.
+    /// Savings of each part.
     pub savings: Savings,
 }
 
-/// The least that can be drawn of a volume, all of its labels and some of them.
+/// Measures two minimal scenes of a volume: with all of its labels, and with some.
 ///
 /// # Errors
-/// What is wrong with the file; what the renderer reports.
+/// Errors of the file and of the renderer.
 pub fn measure_needs(
     options: &NeedsOptions,
     job: &Job,
@@ -77,7 +78,7 @@ pub fn measure_needs(
     Ok(scenes)
 }
 
-/// Opens the volume as a file of each level that opens differently.
+/// Saves the volume at the two levels whose files open differently, and measures opening each.
 fn openings(
     volume: &CompressedVolume,
     show: &Show,
@@ -86,7 +87,7 @@ fn openings(
 ) -> Result<Vec<(&'static str, OpeningSaved)>> {
     let folder = scratch()?;
     let mut openings = Vec::new();
-    for (name, level) in [("default", Level::Default), ("fast", Level::Fast)] {
+    for (name, level) in [("default", CompressionLevel::Default), ("fast", CompressionLevel::Fast)] {
         let path = folder.path().join(format!("{name}.pumice"));
         volume.save(&path, level, job)?;
         openings.push((name, measure_opening(&path, &[show], &OpenOptions::default(), how.rounds, job)?.0));
@@ -94,7 +95,7 @@ fn openings(
     Ok(openings)
 }
 
-/// A figure without all that can be left out.
+/// A figure that needs none of the parts that a renderer can leave out.
 fn minimal(volume: &CompressedVolume, labels: Option<Vec<u32>>, side: u32) -> Scene {
     let size = [side, (side * 9).div_ceil(16)];
     let options = FigureOptions { size, labels, view_deg: FigureOptions::DEFAULT_VIEW_DEG };
@@ -110,7 +111,7 @@ fn minimal(volume: &CompressedVolume, labels: Option<Vec<u32>>, side: u32) -> Sc
     scene
 }
 
-/// Writes `needs.csv`, `needs-opening.csv` and `needs.md`; `machine` describes what they were measured on.
+/// Writes `needs.csv`, `needs-opening.csv` and `needs.md` into `folder`; `machine` describes the machine.
 ///
 /// # Errors
 /// When the folder or a file cannot be written.
@@ -179,9 +180,9 @@ fn csv_of_openings(scenes: &[NeedsScene]) -> String {
 
 fn markdown(machine: &str, scenes: &[NeedsScene]) -> String {
     let mut text = format!(
-        "# needs\n\n{machine}\n\nWhat a scene does not need, left out and put in in turn (ABBA). Milliseconds are the process's own \
-         (CPU), medians with quartiles; *saved* is the median of the rounds' differences. A quartile on each side of 0 says that \
-         nothing was found.\n"
+        "# needs\n\n{machine}\n\nEach part that the scene does not need, without and with it in turn (ABBA). Milliseconds are CPU time of \
+         the process, medians with quartiles; *saved* is the median of the differences within rounds. Where the quartiles lie on both \
+         sides of 0, no difference was found.\n"
     );
     for s in scenes {
         let all = &s.savings;

@@ -1,16 +1,16 @@
-//! The tables and figures of the paper, of its encodings with ours beside them, on one volume: what `pumice bench paper` writes.
+//! `pumice bench paper`: the tables and figures of the paper for one volume, with Pumice's own form beside the paper's encodings.
 //!
 //! ```text
 //! volume ─► the paper's boxes ─► SVOs (AABB), SVDAGs (TYPE), SVDAG (SHARED), each without and with occupancy fields
-//!               │                    decoded back and held against the volume
+//!               │                    decoded and compared with the volume
 //!               │                    bytes                                              Tables 1, 3
-//!               │                    the same rays through each and through ours        Table 4
+//!               │                    the same rays through each and through Pumice's    Table 4
 //!               │                    seconds of each step, types merged in two ways     Table 5
 //!               │                    reuse of nodes, growth while types are merged      Figure 6
-//!               └─► boxes of 8³, 16³, 32³ and one a label                               section 5.6
-//! ours and the paper's ─► some labels hidden: hierarchy built anew, or hits passed over section 5.6
+//!               └─► boxes of 8³, 16³, 32³ and one per label                             section 5.6
+//! both ─► some labels hidden: by a rebuilt hierarchy, or by skipping their boxes        section 5.6
 //! ```
-//! Rays are traced on one thread, CPU seconds; the least of some rounds in turn.
+//! Rays are traced on one thread and timed in CPU seconds. Of several rounds, in which the forms take turns, the fastest counts.
 
 pub(crate) mod command;
 mod plots;
@@ -35,128 +35,128 @@ use crate::timing::{Took, clocked};
 
 pub use rays::{Hiding, Rates};
 
-/// Longest side of the paper's boxes.
+/// Largest side of the paper's boxes in voxels.
 const SIDE: u32 = 16;
-/// Sides that are compared: voxels, or one box a label.
+/// Largest sides of boxes that are compared, in voxels; `None` is one box per label.
 const SIDES: [Option<u32>; 4] = [Some(8), Some(16), Some(32), None];
 
-/// What is measured.
+/// Options of [`measure_paper`].
 #[derive(Clone, Debug)]
 pub struct PaperOptions {
     /// Label volume or `.pumice` file.
     pub volume: PathBuf,
-    /// Labels are dealt to so many types; by default the volume's own types, or one for each label.
+    /// Number of types to which labels are assigned round robin; `None`: the volume's own types, or one for each label.
     pub types: Option<u32>,
-    /// Labels that rays meet, in per cent.
+    /// Share of the labels that rays meet, in per cent.
     pub show: u32,
-    /// Pixels of the rays' camera along each side.
+    /// Pixels of the camera along each side.
     pub side: u32,
-    /// Rounds of rays.
+    /// Rounds of rays, of which the fastest counts.
     pub rounds: u32,
 }
 
-/// A form's figures.
+/// Measurements of one form.
 #[derive(Clone, Debug, Serialize)]
 pub struct FormFigures {
     /// The form's name in the paper, or `Pumice`.
     pub name: String,
-    /// Whether cells of 4³ are bit fields.
+    /// Whether cells of 4³ voxels are stored as occupancy fields.
     pub with_fields: bool,
-    /// Boxes of all labels.
+    /// Number of boxes of all labels.
     pub boxes: usize,
-    /// Bytes of those boxes.
+    /// Bytes of the box records.
     pub box_bytes: u64,
-    /// Bytes of the hierarchy over all of them.
+    /// Bytes of the hierarchy over all boxes.
     pub bvh_bytes: u64,
-    /// Bytes of what is in them.
+    /// Bytes of the octrees or graphs within the boxes.
     pub tree_bytes: u64,
-    /// Rays through the voxels of labels that are shown.
+    /// Rays through the voxels of the shown labels.
     pub fine: Rates,
-    /// Rays that meet boxes drawn whole.
+    /// Rays through boxes that are drawn solid.
     pub coarse: Rates,
 }
 
 impl FormFigures {
-    /// All bytes.
+    /// Bytes of boxes, hierarchy and trees together.
     pub fn bytes(&self) -> u64 {
         self.box_bytes + self.bvh_bytes + self.tree_bytes
     }
 }
 
-/// A step of compressing.
+/// Time of one step of compressing.
 #[derive(Clone, Debug, Serialize)]
-pub struct Step {
-    /// What is done.
+pub struct TimedStep {
+    /// Description of the step.
     pub name: &'static str,
-    /// Without and with occupancy fields; the first alone where they make no difference.
+    /// Times without and with occupancy fields; only one if the step does not depend on them.
     pub took: Vec<Took>,
 }
 
-/// Boxes of another size.
+/// Measurements with one size of boxes.
 #[derive(Clone, Debug, Serialize)]
 pub struct SideFigures {
-    /// Longest side; none where boxes are not cut.
+    /// Largest side of a box in voxels; `None` for one box per label.
     pub side: Option<u32>,
-    /// Figures of one shared graph with occupancy fields.
+    /// Measurements of SVDAG (SHARED) with occupancy fields.
     pub figures: FormFigures,
 }
 
-/// Steps of merging that are told of, at most.
+/// Largest number of [`Growth`] entries that are reported.
 const STEPS_TOLD: usize = 64;
 
-/// Bytes while types are merged one after another.
+/// Bytes after some types have been merged one after another.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Growth {
-    /// Types so far.
+    /// Number of types merged so far.
     pub types: usize,
-    /// Boxes of those types.
+    /// Number of boxes of those types.
     pub boxes: usize,
-    /// Bytes of their octrees, of their graphs, of the one graph.
+    /// Bytes of their octrees, of their separate graphs, and of the merged graph.
     pub bytes: [u64; 3],
 }
 
-/// All figures of a volume.
+/// All measurements of a volume.
 #[derive(Clone, Debug, Serialize)]
 pub struct PaperTables {
     /// The volume's file name.
     pub volume: String,
     /// Voxels along x, y and z.
     pub dims: [u32; 3],
-    /// Voxels that have a label.
+    /// Number of voxels that have a label.
     pub solid: u64,
-    /// Labels.
+    /// Number of labels.
     pub labels: usize,
-    /// Types.
+    /// Number of types.
     pub types: usize,
-    /// Labels that rays meet, in per cent.
+    /// Share of the labels that rays meet, in per cent.
     pub show: u32,
-    /// Rays of the camera, and those that went on from their hits.
+    /// Number of camera rays, and of diffuse rays from their hits.
     pub rays: [usize; 2],
-    /// The paper's forms, then ours.
+    /// Measurements of the paper's forms, then of Pumice's.
     pub forms: Vec<FormFigures>,
     /// Steps of compressing, from voxels to each form.
-    pub steps: Vec<Step>,
-    /// Other sizes of boxes.
+    pub steps: Vec<TimedStep>,
+    /// Measurements with several sizes of boxes.
     pub sides: Vec<SideFigures>,
-    /// Labels hidden in two ways.
+    /// Rates with labels hidden in two ways.
     pub hiding: Vec<Hiding>,
-    /// Uses of the shared graph's nodes, without and with fields.
+    /// Reference counts of the shared graph's nodes, without and with occupancy fields.
     pub reuse: Vec<Reuse>,
-    /// Bytes with occupancy fields after some steps, evenly apart, and after the last.
+    /// Bytes with occupancy fields, at evenly spaced steps of merging and after the last one.
     pub growth: Vec<Growth>,
 }
 
 impl PaperTables {
-    /// Bytes at 4 a voxel.
+    /// Bytes of the volume at 4 bytes per voxel.
     pub fn bytes_raw(&self) -> u64 {
         4 * self.dims.map(u64::from).iter().product::<u64>()
     }
 }
 
-/// Measures a volume. `watch` hears what begins.
+/// Measures a volume. `watch` is called with a line of text when a step begins.
 ///
 /// # Errors
-/// What reading and rendering report; a form that is not decoded back to the volume; the job's cancellation.
+/// Errors of reading and rendering; a form that does not decode to the volume; the job's cancellation.
 pub fn measure_paper(options: &PaperOptions, job: &Job, watch: &mut dyn FnMut(&str)) -> Result<PaperTables> {
     watch("open");
     let volume = open_volume(&options.volume, &OpenOptions::default(), Residence::Copied, job)?;
@@ -191,15 +191,15 @@ pub fn measure_paper(options: &PaperOptions, job: &Job, watch: &mut dyn FnMut(&s
         job.check()?;
         verified(encoding, *with_fields, &volume)?;
     }
-    let mut steps = vec![Step { name: "voxels of each label to boxes", took: vec![subdividing] }];
+    let mut steps = vec![TimedStep { name: "voxels of each label to boxes", took: vec![subdividing] }];
     let names = [
         "to SVOs (AABB), one core",
         "to SVDAGs (TYPE), types on all cores",
         "SVDAGs (TYPE) to SVDAG (SHARED), one core",
         "SVDAGs (TYPE) to SVDAG (SHARED), all cores",
     ];
-    steps.extend(names.into_iter().zip(took).map(|(name, took)| Step { name, took }));
-    steps.push(Step {
+    steps.extend(names.into_iter().zip(took).map(|(name, took)| TimedStep { name, took }));
+    steps.push(TimedStep {
         name: "ours, from an array of voxels, all cores",
         took: vec![ours_took(&volume, job)?],
     });
@@ -285,7 +285,7 @@ fn growth_of(octrees: &Encoding, per_type: &Encoding, shared: &[usize], types: &
     grown
 }
 
-/// Our own compression, from an array of the same voxels.
+/// Time of Pumice's own compression, from an array of the same voxels.
 fn ours_took(volume: &CompressedVolume, job: &Job) -> Result<Took> {
     let dims = volume.info().dims;
     let dense = LabelBuffer::U32(volume.decode_block([0; 3], dims)?);
@@ -325,7 +325,7 @@ fn measured_forms(
 
 fn ours(volume: &Arc<CompressedVolume>, rays: &rays::Rays, job: &Job) -> Result<FormFigures> {
     let [fine, coarse] = rays.ours(volume, job)?;
-    // What the paper's forms have too: labels' ids and names are left out.
+    // Counts only parts that the paper's forms have too, so ids and names of labels are left out.
     let parts = volume.resident_parts();
     let of = |names: &[&str]| parts.iter().filter(|p| names.contains(&p.0)).map(|p| p.1).sum();
     Ok(FormFigures {
@@ -340,7 +340,8 @@ fn ours(volume: &Arc<CompressedVolume>, rays: &rays::Rays, job: &Job) -> Result<
     })
 }
 
-/// Writes `paper.csv`, `paper.md` and two SVGs for each volume into `folder`, made if absent. `machine` is a line on what it ran.
+/// Writes `paper.csv`, `paper.md` and two SVGs for each volume into `folder`, which is created if missing. `machine` is a line that
+/// describes the machine.
 ///
 /// # Errors
 /// When the folder cannot be written or there is nothing to plot.

@@ -1,10 +1,11 @@
-//! Other programs that store label volumes beside Pumice: bytes, CPU seconds, what one voxel costs, whether it can be ray traced.
+//! Compares Pumice with other programs that store label volumes: bytes, CPU seconds, time to read one voxel, and whether the stored form
+//! can be ray traced.
 //!
 //! ```text
-//! volume ─► labels.npy ─► one Python process a program: compress, decompress, compare, read single voxels ─► report.json
-//!       └─► the same array, in this process: compress, save and open at each level, decode, `label_at`
+//! volume ─► labels.npy ─► a Python process per program: compress, decompress, compare, read single voxels ─► report.json
+//!       └─► the same array, Pumice in this process: compress, save and open at each level, decode, `label_at`
 //! ```
-//! Each gets the voxels as an array in memory and gives them back as one.
+//! Each program receives the voxels as an array in memory and returns them as one.
 
 pub(crate) mod command;
 mod tables;
@@ -13,7 +14,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use pumice_core::{
-    ArraySource, CompressOptions, CompressedVolume, Job, LabelBuffer, LabelType, Level, VolumeInfo, compress,
+    ArraySource, CompressOptions, CompressedVolume, CompressionLevel, Job, LabelBuffer, LabelType,
+    VolumeInfo, compress,
 };
 use pumice_formats::OpenOptions;
 use pumice_session::error::{Result, SessionError, io};
@@ -31,10 +33,10 @@ use crate::voxels::{decoded, each_slab};
 
 pub use tables::write_peers;
 
-/// Measures one program, in Python.
+/// The Python script that measures one program.
 const SCRIPT: &str = include_str!("peers/peers.py");
 
-/// Programs that are measured by their own Python packages, and whether what they make can be ray traced as it is.
+/// Programs that are measured through their own Python packages, and whether their stored form can be ray traced as it is.
 pub const PEERS: [(&str, &str); 8] = [
     ("crackle", "no: a z layer is decoded for a voxel of it"),
     ("crackle + zstd", "no: all is decoded"),
@@ -46,53 +48,53 @@ pub const PEERS: [(&str, &str); 8] = [
     ("zarr", "no: chunks are decoded"),
 ];
 
-/// Voxels that are read one by one, at most (of slow programs as many as two seconds allow).
+/// Number of voxels that are read one by one (of slow programs only as many as two seconds allow).
 const VOXELS: u32 = 20_000;
 
-/// What is measured.
+/// Options of [`measure_peers`].
 #[derive(Clone, Debug)]
 pub struct PeersOptions {
     /// Label volume or `.pumice` file.
     pub volume: PathBuf,
     /// Python interpreter that has the programs' packages.
     pub python: PathBuf,
-    /// Names among [`PEERS`] that are left out.
+    /// Names from [`PEERS`] that are not measured.
     pub without: Vec<String>,
 }
 
-/// One program's figures.
+/// Measurements of one program.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Peer {
-    /// Name, for Pumice with the level.
+    /// Name of the program; for Pumice with the level of the file, or `in memory`.
     pub name: String,
-    /// Version of its package.
+    /// Version of the program's package.
     pub version: String,
-    /// Bytes of the file that it made, or in memory for the row that says so.
+    /// Bytes of the stored volume: of its file, or in memory for `Pumice, in memory`.
     pub bytes: u64,
-    /// Seconds from the array to those bytes.
+    /// Time from the array to those bytes.
     pub compress: Took,
-    /// Seconds from those bytes back to an array.
+    /// Time from those bytes to an array.
     pub decompress: Took,
-    /// CPU seconds for reading one voxel of what it made.
+    /// CPU seconds for reading one voxel of the stored volume; NaN if not measured.
     pub voxel_cpu_seconds: f64,
     /// What the program does to read one voxel.
     pub one_voxel: String,
-    /// Whether a ray can be traced through those bytes.
+    /// Whether rays can be traced through the stored volume as it is.
     pub traversable: String,
 }
 
-/// One volume's programs.
+/// Measurements of all programs on one volume.
 #[derive(Clone, Debug, Serialize)]
 pub struct PeersTable {
-    /// The volume's file, without its folder.
+    /// The volume's file name without its folder.
     pub volume: String,
     /// Voxels along x, y and z.
     pub dims: [u32; 3],
-    /// 4 bytes a voxel.
+    /// Bytes of the volume at 4 bytes per voxel.
     pub bytes_raw: u64,
-    /// Pumice first.
+    /// All programs, Pumice first.
     pub programs: Vec<Peer>,
-    /// Programs that the caller left out.
+    /// Names of programs that the caller left out.
     pub left_out: Vec<String>,
 }
 
@@ -112,15 +114,17 @@ struct Report {
     one_voxel: String,
 }
 
-/// Measures a volume with Pumice and all programs that are not left out.
+/// Measures a volume with Pumice and all programs that are not left out. `watch` is called with a line of text when a program begins.
 ///
 /// # Errors
-/// What is wrong with the volume or its file; an unknown name; a package that is missing, before anything is measured; a program that
-/// does not give back the very same voxels; [`pumice_core::Error::Cancelled`].
+/// Errors of the volume and its file; an unknown name; a missing package, which is reported before anything is measured; a program that
+/// returns other voxels; [`pumice_core::Error::Cancelled`].
 pub fn measure_peers(options: &PeersOptions, job: &Job, watch: &mut dyn FnMut(&str)) -> Result<PeersTable> {
     if let Some(unknown) = options.without.iter().find(|n| PEERS.iter().all(|p| p.0 != n.as_str())) {
         let names = PEERS.map(|p| p.0).join(", ");
-        return Err(SessionError::Caller(format!("--without: no program {unknown:?}; there are {names}")));
+        return Err(SessionError::Caller(format!(
+            "--without: expected names among {names}, got {unknown:?}"
+        )));
     }
     let asked: Vec<(&str, &str)> =
         PEERS.into_iter().filter(|p| options.without.iter().all(|n| n != p.0)).collect();
@@ -143,7 +147,7 @@ pub fn measure_peers(options: &PeersOptions, job: &Job, watch: &mut dyn FnMut(&s
     if volume.info().voxels() == 0 {
         let path = options.volume.display();
         return Err(SessionError::Caller(format!(
-            "{path}: a volume of {dims:?} voxels has nothing to measure"
+            "{path}: expected a volume with voxels, got one of {dims:?} voxels"
         )));
     }
     let labels = decoded(&volume, job)?;
@@ -155,7 +159,7 @@ pub fn measure_peers(options: &PeersOptions, job: &Job, watch: &mut dyn FnMut(&s
         let (kind, bytes): (_, &[u8]) = match &labels {
             LabelBuffer::U64(v) => ("<u8", bytemuck::cast_slice(v)),
             LabelBuffer::U32(v) => ("<u4", bytemuck::cast_slice(v)),
-            // `decoded` makes no others.
+            // `decoded` returns no other kinds.
             _ => ("|u1", &[]),
         };
         write_npy(&python.path("labels.npy"), kind, &[2, 1, 0].map(|a| dims[a] as usize), bytes)?;
@@ -174,7 +178,9 @@ pub fn measure_peers(options: &PeersOptions, job: &Job, watch: &mut dyn FnMut(&s
         )?;
         if !report.lossless {
             let (path, version) = (options.volume.display(), &report.version);
-            return Err(SessionError::Caller(format!("{path}: {name} {version} gave other voxels back")));
+            return Err(SessionError::Caller(format!(
+                "{path}: {name} {version} returned other voxels than it was given"
+            )));
         }
         programs.push(Peer {
             name: name.into(),
@@ -196,7 +202,7 @@ pub fn measure_peers(options: &PeersOptions, job: &Job, watch: &mut dyn FnMut(&s
     })
 }
 
-/// The interpreter, and a folder for what it is asked.
+/// The Python interpreter, and a temporary folder for requests and reports.
 struct Python<'a> {
     interpreter: &'a Path,
     folder: tempfile::TempDir,
@@ -215,19 +221,21 @@ impl<'a> Python<'a> {
         self.folder.path().join(name)
     }
 
-    /// Runs the script of `what` on a request, and reads what it reports.
+    /// Runs the script on a request and returns its report; `what` names the program in error texts.
     fn ask<T: serde::de::DeserializeOwned>(&self, what: &str, mut request: serde_json::Value) -> Result<T> {
         let [asked, report, said] = ["job.json", "report.json", "said.txt"].map(|name| self.path(name));
         request["report"] = json!(report);
         std::fs::write(&asked, request.to_string()).map_err(io(&asked))?;
         run_script(what, self.interpreter, &self.path("peers.py"), &asked, &said, self.job)?;
         let text = std::fs::read(&report).map_err(io(&report))?;
-        serde_json::from_slice(&text).map_err(|e| SessionError::Caller(format!("what {what} reported: {e}")))
+        serde_json::from_slice(&text).map_err(|e| {
+            SessionError::Caller(format!("the report of {what} is not the JSON that was expected: {e}"))
+        })
     }
 }
 
-/// Voxels all over a volume, none of them where a block begins more than chance has it: the additive recurrence of the plastic number
-/// (M. Roberts, "The Unreasonable Effectiveness of Quasirandom Sequences", 2018).
+/// Voxels spread evenly over a volume and not aligned with blocks: the additive recurrence of the plastic number (M. Roberts, "The
+/// Unreasonable Effectiveness of Quasirandom Sequences", 2018).
 fn spread(dims: [u32; 3]) -> Vec<[u32; 3]> {
     const PLASTIC: f64 = 1.220_744_084_605_76;
     let at = |i: u32, a: usize| {
@@ -237,7 +245,7 @@ fn spread(dims: [u32; 3]) -> Vec<[u32; 3]> {
     (0..VOXELS).map(|i| [0, 1, 2].map(|a| at(i, a))).collect()
 }
 
-/// Pumice at all levels, and the form that is traced.
+/// Measures Pumice: its files at all levels, and the form in memory.
 fn pumice(
     path: &Path,
     dims: [u32; 3],
@@ -255,12 +263,16 @@ fn pumice(
     let file = folder.path().join("volume.pumice");
 
     let mut programs = Vec::new();
-    for (level, name) in [(Level::Fast, "fast"), (Level::Default, "default"), (Level::Small, "small")] {
+    for (level, name) in [
+        (CompressionLevel::Fast, "fast"),
+        (CompressionLevel::Default, "default"),
+        (CompressionLevel::Small, "small"),
+    ] {
         watch(&format!("Pumice, {name}"));
         let ((), saving) = clocked(|| Ok(volume.save(&file, level, job)?))?;
         let mut same = true;
         let mut at = 0;
-        // Compared slab by slab outside the clock: the others' arrays are compared outside theirs.
+        // Slabs are compared while the clock stands still, as the other programs' arrays are.
         let mut decoding = Took::default();
         let (back, opening) = clocked(|| Ok(CompressedVolume::open(&file, job)?))?;
         let mut clock = Stopwatch::start();
@@ -279,7 +291,7 @@ fn pumice(
         if !same {
             let path = path.display();
             return Err(SessionError::Caller(format!(
-                "{path}: Pumice at level {name} gave other voxels back"
+                "{path}: Pumice at level {name} returned other voxels than it was given"
             )));
         }
         programs.push(Peer {
@@ -296,7 +308,7 @@ fn pumice(
 
     watch("Pumice, in memory");
     let bytes = volume.resident_parts().iter().map(|p| p.1).sum();
-    // The index for single voxels is no part of what is traced; it is built before the clock starts, as the others' readers are.
+    // The index for single voxels does not belong to the traced form. It is built before the clock starts, as the others' readers are.
     volume.grid();
     let (wrong, reading) = clocked(|| {
         let ids = volume.labels().ids();

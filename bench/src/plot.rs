@@ -1,41 +1,41 @@
-//! Curves on logarithmic axes, as SVG pictures.
+//! Plots curves on logarithmic axes as SVG.
 
 use plotters::prelude::*;
 use pumice_session::progressive::CurvePoint;
 
-/// A named curve.
+/// The error of a picture over time, as a named curve.
 pub struct Series<'a> {
-    /// Shown in the legend.
+    /// Name in the legend.
     pub name: &'a str,
-    /// Points without an estimate are left out.
+    /// Points; those without an error estimate are not drawn.
     pub points: &'a [CurvePoint],
 }
 
-/// What a plot's axes are.
+/// Axes of a plot.
 pub struct Axes<'a> {
     /// Quantity and unit along x.
     pub x: &'a str,
     /// Quantity and unit along y.
     pub y: &'a str,
-    /// Digits behind the point along y.
+    /// Decimal digits of the labels along y.
     pub y_digits: usize,
-    /// A grey line for the eye: its slope on these scales, and its name.
+    /// A grey guide line: its slope on logarithmic scales, and its name.
     pub slope: (f64, &'a str),
 }
 
-/// A named curve of points above 0.
+/// A named curve, whose coordinates are above 0.
 pub struct Curve<'a> {
-    /// Shown in the legend.
+    /// Name in the legend.
     pub name: &'a str,
-    /// x and y, x rising.
+    /// Points (x, y) by increasing x.
     pub points: Vec<(f64, f64)>,
 }
 
-/// Draws estimated relative error (per cent, log) over wall seconds (log), with the slope of 1/√time for the eye; `None` where no
-/// point has an estimate: a short time on a busy machine gives fewer samples than an estimate takes.
+/// Plots estimated relative error (per cent, log) over wall seconds (log), with a guide line of slope 1/√time. `None` if no point has an
+/// estimate, as happens when a short time on a busy machine allows fewer samples than an estimate takes.
 ///
 /// # Errors
-/// A line of text when the plot library refuses.
+/// A line of text when the plot library fails.
 pub fn error_against_time_svg(title: &str, series: &[Series<'_>]) -> Result<Option<String>, String> {
     let known = |s: &Series<'_>| -> Vec<(f64, f64)> {
         let point =
@@ -51,10 +51,10 @@ pub fn error_against_time_svg(title: &str, series: &[Series<'_>]) -> Result<Opti
     log_log_svg(title, &axes, &curves).map(Some)
 }
 
-/// Draws curves with both axes logarithmic, and through the first curve's last point a line of the axes' slope.
+/// Plots curves on logarithmic axes, and the guide line through the first curve's last point.
 ///
 /// # Errors
-/// A line of text when there is no point to draw or the plot library refuses.
+/// A line of text when there is no point to plot or the plot library fails.
 pub fn log_log_svg(title: &str, axes: &Axes<'_>, curves: &[Curve<'_>]) -> Result<String, String> {
     let all: Vec<(f64, f64)> = curves.iter().flat_map(|c| c.points.iter().copied()).collect();
     let bound = |pick: fn(&(f64, f64)) -> f64, fold: fn(f64, f64) -> f64| all.iter().map(pick).reduce(fold);
@@ -135,7 +135,7 @@ mod tests {
             .collect();
         let svg = error_against_time_svg("t", &[Series { name: "cpu", points: &points }]).unwrap().unwrap();
         assert!(svg.starts_with("<svg") && svg.trim_end().ends_with("</svg>"));
-        // Six of the eight points have an estimate: the curve in its colour, with one dot for each.
+        // Six of the eight points have an estimate, so the curve has six vertices.
         let line = svg.lines().find(|l| l.contains("<polyline") && l.contains("#1F65A6")).unwrap();
         assert_eq!(line.split("points=").nth(1).unwrap().matches(',').count(), 6, "{line}");
         let none = error_against_time_svg("t", &[Series { name: "cpu", points: &points[..2] }]);

@@ -1,4 +1,4 @@
-//! Rays for benches: what a camera sends, and what a diffuse surface sends on. The same for every machine and every program.
+//! Rays for benches: those of a camera, and diffuse rays from their hits. They are the same on every machine and for every program.
 
 use glam::{DAffine3, DVec3};
 use pumice_transport::{Hit, RayInWorld};
@@ -15,13 +15,13 @@ fn unit(i: u64) -> f64 {
     (mix(i) >> 11) as f64 / (1u64 << 53) as f64
 }
 
-/// Some labels by chance: about so many in a hundred.
+/// A pseudorandom choice of about `percent` per cent of the labels, as a mask by dense index.
 pub fn some_labels(labels: usize, percent: u32) -> Vec<bool> {
     (0..labels as u64).map(|l| mix(l) % 100 < u64::from(percent)).collect()
 }
 
-/// Rays of a camera that sees all of a volume from above a corner, `side` (a multiple of 8) pixels square, in tiles of 8 × 8 as a
-/// renderer goes.
+/// Rays of a camera of `side` × `side` pixels (`side` is a multiple of 8) that sees the whole volume from above a corner. They are ordered
+/// in tiles of 8 × 8 pixels, as a renderer traces them.
 pub fn camera_rays(world_from_index: &DAffine3, dims: [u32; 3], side: u64) -> Vec<RayInWorld> {
     let dims = DVec3::from(dims.map(f64::from));
     let middle = world_from_index.transform_point3(dims / 2.0);
@@ -39,7 +39,7 @@ pub fn camera_rays(world_from_index: &DAffine3, dims: [u32; 3], side: u64) -> Ve
     (0..side * side).map(ray).collect()
 }
 
-/// A ray from each hit, cosine-distributed about its normal.
+/// A ray from each hit, cosine-distributed about the hit's normal.
 pub fn diffuse_rays(hits: &[(RayInWorld, Hit)]) -> Vec<RayInWorld> {
     let ray = |((ray, hit), i): (&(RayInWorld, Hit), u64)| {
         let (z, phi) = (1.0 - 2.0 * unit(2 * i), std::f64::consts::TAU * unit(2 * i + 1));
@@ -50,7 +50,7 @@ pub fn diffuse_rays(hits: &[(RayInWorld, Hit)]) -> Vec<RayInWorld> {
     hits.iter().zip(0..).map(ray).collect()
 }
 
-/// The shortest side of a voxel.
+/// Length of the shortest side of a voxel in world units.
 pub fn voxel_side(world_from_index: &DAffine3) -> f64 {
     (0..3).map(|a| world_from_index.matrix3.col(a).length()).fold(f64::INFINITY, f64::min)
 }
@@ -68,7 +68,7 @@ mod tests {
         directions.sort_unstable();
         directions.dedup();
         assert_eq!(directions.len(), 256);
-        // Their mean goes through the middle.
+        // The mean direction points at the middle of the volume.
         let mean: DVec3 = rays.iter().map(|r| r.direction).sum();
         let to_middle = DVec3::splat(10.0) - rays[0].origin;
         assert!(mean.normalize().dot(to_middle.normalize()) > 1.0 - 1e-9);

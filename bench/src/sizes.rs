@@ -1,10 +1,10 @@
-//! Bytes of a volume: in memory by part, on disk by level, in per cent of 4 bytes a voxel.
+//! Measures the bytes of a volume, in memory by part and on disk by level, also in per cent of 4 bytes per voxel.
 
 use std::collections::BTreeMap;
 use std::path::Path;
 
 use clap::Args;
-use pumice_core::{Job, Level, Verification};
+use pumice_core::{CompressionLevel, Job, Verification};
 use pumice_formats::OpenOptions;
 use pumice_session::error::{Result, SessionError};
 use pumice_session::file_info::{FileInfo, file_info};
@@ -15,9 +15,9 @@ use crate::console::{BenchResult, Console, Outcome};
 use crate::files::{file_name, scratch};
 use crate::table::{Row, TableFlags};
 
-/// Bytes in memory by part, on disk by level, in per cent of 4 bytes a voxel
+/// Bytes in memory by part and on disk by level, also in per cent of 4 bytes per voxel
 ///
-/// Compresses each volume at each level and holds the file against the volume, voxel by voxel.
+/// Compresses each volume at each level and compares the file with the volume, voxel by voxel.
 #[derive(Debug, Args)]
 pub(crate) struct Flags {
     #[command(flatten)]
@@ -36,13 +36,13 @@ pub(crate) fn run(flags: &Flags, job: &Job, console: &mut Console<'_>) -> BenchR
 pub struct Sizes {
     /// The volume's file name.
     pub volume: String,
-    /// 4 bytes a voxel.
+    /// Bytes of the volume at 4 bytes per voxel.
     pub bytes_raw: u64,
-    /// Labels without background.
+    /// Number of labels without background.
     pub labels: u64,
-    /// Boxes.
+    /// Number of boxes.
     pub boxes: u64,
-    /// Bytes in memory by part, the hierarchy over all boxes included.
+    /// Bytes in memory by part, with the hierarchy over all boxes.
     pub resident_parts: BTreeMap<String, u64>,
     /// Bytes of the file at the levels fast, default and small.
     pub bytes_disk: [u64; 3],
@@ -51,12 +51,16 @@ pub struct Sizes {
 /// Measures one volume.
 ///
 /// # Errors
-/// What is wrong with the volume; a file that does not hold every voxel of it; the job's cancellation.
+/// Errors of the volume; a file that differs from the volume; the job's cancellation.
 pub fn measure_sizes(volume: &Path, job: &Job) -> Result<Sizes> {
     let folder = scratch()?;
     let file = folder.path().join("volume.pumice");
     let mut bytes_disk = [0; 3];
-    for (bytes, level) in bytes_disk.iter_mut().zip([Level::Fast, Level::Default, Level::Small]) {
+    for (bytes, level) in bytes_disk.iter_mut().zip([
+        CompressionLevel::Fast,
+        CompressionLevel::Default,
+        CompressionLevel::Small,
+    ]) {
         let request = CompressRequest {
             input: volume.to_owned(),
             output: file.clone(),
@@ -70,7 +74,7 @@ pub fn measure_sizes(volume: &Path, job: &Job) -> Result<Sizes> {
         let verified = verify_file(&file, volume, &OpenOptions::default(), job)?;
         if !matches!(verified, Verification::Same { .. }) {
             return Err(SessionError::Caller(format!(
-                "{}: a file at level {level:?}: {verified}",
+                "{}: the file compressed at level {level:?} differs: {verified}",
                 volume.display()
             )));
         }

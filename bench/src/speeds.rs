@@ -1,4 +1,4 @@
-//! CPU time of compressing and of rays: the whole from a file, the parts from memory on one thread.
+//! Measures the CPU time of compressing and of tracing rays: compression as a whole from a file, its steps from memory on one thread.
 
 mod compression;
 mod rays;
@@ -7,7 +7,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use clap::Args;
-use pumice_core::{Job, Level};
+use pumice_core::{CompressionLevel, Job};
 use pumice_formats::OpenOptions;
 use pumice_session::error::Result;
 use pumice_session::{CompressRequest, Residence, compress_file, open_volume};
@@ -20,10 +20,10 @@ use crate::table::{Row, TableFlags};
 pub use compression::{CompressionSpeed, LevelSpeed, measure_compression};
 pub use rays::{RaySpeed, measure_rays};
 
-/// Compressing and rays, per CPU second
+/// Speed of compressing and of rays, in CPU seconds
 ///
-/// From memory on one thread: parts, finish, contacts, saving and opening at each level, comparing every voxel; rays of a camera, diffuse
-/// ones from its hits, shadow rays. Labels are measured as 32-bit numbers.
+/// From memory on one thread: making records, merging them, finding contacts, saving and opening at each level, comparing every voxel;
+/// camera rays, diffuse rays from their hits, shadow rays. Labels must fit 32 bits.
 #[derive(Debug, Args)]
 pub(crate) struct Flags {
     #[command(flatten)]
@@ -42,25 +42,25 @@ pub(crate) fn run(flags: &Flags, job: &Job, console: &mut Console<'_>) -> BenchR
 pub struct Speeds {
     /// The volume's file name.
     pub volume: String,
-    /// CPU seconds from the file to a `.pumice` file, all threads.
+    /// CPU seconds of all threads from the volume's file to a `.pumice` file.
     pub from_file_cpu_seconds: f64,
-    /// From an array in memory, one thread.
+    /// Steps of compression from an array in memory, on one thread.
     pub compression: CompressionSpeed,
-    /// Camera rays, diffuse ones from their hits, shadow rays from there.
+    /// Camera rays, diffuse rays from their hits, and shadow rays from the same hits.
     pub rays: [RaySpeed; 3],
 }
 
 /// Measures one volume.
 ///
 /// # Errors
-/// What is wrong with the volume; ids that need more than 32 bits; the job's cancellation.
+/// Errors of the volume; ids that need more than 32 bits; the job's cancellation.
 pub fn measure_speeds(path: &Path, job: &Job) -> Result<Speeds> {
     let folder = scratch()?;
     let request = CompressRequest {
         input: path.to_owned(),
         output: folder.path().join("volume.pumice"),
         reading: OpenOptions::default(),
-        level: Level::Default,
+        level: CompressionLevel::Default,
         threads: None,
         memory_limit_bytes: None,
         types: None,

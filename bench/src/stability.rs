@@ -1,17 +1,17 @@
-//! Extreme cases, each with its error against an exact oracle or a closed form, and a bar with its reason: what `pumice bench
-//! stability` prints.
+//! `pumice bench stability`: extreme cases, each with its error against an exact oracle or a closed form, and a limit of the error (the
+//! bar) with its reason.
 //!
 //! ```text
-//! rays        first hits and bounces of the traversal against whole-number arithmetic   longest chord that was skipped
+//! group       cases                                                                      error
+//! rays        first hits and bounces of the traversal against whole-number arithmetic    longest chord that was skipped
 //! placements  a white furnace and a dark room, far away, tiny, huge, squeezed, mirrored  largest error of a pixel
-//! light       suns, skies, materials, depths with closed forms                           largest error, or of the mean
+//! light       suns, skies, materials, path depths with closed forms                      largest error of a pixel, or error of the mean
 //! lamps       no size, no angle, as wide as the world; floors mirrored and sheared       the same
-//! emission    a hundred thousand labels that shine, small, far and long voxels           the same
-//! refusals    what must not be drawn at all                                              0 refused, 1 drawn
+//! emission    a hundred thousand emissive labels; small, distant and long voxels         the same
+//! refusals    scenes that must be refused                                                0 refused, 1 drawn
 //! ```
-//! Rays are the processor's, and the table says so; pictures are drawn by the backend that is asked for, and where that is another
-//! than the processor, each is held beside the processor's ([`Beside`]). No pixel of any picture may be anything but a number from 0
-//! on: they are counted.
+//! Rays are always traced by the CPU backend, and the table says so. Pictures are rendered by the selected backend; if that is not the CPU,
+//! each is also compared with the CPU's picture ([`Beside`]). Pixels that are not finite numbers ≥ 0 are counted, and there must be none.
 
 pub(crate) mod command;
 mod emission;
@@ -33,33 +33,33 @@ use pictures::Studio;
 
 pub use pumice_session::savings::Beside;
 
-/// One case.
+/// Result of one case.
 #[derive(Clone, Debug, Serialize)]
 pub struct Case {
-    /// Kind of the case: a row of the module's table.
+    /// Group of the case: a row of the table in the module documentation.
     pub group: &'static str,
-    /// What is extreme about it.
+    /// What is extreme about the case.
     pub name: String,
-    /// What was measured; not finite where the answer was plainly wrong.
+    /// The measured error; not finite if the answer was plainly wrong.
     pub error: f64,
     /// Quantity and unit of `error` and `bar`.
     pub unit: &'static str,
     /// Largest `error` that passes.
     pub bar: f64,
-    /// Where the bar comes from.
+    /// Why the bar has this value.
     pub reason: &'static str,
-    /// What was wrong, where something was.
+    /// Description of a fault, if there was one.
     pub note: Option<String>,
-    /// Why the processor was judged whatever backend was asked for; `None` where that backend drew.
+    /// Why the case tests the CPU backend regardless of the selected one; `None` if it tests the selected one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub processor_only: Option<&'static str>,
-    /// Another backend's pictures beside the processor's of the same samples; `None` where there are no two of them.
+    /// Difference between another backend's pictures and the CPU's of the same samples; `None` if there are not both.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub beside: Option<Beside>,
 }
 
 impl Case {
-    /// A case of which there is no more to say; [`measure_stability`] sets how it stands beside the processor.
+    /// A case without note. [`measure_stability`] sets `beside`.
     fn new(
         group: &'static str,
         name: impl Into<String>,
@@ -81,7 +81,7 @@ impl Case {
         }
     }
 
-    /// How a backend's picture stands beside the processor's, or why there are no two.
+    /// Text about the difference from the CPU's picture, or why there is no such comparison.
     pub fn beside_text(&self) -> String {
         match (&self.beside, self.processor_only) {
             (Some(b), _) => {
@@ -92,39 +92,39 @@ impl Case {
         }
     }
 
-    /// Whether the bar is kept, and the processor's picture where there is one.
+    /// Whether the error is within the bar, and the picture agrees with the CPU's if both were rendered.
     pub fn holds(&self) -> bool {
         self.error <= self.bar && self.beside.is_none_or(|b| b.holds())
     }
 }
 
-/// All cases.
+/// Results of all cases.
 #[derive(Clone, Debug, Serialize)]
 pub struct Stability {
-    /// Backend that drew the pictures.
+    /// Backend that rendered the pictures.
     pub backend: String,
-    /// What it ran on.
+    /// Device that the backend ran on.
     pub device: String,
-    /// Cases, kind after kind.
+    /// Cases, group after group.
     pub cases: Vec<Case>,
-    /// Rays that the oracle has judged.
+    /// Number of rays that the oracle checked.
     pub rays: u64,
-    /// Pixels that were looked at.
+    /// Number of pixels that were checked.
     pub pixels: u64,
-    /// Pixels that were not a number, infinite, or negative.
+    /// Number of pixels that were NaN, infinite, or negative.
     pub bad_pixels: u64,
 }
 
 impl Stability {
-    /// Whether all bars are kept and no pixel was bad.
+    /// Whether all cases pass and no pixel is bad.
     pub fn holds(&self) -> bool {
         self.bad_pixels == 0 && self.cases.iter().all(Case::holds)
     }
 
-    /// The cases as a page with a table.
+    /// The cases as a Markdown page with a table.
     pub fn markdown(&self) -> String {
         let mut text = format!(
-            "# stability\n\nPictures by {} on {}; {} rays judged, {} pixels looked at, {} of them not a number from 0 on.\n\n\
+            "# stability\n\nPictures by {} on {}; {} rays checked, {} pixels checked, {} of them not finite or negative.\n\n\
              | kind | case | error | bar | of what | why that bar | beside the processor's picture | holds |\n\
              | --- | --- | --- | --- | --- | --- | --- | --- |\n",
             self.backend, self.device, self.rays, self.pixels, self.bad_pixels
@@ -146,10 +146,10 @@ impl Stability {
     }
 }
 
-/// Measures all cases; `reduced` ones take seconds. `watch` hears of each.
+/// Measures all cases and calls `watch` with each; `reduced` traces fewer rays and takes seconds.
 ///
 /// # Errors
-/// When the backend is not there or fails, or the job is cancelled.
+/// When the backend is unavailable or fails, or the job is cancelled.
 pub fn measure_stability(
     backend: &str,
     reduced: bool,
@@ -198,7 +198,7 @@ mod tests {
         assert!(all.cases.len() > 80 && all.rays > 10_000 && all.pixels > 5_000, "{}", all.markdown());
     }
 
-    /// The bars can be missed: an error that is no number misses each.
+    /// Control: an error above the bar, infinite or NaN fails, and so does a picture that differs too much from the CPU's.
     #[test]
     fn wrong_answers_miss_their_bars() {
         let case = |error| Case::new("rays", "", error, "voxels", 1e-3, "");

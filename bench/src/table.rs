@@ -1,4 +1,4 @@
-//! A table of rows, as Markdown and as CSV.
+//! Tables of measurements, as Markdown and as CSV.
 
 use std::path::{Path, PathBuf};
 
@@ -10,13 +10,13 @@ use crate::console::{BenchResult, Console};
 use crate::files::write_results;
 use crate::machine;
 
-/// Figures that stand in one row.
+/// Measurements that form one row of a table.
 pub trait Row: Serialize {
-    /// Columns with what stands in them; all rows of a table have the same columns.
+    /// Pairs of column name and cell text. All rows of a table have the same columns.
     fn cells(&self) -> Vec<(&'static str, String)>;
 }
 
-/// Named columns, rows of text.
+/// A table of text with named columns.
 #[derive(Clone, Debug, Default)]
 pub struct Table {
     columns: Vec<&'static str>,
@@ -24,7 +24,7 @@ pub struct Table {
 }
 
 impl Table {
-    /// A table of these rows, whose columns are those of the first.
+    /// A table of these rows, with the columns of the first row.
     pub fn of<R: Row>(rows: &[R]) -> Self {
         let mut table = Self::default();
         for row in rows {
@@ -39,7 +39,7 @@ impl Table {
         table
     }
 
-    /// The table of a Markdown page.
+    /// The table in Markdown.
     pub fn markdown(&self) -> String {
         let line = |cells: Vec<&str>| format!("| {} |\n", cells.join(" | "));
         let rule = self.columns.iter().map(|_| "---").collect();
@@ -55,7 +55,7 @@ impl Table {
     }
 }
 
-/// A value as CSV has it.
+/// A value as a CSV cell, quoted if it must be.
 pub(crate) fn csv_cell(value: &str) -> String {
     match value.contains([',', '"', '\n']) {
         true => quoted(value),
@@ -68,19 +68,19 @@ pub(crate) fn quoted(value: &str) -> String {
     format!("\"{}\"", value.replace('"', "\"\""))
 }
 
-/// The volumes of a bench with one table, and where the table goes.
+/// Flags of a bench that writes one table: its volumes and its output folder.
 #[derive(Debug, Args)]
 pub(crate) struct TableFlags {
     /// Label volumes or .pumice files
     #[arg(value_name = "VOLUME", required = true)]
     pub(crate) volumes: Vec<PathBuf>,
-    /// Also write NAME.md and NAME.csv into this folder, made if absent
+    /// Also write NAME.md and NAME.csv into this folder, created if missing
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
 }
 
 impl TableFlags {
-    /// Prints the page of the bench `name`, and writes it where that was asked for.
+    /// Prints the Markdown page of the bench `name`, and writes its files if `--out` is given.
     pub(crate) fn show<R: Row>(&self, name: &str, rows: &[R], console: &mut Console<'_>) -> BenchResult<()> {
         let table = Table::of(rows);
         let page = page(name, &table);

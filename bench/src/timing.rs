@@ -1,4 +1,4 @@
-//! What a piece of work takes: wall seconds, and CPU seconds of all threads of this process.
+//! Measures the time of a piece of work: wall seconds, and CPU seconds of all threads of this process.
 
 use std::ops::Add;
 
@@ -6,22 +6,22 @@ use pumice_session::error::Result;
 use pumice_session::measure::Stopwatch;
 use serde::{Deserialize, Serialize};
 
-/// Seconds that a piece of work took.
+/// Time that a piece of work took.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Took {
     /// Wall seconds.
     pub seconds: f64,
-    /// CPU seconds, all threads.
+    /// CPU seconds of all threads.
     pub cpu_seconds: f64,
 }
 
 impl Took {
-    /// Since a stopwatch was started.
+    /// Time since a stopwatch was started.
     pub fn since(clock: &Stopwatch) -> Self {
         Self { seconds: clock.seconds(), cpu_seconds: clock.cpu_seconds() }
     }
 
-    /// The least of each, of rounds of the same work.
+    /// The lesser wall time and the lesser CPU time of two rounds of the same work.
     pub fn least(self, other: Self) -> Self {
         Self {
             seconds: self.seconds.min(other.seconds),
@@ -38,10 +38,10 @@ impl Add for Took {
     }
 }
 
-/// Does a piece of work, and gives what it took beside its result.
+/// Calls `work`; returns its result and its time.
 ///
 /// # Errors
-/// What the work reports.
+/// The errors of `work`.
 pub fn clocked<T>(work: impl FnOnce() -> Result<T>) -> Result<(T, Took)> {
     let clock = Stopwatch::start();
     let result = work()?;
@@ -59,7 +59,7 @@ mod tests {
             Ok(7)
         })
         .unwrap();
-        // Asleep it takes the wall's time alone.
+        // Sleeping takes wall time but no CPU time.
         assert!(answer == 7 && took.seconds >= 0.02 && took.cpu_seconds < took.seconds, "{took:?}");
         let refused = pumice_session::SessionError::Caller("no".into());
         assert_eq!(clocked::<()>(|| Err(refused)).unwrap_err().to_string(), "no");

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Volume objects as instances of the scene.
 
-An object's matrix is its `world_from_index` as it stands: its mesh, like the volume, has one unit a voxel. Looks come from the first
+An object's matrix is its `world_from_index` as it stands: its mesh, like the volume, has one unit a voxel. MaterialTable come from the first
 material slot and the label table. The table may be long, so its JSON form is kept and made again only when a byte of it differs.
 """
 

@@ -1,13 +1,13 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Tests of the extension inside a real Blender: the wheel `bpy`, without a window.
+"""Fixtures for tests of the extension inside a real Blender (the wheel `bpy`, without a window).
 
-    PUMICE_EXTENSION_ZIP   the packed extension: installed as a user installs it; unset: the sources are linked in as they stand,
-                           and the module `pumice` must be importable
+    PUMICE_EXTENSION_ZIP   the packed extension, which is installed as a user installs it. If it is not set, the source folder is linked
+                           in, and the module `pumice` must be importable
     PUMICE                 the command; by default the dev build
 
-One process holds one Blender, so all tests share it; `blender` gives each an empty one. The process ends with `os._exit`: some
-versions of Blender crash when the interpreter that a render engine ran in is taken down.
+A process has only one Blender, which all tests share; the fixture `blender` opens an empty file for each. The process ends with
+`os._exit`, because some versions of Blender crash when an interpreter in which a render engine ran shuts down.
 """
 
 import os
@@ -21,7 +21,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 EXTENSION = "bl_ext.user_default.pumice"
 
-# Blender reads it when it is imported.
+# Blender reads this variable when it is imported.
 _resources = Path(tempfile.mkdtemp(prefix="pumice-blender-"))
 os.environ["BLENDER_USER_RESOURCES"] = str(_resources)
 _zip = os.environ.get("PUMICE_EXTENSION_ZIP")
@@ -33,7 +33,7 @@ if not _zip:
 import bpy  # noqa: E402, I001
 import addon_utils  # noqa: E402  (bpy brings it)
 
-# What Blender brings for its own Python, among it OpenImageIO, other people's reader of pictures; after all that is installed here.
+# Adds the packages that Blender ships for its own Python, such as OpenImageIO, after those installed here.
 for _brought in Path(bpy.utils.resource_path("LOCAL")).glob("python/lib/python3*/site-packages"):
     sys.path.append(str(_brought))
 
@@ -59,7 +59,7 @@ def pytest_unconfigure(config):
 
 @pytest.fixture
 def extension():
-    """The extension's package, enabled."""
+    """The package of the extension, enabled."""
     module = addon_utils.enable(EXTENSION, persistent=True)
     assert module is not None, f"{EXTENSION} does not register"
     return sys.modules[EXTENSION]
@@ -67,7 +67,7 @@ def extension():
 
 @pytest.fixture
 def blender(extension):
-    """bpy, with an empty file and the extension enabled."""
+    """bpy with an empty file and the extension enabled."""
     bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
     yield bpy
     extension.viewport.close_all()
@@ -75,7 +75,7 @@ def blender(extension):
 
 @pytest.fixture
 def startup(extension):
-    """bpy, with the file that Blender starts with: camera, cube, point light, grey world."""
+    """bpy with Blender's startup file: camera, cube, point light, grey world."""
     bpy.ops.wm.read_homefile(use_factory_startup=True)
     yield bpy
     extension.viewport.close_all()
@@ -83,7 +83,7 @@ def startup(extension):
 
 @pytest.fixture
 def drawn(extension, monkeypatch):
-    """What is read of a scene, whether the compiled module draws it yet or not."""
+    """The flags of drawable features, all set, so that features are read from a scene even if the compiled module does not draw them."""
     flags = sys.modules[f"{EXTENSION}.sync.drawn"]
     for name, value in vars(flags).items():
         if name.isupper():
@@ -92,7 +92,7 @@ def drawn(extension, monkeypatch):
 
 
 class Everything:
-    """A set that has whatever it is asked for."""
+    """A set that contains everything."""
 
     def __contains__(self, _):
         return True
@@ -100,13 +100,13 @@ class Everything:
 
 @pytest.fixture(scope="session")
 def data():
-    """The volumes that the project ships."""
+    """Folder of the volumes that the project ships."""
     return ROOT / "data"
 
 
 @pytest.fixture(scope="session")
 def pumice_command():
-    """Path of the command."""
+    """Path of the command `pumice`."""
     path = Path(os.environ.get("PUMICE", ROOT / "target" / "debug" / "pumice"))
     assert path.is_file(), f"{path} is missing: cargo build -p pumice, or set PUMICE"
     return path
@@ -114,7 +114,7 @@ def pumice_command():
 
 @pytest.fixture
 def nuclei(tmp_path, data):
-    """A small shipped volume in a folder of its own, so that nothing is written into the checkout."""
+    """A copy of a small shipped volume in a temporary folder, so that nothing is written into the checkout."""
     path = tmp_path / "nuclei.tif"
     shutil.copyfile(data / "platynereis_nuclei.tif", path)
     return path

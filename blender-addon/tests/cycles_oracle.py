@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Small pictures by Cycles, which says what Blender's data mean: a plane under a lamp, a ball, the sky in one direction."""
+"""Renders small pictures with Cycles as an oracle for the meaning of Blender's data: a plane under a lamp, a ball, the sky."""
 
 import math
 
@@ -9,7 +9,7 @@ from mathutils import Euler, Matrix, Vector
 
 
 def prepare(bpy, folder, size=8, samples=64):
-    """An empty scene that Cycles renders into an OpenEXR file of floats, without clamps, caustic tricks and denoising."""
+    """Sets up the scene so that Cycles renders into an OpenEXR file of floats, without clamps, caustic tricks and denoising."""
     scene = bpy.context.scene
     scene.render.engine = "CYCLES"
     render = scene.render
@@ -29,7 +29,7 @@ def prepare(bpy, folder, size=8, samples=64):
 
 
 def picture(bpy, scene):
-    """RGB of the render, row 0 at the top."""
+    """Renders; returns RGB, row 0 at the top."""
     import OpenImageIO
 
     bpy.ops.render.render(write_still=True)
@@ -39,7 +39,7 @@ def picture(bpy, scene):
 
 
 def camera(bpy, place, turn, lens=None, ortho_scale=None):
-    """A camera object that looks along its -z; `turn` are Euler angles."""
+    """Adds a camera that looks along its -z; `turn` are Euler angles."""
     data = bpy.data.cameras.new("eye")
     if ortho_scale is not None:
         data.type, data.ortho_scale = "ORTHO", ortho_scale
@@ -53,7 +53,7 @@ def camera(bpy, place, turn, lens=None, ortho_scale=None):
 
 
 def plane(bpy, albedo, half=50.0):
-    """A white-grey Lambert plane at z = 0, seen from above in a patch of a hundredth."""
+    """Adds a grey Lambert plane at z = 0, and a camera that sees a patch of it of 0.01 units."""
     mesh = bpy.data.meshes.new("floor")
     mesh.from_pydata([(-half, -half, 0), (half, -half, 0), (half, half, 0), (-half, half, 0)], [], [(0, 1, 2, 3)])
     material = bpy.data.materials.new("floor")
@@ -67,6 +67,6 @@ def plane(bpy, albedo, half=50.0):
     mesh.materials.append(material)
     floor = bpy.data.objects.new("floor", mesh)
     bpy.context.collection.objects.link(floor)
-    # From the side, below the lamps.
+    # The camera looks obliquely from the side, below the lamps.
     camera(bpy, (0.0, -1.0, 1.0), (math.pi / 4, 0.0, 0.0), ortho_scale=0.01)
     return floor

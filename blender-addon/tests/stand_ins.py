@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Stand-ins for what a test cannot have without a window, and for a session that does what a test wants at a known moment.
+"""Mocks of objects that exist only with a window, and of the compiled module.
 
-`Engine` and `Context` are Blender's side of a viewport. `Module` is the compiled module with a session that only records: it serves
-the tests of what is sent and of failures; pictures are tested with the real one.
+`Engine` and `Context` mock Blender's side of a viewport. `Module` mocks the compiled module with a session that only records calls, for
+tests of edits and failures; pictures are tested with the real module.
 """
 
 import copy
@@ -15,7 +15,7 @@ import numpy as np
 
 
 class Engine:
-    """What the extension asks of a RenderEngine in a viewport."""
+    """The part of a viewport's RenderEngine that the extension uses."""
 
     def __init__(self, address=4711):
         self.address, self.freed = address, False
@@ -80,12 +80,12 @@ class Context(types.SimpleNamespace):
         )
 
     def look(self, camera):
-        """Moves the view to where a camera object is."""
+        """Moves the view to a camera object."""
         self.region_data.view_matrix = camera.matrix_world.normalized().inverted()
 
 
 class Texture:
-    """Takes the place of the texture: remembers what would have been drawn."""
+    """Replaces the texture, and records what would have been drawn."""
 
     def __init__(self):
         self.drawn = []
@@ -95,7 +95,7 @@ class Texture:
 
 
 class Module:
-    """The compiled module as far as the extension uses it."""
+    """The part of the compiled module that the extension uses."""
 
     class PumiceError(Exception):
         pass
@@ -117,7 +117,7 @@ class Module:
             self.cancelled = True
 
     class Mesh:
-        """Keeps the arrays."""
+        """Keeps its arrays."""
 
         def __init__(self, positions, triangles, materials=None, *, normals=None):
             self.positions, self.triangles, self.materials, self.normals = positions, triangles, materials, normals
@@ -177,7 +177,7 @@ class Module:
         return Volume(source)
 
     def render(self, scene, volumes, meshes=(), job=None, on_progress=None, **limits):
-        """A picture in which every pixel of every pass is another number."""
+        """A picture in which every pixel of every pass has a different value."""
         self.renders.append((scene.value, list(volumes), limits))
         self.during_render(job, on_progress)
         if job.cancelled:
@@ -200,12 +200,12 @@ class Module:
         return types.SimpleNamespace(color=color, alpha=self.alpha, passes=passes, manifests=manifests, notices=notices)
 
     def cryptomatte_hash(self, name):
-        """Another hash than the real one, of as many digits."""
+        """A hash that differs from the real one and has as many digits."""
         return zlib.crc32(name.encode())
 
 
 class Labels:
-    """A label table as the module gives it."""
+    """A label table with the interface of the module's."""
 
     def __init__(self, ids, names=None, colors=None, types_=None):
         self.ids = np.array(ids, dtype=np.uint64)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where the compressed form is kept: another file for another source or reading, and a folder that can be written."""
+"""Tests where the compressed form is kept: a separate file for each source and choice of reading, in a writable folder."""
 
 import importlib
 import os
@@ -42,6 +42,6 @@ def test_the_users_folder_serves_where_the_source_cannot_be_written_beside(cache
     blocked.write_bytes(b"")
     paths = [str(blocked / "a.pumice"), str(tmp_path / "user" / "deep" / "a.pumice")]
     assert cache.writable(paths) == paths[1]
-    assert os.listdir(tmp_path / "user" / "deep") == [], "trying leaves nothing"
+    assert os.listdir(tmp_path / "user" / "deep") == [], "testing a folder leaves no file"
     with pytest.raises(OSError):
         cache.writable(paths[:1])

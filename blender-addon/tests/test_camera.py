@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The camera against Blender's own: `world_to_camera_view` and `Camera.calc_matrix_camera` say where a point of the world appears.
+"""Compares cameras with Blender's: `world_to_camera_view` and `Camera.calc_matrix_camera` give the place of a point in the picture.
 
-The oracle shares no code with the extension. `pixel` below is the scene's definition of a camera (docs/scene.md), written out.
+These oracles share no code with the extension. `pixel` below implements the definition of a camera in docs/scene.md.
 """
 
 import itertools
@@ -13,14 +13,14 @@ import numpy as np
 import pytest
 from bpy_extras.object_utils import world_to_camera_view
 
-# Blender computes in single precision: 24 bits, some tens of operations, pictures of up to 1000 pixels.
+# For Blender's single precision: 24 bits, some tens of operations, pictures of up to 1000 pixels.
 TOLERANCE_PIXELS = 2e-2
 SIZES = [(640, 360), (360, 640), (500, 500)]
 SHIFTS = [(0.0, 0.0), (0.21, -0.13)]
 
 
 def pixel(camera, size, point, aspect=1.0):
-    """Pixel from the lower left corner at which the scene's camera sees a point of the world; `aspect` is a pixel's width."""
+    """Pixel coordinates, from the lower left corner, of a point of the world; `aspect` is the width of a pixel over its height."""
     columns = np.array(camera["world_from_camera"]).reshape(4, 3)
     p = np.linalg.solve(columns[:3].T, np.array(point) - columns[3])
     projection = camera["projection"]
@@ -74,7 +74,7 @@ def test_a_camera_object_sees_what_blender_says(blender, extension, kind, fit, s
 
 
 def test_the_comparison_notices_wrong_cameras(blender, extension):
-    """Negative control: each mistake that is easily made moves a point by more than the tolerance."""
+    """Negative control: each likely mistake moves a point by more than the tolerance."""
     size, shift = (360, 640), (0.21, -0.13)
     obj = make_camera(blender, "PERSP", "HORIZONTAL", shift, size)
     good = extension.scene_reader.lens.read(obj)
@@ -87,7 +87,7 @@ def test_the_comparison_notices_wrong_cameras(blender, extension):
 
 
 def matrices(bpy, obj, size, zoom=1.0, offset=(0.0, 0.0)):
-    """(view, window) as a 3D viewport has them; zoom and offset of the camera view act on the picture after the lens."""
+    """(view matrix, window matrix) of a 3D viewport. Zoom and offset of the camera view act on the picture after the lens."""
     window = obj.calc_matrix_camera(bpy.context.evaluated_depsgraph_get(), x=size[0], y=size[1])
     after = mathutils.Matrix.Diagonal((zoom, zoom, 1.0, 1.0))
     after[0][3], after[1][3] = offset
@@ -108,12 +108,12 @@ def test_a_viewport_sees_what_its_matrices_say(blender, extension, kind, fit, sh
         seen = window @ view @ mathutils.Vector((*point, 1.0))
         expected = [(seen[a] / seen.w + 1.0) / 2.0 * size[a] for a in range(2)]
         assert pixel(camera, size, point) == pytest.approx(expected, abs=TOLERANCE_PIXELS)
-    # An orthographic window matrix tells its own range: within a 24 bit number of the largest term.
+    # The clip range comes from the orthographic window matrix, within the 24-bit precision of the largest term.
     assert camera["clip"] == pytest.approx([0.2, 80.0], abs=80.0 * 2**-20)
 
 
 def test_a_parallel_view_that_begins_behind_itself_moves_back(blender, extension):
-    """Blender's parallel views look both ways from their origin."""
+    """Blender's orthographic views look in both directions from their origin."""
     math_of_camera = extension.scene_reader.camera_math
     half, far, size = 3.0, 1000.0, (400, 300)
     window = [[1 / half, 0, 0, 0], [0, 400 / 300 / half, 0, 0], [0, 0, -1 / far, 0], [0, 0, 0, 1]]
@@ -124,7 +124,7 @@ def test_a_parallel_view_that_begins_behind_itself_moves_back(blender, extension
     assert pixel(camera, size, (1.5, -0.75, 30.0)) == pytest.approx([300.0, 100.0])
 
 
-# Pixels as wide as high, wide ones (a picture that is wider than it is high, and one that is only so by its pixels), high ones.
+# Square pixels, wide ones (of pictures that are wide in pixels, or only by their pixels' shape), high ones.
 @pytest.mark.parametrize("aspect", [(1.0, 1.0), (1.5, 1.0), (2.0, 1.0), (1.0, 1.3)])
 @pytest.mark.parametrize("kind,fit", KINDS_AND_FITS)
 @pytest.mark.parametrize("size", [(640, 360), (360, 640)])
@@ -135,7 +135,7 @@ def test_pixels_that_are_not_square_see_what_blender_says(blender, extension, dr
     camera, wide = extension.scene_reader.lens.read(obj), extension.scene_reader.pixel_aspect(render)
     for point in points():
         ndc = world_to_camera_view(blender.context.scene, obj, mathutils.Vector(point))
-        # Blender's function leaves the pixels' shape out of account; its matrix does not.
+        # `world_to_camera_view` ignores the pixels' shape; the matrix includes it.
         clip = obj.calc_matrix_camera(
             blender.context.evaluated_depsgraph_get(), x=size[0], y=size[1], scale_x=aspect[0], scale_y=aspect[1]
         )
@@ -160,7 +160,7 @@ def test_a_part_of_the_picture_is_that_part(blender, extension, kind, fit, rect,
 
 
 def focused(bpy, kind):
-    """A camera with an open lens, and the object that it focuses on, off its axis."""
+    """A camera with depth of field, and an object off its axis to focus on."""
     obj = make_camera(bpy, kind, "AUTO", (0.0, 0.0), (640, 360))
     dof = obj.data.dof
     dof.use_dof, dof.aperture_fstop, dof.focus_distance = True, 2.0, 3.5
@@ -178,7 +178,7 @@ def test_depth_of_field_is_that_of_the_lens(blender, extension, drawn, kind, rad
     read = lambda: extension.scene_reader.lens.read(obj, depsgraph)["aperture"]  # noqa: E731
     wanted = {"radius": radius, "focus_distance": 3.5, "blades": 6, "rotation_rad": 0.4, "ratio": 1.5}
     assert read() == pytest.approx(wanted)
-    # The distance to an object counts along the axis, which Blender says in the third number of a point that the camera sees.
+    # The distance to a focus object counts along the axis; Blender gives it as the third coordinate of `world_to_camera_view`.
     obj.data.dof.focus_object = target
     blender.context.view_layer.update()
     depth = world_to_camera_view(blender.context.scene, obj, target.matrix_world.translation).z

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Blender's own Cryptomatte node finds our mattes by name: those of F12, and those of a file of the command's."""
+"""Tests that Blender's Cryptomatte node finds Pumice's mattes by name, in F12 renders and in files of the command."""
 
 import subprocess
 
@@ -12,7 +12,7 @@ from test_real_volumes import SIZE, SPP, exr, scene  # noqa: F401  (scene is a f
 
 
 def composed(blender, scene, tmp_path, source, matte, image=None):  # noqa: F811
-    """The matte of a name, as Blender's compositor makes it of a render (again) or of an image."""
+    """The matte of a name by Blender's compositor, from a new render or from an image."""
     if blender.app.version >= (5, 0, 0):
         tree = blender.data.node_groups.new("Mattes", "CompositorNodeTree")
         tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
@@ -33,7 +33,7 @@ def composed(blender, scene, tmp_path, source, matte, image=None):  # noqa: F811
     node.layer_name = "ViewLayer.CryptoObject"
     node.matte_id = matte
     tree.links.new(node.outputs["Matte"], out.inputs[0])
-    # The composed picture alone.
+    # Writes only the composited picture.
     if blender.app.version >= (5, 0, 0):
         scene.render.image_settings.media_type = "IMAGE"
     scene.render.image_settings.file_format = "OPEN_EXR"
@@ -64,6 +64,6 @@ def test_the_compositor_finds_labels_by_name(scene, blender, pumice_command, tmp
     matte = composed(blender, scene, tmp_path, source, name, image)
     assert matte.shape == SIZE[::-1] and 0 < expected.mean() < 1
     np.testing.assert_allclose(matte, expected, atol=1e-6)
-    # Negative control: of another name nothing is found.
+    # Negative control: another name gives another matte.
     other = composed(blender, scene, tmp_path, source, name + "0000", image)
     assert np.abs(other - expected).max() > 0.5

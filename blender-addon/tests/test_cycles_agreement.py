@@ -1,18 +1,18 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""F12 with Pumice and F12 with Cycles are the same picture: same volume, camera, light, sky, materials, meshes; Cycles has the voxels as
-quads.
+"""Tests that F12 gives the same picture with Pumice and with Cycles, from the same volume, camera, light, sky, materials and meshes. Cycles
+gets the voxels as quads.
 
-Both are unbiased, so their pictures differ by noise alone, which eight seeds of each tell. With m the mean over seeds and v its
-variance, both per pixel and channel:
+Both renderers are unbiased, so their pictures differ only by noise, which eight seeds of each measure. With m the mean over seeds and v
+its variance, both per pixel and channel:
 
-    ratio    mean of (m_ours − m_theirs)² over mean of (v_ours + v_theirs). How large chance makes it is asked of the sixteen pictures
-             themselves: were they all alike, any eight could have been ours. Of 400 such deals at most 1 % may give a larger one
-             (permutation test: no bound to choose, whatever the noise of a few bright pixels does)
-    tiles    Welch's t of each 8 × 8 tile: at most one of them beyond Šidák's bound at 1 % for all together
-    mean     of the whole pictures within 0.1 %, some four of its standard deviations
+    ratio    mean of (m_ours − m_theirs)² over mean of (v_ours + v_theirs). Its distribution by chance comes from a permutation test: if
+             all sixteen pictures are alike, any eight of them could be ours. Of 400 random splits at most 1 % may give a larger ratio.
+             This needs no assumed bound, even with the noise of a few bright pixels
+    tiles    Welch's t of each 8 × 8 tile; at most one may exceed Šidák's bound at 1 % for all together
+    mean     the means of the whole pictures agree within 0.1 %, about four standard deviations
 
-Measured once with 256 samples at 128 × 96: ratio 0.99, means equal to 7e-7. Each control below is convicted by the first.
+Measured once with 256 samples at 128 × 96: ratio 0.99, means equal to 7e-7. The ratio detects each control below.
 """
 
 import math
@@ -29,7 +29,7 @@ BOUNCES = 3
 
 @pytest.fixture
 def crop(tmp_path, data):
-    """Twelve neurites of the shipped cortex, 48³ voxels, as a file of their own."""
+    """A file with twelve neurites of the shipped cortex, 48³ voxels."""
     whole = pumice.open(data / "connectomics_32x32x40nm.nrrd").decode()
     cut = whole[100:148, 100:148, 200:248]
     ids, counts = np.unique(cut[cut > 0], return_counts=True)
@@ -53,7 +53,7 @@ def scene(blender, crop):
     render.image_settings.color_depth, render.image_settings.exr_codec = "32", "NONE"
     scene.camera.data.shift_x, scene.camera.data.lens = 0.03, 60.0
 
-    # Lambert: Principled without its dielectric layer, at full roughness.
+    # Makes Principled a Lambert material: no dielectric layer, full roughness.
     material = obj.active_material
     shader = next(n for n in material.node_tree.nodes if n.bl_idname == "ShaderNodeBsdfPrincipled")
     shader.inputs["Base Color"].default_value = (0.7, 0.5, 0.3, 1.0)
@@ -78,7 +78,7 @@ def scene(blender, crop):
 
 
 def faces(bpy, labels):
-    """A mesh of all voxel faces towards empty voxels, in index space. Faces between two labels can be seen by no ray."""
+    """A mesh in index space of all voxel faces towards empty voxels. (Faces between two labels are invisible.)"""
     solid = np.pad(labels > 0, 1)
     corners = []
     for axis in range(3):
@@ -102,14 +102,14 @@ def faces(bpy, labels):
     mesh.loops.foreach_set("vertex_index", np.arange(4 * count, dtype=np.int32))
     mesh.polygons.add(count)
     mesh.polygons.foreach_set("loop_start", np.arange(0, 4 * count, 4, dtype=np.int32))
-    # Without it a mesh from arrays is shaded smooth.
+    # Without this attribute a mesh from arrays has smooth shading.
     mesh.attributes.new("sharp_face", "BOOLEAN", "FACE").data.foreach_set("value", np.ones(count, dtype=bool))
     mesh.update(calc_edges=True)
     return mesh
 
 
 def pictures(bpy, scene, folder, engine, first_seed):
-    """(seed, row, column, channel) of SEEDS renders."""
+    """Renders SEEDS pictures: (seed, row, column, channel)."""
     volume, quads = bpy.data.objects[scene["volume"]], bpy.data.objects[scene["quads"]]
     volume.hide_render, quads.hide_render = engine == "CYCLES", engine != "CYCLES"
     scene.render.engine = engine
@@ -129,7 +129,7 @@ def ratio_of(ours, theirs):
 
 
 def judge(ours, theirs):
-    """(chance of as large a ratio, tiles beyond the bound, relative difference of the means)."""
+    """(probability of so large a ratio, number of tiles beyond the bound, relative difference of the means)."""
     ratio, both = ratio_of(ours, theirs), np.concatenate([ours, theirs])
     rng = np.random.default_rng(1)
     deals = [both[rng.permutation(2 * SEEDS)] for _ in range(400)]
@@ -139,18 +139,18 @@ def judge(ours, theirs):
     width, height = SIZE
     a, b = (p.mean(axis=-1).reshape(SEEDS, height // 8, 8, width // 8, 8).mean(axis=(2, 4)) for p in (ours, theirs))
     va, vb = a.var(axis=0, ddof=1) / SEEDS, b.var(axis=0, ddof=1) / SEEDS
-    # Tiles of sky alone have no noise but rounding's: nothing to judge by chance.
+    # Leaves out tiles that show only sky, whose only noise is rounding.
     noisy = va + vb > (1e-5 * b.mean()) ** 2
     t = np.abs(a.mean(axis=0) - b.mean(axis=0))[noisy] / np.sqrt((va + vb)[noisy])
     freedom = ((va + vb) ** 2 / ((va**2 + vb**2) / (SEEDS - 1)))[noisy]
-    assert noisy.sum() > 20, "there is something to judge"
+    assert noisy.sum() > 20, "there are tiles with noise"
     bound = 1.0 - (1.0 - 0.01) ** (1.0 / noisy.sum())
     beyond = sum(two_sided(x, f) < bound for x, f in zip(t, freedom, strict=True))
     return chance, beyond, abs(ours.mean() / theirs.mean() - 1.0)
 
 
 def two_sided(t, freedom):
-    """Chance of a Student's t beyond ±t: 2 ∫ of its density, by Simpson's rule over the angle t = √f · tan θ."""
+    """Probability of a Student's t beyond ±t: 2 ∫ of its density, by Simpson's rule over the angle θ with t = √f · tan θ."""
     low, n = math.atan(t / math.sqrt(freedom)), 400
     angles = np.linspace(low, math.pi / 2, n + 1)
     weights = np.ones(n + 1)
@@ -161,7 +161,7 @@ def two_sided(t, freedom):
 
 
 def test_students_t_against_a_table():
-    # Two-sided 5 % and 1 % points for 7 and 14 degrees of freedom.
+    # Tabulated two-sided 5 % and 1 % points for 7 and 14 degrees of freedom.
     for t, freedom, chance in [(2.365, 7, 0.05), (3.499, 7, 0.01), (2.145, 14, 0.05), (2.977, 14, 0.01)]:
         assert two_sided(t, freedom) == pytest.approx(chance, rel=2e-3)
 

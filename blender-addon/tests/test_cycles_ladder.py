@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Rungs of the ladder (tests/cycles_ladder) drawn anew in this Blender: is what is checked in still what Cycles draws?
+"""Renders rungs of the ladder (tests/cycles_ladder) again in this Blender, and tests that they agree with the references checked in.
 
-Some of them each day, at least one: number i of the list on days whose share is i modulo the number of shares, or of rungs where those are
-fewer (PUMICE_TEST_SHARE is `K/N`; `full`: all; unset: the first). Cycles runs in a process of its own, as it does for `pumice bench convergence`.
+A run takes at least one rung: number i of the list if PUMICE_TEST_SHARE is `K/N` and K is i modulo N (or modulo the number of rungs if
+there are fewer than N); `full`: all; unset: the first. Cycles runs in a separate process, as for `pumice bench convergence`.
 """
 
 import os
@@ -33,7 +33,7 @@ def rung(request, tmp_path_factory):
     return rungs.Rung(request.param, tmp_path_factory.mktemp("rung"))
 
 
-# Seeds that no reference has.
+# First seed; no reference uses this one or later ones.
 FIRST = 1 << 20
 
 
@@ -41,7 +41,7 @@ def test_cycles_still_draws_its_reference(rung):
     truth, about = reference.load(rung.name)
 
     def draw(first, seeds):
-        # As many samples as the reference has: what Cycles' tables of 256 patterns leave, whatever the seeds, is then the same in both.
+        # As many samples as the reference: then the error of Cycles' tables of 256 patterns, which no seeds remove, is the same in both.
         return by_cycles.pictures(sys.executable, rung, FIRST + first, seeds, spp=about["spp"])[0]
 
     found = verdict.heard(draw, truth, rung.seeds)
@@ -50,7 +50,7 @@ def test_cycles_still_draws_its_reference(rung):
 
 
 def test_smooth_normals_are_convicted(rung):
-    # What a mesh without flat normals would look like: the trap of every comparison with voxels.
+    # Control: smooth normals on the voxel mesh, a likely mistake in comparisons with voxels, are detected.
     truth, _ = reference.load(rung.name)
     smooth, _ = by_cycles.pictures(sys.executable, rung, FIRST, rung.seeds, smooth=True)
     found = verdict.judge(smooth, truth)

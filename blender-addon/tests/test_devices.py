@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which device computes: the list of choices, the preference that keeps one, what is said of it."""
+"""Tests the choice of a device: the list of choices, the preference that stores one, the text about it."""
 
 import importlib
 import types
@@ -27,7 +27,7 @@ def test_choices_name_devices_and_number_those_of_one_name(extension):
     found = choices(listed)
     assert [c[0] for c in found] == ["auto", "vulkan-rt:0", "vulkan-rt:1", "vulkan-rt:GeForce", "cpu"]
     assert found[3][1] == "GeForce: vulkan-rt" and "auto takes another first" in found[3][2]
-    # Two backends of one device are no two devices of one name.
+    # Two backends of one device do not count as two devices with one name.
     both = choices([card(0, "Radeon"), card(0, "Radeon", "vulkan-compute"), CPU])
     assert [c[0] for c in both] == ["auto", "vulkan-rt:Radeon", "vulkan-compute:Radeon", "cpu"]
     assert [c[0] for c in choices([])] == ["auto"]
@@ -53,7 +53,7 @@ def test_the_line_names_backend_and_device_and_what_was_overcome(extension):
 
 @pytest.fixture
 def preferences(blender, extension):
-    """The extension's preferences, as they are after an installation; as they were, afterwards."""
+    """The extension's preferences with their defaults; restores them after the test."""
     import addon_utils
 
     addon_utils.enable(extension.__name__, default_set=True, persistent=True)
@@ -68,7 +68,7 @@ def test_the_preference_is_what_automatic_means(extension, preferences):
     wishes = bpy.context.scene.pumice
     assert (preferences.device, backend(wishes)) == ("auto", "auto")
     names = [c[0] for c in load(extension, "preferences")._choices(preferences)]
-    # The surroundings of the tests bring a Vulkan device.
+    # `cargo xtask test` provides a Vulkan device.
     chosen = next(n for n in names if n.startswith("vulkan-compute:"))
     preferences.device = chosen
     assert (preferences.backend, preferences.device, backend(wishes)) == (chosen, chosen, chosen)

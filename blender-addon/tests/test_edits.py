@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Differences of two scenes: what comes out, applied by a naive reading of the edits' definition, gives the new scene."""
+"""Tests the difference of two scenes: its edits, applied by a naive implementation of their definition, give the new scene."""
 
 import copy
 import importlib
@@ -36,7 +36,7 @@ def scene(sync, **over):
 
 
 def apply(before, changes, parts, numbers):
-    """The edits' definition, read plainly."""
+    """Applies edits to a scene, straight from their definition."""
     after = copy.deepcopy(before)
     for edit in changes.edits:
         kind = edit["edit"]

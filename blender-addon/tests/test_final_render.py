@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""F12: what reaches Blender's passes, the size and part of the picture, progress, cancel and errors.
+"""Tests F12: values in Blender's passes, size and region of the picture, progress, cancelling and errors.
 
-The module is a stand-in whose picture has another number in each pixel; that the real one's is right is another test's business.
+The compiled module is a mock whose pictures have a different value in each pixel. Other tests check real pictures.
 """
 
 import importlib
@@ -17,7 +17,7 @@ from stand_ins import Module, Volume
 
 @pytest.fixture
 def stage(blender, extension, monkeypatch, tmp_path):
-    """A scene with one volume, ready for F12."""
+    """A scene with one volume and a mock module, ready for F12."""
     load = lambda name: importlib.import_module(f"{extension.__name__}.{name}")  # noqa: E731
     module = Module()
     monkeypatch.setattr(load("native"), "pumice", module)
@@ -33,7 +33,7 @@ def stage(blender, extension, monkeypatch, tmp_path):
     scene.render.engine = "PUMICE"
     render = scene.render
     render.resolution_x, render.resolution_y, render.resolution_percentage = 12, 8, 100
-    # The result is read back from a multilayer file: Render Result itself has no pixels in background mode.
+    # Tests read the result from a multilayer file, because Render Result has no pixels in background mode.
     render.filepath = str(tmp_path / "out.exr")
     if blender.app.version >= (5, 0, 0):
         render.image_settings.media_type = "MULTI_LAYER_IMAGE"
@@ -75,7 +75,7 @@ def test_the_passes_hold_the_picture_bottom_row_first(stage):
 
 
 def test_every_pass_that_is_offered_arrives_under_cycles_name(stage, drawn, tmp_path):
-    """All passes that a view layer can have: registered, filled, written; each with its own values."""
+    """All passes that a view layer can have are registered, filled and written, each with its own values."""
     layer = stage.bpy.context.view_layer
     passes = stage.load("passes")
     for one in passes.TABLE:
@@ -86,26 +86,26 @@ def test_every_pass_that_is_offered_arrives_under_cycles_name(stage, drawn, tmp_
     there.add("Shadow Catcher")
     there |= {"Diffuse Direct", "Environment"} if new else {"DiffDir", "Env"}
     there |= {f"Crypto{kind}{number:02}" for kind in ("Object", "Asset") for number in range(3)}
-    assert set(stage.seen) == there, "what the picture has"
+    assert set(stage.seen) == there, "the passes of the picture"
     asked = stage.module.renders[-1][0]["film"]["passes"]
     assert asked == sorted({one.ours for one in passes.TABLE})
     at = np.arange(96, dtype=np.float32).reshape(8, 12)
     written = channels(tmp_path / "out.exr")
     for place, name in [(0, "Denoising Albedo.G"), (1, "Denoising Normal.Y"), (1, "Normal.Y"), (2, "Variance.G"), (3, "Position.Y"), (6, "Shadow Catcher.G")]:
         assert np.array_equal(written[name], at * 2 + place), name
-    # Blender's own names for what its view layers know, so that compositors find them.
+    # Passes that Cycles has too have the same names and channels, so that compositor nodes find them.
     layer.cycles.use_pass_shadow_catcher = True
     from cycles.engine import list_render_passes
 
     theirs = {name: (len(channels), kind) for name, channels, kind in list_render_passes(stage.scene, layer)}
     ours = {name: (count, kind) for name, count, _, kind in passes.registered(layer)}
-    denoised = {"Noisy Image", "Noisy Shadow Catcher", "Denoising Depth"}  # of Cycles' own denoising
+    denoised = {"Noisy Image", "Noisy Shadow Catcher", "Denoising Depth"}  # passes of Cycles' own denoising
     assert set(theirs) - denoised <= set(ours), "all of these are Cycles' too"
     assert {name: ours[name] for name in theirs if name in ours} == {name: theirs[name] for name in theirs if name in ours}
 
 
 def test_mattes_arrive_in_layers_with_what_they_are(stage, tmp_path):
-    """Cryptomatte's layers, and the names of its ids in the file's attributes; each level asked for is a layer's half."""
+    """Cryptomatte passes arrive as layers, with their manifest in the file's attributes. A layer holds two levels."""
     import OpenImageIO
 
     layer = stage.bpy.context.view_layer
@@ -128,7 +128,7 @@ def test_mattes_arrive_in_layers_with_what_they_are(stage, tmp_path):
         "manifest": '{"17":"0123abcd"}',
     }
     assert not [a.name for a in said.extra_attribs if a.name.startswith("cryptomatte/") and not a.name.startswith(key)]
-    # Not asked for, not there.
+    # A pass that is switched off is absent.
     layer.use_pass_cryptomatte_object = False
     render(stage)
     said = OpenImageIO.ImageInput.open(str(tmp_path / "out.exr")).spec()
@@ -156,7 +156,7 @@ def test_passes_that_nobody_wants_are_not_there(stage):
 
 
 def channels(path):
-    """Every channel of every part of an OpenEXR file by its last two names, as OpenImageIO reads it; row 0 is the top."""
+    """All channels of all parts of an OpenEXR file by the last two parts of their names, read by OpenImageIO; row 0 is the top."""
     import OpenImageIO
 
     found, part = {}, 0
@@ -202,7 +202,7 @@ def test_percentage_and_region_make_the_film(stage):
 
 
 def test_a_region_is_as_large_as_blender_makes_it(stage, tmp_path):
-    """Blender multiplies in single precision: the file that it writes says what came out."""
+    """Blender computes the size of a region in single precision; the file that it writes gives the true size."""
     import OpenImageIO
 
     render_settings = stage.scene.render
@@ -247,7 +247,7 @@ def test_export_refuses_where_it_could_not_be_the_same_picture(stage, tmp_path):
 
 
 def ply(path):
-    """(corners, triangles, material indices) of a file as the extension writes it, read byte by byte."""
+    """(corners, triangles, material indices) of a PLY file of the extension."""
     data = path.read_bytes()
     head, body = data.split(b"end_header\n", 1)
     lines = head.decode().splitlines()
@@ -285,7 +285,7 @@ def test_the_wishes_reach_the_render(stage):
     wishes.filter_pixels, wishes.backend = 1.0, "CPU"
     wishes.use_adaptive, wishes.adaptive_threshold, wishes.adaptive_min_samples = True, 0.25, 12
     render(stage)
-    assert "smooth_voxels" not in stage.module.renders[-1][0]["settings"], "off unless wished for"
+    assert "smooth_voxels" not in stage.module.renders[-1][0]["settings"], "smooth voxels are off by default"
     wishes.smooth_voxels = True
     render(stage)
     scene, _, limits = stage.module.renders[-1]
@@ -305,7 +305,7 @@ def test_what_hides_leaves_and_what_is_excluded_leaves(stage):
 
 
 def failure(stage):
-    """What F12 says when it fails: Blender raises the engine's error reports."""
+    """The error text of a failing F12, which Blender raises from the engine's error report."""
     with pytest.raises(RuntimeError) as raised:
         render(stage)
     return str(raised.value)
@@ -339,7 +339,7 @@ def test_a_defect_of_the_extension_is_a_report_too(stage, monkeypatch):
 
 
 def test_progress_is_told_and_cancel_leaves_no_picture(stage):
-    """Work as the engine runs it, with Blender's side of a render that is cancelled after its second look."""
+    """Runs a render with a mock engine, which cancels after its second check."""
     final_render = stage.load("final_render")
     point = types.SimpleNamespace(spp=32, seconds=2.0, error_estimate=0.04)
     looks = []
@@ -368,7 +368,7 @@ def test_progress_is_told_and_cancel_leaves_no_picture(stage):
     work = final_render.Work(stage.module, scene, [], [], "cpu", limits)
     engine = Engine()
     assert work.watch(engine) is None and work.job.cancelled and not work.thread.is_alive()
-    # A quarter of the samples, and half of the error's way: twice the target is a quarter of it.
+    # A quarter of the samples are done. The error is twice its target, which is also a quarter of the work.
     assert engine.progress[-1] == pytest.approx(0.25)
     assert engine.line == "sample 32 of 128 · error 4 % · 2.0 s"
 

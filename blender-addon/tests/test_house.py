@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The extension as a package: its layers, its licence lines, its manifest."""
+"""Tests the extension as a package: layers of modules, licence lines, manifest."""
 
 import ast
 import re
@@ -12,14 +12,14 @@ SOURCES = sorted(FOLDER.glob("*.py")) + sorted((FOLDER / "sync").glob("*.py"))
 
 
 def layers():
-    """Module name → line of the drawing in the package's docstring, counted from the top."""
+    """{module name: line, counted from the top, of the drawing of layers in the package's docstring}."""
     text = ast.get_docstring(ast.parse((FOLDER / "__init__.py").read_text()))
     drawing = re.search(r"(?:^    \S.*\n)+", text, re.MULTILINE).group()
     return {name: row for row, line in enumerate(drawing.splitlines()) for name in line.split()}
 
 
 def imported(path):
-    """Modules of this package that a file imports, as the drawing names them."""
+    """Names, as in the drawing, of the modules of this package that a file imports."""
     inside = path.parent.name == "sync"
     for node in ast.walk(ast.parse(path.read_text())):
         if not isinstance(node, ast.ImportFrom) or node.level == 0:

@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Import: one object of a source file, its compressed form kept, everything undone when it is cancelled or fails.
+"""Tests the import: a source file becomes one object, its compressed form is kept, and a cancelled or failed import leaves nothing.
 
-The module is a stand-in; real volumes are imported in `test_real_volumes`.
+The compiled module is a mock; `test_real_volumes` imports real volumes.
 """
 
 import importlib
@@ -16,7 +16,7 @@ from stand_ins import Module, Volume
 
 
 class Saving(Volume):
-    """A volume that writes a file, as the real one does: whole or not at all."""
+    """A volume whose `save` writes a file, as the real one does."""
 
     def save(self, path, job=None):
         with open(path, "wb") as file:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The label table: what goes in comes out, through undo and saving, and it costs no property group a label."""
+"""Tests the label table: values survive undo and saving, and it needs no property group per label."""
 
 import importlib
 
@@ -34,7 +34,7 @@ def test_ids_of_64_bits_come_back(blender, table):
 def test_only_the_files_own_colours_are_own(blender, table):
     mesh = table.create("x", some())
     assert table.own_color(mesh).tolist() == [False, True, False, False, False]
-    # sRGB 0.5 is 0.21404 in linear light (IEC 61966-2-1).
+    # sRGB 0.5 is 0.21404 in linear values (IEC 61966-2-1).
     assert table.colors(mesh)[1] == pytest.approx([1.0, 0.21404114, 0.0, 1.0], abs=1e-6)
     assert np.array_equal(table.colors(mesh)[[0, 2], :3], some().auto_colors()[[0, 2]])
 

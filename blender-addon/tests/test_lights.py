@@ -1,11 +1,11 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Lights against Cycles: the radiance of a Lambert plane under a lamp, as the scene's definition (docs/scene.md) says it of what the
-extension read, and as Cycles renders it.
+"""Compares lights with Cycles: the radiance of a Lambert plane under a lamp, computed from what the extension reads by the definition in
+docs/scene.md, and rendered by Cycles.
 
     E = strength cos                             sun
     E = power / 4π · cos / d²                    point, spot within its cone
-    E = power / π · cos cos' / d²                area, far away against its size, spread half a turn
+    E = power / π · cos cos' / d²                area, small against its distance, with a spread of 180°
     radiance = albedo / π · color · E
 """
 
@@ -18,7 +18,7 @@ from mathutils import Euler, Matrix, Vector
 import cycles_oracle
 
 ALBEDO = 0.5
-# A lamp of at most 0.3 across at 4 is no point: its light differs by (0.15 / 4)² / 2 of it, 0.07 %; Cycles' noise adds as much.
+# A lamp of width 0.3 at distance 4 differs from a point by (0.15 / 4)² / 2, which is 0.07 %; Cycles' noise adds as much.
 TOLERANCE = 3e-3
 
 
@@ -40,7 +40,7 @@ def lamp(bpy, kind, *, at=(0.0, 0.0, 4.0), turn=(0.0, 0.0, 0.0), scale=(1.0, 1.0
 
 
 def radiance(part, value):
-    """Of the plane at the origin, as the scene's definition has it."""
+    """Radiance of the plane at the origin, by the formulas above."""
     color = np.array(value["color"])
     if part == "suns":
         return ALBEDO / math.pi * color * value["strength"] * max(0.0, -value["direction"][2])
@@ -99,7 +99,7 @@ def test_a_plane_is_as_bright_as_in_cycles(blender, read, tmp_path, name):
 
 
 def emission(bpy, light, strength, color):
-    """Lets a light use its nodes: one Emission."""
+    """Gives a light a node tree with one Emission node."""
     light.use_nodes = True
     node = next(n for n in light.node_tree.nodes if n.type == "EMISSION")
     node.inputs["Strength"].default_value, node.inputs["Color"].default_value = strength, color
@@ -132,7 +132,7 @@ def test_the_comparison_notices_wrong_units(blender, read, tmp_path):
 
 
 def test_the_cone_of_a_scaled_spot_is_as_wide_as_in_cycles(blender, read, tmp_path):
-    """Where it ends on the plane: inside it is lit, outside dark, for the angle that was read."""
+    """The edge of the cone on the plane is where the angle that was read puts it."""
     scene = cycles_oracle.prepare(blender, tmp_path, size=64, samples=16)
     cycles_oracle.plane(blender, ALBEDO)
     scene.camera.data.ortho_scale, scene.camera.matrix_world = 8.0, Matrix.Translation((0.0, 0.0, 9.0))
@@ -140,11 +140,11 @@ def test_the_cone_of_a_scaled_spot_is_as_wide_as_in_cycles(blender, read, tmp_pa
     part, value, left_out = read(obj)
     assert left_out == ["Light lamp: its cone is scaled unevenly, and drawn round"]
     seen = cycles_oracle.picture(blender, scene).max(axis=-1)
-    # Its rim has two thirds of the light in the middle; the pixel filter blurs it.
+    # At the edge the light is still two thirds of that in the middle, and the pixel filter blurs it.
     lit = seen > 0.33 * seen.max()
     radius = 4.0 * math.tan(value["shape"]["spot"]["angle_rad"] / 2)
     assert math.sqrt(lit.sum() * (8.0 / 64) ** 2 / math.pi) == pytest.approx(radius, rel=0.03)
-    assert value["shape"]["spot"]["angle_rad"] > 0.9, "twice as wide as it says"
+    assert value["shape"]["spot"]["angle_rad"] > 0.9, "the object's scale doubles the width of the cone"
 
 
 def test_what_is_not_drawn_of_a_light_is_named(blender, read):
@@ -173,7 +173,7 @@ def test_lights_that_give_none_are_left_out(blender, read):
 
 
 def test_the_module_takes_what_is_read(blender, read, extension):
-    """Each kind of lamp within a whole scene, checked by the compiled module."""
+    """The compiled module accepts a scene with each kind of lamp."""
     import pumice
 
     lights = [read(lamp(blender, kind, **fields)) for kind, fields in CASES.values()]

@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Materials: what is read of a shader says the same as the shader.
+"""Tests that the fields read from a shader mean the same as the shader.
 
-The oracle is Cycles: a Principled BSDF that is set from the fields that were read, on a ball, looks like the shader that they were read
-from, with the same seed.
+The oracle is Cycles: on a ball, a Principled BSDF with the fields that were read must look like the original shader, with the same
+seed.
 """
 
 import math
@@ -13,7 +13,7 @@ import pytest
 
 import cycles_oracle
 
-# Cycles runs the same code for both, so most pictures are equal; where it does not, a float's rounding differs.
+# Cycles mostly runs the same code for both, so most pictures are equal. Otherwise they differ by rounding.
 TOLERANCE = 1e-6
 
 
@@ -25,7 +25,7 @@ def read(extension, drawn):
 
 @pytest.fixture
 def ball(blender, tmp_path):
-    """A ball under a grey sky and two suns, seen by Cycles; gives a function from a material to its picture."""
+    """A function from a material to Cycles' picture of a ball with it, under a grey sky and two suns."""
     scene = cycles_oracle.prepare(blender, tmp_path, size=32, samples=16)
     blender.ops.mesh.primitive_uv_sphere_add(segments=48, ring_count=24, radius=1.0)
     obj = blender.context.object
@@ -50,7 +50,7 @@ def ball(blender, tmp_path):
 
 
 def material(bpy, kind=None, **inputs):
-    """A new material whose output one shader reaches; `inputs` by name with _ for a space."""
+    """A new material with one shader; `inputs` are named with _ for spaces."""
     made = bpy.data.materials.new("dress")
     if bpy.app.version < (5, 0, 0):
         made.use_nodes = True
@@ -69,7 +69,7 @@ def material(bpy, kind=None, **inputs):
 
 
 def principled_of(bpy, fields):
-    """A Principled BSDF by the scene's definition of a material: its fields are that node's inputs."""
+    """A Principled BSDF from the fields of a scene's material, which are that node's inputs."""
     made = material(bpy, "ShaderNodeBsdfPrincipled")
     node = next(n for n in made.node_tree.nodes if n.type == "BSDF_PRINCIPLED")
     names = {
@@ -124,7 +124,7 @@ def test_what_is_read_looks_as_the_shader_does(blender, read, ball, name):
 
 
 def test_the_comparison_notices_a_lobe_that_is_lost_or_a_little_rough(blender, read, ball):
-    """Negative control, with each field that matters here."""
+    """Negative control: the comparison detects a change of each relevant field."""
     kind, inputs = EXACT["principled"]
     made = material(blender, kind, **inputs)
     theirs, (fields, _, _) = ball(made), read(made)
@@ -160,7 +160,7 @@ def test_what_cannot_be_said_is_named(blender, read, name):
 
 
 def link(made, kind, socket):
-    """Links a new node of a kind to an input of the material's shader."""
+    """Adds a node of this kind and links it to an input of the material's shader."""
     tree = made.node_tree
     node = next(n for n in tree.nodes if n.bl_idname.startswith("ShaderNodeBsdf"))
     source = tree.nodes.new(kind)
@@ -178,7 +178,7 @@ def test_a_linked_constant_is_read_and_a_texture_is_named(blender, read):
     link(made, "ShaderNodeTexNoise", "Roughness")
     link(made, "ShaderNodeBump", "Normal")
     fields, _, left_out = read(made)
-    assert fields["roughness"] == pytest.approx(0.5), "the input's own"
+    assert fields["roughness"] == pytest.approx(0.5), "expected the input's own value"
     assert left_out == [
         "Material dress: what is linked to Roughness is not drawn; its own value is used",
         "Material dress: Normal is not drawn",
@@ -193,7 +193,7 @@ def test_what_is_linked_to_a_base_color_that_labels_have_is_not_missed(blender, 
 
 
 def test_a_plain_material_is_short(blender, read):
-    """A figure has 10⁵ of them."""
+    """Unused fields are left out, since a figure may have 10⁵ materials."""
     assert set(read(material(blender, "ShaderNodeBsdfPrincipled"))[0]) == {
         "base_color", "metallic", "roughness", "specular", "ior", "emission",
     }  # fmt: skip
@@ -202,7 +202,7 @@ def test_a_plain_material_is_short(blender, read):
 
 
 def test_the_module_takes_what_is_read(blender, read, extension):
-    """Every case within a scene, checked by the compiled module."""
+    """The compiled module accepts a scene with each of the materials."""
     import pumice
 
     scene = {

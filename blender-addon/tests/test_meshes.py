@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Ordinary objects as meshes and cuts: which triangles, where, of what material; and what is read again for which change.
+"""Tests ordinary objects as meshes and cuts: their triangles, places and materials, and what each change makes the extension read again.
 
-The oracles are Blender's own: areas and bounds of evaluated meshes, its material slots, its display of empties.
+The oracles are Blender's own data: areas and bounds of evaluated meshes, material slots, the display of empties.
 """
 
 import importlib
@@ -16,7 +16,7 @@ from stand_ins import Module
 
 @pytest.fixture
 def stage(blender, extension, drawn, monkeypatch):
-    """A function that reads the scene; it keeps what a viewport keeps."""
+    """A function that reads the scene, with the cache that a viewport has."""
     load = lambda name: importlib.import_module(f"{extension.__name__}.{name}")  # noqa: E731
     monkeypatch.setattr(load("native"), "pumice", Module())
     reader = load("scene_reader")
@@ -28,7 +28,7 @@ def stage(blender, extension, drawn, monkeypatch):
         found[:] = [reader.read(depsgraph, {}, {}, kept)]
 
     def read():
-        """As a viewport does: while the graph is updated, when it alone knows what changed; else as it is."""
+        """Reads during an update of the dependency graph, as a viewport does, because only then it knows what has changed."""
         found.clear()
         blender.app.handlers.depsgraph_update_post.append(on_update)
         try:
@@ -57,7 +57,7 @@ def quad(bpy, name="quad"):
 
 
 def in_world(placed):
-    """Triangles as corners in the world (m, 3, 3), by the scene's definition of the matrix."""
+    """Corners of all triangles in the world (m, 3, 3), by the definition of the matrix in docs/scene.md."""
     columns = np.array(placed.world_from_mesh).reshape(4, 3)
     corners = np.asarray(placed.geometry.positions, dtype=float) @ columns[:3] + columns[3]
     return corners[np.asarray(placed.geometry.triangles)]
@@ -81,7 +81,7 @@ def test_a_mesh_is_its_evaluated_triangles_with_their_materials(blender, stage):
     assert left_out == []
     placed = next(iter(parts.meshes.values()))
     triangles = in_world(placed)
-    # The quad is 2 × 1, stretched to 2 × 2; the triangle stands on its side of 2 and is 3 high.
+    # The quad is 2 × 1, scaled to 2 × 2; the triangle stands on a side of length 2 and is 3 high.
     assert area(triangles[:2]) == pytest.approx(4.0) and area(triangles[2:]) == pytest.approx(3.0)
     assert triangles.min(axis=(0, 1)) == pytest.approx([-1.0, 2.0, 3.0]) and triangles[..., 2].max() == pytest.approx(6.0)
     assert list(placed.geometry.materials) == [0, 0, 1]
@@ -95,7 +95,7 @@ def test_a_shadow_catcher_is_one(blender, stage):
     parts, left_out = stage()
     (placed,) = parts.meshes.values()
     assert placed.shadow_catcher is True and placed.mesh(3)["shadow_catcher"] is True and left_out == []
-    # A light of the figure's own, which Cycles does not count for the catcher alone.
+    # A light whose shadow-catcher mark is off: Cycles does not use it for catchers, while Pumice treats it as any other light.
     light.is_shadow_catcher, obj.is_shadow_catcher = False, False
     parts, left_out = stage()
     assert next(iter(parts.meshes.values())).shadow_catcher is False
@@ -142,7 +142,7 @@ def test_objects_that_share_a_mesh_share_its_triangles(blender, stage):
 
 
 def changes(bpy, stage, change, depsgraph=None):
-    """(edits, meshes sent anew, geometries read) that a change causes."""
+    """(edits, meshes sent again, geometries read) due to a change."""
     before, _ = stage()
     reads = stage.kept.geometries.reads
     change()
@@ -194,7 +194,7 @@ def test_a_curve_is_read_again_when_it_bends(blender, stage):
 
 
 def test_what_geometry_nodes_scatter_is_drawn(blender, stage):
-    """Instances on points, of a mesh that no object has: one reading, as many places as Blender makes."""
+    """Instances on points of a mesh without an object: the mesh is read once, and drawn at each place."""
     tree = blender.data.node_groups.new("scatter", "GeometryNodeTree")
     tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
     nodes = {n: tree.nodes.new(n) for n in ("NodeGroupOutput", "GeometryNodeMeshLine", "GeometryNodeMeshCube", "GeometryNodeInstanceOnPoints")}
@@ -209,7 +209,7 @@ def test_what_geometry_nodes_scatter_is_drawn(blender, stage):
     obj.modifiers.new("scatter", "NODES").node_group = tree
     parts, left_out = stage()
     assert left_out == [] and len(parts.meshes) == 5
-    assert stage.kept.geometries.reads == 2, "the cube, and what is left of the object's own: nothing"
+    assert stage.kept.geometries.reads == 2, "the cube is read, and the empty rest of the object's own mesh"
     assert all(area(in_world(m)) == pytest.approx(6.0) for m in parts.meshes.values())
     assert len({tuple(m.world_from_mesh) for m in parts.meshes.values()}) == 5
     stage()
@@ -243,7 +243,7 @@ def test_what_is_not_drawn_of_an_object_is_named(blender, stage):
         "Not drawn: dust, smoke",
     ]
     said = stage.load("panels").not_drawn(blender.context.scene, blender.context.view_layer)
-    assert set(left_out) - set(said) == {left_out[2]}, "the panel does not look at matrices"
+    assert set(left_out) - set(said) == {left_out[2]}, "the panel does not read matrices"
 
 
 def test_smooth_shading_is_named_where_it_is_not_drawn(blender, stage, drawn, monkeypatch):
@@ -258,11 +258,11 @@ def test_smooth_shading_is_named_where_it_is_not_drawn(blender, stage, drawn, mo
     plane.from_pydata([(0, 0, 0), (2, 0, 0), (2, 1, 0), (0, 1, 0)], [], [(0, 1, 2), (0, 2, 3)])
     plane.shade_smooth()
     added(blender, plane, "even")
-    assert len(stage()[1]) == 1, "a smooth plane is flat"
+    assert len(stage()[1]) == 1, "smooth shading of a plane is flat shading"
 
 
 def test_smooth_shading_is_blenders_normals(blender, stage, drawn, tmp_path):
-    """Vertices in the open, an edge that is sharp, normals of its own: each triangle's corners have what Blender says there."""
+    """With smooth shading, sharp edges and custom normals, the corners of triangles have Blender's normals."""
     assert drawn.SMOOTH_MESHES
     mesh = quad(blender)
     added(blender, mesh, "round")
@@ -273,7 +273,7 @@ def test_smooth_shading_is_blenders_normals(blender, stage, drawn, tmp_path):
     parts, left_out = stage()
     assert left_out == []
     smooth = of(parts)
-    # Both faces meet at corners 0 and 1: the angles there are half a turn's quarter each; the face stands upright on the floor.
+    # Both faces meet at corners 0 and 1 with equal angles, and stand at a right angle, so the normals there are halfway between.
     both = np.array([0, -1, 1]) / np.sqrt(2)
     expected = {2: (0, 0, 1), 3: (0, 0, 1), 4: (0, -1, 0), 0: both}
     for triangle, normals in zip(smooth.triangles, smooth.normals, strict=True):
@@ -284,9 +284,9 @@ def test_smooth_shading_is_blenders_normals(blender, stage, drawn, tmp_path):
     edge.use_edge_sharp = True
     mesh.update()
     sharp = of(stage()[0])
-    assert sharp is not smooth and sharp.normals is None, "two faces, each with its own normal: flat"
+    assert sharp is not smooth and sharp.normals is None, "with a sharp edge both faces are flat"
 
-    # Normals of its own, and the file: as many vertices as there are pairs of corner and normal.
+    # With custom normals, the PLY file has one vertex per pair of corner and normal.
     edge.use_edge_sharp = False
     own = np.array([[0.1 * i, 0.2, 1.0] for i in range(7)], dtype=np.float32)
     own /= np.linalg.norm(own, axis=1)[:, None]
@@ -337,8 +337,8 @@ def test_cuts_are_what_their_objects_show(blender, stage):
 
 
 def test_a_mesh_is_drawn_where_it_stands(blender, extension):
-    """With the compiled module and the flags of this version: seen from above, the quad covers its rectangle at its height; the
-    triangle that stands on it is seen edge on, so not at all."""
+    """With the compiled module and its own flags: from above, the quad covers its rectangle at its height, and the triangle that stands
+    on it is seen edge-on, so it is invisible."""
     import pumice
 
     added(blender, quad(blender), "floor", location=(0.5, 0.0, 1.0))
@@ -359,7 +359,7 @@ def test_a_mesh_is_drawn_where_it_stands(blender, extension):
 
 
 def test_the_module_takes_what_is_read(blender, extension, drawn):
-    """With the compiled module: a scene of meshes and cuts is valid, and its triangles are as many."""
+    """The compiled module accepts a scene with meshes and cuts, and has the same number of triangles."""
     import pumice
 
     added(blender, quad(blender), "floor")

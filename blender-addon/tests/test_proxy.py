@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The proxy of a volume: it encloses every voxel, is closed, flat, and small enough. No Blender in it, none needed."""
+"""Tests the proxy mesh of a volume: it encloses every voxel, is closed, flat and small enough. Neither it nor this test needs Blender."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ def boxes(random, dims, count):
 
 
 def inside(shape, point):
-    """Whether a point is inside a closed surface of axis-parallel quads: rays along x cross it an odd number of times."""
+    """Whether a point is inside a closed surface of axis-parallel quads: a ray along x crosses the surface an odd number of times."""
     corners = shape.vertices[shape.quads]
     low, high = corners.min(axis=1), corners.max(axis=1)
     across = low[:, 0] == high[:, 0]
@@ -38,7 +38,7 @@ def test_every_box_is_enclosed(proxy, max_faces):
     assert 6 <= len(shape.quads) <= max_faces
     assert (shape.vertices >= 0).all() and (shape.vertices <= dims).all()
     for origin, extent in zip(origins, extents):
-        # Off the planes of the grid, where "inside" means nothing.
+        # Points off the planes of the grid, on which "inside" is undefined.
         for point in (origin + 0.3, origin + extent - 0.3, origin + extent * 0.47):
             if (point < dims).all():
                 assert inside(shape, point)
@@ -51,8 +51,8 @@ def test_every_edge_is_between_two_faces_and_faces_look_outwards(proxy):
     edges = np.concatenate([shape.quads[:, [i, (i + 1) % 4]] for i in range(4)])
     forth, counts = np.unique(edges, axis=0, return_counts=True)
     back = np.unique(edges[:, ::-1], axis=0)
-    assert (forth == back).all(), "each edge is walked in both directions"
-    # Closed, and outwards: the divergence theorem gives a positive volume, that of the cells.
+    assert (forth == back).all(), "each edge occurs once in each direction"
+    # For a closed surface that faces outward, the divergence theorem gives the volume of the cells.
     corners = shape.vertices[shape.quads].astype(float)
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 3] - corners[:, 0])
     volume = (corners.mean(axis=1) * normal).sum() / 3.0

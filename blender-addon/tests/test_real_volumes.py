@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The extension with the real module and real volumes, as a user meets them: import, F12, export, a live viewport.
+"""Tests the extension with the real module and real volumes, as a user works: import, F12, export, a live viewport.
 
-What F12 draws is compared to `pumice render` of the exported scene, read by OpenImageIO: to the last bit.
+F12 pictures must equal those of `pumice render` of the exported scene to the last bit, read by OpenImageIO.
 """
 
 import importlib
@@ -30,7 +30,7 @@ def imported(bpy, path, **options):
 
 
 def exr(path):
-    """Channels of an OpenEXR file by name, all parts."""
+    """Channels of all parts of an OpenEXR file by name."""
     import OpenImageIO
 
     found, part = {}, 0
@@ -47,7 +47,7 @@ def exr(path):
 
 @pytest.fixture
 def scene(blender, nuclei):
-    """A scene with the nuclei, small and quick."""
+    """A small, quick scene with the nuclei."""
     imported(blender, nuclei)
     scene = blender.context.scene
     render = scene.render
@@ -113,7 +113,7 @@ def test_f12_and_the_command_draw_the_same_bits(scene, blender, pumice_command, 
     assert hit.any() and not hit.all()
     assert np.array_equal(ours["Depth.Z"][hit], picture.depth[hit]) and (ours["Depth.Z"][~hit] == np.float32(1e10)).all()
 
-    # Negative control: another seed is another picture.
+    # Negative control: another seed gives another picture.
     scene.pumice.seed = 8
     blender.ops.render.render(write_still=True)
     assert not np.array_equal(exr(tmp_path / "blender.exr")["Combined.R"], color[0])
@@ -133,7 +133,7 @@ def test_the_same_frame_twice_is_the_same_and_a_region_is_part_of_it(scene, blen
     blender.ops.render.render(write_still=True)
     part, whole = exr(tmp_path / "a.exr")["Label.X"], labels[0]["Label.X"][8:24, 12:36]
     assert part.shape == whole.shape
-    # The label is that of the sample nearest the pixel's centre, and samples differ: only edges may.
+    # A pixel has the label of the sample nearest its centre. Samples differ, so pixels at edges may differ.
     assert (part == whole).mean() > 0.8 and (part[4:-4, 4:-4] != 0).any()
 
 
@@ -147,14 +147,14 @@ def viewport_of(blender, extension, monkeypatch, engine):
 
 
 def settle(blender, view, context):
-    """Updates, draws and polls as Blender would, until the picture is done."""
+    """Updates, draws and polls a viewport as Blender does, until the picture is done."""
     end = time.monotonic() + 120
     while True:
         view.sync(context, blender.context.evaluated_depsgraph_get())
         view.draw(context, blender.context.evaluated_depsgraph_get())
         view.poll()
         done = view.session is not None and not view.waiting and view.frame is not None and view.frame.converged
-        # A finished frame of an earlier revision is not the end.
+        # A finished frame of an earlier revision does not count.
         if done and view.frame.revision == view.session.status.revision:
             return view.frame
         assert view.session is None or view.session.status.state != "failed", view.session.status.error
@@ -172,12 +172,12 @@ def test_the_viewport_converges_to_the_picture_of_f12(scene, blender, extension,
     final = exr(tmp_path / "a.exr")
     final = np.stack([final[f"Combined.{c}"] for c in "RGBA"], axis=2)
     assert live.shape == final.shape and (live[..., 3] == 1.0).all()
-    # Two estimates of one picture, each with the error that the session states: their mean squares add up. Three times that, for the
-    # stated error is itself an estimate from 64 samples.
+    # Both pictures have the error that the session states, so the mean squares add up. The factor 3 is there because the stated error is
+    # itself an estimate from 64 samples.
     stated = frame.error_estimate
     difference = np.sqrt(((live - final)[..., :3] ** 2).mean() / (final[..., :3] ** 2).mean())
     assert difference <= 3.0 * np.sqrt(2.0) * stated, (difference, stated)
-    # Negative control: the picture of a scene that differs is not within the error.
+    # Negative control: the picture of another scene differs by more than the error.
     scene.world.node_tree.nodes["Background"].inputs["Strength"].default_value = 1.5
     blender.ops.render.render(write_still=True)
     other = exr(tmp_path / "a.exr")
@@ -277,7 +277,7 @@ def test_a_panic_in_a_final_render_is_a_report(scene, blender, monkeypatch, tmp_
 
 
 def test_cancel_in_the_middle_leaves_no_file(blender, extension, data, tmp_path):
-    """The largest shipped volume takes seconds: there is a middle."""
+    """Uses the largest shipped volume, which takes seconds, so that there is time to cancel."""
     source = tmp_path / "cortex.nrrd"
     source.write_bytes((data / "connectomics_32x32x40nm.nrrd").read_bytes())
     cache = load(extension, "cache")

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A viewport: what it sends for which change, and what it survives. Blender's window and the session are stand-ins here."""
+"""Tests a viewport: the edits that it sends for each change, and its behaviour on failures. Blender's window and the session are mocks."""
 
 import importlib
 import types
@@ -14,7 +14,7 @@ from stand_ins import Context, Engine, Module, Texture, Volume
 
 @pytest.fixture
 def stage(blender, extension, monkeypatch, tmp_path):
-    """A scene with one volume, a sun, a camera, and a viewport of stand-ins that looks at it."""
+    """A scene with one volume, a sun and a camera, and a mock viewport that looks at it."""
     load = lambda name: importlib.import_module(f"{extension.__name__}.{name}")  # noqa: E731
     module = Module()
     monkeypatch.setattr(load("native"), "pumice", module)
@@ -48,7 +48,7 @@ def stage(blender, extension, monkeypatch, tmp_path):
         return of
 
     def settle():
-        """Until the volume is open and in the session."""
+        """Updates until the volume is open and in the session."""
         shown = update()
         for entry in list(shown.waiting.values()):
             assert entry.done.wait(10)
@@ -62,14 +62,14 @@ def stage(blender, extension, monkeypatch, tmp_path):
 
 
 def edits_of(stage, change):
-    """Kinds of the edits that a change of Blender's data causes."""
+    """Kinds of the edits that the viewport sends after a change of Blender's data."""
     shown = stage.settle()
     stage.draw()
     before = len(shown.session.edits)
     change(stage)
     stage.update()
     stage.draw()
-    assert stage.viewport.of(stage.engine).session is shown.session, "a change does not start over"
+    assert stage.viewport.of(stage.engine).session is shown.session, "a change does not restart the session"
     return [e["edit"] for e in shown.session.edits[before:]]
 
 
@@ -124,7 +124,7 @@ def test_a_change_sends_its_own_edit_and_no_other(stage, name):
 
 
 def furnished(stage):
-    """A lamp, a floor with a material, and an empty that cuts."""
+    """Adds a lamp, a floor with a material, and an empty that cuts."""
     bpy = stage.bpy
     mesh = bpy.data.meshes.new("floor")
     mesh.from_pydata([(-9, -9, 0), (9, -9, 0), (9, 9, 0), (-9, 9, 0)], [], [(0, 1, 2, 3)])
@@ -264,7 +264,7 @@ def test_a_converged_view_rests_and_a_change_wakes_it(stage):
     shown.session.status.state = "converged"
     assert shown.poll() == pytest.approx(0.5) and not shown.active
     redraws = stage.engine.redraws
-    assert shown.poll() == pytest.approx(0.5) and stage.engine.redraws == redraws, "at rest nothing is redrawn"
+    assert shown.poll() == pytest.approx(0.5) and stage.engine.redraws == redraws, "a finished picture is not redrawn"
     stage.draw()
     assert stage.engine.line.endswith("done")
     shown.session.status.state = "rendering"
@@ -306,7 +306,7 @@ def test_a_missing_file_is_said_and_the_rest_is_drawn(stage):
     stage.draw()
     assert "missing" in stage.engine.line and str(stage.path) in stage.engine.line
     assert shown.session.scene["instances"] == []
-    assert len(stage.boxes[-1]) == 24, "its box stands for it"
+    assert len(stage.boxes[-1]) == 24, "the volume's box is drawn instead"
 
 
 def test_the_box_of_a_missing_volume_is_where_the_camera_sees_it(stage):
@@ -325,11 +325,11 @@ def test_the_box_of_a_missing_volume_is_where_the_camera_sees_it(stage):
 
 def test_the_part_of_a_box_behind_the_eye_is_cut_off(stage):
     identity = [[float(r == c) for c in range(4)] for r in range(4)]
-    # A perspective matrix that looks along -z from the middle of the box: w is -z.
+    # A perspective matrix with w = -z that looks along -z from the middle of the box.
     window = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, -1, -0.2], [0, 0, -1, 0]]
     moved = [row[:3] + [-5.0] for row in identity[:3]] + [identity[3]]
     ends = stage.load("missing_boxes").lines((10, 10, 10), moved, window, (100, 100))
-    assert len(ends) == 2 * 8, "four edges are wholly behind, four are cut"
+    assert len(ends) == 2 * 8, "four edges are entirely behind the camera, four are clipped"
     assert {(round(x), round(y)) for x, y in ends} >= {(0, 0), (100, 0), (0, 100), (100, 100)}
 
 

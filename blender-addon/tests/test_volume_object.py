@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A volume as an object: where its voxels are in the scene, and what the first look adds to it and what it leaves alone."""
+"""Tests a volume as an object: the place of its voxels in the scene, and what the import adds to a scene or leaves unchanged."""
 
 import importlib
 
@@ -52,7 +52,7 @@ def test_voxels_are_where_the_file_and_the_display_scale_say(blender, modules, w
     if placement == "CENTER":
         expected -= (expected.min(axis=0) + expected.max(axis=0)) / 2.0
     got = np.array([in_scene(obj, c[:3]) for c in corners])
-    # Blender's matrices are single precision.
+    # Blender's matrices have single precision.
     assert np.allclose(got, expected, atol=1e-6 * np.abs(expected).max() + 1e-5)
     assert list(obj.pumice.spacing) == pytest.approx([16.0, 16.0, 40.0])
     assert obj.pumice.unit == "nm" and list(obj.pumice.dims) == [64, 64, 32]

@@ -1,8 +1,7 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Vulkan inside Blender's process, on the device that the surroundings of the tests bring: F12 and a live viewport draw what the
-command draws of the exported scene by the same backend, to the last bit; what cannot be is one line. The backend is another one each
-day."""
+"""Tests Vulkan inside Blender's process, on the device that `cargo xtask test` provides: F12 and a live viewport give the same bits as the
+command with the same backend and the exported scene, and errors are one line. The backend changes daily."""
 
 import json
 import subprocess
@@ -25,7 +24,7 @@ BACKENDS = one_of_today(["vulkan-query", "vulkan-compute"])
 
 @pytest.fixture
 def choose(scene, extension, preferences):  # noqa: F811
-    """Chooses a backend as a user does: the scene's device is automatic, the preferences name one."""
+    """A function that chooses a backend as a user does, in the preferences, while the scene's device is automatic."""
 
     def choose(backend):
         names = [c[0] for c in load(extension, "preferences")._choices(preferences)]
@@ -55,7 +54,7 @@ def test_f12_and_the_command_draw_the_same_bits(scene, blender, choose, pumice_c
     ours, theirs = colors(tmp_path / "blender.exr"), colors(tmp_path / "command.exr")
     assert ours.shape == (*SIZE[::-1], 3) and np.ptp(ours) > 0.1
     assert np.array_equal(ours.view(np.uint32), theirs.view(np.uint32))
-    # Negative control: another seed is another picture.
+    # Negative control: another seed gives another picture.
     scene.pumice.seed = 8
     blender.ops.render.render(write_still=True)
     assert not np.array_equal(colors(tmp_path / "blender.exr"), theirs)
@@ -75,7 +74,7 @@ def test_a_viewport_draws_the_bits_of_a_render(scene, blender, extension, choose
     volume = pumice.open(blender.context.object.pumice.filepath)
     same = pumice.render(view.session.scene, [volume], spp=SPP, backend=backend)
     assert np.array_equal(live.view(np.uint32), same.color.view(np.uint32))
-    # The picture follows a change of the scene, and of the device.
+    # The picture follows changes of the scene and of the device.
     background = scene.world.node_tree.nodes["Background"].inputs["Strength"]
     background.default_value = 2.0
     brighter = np.asarray(settle(blender, view, context))[::-1, :, :3]

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The world against Cycles: what a camera sees of it in several directions, as the scene's definition (docs/scene.md) says it of what the
-extension read, and as Cycles renders it."""
+"""Compares worlds with Cycles: the radiance in several directions, computed from what the extension reads by the definition in
+docs/scene.md, and rendered by Cycles."""
 
 import math
 
@@ -10,7 +10,7 @@ import pytest
 
 import cycles_oracle
 
-# Cycles' pixels are 32 bit floats; linear interpolation of an 8 bit texture's hat is as exact.
+# Cycles' pixels are 32-bit floats; the interpolation of 8-bit textures is about as exact as this.
 TOLERANCE = 2e-3
 
 
@@ -31,7 +31,7 @@ def world(bpy, **inputs):
 
 
 def picture_file(folder, name="sky.exr", width=64):
-    """A picture whose colours tell where it is looked up: red along, green down, and a blue that breaks the symmetry."""
+    """An image file whose colours encode the place: red across, green down, and blue to break the symmetry."""
     import OpenImageIO
 
     height = width // 2
@@ -63,7 +63,7 @@ def textured(bpy, path, *, turn=None, kind="POINT", strength=1.5):
 
 
 def looked_up(environment, direction):
-    """Of an image sky, by its definition: the middle towards +x, the left quarter towards +y, the first row up."""
+    """Colour of an image sky in a direction, by its definition: the middle is at +x, the left quarter at +y, the first row at the top."""
     import OpenImageIO
 
     image = environment["image"]
@@ -84,12 +84,12 @@ def looked_up(environment, direction):
     return image["strength"] * total
 
 
-# Euler angles of a camera and where it then looks.
+# Euler angles of the camera for each view.
 VIEWS = [(1.2, 0.0, 0.3), (1.9, 0.0, 2.0), (math.pi / 2, 0.0, 4.5)]
 
 
 def seen(bpy, scene, turn):
-    """(direction, colour) in the middle of a narrow view."""
+    """(direction, colour) in the middle of a narrow view with these Euler angles."""
     camera = cycles_oracle.camera(bpy, (0, 0, 0), turn, lens=5000.0)
     bpy.context.view_layer.update()
     direction = -np.array(camera.matrix_world.col[2])[:3]
@@ -115,7 +115,7 @@ def test_a_picture_is_where_cycles_shows_it(blender, read, tmp_path, name):
     for view in VIEWS:
         direction, theirs = seen(blender, scene, view)
         assert looked_up(value["environment"], direction) == pytest.approx(theirs, rel=TOLERANCE)
-    # Negative control: turned the other way, or by two degrees.
+    # Negative control: the sky rotated by two degrees, or the other way.
     for wrong in (0.03, -2 * value["environment"]["image"]["rotation_rad"] or 0.1):
         image = dict(value["environment"]["image"])
         image["rotation_rad"] += wrong
@@ -129,14 +129,14 @@ def test_other_files_are_written_anew_and_look_the_same(blender, read, tmp_path,
     value, left_out = read(made)
     path = value["environment"]["image"]["path"]
     assert left_out == [] and path.endswith(".exr")
-    # Cycles interpolates 8 bit pictures before it makes them linear, which tells most where the curve bends most: at the dark end.
+    # Cycles interpolates 8-bit images before it linearises them, which matters most at the dark end, where the curve bends most.
     for view in VIEWS:
         direction, theirs = seen(blender, scene, view)
         assert looked_up(value["environment"], direction) == pytest.approx(theirs, rel=1e-2, abs=1e-3)
     assert read(made)[0]["environment"]["image"]["path"] == path, "it is written once"
     node.image.colorspace_settings.name = "Non-Color"
     other = read(made)[0]["environment"]["image"]["path"]
-    assert other != path, "another colour space is another picture"
+    assert other != path, "another colour space gives another image"
 
 
 def test_a_packed_image_is_written_too(blender, read, tmp_path):

@@ -1,17 +1,18 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Drives Blender in a real window: imports, orbits, edits, renders; takes screenshots, writes figures, fails on the first surprise.
+"""Tests the extension in a real Blender window: imports, orbits, edits, renders. Takes screenshots, writes measurements, and stops at the
+first failure.
 
     blender --factory-startup … --python window_drive.py -- OUT VOLUME
 
-Runs inside Blender's own Python, with the extension installed. OUT gets `NAME.xwd` of the whole screen for each step, and
-`figures.json`:
+Runs in Blender's own Python, with the extension installed. Writes a screenshot OUT/NAME.xwd of the whole screen after each step, and
+OUT/figures.json:
 
     redraw_ms                 main-thread milliseconds of view_draw while it orbits: [median, largest]
     first_picture_seconds     from a camera change to the first frame of that camera: [median, largest]
     hand_over_1080p_ms        a 1920×1080 frame from a session to a texture: [median, largest]
 
-Exit status 0 only when every step went through and every claim held.
+The exit status is 0 only if every step succeeds.
 """
 
 import collections
@@ -31,11 +32,11 @@ from mathutils import Quaternion
 
 OUT, VOLUME = sys.argv[sys.argv.index("--") + 1 :][:2]
 EXTENSION = "bl_ext.user_default.pumice"
-# Seconds after which a claim that has not come true is false; software drawing on a busy machine is slow.
+# Seconds to wait for a condition before it counts as failed. Software rendering on a busy machine is slow.
 PATIENCE_SECONDS = 600.0
 
-# --factory-startup leaves installed extensions disabled, and the splash would cover the viewport.
-# Among the preferences, because the device is chosen there.
+# --factory-startup leaves installed extensions disabled, and the splash screen would cover the viewport.
+# `default_set` adds the extension to the preferences, in which the device is chosen.
 addon_utils.enable(EXTENSION, default_set=True, persistent=True)
 bpy.context.preferences.view.show_splash = False
 figures = {"blender": bpy.app.version_string, "backend": None}
@@ -49,7 +50,7 @@ def view3d():
 
 
 def shot(name):
-    """bpy.ops.screen.screenshot comes out black with software GL."""
+    """Takes a screenshot with xwd, because bpy.ops.screen.screenshot is black with software OpenGL."""
     subprocess.run(["xwd", "-silent", "-root", "-out", f"{OUT}/{name}.xwd"], check=True)
 
 
@@ -59,7 +60,7 @@ def shown():
 
 
 def until(claim, what):
-    """Yields until a claim holds."""
+    """Yields until the condition `claim` holds; fails after PATIENCE_SECONDS."""
     end = time.monotonic() + PATIENCE_SECONDS
     while not claim():
         assert time.monotonic() < end, f"not within {PATIENCE_SECONDS} s: {what}"
@@ -72,12 +73,12 @@ def converged():
 
 
 def counted():
-    """What the session has received and made; what it never did is 0."""
+    """The session's counters; missing ones count as 0."""
     return collections.defaultdict(int, shown().session.status.counters)
 
 
 def measure_draws():
-    """Wraps the viewport's draw with a clock."""
+    """Wraps the viewport's draw function to measure its time."""
     cls = sys.modules[EXTENSION].viewport.Viewport
     draw = cls.draw
 
@@ -90,7 +91,7 @@ def measure_draws():
 
 
 def steps():
-    # One large viewport. screen_full_area from a timer crashes: close the others instead.
+    # Make one large viewport. screen_full_area crashes when a timer calls it, so close the other areas instead.
     window, area, space = view3d()
     for other in [a for a in window.screen.areas if a != area]:
         with bpy.context.temp_override(window=window, area=other):
@@ -115,7 +116,7 @@ def steps():
     shot("rendered")
     figures["backend"] = shown().session.status.backend
 
-    # Orbit: the picture follows.
+    # Orbit, and check that the picture follows.
     measure_draws()
     view = space.region_3d
     start = view.view_rotation.copy()
@@ -126,7 +127,7 @@ def steps():
     shot("moving")
     figures["redraw_ms"] = [statistics.median(draw_ms), max(draw_ms)]
 
-    # From a camera change to its first picture.
+    # Measure the time from a camera change to its first picture.
     waits = []
     for step in range(10):
         view.view_rotation = start @ Quaternion((0, 1, 0), 0.3 + 0.05 * step)
@@ -141,7 +142,7 @@ def steps():
         waits.append(time.perf_counter() - begin)
     figures["first_picture_seconds"] = [statistics.median(waits), max(waits)]
 
-    # One colour edit is one edit.
+    # A change of one colour sends one edit.
     counters = counted()
     shader = bpy.context.object.active_material.node_tree.nodes["Principled BSDF"]
     shader.inputs["Roughness"].default_value = 0.1
@@ -151,7 +152,7 @@ def steps():
     assert after["edits.place"] == counters["edits.place"] and after["edits.world"] == counters["edits.world"]
     assert after["rebuilt.acceleration"] == counters["rebuilt.acceleration"]
 
-    # Into the camera, orthographic, and back; each converges.
+    # Switch to the camera view, to orthographic, and back; each view converges.
     with bpy.context.temp_override(window=window, area=area, region=next(r for r in area.regions if r.type == "WINDOW")):
         bpy.ops.view3d.view_camera()
     yield from until(converged, "the camera view converges")
@@ -166,12 +167,12 @@ def steps():
 
     yield from other_device(area)
 
-    # At rest nothing is redrawn.
+    # A finished picture is not redrawn.
     count = len(draw_ms)
     yield 2.0
     assert len(draw_ms) - count <= 2, f"{len(draw_ms) - count} redraws of a finished picture"
 
-    # Undo, the engine switched while it renders, and the object deleted.
+    # Undo, switch the engine while it renders, and delete the object.
     with bpy.context.temp_override(window=window, area=area):
         bpy.ops.ed.undo_push(message="before")
         bpy.context.object.location.x += 1.0
@@ -194,7 +195,7 @@ def steps():
     yield from final_render(window, area)
     yield from cancelled_import(window, area)
 
-    # A file that is gone: a line and a box, and all is well when it is back.
+    # A missing file gives a line of text and a box, and the volume returns with the file.
     obj = next(o for o in bpy.data.objects if o.pumice.filepath)
     os.rename(obj.pumice.filepath, obj.pumice.filepath + ".away")
     obj.update_tag()
@@ -214,7 +215,7 @@ def steps():
 
 
 def other_device(area):
-    """Vulkan, chosen in the preferences, draws into the window beside Blender's own use of it; then automatic again."""
+    """Vulkan, chosen in the preferences, renders while Blender itself may use Vulkan; then switches back to automatic."""
     package = sys.modules[EXTENSION]
     preferences = bpy.context.preferences.addons[EXTENSION].preferences
     names = [choice[0] for choice in package.preferences._choices(preferences)]
@@ -237,7 +238,7 @@ def other_device(area):
 
 
 def panels(area):
-    """Every tab of the properties editor in which there is a panel of ours; who runs this looks at the pictures and at stderr."""
+    """Shows every tab of the properties editor that has a panel of the extension, for inspection of screenshots and stderr."""
     area.type = "PROPERTIES"
     yield 0.5
     for tab in ("RENDER", "VIEW_LAYER", "WORLD", "DATA", "MATERIAL"):
@@ -250,9 +251,9 @@ def panels(area):
 
 
 def input_events(place, *actions):
-    """Mouse and keys through the window system, each seen by Blender before the next: yields between them.
+    """Sends mouse and key events through the window system, and yields after each so that Blender handles it.
 
-    Simulated events do not do: Blender stops a render at the window system's ESC.
+    Blender's simulated events would not do, since only the window system's ESC stops a render.
     """
     for action in (f"mousemove {place[0]} {place[1]}", *actions):
         subprocess.run(["xdotool", *action.split()], check=True)
@@ -264,7 +265,7 @@ ESCAPE = (VIEW, "keydown Escape", "keyup Escape")
 
 
 def final_render(window, area):
-    """F12 as a user starts it, beside the live viewport: once to its end, once cancelled."""
+    """Starts F12 as a user does, with the live viewport open: once to its end, once cancelled."""
     ended = []
     bpy.app.handlers.render_complete.append(lambda *_: ended.append("complete"))
     bpy.app.handlers.render_cancel.append(lambda *_: ended.append("cancel"))
@@ -290,7 +291,7 @@ def compressing():
 
 
 def noise_volume(folder):
-    """A volume of noise: nothing takes longer to compress, so that there is time to cancel."""
+    """Writes a volume of noise, which takes longest to compress, so that there is time to cancel."""
     os.makedirs(folder)
     path = os.path.join(folder, "noise.npy")
     np.save(path, np.random.default_rng(1).integers(1, 255, (320, 320, 320), dtype=np.uint8))
@@ -298,7 +299,7 @@ def noise_volume(folder):
 
 
 def cancelled_import(window, area):
-    """A dropped file: its options, Enter, then ESC while it compresses. Nothing is left of it."""
+    """Drops a file, confirms its options with Enter, and presses ESC while it compresses. Nothing may be left."""
     folder = os.path.join(OUT, "noise")
     noise = noise_volume(folder)
     before = sorted(os.listdir(folder))
@@ -324,7 +325,7 @@ def cancelled_import(window, area):
 
 
 def hand_over():
-    """Milliseconds of uploading a full-HD frame; drawing into the window is Blender's own part."""
+    """Measures the milliseconds of uploading a full-HD frame to a texture (without Blender's drawing into the window)."""
     import pumice
 
     texture = sys.modules[EXTENSION].picture_texture

@@ -16,7 +16,7 @@ use clap::{Parser, Subcommand};
 use pumice_bench::Bench;
 
 pub(crate) use compare::Compare;
-pub(crate) use compress::{Compress, Level};
+pub(crate) use compress::{Compress, CompressionLevel};
 pub(crate) use decompress::Decompress;
 pub(crate) use demo::Demo;
 pub(crate) use devices::Devices;

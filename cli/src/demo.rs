@@ -8,7 +8,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use pumice_bench::plot::{Series, error_against_time_svg};
-use pumice_core::{CompressOptions, Job, Level, Verification};
+use pumice_core::{CompressOptions, CompressionLevel, Job, Verification};
 use pumice_formats::OpenOptions;
 use pumice_picture::Passes;
 use pumice_session::LoadedScene;
@@ -90,7 +90,7 @@ pub(crate) fn run(options: &DemoOptions, job: &Job, watch: &mut dyn FnMut(DemoSt
 
     // Store it, so that the size on disk is a measurement.
     let stored = options.out.join("volume.pumice");
-    volume.save(&stored, Level::Default, job)?;
+    volume.save(&stored, CompressionLevel::Default, job)?;
     let bytes_disk = std::fs::metadata(&stored).map_err(io(&stored))?.len();
 
     // Choose and place.

@@ -1,12 +1,13 @@
-//! Writes small volumes as `.pumice` files of all levels, and their voxels beside them, for decoders to be tested with.
+//! Writes small volumes as `.pumice` files at several levels, with their voxels beside them, as test data for decoders.
 //!
-//! `write_samples FOLDER`: NAME.LEVEL.pumice, and NAME.ids with dims (3 × u32) and an id a voxel (u64), x fastest, little-endian.
+//! `write_samples FOLDER` writes NAME.LEVEL.pumice, and NAME.ids: the dims (3 × u32), then one id per voxel (u64), x fastest,
+//! little-endian.
 
 use std::path::Path;
 
-use pumice_core::{Job, LabelBuffer, LabelType, Level, VolumeInfo, compress_labels};
+use pumice_core::{CompressionLevel, Job, LabelBuffer, LabelType, VolumeInfo, compress_labels};
 
-/// A whole number from 0 to 2³² that looks random (the finaliser of MurmurHash3).
+/// A pseudorandom whole number from 0 to 2³² − 1 (the finaliser of MurmurHash3).
 fn mix(voxel: [u32; 3], seed: u32) -> u32 {
     let mut h = voxel.iter().fold(seed, |h, &v| (h ^ v).wrapping_mul(0x9E37_79B1).rotate_left(13));
     h = (h ^ h >> 16).wrapping_mul(0x85EB_CA6B);
@@ -33,7 +34,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let q = p.map(|v| u64::from((v + mix(p, 3) % 2) / 13));
         if q[0] == 2 { 0 } else { 1 + q[0] + 100 * q[1] + 10_000_000_000 * q[2] }
     })?;
-    // Slices repeat, and a few fields have others: all classes of references.
+    // Most slices repeat and a few fields have rare ones, so that leaf references of every class occur.
     write(folder, "speckled", [200, 96, 64], |p| {
         let d2: u32 = p.iter().map(|&v| (v % 32).abs_diff(16).pow(2)).sum();
         match mix(p, 4) % 2 {
@@ -58,8 +59,12 @@ fn write(
         dims.iter().flat_map(|v| v.to_le_bytes()).chain(ids.iter().flat_map(|v| v.to_le_bytes())).collect();
     std::fs::write(folder.join(format!("{name}.ids")), bytes)?;
     let volume = compress_labels(VolumeInfo::new(dims, LabelType::U64), LabelBuffer::U64(ids))?;
-    let levels = [(Level::Fast, "fast"), (Level::Default, "default"), (Level::Small, "small")];
-    // A decoder in Python takes seconds for 10⁵ voxels one by one.
+    let levels = [
+        (CompressionLevel::Fast, "fast"),
+        (CompressionLevel::Default, "default"),
+        (CompressionLevel::Small, "small"),
+    ];
+    // The level `small` is left out for large volumes: a decoder in Python takes seconds to decode 10⁵ voxels one by one.
     let few = usize::from(dims.iter().product::<u32>() < 300_000);
     for &(level, word) in &levels[..2 + few] {
         volume.save(&folder.join(format!("{name}.{word}.pumice")), level, &Job::new())?;

@@ -1,4 +1,4 @@
-//! A volume that already lies in memory, as a block source.
+//! A block source for a volume that already lies in memory.
 
 use crate::{BlockSource, LabelBlock, LabelBuffer, Result, VolumeInfo};
 
@@ -12,10 +12,10 @@ pub struct ArraySource {
 }
 
 impl ArraySource {
-    /// A source for labels with x neighbours side by side, then y, then z.
+    /// Makes a source from labels in x-fastest order: x varies fastest, then y, then z.
     ///
     /// # Errors
-    /// [`crate::Error::Caller`] when the number of labels is not that of the volume's voxels.
+    /// [`crate::Error::Caller`] when the number of labels differs from the number of voxels in the volume.
     pub fn new(info: VolumeInfo, labels: LabelBuffer) -> Result<Self> {
         if labels.len() as u64 != info.voxels() {
             return Err(crate::Error::Caller(format!(
@@ -25,13 +25,13 @@ impl ArraySource {
                 labels.len()
             )));
         }
-        // Slabs of some 4 M voxels, a multiple of 4 layers.
+        // Slabs of about 4 M voxels, in a multiple of 4 layers.
         let layer = u64::from(info.dims[0]) * u64::from(info.dims[1]);
         let layers = ((1 << 22) / layer.max(1)).clamp(4, 1024) as u32 / 4 * 4;
         Ok(Self { info, labels, layers, next_z: 0 })
     }
 
-    /// The same source at its beginning again.
+    /// Returns the source reset to its first block.
     pub fn rewound(self) -> Self {
         Self { next_z: 0, ..self }
     }

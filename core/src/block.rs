@@ -1,11 +1,10 @@
-//! Labels on their way in: blocks of voxels, and the trait of whatever delivers them.
+//! The compressor's input: blocks of labels, and the trait [`BlockSource`] that delivers them.
 
 use crate::{Result, VolumeInfo};
 
-/// Labels of one block in the narrowest unsigned type that its source can promise.
+/// Labels of one block, in the narrowest unsigned type that its source guarantees to hold them.
 ///
-/// Signed and floating-point label maps arrive here as unsigned ones: their reader has checked that every value is a whole
-/// number ≥ 0.
+/// Signed and floating-point label maps arrive as unsigned ones too: their reader has checked that every value is a whole number ≥ 0.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[allow(missing_docs, reason = "the names say it")]
 pub enum LabelBuffer {
@@ -45,23 +44,23 @@ impl LabelBuffer {
     }
 }
 
-/// A box of voxels somewhere in a volume, in any memory order.
+/// A box of voxels in a volume, in any memory order.
 ///
-/// Voxel (x, y, z) of the block, counted from its own corner, is `labels[x·strides[0] + y·strides[1] + z·strides[2]]`.
+/// Voxel (x, y, z), counted from the block's lowest corner, is `labels[x·strides[0] + y·strides[1] + z·strides[2]]`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LabelBlock {
     /// The block's lowest voxel in the volume.
     pub origin: [u32; 3],
-    /// Its size in voxels.
+    /// Size in voxels.
     pub dims: [u32; 3],
-    /// Elements between neighbours along x, y, z.
+    /// Distance in elements between neighbours along x, y and z.
     pub strides: [usize; 3],
     /// The labels; id 0 is background.
     pub labels: LabelBuffer,
 }
 
 impl LabelBlock {
-    /// A block whose x neighbours lie side by side, then y, then z.
+    /// A block in x-fastest order: x varies fastest, then y, then z.
     pub fn x_fastest(origin: [u32; 3], dims: [u32; 3], labels: LabelBuffer) -> Self {
         let (x, y) = (dims[0] as usize, dims[1] as usize);
         Self { origin, dims, strides: [1, x, x * y], labels }
@@ -73,17 +72,17 @@ impl LabelBlock {
     }
 }
 
-/// Whatever delivers a volume block by block: a file being inflated, an array in memory, a generator.
+/// Delivers a volume block by block: from a file while it is inflated, an array in memory, or a generator.
 ///
-/// Blocks come in the order that is cheapest for the source, cover every voxel exactly once, and need not be aligned to
-/// anything (aligned to 4 voxels is faster). A source never holds the whole volume.
+/// Blocks come in the order that is cheapest for the source and cover every voxel exactly once. They need not be aligned, but blocks
+/// aligned to 4 voxels are faster. A source never holds the whole volume.
 pub trait BlockSource: Send {
-    /// Size, type, place, names.
+    /// Size, label type, matrix and names of the volume.
     fn info(&self) -> &VolumeInfo;
 
     /// The next block, or `None` after the last one.
     ///
     /// # Errors
-    /// [`crate::Error::Source`] with the source's own message; the source is then at its end.
+    /// [`crate::Error::Source`] with the source's own message; after an error the source is at its end.
     fn next_block(&mut self) -> Result<Option<LabelBlock>>;
 }

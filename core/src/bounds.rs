@@ -1,8 +1,8 @@
-//! Tight bounds of each label, from its boxes.
+//! Tight bounds of each label, computed from its boxes.
 
 use crate::{BoxView, CompressedVolume};
 
-/// Lowest and highest voxel of a label, both included.
+/// Lowest and highest voxel of a label, both inclusive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Bounds {
     /// Lowest coordinate along each axis.
@@ -12,7 +12,7 @@ pub struct Bounds {
 }
 
 impl CompressedVolume {
-    /// Bounds of all labels by dense index. One pass over all boxes: keep the result.
+    /// Bounds of all labels, by dense index. This visits every box, so callers should keep the result.
     pub fn label_bounds(&self) -> Vec<Bounds> {
         let mut bounds = vec![Bounds { low: [u32::MAX; 3], high: [0; 3] }; self.labels().len()];
         self.for_each_box(|label, b| {
@@ -28,12 +28,12 @@ impl CompressedVolume {
 }
 
 impl BoxView<'_> {
-    /// Lowest and highest voxel that the box has, both included.
+    /// Lowest and highest voxel of the label in this box, both inclusive, in voxels of the volume.
     pub fn voxel_bounds(&self) -> ([u32; 3], [u32; 3]) {
-        // Bit p of used[a]: some voxel has coordinate p along axis a, counted from the box's corner.
+        // Bit p of used[a] is set when some voxel has coordinate p along axis a, counted from the box's corner.
         let mut used = [0u32; 3];
         for (c, field) in self.node.fields() {
-            // Fold z layers together, then rows, then read off what is left.
+            // OR the z layers together, then the rows; the remaining bits are the coordinates in use.
             let layer = field | field >> 32;
             let layer = (layer | layer >> 16) as u32 & 0xFFFF;
             let row = layer | layer >> 8;

@@ -1,4 +1,4 @@
-//! One box: where its voxels are and which node holds them, in 8 bytes.
+//! One box in 8 bytes: the position and extent of its voxels, and the node that holds them.
 //!
 //! ```text
 //! bit   63      56 55      48 47      40 39  36 37   35 34   33 32  31                     0
@@ -7,10 +7,11 @@
 //!       │ 8 bits  │ 8 bits   │ 8 bits   │ 2    │ 2     │ 2     │ 2   │ from the chunk's base│
 //!       └─────────┴──────────┴──────────┴──────┴───────┴───────┴─────┴──────────────────────┘
 //! ```
-//! Cells (4 voxels) are counted from the corner of the box's chunk ([`crate::CHUNK_VOXELS`] a side); dx, dy, dz are the extent in
-//! cells, 1 to 4. The label is not here: a chunk's boxes are sorted by label, and its label runs say where each begins.
+//! Cells (4 voxels) are counted from the corner of the box's chunk ([`crate::CHUNK_VOXELS`] voxels a side); dx, dy, dz are the extent in
+//! cells, 1 to 4. The record does not store the label: a chunk's boxes are sorted by label, and the chunk's label runs say where each label
+//! begins.
 
-/// See the module.
+/// A packed box; the module documentation draws its bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(transparent)]
 pub struct BoxRecord(pub u64);

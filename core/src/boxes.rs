@@ -1,14 +1,14 @@
-//! From one label's cells to its boxes: Snap4.
+//! Covers the cells of one label with boxes of at most 4³ cells (the method Snap4).
 //!
 //! ```text
 //! boxes(cells):
 //!     take the tight box of the cells (a voxel's tight box snapped down to a multiple of 4 starts at a cell)
 //!     if no axis is longer than 4 cells: it is a box
 //!     halve the longest axis at a multiple of 4 cells from the tight box's origin
-//!     boxes(lower half), boxes(upper half)            each half is tightened again: that is what pays
+//!     boxes(lower half), boxes(upper half)            each half is tightened again, which reduces the number of boxes
 //! ```
-//! The paper (§3.1) splits each label's region until it fits; tightening after every split gives 22 % fewer boxes than one
-//! tight grid. All cuts lie between cells, so no cell is ever divided and boxes of one label cannot overlap.
+//! The paper (§3.1) splits each label's region until it fits; tightening after every split gives 22 % fewer boxes than one tight grid. All
+//! cuts lie between cells, so no cell is ever divided and boxes of one label cannot overlap.
 
 use crate::cell::{BOX_CELLS, Cell, SOLID};
 use crate::morton;
@@ -22,22 +22,22 @@ pub(crate) struct RawBox {
     pub(crate) extent: [u8; 3],
     /// Dense label index.
     pub(crate) label: u32,
-    /// Cells with a voxel, as in [`crate::node`].
+    /// Bit c is set when cell c has a voxel, in the order of [`crate::node`].
     pub(crate) occupied: u64,
-    /// Cells with all 64.
+    /// Bit c is set when all 64 voxels of cell c have the label.
     pub(crate) solid: u64,
-    /// Where its fields (of occupied, not solid cells, by rising c) begin in [`RawBoxes::fields`].
+    /// Index in [`RawBoxes::fields`] of its first field. Only cells that are occupied and not solid have a field, in rising order of c.
     pub(crate) first_field: usize,
 }
 
 impl RawBox {
-    /// Number of its fields.
+    /// Number of fields.
     pub(crate) fn fields(&self) -> usize {
         (self.occupied & !self.solid).count_ones() as usize
     }
 }
 
-/// Boxes and their fields.
+/// Boxes and their fields, the masks of 64 voxels.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct RawBoxes {
     pub(crate) boxes: Vec<RawBox>,
@@ -45,7 +45,7 @@ pub(crate) struct RawBoxes {
 }
 
 impl RawBoxes {
-    /// Takes over another's boxes.
+    /// Appends the boxes and fields of `other`.
     pub(crate) fn append(&mut self, other: RawBoxes) {
         let shift = self.fields.len();
         self.fields.extend_from_slice(&other.fields);
@@ -54,10 +54,10 @@ impl RawBoxes {
     }
 }
 
-/// Below this many cells a region is not worth a task of its own: it takes some 100 µs.
+/// A region of fewer cells, which takes some 100 µs, is not worth a task of its own.
 const PARALLEL_CELLS: usize = 1 << 15;
 
-/// Bits of one coordinate while cells are being divided: `key` holds x | y << 21 | z << 42 then, quicker to compare than a code.
+/// Bits of one coordinate while cells are divided. `key` then holds x | y << 21 | z << 42, which is quicker to compare than a Morton code.
 const AXIS: u32 = morton::AXIS_BITS;
 const AXIS_MASK: u64 = (1 << AXIS) - 1;
 
@@ -66,7 +66,7 @@ fn coordinate(packed: u64, axis: usize) -> u32 {
     (packed >> (AXIS * axis as u32) & AXIS_MASK) as u32
 }
 
-/// Boxes of one label; its cells are consumed as scratch. The order of the boxes depends on nothing but the cells.
+/// Appends the boxes of one label to `out`, using `cells` as scratch space. The order of the boxes depends only on the cells.
 pub(crate) fn split_label(label: u32, cells: &mut [Cell], out: &mut RawBoxes) {
     for cell in cells.iter_mut() {
         let [x, y, z] = morton::decode(cell.key).map(u64::from);
@@ -79,7 +79,7 @@ fn split(label: u32, cells: &mut [Cell], out: &mut RawBoxes) {
     if cells.is_empty() {
         return;
     }
-    // Tighten.
+    // Tighten to the cells that remain.
     let (mut low, mut high) = ([u32::MAX; 3], [0; 3]);
     for cell in cells.iter() {
         for axis in 0..3 {
@@ -90,13 +90,13 @@ fn split(label: u32, cells: &mut [Cell], out: &mut RawBoxes) {
     }
     let extent = [0, 1, 2].map(|a| high[a] - low[a] + 1);
 
-    // Small enough: a box.
+    // A region that fits becomes a box.
     let (axis, longest) = (0..3).map(|a| (a, extent[a])).fold((0, 0), |m, e| if e.1 > m.1 { e } else { m });
     if longest <= BOX_CELLS {
         return emit(label, cells, low, extent, out);
     }
 
-    // Halve, at a whole number of boxes from the origin.
+    // Halve at a whole number of boxes from the origin.
     let boxes = longest.div_ceil(BOX_CELLS);
     let cut = low[axis] + boxes / 2 * BOX_CELLS;
     let middle = partition(cells, |cell| coordinate(cell.key, axis) < cut);
@@ -111,8 +111,8 @@ fn split(label: u32, cells: &mut [Cell], out: &mut RawBoxes) {
     }
 }
 
-/// Moves the cells for which `is_lower` holds to the front; returns their number. In place, not stable: a box's cells are
-/// placed by coordinate at the end, so their order does not matter.
+/// Moves the cells for which `is_lower` holds to the front and returns their number. It works in place and is not stable: [`emit`] places a
+/// box's cells by coordinate, so their order does not matter.
 fn partition(cells: &mut [Cell], is_lower: impl Fn(&Cell) -> bool) -> usize {
     let mut lower = 0;
     for i in 0..cells.len() {

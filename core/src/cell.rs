@@ -1,4 +1,4 @@
-//! A cell: 4³ voxels of one label as a 64-bit mask, at a place given by its Morton code.
+//! A cell: 4³ voxels of one label as a 64-bit mask, at a position given by a Morton code.
 //!
 //! ```text
 //! mask bit v: voxel v of the cell has the label     v = x + 4·y + 16·z, x y z in 0..4
@@ -14,19 +14,19 @@ pub const SOLID: u64 = u64::MAX;
 /// Cells along a box's longest side.
 pub const BOX_CELLS: u32 = 4;
 
-/// One record of a part: the voxels of one label in one cell, 16 bytes.
+/// The voxels of one label in one cell, as a record of 16 bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub struct Cell {
     /// Morton code of the cell's coordinates.
     pub key: u64,
-    /// Which voxels; never 0.
+    /// Mask of the voxels that have the label; never 0.
     pub mask: u64,
 }
 
-/// Sorts one label's records by key and ORs those of the same cell, which different blocks may each hold a piece of.
+/// Sorts one label's records by key and ORs records of the same cell, which come from different blocks.
 ///
-/// The records are usually a few rising runs (one a part), which the standard stable sort finds and merges: O(n log runs).
+/// The records usually form a few rising runs (one from each part), which the standard stable sort finds and merges in O(n log runs).
 pub fn sort_and_or(cells: &mut Vec<Cell>) {
     cells.sort_by_key(|c| c.key);
     cells.dedup_by(|later, kept| {

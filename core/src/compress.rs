@@ -1,11 +1,11 @@
-//! The whole way from a block source to a compressed volume.
+//! Compression from a block source to a compressed volume.
 //!
 //! ```text
 //! calling thread:  next block ─► queue (at most 1 block a thread) ─► workers: block ─► part ─► store
-//!                  (queue full: make a part itself)
+//!                  (queue full: the calling thread makes the part itself)
 //! at the end:      finish(store)
 //! ```
-//! The source is read on the calling thread alone, because most inflate one stream; everything else uses all threads.
+//! Only the calling thread reads the source, because most sources inflate a single stream; everything else uses all threads.
 
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::mpsc::{Receiver, TrySendError, sync_channel};
@@ -13,25 +13,25 @@ use std::sync::{Mutex, PoisonError};
 
 use crate::cell::CELL;
 use crate::finish::{Budget, boxes_of_parts, finish};
-use crate::part::Part;
+use crate::sorted_cells::SortedCells;
 use crate::store::PartStore;
 use crate::volume::MAX_DIM;
 use crate::{
     ArraySource, BlockSource, CompressedVolume, Error, Job, LabelBlock, LabelBuffer, Result, VolumeInfo,
 };
 
-/// How to compress. Nothing but `types` changes the result by a byte.
+/// Options of compression. Only `types` changes the bytes of the result.
 #[derive(Clone, Debug, Default)]
 pub struct CompressOptions {
     /// Threads to use; 0 means one for each logical processor.
     pub threads: usize,
-    /// Bytes of memory to stay below: records that do not fit are spilled to [`CompressOptions::temp_folder`]. A limit that is too
-    /// small even for the result is refused with the figure that would do. The result itself counts; the source's own buffers
-    /// and one block a thread, whose size the source decides, come on top.
+    /// Limit on memory in bytes. Records that do not fit are spilled to [`CompressOptions::temp_folder`]. A limit below the size of the
+    /// result is refused with the number of bytes that would suffice. The limit includes the result; it excludes the source's own buffers
+    /// and one block a thread, whose size the source decides.
     pub memory_limit_bytes: Option<u64>,
-    /// Where to spill; the system's folder for temporary files where `None`.
+    /// Folder for spilled records; `None` means the system's folder for temporary files.
     pub temp_folder: Option<std::path::PathBuf>,
-    /// Types to give to the labels.
+    /// Types to assign to the labels.
     pub types: Option<crate::TypeTable>,
 }
 
@@ -47,8 +47,8 @@ impl CompressOptions {
 /// Compresses a source.
 ///
 /// # Errors
-/// Those of the source, [`Error::Limit`], [`Error::Cancelled`], and [`Error::Caller`] when the source's blocks do not make up
-/// its volume.
+/// Those of the source; [`Error::Limit`]; [`Error::Cancelled`]; [`Error::Caller`] when the source's blocks overlap or do not cover its
+/// volume.
 pub fn compress(
     source: &mut dyn BlockSource,
     options: &CompressOptions,
@@ -60,14 +60,14 @@ pub fn compress(
     info.notes.dedup_by_key(|n| n.id);
     let threads = options.thread_count();
     let folder = options.temp_folder.clone().unwrap_or_else(std::env::temp_dir);
-    // A quarter for records, a quarter at most for blocks that wait; finishing may use all but the records' quarter.
+    // Records get a quarter of the limit, and waiting blocks at most another quarter; finishing may use all but the records' quarter.
     let store = PartStore::new(options.memory_limit_bytes.map(|limit| limit / 4), folder);
     let labelled = make_parts(source, &store, threads, options.memory_limit_bytes, job)?;
     volume_of_parts(info, store, Some(labelled), None, options, job)
 }
 
-/// The volume of all parts in a store; `labelled` is how many voxels with a label they were made from, where that is to be
-/// checked, and `touching` the pairs of dense indices that touch within a chunk, where they are known.
+/// Builds the volume from all parts in a store. Where `labelled`, the number of labelled voxels that the parts were made from, is given, it
+/// is checked. `touching` holds the pairs of dense indices that touch within a chunk, where they are known.
 pub(crate) fn volume_of_parts(
     info: VolumeInfo,
     store: PartStore,
@@ -85,15 +85,15 @@ pub(crate) fn volume_of_parts(
         .map_err(|e| Error::Caller(format!("cannot start {threads} threads: {e}")))?;
     pool.install(|| {
         let (raw, labels) = boxes_of_parts(&parts, &budget, job)?;
-        // Blocks that overlap in one label are OR-ed into fewer voxels than they delivered. (Overlap in two labels shows when
-        // contacts are looked for.)
+        // If blocks overlap in one label, the OR has fewer voxels than they delivered. Overlap of two labels shows later, in the search for
+        // contacts.
         let kept: u64 = labels.voxels().iter().sum();
         if let Some(labelled) = labelled.filter(|&labelled| labelled != kept) {
             return Err(Error::Caller(format!(
-                "blocks of the source overlap: they delivered {labelled} labelled voxels, {kept} places are labelled"
+                "blocks of the source overlap: they delivered {labelled} labelled voxels and cover only {kept}; each voxel must come once"
             )));
         }
-        // Their memory, and the spill file, before finishing needs its own.
+        // Frees the parts' memory and the spill file before finishing needs its own.
         drop(parts);
         let mut volume = finish(info, raw, labels, job)?;
         volume.labels.contacts = match touching {
@@ -107,7 +107,7 @@ pub(crate) fn volume_of_parts(
     })
 }
 
-/// Compresses labels that lie in memory, x fastest.
+/// Compresses labels that lie in memory in x-fastest order.
 ///
 /// # Errors
 /// As [`compress`].
@@ -118,7 +118,7 @@ pub fn compress_labels(info: VolumeInfo, labels: LabelBuffer) -> Result<Compress
 fn check(info: &VolumeInfo) -> Result<()> {
     if !info.world_from_index.is_finite() {
         return Err(Error::Caller(
-            "the matrix from index space to the world has entries that are no numbers".into(),
+            "world_from_index: expected finite entries, got one that is infinite or not a number".into(),
         ));
     }
     for (axis, size) in ["x", "y", "z"].iter().zip(info.dims) {
@@ -133,7 +133,7 @@ fn check(info: &VolumeInfo) -> Result<()> {
     Ok(())
 }
 
-/// Puts the parts of all blocks of a source into a store; returns how many voxels had a label.
+/// Adds the parts of all blocks of a source to a store and returns the number of labelled voxels.
 fn make_parts(
     source: &mut dyn BlockSource,
     store: &PartStore,
@@ -152,7 +152,7 @@ fn make_parts(
     let work = |block: LabelBlock| {
         let ragged = is_ragged(&block, dims);
         let (bytes, voxels) = (block_bytes(&block), voxels(&block));
-        let result = job.check().and_then(|()| Part::from_block(&block, dims)).and_then(|part| {
+        let result = job.check().and_then(|()| SortedCells::from_block(&block, dims)).and_then(|part| {
             drop(block);
             labelled.fetch_add(part.voxels(), Relaxed);
             store.add(part, ragged)
@@ -193,7 +193,7 @@ fn make_parts(
                 }
             }
         };
-        // Closes the queue: the workers end once it is empty.
+        // Closes the queue, so that the workers end once it is empty.
         drop(send);
         while let Some(block) = next(&receive) {
             work(block);
@@ -204,12 +204,14 @@ fn make_parts(
         return Err(error);
     }
     if delivered != expected {
-        return Err(Error::Caller(format!("the source delivered {delivered} voxels of {expected}")));
+        return Err(Error::Caller(format!(
+            "the source's blocks: expected {expected} voxels in all, got {delivered}"
+        )));
     }
     Ok(labelled.into_inner())
 }
 
-/// Whether a block cuts through cells other than at the volume's end.
+/// Whether a block cuts through cells at a face that is not the volume's end.
 fn is_ragged(block: &LabelBlock, dims: [u32; 3]) -> bool {
     (0..3).any(|a| {
         let end = block.origin[a].saturating_add(block.dims[a]);
@@ -232,7 +234,7 @@ fn next(queue: &Mutex<Receiver<LabelBlock>>) -> Option<LabelBlock> {
     lock(queue).recv().ok()
 }
 
-/// A lock whose holder panicked guards nothing that could be half done here: every critical section is one step.
+/// Locks a mutex even if a holder panicked: every critical section here is a single step, so it leaves nothing half done.
 fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -1,15 +1,15 @@
-//! Touching pairs of labels: gathered, then packed.
+//! Pairs of labels that touch, collected and then packed.
 //!
-//! The pairs are kept as varints: for each label a the number of its partners b > a, the first as b − a − 1, each next as the
-//! distance to the one before, less 1. `find_contacts.rs` finds them.
+//! The packed form is a sequence of varints. For each label a it holds the number of its partners b > a, then the first partner as b − a −
+//! 1 and each next one as its distance from the previous one, less 1. `find_contacts.rs` finds the pairs.
 
 use rustc_hash::FxHashSet;
 
-/// Pairs found so far; a small direct-mapped cache keeps the repeats of a long border away from the set.
+/// Pairs found so far. A small direct-mapped cache keeps the repeats along a long border away from the set.
 pub(crate) struct Pairs {
     set: FxHashSet<u64>,
     recent: [u64; 64],
-    /// Corner of a cell of which two labels claim the same voxel, if one was met.
+    /// Corner of a cell in which two labels claim the same voxel, if one was found.
     pub(crate) claimed_twice: Option<[u32; 3]>,
 }
 
@@ -18,7 +18,7 @@ impl Pairs {
         Self { set: FxHashSet::default(), recent: [0; 64], claimed_twice: None }
     }
 
-    /// All of them, in any order.
+    /// Returns all pairs, in no particular order.
     pub(crate) fn into_vec(self) -> Vec<u64> {
         self.set.into_iter().collect()
     }
@@ -36,7 +36,7 @@ impl Pairs {
     }
 }
 
-/// Touching pairs of dense label indices, packed as the module says.
+/// Pairs of dense label indices that touch, packed as the module documentation describes.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Contacts {
     pub(crate) bytes: Vec<u8>,
@@ -44,7 +44,7 @@ pub struct Contacts {
 }
 
 impl Contacts {
-    /// Packs rising pairs `a << 32 | b`, a < b, of `labels` labels.
+    /// Packs pairs `a << 32 | b` with a < b, in rising order, of a volume with `labels` labels.
     pub(crate) fn pack(pairs: &[u64], labels: u32) -> Self {
         let mut bytes = Vec::new();
         let mut rest = pairs;
@@ -63,7 +63,7 @@ impl Contacts {
         Self { bytes, pairs: pairs.len() as u64 }
     }
 
-    /// Takes packed pairs of `labels` labels from a file; the error says what is wrong, at which byte.
+    /// Validates packed pairs read from a file with `labels` labels. An error gives the byte offset and what is wrong there.
     pub(crate) fn from_packed(bytes: Vec<u8>, labels: u32) -> std::result::Result<Self, (usize, String)> {
         let (mut at, mut pairs) = (0, 0u64);
         for a in 0..labels {
@@ -111,7 +111,7 @@ impl Contacts {
     }
 }
 
-/// Seven bits a byte, lowest first; the top bit says that more follow.
+/// Writes a varint: seven bits a byte, lowest first; the top bit says that more bytes follow.
 fn put_varint(bytes: &mut Vec<u8>, mut value: u32) {
     while value >= 128 {
         bytes.push(value as u8 | 128);
@@ -120,7 +120,7 @@ fn put_varint(bytes: &mut Vec<u8>, mut value: u32) {
     bytes.push(value as u8);
 }
 
-/// `None` at the end of the bytes and for a value of more than 32 bits.
+/// Reads a varint; `None` at the end of the bytes and for a value of more than 32 bits.
 fn take_varint(bytes: &[u8], at: &mut usize) -> Option<u32> {
     let mut value = 0u64;
     for shift in [0, 7, 14, 21, 28] {

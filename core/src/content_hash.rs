@@ -1,17 +1,17 @@
-//! A name for what a volume holds, for images to carry.
+//! The content hash: identifies the content of a volume, so that pictures can name the data that they show.
 //!
-//! XXH3 (128 bits, seed 0) over, little-endian: dims (3 × u32), number of labels (u64), their ids (u64 each), then for each box in
-//! order: lowest voxel (3 × u32), extent in voxels (3 × u32), dense label index (u32), occupied and solid masks (u64 each), and the
-//! fields (u64 each) of its occupied, not solid cells. The form is canonical, so two volumes have one hash exactly when they have
-//! the same size and the same id in every voxel. Spacing, names and types are not in it.
+//! It is XXH3 (128 bits, seed 0) over, little-endian: dims (3 × u32), number of labels (u64), their ids (u64 each), then for each box in
+//! order: lowest voxel (3 × u32), extent in voxels (3 × u32), dense label index (u32), occupied and solid masks (u64 each), and the fields
+//! (u64 each) of its cells that are occupied and not solid. The form is canonical, so two volumes have the same hash exactly when they have
+//! the same size and the same id in every voxel. Spacing, names and types are not part of it.
 
 use xxhash_rust::xxh3::Xxh3;
 
 use crate::CompressedVolume;
 
 impl CompressedVolume {
-    /// See the module [`crate::content_hash`]. Of a volume with chosen labels it is the whole one's, as its file says. Computed
-    /// once.
+    /// Content hash of the volume, defined in the module [`crate::content_hash`] and computed once. For a volume loaded with chosen labels
+    /// it is the hash of the whole volume, as stored in its file.
     pub fn content_hash(&self) -> u128 {
         *self.hash.get_or_init(|| self.hash_of_boxes())
     }

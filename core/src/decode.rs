@@ -1,15 +1,15 @@
-//! Back from boxes to labels: one voxel, or a block of them.
+//! Decodes boxes to labels: one voxel, or a block of voxels.
 
 use crate::grid::{BRICK_VOXELS, BoxGrid, cells_between};
 use crate::{BoxView, CompressedVolume, Error, Result};
 
 impl CompressedVolume {
-    /// The spatial index, built at its first use.
+    /// Spatial index of the boxes, built on first use.
     pub fn grid(&self) -> &BoxGrid {
         self.grid.get_or_init(|| self.new_grid())
     }
 
-    /// A spatial index of the caller's own: who needs one once does not want the volume larger in memory from then on.
+    /// Builds a spatial index that the caller owns, for callers that need one only once and do not want the volume to keep its memory.
     pub(crate) fn new_grid(&self) -> BoxGrid {
         BoxGrid::new(self.boxes().len(), |i| {
             let place = self.place_of_box(i);
@@ -17,7 +17,7 @@ impl CompressedVolume {
         })
     }
 
-    /// Frees the spatial index; the next query builds it anew.
+    /// Frees the spatial index; the next query builds it again.
     pub fn forget_grid(&mut self) {
         self.grid.take();
     }
@@ -42,7 +42,7 @@ impl CompressedVolume {
         self.decode_block_by(self.grid(), origin, dims)
     }
 
-    /// The same by an index of the caller's.
+    /// Like [`CompressedVolume::decode_block`], with a spatial index that the caller provides.
     pub(crate) fn decode_block_by(
         &self,
         grid: &BoxGrid,
@@ -72,7 +72,7 @@ impl CompressedVolume {
         Ok(labels)
     }
 
-    /// Labels of a block, x fastest, as the ids of the source; 0 is background.
+    /// Labels of a block, x fastest, as 64-bit ids of the source; 0 is background.
     ///
     /// # Errors
     /// As [`CompressedVolume::decode_block`].
@@ -84,7 +84,7 @@ impl CompressedVolume {
 }
 
 impl BoxView<'_> {
-    /// Whether the box's label has this voxel of the volume.
+    /// Whether the box contains this voxel of the volume.
     #[inline]
     pub fn contains(&self, voxel: [u32; 3]) -> bool {
         if (0..3).any(|a| voxel[a].wrapping_sub(self.origin[a]) >= self.extent[a]) {
@@ -96,13 +96,13 @@ impl BoxView<'_> {
         self.node.has(cell, bit)
     }
 
-    /// Writes `label` wherever the box has a voxel within the block.
+    /// Writes `label` for every voxel of the box that lies within the block.
     fn paint(&self, label: u32, origin: [u32; 3], dims: [u32; 3], labels: &mut [u32]) {
         for (c, field) in self.node.fields() {
             let low = [0, 1, 2].map(|a| self.origin[a] + 4 * (c >> (2 * a) & 3));
             for row in 0..16 {
                 let four = field >> (4 * row) & 15;
-                // Wraps for voxels before the block, which is then also beyond its end.
+                // For voxels before the block this wraps to a number beyond the block's end.
                 let y = (low[1] + (row & 3)).wrapping_sub(origin[1]);
                 let z = (low[2] + (row >> 2)).wrapping_sub(origin[2]);
                 if four == 0 || y >= dims[1] || z >= dims[2] {

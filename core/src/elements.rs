@@ -1,7 +1,7 @@
-//! Elements of an array: on the heap, or where they lie in a file that is mapped into memory.
+//! Elements of an array, either on the heap or in a file that is mapped into memory.
 //!
-//! A mapped array takes no memory of its own: its pages are the system's file cache, which other processes share and which is given
-//! back where memory runs short.
+//! A mapped array takes no memory of its own: its pages belong to the system's file cache, which other processes share and which the system
+//! reclaims when memory runs short.
 
 use std::fmt;
 use std::fs::File;
@@ -14,42 +14,42 @@ use memmap2::Mmap;
 #[cfg(unix)]
 use memmap2::UncheckedAdvice;
 
-/// A file in memory, as long as it was when it was mapped.
+/// A file mapped into memory, with the length that it had when it was mapped.
 #[derive(Clone)]
 pub(crate) struct MappedFile(Arc<Mmap>);
 
 impl MappedFile {
-    /// Maps all of a file, to be read.
+    /// Maps a whole file for reading.
     pub(crate) fn new(file: &File) -> std::io::Result<Self> {
-        // SAFETY: the mapping is read only and outlives every borrow of it (`Arc`). What cannot be ruled out is that another
-        // program changes the file in place: then elements change too, which no code here relies on not to happen beyond what
-        // bounds checks catch, and a file cut short ends the process with a signal. Pumice itself replaces files by renaming, which
-        // leaves the mapped one whole; `docs/file-format.md` warns of programs that do not, and callers choose to map.
+        // SAFETY: the mapping is read only and outlives every borrow of it (`Arc`). Another program may still change the file in place,
+        // which cannot be ruled out. Then elements change too; no code here relies on unchanged elements beyond what bounds checks catch. A
+        // file that is truncated ends the process with a signal. Pumice itself replaces files by renaming, which leaves the mapped one
+        // whole; `docs/file-format.md` warns of programs that do not, and callers choose to map.
         #[allow(unsafe_code)]
         let map = unsafe { Mmap::map(file)? };
         Ok(Self(Arc::new(map)))
     }
 
-    /// All of its bytes.
+    /// All bytes of the file.
     pub(crate) fn bytes(&self) -> &[u8] {
         &self.0
     }
 
-    /// Lets go of the pages that were touched: they are read from the file again when they are needed. Where the system has no such
-    /// thing, they stay.
+    /// Releases the pages that were touched; the system reads them from the file again when they are needed. Systems without such advice
+    /// keep the pages.
     pub(crate) fn let_go(&self) {
         #[cfg(unix)]
         {
-            // SAFETY: the mapping is of a file and read only, so no page holds anything that the file does not.
+            // SAFETY: the mapping is of a file and read only, so no page holds data that is not in the file.
             #[allow(unsafe_code)]
             let done = unsafe { self.0.unchecked_advise(UncheckedAdvice::DontNeed) };
-            // It is advice: what the system does not take leaves the pages where they are.
+            // A system may ignore this advice, which leaves the pages where they are.
             let _ = done;
         }
     }
 
-    /// The elements in these bytes; `None` where they do not lie as elements do in memory: on a place that is no multiple of their
-    /// size, or on a machine that is not little-endian.
+    /// The elements stored in these bytes; `None` where they cannot be used in place, because their offset or length does not fit
+    /// the elements' alignment and size, or the machine is not little-endian.
     pub(crate) fn elements<T: Pod>(&self, range: Range<usize>) -> Option<Elements<T>> {
         if cfg!(target_endian = "big") {
             return None;
@@ -59,9 +59,9 @@ impl MappedFile {
     }
 }
 
-/// See the module.
+/// An array that owns its elements on the heap or borrows them from a mapped file.
 pub struct Elements<T> {
-    /// Where they are: asking the keeper each time costs a tenth of a ray.
+    /// Address of the elements; asking `kept_by` for it on each access costs a tenth of the time of a ray.
     at: NonNull<[T]>,
     kept_by: Keeper<T>,
 }
@@ -71,16 +71,16 @@ enum Keeper<T> {
     Mapped(#[expect(dead_code, reason = "it keeps the file mapped")] MappedFile),
 }
 
-// SAFETY: nothing but shared references to elements is ever given out, as by a `Vec` that is not changed; keepers of both kinds may be
-// sent and shared where elements may.
+// SAFETY: `Elements` gives out only shared references to its elements, like a `Vec` that is never changed; both kinds of keeper may be sent
+// and shared between threads where the elements may.
 #[allow(unsafe_code)]
 unsafe impl<T: Send> Send for Elements<T> {}
-// SAFETY: as above.
+// SAFETY: the argument for `Send` above covers `Sync` too.
 #[allow(unsafe_code)]
 unsafe impl<T: Sync> Sync for Elements<T> {}
 
 impl<T> Elements<T> {
-    /// Bytes of the heap that it holds; none where it is mapped.
+    /// Bytes on the heap; 0 for a mapped array.
     pub(crate) fn heap_bytes(&self) -> u64 {
         match &self.kept_by {
             Keeper::Heap(v) => (v.capacity() * size_of::<T>()) as u64,
@@ -88,7 +88,7 @@ impl<T> Elements<T> {
         }
     }
 
-    /// Bytes of a file that it maps.
+    /// Bytes of a mapped file; 0 for an array on the heap.
     pub(crate) fn mapped_bytes(&self) -> u64 {
         match &self.kept_by {
             Keeper::Heap(_) => 0,
@@ -102,7 +102,8 @@ impl<T> Deref for Elements<T> {
 
     #[inline(always)]
     fn deref(&self) -> &[T] {
-        // SAFETY: `at` was a slice of what `kept_by` keeps, which neither a move of this value nor anything else here moves or changes.
+        // SAFETY: `at` points to a slice that `kept_by` keeps alive; neither moving this value nor any code here moves or changes that
+        // slice.
         #[allow(unsafe_code)]
         unsafe {
             self.at.as_ref()

@@ -1,10 +1,10 @@
-//! What can go wrong in the core, sorted by who must act.
+//! Errors of the core, sorted by who must act.
 
 use std::path::PathBuf;
 
 /// A failure of compressing, storing or reading a volume.
 ///
-/// The text of each variant is one line that says what, where, what was expected and what to do: it is printed as it is.
+/// The text of each variant is one line that says what, where, what was expected and what to do. Programs print it unchanged.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -13,7 +13,7 @@ pub enum Error {
     Io {
         /// The file or folder.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: std::io::Error,
     },
     /// A `.pumice` file is damaged, truncated, or not one at all.
@@ -35,13 +35,13 @@ pub enum Error {
     Version {
         /// The file.
         path: PathBuf,
-        /// The version that it has.
+        /// Version number in the file.
         got: u32,
     },
-    /// A block source could not deliver its labels: the source's own one-line message.
+    /// A block source could not deliver its labels; the text is the source's own one-line message.
     #[error("{0}")]
     Source(#[source] Box<dyn std::error::Error + Send + Sync>),
-    /// The caller asked for something that makes no sense.
+    /// The caller's request is not valid.
     #[error("{0}")]
     Caller(String),
     /// A limit of the format or of the caller's budget would be exceeded.
@@ -54,12 +54,12 @@ pub enum Error {
         /// What the input needs.
         got: u64,
     },
-    /// The job was cancelled; nothing was left behind.
+    /// The job was cancelled; no partial result remains.
     #[error("cancelled")]
     Cancelled,
 }
 
-/// What the owner of a file of another version can do.
+/// What a user can do with a file of another version.
 fn way_out(version: u32) -> &'static str {
     if version < 5 {
         "an older pumice wrote it: compress the source volume again"
@@ -71,13 +71,13 @@ fn way_out(version: u32) -> &'static str {
 /// Result of the core.
 pub type Result<T> = std::result::Result<T, Error>;
 
-/// A text of others as one line: control characters, which would break the line or steer a terminal, as escapes.
+/// Makes a text from outside printable in one line: control characters, which could break the line or steer a terminal, become escapes.
 ///
-/// Parsers quote what they found, and so a file could write whatever it likes to the user's terminal.
+/// Parsers quote what they found, so without this a file could send arbitrary control sequences to the user's terminal.
 pub fn one_line(text: &str) -> String {
     let mut line = String::with_capacity(text.len());
     for c in text.chars() {
-        // Line and paragraph separators are no control characters, yet break lines.
+        // Unicode's line and paragraph separators are not control characters, yet they break lines.
         if c.is_control() || matches!(c, '\u{2028}' | '\u{2029}') {
             line.extend(c.escape_debug());
         } else {

@@ -1,4 +1,4 @@
-//! Finds which labels touch: share a face of two voxels (6-neighbourhood).
+//! Finds which labels touch, which means that they share a face of two voxels (6-neighbourhood).
 //!
 //! ```text
 //! for each 16³ brick with boxes, in parallel:
@@ -6,7 +6,7 @@
 //!     two labels in one cell touch       if one's mask, grown by a voxel along each axis, meets the other's
 //!     two labels in adjacent cells touch if the facing layers of their masks meet
 //! ```
-//! Linear in the cells that have labels; a cell crowded with labels is compared voxel by voxel instead.
+//! The time is linear in the number of cells that have labels; in a cell with many labels, voxels are compared instead of masks.
 
 use rayon::prelude::*;
 
@@ -14,12 +14,12 @@ use crate::contacts::Pairs;
 use crate::grid::{BRICK_VOXELS, BoxGrid, cells_between};
 use crate::{CHUNK_VOXELS, CompressedVolume, Contacts, Error, Job, Result, morton};
 
-/// Voxels of a cell with x = 0, y = 0, z = 0, as a mask.
+/// Masks of the voxels of a cell with x = 0, with y = 0, with z = 0.
 const LOW_FACE: [u64; 3] = [0x1111_1111_1111_1111, 0x000F_000F_000F_000F, 0xFFFF];
 /// Distance in bits of one step along x, y, z within a cell.
 const STEP: [u32; 3] = [1, 4, 16];
 
-/// The mask and its neighbours within the cell.
+/// The mask, extended by the neighbours of its voxels within the cell.
 #[inline]
 fn grow(mask: u64) -> u64 {
     (0..3).fold(mask, |grown, a| {
@@ -29,24 +29,24 @@ fn grow(mask: u64) -> u64 {
     })
 }
 
-/// Whether a cell's mask touches that of its next cell along an axis.
+/// Whether the mask of a cell touches the mask of the next cell along an axis.
 #[inline]
 fn touch_across(low: u64, high: u64, axis: usize) -> bool {
     (low >> (3 * STEP[axis])) & LOW_FACE[axis] & high != 0
 }
 
-/// Labels and masks in 5³ cells: a brick's own 4³ and, behind its upper faces, one layer of its neighbours'.
+/// Labels and masks in 5³ cells: a brick's own 4³ cells, and one layer of its neighbours' cells behind its upper faces.
 struct Neighbourhood {
     cells: Vec<Vec<(u32, u64)>>,
 }
 
-/// Position of a cell, each coordinate 0..=4, in a [`Neighbourhood`].
+/// Index of a cell in a [`Neighbourhood`]; each coordinate is 0..=4.
 fn slot(p: [u32; 3]) -> usize {
     (p[0] + 5 * p[1] + 25 * p[2]) as usize
 }
 
 impl Neighbourhood {
-    /// Lists the cells from `first` to `last`, counted from the brick, of all boxes in a brick.
+    /// Adds the labels and masks of `boxes` in the cells from `first` to `last`, counted from the brick's first cell.
     fn list(
         &mut self,
         volume: &CompressedVolume,
@@ -70,7 +70,8 @@ impl Neighbourhood {
             if empty {
                 continue;
             }
-            // A search among all labels of the chunk: most boxes of a neighbour are none of a brick's.
+            // This is a search among all labels of the chunk, and most boxes of a neighbouring brick have no cell in range; so it comes
+            // late.
             let label = volume.label_of_box(i as usize);
             for p in cells_between(range.map(|r| r.0), range.map(|r| r.1)) {
                 let field = b.node.field(p[0] + 4 * p[1] + 16 * p[2]);
@@ -83,22 +84,22 @@ impl Neighbourhood {
     }
 }
 
-/// Bricks that one task takes: a 64³ region where space is full.
+/// Bricks of one task: a 64³ region where space is full.
 const TASK_BRICKS: usize = 64;
 
 impl CompressedVolume {
-    /// Finds the touching pairs afresh; [`crate::compress()`] has put them in [`crate::LabelTable::contacts`].
+    /// Finds the touching pairs again; [`crate::compress()`] has stored them in [`crate::LabelTable::contacts`].
     ///
     /// # Errors
-    /// [`Error::Cancelled`]; [`Error::Caller`] when two labels claim one voxel, which this sweep notices on its way.
+    /// [`Error::Cancelled`]; [`Error::Caller`] when two labels claim one voxel, which this search detects.
     pub fn find_contacts(&self, job: &Job) -> Result<Contacts> {
-        // A grid of its own, dropped afterwards: most volumes never need one again.
+        // A grid for this call only: most volumes never need one again.
         let grid = self.new_grid();
         let pairs = find(self, &grid, grid.bricks(), Vec::new(), job)?;
         Ok(Contacts::pack(&pairs, self.labels().len() as u32))
     }
 
-    /// The same where the pairs are known that touch within a chunk, as they are of a volume that was voxels.
+    /// Finds all touching pairs where those within a chunk are known, as they are for a volume read from a file of voxels.
     pub(crate) fn find_contacts_across_chunks(&self, known: Vec<u64>, job: &Job) -> Result<Contacts> {
         let pairs = if self.info().dims.iter().all(|&n| n <= CHUNK_VOXELS) {
             rising(known)
@@ -115,14 +116,14 @@ impl CompressedVolume {
     }
 }
 
-/// Each pair once.
+/// Sorts the pairs and removes duplicates.
 fn rising(mut pairs: Vec<u64>) -> Vec<u64> {
     pairs.par_sort_unstable();
     pairs.dedup();
     pairs
 }
 
-/// The touching pairs of some bricks as `a << 32 | b`, a < b, rising; and those that are known.
+/// The touching pairs of some bricks and the known ones, as `a << 32 | b` with a < b, in rising order.
 fn find(
     volume: &CompressedVolume,
     grid: &BoxGrid,
@@ -146,7 +147,7 @@ fn find(
             match pairs.claimed_twice {
                 None => Ok(pairs.into_vec()),
                 Some(cell) => Err(Error::Caller(format!(
-                    "two labels claim one voxel of the cell at {cell:?}: blocks of the source overlap"
+                    "two labels claim one voxel of the cell at {cell:?}: blocks of the source overlap, each voxel must come once"
                 ))),
             }
         })
@@ -191,10 +192,10 @@ fn find_in_brick(
     }
 }
 
-/// From this many pairs of labels on, comparing 64 voxels is cheaper than comparing masks: keeps crowded cells linear.
+/// From this many pairs of labels on, comparing 64 voxels is cheaper than comparing masks. This keeps the time of crowded cells linear.
 const CROWDED_PAIRS: usize = 32;
 
-/// Labels of a cell's voxels, plus 1; 0 where there is none.
+/// Label of each voxel of a cell, plus 1; 0 where there is none.
 fn expand(cell: &[(u32, u64)]) -> [u32; 64] {
     let mut voxels = [0; 64];
     for &(label, mut mask) in cell {
@@ -206,7 +207,7 @@ fn expand(cell: &[(u32, u64)]) -> [u32; 64] {
     voxels
 }
 
-/// Adds the labels of two touching voxels, unless they are the same or none.
+/// Adds the pair of labels of two touching voxels, unless they are equal or one is background.
 #[inline]
 fn add_voxels(a: u32, b: u32, pairs: &mut Pairs) {
     if a != b && a != 0 && b != 0 {
@@ -214,7 +215,7 @@ fn add_voxels(a: u32, b: u32, pairs: &mut Pairs) {
     }
 }
 
-/// Pairs within a cell; notes it when two labels claim one voxel.
+/// Adds the pairs within a cell, and records when two labels claim one voxel.
 fn pairs_within(here: &[(u32, u64)], corner: [u32; 3], pairs: &mut Pairs) {
     let mut claimed = 0;
     for &(_, mask) in here {
@@ -246,7 +247,7 @@ fn pairs_within(here: &[(u32, u64)], corner: [u32; 3], pairs: &mut Pairs) {
     }
 }
 
-/// Pairs across the face between a cell and its next one along an axis.
+/// Adds the pairs across the face between a cell and the next one along an axis.
 fn pairs_across(here: &[(u32, u64)], there: &[(u32, u64)], axis: usize, pairs: &mut Pairs) {
     if here.len() * there.len() > CROWDED_PAIRS {
         let (low, high) = (expand(here), expand(there));

@@ -1,13 +1,13 @@
-//! From parts to the compressed volume.
+//! Turns parts into the compressed volume.
 //!
 //! ```text
 //! for each label (in parallel):  gather its records from all parts ─► Snap4 boxes, each with its fields
 //! sort the boxes:                chunk (Morton), label, Morton code of the origin
-//! share:                         boxes with the same contents have one node
+//! share:                         boxes with equal contents refer to one node
 //! leaves:                        the most frequent fields and slices of the distinct nodes
 //! write the nodes:               in the order of first use, then box records and label runs
 //! ```
-//! Each step's result follows from the volume alone, so threads, blocks and their order leave no trace in it.
+//! The result of each step depends on the volume alone, so it is independent of threads, blocks and their order.
 
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
@@ -19,37 +19,37 @@ use crate::boxes::{RawBox, RawBoxes, split_label};
 use crate::cell::Cell;
 use crate::leaves::{LeafIndex, Leaves};
 use crate::node::{node_words, write_node};
-use crate::part::Run;
+use crate::sorted_cells::Run;
 use crate::store::StoredParts;
 use crate::volume::CHUNK_CELLS;
 use crate::{
     BoxRecord, Chunk, CompressedVolume, Error, Job, LabelRun, LabelTable, Result, VolumeInfo, morton,
 };
 
-/// Records that one task takes at least: enough to hide its cost, few enough to balance.
+/// Least number of records of a task: enough to hide the cost of a task, few enough to balance the load.
 const TASK_CELLS: usize = 1 << 15;
 
-/// How far back, in words, a chunk may share nodes of earlier chunks. Its boxes name nodes by 32 bits from the chunk's base, and
-/// need room for their own; beyond the window a node is written again.
+/// How far back, in words, a chunk may share nodes of earlier chunks. Its boxes refer to nodes by 32 bits from the chunk's base, and need
+/// room for their own nodes; a node before the window is written again.
 const SHARING_WINDOW_WORDS: u64 = 1 << 31;
 
-/// What finishing may use, and what it turns out to need.
+/// Limits on what finishing may use.
 pub(crate) struct Budget {
-    /// Bytes, of which finishing may take three quarters; the rest is for records of parts that have not been spilled.
+    /// Bytes of memory, of which finishing may take three quarters; the rest is for records of parts that have not been spilled.
     pub(crate) limit_bytes: Option<u64>,
-    /// Threads that each gather a label at a time.
+    /// Number of threads, each of which gathers the records of one label at a time.
     pub(crate) threads: usize,
 }
 
-/// Bytes that finishing holds for each box at its peak: raw box 48, hash 16, its entry among the shared contents about 64, numbers
-/// of contents 8. (Looking for contacts, afterwards, takes less: about 4 bricks a box at 20 bytes each, when these are gone.)
+/// Bytes that finishing holds for each box at its peak: raw box 48, hash 16, entry in the map of shared contents about 64, index of its
+/// contents 8. (The later search for contacts takes less: about 4 bricks a box at 20 bytes each, when these are gone.)
 const BYTES_A_BOX: u64 = 140;
 
-/// Bytes for each field: raw 8, and 8 more while tasks' results are put together, as a use for the dictionary, or in its node.
+/// Bytes for each field: 8 raw, and 8 more while the results of tasks are joined, as an entry for the dictionary, or in its node.
 const BYTES_A_FIELD: u64 = 16;
 
 impl Budget {
-    /// Refuses what does not fit; says the limit that would do.
+    /// Returns an error if the memory does not suffice; the error gives the limit that would.
     fn check(&self, index_bytes: u64, boxes: u64, fields: u64, largest_label: u64) -> Result<()> {
         let need = index_bytes
             + boxes * BYTES_A_BOX
@@ -63,7 +63,7 @@ impl Budget {
     }
 }
 
-/// Boxes of all labels, and the label table without contacts.
+/// Builds the boxes of all labels, and the label table without contacts.
 pub(crate) fn boxes_of_parts(
     parts: &StoredParts,
     budget: &Budget,
@@ -95,8 +95,8 @@ pub(crate) fn boxes_of_parts(
     tasks.push((first_label, &runs[start..]));
     budget.check(index_bytes, 0, 0, largest)?;
 
-    // Each task: its labels' boxes, ids, voxel counts. Once the budget is spent the boxes are only counted, for the error to
-    // name the figure that is needed.
+    // Each task yields the boxes, ids and voxel counts of its labels. Once the budget is exceeded, boxes are only counted, so that the
+    // error can give the limit that would suffice.
     let (boxes_so_far, fields_so_far) = (AtomicU64::new(0), AtomicU64::new(0));
     let fits = || budget.check(index_bytes, boxes_so_far.load(Relaxed), fields_so_far.load(Relaxed), largest);
     let results: Vec<Result<(RawBoxes, LabelTable)>> = tasks
@@ -138,7 +138,7 @@ pub(crate) fn boxes_of_parts(
     Ok((all, table))
 }
 
-/// Where a box belongs in the order of boxes.
+/// Sort key of a box: chunk, label, Morton code of its origin within the chunk.
 fn rank(b: &RawBox) -> (u64, u32, u64) {
     let code = morton::encode(b.origin);
     (code / CHUNK_CELLS, b.label, code % CHUNK_CELLS)
@@ -169,7 +169,7 @@ fn finish_with_window(
     boxes.par_sort_unstable_by_key(rank);
     let fields_of = |b: &RawBox| &fields[b.first_field..b.first_field + b.fields()];
 
-    // Share: the distinct contents in the order of first use, and which one each box has.
+    // Find the distinct contents, in order of first use, and the contents of each box.
     job.check()?;
     let hashes: Vec<u128> = boxes
         .par_iter()
@@ -189,7 +189,7 @@ fn finish_with_window(
             let o = &boxes[other as usize];
             (o.occupied, o.solid) == (b.occupied, b.solid) && fields_of(o) == fields_of(b)
         });
-        // Not the same: new, or (never seen) two contents with one 128-bit hash, of which the later is not shared.
+        // The contents are new; or two contents have the same 128-bit hash, which has never been seen. Then the later one is not shared.
         distinct_of_box.push(if same { d } else { distinct.len() as u32 });
         if !same {
             distinct.push(i as u32);
@@ -197,7 +197,7 @@ fn finish_with_window(
     }
     drop((first_with, hashes));
 
-    // Leaves of the distinct nodes.
+    // Choose the leaves of the distinct nodes.
     job.check()?;
     let uses = distinct.iter().flat_map(|&i| fields_of(&boxes[i as usize])).copied().collect();
     let leaves = Leaves::of_fields(uses);
@@ -211,7 +211,7 @@ fn finish_with_window(
         })
         .collect();
 
-    // Place the nodes, chunk by chunk, and write records and runs.
+    // Assign an offset to each node, chunk by chunk, and write records and runs.
     job.check()?;
     let mut volume = CompressedVolume::empty(info);
     let mut records = Vec::with_capacity(boxes.len());
@@ -256,7 +256,7 @@ fn finish_with_window(
     volume.chunks.shrink_to_fit();
     volume.boxes = records.into();
 
-    // Write the nodes, in parallel: each group of nodes into its own piece of the array.
+    // Write the nodes in parallel, each group of nodes into its own piece of the array.
     let mut nodes = vec![0u16; words as usize];
     let mut pieces = Vec::new();
     let mut rest = nodes.as_mut_slice();
@@ -283,15 +283,15 @@ fn finish_with_window(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{LabelBlock, LabelBuffer, LabelType, Part, store::PartStore};
+    use crate::{LabelBlock, LabelBuffer, LabelType, SortedCells, store::PartStore};
 
-    /// Three chunks along x with the same few contents in each.
+    /// Boxes of a volume of three chunks along x that have the same few contents.
     fn raw(dims: [u32; 3]) -> (RawBoxes, LabelTable, Vec<u64>) {
         let ids: Vec<u8> =
             (0..dims[0] * dims[1] * dims[2]).map(|i| ((i % dims[0] / 3 + i / dims[0]) % 4) as u8).collect();
         let block = LabelBlock::x_fastest([0; 3], dims, LabelBuffer::U8(ids.clone()));
         let store = PartStore::new(None, std::env::temp_dir());
-        store.add(Part::from_block(&block, dims).unwrap(), false).unwrap();
+        store.add(SortedCells::from_block(&block, dims).unwrap(), false).unwrap();
         let budget = Budget { limit_bytes: None, threads: 1 };
         let (raw, labels) = boxes_of_parts(&store.into_parts(), &budget, &Job::new()).unwrap();
         (raw, labels, ids.into_iter().map(u64::from).collect())
@@ -311,10 +311,10 @@ mod tests {
             assert!(volume.chunks().iter().skip(1).any(|c| c.node_base > 0) || window > 1 << 32);
             sizes.push(volume.nodes().len());
 
-            // The file's packed form has to find nodes that occur twice, too.
+            // The file's packed form must handle nodes that occur twice, too.
             let folder = tempfile::tempdir().unwrap();
             let path = folder.path().join("window.pumice");
-            for level in [crate::Level::Fast, crate::Level::Default] {
+            for level in [crate::CompressionLevel::Fast, crate::CompressionLevel::Default] {
                 volume.save(&path, level, &Job::new()).unwrap();
                 let back = CompressedVolume::open(&path, &Job::new()).unwrap();
                 assert!(

@@ -1,11 +1,11 @@
-//! Which boxes reach into which 16³ brick of space: answers "what is here" without walking all boxes.
+//! A spatial index: the boxes that overlap each 16³ brick of space. It answers which label a voxel has without a walk over all boxes.
 //!
 //! ```text
 //! bricks  7        9        12        Morton codes of the bricks that some box touches, rising
 //! starts  0        2        3     5   one more than bricks
-//! boxes   4 11     4        0 4 9     by rising index: boxes of one label side by side are found twice, once a brick
+//! boxes   4 11     4        0 4 9     box indices, rising within a brick; a box that overlaps two bricks is listed in both
 //! ```
-//! Only touched bricks are listed, so a long thin or nearly empty volume costs no more than its boxes do.
+//! Only bricks with boxes are listed, so the index of a long thin or nearly empty volume is no larger than its boxes require.
 
 use rayon::prelude::*;
 
@@ -14,7 +14,7 @@ use crate::morton;
 /// Side of a brick in voxels.
 pub const BRICK_VOXELS: u32 = 16;
 
-/// See the module.
+/// Spatial index of boxes by brick; the module documentation draws its arrays.
 #[derive(Clone, Debug, Default)]
 pub struct BoxGrid {
     bricks: Vec<u64>,
@@ -23,7 +23,7 @@ pub struct BoxGrid {
 }
 
 impl BoxGrid {
-    /// The grid of so many boxes, of which `place` tells the lowest voxel and the extent in voxels.
+    /// Builds the index of `boxes` boxes; `place` returns the lowest voxel and the extent in voxels of a box.
     pub(crate) fn new(boxes: usize, place: impl Fn(usize) -> ([u32; 3], [u32; 3]) + Sync) -> Self {
         let mut pairs: Vec<(u64, u32)> = (0..boxes as u32)
             .into_par_iter()
@@ -50,7 +50,7 @@ impl BoxGrid {
         grid
     }
 
-    /// Boxes that reach into a brick (voxel coordinates / 16), by rising index.
+    /// Indices of the boxes that overlap a brick (voxel coordinates / 16), in rising order.
     pub fn boxes_in(&self, brick: [u32; 3]) -> &[u32] {
         match self.bricks.binary_search(&morton::encode(brick)) {
             Ok(i) => self.boxes_of(i),
@@ -58,23 +58,23 @@ impl BoxGrid {
         }
     }
 
-    /// Codes of the bricks that have boxes, rising.
+    /// Morton codes of the bricks that have boxes, in rising order.
     pub fn bricks(&self) -> &[u64] {
         &self.bricks
     }
 
-    /// Boxes of brick number `i` of [`BoxGrid::bricks`].
+    /// Boxes of the brick at index `i` of [`BoxGrid::bricks`].
     pub fn boxes_of(&self, i: usize) -> &[u32] {
         &self.boxes[self.starts[i] as usize..self.starts[i + 1] as usize]
     }
 
-    /// Heap bytes held.
+    /// Bytes held on the heap.
     pub fn bytes(&self) -> u64 {
         (self.bricks.capacity() * 8 + self.starts.capacity() * 4 + self.boxes.capacity() * 4) as u64
     }
 }
 
-/// All points from `first` to `last`, both included.
+/// All points from `first` to `last`, both inclusive.
 pub(crate) fn cells_between(first: [u32; 3], last: [u32; 3]) -> impl Iterator<Item = [u32; 3]> {
     (first[2]..=last[2]).flat_map(move |z| {
         (first[1]..=last[1]).flat_map(move |y| (first[0]..=last[0]).map(move |x| [x, y, z]))

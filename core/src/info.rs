@@ -1,13 +1,13 @@
-//! What is known of a volume beside its voxels: size, label type, where it lies in the world, names and colours.
+//! The description of a volume without its voxels: size, label type, position in the world, names and colours.
 //!
 //! **Index space** has one unit a voxel: voxel (i, j, k) is the cube [i, i+1) × [j, j+1) × [k, k+1), so its centre is at
-//! (i + ½, j + ½, k + ½). Files of others place voxel *centres* at whole numbers; [`VolumeInfo::from_centre_affine`] and
+//! (i + ½, j + ½, k + ½). Other file formats place voxel *centres* at whole numbers; [`VolumeInfo::from_centre_affine`] and
 //! [`VolumeInfo::world_from_centre`] convert.
 
 use glam::{DAffine3, DVec3};
 use serde::{Deserialize, Serialize};
 
-/// Number type of the labels in the file they came from.
+/// Number type of the labels in their source file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 #[allow(missing_docs, reason = "the names say it")]
@@ -36,13 +36,13 @@ pub enum Unit {
     Millimetre,
     #[serde(rename = "m")]
     Metre,
-    /// The file does not say.
+    /// The file does not state a unit.
     #[default]
     #[serde(rename = "unknown")]
     Unknown,
 }
 
-/// What the world axes of a file point at.
+/// Anatomical directions of the world axes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum WorldFrame {
     /// x right, y anterior, z superior (NIfTI).
@@ -54,42 +54,42 @@ pub enum WorldFrame {
     /// x left, y anterior, z superior.
     #[serde(rename = "LAS")]
     Las,
-    /// The file does not say.
+    /// The file does not state the directions.
     #[default]
     #[serde(rename = "unknown")]
     Unknown,
 }
 
-/// Name and colour of one label, where a file has them.
+/// Name and colour of one label, where its source file has them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LabelNote {
-    /// The label's id, as in the voxels.
+    /// The label's id, as stored in the voxels.
     pub id: u64,
-    /// The name that the file gives.
+    /// Name of the label in the file.
     pub name: Option<String>,
     /// sRGB-encoded colour, each channel in [0, 1].
     pub color_srgb: Option<[f32; 3]>,
 }
 
-/// Everything about a label volume but its voxels.
+/// Description of a label volume without its voxels.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct VolumeInfo {
     /// Voxels along x, y, z; each at least 1 unless the volume is empty.
     pub dims: [u32; 3],
     /// Type of the labels in the file.
     pub label_type: LabelType,
-    /// Maps index space (corner convention, see the module) to the file's world, in [`VolumeInfo::unit`].
+    /// Maps index space (corner convention, see the module documentation) to the file's world, in [`VolumeInfo::unit`].
     pub world_from_index: DAffine3,
     /// Unit of world space.
     pub unit: Unit,
-    /// What the world axes mean.
+    /// Directions of the world axes.
     pub frame: WorldFrame,
-    /// Names and colours, sorted by id; labels without either are left out.
+    /// Names and colours of labels, sorted by id; labels with neither are left out.
     pub notes: Vec<LabelNote>,
 }
 
 impl VolumeInfo {
-    /// A volume with cubic voxels of size 1 at the origin, nothing known of its place.
+    /// A volume with cubic voxels of size 1 at the origin; its unit and frame are unknown.
     pub fn new(dims: [u32; 3], label_type: LabelType) -> Self {
         Self {
             dims,

@@ -1,13 +1,13 @@
-//! A long-running job as its owner sees it: a cancel flag that the work polls, and progress that it reports.
+//! A long-running job: a cancel flag that the work polls, and the progress that it reports.
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 
 use crate::{Error, Result};
 
-/// Shared by reference between the thread that works and the one that watches.
+/// Cancel flag and progress, shared by reference between the thread that works and the thread that watches.
 ///
-/// Work calls [`Job::check`] at least every few milliseconds and [`Job::advance`] as it goes; the watcher reads
-/// [`Job::progress`] whenever it likes.
+/// The work calls [`Job::check`] at least every few milliseconds, and [`Job::advance`] as it proceeds. The watcher may read
+/// [`Job::progress`] at any time.
 #[derive(Debug, Default)]
 pub struct Job {
     cancelled: AtomicBool,
@@ -16,7 +16,7 @@ pub struct Job {
 }
 
 impl Job {
-    /// A job that nobody has cancelled, with no progress.
+    /// A job that is not cancelled and has no progress.
     pub fn new() -> Self {
         Self::default()
     }
@@ -37,18 +37,18 @@ impl Job {
         if self.is_cancelled() { Err(Error::Cancelled) } else { Ok(()) }
     }
 
-    /// Starts a stage of `total` steps (voxels, boxes, samples: the stage knows).
+    /// Starts a stage of `total` steps; the stage defines its unit (voxels, boxes, samples).
     pub fn begin(&self, total: u64) {
         self.done.store(0, Relaxed);
         self.total.store(total, Relaxed);
     }
 
-    /// Adds finished steps.
+    /// Adds finished steps to the progress.
     pub fn advance(&self, steps: u64) {
         self.done.fetch_add(steps, Relaxed);
     }
 
-    /// (done, total) of the stage under way; total is 0 before the first stage.
+    /// (done, total) of the current stage; total is 0 before the first stage.
     pub fn progress(&self) -> (u64, u64) {
         (self.done.load(Relaxed), self.total.load(Relaxed))
     }

@@ -1,16 +1,16 @@
-//! What is known of each label: id, number of voxels, type, which others it touches.
+//! The label table: each label's id, number of voxels and type, and the labels that it touches.
 
 use crate::contacts::Contacts;
 
-/// Type number of a label without one.
+/// Stands for "no type" in [`LabelTable::types`].
 pub(crate) const NO_TYPE: u16 = u16::MAX;
 
-/// Labels by dense index, which follows the order of ids. Background (id 0) is not in the table.
+/// Table of labels by dense index, which follows the order of ids. Background (id 0) is not in the table.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct LabelTable {
     pub(crate) ids: Vec<u64>,
     pub(crate) voxels: Vec<u64>,
-    /// One a label, or none at all where the volume has no types.
+    /// Type number of each label; empty where the volume has no types.
     pub(crate) types: Vec<u16>,
     pub(crate) type_names: Vec<String>,
     pub(crate) contacts: Contacts,
@@ -27,12 +27,12 @@ impl LabelTable {
         self.ids.is_empty()
     }
 
-    /// Original ids, rising, by dense index.
+    /// Original ids in rising order, by dense index.
     pub fn ids(&self) -> &[u64] {
         &self.ids
     }
 
-    /// Voxels of each label.
+    /// Number of voxels of each label, by dense index.
     pub fn voxels(&self) -> &[u64] {
         &self.voxels
     }
@@ -57,7 +57,7 @@ impl LabelTable {
         &self.contacts
     }
 
-    /// Heap bytes held.
+    /// Bytes held on the heap.
     pub fn bytes(&self) -> u64 {
         let names: usize = self.type_names.iter().map(String::capacity).sum();
         (self.ids.capacity() * 8

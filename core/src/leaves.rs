@@ -1,18 +1,19 @@
-//! The leaves that nodes share: occupancy fields by 16 bits where they occur often, slice by slice where their slices do.
+//! The leaves that nodes share: a frequent occupancy field is a pattern named by 16 bits, others are put together from frequent slices.
 //!
 //! ```text
 //! class    reference                            field
 //! ranked   1 word   m:3 i:13                    patterns[i], mirrored along the axes m
 //! sliced   2 words  d:8 c:8 b:8 a:8             slices[a] | slices[b] << 16 | slices[c] << 32 | slices[d] << 48
 //! long     3 words  d:12 c:12 b:12 a:12         the same; where a is 4095: rare[d c b], 36 bits        with over 256 slices
-//!          4 words  the field                                                                         otherwise
+//!          4 words  the field itself                                                                   otherwise
 //! ```
-//! A pattern stands for itself and its mirror images, the least of which it is. A slice is a cell's 4 × 4 voxels of one z: surfaces
-//! cut a cell in countless ways, a slice in few. Of cortex's fields 77 % are ranked and 18 % sliced. All tables follow from the
-//! fields alone; in noise, where slices repeat no more than fields, there are at most 256 of them.
+//! A pattern represents itself and its mirror images; it is the least of them. A slice is a cell's 4 × 4 voxels of one z: surfaces cut a
+//! cell in countless ways, but a slice in few. Of cortex's fields, 77 % are ranked and 18 % sliced. All tables depend on the fields alone.
+//! In noise, where slices repeat no more often than fields, there are at most 256 slices.
 //!
 //! # How the tables were chosen
-//! On 512³ voxels of cortex, 2.03 million references name leaves that are neither empty nor full. A short reference reaches
+//! On 512³ voxels of cortex, 2.03 million references name leaves that are neither empty nor full. Of these, a short reference
+//! reaches, with a table of these leaves:
 //!
 //! | leaves | references |
 //! |---|---|
@@ -22,29 +23,29 @@
 //! | both | 1.86 M |
 //! | **the 8,192 most frequent, mirrored: 13 bits and 3** | **1.57 M** |
 //!
-//! The last takes 16 bits a reference as the first does, and its tables 119 kB instead of 524 kB. The other references take 12 bits a
-//! slice. Slices across z are best: across another axis the references take 7 % more, differences between slices 13 % more.
-//! Rendering takes as much CPU time as with a dictionary of 65,536 leaves (1.36 CPU s for 480 × 270 pixels of 8 samples, both).
+//! The last takes 16 bits a reference like the first, and its tables take 119 kB instead of 524 kB. The other references take 12 bits a
+//! slice. Slices across z are best: slices across another axis make references 7 % larger, differences between slices 13 %. Rendering takes
+//! as much CPU time as with a dictionary of 65,536 leaves (1.36 CPU s for 480 × 270 pixels of 8 samples, both).
 
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 
-/// Most patterns: 13 bits of a reference are left beside the mirrors.
+/// Largest number of patterns: a reference has 13 bits beside those for mirroring.
 pub const MAX_PATTERNS: usize = 1 << 13;
 
-/// Slices that 8 bits name.
+/// Number of slices that 8 bits can name.
 pub const SHORT_SLICES: usize = 1 << 8;
 
-/// Most slices: 12 bits name one, and one number of 12 bits says that the field is a rare one.
+/// Largest number of slices: 12 bits name a slice, and one value of the 12 bits marks a rare field.
 pub const MAX_SLICES: usize = RARE as usize;
 
-/// Number of a first slice that says that the field is a rare one.
+/// Value of the first slice number that marks a rare field.
 pub(crate) const RARE: u64 = (1 << 12) - 1;
 
-/// Words that a pattern takes itself.
+/// Words that a pattern occupies in its table.
 const WORDS_OF_PATTERN: u64 = 4;
 
-/// How a node names a field, in the order of the words that a reference takes: 0, 1, 2, and 3 or 4.
+/// How a node refers to a field, in the order of the number of words that a reference takes: 0, 1, 2, and 3 or 4.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Class {
     Solid = 0,
@@ -53,7 +54,7 @@ pub(crate) enum Class {
     Long = 3,
 }
 
-/// See the module.
+/// The tables of leaves that the nodes of a volume share.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Leaves {
     pub(crate) patterns: Vec<u64>,
@@ -61,14 +62,14 @@ pub struct Leaves {
     pub(crate) rare: Vec<u64>,
 }
 
-/// By which a voxel's number in its cell is changed where the field is mirrored along the axes of `mirrors` (bit 0: x).
+/// Mask that is XORed with a voxel's number in its cell to mirror the field along the axes of `mirrors` (bit 0: x).
 #[inline(always)]
 pub(crate) fn flip_of(mirrors: u32) -> u32 {
     let along = |axis: u32| mirrors >> axis & 1;
     along(0) * 0b11 + along(1) * 0b11_00 + along(2) * 0b11_00_00
 }
 
-/// A field whose voxel v is voxel v ^ `flip` of another.
+/// The field whose voxel v is voxel v ^ `flip` of `field`.
 #[inline]
 pub fn flipped(field: u64, flip: u32) -> u64 {
     let mut f = field;
@@ -90,7 +91,7 @@ pub fn flipped(field: u64, flip: u32) -> u64 {
     f
 }
 
-/// The least of a field's mirror images.
+/// The least of a field's mirror images, which stands for all of them.
 fn least_image(field: u64) -> u64 {
     (0..8).map(|m| flipped(field, flip_of(m))).min().unwrap_or(field)
 }
@@ -101,7 +102,7 @@ fn slices_of(field: u64) -> [u16; 4] {
     [0, 16, 32, 48].map(|s| (field >> s) as u16)
 }
 
-/// Keys by falling weight, then rising key; the first `most` of them.
+/// The first `most` keys, by falling weight, then by rising key.
 fn heaviest<K: Copy + Ord + Send>(mut weighed: Vec<(u64, K)>, most: usize) -> Vec<K> {
     let rank = |&(weight, key): &(u64, K)| (std::cmp::Reverse(weight), key);
     if weighed.len() > most {
@@ -109,11 +110,11 @@ fn heaviest<K: Copy + Ord + Send>(mut weighed: Vec<(u64, K)>, most: usize) -> Ve
         weighed.truncate(most);
     }
     weighed.sort_unstable_by_key(rank);
-    // Through an iterator of known length into a vector of its own: `into_iter` would keep the larger allocation.
+    // Collected from an iterator of known length into a new vector: `into_iter` would keep the larger allocation.
     weighed.iter().map(|&(_, key)| key).collect()
 }
 
-/// A field among those that are to be named.
+/// A distinct field, its pattern, and how often it is used.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct Counted {
     pattern: u64,
@@ -121,7 +122,7 @@ struct Counted {
     uses: u64,
 }
 
-/// Number of each slice; `u16::MAX` where it has none.
+/// Number of each slice in the table; `u16::MAX` where a slice is not in it.
 struct SliceNumbers(Vec<u16>);
 
 impl SliceNumbers {
@@ -131,7 +132,7 @@ impl SliceNumbers {
         Self(numbers)
     }
 
-    /// The numbers of a field's slices and the highest of them.
+    /// The numbers of a field's slices, and the highest of them.
     #[inline]
     fn of(&self, field: u64) -> ([u16; 4], usize) {
         let numbers = slices_of(field).map(|s| self.0[usize::from(s)]);
@@ -140,12 +141,12 @@ impl SliceNumbers {
 }
 
 impl Leaves {
-    /// The leaves of these fields (one entry a use), which are neither empty nor full; sorts `uses` as its scratch.
+    /// Chooses the leaves for these fields (one entry a use), which are neither empty nor full; sorts `uses` in place.
     ///
-    /// First the slices: the most frequent ones of fields that are not among the [`MAX_PATTERNS`] most used patterns, those that
-    /// are there twice at most left out (a use saves half a word, and a slice takes one). Then the patterns by the words that each
-    /// saves; one that saves no more than its own 4 words is left out. With up to [`MAX_SLICES`] slices or with [`SHORT_SLICES`],
-    /// whichever takes fewer words.
+    /// The slices come first: the most frequent slices of those fields that are not among the [`MAX_PATTERNS`] most used patterns. Slices
+    /// that occur at most twice are left out (a use saves half a word, and a slice takes one). Then come the patterns, by the words that
+    /// each saves; one that saves no more than its own 4 words is left out. The result has up to [`MAX_SLICES`] slices or up to
+    /// [`SHORT_SLICES`], whichever takes fewer words in all.
     pub(crate) fn of_fields(mut uses: Vec<u64>) -> Self {
         uses.par_sort_unstable();
         let count = |same: &[u64]| Counted { pattern: 0, field: same[0], uses: same.len() as u64 };
@@ -175,13 +176,13 @@ impl Leaves {
         if words_of_more < words { of_more } else { leaves }
     }
 
-    /// The leaves with these slices, and the words that they and all references take.
+    /// The leaves with these slices, and the number of words that they and all references take.
     fn with_slices(slices: Vec<u16>, counted: &[Counted]) -> (u64, Self) {
         let numbers = SliceNumbers::new(&slices);
         let mut leaves = Self { patterns: Vec::new(), slices, rare: Vec::new() };
         let long = leaves.words_of(Class::Long) as u64;
         let is_rare = |highest: usize| long == 3 && highest >= MAX_SLICES;
-        // Words of a field without a pattern.
+        // Words of a field that has no pattern.
         let words = |c: &Counted| match numbers.of(c.field).1 {
             highest if highest < SHORT_SLICES => 2 * c.uses,
             highest => long * c.uses + if is_rare(highest) { 4 } else { 0 },
@@ -213,7 +214,7 @@ impl Leaves {
         self.words_of(Class::Long)
     }
 
-    /// Words of a reference.
+    /// Words of a reference of a class.
     #[inline(always)]
     pub(crate) fn words_of(&self, class: Class) -> usize {
         match class {
@@ -228,48 +229,48 @@ impl Leaves {
         usize::from(self.slices.len() <= SHORT_SLICES)
     }
 
-    /// Fields that 16 bits name, at most [`MAX_PATTERNS`]: each the least of its mirror images.
+    /// Patterns that 16 bits can name, at most [`MAX_PATTERNS`]; each is the least of its mirror images.
     pub fn patterns(&self) -> &[u64] {
         &self.patterns
     }
 
-    /// Slices by number, at most [`MAX_SLICES`]: bit x + 4·y of one is voxel (x, y).
+    /// Slices by number, at most [`MAX_SLICES`]; bit x + 4·y of a slice is its voxel (x, y).
     pub fn slices(&self) -> &[u16] {
         &self.slices
     }
 
-    /// Fields that have slices without a number, where long references are short.
+    /// Fields that have slices outside of the table, where long references take 3 words.
     pub fn rare(&self) -> &[u64] {
         &self.rare
     }
 
-    /// Heap bytes held.
+    /// Bytes held on the heap.
     pub fn bytes(&self) -> u64 {
         let fields = self.patterns.capacity() + self.rare.capacity();
         (fields * size_of::<u64>() + self.slices.capacity() * size_of::<u16>()) as u64
     }
 
-    /// Pattern and flip of a ranked reference.
+    /// The pattern and the flip of a ranked reference.
     #[inline(always)]
     pub(crate) fn ranked(&self, word: u16) -> (u64, u32) {
         (self.patterns[usize::from(word) % MAX_PATTERNS], flip_of(u32::from(word) / MAX_PATTERNS as u32))
     }
 
-    /// Field of slices with these numbers.
+    /// The field made of the slices with these numbers.
     #[inline(always)]
     fn of_slices(&self, numbers: [u64; 4]) -> u64 {
         let [a, b, c, d] = numbers.map(|n| u64::from(self.slices[n as usize]));
         a | b << 16 | c << 32 | d << 48
     }
 
-    /// Field of a sliced reference.
+    /// The field of a sliced reference.
     #[inline(always)]
     pub(crate) fn sliced(&self, words: [u16; 2]) -> u64 {
         let [a, b] = words.map(u64::from);
         self.of_slices([a & 255, a >> 8, b & 255, b >> 8])
     }
 
-    /// Field of a long reference at the start of some words.
+    /// The field of the long reference at the start of `words`.
     #[inline(always)]
     pub(crate) fn long(&self, words: &[u16]) -> u64 {
         let w = |i: usize| u64::from(words[i]) << (16 * i);
@@ -284,10 +285,10 @@ impl Leaves {
     }
 }
 
-/// Names fields by given leaves.
+/// Finds the reference of a field in a table of leaves.
 pub(crate) struct LeafIndex<'a> {
     leaves: &'a Leaves,
-    /// Of each pattern and its mirror images, the lowest reference.
+    /// The lowest reference of each pattern and of each of its mirror images.
     ranked: FxHashMap<u64, u16>,
     slices: SliceNumbers,
 }
@@ -304,7 +305,7 @@ impl<'a> LeafIndex<'a> {
         Self { leaves, ranked, slices: SliceNumbers::new(&leaves.slices) }
     }
 
-    /// Words of the reference of a field that is neither empty nor full.
+    /// Number of words of the reference of a field that is neither empty nor full.
     #[inline]
     pub(crate) fn words(&self, field: u64) -> usize {
         let class = if self.ranked.contains_key(&field) {
@@ -317,7 +318,7 @@ impl<'a> LeafIndex<'a> {
         self.leaves.words_of(class)
     }
 
-    /// The reference of a field: class, its words, and how many they are.
+    /// The reference of a field: its class, its words, and their number.
     #[inline]
     pub(crate) fn reference(&self, field: u64) -> (Class, [u16; 4], usize) {
         if let Some(&word) = self.ranked.get(&field) {
@@ -332,7 +333,7 @@ impl<'a> LeafIndex<'a> {
         } else {
             let numbers = match highest < MAX_SLICES {
                 true => [a, b, c, d].iter().rev().fold(0, |all, &n| all << 12 | u64::from(n)),
-                // All fields that need it are there: the leaves were made of them.
+                // Every field that needs an entry has one, because the table was made from these fields.
                 false => (self.leaves.rare.partition_point(|&f| f < field) as u64) << 12 | RARE,
             };
             (Class::Long, slices_of(numbers), long)
@@ -366,7 +367,7 @@ mod tests {
         }
     }
 
-    /// Names all of these by their leaves; how many there were of each class, and of rare ones.
+    /// Refers to every field by the leaves and checks that it is read back. Returns the leaves and the number of references of each class.
     fn named(uses: Vec<u64>) -> (Leaves, [usize; 4]) {
         let leaves = Leaves::of_fields(uses.clone());
         assert!(leaves.patterns.len() <= MAX_PATTERNS && leaves.slices.len() <= MAX_SLICES);
@@ -390,7 +391,7 @@ mod tests {
         (leaves, seen)
     }
 
-    /// More fields of so many kinds of slices than there can be patterns, and one of noise for each `noise`.
+    /// More fields, made of `slices` kinds of slices, than there can be patterns, and a random field after every `noise` of them.
     fn fields(slices: u64, noise: u64) -> Vec<u64> {
         let mut s = 7;
         let slice = |s: &mut u64| 0xFFFE - 37 * ((random(s) >> 40) % slices);
@@ -410,7 +411,7 @@ mod tests {
         let (leaves, seen) = named(fields(24, 7));
         assert!(leaves.slices.len() <= SHORT_SLICES && leaves.rare.is_empty());
         assert!(seen[1] > 1000 && seen[2] > 1000 && seen[3] > 1000, "{seen:?}");
-        // Slices of 12 bits, and a few fields that have none.
+        // Now with slices of 12 bits, and a few fields whose slices are not in the table.
         let (leaves, seen) = named(fields(700, 70));
         assert!(leaves.slices.len() > SHORT_SLICES && leaves.rare.len() > 100, "{}", leaves.rare.len());
         assert!(seen[1] > 1000 && seen[2] > 1000 && seen[3] > 1000, "{seen:?}");
@@ -425,10 +426,10 @@ mod tests {
 
     #[test]
     fn a_pattern_must_save_more_than_it_takes() {
-        // A use saves three words where a slice has no number, else one; a pattern takes four.
+        // A use saves three words where a slice is not in the table, otherwise one; a pattern takes four.
         let leaves = Leaves::of_fields([vec![0xF0; 4], vec![0xF; 5]].concat());
         assert_eq!(leaves.patterns, [0xF]);
-        // Mirrored along y: one pattern.
+        // Fields mirrored along y have one pattern.
         let leaves = Leaves::of_fields([vec![0xF000; 3], vec![0xF; 2], vec![0x8]].concat());
         assert_eq!(leaves.patterns, [0xF]);
     }

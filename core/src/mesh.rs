@@ -1,41 +1,41 @@
-//! A triangle mesh as plain data: where its corners are, which three make a triangle, which material each triangle has.
+//! A triangle mesh as plain data: positions of corners, three corners for each triangle, a material index for each triangle.
 //!
-//! A mesh stands beside volumes in a scene and is no volume: nothing here is compressed but normals. Whoever reads a mesh file fills
-//! [`MeshData::new`]; what it lets through, renderers may index and compute with unasked.
+//! A mesh stands beside volumes in a scene; nothing of it is compressed but its normals. Readers of mesh files call [`MeshData::new`],
+//! which checks the data, so that renderers can use it without further checks.
 //!
-//! **Normals**, of meshes that are shaded smooth, are words of 32 bits, one for each corner of each triangle; [`crate::octahedral`]
-//! says what is in them. A mesh that is flat everywhere has none. So an edge may be sharp on one side alone, and twelve bytes a
-//! triangle are all that smoothness costs.
+//! **Normals** of meshes that are shaded smooth are words of 32 bits, one for each corner of each triangle; [`crate::octahedral`] describes
+//! them. A mesh that is flat everywhere has none. So an edge may be sharp on one side alone, and smoothness costs just twelve bytes a
+//! triangle.
 
 use xxhash_rust::xxh3::Xxh3;
 
 use crate::octahedral;
 
-/// Most triangles, and most corners: numbers above are kept for marks.
+/// Largest number of triangles, and of corners; greater indices are reserved for marks.
 pub const MAX_TRIANGLES: usize = 1 << 31;
 
-/// Why numbers make no mesh.
+/// Reasons to refuse the data of a mesh.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum MeshError {
-    /// A place is NaN or infinite.
+    /// A position is NaN or infinite.
     #[error("corner {corner}: expected finite numbers, got {position:?}")]
     NotFinite {
-        /// Which.
+        /// Index of the corner.
         corner: usize,
-        /// What was given.
+        /// The position that was given.
         position: [f64; 3],
     },
-    /// A triangle names a corner that is not there.
-    #[error("triangle {triangle} names corner {corner}, but there are {corners}")]
+    /// A triangle refers to a corner that does not exist.
+    #[error("triangle {triangle}: expected corners below {corners}, got {corner}")]
     NoSuchCorner {
-        /// Which triangle.
+        /// Index of the triangle.
         triangle: usize,
-        /// The corner's number.
+        /// Index of the corner.
         corner: u32,
-        /// How many corners there are.
+        /// Number of corners.
         corners: usize,
     },
-    /// Not one material for each triangle.
+    /// The number of materials differs from the number of triangles.
     #[error("expected a material for each of {triangles} triangles, got {materials}")]
     Materials {
         /// Number of triangles.
@@ -43,12 +43,12 @@ pub enum MeshError {
         /// Number of materials.
         materials: usize,
     },
-    /// Not one normal for each place that has one.
+    /// The number of normals differs from the number of corners that need one.
     #[error("expected a normal for each of {places} {what}, got {normals}")]
     Normals {
-        /// Corners of the mesh, or of its triangles.
+        /// "corners" (of the mesh) or "corners of triangles".
         what: &'static str,
-        /// How many there are.
+        /// Number of these corners.
         places: usize,
         /// Number of normals.
         normals: usize,
@@ -56,41 +56,41 @@ pub enum MeshError {
     /// A normal is NaN or infinite.
     #[error("normal {number}: expected finite numbers, got {normal:?}")]
     NormalNotFinite {
-        /// Which.
+        /// Index of the normal.
         number: usize,
-        /// What was given.
+        /// The normal that was given.
         normal: [f32; 3],
     },
-    /// More than numbers can name.
-    #[error("{what}: {got} are more than the limit of 2^31")]
+    /// More triangles or corners than indices can address.
+    #[error("{what}: expected at most 2^31, got {got}")]
     TooMany {
-        /// Triangles or corners.
+        /// "triangles" or "corners".
         what: &'static str,
-        /// How many.
+        /// Their number.
         got: usize,
     },
 }
 
-/// See the module.
+/// A checked triangle mesh; see the module documentation.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MeshData {
     positions: Vec<[f64; 3]>,
     triangles: Vec<[u32; 3]>,
     materials: Vec<u32>,
-    /// Of each triangle's corners; empty where all is flat.
+    /// Normals of each triangle's corners; empty where everything is flat.
     normals: Vec<[u32; 3]>,
 }
 
-/// A corner nearer to its triangle's own normal than this is flat: single precision turns normals by less, and so do words. Cosine of
-/// 1e-4 rad.
+/// A normal closer to its triangle's own normal than this counts as flat: rounding to single precision and to 32-bit words turns a normal
+/// by less. It is the cosine of 1e-4 rad.
 const FLAT_COSINE: f64 = 1.0 - 5e-9;
 
 impl MeshData {
-    /// A mesh of corners in its own space, triangles that name three of them each (counterclockwise as seen from outside), and a
-    /// material index for each triangle; no material indices: all have 0.
+    /// A mesh of corners in its own space, of triangles with three corner indices each (counterclockwise as seen from outside), and of a
+    /// material index for each triangle. Without material indices, all triangles have index 0.
     ///
     /// # Errors
-    /// [`MeshError`] names the first number at fault.
+    /// [`MeshError`], which gives the first number at fault.
     pub fn new(
         positions: Vec<[f64; 3]>,
         triangles: Vec<[u32; 3]>,
@@ -116,11 +116,11 @@ impl MeshData {
         Ok(Self { positions, triangles, materials, normals: Vec::new() })
     }
 
-    /// Shaded smooth: a normal for each corner of the mesh, on the outer side, of any length. One of 0 says nothing: the normals of
-    /// the triangles that meet there stay what they are.
+    /// Makes the mesh smooth with a normal for each corner of the mesh. Normals point outward and may have any length. For a normal of
+    /// length 0, the triangles that meet at the corner keep their own normals there.
     ///
     /// # Errors
-    /// [`MeshError`] where there is another number of them, or one is not finite.
+    /// [`MeshError`] where the number of normals is wrong, or a normal is not finite.
     pub fn with_corner_normals(self, normals: &[[f32; 3]]) -> Result<Self, MeshError> {
         self.check_normals("corners", self.positions.len(), normals)?;
         let of_triangle = |t: &[u32; 3]| t.map(|c| normals[c as usize]);
@@ -128,8 +128,8 @@ impl MeshData {
         Ok(self.smooth(all))
     }
 
-    /// The same with a normal for each corner of each triangle, one triangle after the other: where triangles that share a corner of
-    /// the mesh differ there, the edge between them is sharp.
+    /// Makes the mesh smooth with a normal for each corner of each triangle, one triangle after the other. Where triangles that share a
+    /// corner have different normals there, the edge between them is sharp.
     ///
     /// # Errors
     /// As [`MeshData::with_corner_normals`].
@@ -170,7 +170,7 @@ impl MeshData {
         self
     }
 
-    /// Normals at the corners of each triangle, as [`crate::octahedral`] has them; empty where all is flat.
+    /// Normals at the corners of each triangle in the form of [`crate::octahedral`]; empty where everything is flat.
     pub fn normals(&self) -> &[[u32; 3]] {
         &self.normals
     }
@@ -195,7 +195,7 @@ impl MeshData {
         self.materials.get(triangle).copied().unwrap_or(0)
     }
 
-    /// XXH3-128 of all its numbers: of a mesh with other corners, triangles, material indices or normals it is another.
+    /// XXH3-128 of all corners, triangles, material indices and normals.
     pub fn content_hash(&self) -> u128 {
         let mut hasher = Xxh3::new();
         for count in [self.positions.len(), self.triangles.len(), self.materials.len()] {
@@ -210,23 +210,23 @@ impl MeshData {
         hasher.digest128()
     }
 
-    /// Heap bytes.
+    /// Bytes held on the heap.
     pub fn bytes(&self) -> u64 {
         let triangles = self.triangles.len() + self.normals.len();
         (self.positions.len() * 24 + triangles * 12 + self.materials.len() * 4) as u64
     }
 }
 
-/// Of a triangle, to where its corners are seen to turn counterclockwise; of any length.
+/// Normal of a triangle, of any length, on the side from which its corners appear counterclockwise.
 fn normal_of([a, b, c]: [[f64; 3]; 3]) -> [f64; 3] {
     let from_a = |p: [f64; 3]| [0, 1, 2].map(|i| p[i] - a[i]);
     let (u, v) = (from_a(b), from_a(c));
-    // Sides of one length first: products of tiny ones would be 0.
+    // The sides are scaled to one length first, because products of tiny sides would be 0.
     let (Some(u), Some(v)) = (unit(u), unit(v)) else { return [0.0; 3] };
     [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]]
 }
 
-/// The direction; of 0 none.
+/// The vector scaled to length 1; `None` for a zero or infinite one.
 fn unit(v: [f64; 3]) -> Option<[f64; 3]> {
     let largest = v.iter().fold(0.0f64, |m, c| m.max(c.abs()));
     if largest == 0.0 || !largest.is_finite() {
@@ -256,7 +256,7 @@ mod tests {
         );
         assert_eq!(
             text(&corners, vec![[0, 1, 2], [0, 3, 1]], vec![]),
-            "triangle 1 names corner 3, but there are 3"
+            "triangle 1: expected corners below 3, got 3"
         );
         assert_eq!(
             text(&corners, vec![[0, 1, 2]], vec![1, 2]),
@@ -279,7 +279,7 @@ mod tests {
         );
         let told = mesh().with_triangle_normals(&[up; 5]).unwrap_err().to_string();
         assert_eq!(told, "expected a normal for each of 6 corners of triangles, got 5");
-        // What says nothing, and what the triangles have anyway.
+        // Zero normals, and normals that the triangles have anyway.
         for same in [[0.0; 3], up, [0.0, 5e-5, 1.0], [-0.0, 0.0, f32::MIN_POSITIVE]] {
             assert_eq!(mesh().with_corner_normals(&[same; 4]).unwrap(), mesh(), "{same:?}");
         }
@@ -294,9 +294,9 @@ mod tests {
         let by_triangle = [up, up, [0.3, 0.0, 1.0], up, up, up];
         let sharp = mesh().with_triangle_normals(&by_triangle).unwrap();
         assert_eq!(sharp.normals(), [[octahedral::FLAT, octahedral::FLAT, word], [octahedral::FLAT; 3]]);
-        // The other side of a triangle is not its own.
+        // A normal on the other side of a triangle is not the triangle's own.
         assert!(mesh().with_corner_normals(&[[0.0, 0.0, -1.0]; 4]).unwrap().is_smooth());
-        // A triangle of no size has no normal of its own.
+        // A triangle without area has no normal of its own.
         let line = MeshData::new(corners[..2].to_vec(), vec![[0, 1, 1]], vec![]).unwrap();
         assert!(line.with_corner_normals(&[up; 2]).unwrap().is_smooth());
     }

@@ -1,12 +1,12 @@
 //! Morton codes: three 21-bit coordinates interleaved bit by bit, x lowest.
 //!
-//! Everything that has a place in space (cells, boxes, chunks) is sorted by this code, so that neighbours in space are mostly
-//! neighbours in memory. A code shifted right by 3·k bits is the code of the enclosing cube of side 2ᵏ.
+//! Cells, boxes and chunks are sorted by this code, so that neighbours in space are mostly neighbours in memory. A code shifted right by
+//! 3·k bits is the code of the enclosing cube of side 2ᵏ.
 
 /// Bits of one coordinate.
 pub const AXIS_BITS: u32 = 21;
 
-/// Spreads 21 bits so that two zero bits follow each (the usual magic masks: each step doubles the gap).
+/// Spreads 21 bits so that two zero bits follow each, with the usual magic masks.
 #[inline]
 fn spread(v: u32) -> u64 {
     let mut v = u64::from(v) & 0x1F_FFFF;
@@ -28,14 +28,14 @@ fn gather(mut v: u64) -> u32 {
     ((v | v >> 32) & 0x1F_FFFF) as u32
 }
 
-/// Code of a point; each coordinate is below 2²¹.
+/// Morton code of a point; each coordinate must be below 2²¹.
 #[inline]
 pub fn encode(p: [u32; 3]) -> u64 {
     debug_assert!(p.iter().all(|&c| c >> AXIS_BITS == 0));
     spread(p[0]) | spread(p[1]) << 1 | spread(p[2]) << 2
 }
 
-/// The point of a code.
+/// The point that a code stands for.
 #[inline]
 pub fn decode(code: u64) -> [u32; 3] {
     [gather(code), gather(code >> 1), gather(code >> 2)]
@@ -45,7 +45,7 @@ pub fn decode(code: u64) -> [u32; 3] {
 mod tests {
     use super::*;
 
-    /// Bit by bit, from the definition.
+    /// Morton code bit by bit, from the definition.
     fn naive(p: [u32; 3]) -> u64 {
         (0..63).map(|b| u64::from(p[b % 3] >> (b / 3) & 1) << b).sum()
     }

@@ -1,8 +1,8 @@
-//! One 64-wide node: the voxels of a 16³ box as 4³ cells of 4³ voxels.
+//! A node with 64 children: the voxels of a 16³ box as 4³ cells of 4³ voxels.
 //!
 //! The paper (§3.2, §3.3) stores an octree node in 32 bytes with eight explicit child pointers and a 64-bit occupancy field at
-//! the 4³ level. Its upper levels are nearly never shared on real data (96 % of whole 16³ roots are unique), so here the two
-//! octree levels above the cells are one node with bit masks, and only the cells' occupancy fields are shared.
+//! the 4³ level. On real data the upper levels are hardly ever shared (96 % of whole 16³ roots are unique), so here the two octree levels
+//! above the cells are one node with bit masks, and only the cells' occupancy fields are shared.
 //!
 //! ```text
 //! a node in the array of 16-bit words, little-endian:
@@ -19,14 +19,14 @@
 //!             1   0   ranked                        1 word    ([`crate::leaves`])
 //!             0   1   sliced                        2 words
 //!             1   1   long                          3 words, in some volumes 4
-//! field      bit v: voxel v of the cell is there    v = x + 4·y + 16·z of the voxel in its cell
+//! field      bit v: voxel v of the cell is set      v = x + 4·y + 16·z of the voxel in its cell
 //! ```
-//! So a cell's reference begins popcount(low) + 2·popcount(high) words behind the first, over the ranks below, and where long ones have
-//! 4 words, popcount(low ∧ high) farther.
+//! So the reference of the cell of rank r begins popcount(low) + 2·popcount(high) words after the first reference, counted over the ranks
+//! below r; where long references have 4 words, popcount(low ∧ high) words are added.
 //!
 //! # Forms that were measured
-//! MB in memory without the hierarchy (per cent of 4 bytes a voxel), of 512³ voxels: *cortex*, 2,523 labels, 99 % solid; *cells*,
-//! 17,001 synthetic labels, 15 % solid.
+//! Megabytes in memory without the bounding volume hierarchy (in per cent of 4 bytes a voxel), for 512³ voxels: *cortex*, 2,523 labels,
+//! 99 % solid; *cells*, 17,001 synthetic labels, 15 % solid.
 //!
 //! | form | cortex | cells |
 //! |---|---|---|
@@ -37,33 +37,33 @@
 //! | the same on a grid without snapping (a prototype) | 11.3 (2.10) | 4.1 (0.77) |
 //! | several labels a box, in priority order (a prototype) | 10.2 (1.89) | 5.0 (0.93) |
 //! | 64-wide nodes, 8,192 leaves and their mirror images, other leaves by slices of 8 bits | 8.4 (1.57) | |
-//! | **the same, slices of 12 bits too and rare leaves apart: this form** | **8.2 (1.54)** | **5.2 (0.98)** |
+//! | **the same, slices of 12 bits too, and a separate table of rare leaves: the form in use** | **8.2 (1.54)** | **5.2 (0.98)** |
 //!
-//! A box of several labels cannot leave a hidden one out, and takes more bytes than this form.
+//! A box of several labels cannot leave out a hidden label, and takes more bytes than the form in use.
 
 use crate::leaves::{Class, LeafIndex, Leaves, flipped};
 
 /// Words (16 bits each) of a node before its classes.
 pub(crate) const OCCUPIED_WORDS: usize = 4;
 
-/// Words that a node takes at most: every cell with a field of its own.
+/// Largest number of words of a node: every cell has a long reference of 4 words.
 pub(crate) const MOST_NODE_WORDS: usize = OCCUPIED_WORDS + 8 + 4 * 64;
 
-/// Words of a node up to its references, where so many cells are occupied.
+/// Number of words of a node before its references, by its number of occupied cells.
 #[inline(always)]
 pub(crate) fn header_words(occupied_cells: u32) -> usize {
     OCCUPIED_WORDS + (2 * occupied_cells as usize).div_ceil(16)
 }
 
-/// A node, read in place.
+/// A node, read in place from the array of words.
 #[derive(Clone, Copy, Debug)]
 pub struct NodeRef<'a> {
-    /// Cells with a voxel.
+    /// Bit c is set when cell c has a voxel.
     pub occupied: u64,
-    /// Classes by rank, each the lower and the upper bit.
+    /// Class of each occupied cell by rank: lower and upper bits.
     low: u64,
     high: u64,
-    /// From the first word of the first reference on.
+    /// Words from the first reference on.
     references: &'a [u16],
     leaves: &'a Leaves,
 }
@@ -74,7 +74,7 @@ fn word64(words: &[u16], at: usize) -> u64 {
     u64::from(w[0]) | u64::from(w[1]) << 16 | u64::from(w[2]) << 32 | u64::from(w[3]) << 48
 }
 
-/// Words of references whose classes are these; long ones have so many beyond three.
+/// Number of words of the references with these classes; a long reference has 3 + `beyond_3` words.
 #[inline(always)]
 fn reference_words(low: u64, high: u64, beyond_3: usize) -> usize {
     let three = (low.count_ones() + 2 * high.count_ones()) as usize;
@@ -85,13 +85,13 @@ impl<'a> NodeRef<'a> {
     /// The node at word `at` of `nodes`.
     ///
     /// # Panics
-    /// When the node does not lie within `nodes`; a volume's constructor checks each of its references once.
+    /// When the node does not lie within `nodes`; the constructor of a volume checks each of its references once.
     #[inline(always)]
     pub fn read(nodes: &'a [u16], at: usize, leaves: &'a Leaves) -> Self {
         let node = &nodes[at..];
         let occupied = word64(node, 0);
         let n = occupied.count_ones();
-        // 128 bits hold the classes of all 64 cells; they may reach behind the node, and behind the last one there is nothing.
+        // The classes of all 64 cells take 128 bits. Reading that many may pass the node's end; after the last node there are fewer words.
         let classes = match node.get(OCCUPIED_WORDS..OCCUPIED_WORDS + 8) {
             Some(words) => u128::from(word64(words, 0)) | u128::from(word64(words, 4)) << 64,
             None => node[OCCUPIED_WORDS..].iter().rev().fold(0, |bits, &w| bits << 16 | u128::from(w)),
@@ -106,14 +106,14 @@ impl<'a> NodeRef<'a> {
         }
     }
 
-    /// Occupancy field of cell `c` in 0..64: 0 where empty, all ones where solid.
+    /// Occupancy field of cell `c` in 0..64: 0 for an empty cell, all ones for a solid one.
     #[inline]
     pub fn field(&self, c: u32) -> u64 {
         let (field, flip) = self.flipped_field(c);
         flipped(field, flip)
     }
 
-    /// Whether voxel `voxel` of cell `c` is there.
+    /// Whether voxel `voxel` of cell `c` is set.
     #[inline]
     pub fn has(&self, c: u32, voxel: u32) -> bool {
         let (field, flip) = self.flipped_field(c);
@@ -145,12 +145,12 @@ impl<'a> NodeRef<'a> {
             + reference_words(self.low, self.high, self.leaves.words_beyond_3())
     }
 
-    /// Cells with all 64 voxels.
+    /// Mask of the cells that have all 64 voxels.
     pub fn solid(&self) -> u64 {
         self.classes().filter(|&(_, class)| class == Class::Solid).fold(0, |mask, (c, _)| mask | 1 << c)
     }
 
-    /// The occupied cells by rising c, and how each one's field is named.
+    /// The occupied cells by rising c, with the class of each.
     pub(crate) fn classes(&self) -> impl Iterator<Item = (u32, Class)> + use<> {
         let (mut cells, mut low, mut high) = (self.occupied, self.low, self.high);
         std::iter::from_fn(move || {
@@ -167,19 +167,19 @@ impl<'a> NodeRef<'a> {
         })
     }
 
-    /// The occupied cells by rising c with their fields: quicker than asking for one after another.
+    /// The occupied cells by rising c with their fields; faster than one call of [`NodeRef::field`] for each.
     #[inline]
     pub fn fields(&self) -> impl Iterator<Item = (u32, u64)> + use<'a> {
         self.flipped_fields().map(|(c, field, flip)| (c, flipped(field, flip)))
     }
 
-    /// The same with a flip each, as [`NodeRef::flipped_field`] has it.
+    /// Like [`NodeRef::fields`], with fields and flips as [`NodeRef::flipped_field`] returns them.
     #[inline]
     pub(crate) fn flipped_fields(&self) -> FlippedFields<'a> {
         FlippedFields(*self)
     }
 
-    /// The classes with the first word of each one's reference, counted from the node's.
+    /// The occupied cells by rising c, with class and offset in words of the reference from the node's start.
     pub(crate) fn references(&self) -> impl Iterator<Item = (u32, Class, usize)> + use<'a> {
         let (mut at, leaves) = (header_words(self.occupied.count_ones()), self.leaves);
         self.classes().map(move |(c, class)| {
@@ -190,7 +190,7 @@ impl<'a> NodeRef<'a> {
     }
 }
 
-/// See [`NodeRef::flipped_fields`]: a node without the cells that have been.
+/// Iterator of [`NodeRef::flipped_fields`]; holds the node without the cells that it has returned.
 pub(crate) struct FlippedFields<'a>(NodeRef<'a>);
 
 impl Iterator for FlippedFields<'_> {
@@ -220,13 +220,13 @@ impl Iterator for FlippedFields<'_> {
     }
 }
 
-/// Words of a node with these contents.
+/// Number of words of a node with these contents.
 pub(crate) fn node_words(occupied: u64, fields: &[u64], index: &LeafIndex) -> usize {
     let references: usize = fields.iter().map(|&f| index.words(f)).sum();
     header_words(occupied.count_ones()) + references
 }
 
-/// Writes a node; `fields` are those of its occupied, not solid cells by rising c. `node` has [`node_words`] words.
+/// Writes a node into `node`, which has [`node_words`] words. `fields` are those of its occupied, not solid cells by rising c.
 pub(crate) fn write_node(occupied: u64, solid: u64, fields: &[u64], index: &LeafIndex, node: &mut [u16]) {
     let n = occupied.count_ones();
     let (header, mut references) = node.split_at_mut(header_words(n));
@@ -250,13 +250,13 @@ pub(crate) fn write_node(occupied: u64, solid: u64, fields: &[u64], index: &Leaf
     bits.iter_mut().zip(0..).for_each(|(w, i)| *w = (classes >> (16 * i)) as u16);
 }
 
-/// Extent in cells of the tight box of some cells: one more than the highest coordinate along each axis.
+/// Extent in cells of the box that starts at cell 0 and is tight at its end: the highest coordinate along each axis, plus 1.
 pub(crate) fn extent_of(occupied: u64) -> [u32; 3] {
     let layer = occupied | occupied >> 32;
     let layer = (layer | layer >> 16) & 0xFFFF;
     let row = layer | layer >> 8;
     let row = (row | row >> 4) & 15;
-    // Highest set position of x; of y and z in groups of 4 and 16 bits.
+    // Highest set bit along x; for y and z, in groups of 4 and 16 bits.
     [
         64 - row.leading_zeros(),
         (64 - layer.leading_zeros()).div_ceil(4),
@@ -268,7 +268,7 @@ pub(crate) fn extent_of(occupied: u64) -> [u32; 3] {
 mod tests {
     use super::*;
 
-    /// Contents of any kind: cells with probability `often`, one in four of them solid.
+    /// Random contents of a node: each cell is occupied with a probability of `often` per cent, one in four of these solid.
     fn contents(s: &mut u64, often: u64) -> (u64, u64, Vec<u64>) {
         let mut random = || {
             *s = s.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);

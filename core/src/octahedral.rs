@@ -1,25 +1,25 @@
-//! A direction in a word of 32 bits: the sphere, laid on an octahedron and unfolded into a square.
+//! Encodes a direction in 32 bits: the sphere is projected onto an octahedron, which is unfolded into a square.
 //!
 //! Cigolle et al. 2014, *A Survey of Efficient Representations for Independent Unit Vectors* (JCGT 3.2), §3.3:
 //!
 //! ```text
-//! bits  0..16   x, a whole number from −32767 to 32767, over 32767
-//! bits 16..32   y
-//! word  8000 8000   FLAT: no direction, but the surface's own (−32768 stands in no other word)
+//! bits  0..16   x · 32767, a whole number from −32767 to 32767
+//! bits 16..32   y · 32767
+//! word  8000 8000   FLAT: the surface's own normal, no direction (no other word contains −32768)
 //!
 //!      y                 upper half: (x, y, z) / (|x| + |y| + |z|), z left out
 //!    ╱ │ ╲               lower half: folded outward, (1 − |y|, 1 − |x|) with the signs of x and y
 //!  ╱───┼───╲ x
 //!   ╲  │  ╱
 //! ```
-//! A direction is off by less than 7·10⁻⁵ rad, as a test has it: 256 times less than what 8 bits of a picture can show.
+//! The error of a direction is below 7·10⁻⁵ rad, as a test shows: 256 times less than what 8 bits of a picture can show.
 
-/// No direction, but the surface's own.
+/// Stands for the surface's own normal.
 pub const FLAT: u32 = 0x8000_8000;
 
 const MOST: f64 = 32767.0;
 
-/// The word of a direction of length 1.
+/// Encodes a direction of length 1.
 pub fn encode(n: [f64; 3]) -> u32 {
     let sum = n[0].abs() + n[1].abs() + n[2].abs();
     let (x, y) = (n[0] / sum, n[1] / sum);
@@ -29,13 +29,13 @@ pub fn encode(n: [f64; 3]) -> u32 {
     part(x) | part(y) << 16
 }
 
-/// The direction of a word, of a length from 1/√3 to 1; of [`FLAT`] a meaningless one.
+/// Decodes a word to a direction, whose length is between 1/√3 and 1. For [`FLAT`] the result is meaningless.
 #[inline]
 pub fn decode(word: u32) -> [f32; 3] {
     let part = |bits: u32| f32::from(bits as u16 as i16) / MOST as f32;
     let (x, y) = (part(word), part(word >> 16));
     let z = 1.0 - x.abs() - y.abs();
-    // Below, what is missing to 1 is folded back.
+    // In the lower half, fold back by what the sum lacks to 1.
     let missing = (-z).max(0.0);
     let back = |v: f32| if v >= 0.0 { v - missing } else { v + missing };
     [back(x), back(y), z]
@@ -45,7 +45,7 @@ pub fn decode(word: u32) -> [f32; 3] {
 mod tests {
     use super::*;
 
-    /// Angle between a direction and what comes back of it.
+    /// Angle in radians between a direction and its decoded code.
     fn error(n: [f64; 3]) -> f64 {
         let length = n.iter().map(|v| v * v).sum::<f64>().sqrt();
         let n = n.map(|v| v / length);
@@ -69,7 +69,7 @@ mod tests {
             worst = worst.max(error([r * c, r * s, z]));
         }
         assert!(worst < 7e-5 && worst > 2e-5, "{worst}");
-        // Axes, and the edges of the fold, exactly or nearly.
+        // The axes and the edges of the fold, exactly or nearly.
         for n in [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]] {
             assert!(error(n) < 1e-12, "{n:?}");
         }

@@ -1,27 +1,28 @@
-//! From a block of labels to a part: which voxels of each 4³ cell have which label.
+//! Converts a block of labels to a part: finds which voxels of each 4³ cell have which label.
 //!
 //! ```text
 //! for each cell that the block touches, in Morton order (so that each label's records come out sorted):
 //!     read its 64 labels
-//!     if they are all equal: one record, all bits (most cells of real volumes end here)
-//!     else, while voxels remain: take the first one's label, compare all 64 with it, one record
-//! group the records by label: a counting sort, stable
+//!     if all are equal: one record with all bits set (most cells of real volumes)
+//!     else, while voxels remain: take the first one's label, compare all 64 with it, add one record
+//! group the records by label with a stable counting sort
 //! ```
-//! Labels are looked up in a small direct-mapped cache, then a hash map, never in an array by id: ids are sparse up to 2⁶⁴.
+//! Labels are looked up in a small direct-mapped cache, then in a hash map; an array by id is impossible, because ids may be any number up
+//! to 2⁶⁴.
 
 use rustc_hash::FxHashMap;
 
 use crate::block::{LabelBlock, LabelBuffer};
 use crate::cell::{CELL, Cell, SOLID};
-use crate::part::Part;
+use crate::sorted_cells::SortedCells;
 use crate::{Error, Result, morton};
 
-/// A label as it lies in memory.
+/// Number type of labels in memory.
 trait Label: Copy + Eq + Default + Into<u64> {
-    /// Whether all 64 are equal to `first`. Branch-free, so that the compiler makes vector code of it.
+    /// Whether all 64 are equal to `first`. Branch-free, so that the compiler vectorises it.
     fn all_equal(labels: &[Self; 64], first: Self) -> bool;
 
-    /// The labels in 32 bits if they stay distinct in them: twice as many compare at once.
+    /// The labels as 32-bit numbers if they stay distinct that way; then twice as many are compared at once.
     fn narrow(_: &[Self; 64]) -> Option<[u32; 64]> {
         None
     }
@@ -51,7 +52,7 @@ label! {
     }
 }
 
-/// Bit v is set where `labels[v]` is `label`.
+/// A mask whose bit v is set where `labels[v]` is `label`.
 #[inline(always)]
 fn equal_mask<T: Label>(labels: &[T; 64], label: T) -> u64 {
     let mut equal = [0u8; 64];
@@ -60,13 +61,13 @@ fn equal_mask<T: Label>(labels: &[T; 64], label: T) -> u64 {
     }
     let mut mask = 0;
     for (i, eight) in equal.as_chunks::<8>().0.iter().enumerate() {
-        // Eight bytes of 0 or 1 to eight bits: the product moves byte k's bit to bit 56 + k, without carries.
+        // Turn eight bytes of 0 or 1 into eight bits: the product moves byte k's bit to bit 56 + k, without carries.
         mask |= (u64::from_le_bytes(*eight).wrapping_mul(0x0102_0408_1020_4080) >> 56) << (8 * i);
     }
     mask
 }
 
-/// One record for each label among a cell's `valid` voxels. `keys` are equal where the labels are.
+/// Adds a record for each label among a cell's `valid` voxels. Two `keys` are equal exactly where their labels are.
 #[inline(always)]
 fn record_each<T: Label, K: Label>(
     labels: &[T; 64],
@@ -84,7 +85,7 @@ fn record_each<T: Label, K: Label>(
     }
 }
 
-/// Records of a block in the order of its cells, before they are grouped by label.
+/// Records of a block, in the order of its cells; they are not grouped by label yet.
 struct Records {
     ids: Vec<u64>,
     counts: Vec<usize>,
@@ -94,12 +95,12 @@ struct Records {
     cells: Vec<Cell>,
 }
 
-/// Slots of the label cache: more labels than this seldom meet in one 64³ neighbourhood.
+/// Slots of the label cache: more labels than this seldom occur in one 64³ neighbourhood.
 const CACHE: usize = 256;
 
 impl Records {
     fn new() -> Self {
-        // Id 0 is never looked up, so an empty slot cannot match.
+        // Id 0 is never looked up, so it marks an empty slot.
         Self {
             ids: Vec::new(),
             counts: Vec::new(),
@@ -110,13 +111,13 @@ impl Records {
         }
     }
 
-    /// Adds the voxels of a label in a cell; background leaves no record.
+    /// Adds a record of a label's voxels in a cell; background gets none.
     #[inline(always)]
     fn push(&mut self, id: u64, key: u64, mask: u64) {
         if id == 0 {
             return;
         }
-        // Fibonacci hashing: the top bits of the product depend on all of the id's.
+        // Fibonacci hashing: the top bits of the product depend on all bits of the id.
         let slot = (id.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 56) as usize % CACHE;
         let (cached, index) = self.cache[slot];
         let index = if cached == id { index } else { self.look_up(id, slot) };
@@ -136,8 +137,8 @@ impl Records {
         index
     }
 
-    /// Groups by label, labels by id; within a label the order stays.
-    fn into_part(self) -> Part {
+    /// Groups the records by label, in rising order of ids; within a label the order of records stays.
+    fn into_part(self) -> SortedCells {
         let mut order: Vec<u32> = (0..self.ids.len() as u32).collect();
         order.sort_unstable_by_key(|&i| self.ids[i as usize]);
         let mut next = vec![0; self.ids.len()];
@@ -155,16 +156,16 @@ impl Records {
             cells[*to] = cell;
             *to += 1;
         }
-        Part { ids: order.iter().map(|&i| self.ids[i as usize]).collect(), offsets, cells }
+        SortedCells { ids: order.iter().map(|&i| self.ids[i as usize]).collect(), offsets, cells }
     }
 }
 
-impl Part {
-    /// The part of one block of a volume of `dims` voxels.
+impl SortedCells {
+    /// Converts one block of a volume of `dims` voxels to a part.
     ///
     /// # Errors
-    /// [`Error::Caller`] when the block reaches beyond the volume or beyond its own buffer.
-    pub fn from_block(block: &LabelBlock, dims: [u32; 3]) -> Result<Part> {
+    /// [`Error::Caller`] when the block extends beyond the volume or beyond its own buffer.
+    pub fn from_block(block: &LabelBlock, dims: [u32; 3]) -> Result<SortedCells> {
         let LabelBlock { origin, dims: size, strides, .. } = *block;
         match &block.labels {
             LabelBuffer::U8(labels) => Scan { origin, dims: size, strides, labels }.part(dims),
@@ -174,12 +175,12 @@ impl Part {
         }
     }
 
-    /// The same of labels that lie in somebody's memory, voxel (x, y, z) of the block as a [`LabelBlock`]'s.
+    /// Like [`SortedCells::from_block`] for borrowed labels, whose strides have the meaning of [`LabelBlock::strides`].
     pub(crate) fn from_labels(
         [origin, dims]: [[u32; 3]; 2],
         (labels, strides): (&[u32], [usize; 3]),
         volume_dims: [u32; 3],
-    ) -> Result<Part> {
+    ) -> Result<SortedCells> {
         Scan { origin, dims, strides, labels }.part(volume_dims)
     }
 }
@@ -193,14 +194,14 @@ struct Scan<'a, T> {
 }
 
 impl<T: Label> Scan<'_, T> {
-    fn part(&self, volume_dims: [u32; 3]) -> Result<Part> {
+    fn part(&self, volume_dims: [u32; 3]) -> Result<SortedCells> {
         self.check(volume_dims)?;
         let mut records = Records::new();
         self.run(&mut records);
         Ok(records.into_part())
     }
 
-    /// Refuses a block whose voxels are not all in the volume and in its buffer.
+    /// Returns an error unless all voxels of the block are in the volume and in the buffer.
     fn check(&self, volume_dims: [u32; 3]) -> Result<()> {
         let Self { origin, dims, strides, labels } = self;
         let mut last = 0u128;
@@ -215,7 +216,7 @@ impl<T: Label> Scan<'_, T> {
         }
         if !dims.contains(&0) && last >= labels.len() as u128 {
             return Err(Error::Caller(format!(
-                "block at {origin:?} of {dims:?} voxels needs {} labels, has {}",
+                "block at {origin:?} of {dims:?} voxels needs {} labels, got {}",
                 last + 1,
                 labels.len()
             )));
@@ -229,7 +230,7 @@ impl<T: Label> Scan<'_, T> {
         }
         let first = self.origin.map(|o| o / CELL);
         let last = [0, 1, 2].map(|a| (self.origin[a] + self.dims[a] - 1) / CELL);
-        // Start at the smallest aligned cube that holds all the cells.
+        // Start at the smallest aligned cube that contains all the cells.
         let mut level = 0;
         while (0..3).any(|a| first[a] >> level != last[a] >> level) {
             level += 1;
@@ -288,7 +289,7 @@ impl<T: Label> Scan<'_, T> {
         }
     }
 
-    /// Reads a cell at the block's edge; the result has a bit for each voxel that the block holds.
+    /// Reads a cell at the block's edge. The result has a bit for each voxel that lies in the block.
     #[cold]
     fn read_partly(&self, low: [u32; 3], labels: &mut [T; 64]) -> u64 {
         let Self { origin, dims, strides, .. } = self;
@@ -322,8 +323,8 @@ mod tests {
     #[test]
     fn blocks_outside_are_refused() {
         let block = |origin, dims, n| LabelBlock::x_fastest(origin, dims, LabelBuffer::U8(vec![1; n]));
-        assert!(Part::from_block(&block([0; 3], [2, 2, 2], 8), [2; 3]).is_ok());
-        assert!(Part::from_block(&block([1, 0, 0], [2, 2, 2], 8), [2; 3]).is_err());
-        assert!(Part::from_block(&block([0; 3], [2, 2, 2], 7), [2; 3]).is_err());
+        assert!(SortedCells::from_block(&block([0; 3], [2, 2, 2], 8), [2; 3]).is_ok());
+        assert!(SortedCells::from_block(&block([1, 0, 0], [2, 2, 2], 8), [2; 3]).is_err());
+        assert!(SortedCells::from_block(&block([0; 3], [2, 2, 2], 7), [2; 3]).is_err());
     }
 }

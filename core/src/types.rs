@@ -1,9 +1,9 @@
-//! Types: a grouping of labels (dendrite, axon, vessel…) that the user gives as a table.
+//! Types of labels: a grouping (dendrite, axon, vessel…) that the user gives as a table.
 //!
 //! ```text
-//! id,type             the header line may be there or not
+//! id,type             the header line is optional
 //! 3,axon
-//! 98340797,dendrite   labels that the table leaves out have no type
+//! 98340797,dendrite   labels that are not in the table have no type
 //! ```
 
 use std::collections::BTreeMap;
@@ -19,10 +19,10 @@ pub struct TypeTable {
 }
 
 impl TypeTable {
-    /// Reads a table: one `id,type` a line, as in the module's example.
+    /// Parses a table with one `id,type` a line; the module documentation has an example.
     ///
     /// # Errors
-    /// [`Error::Caller`] that names the line.
+    /// [`Error::Caller`] that gives the line.
     pub fn parse_csv(text: &str) -> Result<Self> {
         let wrong =
             |line: usize, what: String| Error::Caller(format!("type table, line {}: {what}", line + 1));
@@ -38,13 +38,16 @@ impl TypeTable {
             let id: u64 =
                 id.parse().map_err(|_| wrong(number, format!("expected a label id, got `{id}`")))?;
             if name.is_empty() {
-                return Err(wrong(number, format!("label {id} has an empty type")));
+                return Err(wrong(number, format!("label {id}: expected a type, got an empty one")));
             }
             if named.insert(id, name).is_some_and(|before| before != name) {
-                return Err(wrong(number, format!("label {id} has two types")));
+                return Err(wrong(
+                    number,
+                    format!("label {id}: expected one type, got another than in an earlier line"),
+                ));
             }
         }
-        // Numbered by name, so that the order of lines leaves no trace.
+        // Types are numbered by name, so that the order of lines does not matter.
         let mut names: Vec<String> = named.values().map(|&n| n.to_owned()).collect();
         names.sort_unstable();
         names.dedup();
@@ -60,7 +63,7 @@ impl TypeTable {
         Ok(Self { names, type_of_id })
     }
 
-    /// Gives the labels of a table their types.
+    /// Sets the types of the labels in a table.
     pub(crate) fn apply(&self, table: &mut LabelTable) {
         table.type_names = self.names.clone();
         table.types =

@@ -1,27 +1,27 @@
-//! Proof of losslessness: every voxel and id of a source, read afresh, against the compressed volume.
+//! Verifies that compression was lossless: reads every voxel's id again from a source and compares it with the compressed volume.
 
 use rayon::prelude::*;
 
 use crate::{BlockSource, CompressedVolume, Error, Job, LabelBlock, LabelBuffer, Result};
 
-/// What a comparison found.
+/// Result of a comparison.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Verification {
     /// Every voxel has the same id.
     Same {
-        /// Voxels compared.
+        /// Number of voxels that were compared.
         voxels: u64,
     },
     /// The volumes differ in size.
     OtherDims {
-        /// Of the source.
+        /// Size of the source.
         expected: [u32; 3],
-        /// Of the compressed volume.
+        /// Size of the compressed volume.
         got: [u32; 3],
     },
     /// The first voxel found to differ.
     OtherLabel {
-        /// Where.
+        /// Coordinates of the voxel.
         voxel: [u32; 3],
         /// Id in the source.
         expected: u64,
@@ -45,7 +45,7 @@ impl std::fmt::Display for Verification {
     }
 }
 
-/// Compares a volume with a source, which is read to its end or to the first difference.
+/// Compares a volume with a source; reads the source to its end or to the first difference.
 ///
 /// # Errors
 /// Those of the source, [`Error::Cancelled`], and [`Error::Caller`] when the source does not deliver every voxel.
@@ -65,7 +65,7 @@ pub fn verify(volume: &CompressedVolume, source: &mut dyn BlockSource, job: &Job
     }
     if voxels != volume.info().voxels() {
         return Err(Error::Caller(format!(
-            "the source delivered {voxels} voxels, expected {}",
+            "the source's blocks: got {voxels} voxels in all, expected {}",
             volume.info().voxels()
         )));
     }
@@ -76,7 +76,7 @@ pub fn verify(volume: &CompressedVolume, source: &mut dyn BlockSource, job: &Job
 const TASK_VOXELS: u64 = 1 << 18;
 
 fn compare(volume: &CompressedVolume, block: &LabelBlock, job: &Job) -> Result<Option<Verification>> {
-    // Bands of whole x lines (or pieces of them), a multiple of 16 deep where they can be.
+    // Bands of whole x lines, or of pieces of them; their depth is a multiple of 16 where possible.
     let [dx, dy, dz] = block.dims.map(u64::from);
     let x_step = dx.clamp(1, TASK_VOXELS);
     let y_step = (TASK_VOXELS / x_step).clamp(1, 64).min(dy.max(1));
@@ -110,7 +110,7 @@ fn compare_band(
 ) -> Result<Option<Verification>> {
     let origin = [0, 1, 2].map(|a| block.origin[a] + low[a]);
     let dense = volume.decode_block(origin, dims)?;
-    // Typed once, so that the comparison of a voxel is no more than a load and a compare.
+    // The label type is resolved once here, so that comparing a voxel takes just a load and a comparison.
     let first = match &block.labels {
         LabelBuffer::U8(v) => first_difference(volume, block, low, dims, &dense, v),
         LabelBuffer::U16(v) => first_difference(volume, block, low, dims, &dense, v),

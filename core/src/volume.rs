@@ -14,58 +14,58 @@ use crate::{BoxRecord, Elements, LabelTable, Leaves, NodeRef, VolumeInfo};
 /// Side of a chunk in voxels: 256 cells, so that a box's cell fits in 8 bits an axis.
 pub const CHUNK_VOXELS: u32 = 1024;
 
-/// Cells in a chunk: a cell's Morton code divided by this is its chunk's.
+/// Cells in a chunk: a cell's Morton code divided by this is the Morton code of its chunk.
 pub(crate) const CHUNK_CELLS: u64 = 1 << 24;
 
 /// Largest extent of a volume along one axis in voxels: 21 bits of cells, so that a cell's Morton code fits in 63 bits.
 pub const MAX_DIM: u32 = 1 << 23;
 
-/// A cube of space with its boxes.
+/// A cube of space of 1024³ voxels, with its boxes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Chunk {
     /// Lowest voxel, a multiple of [`CHUNK_VOXELS`].
     pub origin: [u32; 3],
-    /// Index of its first box in [`CompressedVolume::boxes`]; the next chunk's first box ends it.
+    /// Index of its first box in [`CompressedVolume::boxes`]; its boxes end where those of the next chunk begin.
     pub first_box: u64,
     /// Index of its first run in [`CompressedVolume::runs`].
     pub first_run: u64,
-    /// Word in [`CompressedVolume::nodes`] from which its boxes count their nodes.
+    /// Word in [`CompressedVolume::nodes`] from which the chunk's boxes count the offsets of their nodes.
     pub node_base: u64,
 }
 
-/// Boxes of one label in one chunk: from `first_box` to the next run's.
+/// The boxes of one label in one chunk, from `first_box` up to that of the next run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub struct LabelRun {
     /// Dense label index.
     pub label: u32,
-    /// First box, counted from the chunk's first.
+    /// Index of the first box, counted from the chunk's first.
     pub first_box: u32,
 }
 
-/// Where a box is, before anything is read of what is in it.
+/// Position and extent of a box, without its contents.
 #[derive(Clone, Copy, Debug)]
 pub struct BoxPlace {
-    /// As [`BoxView::origin`].
+    /// Lowest voxel, as in [`BoxView::origin`].
     pub origin: [u32; 3],
-    /// As [`BoxView::extent`].
+    /// Extent in voxels, as in [`BoxView::extent`].
     pub extent: [u32; 3],
     /// First word of its node.
     node: u64,
 }
 
-/// A box, unpacked.
+/// A box with its contents, unpacked.
 #[derive(Clone, Copy, Debug)]
 pub struct BoxView<'a> {
-    /// Lowest voxel, each a multiple of 4.
+    /// Lowest voxel; each coordinate is a multiple of 4.
     pub origin: [u32; 3],
-    /// Extent in voxels: 4, 8, 12 or 16 an axis. It may reach past the volume's end by up to 3 voxels.
+    /// Extent in voxels: 4, 8, 12 or 16 an axis. It may pass the volume's end by up to 3 voxels.
     pub extent: [u32; 3],
     /// Its voxels.
     pub node: NodeRef<'a>,
 }
 
-/// A segmentation volume in the canonical per-label form.
+/// A segmentation volume in the canonical form: boxes for each label.
 #[derive(Debug)]
 pub struct CompressedVolume {
     pub(crate) info: VolumeInfo,
@@ -76,9 +76,9 @@ pub struct CompressedVolume {
     pub(crate) leaves: Leaves,
     pub(crate) labels: LabelTable,
     pub(crate) grid: OnceLock<BoxGrid>,
-    /// Once it was asked for, or known from the file.
+    /// Content hash, once it was computed or read from the file.
     pub(crate) hash: OnceLock<u128>,
-    /// By dense index, where not all labels were read.
+    /// Whether each label's boxes are held, by dense index; `None` where all labels were read.
     pub(crate) held: Option<Vec<bool>>,
 }
 
@@ -99,18 +99,18 @@ impl CompressedVolume {
         }
     }
 
-    /// Whether this label's boxes were read ([`CompressedVolume::open_labels`]).
+    /// Whether the volume holds the boxes of this label; after [`CompressedVolume::open_labels`] it may hold a subset.
     #[inline]
     pub fn holds(&self, label: u32) -> bool {
         self.held.as_ref().is_none_or(|held| held.get(label as usize).is_some_and(|&h| h))
     }
 
-    /// Whether it has all labels of its table.
+    /// Whether the volume holds all labels of its table.
     pub fn is_whole(&self) -> bool {
         self.held.as_ref().is_none_or(|held| held.iter().all(|&h| h))
     }
 
-    /// Bytes held, by part, on the heap or mapped. `index` is there once a query has built it ([`CompressedVolume::grid`]).
+    /// Bytes held on the heap or mapped, by part of the volume. `index` is present once a query has built it ([`CompressedVolume::grid`]).
     pub fn resident_parts(&self) -> Vec<(&'static str, u64)> {
         fn bytes<T>(v: &Vec<T>) -> u64 {
             (v.capacity() * size_of::<T>()) as u64
@@ -132,18 +132,18 @@ impl CompressedVolume {
         parts
     }
 
-    /// How many of [`CompressedVolume::resident_parts`] are a file's own pages and none of this process
+    /// How many of the bytes of [`CompressedVolume::resident_parts`] are pages of a mapped file rather than memory of this process
     /// ([`CompressedVolume::open_mapped`]).
     pub fn mapped_bytes(&self) -> u64 {
         self.boxes.mapped_bytes() + self.nodes.mapped_bytes()
     }
 
-    /// Size, place, names as in the source.
+    /// Size, label type, matrix and names, as in the source.
     pub fn info(&self) -> &VolumeInfo {
         &self.info
     }
 
-    /// Ids, names, counts and contacts by dense label index.
+    /// Label table: ids, types, voxel counts and contacts by dense label index.
     pub fn labels(&self) -> &LabelTable {
         &self.labels
     }
@@ -153,33 +153,33 @@ impl CompressedVolume {
         &self.chunks
     }
 
-    /// Label runs of all chunks.
+    /// Label runs of all chunks, chunk after chunk.
     pub fn runs(&self) -> &[LabelRun] {
         &self.runs
     }
 
-    /// Boxes of all chunks.
+    /// Boxes of all chunks, chunk after chunk.
     pub fn boxes(&self) -> &[BoxRecord] {
         &self.boxes
     }
 
-    /// Nodes, as drawn in [`crate::node`].
+    /// Words of all nodes, in the form that [`crate::node`] draws.
     pub fn nodes(&self) -> &[u16] {
         &self.nodes
     }
 
-    /// The occupancy fields and slices that nodes name.
+    /// The patterns, slices and rare fields to which nodes refer.
     pub fn leaves(&self) -> &Leaves {
         &self.leaves
     }
 
-    /// Name and colour that the source gave a label.
+    /// Name and colour of a label in the source, if it has either.
     pub fn note(&self, label: u32) -> Option<&crate::LabelNote> {
         let id = *self.labels.ids.get(label as usize)?;
         self.info.notes.binary_search_by_key(&id, |n| n.id).ok().map(|i| &self.info.notes[i])
     }
 
-    /// Visits all boxes in order, with their labels; cheaper than asking for each.
+    /// Visits all boxes in order, with their labels; cheaper than [`CompressedVolume::get_box`] for each.
     pub fn for_each_box<'a>(&'a self, mut visit: impl FnMut(u32, BoxView<'a>)) {
         for (c, chunk) in self.chunks.iter().enumerate() {
             let next = self.chunks.get(c + 1);
@@ -196,13 +196,13 @@ impl CompressedVolume {
         }
     }
 
-    /// The chunk that holds box `index`.
+    /// Index of the chunk that holds box `index`.
     #[inline(always)]
     fn chunk_of_box(&self, index: usize) -> usize {
         self.chunks.partition_point(|c| c.first_box <= index as u64) - 1
     }
 
-    /// Box number `index`, unpacked.
+    /// The box at `index` of [`CompressedVolume::boxes`], with its contents.
     ///
     /// # Panics
     /// When `index` is out of range.
@@ -211,7 +211,7 @@ impl CompressedVolume {
         self.box_at(&self.place_of_box(index))
     }
 
-    /// Where box number `index` is: for those who may need no more.
+    /// Position and extent of the box at `index`; cheaper than [`CompressedVolume::get_box`] where the contents may not be needed.
     ///
     /// # Panics
     /// When `index` is out of range.
@@ -220,7 +220,7 @@ impl CompressedVolume {
         place_of(&self.chunks[self.chunk_of_box(index)], self.boxes[index])
     }
 
-    /// The box at a place of this volume.
+    /// The box at a position that [`CompressedVolume::place_of_box`] of this volume returned.
     #[inline(always)]
     pub fn box_at(&self, place: &BoxPlace) -> BoxView<'_> {
         BoxView {
@@ -230,7 +230,7 @@ impl CompressedVolume {
         }
     }
 
-    /// Dense label index of box number `index`.
+    /// Dense label index of the box at `index`.
     ///
     /// # Panics
     /// When `index` is out of range.

@@ -1,10 +1,10 @@
-//! Chosen labels out of a file: those voxels, and no others.
+//! Tests of volumes that hold chosen labels of a file: they have exactly the voxels of these labels.
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests")]
 
 use pumice_core::*;
 
-/// Numbers that are the same on every machine (SplitMix64).
+/// Pseudorandom numbers that are the same on every machine (SplitMix64).
 struct Random(u64);
 
 impl Random {
@@ -16,7 +16,7 @@ impl Random {
     }
 }
 
-/// Labels in lumps, with noise on them, over three chunks; equal pieces far apart, so that nodes are shared across chunks.
+/// Lumps of labels with noise, over three chunks. Equal pieces recur far apart, so that chunks share nodes.
 fn ids(dims: [u32; 3]) -> Vec<u64> {
     let mut random = Random(5);
     let mut ids = Vec::new();
@@ -42,10 +42,10 @@ fn what_is_chosen_is_what_the_whole_volume_has() {
         compress_labels(VolumeInfo::new(dims, LabelType::U64), LabelBuffer::U64(ids.clone())).unwrap();
     assert!(volume.chunks().len() == 3 && volume.labels().len() == 12);
     let mut random = Random(1);
-    for level in [Level::Fast, Level::Default] {
+    for level in [CompressionLevel::Fast, CompressionLevel::Default] {
         volume.save(&path, level, &Job::new()).unwrap();
         for round in 0..12 {
-            // None, all, and what chance brings.
+            // No label, all labels, then random ones.
             let chosen: Vec<bool> = match round {
                 0 => Vec::new(),
                 1 => vec![true; 12],
@@ -77,14 +77,14 @@ fn what_is_chosen_is_what_the_whole_volume_has() {
     }
 }
 
-/// A file of voxels does not say where a label is.
+/// A file of voxels does not tell where a label is, so all of it is read.
 #[test]
 fn the_smallest_files_are_read_whole() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.pumice");
     let dims = [33, 17, 20];
     let volume = compress_labels(VolumeInfo::new(dims, LabelType::U64), LabelBuffer::U64(ids(dims))).unwrap();
-    volume.save(&path, Level::Small, &Job::new()).unwrap();
+    volume.save(&path, CompressionLevel::Small, &Job::new()).unwrap();
     let read = CompressedVolume::open_labels(&path, |_| Vec::new(), &Job::new()).unwrap();
     assert!(read.is_whole() && read.boxes() == volume.boxes());
 }
@@ -95,9 +95,9 @@ fn chosen_labels_are_not_saved_as_if_they_were_all() {
     let (path, other) = (folder.path().join("a.pumice"), folder.path().join("b.pumice"));
     let dims = [33, 17, 20];
     let volume = compress_labels(VolumeInfo::new(dims, LabelType::U64), LabelBuffer::U64(ids(dims))).unwrap();
-    volume.save(&path, Level::Default, &Job::new()).unwrap();
+    volume.save(&path, CompressionLevel::Default, &Job::new()).unwrap();
     let part = CompressedVolume::open_labels(&path, |_| vec![true, false, true], &Job::new()).unwrap();
-    let said = part.save(&other, Level::Default, &Job::new()).unwrap_err().to_string();
+    let said = part.save(&other, CompressionLevel::Default, &Job::new()).unwrap_err().to_string();
     assert!(said.contains("b.pumice: only chosen labels"), "{said}");
     assert!(!other.exists());
 }

@@ -1,14 +1,17 @@
-//! Files of versions that the program does not read are refused in one line: the version, where it stands, what is read, a way out.
+//! Files of another version are refused in one line that gives the version, its offset, the expected version and a way out.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 use std::path::{Path, PathBuf};
 
-use pumice_core::{CompressedVolume, Error, Job, LabelBuffer, LabelType, Level, VolumeInfo, compress_labels};
+use pumice_core::{
+    CompressedVolume, CompressionLevel, Error, Job, LabelBuffer, LabelType, VolumeInfo, compress_labels,
+};
 
-const LEVELS: [Level; 3] = [Level::Fast, Level::Default, Level::Small];
+const LEVELS: [CompressionLevel; 3] =
+    [CompressionLevel::Fast, CompressionLevel::Default, CompressionLevel::Small];
 const VERSION: u32 = 5;
 
-/// A small volume as a file of each level.
+/// Saves a small volume as a file of each level.
 fn files(folder: &Path) -> Vec<PathBuf> {
     let labels = (0..1000).map(|i| (i / 7 % 3) as u8).collect();
     let info = VolumeInfo::new([10, 10, 10], LabelType::U8);
@@ -21,7 +24,7 @@ fn files(folder: &Path) -> Vec<PathBuf> {
     LEVELS.map(file).to_vec()
 }
 
-/// Puts a number into the header at `at`, and makes the checksum of header and table right again: nothing else is wrong then.
+/// Writes a number into the header at `at`, and recomputes the checksum of header and table, so that nothing else is wrong.
 fn set_number(path: &Path, at: usize, number: u32) {
     let mut bytes = std::fs::read(path).unwrap();
     bytes[at..at + 4].copy_from_slice(&number.to_le_bytes());
@@ -34,7 +37,7 @@ fn set_number(path: &Path, at: usize, number: u32) {
     std::fs::write(path, bytes).unwrap();
 }
 
-/// Opens a file in each of the three ways.
+/// Opens a file in each of the three ways: whole, mapped, and with chosen labels.
 fn open_in_all_ways(path: &Path) -> [Result<CompressedVolume, Error>; 3] {
     [
         CompressedVolume::open(path, &Job::new()),
@@ -67,14 +70,14 @@ fn other_versions_are_refused_in_one_line() {
                 assert_eq!(error.to_string(), expected);
             }
         }
-        // A control of the above: with its own version the file is the one that was written, and opens.
+        // A control of the test above: with its own version the file is the one that was written, and opens.
         set_number(&path, 8, VERSION);
         assert_eq!(std::fs::read(&path).unwrap(), good);
         assert!(open_in_all_ways(&path).iter().all(Result::is_ok));
     }
 }
 
-/// The header says whether a file is of boxes or of voxels: one of boxes is none of voxels, and there is no third kind.
+/// The header says whether a file holds boxes or voxels. With the other number, or with an unknown one, the file is refused.
 #[test]
 fn the_contents_of_the_other_kind_are_refused() {
     let folder = tempfile::tempdir().unwrap();

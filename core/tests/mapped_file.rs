@@ -1,4 +1,4 @@
-//! Volumes whose boxes and nodes stay in their file.
+//! Tests of volumes whose boxes and nodes stay in their mapped file.
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests")]
 
@@ -6,7 +6,7 @@ use std::path::Path;
 
 use pumice_core::*;
 
-/// Blobs of a few labels, over several boxes.
+/// Blobs of a few labels that take several boxes.
 fn volume(dims: [u32; 3]) -> CompressedVolume {
     let [x, y, z] = dims;
     let label = |i: u32| {
@@ -31,11 +31,11 @@ fn files_of_the_fast_level_are_mapped_and_others_read() {
     let path = folder.path().join("a.pumice");
     for dims in [[70, 33, 29], [5, 4, 3], [0, 7, 9]] {
         let volume = volume(dims);
-        for level in [Level::Fast, Level::Default, Level::Small] {
+        for level in [CompressionLevel::Fast, CompressionLevel::Default, CompressionLevel::Small] {
             volume.save(&path, level, &Job::new()).unwrap();
             let mapped = open_mapped(&path).unwrap();
             let arrays = (8 * volume.boxes().len() + 2 * volume.nodes().len()) as u64;
-            assert_eq!(mapped.mapped_bytes(), if level == Level::Fast { arrays } else { 0 });
+            assert_eq!(mapped.mapped_bytes(), if level == CompressionLevel::Fast { arrays } else { 0 });
             assert_eq!((mapped.boxes(), mapped.nodes()), (volume.boxes(), volume.nodes()));
             assert_eq!(
                 mapped.resident_parts(),
@@ -51,13 +51,13 @@ fn a_mapped_volume_outlives_what_is_saved_over_its_file() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.pumice");
     let (first, second) = (volume([70, 33, 29]), volume([40, 40, 8]));
-    first.save(&path, Level::Fast, &Job::new()).unwrap();
+    first.save(&path, CompressionLevel::Fast, &Job::new()).unwrap();
     let mapped = open_mapped(&path).unwrap();
-    second.save(&path, Level::Fast, &Job::new()).unwrap();
+    second.save(&path, CompressionLevel::Fast, &Job::new()).unwrap();
     assert_eq!(voxels(&mapped), voxels(&first));
-    // Over its own file, out of it.
+    // A mapped volume can be saved over its own file.
     let mapped = open_mapped(&path).unwrap();
-    mapped.save(&path, Level::Fast, &Job::new()).unwrap();
+    mapped.save(&path, CompressionLevel::Fast, &Job::new()).unwrap();
     assert_eq!(voxels(&open_mapped(&path).unwrap()), voxels(&second));
     std::fs::remove_file(&path).unwrap();
     assert_eq!(voxels(&mapped), voxels(&second));
@@ -67,7 +67,7 @@ fn a_mapped_volume_outlives_what_is_saved_over_its_file() {
 fn what_is_wrong_with_a_mapped_file_is_said_as_for_one_that_is_read() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.pumice");
-    volume([70, 33, 29]).save(&path, Level::Fast, &Job::new()).unwrap();
+    volume([70, 33, 29]).save(&path, CompressionLevel::Fast, &Job::new()).unwrap();
     let good = std::fs::read(&path).unwrap();
     let said = |bytes: &[u8]| {
         std::fs::write(&path, bytes).unwrap();
@@ -75,7 +75,7 @@ fn what_is_wrong_with_a_mapped_file_is_said_as_for_one_that_is_read() {
         (open_mapped(&path).err(), read.err())
     };
     assert_eq!(said(&good), (None, None));
-    // A bit in every region of the file, and ends of all kinds.
+    // A wrong bit in every region of the file, and files cut to many lengths.
     for at in (0..good.len()).step_by(good.len() / 97) {
         let mut bytes = good.clone();
         bytes[at] ^= 1;

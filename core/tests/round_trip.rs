@@ -1,4 +1,4 @@
-//! What goes in comes out: every voxel of random and extreme volumes, however they are cut into blocks.
+//! Round trips: every voxel of random and extreme volumes is decoded as it was compressed, whatever blocks the volume is cut into.
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests")]
 
@@ -19,7 +19,7 @@ impl BlockSource for Blocks {
     }
 }
 
-/// The same random numbers on every machine (SplitMix64).
+/// Pseudorandom numbers that are the same on every machine (SplitMix64).
 struct Random(u64);
 
 impl Random {
@@ -68,7 +68,7 @@ impl Volume {
         compress_labels(self.info(), LabelBuffer::U64(self.ids.clone())).unwrap()
     }
 
-    /// Blocks of random sizes, each in a random axis order and the narrowest type that holds it, in random order.
+    /// Blocks of random sizes in random order. Each has a random axis order and the narrowest type that holds its labels.
     fn random_blocks(&self, random: &mut Random) -> Vec<LabelBlock> {
         let cuts: [Vec<u32>; 3] = [0, 1, 2].map(|a| {
             let mut cuts = vec![0];
@@ -122,7 +122,7 @@ impl Volume {
     }
 }
 
-/// Shapes that meet every border case of cells, boxes and chunks.
+/// Shapes that cover every border case of cells, boxes and chunks.
 const SHAPES: [[u32; 3]; 9] = [
     [1, 1, 1],
     [4, 4, 4],
@@ -135,7 +135,7 @@ const SHAPES: [[u32; 3]; 9] = [
     [2, 1030, 2],
 ];
 
-/// Contents that are hard for one reason each.
+/// Contents each of which is difficult for a different reason.
 fn contents(dims: [u32; 3], random: &mut Random) -> Vec<Volume> {
     let ids = [0, 1, (1 << 32) - 1, u64::MAX, 77];
     let centre = [0, 1, 2].map(|a| random.below(dims[a].into()) as i64);
@@ -183,7 +183,7 @@ fn all() -> Vec<Volume> {
     SHAPES.iter().flat_map(|&dims| contents(dims, &mut random)).collect()
 }
 
-/// Everything that the volume consists of; equal for equal bytes.
+/// All data of a volume; equal if and only if the bytes are equal.
 fn state(v: &CompressedVolume) -> impl PartialEq + std::fmt::Debug {
     (
         v.chunks().to_vec(),
@@ -255,7 +255,7 @@ fn spilling_changes_nothing_and_too_small_a_limit_names_what_is_needed() {
             compress(&mut source, &options, &Job::new())
         };
         let mut limit = 1;
-        // The figure of an error is enough, but for the parts' own index, whose size follows from the limit.
+        // The limit that an error gives is enough, except for the parts' own index, whose size depends on the limit.
         for round in 0.. {
             match with_limit(limit, &mut random) {
                 Ok(spilled) => {
@@ -276,14 +276,14 @@ fn spilling_changes_nothing_and_too_small_a_limit_names_what_is_needed() {
 fn parts_merge_in_any_grouping() {
     let mut random = Random(4);
     for volume in all() {
-        let parts: Vec<Part> = volume
+        let parts: Vec<SortedCells> = volume
             .random_blocks(&mut random)
             .iter()
-            .map(|b| Part::from_block(b, volume.dims).unwrap())
+            .map(|b| SortedCells::from_block(b, volume.dims).unwrap())
             .collect();
-        let at_once = Part::merge(&parts);
+        let at_once = SortedCells::merge(&parts);
         let (left, right) = parts.split_at(parts.len() / 3);
-        let grouped = Part::merge(&[Part::merge(right), Part::merge(left)]);
+        let grouped = SortedCells::merge(&[SortedCells::merge(right), SortedCells::merge(left)]);
         assert!(at_once == grouped, "{}", volume.name);
         assert!(at_once.is_disjoint(), "{}", volume.name);
     }
@@ -400,12 +400,12 @@ fn cancelled_and_incomplete_sources_fail() {
     blocks.pop();
     let mut source = Blocks { info: volume.info(), blocks };
     let error = compress(&mut source, &CompressOptions::default(), &Job::new()).unwrap_err();
-    assert!(error.to_string().contains("of 64000"), "{error}");
+    assert!(error.to_string().contains("expected 64000 voxels"), "{error}");
 
-    // As many voxels as the volume has, but two of them from one place, and one place missed.
+    // The blocks have as many voxels as the volume, but two of them are at the same position, so that one position is missed.
     let one = |x: u32, id: u8| LabelBlock::x_fastest([x, 0, 0], [1, 1, 1], LabelBuffer::U8(vec![id]));
     for (other, what) in
-        [(2, "two labels claim one voxel"), (1, "they delivered 2 labelled voxels, 1 places")]
+        [(2, "two labels claim one voxel"), (1, "they delivered 2 labelled voxels and cover only 1")]
     {
         let info = VolumeInfo::new([2, 1, 1], LabelType::U8);
         let mut source = Blocks { info, blocks: vec![one(0, 1), one(0, other)] };

@@ -1,4 +1,4 @@
-//! Writing a file: all of it or nothing.
+//! A file is written completely or not at all.
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests")]
 
@@ -8,7 +8,7 @@ use pumice_core::*;
 
 fn volume() -> CompressedVolume {
     let mut info = VolumeInfo::new([20, 9, 7], LabelType::U16);
-    // Numbers that a careless decimal conversion would not bring back bit by bit.
+    // Numbers that a careless decimal conversion would not restore bit by bit.
     info.world_from_index.matrix3.x_axis.x = 0.1 + 0.2;
     info.world_from_index.translation.z = f64::MIN_POSITIVE;
     info.notes.push(LabelNote { id: 3, name: Some("\"näme\"\n".into()), color_srgb: Some([0.1, 0.2, 0.3]) });
@@ -31,8 +31,8 @@ fn what_is_known_of_a_volume_comes_back() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.pumice");
     let volume = volume();
-    for level in [Level::Fast, Level::Default, Level::Small] {
-        // Also over an older file.
+    for level in [CompressionLevel::Fast, CompressionLevel::Default, CompressionLevel::Small] {
+        // This also saves over an older file.
         volume.save(&path, level, &Job::new()).unwrap();
         let back = CompressedVolume::open(&path, &Job::new()).unwrap();
         assert_eq!(back.info(), volume.info());
@@ -53,7 +53,7 @@ fn a_volume_of_no_voxels_is_a_volume() {
     let info = VolumeInfo::new([0, 7, 9], LabelType::U8);
     compress_labels(info, LabelBuffer::U8(Vec::new()))
         .unwrap()
-        .save(&path, Level::Default, &Job::new())
+        .save(&path, CompressionLevel::Default, &Job::new())
         .unwrap();
     let back = CompressedVolume::open(&path, &Job::new()).unwrap();
     assert!(back.labels().is_empty() && back.boxes().is_empty());
@@ -65,15 +65,15 @@ fn a_file_that_cannot_be_written_leaves_nothing_behind() {
     let folder = tempfile::tempdir().unwrap();
     let volume = volume();
     let missing = folder.path().join("not there/a.pumice");
-    let error = volume.save(&missing, Level::Default, &Job::new()).unwrap_err();
+    let error = volume.save(&missing, CompressionLevel::Default, &Job::new()).unwrap_err();
     assert!(matches!(&error, Error::Io { path, .. } if path == &missing), "{error}");
 
     std::fs::create_dir(folder.path().join("folder.pumice")).unwrap();
-    assert!(volume.save(&folder.path().join("folder.pumice"), Level::Fast, &Job::new()).is_err());
+    assert!(volume.save(&folder.path().join("folder.pumice"), CompressionLevel::Fast, &Job::new()).is_err());
 
     let job = Job::new();
     job.cancel();
-    let error = volume.save(&folder.path().join("b.pumice"), Level::Default, &job).unwrap_err();
+    let error = volume.save(&folder.path().join("b.pumice"), CompressionLevel::Default, &job).unwrap_err();
     assert!(matches!(error, Error::Cancelled));
     assert_eq!(files(folder.path()), ["folder.pumice"]);
 }

@@ -1,4 +1,4 @@
-//! The 512³ connectome of the shared data: lossless, and as small as promised.
+//! The 512³ connectome of the shared data is compressed without loss, and to the promised size.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "helpers of tests")]
 
@@ -12,11 +12,15 @@ fn shared_data() -> PathBuf {
         || PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data")),
         PathBuf::from,
     );
-    assert!(folder.is_dir(), "{}: the shared data is not there (set PUMICE_SHARED_DATA)", folder.display());
+    assert!(
+        folder.is_dir(),
+        "{}: expected a folder with the shared data, got none; set PUMICE_SHARED_DATA",
+        folder.display()
+    );
     folder
 }
 
-/// The voxels, read by as little code as will do for this one file: a text header, an empty line, one gzip stream of u32.
+/// Reads the voxels with just enough code for this one file: a text header, an empty line, one gzip stream of u32.
 fn connectome() -> ArraySource {
     let bytes = std::fs::read(shared_data().join("connectomics_16x16x40nm.nrrd")).unwrap();
     let start = bytes.windows(2).position(|w| w == b"\n\n").unwrap() + 2;
@@ -37,7 +41,7 @@ fn connectome_is_lossless_and_small() {
     let volume = compress(&mut source, &CompressOptions::default(), &job).unwrap();
     let raw = 4 * 512u64.pow(3);
 
-    // A prototype of the same rule made 131,881 boxes: more would mean that tightening after the splits is lost.
+    // A prototype of the same rule made 131,881 boxes; more boxes would mean that the boxes are not tightened after the splits.
     assert!(volume.boxes().len() <= 131_881, "{} boxes", volume.boxes().len());
     assert_eq!(volume.labels().len(), 2523);
     let resident: u64 = volume.resident_parts().iter().map(|p| p.1).sum();
@@ -45,7 +49,7 @@ fn connectome_is_lossless_and_small() {
 
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("connectome.pumice");
-    volume.save(&path, Level::Default, &job).unwrap();
+    volume.save(&path, CompressionLevel::Default, &job).unwrap();
     let disk = std::fs::metadata(&path).unwrap().len();
     assert!(disk * 1000 <= raw * 14, "{disk} bytes on disk of {raw} raw: more than 1.4 %");
 

@@ -9,10 +9,10 @@ use pumice_picture::film::REPLICATES;
 use pumice_picture::{Image, Picture, name_mattes};
 use pumice_scene::{Part, PartSet, Scene};
 use pumice_transport::camera_rays::CameraRays;
-use pumice_transport::emitters::{Emitters, Shining};
+use pumice_transport::emitters::{EmissiveGeometry, Emitters};
 use pumice_transport::geometry::LodChoice;
 use pumice_transport::lights::Lights;
-use pumice_transport::looks::{AllLooks, Looks};
+use pumice_transport::material_table::{MaterialTable, MaterialTables};
 use pumice_transport::scene_lights::{ReadImage, scene_lights};
 use pumice_transport::scene_plan::{InstancePlan, MeshPlan, Reuse, ScenePlan};
 use pumice_transport::{LoadedScene, Pick, Progress, Rebuilt, RenderError, Renderer, SurfaceKind};
@@ -48,9 +48,9 @@ pub const LEAVES_OUT: PartSet = PartSet::NONE
     .with(Part::InstanceTree);
 
 /// Those that instances share counted once.
-fn bytes_of_looks(looks: &[Arc<Looks>]) -> u64 {
+fn material_bytes(materials: &[Arc<MaterialTable>]) -> u64 {
     let mut seen = std::collections::BTreeSet::new();
-    looks.iter().filter(|l| seen.insert(Arc::as_ptr(l).addr())).map(|l| l.bytes()).sum()
+    materials.iter().filter(|l| seen.insert(Arc::as_ptr(l).addr())).map(|l| l.bytes()).sum()
 }
 
 fn no_scene() -> RenderError {
@@ -72,22 +72,31 @@ impl CpuRenderer {
 ///
 /// # Errors
 /// As [`Emitters::new`].
-pub fn emitters_of(tracer: &SceneTracer, looks: &[Arc<Looks>]) -> Result<Option<Emitters>, RenderError> {
-    let volumes = tracer.volumes().iter().zip(0u32..).filter(|(_, i)| looks[*i as usize].shines());
-    let of_volumes = volumes.map(|(v, instance)| Shining::Volume {
+pub fn emitters_of(
+    tracer: &SceneTracer,
+    materials: &[Arc<MaterialTable>],
+) -> Result<Option<Emitters>, RenderError> {
+    let volumes = tracer.volumes().iter().zip(0u32..).filter(|(_, i)| materials[*i as usize].is_emissive());
+    let of_volumes = volumes.map(|(v, instance)| EmissiveGeometry::Volume {
         instance,
         volume: v.volume(),
         drawn: v.drawn().to_vec(),
         placement: *v.placement(),
         detail: v.detail(),
         cuts: v.cuts(),
-        looks: &looks[instance as usize],
+        materials: &materials[instance as usize],
     });
     let first = tracer.volumes().len() as u32;
-    let meshes = tracer.meshes().iter().zip(first..).filter(|(_, i)| looks[*i as usize].shines());
+    let meshes = tracer.meshes().iter().zip(first..).filter(|(_, i)| materials[*i as usize].is_emissive());
     let of_meshes = meshes.map(|(m, instance)| {
         let (mesh, grid) = m.mesh();
-        Shining::Mesh { instance, mesh, grid, placement: *m.placement(), looks: &looks[instance as usize] }
+        EmissiveGeometry::Mesh {
+            instance,
+            mesh,
+            grid,
+            placement: *m.placement(),
+            materials: &materials[instance as usize],
+        }
     });
     Emitters::new(&of_volumes.chain(of_meshes).collect::<Vec<_>>())
 }
@@ -102,36 +111,43 @@ struct Making<'a> {
 }
 
 impl Making<'_> {
-    /// Looks of an instance or of a mesh, ready to be shared.
-    fn ready(&mut self, looks: Looks, ids: impl FnOnce() -> Vec<Ids>) -> Arc<Looks> {
+    /// The material table of an instance or of a mesh, ready to be shared.
+    fn ready(&mut self, materials: MaterialTable, ids: impl FnOnce() -> Vec<Ids>) -> Arc<MaterialTable> {
         self.rebuilt.materials += 1;
         let mattes = self.parts.has(Part::Mattes);
-        Arc::new(looks.with_ids(if mattes { ids() } else { Vec::new() }))
+        Arc::new(materials.with_ids(if mattes { ids() } else { Vec::new() }))
     }
 
     /// The former scene's looks of this number: meshes come after volumes.
-    fn former_looks(&self, number: usize) -> Option<Arc<Looks>> {
-        self.old.and_then(|old| old.tracer.around().looks.get(number)).map(Arc::clone)
+    fn former_materials(&self, number: usize) -> Option<Arc<MaterialTable>> {
+        self.old.and_then(|old| old.tracer.around().materials.get(number)).map(Arc::clone)
     }
 
-    fn looks_of_instance(&mut self, place: usize, plan: &InstancePlan, before: &[Arc<Looks>]) -> Arc<Looks> {
-        let (former, shared) = (|i: usize| self.former_looks(i), |i: usize| before.get(i).map(Arc::clone));
-        if let Some(looks) = plan.materials.find(former, shared) {
-            return looks;
+    fn materials_of_instance(
+        &mut self,
+        place: usize,
+        plan: &InstancePlan,
+        before: &[Arc<MaterialTable>],
+    ) -> Arc<MaterialTable> {
+        let (former, shared) =
+            (|i: usize| self.former_materials(i), |i: usize| before.get(i).map(Arc::clone));
+        if let Some(materials) = plan.materials.find(former, shared) {
+            return materials;
         }
         let (style, table) = (&self.new.scene().instances[place].style, self.new.volumes()[place].labels());
-        let looks = Looks::new(style, table.ids(), table.contacts().iter(), &self.new.visible(place));
-        self.ready(looks, || cryptomatte::ids_of_volume(table))
+        let materials =
+            MaterialTable::new(style, table.ids(), table.contacts().iter(), &self.new.visible(place));
+        self.ready(materials, || cryptomatte::ids_of_volume(table))
     }
 
-    fn looks_of_mesh(&mut self, place: usize, plan: &MeshPlan) -> Arc<Looks> {
-        let former = |i: usize| self.former_looks(self.old?.scene.volumes().len() + i);
-        if let Some(looks) = plan.materials.find(former, |_| None) {
-            return looks;
+    fn materials_of_mesh(&mut self, place: usize, plan: &MeshPlan) -> Arc<MaterialTable> {
+        let former = |i: usize| self.former_materials(self.old?.scene.volumes().len() + i);
+        if let Some(materials) = plan.materials.find(former, |_| None) {
+            return materials;
         }
         let mesh = &self.new.scene().meshes[place];
-        let looks = Looks::of_mesh(&mesh.materials).catching(mesh.shadow_catcher);
-        self.ready(looks, || cryptomatte::ids_of_mesh(&mesh.source))
+        let materials = MaterialTable::of_mesh(&mesh.materials).catching(mesh.shadow_catcher);
+        self.ready(materials, || cryptomatte::ids_of_mesh(&mesh.source))
     }
 
     /// Geometry of an instance; `before` is that of those that come before it.
@@ -162,7 +178,7 @@ impl Making<'_> {
                     lod: self.lod,
                 };
                 match self.parts.has(Part::HiddenLabels) {
-                    true => VolumeTracer::carrying_hidden(place as u32, &traced)?,
+                    true => VolumeTracer::with_hidden_labels(place as u32, &traced)?,
                     false => VolumeTracer::new(place as u32, &traced)?,
                 }
                 .with_bricks()
@@ -211,13 +227,13 @@ impl Renderer for CpuRenderer {
         };
 
         // Materials and geometry, of volumes first.
-        let (mut looks, mut volumes, mut meshes) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut materials, mut volumes, mut meshes) = (Vec::new(), Vec::new(), Vec::new());
         for (place, plan) in plan.instances.iter().enumerate() {
-            looks.push(making.looks_of_instance(place, plan, &looks));
+            materials.push(making.materials_of_instance(place, plan, &materials));
             volumes.push(making.volume(place, plan, &volumes)?);
         }
         for (place, plan) in plan.meshes.iter().enumerate() {
-            looks.push(making.looks_of_mesh(place, plan));
+            materials.push(making.materials_of_mesh(place, plan));
             meshes.push(making.mesh(place, plan, &meshes)?);
         }
 
@@ -239,7 +255,7 @@ impl Renderer for CpuRenderer {
             Some(o) if plan.emitters == Reuse::Keep => o.tracer.around().lights.emitters().map(Arc::clone),
             _ if !parts.has(Part::Emitters) => None,
             _ => {
-                let made = emitters_of(&geometry, &looks)?.map(Arc::new);
+                let made = emitters_of(&geometry, &materials)?.map(Arc::new);
                 making.rebuilt.lights += u64::from(made.is_some());
                 made
             }
@@ -254,8 +270,8 @@ impl Renderer for CpuRenderer {
         rebuilt.camera += u64::from(plan.camera.is_build());
         rebuilt.film += u64::from(plan.film.is_build());
         let Scene { camera, film, settings, .. } = scene.scene();
-        let looks = AllLooks::new(looks, parts.has(Part::Clear));
-        let around = Surroundings { lights: lit, looks, settings: *settings };
+        let materials = MaterialTables::new(materials, parts.has(Part::Clear));
+        let around = Surroundings { lights: lit, materials, settings: *settings };
         let mut tracer = match self.shown.take() {
             Some(Shown { mut tracer, .. }) if [plan.film, plan.sums] == [Reuse::Keep; 2] => {
                 let camera = plan.camera.is_build().then(|| CameraRays::new(camera, film));
@@ -264,7 +280,7 @@ impl Renderer for CpuRenderer {
             }
             _ => PathTracer::new(geometry, around, camera, film),
         };
-        tracer.carry_sorting(parts.has(Part::Sorting));
+        tracer.sort_into_aovs(parts.has(Part::Sorting));
         self.rebuilt = rebuilt;
         self.shown = Some(Shown { scene: scene.clone(), tracer, lights });
         Ok(())
@@ -319,7 +335,7 @@ impl Renderer for CpuRenderer {
                 ("acceleration", tracer.bytes() - tracer.brick_bytes()),
                 ("bricks", tracer.brick_bytes()),
                 ("film", s.tracer.film().bytes()),
-                ("materials", bytes_of_looks(&s.tracer.around().looks)),
+                ("materials", material_bytes(&s.tracer.around().materials)),
                 ("emitters", s.tracer.around().lights.emitters().map_or(0, |e| e.bytes())),
             ]
         })

@@ -17,7 +17,7 @@ use crate::path::Surroundings;
 
 /// Most surfaces that a path, or the way to a light, passes straight through: the most that Cycles' *Transparent Max Bounces* can
 /// be set to.
-pub const MOST_CLEAR_SURFACES: u32 = 1024;
+pub const MAX_TRANSPARENT_SURFACES: u32 = 1024;
 
 /// Whether a ray that goes on from the surface `left` may find itself in another label at once: it goes outward from the back of a
 /// label, or from a front that lies against such a back (whose t is 0, as no tracer tells it).
@@ -61,7 +61,7 @@ pub fn visibility<T: Tracer + ?Sized>(
     left: &Hit,
     t_max: f64,
 ) -> f32 {
-    if around.looks.has_clear() {
+    if around.materials.has_transparent() {
         return visibility_through(tracer, around, ray, left, t_max);
     }
     f32::from(u8::from(!tracer.occluded(ray, PathOrigin::Face(left.surface), t_max)))
@@ -79,8 +79,8 @@ fn visibility_through<T: Tracer + ?Sized>(
     let mut passed = 0;
     loop {
         let Some(hit) = next_hit(tracer, &ray, &left, t_max) else { return part };
-        let alpha = around.looks[hit.surface.instance as usize].material(hit.surface.label).alpha;
-        if alpha >= 1.0 || passed == MOST_CLEAR_SURFACES {
+        let alpha = around.materials[hit.surface.instance as usize].material(hit.surface.label).alpha;
+        if alpha >= 1.0 || passed == MAX_TRANSPARENT_SURFACES {
             return 0.0;
         }
         passed += 1;

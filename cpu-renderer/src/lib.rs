@@ -3,9 +3,9 @@
 
 pub mod cpu_renderer;
 pub mod crossing;
+pub mod film_sample;
 pub mod path;
 pub mod path_tracer;
-pub mod tally;
 pub mod traverse;
 
 pub use cpu_renderer::{CpuRenderer, LEAVES_OUT, emitters_of};

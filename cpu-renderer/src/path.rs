@@ -18,15 +18,15 @@ use std::sync::Arc;
 use glam::{DVec3, Vec3};
 use pumice_picture::PassSums;
 use pumice_scene::{Mode, Settings};
-use pumice_transport::bsdf::{Bsdf, LEAST_VIEW, Tilt, emitted, sample_cosine};
+use pumice_transport::bsdf::{Bsdf, LEAST_VIEW, SpecularNormal, emitted, sample_cosine};
 use pumice_transport::lights::Lights;
-use pumice_transport::looks::AllLooks;
+use pumice_transport::material_table::MaterialTables;
 use pumice_transport::sampler::{BouncePair, PixelSampler};
 use pumice_transport::sun::frame_around;
 use pumice_transport::{Hit, PathOrigin, RayInWorld, Receiver, SurfaceKind, Tracer};
 
-use crate::crossing::{MOST_CLEAR_SURFACES, may_touch, next_hit, visibility};
-use crate::tally::{FirstSurface, Share, Sorted, Tally, Total};
+use crate::crossing::{MAX_TRANSPARENT_SURFACES, may_touch, next_hit, visibility};
+use crate::film_sample::{AovSample, ColorSample, FilmSample, PassWeights, SurfaceAovs};
 
 /// First vertex after which Russian roulette may end a path: the first bounces carry most of the light, and cutting them costs
 /// more noise than time.
@@ -43,8 +43,8 @@ const FURTHER: u32 = 1 << 28;
 pub struct Surroundings {
     /// Sky, suns, backdrop.
     pub lights: Arc<Lights>,
-    /// Looks of each instance's labels, then of each mesh.
-    pub looks: AllLooks,
+    /// Material tables of the instances, then of the meshes.
+    pub materials: MaterialTables,
     /// Mode, bounces, roulette.
     pub settings: Settings,
 }
@@ -95,8 +95,8 @@ impl Way {
         let length = direction.length();
         let direction = direction / length;
         let up_to = |limit: f64| match self.pdf {
-            Some(pdf) => lights.lamps_found(&self.from, direction, limit, pdf),
-            None => lights.lamps_seen(self.from.point, direction, limit),
+            Some(pdf) => lights.lamp_emission(&self.from, direction, limit, pdf),
+            None => lights.lamp_emission_to_camera(self.from.point, direction, limit),
         };
         let light = up_to(self.gone + next.map_or(t_max, |h| h.t) * length);
         if self.gone > 0.0 { light - up_to(self.gone) } else { light }
@@ -137,11 +137,11 @@ pub fn radiance<T: Tracer + ?Sized>(
     down: f32,
 ) -> Vec3 {
     if around.settings.clamps() {
-        let mut sorted = Sorted::new(&around.settings, PassSums::default());
+        let mut sorted = AovSample::new(&around.settings, PassSums::default());
         follow(tracer, around, sampler, camera_ray, t_max, down, &mut sorted);
         return sorted.total;
     }
-    let mut total = Total::default();
+    let mut total = ColorSample::default();
     follow(tracer, around, sampler, camera_ray, t_max, down, &mut total);
     total.0
 }
@@ -155,26 +155,31 @@ pub fn follow<T: Tracer + ?Sized>(
     camera_ray: RayInWorld,
     t_max: f64,
     down: f32,
-    tally: &mut impl Tally,
+    film_sample: &mut impl FilmSample,
 ) {
     let hit = tracer.first_hit(&camera_ray, PathOrigin::Free, t_max);
     if !around.lights.lamps().is_empty() && around.settings.mode != Mode::AmbientOcclusion {
         let length = camera_ray.direction.length();
         let limit = hit.as_ref().map_or(t_max, |h| h.t) * length;
-        tally.met(around.lights.lamps_seen(camera_ray.origin, camera_ray.direction / length, limit), 0);
+        film_sample.add_emission(
+            around.lights.lamp_emission_to_camera(camera_ray.origin, camera_ray.direction / length, limit),
+            0,
+        );
     }
     let Some(hit) = hit else {
-        return tally.met_behind(around.lights.behind(camera_ray.direction, down), 0);
+        return film_sample.add_background(around.lights.background(camera_ray.direction, down), 0);
     };
     let bounces = match around.settings.mode {
-        Mode::AmbientOcclusion => return ambient(tracer, around, sampler, &camera_ray, &hit, down, tally),
+        Mode::AmbientOcclusion => {
+            return ambient(tracer, around, sampler, &camera_ray, &hit, down, film_sample);
+        }
         Mode::OneBounce => 0,
         Mode::Path => around.settings.bounces,
     };
     let from = Receiver { point: camera_ray.origin, normal: Vec3::Z, both_sides: true };
     let way = Way { from, pdf: None, gone: 0.0 };
     let start = Start { ray: camera_ray, hit, t_max, way, passed: 0, among: Among::All };
-    path(tracer, around, sampler, start, bounces, down, tally);
+    path(tracer, around, sampler, start, bounces, down, film_sample);
 }
 
 /// 1 where a cosine-distributed ray meets nothing within reach, else 0: what a white surface would scatter of a white sky.
@@ -185,19 +190,19 @@ fn ambient<T: Tracer + ?Sized>(
     ray: &RayInWorld,
     hit: &Hit,
     down: f32,
-    tally: &mut impl Tally,
+    film_sample: &mut impl FilmSample,
 ) {
     let normal = hit.normal_towards_ray();
     let frame =
         Frame::new(tracer.shading_normal(hit, ray.origin + ray.direction * hit.t, normal).unwrap_or(normal));
     let white = [Vec3::ONE, Vec3::ZERO, Vec3::ZERO];
-    let looks = &around.looks[hit.surface.instance as usize];
-    let catches = tally.catches() && looks.catches();
+    let materials = &around.materials[hit.surface.instance as usize];
+    let catches = film_sample.catches() && materials.catches();
     if catches {
-        tally.caught(|| around.lights.behind(ray.direction, down));
+        film_sample.caught(|| around.lights.background(ray.direction, down));
     }
-    tally.named(0, || looks.ids_of(hit.surface.label));
-    tally.came_to(0, || FirstSurface { colors: white, normal: frame.normal.as_vec3() });
+    film_sample.write_ids(0, || materials.ids_of(hit.surface.label));
+    film_sample.write_aovs(0, || SurfaceAovs { colors: white, normal: frame.normal.as_vec3() });
     if hit.is_seen_from_within() {
         return;
     }
@@ -205,12 +210,12 @@ fn ambient<T: Tracer + ?Sized>(
     let ray = RayInWorld { origin: ray.origin + ray.direction * hit.t, direction };
     let above = direction.dot(normal) > 0.0;
     let (from, reach) = (PathOrigin::Face(hit.surface), around.settings.ao_distance);
-    let all_of_it = || Share { diffuse: Vec3::ONE, through: false };
+    let all_of_it = || PassWeights { diffuse: Vec3::ONE, through: false };
     let light = |open: bool| Vec3::splat(f32::from(u8::from(open)));
-    tally.aimed(light(above && !tracer.occluded(&ray, from, reach)), 0, all_of_it);
+    film_sample.add_direct_light(light(above && !tracer.occluded(&ray, from, reach)), 0, all_of_it);
     if catches && let Some(catchers) = tracer.catchers() {
-        tally.among_catchers(true);
-        tally.aimed(light(above && !catchers.occluded(&ray, from, reach)), 0, all_of_it);
+        film_sample.among_catchers(true);
+        film_sample.add_direct_light(light(above && !catchers.occluded(&ray, from, reach)), 0, all_of_it);
     }
 }
 
@@ -221,7 +226,7 @@ fn path<T: Tracer + ?Sized>(
     start: Start,
     bounces: u32,
     down: f32,
-    tally: &mut impl Tally,
+    film_sample: &mut impl FilmSample,
 ) {
     let lights = &around.lights;
     let mut throughput = Vec3::ONE;
@@ -231,17 +236,17 @@ fn path<T: Tracer + ?Sized>(
     // Whether a path outside of all labels started within another label's coarse element.
     let mut buried = false;
     loop {
-        let looks = &around.looks[hit.surface.instance as usize];
-        let material = looks.material(hit.surface.label);
+        let materials = &around.materials[hit.surface.instance as usize];
+        let material = materials.material(hit.surface.label);
 
         // The camera's first shadow catcher.
-        if looks.catches() && among == Among::All && vertex == 0 && tally.catches() {
-            tally.caught(|| lights.behind(ray.direction.normalize(), down));
+        if materials.catches() && among == Among::All && vertex == 0 && film_sample.catches() {
+            film_sample.caught(|| lights.background(ray.direction.normalize(), down));
             if let Some(catchers) = tracer.catchers() {
                 let start = Start { ray, hit, t_max, way, passed, among: Among::Catchers };
-                tally.among_catchers(true);
-                path(catchers, around, sampler, start, bounces, down, tally);
-                tally.among_catchers(false);
+                film_sample.among_catchers(true);
+                path(catchers, around, sampler, start, bounces, down, film_sample);
+                film_sample.among_catchers(false);
             }
             among = Among::Caught;
         }
@@ -251,7 +256,7 @@ fn path<T: Tracer + ?Sized>(
         // Straight on where the surface is not there.
         if material.alpha < 1.0 && sampler.bounce(step, BouncePair::Roulette)[1] >= material.alpha {
             passed += 1;
-            if passed > MOST_CLEAR_SURFACES {
+            if passed > MAX_TRANSPARENT_SURFACES {
                 return;
             }
             ray.origin = origin;
@@ -259,16 +264,17 @@ fn path<T: Tracer + ?Sized>(
             way.gone += hit.t * ray.direction.length();
             buried = false;
             let next = next_hit(tracer, &ray, &hit, t_max);
-            tally.met(throughput * way.lamps(lights, ray.direction, next.as_ref(), t_max), vertex);
+            film_sample
+                .add_emission(throughput * way.lamps(lights, ray.direction, next.as_ref(), t_max), vertex);
             match next {
                 Some(next) => hit = next,
                 None => {
                     let direction = ray.direction.normalize();
                     let light = match way.pdf {
-                        Some(pdf) => lights.found(direction, pdf),
-                        None => lights.behind(direction, down),
+                        Some(pdf) => lights.infinite_emission(direction, pdf),
+                        None => lights.background(direction, down),
                     };
-                    return tally.met_behind(throughput * light, vertex);
+                    return film_sample.add_background(throughput * light, vertex);
                 }
             }
             continue;
@@ -289,19 +295,22 @@ fn path<T: Tracer + ?Sized>(
             let distance = way.gone + hit.t * ray.direction.length();
             light *= lights.emission_weight(tracer, &way.from, &hit, distance, pdf);
         }
-        tally.met(throughput * light, vertex);
+        film_sample.add_emission(throughput * light, vertex);
         if vertex > bounces || buried {
             return;
         }
         let bsdf = match own {
-            Some(own) => Bsdf::tilted(material, wi, Tilt::new(own, wi), hit.from_inside),
+            Some(own) => {
+                Bsdf::with_specular_normal(material, wi, SpecularNormal::new(own, wi), hit.from_inside)
+            }
             None => {
                 wi.z = cos;
                 Bsdf::new(material, wi, hit.from_inside)
             }
         };
-        tally.named(vertex, || around.looks[hit.surface.instance as usize].ids_of(hit.surface.label));
-        tally.came_to(vertex, || FirstSurface {
+        film_sample
+            .write_ids(vertex, || around.materials[hit.surface.instance as usize].ids_of(hit.surface.label));
+        film_sample.write_aovs(vertex, || SurfaceAovs {
             colors: bsdf.colors(material),
             normal: frame.normal.as_vec3(),
         });
@@ -310,23 +319,24 @@ fn path<T: Tracer + ?Sized>(
         let mut choice = None;
 
         // Aim at a light.
-        if lights.any_aimed() {
+        if lights.samples_lights() {
             let [which, lobe] = sampler.bounce(step, BouncePair::Choice);
             choice = Some(lobe);
             let further = || sampler.bounce(step | FURTHER, BouncePair::Choice);
             let towards = sampler.bounce(step, BouncePair::Light);
-            if let Some(light) = lights.aim(&receiver, which, towards, further)
+            if let Some(light) = lights.sample_light(&receiver, which, towards, further)
                 && (light.direction.dot(frame.normal) > 0.0 || bsdf.transmits())
                 && (among != Among::Catchers
-                    || light.instance.is_none_or(|i| around.looks[i as usize].catches()))
+                    || light.instance.is_none_or(|i| around.materials[i as usize].catches()))
             {
                 let wo = frame.local(light.direction);
                 let (f_cos, pdf) = bsdf.eval(wo);
-                let add = throughput * f_cos * light.radiance_over_pdf * lights.aimed_weight(light.pdf, pdf);
+                let add =
+                    throughput * f_cos * light.radiance_over_pdf * lights.light_mis_weight(light.pdf, pdf);
                 let shadow_ray = RayInWorld { origin, direction: light.direction };
                 if add.max_element() > 0.0 {
                     let seen = visibility(tracer, around, &shadow_ray, &hit, light.distance);
-                    tally.aimed(add * seen, vertex, || Share {
+                    film_sample.add_direct_light(add * seen, vertex, || PassWeights {
                         diffuse: bsdf.diffuse_share(wo, f_cos),
                         through: wo.z < 0.0,
                     });
@@ -349,7 +359,7 @@ fn path<T: Tracer + ?Sized>(
             return;
         }
         // A mirror's only direction is the mirror's alone.
-        tally.scattered(vertex, || Share {
+        film_sample.scatter(vertex, || PassWeights {
             diffuse: match sample.pdf.is_finite() {
                 true => bsdf.diffuse_share(sample.wo, sample.weight * sample.pdf),
                 false => Vec3::ZERO,
@@ -377,7 +387,7 @@ fn path<T: Tracer + ?Sized>(
         let outward = (above > 0.0) != hit.from_inside;
         let next = next_hit(tracer, &ray, &hit, t_max);
         vertex += 1;
-        tally.met(throughput * way.lamps(lights, direction, next.as_ref(), t_max), vertex);
+        film_sample.add_emission(throughput * way.lamps(lights, direction, next.as_ref(), t_max), vertex);
         match next {
             Some(next) => {
                 // (A mesh may well stand inside of a label.)
@@ -386,8 +396,8 @@ fn path<T: Tracer + ?Sized>(
                 hit = next;
             }
             None => {
-                let light = lights.found(direction.normalize(), sample.pdf);
-                return tally.met_behind(throughput * light, vertex);
+                let light = lights.infinite_emission(direction.normalize(), sample.pdf);
+                return film_sample.add_background(throughput * light, vertex);
             }
         }
     }

@@ -12,8 +12,8 @@ use pumice_transport::sampler::PixelSampler;
 use pumice_transport::{FilterTable, PathOrigin, Progress, RenderError, SurfaceKind, Tracer};
 use rayon::prelude::*;
 
+use crate::film_sample::AovSample;
 use crate::path::{Surroundings, follow, radiance};
-use crate::tally::Sorted;
 
 /// Most samples that each pixel gets between two looks at the clock.
 const MOST_SAMPLES_A_PASS: u32 = 64;
@@ -35,7 +35,7 @@ pub struct PathTracer<T> {
 impl<T: Tracer> PathTracer<T> {
     /// Starts a black picture.
     pub fn new(tracer: T, around: Surroundings, camera: &Camera, film: &Film) -> Self {
-        let kept = PassSums::of(film, around.looks.iter().any(|looks| looks.catches()));
+        let kept = PassSums::of(film, around.materials.iter().any(|materials| materials.catches()));
         let mut buffer = FilmBuffer::with_passes(film.width, film.height, kept);
         buffer.rest_by(around.settings.adaptive);
         Self {
@@ -51,7 +51,7 @@ impl<T: Tracer> PathTracer<T> {
     }
 
     /// Whether light is sorted even where no pass asks for it.
-    pub fn carry_sorting(&mut self, on: bool) {
+    pub fn sort_into_aovs(&mut self, on: bool) {
         self.sorts = on;
     }
 
@@ -142,7 +142,7 @@ impl<T: Tracer> PathTracer<T> {
                     let color = if stride == 0 && !*sorts {
                         radiance(&*tracer, around, &sampler, ray, t_max, down)
                     } else {
-                        let mut sorted = Sorted::new(&around.settings, kept);
+                        let mut sorted = AovSample::new(&around.settings, kept);
                         follow(&*tracer, around, &sampler, ray, t_max, down, &mut sorted);
                         sorted.add_to(&mut row.passes[x * stride..][..stride], sample);
                         sorted.total
@@ -214,7 +214,7 @@ impl<T: Tracer> PathTracer<T> {
                     position: point.as_vec3().to_array(),
                     depth: depth as f32,
                     label: if hit.surface.kind == SurfaceKind::Triangle { 0 } else { hit.surface.label + 1 },
-                    albedo: self.around.looks[hit.surface.instance as usize]
+                    albedo: self.around.materials[hit.surface.instance as usize]
                         .material(hit.surface.label)
                         .base_color,
                     normal: {

@@ -13,7 +13,7 @@ use pumice_cpu::traverse::{SceneTracer, TracedInstance};
 use pumice_scene::{Material, Settings};
 use pumice_transport::geometry::LodChoice;
 use pumice_transport::sampler::PixelSampler;
-use pumice_transport::{Lights, Looks, PathOrigin, RayInWorld, Sky, Tracer};
+use pumice_transport::{Lights, MaterialTable, PathOrigin, RayInWorld, Sky, Tracer};
 
 /// 8³ voxels; label 1 fills x 2 to 3, label 2 fills x 4 to 5, both all of y and z from 1 to 6.
 fn two_slabs() -> SceneTracer {
@@ -38,7 +38,7 @@ fn two_slabs() -> SceneTracer {
 fn around(material: Material) -> Surroundings {
     Surroundings {
         lights: Lights::new(Sky::Constant(Vec3::ONE), Vec::new(), None).into(),
-        looks: vec![Looks::same(material).into()].into(),
+        materials: vec![MaterialTable::same(material).into()].into(),
         settings: Settings { bounces: 200, russian_roulette: false, ..Settings::default() },
     }
 }

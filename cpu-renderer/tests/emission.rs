@@ -13,7 +13,7 @@ use glam::{DAffine3, DMat3, DVec3, Vec3};
 use pumice_oracle::volumes::volume;
 use pumice_scene::{CutShape, Material};
 use pumice_transport::geometry::LodChoice;
-use pumice_transport::{Finding, PathOrigin, RayInWorld, Receiver, Tracer};
+use pumice_transport::{LightStrategy, PathOrigin, RayInWorld, Receiver, Tracer};
 use stage::{Stage, glowing, lambert};
 
 /// A floor (label 1, z < 2) and above it what `at` says (labels from 2 on).
@@ -127,7 +127,8 @@ fn three_ways_to_find_emission_agree() {
     let mut convicted = 0;
     for (name, stage) in scenes() {
         let [both, aimed, scattered] =
-            [Finding::Both, Finding::Aimed, Finding::Scattered].map(|f| stage.estimate(f, 48, 32));
+            [LightStrategy::Mis, LightStrategy::LightsOnly, LightStrategy::BsdfOnly]
+                .map(|f| stage.estimate(f, 48, 32));
         for (what, other) in [("aimed", aimed), ("scattered", scattered)] {
             let apart = |factor: f64| (factor * both.0 - other.0).abs() / (both.1 + other.1).sqrt();
             assert!(
@@ -203,7 +204,7 @@ fn a_square_face_gives_its_form_factor() {
             .with_volume(&over_a_floor(above), place, &labels, LodChoice::Voxels)
             .seen_at(place.transform_point3(DVec3::new(12.0, 12.0, 2.0)), 1e-3 * scale.min_element());
         let expected = 0.5 * 2.0 * below_the_middle([4.0 * scale.x, 2.0 * scale.y], 5.0 * scale.z);
-        for finding in [Finding::Both, Finding::Aimed] {
+        for finding in [LightStrategy::Mis, LightStrategy::LightsOnly] {
             let (sum, variance) = stage.estimate(finding, 16, 64);
             let (mean, error) = (sum / 3.0, variance.sqrt() / 3.0);
             assert!((mean - expected).abs() < 4.0 * error, "{name}: {mean} ± {error} instead of {expected}");
@@ -224,8 +225,8 @@ fn aiming_takes_noise_away() {
         let stage = Stage::new()
             .with_volume(&volume, DAffine3::IDENTITY, &labels, LodChoice::Voxels)
             .seen_at(DVec3::new(12.0, 12.0, 2.0), 8.0);
-        let (mean, both) = stage.estimate(Finding::Both, 24, 8);
-        let (_, scattered) = stage.estimate(Finding::Scattered, 24, 8);
+        let (mean, both) = stage.estimate(LightStrategy::Mis, 24, 8);
+        let (_, scattered) = stage.estimate(LightStrategy::BsdfOnly, 24, 8);
         println!("{name}: mean {mean}, variance {scattered:e} -> {both:e}: {}", scattered / both);
         assert!(scattered > least * both, "{name}: variance {scattered} becomes {both}");
     }

@@ -12,7 +12,7 @@ use pumice_core::Job;
 use pumice_cpu::{PathTracer, Surroundings};
 use pumice_picture::{FilmBuffer, Image};
 use pumice_scene::{Adaptive, Camera, Film, Filter, Material, Projection, Settings, Sun};
-use pumice_transport::{EnvironmentTable, Finding, Lights, Looks, ReadySun, Sky};
+use pumice_transport::{EnvironmentTable, LightStrategy, Lights, MaterialTable, ReadySun, Sky};
 
 const SIZE: u32 = 28;
 
@@ -57,7 +57,7 @@ fn suns() -> Vec<ReadySun> {
 }
 
 /// Three scenes: Lambert under an even sky; suns and a picture; rough metal under a picture.
-fn scene(which: u32, seed: u64, finding: Finding) -> PathTracer<Dense> {
+fn scene(which: u32, seed: u64, finding: LightStrategy) -> PathTracer<Dense> {
     let (lights, material) = match which {
         0 => (
             Lights::new(Sky::Constant(Vec3::ONE), Vec::new(), None),
@@ -73,15 +73,15 @@ fn scene(which: u32, seed: u64, finding: Finding) -> PathTracer<Dense> {
         ),
     };
     let around = Surroundings {
-        lights: lights.found_by(finding).into(),
-        looks: vec![Looks::same(material).into()].into(),
+        lights: lights.with_strategy(finding).into(),
+        materials: vec![MaterialTable::same(material).into()].into(),
         settings: Settings { bounces: 4, seed, ..Settings::default() },
     };
     let film = Film::new(SIZE, SIZE, Filter::BlackmanHarris { width: 3.0 });
     PathTracer::new(blobs(), around, &camera(), &film)
 }
 
-fn drawn(which: u32, seed: u64, spp: u32, finding: Finding) -> PathTracer<Dense> {
+fn drawn(which: u32, seed: u64, spp: u32, finding: LightStrategy) -> PathTracer<Dense> {
     let mut tracer = scene(which, seed, finding);
     tracer.add_samples(spp, &Job::new()).expect("nobody cancels");
     tracer
@@ -116,10 +116,10 @@ const MEAN_TOLERANCE: f64 = 0.17;
 #[test]
 fn estimate_is_honest() {
     for which in 0..3 {
-        let reference = drawn(which, 1_000, 1024, Finding::Both).film().mean();
+        let reference = drawn(which, 1_000, 1024, LightStrategy::Mis).film().mean();
         for (spp, seeds) in CASES {
             let ratio = |seed: u64| {
-                let tracer = drawn(which, 100 * seed + u64::from(spp), spp, Finding::Both);
+                let tracer = drawn(which, 100 * seed + u64::from(spp), spp, LightStrategy::Mis);
                 tracer.error_estimate() / rel_mse(&tracer.film().mean(), &reference).sqrt()
             };
             let ratios: Vec<f64> = (0..seeds).map(ratio).collect();
@@ -132,7 +132,7 @@ fn estimate_is_honest() {
 
 /// A picture whose pixels all rest.
 fn rested(which: u32, seed: u64, rule: Adaptive) -> PathTracer<Dense> {
-    let uniform = scene(which, seed, Finding::Both);
+    let uniform = scene(which, seed, LightStrategy::Mis);
     let mut around = uniform.around().clone();
     around.settings.adaptive = Some(rule);
     let film = Film::new(SIZE, SIZE, Filter::BlackmanHarris { width: 3.0 });
@@ -149,7 +149,7 @@ fn rested(which: u32, seed: u64, rule: Adaptive) -> PathTracer<Dense> {
 fn where_all_pixels_rest_the_error_is_below_the_threshold() {
     let seeds = 6u32;
     for (which, threshold) in [(0, 0.05), (1, 0.08), (2, 0.08)] {
-        let reference = drawn(which, 1_000, 2048, Finding::Both).film().mean();
+        let reference = drawn(which, 1_000, 2048, LightStrategy::Mis).film().mean();
         let error = |film: &FilmBuffer| rel_mse(&film.mean(), &reference).sqrt() / f64::from(seeds);
         let sum = |i: &Image| i.pixels.iter().flatten().map(|&v| f64::from(v)).sum::<f64>();
         let mut mean_spp = 0.0;
@@ -160,7 +160,7 @@ fn where_all_pixels_rest_the_error_is_below_the_threshold() {
             of_rested += error(film);
             mean_spp += film.mean_spp() / f64::from(seeds);
             bias += (sum(&film.mean()) / sum(&reference) - 1.0) / f64::from(seeds);
-            let even = |spp| drawn(which, u64::from(seed) + 50, spp, Finding::Both);
+            let even = |spp| drawn(which, u64::from(seed) + 50, spp, LightStrategy::Mis);
             of_even += error(even(film.mean_spp().round() as u32).film());
             of_first += error(even(16).film());
         }
@@ -181,7 +181,7 @@ fn where_all_pixels_rest_the_error_is_below_the_threshold() {
 fn taking_stratified_samples_for_independent_is_convicted() {
     use pumice_cpu::path::radiance;
     use pumice_transport::sampler::PixelSampler;
-    let tracer = drawn(0, 3, 1, Finding::Both);
+    let tracer = drawn(0, 3, 1, LightStrategy::Mis);
     let (n, mut naive, mut image) =
         (128u32, 0.0, Image::new(SIZE as usize, SIZE as usize, vec![[0.0; 3]; (SIZE * SIZE) as usize]));
     for y in 0..SIZE {
@@ -208,7 +208,7 @@ fn taking_stratified_samples_for_independent_is_convicted() {
     }
     let naive = (naive / f64::from(3 * SIZE * SIZE)).sqrt();
     // A box filter against a reference of another filter would differ at edges: the same samples a second time are the truth.
-    let mut boxed = scene(0, 77, Finding::Both);
+    let mut boxed = scene(0, 77, LightStrategy::Mis);
     boxed = {
         let film = Film::new(SIZE, SIZE, Filter::Box { width: 1.0 });
         PathTracer::new(blobs(), boxed.around().clone(), &camera(), &film)
@@ -222,14 +222,15 @@ fn taking_stratified_samples_for_independent_is_convicted() {
 /// Aiming, scattering and both agree: two-sided z of the picture's mean, each pair within 4.
 #[test]
 fn ways_to_find_light_agree() {
-    let total = |which: u32, finding: Finding, seed: u64| {
+    let total = |which: u32, finding: LightStrategy, seed: u64| {
         let tracer = drawn(which, seed, 256, finding);
         let (mean, var) = (tracer.film().mean(), tracer.film().variance());
         let sum = |i: &Image| i.pixels.iter().map(|p| f64::from(p[0])).sum::<f64>();
         (sum(&mean), sum(&var))
     };
     for which in [1, 2] {
-        let all = [Finding::Both, Finding::Aimed, Finding::Scattered].map(|f| total(which, f, 40 + f as u64));
+        let all = [LightStrategy::Mis, LightStrategy::LightsOnly, LightStrategy::BsdfOnly]
+            .map(|f| total(which, f, 40 + f as u64));
         for (a, b) in [(0, 1), (0, 2), (1, 2)] {
             let z = (all[a].0 - all[b].0) / (all[a].1 + all[b].1).sqrt();
             println!("scene {which}: {a} against {b}: z = {z:.2}");

@@ -16,7 +16,7 @@ use furnace::{
 use pumice_core::Job;
 use pumice_cpu::{PathTracer, Surroundings};
 use pumice_scene::{Material, Settings};
-use pumice_transport::{Lights, Looks};
+use pumice_transport::{Lights, MaterialTable};
 
 fn furnaces() -> Vec<Furnace> {
     let mut all = Vec::new();
@@ -137,7 +137,7 @@ fn glossy_bodies_never_give_more_than_they_get() {
         for metallic in [0.0f32, 1.0] {
             let mut furnace = convex_body(even_sky(1.0), 1.0);
             let material = Material { base_color: [1.0; 3], roughness, metallic, ..Material::default() };
-            furnace.around.looks = vec![Looks::same(material).into()].into();
+            furnace.around.materials = vec![MaterialTable::same(material).into()].into();
             furnace.spp = 64;
             let kept = furnace.mean(&rendered);
             // (Rounding where there is no noise.)
@@ -152,7 +152,7 @@ fn threads_and_slices_do_not_change_the_picture() {
     let picture = |threads: usize, steps: &[u32]| {
         let around = Surroundings {
             lights: Lights::new(even_sky(1.0), Vec::new(), None).into(),
-            looks: vec![Looks::same(Material::default()).into()].into(),
+            materials: vec![MaterialTable::same(Material::default()).into()].into(),
             settings: Settings::default(),
         };
         let mut tracer = PathTracer::new(sponge(), around, &outside(), &FILM);

@@ -10,7 +10,7 @@ use pumice_cpu::traverse::{SceneTracer, TracedInstance};
 use pumice_cpu::{PathTracer, Surroundings};
 use pumice_scene::{Camera, Film, Filter, Light, LightShape, Material, Mode, Outline, Projection, Settings};
 use pumice_transport::geometry::LodChoice;
-use pumice_transport::{Finding, Lights, Looks, ReadyLamp, Sky};
+use pumice_transport::{LightStrategy, Lights, MaterialTable, ReadyLamp, Sky};
 
 /// A floor of 16 × 16 voxels up to z = 2, a wall at x = 8 up to z = 10.
 fn tracer() -> SceneTracer {
@@ -28,12 +28,13 @@ fn lamp(shape: LightShape) -> ReadyLamp {
 }
 
 /// Mean colour of the lit side of the floor (columns of pixels left of the wall) and of the other.
-fn halves(lamps: Vec<ReadyLamp>, finding: Finding, mode: Mode, seed: u64, samples: u32) -> [Vec3; 2] {
-    let lights = Lights::new(Sky::Constant(Vec3::ZERO), vec![], None).with_lamps(lamps).found_by(finding);
+fn halves(lamps: Vec<ReadyLamp>, finding: LightStrategy, mode: Mode, seed: u64, samples: u32) -> [Vec3; 2] {
+    let lights =
+        Lights::new(Sky::Constant(Vec3::ZERO), vec![], None).with_lamps(lamps).with_strategy(finding);
     let material = Material { base_color: [0.7; 3], specular: 0.3, roughness: 0.5, ..Material::default() };
     let around = Surroundings {
         lights: Arc::new(lights),
-        looks: vec![Arc::new(Looks::same(material))].into(),
+        materials: vec![Arc::new(MaterialTable::same(material))].into(),
         settings: Settings { mode, bounces: 3, seed, ..Settings::default() },
     };
     let above = DAffine3::from_mat3_translation(DMat3::IDENTITY, DVec3::new(8.5, 8.0, 60.0));
@@ -94,7 +95,8 @@ fn three_ways_to_find_light_agree() {
             let variance = means.iter().map(|m| (m - mean).powi(2)).sum::<f64>() / (24.0 * 23.0);
             (mean, variance)
         };
-        let [both, aimed, scattered] = [Finding::Both, Finding::Aimed, Finding::Scattered].map(estimate);
+        let [both, aimed, scattered] =
+            [LightStrategy::Mis, LightStrategy::LightsOnly, LightStrategy::BsdfOnly].map(estimate);
         for (what, other) in [("aimed", aimed), ("scattered", scattered)] {
             let apart = (both.0 - other.0).abs() / (both.1 + other.1).sqrt();
             assert!(apart < 4.0, "{name}: both {both:?}, {what} {other:?}: {apart} standard errors");
@@ -118,6 +120,6 @@ fn walls_hide_lamps() {
         spread_rad: 0.0,
     };
     let lamps = || vec![lamp(shape)];
-    let [left, right] = halves(lamps(), Finding::Both, Mode::OneBounce, 1, 4);
+    let [left, right] = halves(lamps(), LightStrategy::Mis, Mode::OneBounce, 1, 4);
     assert!(left.min_element() > 0.0 && right == Vec3::ZERO, "{left} {right}");
 }

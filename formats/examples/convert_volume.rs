@@ -1,5 +1,5 @@
-//! `convert_volume IN OUT`: reads a small volume and writes it in the format that OUT's ending names. For comparisons with
-//! other readers: it keeps the whole volume in memory, which the library never does.
+//! `convert_volume IN OUT` reads a small volume and writes it in the format of OUT's ending, for comparisons with other readers. It keeps
+//! the whole volume in memory, which the library never does.
 
 use std::path::Path;
 use std::process::ExitCode;

@@ -1,8 +1,7 @@
-//! Prints what a volume's header says as JSON and writes its voxels as little-endian u64, x fastest, to a file.
+//! Prints a volume's header as JSON and writes its voxels as little-endian u64, x fastest, to a file, for comparisons with other readers.
 //!
-//! `dump_volume FILE VOXELS.bin [--layer N] [--time N] [--channel N] [--array NAME] [--zyx] [--raw X,Y,Z,TYPE]`. For comparisons
-//! with other readers: it keeps the whole volume in memory, which the library never does. `-` instead of VOXELS.bin reads the
-//! blocks and drops them.
+//! `dump_volume FILE VOXELS.bin [--layer N] [--time N] [--channel N] [--array NAME] [--zyx] [--raw X,Y,Z,TYPE]`. It keeps the whole volume
+//! in memory, which the library never does. With `-` instead of VOXELS.bin it reads the blocks and drops them.
 
 use std::io::Write as _;
 use std::path::Path;
@@ -22,7 +21,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// `64,64,64,u64`, little-endian.
+/// Parses a raw layout such as `64,64,64,u64`; the voxels are little-endian.
 fn raw_layout(text: &str) -> Result<RawLayout, Box<dyn std::error::Error>> {
     let words: Vec<&str> = text.split(',').collect();
     let [x, y, z, label_type] = words.as_slice() else { return Err("--raw X,Y,Z,TYPE".into()) };
@@ -41,7 +40,7 @@ fn run(arguments: &[String]) -> Result<(), Box<dyn std::error::Error>> {
             options.axes = ArrayAxes::Zyx;
             continue;
         }
-        let value = rest.next().ok_or("an option has no value")?;
+        let value = rest.next().ok_or("expected a value after each option but --zyx, got none")?;
         match name.as_str() {
             "--layer" => options.layer = Some(value.parse()?),
             "--time" => options.time = Some(value.parse()?),

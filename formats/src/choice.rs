@@ -1,12 +1,12 @@
-//! One of several volumes in a file: the index that the caller chose along an axis outside space.
+//! Chooses one of several volumes in a file, by the index along an axis that is not x, y or z.
 
 use std::path::Path;
 
 use crate::error::{FormatError, Result};
 
-/// An axis outside space, as the user knows it.
+/// An axis that is not x, y or z, with its names in messages.
 pub(crate) struct Choice {
-    /// Plural, for messages.
+    /// Plural name.
     pub(crate) name: &'static str,
     pub(crate) option: &'static str,
 }
@@ -15,7 +15,8 @@ pub(crate) const TIME: Choice = Choice { name: "time steps", option: "--time-ste
 pub(crate) const LAYER: Choice = Choice { name: "layers", option: "--layer" };
 pub(crate) const CHANNEL: Choice = Choice { name: "channels", option: "--channel" };
 
-/// The index along an axis of `size` steps. Without a choice among several: index 0, and an error for whoever wants voxels.
+/// The index along an axis of `size` steps. If there are several and none was chosen, it is 0, and `undecided` gets the error for callers
+/// that read voxels.
 pub(crate) fn choose(
     path: &Path,
     choice: &Choice,
@@ -27,7 +28,7 @@ pub(crate) fn choose(
     choose_among(path, choice, chosen, size, &choices, undecided)
 }
 
-/// The same, with a text that tells what there is to choose from.
+/// Like [`choose`], with a text that lists the choices.
 pub(crate) fn choose_among(
     path: &Path,
     choice: &Choice,
@@ -42,14 +43,14 @@ pub(crate) fn choose_among(
         Some(index) => Err(FormatError::option(
             path,
             format!(
-                "{option} {index} asked for, counted from 0, but the number of {name} is {size}: {choices}"
+                "{option} {index} is out of range, counted from 0; the number of {name} is {size}: {choices}"
             ),
         )),
         None if size <= 1 => Ok(0),
         None => {
             undecided.get_or_insert(FormatError::Choose {
                 path: path.to_owned(),
-                what: format!("the file has {size} {name}, each a volume of its own"),
+                what: format!("the file has {size} {name}, and each is a separate volume"),
                 option,
                 choices: choices.to_owned(),
             });
@@ -58,7 +59,7 @@ pub(crate) fn choose_among(
     }
 }
 
-/// Refuses a choice along an axis that the file does not have, unless it is of the one step that is there.
+/// Refuses a choice along axes that the file does not have, except index 0, which stands for the only step.
 pub(crate) fn refuse_absent(path: &Path, absent: &[(&Choice, Option<u32>)]) -> Result<()> {
     for &(choice, chosen) in absent {
         choose(path, choice, chosen, 1, &mut None)?;

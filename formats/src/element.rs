@@ -1,15 +1,15 @@
-//! From the bytes of voxels to labels: byte order, sign, floating point.
+//! Converts the bytes of voxels to labels: byte order, sign, floating point.
 //!
-//! Unsigned types are only re-read in the right byte order. Signed ones are checked to be ≥ 0. Floats, and integers with a
-//! scale factor, are checked to be whole numbers in 0..=2⁵³, beyond which f64 no longer tells neighbouring ids apart; they
-//! become the narrowest unsigned type that holds their block.
+//! Unsigned types only change their byte order. Signed ones are checked to be ≥ 0. Floats, and integers with a scale factor, are checked to
+//! be whole numbers in 0..=2⁵³, beyond which f64 cannot tell neighbouring ids apart; they become the narrowest unsigned type that holds
+//! their block.
 
 use pumice_core::{LabelBuffer, LabelType};
 
-/// 2⁵³: up to here every whole number has its own f64 (IEEE 754, 53 bits of significand).
+/// 2⁵³: every whole number up to here has an exact f64 (IEEE 754, 53 bits of significand).
 pub(crate) const MAX_EXACT_F64: f64 = 9_007_199_254_740_992.0;
 
-/// How one voxel is stored.
+/// Number type, byte order and scale of one stored voxel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Element {
     pub(crate) label_type: LabelType,
@@ -18,7 +18,7 @@ pub(crate) struct Element {
     pub(crate) scale: Option<(f64, f64)>,
 }
 
-/// A value that is no label, and which of the block's voxels it is.
+/// A value that is not a label, and its index in the block.
 #[derive(Debug, PartialEq)]
 pub(crate) struct BadLabel {
     pub(crate) index: usize,
@@ -36,7 +36,7 @@ impl Element {
         Self { label_type, big_endian, scale: None }
     }
 
-    /// Bytes of one voxel.
+    /// Size of one voxel in bytes.
     pub(crate) fn bytes(self) -> usize {
         match self.label_type {
             LabelType::U8 | LabelType::I8 => 1,
@@ -46,9 +46,9 @@ impl Element {
         }
     }
 
-    /// Labels from bytes; `bytes` holds a whole number of voxels.
+    /// Decodes labels; `bytes` holds a whole number of voxels.
     pub(crate) fn decode(self, bytes: &[u8]) -> Result<LabelBuffer, BadLabel> {
-        // Reads every voxel as `$t` in the file's byte order and maps it.
+        // Read every voxel as `$t` in the file's byte order and apply `$map`.
         macro_rules! each {
             ($t:ty, $map:expr) => {{
                 let (voxels, _) = bytes.as_chunks::<{ size_of::<$t>() }>();
@@ -61,7 +61,8 @@ impl Element {
         }
         macro_rules! signed {
             ($t:ty, $u:ty, $variant:ident) => {{
-                // OR of all values is negative exactly if one of them is: one cheap pass, the search only on failure.
+                // The OR of all values is negative exactly if one of them is. So one cheap pass suffices, and the search runs only on
+                // failure.
                 let mut any: $t = 0;
                 let labels: Vec<$u> = each!($t, |v| {
                     any |= v;
@@ -83,8 +84,8 @@ impl Element {
                 LabelType::I8 => each!(i8, f64::from),
                 LabelType::I16 => each!(i16, f64::from),
                 LabelType::I32 => each!(i32, f64::from),
-                // 64-bit integers above 2⁵³ round here: the bound on the result refuses them unless the slope shrinks them,
-                // and then they are inexact by definition of the format.
+                // 64-bit integers above 2⁵³ are rounded here. The limit on the result refuses them unless the slope shrinks them, and then
+                // the format itself defines them as inexact.
                 LabelType::U64 => each!(u64, |v| v as f64),
                 LabelType::I64 => each!(i64, |v| v as f64),
                 LabelType::F32 => each!(f32, f64::from),
@@ -107,7 +108,7 @@ impl Element {
     }
 }
 
-/// Labels from floating-point values that must be whole, in 0..=2⁵³.
+/// Converts floating-point values, which must be whole numbers in 0..=2⁵³, to labels.
 fn from_floats(values: Vec<f64>) -> Result<LabelBuffer, BadLabel> {
     let mut largest = 0f64;
     for (index, &v) in values.iter().enumerate() {

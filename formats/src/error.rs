@@ -1,4 +1,4 @@
-//! What can go wrong with a file of somebody else, sorted by who must act. Every text is one line.
+//! Errors of foreign files, sorted by who must act. Every text is one line.
 
 use std::path::{Path, PathBuf};
 
@@ -11,7 +11,7 @@ pub enum FormatError {
     Io {
         /// The file or folder.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: std::io::Error,
     },
     /// A header names another file that cannot be opened.
@@ -21,19 +21,19 @@ pub enum FormatError {
         header: PathBuf,
         /// The file with the voxels.
         data: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: std::io::Error,
     },
-    /// No reader knows this content.
+    /// No reader recognises the content.
     #[error("{}: {what}", path.display())]
     Unknown {
         /// The file.
         path: PathBuf,
-        /// What it seems to be, and what can be read.
+        /// What the file seems to be, and which formats can be read.
         what: String,
     },
-    /// The file breaks the rules of its format.
-    #[error("{}: {what}{}", path.display(), Place(*at))]
+    /// The file violates its format.
+    #[error("{}: {what}{}", path.display(), AtByte(*at))]
     Damaged {
         /// The file.
         path: PathBuf,
@@ -42,104 +42,104 @@ pub enum FormatError {
         /// Byte offset in the file, where one is known.
         at: Option<u64>,
     },
-    /// The file holds fewer voxels than its header says.
+    /// The file holds fewer voxels than its header declares.
     #[error(
-        "{}: expected {expected} bytes of voxels, the data end after {got}{}", path.display(), Place(*at)
+        "{}: expected {expected} bytes of voxels, the data end after {got}{}", path.display(), AtByte(*at)
     )]
     Short {
         /// The file.
         path: PathBuf,
-        /// Bytes of voxels that the header promises.
+        /// Bytes of voxels that the header declares.
         expected: u64,
-        /// Bytes of voxels that are there.
+        /// Bytes of voxels that the file has.
         got: u64,
-        /// Byte offset in the file where it ends.
+        /// Byte offset at which the file ends.
         at: Option<u64>,
     },
-    /// The file is valid, but this program does not read that part of the format.
+    /// The file is valid, but uses a part of its format that this program does not support.
     #[error("{}: {what}; {way_out}", path.display())]
     Unsupported {
         /// The file.
         path: PathBuf,
-        /// What is not read.
+        /// The unsupported part.
         what: String,
-        /// How to get around it.
+        /// What the user can do instead.
         way_out: String,
     },
-    /// The file holds several volumes and the caller did not say which one.
+    /// The file holds several volumes, and the caller chose none.
     #[error("{}: {what}; choose one with {option} ({choices})", path.display())]
     Choose {
         /// The file.
         path: PathBuf,
-        /// What there are several of.
+        /// What the file has several of.
         what: String,
-        /// The option that chooses.
+        /// The option that makes the choice.
         option: &'static str,
-        /// What can be chosen.
+        /// The possible choices.
         choices: String,
     },
-    /// An option of the caller does not fit this file.
+    /// An option of the caller does not fit the file.
     #[error("{}: {what}", path.display())]
     Option {
         /// The file.
         path: PathBuf,
-        /// What does not fit, and what would.
+        /// What does not fit, and what would fit.
         what: String,
     },
-    /// A voxel is not a label: negative, not whole, too large to be exact.
+    /// A voxel is not a label: it is negative, not whole, or too large to be exact.
     #[error(
         "{}: voxel ({}, {}, {}) is {value}, {reason}", path.display(), voxel[0], voxel[1], voxel[2]
     )]
     Label {
         /// The file.
         path: PathBuf,
-        /// The voxel's x, y, z.
+        /// x, y and z of the voxel.
         voxel: [u64; 3],
-        /// Its value as text.
+        /// Value of the voxel as text.
         value: String,
-        /// Why that is no label.
+        /// Why the value is not a label.
         reason: &'static str,
     },
-    /// A size is beyond what this program handles.
+    /// A size exceeds what this program handles.
     #[error("{}: {what} is {got}, the limit is {limit}", path.display())]
     Limit {
         /// The file.
         path: PathBuf,
         /// The quantity.
         what: String,
-        /// What the file says.
+        /// The size in the file.
         got: String,
         /// The limit.
         limit: u64,
     },
 }
 
-/// Writes " (byte N)" where N is known.
-struct Place(Option<u64>);
+/// Formats as " (byte N of the file)" if N is known, else as nothing.
+struct AtByte(Option<u64>);
 
-impl std::fmt::Display for Place {
+impl std::fmt::Display for AtByte {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         self.0.map_or(Ok(()), |at| write!(f, " (byte {at} of the file)"))
     }
 }
 
 impl FormatError {
-    /// [`FormatError::Io`] for `path`, to be used in `map_err`.
+    /// Makes a function for `map_err` that wraps an error of the system in [`FormatError::Io`] for `path`.
     pub(crate) fn io(path: &Path) -> impl Fn(std::io::Error) -> Self + '_ {
         move |source| Self::Io { path: path.to_owned(), source }
     }
 
-    /// [`FormatError::Damaged`] without a byte offset.
+    /// Makes a [`FormatError::Damaged`] without a byte offset.
     pub(crate) fn damaged(path: &Path, what: impl Into<String>) -> Self {
         Self::Damaged { path: path.to_owned(), what: what.into(), at: None }
     }
 
-    /// [`FormatError::Unsupported`].
+    /// Makes a [`FormatError::Unsupported`].
     pub(crate) fn unsupported(path: &Path, what: impl Into<String>, way_out: impl Into<String>) -> Self {
         Self::Unsupported { path: path.to_owned(), what: what.into(), way_out: way_out.into() }
     }
 
-    /// [`FormatError::Option`].
+    /// Makes a [`FormatError::Option`].
     pub(crate) fn option(path: &Path, what: impl Into<String>) -> Self {
         Self::Option { path: path.to_owned(), what: what.into() }
     }

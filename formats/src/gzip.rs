@@ -1,7 +1,7 @@
-//! Inflating: gzip with several members and with something behind them, and zlib.
+//! Inflates gzip (with several members, or with other data after them), zlib and raw deflate.
 //!
-//! A gzip member ends with CRC-32 and length of its content (RFC 1952 §2.3.1); they are checked when the member's last byte
-//! has been read, so whoever reads a volume reads on to the end of the stream.
+//! A gzip member ends with CRC-32 and length of its content (RFC 1952 §2.3.1). They are checked once the member's last byte has been read,
+//! so a reader must read to the end of the stream.
 
 use std::io::{BufRead, Read};
 use std::path::{Path, PathBuf};
@@ -17,12 +17,12 @@ use crate::stream::{ByteStream, CountingFile};
 /// First bytes of a gzip member (RFC 1952 §2.3.1).
 pub(crate) const GZIP_MAGIC: [u8; 2] = [0x1F, 0x8B];
 
-/// Which wrapping the deflated data have.
+/// Container format of the deflated data.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Wrapping {
     Gzip,
     Zlib,
-    /// None at all, as in zip archives.
+    /// None, as in zip archives.
     Deflate,
 }
 
@@ -30,11 +30,11 @@ enum Decoder {
     Gzip(GzDecoder<CountingFile>),
     Zlib(ZlibDecoder<CountingFile>),
     Deflate(DeflateDecoder<CountingFile>),
-    /// After the last member.
+    /// The last member has ended.
     End,
 }
 
-/// Bytes inflated from a file.
+/// The bytes inflated from a file.
 pub(crate) struct InflateStream {
     path: PathBuf,
     decoder: Decoder,
@@ -43,7 +43,7 @@ pub(crate) struct InflateStream {
 }
 
 impl InflateStream {
-    /// Inflates `path` from byte `offset` on.
+    /// Inflates the file at `path` from byte `offset` on.
     pub(crate) fn open(path: &Path, offset: u64, wrapping: Wrapping, warnings: &Warnings) -> Result<Self> {
         let file = CountingFile::open(path, offset)?;
         let taken = file.taken();
@@ -55,7 +55,7 @@ impl InflateStream {
         Ok(Self { path: path.to_owned(), decoder, taken, warnings: warnings.clone() })
     }
 
-    /// A damaged stream is the file's fault, a failing disk the system's.
+    /// Classifies an error: a damaged stream is a fault of the file, a failing disk one of the system.
     fn explain(&self, source: std::io::Error) -> FormatError {
         use std::io::ErrorKind::{InvalidData, InvalidInput, UnexpectedEof};
         let at = Some(self.taken.load(Ordering::Relaxed));
@@ -73,7 +73,7 @@ impl InflateStream {
         }
     }
 
-    /// At a member's end: the next member, or the end of the stream.
+    /// At the end of a member: starts the next member, or returns false at the end of the stream.
     fn next_member(&mut self) -> Result<bool> {
         let Decoder::Gzip(member) = std::mem::replace(&mut self.decoder, Decoder::End) else {
             return Ok(false);
@@ -83,15 +83,15 @@ impl InflateStream {
         if rest.is_empty() {
             return Ok(false);
         }
-        // One byte is enough to tell: a file that ends between the two bytes of the magic is cut off, and the decoder says so.
+        // One byte is enough to tell: a file that ends between the two bytes of the magic is cut off, and the decoder reports that.
         if rest[0] == GZIP_MAGIC[0] && rest.get(1).is_none_or(|&b| b == GZIP_MAGIC[1]) {
             self.decoder = Decoder::Gzip(GzDecoder::new(file));
             return Ok(true);
         }
         if rest.iter().any(|&b| b != 0) {
-            // Zeros are the padding of tape blocks and of some disk images.
+            // Zeros are padding, as in tape blocks and some disk images.
             self.warnings.push(format!(
-                "{}: bytes after the compressed data (from byte {}) were left out",
+                "{}: ignored the bytes after the compressed data (from byte {})",
                 self.path.display(),
                 self.taken.load(Ordering::Relaxed)
             ));

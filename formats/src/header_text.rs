@@ -1,4 +1,4 @@
-//! Reading the lines of a text header without trusting its length.
+//! Reads the lines of a text header without trusting its length.
 
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
@@ -6,19 +6,19 @@ use std::path::Path;
 use crate::error::{FormatError, Result};
 use crate::stream::open_file;
 
-/// Longest header that is read. A Slicer file with ten thousand named segments has some 10 MB.
+/// Longest header that is read, in bytes. A Slicer file with ten thousand named segments has some 10 MB.
 const MAX_HEADER_BYTES: u64 = 64 << 20;
 
-/// Lines of a header and where it ends.
+/// Lines of a header, and its end.
 pub(crate) struct HeaderText {
     pub(crate) lines: Vec<String>,
-    /// Byte behind the header.
+    /// Offset of the first byte after the header.
     pub(crate) end: u64,
-    /// Whether the end was reached because of the file's end.
+    /// Whether the header ended because the file did.
     pub(crate) at_file_end: bool,
 }
 
-/// Reads lines until `is_last` accepts one (it is kept) or the file ends. Bytes that are not UTF-8 become `\u{FFFD}`.
+/// Reads lines up to and including the first that `is_last` accepts, or to the end of the file. Bytes that are not UTF-8 become `\u{FFFD}`.
 pub(crate) fn read_lines(path: &Path, mut is_last: impl FnMut(&str) -> bool) -> Result<HeaderText> {
     let mut reader = BufReader::new(open_file(path)?.take(MAX_HEADER_BYTES));
     let mut header = HeaderText { lines: Vec::new(), end: 0, at_file_end: false };
@@ -48,12 +48,12 @@ pub(crate) fn read_lines(path: &Path, mut is_last: impl FnMut(&str) -> bool) -> 
     }
 }
 
-/// Numbers between blanks.
+/// Parses numbers separated by white space; `None` if one of the words is not a number.
 pub(crate) fn numbers<T: std::str::FromStr>(text: &str) -> Option<Vec<T>> {
     text.split_whitespace().map(|word| word.parse().ok()).collect()
 }
 
-/// printf with one `%d`, `%3d` or `%03d`.
+/// Formats a number as printf does, with a pattern that has exactly one `%d`, `%3d` or `%03d`.
 pub(crate) fn format_number(pattern: &str, number: i64) -> Option<String> {
     let (before, after) = pattern.split_once('%')?;
     let (width, after) = after.split_once(['d', 'i', 'u'])?;
@@ -68,7 +68,7 @@ pub(crate) fn format_number(pattern: &str, number: i64) -> Option<String> {
     })
 }
 
-/// At most 60 characters of a line, for messages.
+/// The first 60 characters of a text, for messages.
 pub(crate) fn shorten(text: &str) -> String {
     let mut short: String = text.chars().take(60).collect();
     if short.len() < text.len() {

@@ -1,4 +1,4 @@
-//! Which voxel each stored element is: the axes of a file from fastest to slowest, and what each of them means.
+//! Maps stored elements to voxels: the axes of a file from fastest to slowest, and the meaning of each.
 //!
 //! ```text
 //! Slicer, two overlapping layers:  list(2) x(128) y(128) z(34)      layer 1 → fixed(1) X Y Z
@@ -12,12 +12,12 @@ use pumice_core::MAX_DIM;
 
 use crate::error::{FormatError, Result};
 
-/// What an axis of a file means.
+/// Meaning of an axis of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Role {
-    /// x, y or z (0, 1, 2) of the volume.
+    /// Axis x, y or z (0, 1, 2) of the volume.
     Space(usize),
-    /// No axis of the volume: only this index of it is read.
+    /// Not an axis of the volume; only this index of it is read.
     Fixed(u64),
 }
 
@@ -28,7 +28,7 @@ pub(crate) struct FileAxis {
     pub(crate) role: Role,
 }
 
-/// All axes, fastest first. x, y, z are each there exactly once.
+/// All axes, fastest first; each of x, y and z occurs exactly once.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Layout {
     axes: Vec<FileAxis>,
@@ -36,7 +36,7 @@ pub(crate) struct Layout {
 }
 
 impl Layout {
-    /// Checks sizes and adds what is missing of x, y, z as slowest axes of size 1.
+    /// Checks the sizes, and adds those of x, y, z that are missing as slowest axes of size 1.
     pub(crate) fn new(path: &Path, mut axes: Vec<FileAxis>, element_bytes: usize) -> Result<Self> {
         for space in 0..3 {
             if !axes.iter().any(|a| a.role == Role::Space(space)) {
@@ -71,7 +71,7 @@ impl Layout {
         Ok(Self { axes, element_bytes: element_bytes as u64 })
     }
 
-    /// x, y, z sizes in the order given, x fastest.
+    /// A layout of axes x, y, z with these sizes, x fastest.
     pub(crate) fn x_fastest(path: &Path, dims: [u64; 3], element_bytes: usize) -> Result<Self> {
         let axes = [0, 1, 2].map(|a| FileAxis { size: dims[a], role: Role::Space(a) });
         Self::new(path, axes.to_vec(), element_bytes)
@@ -82,7 +82,7 @@ impl Layout {
         &self.axes
     }
 
-    /// Voxels of the volume along x, y, z.
+    /// Size of the volume in voxels along x, y, z.
     pub(crate) fn dims(&self) -> [u32; 3] {
         let mut dims = [1; 3];
         for axis in &self.axes {
@@ -94,17 +94,17 @@ impl Layout {
         dims
     }
 
-    /// Bytes of all elements of the file, those not asked for included.
+    /// Bytes of all elements of the file, including those that are not read.
     pub(crate) fn total_bytes(&self) -> u64 {
         self.stride_bytes(self.axes.len())
     }
 
-    /// Bytes between neighbours along file axis `axis`.
+    /// Distance in bytes between neighbours along file axis `axis`.
     pub(crate) fn stride_bytes(&self, axis: usize) -> u64 {
         self.axes[..axis].iter().map(|a| a.size).product::<u64>() * self.element_bytes
     }
 
-    /// Bytes of one element.
+    /// Size of one element in bytes.
     pub(crate) fn element_bytes(&self) -> usize {
         self.element_bytes as usize
     }

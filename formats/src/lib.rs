@@ -1,14 +1,14 @@
 #![forbid(unsafe_code)]
-//! Label volumes in the files of others: NRRD, NIfTI, TIFF, NPY/NPZ, MetaImage and raw, read block by block, and written; and
-//! triangle meshes ([`mesh`]).
+//! Reads label volumes from foreign files (NRRD, NIfTI, TIFF, NPY/NPZ, MetaImage and raw) block by block and writes them; reads triangle
+//! meshes ([`mesh`]).
 //!
 //! ```text
 //! open ──► registry ──► one module a format ──► VolumeFile: info, axes, element type, byte stream ──► SlabSource ──► LabelBlock
 //!          (content)    (header only)                                                                 (shared by all)
 //! ```
-//! A format module understands its header and knows no other format, nor who asks. Everything that touches voxels is written
-//! once: `stream` turns a file into the plain bytes of the voxels, `layout` says which voxel each byte belongs to, `element` turns
-//! bytes into labels and refuses what is not one, `slab` ties them together with bounded memory.
+//! A format module understands its own header and depends neither on other formats nor on its caller. The code that touches voxels is
+//! shared: `stream` turns a file into the plain bytes of the voxels, `layout` maps each byte to a voxel, `element` turns bytes into labels
+//! and refuses values that are not labels, and `slab` combines these with bounded memory.
 
 pub mod error;
 pub mod mesh;

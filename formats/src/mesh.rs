@@ -1,4 +1,4 @@
-//! Mesh files of others, as [`MeshData`]. By content, whatever the name says.
+//! Reads foreign mesh files as [`MeshData`]. The content decides the format, not the file's name.
 
 use std::fs::File;
 use std::io::Read;
@@ -9,14 +9,17 @@ use pumice_core::MeshData;
 use crate::error::{FormatError, Result};
 use crate::ply::{is_ply, read_ply};
 
-/// Reads a triangle mesh: PLY, as text or binary.
+/// Reads a triangle mesh from a PLY file, text or binary.
 ///
 /// # Errors
 /// One line that says what is wrong with the file.
 pub fn open_mesh(path: &Path) -> Result<MeshData> {
-    // A device or a pipe may never end.
+    // Devices and pipes are refused, because they may never end.
     if !std::fs::metadata(path).map_err(FormatError::io(path))?.is_file() {
-        return Err(FormatError::Unknown { path: path.to_owned(), what: "expected a mesh file".into() });
+        return Err(FormatError::Unknown {
+            path: path.to_owned(),
+            what: "expected a mesh file, got something that is not a file".into(),
+        });
     }
     let mut head = Vec::new();
     let file = File::open(path).map_err(FormatError::io(path))?;
@@ -26,6 +29,6 @@ pub fn open_mesh(path: &Path) -> Result<MeshData> {
     }
     Err(FormatError::Unknown {
         path: path.to_owned(),
-        what: "this is no mesh that can be read; PLY files (.ply) can".into(),
+        what: "expected a PLY mesh (.ply), got another format".into(),
     })
 }

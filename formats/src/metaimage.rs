@@ -1,7 +1,7 @@
-//! MetaImage (`.mha`, `.mhd` with files beside it), the format of ITK: axes, place, and where the voxels are.
+//! MetaImage (`.mha`, or `.mhd` with files beside it), the format of ITK: axes, placement, and where the voxels are.
 //!
-//! World space is ITK's, LPS. Each run of `NDims` numbers in `TransformMatrix` is the direction of one axis of the volume (ITK's
-//! `MetaImageIO` reads it so), and `Offset` the centre of the first voxel.
+//! World space is ITK's, LPS. Each run of `NDims` numbers in `TransformMatrix` is the direction of one axis of the volume (as in ITK's
+//! `MetaImageIO`), and `Offset` is the centre of the first voxel.
 
 use std::path::{Path, PathBuf};
 
@@ -23,21 +23,21 @@ use crate::volume_file::{Format, OpenStream, VolumeFile};
 /// MetaImage files.
 pub(crate) const FORMAT: Format = Format { name: "MetaImage", recognises, read };
 
-/// Whether a file is one of MetaImage: the format has no magic, so its first fields tell, else its name.
+/// Whether a file is a MetaImage. The format has no magic number, so its first fields decide, or else the file's name.
 fn recognises(path: &Path, head: &[u8]) -> bool {
     let named =
         path.extension().is_some_and(|e| e.eq_ignore_ascii_case("mha") || e.eq_ignore_ascii_case("mhd"));
     named || metaimage_header::recognises(head)
 }
 
-/// Understands the header of `path`.
+/// Reads the header of `path`.
 fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
     let header = metaimage_header::read(path)?;
-    // Numbers written as text come out little-endian.
+    // Numbers written as text are converted to little-endian.
     let big_endian = header.big_endian && header.encoding != Encoding::Ascii;
     let element = Element::new(header.label_type, big_endian);
 
-    // x, y, z, then time.
+    // The axes are x, y, z, then time.
     let mut undecided = None;
     let mut axes = Vec::new();
     for (a, &size) in header.sizes.iter().enumerate() {
@@ -68,7 +68,7 @@ fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
     })
 }
 
-/// Spacing, directions, origin, unit.
+/// Sets spacing, directions, origin and unit.
 fn place(
     path: &Path,
     header: &MetaHeader,
@@ -85,12 +85,12 @@ fn place(
         )),
         None => {}
     }
-    // Checked before the directions are multiplied in: a negative length would mirror the volume unnoticed.
+    // The lengths are checked before the directions are multiplied in, or else a negative length would mirror the volume unnoticed.
     placement::from_spacing(path, spacing, options)?;
     let mut axes = DVec3::AXES;
     if let Some(directions) = &header.directions {
         for (a, axis) in axes.iter_mut().enumerate().take(count) {
-            // A picture of two axes lies in the plane z = 0.
+            // An image of two axes lies in the plane z = 0.
             *axis =
                 DVec3::from_array([0, 1, 2].map(|i| if i < count { directions[a * count + i] } else { 0.0 }));
         }
@@ -108,7 +108,7 @@ fn place(
     Ok(info.from_centre_affine(affine))
 }
 
-/// `DistanceUnits`, which few files have: ITK's world is in millimetres.
+/// Unit from `DistanceUnits`, which few files have; ITK's world is in millimetres.
 fn unit(path: &Path, name: Option<&str>, warnings: &Warnings) -> Unit {
     match name {
         None | Some("" | "?") => Unit::Millimetre,
@@ -119,14 +119,14 @@ fn unit(path: &Path, name: Option<&str>, warnings: &Warnings) -> Unit {
     }
 }
 
-/// How to get at the voxels; detached files are looked for at once, so that a missing one is told before anything is done.
+/// Prepares access to the voxels. Detached files are checked at once, so that a missing one is reported before any work is done.
 fn data(
     path: &Path,
     header: &MetaHeader,
     layout: &Layout,
     warnings: &Warnings,
 ) -> Result<(OpenStream, String)> {
-    let part = Part {
+    let part = VoxelFile {
         encoding: header.encoding,
         header_size: header.header_size,
         bytes: layout.total_bytes(),
@@ -169,8 +169,8 @@ fn data(
             format!("{count} data files cannot hold equal parts of {} bytes of voxels", layout.total_bytes()),
         ));
     }
-    // One compressed size cannot be that of every file.
-    let part = Part { bytes: layout.total_bytes() / count, compressed_bytes: None, ..part };
+    // One compressed size cannot hold for each of several files.
+    let part = VoxelFile { bytes: layout.total_bytes() / count, compressed_bytes: None, ..part };
     let part_bytes = part.bytes;
     let stream = Box::new(move || {
         let paths = files.clone();
@@ -181,18 +181,18 @@ fn data(
 }
 
 /// One file with voxels.
-struct Part {
+struct VoxelFile {
     encoding: Encoding,
     header_size: i64,
-    /// Bytes of voxels in it.
+    /// Bytes of voxels in the file.
     bytes: u64,
     compressed_bytes: Option<u64>,
     label_type: pumice_core::LabelType,
     warnings: Warnings,
 }
 
-impl Part {
-    /// Byte of the file at which its voxels begin; `start` is where its own header ends. Tells when the file is too short.
+impl VoxelFile {
+    /// Byte offset at which the file's voxels begin, where `start` is the end of its own header. Returns an error if the file is too short.
     fn place(&self, path: &Path, start: u64) -> Result<u64> {
         let size = open_file(path)?.metadata().map_err(FormatError::io(path))?.len();
         let stored = match self.encoding {
@@ -202,7 +202,7 @@ impl Part {
         };
         let place = match u64::try_from(self.header_size) {
             Ok(0) => start,
-            // Counted from the file's start, behind the header where there is one (MetaIO, `M_ReadElements`).
+            // The offset counts from the file's start and lies after any header (MetaIO, `M_ReadElements`).
             Ok(skip) if skip >= start => skip,
             Ok(skip) => {
                 return Err(FormatError::damaged(
@@ -239,7 +239,7 @@ impl Part {
             Encoding::Raw => Box::new(PlainStream::open(path, place)?),
             Encoding::Ascii => Box::new(TextStream::open(path, place, self.label_type)?),
             Encoding::Compressed => {
-                // MetaIO lets its inflater tell the two wrappings apart.
+                // MetaIO lets its inflater distinguish gzip and zlib.
                 let mut magic = [0; 2];
                 let n = PlainStream::open(path, place)?.fill(&mut magic)?;
                 let gzip = n == 2 && magic == GZIP_MAGIC;

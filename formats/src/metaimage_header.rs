@@ -1,4 +1,4 @@
-//! The fields of a MetaImage header, parsed; what they mean for a label volume is [`crate::metaimage`]'s business.
+//! Parses the fields of a MetaImage header; [`crate::metaimage`] interprets them for a label volume.
 //!
 //! ```text
 //! ObjectType = Image
@@ -16,14 +16,14 @@ use pumice_core::LabelType;
 use crate::error::{FormatError, Result};
 use crate::header_text::{self, format_number, numbers, shorten};
 
-/// Where the voxels are.
+/// Location of the voxels.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum DataFile {
     Local,
     Names(Vec<String>),
 }
 
-/// How the voxels are stored.
+/// Storage of the voxels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Encoding {
     Raw,
@@ -32,34 +32,34 @@ pub(crate) enum Encoding {
     Compressed,
 }
 
-/// A header, every field checked to be what it should be by itself.
+/// A header whose fields have been checked one by one.
 #[derive(Clone, Debug)]
 pub(crate) struct MetaHeader {
     pub(crate) label_type: LabelType,
     pub(crate) big_endian: bool,
-    /// One an axis, two to four.
+    /// Size of each axis; two to four axes.
     pub(crate) sizes: Vec<u64>,
-    /// One an axis, where there are any.
+    /// Spacing of each axis, where the header has it.
     pub(crate) spacing: Option<Vec<f64>>,
     pub(crate) origin: Option<Vec<f64>>,
-    /// Direction of the first axis, then of the second, …
+    /// Direction of the first axis, then of the second, and so on.
     pub(crate) directions: Option<Vec<f64>>,
     pub(crate) units: Option<String>,
     pub(crate) encoding: Encoding,
     pub(crate) compressed_bytes: Option<u64>,
-    /// Bytes before the voxels from the start of their file; −1: they are its last bytes.
+    /// Bytes before the voxels from the start of their file; −1 means that the voxels are its last bytes.
     pub(crate) header_size: i64,
     pub(crate) data: DataFile,
-    /// First byte behind the header.
+    /// Offset of the first byte after the header.
     pub(crate) end: u64,
 }
 
-/// Most slices that a pattern may stand for.
+/// Largest number of slice files that a pattern may name.
 const MAX_DATA_FILES: u64 = 1 << 23;
 
-/// Whether the first bytes of a file read like a header.
+/// Whether the first bytes of a file look like a header.
 pub(crate) fn recognises(head: &[u8]) -> bool {
-    // Only the part in front of binary voxels is text.
+    // Only the part before binary voxels is text.
     head.split(|&b| b == b'\n').map_while(|line| std::str::from_utf8(line).ok()?.split_once('=')).any(
         |(key, _)| ["objecttype", "ndims", "dimsize"].contains(&key.trim().to_ascii_lowercase().as_str()),
     )
@@ -69,7 +69,7 @@ pub(crate) fn recognises(head: &[u8]) -> bool {
 pub(crate) fn read(path: &Path) -> Result<MetaHeader> {
     let bad = |what: String| FormatError::damaged(path, what);
 
-    // Collect fields up to ElementDataFile; names of a LIST go on to the file's end.
+    // Collect the fields up to ElementDataFile; the names of a LIST continue to the end of the file.
     let mut in_list = false;
     let text = header_text::read_lines(path, |line| {
         let Some((_, value)) = field(line).filter(|(key, _)| key == DATA_FILE) else { return false };
@@ -87,7 +87,7 @@ pub(crate) fn read(path: &Path) -> Result<MetaHeader> {
         } else if let Some((key, value)) = field(line) {
             list = key == DATA_FILE && is_list(value);
             if key != "comment" && fields.iter().any(|(k, _)| *k == key) {
-                return Err(bad(format!("the field {key:?} is there twice")));
+                return Err(bad(format!("the field {key:?} occurs twice")));
             }
             fields.push((key, value.to_owned()));
         } else if !line.trim().is_empty() {
@@ -96,7 +96,7 @@ pub(crate) fn read(path: &Path) -> Result<MetaHeader> {
     }
     let fields = Fields { path, fields };
 
-    // What is stored.
+    // What is stored: type and sizes.
     if let Some(object) = fields.get(&["objecttype"]).filter(|o| !o.eq_ignore_ascii_case("image")) {
         return Err(FormatError::unsupported(
             path,
@@ -120,7 +120,7 @@ pub(crate) fn read(path: &Path) -> Result<MetaHeader> {
     }
     let label_type = label_type(path, fields.need("ElementType")?)?;
 
-    // How and where.
+    // How and where the voxels are stored.
     let compressed = fields.flag(&["compresseddata"], false)?;
     let encoding = match (fields.flag(&["binarydata"], true)?, compressed) {
         (_, true) => Encoding::Compressed,
@@ -159,13 +159,13 @@ pub(crate) fn read(path: &Path) -> Result<MetaHeader> {
 
 const DATA_FILE: &str = "elementdatafile";
 
-/// `Key = value`, the key in lower case.
+/// Parses `Key = value`; returns the key in lower case.
 fn field(line: &str) -> Option<(String, &str)> {
     let (key, value) = line.split_once('=')?;
     Some((key.trim().to_ascii_lowercase(), value.trim()))
 }
 
-/// `LIST`, or `LIST 2` with the number of axes in each file.
+/// Whether a value is `LIST`, or `LIST 2` with the number of axes in each file.
 fn is_list(value: &str) -> bool {
     value.split_whitespace().next().is_some_and(|word| word.eq_ignore_ascii_case("list"))
 }
@@ -177,7 +177,7 @@ struct Fields<'a> {
 }
 
 impl Fields<'_> {
-    /// The first of `keys` that is there: they are different names of one thing, the usual one first.
+    /// The value of the first of `keys` that the header has. They are synonyms, the usual name first.
     fn get(&self, keys: &[&str]) -> Option<&str> {
         keys.iter().find_map(|key| self.fields.iter().find(|(k, _)| k == key).map(|(_, v)| v.as_str()))
     }
@@ -211,7 +211,7 @@ impl Fields<'_> {
     }
 }
 
-/// MetaIO's types; its LONG has four bytes on every machine (`MET_ValueTypeSize`).
+/// Parses MetaIO's type names; its LONG has four bytes on every machine (`MET_ValueTypeSize`).
 fn label_type(path: &Path, text: &str) -> Result<LabelType> {
     Ok(match text.to_ascii_uppercase().as_str() {
         "MET_CHAR" | "MET_ASCII_CHAR" => LabelType::I8,
@@ -240,19 +240,25 @@ fn label_type(path: &Path, text: &str) -> Result<LabelType> {
     })
 }
 
-/// `slice%03d.raw 1 40 1`: names from a printf pattern with first, last and step; anything else is one name.
+/// Expands `slice%03d.raw 1 40 1`, a printf pattern with first, last and step, to file names; any other value is one name.
 fn expand_pattern(path: &Path, value: &str, slices: u64) -> Result<Vec<String>> {
     let words: Vec<&str> = value.split_whitespace().collect();
     let Some((pattern, range)) = words.split_first().filter(|(p, r)| p.contains('%') && r.len() <= 3) else {
         return Ok(vec![value.to_owned()]);
     };
     let bad = || {
-        FormatError::damaged(path, format!("the data file pattern {:?} cannot be understood", shorten(value)))
+        FormatError::damaged(
+            path,
+            format!(
+                "the data file pattern {:?} is not valid, expected one like slice%03d.raw 1 40 1",
+                shorten(value)
+            ),
+        )
     };
     let range: Vec<i64> = range.iter().map(|w| w.parse().ok()).collect::<Option<_>>().ok_or_else(bad)?;
     let (first, step) = (range.first().copied().unwrap_or(1), range.get(2).copied().unwrap_or(1));
     let count = match range.get(1) {
-        // Without a last number there is one file a slice.
+        // Without a last number, there is one file per slice.
         None => slices,
         Some(last) => last
             .checked_sub(first)

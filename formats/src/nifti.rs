@@ -3,8 +3,8 @@
 //! ```text
 //! header (348 or 540 bytes) · extensions · … vox_offset: x fastest, y, z, then time (dim 4), channel (dim 5)
 //! ```
-//! Where the volume lies is told up to three times over; the order of preference is nibabel's `get_best_affine`: sform, else
-//! qform, else the lengths alone. The world is RAS (`nifti1.h`, "3D image (volume) orientation and location in space").
+//! A file may give the volume's placement up to three times. The order of preference is that of nibabel's `get_best_affine`: sform, else
+//! qform, else the voxel lengths alone. The world is RAS (`nifti1.h`, "3D image (volume) orientation and location in space").
 
 use std::fs::File;
 use std::io::Read;
@@ -27,20 +27,20 @@ use crate::volume_file::{Format, VolumeFile};
 /// NIfTI files.
 pub(crate) const FORMAT: Format = Format { name: "NIfTI", recognises, read };
 
-/// Whether a file is one of NIfTI: by its first bytes (inflated if need be), else by its name.
+/// Whether a file is NIfTI: by its first bytes (inflated if necessary), or else by its name.
 fn recognises(path: &Path, head: &[u8]) -> bool {
     let name = lower_name(path);
     let named =
         [".nii", ".hdr", ".img"].iter().any(|e| name.strip_suffix(".gz").unwrap_or(&name).ends_with(e));
     if head.starts_with(&GZIP_MAGIC) {
-        // A damaged file has no version; then the name decides, and reading it tells what is wrong.
+        // A damaged file has no version. Then the name decides, and reading the file reports what is wrong.
         named || first_bytes(path).is_ok_and(|head| nifti_header::version(&head).is_some())
     } else {
         named || nifti_header::version(head).is_some()
     }
 }
 
-/// Understands the header of `path`, or of the header beside it where `path` is the `.img` of a pair.
+/// Reads the header of `path`, or the header file beside it where `path` is the `.img` of a pair.
 fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
     let header_path = header_path(path)?;
     let header = nifti_header::parse(&header_path, &first_bytes(&header_path)?)?;
@@ -48,7 +48,7 @@ fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
     let mut element = Element::new(label_type, header.big_endian);
     element.scale = scale(&header_path, &header)?;
 
-    // Axes: x, y, z, then what must be chosen.
+    // The axes are x, y, z, then those along which a step must be chosen.
     let mut undecided = None;
     let sizes = sizes(&header_path, &header)?;
     let time = choose(path, &choice::TIME, options.time, sizes[3], &mut undecided)?;
@@ -58,13 +58,13 @@ fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
     let axes = roles.iter().zip(sizes).map(|(&role, size)| FileAxis { size, role }).collect();
     let layout = Layout::new(&header_path, axes, bits / 8)?;
 
-    // Place and unit.
+    // Placement and unit.
     let affine = world_from_centre(&header_path, &header, layout.dims(), options)?;
     let mut info = VolumeInfo::new(layout.dims(), label_type).from_centre_affine(affine);
     info.frame = WorldFrame::Ras;
     info.unit = unit(&header_path, header.xyzt_units, &options.warnings);
 
-    // Where the voxels are.
+    // Location of the voxels.
     let data_path = if header.single_file { header_path.clone() } else { image_path(&header_path)? };
     let offset = offset(&header_path, &header)?;
     let gzip = is_gzip(&data_path)?;
@@ -105,13 +105,13 @@ fn lower_name(path: &Path) -> String {
     path.file_name().map(|n| n.to_string_lossy().to_lowercase()).unwrap_or_default()
 }
 
-/// Whether a file begins as gzip does.
+/// Whether a file begins with the magic number of gzip.
 fn is_gzip(path: &Path) -> Result<bool> {
     let mut magic = [0; 2];
     Ok(open_file(path)?.read_exact(&mut magic).is_ok() && magic == GZIP_MAGIC)
 }
 
-/// The first bytes of a header file, inflated if need be; fewer where it ends early.
+/// The first bytes of a header file, inflated if necessary; fewer where the file ends early.
 fn first_bytes(path: &Path) -> Result<Vec<u8>> {
     let mut head = vec![0; MAX_BYTES];
     let n = if is_gzip(path)? {
@@ -123,13 +123,13 @@ fn first_bytes(path: &Path) -> Result<Vec<u8>> {
     Ok(head)
 }
 
-/// The other file of a pair, as it may be called: `brain.img.gz` → `brain.hdr.gz`, `brain.hdr`, and upper case. The one that is
-/// compressed as `path` is comes first.
+/// Possible names of the other file of a pair: `brain.img.gz` → `brain.hdr.gz`, `brain.hdr`, and upper case. Names that are compressed like
+/// `path` come first.
 fn siblings(path: &Path, ending: &str) -> Vec<PathBuf> {
     let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     let mut stem = name.as_str();
     for ending in [".gz", ".img", ".hdr", ".nii"] {
-        // All ASCII, so that cutting off its length leaves whole characters.
+        // The endings are ASCII, so removing their length leaves whole characters.
         if stem.to_ascii_lowercase().ends_with(ending) {
             stem = &stem[..stem.len() - ending.len()];
         }
@@ -145,13 +145,13 @@ fn siblings(path: &Path, ending: &str) -> Vec<PathBuf> {
         .collect()
 }
 
-/// The header of a pair, where `path` is the image of one.
+/// The header file of a pair, where `path` is its image; otherwise `path`.
 fn header_path(path: &Path) -> Result<PathBuf> {
     let name = lower_name(path);
     if !name.strip_suffix(".gz").unwrap_or(&name).ends_with(".img") {
         return Ok(path.to_owned());
     }
-    // Some call a single file `.img`.
+    // Some programs name a single file `.img`.
     if first_bytes(path).is_ok_and(|head| nifti_header::parse(path, &head).is_ok()) {
         return Ok(path.to_owned());
     }
@@ -160,14 +160,14 @@ fn header_path(path: &Path) -> Result<PathBuf> {
         FormatError::damaged(
             path,
             format!(
-                "the voxels of a NIfTI pair need their header, but {} is not there",
+                "the voxels of a NIfTI pair need their header, but {} does not exist",
                 candidates[0].display()
             ),
         )
     })
 }
 
-/// The image of a pair.
+/// The image file of a pair.
 fn image_path(header: &Path) -> Result<PathBuf> {
     let candidates = siblings(header, ".img");
     if let Some(found) = candidates.iter().find(|c| c.is_file()) {
@@ -177,11 +177,11 @@ fn image_path(header: &Path) -> Result<PathBuf> {
         Err(source) => {
             Err(FormatError::Detached { header: header.to_owned(), data: candidates[0].clone(), source })
         }
-        Ok(_) => Err(FormatError::damaged(header, format!("{} is no file", candidates[0].display()))),
+        Ok(_) => Err(FormatError::damaged(header, format!("{}: expected a file", candidates[0].display()))),
     }
 }
 
-/// Type and bits of `datatype` (`nifti1.h`, `DT_*`).
+/// Number type and bits of `datatype` (`nifti1.h`, `DT_*`).
 fn label_type(path: &Path, datatype: i64) -> Result<(LabelType, usize)> {
     let refused = match datatype {
         2 => return Ok((LabelType::U8, 8)),
@@ -201,7 +201,7 @@ fn label_type(path: &Path, datatype: i64) -> Result<(LabelType, usize)> {
         0 => {
             return Err(FormatError::damaged(
                 path,
-                "the NIfTI datatype is 0, unknown: the file does not say its type",
+                "the NIfTI datatype is 0, unknown: expected the type of the voxels",
             ));
         }
         _ => return Err(FormatError::damaged(path, format!("the NIfTI datatype {datatype} is not defined"))),
@@ -213,7 +213,7 @@ fn label_type(path: &Path, datatype: i64) -> Result<(LabelType, usize)> {
     ))
 }
 
-/// `scl_slope` and `scl_inter` where they change something (`nifti1.h`, "Data scaling"; NaN means none, as nibabel writes it).
+/// `scl_slope` and `scl_inter` where they have an effect (`nifti1.h`, "Data scaling"; NaN means none, which is what nibabel writes).
 fn scale(path: &Path, header: &NiftiHeader) -> Result<Option<(f64, f64)>> {
     let (slope, inter) = (header.scl_slope, header.scl_inter);
     if slope == 0.0 || !slope.is_finite() || (slope == 1.0 && inter == 0.0) {
@@ -228,7 +228,7 @@ fn scale(path: &Path, header: &NiftiHeader) -> Result<Option<(f64, f64)>> {
     Ok(Some((slope, inter)))
 }
 
-/// Sizes of x, y, z, time, channel.
+/// Sizes along x, y, z, time and channel.
 fn sizes(path: &Path, header: &NiftiHeader) -> Result<[u64; 5]> {
     let count = header.dim[0];
     if !(1..=7).contains(&count) {
@@ -261,7 +261,7 @@ fn sizes(path: &Path, header: &NiftiHeader) -> Result<[u64; 5]> {
     Ok(sizes)
 }
 
-/// Length unit of `xyzt_units`, its lowest three bits.
+/// Length unit, the lowest three bits of `xyzt_units`.
 fn unit(path: &Path, xyzt_units: i64, warnings: &Warnings) -> Unit {
     match xyzt_units & 7 {
         0 => Unit::Unknown,
@@ -275,25 +275,25 @@ fn unit(path: &Path, xyzt_units: i64, warnings: &Warnings) -> Unit {
     }
 }
 
-/// Bytes before the first voxel.
+/// Number of bytes before the first voxel.
 fn offset(path: &Path, header: &NiftiHeader) -> Result<u64> {
     let offset = header.vox_offset;
-    // Voxels of a single file come behind the header and the four bytes that announce extensions; 0 stands for that.
+    // The voxels of a single file follow the header and the four bytes that announce extensions; an offset of 0 stands for that.
     let least = if header.single_file { header.bytes() + 4 } else { 0 };
     if offset == 0.0 {
         return Ok(least);
     }
-    // Beyond 2⁵³ no f64 is a sure offset, and no file that long.
+    // Beyond 2⁵³ an f64 is not an exact offset, and no file is that long.
     if !(offset >= least as f64 && offset < crate::element::MAX_EXACT_F64 && offset.fract() == 0.0) {
         return Err(FormatError::damaged(
             path,
-            format!("the voxels' place (vox_offset) is {offset}, expected a whole number ≥ {least}"),
+            format!("the offset of the voxels (vox_offset) is {offset}, expected a whole number ≥ {least}"),
         ));
     }
     Ok(offset as u64)
 }
 
-/// sform, else qform, else lengths alone with the volume's middle at 0 and x towards the left, as nibabel does.
+/// The matrix from sform, else qform, else from lengths alone, with the volume's middle at 0 and x towards the left, as nibabel does.
 fn world_from_centre(
     path: &Path,
     header: &NiftiHeader,
@@ -305,7 +305,7 @@ fn world_from_centre(
         let column = |i: usize| DVec3::new(x[i], y[i], z[i]);
         return placement::world_from_centre(path, [column(0), column(1), column(2)], column(3), options);
     }
-    // Lengths. An axis of one voxel may lack one; without a qform nibabel takes 1 along axes that the file does not have.
+    // An axis of one voxel may lack a length; without a qform, nibabel takes 1 along axes that the file does not have.
     let mut lengths = [header.pixdim[1], header.pixdim[2], header.pixdim[3]];
     for (a, length) in lengths.iter_mut().enumerate() {
         let absent = a as i64 >= header.dim[0];
@@ -313,12 +313,12 @@ fn world_from_centre(
             *length = 1.0;
         }
     }
-    // Told here, because as the length of a vector a negative one would pass.
+    // Checked here, because a negative length would pass as the length of a vector.
     placement::from_spacing(path, lengths, options)?;
     if header.qform_code > 0 {
         let rotation = DMat3::from_quat(quaternion(path, header)?);
         let [x, y, z] = lengths;
-        // pixdim[0] is −1 for a left-handed system, else it counts as 1 (nibabel mends other values so on loading).
+        // pixdim[0] is −1 for a left-handed system; any other value counts as 1 (nibabel corrects other values to 1 when it loads a file).
         let z = if header.pixdim[0] == -1.0 { -z } else { z };
         let axes = [rotation.x_axis * x, rotation.y_axis * y, rotation.z_axis * z];
         return placement::world_from_centre(path, axes, DVec3::from_array(header.qoffset), options);
@@ -333,9 +333,9 @@ fn world_from_centre(
     Ok(DAffine3::from_mat3_translation(matrix.matrix3, -(matrix.matrix3 * middle)))
 }
 
-/// (a, b, c, d) from the stored b, c, d: a = √(1 − b² − c² − d²) ≥ 0 (`nifti1.h`, "Method 2").
+/// Quaternion (a, b, c, d) from the stored b, c, d: a = √(1 − b² − c² − d²) ≥ 0 (`nifti1.h`, "Method 2").
 ///
-/// a² may round below 0; nibabel takes |a²| < 3 ε as 0 and refuses less, where niftilib would normalise.
+/// a² may be rounded below 0; nibabel takes |a²| < 3 ε as 0 and refuses anything lower, where niftilib would normalise.
 fn quaternion(path: &Path, header: &NiftiHeader) -> Result<DQuat> {
     let [b, c, d] = header.quatern;
     let a_squared = 1.0 - (b * b + c * c + d * d);

@@ -1,8 +1,8 @@
-//! The bytes of a NIfTI-1 or NIfTI-2 header as numbers; what they mean for a label volume is [`crate::nifti`]'s business.
+//! Reads the bytes of a NIfTI-1 or NIfTI-2 header as numbers; [`crate::nifti`] interprets them for a label volume.
 //!
 //! ```text
 //!                 NIfTI-1 (348 bytes)          NIfTI-2 (540 bytes)
-//! sizeof_hdr        0  i32 = 348                 0  i32 = 540       tells version and byte order
+//! sizeof_hdr        0  i32 = 348                 0  i32 = 540       gives version and byte order
 //! magic           344  "n+1\0" or "ni1\0"        4  "n+2\0\r\n\x1A\n" or "ni2\0…"
 //! dim              40  8 × i16                  16  8 × i64         dim[0] = number of axes, 1 to 7
 //! datatype         70  i16                      12  i16
@@ -21,18 +21,18 @@ use std::path::Path;
 
 use crate::error::{FormatError, Result};
 
-/// Bytes of the longer header.
+/// Size of the longer header in bytes.
 pub(crate) const MAX_BYTES: usize = 540;
 
-/// Machine epsilon of the type that the quaternion is stored in.
+/// Machine epsilon of f32, in which NIfTI-1 stores the quaternion.
 const F32_EPSILON: f64 = f32::EPSILON as f64;
 
-/// A header as numbers of one width, whatever its version.
+/// A header of either version, as numbers of one width.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct NiftiHeader {
     pub(crate) version: u8,
     pub(crate) big_endian: bool,
-    /// Whether the voxels are in the same file.
+    /// Whether the voxels are in the same file as the header.
     pub(crate) single_file: bool,
     pub(crate) dim: [i64; 8],
     pub(crate) datatype: i64,
@@ -46,18 +46,18 @@ pub(crate) struct NiftiHeader {
     pub(crate) quatern: [f64; 3],
     pub(crate) qoffset: [f64; 3],
     pub(crate) srow: [[f64; 4]; 3],
-    /// Precision of the quaternion's components.
+    /// Machine epsilon of the number type in which the file stores the quaternion.
     pub(crate) quatern_epsilon: f64,
 }
 
 impl NiftiHeader {
-    /// Bytes of the header itself, without extensions.
+    /// Size of the header in bytes, without extensions.
     pub(crate) fn bytes(&self) -> u64 {
         if self.version == 1 { 348 } else { 540 }
     }
 }
 
-/// Version and byte order from `sizeof_hdr`, the first field.
+/// Version and byte order (true: big-endian), from the first field, `sizeof_hdr`.
 pub(crate) fn version(head: &[u8]) -> Option<(u8, bool)> {
     let first = *head.first_chunk::<4>()?;
     match (i32::from_le_bytes(first), i32::from_be_bytes(first)) {
@@ -92,7 +92,7 @@ pub(crate) fn parse(path: &Path, head: &[u8]) -> Result<NiftiHeader> {
         (1, [0, ..]) => {
             return Err(FormatError::unsupported(
                 path,
-                "this is an Analyze 7.5 header, which says neither orientation nor the sign of x",
+                "this is an Analyze 7.5 header, which gives neither orientation nor the sign of x",
                 "save it as NIfTI",
             ));
         }
@@ -124,16 +124,16 @@ pub(crate) fn parse(path: &Path, head: &[u8]) -> Result<NiftiHeader> {
     })
 }
 
-/// Numbers at offsets of a header that is known to be long enough.
+/// Reads numbers at offsets of a header that is known to be long enough.
 struct Fields<'a> {
     head: &'a [u8],
     big_endian: bool,
-    /// NIfTI-2: 64-bit numbers at the second of two offsets.
+    /// NIfTI-2: 64-bit numbers at the second of the two given offsets.
     wide: bool,
 }
 
 impl Fields<'_> {
-    /// `N` bytes, the least significant first.
+    /// `N` bytes, least significant first.
     fn little<const N: usize>(&self, at: usize) -> [u8; N] {
         let mut bytes = [0; N];
         bytes.copy_from_slice(&self.head[at..at + N]);

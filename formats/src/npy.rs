@@ -3,8 +3,8 @@
 //! ```text
 //! \x93NUMPY  major minor  header length (u16 in version 1, u32 in 2 and 3)  {'descr': '<u4', 'fortran_order': False, 'shape': (3, 4, 5), }  voxels
 //! ```
-//! In C order the last index runs fastest: `a[x, y, z]` has z fastest in the file, `a[z, y, x]` x. Format: NumPy, *NEP 1: A
-//! simple file format for NumPy arrays* and `numpy.lib.format`.
+//! In C order the last index varies fastest: in the file, `a[x, y, z]` has z fastest and `a[z, y, x]` has x fastest. Format: NumPy, *NEP 1:
+//! A simple file format for NumPy arrays* and `numpy.lib.format`.
 
 use std::path::Path;
 
@@ -25,7 +25,7 @@ use crate::volume_file::{Format, VolumeFile};
 pub(crate) const FORMAT: Format =
     Format { name: "NPY", recognises: |_, head| head.starts_with(npy_header::MAGIC), read };
 
-/// Understands the header of `path`.
+/// Reads the header of `path`.
 fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
     let mut stream = PlainStream::open(path, 0)?;
     let header = npy_header::read(path, &mut stream)?;
@@ -41,7 +41,7 @@ fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
     Ok(array.volume_file("NPY", "raw", move || Ok(Box::new(PlainStream::open(&data, offset)?))))
 }
 
-/// An array that can be a volume.
+/// An array that is a valid volume.
 pub(crate) struct Array {
     pub(crate) layout: Layout,
     element: Element,
@@ -49,7 +49,7 @@ pub(crate) struct Array {
 }
 
 impl Array {
-    /// Says which index is which axis, and checks type and size.
+    /// Assigns the indices to axes, and checks type and size.
     pub(crate) fn new(path: &Path, header: &NpyHeader, options: &OpenOptions) -> Result<Self> {
         refuse_absent(
             path,
@@ -62,7 +62,7 @@ impl Array {
         let label_type = label_type(path, &header.descr)?;
         let element = Element::new(label_type, header.descr.starts_with('>'));
 
-        // Axes of one step, the last first, are left out until two or three are there.
+        // Axes of one step are left out, the last first, until three axes remain.
         let mut shape = header.shape.clone();
         while shape.len() > 3 {
             let Some(one) = shape.iter().rposition(|&size| size == 1) else {
@@ -81,7 +81,7 @@ impl Array {
                 "reshape it before saving, or read the numbers as raw voxels",
             ));
         }
-        // Index number → x, y, z; a picture `a[y, x]` has no z.
+        // Map indices to x, y, z; an image `a[y, x]` has no z.
         let mut axes: Vec<FileAxis> = shape
             .iter()
             .enumerate()
@@ -108,7 +108,7 @@ impl Array {
         Ok(Self { layout, element, info })
     }
 
-    /// The array as the volume of a file.
+    /// The array as a volume in a file.
     pub(crate) fn volume_file(
         self,
         format: &'static str,
@@ -128,7 +128,7 @@ impl Array {
     }
 }
 
-/// The type of `'<u4'` and the like. Booleans are stored as bytes 0 and 1.
+/// Parses a type such as `'<u4'`. Booleans are stored as bytes 0 and 1.
 fn label_type(path: &Path, descr: &str) -> Result<LabelType> {
     let refused = |what: &str| {
         Err(FormatError::unsupported(

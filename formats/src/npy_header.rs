@@ -1,4 +1,4 @@
-//! The header of a `.npy` array: a Python dictionary of three known keys, written as text.
+//! Parses the header of a `.npy` array: a Python dictionary of three known keys, written as text.
 
 use std::path::Path;
 
@@ -9,20 +9,20 @@ use crate::stream::ByteStream;
 /// First bytes of an array.
 pub(crate) const MAGIC: &[u8] = b"\x93NUMPY";
 
-/// Longest header that is read; NumPy's own reader stops at 10 000 bytes unless told otherwise.
+/// Longest header that is read, in bytes; NumPy's own reader stops at 10 000 bytes by default.
 const MAX_HEADER_BYTES: usize = 1 << 20;
 
-/// Most axes of an array (`NPY_MAXDIMS` of NumPy 2).
+/// Largest number of axes of an array (`NPY_MAXDIMS` of NumPy 2).
 const MAX_AXES: usize = 64;
 
 /// Type, order and shape of an array.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct NpyHeader {
-    /// `<u4`, or the text of a list of fields.
+    /// A type such as `<u4`, or the text of a list of fields.
     pub(crate) descr: String,
     pub(crate) fortran_order: bool,
     pub(crate) shape: Vec<u64>,
-    /// Bytes from the file's start to the first voxel.
+    /// Number of bytes from the file's start to the first voxel.
     pub(crate) bytes: u64,
 }
 
@@ -34,7 +34,7 @@ impl NpyHeader {
     }
 }
 
-/// Reads the header that `stream` begins with and leaves the stream at the first voxel.
+/// Reads the header at the start of `stream`; the stream is at the first voxel afterwards.
 pub(crate) fn read(path: &Path, stream: &mut dyn ByteStream) -> Result<NpyHeader> {
     let bad = |what: String| FormatError::damaged(path, what);
     let mut take = |n: usize| {
@@ -63,7 +63,7 @@ pub(crate) fn read(path: &Path, stream: &mut dyn ByteStream) -> Result<NpyHeader
             ));
         }
     };
-    // Little-endian whatever the array's own byte order.
+    // The length is little-endian whatever the array's byte order.
     let length = take(length_bytes)?.iter().rev().fold(0usize, |n, &b| n << 8 | usize::from(b));
     if length > MAX_HEADER_BYTES {
         return Err(FormatError::Limit {
@@ -80,7 +80,7 @@ pub(crate) fn read(path: &Path, stream: &mut dyn ByteStream) -> Result<NpyHeader
     Ok(NpyHeader { descr, fortran_order, shape, bytes: (8 + length_bytes + length) as u64 })
 }
 
-/// The three values of the dictionary.
+/// Parses the dictionary and returns its three values.
 fn parse(text: &str) -> std::result::Result<(String, bool, Vec<u64>), String> {
     let (mut descr, mut fortran_order, mut shape) = (None, None, None);
     let mut rest = text.strip_prefix('{').ok_or("expected a dictionary")?.trim_start();
@@ -94,7 +94,7 @@ fn parse(text: &str) -> std::result::Result<(String, bool, Vec<u64>), String> {
                 fortran_order = Some(match value {
                     "True" => true,
                     "False" => false,
-                    _ => return Err("fortran_order is neither True nor False".into()),
+                    _ => return Err("fortran_order: expected True or False".into()),
                 });
             }
             "shape" => shape = Some(tuple(value)?),
@@ -114,13 +114,13 @@ fn parse(text: &str) -> std::result::Result<(String, bool, Vec<u64>), String> {
     ))
 }
 
-/// What a quoted string at the start of `text` holds, and what follows it. Keys and plain types have no escapes.
+/// Content of the quoted string at the start of `text`, and the text after it. Keys and plain types have no escapes.
 fn string(text: &str) -> Option<(&str, &str)> {
     let quote = text.chars().next().filter(|c| matches!(c, '\'' | '"'))?;
     text[1..].split_once(quote)
 }
 
-/// A value up to the comma or brace behind it, and what follows. Brackets and quotes inside are passed over.
+/// A value up to the next comma or brace, and the text after it. Brackets and quotes are skipped as a whole.
 fn value(text: &str) -> Option<(&str, &str)> {
     let mut depth = 0usize;
     let mut quote = None;
@@ -138,7 +138,7 @@ fn value(text: &str) -> Option<(&str, &str)> {
     None
 }
 
-/// `(3, 4, 5)`, `(3,)`, `()`; Python 2 wrote long numbers with an L behind.
+/// Parses a tuple such as `(3, 4, 5)`, `(3,)`, `()`. Python 2 wrote long numbers with an L at the end.
 fn tuple(text: &str) -> std::result::Result<Vec<u64>, String> {
     let inner =
         text.strip_prefix('(').and_then(|t| t.strip_suffix(')')).ok_or("the shape is not a tuple")?.trim();
@@ -149,8 +149,9 @@ fn tuple(text: &str) -> std::result::Result<Vec<u64>, String> {
     let mut sizes = Vec::new();
     for word in inner.split(',') {
         let word = word.trim().trim_end_matches('L');
-        let size =
-            word.parse().map_err(|_| format!("the size {:?} is no number of 64 bits ≥ 0", shorten(word)))?;
+        let size = word
+            .parse()
+            .map_err(|_| format!("the size {:?}: expected a whole number ≥ 0 of 64 bits", shorten(word)))?;
         if sizes.len() == MAX_AXES {
             return Err(format!("the shape has more than {MAX_AXES} axes"));
         }

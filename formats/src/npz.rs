@@ -1,7 +1,7 @@
 //! NumPy's `.npz`: a ZIP archive of `.npy` arrays, stored (`numpy.savez`) or deflated (`numpy.savez_compressed`).
 //!
-//! The crate `zip` reads the archive's directory (ZIP64 included); the voxels are then streamed from the member's place in the
-//! file by [`crate::gzip`], and compared with the directory's CRC-32 (PKWARE, *APPNOTE* §4.4.7) when their last byte is read.
+//! The crate `zip` reads the archive's directory (including ZIP64). [`crate::gzip`] then streams the voxels from the member's offset in the
+//! file; they are compared with the directory's CRC-32 (PKWARE, *APPNOTE* §4.4.7) when their last byte is read.
 
 use std::fs::File;
 use std::io::BufReader;
@@ -20,14 +20,14 @@ use crate::options::{OpenOptions, Warnings};
 use crate::stream::{ByteStream, PlainStream, open_file};
 use crate::volume_file::{Format, VolumeFile};
 
-/// First bytes of an archive, and of one without members.
+/// First bytes of an archive with members, and of one without.
 const MAGICS: [&[u8]; 2] = [b"PK\x03\x04", b"PK\x05\x06"];
 
 /// NPZ files.
 pub(crate) const FORMAT: Format =
     Format { name: "NPZ", recognises: |_, head| MAGICS.iter().any(|magic| head.starts_with(magic)), read };
 
-/// Understands the directory of `path` and the header of the array wanted.
+/// Reads the directory of `path` and the header of the chosen array.
 fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
     let members = members(path)?;
     let (member, header) = pick(path, &members, options)?;
@@ -45,19 +45,19 @@ fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
     }))
 }
 
-/// One `.npy` of the archive.
+/// One `.npy` file of the archive.
 #[derive(Clone, Debug)]
 struct Member {
-    /// Without `.npy`: the name that NumPy knows it by.
+    /// Name without `.npy`, as NumPy uses it.
     name: String,
     start: u64,
     deflated: bool,
-    /// Inflated size and checksum, as the directory says.
+    /// Inflated size and checksum, from the directory.
     bytes: u64,
     crc: u32,
 }
 
-/// The arrays in the archive's directory.
+/// Lists the arrays in the archive's directory.
 fn members(path: &Path) -> Result<Vec<Member>> {
     let explain = |error: ZipError| match error {
         ZipError::Io(source) if source.kind() != std::io::ErrorKind::UnexpectedEof => {
@@ -95,7 +95,7 @@ fn members(path: &Path) -> Result<Vec<Member>> {
         let Some(start) = file.data_start() else {
             return Err(FormatError::damaged(
                 path,
-                format!("the array {:?} has no place in the archive", shorten(&name)),
+                format!("the archive does not say where the array {:?} begins", shorten(&name)),
             ));
         };
         if !deflated && file.compressed_size() != file.size() {
@@ -118,16 +118,16 @@ fn members(path: &Path) -> Result<Vec<Member>> {
 const STORED: u16 = 0;
 const DEFLATED: u16 = 8;
 
-/// The number of a method. Without its `deflate` feature the crate calls method 8 unsupported.
+/// The number of a method. Without its `deflate` feature, the crate treats method 8 as unsupported.
 #[expect(deprecated, reason = "the only way to the number of a method that the crate itself does not decode")]
 fn u16_of(method: CompressionMethod) -> u16 {
     method.to_u16()
 }
 
-/// The array named by the caller, or the only one that can be a volume.
+/// The array that the caller named, or the only one that can be a volume.
 fn pick<'a>(path: &Path, members: &'a [Member], options: &OpenOptions) -> Result<(&'a Member, NpyHeader)> {
     let names = || {
-        // Enough to choose from; an archive may hold thousands.
+        // These suffice to choose from; an archive may hold thousands.
         let mut names: Vec<String> = members.iter().take(32).map(|m| shorten(&one_line(&m.name))).collect();
         if members.len() > names.len() {
             names.push("…".into());
@@ -155,7 +155,7 @@ fn pick<'a>(path: &Path, members: &'a [Member], options: &OpenOptions) -> Result
             "unpack it and open the volume inside",
         ));
     }
-    // Scalars, lists and text beside the labels (spacing, names) are passed over.
+    // Scalars, lists and text beside the labels (spacing, names) are skipped.
     let mut candidates = Vec::new();
     for member in members {
         let header = header(member)?;
@@ -181,12 +181,12 @@ fn pick<'a>(path: &Path, members: &'a [Member], options: &OpenOptions) -> Result
     }
 }
 
-/// Without line breaks: messages are one line.
+/// Replaces control characters, because messages are one line.
 fn one_line(text: &str) -> String {
     text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect()
 }
 
-/// The bytes of one member, checked against its CRC-32 at its end.
+/// The bytes of one member; their CRC-32 is checked at the end.
 struct MemberStream {
     path: PathBuf,
     inner: Box<dyn ByteStream>,
@@ -215,7 +215,7 @@ impl MemberStream {
         })
     }
 
-    /// Compares the checksum once.
+    /// Compares the checksum, once.
     fn check(&mut self) -> Result<()> {
         let got = self.hasher.clone().finalize();
         if !self.checked && got != self.crc {

@@ -1,7 +1,7 @@
-//! NRRD (`.nrrd`, `.nhdr`) and 3D Slicer's `.seg.nrrd`: axes, place, layers, segment names, and where the voxels are.
+//! NRRD (`.nrrd`, `.nhdr`) and 3D Slicer's `.seg.nrrd`: axes, placement, layers, segment names, and where the voxels are.
 //!
-//! A file may have a `list` or `vector` axis: Slicer stores segments that overlap as several label maps side by side. One of
-//! them is read (`layer`); they are never merged, because then one of two labels in a voxel would be lost.
+//! A file may have a `list` or `vector` axis: Slicer stores overlapping segments as several label maps side by side. Only one of them is
+//! read (`layer`). They are never merged, because a voxel with two labels would lose one of them.
 
 use std::path::{Path, PathBuf};
 
@@ -27,12 +27,12 @@ const MAGIC: &[u8] = b"NRRD";
 pub(crate) const FORMAT: Format =
     Format { name: "NRRD", recognises: |_, head| head.starts_with(MAGIC), read };
 
-/// Understands the header of `path`.
+/// Reads the header of `path`.
 fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
     let header = nrrd_header::read(path)?;
     let element = Element::new(header.label_type, header.big_endian);
 
-    // Which axis is which, and which layer of a `list` axis is wanted.
+    // Assign the axes, and choose the layer along a `list` axis.
     let mut undecided = None;
     let axes = assign_axes(path, &header)?;
     let layer_count =
@@ -63,7 +63,7 @@ fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
     )?;
     let layout = Layout::new(path, file_axes, element.bytes())?;
 
-    // Place, unit, names.
+    // Placement, unit, names.
     let mut info = VolumeInfo::new(layout.dims(), header.label_type);
     info = place(path, &header, &axes, info, options)?;
     info.notes = notes(&header, if layer_count > 1 { Some(options.layer.unwrap_or(0)) } else { None });
@@ -85,15 +85,15 @@ fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
     })
 }
 
-/// What one axis of the file is.
+/// Meaning of one axis of the file.
 #[derive(Debug)]
 struct Axis {
     size: u64,
-    /// x, y, z, or outside space.
+    /// x, y or z (0, 1, 2); `None` for an axis outside space.
     space: Option<usize>,
-    /// Outside space: layers, else time.
+    /// Whether an axis outside space has layers; otherwise it is time.
     is_layers: bool,
-    /// Number of the axis in the header.
+    /// Index of the axis in the header.
     index: usize,
 }
 
@@ -116,7 +116,7 @@ fn assign_axes(path: &Path, header: &NrrdHeader) -> Result<Vec<Axis>> {
                 ));
             }
         };
-        // With more than three axes, one without a direction or length is outside space too, whatever its kind.
+        // With more than three axes, an axis without direction or length is outside space too, whatever its kind.
         let no_direction = match (&header.directions, &header.spacings) {
             (Some(directions), _) => directions[index].is_none(),
             (None, Some(spacings)) => spacings[index].is_nan(),
@@ -125,7 +125,7 @@ fn assign_axes(path: &Path, header: &NrrdHeader) -> Result<Vec<Axis>> {
         let outside = outside_by_kind || (count > 3 && no_direction);
         axes.push(Axis { size, space: (!outside).then_some(0), is_layers: kind != "time", index });
     }
-    // Still more than three: axes of one step, the slowest first, are no axes.
+    // If more than three remain, axes of one step are dropped, the slowest first.
     let mut spatial = axes.iter().filter(|a| a.space.is_some()).count();
     for axis in axes.iter_mut().rev() {
         if spatial > 3 && axis.space.is_some() && axis.size == 1 {
@@ -152,7 +152,7 @@ fn assign_axes(path: &Path, header: &NrrdHeader) -> Result<Vec<Axis>> {
     Ok(axes)
 }
 
-/// Spacing, orientation, origin, unit.
+/// Sets spacing, orientation, origin and unit.
 fn place(
     path: &Path,
     header: &NrrdHeader,
@@ -194,7 +194,7 @@ fn place(
     Ok(info.from_centre_affine(affine))
 }
 
-/// The world's axes (format definition §7, `space`); the variants with time differ in the fourth axis only.
+/// Directions of the world's axes (format definition §7, `space`); the variants with time differ in the fourth axis only.
 fn frame(space: Option<&str>) -> WorldFrame {
     match space {
         Some("right-anterior-superior" | "ras" | "right-anterior-superior-time" | "rast") => WorldFrame::Ras,
@@ -204,7 +204,7 @@ fn frame(space: Option<&str>) -> WorldFrame {
     }
 }
 
-/// One unit for all of space; names that differ are reported and left out.
+/// The unit of all spatial axes; if the names differ, a warning says so and the unit is unknown.
 fn unit(path: &Path, names: &[String], warnings: &Warnings) -> Unit {
     let mut found = None;
     for name in names.iter().filter(|n| !n.is_empty() && n.as_str() != "???" && n.as_str() != "none") {
@@ -233,7 +233,7 @@ struct Segment {
     note: LabelNote,
 }
 
-/// The segments of the header, in its order.
+/// The header's segments by rising number.
 fn segments(header: &NrrdHeader) -> Vec<Segment> {
     let get = |number: &str, key: &str| {
         let name = format!("Segment{number}_{key}");
@@ -287,7 +287,7 @@ fn notes(header: &NrrdHeader, layer: Option<u32>) -> Vec<LabelNote> {
     notes
 }
 
-/// At most this many layers are listed one by one.
+/// Largest number of layers that are listed.
 const MAX_LISTED_LAYERS: u64 = 4096;
 
 fn list_layers(header: &NrrdHeader, count: u64) -> Vec<Layer> {
@@ -304,7 +304,7 @@ fn list_layers(header: &NrrdHeader, count: u64) -> Vec<Layer> {
         .collect()
 }
 
-/// "0: ribs, left lung; 1: heart".
+/// A text such as "0: ribs, left lung; 1: heart".
 fn describe(layers: &[Layer]) -> String {
     const MOST: usize = 32;
     let mut parts: Vec<String> = layers
@@ -323,14 +323,14 @@ fn describe(layers: &[Layer]) -> String {
     parts.join("; ").replace(char::is_control, " ")
 }
 
-/// How to get at the voxels; detached files are looked for at once, so that a missing one is told before anything is done.
+/// Prepares access to the voxels. Detached files are checked at once, so that a missing one is reported before any work is done.
 fn data(
     path: &Path,
     header: &NrrdHeader,
     layout: &Layout,
     warnings: &Warnings,
 ) -> Result<(OpenStream, String)> {
-    let part = Part {
+    let part = VoxelFile {
         encoding: header.encoding,
         line_skip: header.line_skip,
         byte_skip: header.byte_skip,
@@ -371,7 +371,7 @@ fn data(
         let file = file.clone();
         return Ok((Box::new(move || part.open(&file, 0)), encoding));
     }
-    let part = Part { bytes: layout.total_bytes() / count, ..part };
+    let part = VoxelFile { bytes: layout.total_bytes() / count, ..part };
     let part_bytes = part.bytes;
     let stream = Box::new(move || {
         let paths = files.clone();
@@ -382,18 +382,18 @@ fn data(
 }
 
 /// One file with voxels.
-struct Part {
+struct VoxelFile {
     encoding: Encoding,
     line_skip: u64,
     byte_skip: i64,
-    /// Bytes of voxels in it.
+    /// Bytes of voxels in the file.
     bytes: u64,
     label_type: pumice_core::LabelType,
     warnings: Warnings,
 }
 
-impl Part {
-    /// Lines are skipped before inflating, bytes after it (format definition §5).
+impl VoxelFile {
+    /// Opens the voxels of a file. Lines are skipped before inflating, bytes after it (format definition §5).
     fn open(&self, path: &Path, start: u64) -> Result<Box<dyn ByteStream>> {
         let offset = self.after_lines(path, start)?;
         let skip = u64::try_from(self.byte_skip).unwrap_or(0);
@@ -428,14 +428,14 @@ impl Part {
         }
     }
 
-    /// Byte behind the lines to leave out.
+    /// Offset of the first byte after the lines to skip.
     fn after_lines(&self, path: &Path, start: u64) -> Result<u64> {
         if self.line_skip == 0 {
             return Ok(start);
         }
         let mut file = CountingFile::open(path, start)?;
         for _ in 0..self.line_skip {
-            // Line by line without keeping any: a file of one endless line costs no memory.
+            // Nothing of a line is kept, so that a file of one endless line costs no memory.
             loop {
                 let buffered = std::io::BufRead::fill_buf(&mut file).map_err(FormatError::io(path))?;
                 if buffered.is_empty() {

@@ -1,4 +1,4 @@
-//! The fields of an NRRD header, parsed; what they mean for a label volume is [`crate::nrrd`]'s business.
+//! Parses the fields of an NRRD header; [`crate::nrrd`] interprets them for a label volume.
 //!
 //! ```text
 //! NRRD0005                          magic and version
@@ -7,8 +7,7 @@
 //! Segment0_Name:=ribs               key/value pair
 //!                                   empty line, then the voxels (attached header)
 //! ```
-//! Format: Teem, *Definition of NRRD File Format*, <https://teem.sourceforge.net/nrrd/format.html>; the section numbers below
-//! are its.
+//! Format: Teem, *Definition of NRRD File Format*, <https://teem.sourceforge.net/nrrd/format.html>; the section numbers below refer to it.
 
 use std::path::Path;
 
@@ -17,7 +16,7 @@ use pumice_core::LabelType;
 use crate::error::{FormatError, Result};
 use crate::header_text::{self, format_number, numbers, shorten};
 
-/// How the voxels are stored (§5, `encoding`).
+/// Storage of the voxels (§5, `encoding`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Encoding {
     Raw,
@@ -25,11 +24,11 @@ pub(crate) enum Encoding {
     Gzip,
 }
 
-/// Where the voxels are (§5, `data file`).
+/// Location of the voxels (§5, `data file`).
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum DataFile {
     Attached,
-    /// One or more files, as named by the header.
+    /// One or more files, by the names in the header.
     Names(Vec<String>),
 }
 
@@ -38,7 +37,7 @@ pub(crate) struct NrrdHeader {
     pub(crate) label_type: LabelType,
     pub(crate) encoding: Encoding,
     pub(crate) big_endian: bool,
-    /// Fastest first.
+    /// Size of each axis, fastest first.
     pub(crate) sizes: Vec<u64>,
     /// Lower-case kind of each axis; empty where the header has none.
     pub(crate) kinds: Vec<String>,
@@ -51,23 +50,23 @@ pub(crate) struct NrrdHeader {
     /// Unit of each dimension of the space, or of each axis where the header has no space.
     pub(crate) units: Vec<String>,
     pub(crate) line_skip: u64,
-    /// −1: the voxels are the last bytes of the file.
+    /// Bytes to skip before the voxels; −1 means that the voxels are the last bytes of the file.
     pub(crate) byte_skip: i64,
     pub(crate) data: DataFile,
     pub(crate) pairs: Vec<(String, String)>,
-    /// First byte behind the header.
+    /// Offset of the first byte after the header.
     pub(crate) end: u64,
 }
 
-/// More axes than this are refused (Teem's own limit, `NRRD_DIM_MAX`).
+/// Largest number of axes (Teem's own limit, `NRRD_DIM_MAX`).
 const MAX_AXES: usize = 16;
 
-/// Most names that a pattern may stand for.
+/// Largest number of names that a pattern may stand for.
 const MAX_DATA_FILES: i64 = 1 << 23;
 
 /// Reads and parses the header of `path`.
 pub(crate) fn read(path: &Path) -> Result<NrrdHeader> {
-    // The header ends with an empty line, or with the file when it is detached; names of a LIST go on to the file's end.
+    // The header ends with an empty line, or with the file when it is detached; the names of a LIST continue to the end of the file.
     let mut in_list = false;
     let text = header_text::read_lines(path, |line| {
         in_list |= field(line).is_some_and(|(name, value)| is_data_file(&name) && value.starts_with("LIST"));
@@ -79,7 +78,7 @@ pub(crate) fn read(path: &Path) -> Result<NrrdHeader> {
         return Err(bad(format!("expected the magic NRRD0001 to NRRD0005, got {magic:?}")));
     }
 
-    // Collect fields; each may come once.
+    // Collect the fields; each may occur once.
     let mut fields: Vec<(String, String)> = Vec::new();
     let mut pairs = Vec::new();
     let mut list_names = Vec::new();
@@ -95,7 +94,7 @@ pub(crate) fn read(path: &Path) -> Result<NrrdHeader> {
         } else if let Some((name, value)) = field(line) {
             list = is_data_file(&name) && value.starts_with("LIST");
             if fields.iter().any(|(n, _)| *n == name) {
-                return Err(bad(format!("the field {name:?} is there twice")));
+                return Err(bad(format!("the field {name:?} occurs twice")));
             }
             fields.push((name, value));
         } else {
@@ -166,7 +165,7 @@ pub(crate) fn read(path: &Path) -> Result<NrrdHeader> {
         ),
     };
 
-    // Where the voxels are (§5).
+    // Location of the voxels (§5).
     let skip = |names: &[&str]| match get(names) {
         None => Ok(0),
         Some(text) => text
@@ -181,7 +180,7 @@ pub(crate) fn read(path: &Path) -> Result<NrrdHeader> {
     }
     let data = match get(&["data file", "datafile"]) {
         None if text.at_file_end && !text.lines.last().is_some_and(String::is_empty) => {
-            return Err(bad("the header does not end with an empty line, and names no data file".into()));
+            return Err(bad("the header does not end with an empty line, and gives no data file".into()));
         }
         None => DataFile::Attached,
         Some(value) if value.starts_with("LIST") => DataFile::Names(list_names),
@@ -210,17 +209,17 @@ pub(crate) fn read(path: &Path) -> Result<NrrdHeader> {
     })
 }
 
-/// `name: value`, the name in lower case.
+/// Parses `name: value`; returns the name in lower case.
 fn field(line: &str) -> Option<(String, String)> {
     let (name, value) = line.split_once(':')?;
     (!value.starts_with('=') && !line.starts_with('#'))
         .then(|| (name.trim().to_ascii_lowercase(), value.trim().to_owned()))
 }
 
-/// `key:=value`, with the escapes of §3.
+/// Parses `key:=value` with the escapes of §3.
 fn pair(line: &str) -> Option<(String, String)> {
     let (key, value) = line.split_once(":=")?;
-    // A field whose value holds ":=" further on is still a field.
+    // A field whose value contains ":=" further on is still a field.
     if key.contains(": ") {
         return None;
     }
@@ -244,7 +243,7 @@ fn is_data_file(name: &str) -> bool {
     name == "data file" || name == "datafile"
 }
 
-/// The spellings of §4, `type`.
+/// Parses the type names of §4, `type`.
 fn label_type(path: &Path, text: &str) -> Result<LabelType> {
     let words = text.to_ascii_lowercase().split_whitespace().collect::<Vec<_>>().join(" ");
     Ok(match words.as_str() {
@@ -293,7 +292,7 @@ fn encoding(path: &Path, text: &str) -> Result<Encoding> {
     })
 }
 
-/// `(1,0,0) none (0, nan, 0)`: the vectors; one with any NaN counts as none.
+/// Parses vectors such as `(1,0,0) none (0, nan, 0)`; a vector with a NaN counts as none.
 fn vectors(text: &str) -> Option<Vec<Option<Vec<f64>>>> {
     let mut all = Vec::new();
     let mut rest = text.trim();
@@ -311,7 +310,7 @@ fn vectors(text: &str) -> Option<Vec<Option<Vec<f64>>>> {
     Some(all)
 }
 
-/// `"mm" "mm" ""`: what is between the quotes; unquoted words are taken as they are.
+/// Texts between quotes, as in `"mm" "mm" ""`; without quotes, the words.
 fn quoted(text: &str) -> Vec<String> {
     if text.contains('"') {
         text.split('"').skip(1).step_by(2).map(str::to_owned).collect()
@@ -320,7 +319,7 @@ fn quoted(text: &str) -> Vec<String> {
     }
 }
 
-/// `slice%03d.raw 1 40 1`: names from a printf pattern with first, last and step; anything else is one name.
+/// Expands `slice%03d.raw 1 40 1`, a printf pattern with first, last and step, to file names; any other value is one name.
 fn expand_pattern(path: &Path, value: &str) -> Result<Vec<String>> {
     let words: Vec<&str> = value.split_whitespace().collect();
     let Some((pattern, range)) =
@@ -328,7 +327,12 @@ fn expand_pattern(path: &Path, value: &str) -> Result<Vec<String>> {
     else {
         return Ok(vec![value.to_owned()]);
     };
-    let bad = || FormatError::damaged(path, format!("the data file pattern {value:?} cannot be understood"));
+    let bad = || {
+        FormatError::damaged(
+            path,
+            format!("the data file pattern {value:?} is not valid, expected one like slice%03d.raw 1 40 1"),
+        )
+    };
     let range: Vec<i64> = range.iter().map(|w| w.parse().ok()).collect::<Option<_>>().ok_or_else(bad)?;
     let (first, last, step) = (range[0], range[1], range[2]);
     let count = last

@@ -10,27 +10,27 @@ use crate::registry;
 use crate::slab::SlabSource;
 use crate::volume_file::Layer;
 
-/// What the header of a file says.
+/// The content of a file's header.
 #[derive(Clone, Debug)]
 pub struct Probe {
-    /// Name of the format, as people call it.
+    /// Common name of the format.
     pub format: &'static str,
-    /// How the voxels are stored: `raw`, `gzip`, `ascii`, `deflate`, …
+    /// Storage of the voxels: `raw`, `gzip`, `ascii`, `deflate`, …
     pub encoding: String,
-    /// Size, type, place, names.
+    /// Size, label type, matrix, unit and names.
     pub info: VolumeInfo,
-    /// Layers, where the file has overlapping segments; else empty.
+    /// Layers, where the file has overlapping segments; otherwise empty.
     pub layers: Vec<Layer>,
     /// Bytes of the volume's voxels in the file's own type, without compression and without other layers.
     pub bytes_uncompressed: u64,
-    /// What the user should know though it is no error.
+    /// Notices for the user that are not errors.
     pub warnings: Vec<String>,
 }
 
-/// Opens a label volume for reading by blocks.
+/// Opens a label volume for reading in blocks.
 ///
 /// # Errors
-/// One line that says what and where, for any content whatsoever.
+/// One line that says what is wrong and where, for any content of the file.
 pub fn open(path: &Path, options: &OpenOptions) -> std::result::Result<Box<dyn BlockSource>, FormatError> {
     let file = registry::read(path, options)?;
     if let Some(undecided) = file.undecided {

@@ -1,36 +1,36 @@
-//! What a caller may add to what a file says.
+//! Options of a caller that complete or override what a file says.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
 use pumice_core::LabelType;
 
-/// How to read a file that does not say it all by itself.
+/// How to read a file that does not fully describe itself.
 #[derive(Clone, Debug, Default)]
 pub struct OpenOptions {
-    /// Which layer (a `list` or `vector` axis, overlapping segments), counted from 0.
+    /// Index of the layer (a `list` or `vector` axis, overlapping segments), counted from 0.
     pub layer: Option<u32>,
-    /// Which time step, counted from 0.
+    /// Index of the time step, counted from 0.
     pub time: Option<u32>,
-    /// Which channel, counted from 0.
+    /// Index of the channel, counted from 0.
     pub channel: Option<u32>,
-    /// Which array of an `.npz` archive.
+    /// Name of the array in an `.npz` archive.
     pub array: Option<String>,
-    /// Voxel lengths along x, y, z, instead of the file's; axis directions and unit are kept.
+    /// Voxel lengths along x, y, z that replace those of the file; axis directions and unit are kept.
     pub spacing: Option<[f64; 3]>,
-    /// Read the file as voxels without a header; where this is given, no other format is tried.
+    /// Read the file as voxels without a header. No other format is tried then.
     pub raw: Option<RawLayout>,
-    /// What the axes of a NumPy array mean.
+    /// Meaning of the axes of a NumPy array.
     pub axes: ArrayAxes,
-    /// Where readers put what the user should know though it is no error. Clone it before, list it after reading.
+    /// Receives notices for the user that are not errors. Clone it before reading and list it afterwards.
     pub warnings: Warnings,
 }
 
-/// Voxels without a header, x fastest, then y, then z; gzip is recognised.
+/// Layout of voxels without a header, in x-fastest order; a gzip file is recognised.
 #[derive(Clone, Debug)]
 pub struct RawLayout {
     /// Voxels along x, y, z.
     pub dims: [u64; 3],
-    /// Their type.
+    /// Number type of the voxels.
     pub label_type: LabelType,
     /// Whether the most significant byte comes first.
     pub big_endian: bool,
@@ -41,19 +41,19 @@ pub struct RawLayout {
 /// Meaning of the axes of a NumPy array, in the order of its indices.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ArrayAxes {
-    /// `a[x, y, z]`: as nibabel and pynrrd hand arrays out.
+    /// `a[x, y, z]`, as nibabel and pynrrd return arrays.
     #[default]
     Xyz,
-    /// `a[z, y, x]`: as tifffile and scikit-image hand arrays out.
+    /// `a[z, y, x]`, as tifffile and scikit-image return arrays.
     Zyx,
 }
 
-/// A list of one-line warnings that reader and caller share.
+/// A list of one-line warnings, shared by reader and caller.
 #[derive(Clone, Debug, Default)]
 pub struct Warnings(Arc<Mutex<Vec<String>>>);
 
 impl Warnings {
-    /// Adds a warning; the same text is kept once.
+    /// Adds a warning, unless the same text is already there.
     pub(crate) fn push(&self, text: impl Into<String>) {
         let text = text.into();
         let mut list = self.0.lock().unwrap_or_else(PoisonError::into_inner);

@@ -1,4 +1,4 @@
-//! Where a volume lies: axis vectors and origin of a header, checked, as one matrix.
+//! Placement of a volume in the world: checks axis vectors and origin of a header and makes one matrix of them.
 
 use std::path::Path;
 
@@ -8,7 +8,7 @@ use pumice_core::Unit;
 use crate::error::{FormatError, Result};
 use crate::options::OpenOptions;
 
-/// The matrix from whole-number voxel centres to the world, from one vector an axis.
+/// The matrix from whole-number voxel centres to the world, from one vector per axis.
 ///
 /// `options.spacing` replaces the lengths of the vectors and keeps their directions and the centre of voxel (0, 0, 0).
 ///
@@ -23,7 +23,7 @@ pub(crate) fn world_from_centre(
     let mut axes = axes;
     for (a, axis) in axes.iter_mut().enumerate() {
         let name = ["x", "y", "z"][a];
-        // The length of a finite vector may overflow or underflow: such a spacing is no length either.
+        // The length of a finite vector may overflow or underflow; that is not a valid spacing either.
         let length = axis.length();
         let file_ok = length.is_finite() && length > 0.0;
         if let Some(spacing) = options.spacing {
@@ -31,7 +31,7 @@ pub(crate) fn world_from_centre(
             if !(wanted.is_finite() && wanted > 0.0) {
                 return Err(FormatError::option(
                     path,
-                    format!("the spacing asked for along {name} is {wanted}, expected a positive length"),
+                    format!("the requested spacing along {name} is {wanted}, expected a positive length"),
                 ));
             }
             *axis = if file_ok { *axis / length * wanted } else { DVec3::AXES[a] * wanted };
@@ -53,8 +53,8 @@ pub(crate) fn world_from_centre(
         ));
     }
     let matrix = DMat3::from_cols(axes[0], axes[1], axes[2]);
-    // The volume of the parallelepiped against that of the box with the same edges: 0 when the axes lie in one plane. 1e-9
-    // guards against headers with seven written digits; real shears stay above 1e-2.
+    // The volume of the parallelepiped divided by that of the box with the same edges; it is 0 when the axes lie in one plane. The
+    // threshold 1e-9 guards against headers with seven written digits; real shears stay above 1e-2.
     let unit = DMat3::from_cols(axes[0].normalize(), axes[1].normalize(), axes[2].normalize());
     let flatness = unit.determinant().abs();
     if flatness.is_nan() || flatness < 1e-9 {
@@ -66,7 +66,7 @@ pub(crate) fn world_from_centre(
     Ok(DAffine3::from_mat3_translation(matrix, origin))
 }
 
-/// The same for a file that only knows lengths along its axes.
+/// Like [`world_from_centre`], for a file that only gives lengths along its axes.
 pub(crate) fn from_spacing(path: &Path, spacing: [f64; 3], options: &OpenOptions) -> Result<DAffine3> {
     if options.spacing.is_none() {
         for (a, &length) in spacing.iter().enumerate() {
@@ -85,9 +85,9 @@ pub(crate) fn from_spacing(path: &Path, spacing: [f64; 3], options: &OpenOptions
     world_from_centre(path, axes, DVec3::ZERO, options)
 }
 
-/// A unit of length by one of the names that files use.
+/// A unit of length by one of the names that occur in files.
 pub(crate) fn unit_by_name(name: &str) -> Option<Unit> {
-    // Escapes as ImageJ writes them (`\u00B5m`), the micro sign and the Greek letter.
+    // ImageJ's escape (`\u00B5m`), the micro sign and the Greek letter.
     let name = name.trim().to_lowercase().replace("\\u00b5", "µ").replace('μ', "µ");
     Some(match name.as_str() {
         "nm" | "nanometer" | "nanometers" | "nanometre" | "nanometres" => Unit::Nanometre,

@@ -5,17 +5,17 @@
 //! format binary_little_endian 1.0        or ascii, or binary_big_endian
 //! comment …
 //! element vertex 8
-//! property float x                       three numbers x, y, z among any properties
-//! property float nx                      nx, ny, nz where there are any: the mesh is shaded smooth
+//! property float x                       three numbers x, y, z; other properties may stand between them
+//! property float nx                      nx, ny, nz, optional: the mesh is shaded smooth
 //! …
 //! element face 12
 //! property list uchar int vertex_indices       (or vertex_index): corners, counterclockwise from outside
-//! property int material_index            where there is one: the face's material
+//! property int material_index            optional: the face's material
 //! end_header
 //! … the elements, in that order
 //! ```
-//! A face of more than three corners becomes a fan of triangles about its first: right for convex ones. Other elements and
-//! properties are read over. Nothing is reserved by a count in the header: what is not there is missed when it is read.
+//! A face of more than three corners becomes a fan of triangles about its first corner, which is right for convex faces. Other elements and
+//! properties are skipped. Counts in the header reserve no memory: if data is missing, reading fails.
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
@@ -25,11 +25,11 @@ use pumice_core::MeshData;
 
 use crate::error::{FormatError, Result};
 
-/// Longest header line in bytes, and most lines: a header is text of some hundred bytes.
+/// Longest header line in bytes, and largest number of lines; real headers are text of some hundred bytes.
 const MOST_LINE_BYTES: u64 = 4096;
 const MOST_LINES: usize = 1024;
 
-/// Most corners of one face: a list longer than this is a damaged count.
+/// Largest number of corners of a face; a longer list comes from a damaged count.
 const MOST_CORNERS: u64 = 65_536;
 
 #[derive(Clone, Copy, PartialEq)]
@@ -47,7 +47,7 @@ enum Number {
 
 struct Property {
     name: String,
-    /// Type of a list's length.
+    /// Number type of a list's length; `None` for a property that is not a list.
     length: Option<Number>,
     number: Number,
 }
@@ -58,13 +58,13 @@ struct Element {
     properties: Vec<Property>,
 }
 
-/// The file's numbers, one after the other.
+/// Reads the file's numbers in order.
 struct Numbers<R> {
     from: R,
     encoding: Encoding,
 }
 
-/// Whether a file begins as PLY files do.
+/// Whether a file begins like a PLY file.
 pub(crate) fn is_ply(head: &[u8]) -> bool {
     head.starts_with(b"ply\n") || head.starts_with(b"ply\r\n")
 }
@@ -73,26 +73,26 @@ pub(crate) fn is_ply(head: &[u8]) -> bool {
 pub(crate) fn read_ply(path: &Path) -> Result<MeshData> {
     let file = File::open(path).map_err(FormatError::io(path))?;
     read(BufReader::new(file)).map_err(|fault| match fault {
-        Fault::Io(e) if e.kind() == std::io::ErrorKind::UnexpectedEof => {
-            FormatError::damaged(path, "the file ends before its mesh does")
+        PlyError::Io(e) if e.kind() == std::io::ErrorKind::UnexpectedEof => {
+            FormatError::damaged(path, "the file ends before its mesh is complete")
         }
-        Fault::Io(source) => FormatError::Io { path: path.to_owned(), source },
-        Fault::File(what) => FormatError::damaged(path, what),
+        PlyError::Io(source) => FormatError::Io { path: path.to_owned(), source },
+        PlyError::File(what) => FormatError::damaged(path, what),
     })
 }
 
-enum Fault {
+enum PlyError {
     Io(std::io::Error),
     File(String),
 }
 
-impl From<std::io::Error> for Fault {
+impl From<std::io::Error> for PlyError {
     fn from(e: std::io::Error) -> Self {
         Self::Io(e)
     }
 }
 
-fn read(mut from: impl BufRead) -> std::result::Result<MeshData, Fault> {
+fn read(mut from: impl BufRead) -> std::result::Result<MeshData, PlyError> {
     let (encoding, elements) = header(&mut from)?;
     let mut numbers = Numbers { from, encoding };
     let (mut positions, mut triangles, mut materials) = (Vec::new(), Vec::new(), Vec::new());
@@ -106,16 +106,16 @@ fn read(mut from: impl BufRead) -> std::result::Result<MeshData, Fault> {
         let is_vertex = element.name == "vertex";
         let is_face = element.name == "face";
         if is_vertex && axes.iter().any(Option::is_none) {
-            return Err(Fault::File("expected properties x, y and z of element vertex".into()));
+            return Err(PlyError::File("expected properties x, y and z of element vertex".into()));
         }
         let has_normals = is_vertex && normal_axes.iter().any(Option::is_some);
         if has_normals && normal_axes.iter().any(Option::is_none) {
-            return Err(Fault::File(
+            return Err(PlyError::File(
                 "expected all of the properties nx, ny and nz of element vertex, or none".into(),
             ));
         }
         if is_face && corners.is_none_or(|c| element.properties[c].length.is_none()) {
-            return Err(Fault::File("expected a list vertex_indices of element face".into()));
+            return Err(PlyError::File("expected a list vertex_indices of element face".into()));
         }
         for row in 0..element.count {
             let (mut point, mut normal) = ([0.0; 3], [0.0f32; 3]);
@@ -137,8 +137,8 @@ fn read(mut from: impl BufRead) -> std::result::Result<MeshData, Fault> {
                 };
                 let length = u64::from(whole(numbers.next(length)?, "the length of a list")?);
                 if length > MOST_CORNERS {
-                    return Err(Fault::File(format!(
-                        "a list of {length} numbers; the limit is {MOST_CORNERS}"
+                    return Err(PlyError::File(format!(
+                        "a list of {length} numbers; expected at most {MOST_CORNERS}"
                     )));
                 }
                 for _ in 0..length {
@@ -167,18 +167,18 @@ fn read(mut from: impl BufRead) -> std::result::Result<MeshData, Fault> {
         Some(normals) => mesh.and_then(|mesh| mesh.with_corner_normals(&normals)),
         None => mesh,
     };
-    mesh.map_err(|e| Fault::File(e.to_string()))
+    mesh.map_err(|e| PlyError::File(e.to_string()))
 }
 
-/// A whole number of at least 0.
-fn whole(value: f64, what: &str) -> std::result::Result<u32, Fault> {
+/// Converts a value to a whole number of at least 0 below 2³².
+fn whole(value: f64, what: &str) -> std::result::Result<u32, PlyError> {
     if value.fract() == 0.0 && (0.0..4_294_967_296.0).contains(&value) {
         return Ok(value as u32);
     }
-    Err(Fault::File(format!("{what}: expected a whole number of at least 0, got {value}")))
+    Err(PlyError::File(format!("{what}: expected a whole number of at least 0, got {value}")))
 }
 
-fn header(from: &mut impl BufRead) -> std::result::Result<(Encoding, Vec<Element>), Fault> {
+fn header(from: &mut impl BufRead) -> std::result::Result<(Encoding, Vec<Element>), PlyError> {
     let mut encoding = None;
     let mut elements: Vec<Element> = Vec::new();
     for number in 0..MOST_LINES {
@@ -186,11 +186,11 @@ fn header(from: &mut impl BufRead) -> std::result::Result<(Encoding, Vec<Element
         from.by_ref().take(MOST_LINE_BYTES).read_until(b'\n', &mut line)?;
         let text = String::from_utf8_lossy(&line);
         if !text.ends_with('\n') {
-            return Err(Fault::File("expected the line end_header, the header does not end".into()));
+            return Err(PlyError::File("expected the line end_header, got a line that does not end".into()));
         }
         let words: Vec<&str> = text.split_ascii_whitespace().collect();
         let bad =
-            || Fault::File(format!("line {} of the header is no such line: {}", number + 1, text.trim()));
+            || PlyError::File(format!("line {} of the header is not valid: {}", number + 1, text.trim()));
         match words[..] {
             ["ply"] if number == 0 => {}
             ["format", name, "1.0"] => {
@@ -218,15 +218,16 @@ fn header(from: &mut impl BufRead) -> std::result::Result<(Encoding, Vec<Element
                 element.properties.push(Property { name: name.into(), length: None, number });
             }
             ["end_header"] => {
-                let encoding = encoding.ok_or_else(|| Fault::File("expected a line format".into()))?;
-                // Rows without bytes would be counted for ever.
+                let encoding = encoding
+                    .ok_or_else(|| PlyError::File("expected a line that begins with format".into()))?;
+                // Rows without bytes would be counted without end.
                 elements.retain(|e| !e.properties.is_empty());
                 return Ok((encoding, elements));
             }
             _ => return Err(bad()),
         }
     }
-    Err(Fault::File(format!("expected the line end_header within {MOST_LINES} lines")))
+    Err(PlyError::File(format!("expected the line end_header within {MOST_LINES} lines")))
 }
 
 fn number_type(name: &str) -> Option<Number> {
@@ -245,10 +246,10 @@ fn number_type(name: &str) -> Option<Number> {
 }
 
 impl<R: BufRead> Numbers<R> {
-    fn next(&mut self, number: Number) -> std::result::Result<f64, Fault> {
+    fn next(&mut self, number: Number) -> std::result::Result<f64, PlyError> {
         if self.encoding == Encoding::Ascii {
             let word = self.word()?;
-            return word.parse().map_err(|_| Fault::File(format!("expected a number, got {word:?}")));
+            return word.parse().map_err(|_| PlyError::File(format!("expected a number, got {word:?}")));
         }
         let (Number::Int { bytes, .. } | Number::Float { bytes }) = number;
         let mut raw = [0u8; 8];
@@ -268,8 +269,8 @@ impl<R: BufRead> Numbers<R> {
         })
     }
 
-    /// The next word of a text.
-    fn word(&mut self) -> std::result::Result<String, Fault> {
+    /// The next word of a text file.
+    fn word(&mut self) -> std::result::Result<String, PlyError> {
         let mut word = Vec::new();
         loop {
             let mut byte = [0];
@@ -284,7 +285,9 @@ impl<R: BufRead> Numbers<R> {
                 (true, true) => {}
                 (true, false) => return Ok(String::from_utf8_lossy(&word).into_owned()),
                 (false, _) if word.len() < 64 => word.push(byte[0]),
-                (false, _) => return Err(Fault::File("expected a number, got a long word".into())),
+                (false, _) => {
+                    return Err(PlyError::File("expected a number, got a word of more than 64 bytes".into()));
+                }
             }
         }
     }
@@ -301,8 +304,8 @@ mod tests {
 
     fn parse(bytes: &[u8]) -> std::result::Result<MeshData, String> {
         read(bytes).map_err(|f| match f {
-            Fault::Io(e) => e.kind().to_string(),
-            Fault::File(what) => what,
+            PlyError::Io(e) => e.kind().to_string(),
+            PlyError::File(what) => what,
         })
     }
 
@@ -337,7 +340,7 @@ mod tests {
         assert_eq!(parse(&binary(true)).unwrap(), mesh);
     }
 
-    /// Normals among other properties, in another order; the same as an array that is laid over the mesh.
+    /// Normals among other properties and in another order; the result equals normals set by an array.
     #[test]
     fn normals_are_read() {
         let names = "property uchar red\r\nproperty double nz\r\nproperty float nx\r\nproperty float ny";
@@ -354,7 +357,7 @@ mod tests {
         assert_eq!(got, expected.unwrap());
         assert!(got.is_smooth() && !flat.is_smooth());
         assert_eq!(with("nan 0 0").unwrap_err(), "normal 0: expected finite numbers, got [0.0, 0.0, NaN]");
-        // Beyond floats of 32 bits there is no direction either.
+        // A number beyond 32-bit floats makes no direction either.
         assert_eq!(
             with("0 1e300 0").unwrap_err(),
             "normal 0: expected finite numbers, got [1e300, 0.0, 0.0]".replace("1e300", "inf")
@@ -378,16 +381,16 @@ mod tests {
     #[test]
     fn faults_are_named() {
         let fault = |from: &str, to: &str| parse(TEXT.replace(from, to).as_bytes()).unwrap_err();
-        assert_eq!(fault("4 0 1 2 3 7", "4 0 1 2 4 7"), "triangle 1 names corner 4, but there are 4");
+        assert_eq!(fault("4 0 1 2 3 7", "4 0 1 2 4 7"), "triangle 1: expected corners below 4, got 4");
         assert_eq!(
             fault("4 0 1 2 3 7", "4 0 1 2 -1 7"),
             "a corner of face 0: expected a whole number of at least 0, got -1"
         );
         assert_eq!(fault("0 0 0.5", "0 nan 0.5"), "corner 0: expected finite numbers, got [0.0, NaN, 0.5]");
-        assert_eq!(fault("4 0 1", "4000000 0 1"), "a list of 4000000 numbers; the limit is 65536");
+        assert_eq!(fault("4 0 1", "4000000 0 1"), "a list of 4000000 numbers; expected at most 65536");
         assert_eq!(fault("float x", "float u"), "expected properties x, y and z of element vertex");
         assert_eq!(fault("vertex_indices", "corners"), "expected a list vertex_indices of element face");
-        assert_eq!(fault("double y", "quad y"), "line 6 of the header is no such line: property quad y");
+        assert_eq!(fault("double y", "quad y"), "line 6 of the header is not valid: property quad y");
         assert_eq!(fault("element vertex 4", "element vertex 99999999999"), "unexpected end of file");
     }
 }

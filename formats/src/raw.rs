@@ -1,4 +1,4 @@
-//! Voxels without any header: size and type come from the caller.
+//! Reads voxels without any header: size and type come from the caller.
 
 use std::path::Path;
 
@@ -13,7 +13,7 @@ use crate::placement;
 use crate::stream::{ByteStream, PlainStream, open_file};
 use crate::volume_file::VolumeFile;
 
-/// Describes `path` as `raw` says.
+/// Describes the file at `path` with the layout `raw`.
 pub(crate) fn read(path: &Path, raw: &RawLayout, options: &OpenOptions) -> Result<VolumeFile> {
     let element = Element::new(raw.label_type, raw.big_endian);
     let layout = Layout::x_fastest(path, raw.dims, element.bytes())?;

@@ -1,4 +1,4 @@
-//! The formats of label volumes that are read: by content first, by name second.
+//! The formats of label volumes that can be read, recognised by content first and by name second.
 
 use std::fmt::Write as _;
 use std::fs::File;
@@ -10,11 +10,12 @@ use crate::options::OpenOptions;
 use crate::volume_file::{Format, VolumeFile};
 use crate::{metaimage, nifti, npy, npz, nrrd, raw, tiff, tiff_folder};
 
-/// In the order in which they are asked: those that a magic number tells come before NIfTI and MetaImage, which go by the name too.
+/// The formats in the order in which they are tried: those with a magic number come before NIfTI and MetaImage, which also go by the file's
+/// name.
 const FORMATS: [Format; 6] =
     [nrrd::FORMAT, tiff::FORMAT, npy::FORMAT, npz::FORMAT, nifti::FORMAT, metaimage::FORMAT];
 
-/// Bytes from a file's start that formats are recognised by: enough for every magic number.
+/// Number of bytes at a file's start that are used to recognise it; enough for every magic number.
 const HEAD_BYTES: u64 = 1024;
 
 /// Reads the header of a file, or of a folder of TIFF slices. Raw voxels are read where the options describe them.
@@ -39,7 +40,7 @@ pub(crate) fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
     }
 }
 
-/// What an unreadable file seems to be.
+/// A guess at what a file of unknown format is.
 fn guess(head: &[u8]) -> String {
     const KNOWN: [(&[u8], &str); 9] = [
         (

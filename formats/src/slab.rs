@@ -1,11 +1,11 @@
-//! The one block source of all formats: a byte stream cut into slabs along the slowest axis.
+//! The block source of all formats: cuts a byte stream into slabs along the slowest axis.
 //!
 //! ```text
-//! file axes, fastest first:   list   x   y   z         block = all of list, x, y × 16 steps of z (or fewer: ≤ 16 MiB)
+//! file axes, fastest first:   list   x   y   z         block = all of list, x, y × 16 steps of z (or fewer: ≤ 16 MiB);
 //!                                                      then every `layer`-th element of list is kept
 //! ```
-//! Where one plane is larger than the budget, rows of one plane make a block, and at worst voxels of one row. Bytes between
-//! blocks (other layers, time steps, channels) are skipped. Memory: one buffer of stored bytes and the block handed out.
+//! Where one plane exceeds the budget, a block has rows of one plane, and at worst voxels of one row. Bytes between blocks (other layers,
+//! time steps, channels) are skipped. Memory: one buffer of stored bytes, and the block that is returned.
 
 use std::path::PathBuf;
 
@@ -17,13 +17,13 @@ use crate::layout::{Layout, Role};
 use crate::options::Warnings;
 use crate::stream::ByteStream;
 
-/// Most stored bytes of one block.
+/// Largest number of stored bytes in one block.
 pub(crate) const BLOCK_BYTES: u64 = 16 << 20;
 
-/// Steps of the slowest axis in one block, where they fit: a multiple of the 4³ cells and the 16³ boxes.
+/// Number of steps of the slowest axis in a block, where they fit; a multiple of the sides of 4³ cells and 16³ boxes.
 const BLOCK_STEPS: u64 = 16;
 
-/// How far behind the last voxel a stream is read to reach its checksum. More than this is a warning without the check: a
+/// Number of bytes after the last voxel that are read to reach the stream's checksum. If there are more, a warning replaces the check: a
 /// small file may inflate to a thousand times its size.
 const TAIL_BYTES: u64 = 1 << 20;
 
@@ -35,13 +35,13 @@ pub(crate) struct SlabSource {
     element: Element,
     stream: Box<dyn ByteStream>,
     warnings: Warnings,
-    /// File axis along which blocks are cut.
+    /// The file axis along which blocks are cut.
     cut: usize,
-    /// Steps along it in one block.
+    /// Number of steps of this axis in one block.
     steps: u64,
-    /// Index on `cut` and all slower axes at which the next block begins.
+    /// Index of the next block's start, on `cut` and on all slower axes.
     at: Vec<u64>,
-    /// Bytes taken from the stream.
+    /// Number of bytes taken from the stream.
     taken: u64,
     buffer: Vec<u8>,
     ended: bool,
@@ -57,7 +57,7 @@ impl SlabSource {
         warnings: Warnings,
     ) -> Result<Self> {
         let axes = layout.axes();
-        // The slowest axis one step of which fits in the budget; axes of one step cut nothing.
+        // Cut along the slowest axis of which one step fits in the budget. Axes of one step are useless for that.
         let fits =
             |a: &usize| matches!(axes[*a].role, Role::Space(_)) && layout.stride_bytes(*a) <= BLOCK_BYTES;
         let candidates: Vec<usize> = (0..axes.len()).filter(fits).collect();
@@ -70,11 +70,11 @@ impl SlabSource {
                 limit: BLOCK_BYTES,
             });
         };
-        // Small planes come in more than 16 steps: a block of less than 1 MiB costs more to hand out than to convert.
+        // Small planes come in more than 16 steps: a block of less than 1 MiB costs more to pass on than to convert.
         let stride = layout.stride_bytes(cut);
         let most = (BLOCK_BYTES / stride).clamp(1, BLOCK_STEPS.max((1 << 20) / stride));
         let steps = if most > 4 { most - most % 4 } else { most };
-        // Fixed axes stay where they are; the others count up.
+        // Fixed axes keep their index; the others count up.
         let at = axes[cut..]
             .iter()
             .map(|axis| match axis.role {
@@ -103,7 +103,7 @@ impl SlabSource {
         if self.ended {
             return Ok(None);
         }
-        // Past the last index of the slowest spatial axis everything has been delivered.
+        // Past the last index of the slowest spatial axis, everything has been delivered.
         if self.at.is_empty() {
             self.ended = true;
             self.finish()?;
@@ -124,11 +124,11 @@ impl SlabSource {
         if skipped < skip {
             return Err(self.short());
         }
-        // At most BLOCK_BYTES, and grown only as far as the stream really delivers.
+        // The size is at most BLOCK_BYTES, and the buffer grows only as far as the stream delivers.
         let wanted = (count * self.layout.stride_bytes(self.cut)) as usize;
         self.fill_buffer(wanted)?;
 
-        // Leave out what belongs to other layers, from the slowest such axis to the fastest.
+        // Remove the data of other layers, from the slowest such axis to the fastest.
         let mut sizes: Vec<u64> = axes[..self.cut].iter().map(|a| a.size).collect();
         for a in (0..self.cut).rev() {
             if let Role::Fixed(index) = axes[a].role
@@ -140,14 +140,14 @@ impl SlabSource {
             }
         }
 
-        // Where the block lies, and how its labels are ordered.
+        // Position of the block, and order of its labels.
         let mut origin = [0u32; 3];
         let mut dims = [1u32; 3];
         let mut strides = [0usize; 3];
         let mut stride = 1usize;
         for (a, axis) in axes.iter().enumerate() {
             let Role::Space(space) = axis.role else { continue };
-            // All at most MAX_DIM.
+            // All numbers are at most MAX_DIM.
             if a > self.cut {
                 origin[space] = self.at[a - self.cut] as u32;
             } else {
@@ -166,7 +166,7 @@ impl SlabSource {
             reason: bad.reason,
         })?;
 
-        // Step on: the cut axis first, then the slower ones of the volume.
+        // Advance the cut axis first, then the slower ones of the volume.
         self.at[0] += count;
         for i in 0..self.at.len() {
             let axis = axes[self.cut + i];
@@ -185,7 +185,7 @@ impl SlabSource {
         Ok(Some(LabelBlock { origin, dims, strides, labels }))
     }
 
-    /// Reads `wanted` bytes into the buffer, which grows in pieces so that a lying header costs nothing.
+    /// Reads `wanted` bytes into the buffer, which grows in pieces so that a wrong size in a header costs no memory.
     fn fill_buffer(&mut self, wanted: usize) -> Result<()> {
         const PIECE_BYTES: usize = 1 << 20;
         self.buffer.clear();
@@ -210,7 +210,7 @@ impl SlabSource {
         }
     }
 
-    /// After the last block: the rest of the file must be there, its checksum right; more than the volume is worth a warning.
+    /// After the last block, checks that the rest of the data exists and that its checksum is right. Further bytes cause a warning.
     fn finish(&mut self) -> Result<()> {
         let rest = self.layout.total_bytes() - self.taken;
         let skipped = self.stream.skip(rest)?;
@@ -222,7 +222,7 @@ impl SlabSource {
         if extra > 0 {
             let more = if extra == TAIL_BYTES { " or more" } else { "" };
             self.warnings.push(format!(
-                "{}: {extra} bytes{more} after the last voxel were left out",
+                "{}: {extra} bytes{more} after the last voxel were ignored",
                 self.path.display()
             ));
         }
@@ -242,7 +242,7 @@ impl BlockSource for SlabSource {
     }
 }
 
-/// Keeps run `index` out of every `count` runs of `run` bytes.
+/// Keeps run `index` of every `count` runs of `run` bytes.
 fn keep_one(buffer: &mut Vec<u8>, run: usize, count: usize, index: usize) {
     let groups = buffer.len() / (run * count);
     for group in 0..groups {
@@ -252,7 +252,7 @@ fn keep_one(buffer: &mut Vec<u8>, run: usize, count: usize, index: usize) {
     buffer.truncate(groups * run);
 }
 
-/// The voxel that is label number `index` of a block.
+/// The voxel of the label at `index` in a block.
 fn voxel_of(index: usize, origin: [u32; 3], dims: [u32; 3], strides: [usize; 3]) -> [u64; 3] {
     [0, 1, 2].map(|a| u64::from(origin[a]) + (index / strides[a].max(1) % dims[a] as usize) as u64)
 }

@@ -1,4 +1,4 @@
-//! The bytes of voxels, in file order, from wherever they are stored.
+//! Streams of the plain bytes of voxels, in file order, whatever their storage.
 
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom};
@@ -8,15 +8,15 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use crate::error::{FormatError, Result};
 
-/// Bytes read from disk at once.
+/// Number of bytes that are read from disk at once.
 const READ_BYTES: usize = 256 << 10;
 
-/// Plain bytes of voxels, read once from the first to the last.
+/// The plain bytes of voxels, read once from first to last.
 pub(crate) trait ByteStream: Send {
-    /// Fills part of `buffer`; 0 only at the end of the data.
+    /// Fills part of `buffer` and returns the number of bytes, which is 0 only at the end of the data.
     fn read(&mut self, buffer: &mut [u8]) -> Result<usize>;
 
-    /// Leaves out `bytes`; returns how many there were to leave out.
+    /// Skips `bytes` bytes; returns how many of them existed.
     fn skip(&mut self, bytes: u64) -> Result<u64> {
         let mut scratch = vec![0; READ_BYTES.min(usize::try_from(bytes).unwrap_or(READ_BYTES))];
         let mut left = bytes;
@@ -31,7 +31,7 @@ pub(crate) trait ByteStream: Send {
         Ok(bytes - left)
     }
 
-    /// Reads until `buffer` is full or the data end; returns the bytes read.
+    /// Reads until `buffer` is full or the data end; returns the number of bytes.
     fn fill(&mut self, buffer: &mut [u8]) -> Result<usize> {
         let mut filled = 0;
         while filled < buffer.len() {
@@ -63,12 +63,12 @@ impl CountingFile {
         Ok(Self { file: BufReader::with_capacity(READ_BYTES, file), taken: Arc::new(AtomicU64::new(offset)) })
     }
 
-    /// A handle on the number of bytes taken, counted from the file's start.
+    /// A handle on the counter of bytes taken, which starts at the file's start.
     pub(crate) fn taken(&self) -> Arc<AtomicU64> {
         Arc::clone(&self.taken)
     }
 
-    /// Moves on without reading.
+    /// Skips bytes without reading them.
     fn skip(&mut self, bytes: u64) -> io::Result<u64> {
         let at = self.taken.load(Ordering::Relaxed);
         let end = self.file.get_ref().metadata()?.len();
@@ -98,7 +98,7 @@ impl BufRead for CountingFile {
     }
 }
 
-/// Opens a file for reading; a folder is an error of its own, because some systems let one open it.
+/// Opens a file for reading. A folder is an explicit error, because some systems allow opening it.
 pub(crate) fn open_file(path: &Path) -> Result<File> {
     let file = File::open(path).map_err(FormatError::io(path))?;
     if file.metadata().map_err(FormatError::io(path))?.is_dir() {
@@ -107,7 +107,7 @@ pub(crate) fn open_file(path: &Path) -> Result<File> {
     Ok(file)
 }
 
-/// Voxels as they lie in a file.
+/// Voxels stored without compression.
 pub(crate) struct PlainStream {
     path: PathBuf,
     file: CountingFile,
@@ -134,9 +134,9 @@ impl ByteStream for PlainStream {
     }
 }
 
-/// Several streams of known length, one behind the other: slices in files of their own.
+/// Several streams of known length, one after the other: slices in separate files.
 ///
-/// Each is opened when its turn comes, so that a thousand slices need one file handle.
+/// Each is opened only when it is needed, so that a thousand slices need one file handle.
 pub(crate) struct ChainedStream {
     open_part: Box<dyn FnMut(usize) -> Result<Box<dyn ByteStream>> + Send>,
     paths: Vec<PathBuf>,
@@ -147,7 +147,7 @@ pub(crate) struct ChainedStream {
 }
 
 impl ChainedStream {
-    /// `part_bytes` from each of `paths`, opened by `open_part(index)`.
+    /// A chain of `part_bytes` bytes from each of `paths`; `open_part(index)` opens a part.
     pub(crate) fn new(
         paths: Vec<PathBuf>,
         part_bytes: u64,
@@ -163,7 +163,7 @@ impl ChainedStream {
         }
     }
 
-    /// The stream of the current part, opened if need be; `None` after the last one.
+    /// The stream of the current part, opened if necessary; `None` after the last part.
     fn current(&mut self) -> Result<Option<&mut Box<dyn ByteStream>>> {
         if self.left_in_part == 0 {
             self.part += 1;
@@ -209,7 +209,7 @@ impl ByteStream for ChainedStream {
     fn skip(&mut self, bytes: u64) -> Result<u64> {
         let mut left = bytes;
         while left > 0 {
-            // Whole parts are never opened.
+            // Parts that are skipped as a whole are never opened.
             if self.left_in_part == 0 || (self.current.is_none() && left >= self.left_in_part) {
                 if self.part >= self.paths.len() {
                     break;

@@ -1,4 +1,4 @@
-//! Voxels written as decimal numbers (NRRD `ascii`), turned into little-endian bytes of their type.
+//! Reads voxels written as decimal numbers (NRRD `ascii`) as little-endian bytes of their type.
 
 use std::io::BufRead;
 use std::path::{Path, PathBuf};
@@ -10,10 +10,10 @@ use pumice_core::LabelType;
 use crate::error::{FormatError, Result};
 use crate::stream::{ByteStream, CountingFile};
 
-/// Longest number that is read: 2⁶⁴ has 20 digits, a float with exponent some 25.
+/// Longest number that is read: 2⁶⁴ has 20 digits, a float with an exponent has some 25.
 const MAX_NUMBER_BYTES: usize = 64;
 
-/// Numbers between white space or commas.
+/// Numbers separated by white space or commas.
 pub(crate) struct TextStream {
     path: PathBuf,
     file: CountingFile,
@@ -31,7 +31,7 @@ impl TextStream {
         Ok(Self { path: path.to_owned(), file, taken, label_type, pending: Vec::new() })
     }
 
-    /// The next number's bytes, or none at the end.
+    /// The bytes of the next number; `None` at the end.
     fn next_number(&mut self) -> Result<Option<Vec<u8>>> {
         let mut text = String::new();
         loop {

@@ -1,4 +1,4 @@
-//! TIFF stacks: pages become planes of the volume, as ImageJ's or OME's description says.
+//! TIFF stacks: the pages become planes of the volume, as ImageJ's or OME's description defines.
 
 use std::path::{Path, PathBuf};
 
@@ -23,7 +23,7 @@ const MAGICS: [&[u8]; 4] = [b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"];
 pub(crate) const FORMAT: Format =
     Format { name: "TIFF", recognises: |_, head| MAGICS.iter().any(|magic| head.starts_with(magic)), read };
 
-/// Understands the pages of `path`.
+/// Reads the directories of `path`.
 fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
     let mut tiff = TiffFile::open(path)?;
     let pages = tiff.pages()?;
@@ -36,7 +36,7 @@ fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
     }
     let planes = axes.order.iter().try_fold(1u64, |n, a| n.checked_mul(a.1)).unwrap_or(u64::MAX);
 
-    // Pages that are used must be alike.
+    // All pages in use must have the same shape.
     let contiguous = planes > pages.len() as u64;
     if !contiguous {
         for (number, &at) in pages.iter().enumerate().take(planes as usize).skip(1) {
@@ -45,7 +45,7 @@ fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
         }
     }
 
-    // Axes: x, y, then those of the pages.
+    // The axes are x, y, then those of the pages.
     let mut undecided = None;
     let mut file_axes = vec![
         FileAxis { size: shape.width, role: Role::Space(0) },
@@ -58,7 +58,7 @@ fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
                 Role::Fixed(choose(path, &choice::CHANNEL, options.channel, size, &mut undecided)?)
             }
             PageAxis::Time => {
-                // Many a stack of slices was saved as time steps: ImageJ guesses so.
+                // Many stacks of slices were saved as time steps, because ImageJ guesses so.
                 let last = size.saturating_sub(1);
                 let choices =
                     format!("0 to {last}; if they are slices: Image > Hyperstacks > Re-order in ImageJ");
@@ -105,7 +105,7 @@ fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
     })
 }
 
-/// What the description makes of the pages.
+/// Derives the axes of the pages from the description.
 fn understand(
     path: &Path,
     tiff: &mut TiffFile,
@@ -114,7 +114,7 @@ fn understand(
     pages: usize,
 ) -> Result<Axes> {
     let mut length = |id| -> Result<Option<f64>> {
-        // Pixels a unit; 0 or 0/0 in files without any.
+        // The resolution is in pixels per unit; files without one have 0 or 0/0.
         Ok(tiff.rational(directory, id)?.filter(|r| r.is_finite() && *r > 0.0).map(|r| 1.0 / r))
     };
     let pixel = [length(tag::X_RESOLUTION)?, length(tag::Y_RESOLUTION)?];
@@ -126,7 +126,7 @@ fn understand(
         return tiff_axes::ome(path, xml, pages);
     }
     let mut axes = tiff_axes::plain(pages as u64);
-    // Resolution of the printed page: 2 inch, 3 centimetre. Without a length along z it is no voxel size.
+    // Resolution of the printed page; the unit is 2 for inch, 3 for centimetre. Without a length along z it does not give a voxel size.
     let unit_mm = match tiff.number(directory, tag::RESOLUTION_UNIT)? {
         Some(2) => Some(25.4),
         Some(3) => Some(10.0),
@@ -134,7 +134,7 @@ fn understand(
     };
     if let ([Some(x), Some(y)], Some(mm)) = (pixel, unit_mm) {
         axes.warnings.push(format!(
-            "the resolution tags say {} × {} mm a pixel, but nothing along z; they are not used",
+            "the resolution tags give {} × {} mm a pixel, but nothing along z; they are not used",
             x * mm,
             y * mm
         ));
@@ -142,7 +142,7 @@ fn understand(
     Ok(axes)
 }
 
-/// Spacing and unit; what is missing is 1, and said.
+/// Sets spacing and unit; a missing length becomes 1, with a warning.
 fn place(path: &Path, axes: &Axes, mut info: VolumeInfo, options: &OpenOptions) -> Result<VolumeInfo> {
     info.unit = axes.unit;
     if axes.spacing[0].is_none() && axes.spacing[1].is_none() {
@@ -165,7 +165,7 @@ fn place(path: &Path, axes: &Axes, mut info: VolumeInfo, options: &OpenOptions) 
     Ok(info.from_centre_affine(placement::from_spacing(path, spacing, options)?))
 }
 
-/// One directory for all planes: ImageJ writes stacks above 4 GiB so, the planes one behind the other, uncompressed.
+/// One directory for all planes, which lie one after the other, uncompressed: the form in which ImageJ writes stacks above 4 GiB.
 fn one_directory(
     path: &Path,
     tiff: &mut TiffFile,
@@ -181,7 +181,7 @@ fn one_directory(
         return Err(FormatError::damaged(
             path,
             format!(
-                "the description promises {planes} planes, but the file has fewer pages and {stored} bytes behind the first \
+                "the description promises {planes} planes, but the file has fewer pages and {stored} bytes after the first \
                  plane's start; expected {} bytes",
                 layout.total_bytes()
             ),
@@ -193,7 +193,7 @@ fn one_directory(
     Ok((Element::new(page.shape.label_type, tiff.big_endian), stream))
 }
 
-/// The pages one behind the other, each opened when its turn comes.
+/// The pages one after the other, each opened only when it is needed.
 fn page_stream(
     path: &Path,
     pages: Vec<u64>,
@@ -213,12 +213,12 @@ fn page_stream(
     })
 }
 
-/// Bytes of one plane. The layout has checked that the product fits.
+/// Bytes of one plane. The layout has checked that the product does not overflow.
 pub(crate) fn plane_bytes(shape: PageShape) -> u64 {
     shape.width * shape.height * Element::new(shape.label_type, false).bytes() as u64
 }
 
-/// Slices of different size or type are no volume.
+/// Returns an error unless two slices have the same size and type.
 pub(crate) fn same_shape(
     path: &Path,
     this_name: &str,

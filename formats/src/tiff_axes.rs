@@ -1,9 +1,9 @@
-//! What the pages of a TIFF file mean: TIFF itself has no third axis, ImageJ and OME write one into the description.
+//! The meaning of the pages of a TIFF file. TIFF itself has no third axis; ImageJ and OME write one into the description.
 //!
 //! ```text
 //! ImageJ      ImageJ=1.54f\nimages=30\nchannels=2\nslices=5\nframes=3\nunit=micron\nspacing=0.5      page order C, Z, T
 //! OME-TIFF    <OME …><Pixels DimensionOrder="XYZCT" SizeZ="5" PhysicalSizeX="0.1" …><TiffData IFD="0"/></Pixels></OME>
-//! neither     pages are slices, in their order; said in a warning
+//! neither     pages are slices, in their order, with a warning
 //! ```
 //! ImageJ's description: `ij.io.FileInfo`, `ij.io.TiffDecoder`; OME: *OME-TIFF specification* 6.
 
@@ -14,7 +14,7 @@ use pumice_core::Unit;
 use crate::error::{FormatError, Result};
 use crate::placement;
 
-/// What one axis of pages is.
+/// Meaning of one axis of pages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum PageAxis {
     Z,
@@ -22,21 +22,21 @@ pub(crate) enum PageAxis {
     Time,
 }
 
-/// The description, understood.
+/// The axes and lengths from a description.
 #[derive(Debug)]
 pub(crate) struct Axes {
     pub(crate) format: &'static str,
     /// Sizes of the page axes, fastest first; their product is the number of planes.
     pub(crate) order: Vec<(PageAxis, u64)>,
-    /// Lengths of a voxel along x, y, z as far as the description has them; 0 for none.
+    /// Lengths of a voxel along x, y, z; `None` where the description has none.
     pub(crate) spacing: [Option<f64>; 3],
     pub(crate) unit: Unit,
-    /// For OME: the page of each plane, where that is not simply the plane's number.
+    /// For OME: the page of each plane, where that is not the plane's own number.
     pub(crate) page_of_plane: Option<Vec<usize>>,
     pub(crate) warnings: Vec<String>,
 }
 
-/// Pages without a description of axes.
+/// The axes of pages without a description.
 pub(crate) fn plain(pages: u64) -> Axes {
     let warnings = if pages > 1 {
         vec![format!("the file does not say what its {pages} pages are; they are read as slices along z")]
@@ -53,7 +53,7 @@ pub(crate) fn plain(pages: u64) -> Axes {
     }
 }
 
-/// ImageJ's description; `pixel` holds the lengths that the resolution tags give, in ImageJ's unit.
+/// Parses ImageJ's description; `pixel` holds the lengths from the resolution tags, in ImageJ's unit.
 pub(crate) fn imagej(path: &Path, text: &str, pages: u64, pixel: [Option<f64>; 2]) -> Result<Axes> {
     let get =
         |key: &str| text.lines().find_map(|line| line.strip_prefix(key)?.strip_prefix('=')).map(str::trim);
@@ -108,7 +108,7 @@ pub(crate) fn imagej(path: &Path, text: &str, pages: u64, pixel: [Option<f64>; 2
     })
 }
 
-/// OME-XML.
+/// Parses OME-XML.
 pub(crate) fn ome(path: &Path, text: &str, pages: usize) -> Result<Axes> {
     let document = roxmltree::Document::parse(text)
         .map_err(|e| FormatError::damaged(path, format!("the OME-XML cannot be parsed: {e}")))?;
@@ -141,7 +141,7 @@ pub(crate) fn ome(path: &Path, text: &str, pages: usize) -> Result<Axes> {
     if !all || !order_text.starts_with("XY") {
         return Err(FormatError::damaged(
             path,
-            format!("OME's DimensionOrder is {order_text:?}, expected XYZCT or so"),
+            format!("OME's DimensionOrder is {order_text:?}, expected one like XYZCT"),
         ));
     }
     if planes > pages as u64 {
@@ -154,7 +154,7 @@ pub(crate) fn ome(path: &Path, text: &str, pages: usize) -> Result<Axes> {
     }
     let page_of_plane = planes_to_pages(path, pixels, &order, planes as usize, pages)?;
 
-    // Lengths, all brought to the unit of x.
+    // Lengths, all converted to the unit of x.
     let mut spacing = [None; 3];
     let mut unit = Unit::Unknown;
     let mut metres_of_x = None;
@@ -181,13 +181,13 @@ pub(crate) fn ome(path: &Path, text: &str, pages: usize) -> Result<Axes> {
             metres_of_x = metres;
             unit = this;
         }
-        // Multiplying by 1 must not change a bit; the quotient of equal units is exactly 1.
+        // Multiplication by 1 must not change a bit; the quotient of equal units is exactly 1.
         spacing[a] = Some(length * scale * factor);
     }
     Ok(Axes { format: "TIFF (OME)", order, spacing, unit, page_of_plane, warnings })
 }
 
-/// The page of each plane from the `TiffData` elements; `None` where plane N is page N.
+/// The page of each plane, from the `TiffData` elements; `None` where plane N is page N.
 fn planes_to_pages(
     path: &Path,
     pixels: roxmltree::Node<'_, '_>,
@@ -210,7 +210,7 @@ fn planes_to_pages(
             "save it as one file, or give a folder of slices",
         ));
     }
-    // Without any explicit number, pages follow the dimension order.
+    // Without explicit numbers, pages follow the dimension order.
     if blocks.iter().all(|n| n.attributes().all(|a| matches!(a.name(), "PlaneCount") || a.value() == "0")) {
         return Ok(None);
     }
@@ -244,7 +244,7 @@ fn planes_to_pages(
                 Some(entry) if page < pages => *entry = Some(page),
                 _ => {
                     return Err(bad(format!(
-                        "OME's TiffData maps plane {slot} to page {page}, which is not there"
+                        "OME's TiffData maps plane {slot} to page {page}, which does not exist"
                     )));
                 }
             }
@@ -254,7 +254,7 @@ fn planes_to_pages(
     map.map(Some).ok_or_else(|| bad("OME's TiffData leaves planes without a page".into()))
 }
 
-/// A unit and the factor to it; ImageJ and OME also use cm, inch and Å.
+/// A unit by name, and the factor that converts to it; ImageJ and OME also use cm, inch and Å.
 fn named_unit(name: &str, warnings: &mut Vec<String>) -> (Unit, f64) {
     if let Some(unit) = placement::unit_by_name(name) {
         return (unit, 1.0);
@@ -271,7 +271,7 @@ fn named_unit(name: &str, warnings: &mut Vec<String>) -> (Unit, f64) {
     }
 }
 
-/// Metres in a unit. Powers of ten up to 10²² are exact, so quotients are rounded once.
+/// Number of metres in a unit. Powers of ten up to 10²² are exact, so a quotient is rounded only once.
 fn metres(unit: Unit) -> Option<f64> {
     match unit {
         Unit::Nanometre => Some(1.0 / 1e9),

@@ -1,4 +1,4 @@
-//! A folder of TIFF slices: one plane a file, in the order of the numbers in their names.
+//! A folder of TIFF slices: one plane per file, in the order of the numbers in the file names.
 
 use std::cmp::Ordering;
 use std::path::{Path, PathBuf};
@@ -17,7 +17,7 @@ use crate::tiff_ifd::TiffFile;
 use crate::tiff_page::{self, Compression, Page, PageStream};
 use crate::volume_file::VolumeFile;
 
-/// Understands the slices in `folder`.
+/// Reads the headers of the slices in `folder`.
 pub(crate) fn read(folder: &Path, options: &OpenOptions) -> Result<VolumeFile> {
     let (time, channel, layer) = (options.time, options.channel, options.layer);
     refuse_absent(folder, &[(&choice::TIME, time), (&choice::CHANNEL, channel), (&choice::LAYER, layer)])?;
@@ -39,7 +39,7 @@ pub(crate) fn read(folder: &Path, options: &OpenOptions) -> Result<VolumeFile> {
         });
     };
 
-    // All slices alike, one page each.
+    // All slices must have the same shape and one page each.
     let mut expected = None;
     for file in &files {
         let mut tiff = TiffFile::open(file)?;
@@ -93,7 +93,7 @@ pub(crate) fn read(folder: &Path, options: &OpenOptions) -> Result<VolumeFile> {
     })
 }
 
-/// `slice9 < slice10`: runs of digits compare as numbers, all else as text.
+/// Orders `slice9 < slice10`: runs of digits compare as numbers, everything else as text.
 fn natural(a: &str, b: &str) -> Ordering {
     let (mut a_rest, mut b_rest) = (a, b);
     loop {
@@ -101,7 +101,7 @@ fn natural(a: &str, b: &str) -> Ordering {
         let (n, m) = (digits(a_rest), digits(b_rest));
         if n > 0 && m > 0 {
             let (x, y) = (a_rest[..n].trim_start_matches('0'), b_rest[..m].trim_start_matches('0'));
-            // Longer without leading zeros is larger.
+            // Without leading zeros, the longer number is greater.
             let order = x.len().cmp(&y.len()).then_with(|| x.cmp(y));
             if order != Ordering::Equal {
                 return order;
@@ -113,7 +113,7 @@ fn natural(a: &str, b: &str) -> Ordering {
             (Some(x), Some(y)) if x == y => {
                 (a_rest, b_rest) = (&a_rest[x.len_utf8()..], &b_rest[y.len_utf8()..]);
             }
-            // Equal but for leading zeros: any fixed order will do.
+            // The names differ in leading zeros only, so any fixed order will do.
             (None, None) => return a.cmp(b),
             (x, y) => return x.cmp(&y),
         }

@@ -1,12 +1,12 @@
-//! The directories of a TIFF file: one a page, each a list of tags. Classic TIFF and BigTIFF, both byte orders.
+//! The directories of a TIFF file: one per page, each a list of tags. Classic TIFF and BigTIFF, both byte orders.
 //!
 //! ```text
 //! classic  II 42 . first-IFD(4)         IFD: count(2)  { tag(2) type(2) count(4) value-or-offset(4) }…  next(4)
 //! Big      II 43 8 0 first-IFD(8)       IFD: count(8)  { tag(2) type(2) count(8) value-or-offset(8) }…  next(8)
 //! ```
-//! After TIFF Revision 6.0 (Adobe 1992) §2 and the BigTIFF design (AWare Systems). Why our own reader: the voxels must come out
-//! as stored (a library that inverts `WhiteIsZero` would change labels), row by row (ImageJ stores a whole plane as one strip),
-//! and ImageJ's stacks above 4 GiB have one directory only.
+//! After TIFF Revision 6.0 (Adobe 1992) §2 and the BigTIFF design (AWare Systems). Pumice has its own reader because the voxels must come
+//! out as stored (a library that inverts `WhiteIsZero` would change labels) and row by row (ImageJ stores a whole plane as one strip), and
+//! because ImageJ's stacks above 4 GiB have only one directory.
 
 use std::collections::HashMap;
 use std::fs::File;
@@ -16,16 +16,16 @@ use std::path::{Path, PathBuf};
 use crate::error::{FormatError, Result};
 use crate::stream::open_file;
 
-/// Most entries of one directory: TIFF has some hundred tags altogether.
+/// Largest number of entries of a directory; TIFF has some hundred tags altogether.
 const MAX_ENTRIES: u64 = 4096;
 
-/// Most pages of one file, as many as a volume may have slices, times channels and time steps.
+/// Largest number of pages of a file: the slices that a volume may have, times channels and time steps.
 const MAX_PAGES: usize = 1 << 24;
 
-/// Longest text of a tag that is read.
+/// Longest text of a tag that is read, in bytes.
 const MAX_TEXT_BYTES: u64 = 64 << 20;
 
-/// Tags by their name in the specification.
+/// Tags, with their names in the specification.
 pub(crate) mod tag {
     pub(crate) const NEW_SUBFILE_TYPE: u16 = 254;
     pub(crate) const IMAGE_WIDTH: u16 = 256;
@@ -50,7 +50,7 @@ pub(crate) mod tag {
     pub(crate) const SAMPLE_FORMAT: u16 = 339;
 }
 
-/// One tag: its type, how many values, and where in the file they lie.
+/// One tag: its type, its number of values, and their offset in the file.
 #[derive(Clone, Copy, Debug)]
 struct Entry {
     kind: u16,
@@ -58,7 +58,7 @@ struct Entry {
     at: u64,
 }
 
-/// One page's tags.
+/// The tags of one page.
 pub(crate) struct Directory {
     entries: HashMap<u16, Entry>,
     next: u64,
@@ -104,7 +104,7 @@ impl TiffFile {
         Ok(tiff)
     }
 
-    /// Offsets of all pages' directories, reduced-resolution copies left out.
+    /// Offsets of the directories of all pages, without reduced-resolution copies.
     pub(crate) fn pages(&mut self) -> Result<Vec<u64>> {
         let mut pages = Vec::new();
         let mut seen = std::collections::HashSet::new();
@@ -122,7 +122,7 @@ impl TiffFile {
                 });
             }
             let directory = self.directory(at)?;
-            // Bit 0: a smaller copy of another page (TIFF 6.0 §8), as in image pyramids.
+            // Bit 0 marks a smaller copy of another page (TIFF 6.0 §8), as in image pyramids.
             if self.number(&directory, tag::NEW_SUBFILE_TYPE)?.unwrap_or(0) & 1 == 0 {
                 pages.push(at);
             }
@@ -134,7 +134,7 @@ impl TiffFile {
         Ok(pages)
     }
 
-    /// The tags at byte `at`.
+    /// Reads the directory at byte `at`.
     pub(crate) fn directory(&mut self, at: u64) -> Result<Directory> {
         let (count_bytes, entry_bytes, inline) = if self.big_tiff { (8, 20, 12) } else { (2, 12, 8) };
         let count = if self.big_tiff { self.u64(at)? } else { self.u16(at)?.into() };
@@ -147,7 +147,7 @@ impl TiffFile {
             let entry_at = at + count_bytes + i * entry_bytes;
             let (id, kind) = (self.u16(entry_at)?, self.u16(entry_at + 2)?);
             let count = if self.big_tiff { self.u64(entry_at + 4)? } else { self.u32(entry_at + 4)?.into() };
-            // Values that fit lie in the entry itself.
+            // Values that fit are stored in the entry itself.
             let fits = if self.big_tiff { 8 } else { 4 };
             let value_at = if count.saturating_mul(kind_bytes(kind)) <= fits {
                 entry_at + inline
@@ -170,12 +170,12 @@ impl TiffFile {
         }
     }
 
-    /// How many values a tag has.
+    /// Number of values of a tag.
     pub(crate) fn count(&self, directory: &Directory, id: u16) -> u64 {
         directory.entries.get(&id).map_or(0, |e| e.count)
     }
 
-    /// Value `index` of a tag with many.
+    /// Value `index` of a tag with several values.
     pub(crate) fn nth(&mut self, directory: &Directory, id: u16, index: u64) -> Result<u64> {
         match directory.entries.get(&id) {
             Some(&entry) if index < entry.count => self.value(entry, index),
@@ -186,27 +186,33 @@ impl TiffFile {
         }
     }
 
-    /// A tag's text.
+    /// The text of a tag.
     pub(crate) fn text(&mut self, directory: &Directory, id: u16) -> Result<Option<String>> {
         let Some(&entry) = directory.entries.get(&id) else { return Ok(None) };
         if entry.kind != 2 && entry.kind != 1 {
             return Ok(None);
         }
         if entry.count > MAX_TEXT_BYTES || entry.count > self.file_bytes.saturating_sub(entry.at) {
-            return Err(self.damaged(&format!("tag {id} has a text of {} bytes", entry.count), entry.at));
+            return Err(self.damaged(
+                &format!(
+                    "tag {id} has a text of {} bytes, expected at most 64 MiB and within the file",
+                    entry.count
+                ),
+                entry.at,
+            ));
         }
         let mut bytes = vec![0; entry.count as usize];
         self.read_at(entry.at, &mut bytes)?;
         let end = bytes.iter().position(|&b| b == 0).unwrap_or(bytes.len());
         let bytes = &bytes[..end];
-        // OME writes UTF-8, ImageJ Latin-1.
+        // OME writes UTF-8, ImageJ writes Latin-1.
         Ok(Some(match std::str::from_utf8(bytes) {
             Ok(text) => text.to_owned(),
             Err(_) => bytes.iter().map(|&b| char::from(b)).collect(),
         }))
     }
 
-    /// A tag's fraction (TIFF type RATIONAL).
+    /// The fraction of a tag (TIFF type RATIONAL).
     pub(crate) fn rational(&mut self, directory: &Directory, id: u16) -> Result<Option<f64>> {
         match directory.entries.get(&id) {
             Some(&Entry { kind: 5, count: 1.., at }) => {
@@ -259,7 +265,7 @@ impl TiffFile {
                 self.file_bytes,
             ));
         }
-        // Relative seeks keep the buffer: entries of one directory lie side by side.
+        // Relative seeks keep the buffer, because entries of one directory lie side by side.
         let now = self.file.stream_position().map_err(FormatError::io(&self.path))?;
         let step = i64::try_from(i128::from(at) - i128::from(now));
         match step {
@@ -275,7 +281,7 @@ impl TiffFile {
     }
 }
 
-/// Bytes of one value of a TIFF type (TIFF 6.0 §2; 13, 16 to 18: BigTIFF); unknown types count as 1.
+/// Bytes of one value of a TIFF type (TIFF 6.0 §2; 13 and 16 to 18: BigTIFF); unknown types count as 1.
 fn kind_bytes(kind: u16) -> u64 {
     match kind {
         3 | 8 => 2,

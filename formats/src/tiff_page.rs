@@ -1,9 +1,9 @@
 //! One page of a TIFF file: its shape, and its pixels row by row.
 //!
 //! ```text
-//! strips: full rows, several a strip       ┌───────────┐      tiles: rectangles      ┌────┬────┬──┐
-//!         → one row in memory              ├───────────┤      → one row of tiles     ├────┼────┼──┤
-//!                                          └───────────┘        in memory            └────┴────┴──┘
+//! strips: full rows, several per strip      ┌───────────┐      tiles: rectangles      ┌────┬────┬──┐
+//!         one row is in memory              ├───────────┤      one row of tiles       ├────┼────┼──┤
+//!                                           └───────────┘      is in memory           └────┴────┴──┘
 //! ```
 //! Compression none, LZW, deflate, PackBits; predictor none, horizontal (TIFF 6.0 §14), floating point (TIFF Technical Note 3).
 
@@ -18,13 +18,13 @@ use crate::error::{FormatError, Result};
 use crate::stream::{ByteStream, open_file};
 use crate::tiff_ifd::{TiffFile, tag};
 
-/// Bytes read from disk at once.
+/// Number of bytes that are read from disk at once.
 const READ_BYTES: u64 = 256 << 10;
 
-/// Largest row of tiles held at once.
+/// Largest row of tiles that is held in memory, in bytes.
 const MAX_BAND_BYTES: u64 = 256 << 20;
 
-/// No compression of TIFF reaches more: LZW 12-bit codes for at most 4,096 bytes each, deflate 1,032 : 1.
+/// Largest compression ratio in TIFF: an LZW code of 12 bits stands for at most 4,096 bytes; deflate reaches 1,032 : 1.
 const MAX_RATIO: u64 = 4096;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,7 +42,7 @@ enum Predictor {
     Float,
 }
 
-/// What must be the same for all pages of a stack.
+/// The properties that all pages of a stack must share.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct PageShape {
     pub(crate) width: u64,
@@ -50,7 +50,7 @@ pub(crate) struct PageShape {
     pub(crate) label_type: LabelType,
 }
 
-/// A page, ready to be read.
+/// A page with parsed tags, ready to read its pixels.
 pub(crate) struct Page {
     path: PathBuf,
     file: File,
@@ -61,11 +61,11 @@ pub(crate) struct Page {
     tiled: bool,
     chunk_width: u64,
     chunk_height: u64,
-    /// (offset, bytes) of each strip or tile.
+    /// Offset and bytes of each strip or tile.
     pub(crate) chunks: Vec<(u64, u64)>,
 }
 
-/// The shape of the page at `at`, its tags checked.
+/// Checks the tags of the page at `at` and returns its shape.
 pub(crate) fn shape(path: &Path, tiff: &mut TiffFile, at: u64) -> Result<(PageShape, Compression)> {
     let directory = tiff.directory(at)?;
     let mut get =
@@ -107,7 +107,7 @@ pub(crate) fn shape(path: &Path, tiff: &mut TiffFile, at: u64) -> Result<(PageSh
         _ => {
             return Err(FormatError::unsupported(
                 path,
-                format!("pixels of {bits} bits with sample format {format} are not read"),
+                format!("pixels of {bits} bits with sample format {format} are not supported"),
                 "save it with 8, 16, 32 or 64 bits a pixel",
             ));
         }
@@ -160,14 +160,16 @@ impl Page {
             (shape.width, rows.min(shape.height), tag::STRIP_OFFSETS, tag::STRIP_BYTE_COUNTS)
         };
         if chunk_width == 0 || chunk_height == 0 {
-            return Err(damaged(format!("strips or tiles of {chunk_width} × {chunk_height} pixels")));
+            return Err(damaged(format!(
+                "strips or tiles have {chunk_width} × {chunk_height} pixels, expected at least 1 × 1"
+            )));
         }
         let wanted = shape.width.div_ceil(chunk_width).saturating_mul(shape.height.div_ceil(chunk_height));
         let have = tiff.count(&directory, offsets);
         if have < wanted {
             return Err(damaged(format!("expected {wanted} strips or tiles, got {have}")));
         }
-        // The table lies in the file: no more entries than the file has bytes for. Grown as it is read.
+        // The table lies in the file, so it cannot have more entries than the file has bytes for. The list grows as it is read.
         let mut chunks = Vec::new();
         for i in 0..wanted {
             let offset = tiff.nth(&directory, offsets, i)?;
@@ -196,7 +198,7 @@ impl Page {
         })
     }
 
-    /// Whether the rows of all strips lie one behind the other.
+    /// Whether the rows of all strips lie one after the other.
     pub(crate) fn is_contiguous(&self) -> bool {
         let strip_bytes = self.chunk_height * self.shape.width * self.element_bytes() as u64;
         !self.tiled && self.chunks.windows(2).all(|w| w[0].0.checked_add(strip_bytes) == Some(w[1].0))
@@ -208,14 +210,14 @@ impl Page {
 
     /// The inflated bytes of strip or tile `index`.
     ///
-    /// All chunks share the page's one file cursor: only one of them may be read at a time.
+    /// All chunks share the page's file cursor, so only one of them may be read at a time.
     fn open_chunk(&self, index: usize) -> Result<Box<dyn Read + Send>> {
         let (offset, bytes) = self.chunks[index];
         let mut file = self.file.try_clone().map_err(FormatError::io(&self.path))?;
         file.seek(SeekFrom::Start(offset)).map_err(FormatError::io(&self.path))?;
         let file = BufReader::with_capacity(bytes.clamp(1, READ_BYTES) as usize, file);
         Ok(match self.compression {
-            // Byte counts of uncompressed strips are not needed, and wrong above 4 GiB.
+            // The byte counts of uncompressed strips are not needed, and are wrong above 4 GiB.
             Compression::None => Box::new(file),
             Compression::Deflate => Box::new(ZlibDecoder::new(file.take(bytes))),
             Compression::Lzw => Box::new(LzwReader::new(file.take(bytes))),
@@ -229,11 +231,11 @@ impl Page {
 /// The rows of one page, in little-endian order.
 pub(crate) struct PageStream {
     page: Page,
-    /// Next strip, or row of tiles.
+    /// Next strip, or next row of tiles.
     band: u64,
     strip: Option<Box<dyn Read + Send>>,
     rows_left_in_strip: u64,
-    /// One row (strips) or the rows of one row of tiles.
+    /// One row of pixels (strips), or all rows of one row of tiles.
     buffer: Vec<u8>,
     at: usize,
     rows_left: u64,
@@ -288,12 +290,14 @@ impl PageStream {
                 limit: MAX_BAND_BYTES,
             });
         }
-        // No allocation that the compressed bytes cannot fill.
+        // Allocate no more than the compressed bytes can fill.
         let stored: u64 = page.chunks[tiles.clone()].iter().map(|c| c.1).fold(0, u64::saturating_add);
         if band_bytes > stored.saturating_mul(MAX_RATIO) {
             return Err(FormatError::damaged(
                 &page.path,
-                format!("{stored} bytes of tiles cannot hold {band_bytes} bytes of pixels: damaged"),
+                format!(
+                    "{stored} bytes of tiles cannot hold {band_bytes} bytes of pixels: the file is damaged"
+                ),
             ));
         }
         let mut band = vec![0; band_bytes as usize];
@@ -329,7 +333,7 @@ impl ByteStream for PageStream {
     }
 }
 
-/// Reads exactly `bytes` bytes; the buffer grows only as far as there are any.
+/// Reads exactly `bytes` bytes; the buffer grows only as far as data arrive.
 fn read_row(path: &Path, chunk: &mut dyn Read, bytes: u64, index: u64, row: &mut Vec<u8>) -> Result<()> {
     use io::ErrorKind::{InvalidData, InvalidInput, UnexpectedEof};
     match chunk.take(bytes).read_to_end(row) {
@@ -345,12 +349,13 @@ fn read_row(path: &Path, chunk: &mut dyn Read, bytes: u64, index: u64, row: &mut
     }
 }
 
-/// Undoes the predictor and brings the row to little-endian order.
+/// Undoes the predictor and converts the row to little-endian order.
 fn finish_row(page: &Page, row: &mut [u8]) {
     let size = page.element_bytes();
     match page.predictor {
         Predictor::Float => {
-            // Differences of single bytes; the row's most significant bytes come first, then the next, … (Note 3).
+            // The predictor stores differences of single bytes; the row's most significant bytes come first, then the next ones, and so on
+            // (Note 3).
             for i in 1..row.len() {
                 row[i] = row[i].wrapping_add(row[i - 1]);
             }
@@ -369,7 +374,7 @@ fn finish_row(page: &Page, row: &mut [u8]) {
         row.chunks_exact_mut(size).for_each(<[u8]>::reverse);
     }
     if page.predictor == Predictor::Horizontal {
-        // Each pixel is stored as its difference from the left one, in whole-number arithmetic whatever the type.
+        // Each pixel is stored as its difference from the pixel to its left, in whole-number arithmetic whatever the type.
         let mut left = 0u64;
         for pixel in row.chunks_exact_mut(size) {
             let mut wide = [0; 8];
@@ -380,7 +385,7 @@ fn finish_row(page: &Page, row: &mut [u8]) {
     }
 }
 
-/// TIFF's LZW (TIFF 6.0 §13): most significant bit first, code width switched one code early.
+/// TIFF's LZW (TIFF 6.0 §13): most significant bit first; the code width changes one code early.
 struct LzwReader<R> {
     input: R,
     decoder: weezl::decode::Decoder,
@@ -419,7 +424,7 @@ impl<R: BufRead> Read for LzwReader<R> {
     }
 }
 
-/// PackBits (TIFF 6.0 §9): a byte n < 128 is followed by n + 1 bytes as they are, n > 128 by one byte to repeat 257 − n times.
+/// PackBits (TIFF 6.0 §9): after a byte n < 128 come n + 1 literal bytes; after n > 128 comes one byte that is repeated 257 − n times.
 struct PackBitsReader<R> {
     input: R,
     run: usize,

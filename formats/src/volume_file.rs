@@ -1,6 +1,6 @@
-//! A label volume in a file, as its header describes it; and what a format must tell so that its files can be read.
+//! Description of a label volume in a file, from its header; and the functions that a format must provide to read its files.
 //!
-//! A format module makes a [`VolumeFile`] and knows nothing of the other formats. [`crate::registry`] lists the formats.
+//! A format module makes a [`VolumeFile`] and does not depend on other formats. [`crate::registry`] lists the formats.
 
 use std::path::Path;
 
@@ -14,7 +14,7 @@ use crate::stream::ByteStream;
 
 /// A format of label volumes: how its files are recognised and read.
 pub(crate) struct Format {
-    /// What people call it, for messages.
+    /// Common name, for messages.
     pub(crate) name: &'static str,
     /// Whether a file is of this format, by its path and its first bytes.
     pub(crate) recognises: fn(&Path, &[u8]) -> bool,
@@ -22,30 +22,30 @@ pub(crate) struct Format {
     pub(crate) read: fn(&Path, &OpenOptions) -> Result<VolumeFile>,
 }
 
-/// One of several label maps in the same place.
+/// One of several label maps of the same region.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Layer {
-    /// Number to choose it by, from 0.
+    /// Index that chooses it, from 0.
     pub index: u32,
-    /// Names of its segments, as far as the file has them.
+    /// Names of its segments, if the file has any.
     pub segments: Vec<String>,
 }
 
-/// Opens the bytes of the voxels when they are wanted.
+/// Opens the stream of voxels when they are needed.
 pub(crate) type OpenStream = Box<dyn FnOnce() -> Result<Box<dyn ByteStream>>>;
 
-/// A label volume in a file: what the header says, and how to get at the voxels.
+/// A label volume in a file: the content of its header, and access to the voxels.
 pub(crate) struct VolumeFile {
-    /// The format, with its variant: `NIfTI-2`, `OME-TIFF`.
+    /// Name of the format and variant: `NIfTI-2`, `TIFF (OME)`.
     pub(crate) format: &'static str,
-    /// How the voxels are stored: `raw`, `gzip`, `ascii`, `deflate`, …
+    /// Storage of the voxels: `raw`, `gzip`, `ascii`, `deflate`, …
     pub(crate) encoding: String,
     pub(crate) info: VolumeInfo,
     pub(crate) layout: Layout,
     pub(crate) element: Element,
-    /// Layers, where the file has overlapping segments; else empty.
+    /// Layers, where the file has overlapping segments; otherwise empty.
     pub(crate) layers: Vec<Layer>,
-    /// A choice that the caller still has to make. It is no error where only the header is wanted.
+    /// A choice that the caller still has to make. It is no error when only the header is read.
     pub(crate) undecided: Option<FormatError>,
     pub(crate) stream: OpenStream,
 }

@@ -1,4 +1,4 @@
-//! What writers of all formats share: voxels as they are or through gzip, behind a header.
+//! Shared by the writers of all formats: writes voxels after a header, plain or through gzip.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
@@ -7,26 +7,26 @@ use pumice_core::LabelType;
 
 use crate::element::Element;
 
-/// A format that takes voxels in order, x fastest.
+/// Writes the voxels of a volume in x-fastest order, in some format.
 pub(crate) trait VoxelWriter {
-    /// The next voxels, little-endian, in the volume's label type.
+    /// Appends voxels, given as little-endian values of the volume's label type.
     fn write_voxels(&mut self, bytes: &[u8]) -> io::Result<()>;
 
-    /// Writes what comes behind the voxels and hands the file back.
+    /// Writes what follows the voxels and returns the file.
     fn finish(self: Box<Self>) -> io::Result<File>;
 }
 
-/// Bytes of one voxel.
+/// Size of one voxel in bytes.
 pub(crate) fn bytes_of(label_type: LabelType) -> usize {
     Element::new(label_type, false).bytes()
 }
 
-/// Hands a buffered file back, all of it written.
+/// Writes all buffered bytes and returns the file.
 pub(crate) fn unbuffer(buffered: BufWriter<File>) -> io::Result<File> {
     buffered.into_inner().map_err(io::IntoInnerError::into_error)
 }
 
-/// Voxels as they are, behind a header.
+/// Writes plain voxels after a header.
 pub(crate) struct PlainWriter(pub(crate) BufWriter<File>);
 
 impl VoxelWriter for PlainWriter {
@@ -39,7 +39,7 @@ impl VoxelWriter for PlainWriter {
     }
 }
 
-/// Voxels through gzip.
+/// Writes voxels through gzip.
 pub(crate) struct GzipWriter(pub(crate) flate2::write::GzEncoder<BufWriter<File>>);
 
 impl GzipWriter {

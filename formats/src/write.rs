@@ -1,11 +1,11 @@
-//! Writing a volume in somebody else's format: NRRD, NPY, NIfTI, TIFF.
+//! Writes a volume in a foreign format: NRRD, NPY, NIfTI, TIFF.
 //!
 //! ```text
 //! slabs of planes from the caller ──► bytes of the label type ──► header + raw, gzip or deflate ──► hidden file beside OUT
 //!                                                                                               ──► sync, rename to OUT
 //! ```
-//! A killed process leaves no half file under the final name. The type is the one that the volume had in its source; what else
-//! a format can hold is in its own writer.
+//! A killed process leaves no incomplete file under the final name. The number type is that of the volume's source. Each writer documents
+//! what else its format can hold.
 
 use std::fs::File;
 use std::io::{self, BufWriter};
@@ -17,36 +17,36 @@ use crate::error::{FormatError, Result};
 use crate::voxel_writer::VoxelWriter;
 use crate::{write_nifti, write_npy, write_nrrd, write_tiff};
 
-/// Voxels asked for at once: 32 MiB of ids.
+/// Number of voxels that are requested at once: 32 MiB of ids.
 const SLAB_VOXELS: u64 = 4 << 20;
 
-/// Delivers the ids of a block, x fastest: (origin, dims) → ids.
+/// Function that returns the ids of a block, given as (origin, dims), in x-fastest order.
 pub type DecodeIds<'a> = dyn FnMut([u32; 3], [u32; 3]) -> pumice_core::Result<Vec<u64>> + 'a;
 
-/// Writes a volume to `out`, in the format that its ending names: `.nrrd`, `.npy`, `.nii`, `.nii.gz`, `.tif`, `.tiff`.
+/// Writes a volume to `out`, in the format of its ending: `.nrrd`, `.npy`, `.nii`, `.nii.gz`, `.tif`, `.tiff`.
 ///
-/// `decode` is asked for whole planes, or rows of one plane where that is large, in file order.
+/// `decode` is called for whole planes, or for rows of one plane where a plane is large, in file order.
 ///
 /// # Errors
-/// When the ending names no format, the folder is missing, the disk is full, a label does not fit the type, or whatever
-/// `decode` fails with. Nothing is left under the final name then.
+/// When the ending names no format, the folder is missing, the disk is full, a label does not fit the type, or `decode` fails. After an
+/// error there is nothing under the final name.
 pub fn write_volume(out: &Path, info: &VolumeInfo, decode: &mut DecodeIds<'_>) -> pumice_core::Result<()> {
     let start = writer_of(out)?;
     if info.voxels() == 0 {
         return Err(FormatError::option(out, "the volume has no voxels, so there is nothing to write").into());
     }
 
-    // A hidden file in the same folder, so that the last rename stays on one disk.
+    // A hidden file in the same folder, so that the final rename stays on one disk.
     let folder = out.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let mut builder = tempfile::Builder::new();
     builder.prefix(".pumice-");
     #[cfg(unix)]
     {
-        // What the user's umask allows, as for any new file; the default of the crate is for secrets.
+        // The permissions that the user's umask allows, as for any new file; the crate's default is meant for secrets.
         use std::os::unix::fs::PermissionsExt as _;
         builder.permissions(std::fs::Permissions::from_mode(0o666));
     }
-    // Only the kind of the error: the name of the hidden file says nothing to the user.
+    // Only the kind of the error is reported, because the name of the hidden file means nothing to the user.
     let temporary = builder.tempfile_in(folder).map_err(|e| FormatError::io(folder)(e.kind().into()))?;
     let to_file = temporary.reopen().map_err(FormatError::io(out))?;
     let to_file = BufWriter::with_capacity(1 << 20, to_file);
@@ -68,7 +68,7 @@ pub fn write_volume(out: &Path, info: &VolumeInfo, decode: &mut DecodeIds<'_>) -
 /// Starts a file with its header.
 type Start = fn(&VolumeInfo, BufWriter<File>) -> io::Result<Box<dyn VoxelWriter>>;
 
-/// Formats that are written, by the ending of the file's name; the first one that fits is taken.
+/// Formats that can be written, by the ending of the file's name; the first one that matches is used.
 const WRITERS: [(&str, Start); 6] = [
     (".nrrd", write_nrrd::start),
     (".npy", write_npy::start),
@@ -88,11 +88,11 @@ fn writer_of(out: &Path) -> Result<Start> {
     })
 }
 
-/// Blocks in file order: some planes, or some rows of one plane where a plane is more than [`SLAB_VOXELS`].
+/// Blocks in file order: several planes, or rows of one plane where a plane has more than [`SLAB_VOXELS`].
 fn slabs(dims: [u32; 3]) -> impl Iterator<Item = ([u32; 3], [u32; 3])> {
     let [x, y, z] = dims;
     let plane = u64::from(x) * u64::from(y);
-    // 16 divides the side of boxes, so whole multiples of it decode each box once.
+    // 16 is the side of a box, so in whole multiples of it each box is decoded once.
     let whole = |n: u64, all: u32| {
         let n = n.clamp(1, all.into()) as u32;
         if n > 16 { n - n % 16 } else { n }
@@ -109,7 +109,7 @@ fn slabs(dims: [u32; 3]) -> impl Iterator<Item = ([u32; 3], [u32; 3])> {
     })
 }
 
-/// Ids as little-endian values of `label_type`.
+/// Appends ids to `bytes` as little-endian values of `label_type`.
 fn encode(out: &Path, ids: &[u64], label_type: LabelType, bytes: &mut Vec<u8>) -> Result<()> {
     macro_rules! whole {
         ($t:ty) => {
@@ -124,7 +124,7 @@ fn encode(out: &Path, ids: &[u64], label_type: LabelType, bytes: &mut Vec<u8>) -
         ($t:ty, $digits:expr) => {
             for &id in ids {
                 let value = id as $t;
-                // 2⁶⁴ would saturate to the largest id on the way back, hence the comparison in 128 bits.
+                // The comparison uses 128 bits, because 2⁶⁴ would saturate to the largest id on the way back.
                 if value as u128 != u128::from(id) {
                     return Err(too_large(out, id, label_type, 1 << $digits));
                 }

@@ -1,4 +1,4 @@
-//! NIfTI-1, or NIfTI-2 where an axis is longer than NIfTI-1's 16-bit sizes allow. It has no names.
+//! Writes NIfTI-1, or NIfTI-2 where an axis is longer than NIfTI-1's 16-bit sizes allow. The format stores no names.
 //!
 //! ```text
 //! NIfTI-1   0 sizeof_hdr=348 (i32)   40 dim (8 × i16)    70 datatype, bitpix (i16)   76 pixdim (8 × f32)   108 vox_offset (f32)
@@ -6,7 +6,7 @@
 //! NIfTI-2   0 sizeof_hdr=540 (i32)   4 "n+2\0\r\n\x1a\n" 12 datatype, bitpix (i16)   16 dim (8 × i64)      104 pixdim (8 × f64)
 //!           168 vox_offset (i64)     176 scl_slope (f64) 348 sform_code (i32)        400 srow (12 × f64)   500 xyzt_units (i32)
 //! ```
-//! World axes are RAS by definition: LPS and LAS are turned. Nanometres are no NIfTI unit: lengths become micrometres.
+//! NIfTI's world axes are RAS by definition, so LPS and LAS are turned. NIfTI has no nanometres: lengths become micrometres.
 
 use std::fs::File;
 use std::io::{self, BufWriter};
@@ -15,7 +15,7 @@ use pumice_core::{LabelType, Unit, VolumeInfo, WorldFrame};
 
 use crate::voxel_writer::{GzipWriter, PlainWriter, VoxelWriter, bytes_of};
 
-/// Voxels begin behind the header and four bytes that say "no extensions".
+/// Voxels begin after the header and four bytes that say "no extensions".
 const EXTENSION_BYTES: usize = 4;
 
 /// Writes the header.
@@ -93,7 +93,7 @@ fn header(info: &VolumeInfo) -> Vec<u8> {
     put(108, &((348 + EXTENSION_BYTES) as f32).to_le_bytes());
     put(112, &1f32.to_le_bytes());
     put(123, &[unit_code]);
-    // 2: aligned to something that the matrix describes.
+    // Code 2: aligned to something that the matrix describes.
     put(254, &2i16.to_le_bytes());
     for (i, &value) in rows.iter().enumerate() {
         put(280 + 4 * i, &(value as f32).to_le_bytes());
@@ -102,7 +102,7 @@ fn header(info: &VolumeInfo) -> Vec<u8> {
     header
 }
 
-/// NIfTI's code of a type and its bits (`nifti1.h`, `DT_*`).
+/// NIfTI's code and number of bits of a type (`nifti1.h`, `DT_*`).
 fn datatype(label_type: LabelType) -> (i16, i16) {
     let code = match label_type {
         LabelType::U8 => 2,

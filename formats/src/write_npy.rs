@@ -1,4 +1,5 @@
-//! NPY: an array that is indexed `a[x, y, z]`, in Fortran order so that it streams. It has no place, unit or names.
+//! Writes NPY: an array with indices `a[x, y, z]`, in Fortran order so that it can be streamed. The format stores no placement, unit or
+//! names.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
@@ -23,7 +24,7 @@ pub(crate) fn start(info: &VolumeInfo, mut file: BufWriter<File>) -> io::Result<
     };
     let [x, y, z] = info.dims;
     let mut header = format!("{{'descr': '{descr}', 'fortran_order': True, 'shape': ({x}, {y}, {z}), }}");
-    // Magic 6, version 2, length 2, header, newline: a multiple of 64 altogether.
+    // Magic 6, version 2, length 2, header, newline: the sum must be a multiple of 64.
     while (10 + header.len() + 1) % 64 != 0 {
         header.push(' ');
     }

@@ -1,4 +1,4 @@
-//! NRRD with everything that is known: type, axes, origin, unit, and names and colours as 3D Slicer keeps them.
+//! Writes NRRD with the whole volume info: type, axes, origin, unit, and names and colours in the form of 3D Slicer.
 
 use std::fmt::Write as _;
 use std::fs::File;
@@ -9,7 +9,7 @@ use pumice_core::{LabelType, Unit, VolumeInfo, WorldFrame};
 
 use crate::voxel_writer::{GzipWriter, VoxelWriter};
 
-/// Writes the header; voxels follow as gzip.
+/// Writes the header; the voxels follow as gzip.
 pub(crate) fn start(info: &VolumeInfo, mut file: BufWriter<File>) -> io::Result<Box<dyn VoxelWriter>> {
     file.write_all(header(info).as_bytes())?;
     Ok(Box::new(GzipWriter::new(file)))

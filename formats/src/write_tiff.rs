@@ -1,11 +1,11 @@
-//! TIFF: one page a plane, strips of deflate, voxel size as OME-XML. It has no orientation and no names.
+//! Writes TIFF: one page per plane, strips of deflate, voxel size as OME-XML. The format stores no orientation and no names.
 //!
 //! ```text
-//! header │ strips of page 1 │ directory 1 │ strips of page 2 │ directory 2 │ …        each directory's `next` is patched when
-//!        └──────────────────────► first ──┴────── next ───────────────►               the following one's place is known
+//! header │ strips of page 1 │ directory 1 │ strips of page 2 │ directory 2 │ …        each directory's `next` is set when
+//!        └──────────────────────► first ──┴────── next ───────────────►               the offset of the next one is known
 //! ```
-//! BigTIFF where the voxels alone are more than 3.5 GiB: classic offsets have 32 bits. OME has no 64-bit integers: those are
-//! written without the description, so without voxel size.
+//! The file is a BigTIFF where the voxels alone exceed 3.5 GiB, because classic offsets have 32 bits. OME has no 64-bit integers: files of
+//! these have no description, so no voxel size.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
@@ -17,10 +17,10 @@ use pumice_core::{LabelType, Unit, VolumeInfo};
 use crate::tiff_ifd::tag;
 use crate::voxel_writer::{VoxelWriter, bytes_of, unbuffer};
 
-/// Classic TIFF up to here; the rest of its 4 GiB is for directories and for data that deflate makes larger.
+/// Largest number of bytes of voxels in classic TIFF; the rest of its 4 GiB is for directories and for data that deflate makes larger.
 const CLASSIC_BYTES: u64 = 7 << 29;
 
-/// Bytes of one strip before deflate, about.
+/// Approximate number of bytes of a strip before deflate.
 const STRIP_BYTES: u64 = 256 << 10;
 
 pub(crate) struct TiffWriter {
@@ -32,12 +32,12 @@ pub(crate) struct TiffWriter {
     height: u32,
     rows_per_strip: u32,
     description: Option<String>,
-    /// Where the next directory's offset belongs.
+    /// Offset at which the next directory's offset must be written.
     link_at: u64,
-    /// Bytes of the strip that is being filled.
+    /// Bytes of the current strip, which is not full yet.
     strip: Vec<u8>,
     rows_done: u32,
-    /// (offset, bytes) of this page's strips.
+    /// Offset and bytes of this page's strips.
     strips: Vec<(u64, u64)>,
 }
 
@@ -67,7 +67,7 @@ pub(crate) fn start(info: &VolumeInfo, mut file: BufWriter<File>) -> io::Result<
 }
 
 impl TiffWriter {
-    /// Bytes of the strip that is being filled, when it is full.
+    /// Number of bytes of the current strip when it is full.
     fn strip_bytes(&self) -> usize {
         let rows = self.rows_per_strip.min(self.height - self.rows_done);
         rows as usize * self.width as usize * bytes_of(self.label_type)
@@ -87,7 +87,7 @@ impl TiffWriter {
         Ok(())
     }
 
-    /// Writes the directory of the page whose strips are all there.
+    /// Writes the directory of a page after all of its strips.
     fn end_page(&mut self) -> io::Result<()> {
         let strips = std::mem::take(&mut self.strips);
         self.rows_done = 0;
@@ -99,7 +99,7 @@ impl TiffWriter {
             LabelType::F32 | LabelType::F64 => 3,
         };
         let description = self.description.take();
-        // Tags in rising order, as TIFF 6.0 §2 wants it: (tag, type, values). 2 text, 3 SHORT, 4 LONG, 16 LONG8.
+        // Tags must rise (TIFF 6.0 §2). Each is (tag, type, values); the types are 2 text, 3 SHORT, 4 LONG, 16 LONG8.
         let long = if self.big { 16 } else { 4 };
         let mut tags: Vec<(u16, u16, Vec<u64>)> = vec![
             (tag::IMAGE_WIDTH, 4, vec![self.width.into()]),
@@ -120,7 +120,7 @@ impl TiffWriter {
             (tag::SAMPLE_FORMAT, 3, vec![format]),
         ]);
 
-        // Values that do not fit in their entry come first, each on an even byte.
+        // Values that do not fit in their entry come first, each at an even offset.
         let fits = if self.big { 8 } else { 4 };
         let mut entries = Vec::new();
         for (id, kind, values) in tags {
@@ -154,7 +154,7 @@ impl TiffWriter {
         let next_link_at = self.at;
         self.put(&[0; 8][..fits])?;
 
-        // Link it from the one before.
+        // Link it from the previous directory.
         if !self.big && self.at > u64::from(u32::MAX) {
             return Err(io::Error::other("the compressed voxels are larger than classic TIFF's 4 GiB"));
         }

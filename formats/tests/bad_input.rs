@@ -1,5 +1,5 @@
-//! Damaged files of every format: truncated, bits flipped, bytes overwritten, numbers blown up. Whatever comes: no panic, one line
-//! of text, bounded blocks, bounded memory.
+//! Damaged files of every format: truncated, with flipped bits, with overwritten bytes, with enormous numbers. Whatever the input, there
+//! must be no panic, an error of one line, bounded blocks and bounded memory.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 
@@ -12,17 +12,17 @@ use pumice_formats::write::write_volume;
 use pumice_formats::{OpenOptions, RawLayout, open, probe};
 use tempfile::TempDir;
 
-/// Labels in one block at most: 16 MiB of one-byte labels.
+/// Largest number of labels in one block: 16 MiB of one-byte labels.
 const MAX_BLOCK_LABELS: usize = 16 << 20;
 
-/// Most memory of this process: two blocks of stored bytes and labels, floats on their way to labels (8 bytes for 1), and the
-/// row of tiles or header that a small file can make believe in. A reader that trusts a length needs gigabytes.
+/// Limit on the memory of this process: two blocks of stored bytes and labels, floats that are being converted to labels (8 bytes for 1),
+/// and a row of tiles or a header as large as a small file can claim. A reader that trusts a length needs gigabytes.
 const MAX_MEMORY_KIB: u64 = 400 << 10;
 
-/// Blocks read from one file: an undamaged sample has one.
+/// Largest number of blocks that are read from one file; an undamaged sample has one.
 const MAX_BLOCKS: usize = 64;
 
-/// SplitMix64 (Steele, Lea, Flood 2014): reproducible, no dependency.
+/// SplitMix64 (Steele, Lea, Flood 2014): reproducible, without a dependency.
 struct Random(u64);
 
 impl Random {
@@ -39,7 +39,7 @@ impl Random {
     }
 }
 
-/// Reads all there is; `Ok` with the number of labels, or the error's one line.
+/// Reads a file to its end; returns the number of labels, or the error's one line.
 fn swallow(path: &Path, options: &OpenOptions) -> Result<usize, String> {
     let _ = probe(path, options);
     let mut source = open(path, options).map_err(|e| e.to_string())?;
@@ -53,7 +53,7 @@ fn swallow(path: &Path, options: &OpenOptions) -> Result<usize, String> {
     Ok(labels)
 }
 
-/// A small valid file of each format: (name, options).
+/// Writes a small valid file of each format; returns names and options.
 fn samples(folder: &Path) -> Vec<(String, OpenOptions)> {
     let dims = [9u32, 8, 7];
     let plain = OpenOptions::default;
@@ -110,7 +110,7 @@ fn samples(folder: &Path) -> Vec<(String, OpenOptions)> {
     all
 }
 
-/// ImageJ's form for large stacks: one big-endian directory, seven planes.
+/// ImageJ's form of large stacks: one big-endian directory for seven planes.
 fn imagej(voxels: &[u8]) -> Vec<u8> {
     let text = b"ImageJ=1.54f\nimages=7\nslices=7\nunit=micron\nspacing=2.0\n\0";
     let mut file = b"MM\0*\0\0\0\x08\0\x09".to_vec();
@@ -156,10 +156,10 @@ fn stored_npz(npy: &[u8]) -> Vec<u8> {
     file
 }
 
-/// One damaged copy.
+/// Returns a damaged copy.
 fn damage(bytes: &[u8], random: &mut Random) -> Vec<u8> {
     let mut bytes = bytes.to_vec();
-    // Headers are where the interesting lies are.
+    // Half of the damage goes into the first 600 bytes, because wrong headers are the interesting cases.
     let within = |random: &mut Random, n: usize| {
         if random.below(2) == 0 { random.below(n.min(600)) } else { random.below(n) }
     };
@@ -178,13 +178,13 @@ fn damage(bytes: &[u8], random: &mut Random) -> Vec<u8> {
             }
         }
         3 => {
-            // Binary numbers become huge, or negative.
+            // Make binary numbers huge or negative.
             let at = within(random, bytes.len());
             let end = bytes.len().min(at + (1 << random.below(4)));
             bytes[at..end].fill([0xFF, 0x7F, 0x80, 0][random.below(4)]);
         }
         _ => {
-            // A written number becomes another one.
+            // Replace a digit of a number written as text by another number.
             let digits: Vec<usize> =
                 (0..bytes.len().min(1500)).filter(|&i| bytes[i].is_ascii_digit()).collect();
             if !digits.is_empty() {
@@ -206,7 +206,7 @@ fn damage(bytes: &[u8], random: &mut Random) -> Vec<u8> {
     bytes
 }
 
-/// Peak resident memory, where the system says it.
+/// Peak resident memory in KiB, where the system reports it.
 fn peak_kib() -> Option<u64> {
     let status = fs::read_to_string("/proc/self/status").ok()?;
     status.lines().find_map(|l| l.strip_prefix("VmHWM:")?.trim().strip_suffix("kB")?.trim().parse().ok())
@@ -225,7 +225,7 @@ fn torture(rounds: usize, seed: u64) {
 
         let damaged_path = folder.path().join(format!("damaged-{name}"));
         for round in 0..rounds {
-            // Every length once, as far as the rounds go; then everything else.
+            // Truncate to every length, or to as many as the rounds allow; then damage at random.
             let damaged = if round < whole.len().min(rounds / 4) {
                 whole[..whole.len() * round / whole.len().min(rounds / 4)].to_vec()
             } else {
@@ -244,7 +244,7 @@ fn torture(rounds: usize, seed: u64) {
             assert!(peak < MAX_MEMORY_KIB, "{name}: {peak} KiB of memory");
         }
     }
-    // Damage was done, and not all of it where it shows.
+    // Some of the damage must be found, and some must not be visible.
     assert!(refused > rounds && read > rounds, "{refused} refused, {read} read");
 }
 
@@ -259,17 +259,17 @@ fn many_damaged_files_are_refused_in_one_line() {
     torture(4_000, 2);
 }
 
-/// A file that ends early is never read as a smaller volume, nor as zeros.
+/// A file that ends early must never be read as a smaller volume or as zeros.
 #[test]
 fn files_that_end_early_are_refused() {
     let folder = TempDir::new().unwrap();
     for (name, options) in &samples(folder.path()) {
-        // What ends in the middle of its last number is a shorter number; a header line may lose its tail.
+        // A text that ends in the middle of its last number is a valid shorter number, and a header line may lose its end.
         if name == "text.nrrd" || name == "d.nhdr" {
             continue;
         }
         let whole = fs::read(folder.path().join(name)).unwrap();
-        // Every length near both ends, where headers and directories are, and every 7th between.
+        // Test every length near both ends, where headers and directories are, and every 7th length between.
         let lengths = (0..whole.len()).filter(|&n| n < 400 || n + 400 > whole.len() || n % 7 == 0);
         let path = folder.path().join(format!("short-{name}"));
         for length in lengths {
@@ -279,7 +279,7 @@ fn files_that_end_early_are_refused() {
     }
 }
 
-/// The memory bound notices what it is for.
+/// A control: the memory limit notices a reader that trusts a length.
 #[test]
 #[ignore = "full: takes a gigabyte; by itself, because the peak stays"]
 fn memory_bound_notices_a_trusted_length() {

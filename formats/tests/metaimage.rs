@@ -1,4 +1,4 @@
-//! MetaImage files written byte by byte: where the voxels are, how they are stored, place, and what is refused.
+//! MetaImage files written byte by byte: where the voxels are, how they are stored, placement, and what is refused.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "tests")]
 
@@ -34,7 +34,7 @@ fn reads_attached_voxels() {
     ];
     for (extra, voxels) in cases {
         let file = [meta("MET_USHORT", extra, "LOCAL").as_bytes(), &voxels].concat();
-        // By name, and by content alone.
+        // The file is recognised by its name and by its content alone.
         for name in ["a.mha", "a.dat"] {
             let (info, got) = read(&write(folder.path(), name, &file), &OpenOptions::default()).unwrap();
             assert_eq!(got, labels(), "{extra}");

@@ -1,4 +1,4 @@
-//! NIfTI files written byte by byte: versions, byte orders, types, pairs, place, scale, and what is refused.
+//! NIfTI files written byte by byte: versions, byte orders, types, pairs, placement, scale, and what is refused.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "tests")]
 
@@ -8,7 +8,7 @@ use files::*;
 use pumice_core::{LabelType, Unit, WorldFrame};
 use pumice_formats::OpenOptions;
 
-/// The matrix rows of whole-number voxel centres.
+/// Rows of the matrix from whole-number voxel centres to the world.
 fn rows(info: &pumice_core::VolumeInfo) -> [[f64; 4]; 3] {
     let m = info.world_from_centre();
     std::array::from_fn(|r| [m.matrix3.x_axis[r], m.matrix3.y_axis[r], m.matrix3.z_axis[r], m.translation[r]])
@@ -91,18 +91,18 @@ fn places_by_sform_then_qform_then_lengths() {
         let sheared = [[1.0, 0.25, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, -7.0]];
         assert_eq!(place(&header), sheared);
 
-        // Half a turn about z: a = 0, d = 1. x and y run backwards; qfac −1 turns z as well.
+        // Half a turn about z: a = 0, d = 1. x and y run backwards; qfac −1 flips z as well.
         header.qform([0.0, 0.0, 1.0], [4.0, 5.0, 6.0]);
         (1..4).for_each(|i| header.pixdim(i, i as f64));
         let turned = [[-1.0, 0.0, 0.0, 4.0], [0.0, -2.0, 0.0, 5.0], [0.0, 0.0, 3.0, 6.0]];
         assert_eq!(place(&header), turned);
         header.pixdim(0, -1.0);
         assert_eq!(place(&header)[2], [0.0, 0.0, -3.0, 6.0]);
-        // Any other qfac is 1.
+        // Any other qfac counts as 1.
         header.pixdim(0, 0.0);
         assert_eq!(place(&header), turned);
 
-        // Neither: x to the left, the middle voxel (1, 1.5, 2) at 0.
+        // With neither form, x runs to the left and the middle voxel (1, 1.5, 2) is at 0.
         header.qform([0.0; 3], [0.0; 3]);
         if version == 1 {
             header.put(252, 2, 0)
@@ -117,7 +117,7 @@ fn places_by_sform_then_qform_then_lengths() {
 fn bounds_the_quaternion() {
     let folder = tempfile::tempdir().unwrap();
     let voxels = integers(&labels(), 1, false);
-    // The f32 after 1 makes a² = −2.4e−7, within 3 ε = 3.6e−7 of 0; ten steps further it is no rounding any more.
+    // The f32 after 1 gives a² = −2.4e−7, within 3 ε = 3.6e−7 of 0; ten steps further, the difference is no longer due to rounding.
     for (d, good) in [(1.0 + f64::from(f32::EPSILON), true), (1.0 + 10.0 * f64::from(f32::EPSILON), false)] {
         let mut header = Nifti::new(1, false, 2);
         header.qform([0.0, 0.0, d], [0.0; 3]);
@@ -136,7 +136,7 @@ fn scales_to_whole_labels_only() {
         header.scale(slope, intercept);
         read(&write(folder.path(), "s.nii", &header.file(&stored)), &OpenOptions::default()).map(|(_, v)| v)
     };
-    // None, in all its spellings.
+    // No scale, in all the ways to write it.
     for (slope, intercept) in [(0.0, 0.0), (0.0, 3.0), (f64::NAN, f64::NAN), (1.0, 0.0)] {
         assert_eq!(read_scaled(slope, intercept).unwrap(), values);
     }

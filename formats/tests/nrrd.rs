@@ -1,4 +1,4 @@
-//! NRRD files built by hand: every corner of the header, every way of being wrong.
+//! NRRD files built by hand: every variant of the header and every kind of error.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 
@@ -12,7 +12,7 @@ use pumice_core::{LabelType, Unit, WorldFrame};
 use pumice_formats::{OpenOptions, open, probe};
 use tempfile::TempDir;
 
-/// Voxels x fastest, or the error's one line.
+/// Reads the voxels, x fastest; returns the error's one line.
 fn read(path: &Path, options: &OpenOptions) -> Result<Vec<u64>, String> {
     let mut source = open(path, options).map_err(|e| e.to_string())?;
     let dims = source.info().dims.map(|d| d as usize);
@@ -45,7 +45,7 @@ fn gzip(bytes: &[u8]) -> Vec<u8> {
 const SIX: [u8; 6] = [1, 2, 3, 4, 5, 6];
 const HEAD: &str = "NRRD0004\ntype: uchar\ndimension: 3\nsizes: 3 2 1\n";
 
-/// A u8 volume of 3 × 2 × 1 with these header lines more.
+/// A u8 volume of 3 × 2 × 1 voxels with additional header lines.
 fn small(lines: &str) -> Vec<u8> {
     [HEAD.as_bytes(), lines.as_bytes(), b"\n", &SIX].concat()
 }
@@ -161,7 +161,7 @@ fn detached_voxels_are_found() {
         let path = file(&folder, "a.nhdr", &[HEAD.as_bytes(), lines.as_bytes()]);
         assert_eq!(read(&path, &options).as_deref(), expected, "{lines}");
     }
-    // Negative control: with another skip other voxels come out.
+    // A control: with another skip, other voxels come out.
     let path =
         file(&folder, "a.nhdr", &[HEAD.as_bytes(), b"encoding: raw\nbyte skip: 9\ndata file: v.raw\n"]);
     assert_ne!(read(&path, &options).as_deref(), expected);
@@ -307,7 +307,7 @@ fn absurd_sizes_are_refused_before_anything_is_read() {
     }
 }
 
-/// Opens without the array of all voxels that [`read`] makes.
+/// Opens and reads a file without the array of all voxels that [`read`] makes.
 fn read_only_open(path: &Path) -> Result<(), String> {
     let mut source = open(path, &OpenOptions::default()).map_err(|e| e.to_string())?;
     while source.next_block().map_err(|e| e.to_string())?.is_some() {}

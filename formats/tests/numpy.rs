@@ -12,7 +12,7 @@ fn header(descr: &str, fortran: bool, shape: &str) -> String {
     format!("{{'descr': '{descr}', 'fortran_order': {fortran}, 'shape': {shape}, }}   \n")
 }
 
-/// Labels with z fastest: what NumPy writes of `a[x, y, z]` in C order.
+/// Labels with z fastest, as NumPy writes `a[x, y, z]` in C order.
 fn z_fastest() -> Vec<u64> {
     let [nx, ny, nz] = DIMS;
     let mut out = Vec::new();
@@ -50,7 +50,7 @@ fn reads_orders_versions_and_types() {
             }
         }
     }
-    // The control: the wrong meaning of the axes gives another volume.
+    // A control: the wrong meaning of the axes gives another volume.
     let path = write(
         folder.path(),
         "a.npy",
@@ -59,7 +59,7 @@ fn reads_orders_versions_and_types() {
     assert_eq!(read(&path, &zyx()).unwrap().0.dims, [5, 4, 3]);
     let later = OpenOptions { time: Some(1), ..OpenOptions::default() };
     refuse(&path, &later, &["--time-step 1", "number of time steps is 1"]);
-    // Booleans, and a picture a[y, x].
+    // Booleans, and an image a[y, x].
     let path = write(folder.path(), "b.npy", &npy(1, &header("|b1", false, "(2, 3)"), &[0, 1, 1, 0, 0, 1]));
     let (info, voxels) = read(&path, &zyx()).unwrap();
     assert_eq!((info.dims, voxels), ([3, 2, 1], vec![0, 1, 1, 0, 0, 1]));
@@ -145,11 +145,11 @@ fn compares_the_archive_checksum() {
     let folder = tempfile::tempdir().unwrap();
     let volume = npy(1, &header("|u1", true, "(3, 4, 5)"), &integers(&labels(), 1, false));
     let archive = zip(&[("a.npy", volume.clone())], false);
-    // The last voxel, 35 bytes of local header and name before the array.
+    // Damage the last voxel; 35 bytes of local header and name precede the array.
     let mut damaged = archive.clone();
     damaged[35 + volume.len() - 1] ^= 1;
     refuse(&write(folder.path(), "a.npz", &damaged), &OpenOptions::default(), &["CRC-32"]);
-    // Without its directory an archive cannot be read.
+    // Without its directory, an archive cannot be read.
     refuse(
         &write(folder.path(), "b.npz", &archive[..archive.len() - 30]),
         &OpenOptions::default(),

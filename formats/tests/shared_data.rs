@@ -1,4 +1,4 @@
-//! Volumes that may not be shipped: a NIfTI atlas placed by its qform alone.
+//! Tests on volumes that may not be shipped: a NIfTI atlas that is placed by its qform alone.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "tests")]
 
@@ -12,7 +12,11 @@ fn shared_data() -> PathBuf {
         || PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data")),
         PathBuf::from,
     );
-    assert!(folder.is_dir(), "{}: the shared data is not there (set PUMICE_SHARED_DATA)", folder.display());
+    assert!(
+        folder.is_dir(),
+        "{}: expected a folder with the shared data, got none; set PUMICE_SHARED_DATA",
+        folder.display()
+    );
     folder
 }
 

@@ -1,5 +1,5 @@
-//! TIFF files built by hand, tag by tag: compressions and predictors that the Python packages of the cross-read tests cannot
-//! write without further packages.
+//! TIFF files built by hand, tag by tag: compressions and predictors that the Python packages of the cross-read tests cannot write without
+//! further packages.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 
@@ -26,7 +26,7 @@ fn read(path: &Path) -> Result<Vec<u64>, String> {
     Ok(voxels)
 }
 
-/// One page, one strip: a classic or BigTIFF file of either byte order.
+/// A file with one page and one strip: classic TIFF or BigTIFF, in either byte order.
 fn tiff(big_endian: bool, big: bool, bits: u16, tags: &[(u16, u64)], strip: &[u8]) -> Vec<u8> {
     let n = |value: u64, bytes: usize| {
         let all = value.to_le_bytes();
@@ -58,7 +58,7 @@ fn tiff(big_endian: bool, big: bool, bits: u16, tags: &[(u16, u64)], strip: &[u8
         file.extend([n(42, 2), n(8, 4), n(all.len() as u64, 2)].concat());
     }
     for (tag, value) in all {
-        // All as LONG: one value, left-aligned in its word.
+        // All values are LONG: one value, left-aligned in its word.
         let mut field = n(value, 4);
         field.resize(word, 0);
         file.extend([n(tag.into(), 2), n(4, 2), n(1, word), field].concat());
@@ -86,7 +86,7 @@ fn truncated(bytes: usize) -> Vec<u64> {
     pixels().iter().map(|v| v & mask).collect()
 }
 
-/// PackBits by its definition, without any cleverness: runs of one.
+/// PackBits straight from its definition; literal runs have one byte.
 fn pack_bits(bytes: &[u8]) -> Vec<u8> {
     let mut out = Vec::new();
     let mut i = 0;
@@ -152,7 +152,7 @@ fn horizontal_predictor_is_undone() {
                 let tags = [(259, compression), (317, 2)];
                 fs::write(&path, tiff(big_endian, false, 8 * bytes as u16, &tags, &strip)).unwrap();
                 assert_eq!(read(&path), Ok(values.clone()), "{bytes} bytes, big-endian {big_endian}");
-                // Control: without the predictor tag something else comes out.
+                // A control: without the predictor tag, other voxels come out.
                 fs::write(&path, tiff(big_endian, false, 8 * bytes as u16, &tags[..1], &strip)).unwrap();
                 assert_ne!(read(&path), Ok(values.clone()));
             }
@@ -209,7 +209,7 @@ fn what_is_no_label_map_is_refused() {
     }
 }
 
-/// Replaces a tag's value, or turns another one (rows a strip) into it.
+/// Replaces a tag's value, or turns another tag (rows per strip) into it.
 fn with_tag(mut file: Vec<u8>, tag: u16, value: u64) -> Vec<u8> {
     let count = usize::from(u16::from_le_bytes([file[8], file[9]]));
     let find = |file: &[u8], tag: u16| {

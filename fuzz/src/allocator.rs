@@ -1,18 +1,18 @@
-//! An allocator that makes a finding of memory out of proportion.
+//! An allocator that aborts on excessive allocations, so that libFuzzer reports the input.
 //!
-//! libFuzzer's own `-malloc_limit_mb` needs a sanitizer's hooks, which stable Rust does not have, and `-rss_limit_mb` sees only
-//! memory that has been written to: a reservation by an untrusted length would pass both.
+//! libFuzzer's own `-malloc_limit_mb` needs hooks of a sanitizer, which stable Rust does not have, and `-rss_limit_mb` counts only memory
+//! that has been written to. Both would miss an allocation by an untrusted length.
 
-#![allow(unsafe_code, reason = "an allocator is unsafe by its trait; this one only counts and hands on")]
+#![allow(unsafe_code, reason = "the trait of allocators is unsafe; this one only counts and forwards")]
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Most bytes asked for at once. Readers of volumes hand out blocks of at most 16 MiB in the file's type, at worst 128 MiB as 64-bit
-/// labels from bytes; inputs have a few kB.
+/// Largest allowed allocation. Inputs have a few kB. Readers of volumes return blocks of at most 16 MiB in the file's type, which are at
+/// worst 128 MiB when bytes become 64-bit labels.
 pub const MOST_AT_ONCE_BYTES: usize = 192 << 20;
 
-/// Most bytes held at once.
+/// Largest allowed total of all current allocations.
 pub const MOST_HELD_BYTES: usize = 768 << 20;
 
 static HELD: AtomicUsize = AtomicUsize::new(0);
@@ -24,21 +24,21 @@ pub struct Limited;
 fn take(bytes: usize) {
     let held = HELD.fetch_add(bytes, Ordering::Relaxed) + bytes;
     if bytes > MOST_AT_ONCE_BYTES || held > MOST_HELD_BYTES {
-        // Lowered first: the message and the trace allocate, too.
+        // Lower the count first, because the message and the trace allocate too.
         HELD.fetch_sub(bytes, Ordering::Relaxed);
         eprintln!(
-            "FINDING: {bytes} bytes asked for at once, {held} held\n{}",
+            "FINDING: an allocation of {bytes} bytes (at most {MOST_AT_ONCE_BYTES}), {held} bytes in all (at most {MOST_HELD_BYTES})\n{}",
             std::backtrace::Backtrace::force_capture()
         );
         std::process::abort();
     }
 }
 
-// SAFETY: every call goes to `System` unchanged.
+// SAFETY: every call passes its arguments unchanged to `System`; counting touches an atomic only.
 unsafe impl GlobalAlloc for Limited {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         take(layout.size());
-        // SAFETY: the caller's promise about `layout` is passed on.
+        // SAFETY: the caller's promise about `layout` is what `System.alloc` requires.
         unsafe { System.alloc(layout) }
     }
 
@@ -57,7 +57,7 @@ unsafe impl GlobalAlloc for Limited {
     unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, new_size: usize) -> *mut u8 {
         take(new_size);
         HELD.fetch_sub(layout.size(), Ordering::Relaxed);
-        // SAFETY: `pointer` came from `System` with this layout; the caller's promise about `new_size` is passed on.
+        // SAFETY: `pointer` came from `System` with this layout, and the caller promises that `new_size` is valid.
         unsafe { System.realloc(pointer, layout, new_size) }
     }
 }

@@ -1,17 +1,17 @@
-//! Right checksums for a damaged `.pumice` file (`docs/file-format.md`), so that the damage reaches what lies behind them.
+//! Corrects the checksums of a damaged `.pumice` file (`docs/file-format.md`), so that the damage reaches the code behind them.
 
 use xxhash_rust::xxh3::{Xxh3, xxh3_64};
 
-/// Bytes of the header.
+/// Size of the header in bytes.
 pub const HEADER_BYTES: usize = 64;
-/// Bytes of an entry of the section table.
+/// Size of an entry of the section table in bytes.
 pub const ENTRY_BYTES: usize = 48;
 
 fn u64_at(bytes: &[u8], at: usize) -> u64 {
     bytes[at..at + 8].iter().rev().fold(0, |v, &b| v << 8 | u64::from(b))
 }
 
-/// Sets the checksums of all sections that lie within the file, then the one of header and table.
+/// Sets the checksums of all sections that lie within the file, then that of header and table.
 pub fn set(bytes: &mut [u8]) {
     if bytes.len() < HEADER_BYTES {
         return;
@@ -30,7 +30,7 @@ pub fn set(bytes: &mut [u8]) {
     set_header(bytes, table);
 }
 
-/// Sets the content hash and, after it, the checksum of header and table.
+/// Sets the content hash, then the checksum of header and table.
 pub fn set_content_hash(bytes: &mut [u8], hash: u128) {
     bytes[40..56].copy_from_slice(&hash.to_le_bytes());
     let count = (u64_at(bytes, 32) as u32) as usize;

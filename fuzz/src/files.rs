@@ -1,14 +1,14 @@
-//! Reads label volumes of other formats to their end, or to a cap.
+//! Reads label volumes of other formats to their end, or to a limit.
 
 use std::path::Path;
 
 use pumice_core::BlockSource;
 use pumice_formats::{ArrayAxes, FormatError, OpenOptions, open, probe};
 
-/// Voxels after which reading stops: a few kB may inflate to many MB, all alike.
+/// Number of voxels after which reading stops, because a few kB may decompress to many MB of equal voxels.
 const MOST_VOXELS: u64 = 1 << 22;
 
-/// Reads the header, then the voxels; layer, time step and channel are chosen when the file asks for that.
+/// Reads the header, then the voxels. Chooses the first layer, time step or channel if the file has several.
 pub fn read_all(path: &Path, mut options: OpenOptions) {
     if let Err(error) = probe(path, &options) {
         one_line(&error.to_string());
@@ -25,10 +25,10 @@ pub fn read_all(path: &Path, mut options: OpenOptions) {
             Err(error) => return one_line(&error.to_string()),
         }
     }
-    panic!("asks again for what was chosen: {options:?}");
+    panic!("the reader asks again for an option that is set: {options:?}");
 }
 
-/// The same for both meanings of an array's axes.
+/// [`read_all`] with both orders of an array's axes.
 pub fn read_array_both_ways(path: &Path) {
     for axes in [ArrayAxes::Xyz, ArrayAxes::Zyx] {
         read_all(path, OpenOptions { axes, ..OpenOptions::default() });
@@ -39,7 +39,7 @@ fn one_line(text: &str) {
     assert!(!text.contains('\n') && !text.is_empty(), "not one line: {text:?}");
 }
 
-/// Blocks must lie in the volume, have all their labels, and cover as many voxels as the volume has.
+/// Reads all blocks. They must lie within the volume, have all their labels, and have as many voxels together as the volume.
 fn drain(source: &mut dyn BlockSource) {
     let info = source.info().clone();
     let mut voxels = 0;
@@ -51,14 +51,14 @@ fn drain(source: &mut dyn BlockSource) {
                     u64::from(block.origin[a]) + u64::from(block.dims[a]) <= u64::from(info.dims[a])
                 });
                 assert!(inside, "{:?} {:?} in {:?}", block.origin, block.dims, info.dims);
-                // The far corner is the highest index.
+                // The far corner has the highest index, so this checks the number of labels.
                 let _ = block.get(block.dims.map(|d| d - 1));
                 voxels += block.dims.iter().map(|&d| u64::from(d)).product::<u64>();
                 if voxels > MOST_VOXELS {
                     return;
                 }
             }
-            Ok(None) => return assert_eq!(voxels, info.voxels(), "voxels handed out"),
+            Ok(None) => return assert_eq!(voxels, info.voxels(), "voxels of all blocks"),
             Err(error) => return one_line(&error.to_string()),
         }
     }

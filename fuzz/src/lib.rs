@@ -1,10 +1,11 @@
-//! What the fuzz targets share. A target gives bytes of libFuzzer's making to one reader; whatever the bytes are, the reader must
-//! answer with a value or an error: no panic, no overflow, no more than 10 seconds, no memory out of proportion.
+//! Code that the fuzz targets share. A target gives bytes from libFuzzer to one reader. For any bytes, the reader must return a value or an
+//! error, without a panic or an overflow, in at most 10 seconds, and without excessive memory.
 //!
 //! ```text
-//! bytes ──► input file (scratch) ──► reader ──► use of what came out
-//!   └──► right checksums (checksums), or a whole file around free sections (sections): else nearly every input ends at a checksum
+//! bytes ──► input file (scratch) ──► reader ──► use of the result
+//!   └──► correct checksums (checksums), or a valid file around arbitrary sections (sections)
 //! ```
+//! Without correct checksums nearly every input would be refused at a checksum.
 
 pub mod allocator;
 pub mod checksums;

@@ -1,4 +1,4 @@
-//! Readers take paths; so each input goes through a file, in memory where the system has such a folder.
+//! The input file. Readers take paths, so each input is written to a file, in memory if the system has a folder in memory.
 
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
@@ -7,15 +7,15 @@ use std::sync::LazyLock;
 static FOLDER: LazyLock<PathBuf> =
     LazyLock::new(|| std::env::var_os("PUMICE_FUZZ_SCRATCH").map_or_else(std::env::temp_dir, PathBuf::from));
 
-/// Path of this process's own file; `extension` keeps its dot, or is empty.
+/// Path of this process's input file; `extension` begins with a dot or is empty.
 pub fn path(extension: &str) -> PathBuf {
     FOLDER.join(format!("pumice-fuzz-{}{extension}", std::process::id()))
 }
 
-/// Writes the input.
+/// Writes an input to the file.
 ///
 /// # Panics
-/// When it cannot be written: then no input would be tested.
+/// When it cannot be written, because then no input would be tested.
 pub fn put(path: &Path, bytes: &[u8]) {
     std::fs::write(path, bytes).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
 }

@@ -1,16 +1,16 @@
-//! A `.pumice` file around free sections: offsets, lengths and checksums are right whatever libFuzzer does to the sections, and none
-//! is compressed, so that a changed byte is a changed element.
+//! Makes a `.pumice` file from arbitrary sections: offsets, lengths and checksums are correct whatever libFuzzer does to the sections.
+//! Sections are not compressed, so that a changed byte changes an element.
 //!
 //! ```text
-//! input:  name 4 B · element width 1 B · filters 1 B · length 2 B · bytes …      once a section, little-endian
+//! input:  name 4 B · element width 1 B · filters 1 B · length 2 B · bytes …      for each section, little-endian
 //! ```
 
 use crate::checksums::{ENTRY_BYTES, HEADER_BYTES};
 
-/// Most sections that a file may have.
+/// Largest number of sections in a file.
 const MOST_SECTIONS: usize = 64;
 
-/// The file of an input; what is left of the last section when the input ends early is taken.
+/// The file for an input. If the input ends early, the last section is shorter than its length says.
 pub fn to_file(mut input: &[u8]) -> Vec<u8> {
     let mut sections: Vec<([u8; 4], [u8; 2], &[u8])> = Vec::new();
     while let Some((&[a, b, c, d, width, filters, low, high], rest)) = input.split_first_chunk::<8>() {
@@ -24,7 +24,7 @@ pub fn to_file(mut input: &[u8]) -> Vec<u8> {
 
     let mut file = Vec::from(*b"\x89PUMICE\n\x05\0\0\0\0\0\0\0");
     if sections.iter().any(|(name, ..)| name == b"VOXL") {
-        // A file of voxels, not of boxes.
+        // Marks a file of voxels instead of boxes.
         file[12] = 1;
     }
     file.resize(HEADER_BYTES + ENTRY_BYTES * sections.len(), 0);
@@ -49,10 +49,10 @@ pub fn to_file(mut input: &[u8]) -> Vec<u8> {
     file
 }
 
-/// The input of a good file: its sections, unpacked but not unfiltered.
+/// The input that gives a valid file's sections: decompressed, with filters still applied.
 ///
 /// # Panics
-/// When the file is not a good one, or a section has 64 KiB or more.
+/// When the file is invalid, or a section has 64 KiB or more.
 pub fn from_file(file: &[u8]) -> Vec<u8> {
     let word = |at: usize| u64::from_le_bytes(file[at..at + 8].try_into().unwrap()) as usize;
     let mut input = Vec::new();

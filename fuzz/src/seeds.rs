@@ -1,5 +1,5 @@
-//! Small good inputs, made by the writers, from which libFuzzer starts. Where `cargo xtask fuzz` says, in `PUMICE_FUZZ_SEEDS`, they are
-//! written before the corpus is read.
+//! Small valid inputs, made by the writers, from which libFuzzer starts. They are written to the folder `PUMICE_FUZZ_SEEDS`, which
+//! `cargo xtask fuzz` sets, before libFuzzer reads its corpus.
 
 use std::path::{Path, PathBuf};
 
@@ -11,7 +11,7 @@ use pumice_scene::Scene;
 
 use crate::scratch;
 
-/// Writes a target's seeds, when there is a folder for them.
+/// Writes a target's seeds if `PUMICE_FUZZ_SEEDS` is set.
 ///
 /// # Panics
 /// When a seed cannot be made or written.
@@ -22,7 +22,7 @@ pub fn give(make: impl FnOnce() -> Vec<Vec<u8>>) {
     }
 }
 
-/// What a writer makes of a path with this ending.
+/// The bytes that `write` writes to a path with this extension.
 fn written(extension: &str, write: impl FnOnce(&Path)) -> Vec<u8> {
     let path = scratch::path(extension);
     write(&path);
@@ -31,7 +31,7 @@ fn written(extension: &str, write: impl FnOnce(&Path)) -> Vec<u8> {
     bytes
 }
 
-/// Balls in layers: boxes of every size, full and mixed cells.
+/// Ids of balls in layers, which give boxes of every size, and full and mixed cells.
 fn ids(dims: [u32; 3]) -> Vec<u32> {
     let mut ids = Vec::new();
     for z in 0..dims[2] {
@@ -57,7 +57,7 @@ fn volume(dims: [u32; 3]) -> CompressedVolume {
     compress_labels(info(dims, LabelType::U32), LabelBuffer::U32(ids(dims))).unwrap()
 }
 
-/// `.pumice` files: several boxes, several chunks, one voxel, nothing; each at all levels.
+/// `.pumice` files with several boxes, several chunks, one voxel, and no labels, each at all levels.
 pub fn pumice_files() -> Vec<Vec<u8>> {
     let empty = compress_labels(info([5, 1, 1], LabelType::U8), LabelBuffer::U8(vec![0; 5])).unwrap();
     let volumes = [volume([21, 13, 9]), volume([33, 17, 16]), volume([1, 1, 2060]), volume([1, 1, 1]), empty];
@@ -67,7 +67,7 @@ pub fn pumice_files() -> Vec<Vec<u8>> {
     volumes.iter().flat_map(|v| levels.map(|level| saved(v, level))).collect()
 }
 
-/// Volumes of every format that has a writer, and of those that have none by hand.
+/// Volumes of every format that has a writer, and hand-written ones of the others.
 pub fn label_volumes() -> Vec<Vec<u8>> {
     let dims = [6, 5, 4];
     let write = |extension: &str, label_type: LabelType| {
@@ -118,7 +118,7 @@ pub fn label_volumes() -> Vec<Vec<u8>> {
 
 /// A ZIP archive with one member that is not compressed (APPNOTE.TXT 4.3).
 fn stored_zip(name: &str, bytes: &[u8]) -> Vec<u8> {
-    // From "version needed" to "extra length": the same in the local header and the directory.
+    // The fields from "version needed" to "extra length" are the same in the local header and the directory.
     let mut facts = vec![20, 0, 0, 0, 0, 0, 0, 0, 0, 0];
     facts.extend(crc32fast::hash(bytes).to_le_bytes());
     facts.extend((bytes.len() as u32).to_le_bytes());
@@ -136,7 +136,7 @@ fn stored_zip(name: &str, bytes: &[u8]) -> Vec<u8> {
     zip
 }
 
-/// Layout, then voxels, as the target `raw_volume` takes them apart.
+/// Inputs of the target `raw_volume`: a layout, then voxels.
 pub fn raw_volumes() -> Vec<Vec<u8>> {
     let layout = |dims: [u32; 3], label_type: u8, big_endian: u8, offset: u16| {
         let mut seed: Vec<u8> = dims.iter().flat_map(|d| d.to_le_bytes()).collect();
@@ -165,13 +165,13 @@ const SCENE: &str = r#"{
   "settings": { "seed": 1 }
 }"#;
 
-/// Scenes; the second has every field written out.
+/// Scenes, the second with all fields written out.
 pub fn scenes() -> Vec<Vec<u8>> {
     let whole = Scene::from_json(SCENE).unwrap().to_json().unwrap();
     vec![SCENE.into(), whole.into()]
 }
 
-/// Pictures: ours as EXR and PNG, and EXR as others compress it.
+/// Pictures: EXR and PNG by Pumice, and EXR with the compressions that other programs use.
 pub fn pictures() -> Vec<Vec<u8>> {
     use exr::prelude::{Compression, Encoding, SpecificChannels, WritableImage};
     let (width, height) = (5, 4);

@@ -1,4 +1,4 @@
-//! Opens a `.pumice` file as the command would, past the content hash, and uses all that came out.
+//! Opens a `.pumice` file as the command does, with a corrected content hash, and uses everything in it.
 
 use std::path::Path;
 
@@ -6,11 +6,11 @@ use pumice_core::{CompressedVolume, Error, Job, LabelTable, Level};
 
 use crate::{checksums, scratch};
 
-/// Voxels below which a volume is decoded whole.
+/// Largest number of voxels of a volume that is decoded as a whole.
 const SMALL_VOXELS: u64 = 1 << 20;
 
-/// Opens a file whose checksums are right, and uses it. Its content hash is put right as well, when all but that is: who makes
-/// a file in order to do harm can do the same.
+/// Opens a file whose checksums are correct, and uses it. If only the content hash is wrong, corrects it too, as the maker of a malicious
+/// file can.
 pub fn open_and_use(mut bytes: Vec<u8>) {
     let path = scratch::path("");
     scratch::put(&path, &bytes);
@@ -22,10 +22,14 @@ pub fn open_and_use(mut bytes: Vec<u8>) {
         checksums::set_content_hash(&mut bytes, hash);
         scratch::put(&path, &bytes);
         opened = CompressedVolume::open(&path, &Job::new());
-        assert!(opened.is_ok(), "with the hash that it asked for: {:?}", opened.err().map(|e| e.to_string()));
+        assert!(
+            opened.is_ok(),
+            "the file does not open with the content hash that the error named: {:?}",
+            opened.err().map(|e| e.to_string())
+        );
     }
     use_chosen(&path, opened.as_ref().ok());
-    // What stays in the file and is read from there is checked as what is copied.
+    // A mapped file must pass and fail the same checks as a copied one.
     match (CompressedVolume::open_mapped(&path, &Job::new()), &opened) {
         (Ok(mapped), Ok(copied)) => {
             assert_eq!(mapped.content_hash(), copied.content_hash());
@@ -41,12 +45,12 @@ pub fn open_and_use(mut bytes: Vec<u8>) {
         Ok(volume) => use_all(&volume, &path, bytes.len()),
         Err(error) => {
             let text = error.to_string();
-            assert!(!text.contains('\n'), "more than a line: {text}");
+            assert!(!text.contains('\n'), "expected an error of one line, got: {text}");
         }
     }
 }
 
-/// Every second label alone: a file that opens whole opens so too, and has the same voxels of them.
+/// Opens only every second label. A file that opens as a whole must open so too, with the same voxels of those labels.
 fn use_chosen(path: &Path, whole: Option<&CompressedVolume>) {
     let second = |labels: &LabelTable| (0..labels.len()).map(|i| i % 2 == 1).collect();
     let part = match CompressedVolume::open_labels(path, second, &Job::new()) {
@@ -62,7 +66,7 @@ fn use_chosen(path: &Path, whole: Option<&CompressedVolume>) {
         let block = part.decode_block([0; 3], dims).expect("within the volume");
         if let Some(whole) = whole {
             let all = whole.decode_block([0; 3], dims).expect("within the volume");
-            // 0 is background, a dense index is one less. Some files are read whole: their labels are all there.
+            // 0 is background, other values are a dense index plus 1. Some files are always read whole, with all labels.
             let is_there = |label: u32| label > 0 && part.holds(label - 1);
             let same =
                 block.iter().zip(all).all(|(&got, label)| got == if is_there(label) { label } else { 0 });
@@ -75,7 +79,7 @@ fn use_all(volume: &CompressedVolume, path: &Path, seed: usize) {
     let dims = volume.info().dims;
     let labels = volume.labels().len() as u32;
 
-    // Tables.
+    // Check the tables.
     for (a, b) in volume.labels().contacts().iter() {
         assert!(a < b && b < labels, "contact {a} {b} of {labels} labels");
     }
@@ -87,7 +91,7 @@ fn use_all(volume: &CompressedVolume, path: &Path, seed: usize) {
         assert!((0..3).all(|a| bounds.high[a] < dims[a]), "label {label}: {bounds:?} in {dims:?}");
     }
 
-    // Voxels: all, or those around some boxes.
+    // Decode all voxels, or those around some boxes.
     if volume.info().voxels() <= SMALL_VOXELS {
         let block = volume.decode_block([0; 3], dims).expect("within the volume");
         assert!(block.iter().all(|&l| l <= labels));
@@ -100,13 +104,13 @@ fn use_all(volume: &CompressedVolume, path: &Path, seed: usize) {
             assert!(volume.label_at(origin).is_none_or(|l| l < labels));
         }
     }
-    // Opening does not look for voxels that two labels claim (`file::check` says why); counting contacts finds them.
+    // Opening does not search for voxels that two labels claim (`file::check` explains why), but finding contacts does.
     let contacts = volume.find_contacts(&Job::new());
     if let Err(error) = &contacts {
         assert!(error.to_string().contains("two labels claim one voxel"), "{error}");
     }
 
-    // What opens can be saved, and opens again as the same.
+    // A volume that opens can be saved, and the file opens as the same volume.
     let level = match seed % 16 {
         0 => Level::Default,
         1 if volume.info().voxels() <= SMALL_VOXELS && contacts.is_ok() => Level::Small,

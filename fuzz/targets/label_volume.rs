@@ -1,4 +1,4 @@
-//! A file of any format of others, recognised by its content.
+//! Fuzzes the readers of other programs' formats; the content decides which one reads.
 #![no_main]
 
 use pumice_fuzz::{files, scratch, seeds};

@@ -1,12 +1,12 @@
-//! A picture as EXR, and the provenance out of EXR or PNG.
+//! Fuzzes the reader of EXR pictures, and the reader of provenance from EXR or PNG.
 #![no_main]
 
 use pumice_fuzz::{scratch, seeds};
 use pumice_picture::{PictureError, read_exr, read_provenance};
 
 fn init() {
-    // The reader catches panics of the EXR library and tells them as errors; libFuzzer's hook would end the process before that.
-    // What panics elsewhere, this target included, is told; it is a finding when it gets out of the reader.
+    // Replaces libFuzzer's panic hook, which would end the process, because the reader turns panics of the EXR library into errors. Other
+    // panics, also in this target, are printed, and count as failures if they leave the reader.
     std::panic::set_hook(Box::new(|info| {
         if info.location().is_none_or(|at| !at.file().contains("/registry/")) {
             eprintln!("{info}");
@@ -17,7 +17,7 @@ fn init() {
 
 fn one_line(error: &PictureError) {
     let text = error.to_string();
-    assert!(!text.contains('\n'), "more than a line: {text}");
+    assert!(!text.contains('\n'), "expected an error of one line, got: {text}");
 }
 
 libfuzzer_sys::fuzz_target!(init: init(), |input: &[u8]| {

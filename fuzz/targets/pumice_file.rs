@@ -1,4 +1,4 @@
-//! A whole `.pumice` file: header, table, filters and zstd; its checksums are put right first.
+//! Fuzzes whole `.pumice` files (header, table, filters and zstd), after correcting their checksums.
 #![no_main]
 
 use pumice_fuzz::{checksums, seeds, volume};

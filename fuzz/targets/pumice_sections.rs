@@ -1,4 +1,4 @@
-//! The sections of a `.pumice` file, unpacked, in a table that is right: what `file::nodes` and `file::check` are for.
+//! Fuzzes the decompressed sections of a `.pumice` file in a valid table, which `file::nodes` and `file::check` must validate.
 #![no_main]
 
 use pumice_fuzz::{sections, seeds, volume};

@@ -1,4 +1,4 @@
-//! Voxels without a header, in a layout that does not fit them either.
+//! Fuzzes the reader of voxels without a header, with an arbitrary layout.
 //!
 //! ```text
 //! input:  dims 3 × 4 B · type 1 B · big-endian 1 B · offset 2 B · file …       little-endian

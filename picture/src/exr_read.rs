@@ -34,7 +34,7 @@ const BATCH_CHUNKS: usize = 64;
 
 /// Where a channel's samples go.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Place {
+enum ChannelTarget {
     Color(usize),
     Alpha,
     /// Of a pass with three channels.
@@ -222,17 +222,17 @@ fn choose(headers: &[Header]) -> Result<(usize, String), String> {
 }
 
 /// Where each of the header's channels goes.
-fn places_of(header: &Header, prefix: &str) -> Result<Vec<Option<Place>>, String> {
+fn places_of(header: &Header, prefix: &str) -> Result<Vec<Option<ChannelTarget>>, String> {
     let has = |name: &str| header.channels.list.iter().any(|c| c.name.eq(name));
     let whole = |prefix: &str, letters: &str| letters.chars().all(|l| has(&format!("{prefix}{l}")));
     let place = |name: &str| {
         if let Some(rest) = name.strip_prefix(prefix)
             && let Some(c) = ["R", "G", "B"].iter().position(|&l| l == rest)
         {
-            return Some(Place::Color(c));
+            return Some(ChannelTarget::Color(c));
         }
         if name.strip_prefix(prefix) == Some("A") {
-            return Some(Place::Alpha);
+            return Some(ChannelTarget::Alpha);
         }
         Pass::ALL.iter().find_map(|&pass| {
             let (prefix, letters) = channels_of_pass(pass);
@@ -243,14 +243,14 @@ fn places_of(header: &Header, prefix: &str) -> Result<Vec<Option<Place>>, String
                 let layer = number_of_layer(number)?;
                 // Without gaps, so that no number asks for more memory than the file's channels do.
                 let are_there = (0..=layer).all(|n| whole(&format!("{prefix}{n:02}."), letters));
-                return are_there.then_some(Place::Matte(pass, layer, c));
+                return are_there.then_some(ChannelTarget::Matte(pass, layer, c));
             }
             match (pass, letters.len()) {
-                (Pass::Label, _) => (rest == letters).then_some(Place::Label),
-                (_, 1) => (rest == letters).then_some(Place::Number(pass)),
+                (Pass::Label, _) => (rest == letters).then_some(ChannelTarget::Label),
+                (_, 1) => (rest == letters).then_some(ChannelTarget::Number(pass)),
                 _ => {
                     let c = letters.find(rest).filter(|_| rest.len() == 1)?;
-                    whole(prefix, letters).then_some(Place::Triple(pass, c))
+                    whole(prefix, letters).then_some(ChannelTarget::Triple(pass, c))
                 }
             }
         })
@@ -262,10 +262,10 @@ fn places_of(header: &Header, prefix: &str) -> Result<Vec<Option<Place>>, String
             return Err(format!("channel {name:?} is subsampled, which is not supported"));
         }
         let place = place(&name);
-        if place == Some(Place::Label) && channel.sample_type != SampleType::U32 {
+        if place == Some(ChannelTarget::Label) && channel.sample_type != SampleType::U32 {
             return Err("channel label.index: expected whole numbers (UINT), got floats".into());
         }
-        if matches!(place, Some(Place::Matte(..))) && channel.sample_type != SampleType::F32 {
+        if matches!(place, Some(ChannelTarget::Matte(..))) && channel.sample_type != SampleType::F32 {
             return Err(format!("channel {name:?}: expected 32 bit floats (FLOAT), in which ids are exact"));
         }
         places.push(place);
@@ -314,7 +314,7 @@ struct Planes {
 }
 
 impl Planes {
-    fn new(width: usize, height: usize, places: &[Option<Place>]) -> Result<Self, String> {
+    fn new(width: usize, height: usize, places: &[Option<ChannelTarget>]) -> Result<Self, String> {
         fn filled<T: Clone>(pixels: usize, value: T) -> Result<Vec<T>, String> {
             let mut plane = Vec::new();
             plane.try_reserve_exact(pixels).map_err(|_| format!("no memory for {pixels} pixels"))?;
@@ -325,17 +325,17 @@ impl Planes {
         let has = |place| places.contains(&Some(place));
         let (mut triples, mut numbers) = (BTreeMap::new(), BTreeMap::new());
         for &pass in Pass::ALL {
-            if has(Place::Triple(pass, 0)) {
+            if has(ChannelTarget::Triple(pass, 0)) {
                 triples.insert(pass, filled(pixels, [0.0; 3])?);
             }
-            if has(Place::Number(pass)) {
+            if has(ChannelTarget::Number(pass)) {
                 let nothing = if pass == Pass::Depth { f32::INFINITY } else { 0.0 };
                 numbers.insert(pass, filled(pixels, nothing)?);
             }
         }
         let mut mattes = BTreeMap::new();
         for &pass in Pass::MATTES {
-            let layers = (0..100).take_while(|&n| has(Place::Matte(pass, n, 0)));
+            let layers = (0..100).take_while(|&n| has(ChannelTarget::Matte(pass, n, 0)));
             let layers: Vec<_> = layers.map(|_| filled(pixels, [0.0; 4])).collect::<Result<_, _>>()?;
             if !layers.is_empty() {
                 mattes.insert(pass, layers);
@@ -346,15 +346,15 @@ impl Planes {
             height,
             mattes,
             color: filled(pixels, [0.0; 3])?,
-            alpha: has(Place::Alpha).then(|| filled(pixels, 0.0)).transpose()?,
-            label: has(Place::Label).then(|| filled(pixels, 0)).transpose()?,
+            alpha: has(ChannelTarget::Alpha).then(|| filled(pixels, 0.0)).transpose()?,
+            label: has(ChannelTarget::Label).then(|| filled(pixels, 0)).transpose()?,
             triples,
             numbers,
         })
     }
 
     /// Copies a line of samples in the machine's byte order to (x, y) and on; what is outside the picture is left out.
-    fn put(&mut self, place: Place, kind: SampleType, [x, y]: [i64; 2], bytes: &[u8]) {
+    fn put(&mut self, place: ChannelTarget, kind: SampleType, [x, y]: [i64; 2], bytes: &[u8]) {
         if y < 0 || y >= self.height as i64 {
             return;
         }
@@ -363,15 +363,17 @@ impl Planes {
             |plane: &mut [[f32; 3]], c: usize| copy(&mut plane[row.clone()], x, kind, bytes, |p, v| p[c] = v);
         let number = |p: &mut Vec<f32>| copy(&mut p[row.clone()], x, kind, bytes, |n, v| *n = v);
         match place {
-            Place::Color(c) => triple(&mut self.color, c),
-            Place::Triple(pass, c) => self.triples.get_mut(&pass).into_iter().for_each(|p| triple(p, c)),
-            Place::Number(pass) => self.numbers.get_mut(&pass).into_iter().for_each(number),
-            Place::Matte(pass, layer, c) => {
+            ChannelTarget::Color(c) => triple(&mut self.color, c),
+            ChannelTarget::Triple(pass, c) => {
+                self.triples.get_mut(&pass).into_iter().for_each(|p| triple(p, c))
+            }
+            ChannelTarget::Number(pass) => self.numbers.get_mut(&pass).into_iter().for_each(number),
+            ChannelTarget::Matte(pass, layer, c) => {
                 let layer = self.mattes.get_mut(&pass).and_then(|layers| layers.get_mut(layer));
                 layer.into_iter().for_each(|p| copy(&mut p[row.clone()], x, kind, bytes, |p, v| p[c] = v));
             }
-            Place::Alpha => self.alpha.iter_mut().for_each(number),
-            Place::Label => self.label.iter_mut().for_each(|p| {
+            ChannelTarget::Alpha => self.alpha.iter_mut().for_each(number),
+            ChannelTarget::Label => self.label.iter_mut().for_each(|p| {
                 let values = bytes.as_chunks().0.iter().map(|b| u32::from_ne_bytes(*b));
                 place_line(&mut p[row.clone()], x, values, |l, v| *l = v);
             }),

@@ -6,8 +6,8 @@ use std::sync::{Arc, Mutex};
 
 use glam::DAffine3;
 use pumice_core::{
-    BlockSource, CompressOptions, CompressedVolume, Error as CoreError, LabelBlock, LabelBuffer, LabelNote,
-    LabelType, Level, TypeTable, Unit, Verification, VolumeInfo,
+    BlockSource, CompressOptions, CompressedVolume, CompressionLevel, Error as CoreError, LabelBlock,
+    LabelBuffer, LabelNote, LabelType, TypeTable, Unit, Verification, VolumeInfo,
 };
 use pumice_export::{Corners, Interfaces, QuadMesh};
 use pumice_session::{OpenOptions, Residence, SessionError};
@@ -212,9 +212,9 @@ impl Volume {
     #[pyo3(signature = (path, level="default", job=None))]
     fn save(&self, py: Python<'_>, path: PathBuf, level: &str, job: Option<&Bound<'_, Job>>) -> PyResult<()> {
         let level = match level {
-            "fast" => Level::Fast,
-            "default" => Level::Default,
-            "small" => Level::Small,
+            "fast" => CompressionLevel::Fast,
+            "default" => CompressionLevel::Default,
+            "small" => CompressionLevel::Small,
             other => {
                 return Err(input(&format_args!("level: expected fast, default or small, got {other:?}")));
             }

@@ -1,4 +1,4 @@
-"""Volumes that the tests share. The module is the installed one."""
+"""Fixtures with volumes. The tests import the installed module."""
 
 import os
 import sys
@@ -15,7 +15,7 @@ from share import pytest_collection_modifyitems, pytest_configure  # noqa: E402,
 
 @pytest.fixture
 def command():
-    """The command of the same build."""
+    """Path of the command `pumice` of the same build."""
     path = Path(os.environ.get("PUMICE", ROOT / "target/debug/pumice"))
     assert path.exists(), f"{path}: build it first (cargo build -p pumice)"
     return path
@@ -23,7 +23,7 @@ def command():
 
 @pytest.fixture(scope="session")
 def labels():
-    """An array of blobs: 40 × 30 × 50 voxels, 17 labels with large ids and gaps between."""
+    """An array of blobs: 40 × 30 × 50 voxels, 17 labels with large ids, separated by gaps."""
     rng = np.random.default_rng(7)
     shape = (40, 30, 50)
     centres = rng.uniform(0, 1, (17, 3)) * shape
@@ -41,7 +41,7 @@ def volume(labels):
 
 @pytest.fixture(scope="session")
 def cortex():
-    """The shipped volume, which takes a second to compress."""
+    """Path of a shipped volume that takes a second to compress."""
     return ROOT / "data/connectomics_32x32x40nm.nrrd"
 
 

@@ -1,4 +1,4 @@
-"""Arrays in, arrays out: numpy is the oracle of every type, order and stride."""
+"""Tests arrays as input and output, of every type, order and stride, with numpy as the oracle."""
 
 import numpy as np
 import pumice
@@ -45,7 +45,7 @@ def test_ids_keep_all_their_bits():
     volume = pumice.compress(array)
     same(volume, array)
     assert volume.labels.ids.tolist() == sorted(set(array.ravel().tolist()) - {0})
-    # No type is taken that would make another id of one.
+    # Types that cannot represent an id are refused.
     for dtype in (np.uint32, np.int64, np.float16, np.float32, np.float64):
         with pytest.raises(pumice.InputError, match=f"does not fit into {np.dtype(dtype)}"):
             volume.decode(dtype=dtype)
@@ -84,7 +84,7 @@ def test_an_array_thicker_than_a_block():
 
 
 class Lazy:
-    """An array that is read in pieces, as h5py and zarr have them, and counts what was asked for at once."""
+    """An array that is read in pieces, like those of h5py and zarr. It records the size of each request."""
 
     def __init__(self, array):
         self.array, self.shape, self.dtype, self.largest = array, array.shape, array.dtype, 0
@@ -161,7 +161,7 @@ def test_descriptions_that_make_no_sense(labels, keywords, what):
 
 
 def test_an_array_and_its_file_are_one_volume(tmp_path):
-    # Floats are whole numbers up to 2⁵³ on both ways.
+    # Floats up to 2⁵³ with whole values are accepted, from arrays and from files.
     for array in (np.full((3, 4, 5), 2.0**30, np.float32), np.full((3, 4, 5), 2.0**53)):
         np.save(tmp_path / "array.npy", array)
         with pytest.warns(pumice.PumiceWarning, match="no spacing"):

@@ -1,4 +1,4 @@
-"""Cuts: what they take away is gone, what they leave ends in a cap of the label's colour; moving one live builds nothing anew."""
+"""Tests cuts: voxels cut away are gone, the rest ends in a cap of the label's colour, and moving a cut live rebuilds nothing."""
 
 import numpy as np
 import pumice
@@ -7,7 +7,7 @@ import pytest
 
 @pytest.fixture
 def half():
-    """An orthographic view from above of an 8³ block: label 3 below, label 5 above, and its scene."""
+    """(volume, scene) of an 8³ block, label 3 below and label 5 above, seen orthographically from above."""
     labels = np.full((8, 8, 8), 3, dtype=np.uint8)
     labels[:, :, 4:] = 5
     volume = pumice.compress(labels)
@@ -21,7 +21,7 @@ def half():
 
 
 def seen(volume, scene):
-    """(labels, depths) of a picture; -1 where nothing is."""
+    """(labels, depths) of a picture; -1 for pixels without a surface."""
     picture = pumice.render(pumice.Scene.from_dict(scene), volume, spp=1, backend="cpu")
     return np.asarray(picture.label), np.asarray(picture.depth)
 
@@ -37,16 +37,16 @@ def test_a_cut_shows_what_lies_below(half):
     for z, below in ((6.5, True), (2.25, False)):
         cut, depth = seen(volume, {**scene, "cuts": [plane(z, 1)]})
         assert np.allclose(depth, 20 - z), "the cap lies where the cut is, within voxels"
-        assert (cut == whole).all() == below, "labels on the cap are those that the cut goes through"
+        assert (cut == whole).all() == below, "the cap shows the labels that the cut passes through"
     gone, depth = seen(volume, {**scene, "cuts": [plane(4, 1), plane(4, -1)]})
     assert not np.isfinite(depth).any() and (gone != whole).all()
     named = {**plane(6.5, 1), "instances": []}
-    assert np.allclose(seen(volume, {**scene, "cuts": [named]})[1], 12), "a cut of no instance takes nothing"
+    assert np.allclose(seen(volume, {**scene, "cuts": [named]})[1], 12), "a cut without instances removes nothing"
 
 
 def test_a_box_takes_its_inside(half):
     volume, scene = half
-    # The quarter x, y < 4 down to z = 5.5.
+    # The box cuts away the quarter x, y < 4 down to z = 5.5.
     box = {"shape": {"box": {"world_from_box": [2, 0, 0, 0, 2, 0, 0, 0, 2, 2, 2, 7.5]}}}
     depth = seen(volume, {**scene, "cuts": [box]})[1]
     low = np.isclose(depth, 14.5)

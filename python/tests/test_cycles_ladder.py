@@ -1,7 +1,7 @@
-"""The ladder of scenes on which Pumice must draw the picture that Cycles draws: tests/cycles_ladder, docs/cycles.md.
+"""Tests the ladder of scenes on which Pumice must agree with Cycles (tests/cycles_ladder, docs/cycles.md).
 
-Cycles' pictures are checked in as means and variances, so no Blender is needed here; blender-addon/tests/test_cycles_ladder.py draws
-some of them anew each day.
+Cycles' pictures are checked in as means and variances, so this needs no Blender. blender-addon/tests/test_cycles_ladder.py renders some
+of them again each day.
 """
 
 import sys
@@ -30,7 +30,7 @@ def pairs_of(names):
 @pytest.mark.parametrize("rung", rungs.judged(), indirect=True)
 def test_pumice_agrees_with_cycles(rung):
     truth, about = reference.load(rung.name)
-    assert about["digest"] == rung.digest, "the rung changed: make_references.py draws its reference anew"
+    assert about["digest"] == rung.digest, "the rung has changed: make its reference again with make_references.py"
     found = verdict.heard(lambda first, seeds: rung.draw(first, seeds), truth, rung.seeds)
     print(found)
     assert found.agrees, found
@@ -48,13 +48,13 @@ def test_faults_are_convicted(rung, fault):
 def test_each_reference_belongs_to_a_rung_and_convicted_itself_seldom():
     assert sorted(p.stem for p in reference.FOLDER.glob("*.npz")) == rungs.judged()
     false_alarms = [reference.load(name)[1]["false_alarms"] for name in rungs.judged()]
-    # A verdict is wrong in at most 2 of 100 before it is heard again: of 20 sets a rung, 4 or more happen to 1 rung of 1,000.
+    # At most 2 of 100 first verdicts are false alarms, so 4 or more in the 20 sets of a rung occur for 1 rung in 1,000.
     assert max(false_alarms) < 4, false_alarms
     assert sum(path.stat().st_size for path in reference.FOLDER.iterdir()) < 5_000_000
 
 
 def noise(seed, seeds, offset=0.0):
-    """Pictures whose pixels are exponentially distributed about a gradient: as skewed as those of a path tracer."""
+    """Pictures with exponentially distributed pixels about a gradient, as skewed as those of a path tracer."""
     rng = np.random.default_rng(seed)
     mean = np.linspace(0.1, 1.0, 24)[None, :, None] * np.ones((16, 1, 3))
     return mean * (rng.exponential(size=(seeds, 16, 24, 3)) + offset)
@@ -64,9 +64,9 @@ def test_verdicts_convict_as_often_as_they_say():
     truth = verdict.Reference.of(noise(0, 2000))
     found = [verdict.judge(noise(1 + i, 16), truth) for i in range(200)]
     guilty = sum(not v.agrees for v in found)
-    # Each of two tests at 1 % (the third is rarer): 4 expected; more than 12 would come once in 1,000.
+    # Two tests at 1 % each (the third fails more rarely): 4 failures are expected, and more than 12 occur once in 1,000.
     assert guilty <= 12, guilty
-    # A mean that is off by less than a tenth of a pixel's noise is seen.
+    # A mean that is off by less than a tenth of a pixel's noise is detected.
     assert all(not verdict.judge(noise(300 + i, 16, offset=0.08), truth).agrees for i in range(20))
 
 

@@ -1,6 +1,6 @@
-"""Passes of light against Cycles': tests/cycles_ladder/pass_reference.py says what is compared and how, docs/passes.md what differs.
+"""Tests passes of light against Cycles': tests/cycles_ladder/pass_reference.py documents the comparison, docs/passes.md the differences.
 
-Cycles' passes are checked in as means of tiles with their variances, so no Blender is needed here.
+Cycles' passes are checked in as means of tiles with their variances, so this needs no Blender.
 """
 
 import sys
@@ -14,23 +14,23 @@ import pass_reference
 import rung as rungs
 
 SEEDS = 12
-# What a rung has, of what is told apart.
+# Kinds of light that are present in each rung.
 SEEN = {
     "10_metal_and_plastic": ["diffuse_color", "diffuse_direct", "diffuse_indirect", "environment", "glossy_direct", "glossy_indirect"],
     "11_glass": ["environment", "glossy_direct", "glossy_indirect", "transmission_indirect"],
     "12_coat_and_sheen": ["diffuse_color", "diffuse_direct", "diffuse_indirect", "environment", "glossy_direct", "glossy_indirect"],
 }
-# By how much a fault must be brighter to be seen: 2 %, and 5 % of indirect light, which is the noisier. What clear glass reflects is
-# little, and after further surfaces a thousandth of the picture's light, of a small bright window.
+# Factor of brightness that must be detected, where it is not the usual 2 %, or 5 % for the noisier indirect light. Clear glass reflects
+# little light, and after further surfaces only a thousandth of the picture's, from a small bright window.
 NOISIER = {("11_glass", "glossy_direct"): 1.05, ("11_glass", "glossy_indirect"): 1.2}
 
 
 @pytest.fixture(scope="module", params=pass_reference.RUNGS)
 def drawn(request, tmp_path_factory):
-    """(name, pictures by kind, reference)."""
+    """(name, pictures by kind, reference) of a rung."""
     rung = rungs.Rung(request.param, tmp_path_factory.mktemp("rung"))
     reference = pass_reference.load(rung.name)
-    assert reference[2]["digest"] == rung.digest, "the rung changed: make_pass_references.py draws its reference anew"
+    assert reference[2]["digest"] == rung.digest, "the rung has changed: make its reference again with make_pass_references.py"
     assert reference[2]["kinds"] == list(pass_reference.KINDS)
     return rung.name, pass_reference.drawn(rung, 0, SEEDS), reference
 
@@ -45,7 +45,7 @@ def test_passes_are_cycles(drawn):
 
 
 def test_faults_are_convicted(drawn):
-    """Each kind a little brighter, which must be seen in it and in no other; and two kinds mistaken for one another."""
+    """Each kind of light made a little brighter must be detected in that kind and no other; swapped kinds must be detected too."""
     name, pictures, reference = drawn
     for kind in SEEN[name]:
         factor = NOISIER.get((name, kind), 1.05 if "indirect" in kind else 1.02)
@@ -60,12 +60,12 @@ def test_faults_are_convicted(drawn):
 
 
 def test_other_seeds_of_cycles_are_not_convicted():
-    """The verdict on pictures that do agree: noise about a gradient, skewed as a path tracer's, black in places."""
+    """Pictures that agree pass: skewed noise about a gradient, as a path tracer's, with black areas."""
     random = np.random.default_rng(3)
     mean = np.linspace(0.0, 1.0, 24)[None, None, None, :, None].clip(0.3) - 0.3
     noise = lambda n: mean * random.exponential(size=(n, len(pass_reference.KINDS), 16, 24, 3))  # noqa: E731
     parts = pass_reference.of_seeds(noise(400))
     reference = parts.mean(axis=0), parts.var(axis=0, ddof=1) / 400, {"seeds": 400}
     guilty = sum(bool(pass_reference.guilty(pass_reference.judge(noise(SEEDS), reference))) for _ in range(60))
-    # 1 of 100 each: 4 or more of 60 come once in 300.
+    # At 1 % each, 4 or more false alarms in 60 occur once in 300.
     assert guilty < 4, guilty

@@ -1,12 +1,12 @@
-"""The interpreter ends while threads are at work: it ends as always, with the exit code of the script."""
+"""Tests that the interpreter ends normally, with the exit code of the script, while threads are inside calls of the module."""
 
 import subprocess
 import sys
 
 import pytest
 
-# A thread that Python does not wait for, in a long call; and a finalizer that keeps the interpreter in its last moments, without
-# holding it, for longer than the waiting side of a call sleeps. Whoever wants the interpreter then is taken off by force.
+# A daemon thread, for which Python does not wait, is in a long call. A finalizer delays the end of the interpreter, without holding the
+# GIL, for longer than a waiting call sleeps. Python kills a thread that tries to take the GIL at this point.
 SCRIPT = """
 import sys, threading, time
 import numpy as np, pumice

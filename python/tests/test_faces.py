@@ -1,4 +1,4 @@
-"""The exact surface, against faces found in the dense array with numpy."""
+"""Tests the exact surface against faces that numpy finds in the dense array."""
 
 import numpy as np
 import pumice
@@ -6,7 +6,7 @@ import pytest
 
 
 def expected(labels, shown, interfaces):
-    """(label, middle of the face in half voxels, outward normal) of every face, one a row, sorted."""
+    """Rows (label, middle of the face in half voxels, outward normal) of all faces, sorted."""
     kept = np.pad(np.where(np.isin(labels, list(shown)), labels.astype(np.int64), 0), 1)
     rows = []
     for axis in range(3):
@@ -49,7 +49,7 @@ def test_faces_are_those_of_the_array(volume, labels, interfaces, shared_corners
 
 
 def test_a_voxel_too_few_is_noticed(volume, labels):
-    # Negative control: the array that is compared with lacks one voxel inside a label.
+    # Negative control: faces of an array that lacks one voxel differ.
     lacking = labels.copy()
     lacking[tuple(np.argwhere(labels > 0)[1000])] = 0
     rows, wrong = got(volume, volume.faces()), expected(lacking, volume.labels.ids.tolist(), "outside")

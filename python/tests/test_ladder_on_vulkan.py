@@ -1,9 +1,9 @@
-"""Every rung of the ladder (tests/cycles_ladder) on every Vulkan backend, against the processor's pictures: by the ladder's own judge,
-and value by value. Fewer samples and pixels than against Cycles: what remains is mostly compiling, for a device that computes on the
-processor. Each rung is compiled for what it needs alone.
+"""Tests every rung of the ladder (tests/cycles_ladder) on every Vulkan backend against pictures of the CPU backend, statistically as the
+ladder does, and value by value. It uses fewer samples and pixels than the comparison with Cycles, because most of the time goes into
+compiling for a device that computes on the CPU. Each rung compiles shaders for just what it needs.
 
-An ordinary run draws an eighth of the pairs of rung and backend, all three backends among them, another one each day; `--full` all. A
-rung joins when its file no longer awaits anything.
+An ordinary run takes an eighth of the pairs of rung and backend, with all three backends, which changes daily; `--full` takes all. Rungs
+whose file says that they await something are left out.
 """
 
 import os
@@ -22,16 +22,16 @@ import verdict
 
 BACKENDS = ["vulkan-rt", "vulkan-query", "vulkan-compute"]
 SEEDS, SPP = 8, 4
-# The same samples: a value that is off by more than this share of itself, or of the picture's mean where that is larger, is apart. What
-# roundings make of it was 8e-6 at most (a coat's rough lobe), on Mesa's llvmpipe.
+# With the same samples, a value counts as differing if it is off by more than this share of itself, or of the picture's mean if that is
+# larger. Rounding made at most 8e-6 (in a coat's rough lobe) on Mesa's llvmpipe.
 ROUNDING = 1e-4
-# A rounding may send a path another way, with a chance below 2⁻¹⁴ a choice (vulkan-renderer/tests/radiance): of a pixel's 4 paths with
-# at most some twenty choices each, one value in 200 at the worst. None was seen.
+# Rounding may make a path take another branch, with a probability below 2⁻¹⁴ per choice (vulkan-renderer/tests/radiance). With 4 paths per
+# pixel and at most some twenty choices each, that is at worst one value in 200. None was observed.
 MOST_APART = 0.005
 
 
 def todays():
-    """(rung, backend) whose turn it is, as PUMICE_TEST_SHARE says: `full`, or K/N on the Kth day of N."""
+    """Pairs (rung, backend) that PUMICE_TEST_SHARE selects: all for `full`, every Nth from K on for `K/N`."""
     which = os.environ.get("PUMICE_TEST_SHARE") or "0/8"
     names = rungs.judged()
     if which == "full":
@@ -41,13 +41,13 @@ def todays():
 
 
 def turns(names, day, days):
-    """Every `days`th pair: pair number i is of rung i // 3."""
+    """Every `days`th pair; pair number i belongs to rung i // 3."""
     pairs = [(name, backend) for name in names for backend in BACKENDS]
     return pairs[day::days]
 
 
 def drawn(rung, first, seeds, backend):
-    """Pictures (seeds, height, width, 3) of one live session, which compiles once."""
+    """Renders pictures (seeds, height, width, 3) in one live session, which compiles only once."""
     out = []
     settings = rung.scene["settings"]
     scene = pumice.Scene.from_dict({**rung.scene, "settings": {**settings, "seed": first}})
@@ -63,7 +63,7 @@ def drawn(rung, first, seeds, backend):
 
 
 def converged(session, revision):
-    # A guard against hangs: compiling takes seconds, on a busy machine several times that.
+    # A limit against hangs: compiling takes seconds, on a busy machine several times that.
     end = time.monotonic() + 400
     while time.monotonic() < end:
         frame = session.latest()
@@ -75,7 +75,7 @@ def converged(session, revision):
 
 
 def apart(pictures, expected):
-    """(share of values that are apart, largest difference)."""
+    """(share of values that differ by more than ROUNDING, largest difference)."""
     off = np.abs(pictures - expected) / np.maximum(np.abs(expected), expected.mean())
     return (off > ROUNDING).mean(), off.max()
 
@@ -85,24 +85,24 @@ def test_a_rung_is_the_processors(name, backend, tmp_path):
     rung = rungs.Rung(name, tmp_path)
     for side in ("width", "height"):
         rung.scene["film"][side] //= 2
-    # A live picture has no passes. That of caught shadows is compared sum by sum (vulkan-renderer/tests/radiance/catchers.rs); without
-    # it they are in the picture.
+    # Live pictures have no passes. Without the shadow-catcher pass, caught shadows are in the picture. (The pass itself is compared in
+    # vulkan-renderer/tests/radiance/catchers.rs.)
     rung.scene["film"].pop("passes", None)
     pictures = drawn(rung, 0, SEEDS, backend)
 
-    # Other seeds, judged by chance, as Cycles is.
+    # Other seeds are compared statistically, as with Cycles.
     truth = verdict.Reference.of(rung.draw(1000, 8 * SEEDS, spp=SPP))
     found = verdict.judge(pictures, truth)
     if not found.agrees:
         found = verdict.judge(drawn(rung, SEEDS, 4 * SEEDS, backend), truth)
     assert found.agrees, found
 
-    # The same seeds, and so the same samples.
+    # The same seeds give the same samples, which are compared value by value.
     share, worst = apart(pictures, rung.draw(0, SEEDS, spp=SPP))
     print(f"{name} on {backend}: {found}; {share:.2e} of values apart, worst {worst:.1e}")
     assert share <= MOST_APART, (share, worst)
 
-    # Controls: other samples, and each fault of the rung, are told from these.
+    # Controls: other samples and each fault of the rung are detected.
     share, _ = apart(pictures, rung.draw(1, SEEDS, spp=SPP))
     assert share > 2 * MOST_APART, share
     for fault in rung.fields["controls"]:
@@ -117,5 +117,5 @@ def test_each_day_draws_on_all_and_eight_days_draw_all_on_all():
     assert all({backend for _, backend in day} == set(BACKENDS) for day in each)
     drawn = [pair for day in each for pair in day]
     assert len(drawn) == len(set(drawn)) == 60
-    # Rungs of a day are spread over the list.
+    # The pairs of a day belong to different rungs.
     assert all(len({name for name, _ in day}) == len(day) for day in each)

@@ -1,4 +1,4 @@
-"""Meshes of arrays: what is taken, what is refused by name, and that a live picture and a render pass them on with the scene's fields."""
+"""Tests meshes from arrays: accepted and refused arrays, and meshes in live pictures and renders."""
 
 import numpy as np
 import pumice
@@ -25,7 +25,7 @@ def test_a_mesh_of_arrays_of_any_kind():
 @pytest.mark.parametrize(
     "positions,triangles,materials,said",
     [
-        (CORNERS, [[0, 1, 4]], None, "triangle 0 names corner 4, but there are 4"),
+        (CORNERS, [[0, 1, 4]], None, "triangle 0: expected corners below 4, got 4"),
         ([[0.0, np.nan, 0.0]], [], None, "corner 0: expected finite numbers"),
         (CORNERS, FACES, [0], "expected a material for each of 2 triangles, got 1"),
         (CORNERS, [[0, 1, -1]], None, "triangles: expected whole numbers from 0"),
@@ -49,7 +49,7 @@ def test_normals_make_a_mesh_smooth():
     by_triangle = pumice.Mesh(CORNERS, FACES, normals=np.array([bent, bent, up, up])[np.array(FACES)])
     assert by_corner.is_smooth and not flat.is_smooth and by_corner.content_hash == by_triangle.content_hash
     assert by_corner.bytes_resident == flat.bytes_resident + 2 * 12
-    # Lengths do not count, and what a triangle has anyway, or 0, is no normal of its own.
+    # The lengths of normals do not matter. A normal that equals the triangle's own, or is 0, counts as none.
     assert pumice.Mesh(CORNERS, FACES, normals=np.array([bent, bent, up, up]) * 7).content_hash == by_corner.content_hash
     one = pumice.Mesh(CORNERS, FACES[:1])
     assert pumice.Mesh(CORNERS, FACES[:1], normals=[up, [0, 0, 0], [0, 0, 3], bent]).content_hash == one.content_hash
@@ -74,13 +74,13 @@ def test_bad_normals_are_refused_by_name(normals, said):
 
 
 def test_a_picture_shows_a_mesh_where_it_is(volume):
-    """A square that is seen at a slant: its depth is the plane's, its colour the material's, by triangle."""
+    """A tilted square has the depth of its plane, and each triangle the colour of its material."""
     fields = pumice.figure(volume, size=(24, 20)).to_dict()
     camera = fields["camera"]
     camera["world_from_camera"] = [1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 10]
     camera["projection"] = {"orthographic": {"scale": 6.0}}
     camera["clip"] = [0.0, 1e9]
-    # Far from the volume; it rises by 1 from x = 0 to 2, in a mirrored place.
+    # The square is far from the volume, rises by 1 from x = 0 to 2, and has a mirroring matrix.
     colors = [[0.9, 0.1, 0.1], [0.1, 0.1, 0.9]]
     materials = [{"base_color": color, "roughness": 1.0, "specular": 0.0} for color in colors]
     place = [-1, 0, -0.5, 0, 1, 0, 0, 0, 1, 2, 0, 1]
@@ -95,14 +95,14 @@ def test_a_picture_shows_a_mesh_where_it_is(volume):
     inside = (x > 0) & (x < 2) & (y > 0) & (y < 2)
     assert np.array_equal(np.isfinite(picture.depth), inside) and inside.sum() == 64
     assert np.abs(picture.depth - (10 - x / 2))[inside].max() < 1e-5
-    # The diagonal runs from (2, 0) to (0, 2); pixels on it belong to one of both.
+    # Leaves out the diagonal from (2, 0) to (0, 2), on which pixels belong to either triangle.
     off = np.abs(x + y - 2) > 0.1
     expected = np.where((x + y < 2)[..., None], colors[0], colors[1])
     assert np.abs(picture.albedo - expected)[inside & off].max() < 1e-6
     assert not picture.label[inside].any()
     lit = picture.color[inside & off]
     assert (lit.max(axis=-1) > 0.01).all()
-    # Without its mesh the scene is refused; with another, the picture is another.
+    # The scene is refused without its mesh, and another mesh gives another picture.
     smaller = pumice.Mesh([[v / 2 for v in c] for c in corners], [[0, 1, 2], [0, 2, 3]])
     other = pumice.render(pumice.Scene.from_dict(fields), volume, meshes=[smaller], spp=1, backend="cpu")
     assert np.isfinite(other.depth).sum() == 16

@@ -1,4 +1,4 @@
-"""Scenes and renders: the same picture as the command's, bit for bit."""
+"""Tests scenes and renders: pictures equal those of the command bit for bit."""
 
 import json
 import subprocess
@@ -35,7 +35,7 @@ def test_the_command_makes_the_same_picture(scene, volume, command, tmp_path):
     other = scene.to_dict()
     other["settings"]["seed"] += 1
     different = pumice.render(pumice.Scene.from_dict(other), volume, spp=5, backend="cpu")
-    assert (different.color != picture.color).any(), "the comparison can see a difference"
+    assert (different.color != picture.color).any(), "the comparison detects a difference"
 
 
 def test_what_a_picture_holds(scene, volume, labels):
@@ -72,7 +72,7 @@ def test_cryptomatte(scene, volume):
     labels, types = (picture.passes[name] for name in asked)
     assert labels.shape == types.shape == (40, 60, 8, 2) and labels.dtype == np.float32
     np.testing.assert_array_equal(labels[..., 1].sum(axis=-1), picture.alpha)
-    # No types in this volume; and no normal float's bits are a hash that is moved.
+    # This volume has no types. Ids with replaced exponents do not occur, so each float has the bits of its hash.
     assert picture.manifests["cryptomatte_type"] == {"no type": pumice.cryptomatte_hash("no type")}
     np.testing.assert_array_equal(types[:, :, 0, 1], picture.alpha)
     hashes = {int(h) for h in np.unique(labels[..., 0][labels[..., 1] > 0].view(np.uint32))}
@@ -93,15 +93,15 @@ def test_passes_of_light(scene, volume):
         (passes[f"{kind}_direct"] + passes[f"{kind}_indirect"]) * passes[f"{kind}_color"]
         for kind in ("diffuse", "glossy", "transmission")
     )
-    # Sums of some dozen contributions in 32 bits.
+    # Both are sums of some dozen contributions in 32 bits.
     np.testing.assert_allclose(light + passes["emission"] + passes["environment"], picture.color, rtol=3e-5, atol=3e-8)
     assert (passes["samples"] == 4).all() and passes["samples"].shape == (40, 60)
-    # What is behind all is no surface, and the first surfaces lie within the volume.
+    # Pixels without a surface, and only these, have position 0.
     np.testing.assert_array_equal((passes["position"] == 0).all(axis=-1), picture.label == 0)
     plain = pumice.render(scene, volume, spp=4, backend="cpu")
     assert not set(LIGHT) & set(plain.passes) and "samples" not in plain.passes
     np.testing.assert_array_equal(plain.color, picture.color)
-    assert (plain.passes["albedo"] != passes["albedo"]).any(), "a mean over samples where asked for"
+    assert (plain.passes["albedo"] != passes["albedo"]).any(), "a requested albedo pass is a mean over samples"
 
 
 def test_a_floor_that_catches_shadows(scene, volume):
@@ -117,7 +117,7 @@ def test_a_floor_that_catches_shadows(scene, volume):
     fields["film"]["passes"] = ["shadow_catcher"]
     apart = pumice.render(pumice.Scene.from_dict(fields), volume, meshes=[floor], spp=8, backend="cpu")
     shadow = apart.passes["shadow_catcher"]
-    # Some of the volume is as black as a shadow.
+    # Excludes parts of the volume that are as black as a shadow.
     dark &= apart.alpha == 0
     np.testing.assert_allclose(picture.alpha[dark], 1 - shadow[dark].mean(axis=-1), atol=1e-6)
     np.testing.assert_array_equal(apart.color, picture.color)
@@ -133,7 +133,7 @@ def test_a_transparent_film(scene, volume, tmp_path):
     np.testing.assert_allclose(picture.color + picture.passes["environment"], opaque.color, rtol=1e-5)
     assert (picture.color[picture.alpha == 0] == 0).all()
     picture.save(tmp_path / "a.png")
-    # Colour type 6 of the header: with alpha.
+    # Colour type 6 in the header of a PNG is RGB with alpha.
     assert (tmp_path / "a.png").read_bytes()[25] == 6
     with pumice.Session(clear, volume, backend="cpu", spp=4) as session:
         while session.status.state == "rendering":
@@ -255,7 +255,7 @@ BACKENDS = ["vulkan-rt", "vulkan-query", "vulkan-compute"]
 
 @pytest.mark.parametrize("backend", one_of_today(BACKENDS))
 def test_a_named_backend_draws_the_picture_of_the_cpu(scene, volume, backend):
-    """The surroundings of the tests bring a Vulkan device: without one this fails. Another backend each day."""
+    """Needs a Vulkan device, which `cargo xtask test` provides. The backend changes daily."""
     picture = pumice.render(scene, volume, spp=4, backend=backend)
     assert (picture.backend, picture.notices) == (backend, [])
     device = next(d for d in pumice.devices() if d["backend"] == backend and d["usable"])
@@ -265,7 +265,7 @@ def test_a_named_backend_draws_the_picture_of_the_cpu(scene, volume, backend):
     cpu = pumice.render(scene, volume, spp=4, backend="cpu")
     np.testing.assert_array_equal(picture.label, cpu.label)
     np.testing.assert_array_equal(picture.depth, cpu.depth)
-    # A session draws by the same code as a render.
+    # A session renders with the same code as `render`.
     with pumice.Session(scene, volume, backend=backend, spp=4) as session:
         while session.status.state == "rendering":
             time.sleep(0.01)
@@ -277,13 +277,13 @@ def test_a_named_backend_draws_the_picture_of_the_cpu(scene, volume, backend):
 
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_first_surfaces_of_shipped_data_are_those_of_the_cpu(backend, ct):
-    """Depth and label to the last bit. That colours agree is the command's test, by chance."""
+    """Depths and labels are equal to the last bit. (Colours are compared statistically in the tests of the command.)"""
     scene = pumice.figure(ct, size=(160, 120))
     picture, cpu = (pumice.render(scene, ct, spp=1, backend=name) for name in (backend, "cpu"))
     assert picture.backend == backend and (cpu.label > 0).any() and not (cpu.label > 0).all()
     np.testing.assert_array_equal(picture.label, cpu.label)
     np.testing.assert_array_equal(picture.depth.view(np.uint32), cpu.depth.view(np.uint32))
-    # Negative control: a camera that stands a little elsewhere sees other depths.
+    # Negative control: a camera that is moved a little gives other depths.
     fields = scene.to_dict()
     fields["camera"]["world_from_camera"][9] += 0.01
     moved = pumice.render(pumice.Scene.from_dict(fields), ct, spp=1, backend="cpu")

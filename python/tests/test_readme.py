@@ -1,4 +1,4 @@
-"""The README's script is the example, and it runs as it stands."""
+"""Tests that the script in the README is the example file, and that it runs."""
 
 import subprocess
 import sys

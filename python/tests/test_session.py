@@ -1,4 +1,4 @@
-"""Live pictures: frames, edits, picks, what they cost, and what goes wrong."""
+"""Tests live pictures: frames, edits, picks, their cost, and errors."""
 
 import gc
 import time
@@ -15,7 +15,7 @@ def scene(volume):
 
 
 def wait(session, wanted=lambda frame: frame.converged):
-    """The next frame that is wanted; a minute without it is a failure, not a measurement."""
+    """Waits for a frame for which `wanted` holds; fails after a minute."""
     end, serial = time.monotonic() + 60, 0
     while time.monotonic() < end:
         frame = session.latest(serial)
@@ -60,7 +60,7 @@ def test_frames_are_shown_where_they_lie_and_stay_as_they_are(scene, volume):
         before = a.copy()
         wait(session, lambda f: f.serial > frame.serial + 2)
         np.testing.assert_array_equal(a, before)
-    # The pixels outlive the frame, the session and all names.
+    # The pixels stay valid after the frame, the session and all references are gone.
     del frame, session, b, view
     gc.collect()
     np.testing.assert_array_equal(a, before)
@@ -168,10 +168,10 @@ def test_a_panic_is_a_state_and_no_crash(scene, volume):
 @pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="only Linux lists the threads of a process")
 def test_sessions_end_with_their_last_name(scene, volume):
     def threads():
-        """All, not only Python's."""
+        """Number of all threads of the process, not only Python's."""
         return len(list(Path("/proc/self/task").iterdir()))
 
-    # The first starts the pool that all share.
+    # The first session starts the thread pool that all share.
     with pumice.Session(scene, volume, spp=1) as session:
         wait(session)
     before = threads()

@@ -1,4 +1,4 @@
-"""Volumes and their label tables, against numpy."""
+"""Tests volumes and their label tables against numpy."""
 
 import ctypes
 import warnings
@@ -33,13 +33,13 @@ def test_columns_show_memory_that_cannot_be_changed(volume):
         ids[0] = 3
     with pytest.raises(ValueError):
         ids.flags.writeable = True
-    # Who asks for a buffer to write to is refused by the buffer itself.
+    # A request for a writable buffer is refused by the buffer protocol itself.
     with pytest.raises(TypeError, match="not writable"):
         (ctypes.c_char * 8).from_buffer(volume._native.ids())
 
 
 class PyBuffer(ctypes.Structure):
-    """CPython's Py_buffer."""
+    """The structure Py_buffer of CPython."""
 
     _fields_ = [
         *((name, kind) for name, kind in [("buf", ctypes.c_void_p), ("obj", ctypes.py_object)]),
@@ -52,7 +52,7 @@ class PyBuffer(ctypes.Structure):
 @pytest.mark.parametrize(
     ("flags", "given"),
     [
-        (0x000, True),  # SIMPLE: bytes alone
+        (0x000, True),  # SIMPLE: plain bytes
         (0x008, True),  # ND
         (0x018, True),  # STRIDES
         (0x038, True),  # C_CONTIGUOUS
@@ -146,15 +146,15 @@ def test_a_mapped_file_is_the_same_volume_and_takes_no_memory_for_boxes_and_node
     mapped = pumice.open(path, mapped=True)
     parts = mapped.resident_parts
     assert 0.9 * (parts["boxes"] + parts["nodes"]) < mapped.bytes_mapped <= parts["boxes"] + parts["nodes"]
-    # Asked for a voxel, a volume makes an index, which is no part of the file.
+    # A volume builds an index on the first request for a voxel, so this compares with a newly opened one.
     copied = pumice.open(path)
     assert mapped.bytes_resident == copied.bytes_resident and copied.bytes_mapped == 0
-    # The file is replaced, not changed: the volume is what it was.
+    # Saving replaces the file, so the mapped volume stays unchanged.
     other = np.ones((5, 5, 5), np.uint8)
     pumice.compress(other).save(path, level="fast")
     np.testing.assert_array_equal(mapped.decode(), labels)
     np.testing.assert_array_equal(pumice.open(path, mapped=True).decode(), other)
-    # There is nothing to map in a file that has to be decoded.
+    # A compressed file has nothing that could be mapped.
     volume.save(path, level="default")
     assert pumice.open(path, mapped=True).bytes_mapped == 0
 
@@ -171,7 +171,7 @@ def test_labels_that_are_read_alone(volume, labels, level, tmp_path):
     np.testing.assert_array_equal(part.contacts, volume.contacts)
     assert volume.is_whole and not part.is_whole and part.content_hash == volume.content_hash
     assert part.bytes_resident < volume.bytes_resident
-    # What is not there is neither saved, nor shown, nor chosen.
+    # A part of a volume cannot be saved, and labels that were not read cannot be shown or selected.
     with pytest.raises(pumice.PumiceError, match="only chosen labels were read"):
         part.save(tmp_path / "b.pumice")
     assert not (tmp_path / "b.pumice").exists()
@@ -235,7 +235,7 @@ def test_what_is_odd_in_a_file_is_a_warning(tmp_path):
             call(tmp_path / "a.npy")
         assert any("4 bytes after the last voxel" in str(w.message) for w in told)
         assert all(w.category is pumice.PumiceWarning for w in told)
-        assert all(w.filename == __file__ for w in told), "told of the line that called"
+        assert all(w.filename == __file__ for w in told), "the warning names the calling line"
 
 
 @pytest.mark.parametrize("name", ["absent\nin two lines.nrrd", "absent.nrrd", "absent.pumice"])

@@ -1,4 +1,4 @@
-"""Long calls: other threads run meanwhile, jobs and Ctrl-C end them, panics are exceptions."""
+"""Tests long calls: other threads run during them, jobs and Ctrl-C cancel them, panics become exceptions."""
 
 import os
 import signal
@@ -14,7 +14,7 @@ import pytest
 
 @pytest.fixture(scope="module")
 def endless(volume):
-    """A render that would take years."""
+    """A function that starts a render that would take years."""
     scene = pumice.figure(volume, size=(400, 300))
 
     def render(job=None, **keywords):
@@ -37,19 +37,19 @@ def test_another_thread_runs_and_cancels(endless):
     with pytest.raises(pumice.Cancelled, match="^cancelled$"):
         endless(job)
     thread.join()
-    # Were the interpreter held, the thread could not have taken its turns, and nobody would have cancelled.
+    # If the call held the GIL, the thread could not have run, and nobody would have cancelled.
     assert len(turns) == 50 and job.cancelled
 
 
 @pytest.fixture(scope="module")
 def large(cortex):
-    """A volume on which the calls below take tens of milliseconds."""
+    """A volume for which the calls below take tens of milliseconds."""
     return pumice.open(cortex)
 
 
 @pytest.fixture
 def turns_during():
-    """Turns that another thread has while a call lasts. Nobody is made to hand the interpreter over: it must be given away."""
+    """Counts the turns of another thread during a call. Python's switch interval is so long that the call must release the GIL itself."""
     turns, ended = [0], threading.Event()
 
     def other():
@@ -84,7 +84,7 @@ CALLS = {
 
 @pytest.mark.parametrize("call", CALLS)
 def test_other_threads_have_their_turn_during(call, large, turns_during):
-    # A single call may be over before the system wakes the other thread.
+    # A single call may end before the system wakes the other thread, so try often.
     assert any(turns_during(lambda: CALLS[call](large)) for _ in range(100))
 
 

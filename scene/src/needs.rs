@@ -42,7 +42,7 @@ pub struct Needs {
     /// Some surface lies under a clear coat.
     pub coat: bool,
     /// Some surface lets light pass straight on.
-    pub clear: bool,
+    pub transparent: bool,
     /// Some surface has sheen.
     pub sheen: bool,
     /// The camera's opening has a size.
@@ -132,7 +132,7 @@ impl Needs {
             metal,
             glass,
             coat,
-            clear,
+            transparent: clear,
             sheen,
             lens: scene.camera.aperture.is_some(),
             emission,
@@ -177,7 +177,7 @@ impl Needs {
 
     /// What is built: all that the scene needs, and what is built besides. Of hidden labels no scene needs anything.
     pub fn parts(&self) -> PartSet {
-        PartSet::ALL.without(self.spare()).without(PartSet::NONE.with(Part::HiddenLabels)).or(self.besides)
+        PartSet::ALL.without(self.unneeded()).without(PartSet::NONE.with(Part::HiddenLabels)).or(self.besides)
     }
 
     /// Fewest instances and meshes together over which a hierarchy is made.
@@ -186,7 +186,7 @@ impl Needs {
     }
 
     /// What the scene does not need.
-    pub fn spare(&self) -> PartSet {
+    pub fn unneeded(&self) -> PartSet {
         PartSet::NONE
             .with_if(Part::HiddenLabels, self.labels.iter().any(|l| l.visible < l.all))
             .with_if(Part::Levels, self.levels == [1])
@@ -194,7 +194,7 @@ impl Needs {
             .with_if(Part::Coats, !self.coat)
             .with_if(Part::Sheen, !self.sheen)
             .with_if(Part::Glass, !self.glass)
-            .with_if(Part::Clear, !self.clear)
+            .with_if(Part::Clear, !self.transparent)
             .with_if(Part::Lamps, self.lamps == 0)
             .with_if(Part::Aiming, !(self.sky_table || self.suns > 0 || self.lamps > 0 || self.emission))
             .with_if(Part::SkyPicture, !self.sky_table)
@@ -303,7 +303,7 @@ impl Needs {
             (self.metal, "metal"),
             (self.glass, "glass"),
             (self.coat, "clear coat"),
-            (self.clear, "surfaces that light passes straight through"),
+            (self.transparent, "surfaces that light passes straight through"),
             (self.sheen, "sheen"),
             (self.lens, "depth of field"),
             (self.smooth_voxels, "smooth normals of voxels, and which boxes of a label are near"),

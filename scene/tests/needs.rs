@@ -44,7 +44,7 @@ fn least() -> Needs {
         metal: false,
         glass: false,
         coat: false,
-        clear: false,
+        transparent: false,
         sheen: false,
         lens: false,
         emission: false,
@@ -85,7 +85,7 @@ fn each_edit_needs_only_what_it_brings() {
     assert_eq!(style(|s| s.material.emission[2] = 0.1), Needs { emission: true, mis: true, ..least() });
     assert_eq!(style(|s| s.material.transmission = 0.5), Needs { glass: true, ..least() });
     assert_eq!(style(|s| s.material.coat = 0.5), Needs { coat: true, ..least() });
-    assert_eq!(style(|s| s.material.alpha = 0.5), Needs { clear: true, ..least() });
+    assert_eq!(style(|s| s.material.alpha = 0.5), Needs { transparent: true, ..least() });
     assert_eq!(style(|s| s.material.sheen = 0.5), Needs { sheen: true, ..least() });
     assert_eq!(style(|s| s.material.base_color = [0.0; 3]), Needs { diffuse: false, ..least() });
     // A black that automatic colours replace is not black.
@@ -173,15 +173,15 @@ fn ambient_occlusion_leaves_out_work_along_paths_alone() {
 /// What is built is what is needed, and each part that it is to be measured with.
 #[test]
 fn what_is_built_is_what_is_needed_and_more_where_it_is_asked_for() {
-    let needed = PartSet::ALL.without(least().spare()).without(PartSet::NONE.with(Part::HiddenLabels));
+    let needed = PartSet::ALL.without(least().unneeded()).without(PartSet::NONE.with(Part::HiddenLabels));
     assert_eq!(least().parts(), needed);
     for part in Part::ALL {
         assert!(!least().parts().has(part), "{part:?}");
         let more = least().with(part);
         assert_eq!(more.parts(), needed.with(part));
         assert_eq!(
-            (more.spare(), more.explain()),
-            (least().spare(), least().explain()),
+            (more.unneeded(), more.explain()),
+            (least().unneeded(), least().explain()),
             "a scene needs no more for it"
         );
     }
@@ -235,9 +235,9 @@ fn hidden_labels_ask_for_nothing() {
 #[test]
 fn what_is_not_needed_is_spare() {
     let all = PartSet::ALL.without(PartSet::NONE.with(Part::HiddenLabels));
-    assert_eq!(least().spare(), all);
+    assert_eq!(least().unneeded(), all);
     let without = |parts: &[Part]| parts.iter().fold(all, |s, &p| s.without(PartSet::NONE.with(p)));
-    let style = |edit: fn(&mut LabelStyle)| after(|s| edit(&mut s.instances[0].style)).spare();
+    let style = |edit: fn(&mut LabelStyle)| after(|s| edit(&mut s.instances[0].style)).unneeded();
     assert_eq!(style(|s| s.show = Show::Only(vec![5])), PartSet::ALL);
     assert_eq!(style(|s| s.material.metallic = 1.0), without(&[Part::Microfacets]));
     assert_eq!(style(|s| s.material.transmission = 1.0), without(&[Part::Microfacets, Part::Glass]));
@@ -245,13 +245,13 @@ fn what_is_not_needed_is_spare() {
     assert_eq!(style(|s| s.material.sheen = 1.0), without(&[Part::Sheen]));
     assert_eq!(style(|s| s.material.alpha = 0.5), without(&[Part::Clear]));
     let full = full_scene();
-    assert_eq!(after(|s| s.suns = full.suns).spare(), without(&[Part::Aiming]));
-    assert_eq!(after(|s| s.lights = full.lights).spare(), without(&[Part::Aiming, Part::Lamps]));
-    assert!(!after(|s| s.meshes = full.meshes[..1].to_vec()).spare().has(Part::Meshes));
-    assert!(!Needs { smooth_meshes: true, ..least() }.spare().has(Part::SmoothNormals));
-    assert_eq!(after(|s| s.film.transparent = true).spare(), without(&[Part::Sorting]));
-    assert_eq!(after(|s| s.settings.lod = Lod::Boxes).spare(), without(&[Part::Levels]));
-    assert_eq!(after(|s| s.settings.smooth_voxels = true).spare(), without(&[Part::SmoothNormals]));
+    assert_eq!(after(|s| s.suns = full.suns).unneeded(), without(&[Part::Aiming]));
+    assert_eq!(after(|s| s.lights = full.lights).unneeded(), without(&[Part::Aiming, Part::Lamps]));
+    assert!(!after(|s| s.meshes = full.meshes[..1].to_vec()).unneeded().has(Part::Meshes));
+    assert!(!Needs { smooth_meshes: true, ..least() }.unneeded().has(Part::SmoothNormals));
+    assert_eq!(after(|s| s.film.transparent = true).unneeded(), without(&[Part::Sorting]));
+    assert_eq!(after(|s| s.settings.lod = Lod::Boxes).unneeded(), without(&[Part::Levels]));
+    assert_eq!(after(|s| s.settings.smooth_voxels = true).unneeded(), without(&[Part::SmoothNormals]));
 }
 
 #[test]

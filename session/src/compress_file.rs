@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use pumice_core::{CompressOptions, CompressedVolume, Job, Level, TypeTable, Verification};
+use pumice_core::{CompressOptions, CompressedVolume, CompressionLevel, Job, TypeTable, Verification};
 use pumice_formats::OpenOptions;
 use serde::Serialize;
 
@@ -19,7 +19,7 @@ pub struct CompressRequest {
     /// How to read the input.
     pub reading: OpenOptions,
     /// Size on disk against speed.
-    pub level: Level,
+    pub level: CompressionLevel,
     /// Threads; `None` takes all cores.
     pub threads: Option<usize>,
     /// Bytes of records kept in memory; more is spilled.

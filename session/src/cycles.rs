@@ -14,7 +14,7 @@ use pumice_core::{CompressedVolume, Job};
 use pumice_export::{Corners, Interfaces, QuadMesh};
 use pumice_picture::Image;
 use pumice_scene::{Instance, Scene};
-use pumice_transport::looks::Looks;
+use pumice_transport::material_table::MaterialTable;
 use serde::Deserialize;
 use serde_json::{Value, json};
 
@@ -157,8 +157,8 @@ fn write_faces(
     let visible =
         style.show.resolve(&format!("instances[{number}].style.show"), table.ids()).map_err(field)?;
     let mesh = QuadMesh::new(volume, &visible, Interfaces::Outside, Corners::Own, job)?;
-    let looks = Looks::new(style, table.ids(), table.contacts().iter(), &visible);
-    let of_label = looks.of_label();
+    let material_table = MaterialTable::new(style, table.ids(), table.contacts().iter(), &visible);
+    let of_label = material_table.of_label();
     let material = |&label: &u32| of_label.get(label as usize).map_or(0, |&m| m as i32);
     let materials: Vec<i32> = mesh.labels.iter().map(material).collect();
     let faces = mesh.quads.len();
@@ -169,7 +169,7 @@ fn write_faces(
         "vertices": path("vertices"),
         "quads": path("quads"),
         "material_of_quad": path("materials"),
-        "materials": looks.materials(),
+        "materials": material_table.materials(),
     });
     Ok((faces, fields))
 }

@@ -203,15 +203,15 @@ pub fn measure_savings(
     let mut can = leaves_out;
     let mut always_there = Vec::new();
     let is_cpu = asked.name() == "cpu";
-    if !is_cpu && needs.levels.contains(&16) && needs.spare().has(Part::HiddenLabels) {
+    if !is_cpu && needs.levels.contains(&16) && needs.unneeded().has(Part::HiddenLabels) {
         can = can.without(PartSet::NONE.with(Part::HiddenLabels));
         always_there
             .push((Part::HiddenLabels, "not measured: boxes that are drawn whole cannot be passed over"));
     }
     let why = "its code is always there, and asked only by what a scene has";
-    let missing = needs.spare().without(leaves_out);
+    let missing = needs.unneeded().without(leaves_out);
     always_there.extend(missing.parts().map(|part| (part, why)));
-    let spare = needs.spare().and(can);
+    let spare = needs.unneeded().and(can);
 
     let mut savings = Vec::new();
     for part in spare.parts() {

@@ -1,4 +1,4 @@
-"""Cycles' pictures of a rung: a job for `scene_in_cycles.py`, run by a Python that has Blender (`bpy`)."""
+"""Renders a rung of the ladder with Cycles: a job for `scene_in_cycles.py`, run by a Python that has Blender (`bpy`)."""
 
 import json
 import os
@@ -13,16 +13,16 @@ SCRIPT = Path(__file__).resolve().parents[2] / "session/src/cycles/scene_in_cycl
 
 
 def seed_of(number):
-    """Seeds far apart: pictures of Cycles' neighbouring seeds are not independent."""
+    """Seeds that are far apart, because Cycles' pictures of neighbouring seeds are not independent."""
     return number * 2_654_435_761 % 2_147_483_647
 
 
 def pictures(python, rung, first, seeds, *, spp=None, scene=None, **options):
-    """(seeds, height, width, 3) of seeds number `first` and on."""
+    """(pictures, report): pictures (seeds, height, width, 3) with the seeds number `first` and following."""
     folder = rung.folder
     job_file, out, report = (folder / f"{rung.name}-{n}" for n in ("job.json", "cycles.npy", "report.json"))
     renders = [{"seed": seed_of(1 + first + i), "spp": spp or rung.spp} for i in range(seeds)]
-    # Not Sobol-Burley, which developers are offered: with a sun and a sky it converges to another picture than the sum of both alone.
+    # Not Sobol-Burley, a developer option: with a sun and a sky it converges to another picture than the sum of the two.
     job = rung.job(out, report, renders, scene, **{"pattern": "TABULATED_SOBOL", **options})
     job_file.write_text(json.dumps(job))
     done = subprocess.run([python, SCRIPT, job_file], capture_output=True, text=True, env=surroundings(python))
@@ -36,7 +36,7 @@ def pictures(python, rung, first, seeds, *, spp=None, scene=None, **options):
 
 
 def surroundings(python):
-    """The environment, with the libraries that the runner unpacked beside the interpreter's environment where the system lacks them."""
+    """Environment variables of the interpreter, with the system libraries that `cargo xtask test` unpacked on its library path."""
     libraries = Path(python).absolute().parents[2] / "libraries/lib"
     paths = [str(libraries), *filter(None, [os.environ.get("LD_LIBRARY_PATH")])]
     return {**os.environ, "LD_LIBRARY_PATH": ":".join(paths)} if libraries.is_dir() else dict(os.environ)

@@ -1,10 +1,10 @@
-"""Faults on purpose: each takes a scene's dictionary and puts something slightly wrong into it. A verdict that does not see them where
-they are visible would be worth nothing."""
+"""Deliberate faults, as controls of the comparison with Cycles: each function makes a scene (a dictionary) slightly wrong. The comparison
+must detect each fault on the rungs where it is visible."""
 
 import copy
 import math
 
-# Ends of the names of a rung's mesh files that are shaded flat.
+# Suffix of the names of mesh files with flat shading.
 FLAT = "-flat.ply"
 
 
@@ -72,7 +72,7 @@ def _filter(scene):
 
 
 def _bounces(scene):
-    # Seven for eight cannot be seen.
+    # Seven bounces instead of eight would make no visible difference.
     bounces = scene["settings"]["bounces"]
     scene["settings"]["bounces"] = 1 if bounces == 0 else 0 if bounces == 1 else 2
 
@@ -90,7 +90,7 @@ def _aperture(scene):
 
 
 def _cut(scene):
-    # A quarter of a voxel.
+    # Moves the plane by a quarter of a voxel.
     across = scene["instances"][0]["world_from_index"][0]
     scene["cuts"][0]["shape"]["plane"]["point"][0] += 0.25 * across
 
@@ -101,7 +101,7 @@ def _flat_normals(scene):
 
 
 def _catcher(scene):
-    # A shadow a twentieth weaker.
+    # Makes the shadow a twentieth weaker.
     scene["meshes"][0]["materials"][0]["alpha"] = 0.95
 
 

@@ -1,6 +1,6 @@
-"""Draws the references of passes with Cycles: `python make_pass_references.py --blender PYTHON [RUNG …]`, with `pumice` installed.
+"""Renders the references of passes with Cycles: `python make_pass_references.py --blender PYTHON [RUNG …]`, with `pumice` installed.
 
-`PYTHON` has Blender as a module. With --judge also what Pumice's passes make of them. Takes a minute or two a rung on two cores.
+`PYTHON` has Blender as a module. --judge also compares Pumice's passes with them. Takes a minute or two per rung on two cores.
 """
 
 import argparse
@@ -21,7 +21,7 @@ SEEDS, SPP = 16, 256
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("rungs", nargs="*", default=pass_reference.RUNGS)
-    parser.add_argument("--blender", help="a Python that has bpy; without it the checked-in references are judged by")
+    parser.add_argument("--blender", help="a Python that has bpy; without it the checked-in references are used")
     parser.add_argument("--judge", action="store_true")
     args = parser.parse_args()
     for name in args.rungs:
@@ -33,7 +33,7 @@ def main():
                 about = {"blender": told["blender"], "spp": SPP, "digest": rung.digest}
                 pictures = np.load(out)
                 if not all((pictures[i] != pictures[j]).any() for i in range(SEEDS) for j in range(i)):
-                    raise SystemExit(f"{name}: two seeds drew one picture")
+                    raise SystemExit(f"{name}: two seeds gave the same picture")
                 pass_reference.save(name, pictures, about)
                 print(f"{name}: {path_size(name)} bytes, {json.dumps(about)}", flush=True)
             if args.judge:

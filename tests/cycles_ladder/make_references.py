@@ -1,7 +1,7 @@
-"""Draws the references with Cycles: `python make_references.py --blender PYTHON [RUNG …]`, with the module `pumice` installed.
+"""Renders the references with Cycles: `python make_references.py --blender PYTHON [RUNG …]`, with the module `pumice` installed.
 
-`PYTHON` has Blender as a module (`cargo xtask test --only blender` makes target/venv-bpy). With --judge also Pumice's verdict is printed
-and each control's. Takes one to five minutes a rung on two cores.
+`PYTHON` has Blender as a module (`cargo xtask test --only blender` makes target/venv-bpy). --judge also prints the verdicts on Pumice and
+on each control. Takes one to five minutes per rung on two cores.
 """
 
 import argparse
@@ -15,19 +15,19 @@ import reference
 import rung as rungs
 from verdict import Reference, heard, judge
 
-# Cycles draws each pair of numbers from 256 tables: with n samples a pixel all seeds together know 256 n points, and the mean over any
-# number of seeds keeps their error. At 32 samples it was a fifth of the noise that a verdict is judged by; at eight times that, a fortieth.
+# Cycles takes each pair of random numbers from 256 tables. With n samples per pixel, all seeds together use only 256 n points, and the
+# mean over any number of seeds keeps their error. At 32 samples this error was a fifth of the noise in a verdict; at 8 × 32, a fortieth.
 TABLES = 8
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("rungs", nargs="*", help="all where none is named")
-    parser.add_argument("--blender", help="a Python that has bpy; without it the checked-in references are judged by")
-    parser.add_argument("--judge", action="store_true", help="Pumice's verdicts and those on the controls")
-    said = "of seeds, each judged against all the others: 20 tell how often honest ones are convicted"
+    parser.add_argument("rungs", nargs="*", help="default: all rungs")
+    parser.add_argument("--blender", help="a Python that has bpy; without it the checked-in references are used")
+    parser.add_argument("--judge", action="store_true", help="print the verdicts on Pumice and on the controls")
+    said = "number of sets of seeds, each compared with all others; 20 sets measure the rate of false alarms"
     parser.add_argument("--sets", type=int, default=2, help=said)
-    parser.add_argument("--spp", type=int, help="of Cycles' pictures; eight times the rung's by default")
+    parser.add_argument("--spp", type=int, help="samples per pixel of Cycles; by default eight times the rung's")
     parser.add_argument("--keep", action="store_true", help="do not write the reference")
     args = parser.parse_args()
     for name in args.rungs or rungs.names():
@@ -44,7 +44,7 @@ def main():
 
 
 def drawn(rung, blender, sets, spp):
-    """(reference, about) of a rung."""
+    """Renders a rung with Cycles; returns (reference, facts about it)."""
     start = time.perf_counter()
     pictures, told = by_cycles.pictures(blender, rung, 0, sets * rung.seeds, spp=spp)
     verdicts = reference.calibrated(pictures, rung.seeds)

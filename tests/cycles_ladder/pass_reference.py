@@ -1,14 +1,14 @@
-"""Passes of light, judged against Cycles' by tiles: what is compared, and the references that are checked in.
+"""Compares passes of light with Cycles' by tiles, and reads and writes the references that are checked in.
 
     pass_references/NAME.npz    means      float32 (kinds, rows, columns, 3): mean over seeds of each tile of 8 × 8 pixels
                                 variances  float32: variance of that mean
                                 about      JSON text: Blender's version, seeds, samples, the rung's digest, the kinds
 
-What is compared is light times the colour by which both programs divide it, and the diffuse colour: those two do not depend on how each
+The comparison uses light times the colour by which both programs divide it, and the diffuse colour. These do not depend on how each
 program estimates the colours of glossy light and of transmission, which differ (docs/passes.md).
 
-    means of tiles and of the whole, each kind and channel    Welch's t, none beyond Šidák's bound at 1 % for all of a rung together
-    a tile or whole without noise in either                   off by rounding alone
+    means of tiles and of the whole, each kind and channel    Welch's t; none may exceed Šidák's bound at 1 % for a rung together
+    a tile or the whole without noise in either picture       may differ only by rounding
 """
 
 import json
@@ -33,7 +33,7 @@ def path_of(name):
 
 
 def of_seeds(pictures):
-    """(seeds, kinds, rows · columns + 1, 3): means of tiles, and last of the whole, of pictures (seeds, kinds, height, width, 3)."""
+    """Means of each tile and, last, of the whole picture: (seeds, kinds, rows · columns + 1, 3) of (seeds, kinds, height, width, 3)."""
     seeds, kinds, height, width, channels = pictures.shape
     parts = tiles(pictures.reshape(seeds * kinds, height, width, channels)).reshape(seeds, kinds, -1, channels)
     return np.concatenate([parts, pictures.mean(axis=(2, 3))[:, :, None]], axis=2)
@@ -51,13 +51,13 @@ def save(name, pictures, about):
 
 
 def load(name):
-    """(means, variances, about)."""
+    """(means, variances, about) of a reference."""
     with np.load(path_of(name)) as file:
         return file["means"].astype(np.float64), file["variances"].astype(np.float64), json.loads(str(file["about"]))
 
 
 def drawn(rung, first, seeds):
-    """Pumice's light by kind: (seeds, kinds, height, width, 3)."""
+    """Renders Pumice's passes of light: (seeds, kinds, height, width, 3)."""
     import pumice
 
     scene = json.loads(json.dumps(rung.scene))
@@ -75,13 +75,13 @@ def drawn(rung, first, seeds):
 
 
 def judge(pictures, reference):
-    """What of each kind is beyond the bound: {kind: (how many of its means, the least chance times all means judged)}."""
+    """Result for each kind: {kind: (number of means beyond the bound, least probability times the number of all means)}."""
     means, variances, about = reference
     parts = of_seeds(pictures)
     n = len(parts)
     apart = parts.mean(axis=0) - means
     va, vb = parts.var(axis=0, ddof=1) / n, variances
-    # Sums of float32 differ by rounding where there is no noise; and where there is little.
+    # Allows for the rounding of float32 sums, where there is little or no noise.
     floor = (10 * ROUNDING * np.maximum(np.abs(means), means.mean(axis=(1, 2), keepdims=True))) ** 2
     t = np.abs(apart) / np.sqrt(va + vb + floor + 1e-30)
     freedom = (va + vb + floor + 1e-30) ** 2 / (va**2 / (n - 1) + vb**2 / (about["seeds"] - 1) + 1e-62)

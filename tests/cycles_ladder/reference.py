@@ -1,4 +1,4 @@
-"""The references that are checked in: Cycles' mean picture of each rung with its noise, and how often Cycles convicts itself.
+"""Reads and writes the references that are checked in: Cycles' mean picture of each rung with its noise, and the rate of false alarms.
 
     references/NAME.npz    mean       float32 (height, width, 3)
                            error      float16: standard error of the mean, in 2⁻¹² of the picture's mean
@@ -22,7 +22,7 @@ def path_of(name):
 
 
 def load(name):
-    """(reference, what it says about itself)."""
+    """(reference, facts about it) of a rung."""
     with np.load(path_of(name)) as file:
         mean, about = file["mean"].astype(np.float64), json.loads(str(file["about"]))
         error = file["error"].astype(np.float64) * mean.mean() / 4096
@@ -42,7 +42,7 @@ def save(name, reference, about):
 
 
 def calibrated(pictures, seeds):
-    """Verdicts of each set of seeds against a reference of all the others: all of them should agree."""
+    """Verdicts on each set of `seeds` pictures against a reference of all others. As all are by Cycles, all should agree."""
     verdicts = []
     for first in range(0, len(pictures), seeds):
         others = np.concatenate([pictures[:first], pictures[first + seeds :]])

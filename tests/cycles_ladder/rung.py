@@ -1,17 +1,17 @@
 """A rung of the ladder: a small scene of real voxels, the same for Pumice and for Cycles.
 
-    rungs/NAME.json    over rungs/base.json, field by field (as RFC 7386 merges):
-      what             a line
-      awaits           what it wants before it is judged: a part of scenes that is not drawn yet, or its reference
+    rungs/NAME.json    a JSON merge patch (RFC 7386) of rungs/base.json:
+      what             a description in one line
+      awaits           why the rung is not compared yet: a feature that is not drawn, or a missing reference
       crop             volume (in data/), low, size in voxels, labels: [first, end) of its labels by falling number of voxels;
                        spacing: in place of the volume's own; cut_x: only voxels left of this plane, which may halve them
       view             eye and target in world units: the crop's middle is the origin, its longest side 2
-      scene            what the scene file has; labels of `style.materials` are ranks within the crop
-      sky              draws the picture of an image sky
+      scene            fields of the scene file; labels of `style.materials` are ranks within the crop
+      sky              parameters of a generated sky image
       floor            a square mesh: height, half of its side, material, shadow_catcher
-      ball             a mesh shaded smooth: where, radius, how often its triangles are cut in four, materials of its halves
-      seeds, spp       of a verdict
-      controls         faults that the verdict must see, by the names of `controls.py`
+      ball             a smooth mesh: position, radius, number of subdivisions, materials of its halves
+      seeds, spp       of a comparison
+      controls         names of faults in `controls.py` that the comparison must detect
 """
 
 import copy
@@ -33,23 +33,23 @@ DATA = FOLDER.parents[1] / "data"
 
 
 def names():
-    """All rungs, in their order."""
+    """Names of all rungs in order."""
     return sorted(path.stem for path in (FOLDER / "rungs").glob("*.json") if path.stem != "base")
 
 
 def judged():
-    """Those that want nothing more."""
+    """Names of the rungs that are compared: those that await nothing."""
     return [name for name in names() if "awaits" not in described(name)]
 
 
 def described(name):
-    """The rung's file over the base."""
+    """The rung's fields: its file merged into the base."""
     base, own = (json.loads((FOLDER / "rungs" / f"{n}.json").read_text()) for n in ("base", name))
     return merged(base, own)
 
 
 def merged(base, patch):
-    """JSON merge patch: objects field by field, null takes away, all else replaces."""
+    """JSON merge patch (RFC 7386): merges objects field by field, null removes a field, anything else replaces it."""
     if not isinstance(patch, dict) or not isinstance(base, dict):
         return copy.deepcopy(patch)
     out = copy.deepcopy(base)
@@ -62,7 +62,7 @@ def merged(base, patch):
 
 
 def looking(eye, target):
-    """A camera's matrix, z up, as twelve numbers."""
+    """The matrix of a camera with z up, as twelve numbers."""
     eye = np.array(eye, dtype=np.float64)
     back = eye - target
     back /= np.linalg.norm(back)
@@ -72,10 +72,10 @@ def looking(eye, target):
 
 
 class Rung:
-    """A rung made ready: its labels, its scene as a dictionary, its faces for Cycles."""
+    """A prepared rung: its labels, its scene as a dictionary, its faces for Cycles."""
 
     def __init__(self, name, folder):
-        """`folder`: where what the scene points at is written."""
+        """`folder` receives the files that the scene refers to."""
         import pumice
 
         self.name, self.folder = name, Path(folder)
@@ -90,7 +90,7 @@ class Rung:
         self.volume = pumice.compress(self.labels)
         self.ids = ranked(self.labels)
 
-        # By their files' names; each also as it is shaded flat.
+        # Shapes by file name; each mesh is there twice, as given and with flat shading.
         self.shapes = {}
         scene = copy.deepcopy(self.fields["scene"])
         style = scene.pop("style")
@@ -117,7 +117,7 @@ class Rung:
         self.scene = pumice.Scene.from_dict(scene).to_dict()
 
     def add_mesh(self, scene, shape, place, materials):
-        """Puts a mesh into a scene, scaled and moved, and its file beside it."""
+        """Adds a mesh to a scene, scaled and moved, and writes its files."""
         scale, at = place
         stem = self.folder / f"{self.name}-mesh-{len(self.shapes)}"
         for path, form in ((f"{stem}.ply", shape), (f"{stem}{controls.FLAT}", shape.flat())):
@@ -128,28 +128,28 @@ class Rung:
         scene.setdefault("meshes", []).append(mesh)
 
     def meshes_of(self, scene):
-        """The meshes that a scene of the rung names."""
+        """The `pumice.Mesh` objects that a scene of the rung refers to."""
         return [self.shapes[mesh["source"]].made() for mesh in scene["meshes"]]
 
     @property
     def meshes(self):
-        """Its own."""
+        """The meshes of the rung's own scene."""
         return self.meshes_of(self.scene)
 
     @property
     def digest(self):
-        """Changes with all that the reference depends on."""
+        """A digest of everything that the reference depends on."""
         scene = {k: v for k, v in self.fields.items() if k in ("crop", "view", "scene", "sky", "floor", "ball")}
         text = json.dumps(scene, sort_keys=True).encode() + np.ascontiguousarray(self.labels).tobytes()
         return hashlib.sha256(text).hexdigest()[:16]
 
     def job(self, pictures, report, renders, scene=None, **options):
-        """A job for `scene_in_cycles.py`; arrays are written into the rung's folder."""
+        """A job for `scene_in_cycles.py`; writes its arrays into the rung's folder."""
         scene = self.scene if scene is None else scene
         style = scene["instances"][0]["style"]
         show = style["show"]
         shown = self.ids if show == "all" else show["only"]
-        # A vertex of one quad alone has that quad's normal: to be smooth, quads must share them.
+        # For smooth shading quads must share vertices; a vertex of a single quad has that quad's normal.
         vertices, faces = self.cut_faces(shown, options.get("smooth", False))
         own = sorted(style["materials"], key=int)
         materials = [style["material"], *(style["materials"][label] for label in own)]
@@ -182,7 +182,7 @@ class Rung:
         }
 
     def cut_faces(self, shown, shared_corners):
-        """(vertices, faces) of the labels that are shown: what is right of the cut is gone, and what it halves ends there."""
+        """(vertices, faces) of the shown labels. Voxels right of the cut are removed, and those that it halves end at it."""
         import pumice
 
         cut = self.fields["crop"].get("cut_x")
@@ -196,12 +196,12 @@ class Rung:
         )
         vertices = faces.vertices.astype(np.float32)
         vertices[:, 0] = np.minimum(vertices[:, 0], cut)
-        # Rows of the cut volume's table, as those of the whole one's.
+        # Maps rows of the cut volume's label table to rows of the whole volume's.
         whole = np.searchsorted(self.volume.labels.ids, np.unique(left[left > 0]).astype(np.uint64)).astype(np.uint32)
         return vertices, dataclasses.replace(faces, labels=whole[faces.labels])
 
     def draw(self, first, seeds, *, scene=None, spp=None, backend="cpu"):
-        """Pictures of Pumice, (seeds, height, width, 3), of seeds from `first` on."""
+        """Renders with Pumice: pictures (seeds, height, width, 3) with the seeds from `first` on."""
         import pumice
 
         scene = self.scene if scene is None else scene
@@ -216,18 +216,18 @@ class Rung:
 
 
 def laid_over_white(color, alpha, shadow=None):
-    """A picture in three channels: what has alpha is judged over white, which shadows in a pass of their own darken."""
+    """The picture composited over white, in three channels; a shadow pass darkens the white. Without alpha, the picture itself."""
     if alpha is None:
         return color
     return color + (1.0 - alpha[..., None]) * (1.0 if shadow is None else shadow)
 
 
 def cut_out(crop):
-    """(labels of the crop, spacing): the wanted ranks of its labels, all else background."""
+    """(labels, spacing) of the crop; labels outside the wanted ranks become background."""
     import pumice
 
     with warnings.catch_warnings():
-        # A file that does not say its spacing: the rung does where it matters.
+        # Ignores that a file states no spacing; the rung gives one where it matters.
         warnings.simplefilter("ignore", pumice.PumiceWarning)
         volume = pumice.open(DATA / crop["volume"])
     low, size = np.array(crop["low"]), np.array(crop["size"])
@@ -239,6 +239,6 @@ def cut_out(crop):
 
 
 def ranked(labels):
-    """Ids by falling number of voxels, ties by id; background left out."""
+    """Ids without background by decreasing number of voxels; ties by id."""
     ids, counts = np.unique(labels[labels > 0], return_counts=True)
     return ids[np.lexsort((ids, -counts))].astype(int).tolist()

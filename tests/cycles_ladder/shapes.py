@@ -1,4 +1,4 @@
-"""Meshes that stand beside a rung's volume."""
+"""Triangle meshes for rungs that have one beside the volume."""
 
 from typing import NamedTuple
 
@@ -6,7 +6,7 @@ import numpy as np
 
 
 class Shape(NamedTuple):
-    """Corners, triangles that name three of them each, a material index for each triangle; normals of corners where it is smooth."""
+    """A mesh: corners, triangles as indices of three corners, a material index per triangle, and normals per corner if it is smooth."""
 
     corners: np.ndarray
     triangles: np.ndarray
@@ -14,17 +14,17 @@ class Shape(NamedTuple):
     normals: np.ndarray | None = None
 
     def flat(self):
-        """The same, shaded flat."""
+        """The same mesh with flat shading."""
         return self._replace(normals=None)
 
     def made(self):
-        """As the module under test has it."""
+        """The mesh as a `pumice.Mesh`."""
         import pumice
 
         return pumice.Mesh(self.corners, self.triangles, self.materials, normals=self.normals)
 
     def ply(self):
-        """As a file."""
+        """The mesh as the text of a PLY file."""
         smooth = self.normals is not None
         names = [*"xyz", *(["nx", "ny", "nz"] if smooth else [])]
         rows = np.hstack([self.corners, self.normals]) if smooth else self.corners
@@ -37,14 +37,14 @@ class Shape(NamedTuple):
 
 
 def square():
-    """A square of two triangles, seen from above counter-clockwise."""
+    """A square of two triangles, counter-clockwise from above."""
     corners = np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]])
     return Shape(corners, np.array([[0, 1, 2], [0, 2, 3]]), np.zeros(2, dtype=int))
 
 
 def ball(times):
-    """A ball of radius 1: an icosahedron whose triangles are cut in four so many times. Normals are the ball's own; triangles of the
-    left half have the first material, those of the right the second."""
+    """A ball of radius 1: an icosahedron whose triangles are split into four `times` times. Normals are those of the sphere. Triangles of
+    the left half have the first material, those of the right half the second."""
     golden = 0.5 * (1 + 5**0.5)
     corners = [np.roll([0, a, b * golden], turn) for turn in range(3) for a in (-1, 1) for b in (-1, 1)]
     corners = [c / np.linalg.norm(c) for c in corners]
@@ -53,7 +53,7 @@ def ball(times):
     triangles = [
         (i, j, k) for i in range(12) for j in range(i + 1, 12) for k in range(j + 1, 12) if near[i][j] and near[j][k] and near[i][k]
     ]
-    # Counter-clockwise from outside.
+    # Orients triangles counter-clockwise from outside.
     triangles = [t if np.linalg.det([corners[i] for i in t]) > 0 else t[::-1] for t in triangles]
     for _ in range(times):
         middles = {}

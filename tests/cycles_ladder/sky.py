@@ -1,4 +1,4 @@
-"""Pictures of skies, made and written as OpenEXR with numpy alone."""
+"""Generates sky images and writes them as OpenEXR, with numpy only."""
 
 import struct
 
@@ -6,8 +6,8 @@ import numpy as np
 
 
 def picture(width, bright, size, floor):
-    """An equirectangular sky of width × width / 2: a gradient over a dim ground, and lights of `bright` [azimuth, height, RGB radiance]
-    whose radiance falls off over `size` radians. Smooth, so that no renderer's way between pixels matters much."""
+    """An equirectangular sky of width × width / 2 pixels: a gradient over a dim ground, and lights `bright` [azimuth, elevation, RGB
+    radiance] whose radiance falls off over `size` radians. It is smooth, so that interpolation between pixels hardly matters."""
     height = width // 2
     z = np.cos((np.arange(height) + 0.5) / height * np.pi)[:, None, None]
     azimuth = (0.5 - (np.arange(width) + 0.5) / width) * 2 * np.pi
@@ -24,7 +24,7 @@ def picture(width, bright, size, floor):
 
 
 def write(path, rgb):
-    """OpenEXR, scan lines, 32-bit floats, not compressed (the file layout of openexr.com, version 2)."""
+    """Writes an OpenEXR file with scan lines of 32-bit floats, uncompressed (the file layout of openexr.com, version 2)."""
     height, width, _ = rgb.shape
     attribute = lambda name, kind, data: name + b"\0" + kind + b"\0" + struct.pack("<i", len(data)) + data  # noqa: E731
     channels = b"".join(c + b"\0" + struct.pack("<iiii", 2, 0, 1, 1) for c in (b"B", b"G", b"R")) + b"\0"

@@ -1,14 +1,14 @@
-"""Whether two renderers draw the same picture, judged by noise alone: pictures of several seeds against a reference's mean and variance.
+"""Tests statistically whether two renderers converge to the same picture: pictures of several seeds against a reference's mean and variance.
 
 With m the mean over n seeds and v its variance, R the reference and V its variance, all per pixel and channel:
 
-    ratio   Σ (m − R)² / Σ (v + V) is 1 where they agree. How far chance takes it is asked of the pictures themselves: halves of the
-            seeds, dealt 2,000 times, give the same ratio between pictures that do agree. It must lie within their middle 99 %
-    tiles   Welch's t of each tile of 8 × 8 pixels and each channel, none beyond Šidák's bound at 1 % for all of them together
-    mean    of the whole picture within 4 standard errors, each channel
+    ratio   Σ (m − R)² / Σ (v + V) is 1 in expectation if they agree. Its distribution by chance comes from the pictures themselves: random
+            halves of the seeds, drawn 2,000 times, give the same ratio between pictures that agree. It must lie in their middle 99 %
+    tiles   Welch's t of each tile of 8 × 8 pixels and each channel; none may exceed Šidák's bound at 1 % for all of them together
+    mean    the mean of the whole picture must be within 4 standard errors, in each channel
 
-Two of a hundred honest pictures fail one of them by chance. So a guilty verdict is heard again (`heard`): four times the seeds, all of them
-new. An honest picture is convicted twice in some 1 of 2,500; a real difference only stands out more.
+Two of a hundred pictures that agree fail one of these by chance. So a failure is tested again (`heard`) with four times the seeds, all of
+them new. A picture that agrees fails both times in about 1 of 2,500 cases, while a real difference only becomes clearer.
 """
 
 import dataclasses
@@ -20,13 +20,13 @@ TILE = 8
 DEALS = 2000
 LEVEL = 0.01
 STANDARD_ERRORS = 4.0
-# Below this share of the mean a difference is rounding's (float32 sums of up to 2^14 samples), whatever the noise.
+# Differences below this share of the mean count as rounding (float32 sums of up to 2^14 samples), whatever the noise.
 ROUNDING = 2e-6
 
 
 @dataclasses.dataclass(frozen=True)
 class Reference:
-    """A mean picture (height, width, channels), the variance of that mean by pixel, by tile and of the whole, and its seeds."""
+    """A mean picture (height, width, channels), the variance of that mean by pixel, by tile and of the whole, and the number of seeds."""
 
     mean: np.ndarray
     variance: np.ndarray
@@ -36,7 +36,7 @@ class Reference:
 
     @classmethod
     def of(cls, pictures):
-        """From pictures of many seeds (seeds, height, width, channels)."""
+        """The reference from pictures of many seeds (seeds, height, width, channels)."""
         pictures = np.asarray(pictures, dtype=np.float64)
         n = len(pictures)
         return cls(
@@ -50,7 +50,7 @@ class Reference:
 
 @dataclasses.dataclass(frozen=True)
 class Verdict:
-    """What was found; `agrees` is the answer."""
+    """The statistics of a comparison; `agrees` is its result."""
 
     ratio: float
     low: float
@@ -77,7 +77,7 @@ def tiles(pictures):
     """Means of tiles: (seeds, rows, columns, channels)."""
     n, height, width, channels = pictures.shape
     if height % TILE or width % TILE:
-        raise ValueError(f"a picture of {width} × {height} is not made of tiles of {TILE}")
+        raise ValueError(f"expected a picture whose width and height are multiples of {TILE}, got {width} × {height}")
     return pictures.reshape(n, height // TILE, TILE, width // TILE, TILE, channels).mean(axis=(2, 4))
 
 
@@ -95,7 +95,7 @@ def judge(pictures, reference):
     va, vb = own.var(axis=0, ddof=1) / n, reference.tile_variance
     apart = np.abs(own.mean(axis=0) - tiles(reference.mean[None])[0])
     scale = ROUNDING * np.abs(tiles(reference.mean[None])[0])
-    # A tile that neither saw noise in holds one value, and is judged by its rounding.
+    # A tile without noise in either picture has one value, and only rounding may make a difference.
     noisy = va + vb > scale**2
     t = apart[noisy] / np.sqrt((va + vb)[noisy])
     freedom = (va + vb)[noisy] ** 2 / (va[noisy] ** 2 / (n - 1) + vb[noisy] ** 2 / (reference.seeds - 1))
@@ -121,17 +121,18 @@ def judge(pictures, reference):
 
 
 def heard(draw, reference, seeds):
-    """The verdict on `draw(first, n)`, pictures of n seeds from number `first`; guilty ones are heard again with four times as many."""
+    """The verdict on `draw(first, n)`, which returns pictures of n seeds from number `first` on. A failure is tested again with four times
+    as many new seeds."""
     first = judge(draw(0, seeds), reference)
     return first if first.agrees else judge(draw(seeds, 4 * seeds), reference)
 
 
 def chance_interval(pictures, floor):
-    """Middle 99 % of the ratio between halves of the same pictures."""
+    """Bounds of the middle 99 % of the ratio between random halves of the same pictures."""
     n = len(pictures)
     rng = np.random.default_rng(1)
     half = n // 2
-    # Seeds against seeds: all that a deal needs are the sums over pixels of their products.
+    # Each ratio needs only the sums over pixels of the products of two seeds.
     flat = pictures.reshape(n, -1)
     flat = flat - flat.mean(axis=0)
     products = flat @ flat.T
@@ -143,7 +144,7 @@ def chance_interval(pictures, floor):
 
 
 def two_sided(t, freedom):
-    """Chance of a Student's t beyond ±t: 2 ∫ of its density by Simpson's rule over the angle, t = √f · tan θ. Arrays."""
+    """Probability of a Student's t beyond ±t: 2 ∫ of its density by Simpson's rule over the angle θ with t = √f · tan θ. For arrays."""
     steps = 400
     low = np.arctan(t / np.sqrt(freedom))[:, None]
     angles = low + (math.pi / 2 - low) * np.linspace(0.0, 1.0, steps + 1)

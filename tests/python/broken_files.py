@@ -1,5 +1,5 @@
-"""Small label volumes in every format that is read, as bytes, for tests that break them. Written by other people's code where there
-is any, by hand from the format's definition where there is none."""
+"""Small label volumes in every readable format, for tests that break them. They are written by other people's packages, or by hand from
+the format's definition where there is no package."""
 
 import gzip
 import io
@@ -20,7 +20,7 @@ def labels(dtype=np.uint16):
 
 
 def volumes(folder):
-    """Writes one good file of each format; returns {name: the path to open, further files first}."""
+    """Writes one good file of each format; returns {name: path to open}."""
     v = labels()
     affine = np.diag([2.0, 3.0, 4.0, 1.0])
     made = {}
@@ -71,7 +71,7 @@ def nifti(values):
 
 
 def huge_headers():
-    """{name: bytes}: headers whose sizes multiply past 2⁶⁴, with hardly any data behind them."""
+    """{name: bytes} of files whose header states sizes with a product above 2⁶⁴, followed by hardly any data."""
     nifti2 = nibabel.Nifti2Header()
     nifti2.set_data_dtype(np.uint16)
     nifti2["dim"] = [3, 2**40, 2**40, 2**40, 1, 1, 1, 1]
@@ -80,7 +80,7 @@ def huge_headers():
     npy = io.BytesIO()
     np.lib.format.write_array_header_2_0(npy, {"descr": "<u2", "fortran_order": False, "shape": (2**40, 2**40, 2**40)})
 
-    # A classic TIFF of one page: width, length, 16 bits, uncompressed, one strip at byte 8.
+    # A classic TIFF with one page: width, length, 16 bits, uncompressed, one strip at byte 8.
     tags = [(256, 4, 0xFFFFFFFF), (257, 4, 0xFFFFFFFF), (258, 3, 16), (259, 3, 1), (262, 3, 1), (273, 4, 8), (277, 3, 1)]
     tags += [(278, 4, 0xFFFFFFFF), (279, 4, 0xFFFFFFFF)]
     tiff = b"II*\0" + struct.pack("<IH", 8, len(tags))
@@ -101,7 +101,7 @@ def huge_headers():
 
 
 def wrong_values():
-    """{name: bytes}: files that are well-formed and hold what is no label, or no place."""
+    """{name: bytes} of well-formed files that contain values that are no labels, or invalid spacings or matrices."""
     v = labels(np.float32)
 
     def with_one(value, dtype):

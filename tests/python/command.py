@@ -1,4 +1,4 @@
-"""Runs the command as a person would, and says how it ended."""
+"""Runs the command `pumice` as a subprocess."""
 
 import os
 import resource
@@ -9,7 +9,7 @@ import tempfile
 import time
 from dataclasses import dataclass
 
-# A single command on the small volumes here takes a second or two, on a busy machine several times that: this guards against hangs.
+# A limit against hangs: a command on the small volumes here takes a second or two, on a busy machine several times that.
 LIMIT_SECONDS = 120
 
 
@@ -21,11 +21,11 @@ class Done:
     peak_rss_bytes: int
 
     def cancelled(self):
-        """Ctrl-C: exit code 2 and one line that says so."""
+        """Asserts the end by Ctrl-C: exit code 2 and one line with "cancelled"."""
         assert "cancelled" in self.refused(), self
 
     def refused(self):
-        """Bad usage or bad input: exit code 2 and one line on standard error that says what; never a panic."""
+        """Asserts the end by bad usage or bad input: exit code 2 and one line on standard error, no panic. Returns the line."""
         assert "panicked" not in self.err, self
         assert self.code == 2, self
         assert len(self.err.strip().splitlines()) == 1, self
@@ -41,10 +41,10 @@ class Done:
 def run(
     pumice, *args, cwd=None, file_size_limit=None, stdout=None, env=None, meanwhile=None, limit_seconds=LIMIT_SECONDS
 ):
-    """Starts `pumice args…` and waits for its end; `meanwhile(process)` runs beside it.
+    """Runs `pumice args…` to its end; calls `meanwhile(process)` after the start.
 
-    `file_size_limit`: no file may grow beyond so many bytes, as on a full disk. SIGXFSZ stays ignored (it is Python's own setting),
-    so that writing fails with an error instead of ending the program.
+    `file_size_limit`: largest size of any file in bytes, which imitates a full disk. SIGXFSZ stays ignored (Python's own setting), so
+    that writing fails with an error instead of ending the program.
     """
 
     def limit():
@@ -57,7 +57,7 @@ def run(
             stdin=subprocess.DEVNULL,
             stdout=stdout or out,
             stderr=err,
-            # With backtraces asked for, a panic would say the more.
+            # Turns on backtraces, for the case of a panic.
             env={**os.environ, "RUST_BACKTRACE": "1", **(env or {})},
             preexec_fn=limit if file_size_limit is not None else None,
             restore_signals=file_size_limit is None,
@@ -80,12 +80,12 @@ def run(
         return Done(process.returncode, out.read().decode(), err.read().decode(), used.ru_maxrss * 1024)
 
 
-# A child begins with the peak of the process that starts it, so a small one measures: prints the child's exit code and peak.
+# Starts a child and prints its exit status and peak memory. A child inherits the peak of its parent, so a small process must start it.
 MEASURE = "import os,sys; p=os.fork() or os.execv(sys.argv[1],sys.argv[1:]); _,s,u=os.wait4(p,0); print(s,u.ru_maxrss*1024)"
 
 
 def peak_rss_bytes(pumice, *args):
-    """Largest memory of `pumice args…`, as the system counted it; the command must succeed."""
+    """Peak memory of `pumice args…` as the system counts it. The command must succeed."""
     measured = subprocess.run(
         [sys.executable, "-I", "-S", "-c", MEASURE, str(pumice), *map(str, args)], capture_output=True, text=True, check=True
     )
@@ -95,7 +95,7 @@ def peak_rss_bytes(pumice, *args):
 
 
 def cpu_seconds(process):
-    """User and system seconds that a running process has used; None once it is gone."""
+    """User and system seconds that a running process has used; None if it has ended."""
     try:
         with open(f"/proc/{process.pid}/stat") as stat:
             fields = stat.read().rpartition(")")[2].split()
@@ -105,7 +105,7 @@ def cpu_seconds(process):
 
 
 def interrupt_after(seconds_of_cpu, with_signal=signal.SIGINT):
-    """Sends a signal once the process has worked for so long; a process that ended before gets none."""
+    """A function for `meanwhile` of `run` that sends a signal after so much CPU time, unless the process has ended before."""
 
     def meanwhile(process):
         while (used := cpu_seconds(process)) is not None and used < seconds_of_cpu:

@@ -1,6 +1,6 @@
-"""What the Python tests share: where the programs and the volumes are.
+"""Fixtures of the Python tests: paths of programs and volumes.
 
-`cargo xtask test` sets the environment; by hand: `cargo build -p pumice && pytest tests/python`.
+`cargo xtask test` sets the environment variables; by hand: `cargo build -p pumice && pytest tests/python`.
 """
 
 import os
@@ -16,7 +16,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 @pytest.fixture(scope="session")
 def pumice():
-    """Path of the command: environment variable PUMICE, else the dev build."""
+    """Path of the command: the environment variable PUMICE, or else the dev build."""
     path = Path(os.environ.get("PUMICE", ROOT / "target" / "debug" / "pumice"))
     assert path.is_file(), f"{path} is missing: cargo build -p pumice, or set PUMICE"
     return path
@@ -24,13 +24,13 @@ def pumice():
 
 @pytest.fixture(scope="session")
 def data():
-    """The volumes that the project ships."""
+    """Folder of the volumes that the project ships."""
     return ROOT / "data"
 
 
 @pytest.fixture(scope="session")
 def shared_data():
-    """Volumes that may not be shipped. The runner starts tests that ask for it only where the folder exists."""
+    """Folder of volumes that may not be shipped. `cargo xtask test` runs tests that use it only if the folder exists."""
     path = Path(os.environ.get("PUMICE_SHARED_DATA", ROOT.parent / "shared" / "data"))
     assert path.is_dir(), f"{path} is missing: set PUMICE_SHARED_DATA to the folder of shared volumes"
     return path
@@ -38,7 +38,7 @@ def shared_data():
 
 @pytest.fixture(scope="session")
 def rust_example():
-    """Builds an example binary and gives its path: rust_example("pumice-picture", "compare_raw")."""
+    """A function that builds an example binary and returns its path: rust_example("pumice-picture", "compare_raw")."""
 
     def build(package, name):
         subprocess.run(["cargo", "build", "--quiet", "--package", package, "--example", name], cwd=ROOT, check=True)

@@ -1,4 +1,4 @@
-"""Cryptomatte as its specification 1.2.0 has it, decoded from a file's channels and attributes by numpy alone."""
+"""Decodes Cryptomatte (specification 1.2.0) from the channels and attributes of a file, with numpy only."""
 
 import json
 
@@ -7,7 +7,7 @@ from exr_planes import attributes_of, planes
 
 
 def murmur3(text):
-    """MurmurHash3_x86_32 of its UTF-8 with seed 0, in whole numbers without a width."""
+    """MurmurHash3_x86_32 of the text's UTF-8 bytes with seed 0, in Python's unbounded integers."""
     data = text.encode()
     h = 0
     for at in range(0, len(data), 4):
@@ -23,7 +23,7 @@ def murmur3(text):
 
 
 def id_of(text):
-    """The name's float: exponents 0 and 255 are moved to 1 and 254."""
+    """The id of a name as a float; exponents 0 and 255 are replaced by 1 and 254."""
     h = murmur3(text)
     sign, exponent, mantissa = h >> 31, h >> 23 & 255, h & 0x7FFFFF
     exponent = {0: 1, 255: 254}.get(exponent, exponent)
@@ -31,7 +31,7 @@ def id_of(text):
 
 
 class Mattes:
-    """The layers of one name in a file."""
+    """The Cryptomatte layers with one name in a file."""
 
     def __init__(self, path, layers):
         attributes, _ = attributes_of(path.read_bytes())
@@ -50,6 +50,6 @@ class Mattes:
         self.coverages = np.stack([p[1] for p in pairs], axis=-1)
 
     def matte(self, *names):
-        """What these names cover: (height, width)."""
+        """The coverage by these names together: (height, width)."""
         wanted = [id_of(name).view(np.uint32) for name in names]
         return np.where(np.isin(self.ids.view(np.uint32), wanted), self.coverages, 0.0).sum(axis=-1)

@@ -1,11 +1,11 @@
-"""Means of a white Lambert square under each kind of lamp, rendered by Cycles: the figures in `transport/tests/lamps.rs`.
+"""Renders a white Lambert square under each kind of lamp with Cycles, and prints the means that `transport/tests/lamps.rs` expects.
 
-Run with Blender's module (5.0.1), once in a while by hand; a change of the figures is a change of Cycles:
+Run it by hand now and then, with Blender's module (5.0.1). If the values change, Cycles has changed:
 
     target/venv-bpy/bin/python tests/python/cycles_lamps.py
 
-The square reaches from -1 to 1 in the plane z = 0 and is all that an orthographic camera above it sees: no bounce, a box filter, 1,024
-samples of each of 32 x 32 pixels.
+The square reaches from -1 to 1 in the plane z = 0 and fills the picture of an orthographic camera above it: no bounces, a box filter,
+32 x 32 pixels with 1,024 samples each.
 """
 
 import math
@@ -62,7 +62,7 @@ LAMPS = {
 
 
 def scene():
-    """The square under a black sky, seen from above."""
+    """A scene with the square under a black sky, seen from above."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
     scene.render.engine = "CYCLES"
@@ -99,7 +99,7 @@ def scene():
 
 
 def mean(scene, folder, kind, properties):
-    """Mean of the picture under one lamp of 100 W."""
+    """Mean value of the picture under one lamp of 100 W."""
     light = bpy.data.lights.new("lamp", kind)
     light.energy = 100.0
     for name, value in properties.items():
@@ -127,5 +127,5 @@ def main():
 if __name__ == "__main__":
     main()
     sys.stdout.flush()
-    # Some versions crash when the interpreter is taken down.
+    # Some versions crash when the interpreter shuts down.
     os._exit(0)

@@ -1,6 +1,6 @@
-"""An independent decoder of .pumice files, written from docs/file-format.md alone.
+"""An independent decoder of .pumice files, written only from docs/file-format.md.
 
-Needs numpy, and zstandard for compressed files. Shares no code with the program; it is slow and plain on purpose.
+Needs numpy, and zstandard for compressed files. It shares no code with Pumice and is deliberately slow and plain.
 
     python decode_pumice.py FILE OUT.npy      ids as uint64, indexed [x, y, z]
 """
@@ -14,12 +14,12 @@ import numpy as np
 import decode_voxels
 
 SIGNATURE = b"\x89PUMICE\n"
-# Versions of files of boxes and of files of voxels.
+# File version, and the two values of `contents`.
 VERSION, BOXES, VOXELS = 5, 0, 1
 
 
 def read_sections(data):
-    """Sections by name, decoded (sections 2 and 3 of the page)."""
+    """Decoded sections by name (sections 2 and 3 of docs/file-format.md)."""
     assert data[:8] == SIGNATURE, "not a .pumice file"
     version, contents, length, table, count, frames = struct.unpack_from("<IIQQII", data, 8)
     assert version == VERSION, f"file version: expected {VERSION}, got {version}"
@@ -50,7 +50,7 @@ def read_sections(data):
 
 
 def bits(number_of_bits, data):
-    """The first bits of a stream, lowest of each byte first."""
+    """The first bits of a stream as booleans, lowest bit of each byte first."""
     all_bits = np.unpackbits(np.frombuffer(data, np.uint8), bitorder="little")
     assert len(all_bits) - number_of_bits in range(8) and not all_bits[number_of_bits:].any()
     return all_bits[:number_of_bits].astype(bool)
@@ -63,12 +63,12 @@ def mask_bits(masks):
 
 
 def demorton(code):
-    """(x, y, z) of Morton codes of 24 bits."""
+    """Coordinates (x, y, z) of Morton codes of 24 bits."""
     return np.stack([sum(((code >> (3 * k + a)) & 1) << k for k in range(8)) for a in range(3)], axis=1)
 
 
 def mirror_images(leaf):
-    """Patterns mirrored in all eight ways, by reference."""
+    """Patterns in all eight mirror images, indexed by reference."""
     rows = mask_bits(leaf)
     flips = [(m & 1) * 3 ^ (m >> 1 & 1) * 12 ^ (m >> 2) * 48 for m in range(8)]
     images = np.concatenate([rows[:, np.arange(64) ^ flip] for flip in flips])
@@ -79,12 +79,12 @@ def mirror_images(leaf):
 
 
 def tables(s):
-    """Patterns by reference, slices, rare fields."""
+    """(patterns by reference, slices, rare fields)."""
     return mirror_images(np.frombuffer(s["LEAF"], "<u8")), np.frombuffer(s["SLIC"], "<u2"), np.frombuffer(s["RARE"], "<u8")
 
 
 def class_fields(occupied, low, high, ranked, sliced, long, tables):
-    """Fields of nodes, one row of 64 a node; the masks as booleans by cell, the references by class."""
+    """Occupancy fields, one row of 64 per node. Masks are booleans by cell, references are given by class of leaf."""
     patterns, slices, rare = tables
 
     def of_slices(numbers):
@@ -109,14 +109,14 @@ def class_fields(occupied, low, high, ranked, sliced, long, tables):
 
 
 def boxes_nodes(s):
-    """Which node each box has, in the packed form."""
+    """Index of the node of each box, in the packed form."""
     back = np.frombuffer(s["BNOD"], "<u4").astype(np.int64)
     unused = np.cumsum(back == 0) - (back == 0)
     return unused - back
 
 
 def packed_nodes(s):
-    """Nodes of the packed form, and which one each box has."""
+    """(fields of all nodes, index of the node of each box) in the packed form."""
     occupied = mask_bits(np.frombuffer(s["OCCU"], "<u8"))
     classes = bits(2 * occupied.sum(), s["CLAS"]).reshape(-1, 2)
     low, high = np.zeros_like(occupied), np.zeros_like(occupied)
@@ -126,7 +126,7 @@ def packed_nodes(s):
 
 
 def plain_nodes(s):
-    """Nodes of the plain form, and the number of the node at each word where one starts."""
+    """(fields of all nodes, {offset in words: index of the node that starts there}) in the plain form."""
     words = np.frombuffer(s["NODE"], "<u2")
     long_words = 3 if len(s["SLIC"]) > 512 else 4
     rows, number_at, at, all_tables = [], {}, 0, tables(s)
@@ -153,7 +153,7 @@ def plain_nodes(s):
 
 
 def decode_pieces(s):
-    """The same as `decode`, of a file of voxels."""
+    """`decode` for a file of voxels."""
     info = json.loads(s["INFO"])
     dims = info["volume"]["dims"]
     ids = np.concatenate([np.zeros(1, np.uint64), np.frombuffer(s["LIDS"], "<u8")])
@@ -169,7 +169,7 @@ def decode_pieces(s):
 
 
 def decode(data):
-    """(ids as uint64 indexed [x, y, z], INFO) of a whole file's bytes."""
+    """(ids as uint64 indexed [x, y, z], INFO) from all bytes of a file."""
     s = read_sections(data)
     if struct.unpack_from("<I", data, 12)[0] == VOXELS:
         return decode_pieces(s)
@@ -189,7 +189,7 @@ def decode(data):
         fields, number = packed_nodes(s)
         count = len(code)
 
-    # Room for boxes that reach past the end by up to 3 voxels; cut off afterwards.
+    # Larger than the volume, since boxes may reach past its end by up to 3 voxels; cut off afterwards.
     dims = info["volume"]["dims"]
     out = np.zeros([d + 16 for d in dims], np.uint64)
     voxels = np.zeros(len(ids), np.uint64)
@@ -204,7 +204,7 @@ def decode(data):
             for b in range(start, end):
                 n = number_at[base + int(records[b]) % 2**32] if plain else number[b]
                 x, y, z = (int(v) for v in chunk["origin"] + 4 * cell[b])
-                # Axes of a node's bits, slowest first: cell z, y, x; voxel z, y, x.
+                # The axes of a node's bits, slowest first, are cell z, y, x, then voxel z, y, x.
                 filled = mask_bits(fields[n]).reshape(4, 4, 4, 4, 4, 4).transpose(2, 5, 1, 4, 0, 3)
                 filled = filled.reshape(16, 16, 16)
                 region = out[x : x + 16, y : y + 16, z : z + 16]
@@ -219,7 +219,7 @@ def decode(data):
 
 
 def contacts(data):
-    """Touching pairs of dense indices (a, b), a < b."""
+    """Pairs of dense indices (a, b), a < b, of labels that touch."""
     s = read_sections(data)
     stream = iter(s["LCON"])
 

@@ -1,8 +1,8 @@
-"""Pieces of voxels, decoded as section 6 of docs/file-format.md says: slow and plain on purpose."""
+"""Decodes pieces of voxels as section 6 of docs/file-format.md describes; deliberately slow and plain."""
 
 import numpy as np
 
-# Steps along x, along y, slices back.
+# Neighbours as (step along x, step along y, number of slices back).
 NEAR = [
     (-1, -1, 0), (0, -1, 0), (1, -1, 0), (2, -1, 0), (-1, 0, 1), (0, 0, 1), (1, 0, 1), (2, 0, 1), (-1, -1, 1), (0, -1, 1),
     (1, -1, 1), (-1, 1, 1), (0, 1, 1), (1, 1, 1), (-2, 0, 0), (0, -2, 0), (0, 0, 2), (2, -1, 1), (2, 1, 1),
@@ -31,7 +31,7 @@ class Bits:
         else:
             self.code, self.range = self.code - part, self.range - part
         if self.range < 2**32:
-            assert self.at + 4 <= len(self.stream), "the stream ends"
+            assert self.at + 4 <= len(self.stream), "the stream ends before the last voxel"
             self.range <<= 32
             self.code = self.code << 32 | int.from_bytes(self.stream[self.at : self.at + 4], "big")
             self.at += 4
@@ -39,7 +39,7 @@ class Bits:
 
 
 class Seen:
-    """What contexts have seen: a chance of 2**22 and a count for each."""
+    """Adaptive contexts: for each, the probability of a 1 in units of 2**-22, and a count."""
 
     def __init__(self):
         self.contexts = {}
@@ -59,7 +59,7 @@ class Seen:
 
 
 def number(bits, seen, n, contexts):
-    """A number of n bits from the highest, each by the context of those before it if that is below `contexts`."""
+    """A number of n bits, highest first. Each bit uses the context of the bits before it if that is below `contexts`, else even odds."""
     value, context = 0, 1
     for _ in range(n):
         bit = seen.code(bits, context) if context < contexts else bits.bit(32768)
@@ -68,12 +68,12 @@ def number(bits, seen, n, contexts):
 
 
 def piece(stream, w, h, d, labels):
-    """Dense indices and 1 of a piece's voxels, [z, y, x]."""
+    """Values of a piece's voxels indexed [z, y, x]: dense index + 1, or 0."""
     bits = Bits(stream)
     whole, far_seen, number_seen = Seen(), Seen(), Seen()
     place = [Seen() for _ in range(12)]
     near_seen = [Seen() for _ in range(3)]
-    # Two slices before the first, a border as wide as neighbours are far.
+    # Two extra slices before the first, and a border as wide as the farthest neighbours.
     out = np.zeros((d + 2, h + 6, w + 16), np.int64).tolist()
 
     def around(z, y, x, steps):
@@ -116,5 +116,5 @@ def piece(stream, w, h, d, labels):
                         continue
                 row[x] = voxel(z, y, x, n > 0)
                 x += 1
-    assert bits.at == len(stream), "bytes behind the last voxel"
+    assert bits.at == len(stream), "there are bytes after the last voxel"
     return np.array(out)[2:, 3:-3, 8:-8]

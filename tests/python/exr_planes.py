@@ -1,4 +1,4 @@
-"""OpenEXR as its file layout says (openexr.com, *File Layout*): scan lines, uncompressed or ZIP, by numpy and zlib alone."""
+"""Reads OpenEXR files with scan lines, uncompressed or ZIP (openexr.com, *File Layout*), with numpy and zlib only."""
 
 import struct
 import zlib
@@ -10,8 +10,8 @@ LINES = {0: 1, 2: 1, 3: 16}
 
 
 def attributes_of(data):
-    """Values by name, as bytes; and where they end."""
-    assert data[:8] == b"\x76\x2f\x31\x01\x02\x00\x00\x00" or data[4] == 2, "one part, scan lines"
+    """(attributes as bytes by name, offset of their end)."""
+    assert data[:8] == b"\x76\x2f\x31\x01\x02\x00\x00\x00" or data[4] == 2, "expected a file with one part of scan lines"
     at, attributes = 8, {}
     while data[at]:
         name, at = text(data, at)
@@ -23,7 +23,7 @@ def attributes_of(data):
 
 
 def planes(path):
-    """Every channel by name: (height, width), row 0 at the top."""
+    """All channels by name: (height, width), row 0 at the top."""
     data = path.read_bytes()
     attributes, at = attributes_of(data)
     channels, place, listed = [], 0, attributes["channels"]
@@ -52,7 +52,7 @@ def planes(path):
 
 
 def unpacked(block):
-    """Deflated differences of bytes, the even ones before the odd ones."""
+    """Decodes a ZIP block: deflated differences of bytes, those at even positions before those at odd ones."""
     differences = np.frombuffer(zlib.decompress(block), np.uint8).astype(np.int64)
     differences[1:] -= 128
     values = (np.cumsum(differences) & 255).astype(np.uint8)

@@ -1,4 +1,4 @@
-"""Reads a volume with the Rust readers, for comparison with other people's packages."""
+"""Reads and writes volumes with pumice-formats, for comparison with other people's packages."""
 
 import json
 import os
@@ -9,13 +9,13 @@ import numpy as np
 
 
 class Formats:
-    """The two example programs of pumice-formats."""
+    """Runs the two example programs of pumice-formats."""
 
     def __init__(self, dump, convert):
         self.dump, self.convert = str(dump), str(convert)
 
     def read(self, path, folder, *options):
-        """(header, voxels indexed [x, y, z] as u64)."""
+        """(header, voxels as u64 indexed [x, y, z]) of a file."""
         out = Path(folder) / "voxels.bin"
         done = subprocess.run([self.dump, str(path), str(out), *options], capture_output=True, text=True)
         assert done.returncode == 0, f"{path}: {done.stderr}"
@@ -25,7 +25,7 @@ class Formats:
         return header, voxels
 
     def refuse(self, path, *options):
-        """The one line with which the file is refused."""
+        """Asserts that the file is refused; returns the one line of the error."""
         done = subprocess.run([self.dump, str(path), "-", *options], capture_output=True, text=True)
         assert done.returncode == 2 and "panicked" not in done.stderr, done
         assert len(done.stderr.splitlines()) == 1, done.stderr
@@ -37,7 +37,7 @@ class Formats:
 
 
 def build(rust_example):
-    """The programs named by PUMICE_DUMP and PUMICE_CONVERT, else built."""
+    """The programs named by PUMICE_DUMP and PUMICE_CONVERT; builds those that are not set."""
     return Formats(
         os.environ.get("PUMICE_DUMP") or rust_example("pumice-formats", "dump_volume"),
         os.environ.get("PUMICE_CONVERT") or rust_example("pumice-formats", "convert_volume"),
@@ -45,12 +45,12 @@ def build(rust_example):
 
 
 def affine(header):
-    """4 × 4, from whole-number voxel centres to the file's world."""
+    """The 4 × 4 matrix from voxel indices, at the centres of voxels, to the file's world."""
     return np.vstack([header["world_from_centre"], [0, 0, 0, 1]])
 
 
 def pattern(shape, dtype, seed=0):
-    """Labels that differ from voxel to voxel, up to the largest that the type may hold (2⁵³ for doubles, 2²⁴ for floats)."""
+    """Random labels up to the largest that the type can hold exactly (2⁵³ for doubles, 2²⁴ for floats)."""
     random = np.random.default_rng(seed)
     dtype = np.dtype(dtype)
     top = {"f4": 2**24, "f8": 2**53}.get(dtype.str[1:]) or int(np.iinfo(dtype).max)

@@ -1,5 +1,5 @@
-"""Long tests, marked `full`: hooks of pytest that leave out those whose turn it is not. A conftest.py imports them. And the choice of
-those of several alike whose turn it is."""
+"""Selects long tests, which are marked `full`: pytest hooks, which a conftest.py imports, deselect those that do not run today. Also
+selects one of several similar things for the day."""
 
 import os
 
@@ -9,7 +9,7 @@ def pytest_configure(config):
 
 
 def share_of(name, shares):
-    """32-bit FNV-1a, as xtask computes it for the Rust tests."""
+    """The share of a test by its name: its 32-bit FNV-1a hash, as xtask computes it for the Rust tests."""
     h = 0x811C9DC5
     for byte in name.encode():
         h = (h ^ byte) * 0x01000193 & 0xFFFFFFFF
@@ -17,7 +17,7 @@ def share_of(name, shares):
 
 
 def pytest_collection_modifyitems(config, items):
-    """PUMICE_TEST_SHARE is `full`, or `K/N`: of the tests marked full, share K of N; unset: none of them."""
+    """Keeps the long tests that PUMICE_TEST_SHARE selects: `full` for all, `K/N` for share K of N; if it is unset, none."""
     which = os.environ.get("PUMICE_TEST_SHARE", "")
     if which == "full":
         return
@@ -30,7 +30,7 @@ def pytest_collection_modifyitems(config, items):
 
 
 def one_of_today(things):
-    """One of them each day, as PUMICE_TEST_SHARE says; all with `full`, the first where it is unset."""
+    """A list of the one thing that PUMICE_TEST_SHARE selects, which changes daily; all for `full`; the first if it is unset."""
     which = os.environ.get("PUMICE_TEST_SHARE", "")
     if which == "full":
         return list(things)

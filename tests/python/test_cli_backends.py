@@ -1,6 +1,6 @@
-"""Which backend draws: what `devices` lists and why, what `--backend` takes and refuses, and that every backend draws one picture.
+"""Tests backends: what `devices` lists, what `--backend` accepts and refuses, and that every backend renders the same picture.
 
-The surroundings of the tests bring a Vulkan device that computes on the CPU (target/mesa); without any these tests fail.
+`cargo xtask test` provides a Vulkan device that computes on the CPU (target/mesa). Without any device these tests fail.
 """
 
 import ctypes.util
@@ -25,7 +25,7 @@ def devices(pumice, **env):
 
 @pytest.fixture
 def without(tmp_path):
-    """Surroundings in which Vulkan does not start, and what is said of each."""
+    """Pairs of environment variables with which Vulkan does not start, and the expected reason."""
     (tmp_path / "letter.so").write_text("Dear loader,")
     (tmp_path / "icd.json").write_text("{")
     no_driver = {"VK_DRIVER_FILES": str(tmp_path / "none.json"), "VK_ICD_FILENAMES": str(tmp_path / "none.json")}
@@ -66,12 +66,12 @@ def test_without_vulkan_the_cpu_is_there_and_says_why(pumice, without, volume, t
 def test_a_device_is_listed_with_each_backend(pumice):
     listed = devices(pumice)
     software = [d for d in listed if d["kind"] == "software"]
-    assert [d["backend"] for d in software[:3]] == VULKAN, "the tests bring a device"
+    assert [d["backend"] for d in software[:3]] == VULKAN, "cargo xtask test provides a software device"
     for d in software:
         assert not d["chosen"] and "computes on the CPU: auto prefers our own CPU path tracer" in d["reason"]
         assert d["usable"] and d["driver"].startswith("Vulkan 1.")
     for d in listed:
-        # What nobody has tried says so; the CPU and its imitations were tried.
+        # Devices that nobody has tried say so. The CPU and software devices have been tried.
         tried = d["kind"] in ("software", "cpu") or not d["usable"]
         assert ("not yet run on hardware" in d["reason"]) != tried, d
     # Without a graphics processor the CPU is chosen.
@@ -117,32 +117,32 @@ def test_every_backend_draws_the_picture_of_the_cpu(pumice, volume, tmp_path, ba
     report = picture(pumice, volume, gpu, f"{backend}:{number}", "--spp", 32, "--seed", 1, env=cache)
     assert (report["backend"], report["notices"], report["spp"]) == (backend, [], 32)
     assert report["device"] and report["curve"]
-    # All that lies on the device, the driver's own hierarchy apart.
+    # All parts on the device; the driver's own hierarchy is listed separately.
     parts = report["bytes"]
     assert all(parts[p] > 0 for p in ("boxes", "nodes", "leaves", "labels", "materials", "film")), parts
-    # Hardware finds bricks by a hierarchy; compute shaders find them by themselves.
+    # Ray tracing finds bricks through a hierarchy; compute shaders need none.
     assert parts["bricks"] > 0 and (parts["acceleration"] > 0) == (backend != "vulkan-compute"), parts
     assert parts["acceleration"] == report["acceleration_bytes"]
     assert [p.suffix for p in (tmp_path / "cache" / "pipelines").iterdir()] == [".pipelines"]
-    # Another seed: two estimates that know nothing of each other may differ by chance alone.
+    # With another seed, the two pictures are independent estimates and may differ only by chance.
     picture(pumice, volume, cpu, "cpu", "--spp", 32, "--seed", 2)
     found = chance(pumice, gpu, cpu, tmp_path)
     assert found["tests"] > 100 and found["rejected"] == 0, found
     assert all(abs(z) <= 4 for z in found["mean_difference_in_standard_errors"]), found
-    # Negative control: no bounces at all is another picture.
+    # Negative control: the test detects a picture without bounces.
     picture(pumice, volume, cpu, "cpu", "--spp", 32, "--seed", 2, bounces=0)
     assert chance(pumice, gpu, cpu, tmp_path)["rejected"] > 0
-    # What a picture carries is enough to draw it again, by the backend that drew it.
+    # A picture carries all that is needed to render it again by the same backend.
     run(pumice, "render", "--again", gpu, "-o", tmp_path / "again.exr", env=cache).fine()
     assert (tmp_path / "again.exr").read_bytes() == gpu.read_bytes()
-    # Elsewhere that backend may be missing: it is said, and another one can be named.
+    # If that backend is missing, the error says so, and another backend can be selected.
     gone = {LOADER: str(tmp_path / "nowhere.so")}
     line = run(pumice, "render", "--again", gpu, "-o", tmp_path / "o.exr", env=gone).refused()
     assert "drawn by a backend that is not here" in line and "no Vulkan here" in line
     run(pumice, "render", "--again", gpu, "-o", tmp_path / "o.exr", "--backend", "cpu", env=gone).fine()
 
 
-# Creates an instance whose structure says that it is of type `sys.argv[1]`: 1 is right. No other call is wrong in so few lines.
+# Creates a Vulkan instance with the structure type `sys.argv[1]`, of which 1 is valid: the shortest way to make an invalid call.
 INSTANCE = """
 import ctypes, sys
 words = (ctypes.c_uint32 * 16)(int(sys.argv[1]))
@@ -152,7 +152,7 @@ assert vulkan.vkCreateInstance(ctypes.byref(words), None, ctypes.byref(ctypes.c_
 
 
 def test_every_call_is_checked(pumice):
-    """The tests' surroundings put the validation layer before the driver, to end a process at the first thing that it finds."""
+    """The tests run with the validation layer, which ends a process at its first message."""
     loaded = 'Insert instance layer "VK_LAYER_KHRONOS_validation"'
     for env, expected in [({}, True), ({"VK_INSTANCE_LAYERS": ""}, False)]:
         done = run(pumice, "devices", env={"VK_LOADER_DEBUG": "layer", **env})

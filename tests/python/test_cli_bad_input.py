@@ -1,4 +1,4 @@
-"""Bad input, bad places, interruptions: one clear line, exit code 2, no half file under the final name, no panic, memory bounded."""
+"""Tests bad input, bad paths and interruptions: one clear line, exit code 2, no partial file, no panic, bounded memory."""
 
 import gzip
 import os
@@ -12,8 +12,8 @@ import pytest
 from broken_files import huge_headers, labels, volumes, wrong_values
 from command import interrupt_after, run
 
-# The volumes here have 7,680 voxels. What is left is the program itself, its threads' stacks, its pieces of reading; and this
-# process, whose own peak a child inherits until it becomes the command. A length taken from a file would be far more.
+# The volumes here have 7,680 voxels, so memory is the program itself, its threads' stacks and its read buffers; and this process, whose
+# peak a child inherits before it becomes the command. An allocation by a length in a broken file would be far larger.
 MEMORY_BYTES = 400 << 20
 
 
@@ -34,7 +34,7 @@ def left_in(folder):
 
 
 def attempt(pumice, folder, name, data, beside=None):
-    """Compresses `data` as a file called `name`; returns how that ended. What was beside the good file is copied beside it."""
+    """Compresses `data` as a file called `name`, with copies of the files `beside` next to it; returns how the command ended."""
     for path in folder.iterdir():
         path.unlink()
     for other in beside or []:
@@ -55,7 +55,7 @@ FORMATS = [
     *["raw.nrrd", "gzip.nrrd", "ascii.nrrd", "detached.nhdr", "one.nii", "one.nii.gz", "two.nii", "pair.hdr"],
     *["stack.tif", "deflate.tif", "big.tif", "imagej.tif", "c.npy", "fortran.npy", "one.npz", "local.mha", "apart.mhd"],
 ]
-# Where the voxels lie beside the header.
+# Data files of formats with a separate header.
 DETACHED = {"detached.nhdr": "detached.raw", "pair.hdr": "pair.img", "apart.mhd": "apart.raw"}
 
 
@@ -66,7 +66,7 @@ def companions(good, name):
 
 @pytest.mark.parametrize("name", FORMATS)
 def test_good_files_are_read(pumice, good, name, tmp_path):
-    """The control of all tests below: unbroken, each of these files is accepted and holds what was written."""
+    """Control of the tests below: each of these files is accepted when unbroken, and gives the voxels that were written."""
     done = attempt(pumice, tmp_path, name, good[name].read_bytes(), companions(good, name))
     assert done.code == 0, done
     run(pumice, "decompress", tmp_path / "out.pumice", "-o", tmp_path / "back.npy").fine()
@@ -76,7 +76,7 @@ def test_good_files_are_read(pumice, good, name, tmp_path):
 
 @pytest.mark.parametrize("name", FORMATS)
 def test_truncated_files_are_refused(pumice, good, name, tmp_path):
-    # With a detached header it is the data file that is cut: a header without its last lines may still be whole.
+    # With a detached header, cuts the data file: a header may still be complete without its last lines.
     victim = companions(good, name)[0] if name in DETACHED else good[name]
     whole = victim.read_bytes()
     for keep in sorted({0, 1, 4, 100, len(whole) // 3, len(whole) // 2, len(whole) * 9 // 10, len(whole) - 40}):
@@ -94,10 +94,10 @@ def test_truncated_files_are_refused(pumice, good, name, tmp_path):
 
 @pytest.mark.parametrize("name", FORMATS)
 def test_flipped_bits_never_panic(pumice, good, name, tmp_path):
-    """A changed label cannot be noticed without a checksum; but nothing crashes, hangs, eats memory or leaves half a file."""
+    """Without a checksum a changed label goes unnoticed, but nothing crashes, hangs, takes much memory or leaves a partial file."""
     whole = good[name].read_bytes()
     dice = random.Random(name)
-    # Half of the flips in the first 400 bytes, where headers are.
+    # 16 flips are in the first 400 bytes, where headers are, and 8 anywhere.
     places = [dice.randrange(min(400, len(whole))) for _ in range(16)] + [dice.randrange(len(whole)) for _ in range(8)]
     codes = set()
     for place in places:
@@ -123,7 +123,7 @@ def test_broken_pumice_files_are_refused(pumice, good_pumice, good, tmp_path):
         done = run(pumice, "decompress", tmp_path / "broken.pumice", "-o", tmp_path / "out.npy")
         assert done.peak_rss_bytes < MEMORY_BYTES
         if done.code == 0:
-            # A byte that carries nothing (padding) may change; a voxel may not.
+            # Accepted, so only padding may have changed, and no voxel.
             assert np.array_equal(np.load(tmp_path / "out.npy"), labels()), what
             (tmp_path / "out.npy").unlink()
             continue
@@ -138,7 +138,7 @@ def test_broken_pumice_files_are_refused(pumice, good_pumice, good, tmp_path):
             assert "broken.pumice" in run(pumice, *command).refused(), what
         assert left_in(tmp_path) == ["broken.pumice"], what
         refused += 1
-    assert refused > 50, "most of the breaks are noticed, and so the checks above have run"
+    assert refused > 50, "most faults are detected, so the checks above have run"
 
 
 def test_pumice_files_of_other_versions_are_refused(pumice, good_pumice, good, tmp_path):
@@ -160,7 +160,7 @@ def test_pumice_files_of_other_versions_are_refused(pumice, good_pumice, good, t
             expected = f"other.pumice: file version at byte 8: expected 5, got {version}; "
             assert expected in line and way_out in line, line
         assert left_in(tmp_path) == ["other.pumice"]
-    # A control: the file is refused for its version alone.
+    # Control: with the right version the same file is accepted.
     file.write_bytes(whole)
     run(pumice, "decompress", file, "-o", tmp_path / "out.npy").fine()
 
@@ -182,7 +182,7 @@ def test_spacing_that_is_none(pumice, good, spacing, tmp_path):
 
 
 def test_a_compression_bomb_stays_small_in_memory(pumice, tmp_path):
-    """A gigabyte of zeros behind a header of 8 voxels, packed into a megabyte."""
+    """A header for 8 voxels, followed by a gigabyte of zeros that is compressed to a megabyte."""
     head = b"NRRD0004\ntype: uint8\ndimension: 3\nsizes: 2 2 2\nencoding: gzip\n\n"
     attempt(pumice, tmp_path, "bomb.nrrd", head + gzip.compress(bytes(1 << 30), 1))
 
@@ -203,7 +203,7 @@ def test_the_data_beside_a_header_is_missing(pumice, good, name, tmp_path):
 
 
 def test_input_that_cannot_be_read(pumice, tmp_path):
-    """Absent, a folder of nothing, an empty file, an unknown ending, and a file that the system refuses to read even to root."""
+    """A missing file, an empty folder, an empty file, an unknown file extension, and a file that even root cannot read."""
     (tmp_path / "empty.nrrd").touch()
     (tmp_path / "folder").mkdir()
     (tmp_path / "what.xyz").write_bytes(b"hello")
@@ -216,7 +216,7 @@ def test_input_that_cannot_be_read(pumice, tmp_path):
 
 
 def test_output_that_cannot_be_written(pumice, good, good_pumice, tmp_path):
-    """A folder that does not exist, a folder in the file's place, and one where nobody may write."""
+    """A missing folder, a folder in the file's place, and a folder in which nobody may write."""
     (tmp_path / "is-a-folder.pumice").mkdir()
     denied = Path("/sys/pumice-test.pumice")  # refused to root as well
     for out in [tmp_path / "no" / "such" / "o.pumice", tmp_path / "is-a-folder.pumice", denied]:
@@ -241,7 +241,7 @@ def test_a_read_only_folder(pumice, good, tmp_path):
 
 @pytest.fixture(scope="module")
 def noise(tmp_path_factory):
-    """128³ labels of pure noise: 8 MiB that nothing compresses, and work for seconds."""
+    """A file with 128³ labels of pure noise: 8 MiB that cannot be compressed, which take seconds."""
     path = tmp_path_factory.mktemp("noise") / "noise.npy"
     np.save(path, np.random.default_rng(1).integers(0, 2**32, (128, 128, 128), np.uint32))
     return path
@@ -249,7 +249,7 @@ def noise(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def little_noise(pumice, tmp_path_factory):
-    """48³ labels of pure noise, 432 KiB in any lossless form, and the same compressed."""
+    """A file with 48³ labels of pure noise, which take 432 KiB in any lossless form, and its .pumice file."""
     path = tmp_path_factory.mktemp("little") / "noise.npy"
     np.save(path, np.random.default_rng(2).integers(0, 2**32, (48, 48, 48), np.uint32))
     run(pumice, "compress", path, "-o", path.with_suffix(".pumice")).fine()
@@ -257,7 +257,7 @@ def little_noise(pumice, tmp_path_factory):
 
 
 def test_a_full_disk(pumice, little_noise, tmp_path):
-    """Writing fails in the middle, by a limit on the size of files."""
+    """Writing fails halfway, through a limit on the size of files."""
     noise, noise_pumice = little_noise
     out = tmp_path / "o.pumice"
     out.write_bytes(b"what was here before")
@@ -274,7 +274,7 @@ def test_a_full_disk(pumice, little_noise, tmp_path):
 
 
 def test_a_full_file_system(pumice, little_noise, tmp_path):
-    """The same on a real file system of 64 KiB, where one may be mounted."""
+    """Writing fails halfway on a real file system of 64 KiB, if one can be mounted."""
     mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", tmp_path], capture_output=True)
     if mounted.returncode != 0:
         pytest.skip("a file system cannot be mounted here")
@@ -289,7 +289,7 @@ def test_output_streams_that_are_full_or_closed(pumice, good, good_pumice, tmp_p
     with open("/dev/full", "w") as full:
         run(pumice, "info", good_pumice, stdout=full).refused()
     run(pumice, "compress", good["raw.nrrd"], "-o", tmp_path / "o.pumice", "--json", "/dev/full").refused()
-    # `pumice info … | head -0`: nobody reads, nobody is told.
+    # `pumice info … | head -0`: a closed pipe is no error.
     reader, writer = os.pipe()
     os.close(reader)
     with os.fdopen(writer, "w") as closed:
@@ -302,7 +302,7 @@ def test_ctrl_c_while_compressing(pumice, noise, seconds_of_cpu, with_signal, tm
     out = tmp_path / "o.pumice"
     done = run(pumice, "compress", noise, "-o", out, meanwhile=interrupt_after(seconds_of_cpu, with_signal))
     if done.code == 0:
-        # It had ended before, or was past the point where stopping leaves less than finishing: then all of it is there.
+        # The command had finished, or was too close to its end to stop: then the file must be complete.
         assert run(pumice, "verify", out, noise).code == 0
         assert left_in(tmp_path) == ["o.pumice"]
     else:
@@ -311,7 +311,7 @@ def test_ctrl_c_while_compressing(pumice, noise, seconds_of_cpu, with_signal, tm
 
 
 def test_ctrl_c_stops_at_least_once(pumice, noise, tmp_path):
-    """Negative control of the test above: it is not always too late. Nothing is left in the temporary folder either."""
+    """Control of the test above: an early signal does stop the command. It leaves nothing in the temporary folder either."""
     temporary = tmp_path / "temporary"
     temporary.mkdir()
     done = run(pumice, "compress", noise, "-o", tmp_path / "o.pumice", "--memory-limit", "1G", env={"TMPDIR": str(temporary)},
@@ -328,7 +328,7 @@ def noise_pumice(pumice, noise):
 
 @pytest.mark.parametrize("command", ["render", "verify", "info", *[f"decompress{e}" for e in [".nrrd", ".npy", ".nii.gz", ".tif"]]])
 def test_ctrl_c_in_other_commands(pumice, noise, noise_pumice, command, tmp_path):
-    """Nothing under the final name, nor under a temporary one. Rendering is told to go on for an hour."""
+    """An interrupted command leaves no file under the final name or a temporary one. Rendering would take an hour."""
     args = {
         "render": ["render", noise_pumice, "-o", tmp_path / "p.exr", "--size", "48x27", "--time", "3600"],
         "verify": ["verify", noise_pumice, noise],
@@ -342,12 +342,12 @@ def test_ctrl_c_in_other_commands(pumice, noise, noise_pumice, command, tmp_path
             stopped += 1
             assert left_in(tmp_path) == []
         else:
-            assert command != "render", "an hour has not gone"
-    assert stopped > 0, "each of these was too late"
+            assert command != "render", "rendering would take an hour, so it must be stopped"
+    assert stopped > 0, "every signal came too late"
 
 
 def test_a_killed_process_leaves_no_half_file(pumice, noise, tmp_path):
-    """Killed again and again, later each time, until it comes to its end: under the final name lies nothing or all of it."""
+    """Kills the command later and later until it finishes: the final name holds either nothing or a complete file."""
     out = tmp_path / "o.pumice"
     killed = 0
     for seconds_of_cpu in [0.05, 0.3, 0.6, 1.2, 2.4, 4.8, 9.6, 1e9]:
@@ -385,7 +385,7 @@ def test_broken_scenes(pumice, good_pumice, tmp_path):
         saved.write_text(broken)
         done = run(pumice, "render", saved, "-o", tmp_path / "q.png", "--spp", 1)
         line = done.refused()
-        # The file and the field, the volume or (for a wrong type) the line that is wrong are named.
+        # The error names the file, and the field, the volume or (for a wrong type) the line.
         named = {"no such key": "camara", "future": "version", "no number": "line", "no pixels": "width", "too many pixels": "width",
                  "unknown field": "nonsense", "no volume": "absent.pumice"}
         assert "scene.json" in line or what == "no volume", line

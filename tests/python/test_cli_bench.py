@@ -1,4 +1,4 @@
-"""`pumice bench`: the subcommands with one table, on a small volume: every column is there, and its figures are possible."""
+"""Tests the subcommands of `pumice bench` that write one table, on a small volume: all columns are there with plausible values."""
 
 import csv
 import json
@@ -14,7 +14,8 @@ FLAT = ["sizes", "speeds", "live", "backends", "instances", "embree", "errors"]
 
 @pytest.fixture
 def measured(pumice, data, tmp_path):
-    """Measures the small volume: measured(name, *flags) gives the rows of the CSV; the page is printed and written."""
+    """A function: measured(name, *flags) runs a bench on the small volume and returns the rows of its CSV. Checks that the page is printed
+    and written."""
 
     def measure(name, *flags):
         out = tmp_path / "made" / "here"
@@ -30,7 +31,7 @@ def measured(pumice, data, tmp_path):
 
 
 def bytes_of(cell):
-    """`1234 (0.5 %)` is 1234, and says 0.5 % of 4 bytes a voxel."""
+    """1234 of the cell `1234 (0.5 %)`, whose percentage must be of 4 bytes per voxel."""
     count, share = cell.removesuffix(" %)").split(" (")
     assert float(share) == pytest.approx(100 * int(count) / (4 * VOXELS), abs=5e-4)
     return int(count)
@@ -59,7 +60,7 @@ def test_error_falls_with_samples(measured):
     rows = measured("errors", "--backends", "cpu", "--spp", 16)
     assert [(r["backend"], r["samples"]) for r in rows] == [("cpu", n) for n in ("1", "4", "16")]
     one, four, sixteen = (float(r["relMSE"]) for r in rows)
-    # Samples are independent: four times as many have a quarter of the error, give or take the noise of one picture.
+    # Samples are independent, so four times as many have about a quarter of the error, within the noise of one picture.
     assert one / 8 < four < one / 2 and four / 8 < sixteen < four / 2
 
 

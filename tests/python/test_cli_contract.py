@@ -1,4 +1,4 @@
-"""The command as scripts rely on it: exit codes, the keys of the reports, what goes in comes out, the same bytes and pixels again."""
+"""Tests what scripts rely on: exit codes, keys of reports, lossless round trips, reproducible bytes and pixels."""
 
 import json
 import re
@@ -23,7 +23,7 @@ SHIPPED = {
 
 
 def voxels_and_affine(path):
-    """A shipped volume indexed [x, y, z] and its centre-to-world matrix (None: the file has none), by other people's readers."""
+    """(voxels indexed [x, y, z], matrix from voxel centres to the world or None) of a shipped volume, by independent readers."""
     name = path.name
     if name.endswith(".nrrd"):
         voxels, header = nrrd.read(str(path))
@@ -42,7 +42,7 @@ def voxels_and_affine(path):
 
 @pytest.fixture(scope="session")
 def compressed(pumice, data, tmp_path_factory):
-    """Each shipped volume as a .pumice file, with the report of how it was made."""
+    """{name: (path, report)}: each shipped volume as a .pumice file, and the report of `compress`."""
     folder = tmp_path_factory.mktemp("compressed")
     made = {}
     for name, file in SHIPPED.items():
@@ -91,7 +91,7 @@ def test_info_and_compress_reports(pumice, data, compressed, name):
 @pytest.mark.parametrize("name", SHIPPED)
 @pytest.mark.parametrize("ending", [".nrrd", ".npy", ".nii.gz", ".tif"])
 def test_what_goes_in_comes_out(pumice, data, compressed, tmp_path, name, ending):
-    """Voxels and place, through other people's readers. The connectomics volume in one format only: it is large."""
+    """Voxels and matrix survive a round trip, checked by independent readers. The large connectomics volume takes only one format."""
     if name == "connectomics" and ending != ".nrrd":
         pytest.skip("the other volumes show this format")
     expected, affine = voxels_and_affine(data / SHIPPED[name])
@@ -101,7 +101,7 @@ def test_what_goes_in_comes_out(pumice, data, compressed, tmp_path, name, ending
         got, header = nrrd.read(str(out))
         if affine is not None and "space directions" in header:
             matrix = np.asarray(header["space directions"], float).T
-            # World axes of the two files may point in opposite directions (RAS, LPS): lengths and positions agree up to sign.
+            # The world axes of the two files may point in opposite directions (RAS, LPS), so values agree up to sign.
             assert np.abs(matrix) == pytest.approx(np.abs(affine[:3, :3]), rel=1e-5, abs=1e-5)
             origin = np.asarray(header.get("space origin", [0, 0, 0]), float)
             assert np.abs(origin) == pytest.approx(np.abs(affine[:3, 3]), rel=1e-5, abs=1e-4)
@@ -111,7 +111,7 @@ def test_what_goes_in_comes_out(pumice, data, compressed, tmp_path, name, ending
         image = nibabel.load(out)
         got = np.asanyarray(image.dataobj)
         if affine is not None:
-            # NIfTI's sform is f32.
+            # NIfTI stores its sform as f32.
             assert np.abs(image.affine) == pytest.approx(np.abs(affine), rel=1e-5, abs=1e-3)
         if name == "brain":
             assert image.affine == pytest.approx(affine, rel=1e-5, abs=1e-3)
@@ -128,7 +128,7 @@ def test_verify_says_yes(pumice, data, compressed, name):
 
 
 def test_verify_says_no(pumice, tmp_path):
-    """One voxel, one id, one voxel fewer in a dimension: exit code 1, and the difference is named on standard output."""
+    """A changed voxel, a changed id, one layer fewer: exit code 1, and standard output names the difference."""
     v = labels(np.uint64)
     np.save(tmp_path / "a.npy", v)
     run(pumice, "compress", tmp_path / "a.npy", "-o", tmp_path / "a.pumice").fine()
@@ -148,7 +148,7 @@ def test_verify_says_no(pumice, tmp_path):
 
 
 def test_every_id_survives(pumice, tmp_path):
-    """Ids 0, 1, 2³²−1, 2³², 2⁶⁴−1, and 64-bit ids that f64 cannot hold."""
+    """Ids 0, 1, 2³²−1, 2³², 2⁶⁴−1, and 64-bit ids that f64 cannot represent."""
     ids = np.array([0, 1, 2**32 - 1, 2**32, 2**53 + 1, 2**63 + 1, 2**64 - 1], np.uint64)
     v = ids[np.random.default_rng(2).integers(0, len(ids), (9, 7, 5))]
     np.save(tmp_path / "a.npy", v)
@@ -174,12 +174,12 @@ def test_same_bytes_whatever_the_threads_and_the_memory(pumice, data, compressed
         run(pumice, "compress", data / SHIPPED["brain"], "-o", out, *more).fine()
         assert out.read_bytes() == expected, more
         out.unlink()
-    # Too small a limit says which one would do, and that one does.
+    # The error for a limit that is too small states a sufficient one.
     small = ["compress", data / SHIPPED["brain"], "-o", out, "--threads", "1", "--memory-limit"]
     line = run(pumice, *small, "100K").refused()
     assert "--memory-limit 102400" in line and SHIPPED["brain"] in line and not out.exists(), line
     for _ in range(5):
-        # A limit may be met first by one step of the work, then by the next.
+        # One step of the work may fail at the first limit, and the next step at the stated one.
         done = run(pumice, *small, re.search(r"(\d+) bytes are needed", line)[1])
         if done.code == 0:
             break
@@ -189,12 +189,12 @@ def test_same_bytes_whatever_the_threads_and_the_memory(pumice, data, compressed
 
 
 def test_compressing_takes_less_memory_than_the_volume(pumice, data, tmp_path):
-    """The volume is read as a stream: the peak of the whole process stays below the labels as they are in the file, decompressed."""
+    """The volume is read as a stream: the peak memory of the process is less than the decompressed labels of the file."""
     path = data / SHIPPED["connectomics"]
     voxels, _ = nrrd.read(str(path))
     peak = peak_rss_bytes(pumice, "compress", path, "-o", tmp_path / "o.pumice", "--json", tmp_path / "o.json")
     assert 1 << 20 < peak < voxels.nbytes, f"{peak} of {voxels.nbytes} bytes"
-    # The command's own figure is taken at its end, so it may be a little lower, never higher.
+    # The command reads its own peak just before its end, so it may be a little lower, but never higher.
     assert 0.9 * peak < json.loads((tmp_path / "o.json").read_text())["peak_rss_bytes"] <= peak
 
 
@@ -215,7 +215,7 @@ def test_a_file_without_header(pumice, dtype, tmp_path):
     assert info_of(pumice, tmp_path / "a.pumice")["spacing"] == [4, 5, 6]
     run(pumice, "decompress", tmp_path / "a.pumice", "-o", tmp_path / "b.npy").fine()
     assert np.array_equal(np.load(tmp_path / "b.npy"), v)
-    # One voxel more than there is; and without the flags it is no known file.
+    # Refused: dimensions with more voxels than the file has, and the file without the flags.
     more[1] = f"{v.shape[0]},{v.shape[1]},{v.shape[2] + 1}"
     run(pumice, "compress", tmp_path / "a.raw", "-o", tmp_path / "c.pumice", *more).refused()
     run(pumice, "compress", tmp_path / "a.raw", "-o", tmp_path / "c.pumice").refused()
@@ -223,7 +223,7 @@ def test_a_file_without_header(pumice, dtype, tmp_path):
 
 
 def test_one_of_several_arrays_channels_and_time_steps(pumice, tmp_path):
-    """Each is chosen with the flag that the message names."""
+    """The error names the flag that selects one."""
     a = labels()
     b = np.ascontiguousarray(a[::-1])
     np.savez(tmp_path / "several.npz", first=a, second=b)
@@ -267,7 +267,7 @@ def test_levels_hold_the_same_and_differ_in_size(pumice, data, tmp_path):
 
 
 def test_overlapping_segments_are_layers(pumice, data, tmp_path):
-    """Without --layer a clear message, never a silent merge; each layer is what pynrrd sees in it."""
+    """Without --layer there is a clear error, never a silent merge; each layer has the voxels that pynrrd reads."""
     path = data / "slicer_SegmentationOverlapping.seg.nrrd"
     voxels, _ = nrrd.read(str(path))
     assert voxels.ndim == 4 and voxels.shape[0] == 2
@@ -285,7 +285,7 @@ def test_overlapping_segments_are_layers(pumice, data, tmp_path):
 
 @pytest.fixture(scope="session")
 def picture(pumice, compressed, tmp_path_factory):
-    """A small picture of the brain, as EXR, with its report."""
+    """(path, report, arguments) of a small EXR picture of the CT volume."""
     folder = tmp_path_factory.mktemp("picture")
     args = ["--size", "48x32", "--spp", "8", "--seed", "5", "--backend", "cpu"]
     run(pumice, "render", compressed["ct"][0], "-o", folder / "a.exr", *args, "--json", folder / "a.json").fine()
@@ -293,7 +293,7 @@ def picture(pumice, compressed, tmp_path_factory):
 
 
 def exr_pixels(path):
-    """The picture's channels R, G, B through NVIDIA's reader."""
+    """Channels R, G, B of a picture, by NVIDIA's reader."""
     import flip_evaluator
 
     return np.asarray(flip_evaluator.load(str(path)))
@@ -319,7 +319,7 @@ def test_same_pixels_whatever_the_threads(pumice, compressed, picture, tmp_path)
     for threads in ["1", "2"]:
         run(pumice, "render", compressed["ct"][0], "-o", tmp_path / "b.exr", *picture[2], "--threads", threads).fine()
         assert np.array_equal(exr_pixels(tmp_path / "b.exr"), expected), threads
-    # Negative control: another seed is another picture.
+    # Negative control: another seed gives another picture.
     other = [a if a != "5" else "6" for a in picture[2]]
     run(pumice, "render", compressed["ct"][0], "-o", tmp_path / "c.exr", *other).fine()
     assert not np.array_equal(exr_pixels(tmp_path / "c.exr"), expected)
@@ -328,7 +328,7 @@ def test_same_pixels_whatever_the_threads(pumice, compressed, picture, tmp_path)
 def test_a_picture_can_be_rendered_again(pumice, picture, tmp_path):
     run(pumice, "render", "--again", picture[0], "-o", tmp_path / "again.exr").fine()
     assert np.array_equal(exr_pixels(tmp_path / "again.exr"), exr_pixels(picture[0]))
-    # The picture, its passes and what it carries: all the same bytes.
+    # The whole file is the same, with passes and metadata.
     assert (tmp_path / "again.exr").read_bytes() == picture[0].read_bytes()
 
 
@@ -337,7 +337,7 @@ def test_a_png_can_be_rendered_again(pumice, compressed, picture, tmp_path):
     run(pumice, "render", compressed["ct"][0], "-o", a, *picture[2]).fine()
     run(pumice, "render", "--again", a, "-o", b).fine()
     assert np.array_equal(np.asarray(Image.open(a)), np.asarray(Image.open(b)))
-    # And as EXR it is the picture that was never quantised.
+    # Rendered again as EXR, it is the picture before quantisation.
     run(pumice, "render", "--again", a, "-o", tmp_path / "c.exr").fine()
     assert np.array_equal(exr_pixels(tmp_path / "c.exr"), exr_pixels(picture[0]))
 
@@ -358,8 +358,8 @@ def test_a_picture_is_not_rendered_again_from_another_volume(pumice, data, tmp_p
 
 
 def exr_channels(path):
-    """Names of the channels in an EXR header, by hand from the format: the attribute `channels` is a list of zero-terminated names,
-    each followed by 16 bytes."""
+    """Names of the channels in an EXR header. In the file format, the attribute `channels` is a list of zero-terminated names, each
+    followed by 16 bytes."""
     data = path.read_bytes()
     at = data.index(b"channels\0chlist\0") + len(b"channels\0chlist\0") + 4
     names = set()
@@ -388,7 +388,7 @@ def test_png_is_what_the_exr_shows(pumice, compressed, picture, tmp_path):
     assert png.shape == (32, 48, 3)
     linear = np.clip(exr_pixels(picture[0])[..., :3], 0, 1)
     encoded = 255 * np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
-    # Half a step of rounding, and as much for the EXR's half floats.
+    # Half a step for rounding, and half a step for the EXR's half floats.
     assert np.abs(png - encoded).max() <= 1.0
 
 
@@ -406,7 +406,7 @@ def test_levels_of_detail_and_modes_draw(pumice, compressed, tmp_path):
         out = tmp_path / "a.exr"
         run(pumice, "render", compressed["ct"][0], "-o", out, "--size", "48x32", "--spp", "2", *args).fine()
         seen[args] = exr_pixels(out).tobytes()
-    assert len(set(seen.values())) == len(seen), "each of these draws differently"
+    assert len(set(seen.values())) == len(seen), "each level and mode gives a different picture"
 
 
 def test_stops_by_time_and_by_error(pumice, compressed, tmp_path):
@@ -428,7 +428,7 @@ def test_pixels_rest_once_they_are_good_enough(pumice, compressed, tmp_path):
     assert samples.min() == 8 and samples.max() == report["spp"] > 8
     assert report["mean_spp"] == pytest.approx(samples.mean(), rel=1e-6) and report["error_estimate"] < 0.15
     assert f"{report['spp']} samples a pixel ({report['mean_spp']:.1f} on average)" in line
-    # Again, whole; and its pixels that rest are those of a picture with as many samples everywhere.
+    # `--again` gives the same file. Pixels that stopped at 8 samples equal those of a picture with 8 samples everywhere.
     run(pumice, "render", "--again", out, "-o", again, "--passes", "samples").fine()
     assert again.read_bytes() == out.read_bytes()
     run(pumice, "render", *args, "--spp", "8", "-o", again).fine()
@@ -441,7 +441,7 @@ def test_pixels_rest_once_they_are_good_enough(pumice, compressed, tmp_path):
 def test_compare(pumice, compressed, picture, tmp_path):
     same = json.loads(run(pumice, "compare", picture[0], picture[0], "--json", "-").fine())
     assert (same["rel_mse"], same["flip"]) == (0, 0) and same["ssim"] == pytest.approx(1)
-    assert same["psnr"] is None, "no error at all: infinite, which JSON cannot say"
+    assert same["psnr"] is None, "without error the PSNR is infinite, which JSON cannot express"
     small = tmp_path / "small.exr"
     run(pumice, "render", compressed["ct"][0], "-o", small, "--size", "16x9", "--spp", "1").fine()
     line = run(pumice, "compare", small, picture[0]).refused()

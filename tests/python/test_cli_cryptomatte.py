@@ -1,4 +1,4 @@
-"""Cryptomatte from the command, decoded by an oracle of its own, against labels counted through the middles of a finer film."""
+"""Tests Cryptomatte passes: decodes them independently, and compares coverages with label counts on a finer film."""
 
 import json
 
@@ -9,13 +9,13 @@ from cryptomatte_oracle import Mattes, id_of, murmur3
 from exr_planes import planes
 
 SIZE, FINER, SPP = (30, 20), 16, 256
-# By what is left of a label's id over 2; with all that a manifest must escape, and what it must not.
+# Type names by id modulo 2, with characters that a manifest must escape and characters that it must not.
 TYPE_OF = ('even "äß漢\\', "odd")
 LABELS, TYPES = "ViewLayer.CryptoObject", "ViewLayer.CryptoAsset"
 
 
 def test_the_oracle_hashes_as_the_specification_does():
-    # Published values of the reference program, and an id whose exponent is moved.
+    # Published values of the reference implementation, and an id whose exponent is replaced.
     assert murmur3("") == 0 and murmur3("hello") == 0x248BFA47 and murmur3("hello, world") == 0x149BBB7F
     assert murmur3("The quick brown fox jumps over the lazy dog") == 0x2E4FF723
     assert id_of("").view(np.uint32) == 0x00800000 and np.isfinite(id_of("hello"))
@@ -23,7 +23,7 @@ def test_the_oracle_hashes_as_the_specification_does():
 
 @pytest.fixture(scope="module")
 def scene(pumice, data, tmp_path_factory):
-    """A shipped volume whose labels have types, one without, under a box filter; and its volume."""
+    """(path, fields) of a scene with a box filter, of a shipped volume whose labels have types, one of them without."""
     folder = tmp_path_factory.mktemp("cryptomatte")
     (folder / "types.csv").write_text("id,type\n" + "".join(f"{i},{TYPE_OF[i % 2]}\n" for i in range(1, 7)))
     source = data / "slicer_Segmentation.seg.nrrd"
@@ -45,7 +45,7 @@ def drawn(pumice, scene, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def counted(pumice, scene, tmp_path_factory):
-    """(height, width, labels) of how much of each pixel sees each label, by the label pass of a film as many times finer."""
+    """Coverage of each pixel by each label: (height, width, labels), counted in the label pass of a film that is FINER times finer."""
     out = tmp_path_factory.mktemp("counted") / "a.exr"
     size = "x".join(str(s * FINER) for s in SIZE)
     run(pumice, "render", scene[0], "-o", out, "--spp", "1", "--size", size, "--backend", "cpu", "--passes", "label").fine()
@@ -58,7 +58,7 @@ def counted(pumice, scene, tmp_path_factory):
 
 
 def off(mattes, names, counted):
-    """Root mean square of the difference over what is expected of counting samples, where there is any."""
+    """Root mean square of the difference, in units of the expected standard deviation of the two counts."""
     found = mattes.matte(*names)
     spread = np.sqrt(counted * (1 - counted) / SPP + (0.5 / FINER) ** 2)
     return float(np.sqrt(np.mean(((found - counted) / spread) ** 2)))
@@ -69,15 +69,15 @@ def test_coverages_are_what_is_seen(drawn, counted):
     assert mattes.said["name"] == LABELS and mattes.said["hash"] == "MurmurHash3_32"
     assert mattes.said["conversion"] == "uint32_to_float32" and mattes.ids.shape[-1] == 16
     assert {name: murmur3(name) for name in mattes.manifest} == mattes.manifest
-    # The labels are 1, 2, … in this volume; those that are seen are named, and no others.
+    # The labels of this volume are 1, 2, …; the manifest may name only these.
     seen = [str(i + 1) for i in range(counted.shape[-1]) if counted[..., i].any()]
     assert len(seen) > 3 and set(mattes.manifest) <= {str(i + 1) for i in range(counted.shape[-1])}
     for name in seen:
         expected = counted[..., int(name) - 1]
         edges = ((expected > 0) & (expected < 1)).sum()
-        # Stratified samples differ less than independent ones; the finer film's grid by half of its pixels at an edge.
+        # Stratified samples vary less than independent ones, and the finer film is off by half of its pixels at an edge.
         assert off(mattes, [name], expected) < 1, name
-        # Negative control: of another label's, of pixels next door, of the colours of ranks.
+        # Negative control: the coverage of another label, and that of the neighbouring pixel, do not match.
         if edges > 30:
             assert off(mattes, [name], np.roll(expected, 1, axis=1)) > 2, name
             assert off(mattes, [seen[(seen.index(name) + 1) % len(seen)]], expected) > 2, name
@@ -93,7 +93,7 @@ def test_types_are_their_labels_together(drawn, counted):
     groups = {"no type": names[6:]}
     groups.update({TYPE_OF[odd]: [n for n in names[:6] if int(n) % 2 == odd] for odd in (0, 1)})
     for name, members in groups.items():
-        # The same samples: counts over 256.
+        # Both come from the same 256 samples, so they are equal.
         np.testing.assert_array_equal(types.matte(name), labels.matte(*members))
     assert all(types.matte(name).any() for name in TYPE_OF)
 
@@ -105,7 +105,7 @@ def test_fewer_ranks_keep_the_greatest(pumice, scene, drawn, tmp_path):
     run(pumice, "render", few, "-o", tmp_path / "a.exr", "--spp", SPP, "--backend", "cpu").fine()
     few, many = Mattes(tmp_path / "a.exr", LABELS), Mattes(drawn, LABELS)
     assert few.ids.shape[-1] == 2 and not any(name.startswith(TYPES) for name in planes(tmp_path / "a.exr"))
-    # Four slots hold what such a pixel sees.
+    # Pixels that see at most four labels; there the two greatest ranks are exact.
     simple = (many.coverages > 0).sum(axis=-1) <= 4
     assert simple.mean() > 0.9 and np.array_equal(few.coverages[simple], many.coverages[simple][:, :2])
     run(pumice, "render", "--again", tmp_path / "a.exr", "-o", tmp_path / "b.exr").fine()

@@ -1,4 +1,4 @@
-"""`pumice bench extremes`: the worst volumes, generated."""
+"""Tests `pumice bench extremes`, which compresses generated worst-case volumes."""
 
 import csv
 import math
@@ -6,7 +6,7 @@ import math
 import pytest
 from command import run
 
-# Labels and boxes of each case by its dims: what the form makes of such a volume, counted by hand.
+# Numbers of labels and boxes of each case as functions of its dimensions, derived by hand.
 LABELS = {
     "runs": lambda x, y, z: 4,
     "full": lambda x, y, z: 1,
@@ -25,7 +25,7 @@ BOXES = {
 
 @pytest.fixture(scope="module")
 def measured(pumice, tmp_path_factory):
-    """The reduced bench's output folder and what it said."""
+    """Output folder and standard output of the bench with --reduced."""
     out = tmp_path_factory.mktemp("extremes") / "made" / "here"
     return out, run(pumice, "bench", "extremes", "--reduced", "--out", out).fine()
 
@@ -46,7 +46,7 @@ def test_each_case_has_the_labels_and_boxes_that_it_must_have(measured):
         if row["case"] in BOXES:
             assert int(row["boxes"]) == BOXES[row["case"]](*dims), row
         assert 0 < int(row["bytes_resident"]) <= int(row["bytes_bound"]), row
-        # A file of the fast level is what is in memory, without the hierarchy and with a table of sections.
+        # A file of the fast level holds the bytes in memory without the hierarchy, and a table of sections.
         assert int(row["bytes_fast"]) < int(row["bytes_resident"]) + 4096
         assert int(row["bytes_default"]) <= int(row["bytes_fast"])
     for small, large in zip(rows[::2], rows[1::2], strict=True):
@@ -68,7 +68,7 @@ def test_a_memory_limit_changes_nothing_but_memory(measured, pumice, tmp_path):
     for row in rows:
         other = free[row["case"], row["x"]]
         assert {key: row[key] for key in same} == {key: other[key] for key in same}
-    # One that is too small even for the result is refused with a figure that would do.
+    # A limit that is too small even for the result is refused with a text that names it.
     line = run(pumice, "bench", "extremes", *args, "--memory-limit", "100K").refused()
     assert "noise-2" in line and "102400" in line
 

@@ -1,4 +1,4 @@
-"""`pumice bench lod`: picture error against frame time and resident bytes, level by level."""
+"""Tests `pumice bench lod`: picture error against frame time and resident bytes for each level of detail."""
 
 import csv
 import sys
@@ -11,7 +11,7 @@ LEVELS = ["voxels", "by distance", "cells of 4³", "boxes of 16³"]
 
 @pytest.fixture(scope="module")
 def measured(pumice, data, tmp_path_factory):
-    """The bench's output folder, small, and its rows."""
+    """Output folder and CSV rows of a small run of the bench."""
     out = tmp_path_factory.mktemp("lod") / "made" / "here"
     args = ["--pick", 8, "--size", "48x32,320x213", "--spp", "1,4", "--repeats", 1, "--reference-spp", 64, "--out", out]
     said = run(pumice, "bench", "lod", data / "platynereis_nuclei.tif", *args).fine()
@@ -38,7 +38,7 @@ def test_coarser_levels_are_farther_from_the_picture(measured):
         assert own["voxels"]["own_relmse"] == "", "the reference has no error against itself"
         cells, boxes = (float(own[level]["own_relmse"]) for level in LEVELS[2:])
         assert 0 < cells < boxes
-    # What spans less than a pixel is hardly seen: by distance, a small picture is coarser than a large one and yet close.
+    # Detail below a pixel is hardly visible: by distance, a small picture uses coarser levels than a large one and yet has a small error.
     small = {r["level"]: r for r in rows if r["width"] == "48"}
     assert float(small["by distance"]["own_relmse"]) < float(small["boxes of 16³"]["own_relmse"]) / 4
 
@@ -48,7 +48,7 @@ def test_a_coarser_level_touches_no_more_of_the_file(measured):
     for width in ("48", "320"):
         told = {r["level"]: r["bytes_touched"] for r in rows if r["width"] == width}
         if not sys.platform.startswith("linux"):
-            assert set(told.values()) == {""}, "only Linux tells what of a file is resident"
+            assert set(told.values()) == {""}, "only Linux reports resident bytes of a file"
             continue
         touched = {level: int(bytes_) for level, bytes_ in told.items()}
         mapped = int(rows[0]["bytes_mapped"])
@@ -58,7 +58,7 @@ def test_a_coarser_level_touches_no_more_of_the_file(measured):
 def test_bad_arguments_are_refused(pumice, data, tmp_path):
     volume = data / "platynereis_nuclei.tif"
     line = run(pumice, "bench", "lod", volume, "--spp", "4,1", "--out", tmp_path / "o").refused()
-    assert "--spp" in line and "rising" in line
+    assert "--spp" in line and "increasing" in line
     line = run(pumice, "bench", "lod", tmp_path / "none.nrrd", "--out", tmp_path / "o").refused()
     assert "none.nrrd" in line
     assert run(pumice, "bench", "lod", volume, "--size", "0x4", "--out", tmp_path / "o").code == 2

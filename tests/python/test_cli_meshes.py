@@ -1,4 +1,4 @@
-"""Scenes with triangle meshes through the command: what a picture shows of one, and what is said of files that are none."""
+"""Tests scenes with triangle meshes: how they appear in pictures, and errors for files that are no meshes."""
 
 import json
 
@@ -19,13 +19,13 @@ property list uchar int vertex_indices
 end_header
 """
 QUICK = ["--backend", "cpu", "--spp", "1"]
-# A square about the origin, in one face of four corners.
+# A square around the origin, as one face with four corners.
 SQUARE = HEADER + "-1 -1 0\n1 -1 0\n1 1 0\n-1 1 0\n4 0 1 2 3\n"
 
 
 @pytest.fixture
 def floored(pumice, data, tmp_path):
-    """Nuclei over a floor that is wider than the picture, seen from above at a slant; the scene file and its fields."""
+    """(path, fields) of a scene of nuclei over a floor that is wider than the picture, seen obliquely from above."""
     made = tmp_path / "made.json"
     nuclei = [data / "platynereis_nuclei.tif", "--spacing", "1,1,1"]
     run(pumice, "render", *nuclei, "-o", tmp_path / "made.png", *QUICK, "--size", "64x48", "--save-scene", made).fine()
@@ -51,10 +51,10 @@ def test_a_floor_is_drawn_under_a_volume_and_lies_in_its_shadow(pumice, floored,
     file.write_text(json.dumps(alone))
     without = picture(pumice, file, tmp_path / "without.png")
     changed = np.abs(with_floor - without).max(axis=-1) > 25
-    assert changed.mean() > 0.3, "the floor fills what was empty"
+    assert changed.mean() > 0.3, "the floor covers background"
     red = changed & (with_floor[..., 0] > 1.5 * with_floor[..., 2])
     assert red.sum() > 0.8 * changed.sum()
-    # The same floor without the volume is lighter where the volume shades it.
+    # Where the volume shades the floor, the floor without the volume is lighter.
     (tmp_path / "hidden.json").write_text(json.dumps(_hidden(fields)))
     bare = picture(pumice, tmp_path / "hidden.json", tmp_path / "bare.png")
     darker = red & (bare[..., 0] - with_floor[..., 0] > 20)
@@ -79,7 +79,8 @@ def test_the_picture_is_made_again_from_the_same_mesh_alone(pumice, floored, tmp
 
 
 def test_a_floor_that_catches_leaves_its_shadow(pumice, floored, tmp_path):
-    """Dark where the ordinary floor lies in the volume's shadow, and nothing where it does not; the pass has what alpha loses."""
+    """A shadow catcher is dark where an ordinary floor is in the volume's shadow, and transparent elsewhere. The shadow pass holds what
+    alpha loses."""
     file, fields = floored
     fields["film"]["transparent"] = True
 
@@ -98,7 +99,7 @@ def test_a_floor_that_catches_leaves_its_shadow(pumice, floored, tmp_path):
     floor = (ordinary["label.index"] == 0) & (ordinary["A"] == 1) & (apart["A"] == 0)
     left = np.mean([ordinary[c] / bare[c] for c in "RGB"], axis=0)[floor]
     assert floor.mean() > 0.2 and left.min() < 0.7
-    # The same quotient from sums of the same 16 samples.
+    # Both are the same quotient of sums over the same 16 samples.
     assert np.abs(1 - caught["A"][floor] - np.minimum(left, 1)).max() < 1e-4
     assert set(apart) == {*"RGBA", *(f"ViewLayer.Shadow Catcher.{c}" for c in "RGB")}
     assert (apart["R"] == caught["R"]).all() and apart["A"].max() == 1
@@ -115,9 +116,9 @@ def test_a_floor_that_catches_leaves_its_shadow(pumice, floored, tmp_path):
     ("text", "said"),
     [
         (None, "floor.ply"),
-        ("solid cube", "no mesh that can be read"),
+        ("solid cube", "expected a PLY mesh"),
         (SQUARE[:-10], "floor.ply"),
-        (SQUARE.replace("4 0 1 2 3", "4 0 1 2 9"), "corner 9"),
+        (SQUARE.replace("4 0 1 2 3", "4 0 1 2 9"), "got 9"),
         (SQUARE.replace("1 1 0", "1 nan 0", 1), "finite"),
     ],
 )

@@ -1,4 +1,4 @@
-"""What leaving out saves, measured both ways: `pumice render --explain` and `pumice bench needs`."""
+"""Tests `pumice render --explain` and `pumice bench needs`, which measure what leaving out unneeded parts saves."""
 
 import csv
 import json
@@ -17,18 +17,18 @@ def test_explain_measures_what_is_left_out(pumice, data, tmp_path):
     saved = sum(after - before for before, after in hidden["bytes"].values())
     assert saved > 0 and f"saved by leaving out boxes of labels that are not shown: {saved} bytes; " in said
     for saving in savings["savings"]:
-        assert saving["beside"]["apart"] == 0, "both ways draw the same picture"
+        assert saving["beside"]["apart"] == 0, "both ways give the same picture"
         low, median, high = (saving["sample_ms"]["saved"][k] for k in ("low", "median", "high"))
         assert low <= median <= high
-    # Parts for which the processor has nothing to leave out are told too.
+    # Parts for which the CPU backend has nothing to leave out are reported too.
     assert savings["always_there"] and "saved by leaving out cuts: nothing (" in said
-    # Nobody asked: nothing is measured, nothing is said.
+    # Without --explain nothing is measured or printed.
     said = run(pumice, "render", data / "platynereis_nuclei.tif", "-o", picture, *args[:-3], "--json", tmp_path / "o.json").fine()
     assert "saved" not in said and "savings" not in json.loads((tmp_path / "o.json").read_text())
 
 
 def test_labels_that_are_not_shown_are_not_read(pumice, data, tmp_path):
-    """The same picture from the labels that are shown alone as from the whole volume, at less memory; `--explain` measures it."""
+    """Reading only the shown labels gives the same picture as reading the whole volume and takes less memory; `--explain` reports both."""
     for level in ("fast", "default"):
         volume = tmp_path / f"{level}.pumice"
         run(pumice, "compress", data / "platynereis_nuclei.tif", "-o", volume, "--level", level).fine()
@@ -42,7 +42,7 @@ def test_labels_that_are_not_shown_are_not_read(pumice, data, tmp_path):
         assert f"saved by reading 3 of 33 labels of {level}.pumice: {opening['bytes'][1] - opening['bytes'][0]} of {opening['bytes'][1]} bytes; " in said
         assert sum(part["volume_bytes"].values()) == opening["bytes"][0] < opening["bytes"][1] / 2
         assert len(part["opening_seconds"]) == 2
-        # A tif is compressed whole, and draws the same; so does the scene, and the picture again.
+        # A TIFF, which is compressed as a whole, gives the same picture, and so do the saved scene and `--again`.
         whole, again = tmp_path / "w.exr", tmp_path / "b.exr"
         run(pumice, "render", data / "platynereis_nuclei.tif", "-o", whole, *args, *some, "--json", report).fine()
         assert sum(json.loads(report.read_text())["volume_bytes"].values()) == opening["bytes"][1]
@@ -51,7 +51,7 @@ def test_labels_that_are_not_shown_are_not_read(pumice, data, tmp_path):
             for other in (again, whole):
                 said = run(pumice, "compare", picture, other, "--json", "-").fine()
                 assert json.loads(said)["rel_mse"] == 0
-        # Another choice of labels than the scene's is read instead.
+        # `--labels` reads other labels than the scene's.
         run(pumice, "render", scene, "-o", again, *args, "--labels", "5").fine()
         line = run(pumice, "render", volume, "-o", again, *args, "--labels", "5,77").refused()
         assert "no label 77" in line

@@ -1,4 +1,4 @@
-"""`pumice bench paper`: the paper's encodings with ours beside them."""
+"""Tests `pumice bench paper`: the paper's encodings beside Pumice's own form."""
 
 import csv
 
@@ -11,14 +11,14 @@ SMALL = ["--side", 64, "--rounds", 1]
 
 
 def figures_of(out):
-    """Figures by volume, table, row and column."""
+    """Values of paper.csv by (table, row, column)."""
     with (out / "paper.csv").open() as file:
         return {(r["table"], r["row"], r["column"]): float(r["figure"]) for r in csv.DictReader(file)}
 
 
 @pytest.fixture(scope="module")
 def measured(pumice, data, tmp_path_factory):
-    """The bench's output folder and its figures, of a small real volume."""
+    """Output folder and values of the bench on a small real volume."""
     out = tmp_path_factory.mktemp("paper") / "made" / "here"
     volume = data / "platynereis_nuclei.tif"
     said = run(pumice, "bench", "paper", volume, "--side", 192, "--rounds", 1, "--show", 100, "--out", out).fine()
@@ -32,11 +32,11 @@ def test_all_forms_see_the_same(measured):
     for kind in ("camera", "diffuse"):
         hits = [f["3 4", row, f"{kind} hits at voxels"] for row in rows]
         assert min(hits) > 100
-        # A diffuse ray that grazes an edge may be rounded to either side of it.
+        # Rounding may move a diffuse ray that grazes an edge to either side of it.
         assert max(hits) - min(hits) <= (0 if kind == "camera" else 1), hits
     for row in rows:
         assert f["3 4", row, "camera rays at voxels M/s"] > 0
-        # Boxes hold all their voxels.
+        # A box covers all its voxels, so solid boxes are hit at least as often.
         assert f["3 4", row, "camera hits at boxes"] >= f["3 4", row, "camera hits at voxels"]
 
 
@@ -47,11 +47,11 @@ def test_bytes_are_those_of_the_layouts(measured):
         svo, types, shared = (f["3 4", form + fields, "tree bytes"] for form in FORMS)
         assert all(f["3 4", form + fields, "box bytes"] == 32 * boxes for form in FORMS)
         assert shared < types and shared % 32 == 0 and svo % 8 == 0
-        # What is merged in the end is what the shared graph has.
+        # The last step of merging has the bytes of the shared graph.
         if fields:
             growth = [(k[1], v) for k, v in f.items() if k[0] == "figure 6 growth" and k[2] == FORMS[2]]
             assert growth[-1][1] == shared and len(growth) == f["1", "volume", "types"]
-    # Each use of a node is a parent's or a box's: eight a parent, less those that are empty or solid.
+    # A node is referenced by parents and boxes. A parent has eight references, some of them to the uniform leaves.
     levels = [k[1] for k in f if k[0] == "figure 6" and k[2] == "nodes" and k[1].startswith("with fields")]
     nodes = sum(f["figure 6", row, "nodes"] for row in levels)
     assert 32 * (nodes + 2) == f["3 4", FORMS[2] + " with fields", "tree bytes"]
@@ -78,7 +78,7 @@ def test_sizes_of_boxes_and_hiding_are_measured(measured):
 
 
 def test_types_are_dealt_and_noise_fits(pumice, tmp_path):
-    """Noise is the longest octree that there is: pointers of 12 bits must reach."""
+    """Types are assigned round robin; and noise gives the largest possible octree, which pointers of 12 bits must address."""
     rng = np.random.default_rng(3)
     np.save(tmp_path / "noise.npy", rng.integers(0, 2, (40, 33, 20), dtype=np.uint32))
     run(pumice, "bench", "paper", tmp_path / "noise.npy", *SMALL, "--types", 5, "--show", 100, "--out", tmp_path / "o").fine()

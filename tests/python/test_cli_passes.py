@@ -1,4 +1,4 @@
-"""Passes, transparent film and clamps from the command, in files that a decoder of other make reads."""
+"""Tests passes, transparent film and clamps, in files read by an independent decoder."""
 
 import json
 
@@ -15,7 +15,7 @@ LIGHT = [f"{kind}{part}" for kind, _ in KINDS for part in ("Dir", "Ind", "Col")]
 
 @pytest.fixture(scope="module")
 def scene(pumice, data, tmp_path_factory):
-    """A scene of some labels of a shipped volume: glossy, one of them glowing, one of glass, under sky and sun."""
+    """A scene file of a shipped volume under sky and sun: glossy labels, and one that is glass and emits."""
     folder = tmp_path_factory.mktemp("passes")
     path = data / "slicer_Segmentation.seg.nrrd"
     run(pumice, "render", path, "-o", folder / "a.exr", "--size", "48x32", "--spp", "1", "--save-scene", folder / "s.json").fine()
@@ -47,14 +47,14 @@ def test_light_passes_add_up_to_the_picture(pumice, scene, tmp_path):
     got = drawn(pumice, scene, tmp_path / "a.exr", "--passes", "light")
     assert set(got) == {*"RGB", *(f"ViewLayer.{name}.{c}" for name in LIGHT for c in "RGB")}
     color = rgb(got, "")
-    # Sums of 8 samples of some dozen contributions each, in 32 bits.
+    # Both are sums of 8 samples of some dozen contributions each, in 32 bits.
     bound = 3e-5 * np.maximum(color, 1e-3)
     assert (np.abs(recombined(got) - color) <= bound).all()
     for name in LIGHT:
         if rgb(got, f"ViewLayer.{name}.").any():
             assert (np.abs(recombined(got, name) - color) > bound).any(), f"{name} can be done without"
     assert all(rgb(got, f"ViewLayer.{name}.").any() for name in ("DiffDir", "GlossDir", "GlossInd", "Emit", "Env"))
-    # The picture itself is that of a render without passes, and its own reader says so.
+    # The colour is that of a picture without passes, also by NVIDIA's reader.
     plain = drawn(pumice, scene, tmp_path / "b.exr", "--passes", "none")
     assert set(plain) == set("RGB") and np.array_equal(rgb(plain, ""), color)
     assert np.array_equal(np.asarray(flip_evaluator.load(str(tmp_path / "a.exr")))[..., :3], color)
@@ -77,13 +77,13 @@ def test_a_transparent_film(pumice, scene, tmp_path):
     alpha, color = got["A"][..., None], rgb(got, "")
     assert 0 < alpha.mean() < 1 and alpha.min() == 0 and alpha.max() == 1 and ((0 < alpha) & (alpha < 1)).any()
     assert (color[alpha[..., 0] == 0] == 0).all()
-    # Laid over what is behind it, it is the opaque picture: sums of 8 samples in 32 bits.
+    # Composited over the environment it is the opaque picture, up to the rounding of sums of 8 samples in 32 bits.
     over = color + rgb(got, "ViewLayer.Env.")
     assert np.abs(over - rgb(opaque, "")).max() <= 8 * 2.0**-23 * max(1.0, over.max())
     inside = (got["label.index"] > 0) & (alpha[..., 0] == 1)
     assert inside.any() and np.isinf(got["ViewLayer.Depth.Z"][got["label.index"] == 0]).all()
     assert got["label.index"].dtype == np.uint32
-    # PNG: not multiplied, alpha linear.
+    # A PNG has unassociated colours and linear alpha.
     run(pumice, "render", scene, "-o", tmp_path / "a.png", "--spp", "8", "--backend", "cpu", "--transparent").fine()
     png = Image.open(tmp_path / "a.png")
     assert png.mode == "RGBA"
@@ -106,7 +106,7 @@ def test_clamps_darken(pumice, scene, tmp_path):
         pictures[which] = rgb(drawn(pumice, tmp_path / "s.json", tmp_path / "b.exr", "--passes", "none"), "")
         assert (pictures[which] <= plain * (1 + 1e-5)).all() and (pictures[which] < plain * 0.99).any(), which
     assert pictures["clamp_direct"].mean() < 0.5 * plain.mean()
-    # The sky is seen, which is direct.
+    # The sky in the corner is direct light, which only the direct clamp changes.
     sky = drawn(pumice, scene, tmp_path / "c.exr", "--passes", "label")["label.index"] == 0
     corner = sky[:2, :2].all() and np.array_equal(pictures["clamp_indirect"][:2, :2], plain[:2, :2])
     assert corner and not np.array_equal(pictures["clamp_direct"][:2, :2], plain[:2, :2])
@@ -117,7 +117,7 @@ def test_clamps_darken(pumice, scene, tmp_path):
     [
         ({"passes": ["beauty"]}, "beauty"),
         ({"passes": ["all"]}, "`all`"),
-        # Types are told with line and column, as everywhere in a scene.
+        # Errors of types give line and column, as everywhere in a scene.
         ({"passes": "light"}, "expected a sequence"),
         ({"passes": None}, "expected a sequence"),
         ({"transparent": 1}, "expected a boolean"),

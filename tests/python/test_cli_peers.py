@@ -1,4 +1,4 @@
-"""`pumice bench peers`: other programs beside Pumice, by their own packages."""
+"""Tests `pumice bench peers`, which measures other programs through their own Python packages."""
 
 import csv
 import pathlib
@@ -10,7 +10,7 @@ from command import run
 
 COMMITTED = pathlib.Path(__file__).parents[2] / "bench/results/peers.csv"
 SMALL = "platynereis_nuclei.tif"
-# What deflate makes depends on the zlib that Python was built with; every other program brings its own coder.
+# The output of deflate depends on the zlib that Python was built with. Every other program brings its own coder.
 BY_ZLIB = {"compresso + gzip", "NIfTI + gzip"}
 
 
@@ -20,7 +20,7 @@ def rows_of(path, volume):
 
 
 def differing(got, expected):
-    """Programs whose bytes are not those expected."""
+    """Names of programs whose bytes differ from the expected ones."""
 
     def apart(program):
         a, b = (int(rows[program]["bytes"]) for rows in (got, expected))
@@ -31,7 +31,7 @@ def differing(got, expected):
 
 @pytest.fixture(scope="module")
 def measured(pumice, data, tmp_path_factory):
-    """The command's output folder and what it said, of the small volume."""
+    """Output folder and standard output of the bench on the small volume."""
     out = tmp_path_factory.mktemp("peers") / "made" / "here"
     said = run(pumice, "bench", "peers", data / SMALL, "--python", sys.executable, "--out", out).fine()
     return out, said
@@ -42,7 +42,7 @@ def test_bytes_are_those_of_the_committed_table(measured):
     assert str(out / "peers.md") in said
     got, expected = rows_of(out / "peers.csv", SMALL), rows_of(COMMITTED, SMALL)
     assert len(expected) == 12 and differing(got, expected) == []
-    # The comparison sees a byte, and a program that is not there.
+    # Control: the comparison finds one byte of difference, and a missing program.
     for program in ("crackle", "Pumice, default"):
         off = {**got, program: {**got[program], "bytes": str(int(got[program]["bytes"]) + 1)}}
         assert differing(off, expected) == [program]
@@ -59,7 +59,7 @@ def test_the_table_is_whole_and_its_figures_are_possible(measured):
         assert float(row["compress_cpu_s"]) > 0 and float(row["decompress_cpu_s"]) > 0
         assert (row["voxel_cpu_us"] == "") == (program in {"Pumice, fast", "Pumice, default", "Pumice, small"})
     voxel = {program: float(row["voxel_cpu_us"]) for program, row in rows.items() if row["voxel_cpu_us"]}
-    # Who decodes everything for a voxel is slower at it than who reads a block: by orders of magnitude, on any machine.
+    # Decoding everything to read one voxel is slower than decoding one block, by orders of magnitude on any machine.
     assert voxel["zstd"] > 10 * voxel["compressed_segmentation"]
 
 

@@ -1,4 +1,4 @@
-"""Half floats and view transforms from the command, in files that readers of other make open."""
+"""Tests half floats and view transforms, in files read by independent readers."""
 
 import json
 
@@ -11,7 +11,7 @@ from PIL import Image
 
 @pytest.fixture(scope="module")
 def scene(pumice, data, tmp_path_factory):
-    """A scene of a shipped volume under a sun that blinds."""
+    """A folder with a scene of a shipped volume (s.json), and the same under an extremely bright sun (bright.json)."""
     folder = tmp_path_factory.mktemp("files")
     path = data / "slicer_Segmentation.seg.nrrd"
     run(pumice, "render", path, "-o", folder / "a.exr", "--size", "48x32", "--spp", "1", "--save-scene", folder / "s.json").fine()
@@ -37,7 +37,7 @@ def test_colours_are_the_nearest_halves_and_all_else_is_whole(pumice, scene, tmp
             is_color = channel in "RGBA" or any(f".{layer}." in channel for layer in ("DiffDir", "Normal", "Denoising Albedo"))
             assert (values.dtype == np.float16) == is_color, channel
             assert whole[channel].dtype == (np.uint32 if channel == "label.index" else np.float32)
-            # numpy's own rounding is to the nearest, ties to even; beyond the largest it would be infinite.
+            # numpy rounds to nearest, ties to even. Clipping comes first, since larger values would become infinite.
             expected = np.clip(whole[channel], -65504, 65504).astype(np.float16) if is_color else whole[channel]
             np.testing.assert_array_equal(values.view(np.uint8), expected.view(np.uint8), channel)
         assert (half["R"] == 65504).any() == (name == "bright.json"), name
@@ -51,7 +51,7 @@ def test_halves_are_made_again_and_compared(pumice, scene, tmp_path):
     assert half.read_bytes() == (tmp_path / "again.exr").read_bytes()
     assert half.read_bytes() != whole.read_bytes()
     report = json.loads(run(pumice, "compare", half, whole, "--json", "-").fine())
-    assert 0 < report["rel_mse"] < 1e-6, "rounded, and no more: (2^-12)^2"
+    assert 0 < report["rel_mse"] < 1e-6, "only the rounding to halves, (2^-12)^2"
 
 
 def shown(path):
@@ -69,7 +69,7 @@ def test_views_are_told_apart_and_made_again(pumice, scene, tmp_path):
     np.testing.assert_array_equal(plain, pictures["standard"])
     linear = planes(drawn(pumice, scene / "s.json", tmp_path / "a.exr", "--view-transform", "agx"))
     np.testing.assert_array_equal(linear["R"], planes(drawn(pumice, scene / "s.json", tmp_path / "b.exr"))["R"])
-    # What Blender 5.0.1 shows of middle grey, 0.18: 118, 128, 118; and none lets a channel pass white that was not.
+    # (Blender 5.0.1 shows middle grey, 0.18, as 118, 128, 118.) Where all channels exceed 1, standard is white and filmic is not.
     alpha = linear["A"]
     straight = np.stack([np.divide(linear[c], alpha, out=np.zeros_like(alpha), where=alpha > 0) for c in "RGB"], axis=-1)
     bright = (straight > 1.2).all(axis=-1)

@@ -1,5 +1,5 @@
-"""`pumice bench stability`: every extreme case against its bar, on the processor and, beside its picture, on a Vulkan backend: another
-one each day, on all with `--full`."""
+"""Tests `pumice bench stability`: every extreme case must pass on the CPU and on a Vulkan backend, whose pictures are compared with the
+CPU's. A run takes one Vulkan backend, which changes daily; `--full` takes all."""
 
 import json
 from concurrent.futures import ThreadPoolExecutor
@@ -13,12 +13,12 @@ BACKENDS = ["cpu", *one_of_today(["vulkan-rt", "vulkan-query", "vulkan-compute"]
 
 @pytest.fixture(scope="module")
 def reports(pumice, tmp_path_factory):
-    """(what was printed, report, table) of each backend. Each compiles shaders for most of its time, on one core: they share the cores."""
+    """(standard output, JSON report, Markdown table) by backend. Backends run in parallel: each mostly compiles shaders on one core."""
     folder = tmp_path_factory.mktemp("stability")
 
     def measured(backend):
         files = ["--json", folder / f"{backend}.json", "--out", folder / f"{backend}.md"]
-        # Half a minute on an idle core.
+        # Takes half a minute on an idle core.
         done = run(pumice, "bench", "stability", "--reduced", "--backend", backend, *files, limit_seconds=400)
         said = done.fine()
         return said, json.loads((folder / f"{backend}.json").read_text()), (folder / f"{backend}.md").read_text()
@@ -33,10 +33,10 @@ def test_every_bar_is_kept(reports, backend):
     assert report["backend"] == backend and report["bad_pixels"] == 0 and report["pixels"] > 5_000
     assert "MISSED" not in said and "| NO |" not in table
     cases = report["cases"]
-    assert [c["name"] for c in cases] == [c["name"] for c in reports["cpu"][1]["cases"]], "the same cases everywhere"
+    assert [c["name"] for c in cases] == [c["name"] for c in reports["cpu"][1]["cases"]], "all backends have the same cases"
     for case in cases:
         assert case["error"] <= case["bar"], case
-        # What the backend did not draw says why; all else stands beside the processor's picture, but for what is refused.
+        # Cases that the backend did not render say why. All others are compared with the CPU's picture, except refused scenes.
         processor_only = case["group"] == "rays"
         assert ("processor_only" in case) == processor_only, case
         beside = backend != "cpu" and case["group"] not in ("rays", "refusals")
@@ -44,9 +44,9 @@ def test_every_bar_is_kept(reports, backend):
         if beside:
             assert case["beside"]["apart"] <= 0.05, case
     why = next(c["processor_only"] for c in cases if "processor_only" in c)
-    assert f"cases are of the processor only: {why}" in said and table.count(f"processor only: {why}") > 20
+    assert f"cases test only the CPU: {why}" in said and table.count(f"processor only: {why}") > 20
     if backend != "cpu":
-        # Somewhere the last bits do differ: it was not the processor that drew.
+        # The last bits differ somewhere, which shows that the pictures are not the CPU's.
         assert any(c.get("beside", {}).get("worst", 0.0) > 0.0 for c in cases)
 
 

@@ -1,6 +1,6 @@
-"""The independent decoder against volumes whose voxels are known.
+"""Tests .pumice files with the independent decoder, on volumes whose voxels are known.
 
-The files come from the example `write_samples` of pumice-core: in the folder PUMICE_SAMPLES if that is set, else they are made.
+The example `write_samples` of pumice-core makes the files. They are in the folder PUMICE_SAMPLES; if that is not set, they are made.
 """
 
 import os
@@ -29,7 +29,7 @@ def samples(tmp_path_factory):
 
 
 def expected_ids(file):
-    """The voxels of NAME.LEVEL.pumice: NAME.ids has dims as 3 u32, then a u64 a voxel, x fastest."""
+    """The voxels of NAME.LEVEL.pumice from NAME.ids: dimensions as 3 u32, then a u64 per voxel, x fastest."""
     data = file.with_name(file.name.split(".")[0] + ".ids").read_bytes()
     dims = struct.unpack_from("<3I", data)
     return np.frombuffer(data, "<u8", offset=12).reshape(dims, order="F")
@@ -58,7 +58,7 @@ def test_all_kinds_of_leaves_are_there(samples):
 
 
 def test_contacts_are_the_same(samples):
-    # Files of voxels have none: contacts follow from the voxels.
+    # Files of voxels (level small) store no contacts, since they follow from the voxels.
     for file in (f for f in samples if ".small." not in f.name):
         ids = expected_ids(file)
         pairs = set()
@@ -73,7 +73,7 @@ def test_contacts_are_the_same(samples):
 
 
 def test_a_wrong_voxel_would_be_noticed(samples):
-    """A control: the comparison above fails for a file of another volume of the same size."""
+    """Control: the comparison fails for a file of another volume of the same size."""
     by_shape = {}
     for file in samples:
         by_shape.setdefault(expected_ids(file).shape, []).append(file)

@@ -1,6 +1,6 @@
-"""Our readers and writers against nibabel, pynrrd, tifffile and numpy, which share no code with them: same voxels, same affine.
+"""Compares pumice-formats with nibabel, pynrrd, tifffile and numpy, which share no code with it: same voxels, same affine.
 
-Voxels must be equal to the last bit. Affines as well, except where a test says why not.
+Voxels must be equal to the last bit, and affines too, except where a test says why not.
 """
 
 import itertools
@@ -30,7 +30,7 @@ def formats(rust_example):
 
 
 def random_affine(seed):
-    """A rotation with flips, unequal spacing and an offset, as a scanner writes it."""
+    """A random affine as scanners write them: rotation with flips, unequal spacing, offset."""
     random = np.random.default_rng(seed)
     q, _ = np.linalg.qr(random.normal(size=(3, 3)))
     m = np.eye(4)
@@ -40,7 +40,8 @@ def random_affine(seed):
 
 
 def same_affine(ours, theirs):
-    """Axes to the last bit. The origin is moved to the voxel's corner and, to be compared, back: sums of four numbers, each rounded once."""
+    """Whether affines agree: axes to the last bit, the origin up to rounding, because it is moved to the voxel's corner and, for the
+    comparison, back (sums of four numbers, each rounded once)."""
     theirs = np.asarray(theirs, dtype=np.float64)
     size = np.abs(theirs[:3, 3]) + np.abs(theirs[:3, :3]).sum(axis=1)
     moved = np.abs(ours[:3, 3] - theirs[:3, 3])
@@ -64,7 +65,7 @@ def nrrd_header(matrix, **more):
 @pytest.mark.parametrize("encoding", ["raw", "gzip", "ascii"])
 @pytest.mark.parametrize("order", "<>")
 def test_nrrd_matches_pynrrd(formats, tmp_path, dtype, encoding, order):
-    # pynrrd writes text through doubles (%.17g), so 64-bit ids beyond 2⁵³ are lost before we see them.
+    # pynrrd writes text through doubles (%.17g), which loses 64-bit ids above 2⁵³ in the file.
     text64 = encoding == "ascii" and dtype in ("u8", "i8")
     labels = pattern(SHAPE, "f8" if text64 else dtype).astype(order + dtype)
     matrix = random_affine(ALL.index(dtype))
@@ -142,7 +143,7 @@ def test_nifti_form_codes_match_nibabel(formats, tmp_path, sform, qform):
     image.set_qform(random_affine(6), qform)
     image.to_filename(tmp_path / "a.nii")
     found, _ = formats.read(tmp_path / "a.nii", tmp_path)
-    # The quaternion's matrix is computed from float32 numbers: both compute in doubles, in another order.
+    # Both compute the quaternion's matrix in doubles from float32 numbers, but in different order.
     assert np.allclose(affine(found), nib.load(tmp_path / "a.nii").affine, rtol=1e-12, atol=1e-10)
 
 
@@ -185,7 +186,7 @@ def test_white_is_zero_keeps_labels(formats, tmp_path):
 @pytest.mark.parametrize("dtype", ["u1", "u2", "f4"])
 @pytest.mark.parametrize("truncate", [False, True])
 def test_imagej_matches_tifffile(formats, tmp_path, dtype, truncate):
-    # Order of ImageJ's axes: T, Z, C, Y, X. `truncate` leaves one directory for all planes, as ImageJ does above 4 GiB.
+    # ImageJ orders axes T, Z, C, Y, X. `truncate` writes one directory for all planes, as ImageJ does above 4 GiB.
     stack = pattern((2, 4, 3, 8, 9), dtype)
     path = tmp_path / "a.tif"
     more = {"truncate": True} if truncate else {}
@@ -216,7 +217,7 @@ def test_ome_matches_tifffile(formats, tmp_path, dtype):
         found, ours = formats.read(path, tmp_path, "--time", str(t), "--channel", str(c))
         assert np.array_equal(ours.T, stack[t, c].astype("u8"))
     assert found["unit"] == "um"
-    # Changing nm and mm to µm rounds in the last digit.
+    # Conversion of nm and mm to µm rounds in the last digit.
     assert np.allclose(found["spacing"], [0.1, 0.2, 2.0], rtol=1e-14)
 
 
@@ -269,7 +270,7 @@ def test_npz_matches_numpy(formats, tmp_path, save):
 
 @pytest.fixture
 def source(tmp_path):
-    """A volume with an LPS affine, written by pynrrd: dtype → path, labels, affine in LPS."""
+    """A function of a dtype that writes a volume with pynrrd; returns (path, labels, affine in LPS)."""
 
     def make(dtype, unit="mm"):
         labels, matrix = pattern((19, 17, 18), dtype), random_affine(8)
@@ -298,7 +299,7 @@ def test_written_nifti_is_read_by_nibabel(formats, tmp_path, source, dtype, endi
     formats.write(path, tmp_path / f"out{ending}")
     theirs = nib.load(tmp_path / f"out{ending}")
     assert theirs.get_data_dtype() == labels.dtype and np.array_equal(theirs.dataobj.get_unscaled(), labels)
-    # NIfTI-1 keeps the matrix in float32.
+    # NIfTI-1 stores the matrix in float32.
     expected = (np.diag([-1, -1, 1, 1]) @ matrix).astype("f4")
     assert np.array_equal(theirs.affine.astype("f4"), expected)
     assert theirs.header.get_xyzt_units()[0] == "mm"
@@ -332,21 +333,21 @@ def test_written_tiff_is_read_by_tifffile(formats, tmp_path, source, dtype):
         with tifffile.TiffFile(tmp_path / "out.tif") as file:
             assert file.is_ome and file.series[0].axes == "ZYX"
             pixels = tifffile.xml2dict(file.ome_metadata)["OME"]["Image"]["Pixels"]
-        # Lengths of the source's axis vectors, to the last digit of a square root.
+        # The spacing is the length of the source's axis vectors, up to the rounding of a square root.
         spacing = np.linalg.norm(matrix[:3, :3], axis=0)
         assert np.allclose([pixels[f"PhysicalSize{a}"] for a in "XYZ"], spacing, rtol=1e-14)
         assert found["unit"] == "nm" and np.allclose(found["spacing"], spacing, rtol=1e-14)
 
 
 def test_large_strip_count_round_trip(formats, tmp_path):
-    """Several strips a page, the last one shorter."""
+    """Pages with several strips, of which the last is shorter."""
     labels = pattern((600, 500, 3), "u4")
     np.save(tmp_path / "a.npy", labels)
     formats.write(tmp_path / "a.npy", tmp_path / "out.tif")
     assert np.array_equal(tifffile.imread(tmp_path / "out.tif").T, labels)
 
 
-# --- MetaImage: no package here writes it, so the header is written by hand after its documentation ----------------------------
+# --- MetaImage: no package here writes it, so the header is written by hand from its documentation ----------------------------
 
 
 @pytest.mark.parametrize("dtype, name", [("u1", "MET_UCHAR"), ("u2", "MET_USHORT"), ("u4", "MET_UINT"), ("i2", "MET_SHORT")])
@@ -374,7 +375,7 @@ ElementDataFile = LOCAL
     (tmp_path / "a.mha").write_bytes(text.encode() + data)
     found, ours = formats.read(tmp_path / "a.mha", tmp_path)
     assert np.array_equal(ours, labels)
-    # Rows of TransformMatrix are the directions of the axes (MetaIO documentation).
+    # The rows of TransformMatrix are the directions of the axes (MetaIO documentation).
     expected = [[0, -2, 0, 10], [0.5, 0, 0, 20], [0, 0, 3, 30], [0, 0, 0, 1]]
     assert same_affine(affine(found), expected) and found["frame"] == "LPS"
 

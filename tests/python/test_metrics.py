@@ -1,4 +1,4 @@
-"""The image metrics against other people's: NVIDIA's FLIP, scikit-image's SSIM and PSNR, scipy's Welch test, numpy's arithmetic."""
+"""Compares image metrics with independent ones: NVIDIA's FLIP, scikit-image's SSIM and PSNR, scipy's Welch test, numpy's arithmetic."""
 
 import json
 import subprocess
@@ -31,7 +31,7 @@ def compare_raw(rust_example, tmp_path_factory):
 
 
 def pictures(kind):
-    """A reference with gradients, hard edges, dots and saturated colours, and a picture that is wrong in its own way."""
+    """(picture, reference): a reference with gradients, hard edges, dots and saturated colours, and a picture with this kind of fault."""
     width, height = SIZE
     random = np.random.default_rng(7)
     y, x = np.mgrid[0:height, 0:width]
@@ -73,7 +73,7 @@ def test_psnr_and_ssim_match_scikit_image(compare_raw, kind):
     a, b = pictures(kind)
     got, _ = compare_raw(a, b)
     a, b = srgb(a).astype(np.float64), srgb(b).astype(np.float64)
-    # numpy's and Rust's pow differ by an ulp before the rounding to f32: 6e-8 on single values.
+    # numpy's and Rust's pow differ by one ulp before the rounding to f32, which is 6e-8 on single values.
     assert got["psnr"] == pytest.approx(peak_signal_noise_ratio(b, a, data_range=1), abs=1e-5)
     expected = structural_similarity(
         b, a, channel_axis=2, data_range=1, gaussian_weights=True, sigma=1.5, use_sample_covariance=False
@@ -86,14 +86,14 @@ def test_flip_matches_nvidias(compare_raw, kind):
     a, b = pictures(kind)
     got, ours = compare_raw(a, b)
     theirs, mean, _ = flip_evaluator.evaluate(srgb(b), srgb(a), "LDR", applyMagma=False)
-    # Theirs computes in f32 with filters cut to f32: the square root in the feature term makes 1e-7 of luminance 3e-4 of FLIP.
+    # NVIDIA's computes in f32 with f32 filters. The square root in the feature term turns 1e-7 of luminance into 3e-4 of FLIP.
     assert got["flip"] == pytest.approx(mean, abs=1e-4)
     assert np.abs(ours - theirs[..., 0]).max() < 2e-3
     assert got["flip"] == pytest.approx(ours.mean(), rel=1e-12)
 
 
 def test_flip_check_notices_a_wrong_viewing_distance(compare_raw):
-    """Negative control of the tolerance above: 10 % off in pixels per degree is convicted."""
+    """Negative control of the tolerance above: an error of 10 % in pixels per degree is detected."""
     a, b = pictures("noise")
     got, _ = compare_raw(a, b)
     _, mean, _ = flip_evaluator.evaluate(srgb(b), srgb(a), "LDR", applyMagma=False, parameters={"ppd": 67.02 * 1.1})
@@ -109,7 +109,7 @@ def test_equal_pictures(compare_raw):
 
 @pytest.mark.parametrize("degrees", [1.0, 3.0, 15.0, float("inf")])
 def test_chance_matches_scipy(compare_raw, degrees):
-    """p-values, Satterthwaite's degrees of freedom and Šidák's level, computed again tile by tile."""
+    """Recomputes p-values, Satterthwaite's degrees of freedom and Šidák's level tile by tile."""
     random = np.random.default_rng(11)
     _, b = pictures("tint")
     va, vb = (random.gamma(2, 0.001, b.shape).astype(np.float32) for _ in range(2))

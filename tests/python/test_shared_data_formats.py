@@ -1,4 +1,4 @@
-"""Real volumes that may not be shipped: dims, spacing, orientation and voxels as nibabel, pynrrd and tifffile give them."""
+"""Tests real volumes that may not be shipped: dimensions, spacing, orientation and voxels must be those of nibabel, pynrrd and tifffile."""
 
 import gzip
 
@@ -56,7 +56,7 @@ def test_nifti(formats, shared_data, tmp_path, name, dims):
     header, ours = formats.read(shared_data / name, tmp_path)
     theirs = nib.load(shared_data / name)
     assert np.array_equal(ours, theirs.dataobj)
-    # The quaternion's matrix is computed in another order.
+    # Both compute the quaternion's matrix in doubles, but in different order.
     assert np.allclose(affine(header), theirs.affine, rtol=1e-12, atol=1e-10)
     assert header["dims"] == dims and header["spacing"] == [1, 1, 1] and header["unit"] == "mm"
 

@@ -1,6 +1,7 @@
-//! What may be built into Pumice: licences that its own allow, crates of the one public registry, and no build tool that users lack.
+//! Checks the dependencies: licences must be compatible with Pumice's own, crates must come from crates.io, and none may need a build tool
+//! that users lack.
 //!
-//! `cargo metadata` says what the lock file resolves to, for every target and feature.
+//! `cargo metadata` lists what the lock file resolves to, for every target and feature.
 
 #![allow(clippy::expect_used, reason = "tests")]
 
@@ -9,7 +10,7 @@ use std::process::Command;
 
 use serde_json::{Value, json};
 
-/// Licences that MIT OR Apache-2.0 can carry, as SPDX names them.
+/// SPDX names of licences that are compatible with MIT OR Apache-2.0.
 const LICENSES: [&str; 10] = [
     "MIT",
     "Apache-2.0",
@@ -23,10 +24,10 @@ const LICENSES: [&str; 10] = [
     "CC0-1.0",
 ];
 const REGISTRY: &str = "registry+https://github.com/rust-lang/crates.io-index";
-/// Crates that need more on a user's machine than a C compiler, with what that is.
+/// Crates that need more than a C compiler on a user's machine, with what they need.
 const BANNED: [(&str, &str); 2] = [("cmake", "CMake"), ("openssl-sys", "OpenSSL's headers")];
 
-/// A line for each package that may not be built in.
+/// A line for each fault of a package: licence, source, banned crate, or a dependency on any version.
 fn faults(metadata: &Value) -> Vec<String> {
     let allowed = LICENSES.map(|l| spdx::Licensee::parse(l).expect("a licence that SPDX lists"));
     let mut faults = Vec::new();
@@ -41,7 +42,7 @@ fn faults(metadata: &Value) -> Vec<String> {
         if !is_allowed {
             faults.push(format!("{name}: licence {}", text("license").unwrap_or("unknown")));
         }
-        // A member of the workspace has no source.
+        // Members of the workspace have no source.
         if text("source").is_some_and(|source| source != REGISTRY) {
             faults.push(format!("{name}: source {}", package["source"]));
         }
@@ -76,7 +77,7 @@ fn all_that_is_built_in_may_be() {
     assert_eq!(faults(&metadata), Vec::<String>::new());
 }
 
-/// Crates from outside that a member of the workspace names, and that this text does not.
+/// Names of external crates that a member of the workspace depends on and `text` does not mention in backticks.
 fn unexplained(metadata: &Value, text: &str) -> Vec<String> {
     let packages = metadata["packages"].as_array().expect("packages");
     let ours = packages.iter().filter(|p| p["source"].is_null());
@@ -98,12 +99,10 @@ fn each_dependency_is_explained() {
     assert_eq!(unexplained(&metadata, &text.replace("`zip`", "zip")), ["zip"]);
 }
 
-/// The control: each kind of fault is named.
+/// Control: the check finds each kind of fault.
 #[test]
 fn what_may_not_be_built_in_is_named() {
-    let package = |name: &str, license: Value, source: Value, dependencies: Value| {
-        json!({ "name": name, "license": license, "source": source, "dependencies": dependencies })
-    };
+    let package = |name: &str, license: Value, source: Value, dependencies: Value| json!({ "name": name, "license": license, "source": source, "dependencies": dependencies });
     let registry = json!(REGISTRY);
     let none = json!([]);
     let packages = json!({ "packages": [

@@ -1,13 +1,13 @@
-//! Crates depend on those below them and never on one above: docs/architecture.md draws the order, this reads the manifests.
+//! Checks in the manifests that crates depend only on crates of lower layers; docs/architecture.md lists the order.
 //!
-//! Dependencies of tests and examples are free: an oracle may judge what lies below it.
+//! Dependencies of tests and examples are exempt.
 
 #![allow(clippy::expect_used, reason = "tests")]
 
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// Packages from the lowest layer up; those of one layer know nothing of each other.
+/// Packages from the lowest layer up. Packages of one layer may not depend on each other.
 const LAYERS: [&[&str]; 9] = [
     &["pumice-core"],
     &["pumice-formats", "pumice-scene"],
@@ -20,7 +20,7 @@ const LAYERS: [&[&str]; 9] = [
     &["pumice-tests", "xtask"],
 ];
 
-/// Names of the workspace's packages in a manifest's `[dependencies]`, and the manifest's own name.
+/// The package name of a manifest, and the names of the workspace's packages in its `[dependencies]`.
 fn read(manifest: &str) -> (String, Vec<String>) {
     let (mut name, mut section, mut found) = (String::new(), "", Vec::new());
     for line in manifest.lines() {
@@ -42,7 +42,7 @@ fn layer_of(package: &str) -> Option<usize> {
     LAYERS.iter().position(|layer| layer.contains(&package))
 }
 
-/// A line for each dependency that does not point downward.
+/// A line for each dependency on a package that is not in a lower layer, and for each package without a layer.
 fn upward(manifests: &BTreeMap<String, Vec<String>>) -> Vec<String> {
     let mut faults = Vec::new();
     for (package, dependencies) in manifests {
@@ -60,7 +60,7 @@ fn upward(manifests: &BTreeMap<String, Vec<String>>) -> Vec<String> {
     faults
 }
 
-/// Every member of the workspace.
+/// Dependencies by package, of all members of the workspace.
 fn manifests() -> BTreeMap<String, Vec<String>> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let text = |path: &Path| std::fs::read_to_string(path).expect("a manifest");
@@ -74,12 +74,12 @@ fn manifests() -> BTreeMap<String, Vec<String>> {
 fn no_crate_depends_on_one_above_it() {
     let manifests = manifests();
     assert_eq!(manifests.len(), LAYERS.iter().map(|layer| layer.len()).sum::<usize>());
-    // What is read is what cargo sees: these are there.
+    // Control of the parser: a known dependency is there.
     assert!(manifests["pumice-cpu"].contains(&"pumice-transport".to_owned()));
     assert_eq!(upward(&manifests), Vec::<String>::new());
 }
 
-/// The control: an arrow upward, one sideways and a package without a layer are named.
+/// Control: the check finds a dependency on a higher layer, one within a layer, and a package without a layer.
 #[test]
 fn arrows_upward_are_named() {
     let mut changed = manifests();

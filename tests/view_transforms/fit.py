@@ -1,8 +1,8 @@
-"""From what `measure.py` found to the constants of picture/src/view_transform.rs and to the colours of picture/tests/view_transforms.csv:
-`python fit.py MEASURED.npz OUT.csv` (numpy, scipy). Prints the constants, and how far the formula is off.
+"""Fits the constants of picture/src/view_transform.rs to the output of `measure.py`, and writes picture/tests/view_transforms.csv:
+`python fit.py MEASURED.npz OUT.csv` (numpy, scipy). Prints the constants and the errors of the formula.
 
-    greys      curve of log2, knots half a stop apart, Catmull-Rom between them: least squares
-    the rest   AgX: two matrices whose rows add up to 1, and an exponent: least squares of 8,000 colours, with a soft l1 loss
+    greys      a curve of log2 with knots half a stop apart and Catmull-Rom between them, by least squares
+    the rest   AgX: two matrices whose rows add up to 1, and an exponent, by least squares of 8,000 colours with a soft l1 loss
 """
 
 import sys

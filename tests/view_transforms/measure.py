@@ -1,8 +1,8 @@
-"""What Blender's view transforms make of colours: `LD_LIBRARY_PATH=… PYTHON measure.py OUT.npz`, by a Python that has Blender (`bpy`).
+"""Measures Blender's view transforms: `LD_LIBRARY_PATH=… PYTHON measure.py OUT.npz`, with a Python that has Blender (`bpy`).
 
     OUT.npz   colors             (n, 3) scene-linear Rec. 709: 512 greys from 2⁻¹⁴ to 2¹⁰, black, 12,000 of any saturation, 12,000 whose
                                  channels are within a factor of five; all from 2⁻¹⁰ to 2⁵
-              Standard, Filmic, AgX   (n, 3) what an sRGB screen is sent, 0 to 1, of 16 bits
+              Standard, Filmic, AgX   (n, 3) values sent to an sRGB screen, 0 to 1, with 16 bits
 """
 
 import os
@@ -47,7 +47,7 @@ def shown(linear, view, folder):
     import OpenImageIO
 
     file = OpenImageIO.ImageInput.open(path)
-    # Blender counts rows from below.
+    # Blender stores the bottom row first.
     values = file.read_image(0, 0, 0, 3, "uint16").astype(np.float64)[::-1].reshape(-1, 3) / 65535
     file.close()
     return values[: len(linear)]

@@ -13,35 +13,35 @@
 //! What a layer reflects towards the viewer is taken off all that lies below it, as in Cycles; that is not reciprocal, but keeps
 //! the sum at or below 1. A lobe sharper than [`LEAST_ALPHA_SQUARED`] is a mirror: no light that is aimed at is seen in it.
 //!
-//! Where the shading normal is not the surface's own, microfacets and coat may have a third one ([`Tilt`]). A direction that their
+//! Where the shading normal is not the surface's own, microfacets and coat may have a third one ([`SpecularNormal`]). A direction that their
 //! horizon and the shading normal's divide is not lit by them when it is aimed at, and is when they sampled it (as in Cycles); what
 //! is below the surface itself, whoever samples rejects.
 
-mod cover;
+mod coat;
 mod fresnel;
 mod ggx;
 mod sheen;
+mod specular_normal;
 pub mod tables;
-mod tilt;
 
 use std::f32::consts::{FRAC_1_PI, PI};
 
 use glam::Vec3;
 use pumice_scene::Material;
 
-pub use cover::emitted;
-use cover::{Coat, cover};
+pub use coat::emitted;
+use coat::{Coat, coat_and_sheen};
 use fresnel::{
     f0_from_ior, f82_b, fresnel_dielectric_average, fresnel_f82, fresnel_f82_average, fresnel_share,
     ior_from_f0,
 };
 use ggx::{ggx_d, lambda, sample_visible_normal};
 use sheen::Sheen;
+pub use specular_normal::SpecularNormal;
 use tables::{
     FRESNEL_SHARE, GLASS, GLASS_AVERAGE, INSIDE, REFLECTION, REFLECTION_AVERAGE, gain, index_place, table_1d,
     table_2d, table_3d,
 };
-pub use tilt::Tilt;
 
 /// Lobes of a smaller α² are mirrors, as in Cycles: f32 directions are too coarse for them.
 pub const LEAST_ALPHA_SQUARED: f32 = 2e-10;
@@ -62,7 +62,7 @@ pub struct Bsdf {
     wi: Vec3,
     /// The same for Lambert and sheen.
     shading_wi: Vec3,
-    tilt: Tilt,
+    specular_normal: SpecularNormal,
     /// GGX α of metal, glass and dielectric layer.
     alpha: f32,
     /// Weights, what lies above taken off; 0 where there is none.
@@ -81,10 +81,10 @@ pub struct Bsdf {
     coat: Coat,
     sheen: Sheen,
     /// Chances of the microfacets, of the coat, of the sheen and of Lambert's lobe.
-    chance: f32,
-    coat_chance: f32,
-    sheen_chance: f32,
-    diffuse_chance: f32,
+    microfacet_probability: f32,
+    coat_probability: f32,
+    sheen_probability: f32,
+    diffuse_probability: f32,
 }
 
 /// A sampled direction.
@@ -106,24 +106,30 @@ impl Bsdf {
         Self::made(m, wi, wi, from_inside)
     }
 
-    /// The same, shaded by another normal than its own: `wi`, of any z, and `tilt` are in that one's frame.
-    pub fn tilted(m: &Material, wi: Vec3, tilt: Tilt, from_inside: bool) -> Self {
-        let to = tilt.to_microfacets(wi);
+    /// The same, shaded by another normal than its own: `wi`, of any z, and `specular_normal` are in that one's frame.
+    pub fn with_specular_normal(
+        m: &Material,
+        wi: Vec3,
+        specular_normal: SpecularNormal,
+        from_inside: bool,
+    ) -> Self {
+        let to = specular_normal.to_microfacets(wi);
         let seen = |w: Vec3| Vec3::new(w.x, w.y, w.z.max(LEAST_VIEW));
-        let b = Self { tilt, ..Self::made(m, seen(to), seen(wi), from_inside) };
+        let b = Self { specular_normal: specular_normal, ..Self::made(m, seen(to), seen(wi), from_inside) };
         if to.z > 0.0 {
             return b;
         }
         // A normal on the far side of the surface: what mirrors is not seen (as in Cycles).
         let (metal, specular, glass, coat) = (Vec3::ZERO, Vec3::ZERO, Vec3::ZERO, Coat::NONE);
-        let mut b = Self { metal, specular, glass, coat, chance: 0.0, coat_chance: 0.0, ..b };
+        let mut b =
+            Self { metal, specular, glass, coat, microfacet_probability: 0.0, coat_probability: 0.0, ..b };
         b.choose(0.0);
         b
     }
 
     fn made(m: &Material, wi: Vec3, shading_wi: Vec3, from_inside: bool) -> Self {
         // What lies on top.
-        let (sheen, coat, mut weight) = cover(m, shading_wi.z, wi.z);
+        let (sheen, coat, mut weight) = coat_and_sheen(m, shading_wi.z, wi.z);
         let mut b = Self { sheen, coat, shading_wi, ..Self::nothing(wi, m.roughness * m.roughness) };
         let base = Vec3::from_array(m.base_color);
         let tint = Vec3::from_array(m.specular_tint);
@@ -207,19 +213,19 @@ impl Bsdf {
         let (microfacets, coat, sheen) = (raised(microfacets), raised(coat), raised(sheen));
         let total = microfacets + coat + sheen + diffuse;
         if total > 0.0 {
-            self.chance = microfacets / total;
-            self.coat_chance = coat / total;
-            self.sheen_chance = sheen / total;
-            self.diffuse_chance = diffuse / total;
+            self.microfacet_probability = microfacets / total;
+            self.coat_probability = coat / total;
+            self.sheen_probability = sheen / total;
+            self.diffuse_probability = diffuse / total;
         }
     }
 
     /// Whether a sampled direction depends on the choice of a lobe.
     #[inline]
     pub fn has_two_lobes(&self) -> bool {
-        self.coat_chance > 0.0
-            || self.sheen_chance > 0.0
-            || (self.chance > 0.0 && self.chance < 1.0)
+        self.coat_probability > 0.0
+            || self.sheen_probability > 0.0
+            || (self.microfacet_probability > 0.0 && self.microfacet_probability < 1.0)
             || self.transmits()
     }
 
@@ -239,12 +245,12 @@ impl Bsdf {
         if self.wi.z <= 0.0 || wo.z == 0.0 {
             return (Vec3::ZERO, 0.0);
         }
-        let to = self.tilt.to_microfacets(wo);
+        let to = self.specular_normal.to_microfacets(wo);
         if wo.z < 0.0 {
             return if self.transmits() && to.z < 0.0 { self.eval_below(to) } else { (Vec3::ZERO, 0.0) };
         }
         let (mut f, mut pdf) = (Vec3::ZERO, 0.0);
-        if self.chance > 0.0 && !self.is_mirror() && to.z > 0.0 {
+        if self.microfacet_probability > 0.0 && !self.is_mirror() && to.z > 0.0 {
             (f, pdf) = self.microfacets((self.wi + to).normalize(), to);
         }
         self.add_others(wo, to, &mut f, &mut pdf);
@@ -253,22 +259,22 @@ impl Bsdf {
 
     /// A direction with density as [`Bsdf::eval`] says; `None` where the sampled microfacet sends light to the wrong side.
     pub fn sample(&self, u: [f32; 2], choice: f32) -> Option<BsdfSample> {
-        if choice < self.chance {
-            return self.sample_microfacets(u, choice / self.chance);
+        if choice < self.microfacet_probability {
+            return self.sample_microfacets(u, choice / self.microfacet_probability);
         }
-        let in_coat = choice < self.chance + self.coat_chance;
+        let in_coat = choice < self.microfacet_probability + self.coat_probability;
         if in_coat && self.coat.is_mirror() {
-            return Some(self.mirrored(self.coat.reflectance(self.wi.z) / self.coat_chance));
+            return Some(self.mirrored(self.coat.reflectance(self.wi.z) / self.coat_probability));
         }
-        let in_sheen = choice < self.chance + self.coat_chance + self.sheen_chance;
+        let in_sheen = choice < self.microfacet_probability + self.coat_probability + self.sheen_probability;
         let mut is_above = true;
         let wo = if in_coat {
             let to = self.coat.sample(self.wi, u);
-            let wo = self.tilt.from_microfacets(to);
+            let wo = self.specular_normal.from_microfacets(to);
             is_above = to.z > 0.0;
             if is_above && wo.z <= 0.0 {
                 let (f, pdf) = self.coat.eval(self.wi, to);
-                return sampled(wo, false, f, self.coat_chance * pdf);
+                return sampled(wo, false, f, self.coat_probability * pdf);
             }
             wo
         } else if in_sheen {
@@ -282,7 +288,7 @@ impl Bsdf {
 
     /// The mirror's direction.
     fn mirrored(&self, weight: Vec3) -> BsdfSample {
-        let wo = self.tilt.from_microfacets(Vec3::new(-self.wi.x, -self.wi.y, self.wi.z));
+        let wo = self.specular_normal.from_microfacets(Vec3::new(-self.wi.x, -self.wi.y, self.wi.z));
         BsdfSample { wo, through: false, weight, pdf: f32::INFINITY }
     }
 
@@ -293,16 +299,16 @@ impl Bsdf {
             return;
         }
         *f += self.diffuse * (wo.z * FRAC_1_PI);
-        *pdf += self.diffuse_chance * wo.z * FRAC_1_PI;
-        if self.coat_chance > 0.0 && !self.coat.is_mirror() && to.z > 0.0 {
+        *pdf += self.diffuse_probability * wo.z * FRAC_1_PI;
+        if self.coat_probability > 0.0 && !self.coat.is_mirror() && to.z > 0.0 {
             let (coat, coat_pdf) = self.coat.eval(self.wi, to);
             *f += coat;
-            *pdf += self.coat_chance * coat_pdf;
+            *pdf += self.coat_probability * coat_pdf;
         }
-        if self.sheen_chance > 0.0 {
+        if self.sheen_probability > 0.0 {
             let sheen_pdf = self.sheen.pdf(self.shading_wi, wo);
             *f += self.sheen.albedo * sheen_pdf;
-            *pdf += self.sheen_chance * sheen_pdf;
+            *pdf += self.sheen_probability * sheen_pdf;
         }
     }
 
@@ -312,7 +318,7 @@ impl Bsdf {
             return Vec3::ZERO;
         }
         let mut diffuse = self.diffuse * (wo.z * FRAC_1_PI);
-        if self.sheen_chance > 0.0 {
+        if self.sheen_probability > 0.0 {
             diffuse += self.sheen.albedo * self.sheen.pdf(self.shading_wi, wo);
         }
         let part = |d: f32, f: f32| if f > 0.0 { (d / f).min(1.0) } else { 0.0 };
@@ -377,7 +383,10 @@ impl Bsdf {
             (passed, 1.0 - share, (cos * cos_o).abs() / (x * x))
         };
         let common = d * per_normal / self.wi.z;
-        (f * (common / (1.0 + lambda_i + lambda_o)), self.chance * chance * common / (1.0 + lambda_i))
+        (
+            f * (common / (1.0 + lambda_i + lambda_o)),
+            self.microfacet_probability * chance * common / (1.0 + lambda_i),
+        )
     }
 
     /// `eval` for a direction through the surface.
@@ -402,13 +411,13 @@ impl Bsdf {
         let share = share_reflected(reflected, passed);
         if choice < share {
             if self.is_mirror() {
-                return Some(self.mirrored(reflected / (share * self.chance)));
+                return Some(self.mirrored(reflected / (share * self.microfacet_probability)));
             }
             let to = 2.0 * cos * h - self.wi;
             if to.z <= 0.0 {
                 return None;
             }
-            let wo = self.tilt.from_microfacets(to);
+            let wo = self.specular_normal.from_microfacets(to);
             let (mut f, mut pdf) = self.microfacets(h, to);
             self.add_others(wo, to, &mut f, &mut pdf);
             sampled(wo, false, f, pdf)
@@ -418,9 +427,9 @@ impl Bsdf {
             if to.z >= 0.0 {
                 return None;
             }
-            let wo = self.tilt.from_microfacets(to);
+            let wo = self.specular_normal.from_microfacets(to);
             if self.is_mirror() || (self.glass_eta - 1.0).abs() < LEAST_BEND {
-                let weight = passed / ((1.0 - share) * self.chance);
+                let weight = passed / ((1.0 - share) * self.microfacet_probability);
                 return Some(BsdfSample { wo, through: true, weight, pdf: f32::INFINITY });
             }
             let (f, pdf) = self.microfacets(h, to);
@@ -432,7 +441,7 @@ impl Bsdf {
         Self {
             wi,
             shading_wi: wi,
-            tilt: Tilt::NONE,
+            specular_normal: SpecularNormal::NONE,
             alpha,
             diffuse: Vec3::ZERO,
             metal: Vec3::ZERO,
@@ -447,10 +456,10 @@ impl Bsdf {
             glass_eta: 1.0,
             coat: Coat::NONE,
             sheen: Sheen::NONE,
-            chance: 0.0,
-            coat_chance: 0.0,
-            sheen_chance: 0.0,
-            diffuse_chance: 0.0,
+            microfacet_probability: 0.0,
+            coat_probability: 0.0,
+            sheen_probability: 0.0,
+            diffuse_probability: 0.0,
         }
     }
 }

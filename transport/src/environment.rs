@@ -33,9 +33,9 @@ pub struct EnvironmentTable {
     /// Density per solid angle of each pixel.
     pub density: Vec<f32>,
     /// Summed chances of rows: height + 1 entries from 0 to 1.
-    pub row_ends: Vec<f64>,
+    pub row_cdf: Vec<f64>,
     /// Summed chances within each row: width + 1 entries from 0 to 1.
-    pub column_ends: Vec<f32>,
+    pub column_cdf: Vec<f32>,
 }
 
 impl EnvironmentTable {
@@ -57,7 +57,7 @@ impl EnvironmentTable {
             ));
         }
         let luminance = |x: usize, y: usize| Vec3::from_array(image.pixels[y * width + x]).max_element();
-        let mut column_ends = Vec::with_capacity((width + 1) * height);
+        let mut column_cdf = Vec::with_capacity((width + 1) * height);
         let mut density = vec![0f32; width * height];
         let mut row_weights = Vec::with_capacity(height);
         let mut brightest = vec![0f64; width];
@@ -73,10 +73,10 @@ impl EnvironmentTable {
             }
             let sum: f64 = brightest.iter().sum();
             let mut end = 0.0;
-            column_ends.push(0.0);
+            column_cdf.push(0.0);
             for (x, b) in brightest.iter().enumerate() {
                 end += b;
-                column_ends.push(if x + 1 == width || sum == 0.0 { 1.0 } else { (end / sum) as f32 });
+                column_cdf.push(if x + 1 == width || sum == 0.0 { 1.0 } else { (end / sum) as f32 });
             }
             row_weights.push(sum * pixel_solid_angle(y, width, height));
         }
@@ -84,23 +84,23 @@ impl EnvironmentTable {
         if total <= 0.0 {
             return Err("expected a pixel brighter than 0, got none".into());
         }
-        let mut row_ends = vec![0.0];
+        let mut row_cdf = vec![0.0];
         let mut end = 0.0;
         for weight in &row_weights {
             end += weight / total;
-            row_ends.push(end);
+            row_cdf.push(end);
         }
-        row_ends[height] = 1.0;
+        row_cdf[height] = 1.0;
         // The density follows from the very numbers that are sampled, rounding included.
         for y in 0..height {
-            let row = row_ends[y + 1] - row_ends[y];
-            let ends = &column_ends[y * (width + 1)..][..=width];
+            let row = row_cdf[y + 1] - row_cdf[y];
+            let ends = &column_cdf[y * (width + 1)..][..=width];
             for x in 0..width {
                 let chance = row * f64::from(ends[x + 1] - ends[x]);
                 density[y * width + x] = (chance / pixel_solid_angle(y, width, height)) as f32;
             }
         }
-        Ok(Self { image, strength, rotation_rad, density, row_ends, column_ends })
+        Ok(Self { image, strength, rotation_rad, density, row_cdf: row_cdf, column_cdf: column_cdf })
     }
 
     /// Place of a direction: pixels from the left and from the top.
@@ -146,9 +146,9 @@ impl EnvironmentTable {
     pub fn sample(&self, u: [f32; 2]) -> (DVec3, Vec3, f32) {
         let (width, height) = (self.image.width, self.image.height);
         let v = f64::from(u[1]);
-        let y = self.row_ends[1..height].partition_point(|&e| e <= v);
-        let in_row = ((v - self.row_ends[y]) / (self.row_ends[y + 1] - self.row_ends[y])).clamp(0.0, 1.0);
-        let ends = &self.column_ends[y * (width + 1)..][..=width];
+        let y = self.row_cdf[1..height].partition_point(|&e| e <= v);
+        let in_row = ((v - self.row_cdf[y]) / (self.row_cdf[y + 1] - self.row_cdf[y])).clamp(0.0, 1.0);
+        let ends = &self.column_cdf[y * (width + 1)..][..=width];
         let x = ends[1..width].partition_point(|&e| e <= u[0]);
         let in_column = f64::from((u[0] - ends[x]) / (ends[x + 1] - ends[x])).clamp(0.0, 1.0);
         let z_of = |row: f64| (PI * row / height as f64).cos();

@@ -47,14 +47,14 @@ pub(crate) const TOUCHING: f64 = 1.0 - 1.0 / 1_048_576.0;
 
 /// Which of the two ways to find light is used: all of light transport is in both where both can find it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Finding {
+pub enum LightStrategy {
     /// Both, weighted by the power heuristic (Veach 1997, §9.2.4).
     #[default]
-    Both,
+    Mis,
     /// Only by aiming at lights (for tests).
-    Aimed,
+    LightsOnly,
     /// Only by scattering (for tests).
-    Scattered,
+    BsdfOnly,
 }
 
 /// See the module.
@@ -65,11 +65,11 @@ pub struct Lights {
     lamps: Vec<ReadyLamp>,
     backdrop: Option<[Vec3; 2]>,
     /// Summed chances: the sky's, then each sun's, then each lamp's.
-    ends: Vec<f32>,
+    cdf: Vec<f32>,
     /// The surfaces that shine, and the chance that it is they that are aimed at; the others share what is left.
     emitters: Option<Arc<Emitters>>,
-    emitters_chance: f32,
-    finding: Finding,
+    emitters_probability: f32,
+    strategy: LightStrategy,
 }
 
 impl Lights {
@@ -81,10 +81,10 @@ impl Lights {
             suns,
             lamps: Vec::new(),
             backdrop,
-            ends: Vec::new(),
+            cdf: Vec::new(),
             emitters: None,
-            emitters_chance: 0.0,
-            finding: Finding::Both,
+            emitters_probability: 0.0,
+            strategy: LightStrategy::Mis,
         };
         lights.with_lamps(Vec::new())
     }
@@ -94,25 +94,30 @@ impl Lights {
     pub fn with_lamps(self, lamps: Vec<ReadyLamp>) -> Self {
         let emitters = self.emitters.clone();
         let lights = Self { lamps, ..self };
-        Self { ends: ends_of(&lights.powers()), ..lights }.with_emitters(emitters)
+        Self { cdf: light_cdf(&lights.powers()), ..lights }.with_emitters(emitters)
     }
 
     /// The same lights, and these surfaces that shine.
     #[must_use]
     pub fn with_emitters(self, emitters: Option<Arc<Emitters>>) -> Self {
-        let emitters_chance = emitters.as_ref().map_or(0.0, |e| self.chance_of_emitters(e.irradiance()));
-        Self { emitters: emitters.filter(|_| emitters_chance > 0.0), emitters_chance, ..self }
+        let emitters_probability =
+            emitters.as_ref().map_or(0.0, |e| self.probability_of_emitters(e.irradiance()));
+        Self {
+            emitters: emitters.filter(|_| emitters_probability > 0.0),
+            emitters_probability: emitters_probability,
+            ..self
+        }
     }
 
     /// The chance that surfaces which give this irradiance have beside these lights.
-    pub fn chance_of_emitters(&self, irradiance: f32) -> f32 {
+    pub fn probability_of_emitters(&self, irradiance: f32) -> f32 {
         if irradiance <= 0.0 {
             return 0.0;
         }
-        if self.ends.is_empty() {
+        if self.cdf.is_empty() {
             return 1.0;
         }
-        // As in `ends_of`.
+        // As in `light_cdf`.
         let powers = self.powers();
         let lit = powers.iter().filter(|&&p| p > 0.0).count() + 1;
         let total = powers.iter().sum::<f32>() + irradiance;
@@ -135,8 +140,8 @@ impl Lights {
 
     /// The same lights, found in one way only.
     #[must_use]
-    pub fn found_by(mut self, finding: Finding) -> Self {
-        self.finding = finding;
+    pub fn with_strategy(mut self, finding: LightStrategy) -> Self {
+        self.strategy = finding;
         self
     }
 
@@ -161,8 +166,8 @@ impl Lights {
     }
 
     /// Summed chances: the sky's, then each sun's, then each lamp's; empty where no light is aimed at.
-    pub fn ends(&self) -> &[f32] {
-        &self.ends
+    pub fn cdf(&self) -> &[f32] {
+        &self.cdf
     }
 
     /// The surfaces that shine and are aimed at.
@@ -171,48 +176,48 @@ impl Lights {
     }
 
     /// The chance that it is one of them that is aimed at.
-    pub fn emitters_chance(&self) -> f32 {
-        self.emitters_chance
+    pub fn emitters_probability(&self) -> f32 {
+        self.emitters_probability
     }
 
     /// How light is found.
-    pub fn finding(&self) -> Finding {
-        self.finding
+    pub fn strategy(&self) -> LightStrategy {
+        self.strategy
     }
 
     /// Whether any light is aimed at.
     #[inline]
-    pub fn any_aimed(&self) -> bool {
-        (!self.ends.is_empty() || self.emitters.is_some()) && self.finding != Finding::Scattered
+    pub fn samples_lights(&self) -> bool {
+        (!self.cdf.is_empty() || self.emitters.is_some()) && self.strategy != LightStrategy::BsdfOnly
     }
 
     #[inline]
-    fn chance(&self, light: usize) -> f32 {
-        match self.ends.get(light) {
+    fn probability(&self, light: usize) -> f32 {
+        match self.cdf.get(light) {
             Some(&end) => {
-                (end - if light == 0 { 0.0 } else { self.ends[light - 1] }) * (1.0 - self.emitters_chance)
+                (end - if light == 0 { 0.0 } else { self.cdf[light - 1] }) * (1.0 - self.emitters_probability)
             }
             None => 0.0,
         }
     }
 
-    /// A light and a direction towards it; `None` where [`Lights::any_aimed`] is false or the sample brings no light. `further` numbers
+    /// A light and a direction towards it; `None` where [`Lights::samples_lights`] is false or the sample brings no light. `further` numbers
     /// are drawn where one of many surfaces is chosen.
     #[inline]
-    pub fn aim(
+    pub fn sample_light(
         &self,
         from: &Receiver,
         choice: f32,
         u: [f32; 2],
         further: impl FnOnce() -> [f32; 2],
     ) -> Option<LightSample> {
-        let Some(emitters) = &self.emitters else { return self.sample(from, choice, u) };
-        if choice >= self.emitters_chance {
-            let choice = (choice - self.emitters_chance) / (1.0 - self.emitters_chance);
-            return self.sample(from, choice, u);
+        let Some(emitters) = &self.emitters else { return self.sample_infinite_or_lamp(from, choice, u) };
+        if choice >= self.emitters_probability {
+            let choice = (choice - self.emitters_probability) / (1.0 - self.emitters_probability);
+            return self.sample_infinite_or_lamp(from, choice, u);
         }
-        let s = emitters.sample(from, choice / self.emitters_chance, further(), u)?;
-        let pdf = s.pdf * self.emitters_chance;
+        let s = emitters.sample(from, choice / self.emitters_probability, further(), u)?;
+        let pdf = s.pdf * self.emitters_probability;
         Some(LightSample {
             direction: s.direction,
             radiance_over_pdf: s.radiance / pdf,
@@ -238,15 +243,15 @@ impl Lights {
             return 1.0;
         }
         let box_origin = || tracer.box_origin(&hit.surface);
-        let aimed = emitters.pdf(from, &hit.surface, box_origin, distance) * self.emitters_chance;
-        self.scattered_weight(pdf, aimed)
+        let aimed = emitters.pdf(from, &hit.surface, box_origin, distance) * self.emitters_probability;
+        self.bsdf_mis_weight(pdf, aimed)
     }
 
     /// [`Lights::aim`] at what is no surface.
     #[inline]
-    pub fn sample(&self, from: &Receiver, choice: f32, u: [f32; 2]) -> Option<LightSample> {
-        let light = self.ends.partition_point(|&e| e <= choice);
-        let chance = self.chance(light);
+    pub fn sample_infinite_or_lamp(&self, from: &Receiver, choice: f32, u: [f32; 2]) -> Option<LightSample> {
+        let light = self.cdf.partition_point(|&e| e <= choice);
+        let chance = self.probability(light);
         let mut distance = f64::INFINITY;
         let (direction, radiance, pdf) = if light == 0 {
             let Sky::Image(table) = &self.sky else { return None };
@@ -272,34 +277,34 @@ impl Lights {
 
     /// Weight of light that was aimed at, where scattering would have found it with density `other`.
     #[inline]
-    pub fn aimed_weight(&self, pdf: Option<f32>, other: f32) -> f32 {
-        match (pdf, self.finding) {
-            (Some(p), Finding::Both) => power_heuristic(p, other),
+    pub fn light_mis_weight(&self, pdf: Option<f32>, other: f32) -> f32 {
+        match (pdf, self.strategy) {
+            (Some(p), LightStrategy::Mis) => power_heuristic(p, other),
             _ => 1.0,
         }
     }
 
     #[inline]
-    fn scattered_weight(&self, pdf: f32, light: f32) -> f32 {
-        match self.finding {
-            Finding::Both => power_heuristic(pdf, light),
-            Finding::Aimed if light > 0.0 => 0.0,
+    fn bsdf_mis_weight(&self, pdf: f32, light: f32) -> f32 {
+        match self.strategy {
+            LightStrategy::Mis => power_heuristic(pdf, light),
+            LightStrategy::LightsOnly if light > 0.0 => 0.0,
             _ => 1.0,
         }
     }
 
     /// Light that a scattered ray (unit direction, drawn with density `pdf`) finds at infinity.
     #[inline]
-    pub fn found(&self, direction: DVec3, pdf: f32) -> Vec3 {
+    pub fn infinite_emission(&self, direction: DVec3, pdf: f32) -> Vec3 {
         let mut light = match &self.sky {
             Sky::Constant(radiance) => *radiance,
             Sky::Image(table) => {
-                table.eval(direction) * self.scattered_weight(pdf, table.pdf(direction) * self.chance(0))
+                table.eval(direction) * self.bsdf_mis_weight(pdf, table.pdf(direction) * self.probability(0))
             }
         };
         for (i, sun) in self.suns.iter().enumerate() {
             if let Some((radiance, sun_pdf)) = sun.eval(direction) {
-                light += radiance * self.scattered_weight(pdf, sun_pdf * self.chance(i + 1));
+                light += radiance * self.bsdf_mis_weight(pdf, sun_pdf * self.probability(i + 1));
             }
         }
         light
@@ -308,15 +313,15 @@ impl Lights {
     /// Light of all lamps that a ray (unit direction) passes through before it has gone `limit`: one that was scattered at `from` with
     /// density `pdf`.
     #[inline]
-    pub fn lamps_found(&self, from: &Receiver, direction: DVec3, limit: f64, pdf: f32) -> Vec3 {
+    pub fn lamp_emission(&self, from: &Receiver, direction: DVec3, limit: f64, pdf: f32) -> Vec3 {
         let direction = direction.as_vec3();
         let mut light = Vec3::ZERO;
         for (i, lamp) in self.lamps.iter().enumerate() {
             if let Some(met) = lamp.meet(from, direction)
                 && f64::from(met.distance) * TOUCHING < limit
             {
-                let chance = self.chance(1 + self.suns.len() + i);
-                light += met.radiance * self.scattered_weight(pdf, met.pdf * chance);
+                let chance = self.probability(1 + self.suns.len() + i);
+                light += met.radiance * self.bsdf_mis_weight(pdf, met.pdf * chance);
             }
         }
         light
@@ -324,7 +329,7 @@ impl Lights {
 
     /// Light of all lamps that a camera ray (unit direction) passes through before it has gone `limit`.
     #[inline]
-    pub fn lamps_seen(&self, from: DVec3, direction: DVec3, limit: f64) -> Vec3 {
+    pub fn lamp_emission_to_camera(&self, from: DVec3, direction: DVec3, limit: f64) -> Vec3 {
         let from = Receiver { point: from, normal: Vec3::Z, both_sides: true };
         let direction = direction.as_vec3();
         let seen = self.lamps.iter().filter(|l| l.visible_to_camera).filter_map(|l| l.meet(&from, direction));
@@ -334,7 +339,7 @@ impl Lights {
     /// What a camera ray sees where it meets nothing; `down` is 0 at the top of the picture and 1 at the bottom. Suns are not seen
     /// by the camera.
     #[inline]
-    pub fn behind(&self, direction: DVec3, down: f32) -> Vec3 {
+    pub fn background(&self, direction: DVec3, down: f32) -> Vec3 {
         match (&self.backdrop, &self.sky) {
             (Some([bottom, top]), _) => top.lerp(*bottom, down.clamp(0.0, 1.0)),
             (None, Sky::Constant(radiance)) => *radiance,
@@ -344,7 +349,7 @@ impl Lights {
 }
 
 /// Summed chances of lights with these powers; empty where none has any.
-fn ends_of(powers: &[f32]) -> Vec<f32> {
+fn light_cdf(powers: &[f32]) -> Vec<f32> {
     let total: f32 = powers.iter().sum();
     let lit = powers.iter().filter(|&&p| p > 0.0).count() as f32;
     let mut ends = Vec::new();

@@ -115,7 +115,7 @@ impl LoadedScene {
     /// How its levels of detail are chosen: among all of them where they are built though all boxes are drawn by their voxels.
     pub fn lod(&self) -> LodChoice {
         let lod = LodChoice::new(self.scene.settings.lod, &self.scene.camera, &self.scene.film);
-        if self.needs.parts().has(Part::Levels) { lod.carrying_levels() } else { lod }
+        if self.needs.parts().has(Part::Levels) { lod.with_level_bounds() } else { lod }
     }
 
     /// The same, for which these parts are built besides; its picture is the same.

@@ -22,7 +22,7 @@ use pumice_picture::PassSums;
 use pumice_scene::{Film, LabelStyle, Material, Part, Scene, SceneDiff};
 
 use crate::LoadedScene;
-use crate::emitters::shine;
+use crate::emitters::emission_luminance;
 use crate::geometry::LodChoice;
 
 /// What becomes of a part that a renderer has once.
@@ -180,7 +180,7 @@ impl ScenePlan {
                 size_of(&old.film) == size_of(&new.film) && sums_of(old) == sums_of(new)
             }),
             lights: Reuse::keep_if(!diff.world && !diff.suns && !diff.lights),
-            emitters: Reuse::keep_if(edit.shines_alike(&instances, &meshes)),
+            emitters: Reuse::keep_if(edit.same_emission(&instances, &meshes)),
             top_level: Reuse::keep_if(edit.bounds_are_kept(&instances, &meshes)),
             instances,
             meshes,
@@ -295,16 +295,16 @@ impl Edit<'_> {
     }
 
     /// Whether all that shines is where it was and shines as it did, whatever its base colours.
-    fn shines_alike(&self, instances: &[InstancePlan], meshes: &[MeshPlan]) -> bool {
+    fn same_emission(&self, instances: &[InstancePlan], meshes: &[MeshPlan]) -> bool {
         let Some(old) = self.old.filter(|_| self.same_counts()) else { return false };
         let (old, new) = (old.scene(), self.new.scene());
         let of_instances =
             old.instances.iter().zip(&new.instances).zip(instances).all(|((old, new), plan)| {
-                let shine = [&old.style, &new.style].map(style_shines);
+                let shine = [&old.style, &new.style].map(style_is_emissive);
                 shine == [false; 2] || plan.keeps_geometry() && styles_shine_alike(&old.style, &new.style)
             });
         let of_meshes = old.meshes.iter().zip(&new.meshes).zip(meshes).all(|((old, new), plan)| {
-            let shine = [&old.materials, &new.materials].map(|all| all.iter().any(shines));
+            let shine = [&old.materials, &new.materials].map(|all| all.iter().any(is_emissive));
             shine == [false; 2]
                 || plan.keeps_geometry()
                     && old.materials.iter().map(light).eq(new.materials.iter().map(light))
@@ -328,17 +328,17 @@ impl Edit<'_> {
     }
 }
 
-fn shines(material: &Material) -> bool {
-    shine(material) > 0.0
+fn is_emissive(material: &Material) -> bool {
+    emission_luminance(material) > 0.0
 }
 
-fn style_shines(style: &LabelStyle) -> bool {
-    shines(&style.material) || style.materials.values().any(shines)
+fn style_is_emissive(style: &LabelStyle) -> bool {
+    is_emissive(&style.material) || style.materials.values().any(is_emissive)
 }
 
 /// What the light of a material hangs on; `None` of one that does not shine.
 fn light(material: &Material) -> Option<Material> {
-    shines(material).then_some(Material { base_color: [0.0; 3], ..*material })
+    is_emissive(material).then_some(Material { base_color: [0.0; 3], ..*material })
 }
 
 /// Whether the same labels shine as much and alike.

@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use common::full_scene;
 use pumice_core::{
-    CompressedVolume, Job, LabelBuffer, LabelType, Level, MeshData, VolumeInfo, compress_labels,
+    CompressedVolume, CompressionLevel, Job, LabelBuffer, LabelType, MeshData, VolumeInfo, compress_labels,
 };
 use pumice_scene::{Film, Needs, Part, PartSet, Passes, Scene, SceneEdit, Show, Sun};
 use pumice_transport::{LoadedEdit, LoadedScene};
@@ -62,7 +62,7 @@ fn what_is_not_valid_as_a_whole_is_refused_by_name() {
 fn labels_that_were_not_read_are_refused_and_those_that_were_are_not() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.pumice");
-    volume().save(&path, Level::Fast, &Job::new()).unwrap();
+    volume().save(&path, CompressionLevel::Fast, &Job::new()).unwrap();
     // Dense indices: labels 3, 17 and the last, not 5.
     let part = CompressedVolume::open_labels(&path, |_| vec![true, false, true, true], &Job::new()).unwrap();
     let part = Arc::new(part);

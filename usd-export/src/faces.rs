@@ -1,31 +1,32 @@
-//! Faces of voxels, block by block.
+//! Finds the faces of voxels, block by block.
 //!
 //! ```text
-//!            y                 block of 64³ voxels, read with a margin of one voxel:
-//!            │ 3 ─── 2         whether a face is there depends on the voxel beyond it
+//!            y                 block of 64³ voxels, decoded with a margin of one voxel,
+//!            │ 3 ─── 2         because a face depends on the voxel beyond it
 //!            │ │  +x │
-//!            │ 0 ─── 1         corners run counter-clockwise seen from outside,
+//!            │ 0 ─── 1         corners run counter-clockwise as seen from outside,
 //!            └──────── z       so the flat normal points out of the label (in a frame that is not mirrored)
 //! ```
-//! Each block is decoded by itself, so what is held at a time is a few blocks and not the volume. Blocks without boxes cost nothing.
+//! Each block is decoded separately, so memory holds a few blocks and not the volume. Blocks without boxes cost nothing.
 
 use pumice_core::{CompressedVolume, Error, Job, Result, grid::BRICK_VOXELS, morton};
 use rayon::prelude::*;
 
-/// Side of a block in voxels. The margin makes 66³ of it, 10 % more than is needed; bricks of 16³ would read 42 % more.
+/// Side of a block in voxels. With the margin, 66³ voxels are decoded, 10 % more than needed; bricks of 16³ would decode 42 % more.
 const BLOCK_VOXELS: u32 = 64;
-/// Bits by which a brick's Morton code exceeds its block's: 64 / 16 = 2², on three axes.
+/// Number of bits by which a brick's Morton code is longer than its block's: 64 / 16 = 2², on three axes.
 const BLOCK_FROM_BRICK_BITS: u32 = 3 * (BLOCK_VOXELS / BRICK_VOXELS).ilog2();
-/// Blocks under way for each thread: bounds the memory, and leaves threads work while an uneven block is done.
+/// Number of blocks per thread that are processed at a time. It bounds the memory, and keeps threads busy while a slow block is finished.
 const BLOCKS_A_THREAD: usize = 4;
 
-/// Which faces of a visible label are wanted.
+/// Which faces of a visible label to return.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Interfaces {
-    /// Towards voxels that are not visible: all that a ray from outside can meet.
+    /// Faces to voxels that are not visible: all faces that a ray from outside can hit.
     #[default]
     Outside,
-    /// Also towards other visible labels, where both have a face at the same place, facing each other: each label's surface is closed.
+    /// Also faces between visible labels, so that each label's surface is closed. At such a place both labels have a face, facing each
+    /// other.
     All,
 }
 
@@ -38,11 +39,11 @@ pub struct FaceBlock {
     pub labels: Vec<u32>,
 }
 
-/// Visits the faces of the labels that are `visible` (by dense index), block by block in Morton order, whatever the number of threads.
-/// Within a block voxels go x fastest; a voxel's faces go −x, +x, −y, +y, −z, +z.
+/// Visits the faces of the labels that are `visible` (by dense index), block by block in Morton order, independently of the number of
+/// threads. Within a block, voxels come x fastest; the faces of a voxel come in the order −x, +x, −y, +y, −z, +z.
 ///
 /// # Errors
-/// [`Error::Caller`] where `visible` has not one value a label; [`Error::Cancelled`]; whatever `visit` returns.
+/// [`Error::Caller`] where `visible` does not have one value per label; [`Error::Cancelled`]; any error of `visit`.
 pub fn for_each_face_block(
     volume: &CompressedVolume,
     visible: &[bool],
@@ -57,7 +58,7 @@ pub fn for_each_face_block(
             visible.len()
         )));
     }
-    // Bricks rise in Morton order, so those of one block stand side by side.
+    // Bricks rise in Morton order, so those of one block are consecutive.
     let mut blocks: Vec<u64> = volume.grid().bricks().iter().map(|&b| b >> BLOCK_FROM_BRICK_BITS).collect();
     blocks.dedup();
     job.begin(blocks.len() as u64);
@@ -89,7 +90,7 @@ fn faces_of(
     let low = origin.map(|o| o.saturating_sub(1));
     let size = [0, 1, 2].map(|a| (end[a] + 1).min(dims[a]) - low[a]);
 
-    // Labels as dense index + 1; what is hidden is as good as background.
+    // Labels as dense index + 1; hidden labels count as background.
     let mut shown = volume.decode_block(low, size)?;
     for label in &mut shown {
         if *label != 0 && !visible[*label as usize - 1] {
@@ -136,7 +137,7 @@ fn neighbour(mut voxel: [u32; 3], axis: usize, up: bool, dims: [u32; 3]) -> Opti
     (voxel[axis] < dims[axis]).then_some(voxel)
 }
 
-/// Corners of a voxel's face, counter-clockwise seen from outside.
+/// Corners of a voxel's face, counter-clockwise as seen from outside.
 #[inline]
 fn corners(voxel: [u32; 3], axis: usize, up: bool) -> [[u32; 3]; 4] {
     let (across, along) = ((axis + 1) % 3, (axis + 2) % 3);

@@ -1,10 +1,11 @@
-//! Surfaces of compressed volumes for programs that know meshes alone.
+//! Exact surfaces of compressed volumes, for programs that know only meshes.
 //!
 //! ```text
 //! CompressedVolume ─► blocks of 64³ voxels ─► FaceBlock, FaceBlock, … ─► QuadMesh
-//!                     only those with boxes   a quad a voxel face         corners shared or each quad's own
+//!                     only those with boxes   a quad per voxel face       corners shared, or separate for each quad
 //! ```
-//! The surface is the volume's own, exactly: no simplification, no smoothing. It is in index space; whoever writes it applies the matrix.
+//! The surface is exactly the volume's own, without simplification or smoothing. It is in index space; the code that writes it applies the
+//! matrix.
 
 mod faces;
 mod quad_mesh;

@@ -1,4 +1,4 @@
-//! All faces together, as the arrays that mesh formats are made of.
+//! Collects all faces in the arrays that mesh formats use.
 
 use pumice_core::{CompressedVolume, Error, Job, Result};
 use rustc_hash::FxHashMap;
@@ -8,27 +8,27 @@ use crate::{Interfaces, for_each_face_block};
 /// Whether faces share corners.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Corners {
-    /// Four for each quad: 4/1.02 times the vertices of shared ones on real surfaces, and no search.
+    /// Four vertices for each quad: 4/1.02 times the vertices of shared ones on real surfaces, without a search.
     #[default]
     Own,
-    /// One vertex at each place. Where labels or voxels touch along an edge the mesh is not a manifold.
+    /// One vertex at each position. Where labels or voxels touch along an edge, the mesh is not a manifold.
     Shared,
 }
 
 /// Quads in index space with the label of each.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct QuadMesh {
-    /// Places in index space: whole numbers.
+    /// Positions in index space, which are whole numbers.
     pub vertices: Vec<[i32; 3]>,
-    /// Vertex numbers, counter-clockwise seen from outside the label.
+    /// Vertex indices, counter-clockwise as seen from outside the label.
     pub quads: Vec<[u32; 4]>,
     /// Dense label index of each quad.
     pub labels: Vec<u32>,
 }
 
 impl QuadMesh {
-    /// The surface of the labels that are `visible`, in the order of [`for_each_face_block`]; shared vertices in that of their first
-    /// quads.
+    /// The surface of the labels that are `visible`, in the order of [`for_each_face_block`]; shared vertices come in the order of their
+    /// first quads.
     ///
     /// # Errors
     /// Those of [`for_each_face_block`], and [`Error::Limit`] for 2³² vertices or more.

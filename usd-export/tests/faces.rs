@@ -1,4 +1,4 @@
-//! Faces against the definition, asked voxel by voxel of a dense array.
+//! Compares faces with their definition, evaluated voxel by voxel on a dense array.
 #![allow(clippy::unwrap_used, reason = "helpers of tests")]
 
 use std::collections::BTreeSet;
@@ -9,7 +9,7 @@ use pumice_oracle::{Dense, volumes};
 
 type Face = ([[i64; 3]; 4], u32);
 
-/// What is at a place: 0 for background, the hidden, and beyond the ends.
+/// The visible label at a voxel: 0 for background, for hidden labels, and outside the volume.
 fn shown(dense: &Dense, visible: &[bool], v: [i64; 3]) -> u32 {
     if (0..3).any(|a| v[a] < 0 || v[a] >= i64::from(dense.dims[a])) {
         return 0;
@@ -19,7 +19,7 @@ fn shown(dense: &Dense, visible: &[bool], v: [i64; 3]) -> u32 {
     if label != 0 && visible[label as usize - 1] { label } else { 0 }
 }
 
-/// Every face, its corners sorted.
+/// Every face by definition, with its corners sorted.
 fn naive(dense: &Dense, visible: &[bool], interfaces: Interfaces) -> BTreeSet<Face> {
     let mut faces = BTreeSet::new();
     let dims = dense.dims.map(i64::from);
@@ -30,7 +30,7 @@ fn naive(dense: &Dense, visible: &[bool], interfaces: Interfaces) -> BTreeSet<Fa
         for step in steps.iter().filter(|_| label != 0) {
             let other = shown(dense, visible, [0, 1, 2].map(|a| v[a] + step[a]));
             if other == 0 || (interfaces == Interfaces::All && other != label) {
-                // The eight corners of the voxel, those on the face's side.
+                // Of the eight corners of the voxel, those on the face's side.
                 let mut corners: Vec<[i64; 3]> = (0..8)
                     .map(|c| [v[0] + (c & 1), v[1] + (c >> 1 & 1), v[2] + (c >> 2)])
                     .filter(|c| (0..3).all(|a| step[a] == 0 || c[a] - v[a] == (step[a] + 1) / 2))
@@ -54,13 +54,13 @@ fn sorted(mesh: &QuadMesh) -> BTreeSet<Face> {
         .collect()
 }
 
-/// The middle of each quad moved half a voxel against its normal lies within a voxel of its label; along it, elsewhere.
+/// Whether the middle of each quad, moved half a voxel against its normal, lies in a voxel of its label, and moved along it, elsewhere.
 fn normals_point_out(dense: &Dense, visible: &[bool], mesh: &QuadMesh) -> bool {
     mesh.quads.iter().zip(&mesh.labels).all(|(quad, &label)| {
         let p = quad.map(|v| mesh.vertices[v as usize].map(i64::from));
         let (e, f) = ([0, 1, 2].map(|a| p[1][a] - p[0][a]), [0, 1, 2].map(|a| p[2][a] - p[1][a]));
         let normal = [0, 1, 2].map(|a| e[(a + 1) % 3] * f[(a + 2) % 3] - e[(a + 2) % 3] * f[(a + 1) % 3]);
-        // Twice the middle, one more or less, is odd in all three: a voxel's middle.
+        // Twice the middle, plus or minus the normal, is odd on all three axes, which makes it the middle of a voxel.
         let twice = [0, 1, 2].map(|a| p[0][a] + p[2][a]);
         let voxel = |side: i64| [0, 1, 2].map(|a| (twice[a] + side * normal[a]).div_euclid(2));
         let is_unit = normal.iter().map(|n| n.abs()).sum::<i64>() == 1;
@@ -74,7 +74,7 @@ fn mesh(volume: &CompressedVolume, visible: &[bool], interfaces: Interfaces, cor
     QuadMesh::new(volume, visible, interfaces, corners, &Job::new()).unwrap()
 }
 
-/// Volumes whose extents are below, at and beyond a block's, with what is visible of each.
+/// Volumes with extents below, at and above a block's side, with all labels or some of them visible.
 #[test]
 fn matches_naive() {
     let cases = [
@@ -110,7 +110,7 @@ fn matches_naive() {
     }
 }
 
-/// The check of normals convicts quads that run the other way round.
+/// A control: the check of normals notices a quad with reversed corners.
 #[test]
 fn reversed_quads_are_noticed() {
     let (dense, volume) = volumes::blobs([30, 30, 30], 10, 8, 5);

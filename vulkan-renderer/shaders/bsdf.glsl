@@ -8,8 +8,8 @@
 #include "fresnel.glsl"
 #include "ggx.glsl"
 #include "tables.glsl"
-#include "cover.glsl"
-#include "tilt.glsl"
+#include "coat.glsl"
+#include "specular_normal.glsl"
 
 const float LEAST_BEND = 1e-4;
 const float LEAST_VIEW = 1e-6;
@@ -21,7 +21,7 @@ const float MIRROR_PDF = 1.0 / 0.0;
 struct Bsdf {
     vec3 wi;
     vec3 shading_wi;
-    Tilt tilt;
+    SpecularNormal specular_normal;
     float alpha;
     vec3 diffuse;
     vec3 metal;
@@ -36,10 +36,10 @@ struct Bsdf {
     float glass_eta;
     Coat coat;
     Sheen sheen;
-    float chance;
-    float coat_chance;
-    float sheen_chance;
-    float diffuse_chance;
+    float microfacet_probability;
+    float coat_probability;
+    float sheen_probability;
+    float diffuse_probability;
 };
 
 // Density 0: the sampled microfacet sends light to the wrong side.
@@ -80,7 +80,7 @@ Bsdf bsdf_nothing(vec3 wi, float alpha) {
     Bsdf b;
     b.wi = wi;
     b.shading_wi = wi;
-    b.tilt = no_tilt();
+    b.specular_normal = no_specular_normal();
     b.alpha = alpha;
     b.diffuse = vec3(0.0);
     b.metal = vec3(0.0);
@@ -95,10 +95,10 @@ Bsdf bsdf_nothing(vec3 wi, float alpha) {
     b.glass_eta = 1.0;
     b.coat = no_coat();
     b.sheen = no_sheen();
-    b.chance = 0.0;
-    b.coat_chance = 0.0;
-    b.sheen_chance = 0.0;
-    b.diffuse_chance = 0.0;
+    b.microfacet_probability = 0.0;
+    b.coat_probability = 0.0;
+    b.sheen_probability = 0.0;
+    b.diffuse_probability = 0.0;
     return b;
 }
 
@@ -137,10 +137,10 @@ void choose(inout Bsdf b, float microfacets) {
     sheen = sheen > 0.0 ? max(sheen, least) : 0.0;
     float total = microfacets + coat + sheen + diffuse;
     if (total > 0.0) {
-        b.chance = microfacets / total;
-        b.coat_chance = coat / total;
-        b.sheen_chance = sheen / total;
-        b.diffuse_chance = diffuse / total;
+        b.microfacet_probability = microfacets / total;
+        b.coat_probability = coat / total;
+        b.sheen_probability = sheen / total;
+        b.diffuse_probability = diffuse / total;
     }
 }
 
@@ -151,7 +151,7 @@ Bsdf bsdf_made(Address tables, Material m, vec3 wi, vec3 shading_wi, bool from_i
     vec3 tint = vec3(m.specular_tint[0], m.specular_tint[1], m.specular_tint[2]);
     vec3 weight;
     // What lies on top.
-    cover(tables, m, shading_wi.z, wi.z, b.sheen, b.coat, weight);
+    coat_and_sheen(tables, m, shading_wi.z, wi.z, b.sheen, b.coat, weight);
     if (NEEDS_LOBES == 0u) {
         b.diffuse = weight * base;
         choose(b, 0.0);
@@ -210,27 +210,27 @@ Bsdf bsdf_new(Address tables, Material m, vec3 wi, bool from_inside) {
 }
 
 // The same, shaded by another normal than its own: wi, of any z, and tilt are in that one's frame.
-Bsdf bsdf_tilted(Address tables, Material m, vec3 wi, Tilt tilt, bool from_inside) {
-    vec3 to = to_microfacets(tilt, wi);
+Bsdf bsdf_with_specular_normal(Address tables, Material m, vec3 wi, SpecularNormal specular_normal, bool from_inside) {
+    vec3 to = to_microfacets(specular_normal, wi);
     bool is_seen = to.z > 0.0;
     to.z = max(to.z, LEAST_VIEW);
     wi.z = max(wi.z, LEAST_VIEW);
     Bsdf b = bsdf_made(tables, m, to, wi, from_inside);
-    b.tilt = tilt;
+    b.specular_normal = specular_normal;
     if (is_seen) {
         return b;
     }
     // A normal on the far side of the surface: what mirrors is not seen.
     b.metal = b.specular = b.glass = vec3(0.0);
     b.coat = no_coat();
-    b.chance = b.coat_chance = 0.0;
+    b.microfacet_probability = b.coat_probability = 0.0;
     choose(b, 0.0);
     return b;
 }
 
 // Whether a sampled direction depends on the choice of a lobe.
 bool has_two_lobes(Bsdf b) {
-    return b.coat_chance > 0.0 || b.sheen_chance > 0.0 || (b.chance > 0.0 && b.chance < 1.0) || bsdf_transmits(b);
+    return b.coat_probability > 0.0 || b.sheen_probability > 0.0 || (b.microfacet_probability > 0.0 && b.microfacet_probability < 1.0) || bsdf_transmits(b);
 }
 
 // Part of f, what bsdf_eval gives for wo, that is diffuse, Lambert's and the sheen's; 0 where f is.
@@ -239,7 +239,7 @@ vec3 diffuse_share(Bsdf b, vec3 wo, vec3 f) {
         return vec3(0.0);
     }
     vec3 diffuse = b.diffuse * (wo.z * FRAC_1_PI);
-    if (NEEDS_SHEEN != 0u && b.sheen_chance > 0.0) {
+    if (NEEDS_SHEEN != 0u && b.sheen_probability > 0.0) {
         diffuse += b.sheen.albedo * sheen_pdf(b.sheen, b.shading_wi, wo);
     }
     return vec3(f.x > 0.0 ? min(diffuse.x / f.x, 1.0) : 0.0, f.y > 0.0 ? min(diffuse.y / f.y, 1.0) : 0.0,
@@ -289,18 +289,18 @@ vec3 microfacets(Bsdf b, vec3 h, vec3 wo, out float pdf) {
     float cosine = dot(b.wi, h);
     vec3 passed;
     vec3 f = bsdf_reflectance(b, cosine, passed);
-    float chance = share_reflected(f, passed);
+    float probability = share_reflected(f, passed);
     float d = ggx_d(h, b.alpha), lambda_i = lambda(b.wi, b.alpha), lambda_o = lambda(wo, b.alpha);
     float per_normal = 0.25;
     if (NEEDS_GLASS != 0u && wo.z <= 0.0) {
         float cos_o = dot(wo, h);
         float x = cosine / b.glass_eta + cos_o;
         f = passed;
-        chance = 1.0 - chance;
+        probability = 1.0 - probability;
         per_normal = abs(cosine * cos_o) / (x * x);
     }
     float common_part = d * per_normal / b.wi.z;
-    pdf = b.chance * chance * common_part / (1.0 + lambda_i);
+    pdf = b.microfacet_probability * probability * common_part / (1.0 + lambda_i);
     return f * (common_part / (1.0 + lambda_i + lambda_o));
 }
 
@@ -310,16 +310,16 @@ void add_others(Bsdf b, vec3 wo, vec3 to, inout vec3 f, inout float pdf) {
         return;
     }
     f += b.diffuse * (wo.z * FRAC_1_PI);
-    pdf += b.diffuse_chance * wo.z * FRAC_1_PI;
-    if (NEEDS_COAT != 0u && b.coat_chance > 0.0 && !coat_is_mirror(b.coat) && to.z > 0.0) {
+    pdf += b.diffuse_probability * wo.z * FRAC_1_PI;
+    if (NEEDS_COAT != 0u && b.coat_probability > 0.0 && !coat_is_mirror(b.coat) && to.z > 0.0) {
         float coat_pdf;
         f += coat_eval(b.coat, b.wi, to, coat_pdf);
-        pdf += b.coat_chance * coat_pdf;
+        pdf += b.coat_probability * coat_pdf;
     }
-    if (NEEDS_SHEEN != 0u && b.sheen_chance > 0.0) {
+    if (NEEDS_SHEEN != 0u && b.sheen_probability > 0.0) {
         float density = sheen_pdf(b.sheen, b.shading_wi, wo);
         f += b.sheen.albedo * density;
-        pdf += b.sheen_chance * density;
+        pdf += b.sheen_probability * density;
     }
 }
 
@@ -344,7 +344,7 @@ vec3 bsdf_eval(Bsdf b, vec3 wo, out float pdf) {
     if (b.wi.z <= 0.0 || wo.z == 0.0) {
         return vec3(0.0);
     }
-    vec3 to = to_microfacets(b.tilt, wo);
+    vec3 to = to_microfacets(b.specular_normal, wo);
     if (wo.z < 0.0) {
         if (bsdf_transmits(b) && to.z < 0.0) {
             return eval_below(b, to, pdf);
@@ -352,7 +352,7 @@ vec3 bsdf_eval(Bsdf b, vec3 wo, out float pdf) {
         return vec3(0.0);
     }
     vec3 f = vec3(0.0);
-    if (NEEDS_LOBES != 0u && b.chance > 0.0 && !bsdf_is_mirror(b) && to.z > 0.0) {
+    if (NEEDS_LOBES != 0u && b.microfacet_probability > 0.0 && !bsdf_is_mirror(b) && to.z > 0.0) {
         f = microfacets(b, normalized(b.wi + to), to, pdf);
     }
     add_others(b, wo, to, f, pdf);
@@ -374,7 +374,7 @@ vec3 sample_cosine(vec2 u) {
 
 // The mirror's direction.
 BsdfSample mirrored(Bsdf b, vec3 weight) {
-    return BsdfSample(from_microfacets(b.tilt, vec3(-b.wi.x, -b.wi.y, b.wi.z)), false, weight, MIRROR_PDF);
+    return BsdfSample(from_microfacets(b.specular_normal, vec3(-b.wi.x, -b.wi.y, b.wi.z)), false, weight, MIRROR_PDF);
 }
 
 BsdfSample no_sample(vec3 wo) {
@@ -401,10 +401,10 @@ BsdfSample sample_microfacets(Bsdf b, vec2 u, float choice) {
     bool through = !(choice < share);
     if (!through) {
         if (is_mirror) {
-            return mirrored(b, reflected / (share * b.chance));
+            return mirrored(b, reflected / (share * b.microfacet_probability));
         }
         to = 2.0 * cosine * h - b.wi;
-        wo = from_microfacets(b.tilt, to);
+        wo = from_microfacets(b.specular_normal, to);
         if (to.z <= 0.0) {
             return no_sample(wo);
         }
@@ -413,12 +413,12 @@ BsdfSample sample_microfacets(Bsdf b, vec2 u, float choice) {
     } else {
         float cos_t = sqrt(max(1.0 - (1.0 - cosine * cosine) / (b.glass_eta * b.glass_eta), 0.0));
         to = normalized((cosine / b.glass_eta - cos_t) * h - b.wi / b.glass_eta);
-        wo = from_microfacets(b.tilt, to);
+        wo = from_microfacets(b.specular_normal, to);
         if (to.z >= 0.0) {
             return no_sample(wo);
         }
         if (is_mirror || abs(b.glass_eta - 1.0) < LEAST_BEND) {
-            return BsdfSample(wo, true, passed / ((1.0 - share) * b.chance), MIRROR_PDF);
+            return BsdfSample(wo, true, passed / ((1.0 - share) * b.microfacet_probability), MIRROR_PDF);
         }
         f = microfacets(b, h, to, pdf);
     }
@@ -427,25 +427,25 @@ BsdfSample sample_microfacets(Bsdf b, vec2 u, float choice) {
 
 // A direction with density as bsdf_eval says.
 BsdfSample bsdf_sample(Bsdf b, vec2 u, float choice) {
-    if (NEEDS_LOBES != 0u && choice < b.chance) {
-        return sample_microfacets(b, u, choice / b.chance);
+    if (NEEDS_LOBES != 0u && choice < b.microfacet_probability) {
+        return sample_microfacets(b, u, choice / b.microfacet_probability);
     }
-    bool in_coat = NEEDS_COAT != 0u && choice < b.chance + b.coat_chance;
+    bool in_coat = NEEDS_COAT != 0u && choice < b.microfacet_probability + b.coat_probability;
     if (in_coat && coat_is_mirror(b.coat)) {
-        return mirrored(b, coat_reflectance(b.coat, b.wi.z) / b.coat_chance);
+        return mirrored(b, coat_reflectance(b.coat, b.wi.z) / b.coat_probability);
     }
-    bool in_sheen = NEEDS_SHEEN != 0u && choice < b.chance + b.coat_chance + b.sheen_chance;
+    bool in_sheen = NEEDS_SHEEN != 0u && choice < b.microfacet_probability + b.coat_probability + b.sheen_probability;
     bool is_above = true;
     vec3 wo;
     vec3 f = vec3(0.0);
     float pdf = 0.0;
     if (in_coat) {
         vec3 to = coat_sample(b.coat, b.wi, u);
-        wo = from_microfacets(b.tilt, to);
+        wo = from_microfacets(b.specular_normal, to);
         is_above = to.z > 0.0;
         if (NEEDS_SMOOTH != 0u && is_above && wo.z <= 0.0) {
             f = coat_eval(b.coat, b.wi, to, pdf);
-            return sampled(wo, false, f, b.coat_chance * pdf);
+            return sampled(wo, false, f, b.coat_probability * pdf);
         }
     } else if (in_sheen) {
         wo = sheen_sample(b.sheen, b.shading_wi, sample_cosine(u));

@@ -5,7 +5,7 @@
 
 #include "trace.glsl"
 
-const uint MOST_CLEAR_SURFACES = 1024u;
+const uint MAX_TRANSPARENT_SURFACES = 1024u;
 
 // The front of the label whose back is `back`, where it touches the face that was left.
 Hit front_of(Hit back, Hit left) {

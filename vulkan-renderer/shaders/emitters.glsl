@@ -5,11 +5,11 @@
 #include "light_tree.glsl"
 #include "index_ray.glsl"
 #include "volume.glsl"
-#include "looks.glsl"
-#include "cover.glsl"
+#include "material_table.glsl"
+#include "coat.glsl"
 
 // Says that an instance has no emitter.
-const uint NO_PLACE = 0xFFFFFFFFu;
+const uint NOT_EMISSIVE = 0xFFFFFFFFu;
 
 // What touches a lamp or a surface that shines within this part of its distance does not hide it.
 const float TOUCHING = 1.0 - 1.0 / 1048576.0;
@@ -32,13 +32,13 @@ struct WayTo {
     float area;
 };
 
-InstanceRef instance_of_place(SceneRef scene, EmitterPlace place) {
-    return InstanceRef(scene.it.instances + uint64_t(place.instance) * INSTANCE_BYTES);
+InstanceRef instance_of_emissive(SceneRef scene, EmissiveInstance emissive) {
+    return InstanceRef(scene.it.instances + uint64_t(emissive.instance) * INSTANCE_BYTES);
 }
 
 // The receiver in index space.
-DVec3 place_point(SceneRef scene, EmitterPlace place, Receiver from) {
-    Placement placement = placement_of(instance_of_place(scene, place));
+DVec3 emissive_instance_point(SceneRef scene, EmissiveInstance emissive, Receiver from) {
+    Placement placement = placement_of(instance_of_emissive(scene, emissive));
     return index_from_world(placement, dvec3_sub(from.point, placement.translation));
 }
 
@@ -73,7 +73,7 @@ DVec3 dvec3_from_floats(float v[3]) {
 }
 
 // Corners of a triangle, and its area as a vector, in the grid.
-DVec3 triangle_shape(ShiningTriangle triangle, out DVec3 corners[3]) {
+DVec3 triangle_shape(EmissiveTriangle triangle, out DVec3 corners[3]) {
     for (int i = 0; i < 3; i++) {
         corners[i] = dvec3_from_floats(triangle.corners[i]);
     }
@@ -91,7 +91,7 @@ float density(float share, float units, float across) {
     return isinf(pdf) || isnan(pdf) ? 0.0 : pdf;
 }
 
-WayTo sample_box(Emitters emitters, Emitter emitter, EmitterPlace place, DVec3 point, float which, vec2 u) {
+WayTo sample_box(Emitters emitters, Emitter emitter, EmissiveInstance emissive, DVec3 point, float which, vec2 u) {
     WayTo to;
     to.found = false;
     float seen[6];
@@ -135,12 +135,12 @@ WayTo sample_box(Emitters emitters, Emitter emitter, EmitterPlace place, DVec3 p
     }
     to.found = positive ? f64_lt(to.across, F64_ZERO) : f64_lt(F64_ZERO, to.across);
     to.share = part / sum / float(count);
-    to.area = place.areas[axis];
+    to.area = emissive.areas[axis];
     return to;
 }
 
 WayTo sample_triangle(Emitters emitters, Emitter emitter, DVec3 point, vec2 u) {
-    ShiningTriangle triangle = ShiningTriangles(emitters.triangles).at[emitter.first];
+    EmissiveTriangle triangle = EmissiveTriangles(emitters.triangles).at[emitter.first];
     DVec3 corners[3];
     DVec3 normal = triangle_shape(triangle, corners);
     float root = sqrt(u.x);
@@ -156,32 +156,32 @@ EmitterSample emitters_sample(SceneRef scene, Receiver from, float choice, vec2 
     Emitters emitters = scene.it.emitters;
     EmitterSample result;
     result.found = false;
-    float chance;
-    uint number = tree_choose(emitters, seen_from(emitters, from), vec2(choice, further.x), chance);
-    if (chance <= 0.0) {
+    float probability;
+    uint number = tree_choose(emitters, seen_from(emitters, from), vec2(choice, further.x), probability);
+    if (probability <= 0.0) {
         return result;
     }
     Emitter emitter = EmitterRecords(emitters.emitters).at[number];
-    EmitterPlace place = EmitterPlaces(emitters.places).at[emitter.place];
-    result.instance = place.instance;
-    DVec3 point = place_point(scene, place, from);
+    EmissiveInstance emissive = EmissiveInstances(emitters.emissive_instances).at[emitter.emissive_instance];
+    result.instance = emissive.instance;
+    DVec3 point = emissive_instance_point(scene, emissive, from);
     WayTo to;
-    if (NEEDS_MESHES != 0u && place.is_mesh != 0u) {
+    if (NEEDS_MESHES != 0u && emissive.is_mesh != 0u) {
         to = sample_triangle(emitters, emitter, point, u);
     } else {
-        to = sample_box(emitters, emitter, place, point, further.y, u);
+        to = sample_box(emitters, emitter, emissive, point, further.y, u);
     }
     if (!to.found) {
         return result;
     }
-    DVec3 way = dvec3_scale(dvec3_from_bits(place.world_from_index[0]), to.way.at[0]);
-    way = dvec3_add(way, dvec3_scale(dvec3_from_bits(place.world_from_index[1]), to.way.at[1]));
-    way = dvec3_add(way, dvec3_scale(dvec3_from_bits(place.world_from_index[2]), to.way.at[2]));
+    DVec3 way = dvec3_scale(dvec3_from_bits(emissive.world_from_index[0]), to.way.at[0]);
+    way = dvec3_add(way, dvec3_scale(dvec3_from_bits(emissive.world_from_index[1]), to.way.at[1]));
+    way = dvec3_add(way, dvec3_scale(dvec3_from_bits(emissive.world_from_index[2]), to.way.at[2]));
     f64 far = dvec3_length(way);
-    float units = f64_to_f32(f64_mul(far, f64_from_bits(place.units_per_world)));
+    float units = f64_to_f32(f64_mul(far, f64_from_bits(emissive.units_per_world)));
     float across = abs(f64_to_f32(to.across));
-    result.pdf = density(chance * to.share, units, across);
-    Material material = material_of(instance_of_place(scene, place), emitter.label);
+    result.pdf = density(probability * to.share, units, across);
+    Material material = material_of(instance_of_emissive(scene, emissive), emitter.label);
     float cosine = clamp(across / (to.area * units), 1e-6, 1.0);
     result.radiance = emitted(scene.it.tables, material, cosine) * material.alpha;
     result.found = result.pdf > 0.0;
@@ -207,10 +207,10 @@ bool key_is_before(Emitter emitter, uint label, uvec3 origin) {
 }
 
 // The emitter with that key, or NONE.
-uint emitters_find(Emitters emitters, EmitterPlace place, uint label, uvec3 origin) {
+uint emitters_find(Emitters emitters, EmissiveInstance emissive, uint label, uvec3 origin) {
     Words by_key = Words(emitters.by_key);
     EmitterRecords records = EmitterRecords(emitters.emitters);
-    uint low = place.keys[0], high = place.keys[1];
+    uint low = emissive.keys[0], high = emissive.keys[1];
     while (low < high) {
         uint middle = (low + high) >> 1;
         if (key_is_before(records.at[by_key.at[middle]], label, origin)) {
@@ -219,7 +219,7 @@ uint emitters_find(Emitters emitters, EmitterPlace place, uint label, uvec3 orig
             high = middle;
         }
     }
-    if (low == place.keys[1]) {
+    if (low == emissive.keys[1]) {
         return NONE;
     }
     uint number = by_key.at[low];
@@ -246,29 +246,29 @@ bool face_is_listed(Emitters emitters, uvec2 list, uint code) {
 // the world; 0 where it is not aimed at.
 float emitters_pdf(SceneRef scene, Receiver from, Surface surface, f64 distance_to) {
     Emitters emitters = scene.it.emitters;
-    uint place_number = surface.instance < emitters.place_of_count ? Words(emitters.place_of).at[surface.instance] : NO_PLACE;
-    if (place_number == NO_PLACE || surface.kind == SURFACE_CAP) {
+    uint emissive_number = surface.instance < emitters.emissive_instance_of_count ? Words(emitters.emissive_instance_of).at[surface.instance] : NOT_EMISSIVE;
+    if (emissive_number == NOT_EMISSIVE || surface.kind == SURFACE_CAP) {
         return 0.0;
     }
-    EmitterPlace place = EmitterPlaces(emitters.places).at[place_number];
+    EmissiveInstance emissive = EmissiveInstances(emitters.emissive_instances).at[emissive_number];
     uvec3 origin = uvec3(surface.plane, 0u, 0u);
-    if (place.is_mesh == 0u) {
+    if (emissive.is_mesh == 0u) {
         if (surface.box_number == NONE) {
             return 0.0;
         }
-        origin = box_place(instance_of_place(scene, place), surface.box_number).origin;
+        origin = box_place(instance_of_emissive(scene, emissive), surface.box_number).origin;
     }
-    uint number = emitters_find(emitters, place, surface.label, origin);
+    uint number = emitters_find(emitters, emissive, surface.label, origin);
     if (number == NONE) {
         return 0.0;
     }
     Emitter emitter = EmitterRecords(emitters.emitters).at[number];
-    DVec3 point = place_point(scene, place, from);
+    DVec3 point = emissive_instance_point(scene, emissive, from);
     float share = 1.0;
     f64 across;
-    if (NEEDS_MESHES != 0u && place.is_mesh != 0u) {
+    if (NEEDS_MESHES != 0u && emissive.is_mesh != 0u) {
         DVec3 corners[3];
-        DVec3 normal = triangle_shape(ShiningTriangles(emitters.triangles).at[emitter.first], corners);
+        DVec3 normal = triangle_shape(EmissiveTriangles(emitters.triangles).at[emitter.first], corners);
         across = dvec3_dot(normal, dvec3_sub(corners[0], point));
     } else {
         uint direction = 2u * surface.axis + (surface.positive ? 1u : 0u);
@@ -286,9 +286,9 @@ float emitters_pdf(SceneRef scene, Receiver from, Surface surface, f64 distance_
         }
         share = seen[direction] / sum / float(list.y - list.x);
     }
-    float chance = tree_chance(emitters, seen_from(emitters, from), number);
-    float units = f64_to_f32(f64_mul(distance_to, f64_from_bits(place.units_per_world)));
-    return density(chance * share, units, abs(f64_to_f32(across)));
+    float probability = tree_probability(emitters, seen_from(emitters, from), number);
+    float units = f64_to_f32(f64_mul(distance_to, f64_from_bits(emissive.units_per_world)));
+    return density(probability * share, units, abs(f64_to_f32(across)));
 }
 
 #endif

@@ -46,12 +46,12 @@ float environment_pdf(Environment table, vec3 direction) {
     return Floats(table.density).at[y * table.width + x];
 }
 
-// How many of the ends 1 to count − 1 of a table from `first` are at most u.
-uint ends_below_f64(Longs ends, uint count, f64 u) {
+// How many of the cdf 1 to count − 1 of a table from `first` are at most u.
+uint cdf_index_f64(Longs cdf, uint count, f64 u) {
     uint low = 0u, high = count - 1u;
     while (low < high) {
         uint middle = (low + high) >> 1;
-        if (f64_le(f64_from_bits(ends.at[middle + 1u]), u)) {
+        if (f64_le(f64_from_bits(cdf.at[middle + 1u]), u)) {
             low = middle + 1u;
         } else {
             high = middle;
@@ -60,11 +60,11 @@ uint ends_below_f64(Longs ends, uint count, f64 u) {
     return low;
 }
 
-uint ends_below(Floats ends, uint first, uint count, float u) {
+uint cdf_index(Floats cdf, uint first, uint count, float u) {
     uint low = 0u, high = count - 1u;
     while (low < high) {
         uint middle = (low + high) >> 1;
-        if (ends.at[first + middle + 1u] <= u) {
+        if (cdf.at[first + middle + 1u] <= u) {
             low = middle + 1u;
         } else {
             high = middle;
@@ -75,15 +75,15 @@ uint ends_below(Floats ends, uint first, uint count, float u) {
 
 // A unit direction, its radiance and its density per solid angle.
 SunSample environment_sample(Environment table, vec2 u) {
-    Longs row_ends = Longs(table.row_ends);
+    Longs row_cdf = Longs(table.row_cdf);
     f64 v = f64_from_f32(u.y);
-    uint y = ends_below_f64(row_ends, table.height, v);
-    f64 row_start = f64_from_bits(row_ends.at[y]), row_end = f64_from_bits(row_ends.at[y + 1u]);
+    uint y = cdf_index_f64(row_cdf, table.height, v);
+    f64 row_start = f64_from_bits(row_cdf.at[y]), row_end = f64_from_bits(row_cdf.at[y + 1u]);
     float in_row = clamp(f64_to_f32(f64_div(f64_sub(v, row_start), f64_sub(row_end, row_start))), 0.0, 1.0);
-    Floats ends = Floats(table.column_ends);
+    Floats cdf = Floats(table.column_cdf);
     uint first = y * (table.width + 1u);
-    uint x = ends_below(ends, first, table.width, u.x);
-    float start = ends.at[first + x], end = ends.at[first + x + 1u];
+    uint x = cdf_index(cdf, first, table.width, u.x);
+    float start = cdf.at[first + x], end = cdf.at[first + x + 1u];
     float in_column = clamp((u.x - start) / (end - start), 0.0, 1.0);
     // Uniform in z. From the nearer pole, 1 − |z| = 2 sin²(θ/2): nothing cancels where the rows are small.
     bool north = 2u * y < table.height;

@@ -4,7 +4,7 @@
 
 #include "scene_tracer.glsl"
 #include "camera_rays.glsl"
-#include "looks.glsl"
+#include "material_table.glsl"
 
 void first_of_pixel(uvec2 in_tile) {
     if (in_tile.x >= launch.tile_width || in_tile.y >= launch.tile_height) {

@@ -68,17 +68,17 @@ struct Settings {
 };
 
 struct Lights {
-    Address ends;
+    Address cdf;
     Address suns;
-    uint end_count;
+    uint light_count;
     uint sun_count;
-    uint finding;
+    uint strategy;
     float sky[3];
     uint has_backdrop;
     float backdrop[2][3];
     uint lamp_count;
     Address lamps;
-    float emitters_chance;
+    float emitters_probability;
     uint reserved;
 };
 
@@ -110,8 +110,8 @@ struct Lamp {
 struct Environment {
     Address pixels;
     Address density;
-    Address row_ends;
-    Address column_ends;
+    Address row_cdf;
+    Address column_cdf;
     F64Bits rotation_rad;
     uint width;
     uint height;
@@ -126,7 +126,7 @@ struct LightNode {
 };
 
 struct Emitter {
-    uint place;
+    uint emissive_instance;
     uint label;
     uint origin[3];
     uint first;
@@ -134,7 +134,7 @@ struct Emitter {
     uint planes;
 };
 
-struct EmitterPlace {
+struct EmissiveInstance {
     F64Bits world_from_index[3][3];
     F64Bits units_per_world;
     float areas[3];
@@ -144,7 +144,7 @@ struct EmitterPlace {
     uint reserved;
 };
 
-struct ShiningTriangle {
+struct EmissiveTriangle {
     float corners[3][3];
     float area;
 };
@@ -155,12 +155,12 @@ struct Emitters {
     Address faces;
     Address triangles;
     Address by_key;
-    Address places;
-    Address place_of;
+    Address emissive_instances;
+    Address emissive_instance_of;
     F64Bits middle[3];
     F64Bits scale;
     uint count;
-    uint place_of_count;
+    uint emissive_instance_of_count;
 };
 
 struct InstanceTree {
@@ -356,8 +356,8 @@ layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Sun
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Lamps { Lamp at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer LightNodes { LightNode at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer EmitterRecords { Emitter at[]; };
-layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer EmitterPlaces { EmitterPlace at[]; };
-layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer ShiningTriangles { ShiningTriangle at[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer EmissiveInstances { EmissiveInstance at[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer EmissiveTriangles { EmissiveTriangle at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Materials { Material at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer BvhNodes { BvhNode at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer RayRecords { RayRecord at[]; };

@@ -50,7 +50,7 @@ SeenFrom seen_from(Emitters emitters, Receiver from) {
 }
 
 // Chance of the left one of a node's halves; below 0 where neither matters.
-float chance_left(LightNodes nodes, uint node, uint left, SeenFrom from) {
+float probability_left(LightNodes nodes, uint node, uint left, SeenFrom from) {
     float a = importance(nodes.at[node + 1u], from);
     float b = importance(nodes.at[node + 2u * left], from);
     float both = a + b;
@@ -58,30 +58,30 @@ float chance_left(LightNodes nodes, uint node, uint left, SeenFrom from) {
 }
 
 // An emitter, and the chance with which it is chosen; 0 where none matters.
-uint tree_choose(Emitters emitters, SeenFrom from, vec2 numbers, out float chance) {
+uint tree_choose(Emitters emitters, SeenFrom from, vec2 numbers, out float probability) {
     LightNodes nodes = LightNodes(emitters.nodes);
     uint node = 0u, first = 0u, count = emitters.count, level = 0u;
     float u = numbers.x;
-    chance = 1.0;
+    probability = 1.0;
     while (count > 1u) {
         if (level == LEVELS_A_NUMBER) {
             u = numbers.y;
         }
         level += 1u;
         uint left = left_of(count);
-        float part = chance_left(nodes, node, left, from);
+        float part = probability_left(nodes, node, left, from);
         if (part < 0.0) {
-            chance = 0.0;
+            probability = 0.0;
             return 0u;
         }
         if (u < part) {
             u /= part;
-            chance *= part;
+            probability *= part;
             node += 1u;
             count = left;
         } else {
             u = (u - part) / (1.0 - part);
-            chance *= 1.0 - part;
+            probability *= 1.0 - part;
             node += 2u * left;
             first += left;
             count -= left;
@@ -92,28 +92,28 @@ uint tree_choose(Emitters emitters, SeenFrom from, vec2 numbers, out float chanc
 }
 
 // The chance with which tree_choose gives this emitter.
-float tree_chance(Emitters emitters, SeenFrom from, uint emitter) {
+float tree_probability(Emitters emitters, SeenFrom from, uint emitter) {
     LightNodes nodes = LightNodes(emitters.nodes);
     uint node = 0u, first = 0u, count = emitters.count;
-    float chance = 1.0;
+    float probability = 1.0;
     while (count > 1u) {
         uint left = left_of(count);
-        float part = chance_left(nodes, node, left, from);
+        float part = probability_left(nodes, node, left, from);
         if (part < 0.0) {
             return 0.0;
         }
         if (emitter < first + left) {
-            chance *= part;
+            probability *= part;
             node += 1u;
             count = left;
         } else {
-            chance *= 1.0 - part;
+            probability *= 1.0 - part;
             node += 2u * left;
             first += left;
             count -= left;
         }
     }
-    return chance;
+    return probability;
 }
 
 #endif

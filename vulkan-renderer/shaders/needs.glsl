@@ -8,7 +8,7 @@ layout(constant_id = 1) const uint NEEDS_LOBES = 1u;
 // A picture surrounds the scene.
 layout(constant_id = 2) const uint NEEDS_PICTURE = 1u;
 // Some light is aimed at.
-layout(constant_id = 3) const uint NEEDS_AIM = 1u;
+layout(constant_id = 3) const uint NEEDS_LIGHT_SAMPLING = 1u;
 // The camera's opening has a size.
 layout(constant_id = 4) const uint NEEDS_LENS = 1u;
 // Lamps stand in the scene.
@@ -18,7 +18,7 @@ layout(constant_id = 6) const uint NEEDS_COAT = 1u;
 // Some label is glass, wholly or in part.
 layout(constant_id = 7) const uint NEEDS_GLASS = 1u;
 // Some label is not wholly there.
-layout(constant_id = 8) const uint NEEDS_CLEAR = 1u;
+layout(constant_id = 8) const uint NEEDS_TRANSPARENT = 1u;
 // Something is cut away.
 layout(constant_id = 9) const uint NEEDS_CUTS = 1u;
 // There are triangle meshes.

@@ -13,10 +13,10 @@
 #include "filter.glsl"
 #include "film.glsl"
 #include "camera_rays.glsl"
-#include "looks.glsl"
+#include "material_table.glsl"
 #include "bsdf.glsl"
 #include "lights.glsl"
-#include "tally.glsl"
+#include "film_sample.glsl"
 
 const uint FIRST_ROULETTE = 2u;
 // Added to a surface's number for numbers beyond its pairs.
@@ -59,7 +59,7 @@ const uint FLIGHT_SCATTERED = 2u;
 const uint FLIGHT_AMBIENT = 3u;
 
 // Light along a camera ray that sees up to t_max, told to a tally; `down` says where in the picture it is, 0 top to 1 bottom.
-void follow(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, float down, inout Tally tally) {
+void follow(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, float down, inout FilmSample film_sample) {
     Lights lights = scene.it.lights;
     Environment sky = scene.it.environment;
     if (NEEDS_PICTURE == 0u) {
@@ -67,7 +67,7 @@ void follow(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, floa
     }
     uint mode = scene.it.settings.mode;
     uint bounces = mode == MODE_PATH ? scene.it.settings.bounces : 0u;
-    bool aims = NEEDS_AIM != 0u && any_aimed(lights);
+    bool sample_lights = NEEDS_LIGHT_SAMPLING != 0u && samples_lights(lights);
     vec3 throughput = vec3(1.0);
     // Surfaces that scattered, and such that were passed straight through.
     uint vertex = 0u, passed = 0u;
@@ -86,13 +86,13 @@ void follow(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, floa
     Receiver receiver = Receiver(ray.origin, vec3(0.0, 0.0, 1.0), true);
     f64 gone = F64_ZERO;
     while (true) {
-        bool any = (flight == FLIGHT_SHADOW && NEEDS_CLEAR == 0u) || flight == FLIGHT_AMBIENT;
-        bool crosses = (NEEDS_CLEAR | NEEDS_GLASS) != 0u && !any;
+        bool any = (flight == FLIGHT_SHADOW && NEEDS_TRANSPARENT == 0u) || flight == FLIGHT_AMBIENT;
+        bool crosses = (NEEDS_TRANSPARENT | NEEDS_GLASS) != 0u && !any;
         f64 reach = crosses && may_touch(ray.direction, left) ? F64_INFINITY : t_max;
-        bool among_catchers = NEEDS_CATCHER != 0u && tally.sink == SINK_ALONE;
+        bool among_catchers = NEEDS_CATCHER != 0u && film_sample.sink == SINK_ALONE;
         Hit hit = scene_ask(scene, ray, left.surface, reach, any, NONE, 0u, among_catchers);
         if (flight == FLIGHT_AMBIENT) {
-            tally_aimed(tally, is_hit(hit) ? vec3(0.0) : vec3(1.0), 0u);
+            film_sample_add_direct_light(film_sample, is_hit(hit) ? vec3(0.0) : vec3(1.0), 0u);
             return;
         }
         if (crosses) {
@@ -100,7 +100,7 @@ void follow(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, floa
         }
         if (flight == FLIGHT_SHADOW) {
             // Some of the light may come through.
-            if (NEEDS_CLEAR != 0u && is_hit(hit) && light_passed < MOST_CLEAR_SURFACES) {
+            if (NEEDS_TRANSPARENT != 0u && is_hit(hit) && light_passed < MAX_TRANSPARENT_SURFACES) {
                 float alpha = material_of(instance_at(scene, hit.surface.instance), hit.surface.label).alpha;
                 if (alpha < 1.0) {
                     add *= 1.0 - alpha;
@@ -113,14 +113,14 @@ void follow(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, floa
             }
             // The light is seen, or not; the path goes on from where it was.
             if (!is_hit(hit)) {
-                tally_aimed(tally, add, vertex);
+                film_sample_add_direct_light(film_sample, add, vertex);
             }
             if (!goes_on) {
                 return;
             }
             ray.direction = onward;
             t_max = F64_INFINITY;
-            if (NEEDS_CLEAR != 0u) {
+            if (NEEDS_TRANSPARENT != 0u) {
                 ray.origin = onward_origin;
                 left = at;
             }
@@ -132,18 +132,18 @@ void follow(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, floa
             f64 limit = is_hit(hit) ? hit.t : t_max;
             DVec3 d = dvec3_normalize(ray.direction);
             limit = f64_add(gone, f64_mul(limit, dvec3_length(ray.direction)));
-            vec3 light = lamps_found(lights, receiver, d, limit, onward_pdf, flight == FLIGHT_CAMERA);
-            if (NEEDS_CLEAR != 0u && f64_lt(F64_ZERO, gone)) {
-                light -= lamps_found(lights, receiver, d, gone, onward_pdf, flight == FLIGHT_CAMERA);
+            vec3 light = lamp_emission(lights, receiver, d, limit, onward_pdf, flight == FLIGHT_CAMERA);
+            if (NEEDS_TRANSPARENT != 0u && f64_lt(F64_ZERO, gone)) {
+                light -= lamp_emission(lights, receiver, d, gone, onward_pdf, flight == FLIGHT_CAMERA);
             }
-            tally_met(tally, throughput * light, vertex);
+            film_sample_add_emission(film_sample, throughput * light, vertex);
         }
         if (!is_hit(hit)) {
             if (flight == FLIGHT_CAMERA) {
-                tally_met_behind(tally, lights_behind(lights, sky, ray.direction, down), 0u);
+                film_sample_add_background(film_sample, lights_background(lights, sky, ray.direction, down), 0u);
             } else {
-                vec3 light = lights_found(lights, sky, dvec3_normalize(ray.direction), onward_pdf);
-                tally_met_behind(tally, throughput * light, vertex);
+                vec3 light = infinite_emission(lights, sky, dvec3_normalize(ray.direction), onward_pdf);
+                film_sample_add_background(film_sample, throughput * light, vertex);
             }
             return;
         }
@@ -155,11 +155,11 @@ void follow(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, floa
 
         // The camera's first shadow catcher: the twin goes on twice from here. Here the whole sample is followed twice, the second time
         // to get here, by the same numbers, and on among catchers alone: so nothing need be kept meanwhile.
-        if (vertex == 0u && tally_catches(tally) && looks_catches(instance_at(scene, hit.surface.instance))) {
-            if (tally.sink == SINK_NOTHING) {
-                tally_among_catchers(tally);
+        if (vertex == 0u && film_sample_catches(film_sample) && material_table_catches(instance_at(scene, hit.surface.instance))) {
+            if (film_sample.sink == SINK_NOTHING) {
+                film_sample_among_catchers(film_sample);
             } else {
-                tally_caught(tally, lights_behind(lights, sky, ray.direction, down));
+                film_sample_caught(film_sample, lights_background(lights, sky, ray.direction, down));
             }
         }
 
@@ -169,10 +169,10 @@ void follow(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, floa
             shading_normal(scene, hit, ray.origin, shading);
             Frame frame = frame_new(shading);
             if (NEEDS_MATTES != 0u) {
-                tally_named(tally, 0u, looks_ids_of(instance_at(scene, hit.surface.instance), hit.surface.label));
+                film_sample_write_ids(film_sample, 0u, material_table_ids_of(instance_at(scene, hit.surface.instance), hit.surface.label));
             }
-            tally_came_to(tally, 0u, vec3[3](vec3(1.0), vec3(0.0), vec3(0.0)), dvec3_to_vec3(frame.normal));
-            tally.aimed = Share(vec3(1.0), false);
+            film_sample_write_aovs(film_sample, 0u, vec3[3](vec3(1.0), vec3(0.0), vec3(0.0)), dvec3_to_vec3(frame.normal));
+            film_sample.direct_weights = PassWeights(vec3(1.0), false);
             ray.direction = frame_world(frame, sample_cosine(sampler_bounce(points, 0u, PAIR_SCATTER)));
             if (is_seen_from_within(hit) || f64_le(dvec3_dot(ray.direction, normal), F64_ZERO)) {
                 return;
@@ -186,10 +186,10 @@ void follow(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, floa
         uint number = vertex + passed;
 
         // Straight on where the surface is not there.
-        if (NEEDS_CLEAR != 0u && material.alpha < 1.0 &&
+        if (NEEDS_TRANSPARENT != 0u && material.alpha < 1.0 &&
             sampler_bounce(points, number, PAIR_ROULETTE).y >= material.alpha) {
             passed += 1u;
-            if (passed > MOST_CLEAR_SURFACES) {
+            if (passed > MAX_TRANSPARENT_SURFACES) {
                 return;
             }
             t_max = f64_sub(t_max, hit.t);
@@ -206,12 +206,12 @@ void follow(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, floa
         // What shines, shines as the surface lies: those who aim at it know no other normal.
         vec3 own = is_smooth ? frame_local(frame, normal) : vec3(0.0, 0.0, 1.0);
         float cosine = max(is_smooth ? dot(wi, own) : wi.z, LEAST_VIEW);
-        vec3 shines = emitted(scene.it.tables, material, cosine);
-        if (NEEDS_EMITTERS != 0u && flight == FLIGHT_SCATTERED && lights.emitters_chance > 0.0 && shines != vec3(0.0)) {
+        vec3 emission = emitted(scene.it.tables, material, cosine);
+        if (NEEDS_EMITTERS != 0u && flight == FLIGHT_SCATTERED && lights.emitters_probability > 0.0 && emission != vec3(0.0)) {
             f64 far = f64_add(gone, f64_mul(hit.t, dvec3_length(ray.direction)));
-            shines *= emission_weight(scene, lights, receiver, hit, far, onward_pdf);
+            emission *= emission_weight(scene, lights, receiver, hit, far, onward_pdf);
         }
-        tally_met(tally, throughput * shines, vertex);
+        film_sample_add_emission(film_sample, throughput * emission, vertex);
         t_max = F64_INFINITY;
         gone = F64_ZERO;
         if (vertex > bounces || buried) {
@@ -219,18 +219,18 @@ void follow(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, floa
         }
         Bsdf bsdf;
         if (is_smooth) {
-            bsdf = bsdf_tilted(scene.it.tables, material, wi, tilt_new(own, wi), hit.from_inside);
+            bsdf = bsdf_with_specular_normal(scene.it.tables, material, wi, specular_normal_new(own, wi), hit.from_inside);
         } else {
             wi.z = cosine;
             bsdf = bsdf_new(scene.it.tables, material, wi, hit.from_inside);
         }
         if (NEEDS_MATTES != 0u && vertex == 0u) {
-            tally_named(tally, 0u, looks_ids_of(instance_at(scene, hit.surface.instance), hit.surface.label));
+            film_sample_write_ids(film_sample, 0u, material_table_ids_of(instance_at(scene, hit.surface.instance), hit.surface.label));
         }
         if (NEEDS_SORTED != 0u && vertex == 0u) {
             vec3 colors[3];
             bsdf_colors(bsdf, scene.it.tables, material, colors);
-            tally_came_to(tally, 0u, colors, dvec3_to_vec3(frame.normal));
+            film_sample_write_aovs(film_sample, 0u, colors, dvec3_to_vec3(frame.normal));
         }
         receiver = Receiver(ray.origin, dvec3_to_vec3(frame.normal), bsdf_transmits(bsdf));
         float lobe = 0.5;
@@ -239,26 +239,26 @@ void follow(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, floa
         bool light_in_flight = false;
         DVec3 towards_light = ray.direction;
         f64 light_distance = F64_INFINITY;
-        if (aims) {
+        if (sample_lights) {
             vec2 choice = sampler_bounce(points, number, PAIR_CHOICE);
             lobe = choice.y;
             vec2 further = vec2(0.0);
-            if (NEEDS_EMITTERS != 0u && choice.x < lights.emitters_chance) {
+            if (NEEDS_EMITTERS != 0u && choice.x < lights.emitters_probability) {
                 further = sampler_bounce(points, number | FURTHER, PAIR_CHOICE);
             }
             LightSample light =
-                lights_aim(scene, lights, sky, receiver, choice.x, sampler_bounce(points, number, PAIR_LIGHT), further);
-            if (NEEDS_CATCHER != 0u && tally.sink == SINK_ALONE && light.found && light.instance != NONE) {
-                light.found = looks_catches(instance_at(scene, light.instance));
+                sample_light(scene, lights, sky, receiver, choice.x, sampler_bounce(points, number, PAIR_LIGHT), further);
+            if (NEEDS_CATCHER != 0u && film_sample.sink == SINK_ALONE && light.found && light.instance != NONE) {
+                light.found = material_table_catches(instance_at(scene, light.instance));
             }
             if (light.found && (bsdf_transmits(bsdf) || f64_lt(F64_ZERO, dvec3_dot(light.direction, frame.normal)))) {
                 float pdf;
                 vec3 wo = frame_local(frame, light.direction);
                 vec3 f_cos = bsdf_eval(bsdf, wo, pdf);
                 if (NEEDS_SORTED != 0u && vertex == 0u) {
-                    tally.aimed = Share(diffuse_share(bsdf, wo, f_cos), wo.z < 0.0);
+                    film_sample.direct_weights = PassWeights(diffuse_share(bsdf, wo, f_cos), wo.z < 0.0);
                 }
-                add = throughput * f_cos * light.radiance_over_pdf * aimed_weight(lights, light.pdf, pdf);
+                add = throughput * f_cos * light.radiance_over_pdf * light_mis_weight(lights, light.pdf, pdf);
                 light_in_flight = max_element(add) > 0.0;
                 towards_light = light.direction;
                 light_distance = light.distance_to;
@@ -278,7 +278,7 @@ void follow(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, floa
                 if (!isinf(scattered.pdf)) {
                     diffuse = diffuse_share(bsdf, scattered.wo, scattered.weight * scattered.pdf);
                 }
-                tally_scattered(tally, 0u, Share(diffuse, scattered.through));
+                film_sample_scatter(film_sample, 0u, PassWeights(diffuse, scattered.through));
             }
             onward = frame_world(frame, scattered.wo);
             onward_pdf = scattered.pdf;
@@ -312,7 +312,7 @@ void follow(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, floa
 }
 
 // One sample of one pixel.
-Tally sample_of_pixel(SceneRef scene, uvec2 pixel, uint number) {
+FilmSample sample_of_pixel(SceneRef scene, uvec2 pixel, uint number) {
     PixelSampler points = sampler_new(scene.it.settings.seed, pixel, number);
     vec2 u = sampler_film(points);
     f64 px = f64_add(f64_add(f64_from_u32(pixel.x), F64_HALF), f64_from_f32(filter_sample(scene.it.film_filter, u.x)));
@@ -325,16 +325,16 @@ Tally sample_of_pixel(SceneRef scene, uvec2 pixel, uint number) {
         ray = camera_ray(scene.it.camera, px, py, t_max);
     }
     float down = f64_to_f32(f64_div(py, f64_from_bits(scene.it.camera.size[1])));
-    Tally tally = tally_new(scene.it.settings);
+    FilmSample film_sample = film_sample_new(scene.it.settings);
     // Once more among catchers, where one was met.
     for (uint round = 0u; round < (NEEDS_CATCHER == 0u ? 1u : 2u); round++) {
-        follow(scene, points, ray, t_max, down, tally);
-        if (tally.sink != SINK_CAUGHT) {
+        follow(scene, points, ray, t_max, down, film_sample);
+        if (film_sample.sink != SINK_CAUGHT) {
             break;
         }
-        tally.sink = SINK_NOTHING;
+        film_sample.sink = SINK_NOTHING;
     }
-    return tally;
+    return film_sample;
 }
 
 // Adds the launch's samples to one pixel of its tile.
@@ -352,10 +352,10 @@ void add_samples(uvec2 in_tile) {
     }
     for (uint i = 0u; i < launch.samples; i++) {
         uint number = launch.first_sample + i;
-        Tally tally = sample_of_pixel(scene, pixel, number);
-        film_add(launch.target, scene.it.film_width, pixel, number, tally.total);
-        if (NEEDS_SORTED != 0u && tally.kept != 0u) {
-            tally_add_to(tally, launch.source, scene.it.film_width, pixel, number);
+        FilmSample film_sample = sample_of_pixel(scene, pixel, number);
+        film_add(launch.target, scene.it.film_width, pixel, number, film_sample.total);
+        if (NEEDS_SORTED != 0u && film_sample.kept != 0u) {
+            film_sample_add_to(film_sample, launch.source, scene.it.film_width, pixel, number);
         }
     }
 }

@@ -221,10 +221,10 @@ void probe_emitters(uint row) {
     surface.box_number = take();
     f64 far = take_f64();
     uint emitter = take();
-    float chance;
-    put(tree_choose(emitters, seen_from(emitters, from), vec2(choice, further.x), chance));
-    put_float(chance);
-    put_float(tree_chance(emitters, seen_from(emitters, from), emitter));
+    float probability;
+    put(tree_choose(emitters, seen_from(emitters, from), vec2(choice, further.x), probability));
+    put_float(probability);
+    put_float(tree_probability(emitters, seen_from(emitters, from), emitter));
     EmitterSample s = emitters_sample(scene, from, choice, further, u);
     put(s.found ? 1u : 0u);
     put_dvec3(s.direction);
@@ -236,8 +236,8 @@ void probe_emitters(uint row) {
     hit.surface = surface;
     hit.t = F64_ONE;
     put_float(emission_weight(scene, scene.it.lights, from, hit, far, choice));
-    LightSample aimed = lights_aim(scene, scene.it.lights, scene.it.environment, from, choice, u, further);
-    put_float(aimed.found ? aimed.pdf : 0.0);
+    LightSample light = sample_light(scene, scene.it.lights, scene.it.environment, from, choice, u, further);
+    put_float(light.found ? light.pdf : 0.0);
 }
 
 void probe_lights(uint row) {
@@ -251,15 +251,15 @@ void probe_lights(uint row) {
     float pdf = take_float(), down = take_float();
     Receiver from = take_receiver();
     f64 limit = take_f64();
-    LightSample s = lights_sample(lights, sky, from, choice, u);
+    LightSample s = sample_infinite_or_lamp(lights, sky, from, choice, u);
     put(s.found ? 1u : 0u);
     put_dvec3(s.direction);
     put_vec3(s.radiance_over_pdf);
     put_float(s.pdf);
     put_f64(s.distance_to);
-    put_vec3(lamps_found(lights, from, direction, limit, pdf, false));
-    put_vec3(lights_found(lights, sky, direction, pdf));
-    put_vec3(lights_behind(lights, sky, direction, down));
+    put_vec3(lamp_emission(lights, from, direction, limit, pdf, false));
+    put_vec3(infinite_emission(lights, sky, direction, pdf));
+    put_vec3(lights_background(lights, sky, direction, down));
 }
 
 void probe_bsdf(uint row) {

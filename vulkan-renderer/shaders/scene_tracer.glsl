@@ -4,7 +4,7 @@
 
 #include "volume_tracer.glsl"
 #include "instance_tree.glsl"
-#include "looks.glsl"
+#include "material_table.glsl"
 
 InstanceRef instance_at(SceneRef scene, uint number) {
     return InstanceRef(scene.it.instances + uint64_t(number) * INSTANCE_BYTES);
@@ -51,7 +51,7 @@ Hit scene_ask(SceneRef scene, RayInWorld ray, Surface from, f64 t_max, bool any,
                 continue;
             }
         }
-        if (NEEDS_CATCHER != 0u && catchers && !looks_catches(instance_at(scene, number))) {
+        if (NEEDS_CATCHER != 0u && catchers && !material_table_catches(instance_at(scene, number))) {
             continue;
         }
         Hit hit = volume_ask(instance_at(scene, number), number, ray, from, t_max, best.t, only, any);

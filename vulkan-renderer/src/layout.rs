@@ -113,15 +113,15 @@ pub struct Settings {
 #[repr(C)]
 pub struct Lights {
     /// Summed chances, floats: the sky's, then each sun's.
-    pub ends: Address,
+    pub cdf: Address,
     /// [`Sun`]s.
     pub suns: Address,
     /// Number of `ends`; 0 where nothing is aimed at.
-    pub end_count: u32,
+    pub light_count: u32,
     /// Number of suns.
     pub sun_count: u32,
     /// 0 both, 1 aimed, 2 scattered.
-    pub finding: u32,
+    pub strategy: u32,
     /// Radiance of a constant sky.
     pub sky: [f32; 3],
     /// Whether the camera sees a backdrop instead of the sky.
@@ -133,7 +133,7 @@ pub struct Lights {
     /// [`Lamp`]s.
     pub lamps: Address,
     /// Chance that a surface that shines is aimed at; 0 where there is none.
-    pub emitters_chance: f32,
+    pub emitters_probability: f32,
     /// 0.
     pub reserved: u32,
 }
@@ -182,9 +182,9 @@ pub struct Environment {
     /// A float a pixel.
     pub density: Address,
     /// Doubles, height + 1.
-    pub row_ends: Address,
+    pub row_cdf: Address,
     /// Floats, width + 1 a row.
-    pub column_ends: Address,
+    pub column_cdf: Address,
     /// Counter-clockwise about +z.
     pub rotation_rad: f64,
     /// Pixels across.
@@ -212,7 +212,7 @@ pub struct LightNode {
 #[repr(C)]
 #[allow(missing_docs, reason = "as there")]
 pub struct Emitter {
-    pub place: u32,
+    pub emissive_instance: u32,
     pub label: u32,
     pub origin: [u32; 3],
     pub first: u32,
@@ -225,7 +225,7 @@ pub struct Emitter {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 #[allow(missing_docs, reason = "as there")]
-pub struct EmitterPlace {
+pub struct EmissiveInstance {
     /// Columns.
     pub world_from_index: [[f64; 3]; 3],
     pub units_per_world: f64,
@@ -236,11 +236,11 @@ pub struct EmitterPlace {
     pub reserved: u32,
 }
 
-/// Twin of `pumice_transport::emitters::ShiningTriangle`.
+/// Twin of `pumice_transport::emitters::EmissiveTriangle`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 #[allow(missing_docs, reason = "as there")]
-pub struct ShiningTriangle {
+pub struct EmissiveTriangle {
     pub corners: [[f32; 3]; 3],
     pub area: f32,
 }
@@ -255,14 +255,14 @@ pub struct Emitters {
     pub emitters: Address,
     /// Codes of faces, 16 bits each.
     pub faces: Address,
-    /// [`ShiningTriangle`]s.
+    /// [`EmissiveTriangle`]s.
     pub triangles: Address,
     /// Numbers of emitters by key.
     pub by_key: Address,
-    /// [`EmitterPlace`]s.
-    pub places: Address,
+    /// [`EmissiveInstance`]s.
+    pub emissive_instances: Address,
     /// Number of the place by instance.
-    pub place_of: Address,
+    pub emissive_instance_of: Address,
     /// The tree's middle.
     pub middle: [f64; 3],
     /// The tree's scale.
@@ -270,7 +270,7 @@ pub struct Emitters {
     /// Number of emitters.
     pub count: u32,
     /// Entries of `place_of`.
-    pub place_of_count: u32,
+    pub emissive_instance_of_count: u32,
 }
 
 /// Twin of `pumice_transport::geometry::InstanceTree`.
@@ -560,7 +560,7 @@ pub struct HitRecord {
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 #[allow(missing_docs, reason = "as the passes are called")]
-pub struct FirstRecord {
+pub struct SurfaceAovsRecord {
     pub depth: f32,
     /// Dense label + 1; 0: nothing.
     pub label: u32,

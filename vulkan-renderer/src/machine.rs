@@ -18,7 +18,7 @@ pub(crate) struct Opening {
 
 /// See the module.
 #[derive(Debug)]
-pub(crate) struct Machine {
+pub(crate) struct DeviceContext {
     pub(crate) gpu: Gpu,
     /// How much light surfaces keep: the CPU's tables.
     pub(crate) tables: Buffer,
@@ -30,7 +30,7 @@ pub(crate) struct Machine {
     programs: Vec<(Entry, Vec<u32>, Program)>,
 }
 
-impl Machine {
+impl DeviceContext {
     pub(crate) fn open(how: &Opening) -> Result<Self, DeviceError> {
         let gpu = Gpu::open(&how.instance, &how.candidate, how.backend, how.cache_folder.as_deref())?;
         let tables = bytemuck::cast_slice(&pumice_transport::bsdf::tables::TABLES);

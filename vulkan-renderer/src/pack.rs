@@ -5,7 +5,7 @@
 //!                  └─► PackedBoxes   boxes of drawn labels, in Morton order, with their levels  changes with visibility and LOD
 //!        PackedBoxes └─► PackedBricks  the same, all labels in one                          changes with visibility and LOD
 //! MeshData         ──► PackedMesh    corners and triangles                                        changes with the mesh
-//! Looks            ──► PackedLooks   materials and which label has which                        changes with colours
+//! MaterialTable            ──► PackedMaterials   materials and which label has which                        changes with colours
 //! Emitters         ──► PackedEmitters  surfaces that shine, and their tree                     changes with what shines and where
 //! Lights, Camera…  ──► records       numbers of `layout`                                        changes with each of them
 //! ```
@@ -17,7 +17,7 @@ mod boxes;
 mod bricks;
 mod cuts;
 mod emitters;
-mod looks;
+mod material_table;
 mod meshes;
 mod needs;
 mod nodes;
@@ -27,7 +27,7 @@ pub use boxes::{PackedBoxes, place};
 pub use bricks::PackedBricks;
 pub use cuts::cut_planes;
 pub use emitters::PackedEmitters;
-pub use looks::PackedLooks;
+pub use material_table::PackedMaterials;
 pub use meshes::{PackedMesh, place_mesh};
 pub use needs::{LEAVES_OUT, ShaderNeeds};
 pub use nodes::PackedNodes;

@@ -14,8 +14,8 @@ use pumice_picture::{Image, Picture};
 use pumice_transport::{LoadedScene, Pick, Progress, ReadImage, Rebuilt, RenderError, Renderer};
 
 use crate::device::{Backend, Candidate, DeviceError, Gpu, Instance};
-use crate::machine::{Machine, Opening};
-use crate::scene::Fault;
+use crate::machine::{DeviceContext, Opening};
+use crate::scene::UploadError;
 use crate::sent::Sent;
 use crate::shown::{Counters, Shown};
 
@@ -26,7 +26,7 @@ const MOST_SAMPLES_A_PASS: u32 = 64;
 #[derive(Debug)]
 pub struct VulkanRenderer {
     how: Opening,
-    machine: Machine,
+    machine: DeviceContext,
     read_image: ReadImage,
     shown: Option<Shown>,
     counters: Counters,
@@ -55,7 +55,7 @@ impl VulkanRenderer {
         let (instance, candidate) = (instance.clone(), candidate.clone());
         let how = Opening { instance, candidate, backend, cache_folder };
         Ok(Self {
-            machine: Machine::open(&how)?,
+            machine: DeviceContext::open(&how)?,
             how,
             read_image,
             shown: None,
@@ -101,14 +101,14 @@ impl VulkanRenderer {
         self.notices.push(format!("{error}; opening it anew"));
         let mut slices = self.machine.slices;
         slices.shrink();
-        let mut again = Machine::open(&self.how).map_err(|e| self.given_up(&e))?;
+        let mut again = DeviceContext::open(&self.how).map_err(|e| self.given_up(&e))?;
         again.slices = slices;
         self.machine = again;
         let Some(shown) = self.shown.take() else { return Ok(()) };
         match shown.again(&mut self.machine, self.read_image, &mut self.counters) {
             Ok(shown) => self.shown = Some(shown),
-            Err(Fault::Device(e)) => return Err(self.given_up(&e)),
-            Err(Fault::Scene(e)) => return Err(e),
+            Err(UploadError::Device(e)) => return Err(self.given_up(&e)),
+            Err(UploadError::Scene(e)) => return Err(e),
         }
         Ok(())
     }
@@ -121,7 +121,7 @@ impl VulkanRenderer {
     /// Does what may fail by the device, twice if need be.
     fn twice<T>(
         &mut self,
-        mut work: impl FnMut(&mut Shown, &mut Machine) -> Result<T, DeviceError>,
+        mut work: impl FnMut(&mut Shown, &mut DeviceContext) -> Result<T, DeviceError>,
     ) -> Result<T, RenderError> {
         loop {
             let shown = self.shown.as_mut().ok_or_else(no_scene)?;
@@ -167,8 +167,8 @@ impl Renderer for VulkanRenderer {
                     self.seconds_a_sample = 0.0;
                     return Ok(());
                 }
-                Err(Fault::Scene(e)) => return Err(e),
-                Err(Fault::Device(e)) => {
+                Err(UploadError::Scene(e)) => return Err(e),
+                Err(UploadError::Device(e)) => {
                     // The former scene's memory may be what is missing.
                     self.shown = None;
                     self.overcome(&e)?;

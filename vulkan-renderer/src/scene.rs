@@ -6,7 +6,7 @@
 //!  records,    ├─ Nodes     nodes and leaves, as compressed                 renewed by: a volume, a label that was never shown
 //!  new with    ├─ Boxes     boxes, labels, hierarchy                        renewed by: visibility, level of detail
 //!  each edit)  ├─ Triangles corners, triangles, normals, hierarchy          renewed by: another mesh
-//!              ├─ Looks     materials, which label has which                renewed by: colours
+//!              ├─ MaterialTable     materials, which label has which                renewed by: colours
 //!              ├─ Emitters  surfaces that shine, and their tree                renewed by: what shines, its place, shape and neighbours
 //!              ├─ Cuts      planes of what is taken away                    renewed by: cuts, places
 //!              ├─ Tree      hierarchy over many instances                   renewed by: places
@@ -19,30 +19,30 @@ use std::sync::Arc;
 use glam::DAffine3;
 use pumice_core::{CompressedVolume, MeshData};
 use pumice_transport::geometry::{Cuts, InstanceTree, LodChoice, Placement, WorldBounds};
-use pumice_transport::{BoxBounds, Bvh, Emitters, FilterTable, Lights, Looks, RenderError};
+use pumice_transport::{BoxBounds, Bvh, Emitters, FilterTable, Lights, MaterialTable, RenderError};
 
 use crate::device::{Acceleration, Buffer, DeviceError, Gpu};
 use crate::layout;
 use crate::pack::{
-    self, PackedBoxes, PackedBricks, PackedEmitters, PackedLooks, PackedMesh, PackedNodes, PackedSky,
+    self, PackedBoxes, PackedBricks, PackedEmitters, PackedMaterials, PackedMesh, PackedNodes, PackedSky,
 };
 
 /// Why a part could not be put on the device.
 #[derive(Debug)]
-pub(crate) enum Fault {
+pub(crate) enum UploadError {
     /// The device's fault.
     Device(DeviceError),
     /// The scene's, or its files'.
     Scene(RenderError),
 }
 
-impl From<DeviceError> for Fault {
+impl From<DeviceError> for UploadError {
     fn from(e: DeviceError) -> Self {
         Self::Device(e)
     }
 }
 
-impl From<RenderError> for Fault {
+impl From<RenderError> for UploadError {
     fn from(e: RenderError) -> Self {
         Self::Scene(e)
     }
@@ -113,7 +113,7 @@ impl Boxes {
         lod: LodChoice,
         smooth: bool,
         carry_hidden: bool,
-    ) -> Result<Self, Fault> {
+    ) -> Result<Self, UploadError> {
         let tight = lod == LodChoice::Voxels;
         let limit = |what: String| RenderError::Scene(format!("instances[{place}]: {what}"));
         let packed = if carry_hidden {
@@ -207,7 +207,7 @@ fn hierarchy(
     record: &mut layout::Instance,
     aabbs: impl FnOnce() -> Vec<[f32; 6]>,
     numbered: impl FnOnce() -> Vec<(BoxBounds, u32)>,
-) -> Result<(Option<[Buffer; 2]>, Option<Acceleration>), Fault> {
+) -> Result<(Option<[Buffer; 2]>, Option<Acceleration>), UploadError> {
     if gpu.backend().uses_hardware_hierarchy() {
         if record.box_count == 0 {
             return Ok((None, None));
@@ -241,7 +241,7 @@ pub(crate) struct Triangles {
 
 impl Triangles {
     /// Of the mesh at `place` among the scene's meshes.
-    pub(crate) fn new(gpu: &Gpu, place: u32, instance: u32, mesh: &MeshData) -> Result<Self, Fault> {
+    pub(crate) fn new(gpu: &Gpu, place: u32, instance: u32, mesh: &MeshData) -> Result<Self, UploadError> {
         let packed = PackedMesh::new(place, mesh)?;
         let mut record = packed.record();
         let corners = gpu.buffer_of("the corners of a mesh", bytemuck::cast_slice(&packed.grid.corners))?;
@@ -272,7 +272,7 @@ impl Triangles {
 #[derive(Clone, Debug)]
 pub(crate) struct MeshOnDevice {
     pub(crate) triangles: Arc<Triangles>,
-    pub(crate) looks: Arc<LooksOnDevice>,
+    pub(crate) materials: Arc<MaterialsOnDevice>,
     /// Of the mesh's grid.
     pub(crate) placement: Placement,
 }
@@ -281,32 +281,32 @@ impl MeshOnDevice {
     fn record(&self) -> layout::Instance {
         let mut record = self.triangles.record;
         pack::place_mesh(&mut record, &self.placement);
-        let looks = &self.looks;
-        looks.describe(&mut record);
+        let materials = &self.materials;
+        materials.describe(&mut record);
         record
     }
 }
 
 /// Materials of an instance or of a mesh.
 #[derive(Debug)]
-pub(crate) struct LooksOnDevice {
-    pub(crate) looks: Arc<Looks>,
-    pub(crate) packed: PackedLooks,
+pub(crate) struct MaterialsOnDevice {
+    pub(crate) table: Arc<MaterialTable>,
+    pub(crate) packed: PackedMaterials,
     materials: Buffer,
     of_label: Buffer,
     ids: Option<Buffer>,
 }
 
-impl LooksOnDevice {
-    pub(crate) fn new(gpu: &Gpu, looks: Looks) -> Result<Self, DeviceError> {
-        let packed = PackedLooks::new(&looks);
+impl MaterialsOnDevice {
+    pub(crate) fn new(gpu: &Gpu, table: MaterialTable) -> Result<Self, DeviceError> {
+        let packed = PackedMaterials::new(&table);
         let materials = gpu.buffer_of("materials", bytemuck::cast_slice(&packed.materials))?;
         let of_label = gpu.buffer_of("materials of labels", bytemuck::cast_slice(&packed.of_label))?;
         let ids = match packed.ids.is_empty() {
             true => None,
             false => Some(gpu.buffer_of("ids of labels", bytemuck::cast_slice(&packed.ids))?),
         };
-        Ok(Self { looks: Arc::new(looks), packed, materials, of_label, ids })
+        Ok(Self { table: Arc::new(table), packed, materials, of_label, ids })
     }
 
     fn describe(&self, record: &mut layout::Instance) {
@@ -341,7 +341,7 @@ impl CutsOnDevice {
 #[derive(Clone, Debug)]
 pub(crate) struct InstanceOnDevice {
     pub(crate) boxes: Arc<Boxes>,
-    pub(crate) looks: Arc<LooksOnDevice>,
+    pub(crate) materials: Arc<MaterialsOnDevice>,
     pub(crate) cuts: Arc<CutsOnDevice>,
     pub(crate) placement: Placement,
     pub(crate) lod: LodChoice,
@@ -353,8 +353,8 @@ impl InstanceOnDevice {
         pack::place(&mut record, &self.placement, self.lod);
         record.cut_planes = self.cuts.planes.as_ref().map_or(0, Buffer::address);
         record.cut_plane_count = self.cuts.cuts.planes().len() as u32;
-        let looks = &self.looks;
-        looks.describe(&mut record);
+        let materials = &self.materials;
+        materials.describe(&mut record);
         record
     }
 }
@@ -377,7 +377,7 @@ impl SkyOnDevice {
             buffers.push(buffer);
             Ok(address)
         };
-        let ends = put("chances of lights", bytemuck::cast_slice(lights.ends()))?;
+        let ends = put("chances of lights", bytemuck::cast_slice(lights.cdf()))?;
         let suns = put("suns", bytemuck::cast_slice(&pack::suns(&lights)))?;
         let lamps = put("lamps", bytemuck::cast_slice(&pack::lamps(&lights)))?;
         let lights_record = pack::lights(&lights, [ends, suns, lamps]);
@@ -451,7 +451,7 @@ impl TreeOnDevice {
         instances: &[InstanceOnDevice],
         meshes: &[MeshOnDevice],
         least: usize,
-    ) -> Result<Option<Self>, Fault> {
+    ) -> Result<Option<Self>, UploadError> {
         if instances.len() + meshes.len() < least {
             return Ok(None);
         }
@@ -506,9 +506,9 @@ impl SceneOnDevice {
             filter.record,
             settings,
             layout::Lights {
-                emitters_chance: emitters
+                emitters_probability: emitters
                     .as_ref()
-                    .map_or(0.0, |e| sky.lights.chance_of_emitters(e.irradiance)),
+                    .map_or(0.0, |e| sky.lights.probability_of_emitters(e.irradiance)),
                 ..sky.lights_record
             },
             sky.environment,
@@ -528,7 +528,7 @@ impl SceneOnDevice {
     pub(crate) fn bytes(&self) -> [(&'static str, u64); 8] {
         let mut seen = std::collections::BTreeSet::new();
         let mut first = |pointer: *const u8| seen.insert(pointer.addr());
-        let (mut nodes, mut leaves, mut boxes, mut labels, mut hierarchy, mut looks) = (0, 0, 0, 0, 0, 0);
+        let (mut nodes, mut leaves, mut boxes, mut labels, mut hierarchy, mut materials) = (0, 0, 0, 0, 0, 0);
         let mut bricks = 0;
         for i in &self.instances {
             if first(Arc::as_ptr(&i.boxes).cast()) {
@@ -543,8 +543,8 @@ impl SceneOnDevice {
                 let [n, l] = i.boxes.nodes.bytes();
                 (nodes, leaves) = (nodes + n, leaves + l);
             }
-            if first(Arc::as_ptr(&i.looks).cast()) {
-                looks += i.looks.bytes();
+            if first(Arc::as_ptr(&i.materials).cast()) {
+                materials += i.materials.bytes();
             }
         }
         let cuts =
@@ -557,8 +557,8 @@ impl SceneOnDevice {
                 hierarchy += m.triangles.acceleration.as_ref().map_or(0, Acceleration::bytes)
                     + m.triangles.bvh.iter().flatten().map(Buffer::bytes).sum::<u64>();
             }
-            if first(Arc::as_ptr(&m.looks).cast()) {
-                looks += m.looks.bytes();
+            if first(Arc::as_ptr(&m.materials).cast()) {
+                materials += m.materials.bytes();
             }
         }
         hierarchy += self.tree.iter().flat_map(|t| &t.buffers).map(Buffer::bytes).sum::<u64>();
@@ -572,7 +572,7 @@ impl SceneOnDevice {
             ("nodes", nodes),
             ("leaves", leaves),
             ("labels", labels),
-            ("materials", looks + lights + cuts + tables),
+            ("materials", materials + lights + cuts + tables),
             ("emitters", emitters),
         ]
     }

@@ -8,21 +8,21 @@ use pumice_core::Job;
 use pumice_picture::{FilmBuffer, Image, Picture, cryptomatte, name_mattes};
 use pumice_scene::{Part, PartSet};
 use pumice_transport::camera_rays::CameraRays;
-use pumice_transport::emitters::Shining;
+use pumice_transport::emitters::EmissiveGeometry;
 use pumice_transport::geometry::{Cuts, LodChoice, MeshGrid, Placement, mesh_placement};
 use pumice_transport::scene_plan::{InstancePlan, MeshPlan, Reuse, ScenePlan, Source, sums_of};
 use pumice_transport::{
-    Emitters, LoadedScene, Looks, Pick, ReadImage, Rebuilt, RenderError, SurfaceKind, scene_lights,
+    Emitters, LoadedScene, MaterialTable, Pick, ReadImage, Rebuilt, RenderError, SurfaceKind, scene_lights,
 };
 
 use crate::device::{Backend, Buffer, DeviceError};
 use crate::film::Film;
-use crate::layout::{FirstRecord, HitRecord, Launch, NONE};
-use crate::machine::Machine;
+use crate::layout::{HitRecord, Launch, NONE, SurfaceAovsRecord};
+use crate::machine::DeviceContext;
 use crate::pack::{self, ShaderNeeds};
 use crate::scene::{
-    Boxes, CutsOnDevice, EmittersOnDevice, Fault, FilterOnDevice, InstanceOnDevice, LooksOnDevice,
-    MeshOnDevice, Nodes, SceneOnDevice, SkyOnDevice, TreeOnDevice, Triangles,
+    Boxes, CutsOnDevice, EmittersOnDevice, FilterOnDevice, InstanceOnDevice, MaterialsOnDevice, MeshOnDevice,
+    Nodes, SceneOnDevice, SkyOnDevice, TreeOnDevice, Triangles, UploadError,
 };
 use crate::sent::Sent;
 use crate::shaders::Entry;
@@ -48,12 +48,12 @@ impl Shown {
     /// Puts a scene on the device. The former one gives its film away, and nothing where the new one cannot be shown because
     /// of a fault in it.
     pub(crate) fn new(
-        machine: &mut Machine,
+        machine: &mut DeviceContext,
         former: &mut Option<Self>,
         scene: &LoadedScene,
         read_image: ReadImage,
         counters: &mut Counters,
-    ) -> Result<Self, Fault> {
+    ) -> Result<Self, UploadError> {
         let mut counted = *counters;
         let plan = ScenePlan::between(former.as_ref().map(|o| &o.scene), scene);
         let parts = Making::new(machine, scene, former.as_ref(), &mut counted).parts(&plan, read_image)?;
@@ -87,10 +87,10 @@ impl Shown {
     /// The same scene and samples on another device.
     pub(crate) fn again(
         self,
-        machine: &mut Machine,
+        machine: &mut DeviceContext,
         read_image: ReadImage,
         counters: &mut Counters,
-    ) -> Result<Self, Fault> {
+    ) -> Result<Self, UploadError> {
         let Self { scene, mut film, constants, parts } = self;
         // Of the lost device: given back before its successor is asked for as much.
         drop(parts);
@@ -104,7 +104,7 @@ impl Shown {
     /// done.
     pub(crate) fn launch(
         &mut self,
-        machine: &mut Machine,
+        machine: &mut DeviceContext,
         target: u32,
         job: &Job,
     ) -> Result<bool, DeviceError> {
@@ -136,7 +136,12 @@ impl Shown {
     }
 
     /// The first surface through the middle of a pixel of the film.
-    pub(crate) fn pick(&self, machine: &mut Machine, x: u32, y: u32) -> Result<Option<Pick>, DeviceError> {
+    pub(crate) fn pick(
+        &self,
+        machine: &mut DeviceContext,
+        x: u32,
+        y: u32,
+    ) -> Result<Option<Pick>, DeviceError> {
         let [width, height] = self.film.size;
         if x >= width || y >= height {
             return Ok(None);
@@ -150,12 +155,12 @@ impl Shown {
     }
 
     /// The picture so far: its colours from the host's copy of the film, its passes from the device.
-    pub(crate) fn picture(&self, machine: &mut Machine) -> Result<Picture, DeviceError> {
+    pub(crate) fn picture(&self, machine: &mut DeviceContext) -> Result<Picture, DeviceError> {
         let [width, height] = self.film.size;
-        let mut firsts = vec![FirstRecord::zeroed(); width as usize * height as usize];
+        let mut firsts = vec![SurfaceAovsRecord::zeroed(); width as usize * height as usize];
         let mut at = Cursor::default();
         while let Some((tile, after)) = machine.slices_of_firsts.next([width, height], at, 1) {
-            let mut records = vec![FirstRecord::zeroed(); tile.pixels() as usize];
+            let mut records = vec![SurfaceAovsRecord::zeroed(); tile.pixels() as usize];
             let taken = self.first(machine, &tile, 0, bytemuck::cast_slice_mut(&mut records))?;
             machine.slices_of_firsts.learn(tile.pixels(), 1, taken.as_secs_f64());
             for (row, y) in records.chunks(tile.width as usize).zip(tile.y..) {
@@ -166,7 +171,7 @@ impl Shown {
         }
         let (width, height) = (width as usize, height as usize);
         let image =
-            |f: fn(&FirstRecord) -> [f32; 3]| Image::new(width, height, firsts.iter().map(f).collect());
+            |f: fn(&SurfaceAovsRecord) -> [f32; 3]| Image::new(width, height, firsts.iter().map(f).collect());
         let film: &FilmBuffer = self.film.copy();
         let spp = film.spp();
         let picture = Picture {
@@ -186,7 +191,7 @@ impl Shown {
     /// First surfaces of a tile; how long the launch took.
     fn first(
         &self,
-        machine: &mut Machine,
+        machine: &mut DeviceContext,
         tile: &Tile,
         wanted: u32,
         records: &mut [u8],
@@ -220,7 +225,7 @@ fn launch_of(tile: &Tile) -> Launch {
 
 /// The parts of a scene as they are made, by its plan, from the former one's where those are still right.
 struct Making<'a> {
-    machine: &'a Machine,
+    machine: &'a DeviceContext,
     new: &'a LoadedScene,
     old: Option<&'a SceneOnDevice>,
     lod: LodChoice,
@@ -230,7 +235,7 @@ struct Making<'a> {
 
 impl<'a> Making<'a> {
     fn new(
-        machine: &'a Machine,
+        machine: &'a DeviceContext,
         new: &'a LoadedScene,
         old: Option<&'a Shown>,
         counters: &'a mut Counters,
@@ -239,7 +244,7 @@ impl<'a> Making<'a> {
         Self { machine, new, old: old.map(|o| &o.parts), lod, wanted, counters }
     }
 
-    fn parts(mut self, plan: &ScenePlan, read_image: ReadImage) -> Result<SceneOnDevice, Fault> {
+    fn parts(mut self, plan: &ScenePlan, read_image: ReadImage) -> Result<SceneOnDevice, UploadError> {
         let (gpu, scene) = (&self.machine.gpu, self.new.scene());
         let sky = match self.old {
             Some(old) if plan.lights == Reuse::Keep => Arc::clone(&old.sky),
@@ -295,15 +300,15 @@ impl<'a> Making<'a> {
         self.machine.gpu.backend() != Backend::RayPipeline
     }
 
-    fn looks(
+    fn material_table(
         &mut self,
-        looks: Looks,
+        materials: MaterialTable,
         ids: impl FnOnce() -> Vec<cryptomatte::Ids>,
-    ) -> Result<LooksOnDevice, Fault> {
+    ) -> Result<MaterialsOnDevice, UploadError> {
         self.counters.rebuilt.materials += 1;
         self.counters.sent.materials += 1;
-        let looks = looks.with_ids(if self.wanted.has(Part::Mattes) { ids() } else { Vec::new() });
-        Ok(LooksOnDevice::new(&self.machine.gpu, looks)?)
+        let materials = materials.with_ids(if self.wanted.has(Part::Mattes) { ids() } else { Vec::new() });
+        Ok(MaterialsOnDevice::new(&self.machine.gpu, materials)?)
     }
 
     /// One instance; `before` are those that come before it in the scene.
@@ -312,18 +317,20 @@ impl<'a> Making<'a> {
         place: usize,
         plan: &InstancePlan,
         before: &[InstanceOnDevice],
-    ) -> Result<InstanceOnDevice, Fault> {
+    ) -> Result<InstanceOnDevice, UploadError> {
         let (gpu, scene, volume) = (&self.machine.gpu, self.new.scene(), &self.new.volumes()[place]);
         let (instance, old) = (&scene.instances[place], self.old);
         let former = |place: usize| old.and_then(|old| old.instances.get(place));
 
-        let looks = plan.materials.find(former, |i| before.get(i)).map(|like| Arc::clone(&like.looks));
-        let looks = match looks {
+        let materials =
+            plan.materials.find(former, |i| before.get(i)).map(|like| Arc::clone(&like.materials));
+        let materials = match materials {
             Some(kept) => kept,
             None => {
                 let (style, table) = (&instance.style, volume.labels());
-                let looks = Looks::new(style, table.ids(), table.contacts().iter(), &self.new.visible(place));
-                Arc::new(self.looks(looks, || cryptomatte::ids_of_volume(table))?)
+                let materials =
+                    MaterialTable::new(style, table.ids(), table.contacts().iter(), &self.new.visible(place));
+                Arc::new(self.material_table(materials, || cryptomatte::ids_of_volume(table))?)
             }
         };
 
@@ -366,7 +373,7 @@ impl<'a> Making<'a> {
             }
         };
         let placement = Placement::of_instance(place as u32, instance.world_from_index)?;
-        Ok(InstanceOnDevice { boxes, looks, cuts, placement, lod: self.lod })
+        Ok(InstanceOnDevice { boxes, materials, cuts, placement, lod: self.lod })
     }
 
     /// One mesh; it comes after all volumes, and after the meshes `before`.
@@ -375,16 +382,17 @@ impl<'a> Making<'a> {
         place: usize,
         plan: &MeshPlan,
         before: &[MeshOnDevice],
-    ) -> Result<MeshOnDevice, Fault> {
+    ) -> Result<MeshOnDevice, UploadError> {
         let (mesh, data, old) = (&self.new.scene().meshes[place], &self.new.meshes()[place], self.old);
         let former = |place: usize| old.and_then(|old| old.meshes.get(place));
 
-        let looks = plan.materials.find(former, |i| before.get(i)).map(|like| Arc::clone(&like.looks));
-        let looks = match looks {
+        let materials =
+            plan.materials.find(former, |i| before.get(i)).map(|like| Arc::clone(&like.materials));
+        let materials = match materials {
             Some(kept) => kept,
             None => {
-                let looks = Looks::of_mesh(&mesh.materials).catching(mesh.shadow_catcher);
-                Arc::new(self.looks(looks, || cryptomatte::ids_of_mesh(&mesh.source))?)
+                let materials = MaterialTable::of_mesh(&mesh.materials).catching(mesh.shadow_catcher);
+                Arc::new(self.material_table(materials, || cryptomatte::ids_of_mesh(&mesh.source))?)
             }
         };
 
@@ -403,7 +411,7 @@ impl<'a> Making<'a> {
             }
         };
         let placement = mesh_placement(place as u32, triangles.mesh_from_grid(), mesh.world_from_mesh)?;
-        Ok(MeshOnDevice { triangles, looks, placement })
+        Ok(MeshOnDevice { triangles, materials, placement })
     }
 }
 
@@ -415,11 +423,11 @@ fn emitters_of(
 ) -> Result<Option<Emitters>, RenderError> {
     let mut grids = Vec::new();
     for (place, (mesh, data)) in (0u32..).zip(meshes.iter().zip(scene.meshes())) {
-        grids.push(if mesh.looks.looks.shines() { Some(MeshGrid::new(place, data)?) } else { None });
+        grids.push(if mesh.materials.table.is_emissive() { Some(MeshGrid::new(place, data)?) } else { None });
     }
     let mut shining = Vec::new();
     for (place, (instance, volume)) in instances.iter().zip(scene.volumes()).enumerate() {
-        if !instance.looks.looks.shines() {
+        if !instance.materials.table.is_emissive() {
             continue;
         }
         let visible = scene.visible(place);
@@ -430,24 +438,24 @@ fn emitters_of(
             }
             number += 1;
         });
-        shining.push(Shining::Volume {
+        shining.push(EmissiveGeometry::Volume {
             instance: place as u32,
             volume,
             drawn,
             placement: instance.placement,
             detail: instance.lod.placed(&instance.placement.world_from_index),
             cuts: &instance.cuts.cuts,
-            looks: &instance.looks.looks,
+            materials: &instance.materials.table,
         });
     }
     for (place, (mesh, data)) in meshes.iter().zip(scene.meshes()).enumerate() {
         if let Some(grid) = &grids[place] {
-            shining.push(Shining::Mesh {
+            shining.push(EmissiveGeometry::Mesh {
                 instance: (instances.len() + place) as u32,
                 mesh: data,
                 grid,
                 placement: mesh.placement,
-                looks: &mesh.looks.looks,
+                materials: &mesh.materials.table,
             });
         }
     }

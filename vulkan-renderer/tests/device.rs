@@ -4,7 +4,7 @@
 mod gpu;
 
 use gpu::{Gpu, tiny, validated};
-use pumice_vulkan::device::{self, Backend, DeviceError, Fault, Instance, InstanceOptions};
+use pumice_vulkan::device::{self, Backend, DeviceError, InjectedFault, Instance, InstanceOptions};
 use pumice_vulkan::layout::Launch;
 use pumice_vulkan::program::{Code, Program};
 
@@ -96,7 +96,7 @@ fn what_cannot_fit_is_refused_with_numbers() {
 fn a_full_device_is_told_and_goes_on() {
     let gpu = Gpu::new();
     gpu.device().buffer_of("a test's buffer", &[1]).unwrap();
-    gpu.device().inject(Fault::Allocation, 1, 1);
+    gpu.device().inject(InjectedFault::Allocation, 1, 1);
     let Err(e) = gpu.device().buffer("the film", 5000) else { panic!("it was allocated") };
     let DeviceError::OutOfMemory { what: "the film", needed, .. } = e else { panic!("{e}") };
     assert!(needed >= 5000);
@@ -108,7 +108,7 @@ fn a_lost_device_stays_lost() {
     let gpu = Gpu::new();
     let device = gpu.device();
     let buffer = device.buffer_of("a test's buffer", &[1; 64]).unwrap();
-    device.inject(Fault::Submission, 1, 1);
+    device.inject(InjectedFault::Submission, 1, 1);
     assert_eq!(device.upload(&buffer, 0, &[2]), Err(DeviceError::Lost("an upload")));
     assert!(device.is_lost());
     assert_eq!(device.download(&buffer, 0, &mut [0]), Err(DeviceError::Lost("a download")));
@@ -165,7 +165,7 @@ fn builds_that_fail_leave_nothing() {
         let before = device.allocated_bytes();
         let mut failed = 0;
         for nth in 1.. {
-            device.inject(Fault::Allocation, nth, 1);
+            device.inject(InjectedFault::Allocation, nth, 1);
             match build() {
                 Err(DeviceError::OutOfMemory { .. }) => failed += 1,
                 Err(e) => panic!("{e}"),

@@ -16,10 +16,10 @@ use bytemuck::{Pod, Zeroable};
 use pumice_transport::Bvh;
 use pumice_transport::geometry::bvh::BoxBounds;
 use pumice_vulkan::layout::{
-    Brick, BrickBlock, BrickPart, Camera, Chunk, CutPlane, Emitter, EmitterPlace, Emitters, Environment,
-    Filter, FirstRecord, HitRecord, Instance, InstanceTree, LOD_BY_DISTANCE, LOD_CATCHER, LOD_TRIANGLES,
-    Lamp, Launch, LightNode, Lights, Material, NONE, Question, RayRecord, SCRATCH_BYTES, SceneHeader,
-    Settings, ShiningTriangle, Sun, SurfaceRecord,
+    Brick, BrickBlock, BrickPart, Camera, Chunk, CutPlane, EmissiveInstance, EmissiveTriangle, Emitter,
+    Emitters, Environment, Filter, HitRecord, Instance, InstanceTree, LOD_BY_DISTANCE, LOD_CATCHER,
+    LOD_TRIANGLES, Lamp, Launch, LightNode, Lights, Material, NONE, Question, RayRecord, SCRATCH_BYTES,
+    SceneHeader, Settings, Sun, SurfaceAovsRecord, SurfaceRecord,
 };
 use reflection::{Field, Layout, layouts};
 
@@ -138,17 +138,17 @@ fn twins() -> Vec<Layout> {
         twin!(
             "Lights",
             Lights {
-                ends,
+                cdf,
                 suns,
-                end_count,
+                light_count,
                 sun_count,
-                finding,
+                strategy,
                 sky,
                 has_backdrop,
                 backdrop,
                 lamp_count,
                 lamps,
-                emitters_chance,
+                emitters_probability,
                 reserved,
             }
         ),
@@ -176,8 +176,8 @@ fn twins() -> Vec<Layout> {
             Environment {
                 pixels,
                 density,
-                row_ends,
-                column_ends,
+                row_cdf,
+                column_cdf,
                 rotation_rad,
                 width,
                 height,
@@ -186,12 +186,12 @@ fn twins() -> Vec<Layout> {
             }
         ),
         twin!("LightNode", LightNode { lo, hi, power }),
-        twin!("Emitter", Emitter { place, label, origin, first, ends, planes }),
+        twin!("Emitter", Emitter { emissive_instance, label, origin, first, ends, planes }),
         twin!(
-            "EmitterPlace",
-            EmitterPlace { world_from_index, units_per_world, areas, instance, is_mesh, keys, reserved }
+            "EmissiveInstance",
+            EmissiveInstance { world_from_index, units_per_world, areas, instance, is_mesh, keys, reserved }
         ),
-        twin!("ShiningTriangle", ShiningTriangle { corners, area }),
+        twin!("EmissiveTriangle", EmissiveTriangle { corners, area }),
         twin!(
             "Emitters",
             Emitters {
@@ -200,12 +200,12 @@ fn twins() -> Vec<Layout> {
                 faces,
                 triangles,
                 by_key,
-                places,
-                place_of,
+                emissive_instances,
+                emissive_instance_of,
                 middle,
                 scale,
                 count,
-                place_of_count,
+                emissive_instance_of_count,
             }
         ),
         twin!(
@@ -312,7 +312,7 @@ fn twins() -> Vec<Layout> {
             RayRecord { origin, direction, t_max, from, question, only, only_instance, reserved }
         ),
         twin!("HitRecord", HitRecord { t, normal, surface, from_inside, reserved }),
-        twin!("FirstRecord", FirstRecord { depth, label, albedo, normal, position }),
+        twin!("FirstRecord", SurfaceAovsRecord { depth, label, albedo, normal, position }),
         twin!("BvhNode", BvhNode { origin, exponents_and_inner, first_child, first_item, meta, lo, hi }),
     ]
 }

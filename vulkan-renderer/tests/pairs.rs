@@ -186,7 +186,7 @@ fn missing_twins_are_named() {
     let ggx = "transport/src/bsdf/ggx.rs";
     let private = "fn ggx_g1(h: Vec3) {}\npub(super) fn ggx_d(";
     assert_eq!(rust(ggx, "pub(super) fn ggx_d(", private), format!("{ggx}: ggx_g1 has no twin"));
-    let renamed = shader("lights.glsl", "lights_found(", "lights_lost(");
+    let renamed = shader("lights.glsl", "infinite_emission(", "lights_lost(");
     assert_eq!(renamed, "transport/src/lights.rs: Lights::found has no twin");
     let gone = shader("sun.glsl", "transport/src/sun.rs", "transport/src/moon.rs");
     assert!(gone.contains("sun.glsl names transport/src/moon.rs, which does not exist"), "{gone}");

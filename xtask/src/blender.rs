@@ -1,8 +1,8 @@
-//! Blender as a Python module (the wheel `bpy`): its environment, the system libraries that it wants, its extension tool.
+//! Blender as a Python module (the wheel `bpy`): its environment, the system libraries that it needs, its extension tool.
 //!
 //! ```text
 //! tests/python/requirements-bpy.txt ─► target/venv-bpy            the listed version; others are in target/venv-bpy-VERSION
-//! xtask/private-libraries.sh ────────► target/libraries/lib       what this machine's system lacks; only Blender gets to see it
+//! xtask/private-libraries.sh ────────► target/libraries/lib       libraries that this system lacks; only Blender's processes see them
 //! ```
 
 use std::path::{Path, PathBuf};
@@ -19,7 +19,7 @@ pub(crate) struct Blender {
 }
 
 impl Blender {
-    /// The listed version, or another one that is a wheel for Python 3.11: 4.2 to 5.0.
+    /// The version in the requirements file, or another one that exists as a wheel for Python 3.11 (4.2 to 5.0).
     pub(crate) fn new(version: Option<&str>) -> Self {
         let environment = Environment {
             folder: version.map_or_else(|| "venv-bpy".into(), |v| format!("venv-bpy-{v}")),
@@ -28,19 +28,19 @@ impl Blender {
             names: &["python3.11", "python3"],
             oldest: (3, 11),
             newest: Some((3, 11)),
-            no_python: "no Python 3.11 on PATH, the one version that Blender's module is made for: install it (Debian 12: apt install python3.11 python3.11-venv)",
+            no_python: "no Python 3.11 on PATH, the only version that Blender's module is built for: install it (Debian 12: apt install python3.11 python3.11-venv)",
         };
         Self { environment }
     }
 
-    /// Makes the environment and the libraries, and shows that Blender starts.
+    /// Steps that make the environment and unpack the libraries, and then check that Blender starts.
     pub(crate) fn steps(&self, root: &Path, target: &Path) -> Result<Vec<Step>, Outcome> {
         let mut steps = self.environment.steps(root, target)?;
         let mut libraries = Command::new(root.join("xtask/private-libraries.sh"));
         libraries.arg(target.join("libraries")).arg(self.packages(target).join("bpy/__init__.so"));
         let libraries = Step::or_say(libraries, "Blender's module lacks system libraries: see above");
         let mut probe = self.python(target);
-        // Some versions crash when the interpreter is taken down.
+        // `os._exit`, because some versions crash when the interpreter shuts down.
         probe.args([
             "-c",
             "import bpy, os; print('Blender', bpy.app.version_string, flush=True); os._exit(0)",
@@ -49,19 +49,19 @@ impl Blender {
         Ok(steps)
     }
 
-    /// Its Python, which alone finds the private libraries.
+    /// A command that runs this Blender's Python, with the private libraries on its library path.
     pub(crate) fn python(&self, target: &Path) -> Command {
         let mut command = Command::new(self.environment.interpreter(target));
-        // The folder may be made after the command is, or never.
+        // The folder may be created after this command, or never.
         let folder = target.join("libraries/lib");
         let former = std::env::var_os("LD_LIBRARY_PATH").filter(|former| !former.is_empty());
         let folders = std::iter::once(folder.clone()).chain(former.iter().flat_map(std::env::split_paths));
-        // A folder with a colon in its name cannot be said.
+        // A folder with a colon in its name cannot be in the list.
         command.env("LD_LIBRARY_PATH", std::env::join_paths(folders).unwrap_or_else(|_| folder.into()));
         command
     }
 
-    /// Blender's own extension tool: plain Python within the module.
+    /// Path of Blender's own extension tool, a Python script within the module.
     pub(crate) fn extension_tool(&self, target: &Path) -> Result<PathBuf, String> {
         let module = self.packages(target).join("bpy");
         let entries = std::fs::read_dir(&module).map_err(|e| format!("{}: {e}", module.display()))?;
@@ -69,7 +69,12 @@ impl Blender {
             .flatten()
             .map(|e| e.path().join("scripts/addons_core/bl_pkg/cli/blender_ext.py"))
             .find(|path| path.exists());
-        tool.ok_or_else(|| format!("{}: this Blender has no extension tool", module.display()))
+        tool.ok_or_else(|| {
+            format!(
+                "{}: this Blender has no extension tool (scripts/addons_core/bl_pkg/cli/blender_ext.py)",
+                module.display()
+            )
+        })
     }
 
     fn packages(&self, target: &Path) -> PathBuf {
@@ -108,7 +113,7 @@ mod tests {
         assert!(what.starts_with("/folder/that/is/not/there/venv-bpy/"), "{what}");
     }
 
-    /// What cannot be cured ends in one line that says what is missing: here the module itself.
+    /// The script fails with one line that names what is missing, here the module itself.
     #[test]
     fn the_libraries_of_a_missing_module_are_refused() {
         let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");

@@ -1,6 +1,6 @@
-//! What test runners say at their end.
+//! Parses the summary lines of test runners.
 
-/// How many tests ran and how they went, added up over runners.
+/// Numbers of passed and failed tests, summed over runners.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Counts {
     pub(crate) passed: u64,
@@ -8,8 +8,8 @@ pub(crate) struct Counts {
 }
 
 impl Counts {
-    /// Adds what `line` says, if it is a closing line of cargo test (`test result: ok. 3 passed; 0 failed; …`) or of pytest
-    /// (`2 failed, 24 passed in 2.91s`, between equals signs or not). A test that a runner counts as `error` counts as failed.
+    /// Adds the counts in `line` if it is a summary line of cargo test (`test result: ok. 3 passed; 0 failed; …`) or of pytest
+    /// (`2 failed, 24 passed in 2.91s`, with or without equals signs around it). An `error` counts as a failed test.
     pub(crate) fn read(&mut self, line: &str) {
         let line = line.trim_matches(|c: char| c == '=' || c.is_whitespace());
         let cargo = line.strip_prefix("test result: ");

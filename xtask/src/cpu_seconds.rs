@@ -1,21 +1,22 @@
-//! CPU time of a process that has ended and has not been waited for.
+//! CPU time of a process that has ended but has not been waited for.
 //!
-//! `/proc/PID/stat` (proc_pid_stat(5)): the state is field 3, `Z` between the end and the wait; user and system time are fields 14 and
-//! 15, those of children that it waited for 16 and 17, in ticks: 100 a second on every Linux that Rust's toolchain runs on.
+//! In `/proc/PID/stat` (proc_pid_stat(5)), field 3 is the state, which is `Z` between end and wait. Fields 14 and 15 are user and system
+//! time, and 16 and 17 those of children that the process has waited for, in ticks: 100 per second on every Linux that Rust's toolchain
+//! runs on.
 
-/// Whether the process has ended; so it has where the system has no `/proc`.
+/// Whether the process has ended; also true if the system has no `/proc`.
 pub(crate) fn has_ended(process: u32) -> bool {
     fields(process).is_none_or(|fields| fields[0] == "Z")
 }
 
-/// Seconds of user and system time of the process and of its finished children and theirs; `None` where the system has no `/proc`.
+/// Seconds of user and system time of the process and its finished descendants; `None` if the system has no `/proc`.
 pub(crate) fn of(process: u32) -> Option<f64> {
     let fields = fields(process)?;
     let ticks: Option<f64> = (14..=17).map(|field| fields.get(field - 3)?.parse::<f64>().ok()).sum();
     Some(ticks? / 100.0)
 }
 
-/// Fields from the third on: the second is the program's name in parentheses and may hold anything.
+/// Fields from the third on. The second, the program's name in parentheses, is skipped because it may contain any characters.
 fn fields(process: u32) -> Option<Vec<String>> {
     let stat = std::fs::read_to_string(format!("/proc/{process}/stat")).ok()?;
     Some(stat.rsplit_once(')')?.1.split_whitespace().map(str::to_owned).collect())

@@ -12,16 +12,16 @@ use crate::python_env::Environment;
 use crate::step::Step;
 use crate::wheel;
 
-/// What of `blender-addon/` is not for users.
+/// Entries of `blender-addon/` that do not go into the zip.
 const LEFT_OUT: [&str; 3] = ["tests", "__pycache__", "README.md"];
 
-/// Where the zip of a profile is put.
+/// Path of the zip for a build profile.
 pub(crate) fn zip(target: &Path, profile: &str) -> PathBuf {
     target.join("extension").join(format!("pumice-{profile}.zip"))
 }
 
-/// Stages the extension with the wheel of a profile, which must be built; gives the steps that check and pack it with the tool of
-/// a Blender.
+/// Stages the extension with the wheel of a build profile, which must be built already. Returns the steps that check and pack it with
+/// Blender's tool.
 pub(crate) fn pack(
     root: &Path,
     target: &Path,
@@ -46,10 +46,10 @@ pub(crate) fn pack(
     let manifest = stage.join("blender_manifest.toml");
     let text = std::fs::read_to_string(&manifest).map_err(fault(&manifest))?;
     let text = with_wheel(&text, &name, platform()?)
-        .ok_or_else(|| format!("{}: no line `wheels = []` to fill", manifest.display()))?;
+        .ok_or_else(|| format!("{}: expected a line `wheels = []`, found none", manifest.display()))?;
     std::fs::write(&manifest, text).map_err(fault(&manifest))?;
 
-    // A zip of an earlier run must not pass for this one's.
+    // Removes the zip of an earlier run, which must not be mistaken for this one's.
     let zip = zip(target, profile);
     if zip.exists() {
         std::fs::remove_file(&zip).map_err(fault(&zip))?;
@@ -60,12 +60,12 @@ pub(crate) fn pack(
     let mut build = blender.python(target);
     build.arg(&tool).args(["build", "--source-dir"]).arg(&stage).arg("--output-filepath").arg(&zip);
     Ok(vec![
-        Step::or_say(validate, "Blender's tool refuses the extension"),
-        Step::or_say(build, "Blender's tool does not pack the extension"),
+        Step::or_say(validate, "Blender's tool rejects the extension: it says why above"),
+        Step::or_say(build, "Blender's tool did not pack the extension: it says why above"),
     ])
 }
 
-/// `cargo xtask extension [--profile dev] [--out FOLDER]`: builds the wheel, packs, says where the zip is.
+/// `cargo xtask extension [--profile dev] [--out FOLDER]`: builds the wheel, packs the zip, prints its path.
 pub(crate) fn run(root: &Path, target: &Path, options: &Options) -> Result<(), String> {
     let Options { profile, out } = options;
     let blender = Blender::new(None);
@@ -85,7 +85,7 @@ pub(crate) fn run(root: &Path, target: &Path, options: &Options) -> Result<(), S
     Ok(())
 }
 
-/// What was asked for.
+/// Options of `cargo xtask extension`.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) struct Options {
     profile: &'static str,
@@ -137,13 +137,13 @@ fn copy(from: &Path, to: &Path) -> Result<(), String> {
     Ok(())
 }
 
-/// The manifest with its wheel and the one platform that this is for.
+/// The manifest with its wheel and its platform filled in; `None` if it has no line `wheels = []`.
 fn with_wheel(manifest: &str, wheel: &str, platform: &str) -> Option<String> {
     let filled = format!("wheels = [\"./wheels/{wheel}\"]\nplatforms = [\"{platform}\"]");
     manifest.contains("\nwheels = []\n").then(|| manifest.replacen("wheels = []", &filled, 1))
 }
 
-/// Blender's name of this machine's kind.
+/// Blender's name for the platform of this machine.
 fn platform() -> Result<&'static str, String> {
     match (std::env::consts::OS, std::env::consts::ARCH) {
         ("linux", "x86_64") => Ok("linux-x64"),

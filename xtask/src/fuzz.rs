@@ -1,20 +1,20 @@
-//! `cargo xtask fuzz`: builds the fuzz targets with the flags that coverage needs, and runs them.
+//! `cargo xtask fuzz`: builds the fuzz targets with coverage instrumentation, and runs them.
 //!
 //! ```text
-//! fuzz/ ──► target/fuzz/HOST/debug/TARGET ──► seeds and finds in target/fuzz/corpus/TARGET
-//!                                         └─► findings in        target/fuzz/findings/TARGET
+//! fuzz/ ──► target/fuzz/HOST/debug/TARGET ──► corpus (seeds, inputs that reached new code) in target/fuzz/corpus/TARGET
+//!                                         └─► failing inputs                               in target/fuzz/findings/TARGET
 //! ```
-//! Stable Rust has no sanitizers, but LLVM's coverage pass is there. `--target` is given so that build scripts and macros, which
-//! run on their own, are built without it.
+//! Stable Rust has no sanitizers, but it has LLVM's coverage pass. Cargo gets `--target` so that build scripts and macros are built
+//! without instrumentation.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode, Stdio};
 
-/// Names in `fuzz/targets`.
+/// Names of the targets, which are the files in `fuzz/targets`.
 const TARGETS: [&str; 6] =
     ["pumice_file", "pumice_sections", "label_volume", "raw_volume", "scene_json", "picture"];
 
-/// What cargo-fuzz passes to rustc, without the sanitizers.
+/// The flags that cargo-fuzz passes to rustc, without the sanitizers.
 const COVERAGE_FLAGS: [&str; 5] = [
     "-Cpasses=sancov-module",
     "-Cllvm-args=-sanitizer-coverage-level=4",
@@ -23,19 +23,19 @@ const COVERAGE_FLAGS: [&str; 5] = [
     "-Cllvm-args=-sanitizer-coverage-trace-compares",
 ];
 
-/// Seconds of one input before it is a finding.
+/// Seconds for one input after which it counts as failing.
 const SLOW_INPUT_S: u32 = 10;
-/// Resident memory that is a finding, in MiB; the targets' allocator has tighter limits on what Rust asks for.
+/// Resident memory in MiB above which an input counts as failing. The targets' allocator has tighter limits on allocations by Rust.
 const RESIDENT_LIMIT_MIB: u32 = 2048;
-/// Longest input in bytes: short ones are fast, and the seeds fit.
+/// Largest size of an input in bytes. Short inputs are fast, and all seeds fit.
 const LONGEST_INPUT_BYTES: u32 = 8192;
 
-/// What was asked for.
+/// Options of `cargo xtask fuzz`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Options {
     targets: Vec<&'static str>,
     seconds: u32,
-    /// An input to run once instead.
+    /// A single input to run instead of fuzzing.
     input: Option<PathBuf>,
 }
 
@@ -59,7 +59,7 @@ impl Options {
                     Some(target) => options.targets.push(target),
                     None => {
                         return Err(format!(
-                            "no target is named {name}: expected one of {}",
+                            "unknown fuzz target {name}: expected one of {}",
                             TARGETS.join(", ")
                         ));
                     }
@@ -67,7 +67,7 @@ impl Options {
             }
         }
         if options.input.is_some() && options.targets.len() != 1 {
-            return Err("--input needs one target".into());
+            return Err("--input needs exactly one target: cargo xtask fuzz TARGET --input FILE".into());
         }
         if options.targets.is_empty() {
             options.targets = TARGETS.to_vec();
@@ -76,7 +76,7 @@ impl Options {
     }
 }
 
-/// Builds and runs; stops at the first finding.
+/// Builds and runs the targets; stops at the first failing input.
 pub(crate) fn run(options: &Options) -> ExitCode {
     match build_and_fuzz(options) {
         Ok(()) => ExitCode::SUCCESS,
@@ -91,7 +91,7 @@ fn build_and_fuzz(options: &Options) -> Result<(), String> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().ok_or("xtask lies in no folder")?;
     let folder = root.join("target/fuzz");
 
-    // libFuzzer is C++: say so before a page of the compiler's errors does.
+    // libFuzzer is C++. Check for a compiler first, since the errors of the build would fill a page.
     let compiler = std::env::var("CXX").unwrap_or_else(|_| "c++".into());
     let mut trial = Command::new(&compiler);
     let found = trial.arg("--version").stdout(Stdio::null()).stderr(Stdio::null()).status();
@@ -112,7 +112,7 @@ fn build_and_fuzz(options: &Options) -> Result<(), String> {
     }
     succeed(build)?;
 
-    // Inputs go through files: in memory where that is, and away afterwards whatever happened.
+    // Inputs go through files, in memory if /dev/shm exists. The folder is removed afterwards in any case.
     let memory = Path::new("/dev/shm");
     let scratch = if memory.is_dir() { memory.to_owned() } else { folder.clone() };
     let scratch = scratch.join(format!("pumice-fuzz-{}", std::process::id()));
@@ -151,18 +151,18 @@ fn fuzz(mut command: Command, target: &str, options: &Options, root: &Path) -> R
     command.arg(&corpus);
     succeed(command).map_err(|what| {
         format!(
-            "{what}\nThe input is in {}; cargo xtask fuzz {target} --input FILE runs it alone.",
+            "{what}\nThe failing input is in {}; cargo xtask fuzz {target} --input FILE runs it alone.",
             findings.display()
         )
     })
 }
 
-/// The triple that rustc builds for by itself.
+/// The target triple of the host.
 fn host() -> Result<String, String> {
     let output = Command::new("rustc").arg("-vV").output().map_err(|e| format!("rustc -vV: {e}"))?;
     let text = String::from_utf8_lossy(&output.stdout);
     let host = text.lines().find_map(|line| line.strip_prefix("host: "));
-    host.map(str::to_owned).ok_or_else(|| "rustc -vV names no host".into())
+    host.map(str::to_owned).ok_or_else(|| "rustc -vV: expected a line `host: …`, found none".into())
 }
 
 fn make(folder: &Path) -> Result<(), String> {
@@ -197,7 +197,7 @@ mod tests {
         }
     }
 
-    /// Each target is built by the crate, has its source, and no source is forgotten.
+    /// Each target is in the crate's manifest and has a source file, and no source file is missing from the list.
     #[test]
     fn the_list_is_the_crates() {
         let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap().join("fuzz");

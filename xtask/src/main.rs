@@ -1,5 +1,5 @@
-//! The project's own errands: `cargo xtask test` makes ready what the tests need and runs them, `cargo xtask fuzz` looks for inputs
-//! that a reader cannot bear.
+//! Development tasks of the project: `cargo xtask test` prepares and runs the tests, `cargo xtask fuzz` searches for inputs that break a
+//! reader, and more; `HELP` lists them all.
 #![forbid(unsafe_code)]
 
 mod blender;
@@ -31,39 +31,39 @@ Usage: cargo xtask test [--full] [--only PART]... [--share K] [--bpy VERSION] [-
        cargo xtask fuzz [TARGET]... [--seconds N]
        cargo xtask fuzz TARGET --input FILE
 
-test: makes ready what the tests need and runs them, part by part; prints a table of seconds at the end.
+test: prepares what the tests need and runs them, part by part; prints a table of seconds at the end.
 
-  --full        run everything, also what takes hours (tests marked `ignore = \"full: …\"` in Rust, `full` in Python)
-  --only PART   run this part alone (may be given more than once; build and python-env run where the part needs them)
-  --share K     the K-th share of the full set beside the ordinary tests, instead of today's
-  --bpy VERSION another Blender for the extension's tests, of those that are wheels for Python 3.11 (4.2.23, 4.5.15)
-  --list        name the parts and their caps in seconds
+  --full        run all tests, also those that take hours (marked `ignore = \"full: …\"` in Rust, `full` in Python)
+  --only PART   run only this part (may be given more than once; build and python-env run if the part needs them)
+  --share K     run the K-th share of the long tests beside the ordinary ones, instead of today's share
+  --bpy VERSION test the extension in another Blender that exists as a wheel for Python 3.11 (4.2.23, 4.5.15)
+  --list        print the parts and their time limits in seconds
 
 extension: builds the zip that users install in Blender, with the Python module for this platform inside.
 
-  --out FOLDER  where to put it besides target/extension
+  --out FOLDER  also copy it into this folder; it is always in target/extension
 
-test-window: drives the extension in a real Blender window without a screen; screenshots and figures go to target/window. Needs to be
-root and mmdebstrap: it builds a Debian with Blender, Xvfb and software OpenGL and Vulkan under target/ (365 MB to fetch, once).
+test-window: drives the extension in a real Blender window without a screen; screenshots and measurements go to target/window. Needs root
+and mmdebstrap: it builds a Debian with Blender, Xvfb and software OpenGL and Vulkan under target/ (365 MB to fetch, once).
 
   --suite NAME  trixie: Blender 4.3.2 (default); sid: Blender 5.2 or newer
-  --gpu NAME    what Blender draws with: opengl (default) or vulkan
-  --out FOLDER  where to copy screenshots and figures
+  --gpu NAME    graphics API that Blender uses: opengl (default) or vulkan
+  --out FOLDER  also copy screenshots and measurements into this folder
 
-stub: writes python/pumice/_native.pyi anew from the source.
+stub: regenerates python/pumice/_native.pyi from the source.
 
-shaders: compiles vulkan-renderer/shaders to vulkan-renderer/spirv, by the compiler that it brings under target/ (Debian, Ubuntu).
+shaders: compiles vulkan-renderer/shaders to vulkan-renderer/spirv, with a compiler that it unpacks under target/ (Debian, Ubuntu).
 
-  --check       compile nothing; fail where sources and compiled shaders do not belong together
+  --check       do not write; fail if the compiled shaders do not match their sources
 
-fuzz: gives inputs led by coverage to one reader after the other (needs a C++ compiler); stops at the first finding.
+fuzz: feeds one reader after another with inputs guided by coverage (needs a C++ compiler); stops at the first failing input.
 
-  --seconds N   how long each target runs (default 60); what it learns is kept in target/fuzz for the next run
-  --input FILE  run one input, say a finding, alone
+  --seconds N   time for each target (default 60); its corpus is kept in target/fuzz for the next run
+  --input FILE  run only this input, for example a failing one
 
-Environment: VK_DRIVER_FILES, where set, is the Vulkan driver of the tests; else one that computes on the CPU is brought under target/.
+Environment: VK_DRIVER_FILES selects the Vulkan driver of the tests; if it is not set, a driver for the CPU is unpacked under target/.
 PUMICE_SHARED_DATA is the folder of volumes that may not be shipped (default: ../shared/data).
-Exit codes: 0 all went well; 1 something failed, ran no test, or hit its cap; 2 bad usage.";
+Exit codes: 0 success; 1 something failed, ran no test, or hit its time limit; 2 bad usage.";
 
 fn main() -> ExitCode {
     let args: Vec<String> = std::env::args().skip(1).collect();
@@ -85,7 +85,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// Runs what was asked for, if it was understood.
+/// Runs the command if its options could be parsed.
 fn parsed<O>(options: Result<O, String>, run: impl FnOnce(O) -> ExitCode) -> ExitCode {
     match options {
         Ok(options) => run(options),
@@ -101,7 +101,7 @@ fn misused(what: Option<String>) -> ExitCode {
     ExitCode::from(2)
 }
 
-/// The exit code of an errand; its failure is one line.
+/// Prints the one line of a failure and returns the exit code.
 fn told(result: Result<(), String>) -> ExitCode {
     match result {
         Ok(()) => ExitCode::SUCCESS,
@@ -112,12 +112,12 @@ fn told(result: Result<(), String>) -> ExitCode {
     }
 }
 
-/// The project's folder.
+/// The root folder of the repository.
 fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap_or(Path::new(".")).to_path_buf()
 }
 
-/// Where everything is built.
+/// Cargo's target folder.
 fn target() -> PathBuf {
     std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), PathBuf::from)
 }

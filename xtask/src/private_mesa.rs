@@ -1,9 +1,9 @@
-//! Vulkan on the CPU for the tests (Mesa's lavapipe, with ray tracing), the validation layer and the shader compiler, in a folder
-//! of their own under `target`.
+//! Vulkan on the CPU for the tests (Mesa's lavapipe, with ray tracing), the validation layer and the shader compiler, unpacked into a
+//! folder under `target`.
 //!
 //! ```text
-//! xtask/private-mesa.sh ──► target/mesa/root     packages of the system's distributor, unpacked and not installed
-//!                       └─► target/mesa/env      NAME=VALUE a line: what a process must be told to use them
+//! xtask/private-mesa.sh ──► target/mesa/root     packages of the system's distribution, unpacked and not installed
+//!                       └─► target/mesa/env      environment variables of processes that use them, a line NAME=VALUE each
 //! ```
 
 use std::ffi::OsString;
@@ -12,7 +12,7 @@ use std::process::Command;
 
 use crate::step::Step;
 
-/// See the module.
+/// The private folder with Vulkan on the CPU.
 #[derive(Clone, Debug)]
 pub(crate) struct PrivateMesa {
     folder: PathBuf,
@@ -23,17 +23,17 @@ impl PrivateMesa {
         Self { folder: target.join("mesa") }
     }
 
-    /// Makes the folder where it is not there yet.
+    /// The step that makes the folder if it is missing.
     pub(crate) fn step(&self, root: &Path) -> Step {
         let mut command = Command::new(root.join("xtask/private-mesa.sh"));
         command.arg(&self.folder);
-        Step::or_say(command, "no Vulkan for the tests: see above")
+        Step::or_say(command, "Vulkan for the tests could not be unpacked: see above")
     }
 
-    /// Tells a process to use it: nothing where the user chose a driver, by the loader's own variables.
+    /// Sets the environment of a command so that it uses this driver, unless the user chose a driver through the loader's own variables.
     ///
-    /// Mesa is told not to optimise what it compiles: tests look at few pixels, and compiling for the CPU takes most of their time.
-    /// Which numbers come out is the same. (Mesa keeps the compiled shaders of both ways apart.)
+    /// Also turns off Mesa's optimisation: tests render few pixels, and compiling for the CPU takes most of their time. The results are
+    /// the same. (Mesa caches optimised and other shaders separately.)
     pub(crate) fn surround(&self, command: &mut Command) {
         let chosen = ["VK_DRIVER_FILES", "VK_ICD_FILENAMES"].iter().any(|v| std::env::var_os(v).is_some());
         if !chosen {
@@ -42,9 +42,9 @@ impl PrivateMesa {
         }
     }
 
-    /// Besides, has every call of every program that it starts checked by the validation layer, whose settings end a process at what
-    /// it finds, so that no test can pass with it. For programs that do not listen to the layer themselves; `test_cli_backends.py`
-    /// proves that it is there and that it bites.
+    /// Like [`Self::surround`], and turns on the validation layer in every program that the command starts. Its settings end a process at
+    /// its first message, so that the test fails. For programs that do not receive the layer's messages themselves;
+    /// `test_cli_backends.py` tests that the layer is active and ends a process.
     pub(crate) fn surround_checked(&self, root: &Path, command: &mut Command) {
         self.surround(command);
         command
@@ -52,20 +52,19 @@ impl PrivateMesa {
             .env("VK_LAYER_SETTINGS_PATH", root.join("xtask/validation"));
     }
 
-    /// A program of the folder.
+    /// A command that runs a program of the folder.
     pub(crate) fn tool(&self, name: &str) -> Command {
         let mut command = Command::new(self.folder.join("root/usr/bin").join(name));
         self.environment(&mut command);
         command
     }
 
-    /// A folder that is not there yet says nothing; the step that should have made it has failed then.
+    /// Sets the variables of the file `env`. Without that file it sets none; the step that makes the folder has failed then.
     fn environment(&self, command: &mut Command) {
         let text = std::fs::read_to_string(self.folder.join("env")).unwrap_or_default();
         for (name, value) in text.lines().filter_map(|line| line.split_once('=')) {
             if name == "LD_LIBRARY_PATH" {
-                // What the command was told already has its own, which must stay first: a program finds the libraries that it was
-                // given, and only those that it lacks here.
+                // Folders that the command already has stay first, so that this one only provides libraries that they lack.
                 let told = command
                     .get_envs()
                     .find(|(told, _)| *told == name)
@@ -73,7 +72,7 @@ impl PrivateMesa {
                 let former: Option<OsString> = told.unwrap_or_else(|| std::env::var_os(name));
                 let former = former.filter(|former| !former.is_empty());
                 let folders = former.iter().flat_map(std::env::split_paths).chain([PathBuf::from(value)]);
-                // A folder with a colon in its name cannot be said.
+                // A folder with a colon in its name cannot be in the list.
                 let joined = std::env::join_paths(folders).unwrap_or_else(|_| value.into());
                 command.env(name, joined);
             } else {

@@ -1,6 +1,6 @@
-//! The Pythons that the tests run in: virtual environments under `target/`, each made from a list of exact versions.
+//! Virtual environments of Python for the tests, under `target/`, each made from a requirements file with exact versions.
 //!
-//! An environment is kept until its list or the interpreter changes: a stamp file, written last, holds both.
+//! An environment is kept until its requirements or the interpreter change. A stamp file, which is written last, records both.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -8,27 +8,27 @@ use std::process::Command;
 use crate::part::Outcome;
 use crate::step::Step;
 
-/// An environment.
+/// A virtual environment.
 #[derive(Clone, Debug)]
 pub(crate) struct Environment {
     /// Folder under `target/`.
     pub(crate) folder: String,
-    /// Its list, from the project's root.
+    /// Requirements file, relative to the repository's root.
     pub(crate) requirements: &'static str,
-    /// A line of the list that is replaced: what it begins with, and the whole line instead.
+    /// A line of the requirements to replace: its beginning, and the new line.
     pub(crate) instead: Option<(&'static str, String)>,
-    /// Interpreters to look for, the version that the list was made with first.
+    /// Names of interpreters to try in order; the first has the version that the requirements were made with.
     pub(crate) names: &'static [&'static str],
-    /// Oldest version that will do.
+    /// Oldest accepted version (major, minor).
     pub(crate) oldest: (u32, u32),
-    /// Newest version that will do, where it matters.
+    /// Newest accepted version; `None` for no limit.
     pub(crate) newest: Option<(u32, u32)>,
-    /// What to do where there is none of these versions.
+    /// Error text if no interpreter has an accepted version.
     pub(crate) no_python: &'static str,
 }
 
 impl Environment {
-    /// For the tests in Python.
+    /// The environment of the tests in Python.
     pub(crate) fn tests() -> Self {
         Self {
             folder: "venv".into(),
@@ -41,12 +41,12 @@ impl Environment {
         }
     }
 
-    /// Its interpreter, whether it is there yet or not.
+    /// Path of the environment's interpreter, which may not exist yet.
     pub(crate) fn interpreter(&self, target: &Path) -> PathBuf {
         target.join(&self.folder).join("bin/python")
     }
 
-    /// What must be run so that it is as its list says: nothing where it is already.
+    /// Steps that make the environment; none if it is up to date.
     pub(crate) fn steps(&self, root: &Path, target: &Path) -> Result<Vec<Step>, Outcome> {
         let requirements = root.join(self.requirements);
         let listed = std::fs::read_to_string(&requirements)
@@ -63,7 +63,7 @@ impl Environment {
             return Ok(Vec::new());
         }
 
-        // Debian ships `venv` without the part that puts pip into a new environment.
+        // Debian ships `venv` without `ensurepip`, which installs pip into a new environment.
         let complete = Command::new(&python).args(["-c", "import venv, ensurepip"]).output();
         if !complete.is_ok_and(|o| o.status.success()) {
             return Err(Outcome::Failed(format!(
@@ -76,7 +76,7 @@ impl Environment {
             .map_err(|e| Outcome::Failed(format!("{}: {e}", list.display())))?;
         let mut make = Command::new(&python);
         make.args(["-m", "venv", "--clear"]).arg(&venv);
-        // Every package is named with its version, so none may pull in another; wheels only, because a source package would want a
+        // The file lists every package with its version, so none may pull in others. Wheels only, because source packages may need a
         // compiler.
         let mut fill = self.pip(target);
         fill.args(["install", "--quiet", "--no-input", "--no-deps", "--only-binary", ":all:"])
@@ -85,13 +85,16 @@ impl Environment {
         let fill = Step::or_say(
             fill,
             format!(
-                "the packages of {} could not be installed: pip says why above (no network? no wheel for Python {version} on this system?)",
+                "pip could not install the packages of {}: it says why above (no network? no wheel for Python {version} on this system?)",
                 self.requirements
             ),
         );
         let mut check = self.pip(target);
         check.arg("check");
-        let check = Step::or_say(check, format!("the versions in {} do not agree", self.requirements));
+        let check = Step::or_say(
+            check,
+            format!("the versions in {} conflict: pip says which above", self.requirements),
+        );
         let mut seal = Command::new(self.interpreter(target));
         seal.args(["-c", "import sys; open(sys.argv[1], 'w').write(sys.argv[2])"])
             .arg(&stamp)
@@ -99,7 +102,7 @@ impl Environment {
         Ok(vec![make.into(), fill, check, seal.into()])
     }
 
-    /// Makes it, on this terminal.
+    /// Makes the environment, with output on this terminal.
     pub(crate) fn made(&self, root: &Path, target: &Path) -> Result<(), String> {
         match self.steps(root, target) {
             Ok(steps) => steps.into_iter().try_for_each(Step::finish),
@@ -108,14 +111,14 @@ impl Environment {
         }
     }
 
-    /// Its pip.
+    /// A command that runs the environment's pip.
     pub(crate) fn pip(&self, target: &Path) -> Command {
         let mut pip = Command::new(self.interpreter(target));
         pip.args(["-m", "pip", "--disable-pip-version-check"]);
         pip
     }
 
-    /// The list with its one line replaced.
+    /// The text of the requirements, with the line of `instead` replaced.
     fn list(&self, listed: &str) -> String {
         let Some((begins, instead)) = &self.instead else { return listed.into() };
         let line = |line: &str| match line.starts_with(begins) {
@@ -125,7 +128,7 @@ impl Environment {
         listed.lines().map(line).collect()
     }
 
-    /// Name and version of the first interpreter that will do.
+    /// Name and version of the first interpreter with an accepted version.
     fn find_python(&self) -> Option<(String, String)> {
         self.names.iter().find_map(|name| {
             let print = "import sys; print('%d %d %d' % sys.version_info[:3])";
@@ -147,11 +150,11 @@ mod tests {
         Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
     }
 
-    /// The one line that a user reads when the environment cannot even be begun.
+    /// The error text when the environment cannot be started, in which case no folder may be left.
     fn refusal(environment: &Environment) -> String {
         let nowhere = std::env::temp_dir().join(format!("xtask-env-{}", std::process::id()));
         let refused = environment.steps(&root(), &nowhere);
-        assert!(!nowhere.exists(), "a refused environment leaves nothing");
+        assert!(!nowhere.exists(), "a refused environment leaves no folder");
         match refused {
             Err(Outcome::Failed(what)) => what,
             other => panic!("it was not refused: {other:?}"),
@@ -172,7 +175,7 @@ mod tests {
         let none = Environment { names: &["python-that-is-not-there"], ..Environment::tests() };
         let what = refusal(&none);
         assert!(what.contains("Python 3.11") && what.contains("apt install"), "{what}");
-        // One that is there but too old is as good as none.
+        // An interpreter that is too old is treated as missing.
         let what = refusal(&Environment { oldest: (99, 0), ..Environment::tests() });
         assert!(what.contains("Python 3.11") && !what.contains('\n'), "{what}");
     }
@@ -183,7 +186,7 @@ mod tests {
         assert!(what.contains("tests/python/none.txt") && !what.contains('\n'), "{what}");
     }
 
-    /// However many lines pip says, it ends in one of ours that names the list; nothing counts as made.
+    /// After pip's own output comes one line that names the requirements file, and no stamp is written.
     #[test]
     fn packages_that_cannot_be_fetched_end_in_one_line() {
         let target = std::env::temp_dir().join(format!("xtask-no-network-{}", std::process::id()));

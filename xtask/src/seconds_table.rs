@@ -1,10 +1,10 @@
-//! The table at the end: what each part cost and how it went.
+//! The table at the end of `cargo xtask test`: time and result of each part.
 
 use std::fmt::Write;
 
 use crate::part::{Outcome, Row};
 
-/// The table; `elapsed_seconds` passed for all parts together, of which some run beside others.
+/// Formats the table. `elapsed_seconds` is the wall time of all parts together, some of which run in parallel.
 pub(crate) fn table(rows: &[Row], elapsed_seconds: f64) -> String {
     let mut text = format!(
         "{:<16}{:>10}{:>10}{:>8}{:>9}{:>9}  result\n",

@@ -1,14 +1,14 @@
-//! Shaders: GLSL in `vulkan-renderer/shaders`, compiled to SPIR-V in `vulkan-renderer/spirv`, which is checked in: whoever builds or
-//! uses Pumice needs no shader compiler.
+//! `cargo xtask shaders`: compiles the GLSL in `vulkan-renderer/shaders` to SPIR-V in `vulkan-renderer/spirv`. The SPIR-V is checked in, so
+//! that building Pumice takes no shader compiler.
 //!
 //! ```text
-//! shaders/NAME.comp + what it includes ──► glslangValidator ──► spirv/NAME.comp.spv       doubles in integers
-//!                                     └─ -DNATIVE_F64 ────────► spirv/NAME.comp.f64.spv   the device's own, where they occur
-//! hashes of sources (with the flags) and of results ──────────► spirv/manifest.txt
+//! shaders/NAME.comp + includes ──► glslangValidator ──► spirv/NAME.comp.spv       doubles emulated in integers
+//!                             └─ -DNATIVE_F64 ────────► spirv/NAME.comp.f64.spv   the device's own doubles, if the shader uses doubles
+//! hashes of sources (with the flags) and of results ──► spirv/manifest.txt
 //! ```
-//! Stale is what the manifest does not say: a source that was changed and not compiled, a result that nobody made from it, a file
-//! too many. That is asked by hashes alone. Where the very compiler of the manifest is at hand, `--check` also compiles anew and
-//! compares the bytes, and asks `spirv-val`.
+//! `--check` compares hashes with the manifest, and finds sources that changed after compiling, results that differ from those compiled,
+//! and extra files. If this machine has exactly the compiler that the manifest names, it also compiles again, compares the bytes, and
+//! runs `spirv-val`.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsStr;
@@ -19,16 +19,16 @@ use xxhash_rust::xxh3::xxh3_128;
 
 use crate::private_mesa::PrivateMesa;
 
-/// Endings of files with an entry point; others are included.
+/// Extensions of files with an entry point; other files are only included.
 const STAGES: [&str; 5] = ["comp", "rgen", "rint", "rmiss", "rchit"];
 
-/// Flags of every shader; part of what is hashed.
+/// Compiler flags of every shader, which are hashed with the sources.
 const FLAGS: [&str; 3] = ["--quiet", "--target-env", "vulkan1.2"];
 
-/// Defined for shaders that compute with the device's own doubles.
+/// Macro that is defined for shaders that use the device's own doubles.
 const NATIVE: &str = "NATIVE_F64";
 
-/// What was asked for.
+/// Options of `cargo xtask shaders`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Options {
     check: bool,
@@ -44,7 +44,7 @@ impl Options {
     }
 }
 
-/// Compiles all shaders, or checks that what is there is what the sources give.
+/// Compiles all shaders, or checks that the compiled shaders match their sources.
 pub(crate) fn run(root: &Path, target: &Path, options: &Options) -> Result<(), String> {
     let folders = Folders::new(root);
     if !options.check {
@@ -56,7 +56,7 @@ pub(crate) fn run(root: &Path, target: &Path, options: &Options) -> Result<(), S
     let listed = read(&folders.spirv.join("manifest.txt"))?;
     if listed.lines().next() != Some(format!("compiler {}", tools.version).as_str()) {
         println!(
-            "shaders: this machine's compiler is {}, not the manifest's: hashes alone were checked",
+            "shaders: this machine has {}, not the compiler of the manifest, so only hashes were checked",
             tools.version
         );
         return Ok(());
@@ -72,7 +72,7 @@ pub(crate) fn run(root: &Path, target: &Path, options: &Options) -> Result<(), S
         let expected = std::fs::read(&checked_in).map_err(|e| format!("{}: {e}", checked_in.display()))?;
         if bytes? != expected {
             return Err(format!(
-                "vulkan-renderer/spirv/{name} is not what the compiler makes: cargo xtask shaders"
+                "vulkan-renderer/spirv/{name} differs from the compiler's output for its source: cargo xtask shaders"
             ));
         }
         validated?;
@@ -80,7 +80,7 @@ pub(crate) fn run(root: &Path, target: &Path, options: &Options) -> Result<(), S
     Ok(())
 }
 
-/// Where sources and results lie.
+/// Folders of sources and results.
 struct Folders {
     shaders: PathBuf,
     spirv: PathBuf,
@@ -93,7 +93,7 @@ impl Folders {
     }
 }
 
-/// Fails in one line where sources, results and manifest do not belong together.
+/// Fails with one line if sources, results and manifest do not match, by their hashes.
 fn stale(folders: &Folders) -> Result<(), String> {
     let manifest = folders.spirv.join("manifest.txt");
     let listed = read(&manifest)?;
@@ -158,7 +158,7 @@ fn build(folders: &Folders, tools: &Tools) -> Result<(), String> {
     Ok(())
 }
 
-/// Results by name, with what is defined for each.
+/// Names of all result files, with the macros that are defined for each.
 fn outputs(folders: &Folders) -> Result<BTreeMap<String, Vec<&'static str>>, String> {
     let mut outputs = BTreeMap::new();
     for name in names(&folders.shaders)? {
@@ -173,7 +173,10 @@ fn outputs(folders: &Folders) -> Result<BTreeMap<String, Vec<&'static str>>, Str
         }
     }
     if outputs.is_empty() {
-        return Err(format!("{}: no shader has an entry point", folders.shaders.display()));
+        return Err(format!(
+            "{}: expected shaders with an entry point (.comp, .rgen, .rint, .rmiss, .rchit), found none",
+            folders.shaders.display()
+        ));
     }
     Ok(outputs)
 }
@@ -182,7 +185,7 @@ fn source_of(output: &str) -> String {
     output.trim_end_matches(".spv").trim_end_matches(".f64").to_string()
 }
 
-/// A file and all that it includes, each once, in the order of first mention.
+/// Names and texts of a file and all that it includes, each once, in the order of first mention.
 fn sources(folder: &Path, name: &str) -> Result<Vec<(String, String)>, String> {
     let mut found: Vec<(String, String)> = Vec::new();
     let mut wanted = vec![name.to_string()];
@@ -222,14 +225,14 @@ fn names(folder: &Path) -> Result<Vec<String>, String> {
     Ok(names)
 }
 
-/// The compiler and the validator.
+/// The shader compiler and the validator.
 struct Tools {
     mesa: PrivateMesa,
     version: String,
 }
 
 impl Tools {
-    /// Those of the private folder, which is made where it is missing.
+    /// The tools in the private folder of Mesa, which is made if it is missing.
     fn find(root: &Path, target: &Path) -> Result<Self, String> {
         let mesa = PrivateMesa::new(target);
         mesa.step(root).finish()?;
@@ -237,7 +240,10 @@ impl Tools {
         let output = output.map_err(|e| format!("glslangValidator: {e}"))?;
         let said = String::from_utf8_lossy(&output.stdout).into_owned();
         let version = said.lines().find_map(|l| l.strip_prefix("Glslang Version: "));
-        let version = version.ok_or("glslangValidator does not tell its version")?.trim().to_string();
+        let version = version
+            .ok_or("glslangValidator --version: expected a line `Glslang Version: …`, found none")?
+            .trim()
+            .to_string();
         Ok(Self { mesa, version: format!("glslangValidator {version}") })
     }
 
@@ -254,7 +260,7 @@ impl Tools {
     }
 }
 
-/// Runs a tool to its end; what it said belongs to the failure.
+/// Runs a tool to its end; the error text holds the first error that it printed.
 fn finished(command: &mut Command, what: &str) -> Result<(), String> {
     let output = command.output().map_err(|e| format!("{what}: {e}"))?;
     if output.status.success() {
@@ -270,7 +276,7 @@ fn finished(command: &mut Command, what: &str) -> Result<(), String> {
 mod tests {
     use super::*;
 
-    /// A folder of its own with one shader that includes a file, compiled (in name) as the manifest says.
+    /// A temporary folder with one shader that includes a file, fake results, and a manifest that matches both.
     fn compiled(name: &str) -> (PathBuf, Folders) {
         let root = std::env::temp_dir().join(format!("xtask-shaders-{name}-{}", std::process::id()));
         let folders = Folders::new(&root);
@@ -293,7 +299,7 @@ mod tests {
         stale(&Folders::new(&crate::root())).unwrap();
     }
 
-    /// Each way to be stale is seen.
+    /// The check finds each kind of mismatch.
     #[test]
     fn what_is_stale_is_found() {
         type Change = fn(&Folders);
@@ -313,7 +319,7 @@ mod tests {
             assert_eq!(stale(&folders), Ok(()), "{name}");
             change(&folders);
             let said = stale(&folders).unwrap_err();
-            // A source that includes nothing any more has changed, and one of its forms has none.
+            // A source that no longer includes the file has changed, and its result with native doubles has no source.
             assert!(said.contains(expected) || said.contains("has changed"), "{name}: {said}");
             assert!(said.ends_with("cargo xtask shaders"), "{said}");
             std::fs::remove_dir_all(root).unwrap();

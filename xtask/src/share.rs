@@ -1,7 +1,7 @@
-//! The rotating share: each run takes one of [`SHARES`] slices of the full set beside the ordinary tests.
+//! The rotating share: beside the ordinary tests, each run takes one of [`SHARES`] slices of the long tests.
 //!
-//! A test belongs to the share that a hash of its name says; the day says whose turn it is. So each test of the full set runs
-//! about once in [`SHARES`] days, and a run can be repeated with `--share`.
+//! The hash of a test's name selects its share, and the date selects the share that runs. So each long test runs about once in
+//! [`SHARES`] days, and `--share` repeats a run.
 
 use std::time::{SystemTime, UNIX_EPOCH};
 
@@ -19,7 +19,7 @@ pub(crate) fn of_name(name: &str) -> u64 {
     u64::from(hash) % SHARES
 }
 
-/// The names in the output of `cargo test … -- --ignored --list` that belong to share `k`.
+/// The names of tests in the output of `cargo test … -- --ignored --list` that belong to share `k`.
 pub(crate) fn names_in(listing: &str, k: u64) -> Vec<String> {
     let mut names: Vec<String> = listing
         .lines()

@@ -1,11 +1,11 @@
-//! Volumes that may not be shipped, and the suites that use them.
+//! Finds the volumes that may not be shipped, and the test suites that use them.
 //!
-//! A crate's suite is its integration test `tests/shared_data.rs`, declared with `test = false` so that a plain `cargo test`
-//! passes it by; Python's are `tests/python/test_shared_data_*.py`.
+//! A crate's suite is its integration test `tests/shared_data.rs`, which is declared with `test = false` so that a plain `cargo test`
+//! skips it. The suites in Python are `tests/python/test_shared_data_*.py`.
 
 use std::path::{Path, PathBuf};
 
-/// The folder, if it is there.
+/// The folder of those volumes (`PUMICE_SHARED_DATA`, or `shared/data` beside the repository), if it exists.
 pub(crate) fn folder(root: &Path) -> Option<PathBuf> {
     let path = match std::env::var_os("PUMICE_SHARED_DATA") {
         Some(path) => PathBuf::from(path),
@@ -17,12 +17,12 @@ pub(crate) fn folder(root: &Path) -> Option<PathBuf> {
 /// Package names of the crates that have such a suite.
 ///
 /// # Errors
-/// When a suite is not declared with `test = false`: it would fail wherever the folder is absent.
+/// When a suite is not declared with `test = false`: a plain `cargo test` would run it and fail where the folder is missing.
 pub(crate) fn crates(root: &Path) -> Result<Vec<String>, String> {
     let mut packages = Vec::new();
     let folders = std::fs::read_dir(root).map_err(|e| format!("{}: {e}", root.display()))?;
     for folder in folders.flatten().map(|f| f.path()) {
-        // The member `tests` has its suite in its own `tests` folder, as every crate.
+        // The workspace member `tests` has its suite in its own `tests` folder, as every crate has.
         if !folder.join("tests/shared_data.rs").is_file() {
             continue;
         }

@@ -1,12 +1,11 @@
-//! A command to be run, and what to tell whoever runs it when it fails.
+//! A command to run, with a line of advice for its failure.
 //!
-//! What a tool says about its own failure may be a page, or nothing that leads on; the advice is one line: what was wanted, and the
-//! way out.
+//! A tool's own output on failure may be a page, or may not help. The advice is one line that says what failed and what to do.
 
 use std::path::Path;
 use std::process::Command;
 
-/// A command with the advice for its failure.
+/// A command, with advice for its failure.
 #[derive(Debug)]
 pub(crate) struct Step {
     pub(crate) command: Command,
@@ -20,12 +19,12 @@ impl From<Command> for Step {
 }
 
 impl Step {
-    /// The command, with what to say when it fails.
+    /// The command with this advice.
     pub(crate) fn or_say(command: Command, advice: impl Into<String>) -> Self {
         Self { command, advice: Some(advice.into()) }
     }
 
-    /// The one line of a failure: what happened (`exit status: 1`), to which command, and the advice.
+    /// The line that reports a failure: the advice, what happened (such as `exit status: 1`), and the command.
     pub(crate) fn failure(&self, what: &str) -> String {
         let said = spelled(&self.command);
         match &self.advice {
@@ -34,7 +33,7 @@ impl Step {
         }
     }
 
-    /// Runs it to its end, on this terminal.
+    /// Runs the command to its end, with output on this terminal.
     pub(crate) fn finish(mut self) -> Result<(), String> {
         match self.command.status() {
             Ok(status) if status.success() => Ok(()),
@@ -44,13 +43,13 @@ impl Step {
     }
 }
 
-/// The command as one would type it.
+/// The command as typed in a shell, cut after 300 characters.
 pub(crate) fn spelled(command: &Command) -> String {
     let program = Path::new(command.get_program());
     let words =
         std::iter::once(program.file_name().unwrap_or(command.get_program())).chain(command.get_args());
     let line = words.map(|w| w.to_string_lossy()).collect::<Vec<_>>().join(" ").replace('\n', "↵");
-    // A long list of test names says no more than its beginning.
+    // A command may have a long list of test names.
     if line.chars().count() > 300 { line.chars().take(300).chain(['…']).collect() } else { line }
 }
 

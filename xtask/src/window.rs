@@ -1,8 +1,8 @@
-//! `cargo xtask test-window`: the extension in a real Blender window, driven by `blender-addon/tests/window_drive.py`.
+//! `cargo xtask test-window`: tests the extension in a real Blender window, driven by `blender-addon/tests/window_drive.py`.
 //!
 //! ```text
 //! target/window/root-SUITE   a Debian root with Blender (made once)
-//! target/window/SUITE-GPU    what the run shares with it: the zip, the driver, a volume; out/ has screenshots and figures.json
+//! target/window/SUITE-GPU    files that the run shares with it: the zip, the driver script, a volume; out/: screenshots, figures.json
 //! ```
 
 use std::path::{Path, PathBuf};
@@ -12,12 +12,12 @@ use crate::extension;
 use crate::python_env::Environment;
 use crate::step::Step;
 
-/// Seconds that a run may take. Everything is drawn by software: 310 s were measured on two cores with other work on them.
+/// Time limit of a run in seconds. With all rendering in software, 310 s were measured on two cores with other work on them.
 const LIMIT_S: u32 = 3600;
-/// What is looked at: small enough for software drawing.
+/// The volume that is imported; small enough for software rendering.
 const VOLUME: &str = "data/platynereis_nuclei.tif";
 
-/// What was asked for.
+/// Options of `cargo xtask test-window`.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) struct Options {
     suite: &'static str,
@@ -48,10 +48,10 @@ impl Options {
     }
 }
 
-/// Makes what is missing, drives the window, and turns its screenshots into pictures.
+/// Makes the Debian root if it is missing, runs the driver in the window, and converts its screenshots to PNG.
 pub(crate) fn run(root: &Path, target: &Path, options: &Options) -> Result<(), String> {
     let Options { suite, gpu, out } = options;
-    // Said before minutes go into building.
+    // Check requirements before building, which takes minutes.
     needs_root(Command::new("id").arg("-u"))?;
     for (tool, package) in
         [("mmdebstrap", "mmdebstrap"), ("unshare", "util-linux"), ("mount", "mount"), ("chroot", "coreutils")]
@@ -63,9 +63,10 @@ pub(crate) fn run(root: &Path, target: &Path, options: &Options) -> Result<(), S
     make(&target.join("window"))?;
     let mut system_made = Command::new(scripts.join("make-root.sh"));
     system_made.arg(suite).arg(&system);
-    Step::or_say(system_made, format!("the Debian {suite} with Blender could not be made")).finish()?;
+    Step::or_say(system_made, format!("the Debian {suite} with Blender could not be made: see above"))
+        .finish()?;
 
-    // What the run shares with that system, anew each time.
+    // Make the folder that is shared with that system from scratch.
     extension::run(root, target, &extension::Options::default())?;
     let shared = target.join("window").join(format!("{suite}-{gpu}"));
     if shared.exists() {
@@ -84,9 +85,9 @@ pub(crate) fn run(root: &Path, target: &Path, options: &Options) -> Result<(), S
 
     let mut drive = Command::new(scripts.join("in-root.sh"));
     drive.args([system.as_path(), &shared, Path::new("/w/drive.sh")]).args([gpu, &*LIMIT_S.to_string()]);
-    let driven = Step::or_say(drive, "the driver in the window failed").finish();
+    let driven = Step::or_say(drive, "the driver script in Blender's window failed: see above").finish();
 
-    // Screenshots are worth the most where it failed.
+    // Convert screenshots before reporting a failure, when they help most.
     let shots = std::fs::read_dir(&made).map_err(|e| format!("{}: {e}", made.display()))?;
     let shots: Vec<PathBuf> =
         shots.flatten().map(|e| e.path()).filter(|p| p.extension().is_some_and(|x| x == "xwd")).collect();
@@ -106,16 +107,18 @@ pub(crate) fn run(root: &Path, target: &Path, options: &Options) -> Result<(), S
         Step::from(copy).finish()?;
     }
     driven?;
-    // A Blender that ended well without the driver's last words did not run it.
-    figures.map(drop).map_err(|e| format!("the driver left no figures.json in {}: {e}", made.display()))
+    // Without figures.json, which the driver writes last, Blender ended without running it to the end.
+    figures
+        .map(drop)
+        .map_err(|e| format!("the driver script left no figures.json in {}: {e}", made.display()))
 }
 
-/// `id` prints the user's number: 0 for root.
+/// Checks that `id`, which prints the user's number, prints 0 for root.
 fn needs_root(id: &mut Command) -> Result<(), String> {
     let number = id.output().map(|o| String::from_utf8_lossy(&o.stdout).trim().to_owned());
     match number.as_deref() {
         Ok("0") => Ok(()),
-        _ => Err("test-window must be root, for it makes and enters a Debian of its own below target/: run it with sudo --preserve-env=PATH".into()),
+        _ => Err("test-window must be root, because it makes a Debian root below target/ and enters it: run it with sudo --preserve-env=PATH".into()),
     }
 }
 

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# drive.sh GPU SECONDS: inside the root. Installs /w/pumice.zip as a user would, then runs /w/drive.py in a real Blender window without
-# a screen, on /w/volume.tif; what it leaves is in /w/out.
+# drive.sh GPU SECONDS: runs inside the Debian root. Installs /w/pumice.zip as a user would, then runs /w/drive.py on /w/volume.tif in a
+# real Blender window without a screen. Results go to /w/out.
 set -euo pipefail
 gpu=$1 seconds=$2
 export BLENDER_USER_RESOURCES=/w/user

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# in-root.sh ROOT SHARED COMMAND…: runs a command inside a Debian root, with the folder SHARED as /w. Mounts live in a namespace of
-# their own and are gone with the command.
+# in-root.sh ROOT SHARED COMMAND…: runs a command inside a Debian root, with the folder SHARED as /w. Mounts are in their own namespace
+# and vanish with the command.
 set -euo pipefail
 root=$1 shared=$2
 shift 2

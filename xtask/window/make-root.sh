@@ -1,13 +1,13 @@
 #!/usr/bin/env bash
-# make-root.sh SUITE FOLDER: a Debian root with Blender, Xvfb and software OpenGL and Vulkan. As root, with mmdebstrap. A root that was
-# made from the same list is kept.
+# make-root.sh SUITE FOLDER: makes a Debian root with Blender, Xvfb and software OpenGL and Vulkan. Needs root and mmdebstrap. Keeps a
+# root that was made from the same list of packages.
 #
 #   trixie   Blender 4.3.2, Python 3.13      sid   Blender 5.2 or newer, Python 3.14
 #
-# About 365 MB to fetch, 1.3 GB on disk. Debian builds Blender without USD.
+# Fetches about 365 MB and takes 1.3 GB on disk. Debian builds Blender without USD.
 set -euo pipefail
 suite=$1 folder=$2
-# python3-*: what Blender and its extension tool import; xdotool and xwd (x11-apps): input and screenshots.
+# Blender and its extension tool import python3-*; xdotool sends input, and xwd (x11-apps) takes screenshots.
 packages=blender,xvfb,xauth,x11-apps,xdotool,libgl1,libegl1,libglx-mesa0,libegl-mesa0,libgl1-mesa-dri,mesa-vulkan-drivers
 packages+=,python3-numpy,python3-cattr,python3-requests,ca-certificates
 made_from="$suite $packages"
@@ -16,10 +16,10 @@ fail() {
     printf 'make-root: %s\n' "$*" >&2
     exit 1
 }
-[ "$(id -u)" = 0 ] || fail "a Debian root is made as root: run this with sudo"
+[ "$(id -u)" = 0 ] || fail "making a Debian root needs root: run this with sudo"
 command -v mmdebstrap >/dev/null || fail "mmdebstrap is missing: install it (Debian and Ubuntu: apt install mmdebstrap)"
 
-# Built beside its place, so that what was interrupted is never taken for whole.
+# Builds under another name, so that an interrupted build is never taken for a complete one.
 rm -rf "$folder" "$folder.part"
 mmdebstrap --mode=root --variant=apt --components=main --keyring=/usr/share/keyrings/debian-archive-keyring.gpg \
     --aptopt='APT::Install-Recommends "0"' --aptopt='Acquire::Languages "none"' --aptopt='Acquire::Check-Valid-Until "false"' \

@@ -1,7 +1,7 @@
-"""Screenshots of an X server (X Window Dump, version 7) as PNG: `xwd2png.py FILE.xwd…`
+"""Converts screenshots of an X server (X Window Dump, version 7) to PNG: `xwd2png.py FILE.xwd…`
 
-    header: 25 big-endian words, [0] its length, [4] width, [5] height, [11] bits a pixel, [12] bytes a line, [19] colours
-    then 12 bytes a colour, then the lines: B G R and, of 32 bits, one byte of nothing
+    header: 25 big-endian words: [0] header length, [4] width, [5] height, [11] bits per pixel, [12] bytes per line, [19] colours
+    then 12 bytes per colour, then the lines, whose pixels are B G R and, at 32 bits, an unused byte
 """
 
 import struct

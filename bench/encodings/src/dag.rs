@@ -1,11 +1,11 @@
-//! A sparse voxel directed acyclic graph (§3.2.2, Figure 5): nodes of 32 bytes, of which no two are equal.
+//! A sparse voxel directed acyclic graph (SVDAG; the paper's §3.2.2, Figure 5): nodes of 32 bytes, each stored once.
 //!
 //! ```text
-//! inner node   8 numbers of nodes, 32 bits each
-//! leaf         2³¹ where the first child would be, and bit 0: solid
-//!              the next 8 bytes: the occupancy field of 4³, with all bits or none where the leaf stands for more
+//! inner node   the indices of its 8 children, 32 bits each
+//! leaf         first word: bit 31 set, and bit 0 set when the leaf is solid
+//!              next 8 bytes: the occupancy field of 4³ voxels; all bits or no bits when the leaf is a larger uniform cube
 //! ```
-//! Nodes 0 and 1 are the empty and the solid leaf. Children come before their parents.
+//! Nodes 0 and 1 are the empty and the solid leaf. Children are stored before their parents.
 
 use rustc_hash::FxHashMap;
 
@@ -16,7 +16,7 @@ pub(crate) const EMPTY: u32 = 0;
 pub(crate) const SOLID: u32 = 1;
 const LEAF: u32 = 1 << 31;
 
-/// See the module.
+/// An SVDAG; the module documentation describes its layout.
 #[derive(Clone, Debug)]
 pub struct Dag {
     nodes: Vec<[u32; 8]>,
@@ -28,17 +28,17 @@ impl Dag {
         32 * self.nodes.len() as u64
     }
 
-    /// The nodes.
+    /// All nodes as stored, eight words each, children before parents.
     pub fn nodes(&self) -> &[[u32; 8]] {
         &self.nodes
     }
 
-    /// Whether these words are a leaf.
+    /// Whether the eight words of a node describe a leaf.
     pub(crate) fn is_leaf(node: &[u32; 8]) -> bool {
         node[0] & LEAF != 0
     }
 
-    /// What a number is.
+    /// Decodes the node with this index.
     #[inline]
     pub(crate) fn node(&self, number: u32) -> Node {
         let node = &self.nodes[number as usize];
@@ -60,12 +60,12 @@ impl Tree for Dag {
     }
 }
 
-/// A graph that grows, and knows its nodes by what they are.
+/// Builds an SVDAG: a hash map from a node's content to its index ensures that equal nodes are stored once.
 #[derive(Debug)]
 pub(crate) struct DagBuilder {
     nodes: Vec<[u32; 8]>,
     numbers: FxHashMap<[u32; 8], u32>,
-    /// Roots of cells that went down to voxels: most come again.
+    /// From the occupancy field of a cell that is stored down to voxels to its node. A cache: most fields occur again.
     cells: FxHashMap<u64, u32>,
     with_fields: bool,
 }
@@ -84,17 +84,18 @@ impl DagBuilder {
         Dag { nodes: self.nodes }
     }
 
-    /// Number of nodes so far.
     pub(crate) fn len(&self) -> usize {
         self.nodes.len()
     }
 
+    /// Index of a node with this content, added if it is new.
+    ///
     /// # Panics
-    /// Where there are 2³¹ nodes: 64 GiB.
+    /// When there are 2³¹ nodes (64 GiB).
     fn number(&mut self, node: [u32; 8]) -> u32 {
         *self.numbers.entry(node).or_insert_with(|| {
             let number = self.nodes.len() as u32;
-            assert!(number < LEAF, "a graph of 64 GiB");
+            assert!(number < LEAF, "an SVDAG has at most 2³¹ nodes (64 GiB)");
             self.nodes.push(node);
             number
         })
@@ -129,7 +130,8 @@ impl DagBuilder {
         }
     }
 
-    /// Puts in a tree of so many levels above its cells; returns its root.
+    /// Adds the tree over `cells`, which has `levels` levels above its cells and whose first cell has the Morton index `base`. Returns its
+    /// root.
     pub(crate) fn add(&mut self, cells: &[Cell], levels: u32, base: u64) -> u32 {
         if cells.is_empty() {
             return EMPTY;
@@ -141,12 +143,12 @@ impl DagBuilder {
         self.inner(children)
     }
 
-    /// Puts in all nodes of another graph; returns the number here of each one there.
+    /// Adds all nodes of another graph. Returns, for each node of `other`, its index in this graph.
     pub(crate) fn absorb(&mut self, other: &Dag) -> Vec<u32> {
         let mut here = Vec::with_capacity(other.nodes.len());
         here.extend([EMPTY, SOLID]);
         for node in &other.nodes[2..] {
-            // Children come first: their numbers are known.
+            // Children are stored before parents, so their indices here are known already.
             let node = if Dag::is_leaf(node) { *node } else { node.map(|child| here[child as usize]) };
             here.push(self.number(node));
         }

@@ -1,4 +1,4 @@
-//! A volume in one of the paper's forms: boxes, and what their roots point into.
+//! A volume in one of the paper's encodings: boxes, and the octrees or graphs that their roots point into.
 
 use std::ops::Range;
 
@@ -11,22 +11,22 @@ use crate::subdivision::{Subdivision, levels_of};
 use crate::tree::for_each_cell;
 use crate::types::Types;
 
-/// How voxels of boxes are stored (§5).
+/// How the voxels of boxes are stored (§5).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Form {
-    /// An octree a box: SVOs (AABB).
+    /// One octree for each box: SVOs (AABB).
     Octrees,
-    /// A graph a type: SVDAGs (TYPE).
+    /// One graph for each label type: SVDAGs (TYPE).
     DagPerType,
-    /// One graph: SVDAG (SHARED).
+    /// One graph for all boxes: SVDAG (SHARED).
     DagShared,
 }
 
 impl Form {
-    /// All, as the paper's tables have them.
+    /// All forms in the order of the paper's tables.
     pub const ALL: [Self; 3] = [Self::Octrees, Self::DagPerType, Self::DagShared];
 
-    /// As the paper calls it.
+    /// The paper's name of the form.
     pub fn name(self) -> &'static str {
         match self {
             Self::Octrees => "SVOs (AABB)",
@@ -36,21 +36,21 @@ impl Form {
     }
 }
 
-/// A box as it lies in memory, 32 bytes: position, label and root (§3.1).
+/// A box as it is stored in memory, 32 bytes: bounds, label and root (§3.1).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(C)]
 pub struct BoxRecord {
-    /// Lowest voxel: where the cube of its tree begins.
+    /// Lowest voxel, which is also the lowest corner of the cube that its tree divides.
     pub lo: [u32; 3],
     /// One past the highest voxel.
     pub hi: [u32; 3],
-    /// Dense index.
+    /// Dense index of the label.
     pub label: u32,
-    /// What the form takes for the tree's root.
+    /// Root of its tree: an offset into the octrees, or an index of a node of the graph.
     pub root: u32,
 }
 
-/// See the module.
+/// A volume in one of the paper's encodings.
 #[derive(Clone, Debug)]
 pub struct Encoding {
     pub(crate) boxes: Vec<BoxRecord>,
@@ -66,12 +66,12 @@ pub(crate) enum Trees {
     Shared(Dag),
 }
 
-/// Where an encoding is not the volume that it was made of.
+/// A voxel where an encoding differs from the volume that it encodes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct NotTheVolume {
     /// The voxel.
     pub voxel: [u32; 3],
-    /// Its dense label and 1 in the volume; 0 for none, or where a box before had the voxel.
+    /// Dense label plus 1 in the volume; 0 for no label, or when an earlier box of the encoding already had the voxel.
     pub expected: u32,
     /// The same in the encoding.
     pub got: u32,
@@ -84,21 +84,21 @@ fn records(boxes: &Subdivision, roots: &[u32]) -> Vec<BoxRecord> {
 }
 
 impl Encoding {
-    /// An octree for each box.
+    /// Encodes the boxes as one octree each, down to occupancy fields of 4³ voxels or to single voxels.
     pub fn octrees(boxes: &Subdivision, with_fields: bool) -> Self {
         let (octrees, roots) = Octrees::new(boxes, with_fields);
         let boxes_there = records(boxes, &roots);
         Self { boxes: boxes_there, trees: Trees::Octrees(octrees), side: boxes.side(), form: Form::Octrees }
     }
 
-    /// A graph for each type.
+    /// Encodes the boxes as one SVDAG for each label type.
     pub fn types(boxes: &Subdivision, types: &Types, with_fields: bool) -> Self {
         let (dags, roots) = graphs_of_types(boxes, types, with_fields);
         let trees = Trees::Types(dags, types.clone());
         Self { boxes: records(boxes, &roots), trees, side: boxes.side(), form: Form::DagPerType }
     }
 
-    /// The graphs of types; none where it has another form.
+    /// The graphs: one for each type, one if shared, none for octrees.
     pub fn dags(&self) -> &[Dag] {
         match &self.trees {
             Trees::Octrees(_) => &[],
@@ -107,7 +107,7 @@ impl Encoding {
         }
     }
 
-    /// The same with the graphs of its types merged into one; `None` where it has none.
+    /// This encoding with the graphs of its types replaced by the one they were merged into; `None` for other forms.
     pub fn shared(&self, merged: Merged) -> Option<Self> {
         let Trees::Types(_, types) = &self.trees else { return None };
         let root = |b: &BoxRecord| merged.numbers[types.of(b.label)][b.root as usize];
@@ -115,12 +115,12 @@ impl Encoding {
         Some(Self { boxes, trees: Trees::Shared(merged.dag), side: self.side, form: Form::DagShared })
     }
 
-    /// Which it is.
+    /// The form of this encoding.
     pub fn form(&self) -> Form {
         self.form
     }
 
-    /// The boxes.
+    /// All boxes, by rising labels.
     pub fn boxes(&self) -> &[BoxRecord] {
         &self.boxes
     }
@@ -130,7 +130,7 @@ impl Encoding {
         size_of_val(&self.boxes[..]) as u64
     }
 
-    /// Bytes of what their roots point into.
+    /// Bytes of the octrees or graphs, with the table that finds a label's graph.
     pub fn tree_bytes(&self) -> u64 {
         match &self.trees {
             Trees::Octrees(octrees) => octrees.bytes(),
@@ -150,7 +150,8 @@ impl Encoding {
         4 << levels_of(self.side, b.lo, b.hi)
     }
 
-    /// Calls `visit` with each cell of a box that has voxels: lowest voxel in the volume, and occupancy field (voxel x + 4y + 16z).
+    /// Calls `visit` for each nonempty cell of 4³ voxels of a box, with the cell's lowest voxel in the volume and its occupancy field (bit
+    /// x + 4y + 16z).
     pub fn for_each_cell(&self, b: &BoxRecord, mut visit: impl FnMut([u32; 3], u64)) {
         let side = self.cube(b);
         match &self.trees {
@@ -166,7 +167,7 @@ impl Encoding {
         }
     }
 
-    /// Decodes all of it and compares with the volume, voxel by voxel: each voxel of a label in one box, and no other.
+    /// Decodes everything and compares it with the volume: each labelled voxel must lie in exactly one box, and no other voxel in any.
     ///
     /// # Errors
     /// The first voxel that differs.
@@ -176,12 +177,12 @@ impl Encoding {
         for from in (0..depth).step_by(LAYERS as usize) {
             let layers = from..depth.min(from + LAYERS);
             let dims = [width, height, layers.len() as u32];
-            // It lies within the volume: there is nothing to be refused.
+            // The block lies within the volume, so decoding cannot fail.
             let Ok(mut labels) = volume.decode_block([0, 0, from], dims) else { continue };
             for b in self.boxes.iter().filter(|b| b.lo[2] < layers.end && b.hi[2] > layers.start) {
                 self.claim(b, &layers, [width, height], &mut labels)?;
             }
-            // Claimed voxels are 0 now: what is left was in no box.
+            // Voxels found in a box are 0 now, so a label that is left was in no box.
             if let Some(i) = labels.iter().position(|&l| l != 0) {
                 let (w, area) = (width as usize, width as usize * height as usize);
                 let voxel = [i % w, i % area / w, i / area].map(|c| c as u32);
@@ -192,7 +193,7 @@ impl Encoding {
         Ok(())
     }
 
-    /// Takes a box's voxels out of some layers' labels.
+    /// Sets the voxels of a box to 0 in `labels`, which holds the given layers; fails at the first voxel that has another label there.
     fn claim(
         &self,
         b: &BoxRecord,

@@ -1,15 +1,15 @@
 //! The encodings of "SVDAG Compression for Segmentation Volume Path Tracing" (Werner, Piochowiak, Dachsbacher, VMV 2024), in the
-//! layouts that it describes: what Pumice's own form is measured against. Nothing is drawn with them.
+//! layouts that it describes. The bench measures Pumice's own form against them; no picture is rendered from them.
 //!
 //! ```text
-//! volume ─► voxels of each label ─► Subdivision: tight boxes, cut in the middle of their longest side     §3.1
+//! volume ─► voxels of each label ─► Subdivision: tight boxes, halved along their longest side              §3.1
 //!               ├─► Octrees      an SVO for each box, nodes of 2 bytes                                     §3.2.1
-//!               └─► Dag          an SVDAG for each type, nodes of 32 bytes ─► merged, one for all          §3.2.2
-//!                                each down to voxels, or to occupancy fields of 4³                         §3.3
-//! Encoding ─► decoded back, cell by cell; traced by a hierarchy over the boxes and a DDA of several levels §4
+//!               └─► Dag          an SVDAG for each type, nodes of 32 bytes ─► merged into one for all      §3.2.2
+//!                                both stop at single voxels, or at occupancy fields of 4³ voxels           §3.3
+//! Encoding ─► decoded, cell by cell; traced by a hierarchy over the boxes and a DDA of several levels      §4
 //! ```
-//! Where the paper is silent, what was chosen stands where it is done: the size of a box record ([`BoxRecord`]), occupancy fields of
-//! octrees and nodes of more than 12 bits of pointer ([`Octrees`]), types ([`Types`]).
+//! The paper leaves some things open. The items that decide them document the choice: the size of a box record ([`BoxRecord`]), occupancy
+//! fields in octrees and pointers of more than 12 bits ([`Octrees`]), types ([`Types`]).
 #![forbid(unsafe_code)]
 
 mod dag;

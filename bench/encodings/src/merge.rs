@@ -1,4 +1,4 @@
-//! Graphs of types, and one of all (§3.2.2, Table 5).
+//! Builds one SVDAG for each label type, and merges them into one (§3.2.2, Table 5).
 
 use rayon::prelude::*;
 
@@ -6,18 +6,18 @@ use crate::dag::{Dag, DagBuilder};
 use crate::subdivision::Subdivision;
 use crate::types::Types;
 
-/// One graph, and where the nodes of each that it was made of are in it.
+/// A merged graph, with the new index of each node of the graphs that were merged.
 #[derive(Clone, Debug)]
 pub struct Merged {
-    /// All nodes.
+    /// The merged graph.
     pub dag: Dag,
-    /// For each graph that was merged: number here of each of its nodes.
+    /// For each source graph: the index in `dag` of each of its nodes.
     pub numbers: Vec<Vec<u32>>,
-    /// Nodes after each graph that was merged in turn; empty where they were merged otherwise.
+    /// Number of nodes after each source graph, by [`merge_in_turn`]; empty by [`merge_on_all_cores`].
     pub growth: Vec<usize>,
 }
 
-/// A graph for each type, on all cores, and the root of each box in its type's.
+/// Builds a graph for each type, on all cores. Returns the graphs, and for each box the index of its root in its type's graph.
 pub(crate) fn graphs_of_types(boxes: &Subdivision, types: &Types, with_fields: bool) -> (Vec<Dag>, Vec<u32>) {
     let mut of_type = vec![Vec::new(); types.count()];
     for (i, b) in boxes.boxes().iter().enumerate() {
@@ -40,7 +40,7 @@ pub(crate) fn graphs_of_types(boxes: &Subdivision, types: &Types, with_fields: b
     (dags, roots)
 }
 
-/// One after another, into one.
+/// Merges graphs into one, one after another on one core.
 pub fn merge_in_turn(dags: &[Dag], with_fields: bool) -> Merged {
     let mut all = DagBuilder::new(with_fields);
     let (mut numbers, mut growth) = (Vec::with_capacity(dags.len()), Vec::with_capacity(dags.len()));
@@ -51,14 +51,14 @@ pub fn merge_in_turn(dags: &[Dag], with_fields: bool) -> Merged {
     Merged { dag: all.finish(), numbers, growth }
 }
 
-/// In halves, on all cores: each half is merged by itself, then the shorter graph into the longer.
+/// Merges graphs into one on all cores: recursively merges two halves in parallel, then adds the shorter graph to the longer.
 pub fn merge_on_all_cores(dags: &[Dag], with_fields: bool) -> Merged {
     let (all, numbers) = halves(dags, with_fields, rayon::current_num_threads());
     Merged { dag: all.finish(), numbers, growth: Vec::new() }
 }
 
 fn halves(dags: &[Dag], with_fields: bool, cores: usize) -> (DagBuilder, Vec<Vec<u32>>) {
-    // As many parts as cores: each further cut would merge more nodes twice.
+    // Stops at as many parts as cores, because each further cut merges more nodes twice.
     if dags.len() < 2 || cores < 2 {
         let mut all = DagBuilder::new(with_fields);
         let numbers = dags.iter().map(|dag| all.absorb(dag)).collect();
@@ -84,7 +84,7 @@ fn halves(dags: &[Dag], with_fields: bool, cores: usize) -> (DagBuilder, Vec<Vec
     (long, numbers)
 }
 
-/// Where graphs are parted so that both parts have about as many nodes; neither is without a graph.
+/// Where to split the graphs so that both parts have about the same number of nodes and at least one graph each.
 fn middle(dags: &[Dag]) -> usize {
     let all: usize = dags.iter().map(|d| d.nodes().len()).sum();
     let mut before = 0;

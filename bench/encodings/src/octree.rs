@@ -1,38 +1,38 @@
 //! A sparse voxel octree for each box (§3.2.1): nodes of 2 bytes, of which 12 bits point to the first of eight children.
 //!
 //! ```text
-//! node      bits 0 to 11   where the eight children are, in units of 8 bytes from the box's first; 0xFFF: a leaf
-//!           bit 12         of a leaf: solid
-//!           bit 13         its occupancy field is there instead of children (one unit)
+//! node      bits 0 to 11   offset of the eight children in units of 8 bytes from the box's first unit; 0xFFF: a leaf
+//!           bit 12         a leaf is solid
+//!           bit 13         the offset is that of an occupancy field (one unit) instead of children
 //! ```
-//! A pointer of 12 bits reaches all 585 groups of children that a box of 16³ can have, since groups take two units. In larger boxes nodes
-//! have 4 bytes and pointers 28 bits. The root lies in no array: a box's record points to the root's children, or is [`SOLID`]. Occupancy
-//! fields of octrees are not the paper's, which has them in nodes of 32 bytes alone; here they are what they would be.
+//! A pointer of 12 bits reaches all 585 groups of children that a box of 16³ can have, since a group takes two units. In larger boxes nodes
+//! have 4 bytes and pointers 28 bits. The root itself is not stored: a box's record points to the root's children, or is [`SOLID`]. The
+//! paper has occupancy fields only in nodes of 32 bytes; those of octrees here are the obvious counterpart.
 
 use crate::subdivision::{Cell, Subdivision};
 use crate::tree::{Node, Tree, is_solid, octants, parts};
 
-/// Root of a box that has all voxels of its cube.
+/// Root of a box whose cube is full.
 pub(crate) const SOLID: u32 = u32::MAX;
 
-/// Octrees of all boxes.
+/// The octrees of all boxes; the module documentation describes their nodes.
 #[derive(Clone, Debug)]
 pub struct Octrees {
     units: Vec<u64>,
     is_wide: bool,
 }
 
-/// One box's tree, to be walked.
+/// The octree of one box.
 pub(crate) struct Octree<'a> {
     units: &'a [u64],
     is_wide: bool,
 }
 
 impl Octrees {
-    /// Of all boxes, and each one's root.
+    /// Builds the octrees of all boxes. Returns them and the root of each box.
     ///
     /// # Panics
-    /// When there are 32 GiB of them: roots are numbers of 32 bits.
+    /// When they take 32 GiB: roots are 32-bit offsets in units of 8 bytes.
     pub fn new(boxes: &Subdivision, with_fields: bool) -> (Self, Vec<u32>) {
         let is_wide = boxes.side().is_none_or(|side| side > 16);
         let mut writer = Writer { units: Vec::new(), base: 0, is_wide, with_fields };
@@ -43,7 +43,7 @@ impl Octrees {
                     return SOLID;
                 }
                 writer.base = writer.units.len();
-                assert!(writer.base < SOLID as usize, "octrees of more than 32 GiB");
+                assert!(writer.base < SOLID as usize, "octrees may take at most 32 GiB");
                 writer.children(cells, levels, 0);
                 writer.base as u32
             })
@@ -56,9 +56,9 @@ impl Octrees {
         8 * self.units.len() as u64
     }
 
-    /// Bytes of each tree, by the roots of all boxes in their order.
+    /// Bytes of each box's tree, given the roots of all boxes in order.
     pub(crate) fn bytes_of_boxes(&self, roots: impl DoubleEndedIterator<Item = u32>) -> Vec<u64> {
-        // A tree goes on until the next one begins.
+        // A tree ends where the next one begins.
         let mut end = self.units.len() as u64;
         let own = |root: u32| match root {
             SOLID => 0,
@@ -69,7 +69,7 @@ impl Octrees {
         bytes
     }
 
-    /// The tree of a box with this root, and its root node.
+    /// The octree of the box with this root, and its root node.
     pub(crate) fn tree(&self, root: u32) -> (Octree<'_>, Node) {
         match root {
             SOLID => (Octree { units: &[], is_wide: self.is_wide }, Node::Solid),
@@ -95,17 +95,17 @@ impl Writer {
         ((1 << bits) - 1) | u64::from(solid) << bits
     }
 
-    /// Units from the box's first to the end: where the next group or field goes.
+    /// Offset of the next group or field, in units from the box's first one.
     ///
     /// # Panics
-    /// When a pointer would not fit.
+    /// When the offset does not fit a pointer.
     fn next(&self) -> u64 {
         let pointer = (self.units.len() - self.base) as u64;
         assert!(pointer < (1 << bits(self.is_wide)) - 1, "a box's octree is longer than its pointers reach");
         pointer
     }
 
-    /// Room for a group of eight; returns its first unit.
+    /// Appends an empty group of eight nodes; returns the index of its first unit.
     fn group(&mut self) -> usize {
         let at = self.units.len();
         self.units.resize(at + if self.is_wide { 4 } else { 2 }, 0);
@@ -142,7 +142,7 @@ impl Writer {
         }
     }
 
-    /// Writes a cell's octants and their voxels.
+    /// Writes the octants of a cell of 4³ voxels, and their voxels.
     fn voxels(&mut self, field: u64) {
         let group = self.group();
         for (c, octant) in octants(field).into_iter().enumerate() {

@@ -1,35 +1,35 @@
-//! How often nodes of a graph are used (Figure 6).
+//! Counts how often the nodes of an SVDAG are referenced (Figure 6 of the paper).
 
 use serde::Serialize;
 
 use crate::dag::Dag;
 use crate::encoding::{BoxRecord, Encoding};
 
-/// Nodes of one level: those with as long a way down to their farthest leaf. (A node has no level of its own: equal ones of different
-/// levels are one.)
+/// Counts for the nodes of one level, which are those with the same distance to their farthest leaf. (The depth from a root does not define
+/// a level: equal nodes at different depths are stored as one.)
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct LevelReuse {
-    /// Voxels along each side of the cube that a node of this level divides at least.
+    /// Smallest side, in voxels, of a cube that a node of this level divides.
     pub side: u32,
-    /// How many there are.
+    /// Number of nodes.
     pub nodes: u64,
-    /// How often they are pointed to, by parents and by boxes.
+    /// Number of references to them from parents and boxes.
     pub references: u64,
-    /// How many are pointed to once only.
+    /// Number of nodes that are referenced exactly once.
     pub once: u64,
 }
 
-/// See the module.
+/// Reference counts of a graph's nodes. The empty and the solid leaf are not counted.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Reuse {
-    /// From the lowest on. The empty and the solid leaf are in none.
+    /// Counts by level, lowest first.
     pub levels: Vec<LevelReuse>,
-    /// References of each node of any level, falling.
+    /// References to each node of all levels, largest first.
     pub ranked: Vec<u32>,
 }
 
 impl Reuse {
-    /// Of an encoding with one graph; `None` of others.
+    /// Counts the references in an encoding that has exactly one graph; `None` for others.
     pub fn of(encoding: &Encoding, with_fields: bool) -> Option<Self> {
         let [dag] = encoding.dags() else { return None };
         Some(Self::counted(dag, encoding.boxes(), if with_fields { 4 } else { 2 }))
@@ -42,7 +42,7 @@ impl Reuse {
         for (i, node) in nodes.iter().enumerate().skip(2).filter(|(_, node)| !Dag::is_leaf(node)) {
             for &child in node {
                 references[child as usize] += 1;
-                // An occupancy field is as high as a node over voxels; the two uniform leaves have no height.
+                // An occupancy field has the height of a node over voxels (0); the two uniform leaves have no height.
                 let height = if child < 2 { 0 } else { heights[child as usize] + 1 };
                 heights[i] = heights[i].max(height);
             }

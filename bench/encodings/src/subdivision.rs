@@ -1,26 +1,26 @@
-//! Boxes of a label, as the paper makes them (§3.1): the tight box of a region, cut in the middle of its longest side until it is small
-//! enough, each part tight again.
+//! Subdivides the voxels of each label into boxes as the paper does (§3.1): the tight box of a region is halved along its longest side
+//! until it is small enough, and each half is tightened again.
 
 use pumice_core::CompressedVolume;
 use rayon::prelude::*;
 
-/// Cells of 4³ voxels that have any, in Morton order: place among the cells of the box's cube, and occupancy field (voxel x + 4y + 16z).
+/// A nonempty cell of 4³ voxels: its Morton index among the cells of the box's cube, and its occupancy field (bit x + 4y + 16z).
 pub(crate) type Cell = (u64, u64);
 
-/// A box of one label.
+/// A tight box of voxels of one label.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TightBox {
     /// Lowest voxel.
     pub lo: [u32; 3],
     /// One past the highest voxel.
     pub hi: [u32; 3],
-    /// Dense index.
+    /// Dense index of the label.
     pub label: u32,
-    /// Where its cells begin.
+    /// Index of its first cell in [`Subdivision::cells`].
     first_cell: usize,
 }
 
-/// All boxes of a volume by rising labels, with what is in them.
+/// All boxes of a volume by rising labels, with their cells.
 #[derive(Clone, Debug)]
 pub struct Subdivision {
     boxes: Vec<TightBox>,
@@ -29,12 +29,16 @@ pub struct Subdivision {
 }
 
 impl Subdivision {
-    /// Of a volume, with boxes of at most `side` voxels along each axis (a power of two from 8 on), or one box a label.
+    /// Subdivides a volume into boxes of at most `side` voxels along each axis (a power of two, at least 8), or into one box per label where
+    /// `side` is `None`.
     ///
     /// # Panics
-    /// When `side` is no power of two from 8 on.
+    /// When `side` is less than 8 or no power of two.
     pub fn new(volume: &CompressedVolume, side: Option<u32>) -> Self {
-        assert!(side.is_none_or(|s| s >= 8 && s.is_power_of_two()), "sides are powers of two from 8 on");
+        assert!(
+            side.is_none_or(|s| s >= 8 && s.is_power_of_two()),
+            "the side of boxes must be a power of two, at least 8"
+        );
         let mut of_label = vec![Vec::new(); volume.labels().len()];
         let mut number = 0;
         volume.for_each_box(|label, _| {
@@ -63,12 +67,12 @@ impl Subdivision {
         Self { boxes, cells, side }
     }
 
-    /// The boxes.
+    /// All boxes, by rising labels.
     pub fn boxes(&self) -> &[TightBox] {
         &self.boxes
     }
 
-    /// Longest side of a box, where boxes were cut.
+    /// Upper limit of the sides of boxes in voxels; `None` where each label is one box.
     pub fn side(&self) -> Option<u32> {
         self.side
     }
@@ -78,15 +82,15 @@ impl Subdivision {
         &self.cells[self.boxes[index].first_cell..end]
     }
 
-    /// Levels of a box's tree above its cells: its cube has 4 · 2^levels voxels along each side. At least one, so that each box has a root
-    /// with children.
+    /// Levels of a box's tree above its cells: its cube has 4 · 2^levels voxels along each side. At least 1, so that the root of each box
+    /// has children.
     pub(crate) fn levels(&self, index: usize) -> u32 {
         let b = &self.boxes[index];
         levels_of(self.side, b.lo, b.hi)
     }
 }
 
-/// See [`Subdivision::levels`].
+/// Levels of the tree of a box from `lo` to `hi`; see [`Subdivision::levels`].
 pub(crate) fn levels_of(side: Option<u32>, lo: [u32; 3], hi: [u32; 3]) -> u32 {
     let longest = side.unwrap_or_else(|| (0..3).map(|a| hi[a] - lo[a]).fold(8, u32::max));
     longest.next_power_of_two().trailing_zeros() - 2
@@ -108,7 +112,7 @@ fn voxels_of(volume: &CompressedVolume, boxes: &[usize]) -> Vec<[u32; 3]> {
     voxels
 }
 
-/// Calls `emit` with each box of these voxels: lowest voxel, one past the highest, the voxels.
+/// Subdivides voxels into tight boxes and calls `emit` for each: lowest voxel, one past the highest, the box's voxels.
 fn subdivide(
     voxels: &mut [[u32; 3]],
     side: Option<u32>,
@@ -165,7 +169,7 @@ fn cells_of(lo: [u32; 3], voxels: &[[u32; 3]], cells: &mut Vec<Cell>) {
 mod tests {
     use super::*;
 
-    /// An L of voxels, 20 along x and 3 along y: cut once in the middle of x, tight on both sides.
+    /// An L of voxels, 20 along x and 3 along y, is halved once along x, and both halves are tightened.
     #[test]
     fn boxes_are_cut_in_the_middle_and_tight() {
         let mut voxels: Vec<[u32; 3]> = (0..20).map(|x| [5 + x, 7, 9]).collect();

@@ -1,6 +1,6 @@
-//! First hits of rays (§4.1, §4.2): a hierarchy over the boxes, and the walk through each.
+//! Finds the first hits of rays (§4.1, §4.2) with a hierarchy over the boxes and a walk through each box.
 //!
-//! The hierarchy is the one that Pumice's own form is traced with, so that what is compared is the boxes and what is in them.
+//! The hierarchy is the one that also serves Pumice's own form, so that a comparison is only about the boxes and their content.
 
 use glam::DAffine3;
 use pumice_transport::{BoxBounds, Bvh, BvhRay, RayInWorld, RenderError};
@@ -9,33 +9,33 @@ use crate::encoding::{BoxRecord, Encoding, Trees};
 use crate::tree::Node;
 use crate::walk::{Found, IndexRay};
 
-/// See the module.
+/// Traces rays through an [`Encoding`].
 #[derive(Debug)]
 pub struct EncodingTracer<'a> {
     encoding: &'a Encoding,
     index_from_world: DAffine3,
     bvh: Bvh,
-    /// Labels in the hierarchy that are passed over.
+    /// By dense label, whether boxes in the hierarchy are skipped; `None` where the hierarchy has only visible boxes.
     hidden: Option<Vec<bool>>,
-    /// Whether boxes are drawn whole (§4.3).
+    /// Whether boxes are drawn as solid boxes (§4.3).
     is_coarse: bool,
 }
 
-/// What a ray met first.
+/// First hit of a ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EncodedHit {
-    /// Along the ray.
+    /// Ray parameter, in lengths of the ray's direction.
     pub t: f64,
-    /// Dense index.
+    /// Dense index of the label.
     pub label: u32,
-    /// The voxel, or the one of a coarse box where the ray came in.
+    /// The voxel hit; of a box that is drawn solid, the voxel where the ray enters it.
     pub voxel: [u32; 3],
-    /// Axis of the face; `None` where the ray began in the voxel.
+    /// Axis of the face that was hit; `None` where the ray starts inside the voxel.
     pub axis: Option<usize>,
 }
 
 impl<'a> EncodingTracer<'a> {
-    /// Of the labels that are marked, by dense index, with a hierarchy over their boxes.
+    /// A tracer with a hierarchy over the boxes of visible labels. `visible` has an entry for each dense label.
     ///
     /// # Errors
     /// [`RenderError::Scene`] when there are too many boxes.
@@ -55,7 +55,7 @@ impl<'a> EncodingTracer<'a> {
         })
     }
 
-    /// The same with all boxes in the hierarchy: those of other labels are passed over where a ray meets them (§5.6).
+    /// A tracer with all boxes in the hierarchy, which skips the boxes of invisible labels when a ray meets them (§5.6).
     ///
     /// # Errors
     /// As [`EncodingTracer::new`].
@@ -68,7 +68,7 @@ impl<'a> EncodingTracer<'a> {
         Ok(Self { hidden, ..Self::new(encoding, world_from_index, &vec![true; visible.len()])? })
     }
 
-    /// Draws boxes whole, or again what is in them.
+    /// The same tracer, drawing boxes as solid (`true`) or with their voxels (`false`).
     #[must_use]
     pub fn coarse(self, is_coarse: bool) -> Self {
         Self { is_coarse, ..self }
@@ -79,13 +79,13 @@ impl<'a> EncodingTracer<'a> {
         self.bvh.bytes()
     }
 
-    /// Boxes in the hierarchy.
+    /// Number of boxes in the hierarchy.
     pub fn boxes(&self) -> usize {
         self.bvh.len()
     }
 
-    /// The nearest voxel that the ray passes through, of the lowest label where several are as near. `nodes` grows by those that were
-    /// read on the way.
+    /// The nearest voxel that the ray passes through; at equal distance, that of the lowest label. Adds the number of tree nodes read to
+    /// `nodes`.
     pub fn first_hit(&self, ray: &RayInWorld, nodes: &mut u64) -> Option<EncodedHit> {
         let (r, length) = IndexRay::new(
             self.index_from_world.transform_point3(ray.origin),
@@ -139,7 +139,7 @@ impl<'a> EncodingTracer<'a> {
     }
 }
 
-/// Of a box that is drawn whole.
+/// The tree of a box that is drawn solid.
 struct NoTree;
 
 impl crate::tree::Tree for NoTree {
@@ -148,7 +148,7 @@ impl crate::tree::Tree for NoTree {
     }
 }
 
-/// The ray as the hierarchy wants it, from where it comes into the hierarchy's bounds.
+/// The ray as [`Bvh::along_ray`] takes it, with its origin moved to where it enters the hierarchy's bounds.
 fn moved(ray: &IndexRay, bvh: &Bvh, bounds: BoxBounds, enter: f64) -> BvhRay {
     const MOST: f64 = (1u64 << 60) as f64;
     let at = |a: usize| {
@@ -159,7 +159,7 @@ fn moved(ray: &IndexRay, bvh: &Bvh, bounds: BoxBounds, enter: f64) -> BvhRay {
     BvhRay {
         origin: [0, 1, 2].map(at),
         inverse: ray.inverse.map(|i| i.clamp(-MOST, MOST) as f32),
-        // Three roundings of the move.
+        // Covers the three roundings of moving the origin.
         pad: bvh.pad() + (far * 4.0 * f64::EPSILON) as f32,
     }
 }

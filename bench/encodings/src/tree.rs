@@ -1,38 +1,39 @@
-//! What octrees and SVDAGs are alike in: a node has eight children, of which each is a node, all, nothing, or an occupancy field.
+//! The interface that octrees and SVDAGs share: a node has eight children, each of which is a node, solid, empty, or an occupancy field.
 
 use crate::subdivision::Cell;
 
-/// What a place in a tree is.
+/// A decoded node of a tree.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Node {
-    /// No voxel.
+    /// Has no voxel.
     Empty,
-    /// All voxels.
+    /// Has all voxels.
     Solid,
     /// A cell of 4³ with this occupancy field.
     Field(u64),
-    /// A node with children, by a number that its tree understands.
+    /// A node with children, by an index that its tree understands.
     Inner(u32),
 }
 
-/// A tree that can be walked down. Child c lies at (c & 1, c >> 1 & 1, c >> 2) of the eight.
+/// A tree that can be descended. Child c is the octant at (c & 1, c >> 1 & 1, c >> 2).
 pub(crate) trait Tree {
     fn child(&self, inner: u32, c: u32) -> Node;
 }
 
-/// Voxel x + 4y + 16z of the occupancy field, for voxel `v` of octant `c`.
+/// Index x + 4y + 16z in the occupancy field of voxel `v` of octant `c`.
 fn voxel_of_octant(c: u32, v: u32) -> u32 {
     let along = |a: u32| 2 * (c >> a & 1) + (v >> a & 1);
     along(0) + 4 * along(1) + 16 * along(2)
 }
 
-/// The eight octants of 2³ of a field: bit v of each is its voxel v.
+/// Splits an occupancy field into its eight octants of 2³ voxels; bit v of an octant is its voxel v.
 pub(crate) fn octants(field: u64) -> [u8; 8] {
     let octant = |c: u32| (0..8).fold(0, |mask, v| mask | ((field >> voxel_of_octant(c, v) & 1) as u8) << v);
     [0, 1, 2, 3, 4, 5, 6, 7].map(octant)
 }
 
-/// The cells of each of a node's eight children: `levels` above the cells, in a cube whose first cell is `base`.
+/// Splits the cells of a node among its eight children; each comes with the Morton index of its first cell. The node is `levels` above the
+/// cells, and `base` is the Morton index of its first cell.
 pub(crate) fn parts(cells: &[Cell], levels: u32, base: u64) -> [(&[Cell], u64); 8] {
     let size = 1u64 << (3 * (levels - 1));
     let mut rest = cells;
@@ -44,13 +45,13 @@ pub(crate) fn parts(cells: &[Cell], levels: u32, base: u64) -> [(&[Cell], u64); 
     })
 }
 
-/// Whether all voxels of a cube `levels` above its cells are there.
+/// Whether a cube that is `levels` above its cells has all its voxels.
 pub(crate) fn is_solid(cells: &[Cell], levels: u32) -> bool {
     cells.len() as u64 == 1 << (3 * levels) && cells.iter().all(|c| c.1 == u64::MAX)
 }
 
-/// Calls `visit` with each cell under a node that has voxels: lowest voxel of the cell from the cube's, and its field. `side` is that of
-/// the node's cube in voxels.
+/// Calls `visit` for each nonempty cell of 4³ voxels under a node, with the cell's lowest voxel and its occupancy field. `low` is the lowest
+/// voxel of the node's cube, `side` its side in voxels.
 pub(crate) fn for_each_cell(
     tree: &impl Tree,
     node: Node,
@@ -72,7 +73,7 @@ pub(crate) fn for_each_cell(
                 for_each_cell(tree, tree.child(inner, c), side / 2, corner(low, c, side / 2), visit);
             }
         }
-        // Down to voxels: put together again.
+        // A cell that is stored down to voxels: assemble its occupancy field.
         Node::Inner(inner) => {
             let mut field = 0;
             for c in 0..8 {
@@ -90,7 +91,7 @@ pub(crate) fn for_each_cell(
     }
 }
 
-/// Lowest voxel of child `c`, of side `half`.
+/// Lowest voxel of child `c`, whose side is `half`, of the cube at `low`.
 fn corner(low: [u32; 3], c: u32, half: u32) -> [u32; 3] {
     [0, 1, 2].map(|a| low[a] + half * (c >> a & 1))
 }

@@ -1,8 +1,8 @@
-//! Which labels are always shown together (§3.2.2): each such type gets a graph of its own.
+//! Types of labels (§3.2.2): the labels of a type are always shown together, and each type has a graph of its own.
 
 use pumice_core::CompressedVolume;
 
-/// A type for each label.
+/// The type of each label.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Types {
     of_label: Vec<u32>,
@@ -10,7 +10,7 @@ pub struct Types {
 }
 
 impl Types {
-    /// The volume's own, with one for the labels that have none; each label its own where the volume has no types.
+    /// The types in the volume's label table, and one more for labels without a type. Where the table has no types, each label is a type.
     pub fn of_volume(volume: &CompressedVolume) -> Self {
         let labels = volume.labels();
         let named = labels.type_names().len() as u32;
@@ -22,23 +22,23 @@ impl Types {
         Self { of_label, count: named + 1 }
     }
 
-    /// Labels dealt to so many types in turn.
+    /// `count` types, to which labels are assigned round robin.
     pub fn dealt(labels: usize, count: u32) -> Self {
         let count = count.clamp(1, (labels as u32).max(1));
         Self { of_label: (0..labels as u32).map(|l| l % count).collect(), count }
     }
 
-    /// How many there are.
+    /// Number of types.
     pub fn count(&self) -> usize {
         self.count as usize
     }
 
-    /// A label's.
+    /// The type of a label.
     pub fn of(&self, label: u32) -> usize {
         self.of_label[label as usize] as usize
     }
 
-    /// Bytes of the table that finds a label's graph.
+    /// Bytes of the table from labels to types, which finds a label's graph.
     pub fn bytes(&self) -> u64 {
         4 * self.of_label.len() as u64
     }

@@ -1,14 +1,14 @@
-//! The walk through a box (§4.2): a 3D-DDA of several levels, down the tree to what is empty, solid or an occupancy field, from one such
-//! cube to the next, and voxel by voxel within a field.
+//! The walk through a box (§4.2): a 3D-DDA of several levels. It descends the tree to a cube that is empty, solid or an occupancy field,
+//! steps from one such cube to the next, and steps voxel by voxel within a field.
 //!
-//! All in f64, planes from whole numbers: `t = (p − o)·(1/d)` is a function of ray, axis and plane alone, and a plane counts as crossed
-//! when its t is at most where the ray is. (The published shader steps by an epsilon in f32, and misses voxels on diagonals.)
+//! Everything is computed in f64 from planes at whole numbers: `t = (p − o)·(1/d)` is a function of ray, axis and plane alone, and a plane
+//! is crossed when its t is at most the ray's current t. (The published shader steps by an epsilon in f32, and misses voxels on diagonals.)
 
 use glam::DVec3;
 
 use crate::tree::{Node, Tree};
 
-/// A ray in index space whose direction's largest component is 1 in size.
+/// A ray in index space, scaled so that the largest absolute component of its direction is 1.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct IndexRay {
     pub(crate) origin: [f64; 3],
@@ -16,17 +16,18 @@ pub(crate) struct IndexRay {
     pub(crate) inverse: [f64; 3],
 }
 
-/// Where a walk ended.
+/// The voxel that a walk found.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Found {
     pub(crate) t: f64,
-    /// Axis of the plane through which the ray came into the voxel; `None` where it began there.
+    /// Axis of the plane through which the ray enters the voxel; `None` where it starts inside.
     pub(crate) axis: Option<usize>,
     pub(crate) voxel: [u32; 3],
 }
 
 impl IndexRay {
-    /// Of an origin and a direction in voxels; and how much longer the direction was. `None` where it has none.
+    /// Makes a ray from origin and direction in index space; also returns the factor by which the direction was divided. `None` where the
+    /// origin is not finite or the direction is zero, subnormal or not finite.
     pub(crate) fn new(origin: DVec3, direction: DVec3) -> Option<(Self, f64)> {
         let length = direction.abs().max_element();
         let usable = origin.is_finite() && length.is_normal();
@@ -34,7 +35,7 @@ impl IndexRay {
         let mut origin = origin.to_array();
         let mut inverse = [0.0; 3];
         for a in 0..3 {
-            // In a plane, the ray belongs to the voxel above it.
+            // A ray that runs in a plane between voxels counts as in the voxel above the plane.
             if direction[a] == 0.0 && origin[a] == origin[a].floor() {
                 origin[a] += 0.5;
             }
@@ -53,7 +54,7 @@ impl IndexRay {
         self.inverse[a] < 0.0
     }
 
-    /// Where the ray is within a box from t = 0 on: (enter, leave), empty unless enter < leave.
+    /// The interval (enter, leave) of t ≥ 0 in which the ray is inside a box; empty unless enter < leave.
     #[inline]
     pub(crate) fn clip(&self, lo: [u32; 3], hi: [u32; 3]) -> (f64, f64) {
         let (mut enter, mut leave) = (0.0f64, f64::INFINITY);
@@ -65,7 +66,7 @@ impl IndexRay {
         (enter, leave)
     }
 
-    /// The voxel along an axis, of `low..end`, where the ray is at t: all planes met by then are crossed.
+    /// Coordinate along an axis, within `low..end`, of the voxel in which the ray is at t; planes with at most that t are crossed.
     #[inline]
     fn voxel_at(&self, a: usize, t: f64, low: u32, end: u32) -> u32 {
         let at = self.origin[a] + t * self.direction[a];
@@ -88,8 +89,8 @@ impl IndexRay {
         v
     }
 
-    /// Crosses to beyond the cube of 2^`shift` voxels, aligned from `lo`, that holds `voxel`. Returns t and the axis; a coordinate may
-    /// end up outside of the box (below 0: wrapped).
+    /// Moves `voxel` out of the cube of side 2^`shift` that holds it; such cubes are aligned with `lo`. Returns t and the axis of the plane
+    /// crossed. A coordinate may end up outside the box (below 0 it wraps).
     #[inline]
     fn step(&self, lo: [u32; 3], shift: u32, voxel: &mut [u32; 3]) -> (f64, usize) {
         let (mut t, mut axis) = (f64::INFINITY, 0);
@@ -114,8 +115,8 @@ impl IndexRay {
         (t, axis)
     }
 
-    /// The first voxel of a box that the ray meets, from `enter` on, where it is within the box. `side` is that of the cube that the
-    /// tree divides; `nodes` counts those that were read.
+    /// The first voxel of a box that the ray meets from t = `enter` on, where it is inside the box. `side` is the side of the cube that the
+    /// tree divides. Adds the number of nodes read to `nodes`.
     pub(crate) fn first_voxel<T: Tree>(
         &self,
         (tree, root): (&T, Node),
@@ -128,7 +129,7 @@ impl IndexRay {
         let near = |a: usize| if self.is_down(a) { hi[a] } else { lo[a] };
         let mut found = Found { t: enter, axis: (0..3).find(|&a| self.t_of(a, near(a)) == enter), voxel };
         let top = side.trailing_zeros() as usize;
-        // What holds the voxel, by the logarithm of its side.
+        // The nodes that hold the voxel, by the logarithm of their side.
         let mut path = [Node::Empty; 24];
         path[top] = root;
         let mut level = top;
@@ -161,7 +162,7 @@ impl IndexRay {
             if (0..3).any(|a| voxel[a].wrapping_sub(lo[a]) >= hi[a] - lo[a]) {
                 return None;
             }
-            // Up to what holds both.
+            // Ascends to the lowest node that holds the voxels before and after the step.
             let apart = (0..3).fold(0, |all, a| all | ((voxel[a] - lo[a]) ^ (before[a] - lo[a])));
             level = (u32::BITS - apart.leading_zeros()) as usize;
         }

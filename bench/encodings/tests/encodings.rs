@@ -1,4 +1,4 @@
-//! Every encoding is the volume, in the sizes that its layout says, and traces as exact arithmetic does.
+//! Tests that every encoding decodes to its volume, has the size that its layout gives, and finds the first hits of a fine ray march.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test may fail by panicking, in its helpers too")]
 
 use std::collections::HashSet;
@@ -40,7 +40,7 @@ fn noise(dims: [u32; 3], labels: u32) -> CompressedVolume {
 #[test]
 fn each_form_is_decoded_back() {
     let (_, bodies) = blobs([70, 50, 90], 40, 9, 3);
-    // Noise fills a box of 16³ to the last node: pointers of 12 bits must reach.
+    // Noise in a box of 16³ needs every possible node, so this tests that pointers of 12 bits suffice.
     let full = noise([16; 3], 1);
     for volume in [&*bodies, &full, &noise([33, 20, 17], 1), &noise([16; 3], 200), &noise([1; 3], 1)] {
         for side in SIDES {
@@ -51,7 +51,7 @@ fn each_form_is_decoded_back() {
     }
 }
 
-/// Negative control: another volume is not taken for the same, wherever a voxel differs.
+/// Negative control: verification against a volume that differs in one voxel fails, wherever the voxel is.
 #[test]
 fn another_volume_is_told_apart() {
     let dims = [40, 30, 70];
@@ -72,8 +72,7 @@ fn another_volume_is_told_apart() {
     }
 }
 
-/// Sizes by hand. One full box and one with a single voxel: with fields, the octree of the second has two groups of children of 2
-/// bytes and a field; without, two groups more.
+/// Sizes computed by hand, of a full box and a box with two voxels in two cells.
 #[test]
 fn bytes_are_those_of_the_layouts() {
     let mut ids = vec![0u32; 16 * 16 * 48];
@@ -88,13 +87,13 @@ fn bytes_are_those_of_the_layouts() {
     for with_fields in [false, true] {
         let e = Encoding::octrees(&boxes, with_fields);
         assert_eq!(e.box_bytes(), 64);
-        // The root's eight, two octants' eight each, and for each cell a field or two groups.
+        // Eight children of the root, eight of each of two octants, and for each cell a field or two groups.
         let cell = if with_fields { 8 } else { 2 * 16 };
         assert_eq!(e.tree_bytes(), 16 + 2 * 16 + 2 * cell);
         assert_eq!(e.own_tree_bytes(), Some(vec![0, e.tree_bytes()]));
         let types = Encoding::types(&boxes, &Types::dealt(2, 2), with_fields);
-        // The two uniform leaves of each graph; the second has a root, two nodes of 8³, and the cells' fields or octants of theirs: the
-        // cells are (0, 0, 0) of voxel 0 and (3, 3, 1) of voxel 63.
+        // Each graph has the two uniform leaves. The second also has a root, two nodes of 8³, and the fields of the cells or their
+        // octants: cell (0, 0, 0) with voxel 0, and cell (3, 3, 1) with voxel 63.
         let cells = if with_fields { 2 } else { 2 + 2 };
         assert_eq!(types.dags().iter().map(|d| d.nodes().len()).collect::<Vec<_>>(), [2, 2 + 1 + 2 + cells]);
         assert_eq!(types.tree_bytes(), 32 * (4 + 3 + cells as u64) + 8);
@@ -112,7 +111,7 @@ fn no_two_nodes_are_equal_and_merging_in_either_way_makes_the_same_graph() {
         let in_turn = merge_in_turn(per_type.dags(), with_fields);
         assert!(in_turn.growth.is_sorted() && in_turn.growth.last() == Some(&in_turn.dag.nodes().len()));
         let at_once = rayon_pool(3, || merge_on_all_cores(per_type.dags(), with_fields));
-        // One graph for all from the first is what merging must come to.
+        // Merging must give the graph that is built when all labels have one type.
         let whole = Encoding::types(&boxes, &Types::dealt(bodies.labels().len(), 1), with_fields);
         for merged in [&in_turn.dag, &at_once.dag, &whole.dags()[0]] {
             let different: HashSet<_> = merged.nodes().iter().collect();
@@ -129,7 +128,7 @@ fn rayon_pool<T: Send>(threads: usize, f: impl FnOnce() -> T + Send) -> T {
     rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(f)
 }
 
-/// By a march through all voxels in f64 and steps far below a voxel, with rays in general position.
+/// Compares first hits with a march in f64 whose steps are far smaller than a voxel, for rays in general position.
 #[test]
 fn first_hits_are_those_of_a_march() {
     let (_, bodies) = blobs([60, 50, 40], 25, 9, 11);
@@ -181,7 +180,7 @@ fn first_hits_are_those_of_a_march() {
                     };
                     apart += usize::from(!same);
                 }
-                // A step of the march may pass a corner that is nearer together than it is long.
+                // A step of the march may skip a corner whose chord is shorter than the step.
                 assert!(apart <= 2, "{apart} of 300: {:?} {side:?} {with_fields}", e.form());
                 assert!(nodes > 300);
             }
@@ -189,7 +188,7 @@ fn first_hits_are_those_of_a_march() {
     }
 }
 
-/// Boxes drawn whole: the first box along the ray, by hand.
+/// With boxes drawn solid, the hit is the first box along the ray; expected values are computed by hand.
 #[test]
 fn coarse_hits_are_the_boxes() {
     let mut ids = vec![0u32; 32 * 32 * 32];
@@ -205,7 +204,7 @@ fn coarse_hits_are_the_boxes() {
     assert_eq!((hit.t, hit.label, hit.voxel, hit.axis), (9.0, 0, [10, 6, 10], Some(1)));
 }
 
-/// Two boxes with one root: each node of it is used once by its parent, the root twice.
+/// Two boxes share one root: each node below it is referenced once by its parent, the root twice.
 #[test]
 fn uses_are_counted() {
     let mut ids = vec![0u32; 16 * 16 * 48];

@@ -12,10 +12,11 @@ use crate::console::{BenchResult, Console, Outcome};
 use crate::files::rising;
 use crate::machine;
 
-/// Error against CPU seconds, beside Cycles where a Python with Blender is named
+/// Error against CPU seconds, beside Cycles if --cycles names a Python with Blender
 ///
-/// Draws a figure of some labels with rising numbers of samples, and the same voxels as a mesh with Cycles on the same cores, and
-/// compares both with a reference of many samples of both. Writes convergence.csv, convergence.md and an SVG for each number of bounces.
+/// Renders a figure of some labels with increasing numbers of samples, and the same voxels as a mesh with Cycles on the same cores.
+/// Compares both with a reference of many samples by both programs. Writes convergence.csv, convergence.md and an SVG for each number
+/// of bounces.
 #[derive(Debug, Args)]
 pub(crate) struct Flags {
     /// Label volume; the shipped one by default
@@ -30,19 +31,19 @@ pub(crate) struct Flags {
     /// Picture size in pixels
     #[arg(long, value_name = "WxH", default_value = "240x135", value_parser = size)]
     size: [u32; 2],
-    /// Samples a pixel, rising
+    /// Samples per pixel, in increasing order
     #[arg(long, value_name = "N,…", value_delimiter = ',', default_value = "1,4,16,64", value_parser = clap::value_parser!(u32).range(1..))]
     spp: Vec<u32>,
-    /// Bounces, a scene for each
+    /// Numbers of bounces; each is a scene of its own
     #[arg(long, value_name = "N,…", value_delimiter = ',', default_value = "1,8")]
     bounces: Vec<u32>,
-    /// Pictures at each number of samples, averaged
+    /// Pictures at each number of samples, over which results are averaged
     #[arg(long, value_name = "N", default_value = "3", value_parser = clap::value_parser!(u32).range(1..))]
     repeats: u32,
-    /// Samples a pixel of the reference, of each program
+    /// Samples per pixel of the reference, by each program
     #[arg(long, value_name = "N", default_value = "4096", value_parser = clap::value_parser!(u32).range(8..))]
     reference_spp: u32,
-    /// Folder for the results, made if absent
+    /// Folder for the results, created if missing
     #[arg(long, value_name = "DIR", default_value = "pumice-convergence")]
     out: PathBuf,
 }

@@ -1,4 +1,4 @@
-//! relMSE over CPU seconds, both on logarithmic scales.
+//! Plots relMSE over CPU seconds, both on logarithmic scales.
 
 use super::Convergence;
 use crate::plot::{Axes, Curve, log_log_svg};

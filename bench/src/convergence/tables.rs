@@ -1,4 +1,4 @@
-//! The figures as CSV, a row a point, and as a page.
+//! Writes the measurements as CSV, one row per point, and as a Markdown page.
 
 use std::fmt::Write;
 
@@ -36,7 +36,7 @@ pub(super) fn markdown(machine: &str, scenes: &[Convergence]) -> String {
         let [width, height] = scene.size;
         let _ = write!(
             text,
-            "\n## {} bounces\n\n{} at {width} × {height}, {} voxel faces. The reference's own relMSE, {:.1e}, is taken off.",
+            "\n## {} bounces\n\n{} at {width} × {height}, {} voxel faces. The reference's own relMSE, {:.1e}, is subtracted.",
             scene.bounces, scene.volume, scene.faces, scene.reference_rel_mse
         );
         if let Some(errors) = scene.disagreement {

@@ -1,4 +1,5 @@
-//! The program that traces with Embree: compiled from `bench/embree/rays.c`, fed with files, asked by lines of text (the C file says how).
+//! Runs the program that traces with Embree. It is compiled from `bench/embree/rays.c`, reads and writes files, and takes commands as lines
+//! of text; the C file documents both.
 
 use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
@@ -12,11 +13,11 @@ use super::Ray;
 
 const SOURCE: &str = include_str!("../../embree/rays.c");
 
-/// What to do where Embree is not found.
-const INSTALL: &str = "Embree 3 is needed to compare with: install it (Debian 12: apt install libembree-dev), or name a folder with its \
-                       include and lib by --embree (packages that were unpacked: …/usr)";
+/// Error text if compiling against Embree fails.
+const INSTALL: &str = "this bench needs Embree 3: install it (Debian 12: apt install libembree-dev), or pass a folder that holds its \
+include and lib as --embree (for unpacked packages: …/usr)";
 
-/// Compiles it into `folder`; `prefix` is where Embree is, if not where the compiler looks.
+/// Compiles the program into `folder` and returns its path. `prefix` holds Embree if the compiler does not find it by itself.
 pub(super) fn build_driver(folder: &Path, prefix: Option<&Path>) -> Result<PathBuf> {
     let (source, driver) = (folder.join("rays.c"), folder.join("rays"));
     std::fs::write(&source, SOURCE).map_err(io(&source))?;
@@ -29,7 +30,7 @@ pub(super) fn build_driver(folder: &Path, prefix: Option<&Path>) -> Result<PathB
                 compiler.arg("-L").arg(&lib).arg(format!("-Wl,-rpath,{}", lib.display()));
             }
         }
-        // What Embree links is found where it is itself.
+        // The libraries that Embree links are in its own folder.
         compiler.args(["-Wl,--disable-new-dtags", "-Wl,--allow-shlib-undefined"]);
     }
     let said = compiler.args(["-lembree3", "-lm"]).output().map_err(io("cc"))?;
@@ -41,14 +42,14 @@ pub(super) fn build_driver(folder: &Path, prefix: Option<&Path>) -> Result<PathB
     Err(SessionError::Caller(format!("{INSTALL}; cc: {}: {first}", said.status)))
 }
 
-/// Embree with a mesh, waiting for rays.
+/// The running program, which has built its mesh and waits for rays.
 pub(super) struct Driver {
     child: Child,
     ask: ChildStdin,
     answer: BufReader<ChildStdout>,
-    /// CPU seconds of building its hierarchy.
+    /// CPU seconds of building Embree's hierarchy.
     pub(super) build_cpu_seconds: f64,
-    /// Bytes that it holds, the quads' arrays included.
+    /// Bytes that Embree holds, with the arrays of the quads.
     pub(super) bytes: u64,
 }
 
@@ -62,7 +63,9 @@ impl Driver {
             .spawn()
             .map_err(io(program))?;
         let (Some(ask), Some(answer)) = (child.stdin.take(), child.stdout.take()) else {
-            return Err(SessionError::Caller("Embree's program has no pipes".into()));
+            return Err(SessionError::Caller(
+                "the program with Embree has no standard input or output".into(),
+            ));
         };
         let mut driver =
             Self { child, ask, answer: BufReader::new(answer), build_cpu_seconds: 0.0, bytes: 0 };
@@ -73,7 +76,7 @@ impl Driver {
         Ok(driver)
     }
 
-    /// The numbers of its next line, which begins with `word`.
+    /// The numbers in the program's next line of output, which must begin with `word`.
     fn numbers_after(&mut self, word: &str) -> Result<Vec<f64>> {
         let mut line = String::new();
         self.answer.read_line(&mut line).map_err(io("Embree's program"))?;
@@ -85,7 +88,7 @@ impl Driver {
         }
     }
 
-    /// Traces the rays of a file and writes their hits to another; gives the CPU seconds of tracing alone.
+    /// Traces the rays of a file and writes their hits to another; returns the CPU seconds of the tracing only.
     pub(super) fn trace(&mut self, rays: &Path, hits: &Path) -> Result<f64> {
         writeln!(self.ask, "trace {} {}", rays.display(), hits.display()).map_err(io("Embree's program"))?;
         match self.numbers_after("traced")?[..] {
@@ -94,23 +97,23 @@ impl Driver {
         }
     }
 
-    /// Ends it.
+    /// Closes the program's input and waits for its end.
     pub(super) fn end(self) -> Result<()> {
         let Self { mut child, ask, .. } = self;
         drop(ask);
         let status = child.wait().map_err(io("Embree's program"))?;
         match status.success() {
             true => Ok(()),
-            false => Err(SessionError::Caller(format!("Embree's program ended with {status}"))),
+            false => Err(SessionError::Caller(format!("the program with Embree ended with {status}"))),
         }
     }
 }
 
 fn unexpected(expected: &str, got: &str) -> SessionError {
-    SessionError::Caller(format!("Embree's program: expected {expected}, got {got:?}"))
+    SessionError::Caller(format!("the program with Embree: expected {expected}, got {got:?}"))
 }
 
-/// Vertices around `middle`, and quads.
+/// Writes a mesh as `rays.c` reads it, with `middle` moved to the origin.
 pub(super) fn write_mesh(path: &Path, mesh: &QuadMesh, world: &DAffine3, middle: DVec3) -> Result<()> {
     let mut bytes = Vec::with_capacity(16 + 12 * mesh.vertices.len() + 16 * mesh.quads.len());
     bytes.extend((mesh.vertices.len() as u64).to_le_bytes());
@@ -123,7 +126,7 @@ pub(super) fn write_mesh(path: &Path, mesh: &QuadMesh, world: &DAffine3, middle:
     std::fs::write(path, bytes).map_err(io(path))
 }
 
-/// Rays, each from a little beside where ours begins.
+/// Writes rays as `rays.c` reads them; each starts at Pumice's origin plus the lift.
 pub(super) fn write_rays(path: &Path, rays: &[Ray]) -> Result<()> {
     let mut bytes = (rays.len() as u64).to_le_bytes().to_vec();
     for ray in rays {
@@ -135,7 +138,7 @@ pub(super) fn write_rays(path: &Path, rays: &[Ray]) -> Result<()> {
     std::fs::write(path, bytes).map_err(io(path))
 }
 
-/// Distance of each hit, infinite where there is none.
+/// Reads the distance of each ray's hit, infinite for a miss.
 pub(super) fn read_hits(path: &Path, expected: usize) -> Result<Vec<f64>> {
     let bytes = std::fs::read(path).map_err(io(path))?;
     if bytes.len() != 8 * expected {

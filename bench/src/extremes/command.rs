@@ -10,23 +10,23 @@ use super::{ExtremesOptions, measure_extremes, write_extremes};
 use crate::console::{BenchResult, Console, Outcome};
 use crate::machine;
 
-/// The worst volumes that there are, generated: bytes, memory, time, and how it grows
+/// Generated worst-case volumes: bytes, memory, time, and how the time grows with the volume
 ///
-/// A label of 2³² voxels, 10⁷ labels of one voxel, a line, a checkerboard, noise: each compressed, saved, opened and held against its
-/// generator. Writes extremes.csv and extremes.md. Exit code 1 when one takes more bytes than its bound, or its time grows faster than
-/// its voxels.
+/// A label of 2³² voxels, 10⁷ labels of one voxel, a line, a checkerboard, noise: each is compressed, saved, opened and compared with
+/// its generator. Writes extremes.csv and extremes.md. Exit code 1 if a case takes more bytes than its bound, or its time grows too fast
+/// with its voxels.
 #[derive(Debug, Args)]
 pub(crate) struct Flags {
-    /// Some cases only: runs, full, labels, checkerboard, noise-2, noise-256
+    /// Cases to measure, all by default: runs, full, labels, checkerboard, noise-2, noise-256
     #[arg(long = "case", value_name = "NAME,…", value_delimiter = ',')]
     cases: Vec<String>,
-    /// A 64th of the voxels: seconds instead of minutes
+    /// Use a 64th of the voxels, which takes seconds instead of minutes
     #[arg(long)]
     reduced: bool,
-    /// Memory to stay below while compressing, in bytes
+    /// Limit of memory while compressing, in bytes
     #[arg(long, value_name = "BYTES", value_parser = bytes)]
     memory_limit: Option<u64>,
-    /// Folder for the results, made if absent
+    /// Folder for the results, created if missing
     #[arg(long, value_name = "DIR", default_value = "pumice-extremes")]
     out: PathBuf,
 }

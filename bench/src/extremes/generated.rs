@@ -1,22 +1,22 @@
-//! Volumes that no file is needed for: a label for every voxel by a rule, delivered in slabs.
+//! Volumes without files: a rule gives the label of every voxel, and the source delivers slabs of them.
 
 use pumice_core::{BlockSource, LabelBlock, LabelBuffer, LabelType, VolumeInfo};
 
-/// Voxels of a block, about.
+/// Approximate number of voxels in a block.
 const BLOCK_VOXELS: u64 = 1 << 22;
 
-/// What label a voxel has.
+/// Rule that gives the label of a voxel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Rule {
-    /// 1, everywhere.
+    /// Label 1 everywhere.
     Full,
-    /// One of its own for each voxel: its number from 1 on, times an odd number, so that ids are sparse and in no order.
+    /// A label of its own for each voxel: (index + 1) times an odd number mod 2³², so that ids are sparse and unordered.
     OfItsOwn,
-    /// Runs of 7 along z, of five labels in turn, the first of them background.
+    /// Runs of 7 voxels along z that cycle through labels 0 (background) to 4.
     Runs,
-    /// 1 and 2, so that no voxel has a neighbour of its label.
+    /// Labels 1 and 2, so that no voxel has a face neighbour of its own label.
     Checkerboard,
-    /// Labels 0 to N − 1 by chance.
+    /// Labels 0 to N − 1 at random.
     Noise(u32),
 }
 
@@ -43,14 +43,14 @@ fn mixed(number: u64) -> u64 {
 }
 
 impl Rule {
-    /// The label of voxel `number`, x fastest, at [x, y, z].
+    /// The label of the voxel at [x, y, z], whose index is `number` (x varies fastest).
     fn label(self, number: u64, [x, y, z]: [u32; 3]) -> u32 {
         match self {
             Self::Full => 1,
             Self::OfItsOwn => (number as u32 + 1).wrapping_mul(0x9e37_79b1),
             Self::Runs => z / 7 % 5,
             Self::Checkerboard => 1 + (x + y + z) % 2,
-            // Multiplied and shifted, not divided: as even as 32 bits are.
+            // Multiplies and shifts instead of taking a remainder, so the distribution is as even as 32 bits allow.
             Self::Noise(labels) => ((mixed(number) * u64::from(labels)) >> 32) as u32,
         }
     }
@@ -71,7 +71,7 @@ impl BlockSource for Generated {
         let (rule, low) = (self.rule, self.z);
         self.z += layers;
         let labels = match rule {
-            // A byte a voxel, and no arithmetic for any.
+            // One byte per voxel, without arithmetic.
             Rule::Full => LabelBuffer::U8(vec![1; (layer * u64::from(layers)) as usize]),
             _ => {
                 let mut labels = Vec::with_capacity((layer * u64::from(layers)) as usize);

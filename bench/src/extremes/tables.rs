@@ -1,4 +1,4 @@
-//! The figures as CSV, a row a volume, and as a page.
+//! Writes the measurements as CSV, one row per volume, and as a Markdown page.
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ use pumice_session::error::Result;
 use super::{ExtremeCase, ExtremeFigures};
 use crate::files::write_results;
 
-/// Writes `extremes.csv` and `extremes.md`; `machine` describes what they were measured on.
+/// Writes `extremes.csv` and `extremes.md` into `folder`; `machine` describes the machine.
 ///
 /// # Errors
 /// When the folder or a file cannot be written.
@@ -49,10 +49,10 @@ fn csv(cases: &[ExtremeCase]) -> String {
 
 fn markdown(machine: &str, cases: &[ExtremeCase]) -> String {
     let mut text = format!(
-        "# extremes\n\n{machine}\n\nGenerated volumes, each held against its generator voxel by voxel, in memory and from files of both \
-         levels. *In memory* has the hierarchy over the boxes; *bound* is the most that the form can take for such a volume. CPU seconds \
-         are of all threads without the generator's. *Grows as* is the power of the voxels with which CPU time grew from an eighth of \
-         them to all; a dash where the eighth took too little to tell.\n\n\
+        "# extremes\n\n{machine}\n\nGenerated volumes, each compared with its generator voxel by voxel, in memory and from files of both \
+         levels. *In memory* includes the hierarchy over the boxes; *bound* is the most that the form can take for such a volume. CPU \
+         seconds are those of all threads without the generator's. *Grows as* is the power of the number of voxels n with which CPU time \
+         grew from an eighth of the volume to all of it; a dash where the eighth took too little time.\n\n\
          | case | voxels | labels | boxes | in memory, MB | bytes a voxel | bound | files: fast, default, MB | compress, CPU s | files, CPU s | \
          hierarchy, CPU s | verify, CPU s | peak memory, MB | grows as |\n\
          | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n"

@@ -13,8 +13,8 @@ use crate::machine;
 
 /// Levels of detail: picture error against frame time and resident bytes
 ///
-/// Draws a figure of some labels at voxels, by distance, at cells of 4³ and at boxes of 16³, in pictures of each size, on the CPU, and
-/// compares all with voxels of many samples. Writes lod.csv, lod.md and an SVG for each volume and size.
+/// Renders a figure of some labels at voxels, by distance, at cells of 4³ and at boxes of 16³, in pictures of each size, on the CPU, and
+/// compares all with voxels at many samples. Writes lod.csv, lod.md and an SVG for each volume and size.
 #[derive(Debug, Args)]
 pub(crate) struct Flags {
     /// Label volumes; the shipped one by default
@@ -26,16 +26,16 @@ pub(crate) struct Flags {
     /// Picture sizes in pixels
     #[arg(long = "size", value_name = "WxH,…", value_delimiter = ',', default_value = "384x216,96x54", value_parser = size)]
     sizes: Vec<[u32; 2]>,
-    /// Samples a pixel, rising
+    /// Samples per pixel, in increasing order
     #[arg(long, value_name = "N,…", value_delimiter = ',', default_value = "1,4,16,64", value_parser = clap::value_parser!(u32).range(1..))]
     spp: Vec<u32>,
-    /// Pictures at each number of samples, averaged
+    /// Pictures at each number of samples, over which results are averaged
     #[arg(long, value_name = "N", default_value = "3", value_parser = clap::value_parser!(u32).range(1..))]
     repeats: u32,
-    /// Samples a pixel by which a level's own error is known
+    /// Samples per pixel of the pictures that give each level's own error
     #[arg(long, value_name = "N", default_value = "512", value_parser = clap::value_parser!(u32).range(8..))]
     reference_spp: u32,
-    /// Folder for the results, made if absent
+    /// Folder for the results, created if missing
     #[arg(long, value_name = "DIR", default_value = "pumice-lod")]
     out: PathBuf,
 }

@@ -1,4 +1,4 @@
-//! The figures as CSV, a row a point, as a page, and as one plot a table.
+//! Writes the measurements as CSV, one row per point, as a Markdown page, and as one plot per table.
 
 use std::fmt::Write;
 use std::path::Path;
@@ -9,7 +9,8 @@ use super::LodTable;
 use crate::files::write_results;
 use crate::plot::{Axes, Curve, log_log_svg};
 
-/// Writes `lod.csv`, `lod.md` and an SVG for each table into `folder`, made if absent. `machine` is a line on what it ran.
+/// Writes `lod.csv`, `lod.md` and an SVG for each table into `folder`, which is created if missing. `machine` is a line that describes the
+/// machine.
 ///
 /// # Errors
 /// When the folder cannot be written or there is nothing to plot.
@@ -64,11 +65,11 @@ fn csv(tables: &[LodTable]) -> String {
 
 fn markdown(machine: &str, tables: &[LodTable]) -> String {
     let mut text = format!(
-        "# lod\n\n{machine}\n\nFigures of the longest labels at each level of detail, on the CPU. *Own error* is what the level itself \
-         does to the picture, against voxels: noise is taken off. *Touched* is how much of the mapped file was in memory after four \
-         samples, as the system counts it (with what it reads ahead); *held* is the hierarchy over the boxes and the renderer's own \
-         tables. relMSE of pictures is against voxels with many samples, whose own error is taken off: a level is worth its time until \
-         its curve is level.\n"
+        "# lod\n\n{machine}\n\nFigures of the longest labels at each level of detail, on the CPU. *Own relMSE* and *own FLIP* are the \
+         errors due to the level itself, against voxels, with the noise subtracted. *Touched* is how much of the mapped file was in \
+         memory after four samples, as the system counts it (with what it reads ahead); *held* is the hierarchy over the boxes and the \
+         renderer's own tables. relMSE of pictures is against voxels with many samples, whose own error is subtracted; where the curve of \
+         a level becomes flat, more samples at that level no longer help.\n"
     );
     for table in tables {
         let _ = write!(

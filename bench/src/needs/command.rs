@@ -11,28 +11,28 @@ use crate::console::{BenchResult, Console, Outcome};
 use crate::files::volumes_or_shipped;
 use crate::machine;
 
-/// What it saves to leave out what a scene does not need: both ways in turn
+/// Savings of leaving out parts that a scene does not need, without and with each part in turn
 ///
-/// Draws the least that can be drawn of a volume, with all labels and with some, without and with each part that a renderer leaves out
-/// where no scene needs it. Writes needs.csv and needs.md. Exit code 1 when both ways do not draw the same picture.
+/// Renders two minimal scenes of a volume, with all labels and with some, without and with each part that a renderer leaves out when the
+/// scene does not need it. Writes needs.csv and needs.md. Exit code 1 if a part changes the picture.
 #[derive(Debug, Args)]
 pub(crate) struct Flags {
     /// Label volumes; the shipped one by default
     #[arg(value_name = "FILE")]
     volumes: Vec<PathBuf>,
-    /// What draws: auto, cpu, vulkan-rt, vulkan-query or vulkan-compute
+    /// Backend that renders: auto, cpu, vulkan-rt, vulkan-query or vulkan-compute
     #[arg(long, value_name = "NAME", default_value = "auto")]
     backend: String,
-    /// Labels of the scene that shows some, the longest ones
+    /// Number of labels in the scene that shows some, the longest ones
     #[arg(long, value_name = "N", default_value = "10", value_parser = clap::value_parser!(u32).range(1..))]
     show: u32,
-    /// Rounds of both ways
+    /// Rounds; each renders without and with every part
     #[arg(long, value_name = "N", default_value = "21", value_parser = clap::value_parser!(u32).range(2..=10_000))]
     rounds: u32,
-    /// Pixels of the pictures across
+    /// Width of the pictures in pixels
     #[arg(long, value_name = "N", default_value = "320", value_parser = clap::value_parser!(u32).range(16..=4096))]
     side: u32,
-    /// Folder for the results, made if absent
+    /// Folder for the results, created if missing
     #[arg(long, value_name = "DIR", default_value = "pumice-needs")]
     out: PathBuf,
 }

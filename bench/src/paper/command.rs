@@ -10,20 +10,20 @@ use crate::console::{BenchResult, Console, Outcome};
 use crate::files::volumes_or_shipped;
 use crate::machine;
 
-/// The encodings of the paper that Pumice implements, in its layouts, with ours beside them
+/// The encodings of the paper that Pumice implements, in the paper's layouts, beside Pumice's own form
 ///
-/// Makes SVOs, SVDAGs of types and one SVDAG of all, without and with occupancy fields, decodes each back, and traces the same rays through
-/// them. Writes paper.csv, paper.md with the paper's tables 1, 3, 4 and 5 and section 5.6, and the curves of its figure 6 as SVG. Takes
-/// minutes and some 4 GB for 512³ voxels.
+/// Encodes a volume as SVOs, as SVDAGs per type and as one shared SVDAG, without and with occupancy fields. Decodes each and traces the same
+/// rays through it. Writes paper.csv, paper.md with the paper's tables 1, 3, 4 and 5 and section 5.6, and the curves of its figure 6 as
+/// SVG. Takes minutes and some 4 GB for 512³ voxels.
 #[derive(Debug, Args)]
 pub(crate) struct Flags {
     /// Label volumes; the shipped one by default
     #[arg(value_name = "FILE")]
     volumes: Vec<PathBuf>,
-    /// Types that labels are dealt to in turn; by default the volume's own, or one for each label
+    /// Number of types to which labels are assigned round robin; by default the volume's own types, or one for each label
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     types: Option<u32>,
-    /// Labels that rays meet, in per cent
+    /// Share of the labels that rays meet, in per cent
     #[arg(long, value_name = "PERCENT", default_value = "15", value_parser = clap::value_parser!(u32).range(1..=100))]
     show: u32,
     /// Pixels of the camera along each side
@@ -32,7 +32,7 @@ pub(crate) struct Flags {
     /// Rounds of rays, of which the fastest counts
     #[arg(long, value_name = "N", default_value = "3", value_parser = clap::value_parser!(u32).range(1..))]
     rounds: u32,
-    /// Folder for the results, made if absent
+    /// Folder for the results, created if missing
     #[arg(long, value_name = "DIR", default_value = "pumice-paper")]
     out: PathBuf,
 }

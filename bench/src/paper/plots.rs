@@ -1,9 +1,9 @@
-//! The curves of Figure 6, on logarithmic scales.
+//! Plots the curves of the paper's Figure 6, on logarithmic scales.
 
 use super::PaperTables;
 use crate::plot::{Axes, Curve, log_log_svg};
 
-/// Files and what is in them.
+/// The SVG files of a volume as pairs of name and text.
 pub(super) fn svgs(volume: &PaperTables) -> Result<Vec<(String, String)>, String> {
     let stem = volume.volume.split('.').next().unwrap_or_default();
     let mut files = Vec::new();
@@ -30,7 +30,7 @@ pub(super) fn svgs(volume: &PaperTables) -> Result<Vec<(String, String)>, String
     Ok(files)
 }
 
-/// Ranks that are evenly apart on a logarithmic scale, with the uses of the node of each.
+/// Points (rank, uses of the node at that rank), about evenly spaced on a logarithmic scale of ranks.
 pub(super) fn ranks(ranked: &[u32]) -> Vec<(f64, f64)> {
     let mut points = Vec::new();
     let mut rank = 1usize;

@@ -1,4 +1,4 @@
-//! The same rays through every form: a camera's, and what diffuse surfaces send on.
+//! Traces the same rays through every form: those of a camera, and diffuse rays from their hits.
 
 use std::sync::Arc;
 
@@ -15,43 +15,44 @@ use serde::Serialize;
 use super::PaperOptions;
 use crate::ray_sets::{camera_rays, diffuse_rays, some_labels, voxel_side};
 
-/// How far above the face that it leaves a ray starts, in the shortest side of a voxel: the paper's forms have no other way to miss it.
+/// Height above the face it leaves at which a diffuse ray starts, in units of the voxel's shortest side. Without it a ray through the
+/// paper's forms hits that face again.
 const LIFT: f64 = 1e-3;
-/// Shares of labels that are shown, in per cent.
+/// Shares of labels that are shown when hiding is measured, in per cent.
 const SHOWN: [u32; 5] = [100, 50, 25, 10, 3];
 
-/// What rays found, and how fast.
+/// Rates and counts of camera rays and of diffuse rays, in this order.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Rates {
-    /// Millions a CPU second: of the camera, and diffuse ones.
+    /// Millions of rays per CPU second.
     pub rays: [f64; 2],
-    /// How many of them hit.
+    /// Number of rays that hit.
     pub hits: [usize; 2],
-    /// Nodes that each read, on average; 0 where they were not counted.
+    /// Mean number of nodes that a ray reads; 0 if nodes were not counted.
     pub nodes: [f64; 2],
 }
 
-/// Some labels shown, in the two ways that there are.
+/// Rates with some labels shown, in two ways of hiding the others. Pairs are the paper's form, then Pumice's.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Hiding {
-    /// Labels that are shown, in per cent.
+    /// Share of the labels that are shown, in per cent.
     pub shown: u32,
-    /// CPU milliseconds of building the hierarchy anew: the paper's boxes, ours.
+    /// CPU milliseconds of rebuilding the hierarchy for the shown labels.
     pub rebuild_ms: [f64; 2],
-    /// Camera rays, millions a CPU second, with it: the paper's, ours.
+    /// Millions of camera rays per CPU second with the rebuilt hierarchy.
     pub rebuilt: [f64; 2],
-    /// The same with one hierarchy for all labels, where hits of hidden ones are passed over.
+    /// Millions of camera rays per CPU second with one hierarchy for all labels, skipping boxes of hidden ones.
     pub discarding: [f64; 2],
 }
 
-/// Rays, and the labels that they meet.
+/// The camera rays and diffuse rays, and the labels that they meet.
 pub(super) struct Rays {
     sets: [Vec<RayInWorld>; 2],
     pub(super) visible: Vec<bool>,
     rounds: u32,
 }
 
-/// Whatever finds a ray's first hit; nodes that are read are counted.
+/// Traces a ray, adds the nodes read to the counter, and returns whether it hits.
 type FirstHit<'a> = &'a dyn Fn(&RayInWorld, &mut u64) -> bool;
 
 impl Rays {
@@ -75,7 +76,7 @@ impl Rays {
         [self.sets[0].len(), self.sets[1].len()]
     }
 
-    /// Rates of each tracer; the tracers take turns.
+    /// Rates of each tracer for the given sets of rays (0: camera, 1: diffuse). The tracers take turns.
     fn measure(&self, tracers: &[FirstHit<'_>], sets: &[usize], job: &Job) -> Result<Vec<Rates>> {
         let mut all = vec![Rates::default(); tracers.len()];
         for &set in sets {
@@ -104,7 +105,8 @@ impl Rays {
         self.measure(&ways, &[0, 1], job)
     }
 
-    /// Rates of Pumice's own form, through voxels and through boxes drawn whole. (Through boxes alone, as the paper's forms are traced: bricks are bytes besides.)
+    /// Rates of Pumice's own form, through voxels and through boxes drawn solid. It is traced without bricks, as the paper's forms are,
+    /// since bricks would take additional bytes.
     pub(super) fn ours(&self, volume: &Arc<CompressedVolume>, job: &Job) -> Result<[Rates; 2]> {
         let mut rates = [Rates::default(); 2];
         for (rates, lod) in rates.iter_mut().zip([LodChoice::Voxels, LodChoice::Boxes]) {
@@ -116,7 +118,7 @@ impl Rays {
         Ok(rates)
     }
 
-    /// Labels hidden in two ways, of the paper's form and of ours.
+    /// Rates with labels hidden in two ways, by the paper's form and by Pumice's.
     pub(super) fn hiding(
         &self,
         encoding: &Encoding,
@@ -144,7 +146,7 @@ impl Rays {
             ];
             let ours = [
                 scene(VolumeTracer::new(0, &instance)?),
-                scene(VolumeTracer::carrying_hidden(0, &instance)?),
+                scene(VolumeTracer::with_hidden_labels(0, &instance)?),
             ];
             let ours = ours.each_ref().map(|scene| {
                 |r: &RayInWorld, _: &mut u64| scene.first_hit(r, PathOrigin::Free, f64::INFINITY).is_some()

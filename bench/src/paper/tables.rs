@@ -1,4 +1,4 @@
-//! The figures as CSV, a row a figure, and as a page.
+//! Writes the measurements as CSV, one row per value, and as a Markdown page.
 
 use std::fmt::Write;
 
@@ -17,7 +17,7 @@ fn form_name(f: &FormFigures) -> String {
     }
 }
 
-/// Table, row, column and figure of all that was measured.
+/// All measurements as tuples of table, row, column and value.
 fn figures(v: &PaperTables) -> Vec<(&'static str, String, String, String)> {
     let mut all = Vec::new();
     let mut put = |table, row: &str, column: &str, figure: String| {
@@ -99,8 +99,8 @@ pub(super) fn csv(volumes: &[PaperTables]) -> String {
 
 pub(super) fn markdown(machine: &str, volumes: &[PaperTables]) -> String {
     let mut text = format!(
-        "# paper\n\n{machine}\n\nThe tables and the figure of the paper, of its encodings in its layouts, with ours beside them. Each was \
-         decoded back and held against the volume, voxel by voxel. Rays are the same for all, of one thread; millions a CPU second.\n"
+        "# paper\n\n{machine}\n\nThe tables and the figure of the paper, for its encodings in its layouts and for Pumice's own. Each was \
+         decoded and compared with the volume, voxel by voxel. All trace the same rays, on one thread; rates are millions per CPU second.\n"
     );
     for v in volumes {
         let _ = writeln!(text, "\n## {}", v.volume);
@@ -130,8 +130,8 @@ fn one(text: &mut String, v: &PaperTables) {
     let [camera, diffuse] = v.rays;
     let _ = write!(
         text,
-        "\nTable 4: {camera} rays of a camera, {diffuse} diffuse ones from where those hit; {} % of the labels shown. In brackets: boxes \
-         drawn whole.\n\n| form | camera, M/s | diffuse, M/s | nodes a ray: camera, diffuse | hits: camera, diffuse |\n| --- | --- | --- | --- | --- |\n",
+        "\nTable 4: {camera} rays of a camera, {diffuse} diffuse rays from their hits; {} % of the labels shown. In brackets: boxes drawn \
+         as solid.\n\n| form | camera, M/s | diffuse, M/s | nodes a ray: camera, diffuse | hits: camera, diffuse |\n| --- | --- | --- | --- | --- |\n",
         v.show
     );
     for f in &v.forms {
@@ -152,7 +152,7 @@ fn one(text: &mut String, v: &PaperTables) {
     for s in &v.sides {
         rates(text, &side_name(s.side), &s.figures);
     }
-    *text += "\nSection 5.6: labels hidden, by building the BVH of those that are shown, or by passing over hits of the others. Camera rays, M/s.\n\n| shown | building: theirs, ours, CPU ms | rebuilt: theirs, ours | passed over: theirs, ours |\n| --- | --- | --- | --- |\n";
+    *text += "\nSection 5.6: labels hidden by building a BVH of only those shown, or by skipping the boxes of the others. Camera rays, M/s.\n\n| shown | building: theirs, ours, CPU ms | rebuilt: theirs, ours | passed over: theirs, ours |\n| --- | --- | --- | --- |\n";
     for h in &v.hiding {
         let _ = writeln!(
             text,
@@ -192,14 +192,14 @@ fn mb(bytes: u64) -> String {
     format!("{:.3}", bytes as f64 / 1e6)
 }
 
-/// A row of bytes.
+/// Appends a table row with bytes.
 fn bytes(text: &mut String, name: &str, f: &FormFigures, raw: f64) {
     let [boxes, bvh, trees, all] = [f.box_bytes, f.bvh_bytes, f.tree_bytes, f.bytes()].map(mb);
     let share = 100.0 * f.bytes() as f64 / raw;
     let _ = writeln!(text, "| {name} | {} | {boxes} | {bvh} | {trees} | {all} | {share:.3} % |", f.boxes);
 }
 
-/// A row of rays.
+/// Appends a table row with rates of rays.
 fn rates(text: &mut String, name: &str, f: &FormFigures) {
     let both = |i: usize| format!("{:.3} ({:.3})", f.fine.rays[i], f.coarse.rays[i]);
     let nodes = match f.fine.nodes {

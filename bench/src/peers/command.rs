@@ -10,10 +10,10 @@ use crate::console::{BenchResult, Console, Outcome};
 use crate::files::volumes_or_shipped;
 use crate::machine;
 
-/// Other programs that store label volumes, side by side: bytes, CPU seconds, what one voxel costs
+/// Pumice beside other programs that store label volumes: bytes, CPU seconds, time to read one voxel
 ///
-/// Compresses and decompresses the volume with Pumice at all levels and with crackle, compresso, compressed_segmentation, zstd, NIfTI and
-/// zarr by their own Python packages, and holds what comes back against the volume. Writes peers.csv and peers.md.
+/// Compresses and decompresses the volume with Pumice at all levels, and with crackle, compresso, compressed_segmentation, zstd, NIfTI
+/// and zarr through their own Python packages. Compares the result with the volume. Writes peers.csv and peers.md.
 #[derive(Debug, Args)]
 pub(crate) struct Flags {
     /// Label volumes; the shipped one by default
@@ -25,7 +25,7 @@ pub(crate) struct Flags {
     /// Programs to leave out
     #[arg(long, value_name = "NAME,…", value_delimiter = ',')]
     without: Vec<String>,
-    /// Folder for the results, made if absent
+    /// Folder for the results, created if missing
     #[arg(long, value_name = "DIR", default_value = "pumice-peers")]
     out: PathBuf,
 }

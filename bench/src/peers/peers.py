@@ -1,8 +1,8 @@
-"""Other programs that store label volumes: sizes, CPU seconds, what one voxel costs. Run by `pumice bench peers`, once a program.
+"""Measures another program that stores label volumes: bytes, CPU seconds, time to read one voxel. `pumice bench peers` runs it per program.
 
 The request is a JSON file: {"peer": name, "labels": .npy, "voxels": [[x, y, z], …], "scratch": a folder's name, "report": .json}, or
-{"check": [names], "report": .json}, which tells what is missing. The array is C-ordered z, y, x: x fastest, as most of the programs
-want it.
+{"check": [names], "report": .json}, which reports missing packages. The array is C-ordered (z, y, x), so x varies fastest, as most of
+the programs expect.
 """
 
 import gzip
@@ -14,7 +14,7 @@ import resource
 import sys
 import time
 
-# Most seconds for reading single voxels of one program; at least one voxel is read.
+# CPU seconds after which no further single voxel is read; at least one is.
 VOXEL_SECONDS = 2.0
 
 
@@ -37,7 +37,7 @@ class Crackle:
 
 
 class CrackleZstd(Crackle):
-    """What is stored where crackle files are served: zstd finds more in them."""
+    """Crackle files compressed once more with zstd, as servers of such files store them."""
 
     one_voxel = "decodes all, then its z layer"
 
@@ -86,7 +86,7 @@ class CompressoGzip(Compresso):
 
 
 class CompressedSegmentation:
-    """Neuroglancer's: blocks of 8 × 8 × 8 voxels, each with its own few labels."""
+    """Neuroglancer's format: blocks of 8 × 8 × 8 voxels, each with a table of its few labels."""
 
     package = ("compressed-segmentation", "compressed_segmentation")
     one_voxel = "from its block of 8³"
@@ -190,14 +190,14 @@ PEERS = {
 
 
 def bytes_of(packed):
-    """Bytes of what a program made: a string of them, or a folder's files."""
+    """Size of a program's output, which is a bytes object or a folder of files."""
     if isinstance(packed, pathlib.Path):
         return sum(path.stat().st_size for path in packed.rglob("*") if path.is_file())
     return len(packed)
 
 
 def clocked(work):
-    """What a piece of work gives, and its seconds: the wall's and all threads'."""
+    """Calls work(); returns its result, and its wall seconds and the CPU seconds of all threads."""
 
     def cpu():
         used = resource.getrusage(resource.RUSAGE_SELF)
@@ -209,7 +209,7 @@ def clocked(work):
 
 
 def missing(names):
-    """A line for each package that is not there."""
+    """A line of text for each package that cannot be imported."""
     lines = []
     for name in names:
         packages = [PEERS[name].package, ("numpy", "numpy")]

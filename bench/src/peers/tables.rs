@@ -1,4 +1,4 @@
-//! The figures as CSV, a row a program, and as a page.
+//! Writes the measurements as CSV, one row per program, and as a Markdown page.
 
 use std::path::Path;
 
@@ -8,7 +8,7 @@ use super::{Peer, PeersTable};
 use crate::files::write_results;
 use crate::table::quoted;
 
-/// Writes `peers.csv` and `peers.md`; `machine` describes what they were measured on.
+/// Writes `peers.csv` and `peers.md` into `folder`; `machine` describes the machine.
 ///
 /// # Errors
 /// When the folder or a file cannot be written.
@@ -41,15 +41,15 @@ fn csv(tables: &[PeersTable]) -> String {
     text
 }
 
-/// What one voxel costs, where it was measured.
+/// CPU microseconds for reading one voxel; `None` if not measured.
 fn microseconds(p: &Peer) -> Option<String> {
     p.voxel_cpu_seconds.is_finite().then(|| format!("{:.3}", 1e6 * p.voxel_cpu_seconds))
 }
 
 fn markdown(machine: &str, tables: &[PeersTable]) -> String {
     let mut text = format!(
-        "# peers\n\n{machine}\n\nEach program gets the voxels as an array in memory and gives them back as one; all gave back the very \
-         same voxels. Per cent are of 4 bytes a voxel, seconds are CPU seconds of all threads, with the wall's beside them.\n"
+        "# peers\n\n{machine}\n\nEach program gets the voxels as an array in memory and returns them as one; all returned the same voxels. \
+         Percentages are of 4 bytes per voxel; seconds are CPU seconds of all threads, with wall seconds in brackets.\n"
     );
     for table in tables {
         let [x, y, z] = table.dims;

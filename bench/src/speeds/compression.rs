@@ -1,8 +1,8 @@
-//! Labels in memory to a compressed volume, to files and back, step by step on one thread.
+//! Measures each step from labels in memory to a compressed volume, to files and back, on one thread.
 
 use pumice_core::{
-    ArraySource, CompressOptions, CompressedVolume, Job, LabelBlock, LabelBuffer, LabelType, Level, Part,
-    Verification, VolumeInfo, compress, verify,
+    ArraySource, CompressOptions, CompressedVolume, CompressionLevel, Job, LabelBlock, LabelBuffer,
+    LabelType, SortedCells, Verification, VolumeInfo, compress, verify,
 };
 use pumice_session::error::{Result, SessionError, io};
 use serde::Serialize;
@@ -11,47 +11,47 @@ use crate::files::scratch;
 use crate::timing::clocked;
 use crate::voxels::decoded;
 
-/// Rounds of making parts, averaged.
+/// Rounds of making records, over which the time is averaged.
 const PART_ROUNDS: u32 = 3;
 /// Rounds on one and on two threads, of which the fastest counts.
 const THREAD_ROUNDS: u32 = 3;
 
-/// Saving and opening at one level.
+/// Measurements of saving and opening a file at one level.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct LevelSpeed {
     /// Bytes of the file.
     pub bytes: u64,
-    /// CPU seconds of writing it.
+    /// CPU seconds of writing the file.
     pub save_cpu_seconds: f64,
-    /// CPU seconds of opening it.
+    /// CPU seconds of opening the file.
     pub open_cpu_seconds: f64,
 }
 
-/// What compressing an array takes.
+/// Measurements of compressing an array.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct CompressionSpeed {
-    /// Records of all voxels: pairs of a label and a cell.
+    /// Number of records of all voxels, one per pair of label and cell.
     pub records: u64,
-    /// Voxels that become records in a CPU second, in millions.
+    /// Millions of voxels that become records per CPU second.
     pub parts_mvoxels_per_cpu_second: f64,
-    /// CPU seconds from records to a compressed volume: the whole less parts and contacts.
+    /// CPU seconds from records to a compressed volume: the whole compression minus making records and finding contacts.
     pub finish_cpu_seconds: f64,
-    /// Pairs of labels that touch.
+    /// Number of pairs of labels that touch.
     pub contacts: u64,
-    /// CPU seconds of finding them.
+    /// CPU seconds of finding those pairs.
     pub contacts_cpu_seconds: f64,
-    /// CPU seconds of comparing every voxel with the array's.
+    /// CPU seconds of comparing every voxel with the array.
     pub verify_cpu_seconds: f64,
-    /// Wall seconds of the whole on one thread and on two.
+    /// Wall seconds of the whole compression on one thread and on two.
     pub thread_seconds: [f64; 2],
-    /// At the levels fast, default and small.
+    /// Files at the levels fast, default and small.
     pub levels: [LevelSpeed; 3],
 }
 
 /// Compresses the voxels of a volume again, from an array of 32-bit labels.
 ///
 /// # Errors
-/// Ids that need more than 32 bits; a volume without voxels; voxels that do not come back; the job's cancellation.
+/// Ids that need more than 32 bits; a volume without voxels; voxels that differ after compression; the job's cancellation.
 pub fn measure_compression(volume: &CompressedVolume, job: &Job) -> Result<CompressionSpeed> {
     let dims = volume.info().dims;
     let labels = decoded(volume, job)?;
@@ -66,18 +66,18 @@ pub fn measure_compression(volume: &CompressedVolume, job: &Job) -> Result<Compr
     let mvoxels = labels.len() as f64 / 1e6;
     let block = LabelBlock::x_fastest([0; 3], dims, labels);
 
-    // Records of all voxels.
+    // Make the records of all voxels.
     let (records, parts) = clocked(|| {
         let mut records = 0;
         for _ in 0..PART_ROUNDS {
             job.check()?;
-            records = Part::from_block(&block, dims)?.len();
+            records = SortedCells::from_block(&block, dims)?.len();
         }
         Ok(records as u64)
     })?;
     let parts_seconds = parts.cpu_seconds / f64::from(PART_ROUNDS);
 
-    // All of it, on one thread and on two.
+    // Compress as a whole, on one thread and on two.
     let mut source = ArraySource::new(VolumeInfo::new(dims, LabelType::U32), block.labels)?;
     let on = |threads| CompressOptions { threads, ..CompressOptions::default() };
     let (volume, whole) = clocked(|| Ok(compress(&mut source, &on(1), job)?))?;
@@ -90,18 +90,20 @@ pub fn measure_compression(volume: &CompressedVolume, job: &Job) -> Result<Compr
         }
     }
 
-    // Pairs of labels that touch.
+    // Find the pairs of labels that touch.
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(1)
         .build()
-        .map_err(|e| SessionError::Caller(format!("a pool of one thread: {e}")))?;
+        .map_err(|e| SessionError::Caller(format!("a pool of one thread could not be made: {e}")))?;
     let (contacts, finding) = clocked(|| Ok(pool.install(|| volume.find_contacts(job))?))?;
 
-    // Files of each level, and back.
+    // Save and open a file at each level.
     let folder = scratch()?;
     let path = folder.path().join("volume.pumice");
     let mut levels = [LevelSpeed { bytes: 0, save_cpu_seconds: 0.0, open_cpu_seconds: 0.0 }; 3];
-    for (speed, level) in levels.iter_mut().zip([Level::Fast, Level::Default, Level::Small]) {
+    for (speed, level) in
+        levels.iter_mut().zip([CompressionLevel::Fast, CompressionLevel::Default, CompressionLevel::Small])
+    {
         let ((), saving) = clocked(|| Ok(volume.save(&path, level, job)?))?;
         let (_, opening) = clocked(|| Ok(CompressedVolume::open(&path, job)?))?;
         *speed = LevelSpeed {
@@ -111,11 +113,11 @@ pub fn measure_compression(volume: &CompressedVolume, job: &Job) -> Result<Compr
         };
     }
 
-    // Every voxel against the array's.
+    // Compare every voxel with the array.
     let (verified, comparing) =
         clocked(|| Ok(pool.install(|| verify(&volume, &mut source.rewound(), job))?))?;
     if !matches!(verified, Verification::Same { .. }) {
-        return Err(SessionError::Caller(format!("compressed from an array: {verified}")));
+        return Err(SessionError::Caller(format!("the volume compressed from an array differs: {verified}")));
     }
     Ok(CompressionSpeed {
         records,

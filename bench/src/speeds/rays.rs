@@ -1,5 +1,5 @@
-//! Rays through the traversal alone, on one thread: a camera that sees the whole volume, then one diffuse ray from each surface that
-//! was hit, then a shadow ray along the same way.
+//! Measures the traversal alone, on one thread: rays of a camera that sees the whole volume, then one diffuse ray from each hit, then a
+//! shadow ray along the same path.
 
 use std::sync::Arc;
 
@@ -13,19 +13,19 @@ use serde::Serialize;
 use crate::ray_sets::{camera_rays, diffuse_rays, some_labels};
 use crate::timing::{Took, clocked};
 
-/// Labels shown, in per cent.
+/// Share of the labels that are shown, in per cent.
 pub(super) const SHOWN_PERCENT: u32 = 15;
 /// Pixels of the camera along each side.
 pub(super) const SIDE: u64 = 1024;
 
-/// Rays of one kind.
+/// Measurements of one kind of ray.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct RaySpeed {
-    /// Rays traced.
+    /// Number of rays traced.
     pub rays: usize,
-    /// Rays that hit.
+    /// Number of rays that hit something.
     pub hits: usize,
-    /// Millions in a CPU second.
+    /// Millions of rays per CPU second.
     pub millions_per_cpu_second: f64,
 }
 
@@ -35,11 +35,11 @@ impl RaySpeed {
     }
 }
 
-/// Rays of the camera, diffuse ones from their hits, and shadow rays along these, through `percent` of the labels; the camera is `side`
-/// (a multiple of 8) pixels square.
+/// Measures camera rays, diffuse rays from their hits, and shadow rays along the diffuse rays, with `percent` per cent of the labels shown.
+/// The camera has `side` × `side` pixels; `side` is a multiple of 8.
 ///
 /// # Errors
-/// What building the hierarchy reports; the job's cancellation.
+/// Errors of building the hierarchy; the job's cancellation.
 pub fn measure_rays(
     volume: &Arc<CompressedVolume>,
     percent: u32,

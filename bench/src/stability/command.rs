@@ -11,18 +11,18 @@ use pumice_session::error::io;
 use super::{Case, Stability, measure_stability};
 use crate::console::{BenchResult, Console, Outcome};
 
-/// Extreme cases, each with its error against an exact oracle or a closed form, and a bar
+/// Extreme cases, each with its error against an exact oracle or a closed form, and a limit of the error
 ///
-/// Rays of every kind against whole-number arithmetic; volumes far away, tiny, huge, squeezed; suns, materials and depths of which
-/// the picture is known; what must be refused. Rays are the processor's in any case; pictures are drawn by the backend and, where that
-/// is another than cpu, held beside the processor's of the same samples. Exit code 1 when a bar is missed, more of a picture is apart
-/// from the processor's than roundings explain, or a pixel is not a number from 0 on.
+/// Rays of every kind against whole-number arithmetic; volumes far away, tiny, huge, squeezed; suns, materials and path depths with a
+/// known picture; scenes that must be refused. Rays are always traced on the CPU. Pictures are rendered by the backend and, if that is
+/// not cpu, compared with the CPU's pictures of the same samples. Exit code 1 if an error is above its limit, a picture differs from the
+/// CPU's by more than rounding explains, or a pixel is not finite or negative.
 #[derive(Debug, Args)]
 pub(crate) struct Flags {
-    /// What draws the pictures: auto, cpu, vulkan-rt, vulkan-query or vulkan-compute
+    /// Backend that renders the pictures: auto, cpu, vulkan-rt, vulkan-query or vulkan-compute
     #[arg(long, value_name = "NAME", default_value = "auto")]
     backend: String,
-    /// Fewer rays: seconds instead of a minute
+    /// Trace fewer rays, which takes seconds instead of a minute
     #[arg(long)]
     reduced: bool,
     /// Write the table as Markdown
@@ -65,7 +65,7 @@ pub(crate) fn run(flags: &Flags, job: &Job, console: &mut Console<'_>) -> BenchR
 fn print_summary(all: &Stability, console: &mut Console<'_>) -> BenchResult<()> {
     let missed = all.cases.iter().filter(|c| !c.holds()).count();
     console.line(format_args!(
-        "{} cases, {missed} bars missed; {} rays judged; {} pixels by {} on {}, {} of them not a number from 0 on",
+        "{} cases, {missed} above their limit; {} rays checked; {} pixels by {} on {}, {} of them not finite or negative",
         all.cases.len(),
         all.rays,
         all.pixels,
@@ -74,12 +74,12 @@ fn print_summary(all: &Stability, console: &mut Console<'_>) -> BenchResult<()> 
         all.bad_pixels
     ))?;
     for (why, count) in processor_only(&all.cases) {
-        console.line(format_args!("{count} cases are of the processor only: {why}"))?;
+        console.line(format_args!("{count} cases test only the CPU: {why}"))?;
     }
     Ok(())
 }
 
-/// Why cases were not asked of the backend, and how many for each reason.
+/// Counts the cases that test only the CPU, by reason.
 fn processor_only(cases: &[Case]) -> BTreeMap<&'static str, usize> {
     let mut reasons = BTreeMap::new();
     cases.iter().filter_map(|c| c.processor_only).for_each(|why| *reasons.entry(why).or_default() += 1);

@@ -1,5 +1,5 @@
-//! Emissive labels that are aimed at: very many, very small, far away, of very long voxels. A place straight below the middle of a
-//! rectangle sees a known part of all directions filled by it (Howell, *Radiation Configuration Factors*, B-3).
+//! Importance sampling of emissive labels that are very many, very small, far away, or of very long voxels. The irradiance straight below
+//! the middle of an emissive rectangle is known in closed form (Howell, *Radiation Configuration Factors*, B-3).
 
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -14,11 +14,11 @@ use super::Case;
 use super::pictures::{Studio, from_above, lambert, mean_off, sky, worst};
 
 const ALBEDO: f32 = 0.6;
-/// Voxels along each side of the plate, each a label of its own: 99,856 labels.
+/// Voxels along each side of the emissive plate, each a label of its own: 99,856 labels.
 const WIDE: u32 = 316;
-/// Height of what shines over the floor that is looked at, in voxels.
+/// Height of the plate over the floor, in voxels.
 const HEIGHT: u32 = 12;
-/// Side of what is looked at, in voxels: straight below the middle the irradiance is the same all over it to 1e-6.
+/// Side of the piece of floor that the camera sees, in voxels. The irradiance is the same all over it to 1e-6.
 const SIDE: f64 = 1e-3;
 
 pub(super) fn measure(studio: &mut Studio<'_>, tell: &mut dyn FnMut(Case) -> Result<()>) -> Result<()> {
@@ -26,14 +26,14 @@ pub(super) fn measure(studio: &mut Studio<'_>, tell: &mut dyn FnMut(Case) -> Res
     extreme(studio, tell)
 }
 
-/// Part of the irradiance under an even sky, below the middle of a rectangle of these half sides.
+/// Irradiance below the middle of an emissive rectangle with these half sides, as a share of that under a constant sky.
 fn below_the_middle(half: [f64; 2], height: f64) -> f64 {
     let [a, b] = half.map(|h| h / height);
     let part = |a: f64, b: f64| a / (1.0 + a * a).sqrt() * (b / (1.0 + a * a).sqrt()).atan();
     4.0 * (part(a, b) + part(b, a)) / (2.0 * PI)
 }
 
-/// A floor of label 1, and over it what `at` says of (x, y); seen from between.
+/// A scene with a floor of label 1 and above it a plate whose voxel (x, y) has the label `at(x, y)`; the camera is between the two.
 fn below(
     wide: u32,
     at: impl Fn(u32, u32) -> u32,
@@ -62,7 +62,7 @@ fn case(name: &str, error: f64, unit: &'static str, bar: f64, reason: &'static s
     Case::new("emission", name, error, unit, bar, reason)
 }
 
-/// A plate of a hundred thousand labels, alike; the same with one that is a million times brighter, over the place that is looked at.
+/// A plate of a hundred thousand equal labels; then the same with one label, over the piece of floor seen, a million times brighter.
 fn very_many(studio: &mut Studio<'_>, tell: &mut dyn FnMut(Case) -> Result<()>) -> Result<()> {
     let radiance = 2.0;
     let shines = Material { emission: [radiance; 3], ..lambert(0.0) };
@@ -71,12 +71,12 @@ fn very_many(studio: &mut Studio<'_>, tell: &mut dyn FnMut(Case) -> Result<()>) 
     let height = f64::from(HEIGHT);
     let of_plate = f64::from(ALBEDO * radiance) * below_the_middle([f64::from(WIDE) / 2.0; 2], height);
     let pixels = studio.expose(&scene, &plate, 256)?;
-    // Aimed at by importance, what a sample brings varies by a fifth of its mean (a twentieth was measured): of 36,864 samples, and of
-    // one pixel's 256, of which the largest of 144 is within four standard errors.
+    // With importance sampling the standard deviation of a sample is at most a fifth of its mean (a twentieth was measured). The mean has
+    // 36,864 samples. A pixel has 256, and the largest of 144 pixels is within four standard errors.
     let reason = "two standard errors of samples that vary by a fifth of their mean";
     let off = mean_off(&pixels, of_plate).abs();
     tell(case("100,000 labels, mean", off, "relative error of the mean", 2.1e-3, reason))?;
-    // A picture of its own, so that it stands beside the processor's.
+    // A picture of its own, so that this case is compared with the CPU's too.
     scene.settings.seed += 1;
     let pixels = studio.expose(&scene, &plate, 256)?;
     let reason = "four standard errors of samples that vary by a fifth of their mean";
@@ -86,7 +86,7 @@ fn very_many(studio: &mut Studio<'_>, tell: &mut dyn FnMut(Case) -> Result<()>) 
     let bright = Material { emission: [radiance * 1e6; 3], ..lambert(0.0) };
     let styles = &mut scene.instances[0].style.materials;
     styles.insert(u64::from(label(middle, middle)), bright);
-    // It is half a voxel off each way: a quarter of a rectangle of twice its sides, which has the place below its middle.
+    // The bright voxel is half a voxel off along both axes, so it is a quarter of a rectangle of twice its sides that is centred.
     let of_bright = f64::from(ALBEDO * radiance) * 1e6 * below_the_middle([1.0; 2], height) / 4.0;
     let pixels = studio.expose(&scene, &plate, 64)?;
     let name = "one of 100,000 labels a million times brighter";
@@ -96,7 +96,7 @@ fn very_many(studio: &mut Studio<'_>, tell: &mut dyn FnMut(Case) -> Result<()>) 
 
 const RELATIVE: &str = "largest relative error of a pixel";
 
-/// A plate of 8 × 8 voxels of one label.
+/// An emissive plate of 8 × 8 voxels of one label, with extreme voxel sizes and radiances.
 fn extreme(studio: &mut Studio<'_>, tell: &mut dyn FnMut(Case) -> Result<()>) -> Result<()> {
     let at = |x: u32, y: u32| 2 * u32::from((8..16).contains(&x) && (8..16).contains(&y));
     let scaled =
@@ -119,8 +119,8 @@ fn extreme(studio: &mut Studio<'_>, tell: &mut dyn FnMut(Case) -> Result<()>) ->
         let seen = below_the_middle([4.0 * x, 4.0 * y], f64::from(HEIGHT) * z);
         let expected = f64::from(ALBEDO) * f64::from(radiance) * seen;
         let off = mean_off(&studio.expose(&scene, &volume, 64)?, expected).abs();
-        // By area: over the long side light varies most, by up to 20 times its mean, of which 9,216 samples in strata leave a few per
-        // cent; elsewhere by less than a half, which leaves half a per cent.
+        // Samples are uniform by area. On very long voxels the standard deviation is up to 20 times the mean, of which 9,216 stratified
+        // samples leave a few per cent; elsewhere it is less than half of the mean, which leaves half a per cent.
         let (bar, reason) = match name.contains("1000") {
             true => (0.1, "samples by area vary by twenty times their mean"),
             false => (1e-2, "two standard errors of samples that vary by half of their mean"),

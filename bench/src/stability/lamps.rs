@@ -1,5 +1,4 @@
-//! Lamps without size, without angle and as wide as the world, over a floor of which one place is looked at: what it shows is albedo / π
-//! of the irradiance there.
+//! Lamps without size, without angle and as wide as the world, over a floor. The radiance of the floor is albedo / π of the irradiance.
 
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -15,14 +14,14 @@ use super::pictures::{Studio, from_above, lambert, mean_off, sky, worst};
 
 const ALBEDO: f32 = 0.6;
 const POWER: f64 = 1000.0;
-/// Height of a lamp over the place that is looked at.
+/// Height of a lamp over the piece of floor that the camera sees.
 const HEIGHT: f64 = 10.0;
-/// Side of what is looked at: straight below a lamp cosines and distances are the same all over it to 1e-10.
+/// Side of that piece of floor. Straight below a lamp, cosines and distances are the same all over it to 1e-10.
 const SIDE: f64 = 1e-4;
 
 pub(super) fn measure(studio: &mut Studio<'_>, tell: &mut dyn FnMut(Case) -> Result<()>) -> Result<()> {
     let (_, floor) = volume([16, 16, 4], |_, _, z| u32::from(z < 2));
-    // Intensity P / 4π of points and spots, over the squared distance.
+    // Points and spots: intensity P / 4π divided by the squared distance.
     let from_point = POWER / (4.0 * PI * HEIGHT * HEIGHT);
     for (name, shape, irradiance) in [
         ("a point of size 0", point(0.0), from_point),
@@ -32,11 +31,11 @@ pub(super) fn measure(studio: &mut Studio<'_>, tell: &mut dyn FnMut(Case) -> Res
         ("a spot of angle π", spot(PI, 0.0), from_point),
         ("a spot of angle 0", spot(0.0, 0.0), 0.0),
         ("a ball with a spot's angle of 0", spot(0.0, 1.0), 0.0),
-        // Radiance P / πA, seen small.
+        // Radiance P / πA, seen under a small solid angle.
         ("an area of size 1e-6", area(1e-6, PI), POWER / (PI * HEIGHT * HEIGHT)),
-        // A beam: P / A.
+        // A beam: irradiance P / A.
         ("a beam of size 1e6", area(1e6, 0.0), POWER / 1e12),
-        // All around, radiance P / 4π²r².
+        // Seen in all directions, radiance P / 4π²r².
         ("a ball of radius 1e6 around all", point(1e6), POWER / (4.0 * PI * 1e12)),
     ] {
         let pixels = studio.expose(&under(shape), &floor, 4)?;
@@ -45,7 +44,7 @@ pub(super) fn measure(studio: &mut Studio<'_>, tell: &mut dyn FnMut(Case) -> Res
                 let light = pixels.iter().flatten().fold(0.0, |m: f64, &v| m.max(v.into()));
                 case(name, light, "largest value of a pixel", 0.0, "a cone of no width lets nothing through")
             }
-            // From within a ball directions follow the cosine, whoever draws them: without noise too.
+            // Inside a ball both sampling strategies draw directions by the cosine, so there is no noise here either.
             _ => {
                 let error = worst(&pixels, f64::from(ALBEDO) / PI * irradiance);
                 case(name, error, RELATIVE, 5e-6, "a handful of products in f32")
@@ -54,16 +53,16 @@ pub(super) fn measure(studio: &mut Studio<'_>, tell: &mut dyn FnMut(Case) -> Res
         tell(case)?;
     }
 
-    // Radiance P / πA from half of all directions: π of it arrives.
+    // Radiance P / πA from the whole hemisphere: the irradiance is π times that.
     let off =
         mean_off(&studio.expose(&under(area(1e6, PI)), &floor, 64)?, f64::from(ALBEDO) / PI * POWER / 1e12);
-    // Even directions, weighted by a cosine: σ is at most 0.58 of the mean, and 144 pixels × 64 samples leave 0.6 % of that.
+    // Uniform directions weighted by a cosine: σ is at most 0.58 of the mean, of which 144 pixels × 64 samples leave 0.6 %.
     let reason = "two standard errors of even directions";
     tell(case("an area of size 1e6", off.abs(), "relative error of the mean", 7e-3, reason))?;
     tilted(studio, &floor, tell)
 }
 
-/// The floor mirrored and sheared: the cosine is that of its own normal.
+/// The floor mirrored and sheared: the cosine must be that with the normal of the transformed floor.
 fn tilted(
     studio: &mut Studio<'_>,
     floor: &Arc<CompressedVolume>,
@@ -78,7 +77,7 @@ fn tilted(
         ("sheared, 1e-6 of its size", sheared * 1e-6),
     ] {
         let place = DAffine3 { matrix3, translation: DVec3::new(3.0, -2.0, 1.0) };
-        // Of the slab's two faces that which is seen from above.
+        // Takes the face of the slab that is visible from above.
         let across = matrix3.x_axis.cross(matrix3.y_axis).normalize();
         let normal = across * across.z.signum();
         let top = if normal.dot(matrix3.z_axis) > 0.0 { 2.0 } else { 0.0 };
@@ -93,8 +92,8 @@ fn tilted(
         let expected = f64::from(ALBEDO) / PI * POWER * cos / (4.0 * PI * way.length_squared());
         let error = worst(&studio.expose(&scene, floor, 4)?, expected);
         let name = format!("a point over a floor, {name}");
-        // From its middle what is looked at goes on for 7e-5, 7e-6 of the distance, which the irradiance follows threefold.
-        let reason = "what is looked at is 1e-5 of the distance wide";
+        // The piece of floor extends 7e-5 from its middle, which is 7e-6 of the distance; the irradiance changes three times as much.
+        let reason = "the piece of floor seen is 1e-5 of the distance wide";
         tell(case(&name, error, RELATIVE, 2.5e-5, reason))?;
     }
     Ok(())
@@ -117,7 +116,7 @@ fn under(shape: LightShape) -> Scene {
     lit(shape, [8.0, 8.0], SIDE)
 }
 
-/// Over the middle of the floor.
+/// Position of a lamp over the middle of the floor.
 const ABOVE: [f64; 3] = [8.0, 8.0, 2.0 + HEIGHT];
 
 fn point(radius: f64) -> LightShape {

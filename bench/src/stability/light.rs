@@ -1,4 +1,4 @@
-//! Suns, skies, materials and depths of which the picture is known.
+//! Suns, skies, materials, path depths and camera positions for which the picture is known.
 
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -38,7 +38,7 @@ fn on_floor(material: Material, environment: Environment) -> Scene {
     scene
 }
 
-/// Irradiance of a small sun: strength × cosine; the floor gives albedo / π of it.
+/// The irradiance of a small sun is strength × cosine, and the floor's radiance albedo / π of it.
 fn suns(studio: &mut Studio<'_>, floor: &Arc<CompressedVolume>, tell: &mut Tell<'_>) -> Result<()> {
     for (name, strength, angle_rad, tilt) in [
         ("a sun of one direction", 3.0, 0.0, 0.6f64),
@@ -51,7 +51,7 @@ fn suns(studio: &mut Studio<'_>, floor: &Arc<CompressedVolume>, tell: &mut Tell<
         scene.suns = vec![Sun { direction, strength, color: [1.0; 3], angle_rad }];
         let expected = 0.6 / PI * f64::from(strength) * tilt.cos();
         let error = worst(&studio.expose(&scene, floor, 2)?, expected);
-        // A cosine of 1e-3 from a direction in f32 parts is right to 6e-8 / 1e-3.
+        // A cosine of 1e-3, from a direction with f32 components, has a relative error of 6e-8 / 1e-3.
         let (bar, reason) = match name.contains("above") {
             true => (1e-4, "a cosine of 1e-3, rounded to 6e-8"),
             false => (5e-6, FEW_PRODUCTS),
@@ -61,8 +61,8 @@ fn suns(studio: &mut Studio<'_>, floor: &Arc<CompressedVolume>, tell: &mut Tell<
     Ok(())
 }
 
-/// One pixel of a sky's picture has 1e8, all others nothing. Between pixels the sky is interpolated: a tent two pixels wide each way,
-/// so irradiance = L·Δφ·Δθ·½ sin 2θ·(sin Δθ / Δθ)², θ the pixel's middle.
+/// One pixel of a sky image has 1e8, all others 0. The sky is interpolated between pixels, so the pixel becomes a tent two pixels wide along
+/// each axis, and irradiance = L·Δφ·Δθ·½ sin 2θ·(sin Δθ / Δθ)² with θ at the pixel's middle.
 fn bright_pixel(studio: &mut Studio<'_>, floor: &Arc<CompressedVolume>, tell: &mut Tell<'_>) -> Result<()> {
     let (width, height, row) = (256usize, 128usize, 20usize);
     let mut pixels = vec![[0.0f32; 3]; width * height];
@@ -76,12 +76,12 @@ fn bright_pixel(studio: &mut Studio<'_>, floor: &Arc<CompressedVolume>, tell: &m
     let middle = (row as f64 + 0.5) * down;
     let irradiance = 1e8 * across * down * (2.0 * middle).sin() / 2.0 * (down.sin() / down).powi(2);
     let off = mean_off(&studio.expose(&scene, floor, 512)?, 0.5 / PI * irradiance).abs();
-    // Of a tent that is sampled evenly σ is 1.7 of the mean: 144 pixels × 512 samples leave 0.64 % of that.
+    // With uniform samples of the tent σ is 1.7 of the mean, of which 144 pixels × 512 samples leave 0.64 %.
     let reason = "two standard errors of even samples of the tent";
     tell(case("1e8 in one pixel of the sky's picture", off, "relative error of the mean", 1.3e-2, reason))
 }
 
-/// Under an even sky of 1 nothing is brighter than 1.
+/// Under a constant sky of radiance 1 no surface may be brighter than 1.
 fn materials(studio: &mut Studio<'_>, floor: &Arc<CompressedVolume>, tell: &mut Tell<'_>) -> Result<()> {
     for metallic in [0.0, 1.0] {
         for roughness in [0.0, 1e-4, 1.0] {
@@ -92,7 +92,7 @@ fn materials(studio: &mut Studio<'_>, floor: &Arc<CompressedVolume>, tell: &mut 
                 scene.camera.projection = Projection::Orthographic { scale: 1.0 };
                 let gained = mean_off(&studio.expose(&scene, floor, 16)?, 1.0).max(0.0);
                 let name = format!("metallic {metallic}, roughness {roughness}, IOR {ior}, white");
-                // Stratified samples of a weight between 0 and 2: below 5e-3 for 144 pixels × 16.
+                // Stratified samples of a weight between 0 and 2: the noise is below 5e-3 for 144 pixels × 16 samples.
                 let reason = "no surface gives more light than it gets; noise";
                 tell(case(&name, gained, "energy gained", 5e-3, reason))?;
             }
@@ -101,8 +101,8 @@ fn materials(studio: &mut Studio<'_>, floor: &Arc<CompressedVolume>, tell: &mut 
     covers_and_glass(studio, floor, tell)
 }
 
-/// Coats and fibres over white: what they do not reflect is reflected below, so that under an even sky of 1 each pixel is 1. Rough
-/// glass loses what it refracts to the wrong side (docs/materials.md), and gains nothing.
+/// Coats and fibres over white: light that they do not reflect is reflected below them, so each pixel is 1 under a constant sky of 1. Rough
+/// glass loses light that it refracts to the wrong side (docs/materials.md), but must not gain any.
 fn covers_and_glass(
     studio: &mut Studio<'_>,
     floor: &Arc<CompressedVolume>,
@@ -112,8 +112,8 @@ fn covers_and_glass(
         let mut scene = from_above(material, sky(1.0), [8.0, 8.0], 1.0);
         scene.settings.bounces = 256;
         let off = mean_off(&studio.expose(&scene, floor, 128)?, 1.0);
-        // A lobe that reflects next to nothing is still chosen once in ten: σ is 0.33, and 144 pixels × 128 samples leave 0.25 % of it.
-        // The rest is what lines between a table's entries are off.
+        // A lobe that reflects next to nothing is still chosen once in ten times: σ is 0.33, of which 144 pixels × 128 samples leave 0.25 %.
+        // The rest of the bar is for linear interpolation between table entries.
         let (unit, off, reason) = match material.transmission > 0.0 {
             true => ("energy gained", off.max(0.0), "no surface gives more light than it gets; noise"),
             false => {
@@ -137,7 +137,7 @@ fn covers_and_glass(
     Ok(())
 }
 
-/// Deep paths.
+/// Paths with very many bounces, and paths whose throughput underflows.
 fn depths(studio: &mut Studio<'_>, sponge: &Arc<CompressedVolume>, tell: &mut Tell<'_>) -> Result<()> {
     let mut scene = from_above(lambert(1.0), sky(1.0), [12.0, 12.0], 20.0);
     scene.settings.bounces = 1024;
@@ -145,7 +145,7 @@ fn depths(studio: &mut Studio<'_>, sponge: &Arc<CompressedVolume>, tell: &mut Te
     let reason = "1,024 bounces of one product in f32 each";
     tell(case("albedo 1 at 1,024 bounces", error, "largest relative error of a pixel", 6.2e-5, reason))?;
 
-    // What is left of light after some bounces is below the smallest normal f32.
+    // After some bounces the throughput is below the smallest normal f32.
     let mut scene = from_above(lambert(1e-9), sky(1e30), [12.0, 12.0], 20.0);
     scene.settings.bounces = 32;
     scene.settings.russian_roulette = false;
@@ -155,17 +155,17 @@ fn depths(studio: &mut Studio<'_>, sponge: &Arc<CompressedVolume>, tell: &mut Te
     tell(case(
         "throughput below the smallest normal number",
         dark,
-        "pixels that are no light",
+        "pixels that are not finite or negative",
         0.0,
-        "none may be",
+        "every pixel must be a finite number ≥ 0",
     ))
 }
 
-/// Grazing, and from inside.
+/// A camera that looks along the floor, and a camera inside a label.
 fn views(studio: &mut Studio<'_>, floor: &Arc<CompressedVolume>, tell: &mut Tell<'_>) -> Result<()> {
     let glowing = Material { emission: [2.0; 3], ..lambert(0.0) };
     let mut scene = on_floor(glowing, sky(0.0));
-    // A ten-millionth of a voxel above the floor, looking along it: the lower half of the picture is floor, met at 1e-7 and more.
+    // The camera is 1e-7 voxels above the floor and looks along it. The lower half of the picture is floor.
     scene.camera.world_from_camera = DAffine3 {
         matrix3: DMat3::from_cols(DVec3::NEG_Y, DVec3::Z, DVec3::NEG_X),
         translation: DVec3::new(0.5, 8.0, 2.0 + 1e-7),
@@ -175,20 +175,20 @@ fn views(studio: &mut Studio<'_>, floor: &Arc<CompressedVolume>, tell: &mut Tell
     let side = super::pictures::SIDE as usize;
     let wrong =
         pixels.iter().enumerate().filter(|(i, p)| p[0] != if i / side < side / 2 { 0.0 } else { 2.0 });
-    // The rows at the horizon: within 1e-7 rad of it the floor ends before it is met.
+    // Skips the row at the horizon: rays within 1e-7 rad of it pass the end of the floor before they meet it.
     let wrong = wrong.filter(|(i, _)| i / side != side / 2).count() as f64;
     tell(case(
         "along the floor, 1e-7 voxels above it",
         wrong,
         "pixels that are wrong",
         0.0,
-        "each sees floor or sky",
+        "each pixel sees either floor or sky",
     ))?;
 
     let mut scene = on_floor(Material { emission: [2.0; 3], ..lambert(0.5) }, sky(1.0));
     scene.camera.world_from_camera.translation = DVec3::new(8.3, 8.2, 1.1);
     scene.camera.projection = Projection::Perspective { fov_rad: 2.0 };
-    // The label's inside is lit as its outside is: what shines at it shines from there too, and once more off the surface.
+    // From inside, a label's surface is shaded as from outside: it emits 2 and reflects half of the 2 that it receives from inside.
     let error = worst(&studio.expose(&scene, floor, 1)?, 2.0 + 0.5 * 2.0);
     tell(case("the camera inside a label", error, "largest relative error of a pixel", 1e-6, FEW_PRODUCTS))
 }

@@ -1,4 +1,4 @@
-//! Small pictures of small volumes, and the count of pixels that are no light.
+//! Renders small pictures of small volumes, and counts pixels that are not finite or negative.
 
 use std::cell::Cell;
 use std::sync::Arc;
@@ -19,10 +19,10 @@ use pumice_transport::{LoadedScene, RenderError, Renderer};
 
 use super::Beside;
 
-/// Pixels along each side.
+/// Pixels along each side of a picture.
 pub(super) const SIDE: u32 = 12;
 
-/// One renderer for all pictures, and the processor's beside it where another one draws.
+/// The renderer of all pictures, and a CPU renderer to compare with if the first is another backend.
 pub(super) struct Studio<'a> {
     renderer: FallbackRenderer,
     processor: CpuRenderer,
@@ -33,13 +33,13 @@ pub(super) struct Studio<'a> {
 }
 
 impl<'a> Studio<'a> {
-    /// `beside` gathers how far pictures are from the processor's, until somebody takes it.
+    /// `beside` collects the largest difference from the CPU's pictures, until the caller takes it.
     pub(super) fn new(renderer: FallbackRenderer, beside: &'a Cell<Option<Beside>>, job: &'a Job) -> Self {
         let processor = CpuRenderer::new(read_environment);
         Self { renderer, processor, beside, job, pixels: 0, bad: 0 }
     }
 
-    /// Colours of a picture of `spp` samples a pixel.
+    /// Renders a picture with `spp` samples per pixel and returns its colours.
     pub(super) fn draw(
         &mut self,
         scene: &Scene,
@@ -57,7 +57,7 @@ impl<'a> Studio<'a> {
         Ok(pixels)
     }
 
-    /// The same, where the picture must be possible.
+    /// [`Studio::draw`] for a scene that must not be refused.
     pub(super) fn expose(
         &mut self,
         scene: &Scene,
@@ -67,12 +67,12 @@ impl<'a> Studio<'a> {
         self.draw(scene, volume, spp).map_err(SessionError::from)
     }
 
-    /// Backend and device.
+    /// Names of backend and device.
     pub(super) fn drawn_by(&self) -> (String, String) {
         (self.renderer.name().to_owned(), self.renderer.device().to_owned())
     }
 
-    /// Pixels so far, and how many of them were not a number from 0 on.
+    /// Number of pixels so far, and how many of them were not finite or negative.
     pub(super) fn looked_at(&self) -> (u64, u64) {
         (self.pixels, self.bad)
     }
@@ -86,7 +86,7 @@ fn colors(
     job: &Job,
 ) -> std::result::Result<Vec<[f32; 3]>, RenderError> {
     renderer.set_scene(&LoadedScene::new(scene.clone(), vec![Arc::clone(volume)], vec![])?)?;
-    // What the caller counts must not be the steps of a picture.
+    // `advance` may return after its time slice with fewer samples, so it is called until the picture has all of them.
     let mut progress = renderer.advance(Duration::ZERO, spp, job)?;
     while progress.spp < spp {
         progress = renderer.advance(Duration::from_millis(100), spp, job)?;
@@ -94,7 +94,7 @@ fn colors(
     Ok(renderer.color()?.pixels)
 }
 
-/// Scatters evenly.
+/// A Lambert material.
 pub(super) fn lambert(albedo: f32) -> Material {
     Material { base_color: [albedo; 3], specular: 0.0, roughness: 1.0, ..Material::default() }
 }
@@ -103,7 +103,7 @@ pub(super) fn sky(radiance: f32) -> Environment {
     Environment::Constant { radiance: [radiance; 3] }
 }
 
-/// A volume seen by a parallel projection straight down: `scale` index units around (x, y), from far above.
+/// A scene that shows a volume in orthographic projection from far above, looking down: `scale` index units around (x, y).
 pub(super) fn from_above(material: Material, environment: Environment, at: [f64; 2], scale: f64) -> Scene {
     let translation = DVec3::new(at[0], at[1], 200.0);
     Scene {
@@ -128,13 +128,13 @@ pub(super) fn from_above(material: Material, environment: Environment, at: [f64;
     }
 }
 
-/// Largest relative difference of any channel from what is known.
+/// Largest relative difference of any channel from the expected value.
 pub(super) fn worst(pixels: &[[f32; 3]], expected: f64) -> f64 {
     let off = |v: &f32| (f64::from(*v) / expected - 1.0).abs();
     pixels.iter().flatten().map(off).fold(0.0, |m, e| if e <= m { m } else { e })
 }
 
-/// Relative difference of the mean from what is known.
+/// Relative difference of the mean from the expected value.
 pub(super) fn mean_off(pixels: &[[f32; 3]], expected: f64) -> f64 {
     mean(pixels) / expected - 1.0
 }
@@ -156,7 +156,7 @@ mod tests {
 
     use super::*;
 
-    /// Controls: the same samples are told from others by a seed, an albedo off by 2 %, a bounce fewer.
+    /// Controls: the comparison finds another seed, an albedo that is 2 % off, and fewer bounces.
     #[test]
     fn other_pictures_are_apart() {
         let (_, bodies) = blobs([24, 24, 24], 9, 4, 11);
@@ -166,7 +166,7 @@ mod tests {
         scene.settings.bounces = 8;
         let truth = studio.expose(&scene, &bodies, 8).unwrap();
         assert_eq!(Beside::between(&truth, &truth), Beside { worst: 0.0, apart: 0.0 });
-        // A processor beside itself is no comparison.
+        // The CPU backend is not compared with itself.
         assert_eq!(cell.get(), None);
         let mut off = |fault: &dyn Fn(&mut Scene)| {
             let mut other = scene.clone();
@@ -180,11 +180,11 @@ mod tests {
         ] {
             assert!(!found.holds() && found.worst > ROUNDING, "{name}: {found:?}");
         }
-        // The last bit of each value is rounding's.
+        // A difference in the last bit of each value counts as rounding.
         let rounded: Vec<[f32; 3]> = truth.iter().map(|p| p.map(|v| v * (1.0 + f32::EPSILON))).collect();
         let found = Beside::between(&rounded, &truth);
         assert!(found.holds() && found.worst > 0.0, "{found:?}");
-        // One wrong pixel in a hundred may be a path that went another way; one in ten may not.
+        // One wrong pixel in a hundred may be a path that diverged by rounding; one in ten is a failure.
         let spoiled = |count: usize, value: f32| {
             let mut pixels = truth.clone();
             pixels[..count].fill([value; 3]);

@@ -1,5 +1,5 @@
-//! Volumes far away, tiny, huge, squeezed, mirrored, sheared. Two pictures of each: a white body under an even sky, of which every
-//! pixel is 1 however often light bounces; and a room of walls one voxel thick, seen from within, which no light of the sky may enter.
+//! Volumes far away, tiny, huge, squeezed, mirrored, sheared. Each is rendered twice: a white body under a constant sky of 1, whose pixels
+//! are 1 after any number of bounces (white furnace); and a room with walls one voxel thick, seen from inside, which no light may enter.
 
 use std::sync::Arc;
 
@@ -12,9 +12,9 @@ use pumice_session::error::Result;
 use super::Case;
 use super::pictures::{Studio, from_above, lambert, sky, worst};
 
-/// So many that no path is left between the bodies.
+/// Enough bounces that every path has left the space between the bodies.
 const FURNACE_BOUNCES: u32 = 1024;
-/// Chances to find a gap in a wall.
+/// Number of bounces, each of which might find a gap in a wall.
 const ROOM_BOUNCES: u32 = 32;
 
 pub(super) fn measure(studio: &mut Studio<'_>, tell: &mut dyn FnMut(Case) -> Result<()>) -> Result<()> {
@@ -55,7 +55,7 @@ fn places() -> Vec<(&'static str, DAffine3)> {
     ]
 }
 
-/// Looks at the middle of the volume along the index axes' diagonal, wherever it lies.
+/// Places the volume, and a camera at `eye_in_index` that looks at `at_in_index`.
 fn look(scene: &mut Scene, place: &DAffine3, eye_in_index: DVec3, at_in_index: DVec3) {
     let (eye, at) = (place.transform_point3(eye_in_index), place.transform_point3(at_in_index));
     let back = (eye - at).normalize();

@@ -1,4 +1,4 @@
-//! First hits, and bounces from faces, against the oracle.
+//! Compares first hits, and rays that bounce from faces, with the exact oracle.
 
 use std::sync::Arc;
 
@@ -17,10 +17,10 @@ use super::Case;
 
 type Tell<'a> = dyn FnMut(Case) -> Result<()> + 'a;
 
-/// A voxel whose chord is shorter than this may be stepped over: planes within rounding of a tie (`box_walk`).
+/// A voxel in which the ray's chord is shorter than this may be skipped: its planes are within rounding of a tie (`box_walk`).
 const TIE_CHORD: f64 = 2e-5;
-/// A renderer hands out no hits. The shaders' own are judged by the same oracle in `vulkan-renderer/tests/exactness.rs`.
-const PROCESSOR_ONLY: &str = "it asks the traversal itself, which a renderer does not hand out";
+/// Renderers do not return hits. The same oracle checks those of the shaders in `vulkan-renderer/tests/exactness.rs`.
+const PROCESSOR_ONLY: &str = "it tests the traversal itself, which renderers do not expose";
 const REASON: &str = "planes of a box within 6e-6 of each other may be taken for one";
 
 fn tracer(volume: &Arc<CompressedVolume>, world_from_index: DAffine3) -> Result<SceneTracer> {
@@ -39,7 +39,7 @@ fn case(name: String, tally: Tally) -> Case {
     }
 }
 
-/// `count` rays a case; gives the number of all.
+/// Measures about `count` rays per case; returns the number of all rays.
 pub(super) fn measure(count: u32, tell: &mut Tell<'_>) -> Result<u64> {
     let mut rays = 0;
     let volumes = [
@@ -63,7 +63,7 @@ pub(super) fn measure(count: u32, tell: &mut Tell<'_>) -> Result<u64> {
         rays += tally.rays;
         tell(case(format!("bounces from faces, {name}"), tally))?;
     }
-    // Powers of two and whole numbers: the world's ray is exactly the image of the oracle's.
+    // Matrices have powers of two and whole numbers, so that the ray in the world is exactly the image of the oracle's ray.
     for (name, place) in places() {
         let mut tally = Tally::default();
         for (_, (dense, compressed)) in &volumes[..3] {
@@ -141,7 +141,7 @@ fn first_hits(
     }
 }
 
-/// Rays from points of exposed faces into the outer half-space, some of them nearly in the face's plane.
+/// Rays from points on exposed faces into the outer half-space, some of them nearly in the face's plane.
 fn bounces(dense: &Dense, tracer: &SceneTracer, count: u32, tally: &mut Tally) {
     let mut random = Random(5);
     for _ in 0..4 * count {

@@ -1,4 +1,4 @@
-//! What must be refused with one line, and not be drawn.
+//! Scenes that must be refused with an error text of one line instead of being rendered.
 
 use glam::DMat3;
 use pumice_oracle::volumes::volume;

@@ -22,8 +22,8 @@ pub(crate) struct Compress {
     /// Size on disk against speed
     ///
     /// `fast` stores the form as it is in memory, `default` costs little time, `small` takes about twice as long.
-    #[arg(long, value_enum, default_value_t = Level::Default)]
-    pub(crate) level: Level,
+    #[arg(long, value_enum, default_value_t = CompressionLevel::Default)]
+    pub(crate) level: CompressionLevel,
     /// Write a report in JSON to this file (- for standard output)
     #[arg(long, value_name = "REPORT")]
     pub(crate) json: Option<PathBuf>,
@@ -41,7 +41,7 @@ pub(crate) struct Compress {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Level {
+pub(crate) enum CompressionLevel {
     /// The arrays as they are in memory; opens fastest, also for a few labels alone
     Fast,
     /// About two thirds of that size; decompressed when it is opened

@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::open_options;
 use crate::Answer;
-use crate::args::{Compress, Level};
+use crate::args::{Compress, CompressionLevel};
 use crate::failure::{Failure, say};
 use crate::json_report::write_report;
 use crate::progress::Bar;
@@ -28,9 +28,9 @@ pub(crate) fn run(args: &Compress, job: &Arc<Job>) -> Result<Answer, Failure> {
             output: args.out.clone(),
             reading: open_options(&args.reading),
             level: match args.level {
-                Level::Fast => pumice_session::Level::Fast,
-                Level::Default => pumice_session::Level::Default,
-                Level::Small => pumice_session::Level::Small,
+                CompressionLevel::Fast => pumice_session::CompressionLevel::Fast,
+                CompressionLevel::Default => pumice_session::CompressionLevel::Default,
+                CompressionLevel::Small => pumice_session::CompressionLevel::Small,
             },
             threads: args.threads.map(usize::from),
             memory_limit_bytes: args.memory_limit,

@@ -1,31 +1,31 @@
-//! Binary arithmetic coding with adaptive probabilities, in integers alone: every machine decodes what any machine wrote.
+//! Binary arithmetic coding with adaptive probabilities, in integer arithmetic only, so every machine decodes what any machine wrote.
 //!
 //! ```text
 //! 0 ─────────────────── code ───────────────────── range        64 bits, of which the stream gives 32 at a time
 //! └──── bit is 1 ────┴────────── bit is 0 ──────────┘
 //!     range · probability      the rest
 //! ```
-//! The range coder keeps an interval and splits it by the probability of the next bit (Martin, *Range encoding*, 1979; by
-//! the width alone, as in I. Pavlov's LZMA, so that a decoder compares once a bit). An interval below 2³² is widened by four bytes of
-//! the stream. The encoder carries into bytes that it has already written.
+//! The range coder keeps an interval and splits it by the probability of the next bit (Martin, *Range encoding*, 1979). The split depends
+//! on the width alone, as in I. Pavlov's LZMA, so that a decoder needs one comparison per bit. An interval narrower than 2³² is widened by
+//! four bytes of the stream. The encoder propagates carries into bytes that it has already written.
 //!
-//! A context's probability starts at a half. After n bits, the next one moves it by 1/(n + 1.5) of the way towards that bit, so the first
-//! bits count most (the estimator of Krichevsky and Trofimov, slightly faster). n stays at 255, so old bits fade.
+//! A context's probability starts at one half. After n bits, the next bit moves it by 1/(n + 1.5) of the distance to that bit, so the first
+//! bits count most (the estimator of Krichevsky and Trofimov, slightly faster). n stops at 255, so the influence of old bits fades.
 
 /// Probability that a bit is 1, in units of 1/65,536.
 pub(super) type Probability = u32;
 
-/// No bit has a lower probability than this: the unlikeliest one costs 12 bits.
+/// Lowest probability of a bit, so the least likely bit costs 12 bits.
 const MIN_PROBABILITY: Probability = 16;
 
-/// An encoder or a decoder: one model drives both.
+/// An encoder or a decoder, so that the same model code drives both.
 pub(super) trait Coder {
-    /// Codes a bit that is 1 with this probability, above 0 and below 65,536. An encoder takes the bit from `told`; a decoder passes
-    /// `None` and gets it.
+    /// Codes one bit that is 1 with this probability, which must be above 0 and below 65,536. An encoder takes the bit from `told`; a
+    /// decoder takes `None` and returns the decoded bit.
     fn code(&mut self, probability: Probability, told: Option<bool>) -> bool;
 }
 
-/// Intervals narrower than this are widened.
+/// The coders widen intervals narrower than this.
 const NARROW: u64 = 1 << 32;
 
 /// Encodes bits into bytes.
@@ -41,7 +41,7 @@ impl Encoder {
         Self { low: 0, range: u64::MAX, bytes: Vec::new() }
     }
 
-    /// Adds 1 to the number that the bytes are.
+    /// Adds 1 to the big-endian number that `bytes` forms.
     #[cold]
     fn carry(&mut self) {
         for byte in self.bytes.iter_mut().rev() {
@@ -52,7 +52,7 @@ impl Encoder {
         }
     }
 
-    /// All bytes.
+    /// Ends the stream and returns its bytes.
     pub(super) fn finish(mut self) -> Vec<u8> {
         self.bytes.extend(self.low.to_be_bytes());
         self.bytes
@@ -113,12 +113,12 @@ impl<'a> Decoder<'a> {
         self.code = self.code << 32 | u64::from(u32::from_be_bytes(bytes));
     }
 
-    /// Whether more bytes were needed than there are: what was decoded since means nothing.
+    /// Whether decoding needed more bytes than there are; if so, the bits decoded since then are meaningless.
     pub(super) fn is_past_end(&self) -> bool {
         self.is_past_end
     }
 
-    /// Whether all bytes were needed.
+    /// Whether decoding used exactly all bytes.
     pub(super) fn is_at_end(&self) -> bool {
         self.rest.is_empty() && !self.is_past_end
     }
@@ -143,14 +143,14 @@ impl Coder for Decoder<'_> {
     }
 }
 
-/// The adaptive probability of one context: 22 bits of probability above 10 bits of count.
+/// Adaptive probability of one context: 22 bits of probability above 10 bits of count.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct BitModel(u32);
 
-/// Count of bits that is not exceeded.
+/// Largest count of bits that a context keeps.
 const MOST_COUNTED: u32 = 255;
 
-/// What part of the way a context goes that has counted n bits, of 65,536: the floor of 65,536 / (n + 1.5).
+/// Step of a context that has counted n bits, as a fraction of 65,536 of the distance to the next bit: the floor of 65,536 / (n + 1.5).
 const WAY: [u16; 256] = {
     let (mut parts, mut n) = ([0; 256], 0);
     while n < 256 {
@@ -161,7 +161,7 @@ const WAY: [u16; 256] = {
 };
 
 impl BitModel {
-    /// A context that has met no bit.
+    /// A context that has seen no bit.
     pub(super) const NEW: Self = Self(1 << 31);
 
     #[inline(always)]
@@ -174,7 +174,7 @@ impl BitModel {
         self.0 = probability << 10 | (count + u32::from(count < MOST_COUNTED));
     }
 
-    /// Codes a bit by this probability and adapts to it.
+    /// Codes a bit with this probability and adapts to it.
     #[inline(always)]
     pub(super) fn code(&mut self, coder: &mut impl Coder, told: Option<bool>) -> bool {
         let bit = coder.code(clamped(self.0 >> 16), told);
@@ -183,7 +183,7 @@ impl BitModel {
     }
 }
 
-/// The probability, within what leaves room for either bit.
+/// Clamps a probability so that either bit can still be coded.
 #[inline]
 fn clamped(probability: Probability) -> Probability {
     probability.clamp(MIN_PROBABILITY, 65_536 - MIN_PROBABILITY)
@@ -193,7 +193,8 @@ fn clamped(probability: Probability) -> Probability {
 mod tests {
     use super::*;
 
-    /// Bits with a probability of 1 in 20 each come back, and take what Shannon says: −log₂ of the probabilitys.
+    /// Bits that are 1 with a probability of 1 in 20 decode to themselves and take their entropy (Shannon): the sum of −log₂ of the
+    /// probabilities.
     #[test]
     fn bits_come_back_and_take_their_entropy() {
         let mut state = 1u64;
@@ -208,14 +209,14 @@ mod tests {
         let bytes = encoder.finish();
         let ones = bits.iter().filter(|&&b| b).count() as f64 / bits.len() as f64;
         let entropy = -(ones * ones.log2() + (1.0 - ones) * (1.0 - ones).log2()) * bits.len() as f64 / 8.0;
-        // A probability that forgets after 255 bits wavers: 0.5 to 1 bit for each of these (Krichevsky and Trofimov).
+        // A probability with a memory of 255 bits fluctuates, which costs 0.5 to 1 bit for each 255 bits (Krichevsky and Trofimov).
         let most = entropy + bits.len() as f64 / 255.0 / 8.0;
         assert!((entropy - 20.0..most).contains(&(bytes.len() as f64)), "{} of {entropy}", bytes.len());
 
         let (mut decoder, mut seen) = (Decoder::new(&bytes), BitModel::NEW);
         assert!(bits.iter().all(|&b| seen.code(&mut decoder, None) == b));
         assert!(decoder.is_at_end());
-        // One bit more may still fit into the last bytes; some hundred do not.
+        // One more bit may still fit into the last bytes; some hundred more do not.
         (0..20_000).for_each(|_| _ = seen.code(&mut decoder, None));
         assert!(decoder.is_past_end());
     }

@@ -1,7 +1,7 @@
-//! Every invariant of a volume that comes from outside, checked once, so that no later code can meet a bad index.
+//! Checks every invariant of a volume that comes from outside once, so that later code never meets a bad index.
 //!
-//! In order: names, dictionary, chunks, runs, nodes, boxes, voxel counts. What is not checked is that no voxel is claimed by two
-//! labels (it would take as much memory as decoding); the content hash, compared afterwards, covers that for undamaged writers.
+//! The order is: names, dictionary, chunks, runs, nodes, boxes, voxel counts. It does not check whether two labels claim the same voxel,
+//! which would take as much memory as decoding. The content hash, compared afterwards, covers that for files whose writer was not faulty.
 
 use crate::label_table::NO_TYPE;
 use crate::leaves::{Class, MAX_PATTERNS, MAX_SLICES, RARE};
@@ -9,14 +9,14 @@ use crate::node::{NodeRef, OCCUPIED_WORDS, extent_of, header_words};
 use crate::volume::CHUNK_CELLS;
 use crate::{BoxView, CHUNK_VOXELS, CompressedVolume, MAX_DIM, VolumeInfo, morton};
 
-/// The section that is wrong, and how.
+/// Nothing, or the section that is wrong and what is wrong in it.
 pub(super) type Finding = Result<(), ([u8; 4], String)>;
 
 fn ensure(holds: bool, section: &[u8; 4], what: impl FnOnce() -> String) -> Finding {
     if holds { Ok(()) } else { Err((*section, what())) }
 }
 
-/// Checks what is known of a volume without its boxes.
+/// Checks the parts of a volume that do not need its boxes: info, labels, patterns, slices.
 pub(super) fn check_head(v: &CompressedVolume) -> Finding {
     check_info(&v.info)?;
     check_labels(v)?;
@@ -28,14 +28,14 @@ pub(super) fn check_head(v: &CompressedVolume) -> Finding {
     for (section, fields) in [(b"LEAF", v.leaves.patterns()), (b"RARE", v.leaves.rare())] {
         for (i, &field) in fields.iter().enumerate() {
             ensure(field != 0 && field != u64::MAX, section, || {
-                format!("entry {i}: got an empty or a full field")
+                format!("entry {i}: expected a mixed field, got an empty or a full one")
             })?;
         }
     }
     Ok(())
 }
 
-/// Checks the boxes of a volume whose head is right: of all its labels, or of those that it holds.
+/// Checks the boxes of a volume whose head is valid. The volume may hold all labels of its file or a chosen subset.
 pub(super) fn check(v: &CompressedVolume) -> Finding {
     check_chunks(v)?;
     check_runs(v)?;
@@ -49,7 +49,7 @@ fn check_info(info: &VolumeInfo) -> Finding {
         format!("dims: expected at most {MAX_DIM} an axis, got {:?}", info.dims)
     })?;
     ensure(info.world_from_index.is_finite(), b"INFO", || {
-        "world_from_index: got an entry that is no number".into()
+        "world_from_index: expected finite entries, got one that is infinite or not a number".into()
     })?;
     ensure(info.notes.is_sorted_by(|a, b| a.id < b.id), b"INFO", || "notes: expected rising ids".into())
 }
@@ -115,7 +115,7 @@ fn check_runs(v: &CompressedVolume) -> Finding {
     Ok(())
 }
 
-/// Walks the nodes from first to last; returns a set of the words at which one starts.
+/// Walks the nodes from first to last and returns the set of words at which a node starts.
 fn check_nodes(v: &CompressedVolume) -> Result<BitSet, ([u8; 4], String)> {
     let mut starts = BitSet(vec![0; v.nodes.len().div_ceil(64)]);
     let mut at = 0;
@@ -130,10 +130,10 @@ fn check_nodes(v: &CompressedVolume) -> Result<BitSet, ([u8; 4], String)> {
         if got < node.words() {
             return wrong(format!("expected {} words, got {got}", node.words()));
         }
-        // What the last word of the classes has to spare.
+        // Bits left over in the last word of the classes.
         let spare = 16 * (header_words(occupied) - OCCUPIED_WORDS) - 2 * occupied as usize;
         if u32::from(v.nodes[at + header_words(occupied) - 1]).wrapping_shr(16 - spare as u32) != 0 {
-            return wrong("got bits behind the last class".into());
+            return wrong("expected zeros behind the last class, got other bits".into());
         }
         for (_, class, from) in node.references() {
             let words = &v.nodes[at + from..];
@@ -162,7 +162,7 @@ fn check_nodes(v: &CompressedVolume) -> Result<BitSet, ([u8; 4], String)> {
         let mut fields =
             node.classes().zip(node.flipped_fields()).filter(|((_, class), _)| *class != Class::Solid);
         if fields.any(|(_, (_, field, _))| field == 0 || field == u64::MAX) {
-            return wrong("got an empty or a full field".into());
+            return wrong("expected mixed fields, got an empty or a full one".into());
         }
         starts.insert(at);
         at += node.words();
@@ -171,7 +171,7 @@ fn check_nodes(v: &CompressedVolume) -> Result<BitSet, ([u8; 4], String)> {
 }
 
 fn check_boxes(v: &CompressedVolume, starts: &BitSet) -> Finding {
-    // Word at which the nodes begin that no box has used yet: writing them as streams relies on the order of first use.
+    // Word at which the nodes begin that no box has used yet. Writing boxes and nodes as streams relies on nodes in order of first use.
     let mut unused = 0u64;
     for (i, c) in v.chunks.iter().enumerate() {
         let end = v.chunks.get(i + 1).map_or(v.boxes.len(), |n| n.first_box as usize);
@@ -212,7 +212,7 @@ fn check_boxes(v: &CompressedVolume, starts: &BitSet) -> Finding {
     ensure(unused == v.nodes.len() as u64, b"NODE", || {
         format!("expected use of all {} words, got nodes without a box from word {unused}", v.nodes.len())
     })?;
-    // Within a run by rising place: binary searches and the packed form rely on it.
+    // The boxes within a run must rise in Morton order: binary searches and the packed form rely on it.
     for_each_run(v, |run| {
         let rises = run.is_sorted_by(|a, b| morton::encode(a.cell()) < morton::encode(b.cell()));
         ensure(rises, b"BOXS", || "expected boxes of a label in Morton order".into())
@@ -232,7 +232,7 @@ fn for_each_run(v: &CompressedVolume, mut visit: impl FnMut(&[crate::BoxRecord])
     Ok(())
 }
 
-/// Each label's voxels, counted, against the table.
+/// Counts each label's voxels and compares the counts with the label table.
 fn check_counts(v: &CompressedVolume) -> Finding {
     let mut counts = vec![0u64; v.labels.ids.len()];
     v.for_each_box(|label, b| {
@@ -251,7 +251,7 @@ fn check_counts(v: &CompressedVolume) -> Finding {
     })
 }
 
-/// A set of small numbers, one bit each.
+/// A set of small whole numbers, one bit each.
 struct BitSet(Vec<u64>);
 
 impl BitSet {

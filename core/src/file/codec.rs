@@ -1,10 +1,10 @@
-//! One section's bytes: filters that bring like bytes together, then zstd.
+//! Encodes the bytes of one section: filters that group similar bytes, then zstd.
 //!
 //! ```text
-//! encode:  delta (each element less the one before, modulo 2⁸ʷ) ─► planes (all first bytes, all second bytes, …) ─► zstd
-//! decode:  zstd ─► planes ─► delta, backwards
+//! encode:  delta (each element less the previous one, modulo 2⁸ʷ) ─► planes (all first bytes, all second bytes, …) ─► zstd
+//! decode:  zstd ─► planes ─► delta, reversed
 //! ```
-//! Decoding reserves nothing by a declared size: output grows as input yields it, and zstd cannot yield more than
+//! Decoding never reserves memory by a declared size: the output grows with the input that is consumed, and zstd cannot yield more than
 //! [`MAX_EXPANSION`] times its input.
 
 use std::io::{Read, Write};
@@ -15,13 +15,13 @@ use crate::{Job, Result};
 /// A zstd block of 4 bytes yields at most 128 KiB.
 const MAX_EXPANSION: u64 = 1 << 15;
 
-/// Largest window of a frame that is accepted: level 19 uses 2²³. A decoder allocates it at once.
+/// Largest accepted window of a frame; a decoder allocates the window at once. Level 19 uses 2²³.
 const MAX_WINDOW_LOG: u32 = 24;
 
-/// Bytes between two looks at the job.
+/// Number of bytes between two checks whether the job is cancelled.
 const PIECE: usize = 1 << 20;
 
-/// Bytes as they go into the file.
+/// Encodes bytes for the file.
 pub(super) fn encode(bytes: &[u8], encoding: Encoding, level: i32, job: &Job) -> Result<Vec<u8>> {
     let mut filtered = bytes.to_vec();
     let width = usize::from(encoding.width.max(1));
@@ -44,7 +44,7 @@ pub(super) fn encode(bytes: &[u8], encoding: Encoding, level: i32, job: &Job) ->
     encoder.finish().map_err(memory)
 }
 
-/// Bytes of a section again, or what is wrong.
+/// Decodes the bytes of a section; the inner error says what is wrong with them.
 pub(super) fn decode(
     stored: Vec<u8>,
     encoding: Encoding,
@@ -89,7 +89,7 @@ fn inflate(stored: &[u8], decoded: u64, job: &Job) -> Result<std::result::Result
                 return Ok(Err(cancelled));
             }
             let before = bytes.len();
-            // One byte more than declared is asked for, so that too long a stream shows.
+            // Ask for one byte more than declared, so that a stream that is too long shows.
             let left = (decoded + 1 - before as u64).min(PIECE as u64);
             (&mut decoder).take(left).read_to_end(&mut bytes)?;
             if bytes.len() as u64 > decoded || bytes.len() == before {

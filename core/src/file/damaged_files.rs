@@ -1,19 +1,19 @@
-//! Tests of damaged files: reading one never panics, and gives an error or the very same volume.
+//! Tests of damaged files: reading one never panics, and gives either an error or exactly the same volume.
 
 use std::collections::HashMap;
 use std::io::Cursor;
 
-use super::fault::Stop;
+use super::format_error::Stop;
 use super::label_subset::read_subset;
 use super::layout::{ENTRY_BYTES, HEADER_BYTES, section_checksum};
 use super::read::read;
-use super::{Level, layout};
+use super::{CompressionLevel, layout};
 use crate::{
     BoxRecord, CompressedVolume, Job, LabelBuffer, LabelNote, LabelTable, LabelType, VolumeInfo,
     compress_labels,
 };
 
-/// Numbers that are the same on every machine (SplitMix64).
+/// Pseudorandom numbers that are the same on every machine (SplitMix64).
 struct Random(u64);
 
 impl Random {
@@ -44,7 +44,7 @@ fn sample() -> CompressedVolume {
     compress_labels(info, LabelBuffer::U32(ids)).unwrap()
 }
 
-fn file_bytes(volume: &CompressedVolume, level: Level) -> Vec<u8> {
+fn file_bytes(volume: &CompressedVolume, level: CompressionLevel) -> Vec<u8> {
     let (layout, sections) = volume.encode_sections(level, &Job::new()).unwrap();
     let mut bytes = layout.to_bytes();
     for section in sections {
@@ -68,13 +68,13 @@ fn in_words(stop: Stop) -> String {
     }
 }
 
-/// Every second label of a file.
+/// Opens every second label of a file.
 fn open_subset(bytes: &[u8]) -> Result<CompressedVolume, String> {
     let second = |labels: &LabelTable| (0..labels.len()).map(|i| i % 2 == 1).collect();
     read_subset(&mut Cursor::new(bytes), bytes.len() as u64, second, &Job::new()).map_err(in_words)
 }
 
-/// Makes all checksums right again, so that a change reaches what lies behind them.
+/// Recomputes all checksums, so that damage reaches the code behind them.
 fn fix_checksums(bytes: &mut [u8]) {
     let u64_at = |b: &[u8], at: usize| u64::from_le_bytes(b[at..at + 8].try_into().unwrap()) as usize;
     let count = u32::from_le_bytes(bytes[32..36].try_into().unwrap()) as usize;
@@ -96,7 +96,7 @@ fn fix_checksums(bytes: &mut [u8]) {
     bytes[56..64].copy_from_slice(&checksum.to_le_bytes());
 }
 
-/// Uses everything of a volume that got through: none of it may panic.
+/// Calls every query of a volume that passed the checks; none may panic.
 fn use_all(volume: &CompressedVolume) {
     let _ = volume.content_hash();
     let _ = volume.label_bounds();
@@ -112,7 +112,7 @@ fn use_all(volume: &CompressedVolume) {
 #[test]
 fn files_of_all_levels_round_trip() {
     let volume = sample();
-    for level in [Level::Fast, Level::Default, Level::Small] {
+    for level in [CompressionLevel::Fast, CompressionLevel::Default, CompressionLevel::Small] {
         let back = open(&file_bytes(&volume, level), true).unwrap();
         assert_eq!(format!("{:?}", back.boxes), format!("{:?}", volume.boxes));
         assert!(back.nodes == volume.nodes && back.leaves == volume.leaves);
@@ -123,7 +123,7 @@ fn files_of_all_levels_round_trip() {
 
 #[test]
 fn truncated_files_are_refused() {
-    for level in [Level::Fast, Level::Default, Level::Small] {
+    for level in [CompressionLevel::Fast, CompressionLevel::Default, CompressionLevel::Small] {
         let bytes = file_bytes(&sample(), level);
         let step = (bytes.len() / 700).max(1);
         for length in
@@ -141,7 +141,7 @@ fn truncated_files_are_refused() {
 #[test]
 fn damage_is_found_by_the_checksums() {
     let volume = sample();
-    for level in [Level::Fast, Level::Default] {
+    for level in [CompressionLevel::Fast, CompressionLevel::Default] {
         let bytes = file_bytes(&volume, level);
         let mut random = Random(1);
         let mut refused = 0;
@@ -154,7 +154,7 @@ fn damage_is_found_by_the_checksums() {
                 Ok(back) => assert_eq!(back.content_hash(), volume.content_hash(), "byte {at}"),
             }
         }
-        // All but the padding between sections is covered by a checksum.
+        // Checksums cover everything but the padding between sections.
         assert!(refused > 590, "only {refused} of 600 refused");
     }
 }
@@ -162,14 +162,16 @@ fn damage_is_found_by_the_checksums() {
 #[test]
 fn damage_behind_right_checksums_never_panics() {
     let volume = sample();
-    for (level, rounds) in [(Level::Fast, 1500), (Level::Default, 1500), (Level::Small, 600)] {
+    for (level, rounds) in
+        [(CompressionLevel::Fast, 1500), (CompressionLevel::Default, 1500), (CompressionLevel::Small, 600)]
+    {
         let bytes = file_bytes(&volume, level);
         let mut random = Random(2);
         let (mut passed, mut chosen_passed) = (0, 0);
         for round in 0..rounds {
             let mut damaged = bytes.clone();
             for _ in 0..1 + random.below(3) {
-                // Half of the damage in header and table, where the lengths are.
+                // Half of the damage goes into the header and the table, which hold the lengths.
                 let end = if random.below(2) == 0 { HEADER_BYTES + 16 * ENTRY_BYTES } else { damaged.len() };
                 let at = random.below(end.min(damaged.len()));
                 match random.below(4) {
@@ -195,17 +197,17 @@ fn damage_behind_right_checksums_never_panics() {
                 use_all(&back);
             }
         }
-        // A control on the test itself: some damage must get through to where only structure is left to check it.
-        // Labels that are read alone are not held against the content hash; the smallest files are read whole.
-        assert!(passed > 0 && (level == Level::Small || chosen_passed > passed));
+        // A control on the test itself: some damage must get past every check but those of structure. A subset of labels is not compared
+        // with the content hash; files of the level `small` are always read whole.
+        assert!(passed > 0 && (level == CompressionLevel::Small || chosen_passed > passed));
     }
 }
 
 #[test]
 fn damaged_arrays_never_panic() {
-    // The plain arrays of a `fast` file, changed element by element: every rule of the check is met this way.
+    // This changes the plain arrays of a `fast` file element by element, which triggers every rule of the check.
     let volume = sample();
-    let bytes = file_bytes(&volume, Level::Fast);
+    let bytes = file_bytes(&volume, CompressionLevel::Fast);
     let mut random = Random(3);
     let names =
         ["INFO", "LIDS", "LTYP", "CHNK", "RUNS", "LVOX", "LCON", "LEAF", "SLIC", "RARE", "BOXS", "NODE"];
@@ -230,7 +232,7 @@ fn damaged_arrays_never_panic() {
             }
         }
     }
-    // Half of the labels, and so about half of what is damaged.
+    // A subset has half of the labels, so about half of the damage concerns it.
     for name in ["CHNK", "RUNS", "LIDS", "LVOX", "LCON", "BOXS", "NODE"] {
         assert!(refused_chosen.get(&name).is_some_and(|&n| n > 25), "{name}: {refused_chosen:?}");
     }
@@ -239,7 +241,7 @@ fn damaged_arrays_never_panic() {
     }
 }
 
-/// A file of one label in two boxes with different nodes.
+/// A volume of one label in two boxes with different nodes.
 fn two_nodes() -> CompressedVolume {
     let mut labels = vec![0u8; 64];
     (labels[0], labels[40], labels[41]) = (1, 1, 1);
@@ -249,12 +251,12 @@ fn two_nodes() -> CompressedVolume {
     volume
 }
 
-/// Plain arrays may hold nodes in any order. They were accepted, and saving the volume as streams, which number the nodes by
-/// first use, then subtracted below zero (found by fuzzing).
+/// Plain arrays could hold nodes in any order. The reader accepted them, and saving the volume as streams, which number the nodes by first
+/// use, then subtracted below zero (found by fuzzing).
 #[test]
 fn nodes_out_of_order_or_without_a_box_are_refused() {
     let good = two_nodes();
-    assert!(open(&file_bytes(&good, Level::Fast), true).is_ok());
+    assert!(open(&file_bytes(&good, CompressionLevel::Fast), true).is_ok());
 
     let mut swapped = two_nodes();
     let first_words = good.boxes[1].node() as usize;
@@ -262,24 +264,24 @@ fn nodes_out_of_order_or_without_a_box_are_refused() {
     let second = (good.nodes.len() - first_words) as u32;
     let moved = |(record, node): (&BoxRecord, u32)| BoxRecord::new(record.cell(), record.extent(), node);
     swapped.boxes = good.boxes.iter().zip([second, 0]).map(moved).collect::<Vec<_>>().into();
-    // The very same volume but for the order.
+    // The swapped volume differs in nothing but the order.
     assert_eq!(
         swapped.decode_block([0; 3], [64, 1, 1]).unwrap(),
         good.decode_block([0; 3], [64, 1, 1]).unwrap()
     );
-    let what = open(&file_bytes(&swapped, Level::Fast), true).unwrap_err();
+    let what = open(&file_bytes(&swapped, CompressionLevel::Fast), true).unwrap_err();
     assert!(what.contains("order of first use"), "{what}");
 
     let mut spare = two_nodes();
     spare.nodes = [&good.nodes[..], &good.nodes[..first_words]].concat().into();
-    let what = open(&file_bytes(&spare, Level::Fast), true).unwrap_err();
+    let what = open(&file_bytes(&spare, CompressionLevel::Fast), true).unwrap_err();
     assert!(what.contains("without a box"), "{what}");
 }
 
-/// An unknown word in `INFO` is quoted; a line feed in it made two lines of the message (found by fuzzing).
+/// Errors quote an unknown word of `INFO`; a line feed in it split the message into two lines (found by fuzzing).
 #[test]
 fn what_is_quoted_stays_on_one_line() {
-    let mut bytes = file_bytes(&two_nodes(), Level::Fast);
+    let mut bytes = file_bytes(&two_nodes(), CompressionLevel::Fast);
     let at = bytes.windows(9).position(|w| w == b"\"unknown\"").unwrap();
     bytes[at..at + 9].copy_from_slice(b"\"a\\nbcde\"");
     fix_checksums(&mut bytes);
@@ -287,17 +289,20 @@ fn what_is_quoted_stays_on_one_line() {
     assert!(what.contains("a\\nbcde") && !what.contains('\n'), "{what}");
 }
 
-/// Boxes that overlap are no volume's, and there is no telling them from voxels.
+/// Overlapping boxes describe no valid volume. Saved as voxels they would look valid, so saving refuses them.
 #[test]
 fn overlapping_boxes_are_not_saved_as_voxels() {
     let mut labels = vec![0u8; 64];
     (labels[0], labels[40]) = (1, 2);
     let info = VolumeInfo::new([64, 1, 1], LabelType::U8);
     let mut volume = compress_labels(info, LabelBuffer::U8(labels)).unwrap();
-    assert!(volume.encode_sections(Level::Small, &Job::new()).is_ok());
+    assert!(volume.encode_sections(CompressionLevel::Small, &Job::new()).is_ok());
     let [first, second] = volume.boxes[..] else { panic!("{:?}", volume.boxes) };
     volume.boxes = vec![first, BoxRecord::new(first.cell(), second.extent(), second.node())].into();
     volume.grid = std::sync::OnceLock::new();
-    let what = volume.encode_sections(Level::Small, &Job::new()).unwrap_err().to_string();
-    assert_eq!(what, "two labels claim one voxel: 2 are labelled at 1 places");
+    let what = volume.encode_sections(CompressionLevel::Small, &Job::new()).unwrap_err().to_string();
+    assert_eq!(
+        what,
+        "two labels claim one voxel: expected 2 labelled voxels, got 1; compress the source volume again"
+    );
 }

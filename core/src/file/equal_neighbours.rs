@@ -1,7 +1,7 @@
-//! Which voxels have the same label as a neighbour, one bit a voxel: runs of one label are found 64 voxels at a time.
+//! Finds which voxels have the same label as a neighbour, one bit a voxel, so that runs of one label are found 64 voxels at a time.
 //!
 //! ```text
-//! links of a voxel      left ──●   up │   back ╱       a bit of each, set where both have one label
+//! links of a voxel      left ──●   up │   back ╱       one bit each, set where both ends have the same label
 //!                                     ●       ●
 //!
 //! A voxel (?) is even where these eight neighbours, whose             slice before     this slice
@@ -9,13 +9,13 @@
 //!                                                                         ● ● ●            ?
 //!                                                                         · ● ·
 //! ```
-//! Seven links join the eight, so 64 voxels take some ten operations. The links of a row are made once its voxels are decoded. Voxels
-//! outside of a slice count as label 0.
+//! Seven links join the eight neighbours, so 64 voxels take some ten operations. The links of a row are computed once its voxels are
+//! decoded. Voxels outside of a slice count as label 0.
 
 use super::slices::{Around, BORDER, words};
 use super::sse2::{Labels16, equal_mask};
 
-/// Links of 64 voxels, the first voxel in bit 0.
+/// Links of 64 voxels; the first voxel is in bit 0.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Links {
     left: u64,
@@ -27,28 +27,28 @@ impl Links {
     const ALL: Self = Self { left: u64::MAX, up: u64::MAX, back: u64::MAX };
 }
 
-/// Links of a slice's voxels and of the border one voxel wide above, to the right and below.
+/// Links of a slice's voxels and of a border, one voxel wide, above, to the right and below.
 #[derive(Clone, Debug)]
 pub(super) struct SliceLinks {
-    /// Words of a row: the voxel behind the last one has a bit.
+    /// Words a row; they include a bit for the voxel after the last one.
     words: usize,
-    /// Rows from the one above the first to the one below the last.
+    /// Links of all rows, from the row above the first to the row below the last.
     links: Vec<Links>,
 }
 
 impl SliceLinks {
-    /// Links of a slice without labels, which lies before the first.
+    /// Links of a slice without labels, which stands before the first slice.
     pub(super) fn empty(columns: usize, rows: usize) -> Self {
         let words = words(columns);
         Self { words, links: vec![Links::ALL; words * (rows + 2)] }
     }
 
-    /// Links of a row, counted from the one above the first.
+    /// Links of row `i`, counted from the row above the first.
     fn row(&self, i: usize) -> &[Links] {
         &self.links[i * self.words..][..self.words]
     }
 
-    /// Makes the links of row `y`, which is decoded now; the row below the last has no labels.
+    /// Computes the links of row `y`, which has just been decoded; the row below the last has no labels.
     pub(super) fn learn(&mut self, y: usize, row: &[u32], around: &Around<'_>) {
         let links = &mut self.links[(y + 1) * self.words..][..self.words];
         for (k, links) in links.iter_mut().enumerate() {
@@ -62,10 +62,11 @@ impl SliceLinks {
         }
     }
 
-    /// The labels of voxels of row `y`, taken in already, and of those to the left, above and back that have others: not of all, but
-    /// each pair that touches there or at a place that was asked for before.
+    /// Calls `met` with the labels of voxels of row `y`, whose links are computed already, and of their left, upper and back neighbours
+    /// with other labels. It does not report every place, but it reports each pair that touches there, unless an earlier call reported it.
     ///
-    /// Where both voxels are as their neighbours one step on, the pair is theirs too: that leaves out two thirds of cortex.
+    /// Where both voxels equal their neighbours one step further on, the pair occurs there too and is left out; this skips two thirds in
+    /// cortex.
     #[inline]
     pub(super) fn unlike(
         &self,
@@ -96,7 +97,7 @@ impl SliceLinks {
         }
     }
 
-    /// Marks the voxels of row `y` that are even. `self` is the slice being decoded, `before` the slice before it.
+    /// Marks the voxels of row `y` that are even. `self` is the slice being decoded, `before` the previous slice.
     pub(super) fn even(&self, before: &Self, y: usize, even: &mut [u64]) {
         let (above, here, below) = (self.row(y), before.row(y + 1), before.row(y + 2));
         let left = |k: usize| above[k].left & here[k].left;
@@ -108,20 +109,20 @@ impl SliceLinks {
     }
 }
 
-/// The 64 voxels of a row from a place on: rows are padded to whole words.
+/// The 64 labels of a row from index `from` on; rows are padded to whole words.
 #[inline]
 fn sixty_four(row: &[u32], from: usize) -> &[Labels16; 4] {
     const NONE: [Labels16; 4] = [[[0; 4]; 4]; 4];
     bytemuck::cast_slice(&row[from..from + 64]).first_chunk().unwrap_or(&NONE)
 }
 
-/// A mask whose bit i is set where both have one label at i.
+/// A mask whose bit i is set where both rows have the same label at i.
 #[inline]
 fn equal_64(a: &[Labels16; 4], b: &[Labels16; 4]) -> u64 {
     (0..4).fold(0, |bits, i| bits | u64::from(equal_mask(&a[i], &b[i])) << (16 * i))
 }
 
-/// The first place from `from` on whose bit is not set, or where the bits end.
+/// Index of the first bit from `from` on that is not set, or the number of bits.
 #[inline]
 pub(super) fn end_of_ones(bits: &[u64], from: usize) -> usize {
     let mut zeros = !bits[from / 64] >> (from % 64) << (from % 64);
@@ -143,7 +144,7 @@ mod tests {
     use super::super::slices::Slices;
     use super::*;
 
-    /// Even voxels are those whose eight neighbours a naive loop finds to be of one label.
+    /// Even voxels are exactly those whose eight neighbours have one label according to a naive loop.
     #[test]
     fn even_voxels_are_those_of_even_neighbours() {
         let label =
@@ -191,7 +192,7 @@ mod tests {
         }
     }
 
-    /// Every pair that touches is met, though not at every place.
+    /// Every pair that touches is reported, though not at every place.
     #[test]
     fn unlike_neighbours_are_met() {
         let (columns, rows) = (131, 17);
@@ -228,7 +229,7 @@ mod tests {
                     }
                 }
             }
-            // The border behind a row is met too, as background.
+            // The border behind a row is reported too, as background.
             met.retain(|&(a, _)| a > 0);
             expected.retain(|&(a, _)| a > 0);
             assert!(met == expected && places < all, "{n}: {places} of {all}");

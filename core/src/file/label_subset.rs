@@ -1,24 +1,24 @@
 //! Reads some labels of a file without the others.
 //!
 //! ```text
-//! RUNS ─► boxes of the labels asked for ─► their nodes, each once ─► a volume of these boxes alone
+//! RUNS ─► boxes of the chosen labels ─► their nodes, each once ─► a volume of these boxes alone
 //!
-//! plain form (BOXS, NODE as they lie)   only the ranges that are needed are read       costs what the labels cost
-//! packed form (streams)                 streams are inflated whole, one at a time      costs inflating, not joining
-//! voxels                                all labels are read
+//! plain form (BOXS, NODE as arrays)     reads only the ranges that are needed          costs what the labels cost
+//! packed form (streams)                 inflates whole streams, one at a time          costs inflating, not joining
+//! voxels                                reads all labels
 //! ```
-//! The label table is whole: dense indices, contacts and names stay what they are. Patterns that are not used are left out.
+//! The label table stays whole, so dense indices, contacts and names keep their meaning. Patterns that no node uses are left out.
 //!
-//! What is checked: header, table and each section that is read whole by checksum; the volume that comes out as every other
-//! ([`super::check`]), its labels' voxels counted against the table. A section of which only ranges are read has no checksum of
-//! them, and the content hash is the header's word, since it is a hash of all labels.
+//! Checksums cover the header, the table and each section that is read whole. The resulting volume passes the same checks as any other
+//! ([`super::check`]), and its labels' voxels are counted and compared with the table. A section of which only ranges are read is not
+//! compared with its checksum. The content hash is copied from the header, because it covers all labels.
 
 use std::collections::BTreeMap;
 use std::io::{Read, Seek};
 use std::ops::Range;
 use std::path::Path;
 
-use super::fault::{Fault, Stop};
+use super::format_error::{FormatError, Stop};
 use super::layout::{Contents, Entry, Layout};
 use super::nodes::{self, Wrong};
 use super::read::{HEAD_SECTIONS, assemble_head};
@@ -28,18 +28,18 @@ use crate::leaves::{Class, MAX_PATTERNS, RARE};
 use crate::node::{MOST_NODE_WORDS, NodeRef, OCCUPIED_WORDS, extent_of, header_words};
 use crate::{BoxRecord, Chunk, CompressedVolume, Job, LabelRun, LabelTable, Leaves, Result};
 
-/// Bytes of a section that are read at once: neighbouring nodes come together.
+/// Bytes of a section that are read at once, so that neighbouring nodes arrive together.
 const PIECE_BYTES: u64 = 1 << 16;
 
-/// Words of nodes after which a chunk no longer shares those of chunks before it: its boxes reach 2³² words.
+/// Number of node words after which a chunk stops sharing nodes of earlier chunks; its boxes can address 2³² words.
 const WINDOW_WORDS: usize = 1 << 31;
 
 impl CompressedVolume {
-    /// Reads those labels of a `.pumice` file that `choose` marks, by dense index; labels past its end are not chosen. A file of
-    /// [`crate::Level::Small`] is read whole.
+    /// Reads the labels of a `.pumice` file that `choose` marks, by dense index. Labels beyond the end of its result are not chosen. A file
+    /// of [`crate::Level::Small`] is read whole.
     ///
-    /// The volume draws as the whole one does where only these labels are shown, and has its content hash; voxels of other labels
-    /// are background to its queries. [`CompressedVolume::holds`] tells which labels it has; it cannot be saved.
+    /// The volume renders like the whole one with only these labels shown, and it has the whole one's content hash. Its queries treat
+    /// voxels of other labels as background. [`CompressedVolume::holds`] tells which labels it has. It cannot be saved.
     ///
     /// # Errors
     /// As [`CompressedVolume::open`].
@@ -52,19 +52,19 @@ impl CompressedVolume {
     }
 }
 
-/// A range of boxes to be read: those of one label in one chunk, by number in the file.
+/// A range of boxes to read: those of one label in one chunk, as indices in the file.
 struct Wanted {
     chunk: usize,
     label: u32,
     boxes: Range<u64>,
 }
 
-/// The boxes that were read, in the file's order, and their nodes.
+/// The boxes that were read, in the file's order, with their nodes.
 #[derive(Default)]
 struct Picked {
-    /// Lowest cell within the chunk, and which node.
+    /// Lowest cell within the chunk, and the key of the node in `nodes`.
     boxes: Vec<([u32; 3], u64)>,
-    /// Words of each node, by what boxes call it.
+    /// Words of each node, by the key that `boxes` uses: its first word in plain files, its number in packed ones.
     nodes: BTreeMap<u64, Vec<u16>>,
 }
 
@@ -76,7 +76,7 @@ pub(super) fn read_subset(
 ) -> std::result::Result<CompressedVolume, Stop> {
     let layout = read_layout(file, file_bytes)?;
     if layout.contents == Contents::Voxels {
-        // Voxels say nothing of where a label is: all of them are decoded, and then nothing is saved by throwing labels away.
+        // Voxel data has no index by label: all labels are decoded, and discarding some afterwards would save nothing.
         return read::read(file, file_bytes, None, true, job);
     }
     let mut sections = read_sections(file, None, &layout, &HEAD_SECTIONS, job)?;
@@ -107,7 +107,7 @@ pub(super) fn read_subset(
     Ok(volume)
 }
 
-/// The boxes of labels that are held.
+/// The ranges of boxes of the labels that are held.
 fn wanted(
     chunks: &[Chunk],
     runs: &[LabelRun],
@@ -121,7 +121,7 @@ fn wanted(
         let last_run = next.map_or(runs.len() as u64, |n| n.first_run);
         let within = runs.get(chunk.first_run as usize..last_run as usize);
         let runs = within.filter(|_| last_box <= boxes_in_file).ok_or_else(|| {
-            (*b"CHNK", format!("chunk {c}: expected boxes and runs that rise and are there"))
+            (*b"CHNK", format!("chunk {c}: expected rising boxes and runs within the file"))
         })?;
         for (r, run) in runs.iter().enumerate() {
             let first = chunk.first_box.saturating_add(run.first_box.into());
@@ -131,7 +131,7 @@ fn wanted(
             else {
                 return Err((
                     *b"RUNS",
-                    format!("chunk {c}, run {r}: expected a label and boxes that are there"),
+                    format!("chunk {c}, run {r}: expected a known label and boxes within the chunk"),
                 ));
             };
             if is_held {
@@ -142,7 +142,7 @@ fn wanted(
     Ok(wanted)
 }
 
-/// From arrays as they lie in the file. A node is called by its first word.
+/// Reads boxes and nodes from plain arrays. The key of a node is its first word.
 fn pick_plain(
     file: &mut (impl Read + Seek),
     layout: &Layout,
@@ -181,7 +181,7 @@ fn pick_plain(
     Ok(picked)
 }
 
-/// Length of the node at the start of some words; `None` where they end before it does.
+/// Number of words of the node at the start of `words`; `None` where `words` end before the node does.
 fn length_of(words: &[u16], leaves: &Leaves) -> Option<usize> {
     let occupied = words.get(..OCCUPIED_WORDS)?.iter().map(|w| w.count_ones()).sum();
     words.get(..header_words(occupied))?;
@@ -189,7 +189,7 @@ fn length_of(words: &[u16], leaves: &Leaves) -> Option<usize> {
     (length <= words.len()).then_some(length)
 }
 
-/// From streams. A node is called by its number.
+/// Reads boxes and nodes from streams. The key of a node is its number.
 fn pick_packed(
     file: &mut (impl Read + Seek),
     layout: &Layout,
@@ -202,7 +202,7 @@ fn pick_packed(
         let mut sections = read_sections(file, None, layout, &[name], job)?;
         Ok((sections.take(name)?, sections.offset(name)))
     };
-    let fault = |(section, what): Wrong, at: u64| Stop::Fault(Fault { section, at, what });
+    let fault = |(section, what): Wrong, at: u64| Stop::Fault(FormatError { section, at, what });
 
     let numbers = wanted.iter().map(|w| w.boxes.clone());
     let (backs, at) = section(b"BNOD")?;
@@ -235,7 +235,7 @@ fn pick_packed(
     Ok(picked)
 }
 
-/// Chunks, runs, boxes and nodes of the picked boxes alone, and the dictionary of what they use.
+/// Builds chunks, runs, boxes and nodes of the picked boxes alone, and the dictionary of the leaves that they use.
 fn put_together(
     volume: &mut CompressedVolume,
     chunks: &[Chunk],
@@ -282,7 +282,13 @@ fn put_together(
                     return Err((*b"OCCU", format!("node {name}: got no occupied cell")));
                 }
                 let node = u32::try_from(at as u64 - node_base).map_err(|_| {
-                    (*b"NODE", format!("chunk {}: nodes of its boxes are out of reach", w.chunk))
+                    (
+                        *b"NODE",
+                        format!(
+                            "chunk {}: expected the nodes of its boxes within 2^32 words, got more",
+                            w.chunk
+                        ),
+                    )
                 })?;
                 records.push(BoxRecord::new(cell, extent_of(occupied), node));
             }
@@ -292,13 +298,13 @@ fn put_together(
     Ok(())
 }
 
-/// A leaf that a node names, and where among the node's words it does.
+/// A leaf that a node refers to and that may be left out of the dictionary.
 enum Named {
     Pattern(usize),
     Rare(usize),
 }
 
-/// What a node names that may be left out.
+/// The patterns and rare leaves that a node refers to, each with the index of the reference among the node's words.
 fn named<'a>(words: &'a [u16], leaves: &'a Leaves) -> impl Iterator<Item = (Named, usize)> + 'a {
     let node = NodeRef::read(words, 0, leaves);
     node.references().filter_map(|(_, class, at)| match class {
@@ -310,18 +316,19 @@ fn named<'a>(words: &'a [u16], leaves: &'a Leaves) -> impl Iterator<Item = (Name
     })
 }
 
-/// Place of a rare field, by the reference at a word.
+/// Index of the rare field that the reference at word `at` names.
 fn rare_at(words: &[u16], at: usize) -> usize {
     usize::from(words[at]) >> 12 | usize::from(words[at + 1]) << 4 | usize::from(words[at + 2]) << 20
 }
 
-/// Where patterns and rare fields went.
+/// New index of each pattern and of each rare field.
 struct Places {
     patterns: Vec<usize>,
     rare: Vec<usize>,
 }
 
-/// The leaves that the nodes name, in their order, and where each went. Slices stay: long references are as long as before.
+/// The leaves that the picked nodes refer to, in their former order, and the new index of each. Slices stay, so that long references keep
+/// their length.
 fn used_leaves(leaves: &Leaves, picked: &Picked) -> std::result::Result<(Leaves, Places), Wrong> {
     let (mut patterns, mut rare) = (vec![false; leaves.patterns.len()], vec![false; leaves.rare.len()]);
     for words in picked.nodes.values() {
@@ -353,14 +360,14 @@ fn used_leaves(leaves: &Leaves, picked: &Picked) -> std::result::Result<(Leaves,
     Ok((Leaves { patterns, slices: leaves.slices.clone(), rare }, places))
 }
 
-/// A node with its leaves where they went.
+/// Appends a node with its references changed to the new indices.
 fn append(nodes: &mut Vec<u16>, words: &[u16], leaves: &Leaves, places: &Places) {
     let start = nodes.len();
     nodes.extend_from_slice(words);
     for (leaf, at) in named(words, leaves) {
         let to = &mut nodes[start + at..];
         match leaf {
-            // Each goes to where it was or before: the bits that it had are enough.
+            // No index grows, so its former bits are enough.
             Named::Pattern(from) => to[0] -= (from - places.patterns[from]) as u16,
             Named::Rare(from) => {
                 let place = (places.rare[from] as u64) << 12 | RARE;
@@ -370,13 +377,13 @@ fn append(nodes: &mut Vec<u16>, words: &[u16], leaves: &Leaves, places: &Places)
     }
 }
 
-/// A section of which ranges are read: from the file where it lies there as it is, else out of memory.
+/// Reads ranges of a section: from the file where it is stored as it is, otherwise from the decoded section in memory.
 struct Ranges<'a, F> {
     file: &'a mut F,
     entry: Entry,
-    /// Bytes when decoded.
+    /// Size of the decoded section in bytes.
     bytes: u64,
-    /// A part of the section, from this byte on; all of it where it had to be decoded.
+    /// Bytes of the section and the offset at which they start; the whole section where it had to be decoded.
     window: (u64, Vec<u8>),
 }
 
@@ -389,7 +396,7 @@ impl<'a, F: Read + Seek> Ranges<'a, F> {
     ) -> std::result::Result<Self, Stop> {
         let Some(entry) = layout.entry(name).copied() else {
             let what = "expected the section, got none".into();
-            return Err(Stop::Fault(Fault { section: *name, at: 0, what }));
+            return Err(Stop::Fault(FormatError { section: *name, at: 0, what }));
         };
         let e = entry.encoding;
         let window = if e.zstd || e.delta || e.planes {
@@ -401,10 +408,10 @@ impl<'a, F: Read + Seek> Ranges<'a, F> {
     }
 
     fn fault(&self, what: String) -> Stop {
-        Stop::Fault(Fault { section: self.entry.name, at: self.entry.offset, what })
+        Stop::Fault(FormatError { section: self.entry.name, at: self.entry.offset, what })
     }
 
-    /// Bytes `from..from + length` of the section.
+    /// Returns the bytes `from..from + length` of the section.
     fn read(&mut self, from: u64, length: u64) -> std::result::Result<&[u8], Stop> {
         if from.checked_add(length).is_none_or(|end| end > self.bytes) {
             return Err(self.fault(format!("expected bytes {from} to {from} + {length}, got {}", self.bytes)));

@@ -1,4 +1,4 @@
-//! Header and section table.
+//! Header and section table of a `.pumice` file.
 //!
 //! ```text
 //! header   0  8  magic 89 "PUMICE" 0A            table entry   0  4  name, ASCII
@@ -15,19 +15,19 @@
 
 use xxhash_rust::xxh3::{Xxh3, xxh3_64};
 
-use super::fault::{Fault, Stop};
+use super::format_error::{FormatError, Stop};
 
 /// First bytes of every `.pumice` file.
 pub const MAGIC: [u8; 8] = *b"\x89PUMICE\n";
 pub(super) const HEADER_BYTES: usize = 64;
 pub(super) const ENTRY_BYTES: usize = 48;
-/// More than any version will need; bounds what a damaged count makes the reader allocate.
+/// Largest number of sections; more than any version will need. It bounds what a damaged count makes the reader allocate.
 pub(super) const MAX_SECTIONS: u32 = 64;
 
-/// Version of the files that the program writes; it reads no other.
+/// Version of the files that this program writes; it reads no other version.
 pub(super) const VERSION: u32 = 5;
 
-/// What a file holds.
+/// The form in which a file holds its volume.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Contents {
     /// Boxes and nodes, as they are in memory or packed.
@@ -43,11 +43,11 @@ impl Contents {
     }
 }
 
-/// How a section's bytes were made smaller.
+/// How a section's bytes are compressed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Encoding {
     pub(super) zstd: bool,
-    /// Bytes of an element, for the filters; 1 without them.
+    /// Bytes of an element for the filters; 1 without filters.
     pub(super) width: u8,
     pub(super) delta: bool,
     pub(super) planes: bool,
@@ -64,7 +64,7 @@ pub(super) struct Entry {
     pub(super) checksum: u64,
 }
 
-/// Header and table.
+/// Header and section table.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Layout {
     pub(super) contents: Contents,
@@ -73,7 +73,7 @@ pub(super) struct Layout {
     pub(super) entries: Vec<Entry>,
 }
 
-/// The next multiple of 8.
+/// Rounds an offset up to a multiple of 8.
 pub(super) fn align(offset: u64) -> u64 {
     offset.next_multiple_of(8)
 }
@@ -87,12 +87,12 @@ fn u64_at(bytes: &[u8], at: usize) -> u64 {
 }
 
 impl Layout {
-    /// The entry of a section, where there is one.
+    /// The entry of a section, or `None` if the file does not have the section.
     pub(super) fn entry(&self, name: &[u8; 4]) -> Option<&Entry> {
         self.entries.iter().find(|e| e.name == *name)
     }
 
-    /// Header and table as bytes.
+    /// Serialises header and table.
     pub(super) fn to_bytes(&self) -> Vec<u8> {
         let mut bytes = Vec::with_capacity(HEADER_BYTES + ENTRY_BYTES * self.entries.len());
         bytes.extend(MAGIC);
@@ -117,22 +117,24 @@ impl Layout {
         bytes
     }
 
-    /// Number of sections that a header promises, after its other fields have been checked.
+    /// Checks the other fields of a header, then returns the number of sections that it declares.
     pub(super) fn sections(header: &[u8; HEADER_BYTES], file_bytes: u64) -> Result<u32, Stop> {
         let expect = |at: usize, what: &str, expected: u64, got: u64| {
             if expected == got {
                 Ok(())
             } else {
-                Err(Stop::Fault(Fault::in_header(
+                Err(Stop::Fault(FormatError::in_header(
                     at as u64,
                     format!("{what}: expected {expected}, got {got}"),
                 )))
             }
         };
         if header[..8] != MAGIC {
-            return Err(
-                Fault::in_header(0, "expected the signature of a .pumice file, got another".into()).into()
-            );
+            return Err(FormatError::in_header(
+                0,
+                "expected the signature of a .pumice file, got another".into(),
+            )
+            .into());
         }
         let version = u32_at(header, 8);
         if version != VERSION {
@@ -144,7 +146,7 @@ impl Layout {
         expect(36, "number of frames", 1, u32_at(header, 36).into())?;
         let sections = u32_at(header, 32);
         if sections > MAX_SECTIONS {
-            return Err(Fault::in_header(
+            return Err(FormatError::in_header(
                 32,
                 format!("number of sections: expected at most {MAX_SECTIONS}, got {sections}"),
             )
@@ -153,7 +155,8 @@ impl Layout {
         Ok(sections)
     }
 
-    /// Checks header and table and takes them apart. `bytes` are the first of a file of `file_bytes`, up to the table's end.
+    /// Checks and parses header and table. `bytes` start at the file's first byte and end at the table's end; `file_bytes` is the file's
+    /// length.
     pub(super) fn parse(bytes: &[u8], file_bytes: u64) -> Result<Self, Stop> {
         let contents = contents_of(bytes)?;
         let entries = Self::parse_table(bytes, file_bytes)?;
@@ -161,11 +164,11 @@ impl Layout {
         Ok(Self { contents, file_bytes, content_hash, entries })
     }
 
-    /// The entries of the section table, of which each begins where the one before ends.
-    fn parse_table(bytes: &[u8], file_bytes: u64) -> Result<Vec<Entry>, Fault> {
+    /// Parses the entries of the section table; each section must begin where the previous one ends.
+    fn parse_table(bytes: &[u8], file_bytes: u64) -> Result<Vec<Entry>, FormatError> {
         let (expected, got) = (checksum(bytes), u64_at(bytes, 56));
         if expected != got {
-            return Err(Fault::in_header(
+            return Err(FormatError::in_header(
                 56,
                 format!("checksum of header and table: expected {got:016x}, got {expected:016x}"),
             ));
@@ -177,7 +180,7 @@ impl Layout {
             let name = [b[0], b[1], b[2], b[3]];
             let (zstd, width, filters) = (b[4], b[5], b[6]);
             if zstd > 1 || filters > 3 || b[7] != 0 || !(1..=8).contains(&width) {
-                return Err(Fault::in_header(
+                return Err(FormatError::in_header(
                     at + 4,
                     format!("encoding of section {i}: got unknown {:?}", &b[4..8]),
                 ));
@@ -186,26 +189,26 @@ impl Layout {
                 Encoding { zstd: zstd == 1, width, delta: filters & 1 != 0, planes: filters & 2 != 0 };
             let (offset, stored, decoded) = (u64_at(b, 8), u64_at(b, 16), u64_at(b, 24));
             if offset != align(end) {
-                return Err(Fault::in_header(
+                return Err(FormatError::in_header(
                     at + 8,
                     format!("offset of section {i}: expected {}, got {offset}", align(end)),
                 ));
             }
             end = offset.saturating_add(stored);
             if end > file_bytes {
-                return Err(Fault::in_header(
+                return Err(FormatError::in_header(
                     at + 16,
                     format!("end of section {i}: expected at most {file_bytes}, got {end}"),
                 ));
             }
             if !encoding.zstd && stored != decoded {
-                return Err(Fault::in_header(
+                return Err(FormatError::in_header(
                     at + 24,
                     format!("size of section {i}: expected {stored}, got {decoded}"),
                 ));
             }
             if entries.iter().any(|e| e.name == name) {
-                return Err(Fault::in_header(
+                return Err(FormatError::in_header(
                     at,
                     format!("name of section {i}: {:?} comes twice", name.escape_ascii().to_string()),
                 ));
@@ -213,7 +216,7 @@ impl Layout {
             entries.push(Entry { name, encoding, offset, stored, decoded, checksum: u64_at(b, 32) });
         }
         if align(end) != file_bytes {
-            return Err(Fault::in_header(
+            return Err(FormatError::in_header(
                 16,
                 format!("length of the file: expected {}, got {file_bytes}", align(end)),
             ));
@@ -222,14 +225,15 @@ impl Layout {
     }
 }
 
-/// What a header says that the file holds.
-fn contents_of(header: &[u8]) -> Result<Contents, Fault> {
+/// The form that a header declares.
+fn contents_of(header: &[u8]) -> Result<Contents, FormatError> {
     let got = u32_at(header, 12);
-    Contents::of_number(got)
-        .ok_or_else(|| Fault::in_header(12, format!("contents: expected 0 (boxes) or 1 (voxels), got {got}")))
+    Contents::of_number(got).ok_or_else(|| {
+        FormatError::in_header(12, format!("contents: expected 0 (boxes) or 1 (voxels), got {got}"))
+    })
 }
 
-/// XXH3-64 of all but the checksum itself.
+/// XXH3-64 of header and table without the checksum itself.
 fn checksum(bytes: &[u8]) -> u64 {
     let mut hash = Xxh3::new();
     hash.update(&bytes[..56]);

@@ -1,4 +1,4 @@
-//! The twenty nearest decoded neighbours of a voxel, and a mask of those that have a given label. The coder needs it for each voxel
+//! The twenty nearest decoded neighbours of a voxel, and a mask of those that have a given label. The coder needs the mask for each voxel
 //! outside of a run.
 //!
 //! ```text
@@ -17,18 +17,18 @@ use super::sse2::{Labels16, equal_mask};
 /// The labels of a voxel's neighbours.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Neighbours {
-    /// Rows of four: bits from 0, 4, 8 and 11 on.
+    /// Four rows of four labels: bits 0–3, 4–7, 8–10 with 17, and 11–13 with 18.
     rows: Labels16,
-    /// Bits 14, 15, 16 and 19.
+    /// Labels of bits 14, 15, 16 and 19.
     others: [u32; 4],
 }
 
-/// Bits of the mask.
+/// Number of bits of the mask.
 pub(super) const NEIGHBOURS: usize = 20;
-/// Contexts that the lowest 17 bits select.
+/// Number of contexts that the lowest 17 bits select.
 pub(super) const CONTEXTS: usize = 1 << 17;
 
-/// The neighbours whose labels the coder tries first: the one above and the one in the slice before.
+/// The neighbours whose labels the coder tries first: the one above, and the same voxel in the slice before.
 pub(super) const FIRST: u32 = 1 << 1 | 1 << 5;
 
 impl Neighbours {
@@ -43,17 +43,17 @@ impl Neighbours {
         }
     }
 
-    /// Mask of the neighbours that have `label`.
+    /// Bit mask of the neighbours that have `label`.
     #[inline(always)]
     pub(super) fn mask_of(&self, label: u32) -> u32 {
         let rows = equal_mask(&self.rows, &[[label; 4]; 4]);
-        // The last of the third and of the fourth row make no context.
+        // The last labels of the third and the fourth row do not belong to the context, so they move to bits 17 and 18.
         let rows = rows & 0x7FF | rows >> 1 & 0x3800 | (rows & 0x800) << 6 | (rows & 0x8000) << 3;
         let [a, b, c, d] = self.others.map(|v| u32::from(v == label));
         rows | a << 14 | b << 15 | c << 16 | d << 19
     }
 
-    /// The labels in the order of their bits.
+    /// The labels in the order of their mask bits.
     pub(super) fn in_order(&self) -> [u32; NEIGHBOURS] {
         let [[a, b, c, d], [e, f, g, h], [i, j, k, r], [l, m, n, s]] = self.rows;
         let [o, p, q, t] = self.others;

@@ -1,13 +1,13 @@
-//! Nodes and boxes as streams: what can be derived is left out, like goes with like.
+//! Nodes and boxes as streams. They omit what can be derived, and each holds values of one kind, so that they compress well.
 //!
 //! ```text
 //! BCEL  u24 a box   Morton code of its lowest cell within its chunk
-//! BNOD  u32 a box   0: its node is the next new one; k: the one k before the next new one
+//! BNOD  u32 a box   0: its node is the next new one; k: its node is the one k before the next new one
 //! OCCU  u64 a node  occupied cells; a box's extent follows from it, because boxes are tight
 //! CLAS  2 bits for each occupied cell, the lower one first: its class ([`crate::node`])
 //! REFS  1 word a ranked cell      SLCR  2 words a sliced cell      FLDS  3 or 4 words a cell with a long reference
 //! ```
-//! Bits fill bytes from the lowest; the last byte's rest is 0.
+//! Bits fill each byte from the lowest up; the unused bits of the last byte are 0.
 
 use std::ops::Range;
 
@@ -15,21 +15,21 @@ use crate::leaves::{Class, Leaves};
 use crate::node::{NodeRef, OCCUPIED_WORDS, extent_of, header_words};
 use crate::{BoxRecord, Chunk, morton};
 
-/// See the module.
+/// The streams that the module documentation lists.
 #[derive(Debug, Default)]
 pub(super) struct Streams {
     pub(super) cells: Vec<u8>,
     pub(super) backs: Vec<u8>,
     pub(super) occupied: Vec<u8>,
     pub(super) classes: Vec<u8>,
-    /// Of ranked and sliced cells, and of those with long references.
+    /// References of ranked cells, of sliced cells, and of cells with a long reference.
     pub(super) references: [Vec<u8>; 3],
 }
 
-/// Sections of [`Streams::references`].
+/// Section names of [`Streams::references`].
 pub(super) const REFERENCES: [&[u8; 4]; 3] = [b"REFS", b"SLCR", b"FLDS"];
 
-/// Bits one after another.
+/// Writes single bits.
 #[derive(Default)]
 struct BitWriter {
     bytes: Vec<u8>,
@@ -48,7 +48,7 @@ impl BitWriter {
     }
 }
 
-/// The bits of one stream again.
+/// Reads the bits that [`BitWriter`] wrote.
 struct BitReader<'a> {
     bytes: &'a [u8],
     at: usize,
@@ -66,17 +66,17 @@ impl<'a> BitReader<'a> {
         Some(bit)
     }
 
-    /// Whether nothing but the last byte's padding of zeros is left.
+    /// Whether only the last byte's zero padding is left.
     fn is_done(&self) -> bool {
         self.at.div_ceil(8) == self.bytes.len()
             && (self.at.is_multiple_of(8) || self.bytes[self.at / 8] >> (self.at % 8) == 0)
     }
 }
 
-/// A section and what is wrong with it.
+/// The section that is wrong, and what is wrong with it.
 pub(super) type Wrong = ([u8; 4], String);
 
-/// Takes nodes and boxes apart.
+/// Splits nodes and boxes into streams.
 pub(super) fn split(chunks: &[Chunk], boxes: &[BoxRecord], nodes: &[u16], leaves: &Leaves) -> Streams {
     let mut streams = Streams::default();
     let mut classes = BitWriter::default();
@@ -104,7 +104,7 @@ pub(super) fn split(chunks: &[Chunk], boxes: &[BoxRecord], nodes: &[u16], leaves
         for record in &boxes[chunk.first_box as usize..end] {
             streams.cells.extend_from_slice(&morton::encode(record.cell()).to_le_bytes()[..3]);
             let place = chunk.node_base + u64::from(record.node());
-            // Nodes are in the order of first use, so a box's node is the next new one or one already met.
+            // Nodes are in the order of first use, so a box's node is either the next new one or one that came earlier.
             let number =
                 if starts.get(next) == Some(&place) { next } else { starts.partition_point(|&s| s < place) };
             streams.backs.extend(((next - number) as u32).to_le_bytes());
@@ -118,26 +118,26 @@ fn u64s(bytes: &[u8]) -> impl Iterator<Item = u64> + '_ {
     bytes.as_chunks::<8>().0.iter().map(|&b| u64::from_le_bytes(b))
 }
 
-/// The lowest cell of box number `b`; `None` past the end.
+/// The lowest cell of box `b` within its chunk; `None` past the end.
 pub(super) fn cell_of(cells: &[u8], b: u64) -> Option<[u32; 3]> {
     let code = cells.as_chunks::<3>().0.get(usize::try_from(b).ok()?)?;
     Some(morton::decode(u64::from(u32::from_le_bytes([code[0], code[1], code[2], 0]))))
 }
 
-/// The node of each box in rising ranges of boxes, by number.
+/// The node number of each box in rising ranges of boxes.
 pub(super) fn numbers_of(backs: &[u8], ranges: impl Iterator<Item = Range<u64>>) -> Result<Vec<u64>, Wrong> {
     let backs = backs.as_chunks::<4>().0;
     let (mut numbers, mut next, mut at) = (Vec::new(), 0u64, 0);
     for range in ranges {
         while at < range.end {
             let Some(&back) = backs.get(at as usize) else {
-                return Err((*b"BNOD", format!("ends before box {at}")));
+                return Err((*b"BNOD", format!("expected box {at}, got the end")));
             };
             let back = u64::from(u32::from_le_bytes(back));
             if at >= range.start {
                 let number = next.checked_sub(back);
                 numbers.push(number.ok_or_else(|| {
-                    (*b"BNOD", format!("box {at}: got a node out of reach ({back} before number {next})"))
+                    (*b"BNOD", format!("box {at}: expected a node that came before, got the one {back} before number {next}"))
                 })?);
             }
             next += u64::from(back == 0);
@@ -147,18 +147,18 @@ pub(super) fn numbers_of(backs: &[u8], ranges: impl Iterator<Item = Range<u64>>)
     Ok(numbers)
 }
 
-/// A node among the streams.
-pub(super) struct Place {
-    /// The words before its references.
+/// A node in the streams.
+pub(super) struct NodeOffsets {
+    /// The words of the node before its references.
     header: Vec<u16>,
     /// Class of each cell that has a reference, by rising cell.
     classes: Vec<Class>,
-    /// Its elements of each of [`REFERENCES`].
+    /// The node's range of elements in each of [`REFERENCES`].
     pub(super) references: [Range<usize>; 3],
 }
 
-impl Place {
-    /// The node's words, from its elements of each of [`REFERENCES`].
+impl NodeOffsets {
+    /// Builds the node's words from its elements in each of [`REFERENCES`].
     pub(super) fn words(&self, elements: [&[u8]; 3], leaves: &Leaves) -> Vec<u16> {
         let mut words = self.header.clone();
         let mut elements = elements.map(|bytes| bytes.as_chunks::<2>().0.iter());
@@ -170,10 +170,10 @@ impl Place {
     }
 }
 
-/// Reads the nodes' heads one after another.
+/// Reads the nodes' heads, one after another.
 struct Heads<'a> {
     classes: BitReader<'a>,
-    /// Elements of each of [`REFERENCES`] that nodes so far have.
+    /// Number of elements of each of [`REFERENCES`] that the nodes so far use.
     used: [usize; 3],
 }
 
@@ -182,13 +182,13 @@ impl<'a> Heads<'a> {
         Self { classes: BitReader::new(classes), used: [0; 3] }
     }
 
-    fn next(&mut self, occupied: u64) -> Result<Place, Wrong> {
+    fn next(&mut self, occupied: u64) -> Result<NodeOffsets, Wrong> {
         let n = occupied.count_ones();
         let (mut bits, mut classes) = (0u128, Vec::new());
         let from = self.used;
         for rank in 0..n {
             let (Some(low), Some(high)) = (self.classes.next(), self.classes.next()) else {
-                return Err((*b"CLAS", "ends before the last node".to_owned()));
+                return Err((*b"CLAS", "expected the classes of all nodes, got the end".to_owned()));
             };
             bits |= u128::from(low) << rank | u128::from(high) << (n + rank);
             let class = match (low, high) {
@@ -203,16 +203,16 @@ impl<'a> Heads<'a> {
         let mut header: Vec<u16> = (0..OCCUPIED_WORDS).map(|i| (occupied >> (16 * i)) as u16).collect();
         header.extend((0..header_words(n) - OCCUPIED_WORDS).map(|i| (bits >> (16 * i)) as u16));
         let references = [0, 1, 2].map(|k| from[k]..self.used[k]);
-        Ok(Place { header, classes, references })
+        Ok(NodeOffsets { header, classes, references })
     }
 }
 
-/// Bytes of an element of `REFERENCES[k]`.
+/// Bytes of one element of `REFERENCES[k]`.
 fn element_bytes(k: usize, leaves: &Leaves) -> usize {
     2 * leaves.words_of([Class::Ranked, Class::Sliced, Class::Long][k])
 }
 
-/// Bytes of some elements of `REFERENCES[k]`.
+/// Bytes of a range of elements of `REFERENCES[k]`.
 pub(super) fn elements(
     bytes: &[u8],
     k: usize,
@@ -221,11 +221,13 @@ pub(super) fn elements(
 ) -> Result<Vec<u8>, Wrong> {
     let size = element_bytes(k, leaves);
     let bytes = bytes.get(size * range.start..size * range.end);
-    bytes.map(<[u8]>::to_vec).ok_or_else(|| (*REFERENCES[k], "ends before the last node".to_owned()))
+    bytes
+        .map(<[u8]>::to_vec)
+        .ok_or_else(|| (*REFERENCES[k], "expected the references of all nodes, got the end".to_owned()))
 }
 
-/// Where the nodes with these numbers lie, which rise.
-pub(super) fn find(occupied: &[u8], classes: &[u8], numbers: &[u64]) -> Result<Vec<Place>, Wrong> {
+/// Finds the nodes with these numbers, which must rise.
+pub(super) fn find(occupied: &[u8], classes: &[u8], numbers: &[u64]) -> Result<Vec<NodeOffsets>, Wrong> {
     let mut heads = Heads::new(classes);
     let mut places = Vec::with_capacity(numbers.len());
     let mut asked = numbers.iter();
@@ -240,18 +242,18 @@ pub(super) fn find(occupied: &[u8], classes: &[u8], numbers: &[u64]) -> Result<V
     }
     match wanted {
         None => Ok(places),
-        Some(number) => Err((*b"OCCU", format!("ends before node {number}"))),
+        Some(number) => Err((*b"OCCU", format!("expected node {number}, got the end"))),
     }
 }
 
-/// Puts nodes together again; also returns each one's first word. The error names a section and what is wrong with it.
+/// Joins streams to nodes; returns the nodes' words and each node's first word. An error names a section and what is wrong with it.
 pub(super) fn join_nodes(streams: &Streams, leaves: &Leaves) -> Result<(Vec<u16>, Vec<u64>), Wrong> {
     if !streams.occupied.len().is_multiple_of(8) {
         return Err((*b"OCCU", format!("size: expected a multiple of 8, got {}", streams.occupied.len())));
     }
     let mut heads = Heads::new(&streams.classes);
     let nodes_count = streams.occupied.len() / 8;
-    // What the streams can yield at most: their own sizes bound it.
+    // An upper bound of the words, from the streams' own sizes.
     let references: usize = streams.references.iter().map(Vec::len).sum();
     let mut nodes: Vec<u16> =
         Vec::with_capacity((OCCUPIED_WORDS + 1) * nodes_count + streams.classes.len() / 2 + references / 2);
@@ -265,7 +267,8 @@ pub(super) fn join_nodes(streams: &Streams, leaves: &Leaves) -> Result<(Vec<u16>
         }
         nodes.extend(place.words([&parts[0], &parts[1], &parts[2]], leaves));
     }
-    let long = |section: &[u8; 4]| (*section, "goes on after the last node".to_owned());
+    let long =
+        |section: &[u8; 4]| (*section, "expected the end after the last node, got more bytes".to_owned());
     if !heads.classes.is_done() {
         return Err(long(b"CLAS"));
     }
@@ -277,7 +280,7 @@ pub(super) fn join_nodes(streams: &Streams, leaves: &Leaves) -> Result<(Vec<u16>
     Ok((nodes, starts))
 }
 
-/// Puts box records together again. `starts` are the nodes' first words.
+/// Joins streams to box records. `starts` holds each node's first word.
 pub(super) fn join_boxes(
     streams: &Streams,
     chunks: &[Chunk],
@@ -307,7 +310,7 @@ pub(super) fn join_boxes(
         let (Some(at), Some(place)) = (node, place.and_then(|p| u32::try_from(p).ok())) else {
             return Err((
                 *b"BNOD",
-                format!("box {i}: got a node out of reach ({back} before number {next})"),
+                format!("box {i}: expected a node within reach, got the one {back} before number {next}"),
             ));
         };
         next += usize::from(back == 0);

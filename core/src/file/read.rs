@@ -1,10 +1,10 @@
-//! A volume out of a file.
+//! Reads a volume from a file.
 
 use std::fs::File;
 use std::io::{Read, Seek};
 use std::path::Path;
 
-use super::fault::{Fault, Stop};
+use super::format_error::{FormatError, Stop};
 use super::layout::{Contents, Layout};
 use super::nodes::{self, Streams};
 use super::sections::{Sections, info_of, read_layout, read_sections};
@@ -16,34 +16,34 @@ impl CompressedVolume {
     /// Reads a `.pumice` file and checks all of it.
     ///
     /// # Errors
-    /// [`Error::Io`]; [`Error::File`] that says where and what when the file is damaged; [`Error::Cancelled`].
+    /// [`Error::Io`]; [`Error::File`], which says where the file is damaged and what is wrong; [`Error::Version`]; [`Error::Cancelled`].
     pub fn open(path: &Path, job: &Job) -> Result<Self> {
         from_path(path, |file, file_bytes| read(file, file_bytes, None, true, job))
     }
 
-    /// The same, but boxes and nodes of a file of [`crate::Level::Fast`] stay in the file, which is mapped into memory: they are
-    /// shared with other processes, given back where memory runs short, and of this process only once they are used. Everything is
-    /// checked as by [`CompressedVolume::open`];
-    /// files of other levels have nothing to map and are read. [`CompressedVolume::mapped_bytes`] tells what is mapped.
+    /// Like [`CompressedVolume::open`], but boxes and nodes of a file of [`crate::Level::Fast`] stay in the file, which is mapped into
+    /// memory. Their pages are shared with other processes, reclaimed when memory runs short, and loaded into this process only when they
+    /// are used. The same checks are made. Files of other levels have nothing to map and are read. [`CompressedVolume::mapped_bytes`] tells
+    /// how much is mapped.
     ///
-    /// While the volume is there, the file must not be changed in place: where another program cuts it short, the process ends with a
-    /// signal. [`CompressedVolume::save`] over it is safe, as it replaces the file and leaves the former one to who has it open.
+    /// While the volume exists, the file must not be changed in place: if another program truncates it, the process ends with a signal.
+    /// [`CompressedVolume::save`] over it is safe, because it replaces the file and leaves the old one to those who have it open.
     ///
     /// # Errors
     /// As [`CompressedVolume::open`], and [`Error::Io`] where the system cannot map the file.
     pub fn open_mapped(path: &Path, job: &Job) -> Result<Self> {
         from_path(path, |file, file_bytes| {
-            // Files without a byte cannot be mapped, and are refused for that length by the reader.
+            // An empty file cannot be mapped; the reader refuses it because of its length.
             let map = if file_bytes > 0 { Some(MappedFile::new(file).map_err(Stop::Io)?) } else { None };
             let volume = read(file, file_bytes, map.clone(), true, job)?;
-            // Checking went through all of it; a picture may need little.
+            // The checks touched every page, but a picture may need few of them.
             map.iter().for_each(MappedFile::let_go);
             Ok(volume)
         })
     }
 }
 
-/// Opens a file and has it read; what stops that gets the file's name.
+/// Opens a file and calls `read` on it; adds the path to its errors.
 pub(super) fn from_path<T>(
     path: &Path,
     read: impl FnOnce(&mut File, u64) -> std::result::Result<T, Stop>,
@@ -52,7 +52,7 @@ pub(super) fn from_path<T>(
     let mut file = File::open(path).map_err(io)?;
     let file_bytes = file.metadata().map_err(io)?.len();
     read(&mut file, file_bytes).map_err(|stop| match stop {
-        Stop::Fault(Fault { section, at, what }) => {
+        Stop::Fault(FormatError { section, at, what }) => {
             Error::File { path: path.to_owned(), section: section.escape_ascii().to_string(), at, what }
         }
         Stop::Version(got) => Error::Version { path: path.to_owned(), got },
@@ -61,16 +61,16 @@ pub(super) fn from_path<T>(
     })
 }
 
-/// What is known of a volume without its boxes.
+/// Sections that describe a volume apart from its boxes.
 pub(super) const HEAD_SECTIONS: [&[u8; 4]; 10] =
     [b"INFO", b"CHNK", b"RUNS", b"LIDS", b"LVOX", b"LTYP", b"LCON", b"LEAF", b"SLIC", b"RARE"];
 
-/// Boxes and nodes, in the one form or the other.
+/// Sections of boxes and nodes, in the plain form and in the packed one.
 const BOX_SECTIONS: [&[u8; 4]; 9] =
     [b"BOXS", b"NODE", b"BCEL", b"BNOD", b"OCCU", b"CLAS", b"REFS", b"SLCR", b"FLDS"];
 
-/// Reads a volume; what is mapped of its file need not be read. `check_hash` is off only where a test wants to reach what lies behind
-/// the checks.
+/// Reads a volume. With `map`, sections that can stay in the mapped file are not read. `check_hash` is false only in tests that want to
+/// reach the code behind the hash check.
 pub(super) fn read(
     file: &mut (impl Read + Seek),
     file_bytes: u64,
@@ -95,17 +95,17 @@ pub(super) fn read(
     if check_hash { check_content(&layout, volume) } else { Ok(volume) }
 }
 
-/// A volume that has the hash that its file names.
+/// Returns the volume if it has the content hash that its file declares.
 fn check_content(layout: &Layout, volume: CompressedVolume) -> std::result::Result<CompressedVolume, Stop> {
     let (expected, got) = (layout.content_hash, volume.content_hash());
     if expected != got {
         let what = format!("content hash: expected {expected:032x}, got {got:032x}");
-        return Err(Stop::Fault(Fault::in_header(40, what)));
+        return Err(Stop::Fault(FormatError::in_header(40, what)));
     }
     Ok(volume)
 }
 
-/// A volume without boxes, unchecked.
+/// Builds a volume without boxes; it is not checked yet.
 pub(super) fn assemble_head(sections: &mut Sections) -> std::result::Result<CompressedVolume, Stop> {
     let (info, type_names) = info_of(sections)?;
     let mut volume = CompressedVolume::empty(info);
@@ -128,7 +128,7 @@ pub(super) fn assemble_head(sections: &mut Sections) -> std::result::Result<Comp
         voxels: sections.elements(b"LVOX", u64::from_le_bytes)?,
         types: sections.elements(b"LTYP", u16::from_le_bytes)?,
         type_names,
-        // Still packed: they are checked once the number of labels is.
+        // The contacts stay packed here; they are checked once the number of labels is.
         contacts: Contacts { bytes: sections.take(b"LCON")?, pairs: 0 },
     };
     volume.leaves.patterns = sections.elements(b"LEAF", u64::from_le_bytes)?;
@@ -137,7 +137,7 @@ pub(super) fn assemble_head(sections: &mut Sections) -> std::result::Result<Comp
     Ok(volume)
 }
 
-/// A volume from its sections, unchecked but for what putting it together needs.
+/// Builds a volume from its sections. It checks only what this needs.
 fn assemble(sections: &mut Sections) -> std::result::Result<CompressedVolume, Stop> {
     let mut volume = assemble_head(sections)?;
     if sections.has(b"NODE") {

@@ -1,4 +1,4 @@
-//! The sections of a file: found by the header and its table, checked against their checksums, decoded.
+//! Reads the sections of a file: finds them by header and table, compares their checksums, decodes them.
 
 use std::collections::HashMap;
 use std::io::{ErrorKind, Read, Seek, SeekFrom};
@@ -8,49 +8,49 @@ use bytemuck::Pod;
 use serde::Deserialize;
 
 use super::codec;
-use super::fault::{Fault, Stop};
+use super::format_error::{FormatError, Stop};
 use super::layout::{ENTRY_BYTES, Entry, HEADER_BYTES, Layout, section_checksum};
 use crate::elements::{Elements, MappedFile};
 use crate::error::one_line;
 use crate::{CompressedVolume, Contacts, Job, VolumeInfo};
 
-/// What the section `INFO` holds.
+/// The section `INFO`, as JSON.
 #[derive(Deserialize)]
 struct Info {
     volume: VolumeInfo,
     types: Vec<String>,
 }
 
-/// Sections read and decoded, by name.
+/// Sections that were read and decoded, by name.
 pub(super) struct Sections {
     decoded: HashMap<[u8; 4], Vec<u8>>,
     offsets: HashMap<[u8; 4], u64>,
-    /// The file, where it is mapped, and where in it those sections are that need no decoding and were not read therefore.
+    /// The mapped file, if it is mapped, and the byte ranges of sections that were not read because they need no decoding.
     map: Option<MappedFile>,
     mapped: HashMap<[u8; 4], Range<usize>>,
 }
 
 impl Sections {
     pub(super) fn fault(&self, section: [u8; 4], what: impl Into<String>) -> Stop {
-        Stop::Fault(Fault { section, at: self.offset(&section), what: what.into() })
+        Stop::Fault(FormatError { section, at: self.offset(&section), what: what.into() })
     }
 
-    /// Where a section lies in the file; 0 where it was not read.
+    /// Byte offset of a section in the file; 0 if it was not read.
     pub(super) fn offset(&self, name: &[u8; 4]) -> u64 {
         self.offsets.get(name).copied().unwrap_or(0)
     }
 
-    /// Whether a section was read and is there still.
+    /// Whether a section was read and has not been taken yet.
     pub(super) fn has(&self, name: &[u8; 4]) -> bool {
         self.decoded.contains_key(name) || self.mapped.contains_key(name)
     }
 
-    /// Takes a section's bytes.
+    /// Removes and returns a section's bytes.
     pub(super) fn take(&mut self, name: &[u8; 4]) -> std::result::Result<Vec<u8>, Stop> {
         self.decoded.remove(name).ok_or_else(|| self.fault(*name, "expected the section, got none"))
     }
 
-    /// Takes a section as elements of `N` bytes.
+    /// Removes a section and converts it to elements of `N` bytes each.
     pub(super) fn elements<const N: usize, T>(
         &mut self,
         name: &[u8; 4],
@@ -64,7 +64,7 @@ impl Sections {
         Ok(whole.iter().map(|&b| element(b)).collect())
     }
 
-    /// Takes a section as an array whose elements lie in the file as they do in memory.
+    /// Removes a section and returns it as an array that may stay in the mapped file.
     pub(super) fn array<const N: usize, T: Pod>(
         &mut self,
         name: &[u8; 4],
@@ -81,7 +81,7 @@ impl Sections {
         }
     }
 
-    /// Checks the touching pairs, of a volume whose number of labels is checked.
+    /// Checks and takes over the pairs of touching labels; the volume's number of labels must have been checked.
     pub(super) fn unpack_contacts(&self, volume: &mut CompressedVolume) -> std::result::Result<(), Stop> {
         let packed = std::mem::take(&mut volume.labels.contacts.bytes);
         volume.labels.contacts =
@@ -92,12 +92,12 @@ impl Sections {
     }
 }
 
-/// Reads and checks header and section table.
+/// Reads and checks the header and the section table.
 pub(super) fn read_layout(
     file: &mut (impl Read + Seek),
     file_bytes: u64,
 ) -> std::result::Result<Layout, Stop> {
-    let head = |at: u64, what: String| Stop::Fault(Fault::in_header(at, what));
+    let head = |at: u64, what: String| Stop::Fault(FormatError::in_header(at, what));
     if file_bytes < HEADER_BYTES as u64 {
         return Err(head(
             0,
@@ -106,7 +106,7 @@ pub(super) fn read_layout(
     }
     let bytes = read_at(file, 0, HEADER_BYTES as u64, *b"HEAD")?;
     let Ok(header) = <&[u8; HEADER_BYTES]>::try_from(bytes.as_slice()) else {
-        return Err(head(0, "the file became shorter while it was read".into()));
+        return Err(head(0, "the file became shorter while it was read; open it again".into()));
     };
     let count = Layout::sections(header, file_bytes)?;
     let length = HEADER_BYTES as u64 + u64::from(count) * ENTRY_BYTES as u64;
@@ -120,7 +120,7 @@ pub(super) fn read_layout(
     Layout::parse(&bytes, file_bytes)
 }
 
-/// Reads a range that lies within the file's length.
+/// Reads a range that lies within the length of the file.
 pub(super) fn read_at(
     file: &mut (impl Read + Seek),
     offset: u64,
@@ -132,26 +132,26 @@ pub(super) fn read_at(
     match file.take(length).read_to_end(&mut bytes) {
         Ok(n) if n as u64 == length => Ok(bytes),
         Err(error) if error.kind() != ErrorKind::UnexpectedEof => Err(Stop::Io(error)),
-        _ => Err(Stop::Fault(Fault {
+        _ => Err(Stop::Fault(FormatError {
             section,
             at: offset + bytes.len() as u64,
-            what: "the file became shorter while it was read".into(),
+            what: "the file became shorter while it was read; open it again".into(),
         })),
     }
 }
 
-/// Where a section lies in a mapped file, if it need not be decoded.
+/// Byte range of a section in a mapped file, if it needs no decoding.
 fn place_in(map: Option<&MappedFile>, entry: &Entry) -> Option<Range<usize>> {
     let is_array = [b"BOXS", b"NODE"].contains(&&entry.name);
     if !is_array || entry.encoding.zstd || entry.encoding.delta || entry.encoding.planes {
         return None;
     }
     let range = usize::try_from(entry.offset).ok()?..usize::try_from(entry.offset + entry.stored).ok()?;
-    // It may have become shorter since its length was asked for: then reading says so.
+    // The file may have become shorter since its length was read; then the section is read instead, which reports it.
     (cfg!(target_endian = "little") && range.end <= map?.bytes().len()).then_some(range)
 }
 
-/// Those of the named sections that are there.
+/// Reads those of the named sections that the file has.
 pub(super) fn read_sections(
     file: &mut (impl Read + Seek),
     map: Option<MappedFile>,
@@ -163,7 +163,7 @@ pub(super) fn read_sections(
         Sections { decoded: HashMap::new(), offsets: HashMap::new(), map, mapped: HashMap::new() };
     for entry in layout.entries.iter().filter(|e| names.contains(&&e.name)) {
         job.check()?;
-        let fault = |what| Stop::Fault(Fault { section: entry.name, at: entry.offset, what });
+        let fault = |what| Stop::Fault(FormatError { section: entry.name, at: entry.offset, what });
         let is_right = |stored: &[u8]| match section_checksum(stored) {
             got if got == entry.checksum => Ok(()),
             got => Err(fault(format!("checksum: expected {:016x}, got {got:016x}", entry.checksum))),
@@ -183,11 +183,11 @@ pub(super) fn read_sections(
     Ok(sections)
 }
 
-/// What the section `INFO` holds: the volume's own, and names of types.
+/// Parses the section `INFO`: the volume's info, and the names of label types.
 pub(super) fn info_of(sections: &mut Sections) -> std::result::Result<(VolumeInfo, Vec<String>), Stop> {
     let info = sections.take(b"INFO")?;
     let Info { volume, types } = serde_json::from_slice(&info).map_err(|e| {
-        // It quotes the file.
+        // The error quotes the file.
         sections.fault(*b"INFO", one_line(&format!("JSON: {e}")))
     })?;
     Ok((volume, types))

@@ -1,41 +1,42 @@
-//! The slices that a voxel's neighbours lie in, with borders of background: the one being coded and those before it.
+//! The slices in which a voxel's neighbours lie, with borders of background: the slice being coded and those before it.
 //!
 //! ```text
-//! two slabs of four slices, in turns:    ┌────┬────┬────┬────┐   ┌────┬────┬────┬────┐
-//!                                        │ z−5│ z−4│ z−3│ z−2│   │ z−1│  z │    │    │      a full slab is handed on in place
-//!                                        └────┴────┴────┴────┘   └────┴────┴────┴────┘
+//! two slabs of four slices, used in turn:  ┌────┬────┬────┬────┐   ┌────┬────┬────┬────┐
+//!                                          │ z−5│ z−4│ z−3│ z−2│   │ z−1│  z │    │    │      a full slab is passed on without a copy
+//!                                          └────┴────┴────┴────┘   └────┴────┴────┴────┘
 //! a slice:  rows of    8 of border │ voxels, up to a multiple of 64 │ 16 of border        three rows of border above and below
 //! ```
-//! Borders are as wide as the farthest neighbour. Writes of 16 voxels at a time may pass a row's end; its border is cleared afterwards.
+//! Borders are as wide as the farthest neighbour. Writes of 16 voxels at a time may pass a row's end; the border is cleared afterwards.
 
-/// Slices of a slab: whole cells, whatever z it begins at. With sixteen, which leave the caches, opening takes 6 % longer.
+/// Slices of a slab, so that a slab has whole cells whatever its first z is. With sixteen slices, which leave the caches, opening takes 6 %
+/// longer.
 pub(super) const SLAB: usize = 4;
 
-/// Voxels of border before a row.
+/// Border voxels before a row.
 pub(super) const BORDER: usize = 8;
 
-/// Voxels of border behind a row: as many as [`fill`] writes at a time.
+/// Border voxels after a row: as many as [`fill`] writes at a time.
 const BEHIND: usize = 16;
 
-/// Rows of border above and below a slice.
+/// Border rows above and below a slice.
 const ROWS: usize = 3;
 
-/// Words of 64 bits for a row of this many voxels and the one behind the last.
+/// Number of 64-bit words that hold a bit for each of `columns` voxels and for the one after the last.
 pub(super) fn words(columns: usize) -> usize {
     columns / 64 + 1
 }
 
-/// See the module.
+/// Two slabs of slices with borders; the module documentation draws them.
 #[derive(Debug)]
 pub(super) struct Slices {
     columns: usize,
     rows: usize,
-    /// Voxels from a row to the next, from a slice to the next.
+    /// Distances in voxels from one row to the next (`stride`) and from one slice to the next (`area`).
     stride: usize,
     area: usize,
     slab: Vec<u32>,
     former: Vec<u32>,
-    /// Slices of the slab so far, with the one being coded.
+    /// Number of slices of the slab that have begun, including the one being coded.
     begun: usize,
 }
 
@@ -46,7 +47,7 @@ pub(super) struct Three<'a> {
     stride: usize,
 }
 
-/// The decoded rows around the one being coded, each with its borders, named by steps along y and slices back.
+/// The decoded rows around the one being coded, with their borders. The names give the direction along y and the number of slices back.
 pub(super) struct Around<'a> {
     pub(super) up: &'a [u32],
     pub(super) up_2: &'a [u32],
@@ -54,14 +55,14 @@ pub(super) struct Around<'a> {
     pub(super) back_up: &'a [u32],
     pub(super) back_down: &'a [u32],
     pub(super) back_2: &'a [u32],
-    /// The decoded part of the slice, the two slices before it, and where the row begins in them.
+    /// The decoded part of the current slice, the two slices before it, and the offset at which the row begins in them.
     slices: [&'a [u32]; 3],
     at: usize,
     stride: usize,
 }
 
 impl Slices {
-    /// Slices of `columns` × `rows` voxels; those before the first are background.
+    /// Slices of `columns` × `rows` voxels; the slices before the first are background.
     pub(super) fn new(columns: usize, rows: usize) -> Self {
         let stride = BORDER + 64 * words(columns) + BEHIND;
         let area = stride * (rows + 2 * ROWS);
@@ -76,7 +77,7 @@ impl Slices {
         }
     }
 
-    /// Begins a slice.
+    /// Begins the next slice.
     pub(super) fn begin(&mut self) {
         if self.begun == SLAB {
             std::mem::swap(&mut self.slab, &mut self.former);
@@ -85,12 +86,12 @@ impl Slices {
         self.begun += 1;
     }
 
-    /// The newest slice and the two before it.
+    /// The current slice and the two before it.
     pub(super) fn three(&mut self) -> Three<'_> {
         let area = self.area;
         let (done, rest) = self.slab.split_at_mut((self.begun - 1) * area);
         let (done, former) = (&*done, &self.former[..]);
-        // All that is known, last slice last, is two pieces of memory.
+        // The decoded slices, in order, lie in two pieces of memory.
         let back = |n: usize| match done.len().checked_sub(n * area) {
             Some(from) => &done[from..from + area],
             None => &former[former.len() + done.len() - n * area..][..area],
@@ -98,7 +99,7 @@ impl Slices {
         Three { before: [back(1), back(2)], now: &mut rest[..area], stride: self.stride }
     }
 
-    /// The slab's voxels from the first one on, and how far apart they are along x, y and z.
+    /// The slab's voxels from the first one on, and their distances along x, y and z.
     pub(super) fn slab(&self) -> (&[u32], [usize; 3]) {
         (&self.slab[ROWS * self.stride + BORDER..], [1, self.stride, self.area])
     }
@@ -113,7 +114,7 @@ impl Slices {
 }
 
 impl Three<'_> {
-    /// Row `y` of the slice being coded and the rows around it. The row below the last is asked for too.
+    /// Row `y` of the slice being coded and the rows around it. The row below the last is valid too.
     #[inline]
     pub(super) fn row(&mut self, y: usize) -> (&mut [u32], Around<'_>) {
         let (stride, at) = (self.stride, (y + ROWS) * self.stride);
@@ -136,7 +137,7 @@ impl Three<'_> {
 }
 
 impl Around<'_> {
-    /// The label some steps along x, y and slices back from voxel `x`. The step must lead to a decoded voxel or a border.
+    /// The label at an offset along x, along y and in slices back from voxel `x`. The offset must lead to a decoded voxel or a border.
     #[inline]
     pub(super) fn at(&self, x: usize, [dx, dy, back]: [i8; 3]) -> u32 {
         let row = self.at.wrapping_add_signed(isize::from(dy) * self.stride as isize);
@@ -144,7 +145,7 @@ impl Around<'_> {
     }
 }
 
-/// Gives the voxels from `x` to `end` a label, and up to 15 behind them, which later writes replace.
+/// Sets the voxels from `x` to `end` to a label, and up to 15 voxels after them, which later writes replace.
 #[inline]
 pub(super) fn fill(row: &mut [u32], x: usize, end: usize, label: u32) {
     for at in (x..end).step_by(BEHIND) {
@@ -156,7 +157,7 @@ pub(super) fn fill(row: &mut [u32], x: usize, end: usize, label: u32) {
 mod tests {
     use super::*;
 
-    /// Every voxel that is known is found where it is, from every slice of a slab; so is the background outside.
+    /// From every slice of a slab, every decoded neighbour and the background outside are at the offsets where they belong.
     #[test]
     fn neighbours_are_where_they_are() {
         let (columns, rows) = (70, 5);

@@ -1,10 +1,10 @@
-//! Compares sixteen labels with sixteen others by SSE2 instructions. The voxel decoder does nothing more often.
+//! Compares sixteen labels with sixteen others by SSE2 instructions. This is the most frequent operation of the voxel decoder.
 
 /// Sixteen labels, as four vectors of four.
 pub(super) type Labels16 = [[u32; 4]; 4];
 
-/// A mask whose bit i is set where `a` and `b` have the same label at i. SSE2, which every x86-64 processor has, takes eight
-/// instructions; what the compiler makes of the scalar form takes forty.
+/// A mask whose bit i is set where `a` and `b` have the same label at i. SSE2, which every x86-64 processor has, takes eight instructions;
+/// the compiled scalar form takes forty.
 #[cfg(target_arch = "x86_64")]
 #[inline(always)]
 pub(super) fn equal_mask(a: &Labels16, b: &Labels16) -> u32 {
@@ -40,7 +40,7 @@ mod tests {
     fn matches_scalar() {
         for seed in 0..1000u32 {
             let label = |i: usize| (i as u32 ^ seed).wrapping_mul(0x9E37_79B1).rotate_left(seed % 32);
-            // Two labels that differ in one bit, in each of the 32 places.
+            // Labels that differ in one bit only, for each of the 32 bits.
             let sixteen = |from: usize| -> Labels16 {
                 std::array::from_fn(|i| std::array::from_fn(|j| (label(from + 4 * i + j) & 1) << (seed % 32)))
             };

@@ -1,19 +1,19 @@
-//! Codes the voxels of a piece of volume as a stream of bits: a voxel's neighbours predict it nearly always.
+//! Codes the voxels of one piece of the volume as a bit stream; a voxel's neighbours nearly always predict its label.
 //!
 //! ```text
 //! slice after slice, row after row:
-//!     a run of voxels amid one label        ─► one bit: the whole run has that label; if not, where it breaks
+//!     a run of voxels amid one label        ─► one bit: whether the whole run has that label; if not, where it breaks
 //!     any other voxel, and one that breaks a run:
-//!         each label among 20 decoded neighbours, nearest first             one bit: is it this one?
-//!         none: each one among 36 farther ones                              one bit
-//!         none                                                              its number, a bit at a time
+//!         each label among 20 decoded neighbours, nearest first             one bit: whether the voxel has it
+//!         if none matches: each label among 36 farther neighbours           one bit
+//!         if none matches                                                   the label's number, bit by bit
 //! ```
-//! Most voxels lie in runs, which are found 64 voxels at a time ([`super::equal_neighbours`]). Each bit is coded by one
-//! context: which of 17 neighbours have the label that is tried. Mixing three such contexts by a logistic mixer
-//! (Mahoney, *Adaptive weighing of context models for lossless data compression*, 2005) takes 3 % off the file and nine times as long.
+//! Most voxels lie in runs, which are found 64 voxels at a time ([`super::equal_neighbours`]). Each bit has one context: which of 17
+//! neighbours have the label that is tried. Mixing three such contexts by a logistic mixer (Mahoney, *Adaptive weighing of context models
+//! for lossless data compression*, 2005) makes the file 3 % smaller and takes nine times as long.
 //!
-//! Encoder and decoder are one piece of code and adapt to the same bits, in integers alone. `docs/file-format.md` has every constant,
-//! since each of them decides what a file means.
+//! Encoder and decoder are the same code and adapt to the same bits, in integer arithmetic only. `docs/file-format.md` lists every
+//! constant, because each of them decides how a file decodes.
 
 use super::arithmetic::{BitModel, Coder, Decoder, Encoder};
 use super::equal_neighbours::{SliceLinks, end_of_ones};
@@ -21,7 +21,7 @@ use super::neighbours::{CONTEXTS, FIRST, NEIGHBOURS, Neighbours};
 use super::slices::{Around, BORDER, Slices, fill, words};
 use crate::contacts::Pairs;
 
-/// Neighbours whose labels are tried where no near one has the voxel's: steps along x, along y, slices back.
+/// Neighbours whose labels are tried where no near neighbour has the voxel's label, as offsets: along x, along y, slices back.
 const FAR: [[i8; 3]; 36] = [
     [-2, 0, 1],
     [0, 2, 1],
@@ -61,25 +61,25 @@ const FAR: [[i8; 3]; 36] = [
     [-7, 0, 1],
 ];
 
-/// Lengths of runs by their bits: 1 to 11, of 1,024 voxels at most.
+/// Number of classes of run lengths. The class is the number of bits of the length, 1 to 11; a run has at most 1,024 voxels.
 const LENGTHS: usize = 12;
 
-/// Bits of a break's place that have contexts of their own: the first seven.
+/// Contexts for the position of a break; the first seven bits of the position have their own.
 const PLACE_CONTEXTS: usize = 1 << 7;
 
-/// Bits of a label's number that have contexts of their own; the lower ones of longer numbers are taken as they come.
+/// Contexts for a label's number. Lower bits of longer numbers have none and are coded with a probability of one half.
 const NUMBER_CONTEXTS: usize = 1 << 16;
 
-/// The contexts of a piece.
+/// The contexts of one piece.
 struct Models {
-    /// By the length of a run: whether all of it has one label, and where it breaks.
+    /// By the class of a run's length: whether the whole run has one label, and where it breaks.
     whole: [BitModel; LENGTHS],
     place: Vec<[BitModel; PLACE_CONTEXTS]>,
-    /// For the first label that is tried, the second, and those after it.
+    /// For the first label that is tried, the second, and all later ones.
     near: [Vec<BitModel>; 3],
     far: [BitModel; FAR.len()],
     number: Vec<BitModel>,
-    /// Bits of a label's number, and the highest number so far.
+    /// Number of bits of a label's number, and the highest number so far.
     number_bits: u32,
     highest: u32,
 }
@@ -97,7 +97,7 @@ impl Models {
         }
     }
 
-    /// Codes a row whose even voxels are known. An encoder gives its voxels in `told`.
+    /// Codes a row whose even voxels are marked in `even`. An encoder passes the row's voxels in `told`.
     #[inline(always)]
     fn row(
         &mut self,
@@ -133,7 +133,7 @@ impl Models {
         }
     }
 
-    /// Codes how many voxels of a run of `length` have its label.
+    /// Codes how many voxels at the start of a run of `length` have its label.
     #[inline(always)]
     fn run(&mut self, coder: &mut impl Coder, length: usize, breaks: Option<usize>) -> usize {
         let class = ((usize::BITS - length.leading_zeros()) as usize).min(LENGTHS - 1);
@@ -143,17 +143,17 @@ impl Models {
         }
     }
 
-    /// Codes where a run breaks.
+    /// Codes the position at which a run breaks.
     #[cold]
     fn place(&mut self, coder: &mut impl Coder, length: usize, class: usize, breaks: Option<usize>) -> usize {
         let bits = usize::BITS - (length - 1).leading_zeros();
         let told = breaks.map(|b| b as u32);
         let place = number(coder, &mut self.place[class], bits, told) as usize;
-        // A damaged stream may have a place beyond the run.
+        // A damaged stream may yield a position beyond the run.
         place.min(length - 1)
     }
 
-    /// Codes a voxel that has another label than the voxel to its left.
+    /// Codes a voxel whose label differs from that of the voxel to its left.
     #[inline(never)]
     fn other(
         &mut self,
@@ -163,7 +163,8 @@ impl Models {
         x: usize,
         told: Option<u32>,
     ) -> u32 {
-        // Gathered again: passing them on would put them into memory for each voxel, also for those that end at the first bit.
+        // The neighbours are gathered again: passing them on would store them in memory for each voxel, including those that end at the
+        // first bit.
         let near = Neighbours::of(row, around, x);
         let labels = near.in_order();
         let all = (1 << NEIGHBOURS) - 1;
@@ -195,7 +196,7 @@ impl Models {
     }
 }
 
-/// Codes a number of some bits, from the highest; each bit's context is the bits above it.
+/// Codes a number of `bits` bits, highest first; the context of each bit is the bits above it.
 fn number(coder: &mut impl Coder, contexts: &mut [BitModel], bits: u32, told: Option<u32>) -> u32 {
     let (mut number, mut context) = (0u32, 1usize);
     for bit in (0..bits).rev() {
@@ -210,7 +211,7 @@ fn number(coder: &mut impl Coder, contexts: &mut [BitModel], bits: u32, told: Op
     number
 }
 
-/// The state that encoder and decoder share.
+/// The state that encoder and decoder have in common.
 struct Model {
     slices: Slices,
     links: [SliceLinks; 2],
@@ -219,7 +220,7 @@ struct Model {
 }
 
 impl Model {
-    /// A model of slices of `size` voxels with labels from 0 to `most`.
+    /// A model of slices of `columns` × `rows` voxels with labels from 0 to `most`.
     fn new([columns, rows]: [usize; 2], most: u32) -> Self {
         Self {
             slices: Slices::new(columns, rows),
@@ -229,7 +230,7 @@ impl Model {
         }
     }
 
-    /// Codes the next slice. An encoder gives its voxels in `told`. Calls `met` with the labels of neighbours that differ.
+    /// Codes the next slice. An encoder passes its voxels in `told`. Calls `met` with the labels of neighbours that differ.
     #[inline(always)]
     fn slice(&mut self, coder: &mut impl Coder, told: Option<&[u32]>, mut met: impl FnMut(u32, u32)) {
         let (columns, rows) = (self.slices.columns(), self.slices.rows());
@@ -251,19 +252,19 @@ impl Model {
     }
 }
 
-/// Encodes slices into a stream.
+/// Encodes slices as a stream.
 pub(super) struct VoxelEncoder {
     model: Model,
     coder: Encoder,
 }
 
 impl VoxelEncoder {
-    /// An encoder of slices of `size` voxels, neither 0, with labels from 0 to `most`.
+    /// An encoder of slices of `size` voxels (columns, rows; neither is 0) with labels from 0 to `most`.
     pub(super) fn new(size: [usize; 2], most: u32) -> Self {
         Self { model: Model::new(size, most), coder: Encoder::new() }
     }
 
-    /// Encodes the next slice, x fastest.
+    /// Encodes the next slice, given in x-fastest order.
     pub(super) fn slice(&mut self, voxels: &[u32]) {
         self.model.slice(&mut self.coder, Some(voxels), |_, _| ());
     }
@@ -273,7 +274,7 @@ impl VoxelEncoder {
     }
 }
 
-/// Decodes a stream into slices.
+/// Decodes slices from a stream.
 pub(super) struct VoxelDecoder<'a> {
     model: Model,
     coder: Decoder<'a>,
@@ -281,15 +282,15 @@ pub(super) struct VoxelDecoder<'a> {
 }
 
 impl<'a> VoxelDecoder<'a> {
-    /// As [`VoxelEncoder::new`].
+    /// A decoder of the stream `bytes`; `size` and `most` must be those of [`VoxelEncoder::new`].
     pub(super) fn new(size: [usize; 2], most: u32, bytes: &'a [u8]) -> Self {
         Self { model: Model::new(size, most), coder: Decoder::new(bytes), touching: Pairs::new() }
     }
 
-    /// Decodes the next slice; false where the stream ends before it does.
+    /// Decodes the next slice; returns false where the stream ends too early.
     pub(super) fn slice(&mut self) -> bool {
         let touching = &mut self.touching;
-        // The labels of a damaged stream may be any: pairs of them are wrong, and no more than that.
+        // A damaged stream may yield any label; then these pairs are wrong, which does no other harm.
         self.model.slice(&mut self.coder, None, |a, b| {
             if a != 0 && b != 0 {
                 touching.add(a - 1, b - 1);
@@ -298,23 +299,23 @@ impl<'a> VoxelDecoder<'a> {
         !self.coder.is_past_end()
     }
 
-    /// The slices since the last multiple of [`super::slices::SLAB`]: their labels from the first voxel on, and how far apart those
-    /// are along x, y, z.
+    /// The slices since the last multiple of [`super::slices::SLAB`]: their labels from the first voxel on, and the distances between
+    /// voxels along x, y and z.
     pub(super) fn slab(&self) -> (&[u32], [usize; 3]) {
         self.model.slices.slab()
     }
 
-    /// The highest label so far. A damaged stream may have one above the number of labels.
+    /// The highest label so far. A damaged stream may yield one above the number of labels.
     pub(super) fn highest(&self) -> u32 {
         self.model.models.highest
     }
 
-    /// Whether the stream has no byte left.
+    /// Whether the whole stream has been used.
     pub(super) fn is_at_end(&self) -> bool {
         self.coder.is_at_end()
     }
 
-    /// The pairs of labels that touch within the piece, by dense index as [`crate::contacts`] has them, in any order.
+    /// Pairs of labels that touch within the piece, in any order, as dense indices in the form of [`crate::contacts`].
     pub(super) fn touching(self) -> Vec<u64> {
         self.touching.into_vec()
     }
@@ -325,7 +326,7 @@ mod tests {
     use super::super::slices::SLAB;
     use super::*;
 
-    /// The slab's voxels of a slice, row after row.
+    /// The voxels of slice `z` in the decoder's slab, row after row.
     fn slice_of(decoder: &VoxelDecoder<'_>, [w, h]: [usize; 2], z: usize) -> Vec<u32> {
         let (labels, [_, row, slice]) = decoder.slab();
         (0..h).flat_map(|y| labels[z % SLAB * slice + y * row..][..w].to_vec()).collect()
@@ -342,14 +343,14 @@ mod tests {
             assert!(decoder.slice() && slice_of(&decoder, [w, h], z) == slice(z), "slice {z} of {size:?}");
         }
         assert!(decoder.is_at_end() && decoder.highest() <= most);
-        // A stream that lacks its end says so, or has another picture in it.
+        // Half a stream must either be reported as too short or decode to other voxels.
         let mut short = VoxelDecoder::new([w, h], most, &bytes[..bytes.len() / 2]);
         let differs = (0..d).any(|z| !short.slice() || slice_of(&short, [w, h], z) != slice(z));
         assert!(differs, "{size:?}");
         bytes.len()
     }
 
-    /// A number that looks random, the same on every machine.
+    /// A pseudorandom number that is the same on every machine.
     fn noise(x: usize, y: usize, z: usize) -> u32 {
         let mixed = (x as u32).wrapping_mul(0x9E37_79B1) ^ (y as u32).wrapping_mul(0x85EB_CA6B) ^ z as u32;
         let mixed = mixed.wrapping_mul(0xC2B2_AE35) ^ mixed >> 15;
@@ -359,7 +360,7 @@ mod tests {
     #[test]
     fn voxels_come_back() {
         let sizes = [[1, 1, 1], [1, 1, 100], [100, 1, 1], [1, 100, 2], [17, 16, 15], [33, 5, 9]];
-        // Rows that end with a word, a voxel before it and behind it; the longest there are.
+        // Rows that end exactly with a word, one voxel before it or one after it; and the longest possible row.
         let rows = [[63, 4, 3], [64, 4, 3], [65, 4, 3], [128, 3, 6], [1024, 2, 5]];
         for size in sizes.into_iter().chain(rows) {
             round_trip(size, 0, |_, _, _| 0);
@@ -367,17 +368,17 @@ mod tests {
             round_trip(size, 3, |x, y, z| noise(x, y, z) & 3);
             round_trip(size, u32::MAX, |x, y, z| noise(x, y, z) & u32::MAX >> 7);
             round_trip(size, 5, |x, y, z| ((x / 5 + y / 3) as u32 + (z / 4) as u32) % 6);
-            // Long runs, which seldom break.
+            // Long runs that seldom break.
             round_trip(size, 2, |x, y, z| 1 + u32::from(noise(x, y, z) % 97 == 5));
         }
-        // Numbers that differ in bits without contexts.
+        // Numbers that differ only in bits without contexts.
         round_trip([9, 9, 9], u32::MAX, |x, y, z| u32::MAX - (x + 9 * y + 81 * z) as u32);
     }
 
-    /// What is to be expected of each kind.
+    /// The size of the stream is what theory expects, for constant labels and for noise.
     #[test]
     fn even_labels_take_nothing_and_noise_what_it_has() {
-        // A run in 0.00035 bits, once the chance is as sure as it gets; the ends of rows are voxels of their own.
+        // A run takes 0.00035 bits once its probability is as high as it gets; the voxels at the ends of rows lie outside of runs.
         let even = round_trip([128, 128, 64], 1, |_, _, _| 1);
         assert!(even < 200, "{even}");
         let mut state = 7u64;
@@ -388,13 +389,14 @@ mod tests {
             })
             .collect();
         let noise = round_trip([64, 64, 16], 1, |x, y, z| coins[x + 64 * (y + 64 * z)]);
-        // A bit a voxel. There are more contexts than voxels, and each believes the first bits that it sees: 1.42 bits for a second one.
-        // Where a voxel is not as the one before it, a second bit says nothing, and each context has to learn that.
+        // A coin takes one bit a voxel. There are more contexts than voxels, and each adapts strongly to its first bits, so that the second
+        // bit costs 1.42 bits. Where a voxel differs from the one before it, a second bit carries no information, and each context has to
+        // learn that.
         let least = coins.len() / 8;
         assert!((least..2 * least).contains(&noise), "{noise} of {least}");
     }
 
-    /// A control of the above: a decoder that believes something else gets other voxels, or notices.
+    /// A control of the tests above: a decoder with other parameters yields other voxels or reports an error.
     #[test]
     fn another_size_or_number_of_labels_is_another_picture() {
         let label = |x: usize, y: usize, z: usize| ((x / 5 + y / 3 + z / 4) % 6) as u32;
@@ -407,7 +409,7 @@ mod tests {
             (0..9).all(|z| decoder.slice() && slice_of(&decoder, size, z) == slice(z)) && decoder.is_at_end()
         };
         assert!(is_same([33, 17], 5) && !is_same([17, 33], 5) && !is_same([33, 17], 8));
-        // Four bytes too many are no more the stream than four too few.
+        // A stream with four bytes too many is as wrong as one with four too few.
         for wrong in [[&bytes[..], &[0; 4]].concat(), bytes[..bytes.len() - 4].to_vec()] {
             let mut decoder = VoxelDecoder::new([33, 17], 5, &wrong);
             assert!((0..9).any(|_| !decoder.slice()) || !decoder.is_at_end());

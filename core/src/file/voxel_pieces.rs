@@ -1,11 +1,11 @@
-//! Writes and reads a volume as its voxels, piece by piece: the smallest file, without boxes.
+//! Stores a volume as its voxels, piece by piece, and reads it back. This is the smallest file; it holds no boxes.
 //!
 //! ```text
-//! volume ─► pieces of 1024³ voxels that have any ─► a stream each ([`super::voxel_coder`])    PIEC  where, how long    VOXL  streams
-//! and back: streams ─► parts, as while compressing ─► the same volume, since its form is canonical
+//! write: volume ─► non-empty pieces of 1024³ voxels ─► one stream each ([`super::voxel_coder`])    PIEC  origins, lengths    VOXL  streams
+//! read:  streams ─► parts, as in compression ─► the same volume, because its form is canonical
 //! ```
-//! Opening compresses again, so its time goes by voxels, not by boxes. Counts of voxels follow from that, and contacts from decoding,
-//! which meets the neighbours that differ; neither is stored.
+//! Opening compresses the voxels again, so its time depends on the number of voxels, not of boxes. The file stores neither voxel counts nor
+//! contacts: compression yields the counts, and decoding finds the contacts when it compares neighbours.
 
 use std::collections::BTreeSet;
 use std::io::{Read, Seek};
@@ -14,21 +14,21 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use rayon::prelude::*;
 
 use super::check;
-use super::fault::{Fault, Stop};
+use super::format_error::{FormatError, Stop};
 use super::layout::Layout;
 use super::sections::{info_of, read_sections};
 use super::slices::SLAB;
 use super::voxel_coder::{VoxelDecoder, VoxelEncoder};
 use crate::compress::volume_of_parts;
-use crate::part::Part;
+use crate::sorted_cells::SortedCells;
 use crate::store::PartStore;
 use crate::volume::CHUNK_CELLS;
 use crate::{CHUNK_VOXELS, CompressOptions, CompressedVolume, Error, Job, LabelTable, Result, morton};
 
-/// Bytes of a piece in `PIEC`.
+/// Bytes of an entry of `PIEC`.
 const PIECE_BYTES: usize = 24;
 
-/// Voxels of the piece at `origin`.
+/// Size in voxels of the piece at `origin`.
 fn piece_dims(volume_dims: [u32; 3], origin: [u32; 3]) -> [u32; 3] {
     [0, 1, 2].map(|a| CHUNK_VOXELS.min(volume_dims[a] - origin[a]))
 }
@@ -37,14 +37,14 @@ fn morton_of(origin: [u32; 3]) -> u64 {
     morton::encode(origin.map(|o| o / 4)) / CHUNK_CELLS
 }
 
-/// `PIEC` and `VOXL`.
+/// Encodes the sections `PIEC` and `VOXL`.
 ///
 /// # Errors
 /// [`Error::Cancelled`]; [`Error::Caller`] when two labels claim one voxel.
 pub(super) fn encode(volume: &CompressedVolume, job: &Job) -> Result<[Vec<u8>; 2]> {
     let mut codes = BTreeSet::new();
     volume.for_each_box(|_, b| {
-        // A box may reach into the next chunk along each axis, and past the volume's end by some voxels.
+        // A box may extend into the next chunk along each axis, and past the volume's end by a few voxels.
         let (low, high) = b.voxel_bounds();
         for corner in 0..8u32 {
             codes.insert(morton_of([0, 1, 2].map(|a| if corner >> a & 1 == 0 { low[a] } else { high[a] })));
@@ -56,7 +56,7 @@ pub(super) fn encode(volume: &CompressedVolume, job: &Job) -> Result<[Vec<u8>; 2
         |&origin: &[u32; 3]| piece_dims(volume.info.dims, origin).map(u64::from).iter().product::<u64>();
     job.begin(pieces.iter().map(voxels).sum());
 
-    // A grid of its own: saving leaves the volume as small in memory as it was.
+    // A grid for this call only, so that saving does not enlarge the volume in memory.
     let (grid, labelled) = (volume.new_grid(), AtomicU64::new(0));
     let streams: Vec<Vec<u8>> = pieces
         .par_iter()
@@ -74,10 +74,12 @@ pub(super) fn encode(volume: &CompressedVolume, job: &Job) -> Result<[Vec<u8>; 2
             Ok(encoder.finish())
         })
         .collect::<Result<_>>()?;
-    // Boxes of a file that was made to do harm may overlap, and then voxels are not all that there is.
+    // Boxes of a malicious file may overlap; then the voxels would not represent all of them.
     let (expected, got) = (volume.labels.voxels.iter().sum::<u64>(), labelled.into_inner());
     if expected != got {
-        let what = format!("two labels claim one voxel: {expected} are labelled at {got} places");
+        let what = format!(
+            "two labels claim one voxel: expected {expected} labelled voxels, got {got}; compress the source volume again"
+        );
         return Err(Error::Caller(what));
     }
     let table = pieces.iter().zip(&streams).flat_map(|(origin, stream)| {
@@ -87,7 +89,7 @@ pub(super) fn encode(volume: &CompressedVolume, job: &Job) -> Result<[Vec<u8>; 2
     Ok([table.collect(), streams.concat()])
 }
 
-/// Reads a file of voxels; the content hash is not compared yet.
+/// Reads a file of voxels; the caller compares the content hash.
 pub(super) fn read_voxels(
     file: &mut (impl Read + Seek),
     layout: &Layout,
@@ -113,7 +115,7 @@ pub(super) fn read_voxels(
     let number = head.labels.len() as u32;
     let fault = |what: String| {
         let (section, at) = (*b"VOXL", sections.offset(b"VOXL"));
-        Stop::Fault(Fault { section, at, what })
+        Stop::Fault(FormatError { section, at, what })
     };
     let store = PartStore::new(None, std::env::temp_dir());
     let dims = head.info.dims;
@@ -127,7 +129,7 @@ pub(super) fn read_voxels(
     let info = std::mem::replace(&mut head.info, crate::VolumeInfo::new([0; 3], crate::LabelType::U32));
     let mut volume =
         volume_of_parts(info, store, None, Some(touching.concat()), &CompressOptions::default(), job)?;
-    // Each label was called by its dense index and 1.
+    // In the new volume, the id of each label is its dense index plus 1.
     if volume.labels.len() != head.labels.len() {
         let what = format!("labels: expected {}, got {}", head.labels.len(), volume.labels.len());
         return Err(fault(what));
@@ -137,7 +139,7 @@ pub(super) fn read_voxels(
     Ok(volume)
 }
 
-/// A piece and its stream.
+/// A piece of the volume and its stream.
 struct Piece<'a> {
     origin: [u32; 3],
     dims: [u32; 3],
@@ -152,10 +154,10 @@ fn pieces_of<'a>(
     let mut pieces: Vec<Piece<'_>> = Vec::with_capacity(table.len());
     for (i, &(origin, bytes)) in table.iter().enumerate() {
         let inside = (0..3).all(|a| origin[a].is_multiple_of(CHUNK_VOXELS) && origin[a] < dims[a]);
-        // A place outside need not have a code.
+        // Only an origin inside the volume is sure to have a Morton code.
         let rises = || pieces.last().is_none_or(|before| morton_of(before.origin) < morton_of(origin));
         if !inside || !rises() {
-            let what = format!("piece {i}: expected a rising place in {dims:?} voxels, got {origin:?}");
+            let what = format!("piece {i}: expected a rising origin in {dims:?} voxels, got {origin:?}");
             return Err((*b"PIEC", what));
         }
         let stream = usize::try_from(bytes).ok().and_then(|n| streams.split_off(..n));
@@ -166,11 +168,11 @@ fn pieces_of<'a>(
     }
     match streams.len() {
         0 => Ok(pieces),
-        rest => Err((*b"VOXL", format!("goes on after the last piece: {rest} bytes"))),
+        rest => Err((*b"VOXL", format!("expected the end after the last piece, got {rest} more bytes"))),
     }
 }
 
-/// A piece's voxels as parts, and the pairs of labels that touch in it.
+/// Decodes a piece's voxels to parts in `store`; returns the pairs of labels that touch in it.
 fn decode_piece(
     piece: &Piece<'_>,
     mut stream: VoxelDecoder<'_>,
@@ -186,7 +188,10 @@ fn decode_piece(
         let layers = (SLAB as u32).min(d - from);
         for layer in from..from + layers {
             if !stream.slice() {
-                return Err(fault(format!("piece at {:?}: ends in slice {layer} of {d}", piece.origin)));
+                return Err(fault(format!(
+                    "piece at {:?}: expected {d} slices, got the end in slice {layer}",
+                    piece.origin
+                )));
             }
         }
         if stream.highest() > labels {
@@ -194,12 +199,15 @@ fn decode_piece(
             return Err(fault(format!("piece at {place:?}: expected labels to {labels}, got {above}")));
         }
         let place = [[x, y, z + from], [w, h, layers]];
-        store.add(Part::from_labels(place, stream.slab(), volume_dims)?, false)?;
+        store.add(SortedCells::from_labels(place, stream.slab(), volume_dims)?, false)?;
         job.advance(u64::from(w) * u64::from(h) * u64::from(layers));
     }
     match stream.is_at_end() {
         true => Ok(stream.touching()),
-        false => Err(fault(format!("piece at {:?}: goes on after its last slice", piece.origin))),
+        false => Err(fault(format!(
+            "piece at {:?}: expected the end after its last slice, got more bytes",
+            piece.origin
+        ))),
     }
 }
 
@@ -207,7 +215,7 @@ fn decode_piece(
 mod tests {
     use super::*;
 
-    /// Fuzzing found the last: a Morton code was asked for a place that has none.
+    /// The last case was found by fuzzing: the code computed a Morton code for an origin that has none.
     #[test]
     fn pieces_must_rise_within_the_volume() {
         let dims = [2000, 5, 5];
@@ -218,7 +226,7 @@ mod tests {
         assert_eq!(pieces(&[[0; 3], [1024, 0, 0]]), Ok(2));
         let later = [[7, 0, 0], [0; 3], [2048, 0, 0], [1 << 30, 0, 0]];
         for wrong in later.map(|second| pieces(&[[0; 3], second])) {
-            assert!(wrong.is_err_and(|what| what.contains("piece 1: expected a rising place")));
+            assert!(wrong.is_err_and(|what| what.contains("piece 1: expected a rising origin")));
         }
     }
 }

@@ -1,4 +1,4 @@
-//! A volume into a file.
+//! Writes a volume to a file.
 
 use std::fs::File;
 use std::io::Write;
@@ -11,31 +11,31 @@ use super::layout::{Contents, ENTRY_BYTES, Encoding, Entry, HEADER_BYTES, Layout
 use super::{codec, nodes, voxel_pieces};
 use crate::{CompressedVolume, Error, Job, Result, VolumeInfo};
 
-/// How much time to spend on a small file. All levels hold the same volume.
+/// How much time to spend to make the file small. All levels store the same volume.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Level {
-    /// Arrays as they are in memory: the largest file, nothing to unpack.
+pub enum CompressionLevel {
+    /// Arrays as they are in memory: the largest file, with nothing to decode.
     Fast,
     /// zstd level 9 over streams.
     #[default]
     Default,
-    /// The voxels that the volume was made from, by arithmetic coding: a third of the size. Writing and opening go through every
-    /// voxel and take a second or two for each 10⁸.
+    /// The voxels that the volume was made from, with arithmetic coding: a third of the size of `Default`. Writing and opening process
+    /// every voxel and take a second or two for each 10⁸ voxels.
     Small,
 }
 
-impl Level {
+impl CompressionLevel {
     fn zstd(self) -> i32 {
         match self {
             Self::Fast => 0,
             Self::Default => 9,
-            // What is beside the voxels: ids, names.
+            // For the sections beside the voxels: ids and names.
             Self::Small => 19,
         }
     }
 }
 
-/// What the section `INFO` holds, as JSON.
+/// The section `INFO`, as JSON.
 #[derive(Serialize)]
 struct Info<'a> {
     volume: &'a VolumeInfo,
@@ -43,12 +43,12 @@ struct Info<'a> {
 }
 
 impl CompressedVolume {
-    /// Writes the volume to a `.pumice` file; replaces what was there only when all of it is on disk.
+    /// Writes the volume to a `.pumice` file. An existing file is replaced only once all of the new one is on disk.
     ///
     /// # Errors
-    /// [`Error::Io`] and [`Error::Cancelled`], and [`Error::Caller`] where the volume has chosen labels alone; no new file is there
-    /// then.
-    pub fn save(&self, path: &Path, level: Level, job: &Job) -> Result<()> {
+    /// [`Error::Io`] and [`Error::Cancelled`], and [`Error::Caller`] where the volume holds chosen labels only. After an error there is no
+    /// new file.
+    pub fn save(&self, path: &Path, level: CompressionLevel, job: &Job) -> Result<()> {
         if !self.is_whole() {
             let path = path.display();
             let what = "only chosen labels were read of this volume; open all of it to save it";
@@ -59,12 +59,12 @@ impl CompressedVolume {
             Some(p) if !p.as_os_str().is_empty() => p,
             _ => Path::new("."),
         };
-        // First the temporary file: a missing folder or permission shows before the work is done.
+        // The temporary file comes first, so that a missing folder or permission shows before the work is done.
         let mut builder = tempfile::Builder::new();
         builder.prefix(".pumice-").suffix(".part");
         #[cfg(unix)]
         {
-            // As `File::create` would: readable for others where the user's umask allows.
+            // The permissions that `File::create` would give: readable for others where the user's umask allows it.
             use std::os::unix::fs::PermissionsExt;
             builder.permissions(std::fs::Permissions::from_mode(0o666));
         }
@@ -90,15 +90,19 @@ impl CompressedVolume {
         file.as_file().sync_all().map_err(io)?;
         job.check()?;
         file.persist(path).map_err(|e| io(e.error))?;
-        // The rename itself must reach the disk; some systems cannot sync a folder, and then there is nothing more to do.
+        // The rename itself must reach the disk too. Some systems cannot sync a folder; nothing more can be done there.
         if let Ok(folder) = File::open(folder) {
             let _ = folder.sync_all();
         }
         Ok(())
     }
 
-    /// The sections' bytes, and the header and table that describe them.
-    pub(super) fn encode_sections(&self, level: Level, job: &Job) -> Result<(Layout, Vec<Vec<u8>>)> {
+    /// Encodes the sections; returns them with the header and table that describe them.
+    pub(super) fn encode_sections(
+        &self,
+        level: CompressionLevel,
+        job: &Job,
+    ) -> Result<(Layout, Vec<Vec<u8>>)> {
         let info = serde_json::to_vec(&Info { volume: &self.info, types: &self.labels.type_names })
             .map_err(|e| Error::Caller(format!("the volume's notes cannot be written as JSON: {e}")))?;
         let chunks: Vec<u8> = self
@@ -111,11 +115,14 @@ impl CompressedVolume {
             })
             .collect();
         let streams = match level {
-            Level::Default => nodes::split(&self.chunks, &self.boxes, &self.nodes, &self.leaves),
-            Level::Fast | Level::Small => nodes::Streams::default(),
+            CompressionLevel::Default => nodes::split(&self.chunks, &self.boxes, &self.nodes, &self.leaves),
+            CompressionLevel::Fast | CompressionLevel::Small => nodes::Streams::default(),
         };
-        let [pieces, voxels] =
-            if level == Level::Small { voxel_pieces::encode(self, job)? } else { Default::default() };
+        let [pieces, voxels] = if level == CompressionLevel::Small {
+            voxel_pieces::encode(self, job)?
+        } else {
+            Default::default()
+        };
 
         // Name, bytes, filters (width, delta, planes) of each section.
         type Plan<'a> = ([u8; 4], &'a [u8], (u8, bool, bool));
@@ -125,7 +132,7 @@ impl CompressedVolume {
             (*b"LIDS", bytemuck::cast_slice(&self.labels.ids), (8, true, true)),
             (*b"LTYP", bytemuck::cast_slice(&self.labels.types), PLAIN),
         ];
-        if level == Level::Small {
+        if level == CompressionLevel::Small {
             plan.extend([(*b"PIEC", &pieces[..], PLAIN), (*b"VOXL", &voxels[..], PLAIN)]);
         } else {
             plan.extend([
@@ -139,12 +146,12 @@ impl CompressedVolume {
             ]);
         }
         match level {
-            Level::Small => {}
-            Level::Fast => plan.extend([
+            CompressionLevel::Small => {}
+            CompressionLevel::Fast => plan.extend([
                 (*b"BOXS", bytemuck::cast_slice(&self.boxes), PLAIN),
                 (*b"NODE", bytemuck::cast_slice(&self.nodes), PLAIN),
             ]),
-            Level::Default => plan.extend([
+            CompressionLevel::Default => plan.extend([
                 (*b"BCEL", &streams.cells[..], (3, true, true)),
                 (*b"BNOD", &streams.backs, PLAIN),
                 (*b"OCCU", &streams.occupied, PLAIN),
@@ -158,8 +165,8 @@ impl CompressedVolume {
         let sections: Vec<(Entry, Vec<u8>)> = plan
             .into_par_iter()
             .map(|(name, bytes, (width, delta, planes))| {
-                // Nothing is left to find in voxels that are coded.
-                let packed = level != Level::Fast && name != *b"VOXL";
+                // Coded voxels cannot be compressed any further.
+                let packed = level != CompressionLevel::Fast && name != *b"VOXL";
                 let encoding =
                     Encoding { zstd: packed, width, delta: packed && delta, planes: packed && planes };
                 let stored = codec::encode(bytes, encoding, level.zstd(), job)?;
@@ -182,7 +189,7 @@ impl CompressedVolume {
             entry.offset = align(end);
             end = entry.offset + entry.stored;
         }
-        let contents = if level == Level::Small { Contents::Voxels } else { Contents::Boxes };
+        let contents = if level == CompressionLevel::Small { Contents::Voxels } else { Contents::Boxes };
         let content_hash = self.content_hash();
         Ok((Layout { contents, file_bytes: align(end), content_hash, entries }, sections))
     }

@@ -19,14 +19,14 @@
 //! line into a shader.
 
 use pumice_core::BoxView;
-use pumice_transport::geometry::lod::Level;
+use pumice_transport::geometry::lod::DetailLevel;
 use pumice_transport::geometry::{TIE, each_axis};
 
 use super::IndexRay;
 
 /// Where a walk ended.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Step {
+pub(crate) struct Crossing {
     /// Scaled t ([`IndexRay::t_of`] of the plane).
     pub(crate) t: f64,
     /// Axis of the plane that was crossed last; the lowest where several were at once, until `VolumeTracer` has looked at which
@@ -40,7 +40,7 @@ pub(crate) struct Step {
     pub(crate) tied: u8,
 }
 
-impl Step {
+impl Crossing {
     /// The voxel before the planes that were crossed.
     pub(crate) fn voxel_before(&self, ray: &IndexRay) -> [u32; 3] {
         each_axis(|a| match (self.tied >> a & 1, ray.is_down(a)) {
@@ -71,7 +71,7 @@ pub(crate) enum Found {
     /// The walk began in a solid voxel: the ray's start is inside.
     Inside([u32; 3]),
     /// A face.
-    Face(Step),
+    Face(Crossing),
 }
 
 /// State of a walk within one box: see the module.
@@ -218,10 +218,10 @@ impl Walk {
     }
 
     /// The face through which the walk came to where it is.
-    pub(crate) fn face(&self, ray: &IndexRay) -> Step {
+    pub(crate) fn face(&self, ray: &IndexRay) -> Crossing {
         let a = self.axis;
         let plane = if self.mirror[a] != 0 { self.lo[a] + 16 - self.m[a] } else { self.lo[a] + self.m[a] };
-        Step { t: ray.t_of(a, f64::from(plane)), axis: a, plane, voxel: self.voxel(), tied: self.tied }
+        Crossing { t: ray.t_of(a, f64::from(plane)), axis: a, plane, voxel: self.voxel(), tied: self.tied }
     }
 
     /// The voxel where the walk is; it may be one outside of the box after the walk has left it.
@@ -258,13 +258,13 @@ impl Walk {
         mut self,
         ray: &IndexRay,
         b: &BoxView,
-        level: Level,
+        level: DetailLevel,
         began_inside: bool,
     ) -> Found {
         loop {
             let cell = self.cell();
             if b.node.occupied >> cell & 1 != 0 {
-                if level == Level::Cells {
+                if level == DetailLevel::Cells {
                     return self.found(ray, began_inside);
                 }
                 let (field, flip) = b.node.flipped_field(cell);
@@ -290,11 +290,11 @@ impl Walk {
 
     /// Goes on while the elements of `level` hold voxels: the face through which the ray leaves them, and whether it also left
     /// the box there (the next voxel is then unknown to this box).
-    pub(crate) fn last_solid(mut self, ray: &IndexRay, b: &BoxView, level: Level) -> (Step, bool) {
+    pub(crate) fn last_solid(mut self, ray: &IndexRay, b: &BoxView, level: DetailLevel) -> (Crossing, bool) {
         loop {
             match level {
-                Level::Voxels => _ = self.step(0),
-                Level::Cells | Level::Boxes => {
+                DetailLevel::Voxels => _ = self.step(0),
+                DetailLevel::Cells | DetailLevel::Boxes => {
                     let t = self.step(2);
                     self.refine(t);
                 }
@@ -304,9 +304,9 @@ impl Walk {
             }
             let cell = self.cell();
             let solid = match level {
-                Level::Boxes => true,
-                Level::Cells => b.node.occupied >> cell & 1 != 0,
-                Level::Voxels => b.node.has(cell, self.voxel_in_cell()),
+                DetailLevel::Boxes => true,
+                DetailLevel::Cells => b.node.occupied >> cell & 1 != 0,
+                DetailLevel::Voxels => b.node.has(cell, self.voxel_in_cell()),
             };
             if !solid {
                 return (self.face(ray), false);

@@ -13,10 +13,10 @@ use pumice_transport::geometry::bricks::{BLOCK, BRICK, Brick, Bricks};
 use pumice_transport::geometry::each_axis;
 
 use super::IndexRay;
-use super::box_walk::{Found, Step};
-use super::four::{Four, Lanes};
+use super::box_walk::{Crossing, Found};
+use super::f64x4::{F64x4, Lanes};
 use super::mirrored::Octant;
-use super::pierced::Pierce;
+use super::ray_box_mask::RayBoxMask;
 
 /// What a ray meets first, and the brick.
 pub(super) struct InBricks {
@@ -42,10 +42,10 @@ struct BlockWalk {
 
 impl BlockWalk {
     #[inline(always)]
-    fn begin<P: Pierce>(by: P, bricks: &Bricks, ray: &IndexRay, enter: f64) -> Self {
-        let at = by.four(&ray.origin).plus(by.all(enter).times(by.four(&ray.direction)));
+    fn begin<P: RayBoxMask>(by: P, bricks: &Bricks, ray: &IndexRay, enter: f64) -> Self {
+        let at = by.f64x4(&ray.origin).plus(by.all(enter).times(by.f64x4(&ray.direction)));
         let at = at.times(by.all(1.0 / SIDE)).minus(by.all(ALMOST_HALF));
-        let at = at.max(by.all(0.0)).min(by.four(&bricks.last_block)).plus(by.all(ROUNDING));
+        let at = at.max(by.all(0.0)).min(by.f64x4(&bricks.last_block)).plus(by.all(ROUNDING));
         let corner = at.minus(by.all(ROUNDING)).times(by.all(SIDE));
         let low = ray.t_of_each(by, corner);
         let high = ray.t_of_each(by, corner.plus(by.all(SIDE)));
@@ -117,7 +117,7 @@ impl BlockWalk {
 
 /// The first voxel with scaled t in (`start`, `t_max`), or at `start`.
 #[inline(always)]
-pub(super) fn first_voxel<P: Pierce>(
+pub(super) fn first_voxel<P: RayBoxMask>(
     by: P,
     bricks: &Bricks,
     ray: &IndexRay,
@@ -125,7 +125,7 @@ pub(super) fn first_voxel<P: Pierce>(
     t_max: f64,
 ) -> Option<InBricks> {
     let [low, high] = &bricks.bounds;
-    let (mut enter, leave) = ray.clip_by(by, by.four(low), by.four(high), start);
+    let (mut enter, leave) = ray.clip_by(by, by.f64x4(low), by.f64x4(high), start);
     if enter >= leave || enter >= t_max {
         return None;
     }
@@ -136,14 +136,14 @@ pub(super) fn first_voxel<P: Pierce>(
     loop {
         let occupied = bricks.occupied(walk.index);
         if occupied != 0 {
-            let met = by.pierced(ray, by.four(&walk.corner), &[0.0; 4], f64::from(BRICK), enter);
+            let met = by.ray_box_mask(ray, by.f64x4(&walk.corner), &[0.0; 4], f64::from(BRICK), enter);
             let mut met = met & by.mirrored(occupied, octant);
             while met != 0 {
                 let place = met.trailing_zeros() ^ octant.mirror();
                 met &= met - 1;
                 let (number, brick) = bricks.brick(walk.index, place);
                 let step = &STEPS_OF_BRICKS[place as usize & 63];
-                match search.first_of_brick(brick, by.four(&walk.corner), step, enter) {
+                match search.first_of_brick(brick, by.f64x4(&walk.corner), step, enter) {
                     Found::Nothing => {}
                     Found::Face(step) if step.t >= t_max => return None,
                     found => return Some(InBricks { found, brick: number }),
@@ -165,22 +165,22 @@ struct BrickSearch<'a, P> {
     start: f64,
 }
 
-impl<P: Pierce> BrickSearch<'_, P> {
+impl<P: RayBoxMask> BrickSearch<'_, P> {
     /// The first voxel of a brick whose lowest corner is at `corner + step`; `from`: any t before the ray comes into it.
     #[inline(always)]
-    fn first_of_brick(&self, brick: &Brick, corner: P::Four, step: &Lanes, from: f64) -> Found {
+    fn first_of_brick(&self, brick: &Brick, corner: P::F64x4, step: &Lanes, from: f64) -> Found {
         let Self { by, bricks, ray, octant, start } = *self;
-        let mut met = by.pierced(ray, corner, step, 4.0, from) & by.mirrored(brick.occupied, octant);
-        let lo = corner.plus(by.four(step));
+        let mut met = by.ray_box_mask(ray, corner, step, 4.0, from) & by.mirrored(brick.occupied, octant);
+        let lo = corner.plus(by.f64x4(step));
         while met != 0 {
             let cell = met.trailing_zeros() ^ octant.mirror();
             met &= met - 1;
             let step = &STEPS_OF_CELLS[cell as usize & 63];
             let field = by.mirrored(bricks.field(brick, cell), octant);
-            let voxels = by.pierced(ray, lo, step, 1.0, from) & field;
+            let voxels = by.ray_box_mask(ray, lo, step, 1.0, from) & field;
             if voxels != 0 {
                 let first = voxels.trailing_zeros() ^ octant.mirror();
-                let corner = lo.plus(by.four(step)).plus(by.four(&STEPS_OF_VOXELS[first as usize & 63]));
+                let corner = lo.plus(by.f64x4(step)).plus(by.f64x4(&STEPS_OF_VOXELS[first as usize & 63]));
                 return face_of(by, ray, corner, start);
             }
         }
@@ -205,7 +205,7 @@ static STEPS_OF_VOXELS: [Lanes; 64] = steps_of(1);
 
 /// The face through which a ray comes into the voxel at `corner`.
 #[inline(always)]
-fn face_of<P: Pierce>(by: P, ray: &IndexRay, corner: P::Four, start: f64) -> Found {
+fn face_of<P: RayBoxMask>(by: P, ray: &IndexRay, corner: P::F64x4, start: f64) -> Found {
     let (low, high) = (ray.t_of_each(by, corner), ray.t_of_each(by, corner.plus(by.all(1.0))));
     let t = low.min(high).array();
     let last = if t[0] > t[1] { t[0] } else { t[1] };
@@ -217,5 +217,5 @@ fn face_of<P: Pierce>(by: P, ray: &IndexRay, corner: P::Four, start: f64) -> Fou
     }
     let tied: u8 = (0..3).map(|a| u8::from(t[a] == last) << a).sum();
     let axis = tied.trailing_zeros() as usize;
-    Found::Face(Step { t: t[axis], axis, plane: voxel[axis] + u32::from(ray.is_down(axis)), voxel, tied })
+    Found::Face(Crossing { t: t[axis], axis, plane: voxel[axis] + u32::from(ray.is_down(axis)), voxel, tied })
 }

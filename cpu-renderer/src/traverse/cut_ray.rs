@@ -20,7 +20,7 @@
 use pumice_transport::geometry::cuts::{CutPlane, Cuts};
 
 use super::IndexRay;
-use super::four::Lanes;
+use super::f64x4::Lanes;
 
 /// The scaled t at which the ray crosses the plane, and whether it goes to what is taken away.
 #[inline]

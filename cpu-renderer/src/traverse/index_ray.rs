@@ -17,7 +17,7 @@ use pumice_transport::geometry::placement::Placement;
 use pumice_transport::geometry::power_of_two::{MODERATE, SMALLEST, exp2, exponent, scaled_extreme};
 use pumice_transport::{PathOrigin, RayInWorld, Surface};
 
-use super::four::{Four, Instructions, Lanes, Plain, lanes};
+use super::f64x4::{F64x4, Instructions, Lanes, Plain, lanes};
 
 /// 2⁻⁴⁸: more than the five roundings by which the product for a plane and its reported distance may differ.
 const AS_NEAR: f64 = 16.0 * f64::EPSILON;
@@ -57,16 +57,16 @@ struct Moved<F> {
 
 /// A vector of the world in index space.
 #[inline(always)]
-fn four_from_world<I: Instructions>(by: I, placement: &Placement, v: DVec3) -> I::Four {
-    let [x, y, z] = placement.columns.each_ref().map(|column| by.four(column));
+fn f64x4_from_world<I: Instructions>(by: I, placement: &Placement, v: DVec3) -> I::F64x4 {
+    let [x, y, z] = placement.columns.each_ref().map(|column| by.f64x4(column));
     let sum = x.times(by.all(v.x)).plus(y.times(by.all(v.y))).plus(z.times(by.all(v.z)));
     sum.over(by.all(placement.determinant))
 }
 
-impl<F: Four> Moved<F> {
+impl<F: F64x4> Moved<F> {
     /// The ray in index space, its direction scaled; `None` when it is not finite or has no direction.
     #[inline(always)]
-    fn new<I: Instructions<Four = F>>(by: I, placement: &Placement, ray: &RayInWorld) -> Option<Self> {
+    fn new<I: Instructions<F64x4 = F>>(by: I, placement: &Placement, ray: &RayInWorld) -> Option<Self> {
         // 1. Scale in the world first, so that a tiny direction does not lose bits in the product. (A usual one does not: powers of two
         //    come through the product as they are, and all of the scale is found after it, with the same bits and sooner.)
         let RayInWorld { origin: o, direction: d } = ray;
@@ -74,12 +74,12 @@ impl<F: Four> Moved<F> {
         let (d_world, k0) = if USUAL.contains(&size) {
             (*d, 0)
         } else {
-            let (d_world, k0) = scaled_four(by, by.four(&[d.x, d.y, d.z, 0.0]))?;
+            let (d_world, k0) = scaled_f64x4(by, by.f64x4(&[d.x, d.y, d.z, 0.0]))?;
             (DVec3::from_slice(&d_world.array()), k0)
         };
-        let (direction, k1) = scaled_four(by, four_from_world(by, placement, d_world))?;
+        let (direction, k1) = scaled_f64x4(by, f64x4_from_world(by, placement, d_world))?;
         // 2. Subtract the translation before the product: volumes lie far from the world's origin.
-        let origin = four_from_world(by, placement, *o - placement.world_from_index.translation);
+        let origin = f64x4_from_world(by, placement, *o - placement.world_from_index.translation);
         let is_finite = origin.size().below(by.all(f64::INFINITY)) == 0b1111;
         is_finite.then_some(Self { origin, direction, d_world, k0, k1 })
     }
@@ -92,7 +92,7 @@ impl<F: Four> Moved<F> {
 
     /// The origin put on `surface`'s plane, and a direction that rounding turned inward along the plane.
     #[inline(always)]
-    fn start_on_face<I: Instructions<Four = F>>(
+    fn start_on_face<I: Instructions<F64x4 = F>>(
         &self,
         by: I,
         placement: &Placement,
@@ -105,7 +105,7 @@ impl<F: Four> Moved<F> {
         let inset = 1.0 / 268_435_456.0;
         let within = |end: [u32; 3], inset: f64| {
             let end = |a: usize| end.get(a).map_or(0.0, |&end| f64::from(end) + inset);
-            by.four(&lanes(|a| if a == axis { plane } else { end(a) }))
+            by.f64x4(&lanes(|a| if a == axis { plane } else { end(a) }))
         };
         let (lowest, highest) = (within(surface.voxel, inset), within(upper, -inset));
         let origin = self.origin.max(lowest).min(highest);
@@ -118,7 +118,7 @@ impl<F: Four> Moved<F> {
     }
 
     #[cold]
-    fn start_along_face<I: Instructions<Four = F>>(
+    fn start_along_face<I: Instructions<F64x4 = F>>(
         &self,
         by: I,
         placement: &Placement,
@@ -138,7 +138,7 @@ impl<F: Four> Moved<F> {
         if !surface.positive {
             origin[axis] -= 0.5;
         }
-        (by.four(&origin), by.four(&direction))
+        (by.f64x4(&origin), by.f64x4(&direction))
     }
 }
 
@@ -157,13 +157,13 @@ impl IndexRay {
         let mut moved = Moved::new(by, placement, ray)?;
         // The spare of a direction is 1. (All that is done to a ray is done to whole fours: what is stored lane by lane is not there yet
         // when it is wanted as a four.)
-        moved.direction = moved.direction.plus(by.four(&[0.0, 0.0, 0.0, 1.0]));
+        moved.direction = moved.direction.plus(by.f64x4(&[0.0, 0.0, 0.0, 1.0]));
         let (origin, direction) = match start {
             Start::Free => (moved.origin, moved.direction),
             Start::Face(surface, upper) => moved.start_on_face(by, placement, surface, upper),
             Start::Plane(axis, plane) => {
                 let origin = moved.origin.array();
-                (by.four(&lanes(|a| if a == axis { plane } else { origin[a] })), moved.direction)
+                (by.f64x4(&lanes(|a| if a == axis { plane } else { origin[a] })), moved.direction)
             }
         };
         let [origin, direction, inverse] = match direction.size().below(by.all(SMALLEST)) {
@@ -224,7 +224,13 @@ impl IndexRay {
 
     /// The same for whole numbers as lanes.
     #[inline(always)]
-    pub(super) fn clip_by<I: Instructions>(&self, by: I, lo: I::Four, hi: I::Four, start: f64) -> (f64, f64) {
+    pub(super) fn clip_by<I: Instructions>(
+        &self,
+        by: I,
+        lo: I::F64x4,
+        hi: I::F64x4,
+        start: f64,
+    ) -> (f64, f64) {
         let (at_lo, at_hi) = (self.t_of_each(by, lo), self.t_of_each(by, hi));
         // (Products are monotone: of an axis' two planes the one that is met first is the nearer one, whatever way the ray goes.)
         let (near, far) = (at_lo.min(at_hi).array(), at_lo.max(at_hi).array());
@@ -236,14 +242,14 @@ impl IndexRay {
 
     /// [`IndexRay::t_of`] of a plane of each axis.
     #[inline(always)]
-    pub(super) fn t_of_each<I: Instructions>(&self, by: I, planes: I::Four) -> I::Four {
-        planes.minus(by.four(&self.origin)).times(by.four(&self.inverse))
+    pub(super) fn t_of_each<I: Instructions>(&self, by: I, planes: I::F64x4) -> I::F64x4 {
+        planes.minus(by.f64x4(&self.origin)).times(by.f64x4(&self.inverse))
     }
 }
 
 /// Origin, direction and its inverse where directions are 0, or so small that 1/d overflows.
 #[cold]
-fn turned_finite<I: Instructions>(by: I, origin: I::Four, direction: I::Four) -> [I::Four; 3] {
+fn turned_finite<I: Instructions>(by: I, origin: I::F64x4, direction: I::F64x4) -> [I::F64x4; 3] {
     let (mut origin, mut direction, mut inverse) = (origin.array(), direction.array(), [1.0; 4]);
     for a in 0..3 {
         if direction[a] == 0.0 {
@@ -255,7 +261,7 @@ fn turned_finite<I: Instructions>(by: I, origin: I::Four, direction: I::Four) ->
             inverse[a] = 1.0 / direction[a].abs().max(SMALLEST).copysign(direction[a]);
         }
     }
-    [by.four(&origin), by.four(&direction), by.four(&inverse)]
+    [by.f64x4(&origin), by.f64x4(&direction), by.f64x4(&inverse)]
 }
 
 /// Sums of a direction's sizes that are not scaled before the change of space: 2⁻³² to 2³².
@@ -263,14 +269,14 @@ const USUAL: std::ops::Range<f64> = f64::from_bits((1023 - 32) << 52)..f64::from
 
 /// `pumice_transport::geometry::power_of_two::scaled` of lanes, whose spare is 0.
 #[inline(always)]
-fn scaled_four<I: Instructions>(by: I, v: I::Four) -> Option<(I::Four, i32)> {
+fn scaled_f64x4<I: Instructions>(by: I, v: I::F64x4) -> Option<(I::F64x4, i32)> {
     let size = v.size().array();
     let largest = if size[0] > size[1] { size[0] } else { size[1] };
     let largest = if size[2] > largest { size[2] } else { largest };
     // (What is not a number is in no range.)
     if !(largest >= MODERATE.start && size[0] + size[1] + size[2] < MODERATE.end) {
         let (v, k) = scaled_extreme(DVec3::from_slice(&v.array()))?;
-        return Some((by.four(&[v.x, v.y, v.z, 0.0]), k));
+        return Some((by.f64x4(&[v.x, v.y, v.z, 0.0]), k));
     }
     let k = exponent(largest);
     Some((v.times(by.all(f64::from_bits(((1023 - k) as u64) << 52))), k))

@@ -86,12 +86,12 @@ mod wide {
 
 #[cfg(test)]
 mod tests {
-    use super::super::four::each_way;
-    use super::super::pierced::Pierce;
+    use super::super::f64x4::each_way;
+    use super::super::ray_box_mask::RayBoxMask;
     use super::*;
 
     /// Part by part: what has a number has, counted in the ray's direction, the other.
-    fn each_part_comes_to_its_place(by: impl Pierce) {
+    fn each_part_comes_to_its_place(by: impl RayBoxMask) {
         for o in 0..8u8 {
             let octant = Octant::new(|a| o >> a & 1 != 0);
             for part in 0..64u32 {

@@ -31,18 +31,18 @@
 //! corners (`mesh_normals`), and of voxels (`voxel_normals`), are for shading alone: hits, sides and what paths go on from are those of the
 //! triangles and voxels.
 
+mod avx;
 mod box_walk;
 mod brick_walk;
 mod cut_ray;
-mod four;
+mod f64x4;
 mod index_ray;
 mod mesh_tracer;
 mod mirrored;
-mod pierced;
+mod ray_box_mask;
 mod scene_tracer;
 mod triangle;
 mod volume_tracer;
-mod wide;
 
 pub(crate) use index_ray::IndexRay;
 pub use mesh_tracer::MeshTracer;

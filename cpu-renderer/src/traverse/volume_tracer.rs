@@ -9,7 +9,7 @@ use pumice_core::{BoxView, CompressedVolume};
 use pumice_transport::geometry::bricks::{BrickPart, Bricks};
 use pumice_transport::geometry::bvh::LARGEST_INVERSE;
 use pumice_transport::geometry::cuts::Cuts;
-use pumice_transport::geometry::lod::{Detail, Level};
+use pumice_transport::geometry::lod::{Detail, DetailLevel};
 use pumice_transport::geometry::neighbors::Neighbors;
 use pumice_transport::geometry::placement::Placement;
 use pumice_transport::geometry::visible_boxes::clipped_end;
@@ -18,12 +18,12 @@ use pumice_transport::geometry::{TIE, each_axis};
 use pumice_transport::{BoxBounds, Bvh, BvhRay, Hit, PathOrigin, RayInWorld, Surface, SurfaceKind, Tracer};
 
 use super::IndexRay;
-use super::box_walk::{Found, Step, Walk};
+use super::box_walk::{Crossing, Found, Walk};
 use super::brick_walk::{InBricks, first_voxel};
 use super::cut_ray::CutRay;
-use super::four::{Instructions, Plain};
+use super::f64x4::{Instructions, Plain};
 use super::index_ray::{Start, surface_of};
-use super::pierced::Pierce;
+use super::ray_box_mask::RayBoxMask;
 
 /// Geometry of one instance.
 #[derive(Debug)]
@@ -39,7 +39,7 @@ pub struct VolumeTracer {
     wants_bricks: bool,
     detail: Detail,
     /// The level of all boxes, where it is one for certain: then no surface asks its box which element it is of.
-    level: Option<Level>,
+    level: Option<DetailLevel>,
     /// Whether the hierarchy's bounds are those of the voxels, at which level every box is. Otherwise they are the boxes' own, which hold
     /// every level.
     tight: bool,
@@ -68,7 +68,7 @@ enum Left {
 pub(super) enum Nearest {
     Nothing,
     Inside { label: u32, voxel: [u32; 3] },
-    Face { step: Step, item: u32, label: u32 },
+    Face { step: Crossing, item: u32, label: u32 },
 }
 
 impl VolumeTracer {
@@ -81,7 +81,7 @@ impl VolumeTracer {
                 label = Some(label.map_or(found, |l: u32| l.min(found)));
             }
             // Voxels belong to one label; coarser elements overlap.
-            label.is_none() || self.level != Some(Level::Voxels)
+            label.is_none() || self.level != Some(DetailLevel::Voxels)
         });
         label
     }
@@ -116,7 +116,7 @@ impl VolumeTracer {
 
     /// The same where nothing is cut. (A `KIND` as [`VolumeTracer::nearest`] has one.)
     #[inline(always)]
-    pub(super) fn first_hit_by<P: Pierce, const KIND: u8>(
+    pub(super) fn first_hit_by<P: RayBoxMask, const KIND: u8>(
         &self,
         by: P,
         ray: &RayInWorld,
@@ -132,7 +132,7 @@ impl VolumeTracer {
 
     /// [`Tracer::occluded`] where nothing is cut. (A `KIND` as [`VolumeTracer::nearest`] has one.)
     #[inline(always)]
-    pub(super) fn occluded_by<P: Pierce, const KIND: u8>(
+    pub(super) fn occluded_by<P: RayBoxMask, const KIND: u8>(
         &self,
         by: P,
         ray: &RayInWorld,
@@ -232,7 +232,7 @@ impl VolumeTracer {
     fn face_hit(
         &self,
         ray: &IndexRay,
-        step: Step,
+        step: Crossing,
         item: u32,
         label: u32,
         t_max: f64,
@@ -246,7 +246,7 @@ impl VolumeTracer {
     ///
     /// A `KIND` for each place that calls it: what visits a box is then a function with one caller, into which it is compiled.
     #[inline(always)]
-    pub(super) fn nearest<P: Pierce, const KIND: u8>(
+    pub(super) fn nearest<P: RayBoxMask, const KIND: u8>(
         &self,
         by: P,
         ray: &IndexRay,
@@ -276,7 +276,7 @@ impl VolumeTracer {
             let walk = Walk::begin(ray, place.origin, hi, enter);
             // What is in the box is read only where it matters.
             let found = match self.detail.level(place.origin, place.extent) {
-                Level::Boxes => walk.whole_box(ray, enter == start),
+                DetailLevel::Boxes => walk.whole_box(ray, enter == start),
                 level => walk.first_solid(ray, &self.volume.box_at(&place), level, enter == start),
             };
             match found {
@@ -321,7 +321,7 @@ impl VolumeTracer {
 
     /// The same by bricks, which are asked in their order: the first found is the nearest.
     #[inline(always)]
-    fn nearest_in_bricks<P: Pierce>(
+    fn nearest_in_bricks<P: RayBoxMask>(
         &self,
         by: P,
         bricks: &Bricks,
@@ -375,8 +375,8 @@ impl VolumeTracer {
     /// face that was found if nothing that the ray asks for stands before it, else the first that is open in this way, if any.
     /// A path that goes on from a face between two solid voxels would start inside one of them.
     #[cold]
-    fn open_face(&self, ray: &IndexRay, step: Step, t_max: f64, only: Option<u32>) -> Step {
-        let is_open = |face: &Step| {
+    fn open_face(&self, ray: &IndexRay, step: Crossing, t_max: f64, only: Option<u32>) -> Crossing {
+        let is_open = |face: &Crossing| {
             let (a, mut before) = (face.axis, step.voxel);
             before[a] = if ray.is_down(a) { before[a].wrapping_add(1) } else { before[a].wrapping_sub(1) };
             match only {
@@ -393,7 +393,7 @@ impl VolumeTracer {
 
     /// The same for a ray that leaves `label`: of the faces crossed at once, the first that has something else behind it.
     #[cold]
-    fn face_out(&self, ray: &IndexRay, step: Step, label: u32) -> Step {
+    fn face_out(&self, ray: &IndexRay, step: Crossing, label: u32) -> Crossing {
         let last = step.voxel_before(ray);
         let is_open = |&a: &usize| {
             let mut behind = last;
@@ -426,18 +426,18 @@ impl VolumeTracer {
             return false;
         }
         let level = self.detail.level(place.origin, place.extent);
-        if level == Level::Boxes {
+        if level == DetailLevel::Boxes {
             return true;
         }
         let b = self.volume.box_at(&place);
         match level {
-            Level::Boxes => true,
-            Level::Cells => b.node.occupied >> number_in(&b, voxel, 2) & 1 != 0,
-            Level::Voxels => b.node.has(number_in(&b, voxel, 2), number_in(&b, voxel, 0)),
+            DetailLevel::Boxes => true,
+            DetailLevel::Cells => b.node.occupied >> number_in(&b, voxel, 2) & 1 != 0,
+            DetailLevel::Voxels => b.node.has(number_in(&b, voxel, 2), number_in(&b, voxel, 0)),
         }
     }
 
-    fn hit(&self, ray: &IndexRay, step: &Step, item: u32, label: u32, from_inside: bool) -> Hit {
+    fn hit(&self, ray: &IndexRay, step: &Crossing, item: u32, label: u32, from_inside: bool) -> Hit {
         let axis = step.axis;
         let positive = ray.is_down(axis) != from_inside;
         let voxel = if from_inside { step.voxel_before(ray) } else { step.voxel };
@@ -447,9 +447,9 @@ impl VolumeTracer {
             self.detail.level(b.origin, b.extent)
         });
         let element = match level {
-            Level::Voxels => voxel,
-            Level::Cells => voxel.map(|v| v & !3),
-            Level::Boxes => place().origin,
+            DetailLevel::Voxels => voxel,
+            DetailLevel::Cells => voxel.map(|v| v & !3),
+            DetailLevel::Boxes => place().origin,
         };
         Hit {
             t: ray.world_t(axis, step.plane),
@@ -500,8 +500,8 @@ impl VolumeTracer {
     fn element_end(&self, surface: &Surface) -> [u32; 3] {
         let dims = self.volume.info().dims;
         match self.level {
-            Some(Level::Voxels) => surface.voxel.map(|v| v.saturating_add(1)),
-            Some(Level::Cells) => cell_end(surface.voxel, dims),
+            Some(DetailLevel::Voxels) => surface.voxel.map(|v| v.saturating_add(1)),
+            Some(DetailLevel::Cells) => cell_end(surface.voxel, dims),
             _ => self.coarse_element_end(surface),
         }
     }
@@ -512,9 +512,9 @@ impl VolumeTracer {
         let b = self.volume.place_of_box(item as usize);
         let hi = clipped_end(b.origin, b.extent, self.volume.info().dims);
         match self.detail.level(b.origin, b.extent) {
-            Level::Voxels => voxel_end,
-            Level::Cells => cell_end(surface.voxel, hi),
-            Level::Boxes => hi,
+            DetailLevel::Voxels => voxel_end,
+            DetailLevel::Cells => cell_end(surface.voxel, hi),
+            DetailLevel::Boxes => hi,
         }
     }
 
@@ -566,7 +566,7 @@ impl Tracer for VolumeTracer {
         let neighbors = self.neighbors.as_ref().filter(|_| surface.kind == SurfaceKind::Face)?;
         let item = self.item_with(surface.label, surface.voxel)?;
         let b = self.volume.place_of_box(item as usize);
-        if self.detail.level(b.origin, b.extent) != Level::Voxels {
+        if self.detail.level(b.origin, b.extent) != DetailLevel::Voxels {
             return None;
         }
         let axis = usize::from(surface.axis.min(2));

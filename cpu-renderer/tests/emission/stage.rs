@@ -8,7 +8,7 @@ use pumice_cpu::traverse::{MeshTracer, SceneTracer, TracedInstance, VolumeTracer
 use pumice_cpu::{PathTracer, Surroundings, emitters_of};
 use pumice_scene::{Camera, CutShape, Film, Filter, LabelStyle, Material, Mode, Projection, Settings, Sun};
 use pumice_transport::geometry::LodChoice;
-use pumice_transport::{Emitters, Finding, Lights, Looks, ReadySun, Sky};
+use pumice_transport::{Emitters, LightStrategy, Lights, MaterialTable, ReadySun, Sky};
 
 pub(crate) fn lambert(albedo: f32) -> Material {
     Material { base_color: [albedo; 3], specular: 0.0, roughness: 1.0, ..Material::default() }
@@ -28,7 +28,7 @@ pub(crate) fn tent() -> Arc<MeshData> {
 
 pub(crate) struct Stage {
     pub(crate) tracer: SceneTracer,
-    looks: Vec<Arc<Looks>>,
+    materials: Vec<Arc<MaterialTable>>,
     under_a_sky: bool,
     mode: Mode,
     seen: Option<(DVec3, f64)>,
@@ -39,7 +39,7 @@ impl Stage {
     pub(crate) fn new() -> Self {
         Self {
             tracer: SceneTracer::of(Vec::new()),
-            looks: Vec::new(),
+            materials: Vec::new(),
             under_a_sky: false,
             mode: Mode::Path,
             seen: None,
@@ -67,13 +67,13 @@ impl Stage {
             materials: ids.iter().copied().zip(materials.iter().copied()).collect(),
             ..LabelStyle::default()
         };
-        let looks = Looks::new(&style, ids, std::iter::empty(), &visible);
+        let materials = MaterialTable::new(&style, ids, std::iter::empty(), &visible);
         let traced = TracedInstance { volume: Arc::clone(volume), world_from_index: place, visible, lod };
-        let instance = self.looks.len() as u32;
+        let instance = self.materials.len() as u32;
         let mut volumes = self.tracer.volumes().to_vec();
         volumes.push(Arc::new(VolumeTracer::new(instance, &traced).unwrap()));
         self.tracer = SceneTracer::of(volumes);
-        self.looks.push(Arc::new(looks));
+        self.materials.push(Arc::new(materials));
         let dims = volume.info().dims.map(f64::from);
         self.reach((0..8).map(|c| {
             place
@@ -84,10 +84,10 @@ impl Stage {
 
     /// Meshes come last.
     pub(crate) fn with_mesh(mut self, mesh: &Arc<MeshData>, place: DAffine3, materials: &[Material]) -> Self {
-        let instance = self.looks.len() as u32;
+        let instance = self.materials.len() as u32;
         let triangles = MeshTracer::new(0, instance, mesh, place).unwrap();
         self.tracer = SceneTracer::of(self.tracer.volumes().to_vec()).with_meshes(vec![Arc::new(triangles)]);
-        self.looks.push(Arc::new(Looks::of_mesh(materials)));
+        self.materials.push(Arc::new(MaterialTable::of_mesh(materials)));
         self
     }
 
@@ -117,11 +117,11 @@ impl Stage {
     }
 
     pub(crate) fn emitters(&self) -> Option<Emitters> {
-        emitters_of(&self.tracer, &self.looks).unwrap()
+        emitters_of(&self.tracer, &self.materials).unwrap()
     }
 
     /// Mean of the picture, its channels added up, and the variance of that mean, by so many seeds.
-    pub(crate) fn estimate(&self, finding: Finding, seeds: u64, samples: u32) -> (f64, f64) {
+    pub(crate) fn estimate(&self, finding: LightStrategy, seeds: u64, samples: u32) -> (f64, f64) {
         let (sky, suns) = match self.under_a_sky {
             false => (Sky::Constant(Vec3::ZERO), vec![]),
             true => {
@@ -131,7 +131,7 @@ impl Stage {
             }
         };
         let emitters = self.emitters().map(Arc::new);
-        let lights = Lights::new(sky, suns, None).with_emitters(emitters).found_by(finding);
+        let lights = Lights::new(sky, suns, None).with_emitters(emitters).with_strategy(finding);
         let lights = Arc::new(lights);
         let (lo, hi) = self.bounds;
         let (middle, side) = self.seen.unwrap_or(((lo + hi) * 0.5, (hi - lo).max_element()));
@@ -148,7 +148,7 @@ impl Stage {
             .map(|seed| {
                 let around = Surroundings {
                     lights: Arc::clone(&lights),
-                    looks: self.looks.clone().into(),
+                    materials: self.materials.clone().into(),
                     settings: Settings { mode: self.mode, bounces: 4, seed, ..Settings::default() },
                 };
                 let tracer = SceneTracer::of(self.tracer.volumes().to_vec())

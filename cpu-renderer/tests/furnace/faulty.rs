@@ -43,7 +43,7 @@ pub fn radiance(
 ) -> Vec3 {
     let lights = &around.lights;
     let Some(mut hit) = tracer.first_hit(&ray, PathOrigin::Free, t_max) else {
-        return lights.behind(ray.direction, 0.5);
+        return lights.background(ray.direction, 0.5);
     };
     let even = matches!(fault, Fault::EvenDirections | Fault::RouletteUnclamped);
     let (told, told_in_weights) = match fault {
@@ -59,7 +59,7 @@ pub fn radiance(
     let (mut total, mut throughput) = (Vec3::ZERO, Vec3::ONE);
     let mut vertex = 0;
     loop {
-        let material = around.looks[0].material(hit.surface.label);
+        let material = around.materials[0].material(hit.surface.label);
         total += throughput * Vec3::from_array(material.emission);
         if vertex > around.settings.bounces || hit.from_inside {
             return total;
@@ -76,12 +76,13 @@ pub fn radiance(
         let receiver = Receiver { point: origin, normal: normal.as_vec3(), both_sides: false };
 
         let [which, mut lobe] = sampler.bounce(vertex, BouncePair::Choice);
-        if lights.any_aimed() {
-            if let Some(light) = lights.sample(&receiver, which, sampler.bounce(vertex, BouncePair::Light))
+        if lights.samples_lights() {
+            if let Some(light) =
+                lights.sample_infinite_or_lamp(&receiver, which, sampler.bounce(vertex, BouncePair::Light))
                 && light.direction.dot(normal) > 0.0
             {
                 let (f_cos, pdf) = bsdf.eval(local(light.direction));
-                let weight = lights.aimed_weight(light.pdf, pdf * told_in_weights) * aimed;
+                let weight = lights.light_mis_weight(light.pdf, pdf * told_in_weights) * aimed;
                 let add = throughput * f_cos * light.radiance_over_pdf * weight;
                 let shadow_ray = RayInWorld { origin, direction: light.direction };
                 if add.max_element() > 0.0 && !tracer.occluded(&shadow_ray, from, f64::INFINITY) {
@@ -127,7 +128,9 @@ pub fn radiance(
         ray = RayInWorld { origin, direction };
         match tracer.first_hit(&ray, from, f64::INFINITY) {
             Some(next) => hit = next,
-            None => return total + throughput * lights.found(direction.normalize(), pdf) * scattered,
+            None => {
+                return total + throughput * lights.infinite_emission(direction.normalize(), pdf) * scattered;
+            }
         }
         vertex += 1;
     }

@@ -11,7 +11,7 @@ use pumice_picture::film::REPLICATES;
 use pumice_scene::{Camera, Film, Filter, Material, Projection, Settings};
 use pumice_transport::camera_rays::CameraRays;
 use pumice_transport::sampler::PixelSampler;
-use pumice_transport::{EnvironmentTable, Lights, Looks, PathOrigin, RayInWorld, Sky, Tracer};
+use pumice_transport::{EnvironmentTable, Lights, MaterialTable, PathOrigin, RayInWorld, Sky, Tracer};
 use rayon::prelude::*;
 
 use crate::naive::Dense;
@@ -49,7 +49,7 @@ impl Furnace {
     ) -> Self {
         let around = Surroundings {
             lights: Lights::new(sky, Vec::new(), None).into(),
-            looks: vec![Looks::same(material).into()].into(),
+            materials: vec![MaterialTable::same(material).into()].into(),
             settings,
         };
         Self { name: name.to_owned(), dense, around, camera, spp: 16, exact: 1.0 }

@@ -8,7 +8,7 @@ use pumice_core::MeshData;
 use pumice_cpu::traverse::{MeshTracer, SceneTracer};
 use pumice_cpu::{PathTracer, Surroundings};
 use pumice_scene::{Camera, Film, Filter, Material, Mode, Projection, Settings, Sun};
-use pumice_transport::{Lights, Looks, PathOrigin, RayInWorld, ReadySun, Sky, Tracer};
+use pumice_transport::{Lights, MaterialTable, PathOrigin, RayInWorld, ReadySun, Sky, Tracer};
 
 use crate::shapes::{Random, bumpy_ball};
 
@@ -107,7 +107,7 @@ fn light_is_that_of_a_ball() {
     let material = Material { base_color: [albedo; 3], specular: 0.0, roughness: 1.0, ..Material::default() };
     let around = Surroundings {
         lights: Arc::new(Lights::new(Sky::Constant(Vec3::ZERO), vec![sun], None)),
-        looks: vec![Arc::new(Looks::same(material))].into(),
+        materials: vec![Arc::new(MaterialTable::same(material))].into(),
         settings: Settings { mode: Mode::OneBounce, ..Settings::default() },
     };
     let side = 64;

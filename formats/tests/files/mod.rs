@@ -1,4 +1,4 @@
-//! Volumes written byte by byte, and reading them whole: shared by the tests of several formats.
+//! Helpers that write volumes byte by byte and read them whole, shared by the tests of several formats.
 
 #![allow(
     dead_code,
@@ -15,10 +15,10 @@ use std::path::{Path, PathBuf};
 use pumice_core::VolumeInfo;
 use pumice_formats::{OpenOptions, open};
 
-/// Sizes that all differ, so that exchanged axes show.
+/// Sizes that all differ, so that swapped axes show.
 pub const DIMS: [usize; 3] = [3, 4, 5];
 
-/// The label at a voxel: tells each from all others, and fits in a byte.
+/// The label of a voxel; it differs from all others and fits in a byte.
 pub fn label(x: usize, y: usize, z: usize) -> u64 {
     (1 + x + 5 * y + 25 * z) as u64
 }
@@ -29,7 +29,7 @@ pub fn labels() -> Vec<u64> {
     (0..nx * ny * nz).map(|i| label(i % nx, i / nx % ny, i / (nx * ny))).collect()
 }
 
-/// Each number's last `bytes` bytes in the order asked for.
+/// The lowest `bytes` bytes of each number, in the given byte order.
 pub fn integers(values: &[u64], bytes: usize, big_endian: bool) -> Vec<u8> {
     let mut out = Vec::new();
     for value in values {
@@ -52,7 +52,7 @@ pub fn write(folder: &Path, name: &str, bytes: &[u8]) -> PathBuf {
     path
 }
 
-/// The whole volume, x fastest, or the error as text, which must be one line.
+/// Reads the whole volume, x fastest; returns the error as text, which must be one line.
 pub fn read(path: &Path, options: &OpenOptions) -> Result<(VolumeInfo, Vec<u64>), String> {
     let one_line = |error: String| {
         assert!(!error.contains('\n') && error.len() < 2000, "{error:?}");
@@ -61,7 +61,7 @@ pub fn read(path: &Path, options: &OpenOptions) -> Result<(VolumeInfo, Vec<u64>)
     let mut source = open(path, options).map_err(|e| one_line(e.to_string()))?;
     let info = source.info().clone();
     let dims = info.dims.map(|d| d as usize);
-    // Voxels are only kept where there are few: damaged headers may promise billions.
+    // Voxels are kept only where there are few, because damaged headers may claim billions.
     let count = dims.iter().product::<usize>();
     let mut voxels = vec![u64::MAX; if count < 1 << 20 { count } else { 0 }];
     while let Some(block) = source.next_block().map_err(|e| one_line(e.to_string()))? {
@@ -80,7 +80,7 @@ pub fn read(path: &Path, options: &OpenOptions) -> Result<(VolumeInfo, Vec<u64>)
     Ok((info, voxels))
 }
 
-/// Asserts that reading fails with a text that holds every one of `words`.
+/// Asserts that reading fails with a text that contains every one of `words`.
 pub fn refuse(path: &Path, options: &OpenOptions, words: &[&str]) {
     let error = read(path, options).map(|(info, _)| info.dims).unwrap_err();
     for word in words {
@@ -88,7 +88,7 @@ pub fn refuse(path: &Path, options: &OpenOptions, words: &[&str]) {
     }
 }
 
-/// A NIfTI header, version 1 or 2, with identity sform, to be changed field by field.
+/// A NIfTI header, version 1 or 2, with an identity sform; tests change its fields.
 #[derive(Clone)]
 pub struct Nifti {
     pub bytes: Vec<u8>,
@@ -97,7 +97,7 @@ pub struct Nifti {
 }
 
 impl Nifti {
-    /// Of `datatype`, for the voxels of [`labels`], as a single file.
+    /// The header of a single file with `datatype` and the voxels of [`labels`].
     pub fn new(version: u8, big_endian: bool, datatype: i64) -> Self {
         let mut header = Self { bytes: vec![0; if version == 1 { 352 } else { 544 }], version, big_endian };
         header.put(0, 4, if version == 1 { 348 } else { 540 });
@@ -180,13 +180,13 @@ impl Nifti {
         }
     }
 
-    /// The header with voxels behind it.
+    /// The header followed by voxels.
     pub fn file(&self, voxels: &[u8]) -> Vec<u8> {
         [self.bytes.as_slice(), voxels].concat()
     }
 }
 
-/// A `.npy` file.
+/// The bytes of a `.npy` file.
 pub fn npy(version: u8, header: &str, voxels: &[u8]) -> Vec<u8> {
     let mut out = b"\x93NUMPY".to_vec();
     out.extend([version, 0]);
@@ -239,7 +239,7 @@ pub fn zip(members: &[(&str, Vec<u8>)], deflate: bool) -> Vec<u8> {
     out
 }
 
-/// A MetaImage header up to `ElementDataFile`, with the lines `extra` and that last field.
+/// A MetaImage header with the lines `extra` and, as its last field, `ElementDataFile`.
 pub fn meta(element: &str, extra: &str, data_file: &str) -> String {
     format!(
         "ObjectType = Image\nNDims = 3\nDimSize = 3 4 5\nElementType = {element}\n{extra}ElementDataFile = {data_file}\n"

@@ -2,11 +2,11 @@
 
 use serde::Serialize;
 
-use super::chance::{Chance, Variance, chance};
 use super::display::display_from_linear;
 use super::flip::{flip_map, mean_flip};
 use super::psnr::psnr;
 use super::rel_mse::rel_mse;
+use super::significance::{Significance, Variance, significance};
 use super::ssim::ssim;
 use crate::image::Image;
 
@@ -21,9 +21,10 @@ pub struct Comparison {
     pub ssim: f64,
     /// Mean of [`super::flip`].
     pub flip: f64,
-    /// [`super::chance`], where both pictures' variances are known.
+    /// [`super::significance()`], where both pictures' variances are known.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub chance: Option<Chance>,
+    #[serde(rename = "chance")]
+    pub significance: Option<Significance>,
 }
 
 /// Why two pictures cannot be compared.
@@ -94,7 +95,13 @@ pub fn compare(
     go_on()?;
     let flip = mean_flip(&flip_map(&a_display, &b_display));
     go_on()?;
-    Ok(Comparison { rel_mse, psnr, ssim, flip, chance: variances.map(|(va, vb)| chance(a, b, va, vb)) })
+    Ok(Comparison {
+        rel_mse,
+        psnr,
+        ssim,
+        flip,
+        significance: variances.map(|(va, vb)| significance(a, b, va, vb)),
+    })
 }
 
 #[cfg(test)]

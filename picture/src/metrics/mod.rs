@@ -14,7 +14,6 @@
 //!
 //! [`compare()`] takes them all.
 
-pub mod chance;
 pub mod compare;
 pub mod display;
 pub mod error_map;
@@ -22,9 +21,10 @@ pub mod flip;
 mod gaussian;
 pub mod psnr;
 pub mod rel_mse;
+pub mod significance;
 pub mod ssim;
 mod student_t;
 
-pub use chance::{Chance, Variance};
 pub use compare::{CompareError, Comparison, compare};
 pub use error_map::error_map;
+pub use significance::{Significance, Variance};

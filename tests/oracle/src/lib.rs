@@ -1,8 +1,8 @@
-//! The oracle of traversal: rays marched through dense arrays in exact integer arithmetic, from the definitions alone. It shares no code with
-//! the traversal.
+//! An oracle of ray traversal: it marches rays through dense arrays in exact integer arithmetic, straight from the definitions. It shares no
+//! code with the traversal.
 //!
-//! Origins and directions are whole multiples of 2⁻⁴⁶ in index space (the generators see to it), so that every plane distance is
-//! a fraction of two whole numbers and every comparison is exact in 128 bits: |o| ≤ 2³⁰ makes products of at most 2¹²⁴.
+//! Origins and directions are multiples of 2⁻⁴⁶ in index space (the generators ensure it), so every plane distance is a fraction of
+//! integers and every comparison is exact in 128 bits: with |o| ≤ 2³⁰, products are at most 2¹²⁴.
 #![forbid(unsafe_code)]
 
 pub mod rays;
@@ -15,17 +15,17 @@ use pumice_transport::{Hit, PathOrigin, RayInWorld};
 /// Fraction bits of origins and directions.
 pub const BITS: u32 = 46;
 
-/// Labels in a plain array: 0 is empty, label + 1 otherwise.
+/// Labels in a plain array: 0 for empty voxels, else the dense label + 1.
 #[derive(Clone, Debug)]
 pub struct Dense {
     /// Voxels along each axis.
     pub dims: [u32; 3],
-    /// x fastest.
+    /// One value per voxel, x varying fastest.
     pub labels: Vec<u32>,
 }
 
 impl Dense {
-    /// Label of a voxel; 0 outside.
+    /// The value of a voxel; 0 outside the volume.
     pub fn at(&self, v: [i64; 3]) -> u32 {
         if (0..3).any(|a| v[a] < 0 || v[a] >= i64::from(self.dims[a])) {
             return 0;
@@ -38,9 +38,9 @@ impl Dense {
 /// A ray in index space, in units of 2⁻⁴⁶.
 #[derive(Clone, Copy, Debug)]
 pub struct ExactRay {
-    /// Origin.
+    /// Origin, in units of 2⁻⁴⁶ voxels.
     pub o: [i128; 3],
-    /// Direction.
+    /// Direction, in units of 2⁻⁴⁶ voxels.
     pub d: [i128; 3],
 }
 
@@ -55,16 +55,16 @@ fn minus(a: Fraction, b: Fraction) -> f64 {
     (a.0 * b.1 - b.0 * a.1) as f64 / (a.1 as f64 * b.1 as f64)
 }
 
-/// A fraction as a number.
+/// A fraction as a floating-point number.
 pub fn value(t: Fraction) -> f64 {
     t.0 as f64 / t.1 as f64
 }
 
 impl ExactRay {
-    /// A ray from its numbers.
+    /// A ray with this origin and direction in index space.
     ///
     /// # Panics
-    /// When a number is not a multiple of 2⁻⁴⁶: the generator is at fault.
+    /// When a component is not a multiple of 2⁻⁴⁶, which is a fault of the generator.
     pub fn new(o: [f64; 3], d: [f64; 3]) -> Self {
         let exact = |x: f64| {
             let scaled = x * (BITS as f64).exp2();
@@ -74,21 +74,21 @@ impl ExactRay {
         Self { o: o.map(exact), d: d.map(exact) }
     }
 
-    /// Where the ray meets plane `p` of axis `a`; its component must not be 0.
+    /// The t at which the ray meets plane `p` of axis `a`. The direction must not be 0 along `a`.
     pub fn plane(&self, a: usize, p: i64) -> Fraction {
         let n = (i128::from(p) << BITS) - self.o[a];
         if self.d[a] < 0 { (-n, -self.d[a]) } else { (n, self.d[a]) }
     }
 
-    /// Length of the direction.
+    /// Length of the direction in voxels.
     pub fn length(&self) -> f64 {
         self.d.iter().map(|&d| (d as f64 / (BITS as f64).exp2()).powi(2)).sum::<f64>().sqrt()
     }
 
-    /// Calls `visit(voxel, enter, leave)` for each voxel of `0..dims` that the ray passes through at t > 0 with a chord above 0,
-    /// in order, until it returns false. Voxels are half-open; a ray in a plane belongs to the voxel above it.
+    /// Calls `visit(voxel, enter, leave)` in order for each voxel of `0..dims` in which the ray has a chord above 0 at t > 0, until `visit`
+    /// returns false. Voxels are half-open, so a ray that runs in a plane is in the voxel above the plane.
     pub fn march(&self, dims: [u32; 3], mut visit: impl FnMut([i64; 3], Fraction, Fraction) -> bool) {
-        // Into the volume.
+        // Find where the ray enters the volume.
         let mut t: Fraction = (0, 1);
         for a in (0..3).filter(|&a| self.d[a] != 0) {
             let near = self.plane(a, if self.d[a] < 0 { i64::from(dims[a]) } else { 0 });
@@ -96,7 +96,7 @@ impl ExactRay {
                 t = near;
             }
         }
-        // The voxel just after t: the floor of o + t·d, or one less where the ray moves down from a plane.
+        // The voxel just after t is the floor of o + t·d, or one less where the ray moves down from a plane.
         let mut v = [0, 1, 2].map(|a| {
             let (n, d) = (self.o[a] * t.1 + t.0 * self.d[a], t.1 << BITS);
             (if self.d[a] < 0 { -(-n).div_euclid(d) - 1 } else { n.div_euclid(d) }) as i64
@@ -119,7 +119,8 @@ impl ExactRay {
     }
 }
 
-/// The ray in the world whose image in index space is exactly `ray`, if the products are exact (the generators see to it).
+/// The ray in the world whose image in index space has exactly this origin and direction, provided that the products are exact (the
+/// generators ensure it).
 pub fn in_world(o: [f64; 3], d: [f64; 3], world_from_index: &DAffine3) -> RayInWorld {
     RayInWorld {
         origin: world_from_index.transform_point3(DVec3::from(o)),
@@ -127,24 +128,24 @@ pub fn in_world(o: [f64; 3], d: [f64; 3], world_from_index: &DAffine3) -> RayInW
     }
 }
 
-/// A chord above this, in voxels, must not be skipped.
+/// Longest chord in voxels that a traversal may skip.
 pub const REAL_CHORD: f64 = 1e-3;
 
-/// What the oracle says of one answer.
+/// The oracle's verdict on one hit or miss.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Verdict {
-    /// The very voxel and face.
+    /// Exactly the right voxel and face, or a right miss.
     Exact,
-    /// A surface that the ray only touches, or skipped chords below [`REAL_CHORD`]: the longest.
+    /// The ray only touches the surface, or chords up to [`REAL_CHORD`] were skipped; the value is the longest of them.
     Touch(f64),
-    /// Wrong, and why.
+    /// Wrong, with the reason.
     Wrong(&'static str),
 }
 
-/// Judges a first hit (see `pumice_cpu::traverse` for what a first hit is).
+/// Checks a first hit, or a miss (`pumice_cpu::traverse` defines first hits).
 pub fn judge(volume: &Dense, ray: &ExactRay, hit: Option<&Hit>) -> Verdict {
     let length = ray.length();
-    // A ray that starts in a voxel must be told so, unless its chord there is a touch.
+    // A hit of a ray that starts inside a voxel must say so, unless the ray's chord there is a touch.
     let mut started = (0, 0.0);
     ray.march(volume.dims, |v, enter, leave| {
         if enter.0 == 0 {
@@ -167,7 +168,7 @@ pub fn judge(volume: &Dense, ray: &ExactRay, hit: Option<&Hit>) -> Verdict {
             _ => Verdict::Wrong("a voxel was missed"),
         };
     };
-    // 1. The surface is one: a face of a voxel of its label, turned to the ray, met at the reported t.
+    // 1. The surface must be a face of a voxel of its label, must face the ray, and must be at the reported t.
     let s = &hit.surface;
     let a = usize::from(s.axis);
     let voxel = s.voxel.map(i64::from);
@@ -181,7 +182,7 @@ pub fn judge(volume: &Dense, ray: &ExactRay, hit: Option<&Hit>) -> Verdict {
         return Verdict::Wrong("the face is turned away from the ray");
     }
     let t_hit = ray.plane(a, i64::from(s.plane));
-    // Four roundings on the way (matrix, subtraction, division, scale), on what may be cancelled by the subtraction.
+    // Allows for four roundings (matrix, subtraction, division, scale), of numbers that may cancel in the subtraction.
     let origin_size = ray.o.iter().map(|&o| o.abs() as f64).fold(0.0, f64::max) / (BITS as f64).exp2();
     let slope = (ray.d[a].abs() as f64 / (BITS as f64).exp2()).min(1.0);
     if (hit.t - value(t_hit)).abs() > 16.0 * f64::EPSILON * (value(t_hit).abs() + (origin_size + 1.0) / slope)
@@ -191,7 +192,7 @@ pub fn judge(volume: &Dense, ray: &ExactRay, hit: Option<&Hit>) -> Verdict {
     if t_hit.0 < 0 {
         return Verdict::Wrong("the surface lies behind the start");
     }
-    // 2. The ray meets the face, or passes it by no more than a touch.
+    // 2. The ray must meet the face, or miss it by no more than a touch.
     for b in (0..3).filter(|&b| b != a) {
         let at = value((ray.o[b] * t_hit.1 + t_hit.0 * ray.d[b], t_hit.1 << BITS));
         let outside = (voxel[b] as f64 - at).max(at - voxel[b] as f64 - 1.0);
@@ -202,12 +203,12 @@ pub fn judge(volume: &Dense, ray: &ExactRay, hit: Option<&Hit>) -> Verdict {
     if starts_inside != hit.from_inside && started.1 > REAL_CHORD {
         return Verdict::Wrong("inside and outside are confused");
     }
-    // 3. Nothing else lies before it.
+    // 3. No other surface may be before it.
     let mut worst = 0.0f64;
     let mut reached = false;
     ray.march(volume.dims, |v, enter, leave| {
         if !less(enter, t_hit) {
-            // From outside, the voxel behind the face is the hit; from inside, anything but its label.
+            // From outside, the voxel behind the face must be the hit; from inside, it must have another label.
             reached = enter.0 * t_hit.1 == t_hit.0 * enter.1
                 && (hit.from_inside && volume.at(v) != s.label + 1 || !hit.from_inside && v == voxel);
             return false;
@@ -220,7 +221,7 @@ pub fn judge(volume: &Dense, ray: &ExactRay, hit: Option<&Hit>) -> Verdict {
         if less(t_hit, leave) || less(leave, t_hit) {
             return worst <= REAL_CHORD;
         }
-        // The ray leaves the volume, or goes on behind the face.
+        // The ray leaves the volume, or continues behind the face.
         if hit.from_inside && v == voxel {
             reached = true;
         }
@@ -233,7 +234,7 @@ pub fn judge(volume: &Dense, ray: &ExactRay, hit: Option<&Hit>) -> Verdict {
     }
 }
 
-/// A path's origin and what came of it, for messages.
+/// Describes a ray and its hit, for messages.
 pub fn describe(o: [f64; 3], d: [f64; 3], from: PathOrigin, hit: Option<&Hit>) -> String {
     format!("origin {o:?} direction {d:?} from {from:?}: {hit:?}")
 }

@@ -1,21 +1,21 @@
-//! Rays by class, on the oracle's grid.
+//! Generates rays by class, on the oracle's grid of 2⁻⁴⁶.
 
 use super::volumes::Random;
 
-/// What may go wrong with a ray.
+/// Classes of rays, by the difficulty that they pose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Class {
-    /// Nothing in particular.
+    /// Random rays.
     Random,
-    /// Isometric views: directions of whole numbers, origins on a coarse grid, so that edges and corners are met exactly.
+    /// Directions of whole numbers and origins on a coarse grid, as in isometric views, which meet edges and corners exactly.
     Lattice,
     /// In a plane between voxels.
     InFace,
-    /// Along an edge.
+    /// Along an edge of voxels.
     AlongEdge,
-    /// Through corners.
+    /// Through corners of voxels.
     ThroughCorner,
-    /// Along an axis.
+    /// Parallel to an axis.
     AxisParallel,
     /// 10⁻⁷ rad off a plane between voxels, close to it.
     Grazing,
@@ -23,11 +23,11 @@ pub enum Class {
     Far1e6,
     /// From 10⁹ voxels away.
     Far1e9,
-    /// From within the volume, often from within a voxel.
+    /// Starting inside the volume, often inside a solid voxel.
     Inside,
 }
 
-/// All of them.
+/// All classes.
 pub const CLASSES: [Class; 10] = [
     Class::Random,
     Class::Lattice,
@@ -41,7 +41,7 @@ pub const CLASSES: [Class; 10] = [
     Class::Inside,
 ];
 
-/// Rounds to a multiple of 2^-bits.
+/// Rounds to a multiple of 2^(−bits).
 pub fn snap(x: f64, bits: u32) -> f64 {
     let scale = f64::from(bits).exp2();
     (x * scale).round() / scale
@@ -61,7 +61,7 @@ fn sign(random: &mut Random) -> f64 {
     if random.bits() & 1 == 0 { 1.0 } else { -1.0 }
 }
 
-/// Origin and direction; `fine` is the number of fraction bits that origins may have.
+/// A random ray of a class as (origin, direction); `fine` is the number of fraction bits that origins may have.
 pub fn ray(class: Class, dims: [u32; 3], fine: u32, random: &mut Random) -> ([f64; 3], [f64; 3]) {
     let point = |random: &mut Random| dims.map(|d| snap(random.unit() * f64::from(d), fine));
     let lattice_point = |random: &mut Random| dims.map(|d| f64::from(random.below(d + 1)));
@@ -113,7 +113,7 @@ pub fn ray(class: Class, dims: [u32; 3], fine: u32, random: &mut Random) -> ([f6
             let a = random.below(3) as usize;
             let (mut p, mut d) = (point(random), direction(random));
             d[a] = snap(1e-7 * (0.5 + random.unit()), 46) * sign(random);
-            // So close to the plane that it is crossed within the volume.
+            // Starts so close to the plane that the ray crosses it within the volume.
             p[a] = p[a].round() + snap(1e-5 * (random.unit() - 0.5), 36);
             (p, d)
         }

@@ -1,21 +1,21 @@
-//! What an oracle said of a set of rays.
+//! Counts the oracle's verdicts on a set of rays.
 
 use super::Verdict;
 
-/// See the module.
+/// Counts of verdicts.
 #[derive(Default, Debug)]
 pub struct Tally {
-    /// Rays that were judged.
+    /// Rays that were checked.
     pub rays: u64,
-    /// Those that hit something.
+    /// Rays that hit something.
     pub hits: u64,
-    /// Those that hit or missed what they only touch.
+    /// Rays with the verdict [`Verdict::Touch`].
     pub touches: u64,
     /// Longest chord that was skipped, in voxels.
     pub worst_chord: f64,
-    /// Wrong answers.
+    /// Rays with a wrong hit or miss.
     pub wrong: u64,
-    /// The first of them.
+    /// Description of the first of them.
     pub first_wrong: Option<String>,
 }
 
@@ -45,10 +45,10 @@ impl Tally {
         );
     }
 
-    /// Prints the counts.
+    /// Prints the counts and asserts that no ray was wrong.
     ///
     /// # Panics
-    /// When an answer was wrong.
+    /// When a ray was wrong.
     pub fn assert_right(&self, name: &str) {
         self.report(name);
         assert_eq!(self.wrong, 0, "{name}: {}", self.first_wrong.as_deref().unwrap_or(""));

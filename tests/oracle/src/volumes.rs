@@ -1,4 +1,4 @@
-//! Volumes to judge by, as a dense array and compressed.
+//! Test volumes, each as a dense array and compressed.
 
 use std::sync::Arc;
 
@@ -6,28 +6,28 @@ use pumice_core::{CompressedVolume, LabelBuffer, LabelType, VolumeInfo, compress
 
 use super::Dense;
 
-/// A small generator of random numbers (PCG's multiplier, high bits used).
+/// A small pseudorandom number generator (a linear congruential generator with PCG's multiplier, and mixed high bits).
 #[derive(Clone, Debug)]
 pub struct Random(pub u64);
 
 impl Random {
-    /// 32 bits.
+    /// 32 random bits.
     pub fn bits(&mut self) -> u32 {
         self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         let x = self.0 ^ (self.0 >> 33);
         (x.wrapping_mul(0xff51_afd7_ed55_8ccd) >> 32) as u32
     }
-    /// Below `n`.
+    /// A whole number below `n`.
     pub fn below(&mut self, n: u32) -> u32 {
         ((u64::from(self.bits()) * u64::from(n)) >> 32) as u32
     }
-    /// Within [0, 1).
+    /// A number within [0, 1).
     pub fn unit(&mut self) -> f64 {
         f64::from(self.bits()) / 4_294_967_296.0
     }
 }
 
-/// `label(x, y, z)` is 0 for empty, else a label; labels are made dense here.
+/// A volume with the id `label(x, y, z)` at each voxel, 0 for empty ones. The dense array gets dense labels.
 #[expect(clippy::expect_used, reason = "labels that were just counted, in dims that hold them")]
 pub fn volume(dims: [u32; 3], mut label: impl FnMut(u32, u32, u32) -> u32) -> (Dense, Arc<CompressedVolume>) {
     let mut ids = Vec::with_capacity(dims.iter().map(|&d| d as usize).product());
@@ -47,13 +47,13 @@ pub fn volume(dims: [u32; 3], mut label: impl FnMut(u32, u32, u32) -> u32) -> (D
     (Dense { dims, labels }, Arc::new(compressed))
 }
 
-/// Independent voxels: a share `density` of them has one of `labels` labels.
+/// Independent random voxels, of which a share `density` has one of `labels` labels.
 pub fn noise(dims: [u32; 3], density: f64, labels: u32, seed: u64) -> (Dense, Arc<CompressedVolume>) {
     let mut random = Random(seed);
     volume(dims, |_, _, _| if random.unit() < density { 1 + random.below(labels) } else { 0 })
 }
 
-/// Every second voxel.
+/// A checkerboard of solid and empty voxels, with three labels.
 pub fn checkerboard(dims: [u32; 3]) -> (Dense, Arc<CompressedVolume>) {
     volume(dims, |x, y, z| if (x + y + z) % 2 == 0 { 1 + (x / 5 + y / 7) % 3 } else { 0 })
 }
@@ -73,7 +73,7 @@ pub fn sheets(dims: [u32; 3]) -> (Dense, Arc<CompressedVolume>) {
     })
 }
 
-/// Cells of random seed points by nearest distance, most of them left out: round bodies that touch, as in tissue.
+/// Voronoi cells of `seeds` random points, of which `shown` are kept: round bodies that touch, as in tissue.
 pub fn blobs(dims: [u32; 3], seeds: u32, shown: u32, seed: u64) -> (Dense, Arc<CompressedVolume>) {
     let mut random = Random(seed);
     let points: Vec<[f64; 3]> = (0..seeds).map(|_| dims.map(|d| random.unit() * f64::from(d))).collect();

@@ -1,5 +1,5 @@
-//! The system's allocator, counting the bytes that are asked for.
-#![allow(unsafe_code, reason = "a global allocator cannot be written without; this module is all of it")]
+//! The system's allocator, which also counts allocated bytes.
+#![allow(unsafe_code, reason = "a global allocator needs unsafe code, all of which is in this module")]
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicIsize, Ordering::SeqCst};
@@ -12,16 +12,16 @@ static ALLOCATOR: CountingAllocator = CountingAllocator;
 static LIVE: AtomicIsize = AtomicIsize::new(0);
 static PEAK: AtomicIsize = AtomicIsize::new(0);
 
-/// What a piece of work allocated.
+/// Bytes that a piece of work allocated.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Counted {
-    /// Bytes that are still held at its end.
+    /// Bytes that are still allocated at its end.
     pub(crate) kept: isize,
-    /// Most bytes that were held at once, above what was held before.
+    /// Largest number of bytes allocated at once, above those allocated before.
     pub(crate) peak: isize,
 }
 
-/// Runs `work` and counts.
+/// Runs `work`; returns its result and its allocations.
 pub(crate) fn measured<T>(work: impl FnOnce() -> T) -> (T, Counted) {
     let before = LIVE.load(SeqCst);
     PEAK.store(before, SeqCst);
@@ -35,24 +35,24 @@ fn grow(bytes: usize) {
     PEAK.fetch_max(live, SeqCst);
 }
 
-// SAFETY: every call goes to `System` with the very arguments that it was made with, so its guarantees are ours; counting touches
-// atomics only and allocates nothing.
+// SAFETY: every call passes its arguments unchanged to `System`, so `System`'s guarantees hold here too; counting touches atomics only
+// and allocates nothing.
 unsafe impl GlobalAlloc for CountingAllocator {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         grow(layout.size());
-        // SAFETY: the caller's promise about `layout` is passed on.
+        // SAFETY: the caller's promise about `layout` is what `System.alloc` requires.
         unsafe { System.alloc(layout) }
     }
 
     unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
         grow(layout.size());
-        // SAFETY: as above.
+        // SAFETY: as in `alloc`.
         unsafe { System.alloc_zeroed(layout) }
     }
 
     unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
         LIVE.fetch_sub(layout.size() as isize, SeqCst);
-        // SAFETY: `pointer` came from `System` with this layout, for all of ours do.
+        // SAFETY: `pointer` came from `System` with this layout, as all pointers of this allocator do.
         unsafe { System.dealloc(pointer, layout) }
     }
 

@@ -9,14 +9,14 @@ use pumice_core::{CompressedVolume, MeshData};
 use pumice_scene::Material;
 
 use super::faces::{Occupied, append_faces};
-use super::{Bounded, Emitter, Emitters, Place, ShiningTriangle};
-use crate::Looks;
+use super::{Bounded, EmissiveInstance, EmissiveTriangle, Emitter, Emitters};
+use crate::MaterialTable;
 use crate::bsdf::luminance;
-use crate::geometry::{Cuts, Detail, Level, MeshGrid, Placement};
+use crate::geometry::{Cuts, Detail, DetailLevel, MeshGrid, Placement};
 
-/// An instance or mesh, some of whose materials shine ([`Looks::shines`]).
+/// An instance or mesh, some of whose materials shine ([`MaterialTable::shines`]).
 #[derive(Debug)]
-pub enum Shining<'a> {
+pub enum EmissiveGeometry<'a> {
     /// Labels of a volume.
     Volume {
         /// As in surfaces.
@@ -32,7 +32,7 @@ pub enum Shining<'a> {
         /// What is taken away.
         cuts: &'a Cuts,
         /// Its materials.
-        looks: &'a Arc<Looks>,
+        materials: &'a Arc<MaterialTable>,
     },
     /// Triangles.
     Mesh {
@@ -45,40 +45,40 @@ pub enum Shining<'a> {
         /// The grid's place in the world.
         placement: Placement,
         /// Its materials.
-        looks: &'a Arc<Looks>,
+        materials: &'a Arc<MaterialTable>,
     },
 }
 
 /// Emission of a material seen straight on, for choosing among emitters.
-pub(crate) fn shine(m: &Material) -> f64 {
+pub(crate) fn emission_luminance(m: &Material) -> f64 {
     f64::from(luminance(Vec3::from_array(m.emission)) * m.alpha)
 }
 
 #[derive(Default)]
 struct Gathered {
-    places: Vec<Place>,
+    emissive_instances: Vec<EmissiveInstance>,
     emitters: Vec<Emitter>,
     bounded: Vec<Bounded>,
     faces: Vec<u16>,
-    triangles: Vec<ShiningTriangle>,
+    triangles: Vec<EmissiveTriangle>,
 }
 
-pub(super) fn gather(shining: &[Shining<'_>]) -> Result<Option<Emitters>, RenderError> {
+pub(super) fn gather(shining: &[EmissiveGeometry<'_>]) -> Result<Option<Emitters>, RenderError> {
     let mut all = Gathered::default();
     for one in shining {
         let before = all.emitters.len();
         match one {
-            Shining::Volume { instance, volume, drawn, placement, detail, cuts, looks } => {
-                all.begin(*instance, placement, false, looks);
-                all.add_volume(volume, drawn, detail, cuts, looks);
+            EmissiveGeometry::Volume { instance, volume, drawn, placement, detail, cuts, materials } => {
+                all.begin(*instance, placement, false, materials);
+                all.add_volume(volume, drawn, detail, cuts, materials);
             }
-            Shining::Mesh { instance, mesh, grid, placement, looks } => {
-                all.begin(*instance, placement, true, looks);
-                all.add_mesh(mesh, grid, looks);
+            EmissiveGeometry::Mesh { instance, mesh, grid, placement, materials } => {
+                all.begin(*instance, placement, true, materials);
+                all.add_mesh(mesh, grid, materials);
             }
         }
         if all.emitters.len() == before {
-            all.places.pop();
+            all.emissive_instances.pop();
         }
         // Node numbers go up to twice that.
         let (emitters, faces) = (all.emitters.len(), all.faces.len());
@@ -92,31 +92,31 @@ pub(super) fn gather(shining: &[Shining<'_>]) -> Result<Option<Emitters>, Render
     if all.emitters.is_empty() {
         return Ok(None);
     }
-    let Gathered { places, mut emitters, bounded, mut faces, triangles } = all;
+    let Gathered { emissive_instances: places, mut emitters, bounded, mut faces, triangles } = all;
     emitters.shrink_to_fit();
     faces.shrink_to_fit();
     Ok(Some(Emitters::of(places, &emitters, &bounded, faces, triangles)))
 }
 
 impl Gathered {
-    fn begin(&mut self, instance: u32, placement: &Placement, is_mesh: bool, looks: &Arc<Looks>) {
+    fn begin(&mut self, instance: u32, placement: &Placement, is_mesh: bool, materials: &Arc<MaterialTable>) {
         let side = placement.determinant.cbrt();
         let areas = placement.adjugate.map(|row| (row / side).length() / side);
-        self.places.push(Place {
+        self.emissive_instances.push(EmissiveInstance {
             instance,
             placement: *placement,
             units_per_world: 1.0 / side,
             areas: areas.map(|a| a as f32),
             is_mesh,
             keys: [0; 2],
-            looks: Arc::clone(looks),
+            materials: Arc::clone(materials),
         });
     }
 
     /// Adds an emitter that sends out so much, for an area of 1 of index space seen straight on.
     fn push(&mut self, emitter: Emitter, power: f64, corners: impl Iterator<Item = DVec3>) {
         let (mut lo, mut hi) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-        let place = &self.places[emitter.place as usize];
+        let place = &self.emissive_instances[emitter.emissive_instance as usize];
         for corner in corners {
             let at = place.placement.world_from_index.transform_point3(corner);
             (lo, hi) = (lo.min(at), hi.max(at));
@@ -132,13 +132,13 @@ impl Gathered {
         drawn: &[u32],
         detail: &Detail,
         cuts: &Cuts,
-        looks: &Looks,
+        materials: &MaterialTable,
     ) {
         let shines = |i: &u32| {
-            let material = looks.material(volume.label_of_box(*i as usize));
-            shine(material) > 0.0 && {
+            let material = materials.material(volume.label_of_box(*i as usize));
+            emission_luminance(material) > 0.0 && {
                 let b = volume.place_of_box(*i as usize);
-                detail.level(b.origin, b.extent) == Level::Voxels
+                detail.level(b.origin, b.extent) == DetailLevel::Voxels
             }
         };
         let mut near: Vec<u32> = drawn.iter().copied().filter(shines).collect();
@@ -147,8 +147,8 @@ impl Gathered {
             return;
         }
         let around = Occupied::new(volume, drawn, &near);
-        let place = self.places.len() as u32 - 1;
-        let areas = self.places[place as usize].areas;
+        let place = self.emissive_instances.len() as u32 - 1;
+        let areas = self.emissive_instances[place as usize].areas;
         for i in near {
             let b = volume.get_box(i as usize);
             let label = volume.label_of_box(i as usize);
@@ -178,25 +178,26 @@ impl Gathered {
                     }
                 }
             }
-            let emitter = Emitter { place, label, origin: b.origin, first, ends, planes };
+            let emitter = Emitter { emissive_instance: place, label, origin: b.origin, first, ends, planes };
             let corners = (0..8).map(|corner| {
                 DVec3::from([0, 1, 2].map(|a: usize| {
                     f64::from(b.origin[a] + if corner >> a & 1 == 1 { hi[a] } else { lo[a] })
                 }))
             });
-            self.push(emitter, shine(looks.material(label)) * area, corners);
+            self.push(emitter, emission_luminance(materials.material(label)) * area, corners);
         }
     }
 
-    fn add_mesh(&mut self, mesh: &MeshData, grid: &MeshGrid, looks: &Looks) {
-        let place = self.places.len() as u32 - 1;
+    fn add_mesh(&mut self, mesh: &MeshData, grid: &MeshGrid, materials: &MaterialTable) {
+        let place = self.emissive_instances.len() as u32 - 1;
         for (number, triangle) in (0u32..).zip(mesh.triangles()) {
             let label = mesh.material(number as usize);
-            let shine = shine(looks.material(label));
+            let shine = emission_luminance(materials.material(label));
             let mut triangle =
-                ShiningTriangle { corners: triangle.map(|c| grid.corners[c as usize]), area: 0.0 };
+                EmissiveTriangle { corners: triangle.map(|c| grid.corners[c as usize]), area: 0.0 };
             let (corners, normal) = triangle.shape();
-            let Place { placement, units_per_world, .. } = &self.places[place as usize];
+            let EmissiveInstance { placement, units_per_world, .. } =
+                &self.emissive_instances[place as usize];
             let [x, y, z] = placement.adjugate;
             let area = (x * normal.x + y * normal.y + z * normal.z) * *units_per_world;
             triangle.area = (area * *units_per_world).length() as f32;
@@ -205,7 +206,14 @@ impl Gathered {
             }
             let first = self.triangles.len() as u32;
             self.triangles.push(triangle);
-            let emitter = Emitter { place, label, origin: [number, 0, 0], first, ends: [0; 6], planes: 0 };
+            let emitter = Emitter {
+                emissive_instance: place,
+                label,
+                origin: [number, 0, 0],
+                first,
+                ends: [0; 6],
+                planes: 0,
+            };
             // From both sides.
             self.push(emitter, 2.0 * shine * f64::from(triangle.area), corners.into_iter());
         }

@@ -143,7 +143,7 @@ impl LightTree {
 
     /// Chance of the left one of a node's halves; `None` where neither matters.
     #[inline]
-    fn chance_left(&self, node: u32, left: u32, from: &SeenFrom) -> Option<f32> {
+    fn probability_left(&self, node: u32, left: u32, from: &SeenFrom) -> Option<f32> {
         let a = self.nodes[node as usize + 1].importance(from);
         let b = self.nodes[(node + 2 * left) as usize].importance(from);
         let both = a + b;
@@ -162,7 +162,7 @@ impl LightTree {
             }
             level += 1;
             let left = left_of(count);
-            let part = self.chance_left(node, left, from)?;
+            let part = self.probability_left(node, left, from)?;
             if u < part {
                 u /= part;
                 chance *= part;
@@ -179,12 +179,12 @@ impl LightTree {
 
     /// The chance with which [`LightTree::choose`] gives this emitter.
     #[inline]
-    pub fn chance(&self, from: &SeenFrom, emitter: u32) -> f32 {
+    pub fn probability(&self, from: &SeenFrom, emitter: u32) -> f32 {
         let (mut node, mut first, mut count) = (0, 0, self.len());
         let mut chance = 1.0f32;
         while count > 1 {
             let left = left_of(count);
-            let Some(part) = self.chance_left(node, left, from) else { return 0.0 };
+            let Some(part) = self.probability_left(node, left, from) else { return 0.0 };
             if emitter < first + left {
                 chance *= part;
                 (node, count) = (node + 1, left);
@@ -281,7 +281,7 @@ mod tests {
             sorted.sort_unstable();
             assert!(sorted.iter().copied().eq(0..count), "each emitter is there once");
             for from in receivers(&tree) {
-                let sum: f64 = (0..count).map(|e| f64::from(tree.chance(&from, e))).sum();
+                let sum: f64 = (0..count).map(|e| f64::from(tree.probability(&from, e))).sum();
                 // Where the box around two halves reaches above the horizon and neither half does, nothing is chosen.
                 let (steps, mut none) = (20_000u32, 0);
                 // Evenly spaced numbers choose each emitter as often as its chance says, but for one at each end of its stretch.
@@ -291,7 +291,7 @@ mod tests {
                         none += 1;
                         continue;
                     };
-                    assert_eq!(chance, tree.chance(&from, e));
+                    assert_eq!(chance, tree.probability(&from, e));
                     counts[e as usize] += 1;
                 }
                 // A product of ten roundings each; one step at each end of a stretch without.
@@ -301,7 +301,7 @@ mod tests {
                     "{sum}, {lost}"
                 );
                 for (e, &n) in counts.iter().enumerate() {
-                    let expected = f64::from(tree.chance(&from, e as u32)) * f64::from(steps);
+                    let expected = f64::from(tree.probability(&from, e as u32)) * f64::from(steps);
                     assert!((f64::from(n) - expected).abs() < 2.0, "{n} instead of {expected}");
                 }
             }
@@ -343,7 +343,7 @@ mod tests {
         let (tree, order) = LightTree::new(&[at(0.0), at(10.0)]);
         let from = tree.seen_from(DVec3::splat(-1.0), Vec3::ONE.normalize(), false);
         let near = order.iter().position(|&e| e == 0).unwrap() as u32;
-        assert!(tree.chance(&from, near) > 0.98);
+        assert!(tree.probability(&from, near) > 0.98);
         // Below the horizon there is nothing.
         let away = tree.seen_from(DVec3::splat(-1.0), -Vec3::ONE.normalize(), false);
         assert_eq!(tree.choose(&away, [0.5; 2]), None);

@@ -26,22 +26,22 @@ use std::sync::Arc;
 use crate::{Receiver, RenderError, Surface, SurfaceKind};
 use glam::{DVec3, Vec3};
 
-use crate::Looks;
+use crate::MaterialTable;
 use crate::bsdf::emitted;
 use crate::geometry::Placement;
-pub use gather::Shining;
-pub(crate) use gather::shine;
+pub use gather::EmissiveGeometry;
+pub(crate) use gather::emission_luminance;
 pub use light_tree::{Bounded, LightNode, LightTree, SeenFrom};
 
 /// Says that an instance has no emitter.
-pub const NO_PLACE: u32 = u32::MAX;
+pub const NOT_EMISSIVE: u32 = u32::MAX;
 
 /// Rounding of a point in the world, twice over: shadow rays end this part of the point's coordinates before a face.
 const POINT_ROUNDING: f64 = 2.0 * f64::EPSILON;
 
 /// An instance or mesh that has emitters.
 #[derive(Clone, Debug)]
-pub struct Place {
+pub struct EmissiveInstance {
     /// As in surfaces.
     pub instance: u32,
     /// Of index space, or of a mesh's grid.
@@ -54,14 +54,14 @@ pub struct Place {
     pub is_mesh: bool,
     /// Its emitters by number in [`Emitters::by_key`]: first, end.
     pub keys: [u32; 2],
-    looks: Arc<Looks>,
+    materials: Arc<MaterialTable>,
 }
 
 /// What shines within a box, or a triangle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Emitter {
     /// Number of its place.
-    pub place: u32,
+    pub emissive_instance: u32,
     /// Dense label; index of a triangle's material.
     pub label: u32,
     /// Lowest voxel of the box; of a triangle its number, 0, 0.
@@ -78,7 +78,7 @@ pub struct Emitter {
 /// A triangle, in its mesh's grid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
-pub struct ShiningTriangle {
+pub struct EmissiveTriangle {
     /// Corners.
     pub corners: [[f32; 3]; 3],
     /// Area in the world over s².
@@ -88,13 +88,13 @@ pub struct ShiningTriangle {
 /// See the module.
 #[derive(Clone, Debug)]
 pub struct Emitters {
-    places: Vec<Place>,
+    emissive_instances: Vec<EmissiveInstance>,
     /// Number of the place by instance.
-    place_of: Vec<u32>,
+    emissive_instance_of: Vec<u32>,
     /// In the tree's order.
     emitters: Vec<Emitter>,
     faces: Vec<u16>,
-    triangles: Vec<ShiningTriangle>,
+    triangles: Vec<EmissiveTriangle>,
     /// Emitters by place, label and lowest voxel.
     by_key: Vec<u32>,
     tree: LightTree,
@@ -128,7 +128,7 @@ struct WayTo {
     area: f32,
 }
 
-impl Place {
+impl EmissiveInstance {
     #[inline]
     fn point(&self, from: &Receiver) -> DVec3 {
         self.placement.index_from_world(from.point - self.placement.world_from_index.translation)
@@ -138,7 +138,7 @@ impl Place {
 impl Emitter {
     fn key(&self) -> [u32; 5] {
         let [x, y, z] = self.origin;
-        [self.place, self.label, z, y, x]
+        [self.emissive_instance, self.label, z, y, x]
     }
 
     /// First face and end of a direction's list.
@@ -166,7 +166,7 @@ impl Emitter {
     }
 }
 
-impl ShiningTriangle {
+impl EmissiveTriangle {
     /// Corners, and its area as a vector, in the grid.
     #[inline]
     fn shape(&self) -> ([DVec3; 3], DVec3) {
@@ -180,17 +180,17 @@ impl Emitters {
     ///
     /// # Errors
     /// [`RenderError::Scene`] where there are more emitters or faces than 32 bits can number.
-    pub fn new(shining: &[Shining<'_>]) -> Result<Option<Self>, RenderError> {
+    pub fn new(shining: &[EmissiveGeometry<'_>]) -> Result<Option<Self>, RenderError> {
         gather::gather(shining)
     }
 
     /// What is gathered, made ready.
     fn of(
-        mut places: Vec<Place>,
+        mut places: Vec<EmissiveInstance>,
         unordered: &[Emitter],
         bounded: &[Bounded],
         faces: Vec<u16>,
-        triangles: Vec<ShiningTriangle>,
+        triangles: Vec<EmissiveTriangle>,
     ) -> Self {
         let (tree, order) = LightTree::new(bounded);
         let emitters: Vec<Emitter> = order.iter().map(|&e| unordered[e as usize]).collect();
@@ -198,9 +198,10 @@ impl Emitters {
         by_key.sort_unstable_by_key(|&e| emitters[e as usize].key());
         let mut place_of = Vec::new();
         for (p, place) in (0u32..).zip(&mut places) {
-            let end_of = |p: u32| by_key.partition_point(|&e| emitters[e as usize].place < p) as u32;
+            let end_of =
+                |p: u32| by_key.partition_point(|&e| emitters[e as usize].emissive_instance < p) as u32;
             place.keys = [end_of(p), end_of(p + 1)];
-            place_of.resize(place_of.len().max(place.instance as usize + 1), NO_PLACE);
+            place_of.resize(place_of.len().max(place.instance as usize + 1), NOT_EMISSIVE);
             place_of[place.instance as usize] = p;
         }
         // Mean irradiance on the sphere around all: of powers π L A.
@@ -208,17 +209,26 @@ impl Emitters {
         let hi = bounded.iter().fold(DVec3::NEG_INFINITY, |m, e| m.max(e.hi));
         let power: f64 = bounded.iter().map(|e| e.power).sum();
         let irradiance = (power / (PI * (hi - lo).length_squared())).min(f64::from(f32::MAX)) as f32;
-        Self { places, place_of, emitters, faces, triangles, by_key, tree, irradiance }
+        Self {
+            emissive_instances: places,
+            emissive_instance_of: place_of,
+            emitters,
+            faces,
+            triangles,
+            by_key,
+            tree,
+            irradiance,
+        }
     }
 
     /// Instances and meshes that have emitters.
-    pub fn places(&self) -> &[Place] {
-        &self.places
+    pub fn emissive_instances(&self) -> &[EmissiveInstance] {
+        &self.emissive_instances
     }
 
-    /// Number of the place by instance, [`NO_PLACE`] where there is none; instances past the end have none.
-    pub fn place_of(&self) -> &[u32] {
-        &self.place_of
+    /// Number of the place by instance, [`NOT_EMISSIVE`] where there is none; instances past the end have none.
+    pub fn emissive_instance_of(&self) -> &[u32] {
+        &self.emissive_instance_of
     }
 
     /// All emitters, in the tree's order.
@@ -232,7 +242,7 @@ impl Emitters {
     }
 
     /// Triangles.
-    pub fn triangles(&self) -> &[ShiningTriangle] {
+    pub fn triangles(&self) -> &[EmissiveTriangle] {
         &self.triangles
     }
 
@@ -255,8 +265,9 @@ impl Emitters {
     pub fn bytes(&self) -> u64 {
         let of_emitters = self.emitters.capacity() * size_of::<Emitter>() + self.by_key.capacity() * 4;
         let of_surfaces =
-            self.faces.capacity() * 2 + self.triangles.capacity() * size_of::<ShiningTriangle>();
-        let of_places = self.places.capacity() * size_of::<Place>() + self.place_of.capacity() * 4;
+            self.faces.capacity() * 2 + self.triangles.capacity() * size_of::<EmissiveTriangle>();
+        let of_places = self.emissive_instances.capacity() * size_of::<EmissiveInstance>()
+            + self.emissive_instance_of.capacity() * 4;
         (of_emitters + of_surfaces + of_places) as u64 + self.tree.bytes()
     }
 
@@ -272,7 +283,7 @@ impl Emitters {
         let seen_from = self.tree.seen_from(from.point, from.normal, from.both_sides);
         let (number, chance) = self.tree.choose(&seen_from, [choice, further[0]])?;
         let emitter = &self.emitters[number as usize];
-        let place = &self.places[emitter.place as usize];
+        let place = &self.emissive_instances[emitter.emissive_instance as usize];
         let to = if place.is_mesh {
             self.sample_triangle(emitter, place.point(from), u)
         } else {
@@ -283,7 +294,7 @@ impl Emitters {
         let units = (distance * place.units_per_world) as f32;
         let across = (to.across as f32).abs();
         let pdf = density(chance * to.share, units, across);
-        let material = place.looks.material(emitter.label);
+        let material = place.materials.material(emitter.label);
         let cos = (across / (to.area * units)).clamp(1e-6, 1.0);
         let radiance = emitted(material, cos) * material.alpha;
         (pdf > 0.0).then(|| EmitterSample {
@@ -299,7 +310,7 @@ impl Emitters {
     fn sample_box(
         &self,
         emitter: &Emitter,
-        place: &Place,
+        place: &EmissiveInstance,
         point: DVec3,
         which: f32,
         u: [f32; 2],
@@ -365,11 +376,12 @@ impl Emitters {
         box_origin: impl FnOnce() -> Option<[u32; 3]>,
         distance: f64,
     ) -> f32 {
-        let place_number = self.place_of.get(surface.instance as usize).copied().unwrap_or(NO_PLACE);
-        if place_number == NO_PLACE || surface.kind == SurfaceKind::Cap {
+        let place_number =
+            self.emissive_instance_of.get(surface.instance as usize).copied().unwrap_or(NOT_EMISSIVE);
+        if place_number == NOT_EMISSIVE || surface.kind == SurfaceKind::Cap {
             return 0.0;
         }
-        let place = &self.places[place_number as usize];
+        let place = &self.emissive_instances[place_number as usize];
         let origin = match place.is_mesh {
             true => Some([surface.plane, 0, 0]),
             false => box_origin(),
@@ -400,13 +412,13 @@ impl Emitters {
             (seen[direction] / sum / (end - start) as f32, across)
         };
         let seen_from = self.tree.seen_from(from.point, from.normal, from.both_sides);
-        let chance = self.tree.chance(&seen_from, number);
+        let chance = self.tree.probability(&seen_from, number);
         density(chance * share, (distance * place.units_per_world) as f32, (across as f32).abs())
     }
 
     /// The emitter with that key.
     #[inline]
-    fn find(&self, place: &Place, label: u32, origin: [u32; 3]) -> Option<u32> {
+    fn find(&self, place: &EmissiveInstance, label: u32, origin: [u32; 3]) -> Option<u32> {
         let keys = &self.by_key[place.keys[0] as usize..place.keys[1] as usize];
         let [x, y, z] = origin;
         let wanted = [label, z, y, x];

@@ -19,7 +19,7 @@ use crate::BoxBounds;
 use pumice_core::CompressedVolume;
 
 use super::each_axis;
-use super::lod::Level;
+use super::lod::DetailLevel;
 
 /// Voxels along the side of a block.
 pub const BLOCK: u32 = 64;
@@ -30,7 +30,7 @@ pub const BRICK: u32 = 16;
 #[derive(Debug)]
 pub struct Bricks {
     /// Of what is drawn.
-    level: Level,
+    level: DetailLevel,
     /// Around all voxels: lowest and highest corner.
     pub bounds: [[f64; 4]; 2],
     /// The last block along each axis.
@@ -86,7 +86,7 @@ const PLACE_BITS: u32 = 6;
 impl Bricks {
     /// Of these boxes of a volume, all at this level; `None` where the volume is too sparse for it, or what is numbered too much for 32
     /// bits.
-    pub fn new(volume: &CompressedVolume, items: &[u32], level: Level) -> Option<Self> {
+    pub fn new(volume: &CompressedVolume, items: &[u32], level: DetailLevel) -> Option<Self> {
         let blocks_along = volume.info().dims.map(|d| d.div_ceil(BLOCK));
         let blocks = blocks_along.iter().map(|&n| u64::from(n)).try_fold(1u64, u64::checked_mul)?;
         if items.is_empty() || blocks > FEW_BLOCKS.max(BLOCKS_A_BOX * items.len() as u64) || blocks >> 31 != 0
@@ -97,7 +97,7 @@ impl Bricks {
         let mut made = Self {
             level,
             bounds: [[0.0; 4]; 2],
-            last_block: four(blocks_along.map(|n| n - 1)),
+            last_block: f64x4(blocks_along.map(|n| n - 1)),
             strides: [1, blocks_along[0] as usize, blocks_along[0] as usize * blocks_along[1] as usize],
             blocks: vec![Block::default(); blocks as usize],
             bricks: Vec::new(),
@@ -108,7 +108,7 @@ impl Bricks {
         for of_brick in reaching.chunk_by(|a, b| a.0 == b.0) {
             bounds = bounds.union(made.add(volume, of_brick)?);
         }
-        made.bounds = [bounds.lo, bounds.hi].map(four);
+        made.bounds = [bounds.lo, bounds.hi].map(f64x4);
         made.bricks.push(made.next_brick()?);
         made.bricks.shrink_to_fit();
         made.fields.shrink_to_fit();
@@ -144,12 +144,12 @@ impl Bricks {
             };
             // What a level does not need is not read: of a mapped file it never comes into memory.
             match self.level {
-                Level::Voxels => volume.box_at(&b).node.fields().for_each(|(c, field)| put(c, field)),
-                Level::Cells => {
+                DetailLevel::Voxels => volume.box_at(&b).node.fields().for_each(|(c, field)| put(c, field)),
+                DetailLevel::Cells => {
                     let occupied = volume.box_at(&b).node.occupied;
                     (0..64).filter(|c| occupied >> c & 1 != 0).for_each(|c| put(c, u64::MAX));
                 }
-                Level::Boxes => {
+                DetailLevel::Boxes => {
                     let holds = |c: &u32| (0..3).all(|a| 4 * (c >> (2 * a) & 3) < b.extent[a]);
                     (0..64).filter(holds).for_each(|c| put(c, u64::MAX));
                 }
@@ -202,7 +202,7 @@ impl Bricks {
     }
 
     /// The level of what is drawn.
-    pub fn level(&self) -> Level {
+    pub fn level(&self) -> DetailLevel {
         self.level
     }
 
@@ -249,7 +249,7 @@ impl Bricks {
         let end = self.bricks[brick + 1].first_part as usize;
         let parts = &self.parts[self.bricks[brick].first_part as usize..end];
         let mut there = parts.iter().filter(|part| part.cells >> cell & 1 != 0);
-        if self.level != Level::Voxels {
+        if self.level != DetailLevel::Voxels {
             return there.min_by_key(|part| part.label).copied();
         }
         let first = there.next()?;
@@ -261,7 +261,7 @@ impl Bricks {
 }
 
 /// Whole numbers as doubles, and a 0 after them: what four lanes hold.
-fn four([x, y, z]: [u32; 3]) -> [f64; 4] {
+fn f64x4([x, y, z]: [u32; 3]) -> [f64; 4] {
     [f64::from(x), f64::from(y), f64::from(z), 0.0]
 }
 
@@ -328,7 +328,7 @@ mod tests {
         let (_, volume) = blobs([90, 70, 150], 60, 9, 8);
         let items: Vec<u32> =
             (0..volume.boxes().len() as u32).filter(|&i| volume.label_of_box(i as usize) % 3 != 1).collect();
-        let bricks = Bricks::new(&volume, &items, Level::Voxels).unwrap();
+        let bricks = Bricks::new(&volume, &items, DetailLevel::Voxels).unwrap();
         let mut expected = std::collections::BTreeMap::new();
         let (mut bounds, shared) = (BoxBounds::EMPTY, std::cell::Cell::new(0));
         for &item in &items {
@@ -375,6 +375,6 @@ mod tests {
     #[test]
     fn nothing_and_what_is_too_sparse_have_none() {
         let (_, volume) = blobs([90, 70, 60], 50, 9, 8);
-        assert!(Bricks::new(&volume, &[], Level::Voxels).is_none());
+        assert!(Bricks::new(&volume, &[], DetailLevel::Voxels).is_none());
     }
 }

@@ -12,7 +12,7 @@ use crate::camera_rays::fitted_side;
 
 /// Detail at which the walk through a box stops.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Level {
+pub enum DetailLevel {
     /// Voxels.
     Voxels = 0,
     /// Cells with a voxel.
@@ -67,7 +67,7 @@ impl LodChoice {
 
     /// The same levels, chosen box by box among all: by a distance that no box is beyond.
     #[must_use]
-    pub fn carrying_levels(self) -> Self {
+    pub fn with_level_bounds(self) -> Self {
         match self {
             Self::Voxels => {
                 Self::Distance { eye_in_world: DVec3::ZERO, world_per_distance: 0.0, world_constant: 0.0 }
@@ -79,9 +79,9 @@ impl LodChoice {
     /// The choice, made ready for boxes of one placement.
     pub fn placed(&self, world_from_index: &DAffine3) -> Detail {
         match *self {
-            Self::Voxels => Detail::Same(Level::Voxels),
-            Self::Cells => Detail::Same(Level::Cells),
-            Self::Boxes => Detail::Same(Level::Boxes),
+            Self::Voxels => Detail::Same(DetailLevel::Voxels),
+            Self::Cells => Detail::Same(DetailLevel::Cells),
+            Self::Boxes => Detail::Same(DetailLevel::Boxes),
             Self::Distance { eye_in_world, world_per_distance, world_constant } => {
                 let m = world_from_index.matrix3;
                 let edge = m.x_axis.length().max(m.y_axis.length()).max(m.z_axis.length());
@@ -112,7 +112,7 @@ const FARTHEST_EYE: f32 = 1e18;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Detail {
     /// All boxes alike.
-    Same(Level),
+    Same(DetailLevel),
     /// See [`LodChoice::Distance`].
     ByDistance(ByDistance),
 }
@@ -134,7 +134,7 @@ pub struct ByDistance {
 impl Detail {
     /// The level of one box.
     #[inline(always)]
-    pub fn level(&self, origin: [u32; 3], extent: [u32; 3]) -> Level {
+    pub fn level(&self, origin: [u32; 3], extent: [u32; 3]) -> DetailLevel {
         match self {
             Self::Same(level) => *level,
             Self::ByDistance(by) => by.level(origin, extent),
@@ -143,7 +143,7 @@ impl Detail {
 
     /// The level of all boxes within `bounds` where it is one for certain: the one that was chosen, or the one that the nearest and the
     /// farthest point share.
-    pub fn everywhere(&self, bounds: &BoxBounds) -> Option<Level> {
+    pub fn everywhere(&self, bounds: &BoxBounds) -> Option<DetailLevel> {
         match self {
             Self::Same(level) => Some(*level),
             Self::ByDistance(by) => {
@@ -157,11 +157,13 @@ impl Detail {
                 let end = bounds.hi.map(|hi| hi.saturating_add(MOST_BEYOND));
                 let nearest = by.level(bounds.lo, each_axis(|a| end[a] - bounds.lo[a]));
                 match nearest {
-                    _ if farthest < by.cells_from_squared => Some(Level::Voxels),
+                    _ if farthest < by.cells_from_squared => Some(DetailLevel::Voxels),
                     // Coordinates along axes that are parallel to the world's: each is no farther for a box than for what is around all,
                     // and sums and products in f32 keep that order.
-                    Level::Boxes if by.is_aligned() => Some(Level::Boxes),
-                    Level::Cells if by.is_aligned() && farthest < by.boxes_from_squared => Some(Level::Cells),
+                    DetailLevel::Boxes if by.is_aligned() => Some(DetailLevel::Boxes),
+                    DetailLevel::Cells if by.is_aligned() && farthest < by.boxes_from_squared => {
+                        Some(DetailLevel::Cells)
+                    }
                     _ => None,
                 }
             }
@@ -172,7 +174,7 @@ impl Detail {
 impl ByDistance {
     /// The level of the box of that origin and extent.
     #[inline]
-    pub fn level(&self, origin: [u32; 3], extent: [u32; 3]) -> Level {
+    pub fn level(&self, origin: [u32; 3], extent: [u32; 3]) -> DetailLevel {
         // Nearest point in index space: the nearest in the world too when the axes are orthogonal, as they are but for sheared
         // matrices, where the level may be one too coarse.
         let away = each_axis(|a| {
@@ -181,11 +183,11 @@ impl ByDistance {
         });
         let distance_squared = self.distance_squared(away);
         if distance_squared >= self.boxes_from_squared {
-            Level::Boxes
+            DetailLevel::Boxes
         } else if distance_squared >= self.cells_from_squared {
-            Level::Cells
+            DetailLevel::Cells
         } else {
-            Level::Voxels
+            DetailLevel::Voxels
         }
     }
 

@@ -26,7 +26,7 @@ pub mod voxel_normals;
 pub use bricks::{BLOCK, BRICK, Block, Brick, BrickPart, Bricks};
 pub use cuts::{CutPlane, Cuts};
 pub use instance_tree::{InstanceTree, WorldBounds};
-pub use lod::{ByDistance, Detail, Level, LodChoice};
+pub use lod::{ByDistance, Detail, DetailLevel, LodChoice};
 pub use mesh_grid::{MeshGrid, mesh_placement};
 pub use neighbors::{Neighbors, REACH};
 pub use placement::Placement;

@@ -20,7 +20,7 @@ const CELL_SHIFT: u32 = 4;
 /// See the module.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Neighbors {
-    ends: Vec<u32>,
+    end_offsets: Vec<u32>,
     boxes: Vec<u32>,
 }
 
@@ -54,20 +54,20 @@ impl Neighbors {
             end += found.len() as u32;
             end
         });
-        Self { ends: ends.collect(), boxes: of.concat() }
+        Self { end_offsets: ends.collect(), boxes: of.concat() }
     }
 
     /// Boxes near one.
     #[inline]
     pub fn of(&self, number: u32) -> &[u32] {
         let at = number as usize;
-        let start = if at == 0 { 0 } else { self.ends[at - 1] };
-        &self.boxes[start as usize..self.ends[at] as usize]
+        let start = if at == 0 { 0 } else { self.end_offsets[at - 1] };
+        &self.boxes[start as usize..self.end_offsets[at] as usize]
     }
 
     /// Where each box's end.
-    pub fn ends(&self) -> &[u32] {
-        &self.ends
+    pub fn end_offsets(&self) -> &[u32] {
+        &self.end_offsets
     }
 
     /// All of them, box by box.
@@ -77,7 +77,7 @@ impl Neighbors {
 
     /// Heap bytes.
     pub fn bytes(&self) -> u64 {
-        4 * (self.ends.len() + self.boxes.len()) as u64
+        4 * (self.end_offsets.len() + self.boxes.len()) as u64
     }
 }
 

@@ -16,7 +16,7 @@ use glam::{DVec3, Vec3};
 use pumice_core::BoxView;
 
 use super::each_axis;
-use super::lod::Level;
+use super::lod::DetailLevel;
 use super::neighbors::REACH;
 
 /// Voxels along each axis.
@@ -63,7 +63,7 @@ impl Weights {
 
 /// −∇f at `p_in_index`, of any length, where these boxes hold the label about it; (0, 0, 0) where it falls off to no side.
 pub fn falling_off<'a>(
-    boxes: impl Iterator<Item = (BoxView<'a>, Level, [u32; 3])>,
+    boxes: impl Iterator<Item = (BoxView<'a>, DetailLevel, [u32; 3])>,
     p_in_index: DVec3,
 ) -> Vec3 {
     let about = each_axis(|a| Weights::new(p_in_index[a]));
@@ -96,11 +96,11 @@ pub fn falling_off<'a>(
 
 /// The voxels of a cell, drawn at a level.
 #[inline]
-fn voxels_of(b: &BoxView, level: Level, cell: u32) -> u64 {
+fn voxels_of(b: &BoxView, level: DetailLevel, cell: u32) -> u64 {
     match level {
-        Level::Voxels => b.node.field(cell),
-        Level::Cells => 0u64.wrapping_sub(b.node.occupied >> cell & 1),
-        Level::Boxes => u64::MAX,
+        DetailLevel::Voxels => b.node.field(cell),
+        DetailLevel::Cells => 0u64.wrapping_sub(b.node.occupied >> cell & 1),
+        DetailLevel::Boxes => u64::MAX,
     }
 }
 

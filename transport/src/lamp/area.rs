@@ -16,7 +16,7 @@ use super::{LampKind, LampSample, ReadyLamp, SphericalRectangle};
 const LEAST_SOLID_ANGLE: f32 = 4e-3;
 
 /// What of an area lamp is sampled, seen from a receiver: a rectangle in its plane, or the whole ellipse.
-struct Part {
+struct SampledRegion {
     lo: Vec2,
     hi: Vec2,
     /// The receiver's height over the plane.
@@ -52,7 +52,7 @@ impl ReadyLamp {
 
     /// What is sampled of it; `None` where it does not shine upon the receiver.
     #[inline]
-    fn part(&self, to_middle: Vec3) -> Option<Part> {
+    fn part(&self, to_middle: Vec3) -> Option<SampledRegion> {
         let height = -to_middle.dot(self.axis);
         if height <= 0.0 {
             return None;
@@ -67,7 +67,7 @@ impl ReadyLamp {
         let wide = (hi.x - lo.x) * (hi.y - lo.y);
         let ellipse = self.kind == LampKind::Ellipse && wide >= PI * half.x * half.y;
         // From here on relative to the receiver's foot.
-        Some(Part { lo: lo - foot, hi: hi - foot, height, ellipse })
+        Some(SampledRegion { lo: lo - foot, hi: hi - foot, height, ellipse })
     }
 
     #[inline]
@@ -102,7 +102,7 @@ impl ReadyLamp {
 
     /// What is seen along a direction that meets it; `None` where that is nothing.
     #[inline]
-    fn area_along(&self, part: &Part, direction: Vec3, distance: f32) -> Option<LampSample> {
+    fn area_along(&self, part: &SampledRegion, direction: Vec3, distance: f32) -> Option<LampSample> {
         let radiance = self.radiance * self.through_spread(direction);
         let pdf = self.pdf_area(part, direction, distance);
         let found = radiance.max_element() > 0.0 && pdf > 0.0 && pdf.is_finite();
@@ -111,7 +111,7 @@ impl ReadyLamp {
 
     /// Density per solid angle with which a direction to the sampled part is drawn.
     #[inline]
-    fn pdf_area(&self, part: &Part, direction: Vec3, distance: f32) -> f32 {
+    fn pdf_area(&self, part: &SampledRegion, direction: Vec3, distance: f32) -> f32 {
         let per_area = distance * distance / -direction.dot(self.axis);
         if part.ellipse {
             return per_area / (PI * self.half[0] * self.half[1]);

@@ -23,13 +23,13 @@ const BOX_BYTES: usize = size_of::<HardwareBox>();
 /// See the module.
 pub struct Acceleration {
     // The top level refers to the bottom one, so it goes first.
-    top: Level,
-    bottom: Level,
+    top: AccelerationStructure,
+    bottom: AccelerationStructure,
     address: u64,
 }
 
 /// One structure with its memory.
-struct Level {
+struct AccelerationStructure {
     handle: vk::AccelerationStructureKHR,
     buffer: Buffer,
     gpu: Arc<Inner>,
@@ -53,7 +53,7 @@ impl std::fmt::Debug for Acceleration {
     }
 }
 
-impl Drop for Level {
+impl Drop for AccelerationStructure {
     fn drop(&mut self) {
         if let (true, Some(calls)) = (self.gpu.may_destroy(), &self.gpu.acceleration) {
             // SAFETY: no launch is in flight, and the memory is freed after this.
@@ -153,7 +153,7 @@ impl Gpu {
         flags: vk::BuildAccelerationStructureFlagsKHR,
         geometry: vk::AccelerationStructureGeometryKHR<'_>,
         count: u32,
-    ) -> Result<Level, DeviceError> {
+    ) -> Result<AccelerationStructure, DeviceError> {
         let geometries = [geometry];
         let mut build = vk::AccelerationStructureBuildGeometryInfoKHR::default()
             .ty(kind)
@@ -183,7 +183,7 @@ impl Gpu {
         calls: &khr::acceleration_structure::Device,
         kind: vk::AccelerationStructureTypeKHR,
         bytes: u64,
-    ) -> Result<Level, DeviceError> {
+    ) -> Result<AccelerationStructure, DeviceError> {
         let usage = vk::BufferUsageFlags::ACCELERATION_STRUCTURE_STORAGE_KHR;
         let buffer = self.buffer_for("a hierarchy", bytes, usage)?;
         let create =
@@ -191,15 +191,15 @@ impl Gpu {
         // SAFETY: the buffer is large enough and lives as long as the level.
         let handle = unsafe { calls.create_acceleration_structure(&create, None) }
             .map_err(DeviceError::of("vkCreateAccelerationStructureKHR"))?;
-        Ok(Level { handle, buffer, gpu: Arc::clone(&self.inner) })
+        Ok(AccelerationStructure { handle, buffer, gpu: Arc::clone(&self.inner) })
     }
 
     /// The same structure in no more memory than it needs; as it was where that saves nothing.
     fn compacted(
         &self,
         calls: &khr::acceleration_structure::Device,
-        level: Level,
-    ) -> Result<Level, DeviceError> {
+        level: AccelerationStructure,
+    ) -> Result<AccelerationStructure, DeviceError> {
         let kind = vk::QueryType::ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR;
         let create = vk::QueryPoolCreateInfo::default().query_type(kind).query_count(1);
         // SAFETY: destroyed below, before which no launch is in flight.

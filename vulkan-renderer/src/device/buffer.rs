@@ -13,7 +13,7 @@ use std::sync::atomic::Ordering;
 use ash::vk;
 
 use super::DeviceError;
-use super::faults::Fault;
+use super::faults::InjectedFault;
 use super::gpu::{Gpu, Inner};
 
 /// Size of the staging memory: large enough that a launch's fixed cost does not count, small beside any volume.
@@ -104,7 +104,7 @@ impl Staging {
 
 /// Where a buffer shall lie.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Place {
+enum MemoryKind {
     Device,
     Host,
 }
@@ -115,7 +115,7 @@ impl Inner {
         what: &'static str,
         bytes: u64,
         usage: vk::BufferUsageFlags,
-        place: Place,
+        place: MemoryKind,
     ) -> Result<RawBuffer, DeviceError> {
         let limit = self.limits.allocation_bytes;
         if bytes > limit {
@@ -123,7 +123,7 @@ impl Inner {
         }
         // This one; the staging memory, which is no buffer of anybody, has its place kept.
         let (allocations, limit) = (self.buffers.load(Ordering::Relaxed) + 2, self.limits.allocations);
-        if place == Place::Device && allocations > limit {
+        if place == MemoryKind::Device && allocations > limit {
             return Err(DeviceError::Limit { what: "buffers at one time", needed: allocations, limit });
         }
         let create = vk::BufferCreateInfo::default().size(bytes).usage(usage);
@@ -155,14 +155,14 @@ impl Inner {
         &self,
         what: &'static str,
         needs: &vk::MemoryRequirements,
-        place: Place,
+        place: MemoryKind,
     ) -> Result<vk::DeviceMemory, DeviceError> {
         use vk::MemoryPropertyFlags as Is;
         let host = Is::HOST_VISIBLE | Is::HOST_COHERENT;
         // Best first. The cached one is what the host reads fast.
         let wishes: &[Is] = match place {
-            Place::Device => &[Is::DEVICE_LOCAL, Is::empty()],
-            Place::Host => &[host | Is::HOST_CACHED, host],
+            MemoryKind::Device => &[Is::DEVICE_LOCAL, Is::empty()],
+            MemoryKind::Host => &[host | Is::HOST_CACHED, host],
         };
         let types = &self.memory.memory_types[..self.memory.memory_type_count as usize];
         let allowed = |i: usize| needs.memory_type_bits >> i & 1 != 0;
@@ -182,7 +182,7 @@ impl Inner {
             return Err(full());
         }
         let mut flags = vk::MemoryAllocateFlagsInfo::default();
-        if place == Place::Device {
+        if place == MemoryKind::Device {
             flags = flags.flags(vk::MemoryAllocateFlags::DEVICE_ADDRESS);
         }
         let create = vk::MemoryAllocateInfo::default()
@@ -190,7 +190,7 @@ impl Inner {
             .memory_type_index(kind as u32)
             .push_next(&mut flags);
         // A failure on purpose comes before the call: what was allocated would have to be freed.
-        let made = self.faults.instead(Fault::Allocation, Ok(())).and_then(|()| {
+        let made = self.faults.instead(InjectedFault::Allocation, Ok(())).and_then(|()| {
             // SAFETY: the device is live and the type is one of its own.
             unsafe { self.calls.allocate_memory(&create, None) }
         });
@@ -203,7 +203,7 @@ impl Inner {
     fn staging<'a>(&self, staging: &'a mut Option<Staging>) -> Result<&'a Staging, DeviceError> {
         if staging.is_none() {
             let usage = vk::BufferUsageFlags::TRANSFER_SRC | vk::BufferUsageFlags::TRANSFER_DST;
-            let raw = self.make_buffer("the staging memory", STAGING_BYTES, usage, Place::Host)?;
+            let raw = self.make_buffer("the staging memory", STAGING_BYTES, usage, MemoryKind::Host)?;
             // SAFETY: the memory is host-visible and not mapped yet; it stays mapped until it is freed.
             let mapped =
                 unsafe { self.calls.map_memory(raw.memory, 0, vk::WHOLE_SIZE, vk::MemoryMapFlags::empty()) };
@@ -238,7 +238,7 @@ impl Gpu {
         usage: vk::BufferUsageFlags,
     ) -> Result<Buffer, DeviceError> {
         // An empty array has an address too.
-        let raw = self.inner.make_buffer(what, bytes.max(16), USAGE | usage, Place::Device)?;
+        let raw = self.inner.make_buffer(what, bytes.max(16), USAGE | usage, MemoryKind::Device)?;
         self.inner.allocated.fetch_add(raw.allocated, Ordering::Relaxed);
         self.inner.buffers.fetch_add(1, Ordering::Relaxed);
         let info = vk::BufferDeviceAddressInfo::default().buffer(raw.buffer);

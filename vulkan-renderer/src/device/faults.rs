@@ -6,7 +6,7 @@ use ash::vk;
 
 /// What shall fail.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Fault {
+pub enum InjectedFault {
     /// An allocation of device memory: out of memory.
     Allocation,
     /// A submission: device lost.
@@ -30,14 +30,18 @@ struct Due {
 
 impl Faults {
     /// From the `nth` call from now on, 1 being the next, `times` calls fail.
-    pub(super) fn inject(&self, fault: Fault, nth: u32, times: u32) {
+    pub(super) fn inject(&self, fault: InjectedFault, nth: u32, times: u32) {
         let due = self.due(fault);
         due.countdown.store(nth, Ordering::Relaxed);
         due.times.store(times, Ordering::Relaxed);
     }
 
     /// The result of a call, or the failure that is due.
-    pub(super) fn instead<T>(&self, fault: Fault, result: Result<T, vk::Result>) -> Result<T, vk::Result> {
+    pub(super) fn instead<T>(
+        &self,
+        fault: InjectedFault,
+        result: Result<T, vk::Result>,
+    ) -> Result<T, vk::Result> {
         let Due { countdown, times } = self.due(fault);
         let order = Ordering::Relaxed;
         let fails = match countdown.fetch_update(order, order, |n| if n > 1 { Some(n - 1) } else { None }) {
@@ -49,16 +53,16 @@ impl Faults {
             _ => false,
         };
         match (fails, fault) {
-            (true, Fault::Allocation) => Err(vk::Result::ERROR_OUT_OF_DEVICE_MEMORY),
-            (true, Fault::Submission) => Err(vk::Result::ERROR_DEVICE_LOST),
+            (true, InjectedFault::Allocation) => Err(vk::Result::ERROR_OUT_OF_DEVICE_MEMORY),
+            (true, InjectedFault::Submission) => Err(vk::Result::ERROR_DEVICE_LOST),
             (false, _) => result,
         }
     }
 
-    fn due(&self, fault: Fault) -> &Due {
+    fn due(&self, fault: InjectedFault) -> &Due {
         match fault {
-            Fault::Allocation => &self.allocation,
-            Fault::Submission => &self.submission,
+            InjectedFault::Allocation => &self.allocation,
+            InjectedFault::Submission => &self.submission,
         }
     }
 }
@@ -71,14 +75,14 @@ mod tests {
     fn the_nth_calls_fail() {
         let faults = Faults::default();
         let call = |fault| faults.instead(fault, Ok(7));
-        assert_eq!(call(Fault::Allocation), Ok(7));
-        faults.inject(Fault::Allocation, 2, 1);
-        assert_eq!(call(Fault::Allocation), Ok(7));
-        assert_eq!(call(Fault::Submission), Ok(7));
-        assert_eq!(call(Fault::Allocation), Err(vk::Result::ERROR_OUT_OF_DEVICE_MEMORY));
-        assert_eq!(call(Fault::Allocation), Ok(7));
-        faults.inject(Fault::Submission, 2, 2);
+        assert_eq!(call(InjectedFault::Allocation), Ok(7));
+        faults.inject(InjectedFault::Allocation, 2, 1);
+        assert_eq!(call(InjectedFault::Allocation), Ok(7));
+        assert_eq!(call(InjectedFault::Submission), Ok(7));
+        assert_eq!(call(InjectedFault::Allocation), Err(vk::Result::ERROR_OUT_OF_DEVICE_MEMORY));
+        assert_eq!(call(InjectedFault::Allocation), Ok(7));
+        faults.inject(InjectedFault::Submission, 2, 2);
         let lost = Err(vk::Result::ERROR_DEVICE_LOST);
-        assert_eq!([(); 5].map(|()| call(Fault::Submission)), [Ok(7), lost, lost, Ok(7), Ok(7)]);
+        assert_eq!([(); 5].map(|()| call(InjectedFault::Submission)), [Ok(7), lost, lost, Ok(7), Ok(7)]);
     }
 }

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use ash::{khr, vk};
 
 use super::buffer::Staging;
-use super::faults::{Fault, Faults};
+use super::faults::{Faults, InjectedFault};
 use super::float_modes::FloatModes;
 use super::pipeline_cache::PipelineCache;
 use super::survey::compute_family;
@@ -213,7 +213,7 @@ impl Gpu {
 
     /// From the `nth` such call from now on, 1 being the next, `times` calls fail: for tests of those who must bear it.
     #[doc(hidden)]
-    pub fn inject(&self, fault: Fault, nth: u32, times: u32) {
+    pub fn inject(&self, fault: InjectedFault, nth: u32, times: u32) {
         self.inner.faults.inject(fault, nth, times);
     }
 
@@ -282,7 +282,7 @@ impl Gpu {
             inner.lost.store(true, Ordering::Relaxed);
             return Err(DeviceError::Lost(during));
         }
-        inner.faults.instead(Fault::Submission, waited).map_err(lost)?;
+        inner.faults.instead(InjectedFault::Submission, waited).map_err(lost)?;
         let taken = start.elapsed();
         // SAFETY: the wait has succeeded, so the fence is not in use.
         unsafe { calls.reset_fences(&fences) }.map_err(lost)?;

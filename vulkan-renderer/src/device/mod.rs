@@ -37,7 +37,7 @@ pub use backend::Backend;
 pub use buffer::Buffer;
 pub use compute::ComputePipeline;
 pub use error::DeviceError;
-pub use faults::Fault;
+pub use faults::InjectedFault;
 pub use gpu::Gpu;
 pub use instance::{Instance, InstanceOptions};
 pub use messages::Messages;

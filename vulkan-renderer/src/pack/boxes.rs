@@ -121,7 +121,7 @@ impl PackedBoxes {
     pub fn neighbors(&self) -> Vec<u32> {
         let drawn = self.bounds.iter().zip(&self.labels).zip(0..).map(|((&b, &label), i)| (i, label, b));
         let near = Neighbors::new(self.boxes.len(), &drawn.collect::<Vec<_>>());
-        [near.ends(), near.boxes()].concat()
+        [near.end_offsets(), near.boxes()].concat()
     }
 
     /// Bounds for hardware's hierarchies, in index space: lowest and highest corner, wider than the boxes by more than the rounding

@@ -2,7 +2,7 @@
 
 use pumice_core::CompressedVolume;
 use pumice_transport::BoxBounds;
-use pumice_transport::geometry::{BLOCK, BRICK, Bricks, Level, LodChoice};
+use pumice_transport::geometry::{BLOCK, BRICK, Bricks, DetailLevel, LodChoice};
 
 use super::PackedBoxes;
 use super::boxes::aabbs_of;
@@ -33,9 +33,9 @@ impl PackedBricks {
         lod: LodChoice,
     ) -> Option<Self> {
         let level = match lod {
-            LodChoice::Voxels => Level::Voxels,
-            LodChoice::Cells => Level::Cells,
-            LodChoice::Boxes => Level::Boxes,
+            LodChoice::Voxels => DetailLevel::Voxels,
+            LodChoice::Cells => DetailLevel::Cells,
+            LodChoice::Boxes => DetailLevel::Boxes,
             LodChoice::Distance { .. } => return None,
         };
         let dims = volume.info().dims;

@@ -2,7 +2,7 @@
 
 use pumice_transport::Emitters;
 
-use crate::layout::{self, Emitter, EmitterPlace, LightNode, ShiningTriangle};
+use crate::layout::{self, EmissiveInstance, EmissiveTriangle, Emitter, LightNode};
 
 /// Tables of emitters, in the order of their record's addresses.
 #[derive(Clone, Debug, Default)]
@@ -14,13 +14,13 @@ pub struct PackedEmitters {
     /// Two codes a word.
     pub faces: Vec<u32>,
     /// Where meshes shine.
-    pub triangles: Vec<ShiningTriangle>,
+    pub triangles: Vec<EmissiveTriangle>,
     /// Numbers of emitters by key.
     pub by_key: Vec<u32>,
     /// Instances and meshes.
-    pub places: Vec<EmitterPlace>,
+    pub emissive_instances: Vec<EmissiveInstance>,
     /// Number of the place by instance.
-    pub place_of: Vec<u32>,
+    pub emissive_instance_of: Vec<u32>,
     record: layout::Emitters,
 }
 
@@ -29,14 +29,14 @@ impl PackedEmitters {
     pub fn new(of: &Emitters) -> Self {
         let pairs = |a: u16, b: u16| u32::from(a) | u32::from(b) << 16;
         let emitter = |e: &pumice_transport::emitters::Emitter| Emitter {
-            place: e.place,
+            emissive_instance: e.emissive_instance,
             label: e.label,
             origin: e.origin,
             first: e.first,
             ends: [0, 1, 2].map(|i| pairs(e.ends[2 * i], e.ends[2 * i + 1])),
             planes: e.planes,
         };
-        let place = |p: &pumice_transport::emitters::Place| EmitterPlace {
+        let place = |p: &pumice_transport::emitters::EmissiveInstance| EmissiveInstance {
             world_from_index: p.placement.world_from_index.matrix3.to_cols_array_2d(),
             units_per_world: p.units_per_world,
             areas: p.areas,
@@ -47,7 +47,7 @@ impl PackedEmitters {
         };
         let node =
             |n: &pumice_transport::emitters::LightNode| LightNode { lo: n.lo, hi: n.hi, power: n.power };
-        let triangle = |t: &pumice_transport::emitters::ShiningTriangle| ShiningTriangle {
+        let triangle = |t: &pumice_transport::emitters::EmissiveTriangle| EmissiveTriangle {
             corners: t.corners,
             area: t.area,
         };
@@ -58,13 +58,13 @@ impl PackedEmitters {
             faces: of.faces().chunks(2).map(|f| pairs(f[0], f.get(1).copied().unwrap_or(0))).collect(),
             triangles: of.triangles().iter().map(triangle).collect(),
             by_key: of.by_key().to_vec(),
-            places: of.places().iter().map(place).collect(),
-            place_of: of.place_of().to_vec(),
+            emissive_instances: of.emissive_instances().iter().map(place).collect(),
+            emissive_instance_of: of.emissive_instance_of().to_vec(),
             record: layout::Emitters {
                 middle: tree.middle.to_array(),
                 scale: tree.scale,
                 count: tree.len(),
-                place_of_count: of.place_of().len() as u32,
+                emissive_instance_of_count: of.emissive_instance_of().len() as u32,
                 ..layout::Emitters::default()
             },
         }
@@ -78,14 +78,23 @@ impl PackedEmitters {
             ("faces that shine", bytemuck::cast_slice(&self.faces)),
             ("triangles that shine", bytemuck::cast_slice(&self.triangles)),
             ("the order of what shines", bytemuck::cast_slice(&self.by_key)),
-            ("instances that shine", bytemuck::cast_slice(&self.places)),
-            ("which instances shine", bytemuck::cast_slice(&self.place_of)),
+            ("instances that shine", bytemuck::cast_slice(&self.emissive_instances)),
+            ("which instances shine", bytemuck::cast_slice(&self.emissive_instance_of)),
         ]
     }
 
     /// The record, the tables at these addresses.
     pub fn record(&self, at: [u64; 7]) -> layout::Emitters {
         let [nodes, emitters, faces, triangles, by_key, places, place_of] = at;
-        layout::Emitters { nodes, emitters, faces, triangles, by_key, places, place_of, ..self.record }
+        layout::Emitters {
+            nodes,
+            emitters,
+            faces,
+            triangles,
+            by_key,
+            emissive_instances: places,
+            emissive_instance_of: place_of,
+            ..self.record
+        }
     }
 }

@@ -4,7 +4,7 @@ use pumice_picture::PassSums;
 use pumice_scene::Mode;
 use pumice_transport::camera_rays::CameraRays;
 use pumice_transport::geometry::InstanceTree;
-use pumice_transport::{BoxBounds, EnvironmentTable, Finding, Lights, Sky};
+use pumice_transport::{BoxBounds, EnvironmentTable, LightStrategy, Lights, Sky};
 
 use crate::layout;
 
@@ -85,14 +85,14 @@ pub fn lamps(lights: &Lights) -> Vec<layout::Lamp> {
 /// The lights' record; [`Lights::ends`], [`suns`] and [`lamps`] lie at these addresses.
 pub fn lights(lights: &Lights, [ends, suns, lamps]: [u64; 3]) -> layout::Lights {
     layout::Lights {
-        ends,
+        cdf: ends,
         suns,
-        end_count: lights.ends().len() as u32,
+        light_count: lights.cdf().len() as u32,
         sun_count: lights.suns().len() as u32,
-        finding: match lights.finding() {
-            Finding::Both => 0,
-            Finding::Aimed => 1,
-            Finding::Scattered => 2,
+        strategy: match lights.strategy() {
+            LightStrategy::Mis => 0,
+            LightStrategy::LightsOnly => 1,
+            LightStrategy::BsdfOnly => 2,
         },
         sky: match lights.sky() {
             Sky::Constant(radiance) => radiance.to_array(),
@@ -102,7 +102,7 @@ pub fn lights(lights: &Lights, [ends, suns, lamps]: [u64; 3]) -> layout::Lights 
         backdrop: lights.backdrop().map_or([[0.0; 3]; 2], |b| b.map(|c| c.to_array())),
         lamp_count: lights.lamps().len() as u32,
         lamps,
-        emitters_chance: lights.emitters_chance(),
+        emitters_probability: lights.emitters_probability(),
         reserved: 0,
     }
 }
@@ -128,18 +128,18 @@ impl<'a> PackedSky<'a> {
         [
             bytemuck::cast_slice(&t.image.pixels),
             bytemuck::cast_slice(&t.density),
-            bytemuck::cast_slice(&t.row_ends),
-            bytemuck::cast_slice(&t.column_ends),
+            bytemuck::cast_slice(&t.row_cdf),
+            bytemuck::cast_slice(&t.column_cdf),
         ]
     }
 
     /// The record, its parts at these addresses.
-    pub fn record(&self, [pixels, density, row_ends, column_ends]: [u64; 4]) -> layout::Environment {
+    pub fn record(&self, [pixels, density, row_cdf, column_cdf]: [u64; 4]) -> layout::Environment {
         layout::Environment {
             pixels,
             density,
-            row_ends,
-            column_ends,
+            row_cdf: row_cdf,
+            column_cdf: column_cdf,
             rotation_rad: self.table.rotation_rad,
             width: self.table.image.width as u32,
             height: self.table.image.height as u32,

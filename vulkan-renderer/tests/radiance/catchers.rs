@@ -5,7 +5,7 @@ use std::sync::Arc;
 use pumice_core::Job;
 use pumice_picture::film::REPLICATES;
 use pumice_picture::{FilmBuffer, Pass};
-use pumice_transport::Looks;
+use pumice_transport::MaterialTable;
 
 use crate::paths;
 use crate::samples::{asked, found, tolerance};
@@ -66,8 +66,9 @@ fn caught_light_is_the_cpus_and_alike_on_all_backends() {
             }
             // Negative control: another thing that catches.
             let mut other = case.clone();
-            let ball = other.around.looks.len() - 1;
-            other.around.looks[ball] = Arc::new(Looks::clone(&other.around.looks[ball]).catching(true));
+            let ball = other.around.materials.len() - 1;
+            other.around.materials[ball] =
+                Arc::new(MaterialTable::clone(&other.around.materials[ball]).catching(true));
             let (_, sums) = fronts[2].film_and_passes(&other, SPP);
             let parted = differing(&sums);
             assert!(parted as f64 > most, "{}: a second catcher goes unnoticed, {parted} pixels", case.name);

@@ -21,12 +21,12 @@ fn with_settings(name: &str, change: impl Fn(&mut pumice_scene::Settings)) -> [C
     [case, other]
 }
 
-fn with_looks(name: &str, change: impl Fn(&mut pumice_scene::Material)) -> [Case; 2] {
+fn with_material(name: &str, change: impl Fn(&mut pumice_scene::Material)) -> [Case; 2] {
     let case = case_of(name);
-    let mut material = *case.around.looks[0].material(0);
+    let mut material = *case.around.materials[0].material(0);
     change(&mut material);
     let mut other = case.clone();
-    other.around.looks = vec![Arc::new(pumice_transport::Looks::same(material))].into();
+    other.around.materials = vec![Arc::new(pumice_transport::MaterialTable::same(material))].into();
     [case, other]
 }
 
@@ -47,7 +47,7 @@ fn other_questions_are_convicted() {
         ("no roulette", with_settings("32 bounces", |s| s.russian_roulette = false)),
         ("another reach of occlusion", with_settings("occlusion", |s| s.ao_distance = 12.0)),
         ("one bounce instead of two", with_settings("an even sky", |s| s.mode = Mode::OneBounce)),
-        ("an albedo lower by 1/1000", with_looks("an even sky", |m| m.base_color[1] *= 0.999)),
+        ("an albedo lower by 1/1000", with_material("an even sky", |m| m.base_color[1] *= 0.999)),
     ];
     let gpu = probing();
     for (what, [case, other]) in faults {

@@ -8,8 +8,8 @@ use pumice_transport::FilterTable;
 use pumice_transport::bsdf::tables::TABLES;
 use pumice_transport::camera_rays::CameraRays;
 use pumice_vulkan::device::Backend;
-use pumice_vulkan::layout::{self, FirstRecord, Launch};
-use pumice_vulkan::pack::{self, PackedEmitters, PackedLooks, PackedSky};
+use pumice_vulkan::layout::{self, Launch, SurfaceAovsRecord};
+use pumice_vulkan::pack::{self, PackedEmitters, PackedMaterials, PackedSky};
 use pumice_vulkan::program::Program;
 
 use crate::gpu::Gpu;
@@ -31,15 +31,15 @@ impl OnDevice {
         for (mesh, place) in &case.meshes {
             uploaded.add_mesh(gpu, mesh, *place);
         }
-        for (i, looks) in case.around.looks.iter().enumerate() {
-            let packed = PackedLooks::new(looks);
+        for (i, materials) in case.around.materials.iter().enumerate() {
+            let packed = PackedMaterials::new(materials);
             let materials = uploaded.put(gpu, &packed.materials);
             let of_label = if packed.of_label.is_empty() { 0 } else { uploaded.put(gpu, &packed.of_label) };
             let ids = if packed.ids.is_empty() { 0 } else { uploaded.put(gpu, &packed.ids) };
             packed.describe(&mut uploaded.instances[i], materials, of_label, ids);
         }
         let lights = &case.around.lights;
-        let ends = if lights.ends().is_empty() { 0 } else { uploaded.put(gpu, lights.ends()) };
+        let ends = if lights.cdf().is_empty() { 0 } else { uploaded.put(gpu, lights.cdf()) };
         let suns = pack::suns(lights);
         let suns = if suns.is_empty() { 0 } else { uploaded.put(gpu, &suns) };
         let lamps = pack::lamps(lights);
@@ -142,11 +142,11 @@ impl Front {
     }
 
     /// First surfaces of all pixels.
-    pub(crate) fn firsts(&self, case: &Case) -> Vec<FirstRecord> {
+    pub(crate) fn firsts(&self, case: &Case) -> Vec<SurfaceAovsRecord> {
         let scene = OnDevice::new(&self.gpu, case);
         let (width, height) = (case.film.width, case.film.height);
         let count = (width * height) as usize;
-        let target = self.gpu.buffer(count * size_of::<FirstRecord>());
+        let target = self.gpu.buffer(count * size_of::<SurfaceAovsRecord>());
         let launch = Launch { scene: scene.address, output: target.address, ..Launch::default() };
         self.run(&launch, [0, 0, width, height]);
         target.read(count)

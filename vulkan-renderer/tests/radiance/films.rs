@@ -3,10 +3,10 @@
 use pumice_core::Job;
 use pumice_picture::film::REPLICATES;
 use pumice_picture::metrics::Variance;
-use pumice_picture::metrics::chance::chance;
+use pumice_picture::metrics::significance::significance;
 use pumice_picture::{FilmBuffer, Pass};
 use pumice_scene::{Part, PartSet};
-use pumice_transport::{Looks, Sky};
+use pumice_transport::{MaterialTable, Sky};
 use pumice_vulkan::pack::ShaderNeeds;
 
 use crate::device::Front;
@@ -88,7 +88,7 @@ fn films_are_the_cpus_and_alike_on_all_backends() {
         let (a, b) = (film_of(&case, &first), cpu_film(&other));
         let [variance_a, variance_b] = [a.variance(), b.variance()];
         let of = |of_mean| Variance { of_mean, degrees_of_freedom: f64::from(REPLICATES - 1) };
-        let welch = chance(&a.mean(), &b.mean(), of(&variance_a), of(&variance_b));
+        let welch = significance(&a.mean(), &b.mean(), of(&variance_a), of(&variance_b));
         assert_eq!(welch.rejected, 0, "{}: {welch:?}", case.name);
         let errors = welch.mean_difference_in_standard_errors;
         assert!(errors.iter().all(|e| e.abs() < 4.0), "{}: {welch:?}", case.name);
@@ -105,11 +105,11 @@ fn films_with_doubles_in_integers_are_the_cpus() {
         .collect();
     assert_eq!(cases.len(), 2);
     let needs = |case: &Case| {
-        let materials = || case.around.looks.iter().flat_map(|l| l.materials());
+        let materials = || case.around.materials.iter().flat_map(|l| l.materials());
         assert!(materials().all(|m| m.specular == 0.0 && m.emission == [0.0; 3] && m.alpha == 1.0));
         assert!(matches!(case.around.lights.sky(), Sky::Constant(_)) && case.camera.aperture.is_none());
         let parts = PartSet::NONE
-            .with_if(Part::Aiming, case.around.lights.any_aimed())
+            .with_if(Part::Aiming, case.around.lights.samples_lights())
             .with_if(Part::Lamps, !case.around.lights.lamps().is_empty())
             .with_if(Part::Meshes, !case.meshes.is_empty());
         ShaderNeeds { parts, instance_tree: false, bricks: false, boxes: true }
@@ -129,11 +129,12 @@ fn films_with_doubles_in_integers_are_the_cpus() {
 
 /// Gives labels ids as mattes have them: a few of types, many of labels, so that slots overflow.
 fn name_all(case: &mut Case) {
-    for (looks, instance) in case.around.looks.iter_mut().zip(0u32..) {
+    for (materials, instance) in case.around.materials.iter_mut().zip(0u32..) {
         let count = case.traced.get(instance as usize).map_or(1, |t| t.volume.labels().len() as u32);
         // Near one another, so that they do not widen what a pixel may be off by; 1/64 is far beyond that.
         let ids = |label: u32| [1.5 + (instance * 100 + label) as f32 / 64.0, -2.5 - (label % 3) as f32];
-        *looks = std::sync::Arc::new(Looks::clone(looks).with_ids((0..count).map(ids).collect()));
+        *materials =
+            std::sync::Arc::new(MaterialTable::clone(materials).with_ids((0..count).map(ids).collect()));
     }
 }
 

@@ -12,7 +12,7 @@ use pumice_scene::{
     SensorFit, Settings, Sun,
 };
 use pumice_transport::geometry::LodChoice;
-use pumice_transport::{EnvironmentTable, Lights, Looks, ReadyLamp, ReadySun, Sky};
+use pumice_transport::{EnvironmentTable, Lights, MaterialTable, ReadyLamp, ReadySun, Sky};
 
 use crate::exact::volumes::{blobs, noise, volume};
 use crate::shapes;
@@ -50,17 +50,17 @@ impl Case {
             let instance = self.traced.len() as u32 + i;
             Arc::new(MeshTracer::new(i, instance, mesh, *place).expect("a mesh"))
         });
-        let catches: Vec<bool> = self.looks_of_meshes().map(|looks| looks.catches()).collect();
+        let catches: Vec<bool> = self.materials_of_meshes().map(|materials| materials.catches()).collect();
         volumes.with_meshes(meshes.collect()).with_catchers(&catches)
     }
 
-    fn looks_of_meshes(&self) -> impl Iterator<Item = &Arc<Looks>> {
-        self.around.looks.iter().skip(self.traced.len())
+    fn materials_of_meshes(&self) -> impl Iterator<Item = &Arc<MaterialTable>> {
+        self.around.materials.iter().skip(self.traced.len())
     }
 
     /// What the film keeps for passes.
     pub(crate) fn kept(&self) -> PassSums {
-        PassSums::of(&self.film, self.looks_of_meshes().any(|looks| looks.catches()))
+        PassSums::of(&self.film, self.materials_of_meshes().any(|materials| materials.catches()))
     }
 
     /// The CPU's picture, not begun.
@@ -74,8 +74,8 @@ impl Case {
     }
 
     /// What shines is aimed at, beside the lights that there are.
-    pub(crate) fn aimed_at_emission(self) -> Self {
-        let emitters = emitters_of(&self.tracer(), &self.around.looks).expect("emitters");
+    pub(crate) fn sampling_emission(self) -> Self {
+        let emitters = emitters_of(&self.tracer(), &self.around.materials).expect("emitters");
         assert!(emitters.is_some(), "{} is dark", self.name);
         let lights = Lights::clone(&self.around.lights).with_emitters(emitters.map(Arc::new));
         self.with_lights(lights)
@@ -86,12 +86,12 @@ impl Case {
         self
     }
 
-    fn look(mut self, style: &LabelStyle, sharpness: f64) -> Self {
+    fn with_style(mut self, style: &LabelStyle, sharpness: f64) -> Self {
         let look = |t: &TracedInstance| {
             let table = t.volume.labels();
-            Arc::new(Looks::new(style, table.ids(), table.contacts().iter(), &t.visible))
+            Arc::new(MaterialTable::new(style, table.ids(), table.contacts().iter(), &t.visible))
         };
-        self.around.looks = self.traced.iter().map(look).collect::<Vec<_>>().into();
+        self.around.materials = self.traced.iter().map(look).collect::<Vec<_>>().into();
         self.sharpness = sharpness;
         self
     }
@@ -130,7 +130,7 @@ pub(crate) fn bodies() -> Case {
     let material = Material { base_color: [0.8, 0.6, 0.4], specular: 0.0, ..Material::default() };
     let around = Surroundings {
         lights: Arc::new(Lights::new(Sky::Constant(Vec3::new(0.9, 1.0, 1.1)), Vec::new(), None)),
-        looks: vec![Arc::new(Looks::same(material))].into(),
+        materials: vec![Arc::new(MaterialTable::same(material))].into(),
         settings: Settings { bounces: 4, seed: 7, ..Settings::default() },
     };
     let projection = Projection::Perspective { fov_rad: 0.45 };
@@ -188,7 +188,7 @@ fn surfaces_of(case: Case, roughness: f32) -> Case {
     ];
     let ids = case.traced[0].volume.labels().ids().to_vec();
     let materials = ids.iter().enumerate().map(|(i, id)| (*id, base(kinds[i % kinds.len()], i))).collect();
-    case.look(&LabelStyle { materials, ..LabelStyle::default() }, 1.0 / f64::from(roughness).powi(2))
+    case.with_style(&LabelStyle { materials, ..LabelStyle::default() }, 1.0 / f64::from(roughness).powi(2))
 }
 
 /// Lamps of all kinds about [`bodies`], some within the picture.
@@ -241,7 +241,10 @@ fn passed_through(case: Case) -> Case {
     ];
     let ids = case.traced[0].volume.labels().ids().to_vec();
     let materials = ids.iter().enumerate().map(|(i, id)| (*id, base(kinds[i % kinds.len()], i))).collect();
-    case.look(&LabelStyle { materials, ..LabelStyle::default() }, 1.0 / f64::from(rough.roughness).powi(2))
+    case.with_style(
+        &LabelStyle { materials, ..LabelStyle::default() },
+        1.0 / f64::from(rough.roughness).powi(2),
+    )
 }
 
 fn several() -> Case {
@@ -256,7 +259,7 @@ fn several() -> Case {
     }
     // Some 70 × 60 × 60 voxels in all.
     case.reach = 130.0;
-    case.look(&LabelStyle { auto_color: true, ..LabelStyle::default() }, 4.0)
+    case.with_style(&LabelStyle { auto_color: true, ..LabelStyle::default() }, 4.0)
 }
 
 /// A floor under the bodies, and a bumpy ball of glass, metal and clear triangles among them.
@@ -276,8 +279,8 @@ fn beside_meshes(case: Case) -> Case {
         Material { metallic: 1.0, ..rough },
         Material { alpha: 0.4, emission: [0.2, 0.1, 0.0], ..rough },
     ];
-    case.around.looks.push(Arc::new(Looks::of_mesh(&[Material { specular: 0.0, ..rough }])));
-    case.around.looks.push(Arc::new(Looks::of_mesh(&of_ball)));
+    case.around.materials.push(Arc::new(MaterialTable::of_mesh(&[Material { specular: 0.0, ..rough }])));
+    case.around.materials.push(Arc::new(MaterialTable::of_mesh(&of_ball)));
     case.reach = 170.0;
     case
 }
@@ -301,8 +304,8 @@ fn beside_smooth_meshes(case: Case) -> Case {
         Material { coat: 1.0, coat_roughness: 0.7, sheen: 0.5, emission: [0.2, 0.1, 0.0], ..rough },
         Material { alpha: 0.5, sheen: 1.0, specular: 0.0, ..rough },
     ];
-    let last = case.around.looks.len() - 1;
-    case.around.looks[last] = Arc::new(Looks::of_mesh(&of_ball));
+    let last = case.around.materials.len() - 1;
+    case.around.materials[last] = Arc::new(MaterialTable::of_mesh(&of_ball));
     case
 }
 
@@ -335,7 +338,7 @@ pub(crate) fn catching() -> Vec<Case> {
     let sky = Sky::Constant(Vec3::new(0.4, 0.5, 0.6));
     let lit = |suns| beside_meshes(bodies().with_lights(Lights::new(sky.clone(), suns, None)));
     // The ball's roughness.
-    let shining = Case { sharpness: 1.0 / 0.49, ..lit(vec![sun(0.3, 2.0)]).aimed_at_emission() };
+    let shining = Case { sharpness: 1.0 / 0.49, ..lit(vec![sun(0.3, 2.0)]).sampling_emission() };
     let around = lit(Vec::new()).settings(|s| (s.mode, s.ao_distance) = (Mode::AmbientOcclusion, 30.0));
     let mut cases = vec![
         shining.named("a floor that catches, among what shines"),
@@ -343,7 +346,8 @@ pub(crate) fn catching() -> Vec<Case> {
     ];
     for case in &mut cases {
         let floor = case.traced.len();
-        case.around.looks[floor] = Arc::new(Looks::clone(&case.around.looks[floor]).catching(true));
+        case.around.materials[floor] =
+            Arc::new(MaterialTable::clone(&case.around.materials[floor]).catching(true));
     }
     cases
 }
@@ -400,17 +404,17 @@ pub(crate) fn cases() -> Vec<Case> {
             .lod(far)
             .settings(|s| s.smooth_voxels = true)
             .named("glass and levels of detail, shaded smooth"),
-        surfaces(aimed(bodies(), vec![])).aimed_at_emission().named("labels that shine, in the dark"),
+        surfaces(aimed(bodies(), vec![])).sampling_emission().named("labels that shine, in the dark"),
         surfaces(painted(bodies(), vec![sun(0.3, 1.0)]))
-            .aimed_at_emission()
+            .sampling_emission()
             .named("labels that shine, under a picture and a sun"),
-        surfaces(several()).aimed_at_emission().named("labels that shine, of several instances"),
+        surfaces(several()).sampling_emission().named("labels that shine, of several instances"),
         surfaces(aimed(bodies(), vec![sun(0.3, 2.0)]))
             .lod(far)
-            .aimed_at_emission()
+            .sampling_emission()
             .named("labels that shine, cells and voxels by distance"),
         beside_meshes(passed_through(aimed(bodies(), vec![])))
-            .aimed_at_emission()
+            .sampling_emission()
             .named("meshes and coated labels that shine, among glass"),
         cut,
         soft,

@@ -6,7 +6,7 @@ use std::time::Duration;
 use pumice_core::Job;
 use pumice_picture::Image;
 use pumice_transport::{LoadedScene, RenderError, Renderer as _};
-use pumice_vulkan::device::Fault;
+use pumice_vulkan::device::InjectedFault;
 
 use super::Validated;
 use super::edits::{balls, scene_of_balls};
@@ -16,7 +16,7 @@ pub(super) const SPP: u32 = 4;
 /// Shows the scene and draws it, `faults` being due; the picture and what was told, or the error.
 pub(super) fn draw(
     renderer: &mut Validated,
-    faults: &[(Fault, u32)],
+    faults: &[(InjectedFault, u32)],
 ) -> Result<(Image, Vec<String>), RenderError> {
     for &(fault, nth) in faults {
         renderer.gpu().inject(fault, nth, 1);
@@ -28,7 +28,7 @@ pub(super) fn draw(
 }
 
 /// The `nth` such call fails, for each nth that there is: the picture is the same, and it is told what happened.
-pub(super) fn overcome_everywhere(fault: Fault, step: usize) -> usize {
+pub(super) fn overcome_everywhere(fault: InjectedFault, step: usize) -> usize {
     let mut renderer = super::bare();
     let (expected, notices) = draw(&mut renderer, &[]).unwrap();
     assert_eq!(notices, Vec::<String>::new());
@@ -44,8 +44,8 @@ pub(super) fn overcome_everywhere(fault: Fault, step: usize) -> usize {
             return failures;
         };
         let named = match fault {
-            Fault::Allocation => "out of GPU memory: ",
-            Fault::Submission => "the GPU was lost during ",
+            InjectedFault::Allocation => "out of GPU memory: ",
+            InjectedFault::Submission => "the GPU was lost during ",
         };
         assert!(notice.starts_with(named) && !notice.contains('\n'), "{notice}");
         failures += 1;
@@ -55,13 +55,13 @@ pub(super) fn overcome_everywhere(fault: Fault, step: usize) -> usize {
 
 #[test]
 fn memory_that_is_short_once_is_overcome() {
-    let failures = overcome_everywhere(Fault::Allocation, 1);
+    let failures = overcome_everywhere(InjectedFault::Allocation, 1);
     assert!(failures >= 12, "{failures}");
 }
 
 #[test]
 #[ignore = "full: each time the device is opened anew it compiles anew, which takes seconds"]
 fn a_device_that_is_lost_once_is_overcome_at_many_points() {
-    let failures = overcome_everywhere(Fault::Submission, 5);
+    let failures = overcome_everywhere(InjectedFault::Submission, 5);
     assert!(failures >= 4, "{failures}");
 }

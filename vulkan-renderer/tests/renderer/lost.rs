@@ -5,7 +5,7 @@ use std::time::Duration;
 use pumice_core::Job;
 use pumice_scene::Adaptive;
 use pumice_transport::{LoadedScene, RenderError, Renderer as _};
-use pumice_vulkan::device::Fault;
+use pumice_vulkan::device::InjectedFault;
 
 use super::edits::{balls, scene_of_balls};
 use super::failures::{SPP, draw};
@@ -17,7 +17,7 @@ fn samples_survive_a_lost_device() {
     let (expected, _) = draw(&mut renderer, &[]).unwrap();
     renderer.set_scene(&LoadedScene::new(scene_of_balls(), vec![balls()], vec![]).unwrap()).unwrap();
     while renderer.advance(Duration::ZERO, 2, &Job::new()).unwrap().spp < 2 {}
-    renderer.gpu().inject(Fault::Submission, 1, 1);
+    renderer.gpu().inject(InjectedFault::Submission, 1, 1);
     let job = Job::new();
     while renderer.advance(Duration::ZERO, SPP, &job).unwrap().spp < SPP {}
     assert_eq!(renderer.color().unwrap(), expected);
@@ -37,7 +37,7 @@ fn pixels_rest_on_after_a_lost_device() {
         renderer.set_scene(&LoadedScene::new(scene.clone(), vec![balls()], vec![]).unwrap()).unwrap();
         while renderer.advance(Duration::ZERO, 5, &Job::new()).unwrap().spp < 5 {}
         if fault {
-            renderer.gpu().inject(Fault::Submission, 1, 1);
+            renderer.gpu().inject(InjectedFault::Submission, 1, 1);
         }
         let mut progress = renderer.advance(Duration::ZERO, 9, &Job::new()).unwrap();
         while progress.spp < 9 {
@@ -58,7 +58,7 @@ fn what_fails_twice_is_given_up() {
     let mut renderer = super::bare();
     let (expected, _) = draw(&mut renderer, &[]).unwrap();
     renderer.forget_scene();
-    renderer.gpu().inject(Fault::Allocation, 2, 2);
+    renderer.gpu().inject(InjectedFault::Allocation, 2, 2);
     let error =
         renderer.set_scene(&LoadedScene::new(scene_of_balls(), vec![balls()], vec![]).unwrap()).unwrap_err();
     let RenderError::Device(text) = &error else { panic!("{error}") };
@@ -74,7 +74,7 @@ fn a_device_that_is_lost_once_is_overcome() {
     let mut renderer = super::bare();
     let (expected, _) = draw(&mut renderer, &[]).unwrap();
     renderer.forget_scene();
-    let (image, notices) = draw(&mut renderer, &[(Fault::Submission, 3)]).unwrap();
+    let (image, notices) = draw(&mut renderer, &[(InjectedFault::Submission, 3)]).unwrap();
     assert_eq!(image, expected);
     let [notice] = &notices[..] else { panic!("{notices:?}") };
     assert!(notice.starts_with("the GPU was lost during ") && !notice.contains('\n'), "{notice}");

@@ -11,9 +11,11 @@ use pumice_cpu::traverse::{MeshTracer, SceneTracer, TracedInstance};
 use pumice_scene::{LabelStyle, Material, Sun};
 use pumice_transport::bsdf::tables::TABLES;
 use pumice_transport::geometry::LodChoice;
-use pumice_transport::{Hit, Lights, Looks, PathOrigin, RayInWorld, ReadySun, Sky, SurfaceKind, Tracer};
+use pumice_transport::{
+    Hit, Lights, MaterialTable, PathOrigin, RayInWorld, ReadySun, Sky, SurfaceKind, Tracer,
+};
 use pumice_vulkan::layout::{NONE, SceneHeader};
-use pumice_vulkan::pack::{self, PackedBoxes, PackedEmitters, PackedLooks, PackedNodes};
+use pumice_vulkan::pack::{self, PackedBoxes, PackedEmitters, PackedMaterials, PackedNodes};
 
 use super::gpu::Gpu;
 use super::gpu::scene::{Form, Uploaded};
@@ -89,8 +91,9 @@ fn emitters_are_the_same() {
             .collect(),
         ..LabelStyle::default()
     };
-    let of_labels = Arc::new(Looks::new(&style, volume.labels().ids(), std::iter::empty(), &visible));
-    let looks = [Arc::clone(&of_labels), of_labels, Arc::new(Looks::of_mesh(&[Material::default(), shines]))];
+    let of_labels = Arc::new(MaterialTable::new(&style, volume.labels().ids(), std::iter::empty(), &visible));
+    let materials =
+        [Arc::clone(&of_labels), of_labels, Arc::new(MaterialTable::of_mesh(&[Material::default(), shines]))];
     let mesh_place =
         DAffine3::from_mat3_translation(DMat3::from_diagonal(DVec3::splat(0.3)), DVec3::splat(-0.4));
 
@@ -98,9 +101,11 @@ fn emitters_are_the_same() {
     let triangles = MeshTracer::new(0, 2, &mesh, mesh_place).expect("a mesh");
     let tracer =
         SceneTracer::without_bricks(&traced).expect("a tracer").with_meshes(vec![Arc::new(triangles)]);
-    let emitters = Arc::new(emitters_of(&tracer, &looks).expect("emitters").expect("some"));
+    let emitters = Arc::new(emitters_of(&tracer, &materials).expect("emitters").expect("some"));
     assert!(
-        emitters.emitters().len() > 20 && emitters.triangles().len() == 2 && emitters.places().len() == 3
+        emitters.emitters().len() > 20
+            && emitters.triangles().len() == 2
+            && emitters.emissive_instances().len() == 3
     );
     let sun = Sun { direction: [0.0, 0.0, -1.0], strength: 2.0, color: [1.0; 3], angle_rad: 0.1 };
     let lights = Lights::new(Sky::Constant(Vec3::ZERO), vec![ReadySun::new(&sun)], None);
@@ -109,15 +114,15 @@ fn emitters_are_the_same() {
     // On the device.
     let mut uploaded = Uploaded::new(&gpu, &traced, Form::Bricks);
     uploaded.add_mesh(&gpu, &mesh, mesh_place);
-    for (i, looks) in looks.iter().enumerate() {
-        let packed = PackedLooks::new(looks);
+    for (i, materials) in materials.iter().enumerate() {
+        let packed = PackedMaterials::new(materials);
         let materials = uploaded.put(&gpu, &packed.materials);
         let of_label = uploaded.put(&gpu, &packed.of_label);
         packed.describe(&mut uploaded.instances[i], materials, of_label, 0);
     }
     let packed = PackedEmitters::new(&emitters);
     let parts = packed.parts().map(|(_, part)| uploaded.put(&gpu, part));
-    let (ends, suns) = (uploaded.put(&gpu, lights.ends()), uploaded.put(&gpu, &pack::suns(&lights)));
+    let (ends, suns) = (uploaded.put(&gpu, lights.cdf()), uploaded.put(&gpu, &pack::suns(&lights)));
     let header = SceneHeader {
         tables: uploaded.put(&gpu, &TABLES),
         lights: pack::lights(&lights, [ends, suns, 0]),
@@ -176,7 +181,7 @@ fn emitters_are_the_same() {
             None if chance == 0.0 => {}
             _ => parted += 1,
         }
-        close(r.float(), tree.chance(&seen_from, *emitter), 5e-5, "chance");
+        close(r.float(), tree.probability(&seen_from, *emitter), 5e-5, "chance");
         let is_found = r.word() != 0;
         let got = DVec3::new(r.double(), r.double(), r.double());
         let distance = r.double();
@@ -203,7 +208,7 @@ fn emitters_are_the_same() {
         met += usize::from(expected > 0.0);
         close(got, expected, 2e-4, "density of what is met");
         close(r.float(), lights.emission_weight(&tracer, from, &hit, hit.t, choice), 1e-3, "weight");
-        let aimed = lights.aim(from, choice, [c, d], || [a, b]).and_then(|s| s.pdf).unwrap_or(0.0);
+        let aimed = lights.sample_light(from, choice, [c, d], || [a, b]).and_then(|s| s.pdf).unwrap_or(0.0);
         let got = r.float();
         parted += usize::from((got - aimed).abs() > 1e-3 * aimed);
     }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::{DAffine3, DVec3};
 use pumice_core::{CompressedVolume, LabelBuffer, LabelType, VolumeInfo, compress_labels};
 use pumice_cpu::traverse::{TracedInstance, VolumeTracer};
-use pumice_transport::geometry::{Detail, Level, LodChoice, visible_boxes};
+use pumice_transport::geometry::{Detail, DetailLevel, LodChoice, visible_boxes};
 use pumice_vulkan::layout::{NONE, SceneHeader};
 use pumice_vulkan::pack::{PackedBoxes, PackedNodes};
 
@@ -86,7 +86,10 @@ fn boxes_of_volume_are_read_as_compressed(volume: &Arc<CompressedVolume>) {
         assert_eq!(r.long(), b.node.field(*cell), "cell {cell} of the box at {origin:?}");
         levels[*expected_level as usize] += 1;
     }
-    assert!(levels[Level::Voxels as usize] > 0 && levels[2] > 0, "{levels:?}: several levels of detail");
+    assert!(
+        levels[DetailLevel::Voxels as usize] > 0 && levels[2] > 0,
+        "{levels:?}: several levels of detail"
+    );
 }
 
 #[test]

@@ -8,7 +8,9 @@ use pumice_scene::{Aperture, Camera, Film, Filter, Light, LightShape, Outline, P
 use pumice_transport::camera_rays::CameraRays;
 use pumice_transport::lamp::LampKind;
 use pumice_transport::sun::frame_around;
-use pumice_transport::{EnvironmentTable, Finding, Lights, RayInWorld, ReadyLamp, ReadySun, Receiver, Sky};
+use pumice_transport::{
+    EnvironmentTable, LightStrategy, Lights, RayInWorld, ReadyLamp, ReadySun, Receiver, Sky,
+};
 use pumice_vulkan::layout::SceneHeader;
 use pumice_vulkan::pack::{self, PackedSky};
 
@@ -150,7 +152,7 @@ fn sun(angle_rad: f64) -> ReadySun {
 
 fn lights_scene(gpu: &Gpu, lights: &Lights) -> (Uploaded, u64) {
     let mut uploaded = Uploaded::new(gpu, &[], Form::Bricks);
-    let ends = uploaded.put(gpu, if lights.ends().is_empty() { &[0.0] } else { lights.ends() });
+    let ends = uploaded.put(gpu, if lights.cdf().is_empty() { &[0.0] } else { lights.cdf() });
     let suns = pack::suns(lights);
     let suns = if suns.is_empty() { 0 } else { uploaded.put(gpu, &suns) };
     let lamps = pack::lamps(lights);
@@ -272,8 +274,8 @@ fn chosen_lights_are_the_same() {
         Lights::new(image(), vec![], backdrop),
         Lights::new(constant(), vec![sun(0.5)], None).with_lamps(lamps()),
         Lights::new(image(), vec![], None).with_lamps(lamps()),
-        Lights::new(image(), vec![sun(0.3)], None).found_by(Finding::Aimed),
-        Lights::new(image(), vec![sun(0.3)], None).found_by(Finding::Scattered),
+        Lights::new(image(), vec![sun(0.3)], None).with_strategy(LightStrategy::LightsOnly),
+        Lights::new(image(), vec![sun(0.3)], None).with_strategy(LightStrategy::BsdfOnly),
     ];
     for lights in &scenes {
         let (_kept, scene) = lights_scene(&gpu, lights);
@@ -301,7 +303,7 @@ fn chosen_lights_are_the_same() {
         let answers = gpu.probe(false, 8, scene, &rows, 22);
         for (&(choice, u, d, pdf, down, ref from, limit), row) in inputs.iter().zip(answers) {
             let mut r = Reader(&row);
-            let sampled = lights.sample(from, choice, u);
+            let sampled = lights.sample_infinite_or_lamp(from, choice, u);
             let found = r.word() != 0;
             if found != sampled.is_some() {
                 // A lamp's rim.
@@ -323,14 +325,14 @@ fn chosen_lights_are_the_same() {
             if let Some(s) = sampled {
                 assert!(distance == s.distance || (distance / s.distance - 1.0).abs() < 1e-3, "{distance}");
             }
-            let lamps = lights.lamps_found(from, d, limit, pdf);
+            let lamps = lights.lamp_emission(from, d, limit, pdf);
             let got = Vec3::new(r.float(), r.float(), r.float());
             rims += usize::from((got - lamps).length() > 1e-2 * lamps.length() + 1e-5);
             // A direction within a float's error of a pixel's border may find the neighbour's density: a slope of the picture.
-            for e in lights.found(d, pdf).to_array() {
+            for e in lights.infinite_emission(d, pdf).to_array() {
                 close(r.float(), e, 1e-2, "found");
             }
-            for e in lights.behind(d, down).to_array() {
+            for e in lights.background(d, down).to_array() {
                 close(r.float(), e, 1e-4, "behind");
             }
         }

@@ -1,4 +1,4 @@
-//! `bsdf.glsl`, and with it `fresnel.glsl`, `ggx.glsl`, `tables.glsl`, `sheen.glsl` and `cover.glsl`.
+//! `bsdf.glsl`, and with it `fresnel.glsl`, `ggx.glsl`, `tables.glsl`, `sheen.glsl` and `coat.glsl`.
 //!
 //! Sums and products of floats, divisions and roots that a device may round by 2.5 units, a sine: numbers agree to 2⁻¹⁷ where nothing
 //! cancels. A half vector is off by δ = 2⁻²² when its direction is sampled; the lobe, ∝ (sin² + α² cos²)⁻², then by 2δ/α of itself.

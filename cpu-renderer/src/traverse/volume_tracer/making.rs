@@ -9,7 +9,7 @@ use pumice_transport::geometry::LodChoice;
 use pumice_transport::geometry::bricks::Bricks;
 use pumice_transport::geometry::cuts::Cuts;
 use pumice_transport::geometry::instance_tree::WorldBounds;
-use pumice_transport::geometry::lod::{Detail, Level};
+use pumice_transport::geometry::lod::{Detail, DetailLevel};
 use pumice_transport::geometry::neighbors::Neighbors;
 use pumice_transport::geometry::placement::Placement;
 use pumice_transport::geometry::visible_boxes::visible_boxes;
@@ -61,7 +61,7 @@ impl VolumeTracer {
     ///
     /// # Errors
     /// As [`VolumeTracer::new`].
-    pub fn carrying_hidden(instance: u32, traced: &TracedInstance) -> Result<Self, RenderError> {
+    pub fn with_hidden_labels(instance: u32, traced: &TracedInstance) -> Result<Self, RenderError> {
         let labels = traced.volume.labels().len();
         let all = TracedInstance { visible: vec![true; labels], ..traced.clone() };
         let is_hidden = |label: usize| !traced.visible.get(label).copied().unwrap_or(false);
@@ -192,6 +192,6 @@ impl VolumeTracer {
 }
 
 /// See [`Detail::everywhere`]; of no box, none.
-fn level_of(bvh: &Bvh, detail: &Detail) -> Option<Level> {
+fn level_of(bvh: &Bvh, detail: &Detail) -> Option<DetailLevel> {
     bvh.bounds().and_then(|bounds| detail.everywhere(&bounds))
 }

@@ -2,7 +2,7 @@
 
 use pumice_cpu::CpuRenderer;
 use pumice_vulkan::VulkanRenderer;
-use pumice_vulkan::device::{Backend, Fault, Instance, InstanceOptions, survey};
+use pumice_vulkan::device::{Backend, InjectedFault, Instance, InstanceOptions, survey};
 
 use super::tests::scene;
 use super::*;
@@ -17,7 +17,7 @@ fn full_from(nth: u32) -> Way {
         let candidate = all.iter().find(|c| c.can(Backend::Compute)).expect("a device that computes");
         let renderer = VulkanRenderer::open(&instance, candidate, Backend::Compute, None, read_environment);
         let renderer = renderer.map_err(device)?;
-        renderer.gpu().inject(Fault::Allocation, nth, u32::MAX);
+        renderer.gpu().inject(InjectedFault::Allocation, nth, u32::MAX);
         Ok(Box::new(renderer))
     });
     Way { backend: "vulkan-compute", device: "X".into(), open }

@@ -75,7 +75,7 @@ impl Coat {
 
 /// Fibres of `m` seen under the cosine `cos`, its coat under `coat_cos`, and what is left for all that lies below both.
 #[inline]
-pub(super) fn cover(m: &Material, cos: f32, coat_cos: f32) -> (Sheen, Coat, Vec3) {
+pub(super) fn coat_and_sheen(m: &Material, cos: f32, coat_cos: f32) -> (Sheen, Coat, Vec3) {
     let (sheen, left) = if m.sheen > 0.0 { Sheen::new(m, cos) } else { (Sheen::NONE, 1.0) };
     let (mut coat, below) = if m.coat > 0.0 { Coat::new(m, coat_cos) } else { (Coat::NONE, Vec3::ONE) };
     coat.weight *= left;
@@ -87,5 +87,9 @@ pub(super) fn cover(m: &Material, cos: f32, coat_cos: f32) -> (Sheen, Coat, Vec3
 #[inline]
 pub fn emitted(m: &Material, cos: f32) -> Vec3 {
     let light = Vec3::from_array(m.emission);
-    if (m.coat > 0.0 || m.sheen > 0.0) && light != Vec3::ZERO { light * cover(m, cos, cos).2 } else { light }
+    if (m.coat > 0.0 || m.sheen > 0.0) && light != Vec3::ZERO {
+        light * coat_and_sheen(m, cos, cos).2
+    } else {
+        light
+    }
 }

@@ -1,4 +1,4 @@
-//! [`super::Pierce`] by AVX-512: the boxes of two y and one z at once, and their masks in registers of their own.
+//! [`super::RayBoxMask`] by AVX-512: the boxes of two y and one z at once, and their masks in registers of their own.
 
 use std::arch::x86_64::{
     __m256d, __m512d, __mmask8, _CMP_LT_OQ, _mm512_add_pd, _mm512_castpd256_pd512, _mm512_cmp_pd_mask,
@@ -8,10 +8,10 @@ use std::arch::x86_64::{
 
 use super::{IndexRay, Lanes, ROWS};
 
-/// What [`super::Pierce::pierced`] says.
+/// What [`super::RayBoxMask::pierced`] says.
 #[target_feature(enable = "avx512f,avx512bw,avx512dq")]
 #[inline]
-pub(super) fn pierced(ray: &IndexRay, corner: __m256d, step: &Lanes, side: f64, from: f64) -> u64 {
+pub(super) fn ray_box_mask(ray: &IndexRay, corner: __m256d, step: &Lanes, side: f64, from: f64) -> u64 {
     let x = row(ray, 0, corner, step, side);
     let y = row(ray, 1, corner, step, side);
     let z = row(ray, 2, corner, step, side);

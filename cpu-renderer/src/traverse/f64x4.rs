@@ -1,7 +1,7 @@
-//! Four numbers in f64 at once: one for each axis, and a spare.
+//! F64x4 numbers in f64 at once: one for each axis, and a spare.
 //!
 //! What a ray is made ready with is the same for each axis, and a processor with AVX2 does it for all of them by one instruction. The
-//! code is written once, for [`Four`]; a way of doing it ([`Instructions`]) is handed in as a value, and whoever has the wide one has
+//! code is written once, for [`F64x4`]; a way of doing it ([`Instructions`]) is handed in as a value, and whoever has the wide one has
 //! asked the processor for it. Neither fuses a product and a sum, so both give the same bits.
 
 /// A number for each axis and a spare one.
@@ -15,19 +15,19 @@ pub(super) fn lanes(f: impl Fn(usize) -> f64) -> Lanes {
 
 /// By which instructions fours are worked on.
 pub(super) trait Instructions: Copy {
-    type Four: Four;
+    type F64x4: F64x4;
 
-    fn four(self, of: &Lanes) -> Self::Four;
+    fn f64x4(self, of: &Lanes) -> Self::F64x4;
 
     /// The same number four times.
     #[inline(always)]
-    fn all(self, number: f64) -> Self::Four {
-        self.four(&[number; 4])
+    fn all(self, number: f64) -> Self::F64x4 {
+        self.f64x4(&[number; 4])
     }
 }
 
 /// Operations lane by lane.
-pub(super) trait Four: Copy {
+pub(super) trait F64x4: Copy {
     fn array(self) -> Lanes;
     fn plus(self, other: Self) -> Self;
     fn minus(self, other: Self) -> Self;
@@ -48,15 +48,15 @@ pub(super) trait Four: Copy {
 pub(super) struct Plain;
 
 impl Instructions for Plain {
-    type Four = Lanes;
+    type F64x4 = Lanes;
 
     #[inline(always)]
-    fn four(self, of: &Lanes) -> Lanes {
+    fn f64x4(self, of: &Lanes) -> Lanes {
         *of
     }
 }
 
-impl Four for Lanes {
+impl F64x4 for Lanes {
     #[inline(always)]
     fn array(self) -> Lanes {
         self
@@ -96,7 +96,7 @@ impl Four for Lanes {
 }
 
 #[cfg(target_arch = "x86_64")]
-pub(super) use wide::{Wide, Widest};
+pub(super) use wide::{Avx2, Avx512};
 
 #[cfg(target_arch = "x86_64")]
 mod wide {
@@ -110,7 +110,7 @@ mod wide {
 
     use std::sync::atomic::{AtomicU8, Ordering};
 
-    use super::{Four, Instructions, Lanes};
+    use super::{F64x4, Instructions, Lanes};
 
     /// What a processor has: nothing of this, AVX2 and what came with it, AVX-512 besides. Asked once: questions for every ray are a
     /// tenth of what a ray takes that meets nothing.
@@ -153,9 +153,9 @@ mod wide {
 
     /// By AVX2 and what came with it: whoever has one of these has asked the processor for them.
     #[derive(Clone, Copy, Debug)]
-    pub(in super::super) struct Wide(());
+    pub(in super::super) struct Avx2(());
 
-    impl Wide {
+    impl Avx2 {
         /// `None` where the processor lacks some of them.
         #[inline(always)]
         pub(in super::super) fn new() -> Option<Self> {
@@ -165,21 +165,21 @@ mod wide {
 
     /// By AVX-512 besides; the same of that.
     #[derive(Clone, Copy, Debug)]
-    pub(in super::super) struct Widest(Wide);
+    pub(in super::super) struct Avx512(Avx2);
 
-    impl Widest {
+    impl Avx512 {
         /// `None` where the processor lacks some of them.
         #[inline(always)]
         pub(in super::super) fn new() -> Option<Self> {
-            (has() >= AVX512).then_some(Self(Wide(())))
+            (has() >= AVX512).then_some(Self(Avx2(())))
         }
     }
 
-    /// Made by a [`Wide`] alone, so the processor has AVX.
+    /// Made by a [`Avx2`] alone, so the processor has AVX.
     #[derive(Clone, Copy, Debug)]
-    pub(in super::super) struct WideFour(__m256d);
+    pub(in super::super) struct Avx2F64x4(__m256d);
 
-    impl WideFour {
+    impl Avx2F64x4 {
         /// What holds the four.
         #[inline(always)]
         pub(in super::super) fn register(self) -> __m256d {
@@ -187,32 +187,32 @@ mod wide {
         }
     }
 
-    impl Instructions for Wide {
-        type Four = WideFour;
+    impl Instructions for Avx2 {
+        type F64x4 = Avx2F64x4;
 
         #[inline(always)]
-        fn four(self, of: &Lanes) -> WideFour {
+        fn f64x4(self, of: &Lanes) -> Avx2F64x4 {
             // SAFETY: `self` says that the processor has AVX; four numbers are read where four lie.
-            WideFour(unsafe { _mm256_loadu_pd(of.as_ptr()) })
+            Avx2F64x4(unsafe { _mm256_loadu_pd(of.as_ptr()) })
         }
 
         #[inline(always)]
-        fn all(self, number: f64) -> WideFour {
+        fn all(self, number: f64) -> Avx2F64x4 {
             // SAFETY: `self` says that the processor has AVX.
-            WideFour(unsafe { _mm256_set1_pd(number) })
+            Avx2F64x4(unsafe { _mm256_set1_pd(number) })
         }
     }
 
-    impl Instructions for Widest {
-        type Four = WideFour;
+    impl Instructions for Avx512 {
+        type F64x4 = Avx2F64x4;
 
         #[inline(always)]
-        fn four(self, of: &Lanes) -> WideFour {
-            self.0.four(of)
+        fn f64x4(self, of: &Lanes) -> Avx2F64x4 {
+            self.0.f64x4(of)
         }
 
         #[inline(always)]
-        fn all(self, number: f64) -> WideFour {
+        fn all(self, number: f64) -> Avx2F64x4 {
             self.0.all(number)
         }
     }
@@ -223,14 +223,14 @@ mod wide {
             $(
                 #[inline(always)]
                 fn $method(self, other: Self) -> Self {
-                    // SAFETY: there is no `WideFour` where the processor lacks AVX.
+                    // SAFETY: there is no `Avx2F64x4` where the processor lacks AVX.
                     Self(unsafe { $instruction(self.0, other.0) })
                 }
             )*
         };
     }
 
-    impl Four for WideFour {
+    impl F64x4 for Avx2F64x4 {
         by_instruction!(
             plus _mm256_add_pd, minus _mm256_sub_pd, times _mm256_mul_pd, over _mm256_div_pd,
             min _mm256_min_pd, max _mm256_max_pd
@@ -239,20 +239,20 @@ mod wide {
         #[inline(always)]
         fn array(self) -> Lanes {
             let mut to = [0.0; 4];
-            // SAFETY: there is no `WideFour` where the processor lacks AVX; four numbers are written where there is room for four.
+            // SAFETY: there is no `Avx2F64x4` where the processor lacks AVX; four numbers are written where there is room for four.
             unsafe { _mm256_storeu_pd(to.as_mut_ptr(), self.0) };
             to
         }
 
         #[inline(always)]
         fn size(self) -> Self {
-            // SAFETY: there is no `WideFour` where the processor lacks AVX.
+            // SAFETY: there is no `Avx2F64x4` where the processor lacks AVX.
             Self(unsafe { _mm256_andnot_pd(_mm256_set1_pd(-0.0), self.0) })
         }
 
         #[inline(always)]
         fn below(self, other: Self) -> u32 {
-            // SAFETY: there is no `WideFour` where the processor lacks AVX.
+            // SAFETY: there is no `Avx2F64x4` where the processor lacks AVX.
             (unsafe { _mm256_movemask_pd(_mm256_cmp_pd::<_CMP_LT_OQ>(self.0, other.0)) }) as u32
         }
     }
@@ -262,11 +262,11 @@ mod wide {
 #[cfg(test)]
 macro_rules! each_way {
     ($test:path) => {
-        $test($crate::traverse::four::Plain);
+        $test($crate::traverse::f64x4::Plain);
         #[cfg(target_arch = "x86_64")]
         {
-            $crate::traverse::four::Wide::new().into_iter().for_each($test);
-            $crate::traverse::four::Widest::new().into_iter().for_each($test);
+            $crate::traverse::f64x4::Avx2::new().into_iter().for_each($test);
+            $crate::traverse::f64x4::Avx512::new().into_iter().for_each($test);
         }
     };
 }
@@ -284,7 +284,7 @@ mod tests {
         for (i, &x) in numbers.iter().enumerate() {
             for (j, &y) in numbers.iter().enumerate() {
                 let (a, b) = ([x, y, x + 1.0, 0.3 * y], [y, numbers[(i + j) % 10], x, -y]);
-                let (p, w) = ((Plain.four(&a), Plain.four(&b)), (by.four(&a), by.four(&b)));
+                let (p, w) = ((Plain.f64x4(&a), Plain.f64x4(&b)), (by.f64x4(&a), by.f64x4(&b)));
                 let same = |p: Lanes, w: Lanes| {
                     let is_same = |(p, w): (f64, f64)| p.to_bits() == w.to_bits() || p.is_nan() && w.is_nan();
                     assert!(p.into_iter().zip(w).all(is_same), "{a:?}, {b:?}: {p:?}, {w:?}");
@@ -293,8 +293,8 @@ mod tests {
                 same(p.0.minus(p.1), w.0.minus(w.1).array());
                 same(p.0.times(p.1), w.0.times(w.1).array());
                 same(p.0.over(p.1), w.0.over(w.1).array());
-                same(Four::min(p.0, p.1), w.0.min(w.1).array());
-                same(Four::max(p.0, p.1), w.0.max(w.1).array());
+                same(F64x4::min(p.0, p.1), w.0.min(w.1).array());
+                same(F64x4::max(p.0, p.1), w.0.max(w.1).array());
                 same(p.0.size(), w.0.size().array());
                 same(Plain.all(x), by.all(x).array());
                 assert_eq!(p.0.below(p.1), w.0.below(w.1), "{a:?}, {b:?}");

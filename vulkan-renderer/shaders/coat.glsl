@@ -1,6 +1,6 @@
-// What lies on top of a surface: twin of transport/src/bsdf/cover.rs, which explains it.
-#ifndef COVER_GLSL
-#define COVER_GLSL
+// What lies on top of a surface: twin of transport/src/bsdf/coat.rs, which explains it.
+#ifndef COAT_GLSL
+#define COAT_GLSL
 
 #include "layout.glsl"
 #include "needs.glsl"
@@ -63,7 +63,7 @@ vec3 coat_sample(Coat coat, vec3 wi, vec2 u) {
 }
 
 // Fibres of m seen under the cosine, its coat under the other, and what is left for all that lies below both.
-void cover(Address tables, Material m, float cosine, float coat_cosine, out Sheen sheen, out Coat coat, out vec3 below) {
+void coat_and_sheen(Address tables, Material m, float cosine, float coat_cosine, out Sheen sheen, out Coat coat, out vec3 below) {
     float left = 1.0;
     sheen = no_sheen();
     if (NEEDS_SHEEN != 0u && m.sheen > 0.0) {
@@ -87,7 +87,7 @@ vec3 emitted(Address tables, Material m, float cosine) {
         Sheen sheen;
         Coat coat;
         vec3 below;
-        cover(tables, m, cosine, cosine, sheen, coat, below);
+        coat_and_sheen(tables, m, cosine, cosine, sheen, coat, below);
         light *= below;
     }
     return light;

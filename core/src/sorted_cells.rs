@@ -1,24 +1,24 @@
-//! A part: what some blocks of a volume hold, as records sorted by label and place.
+//! A part: the content of some blocks of a volume, as records sorted by label and cell.
 //!
 //! ```text
 //! ids      3            17        98340797          rising
 //! offsets  0      2               5            6    one more than ids
 //! cells    (key, mask) (key, mask) | … | …          by rising key within a label, 16 bytes each
 //! ```
-//! Parts of disjoint blocks merge by OR-ing the masks of the same label and cell. That is associative and commutative, and the
-//! order above is canonical, so the merged part has the same bytes whatever the blocks were and in whatever order they came.
+//! Parts of disjoint blocks are merged by ORing the masks of the same label and cell. OR is associative and commutative, and the order
+//! above is canonical, so the merged part has the same bytes however the volume was divided into blocks and in whatever order they came.
 
 use crate::cell::{Cell, sort_and_or};
 
-/// See the module.
+/// Records of some blocks, sorted by label and cell; the module documentation draws its arrays.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Part {
+pub struct SortedCells {
     pub(crate) ids: Vec<u64>,
     pub(crate) offsets: Vec<usize>,
     pub(crate) cells: Vec<Cell>,
 }
 
-/// One label's records in one of several parts.
+/// Range of one label's records in one of several parts.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Run {
     pub(crate) id: u64,
@@ -27,23 +27,23 @@ pub(crate) struct Run {
     pub(crate) end: usize,
 }
 
-impl Part {
-    /// Labels with a voxel in the part, rising; background (0) is not among them.
+impl SortedCells {
+    /// Ids of the labels with a voxel in the part, in rising order; without background (0).
     pub fn ids(&self) -> &[u64] {
         &self.ids
     }
 
-    /// Records of label number `i` of [`Part::ids`], by rising key.
+    /// Records of the label at index `i` of [`SortedCells::ids`], by rising key.
     pub fn cells_of(&self, i: usize) -> &[Cell] {
         &self.cells[self.offsets[i]..self.offsets[i + 1]]
     }
 
-    /// Records of all labels.
+    /// Number of records of all labels.
     pub fn len(&self) -> usize {
         self.cells.len()
     }
 
-    /// Voxels of all labels together.
+    /// Number of voxels of all labels together.
     pub fn voxels(&self) -> u64 {
         self.cells.iter().map(|c| u64::from(c.mask.count_ones())).sum()
     }
@@ -53,17 +53,19 @@ impl Part {
         self.cells.is_empty()
     }
 
-    /// Heap bytes held.
+    /// Bytes held on the heap.
     pub fn bytes(&self) -> u64 {
         (self.ids.capacity() * 8 + self.offsets.capacity() * size_of::<usize>()) as u64
             + (self.cells.capacity() * size_of::<Cell>()) as u64
     }
 
-    /// Merges parts into one: associative and commutative.
-    pub fn merge(parts: &[Part]) -> Part {
+    /// Merges parts into one. The operation is associative and commutative.
+    pub fn merge(parts: &[SortedCells]) -> SortedCells {
         let runs = runs_by_id(parts.iter().map(|p| (p.ids.as_slice(), p.offsets.as_slice())));
-        let mut merged =
-            Part { cells: Vec::with_capacity(parts.iter().map(Part::len).sum()), ..Part::default() };
+        let mut merged = SortedCells {
+            cells: Vec::with_capacity(parts.iter().map(SortedCells::len).sum()),
+            ..SortedCells::default()
+        };
         merged.offsets.push(0);
         let mut cells = Vec::new();
         for same_id in runs.chunk_by(|a, b| a.id == b.id) {
@@ -76,14 +78,14 @@ impl Part {
             merged.cells.extend_from_slice(&cells);
             merged.offsets.push(merged.cells.len());
         }
-        // Pieces that were OR-ed left room; give a large waste back.
+        // Records of the same cell were merged, so there may be unused capacity; release it where it is large.
         if merged.cells.capacity() > merged.cells.len() + merged.cells.len() / 8 {
             merged.cells.shrink_to_fit();
         }
         merged
     }
 
-    /// Whether no two labels claim one voxel: true of any part made from a volume. Costs a sort of all records.
+    /// Whether no two labels claim the same voxel, which holds for every part made from a volume. This sorts all records.
     pub fn is_disjoint(&self) -> bool {
         let mut all = self.cells.clone();
         all.sort_unstable();
@@ -98,7 +100,7 @@ impl Part {
     }
 }
 
-/// Each label's run of each part, by rising id, then part; of each part its ids and offsets are given.
+/// The runs of all labels in all parts, sorted by id, then part; each part is given by its ids and offsets.
 pub(crate) fn runs_by_id<'a>(parts: impl Iterator<Item = (&'a [u64], &'a [usize])>) -> Vec<Run> {
     let mut runs: Vec<Run> = Vec::new();
     for (p, (ids, offsets)) in parts.enumerate() {

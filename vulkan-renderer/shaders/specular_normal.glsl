@@ -1,6 +1,6 @@
-// Surfaces that are shaded by another normal than their own: twin of transport/src/bsdf/tilt.rs, which explains it.
-#ifndef TILT_GLSL
-#define TILT_GLSL
+// Surfaces that are shaded by another normal than their own: twin of transport/src/bsdf/specular_normal.rs, which explains it.
+#ifndef SPECULAR_NORMAL_GLSL
+#define SPECULAR_NORMAL_GLSL
 
 #include "needs.glsl"
 #include "trigonometry.glsl"
@@ -9,27 +9,27 @@ const float LEAST_HEIGHT = 0.01;
 const float PART_OF_HEIGHT = 0.9;
 const float LEAST_COSINE = 1e-6;
 
-struct Tilt {
+struct SpecularNormal {
     vec3 normal;
 };
 
 // Both normals are the same.
-Tilt no_tilt() {
-    return Tilt(vec3(0.0, 0.0, 1.0));
+SpecularNormal no_specular_normal() {
+    return SpecularNormal(vec3(0.0, 0.0, 1.0));
 }
 
 // Of a surface with this geometric normal, seen from wi on its side; both in the frame of the shading normal.
-Tilt tilt_new(vec3 geometric, vec3 wi) {
+SpecularNormal specular_normal_new(vec3 geometric, vec3 wi) {
     float height = max(dot(wi, geometric), LEAST_COSINE);
     float least = min(LEAST_HEIGHT, PART_OF_HEIGHT * height);
     vec3 mirrored_wi = vec3(-wi.x, -wi.y, wi.z);
     if (dot(mirrored_wi, geometric) >= least) {
-        return no_tilt();
+        return no_specular_normal();
     }
     vec3 across = vec3(0.0, 0.0, 1.0) - geometric.z * geometric;
     float across_length = sqrt(dot(across, across));
     if (across_length < LEAST_COSINE) {
-        return no_tilt();
+        return no_specular_normal();
     }
     across /= across_length;
     float ix = dot(wi, across);
@@ -39,30 +39,30 @@ Tilt tilt_new(vec3 geometric, vec3 wi) {
     float root = sqrt(max(b * b - 4.0 * a * c, 0.0));
     float nz2 = 0.25 * (ix < 0.0 ? b + root : b - root) / a;
     float nx = sqrt(max(1.0 - nz2, 0.0)), nz = sqrt(max(nz2, 0.0));
-    return Tilt(normalized(nx * across + nz * geometric));
+    return SpecularNormal(normalized(nx * across + nz * geometric));
 }
 
-bool tilt_is_none(Tilt tilt) {
-    return NEEDS_SMOOTH == 0u || tilt.normal == vec3(0.0, 0.0, 1.0);
+bool specular_normal_is_none(SpecularNormal specular_normal) {
+    return NEEDS_SMOOTH == 0u || specular_normal.normal == vec3(0.0, 0.0, 1.0);
 }
 
 // A direction in the frame of the microfacets.
-vec3 to_microfacets(Tilt tilt, vec3 w) {
-    if (tilt_is_none(tilt)) {
+vec3 to_microfacets(SpecularNormal specular_normal, vec3 w) {
+    if (specular_normal_is_none(specular_normal)) {
         return w;
     }
-    vec3 n = tilt.normal;
+    vec3 n = specular_normal.normal;
     float cosine = dot(n, w);
     float part = (cosine + w.z) / max(1.0 + n.z, LEAST_COSINE);
     return vec3(w.x - n.x * part, w.y - n.y * part, cosine);
 }
 
 // The other way round.
-vec3 from_microfacets(Tilt tilt, vec3 w) {
-    if (tilt_is_none(tilt)) {
+vec3 from_microfacets(SpecularNormal specular_normal, vec3 w) {
+    if (specular_normal_is_none(specular_normal)) {
         return w;
     }
-    vec3 n = tilt.normal;
+    vec3 n = specular_normal.normal;
     float part = (dot(n, w) + w.z) / max(1.0 + n.z, LEAST_COSINE);
     return w - (n + vec3(0.0, 0.0, 1.0)) * part + n * (2.0 * w.z);
 }

@@ -1,7 +1,7 @@
-// What is made of the light that a path meets: twin of cpu-renderer/src/tally.rs, which explains it. Where nothing is sorted, the sum of
+// What is made of the light that a path meets: twin of cpu-renderer/src/film_sample.rs, which explains it. Where nothing is sorted, the sum of
 // all light is all there is.
-#ifndef TALLY_GLSL
-#define TALLY_GLSL
+#ifndef FILM_SAMPLE_GLSL
+#define FILM_SAMPLE_GLSL
 
 #include "layout.glsl"
 #include "needs.glsl"
@@ -24,7 +24,7 @@ const uint KEPT_LIGHT = 4u;
 const uint KEPT_LABELS = 8u;
 const uint KEPT_TYPES = 16u;
 const uint KEPT_CAUGHT = 32u;
-const uint KEPT_BEHIND = 64u;
+const uint KEPT_BACKGROUND = 64u;
 // From this bit on: slots of a matte.
 const uint KEPT_SLOTS = 8u;
 
@@ -36,12 +36,12 @@ const uint SINK_ALONE = 2u;
 const uint SINK_NOTHING = 3u;
 
 // How scattered light is dealt out to kinds.
-struct Share {
+struct PassWeights {
     vec3 diffuse;
     bool through;
 };
 
-struct Tally {
+struct FilmSample {
     vec3 total;
     float alpha;
     vec3 light[LIGHT_KINDS];
@@ -49,21 +49,21 @@ struct Tally {
     vec3 normal;
     // What mattes call the first surface, by label and by type; 0 where there is none.
     vec2 ids;
-    Share scattered;
+    PassWeights scatter_weights;
     // Of the light in flight.
-    Share aimed;
+    PassWeights direct_weights;
     uint kept;
     vec2 limits;
     // A shadow catcher's light among all things, and among catchers alone; light behind everything; whether something else was met.
     vec3 caught;
     vec3 alone;
-    vec3 behind;
+    vec3 background;
     bool covered;
     uint sink;
 };
 
-Tally tally_new(Settings settings) {
-    Tally t;
+FilmSample film_sample_new(Settings settings) {
+    FilmSample t;
     t.total = vec3(0.0);
     if (NEEDS_SORTED != 0u) {
         t.alpha = 1.0;
@@ -75,8 +75,8 @@ Tally tally_new(Settings settings) {
         }
         t.normal = vec3(0.0);
         t.ids = vec2(0.0);
-        t.scattered = Share(vec3(0.0), false);
-        t.aimed = t.scattered;
+        t.scatter_weights = PassWeights(vec3(0.0), false);
+        t.direct_weights = t.scatter_weights;
         t.kept = settings.kept;
         float none = uintBitsToFloat(0x7F800000u);
         t.limits.x = settings.clamp_direct == 0.0 ? none : 3.0 * settings.clamp_direct;
@@ -86,14 +86,14 @@ Tally tally_new(Settings settings) {
     if (NEEDS_CATCHER != 0u) {
         t.caught = vec3(0.0);
         t.alone = vec3(0.0);
-        t.behind = vec3(0.0);
+        t.background = vec3(0.0);
         t.covered = true;
     }
     return t;
 }
 
 // Whether light of shadow catchers is kept apart, and none was met.
-bool tally_catches(Tally t) {
+bool film_sample_catches(FilmSample t) {
     if (NEEDS_CATCHER == 0u || NEEDS_SORTED == 0u) {
         return false;
     }
@@ -101,7 +101,7 @@ bool tally_catches(Tally t) {
 }
 
 // Puts light into the sum of whom it is of.
-void tally_put(inout Tally t, vec3 light) {
+void film_sample_put(inout FilmSample t, vec3 light) {
     if (NEEDS_CATCHER == 0u || t.sink == SINK_MATTE) {
         t.total += light;
     } else if (t.sink == SINK_CAUGHT) {
@@ -112,105 +112,105 @@ void tally_put(inout Tally t, vec3 light) {
 }
 
 // At most as much light as the clamp lets pass.
-vec3 tally_clamped(Tally t, vec3 light, bool indirect) {
+vec3 film_sample_clamped(FilmSample t, vec3 light, bool indirect) {
     float limit = indirect ? t.limits.y : t.limits.x;
     float sum = abs(light.x) + abs(light.y) + abs(light.z);
     return sum > limit ? light * (limit / sum) : light;
 }
 
 // Deals light out to the kinds of the surface that scattered it first.
-void tally_deal(inout Tally t, vec3 light, Share share, bool indirect) {
+void film_sample_deal(inout FilmSample t, vec3 light, PassWeights weights, bool indirect) {
     if ((t.kept & KEPT_LIGHT) != 0u) {
-        vec3 diffuse = light * share.diffuse;
+        vec3 diffuse = light * weights.diffuse;
         uint further = indirect ? 1u : 0u;
         t.light[DIFFUSE + further] += diffuse;
-        t.light[(share.through ? TRANSMISSION : GLOSSY) + further] += light - diffuse;
+        t.light[(weights.through ? TRANSMISSION : GLOSSY) + further] += light - diffuse;
     }
 }
 
 // Light that a ray met on its way or at its end.
-void tally_met(inout Tally t, vec3 light, uint vertex) {
+void film_sample_add_emission(inout FilmSample t, vec3 light, uint vertex) {
     if (NEEDS_SORTED == 0u) {
         t.total += light;
         return;
     }
-    light = tally_clamped(t, light, vertex > 1u);
-    tally_put(t, light);
+    light = film_sample_clamped(t, light, vertex > 1u);
+    film_sample_put(t, light);
     if (NEEDS_CATCHER != 0u && t.sink != SINK_MATTE) {
         return;
     }
     if (vertex == 0u) {
         t.light[EMISSION] += light;
     } else {
-        tally_deal(t, light, t.scattered, vertex > 1u);
+        film_sample_deal(t, light, t.scatter_weights, vertex > 1u);
     }
 }
 
 // The same from behind everything.
-void tally_met_behind(inout Tally t, vec3 light, uint vertex) {
+void film_sample_add_background(inout FilmSample t, vec3 light, uint vertex) {
     if (NEEDS_SORTED == 0u || vertex > 0u) {
-        tally_met(t, light, vertex);
+        film_sample_add_emission(t, light, vertex);
         return;
     }
-    light = tally_clamped(t, light, false);
+    light = film_sample_clamped(t, light, false);
     bool transparent = (t.kept & KEPT_ALPHA) != 0u;
     if (NEEDS_CATCHER == 0u || t.sink == SINK_MATTE) {
         t.light[ENVIRONMENT] += light;
         if (NEEDS_CATCHER != 0u) {
-            t.behind += light;
+            t.background += light;
             t.covered = !transparent;
         }
     }
     if (!transparent) {
-        tally_put(t, light);
+        film_sample_put(t, light);
     } else if (NEEDS_CATCHER == 0u || t.sink != SINK_ALONE) {
         t.alpha = 0.0;
     }
 }
 
 // The path has met its first shadow catcher, with this light behind everything.
-void tally_caught(inout Tally t, vec3 behind) {
+void film_sample_caught(inout FilmSample t, vec3 background) {
     t.sink = SINK_CAUGHT;
     t.covered = false;
-    if ((t.kept & KEPT_BEHIND) != 0u) {
-        vec3 light = tally_clamped(t, behind, false);
-        t.behind += light;
+    if ((t.kept & KEPT_BACKGROUND) != 0u) {
+        vec3 light = film_sample_clamped(t, background, false);
+        t.background += light;
         t.light[ENVIRONMENT] += light;
     }
 }
 
 // What follows is met among catchers alone.
-void tally_among_catchers(inout Tally t) {
+void film_sample_among_catchers(inout FilmSample t) {
     t.sink = SINK_ALONE;
 }
 
 // Light that the surface in front of the path was found to get from a light; t.aimed is what it made of it.
-void tally_aimed(inout Tally t, vec3 light, uint vertex) {
+void film_sample_add_direct_light(inout FilmSample t, vec3 light, uint vertex) {
     if (NEEDS_SORTED == 0u) {
         t.total += light;
         return;
     }
-    light = tally_clamped(t, light, vertex > 0u);
-    tally_put(t, light);
+    light = film_sample_clamped(t, light, vertex > 0u);
+    film_sample_put(t, light);
     if (NEEDS_CATCHER != 0u && t.sink != SINK_MATTE) {
         return;
     }
-    Share share = t.scattered;
+    PassWeights weights = t.scatter_weights;
     if (vertex == 0u) {
-        share = t.aimed;
+        weights = t.direct_weights;
     }
-    tally_deal(t, light, share, vertex > 0u);
+    film_sample_deal(t, light, weights, vertex > 0u);
 }
 
 // The path goes on.
-void tally_scattered(inout Tally t, uint vertex, Share share) {
+void film_sample_scatter(inout FilmSample t, uint vertex, PassWeights weights) {
     if (NEEDS_SORTED != 0u && vertex == 0u) {
-        t.scattered = share;
+        t.scatter_weights = weights;
     }
 }
 
 // The path came to a surface.
-void tally_came_to(inout Tally t, uint vertex, vec3 colors[COLOR_KINDS], vec3 normal) {
+void film_sample_write_aovs(inout FilmSample t, uint vertex, vec3 colors[COLOR_KINDS], vec3 normal) {
     if (NEEDS_SORTED != 0u && vertex == 0u && t.sink != SINK_ALONE) {
         t.colors = colors;
         t.normal = normal;
@@ -218,7 +218,7 @@ void tally_came_to(inout Tally t, uint vertex, vec3 colors[COLOR_KINDS], vec3 no
 }
 
 // Which surface it is.
-void tally_named(inout Tally t, uint vertex, vec2 ids) {
+void film_sample_write_ids(inout FilmSample t, uint vertex, vec2 ids) {
     if (NEEDS_MATTES != 0u && vertex == 0u && t.sink != SINK_ALONE) {
         t.ids = ids;
     }
@@ -250,13 +250,13 @@ void put_sum(Floats sums, inout uint at, vec3 v) {
 }
 
 // Adds a sample of this number to a pixel's sums.
-void tally_add_to(Tally t, Address all_sums, uint film_width, uvec2 pixel, uint number) {
+void film_sample_add_to(FilmSample t, Address all_sums, uint film_width, uvec2 pixel, uint number) {
     bool features = (t.kept & KEPT_FEATURES) != 0u, light = (t.kept & KEPT_LIGHT) != 0u;
     bool alpha = (t.kept & KEPT_ALPHA) != 0u;
     uint stride = (alpha ? 1u : 0u) + (features ? 6u : 0u) + (light ? 3u * (LIGHT_KINDS + COLOR_KINDS) : 0u);
     uint slots = t.kept >> KEPT_SLOTS;
-    bool behind = (t.kept & KEPT_BEHIND) != 0u;
-    uint caught_floats = behind ? 11u : 8u;
+    bool background = (t.kept & KEPT_BACKGROUND) != 0u;
+    uint caught_floats = background ? 11u : 8u;
     if (NEEDS_CATCHER != 0u && (t.kept & KEPT_CAUGHT) != 0u) {
         stride += REPLICATES * caught_floats;
     }
@@ -291,8 +291,8 @@ void tally_add_to(Tally t, Address all_sums, uint film_width, uvec2 pixel, uint 
         sums.at[here] += t.covered ? 1.0 : 0.0;
         sums.at[here + 1u] += t.alpha == 0.0 ? 1.0 : 0.0;
         here += 2u;
-        if (behind) {
-            put_sum(sums, here, t.behind);
+        if (background) {
+            put_sum(sums, here, t.background);
         }
     }
     if (NEEDS_MATTES != 0u && t.ids.x != 0.0) {

@@ -1,35 +1,35 @@
-//! Why a `.pumice` file is not read, before its path is known.
+//! Reasons to refuse a `.pumice` file, before its path is attached.
 
 use crate::Error;
 
 /// What is wrong with a file, and where.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Fault {
+pub(crate) struct FormatError {
     /// Name of the section, or `HEAD`.
     pub(crate) section: [u8; 4],
-    /// Byte within the file where the section lies or, in header and table, of the field.
+    /// Byte offset in the file: of the section or, for the header and the table, of the field.
     pub(crate) at: u64,
-    /// Expected and got.
+    /// What was expected and what was found.
     pub(crate) what: String,
 }
 
-impl Fault {
-    /// A fault of a field of the header or the section table.
+impl FormatError {
+    /// A fault in a field of the header or of the section table.
     pub(super) fn in_header(at: u64, what: String) -> Self {
         Self { section: *b"HEAD", at, what }
     }
 }
 
-/// Why reading stops.
+/// Reason for which reading stops.
 #[derive(Debug)]
 pub(super) enum Stop {
     /// The file is damaged.
-    Fault(Fault),
+    Fault(FormatError),
     /// The file has a version that this program does not read.
     Version(u32),
     /// The operating system refuses.
     Io(std::io::Error),
-    /// The core itself stops: the job is cancelled, or a limit is exceeded.
+    /// The core itself stops, because the job is cancelled or a limit is exceeded.
     Core(Error),
 }
 
@@ -39,8 +39,8 @@ impl From<Error> for Stop {
     }
 }
 
-impl From<Fault> for Stop {
-    fn from(fault: Fault) -> Self {
+impl From<FormatError> for Stop {
+    fn from(fault: FormatError) -> Self {
         Self::Fault(fault)
     }
 }

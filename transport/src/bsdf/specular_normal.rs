@@ -20,12 +20,12 @@ const LEAST_COSINE: f32 = 1e-6;
 
 /// From the frame of the shading normal to that of the microfacets' normal.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Tilt {
+pub struct SpecularNormal {
     /// The microfacets' normal.
     normal: Vec3,
 }
 
-impl Tilt {
+impl SpecularNormal {
     /// Both are the same.
     pub const NONE: Self = Self { normal: Vec3::Z };
 
@@ -102,12 +102,12 @@ mod tests {
         let (mut tilted, mut straight) = (0, 0);
         for geometric in directions().filter(|n| n.z > 0.05) {
             for wi in directions().filter(|w| w.dot(geometric) > 1e-3) {
-                let tilt = Tilt::new(geometric, wi);
-                let n = tilt.normal;
+                let specular_normal = SpecularNormal::new(geometric, wi);
+                let n = specular_normal.normal;
                 let mirrored = 2.0 * n.dot(wi) * n - wi;
                 let height = mirrored.dot(geometric);
                 let least = 0.01f32.min(0.9 * wi.dot(geometric));
-                if tilt.is_none() {
+                if specular_normal.is_none() {
                     straight += 1;
                     assert!(height >= least - 1e-6, "{geometric} {wi}: {height}");
                 } else {
@@ -127,16 +127,19 @@ mod tests {
     #[test]
     fn frames_turn_there_and_back() {
         for n in directions().filter(|n| n.z > -0.9) {
-            let tilt = Tilt { normal: n };
-            assert!((tilt.to_microfacets(n) - Vec3::Z).length() < 1e-5);
+            let specular_normal = SpecularNormal { normal: n };
+            assert!((specular_normal.to_microfacets(n) - Vec3::Z).length() < 1e-5);
             for w in directions().step_by(7) {
-                let there = tilt.to_microfacets(w);
+                let there = specular_normal.to_microfacets(w);
                 assert!((there.length() - 1.0).abs() < 1e-4 && (there.z - n.dot(w)).abs() < 1e-5, "{n} {w}");
-                assert!((tilt.from_microfacets(there) - w).length() < 1e-4, "{n} {w}");
+                assert!((specular_normal.from_microfacets(there) - w).length() < 1e-4, "{n} {w}");
             }
         }
         let w = Vec3::new(0.1, 0.2, 0.3);
-        assert_eq!((Tilt::NONE.to_microfacets(w), Tilt::NONE.from_microfacets(w)), (w, w));
+        assert_eq!(
+            (SpecularNormal::NONE.to_microfacets(w), SpecularNormal::NONE.from_microfacets(w)),
+            (w, w)
+        );
     }
 
     /// No numbers that are none, whatever a mesh says.
@@ -145,9 +148,12 @@ mod tests {
         let all: Vec<_> = directions().chain([Vec3::Z, -Vec3::Z, Vec3::X]).collect();
         for &geometric in &all {
             for &wi in &all {
-                let tilt = Tilt::new(geometric, wi);
-                assert!(tilt.normal.is_finite(), "{geometric} {wi}");
-                assert!(tilt.to_microfacets(wi).is_finite() && tilt.from_microfacets(wi).is_finite());
+                let specular_normal = SpecularNormal::new(geometric, wi);
+                assert!(specular_normal.normal.is_finite(), "{geometric} {wi}");
+                assert!(
+                    specular_normal.to_microfacets(wi).is_finite()
+                        && specular_normal.from_microfacets(wi).is_finite()
+                );
             }
         }
     }

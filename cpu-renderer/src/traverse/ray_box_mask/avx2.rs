@@ -1,4 +1,4 @@
-//! [`super::Pierce`] by AVX2: the boxes of one y and z at once.
+//! [`super::RayBoxMask`] by AVX2: the boxes of one y and z at once.
 
 use std::arch::x86_64::{
     __m256d, __m256i, _CMP_LT_OQ, _mm256_add_pd, _mm256_castpd_ps, _mm256_castps_si256, _mm256_cmp_pd,
@@ -8,14 +8,14 @@ use std::arch::x86_64::{
 
 use super::{IndexRay, Lanes, ROWS};
 
-/// What [`super::Pierce::pierced`] says.
+/// What [`super::RayBoxMask::pierced`] says.
 #[target_feature(enable = "avx2,bmi2")]
 #[inline]
-pub(super) fn pierced(ray: &IndexRay, corner: __m256d, step: &Lanes, side: f64, from: f64) -> u64 {
+pub(super) fn ray_box_mask(ray: &IndexRay, corner: __m256d, step: &Lanes, side: f64, from: f64) -> u64 {
     let x = row(ray, 0, _mm256_permute4x64_pd::<0x00>(corner), step, side);
     let y = row(ray, 1, _mm256_permute4x64_pd::<0x55>(corner), step, side);
     let z = row(ray, 2, _mm256_permute4x64_pd::<0xAA>(corner), step, side);
-    // Four boxes at once, all x: by y, then by z.
+    // F64x4 boxes at once, all x: by y, then by z.
     let near_x = _mm256_max_pd(x.0, _mm256_set1_pd(from));
     let (near_y, far_y) = (each(y.0), each(y.1));
     let (mut near, mut far) = ([near_x; 4], [x.1; 4]);

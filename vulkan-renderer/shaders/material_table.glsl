@@ -1,12 +1,12 @@
-// What each label looks like: twin of render's looks (transport/src/looks.rs).
-#ifndef LOOKS_GLSL
-#define LOOKS_GLSL
+// What each label looks like: twin of render's looks (transport/src/material_table.rs).
+#ifndef MATERIAL_TABLE_GLSL
+#define MATERIAL_TABLE_GLSL
 
 #include "layout.glsl"
 #include "needs.glsl"
 
 // Whether they are a shadow catcher's.
-bool looks_catches(InstanceRef instance) {
+bool material_table_catches(InstanceRef instance) {
     return NEEDS_CATCHER != 0u && instance.it.lod == LOD_CATCHER;
 }
 
@@ -17,7 +17,7 @@ Material material_of(InstanceRef instance, uint label) {
 }
 
 // What mattes call a label; 0, which is no name, where there are none.
-vec2 looks_ids_of(InstanceRef instance, uint label) {
+vec2 material_table_ids_of(InstanceRef instance, uint label) {
     if (instance.it.matte_ids == 0UL) {
         return vec2(0.0);
     }

@@ -5,9 +5,9 @@
 use pumice_transport::{Hit, PathOrigin, RayInWorld};
 
 use super::IndexRay;
-use super::four::Plain;
+use super::f64x4::Plain;
 #[cfg(target_arch = "x86_64")]
-use super::four::{Wide, Widest};
+use super::f64x4::{Avx2, Avx512};
 use super::volume_tracer::{Nearest, VolumeTracer};
 
 /// Methods that call a generic one by the instructions that this processor has. (A `KIND` as [`VolumeTracer::nearest`] has one.)
@@ -21,22 +21,22 @@ macro_rules! by_what_the_processor_has {
                 {
                     #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt,avx512f,avx512bw,avx512dq,avx512vl")]
                     #[inline(never)]
-                    fn widest(by: Widest, tracer: &VolumeTracer, $($arg: $type),*) -> $result {
+                    fn widest(by: Avx512, tracer: &VolumeTracer, $($arg: $type),*) -> $result {
                         tracer.$generic::<_, $kind>(by, $($arg),*)
                     }
                     #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
                     #[inline(never)]
-                    fn wide(by: Wide, tracer: &VolumeTracer, $($arg: $type),*) -> $result {
+                    fn wide(by: Avx2, tracer: &VolumeTracer, $($arg: $type),*) -> $result {
                         tracer.$generic::<_, $kind>(by, $($arg),*)
                     }
-                    // SAFETY: the processor has the instructions that each is compiled for: there is no `Widest` and no `Wide` where it
+                    // SAFETY: the processor has the instructions that each is compiled for: there is no `Avx512` and no `Avx2` where it
                     // lacks them.
                     #[allow(unsafe_code)]
                     unsafe {
-                        if let Some(by) = Widest::new() {
+                        if let Some(by) = Avx512::new() {
                             return widest(by, self, $($arg),*);
                         }
-                        if let Some(by) = Wide::new() {
+                        if let Some(by) = Avx2::new() {
                             return wide(by, self, $($arg),*);
                         }
                     }
@@ -72,13 +72,13 @@ mod tests {
     use pumice_transport::geometry::LodChoice;
 
     use super::super::TracedInstance;
-    use super::super::four::each_way;
+    use super::super::f64x4::each_way;
     use super::super::index_ray::Start;
-    use super::super::pierced::Pierce;
+    use super::super::ray_box_mask::RayBoxMask;
     use super::*;
 
     /// To the bit, at every level of detail, whether the first found will do or not.
-    fn finds_what_the_plain_way_does(by: impl Pierce) {
+    fn finds_what_the_plain_way_does(by: impl RayBoxMask) {
         let (_, volume) = blobs([90, 70, 60], 50, 9, 8);
         let mut s = 3u64;
         let mut random = || {

@@ -32,7 +32,7 @@ const ENVIRONMENT: usize = 7;
 
 /// How scattered light is dealt out to kinds.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Share {
+pub struct PassWeights {
     /// Part that is diffuse.
     pub diffuse: Vec3,
     /// Whether the rest went through the surface.
@@ -41,7 +41,7 @@ pub struct Share {
 
 /// The first surface.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct FirstSurface {
+pub struct SurfaceAovs {
     /// Diffuse, glossy and transmission colour.
     pub colors: [Vec3; COLOR_KINDS],
     /// On the side that is seen, in the world.
@@ -49,24 +49,24 @@ pub struct FirstSurface {
 }
 
 /// Who hears of the light along a path. A path has scattered at `vertex` surfaces so far.
-pub trait Tally {
+pub trait FilmSample {
     /// Light that a ray met on its way or at its end.
-    fn met(&mut self, light: Vec3, vertex: u32);
+    fn add_emission(&mut self, light: Vec3, vertex: u32);
 
     /// The same from behind everything.
-    fn met_behind(&mut self, light: Vec3, vertex: u32);
+    fn add_background(&mut self, light: Vec3, vertex: u32);
 
     /// Light that the surface in front of the path was found to get from a light, and what it made of it.
-    fn aimed(&mut self, light: Vec3, vertex: u32, share: impl FnOnce() -> Share);
+    fn add_direct_light(&mut self, light: Vec3, vertex: u32, share: impl FnOnce() -> PassWeights);
 
     /// The path goes on.
-    fn scattered(&mut self, vertex: u32, share: impl FnOnce() -> Share);
+    fn scatter(&mut self, vertex: u32, share: impl FnOnce() -> PassWeights);
 
     /// The path came to a surface.
-    fn came_to(&mut self, vertex: u32, surface: impl FnOnce() -> FirstSurface);
+    fn write_aovs(&mut self, vertex: u32, surface: impl FnOnce() -> SurfaceAovs);
 
     /// Which surface it is, by label and by type.
-    fn named(&mut self, vertex: u32, ids: impl FnOnce() -> Ids);
+    fn write_ids(&mut self, vertex: u32, ids: impl FnOnce() -> Ids);
 
     /// Whether light of shadow catchers is kept apart: a path that meets one goes on twice.
     fn catches(&self) -> bool {
@@ -93,37 +93,37 @@ enum Sink {
 
 /// The sum of all light and nothing else.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Total(pub Vec3);
+pub struct ColorSample(pub Vec3);
 
-impl Tally for Total {
+impl FilmSample for ColorSample {
     #[inline(always)]
-    fn met(&mut self, light: Vec3, _: u32) {
+    fn add_emission(&mut self, light: Vec3, _: u32) {
         self.0 += light;
     }
 
     #[inline(always)]
-    fn met_behind(&mut self, light: Vec3, _: u32) {
+    fn add_background(&mut self, light: Vec3, _: u32) {
         self.0 += light;
     }
 
     #[inline(always)]
-    fn aimed(&mut self, light: Vec3, _: u32, _: impl FnOnce() -> Share) {
+    fn add_direct_light(&mut self, light: Vec3, _: u32, _: impl FnOnce() -> PassWeights) {
         self.0 += light;
     }
 
     #[inline(always)]
-    fn scattered(&mut self, _: u32, _: impl FnOnce() -> Share) {}
+    fn scatter(&mut self, _: u32, _: impl FnOnce() -> PassWeights) {}
 
     #[inline(always)]
-    fn came_to(&mut self, _: u32, _: impl FnOnce() -> FirstSurface) {}
+    fn write_aovs(&mut self, _: u32, _: impl FnOnce() -> SurfaceAovs) {}
 
     #[inline(always)]
-    fn named(&mut self, _: u32, _: impl FnOnce() -> Ids) {}
+    fn write_ids(&mut self, _: u32, _: impl FnOnce() -> Ids) {}
 }
 
 /// Light clamped and sorted.
 #[derive(Clone, Copy, Debug)]
-pub struct Sorted {
+pub struct AovSample {
     /// The picture's.
     pub total: Vec3,
     /// 0 where nothing was met and the film is transparent.
@@ -131,24 +131,24 @@ pub struct Sorted {
     /// By kind.
     pub light: [Vec3; LIGHT_KINDS],
     /// Of the first surface; black where there is none.
-    pub first: FirstSurface,
+    pub surface: SurfaceAovs,
     /// Its ids; 0 where there is none.
     pub ids: Ids,
     /// A shadow catcher's among all things, and among catchers alone.
     pub caught: [Vec3; 2],
     /// Seen behind everything, past a catcher too.
-    pub behind: Vec3,
+    pub background: Vec3,
     /// Whether something but a catcher was met, or an opaque film's background.
     pub covered: bool,
     sink: Sink,
-    scattered: Share,
+    scatter_weights: PassWeights,
     transparent: bool,
     kept: PassSums,
     /// Largest sum of a contribution's channels: seen or scattered once, scattered more often.
     limits: [f32; 2],
 }
 
-impl Sorted {
+impl AovSample {
     /// Nothing yet, for a film that keeps these sums.
     pub fn new(settings: &Settings, kept: PassSums) -> Self {
         let limit = |clamp: f32| if clamp == 0.0 { f32::INFINITY } else { 3.0 * clamp };
@@ -156,13 +156,13 @@ impl Sorted {
             total: Vec3::ZERO,
             alpha: 1.0,
             light: [Vec3::ZERO; LIGHT_KINDS],
-            first: FirstSurface::default(),
+            surface: SurfaceAovs::default(),
             ids: Ids::default(),
             caught: [Vec3::ZERO; 2],
-            behind: Vec3::ZERO,
+            background: Vec3::ZERO,
             covered: true,
             sink: Sink::Matte,
-            scattered: Share::default(),
+            scatter_weights: PassWeights::default(),
             transparent: kept.alpha,
             kept,
             limits: [limit(settings.clamp_direct), limit(settings.clamp_indirect)],
@@ -179,7 +179,7 @@ impl Sorted {
 
     /// Deals light out to the kinds of the surface that scattered it first.
     #[inline]
-    fn deal(&mut self, light: Vec3, share: Share, indirect: bool) {
+    fn deal(&mut self, light: Vec3, share: PassWeights, indirect: bool) {
         if self.kept.light {
             let diffuse = light * share.diffuse;
             let other = if share.through { TRANSMISSION } else { GLOSSY };
@@ -201,9 +201,9 @@ impl Sorted {
     /// Adds a sample of this number to a pixel's sums.
     pub fn add_to(&self, sums: &mut [f32], number: u32) {
         let alpha = self.kept.alpha.then_some(self.alpha);
-        let color: Vec3 = self.first.colors.iter().sum();
-        let features = self.kept.features.then_some([color, self.first.normal]);
-        let light = self.kept.light.then(|| self.light.into_iter().chain(self.first.colors));
+        let color: Vec3 = self.surface.colors.iter().sum();
+        let features = self.kept.features.then_some([color, self.surface.normal]);
+        let light = self.kept.light.then(|| self.light.into_iter().chain(self.surface.colors));
         let vectors = features.into_iter().flatten().chain(light.into_iter().flatten());
         let numbers = alpha.into_iter().chain(vectors.flat_map(|v| v.to_array()));
         for (sum, number) in sums.iter_mut().zip(numbers) {
@@ -216,7 +216,7 @@ impl Sorted {
             let part = |is: bool| f32::from(u8::from(is));
             let counts = [part(self.covered), part(self.alpha == 0.0)];
             let numbers = all.to_array().into_iter().chain(alone.to_array()).chain(counts);
-            let numbers = numbers.chain(self.behind.to_array());
+            let numbers = numbers.chain(self.background.to_array());
             for (sum, number) in sums[at..][..floats].iter_mut().zip(numbers) {
                 *sum += number;
             }
@@ -248,8 +248,8 @@ fn matte_add(slots: &mut [f32], id: f32) {
     slots[place + 1] += 1.0;
 }
 
-impl Tally for Sorted {
-    fn met(&mut self, light: Vec3, vertex: u32) {
+impl FilmSample for AovSample {
+    fn add_emission(&mut self, light: Vec3, vertex: u32) {
         let light = self.clamped(light, vertex > 1);
         self.put(light);
         if self.sink != Sink::Matte {
@@ -258,18 +258,18 @@ impl Tally for Sorted {
         if vertex == 0 {
             self.light[EMISSION] += light;
         } else {
-            self.deal(light, self.scattered, vertex > 1);
+            self.deal(light, self.scatter_weights, vertex > 1);
         }
     }
 
-    fn met_behind(&mut self, light: Vec3, vertex: u32) {
+    fn add_background(&mut self, light: Vec3, vertex: u32) {
         if vertex > 0 {
-            return self.met(light, vertex);
+            return self.add_emission(light, vertex);
         }
         let light = self.clamped(light, false);
         if self.sink == Sink::Matte {
             self.light[ENVIRONMENT] += light;
-            self.behind += light;
+            self.background += light;
             self.covered = !self.transparent;
         }
         if !self.transparent {
@@ -279,29 +279,29 @@ impl Tally for Sorted {
         }
     }
 
-    fn aimed(&mut self, light: Vec3, vertex: u32, share: impl FnOnce() -> Share) {
+    fn add_direct_light(&mut self, light: Vec3, vertex: u32, share: impl FnOnce() -> PassWeights) {
         let light = self.clamped(light, vertex > 0);
         self.put(light);
         if self.sink != Sink::Matte {
             return;
         }
-        let share = if vertex == 0 && self.kept.light { share() } else { self.scattered };
+        let share = if vertex == 0 && self.kept.light { share() } else { self.scatter_weights };
         self.deal(light, share, vertex > 0);
     }
 
-    fn scattered(&mut self, vertex: u32, share: impl FnOnce() -> Share) {
+    fn scatter(&mut self, vertex: u32, share: impl FnOnce() -> PassWeights) {
         if vertex == 0 && self.kept.light {
-            self.scattered = share();
+            self.scatter_weights = share();
         }
     }
 
-    fn came_to(&mut self, vertex: u32, surface: impl FnOnce() -> FirstSurface) {
+    fn write_aovs(&mut self, vertex: u32, surface: impl FnOnce() -> SurfaceAovs) {
         if vertex == 0 && self.sink != Sink::Alone && (self.kept.light || self.kept.features) {
-            self.first = surface();
+            self.surface = surface();
         }
     }
 
-    fn named(&mut self, vertex: u32, ids: impl FnOnce() -> Ids) {
+    fn write_ids(&mut self, vertex: u32, ids: impl FnOnce() -> Ids) {
         if vertex == 0 && self.sink != Sink::Alone && self.kept.ranks > 0 {
             self.ids = ids();
         }
@@ -315,7 +315,7 @@ impl Tally for Sorted {
         (self.sink, self.covered) = (Sink::Caught, false);
         if self.kept.keeps_behind() {
             let light = self.clamped(behind(), false);
-            self.behind += light;
+            self.background += light;
             self.light[ENVIRONMENT] += light;
         }
     }

@@ -26,7 +26,7 @@ pub struct Variance<'a> {
 
 /// What the tests say; arrays are by channel.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Chance {
+pub struct Significance {
     /// Tests made: tiles × 3 channels.
     pub tests: usize,
     /// Tests whose p-value is below `level_per_test`: more than 0 is a difference at 1 %.
@@ -46,13 +46,18 @@ pub struct Chance {
 }
 
 /// Tests `a` against `b`; the four pictures are of one size.
-pub fn chance(a: &Image, b: &Image, variance_a: Variance<'_>, variance_b: Variance<'_>) -> Chance {
+pub fn significance(
+    a: &Image,
+    b: &Image,
+    variance_a: Variance<'_>,
+    variance_b: Variance<'_>,
+) -> Significance {
     let tiles_across = a.width.div_ceil(TILE_PIXELS);
     let tiles_down = a.height.div_ceil(TILE_PIXELS);
     let tests = tiles_across * tiles_down * 3;
     let level_per_test = -f64::exp_m1(f64::ln_1p(-LEVEL) / tests as f64);
 
-    let mut result = Chance {
+    let mut result = Significance {
         tests,
         rejected: 0,
         level_per_test,
@@ -178,9 +183,9 @@ mod tests {
         (Image::new(WIDTH, HEIGHT, means), Image::new(WIDTH, HEIGHT, variances))
     }
 
-    fn test(a: &(Image, Image), b: &(Image, Image)) -> Chance {
+    fn test(a: &(Image, Image), b: &(Image, Image)) -> Significance {
         let variance = |v| Variance { of_mean: v, degrees_of_freedom: (SAMPLES - 1) as f64 };
-        chance(&a.0, &b.0, variance(&a.1), variance(&b.1))
+        significance(&a.0, &b.0, variance(&a.1), variance(&b.1))
     }
 
     #[test]
@@ -211,11 +216,11 @@ mod tests {
     fn where_nothing_varies_equal_is_equal() {
         let (a, zero) = (Image::new(3, 3, vec![[0.5; 3]; 9]), Image::new(3, 3, vec![[0.0; 3]; 9]));
         let exact = Variance { of_mean: &zero, degrees_of_freedom: f64::INFINITY };
-        let same = chance(&a, &a, exact, exact);
+        let same = significance(&a, &a, exact, exact);
         assert_eq!((same.tests, same.rejected, same.smallest_p), (3, 0, 1.0));
         assert_eq!(same.mean_difference_in_standard_errors, [0.0; 3]);
         let mut b = a.clone();
         b.pixels[4][1] += 1e-6;
-        assert_eq!(chance(&b, &a, exact, exact).rejected, 1);
+        assert_eq!(significance(&b, &a, exact, exact).rejected, 1);
     }
 }

@@ -1,13 +1,13 @@
 //! Materials, and which label has which.
 
 use pumice_picture::cryptomatte::Ids;
-use pumice_transport::Looks;
+use pumice_transport::MaterialTable;
 
 use crate::layout::{Instance, LOD_CATCHER, Material};
 
 /// See the module.
 #[derive(Clone, Debug, Default)]
-pub struct PackedLooks {
+pub struct PackedMaterials {
     /// At least one; the first is that of labels without one of their own.
     pub materials: Vec<Material>,
     /// Material by dense label; empty: all have the first.
@@ -18,9 +18,9 @@ pub struct PackedLooks {
     pub catches: bool,
 }
 
-impl PackedLooks {
+impl PackedMaterials {
     /// Packs the looks of one instance.
-    pub fn new(looks: &Looks) -> Self {
+    pub fn new(materials: &MaterialTable) -> Self {
         let material = |m: &pumice_scene::Material| Material {
             base_color: m.base_color,
             metallic: m.metallic,
@@ -41,10 +41,10 @@ impl PackedLooks {
             multiscatter: u32::from(m.multiscatter),
         };
         Self {
-            materials: looks.materials().iter().map(material).collect(),
-            of_label: looks.of_label().to_vec(),
-            ids: looks.ids().to_vec(),
-            catches: looks.catches(),
+            materials: materials.materials().iter().map(material).collect(),
+            of_label: materials.of_label().to_vec(),
+            ids: materials.ids().to_vec(),
+            catches: materials.catches(),
         }
     }
 

@@ -6,70 +6,70 @@ use std::sync::{Arc, OnceLock};
 use pumice_picture::cryptomatte::Ids;
 use pumice_scene::{LabelStyle, Material};
 
-use crate::emitters::shine;
+use crate::emitters::emission_luminance;
 use crate::palette;
 
 /// Materials of one instance by dense label, or of a mesh by the material index of its triangles.
 #[derive(Clone, Debug)]
-pub struct Looks {
+pub struct MaterialTable {
     materials: Vec<Material>,
     /// Index into `materials` by label; empty: all have the first.
     of_label: Vec<u32>,
     /// Whether some material lets light pass straight on.
-    has_clear: bool,
+    has_transparent: bool,
     /// What mattes call each label, past the end as the last; empty where there are no mattes.
     ids: Vec<Ids>,
     /// Of a mesh that is a shadow catcher.
     catches: bool,
 }
 
-/// Looks of each instance, then of each mesh, and what is asked of all of them for each shadow.
+/// The material table of each instance, then of each mesh; and whether any has a transparent material, which each shadow ray asks.
 #[derive(Clone, Debug, Default)]
-pub struct AllLooks {
-    each: Vec<Arc<Looks>>,
-    has_clear: OnceLock<bool>,
+pub struct MaterialTables {
+    each: Vec<Arc<MaterialTable>>,
+    has_transparent: OnceLock<bool>,
 }
 
-impl From<Vec<Arc<Looks>>> for AllLooks {
-    fn from(each: Vec<Arc<Looks>>) -> Self {
-        Self { each, has_clear: OnceLock::new() }
+impl From<Vec<Arc<MaterialTable>>> for MaterialTables {
+    fn from(each: Vec<Arc<MaterialTable>>) -> Self {
+        Self { each, has_transparent: OnceLock::new() }
     }
 }
 
-impl Deref for AllLooks {
-    type Target = Vec<Arc<Looks>>;
+impl Deref for MaterialTables {
+    type Target = Vec<Arc<MaterialTable>>;
 
     #[inline]
-    fn deref(&self) -> &Vec<Arc<Looks>> {
+    fn deref(&self) -> &Vec<Arc<MaterialTable>> {
         &self.each
     }
 }
 
-impl DerefMut for AllLooks {
-    fn deref_mut(&mut self) -> &mut Vec<Arc<Looks>> {
-        self.has_clear = OnceLock::new();
+impl DerefMut for MaterialTables {
+    fn deref_mut(&mut self) -> &mut Vec<Arc<MaterialTable>> {
+        self.has_transparent = OnceLock::new();
         &mut self.each
     }
 }
 
-impl AllLooks {
-    /// Looks of a scene that is known to need surfaces that light passes straight through, or none.
-    pub fn new(each: Vec<Arc<Looks>>, has_clear: bool) -> Self {
-        Self { each, has_clear: OnceLock::from(has_clear) }
+impl MaterialTables {
+    /// The tables of a scene that is known to need surfaces that light passes straight through, or none.
+    pub fn new(each: Vec<Arc<MaterialTable>>, has_transparent: bool) -> Self {
+        Self { each, has_transparent: OnceLock::from(has_transparent) }
     }
 
     /// Whether some material of any lets light pass straight on.
     #[inline]
-    pub fn has_clear(&self) -> bool {
-        *self.has_clear.get_or_init(|| self.each.iter().any(|looks| looks.has_clear()))
+    pub fn has_transparent(&self) -> bool {
+        *self.has_transparent.get_or_init(|| self.each.iter().any(|materials| materials.has_transparent()))
     }
 }
 
-impl Looks {
+impl MaterialTable {
     /// One material for all labels.
     pub fn same(material: Material) -> Self {
         Self {
-            has_clear: material.alpha < 1.0,
+            has_transparent: material.alpha < 1.0,
             materials: vec![material],
             of_label: Vec::new(),
             ids: Vec::new(),
@@ -77,17 +77,17 @@ impl Looks {
         }
     }
 
-    /// Looks of a mesh with these materials, at least one: indices past the end have the last.
+    /// The table of a mesh with these materials, at least one: indices past the end have the last.
     pub fn of_mesh(materials: &[Material]) -> Self {
-        let has_clear = materials.iter().any(|m| m.alpha < 1.0);
+        let has_transparent = materials.iter().any(|m| m.alpha < 1.0);
         // Who has none of its own has the first.
         let last = materials.last().copied().unwrap_or_default();
         let materials = std::iter::once(last).chain(materials.iter().copied()).collect::<Vec<_>>();
         let of_label = (1..materials.len() as u32).collect();
-        Self { of_label, materials, has_clear, ids: Vec::new(), catches: false }
+        Self { of_label, materials, has_transparent: has_transparent, ids: Vec::new(), catches: false }
     }
 
-    /// Looks of the labels with these ids (rising). `touching` are pairs of dense indices, read only for `auto_color`, where labels
+    /// The table of the labels with these ids (rising). `touching` are pairs of dense indices, read only for `auto_color`, where labels
     /// that are both `visible` and touch get different colours.
     pub fn new(
         style: &LabelStyle,
@@ -113,8 +113,8 @@ impl Looks {
                 materials.push(*material);
             }
         }
-        let has_clear = materials.iter().any(|m| m.alpha < 1.0);
-        Self { materials, of_label, has_clear, ids: Vec::new(), catches: false }
+        let has_transparent = materials.iter().any(|m| m.alpha < 1.0);
+        Self { materials, of_label, has_transparent: has_transparent, ids: Vec::new(), catches: false }
     }
 
     /// The same with what mattes call each label.
@@ -151,7 +151,7 @@ impl Looks {
         &self.materials
     }
 
-    /// Index into [`Looks::materials`] by label; empty: all have the first.
+    /// Index into [`MaterialTable::materials`] by label; empty: all have the first.
     pub fn of_label(&self) -> &[u32] {
         &self.of_label
     }
@@ -165,13 +165,13 @@ impl Looks {
 
     /// Whether some material lets light pass straight on.
     #[inline]
-    pub fn has_clear(&self) -> bool {
-        self.has_clear
+    pub fn has_transparent(&self) -> bool {
+        self.has_transparent
     }
 
     /// Whether some material shines.
-    pub fn shines(&self) -> bool {
-        self.materials.iter().any(|m| shine(m) > 0.0)
+    pub fn is_emissive(&self) -> bool {
+        self.materials.iter().any(|m| emission_luminance(m) > 0.0)
     }
 
     /// Heap bytes.

@@ -35,11 +35,11 @@ use pumice_core::leaves::flipped;
 use pumice_transport::geometry::each_axis;
 
 use super::IndexRay;
-use super::four::{Instructions, Lanes, Plain};
+use super::f64x4::{Instructions, Lanes, Plain};
 use super::mirrored::Octant;
 #[cfg(target_arch = "x86_64")]
 use super::{
-    four::{Wide, Widest},
+    f64x4::{Avx2, Avx512},
     mirrored::mirrored,
 };
 
@@ -51,18 +51,18 @@ type Row = [f64; 8];
 const ROWS: [Row; 2] = [[0.0, 1.0, 2.0, 3.0, 1.0, 2.0, 3.0, 4.0], [4.0, 3.0, 2.0, 1.0, 3.0, 2.0, 1.0, 0.0]];
 
 /// How boxes are told.
-pub(super) trait Pierce: Instructions {
+pub(super) trait RayBoxMask: Instructions {
     /// Bit x + 4y + 16z: whether `ray` passes through a box of the 4³ with this `side` whose lowest corner is `corner + step`, at
     /// t > `from`. x, y and z count in the ray's direction: from the top where it moves down.
-    fn pierced(self, ray: &IndexRay, corner: Self::Four, step: &Lanes, side: f64, from: f64) -> u64;
+    fn ray_box_mask(self, ray: &IndexRay, corner: Self::F64x4, step: &Lanes, side: f64, from: f64) -> u64;
 
     /// A mask whose x, y and z count up, as one of that kind.
     fn mirrored(self, mask: u64, octant: Octant) -> u64;
 }
 
-impl Pierce for Plain {
+impl RayBoxMask for Plain {
     #[inline]
-    fn pierced(self, ray: &IndexRay, corner: Self::Four, step: &Lanes, side: f64, from: f64) -> u64 {
+    fn ray_box_mask(self, ray: &IndexRay, corner: Self::F64x4, step: &Lanes, side: f64, from: f64) -> u64 {
         let rows: [Row; 3] = each_axis(|a| {
             let row = &ROWS[usize::from(ray.is_down(a))];
             row.map(|sides| ray.t_of(a, corner[a] + sides * side + step[a]))
@@ -86,22 +86,29 @@ impl Pierce for Plain {
 }
 
 #[cfg(target_arch = "x86_64")]
-mod wide;
+mod avx2;
 #[cfg(target_arch = "x86_64")]
-mod widest;
+mod avx512;
 
-/// [`Pierce`] by the functions of a module that are compiled for a kind of processor.
+/// [`RayBoxMask`] by the functions of a module that are compiled for a kind of processor.
 #[cfg(target_arch = "x86_64")]
-macro_rules! pierce_by {
+macro_rules! ray_box_mask_by {
     ($kind:ty: $module:ident) => {
-        impl Pierce for $kind {
+        impl RayBoxMask for $kind {
             #[inline(always)]
-            fn pierced(self, ray: &IndexRay, corner: Self::Four, step: &Lanes, side: f64, from: f64) -> u64 {
+            fn ray_box_mask(
+                self,
+                ray: &IndexRay,
+                corner: Self::F64x4,
+                step: &Lanes,
+                side: f64,
+                from: f64,
+            ) -> u64 {
                 // SAFETY: the processor has the instructions that the function is compiled for: there is no such value where it lacks
                 // them.
                 #[allow(unsafe_code)]
                 unsafe {
-                    $module::pierced(ray, corner.register(), step, side, from)
+                    $module::ray_box_mask(ray, corner.register(), step, side, from)
                 }
             }
 
@@ -117,9 +124,9 @@ macro_rules! pierce_by {
     };
 }
 #[cfg(target_arch = "x86_64")]
-pierce_by!(Wide: wide);
+ray_box_mask_by!(Avx2: avx2);
 #[cfg(target_arch = "x86_64")]
-pierce_by!(Widest: widest);
+ray_box_mask_by!(Avx512: avx512);
 
 #[cfg(test)]
 mod tests {
@@ -127,7 +134,7 @@ mod tests {
     use pumice_transport::RayInWorld;
     use pumice_transport::geometry::Placement;
 
-    use super::super::four::each_way;
+    use super::super::f64x4::each_way;
     use super::super::index_ray::Start;
     use super::*;
 
@@ -168,19 +175,19 @@ mod tests {
     }
 
     /// Box by box: those in which clipping leaves something of the ray, and more than a point.
-    fn boxes_are_those_that_clipping_finds(by: impl Pierce) {
+    fn boxes_are_those_that_clipping_finds(by: impl RayBoxMask) {
         let (mut with, mut touched) = (0, 0);
         for ray in rays() {
             for (lo, side, from) in [(640u32, 16, 0.0), (660, 4, 12.5), (672, 1, 30.0)] {
                 let (corner, step) = ([lo - 40, lo - 1, lo - 16], [40.0, 1.0, 16.0, 0.0]);
-                let fours = by.four(&[corner[0], corner[1], corner[2], 0].map(f64::from));
-                let pierced = by.pierced(&ray, fours, &step, f64::from(side), from);
+                let fours = by.f64x4(&[corner[0], corner[1], corner[2], 0].map(f64::from));
+                let ray_box_mask = by.ray_box_mask(&ray, fours, &step, f64::from(side), from);
                 for c in 0..64 {
                     // (Counted in the ray's direction.)
                     let number = |a: usize| (c >> (2 * a) & 3) ^ if ray.is_down(a) { 3 } else { 0 };
                     let lowest = each_axis(|a| corner[a] + step[a] as u32 + side * number(a));
                     let (enter, leave) = ray.clip(lowest, lowest.map(|v| v + side), from);
-                    assert_eq!(pierced >> c & 1 != 0, enter < leave, "{enter} to {leave} of {ray:?}");
+                    assert_eq!(ray_box_mask >> c & 1 != 0, enter < leave, "{enter} to {leave} of {ray:?}");
                     with += usize::from(enter < leave);
                     touched += usize::from(enter == leave);
                 }
