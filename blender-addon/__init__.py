@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Pumice in Blender: opens label volumes, and path traces their compressed form in the viewport and for F12.
 
-The compiled module `pumice` (a wheel of this extension) does the work; this package only says what Blender's scene holds.
+The compiled module `pumice` (a wheel of this extension) does the work; this package only translates Blender's scene for it.
 A module imports only from lines below its own:
 
     __init__
@@ -15,10 +15,10 @@ A module imports only from lines below its own:
     reports
     native
 
-In `sync`, Blender's data become plain values; sync.matrix, sync.camera, sync.parts and sync.edits know no Blender, nor do proxy,
-cache, devices, mesh_file and overlay.
+`sync` converts Blender's data to plain values. sync.matrix, sync.camera, sync.parts, sync.edits, proxy, cache, devices, mesh_file and
+overlay do not use Blender.
 
-Nothing here touches the volume itself: voxels stay in Rust, arrays come by buffer.
+Nothing here touches the voxels: they stay in Rust, and arrays come through the buffer protocol.
 """
 
 if "panels" in locals():  # Blender reloads scripts (F3 > Reload Scripts): fresh modules, same names

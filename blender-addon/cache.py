@@ -1,12 +1,12 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where the compressed form of a source file is kept.
+"""Paths at which the compressed form of a source file is kept.
 
     cortex.nrrd  →  cortex-3f9c…e1.pumice      beside the source, or in the extension's own folder where that cannot be written
 
 The sixteen digits are a hash of the source's name, size and time of change and of how it was read (layer, voxel size, …). A changed
-source or another layer is therefore another file, and a file that is there is the right one: it is never half written, because the
-compressor renames it into place when it is whole.
+source or another layer therefore has another file, and an existing file is always valid: it is never half written, because the
+compressor renames it into place when it is complete.
 """
 
 import hashlib
@@ -16,7 +16,7 @@ import tempfile
 
 
 def is_compressed(path):
-    """Whether a file is of the compressed form already."""
+    """Whether a file is already in the compressed form."""
     with open(path, "rb") as file:
         return file.read(6) == b"PUMICE" or os.path.splitext(path)[1].lower() == ".pumice"
 
@@ -43,12 +43,12 @@ def candidates(source, choice, user_folder, beside=True):
 
 
 def existing(paths):
-    """The first of the paths that is there; None without one."""
+    """The first of the paths that exists; None if none does."""
     return next((path for path in paths if os.path.isfile(path)), None)
 
 
 def writable(paths):
-    """The first of the paths whose folder takes a file; raises OSError where none does."""
+    """The first of the paths whose folder is writable; raises OSError if none is."""
     problem = None
     for path in paths:
         try:
@@ -61,7 +61,7 @@ def writable(paths):
 
 
 def _state(source):
-    """Size and time of change of a file, or of every file in a folder."""
+    """Size and modification time of a file, or of every file in a folder."""
     if not os.path.isdir(source):
         status = os.stat(source)
         return [status.st_size, status.st_mtime_ns]

@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What can compute the picture on this machine, as choices for people. Knows no Blender.
+"""The devices of this machine that can compute the picture, as a list of choices. Does not use Blender.
 
-A choice is the text that the compiled module takes as its backend: `auto`, `cpu`, or `vulkan-rt:NAME OF THE DEVICE`. The name is
-kept and not the number: numbers change with what is plugged in. Devices of one name get their numbers all the same.
+A choice is the text that the compiled module takes as its backend: `auto`, `cpu`, or `vulkan-rt:NAME OF THE DEVICE`. It has the name
+and not the number, because numbers change with what is plugged in. Only devices with equal names are told apart by their numbers.
 """
 
 import collections
@@ -20,7 +20,7 @@ KINDS = {
 
 def choices(devices, kept="auto"):
     """(backend, name, description) of each choice, the automatic one first. `devices` as from `pumice.devices()`; a choice that was
-    `kept` from before and is not here any more stays in the list, so that it is seen and can be changed."""
+    `kept` from before and no longer exists stays in the list, so that the user sees it and can change it."""
     usable = [d for d in devices if d["usable"]]
     numbers = collections.defaultdict(set)
     for device in usable:
@@ -41,16 +41,16 @@ def choices(devices, kept="auto"):
 
 
 def sentence(text):
-    """With a capital and no full stop, as Blender writes descriptions."""
+    """The text with a capital first letter and without a full stop, as Blender's descriptions."""
     return text[:1].upper() + text[1:]
 
 
 def short(device):
-    """A device's name without what stands in brackets: drivers add versions and processor types there."""
+    """A device's name without the parts in brackets, in which drivers put versions and processor types."""
     return device.split(" (")[0].strip() or device
 
 
 @functools.cache
 def listed(pumice):
-    """`pumice.devices()`, asked once: it loads every graphics driver of the machine."""
+    """`pumice.devices()`, called only once, because it loads every graphics driver of the machine."""
     return tuple(pumice.devices())

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The render engine PUMICE: hands Blender's calls on.
+"""The render engine PUMICE: forwards Blender's calls.
 
 It defines neither `__init__` nor `__del__` (their signatures differ between Blender 4.2 and 5.0) and keeps no state in itself.
 """

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """File > Export > Pumice Scene: the current frame as the scene's JSON form, for `pumice render`.
 
-It is the very scene that F12 draws: the same samples on the same device give the same pixels. Meshes become PLY files beside it.
+It is exactly the scene that F12 draws: the same samples on the same device give the same pixels. Meshes become PLY files beside it.
 """
 
 import dataclasses
@@ -22,7 +22,7 @@ def parts_to_export(depsgraph):
 
 
 def save(parts, path):
-    """Writes the scene, and a PLY file beside it for each mesh; a mesh that stands in several places is one file."""
+    """Writes the scene, and a PLY file beside it for each mesh; a mesh with several instances is one file."""
     stem = os.path.splitext(os.path.basename(path))[0]
     names, placed = {}, {}
     for key in sorted(parts.meshes):
@@ -47,7 +47,7 @@ class PUMICE_OT_export_scene(bpy.types.Operator, ExportHelper):
 
     def execute(self, context):
         try:
-            # Blender gives no other graph outside a render; what a render hides or shows instead is looked after.
+            # Blender offers only this graph outside a render; `as_rendered` applies the visibility of renders.
             parts, left_out = parts_to_export(context.evaluated_depsgraph_get())
             save(parts, self.filepath)
         except Exception as error:

@@ -1,9 +1,10 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""F12: the scene to the compiled module, the finished picture to Blender's passes.
+"""F12: renders the scene with the compiled module and copies the finished picture to Blender's passes.
 
-The render runs in a thread of its own with the interpreter released; this one asks Blender every few hundredths of a second whether
-the user has cancelled. Pixels reach Blender by `foreach_set`: assigning `rect` takes 1.5 s for a full-HD picture, this 0.02 s.
+The render runs in a thread of its own with the interpreter released; the main thread asks Blender every few hundredths of a second
+whether the user has cancelled. Pixels are copied with `foreach_set`, which takes 0.02 s for a full-HD picture; assigning `rect` takes
+1.5 s.
 
     Combined    RGBA    scene-linear, times coverage
     others      as `passes` lists them; rows from the bottom, as Blender's are
@@ -35,7 +36,7 @@ def parts_of_frame(depsgraph, as_rendered=False, make_mesh=None):
 
 
 def limits(wishes):
-    """When a final render ends: at the first of its limits."""
+    """Limits of a final render, which ends at the first that is reached."""
     return {
         "spp": wishes.samples,
         "seconds": wishes.time_seconds if wishes.use_time else None,
@@ -67,7 +68,7 @@ def render(engine, depsgraph):
         hand_over(engine, depsgraph.view_layer_eval, picture)
         said = passes.metadata(depsgraph.view_layer_eval, picture, pumice.cryptomatte_hash)
         for key, value in said.items():
-            # On what `begin_result` gave it would be lost.
+            # On the result of `begin_result` it would be lost.
             engine.get_result().stamp_data_add_field(key, value)
 
 
@@ -108,7 +109,7 @@ class Work:
         return self.picture
 
     def _fraction(self, point):
-        """How far the nearest of the limits is reached. Error falls with the root of the samples."""
+        """Progress towards the nearest limit, 0 to 1. Error falls with the root of the samples."""
         reached = [point.spp / self.stop["spp"]]
         if self.stop["seconds"]:
             reached.append(point.seconds / self.stop["seconds"])
@@ -118,7 +119,7 @@ class Work:
 
 
 def progress_line(point, stop):
-    """What the user reads while it renders."""
+    """The status text while it renders."""
     said = f"sample {point.spp} of {stop['spp']}"
     if point.error_estimate is not None and math.isfinite(point.error_estimate):
         said += f" · error {overlay.percent(point.error_estimate)}"
@@ -149,7 +150,7 @@ def hand_over(engine, view_layer, picture):
 
 
 def _fill(layer, name, pixels):
-    """Pixels, rows from the top, into a pass."""
+    """Copies pixels, rows from the top, into a pass."""
     target = layer.passes[name]
     flat = np.ascontiguousarray(pixels[::-1], dtype=np.float32).ravel()
     expected = len(target.rect) * target.channels

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What makes a freshly imported volume look good at once: framed, clipped, lit. What the user has made stays as it is.
+"""Frames and lights a freshly imported volume so that it looks good at once. Objects that the user has made are not changed.
 
     the view        frames the object, its clip range reaches around it, Solid mode shows the labels' colours
     the camera      is made where there is none, or moved where it is still Blender's own at startup; its clip range grows if it must
@@ -33,7 +33,7 @@ FILL = 0.92
 
 
 def prepare(context, obj, *, frame_camera=True, light=True):
-    """Does all of it for a new object."""
+    """Sets up view, camera, sun and world for a new object."""
     context.view_layer.update()
     low, high = volume_object.bounds(obj)
     centre, radius = (low + high) / 2.0, max((high - low).length / 2.0, 1e-6)
@@ -46,7 +46,7 @@ def prepare(context, obj, *, frame_camera=True, light=True):
 
 
 def clip_range(distance, radius):
-    """Near and far around a sphere at a distance: generous, and a ratio that Blender's depth buffer can bear."""
+    """Near and far clip distances around a sphere at a distance: generous, but with a ratio that Blender's depth buffer can resolve."""
     far = max(1000.0, 4.0 * (distance + radius))
     return max(far * 1e-6, min(0.1, radius * 1e-2)), far
 
@@ -74,10 +74,10 @@ def _camera(context, obj, centre, radius):
 
 
 def _stand(obj, turn, data, render):
-    """Where a camera that is turned so must stand to see the whole proxy, and no farther: along its own axes.
+    """The nearest position, along its own axes, from which a camera with this rotation sees the whole proxy.
 
-    Each point p sets two planes a side: |p − c across| ≤ t · (c − p back), with t the tangent of half the angle that may be filled. The
-    tightest two of an axis meet where the camera stands best along it; of the two distances back the larger serves both axes.
+    Each point p gives two planes per axis: |p − c across| ≤ t · (c − p back), with t the tangent of half the angle that may be filled. The
+    tightest two of an axis intersect at the camera's best position along it; the larger of the two distances back satisfies both axes.
     """
     local = np.empty(3 * len(obj.data.vertices), dtype=np.float32)
     obj.data.vertices.foreach_get("co", local)
@@ -95,7 +95,7 @@ def _stand(obj, turn, data, render):
 
 
 def _reach(camera, centre, radius):
-    """A camera of the user's own keeps its place; only its far end grows until the object is within."""
+    """A camera of the user's own keeps its place; only its far clip distance grows until it includes the object."""
     if camera.type == "CAMERA":
         distance = (camera.matrix_world.translation - centre).length
         camera.data.clip_end = max(camera.data.clip_end, distance + 2.0 * radius)
@@ -107,7 +107,7 @@ def _sun(context):
     light = bpy.data.lights.new("Pumice Sun", "SUN")
     light.energy, light.color, light.angle = SUN_STRENGTH, SUN_COLOR, math.radians(SUN_ANGLE_DEG)
     sun = bpy.data.objects.new("Pumice Sun", light)
-    # From above and behind the shoulder of who looks.
+    # The light comes from above and behind the shoulder of the viewer.
     toward = _direction()
     right = Vector((0.0, 0.0, 1.0)).cross(toward).normalized()
     source = toward * 0.55 - right * 0.65 + toward.cross(right) * 0.9
@@ -136,7 +136,7 @@ def _world(scene):
 
 
 def _views(context, obj, centre, radius):
-    """All 3D viewports of the window look at the object."""
+    """Makes all 3D viewports of the window frame the object."""
     window = context.window
     if window is None:
         return

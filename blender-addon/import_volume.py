@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""File > Import > Label Volume, and what is dropped on a 3D viewport.
+"""File > Import > Label Volume, also for files dropped on a 3D viewport.
 
 A thread of the compiled module reads and compresses; the operator only watches it. ESC cancels: the thread ends within a moment,
-nothing is written under the final name, no object is made. Called by a script the operator waits instead.
+nothing is written under the final name, and no object is made. If a script calls the operator, it waits until the import is done.
 
     source ──► is its compressed form there? ──yes──► open
                   │no
@@ -30,7 +30,7 @@ PLACEMENTS = (
 
 
 class Opening:
-    """A volume on its way: a thread that compresses or opens, and what came of it. Knows no Blender."""
+    """A volume being opened: a thread that compresses or opens it, and its result. Does not use Blender."""
 
     def __init__(self, source, choice, paths):
         self.source, self.choice, self.paths = source, choice, paths
@@ -56,7 +56,7 @@ class Opening:
             self.stage = "Saving"
             volume.save(target, job=self.job)
             self.volume, self.filepath = volume, target
-        except BaseException as error:  # a thread has nobody to raise to: the operator reads it
+        except BaseException as error:  # an exception cannot leave the thread: the operator reads it here
             self.error = error
 
     @property
@@ -65,7 +65,7 @@ class Opening:
 
 
 class PUMICE_OT_import_volume(bpy.types.Operator, ImportHelper):
-    """Import a label volume: one whole number a voxel"""
+    """Import a label volume, which has one integer per voxel. Takes time and disk space to compress it once"""
 
     bl_idname = "pumice.import_volume"
     bl_label = "Import Label Volume"
@@ -86,26 +86,26 @@ class PUMICE_OT_import_volume(bpy.types.Operator, ImportHelper):
         default=10.0,
         subtype="DISTANCE",
     )
-    placement: EnumProperty(name="Place", description="Where the volume comes to be", items=PLACEMENTS, default="CENTER")
+    placement: EnumProperty(name="Place", description="Where the volume is placed in the scene", items=PLACEMENTS, default="CENTER")
     use_spacing: BoolProperty(
-        name="Own Voxel Size", description="Give the size of a voxel, for files that do not or that are wrong", default=False
+        name="Own Voxel Size", description="Set the size of a voxel, for files that state none or a wrong one", default=False
     )
     spacing: FloatVectorProperty(
         name="Voxel Size", description="Size of a voxel along x, y and z", size=3, min=1e-12, default=(1.0, 1.0, 1.0)
     )
-    layer: IntProperty(name="Layer", description="Which of several layers; -1 where there is one", min=-1, default=-1)
-    time: IntProperty(name="Time Step", description="Which of several time steps; -1 where there is one", min=-1, default=-1)
-    channel: IntProperty(name="Channel", description="Which of several channels; -1 where there is one", min=-1, default=-1)
-    array: StringProperty(name="Array", description="Which of several arrays of the file; empty where there is one", default="")
+    layer: IntProperty(name="Layer", description="Layer to read, if the file has several; -1 if it has one", min=-1, default=-1)
+    time: IntProperty(name="Time Step", description="Time step to read, if the file has several; -1 if it has one", min=-1, default=-1)
+    channel: IntProperty(name="Channel", description="Channel to read, if the file has several; -1 if it has one", min=-1, default=-1)
+    array: StringProperty(name="Array", description="Array to read, if the file has several; empty if it has one", default="")
     use_engine: BoolProperty(
         name="Render with Pumice", description="Set the scene's render engine to Pumice", default=True
     )
     use_light: BoolProperty(
-        name="Light", description="Add a sun and a light sky where the scene has none of its own", default=True
+        name="Light", description="Add a sun and a light sky if the scene has none of its own", default=True
     )
     use_camera: BoolProperty(
         name="Frame Camera",
-        description="Add a camera where there is none, or frame the volume with the one of Blender's startup file",
+        description="Add a camera if there is none, or move the one of Blender's startup file to frame the volume",
         default=True,
     )
 
@@ -158,8 +158,8 @@ class PUMICE_OT_import_volume(bpy.types.Operator, ImportHelper):
         return finished
 
     def cancel(self, context):
-        """Blender ends the operator: a file is loaded, the window is closed."""
-        # Its options may have been cancelled before anything was begun.
+        """Called when Blender ends the operator, because a file is loaded or the window is closed."""
+        # The dialog of options may have been cancelled before anything began.
         if self._opening is not None:
             self._opening.job.cancel()
             self._end(context)
@@ -215,7 +215,7 @@ class PUMICE_OT_import_volume(bpy.types.Operator, ImportHelper):
             self._begin()
 
     def _finish(self, context):
-        """Makes the object of a volume that is open, or says why there is none."""
+        """Makes the object of an opened volume, or reports why there is none."""
         opening = self._opening
         if opening.cancelled:
             self.report({"WARNING"}, f"Cancelled: {os.path.basename(opening.source)} is not imported")

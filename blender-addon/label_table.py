@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The label table of a volume: a mesh that no object shows, one vertex a label, in dense order (ids rising).
+"""The label table of a volume: a mesh that no object shows, with one vertex per label, in dense order (ids rising).
 
     attribute   type          what
     id_low      INT           lower 32 bits of the label's id
@@ -76,7 +76,7 @@ def colors(mesh):
 
 
 def set_visible(mesh, flags):
-    """Says which labels are drawn; the caller tags the object."""
+    """Sets which labels are drawn; the caller tags the object."""
     _write(mesh, "visible", "BOOLEAN", "value", np.asarray(flags, dtype=bool))
 
 
@@ -95,7 +95,7 @@ def names(mesh):
 
 
 def linear_from_srgb(srgb):
-    """IEC 61966-2-1, element by element."""
+    """The sRGB curve of IEC 61966-2-1, element by element."""
     srgb = np.clip(srgb, 0.0, 1.0)
     return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
 

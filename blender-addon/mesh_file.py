@@ -1,14 +1,14 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Triangles as a PLY file, which scene files name. Knows no Blender.
+"""Writes triangles as a PLY file, to which scene files refer. Does not use Blender.
 
     header (text)   ply, format binary_little_endian 1.0, element vertex n: float x y z,
                     element face m: list uchar uint vertex_indices, uint material_index
     n times         3 floats, and 3 more (property float nx ny nz) where the mesh is smooth
     m times         1 byte (3), 3 numbers of 32 bits (corners), 1 number of 32 bits (material)
 
-Blender's coordinates and normals are floats of 32 bits, so nothing is rounded. The file has one normal a corner of the mesh: a corner
-that has several, beside a sharp edge, stands in it once for each.
+Blender's coordinates and normals are 32-bit floats, so nothing is rounded. The file has one normal per vertex: a corner of the mesh
+that has several normals, beside a sharp edge, is written once for each.
 """
 
 import os
@@ -18,8 +18,8 @@ import numpy as np
 
 
 class Arrays(NamedTuple):
-    """What a mesh is made of: corners (n, 3), triangles (m, 3) that name them, material index (m,) of each; normals (m, 3, 3) of the
-    triangles' corners where it is smooth."""
+    """The arrays of a mesh: corners (n, 3), triangles (m, 3) of corner indices, material index (m,) of each; if the mesh is smooth,
+    normals (m, 3, 3) of the triangles' corners."""
 
     positions: np.ndarray
     triangles: np.ndarray
@@ -28,7 +28,7 @@ class Arrays(NamedTuple):
 
 
 def write(path, arrays):
-    """Writes the file, whole or not at all."""
+    """Writes the file, which appears complete or not at all."""
     corners, triangles = np.ascontiguousarray(arrays.positions, dtype="<f4"), arrays.triangles
     axes = "xyz"
     if arrays.normals is not None:

@@ -11,7 +11,7 @@ EDGES = [(a, a | bit) for a in range(8) for bit in (1, 2, 4) if not a & bit]
 
 
 def lines(dims, world_from_index, clip_from_world, size):
-    """Ends of the visible edges of a volume's box, two by two, in pixels of a region of `size`. Matrices are rows."""
+    """End points of the visible edges of a volume's box, in pairs, in pixels of a region of `size`. Matrices are lists of rows."""
     corners = []
     for corner in range(8):
         p = [float(dims[axis]) * (corner >> axis & 1) for axis in range(3)] + [1.0]
@@ -41,7 +41,7 @@ def _times(matrix, p):
 
 
 def _in_front(a, b):
-    """The part of an edge before the eye, in homogeneous coordinates; None where there is none."""
+    """The part of an edge in front of the camera, in homogeneous coordinates; None if there is none."""
     least = 1e-6
     if a[3] < least and b[3] < least:
         return None

@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The compiled module, or why there is none.
+"""Loads the compiled module, or says why it does not load.
 
-The extension registers even where its wheel does not load (a platform without one, a damaged installation), so that the user
+The extension registers even if its wheel does not load (a platform without one, a damaged installation), so that the user
 reads a reason instead of a traceback.
 """
 

@@ -1,15 +1,15 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The line over the viewport's picture: what draws it, how far it is, what it is worth.
+"""The line over the viewport's picture: backend, samples, estimated error and time.
 
-    vulkan-rt on Radeon · 64 samples · error 2.1 % · 3.4 s        and after it, what stands in the way
+    vulkan-rt on Radeon · 64 samples · error 2.1 % · 3.4 s        followed by problems, if any
 """
 
 from . import devices
 
 
 def percent(error):
-    """A relative error for people: two digits, and no more than they can use."""
+    """A relative error as text for users, with at most two digits."""
     return f"{100.0 * error:.2g} %" if error >= 1e-4 else "below 0.01 %"
 
 
@@ -38,7 +38,7 @@ def line(status, frame, notes):
 
 
 def drawn_by(status):
-    """Backend and device; the processor is known."""
+    """Backend and device; for the processor only the backend."""
     if status.backend == "cpu":
         return "cpu"
     return f"{status.backend} on {devices.short(status.device)}"

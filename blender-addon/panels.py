@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the user sees: the scene's settings, a volume's facts, what is not drawn, and those of Blender's own panels that hold here."""
+"""The panels: settings of the scene, facts of a volume, what is not drawn, and those of Blender's own panels that apply to Pumice."""
 
 import bpy
 
@@ -8,7 +8,7 @@ from . import native, passes, preferences, scene_reader
 from .properties import is_volume
 from .sync import cuts, drawn, lights, materials, meshes, world
 
-# Panels that Blender shows for its own engine and that mean nothing here.
+# Panels that Blender shows for its own engine and that have no meaning for Pumice.
 NOT_OURS = {
     "RENDER_PT_color_management_curves",
     "RENDER_PT_simplify",
@@ -37,7 +37,7 @@ class _OfScene:
 
 
 class PUMICE_RENDER_PT_state(_OfScene, bpy.types.Panel):
-    """What stands in the way of the picture that the user expects."""
+    """Problems that keep the user from the expected picture."""
 
     bl_label = "Not Drawn"
     bl_order = 0
@@ -53,7 +53,7 @@ class PUMICE_RENDER_PT_state(_OfScene, bpy.types.Panel):
 
 
 class PUMICE_RENDER_PT_sampling(_OfScene, bpy.types.Panel):
-    """How long a picture is computed."""
+    """Panel: samples, error and time limits."""
 
     bl_label = "Sampling"
     bl_order = 1
@@ -85,7 +85,7 @@ class PUMICE_RENDER_PT_sampling(_OfScene, bpy.types.Panel):
 
 
 class PUMICE_RENDER_PT_light(_OfScene, bpy.types.Panel):
-    """Which light is counted."""
+    """Panel: which light the picture shows."""
 
     bl_label = "Light Paths"
     bl_order = 2
@@ -110,7 +110,7 @@ class PUMICE_RENDER_PT_light(_OfScene, bpy.types.Panel):
 
 
 class PUMICE_RENDER_PT_performance(_OfScene, bpy.types.Panel):
-    """What computes, and how finely."""
+    """Panel: device and level of detail."""
 
     bl_label = "Performance"
     bl_order = 3
@@ -130,7 +130,7 @@ class PUMICE_RENDER_PT_performance(_OfScene, bpy.types.Panel):
 
 
 class PUMICE_VIEWLAYER_PT_passes(_OfScene, bpy.types.Panel):
-    """What a render gives beside the picture."""
+    """Panel: the passes of a render."""
 
     bl_label = "Passes"
     bl_context = "view_layer"
@@ -147,7 +147,7 @@ class PUMICE_VIEWLAYER_PT_passes(_OfScene, bpy.types.Panel):
 
 
 class PUMICE_OBJECT_PT_volume(bpy.types.Panel):
-    """Facts of a volume; the object shows them whatever the engine is."""
+    """Panel: facts of a volume, shown with every render engine."""
 
     bl_label = "Pumice Volume"
     bl_space_type = "PROPERTIES"
@@ -174,7 +174,7 @@ class PUMICE_OBJECT_PT_volume(bpy.types.Panel):
 
 
 class PUMICE_OBJECT_PT_cut(_OfScene, bpy.types.Panel):
-    """Whether an object cuts volumes open, and whether it catches shadows."""
+    """Panel: whether an object cuts volumes, and whether it is a shadow catcher."""
 
     bl_label = "Pumice"
     bl_context = "object"
@@ -196,7 +196,7 @@ class PUMICE_OBJECT_PT_cut(_OfScene, bpy.types.Panel):
 
 
 class PUMICE_MATERIAL_PT_labels(_OfScene, bpy.types.Panel):
-    """How a material dresses labels."""
+    """Panel: how a material applies to labels."""
 
     bl_label = "Pumice Labels"
     bl_context = "material"
@@ -211,7 +211,7 @@ class PUMICE_MATERIAL_PT_labels(_OfScene, bpy.types.Panel):
 
 
 def not_drawn(scene, view_layer):
-    """A line for each thing in a scene and its view layer that Pumice leaves out."""
+    """One line for each thing in a scene and its view layer that Pumice does not draw."""
     if native.MISSING:
         return [native.MISSING]
     lines = scene_reader.render_warnings(scene, view_layer) + world.read(scene.world)[1]

@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which passes there are: one list for what a view layer offers, what Blender is told of, what a render asks for and what it hands over.
+"""The list of passes, used for what a view layer offers, what is registered with Blender, what a render requests and what it returns.
 
     ours                the name in `film.passes` of the scene and in `Picture.passes`
-    Blender's           as Cycles names it, so that compositor set-ups fit either; Blender 5.0 wrote the short names out
+    Blender's           the name in Cycles, so that compositor set-ups fit both engines; Blender 5.0 replaced the short names by long ones
     where it is chosen  a property of the view layer: Blender's own, or one of `view_layer.pumice`
 """
 
@@ -21,7 +21,7 @@ LARGEST_EXACT_LABEL = 1 << 24
 
 
 class Pass(NamedTuple):
-    """One pass: our name, Blender's, its name before Blender 5.0, its channels, its kind, and where it is chosen."""
+    """One pass: Pumice's name, Blender's, its name before Blender 5.0, its channels, its kind, and where it is chosen."""
 
     ours: str
     name: str
@@ -36,11 +36,11 @@ class Pass(NamedTuple):
         return self.name if bpy.app.version >= (5, 0, 0) else self.short
 
     def owner(self, view_layer):
-        """What has the property."""
+        """The data block that has the property."""
         return view_layer if self.chosen in view_layer.bl_rna.properties else view_layer.pumice
 
     def is_wanted(self, view_layer):
-        """Whether a view layer has it."""
+        """Whether a view layer asks for the pass."""
         return self.ours in drawn.PASSES and getattr(self.owner(view_layer), self.chosen)
 
     @property
@@ -49,14 +49,14 @@ class Pass(NamedTuple):
         return self.channels == "rgba"
 
     def names(self, view_layer):
-        """What Blender knows it by: one name, or one a layer."""
+        """Its names in Blender: one, or one for each layer of Cryptomatte."""
         if not self.is_matte:
             return [self.in_blender]
         return [f"{self.in_blender}{number:02}" for number in range(ranks(view_layer) // 2)]
 
     def pixels(self, picture):
-        """What Blender gets of it, rows from the top, for each of its names; none where the picture has it not. Raises Refused where
-        a label is too large."""
+        """The pixels for each of its names, rows from the top; empty if the picture does not have the pass. Raises Refused if a label is
+        too large."""
         found = picture.passes.get(self.ours)
         if found is None:
             return []
@@ -102,12 +102,12 @@ TABLE = (
 
 
 def ranks(view_layer):
-    """How many labels of a pixel Cryptomatte tells of: whole layers of two, as Cycles makes them."""
+    """Number of labels per pixel in Cryptomatte: whole layers of two, as in Cycles."""
     return 2 * ((min(16, view_layer.pass_cryptomatte_depth) + 1) // 2)
 
 
 def metadata(view_layer, picture, hash_of):
-    """What a render says of its mattes, by key, for the compositor and for files: Cryptomatte's specification 1.2.0."""
+    """Metadata of the mattes of a render, by key, for the compositor and for files: Cryptomatte's specification 1.2.0."""
     said = {}
     for one in wanted(view_layer):
         if one.is_matte and one.ours in picture.passes:
@@ -122,7 +122,7 @@ def metadata(view_layer, picture, hash_of):
 
 
 def wanted(view_layer):
-    """The passes of a view layer beside Combined."""
+    """The passes of a view layer except Combined."""
     return [one for one in TABLE if one.is_wanted(view_layer)]
 
 
@@ -135,5 +135,5 @@ def registered(view_layer):
 
 
 def asked_for(view_layer):
-    """Names for `film.passes`; None where the picture has them unasked."""
+    """The name for `film.passes`; None if every picture has the pass."""
     return sorted({one.ours for one in wanted(view_layer)}) if drawn.PASSES_ASKED else None

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A frame on the screen: uploaded once for each serial, drawn over the whole region.
+"""Draws a frame over the whole region; each frame is uploaded once, by its serial.
 
 A coarse frame has fewer pixels than the region and is stretched. Frames are scene-linear; Blender's viewport applies the view transform.
 """

@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Settings of the machine and not of a file: which device computes, as Cycles has it.
+"""Settings of the machine and not of a file: which device computes, as in Cycles' preferences.
 
-Blender keeps a choice of a list that is made at run time as a number, which another list would read as another device. The choice is
-therefore kept as text, and the list shows it.
+Blender stores the choice from a list that is built at run time as a number, which means another device in another list. The choice is
+therefore stored as text, and the list shows it.
 """
 
 import bpy
@@ -11,7 +11,7 @@ from bpy.props import EnumProperty, StringProperty
 
 from . import devices, native
 
-# Blender does not keep the texts of a list made at run time alive.
+# Blender does not keep the texts of a list built at run time alive.
 _items = []
 # Called when the choice has changed.
 changed = []
@@ -41,14 +41,14 @@ def _tell(_preferences, _context):
 
 
 class PumicePreferences(bpy.types.AddonPreferences):
-    """What the extension remembers for all files."""
+    """Settings of the extension for all files."""
 
     bl_idname = __package__
 
     backend: StringProperty(name="Backend", default="auto", update=_tell)
     device: EnumProperty(
         name="Device",
-        description="What computes the picture of scenes whose device is Automatic",
+        description="Device that computes the picture of scenes whose device is Automatic",
         items=_list,
         get=_get,
         set=_set,

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What Pumice keeps in Blender's data: settings of the scene, of a view layer, of a volume object, of a material.
+"""Properties that Pumice adds to Blender's data: settings of the scene, of a view layer, of a volume object, of a material.
 
 A label never gets a property group: tables of 100,000 labels live in mesh attributes, see `label_table`.
 """
@@ -18,7 +18,7 @@ from bpy.props import (
 )
 
 BACKENDS = (
-    ("AUTO", "Automatic", "What the extension's preferences name; by themselves, the best graphics processor", 0),
+    ("AUTO", "Automatic", "The device chosen in the extension's preferences; by default the best graphics processor", 0),
     ("CPU", "Processor", "The path tracer for the processor: runs everywhere", 1),
 )
 MODES = (
@@ -28,35 +28,35 @@ MODES = (
 )
 CUTS = (
     ("NONE", "None", "The object cuts nothing", 0),
-    ("PLANE", "Plane", "Takes away what the object's own +Z points to. Cheap", 1),
-    ("BOX", "Box", "Takes away what is in the empty's cube, or in the mesh's bounding box. Cheap", 2),
+    ("PLANE", "Plane", "Removes the side of the object that its own +Z axis points to. Costs little", 1),
+    ("BOX", "Box", "Removes what is inside the empty's cube, or inside the mesh's bounding box. Costs little", 2),
 )
 LODS = (
     ("VOXELS", "Voxels", "Every voxel, exactly", 0),
     ("CELLS", "Cells of 4³", "Coarser and faster", 1),
     ("BOXES", "Boxes", "Boxes of up to 16³ voxels: a blocking draft", 2),
-    ("DISTANCE", "By Distance", "As fine as the picture's pixels need", 3),
+    ("DISTANCE", "By Distance", "Chosen for each box by its size in pixels", 3),
 )
 
 
 def _tag(settings, _context):
-    """Has Blender pass the change on: it does so by itself for changes in its panels, not for those of scripts."""
+    """Tags the data as changed: Blender does this itself for changes in its panels, but not for those of scripts."""
     settings.id_data.update_tag()
 
 
 class PumiceSceneSettings(bpy.types.PropertyGroup):
-    """How the picture is computed."""
+    """Settings of the renderer, stored in the scene."""
 
     samples: IntProperty(
         name="Samples",
-        description="Samples of each pixel in a final render. Halving the noise takes four times as many",
+        description="Samples per pixel in a final render. Halving the noise takes four times as many",
         min=1,
         max=1 << 24,
         default=128,
     )
     viewport_samples: IntProperty(
         name="Viewport Samples",
-        description="Samples of each pixel after which the viewport rests",
+        description="Samples per pixel after which the viewport stops refining",
         min=1,
         max=1 << 24,
         default=256,
@@ -64,14 +64,14 @@ class PumiceSceneSettings(bpy.types.PropertyGroup):
     use_viewport_denoise: BoolProperty(
         name="Denoise Viewport",
         description=(
-            "Filter the noise of the viewport's picture until it is done. Edges stay, fine shadows may blur. "
-            "The finished picture, and every render, is what was sampled"
+            "Filter noise from the viewport's picture until it is done. Edges stay, fine shadows may blur. "
+            "The finished picture and final renders are never filtered"
         ),
         default=False,
     )
     use_error: BoolProperty(
         name="Error Target",
-        description="End a render when its estimated relative error is as low as set here",
+        description="End a render, also in the viewport, when its estimated relative error is at most the value below",
         default=False,
     )
     error_percent: FloatProperty(
@@ -82,7 +82,7 @@ class PumiceSceneSettings(bpy.types.PropertyGroup):
         default=2.0,
         subtype="PERCENTAGE",
     )
-    use_time: BoolProperty(name="Time Limit", description="End a final render after some time", default=False)
+    use_time: BoolProperty(name="Time Limit", description="End a final render after a number of seconds", default=False)
     time_seconds: FloatProperty(
         name="Seconds",
         description="Seconds of sampling after which a final render ends",
@@ -90,10 +90,10 @@ class PumiceSceneSettings(bpy.types.PropertyGroup):
         soft_max=3600.0,
         default=60.0,
     )
-    mode: EnumProperty(name="Light", description="Which light is counted", items=MODES, default="PATH")
+    mode: EnumProperty(name="Light", description="Which light the picture shows", items=MODES, default="PATH")
     bounces: IntProperty(
         name="Bounces",
-        description="Times that light is passed on from surface to surface",
+        description="Maximum number of bounces of light from surface to surface, as in Cycles",
         min=0,
         max=1 << 20,
         soft_max=64,
@@ -102,8 +102,8 @@ class PumiceSceneSettings(bpy.types.PropertyGroup):
     clamp_direct: FloatProperty(
         name="Direct Light",
         description=(
-            "Most that light at the first surface may add to a sample, as in Cycles; 0 is no limit. "
-            "Takes bright specks away, and light with them"
+            "Limit for the light that the first surface may add to a sample, as in Cycles; 0 is no limit. "
+            "Removes bright specks, and makes the picture darker"
         ),
         min=0.0,
         soft_max=100.0,
@@ -112,8 +112,8 @@ class PumiceSceneSettings(bpy.types.PropertyGroup):
     clamp_indirect: FloatProperty(
         name="Indirect Light",
         description=(
-            "Most that light after further bounces may add to a sample, as in Cycles, whose default is 10; 0 is no limit. "
-            "Takes bright specks away, and light with them"
+            "Limit for the light that further bounces may add to a sample, as in Cycles, whose default is 10; 0 is no limit. "
+            "Removes bright specks, and makes the picture darker"
         ),
         min=0.0,
         soft_max=100.0,
@@ -121,12 +121,12 @@ class PumiceSceneSettings(bpy.types.PropertyGroup):
     )
     use_adaptive: BoolProperty(
         name="Noise Threshold",
-        description="Pixels that are good enough get no more samples. Renders sooner; the picture is then a little biased",
+        description="Stop sampling pixels with little noise. Renders faster, but the picture is slightly biased",
         default=False,
     )
     adaptive_threshold: FloatProperty(
         name="Noise Threshold",
-        description="Estimated relative error of a pixel below which it rests",
+        description="Estimated relative error below which a pixel gets no more samples",
         min=1e-4,
         max=1.0,
         precision=4,
@@ -134,7 +134,7 @@ class PumiceSceneSettings(bpy.types.PropertyGroup):
     )
     adaptive_min_samples: IntProperty(
         name="Min Samples",
-        description="Samples that every pixel gets before it may rest. With few, small bright things are missed",
+        description="Minimum samples per pixel with a noise threshold. With few, small bright details may be missed",
         min=4,
         max=4096,
         default=16,
@@ -142,40 +142,40 @@ class PumiceSceneSettings(bpy.types.PropertyGroup):
     smooth_voxels: BoolProperty(
         name="Smooth Voxels",
         description=(
-            "Shades voxels by the direction in which their label falls off instead of by their flat faces. "
-            "Costs some look-ups at each hit; shapes stay blocks"
+            "Shade voxels with smooth normals, from the shape of their label nearby, instead of as flat faces. "
+            "Costs some look-ups at each hit; outlines stay blocky"
         ),
         default=False,
     )
     use_ao_distance: BoolProperty(
-        name="Limit Reach", description="Ambient occlusion looks only so far", default=False
+        name="Limit Reach", description="Limit the distance over which ambient occlusion darkens", default=False
     )
     ao_distance: FloatProperty(
-        name="Reach", description="Reach of ambient occlusion", min=1e-6, default=2.0, subtype="DISTANCE"
+        name="Reach", description="Distance within which surfaces occlude each other", min=1e-6, default=2.0, subtype="DISTANCE"
     )
-    lod: EnumProperty(name="Detail", description="What is traced", items=LODS, default="VOXELS")
+    lod: EnumProperty(name="Detail", description="Finest element that is traced", items=LODS, default="VOXELS")
     lod_pixels: FloatProperty(
         name="Pixels",
-        description="An element that spans at most so many pixels may stand for the finer ones in it",
+        description="Largest size in pixels of an element that is drawn instead of the finer ones inside it. More is faster and coarser",
         min=0.01,
         soft_max=16.0,
         default=1.0,
     )
     seed: IntProperty(
-        name="Seed", description="Every random number follows from it: same seed, same picture", min=0, default=0
+        name="Seed", description="Seed of the random numbers: the same seed gives the same picture", min=0, default=0
     )
     filter_pixels: FloatProperty(
         name="Filter Width",
-        description="Reach of the Blackman-Harris pixel filter, as in Cycles: 1.5 spans three pixels",
+        description="Radius of the Blackman-Harris pixel filter, as in Cycles: 1.5 spans three pixels",
         min=0.01,
         max=8.0,
         default=1.5,
     )
-    backend: EnumProperty(name="Device", description="What computes the picture", items=BACKENDS, default="AUTO")
+    backend: EnumProperty(name="Device", description="Device that computes the picture", items=BACKENDS, default="AUTO")
 
 
 class PumiceViewLayerSettings(bpy.types.PropertyGroup):
-    """Which passes a view layer gets beside Blender's own."""
+    """Passes that a view layer gets in addition to Blender's own."""
 
     use_pass_label: BoolProperty(
         name="Label",
@@ -193,32 +193,32 @@ class PumiceViewLayerSettings(bpy.types.PropertyGroup):
     use_pass_shadow_catcher: BoolProperty(
         name="Shadow Catcher",
         description=(
-            "What is left of the light of shadow catchers, to multiply a background with; "
-            "Combined then has no shadows of theirs, and is to be laid over it"
+            "Light that shadow catchers keep in the shadows on them: multiply a background by it, then put Combined over it. "
+            "Combined then has no caught shadows"
         ),
         default=False,
     )
     use_pass_variance: BoolProperty(
-        name="Variance", description="Estimated variance of the picture, each channel", default=False
+        name="Variance", description="Estimated variance of the picture, per channel", default=False
     )
     use_pass_samples: BoolProperty(
-        name="Sample Count", description="Samples that each pixel got: fewer where a noise threshold ended them", default=False
+        name="Sample Count", description="Samples that each pixel got: fewer where the noise threshold was reached", default=False
     )
 
 
 class PumiceMaterialSettings(bpy.types.PropertyGroup):
-    """How a material dresses a volume."""
+    """How a material applies to the labels of a volume."""
 
     colors_by_label: BoolProperty(
         name="Colors by Label",
-        description="Labels that touch get different base colors; off, all have the Principled BSDF's",
+        description="Give labels that touch different base colors. If off, all have that of the Principled BSDF",
         default=False,
         update=_tag,
     )
 
 
 class PumiceVolumeSettings(bpy.types.PropertyGroup):
-    """What an object knows of its volume, or how it cuts others; an object without `filepath` shows none."""
+    """The volume that an object shows, or how the object cuts others; an object without `filepath` shows no volume."""
 
     filepath: StringProperty(
         name="Volume",
@@ -228,14 +228,14 @@ class PumiceVolumeSettings(bpy.types.PropertyGroup):
         update=_tag,
     )
     source_path: StringProperty(
-        name="Source", description="The file that it was compressed from", subtype="FILE_PATH", default=""
+        name="Source", description="File that the volume was compressed from", subtype="FILE_PATH", default=""
     )
     table: PointerProperty(
-        name="Label Table", description="Mesh whose vertices are the labels, in dense order", type=bpy.types.Mesh
+        name="Label Table", description="Mesh with one vertex for each label, in order of id", type=bpy.types.Mesh
     )
     display_scale: FloatProperty(
         name="Display Scale",
-        description="Blender units for one unit of the file",
+        description="Number of Blender units per unit of the file",
         default=1.0,
         precision=6,
     )
@@ -248,7 +248,7 @@ class PumiceVolumeSettings(bpy.types.PropertyGroup):
     content_hash: StringProperty(name="Content", description="Hash of all voxels and ids", default="")
     cut: EnumProperty(
         name="Cut",
-        description="What the object takes away from all volumes, so that one sees inside; it is not drawn itself",
+        description="Part of space that the object removes from all volumes, to show their inside. The object itself is not drawn",
         items=CUTS,
         default="NONE",
         update=_tag,

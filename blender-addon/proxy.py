@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The coarse shape that stands for a volume in Solid mode: flat faces around the cells that hold anything. Knows no Blender.
+"""The proxy, a coarse shape that represents a volume in Solid mode: flat faces around the non-empty cells. Does not use Blender.
 
-Boxes of the compressed form are laid into a grid of cells (16 voxels a side, or a multiple of it); a face is where a cell that holds
-something meets one that does not. The cell grows by factors of two until there are few enough faces: neighbours merge, and what is
-inside vanishes. A face takes the label whose boxes fill most of its cell's volume.
+Boxes of the compressed form are entered into a grid of cells (16 voxels per side, or a multiple); there is a face wherever a non-empty
+cell meets an empty one. The cell size doubles until there are few enough faces: neighbours merge, and faces inside vanish. A face
+takes the label whose boxes fill most of its cell's volume.
 """
 
 from typing import NamedTuple
@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 MAX_FACES = 20_000
-# 8 bytes a cell, three grids: about 100 MB at most while it is built.
+# 8 bytes per cell, three grids: about 100 MB at most while it is built.
 MAX_CELLS = 4_000_000
 FINEST_CELL_VOXELS = 16
 

@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Volumes that are open in this process, by file, each once however many objects, viewports and renders show it.
+"""The volumes that are open in this process, by file. Each is opened once, however many objects, viewports and renders show it.
 
-Opening takes from milliseconds to seconds, so a thread does it; who needs the volume asks again (`request`) or waits (`wait`).
-A file that changed on disk is another one. Threads only call the compiled module, never Blender.
+Opening takes from milliseconds to seconds, so a thread does it; a caller that needs the volume asks again (`request`) or waits (`wait`).
+A file that changed on disk counts as another one. Threads only call the compiled module, never Blender.
 """
 
 import os
@@ -17,7 +17,7 @@ from .reports import Refused, one_line
 
 
 class Entry:
-    """A volume that is open, on its way, or cannot be opened."""
+    """A volume that is open, is being opened, or cannot be opened."""
 
     def __init__(self, path):
         self.path = path
@@ -30,7 +30,7 @@ class Entry:
     def _open(self):
         try:
             self.volume = native.require().open(self.path, job=self.job)
-        except BaseException as error:  # a thread has nobody to raise to: the asker reads it
+        except BaseException as error:  # an exception cannot leave the thread: the caller reads it here
             self.error = one_line(error)
         finally:
             self.done.set()
@@ -40,7 +40,7 @@ _entries = {}
 
 
 def locate(path):
-    """The system's path of a file that Blender's data name. One that is gone is looked for beside the .blend file: both were moved."""
+    """The absolute path of a file named in Blender's data. A missing file is looked for beside the .blend file, in case both were moved."""
     path = os.path.abspath(bpy.path.abspath(path))
     if not os.path.exists(path) and bpy.data.filepath:
         beside = os.path.join(os.path.dirname(bpy.data.filepath), os.path.basename(path))
@@ -50,7 +50,7 @@ def locate(path):
 
 
 def request(path):
-    """The entry of a file, begun if it is not there; raises Refused where the file is missing."""
+    """The entry of a file; starts opening it if there is none yet. Raises Refused if the file is missing."""
     key = _key(path)
     entry = _entries.get(key)
     if entry is None:
@@ -61,7 +61,7 @@ def request(path):
 
 
 def adopt(path, volume):
-    """Takes a volume that is open already as that of a file."""
+    """Registers a volume that is already open as that of a file."""
     entry = Entry.__new__(Entry)
     entry.path, entry.volume, entry.error = path, volume, None
     entry.job, entry.done = native.require().Job(), threading.Event()
@@ -70,7 +70,7 @@ def adopt(path, volume):
 
 
 def wait(path, cancelled):
-    """The volume of a file; asks `cancelled()` while it waits and gives None when that says so. Raises Refused."""
+    """Waits for the volume of a file; returns None once `cancelled()` returns true. Raises Refused."""
     entry = request(path)
     while not entry.done.wait(0.05):
         if cancelled():

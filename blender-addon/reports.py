@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Errors as one line for the user.
+"""Turns errors into one line for the user.
 
-What a user can cause (a missing file, a scene without a camera) is a `Refused` or an error of the compiled module. Everything else
-is a defect: its traceback goes to the console, and one line with its last place to the user. Neither takes Blender down.
+Errors that a user can cause (a missing file, a scene without a camera) are `Refused` or errors of the compiled module. Everything else
+is a defect: its traceback goes to the console, and the user gets one line with the place where it was raised. Neither crashes Blender.
 """
 
 import traceback
@@ -12,11 +12,11 @@ from . import native
 
 
 class Refused(Exception):
-    """The user asked for what cannot be done; the text is one line that says what and where."""
+    """The user's request cannot be carried out; the text is one line that says what and where."""
 
 
 def one_line(error):
-    """What a user reads of an exception."""
+    """The text of an exception for the user."""
     text = " ".join(str(error).split()) or type(error).__name__
     if _expected(error):
         return text
@@ -26,7 +26,7 @@ def one_line(error):
 
 
 def log(error):
-    """Writes the traceback of a defect to the console; what users cause is not worth one."""
+    """Writes the traceback of a defect to the console; errors that users cause get none."""
     if not _expected(error):
         traceback.print_exception(error)
 

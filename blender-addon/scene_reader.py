@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A whole scene from Blender's dependency graph: the one way to it, for viewport, final render and export alike.
+"""Reads a whole scene from Blender's dependency graph, for viewport, final render and export alike.
 
-That all three read the same is what makes their pictures the same, to the bit where size and samples agree.
+Because all three read the same scene, their pictures are the same, bit for bit where size and samples agree.
 """
 
 import json
@@ -17,14 +17,14 @@ from .sync import camera as camera_math
 from .sync import cuts, drawn, instances, lens, lights, materials, meshes, world
 from .sync.parts import Parts
 
-# What has a surface, and is none of ours.
+# Types of objects that have a surface which Pumice does not draw.
 DRAWN_BY_OTHERS = {"MESH", "CURVE", "CURVES", "SURFACE", "FONT", "META", "POINTCLOUD", "VOLUME", "GREASEPENCIL"}
-# So many objects are named in one line.
+# Most objects that are named in one line.
 MOST_NAMES = 8
 
 
 class Kept:
-    """What is costly to read and stays from one reading to the next: labels' looks, and triangles."""
+    """Cache of data that is costly to read, kept from one reading to the next: styles of labels, and triangles."""
 
     def __init__(self, make_mesh=None):
         self.styles = instances.Styles()
@@ -164,7 +164,7 @@ def final_camera(depsgraph, size, rect):
 
 
 def render_warnings(scene, view_layer):
-    """What a final render of a view layer leaves out, beside the scene's contents."""
+    """One line for each setting of a view layer that a final render ignores."""
     out, render = [], scene.render
     for override, what in (("material_override", "Material Override"), ("world_override", "World Override")):
         if getattr(view_layer, override, None) is not None:
@@ -187,7 +187,7 @@ def _in_view(instance, space):
 
 
 def _in_renders(view_layer):
-    """Names by uid of what a final render has and Pumice reads."""
+    """Names, by uid, of the objects in a final render that Pumice reads."""
     found = {}
 
     def walk(layer):

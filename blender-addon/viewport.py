@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A 3D viewport's picture: one session a viewport, which refines in a thread of the compiled module.
+"""The picture of a 3D viewport: each viewport has one session, which refines in a thread of the compiled module.
 
     Blender                         this module                       session (Rust)
     view_update: scene changed ───► sync: parts, edits ─────────────► edit(…) returns at once
@@ -8,8 +8,8 @@
                                     newest frame to a texture ◄────── latest()
     timer, 60 Hz               ───► poll: serial moved? tag a redraw
 
-Nothing here waits: neither for a frame, nor for a volume's file. Orbiting gives no view_update, so draw compares the camera itself.
-No engine object is kept alive by this: an engine that Blender freed raises ReferenceError in the next poll, and that ends its session.
+Nothing here waits, neither for a frame nor for a volume's file. Orbiting causes no view_update, so draw compares the camera itself.
+This module keeps no engine object alive: an engine that Blender freed raises ReferenceError in the next poll, which ends its session.
 """
 
 import dataclasses
@@ -48,13 +48,13 @@ def close_all():
 
 
 def redraw_all():
-    """Has every viewport read the scene again."""
+    """Makes every viewport read the scene again."""
     for viewport in list(_viewports.values()):
         viewport.tag_update()
 
 
 class Viewport:
-    """What one viewport shows."""
+    """The state of one viewport: its session, its parts and its newest frame."""
 
     def __init__(self, engine, key):
         self.engine = engine
@@ -114,7 +114,7 @@ class Viewport:
     # Between them
 
     def poll(self):
-        """The timer: tags a redraw when there is a new frame; gives the seconds to the next call, None when all is over."""
+        """The timer: tags a redraw when there is a new frame; returns the seconds to the next call, or None to end."""
         if _viewports.get(self.key) is not self:
             return None
         try:
@@ -153,7 +153,7 @@ class Viewport:
     # Inside
 
     def _opened(self, parts):
-        """The parts whose volumes are open, and these; the others are requested and named."""
+        """The parts whose volumes are open, and these volumes; the others are requested, and noted in the line."""
         self._missing, self._undrawn, volumes, ready = [], [], {}, {}
         for key, placed in parts.placed.items():
             try:
@@ -176,7 +176,7 @@ class Viewport:
         return dataclasses.replace(parts, placed=ready), volumes
 
     def _send(self, parts, volumes, wishes):
-        """Brings the session to `parts`: a new one where its limits differ or it failed, edits otherwise."""
+        """Makes the session show `parts`: starts a new one if its limits differ or it failed, otherwise sends edits."""
         limits = {
             "backend": preferences.backend(wishes),
             "spp": wishes.viewport_samples,
@@ -259,7 +259,7 @@ class Viewport:
         return self.session.status.state
 
     def _wake(self):
-        """Polls at full rate again. A timer that already does is left alone: registering anew would put it off at each redraw."""
+        """Polls at full rate again. A timer that already does is left alone: registering it again would delay it at each redraw."""
         if self.active:
             return
         self.active = True
@@ -277,7 +277,7 @@ class Viewport:
 
 
 def view_of(context, depsgraph, engine):
-    """(camera, film) of what a viewport looks at; through a camera with its depth of field."""
+    """(camera, film) of a viewport; in a camera view with the camera's depth of field."""
     scene = depsgraph.scene
     region, view = context.region, context.region_data
     pixel = max(1, engine.get_preview_pixel_size(scene))
@@ -296,7 +296,7 @@ def view_of(context, depsgraph, engine):
 
 
 def _view_state(context):
-    """What tells a moved view from a resting one, cheaply."""
+    """A value that is cheap to compute and changes when the view moves."""
     view, region, space = context.region_data, context.region, context.space_data
     numbers = [value for row in view.view_matrix for value in row]
     numbers += [value for row in view.window_matrix for value in row]

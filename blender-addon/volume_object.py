@@ -1,11 +1,11 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A volume as an object: its matrix carries voxels to the scene, its mesh is the proxy, its labels are a table of attributes.
+"""A volume as an object: its matrix maps voxels to the scene, its mesh is the proxy, and its labels are a table of attributes.
 
     scene ◄── matrix_world = [place] · [display scale] · world_from_index ◄── voxels = mesh coordinates
 
-Blender keeps an object's matrix as location, rotation and scale, which cannot shear. A file whose axes are not at right angles is
-therefore hung below an empty, whose *parent inverse* matrix holds the whole of it.
+Blender stores an object's matrix as location, rotation and scale, which cannot shear. If the axes of a file are not at right angles,
+the object therefore gets an empty as parent, and the *parent inverse* matrix holds the whole transform.
 """
 
 import bpy
@@ -48,7 +48,7 @@ def create(context, volume, *, name, filepath, source_path, longest_side, placem
 
 
 def place(context, obj, scene_from_index):
-    """Gives an object a matrix, whatever it is."""
+    """Gives an object any matrix, also a sheared one."""
     wanted = Matrix([list(row) for row in scene_from_index])
     location, rotation, size = wanted.decompose()
     rebuilt = Matrix.LocRotScale(location, rotation, size)
@@ -86,7 +86,7 @@ def proxy_mesh(name, volume, colors):
 
 
 def material(name):
-    """A material that looks good at once: labels in colours of their own, half matt."""
+    """The default material: automatic label colours, half matt."""
     made = bpy.data.materials.new(name)
     tree = nodes.ensure(made)
     made.pumice.colors_by_label = True

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The scene's camera from Blender's two ways to say what is seen.
+"""Computes the scene's camera from a Blender camera object or from a 3D viewport.
 
 Blender's camera has a lens in millimetres before a sensor; its *fit* says which side of the picture the sensor's size spans. The
 scene's camera has the same fit, and a field of view, a scale and a shift of that side:
@@ -81,7 +81,7 @@ def aperture(*, kind, lens_mm, fstop, focus_distance, blades, rotation_rad, rati
 
 
 def distance_along(world_from_camera, point):
-    """How far a point of the world is from the camera along its view axis, before it or behind."""
+    """Distance of a point of the world from the camera along its view axis, in front of it or behind it."""
     camera = matrix.unit_axes(world_from_camera)
     return abs(sum(camera[r][2] * (camera[r][3] - point[r]) for r in range(3)))
 

@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Objects that cut: an empty or a mesh whose *Cut* is set in its Pumice panel takes a part of space away from all volumes.
+"""Objects that cut: an empty or a mesh whose *Cut* is set in its Pumice panel removes a part of space from all volumes.
 
-    PLANE   what its own +z points to, from its origin on
+    PLANE   the half-space that its own +z axis points to, from its origin on
     BOX     an empty: the cube that it shows (display size on each side of its origin); a mesh: its bounding box
 
 The object itself is not drawn.
@@ -22,7 +22,7 @@ def read(obj, world_from_object):
     """(cut or None, what was left out) of an object that cuts."""
     world = matrix.rows(world_from_object)
     if obj.pumice.cut == "PLANE":
-        # A plane's normal goes by the inverse transpose: the axes across it stay in the plane, whatever the matrix shears.
+        # A plane's normal transforms by the inverse transpose, so that the x and y axes stay in the plane even under shear.
         normal = _cross([row[0] for row in world[:3]], [row[1] for row in world[:3]])
         if sum(n * row[2] for n, row in zip(normal, world)) < 0.0:
             normal = [-n for n in normal]

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which parts of a scene the compiled module draws. What it does not is left out here, with a line that says so."""
+"""Removes the parts of a scene that the compiled module does not draw, and adds a line that says so for each."""
 
 TRANSPARENT = True
 CLAMPS = True

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What to send when a scene has changed: edits of the parts that differ, and of nothing else.
+"""Finds what to send when a scene has changed: edits of the parts that differ, and nothing else.
 
     a part differs                          one edit of that part
     an instance differs                     one edit for each of: place, show, material, auto_color, label_materials
@@ -33,7 +33,7 @@ class Changes:
 
 
 def between(old, new, numbers):
-    """The changes that make `new` of `old`; `numbers` are the instances' by key, as they were sent."""
+    """The changes that turn `old` into `new`; `numbers` are the numbers of the instances by key, as they were sent."""
     changes = Changes()
     for part in SINGLE_PARTS:
         value = getattr(new, part)
@@ -86,7 +86,7 @@ def _of_instance(number, before, after):
 
 
 def changed_rows(before, after):
-    """The rows of `after` that differ from `before`, and None for those that are gone."""
+    """The rows of `after` that differ from `before`, and None for those that were removed."""
     if after is before:
         return {}
     rows = {label: material for label, material in after.items() if before.get(label) != material}

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Volume objects as instances of the scene.
 
-An object's matrix is its `world_from_index` as it stands: its mesh, like the volume, has one unit a voxel. MaterialTable come from the first
-material slot and the label table. The table may be long, so its JSON form is kept and made again only when a byte of it differs.
+An object's matrix is its `world_from_index` unchanged: its mesh, like the volume, has one unit per voxel. The style comes from the first
+material slot and the label table. The table may be long, so its JSON form is cached and rebuilt only when a byte of the table differs.
 """
 
 from .. import label_table, properties
@@ -45,7 +45,7 @@ def is_volume(obj):
 
 
 def _bytes(table):
-    """What of the table reaches the scene; None without one."""
+    """The columns of the label table that affect the scene; None without a table."""
     if table is None:
         return None
     parts = (label_table.visible(table), label_table.own_color(table), label_table.colors(table))

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a Blender camera object says: its lens for a render, its depth of field for a render and for a viewport that looks through it."""
+"""Reads a Blender camera object: its lens for a render, and its depth of field for a render and for a viewport in camera view."""
 
 from ..reports import Refused
 from . import camera as camera_math
@@ -23,14 +23,14 @@ def read(obj, depsgraph=None):
 
 
 def require_flat(obj):
-    """The camera's data; raises Refused for what is no flat picture."""
+    """The camera's data; raises Refused for a panoramic camera."""
     if obj.data.type not in {"PERSP", "ORTHO"}:
         raise Refused(f"Camera {obj.name}: panoramas are not drawn; set its type to Perspective or Orthographic")
     return obj.data
 
 
 def aperture(obj, depsgraph=None):
-    """The scene's aperture of a camera object; None where all is sharp. `depsgraph` tells where the focus object is in the frame."""
+    """The scene's aperture of a camera object; None if everything is sharp. `depsgraph` gives the position of the focus object."""
     dof = obj.data.dof
     if not dof.use_dof:
         return None

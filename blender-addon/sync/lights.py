@@ -9,7 +9,7 @@
     size of an area light, scaled by its object       size, and the matrix as it is
     radius of a point or spot light                   radius; as in Cycles, its object's scale does not matter
 
-With Normalize off Cycles takes the area of a ball as 4πr² (4 where r is 0), of a sun of angle a as π sin²(a/2) (1 where a is 0).
+With Normalize off Cycles takes the area of a sphere as 4πr² (4 if r is 0), and of a sun of angle a as π sin²(a/2) (1 if a is 0).
 """
 
 import math
@@ -23,7 +23,7 @@ def read(obj, world_from_light):
     """(part, value, what was left out) of a light object: part is `suns` or `lights`, None where it gives no light."""
     light = obj.data
     lamp = _Lamp(obj, matrix.rows(world_from_light))
-    # A portal of Cycles sends out no light: it tells where to look for the sky's, which changes the noise alone.
+    # A light portal of Cycles emits no light: it guides the sampling of the sky, which changes only the noise.
     if light.type == "AREA" and getattr(getattr(light, "cycles", None), "is_portal", False):
         return None, None, []
     part, value = (lamp.sun() if light.type == "SUN" else lamp.lamp())
@@ -70,7 +70,7 @@ class _Lamp:
         if getattr(light, "use_temperature", False):
             color = [c * max(0.0, float(t)) for c, t in zip(color, light.temperature_color)]
         strength = max(0.0, float(light.energy)) * 2.0 ** float(getattr(light, "exposure", 0.0))
-        # A light may leave its nodes unused, in 5.0 too.
+        # A light may have unused nodes, also in Blender 5.0.
         if light.use_nodes and light.node_tree is not None:
             factor, tint = self._emission()
             strength, color = strength * factor, [c * t for c, t in zip(color, tint)]
@@ -136,7 +136,7 @@ class _Lamp:
         if area < 1e-30 or self._direction() is None:
             self.leave_out("an area of 0 gives no light; it is left out")
             return None, area
-        # How long z is does not matter, only that the matrix can be inverted.
+        # The length of z does not matter, but the matrix must be invertible.
         shape = {
             "world_from_light": matrix.twelve(matrix.unit_axes(world, only=2)),
             "outline": outline,

@@ -1,14 +1,14 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A material of the scene from the shader that reaches a Blender material's output.
+"""Reads a material of the scene from the shader that is linked to the output of a Blender material.
 
     Principled BSDF                 its inputs, see `principled`
     another shader by itself        where the Principled BSDF can say the same, see `simple_shaders`
     no nodes (before Blender 5.0)   the viewport's color, metallic and roughness
     anything else                   the plain material, with a line that says so
 
-An input that is linked counts with its own value and is named, unless what is linked is one constant. Fields that have their default
-are not written: a figure has 10⁵ materials.
+A linked input is read as its own unlinked value and reported, unless the linked node is a constant. Fields with their default value are
+not written, because a figure has 10⁵ materials.
 """
 
 from . import nodes, principled, simple_shaders
@@ -26,7 +26,7 @@ def read(material, of_labels=True):
 
 
 class Dresses:
-    """Materials of meshes, each read once however many objects wear it; good for one reading of a scene."""
+    """Materials of meshes, each read once however many objects use it; valid for one reading of a scene."""
 
     def __init__(self):
         self._read = {}

@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Matrices between Blender (rows of four) and the scene (twelve numbers: x column, y column, z column, translation).
+"""Converts matrices between Blender (rows of four) and the scene (twelve numbers: x column, y column, z column, translation).
 
-Plain lists of rows, in double precision: Blender's own are single, and a window matrix is worth inverting exactly.
+They are plain lists of rows in double precision: Blender's own are in single precision, too little to invert a window matrix.
 """
 
 

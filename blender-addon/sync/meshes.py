@@ -1,14 +1,14 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Ordinary objects as triangle meshes of the scene: meshes, curves, surfaces, texts, metaballs, with their modifiers.
+"""Converts ordinary objects to triangle meshes of the scene: meshes, curves, surfaces, texts, metaballs, with their modifiers.
 
-    geometry    evaluated triangles, and where they are smooth the normals of their corners, read once and kept until Blender says
-                that they changed; objects that share data share it
+    geometry    evaluated triangles, and the normals of their corners where they are smooth, read once and kept until Blender reports
+                a change; objects that share data share it
     place       the instance's matrix
     materials   of the object's slots, in order: a triangle names its slot
 
-Reading triangles is what costs, so `Geometries` keeps them. The dependency graph tells what changed: a moved camera or object, and a
-new colour, read none.
+Reading triangles is expensive, so `Geometries` caches them. The dependency graph says what has changed: after a moved camera or object,
+or a new colour, no triangles are read.
 """
 
 from typing import NamedTuple
@@ -34,7 +34,7 @@ class Geometry(NamedTuple):
 
 
 class Geometries:
-    """Triangles by what they are of."""
+    """Cache of triangles, by the key of the object or data that they belong to."""
 
     def __init__(self, make=None):
         """`make` takes corners, triangles, material indices and, where the mesh is smooth, `normals` of the triangles' corners; by
@@ -61,7 +61,7 @@ class Geometries:
         key, stamp = _key(obj), (obj.data.as_pointer(), obj.data.session_uid)
         self._seen.add(key)
         kept = self._kept.get(key)
-        # An evaluated mesh that was made anew is another one, whether the graph's updates were seen or not.
+        # An evaluated mesh that Blender rebuilt counts as another one, even if this module missed the update of the graph.
         if kept is None or kept[0] != stamp:
             self.reads += 1
             kept = self._kept[key] = (stamp, _read(obj, self._make))
@@ -89,7 +89,7 @@ def placed(obj, world_from_mesh, geometries, dresses):
 
 
 def left_out_of(obj):
-    """Lines about what an object has and is not drawn; its materials have their own."""
+    """One line for each property of an object that is not drawn; its materials have their own lines."""
     owner, left_out = f"Object {obj.name}", []
     if obj.is_shadow_catcher and not drawn.SHADOW_CATCHER:
         left_out.append(f"{owner}: Shadow Catcher is drawn as an ordinary object")
@@ -103,10 +103,10 @@ def left_out_of(obj):
 
 
 def _key(obj):
-    """What triangles are of: of the object's own where modifiers or another kind of data make them, else of the data.
+    """The key of an object's triangles: by object if modifiers or another kind of data make them, otherwise by data.
 
-    Numbers are those of the originals: evaluated data have other ones, or none. The address tells apart what one object gives several
-    of (instances of geometry nodes); it holds for as long as nothing changes.
+    The uids are those of the originals, because evaluated data have others, or none. The address distinguishes several meshes of one
+    object (instances of geometry nodes); it is valid as long as nothing changes.
     """
     if obj.original.type != "MESH" or len(obj.modifiers) > 0 or obj.mode == "EDIT":
         return (obj.original.session_uid, obj.data.as_pointer())

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Node trees of materials, worlds and lights: which there is, which shader reaches its output, and what an input's value is."""
+"""Node trees of materials, worlds and lights: finds the tree in use, the shader linked to its output, and the value of an input."""
 
 import bpy
 
@@ -39,7 +39,7 @@ def source(socket):
 
 
 def value(socket):
-    """(value of an input, whether that is all): a node of one constant is read, any other link leaves the input's own value."""
+    """(value of an input, whether it is exact): a linked constant is read; for any other link the input's own value is returned."""
     node = source(socket)
     if node is None:
         return socket.default_value, True

@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A scene in the parts that change one by one.
+"""A scene divided into the parts that can change separately.
 
-Each part is a value of the scene's JSON form, so that two are compared with `==`. Instances are kept by a key that stays the same
-while Blender's object does; the number that the scene knows them by is given when the scene is written or sent.
+Each part is a value of the scene's JSON form, so that parts are compared with `==`. Instances have a key that stays the same as long as
+Blender's object exists; their id in the scene is assigned when the scene is written or sent.
 """
 
 from dataclasses import dataclass, field
@@ -62,7 +62,7 @@ class PlacedMesh:
 
 @dataclass(frozen=True)
 class Parts:
-    """All that is drawn."""
+    """All parts of a scene."""
 
     camera: dict
     film: dict

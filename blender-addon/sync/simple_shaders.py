@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Shaders that stand alone before a material's output, as the Principled BSDF says the same.
+"""Reads single shaders linked to a material's output, expressed as a Principled BSDF.
 
     Diffuse              base color, no specular layer: bit for bit the same in Cycles
     Emission             that emission on black
@@ -10,14 +10,14 @@
     Glossy, white        metallic 1: the Fresnel term of a white metal is 1 at every angle
     Sheen (microfiber)   sheen 1 on black
 
-A coloured Glossy or Glass has no Fresnel term of the Principled kind; what is drawn comes near and is named.
+A coloured Glossy or Glass has no Fresnel term of the Principled kind; an approximation is drawn, and a line says so.
 """
 
 from . import principled
 
 
 def black(surface):
-    """A surface that swallows all light."""
+    """A black surface that absorbs all light."""
     surface.set("base_color", [0.0, 0.0, 0.0])
     surface.set("roughness", 1.0)
     surface.set("specular", 0.0)

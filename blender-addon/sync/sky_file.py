@@ -1,14 +1,15 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""An image of Blender's as the OpenEXR file that the scene names.
+"""Provides an image of Blender as an OpenEXR file for the scene.
 
     an .exr file that is linear Rec. 709 already                  itself
     other files and packed images (.hdr, .png, other spaces)      written once as OpenEXR into the extension's folder `skies`
 
-Blender has a float image's pixels scene-linear and a byte image's as they are stored. The file's name is a hash of where the image is
-from, how long that is and when it was changed, so another image is another file. Nothing is read again while these stay.
+Blender gives the pixels of a float image as scene-linear, and those of a byte image as they are stored. The name of the written file is
+a hash of the image's source, its size and its modification time, so another image has another file. While these stay the same, nothing
+is read again.
 
-What is written, without a tile or a second part (OpenEXR file layout, openexr.com/en/latest/OpenEXRFileLayout.html):
+The layout of the written file, with a single part of scan lines (OpenEXR file layout, openexr.com/en/latest/OpenEXRFileLayout.html):
 
     magic, version 2   header: name\\0 type\\0 size value …\\0   offset of each row   rows: y, bytes, B… G… R… as floats
 """
@@ -21,7 +22,7 @@ import bpy
 import numpy as np
 
 LINEAR = {"Linear Rec.709", "Linear", "Non-Color", "Raw"}
-# Written by bands of so many rows, so that no second copy of a large picture is made.
+# The file is written in bands of this many rows, so that a large picture is not copied as a whole.
 BAND_ROWS = 256
 
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A material of the scene while it is read: its fields (docs/scene.md), and what could not be said with them."""
+"""A material of the scene while it is read: its fields (docs/scene.md), and lines about what they cannot express."""
 
 from . import nodes
 
@@ -43,7 +43,7 @@ class Surface:
         if socket is None:
             return None
         value, whole = nodes.value(socket)
-        # Labels have base colours of their own: what is linked there is not looked at.
+        # Labels have base colours of their own, so a link to the base colour is ignored.
         if not whole and not (self.by_label and name in {"Base Color", "Color"}):
             self.leave_out(f"what is linked to {name} is not drawn; its own value is used")
         return value
@@ -63,7 +63,7 @@ class Surface:
             self.fields[field] = value
 
     def set_unit(self, field, value):
-        """Sets a number from 0 to 1: Blender's own fields keep it there, only scripts and drivers can leave it."""
+        """Sets a number from 0 to 1. Blender's own fields keep it in this range; only scripts and drivers can exceed it."""
         self.set(field, clamped(value))
 
     def set_color(self, field, color):
@@ -74,7 +74,8 @@ class Surface:
         self.set(field, [clamped(c) for c in color])
 
     def must_be_plain(self, node, **inputs):
-        """Names inputs that the scene cannot say and that are not at rest: linked, or other than the value given (None: linked)."""
+        """Adds a line for each input that the scene cannot express and that has an effect: it is linked, or differs from the value given
+        (None: only if linked)."""
         for name, rest in inputs.items():
             socket = node.inputs.get(name.replace("_", " "))
             if socket is None or not socket.enabled:
@@ -89,5 +90,5 @@ class Surface:
 
 
 def clamped(value):
-    """Into 0 to 1."""
+    """The value clamped to 0 to 1."""
     return min(1.0, max(0.0, float(value)))

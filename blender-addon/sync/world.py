@@ -4,8 +4,8 @@
 
     Background ◄─ Environment Texture ◄─ Mapping (turned about z) ◄─ Texture Coordinate (Generated or Object)
 
-Cycles looks up where the Mapping carries a direction: the picture turns the other way, but for type TEXTURE, which is the inverse. What
-else a world's nodes can be (skies, mixes, other turns) is not drawn; the line that says so names the node.
+Cycles looks the picture up at the mapped direction, so the picture rotates the opposite way, except for type TEXTURE, which is the
+inverse. Other nodes of a world (skies, mixes, other rotations) are not drawn; a line names the node.
 """
 
 import math
@@ -81,7 +81,7 @@ def _picture(node, strength):
 
 
 def _rotation(node, left_out):
-    """The picture's turn about +z, counter-clockwise seen from above."""
+    """The picture's rotation about +z, counter-clockwise seen from above."""
     total, texture = 0.0, node.texture_mapping
     if any(texture.rotation) or any(texture.translation) or any(s != 1.0 for s in texture.scale):
         left_out.append("World: the Texture Mapping in the node's properties is not drawn")
@@ -89,7 +89,7 @@ def _rotation(node, left_out):
     while source is not None and source.type == "MAPPING" and not source.mute:
         rotation, location, scale = (_three(source, name, left_out) for name in ("Rotation", "Location", "Scale"))
         moved = any(location) and source.vector_type in {"POINT", "TEXTURE"}
-        # How long a direction is does not matter.
+        # The length of a direction does not matter.
         stretched = len(set(scale)) > 1 or scale[0] <= 0.0
         if any(rotation[:2]) or moved or stretched:
             left_out.append("World: of its Mapping only the rotation about Z is drawn")
@@ -111,7 +111,7 @@ def _three(node, name, left_out):
 
 
 def _is_direction(node):
-    """Whether what comes from the Texture Coordinate node at the end of the chain is the direction in the world."""
+    """Whether the Texture Coordinate node at the end of the chain gives the world direction."""
     socket = node.inputs["Vector"]
     while socket.is_linked:
         link = socket.links[0]

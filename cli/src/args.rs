@@ -1,5 +1,5 @@
-//! Every flag of the command, once: its short line, its long text with default, unit and cost. A file a subcommand; those of `pumice
-//! bench` are with the benches, in `pumice-bench`.
+//! The flags of the `pumice` command, one file per subcommand. Each flag has a short help line and, where needed, a longer text with
+//! its default, unit and cost. The flags of `pumice bench` are in the crate `pumice-bench`, beside the benches.
 
 mod compare;
 mod compress;
@@ -25,10 +25,10 @@ pub(crate) use reading::{Axes, Reading};
 pub(crate) use render::{LodArg, Render, RenderMode, ViewArg};
 pub(crate) use verify::Verify;
 
-/// Path traced figures from segmentation volumes that other tools cannot load.
+/// Path trace figures from segmentation volumes that other tools cannot load.
 ///
-/// A segmentation volume has one whole-number label per voxel. Pumice compresses it losslessly to a few per cent, path traces
-/// the compressed form as it is, and writes pictures that carry an estimate of their own error.
+/// A segmentation volume has one integer label per voxel. Pumice compresses it losslessly to a few per cent of its size, path traces
+/// the compressed form directly, and writes pictures that carry an estimate of their own error.
 ///
 /// Begin with `pumice demo`, or with your own file: `pumice render volume.nrrd -o picture.png`.
 #[derive(Debug, Parser)]
@@ -38,8 +38,8 @@ pub(crate) struct Cli {
     pub(crate) command: Command,
 }
 
-const EXIT_CODES: &str = "Exit codes: 0 done; 1 the answer is no (verify, compare, bench); 2 bad usage or bad input, with one line that \
-says what and where.";
+const EXIT_CODES: &str = "Exit codes: 0 success; 1 the command ran and the check failed (verify, compare, bench); 2 bad usage or bad \
+input, explained in one line on standard error.";
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {

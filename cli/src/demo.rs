@@ -1,6 +1,6 @@
-//! The demonstration: a real volume in, a figure out, with an account of what it cost.
+//! The demonstration: it turns a real volume into a figure and reports what each step cost.
 //!
-//! Reads the volume, compresses it, checks every voxel against the file, chooses some thirty labels, path traces them, writes
+//! It reads the volume, compresses it, checks every voxel against the file, chooses some thirty labels, path traces them, and writes
 //! `picture.png`, `picture.exr`, `report.md` and `error.svg`.
 
 use std::fmt::Write as _;
@@ -19,23 +19,23 @@ use pumice_session::progressive::{CurvePoint, Stop, thin_curve};
 use pumice_session::render_file::{PictureFormat, RenderFigures, render_scene};
 use pumice_session::selection::select_labels;
 
-/// Labels in the figure.
+/// Number of labels in the figure, at most.
 const FIGURE_LABELS: usize = 32;
 
-/// What the demonstration is asked for.
+/// Input, output and limits of the demonstration.
 #[derive(Clone, Debug)]
 pub(crate) struct DemoOptions {
-    /// Label volume.
+    /// File of the label volume.
     pub(crate) volume: PathBuf,
-    /// Folder for the results, made if absent.
+    /// Folder for the results, created if absent.
     pub(crate) out: PathBuf,
-    /// When the picture is done.
+    /// Limits at which rendering stops.
     pub(crate) stop: Stop,
     /// Pixels across and down.
     pub(crate) size: [u32; 2],
 }
 
-/// What is under way; the job holds the progress of the first two.
+/// The step that runs. The job holds the progress of the first two; `Render` carries its own.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum DemoStage {
     /// Reading and compressing.
@@ -48,23 +48,23 @@ pub(crate) enum DemoStage {
     Write,
 }
 
-/// What came of it.
+/// Sizes, figures and report of a finished demonstration.
 #[derive(Clone, Debug)]
 pub(crate) struct DemoOutcome {
     /// Bytes of the volume at four bytes a voxel.
     pub(crate) bytes_raw: u64,
     /// Bytes of the compressed form in memory, without the acceleration structure.
     pub(crate) bytes_resident: u64,
-    /// The picture's figures.
+    /// Samples, error, time and device of the picture.
     pub(crate) figures: RenderFigures,
-    /// `report.md`.
+    /// Path of `report.md`.
     pub(crate) report: PathBuf,
 }
 
-/// Runs the demonstration, telling `watch` what is under way.
+/// Runs the demonstration and calls `watch` as each step begins, and for each progress point while rendering.
 ///
 /// # Errors
-/// What any of its steps reports; [`SessionError::Caller`] should the compressed volume differ from the file.
+/// Any error of its steps; [`SessionError::Caller`] if the compressed volume differs from the file.
 pub(crate) fn run(options: &DemoOptions, job: &Job, watch: &mut dyn FnMut(DemoStage)) -> Result<DemoOutcome> {
     std::fs::create_dir_all(&options.out).map_err(io(&options.out))?;
 
@@ -93,7 +93,7 @@ pub(crate) fn run(options: &DemoOptions, job: &Job, watch: &mut dyn FnMut(DemoSt
     volume.save(&stored, CompressionLevel::Default, job)?;
     let bytes_disk = std::fs::metadata(&stored).map_err(io(&stored))?.len();
 
-    // Choose and place.
+    // Choose labels, frame and light them.
     let labels = select_labels(&volume, FIGURE_LABELS);
     let scene = compose(
         &volume,
@@ -112,7 +112,7 @@ pub(crate) fn run(options: &DemoOptions, job: &Job, watch: &mut dyn FnMut(DemoSt
         watch(DemoStage::Render(*point));
     })?;
 
-    // Write.
+    // Write the results.
     watch(DemoStage::Write);
     for name in ["picture.png", "picture.exr"] {
         let path = options.out.join(name);
@@ -135,7 +135,7 @@ pub(crate) fn run(options: &DemoOptions, job: &Job, watch: &mut dyn FnMut(DemoSt
     let figures = rendered.figures;
     let percent = |bytes: u64| 100.0 * bytes as f64 / bytes_raw as f64;
     let mut text = String::new();
-    // Writing into a String cannot fail; `let _` says so.
+    // Writing into a String cannot fail, so the result is ignored.
     let mut line = |l: String| {
         let _ = writeln!(text, "{l}");
     };

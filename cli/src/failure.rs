@@ -1,4 +1,4 @@
-//! How the command ends when it cannot do what was asked: one line on standard error, exit code 2.
+//! Failures of the command: each ends it with one line on standard error and exit code 2.
 
 use std::fmt::{self, Display};
 use std::io::Write;
@@ -8,12 +8,12 @@ use std::io::Write;
 pub(crate) enum Failure {
     /// Bad usage, bad input, a limit, a cancel: exit code 2.
     Bad(String),
-    /// Standard output was closed by its reader (`pumice info … | head`): nobody is left to tell; exit code 0.
+    /// The reader of standard output closed it (`pumice info … | head`). There is nowhere left to print to; exit code 0.
     StdoutClosed,
 }
 
 impl Failure {
-    /// A failure that says `what`, with line breaks of nested messages flattened.
+    /// A failure with the text `what` on one line: the line breaks of nested messages become `; `.
     pub(crate) fn new(what: impl Display) -> Self {
         let text = what.to_string();
         Self::Bad(

@@ -1,4 +1,4 @@
-//! JSON reports: one object, to a file or to standard output.
+//! JSON reports: one object, written to a file or to standard output.
 
 use std::path::Path;
 
@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use crate::failure::{Failure, say};
 
-/// Writes `report` to `to`, `-` being standard output.
+/// Writes `report` to the file `to`, or to standard output if `to` is `-`.
 pub(crate) fn write_report(to: &Path, report: &impl Serialize) -> Result<(), Failure> {
     let text = serde_json::to_string_pretty(report)?;
     if to == Path::new("-") {

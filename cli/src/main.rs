@@ -1,4 +1,4 @@
-//! The `pumice` command: reads its arguments, calls `pumice-session`, prints what came of it.
+//! The `pumice` command: it parses the arguments, calls `pumice-session` and prints the result.
 #![forbid(unsafe_code)]
 
 mod args;
@@ -17,7 +17,7 @@ use pumice_session::Job;
 use crate::args::{Cli, Command};
 use crate::failure::Failure;
 
-/// The answer of a command that ran: yes or done is exit code 0, no is 1.
+/// The result of a command that ran without an error: `Yes` (or done) gives exit code 0, `No` gives 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Answer {
     Yes,
@@ -30,7 +30,7 @@ fn main() -> ExitCode {
         Err(error) => return usage(&error),
     };
 
-    // Ctrl-C asks the work to stop; it cleans up behind itself and the command ends with one line. A second one ends it at once.
+    // Ctrl-C cancels the job, which removes its temporary files; the command then ends with one line. A second Ctrl-C exits at once.
     let job = Arc::new(Job::new());
     let watched = job.clone();
     let handler = ctrlc::set_handler(move || {
@@ -70,7 +70,7 @@ fn usage(error: &clap::Error) -> ExitCode {
     use clap::error::ErrorKind::{DisplayHelp, DisplayHelpOnMissingArgumentOrSubcommand, DisplayVersion};
     match error.kind() {
         DisplayHelp | DisplayVersion => {
-            // A closed pipe is no reason to complain.
+            // Printing fails only where standard output is closed; that is not an error of the command.
             let _ = error.print();
             ExitCode::SUCCESS
         }

@@ -1,4 +1,4 @@
-//! Progress bars on a terminal, nothing in a pipe.
+//! Progress bars on standard error, shown only where it is a terminal.
 
 use std::io::IsTerminal;
 use std::sync::Arc;
@@ -17,7 +17,7 @@ pub(crate) struct Bar {
 }
 
 impl Bar {
-    /// Shows `what` and the job's progress on standard error, if that is a terminal.
+    /// Shows `what` and the job's progress on standard error, if that is a terminal, until the bar is dropped.
     pub(crate) fn follow(what: &'static str, job: &Arc<Job>) -> Self {
         let bar = Self::empty(what, "{msg:11} {bar:36} {percent:>3} %  {elapsed}");
         let stop = Arc::new(AtomicBool::new(false));
@@ -35,7 +35,7 @@ impl Bar {
         Self { bar, stop, follower }
     }
 
-    /// A bar whose owner sets position (in thousandths) and text.
+    /// A bar whose owner sets its position (in thousandths) and its text with [`Bar::set`].
     pub(crate) fn manual(what: &'static str) -> Self {
         let bar = Self::empty(what, "{msg:11} {bar:36} {prefix}");
         bar.set_length(1000);
@@ -56,7 +56,7 @@ impl Bar {
         bar
     }
 
-    /// Sets a manual bar.
+    /// Sets the position and the text of a manual bar.
     pub(crate) fn set(&self, thousandths: u64, text: String) {
         self.bar.set_position(thousandths.min(1000));
         self.bar.set_prefix(text);
@@ -67,7 +67,7 @@ impl Drop for Bar {
     fn drop(&mut self) {
         self.stop.store(true, Ordering::Relaxed);
         if let Some(follower) = self.follower.take() {
-            // A follower that panicked has drawn its last; the work that it followed is what counts.
+            // A panic of the follower only ends the drawing of the bar; it does not affect the job, so it is ignored.
             let _ = follower.join();
         }
         self.bar.finish_and_clear();

@@ -1,6 +1,6 @@
-//! Compares two pictures given as raw little-endian f32, three channels a pixel, rows from the top:
+//! Compares two pictures given as raw little-endian f32, three channels per pixel, rows from the top:
 //! `compare_raw WIDTH HEIGHT A B [VARIANCE_A VARIANCE_B DEGREES_OF_FREEDOM] [--map OUT]`. Prints the comparison as JSON;
-//! `--map` writes FLIP of every pixel as raw f64. Tests drive it to check the yardsticks against other people's.
+//! `--map` writes FLIP of every pixel as raw f64. Tests use it to check the metrics against other implementations.
 #![forbid(unsafe_code)]
 
 use std::error::Error;

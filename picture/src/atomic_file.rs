@@ -1,10 +1,10 @@
-//! Files that are there whole or not at all.
+//! Writes files that appear complete or not at all.
 //!
 //! ```text
 //! make a temporary file beside the target → write → flush, sync → rename over the target
 //! ```
-//! Whatever fails on the way, the temporary file goes and a file that was at the target before stays as it was. The rename is
-//! within one folder, so within one file system.
+//! If any step fails, the temporary file is removed and an existing target is unchanged. The rename is within one folder, and so
+//! within one file system.
 
 use std::fs::File;
 use std::io::{BufWriter, Write};
@@ -12,16 +12,16 @@ use std::path::Path;
 
 use crate::PictureError;
 
-/// Bytes gathered before a write to the system.
+/// Size of the write buffer in bytes.
 const BUFFER_BYTES: usize = 1 << 18;
 
-/// Makes or replaces the file at `path` with what `write` writes.
+/// Creates or replaces the file at `path` with what `write` writes.
 pub(crate) fn write_atomically(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<&mut File>) -> Result<(), PictureError>,
 ) -> Result<(), PictureError> {
     let io = |source| PictureError::Io { path: path.to_owned(), source };
-    // A rename would replace a device or a pipe by a file, for everyone on the machine.
+    // A rename over a device or a pipe would replace it by a file, for every user of the machine.
     if let Ok(there) = std::fs::metadata(path)
         && !there.is_file()
     {
@@ -37,7 +37,8 @@ pub(crate) fn write_atomically(
     // Temporary files are private by default; a picture gets the permissions that any new file would.
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    // Asked first for the system's own words: `tempfile` adds its temporary name, which says nothing to the user.
+    // If the folder is missing, this call gives the system's own error text: `tempfile` would add its temporary name, which means nothing
+    // to the user.
     std::fs::metadata(folder).map_err(io)?;
     let mut file = builder.tempfile_in(folder).map_err(|e| io(e.kind().into()))?;
     let mut writer = BufWriter::with_capacity(BUFFER_BYTES, file.as_file_mut());

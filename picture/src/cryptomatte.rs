@@ -1,29 +1,30 @@
-//! Cryptomatte: which labels a pixel sees, by name, each with the part of the pixel that it covers; by their types too.
+//! Cryptomatte: the labels that a pixel sees, each with the share of the pixel that it covers, by the name of the label or of its type.
 //!
 //! After Friedman and Jones, *Fully automatic ID mattes with support for motion blur and transparency* (SIGGRAPH posters 2015) and
 //! *Cryptomatte Specification* 1.2.0 (Psyop), as compositors read it:
 //!
 //! ```text
-//! name  ─ UTF-8 ─► MurmurHash3_x86_32, seed 0 ─► bits of a 32 bit float; exponents 0 and 255 are moved to the next: the id
-//! pixel ─► (id, coverage) in falling order of coverage; two to a layer's four channels: id, coverage, id, coverage
+//! name  ─ UTF-8 ─► MurmurHash3_x86_32, seed 0 ─► bits of a 32 bit float, exponents 0 and 255 moved by one: the id
+//! pixel ─► (id, coverage) in falling order of coverage; a layer's four channels hold two: id, coverage, id, coverage
 //! file  ─► cryptomatte/KEY/name        the layers' name without their number
 //!          cryptomatte/KEY/hash        MurmurHash3_32
 //!          cryptomatte/KEY/conversion  uint32_to_float32
 //!          cryptomatte/KEY/manifest    {"name": "hash, 8 hexadecimal digits", …}      KEY: 7 digits of the hash of `name`
 //! ```
-//! **Names.** A label's is its id in decimal: label tables have no other. A type's is what the table says, [`NO_TYPE`] where a label
-//! has none. A mesh's, by label and by type, is the last part of its source, which in Blender is the object's name. What has one name
-//! is one matte, in whichever instance; so are two names of one hash, of which 10,000 labels have a pair in one of a hundred tables.
+//! **Names.** The name of a label is its id in decimal: label tables have no other name. The name of a type is that of the table, or
+//! [`NO_TYPE`] for a label without a type. The name of a mesh, in both mattes, is the last part of its source, which in Blender is the
+//! object's name. Equal names are one matte, in all instances. So are two names with the same hash; of 10,000 labels, one table in a
+//! hundred has such a pair.
 //!
-//! **Coverage** is the part of a pixel's samples whose first surface it is. Samples follow the film's filter, so that they count
-//! alike; one that passes straight through a surface (alpha) counts for the next, so coverages are straight, not multiplied with
-//! anything, and add up to alpha.
+//! **Coverage** is the share of a pixel's samples whose first surface has the id. Samples are distributed by the film's filter, so all
+//! have equal weight. A sample that passes straight through a surface (alpha) counts for the next surface, so coverages are straight,
+//! not premultiplied, and add up to alpha.
 //!
-//! **Slots.** A pixel keeps twice as many ids as are written, with counts. When one more comes it takes the place, and the count, of
-//! the least: *Space-Saving* (Metwally, Agrawal, El Abbadi, *Efficient computation of frequent and top-k elements in data streams*,
-//! ICDT 2005, §3). Whatever covers more than one in so many of a pixel is then among them, no count is too high by more than that,
-//! and counts still add up to alpha. Where no pixel sees more than the slots hold, all is exact. Samples come in their order, so what
-//! is kept depends neither on threads nor on slices.
+//! **Slots.** A pixel keeps twice as many ids as are written, with counts. When all slots are taken, a new id replaces the one with the
+//! least count and inherits that count: *Space-Saving* (Metwally, Agrawal, El Abbadi, *Efficient computation of frequent and top-k
+//! elements in data streams*, ICDT 2005, §3). With n slots, every id that covers more than 1/n of a pixel is kept, no count is too high
+//! by more than 1/n of the samples, and the counts still add up to alpha. Where no pixel sees more ids than it has slots, the result is
+//! exact. Samples are added in order, so the result depends neither on threads nor on slices.
 
 use std::collections::{BTreeMap, HashSet};
 use std::path::Path;
@@ -35,20 +36,20 @@ use pumice_scene::{Pass, Scene};
 use crate::film::FilmBuffer;
 use crate::picture::Picture;
 
-/// Name of the type of labels that have none.
+/// Type name of labels without a type.
 pub const NO_TYPE: &str = "no type";
 
-/// Ids of one surface: by label, by type. 0 is nothing's.
+/// Ids of one surface: by label, by type. No surface has the id 0.
 pub type Ids = [f32; 2];
 
-/// One of the two kinds: its layers, and which names their ids stand for.
+/// One of the two mattes: its layers, and the names that its ids stand for.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Matte {
-    /// By what: [`Pass::CryptomatteLabel`] or [`Pass::CryptomatteType`].
+    /// Kind of the matte: [`Pass::CryptomatteLabel`] or [`Pass::CryptomatteType`].
     pub pass: Pass,
     /// Id, coverage, id, coverage of each pixel; the highest coverages in the first layer.
     pub layers: Vec<Vec<[f32; 4]>>,
-    /// Hashes by name, of what is in the picture.
+    /// Hash of each name that occurs in the picture.
     pub names: BTreeMap<String, u32>,
 }
 
@@ -72,7 +73,7 @@ pub fn hash(name: &[u8]) -> u32 {
     h ^ (h >> 16)
 }
 
-/// The hash as an id: no zero, no denormal number, no infinity and none that is no number.
+/// The hash as an id: as a float it is never zero, denormal, infinite or NaN.
 pub fn id_of_hash(hash: u32) -> f32 {
     let exponent = hash >> 23 & 255;
     f32::from_bits(if exponent == 0 || exponent == 255 { hash ^ 1 << 23 } else { hash })
@@ -82,7 +83,7 @@ fn id_of(name: &str) -> f32 {
     id_of_hash(hash(name.as_bytes()))
 }
 
-/// Digits under which a file's attributes speak of layers of this name.
+/// The key (7 digits) of the file attributes that belong to the layers of this name.
 pub(crate) fn key_of(layers: &str) -> String {
     format!("{:08x}", hash(layers.as_bytes()))[..7].to_owned()
 }
@@ -96,19 +97,19 @@ fn name_of_mesh(source: &Path) -> String {
     source.file_name().unwrap_or(source.as_os_str()).to_string_lossy().into_owned()
 }
 
-/// Ids of a volume's labels, in their order.
+/// The ids of a volume's labels, in order of dense index.
 pub fn ids_of_volume(table: &LabelTable) -> Vec<Ids> {
     let ids = table.ids().iter().zip(0u32..);
     ids.map(|(id, label)| [id_of(&id.to_string()), id_of(name_of_type(table, label))]).collect()
 }
 
-/// Ids of a mesh, whatever its triangles' materials.
+/// The ids of a mesh. They do not depend on the materials of its triangles.
 pub fn ids_of_mesh(source: &Path) -> Vec<Ids> {
     vec![[id_of(&name_of_mesh(source)); 2]]
 }
 
 impl FilmBuffer {
-    /// What pixels see, without names, where it is kept.
+    /// The mattes of the pixels without names, for the kinds that are kept.
     pub fn mattes(&self) -> Vec<Matte> {
         let kept = self.kept();
         let slots = kept.matte_slots();
@@ -126,7 +127,7 @@ impl FilmBuffer {
     }
 }
 
-/// (id, coverage), … of the first ranks; of equal ones, first who came first.
+/// (id, coverage), … of the first ranks; among equal coverages, the id that came first is first.
 fn ranked(slots: &[f32], samples: f32, ranks: usize) -> Vec<f32> {
     let mut pairs: Vec<[f32; 2]> = slots.as_chunks().0.to_vec();
     pairs.sort_by(|a, b| b[1].total_cmp(&a[1]));
@@ -134,7 +135,7 @@ fn ranked(slots: &[f32], samples: f32, ranks: usize) -> Vec<f32> {
     pairs.iter().flat_map(|&[id, count]| [id, count / samples]).collect()
 }
 
-/// Gives the picture's mattes the names of what is seen.
+/// Adds to the picture's mattes the names of the ids that occur in them.
 pub fn name_mattes(picture: &mut Picture, scene: &Scene, volumes: &[Arc<CompressedVolume>]) {
     for Matte { pass, layers, names } in &mut picture.mattes {
         let ids = layers.iter().flatten().flat_map(|p| [p[0].to_bits(), p[2].to_bits()]);
@@ -158,14 +159,14 @@ pub fn name_mattes(picture: &mut Picture, scene: &Scene, volumes: &[Arc<Compress
     }
 }
 
-/// The manifest as JSON. Not ASCII alone: readers of Cryptomatte know no escapes but those of quotes and backslashes.
+/// The manifest as JSON. It is not limited to ASCII: readers of Cryptomatte know no escapes except those of quotes and backslashes.
 pub(crate) fn manifest(names: &BTreeMap<String, u32>) -> Result<String, String> {
     let digits: BTreeMap<&str, String> =
         names.iter().map(|(name, hash)| (name.as_str(), format!("{hash:08x}"))).collect();
     serde_json::to_string(&digits).map_err(|e| format!("manifest: {e}"))
 }
 
-/// And back.
+/// Parses a manifest.
 pub(crate) fn names_of(manifest: &[u8]) -> Result<BTreeMap<String, u32>, String> {
     let digits: BTreeMap<String, String> = serde_json::from_slice(manifest).map_err(|e| e.to_string())?;
     let number = |(name, digits): (String, String)| match u32::from_str_radix(&digits, 16) {

@@ -1,21 +1,21 @@
-//! Pictures as OpenEXR files: one part, lossless, every pass a group of channels.
+//! Writes pictures as OpenEXR files: one part, lossless, with a group of channels for each pass.
 //!
 //! | channels | type | what |
 //! |---|---|---|
 //! | `R`, `G`, `B` | float | scene-linear Rec. 709 radiance |
-//! | `A` | float | part of the samples that met a surface, of a transparent film; the colour is multiplied with it |
+//! | `A` | float | share of the samples that hit a surface, for a transparent film; the colour is premultiplied |
 //! | `ViewLayer.Depth.Z` | float | distance along the view axis to the first surface, +inf where there is none |
-//! | `label.index` | uint | dense index of its label + 1, 0 where there is none |
-//! | `ViewLayer.Position.X`, `.Y`, `.Z` | float | where it is in the world |
+//! | `label.index` | uint | dense index of the label of the first surface + 1, 0 where there is none |
+//! | `ViewLayer.Position.X`, `.Y`, `.Z` | float | world position of the first surface |
 //! | `ViewLayer.CryptoObject00.r`, `.g`, `.b`, `.a`, … | float | ids and coverages by label, `CryptoAsset` by type: [`crate::cryptomatte`] |
 //! | `ViewLayer.DiffDir.R`, `.G`, `.B`, … | float | the other passes of `docs/passes.md`, under the names that Blender gives them |
 //!
 //! [`write_exr_half`] writes colours, alpha, normals and albedo as half floats.
 //!
-//! The colour has no layer's name, so that every program shows it; the passes have that of Blender's first layer, so that compositor
-//! set-ups find them. Labels are whole numbers of 32 bits and so never pass through a float. The attribute `pumice` (a string) holds
-//! [`crate::Provenance`] as JSON in ASCII: an EXR string has no encoding, so other characters are escaped as `\uXXXX`. Scan
-//! lines, ZIP in blocks of 16. Attributes lie in the order of their names. The bytes follow from the picture alone: no date, no map order.
+//! The colour channels have no layer name, so that every program shows them; the passes have the name of Blender's first view layer,
+//! so that compositor set-ups find them. Labels are 32-bit integers and are never converted to float. The attribute `pumice` (a string)
+//! holds [`crate::Provenance`] as JSON in ASCII: an EXR string has no encoding, so other characters are escaped as `\uXXXX`. Scan
+//! lines, ZIP in blocks of 16. Attributes are sorted by name. The bytes depend on the picture alone: no date, no hash map order.
 
 use std::io::{Seek, Write};
 use std::path::Path;
@@ -33,7 +33,7 @@ use crate::exr_read;
 use crate::provenance_text::{PROVENANCE_KEY, provenance_to_ascii};
 use crate::{Image, Pass, Passes, Picture, PictureError};
 
-/// Where a channel's samples come from.
+/// The source of a channel's samples.
 #[derive(Clone, Copy)]
 enum Samples<'a> {
     Of(&'a Image, usize),
@@ -44,18 +44,18 @@ enum Samples<'a> {
     Whole(&'a [u32]),
 }
 
-/// Writes the picture with those of the passes that it has, as floats of 32 bits. The file is there whole or not at all.
+/// Writes the picture and those of `passes` that it has, as 32-bit floats. The file appears complete or not at all.
 ///
 /// # Errors
-/// [`PictureError::Io`] when the system refuses, [`PictureError::File`] when the picture does not fit the format or its passes
+/// [`PictureError::Io`] for an error of the system, [`PictureError::File`] when the picture does not fit the format or its passes
 /// have different sizes.
 pub fn write_exr(path: &Path, picture: &Picture, passes: &Passes) -> Result<(), PictureError> {
     write_atomically(path, |file| write_to(file, path, picture, passes, false))
 }
 
-/// The same with colours as floats of 16 bits, rounded to the nearest, ties to even; beyond ±65,504 they are that, as Blender writes them:
-/// an infinity would spread through every filter that a compositor has. Where things are and what is counted keeps 32 bits: depth,
-/// position, label, mattes, variance, samples.
+/// As [`write_exr`], with colours as 16-bit floats, rounded to the nearest, ties to even. Values beyond ±65,504 are clamped, as Blender
+/// does: an infinity would spread through every filter of a compositor. Depth, position, label, mattes, variance and samples keep
+/// 32 bits.
 ///
 /// # Errors
 /// As [`write_exr`].
@@ -63,35 +63,35 @@ pub fn write_exr_half(path: &Path, picture: &Picture, passes: &Passes) -> Result
     write_atomically(path, |file| write_to(file, path, picture, passes, true))
 }
 
-/// Whether a pass is of colours, or as good in 16 bits.
+/// Whether a pass holds colours, or other values for which 16 bits are enough.
 fn may_be_half(pass: Pass) -> bool {
     matches!(pass, Pass::Albedo | Pass::Normal | Pass::ShadowCatcher) || Pass::LIGHT.contains(&pass)
 }
 
-/// The nearest float of 16 bits.
+/// The nearest 16-bit float.
 fn half_of(value: f32) -> f16 {
     f16::from_f32(value.clamp(-f16::MAX.to_f32(), f16::MAX.to_f32()))
 }
 
 /// Reads a picture: one that [`write_exr`] wrote, or any EXR with channels R, G and B, half or float, tiles or scan lines.
 ///
-/// Of several parts or layers that have R, G and B, the unnamed one is taken, else the one called `Combined`, else the only one.
+/// If several parts or layers have R, G and B, the unnamed one is taken, otherwise the one called `Combined`, otherwise the only one.
 /// The picture spans the display window; it is black where the file has no data.
 ///
 /// # Errors
-/// [`PictureError::Io`] when the system refuses, [`PictureError::File`] when the file is damaged, has no such channels, or is
-/// larger than 65,536 pixels a side or 2³⁰ pixels.
+/// [`PictureError::Io`] for an error of the system, [`PictureError::File`] when the file is damaged, has no such channels, or is
+/// larger than 65,536 pixels per side or 2³⁰ pixels.
 pub fn read_exr(path: &Path) -> Result<Picture, PictureError> {
     exr_read::read(path)
 }
 
-/// The layer of a pass and the last letters of its channels.
+/// The layer name of a pass and the suffixes of its channels.
 pub(crate) fn channels_of_pass(pass: Pass) -> (&'static str, &'static str) {
     match pass {
         Pass::Depth => ("ViewLayer.Depth.", "Z"),
         Pass::Position => ("ViewLayer.Position.", "XYZ"),
         Pass::Normal => ("ViewLayer.Normal.", "XYZ"),
-        // Blender has no whole numbers.
+        // Blender has no integer channels.
         Pass::Label => ("label.", "index"),
         Pass::Albedo => ("ViewLayer.Denoising Albedo.", "RGB"),
         Pass::DiffuseDirect => ("ViewLayer.DiffDir.", "RGB"),
@@ -106,7 +106,7 @@ pub(crate) fn channels_of_pass(pass: Pass) -> (&'static str, &'static str) {
         Pass::Emission => ("ViewLayer.Emit.", "RGB"),
         Pass::Environment => ("ViewLayer.Env.", "RGB"),
         Pass::ShadowCatcher => ("ViewLayer.Shadow Catcher.", "RGB"),
-        // The layer's number comes between. Lower case keeps compositors from taking them for colours.
+        // The layer's number is inserted between the two. Lower-case names keep compositors from treating the channels as colours.
         Pass::CryptomatteLabel => ("ViewLayer.CryptoObject", "rgba"),
         Pass::CryptomatteType => ("ViewLayer.CryptoAsset", "rgba"),
         Pass::Variance => ("ViewLayer.Variance.", "RGB"),
@@ -114,7 +114,7 @@ pub(crate) fn channels_of_pass(pass: Pass) -> (&'static str, &'static str) {
     }
 }
 
-/// Channels of the file in the order of their names, which the format demands.
+/// The channels of the file, sorted by name as the format requires.
 fn channels_of<'a>(picture: &'a Picture, passes: &Passes, half: bool) -> Vec<(String, Samples<'a>)> {
     fn triple<'a>(
         of: &mut Vec<(String, Samples<'a>)>,
@@ -267,7 +267,7 @@ fn header_of(
         .with_shared_attributes(shared))
 }
 
-/// What a file says of a matte, by name: see [`cryptomatte`].
+/// The attributes of a matte, by name: see [`cryptomatte`].
 pub(crate) fn attributes_of(matte: &Matte) -> Result<[(String, String); 4], String> {
     let (layers, _) = channels_of_pass(matte.pass);
     let of = |what: &str| format!("cryptomatte/{}/{what}", cryptomatte::key_of(layers));
@@ -279,7 +279,7 @@ pub(crate) fn attributes_of(matte: &Matte) -> Result<[(String, String); 4], Stri
     ])
 }
 
-/// Refuses sizes that no picture of ours has, before anything is allocated.
+/// Refuses sizes beyond the limits of this crate, before anything is allocated.
 pub(crate) fn check_size(width: usize, height: usize) -> Result<(), String> {
     let pixels = width.saturating_mul(height);
     if width == 0 || height == 0 || width > MAX_SIDE || height > MAX_SIDE || pixels > MAX_PIXELS {
@@ -319,7 +319,7 @@ mod tests {
         assert_eq!(files_in(folder.path()), ["a.exr"]);
     }
 
-    /// What is rounded is the nearest by the definition of the format (IEEE 754 binary16), what is not keeps every bit.
+    /// Half floats are the nearest value by the definition of the format (IEEE 754 binary16); other channels keep every bit.
     #[test]
     fn halves_are_the_nearest_and_only_of_colours() {
         let folder = tempfile::tempdir().unwrap();
@@ -358,7 +358,7 @@ mod tests {
             assert!(Pass::LIGHT.contains(pass) || *pass == Pass::ShadowCatcher);
             near(a.pixels.as_flattened(), b.pixels.as_flattened());
         }
-        // All else is as it was.
+        // Everything else is unchanged.
         let kept = Picture {
             color: picture.color.clone(),
             albedo: picture.albedo.clone(),
@@ -433,7 +433,7 @@ mod tests {
         assert_eq!(files_in(folder.path()), ["b.exr"]);
     }
 
-    /// Takes `left` bytes, then is full.
+    /// A writer that takes `left` bytes and then fails as a full disk does.
     struct Full {
         inner: Cursor<Vec<u8>>,
         left: usize,

@@ -1,32 +1,32 @@
-//! Headers of OpenEXR files whose attributes lie in the order of their names.
+//! Sorts the header attributes of OpenEXR files by name.
 //!
 //! ```text
 //! magic number, version   4 + 4 bytes
-//! attributes              name, 0, type, 0, size (4 bytes, little-endian), value: one behind the other; then 0
-//! what follows            offsets count from the file's beginning, so that attributes may change places
+//! attributes              for each: name, 0, type, 0, size (4 bytes, little-endian), value; after the last: 0
+//! rest of the file        its offsets count from the file's beginning, so that attributes may change places
 //! ```
-//! Their order means nothing to readers. The crate `exr` holds those that it does not know in a hash map, and so writes them in another
-//! order each time; the same picture shall give the same bytes.
+//! The order means nothing to readers. The crate `exr` keeps attributes that it does not know in a hash map, and so writes them in a
+//! different order each time; but the same picture must give the same bytes.
 
 use std::io::{Result, Seek, SeekFrom, Write};
 
 /// Magic number and version.
 const BEFORE_ATTRIBUTES: usize = 8;
 
-/// Passes on what is written, of a file of one part: the header once all of it is there.
+/// A writer for a file of one part: it holds the header back until it is complete, sorts it, and passes everything on.
 pub(crate) struct SortedHeader<W> {
     inner: W,
-    /// What has been written, until the header is whole.
+    /// The bytes written so far, until the header is complete.
     held: Option<Vec<u8>>,
 }
 
 impl<W: Write> SortedHeader<W> {
-    /// Of a file that is about to be written.
+    /// A writer at the beginning of a file.
     pub(crate) fn new(inner: W) -> Self {
         Self { inner, held: Some(Vec::new()) }
     }
 
-    /// Passes on what is held, whole or not.
+    /// Passes on the bytes that are held back, even if the header is incomplete.
     fn release(&mut self) -> Result<()> {
         match self.held.take() {
             Some(held) => self.inner.write_all(&held),
@@ -58,18 +58,18 @@ impl<W: Write + Seek> Seek for SortedHeader<W> {
     }
 }
 
-/// Sorts the attributes of a file's beginning; false where they are not all there.
+/// Sorts the attributes at a file's beginning; returns `false` if the header is incomplete.
 fn sort(file: &mut [u8]) -> bool {
     let Some(attributes) = attributes(file) else { return false };
     let mut sorted: Vec<&[u8]> = attributes.iter().map(|&(start, end)| &file[start..end]).collect();
-    // The bytes that end names come before all others.
+    // Compare including the final 0 byte, which sorts before all others.
     sorted.sort_unstable();
     let sorted = sorted.concat();
     file[BEFORE_ATTRIBUTES..][..sorted.len()].copy_from_slice(&sorted);
     true
 }
 
-/// Where each attribute begins and ends; `None` where they are not all there.
+/// The byte range of each attribute; `None` if the header is incomplete.
 fn attributes(file: &[u8]) -> Option<Vec<(usize, usize)>> {
     let after_text = |at: usize| Some(at + 1 + file.get(at..)?.iter().position(|&b| b == 0)?);
     let mut found = Vec::new();
@@ -97,7 +97,7 @@ mod tests {
             [format!("{name}\0string\0").as_bytes(), &(value.len() as u32).to_le_bytes(), value.as_bytes()]
                 .concat()
         };
-        // Values may hold anything: here what looks like the header's end.
+        // Values may hold any bytes: here, bytes that look like the end of the header.
         let (a, ab, b) = (attribute("a", "z\0\0\0"), attribute("ab", ""), attribute("b", "\0"));
         let file = |parts: [&[u8]; 3]| [b"magicver", parts[0], parts[1], parts[2], b"\0rest\0"].concat();
         let expected = file([&a, &ab, &b]);

@@ -1,4 +1,4 @@
-//! Reading OpenEXR files, ours and others', damaged ones included.
+//! Reads OpenEXR files, of Pumice and of other programs; damaged ones are refused.
 //!
 //! ```text
 //! read the headers → choose the part and the layer → check sizes against limits and the file's length → reserve
@@ -26,23 +26,23 @@ use crate::exr_file::{channels_of_pass, check_size};
 use crate::provenance_text::PROVENANCE_KEY;
 use crate::{Image, Pass, Picture, PictureError, Provenance};
 
-/// Most bytes that a byte of the file can stand for. Deflate, the strongest of EXR's codecs, reaches 1032; twice that leaves room
-/// for the others. A file that claims more is damaged, and is refused before memory is reserved for it.
+/// Largest compression ratio that is believed. Deflate, the strongest of EXR's codecs, reaches 1032; twice that leaves room for the
+/// others. A file that claims more is damaged, and is refused before memory is reserved for it.
 const MAX_EXPANSION: u64 = 2048;
-/// Chunks that are decompressed at once.
+/// Number of chunks that are decompressed at once.
 const BATCH_CHUNKS: usize = 64;
 
-/// Where a channel's samples go.
+/// The destination of a channel's samples.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum ChannelTarget {
     Color(usize),
     Alpha,
-    /// Of a pass with three channels.
+    /// A pass with three channels.
     Triple(Pass, usize),
-    /// Of one with one.
+    /// A pass with one channel.
     Number(Pass),
     Label,
-    /// Of a matte's layer by its number.
+    /// A layer of a matte, by its number.
     Matte(Pass, usize, usize),
 }
 
@@ -58,7 +58,7 @@ pub(crate) fn read(path: &Path) -> Result<Picture, PictureError> {
     read_from(BufReader::new(file), facts.len()).map_err(|failure| failure.at(path))
 }
 
-/// Reads the provenance alone; `None` where the file has none.
+/// Reads only the provenance; `None` if the file has none.
 pub(crate) fn read_provenance_from(bytes: impl Read + Seek) -> Result<Option<Provenance>, Failure> {
     for header in exr::block::read(bytes, false)?.headers() {
         let found = provenance_of(header).map_err(|e| format!("attribute {PROVENANCE_KEY}: {e}"))?;
@@ -69,7 +69,7 @@ pub(crate) fn read_provenance_from(bytes: impl Read + Seek) -> Result<Option<Pro
     Ok(None)
 }
 
-/// What went wrong, without the path.
+/// A fault in the file, without its path.
 #[derive(Debug)]
 pub(crate) enum Failure {
     Io(std::io::Error),
@@ -77,7 +77,7 @@ pub(crate) enum Failure {
 }
 
 impl Failure {
-    /// The error for the user.
+    /// Adds the path to a fault, for the user.
     pub(crate) fn at(self, path: &Path) -> PictureError {
         match self {
             Self::Io(source) => PictureError::Io { path: path.to_owned(), source },
@@ -173,8 +173,8 @@ fn read_from(bytes: impl Read + Seek, length_bytes: u64) -> Result<Picture, Fail
 
 /// Decompresses a chunk, damaged or not.
 fn decompress(chunk: Chunk, meta: &MetaData) -> Result<UncompressedBlock, Failure> {
-    // exr 1.74's decoder of B44 indexes past the end of a damaged chunk (`compression/b44/mod.rs`); all other damage that the
-    // tests below try comes back as an error. Nothing but the chunk, which is given away, can be left half done.
+    // exr 1.74's decoder of B44 panics on a damaged chunk: it indexes past the end (`compression/b44/mod.rs`). All other damage that the
+    // tests below try comes back as an error. Only the chunk, which is moved in, can be left inconsistent by a panic.
     let caught = catch_unwind(AssertUnwindSafe(|| UncompressedBlock::decompress_chunk(chunk, meta, false)));
     match caught {
         Ok(block) => Ok(block?),
@@ -186,7 +186,7 @@ fn pixels_of(size: Vec2<usize>) -> u64 {
     (size.0 as u64).saturating_mul(size.1 as u64)
 }
 
-/// The part and the prefix of the channels R, G, B to be read.
+/// The part, and the name prefix of the channels R, G, B, that are read.
 fn choose(headers: &[Header]) -> Result<(usize, String), String> {
     let mut found = Vec::new();
     for (i, header) in headers.iter().enumerate().filter(|(_, h)| !h.deep) {
@@ -221,7 +221,7 @@ fn choose(headers: &[Header]) -> Result<(usize, String), String> {
     }
 }
 
-/// Where each of the header's channels goes.
+/// The destination of each channel of the header.
 fn places_of(header: &Header, prefix: &str) -> Result<Vec<Option<ChannelTarget>>, String> {
     let has = |name: &str| header.channels.list.iter().any(|c| c.name.eq(name));
     let whole = |prefix: &str, letters: &str| letters.chars().all(|l| has(&format!("{prefix}{l}")));
@@ -273,12 +273,12 @@ fn places_of(header: &Header, prefix: &str) -> Result<Vec<Option<ChannelTarget>>
     Ok(places)
 }
 
-/// A layer's number of two digits.
+/// Parses a layer's number of two digits.
 fn number_of_layer(digits: &str) -> Option<usize> {
     (digits.len() == 2 && digits.bytes().all(|b| b.is_ascii_digit())).then(|| digits.parse().ok())?
 }
 
-/// What the ids of a file's mattes stand for; nothing where it does not say.
+/// The names of the ids of a file's matte; empty if the file has no manifest.
 fn names_of_mattes(header: &Header) -> Result<BTreeMap<Pass, BTreeMap<String, u32>>, String> {
     let mut names = BTreeMap::new();
     for &pass in Pass::MATTES {
@@ -301,7 +301,7 @@ fn provenance_of(header: &Header) -> Result<Option<Provenance>, String> {
     }
 }
 
-/// The picture while it is put together.
+/// The picture while its channels are being filled.
 struct Planes {
     width: usize,
     height: usize,
@@ -353,7 +353,7 @@ impl Planes {
         })
     }
 
-    /// Copies a line of samples in the machine's byte order to (x, y) and on; what is outside the picture is left out.
+    /// Copies a line of samples, in native byte order, to the pixels from (x, y) on; samples outside the picture are skipped.
     fn put(&mut self, place: ChannelTarget, kind: SampleType, [x, y]: [i64; 2], bytes: &[u8]) {
         if y < 0 || y >= self.height as i64 {
             return;
@@ -440,7 +440,7 @@ mod tests {
     use super::*;
     use crate::{Passes, sample_pictures, write_exr};
 
-    /// Bytes of a small file of ours with every pass.
+    /// Bytes of a small file written by this crate, with every pass.
     fn ours() -> Vec<u8> {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.exr");
@@ -452,7 +452,7 @@ mod tests {
         read_from(Cursor::new(bytes), bytes.len() as u64)
     }
 
-    /// The second bar: what is cut off must be refused.
+    /// Truncated files must be refused.
     #[test]
     fn every_truncation_is_refused() {
         let bytes = ours();
@@ -465,7 +465,7 @@ mod tests {
         }
     }
 
-    /// The first bar: no damage may panic.
+    /// No damage may cause a panic.
     #[test]
     fn no_flipped_bit_panics() {
         let bytes = ours();
@@ -526,7 +526,7 @@ mod tests {
         }
     }
 
-    /// A file of another program's kind: half floats, any compression, tiles or scan lines, a prefix on the names.
+    /// A file as other programs write it: half floats, any compression, tiles or scan lines, a prefix on the names.
     fn foreign(prefix: &str, compression: Compression, blocks: Blocks) -> Vec<u8> {
         let n = 70 * 50;
         let list = ["A", "B", "G", "R"].iter().enumerate().map(|(c, l)| {

@@ -1,4 +1,4 @@
-//! The picture while it grows: sums of samples, kept apart for each independent scramble, and the error that they tell of.
+//! The film: sums of samples, kept apart for each independent scramble (replicate), and the error estimated from them.
 //!
 //! ```text
 //! sums: pixel 0: replicate 0 (r g b), replicate 1 (r g b), …   pixel 1: …        f32, rows from the top
@@ -19,13 +19,13 @@ use crate::image::Image;
 use crate::passes::PassSums;
 use crate::resting::Resting;
 
-/// Independent scrambles that a pixel's samples are dealt to, in turn: the sampler's. What each replicate's mean differs by tells the
-/// error.
+/// Number of independent scrambles of the sampler. A pixel's samples are dealt to them in turn, and the spread of the replicates' means
+/// gives the error.
 pub const REPLICATES: u32 = 4;
 
 const R: usize = REPLICATES as usize;
 
-/// Floats a pixel.
+/// Floats per pixel.
 pub const STRIDE: usize = 3 * R;
 
 /// Rows that one thread estimates at a time.
@@ -34,29 +34,29 @@ const ROWS_A_BLOCK: usize = 32;
 /// Added to μ², so that black pixels do not count infinitely: as in `metrics::rel_mse`.
 pub(crate) const FLOOR: f64 = 0.01;
 
-/// See the module.
+/// The sums of samples of a picture; the module describes them.
 #[derive(Clone, Debug)]
 pub struct FilmBuffer {
     width: usize,
     height: usize,
     sums: Vec<f32>,
-    /// Sums of passes, [`PassSums::stride`] floats a pixel.
+    /// Sums of passes, [`PassSums::stride`] floats per pixel.
     pass_sums: Vec<f32>,
     kept: PassSums,
-    /// Samples in each pixel of each row: rows differ only after a cancelled pass.
+    /// Samples in each pixel of a row, by row: rows differ only after a cancelled pass.
     row_samples: Vec<u32>,
-    /// Which pixels have enough, where they may.
+    /// Which pixels rest, if adaptive sampling is on.
     pub(crate) resting: Option<Resting>,
 }
 
-/// One row, to be added to.
+/// One row of the film, to which samples are added.
 #[derive(Debug)]
 pub struct FilmRow<'a> {
     /// Its number from the top.
     pub y: u32,
     /// Samples that each pixel has.
     pub samples: &'a mut u32,
-    /// [`STRIDE`] floats a pixel.
+    /// [`STRIDE`] floats per pixel.
     pub sums: &'a mut [f32],
     /// [`PassSums::stride`] floats a pixel.
     pub passes: &'a mut [f32],
@@ -70,7 +70,7 @@ impl FilmBuffer {
         Self::with_passes(width, height, PassSums::default())
     }
 
-    /// The same with sums for passes.
+    /// A black film without samples, with sums for passes.
     pub fn with_passes(width: u32, height: u32, kept: PassSums) -> Self {
         let (width, height) = (width as usize, height as usize);
         let pixels = width * height;
@@ -78,17 +78,17 @@ impl FilmBuffer {
         Self { width, height, sums, pass_sums, kept, row_samples: vec![0; height], resting: None }
     }
 
-    /// Which sums of passes there are.
+    /// Which sums of passes the film keeps.
     pub fn kept(&self) -> PassSums {
         self.kept
     }
 
-    /// All sums of passes, [`PassSums::stride`] floats a pixel, rows from the top.
+    /// All sums of passes, [`PassSums::stride`] floats per pixel, rows from the top.
     pub fn pass_sums(&self) -> &[f32] {
         &self.pass_sums
     }
 
-    /// The same to be overwritten, together with [`FilmBuffer::sums_mut`].
+    /// All sums of passes, to be overwritten together with [`FilmBuffer::sums_mut`].
     pub fn pass_sums_mut(&mut self) -> &mut [f32] {
         &mut self.pass_sums
     }
@@ -99,18 +99,18 @@ impl FilmBuffer {
         self.row_samples[pixel / self.width].min(most)
     }
 
-    /// Takes all samples away; pixels of the picture to come rest by this rule, if by any.
+    /// Removes all samples. From now on pixels rest by this rule, if there is one.
     pub fn rest_by(&mut self, rule: Option<Adaptive>) {
         self.clear();
         self.resting = rule.map(|rule| Resting::new(rule, self.width * self.height));
     }
 
-    /// All sums, [`STRIDE`] floats a pixel, rows from the top: what a device that adds the samples itself starts from.
+    /// All sums, [`STRIDE`] floats per pixel, rows from the top: the starting point of a device that adds samples itself.
     pub fn sums(&self) -> &[f32] {
         &self.sums
     }
 
-    /// The same to be overwritten with sums of `samples` in every pixel, which such a device hands back.
+    /// All sums, to be overwritten with those that such a device returns, of `samples` samples in every pixel.
     pub fn sums_mut(&mut self, samples: u32) -> &mut [f32] {
         self.row_samples.fill(samples);
         &mut self.sums
@@ -127,7 +127,7 @@ impl FilmBuffer {
         ((self.sums.len() + self.pass_sums.len() + self.row_samples.len()) * 4) as u64 + resting
     }
 
-    /// Takes all samples away: every pixel is awake.
+    /// Removes all samples; no pixel rests.
     pub fn clear(&mut self) {
         if let Some(resting) = &mut self.resting {
             *resting = Resting::new(resting.rule(), self.width * self.height);
@@ -137,7 +137,7 @@ impl FilmBuffer {
         self.row_samples.fill(0);
     }
 
-    /// Samples of pixels that do not rest; of rows that are behind.
+    /// Samples of the pixels that do not rest; if rows differ, of those with the fewest.
     pub fn spp(&self) -> u32 {
         self.row_samples.iter().copied().min().unwrap_or(0)
     }
@@ -181,7 +181,7 @@ impl FilmBuffer {
         (mean, if n < REPLICATES { f64::INFINITY } else { spread * R as f64 / (R - 1) as f64 })
     }
 
-    /// The mean of all samples; with shadow catchers the colours that are made of it.
+    /// The mean of all samples; with shadow catchers, the colours composited from it.
     pub fn mean(&self) -> Image {
         if self.kept.caught {
             return self.caught_color();
@@ -189,7 +189,7 @@ impl FilmBuffer {
         self.picture_of(|film, pixel, channel, n| film.moments(pixel, channel, n).0)
     }
 
-    /// Variance of that mean, infinite below one sample for each replicate. With shadow catchers, of the picture laid over white.
+    /// Variance of that mean; infinite with less than one sample per replicate. With shadow catchers, of the picture over white.
     pub fn variance(&self) -> Image {
         self.picture_of(|film, pixel, channel, n| film.moments(pixel, channel, n).1)
     }
@@ -206,16 +206,16 @@ impl FilmBuffer {
         )
     }
 
-    /// Estimated relative error of some rows' mean; infinite below one sample for each replicate.
+    /// Estimated relative error of the mean of some rows; infinite with less than one sample per replicate.
     ///
     /// μ² = w·(m² − var)⁺ + (1 − w)·a², w = m² / (m² + 16 var), where a is the mean of the up to 8 pixels around,
-    /// its own left out: a rare bright sample must not raise what it is measured by.
+    /// without the pixel itself: a rare bright sample must not raise the value that its error is divided by.
     pub fn error_estimate_of(&self, rows: Range<usize>) -> f64 {
         let rows = rows.start..rows.end.min(self.height);
         if self.spp() < REPLICATES || rows.is_empty() {
             return f64::INFINITY;
         }
-        // Blocks of fixed height, added in their order: the same number for any count of threads.
+        // Blocks of fixed height, added in order, give the same result for any number of threads.
         let blocks: Vec<Range<usize>> = rows
             .clone()
             .step_by(ROWS_A_BLOCK)

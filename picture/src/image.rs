@@ -1,8 +1,8 @@
-//! A picture in memory: three linear or encoded channels a pixel, rows from the top.
+//! A picture in memory: three linear or encoded channels per pixel, rows from the top.
 
 /// Width × height pixels of three channels; pixel (x, y) is `pixels[y · width + x]`, row 0 is the top.
 ///
-/// The type does not say whether the values are scene-linear or sRGB-encoded: whoever passes one on names it.
+/// The type does not say whether the values are scene-linear or sRGB-encoded; functions that take or return it do.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Image {
     /// Pixels across.

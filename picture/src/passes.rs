@@ -1,16 +1,16 @@
-//! What is summed for a picture's passes, and how sums become passes.
+//! The sums over samples that the passes of a picture need, and how passes are computed from them.
 //!
 //! ```text
-//! floats a pixel, each group only where it is wanted:
-//! alpha     1    samples that met a surface
+//! floats per pixel; each group is kept only if it is needed:
+//! alpha     1    samples that hit a surface
 //! features  6    colour (r g b) and normal (x y z) of the first surface
 //! light    33    diffuse, glossy, transmission, each direct and indirect; emission; environment; the three colours, r g b each
 //! caught   32 or 44    light of shadow catchers, a group for each replicate (see crate::shadow_catcher)
-//! labels   4 a rank    slots of an id and how many samples saw it (see crate::cryptomatte)
+//! labels   4 a rank    slots, each with an id and the number of samples that saw it (see crate::cryptomatte)
 //! types    4 a rank    the same
 //! ```
-//! Sums are over all samples: that there is more than one scramble matters to the error of the colour alone. Light is divided by the
-//! colour of its kind, mean by mean, as Cycles' `film_get_pass_pixel_light_path` does, so that
+//! Sums are over all samples: only the error of the colour needs separate replicates. The mean light of each kind is divided by the
+//! mean colour of that kind, as in Cycles' `film_get_pass_pixel_light_path`, so that
 //! `(direct + indirect) · colour` of the three kinds, emission and environment add up to the picture again.
 
 use pumice_scene::{Film, Pass, Passes};
@@ -31,24 +31,24 @@ pub const COLOR_KINDS: usize = 3;
 /// Which groups are summed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PassSums {
-    /// Part of the samples that met a surface.
+    /// Share of the samples that hit a surface.
     pub alpha: bool,
     /// Colour and normal of the first surface.
     pub features: bool,
     /// Light by kind, and colours by kind.
     pub light: bool,
-    /// Which labels are seen, and which types.
+    /// Cryptomatte by label, and by type.
     pub mattes: [bool; 2],
-    /// Of how many of them the picture will tell; 0 where neither is kept.
+    /// Ranks of the mattes in the picture; 0 if neither matte is kept.
     pub ranks: u32,
     /// Light of shadow catchers.
     pub caught: bool,
-    /// Their shadows are in a pass of their own, and not in the picture.
+    /// Whether the caught shadows go into a pass of their own instead of into the picture.
     pub shadow_apart: bool,
 }
 
 impl PassSums {
-    /// What a film asks for; `catches` where the scene has a shadow catcher.
+    /// The sums that a film needs; `catches` says whether the scene has a shadow catcher.
     pub fn of(film: &Film, catches: bool) -> Self {
         let mattes = [Pass::CryptomatteLabel, Pass::CryptomatteType].map(|pass| film.passes.has(pass));
         Self {
@@ -62,48 +62,48 @@ impl PassSums {
         }
     }
 
-    /// Floats a pixel.
+    /// Floats per pixel.
     pub const fn stride(self) -> usize {
         self.mattes_at() + 2 * self.matte_slots() * (self.mattes[0] as usize + self.mattes[1] as usize)
     }
 
-    /// Slots of either kind of matte: twice as many as are told of.
+    /// Slots per pixel of each matte: twice the number of ranks.
     pub const fn matte_slots(self) -> usize {
         2 * self.ranks as usize
     }
 
-    /// Place of mattes, by label before by type.
+    /// Offset of the mattes: by label, then by type.
     pub const fn mattes_at(self) -> usize {
         self.caught_at() + if self.caught { REPLICATES as usize * self.caught_floats() } else { 0 }
     }
 
-    /// Place of catchers' light.
+    /// Offset of the light of shadow catchers.
     pub const fn caught_at(self) -> usize {
         self.light_at() + if self.light { 3 * (LIGHT_KINDS + COLOR_KINDS) } else { 0 }
     }
 
-    /// Floats of each replicate of it.
+    /// Floats per replicate of the light of shadow catchers.
     pub const fn caught_floats(self) -> usize {
         CAUGHT_FLOATS[self.keeps_behind() as usize]
     }
 
-    /// Whether light from behind everything is among them: where the picture shows it past catchers.
+    /// Whether the light from behind everything is kept too: needed where the picture shows it past shadow catchers.
     pub const fn keeps_behind(self) -> bool {
         self.caught && !self.alpha && !self.shadow_apart
     }
 
-    /// Place of the features.
+    /// Offset of the features.
     pub const fn features_at(self) -> usize {
         self.alpha as usize
     }
 
-    /// Place of light.
+    /// Offset of the light by kind.
     pub const fn light_at(self) -> usize {
         self.features_at() + if self.features { 6 } else { 0 }
     }
 
-    /// One bit each, as shaders are told: alpha, features, light, mattes by label, by type, catchers' light, light behind them; from bit 8
-    /// on the mattes' slots.
+    /// The groups as bits for shaders: alpha, features, light, mattes by label, by type, catchers' light, light behind them; from bit 8
+    /// on the number of slots of a matte.
     pub const fn bits(self) -> u32 {
         let groups = self.alpha as u32 | (self.features as u32) << 1 | (self.light as u32) << 2;
         groups
@@ -115,7 +115,7 @@ impl PassSums {
     }
 }
 
-/// The kind of light and the colour that a pass is made of, by their places; `None`: it is no pass of light.
+/// The offsets of the kind of light and of the colour that a pass is computed from; `None` if it is not a pass of light.
 fn kinds_of(pass: Pass) -> Option<(usize, Option<usize>)> {
     Some(match pass {
         Pass::DiffuseDirect => (0, Some(0)),
@@ -133,8 +133,8 @@ fn kinds_of(pass: Pass) -> Option<(usize, Option<usize>)> {
     })
 }
 
-/// Light over the colour that it was multiplied with; a channel in which the colour is 0 gets the mean of the others, as Cycles'
-/// `safe_divide_even_color` does: denoisers want an even light.
+/// Light divided by its colour. A channel in which the colour is 0 gets the mean of the others, as in Cycles'
+/// `safe_divide_even_color`: denoisers need light without gaps.
 fn divide(light: [f32; 3], color: [f32; 3]) -> [f32; 3] {
     let has = color.map(|c| c != 0.0);
     let mut quotient = [0, 1, 2].map(|c| if has[c] { light[c] / color[c] } else { 0.0 });
@@ -147,7 +147,7 @@ fn divide(light: [f32; 3], color: [f32; 3]) -> [f32; 3] {
 }
 
 impl FilmBuffer {
-    /// What is made of each pixel's pass sums and its number of samples, at least 1.
+    /// Applies a function to each pixel's pass sums and its number of samples, which is at least 1.
     pub(crate) fn of_each_pixel<T: Send>(&self, f: impl Fn(&[f32], f32) -> T + Sync) -> Vec<T> {
         let (width, height) = self.size();
         let stride = self.kept().stride();
@@ -158,7 +158,7 @@ impl FilmBuffer {
         (0..width * height).into_par_iter().map(of).collect()
     }
 
-    /// Mean of some of each pixel's pass sums, by place.
+    /// The mean of some of each pixel's pass sums, chosen by offset.
     fn means<T: Send>(&self, f: impl Fn(&dyn Fn(usize) -> f32) -> T + Sync) -> Vec<T> {
         self.of_each_pixel(|sums, n| f(&|place| sums[place] / n))
     }
@@ -168,7 +168,7 @@ impl FilmBuffer {
         Image::new(width, height, self.means(|of| [0, 1, 2].map(|c| of(place + c))))
     }
 
-    /// Part of the samples that met a surface, where that is kept; with it the shadows that are caught.
+    /// Share of the samples that hit a surface, if it is kept; it includes the caught shadows.
     pub fn alpha(&self) -> Option<Vec<f32>> {
         if self.kept().caught {
             return self.caught_alpha();
@@ -176,7 +176,7 @@ impl FilmBuffer {
         self.kept().alpha.then(|| self.means(|of| of(0)))
     }
 
-    /// What is left of shadow catchers' light, where the pass is wanted: 1 in a scene without any.
+    /// The shadow catcher pass, if it is requested: the share of light that is not blocked, 1 in a scene without shadow catchers.
     fn shadow_wanted(&self, wanted: Passes) -> Option<(Pass, Image)> {
         let (width, height) = self.size();
         wanted.has(Pass::ShadowCatcher).then(|| match self.kept().caught {
@@ -191,7 +191,7 @@ impl FilmBuffer {
         self.kept().features.then(|| [self.mean_image(at), self.mean_image(at + 3)])
     }
 
-    /// Those of the wanted passes that are of light, where they are kept.
+    /// The requested passes of light, if they are kept.
     pub fn light(&self, wanted: Passes) -> Vec<(Pass, Image)> {
         let (at, kept) = (self.kept().light_at(), self.kept().light);
         let (width, height) = self.size();
@@ -206,7 +206,7 @@ impl FilmBuffer {
         wanted.iter().filter(|_| kept).filter_map(image).collect()
     }
 
-    /// The picture with what was summed for it: of albedo and normal, those of `wanted` become means over samples.
+    /// Adds the passes to the picture. Albedo and normal become means over samples if they are in `wanted`.
     pub fn passes_into(&self, picture: Picture, wanted: Passes) -> Picture {
         let (width, height) = self.size();
         let counts = || (0..width * height).map(|pixel| self.samples_of(pixel) as f32).collect();

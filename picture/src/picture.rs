@@ -1,4 +1,4 @@
-//! A finished picture: what a renderer hands over, what files hold.
+//! A finished picture with its passes and its provenance, as renderers return it and files hold it.
 
 use pumice_scene::{Pass, Scene};
 use serde::{Deserialize, Serialize};
@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use crate::cryptomatte::Matte;
 use crate::image::Image;
 
-/// Everything that is needed to make the picture again, and to know what it is worth.
+/// Everything that is needed to render the picture again, and to judge its quality.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Provenance {
@@ -21,7 +21,7 @@ pub struct Provenance {
     /// The same of each mesh, in the order of the scene's meshes.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub mesh_hashes: Vec<String>,
-    /// Samples a pixel.
+    /// Samples per pixel.
     pub spp: u32,
     /// Estimated relative error, where known.
     pub error_estimate: Option<f64>,
@@ -32,29 +32,29 @@ pub struct Provenance {
 pub struct Picture {
     /// Scene-linear Rec. 709 radiance: the mean of all samples.
     pub color: Image,
-    /// Variance of that mean, each channel; `None` where it is not known.
+    /// Variance of that mean, per channel; `None` if it is not known.
     pub variance: Option<Image>,
     /// Distance along the view axis to the first surface, of the sample nearest the pixel's centre; infinite where there is none.
     pub depth: Option<Vec<f32>>,
     /// Label of that surface: dense index + 1, 0 where there is none. With several instances see `instance`.
     pub label: Option<Vec<u32>>,
-    /// Base colour of the first surface through the pixel's middle. Where the film asks for the pass: the mean over samples of the
+    /// Base colour of the first surface at the pixel's centre. If the film asks for the pass: the mean over samples of the
     /// diffuse, glossy and transmission colours together.
     pub albedo: Option<Image>,
     /// Unit normal of the first surface towards the camera, world space; the mean over samples where the film asks for it.
     pub normal: Option<Image>,
-    /// Part of the samples that met a surface, where the film is transparent: the colour is multiplied with it already. Shadows that
-    /// catchers leave are in it, where they are not in a pass of their own.
+    /// Share of the samples that hit a surface, if the film is transparent; the colour is premultiplied with it. It includes caught
+    /// shadows, unless they have a pass of their own.
     pub alpha: Option<Vec<f32>>,
-    /// Where the first surface is in the world, through the pixel's middle; 0 where there is none.
+    /// World position of the first surface at the pixel's centre; 0 where there is none.
     pub position: Option<Image>,
-    /// Samples of each pixel, where the film asks for it.
+    /// Samples of each pixel, if the film asks for them.
     pub samples: Option<Vec<f32>>,
     /// Passes of light and of caught shadows that the film asks for, in the order of [`Pass::ALL`].
     pub light: Vec<(Pass, Image)>,
-    /// Which labels and types are seen, by name, where the film asks for it.
+    /// Cryptomattes by label and type, if the film asks for them.
     pub mattes: Vec<Matte>,
-    /// How it was made.
+    /// How the picture was made.
     pub provenance: Option<Provenance>,
 }
 
@@ -82,15 +82,15 @@ impl Picture {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum PictureError {
-    /// The operating system refused.
+    /// The operating system reports an error.
     #[error("{}: {source}", path.display())]
     Io {
         /// The file.
         path: std::path::PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: std::io::Error,
     },
-    /// The file is damaged or not what it should be.
+    /// The file is damaged or of another kind than expected.
     #[error("{}: {what}", path.display())]
     File {
         /// The file.

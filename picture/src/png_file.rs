@@ -1,9 +1,9 @@
-//! Pictures as PNG files: what a screen shows, 8 bits a channel, sRGB.
+//! Writes pictures as PNG files: display values, 8 bits per channel, sRGB.
 //!
-//! The scene-linear colour is clamped to [0, 1] (not a number becomes 0), encoded with the exact sRGB curve and rounded to the
-//! nearest of 256 values; or, where another [view transform](crate::view_transform) is wanted, shown by that. A transparent film's picture has a fourth channel: its alpha, by which the colour, which
-//! is multiplied with it, is divided, as PNG has it (ISO/IEC 15948 §6.2). The chunk `sRGB` says so, and an `iTXt` chunk with the keyword `pumice` holds
-//! the provenance as JSON.
+//! The scene-linear colour is clamped to [0, 1] (NaN becomes 0), encoded with the exact sRGB curve or another
+//! [view transform](crate::view_transform), and rounded to the nearest of 256 values. The picture of a transparent film has alpha as a
+//! fourth channel; its premultiplied colour is divided by alpha, because PNG is not premultiplied (ISO/IEC 15948 §6.2). The chunk `sRGB`
+//! marks the encoding, and an `iTXt` chunk with the keyword `pumice` holds the provenance as JSON.
 
 use std::io::{BufRead, Seek, Write};
 use std::path::Path;
@@ -17,15 +17,15 @@ use crate::provenance_text::{PROVENANCE_KEY, provenance_to_ascii};
 use crate::view_transform::shown;
 use crate::{Picture, PictureError, Provenance, ViewTransform};
 
-/// Writes the colour as a screen shows it. The file is there whole or not at all.
+/// Writes the colour with the sRGB curve. The file appears complete or not at all.
 ///
 /// # Errors
-/// [`PictureError::Io`] when the system refuses, [`PictureError::File`] when the picture is empty or too large.
+/// [`PictureError::Io`] for an error of the system, [`PictureError::File`] when the picture is empty or too large.
 pub fn write_png(path: &Path, picture: &Picture) -> Result<(), PictureError> {
     write_png_shown(path, picture, ViewTransform::Standard)
 }
 
-/// The same by another view transform.
+/// As [`write_png`], with another view transform.
 ///
 /// # Errors
 /// As [`write_png`].
@@ -54,7 +54,7 @@ fn write_to(writer: &mut impl Write, picture: &Picture, view: ViewTransform) -> 
         }
     };
 
-    // `check_size` has seen that both sides fit.
+    // `check_size` has checked that both sides fit.
     let mut encoder = png::Encoder::new(&mut *writer, color.width as u32, color.height as u32);
     encoder.set_color(if picture.alpha.is_some() { png::ColorType::Rgba } else { png::ColorType::Rgb });
     encoder.set_depth(png::BitDepth::Eight);
@@ -68,18 +68,18 @@ fn write_to(writer: &mut impl Write, picture: &Picture, view: ViewTransform) -> 
     Ok(())
 }
 
-/// The nearest of 256 values of each channel that show a linear colour.
+/// The 8-bit display values of a linear colour, each rounded to the nearest of 256.
 fn encoded(view: ViewTransform, linear: [f32; 3]) -> [u8; 3] {
     shown(view, linear).map(|c| (c * 255.0).round() as u8)
 }
 
-/// Reads the provenance alone; `None` where the file has none.
+/// Reads only the provenance; `None` if the file has none.
 pub(crate) fn read_provenance_from(bytes: impl BufRead + Seek) -> Result<Option<Provenance>, Failure> {
     let mut reader = png::Decoder::new(bytes).read_info()?;
     let find = |info: &png::Info<'_>| info.utf8_text.iter().find(|t| t.keyword == PROVENANCE_KEY).cloned();
     let mut chunk = find(reader.info());
     if chunk.is_none() {
-        // Other programs move text behind the pixels.
+        // Other programs may move the text chunk behind the pixels.
         reader.finish()?;
         chunk = find(reader.info());
     }

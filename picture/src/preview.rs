@@ -1,17 +1,17 @@
-//! Takes noise out of a live picture while it is young: an edge-avoiding filter, never part of a finished picture.
+//! Denoises the early frames of a live picture with an edge-avoiding filter. Finished pictures are never filtered.
 //!
 //! The filter of Dammertz, Sewtz, Hanika and Lensch 2010 (*Edge-Avoiding À-Trous Wavelet Transform for fast Global Illumination
-//! Filtering*), 3 × 3 taps a level at distances of 1, 2, 4 and 8 pixels, so four levels see 31 pixels across for 36 taps. A neighbour
-//! counts the less the more it differs from the pixel in
+//! Filtering*), with 3 × 3 taps per level at distances of 1, 2, 4 and 8 pixels, so that four levels cover 31 pixels across with 36 taps.
+//! The weight of a neighbour falls as it differs more from the pixel in
 //!
 //! ```text
-//! normal, base colour   of the first surface through the pixel's middle: other faces and other labels
-//! position              how far it leaves the pixel's plane, over its distance: steps between faces that look the same way
-//! luminance             in units of the noise that both have (Schied et al. 2017, *Spatiotemporal Variance-Guided Filtering*, §4.4):
-//!                       shadows. The filter fades out as the picture converges; the variance is filtered along
+//! normal, base colour   of the first surface at the pixel's centre: separates faces and labels
+//! position              distance from the pixel's plane over distance from the pixel: separates parallel faces at a step
+//! luminance             in units of the noise of both (Schied et al. 2017, *Spatiotemporal Variance-Guided Filtering*, §4.4):
+//!                       separates shadows. The filter fades out as the picture converges; the variance is filtered along
 //! ```
-//! Below one sample for each replicate no variance is known and luminance stops nothing. What is blurred is biased, which the
-//! estimated error does not tell; alpha and the passes are left as they are.
+//! With less than one sample per replicate no variance is known, and luminance has no effect. Blurring adds a bias that the estimated
+//! error does not include; alpha and the passes are unchanged.
 
 use rayon::prelude::*;
 
@@ -21,19 +21,20 @@ use crate::picture::Picture;
 /// Distances of the taps in pixels.
 const STEPS: [usize; 4] = [1, 2, 4, 8];
 
-/// Squared difference of two normals at which a neighbour counts for nothing: some 20°; faces of voxels differ by 2.
+/// Squared difference of two normals at which a neighbour gets weight 0: some 20°; adjacent faces of voxels differ by 2.
 const NORMAL: f32 = 0.12;
 
-/// The same of base colours: colours that can be told apart side by side.
+/// Squared difference of base colours at which a neighbour gets weight 0: colours that are distinguishable side by side.
 const ALBEDO: f32 = 0.01;
 
-/// The same of the squared sine of the angle out of the plane: 8°.
+/// Squared sine of the angle out of the plane at which a neighbour gets weight 0: 8°.
 const PLANE: f32 = 0.02;
 
-/// The same of luminance, in variances: 2.2 standard deviations. With 4 the noise of mixed pixels at edges let neighbours in: FLIP rose by 12 %.
+/// Squared difference of luminance, in variances, at which a neighbour gets weight 0: 2.2 standard deviations. With 4, the noise of mixed
+/// pixels at edges let wrong neighbours in, and FLIP rose by 12 %.
 const LUMINANCE: f32 = 5.0;
 
-/// First surfaces through the middle of each pixel.
+/// The first surface at the centre of each pixel, which guides the filter.
 #[derive(Clone, Debug)]
 pub struct Guides {
     width: usize,
@@ -50,7 +51,7 @@ struct Surface {
 }
 
 impl Guides {
-    /// Those that a picture has; `None` where it lacks depth, normal, base colour or position.
+    /// The guides of a picture; `None` if it lacks depth, normal, base colour or position.
     pub fn of(picture: &Picture) -> Option<Self> {
         let (depth, normal) = (picture.depth.as_ref()?, picture.normal.as_ref()?);
         let (albedo, position) = (picture.albedo.as_ref()?, picture.position.as_ref()?);
@@ -64,13 +65,13 @@ impl Guides {
         Some(Self { width: picture.color.width, height: picture.color.height, surfaces })
     }
 
-    /// Whether they are of a picture of this size.
+    /// Whether the guides belong to a picture of this size.
     pub fn fit(&self, image: &Image) -> bool {
         (self.width, self.height) == (image.width, image.height)
     }
 }
 
-/// The picture without most of its noise; `variance` is that of its pixels, where it is known. Guides of another size filter nothing.
+/// The denoised picture. `variance` is that of its pixels, if known. With guides of another size the picture is returned unchanged.
 pub fn filtered(image: &Image, variance: Option<&Image>, guides: &Guides) -> Image {
     if !guides.fit(image) {
         return image.clone();
@@ -118,7 +119,7 @@ fn level(pixels: &[([f32; 3], f32)], guides: &Guides, step: usize) -> Vec<([f32;
 /// The eight neighbours, counted from the upper left one.
 const AROUND: [(usize, usize); 8] = [(0, 0), (0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1), (2, 2)];
 
-/// How much a neighbour counts: 1 where nothing differs, 0 where one thing differs too much. (1 − x/4)⁴ for e⁻ˣ: as good a bump.
+/// Weight of a neighbour: 1 if nothing differs, 0 if one property differs too much. (1 − x/4)⁴ replaces e⁻ˣ, with the same effect.
 fn likeness(pixels: &[([f32; 3], f32)], guides: &Guides, place: usize, other: usize) -> f32 {
     let (p, q) = (&guides.surfaces[place], &guides.surfaces[other]);
     if p.is_hit != q.is_hit {
@@ -162,7 +163,7 @@ fn luminance(color: [f32; 3]) -> f32 {
     dot(color, LUMA)
 }
 
-/// Of the luminance, its channels taken for wholly dependent, as noise of light is: (Σ wᵢ σᵢ)².
+/// Variance of the luminance, with channels taken as fully correlated, as noise of light is: (Σ wᵢ σᵢ)².
 fn luminance_variance(variance: [f32; 3]) -> f32 {
     luminance(variance.map(f32::sqrt)).powi(2)
 }
@@ -191,7 +192,7 @@ mod tests {
         Guides { width: SIDE, height: SIDE, surfaces: (0..SIDE * SIDE).map(surface).collect() }
     }
 
-    /// What there is to see: each part of the corner has its own light, and a shadow with a hard edge lies across.
+    /// The noiseless picture: each part of the corner has its own light, and a shadow with a hard edge lies across.
     fn truth(i: usize) -> f32 {
         let (x, y) = (i % SIDE, i / SIDE);
         let part = if y < 4 {

@@ -1,4 +1,4 @@
-//! Provenance as the text that picture files carry, and back from either kind of file.
+//! Writes provenance as the text that picture files carry, and reads it from OpenEXR and PNG files.
 
 use std::fs::File;
 use std::io::{BufReader, Read, Seek};
@@ -11,11 +11,11 @@ use crate::{PictureError, Provenance};
 /// Name of the EXR attribute and keyword of the PNG text that hold the provenance.
 pub(crate) const PROVENANCE_KEY: &str = "pumice";
 
-/// How the picture at `path`, an OpenEXR or PNG file by its content, was made; `None` where it does not say.
+/// Reads the provenance of the picture at `path`, which is an OpenEXR or PNG file by its content; `None` if it has none.
 ///
 /// # Errors
-/// [`PictureError::Io`] when the system refuses, [`PictureError::File`] when the file is of another kind or damaged, or when what
-/// it says is not a provenance that this version knows.
+/// [`PictureError::Io`] for an error of the system, [`PictureError::File`] when the file is of another kind or damaged, or when its
+/// provenance is not one that this version knows.
 pub fn read_provenance(path: &Path) -> Result<Option<Provenance>, PictureError> {
     let read = || {
         let mut file = BufReader::new(File::open(path).map_err(Failure::Io)?);
@@ -34,7 +34,7 @@ pub fn read_provenance(path: &Path) -> Result<Option<Provenance>, PictureError> 
     read().map_err(|failure: Failure| failure.at(path))
 }
 
-/// The provenance as JSON of ASCII characters alone.
+/// The provenance as JSON in pure ASCII.
 pub(crate) fn provenance_to_ascii(provenance: &Provenance) -> Result<String, String> {
     let json = serde_json::to_string(provenance).map_err(|e| format!("provenance: {e}"))?;
     let mut ascii = String::with_capacity(json.len());

@@ -1,16 +1,16 @@
-//! Pixels that have enough samples rest (Blender's *Noise Threshold*).
+//! Adaptive sampling: pixels with enough samples rest, taking no more (Blender's *Noise Threshold*).
 //!
-//! At given numbers of samples the film looks at itself. A pixel's squared error is the mean over channels of var / (μ² + 0.01), as
+//! At certain numbers of samples the film is examined. A pixel's squared error is the mean over channels of var / (μ² + 0.01), as
 //! in [`FilmBuffer::error_estimate`]; four replicates make it coarse, so it is averaged over 3 × 3 pixels. A pixel rests for good
-//! where no such mean within one pixel of it is above the threshold: what is about to turn noisy wakes its surroundings, as in
-//! Cycles, which dilates by as much.
+//! if no such mean within one pixel of it is above the threshold: a noisy pixel keeps its neighbours awake, as in Cycles, which dilates
+//! by the same distance.
 //!
 //! ```text
-//! looks at   min_spp (a multiple of the replicates), then each time a quarter more samples: a handful for each doubling
+//! examined   at min_spp (a multiple of the replicates), then each time after a quarter more samples: a few times per doubling
 //! rested     per pixel the samples that it had when it came to rest, or AWAKE
 //! ```
-//! Looks are at fixed numbers of samples and see whole passes alone, so what rests does not depend on time, threads or slices. Which
-//! pixels go on depends on what they found, which biases the picture a little (docs/error-against-time.md says how much).
+//! The film is examined at fixed numbers of samples and only after complete passes, so the result does not depend on time, threads or
+//! slices. A pixel's own samples decide when it rests, which biases the picture slightly (docs/error-against-time.md says how much).
 
 use pumice_scene::Adaptive;
 use rayon::prelude::*;
@@ -18,10 +18,10 @@ use rayon::prelude::*;
 use crate::film::FilmBuffer;
 use crate::film::REPLICATES;
 
-/// Of a pixel that does not rest.
+/// The value of a pixel that does not rest.
 pub const AWAKE: u32 = u32::MAX;
 
-/// See the module.
+/// Which pixels rest, and by which rule; the module describes it.
 #[derive(Clone, Debug)]
 pub struct Resting {
     rule: Adaptive,
@@ -31,7 +31,7 @@ pub struct Resting {
 }
 
 impl Resting {
-    /// All of `pixels` awake.
+    /// A film of `pixels` pixels, none of which rests.
     pub(crate) fn new(rule: Adaptive, pixels: usize) -> Self {
         let next_look = rule.min_spp.max(REPLICATES).next_multiple_of(REPLICATES);
         Self { rule, next_look, rested: vec![AWAKE; pixels], awake: pixels }
@@ -42,7 +42,7 @@ impl Resting {
         &self.rested
     }
 
-    /// By what pixels come to rest.
+    /// The rule by which pixels come to rest.
     pub(crate) fn rule(&self) -> Adaptive {
         self.rule
     }
@@ -54,7 +54,7 @@ impl Resting {
 }
 
 impl FilmBuffer {
-    /// The number of samples up to which a pass may go: where the film next looks at itself, [`u32::MAX`] where it never does.
+    /// The number of samples at which the film is examined next, which no pass may exceed; [`u32::MAX`] if never.
     pub fn next_look(&self) -> u32 {
         self.resting.as_ref().map_or(u32::MAX, |r| r.next_look)
     }
@@ -64,12 +64,12 @@ impl FilmBuffer {
         self.resting.as_ref().is_some_and(|r| r.awake == 0)
     }
 
-    /// Which pixels rest, where they may.
+    /// Which pixels rest, if adaptive sampling is on.
     pub fn resting(&self) -> Option<&Resting> {
         self.resting.as_ref()
     }
 
-    /// Looks which pixels may rest, if this is where to look; true where some came to rest.
+    /// Examines the film if its number of samples says so; returns whether some pixels came to rest.
     pub fn look(&mut self) -> bool {
         let spp = self.spp();
         if spp < self.next_look() {
@@ -114,7 +114,7 @@ impl FilmBuffer {
     }
 }
 
-/// A value made of each pixel and its up to eight neighbours, in a fixed order.
+/// Combines the value of each pixel with those of its up to eight neighbours, in a fixed order.
 fn around(
     of: &[f32],
     width: usize,

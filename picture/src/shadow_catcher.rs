@@ -1,15 +1,17 @@
-//! What a shadow catcher leaves in the picture: sums of its light, and how they become colour, alpha and the pass.
+//! Shadow catchers: the sums of their light, and how colour, alpha and the pass are computed from them.
 //!
-//! A camera's path that meets a catcher goes on twice by the same numbers: among **all** things, and among the catchers **alone**. Where
-//! nothing stands by, both find the same light to the last bit; their quotient is the shadow. What was seen without a catcher is the
-//! **matte**, in which a catcher is a hole. Each replicate keeps, beside its sums of the matte in the film:
+//! A camera path that hits a catcher continues twice with the same random numbers: once in the whole scene (**all**), and once in a scene
+//! of the catchers **alone**. If nothing casts a shadow, both find the same light to the last bit; their quotient is the shadow. The
+//! picture without catchers is the **matte**, in which a catcher is a hole. Each replicate keeps, in addition to its sums of the matte in
+//! the film:
 //!
 //! ```text
 //! floats   0 … 2   light of catchers among all things, r g b
 //!          3 … 5   the same among catchers alone
-//!          6       samples that the matte covers: on a transparent film those that met a surface, on an opaque one all; but for catchers'
-//!          7       samples that passed everything by, catchers too, where the film is transparent
-//!          8 … 10  light from behind everything, seen past catchers too, r g b: of an opaque film alone
+//!          6       samples that the matte covers, without those that hit a catcher: on a transparent film those that hit a surface, on
+//!                  an opaque one all
+//!          7       samples that hit nothing, not even a catcher, if the film is transparent
+//!          8 … 10  light from behind everything, also seen through catchers, r g b: only for an opaque film
 //! ```
 //! With these divided by the number of samples (m matte, c all, a alone, s covered, o open, b behind), per channel and as Cycles'
 //! `film_calculate_shadow_catcher` and `…_matte_with_shadow` (`kernel/film/read.h`):
@@ -20,11 +22,11 @@
 //! colour  = m                         of a transparent film
 //!         = m + b · (1 − alpha)       of an opaque one
 //! ```
-//! Where the pass is asked for, the shadow is in the pass and no more in the picture: then alpha = s and colour = m on both films.
+//! If the pass is requested, the shadow is only in the pass and not in the picture: then alpha = s and colour = m on both films.
 //!
-//! **Error.** A quotient's replicates are noisy where few samples met a catcher, so the spread is that of pictures with one replicate
-//! left out (the jackknife: Efron and Stein 1981); of sums it is the estimate of [`crate::film`] exactly. What is estimated is the
-//! picture laid over white, as shadows are in alpha alone.
+//! **Error.** Quotients of single replicates are noisy where few samples hit a catcher, so the spread is taken over pictures with one
+//! replicate left out (the jackknife: Efron and Stein 1981); for plain sums this equals the estimate of [`crate::film`] exactly. The error
+//! is that of the picture over white, because shadows are only in alpha.
 
 use crate::film::REPLICATES;
 use crate::film::{FilmBuffer, STRIDE};
@@ -36,7 +38,7 @@ const R: usize = REPLICATES as usize;
 /// Floats of a replicate, without and with light from behind.
 pub const CAUGHT_FLOATS: [usize; 2] = [8, 11];
 
-/// Light behind what is laid over white.
+/// The light behind a transparent picture that is laid over white.
 const WHITE: [f64; 3] = [1.0; 3];
 
 /// Sums of some replicates of a pixel.
@@ -51,7 +53,7 @@ struct Sums {
     behind: [f64; 3],
 }
 
-/// What is seen of a pixel.
+/// Colour, alpha and shadow of a pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Seen {
     color: [f64; 3],
@@ -150,7 +152,7 @@ impl FilmBuffer {
         has.then(|| self.of_seen(|seen| seen.alpha as f32))
     }
 
-    /// What is left of catchers' light.
+    /// The share of the catchers' light that is not blocked.
     pub(crate) fn shadow(&self) -> Image {
         self.image_of_seen(|seen| seen.shadow)
     }

@@ -1,29 +1,30 @@
-//! How light becomes what a screen shows.
+//! View transforms: from scene-linear light to display values.
 //!
 //! ```text
 //! standard   clamp to [0, 1] ─► the sRGB curve                                                          exact
 //! filmic     curve(log2 linear), channel by channel                                                     like Blender's *Filmic*
 //! agx        mix ─► curve(log2) ─► power ─► mix ─► root                                                 like Blender's *AgX*
 //! ```
-//! The last two are **approximations**, fitted to what Blender 5.0.1 makes of 24,513 colours (`tests/view_transforms`); Blender's own are
-//! tables of three dimensions. In steps of an 8 bit channel they are off by
+//! The last two are **approximations**, fitted to the results of Blender 5.0.1 for 24,513 colours (`tests/view_transforms`); Blender itself
+//! uses 3D tables. In steps of an 8 bit channel they are off by
 //!
 //! | | greys, most | ordinary colours: mean, 99 %, most | saturated colours: mean, 99 %, most |
 //! |---|---|---|---|
 //! | filmic | 0.1 | 0.00, 0.0, 0.1 | 0.46, 9.5, 174 |
 //! | agx | 0.7 | 0.25, 2.1, 7.5 | 1.21, 8.3, 26 |
 //!
-//! where *ordinary* are colours whose channels are within a factor of five, *saturated* any. Filmic's 174 is where Blender's turns a light
-//! that is bright in one channel alone to white, which a curve for each channel cannot.
+//! where *ordinary* colours have channels within a factor of five of one another, and *saturated* ones are any. Filmic's 174 occurs where
+//! Blender turns light that is bright in only one channel to white, which a curve per channel cannot do.
 //!
-//! The **form** of both is Troy Sobotka's, the author of either transform: a logarithm of base 2 between two limits, a curve, and for
-//! AgX a mixing of channels before and its undoing after. The numbers are least squares (`tests/view_transforms/fit.py`), no one's tables.
+//! The **form** of both is that of Troy Sobotka, the author of both transforms: a logarithm of base 2 between two limits, a curve, and for
+//! AgX a mixing of channels before and its inverse after. The numbers come from a least-squares fit (`tests/view_transforms/fit.py`), not
+//! from anyone's tables.
 
 use pumice_scene::ViewTransform;
 
 use crate::metrics::display::srgb_from_linear;
 
-/// Knots of a curve lie so many stops apart.
+/// Distance between the knots of a curve in stops.
 const STEP_STOPS: f64 = 0.5;
 
 /// A curve of the base 2 logarithm: its lowest knot, and the knots.
@@ -55,19 +56,19 @@ const AGX: Curve = Curve {
 const AGX_BEFORE: [[f64; 3]; 3] =
     [[0.6167, 0.2976, 0.0857], [0.1075, 0.7812, 0.1113], [0.0857, 0.1734, 0.7409]];
 
-/// The same after it.
+/// Mixes channels after AgX's curve; rows add up to 1, so that greys stay grey.
 const AGX_AFTER: [[f64; 3]; 3] =
     [[1.6449, -0.5168, -0.1281], [-0.1667, 1.1938, -0.0271], [-0.1547, -0.2357, 1.3904]];
 
-/// To which what the screen is sent is raised while channels are mixed.
+/// Exponent to which display values are raised while channels are mixed after AgX's curve.
 const AGX_POWER: f64 = 2.1288;
 
 impl Curve {
-    /// At a linear value, 0 to 1: Catmull-Rom between knots, the ends as if the curve went straight on; 0 for what is no number.
+    /// The curve at a linear value, from 0 to 1: Catmull-Rom between knots, extended in a straight line at the ends; 0 for NaN.
     fn at(&self, linear: f64) -> f64 {
         let k = |i: usize| self.knots[i];
         let last = self.knots.len() - 1;
-        // `max` takes the number of the two.
+        // If one argument is NaN, `max` returns the other.
         let place =
             ((linear.max(f64::MIN_POSITIVE).log2() - self.low_stops) / STEP_STOPS).clamp(0.0, last as f64);
         let i = (place as usize).min(last - 1);
@@ -84,9 +85,9 @@ fn mixed(by: &[[f64; 3]; 3], color: [f64; 3]) -> [f64; 3] {
     by.map(|row| row[0] * color[0] + row[1] * color[1] + row[2] * color[2])
 }
 
-/// What an sRGB screen is sent for a scene-linear colour, each channel 0 to 1; what is no number is 0.
+/// The display value of a scene-linear colour for an sRGB screen, each channel 0 to 1; NaN becomes 0.
 pub fn shown(view: ViewTransform, linear: [f32; 3]) -> [f64; 3] {
-    // The upper bound is beyond the curves' ends, and keeps infinities from turning to what is no number when they are mixed.
+    // The upper bound is beyond the curves' ends, and keeps infinities from becoming NaN when they are mixed.
     let linear = linear.map(|c| if c.is_nan() { 0.0 } else { f64::from(c).clamp(0.0, 1e9) });
     match view {
         ViewTransform::Standard => linear.map(|c| srgb_from_linear(c.min(1.0))),

@@ -1,4 +1,4 @@
-"""Pumice: label volumes, losslessly compressed and path traced as they are.
+"""Pumice: compresses label volumes losslessly and path traces the compressed form.
 
     volume = pumice.open("cells.nrrd")                  # or pumice.compress(array, spacing=(16, 16, 40), unit="nm")
     scene = pumice.figure(volume, pick=30)
@@ -18,7 +18,7 @@ from .scene import Scene, figure
 from .session import Frame, Pick, Session, Status
 from .volume import Faces, LabelTable, Volume, compress, open, probe
 
-# Calls that other threads are in end before the interpreter does: it would take the threads off by force.
+# At exit, calls in other threads are ended before the interpreter is, because it would end their threads by force.
 atexit.register(_end_calls)
 
 __all__ = [

@@ -1,5 +1,5 @@
 """
-The module.
+The compiled part of the package `pumice`.
 """
 
 from _typeshed import Incomplete, SupportsGetItem, SupportsLenAndGetItem
@@ -9,38 +9,38 @@ from typing import Any, SupportsFloat, SupportsIndex, final
 @final
 class Array:
     """
-    Numbers in C order that cannot be changed: `numpy.asarray` shows them without a copy.
+    A read-only array of numbers in C order. `numpy.asarray` shows it without a copy.
     """
 
 @final
 class Frame:
     """
-    A picture at one moment. As a buffer: (height, width, 4) floats, scene-linear RGBA, row 0 at the bottom.
+    The picture at one moment. As a buffer: (height, width, 4) floats, scene-linear RGBA, row 0 at the bottom.
     """
     @property
     def coarse(self, /) -> bool:
         """
-        Whether it has fewer pixels than the film: what comes first after an edit.
+        Whether it has fewer pixels than the film, as the first frames after an edit do.
         """
     @property
     def converged(self, /) -> bool:
         """
-        Whether it is the last of its revision.
+        Whether it is the last frame of its revision.
         """
     @property
     def cpu_seconds(self, /) -> float:
         """
-        CPU seconds of the process in that time, all threads.
+        CPU seconds of the process since then, all threads.
         """
     @property
     def error_estimate(self, /) -> float:
         """
-        Estimated relative error, infinite until it can be known.
+        Estimated relative error; infinite until there is an estimate.
         """
     @property
     def filtered(self, /) -> bool:
         """
-        Whether its noise was filtered away: it is no mean of samples.
+        Whether it was denoised: its pixels are then not means of samples.
         """
     @property
     def height(self, /) -> int:
@@ -60,7 +60,7 @@ class Frame:
     @property
     def serial(self, /) -> int:
         """
-        Rises by one from frame to frame; the first is 1.
+        Number of the frame, counted from 1.
         """
     @property
     def spp(self, /) -> int:
@@ -76,33 +76,33 @@ class Frame:
 @final
 class Job:
     """
-    Progress and cancel of one long call, for other threads than the one that made it.
+    Progress and cancellation of one long call, for use from other threads.
     """
     def __new__(cls, /) -> Job: ...
     def cancel(self, /) -> None:
         """
-        Asks the call to end soon; it then raises `Cancelled`.
+        Cancels the call, which soon raises `Cancelled`.
         """
     @property
     def cancelled(self, /) -> bool:
         """
-        Whether it was asked to.
+        Whether `cancel` was called.
         """
     @property
     def fraction(self, /) -> float | None:
         """
-        Done share of the stage under way, 0 to 1; `None` while it is not known.
+        Completed share of the current stage, 0 to 1; `None` while it is not known.
         """
 
 @final
 class Mesh:
     """
-    A triangle mesh, checked; it never changes.
+    A validated, immutable triangle mesh.
     """
     def __new__(cls, /, positions: Any, triangles: Any, materials: Any, normals: Any | None, of_triangles: bool) -> Mesh:
         """
-        Corners (n, 3) as 64 bit floats, triangles (m, 3) and materials (m,) as 32 bit numbers without a sign; no materials: all 0.
-        Normals as 32 bit floats, of corners (n, 3) or `of_triangles` (m, 3, 3); none: all is flat.
+        Corners (n, 3) as 64-bit floats, triangles (m, 3) and materials (m,) as unsigned 32-bit integers; without materials all are 0.
+        Normals as 32-bit floats, of corners (n, 3) or, with `of_triangles`, (m, 3, 3); without normals all is flat.
         """
     def content_hash(self, /) -> str:
         """
@@ -128,7 +128,7 @@ class Picture:
         """
     def alpha(self, /) -> Array | None:
         """
-        Part of the samples that met a surface, of a transparent film: (height, width).
+        Share of the samples that hit a surface, for a transparent film: (height, width).
         """
     def color(self, /) -> Array:
         """
@@ -140,11 +140,11 @@ class Picture:
         """
     def figures(self, /) -> str:
         """
-        Seconds, samples, error, curve, what was needed and left out, as JSON text.
+        Seconds, samples, error, curve, what the scene needed and what was left out, as JSON text.
         """
     def label(self, /) -> Array | None:
         """
-        Place of its label in the label table + 1, 0 where there is none: (height, width).
+        Row of the label of the first surface in the label table + 1, 0 where there is none: (height, width).
         """
     def light(self, /) -> list[tuple[str, Array]]:
         """
@@ -152,7 +152,7 @@ class Picture:
         """
     def mattes(self, /) -> list[tuple[str, Array, dict[str, int]]]:
         """
-        Cryptomatte, by name: (height, width, ranks, 2) of ids and coverages, and what hash each name in the picture has.
+        Cryptomatte passes, by name: (height, width, ranks, 2) of ids and coverages, and the hash of each name in the picture.
         """
     def normal(self, /) -> Array | None:
         """
@@ -160,7 +160,7 @@ class Picture:
         """
     def position(self, /) -> Array | None:
         """
-        Where the first surface is in the world.
+        World position of the first surface.
         """
     def samples(self, /) -> Array | None:
         """
@@ -168,11 +168,11 @@ class Picture:
         """
     def save(self, /, path: str | PathLike[str], passes: SupportsGetItem[int, str]) -> None:
         """
-        Writes an EXR or a PNG, whole or not at all.
+        Writes an EXR or a PNG, which appears complete or not at all.
         """
     def variance(self, /) -> Array | None:
         """
-        Variance of the colour, each channel; `None` below one sample for each independent part.
+        Variance of the colour, per channel; `None` with less than one sample per independent replicate.
         """
 
 @final
@@ -183,27 +183,27 @@ class Session:
     def __new__(cls, /, scene: str, volumes: SupportsGetItem[int, Volume], meshes: SupportsGetItem[int, Mesh], *, backend: str, spp: SupportsIndex | None, seconds: SupportsFloat | SupportsIndex | None, error: SupportsFloat | SupportsIndex | None, denoise: bool) -> Session: ...
     def _panic_on_purpose(self, /) -> None:
         """
-        Makes the worker panic, for tests of those who must survive it.
+        Makes the worker panic, for tests that clients survive it.
         """
     def add(self, /, instance: str, volume: Volume) -> int:
         """
-        Adds an instance in JSON with its volume, or replaces the one with the same id; the new revision.
+        Adds an instance in JSON with its volume, or replaces the one with the same id; returns the new revision.
         """
     def add_mesh(self, /, mesh: str, data: Mesh) -> int:
         """
-        Adds a mesh in JSON with its triangles, or replaces the one with the same id; the new revision.
+        Adds a mesh in JSON with its triangles, or replaces the one with the same id; returns the new revision.
         """
     def edit(self, /, edits: str) -> int:
         """
-        Applies a list of edits in JSON, all or none; the new revision.
+        Applies a list of edits in JSON, all or none; returns the new revision.
         """
     def latest(self, /, after: SupportsIndex) -> Frame | None:
         """
-        The newest frame, where its serial is above `after`; never waits.
+        The newest frame if its serial is above `after`, else `None`; never waits.
         """
     def pick(self, /, x: SupportsIndex, y: SupportsIndex) -> tuple[int, int, str, list[int], float] | None:
         """
-        (instance id, label id, name, voxel, depth) under the middle of a pixel, counted from the upper left.
+        (instance id, label id, name, voxel, depth) under the centre of a pixel, counted from the upper left.
         """
     def scene(self, /) -> str:
         """
@@ -215,17 +215,17 @@ class Session:
         """
     def stop(self, /) -> None:
         """
-        Ends the worker and waits for it, at most a slice.
+        Stops the worker and waits until it ends its current slice.
         """
 
 @final
 class Volume:
     """
-    A volume in its compressed form; it never changes.
+    An immutable volume in its compressed form.
     """
     def auto_colors(self, /, visible: SupportsGetItem[int, bool] | None) -> Array:
         """
-        Linear Rec. 709 colours that `auto_color` gives to the labels, those that are `visible` unlike their neighbours.
+        Linear Rec. 709 colours that `auto_color` gives to the labels; those that are `visible` differ from their neighbours.
         """
     def bounds(self, /) -> tuple[Array, Array, Array]:
         """
@@ -237,11 +237,11 @@ class Volume:
         """
     def contacts(self, /) -> Array:
         """
-        Pairs of labels that touch, by their places in the table.
+        Pairs of labels that touch, by row of the label table.
         """
     def content_hash(self, /) -> str:
         """
-        Hash of labels and voxels: a walk over all boxes.
+        Hash of labels and voxels; computing it takes a walk over all boxes.
         """
     def decode_block(self, /, origin: SupportsLenAndGetItem[SupportsIndex], dims: SupportsLenAndGetItem[SupportsIndex], job: Job | None = None) -> Array:
         """
@@ -249,7 +249,7 @@ class Volume:
         """
     def difference(self, /, source: str | PathLike[str] | Incomplete, *, layer: SupportsIndex | None = None, time: SupportsIndex | None = None, channel: SupportsIndex | None = None, array: str | None = None, job: Job | None = None) -> str | None:
         """
-        Compares with a file, or with blocks; `None` where every voxel and id is the same, else what is not.
+        Compares with a file, or with blocks; `None` if every voxel and id is the same, else the first difference.
         """
     def faces(self, /, visible: SupportsGetItem[int, bool], *, all_interfaces: bool, shared_corners: bool, job: Job | None = None) -> tuple[Array, Array, Array]:
         """
@@ -257,11 +257,11 @@ class Volume:
         """
     def facts(self, /) -> str:
         """
-        What there is to say about the whole at once, as JSON text.
+        Facts about the whole volume, as JSON text.
         """
     def ids(self, /) -> Array:
         """
-        Original ids, rising.
+        Original ids, in rising order.
         """
     def label_at(self, /, x: SupportsIndex, y: SupportsIndex, z: SupportsIndex) -> int:
         """
@@ -269,76 +269,79 @@ class Volume:
         """
     def mapped_bytes(self, /) -> int:
         """
-        Bytes in memory by part, as they are now: queries build an index.
+        Bytes of the volume that are pages of its file and not memory of this process.
         """
     def notes(self, /) -> tuple[list[str], Array]:
         """
-        Names, empty where the file gives none, and sRGB colours, NaN where it gives none.
+        Names, empty where the file gives none, and sRGB colours, NaN where the file gives none.
         """
-    def resident_parts(self, /) -> dict[str, int]: ...
+    def resident_parts(self, /) -> dict[str, int]:
+        """
+        Current bytes in memory by part; queries add an index.
+        """
     def save(self, /, path: str | PathLike[str], level: str = "default", job: Job | None = None) -> None:
         """
-        Writes a `.pumice` file, whole or not at all.
+        Writes a `.pumice` file, which appears complete or not at all.
         """
     def types(self, /) -> Array:
         """
-        Type of each label: its place in `type_names`, or −1.
+        Type of each label: its index in `type_names`, or −1.
         """
     def voxels(self, /) -> Array:
         """
-        Voxels of each label.
+        Number of voxels of each label.
         """
 
 def _end_calls() -> None:
     """
-    Cancels every call under way, and waits for them to return. From then on none begins.
+    Cancels every call in progress and waits for them to return. No new call can begin afterwards.
     """
 
 def _panic_on_purpose() -> None:
     """
-    Panics, to prove that a panic is an exception.
+    Panics, to test that a panic becomes an exception.
     """
 
 def compress(source: str | PathLike[str] | Incomplete, *, types: str | None = None, memory_limit: SupportsIndex | None = None, threads: SupportsIndex = 0, layer: SupportsIndex | None = None, time: SupportsIndex | None = None, channel: SupportsIndex | None = None, array: str | None = None, spacing: SupportsLenAndGetItem[SupportsFloat | SupportsIndex] | None = None, job: Job | None = None) -> tuple[Volume, list[str]]:
     """
-    Compresses a file, or blocks; with what the reader found odd.
+    Compresses a file, or blocks; also returns the reader's warnings.
     """
 
 def cryptomatte_hash(name: str) -> int:
     """
-    The hash by which Cryptomatte knows a name: MurmurHash3_x86_32 of its UTF-8.
+    The hash of a name in Cryptomatte: MurmurHash3_x86_32 of its UTF-8.
     """
 
 def devices() -> str:
     """
-    What can render here, as JSON text.
+    The backends and devices that can render here, as JSON text.
     """
 
 def figure(volume: Volume, source: str | PathLike[str], size: SupportsLenAndGetItem[SupportsIndex], labels: SupportsGetItem[int, SupportsIndex] | None, pick: SupportsIndex | None, view_deg: SupportsLenAndGetItem[SupportsFloat | SupportsIndex]) -> str:
     """
-    A scene that shows a volume: placed, framed, lit.
+    Composes a scene that shows a volume: places, frames and lights it.
     """
 
 def open(path: str | PathLike[str], *, labels: SupportsGetItem[int, SupportsIndex] | None = None, mapped: bool = False, layer: SupportsIndex | None = None, time: SupportsIndex | None = None, channel: SupportsIndex | None = None, array: str | None = None, spacing: SupportsLenAndGetItem[SupportsFloat | SupportsIndex] | None = None, job: Job | None = None) -> tuple[Volume, list[str]]:
     """
-    Opens a `.pumice` file, or compresses a label volume of another format in memory; with what the reader found odd. Of a `.pumice`
-    file these labels alone, where they are given.
+    Opens a `.pumice` file, or compresses a label volume of another format in memory; also returns the reader's warnings. If `labels` are
+    given, only these are read from a `.pumice` file.
     """
 
 def probe(path: str | PathLike[str], *, layer: SupportsIndex | None = None, time: SupportsIndex | None = None, channel: SupportsIndex | None = None, array: str | None = None, spacing: SupportsLenAndGetItem[SupportsFloat | SupportsIndex] | None = None, job: Job | None = None) -> str:
     """
-    What a file holds, from its header alone, as JSON text.
+    A summary of a file, from its header alone, as JSON text.
     """
 
 def render(scene: str, volumes: SupportsGetItem[int, Volume] | None, meshes: SupportsGetItem[int, Mesh], *, spp: SupportsIndex | None, seconds: SupportsFloat | SupportsIndex | None, error: SupportsFloat | SupportsIndex | None, backend: str, job: Job | None, on_progress: Any | None) -> Picture:
     """
-    Renders a scene until the first of its limits. `volumes[i]` belongs to its instance i; without them its sources are opened.
+    Renders a scene until the first limit is reached. `volumes[i]` belongs to its instance i; without volumes its sources are opened.
     `meshes[i]` belongs to its mesh i.
     """
 
 def scene_checked(text: str) -> str:
     """
-    The scene in full, with every default written out, after a check of every field.
+    Checks every field of a scene and returns it with every default written out.
     """
 
 def scene_load(path: str | PathLike[str]) -> str:
@@ -348,12 +351,12 @@ def scene_load(path: str | PathLike[str]) -> str:
 
 def scene_save(text: str, path: str | PathLike[str]) -> None:
     """
-    Writes a scene file, whole or not at all.
+    Writes a scene file, which appears complete or not at all.
     """
 
 def volume_info(dims: SupportsLenAndGetItem[SupportsIndex], label_type: str, world_from_index: SupportsLenAndGetItem[SupportsFloat | SupportsIndex], unit: str, names: SupportsGetItem[int, tuple[SupportsIndex, str]]) -> str:
     """
-    The JSON form of a volume's description, made from its parts: `world_from_index` is twelve numbers, columns first.
+    The JSON form of a volume's description, built from its parts: `world_from_index` is twelve numbers in column-major order.
     """
 
 def __getattr__(name: str) -> Incomplete: ...

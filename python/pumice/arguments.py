@@ -1,4 +1,4 @@
-"""Whole numbers and limits given by callers, checked where they come in: the compiled part takes what fits into its types."""
+"""Checks integers and limits from callers, because the compiled part accepts only values that fit into its types."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ class Choice(TypedDict, total=False):
 
 
 class Reading(Choice, total=False):
-    """What a file may not say by itself: which of several volumes, and the voxels' lengths."""
+    """Keywords for what a file may not decide by itself: which of several volumes, and the voxel size."""
 
     spacing: Sequence[float] | None
 
 
 def whole(name: str, value: Any, least: int, most: int) -> int:
-    """A whole number of any type that is one; InputError where it is not from `least` to `most`."""
+    """`value` as an int, from any integer type; InputError if it is not from `least` to `most`."""
     try:
         number = operator.index(value)
     except TypeError:
@@ -48,7 +48,7 @@ def ids(name: str, values: Iterable[Any]) -> list[int]:
 
 
 def reading(given: Choice | Reading) -> dict[str, Any]:
-    """The same with numbers in range."""
+    """The choice with its numbers checked."""
     checked: dict[str, Any] = dict(given)
     for name in ("layer", "time", "channel"):
         if checked.get(name) is not None:
@@ -70,7 +70,7 @@ def three_lengths(spacing: Iterable[Any]) -> tuple[float, float, float]:
 
 
 def limits(spp: int | None, seconds: float | None, error: float | None) -> dict[str, Any]:
-    """When a picture is done, as keywords."""
+    """The limits at which a picture is done, as keywords."""
     for name, limit in (("seconds", seconds), ("error", error)):
         if limit is not None and not limit > 0:
             raise InputError(f"{name}: expected a number above 0, got {limit}")

@@ -1,7 +1,7 @@
-"""Label arrays cut into blocks, so that none is ever copied whole.
+"""Cuts label arrays into blocks, so that no array is ever copied as a whole.
 
-Anything with `shape`, `dtype` and slicing will do: a numpy array of any order and strides, a memory map, an HDF5 or Zarr array. Axes are
-`array[x, y, z]`. Blocks are 64 voxels thick along the axis whose neighbours lie farthest apart, where the array tells.
+Anything with `shape`, `dtype` and slicing is accepted: a numpy array of any order and strides, a memory map, an HDF5 or Zarr array. Axes
+are `array[x, y, z]`. Blocks are 64 voxels thick along the axis with the largest stride, if the array has strides.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from .errors import InputError
 Block = tuple[tuple[int, int, int], tuple[int, int, int], npt.NDArray[Any]]
 
 THICKNESS = 64
-# Labels of one block: a slab of a wide volume is cut along its other axes too.
+# Most labels in one block: a slab of a wide volume is cut along its other axes too.
 MOST_LABELS = 1 << 24
 
 
@@ -80,11 +80,11 @@ def _unsigned(labels: npt.NDArray[Any], origin: tuple[int, int, int]) -> npt.NDA
     """The labels in the narrowest unsigned type that holds them all, native byte order."""
     kind, bits = labels.dtype.kind, 8 * labels.dtype.itemsize
     if kind == "b":
-        # Compared, not seen as bytes: a bool from foreign memory may hold any.
+        # Compared with 0 instead of viewed as bytes: a bool from foreign memory may hold any byte.
         truth: npt.NDArray[Any] = labels != 0
         return truth.view(np.uint8)
     if kind == "f":
-        # As from files: above 2⁵³ not even float64 holds every whole number.
+        # The same limit as for files: above 2⁵³ float64 does not hold every integer.
         limit = float(1 << 53)
         with np.errstate(invalid="ignore"):
             good = (labels >= 0) & (labels <= limit) & (labels == np.floor(labels))

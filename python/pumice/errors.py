@@ -1,4 +1,4 @@
-"""What can go wrong, sorted by who must act. Every message is one line: what and where."""
+"""The exceptions of Pumice, sorted by who must act. Every message is one line that says what and where."""
 
 
 class PumiceError(Exception):
@@ -6,16 +6,16 @@ class PumiceError(Exception):
 
 
 class InputError(PumiceError, ValueError):
-    """A file, an array, a scene or an argument is not what it should be."""
+    """A file, an array, a scene or an argument is invalid."""
 
 
 class Cancelled(PumiceError):
-    """The job was cancelled; nothing was left behind."""
+    """The job was cancelled; no partial result is left behind."""
 
 
 class PumiceWarning(UserWarning):
-    """A reader found something odd in a file that is no error."""
+    """A reader found something unusual in a file that is not an error."""
 
 
 class InternalError(PumiceError):
-    """A defect of Pumice: a panic in its compiled part, caught. The process lives on; please report the text."""
+    """A defect of Pumice: its compiled part panicked, and the panic was caught. The process continues; please report the text."""

@@ -12,8 +12,8 @@ from .errors import InputError
 
 
 class Mesh:
-    """A triangle mesh in a space of its own. It never changes; scenes and threads may share it. Where it stands and what it is made of
-    is said in the scene (`meshes` in docs/scene.md)."""
+    """An immutable triangle mesh in a space of its own, which scenes and threads may share. The scene holds its place and its materials
+    (`meshes` in docs/scene.md)."""
 
     def __init__(
         self,
@@ -23,11 +23,12 @@ class Mesh:
         *,
         normals: npt.ArrayLike | None = None,
     ) -> None:
-        """`positions` (n, 3) are corners; `triangles` (m, 3) name three of them each, counter-clockwise seen from outside;
-        `materials` (m,) are places in the list of materials that the scene has for this mesh, all 0 without it. Arrays are copied.
+        """`positions` (n, 3) are corners; `triangles` (m, 3) have three corner indices each, counter-clockwise seen from outside;
+        `materials` (m,) are indices into the list of materials that the scene has for this mesh, all 0 if omitted. Arrays are copied.
 
-        `normals` make it smooth: (n, 3), one a corner, or (m, 3, 3), one for each corner of each triangle, where edges may be sharp; on
-        the outer side, of any length. Where one is 0 a triangle keeps its own. Without them all is flat."""
+        `normals` make the mesh smooth: (n, 3), one per corner, or (m, 3, 3), one for each corner of each triangle, so that edges may be
+        sharp. They point to the outer side and may have any length. A triangle with a zero normal keeps its own. Without normals the mesh
+        is flat."""
         corners = _array("positions", positions, np.float64, 2)
         faces = _array("triangles", triangles, np.uint32, 2)
         chosen = _array("materials", () if materials is None else materials, np.uint32, 1)
@@ -48,12 +49,12 @@ class Mesh:
 
     @property
     def is_smooth(self) -> bool:
-        """Whether some triangle is shaded smooth: normals that are those of the triangles anyway change nothing."""
+        """Whether some triangle is shaded smooth; normals that equal those of the triangles do not count."""
         return self._native.is_smooth()
 
     @property
     def bytes_resident(self) -> int:
-        """Bytes of its numbers in memory; what a renderer builds over them comes to it."""
+        """Bytes of its numbers in memory, without what a renderer builds over them."""
         return self._native.counts()[2]
 
     @property
@@ -63,12 +64,12 @@ class Mesh:
 
 
 def natives(meshes: Sequence[Mesh]) -> list[_native.Mesh]:
-    """What the compiled part takes of meshes."""
+    """The meshes as the compiled part takes them."""
     return [mesh._native for mesh in meshes]
 
 
 def _array(name: str, values: npt.ArrayLike, dtype: type, axes: int) -> npt.NDArray[np.generic]:
-    """Values as a C array of a type that holds each of them as it is."""
+    """Values as a C-ordered array of a type that holds each of them exactly."""
     try:
         given = np.asarray(values)
         empty = given.size == 0

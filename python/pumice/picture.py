@@ -1,4 +1,4 @@
-"""Renders to their end, and the pictures they give."""
+"""Renders scenes to pictures, and gives their pixels, passes and figures."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Volumes = Volume | Sequence[Volume] | Mapping[str, Volume]
 
 @dataclasses.dataclass(frozen=True)
 class CurvePoint:
-    """Error against run time: how far a render was at one moment."""
+    """One point of the curve of error against run time of a render."""
 
     spp: int
     seconds: float
@@ -54,7 +54,7 @@ class Picture:
         mattes = native.mattes()
         self._mattes: dict[str, Floats] = {name: np.asarray(array) for name, array, _ in mattes}
         self.manifests: dict[str, dict[str, int]] = {name: names for name, _, names in mattes}
-        """Of each Cryptomatte pass, the hash of each name in the picture; its id is the float of these bits."""
+        """For each Cryptomatte pass, the hash of each name in the picture; its id is the float with these bits."""
         self._light: dict[str, Floats] = {name: np.asarray(array) for name, array in native.light()}
 
     @property
@@ -78,17 +78,17 @@ class Picture:
 
     @property
     def backend(self) -> str:
-        """What rendered it."""
+        """Name of the backend that rendered it."""
         return str(self._figures["backend"])
 
     @property
     def device(self) -> str:
-        """What the backend drew on."""
+        """Name of the device that rendered it."""
         return str(self._figures["device"])
 
     @property
     def notices(self) -> list[str]:
-        """What went wrong with a device and was overcome, a line each."""
+        """Device failures after which rendering continued, one line each."""
         return list(self._figures["notices"])
 
     @property
@@ -103,16 +103,17 @@ class Picture:
 
     @property
     def curve(self) -> list[CurvePoint]:
-        """Its history."""
+        """The estimated error against run time, as points."""
         return [
             CurvePoint(p["spp"], p["seconds"], p["cpu_seconds"], p["error_estimate"]) for p in self._figures["curve"]
         ]
 
     def save(self, path: Path, *, passes: str | Sequence[str] = "all") -> None:
         """Writes an `.exr` (scene-linear, with these passes; `film.half` of the scene makes colours half floats) or a `.png` (as
-        `film.view_transform` shows it), whole or not at all. Both can be made again.
+        `film.view_transform` shows it); the file appears complete or not at all. Both carry what is needed to render them again.
 
-        Passes: `all`, `none`, `light` for all that are of light, `cryptomatte` for both of its kinds, or names as in `passes`; what the picture lacks is left out.
+        Passes: `all`, `none`, `light` for all passes of light, `cryptomatte` for both of its kinds, or names as in `passes`; passes that
+        the picture lacks are left out.
         """
         self._native.save(os.fspath(path), [passes] if isinstance(passes, str) else list(passes))
 
@@ -133,13 +134,13 @@ def render(
     job: Job | None = None,
     on_progress: Callable[[CurvePoint], None] | None = None,
 ) -> Picture:
-    """Renders until the first limit is reached: samples a pixel, wall seconds, estimated relative error; or until all pixels
-    rest, where the scene's `settings.adaptive` lets them.
+    """Renders until the first limit is reached: samples per pixel, wall seconds, estimated relative error; or until all pixels
+    rest, if the scene has `settings.adaptive`.
 
     `volumes`: one for each instance in the scene's order, or by the instance's source; without them the sources are opened.
     `meshes`: one for each of the scene's meshes, in their order.
     `backend`: `auto`, `cpu`, or one of Vulkan's, alone or with its device: `vulkan-rt`, `vulkan-query:1`, `vulkan-compute:radeon`
-    (see `devices`). `auto` goes on with the next backend where a device fails; that is a `PumiceWarning`.
+    (see `devices`). If a device fails, `auto` continues with the next backend and issues a `PumiceWarning`.
     """
     may_rest = scene.to_dict()["settings"].get("adaptive") is not None
     if spp is None and seconds is None and error is None and not may_rest:
@@ -165,7 +166,7 @@ def render(
 
 
 def cryptomatte_hash(name: str) -> int:
-    """The hash by which Cryptomatte knows a name."""
+    """The hash of a name in Cryptomatte."""
     return int(_native.cryptomatte_hash(name))
 
 
@@ -184,7 +185,7 @@ def in_order(scene: Scene, volumes: Volumes) -> list[_native.Volume]:
 
 
 def devices() -> list[dict[str, Any]]:
-    """What can render here, what `auto` would take, and why: a dict for each Vulkan device and backend, and one for the CPU.
+    """The devices that can render here, which one `auto` takes, and why: a dict for each Vulkan device and backend, and one for the CPU.
 
     Keys: `backend`, `device`, `kind`, `usable`, `chosen`, `reason`; for Vulkan also `number` (as in `vulkan-rt:0`) and `driver`.
     """

@@ -1,4 +1,4 @@
-"""Scenes: what is drawn, from where, in which light. The fields are those of the scene file (docs/scene.md)."""
+"""Scenes: volumes, meshes, camera, lights and settings. The fields are those of the scene file (docs/scene.md)."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from .errors import InputError
 from .volume import Volume
 
 
-# Along a side, as scenes have it.
+# Most pixels along a side, the same limit as in scenes.
 MOST_PIXELS = 65536
 
 
 class Scene:
-    """A scene, checked: a value that does not change. Take it apart with `to_dict`, change that, and build another."""
+    """A validated, immutable scene. To change it, edit the result of `to_dict` and build a new scene from it."""
 
     def __init__(self, text: str) -> None:
         self._text = _native.scene_checked(text)
@@ -27,7 +27,7 @@ class Scene:
 
     @classmethod
     def from_dict(cls, fields: dict[str, Any]) -> Self:
-        """A scene of these fields; InputError names the one at fault."""
+        """Builds a scene from its fields; InputError names the field at fault."""
         try:
             return cls(json.dumps(fields, allow_nan=False))
         except (TypeError, ValueError) as error:
@@ -37,7 +37,7 @@ class Scene:
 
     @classmethod
     def from_json(cls, text: str) -> Self:
-        """A scene of its JSON form."""
+        """Builds a scene from its JSON form."""
         return cls(text)
 
     @classmethod
@@ -46,7 +46,7 @@ class Scene:
         return cls(_native.scene_load(os.fspath(path)))
 
     def save(self, path: Path) -> None:
-        """Writes a scene file, whole or not at all."""
+        """Writes a scene file, which appears complete or not at all."""
         _native.scene_save(self._text, os.fspath(path))
 
     def to_dict(self) -> dict[str, Any]:
@@ -54,7 +54,7 @@ class Scene:
         return copy.deepcopy(self._fields)
 
     def to_json(self) -> str:
-        """The JSON form; every number comes back as it is."""
+        """The JSON form; reading it back gives every number exactly."""
         return self._text
 
     def __eq__(self, other: object) -> bool:
@@ -77,10 +77,10 @@ def figure(
     pick: int | None = None,
     view_deg: tuple[float, float] = (24.0, 24.0),
 ) -> Scene:
-    """A scene that shows a volume: placed, framed, lit, each label in a colour unlike its neighbours'.
+    """Composes a scene that shows a volume: places, frames and lights it, and gives labels colours that differ between neighbours.
 
-    `labels` are the ids to show, or `pick` the number of long labels to choose; all without either. `view_deg` is where the camera
-    stands: around the vertical axis and above the horizon. `source` is what the scene names as the volume's file.
+    `labels` are the ids to show, or `pick` is the number of long labels to choose; without either all are shown. `view_deg` is the
+    direction of the camera: around the vertical axis and above the horizon. `source` is the volume's file in the scene.
     """
     ids = None if labels is None else arguments.ids("labels", labels)
     if len(size) != 2 or len(view_deg) != 2:

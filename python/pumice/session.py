@@ -1,5 +1,5 @@
-"""Live pictures: a worker of the compiled part refines, this side edits and takes frames. No call here waits for the worker, but
-`pick` and `stop`, and those at most for a slice of some tenths of a second."""
+"""Live pictures: a worker thread of the compiled part refines them, and Python edits the scene and takes frames. Only `pick` and `stop`
+wait for the worker, at most for a slice of some tenths of a second."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from .volume import Volume
 
 @dataclasses.dataclass(frozen=True)
 class Status:
-    """How a session stands: state is rendering, converged, failed or stopped; `backend` draws on `device`; `notices` say what went
-    wrong with a device and was overcome, the latest last."""
+    """Status of a session: `state` is rendering, converged, failed or stopped; `backend` draws on `device`; `notices` has the device
+    failures after which rendering continued, the latest last."""
 
     state: str
     error: str | None
@@ -32,7 +32,7 @@ class Status:
 
 @dataclasses.dataclass(frozen=True)
 class Pick:
-    """What is under a pixel: ids of instance and label, the label's name, the voxel that was hit, its distance."""
+    """What lies under a pixel: ids of instance and label, the label's name, the voxel that was hit, its distance."""
 
     instance: int
     label: int
@@ -47,7 +47,7 @@ Frame = _native.Frame
 class Session:
     """A live picture of a scene; volumes and meshes as for `render`. Without a limit it is refined for ever.
 
-    `denoise`: frames before the last are filtered (`Frame.filtered`); the last is the mean of its samples.
+    `denoise`: frames before the last are denoised (`Frame.filtered`); the last is the mean of its samples.
     """
 
     def __init__(
@@ -69,23 +69,23 @@ class Session:
         )
 
     def edit(self, *edits: dict[str, Any]) -> int:
-        """Applies edits, all or none, and gives the new revision at once; InputError names the field at fault."""
+        """Applies all edits or, on an error, none, and returns the new revision at once; InputError names the field at fault."""
         return int(self._native.edit(_text(list(edits))))
 
     def add(self, instance: dict[str, Any], volume: Volume) -> int:
-        """Adds an instance with its volume, or replaces the one with its id; gives the new revision."""
+        """Adds an instance with its volume, or replaces the one with its id; returns the new revision."""
         return int(self._native.add(_text(instance), volume._native))
 
     def add_mesh(self, fields: dict[str, Any], triangles: Mesh) -> int:
-        """Adds a mesh, by its fields in the scene, with its triangles, or replaces the one with its id; gives the new revision."""
+        """Adds a mesh, by its fields in the scene, with its triangles, or replaces the one with its id; returns the new revision."""
         return int(self._native.add_mesh(_text(fields), triangles._native))
 
     def latest(self, after: int = 0) -> Frame | None:
-        """The newest frame, where its serial is above `after`. numpy and Blender's `gpu.types.Buffer` read it where it lies."""
+        """The newest frame if its serial is above `after`, else None. numpy and Blender's `gpu.types.Buffer` read it without a copy."""
         return self._native.latest(after)
 
     def pick(self, x: int, y: int) -> Pick | None:
-        """What is under the middle of a pixel of the film, counted from the upper left."""
+        """What lies under the centre of a pixel of the film, counted from the upper left."""
         if not (0 <= x <= arguments.MOST_32 and 0 <= y <= arguments.MOST_32):
             return None
         found = self._native.pick(x, y)
@@ -96,7 +96,7 @@ class Session:
 
     @property
     def status(self) -> Status:
-        """How it stands."""
+        """The current status."""
         return Status(*self._native.status())
 
     @property
@@ -105,7 +105,7 @@ class Session:
         return Scene(self._native.scene())
 
     def stop(self) -> None:
-        """Ends the worker; the newest frame stays. Again: nothing."""
+        """Stops the worker; the newest frame stays available. A second call does nothing."""
         self._native.stop()
 
     def __enter__(self) -> Session:

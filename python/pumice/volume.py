@@ -20,7 +20,7 @@ from .errors import InputError, PumiceWarning
 Job = _native.Job
 
 
-# More than any machine has; each is started.
+# Most threads that are accepted: more than any machine has, because each is started.
 MOST_THREADS = 1024
 
 
@@ -59,7 +59,7 @@ class LabelTable:
 
 
 class Volume:
-    """A label volume in its compressed form. It never changes; threads may share it."""
+    """An immutable label volume in its compressed form, which threads may share."""
 
     def __init__(self, native: _native.Volume) -> None:
         self._native = native
@@ -91,7 +91,7 @@ class Volume:
 
     @property
     def frame(self) -> str:
-        """What the axes of the volume's world point at: RAS, LPS, LAS or unknown."""
+        """Anatomical directions of the axes of the volume's world: RAS, LPS, LAS or unknown."""
         return str(self._facts["frame"])
 
     @property
@@ -108,7 +108,7 @@ class Volume:
 
     @property
     def labels(self) -> LabelTable:
-        """The table of labels, background left out."""
+        """The table of labels, without the background."""
         if self._labels is None:
             self._labels = LabelTable(self._native, self._facts["type_names"])
         return self._labels
@@ -122,7 +122,7 @@ class Volume:
 
     @property
     def content_hash(self) -> str:
-        """Hash of labels and voxels, 32 hexadecimal digits; the same whatever file it came from. The first time: a walk over all
+        """Hash of labels and voxels, 32 hexadecimal digits; the same whatever file the volume came from. The first call walks over all
         boxes."""
         if self._content_hash is None:
             self._content_hash = self._native.content_hash()
@@ -140,7 +140,7 @@ class Volume:
 
     @property
     def resident_parts(self) -> dict[str, int]:
-        """Bytes in memory by part, as they are now; `index` is there once `label_at`, `decode` or `verify` has built it."""
+        """Current bytes in memory by part; `index` is present once `label_at`, `decode` or `verify` has built it."""
         return self._native.resident_parts()
 
     @property
@@ -150,15 +150,15 @@ class Volume:
 
     @property
     def bytes_mapped(self) -> int:
-        """How many of `bytes_resident` are pages of the file and none of this process: see `open`."""
+        """How many of `bytes_resident` are pages of the file and not memory of this process: see `open`."""
         return self._native.mapped_bytes()
 
     def save(self, path: Path, *, level: Level = "default", job: Job | None = None) -> None:
-        """Writes a `.pumice` file, whole or not at all; level is fast, default or small."""
+        """Writes a `.pumice` file, which appears complete or not at all; level is fast, default or small."""
         self._native.save(os.fspath(path), level, job)
 
     def verify(self, source: Path | Any, *, job: Job | None = None, **choice: Unpack[Choice]) -> None:
-        """Compares every voxel and id with a file or an array; InputError says what is not the same. Keywords choose as in `open`."""
+        """Compares every voxel and id with a file or an array; InputError names the first difference. Keywords are as for `open`."""
         difference = self._native.difference(_source(source), job=job, **_choice_of(source, choice))
         if difference is not None:
             raise InputError(difference)
@@ -166,13 +166,14 @@ class Volume:
     def decode(self, *, dtype: npt.DTypeLike | None = None, job: Job | None = None) -> npt.NDArray[Any]:
         """All labels as an array[x, y, z] in Fortran order; by default in the type they came from.
 
-        `dtype` is an integer or floating-point type that holds every id as it is; InputError names one that it does not.
+        `dtype` is an integer or floating-point type that holds every id exactly; InputError names an id that it does not hold.
         """
         own = f"{self.label_type[0]}{int(self.label_type[1:]) // 8}"
         wanted = _number_type(own if dtype is None else dtype)
         ids = np.asarray(self._native.ids())
         with np.errstate(over="ignore", invalid="ignore"):
-            # There and back. What the way back cuts or wraps does not count: 2⁶⁴, which 2⁶⁴ − 1 becomes, and what became negative.
+            # Convert there and back to find ids that are lost. Values that the way back would saturate or wrap count as lost too: 2⁶⁴, to
+            # which a float rounds 2⁶⁴ − 1, and negative numbers.
             kept = ids.astype(wanted)
             lost = kept.astype(np.uint64) != ids
             lost |= kept.astype(np.float64) >= 2.0**64 if wanted.kind == "f" else kept < 0
@@ -205,11 +206,11 @@ class Volume:
         shared_corners: bool = False,
         job: Job | None = None,
     ) -> Faces:
-        """The exact surface of the labels with these ids (all without): a quad a voxel face, normals outward.
+        """The exact surface of the labels with these ids (all labels if omitted): one quad per voxel face, normals outward.
 
-        `outside` gives faces towards voxels that are not shown, all that can be seen from outside; `all` also those between two shown
-        labels, once for each. `shared_corners` gives one vertex a place, in place of four a quad. Costs 68 bytes a quad, 36 with
-        shared corners while the search for them holds some 30 more.
+        `outside` gives the faces towards voxels that are not shown, which are all that is visible from outside; `all` also gives those
+        between two shown labels, once for each. `shared_corners` gives one vertex per position instead of four per quad. Costs 68 bytes
+        per quad; with shared corners 36, and some 30 more during the search for them.
         """
         if interfaces not in ("outside", "all"):
             raise InputError(f"interfaces: expected outside or all, got {interfaces!r}")
@@ -224,10 +225,10 @@ class Volume:
 
 @dataclasses.dataclass(frozen=True)
 class Faces:
-    """Faces of voxels in index space, `Volume.world_from_index` leads on; arrays cannot be changed.
+    """Faces of voxels in index space, which `Volume.world_from_index` maps to the world; the arrays are read-only.
 
-    `vertices` (n, 3) are whole numbers, `quads` (m, 4) numbers of vertices, counter-clockwise seen from outside (a matrix that mirrors
-    turns them round), `labels` (m,) rows of the label table.
+    `vertices` (n, 3) are integers, `quads` (m, 4) are vertex indices, counter-clockwise seen from outside (clockwise after a mirroring
+    matrix), `labels` (m,) are rows of the label table.
     """
 
     vertices: npt.NDArray[np.int32]
@@ -245,15 +246,15 @@ def open(
 ) -> Volume:
     """Opens a `.pumice` file, or any label volume of a known format, which is compressed in memory.
 
-    `labels`: of a `.pumice` file, these ids alone are read. The table has all labels still; voxels of the others are background
-    (0), their boxes none and their bounds empty, and the volume cannot be saved.
+    `labels`: only these ids are read from a `.pumice` file. The table still has all labels; voxels of the others are background (0),
+    they have no boxes and empty bounds, and the volume cannot be saved.
 
-    `mapped`: boxes and nodes of a `.pumice` file of the level `fast` stay in the file and take no memory of this process. Until the
-    volume is gone no other program may change that file in place, or this process ends; saving over it with Pumice is safe. Files of
-    other levels, and chosen labels, are read.
+    `mapped`: boxes and nodes of a `.pumice` file of the level `fast` stay in the file and take no memory of this process. As long as the
+    volume exists, no other program may change that file in place, or this process ends; saving over it with Pumice is safe. Files of
+    other levels, and chosen labels, are read into memory.
 
-    Keywords: `layer`, `time`, `channel` (numbers from 0), `array` (name within an `.npz`), `spacing` (three lengths). What is odd in
-    the file and no error is a `PumiceWarning`.
+    Keywords: `layer`, `time`, `channel` (numbers from 0), `array` (name within an `.npz`), `spacing` (three lengths). Unusual things in
+    the file that are not errors cause a `PumiceWarning`.
     """
     chosen = None if labels is None else arguments.ids("labels", labels)
     native, odd = _native.open(_path(path), labels=chosen, mapped=mapped, job=job, **arguments.reading(reading))
@@ -262,7 +263,7 @@ def open(
 
 
 def probe(path: Path, *, job: Job | None = None, **reading: Unpack[Reading]) -> dict[str, Any]:
-    """What a file holds, from its header: the same fields as `pumice info --json`, warnings among them."""
+    """A summary of a file, from its header: the same fields as `pumice info --json`, including warnings."""
     return dict(json.loads(_native.probe(_path(path), job=job, **arguments.reading(reading))))
 
 
@@ -282,7 +283,7 @@ def compress(
     """Compresses a file, or an array[x, y, z] of labels of any integer type and order; floats must be whole numbers ≥ 0.
 
     For arrays: `spacing` (three lengths) or `world_from_index` (4 × 4, voxel corners to world), `unit` (nm, um, mm, m), `names` by id.
-    `types`: type by id, or the path of a CSV table id,type. `memory_limit` in bytes; 0 `threads` are all.
+    `types`: type by id, or the path of a CSV table id,type. `memory_limit` is in bytes; `threads` of 0 uses all cores.
     """
     table = _type_table(types)
     threads = arguments.whole("threads", threads, 0, MOST_THREADS)
@@ -305,7 +306,7 @@ def compress(
 
 
 class _Blocks:
-    """What the compiled part takes for blocks."""
+    """An array as the compiled part takes it: its description, and a function that delivers its blocks."""
 
     def __init__(self, info: str, array: Any) -> None:
         self.info = info
@@ -330,7 +331,7 @@ def _source(
         matrix = np.asarray(world_from_index, dtype=np.float64)
         if matrix.shape != (4, 4) or not np.array_equal(matrix[3], (0, 0, 0, 1)) or not np.isfinite(matrix).all():
             raise InputError("world_from_index: expected a finite 4 × 4 matrix with the last row 0, 0, 0, 1")
-        # As scenes have it: below this share f64 has lost what was left of the third direction.
+        # The same limit as in scenes: below it f64 has lost the digits of the third direction.
         if not abs(np.linalg.det(matrix[:3, :3])) > 1e-12 * np.prod(np.linalg.norm(matrix[:3, :3], axis=0)):
             raise InputError("world_from_index: expected a matrix that can be inverted; its axes lie in a plane")
     elif spacing is not None:
@@ -358,7 +359,7 @@ def _choice_of(source: Path | Any, choice: Choice) -> dict[str, Any]:
 
 def _warn(odd: list[str]) -> None:
     for line in odd:
-        # Told of the line that called `open` or `compress`.
+        # The warning points to the line that called `open` or `compress`.
         warnings.warn(line, PumiceWarning, stacklevel=3)
 
 

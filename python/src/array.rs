@@ -1,10 +1,10 @@
-//! Arrays of numbers that Python reads where they lie: the buffer protocol, without a copy.
+//! Arrays of numbers that Python reads through the buffer protocol, without a copy.
 //!
 //! ```text
 //! numpy.asarray(array) ──► Py_buffer { address, shape, strides, owner } ──► Array (frozen) ──► Data (never changes)
 //! ```
-//! The only unsafe code of the bindings. What makes it sound: an `Array` is frozen, what it points to is owned by it and cannot be
-//! changed by anyone, and Python keeps the owner alive for as long as a buffer of it is.
+//! This file and `frame.rs` have the only unsafe code of the bindings. It is sound because an `Array` is frozen, owns the data that it
+//! points to, which nobody can change, and Python keeps the owner alive for as long as a buffer of it exists.
 #![allow(unsafe_code, reason = "the buffer protocol is a C struct of pointers")]
 
 use std::ffi::{CStr, c_int, c_void};
@@ -16,7 +16,7 @@ use pyo3::exceptions::PyBufferError;
 use pyo3::ffi;
 use pyo3::prelude::*;
 
-/// What an array shows.
+/// The data of an array.
 pub(crate) enum Data {
     F32(Vec<f32>),
     I32(Vec<i32>),
@@ -40,7 +40,7 @@ impl Data {
         }
     }
 
-    /// Bytes of one number, and its letter in the struct module.
+    /// Bytes of one number, and its format letter in Python's `struct` module.
     fn item(&self) -> (usize, &'static CStr) {
         match self {
             Self::F32(_) | Self::Frame(_) => (4, c"f"),
@@ -51,7 +51,7 @@ impl Data {
     }
 }
 
-/// Numbers in C order that cannot be changed: `numpy.asarray` shows them without a copy.
+/// A read-only array of numbers in C order. `numpy.asarray` shows it without a copy.
 #[pyclass(frozen, module = "pumice._native")]
 pub(crate) struct Array {
     data: Data,
@@ -60,11 +60,11 @@ pub(crate) struct Array {
 }
 
 impl Array {
-    /// `data` in C order; the sizes of `shape` must make up its length.
+    /// An array of `data` in C order; the product of `shape` must be its length.
     pub(crate) fn new(data: Data, shape: &[usize]) -> Self {
         let (item, _) = data.item();
         assert_eq!(shape.iter().product::<usize>() * item, data.bytes().len(), "shape {shape:?}");
-        // C order: the last axis is the fastest.
+        // C order: the last axis varies fastest.
         let mut strides = vec![0; shape.len()];
         let mut step = item;
         for (stride, size) in strides.iter_mut().zip(shape).rev() {
@@ -85,7 +85,7 @@ impl Array {
 }
 
 impl Array {
-    /// Fills a buffer that Python wants of the array.
+    /// Fills a buffer view of the array for Python.
     ///
     /// # Safety
     /// `view` is null or points to a `Py_buffer` that may be written.

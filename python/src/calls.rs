@@ -1,11 +1,11 @@
-//! The calls under way that need the interpreter again before they return; and its end, which waits for them.
+//! Registers calls in progress that need the interpreter again before they return, so that the end of the interpreter waits for them.
 //!
 //! ```text
 //! call:  begin ──► registered ──► works without the interpreter ──► has it again ──► dropped
 //! end:   no new calls ─► cancels the jobs of those under way ─► waits, without the interpreter, until none is left
 //! ```
-//! CPython (up to 3.13) ends a thread that asks for the interpreter in its last moments by `pthread_exit`, which unwinds the frames of
-//! Rust that called: the process aborts. So `pumice` registers [`end_calls`] with `atexit`, which runs while all threads still may.
+//! CPython (up to 3.13) ends a thread that asks for the interpreter during its shutdown by `pthread_exit`, which unwinds the Rust frames
+//! on its stack: the process aborts. So `pumice` registers [`end_calls`] with `atexit`, which runs while all threads may still ask.
 
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -15,8 +15,8 @@ use pyo3::prelude::*;
 
 use crate::errors::Cancelled;
 
-/// How long the end of the interpreter waits for calls: work looks up from a cancelled job within a fraction of a second, but a function
-/// of the user's that it calls may wait for ever.
+/// How long the end of the interpreter waits for calls: work notices a cancelled job within a fraction of a second, but a function of the
+/// user that it calls may wait for ever.
 const LONGEST: Duration = Duration::from_secs(10);
 
 struct Calls {
@@ -31,7 +31,7 @@ fn calls() -> MutexGuard<'static, Calls> {
     CALLS.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// A call under way. Drop it with the interpreter held.
+/// A call in progress. Drop it with the interpreter held.
 pub(crate) struct Call(Arc<Job>);
 
 impl Call {
@@ -57,7 +57,7 @@ impl Drop for Call {
     }
 }
 
-/// Cancels every call under way, and waits for them to return. From then on none begins.
+/// Cancels every call in progress and waits for them to return. No new call can begin afterwards.
 #[pyfunction]
 #[pyo3(name = "_end_calls")]
 pub(crate) fn end_calls(py: Python<'_>) {

@@ -1,4 +1,4 @@
-//! Errors of Rust as exceptions of Python, which are classes of `pumice.errors`.
+//! Converts Rust errors to Python exceptions, which are classes of `pumice.errors`.
 
 use pumice_core::Error as CoreError;
 use pumice_formats::FormatError;
@@ -11,7 +11,7 @@ pyo3::import_exception!(pumice.errors, InputError);
 pyo3::import_exception!(pumice.errors, Cancelled);
 pyo3::import_exception!(pumice.errors, InternalError);
 
-/// What can be raised as an exception.
+/// An error that can be raised as an exception.
 pub(crate) trait IntoException {
     /// The exception, with the error's one line.
     fn into_exception(self) -> PyErr;
@@ -29,14 +29,14 @@ impl IntoException for SessionError {
     }
 }
 
-/// The error of a wrong input: one line, whatever line breaks names of files and labels have.
+/// The error of a wrong input, on one line: line breaks in names of files and labels are replaced.
 pub(crate) fn input(what: &impl std::fmt::Display) -> PyErr {
     let line: String =
         what.to_string().chars().map(|c| if c.is_control() { '\u{FFFD}' } else { c }).collect();
     InputError::new_err(line)
 }
 
-/// The error with the choice that it asks for named as Python's keywords, not as the command's options.
+/// The error with options of the command replaced by the keywords of Python.
 fn in_python(error: FormatError) -> FormatError {
     match error {
         FormatError::Choose { path, what, option, choices } => FormatError::Choose {
@@ -85,7 +85,7 @@ impl IntoException for pumice_picture::PictureError {
     }
 }
 
-/// A caught panic: a defect of Pumice, which the process survives.
+/// The exception for a caught panic: a defect of Pumice, which the process survives.
 pub(crate) fn internal(panic: &(dyn std::any::Any + Send)) -> PyErr {
     InternalError::new_err(format!("internal error: {}", pumice_session::live::panic_text(panic)))
 }

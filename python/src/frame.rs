@@ -1,4 +1,4 @@
-//! A frame of a live picture: what it shows, and its pixels by the buffer protocol, where they lie.
+//! A frame of a live picture: its properties, and its pixels through the buffer protocol, without a copy.
 #![allow(unsafe_code, reason = "the buffer protocol is a C struct of pointers; see `array`")]
 
 use std::ffi::c_int;
@@ -9,7 +9,7 @@ use pyo3::prelude::*;
 
 use crate::array::{Array, Data};
 
-/// A picture at one moment. As a buffer: (height, width, 4) floats, scene-linear RGBA, row 0 at the bottom.
+/// The picture at one moment. As a buffer: (height, width, 4) floats, scene-linear RGBA, row 0 at the bottom.
 #[pyclass(frozen, module = "pumice._native")]
 pub(crate) struct Frame {
     frame: Arc<pumice_session::Frame>,
@@ -45,7 +45,7 @@ impl Frame {
         self.frame.height
     }
 
-    /// Rises by one from frame to frame; the first is 1.
+    /// Number of the frame, counted from 1.
     #[getter]
     fn serial(&self) -> u64 {
         self.frame.serial
@@ -63,7 +63,7 @@ impl Frame {
         self.frame.spp
     }
 
-    /// Estimated relative error, infinite until it can be known.
+    /// Estimated relative error; infinite until there is an estimate.
     #[getter]
     fn error_estimate(&self) -> f64 {
         self.frame.error_estimate
@@ -75,25 +75,25 @@ impl Frame {
         self.frame.seconds
     }
 
-    /// CPU seconds of the process in that time, all threads.
+    /// CPU seconds of the process since then, all threads.
     #[getter]
     fn cpu_seconds(&self) -> f64 {
         self.frame.cpu_seconds
     }
 
-    /// Whether it has fewer pixels than the film: what comes first after an edit.
+    /// Whether it has fewer pixels than the film, as the first frames after an edit do.
     #[getter]
     fn coarse(&self) -> bool {
         self.frame.coarse
     }
 
-    /// Whether its noise was filtered away: it is no mean of samples.
+    /// Whether it was denoised: its pixels are then not means of samples.
     #[getter]
     fn filtered(&self) -> bool {
         self.frame.filtered
     }
 
-    /// Whether it is the last of its revision.
+    /// Whether it is the last frame of its revision.
     #[getter]
     fn converged(&self) -> bool {
         self.frame.converged

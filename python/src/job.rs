@@ -1,10 +1,10 @@
-//! Progress and cancel of one long call.
+//! Progress and cancellation of one long call.
 
 use std::sync::Arc;
 
 use pyo3::prelude::*;
 
-/// Progress and cancel of one long call, for other threads than the one that made it.
+/// Progress and cancellation of one long call, for use from other threads.
 #[pyclass(frozen, module = "pumice._native")]
 #[derive(Default)]
 pub(crate) struct Job(pub(crate) Arc<pumice_core::Job>);
@@ -16,18 +16,18 @@ impl Job {
         Self::default()
     }
 
-    /// Asks the call to end soon; it then raises `Cancelled`.
+    /// Cancels the call, which soon raises `Cancelled`.
     fn cancel(&self) {
         self.0.cancel();
     }
 
-    /// Whether it was asked to.
+    /// Whether `cancel` was called.
     #[getter]
     fn cancelled(&self) -> bool {
         self.0.is_cancelled()
     }
 
-    /// Done share of the stage under way, 0 to 1; `None` while it is not known.
+    /// Completed share of the current stage, 0 to 1; `None` while it is not known.
     #[getter]
     fn fraction(&self) -> Option<f64> {
         let (done, total) = self.0.progress();
@@ -35,7 +35,7 @@ impl Job {
     }
 }
 
-/// The job of a call that may have been given none.
+/// The given job, or a new one if none was given.
 pub(crate) fn job_of(given: Option<&Bound<'_, Job>>) -> Arc<pumice_core::Job> {
     given.map_or_else(Default::default, |job| Arc::clone(&job.get().0))
 }

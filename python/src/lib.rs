@@ -1,5 +1,5 @@
-//! `pumice._native`: what Python sees of Pumice. No logic is here: each function takes Python's values apart, calls `pumice-session`
-//! without the interpreter, and puts the result together; the typed face is `pumice/` beside it.
+//! `pumice._native`: the bindings of Pumice for Python. They have no logic: each function converts Python's values, calls
+//! `pumice-session` with the interpreter released, and converts the result. The typed interface for users is the package `pumice/`.
 #![deny(unsafe_code)]
 
 mod array;
@@ -14,7 +14,7 @@ mod scene;
 mod volume;
 mod waiting;
 
-/// The module.
+/// The compiled part of the package `pumice`.
 #[pyo3::pymodule]
 mod _native {
     use pyo3::prelude::*;

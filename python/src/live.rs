@@ -1,4 +1,4 @@
-//! A live picture: a worker of Rust refines it, Python takes frames. No thread of Rust ever calls Python.
+//! A live picture: a Rust worker thread refines it, and Python takes frames. No Rust thread ever calls Python.
 
 use std::sync::Arc;
 
@@ -44,13 +44,13 @@ impl Session {
         Live::start(scene, options).map(Self).map_err(IntoException::into_exception)
     }
 
-    /// Applies a list of edits in JSON, all or none; the new revision.
+    /// Applies a list of edits in JSON, all or none; returns the new revision.
     fn edit(&self, edits: &str) -> PyResult<u64> {
         let edits = SceneEdit::list_from_json(edits).map_err(IntoException::into_exception)?;
         self.0.edit(edits).map_err(IntoException::into_exception)
     }
 
-    /// Adds an instance in JSON with its volume, or replaces the one with the same id; the new revision.
+    /// Adds an instance in JSON with its volume, or replaces the one with the same id; returns the new revision.
     fn add(&self, instance: &str, volume: &Bound<'_, Volume>) -> PyResult<u64> {
         let instance: Instance =
             serde_json::from_str(instance).map_err(|e| input(&format_args!("instance: {e}")))?;
@@ -58,19 +58,19 @@ impl Session {
         self.0.edit(vec![added]).map_err(IntoException::into_exception)
     }
 
-    /// Adds a mesh in JSON with its triangles, or replaces the one with the same id; the new revision.
+    /// Adds a mesh in JSON with its triangles, or replaces the one with the same id; returns the new revision.
     fn add_mesh(&self, mesh: &str, data: &Bound<'_, Mesh>) -> PyResult<u64> {
         let mesh: SceneMesh = serde_json::from_str(mesh).map_err(|e| input(&format_args!("mesh: {e}")))?;
         let added = LoadedEdit::AddMesh { mesh: Box::new(mesh), data: Arc::clone(&data.get().0) };
         self.0.edit(vec![added]).map_err(IntoException::into_exception)
     }
 
-    /// The newest frame, where its serial is above `after`; never waits.
+    /// The newest frame if its serial is above `after`, else `None`; never waits.
     fn latest(&self, py: Python<'_>, after: u64) -> PyResult<Option<Frame>> {
         self.0.latest(after).map(|frame| Frame::new(py, frame)).transpose()
     }
 
-    /// (instance id, label id, name, voxel, depth) under the middle of a pixel, counted from the upper left.
+    /// (instance id, label id, name, voxel, depth) under the centre of a pixel, counted from the upper left.
     #[allow(clippy::type_complexity, reason = "a tuple for the façade, which names its parts")]
     fn pick(&self, py: Python<'_>, x: u32, y: u32) -> PyResult<Option<(u32, u64, String, [u32; 3], f64)>> {
         let found = released(py, &Arc::<CoreJob>::default(), || {
@@ -107,16 +107,16 @@ impl Session {
         self.0.scene().to_json().map_err(IntoException::into_exception)
     }
 
-    /// Ends the worker and waits for it, at most a slice.
+    /// Stops the worker and waits until it ends its current slice.
     fn stop(&self, py: Python<'_>) {
-        // At the interpreter's end nothing may be waited for without it: it stays held then.
+        // While the interpreter shuts down, it must not be released to wait, so it stays held.
         match Call::begin(&Arc::default()) {
             Ok(_call) => py.detach(|| self.0.stop()),
             Err(_) => self.0.stop(),
         }
     }
 
-    /// Makes the worker panic, for tests of those who must survive it.
+    /// Makes the worker panic, for tests that clients survive it.
     fn _panic_on_purpose(&self) {
         self.0.panic_on_purpose();
     }

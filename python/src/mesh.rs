@@ -1,4 +1,4 @@
-//! Triangle meshes of Python's arrays.
+//! Triangle meshes built from Python arrays.
 
 use std::sync::Arc;
 
@@ -9,14 +9,14 @@ use pyo3::prelude::*;
 use crate::errors::input;
 use crate::waiting::detached;
 
-/// A triangle mesh, checked; it never changes.
+/// A validated, immutable triangle mesh.
 #[pyclass(frozen, module = "pumice._native")]
 pub(crate) struct Mesh(pub(crate) Arc<MeshData>);
 
 #[pymethods]
 impl Mesh {
-    /// Corners (n, 3) as 64 bit floats, triangles (m, 3) and materials (m,) as 32 bit numbers without a sign; no materials: all 0.
-    /// Normals as 32 bit floats, of corners (n, 3) or `of_triangles` (m, 3, 3); none: all is flat.
+    /// Corners (n, 3) as 64-bit floats, triangles (m, 3) and materials (m,) as unsigned 32-bit integers; without materials all are 0.
+    /// Normals as 32-bit floats, of corners (n, 3) or, with `of_triangles`, (m, 3, 3); without normals all is flat.
     #[new]
     #[pyo3(signature = (positions, triangles, materials, normals, of_triangles))]
     fn new(

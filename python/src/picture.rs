@@ -1,4 +1,4 @@
-//! A render to its end, and the picture it gives.
+//! Renders a scene to its end, and the resulting picture.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -43,7 +43,7 @@ impl Picture {
         image(&self.0.picture.color)
     }
 
-    /// Variance of the colour, each channel; `None` below one sample for each independent part.
+    /// Variance of the colour, per channel; `None` with less than one sample per independent replicate.
     fn variance(&self) -> Option<Array> {
         self.0.picture.variance.as_ref().map(image)
     }
@@ -58,12 +58,12 @@ impl Picture {
         self.0.picture.normal.as_ref().map(image)
     }
 
-    /// Part of the samples that met a surface, of a transparent film: (height, width).
+    /// Share of the samples that hit a surface, for a transparent film: (height, width).
     fn alpha(&self) -> Option<Array> {
         self.plane(self.0.picture.alpha.as_ref())
     }
 
-    /// Where the first surface is in the world.
+    /// World position of the first surface.
     fn position(&self) -> Option<Array> {
         self.0.picture.position.as_ref().map(image)
     }
@@ -78,7 +78,7 @@ impl Picture {
         self.0.picture.light.iter().map(|(pass, of)| (pass.name(), image(of))).collect()
     }
 
-    /// Cryptomatte, by name: (height, width, ranks, 2) of ids and coverages, and what hash each name in the picture has.
+    /// Cryptomatte passes, by name: (height, width, ranks, 2) of ids and coverages, and the hash of each name in the picture.
     fn mattes(&self) -> Vec<(&'static str, Array, BTreeMap<String, u32>)> {
         let color = &self.0.picture.color;
         let array = |matte: &Matte| {
@@ -97,20 +97,20 @@ impl Picture {
         self.plane(self.0.picture.depth.as_ref())
     }
 
-    /// Place of its label in the label table + 1, 0 where there is none: (height, width).
+    /// Row of the label of the first surface in the label table + 1, 0 where there is none: (height, width).
     fn label(&self) -> Option<Array> {
         let color = &self.0.picture.color;
         let label = self.0.picture.label.clone()?;
         Some(Array::new(Data::U32(label), &[color.height, color.width]))
     }
 
-    /// Seconds, samples, error, curve, what was needed and left out, as JSON text.
+    /// Seconds, samples, error, curve, what the scene needed and what was left out, as JSON text.
     fn figures(&self) -> PyResult<String> {
         let figures = serde_json::to_value(&self.0.figures).map_err(|e| input(&e))?;
         Ok(serde_json::json!({ "figures": figures, "explanation": self.0.explanation }).to_string())
     }
 
-    /// Writes an EXR or a PNG, whole or not at all.
+    /// Writes an EXR or a PNG, which appears complete or not at all.
     #[pyo3(signature = (path, passes))]
     fn save(&self, py: Python<'_>, path: PathBuf, passes: Vec<String>) -> PyResult<()> {
         let passes = Passes::parse(&passes).map_err(|e| input(&e))?;
@@ -118,7 +118,7 @@ impl Picture {
     }
 }
 
-/// Renders a scene until the first of its limits. `volumes[i]` belongs to its instance i; without them its sources are opened.
+/// Renders a scene until the first limit is reached. `volumes[i]` belongs to its instance i; without volumes its sources are opened.
 /// `meshes[i]` belongs to its mesh i.
 #[pyfunction]
 #[pyo3(signature = (scene, volumes, meshes, *, spp, seconds, error, backend, job, on_progress))]
@@ -171,19 +171,19 @@ pub(crate) fn render(
     }
 }
 
-/// The hash by which Cryptomatte knows a name: MurmurHash3_x86_32 of its UTF-8.
+/// The hash of a name in Cryptomatte: MurmurHash3_x86_32 of its UTF-8.
 #[pyfunction]
 pub(crate) fn cryptomatte_hash(name: &str) -> u32 {
     pumice_picture::cryptomatte::hash(name.as_bytes())
 }
 
-/// What can render here, as JSON text.
+/// The backends and devices that can render here, as JSON text.
 #[pyfunction]
 pub(crate) fn devices() -> PyResult<String> {
     serde_json::to_string(&pumice_session::devices()).map_err(|e| input(&e))
 }
 
-/// Panics, to prove that a panic is an exception.
+/// Panics, to test that a panic becomes an exception.
 #[pyfunction]
 #[pyo3(name = "_panic_on_purpose")]
 #[expect(clippy::panic, reason = "that is what it is for; `released` catches it")]

@@ -1,4 +1,4 @@
-//! Scenes, as the text of their JSON form: Python has them as dictionaries, and what they mean is said once, in `pumice_scene`.
+//! Scenes as JSON text. Python has them as dictionaries; only `pumice_scene` defines and checks their fields.
 
 use std::path::PathBuf;
 
@@ -19,7 +19,7 @@ fn write(scene: &Scene) -> PyResult<String> {
     scene.to_json().map_err(IntoException::into_exception)
 }
 
-/// The scene in full, with every default written out, after a check of every field.
+/// Checks every field of a scene and returns it with every default written out.
 #[pyfunction]
 pub(crate) fn scene_checked(text: &str) -> PyResult<String> {
     write(&parse(text)?)
@@ -32,13 +32,13 @@ pub(crate) fn scene_load(path: PathBuf) -> PyResult<String> {
     write(&Scene::load(&path).map_err(fault)?)
 }
 
-/// Writes a scene file, whole or not at all.
+/// Writes a scene file, which appears complete or not at all.
 #[pyfunction]
 pub(crate) fn scene_save(text: &str, path: PathBuf) -> PyResult<()> {
     parse(text)?.save(&path).map_err(|e| input(&format_args!("{}: {e}", path.display())))
 }
 
-/// A scene that shows a volume: placed, framed, lit.
+/// Composes a scene that shows a volume: places, frames and lights it.
 #[pyfunction]
 #[pyo3(signature = (volume, source, size, labels, pick, view_deg))]
 pub(crate) fn figure(

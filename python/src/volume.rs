@@ -1,4 +1,4 @@
-//! A compressed volume: opened, made from blocks, asked, saved.
+//! Compressed volumes: opening, compressing from blocks, queries, saving.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -20,7 +20,7 @@ use crate::errors::{IntoException, input};
 use crate::job::{Job, job_of};
 use crate::waiting::{detached, released};
 
-/// A volume in its compressed form; it never changes.
+/// An immutable volume in its compressed form.
 #[pyclass(frozen, module = "pumice._native")]
 pub(crate) struct Volume(pub(crate) Arc<CompressedVolume>);
 
@@ -37,7 +37,7 @@ fn reading(
 
 #[pymethods]
 impl Volume {
-    /// What there is to say about the whole at once, as JSON text.
+    /// Facts about the whole volume, as JSON text.
     fn facts(&self) -> String {
         let (v, info) = (&self.0, self.0.info());
         json!({
@@ -55,28 +55,29 @@ impl Volume {
         .to_string()
     }
 
-    /// Hash of labels and voxels: a walk over all boxes.
+    /// Hash of labels and voxels; computing it takes a walk over all boxes.
     fn content_hash(&self, py: Python<'_>) -> PyResult<String> {
         detached(py, || Ok::<_, CoreError>(pumice_session::render_file::hash_text(&self.0)))
     }
 
-    /// Bytes in memory by part, as they are now: queries build an index.
+    /// Bytes of the volume that are pages of its file and not memory of this process.
     fn mapped_bytes(&self) -> u64 {
         self.0.mapped_bytes()
     }
 
+    /// Current bytes in memory by part; queries add an index.
     fn resident_parts(&self) -> BTreeMap<&'static str, u64> {
         self.0.resident_parts().into_iter().collect()
     }
 
-    /// Original ids, rising.
+    /// Original ids, in rising order.
     fn ids(&self) -> Array {
         let ids = self.0.labels().ids().to_vec();
         let n = ids.len();
         Array::new(Data::U64(ids), &[n])
     }
 
-    /// Voxels of each label.
+    /// Number of voxels of each label.
     fn voxels(&self) -> Array {
         let voxels = self.0.labels().voxels().to_vec();
         let n = voxels.len();
@@ -99,7 +100,7 @@ impl Volume {
         })
     }
 
-    /// Names, empty where the file gives none, and sRGB colours, NaN where it gives none.
+    /// Names, empty where the file gives none, and sRGB colours, NaN where the file gives none.
     fn notes(&self) -> (Vec<String>, Array) {
         let n = self.0.labels().len();
         let notes = (0..n as u32).map(|label| self.0.note(label));
@@ -112,14 +113,14 @@ impl Volume {
         (names, Array::new(Data::F32(colors.into_flattened()), &[n, 3]))
     }
 
-    /// Type of each label: its place in `type_names`, or −1.
+    /// Type of each label: its index in `type_names`, or −1.
     fn types(&self) -> Array {
         let n = self.0.labels().len();
         let of = |label| self.0.labels().type_of(label).map_or(-1, i32::from);
         Array::new(Data::I32((0..n as u32).map(of).collect()), &[n])
     }
 
-    /// Pairs of labels that touch, by their places in the table.
+    /// Pairs of labels that touch, by row of the label table.
     fn contacts(&self, py: Python<'_>) -> PyResult<Array> {
         detached(py, || {
             let pairs: Vec<[u32; 2]> = self.0.labels().contacts().iter().map(|(a, b)| [a, b]).collect();
@@ -128,7 +129,7 @@ impl Volume {
         })
     }
 
-    /// Linear Rec. 709 colours that `auto_color` gives to the labels, those that are `visible` unlike their neighbours.
+    /// Linear Rec. 709 colours that `auto_color` gives to the labels; those that are `visible` differ from their neighbours.
     fn auto_colors(&self, py: Python<'_>, visible: Option<Vec<bool>>) -> PyResult<Array> {
         let table = self.0.labels();
         let n = table.len();
@@ -208,7 +209,7 @@ impl Volume {
         Ok(Array::new(Data::U64(ids), &[z, y, x]))
     }
 
-    /// Writes a `.pumice` file, whole or not at all.
+    /// Writes a `.pumice` file, which appears complete or not at all.
     #[pyo3(signature = (path, level="default", job=None))]
     fn save(&self, py: Python<'_>, path: PathBuf, level: &str, job: Option<&Bound<'_, Job>>) -> PyResult<()> {
         let level = match level {
@@ -223,7 +224,7 @@ impl Volume {
         released(py, &job, || self.0.save(&path, level, &job))
     }
 
-    /// Compares with a file, or with blocks; `None` where every voxel and id is the same, else what is not.
+    /// Compares with a file, or with blocks; `None` if every voxel and id is the same, else the first difference.
     #[pyo3(signature = (source, *, layer=None, time=None, channel=None, array=None, job=None))]
     #[allow(clippy::too_many_arguments, reason = "they are keywords")]
     fn difference(
@@ -245,11 +246,11 @@ impl Volume {
     }
 }
 
-/// A volume, and what its reader found odd in the file, a line each.
+/// A volume, and its reader's warnings about the file, one line each.
 type Opened = (Volume, Vec<String>);
 
-/// Opens a `.pumice` file, or compresses a label volume of another format in memory; with what the reader found odd. Of a `.pumice`
-/// file these labels alone, where they are given.
+/// Opens a `.pumice` file, or compresses a label volume of another format in memory; also returns the reader's warnings. If `labels` are
+/// given, only these are read from a `.pumice` file.
 #[pyfunction]
 #[pyo3(signature = (path, *, labels=None, mapped=false, layer=None, time=None, channel=None, array=None, spacing=None, job=None))]
 #[allow(clippy::too_many_arguments, reason = "they are keywords")]
@@ -275,7 +276,7 @@ pub(crate) fn open(
     Ok((Volume(volume), reading.warnings.list()))
 }
 
-/// What a file holds, from its header alone, as JSON text.
+/// A summary of a file, from its header alone, as JSON text.
 #[pyfunction]
 #[pyo3(signature = (path, *, layer=None, time=None, channel=None, array=None, spacing=None, job=None))]
 #[allow(clippy::too_many_arguments, reason = "they are keywords")]
@@ -295,7 +296,7 @@ pub(crate) fn probe(
     serde_json::to_string(&info).map_err(|e| input(&e))
 }
 
-/// A file, or blocks that a function of Python delivers.
+/// A file, or blocks that a Python function delivers.
 #[derive(FromPyObject)]
 pub(crate) enum Source {
     /// A label volume of any format.
@@ -305,7 +306,7 @@ pub(crate) enum Source {
 }
 
 /// Blocks from Python: `next()` gives `(origin, dims, buffer)` with the buffer's labels x fastest, unsigned and contiguous, or `None`
-/// at the end. A whole array is never copied: the caller cuts it, whatever its type and strides.
+/// at the end. A whole array is never copied: the caller cuts it into blocks, whatever its type and strides.
 #[derive(FromPyObject)]
 pub(crate) struct Blocks {
     /// Dims, label type, matrix, unit, names: the JSON form of `pumice_core::VolumeInfo`.
@@ -313,7 +314,7 @@ pub(crate) struct Blocks {
     next: Py<PyAny>,
 }
 
-/// Compresses a file, or blocks; with what the reader found odd.
+/// Compresses a file, or blocks; also returns the reader's warnings.
 #[pyfunction]
 #[pyo3(signature = (source, *, types=None, memory_limit=None, threads=0, layer=None, time=None, channel=None, array=None, spacing=None, job=None))]
 #[allow(clippy::too_many_arguments, reason = "they are keywords")]
@@ -341,7 +342,7 @@ pub(crate) fn compress(
     Ok((Volume(Arc::new(volume)), reading.warnings.list()))
 }
 
-/// Runs `work` on a source, with the interpreter released but for fetching blocks of Python.
+/// Runs `work` on a source, with the interpreter released except while blocks are fetched from Python.
 fn with_source<T: Send>(
     py: Python<'_>,
     source: Source,
@@ -372,7 +373,7 @@ fn with_source<T: Send>(
 struct BlocksOfPython<'a> {
     info: VolumeInfo,
     next: Py<PyAny>,
-    /// What Python raised, to be raised again where the call began.
+    /// The exception that Python raised; it is raised again where the call began.
     raised: &'a Mutex<Option<PyErr>>,
 }
 
@@ -419,7 +420,7 @@ impl BlocksOfPython<'_> {
     }
 }
 
-/// The JSON form of a volume's description, made from its parts: `world_from_index` is twelve numbers, columns first.
+/// The JSON form of a volume's description, built from its parts: `world_from_index` is twelve numbers in column-major order.
 #[pyfunction]
 #[pyo3(signature = (dims, label_type, world_from_index, unit, names))]
 pub(crate) fn volume_info(

@@ -1,8 +1,8 @@
-//! Work without the interpreter, so that other threads of Python run meanwhile.
+//! Runs work with the interpreter released, so that other Python threads can run meanwhile.
 //!
-//! [`released`] is for what may last: it runs in a thread of its own, while the one that called waits and looks every [`LOOK_UP`]
-//! whether Ctrl-C was pressed. [`detached`] is for what takes milliseconds, which grow with the volume: it runs where it is called and
-//! cannot be interrupted. Both turn a panic into `InternalError`.
+//! [`released`] is for work that may take long: it runs in a thread of its own, while the calling thread waits and checks for Ctrl-C every
+//! [`LOOK_UP`]. [`detached`] is for work of milliseconds, which grow with the volume: it runs in the calling thread and cannot be
+//! interrupted. Both turn a panic into `InternalError`.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::mpsc::{RecvTimeoutError, channel};
@@ -17,10 +17,10 @@ use crate::errors::{InternalError, IntoException, input, internal};
 
 const LOOK_UP: Duration = Duration::from_millis(100);
 
-/// Runs `work` with the interpreter released; `job` is cancelled where a signal raises.
+/// Runs `work` with the interpreter released; `job` is cancelled if a signal raises an exception.
 ///
 /// # Errors
-/// What `work` fails with; the exception that a signal raised; `InternalError` where `work` panics.
+/// The error of `work`; the exception that a signal raised; `InternalError` if `work` panics.
 pub(crate) fn released<T: Send, E: IntoException + Send>(
     py: Python<'_>,
     job: &Arc<Job>,
@@ -28,11 +28,11 @@ pub(crate) fn released<T: Send, E: IntoException + Send>(
 ) -> PyResult<T> {
     let _call = Call::begin(job)?;
     let (send, done) = channel();
-    // Only one thread ever locks it: `detach` wants what it borrows to be shareable.
+    // Only one thread ever locks it; it is a mutex because `detach` requires borrowed data to be `Sync`.
     let done = Mutex::new(done);
     std::thread::scope(|scope| {
         let worker = std::thread::Builder::new().name("pumice-work".into()).spawn_scoped(scope, move || {
-            // Whoever waits has not gone: it is in this scope.
+            // The receiver is alive: it is in this scope.
             let _ = send.send(catch_unwind(AssertUnwindSafe(work)));
         });
         if let Err(e) = worker {
@@ -61,10 +61,10 @@ pub(crate) fn released<T: Send, E: IntoException + Send>(
     })
 }
 
-/// Runs `work` with the interpreter released, in the thread that calls.
+/// Runs `work` with the interpreter released, in the calling thread.
 ///
 /// # Errors
-/// What `work` fails with; `InternalError` where it panics.
+/// The error of `work`; `InternalError` if it panics.
 pub(crate) fn detached<T: Send, E: IntoException + Send>(
     py: Python<'_>,
     work: impl FnOnce() -> Result<T, E> + Send,

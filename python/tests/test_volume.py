@@ -187,7 +187,7 @@ def test_labels_cannot_be_read_alone_from_other_files(volume, cortex, tmp_path):
     volume.save(tmp_path / "a.pumice")
     with pytest.raises(pumice.InputError, match="the volume has no label 251"):
         pumice.open(tmp_path / "a.pumice", labels=[int(volume.labels.ids[0]), 251])
-    with pytest.raises(pumice.InputError, match="is no .pumice file"):
+    with pytest.raises(pumice.InputError, match="is not a .pumice file"):
         pumice.open(cortex, labels=[1])
     with pytest.raises(pumice.InputError, match="labels: expected 0 to"):
         pumice.open(tmp_path / "a.pumice", labels=[-1])

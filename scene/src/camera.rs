@@ -1,4 +1,4 @@
-//! Where the picture is taken from.
+//! The camera: its pose, its projection and its depth of field.
 
 use glam::DAffine3;
 use serde::{Deserialize, Serialize};
@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum SensorFit {
-    /// The longer side, pixel aspect counted.
+    /// The longer side, with the pixel aspect taken into account.
     #[default]
     Auto,
     /// The width.
@@ -16,7 +16,7 @@ pub enum SensorFit {
     Vertical,
 }
 
-/// How rays leave the camera. The *fitted side* is the one that [`SensorFit`] names.
+/// How rays leave the camera. The *fitted side* is the side of the picture that [`SensorFit`] chooses.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Projection {
@@ -32,19 +32,19 @@ pub enum Projection {
     },
 }
 
-/// An opening of finite size: what is not at the focus distance is blurred (Blender's *Depth of Field*).
+/// A lens opening of finite size: what is not at the focus distance is blurred (Blender's *Depth of Field*).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Aperture {
     /// Radius in world units, above 0. Blender's f-stop N gives focal length / (2 N), both in metres; 1 / (2 N) for an
     /// orthographic camera.
     pub radius: f64,
-    /// Distance along the view axis of the plane that is sharp, in world units, above 0.
+    /// Distance of the plane in focus along the view axis, in world units, above 0.
     pub focus_distance: f64,
     /// Corners of the opening: 0 for a disk, else 3 to 64.
     #[serde(default)]
     pub blades: u32,
-    /// Turn of the opening.
+    /// Rotation of the opening about the view axis.
     #[serde(default)]
     pub rotation_rad: f64,
     /// Width over height of the blur (anamorphic lenses), above 0; the opening's extent along x is divided by it.
@@ -56,11 +56,11 @@ fn one() -> f64 {
     1.0
 }
 
-/// A camera.
+/// A camera. It looks along −z with +y up and +x right.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Camera {
-    /// Rigid or mirrored; its scale is ignored.
+    /// Camera to world: rigid or mirrored; its scale is ignored.
     pub world_from_camera: DAffine3,
     /// Perspective or orthographic.
     pub projection: Projection,
@@ -73,7 +73,7 @@ pub struct Camera {
     /// Distances along the view axis outside which nothing is seen: [near, far], 0 ≤ near < far.
     #[serde(default = "Camera::default_clip")]
     pub clip: [f64; 2],
-    /// Depth of field; none: all is sharp.
+    /// Depth of field; without it everything is sharp.
     #[serde(default)]
     pub aperture: Option<Aperture>,
 }

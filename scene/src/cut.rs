@@ -1,27 +1,27 @@
-//! What is cut away, so that one sees inside: planes and boxes. What is left ends in a cap that shows the labels.
+//! Cuts: planes and boxes that remove parts of volumes so that the inside shows. The cut faces (caps) show the labels.
 
 use glam::DAffine3;
 use serde::{Deserialize, Serialize};
 
-/// A part of space in which volumes are not drawn. Several cuts take away all that any of them takes.
+/// A part of space in which volumes are not drawn. Several cuts remove the union of their shapes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Cut {
-    /// What is taken away.
+    /// The part of space that is removed.
     pub shape: CutShape,
-    /// Ids of the instances that are cut; none named: all of them. Meshes are never cut.
+    /// Ids of the instances that are cut; without a list all are cut. Meshes are never cut.
     #[serde(default)]
     pub instances: Option<Vec<u32>>,
 }
 
 impl Cut {
-    /// Whether it takes away from the instance with this id.
+    /// Whether this cut applies to the instance with this id.
     pub fn takes_from(&self, instance: u32) -> bool {
         self.instances.as_ref().is_none_or(|ids| ids.contains(&instance))
     }
 }
 
-/// Parts of space.
+/// The shape of a cut.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum CutShape {
@@ -29,7 +29,7 @@ pub enum CutShape {
     Plane {
         /// Any point of the plane, world space.
         point: [f64; 3],
-        /// World space; any length above 0.
+        /// Normal in world space; any length above 0. The side that it points to is removed.
         normal: [f64; 3],
     },
     /// The inside of a box: the cube [−1, 1]³ under a matrix (the size of Blender's default cube and empty).

@@ -1,31 +1,31 @@
-//! What differs between two revisions of a scene, so that a camera move sends a camera and a colour edit a colour.
+//! The difference of two revisions of a scene, so that a camera move sends only a camera and a colour edit only colours.
 //!
-//! Each flag is one kind of data that a renderer holds. It is set where that kind may have changed, and only then. What a renderer
-//! derives from two kinds, it must look at both for:
+//! Each flag stands for one kind of data that a renderer holds. It is set if and only if that kind may have changed. Data that a
+//! renderer derives from several kinds depends on all their flags:
 //!
 //! ```text
 //! level of detail by distance      lod, camera, film, moved
 //! automatic colours of neighbours  materials, visibility
 //! ```
 //!
-//! Instances and meshes are matched by id, never by place.
+//! Instances and meshes are matched by id, never by their position in the list.
 
 use std::collections::BTreeMap;
 
 use crate::{Instance, LabelStyle, Mesh, Scene};
 
-/// What differs within an instance that is in both revisions.
+/// The difference of an instance that is in both revisions.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct InstanceDiff {
     /// Its id.
     pub id: u32,
-    /// Its matrix.
+    /// Its matrix differs.
     pub moved: bool,
-    /// Its volume is another one.
+    /// It shows another volume.
     pub geometry: bool,
-    /// Which labels are drawn. With [`LabelStyle::auto_color`] colours follow from this too.
+    /// Other labels are drawn. With [`LabelStyle::auto_color`] this changes colours too.
     pub visibility: bool,
-    /// Materials of labels.
+    /// Materials of labels differ.
     pub materials: bool,
 }
 
@@ -36,16 +36,16 @@ impl InstanceDiff {
     }
 }
 
-/// What differs within a mesh that is in both revisions.
+/// The difference of a mesh that is in both revisions.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct MeshDiff {
     /// Its id.
     pub id: u32,
-    /// Its matrix.
+    /// Its matrix differs.
     pub moved: bool,
-    /// Its triangles are others.
+    /// It has other triangles.
     pub geometry: bool,
-    /// Its materials, or whether it only catches shadows.
+    /// Its materials differ, or whether it is a shadow catcher.
     pub materials: bool,
 }
 
@@ -56,7 +56,7 @@ impl MeshDiff {
     }
 }
 
-/// What differs between two revisions of a scene.
+/// The difference of two revisions of a scene. A flag is set where that part of the scene differs.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct SceneDiff {
     /// The camera.
@@ -69,32 +69,33 @@ pub struct SceneDiff {
     pub suns: bool,
     /// Lamps.
     pub lights: bool,
-    /// What is cut away.
+    /// Cuts.
     pub cuts: bool,
     /// Level of detail.
     pub lod: bool,
-    /// All settings but the level of detail: mode, bounces, roulette, reach, seed.
+    /// All settings except the level of detail: mode, bounces, Russian roulette, reach of ambient occlusion, seed, clamps.
     pub light_settings: bool,
     /// Ids of instances that are new, in the new order.
     pub added: Vec<u32>,
-    /// Ids of instances that are gone, in the old order.
+    /// Ids of instances that were removed, in the old order.
     pub removed: Vec<u32>,
-    /// Instances that stayed come in another order; hits name places, so passes change.
+    /// The instances in both revisions come in another order. Hits refer to instances by list position, so passes change.
     pub reordered: bool,
-    /// Instances that stayed and differ, in the new order.
+    /// Instances that are in both revisions and differ, in the new order.
     pub changed: Vec<InstanceDiff>,
     /// Ids of meshes that are new, in the new order.
     pub meshes_added: Vec<u32>,
-    /// Ids of meshes that are gone, in the old order.
+    /// Ids of meshes that were removed, in the old order.
     pub meshes_removed: Vec<u32>,
-    /// Meshes that stayed come in another order.
+    /// The meshes in both revisions come in another order.
     pub meshes_reordered: bool,
-    /// Meshes that stayed and differ, in the new order.
+    /// Meshes that are in both revisions and differ, in the new order.
     pub meshes_changed: Vec<MeshDiff>,
 }
 
 impl SceneDiff {
-    /// What to send to a renderer that shows `old`, or nothing yet, for it to show `new`. Both are valid scenes.
+    /// The difference from `old` to `new`: what a renderer that shows `old` (or nothing yet, if `None`) needs to show `new`. Both must
+    /// be valid scenes.
     pub fn between(old: Option<&Scene>, new: &Scene) -> Self {
         let Some(old) = old else {
             return Self {
@@ -144,12 +145,12 @@ impl SceneDiff {
     }
 }
 
-/// What became of the items of a list whose ids last.
+/// The items of two lists, matched by id.
 struct Matched<'a, T> {
     added: Vec<u32>,
     removed: Vec<u32>,
     reordered: bool,
-    /// Old and new form, in the new order.
+    /// Pairs of the old and the new item with the same id, in the new order.
     stayed: Vec<(&'a T, &'a T)>,
 }
 

@@ -1,5 +1,5 @@
-//! One change to a scene, as a live client sends it: a camera move sends a camera, a colour edit a material. What is added needs data
-//! besides, a volume or triangles, and is no edit of the scene alone: `pumice_transport::LoadedEdit`.
+//! One change to a scene, as a live client sends it: a camera move sends a camera, a colour edit sends a material. To add an instance or
+//! a mesh needs its data too (a volume or triangles), so `pumice_transport::LoadedEdit` does that, not [`SceneEdit`].
 //!
 //! The JSON form has the tag `edit` beside the fields of the variant: `{"edit": "camera", "camera": {…}}`.
 
@@ -14,110 +14,110 @@ use crate::{
     World,
 };
 
-/// A change to one part of a scene. Instances are named by their id.
+/// A change to one part of a scene. Instances and meshes are named by their id.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "edit", rename_all = "snake_case", deny_unknown_fields)]
 #[non_exhaustive]
 pub enum SceneEdit {
-    /// Another camera.
+    /// Replaces the camera.
     Camera {
-        /// The whole of it.
+        /// The new camera, with all its fields.
         camera: Camera,
     },
-    /// Another size or filter.
+    /// Replaces the film, such as its size or its filter.
     Film {
-        /// The whole of it.
+        /// The new film, with all its fields.
         film: Film,
     },
-    /// Another sky or backdrop.
+    /// Replaces the sky and the backdrop.
     World {
-        /// The whole of it.
+        /// The new world, with all its fields.
         world: World,
     },
-    /// Other suns.
+    /// Replaces all suns.
     Suns {
-        /// All of them.
+        /// The new list.
         suns: Vec<Sun>,
     },
-    /// Other lamps.
+    /// Replaces all lamps.
     Lights {
-        /// All of them.
+        /// The new list.
         lights: Vec<Light>,
     },
-    /// Other parts are cut away.
+    /// Replaces all cuts.
     Cuts {
-        /// All of them.
+        /// The new list.
         cuts: Vec<Cut>,
     },
-    /// Another integrator, level of detail or seed.
+    /// Replaces the settings, such as the integrator, the level of detail or the seed.
     Settings {
-        /// All of them.
+        /// The new settings, with all their fields.
         settings: Settings,
     },
-    /// An instance stands elsewhere.
+    /// Moves an instance.
     Place {
-        /// Of the instance.
+        /// Id of the instance.
         id: u32,
         /// Index space to world.
         world_from_index: DAffine3,
     },
-    /// Other labels of an instance are drawn.
+    /// Chooses which labels of an instance are drawn.
     Show {
-        /// Of the instance.
+        /// Id of the instance.
         id: u32,
-        /// Which.
+        /// The labels to draw.
         show: Show,
     },
-    /// The material of labels that have none of their own.
+    /// Replaces the material of the labels of an instance that have none of their own.
     Material {
-        /// Of the instance.
+        /// Id of the instance.
         id: u32,
-        /// The whole of it.
+        /// The new material, with all its fields.
         material: Material,
     },
-    /// Whether labels that touch get different colours.
+    /// Switches automatic colours of an instance on or off.
     AutoColor {
-        /// Of the instance.
+        /// Id of the instance.
         id: u32,
-        /// Whether they do.
+        /// Whether labels that touch get different colours.
         auto_color: bool,
     },
-    /// Materials of single labels; those not named stay as they are.
+    /// Sets materials of single labels; labels that are not named keep theirs.
     LabelMaterials {
-        /// Of the instance.
+        /// Id of the instance.
         id: u32,
-        /// By the label's original id; `null` takes a label's own material away.
+        /// By the label's original id; `null` removes a label's own material.
         #[serde(deserialize_with = "each_once")]
         materials: BTreeMap<u64, Option<Material>>,
     },
-    /// An instance goes.
+    /// Removes an instance.
     Remove {
-        /// Of the instance.
+        /// Id of the instance.
         id: u32,
     },
-    /// A mesh stands elsewhere.
+    /// Moves a mesh.
     PlaceMesh {
-        /// Of the mesh.
+        /// Id of the mesh.
         id: u32,
-        /// Its own space to world.
+        /// The mesh's own space to world.
         world_from_mesh: DAffine3,
     },
-    /// A mesh has other materials.
+    /// Replaces all materials of a mesh.
     MeshMaterials {
-        /// Of the mesh.
+        /// Id of the mesh.
         id: u32,
-        /// All of them.
+        /// The new list.
         materials: Vec<Material>,
     },
-    /// A mesh goes.
+    /// Removes a mesh.
     RemoveMesh {
-        /// Of the mesh.
+        /// Id of the mesh.
         id: u32,
     },
 }
 
 impl SceneEdit {
-    /// Every tag of the JSON form.
+    /// The tags of the JSON form, one per variant.
     pub const NAMES: [&str; 16] = [
         "camera",
         "film",
@@ -137,7 +137,7 @@ impl SceneEdit {
         "remove_mesh",
     ];
 
-    /// The tag of the JSON form; counters are named by it.
+    /// The tag of this edit in the JSON form. Counters of edits use it as their name.
     pub fn name(&self) -> &'static str {
         match self {
             Self::Camera { .. } => "camera",
@@ -162,25 +162,25 @@ impl SceneEdit {
     /// Reads a list of edits.
     ///
     /// # Errors
-    /// [`SceneError::Json`] says what is no edit, and where.
+    /// [`SceneError::Json`] says what is not a valid edit, by line and column.
     pub fn list_from_json(text: &str) -> Result<Vec<Self>, SceneError> {
         Ok(serde_json::from_str(text)?)
     }
 }
 
 impl Scene {
-    /// Applies edits in their order. The result is not validated: call [`Scene::validate`] when all are in.
+    /// Applies edits in order. The result is not validated: call [`Scene::validate`] afterwards.
     ///
     /// # Errors
-    /// [`SceneError::Field`] names an instance that is not there; edits before it have been applied.
+    /// [`SceneError::Field`] names an instance or mesh that does not exist; the edits before it have been applied.
     pub fn apply(&mut self, edits: Vec<SceneEdit>) -> Result<(), SceneError> {
         edits.into_iter().enumerate().try_for_each(|(number, edit)| self.apply_one(number, edit))
     }
 
-    /// Applies the edit of this number in a list. The result is not validated.
+    /// Applies one edit. `number` is its index in its list, for error texts. The result is not validated.
     ///
     /// # Errors
-    /// [`SceneError::Field`] names an instance that is not there; nothing has changed then.
+    /// [`SceneError::Field`] names an instance or mesh that does not exist; the scene is then unchanged.
     pub fn apply_one(&mut self, number: usize, edit: SceneEdit) -> Result<(), SceneError> {
         let name = edit.name();
         match edit {
@@ -226,7 +226,7 @@ impl Scene {
         Ok(())
     }
 
-    /// Adds an instance, or puts it in the place of that with the same id.
+    /// Adds an instance, or replaces the one with the same id.
     pub fn put_instance(&mut self, instance: Instance) {
         match self.instances.iter_mut().find(|o| o.id == instance.id) {
             Some(old) => *old = instance,
@@ -234,7 +234,7 @@ impl Scene {
         }
     }
 
-    /// Adds a mesh, or puts it in the place of that with the same id.
+    /// Adds a mesh, or replaces the one with the same id.
     pub fn put_mesh(&mut self, mesh: Mesh) {
         match self.meshes.iter_mut().find(|o| o.id == mesh.id) {
             Some(old) => *old = mesh,

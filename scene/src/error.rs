@@ -1,20 +1,20 @@
-//! What can be wrong with a scene, in one line that says what and where.
+//! Errors of scenes. Each text is one line that says what is wrong and where.
 
-/// What is wrong with a scene.
+/// Why a scene is refused.
 ///
-/// The text of each variant is one line: whatever a file holds, control characters are escaped and long names are cut.
+/// The text of each variant is one line: control characters from a file are escaped, and long names are cut.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SceneError {
-    /// A field's value makes no sense.
+    /// A field has a value that is not allowed.
     #[error("{field}: {problem}")]
     Field {
-        /// Its path in the JSON form, such as `instances[0].style.materials.17.roughness`.
+        /// Path of the field in the JSON form, such as `instances[0].style.materials.17.roughness`.
         field: String,
-        /// Expected and got.
+        /// What was expected and what was found.
         problem: String,
     },
-    /// The text is no scene.
+    /// The text is not valid JSON, or not the JSON form of a scene.
     #[error("line {line}, column {column}: {what}")]
     Json {
         /// Line, from 1.
@@ -24,33 +24,33 @@ pub enum SceneError {
         /// What the parser expected.
         what: String,
     },
-    /// Another version of the form.
+    /// The scene has another version of the JSON form.
     #[error("version: this program reads scenes of version {expected}, got {got}")]
     Version {
-        /// In the file.
+        /// Version that the file states.
         got: u64,
         /// [`crate::SCENE_VERSION`].
         expected: u32,
     },
-    /// The system refused.
+    /// The operating system reports an error.
     #[error("{0}")]
     Io(#[from] std::io::Error),
 }
 
-/// Most characters of a parser's message that are repeated: names in it come from the file and may be megabytes long.
+/// Most characters of a parser's message that an error text repeats: names in it come from the file and may be megabytes long.
 const MOST_CHARS: usize = 300;
 
 impl From<serde_json::Error> for SceneError {
     fn from(error: serde_json::Error) -> Self {
         let (line, column) = (error.line(), error.column());
         let text = error.to_string();
-        // serde_json repeats the place at the end of its text.
+        // serde_json ends its text with the line and column, which the variant has as fields.
         let what = text.strip_suffix(&format!(" at line {line} column {column}")).unwrap_or(&text);
         Self::Json { line, column, what: one_line(what) }
     }
 }
 
-/// `text` without control characters and no longer than [`MOST_CHARS`].
+/// `text` on one line: control characters escaped, cut to [`MOST_CHARS`] characters.
 pub(crate) fn one_line(text: &str) -> String {
     let mut out = String::new();
     for (i, c) in text.chars().enumerate() {

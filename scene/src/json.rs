@@ -1,4 +1,4 @@
-//! The JSON form of a scene: these types and nothing else, with a version that is looked at first.
+//! The JSON form of a scene: the types of this crate and nothing else. Its version is checked before any other field.
 
 use std::io::{Read as _, Write as _};
 use std::path::{Path, PathBuf};
@@ -7,16 +7,16 @@ use serde::Deserialize;
 
 use crate::{Environment, SCENE_VERSION, Scene, SceneError};
 
-/// Largest scene file that is read: materials of 10⁶ labels take some 200 MB.
+/// Size of the largest scene file that is read. For comparison: materials of 10⁶ labels take some 200 MB.
 const LIMIT_BYTES: u64 = 1 << 29;
 
 impl Scene {
     /// Reads and validates the JSON form.
     ///
     /// # Errors
-    /// What is wrong, by line and column or by field.
+    /// [`SceneError::Json`], [`SceneError::Version`] or [`SceneError::Field`] say what is wrong, by line and column or by field.
     pub fn from_json(text: &str) -> Result<Self, SceneError> {
-        // The version before anything else: fields of other versions are not this one's business.
+        // The version is checked first: a scene of another version may have fields that this version does not know.
         #[derive(Deserialize)]
         struct Versioned {
             version: u64,
@@ -30,10 +30,11 @@ impl Scene {
         Ok(scene)
     }
 
-    /// The JSON form, for people to read. Every number comes back as it was.
+    /// The JSON form, indented for people to read. Reading it back gives every number exactly.
     ///
     /// # Errors
-    /// [`SceneError::Field`] when the scene is not valid: an infinite number has no JSON form; nor has a path that is no Unicode.
+    /// [`SceneError::Field`] when the scene is not valid, for instance with an infinite number, which has no JSON form; also when a path
+    /// is not Unicode.
     pub fn to_json(&self) -> Result<String, SceneError> {
         self.validate()?;
         for (field, path) in self.paths() {
@@ -45,8 +46,8 @@ impl Scene {
         Ok(serde_json::to_string_pretty(self)? + "\n")
     }
 
-    /// Reads a scene file. Relative paths in it are taken from its folder and become absolute, so that the scene means the same
-    /// wherever it goes.
+    /// Reads a scene file. Relative paths in it are resolved against its folder and become absolute, so that they name the same files
+    /// wherever the scene is used.
     ///
     /// # Errors
     /// As [`Scene::from_json`], and when the file cannot be read.
@@ -56,7 +57,7 @@ impl Scene {
             return Err(file_error("expected an ordinary file".into()));
         }
         let mut text = String::new();
-        // One byte more than allowed tells a file that is too long, even one that grows meanwhile.
+        // Reading one byte more than allowed detects a file that is too long, even one that grows while it is read.
         std::fs::File::open(path)?.take(LIMIT_BYTES + 1).read_to_string(&mut text)?;
         if text.len() as u64 > LIMIT_BYTES {
             return Err(file_error(format!("expected at most {LIMIT_BYTES} bytes, got more")));
@@ -67,8 +68,8 @@ impl Scene {
         Ok(scene)
     }
 
-    /// Writes the JSON form; the file is there whole or not at all. Paths below its folder are written relative to it, so that
-    /// the folder can move; relative paths stay as they are and mean that folder.
+    /// Writes the JSON form. The file appears complete or not at all. Paths below its folder are written relative to it, so that the
+    /// folder can move; relative paths are written as they are and count from that folder.
     ///
     /// # Errors
     /// As [`Scene::to_json`], and when the file cannot be written.
@@ -76,7 +77,7 @@ impl Scene {
         let folder = folder_of(path)?;
         let mut scene = self.clone();
         for p in scene.paths_mut() {
-            // `/a/b` below `/a/b` would leave nothing: such a path is no file anyway and stays.
+            // A path that equals the folder would become empty. It cannot be a file anyway, so it is left as it is.
             if let Ok(below) = p.strip_prefix(&folder)
                 && !below.as_os_str().is_empty()
             {
@@ -85,7 +86,7 @@ impl Scene {
         }
         let text = scene.to_json()?;
 
-        // A rename would replace a device or a pipe by a file, for everyone on the machine.
+        // A rename over a device or a pipe would replace it by a file, for every user of the machine.
         if std::fs::metadata(path).is_ok_and(|there| !there.is_file()) {
             return Err(SceneError::Field {
                 field: "file".into(),
@@ -97,7 +98,8 @@ impl Scene {
         // Temporary files are private by default; a scene gets the permissions that any new file would.
         #[cfg(unix)]
         builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-        // Asked first for the system's own words: `tempfile` adds its temporary name, which says nothing to the user.
+        // If the folder is missing, this call gives the system's own error text: `tempfile` would add its temporary name, which means
+        // nothing to the user.
         std::fs::metadata(&folder)?;
         let mut file = builder.tempfile_in(&folder).map_err(|e| std::io::Error::from(e.kind()))?;
         file.write_all(text.as_bytes())?;
@@ -106,7 +108,7 @@ impl Scene {
         Ok(())
     }
 
-    /// The files that the scene names, with their fields.
+    /// The paths of all files that the scene names, each with the path of its field in the JSON form.
     fn paths(&self) -> Vec<(String, &Path)> {
         let sources = self.instances.iter().enumerate();
         let mut paths: Vec<_> =

@@ -1,5 +1,5 @@
-//! Materials by label: a map that copies of a scene share until one of them changes it. Figures colour 10⁵ labels one by one, and a
-//! live view copies its scene at each move of the camera.
+//! Materials by label: a copy-on-write map that copies of a scene share until one of them changes it. Figures colour 10⁵ labels one by
+//! one, and a live view copies its scene at each move of the camera.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -12,7 +12,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use crate::Material;
 
-/// Materials by original label id, shared between copies; changing one copy leaves the others as they are.
+/// Materials by original label id, shared between copies; a change to one copy does not affect the others.
 #[derive(Clone, Debug, Default)]
 pub struct LabelMaterials(Arc<BTreeMap<u64, Material>>);
 
@@ -41,7 +41,7 @@ impl<'a> IntoIterator for &'a LabelMaterials {
 
 impl PartialEq for LabelMaterials {
     fn eq(&self, other: &Self) -> bool {
-        // Scenes hold finite numbers alone (`Scene::validate`), so what is shared is equal.
+        // Valid scenes hold no NaN (`Scene::validate`), so a shared map equals itself.
         Arc::ptr_eq(&self.0, &other.0) || self.0 == other.0
     }
 }
@@ -70,7 +70,7 @@ impl<'de> Deserialize<'de> for LabelMaterials {
     }
 }
 
-/// Reads a map by label id and refuses an id that comes twice: which of the two was meant cannot be known.
+/// Reads a map by label id and refuses an id that occurs twice, because it is unknown which of the two was meant.
 pub(crate) fn each_once<'de, D: Deserializer<'de>, T: Deserialize<'de>>(
     from: D,
 ) -> Result<BTreeMap<u64, T>, D::Error> {
@@ -86,7 +86,7 @@ pub(crate) fn each_once<'de, D: Deserializer<'de>, T: Deserialize<'de>>(
             let mut materials = BTreeMap::new();
             while let Some((LabelId(id), material)) = map.next_entry()? {
                 if materials.insert(id, material).is_some() {
-                    return Err(serde::de::Error::custom(format!("materials: {id} has two")));
+                    return Err(serde::de::Error::custom(format!("materials: label {id} occurs twice")));
                 }
             }
             Ok(materials)
@@ -95,7 +95,8 @@ pub(crate) fn each_once<'de, D: Deserializer<'de>, T: Deserialize<'de>>(
     from.deserialize_map(EachOnce(PhantomData))
 }
 
-/// A key of such a map. JSON spells keys as text; within a tagged form ([`crate::SceneEdit`]) serde hands that text over as it is.
+/// A key of such a map. JSON keys are text; within a tagged enum ([`crate::SceneEdit`]) serde passes that text on unparsed, so both
+/// numbers and text are accepted.
 struct LabelId(u64);
 
 impl<'de> Deserialize<'de> for LabelId {
@@ -113,7 +114,7 @@ impl<'de> Deserialize<'de> for LabelId {
             }
 
             fn visit_str<E: serde::de::Error>(self, text: &str) -> Result<LabelId, E> {
-                // As `to_string` writes it: no sign, no leading zeros, so that no id has two spellings.
+                // Only the spelling of `to_string` is accepted (no sign, no leading zeros), so that no id has two spellings.
                 let id = text.parse().ok().filter(|id: &u64| id.to_string() == text);
                 id.map(LabelId).ok_or_else(|| E::invalid_value(serde::de::Unexpected::Str(text), &self))
             }

@@ -1,4 +1,4 @@
-//! What is to be drawn, as plain serde types: the JSON form of a scene is these types and nothing else.
+//! The types of a scene, as plain serde types. The JSON form of a scene is these types and nothing else.
 //!
 //! Frames: **world** is the scene's space, right-handed, z up, f64. **camera** looks along −z, +y up, +x right. **index** is a
 //! volume's own voxel space (`pumice_core::info`). A matrix named `a_from_b` maps b to a.

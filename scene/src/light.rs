@@ -1,4 +1,4 @@
-//! What lights the scene.
+//! Light sources: the environment, suns and lamps.
 
 use std::path::PathBuf;
 
@@ -9,17 +9,17 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Environment {
-    /// The same from everywhere.
+    /// The same radiance from every direction.
     Constant {
         /// Linear RGB radiance.
         radiance: [f32; 3],
     },
-    /// An equirectangular picture (OpenEXR), laid out as Cycles' `direction_to_equirectangular`: its middle is seen along +x, its
-    /// left quarter along +y, its first row is up (+z).
+    /// An equirectangular picture (OpenEXR), laid out as in Cycles' `direction_to_equirectangular`: its centre is in direction +x, its
+    /// left quarter in direction +y, and its first row is up (+z).
     Image {
         /// The file; relative paths are relative to the scene file.
         path: PathBuf,
-        /// Turn about +z, counter-clockwise seen from above.
+        /// Rotation about +z, counter-clockwise seen from above.
         #[serde(default)]
         rotation_rad: f64,
         /// Factor on the picture's values.
@@ -36,10 +36,10 @@ fn one() -> f32 {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct World {
-    /// What lights the scene and what reflections see.
+    /// The environment, which lights the scene and is seen in reflections.
     pub environment: Environment,
-    /// What camera rays see where they hit nothing, if not the environment: linear RGB at the bottom and the top of the picture,
-    /// blended between.
+    /// Background that camera rays see where they hit nothing, instead of the environment: linear RGB at the bottom and the top of
+    /// the picture, blended between.
     #[serde(default)]
     pub backdrop: Option<[[f32; 3]; 2]>,
 }
@@ -67,15 +67,16 @@ fn white() -> [f32; 3] {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Light {
-    /// Where it is and what it is like.
+    /// Its kind, position and size.
     pub shape: LightShape,
-    /// Blender's *Power* in watts, at least 0. As there, a point or spot light of power P has the radiant intensity P / (4π) W/sr (a spot:
-    /// within its cone, the narrower, the less in all), and an area light sends out P in all, however narrow its spread.
+    /// Blender's *Power* in watts, at least 0. As in Blender, a point or spot light of power P has the radiant intensity P / (4π) W/sr
+    /// (a spot only within its cone, so that a narrower cone emits less in total), and an area light emits P in total, however narrow
+    /// its spread.
     pub power_w: f32,
     /// Linear RGB factor.
     #[serde(default = "white")]
     pub color: [f32; 3],
-    /// Whether camera rays see it, as Blender's *Camera* ray visibility, which is off for new lamps. (Reflections always see it.)
+    /// Whether camera rays see it: Blender's *Camera* ray visibility, which is off for new lamps. Reflections always see it.
     #[serde(default)]
     pub visible_to_camera: bool,
 }
@@ -84,41 +85,41 @@ pub struct Light {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum LightShape {
-    /// A ball that shines evenly; of radius 0: a point.
+    /// A sphere that emits evenly; with radius 0 a point.
     Point {
-        /// Its middle, world space.
+        /// Its centre, world space.
         position: [f64; 3],
         /// In world units, at least 0.
         radius: f64,
-        /// Blender's *Soft Falloff*: a disk that faces whoever looks, instead of the ball. On for Blender's new lamps.
+        /// Blender's *Soft Falloff*: a disk that always faces the shaded point, instead of the sphere. On for Blender's new lamps.
         #[serde(default)]
         soft_falloff: bool,
     },
-    /// A ball whose light is held within a cone.
+    /// A sphere whose light is limited to a cone.
     Spot {
-        /// Its middle, world space.
+        /// Its centre, world space.
         position: [f64; 3],
-        /// Along which the cone opens, world space; any length above 0.
+        /// Axis along which the cone opens, world space; any length above 0.
         direction: [f64; 3],
         /// In world units, at least 0.
         radius: f64,
         /// Full angle of the cone, in [0, π].
         angle_rad: f64,
-        /// How softly the cone ends: 0 sharply, 1 from the axis on.
+        /// Softness of the cone's edge: 0 ends sharply, 1 fades from the axis outwards.
         blend: f32,
-        /// As a point's.
+        /// As for a point light.
         #[serde(default)]
         soft_falloff: bool,
     },
-    /// A flat shape that shines to one side.
+    /// A flat shape that emits to one side.
     Area {
-        /// Lamp to world: it lies in the plane z = 0 about the origin and shines along −z. Columns need not be unit vectors.
+        /// Lamp to world: the lamp lies in the plane z = 0, centred on the origin, and emits along −z. Columns need not be unit vectors.
         world_from_light: DAffine3,
         /// Rectangle or ellipse.
         outline: Outline,
         /// Extent along x and y in the lamp's own space, above 0.
         size: [f64; 2],
-        /// Full angle in which it shines: π is all of its side, as a surface that emits evenly; less narrows it as a honeycomb grid does.
+        /// Full angle of emission: π covers the whole half-space, as a diffuse emitter; a smaller angle narrows it like a honeycomb grid.
         #[serde(default = "half_turn")]
         spread_rad: f64,
     },

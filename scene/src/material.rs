@@ -2,13 +2,13 @@
 
 use serde::{Deserialize, Serialize};
 
-/// A surface. With `metallic`, `specular`, `transmission`, `coat` and `sheen` 0 it is Lambert.
+/// The material of a surface. With `metallic`, `specular`, `transmission`, `coat` and `sheen` 0 it is Lambertian.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Material {
     /// Linear RGB albedo, each in [0, 1].
     pub base_color: [f32; 3],
-    /// 0 dielectric to 1 metal.
+    /// From 0, dielectric, to 1, metal.
     pub metallic: f32,
     /// Perceptual roughness in [0, 1]; GGX α is its square.
     pub roughness: f32,
@@ -18,13 +18,13 @@ pub struct Material {
     pub specular_tint: [f32; 3],
     /// Index of refraction of the dielectric, at least 1.
     pub ior: f32,
-    /// Part of the light that passes through the dielectric instead of being scattered below it: 0 opaque to 1 clear glass.
+    /// Share of the light that passes through the dielectric instead of being scattered below it: from 0, opaque, to 1, clear glass.
     pub transmission: f32,
-    /// Part of the diffuse light that is scattered below the surface, in [0, 1].
+    /// Share of the diffuse light that is scattered below the surface, in [0, 1].
     pub subsurface: f32,
-    /// Mean free path below the surface, world units for each of RGB, at least 0.
+    /// Mean free path below the surface, in world units for each of RGB, at least 0.
     pub subsurface_radius: [f32; 3],
-    /// Clear layer on top of all, in [0, 1].
+    /// Weight of a clear layer on top of everything else, in [0, 1].
     pub coat: f32,
     /// Roughness of the clear layer, in [0, 1].
     pub coat_roughness: f32,
@@ -32,22 +32,22 @@ pub struct Material {
     pub coat_ior: f32,
     /// Linear RGB colour that the clear layer absorbs towards, each in [0, 1].
     pub coat_tint: [f32; 3],
-    /// Velvet-like fuzz near the edges, in [0, 1].
+    /// Weight of a velvet-like fuzz near the edges, in [0, 1].
     pub sheen: f32,
     /// Roughness of the fuzz, in [0, 1].
     pub sheen_roughness: f32,
     /// Linear RGB colour of the fuzz, each in [0, 1].
     pub sheen_tint: [f32; 3],
-    /// 1 opaque, 0 not there: what is not there lets light pass straight on.
+    /// Opacity: 1 opaque, 0 absent. The transparent share lets light pass straight through, unrefracted.
     pub alpha: f32,
     /// Whether light that a rough surface scatters several times is counted (Blender's *Multiscatter GGX*), or lost (*GGX*).
     pub multiscatter: bool,
-    /// Linear RGB radiance that the surface sends out.
+    /// Linear RGB radiance that the surface emits.
     pub emission: [f32; 3],
 }
 
 impl Material {
-    /// Blender's grey plastic.
+    /// The default of Blender's Principled BSDF, a grey plastic.
     pub const DEFAULT: Self = Self {
         base_color: [0.8; 3],
         metallic: 0.0,

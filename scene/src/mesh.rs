@@ -11,15 +11,15 @@ use crate::Material;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Mesh {
-    /// Stable across edits, and each once among the meshes.
+    /// Id that edits refer to; stays the same across edits and is unique among the meshes.
     pub id: u32,
     /// A mesh file (`docs/formats.md` lists which); relative paths are relative to the scene file.
     pub source: PathBuf,
     /// Maps the mesh's own space to the world. Mirrored and sheared matrices are allowed, singular ones are not.
     pub world_from_mesh: DAffine3,
-    /// By the material index of each triangle; at least one. Triangles past its end have the last.
+    /// Materials, indexed by the material index of each triangle; at least one. A triangle whose index is past the end has the last.
     pub materials: Vec<Material>,
-    /// Left out of the picture but for the shadows that it receives, as Cycles' *Shadow Catcher*.
+    /// Whether only the shadows that fall on the mesh are drawn, not the mesh itself: Cycles' *Shadow Catcher*.
     #[serde(default)]
     pub shadow_catcher: bool,
 }

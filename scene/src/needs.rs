@@ -1,43 +1,44 @@
-//! What a scene needs of a renderer, and what is left out for it.
+//! What a scene needs from a renderer, and what the renderer leaves out.
 //!
-//! Renderers build by it, and it says what they build: one value for both. A need is told from what is drawn: the material of a hidden
-//! label asks for nothing. `left out` is said only of work or memory that a renderer does save; what costs nothing to have (metal,
-//! glass) is told where it is needed and else not mentioned. What ambient occlusion has no use for, materials and lights, is made
-//! ready all the same, so that another mode builds nothing; it is needed, then, and only work along paths is left out.
+//! [`Needs`] both decides what renderers build and explains it to users, so the two always agree. Needs follow from what is drawn: the
+//! material of a hidden label needs nothing. `left out` is reported only of work or memory that a renderer saves; what costs nothing to
+//! have (metal, glass) is reported where it is needed and otherwise not mentioned. Materials and lights, which ambient occlusion does
+//! not use, are prepared in that mode too, so that a change of mode builds nothing: they count as needed, and only work along paths is
+//! left out.
 
 use crate::{
     Cut, Environment, LabelStyle, Light, LightShape, Lod, Material, Mode, Part, PartSet, Pass, Scene,
 };
 
-/// Fewest instances and meshes together over which a hierarchy is made: fewer are asked in turn, as fast.
-/// `bench/results/instances.md` has what they cost both ways.
+/// Least number of instances and meshes together for which a hierarchy over them is built: fewer are tested one by one, which is as
+/// fast. `bench/results/instances.md` has the cost of both ways.
 pub const INSTANCES_OF_A_TREE: usize = 4;
 
-/// Labels of one instance.
+/// How many labels of one instance are drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LabelCount {
     /// The instance's id.
     pub instance: u32,
-    /// Labels that are drawn.
+    /// Number of labels that are drawn.
     pub visible: usize,
-    /// Labels of the volume.
+    /// Number of labels of the volume.
     pub all: usize,
 }
 
-/// What one scene needs.
+/// The needs of one scene.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Needs {
-    /// Labels of each instance.
+    /// Label counts of each instance.
     pub labels: Vec<LabelCount>,
-    /// Paths look for light: not for ambient occlusion.
+    /// Lights are sampled: every mode except ambient occlusion.
     pub lighting: bool,
-    /// Some surface scatters light evenly.
+    /// Some surface has a diffuse lobe.
     pub diffuse: bool,
     /// Some surface has a dielectric layer.
     pub specular: bool,
     /// Some surface is metal, wholly or in part.
     pub metal: bool,
-    /// Some surface lets light into the label, refracted.
+    /// Some surface refracts light into its label or mesh.
     pub glass: bool,
     /// Some surface lies under a clear coat.
     pub coat: bool,
@@ -45,53 +46,53 @@ pub struct Needs {
     pub transparent: bool,
     /// Some surface has sheen.
     pub sheen: bool,
-    /// The camera's opening has a size.
+    /// The camera has a lens opening of finite size (depth of field).
     pub lens: bool,
-    /// Some surface sends out light, to be aimed at and to be met.
+    /// Some surface emits light: it is sampled as a light, and scattered rays can hit it.
     pub emission: bool,
-    /// The sky is a picture, with a table to aim by.
+    /// The sky is an image, with an importance sampling table.
     pub sky_table: bool,
-    /// Suns that give light, to be aimed at.
+    /// Number of suns that give light; they are sampled.
     pub suns: usize,
-    /// Lamps that give light, to be aimed at and to be met.
+    /// Number of lamps that give light; they are sampled, and scattered rays can hit them.
     pub lamps: usize,
-    /// Triangle meshes.
+    /// Number of triangle meshes.
     pub meshes: usize,
-    /// Instances and meshes are so many that a hierarchy over them pays.
+    /// There are enough instances and meshes for a hierarchy over them ([`INSTANCES_OF_A_TREE`]).
     pub instance_tree: bool,
-    /// Meshes that are left out of the picture but for the shadows on them.
+    /// Number of meshes that are shadow catchers.
     pub catchers: usize,
-    /// Some light is found both by aiming and by scattering, so that the two are weighted (multiple importance sampling).
+    /// Some light is found both by light sampling and by BSDF sampling, so that the two are weighted (multiple importance sampling).
     pub mis: bool,
-    /// Paths light further surfaces after the first.
+    /// Paths continue after the first surface.
     pub bounces: bool,
-    /// Dim paths may end at random.
+    /// Dim paths may end at random (Russian roulette).
     pub roulette: bool,
-    /// Parts of space that cuts take away from some instance.
+    /// Number of cuts that apply to some instance.
     pub cuts: usize,
-    /// Light is sorted: for passes, for a transparent film, or to be clamped.
+    /// Light is sorted by kind: for passes, for a transparent film, for shadow catchers, or for a clamp.
     pub sorted: bool,
-    /// Pixels keep which labels they see, by name.
+    /// A Cryptomatte is made: pixels record which labels they see.
     pub mattes: bool,
-    /// Voxels are shaded by how their label falls off.
+    /// Voxels are shaded with normals from the gradient of their label's occupancy.
     pub smooth_voxels: bool,
     /// Some mesh has normals other than those of its triangles.
     pub smooth_meshes: bool,
-    /// Edges in voxels of the elements that rays stop at, rising: of 1, 4, 16.
+    /// Edge lengths, in voxels, of the elements that rays stop at, rising: of 1, 4, 16.
     pub levels: Vec<u32>,
-    /// What is built besides ([`Needs::with`]).
+    /// Parts that are built although the scene does not need them ([`Needs::with`]).
     pub besides: PartSet,
 }
 
 impl Needs {
-    /// Needs of a scene whose instances have these label ids, in rising order, and some of whose meshes have normals of their own or
-    /// not. Ids that a volume lacks ask for nothing ([`crate::Show::resolve`] refuses them).
+    /// The needs of `scene`. `ids` has for each instance the label ids of its volume, in rising order; `smooth_meshes` says whether some
+    /// mesh has normals of its own. Ids in the scene that the volume lacks need nothing ([`crate::Show::resolve`] refuses them).
     pub fn of(scene: &Scene, ids: &[&[u64]], smooth_meshes: bool) -> Self {
         let settings = &scene.settings;
         let lighting = settings.mode != Mode::AmbientOcclusion;
         let bounces = settings.mode == Mode::Path && settings.bounces > 0;
 
-        // Labels, and the materials that can be seen.
+        // Count labels, and collect the materials that can be seen.
         let mut labels = Vec::new();
         let mut seen = Vec::new();
         let (mut diffuse, mut specular, mut metal, mut emission) = (false, false, false, false);
@@ -163,24 +164,24 @@ impl Needs {
         }
     }
 
-    /// The same scene's on another film.
+    /// The needs of the same scene after its film has changed; `scene` has the new film.
     #[must_use]
     pub fn on_film(&self, scene: &Scene) -> Self {
         Self { mattes: has_mattes(scene), sorted: sorts_light(scene), ..self.clone() }
     }
 
-    /// As if this part were needed too: so that what it saves to leave it out is measured, and need not be believed.
+    /// These needs with one more part that is built although the scene does not need it, to measure what leaving it out saves.
     #[must_use]
     pub fn with(self, part: Part) -> Self {
         Self { besides: self.besides.with(part), ..self }
     }
 
-    /// What is built: all that the scene needs, and what is built besides. Of hidden labels no scene needs anything.
+    /// The parts that are built: all that the scene needs, and [`Needs::besides`]. No scene needs hidden labels.
     pub fn parts(&self) -> PartSet {
         PartSet::ALL.without(self.unneeded()).without(PartSet::NONE.with(Part::HiddenLabels)).or(self.besides)
     }
 
-    /// Fewest instances and meshes together over which a hierarchy is made.
+    /// Least number of instances and meshes together for which a hierarchy is built: [`INSTANCES_OF_A_TREE`], or 1 to measure its cost.
     pub fn least_of_a_tree(&self) -> usize {
         if self.besides.has(Part::InstanceTree) { 1 } else { INSTANCES_OF_A_TREE }
     }
@@ -209,7 +210,7 @@ impl Needs {
             .with_if(Part::Catchers, self.catchers == 0)
     }
 
-    /// A line for each thing that is needed (`needed: …`) and for each that is left out, with the reason (`left out: … (…)`).
+    /// The needs as text: one line for each thing that is needed (`needed: …`) or left out, with the reason (`left out: … (…)`).
     pub fn explain(&self) -> Vec<String> {
         let mut lines = Vec::new();
         for LabelCount { instance, visible, all } in &self.labels {
@@ -226,7 +227,7 @@ impl Needs {
             n => lines.push(format!("needed: triangles of {n} meshes")),
         }
 
-        // What is told either way.
+        // These things are reported whether they are needed or not.
         let mut line = |needed: bool, what: &str, why_not: &str| {
             lines.push(if needed {
                 format!("needed: {what}")
@@ -235,7 +236,7 @@ impl Needs {
             });
         };
         let or_ambient =
-            |why_not| if self.lighting { why_not } else { "ambient occlusion looks for no light" };
+            |why_not| if self.lighting { why_not } else { "ambient occlusion samples no lights" };
         line(true, "materials", "");
         line(self.specular, "dielectric layer", "no visible label has one");
         let suns = format!("aiming at {} suns", self.suns);
@@ -255,37 +256,33 @@ impl Needs {
         line(self.emission, "aiming at surfaces that shine", "no visible label or mesh shines");
         line(
             self.sky_table,
-            "table of the sky",
-            "it is the same from everywhere: scattering finds it as well as aiming would",
+            "sampling table of the sky",
+            "the sky is equally bright everywhere: scattered rays find it as well",
         );
         line(
             self.mis,
-            "weights of lights found in two ways (MIS)",
-            or_ambient("each light is found in one way"),
+            "weights of multiple importance sampling (MIS)",
+            or_ambient("each light is sampled in one way only"),
         );
-        line(
-            self.bounces,
-            "light from surface to surface",
-            or_ambient("no bounces are asked for: direct light only"),
-        );
+        line(self.bounces, "indirect light", or_ambient("the settings allow no bounces: direct light only"));
         line(
             self.roulette,
             "Russian roulette",
-            if self.bounces { "the settings say so" } else { "paths end before it" },
+            if self.bounces { "the settings switch it off" } else { "paths end before it" },
         );
         let cuts = match self.cuts {
             0 => "cuts".to_owned(),
             1 => "1 cut".to_owned(),
             n => format!("{n} cuts"),
         };
-        line(self.cuts > 0, &cuts, "nothing is cut away");
+        line(self.cuts > 0, &cuts, "no cut applies to an instance");
         line(
             self.sorted,
             "sorting of light",
-            "no pass of samples, no transparent film, no clamp and no shadow catcher is asked for",
+            "no pass over samples, transparent film, clamp or shadow catcher needs it",
         );
-        line(self.mattes, "Cryptomatte", "it is not asked for");
-        line(self.instance_tree, "a hierarchy over instances", "they are few and asked in turn");
+        line(self.mattes, "Cryptomatte", "no Cryptomatte pass is requested");
+        line(self.instance_tree, "a hierarchy over instances", "so few are tested one by one");
         let catchers = match self.catchers {
             0 => "shadow catchers".to_owned(),
             1 => "1 shadow catcher".to_owned(),
@@ -294,10 +291,10 @@ impl Needs {
         line(self.catchers > 0, &catchers, "no mesh is one");
         for edge in [1, 4, 16] {
             let what = format!("elements of {edge}³ voxels");
-            line(self.levels.contains(&edge), &what, "the level of detail is another");
+            line(self.levels.contains(&edge), &what, "the level of detail does not use them");
         }
 
-        // What costs nothing where it is absent.
+        // These things cost nothing where they are absent, so they are reported only where they are needed.
         let free = [
             (self.diffuse, "diffuse"),
             (self.metal, "metal"),
@@ -306,7 +303,10 @@ impl Needs {
             (self.transparent, "surfaces that light passes straight through"),
             (self.sheen, "sheen"),
             (self.lens, "depth of field"),
-            (self.smooth_voxels, "smooth normals of voxels, and which boxes of a label are near"),
+            (
+                self.smooth_voxels,
+                "smooth normals of voxels, with a table of neighbouring boxes of each label",
+            ),
             (self.smooth_meshes, "smooth normals of meshes"),
         ];
         lines.extend(free.iter().filter(|f| f.0).map(|f| format!("needed: {}", f.1)));
@@ -318,7 +318,7 @@ fn has_mattes(scene: &Scene) -> bool {
     scene.film.passes.has_any(Pass::MATTES)
 }
 
-/// Whether light is sorted: for passes, for a transparent film, for shadow catchers, or to be clamped.
+/// Whether light is sorted by kind: for passes, for a transparent film, for shadow catchers, or for a clamp.
 fn sorts_light(scene: &Scene) -> bool {
     let (film, settings) = (&scene.film, &scene.settings);
     film.transparent
@@ -329,7 +329,7 @@ fn sorts_light(scene: &Scene) -> bool {
         || settings.clamps()
 }
 
-/// Whether a scattered ray can meet it.
+/// Whether a scattered ray can hit the lamp.
 fn has_extent(light: &Light) -> bool {
     match light.shape {
         LightShape::Point { radius, .. } | LightShape::Spot { radius, .. } => radius > 0.0,
@@ -337,7 +337,7 @@ fn has_extent(light: &Light) -> bool {
     }
 }
 
-/// Which of these ids are drawn.
+/// For each of these ids, in rising order, whether it is drawn.
 fn visible(style: &LabelStyle, ids: &[u64]) -> Vec<bool> {
     let other = style.show.visible_unless_named();
     let mut visible = vec![other; ids.len()];
@@ -347,7 +347,7 @@ fn visible(style: &LabelStyle, ids: &[u64]) -> Vec<bool> {
     visible
 }
 
-/// The materials of visible labels, and whether their base colour is replaced.
+/// The materials of visible labels, each with whether automatic colours replace its base colour.
 fn materials<'a>(
     style: &'a LabelStyle,
     ids: &'a [u64],

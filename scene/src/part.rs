@@ -1,15 +1,15 @@
-//! What a renderer may leave out where a scene does not need it, by name, and sets of it. Pictures do not depend on what is there
-//! besides.
+//! The parts of a renderer that are left out where a scene does not need them, and sets of parts. Parts that are present without need
+//! do not change the picture.
 
 use serde::Serialize;
 
-/// One thing that scenes may not need.
+/// One part of a renderer that not every scene needs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Part {
     /// Boxes of labels that are not shown.
     HiddenLabels,
-    /// Levels of detail that no box is drawn at, and the bounds that hold all of them.
+    /// Levels of detail at which no box is drawn, and the bounds that enclose all levels.
     Levels,
     /// Metal, glass, dielectric layers.
     Microfacets,
@@ -17,29 +17,29 @@ pub enum Part {
     Coats,
     /// Sheen.
     Sheen,
-    /// Paths through labels.
+    /// Glass: paths through the inside of labels.
     Glass,
     /// Surfaces that light passes straight through.
     Clear,
     /// Lamps.
     Lamps,
-    /// Aiming at any light.
+    /// Sampling of any light (next event estimation).
     Aiming,
-    /// A picture for a sky.
+    /// An image as the sky.
     SkyPicture,
-    /// A camera whose opening has a size.
+    /// A camera lens of finite size (depth of field).
     Lens,
     /// Cuts.
     Cuts,
     /// Triangle meshes.
     Meshes,
-    /// Light sorted for passes, or clamped.
+    /// Sorting of light by kind, for passes and clamps.
     Sorting,
     /// Cryptomatte.
     Mattes,
-    /// Surfaces that shine, to be aimed at.
+    /// Emissive surfaces that are sampled as lights.
     Emitters,
-    /// Surfaces shaded by another normal than their own.
+    /// Shading normals other than the geometric ones.
     SmoothNormals,
     /// A hierarchy over instances and meshes.
     InstanceTree,
@@ -48,7 +48,7 @@ pub enum Part {
 }
 
 impl Part {
-    /// All of them.
+    /// All parts, in the order of their numbers.
     pub const ALL: [Self; 19] = [
         Self::HiddenLabels,
         Self::Levels,
@@ -71,7 +71,7 @@ impl Part {
         Self::Catchers,
     ];
 
-    /// In words.
+    /// The name of the part in texts for users and in the results of `pumice bench needs`.
     pub fn spoken(self) -> &'static str {
         match self {
             Self::HiddenLabels => "boxes of labels that are not shown",
@@ -102,53 +102,53 @@ impl Part {
 pub struct PartSet(u32);
 
 impl PartSet {
-    /// None of them.
+    /// The empty set.
     pub const NONE: Self = Self(0);
 
-    /// All of them.
+    /// The set of all parts.
     pub const ALL: Self = Self((1 << Part::ALL.len()) - 1);
 
-    /// With this one.
+    /// This set with `part` added.
     #[must_use]
     pub const fn with(self, part: Part) -> Self {
         Self(self.0 | 1 << part as u32)
     }
 
-    /// With it where `is` holds.
+    /// This set, with `part` added if `is` is true.
     #[must_use]
     pub const fn with_if(self, part: Part, is: bool) -> Self {
         if is { self.with(part) } else { self }
     }
 
-    /// Those that are in either set.
+    /// The union of both sets.
     #[must_use]
     pub const fn or(self, other: Self) -> Self {
         Self(self.0 | other.0)
     }
 
-    /// Those of them that are in the other set too.
+    /// The intersection of both sets.
     #[must_use]
     pub const fn and(self, other: Self) -> Self {
         Self(self.0 & other.0)
     }
 
-    /// Those of them that are not in the other set.
+    /// The parts of this set that are not in `other`.
     #[must_use]
     pub const fn without(self, other: Self) -> Self {
         Self(self.0 & !other.0)
     }
 
-    /// Whether this one is there.
+    /// Whether the set contains `part`.
     pub const fn has(self, part: Part) -> bool {
         self.0 >> part as u32 & 1 != 0
     }
 
-    /// Whether none is there.
+    /// Whether the set is empty.
     pub const fn is_none(self) -> bool {
         self.0 == 0
     }
 
-    /// Those that are there, in order.
+    /// The parts in the set, in the order of [`Part::ALL`].
     pub fn parts(self) -> impl Iterator<Item = Part> {
         Part::ALL.into_iter().filter(move |&part| self.has(part))
     }

@@ -1,10 +1,10 @@
-//! Passes: what a picture holds beside its colour, by name.
+//! Passes (AOVs): the channels of a picture in addition to its colour, by name.
 
 use serde::{Deserialize, Serialize};
 
 macro_rules! passes {
     ($($(#[$doc:meta])* $variant:ident $name:literal,)*) => {
-        /// One pass; what each holds is on the page `docs/passes.md`.
+        /// One pass. The page `docs/passes.md` says what each holds.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
         #[serde(rename_all = "snake_case")]
         pub enum Pass {
@@ -12,10 +12,10 @@ macro_rules! passes {
         }
 
         impl Pass {
-            /// All, in the order of files and lists.
+            /// All passes, in the order of files and lists.
             pub const ALL: &'static [Self] = &[$(Self::$variant,)*];
 
-            /// As in scenes, on the command line and in Python.
+            /// The name of the pass in scenes, on the command line and in Python.
             pub const fn name(self) -> &'static str {
                 match self {
                     $(Self::$variant => $name,)*
@@ -28,50 +28,50 @@ macro_rules! passes {
 passes! {
     /// Distance to the first surface along the view axis.
     Depth "depth",
-    /// Where it is in the world.
+    /// World position of the first surface.
     Position "position",
-    /// Its normal.
+    /// Normal of the first surface.
     Normal "normal",
-    /// Its label.
+    /// Label of the first surface.
     Label "label",
-    /// Its colour.
+    /// Base colour of the first surface.
     Albedo "albedo",
-    /// Light by the way it was last scattered towards the camera: Lambert's, straight from its source, over the colour.
+    /// Light from its source that the first surface scatters diffusely to the camera, divided by the diffuse colour.
     DiffuseDirect "diffuse_direct",
-    /// The same after further surfaces.
+    /// Light from other surfaces that the first surface scatters diffusely to the camera, divided by the diffuse colour.
     DiffuseIndirect "diffuse_indirect",
-    /// Part of even light that is scattered so.
+    /// Diffuse colour: the share of uniform light that is scattered diffusely.
     DiffuseColor "diffuse_color",
-    /// The same of what is reflected.
+    /// As `DiffuseDirect`, for reflection.
     GlossyDirect "glossy_direct",
-    /// See above.
+    /// As `DiffuseIndirect`, for reflection.
     GlossyIndirect "glossy_indirect",
-    /// See above.
+    /// As `DiffuseColor`, for reflection.
     GlossyColor "glossy_color",
-    /// The same of what passes through.
+    /// As `DiffuseDirect`, for transmission.
     TransmissionDirect "transmission_direct",
-    /// See above.
+    /// As `DiffuseIndirect`, for transmission.
     TransmissionIndirect "transmission_indirect",
-    /// See above.
+    /// As `DiffuseColor`, for transmission.
     TransmissionColor "transmission_color",
-    /// Light that seen surfaces and lamps send out themselves.
+    /// Light that visible surfaces and lamps emit themselves.
     Emission "emission",
-    /// The sky or the backdrop where it is seen.
+    /// The sky or the backdrop where the camera sees it.
     Environment "environment",
-    /// What is left of a shadow catcher's light: 1 where nothing shades it.
+    /// Share of a shadow catcher's light that is not blocked: 1 where nothing shades it.
     ShadowCatcher "shadow_catcher",
-    /// Labels by name, each with the part of the pixel that it covers.
+    /// Cryptomatte of labels: the labels that a pixel sees, each with the share of the pixel that it covers.
     CryptomatteLabel "cryptomatte_label",
-    /// The same by the labels' types.
+    /// Cryptomatte of the labels' types.
     CryptomatteType "cryptomatte_type",
-    /// Variance of the picture.
+    /// Variance of the pixel's colour, estimated from its samples.
     Variance "variance",
-    /// Number of samples.
+    /// Number of samples of the pixel.
     Samples "samples",
 }
 
 impl Pass {
-    /// Passes of light and of the colours that it is divided by.
+    /// The passes of light and of the colours that the light is divided by.
     pub const LIGHT: &'static [Self] = &[
         Self::DiffuseDirect,
         Self::DiffuseIndirect,
@@ -86,11 +86,11 @@ impl Pass {
         Self::Environment,
     ];
 
-    /// Mattes after the specification of Cryptomatte.
+    /// The Cryptomatte passes.
     pub const MATTES: &'static [Self] = &[Self::CryptomatteLabel, Self::CryptomatteType];
 }
 
-/// A set of passes; in JSON a list of names.
+/// A set of passes. Its JSON form is a list of names.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(from = "Vec<Pass>", into = "Vec<Pass>")]
 pub struct Passes(u32);
@@ -114,47 +114,47 @@ impl FromIterator<Pass> for Passes {
 }
 
 impl Passes {
-    /// The colour alone.
+    /// The empty set: a picture with colour only.
     pub const NONE: Self = Self(0);
-    /// Every pass.
+    /// The set of all passes.
     pub const ALL: Self = Self((1 << Pass::ALL.len()) - 1);
 
-    /// The set with one more.
+    /// This set with `pass` added.
     #[must_use]
     pub const fn with(self, pass: Pass) -> Self {
         Self(self.0 | 1 << pass as u32)
     }
 
-    /// What is in either.
+    /// The union of both sets.
     #[must_use]
     pub const fn or(self, other: Self) -> Self {
         Self(self.0 | other.0)
     }
 
-    /// Whether a pass is among them.
+    /// Whether the set contains `pass`.
     pub const fn has(self, pass: Pass) -> bool {
         self.0 >> pass as u32 & 1 != 0
     }
 
-    /// Whether any of these is among them.
+    /// Whether the set contains any of these passes.
     pub fn has_any(self, of: &[Pass]) -> bool {
         of.iter().any(|p| self.has(*p))
     }
 
-    /// Whether there is none.
+    /// Whether the set is empty.
     pub const fn is_empty(self) -> bool {
         self.0 == 0
     }
 
-    /// Its passes in their order.
+    /// The passes in the set, in the order of [`Pass::ALL`].
     pub fn iter(self) -> impl Iterator<Item = Pass> {
         Pass::ALL.iter().copied().filter(move |p| self.has(*p))
     }
 
-    /// Reads names of passes and the groups `light` and `cryptomatte`; `all` and `none` must stand alone.
+    /// Parses names of passes and of the groups `light` and `cryptomatte`; `all` and `none` must be the only name.
     ///
     /// # Errors
-    /// One line that names what is not a pass and lists those that are.
+    /// One line that quotes the unknown name and lists the valid ones.
     pub fn parse(names: &[String]) -> Result<Self, String> {
         let mut passes = Self::NONE;
         for name in names {
@@ -212,7 +212,7 @@ mod tests {
         assert!(parse("all,depth").is_err() && parse("Depth").is_err() && parse("").is_err());
     }
 
-    /// The names of the list are those of JSON, and a set is a list there, whatever its order was.
+    /// `Pass::name` is the name in JSON, and a set becomes a list in a fixed order, whatever the order in which it was given.
     #[test]
     fn sets_are_lists_in_json() {
         for pass in Pass::ALL {

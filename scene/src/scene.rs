@@ -1,4 +1,4 @@
-//! The scene: instances of volumes, their labels' looks, camera, light, settings.
+//! The scene: instances of volumes with the materials of their labels, meshes, camera, lights and settings.
 
 use std::path::PathBuf;
 
@@ -10,17 +10,17 @@ use crate::{Camera, Cut, CutShape, Film, LabelMaterials, Light, Material, Mesh, 
 /// Version of the JSON form that this code writes and reads.
 pub const SCENE_VERSION: u32 = 1;
 
-/// How the labels of a volume look: one material for all, and exceptions by id.
+/// How the labels of a volume look: one common material, and materials of single labels by id.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct LabelStyle {
     /// Which labels are drawn.
     pub show: Show,
-    /// Material of labels that have none of their own; its base colour is replaced where `auto_color` is set.
+    /// Common material of the labels that have none of their own; `auto_color` replaces its base colour.
     pub material: Material,
-    /// Gives each label a colour unlike its neighbours'.
+    /// Whether labels with the common material get colours that differ between neighbours.
     pub auto_color: bool,
-    /// Materials by original id.
+    /// Materials of single labels, by original id.
     pub materials: LabelMaterials,
 }
 
@@ -28,28 +28,28 @@ pub struct LabelStyle {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Instance {
-    /// Stable across edits: hits and passes name it.
+    /// Id that edits refer to; stays the same across edits and is unique among the instances.
     pub id: u32,
     /// A `.pumice` file or any label volume; relative paths are relative to the scene file.
     pub source: PathBuf,
     /// Maps the volume's index space to the world. Mirrored and sheared matrices are allowed, singular ones are not.
     pub world_from_index: DAffine3,
-    /// Its labels' looks.
+    /// Which labels are drawn, and their materials.
     #[serde(default)]
     pub style: LabelStyle,
 }
 
-/// Everything that is to be drawn.
+/// Everything that a renderer needs to know to draw a picture, except the data of volumes, meshes and skies, which are files.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Scene {
-    /// [`SCENE_VERSION`].
+    /// Version of the JSON form; must be [`SCENE_VERSION`].
     pub version: u32,
-    /// Volumes.
+    /// Volumes placed in the world.
     pub instances: Vec<Instance>,
     /// The camera.
     pub camera: Camera,
-    /// The picture.
+    /// Size, filter and passes of the picture.
     pub film: Film,
     /// Sky and backdrop.
     pub world: World,
@@ -62,16 +62,16 @@ pub struct Scene {
     /// Triangle meshes.
     #[serde(default)]
     pub meshes: Vec<Mesh>,
-    /// What is cut away from the volumes.
+    /// Parts of space that are removed from volumes.
     #[serde(default)]
     pub cuts: Vec<Cut>,
-    /// How it is computed.
+    /// Settings of the integrator, level of detail and random seed.
     #[serde(default)]
     pub settings: Settings,
 }
 
 impl Scene {
-    /// What is taken away from the instance with this id.
+    /// The shapes of the cuts that apply to the instance with this id.
     pub fn cuts_of(&self, instance: u32) -> impl Iterator<Item = &CutShape> {
         self.cuts.iter().filter(move |cut| cut.takes_from(instance)).map(|cut| &cut.shape)
     }

@@ -1,10 +1,10 @@
-//! How the picture is made: film, integrator, level of detail, when to stop.
+//! Settings of the picture: film, integrator, level of detail, and when pixels stop sampling.
 
 use serde::{Deserialize, Serialize};
 
 use crate::Passes;
 
-/// Pixel reconstruction filter; samples are drawn from it, never splatted.
+/// Pixel reconstruction filter, by filter importance sampling: sample positions are drawn from it, nothing is splatted.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Filter {
@@ -13,27 +13,27 @@ pub enum Filter {
         /// Full width in pixels.
         width: f32,
     },
-    /// Blackman-Harris over `width` pixels (Blender's default 1.5 spans ±1.5 pixels: give 3).
+    /// Blackman-Harris over `width` pixels. Blender's default of 1.5 spans ±1.5 pixels, which is a width of 3 here.
     BlackmanHarris {
         /// Full width in pixels.
         width: f32,
     },
 }
 
-/// How light becomes what a screen shows, in pictures of 8 bits.
+/// How scene-linear light becomes display values in pictures of 8 bits.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ViewTransform {
     /// The sRGB curve, clamped.
     #[default]
     Standard,
-    /// Like Blender's *Filmic*.
+    /// An approximation of Blender's *Filmic*.
     Filmic,
-    /// Like Blender's *AgX*.
+    /// An approximation of Blender's *AgX*.
     Agx,
 }
 
-/// The picture.
+/// Size, filter, passes and file options of the picture.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Film {
@@ -46,19 +46,19 @@ pub struct Film {
     /// Width of a pixel over its height, above 0.
     #[serde(default = "square")]
     pub pixel_aspect: f64,
-    /// What camera rays do not meet is left transparent instead of showing the sky or the backdrop.
+    /// Whether the background is transparent instead of showing the sky or the backdrop.
     #[serde(default)]
     pub transparent: bool,
-    /// Passes that samples must be sorted for; those of the first surface through the middle of each pixel are there unasked.
+    /// Passes that need the samples sorted by kind of light. The passes of the first surface at the centre of each pixel always exist.
     #[serde(default)]
     pub passes: Passes,
-    /// How many labels, or types, of a pixel its Cryptomatte holds: an even number, 2 to [`Film::MOST_RANKS`].
+    /// How many labels, or types, the Cryptomatte holds per pixel: an even number, 2 to [`Film::MOST_RANKS`].
     #[serde(default = "six")]
     pub cryptomatte_ranks: u32,
-    /// Colours are written as floats of 16 bits where the file knows them (OpenEXR).
+    /// Whether colours are written as 16-bit floats, in formats that have them (OpenEXR).
     #[serde(default)]
     pub half: bool,
-    /// How they are shown where the file has what a screen shows (PNG).
+    /// View transform of files that hold display values (PNG).
     #[serde(default)]
     pub view_transform: ViewTransform,
 }
@@ -72,13 +72,13 @@ fn square() -> f64 {
 }
 
 impl Film {
-    /// As in Cycles: three layers of two.
+    /// Default of [`Film::cryptomatte_ranks`], as in Cycles: three layers of two.
     pub const RANKS: u32 = 6;
 
-    /// Most, as in Cycles.
+    /// Largest [`Film::cryptomatte_ranks`], as in Cycles.
     pub const MOST_RANKS: u32 = 16;
 
-    /// An opaque film of square pixels.
+    /// An opaque film of square pixels without extra passes.
     pub const fn new(width: u32, height: u32, filter: Filter) -> Self {
         Self {
             width,
@@ -94,7 +94,7 @@ impl Film {
     }
 }
 
-/// Which light is counted.
+/// Which light the picture shows.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Mode {
@@ -103,7 +103,7 @@ pub enum Mode {
     Path,
     /// Direct light only.
     OneBounce,
-    /// White surfaces under a white sky within [`Settings::ao_distance`]: no materials, no lights.
+    /// White surfaces under a white sky, occluded within [`Settings::ao_distance`]: no materials, no lights.
     AmbientOcclusion,
 }
 
@@ -111,37 +111,38 @@ pub enum Mode {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Lod {
-    /// Voxels: exact.
+    /// Single voxels: exact.
     #[default]
     Voxels,
-    /// 4³ cells that hold any voxel; where several labels have one, the lowest dense index.
+    /// Cells of 4³ voxels that hold at least one voxel; where several labels share a cell, the lowest dense index wins.
     Cells,
-    /// Whole boxes.
+    /// Whole boxes of up to 16³ voxels.
     Boxes,
-    /// Per box, by its least distance from the camera: the coarsest level whose element spans at most `pixels` pixels there.
+    /// Chosen for each box by its least distance from the camera: the coarsest level whose elements span at most `pixels` pixels there.
     Distance {
-        /// Size in pixels below which an element may be coarser.
+        /// Largest size of an element in pixels.
         pixels: f32,
     },
 }
 
-/// Samples go where the error is (Blender's *Noise Threshold*): a pixel rests once its estimated error is below `threshold`.
+/// Adaptive sampling (Blender's *Noise Threshold*): a pixel rests, taking no more samples, once its estimated error is below `threshold`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Adaptive {
-    /// Relative error of a pixel, above 0.
+    /// Relative error at which a pixel rests, above 0.
     pub threshold: f32,
-    /// Samples that every pixel gets before it may rest, at least 4: fewer tell nothing of their error.
+    /// Samples that every pixel gets before it may rest, at least 4: fewer give no usable estimate of their error.
     pub min_spp: u32,
 }
 
-/// How the picture is made.
+/// Settings of the integrator, level of detail and random seed.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Settings {
-    /// Which light is counted.
+    /// Which light the picture shows.
     pub mode: Mode,
-    /// As Cycles' `max_bounces`: N bounces light N + 1 surface points, and the last ray still collects emission and background.
+    /// Number of bounces, as Cycles' `max_bounces`: N bounces light N + 1 surface points, and the last ray still collects emission and
+    /// background.
     pub bounces: u32,
     /// Whether dim paths end at random (unbiased).
     pub russian_roulette: bool,
@@ -149,21 +150,21 @@ pub struct Settings {
     pub ao_distance: f64,
     /// Level of detail.
     pub lod: Lod,
-    /// Every random number follows from it.
+    /// Seed of all random numbers.
     pub seed: u64,
-    /// Largest mean of its three channels that light seen, or scattered once, may add to a sample, as Cycles' *Direct Light* clamp;
-    /// 0: no clamp. A clamp takes light away: it biases the picture.
+    /// Largest value, as the mean of RGB, that light seen directly or scattered once may add to a sample: Cycles' *Direct Light*
+    /// clamp; 0: no clamp. A clamp removes light, so it biases the picture.
     pub clamp_direct: f32,
     /// The same for light after further bounces, as Cycles' *Indirect Light* clamp; 0: no clamp.
     pub clamp_indirect: f32,
-    /// Samples by error; none: every pixel gets as many.
+    /// Adaptive sampling; without it every pixel gets the same number of samples.
     pub adaptive: Option<Adaptive>,
-    /// Shades voxels with the direction in which the label's occupancy falls off, instead of their flat faces.
+    /// Whether voxels are shaded with smooth normals, the direction in which the label's occupancy falls off, instead of flat faces.
     pub smooth_voxels: bool,
 }
 
 impl Settings {
-    /// Whether the clamps take any light away.
+    /// Whether a clamp is switched on.
     pub fn clamps(&self) -> bool {
         self.clamp_direct != 0.0 || self.clamp_indirect != 0.0
     }

@@ -4,27 +4,27 @@ use serde::{Deserialize, Serialize};
 
 use crate::SceneError;
 
-/// Which labels of a volume are drawn. The order of ids has no meaning, nor has an id that comes twice.
+/// Which labels of a volume are drawn. The order of ids has no meaning, and repeated ids count once.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Show {
-    /// All but background.
+    /// All except the background (0).
     #[default]
     All,
     /// Only these ids.
     Only(Vec<u64>),
-    /// All but these ids.
+    /// All except these ids.
     Except(Vec<u64>),
 }
 
 impl Show {
-    /// Which labels are drawn, by dense index. `ids` are the volume's ids in rising order (their places are the dense indices);
-    /// `field` is where this choice stands in the scene, such as `instances[0].style.show`. Ids of [`Show::Except`] may be missing
-    /// from the volume: one list serves many crops.
+    /// Whether each label is drawn, by dense index. `ids` are the volume's ids in rising order (their positions are the dense indices);
+    /// `field` is the path of this choice in the scene, such as `instances[0].style.show`. The volume may lack ids of [`Show::Except`],
+    /// so that one list serves many crops.
     ///
     /// # Errors
-    /// [`SceneError::Field`] names the first id of [`Show::Only`] that the volume does not have: a figure that silently lacks a
-    /// label is wrong.
+    /// [`SceneError::Field`] names the first id of [`Show::Only`] that the volume lacks: a figure in which a label is silently missing
+    /// would be wrong.
     pub fn resolve(&self, field: &str, ids: &[u64]) -> Result<Vec<bool>, SceneError> {
         if let Self::Only(named) = self {
             for (i, &id) in named.iter().enumerate() {
@@ -46,7 +46,7 @@ impl Show {
         Ok(self.among(ids))
     }
 
-    /// Which of these labels are drawn, by place; `ids` rise. Ids that are not among them are passed over: what is to be read of a
+    /// Whether each of `ids`, in rising order, is drawn. Named ids that are not in `ids` are ignored: this chooses what to read from a
     /// volume before its scene is checked.
     pub fn among(&self, ids: &[u64]) -> Vec<bool> {
         let unless_named = self.visible_unless_named();
@@ -57,7 +57,7 @@ impl Show {
         visible
     }
 
-    /// The ids that are named, whichever way they are meant.
+    /// The listed ids, whether of [`Show::Only`] or [`Show::Except`].
     pub fn named(&self) -> &[u64] {
         match self {
             Self::All => &[],
@@ -73,7 +73,7 @@ impl Show {
             ids.dedup();
             ids
         };
-        // Equal lists are the ordinary case, and long.
+        // Lists are long and usually equal, so compare them directly before sorting.
         self == other
             || self.visible_unless_named() == other.visible_unless_named() && set(self) == set(other)
     }
@@ -125,7 +125,7 @@ mod tests {
             [true],
             "lists of hidden labels serve many crops"
         );
-        // Not by truncation: an id that equals another in its lower 32 bits is another.
+        // Ids are compared in all 64 bits: one that equals another only in its lower 32 bits is a different id.
         assert!(Show::Only(vec![(1 << 32) + 3]).resolve("show", &IDS).is_err());
     }
 

@@ -1,4 +1,4 @@
-//! Whether a scene makes sense; if not, which field is at fault.
+//! Validation of scenes: finds the first field with a value that is not allowed.
 
 mod camera;
 mod light;
@@ -15,18 +15,18 @@ use camera::validate_camera;
 use light::{validate_light, validate_sun};
 use material::validate_material;
 
-/// Most pixels along a side: what OpenEXR and PNG readers take for granted.
+/// Most pixels along a side: a limit that OpenEXR and PNG readers commonly assume.
 pub const MAX_SIDE_PIXELS: u32 = 65_536;
-/// Most pixels: 2³⁰ pixels of film take some 80 GiB already.
+/// Most pixels of a film: 2³⁰ pixels take some 80 GiB.
 pub const MAX_PIXELS: u64 = 1 << 30;
-/// Most bounces; a path of a million is a mistake, not a wish.
+/// Most bounces; a path of a million bounces is taken for a mistake.
 pub const MAX_BOUNCES: u32 = 1 << 20;
 /// Widest pixel filter in pixels.
 pub const MAX_FILTER_PIXELS: f32 = 16.0;
-/// Columns of a matrix, made unit vectors, lie in a plane where their determinant is not above this: f64 has lost what was left
-/// of the third direction.
+/// A matrix counts as singular if the determinant of its normalized columns is at most this: f64 has then lost the digits of the third
+/// direction.
 const LEAST_DETERMINANT: f64 = 1e-12;
-/// Collects the first fault while walking through the fields.
+/// Walks through the fields and stops at the first fault; `path` is the JSON path of the current field.
 struct Check {
     path: Vec<String>,
 }
@@ -73,7 +73,7 @@ impl Check {
         self.each(name, color, |name, v| self.at_least(name, v, 0.0))
     }
 
-    /// Checks each number of a list. Names are made for faults alone: figures have 10⁵ materials.
+    /// Checks each number of a list. Names are formatted only for faults, because figures have 10⁵ materials.
     fn each<const N: usize>(
         &self,
         name: &str,
@@ -91,7 +91,7 @@ impl Check {
     }
 
     fn direction(&self, name: &str, d: [f64; 3]) -> Checked {
-        // Its square must hold the digits that the unit vector needs.
+        // The squared length must be a normal f64, so that normalization keeps full precision.
         let good = DVec3::from_array(d).length_squared().is_normal();
         self.field(name, good, || format!("expected a direction, got {d:?}"))
     }
@@ -106,18 +106,18 @@ impl Check {
     }
 }
 
-/// The matrix with its columns made unit vectors, whatever their length; `None` where one is zero.
+/// The matrix with normalized columns; `None` where a column is zero.
 fn unit_columns(m: &DMat3) -> Option<DMat3> {
-    // Divided by the largest number first, so that squares neither overflow nor vanish.
+    // Each column is divided by its largest component first, so that squares neither overflow nor underflow.
     let unit = |v: DVec3| (v != DVec3::ZERO).then(|| (v / v.abs().max_element()).normalize());
     Some(DMat3::from_cols(unit(m.x_axis)?, unit(m.y_axis)?, unit(m.z_axis)?))
 }
 
 impl Scene {
-    /// Whether every field makes sense.
+    /// Checks the value of every field.
     ///
     /// # Errors
-    /// [`SceneError::Field`] names the first that does not, by its path in the JSON form, with what was expected;
+    /// [`SceneError::Field`] names the first field at fault by its path in the JSON form, and what was expected;
     /// [`SceneError::Version`] for a scene of another version.
     pub fn validate(&self) -> Checked {
         if self.version != SCENE_VERSION {

@@ -1,4 +1,4 @@
-//! Each edit sets the flags of what it edits and no other; no edit goes unnoticed.
+//! Each edit sets exactly the flags of what it changes, and every change sets some flag.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
 
@@ -140,7 +140,7 @@ fn instances_are_matched_by_id() {
     assert_eq!(after(|s| drop(s.instances.remove(0))), SceneDiff { removed: vec![7], ..none() });
     assert_eq!(after(|s| s.instances[0].id = 9), SceneDiff { added: vec![9], removed: vec![7], ..none() });
     assert_eq!(after(|s| s.instances.swap(0, 1)), SceneDiff { reordered: true, ..none() });
-    // Before the others, and still nothing but an addition.
+    // Inserted before the others: this is still only an addition.
     let more = after(|s| {
         let mut new = s.instances[1].clone();
         new.id = 1;
@@ -164,7 +164,7 @@ fn meshes_are_matched_by_id() {
     assert_eq!(after(|s| s.meshes[1].shadow_catcher = false), mesh(|d| d.materials = true));
 }
 
-/// Places of all values that hold no others.
+/// JSON pointers to all leaf values.
 fn leaves(value: &Value, at: &str, out: &mut Vec<String>) {
     match value {
         Value::Object(map) => map.iter().for_each(|(k, v)| leaves(v, &format!("{at}/{k}"), out)),
@@ -175,7 +175,7 @@ fn leaves(value: &Value, at: &str, out: &mut Vec<String>) {
     }
 }
 
-/// Whatever the JSON form holds, now or later: a change of it is a difference.
+/// A change of any value of the JSON form is a difference. Fields added later are covered too.
 #[test]
 fn no_change_of_any_value_goes_unnoticed() {
     let old = full_scene();
@@ -190,7 +190,7 @@ fn no_change_of_any_value_goes_unnoticed() {
             Value::Bool(b) => (!b).into(),
             Value::Number(n) if n.as_u64().is_some() => (n.as_u64().unwrap() ^ 1).into(),
             Value::Number(n) => (n.as_f64().unwrap() + 0.25).into(),
-            // A set of all passes without one of them.
+            // A list of all passes except one.
             Value::String(s) if s == "depth" => "position".into(),
             Value::String(_) if place.starts_with("/film/passes/") => "depth".into(),
             Value::String(s) if s == "one_bounce" => "path".into(),

@@ -1,4 +1,4 @@
-//! The page on scene files says what the program does.
+//! The page `docs/scene.md` agrees with the program.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
 

@@ -1,4 +1,4 @@
-//! Edits: each changes its own part, the JSON form is the types, and what is wrong is named.
+//! Edits: each changes only its own part, the JSON form matches the types, and errors name the faulty edit.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
 
@@ -130,7 +130,9 @@ fn what_is_no_edit_is_named() {
         assert!(text.contains("a label id from 0 to"), "{text}");
     }
     let twice = r#"[{"edit": "label_materials", "id": 7, "materials": {"3": null, "3": null}}]"#;
-    assert!(SceneEdit::list_from_json(twice).unwrap_err().to_string().contains("materials: 3 has two"));
+    assert!(
+        SceneEdit::list_from_json(twice).unwrap_err().to_string().contains("materials: label 3 occurs twice")
+    );
 
     let mut scene: Scene = full_scene();
     let error = scene.apply(vec![SceneEdit::Remove { id: 8 }, SceneEdit::Remove { id: 8 }]).unwrap_err();

@@ -1,4 +1,4 @@
-//! Scene files: paths within them, and that they are there whole or not at all.
+//! Scene files: how the paths within them are resolved, and that a file appears complete or not at all.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
 
@@ -27,7 +27,7 @@ fn relative_paths_are_taken_from_the_files_folder() {
         [folder.path().join("volume-7.pumice"), elsewhere.clone(), folder.path().join("sky/dawn.exr")];
     assert_eq!(paths(&loaded), expected);
 
-    // Saved to the same folder, it reads as before; to another, it means the same files.
+    // Saved to the same folder, the text is as before; saved to another folder, it names the same files.
     let copy = folder.path().join("copy.json");
     loaded.save(&copy).unwrap();
     assert_eq!(std::fs::read_to_string(&copy).unwrap(), std::fs::read_to_string(&file).unwrap());

@@ -1,4 +1,4 @@
-//! The JSON form: exact both ways, strict, and with one line for whatever is wrong.
+//! The JSON form: numbers survive exactly both ways, parsing is strict, and every error is one line.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
 
@@ -24,7 +24,7 @@ impl Random {
     }
 }
 
-/// Every kind of number that the form holds, as places of one scene: f64 by itself, in a matrix, in an array; f32 likewise.
+/// A field of one scene for every kind of number in the form: f64 by itself, in a matrix, in an array; f32 likewise.
 fn numbers(s: &mut Scene) -> (Vec<&mut f64>, Vec<&mut f32>) {
     let Environment::Image { rotation_rad, strength, .. } = &mut s.world.environment else { unreachable!() };
     let camera = &mut s.camera;
@@ -98,7 +98,7 @@ fn every_finite_number_comes_back_bit_for_bit() {
     assert_eq!(seen, 2000 * 21);
 }
 
-/// Negative control of the test above: one unit in the last place of any number is noticed.
+/// Negative control of the test above: a change of one unit in the last place of any number is detected.
 #[test]
 fn a_number_that_comes_back_one_off_is_noticed() {
     let original = bits(&mut full_scene());
@@ -139,7 +139,7 @@ fn another_version_is_told_before_anything_else() {
     assert_eq!(error.to_string(), "version: this program reads scenes of version 1, got 2");
 }
 
-/// Places of all objects within a value, as JSON pointers.
+/// JSON pointers to all objects within a value.
 fn objects(value: &Value, at: &str, out: &mut Vec<String>) {
     match value {
         Value::Object(map) => {
@@ -163,7 +163,7 @@ fn an_unknown_field_is_refused_by_name_wherever_it_is() {
         let mut edited = whole.clone();
         edited.pointer_mut(&place).unwrap().as_object_mut().unwrap().insert("zzz".into(), 1.into());
         let error = Scene::from_json(&edited.to_string()).unwrap_err().to_string();
-        // Where a choice or an id stands, not a field, the parser says what it expected instead.
+        // In place of an enum variant or an id, the parser says what it expected instead.
         let choice = ["show", "materials", "projection", "filter", "environment", "lod", "shape"];
         if !choice.iter().any(|c| place.ends_with(&format!("/{c}"))) {
             assert!(error.contains("unknown field `zzz`"), "{place}: {error}");
@@ -204,7 +204,7 @@ fn a_label_with_two_materials_is_refused() {
     let twice = text.replacen("\"18446744073709551615\": {", "\"17\": {", 1);
     assert_ne!(twice, text);
     let error = Scene::from_json(&twice).unwrap_err().to_string();
-    assert!(error.contains("materials: 17 has two"), "{error}");
+    assert!(error.contains("materials: label 17 occurs twice"), "{error}");
 }
 
 #[test]
@@ -221,7 +221,7 @@ fn mutated_text_never_panics_and_what_is_accepted_is_valid() {
             match random.below(5) {
                 0 => bytes[at] = random.next() as u8,
                 1 => {
-                    // The next digit becomes another: numbers change, the form stays.
+                    // A digit is replaced by another, so that the number changes but the JSON stays well formed.
                     at = (at..bytes.len()).find(|&i| bytes[i].is_ascii_digit()).unwrap_or(at);
                     bytes[at] = b'0' + random.below(10) as u8;
                 }
@@ -247,7 +247,7 @@ fn mutated_text_never_panics_and_what_is_accepted_is_valid() {
             }
         }
     }
-    // Both sides were reached: neither all harmless nor all broken.
+    // The inputs covered both cases: neither all accepted nor all refused.
     assert!(accepted > 500 && refused > 500, "{accepted} accepted, {refused} refused");
 }
 

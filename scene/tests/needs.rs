@@ -1,4 +1,4 @@
-//! What is needed follows from what is drawn, one edit at a time.
+//! The needs of a scene follow from what it draws, tested one edit at a time.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
 
@@ -13,7 +13,7 @@ use pumice_scene::{
 const IDS: [u64; 4] = [3, 5, 17, u64::MAX];
 const MATTE: Material = Material { base_color: [0.5; 3], roughness: 1.0, specular: 0.0, ..Material::DEFAULT };
 
-/// One instance of four matte labels under an even sky: next to nothing is needed.
+/// A scene that needs as little as possible: one instance of four matte labels under a constant sky.
 fn plain() -> Scene {
     let mut scene = full_scene();
     scene.instances.truncate(1);
@@ -88,9 +88,9 @@ fn each_edit_needs_only_what_it_brings() {
     assert_eq!(style(|s| s.material.alpha = 0.5), Needs { transparent: true, ..least() });
     assert_eq!(style(|s| s.material.sheen = 0.5), Needs { sheen: true, ..least() });
     assert_eq!(style(|s| s.material.base_color = [0.0; 3]), Needs { diffuse: false, ..least() });
-    // A black that automatic colours replace is not black.
+    // A black base colour that automatic colours replace still needs the diffuse lobe.
     assert_eq!(style(|s| (s.material.base_color, s.auto_color) = ([0.0; 3], true)), least());
-    // Without a step of the index there is no layer, whatever its level.
+    // With an index of refraction of 1 there is no dielectric layer, whatever `specular` is.
     assert_eq!(style(|s| (s.material.specular, s.material.ior) = (1.0, 1.0)), least());
 
     let sky = Environment::Image { path: "a.exr".into(), rotation_rad: 0.0, strength: 1.0 };
@@ -113,7 +113,7 @@ fn each_edit_needs_only_what_it_brings() {
     mesh.materials = vec![MATTE, Material { metallic: 1.0, ..MATTE }];
     mesh.shadow_catcher = false;
     assert_eq!(after(|s| s.meshes = vec![mesh.clone()]), Needs { meshes: 1, metal: true, ..least() });
-    // With the instance four.
+    // Three meshes and the instance make four, the least for a hierarchy.
     let tree = after(|s| s.meshes = (0..3).map(|i| Mesh { id: 90 + i, ..mesh.clone() }).collect());
     assert_eq!(tree, Needs { meshes: 3, metal: true, instance_tree: true, ..least() });
     mesh.shadow_catcher = true;
@@ -150,7 +150,7 @@ fn each_edit_needs_only_what_it_brings() {
     );
 }
 
-/// Materials and lights are made ready in every mode, and told as needed; weights, bounces and roulette are work along paths.
+/// Materials and lights are prepared, and reported as needed, in every mode; MIS weights, bounces and roulette only where there are paths.
 #[test]
 fn ambient_occlusion_leaves_out_work_along_paths_alone() {
     let mut scene = full_scene();
@@ -166,11 +166,11 @@ fn ambient_occlusion_leaves_out_work_along_paths_alone() {
     let told = ambient.explain();
     assert!(told.contains(&"needed: materials".to_owned()) && told.contains(&"needed: 3 lamps".to_owned()));
     let weights =
-        "left out: weights of lights found in two ways (MIS) (ambient occlusion looks for no light)";
+        "left out: weights of multiple importance sampling (MIS) (ambient occlusion samples no lights)";
     assert!(told.contains(&weights.to_owned()), "{told:?}");
 }
 
-/// What is built is what is needed, and each part that it is to be measured with.
+/// The parts built are those needed, plus each part that is added to measure its cost.
 #[test]
 fn what_is_built_is_what_is_needed_and_more_where_it_is_asked_for() {
     let needed = PartSet::ALL.without(least().unneeded()).without(PartSet::NONE.with(Part::HiddenLabels));
@@ -186,14 +186,14 @@ fn what_is_built_is_what_is_needed_and_more_where_it_is_asked_for() {
         );
     }
     assert_eq!((least().least_of_a_tree(), least().with(Part::InstanceTree).least_of_a_tree()), (4, 1));
-    // Of hidden labels nothing is built, whether there are some or none.
+    // Hidden labels are never built, whether there are any or not.
     let hidden = after(|s| s.instances[0].style.show = Show::Only(vec![5]));
     assert!(!hidden.parts().has(Part::HiddenLabels));
     let smooth = Needs { smooth_meshes: true, ..least() };
     assert!(smooth.parts().has(Part::SmoothNormals) && !least().parts().has(Part::SmoothNormals));
 }
 
-/// Another film changes what hangs on the film, as if the scene had been looked at anew.
+/// `on_film` gives the same needs as evaluating the scene with the new film from scratch.
 #[test]
 fn another_film_needs_what_the_scene_on_it_does() {
     for passes in [Passes::NONE, Passes::ALL] {
@@ -213,7 +213,7 @@ fn hidden_labels_ask_for_nothing() {
         })
     };
     let seen = |visible| vec![LabelCount { instance: 7, visible, all: 4 }];
-    // 99 is no label of the volume.
+    // The volume has no label 99.
     assert_eq!(with(Show::All), Needs { emission: true, mis: true, ..least() });
     assert_eq!(with(Show::Except(vec![5])), Needs { labels: seen(3), ..least() });
     assert_eq!(with(Show::Only(vec![3, 3])), Needs { labels: seen(1), ..least() });
@@ -221,7 +221,7 @@ fn hidden_labels_ask_for_nothing() {
         with(Show::Only(vec![5, 17])),
         Needs { emission: true, mis: true, labels: seen(2), ..least() }
     );
-    // The common material is not needed where all that is seen have their own.
+    // The common material is not needed where all visible labels have materials of their own.
     let own = after(|s| {
         s.instances[0].style.show = Show::Only(vec![5]);
         s.instances[0].style.material.metallic = 1.0;
@@ -264,18 +264,18 @@ left out: dielectric layer (no visible label has one)
 left out: aiming at suns (no sun gives light)
 left out: lamps (no lamp gives light)
 left out: aiming at surfaces that shine (no visible label or mesh shines)
-left out: table of the sky (it is the same from everywhere: scattering finds it as well as aiming would)
-left out: weights of lights found in two ways (MIS) (each light is found in one way)
-needed: light from surface to surface
-left out: Russian roulette (the settings say so)
-left out: cuts (nothing is cut away)
-left out: sorting of light (no pass of samples, no transparent film, no clamp and no shadow catcher is asked for)
-left out: Cryptomatte (it is not asked for)
-left out: a hierarchy over instances (they are few and asked in turn)
+left out: sampling table of the sky (the sky is equally bright everywhere: scattered rays find it as well)
+left out: weights of multiple importance sampling (MIS) (each light is sampled in one way only)
+needed: indirect light
+left out: Russian roulette (the settings switch it off)
+left out: cuts (no cut applies to an instance)
+left out: sorting of light (no pass over samples, transparent film, clamp or shadow catcher needs it)
+left out: Cryptomatte (no Cryptomatte pass is requested)
+left out: a hierarchy over instances (so few are tested one by one)
 left out: shadow catchers (no mesh is one)
 needed: elements of 1³ voxels
-left out: elements of 4³ voxels (the level of detail is another)
-left out: elements of 16³ voxels (the level of detail is another)
+left out: elements of 4³ voxels (the level of detail does not use them)
+left out: elements of 16³ voxels (the level of detail does not use them)
 needed: diffuse";
     assert_eq!(text, expected);
 

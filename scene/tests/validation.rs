@@ -1,4 +1,4 @@
-//! Each rule of validation has a scene that breaks it and nothing else, and names the field at fault.
+//! For each rule of validation, a scene that breaks only that rule is refused with the name of the field at fault.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
 
@@ -13,7 +13,7 @@ use pumice_scene::{
     SCENE_VERSION, Scene, SceneError,
 };
 
-/// The field that is at fault once `edit` was made in a scene that was good before.
+/// The field that validation names after `edit` was applied to a valid scene.
 #[track_caller]
 fn fault(edit: impl FnOnce(&mut Scene)) -> String {
     let mut scene = full_scene();
@@ -38,7 +38,7 @@ fn good(edit: impl FnOnce(&mut Scene)) {
     scene.validate().expect("on the right side of the rule");
 }
 
-/// Each value of `bad` put in place by `set` is refused at `field`; each of `fine` is not.
+/// Asserts that each value of `bad`, applied by `set`, is refused at `field`, and that each of `fine` is accepted.
 #[track_caller]
 fn rule<T: Copy + std::fmt::Debug>(field: &str, set: impl Fn(&mut Scene, T), bad: &[T], fine: &[T]) {
     for &v in bad {
@@ -102,11 +102,11 @@ fn matrices_that_cannot_be_inverted() {
     let nearly_flat = DMat3::from_cols(DVec3::X, DVec3::Y, DVec3::X + DVec3::Z * 1e-13);
     let no_column = DMat3::from_cols(DVec3::X, DVec3::ZERO, DVec3::Z);
     let nan = DMat3::from_diagonal(DVec3::new(1.0, f64::NAN, 1.0));
-    // Its determinant is 0 in f64, so there is no inverse to render with.
+    // The determinant of this matrix is 0 in f64, so it has no inverse to render with.
     let too_small = DMat3::from_diagonal(DVec3::splat(1e-150));
     let bad = [flat, nearly_flat, no_column, nan, too_small, DMat3::ZERO];
     let sheared = DMat3::from_cols(DVec3::X, DVec3::new(5.0, 1.0, 0.0), DVec3::Z);
-    // Nanometres of one axis against metres of another are no fault.
+    // Axes of very different lengths, nanometres and metres, are allowed.
     let uneven = DMat3::from_diagonal(DVec3::new(1e-9, 1.0, -1e9));
     rule(
         "instances[1].world_from_index",
@@ -143,7 +143,7 @@ fn instances() {
 #[test]
 fn meshes() {
     assert_eq!(fault(|s| s.meshes[1].id = 3), "meshes[1].id");
-    good(|s| s.meshes[1].id = 7); // ids of instances are others
+    good(|s| s.meshes[1].id = 7); // instances have ids of their own
     assert_eq!(fault(|s| s.meshes[0].source = "".into()), "meshes[0].source");
     assert_eq!(fault(|s| s.meshes[0].materials.clear()), "meshes[0].materials");
     assert_eq!(fault(|s| s.meshes[1].materials[1].coat = 2.0), "meshes[1].materials[1].coat");
@@ -232,7 +232,7 @@ fn lamps() {
         let field = format!("lights[2].shape.area.size[{i}]");
         rule(&field, sized, &[0.0, -1.0, f64::NAN, f64::INFINITY], &[1e-9, 1e6]);
     }
-    // So much power from so small a lamp that its radiance is beyond f32.
+    // So much power from so small a lamp that its radiance overflows f32.
     let bright = |s: &mut Scene, power_w: f32| {
         area(s, one, [1e-12; 2], PI);
         s.lights[2].power_w = power_w;

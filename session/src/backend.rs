@@ -1,4 +1,4 @@
-//! What can render on this machine, what would be chosen, and why.
+//! The backends and devices that can render on this machine, which one is chosen, and why.
 //!
 //! ```text
 //! name ──► choice: ways in order ──► fallback: opens the first, and the next where its device fails ──► Renderer
@@ -29,15 +29,15 @@ pub use fallback::FallbackRenderer;
 pub(crate) use fallback::tests as fakes;
 pub use machine::LOADER_VARIABLE;
 
-/// What is said of every graphics processor in this version.
-const UNPROVED: &str = "not yet run on hardware by its makers: tell us how it does";
+/// Note on every graphics processor in this version.
+const UNPROVED: &str = "not yet run on hardware by its developers: please report how it works";
 
-/// A way to render.
+/// One way to render: a backend on a device.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Device {
     /// Name for `--backend`.
     pub backend: &'static str,
-    /// What it runs on.
+    /// Name of the device that it runs on.
     pub device: String,
     /// Its number among the Vulkan devices, for `--backend NAME:NUMBER`; absent for the CPU.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -106,7 +106,7 @@ fn listed(cards: std::result::Result<Vec<Card>, String>) -> Vec<Device> {
     devices
 }
 
-/// Why a device is or is not taken for a backend.
+/// Why a device is or is not chosen for a backend, in one line.
 fn reason(card: &Card, backend: Backend, chosen: bool) -> String {
     let missing = card.missing(backend);
     if !missing.is_empty() {
@@ -114,24 +114,24 @@ fn reason(card: &Card, backend: Backend, chosen: bool) -> String {
     }
     match card.kind {
         DeviceKind::Software => "computes on the CPU: auto prefers our own CPU path tracer".into(),
-        DeviceKind::Other => format!("not known to be a graphics processor: auto leaves it; {UNPROVED}"),
+        DeviceKind::Other => format!("not known to be a graphics processor: auto skips it; {UNPROVED}"),
         _ if chosen => format!("auto takes it; {UNPROVED}"),
         _ => format!("auto takes another first; {UNPROVED}"),
     }
 }
 
-/// The processor's own name, where the system tells, and its threads.
+/// The model name of the processor (its architecture where the system does not say), and its number of threads.
 fn processor() -> String {
     let name = processor_name().unwrap_or_else(|| format!("{} processor", std::env::consts::ARCH));
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
     format!("{name} on {threads} thread{}", if threads == 1 { "" } else { "s" })
 }
 
-/// Makes the renderer that `name` asks for: `auto`, `cpu`, or a Vulkan backend, which may name its device: `vulkan-rt:0`. Nothing
-/// is opened before the first scene is set.
+/// Makes the renderer that `name` asks for: `auto`, `cpu`, or a Vulkan backend, which may name its device: `vulkan-rt:0`. A device
+/// is opened only when the first scene is set.
 ///
 /// # Errors
-/// When there is no such backend here.
+/// When this machine has no such backend.
 pub fn make_renderer(name: &str) -> Result<FallbackRenderer> {
     let ways = choice::choose(name, machine::cards)?;
     Ok(FallbackRenderer::new(ways.into_iter().map(opener).collect()))
@@ -179,7 +179,7 @@ mod tests {
             let chosen: Vec<_> = devices.iter().filter(|d| d.chosen).collect();
             assert!(chosen.len() == 1 && chosen[0].backend == expected, "{devices:?}");
             assert!(devices.iter().all(|d| !d.reason.is_empty() && !d.device.is_empty()));
-            // What runs on real hardware says that nobody has tried; nothing else does.
+            // Only graphics processors carry the note that they are untested.
             for d in &devices {
                 let real = d.usable && d.kind != "software" && d.kind != "cpu";
                 assert_eq!(d.reason.contains(UNPROVED), real, "{d:?}");

@@ -1,4 +1,4 @@
-//! Two pictures in files, compared.
+//! Comparison of two picture files.
 
 use std::path::Path;
 
@@ -9,7 +9,7 @@ use pumice_picture::read_exr;
 
 use crate::error::{Result, SessionError};
 
-/// Compares a picture with its reference, both OpenEXR; by chance too where both hold their variance.
+/// Compares a picture with its reference, both OpenEXR. If both files hold their variance, a statistical test is included.
 ///
 /// # Errors
 /// When either cannot be read, or they differ in size; [`pumice_core::Error::Cancelled`] when `job` is cancelled.

@@ -1,4 +1,4 @@
-//! A label volume in, a `.pumice` file out; and the check that nothing was lost.
+//! Compresses a label volume into a `.pumice` file, decompresses it, and verifies that nothing was lost.
 
 use std::path::{Path, PathBuf};
 
@@ -9,7 +9,7 @@ use serde::Serialize;
 use crate::error::{Result, SessionError, io};
 use crate::measure::Stopwatch;
 
-/// What `compress_file` is asked for.
+/// Input, output and options of [`compress_file`].
 #[derive(Clone, Debug)]
 pub struct CompressRequest {
     /// Label volume.
@@ -18,17 +18,17 @@ pub struct CompressRequest {
     pub output: PathBuf,
     /// How to read the input.
     pub reading: OpenOptions,
-    /// Size on disk against speed.
+    /// How much time to spend on a smaller file.
     pub level: CompressionLevel,
     /// Threads; `None` takes all cores.
     pub threads: Option<usize>,
-    /// Bytes of records kept in memory; more is spilled.
+    /// Bytes of records kept in memory; further records go to a temporary file.
     pub memory_limit_bytes: Option<u64>,
-    /// CSV table id,type.
+    /// CSV table with the columns id,type: the type of each label.
     pub types: Option<PathBuf>,
 }
 
-/// What it came to.
+/// Sizes and times of a compression.
 #[derive(Clone, Debug, Serialize)]
 pub struct CompressOutcome {
     /// Wall seconds, reading and writing included.
@@ -37,25 +37,25 @@ pub struct CompressOutcome {
     pub cpu_seconds: f64,
     /// Voxels along x, y, z.
     pub dims: [u32; 3],
-    /// Labels without background.
+    /// Number of labels, without the background.
     pub labels: u64,
-    /// Boxes.
+    /// Number of boxes.
     pub boxes: u64,
-    /// Four bytes a voxel.
+    /// Size of the raw volume at four bytes per voxel.
     pub bytes_raw: u64,
     /// Bytes of the file.
     pub bytes_disk: u64,
-    /// Bytes in memory.
+    /// Bytes of the compressed form in memory.
     pub bytes_resident: u64,
-    /// What the reader found odd in the input, a line each.
+    /// Warnings of the reader about the input, one line each.
     pub warnings: Vec<String>,
 }
 
 /// Compresses a file into a `.pumice` file.
 ///
 /// # Errors
-/// One line that says what is wrong with the input, the output or the limits; then no file is under the final name that was not
-/// there before.
+/// One line that says what is wrong with the input, the output or the limits; the output name is then unchanged, and no new file
+/// stands there.
 pub fn compress_file(request: &CompressRequest, job: &Job) -> Result<CompressOutcome> {
     let clock = Stopwatch::start();
     let types = request.types.as_deref().map(read_types).transpose()?;
@@ -93,17 +93,17 @@ pub fn compress_file(request: &CompressRequest, job: &Job) -> Result<CompressOut
 /// Compares every voxel and id of a `.pumice` file with a label volume.
 ///
 /// # Errors
-/// When either cannot be read to its end.
+/// When either file cannot be read to its end.
 pub fn verify_file(pumice: &Path, input: &Path, reading: &OpenOptions, job: &Job) -> Result<Verification> {
     let volume = CompressedVolume::open(pumice, job)?;
     let mut source = pumice_formats::open(input, reading)?;
     Ok(pumice_core::verify(&volume, source.as_mut(), job)?)
 }
 
-/// Writes the labels of a `.pumice` file in the format that `out`'s ending names.
+/// Writes the labels of a `.pumice` file in the format that the extension of `out` names.
 ///
 /// # Errors
-/// When the file is damaged, the ending names no format, or the output cannot be written.
+/// When the file is damaged, the extension names no known format, or the output cannot be written.
 pub fn decompress_file(pumice: &Path, out: &Path, job: &Job) -> Result<()> {
     let volume = CompressedVolume::open(pumice, job)?;
     let info = volume.info().clone();

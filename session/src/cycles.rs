@@ -1,10 +1,10 @@
-//! Blender's path tracer Cycles on a scene of Pumice, for comparison: the scene as JSON and its voxel faces as `.npy`, a Python
-//! that has Blender as the module `bpy`, and the pictures that come back.
+//! Renders a scene of Pumice with Blender's path tracer Cycles, for comparison. The scene goes out as JSON with its voxel faces as
+//! `.npy`, to a Python that has Blender as the module `bpy`; the pictures come back as `.npy`.
 //!
 //! ```text
 //! scene, volumes ─► job.json, vertices.npy, quads.npy, materials.npy ─► python scene_in_cycles.py job.json ─► pictures.npy, report.json
 //! ```
-//! `cycles/scene_in_cycles.py` is the one translation of a scene into Blender's; the Cycles ladder (`tests/cycles_ladder`) runs it too,
+//! `cycles/scene_in_cycles.py` is the only translation of a scene into Blender's; the Cycles ladder (`tests/cycles_ladder`) runs it too,
 //! on meshes that it makes itself.
 
 use std::path::Path;
@@ -22,10 +22,10 @@ use crate::error::{Result, SessionError, io};
 use crate::npy::{read_npy_f32, write_npy};
 use crate::script::run_script;
 
-/// Translates the scene and renders it, inside Blender.
+/// The script that translates the scene and renders it, inside Blender.
 const SCRIPT: &str = include_str!("cycles/scene_in_cycles.py");
 
-/// Wall and CPU seconds of a piece of work in Blender.
+/// Wall and CPU seconds of one step in Blender.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 pub struct Seconds {
     /// Wall seconds.
@@ -37,24 +37,24 @@ pub struct Seconds {
 /// One picture by Cycles.
 #[derive(Clone, Debug)]
 pub struct CyclesPicture {
-    /// Samples a pixel.
+    /// Samples per pixel.
     pub spp: u32,
-    /// Seconds of the call to render.
+    /// Seconds of the render call.
     pub took: Seconds,
     /// Scene-linear colours.
     pub picture: Image,
 }
 
-/// What a run of Blender gave.
+/// The results of one run of Blender.
 #[derive(Clone, Debug)]
 pub struct CyclesRun {
     /// Version of Blender.
     pub blender: String,
-    /// Voxel faces of all instances, as quads.
+    /// Number of voxel faces of all instances, as quads.
     pub faces: usize,
-    /// Seconds of translating the scene.
+    /// Seconds that the translation of the scene took.
     pub built: Seconds,
-    /// Pictures in the order in which they were asked for.
+    /// Pictures in the order of the requests.
     pub pictures: Vec<CyclesPicture>,
     /// Resident set of the process before the scene was built, in bytes.
     pub bytes_before: u64,
@@ -71,10 +71,11 @@ struct Report {
     peak_bytes: u64,
 }
 
-/// Renders a scene of volumes (one for each instance) with Cycles, once for each (seed, samples a pixel), in one process of `python`.
+/// Renders a scene with Cycles, once for each pair of seed and samples per pixel, in one process of `python`. `volumes` has one volume
+/// for each instance.
 ///
 /// # Errors
-/// A scene with triangle meshes or cuts, which this does not translate; what the interpreter, the script or the system reports;
+/// When the scene has triangle meshes or cuts, which are not translated; errors of the interpreter, the script or the system;
 /// [`pumice_core::Error::Cancelled`] when `job` is cancelled, which ends the process.
 pub fn render_with_cycles(
     python: &Path,
@@ -85,7 +86,7 @@ pub fn render_with_cycles(
 ) -> Result<CyclesRun> {
     for (what, is_there) in [("meshes", !scene.meshes.is_empty()), ("cuts", !scene.cuts.is_empty())] {
         if is_there {
-            return Err(SessionError::Caller(format!("{what}: Cycles is given volumes alone, without cuts")));
+            return Err(SessionError::Caller(format!("{what}: Cycles gets only volumes without cuts here")));
         }
     }
     let folder = tempfile::tempdir().map_err(io(std::env::temp_dir()))?;
@@ -100,7 +101,7 @@ pub fn render_with_cycles(
         instances.push(fields);
     }
 
-    // Ask for the pictures.
+    // Write the job: scene, meshes and requested pictures.
     let asked = json!({
         "scene": scene,
         "instances": instances,
@@ -112,10 +113,10 @@ pub fn render_with_cycles(
     std::fs::write(path("scene_in_cycles.py"), SCRIPT).map_err(io(path("scene_in_cycles.py")))?;
     run_script("Cycles", python, &path("scene_in_cycles.py"), &path("job.json"), &path("said.txt"), job)?;
 
-    // Read what came back.
+    // Read the report and the pictures.
     let report = std::fs::read(path("report.json")).map_err(io(path("report.json")))?;
     let report: Report = serde_json::from_slice(&report)
-        .map_err(|e| SessionError::Caller(format!("what Cycles reported: {e}")))?;
+        .map_err(|e| SessionError::Caller(format!("the report of Cycles: {e}")))?;
     if report.renders.len() != renders.len() {
         return Err(SessionError::Caller(format!(
             "expected {} pictures of Cycles, got {}",
@@ -143,7 +144,7 @@ pub fn render_with_cycles(
     })
 }
 
-/// Writes the faces of the labels that an instance shows; gives their number and what the job says of them.
+/// Writes the faces of the labels that an instance shows; returns their number and the instance's entry in the job.
 fn write_faces(
     folder: &Path,
     number: usize,
@@ -174,7 +175,7 @@ fn write_faces(
     Ok((faces, fields))
 }
 
-/// Cycles' seeds are 31 bits and not independent where they are near each other: a multiplication by an odd number spreads them.
+/// Maps a seed to Cycles' 31 bits. Neighbouring seeds of Cycles are not independent, so a multiplication by an odd number spreads them.
 fn cycles_seed(seed: u64) -> u64 {
     (seed * 2_654_435_761) % 2_147_483_647
 }
@@ -191,7 +192,7 @@ mod tests {
     use super::*;
     use crate::figure::{FigureOptions, compose};
 
-    /// A program in Blender's place: it keeps the job and answers with a report of so many pictures.
+    /// A script in place of Blender: it keeps the job and answers with a report of `pictures` pictures.
     fn stand_in(folder: &Path, pictures: usize) -> PathBuf {
         let values: Vec<f32> = (0..pictures * 2 * 3).map(|v| v as f32).collect();
         write_npy(&folder.join("p.npy"), "<f4", &[pictures, 1, 2, 3], bytemuck::cast_slice(&values)).unwrap();
@@ -235,7 +236,7 @@ mod tests {
         assert_ne!(asked["renders"][0]["seed"], asked["renders"][1]["seed"]);
         assert_eq!(asked["instances"].as_array().unwrap().len(), 1);
 
-        // One picture too few, and what is not translated, are refused.
+        // One picture too few, and scenes that cannot be translated, are refused.
         let few = draw(&scene, &stand_in(folder.path(), 1)).unwrap_err().to_string();
         assert_eq!(few, "expected 2 pictures of Cycles, got 1");
         scene.cuts = vec![Cut {

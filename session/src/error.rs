@@ -1,4 +1,4 @@
-//! What can go wrong in a session: each crate's own one-line message, unchanged.
+//! Errors of a session. Errors of other crates keep their own one-line text.
 
 use std::path::PathBuf;
 
@@ -6,35 +6,35 @@ use std::path::PathBuf;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SessionError {
-    /// From the compressed form or its file.
+    /// An error of the compressed form or its file.
     #[error(transparent)]
     Core(#[from] pumice_core::Error),
-    /// From a reader or writer of label volumes.
+    /// An error of a reader or writer of label volumes.
     #[error(transparent)]
     Format(#[from] pumice_formats::FormatError),
-    /// From a scene.
+    /// An error in a scene.
     #[error("{}: {source}", path.display())]
     Scene {
         /// The scene file, or the picture that carries the scene.
         path: PathBuf,
-        /// What is wrong with it.
+        /// The error in the scene.
         source: pumice_scene::SceneError,
     },
-    /// From a renderer.
+    /// An error of a renderer.
     #[error(transparent)]
     Render(#[from] pumice_transport::RenderError),
-    /// From a picture file.
+    /// An error of a picture file.
     #[error(transparent)]
     Picture(#[from] pumice_picture::PictureError),
-    /// The operating system refused.
+    /// The operating system reports an error.
     #[error("{}: {source}", path.display())]
     Io {
         /// The file or folder.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: std::io::Error,
     },
-    /// The caller asked for something that cannot be.
+    /// The caller's request cannot be carried out; the text says why.
     #[error("{0}")]
     Caller(String),
 }

@@ -1,4 +1,4 @@
-//! A scene for a volume that comes without one: placed, framed, lit.
+//! Composes a scene for a volume that comes without one: places, frames and lights it.
 //!
 //! The volume keeps its own handedness and voxel shape. It is centred on the visible labels and scaled so that their bounding
 //! box has a diagonal of [`DIAGONAL`] world units. Where the file names anatomical axes, z stays up; elsewhere the longest axis is
@@ -20,7 +20,7 @@ use pumice_scene::{
 /// Diagonal of the visible labels' bounding box in world units.
 pub const DIAGONAL: f64 = 10.0;
 
-/// What the caller may wish of a figure.
+/// Options of a figure.
 #[derive(Clone, Debug)]
 pub struct FigureOptions {
     /// Pixels across and down.
@@ -32,13 +32,13 @@ pub struct FigureOptions {
 }
 
 impl FigureOptions {
-    /// From the front right, a little above.
+    /// The default view: from the front right, a little above.
     pub const DEFAULT_VIEW_DEG: [f64; 2] = [24.0, 24.0];
 }
 
-/// A scene that shows `volume`, found at `source`, as `options` say.
+/// Composes a scene that shows `volume`, whose file is `source`.
 ///
-/// Labels without any box (none shown, an empty volume) give the frame of the whole volume.
+/// If no box is visible (no label shown, an empty volume), the whole volume is framed.
 pub fn compose(volume: &CompressedVolume, source: PathBuf, options: &FigureOptions) -> Scene {
     // Bounding box of what is shown, in index space.
     let info = volume.info();
@@ -57,7 +57,7 @@ pub fn compose(volume: &CompressedVolume, source: PathBuf, options: &FigureOptio
         (lo, hi) = (DVec3::ZERO, DVec3::from_array(info.dims.map(f64::from)));
     }
 
-    // Into the world: turned, scaled, centred.
+    // Place it in the world: rotate, scale, centre.
     let turn = if info.frame == WorldFrame::Unknown {
         lay_longest_axis(info.spacing(), hi - lo)
     } else {
@@ -74,7 +74,7 @@ pub fn compose(volume: &CompressedVolume, source: PathBuf, options: &FigureOptio
     for &label in &shown {
         is_shown[label as usize] = true;
     }
-    // Every box that is shown has to be in the picture, not the corners of the box around them all: closer, and still whole.
+    // Frame the visible boxes, not the corners of their common bounding box: the camera comes closer and still sees everything.
     let mut framing = Framing::new(toward_camera, options.size);
     volume.for_each_box(|label, b| {
         if is_shown[label as usize] {
@@ -91,7 +91,7 @@ pub fn compose(volume: &CompressedVolume, source: PathBuf, options: &FigureOptio
     let up = camera.world_from_camera.matrix3.y_axis;
     let key_from = toward_camera * 0.55 - right * 0.65 + up * 0.9;
 
-    // Colours that the file gives are the user's own; the other labels get colours unlike their neighbours'.
+    // Labels keep the colours that the file gives them; the others get automatic colours that differ between neighbours.
     let material = Material { roughness: 0.45, specular: 0.35, ..Material::default() };
     let own_colors = info.notes.iter().filter_map(|note| {
         let base_color = note.color_srgb?.map(|c| linear_from_srgb(f64::from(c.clamp(0.0, 1.0))) as f32);
@@ -155,8 +155,8 @@ fn corners(low: DVec3, high: DVec3) -> impl Iterator<Item = DVec3> {
 
 /// Finds the nearest perspective camera of 28° that sees all points with a margin of 4 % of the picture on each side.
 ///
-/// Each point p sets two planes a side: the camera at c must satisfy |(p−c)·right| ≤ tan·((c−p)·back). The tightest of the left
-/// and right planes meet at the best position across, and so for up and down; the farther of the two distances serves both.
+/// Each point p gives two planes per axis: the camera at c must satisfy |(p−c)·right| ≤ tan·((c−p)·back). The tightest left and right
+/// planes intersect at the best horizontal position, and likewise vertically; the larger of the two distances satisfies both.
 struct Framing {
     axes: DMat3,
     fov_rad: f64,

@@ -1,4 +1,4 @@
-//! What a file holds, without rendering it.
+//! A summary of a `.pumice` file or a label volume.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -15,17 +15,17 @@ use crate::error::{Result, SessionError, io};
 use crate::open::is_pumice_file;
 use crate::render_file::hash_text;
 
-/// Of either kind; in JSON the fields of that kind with its `kind`.
+/// Summary of a file of either kind. The JSON form has the fields of that kind and `kind`.
 #[derive(Clone, Debug, Serialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum FileInfo {
     /// A `.pumice` file.
     Pumice(PumiceInfo),
-    /// A label volume of others, by its header.
+    /// A label volume in another format, from its header.
     Source(SourceInfo),
 }
 
-/// Of a `.pumice` file.
+/// Summary of a `.pumice` file.
 #[derive(Clone, Debug, Serialize)]
 #[allow(missing_docs, reason = "the names are the JSON contract")]
 pub struct PumiceInfo {
@@ -41,7 +41,7 @@ pub struct PumiceInfo {
     pub boxes: u64,
     pub leaf_patterns: u64,
     pub content_hash: String,
-    /// Four bytes a voxel.
+    /// Size of the raw volume at four bytes per voxel.
     pub bytes_raw: u64,
     pub bytes_disk: u64,
     /// Sum of `resident_parts`.
@@ -50,7 +50,7 @@ pub struct PumiceInfo {
     pub resident_parts: BTreeMap<String, u64>,
 }
 
-/// Of a label volume of others.
+/// Summary of a label volume in another format.
 #[derive(Clone, Debug, Serialize)]
 #[allow(missing_docs, reason = "the names are the JSON contract")]
 pub struct SourceInfo {
@@ -69,10 +69,10 @@ pub struct SourceInfo {
     pub warnings: Vec<String>,
 }
 
-/// Reads what a file holds.
+/// Reads the summary of a file.
 ///
 /// # Errors
-/// One line of what is wrong with it; [`pumice_core::Error::Cancelled`] when `job` is cancelled.
+/// One line that says what is wrong with the file; [`pumice_core::Error::Cancelled`] when `job` is cancelled.
 pub fn file_info(path: &Path, reading: &OpenOptions, job: &Job) -> Result<FileInfo> {
     if is_pumice_file(path)? {
         pumice_info(path, job).map(FileInfo::Pumice)
@@ -110,7 +110,7 @@ fn pumice_info(path: &Path, job: &Job) -> Result<PumiceInfo> {
     })
 }
 
-/// Bytes of the hierarchy over all boxes of a volume. It is in no file: it is built, so that its size is a measurement.
+/// Bytes of the hierarchy over all boxes of a volume. No file holds it, so it is built here to measure its size.
 pub fn acceleration_bytes(volume: &Arc<CompressedVolume>) -> Result<u64> {
     let everything = TracedInstance {
         visible: vec![true; volume.labels().len()],
@@ -140,7 +140,7 @@ fn source_info(path: &Path, reading: &OpenOptions) -> Result<SourceInfo> {
     })
 }
 
-/// The name of a plain enum as its own serde form gives it.
+/// The serde name of a variant without fields.
 fn name(value: &impl Serialize) -> Result<String> {
     match serde_json::to_value(value) {
         Ok(serde_json::Value::String(text)) => Ok(text),
@@ -148,7 +148,7 @@ fn name(value: &impl Serialize) -> Result<String> {
     }
 }
 
-/// Rows of the upper 3 × 4 part.
+/// The upper 3 × 4 part of a matrix, as rows.
 fn rows(m: &DAffine3) -> [[f64; 4]; 3] {
     let (l, t) = (m.matrix3.transpose(), m.translation);
     [0, 1, 2].map(|i| [l.col(i).x, l.col(i).y, l.col(i).z, t[i]])

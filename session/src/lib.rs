@@ -1,4 +1,4 @@
-//! What the command and Python are both made of: opens volumes, picks a backend, drives progressive rendering, reports.
+//! The work behind the command and the Python module: it opens volumes, chooses a backend, drives progressive rendering and reports.
 #![forbid(unsafe_code)]
 
 pub mod backend;

@@ -1,13 +1,13 @@
-//! A picture that follows its scene: a worker refines it, whoever looks at it takes the newest frame.
+//! A live picture that follows its scene: a worker thread refines it, and clients take the newest frame.
 //!
 //! ```text
 //!   client:   edit ──► scene, revision + 1 ──► wakes the worker          latest ◄── newest frame (immutable, shared)
 //!   worker:   take the scene → coarse frames, finer each time → all samples, a frame now and then → converged: sleep
 //! ```
 //! An edit cancels the samples under way, so that the first coarse frame of the new scene comes within the time of a few rows.
-//! Coarse frames have fewer pixels than the film and are never mixed into it. Nothing here waits but [`Live::pick`] and
-//! [`Live::stop`], and those only until the worker looks up from its slice. A panic in the worker ends it and is told by
-//! [`Live::status`]; it does not reach the client.
+//! Coarse frames have fewer pixels than the film and are never mixed into it. Only [`Live::pick`] and [`Live::stop`] wait, and only
+//! until the worker ends its current slice. A panic in the worker ends the worker and is reported by [`Live::status`]; it does not
+//! reach the client.
 
 mod worker;
 
@@ -26,14 +26,14 @@ use crate::progressive::Stop;
 
 pub use worker::panic_text;
 
-/// How a live picture is made.
+/// Options of a live picture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LiveOptions {
-    /// As `--backend`.
+    /// Name of the backend, as for `--backend`.
     pub backend: String,
-    /// When the picture of one revision is done.
+    /// Limits at which the picture of a revision is done.
     pub stop: Stop,
-    /// Frames that are not converged are [filtered](pumice_picture::preview).
+    /// Whether frames that are not converged are [denoised](pumice_picture::preview).
     pub denoise: bool,
 }
 
@@ -43,51 +43,51 @@ impl Default for LiveOptions {
     }
 }
 
-/// A picture at one moment. Rows run from the **bottom** to the top, as graphics interfaces want them.
+/// The picture at one moment. Rows run from the **bottom** to the top, as OpenGL textures have them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
     /// Pixels across.
     pub width: u32,
     /// Pixels down.
     pub height: u32,
-    /// Scene-linear Rec. 709 radiance and alpha, four floats a pixel; alpha is 1 but where the film is
-    /// transparent, and the radiance multiplied with it.
+    /// Scene-linear Rec. 709 radiance and alpha, four floats per pixel; the radiance is premultiplied. Alpha is 1 unless the film is
+    /// transparent.
     pub rgba: Vec<f32>,
-    /// Rises by one from frame to frame; the first is 1.
+    /// Number of the frame, counted from 1.
     pub serial: u64,
     /// Revision of the scene that it shows.
     pub revision: u64,
     /// Samples in every pixel.
     pub spp: u32,
-    /// Estimated relative error, infinite until it can be known.
+    /// Estimated relative error; infinite until there is an estimate.
     pub error_estimate: f64,
     /// Wall seconds since the worker began this revision.
     pub seconds: f64,
     /// CPU seconds of the process in that time.
     pub cpu_seconds: f64,
-    /// Fewer pixels than the film has.
+    /// Whether the frame has fewer pixels than the film.
     pub coarse: bool,
-    /// Its noise was filtered away: it is no mean of samples.
+    /// Whether the frame was denoised: its pixels are then not means of samples.
     pub filtered: bool,
-    /// The last of its revision: enough samples, or an error small enough.
+    /// Whether this is the last frame of its revision: a limit of [`LiveOptions::stop`] is reached.
     pub converged: bool,
 }
 
-/// What the worker does.
+/// State of the worker.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LiveState {
     /// It adds samples, or is about to.
     Rendering,
     /// The picture is done; an edit wakes it.
     Converged,
-    /// It has ended by an error or a panic, told by [`Status::error`].
+    /// It ended with an error or a panic; [`Status::error`] has the text.
     Failed,
     /// It was stopped.
     Stopped,
 }
 
 impl LiveState {
-    /// In lower case.
+    /// The name of the state in lower case.
     pub fn name(self) -> &'static str {
         match self {
             Self::Rendering => "rendering",
@@ -98,39 +98,39 @@ impl LiveState {
     }
 }
 
-/// How a live picture stands.
+/// Status of a live picture.
 #[derive(Clone, Debug)]
 pub struct Status {
-    /// What the worker does.
+    /// State of the worker.
     pub state: LiveState,
-    /// Why it failed, or why the last revision could not be shown: the former one stays then.
+    /// Why the worker failed, or why the last revision could not be shown; the previous one is then still shown.
     pub error: Option<String>,
     /// Revision of the scene; the first is 1.
     pub revision: u64,
     /// Name of the backend in use.
     pub backend: &'static str,
-    /// What it draws on.
+    /// Name of the device in use.
     pub device: String,
-    /// What went wrong with a device and was overcome, a line each, the latest last; no more than [`MOST_NOTICES`].
+    /// Device failures after which rendering continued, one line each, the latest last; at most [`MOST_NOTICES`].
     pub notices: Vec<String>,
-    /// `edits.KIND` received, `rebuilt.KIND` made by the renderer, `frames` published.
+    /// Counters: `edits.KIND` received, `rebuilt.KIND` built by the renderer, `frames` published.
     pub counters: BTreeMap<String, u64>,
 }
 
-/// A device that fails again and again must not fill the memory with its complaints.
+/// Most notices that are kept, so that a device that keeps failing does not fill the memory with them.
 pub const MOST_NOTICES: usize = 32;
 
-/// What is under a pixel of the film, and where the answer goes.
+/// A pick request: a pixel of the film, and the channel for the answer.
 struct Question {
     x: u32,
     y: u32,
     answer: Sender<std::result::Result<Option<Pick>, RenderError>>,
 }
 
-/// What client and worker share.
+/// State that client and worker share.
 struct Shared {
     board: Mutex<Board>,
-    /// Notified when there is something for the worker.
+    /// Notified when there is work for the worker.
     work: Condvar,
 }
 
@@ -153,7 +153,7 @@ struct Board {
 
 impl Shared {
     fn board(&self) -> MutexGuard<'_, Board> {
-        // The board is whole between any two statements that hold it: a panic elsewhere does not spoil it.
+        // Every statement under the lock leaves the board consistent, so a poisoned lock is safe to use.
         self.board.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -174,7 +174,7 @@ impl Live {
     /// Starts to draw `scene`. Returns at once.
     ///
     /// # Errors
-    /// When there is no such backend.
+    /// When there is no such backend, or the thread cannot be started.
     pub fn start(scene: LoadedScene, options: LiveOptions) -> Result<Self> {
         Self::draw(scene, make_renderer(&options.backend)?, options.stop, options.denoise)
     }
@@ -201,15 +201,15 @@ impl Live {
         });
         let worker = worker::Worker::new(Arc::clone(&shared), renderer, stop, denoise);
         let spawned = std::thread::Builder::new().name("pumice-live".into()).spawn(move || worker.run());
-        let worker =
-            spawned.map_err(|e| SessionError::Caller(format!("no thread for a live picture: {e}")))?;
+        let worker = spawned
+            .map_err(|e| SessionError::Caller(format!("the thread of the live picture cannot start: {e}")))?;
         Ok(Self { shared, worker: Mutex::new(Some(worker)) })
     }
 
-    /// Applies edits, all or none, and returns the new revision; its frames follow. No edits change nothing.
+    /// Applies all edits or, on an error, none. Returns the new revision, whose frames follow; an empty list changes nothing.
     ///
     /// # Errors
-    /// When the scene would not be valid; it stays as it was.
+    /// When the edited scene would not be valid; the scene is then unchanged.
     pub fn edit<E: Into<LoadedEdit>>(&self, edits: Vec<E>) -> Result<u64> {
         let edits: Vec<LoadedEdit> = edits.into_iter().map(Into::into).collect();
         let mut board = self.shared.board();
@@ -217,7 +217,7 @@ impl Live {
             return Ok(board.revision);
         }
         let names: Vec<&'static str> = edits.iter().map(LoadedEdit::name).collect();
-        // What a renderer would refuse is told to whoever edits, at once.
+        // The edited scene is validated here, so that the caller gets the error at once and not the worker later.
         let scene = board.scene.edited(edits).map_err(|e| SessionError::Caller(e.to_string()))?;
         for name in names {
             *board.counters.entry(format!("edits.{name}")).or_default() += 1;
@@ -232,7 +232,7 @@ impl Live {
         Ok(board.revision)
     }
 
-    /// The newest frame, where its serial is above `after`. Never waits for the worker.
+    /// The newest frame if its serial is above `after`, otherwise `None`. Never waits for the worker.
     pub fn latest(&self, after: u64) -> Option<Arc<Frame>> {
         self.shared.board().frame.as_ref().filter(|f| f.serial > after).cloned()
     }
@@ -247,8 +247,8 @@ impl Live {
         self.shared.board().scene.volume(id).map(Arc::clone)
     }
 
-    /// What is under the middle of a pixel of the film, counted from the upper left, in the newest revision that is drawn.
-    /// Waits until the worker looks up, at most a slice.
+    /// What lies under the centre of a pixel of the film, counted from the upper left, in the newest revision that is drawn.
+    /// Waits until the worker ends its current slice.
     ///
     /// # Errors
     /// When the worker has ended.
@@ -271,7 +271,7 @@ impl Live {
         }
     }
 
-    /// How it stands.
+    /// The current status.
     pub fn status(&self) -> Status {
         let board = self.shared.board();
         Status {
@@ -285,7 +285,7 @@ impl Live {
         }
     }
 
-    /// Ends the worker and waits for it, at most a slice. The newest frame stays. Again: nothing.
+    /// Stops the worker and waits until it ends its current slice. The newest frame stays available. A second call does nothing.
     pub fn stop(&self) {
         {
             let mut board = self.shared.board();
@@ -295,12 +295,12 @@ impl Live {
         }
         let worker = self.worker.lock().unwrap_or_else(PoisonError::into_inner).take();
         if let Some(worker) = worker {
-            // A panic was caught and told inside.
+            // The worker catches its own panics and reports them in the status.
             let _ = worker.join();
         }
     }
 
-    /// Makes the worker panic, for tests of those who must survive it.
+    /// Makes the worker panic, for tests that clients survive it.
     #[doc(hidden)]
     pub fn panic_on_purpose(&self) {
         let mut board = self.shared.board();

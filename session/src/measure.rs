@@ -1,4 +1,4 @@
-//! What a piece of work cost: wall seconds, CPU seconds of the whole process, memory.
+//! Measures the cost of work: wall seconds, CPU seconds of the whole process, memory.
 
 use std::path::Path;
 use std::time::Instant;
@@ -13,7 +13,7 @@ pub struct Stopwatch {
 }
 
 impl Stopwatch {
-    /// Starts now.
+    /// A stopwatch that starts now.
     pub fn start() -> Self {
         Self { wall: Instant::now(), cpu: ProcessTime::now() }
     }
@@ -29,15 +29,14 @@ impl Stopwatch {
     }
 }
 
-/// The processor's own name; `None` where the system does not tell it in a file (all but Linux).
+/// The model name of the processor; `None` except on Linux, where the system has it in a file.
 pub fn processor_name() -> Option<String> {
     let text = std::fs::read_to_string("/proc/cpuinfo").ok()?;
     let line = text.lines().find(|l| l.starts_with("model name"))?;
     Some(line.split_once(':')?.1.trim().to_owned())
 }
 
-/// Largest resident set of this process so far, in bytes; `None` where the system does not tell without unsafe code (all but
-/// Linux).
+/// Largest resident set of this process so far, in bytes; `None` except on Linux, where the system reports it without unsafe code.
 pub fn peak_rss_bytes() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|l| l.strip_prefix("VmHWM:"))?;
@@ -45,15 +44,15 @@ pub fn peak_rss_bytes() -> Option<u64> {
     Some(kib * 1024)
 }
 
-/// Bytes of a mapped file that are in this process's resident set now; `None` where the system does not tell (all but Linux). The system
-/// brings in a few pages around each one that is touched.
+/// Bytes of a mapped file that are in this process's resident set now; `None` except on Linux. The system also loads a few pages around
+/// each page that is touched.
 pub fn resident_file_bytes(path: &Path) -> Option<u64> {
     let path = path.canonicalize().ok()?;
     let text = std::fs::read_to_string("/proc/self/smaps").ok()?;
     let mut is_of_file = false;
     let mut kib = 0;
     for line in text.lines() {
-        // A mapping begins with a line "from-to rights offset device inode path", and its figures follow, a line each.
+        // Each mapping has a line "from-to rights offset device inode path", followed by its figures, one per line.
         if line.split_once(' ').is_some_and(|(range, _)| range.contains('-')) {
             let name = line.splitn(6, ' ').nth(5).map(str::trim_start);
             is_of_file = name.is_some_and(|n| Path::new(n) == path);

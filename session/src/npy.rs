@@ -1,15 +1,15 @@
-//! Arrays as .npy files (numpy's `numpy.lib.format`, version 1.0), for scripts.
+//! Reads and writes arrays as .npy files (numpy's `numpy.lib.format`, version 1.0), to exchange data with scripts.
 
 use std::io::Write;
 use std::path::Path;
 
 use crate::error::{Result, SessionError, io};
 
-/// Writes a C-ordered array; `kind` is numpy's name of its elements' type.
+/// Writes a C-ordered array; `kind` is numpy's name of its element type.
 pub fn write_npy(path: &Path, kind: &str, shape: &[usize], bytes: &[u8]) -> Result<()> {
     let sizes: String = shape.iter().map(|n| format!("{n}, ")).collect();
     let mut header = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': ({sizes}), }}");
-    // Magic, version and length take 10 bytes; the whole is a multiple of 64 and ends with a line break.
+    // Magic, version and length take 10 bytes; the whole header is padded to a multiple of 64 bytes and ends with a line break.
     while (10 + header.len() + 1) % 64 != 0 {
         header.push(' ');
     }
@@ -22,7 +22,7 @@ pub fn write_npy(path: &Path, kind: &str, shape: &[usize], bytes: &[u8]) -> Resu
     write(bytes)
 }
 
-/// The values of a .npy of 32-bit floats that has as many as expected.
+/// Reads a .npy file of 32-bit floats and checks that it has `expected` values.
 pub fn read_npy_f32(path: &Path, expected: usize) -> Result<Vec<f32>> {
     let bytes = std::fs::read(path).map_err(io(path))?;
     let header = match bytes.get(8..10) {
@@ -53,7 +53,7 @@ mod tests {
         let values = [1.5f32, -2.0, 3.25, 0.0, 7.0, 8.0];
         write_npy(&path, "<f4", &[2, 3], bytemuck::cast_slice(&values)).unwrap();
         let bytes = std::fs::read(&path).unwrap();
-        // numpy asks for data at a multiple of 64 bytes.
+        // numpy requires that the data begins at a multiple of 64 bytes.
         assert_eq!((bytes.len() - 24) % 64, 0);
         assert!(bytes[10..].starts_with(b"{'descr': '<f4', 'fortran_order': False, 'shape': (2, 3, ), }"));
         assert_eq!(read_npy_f32(&path, 6).unwrap(), values);

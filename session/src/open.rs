@@ -1,4 +1,4 @@
-//! Opening whatever holds a volume: a `.pumice` file as it is, a label volume of others by compressing it in memory.
+//! Opens volumes and meshes: a `.pumice` file directly, a label volume in another format by compressing it in memory.
 
 use std::collections::BTreeMap;
 use std::io::Read;
@@ -11,7 +11,7 @@ use pumice_scene::{Scene, Show};
 
 use crate::error::{Result, SessionError, io};
 
-/// Whether a file begins as `.pumice` files do.
+/// Whether a file begins with the magic bytes of `.pumice` files.
 ///
 /// # Errors
 /// When the file cannot be read.
@@ -31,13 +31,13 @@ pub fn is_pumice_file(path: &Path) -> Result<bool> {
     Ok(magic == pumice_core::file::MAGIC)
 }
 
-/// Where what a `.pumice` file holds is to be while it is used.
+/// Where the data of a `.pumice` file is while it is in use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Residence {
-    /// In memory of this process: the file may change afterwards.
+    /// In the memory of this process: the file may change afterwards.
     Copied,
-    /// In the file, as far as it lies there as in memory ([`CompressedVolume::open_mapped`]): for a process that has nothing to lose
-    /// where another program cuts the file short.
+    /// In the mapped file, as far as it is stored there as it is in memory ([`CompressedVolume::open_mapped`]): only for a process that
+    /// has nothing to lose when another program truncates the file, which ends the process.
     Mapped,
 }
 
@@ -61,8 +61,8 @@ pub fn open_volume(
     Ok(Arc::new(compress_source(source.as_mut(), &CompressOptions::default(), job)?))
 }
 
-/// Opens the volumes of a scene, in its order: each file once, and of a `.pumice` file only the labels that the scene shows of it,
-/// or those of `instead` where that is given.
+/// Opens the volumes of a scene, in its order. Each file is opened once, and of a `.pumice` file only the labels that the scene shows
+/// are read, or those of `instead` if it is given.
 ///
 /// # Errors
 /// As [`open_volume`].
@@ -95,8 +95,8 @@ pub fn open_shown(
     Ok(volumes)
 }
 
-/// Opens a volume with the labels that any of `shows` draws: those alone where that is not all of them and it is a `.pumice` file;
-/// they are copied then.
+/// Opens a volume with the labels that any of `shows` draws. If these are not all labels and the file is a `.pumice` file, only they
+/// are read, and they are copied.
 ///
 /// # Errors
 /// As [`open_volume`].
@@ -123,12 +123,12 @@ pub fn open_chosen(
 /// Opens these labels of a `.pumice` file.
 ///
 /// # Errors
-/// As [`open_volume`]; an id that the volume does not have; another format, which has to be read whole.
+/// As [`open_volume`]; also for an id that the volume does not have, and for other formats, which can only be read whole.
 pub fn open_labels(path: &Path, ids: &[u64], job: &Job) -> Result<Arc<CompressedVolume>> {
     if !is_pumice_file(path)? {
         let path = path.display();
         return Err(SessionError::Caller(format!(
-            "labels: {path} is no .pumice file, and only of those labels are read alone"
+            "labels: {path} is not a .pumice file; only those can be opened for some labels alone"
         )));
     }
     let show = Show::Only(ids.to_vec());
@@ -137,7 +137,7 @@ pub fn open_labels(path: &Path, ids: &[u64], job: &Job) -> Result<Arc<Compressed
     Ok(volume)
 }
 
-/// A label volume as blocks; a `.pumice` file is none.
+/// Opens a label volume as a source of blocks; `.pumice` files are not accepted.
 ///
 /// # Errors
 /// As [`open_volume`].
@@ -145,7 +145,7 @@ pub fn open_source(path: &Path, reading: &OpenOptions) -> Result<Box<dyn BlockSo
     Ok(pumice_formats::open(path, reading)?)
 }
 
-/// Compresses a source, with `job` counting its voxels.
+/// Compresses a source; `job` counts its voxels.
 pub(crate) fn compress_source(
     source: &mut dyn BlockSource,
     options: &CompressOptions,
@@ -159,7 +159,7 @@ pub(crate) fn compress_source(
 /// # Errors
 /// One line that says what is wrong with which file.
 pub fn open_meshes(scene: &Scene) -> Result<Vec<Arc<MeshData>>> {
-    // A file that several name is read once, and what is made of its triangles is made once.
+    // A file that several meshes name is read once, and the data built from its triangles is built once.
     let mut opened: BTreeMap<&Path, Arc<MeshData>> = BTreeMap::new();
     let mut meshes = Vec::new();
     for mesh in &scene.meshes {

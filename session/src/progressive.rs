@@ -1,4 +1,4 @@
-//! Rendering until enough: by samples, by time, by estimated error.
+//! Renders until a limit is reached: samples, time or estimated error.
 
 use std::time::Duration;
 
@@ -8,10 +8,10 @@ use serde::Serialize;
 
 use crate::measure::Stopwatch;
 
-/// When a picture is done: at the first of its limits, or when every pixel rests. No limit at all means never (until cancelled).
+/// When a picture is done: at the first of these limits, or when every pixel rests. Without a limit it renders until it is cancelled.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Stop {
-    /// Samples a pixel.
+    /// Samples per pixel.
     pub spp: Option<u32>,
     /// Wall seconds.
     pub seconds: Option<f64>,
@@ -20,7 +20,7 @@ pub struct Stop {
 }
 
 impl Stop {
-    /// Whether a picture that has come so far, in so many wall seconds, is done.
+    /// Whether a picture with this progress after `seconds` wall seconds is done.
     pub fn is_met(&self, progress: &Progress, seconds: f64) -> bool {
         let error = progress.error_estimate;
         progress.all_rest
@@ -30,10 +30,10 @@ impl Stop {
     }
 }
 
-/// Error against run time: one point of a render's history.
+/// One point of the curve of error against run time of a render.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct CurvePoint {
-    /// Wall seconds since the first sample was begun.
+    /// Wall seconds since the first sample began.
     pub seconds: f64,
     /// CPU seconds of the process in that time.
     pub cpu_seconds: f64,
@@ -41,17 +41,17 @@ pub struct CurvePoint {
     pub spp: u32,
     /// Mean over pixels of the samples that each has.
     pub mean_spp: f64,
-    /// Estimated relative error; `null` in JSON until it can be known.
+    /// Estimated relative error; `null` in JSON until there is an estimate.
     pub error_estimate: Option<f64>,
 }
 
-/// How long one call into the renderer lasts: short enough for a smooth progress bar and a quick cancel.
+/// Duration of one call into the renderer: short enough for a smooth progress bar and a quick cancel.
 const SLICE: Duration = Duration::from_millis(200);
 
-/// Renders until `stop`, telling `watch` after each slice.
+/// Renders until `stop` is met and calls `watch` after each slice.
 ///
 /// # Errors
-/// What the renderer reports; [`RenderError::Cancelled`] within a slice of `job` being cancelled.
+/// Any error of the renderer; [`RenderError::Cancelled`] at most one slice after `job` is cancelled.
 pub fn render_until(
     renderer: &mut dyn Renderer,
     stop: &Stop,
@@ -73,7 +73,7 @@ pub fn render_until(
         };
         watch(&point);
         if curve.last().is_some_and(|former| former.spp > point.spp) {
-            // A device failed and another began anew: the lost samples are no part of this picture's history, but their time is.
+            // A device failed and another restarted the picture: the lost samples leave the curve, but their time still counts.
             curve.clear();
         }
         curve.push(point);
@@ -83,7 +83,7 @@ pub fn render_until(
     }
 }
 
-/// At most `keep` points of a curve, evenly spread in log time, first and last included: what a table or a report shows.
+/// At most `keep` points of a curve, evenly spread in log time, including the first and the last, for a table or a report.
 pub fn thin_curve(curve: &[CurvePoint], keep: usize) -> Vec<CurvePoint> {
     if curve.len() <= keep || keep < 2 {
         return curve.to_vec();
@@ -127,7 +127,7 @@ mod tests {
         }
         assert!(!no_limit.is_met(&so_far, 1e9));
         assert!(no_limit.is_met(&Progress { all_rest: true, ..so_far }, 0.0));
-        // An error that is not known yet meets no bar.
+        // An unknown error meets no limit.
         let unknown = Progress { error_estimate: f64::INFINITY, ..so_far };
         assert!(!Stop { error: Some(f64::INFINITY), ..no_limit }.is_met(&unknown, 0.0));
     }

@@ -1,8 +1,8 @@
-//! From a volume, a scene or a former picture to a new picture.
+//! Renders a volume, a scene, or an earlier picture again, to a picture file.
 //!
 //! ```text
 //! request ─► prepare: scene, volumes, meshes ─► overrides ─► render_scene: picture, figures ─► picture_format: a file
-//!                └─ a former picture: provenance
+//!                └─ an earlier picture: provenance
 //! ```
 
 mod overrides;
@@ -35,16 +35,16 @@ pub use provenance::hash_text;
 pub use render_scene::{RenderFigures, Rendered, render_scene};
 pub use request::{RenderOverrides, RenderRequest, Subject};
 
-/// Does what `request` says; `watch` hears of every slice together with the stopping rule in force.
+/// Carries out `request`. After every slice it calls `watch` with the limits in force and the progress.
 ///
 /// # Errors
-/// One line of what is wrong with the input, the scene or the output; nothing is written then.
+/// One line that says what is wrong with the input, the scene or the output; nothing is written then.
 pub fn render_file(
     request: &RenderRequest,
     job: &Job,
     watch: &mut (dyn FnMut(&Stop, &CurvePoint) + Send),
 ) -> Result<Rendered> {
-    // A wrong ending, pass or backend is known before the work, not after it.
+    // A wrong file extension, pass or backend is reported before the work, not after it.
     let format = PictureFormat::of(&request.out)?;
     let passes = Passes::parse(&request.passes).map_err(|e| SessionError::Caller(format!("--{e}")))?;
     if request.overrides.half && format == PictureFormat::Png {
@@ -59,7 +59,7 @@ pub fn render_file(
     let clock = Stopwatch::start();
     let Prepared { mut scene, volumes, meshes, stop, backend } = prepare(request, job)?;
     let opening_seconds = [clock.seconds(), clock.cpu_seconds()];
-    // Passes that are named are made; `all` means those that the scene asks for, and what every picture has.
+    // Named passes are added to the scene; `all` means those that the scene asks for and those that every picture has.
     if request.passes != ["all"] {
         scene.film.passes = scene.film.passes.or(passes);
     }
@@ -71,7 +71,7 @@ pub fn render_file(
         let mut rendered = render_scene(&scene, &backend, &stop, job, &mut |point| watch(&stop, point))?;
         rendered.figures.opening_seconds = Some(opening_seconds);
         if request.explain {
-            // By what drew: `auto` may have gone on with another way.
+            // Measure on the backend that drew the picture: `auto` may have fallen back to another.
             let drew = if backend == "auto" { rendered.figures.backend.clone() } else { backend.clone() };
             let (opening, whole) = measure_openings(&scene, &request.reading, job)?;
             let measured = measure_savings(&whole, &drew, &SavingsOptions::QUICK, job, &mut |_| {})?;
@@ -87,7 +87,7 @@ pub fn render_file(
     Ok(rendered)
 }
 
-/// What it saved to read only the labels that are shown; the same scene of volumes with all labels.
+/// Measures what reading only the visible labels saved; also returns the scene with volumes that have all labels.
 fn measure_openings(
     loaded: &LoadedScene,
     reading: &OpenOptions,
@@ -116,7 +116,7 @@ fn measure_openings(
     Ok((saved, all_labels))
 }
 
-/// Does work on so many threads.
+/// Runs `work` in a pool of `threads` threads.
 fn in_pool<T: Send>(threads: usize, work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
     rayon::ThreadPoolBuilder::new()
         .num_threads(threads)

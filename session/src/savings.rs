@@ -1,15 +1,16 @@
-//! What it saves to leave out what a scene does not need: measured by running both ways, in turn, and never computed.
+//! Measures what leaving out unneeded parts of a renderer saves, by running with and without each part in turn; nothing is computed
+//! from a model.
 //!
 //! ```text
 //! each file of which not all labels are shown    opened for these alone, whole, whole, for these alone, …
-//! for each part that is spare, and at last for all of them together:
+//! for each part that the scene does not need, and finally for all of them together:
 //!     rounds of building       left out, put in, put in, left out, …      milliseconds of `set_scene`, each with a new renderer
 //!     the last two renderers   bytes by part; the first sample, with what is compiled for it
 //!     rounds of samples        left out, put in, put in, left out, …      milliseconds a sample of a small picture
 //!     both pictures            must be the same
 //! ```
-//! Milliseconds are the process's own (user and system, all threads), so that other programs disturb little. What is saved is the
-//! median of the rounds' differences; where their quartiles have 0 between them, nothing can be said but that.
+//! Milliseconds are CPU time of the process (user and system, all threads), so that other programs disturb little. The saving is the
+//! median of the differences of the rounds; where 0 lies between their quartiles, the measurement does not show a saving.
 
 mod beside;
 mod opening;
@@ -29,28 +30,28 @@ use crate::measure::Stopwatch;
 pub use beside::{Beside, ROUNDING};
 pub use opening::{OpeningSaved, measure_opening};
 
-/// How many rounds, of which pictures.
+/// Number of rounds and size of the pictures.
 #[derive(Clone, Copy, Debug)]
 pub struct SavingsOptions {
-    /// Rounds of both ways.
+    /// Rounds, each of which runs with and without the part.
     pub rounds: u32,
-    /// Pixels along the longer side of the pictures at most.
+    /// Most pixels along the longer side of the pictures.
     pub side: u32,
 }
 
 impl SavingsOptions {
-    /// For `--explain`: seconds on a processor.
+    /// Used by `--explain`: takes seconds on a processor.
     pub const QUICK: Self = Self { rounds: 9, side: 160 };
 }
 
 /// Median and quartiles.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Spread {
-    /// A quarter is below.
+    /// Lower quartile.
     pub low: f64,
-    /// Half is below.
+    /// Median.
     pub median: f64,
-    /// A quarter is above.
+    /// Upper quartile.
     pub high: f64,
 }
 
@@ -69,14 +70,14 @@ impl Spread {
     }
 }
 
-/// Milliseconds of both ways.
+/// Milliseconds with and without a part.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Both {
-    /// Left out.
+    /// With the part left out.
     pub without: Spread,
-    /// Put in.
+    /// With the part put in.
     pub with: Spread,
-    /// What is saved: the rounds' differences.
+    /// The saving: the differences within each round.
     pub saved: Spread,
 }
 
@@ -87,25 +88,25 @@ impl Both {
     }
 }
 
-/// What leaving one part out saves, or all of them.
+/// What leaving out one part saves, or all unneeded parts together.
 #[derive(Clone, Debug, Serialize)]
 pub struct Saving {
-    /// Which; `None` for all together.
+    /// The part; `None` for all together.
     pub part: Option<Part>,
-    /// Bytes of the renderer by part: left out, put in.
+    /// Bytes of the renderer by part of memory: without the part, with it.
     pub bytes: BTreeMap<&'static str, [u64; 2]>,
-    /// Milliseconds of building.
+    /// Milliseconds of building (`set_scene`).
     pub build_ms: Both,
-    /// Milliseconds of the first sample, compiling included: left out, put in.
+    /// Milliseconds of the first sample, compiling included: without the part, with it.
     pub first_ms: [f64; 2],
     /// Milliseconds of each further sample of the whole picture.
     pub sample_ms: Both,
-    /// The picture with it beside the one without.
+    /// Difference of the picture with the part from the one without.
     pub beside: Beside,
 }
 
 impl Saving {
-    /// What is left out, in words.
+    /// Name of the part that is left out.
     pub fn name(&self) -> &'static str {
         self.part.map_or("all of it together", Part::spoken)
     }
@@ -116,27 +117,27 @@ impl Saving {
     }
 }
 
-/// All that was measured of a scene.
+/// All measured savings of a scene.
 #[derive(Clone, Debug, Serialize)]
 pub struct Savings {
-    /// Backend that was asked.
+    /// Backend that was measured.
     pub backend: String,
     /// Device that the backend runs on.
     pub device: String,
-    /// Pixels of the pictures.
+    /// Pixels of the pictures across and down.
     pub size: [u32; 2],
-    /// Rounds.
+    /// Number of rounds.
     pub rounds: u32,
-    /// File by file, where the scene's volumes were read for the labels that it shows.
+    /// For each file of which only the visible labels were read, what that saved.
     pub opening: Vec<OpeningSaved>,
-    /// Part by part, then all together.
+    /// For each part that was left out, then for all together, what that saved.
     pub savings: Vec<Saving>,
-    /// Parts that the scene does not need and that this backend has nothing to leave out for, with the reason.
+    /// Parts that the scene does not need but that this backend always has, with the reason.
     pub always_there: Vec<(Part, &'static str)>,
 }
 
 impl Savings {
-    /// A line for each part.
+    /// The savings as text, one line for each part.
     pub fn lines(&self) -> Vec<String> {
         let [width, height] = self.size;
         let mut lines = vec![format!(
@@ -170,16 +171,16 @@ impl Savings {
         lines
     }
 
-    /// Whether both ways drew the same pictures.
+    /// Whether the pictures with and without each part were the same.
     pub fn holds(&self) -> bool {
         self.savings.iter().all(|s| s.beside.holds())
     }
 }
 
-/// Measures it. `watch` hears the name of each part before it is measured.
+/// Measures the savings of a scene. `watch` is called with the name of each part before it is measured.
 ///
 /// # Errors
-/// What the renderer reports; the job's cancellation.
+/// Any error of the renderer; the cancellation of the job.
 pub fn measure_savings(
     scene: &LoadedScene,
     backend: &str,
@@ -197,7 +198,7 @@ pub fn measure_savings(
     let needs = scene.needs();
     let ways = Ways { scene: &scene, backend, rounds: options.rounds.max(2), job };
 
-    // What there is to leave out.
+    // Find out which parts can be left out.
     let (asked, _) = ways.built(PartSet::NONE)?;
     let leaves_out = left_out_by(asked.name());
     let mut can = leaves_out;
@@ -233,12 +234,12 @@ pub fn measure_savings(
     })
 }
 
-/// What a backend leaves out where a scene does not need it; all else it has always, or never.
+/// The parts that a backend leaves out where a scene does not need them.
 fn left_out_by(backend: &str) -> PartSet {
     if backend == "cpu" { pumice_cpu::LEAVES_OUT } else { pumice_vulkan::pack::LEAVES_OUT }
 }
 
-/// Both ways, in turn: ABBA. `one` is asked with what can be left out put in or not, and the round.
+/// Calls `one` without and with the part, in the order ABBA; its arguments are whether the part is put in, and the round.
 fn in_turn<T>(rounds: u32, job: &Job, mut one: impl FnMut(bool, u32) -> Result<T>) -> Result<[Vec<T>; 2]> {
     let [mut without, mut with] = [Vec::new(), Vec::new()];
     for round in 0..rounds {
@@ -252,7 +253,7 @@ fn in_turn<T>(rounds: u32, job: &Job, mut one: impl FnMut(bool, u32) -> Result<T
     Ok([without, with])
 }
 
-/// A scene, to be drawn both ways.
+/// A scene that is drawn with and without parts.
 struct Ways<'a> {
     scene: &'a LoadedScene,
     backend: &'a str,
@@ -261,7 +262,7 @@ struct Ways<'a> {
 }
 
 impl Ways<'_> {
-    /// A renderer that shows the scene and has built these parts besides, and the milliseconds that this took.
+    /// A renderer that shows the scene and also builds the parts `besides`, and the milliseconds that building took.
     fn built(&self, besides: PartSet) -> Result<(FallbackRenderer, f64)> {
         let mut renderer = make_renderer(self.backend)?;
         let scene = self.scene.with_parts(besides);
@@ -352,7 +353,7 @@ mod tests {
         let expected: Vec<_> = expected.into_iter().map(Some).collect();
         assert_eq!(parts, [&expected[..], &[None]].concat());
         assert!(all.holds(), "{all:?}");
-        // Bytes are what the renderer holds, and no clock's.
+        // Bytes do not depend on the clock, so they can be tested.
         assert!(all.savings[0].bytes_saved() > 0 && all.savings[3].bytes_saved() == 0, "{all:?}");
         let lines = all.lines();
         assert_eq!(lines.len(), 1 + 7 + all.always_there.len());
@@ -377,7 +378,7 @@ mod tests {
     fn medians_and_quartiles() {
         assert_eq!(Spread::of(vec![3.0, 1.0, 2.0, 5.0, 4.0]), Spread { low: 2.0, median: 3.0, high: 4.0 });
         assert_eq!(Spread::of(vec![1.0, 2.0]), Spread { low: 1.25, median: 1.5, high: 1.75 });
-        // Differences are those of one round: what slows down over time is not counted as saved.
+        // Differences are taken within a round, so that a slow-down over time does not count as a saving.
         let both = Both::of(vec![1.0, 2.0, 3.0], vec![2.0, 3.0, 4.0]);
         assert_eq!(both.saved, Spread { low: 1.0, median: 1.0, high: 1.0 });
     }

@@ -1,4 +1,5 @@
-//! Scripts for a Python that has other people's programs: what they are asked in files, what they answer in files.
+//! Runs scripts in a Python that has other programs as modules, such as Blender. They read their input from files and write their
+//! results to files.
 
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -8,7 +9,7 @@ use pumice_core::Job;
 
 use crate::error::{Result, SessionError, io};
 
-/// Runs a script of `what` to its end. What it says goes into a file, whose last line is the error's.
+/// Runs a script to its end; `what` names it in errors. Its output goes into a file, whose last line is quoted in the error.
 ///
 /// # Errors
 /// When the interpreter cannot be started, the script fails, or `job` is cancelled, which ends the script.

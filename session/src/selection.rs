@@ -1,21 +1,21 @@
-//! Choosing labels for a figure when nobody has: long thin things rather than lumps that fill the view.
+//! Chooses labels for a figure: long, thin labels rather than lumps that fill the view.
 //!
-//! In a packed volume a cell body that fills a corner hides all else and looks like a wall. What reads well are labels that
-//! reach far with little volume: neurites, vessels. So: leave out what holds more than [`GIANT_SHARE`] of the volume or less than
-//! [`SPECK_SHARE`], and take those whose bounding box has the longest diagonal.
+//! In a packed volume a cell body that fills a corner hides everything else and looks like a wall. Labels that reach far with little
+//! volume are easy to recognize: neurites, vessels. So labels with more than [`GIANT_SHARE`] or less than [`SPECK_SHARE`] of the volume
+//! come last, and the others are ordered by the diagonal of their bounding box, longest first.
 
 use pumice_core::CompressedVolume;
 
-/// Share of all voxels above which a label is a wall, not a thing. On the shipped cortex volume five labels are above it (27 %
-/// and 6 % are cell bodies cut by the border, three of 1 % are thick trunks); the next has 0.93 %.
+/// Share of all voxels above which a label hides the others. In the shipped cortex volume five labels are above it (27 % and 6 % are
+/// cell bodies cut by the border, three of 1 % are thick trunks); the next has 0.93 %.
 pub const GIANT_SHARE: f64 = 0.01;
 
-/// Share of all voxels below which a label is too thin to be seen in a figure of the whole: on a picture of 10⁶ pixels it covers
-/// some hundreds.
+/// Share of all voxels below which a label is too small to be seen in a figure of the whole volume: in a picture of 10⁶ pixels it
+/// covers a few hundred.
 pub const SPECK_SHARE: f64 = 2e-4;
 
-/// The `count` labels that make the best figure, by dense index, best first; fewer where the volume has fewer. Of those that were
-/// read from its file.
+/// The `count` labels that make the best figure, by dense index, best first, of those that were read from the file; fewer if there are
+/// fewer.
 pub fn select_labels(volume: &CompressedVolume, count: usize) -> Vec<u32> {
     let bounds = volume.label_bounds();
     let all = volume.info().voxels() as f64;
@@ -25,7 +25,8 @@ pub fn select_labels(volume: &CompressedVolume, count: usize) -> Vec<u32> {
         (0..3).map(|a| (f64::from(b.high[a] + 1 - b.low[a]) * spacing[a]).powi(2)).sum::<f64>().sqrt()
     };
     let share = |label: u32| volume.labels().voxels()[label as usize] as f64 / all;
-    // Giants and specks come last: an organ atlas or a handful of cells has nothing else, and who asks for n labels gets n.
+    // Giants and specks come last but are not dropped: an organ atlas or a handful of cells has nothing else, and a request for n labels
+    // gets n.
     let thing = |label: u32| (SPECK_SHARE..GIANT_SHARE).contains(&share(label));
     let mut labels: Vec<u32> = (0..volume.labels().len() as u32).filter(|&l| volume.holds(l)).collect();
     labels.sort_by(|&a, &b| thing(b).cmp(&thing(a)).then(reach(b).total_cmp(&reach(a))).then(a.cmp(&b)));

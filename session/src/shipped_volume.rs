@@ -1,16 +1,16 @@
-//! The label volume that the project ships: what `pumice demo` draws, and what `pumice bench` measures unless it is given another.
+//! The label volume that the project ships. `pumice demo` draws it, and `pumice bench` measures it unless another is given.
 
 use std::path::{Path, PathBuf};
 
 use crate::error::{Result, SessionError};
 
-/// Its file name, below `data/`.
+/// File name of the shipped volume, in `data/`.
 pub const SHIPPED_VOLUME: &str = "connectomics_32x32x40nm.nrrd";
 
-/// Where the shipped volume is: in the source tree that this program was built from, else below the current folder.
+/// The path of the shipped volume: in the source tree that this program was built from, otherwise below the current folder.
 ///
 /// # Errors
-/// When it is in neither place.
+/// When the file is in neither place.
 pub fn shipped_volume() -> Result<PathBuf> {
     let built_from = Path::new(env!("CARGO_MANIFEST_DIR")).join("../data");
     for folder in [built_from.as_path(), Path::new("data")] {

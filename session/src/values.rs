@@ -1,25 +1,25 @@
-//! Values as flags have them: sizes in pixels, amounts of bytes.
+//! Parsers of flag values: sizes in pixels, amounts of bytes.
 
-/// `N` whole numbers or decimals with a separator between them; `None` where there are more or fewer, or one is none.
+/// Parses `N` numbers separated by `separator`; `None` if there are more or fewer, or one is not a number.
 pub fn numbers<T: std::str::FromStr, const N: usize>(text: &str, separator: char) -> Option<[T; N]> {
     let parts: Vec<T> = text.split(separator).map(|p| p.trim().parse().ok()).collect::<Option<_>>()?;
     parts.try_into().ok()
 }
 
-/// Width and height of a picture in pixels: `960x540`.
+/// Parses width and height of a picture in pixels: `960x540`.
 ///
 /// # Errors
-/// What was expected, where it is something else.
+/// The expected form, if `text` has another.
 pub fn size(text: &str) -> Result<[u32; 2], String> {
     numbers(text, 'x')
         .filter(|s: &[u32; 2]| s.iter().all(|&n| (1..=65_536).contains(&n)))
         .ok_or_else(|| "expected WIDTHxHEIGHT in pixels, each 1 to 65536, e.g. 960x540".into())
 }
 
-/// An amount of bytes: `268435456`, or `256M`, with K, M and G for 2¹⁰, 2²⁰ and 2³⁰.
+/// Parses an amount of bytes: `268435456`, or `256M`, with K, M and G for 2¹⁰, 2²⁰ and 2³⁰.
 ///
 /// # Errors
-/// What was expected, where it is something else.
+/// The expected form, if `text` has another.
 pub fn bytes(text: &str) -> Result<u64, String> {
     let (number, shift) = match text.chars().last() {
         Some('K' | 'k') => (&text[..text.len() - 1], 10),

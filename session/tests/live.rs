@@ -1,5 +1,5 @@
-//! A live picture as its clients see it: it follows edits, tells what it did, converges to the picture that a plain render gives,
-//! and nothing that goes wrong in it reaches them.
+//! A live picture as its clients see it: it follows edits, counts what it did, converges to the picture that a plain render gives, and
+//! its failures do not reach the clients.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
 
@@ -41,7 +41,7 @@ fn spp(n: u32) -> LiveOptions {
     }
 }
 
-/// The next frame that is wanted; a test that waits a minute has found that it does not come.
+/// Waits for the next frame that is `wanted`; fails after a minute.
 fn wait(live: &Live, mut wanted: impl FnMut(&Frame) -> bool) -> Arc<Frame> {
     let start = Instant::now();
     let mut serial = 0;
@@ -57,7 +57,7 @@ fn wait(live: &Live, mut wanted: impl FnMut(&Frame) -> bool) -> Arc<Frame> {
     }
 }
 
-/// The status once it is as wanted.
+/// Waits until the status is `wanted`, and returns it.
 fn wait_status(live: &Live, wanted: impl Fn(&Status) -> bool) -> Status {
     let start = Instant::now();
     loop {
@@ -70,7 +70,7 @@ fn wait_status(live: &Live, wanted: impl Fn(&Status) -> bool) -> Status {
     }
 }
 
-/// What a plain render gives, in a frame's layout.
+/// The picture of a plain render of `n` samples, in the layout of a frame.
 fn plain(scene: &Scene, n: u32) -> Vec<f32> {
     let stop = Stop { spp: Some(n), ..Stop::default() };
     let made = render_scene(&loaded(scene.clone()), "cpu", &stop, &Job::new(), &mut |_| ()).unwrap();
@@ -85,7 +85,7 @@ fn rel_mse(a: &[f32], b: &[f32]) -> f64 {
     a.iter().zip(b).map(off).sum::<f64>() / a.len() as f64
 }
 
-/// Filtered frames are nearer to the picture; the last one is what was sampled.
+/// Denoised frames are closer to the converged picture, and the last frame is the plain mean of samples.
 #[test]
 fn young_frames_are_filtered_and_the_last_is_not() {
     let scene = scene([200, 120]);
@@ -115,14 +115,14 @@ fn it_converges_to_the_picture_of_a_plain_render() {
     assert!(frame.rgba == plain(&scene, 6), "bit for bit");
     assert!(frame.error_estimate.is_finite() && frame.cpu_seconds > 0.0);
 
-    // An edit gives the picture of the edited scene, with nothing left of the former.
+    // An edit gives the picture of the edited scene, without remains of the previous one.
     let mut camera = scene.camera;
     camera.shift[0] = 0.125;
     assert_eq!(live.edit(vec![SceneEdit::Camera { camera }]).unwrap(), 2);
     let frame = wait(&live, |f| f.converged && f.revision == 2);
     assert!(frame.rgba == plain(&Scene { camera, ..scene }, 6), "bit for bit");
     assert_eq!(live.scene().camera, camera);
-    // Converged: it sleeps, and no further frame comes.
+    // After convergence the worker sleeps, and no further frame comes.
     wait_status(&live, |s| s.state == LiveState::Converged);
     std::thread::sleep(Duration::from_millis(50));
     assert!(live.latest(frame.serial).is_none());
@@ -137,7 +137,7 @@ fn a_large_film_begins_with_coarse_frames_of_the_whole_view() {
         f.converged
     });
     assert_eq!(seen.last(), Some(&(640, 360, false)));
-    // Some may be replaced by the next before they are looked at; the order is kept.
+    // Frames may be replaced by the next before the test sees them, but the order is kept.
     let all = [(160, 90, true), (320, 180, true), (640, 360, false)];
     let mut rest = all.iter();
     assert!(seen.iter().all(|s| rest.any(|a| a == s)), "{seen:?}");

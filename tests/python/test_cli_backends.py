@@ -138,7 +138,7 @@ def test_every_backend_draws_the_picture_of_the_cpu(pumice, volume, tmp_path, ba
     # If that backend is missing, the error says so, and another backend can be selected.
     gone = {LOADER: str(tmp_path / "nowhere.so")}
     line = run(pumice, "render", "--again", gpu, "-o", tmp_path / "o.exr", env=gone).refused()
-    assert "drawn by a backend that is not here" in line and "no Vulkan here" in line
+    assert "drawn by a backend that is not available here" in line and "no Vulkan here" in line
     run(pumice, "render", "--again", gpu, "-o", tmp_path / "o.exr", "--backend", "cpu", env=gone).fine()
 
 

@@ -10,7 +10,7 @@ use super::Reading;
 /// Compress a label volume losslessly into a .pumice file
 ///
 /// Reads NRRD, NIfTI, TIFF (also a folder of slices), NPY, NPZ, MetaImage and raw files as a stream: the whole volume is never in
-/// memory. The file appears under its final name only when it is complete.
+/// memory. The output file appears under its final name only when it is complete.
 #[derive(Debug, Args)]
 pub(crate) struct Compress {
     /// Label volume
@@ -19,21 +19,21 @@ pub(crate) struct Compress {
     /// The .pumice file to write
     #[arg(short, long, value_name = "OUT.pumice")]
     pub(crate) out: PathBuf,
-    /// Size on disk against speed
+    /// How much time to spend on a smaller file
     ///
-    /// `fast` stores the form as it is in memory, `default` costs little time, `small` takes about twice as long.
+    /// `fast` stores the compressed form as it is in memory, `default` costs little time, `small` takes about twice as long.
     #[arg(long, value_enum, default_value_t = CompressionLevel::Default)]
     pub(crate) level: CompressionLevel,
     /// Write a report in JSON to this file (- for standard output)
     #[arg(long, value_name = "REPORT")]
     pub(crate) json: Option<PathBuf>,
-    /// Threads; default: all cores. The result does not depend on it
+    /// Number of threads; default: all cores. The result does not depend on it
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     pub(crate) threads: Option<u16>,
-    /// Memory for records that are not merged yet, in bytes or with K, M, G; the rest waits in a temporary file
+    /// Memory for records that are not merged yet, in bytes or with K, M, G; further records go to a temporary file
     #[arg(long, value_name = "BYTES", value_parser = bytes)]
     pub(crate) memory_limit: Option<u64>,
-    /// CSV table with the columns id,type that gives labels their types
+    /// CSV table with the columns id,type: the type of each label
     #[arg(long, value_name = "TABLE")]
     pub(crate) types: Option<PathBuf>,
     #[command(flatten)]
@@ -42,10 +42,10 @@ pub(crate) struct Compress {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum CompressionLevel {
-    /// The arrays as they are in memory; opens fastest, also for a few labels alone
+    /// Stores the arrays as they are in memory; opens fastest, also when only a few labels are loaded
     Fast,
-    /// About two thirds of that size; decompressed when it is opened
+    /// About two thirds of the size of fast; decompressed when it is opened
     Default,
-    /// The voxels themselves, about a third of the default; writing and opening take about a CPU second each for 10⁸ voxels
+    /// Stores the voxels themselves, about a third of the size of default; writing and opening take about a CPU second each per 10⁸ voxels
     Small,
 }

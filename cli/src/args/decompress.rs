@@ -10,7 +10,7 @@ pub(crate) struct Decompress {
     /// The .pumice file
     #[arg(value_name = "FILE")]
     pub(crate) file: PathBuf,
-    /// Output file; its ending chooses the format: .nrrd .npy .nii .nii.gz .tif
+    /// Output file; its extension chooses the format: .nrrd .npy .nii .nii.gz .tif
     #[arg(short, long, value_name = "OUT")]
     pub(crate) out: PathBuf,
 }

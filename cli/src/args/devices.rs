@@ -2,10 +2,10 @@
 
 use clap::Args;
 
-/// List the devices that can render here, which one auto takes, and why
+/// List the devices that can render on this machine, which one `--backend auto` takes, and why
 #[derive(Debug, Args)]
 pub(crate) struct Devices {
-    /// One JSON object instead of text
+    /// Print one JSON object instead of text
     #[arg(long)]
     pub(crate) json: bool,
 }

@@ -10,9 +10,9 @@ use super::values::{positive, relative, view};
 
 /// Path trace a volume or a scene
 ///
-/// Frames and lights a volume automatically; a scene (JSON, docs/scene.md) sets everything. Stops at the first of --spp, --time and
-/// --error, or at 64 samples a pixel where none is given, and writes the picture. The picture carries the hash of the data, the
-/// scene and all settings.
+/// A volume is framed and lit automatically; a scene (JSON, docs/scene.md) sets everything itself. Rendering stops at whichever of
+/// --spp, --time and --error is reached first, or at 64 samples per pixel if none is given. The picture file carries the hash of the
+/// data, the scene and all settings.
 #[derive(Debug, Args)]
 pub(crate) struct Render {
     /// A .pumice file, any label volume, or a scene (.json)
@@ -21,20 +21,20 @@ pub(crate) struct Render {
     /// The picture: .exr (scene-linear, all passes) or .png (8 bit sRGB)
     #[arg(short, long, value_name = "OUT")]
     pub(crate) out: PathBuf,
-    /// Render a picture again from the scene and settings that it carries: the same pixels
+    /// Render a picture again from the scene and settings that its file carries; gives the same pixels
     #[arg(long, value_name = "PICTURE", conflicts_with_all = ["input", "size", "spp", "time", "error", "bounces", "mode", "lod", "seed", "labels", "pick", "view", "transparent", "half", "view_transform", "noise_threshold", "min_spp"])]
     pub(crate) again: Option<PathBuf>,
     /// Backend that renders: auto, cpu, vulkan-rt, vulkan-query or vulkan-compute
     ///
-    /// auto takes the best graphics processor; where a device fails, it goes on with the next backend and says so. A named backend is
-    /// used alone, on the best device that supports it, or on the one after a colon, by number or part of its name: vulkan-rt:0.
-    /// `pumice devices` lists them
+    /// auto takes the best graphics processor; if a device fails, auto continues with the next backend and prints a notice. A named
+    /// backend never falls back to another. It runs on the best device that supports it, or on the device named after a colon, by number
+    /// or by part of its name: vulkan-rt:0. `pumice devices` lists backends and devices
     #[arg(long, value_name = "NAME[:DEVICE]", default_value = "auto")]
     pub(crate) backend: String,
     /// Picture size in pixels; default 960x540, or the scene's
     #[arg(long, value_name = "WxH", value_parser = size)]
     pub(crate) size: Option<[u32; 2]>,
-    /// Stop at this many samples a pixel
+    /// Stop at this many samples per pixel
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) spp: Option<u32>,
     /// Stop after this many seconds
@@ -43,59 +43,59 @@ pub(crate) struct Render {
     /// Stop when the estimated relative error is at most this: 0.03 or 3%
     #[arg(long, value_name = "RELATIVE", value_parser = relative)]
     pub(crate) error: Option<f64>,
-    /// A pixel gets no more samples once its estimated relative error is at most this: 0.05 or 5%
+    /// Stop sampling a pixel once its estimated relative error is at most this: 0.05 or 5%
     ///
-    /// Blender's Noise Threshold. The picture is done when no pixel gets samples any more, or at another limit. It is slightly biased:
-    /// which pixels go on depends on what they found
+    /// This is Blender's Noise Threshold. The picture is done when every pixel has stopped, or at another limit. It is slightly biased,
+    /// because the samples of a pixel themselves decide when it stops
     #[arg(long, value_name = "RELATIVE", value_parser = relative)]
     pub(crate) noise_threshold: Option<f64>,
-    /// Samples that every pixel gets at least with --noise-threshold, from 4; default 16
+    /// Minimum samples per pixel with --noise-threshold, 4 or more; default 16
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(4..))]
     pub(crate) min_spp: Option<u32>,
-    /// Bounces of light, as in Cycles; default 32, or the scene's
+    /// Maximum number of light bounces, counted as in Cycles; default 32, or the scene's
     #[arg(long, value_name = "N")]
     pub(crate) bounces: Option<u32>,
-    /// Which light is counted; default path, or the scene's
+    /// Which light the picture shows; default path, or the scene's
     #[arg(long, value_enum)]
     pub(crate) mode: Option<RenderMode>,
-    /// Finest element drawn: voxels (1), 4³ cells (4), boxes (16), or by distance (auto)
+    /// Finest element that is drawn: voxels (1), cells of 4³ voxels (4), boxes of up to 16³ (16), or by distance (auto)
     #[arg(long, value_enum)]
     pub(crate) lod: Option<LodArg>,
     /// Seed of all random numbers; default 0, or the scene's
     #[arg(long, value_name = "N")]
     pub(crate) seed: Option<u64>,
-    /// Passes in the EXR beside the picture, separated by commas; or all, or none
+    /// Passes in the EXR in addition to the picture, separated by commas; or all, or none
     ///
-    /// First surface: depth, position, normal, label, albedo. Of the samples: variance, samples. Light by kind, for 132 bytes a pixel:
-    /// light for all of it, or diffuse_direct, diffuse_indirect, diffuse_color, the same of glossy and transmission, emission,
-    /// environment. shadow_catcher: caught shadows, which are then not in the picture. Mattes, 96 bytes a pixel each: cryptomatte_label,
-    /// cryptomatte_type, or cryptomatte for both. A named pass is made, albedo and normal as means over samples. all: the passes that
-    /// every picture has, and those of the scene's film.passes
+    /// First surface: depth, position, normal, label, albedo. Sampling: variance, samples. Light by kind, 132 bytes of memory per pixel:
+    /// light for all of these, or diffuse_direct, diffuse_indirect, diffuse_color, the same three of glossy and transmission, emission,
+    /// environment. shadow_catcher: the caught shadows, which are then left out of the picture. Mattes, 96 bytes per pixel each:
+    /// cryptomatte_label, cryptomatte_type, or cryptomatte for both. A pass named here is rendered even if the scene does not ask for it;
+    /// albedo and normal are then means over the samples. all: the passes that every picture has, and those of the scene's film.passes
     #[arg(long, value_name = "A,B,C", default_value = "all", value_delimiter = ',')]
     pub(crate) passes: Vec<String>,
     /// Make the background transparent, instead of showing the sky or the backdrop
     #[arg(long)]
     pub(crate) transparent: bool,
-    /// In an EXR, colours as half floats (16 bits): half the size, 3 digits, at most 65504
+    /// Write colours in an EXR as half floats (16 bits): half the size, 3 significant digits, values up to 65504
     ///
     /// Depth, position, label, Cryptomatte, variance and samples keep 32 bits
     #[arg(long)]
     pub(crate) half: bool,
-    /// How a PNG shows light: the sRGB curve (standard), or like Blender's Filmic or AgX
+    /// View transform of a PNG: the sRGB curve (standard), or curves like Blender's Filmic or AgX
     ///
     /// Default: standard, or the scene's. filmic and agx are approximations; docs/passes.md says how close they are
     #[arg(long, value_enum, value_name = "VIEW")]
     pub(crate) view_transform: Option<ViewArg>,
-    /// Only these labels, by id, separated by commas
+    /// Draw only the labels with these ids, separated by commas
     #[arg(long, value_name = "ID,ID", value_delimiter = ',', conflicts_with = "pick")]
     pub(crate) labels: Option<Vec<u64>>,
-    /// Only N labels that make a good figure: long, thin ones first
+    /// Draw only N labels that make a good figure: long, thin ones first
     #[arg(long, value_name = "N")]
     pub(crate) pick: Option<usize>,
-    /// Direction of a volume's camera, in degrees: around the vertical axis, above the horizon
+    /// Direction of the camera of a volume in degrees: around the vertical axis, then above the horizon
     #[arg(long, value_name = "AROUND,ABOVE", value_parser = view, allow_hyphen_values = true)]
     pub(crate) view: Option<[f64; 2]>,
-    /// Threads; default: all cores. The picture does not depend on it
+    /// Number of threads; default: all cores. The picture does not depend on it
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     pub(crate) threads: Option<u16>,
     /// Write a report in JSON to this file (- for standard output)
@@ -106,8 +106,8 @@ pub(crate) struct Render {
     pub(crate) save_scene: Option<PathBuf>,
     /// Print what the scene needs, what was left out, and what that saves
     ///
-    /// The savings are measured: after the picture, small ones of 160 pixels are drawn with and without each part in turn. Takes
-    /// seconds; on a graphics processor also the driver's time to compile both ways
+    /// The savings are measured: after the picture, Pumice renders pictures of 160 pixels with and without each part in turn. This takes
+    /// seconds, and on a graphics processor also the driver's time to compile both variants
     #[arg(long)]
     pub(crate) explain: bool,
     #[command(flatten)]

@@ -1,4 +1,4 @@
-//! Values of flags: what is read, and what was expected where it is something else. (Sizes and bytes: `pumice_session::values`.)
+//! Parsers of flag values. Each error says which form was expected. The parsers of sizes and bytes are in `pumice_session::values`.
 
 use pumice_session::LabelType;
 use pumice_session::values::numbers;
@@ -30,7 +30,7 @@ pub(super) fn positive(text: &str) -> Result<f64, String> {
         .ok_or_else(|| "expected a number above 0".into())
 }
 
-/// A share: `0.03` or `3%`.
+/// A relative value above 0, as a fraction or in per cent: `0.03` or `3%`.
 pub(super) fn relative(text: &str) -> Result<f64, String> {
     let (number, factor) = text.strip_suffix('%').map_or((text, 1.0), |t| (t, 0.01));
     positive(number).map(|v| v * factor).map_err(|_| "expected a number above 0, e.g. 0.03 or 3%".into())

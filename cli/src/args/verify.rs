@@ -8,7 +8,7 @@ use super::Reading;
 
 /// Check that a .pumice file holds a volume exactly: every voxel, every id
 ///
-/// Exit code 0 only if all are the same; 1 with the first difference if not.
+/// Exit code 0 if nothing differs; otherwise exit code 1, and the first difference is printed.
 #[derive(Debug, Args)]
 pub(crate) struct Verify {
     /// The .pumice file

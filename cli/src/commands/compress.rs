@@ -12,7 +12,7 @@ use crate::failure::{Failure, say};
 use crate::json_report::write_report;
 use crate::progress::Bar;
 
-/// `--json`
+/// The report that `--json` writes.
 #[derive(Serialize)]
 struct Report {
     #[serde(flatten)]
@@ -40,7 +40,7 @@ pub(crate) fn run(args: &Compress, job: &Arc<Job>) -> Result<Answer, Failure> {
     )?;
     drop(bar);
     let percent = |bytes: u64| 100.0 * bytes as f64 / outcome.bytes_raw.max(1) as f64;
-    // A report on standard output is alone there, for the program that reads it.
+    // With `--json -` a program reads standard output as JSON, so nothing else is printed there.
     if args.json.as_deref() != Some(std::path::Path::new("-")) {
         say(format_args!(
             "{}: {} labels, {} boxes, {:.1} MB on disk ({:.2} % of raw), {:.1} MB in memory ({:.2} %), {:.1} s ({:.1} CPU s)",

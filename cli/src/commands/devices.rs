@@ -18,7 +18,7 @@ pub(crate) fn run(args: &Devices) -> Result<Answer, Failure> {
     } else {
         let mut number = None;
         for d in devices {
-            // A device is named once, its backends below it.
+            // Each device is printed once, with its backends in the lines below it.
             if d.number.is_none() || d.number != number {
                 let which = d.number.map_or_else(|| "-".to_string(), |n| n.to_string());
                 let driver = d.driver.as_ref().map_or(String::new(), |driver| format!(", {driver}"));

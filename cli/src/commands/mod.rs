@@ -1,4 +1,4 @@
-//! One file a subcommand.
+//! The subcommands, one file each.
 
 pub(crate) mod bench;
 pub(crate) mod compare;
@@ -14,7 +14,7 @@ use pumice_session::{ArrayAxes, OpenOptions, RawLayout};
 
 use crate::args::{Axes, Reading};
 
-/// The reading flags as the readers take them.
+/// Converts the flags on reading to the options that the readers of `pumice-formats` take.
 fn open_options(reading: &Reading) -> OpenOptions {
     OpenOptions {
         layer: reading.layer,

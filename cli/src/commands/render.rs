@@ -13,7 +13,7 @@ use crate::failure::{Failure, say};
 use crate::json_report::write_report;
 use crate::progress::Bar;
 
-/// Samples a pixel when nothing else ends the picture.
+/// Samples per pixel where no flag limits the picture.
 const DEFAULT_SPP: u32 = 64;
 
 pub(crate) fn run(args: &Render, job: &Arc<Job>) -> Result<Answer, Failure> {
@@ -94,7 +94,7 @@ pub(crate) fn run(args: &Render, job: &Arc<Job>) -> Result<Answer, Failure> {
     Ok(Answer::Yes)
 }
 
-/// Moves a bar to how near the picture is to its nearest limit.
+/// Sets the bar to the progress of the picture towards the limit that it is nearest to.
 pub(crate) fn show_progress(bar: &Bar, stop: &Stop, point: &CurvePoint) {
     let mut done = 0f64;
     if let Some(n) = stop.spp {
@@ -103,7 +103,7 @@ pub(crate) fn show_progress(bar: &Bar, stop: &Stop, point: &CurvePoint) {
     if let Some(s) = stop.seconds {
         done = done.max(point.seconds / s);
     }
-    // The error falls like 1/√time, so the work done is the square of how near it has come.
+    // The error falls like 1/√time, so the share of the work that is done is (limit / error)².
     if let (Some(bar), Some(e)) = (stop.error, point.error_estimate) {
         done = done.max((bar / e).powi(2));
     }
@@ -111,7 +111,7 @@ pub(crate) fn show_progress(bar: &Bar, stop: &Stop, point: &CurvePoint) {
     bar.set((1000.0 * done) as u64, format!("{} samples{error}, {:.0} s", point.spp, point.seconds));
 }
 
-/// One line of what a picture cost and how good it is.
+/// One line with the samples, the estimated error and the time of a picture.
 pub(crate) fn summary(figures: &RenderFigures) -> String {
     let error = figures
         .error_estimate
@@ -126,7 +126,7 @@ pub(crate) fn summary(figures: &RenderFigures) -> String {
     )
 }
 
-/// Says on standard error what went wrong with a device and was overcome.
+/// Prints to standard error each notice of a device that failed and was replaced or restarted.
 pub(crate) fn warn(figures: &RenderFigures) {
     for notice in &figures.notices {
         eprintln!("pumice: {notice}");

@@ -1,4 +1,4 @@
-//! All yardsticks of two pictures at once.
+//! All metrics of two pictures at once.
 
 use serde::Serialize;
 
@@ -10,12 +10,12 @@ use super::significance::{Significance, Variance, significance};
 use super::ssim::ssim;
 use crate::image::Image;
 
-/// How far a picture is from its reference.
+/// The difference of a picture from its reference by every metric.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Comparison {
     /// [`super::rel_mse`], scene-linear.
     pub rel_mse: f64,
-    /// [`super::psnr`] in dB; infinite where the pictures are equal on a screen, which JSON has only `null` for.
+    /// [`super::psnr`] in dB; infinite (`null` in JSON) where the pictures are equal on a screen.
     pub psnr: f64,
     /// [`super::ssim`].
     pub ssim: f64,
@@ -40,7 +40,7 @@ pub enum CompareError {
         /// Width and height of that picture.
         got: [usize; 2],
     },
-    /// A pixel is infinite or not a number: a fault of whatever rendered it, and no mean over it would mean anything.
+    /// A pixel is infinite or NaN: this is a fault of the renderer, and a mean over it would be meaningless.
     #[error("{picture} has the value {value} at pixel ({x}, {y}): expected finite numbers")]
     NotFinite {
         /// Which picture.
@@ -52,7 +52,7 @@ pub enum CompareError {
         /// The value.
         value: f32,
     },
-    /// Whoever asked does not want to know any more.
+    /// The caller cancelled the comparison.
     #[error("cancelled")]
     Cancelled,
 }

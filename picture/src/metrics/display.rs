@@ -1,4 +1,4 @@
-//! From scene-linear values to what a screen shows, and back.
+//! Converts scene-linear values to display values, and back.
 
 use crate::image::Image;
 

@@ -1,4 +1,4 @@
-//! The picture of where two pictures differ.
+//! A map that shows where two pictures differ.
 
 use super::display::display_from_linear;
 use super::flip::flip_map;
@@ -9,7 +9,7 @@ use crate::image::Image;
 const RAMP: [[f64; 3]; 5] =
     [[0.0, 0.0, 0.0], [0.30, 0.07, 0.48], [0.72, 0.20, 0.42], [0.98, 0.55, 0.26], [0.99, 0.98, 0.78]];
 
-/// FLIP of every pixel of two scene-linear pictures as a colour, sRGB-encoded: black where nobody sees a difference.
+/// FLIP of every pixel of two scene-linear pictures as a colour, sRGB-encoded: black where no difference is visible.
 #[must_use]
 pub fn error_map(a: &Image, b: &Image) -> Image {
     let map = flip_map(&display_from_linear(a), &display_from_linear(b));

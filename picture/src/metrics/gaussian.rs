@@ -1,11 +1,11 @@
-//! Separable filters on one channel, and what lies beyond the picture's border.
+//! Separable filters on one channel, with a choice of how the picture continues beyond its border.
 
 use rayon::prelude::*;
 
-/// What a filter sees outside the picture.
+/// How a picture continues beyond its border.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Border {
-    /// The nearest pixel of the border again and again.
+    /// The nearest pixel of the border, repeated.
     Clamp,
     /// The picture mirrored, its border pixel repeated once.
     Mirror,

@@ -1,15 +1,15 @@
-//! Whether a camera makes sense.
+//! Validation of the camera.
 
 use glam::DMat3;
 
 use super::{Check, Checked, unit_columns};
 use crate::{Camera, Projection};
 
-/// Largest cosine between two axes of a camera. Blender's matrices are f32: a chain of parents leaves some 1e-6; a shear that
-/// somebody could see in a picture of 4096 pixels (a quarter pixel at its edge) is above this.
+/// Largest cosine between two axes of a camera. Blender's matrices are f32, and a chain of parents leaves errors of some 1e-6; a shear
+/// that is visible in a picture of 4096 pixels (a quarter pixel at its edge) is above this limit.
 const MOST_CAMERA_SHEAR: f64 = 1e-4;
 
-/// Most corners of an opening: more cannot be told from a disk.
+/// Most corners of a lens opening: more look like a disk.
 const MOST_BLADES: u32 = 64;
 
 pub(super) fn validate_camera(c: &Check, camera: &Camera) -> Checked {

@@ -1,4 +1,4 @@
-//! Whether suns and lamps make sense.
+//! Validation of suns and lamps.
 
 use super::{Check, Checked};
 use crate::{Light, LightShape, Sun};
@@ -8,7 +8,7 @@ pub(super) fn validate_sun(c: &Check, sun: &Sun) -> Checked {
     c.at_least("strength", sun.strength.into(), 0.0)?;
     c.color("color", sun.color)?;
     c.range("angle_rad", sun.angle_rad, 0.0, std::f64::consts::PI)?;
-    // Radiance within the cone (`pumice_transport::ReadySun`) is an f32: a needle of a sun would blind it.
+    // `pumice_transport::ReadySun` stores the radiance within the cone as f32, which a very narrow sun would overflow.
     let cone = std::f64::consts::PI * (0.5 * sun.angle_rad).sin().powi(2);
     let brightest = sun.color.iter().fold(0.0, |a: f32, &b| a.max(b)).max(1.0);
     let radiance =
@@ -43,15 +43,16 @@ pub(super) fn validate_light(c: &Check, light: &Light) -> Checked {
             c.range("shape.area.spread_rad", *spread_rad, 0.0, std::f64::consts::PI)
         }
     }?;
-    // Radiance (`pumice_transport::ReadyLamp`) is an f32: so much power from so small a lamp would blind it.
+    // `pumice_transport::ReadyLamp` stores the radiance as f32, which a very strong and small lamp would overflow.
     let brightest = light.color.iter().fold(1.0, |a: f32, &b| a.max(b));
     let radiance = f64::from(light.power_w) * f64::from(brightest) / square_of(&light.shape);
     c.field("power_w", radiance <= f64::from(f32::MAX), || {
-        format!("expected less or a larger lamp, got {}: radiance {radiance}", light.power_w)
+        format!("expected less power or a larger lamp, got {}: radiance {radiance}", light.power_w)
     })
 }
 
-/// About the least area that a lamp sends its power from: smaller ones are points, or are taken as this large.
+/// About the area over which a lamp emits its power, in world units squared. Point and spot lights below `LEAST_SIZE` count as points
+/// (1), and sides of area lights count as at least that long.
 fn square_of(shape: &LightShape) -> f64 {
     const LEAST_SIZE: f64 = 1e-15;
     match shape {
@@ -60,7 +61,7 @@ fn square_of(shape: &LightShape) -> f64 {
         LightShape::Area { world_from_light, size, .. } => {
             let m = world_from_light.matrix3;
             let side = |axis: glam::DVec3, size: f64| (axis.length() * size).max(LEAST_SIZE);
-            // An ellipse has π/4 of its rectangle.
+            // An ellipse covers π/4 of its rectangle; 0.75 is just below that, and serves for both outlines.
             0.75 * side(m.x_axis, size[0]) * side(m.y_axis, size[1])
         }
     }

@@ -1,4 +1,4 @@
-//! Whether a material makes sense.
+//! Validation of materials.
 
 use super::{Check, Checked};
 use crate::Material;

@@ -1,4 +1,4 @@
-//! A scene in which every field is set and none has its default.
+//! A scene in which every field is set to something other than its default.
 
 use glam::{DAffine3, DMat3, DVec3};
 use pumice_scene::{

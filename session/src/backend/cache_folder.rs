@@ -1,4 +1,4 @@
-//! Where compiled pipelines are kept from one start to the next: the folder that the platform has for what can be made again.
+//! The folder in which compiled pipelines are kept between runs: the platform's cache folder.
 //!
 //! ```text
 //! PUMICE_CACHE set      its value
@@ -6,15 +6,15 @@
 //! macOS                 ~/Library/Caches                       /pumice
 //! Windows               %LOCALAPPDATA%                         /pumice
 //! ```
-//! Nothing of it is ever an error: without a folder, pipelines are compiled at each start.
+//! A missing folder is never an error: pipelines are then compiled at each start.
 
 use std::ffi::OsString;
 use std::path::PathBuf;
 
-/// Names another folder for what can be made again; empty: none is kept.
+/// Environment variable that names another cache folder; if it is empty, nothing is cached.
 pub const CACHE_VARIABLE: &str = "PUMICE_CACHE";
 
-/// The folder of compiled pipelines, where there is a place for it. It may not exist yet.
+/// The folder of compiled pipelines; `None` where the platform gives no place for it. It may not exist yet.
 pub(super) fn pipeline_folder() -> Option<PathBuf> {
     folder(&|name| std::env::var_os(name), std::env::home_dir(), std::env::consts::OS)
         .map(|f| f.join("pipelines"))
@@ -28,13 +28,13 @@ fn folder(
     if let Some(chosen) = variable(CACHE_VARIABLE) {
         return (!chosen.is_empty()).then(|| chosen.into());
     }
-    // A relative path would be another folder in each place that the program is started from.
+    // A relative path would mean a different folder for each folder that the program is started in.
     let absolute = |path: OsString| Some(PathBuf::from(path)).filter(|p| p.has_root());
     let home = home.filter(|h| h.has_root());
     let base = match system {
         "windows" => variable("LOCALAPPDATA").and_then(absolute)?,
         "macos" => home?.join("Library/Caches"),
-        // XDG Base Directory Specification 0.8: a relative path is to be ignored.
+        // XDG Base Directory Specification 0.8: relative paths are ignored.
         _ => variable("XDG_CACHE_HOME").and_then(absolute).or_else(|| Some(home?.join(".cache")))?,
     };
     Some(base.join("pumice"))

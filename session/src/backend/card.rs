@@ -1,21 +1,21 @@
-//! A Vulkan device as the choice of a backend sees it: plain words, so that choosing can be tested without any device.
+//! A Vulkan device as the choice of a backend sees it: plain data, so that the choice can be tested without a device.
 
 use pumice_vulkan::device::{Backend, Candidate, DeviceKind};
 
-/// See the module.
+/// Name, kind and missing features of a Vulkan device.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Card {
     pub(super) name: String,
     pub(super) kind: DeviceKind,
     pub(super) driver: String,
-    /// What it lacks for each of [`Backend::ALL`].
+    /// Features that it lacks for each of [`Backend::ALL`].
     pub(super) missing: [Vec<String>; 3],
 }
 
 impl Card {
     pub(super) fn of(candidate: &Candidate) -> Self {
         Self {
-            // Drivers choose their names: a control character in one would break a line of ours in two.
+            // The driver chooses this name; a control character in it could break the one-line texts that contain it.
             name: printable(&candidate.name),
             kind: candidate.kind,
             driver: printable(&candidate.driver),
@@ -23,7 +23,7 @@ impl Card {
         }
     }
 
-    /// What it lacks for a backend; empty: nothing.
+    /// Features that it lacks for a backend; empty if the backend can run on it.
     pub(super) fn missing(&self, backend: Backend) -> &[String] {
         let place = Backend::ALL.iter().position(|&b| b == backend);
         place.map_or(&[], |p| &self.missing[p])
@@ -33,12 +33,12 @@ impl Card {
         self.missing(backend).is_empty()
     }
 
-    /// Whether `auto` may take it: a graphics processor, and no driver that computes on the CPU, where our own path tracer is faster.
+    /// Whether `auto` may take it: only graphics processors, not drivers that compute on the CPU, where our own path tracer is faster.
     pub(super) fn is_graphics_processor(&self) -> bool {
         matches!(self.kind, DeviceKind::Discrete | DeviceKind::Integrated | DeviceKind::Virtual)
     }
 
-    /// What it is, in words.
+    /// Its kind as a word, as in [`super::Device::kind`].
     pub(super) fn kind_name(&self) -> &'static str {
         match self.kind {
             DeviceKind::Discrete => "discrete",

@@ -1,13 +1,13 @@
-//! From a name to the ways to render, in the order in which they are tried.
+//! Turns the name of a backend into the ways to render (backend and device), in the order in which they are tried.
 //!
 //! ```text
-//! auto                    every graphics processor × (pipeline, query, compute) that it can, then cpu
-//! cpu                     our own path tracer: Vulkan is not even started
-//! vulkan-rt               the best device that can, drivers that compute on the CPU last
+//! auto                    every graphics processor × (pipeline, query, compute) that it supports, then cpu
+//! cpu                     our own path tracer; Vulkan is not started
+//! vulkan-rt               the best device that supports it, drivers that compute on the CPU last
 //! vulkan-rt:1             the device with that number in `pumice devices`
-//! vulkan-rt:radeon        the device whose name has this in it
+//! vulkan-rt:radeon        the device whose name contains this text
 //! ```
-//! Whoever names a backend wants that one: it is tried alone, and its failure is an error. Only `auto` has others to fall back to.
+//! A named backend is tried alone, and its failure is an error. Only `auto` falls back to other backends.
 
 use pumice_vulkan::device::Backend;
 
@@ -21,7 +21,7 @@ pub(super) enum Way {
     Vulkan { number: usize, backend: Backend },
 }
 
-/// The ways that a name stands for, the first to be tried first; never empty. `cards` is asked only where Vulkan matters.
+/// The ways that a name stands for, in the order of trial; never empty. `cards` is called only for names that involve Vulkan.
 pub(super) fn choose(
     name: &str,
     cards: impl FnOnce() -> std::result::Result<Vec<Card>, String>,
@@ -54,13 +54,13 @@ pub(super) fn choose(
         }
         None => cards.iter().position(|c| c.can(backend)).ok_or_else(|| {
             let each: Vec<_> = cards.iter().enumerate().map(|(i, c)| lacks(i, c, backend)).collect();
-            wrong(format!("no device here can: {}", each.join("; ")))
+            wrong(format!("no device here supports it: {}", each.join("; ")))
         })?,
     };
     Ok(vec![Way::Vulkan { number, backend }])
 }
 
-/// What `auto` tries, in this order.
+/// The ways that `auto` tries, in order.
 pub(super) fn automatic(cards: &[Card]) -> Vec<Way> {
     let real = cards.iter().enumerate().filter(|(_, card)| card.is_graphics_processor());
     let ways = real.flat_map(|(number, card)| {
@@ -70,7 +70,7 @@ pub(super) fn automatic(cards: &[Card]) -> Vec<Way> {
     ways.chain([Way::Cpu]).collect()
 }
 
-/// The device that a user means: by its number where there is one, else by a part of its name.
+/// The number of the device that `device` names: by its number if such a device exists, otherwise by a part of its name.
 fn numbered(cards: &[Card], device: &str) -> std::result::Result<usize, String> {
     if let Some(number) = device.parse().ok().filter(|&n: &usize| n < cards.len()) {
         return Ok(number);
@@ -82,17 +82,17 @@ fn numbered(cards: &[Card], device: &str) -> std::result::Result<usize, String> 
     let those = |fits: &dyn Fn(&str) -> bool| -> Vec<usize> {
         (0..cards.len()).filter(|&i| fits(&cards[i].name.to_lowercase())).collect()
     };
-    // One device's whole name may be a part of another's.
+    // A whole name wins, because it may also be a part of another device's name.
     let whole = those(&|name| name == wanted);
     let named = if whole.is_empty() { those(&|name| name.contains(&wanted)) } else { whole };
     match named[..] {
         [number] if !wanted.is_empty() => Ok(number),
         [] | [_] => Err(format!("no such device; here are {}", here(&(0..cards.len()).collect::<Vec<_>>()))),
-        _ => Err(format!("several devices are named so, give a number: {}", here(&named))),
+        _ => Err(format!("the name fits several devices, give a number: {}", here(&named))),
     }
 }
 
-/// What keeps a device from a backend.
+/// The text that says which features a device lacks for a backend.
 fn lacks(number: usize, card: &Card, backend: Backend) -> String {
     format!("{number} {} lacks {}", card.name, card.missing(backend).join(", "))
 }
@@ -147,7 +147,7 @@ pub(super) mod tests {
         assert_eq!(ways("vulkan-rt:2", two()), Ok(vec![vulkan(2, Backend::RayPipeline)]));
         assert_eq!(ways("vulkan-rt:LLVM", two()), Ok(vec![vulkan(2, Backend::RayPipeline)]));
         assert_eq!(ways("vulkan-compute:radeon 5", two()), Ok(vec![vulkan(1, Backend::Compute)]));
-        // Not a number of a device here, so a part of a name.
+        // No device has this number, so it is taken as a part of a name.
         assert_eq!(ways("vulkan-compute:9", two()), Ok(vec![vulkan(0, Backend::Compute)]));
         let mut cards = two();
         cards[1].name = "Radeon".into();
@@ -164,8 +164,8 @@ pub(super) mod tests {
             ("", "no such backend"),
             ("vulkan-rt:1", "1 Radeon 5 lacks VK_KHR_ray_tracing_pipeline"),
             ("vulkan-rt:7", "no such device; here are 0 Radeon 9, 1 Radeon 5, 2 llvmpipe"),
-            ("vulkan-rt:", "several devices are named so"),
-            ("vulkan-rt:radeon", "several devices are named so, give a number: 0 Radeon 9, 1 Radeon 5"),
+            ("vulkan-rt:", "the name fits several devices"),
+            ("vulkan-rt:radeon", "the name fits several devices, give a number: 0 Radeon 9, 1 Radeon 5"),
             ("vulkan-rt:geforce", "no such device"),
         ] {
             let text = ways(name, two()).unwrap_err();
@@ -174,7 +174,7 @@ pub(super) mod tests {
         }
         let one = vec![card("Radeon 9", DeviceKind::Discrete, ["a", "b", "c"])];
         let text = ways("vulkan-query", one.clone()).unwrap_err();
-        assert_eq!(text, "backend vulkan-query: no device here can: 0 Radeon 9 lacks b");
+        assert_eq!(text, "backend vulkan-query: no device here supports it: 0 Radeon 9 lacks b");
         assert!(ways("vulkan-query:", one).unwrap_err().contains("no such device"));
         assert!(ways("vulkan-query", Vec::new()).unwrap_err().contains("finds no device"));
         let absent = choose("vulkan-rt", || Err("no Vulkan here: no loader (gone)".into()));

@@ -1,14 +1,13 @@
-//! A renderer that goes on where its device fails.
+//! A renderer that continues on the next device when its device fails.
 //!
 //! ```text
 //!   ways:   vulkan-rt on X ──► vulkan-query on X ──► vulkan-compute on X ──► cpu
-//!                    RenderError::Device: drop it, open the next, show the same scene, begin the picture again, tell a notice
+//!                    RenderError::Device: drop it, open the next, show the same scene, restart the picture, add a notice
 //! ```
-//! Only the device's failure is a reason: a scene that cannot be drawn, a picture that cannot be read, a cancelled job would be the
-//! same with any other. With one way alone its failure is the caller's error.
+//! Only a device failure leads to the next way: a scene that cannot be drawn, a picture that cannot be read, or a cancelled job would
+//! be the same on any other. If there is only one way, its failure is the caller's error.
 //!
-//! A way is opened when the first scene is set, and not before: opening a graphics processor takes time, and whoever draws live
-//! shall not wait for it.
+//! A way is opened only when the first scene is set: opening a graphics processor takes time, and a live client must not wait for it.
 
 use std::time::Duration;
 
@@ -16,34 +15,34 @@ use pumice_core::Job;
 use pumice_picture::{Image, Picture};
 use pumice_transport::{LoadedScene, Pick, Progress, Rebuilt, RenderError, Renderer};
 
-/// Opens a renderer.
+/// A function that opens a renderer.
 type Open = Box<dyn Fn() -> Result<Box<dyn Renderer>, RenderError> + Send>;
 
-/// One way to render.
+/// One way to render: a backend on a device, and how to open it.
 pub(super) struct Way {
     /// Name as in `--backend`.
     pub(super) backend: &'static str,
-    /// What it runs on.
+    /// Name of the device that it runs on.
     pub(super) device: String,
     pub(super) open: Open,
 }
 
 impl Way {
-    /// What its renderer says, with the way's name before it where the renderer has not put it there itself.
+    /// A message of its renderer, prefixed with the name of the way if it is not already.
     fn says(&self, line: &str) -> String {
         let name = format!("{} on {}: ", self.backend, self.device);
         if line.starts_with(&name) { line.to_owned() } else { name + line }
     }
 }
 
-/// See the module.
+/// A renderer that falls back to the next way when a device fails; the module describes how.
 pub struct FallbackRenderer {
     ways: Vec<Way>,
     place: usize,
     current: Option<Box<dyn Renderer>>,
     shown: Option<LoadedScene>,
     notices: Vec<String>,
-    /// What the renderers before the current one have made.
+    /// Counts of what the renderers before the current one have built.
     rebuilt_before: Rebuilt,
 }
 
@@ -54,18 +53,19 @@ impl std::fmt::Debug for FallbackRenderer {
 }
 
 impl FallbackRenderer {
-    /// `ways` has at least one; the first is tried first.
+    /// A renderer that tries `ways` in order; there must be at least one.
     pub(super) fn new(ways: Vec<Way>) -> Self {
         let rebuilt_before = Rebuilt::default();
         Self { ways, place: 0, current: None, shown: None, notices: Vec::new(), rebuilt_before }
     }
 
-    /// What it draws on now.
+    /// Name of the device in use.
     pub fn device(&self) -> &str {
         self.ways.get(self.place).map_or("", |way| &way.device)
     }
 
-    /// Asks the renderer for what needs samples. After a failure the next one has none.
+    /// Calls the renderer for a result that needs samples. After a device failure the next renderer has none, so the result is
+    /// [`RenderError::Restarted`].
     fn ask<T>(
         &mut self,
         question: impl Fn(&mut dyn Renderer) -> Result<T, RenderError>,
@@ -80,7 +80,7 @@ impl FallbackRenderer {
         }
     }
 
-    /// The renderer that shows a scene; one that failed for good is tried again.
+    /// The renderer that shows the scene. If the last way has failed, it is tried again.
     fn current(&mut self) -> Result<&mut dyn Renderer, RenderError> {
         if self.current.is_none() {
             self.show_again()?;
@@ -91,24 +91,24 @@ impl FallbackRenderer {
         }
     }
 
-    /// The renderer of the way in use, opened where it is not yet.
+    /// The renderer of the way in use; opens it if it is not open yet.
     fn opened(&mut self) -> Result<&mut dyn Renderer, RenderError> {
         let renderer = match self.current.take() {
             Some(renderer) => renderer,
             None => match self.ways.get(self.place) {
                 Some(way) => (way.open)()?,
-                None => return Err(RenderError::Device("there is no way to render".into())),
+                None => return Err(RenderError::Device("no backend is left to try".into())),
             },
         };
         Ok(self.current.insert(renderer).as_mut())
     }
 
-    /// Leaves the way in use for the next one, which is not opened yet; the failure itself where there is none.
+    /// Switches to the next way, without opening it; returns the failure itself if there is no next way.
     fn go_on(&mut self, why: &str) -> Result<(), RenderError> {
         self.collect_notices();
         if let Some(failed) = self.current.take() {
             self.rebuilt_before = sum(self.rebuilt_before, failed.rebuilt());
-            // Dropped here: the next one may need its memory.
+            // The failed renderer is dropped now, because the next one may need its memory.
         }
         let failure = self.ways.get(self.place).map_or_else(|| why.to_owned(), |way| way.says(why));
         let Some(next) = self.ways.get(self.place + 1) else {
@@ -119,7 +119,7 @@ impl FallbackRenderer {
         Ok(())
     }
 
-    /// Shows a scene by the first way that can.
+    /// Shows a scene with the first way that does not fail.
     fn show(&mut self, scene: &LoadedScene) -> Result<(), RenderError> {
         loop {
             match self.opened().and_then(|renderer| renderer.set_scene(scene)) {
@@ -129,7 +129,7 @@ impl FallbackRenderer {
         }
     }
 
-    /// Shows what was shown before by the way that has come into use.
+    /// Shows the previous scene again, with the way that is in use now.
     fn show_again(&mut self) -> Result<(), RenderError> {
         match self.shown.clone() {
             Some(scene) => self.show(&scene),
@@ -165,7 +165,8 @@ impl Renderer for FallbackRenderer {
         let result = self.show(scene);
         match &result {
             Ok(()) => self.shown = Some(scene.clone()),
-            // The renderer that refused the scene would keep its former one, but this one has come since.
+            // A renderer that refuses a scene keeps its previous one. If the way has changed since, the new renderer has none, so the
+            // previous scene is shown again.
             Err(_) if self.place != place => self.show_again()?,
             Err(_) => {}
         }
@@ -201,7 +202,7 @@ impl Renderer for FallbackRenderer {
     }
 
     fn pick(&mut self, x: u32, y: u32) -> Result<Option<Pick>, RenderError> {
-        // It needs no samples, so the next one can answer at once.
+        // A pick needs no samples, so after a failure the next renderer can answer at once.
         loop {
             match self.ask(|renderer| renderer.pick(x, y)) {
                 Err(RenderError::Restarted) => {}

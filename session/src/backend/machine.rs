@@ -1,4 +1,4 @@
-//! The Vulkan devices of this machine, asked for once: starting Vulkan loads every driver, which takes a tenth of a second and more.
+//! The Vulkan devices of this machine, listed once per process: starting Vulkan loads every driver, which takes 0.1 s or more.
 
 use std::path::PathBuf;
 use std::sync::OnceLock;
@@ -11,7 +11,7 @@ use super::cache_folder::pipeline_folder;
 use super::card::Card;
 use super::read_environment;
 
-/// Names another Vulkan loader than the system's; a name that leads nowhere switches Vulkan off.
+/// Environment variable with the path of another Vulkan loader than the system's; a path that does not exist switches Vulkan off.
 pub const LOADER_VARIABLE: &str = "PUMICE_VULKAN_LOADER";
 
 struct Vulkan {
@@ -19,13 +19,13 @@ struct Vulkan {
     candidates: Vec<Candidate>,
 }
 
-/// Vulkan as it was found, or why there is none. It lives as long as the process: drivers do not like to be started twice.
+/// Vulkan, or the reason why it cannot be used. It lives as long as the process: drivers do not cope well with being started twice.
 fn vulkan() -> &'static Result<Vulkan, String> {
     static VULKAN: OnceLock<Result<Vulkan, String>> = OnceLock::new();
     VULKAN.get_or_init(|| {
         let loader = std::env::var_os(LOADER_VARIABLE).filter(|l| !l.is_empty()).map(PathBuf::from);
         let options = InstanceOptions { loader, ..InstanceOptions::default() };
-        // A driver that cannot even be asked is as good as none.
+        // A driver that fails to list its devices is treated as missing.
         let none = |e: DeviceError| match e {
             DeviceError::NoVulkan(_) => e.to_string(),
             other => format!("no Vulkan here: {other}"),
@@ -36,10 +36,10 @@ fn vulkan() -> &'static Result<Vulkan, String> {
     })
 }
 
-/// The devices, best kind first; their places are their numbers.
+/// The devices, best kind first; a device's index is its number in `pumice devices`.
 ///
 /// # Errors
-/// Why there is no Vulkan here, in one line.
+/// One line that says why Vulkan cannot be used.
 pub(super) fn cards() -> Result<Vec<Card>, String> {
     match vulkan() {
         Ok(vulkan) => Ok(vulkan.candidates.iter().map(Card::of).collect()),

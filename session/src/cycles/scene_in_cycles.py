@@ -82,18 +82,18 @@ def mesh_object(name, vertices, faces, material_of_face, materials, matrix, smoo
     mesh.polygons.add(len(faces))
     mesh.polygons.foreach_set("loop_start", np.arange(0, faces.size, corners, dtype=np.int32))
     mesh.polygons.foreach_set("material_index", np.ascontiguousarray(material_of_face, dtype=np.int32))
-    # A mesh from arrays is shaded smooth unless its faces are said to be sharp.
+    # Blender shades a mesh from arrays smooth unless its faces are marked sharp.
     sharp = np.full(len(faces), not smooth and normals is None, dtype=bool)
     mesh.attributes.new("sharp_face", "BOOLEAN", "FACE").data.foreach_set("value", sharp)
     if normals is not None:
-        # As they are: what `normals_split_custom_set` keeps is rounded to 16 bits. (Blender 4.5 and on.)
+        # Stored unrounded, unlike `normals_split_custom_set`, which rounds normals to 16 bits. (Blender 4.5 and later.)
         values = np.ascontiguousarray(normals, dtype=np.float32).ravel()
         mesh.attributes.new("custom_normal", "FLOAT_VECTOR", "CORNER").data.foreach_set("vector", values)
     mesh.update(calc_edges=True)
     for i, fields in enumerate(materials):
         mesh.materials.append(principled(f"{name} {i}", fields))
     obj = linked(name, mesh, matrix)
-    # Blender moves where shadow rays start from smooth triangles; here they start from where the surface is.
+    # Blender offsets the start of shadow rays on smooth triangles; this switches it off, so that they start on the surface.
     obj.shadow_terminator_geometry_offset = obj.shadow_terminator_shading_offset = 0.0
     return obj
 
@@ -159,7 +159,7 @@ def set_camera(scene, camera, film):
     render = scene.render
     render.resolution_x, render.resolution_y, render.resolution_percentage = film["width"], film["height"], 100
     aspect = film.get("pixel_aspect", 1.0)
-    # Blender takes no value below 1.
+    # Blender accepts no value below 1.
     render.pixel_aspect_x, render.pixel_aspect_y = max(aspect, 1.0), max(1.0 / aspect, 1.0)
     render.film_transparent = film.get("transparent", False)
     (kind, values), = film["filter"].items()
@@ -189,7 +189,7 @@ def set_world(scene, world):
     picture.image = bpy.data.images.load(values["path"])
     picture.image.colorspace_settings.name = "Linear Rec.709"
     turn.vector_type = "POINT"
-    # The direction is turned back before the picture is looked up.
+    # The direction is rotated back before the lookup in the picture.
     turn.inputs["Rotation"].default_value = (0.0, 0.0, -values["rotation_rad"])
     tree.links.new(place.outputs["Generated"], turn.inputs["Vector"])
     tree.links.new(turn.outputs["Vector"], picture.inputs["Vector"])
@@ -216,7 +216,7 @@ def add_lights(lights):
             matrix = matrix_of(shape["world_from_light"])
         else:
             light.shadow_soft_size = shape["radius"]
-            # Both programs' lamps are balls where they have a radius.
+            # In both programs a lamp with a radius is a sphere.
             light.use_soft_falloff = False
             if kind == "spot":
                 light.spot_size, light.spot_blend = shape["angle_rad"], shape["blend"]
@@ -226,7 +226,7 @@ def add_lights(lights):
 
 
 def set_cycles(scene, settings, job):
-    """Everything of Cycles that decides what the picture converges to, and what is switched off."""
+    """Sets everything in Cycles that decides what the picture converges to, and switches the rest off."""
     if settings["mode"] != "path":
         raise SystemExit(f"settings.mode: expected path, got {settings['mode']}")
     scene.render.engine = "CYCLES"
@@ -276,7 +276,7 @@ KINDS = {
 def want_passes(scene):
     """Makes the file one of layers, with all that `KINDS` needs."""
     image, layer = scene.render.image_settings, scene.view_layers[0]
-    # Else another seed alone, without a picture that is loaded between, is not noticed, and each picture is the first again.
+    # Without this, Cycles does not notice a change of the seed alone, and every picture equals the first.
     scene.render.use_persistent_data = False
     if bpy.app.version >= (5, 0, 0):
         image.media_type = "MULTI_LAYER_IMAGE"
@@ -405,5 +405,5 @@ if __name__ == "__main__":
     with open(sys.argv[1], encoding="utf-8") as job_file:
         main(json.load(job_file))
     sys.stdout.flush()
-    # Some versions of Blender crash when the interpreter is taken down.
+    # Some versions of Blender crash when the interpreter shuts down.
     os._exit(0)

@@ -1,11 +1,11 @@
-//! Devices that fail while a picture is live: what the client sees of it.
+//! What the client of a live picture sees when a device fails.
 
 use std::time::{Duration, Instant};
 
 use super::*;
 use crate::backend::fakes::{At, full, scene, ways};
 
-/// The status once the worker rests or has ended; a test that waits a minute has found that it does neither.
+/// Waits until the worker has converged or ended, and returns the status; fails after a minute.
 fn settled(live: &Live) -> Status {
     let start = Instant::now();
     loop {
@@ -35,7 +35,7 @@ fn a_device_that_fails_is_followed_by_the_next_and_told() {
         );
         let told = "vulkan-rt on X: out of GPU memory; going on with cpu".to_string();
         assert!(status.notices.contains(&told), "{at:?}: {:?}", status.notices);
-        // The frame is of one renderer: four samples, all after the failure.
+        // The frame comes from one renderer: four samples, all after the failure.
         let frame = live.latest(0).unwrap();
         assert_eq!((frame.spp, frame.converged, frame.rgba[0]), (4, true, 4.0), "{at:?}");
     }

@@ -1,4 +1,4 @@
-//! The thread that draws a live picture.
+//! The worker thread of a live picture.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, PoisonError};
@@ -15,28 +15,28 @@ use crate::backend::FallbackRenderer;
 use crate::measure::Stopwatch;
 use crate::progressive::Stop;
 
-/// First slice of samples; later ones grow with the age of the picture, so that little time goes into frames nobody needs.
+/// Duration of the first slice of samples. Later slices grow with the age of the picture, so that little time goes into publishing.
 const FIRST_SLICE: Duration = Duration::from_millis(40);
-/// Longest slice: the longest that a pick has to wait.
+/// Longest slice, which is also the longest that a pick waits.
 const LONGEST_SLICE: Duration = Duration::from_millis(500);
-/// Pixels of the coarsest frame: some 0.02 CPU seconds of diffuse paths.
+/// About the number of pixels of the coarsest frame, which takes some 0.02 CPU seconds of diffuse paths.
 const COARSEST_PIXELS: u64 = 16 * 1024;
 
-/// The thread that draws.
+/// The state of the worker thread.
 pub(super) struct Worker {
     shared: Arc<Shared>,
     renderer: FallbackRenderer,
     stop: Stop,
     denoise: bool,
-    /// What the filter goes by: of this revision, at the size of the frames that come now.
+    /// Guides of the denoiser, for this revision and the current frame size.
     guides: Option<Guides>,
 }
 
-/// Why the worker looks up.
+/// Why the worker stops drawing a revision.
 enum Turn {
-    /// Another revision, or the end.
+    /// There is a newer revision, or the worker is to stop.
     Changed,
-    /// Nothing more to do for this one.
+    /// The picture of this revision is done.
     Done,
 }
 
@@ -45,7 +45,7 @@ impl Worker {
         Self { shared, renderer, stop, denoise, guides: None }
     }
 
-    /// Draws until it is stopped; a panic ends it and is told.
+    /// Draws until it is stopped. A panic ends the worker and is reported in the status.
     pub(super) fn run(mut self) {
         let shared = Arc::clone(&self.shared);
         let ended = catch_unwind(AssertUnwindSafe(|| self.follow()));
@@ -64,7 +64,7 @@ impl Worker {
         board.questions.clear();
     }
 
-    /// Draws revision after revision until it is stopped, or its last device fails for good: the text of that.
+    /// Draws each new revision until it is stopped, or until its last device fails for good; then returns the text of that failure.
     fn follow(&mut self) -> Option<String> {
         let mut drawn = 0;
         loop {
@@ -107,7 +107,7 @@ impl Worker {
         }
     }
 
-    /// Draws one revision: coarse first, then all samples.
+    /// Draws one revision: coarse frames first, then the samples of the film.
     fn draw(
         &mut self,
         scene: &LoadedScene,
@@ -115,13 +115,13 @@ impl Worker {
         job: &Job,
     ) -> std::result::Result<Turn, RenderError> {
         let clock = Stopwatch::start();
-        // Frames have no passes: nothing is summed for them.
+        // Frames carry no passes, so none are accumulated.
         let film = Film { passes: Passes::NONE, ..scene.scene().film };
         for divisor in coarse_divisors(&film) {
             let [width, height] = [film.width, film.height].map(|n| n.div_ceil(divisor));
             self.show(&scene.with_film(Film { width, height, ..film })?)?;
             let progress = self.renderer.advance(Duration::ZERO, 1, job)?;
-            // A picture that was begun anew meanwhile has nothing to show yet: the next one will.
+            // If a device failure restarted the picture meanwhile, there is nothing to show yet.
             self.publish(revision, progress, &clock, true, false)?;
         }
         self.show(&scene.with_film(film)?)?;
@@ -156,7 +156,7 @@ impl Worker {
         self.renderer.set_scene(scene)
     }
 
-    /// The picture with its noise filtered away; as it is where the film was begun anew meanwhile.
+    /// The denoised picture and `true`; the picture as it is and `false` if a device failure restarted the film meanwhile.
     fn filtered(&mut self, image: Image) -> std::result::Result<(Image, bool), RenderError> {
         if self.guides.is_none() {
             self.guides = match self.renderer.picture() {
@@ -174,7 +174,7 @@ impl Worker {
         })
     }
 
-    /// Answers what was asked meanwhile.
+    /// Answers the pick requests that came in, and updates the counters.
     fn look_up(&mut self) {
         let (questions, panicking) = {
             let mut board = self.shared.board();
@@ -196,13 +196,13 @@ impl Worker {
             panic!("a panic on purpose");
         }
         for Question { x, y, answer } in questions {
-            // Whoever asked may have gone.
+            // Sending fails if the client has stopped waiting.
             let _ = answer.send(self.renderer.pick(x, y));
         }
         self.tell();
     }
 
-    /// Says what draws now, and what was overcome.
+    /// Updates backend, device and notices in the status.
     fn tell(&mut self) {
         let notices = self.renderer.notices();
         let mut board = self.shared.board();
@@ -215,7 +215,7 @@ impl Worker {
         board.notices.drain(..surplus);
     }
 
-    /// Hands the picture so far to whoever looks; false where it was begun anew and has nothing to show.
+    /// Publishes the picture so far as the newest frame; returns `false` if a device failure restarted it and there is nothing to show.
     fn publish(
         &mut self,
         revision: u64,
@@ -258,7 +258,7 @@ impl Worker {
     }
 }
 
-/// Colours and alpha, 1 where there is none, as four floats a pixel, the lowest row first.
+/// Colours and alpha (1 if `None`) as four floats per pixel, the lowest row first.
 fn rows_from_bottom(image: &Image, alpha: Option<&[f32]>) -> Vec<f32> {
     let width = image.width.max(1);
     let places = (0..image.pixels.len() / width).rev().flat_map(|y| y * width..(y + 1) * width);
@@ -269,15 +269,15 @@ fn rows_from_bottom(image: &Image, alpha: Option<&[f32]>) -> Vec<f32> {
     places.flat_map(pixel).collect()
 }
 
-/// By what the film's sides are divided in the coarse frames: each halves the one before, from one of about
-/// [`COARSEST_PIXELS`] down to 2.
+/// Divisors of the film's sides for the coarse frames: each is half of the previous one, starting with about
+/// [`COARSEST_PIXELS`] pixels and ending with the divisor 2.
 fn coarse_divisors(film: &Film) -> impl Iterator<Item = u32> {
     let pixels = u64::from(film.width) * u64::from(film.height);
     let halvings = (pixels / COARSEST_PIXELS).max(1).ilog2().div_ceil(2);
     (1..=halvings).rev().map(|h| 1 << h)
 }
 
-/// What a panic said.
+/// The message of a panic.
 pub fn panic_text(panic: &(dyn std::any::Any + Send)) -> String {
     let text = panic.downcast_ref::<&str>().map(|s| (*s).to_owned());
     text.or_else(|| panic.downcast_ref::<String>().cloned())

@@ -1,4 +1,4 @@
-//! What the caller wishes instead of what the scene says.
+//! Applies the caller's overrides to the scene.
 
 use std::sync::Arc;
 
@@ -8,10 +8,10 @@ use pumice_scene::{Adaptive, Scene, Show};
 use super::request::RenderOverrides;
 use crate::error::{Result, SessionError};
 
-/// Samples that every pixel gets before it may rest, where nobody says.
+/// Default of `min_spp`: samples that every pixel gets before it may rest.
 const DEFAULT_MIN_SPP: u32 = 16;
 
-/// Puts the wishes into the scene.
+/// Applies the overrides to the scene.
 pub(super) fn apply(
     wishes: &RenderOverrides,
     scene: &mut Scene,
@@ -52,7 +52,7 @@ pub(super) fn apply(
         (_, None) => {}
     }
     if let Some(ids) = &wishes.labels {
-        // With several volumes, each shows those of the labels that it has.
+        // With several volumes, each shows the chosen labels that it has.
         for (instance, volume) in scene.instances.iter_mut().zip(volumes) {
             let held = ids.iter().copied().filter(|&id| volume.labels().index_of(id).is_some());
             instance.style.show = Show::Only(held.collect());

@@ -1,4 +1,4 @@
-//! Picture formats that can be written.
+//! The picture formats that Pumice writes.
 
 use std::path::Path;
 
@@ -9,17 +9,17 @@ use crate::error::{Result, SessionError};
 /// Picture formats that can be written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PictureFormat {
-    /// Scene-linear, with passes.
+    /// OpenEXR: scene-linear, with passes.
     Exr,
-    /// 8 bit sRGB.
+    /// PNG: 8-bit display values.
     Png,
 }
 
 impl PictureFormat {
-    /// By the path's ending.
+    /// The format that the extension of `path` names.
     ///
     /// # Errors
-    /// When it is neither `.exr` nor `.png`.
+    /// When the extension is neither `.exr` nor `.png`.
     pub fn of(path: &Path) -> Result<Self> {
         let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase());
         match ending.as_deref() {
@@ -32,10 +32,10 @@ impl PictureFormat {
         }
     }
 
-    /// Writes a picture as its scene's film says: colours in half floats, by which view transform.
+    /// Writes a picture with the options of its scene's film: half floats, view transform.
     ///
     /// # Errors
-    /// When the file cannot be written; nothing new is under its name then.
+    /// When the file cannot be written; the name is then unchanged.
     pub fn write(self, path: &Path, picture: &Picture, passes: &Passes) -> Result<()> {
         let film = picture.provenance.as_ref().map(|p| p.scene.film);
         match self {
@@ -47,7 +47,7 @@ impl PictureFormat {
     }
 }
 
-/// Whether the folder that a file is to be written to is there.
+/// Checks that the folder of an output file exists.
 pub(super) fn check_folder(out: &Path) -> Result<()> {
     match out.parent() {
         Some(folder) if !folder.as_os_str().is_empty() && !folder.is_dir() => Err(SessionError::Caller(

@@ -1,4 +1,4 @@
-//! From what is to be rendered to a scene with its volumes and meshes open.
+//! Turns the subject of a request into a scene with its volumes and meshes open.
 
 use std::sync::Arc;
 
@@ -16,7 +16,7 @@ use crate::open::{Residence, open_chosen, open_meshes, open_shown};
 use crate::progressive::Stop;
 use crate::selection::select_labels;
 
-/// A scene that can be rendered.
+/// A scene with its volumes and meshes open, ready to render.
 pub(super) struct Prepared {
     pub(super) scene: Scene,
     pub(super) volumes: Vec<Arc<CompressedVolume>>,
@@ -25,7 +25,7 @@ pub(super) struct Prepared {
     pub(super) backend: String,
 }
 
-/// Reads the subject and makes a scene with its volumes of it.
+/// Opens the subject of a request as a scene with its volumes and meshes.
 pub(super) fn prepare(request: &RenderRequest, job: &Job) -> Result<Prepared> {
     let instead = request.overrides.labels.clone().map(Show::Only);
     let open_all =
@@ -34,7 +34,9 @@ pub(super) fn prepare(request: &RenderRequest, job: &Job) -> Result<Prepared> {
         Subject::Again(picture) => {
             let made = read_provenance(picture)?.ok_or_else(|| {
                 let picture = picture.display();
-                SessionError::Caller(format!("{picture}: this picture does not say how it was made"))
+                SessionError::Caller(format!(
+                    "{picture}: this picture carries no scene, so it cannot be rendered again"
+                ))
             })?;
             let volumes = open_all(&made.scene)?;
             let meshes = open_meshes(&made.scene)?;
@@ -44,7 +46,7 @@ pub(super) fn prepare(request: &RenderRequest, job: &Job) -> Result<Prepared> {
                     make_renderer(&made.backend).map_err(|e| {
                         let picture = picture.display();
                         SessionError::Caller(format!(
-                            "{picture}: it was drawn by a backend that is not here: {e}; name another one for a picture like it"
+                            "{picture}: it was drawn by a backend that is not available here: {e}; name another one for a similar picture"
                         ))
                     })?;
                     made.backend
@@ -60,7 +62,7 @@ pub(super) fn prepare(request: &RenderRequest, job: &Job) -> Result<Prepared> {
             (scene, volumes, meshes, request.stop, request.backend.clone())
         }
         Subject::File(path) => {
-            // Labels that are chosen by their shape are chosen among all.
+            // `pick` chooses by the shape of labels and compares all of them, so all are read.
             let shows = instead.as_ref().unwrap_or(&Show::All);
             let volume = open_chosen(path, &[shows], &request.reading, Residence::Mapped, job)?;
             let options = FigureOptions {

@@ -1,4 +1,4 @@
-//! Hashes of volumes and meshes as pictures carry them, and whether a picture's are those of the files.
+//! Content hashes of volumes and meshes as pictures carry them, and the check that a picture's hashes match its files.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -8,7 +8,7 @@ use pumice_picture::Provenance;
 
 use crate::error::{Result, SessionError};
 
-/// Content hash of a volume as pictures carry it.
+/// The content hash of a volume as 32 hexadecimal digits, as pictures carry it.
 pub fn hash_text(volume: &CompressedVolume) -> String {
     format!("{:032x}", volume.content_hash())
 }
@@ -18,7 +18,7 @@ pub(super) fn mesh_hash_text(mesh: &MeshData) -> String {
     format!("{:032x}", mesh.content_hash())
 }
 
-/// A picture is made again only from the very volumes and meshes that it was made from.
+/// Checks that the volumes and meshes are exactly those that a picture was made from: only then is it rendered again.
 pub(super) fn check_hashes(
     picture: &Path,
     made: &Provenance,

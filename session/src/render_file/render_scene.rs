@@ -1,4 +1,4 @@
-//! From a scene whose volumes and meshes are open to a picture, with what it cost.
+//! Renders a scene whose volumes and meshes are open, and reports the cost.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -15,14 +15,14 @@ use crate::measure::{Stopwatch, peak_rss_bytes};
 use crate::progressive::{CurvePoint, Stop, render_until};
 use crate::savings::Savings;
 
-/// What a picture cost and how good it is: the JSON report.
+/// Cost and estimated error of a picture: the JSON report.
 #[derive(Clone, Debug, Serialize)]
 pub struct RenderFigures {
     /// Backend that drew it.
     pub backend: String,
-    /// What it drew on.
+    /// Name of the device that drew it.
     pub device: String,
-    /// What went wrong with a device and was overcome, a line each.
+    /// Device failures after which rendering continued, one line each.
     pub notices: Vec<String>,
     /// Wall seconds of rendering.
     pub seconds: f64,
@@ -31,19 +31,19 @@ pub struct RenderFigures {
     /// Wall and CPU seconds of opening the volumes and meshes, where that was part of the work.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub opening_seconds: Option<[f64; 2]>,
-    /// Bytes of the volumes in memory by part: of the labels that were read, and each volume once.
+    /// Bytes of the volumes in memory by part. Only labels that were read count, and each volume counts once.
     pub volume_bytes: BTreeMap<&'static str, u64>,
     /// Wall and CPU seconds of building the acceleration structures and tables.
     pub prepare_seconds: [f64; 2],
-    /// Largest memory of the process so far; absent where the system does not tell.
+    /// Largest resident set of the process so far; absent where the system does not report it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub peak_rss_bytes: Option<u64>,
     /// Bytes of the acceleration structures.
     pub acceleration_bytes: u64,
-    /// Bytes of the renderer by part, `acceleration` among them: on a graphics processor all that lies on it, the volume's parts
-    /// too; on the CPU what it holds beside the volume.
+    /// Bytes of the renderer by part, including `acceleration`: on a graphics processor everything in its memory, also the parts of
+    /// the volumes; on the CPU everything except the volumes.
     pub bytes: BTreeMap<&'static str, u64>,
-    /// Samples a pixel; of those that did not rest.
+    /// Samples of each pixel that did not rest.
     pub spp: u32,
     /// Mean over pixels of the samples that each has.
     pub mean_spp: f64,
@@ -51,7 +51,7 @@ pub struct RenderFigures {
     pub error_estimate: Option<f64>,
     /// Error against run time.
     pub curve: Vec<CurvePoint>,
-    /// What leaving out saves, where that was asked for.
+    /// Measured savings of what is left out, if they were requested.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub savings: Option<Savings>,
 }
@@ -59,18 +59,18 @@ pub struct RenderFigures {
 /// A rendered picture, its figures, and what was needed for it.
 #[derive(Clone, Debug)]
 pub struct Rendered {
-    /// With provenance.
+    /// The picture, with provenance.
     pub picture: Picture,
-    /// Figures.
+    /// Its cost and error.
     pub figures: RenderFigures,
-    /// What the scene needs and what was left out, a line each.
+    /// What the scene needs and what was left out, one line each.
     pub explanation: Vec<String>,
 }
 
 /// Renders a scene whose volumes and meshes are open.
 ///
 /// # Errors
-/// What the renderer reports.
+/// Any error of the renderer.
 pub fn render_scene(
     loaded: &LoadedScene,
     backend: &str,
@@ -85,7 +85,7 @@ pub fn render_scene(
     let (curve, mut picture) = loop {
         let curve = render_until(&mut renderer, stop, job, watch)?;
         match renderer.picture() {
-            // The device failed at the last moment: another one draws it again.
+            // The device failed when the finished picture was read: another one draws it again.
             Err(RenderError::Restarted) => {}
             picture => break (curve, picture?),
         }

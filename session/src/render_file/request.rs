@@ -1,4 +1,4 @@
-//! What `render_file` is asked for.
+//! The request that `render_file` carries out.
 
 use std::path::PathBuf;
 
@@ -7,23 +7,23 @@ use pumice_scene::{Lod, Mode, ViewTransform};
 
 use crate::progressive::Stop;
 
-/// What is to be rendered.
+/// The subject of a render.
 #[derive(Clone, Debug)]
 pub enum Subject {
     /// A `.pumice` file, any label volume, or a scene (`.json`).
     File(PathBuf),
-    /// What a picture says it was made from; its samples are rendered again, whatever the stopping rule.
+    /// An earlier picture, rendered again from the scene that it carries, with as many samples, whatever the limits.
     Again(PathBuf),
 }
 
-/// Wishes that override the scene's own; for a volume, the defaults.
+/// Values that override those of the scene or, for a volume, the defaults.
 #[derive(Clone, Debug, Default)]
 pub struct RenderOverrides {
     /// Pixels across and down.
     pub size: Option<[u32; 2]>,
     /// Bounces of light.
     pub bounces: Option<u32>,
-    /// Which light is counted.
+    /// Which light the picture shows.
     pub mode: Option<Mode>,
     /// Level of detail.
     pub lod: Option<Lod>,
@@ -33,34 +33,34 @@ pub struct RenderOverrides {
     pub labels: Option<Vec<u64>>,
     /// Number of labels to choose for a figure.
     pub pick: Option<usize>,
-    /// What camera rays do not meet is transparent.
+    /// Whether the background is transparent.
     pub transparent: bool,
-    /// Colours are written in half floats.
+    /// Whether colours are written as half floats.
     pub half: bool,
-    /// How a PNG shows them.
+    /// View transform of a PNG.
     pub view_transform: Option<ViewTransform>,
     /// Pixels rest once their estimated relative error is below this.
     pub noise_threshold: Option<f32>,
     /// Samples that every pixel gets before it may rest.
     pub min_spp: Option<u32>,
-    /// Degrees around and above, for volumes only.
+    /// Direction of the camera in degrees, around the vertical axis and above the horizon; for volumes only.
     pub view_deg: Option<[f64; 2]>,
 }
 
-/// A whole request.
+/// A request to render a file.
 #[derive(Clone, Debug)]
 pub struct RenderRequest {
-    /// What.
+    /// What to render.
     pub subject: Subject,
     /// Where the picture goes: `.exr` or `.png`.
     pub out: PathBuf,
     /// Backend by name.
     pub backend: String,
-    /// When it is done.
+    /// Limits at which rendering stops.
     pub stop: Stop,
-    /// Passes by name.
+    /// Names of passes, or `all` or `none`.
     pub passes: Vec<String>,
-    /// Wishes.
+    /// Values that override the scene's.
     pub overrides: RenderOverrides,
     /// How to read a volume.
     pub reading: OpenOptions,
@@ -68,6 +68,6 @@ pub struct RenderRequest {
     pub threads: Option<usize>,
     /// Where to write the scene, if anywhere.
     pub save_scene: Option<PathBuf>,
-    /// Measure what it saves to leave out what the scene does not need.
+    /// Whether to measure what leaving out unneeded parts saves.
     pub explain: bool,
 }

@@ -1,17 +1,18 @@
-//! A picture beside the processor's: every backend draws the same samples, so the two differ by roundings, and by the few paths that
-//! roundings send another way. That is a sharper question than whether two independent estimates agree, which a test by chance asks:
-//! noise hides nothing here.
+//! Compares a picture with another of the same samples. Every backend draws the same samples, so two pictures differ only by roundings,
+//! and by the few paths that roundings send another way. This is a sharper comparison than a statistical test of two independent
+//! estimates, because noise hides nothing.
 
 use serde::Serialize;
 
 /// Values that differ by more than this share of the larger of the value and the picture's mean are apart: 1,024 products in f32,
 /// the longest of all that are drawn here, may differ by 6.2e-5. Measured on Mesa's llvmpipe: at most 3.7e-6, of rough glass.
 pub const ROUNDING: f64 = 1e-4;
-/// Share of values that may be apart. A choice falls the other way with a chance below 2⁻¹⁴ (`vulkan-renderer/tests/radiance`), and a
-/// pixel of the longest picture here makes 128 × 3 of them: one in 40. Another seed, or an albedo off by 2 %, parts all of them.
+/// Share of values that may be apart. A random choice falls the other way with a probability below 2⁻¹⁴
+/// (`vulkan-renderer/tests/radiance`), and a pixel of the longest picture here makes 128 × 3 choices: one pixel in 40. With another seed,
+/// or an albedo off by 2 %, all values are apart.
 const MOST_APART: f64 = 0.05;
 
-/// How far a picture is from another of the same samples.
+/// The difference of a picture from another of the same samples.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Beside {
     /// Largest difference of a value, as a share of the larger of the value and the picture's mean.
@@ -21,7 +22,7 @@ pub struct Beside {
 }
 
 impl Beside {
-    /// What was found, beside what was expected.
+    /// The difference of `found` from `expected`.
     pub fn between(found: &[[f32; 3]], expected: &[[f32; 3]]) -> Self {
         let count = expected.as_flattened().len().max(1) as f64;
         let mean = expected.as_flattened().iter().map(|v| f64::from(*v)).sum::<f64>() / count;
@@ -30,7 +31,7 @@ impl Beside {
             0.0 => 0.0,
             difference => difference.abs() / f64::from(b).abs().max(mean.abs()),
         });
-        // What is no number is apart too.
+        // NaN counts as apart.
         let (mut worst, mut apart) = (0.0f64, 0.0);
         for off in off {
             worst = if off <= worst { worst } else { off };
@@ -39,12 +40,12 @@ impl Beside {
         Self { worst, apart }
     }
 
-    /// The worse of two pictures of one case.
+    /// The larger difference of two pictures of one case, field by field.
     pub fn worse(self, other: Self) -> Self {
         Self { worst: self.worst.max(other.worst), apart: self.apart.max(other.apart) }
     }
 
-    /// Whether no more values are apart than may be.
+    /// Whether at most the allowed share of values is apart.
     pub fn holds(&self) -> bool {
         self.apart <= MOST_APART
     }

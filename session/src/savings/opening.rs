@@ -1,4 +1,4 @@
-//! What it saves to read only the labels that are shown out of a volume's file.
+//! Measures what reading only the visible labels of a volume's file saves.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -13,21 +13,21 @@ use crate::error::Result;
 use crate::measure::Stopwatch;
 use crate::open::{Residence, open_chosen};
 
-/// What reading only the labels that are shown saves of one file.
+/// What reading only the visible labels of one file saves.
 #[derive(Clone, Debug, Serialize)]
 pub struct OpeningSaved {
     /// The file, without its folder.
     pub file: String,
-    /// Labels that are read, and all.
+    /// Number of labels that are read, and of all labels.
     pub labels: [u64; 2],
-    /// Milliseconds of opening: labels that are shown alone, all of them.
+    /// Milliseconds of opening the visible labels only, and all labels.
     pub ms: Both,
-    /// Bytes of the volume in memory, likewise.
+    /// Bytes of the volume in memory with the visible labels only, and with all labels.
     pub bytes: [u64; 2],
 }
 
 impl OpeningSaved {
-    /// The saving in one line of words.
+    /// The saving as one line of text.
     pub fn line(&self) -> String {
         let ([shown, all], [without, with], saved) = (self.labels, self.bytes, self.ms.saved);
         format!(
@@ -42,7 +42,7 @@ impl OpeningSaved {
     }
 }
 
-/// Opens a file both ways, in turn; returns the whole volume too.
+/// Measures opening a file both ways, in turn; also returns the whole volume.
 ///
 /// # Errors
 /// As [`open_chosen`].
@@ -58,7 +58,7 @@ pub fn measure_opening(
         let volume = open_chosen(path, shows, reading, Residence::Copied, job)?;
         Ok((volume, 1e3 * clock.cpu_seconds()))
     };
-    // Once before: neither way is the first to find the file on the disk.
+    // Open both ways once before measuring, so that neither way has to load the file into the disk cache.
     let (part, (whole, _)) = (open(shows)?.0, open(&[&Show::All])?);
     let [without, with] =
         in_turn(rounds, job, |all, _| Ok(open(if all { &[&Show::All] } else { shows })?.1))?;

@@ -1,4 +1,4 @@
-//! A real Vulkan device whose memory ends for good, at each of its allocations, and the CPU that goes on.
+//! Tests on a real Vulkan device that runs out of memory for good, at each of its allocations in turn; the CPU continues.
 
 use pumice_cpu::CpuRenderer;
 use pumice_vulkan::VulkanRenderer;
@@ -8,7 +8,7 @@ use super::tests::scene;
 use super::*;
 use crate::backend::read_environment;
 
-/// The compute backend, of which from the `nth` allocation on none succeeds.
+/// The compute backend with every allocation from the `nth` on failing.
 fn full_from(nth: u32) -> Way {
     let open = Box::new(move || -> Result<Box<dyn Renderer>, RenderError> {
         let device = |e: pumice_vulkan::device::DeviceError| RenderError::Device(e.to_string());
@@ -42,7 +42,7 @@ fn draw(renderer: &mut FallbackRenderer) -> Picture {
 #[test]
 fn a_full_device_leaves_the_picture_to_the_cpu() {
     let expected = draw(&mut FallbackRenderer::new(vec![cpu()]));
-    // The last allocation of all is that of the picture's passes.
+    // The last allocation is that of the picture's passes.
     let mut fell = 0;
     for nth in [1, 2, 5, 9, 14, 17, 1000] {
         let mut renderer = FallbackRenderer::new(vec![full_from(nth), cpu()]);
@@ -56,7 +56,7 @@ fn a_full_device_leaves_the_picture_to_the_cpu() {
         assert_eq!(picture, expected, "{nth}");
         let last = notices.last().unwrap();
         assert!(last.contains("out of GPU memory: ") && last.ends_with("; going on with cpu"), "{notices:?}");
-        // It was tried once more before it was given up.
+        // The device was tried once more before it was given up.
         assert!(notices.iter().any(|n| n.contains("trying again")), "{notices:?}");
     }
     assert!((3..7).contains(&fell), "{fell}");

@@ -1,4 +1,4 @@
-//! Renderers that fail on command at each of their calls, against the one that goes on.
+//! Tests of [`super::FallbackRenderer`] with fake renderers that fail on command at each of their calls.
 
 use std::sync::{Arc, Mutex};
 
@@ -22,7 +22,7 @@ pub(crate) enum At {
 
 /// Makes an error.
 pub(crate) type Failure = fn() -> RenderError;
-/// What the fakes were asked, in order.
+/// The calls to the fakes, in order.
 pub(crate) type Log = Arc<Mutex<Vec<String>>>;
 
 struct Fake {
@@ -116,7 +116,7 @@ impl Renderer for Fake {
     }
 }
 
-/// Ways that fail where it is said, with the log of all their calls.
+/// Ways that fail at the given calls, and the log of all their calls.
 pub(crate) fn ways(fails: &[(&'static str, At)], error: Failure) -> (FallbackRenderer, Log) {
     let log = Log::default();
     let way = |&(name, fails): &(&'static str, At)| {
@@ -142,7 +142,7 @@ pub(crate) fn scene(size: [u32; 2]) -> LoadedScene {
     LoadedScene::new(scene, vec![Arc::new(volume)], vec![]).unwrap()
 }
 
-/// A picture of four samples, as sessions make it; whether it began anew on the way.
+/// Draws a picture of four samples as sessions do; also returns whether it was restarted on the way.
 fn render(renderer: &mut FallbackRenderer) -> Result<(Picture, bool), RenderError> {
     let scene = scene([4, 2]);
     renderer.set_scene(&scene)?;
@@ -169,16 +169,16 @@ fn a_failure_at_any_call_gives_the_same_picture_from_the_next_way() {
         let (picture, restarted) = render(&mut renderer).unwrap();
         assert_eq!((renderer.name(), renderer.device()), ("cpu", "X"), "{at:?}");
         assert_eq!(restarted, matches!(at, At::Advance | At::Picture), "{at:?}");
-        // All four samples are of one renderer: none of the failed one is among them.
+        // All four samples come from one renderer, none from the failed one.
         assert_eq!((picture.color.width, picture.color.pixels[0]), (4, [4.0; 3]), "{at:?}");
         let notices = renderer.notices();
         let told = "vulkan-rt on X: out of GPU memory; going on with cpu";
         assert_eq!(notices.iter().filter(|n| *n == told).count(), 1, "{notices:?}");
-        // What the failed one had to tell is not lost with it.
+        // The notices of the failed renderer are kept.
         let tiles = notices.contains(&"vulkan-rt on X: smaller tiles".to_string());
         assert_eq!(tiles, at != At::Open, "{notices:?}");
         assert_eq!(renderer.notices(), [""; 0], "a notice is told once");
-        // Its memory is free before the next one takes any.
+        // The failed renderer is dropped before the next one allocates memory.
         let log = log.lock().unwrap();
         let place = |what: &str| log.iter().position(|l| l == what);
         if at != At::Open {
@@ -257,7 +257,7 @@ fn a_way_that_stands_alone_does_not_fall_back() {
 
 #[test]
 fn a_scene_that_the_next_way_refuses_leaves_the_former_one() {
-    // The first fails when it gets its second scene, the next refuses that scene and no other.
+    // The first renderer fails when it gets its second scene; the next refuses that scene only.
     struct Refuses(Fake);
     impl Renderer for Refuses {
         fn name(&self) -> &'static str {
