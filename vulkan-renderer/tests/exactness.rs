@@ -18,7 +18,7 @@ use exact::volumes::{Random, noise};
 use exact::{Dense, in_world};
 use glam::{DAffine3, DMat3, DVec3};
 use gpu::scene::{Form, Uploaded};
-use gpu::{Gpu, Shared};
+use gpu::{Gpu, Shared, of_today};
 use pumice_core::{CompressedVolume, MeshData};
 use pumice_cpu::traverse::{MeshTracer, SceneTracer, TracedInstance, VolumeTracer};
 use pumice_scene::CutShape;
@@ -92,35 +92,26 @@ struct Front {
 static FRONTS: Mutex<Option<Vec<Front>>> = Mutex::new(None);
 static OTHERS: Mutex<Option<Vec<Front>>> = Mutex::new(None);
 
-/// Each backend with the doubles that it would draw with, and compute shaders with doubles in integers.
+/// Compute shaders with the device's doubles, and the day's one of the others: each hardware backend with the doubles that it would draw
+/// with, and compute shaders with doubles in integers.
 fn fronts() -> Shared<Vec<Front>> {
-    let made = |backend, gpu: &Gpu| match (backend, gpu.has_f64) {
-        (Backend::Compute, true) => vec![true, false],
-        (_, native) => vec![native],
+    let made = || {
+        let others = [(Backend::RayPipeline, true), (Backend::RayQuery, true), (Backend::Compute, false)];
+        let wanted = std::iter::once((Backend::Compute, true)).chain(of_today(&others));
+        let mut wanted: Vec<_> = wanted.map(|(b, native)| (b, native && Gpu::of(b).has_f64)).collect();
+        wanted.dedup();
+        wanted.into_iter().map(|(backend, native)| Front::new(backend, native)).collect()
     };
-    Shared::take(&FRONTS, || fronts_of(made), |fronts| fronts.iter().map(|f| &f.gpu).collect())
+    Shared::take(&FRONTS, made, |fronts| fronts.iter().map(|f| &f.gpu).collect())
 }
 
-/// Doubles in integers where the device has its own, in the other two.
+/// Doubles in integers on hardware backends whose device has its own.
 fn others() -> Shared<Vec<Front>> {
-    let made = |backend, gpu: &Gpu| match (backend, gpu.has_f64) {
-        (Backend::RayPipeline | Backend::RayQuery, true) => vec![false],
-        _ => vec![],
+    let made = || {
+        let hardware = [Backend::RayPipeline, Backend::RayQuery].into_iter();
+        hardware.filter(|&b| Gpu::of(b).has_f64).map(|b| Front::new(b, false)).collect()
     };
-    Shared::take(&OTHERS, || fronts_of(made), |fronts| fronts.iter().map(|f| &f.gpu).collect())
-}
-
-fn fronts_of(made: impl Fn(Backend, &Gpu) -> Vec<bool>) -> Vec<Front> {
-    let mut fronts = Vec::new();
-    for backend in Backend::ALL {
-        for native in made(backend, &Gpu::of(backend)) {
-            let gpu = Gpu::of(backend);
-            let program = RefCell::new(gpu.program("trace_rays", native, [64, 1]));
-            let name = format!("{backend}{}", if native { ", native doubles" } else { "" });
-            fronts.push(Front { name, gpu, program });
-        }
-    }
-    fronts
+    Shared::take(&OTHERS, made, |fronts| fronts.iter().map(|f| &f.gpu).collect())
 }
 
 /// Each property on the ways to trace of an ordinary run, and on the others.
@@ -155,6 +146,13 @@ on_fronts! {
 }
 
 impl Front {
+    fn new(backend: Backend, native: bool) -> Self {
+        let gpu = Gpu::of(backend);
+        let program = RefCell::new(gpu.program("trace_rays", native, [64, 1]));
+        let name = format!("{backend}{}", if native { ", native doubles" } else { "" });
+        Self { name, gpu, program }
+    }
+
     fn trace(
         &self,
         form: Form,

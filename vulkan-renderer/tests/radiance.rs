@@ -38,9 +38,9 @@ fn probing() -> Shared<Gpu> {
 
 static PATHS: Mutex<Option<Vec<Front>>> = Mutex::new(None);
 
-/// The integrator on each backend, compiled once for all tests of films.
+/// The integrator on the day's backends, compiled once for all tests of films.
 fn paths() -> Shared<Vec<Front>> {
-    Shared::take(&PATHS, || Front::all("path"), |fronts| fronts.iter().map(|front| &front.gpu).collect())
+    Shared::take(&PATHS, || Front::of_today("path"), |fronts| fronts.iter().map(|front| &front.gpu).collect())
 }
 
 /// Samples of each pixel of each scene.

@@ -22,7 +22,7 @@ mod failures;
 mod labels;
 #[path = "renderer/lost.rs"]
 mod lost;
-/// With passes, on one backend: that sums are alike on all, to the bit, is seen in `radiance/films.rs` and `radiance/catchers.rs`.
+/// With passes, on one backend: that sums are alike on others, to the bit, is seen in `radiance/films.rs` and `radiance/catchers.rs`.
 #[path = "."]
 mod sorting {
     use super::cases;

@@ -264,8 +264,8 @@ impl Suite {
         let ignored: &[&str] = if self.full { &["--", "--include-ignored"] } else { &[] };
         let commands = match part {
             "build" => vec![
-                self.cargo(&["test", "--workspace", "--tests", "--no-run"]),
-                self.cargo(&["build", "--workspace", "--bins", "--examples"]),
+                // One call, so that each crate is compiled with one set of features.
+                self.cargo(&["build", "--workspace", "--lib", "--bins", "--examples", "--tests"]),
             ],
             "python-env" => return Environment::tests().steps(&self.root, &self.target),
             "wheel" => return Ok(vec![wheel::build(&self.root, &self.target, "dev")]),

@@ -189,6 +189,17 @@ impl Drop for Gpu {
     }
 }
 
+/// The one of several like things whose turn it is by `PUMICE_TEST_SHARE`, which changes daily (`K/N`); all for `full`; the first where it
+/// is unset. Each backend's shaders take a minute or more to compile for a CPU.
+pub(crate) fn of_today<T: Clone>(things: &[T]) -> Vec<T> {
+    let share = std::env::var("PUMICE_TEST_SHARE").unwrap_or_default();
+    if share == "full" {
+        return things.to_vec();
+    }
+    let turn: usize = share.split('/').next().and_then(|k| k.parse().ok()).unwrap_or(0);
+    vec![things[turn % things.len()].clone()]
+}
+
 /// What several tests use, one after the other: compiling for a device that computes on the CPU takes longer than most tests. What
 /// the validation layer said meanwhile fails the test that gives it back; a test that fails leaves nothing to the next.
 pub(crate) struct Shared<T: 'static>(MutexGuard<'static, Option<T>>, fn(&T) -> Vec<&Gpu>);

@@ -12,8 +12,8 @@ use pumice_vulkan::layout::{self, Launch, SurfaceAovsRecord};
 use pumice_vulkan::pack::{self, PackedEmitters, PackedMaterials, PackedSky};
 use pumice_vulkan::program::Program;
 
-use crate::gpu::Gpu;
 use crate::gpu::scene::{Form, Uploaded};
+use crate::gpu::{Gpu, of_today};
 use crate::scenes::Case;
 
 /// A scene on a device: kept as long as its address is used.
@@ -87,9 +87,11 @@ pub(crate) struct Front {
 }
 
 impl Front {
-    /// An entry point on each backend, with the device's doubles.
-    pub(crate) fn all(entry: &str) -> Vec<Self> {
-        Backend::ALL.map(|backend| Self::of(entry, backend, true, &[])).into()
+    /// An entry point on the day's hardware backend and, last, in compute, with the device's doubles.
+    pub(crate) fn of_today(entry: &str) -> Vec<Self> {
+        let hardware = of_today(&[Backend::RayPipeline, Backend::RayQuery]);
+        let backends = hardware.into_iter().chain([Backend::Compute]);
+        backends.map(|backend| Self::of(entry, backend, true, &[])).collect()
     }
 
     /// An entry point in compute with doubles in integers.
