@@ -1,4 +1,4 @@
-//! The CPU behind the [`Renderer`] interface: builds from a scene what paths need, and only that.
+//! The [`Renderer`] for the CPU: builds the data that paths need from a scene, and nothing else.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -21,7 +21,7 @@ use crate::path::Surroundings;
 use crate::path_tracer::PathTracer;
 use crate::traverse::{MeshTracer, SceneTracer, TracedInstance, VolumeTracer};
 
-/// See the module.
+/// The CPU backend, with the data of the scene that it shows.
 #[derive(Debug)]
 pub struct CpuRenderer {
     read_image: ReadImage,
@@ -33,21 +33,21 @@ pub struct CpuRenderer {
 struct Shown {
     scene: LoadedScene,
     tracer: PathTracer<SceneTracer>,
-    /// Lights but surfaces that shine.
+    /// All lights except emissive surfaces.
     lights: Arc<Lights>,
 }
 
-/// What it leaves out where a scene does not need it. The rest is decided as paths go: its code is always there, and asked only by
-/// what a scene has.
+/// Parts that this renderer leaves out where a scene does not need them. The code for all other parts is always present; whether it runs is
+/// decided while paths are traced.
 pub const LEAVES_OUT: PartSet = PartSet::NONE
     .with(Part::HiddenLabels)
     .with(Part::Levels)
-    .with(Part::Clear)
+    .with(Part::Transparent)
     .with(Part::Sorting)
     .with(Part::Mattes)
     .with(Part::InstanceTree);
 
-/// Those that instances share counted once.
+/// Memory of the material tables; tables that instances share count once.
 fn material_bytes(materials: &[Arc<MaterialTable>]) -> u64 {
     let mut seen = std::collections::BTreeSet::new();
     materials.iter().filter(|l| seen.insert(Arc::as_ptr(l).addr())).map(|l| l.bytes()).sum()
@@ -58,7 +58,7 @@ fn no_scene() -> RenderError {
 }
 
 impl CpuRenderer {
-    /// A renderer that shows nothing yet.
+    /// A renderer without a scene.
     pub fn new(read_image: ReadImage) -> Self {
         Self { read_image, shown: None, rebuilt: Rebuilt::default() }
     }
@@ -68,7 +68,7 @@ impl CpuRenderer {
     }
 }
 
-/// What of a scene shines and can be aimed at.
+/// The emissive surfaces of a scene that light sampling can choose.
 ///
 /// # Errors
 /// As [`Emitters::new`].
@@ -101,7 +101,7 @@ pub fn emitters_of(
     Emitters::new(&of_volumes.chain(of_meshes).collect::<Vec<_>>())
 }
 
-/// What is made of a scene, and how often, for a scene to be shown.
+/// The construction of a scene's data for `set_scene`, with counts of what was built.
 struct Making<'a> {
     new: &'a LoadedScene,
     old: Option<&'a Shown>,
@@ -111,14 +111,14 @@ struct Making<'a> {
 }
 
 impl Making<'_> {
-    /// The material table of an instance or of a mesh, ready to be shared.
+    /// Completes the material table of an instance or of a mesh, so that it can be shared.
     fn ready(&mut self, materials: MaterialTable, ids: impl FnOnce() -> Vec<Ids>) -> Arc<MaterialTable> {
         self.rebuilt.materials += 1;
         let mattes = self.parts.has(Part::Mattes);
         Arc::new(materials.with_ids(if mattes { ids() } else { Vec::new() }))
     }
 
-    /// The former scene's looks of this number: meshes come after volumes.
+    /// The material table at this index of the previous scene, where meshes come after volumes.
     fn former_materials(&self, number: usize) -> Option<Arc<MaterialTable>> {
         self.old.and_then(|old| old.tracer.around().materials.get(number)).map(Arc::clone)
     }
@@ -150,7 +150,7 @@ impl Making<'_> {
         self.ready(materials, || cryptomatte::ids_of_mesh(&mesh.source))
     }
 
-    /// Geometry of an instance; `before` is that of those that come before it.
+    /// Geometry of an instance; `before` is the geometry of the instances before it.
     fn volume(
         &mut self,
         place: usize,
@@ -188,7 +188,7 @@ impl Making<'_> {
         Ok(Arc::new(geometry.shaded_smooth(scene.settings.smooth_voxels)))
     }
 
-    /// Geometry of a mesh; `before` is that of those that come before it.
+    /// Geometry of a mesh; `before` is the geometry of the meshes before it.
     fn mesh(
         &mut self,
         place: usize,
@@ -217,7 +217,7 @@ impl Renderer for CpuRenderer {
         let (needs, parts) = (scene.needs(), scene.needs().parts());
         let mut making = Making { new: scene, old, lod: scene.lod(), parts, rebuilt: self.rebuilt };
 
-        // Lights but surfaces that shine.
+        // All lights except emissive surfaces.
         let lights = match old {
             Some(o) if plan.lights == Reuse::Keep => Arc::clone(&o.lights),
             _ => {
@@ -226,7 +226,7 @@ impl Renderer for CpuRenderer {
             }
         };
 
-        // Materials and geometry, of volumes first.
+        // Materials and geometry, volumes first.
         let (mut materials, mut volumes, mut meshes) = (Vec::new(), Vec::new(), Vec::new());
         for (place, plan) in plan.instances.iter().enumerate() {
             materials.push(making.materials_of_instance(place, plan, &materials));
@@ -237,7 +237,7 @@ impl Renderer for CpuRenderer {
             meshes.push(making.mesh(place, plan, &meshes)?);
         }
 
-        // The hierarchy over all of them.
+        // The hierarchy over all instances and meshes.
         let geometry = SceneTracer::of(volumes).with_meshes(meshes);
         let geometry = match old {
             Some(o) if plan.top_level == Reuse::Keep => geometry.with_tree_of(o.tracer.tracer()),
@@ -250,7 +250,7 @@ impl Renderer for CpuRenderer {
         let catches: Vec<bool> = scene.scene().meshes.iter().map(|m| m.shadow_catcher).collect();
         let geometry = geometry.with_catchers(&catches);
 
-        // Surfaces that shine.
+        // Emissive surfaces.
         let emitters = match old {
             Some(o) if plan.emitters == Reuse::Keep => o.tracer.around().lights.emitters().map(Arc::clone),
             _ if !parts.has(Part::Emitters) => None,
@@ -270,7 +270,7 @@ impl Renderer for CpuRenderer {
         rebuilt.camera += u64::from(plan.camera.is_build());
         rebuilt.film += u64::from(plan.film.is_build());
         let Scene { camera, film, settings, .. } = scene.scene();
-        let materials = MaterialTables::new(materials, parts.has(Part::Clear));
+        let materials = MaterialTables::new(materials, parts.has(Part::Transparent));
         let around = Surroundings { lights: lit, materials, settings: *settings };
         let mut tracer = match self.shown.take() {
             Some(Shown { mut tracer, .. }) if [plan.film, plan.sums] == [Reuse::Keep; 2] => {

@@ -1,4 +1,4 @@
-//! Paths through surfaces: from outside of a label into it, through its inside, and out of it.
+//! Paths through transparent surfaces: into a label from outside, through its inside, and out of it.
 //!
 //! ```text
 //!            outside      label A      label B      outside
@@ -6,21 +6,20 @@
 //!         A's front      A's back,     B's back
 //!                       then B's front
 //! ```
-//! A tracer tells where a ray leaves the label that it starts in ([`Hit::from_inside`]). Where labels touch, the ray that leaves one
-//! starts inside the next, and the tracer answers with the back of that: its front, at the very face that was left, is put in
-//! between here.
+//! A tracer reports where a ray leaves the label that it starts in ([`Hit::from_inside`]). Where labels touch, the ray that leaves one
+//! label starts inside the next, and the tracer reports the back of that one. This module inserts the missing front of the next label, at
+//! the face that the ray just left.
 
 use glam::DVec3;
 use pumice_transport::{Hit, PathOrigin, RayInWorld, Surface, SurfaceKind, Tracer};
 
 use crate::path::Surroundings;
 
-/// Most surfaces that a path, or the way to a light, passes straight through: the most that Cycles' *Transparent Max Bounces* can
-/// be set to.
+/// Largest number of surfaces that a path, or a shadow ray, passes straight through: the maximum of Cycles' *Transparent Max Bounces*.
 pub const MAX_TRANSPARENT_SURFACES: u32 = 1024;
 
-/// Whether a ray that goes on from the surface `left` may find itself in another label at once: it goes outward from the back of a
-/// label, or from a front that lies against such a back (whose t is 0, as no tracer tells it).
+/// Whether a ray that continues from the surface `left` may be inside another label at once: it leaves outward from the back of a label, or
+/// from a front that lies against such a back (marked by t = 0, which no tracer returns).
 #[inline]
 pub fn may_touch(direction: DVec3, left: &Hit) -> bool {
     (left.from_inside || left.t == 0.0)
@@ -42,7 +41,7 @@ pub fn next_hit<T: Tracer + ?Sized>(tracer: &T, ray: &RayInWorld, left: &Hit, t_
     tracer.first_hit(ray, from, t_max)
 }
 
-/// The front of the label whose back is `back`, where it touches the face that was `left`.
+/// The front of the label whose back is `back`, where that label touches the face `left`.
 #[cold]
 fn front_of(back: &Hit, left: &Hit) -> Hit {
     let Surface { kind, axis, positive, plane, mut voxel, .. } = left.surface;
@@ -51,8 +50,8 @@ fn front_of(back: &Hit, left: &Hit) -> Hit {
     Hit { t: 0.0, surface, normal_in_world: -left.normal_in_world, from_inside: false }
 }
 
-/// Part of the light that comes along a ray from the surface `left` to `t_max`: surfaces that are not wholly there let some
-/// through, straight on; all others, glass too, block it, as in Cycles.
+/// Transmitted share of the light along a ray from the surface `left` to `t_max`: surfaces with alpha below 1 let part of it straight
+/// through; all others, glass too, block it, as in Cycles.
 #[inline]
 pub fn visibility<T: Tracer + ?Sized>(
     tracer: &T,

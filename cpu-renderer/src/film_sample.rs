@@ -1,20 +1,21 @@
-//! What is made of the light that a path meets: added up, or clamped and sorted into passes first.
+//! Receivers for the light along a path: a plain sum, or a sample that is clamped and sorted into passes.
 //!
 //! ```text
-//! light that a ray met       seen by the camera: emission, or environment; else by the first surface's kind, direct after one surface
-//! light that was aimed at    by the kind of the first surface, direct at that surface
+//! light that a ray hit       seen by the camera: emission or environment; otherwise the kind of the first surface, direct after one surface
+//! light that was sampled     the kind of the first surface, direct at that surface
 //! ```
-//! **Kinds**, as Cycles' `film_write_emission_or_background_pass` and `film_write_direct_light` (`kernel/film/light_passes.h`): what
-//! the first surface scattered decides, whatever came after. Of a mixture, each kind gets its part of f in the direction in which the
-//! path went on: Lambert's and sheen's is diffuse, all else above the surface glossy, all below transmission.
+//! **Kinds** follow Cycles' `film_write_emission_or_background_pass` and `film_write_direct_light` (`kernel/film/light_passes.h`): the
+//! scattering at the first surface decides, whatever follows. Of a mixture, each kind gets its part of f in the direction in which the path
+//! continued: Lambert and sheen are diffuse, everything else above the surface is glossy, everything below it is transmission.
 //!
-//! **Clamps**, as `film_clamp_light` there: one contribution's channels add up to at most three times the setting, else it is scaled.
-//! Where Cycles' contributions are one lamp each, ours are what a ray meets at once: lamps on one stretch, sky and suns together.
+//! **Clamps** follow `film_clamp_light` there: if the channels of one contribution add up to more than three times the setting, it is
+//! scaled down to that. A contribution in Cycles is one lamp; here it is all light that a ray finds at once: the lamps on one segment, or
+//! sky and suns together.
 //!
-//! **Mattes**: the first surface's ids, counted in a pixel's slots ([`pumice_picture::cryptomatte`]).
+//! **Mattes**: the ids of the first surface, counted in the slots of a pixel ([`pumice_picture::cryptomatte`]).
 //!
-//! **Shadow catchers**: from the first that a camera's path meets, its light is the catcher's, and in no pass of light, as in Cycles
-//! ([`pumice_picture::shadow_catcher`]).
+//! **Shadow catchers**: from the first catcher that a camera path hits, the path's light belongs to the catcher and to no light pass, as in
+//! Cycles ([`pumice_picture::shadow_catcher`]).
 
 use glam::Vec3;
 use pumice_picture::PassSums;
@@ -23,75 +24,75 @@ use pumice_picture::film::REPLICATES;
 use pumice_picture::passes::{COLOR_KINDS, LIGHT_KINDS};
 use pumice_scene::Settings;
 
-/// Kinds of light, each direct and, one further, indirect.
+/// Kinds of light; the index of each is its direct light, and that index + 1 its indirect light.
 const DIFFUSE: usize = 0;
 const GLOSSY: usize = 2;
 const TRANSMISSION: usize = 4;
 const EMISSION: usize = 6;
 const ENVIRONMENT: usize = 7;
 
-/// How scattered light is dealt out to kinds.
+/// How scattered light is divided among the kinds.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PassWeights {
-    /// Part that is diffuse.
+    /// Diffuse part.
     pub diffuse: Vec3,
-    /// Whether the rest went through the surface.
+    /// Whether the rest passed through the surface (transmission) or was reflected (glossy).
     pub through: bool,
 }
 
-/// The first surface.
+/// AOVs of the first surface.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SurfaceAovs {
     /// Diffuse, glossy and transmission colour.
     pub colors: [Vec3; COLOR_KINDS],
-    /// On the side that is seen, in the world.
+    /// Normal in the world, on the side that is seen.
     pub normal: Vec3,
 }
 
-/// Who hears of the light along a path. A path has scattered at `vertex` surfaces so far.
+/// Receives the light along a path. `vertex` is the number of surfaces that have scattered the path so far.
 pub trait FilmSample {
-    /// Light that a ray met on its way or at its end.
+    /// Adds light that a ray passed on its way or hit at its end.
     fn add_emission(&mut self, light: Vec3, vertex: u32);
 
-    /// The same from behind everything.
+    /// Adds light that a ray found behind everything.
     fn add_background(&mut self, light: Vec3, vertex: u32);
 
-    /// Light that the surface in front of the path was found to get from a light, and what it made of it.
+    /// Adds light that light sampling found at the surface in front of the path, after its BSDF; `share` divides it among the kinds.
     fn add_direct_light(&mut self, light: Vec3, vertex: u32, share: impl FnOnce() -> PassWeights);
 
-    /// The path goes on.
+    /// The path continues after scattering; `share` divides later light among the kinds.
     fn scatter(&mut self, vertex: u32, share: impl FnOnce() -> PassWeights);
 
-    /// The path came to a surface.
+    /// The path reached a surface with these AOVs.
     fn write_aovs(&mut self, vertex: u32, surface: impl FnOnce() -> SurfaceAovs);
 
-    /// Which surface it is, by label and by type.
+    /// The matte ids of the surface that the path reached.
     fn write_ids(&mut self, vertex: u32, ids: impl FnOnce() -> Ids);
 
-    /// Whether light of shadow catchers is kept apart: a path that meets one goes on twice.
+    /// Whether the light of shadow catchers is kept apart; a path that hits one then continues twice.
     fn catches(&self) -> bool {
         false
     }
 
-    /// The path has met its first shadow catcher, with this light behind everything.
+    /// The path has hit its first shadow catcher; `_behind` is the background behind everything.
     fn caught(&mut self, _behind: impl FnOnce() -> Vec3) {}
 
-    /// What follows is met among catchers alone, or among all things again.
+    /// From here on the path sees shadow catchers alone (`true`), or everything again (`false`).
     fn among_catchers(&mut self, _alone: bool) {}
 }
 
-/// Whose light it is.
+/// The sum that light is added to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Sink {
-    /// The picture's.
+    /// The picture.
     Matte,
-    /// A shadow catcher's among all things.
+    /// A shadow catcher, among all objects.
     Caught,
-    /// The same among catchers alone.
+    /// A shadow catcher, among catchers alone.
     Alone,
 }
 
-/// The sum of all light and nothing else.
+/// The sum of all light, without clamps or passes.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ColorSample(pub Vec3);
 
@@ -121,35 +122,35 @@ impl FilmSample for ColorSample {
     fn write_ids(&mut self, _: u32, _: impl FnOnce() -> Ids) {}
 }
 
-/// Light clamped and sorted.
+/// A sample whose light is clamped and sorted into passes.
 #[derive(Clone, Copy, Debug)]
 pub struct AovSample {
-    /// The picture's.
+    /// Light of the picture.
     pub total: Vec3,
-    /// 0 where nothing was met and the film is transparent.
+    /// 0 where nothing was hit and the film is transparent.
     pub alpha: f32,
-    /// By kind.
+    /// Light by kind.
     pub light: [Vec3; LIGHT_KINDS],
-    /// Of the first surface; black where there is none.
+    /// AOVs of the first surface; black where there is none.
     pub surface: SurfaceAovs,
-    /// Its ids; 0 where there is none.
+    /// Matte ids of the first surface; 0 where there is none.
     pub ids: Ids,
-    /// A shadow catcher's among all things, and among catchers alone.
+    /// Light of a shadow catcher among all objects, and among catchers alone.
     pub caught: [Vec3; 2],
-    /// Seen behind everything, past a catcher too.
+    /// Background seen behind everything, also past a catcher.
     pub background: Vec3,
-    /// Whether something but a catcher was met, or an opaque film's background.
+    /// Whether anything but a catcher was hit, or the background of an opaque film.
     pub covered: bool,
     sink: Sink,
     scatter_weights: PassWeights,
     transparent: bool,
     kept: PassSums,
-    /// Largest sum of a contribution's channels: seen or scattered once, scattered more often.
+    /// Largest sum of a contribution's channels: for light seen directly or scattered once, and for light scattered more often.
     limits: [f32; 2],
 }
 
 impl AovSample {
-    /// Nothing yet, for a film that keeps these sums.
+    /// An empty sample for a film that keeps these sums.
     pub fn new(settings: &Settings, kept: PassSums) -> Self {
         let limit = |clamp: f32| if clamp == 0.0 { f32::INFINITY } else { 3.0 * clamp };
         Self {
@@ -169,7 +170,7 @@ impl AovSample {
         }
     }
 
-    /// At most as much light as the clamp lets pass.
+    /// The light, scaled down to the clamp's limit.
     #[inline]
     fn clamped(&self, light: Vec3, indirect: bool) -> Vec3 {
         let limit = self.limits[usize::from(indirect)];
@@ -177,7 +178,7 @@ impl AovSample {
         if sum > limit { light * (limit / sum) } else { light }
     }
 
-    /// Deals light out to the kinds of the surface that scattered it first.
+    /// Adds light to the kinds of the first surface, divided by `share`.
     #[inline]
     fn deal(&mut self, light: Vec3, share: PassWeights, indirect: bool) {
         if self.kept.light {
@@ -188,7 +189,7 @@ impl AovSample {
         }
     }
 
-    /// Puts light into the sum of whom it is of.
+    /// Adds light to the sum of the current sink.
     #[inline]
     fn put(&mut self, light: Vec3) {
         match self.sink {
@@ -198,7 +199,7 @@ impl AovSample {
         }
     }
 
-    /// Adds a sample of this number to a pixel's sums.
+    /// Adds this sample, which has this number, to a pixel's sums.
     pub fn add_to(&self, sums: &mut [f32], number: u32) {
         let alpha = self.kept.alpha.then_some(self.alpha);
         let color: Vec3 = self.surface.colors.iter().sum();
@@ -232,7 +233,8 @@ impl AovSample {
     }
 }
 
-/// Counts an id in a pixel's slots: its own, else a free one, else that of the least count, which it goes on from.
+/// Counts an id in the slots of a pixel: in its own slot, else a free one, else the one with the least count, which it replaces and
+/// continues.
 fn matte_add(slots: &mut [f32], id: f32) {
     let (mut least, mut place) = (f32::INFINITY, 0);
     for at in (0..slots.len()).step_by(2) {
@@ -331,7 +333,7 @@ mod tests {
 
     use super::*;
 
-    /// Space-Saving's promises (Metwally et al. 2005, §3.2), against counts of everything; exact while slots last.
+    /// Checks the guarantees of Space-Saving (Metwally et al. 2005, §3.2) against full counts; counts are exact while there are free slots.
     #[test]
     fn slots_keep_what_covers_most() {
         let mut state = 1u32;
@@ -344,7 +346,7 @@ mod tests {
             let (mut slots, mut exact) = ([0f32; 16], HashMap::<u32, u32>::new());
             let kinds = 1 + random(40);
             for _ in 0..400 {
-                // Some are seen often.
+                // Some ids are seen often.
                 let below = 1 + random(kinds);
                 let id = 1.0 + random(below) as f32;
                 matte_add(&mut slots, id);

@@ -1,4 +1,4 @@
-//! The reference path tracer: every machine can render.
+//! The reference path tracer, which runs on the CPU of every machine.
 #![deny(unsafe_code)]
 
 pub mod cpu_renderer;

@@ -1,17 +1,17 @@
 //! One path, from the camera to its end.
 //!
 //! ```text
-//! for each vertex 0, 1, …, all light told to a tally:
-//!     add the lamps that were passed on the way
+//! for each vertex 0, 1, …, all light goes to a `FilmSample`:
+//!     add the lamps that the ray passed
 //!     nothing hit → add the sky and the suns in that direction, weighted; end
-//!     the camera's first shadow catcher → go on twice, by the same numbers: among catchers alone, and among all things
-//!     go straight on where the surface is not wholly there (alpha); that is no vertex
-//!     add the surface's emission; end here if this vertex is past the last that is lit
-//!     aim at a light; add it where nothing stands between, weighted
-//!     scatter; end by Russian roulette where little is left
+//!     the camera's first shadow catcher → continue twice, with the same random numbers: among catchers alone, and among all objects
+//!     go straight on where the surface is transparent (alpha); that is no vertex
+//!     add the surface's emission; end here if this vertex is beyond the last that receives light
+//!     sample a light; add it if it is not occluded, weighted
+//!     scatter; end by Russian roulette where the throughput is low
 //! ```
-//! Beyond that: geometry is f64 and exact from face to face, light is f32; each number drawn has a named dimension; how paths go
-//! into labels and out of them is in [`crate::crossing`].
+//! Geometry is f64 and exact from face to face, light is f32; each random number has a named dimension; [`crate::crossing`] handles how
+//! paths enter and leave labels.
 
 use std::sync::Arc;
 
@@ -28,20 +28,20 @@ use pumice_transport::{Hit, PathOrigin, RayInWorld, Receiver, SurfaceKind, Trace
 use crate::crossing::{MAX_TRANSPARENT_SURFACES, may_touch, next_hit, visibility};
 use crate::film_sample::{AovSample, ColorSample, FilmSample, PassWeights, SurfaceAovs};
 
-/// First vertex after which Russian roulette may end a path: the first bounces carry most of the light, and cutting them costs
-/// more noise than time.
+/// First vertex after which Russian roulette may end a path: the first bounces carry most of the light, and ending them costs more noise
+/// than it saves time.
 const FIRST_ROULETTE: u32 = 2;
 
-/// Least chance to go on: a path that survives is never weighted by more than this says.
+/// Least survival probability, which bounds the weight of surviving paths.
 const LEAST_SURVIVAL: f32 = 0.05;
 
-/// Added to a surface's number for numbers beyond its pairs: no path has so many surfaces.
+/// Offset of the bounce number for random numbers beyond a bounce's pairs: no path has so many surfaces.
 const FURTHER: u32 = 1 << 28;
 
-/// Everything a path meets but geometry.
+/// Everything that a path meets except geometry.
 #[derive(Clone, Debug)]
 pub struct Surroundings {
-    /// Sky, suns, backdrop.
+    /// Sky, suns, lamps, emissive surfaces, and backdrop.
     pub lights: Arc<Lights>,
     /// Material tables of the instances, then of the meshes.
     pub materials: MaterialTables,
@@ -49,7 +49,7 @@ pub struct Surroundings {
     pub settings: Settings,
 }
 
-/// Orthonormal frame on a face: z is its normal.
+/// Orthonormal frame on a surface, with the normal as z.
 struct Frame {
     tangent: DVec3,
     bitangent: DVec3,
@@ -74,19 +74,19 @@ impl Frame {
     }
 }
 
-/// The straight way that a ray is on, through surfaces that are not there.
+/// A straight segment of a path, which continues through transparent surfaces.
 #[derive(Clone, Copy)]
 struct Way {
-    /// Where it began: the camera, or where it was scattered last.
+    /// Start of the segment: the camera, or the last scattering.
     from: Receiver,
     /// Density of its direction; `None` from the camera.
     pdf: Option<f32>,
-    /// How far it has come, in world units.
+    /// Length so far, in world units.
     gone: f64,
 }
 
 impl Way {
-    /// Light of lamps from where it has come to up to the next surface, or to `t_max` where there is none.
+    /// Light of lamps between the length so far and the next surface, or `t_max` where there is none.
     #[inline]
     fn lamps(&self, lights: &Lights, direction: DVec3, next: Option<&Hit>, t_max: f64) -> Vec3 {
         if lights.lamps().is_empty() {
@@ -103,18 +103,18 @@ impl Way {
     }
 }
 
-/// What a path may meet.
+/// The objects that a path sees.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Among {
-    /// All things; the camera has seen no shadow catcher.
+    /// All objects; the camera path has hit no shadow catcher.
     All,
-    /// The same after the first of them.
+    /// All objects, after the first catcher.
     Caught,
     /// Shadow catchers alone, after the first.
     Catchers,
 }
 
-/// A path on its way from the camera, before a surface.
+/// A camera path in front of a surface.
 #[derive(Clone, Copy)]
 struct Start {
     ray: RayInWorld,
@@ -126,7 +126,7 @@ struct Start {
     among: Among,
 }
 
-/// Radiance along a camera ray that sees up to `t_max`; `down` says where in the picture it is, 0 top to 1 bottom.
+/// Radiance along a camera ray that is clipped at `t_max`; `down` is the height in the picture, from 0 at the top to 1 at the bottom.
 #[inline]
 pub fn radiance<T: Tracer + ?Sized>(
     tracer: &T,
@@ -146,7 +146,7 @@ pub fn radiance<T: Tracer + ?Sized>(
     total.0
 }
 
-/// The same, told to a tally.
+/// Like [`radiance`], with all light added to a [`FilmSample`].
 #[inline]
 pub fn follow<T: Tracer + ?Sized>(
     tracer: &T,
@@ -182,7 +182,7 @@ pub fn follow<T: Tracer + ?Sized>(
     path(tracer, around, sampler, start, bounces, down, film_sample);
 }
 
-/// 1 where a cosine-distributed ray meets nothing within reach, else 0: what a white surface would scatter of a white sky.
+/// 1 where a cosine-distributed ray hits nothing within reach, else 0: the light that a white surface would scatter from a white sky.
 fn ambient<T: Tracer + ?Sized>(
     tracer: &T,
     around: &Surroundings,
@@ -231,7 +231,7 @@ fn path<T: Tracer + ?Sized>(
     let lights = &around.lights;
     let mut throughput = Vec3::ONE;
     let Start { mut ray, mut hit, mut t_max, mut way, mut passed, mut among } = start;
-    // Surfaces that scattered.
+    // Number of surfaces that scattered the path.
     let mut vertex = 0u32;
     // Whether a path outside of all labels started within another label's coarse element.
     let mut buried = false;
@@ -253,7 +253,7 @@ fn path<T: Tracer + ?Sized>(
         let step = vertex + passed;
         let origin = ray.origin + ray.direction * hit.t;
 
-        // Straight on where the surface is not there.
+        // Straight on where the surface is transparent.
         if material.alpha < 1.0 && sampler.bounce(step, BouncePair::Roulette)[1] >= material.alpha {
             passed += 1;
             if passed > MAX_TRANSPARENT_SURFACES {
@@ -285,7 +285,7 @@ fn path<T: Tracer + ?Sized>(
         let smooth = tracer.shading_normal(&hit, origin, normal);
         let frame = Frame::new(smooth.unwrap_or(normal));
         let mut wi = frame.local(-ray.direction.normalize());
-        // What shines, shines as the surface lies: those who aim at it know no other normal.
+        // Emission uses the geometric normal, because light sampling knows no other.
         let own = smooth.map(|_| frame.local(normal));
         let cos = own.map_or(wi.z, |own| wi.dot(own)).max(LEAST_VIEW);
         let mut light = emitted(material, cos);
@@ -318,7 +318,7 @@ fn path<T: Tracer + ?Sized>(
             Receiver { point: origin, normal: frame.normal.as_vec3(), both_sides: bsdf.transmits() };
         let mut choice = None;
 
-        // Aim at a light.
+        // Sample a light.
         if lights.samples_lights() {
             let [which, lobe] = sampler.bounce(step, BouncePair::Choice);
             choice = Some(lobe);
@@ -358,7 +358,7 @@ fn path<T: Tracer + ?Sized>(
         if most <= 0.0 {
             return;
         }
-        // A mirror's only direction is the mirror's alone.
+        // The single direction of a mirror belongs to the mirror alone.
         film_sample.scatter(vertex, || PassWeights {
             diffuse: match sample.pdf.is_finite() {
                 true => bsdf.diffuse_share(sample.wo, sample.weight * sample.pdf),
@@ -367,7 +367,7 @@ fn path<T: Tracer + ?Sized>(
             through: sample.through,
         });
 
-        // End by Russian roulette; who survives stands for who does not (Arvo and Kirk 1990).
+        // End by Russian roulette; surviving paths are weighted for those that end (Arvo and Kirk 1990).
         if around.settings.russian_roulette && vertex >= FIRST_ROULETTE && most < 1.0 {
             let survival = most.max(LEAST_SURVIVAL);
             if sampler.bounce(step, BouncePair::Roulette)[0] >= survival {
@@ -376,7 +376,7 @@ fn path<T: Tracer + ?Sized>(
             throughput /= survival;
         }
         let direction = frame.world(sample.wo);
-        // On the side of the surface itself that it was sampled for.
+        // Only if the direction is on the side of the geometric surface for which it was sampled.
         let above = direction.dot(normal);
         if above == 0.0 || (above > 0.0) == sample.through {
             return;

@@ -1,5 +1,5 @@
-//! The progressive path tracer over any [`Tracer`]: each pixel's samples depend on (seed, pixel, sample number) alone and are
-//! added in their order, so the picture does not depend on how many threads there are, nor on how it was cut into slices.
+//! The progressive path tracer over any [`Tracer`]. Each pixel's samples depend on (seed, pixel, sample number) alone and are added in
+//! order, so the picture depends neither on the number of threads nor on the division into time slices.
 
 use std::time::{Duration, Instant};
 
@@ -15,10 +15,10 @@ use rayon::prelude::*;
 use crate::film_sample::AovSample;
 use crate::path::{Surroundings, follow, radiance};
 
-/// Most samples that each pixel gets between two looks at the clock.
+/// Largest number of samples that each pixel gets between two looks at the clock.
 const MOST_SAMPLES_A_PASS: u32 = 64;
 
-/// A scene that is being drawn.
+/// A scene and its picture so far.
 #[derive(Debug)]
 pub struct PathTracer<T> {
     tracer: T,
@@ -28,7 +28,7 @@ pub struct PathTracer<T> {
     film: FilmBuffer,
     wanted: Passes,
     seconds_a_sample: f64,
-    /// Light is sorted, whoever asks for it.
+    /// Whether light is sorted into AOVs even where no pass asks for it.
     sorts: bool,
 }
 
@@ -50,12 +50,12 @@ impl<T: Tracer> PathTracer<T> {
         }
     }
 
-    /// Whether light is sorted even where no pass asks for it.
+    /// Sets whether light is sorted into AOVs even where no pass asks for it.
     pub fn sort_into_aovs(&mut self, on: bool) {
         self.sorts = on;
     }
 
-    /// Starts the picture again on the same film, with other surroundings and, where one is given, another camera.
+    /// Restarts the picture on the same film, with new surroundings and, if given, a new camera.
     pub fn restart(&mut self, tracer: T, around: Surroundings, camera: Option<CameraRays>) {
         self.tracer = tracer;
         self.around = around;
@@ -74,7 +74,7 @@ impl<T: Tracer> PathTracer<T> {
         &self.film
     }
 
-    /// What paths meet.
+    /// Lights, materials and settings.
     pub fn around(&self) -> &Surroundings {
         &self.around
     }
@@ -84,10 +84,10 @@ impl<T: Tracer> PathTracer<T> {
         &self.rays
     }
 
-    /// Adds samples for about `slice`, at least one, at most `spp_limit` in all.
+    /// Adds samples for about the time `slice`: at least one, at most `spp_limit` in all.
     ///
     /// # Errors
-    /// [`RenderError::Cancelled`]: rows may then differ by the samples of one pass; the next call evens them out.
+    /// [`RenderError::Cancelled`]: rows may then differ by the samples of one pass; the next call completes them.
     pub fn advance(&mut self, slice: Duration, spp_limit: u32, job: &Job) -> Result<Progress, RenderError> {
         let end = Instant::now() + slice;
         loop {
@@ -111,7 +111,8 @@ impl<T: Tracer> PathTracer<T> {
         })
     }
 
-    /// Brings every pixel that does not rest to `target` samples, which is not beyond where the film looks at itself.
+    /// Brings every pixel that does not rest to `target` samples, which must not exceed the next count at which the film checks for resting
+    /// pixels.
     ///
     /// # Errors
     /// As [`PathTracer::advance`].
@@ -166,12 +167,12 @@ impl<T: Tracer> PathTracer<T> {
         Ok(())
     }
 
-    /// Estimated relative error of the picture as it stands.
+    /// Estimated relative error of the picture so far.
     pub fn error_estimate(&self) -> f64 {
         self.film.error_estimate()
     }
 
-    /// What is seen through the middle of a pixel from the middle of the opening, and its depth along the view axis.
+    /// The surface seen through the middle of a pixel from the aperture's centre, and its depth along the view axis.
     pub fn pick(&self, x: u32, y: u32) -> Option<(pumice_transport::Hit, f64)> {
         let (ray, t_max) = self.rays.ray(f64::from(x) + 0.5, f64::from(y) + 0.5);
         let hit = self.tracer.first_hit(&ray, PathOrigin::Free, t_max)?;
@@ -227,7 +228,7 @@ impl<T: Tracer> PathTracer<T> {
     }
 }
 
-/// First surface through the middle of a pixel.
+/// The first surface seen through the middle of a pixel.
 struct First {
     depth: f32,
     label: u32,

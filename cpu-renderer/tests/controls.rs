@@ -1,4 +1,4 @@
-//! Negative controls: the formulations that most voxel tracers use, in f32, judged by the same oracle. If it let them pass, the
+//! Negative controls: the formulations that most voxel tracers use, in f32, checked with the same oracle. If it accepted them, the
 //! exactness tests would prove nothing.
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "tests")]
@@ -29,7 +29,7 @@ fn hit_at(volume: &Dense, v: [i64; 3], t: f64, axis: usize, d: [f64; 3]) -> Hit 
     }
 }
 
-/// Advances a point from plane to plane, and a little further so that it gets across.
+/// Advances a point from plane to plane, plus an epsilon to get across.
 fn epsilon_advance(volume: &Dense, o: [f64; 3], d: [f64; 3], epsilon: f32) -> Option<Hit> {
     let (o, df) = (o.map(|x| x as f32), d.map(|x| x as f32));
     let mut t = 0.0f32;

@@ -1,4 +1,4 @@
-//! Paths into labels, through them and out of them, against what is known of glass and of clear surfaces.
+//! Paths into labels, through them and out of them, compared with known results for glass and transparent surfaces.
 
 #![allow(clippy::expect_used, clippy::unwrap_used, reason = "tests")]
 
@@ -15,7 +15,7 @@ use pumice_transport::geometry::LodChoice;
 use pumice_transport::sampler::PixelSampler;
 use pumice_transport::{Lights, MaterialTable, PathOrigin, RayInWorld, Sky, Tracer};
 
-/// 8³ voxels; label 1 fills x 2 to 3, label 2 fills x 4 to 5, both all of y and z from 1 to 6.
+/// 8³ voxels; label 1 fills x 2 to 3, label 2 fills x 4 to 5, both in y and z from 1 to 6.
 fn two_slabs() -> SceneTracer {
     let n = 8u32;
     let label = |i: u32| {
@@ -34,7 +34,7 @@ fn two_slabs() -> SceneTracer {
     SceneTracer::new(&[traced]).expect("a scene")
 }
 
-/// Under an even sky of 1.
+/// Surroundings with a uniform sky of radiance 1.
 fn around(material: Material) -> Surroundings {
     Surroundings {
         lights: Lights::new(Sky::Constant(Vec3::ONE), Vec::new(), None).into(),
@@ -47,7 +47,7 @@ fn along_x(y: f64) -> RayInWorld {
     RayInWorld { origin: DVec3::new(-3.0, y, 3.4), direction: DVec3::X }
 }
 
-/// Mean over rays that meet both slabs, not straight on.
+/// Mean radiance over rays that hit both slabs at an angle.
 fn mean(tracer: &SceneTracer, around: &Surroundings, samples: u32) -> f32 {
     let direction = DVec3::new(1.0, 0.31, -0.12);
     let ray = RayInWorld { origin: DVec3::new(3.0, 3.3, 3.6) - direction * 4.0, direction };
@@ -72,7 +72,7 @@ fn the_back_of_a_label_is_followed_by_the_front_of_the_next() {
             assert_eq!((ray.origin.x, hit.surface.label, hit.from_inside), (x, label, from_inside), "{i}");
             let outward = ray.direction.dot(hit.normal_in_world) > 0.0;
             assert_eq!(outward, from_inside, "{i}");
-            // The surface is the one that a ray from outside would meet.
+            // The surface is the one that a ray from outside would hit.
             if !from_inside && i > 0 {
                 assert_eq!(hit.surface.voxel[0], if direction > 0.0 { 4 } else { 3 });
                 assert_eq!((hit.surface.plane, hit.surface.positive), (4, direction < 0.0));
@@ -92,28 +92,28 @@ fn clear_surfaces_let_their_part_through() {
     for alpha in [0.0, 0.1, 0.4, 1.0] {
         let around = around(Material { alpha, ..black });
         let expected = (1.0 - alpha).powi(4);
-        // A chance of `expected`: 5 σ of 4,096 samples; the ends are exact.
+        // A random choice with probability `expected`: 5 σ of 4,096 samples; at the ends it is exact.
         let sigma = (expected * (1.0 - expected) / 4096.0).sqrt();
         let got = mean(&tracer, &around, 4096);
         assert!((got - expected).abs() <= 5.0 * sigma, "{alpha}: {got}, expected {expected}");
 
-        // On the way to a light it is no chance. From a face of the first slab, through the other three surfaces.
+        // Shadow rays involve no chance. From a face of the first slab, through the other three surfaces.
         let ray = along_x(3.3);
         let front = tracer.first_hit(&ray, PathOrigin::Free, f64::INFINITY).expect("a slab");
         let ray = RayInWorld { origin: ray.origin + ray.direction * front.t, ..ray };
         let got = visibility(&tracer, &around, &ray, &front, f64::INFINITY);
         assert!((got - (1.0 - alpha).powi(3)).abs() < 1e-6, "{alpha}: {got}");
-        // A light between the slabs' far faces is behind two of them.
+        // A light between the far faces of the slabs is behind two of them.
         let got = visibility(&tracer, &around, &ray, &front, 3.0);
         assert!((got - (1.0 - alpha).powi(2)).abs() < 1e-6, "{alpha}: {got}");
     }
 }
 
-/// White glass under an even sky is as bright as the sky, whatever is refracted and reflected inside of it: no light is lost or made.
+/// White glass under a uniform sky is as bright as the sky, whatever it refracts and reflects inside: no light is lost or created.
 #[test]
 fn white_glass_cannot_be_seen_under_an_even_sky() {
     let tracer = two_slabs();
-    // Four surfaces; the last case's compensation is drawn between a table's entries of 1 and of some 0.99.
+    // Four surfaces; in the last case the multiple-scattering compensation is interpolated between table entries of 1 and about 0.99.
     for (ior, roughness, tolerance) in
         [(1.5, 0.0, 1e-4), (1.0, 0.0, 1e-4), (2.4, 0.0, 1e-4), (1.000_05, 0.3, 5e-3)]
     {
@@ -121,14 +121,14 @@ fn white_glass_cannot_be_seen_under_an_even_sky() {
             Material { base_color: [1.0; 3], transmission: 1.0, ior, roughness, ..Material::default() };
         let got = mean(&tracer, &around(glass), 500);
         assert!((got - 1.0).abs() < tolerance, "index {ior}, roughness {roughness}: {got}");
-        // Glass that is not white is seen.
+        // Negative control: tinted glass is visible.
         let tinted = Material { base_color: [0.9; 3], ..glass };
         assert!(mean(&tracer, &around(tinted), 500) < 0.95);
     }
 }
 
-/// Straight on through both slabs, clear glass of index n reflects R = ((n−1)/(n+1))² at each of four surfaces. Without bounces
-/// nothing comes through; with as many as there are surfaces, most.
+/// Straight on through both slabs, clear glass of index n reflects R = ((n−1)/(n+1))² at each of four surfaces. Without bounces nothing
+/// comes through; with as many bounces as surfaces, most does.
 #[test]
 fn light_needs_a_bounce_for_each_surface_of_glass() {
     let tracer = two_slabs();

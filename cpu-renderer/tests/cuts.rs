@@ -1,5 +1,6 @@
-//! Cuts: the first surface of what they leave, against points classified one by one in the world. The oracle knows neither
-//! hierarchies nor planes in index space: it gathers every place where a ray may change what it is in, and looks in between.
+//! Cuts: the first surface of the remaining parts, compared with points that are classified one by one in the world. The oracle uses
+//! neither hierarchies nor planes in index space: it collects every t at which a ray may enter something else, and classifies points in
+//! between.
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "tests")]
 
@@ -27,7 +28,7 @@ fn tracer(volume: &Arc<CompressedVolume>, place: DAffine3, cuts: &[CutShape]) ->
     VolumeTracer::new(0, &traced).unwrap().with_cuts(cuts)
 }
 
-/// Whether a cut takes a point away.
+/// Whether a cut removes a point.
 fn takes(cut: &CutShape, p: DVec3) -> bool {
     match cut {
         CutShape::Plane { point, normal } => DVec3::from(*normal).dot(p - DVec3::from(*point)) > 0.0,
@@ -37,7 +38,7 @@ fn takes(cut: &CutShape, p: DVec3) -> bool {
     }
 }
 
-/// A surface: t, label + 1, whether it is a cap, whether it is left from within.
+/// A surface: t, label + 1, whether it is a cap, whether the ray leaves the label through it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Seen {
     t: f64,
@@ -46,7 +47,7 @@ struct Seen {
     from_inside: bool,
 }
 
-/// Where the ray may cross a cut.
+/// The values of t at which the ray may cross a cut.
 fn crossings(cut: &CutShape, ray: &RayInWorld, into: &mut Vec<f64>) {
     match cut {
         CutShape::Plane { point, normal } => {
@@ -63,7 +64,7 @@ fn crossings(cut: &CutShape, ray: &RayInWorld, into: &mut Vec<f64>) {
     }
 }
 
-/// The first surface.
+/// The first surface, by classification of points.
 fn oracle(dense: &Dense, place: &DAffine3, cuts: &[CutShape], ray: &RayInWorld) -> Option<Seen> {
     let inverse = place.inverse();
     let (o, d) = (inverse.transform_point3(ray.origin), inverse.transform_vector3(ray.direction));
@@ -83,7 +84,7 @@ fn oracle(dense: &Dense, place: &DAffine3, cuts: &[CutShape], ray: &RayInWorld) 
         let next = all.get(i + 1).map_or(t + 1.0, |n| *n);
         let before = 0.5 * (start + t);
         let first = *first.get_or_insert_with(|| label_at(before));
-        // A cut along faces: both are at the same place, and what is between is nothing.
+        // A cut along faces: both are at the same t, and the interval between them is empty.
         if next - t <= 1e-9 * (1.0 + t) {
             continue;
         }
@@ -105,7 +106,7 @@ fn seen(hit: &Hit) -> Seen {
     Seen { t: hit.t, label: s.label + 1, cap: s.kind == SurfaceKind::Cap, from_inside: hit.from_inside }
 }
 
-/// Rounding of t, whichever way it is found: some operations on coordinates of a few hundred.
+/// Tolerance for the rounding of t in both methods: some operations on coordinates of a few hundred.
 fn agree(a: Option<Seen>, b: Option<Seen>) -> bool {
     match (a, b) {
         (None, None) => true,
@@ -129,7 +130,7 @@ fn point(random: &mut Random, dims: [u32; 3], beyond: f64) -> DVec3 {
     at * dims * (1.0 + 2.0 * beyond) - dims * beyond
 }
 
-/// Planes and boxes at random, some along the axes and some of those between voxels.
+/// Random planes and boxes, some of them along the axes, and some of these between voxels.
 fn cuts(random: &mut Random, dims: [u32; 3], place: &DAffine3) -> Vec<CutShape> {
     let count = 1 + (random.unit() * 4.0) as usize;
     let one = |random: &mut Random| {
@@ -176,13 +177,13 @@ fn volumes() -> [(Dense, Arc<CompressedVolume>); 4] {
     [noise([21, 34, 19], 0.3, 5, 3), sheets([40, 22, 35]), blobs([40, 31, 33], 12, 20, 5), neurites()]
 }
 
-/// How many of the rays that count were wrong: t off by rounding alone counts as right.
+/// Numbers of wrong rays, of caps, and of all rays; a t that is off by rounding alone counts as right.
 fn wrong_of(fault: f64) -> (u32, u32, u32) {
     let (mut wrong, mut caps, mut all) = (0, 0, 0);
     let mut random = Random(99);
     for (dense, compressed) in volumes() {
         for place in places() {
-            // t of the oracle and ours are compared in the world: far away its unit is coarse.
+            // t of the oracle and of the tracer are compared in the world: far away the unit of f64 is coarse.
             for _ in 0..12 {
                 let shapes = cuts(&mut random, dense.dims, &place);
                 let drawn = tracer(&compressed, place, &shapes);
@@ -211,7 +212,7 @@ fn wrong_of(fault: f64) -> (u32, u32, u32) {
                         }
                         wrong += 1;
                     }
-                    // The other question has the same answer.
+                    // `occluded` agrees with the hit.
                     if let Some(h) = hit {
                         for (t_max, blocked) in [(h.t * 0.999, false), (h.t * 1.001, true)] {
                             assert_eq!(
@@ -235,14 +236,14 @@ fn rays_meet_what_the_cuts_left() {
     let (wrong, caps, all) = wrong_of(0.0);
     println!("{all} rays, {caps} caps");
     assert_eq!(wrong, 0);
-    // The question was asked of caps, and not of them alone.
+    // Caps were tested, and not caps alone.
     assert!(caps > all / 20 && caps < all / 2, "{caps} of {all}");
-    // Control: planes a thousandth of a unit off are seen.
+    // Negative control: planes off by a thousandth of a unit are noticed.
     let (wrong, ..) = wrong_of(1e-3);
     assert!(wrong > caps / 10, "{wrong}");
 }
 
-/// A cut between voxels is as if the voxels behind it were not there, to the bit, and its caps are where their faces would be.
+/// A cut between voxels equals a volume without the voxels behind it, to the bit, and its caps are in the places of their faces.
 #[test]
 fn a_cut_between_voxels_leaves_whole_voxels() {
     let mut random = Random(7);
@@ -260,7 +261,7 @@ fn a_cut_between_voxels_leaves_whole_voxels() {
                     .map(|(i, &l)| if kept([i % w, i / w % h, i / (w * h)]) { l } else { 0 })
                     .collect();
                 let shaved = Dense { dims: dense.dims, labels };
-                // Spacing of a tenth: a plane of the world, k/10, divided by it is a whole number but for rounding.
+                // With a spacing of a tenth, a plane of the world, k/10, divided by the spacing is a whole number except for rounding.
                 let place = DAffine3::from_scale(DVec3::new(0.1, 0.3, 0.7));
                 let mut at = [0.0; 3];
                 at[axis] = plane as f64 * [0.1, 0.3, 0.7][axis];
@@ -297,7 +298,8 @@ fn a_cut_between_voxels_leaves_whole_voxels() {
     assert!(caps > 1000, "{caps}");
 }
 
-/// A path goes on from a cap: outward it never meets that cap or what lies under it again, inward it starts in the label of the cap.
+/// Paths that continue from a cap: outward, a path never hits that cap or anything under it again; inward, it starts in the label of the
+/// cap.
 #[test]
 fn paths_go_on_from_caps() {
     let mut random = Random(1234);
@@ -324,7 +326,7 @@ fn paths_go_on_from_caps() {
                         let d = direction(&mut random).normalize();
                         let next = RayInWorld { origin: at, direction: d };
                         let found = drawn.first_hit(&next, PathOrigin::Face(hit.surface), f64::INFINITY);
-                        // The oracle starts a little way on, for it does not know of surfaces.
+                        // The oracle starts a little further along the ray, because it does not know surfaces.
                         let ahead = 1e-6 * scale;
                         let moved = RayInWorld { origin: at + d * ahead, direction: d };
                         let expected = oracle(&dense, &place, &shapes, &moved);
@@ -333,8 +335,8 @@ fn paths_go_on_from_caps() {
                         if !steep || !far {
                             continue;
                         }
-                        // Within a hair of a voxel's face or of another cut either answer is right: that is rare, and a path that
-                        // meets the cap which it leaves is not.
+                        // Very close to a face of a voxel or to another cut either result is right. That is rare, while hitting the cap
+                        // that the path leaves would not be.
                         if found.as_ref().is_some_and(|f| f.t <= 100.0 * ahead) {
                             at_once += 1;
                             continue;
@@ -366,7 +368,7 @@ fn paths_go_on_from_caps() {
     assert!(200 * at_once < outward + inward, "{at_once} paths met something at once");
 }
 
-/// Rays along cuts, in the middle of voxels and between them; cuts that take everything, nothing, or lie beyond the volume.
+/// Rays along cuts, in the middle of voxels and between them; cuts that remove everything, nothing, or lie beyond the volume.
 #[test]
 fn cuts_at_their_limits() {
     let (dense, compressed) = noise([16, 16, 16], 1.0, 1, 1);
@@ -376,7 +378,7 @@ fn cuts_at_their_limits() {
     let hit = |cuts: &[CutShape], ray: &RayInWorld| {
         tracer(&compressed, DAffine3::IDENTITY, cuts).first_hit(ray, PathOrigin::Free, f64::INFINITY)
     };
-    // The ray has no component across the plane: only where it lies counts, to less than a voxel.
+    // The ray is parallel to the plane: only its position counts, at less than a voxel.
     for (cut, z, meets) in [
         (plane(8.3, 1.0), 8.2, true),
         (plane(8.3, 1.0), 8.4, false),
@@ -387,7 +389,7 @@ fn cuts_at_their_limits() {
     ] {
         assert_eq!(hit(&[cut], &along(z)).is_some(), meets, "{cut:?} {z}");
     }
-    // Tiny and huge normals say the same.
+    // Tiny and huge normals give the same result.
     for length in [1e-300, 1e300] {
         assert!(hit(&[plane(8.3, length)], &along(8.4)).is_none());
         assert_eq!(hit(&[plane(8.3, length)], &along(8.2)).unwrap().t, 5.0);
@@ -395,7 +397,7 @@ fn cuts_at_their_limits() {
     let down = RayInWorld { origin: DVec3::new(8.3, 8.3, 40.0), direction: -DVec3::Z };
     assert!(hit(&[plane(-1.0, 1.0)], &down).is_none(), "all is taken");
     assert_eq!(hit(&[plane(17.0, 1.0)], &down).unwrap().surface.kind, SurfaceKind::Face);
-    // A thousand boxes that overlap, each a slice: t is the last one's end.
+    // A thousand overlapping boxes, each a slice: t is the end of the last one.
     let slices: Vec<CutShape> = (0..1000)
         .map(|i| {
             let at = DVec3::new(8.0, 8.0, 16.0 - 0.01 * f64::from(i));
@@ -406,7 +408,8 @@ fn cuts_at_their_limits() {
     let found = hit(&slices, &down).unwrap();
     assert!((found.t - (40.0 - (16.0 - 9.99 - 0.006))).abs() < 1e-9, "{found:?}");
     assert!((found.normal_in_world - DVec3::Z).length() < 1e-12);
-    // A box much thinner than a voxel parts it: the cap under it is met from above, and the one above it from below.
+    // A box much thinner than a voxel splits the voxel: a ray from above hits the cap below the slit, and a ray from below the one above
+    // it.
     let slit = slices[400];
     let up = RayInWorld { origin: DVec3::new(8.3, 8.3, -4.0), direction: DVec3::Z };
     for ray in [down, up] {

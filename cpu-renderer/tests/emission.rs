@@ -1,5 +1,4 @@
-//! Emissive labels and meshes as lights that are aimed at: against closed forms, against scattering alone, and how much less noise
-//! there is.
+//! Light sampling of emissive labels and meshes: compared with closed forms and with BSDF sampling alone, and how much noise it removes.
 
 #![allow(clippy::expect_used, clippy::panic, clippy::unwrap_used, reason = "tests")]
 
@@ -16,18 +15,18 @@ use pumice_transport::geometry::LodChoice;
 use pumice_transport::{LightStrategy, PathOrigin, RayInWorld, Receiver, Tracer};
 use stage::{Stage, glowing, lambert};
 
-/// A floor (label 1, z < 2) and above it what `at` says (labels from 2 on).
+/// A floor (label 1, z < 2), and above it the labels that `at` returns (2 and up).
 fn over_a_floor(at: impl Fn(u32, u32, u32) -> u32) -> Arc<pumice_core::CompressedVolume> {
     volume([24, 24, 20], |x, y, z| if z < 2 { 1 } else { at(x, y, z) }).1
 }
 
-/// A block of 6 × 4 × 3 voxels over it, with a step, across a border of boxes.
+/// A block of 6 × 4 × 3 voxels above the floor, with a step, across a border of boxes.
 fn block(x: u32, y: u32, z: u32) -> u32 {
     let inside = (8..14).contains(&x) && (9..13).contains(&y) && (9..12).contains(&z);
     2 * u32::from(inside && !(x > 11 && z == 9))
 }
 
-/// 108 labels of a voxel.
+/// 108 labels of one voxel each.
 fn sparse(x: u32, y: u32, z: u32) -> u32 {
     let one = x % 4 == 1 && y % 4 == 2 && z % 6 == 5;
     if one { 2 + (x / 4 + 6 * (y / 4) + 36 * (z / 6)) } else { 0 }
@@ -37,7 +36,7 @@ fn sheared() -> DMat3 {
     DMat3::from_cols_array(&[1.0, 0.2, 0.1, -0.3, 1.1, -0.2, 0.25, 0.1, 0.9])
 }
 
-/// Scenes by name; each is lit by what shines in it alone.
+/// Scenes by name; each is lit only by its own emissive surfaces.
 fn scenes() -> Vec<(&'static str, Stage)> {
     let shine = glowing([4.0, 3.0, 2.0]);
     let plain = |place: DMat3| {
@@ -57,11 +56,11 @@ fn scenes() -> Vec<(&'static str, Stage)> {
         "1e-9 wide, 1e6 voxels away",
         Stage::new().with_volume(&over_a_floor(block), small, &labels, LodChoice::Voxels),
     ));
-    // The light is hidden in part, by alpha and by glass, and shines through a coat and alpha itself.
+    // The light is partly hidden by alpha and by glass, and itself has a coat and alpha below 1.
     let many = over_a_floor(|x, y, z| match block(x, y, z) {
         0 if (9..11).contains(&x) && (9..13).contains(&y) && (5..7).contains(&z) => 3,
         0 if (12..14).contains(&x) && (9..13).contains(&y) && (5..7).contains(&z) => 4,
-        // Against the block.
+        // Adjacent to the block.
         0 if (14..16).contains(&x) && (9..13).contains(&y) && (9..12).contains(&z) => 3,
         block => block,
     });
@@ -94,7 +93,7 @@ fn scenes() -> Vec<(&'static str, Stage)> {
     };
     let labels: Vec<Material> = (0..120).map(|i| if i == 0 { lambert(0.7) } else { shine }).collect();
     list.push(("coarse where far", Stage::new().with_volume(&over_a_floor(sparse), place, &labels, near)));
-    // A mesh that shines to both sides, a volume that shines twice, and a second instance that does not.
+    // A mesh that emits to both sides, a volume with two emissive labels, and a second instance without emission.
     let (_, floor) = volume([24, 24, 2], |_, _, _| 1);
     let (_, lamp) = volume([5, 3, 2], |x, y, _| 1 + (x + y) % 2);
     let turned = DAffine3 { matrix3: sheared(), translation: DVec3::new(4.0, 5.0, 8.0) };
@@ -115,13 +114,13 @@ fn scenes() -> Vec<(&'static str, Stage)> {
                 &[lambert(0.5), glowing([3.0, 0.5, 0.2])],
             ),
     ));
-    // Beside other light.
+    // Together with other lights.
     list.push(("under a sky and a sun", plain(DMat3::IDENTITY).under_a_sky()));
     list
 }
 
-/// Aimed, scattered, both: means of 48 seeds differ by less than four standard errors of their difference; and light that is 2 % off
-/// does not pass where both have so little noise.
+/// Light sampling, BSDF sampling and both: means of 48 seeds differ by less than four standard errors of their difference; light that is
+/// off by 2 % does not pass where both have so little noise.
 #[test]
 fn three_ways_to_find_emission_agree() {
     let mut convicted = 0;
@@ -144,7 +143,7 @@ fn three_ways_to_find_emission_agree() {
     assert!(convicted >= 10, "2 % go unnoticed but in {convicted} cases");
 }
 
-/// Density of a sample is that which a ray that meets its point is told; samples fall onto surfaces that shine.
+/// The density of a sample equals the one that `pdf` gives for a ray that hits its point; samples lie on emissive surfaces.
 #[test]
 fn densities_are_those_of_sampling() {
     for (name, stage) in scenes() {
@@ -167,28 +166,28 @@ fn densities_are_those_of_sampling() {
             met += 1;
             let ray = RayInWorld { origin: point, direction: s.direction };
             let Some(hit) = stage.tracer.first_hit(&ray, PathOrigin::Free, f64::INFINITY) else { continue };
-            // What is hidden, or cut away, is another test's.
+            // Occlusion and cuts are covered by other tests.
             if (hit.t - s.distance).abs() > 1e-5 * s.distance || hit.is_seen_from_within() {
                 continue;
             }
             seen += 1;
             let found = emitters.pdf(&from, &hit.surface, || stage.tracer.box_origin(&hit.surface), hit.t);
-            // Distances and heights in f32.
+            // Distances and heights are f32.
             assert!((found / s.pdf - 1.0).abs() < 1e-4, "{name}: {found} instead of {} at {hit:?}", s.pdf);
         }
         assert!(met > 1_000 && seen > met / 20, "{name}: {met}, {seen}");
     }
 }
 
-/// Irradiance over π of radiance below the middle of a rectangle of these half sides at this height (Howell, *Radiation
-/// Configuration Factors*, B-3).
+/// Radiance below the middle of a rectangle with these half sides at this height: irradiance over π (Howell, *Radiation Configuration
+/// Factors*, B-3).
 fn below_the_middle(half: [f64; 2], height: f64) -> f64 {
     let [a, b] = half.map(|h| h / height);
     let part = |a: f64, b: f64| a / (1.0 + a * a).sqrt() * (b / (1.0 + a * a).sqrt()).atan();
     4.0 * (part(a, b) + part(b, a)) / (2.0 * PI)
 }
 
-/// One label's flat block over one voxel of floor: what a place straight below gets is a closed form.
+/// One flat block of one label above one voxel of floor: the radiance straight below it has a closed form.
 #[test]
 fn a_square_face_gives_its_form_factor() {
     for (name, scale, shift) in [
@@ -208,13 +207,13 @@ fn a_square_face_gives_its_form_factor() {
             let (sum, variance) = stage.estimate(finding, 16, 64);
             let (mean, error) = (sum / 3.0, variance.sqrt() / 3.0);
             assert!((mean - expected).abs() < 4.0 * error, "{name}: {mean} ± {error} instead of {expected}");
-            // An area that is 2 % off.
+            // Negative control: an area that is off by 2 %.
             assert!((1.02 * mean - expected).abs() > 4.0 * error, "{name}: 2 % go unnoticed at ± {error}");
         }
     }
 }
 
-/// At equal samples: a voxel, and a thousand of them, in a big dark room.
+/// At equal samples: one emissive voxel, and a thousand of them, in a big dark room.
 #[test]
 fn aiming_takes_noise_away() {
     let one = |x: u32, y: u32, z: u32| 2 * u32::from([x, y, z] == [12, 12, 17]);
@@ -232,8 +231,8 @@ fn aiming_takes_noise_away() {
     }
 }
 
-/// What a hundred thousand labels that shine cost: for each, two nodes of 28 bytes, 44 bytes of its own, 4 of the order of keys, and 2 a
-/// face.
+/// Memory of a hundred thousand emissive labels: for each, two nodes of 28 bytes, 44 bytes of its own, 4 for the order of keys, and 2 for
+/// each face.
 #[test]
 fn a_label_that_shines_costs_a_hundred_bytes() {
     let dims = [94u32, 94, 94];

@@ -1,4 +1,4 @@
-//! The error that the film estimates against the error that it has; and the two ways to find light against each other.
+//! Compares the error that the film estimates with the true error; and the strategies that find light with one another.
 
 #![allow(clippy::expect_used, reason = "test helpers: a failure is a failed test")]
 
@@ -56,7 +56,7 @@ fn suns() -> Vec<ReadySun> {
     })]
 }
 
-/// Three scenes: Lambert under an even sky; suns and a picture; rough metal under a picture.
+/// Three scenes: Lambert under a uniform sky; suns and an environment picture; rough metal under a picture.
 fn scene(which: u32, seed: u64, finding: LightStrategy) -> PathTracer<Dense> {
     let (lights, material) = match which {
         0 => (
@@ -100,17 +100,17 @@ fn rel_mse(a: &Image, b: &Image) -> f64 {
     sum / n
 }
 
-/// Samples a pixel, and how many seeds are drawn with so many.
+/// Samples for each pixel, and the number of seeds for each count.
 const CASES: [(u32, u64); 4] = [(4, 24), (8, 12), (16, 8), (64, 4)];
 
-/// How far the mean of estimate / truth over a case's seeds may be off 1; well within the required 0.8 to 1.25.
+/// Tolerance of the mean of estimate / truth over a case's seeds around 1; well within the required 0.8 to 1.25.
 ///
-/// Single seeds of so small a picture scatter: over 48 seeds, by 0.04 to 0.06 (standard deviation) in the two even scenes, and in
-/// the third, where a few pixels of metal hold most of the error, by 0.18, 0.09, 0.08 and 0.07 at 4, 8, 16 and 64 samples: single
-/// ratios from 0.64 to 1.54 were seen. Divided by the root of the seeds that is 0.037 at most, of which three are allowed: 0.11.
-/// The means of those 48 were 0.94 to 0.99: up to 0.06 is the bias of the estimate, whose μ² is an estimate too. Together 0.17.
-/// (The reference has 1,024 samples against at most 64, in strata: it adds less than 1/16 to the square, 0.03 to the ratio, at 64
-/// samples, where the seeds' share is 0.035 instead of 0.037.)
+/// Single seeds of such a small picture scatter: over 48 seeds, by 0.04 to 0.06 (standard deviation) in the first two scenes, and in the
+/// third, where a few pixels of metal hold most of the error, by 0.18, 0.09, 0.08 and 0.07 at 4, 8, 16 and 64 samples; single ratios from
+/// 0.64 to 1.54 occurred. Divided by the root of the number of seeds that is 0.037 at most, of which three are allowed: 0.11. The means of
+/// those 48 were 0.94 to 0.99: up to 0.06 is the bias of the estimate, whose μ² is an estimate too. Together 0.17. (The reference has 1,024
+/// samples against at most 64, stratified: it adds less than 1/16 to the square, 0.03 to the ratio, at 64 samples, where the seeds' share
+/// is 0.035 instead of 0.037.)
 const MEAN_TOLERANCE: f64 = 0.17;
 
 #[test]
@@ -142,9 +142,9 @@ fn rested(which: u32, seed: u64, rule: Adaptive) -> PathTracer<Dense> {
     tracer
 }
 
-/// Seen over twelve seeds: errors of 0.52 to 0.66 of the threshold, 0.70 to 0.82 of those of as many samples dealt evenly; means of
-/// the picture off by at most 0.0016 of it, where even samples are off by 0.0006. So the bias is far below what the threshold lets
-/// pass, and the bar for it is a tenth of that.
+/// Observed over twelve seeds: errors of 0.52 to 0.66 of the threshold, and 0.70 to 0.82 of the errors of as many samples distributed
+/// evenly; means of the picture off by at most 0.0016 of it, where even samples are off by 0.0006. So the bias is far below the threshold,
+/// and its limit here is a tenth of the threshold.
 #[test]
 fn where_all_pixels_rest_the_error_is_below_the_threshold() {
     let seeds = 6u32;
@@ -171,12 +171,12 @@ fn where_all_pixels_rest_the_error_is_below_the_threshold() {
         assert!(of_rested < threshold && of_rested > 0.3 * threshold, "scene {which}: {of_rested}");
         assert!(of_rested < of_even, "scene {which}: {of_rested}, dealt evenly {of_even}");
         assert!(bias.abs() < 0.1 * threshold, "scene {which}: {bias}");
-        // The control: without going on it would not be.
+        // Negative control: the first samples alone would exceed the threshold.
         assert!(of_first > threshold, "scene {which}: {of_first}");
     }
 }
 
-/// The control: spread of the samples within one scramble, taken for independent, overestimates the error of stratified points.
+/// Negative control: the variance of the samples within one scramble, treated as independent, overestimates the error of stratified points.
 #[test]
 fn taking_stratified_samples_for_independent_is_convicted() {
     use pumice_cpu::path::radiance;
@@ -207,7 +207,7 @@ fn taking_stratified_samples_for_independent_is_convicted() {
         }
     }
     let naive = (naive / f64::from(3 * SIZE * SIZE)).sqrt();
-    // A box filter against a reference of another filter would differ at edges: the same samples a second time are the truth.
+    // A box filter differs at edges from a reference with another filter: the same scene with more samples is the truth.
     let mut boxed = scene(0, 77, LightStrategy::Mis);
     boxed = {
         let film = Film::new(SIZE, SIZE, Filter::Box { width: 1.0 });
@@ -219,7 +219,7 @@ fn taking_stratified_samples_for_independent_is_convicted() {
     assert!(naive / truth > 1.0 + MEAN_TOLERANCE, "naive {naive}, truth {truth}");
 }
 
-/// Aiming, scattering and both agree: two-sided z of the picture's mean, each pair within 4.
+/// Light sampling, BSDF sampling and both agree: two-sided z of the picture's mean, each pair within 4.
 #[test]
 fn ways_to_find_light_agree() {
     let total = |which: u32, finding: LightStrategy, seed: u64| {
@@ -236,7 +236,7 @@ fn ways_to_find_light_agree() {
             println!("scene {which}: {a} against {b}: z = {z:.2}");
             assert!(z.abs() < 4.0, "scene {which}: {all:?}");
         }
-        // Four per cent too much of one would be seen.
+        // Negative control: four per cent more light in one of them would be noticed.
         let z = 0.04 * all[0].0 / (all[0].1 + all[2].1).sqrt();
         assert!(z > 4.0, "the test is blind: {z}");
     }

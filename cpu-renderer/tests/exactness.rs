@@ -1,4 +1,4 @@
-//! Every first hit is judged by the exact oracle of `exact`: no class of rays on any volume may lose a chord above 10⁻³ voxels.
+//! Judges every first hit with the exact oracle of `exact`: in no class of rays, on no volume, may a chord above 10⁻³ voxels be lost.
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "tests")]
 
@@ -44,7 +44,7 @@ fn trace_class(
         tally.add(judge(dense, &exact, hit.as_ref()), hit.is_some(), || {
             describe(o, d, PathOrigin::Free, hit.as_ref())
         });
-        // The any-hit question has the same answer.
+        // The any-hit query gives the same result.
         assert_eq!(tracer.occluded(&in_world(o, d, place), PathOrigin::Free, f64::INFINITY), hit.is_some());
     }
     tally
@@ -60,7 +60,7 @@ fn all_classes(n: u32) {
     }
 }
 
-/// Each is made as its name says.
+/// Each tracer is built as its name says.
 #[test]
 fn both_ways_are_traced() {
     for (name, _, compressed, make) in volumes_both_ways() {
@@ -79,7 +79,7 @@ fn first_hits_are_exact_on_many_rays() {
     all_classes(170_000);
 }
 
-/// Spacing 1:1000 and 1000:1, shear, mirrors: whole-number matrices, so that the world's ray is exactly the image of the oracle's.
+/// Spacings of 1:1000 and 1000:1, shear, mirroring: whole-number matrices, so that the world's ray is exactly the image of the oracle's.
 #[test]
 fn placements_are_exact() {
     let columns = |x: [f64; 3], y: [f64; 3], z: [f64; 3]| DMat3::from_cols(x.into(), y.into(), z.into());
@@ -101,7 +101,7 @@ fn placements_are_exact() {
     }
 }
 
-/// Bounces: from the interior, the edges and the corners of exposed faces, in every direction of the outer half-space.
+/// Bounces: from the interior, the edges and the corners of exposed faces, in all directions of the outer half-space.
 #[test]
 fn paths_from_faces_are_exact() {
     for (name, dense, compressed, make) in volumes_both_ways() {
@@ -123,7 +123,7 @@ fn paths_from_faces_are_exact() {
                 continue; // a touch: the face is not exposed
             }
             let (_, mut d) = ray(Class::Inside, dense.dims, 20, &mut random);
-            // Every fourth ray nearly in the plane, every eighth in it.
+            // One ray in eight lies in the plane, and one in eight nearly in it.
             d[axis] = match random.below(8) {
                 0 => 0.0,
                 1 => snap(1e-7 * random.unit() + 1e-12, 46),
@@ -133,7 +133,7 @@ fn paths_from_faces_are_exact() {
             o[axis] = f64::from(s.plane);
             let from = PathOrigin::Face(s);
             let hit = tracer.first_hit(&in_world(o, d, &DAffine3::IDENTITY), from, f64::INFINITY);
-            // The oracle knows no faces: a ray in the plane belongs to the voxel above, so start it in the outer one.
+            // The oracle knows no faces: a ray in the plane belongs to the voxel above, so it starts in the outer voxel.
             let mut o_exact = o;
             if d[axis] == 0.0 && !s.positive {
                 o_exact[axis] -= 0.5;
@@ -155,7 +155,7 @@ fn paths_from_faces_are_exact() {
     }
 }
 
-/// Axes whose planes the ray crosses at once where it enters the hit voxel, and whether nothing solid stands before the face.
+/// The axes whose planes the ray crosses at once where it enters the hit voxel, and whether the voxel in front of each face is empty.
 fn faces_met(dense: &Dense, ray: &ExactRay, hit: &Hit) -> Vec<(usize, bool)> {
     let voxel = hit.surface.voxel.map(i64::from);
     let entry = |a: usize| value(ray.plane(a, voxel[a] + i64::from(ray.d[a] < 0)));
@@ -166,12 +166,12 @@ fn faces_met(dense: &Dense, ray: &ExactRay, hit: &Hit) -> Vec<(usize, bool)> {
         before[a] -= ray.d[a].signum() as i64;
         dense.at(before) == 0
     };
-    // Equal but for the rounding of the quotients.
+    // Equal except for the rounding of the quotients.
     moving().filter(|&a| last - entry(a) <= 1e-12 * last).map(|a| (a, is_open(a))).collect()
 }
 
-/// On an edge or a corner several faces are met at once: one that is open is told where there is one, for a path that goes on from
-/// a closed one would start inside a solid voxel.
+/// On an edge or a corner several faces are hit at once. An open one is reported if there is one, because a path that continued from a
+/// closed face would start inside a solid voxel.
 #[test]
 fn faces_with_nothing_before_them_are_preferred() {
     let (mut hits, mut ties, mut all_closed, mut lowest_closed) = (0, 0, 0, 0);
@@ -201,12 +201,12 @@ fn faces_with_nothing_before_them_are_preferred() {
             }
         }
     }
-    // The control: who always tells the lowest axis would be convicted.
+    // Negative control: always reporting the lowest axis would be noticed.
     println!("{hits} hits, {ties} ties: all faces closed {all_closed}, the lowest alone {lowest_closed}");
     assert!(lowest_closed > 1000);
 }
 
-/// A volume of 2²⁰ voxels along one axis, sparse: the hierarchy's f32 has 1/16 voxel left there.
+/// A volume of 2²⁰ voxels along one axis, sparse: the hierarchy's f32 has a resolution of 1/16 voxel there.
 #[test]
 fn long_volumes_are_exact() {
     let (dense, compressed) = noise([1 << 20, 4, 4], 0.003, 5, 9);

@@ -1,8 +1,8 @@
-//! White furnaces: the renderer's mean within 0.1 % of what is known exactly; and the same judgement convicts renderers with a
-//! fault each, so that it proves something.
+//! White furnaces: the renderer's mean is within 0.1 % of the exact value; and the same judgement rejects renderers with one fault each,
+//! which shows that it is sharp enough.
 //!
-//! Pictures hide such faults. A roulette that divides by an unclamped probability from the first bounce keeps 71 to 85 % of the energy of
-//! a furnace of albedo 0.95, and nobody sees it.
+//! Pictures hide such faults. A roulette that divides by an unclamped probability from the first bounce keeps 71 to 85 % of the energy of a
+//! furnace of albedo 0.95, which is invisible to the eye.
 
 #![allow(clippy::expect_used, reason = "test helpers: a failure is a failed test")]
 
@@ -20,7 +20,7 @@ use pumice_transport::{Lights, MaterialTable};
 
 fn furnaces() -> Vec<Furnace> {
     let mut all = Vec::new();
-    // The roulette never ends a path of throughput 1: that it is on changes nothing here.
+    // Roulette never ends a path of throughput 1, so switching it on changes nothing here.
     all.extend([false, true].map(|roulette| white_world(even_sky(1.0), roulette)));
     all.push(white_world(painted_sky(1.0), true));
     for albedo in [0.2, 0.7] {
@@ -40,7 +40,7 @@ fn every_furnace_has_its_exact_mean() {
     }
 }
 
-/// The film adds nothing and loses nothing: its mean is the mean of the samples.
+/// The film neither adds nor loses light: its mean is the mean of the samples.
 #[test]
 fn the_film_shows_the_mean_of_its_samples() {
     let furnace = glowing_cavity(3, 0.8, true).exactly(1.0, 16);
@@ -56,7 +56,7 @@ fn the_film_shows_the_mean_of_its_samples() {
     assert!((of_film / of_samples - 1.0).abs() < 16.0 * f64::from(f32::EPSILON), "{of_film} {of_samples}");
 }
 
-/// The loop that carries the faults is the renderer's, sample by sample.
+/// The copy of the loop that carries the faults equals the renderer without them, sample by sample.
 #[test]
 fn the_loop_without_a_fault_is_the_renderer() {
     for furnace in furnaces() {
@@ -83,13 +83,13 @@ fn assert_convicted(fault: Fault, furnaces: &[Furnace]) {
 
 #[test]
 fn a_roulette_without_compensation_is_convicted() {
-    // At 31 bounces of 0.5, what the roulette may touch is all but 1 + ½ + ¼ + ⅛.
+    // At 31 bounces of 0.5, roulette may affect everything except 1 + ½ + ¼ + ⅛.
     let cases = [glowing_cavity(3, 0.8, true), glowing_cavity(31, 0.5, true)];
     assert_convicted(Fault::RouletteUncompensated, &cases);
 }
 
-/// Directions drawn evenly are right; ended by their throughput where it is above 1 they keep, on a convex body of albedo a, the
-/// share ∫₀¹ min(2au, 1) du / a = (1 − 1/(4a)) / a: 77.6 % of 0.95.
+/// Uniform directions are correct. With paths ended by their throughput where it is above 1, a convex body of albedo a keeps the share ∫₀¹
+/// min(2au, 1) du / a = (1 − 1/(4a)) / a: 77.6 % for 0.95.
 #[test]
 fn a_roulette_by_an_unclamped_chance_is_convicted() {
     let body = convex_body(even_sky(1.0), 0.95).exactly(0.95, 64);
@@ -129,8 +129,8 @@ fn a_bound_on_bounces_is_convicted() {
     assert!(furnace.convicts(&rendered));
 }
 
-/// Under an even sky of 1 nothing is brighter than 1, to 4 standard errors: 0.8 % of the roughest metal, which keeps all. Single-scatter
-/// GGX of roughness 1 keeps some 45 %: more than 40 % is asked.
+/// Under a uniform sky of 1 nothing is brighter than 1, to 4 standard errors: 0.8 % for the roughest metal, which keeps all light.
+/// Single-scatter GGX of roughness 1 keeps about 45 %: more than 40 % is required.
 #[test]
 fn glossy_bodies_never_give_more_than_they_get() {
     for roughness in [0.0f32, 0.3, 1.0] {
@@ -140,7 +140,7 @@ fn glossy_bodies_never_give_more_than_they_get() {
             furnace.around.materials = vec![MaterialTable::same(material).into()].into();
             furnace.spp = 64;
             let kept = furnace.mean(&rendered);
-            // (Rounding where there is no noise.)
+            // (Rounding, where there is no noise.)
             let most = 1.0 + 4.0 * kept.standard_error + 1e-5;
             assert!(kept.value < most && kept.value > 0.4, "{roughness}, {metallic}: {kept:?}");
         }

@@ -1,4 +1,4 @@
-//! The hierarchy over instances: rays through it against the plain definition, which asks each instance alone.
+//! The hierarchy over instances: compares rays through it with the plain definition, which asks each instance alone.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "tests")]
 
 mod exact;
@@ -16,7 +16,7 @@ use pumice_transport::geometry::LodChoice;
 use pumice_transport::{Hit, PathOrigin, RayInWorld, Tracer};
 use shapes::{Random, bumpy_ball};
 
-/// The nearest of what each meets by itself, of the first where several are as near.
+/// The nearest of the hits of each instance alone; the first instance where several are equally near.
 fn naive(scene: &SceneTracer, ray: &RayInWorld, from: PathOrigin, t_max: f64) -> Option<Hit> {
     let volumes = scene.volumes().iter().map(|v| v.first_hit(ray, from, t_max));
     let meshes = scene.meshes().iter().map(|m| m.first_hit(ray, from, t_max));
@@ -34,7 +34,7 @@ fn naive_occluded(scene: &SceneTracer, ray: &RayInWorld, from: PathOrigin, t_max
         || scene.meshes().iter().any(|m| m.occluded(ray, from, t_max))
 }
 
-/// Where instances are put; `side` is about how long one is in its own space.
+/// Generates the placements of instances; `side` is about the length of one in its own space.
 type Places = fn(&mut Random, usize, f64) -> DAffine3;
 
 fn turned(random: &mut Random) -> DMat3 {
@@ -45,7 +45,7 @@ fn somewhere(random: &mut Random, reach: f64) -> DVec3 {
     DVec3::new(random.next(), random.next(), random.next()) * reach
 }
 
-/// Each as long as 1 in the world, unless its name says otherwise.
+/// Each instance has a length of 1 in the world, unless its name says otherwise.
 const PLACES: [(&str, Places); 11] = [
     ("turned", |r, _, side| {
         let m = turned(r) * (1.0 / side);
@@ -89,7 +89,7 @@ const PLACES: [(&str, Places); 11] = [
 
 const COUNT: usize = 40;
 
-/// Volumes, with and without cuts and at other levels, and meshes among them.
+/// Volumes, with and without cuts and at different levels of detail, with meshes among them.
 fn scene(places: Places, seed: u64) -> (SceneTracer, SceneTracer) {
     let mut random = Random(seed);
     let volumes = [noise([21, 18, 24], 0.06, 3, 1).1, blobs([40, 33, 20], 14, 9, 2).1];
@@ -119,7 +119,7 @@ fn scene(places: Places, seed: u64) -> (SceneTracer, SceneTracer) {
     (linear, tree)
 }
 
-/// A ray from somewhere about to a point of some instance.
+/// A ray from a random point nearby to a point of some instance.
 fn aimed(scene: &SceneTracer, random: &mut Random) -> RayInWorld {
     let mut point = || {
         let count = (scene.volumes().len() + scene.meshes().len()) as f64;
@@ -159,7 +159,7 @@ impl WithAxis for DVec3 {
     }
 }
 
-/// First hits, shadows and picks with and without a limit, and of paths that go on from what they met: to the bit.
+/// First hits, shadows and picks with and without a limit, and for paths that continue from a hit: equal to the bit.
 #[test]
 fn hits_are_the_plain_definitions() {
     for (name, places) in PLACES {
@@ -179,7 +179,7 @@ fn hits_are_the_plain_definitions() {
                     assert_eq!(got, expected, "{name}, {way}: occluded {ray:?} {from:?} to {limit}");
                     shadows += usize::from(got);
                 }
-                // As far as the hit, and a little farther: where it is just not met, and just met.
+                // Limits at the hit and slightly beyond it: just missed, and just hit.
                 if let Some(hit) = expected {
                     for limit in [hit.t, hit.t * (1.0 + 1e-15), hit.t * (1.0 + 1e-9)] {
                         let expected = naive(&linear, &ray, from, limit);
@@ -207,7 +207,7 @@ fn hits_are_the_plain_definitions() {
     }
 }
 
-/// Where instances coincide, their surfaces do: the lowest number is told, in whatever order they were asked.
+/// Where instances coincide, so do their surfaces: the lowest index is reported, whatever the order of asking.
 #[test]
 fn the_first_of_equals_is_told() {
     let (linear, tree) = scene(PLACES[2].1, 9);
@@ -225,7 +225,7 @@ fn the_first_of_equals_is_told() {
     assert!(equal * 2 > all && all > 500, "{equal} of {all}");
 }
 
-/// A thousand at one place: no bounds tell them apart, and all is as without.
+/// A thousand instances at one place: their bounds are equal, and the results are the same as without a hierarchy.
 #[test]
 fn many_at_one_place_are_as_in_turn() {
     let volume = blobs([16, 16, 16], 5, 6, 2).1;
@@ -239,7 +239,7 @@ fn many_at_one_place_are_as_in_turn() {
     let (tree, made) = SceneTracer::of(volumes).with_tree(4).unwrap();
     let levels = tree.tree().unwrap().bvh().depth();
     assert!(made && levels <= 6, "{levels} levels");
-    // One hierarchy of boxes, whoever shares it.
+    // One hierarchy of boxes, however many instances share it.
     assert_eq!(linear.bytes(), first.bytes());
     let mut random = Random(1);
     for _ in 0..300 {
@@ -251,7 +251,7 @@ fn many_at_one_place_are_as_in_turn() {
     }
 }
 
-/// Instances that draw nothing, none at all, rays that are none: nothing is met, and nothing breaks.
+/// Instances that draw nothing, no instances, invalid rays: there are no hits and no panics.
 #[test]
 fn nothing_is_met_where_nothing_is() {
     let volume = blobs([16, 16, 16], 5, 6, 2).1;

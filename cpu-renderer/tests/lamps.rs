@@ -1,4 +1,4 @@
-//! Lamps in whole pictures: what aiming finds is what scattering finds, and what stands before a lamp hides it.
+//! Lamps in whole pictures: light sampling and BSDF sampling find the same light, and objects in front of a lamp occlude it.
 
 #![allow(clippy::expect_used, clippy::panic, reason = "tests")]
 
@@ -27,7 +27,7 @@ fn lamp(shape: LightShape) -> ReadyLamp {
     ReadyLamp::new(&Light { shape, power_w: 1000.0, color: [1.0, 0.8, 0.6], visible_to_camera: false })
 }
 
-/// Mean colour of the lit side of the floor (columns of pixels left of the wall) and of the other.
+/// Mean colour of the lit side of the floor (pixel columns left of the wall) and of the other side.
 fn halves(lamps: Vec<ReadyLamp>, finding: LightStrategy, mode: Mode, seed: u64, samples: u32) -> [Vec3; 2] {
     let lights =
         Lights::new(Sky::Constant(Vec3::ZERO), vec![], None).with_lamps(lamps).with_strategy(finding);
@@ -60,8 +60,8 @@ fn area(outline: Outline, spread_rad: f64) -> LightShape {
     LightShape::Area { world_from_light, outline, size: [6.0, 5.0], spread_rad }
 }
 
-/// Aimed, scattered, both: means of 24 seeds differ by less than four standard errors of their difference, whatever the lamp; and
-/// light that is weighted twice does not pass.
+/// Light sampling, BSDF sampling and both: means of 24 seeds differ by less than four standard errors of their difference, for every lamp;
+/// light that is off by 2 % does not pass.
 #[test]
 fn three_ways_to_find_light_agree() {
     let ball = |soft_falloff| LightShape::Point { position: [4.0, 8.0, 12.0], radius: 3.0, soft_falloff };
@@ -100,14 +100,14 @@ fn three_ways_to_find_light_agree() {
         for (what, other) in [("aimed", aimed), ("scattered", scattered)] {
             let apart = (both.0 - other.0).abs() / (both.1 + other.1).sqrt();
             assert!(apart < 4.0, "{name}: both {both:?}, {what} {other:?}: {apart} standard errors");
-            // What a factor of 2 % would do.
+            // Negative control: an error of 2 %.
             let control = (1.02 * both.0 - other.0).abs() / (both.1 + other.1).sqrt();
             assert!(control > 4.0 || what == "scattered", "{name}: 2 % go unnoticed, {control}");
         }
     }
 }
 
-/// A beam from the left reaches nothing behind the wall, and the floor before it after the closed form.
+/// A beam from the left does not reach the floor behind the wall; in front of it, the floor matches the closed form.
 #[test]
 fn walls_hide_lamps() {
     let turn = DMat3::from_rotation_y(-1.2);

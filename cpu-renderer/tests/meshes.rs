@@ -1,4 +1,4 @@
-//! Triangle meshes: what rays hit against an exact oracle, and pictures of meshes against pictures of voxels of the same shape, which
+//! Triangle meshes: hits compared with an exact oracle, and pictures of meshes compared with pictures of voxels of the same shape, which
 //! share no code with them beyond the hierarchy.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test may fail by panicking")]
 

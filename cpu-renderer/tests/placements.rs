@@ -1,5 +1,5 @@
-//! First hits where matrices, origins and directions are any f64: rotated, sheared and mirrored volumes, all mantissa bits in use.
-//! Judged by the rational oracle of `exact::rational`, which takes the f64 numbers at their word.
+//! First hits for arbitrary f64 matrices, origins and directions: rotated, sheared and mirrored volumes, with all mantissa bits in use. The
+//! rational oracle of `exact::rational`, which takes the f64 numbers as exact, judges them.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "tests")]
 
@@ -18,7 +18,7 @@ use pumice_cpu::traverse::{SceneTracer, TracedInstance};
 use pumice_transport::geometry::LodChoice;
 use pumice_transport::{Hit, PathOrigin, RayInWorld, Tracer};
 
-/// What a ray aims at; each number of it is then rounded once more by the matrix, so that all bits are in use.
+/// The target of a ray; the matrix then rounds each of its numbers once more, so that all bits are in use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Class {
     /// A point anywhere.
@@ -29,15 +29,15 @@ enum Class {
     Edge,
     /// Along an axis of the volume.
     AlongAxis,
-    /// A hair off a plane between voxels, close to it.
+    /// Nearly along a plane between voxels, close to it.
     Grazing,
-    /// From within the volume.
+    /// From inside the volume.
     Inside,
     /// From 10⁶ voxels away.
     Far1e6,
-    /// In a plane between voxels, but for rounding.
+    /// In a plane between voxels, except for rounding.
     InPlane,
-    /// Along an edge, but for rounding.
+    /// Along an edge, except for rounding.
     AlongEdge,
 }
 
@@ -60,7 +60,7 @@ impl Class {
     }
 }
 
-/// 53 bits.
+/// A random number of 53 bits in [0, 1).
 fn unit(random: &mut Random) -> f64 {
     let bits = u64::from(random.bits()) << 21 ^ u64::from(random.bits() >> 11);
     bits as f64 / (1u64 << 53) as f64
@@ -112,7 +112,7 @@ fn world_ray(class: Class, dims: [u32; 3], place: &DAffine3, random: &mut Random
     }
     let start = target - d.normalize() * distance;
     let origin = place.transform_point3(start);
-    // Towards the target as it is in the world, so that both ends are rounded; where there is no way to it, the image of d.
+    // Towards the target's position in the world, so that both ends are rounded; where there is no way to it, the image of d.
     let direction = match class {
         Class::Corner | Class::Edge => place.transform_point3(target) - origin,
         _ => place.transform_vector3(d * (0.5 + unit(random))),
@@ -154,7 +154,7 @@ fn tracer(make: Make, volume: &Arc<CompressedVolume>, world_from_index: DAffine3
 
 type Trace<'a> = &'a dyn Fn(&SceneTracer, RayInWorld) -> Option<Hit>;
 
-/// One tally a class, over all volumes and placements, of `n` rays each.
+/// One tally for each class, over all volumes and placements, with `n` rays for each of these.
 fn tallies(classes: &[Class], n: u32, trace: Trace<'_>) -> Vec<(Class, Tally)> {
     let mut all: Vec<_> = classes.iter().map(|&c| (c, Tally::default())).collect();
     for (name, dense, compressed, make) in volumes_both_ways() {
@@ -206,7 +206,7 @@ fn first_hits_are_exact_in_any_placement_on_many_rays() {
     assert_exact(3_500);
 }
 
-/// The control: origins that keep only f32's bits, or are 10⁻¹⁰ of the distance off, are seen to be.
+/// Negative control: origins with only f32 precision, or off by 10⁻¹⁰ of the distance, are noticed.
 #[test]
 fn careless_rebasing_is_convicted() {
     let in_f32: Trace<'_> = &|tracer, ray| {
@@ -223,10 +223,11 @@ fn careless_rebasing_is_convicted() {
     }
 }
 
-/// Bounces in any placement: from where a ray in the world met an exposed face, also along it and a hair off it.
+/// Bounces in any placement: from the point where a ray in the world hit an exposed face, including directions along the face and nearly
+/// so.
 #[test]
 fn paths_from_faces_are_exact_in_any_placement() {
-    // (Of the thinnest noise a path meets too little.)
+    // (In the sparsest noise, a path hits too little.)
     for (name, dense, compressed, make) in volumes_both_ways().skip(MAKES.len()) {
         for (place_name, place) in places() {
             let (tracer, exact) = (tracer(make, &compressed, place), ExactPlace::new(place));

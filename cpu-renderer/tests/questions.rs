@@ -1,5 +1,5 @@
-//! The other questions of the traversal, against naive definitions over dense arrays: which labels are there, where a label
-//! begins and ends, levels of detail, several instances.
+//! The other queries of the traversal, compared with naive definitions over dense arrays: which labels exist, where a label begins and
+//! ends, levels of detail, several instances.
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "tests")]
 
@@ -58,7 +58,7 @@ fn assert_labels(tracer: &SceneTracer, expected: &Dense) {
     assert_eq!(tracer.label_at(1, [0; 3]), None);
 }
 
-/// Rays that start inside are left out where `outside_only`.
+/// Rays that start inside are left out where `outside_only` is set.
 fn assert_rays_from(
     outside_only: bool,
     name: &str,
@@ -107,7 +107,7 @@ fn visible_labels_are_there_and_hidden_ones_are_not() {
     }
 }
 
-/// To the next boundary of one label, the others are as if they were not there, and seams between boxes are no surfaces.
+/// Up to the next boundary of one label, the other labels are ignored, and seams between boxes are no surfaces.
 #[test]
 fn next_boundaries_match_the_label_alone() {
     for (dense, compressed) in volumes() {
@@ -122,7 +122,7 @@ fn next_boundaries_match_the_label_alone() {
     }
 }
 
-/// Hits lie within the t interval that was asked for, and shortening it to the hit leaves nothing.
+/// Hits lie within the requested t interval, and an interval that ends at the hit contains nothing.
 #[test]
 fn t_max_is_exclusive() {
     let (dense, compressed) = blobs([64, 50, 47], 40, 30, 5);
@@ -144,7 +144,7 @@ fn t_max_is_exclusive() {
     }
 }
 
-/// The naive definition: each element of a label's box that holds a voxel becomes whole; the lowest label wins.
+/// The naive definition: each element of a label's box that holds a voxel becomes solid; the lowest label wins.
 fn coarse(
     dense: &Dense,
     compressed: &CompressedVolume,
@@ -175,7 +175,7 @@ fn coarse(
     Dense { dims: dense.dims, labels }
 }
 
-/// The same surface with the voxel behind the face in place of the element's corner, as the oracle wants it.
+/// The same surface with the voxel behind the face instead of the element's corner, as the oracle expects it.
 fn as_voxel(o: DVec3, d: DVec3, mut hit: Hit) -> Hit {
     let (p, s) = (o + hit.t * d, &mut hit.surface);
     let axis = usize::from(s.axis);
@@ -188,7 +188,7 @@ fn as_voxel(o: DVec3, d: DVec3, mut hit: Hit) -> Hit {
 fn levels_of_detail_match_naive() {
     for (dense, compressed) in volumes() {
         let eye = DVec3::new(-20.0, 10.0, 70.0);
-        // Coarse from 50 and from 25 voxels away on.
+        // Coarse from 50 and from 25 voxels away.
         let distance =
             LodChoice::Distance { eye_in_world: eye, world_per_distance: 16.0 / 50.0, world_constant: 0.0 };
         let side_at = |o: [u32; 3], e: [u32; 3]| {
@@ -214,7 +214,7 @@ fn levels_of_detail_match_naive() {
             let expected = coarse(&dense, &compressed, shown, side);
             let tracer = scene(&compressed, shown, lod);
             assert_labels(&tracer, &expected);
-            // A hierarchy built for another choice, and a camera elsewhere, serves as well; voxels have their own.
+            // A hierarchy built for another choice, and a camera elsewhere, serves as well; only voxels have their own.
             let elsewhere = DAffine3::from_scale(DVec3::new(1.0, 2.0, 0.5));
             let far = LodChoice::Distance {
                 eye_in_world: DVec3::ZERO,
@@ -236,7 +236,7 @@ fn levels_of_detail_match_naive() {
                 tracer.instance(0).unwrap().again(0, PLACE, far).unwrap().is_none(),
                 lod == LodChoice::Voxels
             );
-            // Within coarse elements labels overlap: what a ray leaves there is its label's union, not the array's.
+            // Coarse elements of labels overlap: a ray that starts inside leaves the union of its label's elements, unlike in the array.
             assert_rays_from(true, "level", &expected, &[Class::Random, Class::AxisParallel], 4000, |r| {
                 let hit = tracer.first_hit(r, PathOrigin::Free, f64::INFINITY)?;
                 Some(as_voxel(r.origin, r.direction, hit))
@@ -245,8 +245,8 @@ fn levels_of_detail_match_naive() {
     }
 }
 
-/// One hierarchy over all labels answers to the bit what the best of one hierarchy a label answers: neither the tree nor the
-/// order in which it is walked matters. (But for edges, where the other labels decide which of the faces is open.)
+/// One hierarchy over all labels gives, to the bit, the best hit of one hierarchy for each label: neither the tree nor the order of
+/// traversal matters. (Except at edges, where the other labels decide which of the faces is open.)
 #[test]
 fn the_hierarchy_does_not_change_the_answer() {
     for (dense, compressed) in volumes() {
@@ -266,17 +266,17 @@ fn the_hierarchy_does_not_change_the_answer() {
                         .min_by(|a, b| (a.t, a.surface.label).partial_cmp(&(b.t, b.surface.label)).unwrap());
                     let hit = together.first_hit(&r, PathOrigin::Free, f64::INFINITY);
                     match hit {
-                        // Inside a label, the others are not looked at.
+                        // Inside a label, the other labels are ignored.
                         Some(h) if h.from_inside => assert_eq!(
                             hit,
                             apart[h.surface.label as usize].first_hit(&r, PathOrigin::Free, f64::INFINITY)
                         ),
-                        // Of faces met at once the open one is told, and what stands before them is another label's.
+                        // Of faces hit at once the open one is reported, and the voxel in front of the others may belong to another label.
                         _ if hit != best => {
                             let (h, b) = (hit.unwrap(), best.unwrap());
                             let bare = |h: &Hit| (h.t, h.surface.voxel, h.surface.label, h.from_inside);
                             assert_eq!(bare(&h), bare(&b));
-                            // A little further on is the voxel of the element that the ray enters.
+                            // A little further along the ray is the voxel of the element that the ray enters.
                             let inside = r.origin + (b.t + 1e-6) * r.direction;
                             let mut before = inside.to_array().map(|x| x as u32);
                             let axis = usize::from(b.surface.axis);
@@ -348,8 +348,8 @@ fn impossible_placements_and_rays_are_refused() {
     }
 }
 
-/// Where the camera is so near that all boxes are drawn as voxels, bricks serve as if voxels had been asked for, also after a move;
-/// where some are not, there are none.
+/// Where the camera is so near that all boxes are drawn as voxels, bricks are used as if the level were voxels, also after a move; where
+/// some boxes are coarser, there are no bricks.
 #[test]
 fn distances_that_change_nothing_have_bricks() {
     for (dense, compressed) in volumes() {
@@ -358,7 +358,7 @@ fn distances_that_change_nothing_have_bricks() {
             world_per_distance: 0.04,
             world_constant: 0.0,
         };
-        // Cells from 100 voxels away on: the volumes are 64 and less wide.
+        // Cells from 100 voxels away: the volumes are at most 64 wide.
         let (near, far) = (at(-20.0), at(-90.0));
         let made = VolumeTracer::new(0, &instance(&compressed, |_| true, near)).unwrap().with_bricks();
         let again = |from: &VolumeTracer, lod| from.again(0, PLACE, lod).unwrap().unwrap();
@@ -378,7 +378,8 @@ fn distances_that_change_nothing_have_bricks() {
     }
 }
 
-/// Any choice of labels, at any level that has bricks, cut or whole: the same hits, and the same from the faces that were hit.
+/// For any choice of labels, at any level that has bricks, with and without cuts: the same hits, and the same hits of paths that continue
+/// from them.
 #[test]
 fn bricks_answer_what_boxes_do() {
     let (mut hits, mut bounced, mut inside) = (0, 0, 0);

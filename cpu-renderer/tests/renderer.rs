@@ -1,4 +1,4 @@
-//! The CPU behind the interface of all renderers.
+//! The CPU renderer behind the interface of all renderers.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test may fail by panicking")]
 
 #[path = "renderer/carried.rs"]

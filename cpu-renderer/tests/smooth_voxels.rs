@@ -1,4 +1,4 @@
-//! Voxels shaded smooth: normals against those of the balls and planes that the voxels were cut from, and against a naive sum.
+//! Smooth normals of voxels: compared with those of the voxelised balls and planes, and with a naive sum.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
 
 use std::sync::Arc;
@@ -38,7 +38,7 @@ impl Random {
     }
 }
 
-/// Voxels by a function of their place, x fastest.
+/// Voxels by a function of their position, x fastest.
 struct Voxels {
     dims: [u32; 3],
     labels: Vec<u8>,
@@ -71,7 +71,7 @@ impl Voxels {
         VolumeTracer::new(3, &traced).unwrap().shaded_smooth(true)
     }
 
-    /// −∇f of the label about a point, from the definition, with 343 questions.
+    /// −∇f of the label around a point, from the definition, by looking at 343 voxels.
     fn naive(&self, label: u8, p: DVec3) -> DVec3 {
         let lowest = p.to_array().map(|v| v.floor() as i64 - 3);
         let mut sum = DVec3::ZERO;
@@ -88,19 +88,19 @@ impl Voxels {
     }
 }
 
-/// Part of the interval of length 2 about `x` that is within the one of length 3 about 0.
+/// Part of the interval of length 2 around `x` that lies within the one of length 3 around 0.
 fn trapezium(x: f64) -> f64 {
     ((x + 1.0).min(1.5) - (x - 1.0).max(-1.5)).max(0.0)
 }
 
-/// The mean of that over an interval of length 1: linear pieces, each by its middle.
+/// The mean of that over an interval of length 1: linear pieces, each evaluated at its middle.
 fn weight(x: f64) -> f64 {
     let mut ends = [-2.5, -0.5, 0.5, 2.5, x - 0.5, x + 0.5].map(|e: f64| e.clamp(x - 0.5, x + 0.5));
     ends.sort_by(f64::total_cmp);
     ends.windows(2).map(|e| (e[1] - e[0]) * trapezium(0.5 * (e[0] + e[1]))).sum()
 }
 
-/// Hits from all sides of a place: the hit, the point.
+/// Hits from all sides of a point: the hit, and its position.
 fn hits(tracer: &VolumeTracer, middle: DVec3, reach: f64, count: usize) -> Vec<(Hit, DVec3)> {
     let mut random = Random(9);
     let mut found = Vec::new();
@@ -115,7 +115,7 @@ fn hits(tracer: &VolumeTracer, middle: DVec3, reach: f64, count: usize) -> Vec<(
     found
 }
 
-/// Mean and 95th percentile in degrees of the angle to the true normal, smooth and flat.
+/// Mean and 95th percentile, in degrees, of the angle to the true normal, smooth and flat.
 fn angles(tracer: &VolumeTracer, hits: &[(Hit, DVec3)], truth: impl Fn(DVec3) -> DVec3) -> [f64; 4] {
     let mut both = [Vec::new(), Vec::new()];
     for (hit, point) in hits {
@@ -134,7 +134,7 @@ fn angles(tracer: &VolumeTracer, hits: &[(Hit, DVec3)], truth: impl Fn(DVec3) ->
     [a, b, c, d]
 }
 
-/// A ball in the world, cut into voxels of a spacing.
+/// A ball in the world, voxelised with a spacing.
 fn ball(radius: f64, spacing: DVec3) -> (Voxels, DVec3) {
     let half = (DVec3::splat(radius) / spacing).ceil() + 4.0;
     let middle = half * spacing + DVec3::new(0.13, 0.27, 0.4);
@@ -142,12 +142,12 @@ fn ball(radius: f64, spacing: DVec3) -> (Voxels, DVec3) {
     (Voxels::new(dims, |p| u8::from((p * spacing - middle).length() < radius) * 7), middle)
 }
 
-/// The figures that `docs/materials.md` has; faces are off by 39° on average, whatever the ball's size.
+/// The figures of `docs/materials.md`; faces are off by 39° on average, for every size of the ball.
 #[test]
 fn balls_are_round() {
     for (spacing, cases) in [
         (DVec3::ONE, [(4.0, 3.6), (8.0, 3.3), (16.0, 3.3), (24.0, 3.3)]),
-        // 16 × 16 × 40 nm, as electron microscopes give them; radii in nm.
+        // 16 × 16 × 40 nm, as in electron microscopy; radii in nm.
         (DVec3::new(16.0, 16.0, 40.0), [(100.0, 10.0), (200.0, 6.5), (400.0, 5.5), (600.0, 5.0)]),
     ] {
         for (radius, most) in cases {
@@ -166,8 +166,8 @@ fn balls_are_round() {
     }
 }
 
-/// Planes of any orientation, in places that are turned, mirrored and sheared: the inverse transpose has them right. Where voxels are
-/// 2.5 times as high as wide, an angle among them is up to 2.5 times as large in the world.
+/// Planes of any orientation, in rotated, mirrored and sheared placements: the inverse transpose gives the right normals. Where voxels are
+/// 2.5 times as high as wide, an angle in index space is up to 2.5 times as large in the world.
 #[test]
 fn planes_are_flat() {
     let shear =
@@ -183,7 +183,7 @@ fn planes_are_flat() {
             let tracer = voxels.tracer(place, LodChoice::Voxels);
             let in_world = (matrix3.inverse().transpose() * normal).normalize();
             let middle = place.transform_point3(DVec3::splat(20.1));
-            // Off the volume's own sides.
+            // Away from the volume's own sides.
             let inner = |p: DVec3| (place.inverse().transform_point3(p) - 20.0).abs().max_element() < 14.0;
             let found = hits(&tracer, middle, reach, 3000);
             let kept: Vec<_> = found.into_iter().filter(|(_, p)| inner(*p)).collect();
@@ -197,10 +197,10 @@ fn planes_are_flat() {
     }
 }
 
-/// The sum by boxes, cells and rows of bits is the sum over voxels; what stands beside the label does not count.
+/// The sum by boxes, cells and rows of bits equals the sum over voxels; voxels of other labels do not count.
 #[test]
 fn normals_are_those_of_a_naive_sum() {
-    // Bodies that meet, larger than boxes, and noise.
+    // Touching bodies larger than boxes, and noise.
     let mut random = Random(2);
     let centers: Vec<_> =
         (0..6).map(|_| DVec3::new(random.next(), random.next(), random.next()) * 50.0).collect();
@@ -224,7 +224,7 @@ fn normals_are_those_of_a_naive_sum() {
         let expected = voxels.naive(ids[hit.surface.label as usize] as u8, p);
         let in_world = (normals * expected).normalize();
         match tracer.smooth_normal(&hit.surface, point) {
-            // Sums of floats, of up to 216.
+            // Sums of up to 216 floats.
             Some(got) => {
                 compared += 1;
                 let short = 1e-5 / expected.length();
@@ -239,10 +239,11 @@ fn normals_are_those_of_a_naive_sum() {
     assert!(compared > 5000, "{compared} {flat}");
 }
 
-/// Whether a voxel with this middle is there.
+/// Whether the voxel with this middle exists.
 type Shape = fn(DVec3) -> bool;
 
-/// A voxel alone, a sheet and a rod of one voxel, corners that touch, a block that fills its volume: numbers, and on the face's side.
+/// A single voxel, a sheet and a rod of one voxel, corners that touch, a block that fills its volume: normals are finite and on the face's
+/// side.
 #[test]
 fn what_is_thin_has_normals() {
     let shapes: [(&str, Shape); 6] = [
@@ -267,7 +268,7 @@ fn what_is_thin_has_normals() {
         }
         assert!(smooth > 200, "{name}: {smooth}");
     }
-    // In the middle of a sheet, and of a face of a block, nothing is bent.
+    // In the middle of a sheet, and of a face of a block, normals are those of the faces.
     for shape in [shapes[1].1, shapes[4].1] {
         let voxels = Voxels::new([12, 11, 13], |p| u8::from(shape(p)));
         let tracer = voxels.tracer(DAffine3::IDENTITY, LodChoice::Voxels);
@@ -278,7 +279,7 @@ fn what_is_thin_has_normals() {
     }
 }
 
-/// Caps, coarse elements, and everything where it is not asked for.
+/// Caps, coarse elements, and all surfaces where smooth shading is off stay flat.
 #[test]
 fn what_stays_flat() {
     let (voxels, middle) = ball(8.0, DVec3::ONE);
@@ -304,8 +305,8 @@ fn draw(renderer: &mut CpuRenderer, scene: &Scene, volume: &Arc<CompressedVolume
     renderer.picture().unwrap()
 }
 
-/// Switched on and off between frames of one renderer, at other levels and elsewhere: each picture is that of a renderer of its own.
-/// The pass of normals follows, the pass of depth does not.
+/// Switched on and off between frames of one renderer, with other levels and placements: each picture is that of a new renderer. The pass
+/// of normals follows, the pass of depth does not.
 #[test]
 fn edits_switch_it() {
     let (voxels, middle) = ball(8.0, DVec3::ONE);

@@ -19,6 +19,7 @@ pub mod picture;
 pub mod png_file;
 pub mod preview;
 mod provenance_text;
+pub mod radiance_file;
 pub mod resting;
 #[cfg(test)]
 mod sample_pictures;
@@ -34,3 +35,4 @@ pub use picture::{Picture, PictureError, Provenance};
 pub use png_file::{write_png, write_png_shown};
 pub use provenance_text::read_provenance;
 pub use pumice_scene::{Pass, Passes, ViewTransform};
+pub use radiance_file::read_hdr;

@@ -195,9 +195,12 @@ impl Needs {
             .with_if(Part::Coats, !self.coat)
             .with_if(Part::Sheen, !self.sheen)
             .with_if(Part::Glass, !self.glass)
-            .with_if(Part::Clear, !self.transparent)
+            .with_if(Part::Transparent, !self.transparent)
             .with_if(Part::Lamps, self.lamps == 0)
-            .with_if(Part::Aiming, !(self.sky_table || self.suns > 0 || self.lamps > 0 || self.emission))
+            .with_if(
+                Part::LightSampling,
+                !(self.sky_table || self.suns > 0 || self.lamps > 0 || self.emission),
+            )
             .with_if(Part::SkyPicture, !self.sky_table)
             .with_if(Part::Lens, !self.lens)
             .with_if(Part::Cuts, self.cuts == 0)

@@ -20,11 +20,13 @@ pub enum Part {
     /// Glass: paths through the inside of labels.
     Glass,
     /// Surfaces that light passes straight through.
-    Clear,
+    #[serde(rename = "clear")]
+    Transparent,
     /// Lamps.
     Lamps,
     /// Sampling of any light (next event estimation).
-    Aiming,
+    #[serde(rename = "aiming")]
+    LightSampling,
     /// An image as the sky.
     SkyPicture,
     /// A camera lens of finite size (depth of field).
@@ -56,9 +58,9 @@ impl Part {
         Self::Coats,
         Self::Sheen,
         Self::Glass,
-        Self::Clear,
+        Self::Transparent,
         Self::Lamps,
-        Self::Aiming,
+        Self::LightSampling,
         Self::SkyPicture,
         Self::Lens,
         Self::Cuts,
@@ -80,9 +82,9 @@ impl Part {
             Self::Coats => "clear coats",
             Self::Sheen => "sheen",
             Self::Glass => "paths through labels",
-            Self::Clear => "surfaces that light passes straight through",
+            Self::Transparent => "surfaces that light passes straight through",
             Self::Lamps => "lamps",
-            Self::Aiming => "aiming at lights",
+            Self::LightSampling => "aiming at lights",
             Self::SkyPicture => "a picture for a sky",
             Self::Lens => "depth of field",
             Self::Cuts => "cuts",

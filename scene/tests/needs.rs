@@ -243,10 +243,10 @@ fn what_is_not_needed_is_spare() {
     assert_eq!(style(|s| s.material.transmission = 1.0), without(&[Part::Microfacets, Part::Glass]));
     assert_eq!(style(|s| s.material.coat = 1.0), without(&[Part::Coats]));
     assert_eq!(style(|s| s.material.sheen = 1.0), without(&[Part::Sheen]));
-    assert_eq!(style(|s| s.material.alpha = 0.5), without(&[Part::Clear]));
+    assert_eq!(style(|s| s.material.alpha = 0.5), without(&[Part::Transparent]));
     let full = full_scene();
-    assert_eq!(after(|s| s.suns = full.suns).unneeded(), without(&[Part::Aiming]));
-    assert_eq!(after(|s| s.lights = full.lights).unneeded(), without(&[Part::Aiming, Part::Lamps]));
+    assert_eq!(after(|s| s.suns = full.suns).unneeded(), without(&[Part::LightSampling]));
+    assert_eq!(after(|s| s.lights = full.lights).unneeded(), without(&[Part::LightSampling, Part::Lamps]));
     assert!(!after(|s| s.meshes = full.meshes[..1].to_vec()).unneeded().has(Part::Meshes));
     assert!(!Needs { smooth_meshes: true, ..least() }.unneeded().has(Part::SmoothNormals));
     assert_eq!(after(|s| s.film.transparent = true).unneeded(), without(&[Part::Sorting]));

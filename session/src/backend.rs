@@ -11,12 +11,14 @@ mod choice;
 mod fallback;
 mod machine;
 
+use std::fs::File;
+use std::io::Read as _;
 use std::path::Path;
 
 use card::Card;
 use choice::Way;
 use pumice_cpu::CpuRenderer;
-use pumice_picture::Image;
+use pumice_picture::{Image, radiance_file};
 use pumice_vulkan::device::{Backend, DeviceKind};
 use serde::Serialize;
 
@@ -155,9 +157,20 @@ fn opener(way: Way) -> fallback::Way {
     }
 }
 
-/// The scene-linear colours of an environment picture.
+/// The scene-linear colours of an environment picture, OpenEXR or Radiance by its first bytes.
+///
+/// # Errors
+/// One line with the path and what is wrong with the file.
 pub fn read_environment(path: &Path) -> std::result::Result<Image, String> {
-    pumice_picture::read_exr(path).map(|picture| picture.color).map_err(|e| e.to_string())
+    let mut first = [0; radiance_file::MAGIC.len()];
+    // A file that cannot be opened, or is shorter, is the next reader's to name.
+    let is_radiance = File::open(path).and_then(|mut file| file.read_exact(&mut first)).is_ok()
+        && first == *radiance_file::MAGIC;
+    let image = match is_radiance {
+        true => pumice_picture::read_hdr(path),
+        false => pumice_picture::read_exr(path).map(|picture| picture.color),
+    };
+    image.map_err(|e| e.to_string())
 }
 
 #[cfg(test)]

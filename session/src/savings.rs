@@ -348,7 +348,7 @@ mod tests {
         let all = measured(|s| s.instances[0].style.show = Show::Only(vec![1, 2]));
         assert_eq!((all.backend.as_str(), all.size, all.rounds), ("cpu", [32, 20], 3));
         let parts: Vec<_> = all.savings.iter().map(|s| s.part).collect();
-        let (voxels, light) = ([Part::HiddenLabels, Part::Levels], [Part::Clear, Part::Sorting]);
+        let (voxels, light) = ([Part::HiddenLabels, Part::Levels], [Part::Transparent, Part::Sorting]);
         let expected = [&voxels[..], &light, &[Part::Mattes, Part::InstanceTree]].concat();
         let expected: Vec<_> = expected.into_iter().map(Some).collect();
         assert_eq!(parts, [&expected[..], &[None]].concat());

@@ -1,11 +1,11 @@
-//! Computes `transport/src/bsdf/tables.bin`: how much light GGX surfaces keep, by angle and roughness.
+//! Computes `transport/src/bsdf/tables.bin`: the albedos of GGX surfaces by angle and roughness.
 //!
 //! ```text
-//! cargo run -p pumice-cpu --example scattering_tables -- transport/src/bsdf/tables.bin     (minutes)
+//! cargo run -p pumice-transport --example scattering_tables -- transport/src/bsdf/tables.bin     (minutes)
 //! ```
-//! The grids are those of `bsdf/tables.rs`, which says what each is for. An entry is an integral over the normals that are seen
-//! from one direction (Heitz 2018, JCGT 7(4)), by the midpoint rule in f64; the integrand is even in the azimuth, so half of the
-//! disk is enough. `transport/tests/scattering_tables.rs` recomputes some of them over outgoing directions instead.
+//! `bsdf/tables.rs` describes the grids. An entry is an integral over the normals visible from one direction (Heitz 2018, JCGT 7(4)), by
+//! the midpoint rule in f64; the integrand is even in the azimuth, so half of the disk is enough. `transport/tests/scattering_tables.rs`
+//! recomputes some of the entries over outgoing directions instead.
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "a tool: it stops at the first fault")]
 
 use std::f64::consts::PI;
@@ -15,11 +15,11 @@ use rayon::prelude::*;
 /// Points along each side of the disk.
 const POINTS: u32 = 256;
 
-/// Cosines of an average, and points for each.
+/// Number of cosines of an average, and points for each.
 const COSINES: u32 = 64;
 const POINTS_OF_AVERAGE: u32 = 192;
 
-/// Unpolarised reflectance, and the cosine of refraction where there is one (Born and Wolf, *Principles of Optics*, §1.5.2).
+/// Unpolarised reflectance, and the cosine of the refracted direction if there is one (Born and Wolf, *Principles of Optics*, §1.5.2).
 fn fresnel(cos: f64, eta: f64) -> (f64, Option<f64>) {
     let sin2_t = (1.0 - cos * cos) / (eta * eta);
     if sin2_t >= 1.0 {
@@ -36,7 +36,7 @@ fn lambda(alpha: f64, cos: f64) -> f64 {
     ((1.0 + alpha * alpha * (1.0 / (cos * cos) - 1.0)).sqrt() - 1.0) / 2.0
 }
 
-/// Mean of `f(z of h, cosine of h with wi)` over the normals h that are seen from a direction of cosine `mu`.
+/// Mean of `f(z of h, cosine of h with wi)` over the normals h that are visible from a direction of cosine `mu`.
 fn over_visible_normals(mu: f64, alpha: f64, points: u32, f: impl Fn(f64, f64) -> f64) -> f64 {
     // wi = (sin, 0, mu), stretched to v = (x, 0, z). The disk's axes are y and (−z, 0, x).
     let sin = (1.0 - mu * mu).sqrt();
@@ -45,7 +45,7 @@ fn over_visible_normals(mu: f64, alpha: f64, points: u32, f: impl Fn(f64, f64) -
     let lift = 0.5 * (1.0 + z);
     let (mut sum, mut weights) = (0.0, 0.0);
     for i in 0..points {
-        // Dense towards the disk's rim, which is where GGX has its long tail: u = 1 − x⁴.
+        // Denser towards the disk's rim, where GGX has its long tail: u = 1 − x⁴.
         let rim = (f64::from(i) + 0.5) / f64::from(points);
         let (r, density) = ((1.0 - rim.powi(4)).sqrt(), 4.0 * rim.powi(3));
         weights += density * f64::from(points);
@@ -62,7 +62,7 @@ fn over_visible_normals(mu: f64, alpha: f64, points: u32, f: impl Fn(f64, f64) -
     sum / weights
 }
 
-/// Reflection that loses nothing: what is not shadowed.
+/// Albedo of reflection by perfectly mirroring microfacets: the light that is not shadowed.
 fn reflected(alpha: f64, mu: f64, points: u32) -> f64 {
     let here = 1.0 + lambda(alpha, mu);
     over_visible_normals(mu, alpha, points, |h_z, cos| {
@@ -71,15 +71,15 @@ fn reflected(alpha: f64, mu: f64, points: u32) -> f64 {
     })
 }
 
-/// Reflection and refraction together.
+/// Albedo of reflection and refraction together.
 fn through_glass(alpha: f64, mu: f64, eta: f64, points: u32) -> f64 {
     let here = 1.0 + lambda(alpha, mu);
     over_visible_normals(mu, alpha, points, |h_z, cos| {
         let (f, refraction) = fresnel(cos, eta);
         let up = 2.0 * cos * h_z - mu;
         let up = if up > 0.0 { f * here / (here + lambda(alpha, up)) } else { 0.0 };
-        // Walter et al. 2007, eq. 40. An index of 1 changes no direction, and nothing is shadowed then. From inside, Cycles' tables
-        // count refractions that end on the wrong side of the surface too: what is lost by them stays lost.
+        // Walter et al. 2007, eq. 40. An index of 1 changes no direction and nothing is shadowed then. From inside, Cycles' tables also
+        // count refractions that end on the wrong side of the surface: the light that they lose is not compensated.
         let passed = refraction.map_or(0.0, |cos_t| {
             let down = (cos / eta - cos_t) * h_z - mu / eta;
             let shadow = if (eta - 1.0).abs() < 1e-4 { 1.0 } else { here / (here + lambda(alpha, down)) };
@@ -89,7 +89,7 @@ fn through_glass(alpha: f64, mu: f64, eta: f64, points: u32) -> f64 {
     })
 }
 
-/// Where between its value at normal incidence and 1 the reflectance is, averaged; shadows left out.
+/// Average position of the reflectance between its value at normal incidence and 1, without shadowing.
 fn fresnel_share(alpha: f64, mu: f64, eta: f64) -> f64 {
     let f0 = fresnel(1.0, eta).0;
     over_visible_normals(mu, alpha, POINTS, |h_z, cos| {
@@ -101,18 +101,18 @@ fn fresnel_share(alpha: f64, mu: f64, eta: f64) -> f64 {
     })
 }
 
-/// Over the cosine-weighted hemisphere; the middle of steps in μ², where 2μ dμ is even.
+/// Average over the cosine-weighted hemisphere, at the middles of steps in μ², where 2μ dμ is uniform.
 fn average(f: impl Fn(f64) -> f64) -> f64 {
     let cosine = |i: u32| ((f64::from(i) + 0.5) / f64::from(COSINES)).sqrt();
     (0..COSINES).map(|i| f(cosine(i))).sum::<f64>() / f64::from(COSINES)
 }
 
-/// Places 0 to 1 of `n` entries; at neither end where something would be divided by 0.
+/// Coordinate of entry `i` of `n`, from 0 to 1; clamped away from 0 where a division by 0 would follow.
 fn place(i: usize, n: usize) -> f64 {
     (i as f64 / (n - 1) as f64).clamp(1e-4, 1.0)
 }
 
-/// Index of refraction at a place: reflectance at normal incidence is its 4th power.
+/// Index of refraction at a table coordinate: its reflectance at normal incidence is the coordinate to the 4th power.
 fn index_at(place: f64) -> f64 {
     let root = if place <= 1e-4 { 0.0 } else { place.min(0.99).powi(2) };
     (1.0 + root) / (1.0 - root)

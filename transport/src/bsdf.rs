@@ -1,6 +1,6 @@
-//! How a surface scatters: Blender's Principled BSDF as Cycles computes it (formulas and sources in `docs/materials.md`).
+//! How a surface scatters light: Blender's Principled BSDF as Cycles computes it (formulas and sources in `docs/materials.md`).
 //!
-//! Local frame: z is the normal on the side that `wi` is on; `wi` points back along the path, `wo` is sampled, as in Cycles.
+//! Local frame: z is the normal on the side of `wi`; `wi` points back along the path and `wo` is sampled, as in Cycles.
 //!
 //! ```text
 //! sheen                       upright fibres                                       alone at the top
@@ -10,12 +10,13 @@
 //! dielectric layer            ┘
 //! diffuse                     Lambert, below the dielectric layer
 //! ```
-//! What a layer reflects towards the viewer is taken off all that lies below it, as in Cycles; that is not reciprocal, but keeps
-//! the sum at or below 1. A lobe sharper than [`LEAST_ALPHA_SQUARED`] is a mirror: no light that is aimed at is seen in it.
+//! The part of the light that a layer reflects towards the viewer is subtracted from everything below it, as in Cycles. That is not
+//! reciprocal, but keeps the sum at or below 1. A lobe sharper than [`LEAST_ALPHA_SQUARED`] is a mirror: light sampling contributes nothing
+//! to it.
 //!
-//! Where the shading normal is not the surface's own, microfacets and coat may have a third one ([`SpecularNormal`]). A direction that their
-//! horizon and the shading normal's divide is not lit by them when it is aimed at, and is when they sampled it (as in Cycles); what
-//! is below the surface itself, whoever samples rejects.
+//! Where the shading normal differs from the geometric one, microfacets and coat may use a third normal ([`SpecularNormal`]). Where the
+//! horizons of that normal and of the shading normal disagree about a direction, light sampling does not see these lobes there, but
+//! sampling the lobes does (as in Cycles). The caller rejects directions below the surface itself.
 
 mod coat;
 mod fresnel;
@@ -43,29 +44,30 @@ use tables::{
     table_2d, table_3d,
 };
 
-/// Lobes of a smaller α² are mirrors, as in Cycles: f32 directions are too coarse for them.
+/// Lobes with a smaller α² are mirrors, as in Cycles: f32 directions are too coarse for them.
 pub const LEAST_ALPHA_SQUARED: f32 = 2e-10;
 
-/// Indices of refraction nearer to 1 than this do not spread light, as in Cycles: the half vector is lost in rounding.
+/// Indices of refraction nearer to 1 than this do not spread light, as in Cycles: rounding loses the half vector.
 pub const LEAST_BEND: f32 = 1e-4;
 
-/// Least cosine of the viewer: a grazing ray may round to 0 or below, and still sees the front.
+/// Least cosine of the viewer: a grazing ray may round to 0 or below, but still sees the front.
 pub const LEAST_VIEW: f32 = 1e-6;
 
-/// A lobe that is there is chosen at least this often in proportion to all: what it reflects is then at most ten times its density.
+/// Least weight of an existing lobe other than Lambert's when a lobe is chosen, as a share of the sum of all albedos. It bounds the ratio of
+/// the lobe's reflection to its density to about ten.
 const LEAST_SHARE: f32 = 0.1;
 
-/// A material, made ready for one point seen from `wi`.
+/// A material, prepared for one point seen from `wi`.
 #[derive(Clone, Copy, Debug)]
 pub struct Bsdf {
-    /// Towards the viewer, for microfacets and coat.
+    /// Direction to the viewer, for microfacets and coat.
     wi: Vec3,
-    /// The same for Lambert and sheen.
+    /// Direction to the viewer, for Lambert and sheen.
     shading_wi: Vec3,
     specular_normal: SpecularNormal,
     /// GGX α of metal, glass and dielectric layer.
     alpha: f32,
-    /// Weights, what lies above taken off; 0 where there is none.
+    /// Weights of the lobes, reduced by the layers above; 0 where a lobe is absent.
     diffuse: Vec3,
     metal: Vec3,
     metal_f0: Vec3,
@@ -76,11 +78,11 @@ pub struct Bsdf {
     glass: Vec3,
     glass_f0: Vec3,
     glass_tint: Vec3,
-    /// Index of refraction beyond the surface over that before it.
+    /// Index of refraction beyond the surface, divided by that before it.
     glass_eta: f32,
     coat: Coat,
     sheen: Sheen,
-    /// Chances of the microfacets, of the coat, of the sheen and of Lambert's lobe.
+    /// Probabilities of sampling microfacets, coat, sheen and the Lambert lobe.
     microfacet_probability: f32,
     coat_probability: f32,
     sheen_probability: f32,
@@ -92,21 +94,22 @@ pub struct Bsdf {
 pub struct BsdfSample {
     /// Sampled direction in the local frame.
     pub wo: Vec3,
-    /// Whether it passes through the surface: z is below 0 then, where there is no tilt.
+    /// Whether the direction passes through the surface: `wo.z` is then below 0, unless the specular normal is tilted.
     pub through: bool,
     /// f · |cos| / pdf.
     pub weight: Vec3,
-    /// Density per solid angle of the whole mixture; infinite for a mirror's only direction.
+    /// Density per solid angle of the whole mixture; infinite for the single direction of a mirror.
     pub pdf: f32,
 }
 
 impl Bsdf {
-    /// The surface `m` seen from `wi` (local, z > 0); `from_inside`: that is the side where the material is.
+    /// The surface of `m` seen from `wi` (local frame, z > 0). `from_inside` says that `wi` is on the side where the material is.
     pub fn new(m: &Material, wi: Vec3, from_inside: bool) -> Self {
         Self::made(m, wi, wi, from_inside)
     }
 
-    /// The same, shaded by another normal than its own: `wi`, of any z, and `specular_normal` are in that one's frame.
+    /// Like [`Bsdf::new`], shaded by a normal other than the surface's own: `wi` (of any z) and `specular_normal` are in that normal's
+    /// frame.
     pub fn with_specular_normal(
         m: &Material,
         wi: Vec3,
@@ -115,11 +118,11 @@ impl Bsdf {
     ) -> Self {
         let to = specular_normal.to_microfacets(wi);
         let seen = |w: Vec3| Vec3::new(w.x, w.y, w.z.max(LEAST_VIEW));
-        let b = Self { specular_normal: specular_normal, ..Self::made(m, seen(to), seen(wi), from_inside) };
+        let b = Self { specular_normal, ..Self::made(m, seen(to), seen(wi), from_inside) };
         if to.z > 0.0 {
             return b;
         }
-        // A normal on the far side of the surface: what mirrors is not seen (as in Cycles).
+        // The shading normal is on the far side of the surface: specular lobes are not seen (as in Cycles).
         let (metal, specular, glass, coat) = (Vec3::ZERO, Vec3::ZERO, Vec3::ZERO, Coat::NONE);
         let mut b =
             Self { metal, specular, glass, coat, microfacet_probability: 0.0, coat_probability: 0.0, ..b };
@@ -128,7 +131,7 @@ impl Bsdf {
     }
 
     fn made(m: &Material, wi: Vec3, shading_wi: Vec3, from_inside: bool) -> Self {
-        // What lies on top.
+        // Layers on top.
         let (sheen, coat, mut weight) = coat_and_sheen(m, shading_wi.z, wi.z);
         let mut b = Self { sheen, coat, shading_wi, ..Self::nothing(wi, m.roughness * m.roughness) };
         let base = Vec3::from_array(m.base_color);
@@ -157,7 +160,7 @@ impl Bsdf {
             weight *= 1.0 - m.transmission;
         }
 
-        // The dielectric layer, and what passes it.
+        // The dielectric layer, and the diffuse light that passes it.
         let mut f0 = f0_from_ior(m.ior);
         let mut eta = m.ior;
         if m.specular != 0.5 {
@@ -182,12 +185,12 @@ impl Bsdf {
         b
     }
 
-    /// Glass of this weight.
+    /// Sets the glass lobe to this weight.
     #[inline(never)]
     fn set_glass(&mut self, m: &Material, weight: Vec3, from_inside: bool) {
         self.glass_eta = if from_inside { 1.0 / m.ior } else { m.ior };
         self.glass_f0 = (f0_from_ior(m.ior) * Vec3::from_array(m.specular_tint)).min(Vec3::ONE);
-        // Light passes the surface twice, going in and out.
+        // Light passes the surface twice, on the way in and out.
         self.glass_tint = Vec3::from_array(m.base_color.map(f32::sqrt));
         self.glass = weight;
         if m.multiscatter {
@@ -195,7 +198,7 @@ impl Bsdf {
             let place = index_place(m.ior);
             let kept = table_3d(GLASS + side, 16, m.roughness, self.wi.z, place);
             let average = table_2d(GLASS_AVERAGE + side, 16, m.roughness, place);
-            // What passes makes up most of the colour; where none does, what is reflected.
+            // Transmitted light makes up most of the colour; where nothing is transmitted, reflected light does.
             let once = match self.glass_tint == Vec3::ZERO {
                 true => share_to_white(self.glass_f0, average_share(self.glass_eta)),
                 false => self.glass_tint,
@@ -204,7 +207,7 @@ impl Bsdf {
         }
     }
 
-    /// How often each lobe is chosen: by what it reflects.
+    /// Sets the probability of each lobe in proportion to its reflection.
     fn choose(&mut self, microfacets: f32) {
         let (coat, sheen, diffuse) =
             (self.coat.albedo, luminance(self.sheen.albedo), luminance(self.diffuse));
@@ -220,7 +223,7 @@ impl Bsdf {
         }
     }
 
-    /// Whether a sampled direction depends on the choice of a lobe.
+    /// Whether a sampled direction depends on the random choice of a lobe.
     #[inline]
     pub fn has_two_lobes(&self) -> bool {
         self.coat_probability > 0.0
@@ -240,7 +243,7 @@ impl Bsdf {
         self.alpha * self.alpha <= LEAST_ALPHA_SQUARED
     }
 
-    /// f · |cos| and the density of [`Bsdf::sample`], for any direction; zero below a surface that does not transmit.
+    /// f · |cos| and the density of [`Bsdf::sample`] for any direction; zero below a surface that does not transmit.
     pub fn eval(&self, wo: Vec3) -> (Vec3, f32) {
         if self.wi.z <= 0.0 || wo.z == 0.0 {
             return (Vec3::ZERO, 0.0);
@@ -257,7 +260,7 @@ impl Bsdf {
         (f, pdf)
     }
 
-    /// A direction with density as [`Bsdf::eval`] says; `None` where the sampled microfacet sends light to the wrong side.
+    /// Samples a direction with the density of [`Bsdf::eval`]; `None` where the sampled microfacet sends light to the wrong side.
     pub fn sample(&self, u: [f32; 2], choice: f32) -> Option<BsdfSample> {
         if choice < self.microfacet_probability {
             return self.sample_microfacets(u, choice / self.microfacet_probability);
@@ -286,13 +289,14 @@ impl Bsdf {
         sampled(wo, false, f, pdf)
     }
 
-    /// The mirror's direction.
+    /// The sample in the mirror's direction.
     fn mirrored(&self, weight: Vec3) -> BsdfSample {
         let wo = self.specular_normal.from_microfacets(Vec3::new(-self.wi.x, -self.wi.y, self.wi.z));
         BsdfSample { wo, through: false, weight, pdf: f32::INFINITY }
     }
 
-    /// Adds what lobes without microfacets, and the coat, send from or to `wo` above the surface; `to` is that for the coat.
+    /// Adds the contributions above the surface of the lobes without microfacets and of the coat, for light from or to `wo`. `to` is the
+    /// same direction in the coat's frame.
     #[inline]
     fn add_others(&self, wo: Vec3, to: Vec3, f: &mut Vec3, pdf: &mut f32) {
         if wo.z <= 0.0 {
@@ -312,7 +316,8 @@ impl Bsdf {
         }
     }
 
-    /// Part of `f`, what [`Bsdf::eval`] gives for `wo`, that is diffuse, Lambert's and the sheen's (as in Cycles); 0 where f is.
+    /// The diffuse part (Lambert and sheen, as in Cycles) of `f`, which is the result of [`Bsdf::eval`] for `wo`, as a ratio; 0 where f is
+    /// 0.
     pub fn diffuse_share(&self, wo: Vec3, f: Vec3) -> Vec3 {
         if wo.z <= 0.0 {
             return Vec3::ZERO;
@@ -325,7 +330,7 @@ impl Bsdf {
         Vec3::new(part(diffuse.x, f.x), part(diffuse.y, f.y), part(diffuse.z, f.z))
     }
 
-    /// About what the lobes of `m` scatter of even light: diffuse, glossy, transmission. Above 0 wherever such light can be.
+    /// Approximate albedos of `m` under uniform light: diffuse, glossy, transmission. Above 0 wherever such light can occur.
     #[inline(never)]
     pub fn colors(&self, m: &Material) -> [Vec3; 3] {
         let mut glossy = Vec3::splat(self.coat.albedo);
@@ -349,7 +354,7 @@ impl Bsdf {
         [self.diffuse + self.sheen.albedo, glossy, transmission]
     }
 
-    /// What a microfacet reflects, and what it lets pass, at the cosine of `wi` with it.
+    /// Reflected and transmitted part at a microfacet whose cosine with `wi` is `cos`.
     #[inline]
     fn reflectance(&self, cos: f32) -> (Vec3, Vec3) {
         let mut reflected = self.metal * fresnel_f82(cos, self.metal_f0, self.metal_b);
@@ -367,7 +372,7 @@ impl Bsdf {
         (reflected, passed)
     }
 
-    /// The microfacets' f · |cos| and their part of the density, where `h` is the one that sends light from `wi` to `wo`.
+    /// f · |cos| of the microfacets and their part of the density, where `h` is the microfacet normal that sends light from `wi` to `wo`.
     fn microfacets(&self, h: Vec3, wo: Vec3) -> (Vec3, f32) {
         let cos = self.wi.dot(h);
         let (reflected, passed) = self.reflectance(cos);
@@ -389,7 +394,7 @@ impl Bsdf {
         )
     }
 
-    /// `eval` for a direction through the surface.
+    /// [`Bsdf::eval`] for a direction through the surface.
     #[inline(never)]
     fn eval_below(&self, wo: Vec3) -> (Vec3, f32) {
         if self.is_mirror() || (self.glass_eta - 1.0).abs() < LEAST_BEND {
@@ -397,7 +402,7 @@ impl Bsdf {
         }
         let h = -(self.wi + self.glass_eta * wo).normalize();
         let h = if h.z < 0.0 { -h } else { h };
-        // No microfacet that both sides see refracts one into the other.
+        // No microfacet that is visible from both sides refracts one direction into the other.
         if self.wi.dot(h) <= 0.0 || wo.dot(h) >= 0.0 {
             return (Vec3::ZERO, 0.0);
         }
@@ -464,19 +469,19 @@ impl Bsdf {
     }
 }
 
-/// A sample of this density; none where it has none.
+/// A sample with this density; `None` where the density is 0 or not finite.
 #[inline]
 fn sampled(wo: Vec3, through: bool, f: Vec3, pdf: f32) -> Option<BsdfSample> {
     (pdf > 0.0 && pdf.is_finite()).then(|| BsdfSample { wo, through, weight: f / pdf, pdf })
 }
 
-/// Chance of reflection where a microfacet both reflects and lets pass.
+/// Probability of reflection at a microfacet that both reflects and transmits.
 fn share_reflected(reflected: Vec3, passed: Vec3) -> f32 {
     let passed = luminance(passed);
     if passed > 0.0 { luminance(reflected) / (luminance(reflected) + passed) } else { 1.0 }
 }
 
-/// From `f0` towards white.
+/// Interpolates from `f0` to white.
 fn share_to_white(f0: Vec3, share: f32) -> Vec3 {
     f0 + (Vec3::ONE - f0) * share
 }

@@ -1,8 +1,8 @@
-//! Rays of the camera, as Blender's and Cycles' are: sensor fit, shift, pixel aspect, clip range, depth of field.
+//! Camera rays that match Blender and Cycles: sensor fit, shift, pixel aspect, clip range, depth of field.
 //!
-//! The field of view spans the *fitted* side of the picture: its width or its height, pixels that are not square counted by their
-//! height. With depth of field a ray starts at a point of the opening and passes through the point in focus, where the ray from the
-//! opening's middle meets the plane at the focus distance.
+//! The field of view spans the *fitted* side of the picture, its width or its height, in units of a pixel's height where pixels are not
+//! square. With depth of field a ray starts at a point of the aperture and passes through the point in focus, where the ray from the
+//! aperture's centre meets the plane at the focus distance.
 
 use crate::RayInWorld;
 use glam::{DAffine3, DVec3};
@@ -10,36 +10,36 @@ use pumice_scene::{Camera, Film, Projection, SensorFit};
 
 use crate::lens::Lens;
 
-/// A camera with its film, made ready.
+/// A camera with its film, prepared for casting rays.
 #[derive(Clone, Copy, Debug)]
 pub struct CameraRays {
-    /// Where a perspective camera is.
+    /// Position of a perspective camera.
     pub position: DVec3,
-    /// Unit vector along the picture.
+    /// Unit vector to the right of the picture.
     pub right: DVec3,
-    /// Unit vector up the picture.
+    /// Unit vector to the top of the picture.
     pub up: DVec3,
-    /// Unit vector along the view.
+    /// Unit vector along the view axis.
     pub forward: DVec3,
-    /// Half extents of the fitted side: at distance 1 (perspective), or anywhere (orthographic).
+    /// Half extent of the fitted side: at distance 1 (perspective), or at any distance (orthographic).
     pub half: f64,
     /// Whether rays are parallel.
     pub orthographic: bool,
-    /// As the camera's.
+    /// Shift of the camera.
     pub shift: [f64; 2],
-    /// Pixels across and down.
+    /// Width and height of the picture in pixels.
     pub size: [f64; 2],
-    /// Near and far.
+    /// Near and far clipping distance.
     pub clip: [f64; 2],
-    /// Width of a pixel over its height.
+    /// Width of a pixel divided by its height.
     pub pixel_aspect: f64,
     /// Length of the fitted side, in heights of a pixel.
     pub fitted: f64,
-    /// The opening, where it has a size.
+    /// The aperture, if it has a size.
     pub lens: Option<Lens>,
 }
 
-/// Length of the side that a camera's angle, scale and shift are measured along, in heights of a pixel.
+/// Length of the side along which a camera's angle, scale and shift are measured, in heights of a pixel.
 pub(crate) fn fitted_side(fit: SensorFit, film: &Film) -> f64 {
     let (width, height) = (f64::from(film.width) * film.pixel_aspect, f64::from(film.height));
     match fit {
@@ -50,7 +50,7 @@ pub(crate) fn fitted_side(fit: SensorFit, film: &Film) -> f64 {
 }
 
 impl CameraRays {
-    /// Readies a camera whose matrix is not singular.
+    /// Prepares a camera whose matrix is not singular.
     pub fn new(camera: &Camera, film: &Film) -> Self {
         let DAffine3 { matrix3: m, translation } = camera.world_from_camera;
         let (half, orthographic) = match camera.projection {
@@ -73,7 +73,7 @@ impl CameraRays {
         }
     }
 
-    /// Where a point of the picture is aside of the view axis: at distance 1 (perspective), or anywhere (orthographic).
+    /// Offset of a point of the picture from the view axis: at distance 1 (perspective), or at any distance (orthographic).
     #[inline]
     fn aside(&self, x: f64, y: f64) -> DVec3 {
         let [width, height] = self.size;
@@ -82,10 +82,10 @@ impl CameraRays {
         self.right * sx + self.up * sy
     }
 
-    /// The ray from the opening's middle through a point of the picture, in pixels from its upper left corner, and the largest t
-    /// at which it sees.
+    /// The ray from the aperture's centre through a point of the picture, in pixels from its upper left corner, and the largest t within
+    /// the clip range.
     ///
-    /// t counts along the view axis from the near clipping plane; add [`CameraRays::near`] for the depth.
+    /// t is measured along the view axis from the near clipping plane; add [`CameraRays::near`] for the depth.
     #[inline]
     pub fn ray(&self, x: f64, y: f64) -> (RayInWorld, f64) {
         let aside = self.aside(x, y);
@@ -98,10 +98,10 @@ impl CameraRays {
         (ray, self.clip[1] - self.clip[0])
     }
 
-    /// The ray from point u of the opening instead, through the same point in focus.
+    /// The ray from sample `u` of the aperture, through the same point in focus.
     ///
-    /// It is clipped at the distances at which the ray from the middle would be, as Cycles does it (`camera_sample_perspective`,
-    /// `camera_sample_orthographic`: only the near plane of parallel rays is a plane).
+    /// It is clipped at the distances at which the ray from the centre would be, as in Cycles (`camera_sample_perspective`,
+    /// `camera_sample_orthographic`: only parallel rays are clipped at a plane).
     #[inline]
     pub fn lens_ray(&self, lens: &Lens, x: f64, y: f64, u: [f32; 2]) -> (RayInWorld, f64) {
         let aside = self.aside(x, y);

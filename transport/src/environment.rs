@@ -1,10 +1,10 @@
-//! An equirectangular picture of what surrounds the scene, and the distribution that draws directions from it.
+//! An equirectangular picture of the surroundings, and the distribution that samples directions from it.
 //!
-//! **Directions.** As Cycles' `direction_to_equirectangular`: u = ½ − atan2(y, x) / 2π, v = 1 − acos(z) / π with v = 1 in the
-//! first row. The middle of the picture is seen along +x, its left quarter along +y, its first row is up (+z). `rotation_rad`
-//! turns the picture about +z, counter-clockwise seen from above: a Mapping node (Point) before Blender's Environment Texture that
-//! turns about z by θ is a rotation of −θ. (Cycles 5.0.1 agrees in nine views, six straight and three turned by 0.7: 1.2e-3 at most,
-//! what lies between the pixels of a sine 64 wide.)
+//! **Directions.** As Cycles' `direction_to_equirectangular`: u = ½ − atan2(y, x) / 2π, v = 1 − acos(z) / π with v = 1 in the first row.
+//! The middle of the picture is seen along +x, its left quarter along +y, and its first row is up (+z). `rotation_rad` rotates the picture
+//! about +z, counter-clockwise as seen from above: a Mapping node (Point) before Blender's Environment Texture that rotates about z by θ is
+//! a rotation of −θ. (Cycles 5.0.1 agrees in nine views, six straight and three rotated by 0.7, to 1.2e-3 at most, which is the
+//! interpolation error between the pixels of a sine 64 wide.)
 //!
 //! ```text
 //!        u = 0        ¼         ½         ¾         1
@@ -12,37 +12,37 @@
 //!        │−x         +y        +x        −y       −x│  horizon in the middle
 //! last   └────────────┴─────────┴─────────┴─────────┘  −z
 //! ```
-//! **Sampling.** Values are linear between pixel centres (wrapping in u, held at the poles). A pixel's chance is its solid angle
-//! times the brightest of the 3 × 3 pixels around it, so no direction with light has density 0; within the pixel directions are
-//! uniform per solid angle (in azimuth and in z). The density is exact: chance over solid angle.
+//! **Sampling.** Values are interpolated linearly between pixel centres (wrapping in u, clamped at the poles). A pixel's probability is its
+//! solid angle times the brightest of the 3 × 3 pixels around it, so no direction with light has density 0; within the pixel, directions
+//! are uniform per solid angle (in azimuth and in z). The density is exact: probability over solid angle.
 
 use std::f64::consts::PI;
 
 use glam::{DVec3, Vec3};
 use pumice_picture::image::Image;
 
-/// See the module.
+/// A picture with its sampling distribution (see the module).
 #[derive(Clone, Debug)]
 pub struct EnvironmentTable {
-    /// The picture.
+    /// The picture, in scene-linear values.
     pub image: Image,
-    /// Factor on it.
+    /// Factor on the picture's values.
     pub strength: f32,
-    /// Counter-clockwise about +z.
+    /// Rotation, counter-clockwise about +z.
     pub rotation_rad: f64,
     /// Density per solid angle of each pixel.
     pub density: Vec<f32>,
-    /// Summed chances of rows: height + 1 entries from 0 to 1.
+    /// Cumulative probabilities of rows: height + 1 entries from 0 to 1.
     pub row_cdf: Vec<f64>,
-    /// Summed chances within each row: width + 1 entries from 0 to 1.
+    /// Cumulative probabilities within each row: width + 1 entries from 0 to 1.
     pub column_cdf: Vec<f32>,
 }
 
 impl EnvironmentTable {
-    /// A table over a scene-linear picture.
+    /// Builds the distribution of a scene-linear picture.
     ///
     /// # Errors
-    /// Says which pixel is negative or not a number, or that the picture has no pixels or no light.
+    /// Names a pixel that is negative or not finite; or says that the picture has no pixels or no light.
     pub fn new(image: Image, strength: f32, rotation_rad: f64) -> Result<Self, String> {
         let (width, height) = (image.width, image.height);
         if width == 0 || height == 0 {
@@ -91,7 +91,7 @@ impl EnvironmentTable {
             row_cdf.push(end);
         }
         row_cdf[height] = 1.0;
-        // The density follows from the very numbers that are sampled, rounding included.
+        // The density is computed from the numbers that sampling uses, rounding included.
         for y in 0..height {
             let row = row_cdf[y + 1] - row_cdf[y];
             let ends = &column_cdf[y * (width + 1)..][..=width];
@@ -100,10 +100,10 @@ impl EnvironmentTable {
                 density[y * width + x] = (chance / pixel_solid_angle(y, width, height)) as f32;
             }
         }
-        Ok(Self { image, strength, rotation_rad, density, row_cdf: row_cdf, column_cdf: column_cdf })
+        Ok(Self { image, strength, rotation_rad, density, row_cdf, column_cdf })
     }
 
-    /// Place of a direction: pixels from the left and from the top.
+    /// Picture coordinates of a direction: pixels from the left and from the top.
     #[inline]
     fn place(&self, direction: DVec3) -> (f64, f64) {
         let azimuth = direction.y.atan2(direction.x) - self.rotation_rad;
@@ -112,7 +112,7 @@ impl EnvironmentTable {
         (u * self.image.width as f64, v * self.image.height as f64)
     }
 
-    /// Radiance from a direction, of any length above 0.
+    /// Radiance from a direction, whose length may be any above 0.
     #[inline]
     pub fn eval(&self, direction: DVec3) -> Vec3 {
         let (x, y) = self.place(direction);
@@ -132,7 +132,7 @@ impl EnvironmentTable {
             * self.strength
     }
 
-    /// Density per solid angle with which [`EnvironmentTable::sample`] draws a direction.
+    /// Density per solid angle with which [`EnvironmentTable::sample`] samples a direction.
     #[inline]
     pub fn pdf(&self, direction: DVec3) -> f32 {
         let (x, y) = self.place(direction);
@@ -141,7 +141,7 @@ impl EnvironmentTable {
         self.density[y * self.image.width + x]
     }
 
-    /// A unit direction, its radiance and its density per solid angle.
+    /// Samples a unit direction; returns it with its radiance and its density per solid angle.
     #[inline]
     pub fn sample(&self, u: [f32; 2]) -> (DVec3, Vec3, f32) {
         let (width, height) = (self.image.width, self.image.height);
@@ -162,7 +162,7 @@ impl EnvironmentTable {
         (DVec3::new(sin * c, sin * s, z), radiance, self.density[y * width + x])
     }
 
-    /// Irradiance on a surface that could face all of it, for choosing among lights.
+    /// Irradiance on a surface that faced all of the picture, for choosing among lights.
     pub fn total_radiance(&self) -> f32 {
         let (width, height) = (self.image.width, self.image.height);
         let sum: f64 = (0..height)
@@ -208,7 +208,7 @@ mod tests {
         assert!((turned.eval(DVec3::new(-3.0, -3.0, 0.0)).x - 2.0).abs() < 1e-6);
     }
 
-    /// Sampled directions fall into their density's own bins; density integrates to 1 by a grid that shares no code with it.
+    /// Sampled directions fall into bins as their density predicts; the density integrates to 1 on a grid that shares no code with it.
     #[test]
     fn samples_follow_the_density() {
         let table = EnvironmentTable::new(lamp(), 1.0, 0.7).expect("valid");
@@ -226,12 +226,12 @@ mod tests {
             }
         }
         let cell = 4.0 * PI / f64::from(nz * na);
-        // Bins cut at row borders: each of 8 borders misses at most one row of 400 of a density below 10.
+        // Bins are cut at row borders: each of 8 borders misses at most one row of 400 of a density below 10.
         assert!((integral * cell - 1.0).abs() < 0.01, "{}", integral * cell);
         let n = 1 << 16;
         let (mut estimate, mut wrong) = (0.0, 0.0);
         for i in 0..n {
-            // Not 0: at the very pole every azimuth is the same direction.
+            // Not 0: at the pole itself every azimuth is the same direction.
             let u =
                 [(i as f32 + 0.5) / n as f32, ((i as u32).reverse_bits() | 0x4000) as f32 / 4_294_967_296.0];
             let (d, l, pdf) = table.sample(u);

@@ -1,5 +1,5 @@
-//! Pixel filters, sampled: a sample's place is drawn from the filter and counts fully in its own pixel, as Cycles does it. A
-//! filter that is nowhere negative needs no weights then, and pixels stay independent of each other (Ernst et al. 2006, *Filter
+//! Pixel filters by importance sampling: the filter's distribution gives a sample's position, and the sample counts fully in its own pixel,
+//! as in Cycles. A non-negative filter then needs no weights, and pixels stay independent of each other (Ernst et al. 2006, *Filter
 //! Importance Sampling*).
 
 use std::f64::consts::PI;
@@ -11,17 +11,17 @@ const STEPS: usize = 1024;
 
 /// Offsets from a pixel's centre, distributed as the filter.
 ///
-/// The Blackman-Harris distribution is inverted by bisection at 1,024 levels of each half and linear between: the cumulative
-/// distribution of what is drawn is within 1/2048 of the exact one everywhere, and exact at the levels.
+/// The Blackman-Harris distribution is inverted by bisection at 1,024 levels of each half and interpolated linearly: the cdf of the samples
+/// is within 1/2048 of the exact one everywhere, and exact at the levels.
 #[derive(Clone, Debug)]
 pub struct FilterTable {
     width: f32,
-    /// Inverse of the upper half's distribution, in widths; empty for a box.
+    /// Inverse cdf of the upper half, in units of the width; empty for a box filter.
     inverse: Vec<f32>,
 }
 
 impl FilterTable {
-    /// Readies a filter.
+    /// Prepares a filter.
     pub fn new(filter: &Filter) -> Self {
         match *filter {
             Filter::Box { width } => Self { width, inverse: Vec::new() },
@@ -47,7 +47,7 @@ impl FilterTable {
         self.width
     }
 
-    /// Inverse of the upper half's distribution at equal steps, in widths; empty for a box.
+    /// Inverse cdf of the upper half at equal steps, in units of the width; empty for a box filter.
     pub fn inverse(&self) -> &[f32] {
         &self.inverse
     }
@@ -66,10 +66,10 @@ impl FilterTable {
     }
 }
 
-/// Integral of the Blackman-Harris window (Harris 1978, table 1, 4 terms) from its centre to x widths, over that to ½.
+/// Integral of the Blackman-Harris window (Harris 1978, table 1, 4 terms) from its centre to x widths, divided by that to ½.
 fn half_distribution(x: f64) -> f64 {
     let p = 2.0 * PI * x;
-    // Around its centre the window is a0 + a1 cos p + a2 cos 2p + a3 cos 3p; only a0 is left of the integral over half of it.
+    // Around its centre the window is a0 + a1 cos p + a2 cos 2p + a3 cos 3p; its integral over half of it is that of a0 alone.
     (0.35875 * p + 0.48829 * p.sin() + 0.14128 / 2.0 * (2.0 * p).sin() + 0.01168 / 3.0 * (3.0 * p).sin())
         / (0.35875 * PI)
 }
@@ -78,7 +78,7 @@ fn half_distribution(x: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// Integrates the window itself by the trapezoid rule.
+    /// Compares with the window's own integral by the trapezoid rule.
     #[test]
     fn blackman_harris_follows_its_window() {
         let table = FilterTable::new(&Filter::BlackmanHarris { width: 3.0 });
@@ -100,9 +100,9 @@ mod tests {
             }
             worst = worst.max((drawn as f64 / N as f64 - below).abs());
         }
-        // 1/2048 from the table, the rest is the step of the comparison.
+        // 1/2048 from the table; the rest is the step of the comparison.
         assert!(worst < 1.0 / 2048.0 + 2.0 / N as f64, "{worst}");
-        // A box of the same width is nowhere near: the comparison can tell.
+        // Negative control: a box of the same width is far off.
         let b = FilterTable::new(&Filter::Box { width: 3.0 });
         assert!((b.sample(0.75) - table.sample(0.75)).abs() > 0.2);
     }

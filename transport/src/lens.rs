@@ -1,27 +1,27 @@
-//! Points of the camera's opening, as Cycles draws them: a disk, or a regular polygon of blades, narrowed along x by the ratio of
-//! an anamorphic lens.
+//! Points of the camera's aperture, sampled as in Cycles: a disk, or a regular polygon of blades, narrowed along x by the ratio of an
+//! anamorphic lens.
 
 use std::f32::consts::{FRAC_PI_2, FRAC_PI_4, PI, TAU};
 
 use pumice_scene::Aperture;
 
-/// An opening, made ready.
+/// An aperture, prepared for sampling.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lens {
-    /// In world units.
+    /// Radius in world units.
     pub radius: f64,
-    /// One over the distance along the view axis of what is sharp.
+    /// 1 / focus distance along the view axis.
     pub inverse_focus: f64,
-    /// Turn of the first blade's middle from the picture's x, within a turn.
+    /// Rotation of the first blade's middle from the picture's x axis, within a full turn.
     pub rotation_rad: f32,
-    /// One over width over height of the blur.
+    /// 1 / (width over height of the blur).
     pub inverse_ratio: f32,
-    /// Corners; 0 for a disk.
+    /// Number of corners; 0 for a disk.
     pub blades: u32,
 }
 
 impl Lens {
-    /// Readies an opening that is valid.
+    /// Prepares a valid aperture.
     pub fn new(aperture: &Aperture) -> Self {
         Self {
             radius: aperture.radius,
@@ -32,7 +32,7 @@ impl Lens {
         }
     }
 
-    /// A point of the opening, in world units along the picture's x and y.
+    /// Samples a point of the aperture, in world units along the picture's x and y.
     pub fn sample(&self, u: [f32; 2]) -> [f64; 2] {
         let [x, y] =
             if self.blades == 0 { sample_disk(u) } else { sample_polygon(self.blades, self.rotation_rad, u) };
@@ -40,7 +40,7 @@ impl Lens {
     }
 }
 
-/// An even point of the unit disk by the concentric map (Shirley and Chiu 1997).
+/// Maps two random numbers uniformly to the unit disk by the concentric map (Shirley and Chiu 1997).
 pub fn sample_disk(u: [f32; 2]) -> [f32; 2] {
     let (a, b) = (2.0 * u[0] - 1.0, 2.0 * u[1] - 1.0);
     if a == 0.0 && b == 0.0 {
@@ -52,12 +52,12 @@ pub fn sample_disk(u: [f32; 2]) -> [f32; 2] {
     [r * cos, r * sin]
 }
 
-/// An even point of the regular polygon in the unit circle whose first side's middle is at `rotation_rad`: u₀ chooses the side's
-/// triangle and, stretched again, how far from the centre.
+/// Maps two random numbers uniformly to the regular polygon in the unit circle whose first side has its middle at `rotation_rad`: u₀
+/// selects the triangle of a side and, rescaled, the distance from the centre.
 fn sample_polygon(corners: u32, rotation_rad: f32, u: [f32; 2]) -> [f32; 2] {
     let scaled = u[0] * corners as f32;
     let corner = scaled.floor();
-    // Barycentric coordinates of an even point of a triangle (Turk 1990, Graphics Gems): the centre has 1 − √u.
+    // Barycentric coordinates of a uniform point of a triangle (Turk 1990, Graphics Gems): the centre has 1 − √u.
     let from_centre = (scaled - corner).sqrt();
     let (a, b) = (1.0 - from_centre, u[1] * from_centre);
     let half = PI / corners as f32;

@@ -1,14 +1,15 @@
-//! What both renderers are made of: the interfaces that they implement, and everything that is computed before a ray is traced or
-//! is the same whoever traces it.
+//! The code that both renderers share: the interfaces that they implement, and all computations that take place before a ray is traced or
+//! that are the same in each renderer.
 //!
 //! ```text
-//! loaded_scene a scene with its volumes and meshes, valid as one  scene_plan  what an edit makes anew of it
-//! renderer     what a caller asks of any renderer                 trace    what an integrator asks of geometry
-//! camera_rays  rays through pixels (lens, filter, sampler)        bsdf     how surfaces scatter (looks, palette: which has which)
-//! lights       which light is sampled (sun, lamp, environment, emitters)
-//! geometry     where things are and what of them is drawn: placement, bvh, bricks, cuts, levels of detail, instance tree
+//! loaded_scene a scene with its volumes and meshes, validated     scene_plan  which data an edit rebuilds
+//! renderer     the interface of a renderer to its caller          trace       the interface of geometry to an integrator
+//! camera_rays  rays through pixels (lens, filter, sampler)        bsdf        how surfaces scatter (material_table, palette:
+//!                                                                             materials and colours of labels)
+//! lights       choice of a light to sample (sun, lamp, environment, emitters)
+//! geometry     placement, bvh, bricks, cuts, levels of detail, instance tree
 //! ```
-//! The integrators and the kernels that trace rays are `pumice-cpu`'s and `pumice-vulkan`'s.
+//! The integrators and the kernels that trace rays are in `pumice-cpu` and `pumice-vulkan`.
 #![forbid(unsafe_code)]
 
 pub mod bsdf;

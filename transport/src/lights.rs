@@ -1,13 +1,13 @@
-//! What lights the scene, made ready: sky, suns, lamps, surfaces that shine, and the choice among them.
+//! The lights of a scene, prepared for sampling: sky, suns, lamps, emissive surfaces, and the choice among them.
 //!
-//! A constant sky is not sampled: directions scattered by a surface already follow what it does with even light, so aiming at the
-//! sky would cost a ray and gain nothing. A picture, suns and lamps are aimed at; one of them for each surface point, with a chance
-//! in proportion to the irradiance it can give (a lamp: from a length of 1 away).
+//! A constant sky is not sampled: BSDF sampling already follows the reflection of uniform light, so a shadow ray to the sky would cost time
+//! and gain nothing. An environment picture, suns and lamps are sampled: one of them for each surface point, with a probability
+//! proportional to the irradiance that it can give (for a lamp: at a distance of 1).
 //!
-//! Surfaces that shine ([`Emitters`]) are aimed at too, all of them together as one more light; its irradiance is that about where
-//! they are. A ray that is scattered finds them as the surfaces that it meets.
+//! Emissive surfaces ([`Emitters`]) are sampled too, all together as one more light, whose irradiance is estimated around them. A scattered
+//! ray finds them as the surfaces that it hits.
 //!
-//! A lamp is no surface: rays pass through it, and one that is scattered towards it finds it where it is nearer than what is hit.
+//! A lamp is not a surface: rays pass through it, and a ray that is scattered towards it finds it if it is nearer than the next hit.
 
 use std::f32::consts::PI;
 
@@ -21,52 +21,53 @@ use crate::emitters::Emitters;
 /// Light from infinity.
 #[derive(Clone, Debug)]
 pub enum Sky {
-    /// The same from everywhere.
+    /// The same radiance from every direction.
     Constant(Vec3),
-    /// A picture.
+    /// An environment picture.
     Image(Arc<EnvironmentTable>),
 }
 
 /// A sampled light.
 #[derive(Clone, Copy, Debug)]
 pub struct LightSample {
-    /// Unit vector towards it.
+    /// Unit vector towards the light.
     pub direction: DVec3,
-    /// Radiance over density: what it adds to a surface of f·cos = 1.
+    /// Radiance over density: the light that it adds to a surface with f·cos = 1.
     pub radiance_over_pdf: Vec3,
-    /// Density per solid angle, choice included; `None` for a single direction.
+    /// Density per solid angle, including the choice of the light; `None` for a single direction.
     pub pdf: Option<f32>,
-    /// What is nearer than this hides it.
+    /// Surfaces nearer than this occlude the light.
     pub distance: f64,
-    /// The instance or mesh whose surface it is, if it is one.
+    /// The instance or mesh whose surface emits, if the light is a surface.
     pub instance: Option<u32>,
 }
 
-/// What touches a lamp or a surface that shines within this part of its distance does not hide it: distances to lamps are f32.
+/// Factor on the distance to a lamp or an emissive surface: a hit beyond that, almost touching the light, does not occlude it, because
+/// distances to lamps are f32.
 pub(crate) const TOUCHING: f64 = 1.0 - 1.0 / 1_048_576.0;
 
-/// Which of the two ways to find light is used: all of light transport is in both where both can find it.
+/// How light is found. Each strategy alone finds all light that both can find.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum LightStrategy {
-    /// Both, weighted by the power heuristic (Veach 1997, §9.2.4).
+    /// Light and BSDF sampling, weighted by the power heuristic (Veach 1997, §9.2.4).
     #[default]
     Mis,
-    /// Only by aiming at lights (for tests).
+    /// Only light sampling (for tests).
     LightsOnly,
-    /// Only by scattering (for tests).
+    /// Only BSDF sampling (for tests).
     BsdfOnly,
 }
 
-/// See the module.
+/// All lights of a scene (see the module).
 #[derive(Clone, Debug)]
 pub struct Lights {
     sky: Sky,
     suns: Vec<ReadySun>,
     lamps: Vec<ReadyLamp>,
     backdrop: Option<[Vec3; 2]>,
-    /// Summed chances: the sky's, then each sun's, then each lamp's.
+    /// Cumulative probabilities: of the sky, then each sun, then each lamp.
     cdf: Vec<f32>,
-    /// The surfaces that shine, and the chance that it is they that are aimed at; the others share what is left.
+    /// The emissive surfaces, and the probability of sampling them; the other lights share the rest.
     emitters: Option<Arc<Emitters>>,
     emitters_probability: f32,
     strategy: LightStrategy,
@@ -89,7 +90,7 @@ impl Lights {
         lights.with_lamps(Vec::new())
     }
 
-    /// The same lights, with these lamps.
+    /// The same lights with these lamps.
     #[must_use]
     pub fn with_lamps(self, lamps: Vec<ReadyLamp>) -> Self {
         let emitters = self.emitters.clone();
@@ -97,19 +98,15 @@ impl Lights {
         Self { cdf: light_cdf(&lights.powers()), ..lights }.with_emitters(emitters)
     }
 
-    /// The same lights, and these surfaces that shine.
+    /// The same lights with these emissive surfaces.
     #[must_use]
     pub fn with_emitters(self, emitters: Option<Arc<Emitters>>) -> Self {
         let emitters_probability =
             emitters.as_ref().map_or(0.0, |e| self.probability_of_emitters(e.irradiance()));
-        Self {
-            emitters: emitters.filter(|_| emitters_probability > 0.0),
-            emitters_probability: emitters_probability,
-            ..self
-        }
+        Self { emitters: emitters.filter(|_| emitters_probability > 0.0), emitters_probability, ..self }
     }
 
-    /// The chance that surfaces which give this irradiance have beside these lights.
+    /// Probability of sampling emissive surfaces of this irradiance rather than one of the other lights.
     pub fn probability_of_emitters(&self, irradiance: f32) -> f32 {
         if irradiance <= 0.0 {
             return 0.0;
@@ -117,7 +114,7 @@ impl Lights {
         if self.cdf.is_empty() {
             return 1.0;
         }
-        // As in `light_cdf`.
+        // Same rule as in `light_cdf`.
         let powers = self.powers();
         let lit = powers.iter().filter(|&&p| p > 0.0).count() + 1;
         let total = powers.iter().sum::<f32>() + irradiance;
@@ -138,7 +135,7 @@ impl Lights {
             .collect()
     }
 
-    /// The same lights, found in one way only.
+    /// The same lights with this strategy.
     #[must_use]
     pub fn with_strategy(mut self, finding: LightStrategy) -> Self {
         self.strategy = finding;
@@ -160,32 +157,32 @@ impl Lights {
         &self.lamps
     }
 
-    /// What the camera sees instead of the sky: bottom, top.
+    /// Colours at the bottom and the top of a backdrop that the camera sees instead of the sky.
     pub fn backdrop(&self) -> Option<[Vec3; 2]> {
         self.backdrop
     }
 
-    /// Summed chances: the sky's, then each sun's, then each lamp's; empty where no light is aimed at.
+    /// Cumulative probabilities: of the sky, then each sun, then each lamp; empty where none of them is sampled.
     pub fn cdf(&self) -> &[f32] {
         &self.cdf
     }
 
-    /// The surfaces that shine and are aimed at.
+    /// The emissive surfaces that light sampling can choose.
     pub fn emitters(&self) -> Option<&Arc<Emitters>> {
         self.emitters.as_ref()
     }
 
-    /// The chance that it is one of them that is aimed at.
+    /// Probability of sampling an emissive surface.
     pub fn emitters_probability(&self) -> f32 {
         self.emitters_probability
     }
 
-    /// How light is found.
+    /// The strategy.
     pub fn strategy(&self) -> LightStrategy {
         self.strategy
     }
 
-    /// Whether any light is aimed at.
+    /// Whether any light is sampled.
     #[inline]
     pub fn samples_lights(&self) -> bool {
         (!self.cdf.is_empty() || self.emitters.is_some()) && self.strategy != LightStrategy::BsdfOnly
@@ -201,8 +198,8 @@ impl Lights {
         }
     }
 
-    /// A light and a direction towards it; `None` where [`Lights::samples_lights`] is false or the sample brings no light. `further` numbers
-    /// are drawn where one of many surfaces is chosen.
+    /// Samples a light and a direction towards it; `None` where [`Lights::samples_lights`] is false or the sample carries no light.
+    /// `further` gives more random numbers, and is only called where one of many emissive surfaces is chosen.
     #[inline]
     pub fn sample_light(
         &self,
@@ -227,7 +224,7 @@ impl Lights {
         })
     }
 
-    /// Weight of light that a surface was met to send out, by a ray scattered at `from` with density `pdf` after it had gone `distance`.
+    /// MIS weight of the emission of a surface that a ray hit at `distance`, after scattering at `from` with density `pdf`.
     #[inline]
     pub fn emission_weight<T: Tracer + ?Sized>(
         &self,
@@ -238,7 +235,7 @@ impl Lights {
         pdf: f32,
     ) -> f32 {
         let Some(emitters) = &self.emitters else { return 1.0 };
-        // The front of a label that touches the one which a path leaves is not aimed at; nor are insides.
+        // Light sampling does not choose insides, nor the front of a label that touches the one that the path leaves.
         if hit.is_seen_from_within() || hit.t == 0.0 {
             return 1.0;
         }
@@ -247,7 +244,7 @@ impl Lights {
         self.bsdf_mis_weight(pdf, aimed)
     }
 
-    /// [`Lights::aim`] at what is no surface.
+    /// [`Lights::sample_light`] for lights that are not surfaces.
     #[inline]
     pub fn sample_infinite_or_lamp(&self, from: &Receiver, choice: f32, u: [f32; 2]) -> Option<LightSample> {
         let light = self.cdf.partition_point(|&e| e <= choice);
@@ -275,7 +272,7 @@ impl Lights {
         })
     }
 
-    /// Weight of light that was aimed at, where scattering would have found it with density `other`.
+    /// MIS weight of sampled light that BSDF sampling would have found with density `other`.
     #[inline]
     pub fn light_mis_weight(&self, pdf: Option<f32>, other: f32) -> f32 {
         match (pdf, self.strategy) {
@@ -293,7 +290,7 @@ impl Lights {
         }
     }
 
-    /// Light that a scattered ray (unit direction, drawn with density `pdf`) finds at infinity.
+    /// Light at infinity that a scattered ray (unit direction, sampled with density `pdf`) finds, with its MIS weight.
     #[inline]
     pub fn infinite_emission(&self, direction: DVec3, pdf: f32) -> Vec3 {
         let mut light = match &self.sky {
@@ -310,8 +307,8 @@ impl Lights {
         light
     }
 
-    /// Light of all lamps that a ray (unit direction) passes through before it has gone `limit`: one that was scattered at `from` with
-    /// density `pdf`.
+    /// Light of all lamps that a ray (unit direction) passes through within the distance `limit`, where the ray was scattered at `from`
+    /// with density `pdf`.
     #[inline]
     pub fn lamp_emission(&self, from: &Receiver, direction: DVec3, limit: f64, pdf: f32) -> Vec3 {
         let direction = direction.as_vec3();
@@ -327,7 +324,7 @@ impl Lights {
         light
     }
 
-    /// Light of all lamps that a camera ray (unit direction) passes through before it has gone `limit`.
+    /// Light of all lamps that a camera ray (unit direction) passes through within the distance `limit`.
     #[inline]
     pub fn lamp_emission_to_camera(&self, from: DVec3, direction: DVec3, limit: f64) -> Vec3 {
         let from = Receiver { point: from, normal: Vec3::Z, both_sides: true };
@@ -336,8 +333,7 @@ impl Lights {
         seen.filter(|met| f64::from(met.distance) * TOUCHING < limit).map(|met| met.radiance).sum()
     }
 
-    /// What a camera ray sees where it meets nothing; `down` is 0 at the top of the picture and 1 at the bottom. Suns are not seen
-    /// by the camera.
+    /// Radiance of a camera ray that hits nothing; `down` is 0 at the top of the picture and 1 at the bottom. The camera does not see suns.
     #[inline]
     pub fn background(&self, direction: DVec3, down: f32) -> Vec3 {
         match (&self.backdrop, &self.sky) {
@@ -348,7 +344,7 @@ impl Lights {
     }
 }
 
-/// Summed chances of lights with these powers; empty where none has any.
+/// Cumulative probabilities of lights with these powers; empty where all powers are 0.
 fn light_cdf(powers: &[f32]) -> Vec<f32> {
     let total: f32 = powers.iter().sum();
     let lit = powers.iter().filter(|&&p| p > 0.0).count() as f32;
@@ -356,11 +352,11 @@ fn light_cdf(powers: &[f32]) -> Vec<f32> {
     if total > 0.0 && total.is_finite() {
         let mut end = 0.0;
         for p in powers {
-            // A tenth is dealt out evenly: a weak light may be the only one that reaches a corner.
+            // A tenth is distributed evenly: a weak light may be the only one that reaches a corner.
             end += if *p > 0.0 { 0.9 * p / total + 0.1 / lit } else { 0.0 };
             ends.push(end);
         }
-        // The last light with a chance ends at 1 whatever was rounded.
+        // The last light with a probability above 0 ends at exactly 1, despite rounding.
         for e in ends.iter_mut().rev() {
             if *e < end {
                 break;
@@ -371,7 +367,7 @@ fn light_cdf(powers: &[f32]) -> Vec<f32> {
     ends
 }
 
-/// Veach 1997, eq. 9.13 with β = 2. Ratios first: squares of peaked densities overflow.
+/// Veach 1997, eq. 9.13 with β = 2, computed from ratios because squares of peaked densities overflow.
 #[inline]
 fn power_heuristic(a: f32, b: f32) -> f32 {
     if a <= 0.0 {

@@ -1,10 +1,11 @@
-//! A scene with the volumes and the meshes that it names: one value, valid as a whole.
+//! A scene together with its volumes and meshes: one value, validated as a whole.
 //!
 //! ```text
-//! Scene ── instances[i] ── volumes[i]     checked together, once: lists of equal length, labels that are there, numbers in range
+//! Scene ── instances[i] ── volumes[i]     checked together, once: equal list lengths, existing labels, numbers in range
 //!      └── meshes[i] ───── meshes[i]
 //! ```
-//! What it needs of a renderer is found then too. It never changes: an edit gives another one, which shares what the edit leaves alone. Copies share everything.
+//! The needs of the scene (what a renderer must build) are found at the same time. The value is immutable: an edit returns a new one, which
+//! shares all data that the edit does not change. Clones share everything.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -15,7 +16,7 @@ use pumice_scene::{Film, Instance, Mesh, Needs, Part, PartSet, Scene, SceneEdit,
 use crate::RenderError;
 use crate::geometry::LodChoice;
 
-/// See the module.
+/// A scene with its data (see the module).
 #[derive(Clone, Debug)]
 pub struct LoadedScene {
     scene: Arc<Scene>,
@@ -24,32 +25,32 @@ pub struct LoadedScene {
     needs: Arc<Needs>,
 }
 
-/// A change to a loaded scene. What is added comes with its data.
+/// A change to a loaded scene. Added instances and meshes come with their data.
 #[derive(Clone, Debug)]
 pub enum LoadedEdit {
-    /// Of what is there already.
+    /// An edit of what the scene already contains.
     Scene(SceneEdit),
-    /// One more instance, or another one in the place of that with the same id.
+    /// Adds an instance, or replaces the one with the same id.
     Add {
         /// The instance.
         instance: Box<Instance>,
-        /// Its volume.
+        /// Volume of the instance.
         volume: Arc<CompressedVolume>,
     },
-    /// One more mesh, or another one in the place of that with the same id.
+    /// Adds a mesh, or replaces the one with the same id.
     AddMesh {
         /// The mesh.
         mesh: Box<Mesh>,
-        /// Its triangles.
+        /// Triangles of the mesh.
         data: Arc<MeshData>,
     },
 }
 
 impl LoadedEdit {
-    /// Names of the edits that bring data with them; all others are [`SceneEdit::NAMES`].
+    /// Names of the edits that bring data; the names of all others are [`SceneEdit::NAMES`].
     pub const NAMES_OF_ADDING: [&str; 2] = ["add", "add_mesh"];
 
-    /// Counters are named by it.
+    /// Name of the edit, which is also the name of its counter.
     pub fn name(&self) -> &'static str {
         match self {
             Self::Scene(edit) => edit.name(),
@@ -70,11 +71,11 @@ fn fault(error: SceneError) -> RenderError {
 }
 
 impl LoadedScene {
-    /// `volumes[i]` belongs to `scene.instances[i]`, `meshes[i]` to `scene.meshes[i]`.
+    /// Combines a scene with its data: `volumes[i]` belongs to `scene.instances[i]`, `meshes[i]` to `scene.meshes[i]`.
     ///
     /// # Errors
-    /// [`RenderError::Scene`] names the field that is not valid ([`Scene::validate`]), the counts that differ, or the label that the
-    /// volume does not have or that was not read from its file.
+    /// [`RenderError::Scene`] names the invalid field ([`Scene::validate`]), the lists whose lengths differ, or the label that the volume
+    /// does not have or that was not read from its file.
     pub fn new(
         scene: Scene,
         volumes: Vec<Arc<CompressedVolume>>,
@@ -107,18 +108,19 @@ impl LoadedScene {
         &self.meshes
     }
 
-    /// What a renderer builds for it.
+    /// The data that a renderer builds for the scene.
     pub fn needs(&self) -> &Needs {
         &self.needs
     }
 
-    /// How its levels of detail are chosen: among all of them where they are built though all boxes are drawn by their voxels.
+    /// How levels of detail are chosen. Where the scene's parts include levels, they are chosen box by box even if every box is drawn at
+    /// voxel level.
     pub fn lod(&self) -> LodChoice {
         let lod = LodChoice::new(self.scene.settings.lod, &self.scene.camera, &self.scene.film);
         if self.needs.parts().has(Part::Levels) { lod.with_level_bounds() } else { lod }
     }
 
-    /// The same, for which these parts are built besides; its picture is the same.
+    /// The same scene, for which these parts are built in addition; its picture is the same.
     #[must_use]
     pub fn with_parts(&self, parts: PartSet) -> Self {
         let needs = parts.parts().fold(Needs::clone(&self.needs), Needs::with);
@@ -131,15 +133,15 @@ impl LoadedScene {
         self.volumes.get(place)
     }
 
-    /// Which labels of the instance at a place are drawn, by dense index.
+    /// Flags of the visible labels of instance number `place`, by dense index.
     pub fn visible(&self, place: usize) -> Vec<bool> {
         self.scene.instances[place].style.show.among(self.volumes[place].labels().ids())
     }
 
-    /// The same on another film.
+    /// The same scene on another film.
     ///
     /// # Errors
-    /// [`RenderError::Scene`] names the field of the film that is not valid.
+    /// [`RenderError::Scene`] names the invalid field of the film.
     pub fn with_film(&self, film: Film) -> Result<Self, RenderError> {
         let scene = Scene { film, ..Scene::clone(&self.scene) };
         scene.validate().map_err(fault)?;
@@ -147,10 +149,10 @@ impl LoadedScene {
         Ok(Self { scene: Arc::new(scene), needs, ..self.clone() })
     }
 
-    /// The scene after edits, in their order: all of them, or none where this fails.
+    /// The scene after these edits, applied in order: all of them, or none if one fails.
     ///
     /// # Errors
-    /// [`RenderError::Scene`] names the instance that is not there, or what of the result is not valid, as [`LoadedScene::new`].
+    /// [`RenderError::Scene`] names the instance that does not exist, or the invalid part of the result as [`LoadedScene::new`] does.
     pub fn edited(&self, edits: Vec<LoadedEdit>) -> Result<Self, RenderError> {
         let mut scene = Scene::clone(&self.scene);
         let mut volumes: BTreeMap<u32, Arc<CompressedVolume>> =
@@ -183,7 +185,7 @@ fn check_count(list: &str, what: &str, expected: usize, got: usize) -> Result<()
     Err(RenderError::Scene(format!("{list}: expected one {what} for each of {expected}, got {got}")))
 }
 
-/// Whether a volume has the labels that its instance shows.
+/// Checks that the volume has the labels that its instance shows, and that they were read.
 fn check_labels(place: usize, instance: &Instance, volume: &CompressedVolume) -> Result<(), RenderError> {
     let (ids, field) = (volume.labels().ids(), format!("instances[{place}].style.show"));
     let shown = instance.style.show.resolve(&field, ids).map_err(fault)?;

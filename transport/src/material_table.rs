@@ -1,4 +1,4 @@
-//! What each label looks like.
+//! The materials of labels.
 
 use std::ops::{Deref, DerefMut};
 use std::sync::{Arc, OnceLock};
@@ -13,17 +13,17 @@ use crate::palette;
 #[derive(Clone, Debug)]
 pub struct MaterialTable {
     materials: Vec<Material>,
-    /// Index into `materials` by label; empty: all have the first.
+    /// Index into `materials` by label; empty if all labels have the first.
     of_label: Vec<u32>,
-    /// Whether some material lets light pass straight on.
+    /// Whether some material is partly transparent (alpha below 1).
     has_transparent: bool,
-    /// What mattes call each label, past the end as the last; empty where there are no mattes.
+    /// Matte ids of each label; labels past the end have the last ids. Empty where there are no mattes.
     ids: Vec<Ids>,
-    /// Of a mesh that is a shadow catcher.
+    /// Whether this is the table of a shadow catcher mesh.
     catches: bool,
 }
 
-/// The material table of each instance, then of each mesh; and whether any has a transparent material, which each shadow ray asks.
+/// The material table of each instance, then of each mesh; and whether any material is transparent, which each shadow ray checks.
 #[derive(Clone, Debug, Default)]
 pub struct MaterialTables {
     each: Vec<Arc<MaterialTable>>,
@@ -53,12 +53,12 @@ impl DerefMut for MaterialTables {
 }
 
 impl MaterialTables {
-    /// The tables of a scene that is known to need surfaces that light passes straight through, or none.
+    /// The tables of a scene for which the need of transparent surfaces is already known.
     pub fn new(each: Vec<Arc<MaterialTable>>, has_transparent: bool) -> Self {
         Self { each, has_transparent: OnceLock::from(has_transparent) }
     }
 
-    /// Whether some material of any lets light pass straight on.
+    /// Whether some material of some table is partly transparent.
     #[inline]
     pub fn has_transparent(&self) -> bool {
         *self.has_transparent.get_or_init(|| self.each.iter().any(|materials| materials.has_transparent()))
@@ -77,18 +77,18 @@ impl MaterialTable {
         }
     }
 
-    /// The table of a mesh with these materials, at least one: indices past the end have the last.
+    /// The table of a mesh with these materials, at least one; indices past the end have the last.
     pub fn of_mesh(materials: &[Material]) -> Self {
         let has_transparent = materials.iter().any(|m| m.alpha < 1.0);
-        // Who has none of its own has the first.
+        // Labels without a material of their own have the first.
         let last = materials.last().copied().unwrap_or_default();
         let materials = std::iter::once(last).chain(materials.iter().copied()).collect::<Vec<_>>();
         let of_label = (1..materials.len() as u32).collect();
-        Self { of_label, materials, has_transparent: has_transparent, ids: Vec::new(), catches: false }
+        Self { of_label, materials, has_transparent, ids: Vec::new(), catches: false }
     }
 
-    /// The table of the labels with these ids (rising). `touching` are pairs of dense indices, read only for `auto_color`, where labels
-    /// that are both `visible` and touch get different colours.
+    /// The table of the labels with these ids (ascending). `touching` are pairs of dense indices. They are only read for `auto_color`,
+    /// where touching labels that are both `visible` get different colours.
     pub fn new(
         style: &LabelStyle,
         ids: &[u64],
@@ -114,44 +114,44 @@ impl MaterialTable {
             }
         }
         let has_transparent = materials.iter().any(|m| m.alpha < 1.0);
-        Self { materials, of_label, has_transparent: has_transparent, ids: Vec::new(), catches: false }
+        Self { materials, of_label, has_transparent, ids: Vec::new(), catches: false }
     }
 
-    /// The same with what mattes call each label.
+    /// The same table with these matte ids by label.
     pub fn with_ids(self, ids: Vec<Ids>) -> Self {
         Self { ids, ..self }
     }
 
-    /// The same as a shadow catcher, or not as one.
+    /// The same table, marked as a shadow catcher's or not.
     #[must_use]
     pub fn catching(self, catches: bool) -> Self {
         Self { catches, ..self }
     }
 
-    /// Whether they are a shadow catcher's.
+    /// Whether this is the table of a shadow catcher.
     #[inline]
     pub fn catches(&self) -> bool {
         self.catches
     }
 
-    /// What mattes call each label; empty where there are none.
+    /// Matte ids of each label; empty where there are none.
     pub fn ids(&self) -> &[Ids] {
         &self.ids
     }
 
-    /// What mattes call a label.
+    /// Matte ids of a label.
     #[inline]
     pub fn ids_of(&self, label: u32) -> Ids {
         let last = self.ids.len().saturating_sub(1);
         self.ids.get(last.min(label as usize)).copied().unwrap_or_default()
     }
 
-    /// All materials; the first is that of labels without one of their own.
+    /// All materials; labels without a material of their own have the first.
     pub fn materials(&self) -> &[Material] {
         &self.materials
     }
 
-    /// Index into [`MaterialTable::materials`] by label; empty: all have the first.
+    /// Index into [`MaterialTable::materials`] by label; empty if all labels have the first.
     pub fn of_label(&self) -> &[u32] {
         &self.of_label
     }
@@ -163,18 +163,18 @@ impl MaterialTable {
         &self.materials[index]
     }
 
-    /// Whether some material lets light pass straight on.
+    /// Whether some material is partly transparent (alpha below 1).
     #[inline]
     pub fn has_transparent(&self) -> bool {
         self.has_transparent
     }
 
-    /// Whether some material shines.
+    /// Whether some material emits light.
     pub fn is_emissive(&self) -> bool {
         self.materials.iter().any(|m| emission_luminance(m) > 0.0)
     }
 
-    /// Heap bytes.
+    /// Size on the heap in bytes.
     pub fn bytes(&self) -> u64 {
         let ids = self.ids.len() * size_of::<Ids>();
         (self.of_label.len() * 4 + self.materials.len() * size_of::<Material>() + ids) as u64

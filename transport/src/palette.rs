@@ -1,48 +1,49 @@
-//! Base colours of labels, so that those which touch differ, for eyes of three kinds.
+//! Base colours of labels, chosen so that touching labels differ for normal, protanope and deuteranope eyes.
 //!
 //! ```text
 //! for each visible label, those with the most visible neighbours first (ties: lower index):
 //!     of the palette's colours, take the one that is alike (closer than CLOSE) to the fewest coloured neighbours;
 //!         of those the one whose nearest neighbour is farthest, where a distance counts as at most ENOUGH;
-//!         of those the one that was used least so far, where a use of a dark colour counts as several
+//!         of those the one with the fewest uses so far, where a use of a dark colour counts as several
 //! repeat for the labels that are alike to a neighbour, until nothing changes
 //! ```
-//! The distance of two colours is the least of their CIE76 ΔE (Euclidean in CIELAB, white D65) under normal vision and under
-//! full protanopia and deuteranopia as simulated by Machado, Oliveira, Fernandes 2009 (*A Physiologically-based Model for
-//! Simulation of Color Vision Deficiency*, table 1, severity 1.0). A ΔE of 2.3 is a just noticeable difference side by side;
-//! touching labels should be well beyond it, 10 apart at least.
+//! The distance of two colours is the least of their CIE76 ΔE (Euclidean in CIELAB, white D65) under normal vision and under full
+//! protanopia and deuteranopia as simulated by Machado, Oliveira, Fernandes 2009 (*A Physiologically-based Model for Simulation of Color
+//! Vision Deficiency*, table 1, severity 1.0). A ΔE of 2.3 is a just noticeable difference side by side; touching labels should be well
+//! beyond it, 10 apart at least.
 //!
-//! The palette is made in OKLCH (Ottosson 2020, *A perceptual color space for image processing*): six rings of six hues, each
-//! ring turned against the last by half a step. Rings differ in lightness, which all three kinds of eye share, and six hues from
-//! 35° on differ in blue-yellow, which two of them still have; eight hues in four rings left 1.7 % of the touching pairs of a
-//! packed volume of neurites alike, of which this leaves 0.04 %. (Hues by a hash of the id leave 10 to 19 % of 39,797 touching pairs
-//! alike, a fixed palette of 256 colours 1 to 5.5 %.) Calm: a ring's chroma is what its weakest hue can show, and at
-//! most 0.12. Time is linear in contacts, and in labels × palette.
+//! The palette is made in OKLCH (Ottosson 2020, *A perceptual color space for image processing*): six rings of six hues, each ring rotated
+//! against the previous one by half a step. Rings differ in lightness, which all three kinds of eye perceive, and six hues from 35° on
+//! differ in blue-yellow, which two of them still perceive. Eight hues in four rings left 1.7 % of the touching pairs of a packed volume of
+//! neurites alike; this palette leaves 0.04 %. (Hues by a hash of the id leave 10 to 19 % of 39,797 touching pairs alike, a fixed palette
+//! of 256 colours 1 to 5.5 %.) Colours are muted: a ring's chroma is what its weakest hue can show, and at most 0.12. Time is linear in
+//! contacts, and in labels × palette.
 
-/// Lightness and chroma in OKLCH of each ring, from light to dark. Lightness is what all three kinds of eye share.
+/// Lightness and chroma in OKLCH of each ring, from light to dark. All three kinds of eye perceive lightness.
 const LIGHTNESSES: [(f64, f64); 6] =
     [(0.86, 0.054), (0.77, 0.111), (0.68, 0.117), (0.58, 0.099), (0.48, 0.081), (0.39, 0.063)];
-/// What a use of a ring's colours counts when the least used is sought: dark surfaces hide their own shading, so they are kept for
-/// where they are needed to tell neighbours apart.
+/// Weight of one use of a ring's colours in the search for the least used colour. Dark surfaces hide their own shading, so dark colours are
+/// reserved for neighbours that nothing else can tell apart.
 const USE_COSTS: [u64; 6] = [2, 2, 2, 3, 8, 24];
 /// Hues of a ring.
 const HUES: usize = 6;
-/// Colours of the palette.
+/// Number of colours in the palette.
 pub const PALETTE_COLORS: usize = LIGHTNESSES.len() * HUES;
 /// ΔE below which two colours are alike.
 const CLOSE: f32 = 10.0;
-/// ΔE above which two colours are as good as any: beyond it, evenness of use decides.
+/// ΔE above which distances count as equal; beyond it, the number of uses decides.
 const ENOUGH: f32 = 16.0;
-/// Most passes over the labels: the first colours all, the others those that are like a neighbour.
+/// Largest number of passes over the labels: the first colours all labels, the others those that are alike to a neighbour.
 const SWEEPS: usize = 16;
-/// Step of the walk through the palette; it has no factor in common with its length.
+/// Step of the walk through the palette; coprime to the palette's length.
 const STRIDE: usize = 13;
 
-/// Entries of [`palette`] for `labels` labels with these touching pairs of dense indices; each pair once, either way
-/// round; pairs of a label with itself or beyond `labels` do not count.
+/// Palette entries (indices into [`palette`]) for `labels` labels with these touching pairs of dense indices. Each pair is given once, in
+/// either order; pairs of a label with itself or beyond `labels` are ignored.
 ///
-/// Labels that are not `visible` (all are where it is `None`, and those beyond its end) separate nothing: they keep a colour of
-/// the palette by their index, which no neighbour heeds. The result depends on the set of pairs alone, not on their order.
+/// Labels that are not `visible` constrain nothing: they get a colour of the palette by their index, and their neighbours ignore it. `None`
+/// makes all labels visible, and so are labels beyond the end of the list. The result depends on the set of pairs alone, not on their
+/// order.
 pub fn color_labels(
     labels: usize,
     contacts: impl Iterator<Item = (u32, u32)>,
@@ -71,7 +72,7 @@ pub fn color_labels(
             if let Some(old) = old {
                 uses[old] -= 1;
             }
-            // The first of the best in a walk through the palette that steps over rings and hues.
+            // Takes the first of the best colours in a walk through the palette that skips across rings and hues.
             let walk = (0..PALETTE_COLORS).map(|i| i * STRIDE % PALETTE_COLORS);
             let cost = |entry: usize| (uses[entry] + 1) * USE_COSTS[entry / HUES];
             let better = |best: usize, next: usize| {
@@ -94,7 +95,7 @@ pub fn color_labels(
     entry.into_iter().enumerate().map(hidden).collect()
 }
 
-/// The colours themselves, linear Rec. 709: [`color_labels`] looked up in [`palette`].
+/// The colours themselves, linear Rec. 709: the entries of [`color_labels`] looked up in [`palette`].
 pub fn assign_colors(
     labels: usize,
     contacts: impl Iterator<Item = (u32, u32)>,
@@ -104,8 +105,8 @@ pub fn assign_colors(
     color_labels(labels, contacts, visible).into_iter().map(|entry| palette[usize::from(entry)]).collect()
 }
 
-/// For each of the palette's colours, how many coloured neighbours are less than [`CLOSE`] from it, and how far the nearest is,
-/// at most [`ENOUGH`].
+/// For each colour of the palette, the number of coloured neighbours less than [`CLOSE`] from it, and the distance of the nearest, limited
+/// to [`ENOUGH`].
 fn weigh(
     neighbors: &[u32],
     entry: &[Option<u8>],
@@ -125,7 +126,7 @@ fn weigh(
     (alike, nearest)
 }
 
-/// Neighbours of each label, one list behind the other; a pair that is given twice is there twice.
+/// Neighbours of each label, one list after another; a pair that is given twice is listed twice.
 struct Neighbors {
     first: Vec<usize>,
     list: Vec<u32>,
@@ -157,7 +158,7 @@ impl Neighbors {
     }
 }
 
-/// The palette, linear Rec. 709, ring by ring.
+/// The colours of the palette, linear Rec. 709, ring by ring.
 pub fn palette() -> [[f32; 3]; PALETTE_COLORS] {
     std::array::from_fn(|i| {
         let (ring, step) = (i / HUES, i % HUES);
@@ -168,7 +169,7 @@ pub fn palette() -> [[f32; 3]; PALETTE_COLORS] {
     })
 }
 
-/// Linear Rec. 709 of an OKLab colour (Ottosson 2020, with the matrices of 2021-01-25).
+/// Linear Rec. 709 values of an OKLab colour (Ottosson 2020, with the matrices of 2021-01-25).
 fn linear_from_oklab([l, a, b]: [f64; 3]) -> [f64; 3] {
     let cone = [
         l + 0.396_337_777_4 * a + 0.215_803_757_3 * b,
@@ -186,7 +187,7 @@ fn linear_from_oklab([l, a, b]: [f64; 3]) -> [f64; 3] {
     )
 }
 
-/// Kinds of eye: what each sees of a linear Rec. 709 colour.
+/// Matrices that simulate three kinds of eye on linear Rec. 709 colours: normal, protanope, deuteranope.
 pub const VISIONS: [[[f64; 3]; 3]; 3] = [
     [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
     // Machado et al. 2009, table 1: protanomaly, severity 1.0.
@@ -235,8 +236,8 @@ mod tests {
         *state >> 33
     }
 
-    /// Touching cells of a random 3-D Voronoi-like volume: a jittered grid whose cells touch those around them with falling
-    /// odds, and some long thin labels that touch many: mean degree about 13, as in electron microscopy.
+    /// Touching cells of a random 3-D Voronoi-like volume: a jittered grid whose cells touch those around them with decreasing probability,
+    /// and some long thin labels that touch many. The mean degree is about 13, as in electron microscopy.
     fn packed(side: u32) -> (usize, Vec<(u32, u32)>) {
         let (labels, mut state, mut pairs) = (side.pow(3), 7, Vec::new());
         for (x, y, z) in (0..labels).map(|i| (i % side, i / side % side, i / side / side)) {
@@ -257,7 +258,7 @@ mod tests {
         (labels as usize, pairs)
     }
 
-    /// Share of touching pairs whose colours are less than ΔE 10 apart for some eye.
+    /// Share of touching pairs whose colours are less than ΔE 10 apart for some kind of eye.
     fn alike(colors: &[[f32; 3]], pairs: &[(u32, u32)]) -> f64 {
         let close =
             |&&(a, b): &&(u32, u32)| a != b && least_delta_e(colors[a as usize], colors[b as usize]) < 10.0;
@@ -271,7 +272,7 @@ mod tests {
         let share = alike(&colors, &pairs);
         println!("share of touching pairs alike: {share}");
         assert!(share <= 0.001, "{share}");
-        // Negative control: hues by hash, as viewers commonly have them.
+        // Negative control: hues by hash, as viewers commonly use them.
         let hashed: Vec<[f32; 3]> = (0..labels as u64)
             .map(|i| {
                 let hue = std::f64::consts::TAU * random(&mut (i * 0x9E37_79B9)) as f64 / 2f64.powi(31);
@@ -300,7 +301,7 @@ mod tests {
             let colors = assign_colors(labels, pairs.iter().copied(), None);
             for (i, color) in palette().iter().enumerate() {
                 let share = colors.iter().filter(|&c| c == color).count() as f64 / labels as f64;
-                // A fifth of its even share, less by what its uses cost.
+                // A fifth of an even share, reduced by the weight of its uses.
                 let least = 0.2 / PALETTE_COLORS as f64 * (USE_COSTS[0] as f64 / USE_COSTS[i / HUES] as f64);
                 assert!(share > least, "colour {i}: {share}, expected {least}");
             }
@@ -330,7 +331,7 @@ mod tests {
     fn the_palette_is_calm_and_within_the_screen() {
         let palette = palette();
         for (i, &color) in palette.iter().enumerate() {
-            // Nothing was clipped, black or white: each channel lies within.
+            // Nothing is clipped, black or white: each channel lies strictly inside the range.
             assert!(color.iter().all(|&v| v > 0.0 && v < 0.95), "colour {i}: {color:?}");
             for (j, &other) in palette[..i].iter().enumerate() {
                 let [p, q] = [color, other].map(|c| lab_from_linear(c.map(f64::from)));
@@ -340,20 +341,20 @@ mod tests {
         }
     }
 
-    /// Values of CIELAB and OKLab that others publish.
+    /// Published values of CIELAB and OKLab.
     #[test]
     fn known_colours_have_known_coordinates() {
-        // Red of sRGB: L* 53.24, a* 80.09, b* 67.20 (the usual tables, D65, whose matrix has more digits than the standard's 4).
+        // sRGB red: L* 53.24, a* 80.09, b* 67.20 (the usual tables, D65, whose matrix has more digits than the standard's 4).
         let lab = lab_from_linear([1.0, 0.0, 0.0]);
         for (got, expected) in lab.iter().zip([53.24, 80.09, 67.20]) {
             assert!((got - expected).abs() < 0.03, "{lab:?}");
         }
-        // Red of sRGB in OKLab: 0.62796, 0.22486, 0.12585 (CSS Color 4, sample conversions).
+        // sRGB red in OKLab: 0.62796, 0.22486, 0.12585 (CSS Color 4, sample conversions).
         let red = linear_from_oklab([0.627_96, 0.224_86, 0.125_85]);
         for (got, expected) in red.iter().zip([1.0, 0.0, 0.0]) {
             assert!((got - expected).abs() < 1e-4, "{red:?}");
         }
-        // Greys stay greys for every eye: the rows of each matrix add up to 1.
+        // Greys stay grey for every eye: the rows of each matrix add up to 1.
         for row in VISIONS.iter().flatten() {
             assert!((row.iter().sum::<f64>() - 1.0).abs() < 1e-5);
         }

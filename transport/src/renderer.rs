@@ -1,4 +1,4 @@
-//! One interface for every renderer: the caller never knows which backend draws.
+//! The interface of every renderer; callers do not depend on the backend.
 
 use std::time::Duration;
 
@@ -6,7 +6,7 @@ use crate::LoadedScene;
 use pumice_core::Job;
 use pumice_picture::{Image, Picture};
 
-/// Why a renderer could not go on.
+/// Why a renderer could not continue.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RenderError {
@@ -16,74 +16,76 @@ pub enum RenderError {
     /// A file that the scene names could not be read.
     #[error("{0}")]
     Source(String),
-    /// The device that renders failed in a way that the renderer could not overcome: its memory is full, or it was lost. Another
-    /// backend may still draw the scene.
+    /// The device failed and the renderer could not recover: its memory is full, or the device was lost. Another backend may still draw the
+    /// scene.
     #[error("{0}")]
     Device(String),
-    /// The picture was begun anew by other means and has no samples yet: there is nothing to hand over, but going on will do.
-    #[error("the picture was begun anew")]
+    /// The picture was restarted by other means and has no samples yet: there is nothing to return, but rendering can continue.
+    #[error("the picture was restarted and has no samples yet")]
     Restarted,
     /// The job was cancelled.
     #[error("cancelled")]
     Cancelled,
 }
 
-/// How far a picture has come.
+/// The progress of a picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Progress {
-    /// Samples in every pixel so far; of those that do not rest, where pixels may ([`pumice_scene::Adaptive`]).
+    /// Samples in every pixel so far; where pixels may rest ([`pumice_scene::Adaptive`]), the samples of those that do not.
     pub spp: u32,
-    /// Mean over pixels of the samples that each has: `spp`, or less where pixels rest.
+    /// Mean number of samples over all pixels: `spp`, or less where pixels rest.
     pub mean_spp: f64,
-    /// Estimated relative error of the picture as it stands ([`pumice_picture::FilmBuffer::error_estimate`]), infinite until it can be known.
+    /// Estimated relative error of the picture so far ([`pumice_picture::FilmBuffer::error_estimate`]); infinite until it can be estimated.
     pub error_estimate: f64,
-    /// Every pixel rests: further samples change nothing.
+    /// Whether every pixel rests, so that further samples change nothing.
     pub all_rest: bool,
 }
 
-/// What is under a pixel.
+/// The voxel under a pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pick {
     /// Position of the instance in the scene's list.
     pub instance: u32,
     /// Dense label index.
     pub label: u32,
-    /// Lowest voxel of the element that was hit.
+    /// Lowest voxel of the element that was hit (larger than a voxel at coarser levels of detail).
     pub voxel: [u32; 3],
-    /// Distance along the view axis in world units.
+    /// Distance along the view axis, in world units.
     pub depth: f64,
 }
 
-/// How often a renderer has made each kind of its data: what proves that a camera move costs a camera and a colour edit colours.
+/// How often a renderer has built each kind of its data. Tests use it to prove that a camera move rebuilds only the camera, and a colour
+/// edit only colours.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Rebuilt {
     /// Camera rays.
     pub camera: u64,
     /// Film: its memory and filter table.
     pub film: u64,
-    /// Sky, suns and lamps, and the choice among them; and once more what of the scene shines, for aiming at it.
+    /// Sky, suns and lamps, and the choice among them; counts once more for the emitters.
     pub lights: u64,
-    /// Tables of materials. Instances that look alike share them.
+    /// Tables of materials. Instances with the same materials share them.
     pub materials: u64,
-    /// Acceleration structures: of the boxes of a volume that are drawn, of the triangles of a mesh. Instances share them.
+    /// Acceleration structures: of the drawn boxes of a volume, of the triangles of a mesh. Instances share them.
     pub acceleration: u64,
-    /// Hierarchies over all instances and meshes, where a scene has one.
+    /// Hierarchies over all instances and meshes, for scenes that have one.
     pub top_level: u64,
 }
 
 /// A renderer of scenes.
 pub trait Renderer: Send {
-    /// Name as in `--backend`.
+    /// Name of the backend as in `--backend`.
     fn name(&self) -> &'static str;
 
-    /// Makes the renderer show `scene`, for which it builds what the scene needs ([`LoadedScene::needs`]). It compares with the scene shown before ([`crate::ScenePlan`]) and makes anew only what
-    /// differs; the picture restarts.
+    /// Makes the renderer show `scene`, and builds what the scene needs ([`LoadedScene::needs`]). It compares with the scene shown before
+    /// ([`crate::ScenePlan`]) and rebuilds only the differences; the picture restarts.
     ///
     /// # Errors
-    /// [`RenderError::Scene`] names the field at fault; the renderer keeps its former scene.
+    /// [`RenderError::Scene`] names the field at fault; the renderer keeps its previous scene.
     fn set_scene(&mut self, scene: &LoadedScene) -> Result<(), RenderError>;
 
-    /// Adds samples to every pixel that does not rest for about `slice`, at least one sample, but never more than `spp_limit` in all.
+    /// Adds samples to every pixel that does not rest for about the time `slice`: at least one sample, but never more than `spp_limit` in
+    /// all.
     ///
     /// # Errors
     /// [`RenderError::Cancelled`] soon after `job` is cancelled.
@@ -92,42 +94,42 @@ pub trait Renderer: Send {
     /// The colours so far: the mean of all samples.
     ///
     /// # Errors
-    /// [`RenderError::Scene`] before any scene was set; [`RenderError::Device`] here and below.
+    /// [`RenderError::Scene`] before any scene was set; [`RenderError::Device`] here and in the methods below.
     fn color(&mut self) -> Result<Image, RenderError>;
 
-    /// Part of the samples so far that met a surface, where the film is transparent.
+    /// Share of the samples so far that hit a surface; `None` unless the film is transparent.
     ///
     /// # Errors
     /// As [`Renderer::color`].
     fn alpha(&mut self) -> Result<Option<Vec<f32>>, RenderError>;
 
-    /// Variance of those colours, once it is known: from four samples on.
+    /// Variance of these colours; `None` before it is known, with fewer than four samples.
     ///
     /// # Errors
     /// As [`Renderer::color`].
     fn variance(&mut self) -> Result<Option<Image>, RenderError>;
 
-    /// The picture so far, with its passes; provenance is the caller's to add.
+    /// The picture so far, with its passes; the caller adds the provenance.
     ///
     /// # Errors
     /// [`RenderError::Scene`] before any scene was set.
     fn picture(&mut self) -> Result<Picture, RenderError>;
 
-    /// What is under the middle of a pixel, counted from the upper left; nothing there, a mesh (which has no label), or outside of the
-    /// film: `None`.
+    /// The voxel under the middle of a pixel, counted from the upper left. `None` where there is nothing or a mesh (which has no label),
+    /// and outside of the film.
     ///
     /// # Errors
     /// [`RenderError::Scene`] before any scene was set.
     fn pick(&mut self, x: u32, y: u32) -> Result<Option<Pick>, RenderError>;
 
-    /// How often each kind of data was made since the renderer was.
+    /// How often each kind of data was built since the renderer was created.
     fn rebuilt(&self) -> Rebuilt;
 
-    /// Bytes by part, the volumes as they lie in the caller's memory not counted; `acceleration` is among them once a scene was
-    /// set. A renderer with memory of its own counts that memory.
+    /// Memory in bytes by part, without the volumes in the caller's memory; `acceleration` is among the parts once a scene was set. A
+    /// renderer with its own device memory counts that memory.
     fn bytes(&self) -> Vec<(&'static str, u64)>;
 
-    /// What whoever looks at the picture should be told since the last call, a line each: failures that were overcome, at a price.
+    /// Messages for the viewer of the picture since the last call, one line each: failures that were overcome at a cost.
     fn notices(&mut self) -> Vec<String> {
         Vec::new()
     }

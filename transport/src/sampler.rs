@@ -1,22 +1,22 @@
 //! Sample points: Owen-scrambled Sobol, one independent scramble for each pixel, replicate and named dimension.
 //!
-//! A path's dimensions are taken in pairs. Each pair is the first two dimensions of the Sobol sequence, a (0,2)-sequence, whose
-//! index is shuffled and whose values are scrambled by hashes of (seed, pixel, replicate, pair): "padding", so that any number of
-//! bounces has good points (Burley 2020, *Practical Hash-based Owen Scrambling*, JCGT 9(4)).
+//! A path's dimensions are taken in pairs. Each pair is the first two dimensions of the Sobol sequence, a (0,2)-sequence, whose index is
+//! shuffled and whose values are scrambled by hashes of (seed, pixel, replicate, pair). This "padding" gives any number of bounces good
+//! points (Burley 2020, *Practical Hash-based Owen Scrambling*, JCGT 9(4)).
 //!
-//! Samples are dealt to [`REPLICATES`] scrambles in turn. Within a replicate the points are stratified, so their spread says
-//! nothing of the error; the replicates are independent, so theirs does.
+//! Samples alternate among [`REPLICATES`] scrambles. Within a replicate the points are stratified, so their variance does not measure the
+//! error; the replicates are independent, so the variance between them does.
 //!
-//! **Dithered across pixels.** What pairs of the camera and the first surfaces (`SPREAD`) draw first in each replicate is itself a
-//! scrambled Sobol sequence along a Z-shaped curve through the picture: neighbouring pixels draw different numbers, so that what one
-//! finds too bright another finds too dark, and the noise of a few samples is fine grained (Ahmed and Wonka 2020, *Screen-Space
-//! Blue-Noise Diffusion of Monte Carlo Sampling Error via Hierarchical Ordering of Pixels*). Only the first point is chosen: all digits
-//! of the pixel's own scramble are flipped so that it comes there. An Owen scramble with flipped digits is one, so no pixel's estimate
-//! is any worse for it, after any number of samples, and nothing need be known of how many there will be.
+//! **Dithered across pixels.** For pairs of the camera and the first surfaces (`SPREAD`), the first point of each replicate itself follows
+//! a scrambled Sobol sequence along a Z-order curve through the picture. Neighbouring pixels draw different numbers, so that one is too
+//! bright where another is too dark, and the noise of a few samples is fine grained (Ahmed and Wonka 2020, *Screen-Space Blue-Noise
+//! Diffusion of Monte Carlo Sampling Error via Hierarchical Ordering of Pixels*). Only the first point is chosen, by flipping digits of the
+//! pixel's own scramble at all positions where the point must differ. An Owen scramble with flipped digits is again an Owen scramble, so no
+//! pixel's estimate gets worse, after any number of samples, and the final number of samples need not be known.
 
 use pumice_picture::film::REPLICATES;
 
-/// What a pair of random numbers is for. Dimensions of a bounce follow [`Dimension::Bounce`] in steps of [`PAIRS_A_BOUNCE`].
+/// The purpose of a pair of random numbers. The dimensions of bounces start at [`Dimension::Bounce`], in steps of [`PAIRS_A_BOUNCE`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Dimension {
@@ -24,43 +24,44 @@ pub enum Dimension {
     Film = 0,
     /// First pair of the first bounce.
     Bounce = 1,
-    /// Point of the camera's opening. The last of all: no bounce gets there, and pictures in which all is sharp do not depend on it.
+    /// Point of the camera's aperture. It is the last dimension, which no bounce reaches, so pictures without depth of field do not depend
+    /// on it.
     Lens = u32::MAX,
 }
 
-/// Pairs that each bounce uses, in this order.
+/// The pairs that each bounce uses, in this order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum BouncePair {
     /// Direction towards the chosen light.
     Light = 0,
-    /// Scattered direction.
+    /// Direction of scattering.
     Scatter = 1,
-    /// Which light, which lobe.
+    /// Choice of a light, choice of a lobe.
     Choice = 2,
     /// Russian roulette.
     Roulette = 3,
 }
 
-/// Pairs of one bounce.
+/// Number of pairs of one bounce.
 pub const PAIRS_A_BOUNCE: u32 = 4;
 
-/// Points of one sample of one pixel.
+/// The random numbers of one sample of one pixel.
 #[derive(Clone, Copy, Debug)]
 pub struct PixelSampler {
     base: u64,
     index: u32,
-    /// Key of what all pixels of a replicate share.
+    /// Key that all pixels of a replicate share.
     shared: u64,
-    /// The pixel's number along a Z-shaped curve through the picture.
+    /// Index of the pixel along a Z-order curve through the picture.
     place: u32,
 }
 
 impl PixelSampler {
-    /// Points of sample `sample` at `pixel` (x, y).
+    /// Random numbers of sample number `sample` at `pixel` (x, y).
     pub fn new(seed: u64, pixel: [u32; 2], sample: u32) -> Self {
-        // Pixels and replicates of one seed have different words (17 bits a coordinate) and `mix` loses nothing: no two share
-        // their points, as they would by the thousand if their words were hashed to 32 bits.
+        // Pixels and replicates of one seed have different words (17 bits for each coordinate), and `mix` is a bijection: no two share
+        // their points, as thousands would if their words were hashed to 32 bits.
         let word = u64::from(pixel[0]) | u64::from(pixel[1]) << 17 | u64::from(sample % REPLICATES) << 34;
         let (seed, base) = (mix(seed), mix(mix(seed) ^ word));
         let shared = mix(seed ^ (u64::from(sample % REPLICATES) << 34 | SHARED_BY_PIXELS));
@@ -73,13 +74,13 @@ impl PixelSampler {
         self.pair(Dimension::Bounce as u32 + bounce * PAIRS_A_BOUNCE + pair as u32)
     }
 
-    /// The pair for the film.
+    /// The pair for the position on the film.
     #[inline]
     pub fn film(&self) -> [f32; 2] {
         self.pair(Dimension::Film as u32)
     }
 
-    /// The pair for the camera's opening.
+    /// The pair for the point of the camera's aperture.
     #[inline]
     pub fn lens(&self) -> [f32; 2] {
         self.pair(Dimension::Lens as u32)
@@ -90,7 +91,7 @@ impl PixelSampler {
         let key = key_of(self.base, dimension);
         let [mut x, mut y] = scrambled_point(self.index, key);
         if SPREAD.contains(&dimension) {
-            // Of the first point this leaves where it shall be.
+            // Moves the first point to its place in the sequence across pixels.
             let first = scrambled_point(0, key);
             let there = scrambled_point(self.place, key_of(self.shared, dimension));
             (x, y) = (x ^ first[0] ^ there[0], y ^ first[1] ^ there[1]);
@@ -99,20 +100,20 @@ impl PixelSampler {
     }
 }
 
-/// Pairs whose first points are spread over the picture: the film's and those of the first two surfaces. Neighbours see different
-/// things after those.
+/// Pairs whose first points are spread over the picture: those of the film and of the first two surfaces. After these, neighbouring pixels
+/// see different things.
 const SPREAD: std::ops::Range<u32> = 0..1 + 2 * PAIRS_A_BOUNCE;
 
-/// No pixel's word has this bit: they end at the 37th.
+/// A bit that is 0 in the word of every pixel, since these words have 37 bits.
 const SHARED_BY_PIXELS: u64 = 1 << 63;
 
-/// Key of one dimension's scramble.
+/// Key of the scramble of one dimension.
 #[inline]
 fn key_of(base: u64, dimension: u32) -> u64 {
     mix(base.wrapping_add(u64::from(dimension).wrapping_mul(0x9E37_79B9_7F4A_7C15)))
 }
 
-/// Point `index` of the sequence, its order and its digits scrambled by `key`.
+/// Point `index` of the sequence, with order and digits scrambled by `key`.
 #[inline]
 fn scrambled_point(index: u32, key: u64) -> [u32; 2] {
     let (low, high) = (key as u32, (key >> 32) as u32);
@@ -122,14 +123,14 @@ fn scrambled_point(index: u32, key: u64) -> [u32; 2] {
     [x, y]
 }
 
-/// The bits of x and y in turn: where a pixel comes on a curve that finishes each square of 2ⁿ × 2ⁿ pixels before the next. Pixels
-/// 65,536 apart share it, and their first points.
+/// Interleaves the bits of x and y: the position of a pixel on a curve that finishes each square of 2ⁿ × 2ⁿ pixels before the next. Pixels
+/// 65,536 apart share their position and their first points.
 #[inline]
 fn z_order([x, y]: [u32; 2]) -> u32 {
     z_order_part(x) | z_order_part(y) << 1
 }
 
-/// 16 low bits, a gap after each.
+/// Spreads the low 16 bits, with a gap after each.
 #[inline]
 fn z_order_part(v: u32) -> u32 {
     let v = v & 0xFFFF;
@@ -139,14 +140,14 @@ fn z_order_part(v: u32) -> u32 {
     (v | v << 1) & 0x5555_5555
 }
 
-/// 24 high bits as a number in [0, 1): every value is exact and below 1.
+/// The high 24 bits as a number in [0, 1): every value is exact and below 1.
 #[inline]
 fn unit(bits: u32) -> f32 {
     (bits >> 8) as f32 * (1.0 / 16_777_216.0)
 }
 
-/// Second dimension of the Sobol sequence. Its direction numbers are Pascal's triangle modulo 2: bit j of the value, from the top,
-/// is the sum of the index's bits i whose number has all bits of j (Lucas), which is a sum over supersets in five steps.
+/// Second dimension of the Sobol sequence. Its direction numbers are Pascal's triangle modulo 2: bit j of the value, from the top, is the
+/// sum of the index's bits i for which i contains all bits of j (Lucas), a sum over supersets in five steps.
 #[inline]
 fn sobol_second(index: u32) -> u32 {
     let mut x = index;
@@ -158,8 +159,8 @@ fn sobol_second(index: u32) -> u32 {
     x.reverse_bits()
 }
 
-/// Nested uniform scramble by a hash that lets each bit depend on the bits above it alone: Laine and Karras 2011 with the
-/// constants of Burley 2020, listing 3.
+/// Nested uniform scramble by a hash in which each bit depends only on the bits above it: Laine and Karras 2011 with the constants of
+/// Burley 2020, listing 3.
 #[inline]
 fn owen_scramble(value: u32, seed: u32) -> u32 {
     let mut x = value.reverse_bits();
@@ -171,7 +172,7 @@ fn owen_scramble(value: u32, seed: u32) -> u32 {
     x.reverse_bits()
 }
 
-/// A hash of 64-bit words that gives different words different values: the finaliser of SplitMix64 (Steele, Lea, Flood 2014).
+/// A bijective hash of 64-bit words: the finaliser of SplitMix64 (Steele, Lea, Flood 2014).
 #[inline]
 fn mix(mut x: u64) -> u64 {
     x ^= x >> 30;
@@ -198,7 +199,7 @@ mod tests {
         assert_eq!(bases.len(), all);
     }
 
-    /// The recurrence of the direction numbers (Joe and Kuo 2008, polynomial x + 1).
+    /// Compares with the recurrence of the direction numbers (Joe and Kuo 2008, polynomial x + 1).
     #[test]
     fn second_dimension_follows_its_direction_numbers() {
         for i in (0..4096u32).chain([u32::MAX, 0x8000_0000, 0xDEAD_BEEF]) {
@@ -225,7 +226,7 @@ mod tests {
         })
     }
 
-    /// Any power of two points of a replicate, from the start, has one point in every elementary box: a (0,2)-sequence.
+    /// The first 2ⁿ points of a replicate, for any n, have one point in every elementary box: a (0,2)-sequence.
     #[test]
     fn replicates_are_zero_two_sequences() {
         for seed in 0..20 {
@@ -241,14 +242,14 @@ mod tests {
                 }
             }
         }
-        // Independent numbers have no such order.
+        // Negative control: independent numbers have no such order.
         let random: Vec<_> =
             (0..256).map(|i| [2 * i + 1, 2 * i + 2].map(|word| unit(mix(word) as u32))).collect();
         assert!(!boxes_hit_once(&random));
     }
 
-    /// Pixels, replicates and dimensions do not follow each other: correlation over 4,096 pixels within 5 σ = 5/√4096. (Pixels do
-    /// in the first two points of a replicate, on purpose.)
+    /// Pixels, replicates and dimensions are uncorrelated: the correlation over 4,096 pixels is within 5 σ = 5/√4096. (Pixels are
+    /// correlated in the first two points of a replicate, on purpose.)
     #[test]
     fn scrambles_are_independent() {
         let mut sums = [0f64; 4];
@@ -268,10 +269,10 @@ mod tests {
         }
     }
 
-    /// Mean square over blocks of 8 × 8 pixels of the error of their mean of a function, one sample a pixel, times the number of
-    /// pixels: 1 for white noise of unit variance.
+    /// Mean square, over blocks of 8 × 8 pixels, of the error of their mean of a function with one sample for each pixel, times the number
+    /// of pixels: 1 for white noise of unit variance.
     fn coarse_error(sample: u32, pair: impl Fn(&PixelSampler) -> [f32; 2]) -> f64 {
-        // A corner of the square, and what lies under a hyperbola in it; its mean and variance in closed form.
+        // The function is 1 under a hyperbola in a corner of the square; its mean and variance have closed forms.
         let (mean, variance) = (0.25 * (1.0 + 4f64.ln()), 0.25 * (1.0 + 4f64.ln()));
         let variance = variance - mean * mean;
         let f = |[u, v]: [f32; 2]| f64::from(u8::from(f64::from(u) * f64::from(v) < 0.25));
@@ -283,9 +284,9 @@ mod tests {
         blocks.sum::<f64>() / 256.0 * 64.0 / variance
     }
 
-    /// 64 stratified points leave some 8 cells of 64 that the curve crosses, each with less variance than a random point has: a
-    /// fourth at most. Of second points the first digit alone is chosen: they fall into the other half than the first, so half of the
-    /// variance goes. White noise of 256 blocks: 1 ± 0.09, so 5 σ is 0.45.
+    /// 64 stratified points leave about 8 of 64 cells that the curve crosses, each with less variance than a random point has: a fourth at
+    /// most. For second points only the first digit is chosen: they fall into the other half than the first point, so half of the variance
+    /// disappears. White noise of 256 blocks: 1 ± 0.09, so 5 σ is 0.45.
     #[test]
     fn the_first_samples_of_neighbours_cancel() {
         for sample in 0..2 * REPLICATES {
@@ -294,7 +295,7 @@ mod tests {
             let most = if sample < REPLICATES { 0.25 } else { 0.75 };
             assert!(film < most && scatter < most, "sample {sample}: {film} {scatter}");
         }
-        // Later surfaces and later samples are on their own.
+        // Negative control: later surfaces and later samples are independent.
         for error in [
             coarse_error(0, |s| s.bounce(2, BouncePair::Light)),
             coarse_error(7 * REPLICATES, |s| s.bounce(0, BouncePair::Scatter)),

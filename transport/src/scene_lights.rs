@@ -1,4 +1,4 @@
-//! Lights made ready from a scene.
+//! Prepares the lights of a scene.
 
 use std::sync::Arc;
 
@@ -8,13 +8,13 @@ use pumice_scene::{Environment, Scene};
 use crate::lights::{Lights, Sky};
 use crate::{EnvironmentTable, ReadyLamp, ReadySun, RenderError};
 
-/// Reads the scene-linear pictures that scenes name as environments; files are the caller's business.
+/// Reads a scene-linear picture that a scene names as its environment; the caller provides the file access.
 pub type ReadImage = fn(&std::path::Path) -> Result<Image, String>;
 
-/// Lights of a scene, its picture read.
+/// The lights of a scene, with its environment picture read by `read_image`.
 ///
 /// # Errors
-/// [`RenderError::Source`] where the picture cannot be read.
+/// [`RenderError::Source`] if the picture cannot be read.
 pub fn scene_lights(scene: &Scene, read_image: ReadImage) -> Result<Lights, RenderError> {
     let sky = match &scene.world.environment {
         Environment::Constant { radiance } => Sky::Constant(glam::Vec3::from_array(*radiance)),

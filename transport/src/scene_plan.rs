@@ -1,20 +1,20 @@
-//! What a renderer makes anew for an edit, and what it keeps: decided here, once for all renderers, before anything is built.
+//! Decides which data an edit rebuilds and which it keeps, once for all renderers and before anything is built.
 //!
 //! ```text
-//! part                   hangs on                                             kept for
+//! part                   depends on                                           kept for
 //! lights                 world, suns, lamps                                   all other edits
-//! materials              style, drawn labels, whether there are mattes        another place, camera, film …
-//! hierarchy of boxes     volume, drawn labels, whether boxes are tight        another place, cut, coarser level …
-//! bricks                 the same, level of detail                            another place, cut …
+//! materials              style, drawn labels, whether there are mattes        another placement, camera, film …
+//! hierarchy of boxes     volume, drawn labels, whether boxes are tight        another placement, cut, coarser level …
+//! bricks                 the same, level of detail                            another placement, cut …
 //! neighbours of boxes    the same, smooth voxels
-//! triangles              mesh                                                 another place, other materials
-//! emitters               all of these of what shines, but its base colours    whatever happens to the dark
-//! top-level hierarchy    which instances there are, and their bounds          other materials, cuts …
+//! triangles              mesh                                                 another placement, other materials
+//! emitters               all of these for emissive parts, but base colours    any change to parts that do not emit
+//! top-level hierarchy    the list of instances, and their bounds              other materials, cuts …
 //! ```
-//! What the scenes need ([`pumice_scene::Needs`]) is looked at like the scenes themselves.
+//! The needs of the scenes ([`pumice_scene::Needs`]) are compared like the scenes themselves.
 //!
-//! A part that cannot be kept may be shared: instances that draw the same labels of the same volume have one hierarchy. What is a
-//! matter of a device alone (a ray tracing pipeline shares none) is the renderer's to add.
+//! A part that cannot be kept may be shared: instances that draw the same labels of the same volume have one hierarchy. Rules that concern
+//! one device alone (a ray tracing pipeline shares none) are added by its renderer.
 
 use std::sync::Arc;
 
@@ -25,61 +25,61 @@ use crate::LoadedScene;
 use crate::emitters::emission_luminance;
 use crate::geometry::LodChoice;
 
-/// What becomes of a part that a renderer has once.
+/// Whether a part that a renderer has once is kept.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reuse {
-    /// It is right as it is.
+    /// The part is valid as it is.
     Keep,
-    /// It is made anew.
+    /// The part must be rebuilt.
     Build,
 }
 
-/// Where a part of an instance or of a mesh comes from.
+/// The origin of a part of an instance or of a mesh.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Source {
-    /// From the former scene, where it is the part of the instance, or of the mesh, at this place.
+    /// Kept from the instance, or mesh, at this index of the previous scene.
     Kept(usize),
-    /// From an earlier instance, or mesh, of the new scene: the one at this place.
+    /// Shared with an earlier instance, or mesh, of the new scene, at this index.
     Shared(usize),
-    /// It is made.
+    /// Built for this instance or mesh.
     Built,
 }
 
-/// What becomes of the parts of an instance of a volume.
+/// The plan for the parts of an instance of a volume.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct InstancePlan {
-    /// Its place in the former scene, where it was of the same volume.
+    /// Its index in the previous scene, if it had the same volume there.
     pub former: Option<usize>,
     /// Materials by label.
     pub materials: Source,
-    /// The hierarchy over the boxes that are drawn, in index space.
+    /// The hierarchy over the drawn boxes, in index space.
     pub hierarchy: Source,
-    /// What is made for the levels of detail of these boxes: bricks.
+    /// The data built for the levels of detail of these boxes: bricks.
     pub levels: Source,
-    /// Which boxes of a label are near each other, where voxels are shaded smooth.
+    /// The neighbours of each box with the same label, where voxels are shaded smooth.
     pub neighbors: Source,
-    /// Its place in the list of instances, by which hits name it.
+    /// Its index in the list of instances, which hits report.
     pub number: Reuse,
-    /// Its matrix, and the distances at which its boxes are coarser.
+    /// Its matrix, and the distances at which its boxes become coarser.
     pub placement: Reuse,
-    /// What is cut away from it.
+    /// The parts that are cut away from it.
     pub cuts: Reuse,
 }
 
-/// What becomes of the parts of a mesh.
+/// The plan for the parts of a mesh.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MeshPlan {
-    /// Materials by their index.
+    /// Materials by material index.
     pub materials: Source,
     /// Triangles, and the hierarchy over them.
     pub triangles: Source,
-    /// Its number among all instances: meshes come after volumes.
+    /// Its index among all instances: meshes come after volumes.
     pub number: Reuse,
     /// Its matrix.
     pub placement: Reuse,
 }
 
-/// What becomes of each part of a renderer's data.
+/// The plan for all data of a renderer.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ScenePlan {
     /// Rays of the camera.
@@ -92,11 +92,11 @@ pub struct ScenePlan {
     pub sums: Reuse,
     /// Sky, suns and lamps, and the choice among them.
     pub lights: Reuse,
-    /// Each instance of a volume.
+    /// The plan of each instance of a volume.
     pub instances: Vec<InstancePlan>,
-    /// Each mesh.
+    /// The plan of each mesh.
     pub meshes: Vec<MeshPlan>,
-    /// Surfaces that shine, and the tree over them.
+    /// Emissive surfaces, and the tree over them.
     pub emitters: Reuse,
     /// The hierarchy over all instances and meshes.
     pub top_level: Reuse,
@@ -107,7 +107,7 @@ impl Reuse {
         if same { Self::Keep } else { Self::Build }
     }
 
-    /// Whether it is made anew.
+    /// Whether the part is rebuilt.
     pub fn is_build(self) -> bool {
         self == Self::Build
     }
@@ -128,7 +128,7 @@ impl Source {
         if let Self::Shared(_) = self { Self::Built } else { self }
     }
 
-    /// The part itself, `None` where it is to be made: `kept` and `shared` find it by its place.
+    /// The part itself, or `None` where it must be built: `kept` and `shared` find it by its index.
     pub fn find<T>(
         self,
         kept: impl FnOnce(usize) -> Option<T>,
@@ -149,21 +149,21 @@ impl InstancePlan {
         parts.into_iter().find(|part| !part.is_kept()).unwrap_or(self.hierarchy)
     }
 
-    /// Whether all of its geometry is where and as it was.
+    /// Whether all of its geometry is unchanged and in the same place.
     pub fn keeps_geometry(&self) -> bool {
         self.boxes().is_kept() && [self.number, self.placement, self.cuts] == [Reuse::Keep; 3]
     }
 }
 
 impl MeshPlan {
-    /// Whether all of its geometry is where and as it was.
+    /// Whether all of its geometry is unchanged and in the same place.
     pub fn keeps_geometry(&self) -> bool {
         self.triangles.is_kept() && [self.number, self.placement] == [Reuse::Keep; 2]
     }
 }
 
 impl ScenePlan {
-    /// What a renderer that shows `old`, or nothing yet, makes anew to show `new`.
+    /// What a renderer that shows `old`, or nothing yet, must build to show `new`.
     pub fn between(old: Option<&LoadedScene>, new: &LoadedScene) -> Self {
         let edit = Edit { old, new, diff: SceneDiff::between(old.map(LoadedScene::scene), new.scene()) };
         let instances: Vec<_> = (0..new.volumes().len()).map(|place| edit.instance(place)).collect();
@@ -192,12 +192,12 @@ fn size_of(film: &Film) -> [u32; 2] {
     [film.width, film.height]
 }
 
-/// What a scene's film keeps for passes.
+/// The sums that a scene's film keeps for its passes.
 pub fn sums_of(scene: &Scene) -> PassSums {
     PassSums::of(&scene.film, scene.meshes.iter().any(|mesh| mesh.shadow_catcher))
 }
 
-/// Whether boxes of both choices are of the same kind: a distance decides ray by ray, whatever it is.
+/// Whether both choices give boxes of the same kind: with a distance, each ray decides, whatever the distance is.
 fn is_same_kind(a: LodChoice, b: LodChoice) -> bool {
     let by_distance = |lod| matches!(lod, LodChoice::Distance { .. });
     a == b || by_distance(a) && by_distance(b)
@@ -218,7 +218,7 @@ impl Edit<'_> {
     fn instance(&self, place: usize) -> InstancePlan {
         let (scene, volumes) = (self.new.scene(), self.new.volumes());
         let (instance, volume) = (&scene.instances[place], &volumes[place]);
-        // An earlier one that draws the same labels of the same volume.
+        // An earlier instance that draws the same labels of the same volume.
         let twin = (0..place).find(|&other| {
             Arc::ptr_eq(&volumes[other], volume) && scene.instances[other].style.show == instance.style.show
         });
@@ -234,7 +234,7 @@ impl Edit<'_> {
             cuts: Reuse::Build,
         };
         let Some(old) = self.old else { return plan };
-        // The same path may hold another volume by now.
+        // The same path may refer to another volume by now.
         let is_former = |&place: &usize| Arc::ptr_eq(&old.volumes()[place], volume);
         let Some(former) = old.scene().instances.iter().position(|i| i.id == instance.id).filter(is_former)
         else {
@@ -249,7 +249,7 @@ impl Edit<'_> {
         let same_cuts = old.scene().cuts_of(instance.id).eq(scene.cuts_of(instance.id));
         let is_cut = scene.cuts_of(instance.id).next().is_some();
         plan.former = Some(former);
-        // Colours of neighbours follow from which labels are drawn.
+        // The colours of neighbours depend on which labels are drawn.
         plan.materials = keep(!change.materials && !change.visibility && self.same(Part::Mattes), alike);
         plan.hierarchy = keep(same_boxes, twin);
         plan.levels = keep(same_boxes && is_same_kind(lods[0], lods[1]), twin);
@@ -276,7 +276,7 @@ impl Edit<'_> {
             return plan;
         };
         let change = self.diff.meshes_changed.iter().find(|c| c.id == mesh.id).copied().unwrap_or_default();
-        // Mattes call a mesh by its source.
+        // Mattes name a mesh by its source.
         let is_renamed = self.new.needs().parts().has(Part::Mattes) && change.geometry;
         if !change.materials && !is_renamed && self.same(Part::Mattes) {
             plan.materials = Source::Kept(former);
@@ -287,14 +287,14 @@ impl Edit<'_> {
         plan
     }
 
-    /// Whether there are as many instances and meshes as before, so that their numbers say the same.
+    /// Whether there are as many instances and meshes as before, so that their indices mean the same.
     fn same_counts(&self) -> bool {
         self.old.is_some_and(|old| {
             old.volumes().len() == self.new.volumes().len() && old.meshes().len() == self.new.meshes().len()
         })
     }
 
-    /// Whether all that shines is where it was and shines as it did, whatever its base colours.
+    /// Whether everything emissive has the same place and the same emission, whatever its base colours.
     fn same_emission(&self, instances: &[InstancePlan], meshes: &[MeshPlan]) -> bool {
         let Some(old) = self.old.filter(|_| self.same_counts()) else { return false };
         let (old, new) = (old.scene(), self.new.scene());
@@ -312,7 +312,7 @@ impl Edit<'_> {
         of_instances && of_meshes
     }
 
-    /// Whether what is drawn of each instance and mesh has the bounds that it had.
+    /// Whether the drawn parts of each instance and mesh have the same bounds as before.
     fn bounds_are_kept(&self, instances: &[InstancePlan], meshes: &[MeshPlan]) -> bool {
         let least = |scene: &LoadedScene| scene.needs().least_of_a_tree();
         self.same_counts()
@@ -336,12 +336,12 @@ fn style_is_emissive(style: &LabelStyle) -> bool {
     is_emissive(&style.material) || style.materials.values().any(is_emissive)
 }
 
-/// What the light of a material hangs on; `None` of one that does not shine.
+/// The properties that a material's light depends on; `None` for a material that does not emit.
 fn light(material: &Material) -> Option<Material> {
     is_emissive(material).then_some(Material { base_color: [0.0; 3], ..*material })
 }
 
-/// Whether the same labels shine as much and alike.
+/// Whether the same labels emit the same light.
 fn styles_shine_alike(old: &LabelStyle, new: &LabelStyle) -> bool {
     let own =
         |style: &LabelStyle| -> Vec<_> { style.materials.iter().map(|(id, m)| (*id, light(m))).collect() };

@@ -1,29 +1,29 @@
-//! A sun, ready to be sampled: a disk at infinity, uniform over a cone of directions, or a single direction where its angle is 0.
+//! A sun, prepared for sampling: a disk at infinity, uniform over a cone of directions, or a single direction where its angle is 0.
 //!
-//! Its strength is the irradiance on a surface that faces it, so the radiance within the cone is strength / (π sin²(angle/2)), as
-//! in Cycles; the density of a sampled direction is 1 / (2π (1 − cos(angle/2))).
+//! Its strength is the irradiance on a surface that faces it, so the radiance within the cone is strength / (π sin²(angle/2)), as in
+//! Cycles; the density of a sampled direction is 1 / (2π (1 − cos(angle/2))).
 
 use std::f64::consts::PI;
 
 use glam::{DVec3, Vec3};
 use pumice_scene::Sun;
 
-/// A sun, made ready.
+/// A sun, prepared for sampling.
 #[derive(Clone, Copy, Debug)]
 pub struct ReadySun {
-    /// Unit vector towards its middle.
+    /// Unit vector towards the middle of the disk.
     pub towards: DVec3,
-    /// Unit vector across.
+    /// Unit vector perpendicular to `towards`.
     pub tangent: DVec3,
-    /// Unit vector across both.
+    /// Unit vector perpendicular to both.
     pub bitangent: DVec3,
-    /// Radiance within the cone; irradiance where the sun is a single direction.
+    /// Radiance within the cone, or irradiance where the sun is a single direction.
     pub radiance: Vec3,
-    /// 0 where the sun is a single direction.
+    /// 1 − cos of half the angle; 0 where the sun is a single direction.
     pub one_minus_cos_half_angle: f64,
 }
 
-/// Two unit vectors that make a right-handed frame with a unit normal: Duff et al. 2017, JCGT 6(1), listing 3.
+/// Two unit vectors that complete a unit normal to a right-handed frame: Duff et al. 2017, JCGT 6(1), listing 3.
 #[inline]
 pub fn frame_around(n: DVec3) -> (DVec3, DVec3) {
     let sign = 1f64.copysign(n.z);
@@ -33,25 +33,25 @@ pub fn frame_around(n: DVec3) -> (DVec3, DVec3) {
 }
 
 impl ReadySun {
-    /// Readies a sun.
+    /// Prepares a sun.
     pub fn new(sun: &Sun) -> Self {
         let towards = -DVec3::from_array(sun.direction).normalize();
         let (tangent, bitangent) = frame_around(towards);
         let half = (0.5 * sun.angle_rad).sin();
-        // 1 − cos h = 2 sin²(h/2): no cancellation for the real sun's half degree.
+        // 1 − cos h = 2 sin²(h/2) avoids cancellation at the real sun's half degree.
         let one_minus_cos_half_angle = 2.0 * (0.25 * sun.angle_rad).sin().powi(2);
         let factor = if sun.angle_rad > 0.0 { 1.0 / (PI * half * half) } else { 1.0 };
         let radiance = Vec3::from_array(sun.color) * (f64::from(sun.strength) * factor) as f32;
         Self { towards, tangent, bitangent, radiance, one_minus_cos_half_angle }
     }
 
-    /// Whether it is a single direction, which no scattered ray meets.
+    /// Whether the sun is a single direction, which no scattered ray can meet.
     #[inline]
     pub fn is_delta(&self) -> bool {
         self.one_minus_cos_half_angle == 0.0
     }
 
-    /// Largest irradiance that it gives, for choosing among lights.
+    /// Largest irradiance of a surface in this light, for choosing among lights.
     pub fn irradiance(&self) -> f32 {
         let l = self.radiance.dot(Vec3::new(0.2126, 0.7152, 0.0722));
         if self.is_delta() {
@@ -62,7 +62,8 @@ impl ReadySun {
         }
     }
 
-    /// Direction towards the sun, radiance, and density per solid angle (`None`: a single direction, radiance is irradiance).
+    /// Samples a direction towards the sun; returns its radiance and its density per solid angle (`None` for a single direction, whose
+    /// radiance is irradiance).
     #[inline]
     pub fn sample(&self, u: [f32; 2]) -> (DVec3, Vec3, Option<f32>) {
         if self.is_delta() {
@@ -75,10 +76,10 @@ impl ReadySun {
         (direction, self.radiance, Some(self.cone_pdf()))
     }
 
-    /// Radiance from a unit direction and the density with which [`ReadySun::sample`] draws it; `None` outside the cone.
+    /// Radiance from a unit direction, and the density with which [`ReadySun::sample`] samples it; `None` outside the cone.
     #[inline]
     pub fn eval(&self, direction: DVec3) -> Option<(Vec3, f32)> {
-        // |d − s|² / 2 = 1 − cos for unit vectors, exact for small angles too.
+        // |d − s|² / 2 = 1 − cos for unit vectors, accurate at small angles too.
         let one_minus_cos = 0.5 * (direction - self.towards).length_squared();
         (one_minus_cos < self.one_minus_cos_half_angle).then(|| (self.radiance, self.cone_pdf()))
     }
@@ -114,7 +115,7 @@ mod tests {
                 assert_eq!((l, pdf.expect("a disk")), (again, pdf_again));
                 e += f64::from(l.x / pdf.expect("a disk")) * d.dot(sun.towards);
             }
-            // The integrand is linear in u: the midpoint rule is exact but for f32 rounding of u, radiance and density.
+            // The integrand is linear in u: the midpoint rule is exact except for f32 rounding of u, radiance and density.
             assert!((e / f64::from(n) - 2.5).abs() < 2e-5, "angle {angle}: {e}");
         }
         assert!(sun(0.5).eval(DVec3::X).is_none() && sun(0.0).sample([0.5; 2]).2.is_none());

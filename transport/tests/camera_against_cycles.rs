@@ -1,7 +1,7 @@
-//! The camera's rays against Cycles': pictures of cubes that glow in a black world, from one camera of each kind.
+//! Compares the camera's rays with those of Cycles: pictures of glowing cubes in a black world, from one camera of each kind.
 //!
-//! `camera_against_cycles/draw.py` drew them with Blender 5.0.1 and has the cubes and the cameras; here the same rays are asked
-//! against the cubes by planes, without anything of the renderer but its rays and sample points.
+//! `camera_against_cycles/draw.py` drew them with Blender 5.0.1 and defines the cubes and the cameras. This test intersects the same rays
+//! with the planes of the cubes, using nothing of the renderer but its rays and sample points.
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "tests")]
 
@@ -16,7 +16,7 @@ use pumice_transport::sampler::PixelSampler;
 /// float32, kind by kind, rows from the top: the share of each pixel that the cubes fill.
 const CYCLES: &[u8] = include_bytes!("camera_against_cycles/cycles.npy");
 
-/// Longer and shorter side in pixels, and samples of each pixel: as in the script.
+/// Longer and shorter side in pixels, and samples of each pixel, as in the script.
 const LONG: u32 = 48;
 const SHORT: u32 = 32;
 const THEIR_SAMPLES: u32 = 1024;
@@ -31,7 +31,7 @@ const CUBES: [[f64; 3]; 6] = [
     [3.9, -1.0, -9.0],
 ];
 
-/// Blender's camera of 35 mm before a sensor of 36 × 24 mm.
+/// Blender's camera: 35 mm lens, sensor of 36 × 24 mm.
 const LENS: f64 = 35.0;
 
 #[derive(Clone)]
@@ -52,7 +52,7 @@ fn kinds() -> Vec<Kind> {
         change(&mut camera, &mut film);
         Kind { name, camera, film }
     };
-    // Blender's f-stop is about the focal length in metres, and 1 for parallel rays.
+    // Blender's f-stop refers to the focal length in metres, or to 1 for parallel rays.
     let aperture = |length: f64, stop: f64, focus_distance, blades, rotation_rad, ratio| {
         Some(Aperture { radius: length / (2.0 * stop), focus_distance, blades, rotation_rad, ratio })
     };
@@ -83,7 +83,7 @@ fn kinds() -> Vec<Kind> {
     ]
 }
 
-/// Whether a ray meets a face of a cube at t in (0, `t_max`).
+/// Whether a ray hits a face of a cube at t in (0, `t_max`).
 fn meets_a_cube(ray: &RayInWorld, t_max: f64) -> bool {
     CUBES.iter().any(|&centre| {
         let at = |plane: f64| (DVec3::from(centre) + plane - ray.origin) / ray.direction;
@@ -93,7 +93,7 @@ fn meets_a_cube(ray: &RayInWorld, t_max: f64) -> bool {
     })
 }
 
-/// How much of each pixel the cubes fill, as our rays see it.
+/// The share of each pixel that the cubes fill, by our rays.
 fn drawn(kind: &Kind) -> Vec<f64> {
     let rays = CameraRays::new(&kind.camera, &kind.film);
     let pixels = (0..kind.film.height).flat_map(|y| (0..kind.film.width).map(move |x| [x, y]));
@@ -119,10 +119,10 @@ fn cycles(number: usize) -> Vec<f64> {
     floats[number * pixels..][..pixels].iter().map(|b| f64::from(f32::from_le_bytes(*b))).collect()
 }
 
-/// Mean over pixels of the squared difference over what chance makes of independent samples at most, and the largest of them.
+/// Squared differences of pixels, divided by the largest variance of independent samples: the mean over all pixels, and the largest.
 ///
-/// A sample is 0 or 1: p (1 − p) / n on either side, p from both pictures with a sample of either kind besides (Laplace), so that
-/// pixels of which both say 0 or 1 are measured too.
+/// A sample is 0 or 1: the variance is p (1 − p) / n for each picture, where p comes from both pictures plus one sample of either kind
+/// (Laplace), so that pixels that are 0 or 1 in both pictures count too.
 fn squared_differences(ours: &[f64], theirs: &[f64]) -> (f64, f64) {
     let (n, m) = (f64::from(SAMPLES), f64::from(THEIR_SAMPLES));
     let each = ours.iter().zip(theirs).map(|(a, b)| {
@@ -133,12 +133,12 @@ fn squared_differences(ours: &[f64], theirs: &[f64]) -> (f64, f64) {
     (sum / ours.len() as f64, most)
 }
 
-/// Most that [`squared_differences`] may be in the mean, kind by kind: samples are stratified, the better the fewer dimensions matter,
-/// so all are well below the 1 of independent ones. Half as much again as the most of eight seeds: from seed to seed they differ by a
-/// factor of two where all is sharp (few pixels have an edge), by a fifth elsewhere.
+/// Limits of the mean of [`squared_differences`], kind by kind. Samples are stratified, the better the fewer dimensions matter, so all
+/// limits are well below the 1 of independent samples. Each is 1.5 times the maximum of eight seeds: seeds differ by a factor of two where
+/// everything is sharp (few pixels have an edge), by a fifth elsewhere.
 const MOST: [f64; 10] = [0.01, 0.01, 0.01, 0.01, 0.01, 0.01, 0.123, 0.21, 0.093, 0.094];
 
-/// 4 standard deviations of independent samples are one pixel in 16,000, of which there are as many.
+/// Independent samples exceed 4 standard deviations in one pixel of 16,000, which is about the number of pixels here.
 fn alike(number: usize, ours: &[f64], theirs: &[f64]) -> bool {
     let (mean, most) = squared_differences(ours, theirs);
     mean < MOST[number] && most < 16.0
@@ -155,7 +155,7 @@ fn pictures_are_those_of_cycles() {
     }
 }
 
-/// What is a little wrong is told from what is right.
+/// Small errors in the camera are detected.
 #[test]
 fn other_cameras_are_told_apart() {
     type Change = fn(&mut Camera, &mut Film);

@@ -2,8 +2,8 @@
 
     python cycles_scattering.py cycles_scattering.json          (a Python that has bpy; the materials are those in the file)
 
-Each material is seen from three directions under each of three suns of no width, so that light is only aimed at and 16 samples are
-as good as any number. "from_inside" materials at the plane from behind.
+Each material is seen from three directions under each of three suns of angle 0. Only light sampling finds such light, so 16 samples are
+as good as any number. "from_inside" materials are seen from behind the plane.
 """
 
 import json

@@ -1,7 +1,7 @@
-//! What Cycles (Blender 5.0.1) shows of a plane in the light of a sun without width, material by material.
+//! Compares materials with Cycles (Blender 5.0.1): a plane in the light of a sun of angle 0.
 //!
-//! `cycles_scattering.json` has the radiance for three views and three suns each; `cycles_scattering.py` makes it. Such light is
-//! only aimed at and one sample is exact, so there is no noise: numbers agree to what its f32 and the tables' entries leave.
+//! `cycles_scattering.json` has the radiance for three views and three suns each; `cycles_scattering.py` produces it. Such light is only
+//! found by light sampling, where one sample is exact, so there is no noise: numbers agree to the precision of f32 and of the tables.
 
 #![allow(clippy::expect_used, reason = "tests")]
 
@@ -14,7 +14,7 @@ use serde::Deserialize;
 struct Row {
     material: Material,
     from_inside: bool,
-    /// Views outermost; of a sun of 1 W/m².
+    /// Views outermost; for a sun of 1 W/m².
     sun: Vec<Vec3Array>,
 }
 
@@ -25,7 +25,7 @@ fn toward(z: f32, azimuth: f32) -> Vec3 {
     Vec3::new(s * azimuth.cos(), s * azimuth.sin(), z)
 }
 
-/// Largest difference over all views and suns, in proportion (or 1e-4 where that is little).
+/// Largest relative difference over all views and suns; expected values below 0.02 count as 0.02.
 fn difference(row: &Row, m: &Material) -> f32 {
     let mut worst = 0.0f32;
     let views = [0.95, 0.6, 0.25].map(|z| toward(z, 0.4));
@@ -46,16 +46,16 @@ fn materials_scatter_as_in_cycles() {
     assert!(rows.len() > 10);
     let (mut convicted, mut fibres) = (0, 0);
     for row in &rows {
-        // Half a thousandth: entries of tables are alike to 1e-4, and compensation multiplies by up to 2.
+        // Table entries agree to 1e-4, and compensation multiplies by up to 2.
         let off = difference(row, &row.material);
         assert!(off < 5e-4, "{:?}: {off}", row.material);
-        // A roughness off by 2 % is seen where there is one, an albedo off by 1 % everywhere but in what glass reflects.
+        // A roughness that is off by 2 % is noticed where it matters, an albedo off by 1 % everywhere except in the reflection of glass.
         let m = Material { base_color: row.material.base_color.map(|c| c * 0.99), ..row.material };
         let seen = difference(row, &m) > 5e-4 || row.material.transmission == 1.0;
         assert!(seen, "{:?}: a darker one goes unseen", row.material);
         let m = Material { roughness: row.material.roughness * 1.02, ..row.material };
         convicted += usize::from(difference(row, &m) > 5e-4);
-        // And a sheen's, where the other way there is none above 1.
+        // The sheen's roughness too; without sheen it must make no difference.
         let m = Material { sheen_roughness: row.material.sheen_roughness * 0.98, ..row.material };
         let seen = difference(row, &m) > 5e-4;
         assert_eq!(seen, row.material.sheen > 0.0, "{:?}: smoother fibres seen: {seen}", row.material);

@@ -1,5 +1,5 @@
-//! Lamps against closed forms, against Cycles, and against themselves: directions follow their density, and what a direction finds
-//! is what sampling said.
+//! Compares lamps with closed forms, with Cycles, and with themselves: sampled directions follow their density, and `meet` agrees with
+//! `sample`.
 
 #![allow(clippy::expect_used, clippy::panic, reason = "tests")]
 
@@ -17,7 +17,7 @@ fn floor(x: f64, y: f64) -> Receiver {
     Receiver { point: DVec3::new(x, y, 0.0), normal: Vec3::Z, both_sides: false }
 }
 
-/// Irradiance at a receiver, by n² strata of the lamp's own sampling.
+/// Irradiance at a receiver, estimated with n² strata of the lamp's own sampling.
 fn irradiance(lamp: &ReadyLamp, from: &Receiver, n: u32) -> f64 {
     let mut sum = 0.0;
     for i in 0..n * n {
@@ -34,19 +34,19 @@ fn point(z: f64, radius: f64, soft_falloff: bool) -> ReadyLamp {
     ReadyLamp::new(&light(LightShape::Point { position: [0.0, 0.0, z], radius, soft_falloff }))
 }
 
-/// Shining down from a height.
+/// An area lamp at height `z` that shines down.
 fn area(z: f64, outline: Outline, size: [f64; 2], spread_rad: f64) -> ReadyLamp {
     let world_from_light = DAffine3::from_translation(DVec3::new(0.0, 0.0, z));
     ReadyLamp::new(&light(LightShape::Area { world_from_light, outline, size, spread_rad }))
 }
 
-/// f32 arithmetic, and strata of a function that is smooth within the lamp: 1e-4 of the closed form.
+/// The error of f32 arithmetic and of strata over a smooth function is 1e-4 of the closed form.
 #[test]
 fn irradiance_is_the_closed_forms() {
     let close = |got: f64, expected: f64, what: &str| {
         assert!((got / expected - 1.0).abs() < 1e-4, "{what}: expected {expected}, got {got}");
     };
-    // A point, a ball and a soft disk straight above: I = P / 4π; a ball's E is I / d² however large it is, a disk's I / (d² + r²).
+    // A point, a ball and a soft disk straight above: I = P / 4π; a ball's E is I / d² for any radius, a disk's I / (d² + r²).
     let intensity = 100.0 / (4.0 * PI);
     for d in [0.5, 2.0, 1000.0] {
         close(irradiance(&point(d, 0.0, false), &floor(0.0, 0.0), 1), intensity / (d * d), "a point");
@@ -56,7 +56,7 @@ fn irradiance_is_the_closed_forms() {
             close(soft, intensity / (d * d + r * r), "a soft ball");
         }
     }
-    // Within a ball: its radiance from all sides, π L.
+    // Inside a ball: its radiance from all sides, π L.
     close(irradiance(&point(0.3, 1.0, false), &floor(0.0, 0.0), 64), intensity, "within");
     // A disk straight above: Lambert's E = P / A · r² / (d² + r²).
     for (d, r) in [(1.0, 0.5), (0.5, 2.0), (30.0, 0.5)] {
@@ -78,7 +78,7 @@ fn irradiance_is_the_closed_forms() {
     assert_eq!(irradiance(&area(7.0, Outline::Rectangle, [2.0, 0.5], 0.0), &floor(1.1, 0.2), 1), 0.0);
 }
 
-/// Whatever the spread, all of the power arrives below: on a plane close under the lamp, wide enough for all but its margins.
+/// Whatever the spread, all of the power arrives on a plane close below the lamp that is wide enough for all but its margins.
 #[test]
 fn spread_keeps_the_power() {
     for spread in [0.01, 0.03, 0.05, 0.3, 1.0, 2.0] {
@@ -93,7 +93,7 @@ fn spread_keeps_the_power() {
     }
 }
 
-/// 3x² − 2x³ of (cos − cos half) / ((1 − cos half) blend), in f64; a control with a linear profile is told from it.
+/// 3x² − 2x³ of (cos − cos half) / ((1 − cos half) blend), in f64; the negative control is a linear profile.
 #[test]
 fn spots_have_blenders_profile() {
     let mut convicted = 0;
@@ -116,7 +116,7 @@ fn spots_have_blenders_profile() {
             let alone = 100.0 / (4.0 * PI) / (distance * distance) * cos;
             let got = irradiance(&lamp, &floor(2.0 * off.tan(), 0.0), 1) / alone;
             let expected = x * x * (3.0 - 2.0 * x);
-            // f32 directions, 1e-7, at the cone's angle: in 1 − cos, over the blended part of it.
+            // f32 directions, 1e-7, at the cone's angle: as an error of 1 − cos, relative to the blended part.
             let limit = 1e-5 + 1e-6 / angle / f64::from(blend.max(0.1));
             assert!((got - expected).abs() < limit, "{angle} {blend} at {off}: {got} for {expected}");
             convicted += usize::from((got - x).abs() > limit);
@@ -151,8 +151,8 @@ fn flat(outline: Outline, size: [f64; 2], degrees: f64) -> LightShape {
     LightShape::Area { world_from_light: tilted(), outline, size, spread_rad: degrees.to_radians() }
 }
 
-/// Mean over a white square from −1 to 1 in the plane z = 0, that of Cycles (Blender 5.0.1, `tests/python/cycles_lamps.py`, 1,024
-/// samples of each of 32² pixels): its noise is below 5e-4, and so are the strata of the sharp edges here.
+/// Mean over a white square from −1 to 1 in the plane z = 0 in Cycles (Blender 5.0.1, `tests/python/cycles_lamps.py`, 1,024 samples of each
+/// of 32² pixels): its noise is below 5e-4, and so is the error of the strata at sharp edges here.
 #[test]
 fn means_are_those_of_cycles() {
     use Outline::{Ellipse, Rectangle};
@@ -181,23 +181,23 @@ fn means_are_those_of_cycles() {
         ("a beam", flat(Rectangle, [1.5, 0.5], 0.0), 3.703354),
     ];
     for (name, shape, cycles) in cases {
-        // Seen from within, a disk is wide, and its strata about the middle are few; a narrow cone shows little of its ball.
+        // From inside, a disk is wide, and few strata lie near its middle; a narrow cone shows little of its ball.
         let strata = if name.contains("within") || name.contains("narrow") { 64 } else { 16 };
         let lamp = ReadyLamp::new(&light(shape));
-        // A beam's edges are sharp, and one sample is all of it.
+        // A beam's edges are sharp, and one sample measures all of it.
         let (strata, n) = if name.contains("beam") { (1, 1500) } else { (strata, 64) };
         let mut sum = 0.0;
         for i in 0..n * n {
             let [x, y] = [i % n, i / n].map(|v| 2.0 * (f64::from(v) + 0.5) / f64::from(n) - 1.0);
             sum += irradiance(&lamp, &floor(x, y), strata) / PI / f64::from(n * n);
         }
-        // Of a narrow cone few of Cycles' pixels see anything.
+        // Few of Cycles' pixels see anything of a narrow cone.
         let limit = if name.contains("narrow") { 3e-3 } else { 1e-3 };
         assert!((sum / cycles - 1.0).abs() < limit, "{name}: Cycles has {cycles}, got {sum}");
     }
 }
 
-/// Lamps of all kinds, and where they are seen from: near, within, aslant, partly behind their own plane.
+/// Lamps of all kinds, with receivers near, inside, at grazing angles, and partly behind the lamp's plane.
 fn seen() -> Vec<(&'static str, ReadyLamp, Receiver)> {
     use Outline::{Ellipse, Rectangle};
     let at = |p: [f64; 3], n: [f32; 3], both_sides| Receiver {
@@ -256,7 +256,7 @@ fn what_is_sampled_is_met() {
                 lost += 1;
                 continue;
             };
-            // The way is rounded to 1e-7 of itself; a spread's and a cone's light falls steeply at their rims.
+            // The distance has a relative rounding error of 1e-7; light falls steeply at the rim of a spread or a cone.
             assert!((m.distance - s.distance).abs() < 2e-3 * s.distance, "{name}: {m:?} {s:?}");
             assert!((m.pdf / s.pdf - 1.0).abs() < 1e-3, "{name}: {m:?} {s:?}");
             assert!(
@@ -301,12 +301,12 @@ fn chi_square(lamp: &ReadyLamp, told: &ReadyLamp, from: &Receiver) -> (f64, f64)
         };
         counts[at] += 1.0;
     }
-    // Cells of few are put together; those of none must be empty but for what a fine grid misses of a rim.
+    // Cells with few expected samples are pooled; cells with none must be empty except for parts of a rim that the fine grid misses.
     let (mut chi, mut cells, mut rest) = (0.0, 0.0, [0.0; 2]);
     for (i, (e, c)) in expected.iter().zip(&counts).enumerate() {
         if i == rows * columns {
-            // What the grid leaves to be drawn nowhere. It counts what lies across a rim by the middles of five million pieces: in an
-            // ellipse 0.07 % were missing.
+            // The samples that find nothing, whose share follows from the grid. The grid assigns the pieces at a rim by the middles of five
+            // million pieces: in an ellipse 0.07 % were missing.
             let off = ((c - e).abs() - 1e-3 * f64::from(samples)).max(0.0);
             chi += off * off / e.max(50.0);
         } else if *e > 50.0 {
@@ -320,10 +320,10 @@ fn chi_square(lamp: &ReadyLamp, told: &ReadyLamp, from: &Receiver) -> (f64, f64)
     (chi, cells)
 }
 
-/// At five standard deviations of χ², and with a control that is told another size of the lamp: larger by 10 %.
+/// The limit is five standard deviations of χ²; the negative control uses a lamp larger by 10 %.
 #[test]
 fn directions_follow_their_density() {
-    // The cells are too wide for what is far.
+    // The cells are too wide for distant lamps.
     for (name, lamp, from) in seen().into_iter().filter(|s| !s.0.contains("far")) {
         let (chi, freedom) = chi_square(&lamp, &lamp, &from);
         let limit = freedom + 5.0 * (2.0 * freedom).sqrt() + 5.0;

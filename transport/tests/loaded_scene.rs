@@ -1,4 +1,4 @@
-//! A loaded scene is valid as a whole, or is none; edits are applied all or none; copies on another film need what theirs needs.
+//! A loaded scene is validated as a whole; edits are applied all or none; copies on another film keep the needs of that film's scene.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
 
@@ -57,13 +57,13 @@ fn what_is_not_valid_as_a_whole_is_refused_by_name() {
     assert!(text.starts_with("instances[1].style.show.only[1]: the volume has no label 4"), "{text}");
 }
 
-/// Labels that a file has, and that were not read, cannot be shown.
+/// Labels that a file contains, but that were not read, cannot be shown.
 #[test]
 fn labels_that_were_not_read_are_refused_and_those_that_were_are_not() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.pumice");
     volume().save(&path, CompressionLevel::Fast, &Job::new()).unwrap();
-    // Dense indices: labels 3, 17 and the last, not 5.
+    // Dense indices: labels 3, 17 and the last, without 5.
     let part = CompressedVolume::open_labels(&path, |_| vec![true, false, true, true], &Job::new()).unwrap();
     let part = Arc::new(part);
     assert!(!part.is_whole());
@@ -88,7 +88,7 @@ fn what_is_added_comes_with_its_data_and_the_rest_keeps_its_own() {
         instance: Box::new(instance),
         volume: Arc::clone(volume),
     };
-    // (A cut of the scene names the instance that goes.)
+    // (One of the scene's cuts names the instance that is removed.)
     let uncut = SceneEdit::Cuts { cuts: vec![] }.into();
     let gone = SceneEdit::Remove { id: 7 }.into();
     let edited = scene.edited(vec![add(third.clone(), &other), uncut, gone]).unwrap();
@@ -98,7 +98,7 @@ fn what_is_added_comes_with_its_data_and_the_rest_keeps_its_own() {
     );
     assert!(Arc::ptr_eq(edited.volume(9).unwrap(), &other) && edited.volume(7).is_none());
 
-    // In the place of that with the same id, and gone and back again in one go.
+    // Replaces the instance with the same id; removes one and adds it again in one call.
     let again = scene.scene().instances[1].clone();
     let edited = scene.edited(vec![add(again.clone(), &other)]).unwrap();
     assert!(Arc::ptr_eq(&edited.volumes()[1], &other) && edited.volumes().len() == 2);
@@ -144,7 +144,7 @@ fn another_film_is_checked_and_needs_what_the_scene_on_it_does() {
     let ids = [ids.labels().ids(); 2];
     assert_eq!(other.needs(), &Needs::of(other.scene(), &ids, false));
     assert!(scene.with_film(Film { width: 0, ..film }).is_err());
-    // What is built besides stays.
+    // Parts that were built in addition stay.
     let more = scene.with_parts(PartSet::NONE.with(Part::HiddenLabels)).with_film(film).unwrap();
     assert!(more.needs().parts().has(Part::HiddenLabels) && !other.needs().parts().has(Part::HiddenLabels));
 }

@@ -1,4 +1,4 @@
-//! Colours of a real volume: neurites of mouse cortex, of which each touches many others.
+//! Colours of a real volume: neurites of mouse cortex, each of which touches many others.
 
 #![expect(clippy::unwrap_used, reason = "a test: what cannot be read must stop it")]
 
@@ -58,7 +58,7 @@ fn touching_neurites_differ_for_every_eye() {
     let (labels, pairs) = contacts();
     let colors = assign_colors(labels, pairs.iter().copied(), None);
     let share = alike(&colors, &pairs);
-    // Negative control: the same palette, dealt by a hash of the label.
+    // Negative control: the same palette, assigned by a hash of the label.
     let dealt: Vec<[f32; 3]> = (0..labels as u32)
         .map(|i| palette()[(i.wrapping_mul(0x9E37_79B9) >> 8) as usize % PALETTE_COLORS])
         .collect();

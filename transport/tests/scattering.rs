@@ -1,11 +1,11 @@
-//! What a surface scatters, against quadrature and counting that share no code with the sampling.
+//! Compares the BSDF with quadrature and counting that share no code with the sampling.
 
 use glam::Vec3;
 use pumice_scene::Material;
 use pumice_transport::bsdf::Bsdf;
 use pumice_transport::bsdf::tables::{SHEEN, SHEEN_ENTRIES, table_2d};
 
-/// Metal, plastic and both: light stays above the surface.
+/// Metal, plastic and both, which scatter only above the surface.
 fn opaque() -> Vec<Material> {
     let mut all = Vec::new();
     for roughness in [0.3f32, 0.6, 1.0] {
@@ -76,7 +76,7 @@ fn quadrature(bsdf: &Bsdf) -> (Vec<f64>, Vec3) {
     (shares, energy)
 }
 
-/// χ² of sampled directions against bins; samples that find no direction are a bin of their own.
+/// χ² of sampled directions against bins; samples without a direction have a bin of their own.
 fn chi_square(bsdf: &Bsdf, shares: &[f64], n: u64, skew: f32) -> (f64, usize) {
     let mut counts = vec![0f64; shares.len() + 1];
     for i in 0..n {
@@ -92,7 +92,7 @@ fn chi_square(bsdf: &Bsdf, shares: &[f64], n: u64, skew: f32) -> (f64, usize) {
     let (mut chi, mut bins, mut rest) = (0.0, 0, (0.0, 0.0));
     for (count, share) in counts.iter().zip(shares.iter().chain([&lost])) {
         let expected = share * n as f64;
-        // Bins below 20 are pooled: χ² is not χ² there, and the quadrature's own error shows.
+        // Bins below 20 are pooled: their sum is not distributed as χ², and the quadrature's own error shows.
         if expected < 20.0 {
             rest = (rest.0 + count, rest.1 + expected);
         } else {
@@ -107,7 +107,7 @@ fn chi_square(bsdf: &Bsdf, shares: &[f64], n: u64, skew: f32) -> (f64, usize) {
     (chi, bins - 1)
 }
 
-/// Level: mean + 6 σ of χ² with k degrees, below 1e-6 for each case.
+/// Limit: mean + 6 σ of χ² with k degrees of freedom, exceeded with a probability below 1e-6 in each case.
 fn limit(k: usize) -> f64 {
     k as f64 + 6.0 * (2.0 * k as f64).sqrt()
 }
@@ -125,7 +125,7 @@ fn samples_follow_their_density_and_energy_is_kept() {
             let (shares, energy) = quadrature(&bsdf);
             let total: f64 = shares.iter().sum();
             assert!(total < 1.005, "{}: density integrates to {total}", what());
-            // Quadrature and table: half a percent.
+            // Precision of quadrature and tables: half a percent.
             assert!(energy.max_element() <= 1.005, "{}: energy {energy}", what());
             if m.specular == 0.0 && m.metallic == 0.0 && m.sheen == 0.0 {
                 assert!((total - 1.0).abs() < 1e-3 && (energy.x - 0.9).abs() < 1e-3);
@@ -140,7 +140,7 @@ fn samples_follow_their_density_and_energy_is_kept() {
     assert_eq!(convicted, cases, "skewed samples must be noticed");
 }
 
-/// Mean weight of samples: how much of even light comes back.
+/// Mean weight of samples: the reflected share of uniform light.
 fn furnace(bsdf: &Bsdf, n: u64) -> f64 {
     let sides = (n as f64).sqrt() as u64;
     let weights = (0..sides * sides).map(|i| {
@@ -150,14 +150,14 @@ fn furnace(bsdf: &Bsdf, n: u64) -> f64 {
     weights.sum::<f64>() / (sides * sides) as f64
 }
 
-/// All scatterings counted, white metal and white glass keep all light; one scattering alone loses some where it is rough.
+/// With multiple scattering, white metal and white glass keep all light; with single scattering, rough ones lose some.
 #[test]
 fn white_surfaces_lose_nothing() {
     for roughness in [0.0f32, 1e-4, 0.1, 0.35, 0.6, 0.8, 1.0] {
         for z in [1.0f32, 0.7, 0.3] {
             let metal = Material { base_color: [1.0; 3], metallic: 1.0, roughness, ..Material::default() };
             let glass = Material { metallic: 0.0, transmission: 1.0, ..metal };
-            // Between the tables' entries lines are drawn: 32 for metal, 16 for glass; counting noise of its choice.
+            // Tables are interpolated linearly: 32 entries for metal, 16 for glass, whose random choice also adds noise.
             for (m, tolerance) in [(metal, 0.003), (glass, 0.01)] {
                 let all = furnace(&Bsdf::new(&m, toward(z, 0.4), false), 40_000);
                 assert!((all - 1.0).abs() < tolerance, "{m:?} at {z}: {all}");
@@ -170,7 +170,7 @@ fn white_surfaces_lose_nothing() {
     }
 }
 
-/// No sample is not a number, infinite or negative, however sharp, bent or grazing.
+/// No sample is NaN, infinite or negative, however sharp the lobe, large the index or grazing the angle.
 #[test]
 fn extremes_stay_finite() {
     let mut scattered = 0;
@@ -222,8 +222,8 @@ fn extremes_stay_finite() {
     assert!(scattered > 20_000, "{scattered}");
 }
 
-/// Metal alone is reciprocal where one scattering counts, and so is Lambert; the layer over Lambert is not, and neither is what
-/// Cycles adds for further scatterings, nor sheen, whose lobe is fitted for one direction at a time.
+/// Metal alone is reciprocal under single scattering, and so is Lambert. The layer over Lambert is not, nor is Cycles' term for multiple
+/// scattering, nor sheen, whose lobe is fitted for one direction at a time.
 #[test]
 fn single_lobes_are_reciprocal() {
     for m in opaque().into_iter().filter(|m| m.metallic == 1.0 || m.metallic + m.specular == 0.0) {
@@ -235,7 +235,7 @@ fn single_lobes_are_reciprocal() {
             );
             let there = Bsdf::new(&m, a, false).eval(b).0 / b.z;
             let back = Bsdf::new(&m, b, false).eval(a).0 / a.z;
-            // f32: some 10 roundings of D near its peak.
+            // f32: about 10 roundings of D near its peak.
             assert!(
                 (there - back).abs().max_element() <= 1e-4 * there.max_element().max(1e-3),
                 "{there} {back}"
@@ -244,7 +244,7 @@ fn single_lobes_are_reciprocal() {
     }
 }
 
-/// What a sheen of white fibres sends back over black is its table's part, all else is kept; over white nothing is gained.
+/// A sheen of white fibres over black reflects the share in its table, all other light is kept; over white nothing is gained.
 #[test]
 fn sheen_takes_off_what_it_reflects() {
     let fibres = Material { sheen: 1.0, specular: 0.0, base_color: [0.0; 3], ..Material::default() };
@@ -257,11 +257,11 @@ fn sheen_takes_off_what_it_reflects() {
             let roughness = sheen_roughness.max(1e-3);
             let table = f64::from(table_2d(SHEEN + 2 * SHEEN_ENTRIES, 32, z, roughness));
             let alone = reflected(fibres);
-            // Every sample weighs the same: rounding.
+            // Every sample has the same weight, so only rounding remains.
             assert!((alone - table).abs() < 1e-4, "{sheen_roughness} at {z}: {alone}, of the table {table}");
             let half = reflected(Material { sheen_tint: [0.5; 3], ..fibres });
             assert!((half - table / 2.0).abs() < 1e-4, "{sheen_roughness} at {z}: {half} of half");
-            // Lambert below, white: 40,000 choices, each of a weight within 0.1 of 1.
+            // White Lambert below: 40,000 choices, each of a weight within 0.1 of 1.
             let white = reflected(Material { base_color: [1.0; 3], ..fibres });
             assert!((white - 1.0).abs() < 2e-3, "{sheen_roughness} at {z}: {white} of white");
             seen = seen.max(table);

@@ -1,4 +1,4 @@
-//! Entries of `bsdf/tables.bin`, recomputed over outgoing directions: no sampled normals, no code of the tables' own.
+//! Recomputes entries of `bsdf/tables.bin` over outgoing directions: without sampled normals, and without code of the tables' own.
 
 use std::f64::consts::PI;
 
@@ -7,7 +7,7 @@ use pumice_transport::bsdf::tables::{
     SHEEN_ENTRIES, TABLES,
 };
 
-/// GGX's density of normals over its masking, times what a cosine of 1 leaves: D·G2 of Walter et al. 2007 and Heitz 2014.
+/// D·G2 of GGX (Walter et al. 2007, Heitz 2014).
 fn d_g(alpha: f64, h_z: f64, i_z: f64, o_z: f64) -> f64 {
     let a2 = alpha * alpha;
     let d = a2 / (PI * (h_z * h_z * (a2 - 1.0) + 1.0).powi(2));
@@ -26,7 +26,7 @@ fn reflectance(cos: f64, eta: f64) -> f64 {
     0.5 * a * a * (1.0 + b * b)
 }
 
-/// ∫ over outgoing directions above the surface of D·G2/(4 i_z)·f(cosine with the normal between).
+/// ∫ over outgoing directions above the surface of D·G2/(4 i_z)·f(cosine with the half vector).
 fn over_directions(alpha: f64, i_z: f64, f: impl Fn(f64) -> f64) -> f64 {
     let (n_z, n_a) = (400, 400);
     let s = (1.0 - i_z * i_z).sqrt();
@@ -53,13 +53,13 @@ fn entry(at: usize) -> f64 {
 fn entries_are_what_surfaces_keep() {
     assert!(TABLES[..SHEEN].iter().all(|v| (0.0..=1.0).contains(v)) && TABLES.len() == ENTRIES);
     let mut noticed = 0;
-    // Rough ones, where a plain grid of directions is fine enough.
+    // Rough surfaces, for which a plain grid of directions is fine enough.
     for x in [20usize, 26, 31] {
         let alpha = (x as f64 / 31.0).powi(2);
         for y in [8usize, 16, 31] {
             let expected = over_directions(alpha, y as f64 / 31.0, |_| 1.0);
             let got = entry(REFLECTION + y * 32 + x);
-            // 160,000 directions: 3e-4 at the horizon, where shadows end.
+            // 160,000 directions: 3e-4 at the horizon, where shadowing ends.
             assert!((got - expected).abs() < 3e-4, "roughness {x}, cosine {y}: {got}, expected {expected}");
             noticed += usize::from((entry(REFLECTION + y * 32 + x - 1) - expected).abs() > 3e-4);
         }
@@ -72,7 +72,7 @@ fn entries_are_what_surfaces_keep() {
     assert_eq!(noticed, 9, "the neighbour's entry must not pass");
 }
 
-/// Glass from outside: what is reflected, and what is refracted into normals that the other side sees.
+/// Glass from outside: reflection, plus refraction by normals that are visible from the other side.
 #[test]
 fn glass_keeps_what_it_reflects_and_refracts() {
     for (x, y, z) in [(10usize, 8usize, 6usize), (15, 5, 8), (12, 15, 5)] {
@@ -100,7 +100,7 @@ fn glass_keeps_what_it_reflects_and_refracts() {
         let expected = reflected + refracted * 2.0 * PI / f64::from(n * n);
         let got = entry(GLASS + (z * 16 + y) * 16 + x);
         assert!((got - expected).abs() < 5e-4, "{x} {y} {z}: {got}, expected {expected}");
-        // From inside and outside it is not the same.
+        // Entries from inside and from outside differ.
         assert!((entry(GLASS + INSIDE + (z * 16 + y) * 16 + x) - expected).abs() > 5e-4);
         // The average lies between the entries that it averages.
         let column = (0..16).map(|y| entry(GLASS + (z * 16 + y) * 16 + x));
@@ -110,7 +110,7 @@ fn glass_keeps_what_it_reflects_and_refracts() {
     }
 }
 
-/// The share of Fresnel's curve, of normals that are seen and reflect upward, shadows left out: the density over that of the reflection.
+/// The Fresnel share over normals that are visible and reflect upward, without shadowing: weighted by the density of the reflection.
 #[test]
 fn fresnel_shares_are_averages_over_seen_normals() {
     for (x, y, z) in [(10usize, 10usize, 6usize), (14, 6, 8)] {
@@ -138,7 +138,7 @@ fn fresnel_shares_are_averages_over_seen_normals() {
     }
 }
 
-/// A plain generator: xorshift64* (Vigna 2016).
+/// A simple generator: xorshift64* (Vigna 2016).
 struct Random(u64);
 
 impl Random {
@@ -150,11 +150,11 @@ impl Random {
     }
 }
 
-/// Where light that comes from (sin, 0, `i_z`) leaves the layer of fibres that sheen stands for; `None` at its bottom.
+/// Direction in which light from (sin, 0, `i_z`) leaves the layer of fibres that sheen stands for; `None` if it leaves at the bottom.
 ///
-/// The layer is one deep and full of mirrors whose normals are those of ellipsoids with the half axes 1, 1 and σ of their shadows, σ
-/// the squared roughness (SGGX: Heitz, Dupuy, Crassin, Dachsbacher 2015): what is seen of one from w is the hemisphere around
-/// v = (w.x, w.y, σ w.z), a point p of which has the normal (p.x, p.y, σ p.z); it is met after 1/|v| on average.
+/// The layer has depth 1 and is full of mirrors whose normals are those of ellipsoids with half axes 1, 1 and σ of their shadows, where σ
+/// is the squared roughness (SGGX: Heitz, Dupuy, Crassin, Dachsbacher 2015). The visible part of one from w is the hemisphere around v =
+/// (w.x, w.y, σ w.z), a point p of which has the normal (p.x, p.y, σ p.z); the mean free path is 1/|v|.
 fn walked(roughness: f64, i_z: f64, random: &mut Random) -> Option<[f64; 3]> {
     let flat = roughness * roughness;
     let (mut w, mut depth) = ([(1.0 - i_z * i_z).sqrt(), 0.0, i_z], 0.0);
@@ -169,7 +169,8 @@ fn walked(roughness: f64, i_z: f64, random: &mut Random) -> Option<[f64; 3]> {
         if depth > 1.0 {
             return None;
         }
-        // A point of the hemisphere around v that is even as seen from there: on the sphere's disk, turned to v by a mirror.
+        // A point of the hemisphere around v, uniform as seen from there: a point of the disk, lifted to the sphere and turned to v by a
+        // reflection.
         let (r, (sin, cos)) = (random.unit().sqrt(), (2.0 * PI * random.unit()).sin_cos());
         let p = [r * cos, r * sin, (1.0 - r * r).sqrt()];
         let half = [v[0] / length, v[1] / length, v[2] / length + 1.0];
@@ -179,14 +180,14 @@ fn walked(roughness: f64, i_z: f64, random: &mut Random) -> Option<[f64; 3]> {
         let m = [p[0], p[1], flat * p[2]];
         let along = 2.0 * (m[0] * w[0] + m[1] * w[1] + m[2] * w[2])
             / (m[0] * m[0] + m[1] * m[1] + m[2] * m[2]).max(1e-300);
-        // The next stretch goes where the mirror sends it; w points back along that.
+        // The next segment goes where the mirror reflects it; w points back along that.
         w = std::array::from_fn(|a| w[a] - along * m[a]);
     }
-    // The published fit ends walks there, wherever they are: along upright fibres light goes on for long.
+    // The published fit ends walks there, wherever they are: light travels far along upright fibres.
     (w[2] < 0.0).then(|| w.map(|c| -c))
 }
 
-/// Published, not computed here: walks through the layer reflect what R says, and where A and B say.
+/// The tables of sheen are published, not computed here. Walks through the layer must reflect the share R, in the directions of A and B.
 #[test]
 fn sheen_is_what_a_layer_of_fibres_reflects() {
     let (mut noticed, mut turned, mut entries) = (0, 0, 0);
@@ -203,13 +204,13 @@ fn sheen_is_what_a_layer_of_fibres_reflects() {
                 }
             }
             let share = count / f64::from(walks);
-            // Counting: 5 standard errors.
+            // Statistical error: 5 standard errors.
             let noise = 5.0 * (share * (1.0 - share) / f64::from(walks)).sqrt();
             let got = at(x, 2);
             assert!((got - share).abs() < noise, "cosine {x}, roughness {y}: {got}, walked {share}");
             noticed += usize::from((at(x - 1, 2) - share).abs() > noise);
             entries += 1;
-            // The matrix's lobe, over an even grid of what it is made from.
+            // The lobe of the matrix, over a uniform grid of the cosine lobe that it transforms.
             let (a, b, n) = (at(x, 0), at(x, 1), 200);
             let mut mean = [0.0; 3];
             for i in 0..n * n {
@@ -220,7 +221,7 @@ fn sheen_is_what_a_layer_of_fibres_reflects() {
                 let length = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt();
                 mean = std::array::from_fn(|k| mean[k] + d[k] / length / f64::from(n * n));
             }
-            // A lobe of two numbers is not the walks' own: their means differ by up to 0.025 where they are known well.
+            // A lobe with two parameters does not equal that of the walks: their means differ by up to 0.025 where they are known well.
             let near = 0.03 + 3.0 / count.sqrt();
             let walked = sum.map(|s| s / count);
             let off =

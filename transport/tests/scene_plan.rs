@@ -1,5 +1,5 @@
-//! What an edit makes anew: a table of edits with the whole plan of each, and, for every number and switch of a full scene, that what
-//! hangs on it is not kept.
+//! Tests which data an edit rebuilds: a table of edits with the whole plan of each, and, for every number and switch of a full scene, that
+//! the data which depends on it is not kept.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
 
@@ -17,7 +17,7 @@ use pumice_transport::Source::{Built, Kept, Shared};
 use pumice_transport::{InstancePlan, LoadedScene, MeshPlan, Reuse, ScenePlan};
 use serde_json::Value;
 
-/// What a scene is loaded with: one volume for all instances, one mesh for all meshes.
+/// The data of all test scenes: one volume for all instances, one mesh for all meshes.
 struct Data {
     volume: Arc<CompressedVolume>,
     mesh: Arc<MeshData>,
@@ -56,7 +56,7 @@ fn mesh_kept(place: usize) -> MeshPlan {
     MeshPlan { materials: Kept(place), triangles: Kept(place), number: Keep, placement: Keep }
 }
 
-/// The plan of no edit.
+/// The plan without any edit.
 fn kept() -> ScenePlan {
     ScenePlan {
         camera: Keep,
@@ -71,7 +71,7 @@ fn kept() -> ScenePlan {
     }
 }
 
-/// The full scene, all of its voxels drawn: levels hang on no distance, and both instances show the same labels.
+/// The full scene with all voxels drawn: levels do not depend on distance, and both instances show the same labels.
 fn plain_scene() -> Scene {
     let mut scene = full_scene();
     scene.settings.lod = Lod::Voxels;
@@ -82,7 +82,7 @@ fn plain_scene() -> Scene {
 type Edit = fn(&mut Scene);
 type Expected = fn(&mut ScenePlan);
 
-/// An edit a row, and what its plan has other than that of no edit.
+/// One row for each edit, with the differences of its plan from that of no edit.
 const TABLE: [(&str, Edit, Expected); 27] = [
     ("nothing", |_| (), |_| ()),
     ("camera", |s| s.camera.shift[0] = 0.5, |p| p.camera = Build),
@@ -131,7 +131,7 @@ const TABLE: [(&str, Edit, Expected); 27] = [
         "place",
         |s| s.instances[1].world_from_index.translation.x = 7.0,
         |p| {
-            // It is cut, and cuts are planes of its own space.
+            // The instance is cut, and cuts are planes of its own space.
             (p.instances[1].placement, p.instances[1].cuts) = (Build, Build);
             (p.emitters, p.top_level) = (Build, Build);
         },
@@ -189,12 +189,12 @@ const TABLE: [(&str, Edit, Expected); 27] = [
         "the first instance goes",
         |s| {
             s.instances.remove(0);
-            // What remains is cut as it was.
+            // The remaining instance is cut as before.
             s.cuts[1].instances = Some(vec![8]);
         },
         |p| {
             p.instances = vec![InstancePlan { number: Build, ..instance_kept(1) }];
-            // Meshes come after volumes.
+            // Meshes are numbered after volumes.
             p.meshes.iter_mut().for_each(|m| m.number = Build);
             (p.emitters, p.top_level) = (Build, Build);
         },
@@ -289,14 +289,14 @@ fn levels_by_distance_follow_the_camera_and_keep_what_is_built() {
     expected.instances.iter_mut().for_each(|i| i.placement = Build);
     (expected.camera, expected.emitters) = (Build, Build);
     assert_eq!(ScenePlan::between(Some(&old), &moved), expected);
-    // From one level for all, but voxels, the hierarchy serves and bricks do not.
+    // When all boxes had one coarser level before, the hierarchy can be kept and the bricks cannot.
     let cells = by_distance(|s| s.settings.lod = Lod::Cells);
     let plan = ScenePlan::between(Some(&cells), &old);
     assert_eq!((plan.instances[0].hierarchy, plan.instances[0].levels), (Kept(0), Built));
     assert_eq!((plan.instances[0].boxes(), plan.instances[1].boxes()), (Built, Shared(0)));
 }
 
-/// What is built besides is made, and what is no longer is not kept.
+/// Parts that are built in addition are built, and parts that are no longer built are not kept.
 #[test]
 fn what_a_scene_is_built_with_is_part_of_its_plan() {
     let data = Data::new();
@@ -324,7 +324,7 @@ fn what_a_scene_is_built_with_is_part_of_its_plan() {
             (p.emitters, p.top_level) = (Build, Build);
         }),
         (Part::InstanceTree, |p| p.top_level = Build),
-        // Of shaders alone.
+        // Concerns shaders only.
         (Part::Coats, |_| ()),
     ];
     for (part, expected) in table {
@@ -369,7 +369,7 @@ fn leaves(value: &Value, path: &str, found: &mut Vec<String>) {
     }
 }
 
-/// Other values for a leaf: of which some may not be valid.
+/// Other values for a leaf, some of which may be invalid.
 fn others(leaf: &Value) -> Vec<Value> {
     match leaf {
         Value::Bool(is) => vec![Value::Bool(!is)],
@@ -383,7 +383,7 @@ fn others(leaf: &Value) -> Vec<Value> {
     }
 }
 
-/// Whether a plan keeps nothing that hangs on the field at this path; `None` where nothing that is built does.
+/// Whether a plan keeps nothing that depends on the field at this path; `None` where no built data depends on it.
 fn makes_anew(plan: &ScenePlan, path: &str) -> Option<bool> {
     let parts: Vec<&str> = path.split('/').skip(1).collect();
     let place = || parts[1].parse::<usize>().unwrap();
@@ -425,7 +425,7 @@ fn makes_anew(plan: &ScenePlan, path: &str) -> Option<bool> {
                 "world_from_mesh" => all(&[mesh.placement, plan.emitters, plan.top_level]),
                 "shadow_catcher" => Some(not_kept(mesh.materials)),
                 "materials" => {
-                    // The second one does not shine.
+                    // The second material does not emit.
                     let lit = parts[3] == "0" && parts[4] != "base_color";
                     Some(not_kept(mesh.materials) && (!lit || plan.emitters.is_build()))
                 }
@@ -441,8 +441,8 @@ fn makes_anew(plan: &ScenePlan, path: &str) -> Option<bool> {
     }
 }
 
-/// Whatever number or switch of the scene is another one, what hangs on it is not kept. The control: a plan that keeps all is caught at
-/// each of them.
+/// Whatever number or switch of the scene changes, the data that depends on it is not kept. Negative control: a plan that keeps everything
+/// is caught for each of them.
 #[test]
 fn what_hangs_on_a_field_is_not_kept_when_it_changes() {
     let data = Data::new();

@@ -1,6 +1,6 @@
-// The walk through one box: twin of cpu-renderer/src/traverse/box_walk.rs, which explains it.
+// The walk through the voxels of one box: twin of cpu-renderer/src/traverse/box_walk.rs, which explains it.
 //
-// Everything that decides is `precise`: a product and a sum fused into one rounding would order planes differently.
+// Every value that a decision depends on is `precise`: fusing a product and a sum into one rounding would change the order of planes.
 #ifndef BOX_WALK_GLSL
 #define BOX_WALK_GLSL
 
@@ -25,9 +25,9 @@ uvec3 voxel_before(Step step, IndexRay ray) {
     return v;
 }
 
-// Planes of a voxel that are met within this of each other may be taken for a tie: 2·16·3·2^−24.
+// Planes of a voxel that the ray meets within this distance of each other may tie: 2·16·3·2^−24.
 
-// The same step through the plane of another axis by which the ray comes into the voxel.
+// The same step, entering the voxel through the plane of another axis.
 Step through(Step step, uint axis, IndexRay ray) {
     uint plane = step.voxel[axis] + (is_down(ray, axis) ? 1u : 0u);
     return Step(t_of(ray, axis, plane), axis, plane, step.voxel, step.tied);
@@ -49,7 +49,7 @@ const uint FOUND_FACE = 2u;
 
 struct Found {
     uint kind;
-    // The voxel of FOUND_INSIDE is the step's.
+    // For FOUND_INSIDE, the voxel is that of the step.
     Step step;
 };
 
@@ -73,12 +73,12 @@ float clamp_far(f64 t) {
     return far > FAR ? FAR : far;
 }
 
-// Where the ray meets mirrored plane j of axis a.
+// Scaled t at which the ray meets mirrored plane j of axis a.
 f64 mirrored_t(IndexRay ray, uint a, bool down, uint lo, uint j) {
     return t_of(ray, a, down ? lo + 16u - j : lo + j);
 }
 
-// Begins where the ray is at scaled t = enter, within the box lo..hi; with `known`, in that voxel.
+// Begins the walk at scaled t = enter, within the box lo..hi; with `known`, in that voxel.
 Walk walk_begin_in(IndexRay ray, uvec3 lo, uvec3 hi, f64 enter, bool known, uvec3 voxel) {
     Walk walk;
     walk.lo = lo;
@@ -89,8 +89,8 @@ Walk walk_begin_in(IndexRay ray, uvec3 lo, uvec3 hi, f64 enter, bool known, uvec
         walk.mirror[a] = down ? 15u : 0u;
         walk.flip |= down ? 3u << (2u * a) : 0u;
         walk.end[a] = down ? 16u : hi[a] - lo[a];
-        // The guess, then the rule: plane j is crossed when T(j) ≤ enter. The rule does not depend on the guess, which may
-        // therefore be coarser than the CPU's.
+        // First a guess, then the rule: plane j is crossed when T(j) ≤ enter. The rule does not depend on the guess, so the guess may be
+        // coarser than the CPU's.
         f64 place = f64_add(f64_sub(ray.origin[a], f64_from_u32(lo[a])), f64_mul(enter, ray.direction[a]));
         float at = f64_to_f32(place);
         uint m = uint(clamp(down ? 16.0 - at : at, 0.0, 15.0));
@@ -133,7 +133,7 @@ float walk_plane_t(Walk walk, uint a, uint j) {
     return t;
 }
 
-// Steps to the next multiple of 2^shift: crosses the nearest of the three planes and all that tie with it. Returns the distance.
+// Steps to the next multiple of 2^shift: crosses the nearest of the three planes and all that tie with it. Returns its distance.
 float walk_step(inout Walk walk, uint shift) {
     uvec3 next = ((walk.m >> shift) + 1u) << shift;
     if (shift != 0u) {
@@ -153,7 +153,7 @@ float walk_step(inout Walk walk, uint shift) {
     return nearest;
 }
 
-// After a step of 4 voxels to t: brings the axes that were not crossed to the voxel where the ray is.
+// After a step of 4 voxels to t: moves the axes that were not crossed to the voxel where the ray is.
 void walk_refine(inout Walk walk, float t) {
     for (uint a = 0u; a < 3u; a++) {
         if (((walk.tied >> a) & 1u) == 0u) {
@@ -179,7 +179,7 @@ uint walk_voxel_in_cell(Walk walk) {
     return (v.x | (v.y << 2) | (v.z << 4)) ^ walk.flip;
 }
 
-// The voxel where the walk is; it may be one outside of the box after the walk has left it.
+// The voxel where the walk is. It is one outside of the box once the walk has left the box.
 uvec3 walk_voxel(Walk walk) {
     uvec3 v;
     for (uint a = 0u; a < 3u; a++) {
@@ -188,7 +188,7 @@ uvec3 walk_voxel(Walk walk) {
     return v;
 }
 
-// The face through which the walk came to where it is.
+// The face through which the walk came to its voxel.
 Step walk_face(Walk walk, IndexRay ray) {
     uint a = walk.axis;
     uint plane = walk.mirror[a] != 0u ? walk.lo[a] + 16u - walk.m[a] : walk.lo[a] + walk.m[a];
@@ -199,7 +199,7 @@ Found found_nothing() {
     return Found(FOUND_NOTHING, Step(F64_ZERO, 0u, 0u, uvec3(0u), 0u));
 }
 
-// Whether the walk is where it began and the ray began there too, rather than entering through a face.
+// Whether the walk is where it began and the ray began there too, instead of entering through a face.
 Found walk_found(Walk walk, IndexRay ray, bool began_inside) {
     if (walk.axis == 3u || (began_inside && walk.m == walk.m0)) {
         return Found(FOUND_INSIDE, Step(F64_ZERO, 0u, 0u, walk_voxel(walk), 0u));
@@ -241,7 +241,7 @@ Found walk_first_solid(Walk walk, IndexRay ray, BoxView b, bool began_inside) {
     return found_nothing();
 }
 
-// Goes on while the elements of the box's level hold voxels: the face through which the ray leaves them, and whether it also left
+// Continues while the elements of the box's level hold voxels. Returns the face through which the ray leaves them, and whether it also left
 // the box there.
 Step walk_last_solid(Walk walk, IndexRay ray, BoxView b, out bool left_box) {
     while (true) {

@@ -1,12 +1,12 @@
-// Rays through bricks: twin of cpu-renderer/src/traverse/brick_walk.rs, which says what is exact.
+// Traversal of bricks: twin of cpu-renderer/src/traverse/brick_walk.rs, which says what is exact.
 //
-// The twin has the mask of all parts that a ray passes through and takes the first that is there. Here a ray goes from part to part: a
-// processor guesses wrong where such a walk turns, and these have nothing to guess with. Both decide by the planes' t in doubles, cross
-// planes that are met at the same t at once, and so meet the same parts.
+// The twin has the mask of all parts that a ray passes through and takes the first occupied one. Here a ray steps from part to part: CPUs
+// mispredict the branches of such a walk, while GPUs do not predict branches. Both decide by the planes' t in doubles, cross planes with
+// the same t in one step, and so meet the same parts.
 //
-//     shift 6   blocks of 64³ voxels ─┐ where something is: a shift of 2 less, and the part of that size where the ray is
-//     shift 4   bricks                │ where nothing is: on to the next part; out of the larger one around it, that is what the
-//     shift 2   cells                 │ ray goes on from
+//     shift 6   blocks of 64³ voxels ─┐ occupied: the shift falls by 2, to the part of that size where the ray is
+//     shift 4   bricks                │ empty: on to the next part; on leaving the larger part around it, the ray
+//     shift 2   cells                 │ continues from that part
 //     shift 0   voxels               ◄┘
 #ifndef BRICK_WALK_GLSL
 #define BRICK_WALK_GLSL
@@ -15,11 +15,11 @@
 #include "box_walk.glsl"
 
 struct BrickWalk {
-    // The side of the part where the ray is, as a power of 2.
+    // Side of the part where the ray is, as a power of 2.
     uint shift;
     // Its lowest corner.
     uvec3 corner;
-    // Scaled t at which the ray came there, and at which it comes to the planes ahead.
+    // Scaled t at which the ray entered the part, and at which it meets the planes ahead.
     f64 t;
     f64 ahead[3];
 };
@@ -28,7 +28,7 @@ f64 plane_ahead(BrickWalk walk, IndexRay ray, uint a) {
     return t_of(ray, a, walk.corner[a] + (is_down(ray, a) ? 0u : 1u << walk.shift));
 }
 
-// In the block where the ray is at scaled t = enter: planes that are met at t ≤ enter are behind.
+// Starts in the block where the ray is at scaled t = enter; planes with t ≤ enter are behind.
 BrickWalk brick_walk_begin(InstanceRef instance, IndexRay ray, f64 enter) {
     BrickWalk walk;
     walk.shift = BLOCK_SHIFT;
@@ -53,14 +53,14 @@ BrickWalk brick_walk_begin(InstanceRef instance, IndexRay ray, f64 enter) {
     return walk;
 }
 
-// Into the part of a quarter of the side where the ray is: of the three planes between four, two tell.
+// Descends into the part of a quarter of the side where the ray is: two of the three planes between four parts decide.
 void brick_walk_descend(inout BrickWalk walk, IndexRay ray) {
     walk.shift -= 2u;
     ROLLED for (uint a = 0u; a < 3u; a++) {
         bool down = is_down(ray, a);
         f64 middle = t_of(ray, a, walk.corner[a] + (2u << walk.shift));
         bool far_half = f64_le(middle, walk.t);
-        // Of the half's two parts, in the ray's direction.
+        // The first of the half's two parts, in the ray's direction.
         uint first = far_half ? 2u : 0u;
         f64 between = t_of(ray, a, walk.corner[a] + ((down ? 3u - first : first + 1u) << walk.shift));
         bool second = f64_le(between, walk.t);
@@ -74,7 +74,7 @@ void brick_walk_descend(inout BrickWalk walk, IndexRay ray) {
     }
 }
 
-// On to the next part, unless that is not before `end`; out of larger ones, to the largest that was left.
+// Steps to the next part, unless that does not begin before `end`. When it leaves larger parts, it continues with the largest one left.
 bool brick_walk_step(inout BrickWalk walk, InstanceRef instance, IndexRay ray, f64 end) {
     f64 t = f64_lt(walk.ahead[0], walk.ahead[1]) ? walk.ahead[0] : walk.ahead[1];
     t = f64_lt(walk.ahead[2], t) ? walk.ahead[2] : t;
@@ -109,7 +109,7 @@ bool brick_walk_step(inout BrickWalk walk, InstanceRef instance, IndexRay ray, f
     return true;
 }
 
-// The face through which a ray comes into a voxel.
+// The face through which a ray enters a voxel.
 Found face_of(IndexRay ray, uvec3 voxel, f64 start) {
     f64 t[3];
     f64 last;
@@ -126,7 +126,7 @@ Found face_of(IndexRay ray, uvec3 voxel, f64 start) {
     return Found(f64_le(last, start) ? FOUND_INSIDE : FOUND_FACE, Step(last, axis, plane, voxel, tied));
 }
 
-// The first voxel before `end` of where a walk begins, within parts of `largest`; its brick, which is `number` to begin with.
+// The first voxel before `end` from where a walk begins, within parts of at most `largest`; and its brick, which is `number` at first.
 Found first_of_walk(BrickWalk walk, InstanceRef instance, IndexRay ray, uint largest, f64 start, f64 end, inout uint number) {
     BrickBlock block = BrickBlock(0UL, 0u, 0u);
     Brick brick = Brick(0UL, 0UL, 0u, 0u);

@@ -1,4 +1,4 @@
-// What is drawn of a volume, all labels in one: twin of transport/src/geometry/bricks.rs, which explains it.
+// The drawn voxels of a volume, all labels together: twin of transport/src/geometry/bricks.rs, which explains it.
 #ifndef BRICKS_GLSL
 #define BRICKS_GLSL
 
@@ -13,12 +13,12 @@ bool has_bricks(InstanceRef instance) {
     return NEEDS_BRICKS != 0u && instance.it.blocks != 0UL;
 }
 
-// The last block along each axis.
+// Index of the last block along each axis.
 uvec3 last_block(InstanceRef instance) {
     return (uvec3(instance.it.dims[0], instance.it.dims[1], instance.it.dims[2]) - 1u) >> BLOCK_SHIFT;
 }
 
-// The bit of the part of side 2^shift that holds the voxel, in the mask of the larger one around it.
+// Within the mask of a larger part, the bit of its sub-part of side 2^shift that holds the voxel.
 uint place_in(uvec3 voxel, uint shift) {
     uvec3 part = (voxel >> shift) & 3u;
     return part.x | (part.y << 2) | (part.z << 4);
@@ -30,7 +30,7 @@ BrickBlock block_at(InstanceRef instance, uvec3 voxel) {
     return BrickBlocks(instance.it.blocks).at[at.x + along.x * (at.y + along.y * at.z)];
 }
 
-// The number of the brick at a place of a block that is occupied.
+// The number of the brick at an occupied place of a block.
 uint block_brick(BrickBlock block, uint place) {
     return block.first_brick + count_ones64(block.occupied & below64(place));
 }
@@ -39,7 +39,7 @@ Brick brick_at(InstanceRef instance, uint number) {
     return Bricks(instance.it.bricks).at[number];
 }
 
-// The voxels of a brick's cell that is occupied.
+// The voxel mask of an occupied cell of a brick.
 uint64_t brick_field(InstanceRef instance, Brick brick, uint cell) {
     uint64_t partial = brick.occupied & ~brick.full;
     if (!bit64(partial, cell)) {

@@ -15,7 +15,7 @@ const float LEAST_BEND = 1e-4;
 const float LEAST_VIEW = 1e-6;
 const float LEAST_SHARE = 0.1;
 
-// Density of a mirror's only direction.
+// Density of the only direction of a mirror.
 const float MIRROR_PDF = 1.0 / 0.0;
 
 struct Bsdf {
@@ -42,7 +42,7 @@ struct Bsdf {
     float diffuse_probability;
 };
 
-// Density 0: the sampled microfacet sends light to the wrong side.
+// A density of 0 marks a failed sample: the sampled microfacet sends light to the wrong side.
 struct BsdfSample {
     vec3 wo;
     bool through;
@@ -59,7 +59,7 @@ float max_element(vec3 v) {
     return max(max(v.x, v.y), v.z);
 }
 
-// From f0 towards white.
+// Interpolates from f0 towards white.
 vec3 share_to_white(vec3 f0, float share) {
     return f0 + (vec3(1.0) - f0) * share;
 }
@@ -70,7 +70,7 @@ float average_share(float eta) {
     return clamp((fresnel_dielectric_average(eta) - f0) / (1.0 - f0), 0.0, 1.0);
 }
 
-// Chance of reflection where a microfacet both reflects and lets pass.
+// Probability of reflection where a microfacet both reflects and transmits.
 float share_reflected(vec3 reflected, vec3 passed) {
     float below = luminance(passed);
     return below > 0.0 ? luminance(reflected) / (luminance(reflected) + below) : 1.0;
@@ -111,7 +111,7 @@ bool bsdf_is_mirror(Bsdf b) {
     return b.alpha * b.alpha <= LEAST_ALPHA_SQUARED;
 }
 
-// Glass of this weight.
+// Adds glass of this weight.
 void set_glass(inout Bsdf b, Address tables, Material m, vec3 base, vec3 tint, vec3 weight, bool from_inside) {
     b.glass_eta = from_inside ? 1.0 / m.ior : m.ior;
     b.glass_f0 = min(f0_from_ior(m.ior) * tint, vec3(1.0));
@@ -128,7 +128,7 @@ void set_glass(inout Bsdf b, Address tables, Material m, vec3 base, vec3 tint, v
     }
 }
 
-// How often each lobe is chosen: by what it reflects.
+// Sets the probability of each lobe, proportional to what it reflects.
 void choose(inout Bsdf b, float microfacets) {
     float coat = b.coat.albedo, sheen = luminance(b.sheen.albedo), diffuse = luminance(b.diffuse);
     float least = LEAST_SHARE * (microfacets + coat + sheen + diffuse);
@@ -150,7 +150,7 @@ Bsdf bsdf_made(Address tables, Material m, vec3 wi, vec3 shading_wi, bool from_i
     vec3 base = vec3(m.base_color[0], m.base_color[1], m.base_color[2]);
     vec3 tint = vec3(m.specular_tint[0], m.specular_tint[1], m.specular_tint[2]);
     vec3 weight;
-    // What lies on top.
+    // Coat and sheen lie on top.
     coat_and_sheen(tables, m, shading_wi.z, wi.z, b.sheen, b.coat, weight);
     if (NEEDS_LOBES == 0u) {
         b.diffuse = weight * base;
@@ -181,7 +181,7 @@ Bsdf bsdf_made(Address tables, Material m, vec3 wi, vec3 shading_wi, bool from_i
         weight *= 1.0 - m.transmission;
     }
 
-    // The dielectric layer, and what passes it.
+    // The dielectric layer, and the light that passes it.
     float f0 = f0_from_ior(m.ior);
     float eta = m.ior;
     if (m.specular != 0.5) {
@@ -204,12 +204,12 @@ Bsdf bsdf_made(Address tables, Material m, vec3 wi, vec3 shading_wi, bool from_i
     return b;
 }
 
-// The surface m seen from wi (local, z > 0); from_inside: that is the side where the material is.
+// The surface m seen from wi (local, z > 0); from_inside says that this is the side where the material is.
 Bsdf bsdf_new(Address tables, Material m, vec3 wi, bool from_inside) {
     return bsdf_made(tables, m, wi, wi, from_inside);
 }
 
-// The same, shaded by another normal than its own: wi, of any z, and tilt are in that one's frame.
+// As bsdf_new, with a shading normal other than the geometric one: wi, of any z, and tilt are in the shading normal's frame.
 Bsdf bsdf_with_specular_normal(Address tables, Material m, vec3 wi, SpecularNormal specular_normal, bool from_inside) {
     vec3 to = to_microfacets(specular_normal, wi);
     bool is_seen = to.z > 0.0;
@@ -220,7 +220,7 @@ Bsdf bsdf_with_specular_normal(Address tables, Material m, vec3 wi, SpecularNorm
     if (is_seen) {
         return b;
     }
-    // A normal on the far side of the surface: what mirrors is not seen.
+    // The shading normal is on the far side of the surface, so specular reflection is not seen.
     b.metal = b.specular = b.glass = vec3(0.0);
     b.coat = no_coat();
     b.microfacet_probability = b.coat_probability = 0.0;
@@ -233,7 +233,7 @@ bool has_two_lobes(Bsdf b) {
     return b.coat_probability > 0.0 || b.sheen_probability > 0.0 || (b.microfacet_probability > 0.0 && b.microfacet_probability < 1.0) || bsdf_transmits(b);
 }
 
-// Part of f, what bsdf_eval gives for wo, that is diffuse, Lambert's and the sheen's; 0 where f is.
+// Fraction of f, the value of bsdf_eval for wo, that is diffuse: Lambert's and the sheen's. 0 where f is 0.
 vec3 diffuse_share(Bsdf b, vec3 wo, vec3 f) {
     if (wo.z <= 0.0) {
         return vec3(0.0);
@@ -246,7 +246,7 @@ vec3 diffuse_share(Bsdf b, vec3 wo, vec3 f) {
         f.z > 0.0 ? min(diffuse.z / f.z, 1.0) : 0.0);
 }
 
-// About what the lobes of m scatter of even light: diffuse, glossy, transmission. Above 0 wherever such light can be.
+// Approximate fraction of uniform light that the lobes of m scatter: diffuse, glossy, transmission. Above 0 wherever such light can occur.
 void bsdf_colors(Bsdf b, Address tables, Material m, out vec3 colors[3]) {
     vec3 glossy = vec3(b.coat.albedo), transmission = vec3(0.0);
     if (NEEDS_LOBES != 0u) {
@@ -267,7 +267,7 @@ void bsdf_colors(Bsdf b, Address tables, Material m, out vec3 colors[3]) {
     colors = vec3[3](b.diffuse + b.sheen.albedo, glossy, transmission);
 }
 
-// What a microfacet reflects, and what it lets pass, at the cosine of wi with it.
+// What a microfacet reflects, and what it transmits, at the cosine of wi with it.
 vec3 bsdf_reflectance(Bsdf b, float cosine, out vec3 passed) {
     vec3 reflected = b.metal * fresnel_f82(cosine, b.metal_f0, b.metal_b);
     if (b.specular != vec3(0.0)) {
@@ -284,7 +284,7 @@ vec3 bsdf_reflectance(Bsdf b, float cosine, out vec3 passed) {
     return reflected;
 }
 
-// The microfacets' f · |cos| and their part of the density, where h is the one that sends light from wi to wo.
+// f · |cos| of the microfacets and their part of the density, where h is the half vector that sends light from wi to wo.
 vec3 microfacets(Bsdf b, vec3 h, vec3 wo, out float pdf) {
     float cosine = dot(b.wi, h);
     vec3 passed;
@@ -304,7 +304,7 @@ vec3 microfacets(Bsdf b, vec3 h, vec3 wo, out float pdf) {
     return f * (common_part / (1.0 + lambda_i + lambda_o));
 }
 
-// Adds what lobes without microfacets, and the coat, send from or to wo above the surface; `to` is that for the coat.
+// Adds the lobes without microfacets, and the coat, for wo above the surface; `to` is that direction for the coat.
 void add_others(Bsdf b, vec3 wo, vec3 to, inout vec3 f, inout float pdf) {
     if (wo.z <= 0.0) {
         return;
@@ -331,7 +331,7 @@ vec3 eval_below(Bsdf b, vec3 wo, out float pdf) {
     }
     vec3 h = -normalized(b.wi + b.glass_eta * wo);
     h = h.z < 0.0 ? -h : h;
-    // No microfacet that both sides see refracts one into the other.
+    // No microfacet that is visible from both sides refracts one direction into the other.
     if (dot(b.wi, h) <= 0.0 || dot(wo, h) >= 0.0) {
         return vec3(0.0);
     }
@@ -372,7 +372,7 @@ vec3 sample_cosine(vec2 u) {
     return vec3(r * sc.y, r * sc.x, sqrt(max(1.0 - r * r, 0.0)));
 }
 
-// The mirror's direction.
+// The mirror direction.
 BsdfSample mirrored(Bsdf b, vec3 weight) {
     return BsdfSample(from_microfacets(b.specular_normal, vec3(-b.wi.x, -b.wi.y, b.wi.z)), false, weight, MIRROR_PDF);
 }
@@ -381,7 +381,7 @@ BsdfSample no_sample(vec3 wo) {
     return BsdfSample(wo, false, vec3(0.0), 0.0);
 }
 
-// A sample of this density; none where it has none.
+// A sample with this density; a failed one where the density is 0.
 BsdfSample sampled(vec3 wo, bool through, vec3 f, float pdf) {
     if (!(pdf > 0.0) || isinf(pdf)) {
         return no_sample(wo);
@@ -425,7 +425,7 @@ BsdfSample sample_microfacets(Bsdf b, vec2 u, float choice) {
     return sampled(wo, through, f, pdf);
 }
 
-// A direction with density as bsdf_eval says.
+// Samples a direction with the density that bsdf_eval returns.
 BsdfSample bsdf_sample(Bsdf b, vec2 u, float choice) {
     if (NEEDS_LOBES != 0u && choice < b.microfacet_probability) {
         return sample_microfacets(b, u, choice / b.microfacet_probability);

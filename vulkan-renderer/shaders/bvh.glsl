@@ -1,5 +1,5 @@
-// Traversal of the hierarchy of compute shaders: twin of transport/src/geometry/bvh.rs, which explains nodes and order. A closure is not to be
-// had in GLSL: `along_ray` and `at_voxel` call `bvh_visit`, which the file that includes this one defines.
+// Traversal of the hierarchy of compute shaders: twin of transport/src/geometry/bvh.rs, which explains nodes and order. GLSL has no
+// closures: `along_ray` and `at_voxel` call `bvh_visit`, which the file that includes this one defines.
 #ifndef BVH_GLSL
 #define BVH_GLSL
 
@@ -19,7 +19,7 @@ uint byte_of(uint words[2], uint c) {
     return (words[c >> 2] >> ((c & 3u) << 3)) & 0xFFu;
 }
 
-// Bit c of `mask` moved to bit c ^ octant: each bit of the octant swaps neighbours, pairs or halves.
+// Moves bit c of `mask` to bit c ^ octant: each bit of the octant swaps neighbours, pairs or halves.
 uint in_order(uint octant, uint mask) {
     if ((octant & 1u) != 0u) {
         mask = ((mask & 0x55u) << 1) | ((mask >> 1) & 0x55u);
@@ -33,8 +33,8 @@ uint in_order(uint octant, uint mask) {
     return mask;
 }
 
-// Which children the ray meets: bit c for child c. Not `precise`: the pad covers what a fused product rounds otherwise, and what
-// is decided here only says which boxes are looked at.
+// Mask of the children that the ray meets: bit c for child c. Not `precise`: the pad covers the different rounding of a fused product, and
+// the result only selects which boxes are tested.
 uint children_along(BvhNode node, BvhRay ray, float limit) {
     float near[8], far[8];
     for (uint c = 0u; c < 8u; c++) {

@@ -5,7 +5,7 @@
 #include "trace.glsl"
 #include "lens.glsl"
 
-// Where a point of the picture is aside of the view axis.
+// Offset of a point of the picture from the view axis.
 DVec3 camera_aside(CameraRecord camera, f64 x, f64 y) {
     f64 width = f64_from_bits(camera.size[0]), height = f64_from_bits(camera.size[1]);
     f64 half_extent = f64_from_bits(camera.half_extent);
@@ -21,8 +21,8 @@ DVec3 camera_aside(CameraRecord camera, f64 x, f64 y) {
         dvec3_scale(dvec3_from_bits(camera.right), place[0]), dvec3_scale(dvec3_from_bits(camera.up), place[1]));
 }
 
-// The ray from the opening's middle through a point of the picture, in pixels from its upper left corner, and the largest t at which
-// it sees.
+// The ray from the centre of the lens through a point of the picture, given in pixels from the upper left corner, and the largest t at
+// which the ray sees.
 RayInWorld camera_ray(CameraRecord camera, f64 x, f64 y, out f64 t_max) {
     DVec3 aside = camera_aside(camera, x, y);
     DVec3 position = dvec3_from_bits(camera.position), forward = dvec3_from_bits(camera.forward);
@@ -37,7 +37,7 @@ RayInWorld camera_ray(CameraRecord camera, f64 x, f64 y, out f64 t_max) {
     return RayInWorld(dvec3_add(origin, dvec3_scale(direction, near)), direction);
 }
 
-// The ray from point u of the opening instead, through the same point in focus.
+// The ray from point u of the lens aperture instead, through the same point in focus.
 RayInWorld camera_lens_ray(CameraRecord camera, f64 x, f64 y, vec2 u, out f64 t_max) {
     DVec3 aside = camera_aside(camera, x, y);
     DVec3 position = dvec3_from_bits(camera.position), forward = dvec3_from_bits(camera.forward);

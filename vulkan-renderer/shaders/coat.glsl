@@ -1,4 +1,4 @@
-// What lies on top of a surface: twin of transport/src/bsdf/coat.rs, which explains it.
+// Coat and sheen on top of a surface: twin of transport/src/bsdf/coat.rs, which explains it.
 #ifndef COAT_GLSL
 #define COAT_GLSL
 
@@ -9,7 +9,7 @@
 #include "tables.glsl"
 #include "sheen.glsl"
 
-// Lobes of a smaller α² are mirrors.
+// Lobes with a smaller α² are mirrors.
 const float LEAST_ALPHA_SQUARED = 2e-10;
 
 struct Coat {
@@ -19,7 +19,7 @@ struct Coat {
     float albedo;
 };
 
-// The coat of m seen under the cosine, and what is left for all that lies below it.
+// The coat of m seen at this cosine; `below` is the fraction of light that remains for everything below it.
 Coat coat_new(Address tables, Material m, float cosine, out vec3 below) {
     float eta = m.coat_ior, f0 = f0_from_ior(m.coat_ior);
     float kept = table_2d(tables, REFLECTION, 32u, m.coat_roughness, cosine);
@@ -56,13 +56,13 @@ vec3 coat_eval(Coat coat, vec3 wi, vec3 wo, out float pdf) {
     return coat_reflectance(coat, dot(wi, h)) * (common_part / (1.0 + lambda_i + lambda_o));
 }
 
-// A reflected direction; z below 0 is none.
+// Samples a reflected direction; a z below 0 marks failure.
 vec3 coat_sample(Coat coat, vec3 wi, vec2 u) {
     vec3 h = sample_visible_normal(wi, coat.alpha, u);
     return 2.0 * dot(wi, h) * h - wi;
 }
 
-// Fibres of m seen under the cosine, its coat under the other, and what is left for all that lies below both.
+// The sheen of m seen at the first cosine, its coat at the second, and the fraction of light that remains below both.
 void coat_and_sheen(Address tables, Material m, float cosine, float coat_cosine, out Sheen sheen, out Coat coat, out vec3 below) {
     float left = 1.0;
     sheen = no_sheen();
@@ -79,7 +79,7 @@ void coat_and_sheen(Address tables, Material m, float cosine, float coat_cosine,
     below *= left;
 }
 
-// Light that a surface sends out under the cosine: what its cover lets pass.
+// Light that a surface emits at this cosine, reduced by coat and sheen.
 vec3 emitted(Address tables, Material m, float cosine) {
     vec3 light = vec3(m.emission[0], m.emission[1], m.emission[2]);
     bool covered = (NEEDS_COAT != 0u && m.coat > 0.0) || (NEEDS_SHEEN != 0u && m.sheen > 0.0);

@@ -1,5 +1,5 @@
-// Paths through surfaces: twin of cpu-renderer/src/crossing.rs, which explains it. What there is a function that traces is a state
-// of the loop in path.glsl.
+// Paths through surfaces: twin of cpu-renderer/src/crossing.rs, which explains it. A function there that traces a ray is a state of the
+// loop in path.glsl here.
 #ifndef CROSSING_GLSL
 #define CROSSING_GLSL
 
@@ -17,7 +17,7 @@ Hit front_of(Hit back, Hit left) {
     front.surface.axis = left.surface.axis;
     front.surface.positive = !left.surface.positive;
     front.surface.plane = left.surface.plane;
-    // Which box draws it is not known: the back may belong to another of the label.
+    // The box that holds its voxel is unknown: the back may belong to another box of the label.
     front.surface.box_number = NONE;
     front.t = F64_ZERO;
     front.normal_in_world = dvec3_neg(left.normal_in_world);
@@ -30,14 +30,15 @@ bool goes_outward(DVec3 direction, Hit left) {
     return f64_lt(F64_ZERO, dvec3_dot(direction, left.normal_in_world));
 }
 
-// Whether a ray that goes on from the surface `left` may find itself in another label at once: it goes outward from the back of a
-// label, or from a front that lies against such a back (whose t is 0, as no tracer tells it).
+// Whether a ray that continues from the surface `left` may be inside another label at once: it goes outward from the back of a label, or
+// from a front that touches such a back (whose t is 0, which no tracer returns).
 bool may_touch(DVec3 direction, Hit left) {
     return is_hit(left) && (left.from_inside || f64_eq(left.t, F64_ZERO)) && left.surface.kind == SURFACE_FACE &&
         goes_outward(direction, left);
 }
 
-// `hit` is what a ray from the surface `left` met first, asked as far as it goes where it may touch, else to t_max.
+// `hit` is what a ray from the surface `left` met first. The ray was traced without a limit where it may touch another label, else to
+// t_max.
 Hit next_hit(Hit hit, DVec3 direction, Hit left, f64 t_max) {
     if (is_hit(hit) && may_touch(direction, left)) {
         if (is_seen_from_within(hit) && hit.surface.instance == left.surface.instance) {

@@ -1,5 +1,4 @@
-// What cuts leave of a ray: twin of cpu-renderer/src/traverse/cut_ray.rs
-// and transport/src/geometry/cuts.rs.
+// The parts of a ray that cuts leave: twin of cpu-renderer/src/traverse/cut_ray.rs and transport/src/geometry/cuts.rs.
 #ifndef CUTS_GLSL
 #define CUTS_GLSL
 
@@ -15,14 +14,14 @@ f64 dot_of(f64 a[3], f64 b[3]) {
     return sum;
 }
 
-// Its coordinate along the axis that it is across.
+// The plane's coordinate along the axis across which it lies.
 f64 cut_plane_across_axis(CutPlane plane) {
     bool up = plane.axis < 3u && !f64_is_negative(f64_from_bits(plane.normal[plane.axis]));
     f64 offset = f64_from_bits(plane.offset);
     return up ? offset : f64_neg(offset);
 }
 
-// The scaled t at which the ray crosses the plane, and whether it goes to what is taken away.
+// The scaled t at which the ray crosses the plane, and whether it enters the side that is cut away.
 f64 cut_plane_crossing(CutPlane plane, IndexRay ray, out bool rises) {
     if (plane.axis < 3u) {
         uint a = plane.axis;
@@ -37,7 +36,7 @@ f64 cut_plane_crossing(CutPlane plane, IndexRay ray, out bool rises) {
     f64 rate = dot_of(normal, ray.direction);
     f64 height = f64_sub(f64_from_bits(plane.offset), dot_of(normal, ray.origin));
     if (f64_eq(rate, F64_ZERO)) {
-        // Along the plane: always within, or never.
+        // Parallel to the plane: always inside, or never.
         rises = true;
         return f64_lt(height, F64_ZERO) ? MINUS_INFINITY : F64_INFINITY;
     }
@@ -45,8 +44,8 @@ f64 cut_plane_crossing(CutPlane plane, IndexRay ray, out bool rises) {
     return f64_div(height, rate);
 }
 
-// A ray that cuts are asked about. `from` is the plane that it starts on, or NONE; `outward`, whether it goes to what that takes
-// away.
+// A ray that is intersected with cuts. `from` is the plane on which it starts, or NONE; `outward`, whether it goes to the side that this
+// plane cuts away.
 struct CutRay {
     Address planes;
     uint count;
@@ -55,7 +54,7 @@ struct CutRay {
     bool outward;
 };
 
-// The interval in which a ray is within a part, and the planes at its ends. Empty unless enter < leave.
+// The interval in which a ray is inside a part, and the planes at its ends. Empty unless enter < leave.
 struct Within {
     f64 enter;
     f64 leave;
@@ -63,7 +62,7 @@ struct Within {
     uint leave_plane;
 };
 
-// The part that begins with plane `next`, which becomes the first of the part after it.
+// The interval for the part that begins with plane `next`. Then `next` is the first plane of the part after it.
 Within cut_ray_within(CutRay cut, inout uint next) {
     Within within = Within(MINUS_INFINITY, F64_INFINITY, 0u, 0u);
     bool ends_part = false;
@@ -89,7 +88,7 @@ Within cut_ray_within(CutRay cut, inout uint next) {
     return within;
 }
 
-// The least t from `t` on that is kept; `plane`: through which the ray comes to it, NONE where it starts there.
+// The least t from `t` on that is not cut away; `plane` is the plane through which the ray comes to it, NONE where it starts there.
 f64 cut_ray_kept_from(CutRay cut, f64 t, out uint plane) {
     plane = NONE;
     bool moved = true;
@@ -108,7 +107,7 @@ f64 cut_ray_kept_from(CutRay cut, f64 t, out uint plane) {
     return t;
 }
 
-// Where what is kept at `t` ends, and the plane through which the ray leaves it; infinite where it does not.
+// The end of the interval around `t` that is not cut away, and the plane through which the ray leaves it; infinite where there is none.
 f64 cut_ray_kept_to(CutRay cut, f64 t, out uint plane) {
     f64 end = F64_INFINITY;
     plane = 0u;

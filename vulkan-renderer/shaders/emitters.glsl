@@ -1,4 +1,4 @@
-// Emissive labels and meshes as lights that are aimed at: twin of transport/src/emitters/mod.rs, which explains it.
+// Emissive labels and meshes, sampled as lights: twin of transport/src/emitters/mod.rs, which explains it.
 #ifndef EMITTERS_GLSL
 #define EMITTERS_GLSL
 
@@ -8,10 +8,10 @@
 #include "material_table.glsl"
 #include "coat.glsl"
 
-// Says that an instance has no emitter.
+// Marks an instance without emitters.
 const uint NOT_EMISSIVE = 0xFFFFFFFFu;
 
-// What touches a lamp or a surface that shines within this part of its distance does not hide it.
+// A surface that touches a lamp or an emissive surface, within this fraction of its distance, does not hide it.
 const float TOUCHING = 1.0 - 1.0 / 1048576.0;
 
 struct EmitterSample {
@@ -23,7 +23,7 @@ struct EmitterSample {
     uint instance;
 };
 
-// The way from a receiver to a point of an emitter.
+// The vector from a receiver to a point of an emitter.
 struct WayTo {
     bool found;
     DVec3 way;
@@ -42,7 +42,7 @@ DVec3 emissive_instance_point(SceneRef scene, EmissiveInstance emissive, Receive
     return index_from_world(placement, dvec3_sub(from.point, placement.translation));
 }
 
-// Where a direction's faces end, counted from the emitter's first.
+// End of a direction's faces, counted from the emitter's first face.
 uint end_of_direction(Emitter emitter, uint direction) {
     return (emitter.ends[direction >> 1] >> (16u * (direction & 1u))) & 0xFFFFu;
 }
@@ -53,7 +53,7 @@ uvec2 emitter_list(Emitter emitter, uint direction) {
     return emitter.first + uvec2(start, end_of_direction(emitter, direction));
 }
 
-// How much of each direction's faces a receiver at an index-space point sees, up to a common factor; and their sum.
+// For each direction, the visible amount of the emitter's faces from an index-space point, up to a common factor; and the sum.
 float emitter_seen(Emitter emitter, DVec3 point, out float seen[6]) {
     float sum = 0.0;
     for (uint direction = 0u; direction < 6u; direction++) {
@@ -85,7 +85,7 @@ uint face_code(Emitters emitters, uint number) {
     return (Words(emitters.faces).at[number >> 1] >> (16u * (number & 1u))) & 0xFFFFu;
 }
 
-// Density per solid angle at a distance of so many units, where a face lies `across` so much; 0 where a float cannot hold it.
+// Density per solid angle at a distance of `units`, where the face has the projected area `across`; 0 where a float cannot hold it.
 float density(float share, float units, float across) {
     float pdf = share * (units / across) * units * units;
     return isinf(pdf) || isnan(pdf) ? 0.0 : pdf;
@@ -99,7 +99,7 @@ WayTo sample_box(Emitters emitters, Emitter emitter, EmissiveInstance emissive, 
     if (sum <= 0.0) {
         return to;
     }
-    // The direction within whose part of the sum the number falls.
+    // The direction whose part of the sum contains the number.
     uint direction = 6u;
     float end = 0.0, part = 0.0;
     for (uint d = 0u; d < 6u; d++) {
@@ -117,7 +117,7 @@ WayTo sample_box(Emitters emitters, Emitter emitter, EmissiveInstance emissive, 
     uint index = min(uint(place_in_list), count - 1u);
     uint code = face_code(emitters, list.x + index);
     vec2 within = vec2(place_in_list - float(index), u.y);
-    // Across the face the two other axes, in their order.
+    // The two other axes lie across the face, in their order.
     uint next = 0u;
     to.way = point;
     for (uint a = 0u; a < 3u; a++) {
@@ -151,7 +151,7 @@ WayTo sample_triangle(Emitters emitters, Emitter emitter, DVec3 point, vec2 u) {
     return WayTo(true, way, dvec3_dot(normal, from_point), 1.0, triangle.area);
 }
 
-// A point of an emitter: `choice` is for the tree, `further` for the tree and the direction, u for the face and its point.
+// Samples a point of an emitter: `choice` is for the tree, `further` for the tree and the direction, u for the face and its point.
 EmitterSample emitters_sample(SceneRef scene, Receiver from, float choice, vec2 further, vec2 u) {
     Emitters emitters = scene.it.emitters;
     EmitterSample result;
@@ -188,12 +188,12 @@ EmitterSample emitters_sample(SceneRef scene, Receiver from, float choice, vec2 
     result.direction = dvec3_scale(way, f64_div(F64_ONE, far));
     DVec3 p = dvec3_abs(from.point);
     f64 largest = f64_max(f64_max(p.at[0], p.at[1]), p.at[2]);
-    // Rounding of a point in the world, twice over: 2 · 2^-52.
+    // Rounding of a world position, doubled: 2 · 2^-52.
     result.distance_to = f64_sub(f64_mul(far, f64_from_f32(TOUCHING)), f64_mul(largest, f64_exp2(-51)));
     return result;
 }
 
-// Whether the key (label, z, y, x) of an emitter comes before another.
+// Whether the key (label, z, y, x) of an emitter precedes this one.
 bool key_is_before(Emitter emitter, uint label, uvec3 origin) {
     if (emitter.label != label) {
         return emitter.label < label;
@@ -242,8 +242,8 @@ bool face_is_listed(Emitters emitters, uvec2 list, uint code) {
     return low < list.y && face_code(emitters, low) == code;
 }
 
-// Density with which emitters_sample gives a direction to the surface from outside or from a triangle's side, `distance_to` away in
-// the world; 0 where it is not aimed at.
+// Density with which emitters_sample gives a direction to this surface (seen from outside, or from a triangle's side), `distance_to` away
+// in the world; 0 where the surface is not sampled.
 float emitters_pdf(SceneRef scene, Receiver from, Surface surface, f64 distance_to) {
     Emitters emitters = scene.it.emitters;
     uint emissive_number = surface.instance < emitters.emissive_instance_of_count ? Words(emitters.emissive_instance_of).at[surface.instance] : NOT_EMISSIVE;

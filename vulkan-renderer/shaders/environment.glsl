@@ -1,5 +1,5 @@
-// A picture of what surrounds the scene: twin of transport/src/environment.rs. Angles are floats here, doubles there: a place in a
-// picture of 4,096 pixels is off by up to 2^−10 pixels.
+// An environment map: twin of transport/src/environment.rs. Angles are floats here, doubles there: a position in an image of 4,096 pixels
+// is off by up to 2^−10 pixels.
 #ifndef ENVIRONMENT_GLSL
 #define ENVIRONMENT_GLSL
 
@@ -11,17 +11,17 @@ vec3 environment_pixel(Environment table, uint x, uint y) {
     return vec3(pixels.at[at], pixels.at[at + 1u], pixels.at[at + 2u]);
 }
 
-// Place of a unit direction: pixels from the left and from the top.
+// Position of a unit direction in the image: pixels from the left and from the top.
 vec2 environment_place(Environment table, vec3 direction) {
     float azimuth = atan2_of(direction.y, direction.x) - f64_to_f32(f64_from_bits(table.rotation_rad));
     float u = 0.5 - azimuth / (2.0 * PI);
     u -= floor(u);
-    // Not the cosine's inverse: near the poles z says little, x and y say all.
+    // Not the arccosine of z: near the poles z determines the angle poorly, x and y determine it well.
     float v = atan2_of(length(direction.xy), direction.z) / PI;
     return vec2(u * float(table.width), v * float(table.height));
 }
 
-// Linear between pixel centres, wrapping across, held at the poles.
+// Linear interpolation between pixel centres, wrapping horizontally, clamped at the poles.
 vec3 environment_between(Environment table, vec2 place) {
     float x = place.x - 0.5, y = clamp(place.y - 0.5, 0.0, float(table.height - 1u));
     float x0 = floor(x), y0 = floor(y);
@@ -39,14 +39,14 @@ vec3 environment_eval(Environment table, vec3 direction) {
     return environment_between(table, environment_place(table, direction));
 }
 
-// Density per solid angle with which environment_sample draws a unit direction.
+// Probability density per solid angle of a unit direction in environment_sample.
 float environment_pdf(Environment table, vec3 direction) {
     vec2 place = environment_place(table, direction);
     uint x = min(uint(place.x), table.width - 1u), y = min(uint(place.y), table.height - 1u);
     return Floats(table.density).at[y * table.width + x];
 }
 
-// How many of the cdf 1 to count − 1 of a table from `first` are at most u.
+// How many of the values 1 to count − 1 of a cdf, counted from `first`, are at most u.
 uint cdf_index_f64(Longs cdf, uint count, f64 u) {
     uint low = 0u, high = count - 1u;
     while (low < high) {
@@ -73,7 +73,7 @@ uint cdf_index(Floats cdf, uint first, uint count, float u) {
     return low;
 }
 
-// A unit direction, its radiance and its density per solid angle.
+// Samples a unit direction, with its radiance and its density per solid angle.
 SunSample environment_sample(Environment table, vec2 u) {
     Longs row_cdf = Longs(table.row_cdf);
     f64 v = f64_from_f32(u.y);
@@ -85,7 +85,7 @@ SunSample environment_sample(Environment table, vec2 u) {
     uint x = cdf_index(cdf, first, table.width, u.x);
     float start = cdf.at[first + x], end = cdf.at[first + x + 1u];
     float in_column = clamp((u.x - start) / (end - start), 0.0, 1.0);
-    // Uniform in z. From the nearer pole, 1 − |z| = 2 sin²(θ/2): nothing cancels where the rows are small.
+    // Uniform in z, measured from the nearer pole by 1 − |z| = 2 sin²(θ/2), so that nothing cancels where the rows are small.
     bool north = 2u * y < table.height;
     float above = float(north ? y : table.height - y), below = float(north ? y + 1u : table.height - y - 1u);
     float to_half_angle = 0.5 * PI / float(table.height);

@@ -1,16 +1,16 @@
-// Doubles on any GPU: IEEE 754 binary64, rounded to nearest even, in integers.
+// Doubles on any GPU: IEEE 754 binary64, rounded to nearest even, emulated with integers.
 //
-// Twin of the language's f64, of which it has the bits in every case but the payload of a NaN. Positions and distances are
-// doubles on the CPU; a shader that computed them otherwise would choose another voxel at edges and corners. GPUs may lack
-// doubles, and have them 64 times slower than floats where they do not; the hot loops therefore ask f64_filter.glsl first.
+// Twin of the language's f64, with the same bits in every case except the payload of a NaN. The CPU computes positions and distances in
+// doubles; a shader with other rounding would choose another voxel at edges and corners. GPUs may lack doubles, or have them at 1/64 of the
+// speed of floats; the inner loops therefore use floats where these are exact enough (box_walk.glsl).
 //
 //     63   62        52 51                         0
 //    ┌────┬────────────┬────────────────────────────┐
 //    │sign│ exponent   │ fraction                   │   value = (-1)^sign · 1.fraction · 2^(exponent − 1023)
 //    └────┴────────────┴────────────────────────────┘
 //
-// With NATIVE_F64 defined, sums and products are the device's own (Vulkan demands that they are rounded correctly); quotients
-// and roots stay in integers, because Vulkan allows a device's to be wrong in the last bits.
+// With NATIVE_F64 defined, sums and products are the device's own (Vulkan demands that they are correctly rounded). Quotients and roots
+// stay emulated, because Vulkan allows the device's to be wrong in the last bits.
 #ifndef F64_GLSL
 #define F64_GLSL
 
@@ -22,7 +22,7 @@
 #define ROLLED
 #else
 #define f64 uint64_t
-// An emulated operation is a hundred instructions: loops over the axes stay loops, or pipelines take minutes to compile.
+// An emulated operation is about a hundred instructions. Loops over the axes stay loops, or pipelines take minutes to compile.
 #define ROLLED [[dont_unroll]]
 #endif
 
@@ -61,7 +61,7 @@ int leading_zeros64(uint64_t v) {
     return high != 0u ? 31 - findMSB(high) : 63 - findMSB(uint(v));
 }
 
-// Shifted down; a lost bit leaves its trace in the lowest.
+// Shifts down; sets the lowest bit if a 1 is shifted out (sticky bit).
 uint64_t shift_down_sticky(uint64_t v, int by) {
     if (by >= 64) {
         return v != 0UL ? 1UL : 0UL;
@@ -72,7 +72,8 @@ uint64_t shift_down_sticky(uint64_t v, int by) {
     return (v >> by) | ((v << (64 - by)) != 0UL ? 1UL : 0UL);
 }
 
-// The double nearest to significand · 2^(exponent − 1023 − 62), whose leading bit is bit 62 (or it is 0), its sign given.
+// The double nearest to significand · 2^(exponent − 1023 − 62), with this sign. The significand's leading bit is bit 62, or the significand
+// is 0.
 uint64_t f64_round(uint64_t sign, int exponent, uint64_t significand) {
     if (exponent >= 0x7FF) {
         return sign | F64_INFINITY_BITS;
@@ -86,7 +87,7 @@ uint64_t f64_round(uint64_t sign, int exponent, uint64_t significand) {
     if (low == 0x200u) {
         rounded &= ~1UL;
     }
-    // The hidden bit, where there is one, adds 1 to the exponent; a carry out of the fraction does too, up to infinity.
+    // The hidden bit, where there is one, adds 1 to the exponent. So does a carry out of the fraction, up to infinity.
     return sign | ((uint64_t(uint(exponent - 1)) << 52) + rounded);
 }
 
@@ -108,7 +109,7 @@ bool f64_bits_are_nan(uint64_t a) {
 }
 
 uint64_t f64_add_bits(uint64_t a, uint64_t b) {
-    // The larger first.
+    // Swaps, so that a has the larger magnitude.
     if ((a & F64_MAGNITUDE) < (b & F64_MAGNITUDE)) {
         uint64_t other = a;
         a = b;
@@ -141,7 +142,7 @@ uint64_t f64_add_bits(uint64_t a, uint64_t b) {
     if (difference == 0UL) {
         return 0UL;
     }
-    // Where a bit was lost the exponents differ by 11 or more, and the shift is by 1 at most: the trace stays below the rounding.
+    // Where a bit was lost the exponents differ by 11 or more, and the shift is at most 1, so the sticky bit stays below the rounding.
     int zeros = leading_zeros64(difference) - 1;
     return f64_round(sign, exponent_a - zeros, difference << zeros);
 }
@@ -198,7 +199,7 @@ uint64_t f64_div_bits(uint64_t a, uint64_t b) {
     uint64_t remainder, divisor;
     f64_unpack(a, exponent_a, remainder);
     f64_unpack(b, exponent_b, divisor);
-    // As 53 bits. The first digit is 1.
+    // Both as 53 bits. The first digit is 1.
     remainder >>= 10;
     divisor >>= 10;
     int exponent = exponent_a - exponent_b + 1023;
@@ -208,8 +209,8 @@ uint64_t f64_div_bits(uint64_t a, uint64_t b) {
     }
     uint64_t quotient = 1UL;
     int64_t rest = int64_t(remainder - divisor);
-    // Then three of 20 bits: guessed in floats, wrong by a few at most, then put right by what is left over. What is left over is
-    // far smaller than 2^63, so that arithmetic modulo 2^64 finds it.
+    // Three digits of 20 bits follow. Each is guessed in floats, which is wrong by a few at most, then corrected by the remainder. The
+    // remainder is far smaller than 2^63, so arithmetic modulo 2^64 finds it.
     float per_divisor = 1048576.0 / float(divisor);
     [[dont_unroll]] for (int round = 0; round < 3; round++) {
         int64_t digit = int64_t(float(rest) * per_divisor);
@@ -237,11 +238,11 @@ uint64_t f64_sqrt_bits(uint64_t a) {
     int exponent;
     uint64_t significand;
     f64_unpack(a, exponent, significand);
-    // The value is m · 2^(2k), m within [1, 4); one binary digit of the root a step: root and what is left, both in units of the
-    // step's digit (Woo's method).
+    // The value is m · 2^(2k), m within [1, 4). Each step finds one binary digit of the root; root and remainder are in units of the step's
+    // digit (Woo's method).
     int power = exponent - 1023;
     int k = power >> 1;
-    // The top two bits are the whole part, the first pair of digits.
+    // The top two bits are the integer part, the first pair of digits.
     uint64_t m = significand;
     if ((power & 1) != 0) {
         m <<= 1;
@@ -257,7 +258,7 @@ uint64_t f64_sqrt_bits(uint64_t a) {
             root |= 1UL;
         }
     }
-    // 56 digits, the first before the point, to bit 62.
+    // 56 digits, the first before the point, moved to bit 62.
     return f64_round(0UL, k + 1023, (root << 7) | (rest != 0UL ? 1UL : 0UL));
 }
 
@@ -325,7 +326,7 @@ bool f64_eq(f64 a, f64 b) {
     return (x == y && !f64_bits_are_nan(x)) || ((x | y) & F64_MAGNITUDE) == 0UL;
 }
 
-// Rising with the number: −0 and 0 alike, NaN excluded by the caller.
+// An integer that orders as the numbers do: −0 and 0 are equal; callers exclude NaN.
 int64_t f64_order(uint64_t a) {
     int64_t magnitude = int64_t(a & F64_MAGNITUDE);
     return (a & F64_SIGN) != 0UL ? -magnitude : magnitude;
@@ -387,7 +388,7 @@ f64 f64_from_f32(float a) {
         return f64_from_bits(sign | F64_INFINITY_BITS);
     }
     if (magnitude < 0x00800000u) {
-        // Subnormal: a whole number of 2^−149.
+        // Subnormal float: a multiple of 2^−149.
         if (magnitude == 0u) {
             return f64_from_bits(sign);
         }
@@ -423,7 +424,7 @@ float f64_to_f32(f64 value) {
     return uintBitsToFloat(sign | ((uint(exponent) << 23) + kept + up));
 }
 
-// Towards zero, saturating; 0 for NaN: Rust's `as u32`.
+// Converts towards zero, saturating; 0 for NaN, as Rust's `as u32`.
 uint f64_to_u32(f64 value) {
     uint64_t a = f64_bits(value);
     if ((a & F64_SIGN) != 0UL || f64_bits_are_nan(a)) {
@@ -448,7 +449,7 @@ f64 f64_floor(f64 value) {
     bool negative = (a & F64_SIGN) != 0UL;
     if (power < 0) {
         bool zero = (a & F64_MAGNITUDE) == 0UL;
-        // Not `negative ? −1 : 0` as one choice of constants: Mesa takes the two for floats, and negates 0 into −0.
+        // Not `negative ? −1 : 0` as a choice between constants: Mesa takes both for floats, and negates 0 into −0.
         return zero ? value : f64_from_bits((a & F64_SIGN) | (negative ? 0x3FF0000000000000UL : 0UL));
     }
     uint64_t below = F64_FRACTION >> power;
@@ -459,7 +460,7 @@ f64 f64_floor(f64 value) {
     return f64_from_bits(a & ~below);
 }
 
-// 2^k, k within the exponents of normal numbers.
+// 2^k, for k within the exponents of normal numbers.
 f64 f64_exp2(int k) {
     return f64_from_bits(uint64_t(uint(clamp(k, -1022, 1023) + 1023)) << 52);
 }

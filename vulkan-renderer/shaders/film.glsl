@@ -1,4 +1,4 @@
-// The picture while it grows: twin of picture/src/film.rs.
+// The sums of the film while samples are added: twin of picture/src/film.rs.
 #ifndef FILM_GLSL
 #define FILM_GLSL
 

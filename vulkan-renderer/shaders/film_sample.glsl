@@ -1,5 +1,5 @@
-// What is made of the light that a path meets: twin of cpu-renderer/src/film_sample.rs, which explains it. Where nothing is sorted, the sum of
-// all light is all there is.
+// Divides the light that a path meets into the film's sums: twin of cpu-renderer/src/film_sample.rs, which explains it. Where nothing is
+// divided, the sum of all light is all there is.
 #ifndef FILM_SAMPLE_GLSL
 #define FILM_SAMPLE_GLSL
 
@@ -10,7 +10,7 @@
 const uint LIGHT_KINDS = 8u;
 const uint COLOR_KINDS = 3u;
 
-// Kinds of light, each direct and, one further, indirect.
+// Kinds of light: for each, direct and, one further, indirect.
 const uint DIFFUSE = 0u;
 const uint GLOSSY = 2u;
 const uint TRANSMISSION = 4u;
@@ -25,17 +25,17 @@ const uint KEPT_LABELS = 8u;
 const uint KEPT_TYPES = 16u;
 const uint KEPT_CAUGHT = 32u;
 const uint KEPT_BACKGROUND = 64u;
-// From this bit on: slots of a matte.
+// From this bit on: number of Cryptomatte slots.
 const uint KEPT_SLOTS = 8u;
 
-// Whose light it is: the picture's; a shadow catcher's among all things, and among catchers alone; nobody's, on the second way to a
+// The sum that light goes to: the picture's; a shadow catcher's among all objects, and among catchers alone; none, on the second way to a
 // catcher.
 const uint SINK_MATTE = 0u;
 const uint SINK_CAUGHT = 1u;
 const uint SINK_ALONE = 2u;
 const uint SINK_NOTHING = 3u;
 
-// How scattered light is dealt out to kinds.
+// How scattered light is divided among kinds.
 struct PassWeights {
     vec3 diffuse;
     bool through;
@@ -47,14 +47,14 @@ struct FilmSample {
     vec3 light[LIGHT_KINDS];
     vec3 colors[COLOR_KINDS];
     vec3 normal;
-    // What mattes call the first surface, by label and by type; 0 where there is none.
+    // Cryptomatte ids of the first surface, by label and by type; 0 where there is none.
     vec2 ids;
     PassWeights scatter_weights;
-    // Of the light in flight.
+    // Weights of the light ray in flight.
     PassWeights direct_weights;
     uint kept;
     vec2 limits;
-    // A shadow catcher's light among all things, and among catchers alone; light behind everything; whether something else was met.
+    // A shadow catcher's light among all objects, and among catchers alone; light behind everything; whether something else was met.
     vec3 caught;
     vec3 alone;
     vec3 background;
@@ -92,7 +92,7 @@ FilmSample film_sample_new(Settings settings) {
     return t;
 }
 
-// Whether light of shadow catchers is kept apart, and none was met.
+// Whether light of shadow catchers is kept apart, and none was met yet.
 bool film_sample_catches(FilmSample t) {
     if (NEEDS_CATCHER == 0u || NEEDS_SORTED == 0u) {
         return false;
@@ -100,7 +100,7 @@ bool film_sample_catches(FilmSample t) {
     return (t.kept & KEPT_CAUGHT) != 0u && (t.sink == SINK_MATTE || t.sink == SINK_NOTHING);
 }
 
-// Puts light into the sum of whom it is of.
+// Adds light to the sum of its sink.
 void film_sample_put(inout FilmSample t, vec3 light) {
     if (NEEDS_CATCHER == 0u || t.sink == SINK_MATTE) {
         t.total += light;
@@ -111,14 +111,14 @@ void film_sample_put(inout FilmSample t, vec3 light) {
     }
 }
 
-// At most as much light as the clamp lets pass.
+// Light, reduced to the clamp where it exceeds it.
 vec3 film_sample_clamped(FilmSample t, vec3 light, bool indirect) {
     float limit = indirect ? t.limits.y : t.limits.x;
     float sum = abs(light.x) + abs(light.y) + abs(light.z);
     return sum > limit ? light * (limit / sum) : light;
 }
 
-// Deals light out to the kinds of the surface that scattered it first.
+// Divides light among the kinds of the surface that scattered it first.
 void film_sample_deal(inout FilmSample t, vec3 light, PassWeights weights, bool indirect) {
     if ((t.kept & KEPT_LIGHT) != 0u) {
         vec3 diffuse = light * weights.diffuse;
@@ -128,7 +128,7 @@ void film_sample_deal(inout FilmSample t, vec3 light, PassWeights weights, bool 
     }
 }
 
-// Light that a ray met on its way or at its end.
+// Adds light that a ray met on its way or at its end.
 void film_sample_add_emission(inout FilmSample t, vec3 light, uint vertex) {
     if (NEEDS_SORTED == 0u) {
         t.total += light;
@@ -146,7 +146,7 @@ void film_sample_add_emission(inout FilmSample t, vec3 light, uint vertex) {
     }
 }
 
-// The same from behind everything.
+// Adds light from behind everything.
 void film_sample_add_background(inout FilmSample t, vec3 light, uint vertex) {
     if (NEEDS_SORTED == 0u || vertex > 0u) {
         film_sample_add_emission(t, light, vertex);
@@ -179,12 +179,13 @@ void film_sample_caught(inout FilmSample t, vec3 background) {
     }
 }
 
-// What follows is met among catchers alone.
+// From here on the path is traced among catchers alone.
 void film_sample_among_catchers(inout FilmSample t) {
     t.sink = SINK_ALONE;
 }
 
-// Light that the surface in front of the path was found to get from a light; t.aimed is what it made of it.
+// Adds light that the surface in front of the path receives by light sampling. At the first surface, t.direct_weights divides it among the
+// kinds.
 void film_sample_add_direct_light(inout FilmSample t, vec3 light, uint vertex) {
     if (NEEDS_SORTED == 0u) {
         t.total += light;
@@ -202,14 +203,14 @@ void film_sample_add_direct_light(inout FilmSample t, vec3 light, uint vertex) {
     film_sample_deal(t, light, weights, vertex > 0u);
 }
 
-// The path goes on.
+// The path continues.
 void film_sample_scatter(inout FilmSample t, uint vertex, PassWeights weights) {
     if (NEEDS_SORTED != 0u && vertex == 0u) {
         t.scatter_weights = weights;
     }
 }
 
-// The path came to a surface.
+// The path has come to a surface.
 void film_sample_write_aovs(inout FilmSample t, uint vertex, vec3 colors[COLOR_KINDS], vec3 normal) {
     if (NEEDS_SORTED != 0u && vertex == 0u && t.sink != SINK_ALONE) {
         t.colors = colors;
@@ -217,14 +218,14 @@ void film_sample_write_aovs(inout FilmSample t, uint vertex, vec3 colors[COLOR_K
     }
 }
 
-// Which surface it is.
+// Records which surface it is.
 void film_sample_write_ids(inout FilmSample t, uint vertex, vec2 ids) {
     if (NEEDS_MATTES != 0u && vertex == 0u && t.sink != SINK_ALONE) {
         t.ids = ids;
     }
 }
 
-// Counts an id in a pixel's slots: its own, else a free one, else that of the least count, which it goes on from.
+// Counts an id in a pixel's slots: in its own slot, else in a free one, else in the one with the least count, whose count it continues.
 void matte_add(Floats sums, uint first, uint slots, float id) {
     float least = uintBitsToFloat(0x7F800000u);
     uint place = first;
@@ -249,7 +250,7 @@ void put_sum(Floats sums, inout uint at, vec3 v) {
     at += 3u;
 }
 
-// Adds a sample of this number to a pixel's sums.
+// Adds the sample with this number to a pixel's sums.
 void film_sample_add_to(FilmSample t, Address all_sums, uint film_width, uvec2 pixel, uint number) {
     bool features = (t.kept & KEPT_FEATURES) != 0u, light = (t.kept & KEPT_LIGHT) != 0u;
     bool alpha = (t.kept & KEPT_ALPHA) != 0u;

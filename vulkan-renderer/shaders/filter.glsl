@@ -1,4 +1,4 @@
-// Offsets from a pixel's centre, distributed as the filter: twin of transport/src/filter.rs.
+// Offsets from a pixel's centre, distributed as the pixel filter: twin of transport/src/filter.rs.
 #ifndef FILTER_GLSL
 #define FILTER_GLSL
 

@@ -1,4 +1,4 @@
-// The first surface through the middle of each pixel: twin of `first` and `pick` in cpu-renderer/src/path_tracer.rs.
+// The first surface through the centre of each pixel: twin of `first` and `pick` in cpu-renderer/src/path_tracer.rs.
 #ifndef FIRST_GLSL
 #define FIRST_GLSL
 
@@ -18,7 +18,7 @@ void first_of_pixel(uvec2 in_tile) {
         f64_add(f64_from_u32(pixel.y), F64_HALF), t_max);
     Hit hit = scene_ask(scene, ray, no_surface(), t_max, false, NONE, 0u, false);
     DVec3 position = dvec3_add(ray.origin, dvec3_scale(ray.direction, hit.t));
-    // Distance along the view axis.
+    // Distance from the camera along the view axis.
     hit.t = f64_add(hit.t, f64_from_bits(scene.it.camera.clip[0]));
     if (launch.wanted != 0u) {
         HitRecords(launch.target).at[row] = record_of_hit(hit);

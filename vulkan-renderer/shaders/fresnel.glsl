@@ -1,4 +1,4 @@
-// How much a smooth surface reflects: twin of transport/src/bsdf/fresnel.rs, which has the sources.
+// Reflectance of a smooth surface: twin of transport/src/bsdf/fresnel.rs, which has the sources.
 #ifndef FRESNEL_GLSL
 #define FRESNEL_GLSL
 
@@ -23,7 +23,7 @@ float ior_from_f0(float f0) {
     return (1.0 + root) / (1.0 - root);
 }
 
-// Where the reflectance is between that at normal incidence, f0, and 1.
+// Position of the reflectance between that at normal incidence, f0, and 1, as a fraction.
 float fresnel_share(float cosine, float eta, float f0) {
     return clamp((fresnel_dielectric(cosine, eta) - f0) / (1.0 - f0), 0.0, 1.0);
 }

@@ -1,8 +1,8 @@
-// Finds boxes by our own hierarchy: the loops of transport/src/geometry/bvh.rs, with `visit` for its closures.
+// Finds boxes with our own hierarchy: the loops of transport/src/geometry/bvh.rs, with `visit` for its closures.
 #ifndef FRONT_BVH_GLSL
 #define FRONT_BVH_GLSL
 
-// Looks at each box whose bounds the ray meets within the search's limit, roughly front to back.
+// Visits each box whose bounds the ray meets within the search's limit, roughly front to back.
 void along_ray(InstanceRef instance, BvhRay ray, inout Search search) {
     if (instance.it.box_count == 0u) {
         return;
@@ -11,14 +11,14 @@ void along_ray(InstanceRef instance, BvhRay ray, inout Search search) {
     Words items = Words(instance.it.bvh_items);
     BvhNode node = nodes.at[0];
     uint octant = (ray.inverse.x < 0.0 ? 0u : 4u) | (ray.inverse.y < 0.0 ? 0u : 2u) | (ray.inverse.z < 0.0 ? 0u : 1u);
-    // First child of a node, and its pending and inner children.
+    // First child of a node, and masks of its pending and inner children.
     uvec2 stack[MAX_DEPTH];
     uint height = 0u;
     float limit = search_limit(search);
     while (true) {
         uint hit = children_along(node, ray, limit);
         uint inner = node.exponents_and_inner >> 24;
-        // Boxes first: they may bring the limit down.
+        // Boxes first: they may lower the limit.
         uint leaves = in_order(octant, hit & ~inner);
         while (leaves != 0u) {
             uint highest = uint(findMSB(leaves));
@@ -32,7 +32,7 @@ void along_ray(InstanceRef instance, BvhRay ray, inout Search search) {
             }
             limit = search_limit(search);
         }
-        // Then the nearest node that is left.
+        // Then the nearest remaining node.
         uint base = node.first_child;
         uint pending = in_order(octant, hit & inner);
         if (pending == 0u) {
@@ -55,15 +55,15 @@ void along_ray(InstanceRef instance, BvhRay ray, inout Search search) {
     }
 }
 
-// Looks at the boxes whose bounds may hold the voxel. A leaf is nine words of a node away from its siblings; the stack holds nodes
-// with what is left of their children, so that it is no deeper than the hierarchy.
+// Visits the boxes whose bounds may hold the voxel. Going on to a sibling reads nine words of the node again; in return the stack, which
+// holds nodes with their remaining children, is no deeper than the hierarchy.
 void at_voxel(InstanceRef instance, uvec3 voxel, inout Search search) {
     if (instance.it.box_count == 0u) {
         return;
     }
     BvhNodes nodes = BvhNodes(instance.it.bvh_nodes);
     Words items = Words(instance.it.bvh_items);
-    // Node, and the first of its children that was not looked at.
+    // A node, and the first of its children that was not visited.
     uvec2 stack[MAX_DEPTH + 1u];
     stack[0] = uvec2(0u);
     uint height = 1u;

@@ -1,15 +1,16 @@
-// Finds boxes by hardware's hierarchy in a ray tracing pipeline. Rays carry floats alone, so the search lies in scratch memory,
-// one for each ray of the launch, where raygen and intersection shaders both reach it. No payload, no attributes, no closest hit.
+// Finds boxes with hardware's hierarchy in a ray tracing pipeline. Rays carry floats alone, so the search state lies in scratch memory, one
+// for each ray of the launch, where ray generation and intersection shader both reach it. There is no payload, no attributes and no
+// closest-hit shader.
 #ifndef FRONT_PIPELINE_GLSL
 #define FRONT_PIPELINE_GLSL
 
 #include "hardware_ray.glsl"
 
-// Volatile: what the intersection shader wrote must be read again after the trace. (The compiler emits nothing for
-// `shadercallcoherent` where a block is read as a whole, and a driver then gave raygen the search as it was before.)
+// Volatile: what the intersection shader wrote must be read again after the trace. (The compiler emits nothing for `shadercallcoherent`
+// where a block is read as a whole, and a driver then gave the ray generation shader the old search state.)
 layout(buffer_reference, scalar, buffer_reference_align = 8) volatile buffer SearchRef { Search it; };
 
-// The search of this ray of the launch.
+// The search state of this ray of the launch.
 SearchRef search_of_launch(Address scratch) {
     uint index = (gl_LaunchIDEXT.z * gl_LaunchSizeEXT.y + gl_LaunchIDEXT.y) * gl_LaunchSizeEXT.x + gl_LaunchIDEXT.x;
     return SearchRef(scratch + uint64_t(index) * uint64_t(SCRATCH_BYTES));
@@ -17,7 +18,7 @@ SearchRef search_of_launch(Address scratch) {
 
 #ifdef ONLY_VISITS
 
-// The intersection shader: looks at one box, and brings hardware's reach down to the search's limit.
+// The intersection shader: tests one box, and reduces hardware's range to the search's limit.
 void visit_in_pipeline(InstanceRef instance, Address scratch, uint item) {
     SearchRef shared_search = search_of_launch(scratch);
     Search search = shared_search.it;

@@ -1,5 +1,5 @@
-// Finds boxes by hardware's hierarchy through a ray query. A candidate is committed only to bring the query's reach down to the
-// search's limit; what is committed is never read (on some drivers reading it after a miss is fatal).
+// Finds boxes with hardware's hierarchy through a ray query. A candidate is committed only to reduce the query's range to the search's
+// limit. The committed hit is never read (on some drivers reading it after a miss is fatal).
 #ifndef FRONT_QUERY_GLSL
 #define FRONT_QUERY_GLSL
 

@@ -4,7 +4,7 @@
 
 #include "trigonometry.glsl"
 
-// Not GLSL's normalize: it may be wrong by several units in the last place, and of a vector whose squares are tiny it may be 0.
+// Not GLSL's normalize: it may be wrong by several units in the last place, and it may return 0 for a vector whose squares are tiny.
 vec3 normalized(vec3 v) {
     return v * (1.0 / sqrt(dot(v, v)));
 }

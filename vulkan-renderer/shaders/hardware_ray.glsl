@@ -1,5 +1,5 @@
-// A ray as hardware's hierarchies see it: in index space, moved to the bounds of all boxes, in floats. Boxes were given to the
-// hierarchy larger than they are (pack.rs), by more than the rounding of all this.
+// A ray for hardware's hierarchies: in index space, moved to the bounds of all boxes, in floats. The boxes in the hierarchy are larger than
+// the real ones (pack.rs) by more than the rounding errors of all this.
 #ifndef HARDWARE_RAY_GLSL
 #define HARDWARE_RAY_GLSL
 
@@ -12,8 +12,8 @@ struct HardwareRay {
 const float LEAST_DIRECTION = 1.0 / TWO_POW_60;
 const float FARTHEST = 1e30;
 
-// A component of 0 is made one that moves the ray by less than 2^−36 voxels within the largest volume: some hierarchies divide by
-// it.
+// A component of 0 is replaced by one that moves the ray by less than 2^−36 voxels within the largest volume, because some hierarchies
+// divide by it.
 HardwareRay hardware_ray(BvhRay moved, Search search) {
     vec3 direction;
     for (uint a = 0u; a < 3u; a++) {
@@ -23,7 +23,7 @@ HardwareRay hardware_ray(BvhRay moved, Search search) {
     return HardwareRay(moved.origin, direction, clamp(search_limit(search), 0.0, FARTHEST));
 }
 
-// A ray that stays in the middle of a voxel.
+// A ray that stays at the centre of a voxel.
 HardwareRay hardware_point(uvec3 voxel) {
     return HardwareRay(vec3(voxel) + 0.5, vec3(1.0, LEAST_DIRECTION, LEAST_DIRECTION), 0.25);
 }

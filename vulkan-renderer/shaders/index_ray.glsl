@@ -9,7 +9,7 @@
 #define SMALLEST f64_exp2(-1022)
 #define ONE_OVER_SMALLEST f64_exp2(1022)
 
-// Planes of a voxel that are met within this of each other may be taken for a tie: box_walk.glsl.
+// Planes of a voxel that the ray meets within this distance of each other may tie: box_walk.glsl.
 #define TIE f64_from_bits(0x3ED8000000000000UL)
 
 struct IndexRay {
@@ -43,7 +43,7 @@ DVec3 index_from_world(Placement p, DVec3 v) {
     return result;
 }
 
-// The vector times 2^−k with its largest component within [1, 2), and k. False for zero and for what is not finite.
+// The vector times 2^−k with its largest component in [1, 2), and k. False for zero and for vectors that are not finite.
 bool scaled(DVec3 v, out DVec3 result, out int k) {
     f64 largest = f64_max(f64_max(f64_abs(v.at[0]), f64_abs(v.at[1])), f64_abs(v.at[2]));
     result = v;
@@ -58,14 +58,14 @@ bool scaled(DVec3 v, out DVec3 result, out int k) {
         lift = 600;
     }
     k = int(uint(f64_bits(largest) >> 52)) - 1023;
-    // In two steps: 2^−k itself may not be representable. `half` is a word of the language.
+    // In two steps, because 2^−k itself may not be representable. `half` is a reserved word.
     int halved = k / 2;
     result = dvec3_scale(dvec3_scale(v, f64_exp2(-halved)), f64_exp2(halved - k));
     k -= lift;
     return true;
 }
 
-// Puts the origin on the surface's plane, and a direction that rounding turned inward along the plane.
+// Moves the origin onto the surface's plane, and turns a direction that rounding turned inward along the plane.
 void start_on_face(Placement p, inout DVec3 origin, inout DVec3 direction, DVec3 d_world, int k1, Surface surface, uvec3 upper) {
     int axis = int(min(surface.axis, 2u));
     ROLLED for (int a = 0; a < 3; a++) {
@@ -79,7 +79,7 @@ void start_on_face(Placement p, inout DVec3 origin, inout DVec3 direction, DVec3
     f64 outward = surface.positive ? direction.at[axis] : f64_neg(direction.at[axis]);
     if (f64_le(outward, F64_ZERO)) {
         f64 row = f64_mul(f64_div(dvec3_dot(dvec3_abs(p.adjugate[axis]), dvec3_abs(d_world)), p.determinant), f64_exp2(-k1));
-        // ε·4: a double's ε is 2^−52.
+        // ε·4, where the ε of a double is 2^−52.
         if (f64_le(f64_neg(outward), f64_mul(f64_mul(row, f64_exp2(-52)), f64_exp2(2)))) {
             direction.at[axis] = F64_ZERO;
             if (!surface.positive) {
@@ -89,10 +89,10 @@ void start_on_face(Placement p, inout DVec3 origin, inout DVec3 direction, DVec3
     }
 }
 
-// Unit normal in the world of a surface with this normal in index space.
+// Unit normal in the world for a surface with this normal in index space.
 DVec3 normal_of(Placement p, DVec3 normal) {
     DVec3 n = normal;
-    // First of the index space's normal, then of the world's.
+    // Normalise the index-space normal first, then the world normal.
     [[dont_unroll]] for (int turn = 0; turn < 2; turn++) {
         f64 largest = f64_max(f64_max(f64_abs(n.at[0]), f64_abs(n.at[1])), f64_abs(n.at[2]));
         ROLLED for (int a = 0; a < 3; a++) {
@@ -117,9 +117,9 @@ bool placement_moved(Placement p, RayInWorld ray, out DVec3 o, out DVec3 d, out 
     return dvec3_is_finite(o);
 }
 
-// The ray in index space; false when it is not finite or has no direction. `from` belongs to this instance or is no surface; of a
-// cap, `from.axis` is the axis across which its plane lies at `plane`, or 3. In the grid of a mesh (`to_mesh`) a point of the ray is
-// what it is, and belongs to no cell.
+// The ray in index space; false when it is not finite or has no direction. `from` belongs to this instance or is no surface; for a cap,
+// `from.axis` is the axis across which its plane lies at `plane`, or 3. In the grid of a mesh (`to_mesh`) the origin is used as it is,
+// because it belongs to no cell.
 bool index_ray_new(Placement p, RayInWorld ray, Surface from, uvec3 upper, f64 plane, bool to_mesh, out IndexRay result) {
     DVec3 o, d, d_world;
     int k0, k1;
@@ -131,7 +131,7 @@ bool index_ray_new(Placement p, RayInWorld ray, Surface from, uvec3 upper, f64 p
     } else if (from.instance != NONE && from.axis < 3u) {
         o.at[from.axis] = plane;
     }
-    // Directions of 0, and so small that 1/d overflows.
+    // Directions that are 0, or so small that 1/d overflows.
     ROLLED for (int a = 0; a < 3; a++) {
         if (!to_mesh && f64_eq(d.at[a], F64_ZERO)) {
             d.at[a] = F64_ZERO;
@@ -159,10 +159,10 @@ f64 scaled_t(IndexRay ray, f64 world_t) {
     return f64_mul(world_t, ray.scaled_from_world);
 }
 
-// The scaled t below which a hit is looked for, where one is known at `best` in the world's t.
+// The scaled t below which hits matter, when a hit at `best` in the world's t is known.
 f64 reach(IndexRay ray, f64 t_max, f64 best) {
     best = scaled_t(ray, best);
-    // ε·16: a double's ε is 2^−52.
+    // ε·16, where the ε of a double is 2^−52.
     f64 limit = f64_add(f64_add(best, f64_mul(best, f64_exp2(-48))), f64_mul(f64_exp2(1), TIE));
     t_max = scaled_t(ray, t_max);
     return f64_lt(limit, t_max) ? limit : t_max;

@@ -1,7 +1,7 @@
-// The hierarchy over instances: twin of transport/src/geometry/instance_tree.rs, which explains it. It lies there as our own in all
-// three front ends: hardware would take rays to an instance's space by floats.
+// The hierarchy over instances: twin of transport/src/geometry/instance_tree.rs, which explains it. All three front ends traverse this tree
+// in shader code, because hardware would transform rays to an instance's space with floats.
 //
-// There is no closure to hand to it: the walk is a structure that `instance_tree_next` brings on to the next instance.
+// GLSL has no closures: the traversal is a structure that `instance_tree_next` advances to the next instance.
 #ifndef INSTANCE_TREE_GLSL
 #define INSTANCE_TREE_GLSL
 
@@ -12,11 +12,11 @@ const uint INSTANCE_TREE_MAX_DEPTH = 32u;
 
 struct InstanceWalk {
     BvhRay ray;
-    // Scaled t where the ray comes to the grid, and scaled t per t of the world's ray.
+    // Scaled t at which the ray enters the grid, and scaled t per t of the world's ray.
     f64 enter;
     f64 scale;
     uint octant;
-    // The node that is looked at; which of its leaves, in order, and which of the items of one are left; its nodes that are.
+    // The current node; which of its leaves remain, in order, and which items of the current leaf; which of its child nodes remain.
     uint node;
     uint leaves;
     uint item;
@@ -24,12 +24,12 @@ struct InstanceWalk {
     uint base;
     uint pending;
     uint inner;
-    // First child of a node, and its pending and inner children.
+    // First child of a node, and masks of its pending and inner children.
     uint height;
     uvec2 stack[INSTANCE_TREE_MAX_DEPTH];
 };
 
-// The ray moved to the grid; false where it misses all, or is none.
+// The ray transformed to the grid; false where it misses all instances, or is not a valid ray.
 bool grid_ray(InstanceTree tree, RayInWorld ray, f64 t_max, out InstanceWalk walk) {
     DVec3 direction;
     int k;
@@ -71,12 +71,12 @@ bool grid_ray(InstanceTree tree, RayInWorld ray, f64 t_max, out InstanceWalk wal
     return true;
 }
 
-// Distance beyond which the hierarchy need not look, in its ray's t.
+// Distance beyond which the hierarchy need not be searched, in its ray's t.
 float instance_walk_limit(InstanceWalk walk, f64 t) {
     return f64_to_f32(f64_sub(f64_mul(t, walk.scale), walk.enter)) * 1.000001 + walk.ray.pad;
 }
 
-// Comes to a node: which of its leaves and of its nodes are to be looked at.
+// Enters a node: finds which of its leaves and child nodes the ray meets.
 void instance_walk_to(InstanceTree tree, inout InstanceWalk walk, uint number, float limit) {
     BvhNode node = BvhNodes(tree.nodes).at[number];
     uint hit = children_along(node, walk.ray, limit);
@@ -87,7 +87,7 @@ void instance_walk_to(InstanceTree tree, inout InstanceWalk walk, uint number, f
     walk.base = node.first_child;
 }
 
-// Begins; false where there is nothing to be met.
+// Begins the traversal; false where the ray can meet nothing.
 bool instance_tree_along_ray(InstanceTree tree, RayInWorld ray, f64 t_max, out InstanceWalk walk) {
     if (!grid_ray(tree, ray, t_max, walk)) {
         return false;
@@ -101,7 +101,7 @@ bool instance_tree_along_ray(InstanceTree tree, RayInWorld ray, f64 t_max, out I
     return true;
 }
 
-// The next instance that the ray may meet before t, or NONE: instances of a node first, then the nearest of its nodes.
+// The next instance that the ray may meet before t, or NONE. The instances of a node come first, then the nearest of its child nodes.
 uint instance_tree_next(InstanceTree tree, inout InstanceWalk walk, f64 t) {
     while (true) {
         if (walk.item < walk.item_end) {

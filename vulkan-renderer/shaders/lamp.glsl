@@ -1,4 +1,4 @@
-// A lamp that stands in the scene: twin of transport/src/lamp/mod.rs.
+// A lamp in the scene: twin of transport/src/lamp/mod.rs.
 #ifndef LAMP_GLSL
 #define LAMP_GLSL
 
@@ -9,7 +9,7 @@ vec3 to_middle_of(Lamp lamp, Receiver from) {
     return dvec3_to_vec3(dvec3_sub(dvec3_from_bits(lamp.position), from.point));
 }
 
-// A direction towards it.
+// Samples a direction towards it.
 LampSample lamp_sample(Lamp lamp, Receiver from, vec2 u) {
     vec3 to_middle = to_middle_of(lamp, from);
     if (lamp.kind <= LAMP_SPOT) {
@@ -21,7 +21,7 @@ LampSample lamp_sample(Lamp lamp, Receiver from, vec2 u) {
     return sample_area(lamp, to_middle, u);
 }
 
-// What a ray in a direction (unit) finds of it.
+// The light of the lamp that a ray in a (unit) direction finds.
 LampSample lamp_meet(Lamp lamp, Receiver from, vec3 direction) {
     vec3 to_middle = to_middle_of(lamp, from);
     if (lamp.kind <= LAMP_SPOT) {

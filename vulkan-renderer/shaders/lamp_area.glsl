@@ -7,7 +7,7 @@
 
 const float LEAST_SOLID_ANGLE = 4e-3;
 
-// What of an area lamp is sampled, seen from a receiver: a rectangle in its plane, or the whole ellipse.
+// The part of an area lamp that is sampled from a receiver: a rectangle in its plane, or the whole ellipse.
 struct Part {
     bool found;
     vec2 lo;
@@ -16,7 +16,7 @@ struct Part {
     bool ellipse;
 };
 
-// Whether a place relative to the middle, along the sides, is within the outline.
+// Whether a position relative to the centre, along the sides, is within the outline.
 bool within_outline(Lamp lamp, vec2 place) {
     vec2 p = place / vec2(lamp.half_extent[0], lamp.half_extent[1]);
     return lamp.kind == LAMP_ELLIPSE ? dot(p, p) <= 1.0 : max(abs(p.x), abs(p.y)) <= 1.0;
@@ -27,14 +27,14 @@ vec2 along_sides(Lamp lamp, vec3 v) {
     return vec2(dot(v, vec3_of(lamp.sides[0])), dot(v, vec3_of(lamp.sides[1])));
 }
 
-// What the spread lets through along a ray towards the lamp.
+// Fraction of the light that the spread lets through along a ray towards the lamp.
 float through_spread(Lamp lamp, vec3 direction) {
     vec3 axis = vec3_of(lamp.axis);
     float tangent = length(cross(direction, axis)) / -dot(direction, axis);
     return max(lamp.tan_half_spread - tangent, 0.0) * lamp.spread_factor;
 }
 
-// What is sampled of it.
+// Chooses the part to sample.
 Part part(Lamp lamp, vec3 to_middle) {
     Part result;
     result.found = false;
@@ -51,7 +51,7 @@ Part part(Lamp lamp, vec3 to_middle) {
     }
     float wide = (hi.x - lo.x) * (hi.y - lo.y);
     result.ellipse = lamp.kind == LAMP_ELLIPSE && wide >= PI * half_extent.x * half_extent.y;
-    // From here on relative to the receiver's foot.
+    // From here on relative to the receiver's foot point in the plane.
     result.lo = lo - foot;
     result.hi = hi - foot;
     result.found = true;
@@ -71,7 +71,7 @@ float pdf_area(Lamp lamp, Part seen, vec3 direction, float distance_to) {
     return 1.0 / solid_angle;
 }
 
-// A sample of what is seen along a direction.
+// A sample of the light along a direction.
 LampSample area_along(Lamp lamp, Part seen, vec3 direction, float distance_to) {
     LampSample s;
     s.direction = direction;
@@ -87,7 +87,7 @@ LampSample sample_area(Lamp lamp, vec3 to_middle, vec2 u) {
     LampSample s = no_lamp_sample();
     vec2 foot = along_sides(lamp, -to_middle);
     if (lamp.tan_half_spread == 0.0) {
-        // A beam.
+        // Without spread the light is a parallel beam.
         s.direction = -axis;
         s.distance_to = -dot(to_middle, axis);
         s.radiance = vec3_of(lamp.radiance);

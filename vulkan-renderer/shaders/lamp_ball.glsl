@@ -1,4 +1,4 @@
-// Balls: point and spot lamps: twin of transport/src/lamp/ball.rs, with what of mod.rs it asks for.
+// Balls, that is point and spot lamps: twin of transport/src/lamp/ball.rs, with the functions of mod.rs that it needs.
 #ifndef LAMP_BALL_GLSL
 #define LAMP_BALL_GLSL
 
@@ -12,14 +12,14 @@ const uint LAMP_ELLIPSE = 3u;
 
 const float LEAST_SIN_SQUARED = 1e-13;
 
-// Where light arrives.
+// The point that receives light.
 struct Receiver {
     DVec3 point;
     vec3 normal;
     bool both_sides;
 };
 
-// Light from a lamp along one direction; where `pdf` is 0, the only direction there is, and `radiance` is irradiance.
+// Light from a lamp along one direction. Where `pdf` is 0 it is the only direction, and `radiance` is irradiance.
 struct LampSample {
     bool found;
     vec3 direction;
@@ -36,13 +36,13 @@ float greatest(vec3 v) {
     return max(max(v.x, v.y), v.z);
 }
 
-// Whether it shines at all.
+// Whether the lamp emits at all.
 bool lamp_is_lit(Lamp lamp) {
     return greatest(vec3_of(lamp.radiance)) > 0.0
         && (lamp.kind != LAMP_SPOT || lamp.one_minus_cos_half_angle > 0.0);
 }
 
-// Two unit vectors that make a right-handed frame with a unit normal.
+// Two unit vectors that form a right-handed frame with a unit normal.
 void frame_around_f32(vec3 n, out vec3 tangent, out vec3 bitangent) {
     float sgn = n.z < 0.0 ? -1.0 : 1.0;
     float a = -1.0 / (sgn + n.z);
@@ -66,7 +66,7 @@ float smoothstep_of(float x) {
     return x * x * (3.0 - 2.0 * x);
 }
 
-// What a spot's cone lets through along a ray towards it.
+// Fraction of the light that a spot's cone lets through along a ray towards it.
 float through_cone(Lamp lamp, vec3 direction) {
     if (lamp.kind != LAMP_SPOT) {
         return 1.0;
@@ -76,12 +76,12 @@ float through_cone(Lamp lamp, vec3 direction) {
     return smoothstep_of((lamp.one_minus_cos_half_angle - one_minus_cos) * lamp.inverse_blend);
 }
 
-// Whether a spot's own cone is sampled instead of the one that the ball fills.
+// Whether a spot's own cone is sampled instead of the cone that the ball subtends.
 bool by_own_cone(Lamp lamp, float one_minus_cos) {
     return lamp.kind == LAMP_SPOT && lamp.one_minus_cos_half_angle < one_minus_cos;
 }
 
-// A direction from within a ball: after the cosine, or from all sides.
+// Samples a direction for a receiver inside a ball: proportional to the cosine, or over the sphere.
 vec3 within(Receiver from, vec2 u) {
     if (from.both_sides) {
         return around(from.normal, 2.0 * u.x, u.y);
@@ -100,7 +100,7 @@ float pdf_within(Receiver from, vec3 direction) {
 LampSample meet_ball(Lamp lamp, vec3 to_middle, Receiver from, vec3 direction) {
     float d2 = dot(to_middle, to_middle), r2 = lamp.half_extent[0] * lamp.half_extent[0];
     float along = dot(to_middle, direction);
-    // The nearest point to the middle, then half of the chord.
+    // The point nearest to the centre first, then half of the chord.
     vec3 nearest = to_middle - direction * along;
     float chord2 = r2 - dot(nearest, nearest);
     LampSample s = no_lamp_sample();
@@ -125,13 +125,13 @@ LampSample meet_ball(Lamp lamp, vec3 to_middle, Receiver from, vec3 direction) {
     return s;
 }
 
-// A lamp too small to be more than a direction.
+// A lamp so small that it is a single direction.
 LampSample sample_point(Lamp lamp, vec3 to_middle) {
     float d2 = dot(to_middle, to_middle), r2 = lamp.half_extent[0] * lamp.half_extent[0];
     LampSample s = no_lamp_sample();
     s.distance_to = sqrt(d2);
     s.direction = to_middle / s.distance_to;
-    // Of a ball, radiance times the solid angle that it fills.
+    // For a ball, radiance times the solid angle that it subtends.
     float seen = r2 == 0.0 ? 1.0 / d2 : PI * (r2 / d2);
     s.radiance = vec3_of(lamp.radiance) * (seen * through_cone(lamp, s.direction));
     s.found = greatest(s.radiance) > 0.0 && !any(isinf(s.radiance));

@@ -1,10 +1,10 @@
-// Balls with soft falloff, disks that face whoever looks: twin of transport/src/lamp/disk.rs.
+// Balls with soft falloff, disks that always face the receiver: twin of transport/src/lamp/disk.rs.
 #ifndef LAMP_DISK_GLSL
 #define LAMP_DISK_GLSL
 
 #include "lamp_ball.glsl"
 
-// What is seen along a direction that meets the disk.
+// A sample of the light along a direction that meets the disk.
 LampSample disk_along(Lamp lamp, vec3 to_middle, vec3 direction, float distance_to) {
     LampSample s;
     float cosine = dot(to_middle, direction) / length(to_middle);

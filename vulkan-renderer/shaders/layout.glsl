@@ -1,6 +1,6 @@
 // The structures that host and shaders share: twin of src/layout.rs, field by field.
 //
-// Doubles travel as 64-bit integers (F64Bits); f64.glsl computes with them. Memory is reached by address alone.
+// Doubles are stored as 64-bit integers (F64Bits); f64.glsl computes with them. All memory is accessed by address.
 #ifndef LAYOUT_GLSL
 #define LAYOUT_GLSL
 
@@ -216,14 +216,16 @@ struct Chunk {
     uint first_box;
 };
 
-// 64³ voxels, x first: their bricks that hold a voxel, and the number of the first of these.
+// A block of 64³ voxels; blocks are in x-first order. It has the mask of its bricks that hold a voxel, and the number of the first of
+// these.
 struct BrickBlock {
     uint64_t occupied;
     uint first_brick;
     uint reserved;
 };
 
-// 16³ voxels: cells with a voxel and with all, and where the fields of the others and the boxes begin.
+// A brick of 16³ voxels: the masks of cells that hold a voxel and of full cells, and where the fields of the other cells and the parts
+// begin.
 struct Brick {
     uint64_t occupied;
     uint64_t full;
@@ -231,7 +233,7 @@ struct Brick {
     uint first_part;
 };
 
-// A box in a brick: its cells there.
+// A part of a brick: the cells of the brick that one box covers.
 struct BrickPart {
     uint64_t cells;
     uint box_number;
@@ -287,7 +289,7 @@ struct CutPlane {
 const uint LOD_BY_DISTANCE = 3u;
 // The instance is a mesh.
 const uint LOD_TRIANGLES = 4u;
-// The same, and it is a shadow catcher.
+// The instance is a mesh that is a shadow catcher.
 const uint LOD_CATCHER = 5u;
 const uint64_t INSTANCE_BYTES = 440UL;
 
@@ -331,7 +333,7 @@ struct FirstRecord {
     float position[3];
 };
 
-// A bounding volume hierarchy's node, 80 bytes as drawn in pumice_transport::geometry::bvh; bytes are taken out of their words.
+// A node of the bounding volume hierarchy, 80 bytes as documented in pumice_transport::geometry::bvh; bytes are extracted from words.
 struct BvhNode {
     float origin[3];
     uint exponents_and_inner;
@@ -364,7 +366,7 @@ layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Ray
 layout(buffer_reference, scalar, buffer_reference_align = 8) buffer HitRecords { HitRecord at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer FirstRecords { FirstRecord at[]; };
 
-// A reference to an instance is the address of its record, which comes first in its array.
+// A reference to an instance is the address of its record, the first element of the referenced array.
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer InstanceRef { Instance it; };
 
 #endif

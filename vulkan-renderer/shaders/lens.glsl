@@ -6,7 +6,7 @@
 #include "f64.glsl"
 #include "trigonometry.glsl"
 
-// An even point of the unit disk.
+// A uniformly distributed point of the unit disk.
 vec2 sample_disk(vec2 u) {
     precise float a = 2.0 * u.x - 1.0;
     precise float b = 2.0 * u.y - 1.0;
@@ -20,7 +20,7 @@ vec2 sample_disk(vec2 u) {
     return vec2(r * sc.y, r * sc.x);
 }
 
-// An even point of the regular polygon in the unit circle.
+// A uniformly distributed point of the regular polygon in the unit circle.
 vec2 sample_polygon(uint corners, float rotation_rad, vec2 u) {
     precise float scaled = u.x * float(corners);
     float corner = floor(scaled);
@@ -32,7 +32,7 @@ vec2 sample_polygon(uint corners, float rotation_rad, vec2 u) {
     return vec2(sc.y * x - sc.x * y, sc.x * x + sc.y * y);
 }
 
-// A point of the opening, in world units along the picture's x and y.
+// A point of the lens aperture, in world units along the picture's x and y.
 void lens_sample(CameraRecord camera, vec2 u, out f64 along, out f64 above) {
     vec2 p = camera.lens_blades == 0u ? sample_disk(u) : sample_polygon(camera.lens_blades, camera.lens_rotation_rad, u);
     f64 radius = f64_from_bits(camera.lens_radius);

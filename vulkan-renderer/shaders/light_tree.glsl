@@ -11,19 +11,19 @@ const float FARTHEST_RECEIVER = 1e4;
 const float LEAST_SQUARED = 1e-20;
 const float BELOW_ONE = 1.0 - 1.0 / 16777216.0;
 
-// A receiver as the tree sees it.
+// The receiver in the tree's coordinates.
 struct SeenFrom {
     vec3 point;
     vec3 normal;
     bool both_sides;
 };
 
-// How many of `count` emitters are on the left.
+// How many of `count` emitters are in the left half.
 uint left_of(uint count) {
     return (count + 1u) / 2u;
 }
 
-// How much the emitters below a node matter to a receiver.
+// Importance of the emitters below a node for a receiver.
 float importance(LightNode node, SeenFrom from) {
     vec3 lo = vec3_of(node.lo), hi = vec3_of(node.hi);
     vec3 half_extent = (hi - lo) * 0.5;
@@ -32,12 +32,12 @@ float importance(LightNode node, SeenFrom from) {
     if (from.both_sides) {
         return node.power / squared;
     }
-    // Of the corner that is highest above the receiver.
+    // For the corner that is highest above the receiver.
     float height = dot(way, from.normal) + dot(half_extent, abs(from.normal));
     return height <= 0.0 ? 0.0 : node.power * min(height / sqrt(squared), 1.0) / squared;
 }
 
-// A receiver as the tree sees it.
+// Transforms a receiver to the tree's coordinates.
 SeenFrom seen_from(Emitters emitters, Receiver from) {
     DVec3 way = dvec3_sub(from.point, dvec3_from_bits(emitters.middle));
     vec3 point = dvec3_to_vec3(dvec3_scale(way, f64_from_bits(emitters.scale)));
@@ -49,7 +49,7 @@ SeenFrom seen_from(Emitters emitters, Receiver from) {
     return SeenFrom(point, from.normal, from.both_sides);
 }
 
-// Chance of the left one of a node's halves; below 0 where neither matters.
+// Probability of the left half of a node; below 0 where neither half matters.
 float probability_left(LightNodes nodes, uint node, uint left, SeenFrom from) {
     float a = importance(nodes.at[node + 1u], from);
     float b = importance(nodes.at[node + 2u * left], from);
@@ -57,7 +57,7 @@ float probability_left(LightNodes nodes, uint node, uint left, SeenFrom from) {
     return both > 0.0 ? a / both : -1.0;
 }
 
-// An emitter, and the chance with which it is chosen; 0 where none matters.
+// Chooses an emitter, with its probability; probability 0 where none matters.
 uint tree_choose(Emitters emitters, SeenFrom from, vec2 numbers, out float probability) {
     LightNodes nodes = LightNodes(emitters.nodes);
     uint node = 0u, first = 0u, count = emitters.count, level = 0u;
@@ -91,7 +91,7 @@ uint tree_choose(Emitters emitters, SeenFrom from, vec2 numbers, out float proba
     return first;
 }
 
-// The chance with which tree_choose gives this emitter.
+// The probability with which tree_choose returns this emitter.
 float tree_probability(Emitters emitters, SeenFrom from, uint emitter) {
     LightNodes nodes = LightNodes(emitters.nodes);
     uint node = 0u, first = 0u, count = emitters.count;

@@ -1,4 +1,4 @@
-// What lights the scene: twin of transport/src/lights.rs.
+// The lights of a scene: twin of transport/src/lights.rs.
 #ifndef LIGHTS_GLSL
 #define LIGHTS_GLSL
 
@@ -11,7 +11,7 @@ const uint STRATEGY_MIS = 0u;
 const uint STRATEGY_LIGHTS_ONLY = 1u;
 const uint STRATEGY_BSDF_ONLY = 2u;
 
-// `pdf` 0: a single direction; `found` false: no sample; `instance`: whose surface it is, NONE where it is none.
+// `pdf` 0: a single direction. `found` false: no sample. `instance`: the instance of an emissive surface, NONE for other lights.
 struct LightSample {
     bool found;
     DVec3 direction;
@@ -21,7 +21,7 @@ struct LightSample {
     uint instance;
 };
 
-// Veach 1997, eq. 9.13 with β = 2. Ratios first: squares of peaked densities overflow.
+// Power heuristic, Veach 1997, eq. 9.13 with β = 2. Ratios first: squares of peaked densities overflow.
 float power_heuristic(float a, float b) {
     if (a <= 0.0) {
         return 0.0;
@@ -30,7 +30,7 @@ float power_heuristic(float a, float b) {
     return 1.0 / (1.0 + r * r);
 }
 
-// Whether any light is aimed at.
+// Whether any light is sampled.
 bool samples_lights(Lights lights) {
     return (lights.light_count != 0u || lights.emitters_probability > 0.0) && lights.strategy != STRATEGY_BSDF_ONLY;
 }
@@ -43,7 +43,7 @@ float light_probability(Lights lights, uint light) {
     return (cdf.at[light] - (light == 0u ? 0.0 : cdf.at[light - 1u])) * (1.0 - lights.emitters_probability);
 }
 
-// A light that is no surface, and a direction towards it.
+// Samples a light that is no surface, and a direction towards it.
 LightSample sample_infinite_or_lamp(Lights lights, Environment sky, Receiver from, float choice, vec2 u) {
     LightSample result;
     result.found = false;
@@ -87,7 +87,7 @@ LightSample sample_infinite_or_lamp(Lights lights, Environment sky, Receiver fro
     return result;
 }
 
-// A light and a direction towards it; `further` numbers are for one of many surfaces.
+// Samples a light and a direction towards it; the numbers `further` are for emissive surfaces.
 LightSample sample_light(SceneRef scene, Lights lights, Environment sky, Receiver from, float choice, vec2 u, vec2 further) {
     if (NEEDS_EMITTERS != 0u && choice < lights.emitters_probability) {
         EmitterSample s = emitters_sample(scene, from, choice / lights.emitters_probability, further, u);
@@ -106,7 +106,7 @@ LightSample sample_light(SceneRef scene, Lights lights, Environment sky, Receive
     return sample_infinite_or_lamp(lights, sky, from, choice, u);
 }
 
-// Weight of light that was aimed at, where scattering would have found it with density `other`.
+// MIS weight of a light sample, where scattering would have found the direction with density `other`.
 float light_mis_weight(Lights lights, float pdf, float other) {
     return pdf > 0.0 && lights.strategy == STRATEGY_MIS ? power_heuristic(pdf, other) : 1.0;
 }
@@ -118,7 +118,7 @@ float bsdf_mis_weight(Lights lights, float pdf, float light) {
     return lights.strategy == STRATEGY_LIGHTS_ONLY && light > 0.0 ? 0.0 : 1.0;
 }
 
-// Weight of light that a surface was met to send out, by a ray scattered at `from` with density pdf after it had gone `far`.
+// MIS weight of the emission of a surface that a ray met, which was scattered at `from` with density pdf and has gone `far`.
 float emission_weight(SceneRef scene, Lights lights, Receiver from, Hit hit, f64 far, float pdf) {
     if (is_seen_from_within(hit) || f64_eq(hit.t, F64_ZERO)) {
         return 1.0;
@@ -127,7 +127,7 @@ float emission_weight(SceneRef scene, Lights lights, Receiver from, Hit hit, f64
     return bsdf_mis_weight(lights, pdf, aimed);
 }
 
-// Light that a scattered ray (unit direction, drawn with density pdf) finds at infinity.
+// Light at infinity that a scattered ray (unit direction, drawn with density pdf) finds.
 vec3 infinite_emission(Lights lights, Environment sky, DVec3 direction, float pdf) {
     vec3 light;
     if (sky.width == 0u) {
@@ -147,8 +147,8 @@ vec3 infinite_emission(Lights lights, Environment sky, DVec3 direction, float pd
     return light;
 }
 
-// Light of all lamps that a ray (unit direction) passes through before it has gone `limit`: one that was scattered at `from` with
-// density `pdf`, or one of the camera's, which has none.
+// Light of all lamps that a ray (unit direction) passes through before it has gone `limit`: a ray that was scattered at `from` with density
+// `pdf`, or a camera ray, which has no density.
 vec3 lamp_emission(Lights lights, Receiver from, DVec3 direction, f64 limit, float pdf, bool of_camera) {
     vec3 d = dvec3_to_vec3(direction);
     vec3 light = vec3(0.0);

@@ -1,4 +1,4 @@
-// Which detail a box is drawn at: twin of transport/src/geometry/lod.rs.
+// Level of detail of a box: twin of transport/src/geometry/lod.rs.
 #ifndef LOD_GLSL
 #define LOD_GLSL
 
@@ -8,7 +8,7 @@ const uint LEVEL_VOXELS = 0u;
 const uint LEVEL_CELLS = 1u;
 const uint LEVEL_BOXES = 2u;
 
-// The level of one box. Products and sums in the twin's order: the same, bit for bit.
+// The level of one box. Products and sums are in the twin's order, so the result is the same bit for bit.
 uint lod_level(InstanceRef instance, uvec3 origin, uvec3 extent) {
     uint lod = instance.it.lod;
     if (lod != LOD_BY_DISTANCE) {

@@ -1,11 +1,11 @@
-// What each label looks like: twin of render's looks (transport/src/material_table.rs).
+// Materials of labels: twin of transport/src/material_table.rs.
 #ifndef MATERIAL_TABLE_GLSL
 #define MATERIAL_TABLE_GLSL
 
 #include "layout.glsl"
 #include "needs.glsl"
 
-// Whether they are a shadow catcher's.
+// Whether the instance is a shadow catcher.
 bool material_table_catches(InstanceRef instance) {
     return NEEDS_CATCHER != 0u && instance.it.lod == LOD_CATCHER;
 }
@@ -16,7 +16,7 @@ Material material_of(InstanceRef instance, uint label) {
     return Materials(instance.it.materials).at[index];
 }
 
-// What mattes call a label; 0, which is no name, where there are none.
+// Cryptomatte ids of a label; 0, which is no id, where there are none.
 vec2 material_table_ids_of(InstanceRef instance, uint label) {
     if (instance.it.matte_ids == 0UL) {
         return vec2(0.0);

@@ -1,24 +1,24 @@
-// Smooth normals of triangles: twin of transport/src/geometry/mesh_normals.rs, which explains it, and of core/src/octahedral.rs,
-// which has the words.
+// Smooth normals of triangles: twin of transport/src/geometry/mesh_normals.rs, which explains it, and of core/src/octahedral.rs, which
+// documents the words.
 #ifndef MESH_NORMALS_GLSL
 #define MESH_NORMALS_GLSL
 
 #include "dvec3.glsl"
 
-// No direction, but the surface's own.
+// Stands for the surface's own normal.
 const uint FLAT = 0x80008000u;
 
-// The direction of a word, of a length from 1/√3 to 1.
+// Decodes a word to a direction, of a length from 1/√3 to 1.
 vec3 decode(uint word) {
     ivec2 parts = ivec2(int(word << 16) >> 16, int(word) >> 16);
     vec2 xy = vec2(parts) / 32767.0;
     float z = 1.0 - abs(xy.x) - abs(xy.y);
-    // Below, what is missing to 1 is folded back.
+    // In the lower half, the outer parts are folded back.
     float missing = max(-z, 0.0);
     return vec3(xy.x >= 0.0 ? xy.x - missing : xy.x + missing, xy.y >= 0.0 ? xy.y - missing : xy.y + missing, z);
 }
 
-// Blended normal at p, of any length above 0, in the space of the corners; false where the triangle's own is meant.
+// Interpolated normal at p, of any length above 0, in the space of the corners; false where the triangle's own normal is meant.
 bool blended_normal(DVec3 corners[3], uint normals[3], DVec3 p, out vec3 normal) {
     normal = vec3(0.0);
     if (normals[0] == FLAT && normals[1] == FLAT && normals[2] == FLAT) {
@@ -36,7 +36,7 @@ bool blended_normal(DVec3 corners[3], uint normals[3], DVec3 p, out vec3 normal)
         vec3 corner = normals[i] == FLAT ? own : decode(normals[i]);
         sum += corner * (weight / sqrt(dot(corner, corner)));
     }
-    // Corners may say the opposite of each other, and a triangle may have no area.
+    // Normals of the corners may be opposite, and a triangle may have no area.
     float largest = max(max(abs(sum.x), abs(sum.y)), abs(sum.z));
     if (!(largest > 0.0) || isinf(largest)) {
         return false;

@@ -1,5 +1,5 @@
 // Triangles of one mesh: twin of cpu-renderer/src/traverse/mesh_tracer.rs, which explains it. A mesh is an instance whose items are
-// triangles; the searches of volume_tracer.glsl, which includes this, find them as they find boxes.
+// triangles; the searches of volume_tracer.glsl, which includes this file, find them as they find boxes.
 #ifndef MESH_TRACER_GLSL
 #define MESH_TRACER_GLSL
 
@@ -23,7 +23,7 @@ f64 length_along_axes(DVec3 d) {
     return f64_add(f64_add(f64_abs(d.at[0]), f64_abs(d.at[1])), f64_abs(d.at[2]));
 }
 
-// The triangle that a path goes on from.
+// The triangle that a path leaves.
 struct Leaving {
     DVec3 point;
     DVec3 normal;
@@ -40,19 +40,19 @@ Leaving mesh_leaving(InstanceRef instance, uint triangle, DVec3 direction) {
     return Leaving(corners[0], goes_back ? dvec3_neg(normal) : normal, size);
 }
 
-// Whether a triangle with these corners cannot be met.
+// Whether a ray from there cannot meet a triangle with these corners.
 bool is_out_of_reach(Leaving leaving, DVec3 corners[3]) {
     bool reaches = false;
     [[dont_unroll]] for (uint i = 0u; i < 3u; i++) {
         DVec3 d = dvec3_sub(corners[i], leaving.point);
         f64 size = f64_mul(leaving.size, length_along_axes(d));
-        // ε·8: a double's ε is 2^−52.
+        // ε·8, where the ε of a double is 2^−52.
         reaches = reaches || !f64_le(dvec3_dot(leaving.normal, d), f64_mul(size, f64_exp2(-49)));
     }
     return !reaches;
 }
 
-// Brings a search to a mesh: from where the ray comes to it.
+// Starts a search in a mesh where the ray enters the mesh's grid.
 void start_in_grid(inout Search search) {
     ROLLED for (uint a = 0u; a < 3u; a++) {
         search.ray.origin[a] = f64_add(search.ray.origin[a], f64_mul(search.ray.direction[a], search.enter_all));
@@ -63,7 +63,7 @@ void start_in_grid(inout Search search) {
     search.shear = ray.shear;
 }
 
-// Looks at one triangle. True when the search is over.
+// Tests one triangle. Returns true when the search is complete.
 bool visit_triangle(InstanceRef instance, inout Search search, uint triangle) {
     TriangleRay ray;
     ray.origin = dvec3_of(search.ray.origin[0], search.ray.origin[1], search.ray.origin[2]);
@@ -104,7 +104,7 @@ Hit mesh_hit(InstanceRef instance, uint instance_number, IndexRay ray, f64 t, ui
         normal_of(placement_of(instance), normal), f64_lt(F64_ZERO, dvec3_dot(normal, direction)));
 }
 
-// The normal that a triangle is shaded by at a point; false where that is its own.
+// The shading normal of a triangle at a point; false where it is the geometric normal.
 bool mesh_smooth_normal(InstanceRef instance, uint triangle, DVec3 point, out DVec3 normal) {
     normal = point;
     if (instance.it.leaves == 0UL) {

@@ -1,5 +1,5 @@
-// One 64-wide node: twin of core/src/node.rs and leaves.rs. Nodes start at any 16-bit word; they are read by aligned 32-bit words, so
-// that devices need not have 16-bit memory access. A read may reach behind a node, where there is another or spare zeros.
+// One 64-wide node: twin of core/src/node.rs and leaves.rs. Nodes start at any 16-bit word. They are read by aligned 32-bit words, so
+// devices need no 16-bit memory access. A read may go past the end of a node, into another or into spare zeros.
 #ifndef NODE_GLSL
 #define NODE_GLSL
 
@@ -7,14 +7,14 @@
 
 const uint OCCUPIED_WORDS = 4u;
 const uint MAX_PATTERNS = 8192u;
-// Number of a first slice that says that the field is a rare one.
+// Number of a first slice that marks the field as a rare one.
 const uint RARE = 4095u;
-// What leaves begin with: words of a long reference, bytes before the patterns, bytes before the rare fields; slices from here on.
+// Header of the leaves: words of a long reference, byte offset of the patterns, byte offset of the rare fields. Slices follow it.
 const uint LEAVES_HEADER_BYTES = 16u;
 
 struct NodeRef {
     uint64_t occupied;
-    // Classes by rank, each the lower and the upper bit.
+    // Classes of cells by rank: the lower and the upper bit of each.
     uint64_t low;
     uint64_t high;
     // Address of the 32-bit word that holds the first 16-bit one, and whether that is its upper half.
@@ -60,7 +60,7 @@ NodeRef node_read(Address nodes, uint64_t at, Address leaves) {
     uint64_t first = word64(node.words, node.odd, OCCUPIED_WORDS);
     uint64_t second = word64(node.words, node.odd, OCCUPIED_WORDS + 4u);
     node.low = first & below64(n);
-    // The bits from n on; 0 and 64 are no shifts.
+    // The bits from n on. Shifts by 64 are undefined, so 0 and 64 are treated apart.
     node.high = (n == 64u ? second : n == 0u ? 0UL : (first >> n) | (second << (64u - n))) & below64(n);
     node.references = header_words(n);
     return node;
@@ -74,12 +74,12 @@ uint reference_words(uint64_t low, uint64_t high, uint beyond_3) {
     return count_ones64(low) + 2u * count_ones64(high) + beyond_3 * count_ones64(low & high);
 }
 
-// By which a voxel's number in its cell is changed where the field is mirrored along these axes.
+// The number that a voxel's number in its cell is XORed with, where the field is mirrored along these axes.
 uint flip_of(uint mirrors) {
     return (mirrors & 1u) * 3u | ((mirrors >> 1) & 1u) * 12u | (mirrors >> 2) * 48u;
 }
 
-// A field whose voxel v is voxel v ^ flip of another.
+// A field whose voxel v is voxel v ^ flip of another field.
 uint64_t flipped(uint64_t field, uint flip) {
     uint64_t f = field;
     if ((flip & 3u) != 0u) {
@@ -108,7 +108,7 @@ uint64_t leaf_sliced(Address leaves, uint first, uint second) {
     return leaf_of_slices(leaves, first & 255u, first >> 8, second & 255u, second >> 8);
 }
 
-// The field of a long reference, of which these are the first 4 words.
+// The field of a long reference, given the first 4 words of the reference.
 uint64_t leaf_long(Address leaves, uint beyond_3, uint64_t words) {
     if (beyond_3 == 1u) {
         return words;
@@ -149,7 +149,7 @@ uint64_t node_flipped_field(NodeRef node, uint c, out uint flip) {
                 : leaf_ranked(node.leaves, first, flip);
 }
 
-// Whether a voxel of a cell is there.
+// Whether a cell has this voxel.
 bool node_has(NodeRef node, uint c, uint voxel) {
     uint flip;
     uint64_t field = node_flipped_field(node, c, flip);

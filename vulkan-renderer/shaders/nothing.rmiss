@@ -1,4 +1,4 @@
-// A ray that meets nothing leaves its search as it was.
+// The miss shader. A ray that meets nothing leaves its search state unchanged.
 #version 460
 #extension GL_EXT_ray_tracing : require
 

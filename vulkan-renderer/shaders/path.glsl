@@ -1,7 +1,7 @@
-// One path, from the camera to its end: twin of cpu-renderer/src/path.rs, with the loop of path_tracer.rs around it, and with what
-// crossing.rs does along the way to a light.
+// One path, from the camera to its end: twin of cpu-renderer/src/path.rs, with the sample loop of path_tracer.rs around it, and with the
+// work of crossing.rs on the way to a light.
 //
-// The twin asks the geometry in three places. Here there is one, in a loop that knows what the ray was for: shaders inline what
+// The twin traces rays in three places. Here there is one place, in a loop with a state that says what the ray is for: shaders inline what
 // they call, and threads of a group that trace at different places would wait for each other.
 #ifndef PATH_GLSL
 #define PATH_GLSL
@@ -19,7 +19,7 @@
 #include "film_sample.glsl"
 
 const uint FIRST_ROULETTE = 2u;
-// Added to a surface's number for numbers beyond its pairs.
+// Added to a surface's number for random numbers beyond its pairs.
 const uint FURTHER = 1u << 28;
 const float LEAST_SURVIVAL = 0.05;
 
@@ -52,13 +52,14 @@ DVec3 frame_world(Frame frame, vec3 w) {
         dvec3_scale(frame.normal, f64_from_f32(w.z)));
 }
 
-// What the ray in flight is for.
+// The purpose of the ray in flight.
 const uint FLIGHT_CAMERA = 0u;
 const uint FLIGHT_SHADOW = 1u;
 const uint FLIGHT_SCATTERED = 2u;
 const uint FLIGHT_AMBIENT = 3u;
 
-// Light along a camera ray that sees up to t_max, told to a tally; `down` says where in the picture it is, 0 top to 1 bottom.
+// Light along a camera ray that sees up to t_max, added to a film sample; `down` is the position in the picture, 0 at the top to 1 at the
+// bottom.
 void follow(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, float down, inout FilmSample film_sample) {
     Lights lights = scene.it.lights;
     Environment sky = scene.it.environment;
@@ -69,12 +70,12 @@ void follow(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, floa
     uint bounces = mode == MODE_PATH ? scene.it.settings.bounces : 0u;
     bool sample_lights = NEEDS_LIGHT_SAMPLING != 0u && samples_lights(lights);
     vec3 throughput = vec3(1.0);
-    // Surfaces that scattered, and such that were passed straight through.
+    // Number of surfaces that scattered, and of surfaces that were passed straight through.
     uint vertex = 0u, passed = 0u;
     uint flight = FLIGHT_CAMERA;
     // The surface that the ray in flight starts from.
     Hit left = no_hit();
-    // What the light in flight adds, through how many surfaces it came, and where the path goes on after it.
+    // Of the light ray in flight: what it adds, and how many surfaces it has passed; and where the path continues after it.
     vec3 add = vec3(0.0);
     uint light_passed = 0u;
     bool goes_on = false;
@@ -82,7 +83,7 @@ void follow(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, floa
     DVec3 onward_origin = ray.origin;
     DVec3 onward = ray.direction;
     float onward_pdf = 0.0;
-    // Where the straight way of the path began, and how far it has come through surfaces that are not there, in world units.
+    // Where the straight part of the path began, and how far it has come through transparent surfaces, in world units.
     Receiver receiver = Receiver(ray.origin, vec3(0.0, 0.0, 1.0), true);
     f64 gone = F64_ZERO;
     while (true) {
@@ -99,7 +100,7 @@ void follow(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, floa
             hit = next_hit(hit, ray.direction, left, t_max);
         }
         if (flight == FLIGHT_SHADOW) {
-            // Some of the light may come through.
+            // A transparent surface lets some of the light through.
             if (NEEDS_TRANSPARENT != 0u && is_hit(hit) && light_passed < MAX_TRANSPARENT_SURFACES) {
                 float alpha = material_of(instance_at(scene, hit.surface.instance), hit.surface.label).alpha;
                 if (alpha < 1.0) {
@@ -111,7 +112,7 @@ void follow(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, floa
                     continue;
                 }
             }
-            // The light is seen, or not; the path goes on from where it was.
+            // The light is visible or not; the path continues from its last surface.
             if (!is_hit(hit)) {
                 film_sample_add_direct_light(film_sample, add, vertex);
             }
@@ -148,13 +149,13 @@ void follow(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, floa
             return;
         }
         ray.origin = dvec3_add(ray.origin, dvec3_scale(ray.direction, hit.t));
-        // Whether a path outside of all labels started within another label's coarse element. (A mesh may well stand inside of a label.)
+        // Whether a path outside of all labels started within another label's coarse element. (A mesh may well be inside a label.)
         bool buried = is_seen_from_within(hit) && flight == FLIGHT_SCATTERED && goes_outward(ray.direction, left) &&
             left.surface.kind != SURFACE_TRIANGLE && !may_touch(ray.direction, left);
         left = hit;
 
-        // The camera's first shadow catcher: the twin goes on twice from here. Here the whole sample is followed twice, the second time
-        // to get here, by the same numbers, and on among catchers alone: so nothing need be kept meanwhile.
+        // The camera ray's first shadow catcher: the twin continues twice from here. Here the whole sample is traced twice. The second time
+        // it gets here with the same random numbers and continues among catchers alone, so no state need be stored in between.
         if (vertex == 0u && film_sample_catches(film_sample) && material_table_catches(instance_at(scene, hit.surface.instance))) {
             if (film_sample.sink == SINK_NOTHING) {
                 film_sample_among_catchers(film_sample);
@@ -185,7 +186,7 @@ void follow(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, floa
         Material material = material_of(instance_at(scene, hit.surface.instance), hit.surface.label);
         uint number = vertex + passed;
 
-        // Straight on where the surface is not there.
+        // Straight through, with probability 1 − alpha.
         if (NEEDS_TRANSPARENT != 0u && material.alpha < 1.0 &&
             sampler_bounce(points, number, PAIR_ROULETTE).y >= material.alpha) {
             passed += 1u;
@@ -197,13 +198,13 @@ void follow(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, floa
             continue;
         }
 
-        // The side that is seen.
+        // The normal on the visible side.
         DVec3 normal = hit.from_inside ? dvec3_neg(hit.normal_in_world) : hit.normal_in_world;
         DVec3 shading = normal;
         bool is_smooth = shading_normal(scene, hit, ray.origin, shading);
         Frame frame = frame_new(shading);
         vec3 wi = frame_local(frame, dvec3_neg(dvec3_normalize(ray.direction)));
-        // What shines, shines as the surface lies: those who aim at it know no other normal.
+        // Emission uses the geometric normal, as light sampling does.
         vec3 own = is_smooth ? frame_local(frame, normal) : vec3(0.0, 0.0, 1.0);
         float cosine = max(is_smooth ? dot(wi, own) : wi.z, LEAST_VIEW);
         vec3 emission = emitted(scene.it.tables, material, cosine);
@@ -235,7 +236,7 @@ void follow(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, floa
         receiver = Receiver(ray.origin, dvec3_to_vec3(frame.normal), bsdf_transmits(bsdf));
         float lobe = 0.5;
 
-        // Aim at a light.
+        // Sample a light.
         bool light_in_flight = false;
         DVec3 towards_light = ray.direction;
         f64 light_distance = F64_INFINITY;
@@ -273,7 +274,7 @@ void follow(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, floa
         if (goes_on) {
             throughput *= scattered.weight;
             if (NEEDS_SORTED != 0u && vertex == 0u) {
-                // A mirror's only direction is the mirror's alone.
+                // The only direction of a mirror belongs to the mirror lobe alone.
                 vec3 diffuse = vec3(0.0);
                 if (!isinf(scattered.pdf)) {
                     diffuse = diffuse_share(bsdf, scattered.wo, scattered.weight * scattered.pdf);
@@ -283,11 +284,11 @@ void follow(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, floa
             onward = frame_world(frame, scattered.wo);
             onward_pdf = scattered.pdf;
             float most = max_element(throughput);
-            // On the side of the surface itself that it was sampled for.
+            // Valid only on the side of the geometric surface for which it was sampled.
             f64 above = dvec3_dot(onward, normal);
             goes_on = most > 0.0 && (scattered.through ? f64_lt(above, F64_ZERO) : f64_lt(F64_ZERO, above));
 
-            // End by Russian roulette; who survives stands for who does not.
+            // End by Russian roulette; the weight of surviving paths accounts for the ended ones.
             if (goes_on && scene.it.settings.russian_roulette != 0u && vertex >= FIRST_ROULETTE && most < 1.0) {
                 float survival = max(most, LEAST_SURVIVAL);
                 goes_on = sampler_bounce(points, number, PAIR_ROULETTE).x < survival;
@@ -326,7 +327,7 @@ FilmSample sample_of_pixel(SceneRef scene, uvec2 pixel, uint number) {
     }
     float down = f64_to_f32(f64_div(py, f64_from_bits(scene.it.camera.size[1])));
     FilmSample film_sample = film_sample_new(scene.it.settings);
-    // Once more among catchers, where one was met.
+    // A second time among catchers, where one was met.
     for (uint round = 0u; round < (NEEDS_CATCHER == 0u ? 1u : 2u); round++) {
         follow(scene, points, ray, t_max, down, film_sample);
         if (film_sample.sink != SINK_CAUGHT) {

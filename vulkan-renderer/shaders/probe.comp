@@ -1,4 +1,4 @@
-// Runs one function on rows of words, for the tests that compare it with its twin. The numbers are those of tests/twins.
+// Runs one function on rows of words, for the tests that compare it with its twin. Function numbers are those in tests/twins.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 
@@ -11,7 +11,7 @@ layout(constant_id = 0) const uint FUNCTION = 0u;
 
 layout(local_size_x = 64) in;
 
-// Places of the next word to read and to write.
+// Positions of the next word to read and of the next word to write.
 uint in_at;
 uint out_at;
 

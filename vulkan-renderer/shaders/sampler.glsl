@@ -19,7 +19,7 @@ const uint PAIR_ROULETTE = 3u;
 
 const uint PAIRS_A_BOUNCE = 4u;
 
-// Pairs whose first points are spread over the picture: those below this.
+// Pairs whose first points are distributed over the picture: those below this.
 const uint SPREAD = 1u + 2u * PAIRS_A_BOUNCE;
 
 const uint64_t SHARED_BY_PIXELS = 0x8000000000000000UL;
@@ -27,13 +27,13 @@ const uint64_t SHARED_BY_PIXELS = 0x8000000000000000UL;
 struct PixelSampler {
     uint64_t base;
     uint index;
-    // Key of what all pixels of a replicate share.
+    // Key that all pixels of a replicate share.
     uint64_t shared_key;
-    // The pixel's number along a Z-shaped curve through the picture.
+    // The pixel's number along a Z-order curve through the picture.
     uint place;
 };
 
-// 24 high bits as a number in [0, 1).
+// The 24 high bits as a number in [0, 1).
 float unit(uint bits) {
     return float(bits >> 8) * (1.0 / 16777216.0);
 }
@@ -77,7 +77,7 @@ uint z_order_part(uint v) {
     return (v | (v << 1)) & 0x55555555u;
 }
 
-// The bits of x and y in turn.
+// Interleaves the bits of x and y.
 uint z_order(uvec2 pixel) {
     return z_order_part(pixel.x) | (z_order_part(pixel.y) << 1);
 }
@@ -108,23 +108,23 @@ vec2 sampler_pair(PixelSampler points, uint dimension) {
     uint64_t key = key_of(points.base, dimension);
     uvec2 point = scrambled_point(points.index, key);
     if (dimension < SPREAD) {
-        // Of the first point this leaves where it shall be.
+        // Moves the first point to its place among the points of the picture.
         point ^= scrambled_point(0u, key) ^ scrambled_point(points.place, key_of(points.shared_key, dimension));
     }
     return vec2(unit(point.x), unit(point.y));
 }
 
-// The pair for `pair` of bounce `bounce`, each number in [0, 1).
+// Numbers in [0, 1) for pair `pair` of bounce `bounce`.
 vec2 sampler_bounce(PixelSampler points, uint bounce, uint pair) {
     return sampler_pair(points, DIMENSION_BOUNCE + bounce * PAIRS_A_BOUNCE + pair);
 }
 
-// The pair for the film.
+// Numbers for the position within the film's filter.
 vec2 sampler_film(PixelSampler points) {
     return sampler_pair(points, DIMENSION_FILM);
 }
 
-// The pair for the camera's opening.
+// Numbers for the point on the lens aperture.
 vec2 sampler_lens(PixelSampler points) {
     return sampler_pair(points, DIMENSION_LENS);
 }

@@ -10,13 +10,13 @@ InstanceRef instance_at(SceneRef scene, uint number) {
     return InstanceRef(scene.it.instances + uint64_t(number) * INSTANCE_BYTES);
 }
 
-// One function for the three questions of the twin (see volume_ask): `first_hit`; with `any`, `occluded`; with `only` a label,
-// `next_boundary` of it in instance `only_instance`.
+// One function for the three queries of the twin (see volume_ask): `first_hit`; with `any`, `occluded`; with `only` a label,
+// `next_boundary` of that label in instance `only_instance`.
 //
-// With `catchers`, they are asked of shadow catchers alone, for which the twin has a tracer of their own.
+// With `catchers` it tests shadow catchers alone, for which the twin has a separate tracer.
 //
-// The nearest of what each meets by itself, that of the lowest number where several are as near, in whatever order they are asked. (One
-// call of volume_ask, because shaders inline what they call: what is asked next is chosen before it.)
+// It takes the nearest of the hits in each instance, and of equally near ones that of the lowest instance number, so the order of the tests
+// does not matter. (There is one call of volume_ask, because shaders inline what they call. The next instance is chosen before the call.)
 Hit scene_ask(SceneRef scene, RayInWorld ray, Surface from, f64 t_max, bool any, uint only, uint only_instance,
     bool catchers) {
     Hit best = no_hit();
@@ -29,7 +29,8 @@ Hit scene_ask(SceneRef scene, RayInWorld ray, Surface from, f64 t_max, bool any,
         by_tree = instance_tree_along_ray(tree, ray, t_max, walk);
         count = 0u;
     }
-    // In turn from `next` to `count`; where there is a hierarchy, the one that the path goes on from, and then as that finds them.
+    // Instances are tested in turn from `next` to `count`. With a hierarchy, the first is the instance that the path leaves, then those
+    // that the hierarchy finds.
     uint next = 0u;
     if (only != NONE) {
         next = only_instance;
@@ -69,7 +70,7 @@ Hit scene_ask(SceneRef scene, RayInWorld ray, Surface from, f64 t_max, bool any,
     return best;
 }
 
-// The normal that a surface is shaded by at a point; false where that is its own.
+// The shading normal of a surface at a point; false where it is the geometric normal.
 bool scene_smooth_normal(SceneRef scene, Surface surface, DVec3 point, out DVec3 normal) {
     InstanceRef instance = instance_at(scene, surface.instance);
     normal = point;
@@ -77,7 +78,8 @@ bool scene_smooth_normal(SceneRef scene, Surface surface, DVec3 point, out DVec3
                              : volume_smooth_normal(instance, surface, point, normal);
 }
 
-// The normal that a surface is shaded by at a point of it, on the side of its own `normal`; that one where it is it, and false.
+// The shading normal of a surface at a point, on the side of its geometric `normal`. False where the two are the same; the result is
+// `normal` then.
 bool shading_normal(SceneRef scene, Hit hit, DVec3 point, inout DVec3 normal) {
     DVec3 smooth_one;
     if (NEEDS_SMOOTH == 0u || !scene_smooth_normal(scene, hit.surface, point, smooth_one)) {

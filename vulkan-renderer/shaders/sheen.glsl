@@ -1,4 +1,4 @@
-// Fibres that stand on a surface: twin of transport/src/bsdf/sheen.rs, which explains it.
+// Sheen, fibres that stand on a surface: twin of transport/src/bsdf/sheen.rs, which explains it.
 #ifndef SHEEN_GLSL
 #define SHEEN_GLSL
 
@@ -15,12 +15,12 @@ struct Sheen {
     float b;
 };
 
-// There are none.
+// For a surface without sheen.
 Sheen no_sheen() {
     return Sheen(vec3(0.0), 1.0, 0.0);
 }
 
-// The sheen of m seen under the cosine, and what is left for all that lies below it.
+// The sheen of m seen at this cosine; `left` is the fraction of light that remains for everything below it.
 Sheen sheen_new(Address tables, Material m, float cosine, out float left) {
     float roughness = max(m.sheen_roughness, LEAST_ROUGHNESS);
     float a = table_2d(tables, SHEEN, 32u, cosine, roughness);
@@ -35,13 +35,13 @@ Sheen sheen_new(Address tables, Material m, float cosine, out float left) {
     return Sheen(albedo, a, b);
 }
 
-// Where the viewer is, along the surface; anywhere where that is straight above.
+// Direction of the viewer along the surface; arbitrary where the viewer is straight above.
 vec2 viewer_side(vec3 wi) {
     float r = sqrt(wi.x * wi.x + wi.y * wi.y);
     return r > 0.0 ? wi.xy / r : vec2(1.0, 0.0);
 }
 
-// Density of sheen_sample above the surface; what is reflected is the albedo times that.
+// Density of sheen_sample above the surface; the reflected light is the albedo times that.
 float sheen_pdf(Sheen sheen, vec3 wi, vec3 wo) {
     vec2 side = viewer_side(wi);
     float x = wo.x * side.x + wo.y * side.y, y = wo.y * side.x - wo.x * side.y;
@@ -51,7 +51,7 @@ float sheen_pdf(Sheen sheen, vec3 wi, vec3 wo) {
     return FRAC_1_PI * wo.z * (factor * factor);
 }
 
-// A direction, of one with density cos / π.
+// Samples a direction, given one with density cos / π.
 vec3 sheen_sample(Sheen sheen, vec3 wi, vec3 cosine) {
     vec2 side = viewer_side(wi);
     float x = cosine.x - sheen.b * cosine.z, y = cosine.y;

@@ -1,4 +1,4 @@
-// Surfaces that are shaded by another normal than their own: twin of transport/src/bsdf/specular_normal.rs, which explains it.
+// Surfaces whose shading normal differs from their geometric normal: twin of transport/src/bsdf/specular_normal.rs, which explains it.
 #ifndef SPECULAR_NORMAL_GLSL
 #define SPECULAR_NORMAL_GLSL
 
@@ -13,12 +13,12 @@ struct SpecularNormal {
     vec3 normal;
 };
 
-// Both normals are the same.
+// For a surface whose normals are the same.
 SpecularNormal no_specular_normal() {
     return SpecularNormal(vec3(0.0, 0.0, 1.0));
 }
 
-// Of a surface with this geometric normal, seen from wi on its side; both in the frame of the shading normal.
+// For a surface with this geometric normal, seen from wi on its side; both are in the frame of the shading normal.
 SpecularNormal specular_normal_new(vec3 geometric, vec3 wi) {
     float height = max(dot(wi, geometric), LEAST_COSINE);
     float least = min(LEAST_HEIGHT, PART_OF_HEIGHT * height);
@@ -46,7 +46,7 @@ bool specular_normal_is_none(SpecularNormal specular_normal) {
     return NEEDS_SMOOTH == 0u || specular_normal.normal == vec3(0.0, 0.0, 1.0);
 }
 
-// A direction in the frame of the microfacets.
+// Transforms a direction into the frame of the microfacets.
 vec3 to_microfacets(SpecularNormal specular_normal, vec3 w) {
     if (specular_normal_is_none(specular_normal)) {
         return w;
@@ -57,7 +57,7 @@ vec3 to_microfacets(SpecularNormal specular_normal, vec3 w) {
     return vec3(w.x - n.x * part, w.y - n.y * part, cosine);
 }
 
-// The other way round.
+// Transforms a direction out of the frame of the microfacets.
 vec3 from_microfacets(SpecularNormal specular_normal, vec3 w) {
     if (specular_normal_is_none(specular_normal)) {
         return w;

@@ -1,4 +1,4 @@
-// Uniform directions over a rectangle: twin of transport/src/lamp/spherical_rectangle.rs.
+// Uniform sampling of directions to a rectangle by solid angle: twin of transport/src/lamp/spherical_rectangle.rs.
 #ifndef SPHERICAL_RECTANGLE_GLSL
 #define SPHERICAL_RECTANGLE_GLSL
 
@@ -13,13 +13,13 @@ struct SphericalRectangle {
     float solid_angle;
 };
 
-// Arcsine, by way of the arctangent.
+// Arcsine, computed through the arctangent.
 float arcsine(float x) {
     x = clamp(x, -1.0, 1.0);
     return atan2_of(x, sqrt((1.0 - x) * (1.0 + x)));
 }
 
-// The rectangle between two corners in the plane `height` (above 0) away.
+// The rectangle between two corners in the plane at distance `height` (above 0).
 SphericalRectangle spherical_rectangle_new(vec2 lo, vec2 hi, float height) {
     float h2 = height * height;
     float below = -lo.y / sqrt(lo.y * lo.y + h2);
@@ -31,7 +31,7 @@ SphericalRectangle spherical_rectangle_new(vec2 lo, vec2 hi, float height) {
     return SphericalRectangle(lo, hi, height, float[2](below, above), start, solid_angle);
 }
 
-// The point of the rectangle that belongs to two numbers: its x and y.
+// The point (x, y) of the rectangle for two numbers in [0, 1).
 vec2 spherical_rectangle_sample(SphericalRectangle r, vec2 u) {
     // x by the solid angle to its left.
     vec2 sc = sin_cos(u.x * r.solid_angle + r.start);

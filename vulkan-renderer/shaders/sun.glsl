@@ -1,5 +1,5 @@
-// A sun, ready to be sampled: twin of transport/src/sun.rs. Directions are doubles as there; the sine and cosine of a sampled azimuth
-// are floats, which turns the direction within the sun by up to 2^−22 of its radius.
+// A sun, prepared for sampling: twin of transport/src/sun.rs. Directions are doubles as there. The sine and cosine of a sampled azimuth are
+// floats, which shifts the direction within the sun by up to 2^−22 of its radius.
 #ifndef SUN_GLSL
 #define SUN_GLSL
 
@@ -7,7 +7,7 @@
 #include "dvec3.glsl"
 #include "trigonometry.glsl"
 
-// Two unit vectors that make a right-handed frame with a unit normal.
+// Two unit vectors that form a right-handed frame with a unit normal.
 void frame_around(DVec3 n, out DVec3 tangent, out DVec3 bitangent) {
     f64 nx = n.at[0], ny = n.at[1], nz = n.at[2];
     f64 sign = f64_copysign(F64_ONE, nz);
@@ -18,7 +18,7 @@ void frame_around(DVec3 n, out DVec3 tangent, out DVec3 bitangent) {
     bitangent = dvec3_of(b, f64_add(sign, f64_mul(f64_mul(ny, ny), a)), f64_neg(ny));
 }
 
-// A direction towards the sun with its radiance; density 0 says that it is a single direction and the radiance irradiance.
+// A direction towards the sun with its radiance. A density of 0 marks a single direction, and `radiance` is irradiance then.
 struct SunSample {
     DVec3 direction;
     vec3 radiance;
@@ -47,7 +47,7 @@ SunSample sun_sample(Sun sun, vec2 u) {
     return result;
 }
 
-// Whether a unit direction is within the cone: its radiance and density are the sun's then.
+// Whether a unit direction is within the sun's cone; its radiance and density are the sun's then.
 bool sun_eval(Sun sun, DVec3 direction) {
     DVec3 d = dvec3_sub(direction, dvec3_from_bits(sun.towards));
     f64 one_minus_cos = f64_mul(F64_HALF, dvec3_dot(d, d));

@@ -1,4 +1,4 @@
-// How much light GGX surfaces keep: twin of transport/src/bsdf/tables.rs, which says what each table is.
+// Albedo of GGX surfaces: twin of transport/src/bsdf/tables.rs, which says what each table is.
 #ifndef TABLES_GLSL
 #define TABLES_GLSL
 
@@ -35,12 +35,12 @@ float table_3d(Address tables, uint at, uint n, float x, float y, float z) {
     return table_2d(tables, at + i * n * n, n, x, y) * (1.0 - t) + table_2d(tables, at + (i + 1u) * n * n, n, x, y) * t;
 }
 
-// Place of an index of refraction.
+// Table coordinate of a refractive index.
 float index_place(float eta) {
     return sqrt(abs(eta - 1.0) / (eta + 1.0));
 }
 
-// How much more light a rough surface reflects by all its scatterings than by the first alone.
+// Ratio of the light that a rough surface reflects by all scatterings to that of the first alone.
 vec3 gain(vec3 once, float kept, float kept_average) {
     vec3 further = once * kept_average / (vec3(1.0) - once * (1.0 - kept_average));
     return vec3(1.0) + further * ((1.0 - kept) / kept);

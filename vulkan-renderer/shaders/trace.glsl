@@ -1,4 +1,4 @@
-// What an integrator asks of geometry: twin of transport/src/trace.rs.
+// The geometry queries of the integrator: twin of transport/src/trace.rs.
 #ifndef TRACE_GLSL
 #define TRACE_GLSL
 
@@ -14,8 +14,8 @@ const uint SURFACE_FACE = 0u;
 const uint SURFACE_CAP = 1u;
 const uint SURFACE_TRIANGLE = 2u;
 
-// `instance` NONE says that there is no surface: a path that starts in free space, a ray that met nothing. Beyond the twin, a
-// surface knows the box that drew it, so that a path that leaves it need not search for the box.
+// `instance` NONE: there is no surface, because a path starts in free space or a ray met nothing. Unlike its twin, a surface has the number
+// of its box, so that a path that leaves it need not search for the box.
 struct Surface {
     uint instance;
     uint kind;
@@ -46,18 +46,18 @@ bool is_hit(Hit hit) {
     return hit.surface.instance != NONE;
 }
 
-// Whether the ray started inside something solid, of which it sees the inside.
+// Whether the ray started inside something solid and sees it from inside.
 bool is_seen_from_within(Hit hit) {
     return hit.from_inside && hit.surface.kind != SURFACE_TRIANGLE;
 }
 
-// The unit normal on the side that the ray came from; of what was seen from within, the outward one.
+// The unit normal on the side that the ray came from; the outward normal where the ray was inside.
 DVec3 normal_towards_ray(Hit hit) {
     bool back = hit.from_inside && hit.surface.kind == SURFACE_TRIANGLE;
     return back ? dvec3_neg(hit.normal_in_world) : hit.normal_in_world;
 }
 
-// A normal of the hit, on the side of another of its.
+// `smooth_one`, flipped to the side of `normal`.
 DVec3 on_side_of(Hit hit, DVec3 normal, DVec3 smooth_one) {
     return f64_lt(dvec3_dot(normal, hit.normal_in_world), F64_ZERO) ? dvec3_neg(smooth_one) : smooth_one;
 }

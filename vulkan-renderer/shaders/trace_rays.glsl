@@ -1,4 +1,4 @@
-// Rays in, hits out: what the exactness tests run. Included by one entry point for each front end.
+// Traces rays from a table and writes the hits, for the exactness tests. Each front end has an entry point that includes this file.
 #ifndef TRACE_RAYS_GLSL
 #define TRACE_RAYS_GLSL
 

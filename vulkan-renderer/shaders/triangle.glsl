@@ -1,6 +1,7 @@
-// A ray against a triangle, without cracks: twin of cpu-renderer/src/traverse/triangle.rs, which explains it.
+// Intersection of a ray with a triangle, without cracks along shared edges: twin of cpu-renderer/src/traverse/triangle.rs, which explains
+// it.
 //
-// Everything that decides is `precise`: fused, the two orders of an edge's corners would not differ by their sign alone.
+// Every value that a decision depends on is `precise`: with fused operations, swapping the ends of an edge would change more than the sign.
 #ifndef TRIANGLE_GLSL
 #define TRIANGLE_GLSL
 
@@ -9,7 +10,7 @@
 struct TriangleRay {
     DVec3 origin;
     DVec3 direction;
-    // Axes: across, across, and along which the ray is longest.
+    // Axes: two across the ray, and the one along which the ray's direction is longest.
     uvec3 axes;
     vec2 shear;
 };
@@ -29,7 +30,7 @@ TriangleRay triangle_ray_new(DVec3 origin, DVec3 direction) {
     return ray;
 }
 
-// A corner moved and sheared: where it is beside the ray.
+// A corner, translated and sheared: its position beside the ray.
 vec2 beside(TriangleRay ray, DVec3 from_origin) {
     float along = f64_to_f32(from_origin.at[ray.axes.z]);
     precise float x = f64_to_f32(from_origin.at[ray.axes.x]) - ray.shear.x * along;
@@ -37,7 +38,7 @@ vec2 beside(TriangleRay ray, DVec3 from_origin) {
     return vec2(x, y);
 }
 
-// Twice the area of the triangle of p, q and the ray, or but its sign where a float has none of it.
+// Twice the area of the triangle of p, q and the ray; only its sign is right where a float cannot hold it.
 float edge(vec2 p, vec2 q) {
     precise float area = p.x * q.y - p.y * q.x;
     if (area != 0.0) {
@@ -48,7 +49,7 @@ float edge(vec2 p, vec2 q) {
     return f64_lt(less, more) ? 1.0 : f64_lt(more, less) ? -1.0 : 0.0;
 }
 
-// Whether the ray, taken as a whole line, meets the triangle, and at which t.
+// Whether the ray, taken as an infinite line, meets the triangle, and at which t.
 bool triangle_ray_meet(TriangleRay ray, DVec3 corners[3], out f64 t) {
     vec2 flat_corners[3];
     [[dont_unroll]] for (uint i = 0u; i < 3u; i++) {
@@ -62,7 +63,7 @@ bool triangle_ray_meet(TriangleRay ray, DVec3 corners[3], out f64 t) {
         any_above = any_above || area > 0.0;
     }
     t = F64_ZERO;
-    // Some to each side: beside. All 0: the ray sees the triangle edge on.
+    // Edges on both sides: the ray passes beside the triangle. All 0: the ray sees the triangle edge-on.
     if (any_below == any_above) {
         return false;
     }

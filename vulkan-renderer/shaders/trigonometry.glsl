@@ -1,12 +1,12 @@
-// Sine, cosine and arctangent in floats. GLSL leaves the accuracy of its own almost open (2^−11 for sines, 4096 units in the
-// last place for arctangents); these are good to a few 2^−24 on any device. No twin: the CPU has its language's.
+// Sine, cosine and arctangent in floats. GLSL leaves the accuracy of its own almost open (2^−11 for sines, 4096 units in the last place for
+// arctangents); these are correct to a few 2^−24 on any device. There is no twin, because the CPU has its language's functions.
 #ifndef TRIGONOMETRY_GLSL
 #define TRIGONOMETRY_GLSL
 
 const float PI = 3.14159265358979;
 const float FRAC_1_PI = 0.318309886183791;
 
-// Sine and cosine of a within ±π/4: Taylor polynomials, cut where the next term is below 2^−26.
+// Sine and cosine of a within ±π/4: Taylor polynomials up to where the next term is below 2^−26.
 vec2 small_sin_cos(float a) {
     precise float s = a * a;
     precise float sine = a
@@ -16,7 +16,7 @@ vec2 small_sin_cos(float a) {
     return vec2(sine, cosine);
 }
 
-// Sine and cosine of a, |a| up to a few turns. π/2 is subtracted in two parts, the first of which is exact in few bits.
+// Sine and cosine of a, |a| up to a few turns. π/2 is subtracted in two parts; the first has few bits, so its multiples are exact.
 vec2 sin_cos(float a) {
     float quarter = floor(a * (2.0 / PI) + 0.5);
     precise float first = a - quarter * 1.57079601287841796875;
@@ -27,9 +27,9 @@ vec2 sin_cos(float a) {
     return vec2((q & 2) != 0 ? -turned.x : turned.x, q == 1 || q == 2 ? -turned.y : turned.y);
 }
 
-// Arctangent of x in [0, 1]: halved once, so that 8 terms of the series suffice.
+// Arctangent of x in [0, 1]; the angle is halved once, so that 8 terms of the series suffice.
 float small_atan(float x) {
-    // tan(a/2) = x / (1 + √(1 + x²)), within 0.4142.
+    // tan(a/2) = x / (1 + √(1 + x²)), at most 0.4142.
     float h = x / (1.0 + sqrt(1.0 + x * x));
     float s = h * h;
     float series = 1.0

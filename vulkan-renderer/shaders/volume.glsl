@@ -1,4 +1,4 @@
-// Boxes, unpacked: twin of core/src/volume.rs and box_record.rs, over the boxes that are drawn.
+// Unpacks box records: twin of core/src/volume.rs and box_record.rs, over the drawn boxes.
 #ifndef VOLUME_GLSL
 #define VOLUME_GLSL
 
@@ -9,7 +9,7 @@ struct BoxView {
     uvec3 origin;
     uvec3 extent;
     NodeRef node;
-    // Level of detail; the twin finds it where it is needed.
+    // Level of detail; the twin computes it where it needs it.
     uint level;
 };
 
@@ -26,7 +26,7 @@ uint chunk_of_box(Chunks chunks, uint count, uint index) {
     return low - 1u;
 }
 
-// Everything but the node, which costs the most to read.
+// Everything but the node, whose reading costs the most.
 struct BoxPlace {
     uvec3 origin;
     uvec3 extent;

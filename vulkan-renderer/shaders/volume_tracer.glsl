@@ -1,16 +1,15 @@
-// One instance and the questions that rays ask of it: twin of cpu-renderer/src/traverse/volume_tracer.rs, and of
-// transport/src/geometry/bricks.rs where
-// a brick tells which box holds a voxel.
+// One instance and the queries of rays: twin of cpu-renderer/src/traverse/volume_tracer.rs, volume_tracer/search.rs and
+// volume_tracer/surfaces.rs, and of transport/src/geometry/bricks.rs where a brick says which box holds a voxel.
 //
-// The twin hands closures to its hierarchy. Here a search is a structure, `visit` is what looks at one box, and one of three front
-// ends finds the boxes; it is chosen by a definition:
+// The twin passes closures to its hierarchy. Here a search is a structure, `visit` tests one box, and one of three front ends finds the
+// boxes. A definition selects it:
 //
 //     FRONT_BVH        front_bvh.glsl        our own hierarchy, in compute
 //     FRONT_QUERY      front_query.glsl      hardware's hierarchy through a ray query, in compute
 //     FRONT_PIPELINE   front_pipeline.glsl   hardware's hierarchy, `visit` in an intersection shader
 //
-// What a search finds does not depend on the order of its visits, and hardware's own notion of the nearest hit is used for nothing
-// but leaving boxes out: all three find the same, bit for bit.
+// The result of a search does not depend on the order of its visits, and hardware's own notion of the nearest hit is used only to skip
+// boxes. So all three find the same, bit for bit.
 #ifndef VOLUME_TRACER_GLSL
 #define VOLUME_TRACER_GLSL
 
@@ -27,31 +26,31 @@ const uint NEAREST_INSIDE = 1u;
 const uint NEAREST_FACE = 2u;
 const uint NEAREST_TRIANGLE = 3u;
 
-// What visits look for.
+// What visits search for.
 const uint SEEK_NEAREST = 0u;
 const uint SEEK_ANY = 1u;
-// The box of label `only` (NONE: of any) with an element at `step.voxel`.
+// The box of label `only` (NONE: of any) that has an element at `step.voxel`.
 const uint SEEK_HOLDER = 2u;
 
 struct Search {
     IndexRay ray;
-    // Scaled t from which on is asked.
+    // Scaled t at which the search begins.
     f64 start;
     f64 t_max;
-    // Scaled t at which the ray reaches the bounds of all boxes.
+    // Scaled t at which the ray enters the bounds of all boxes.
     f64 enter_all;
     f64 best_t;
     float pad;
-    // Label, or NONE for every one.
+    // The label, or NONE for all labels.
     uint only;
     uint seek;
-    // Nearest so far.
+    // Nearest hit so far.
     uint kind;
     uint label;
-    // Of a box, or of a triangle.
+    // Number of a box or of a triangle.
     uint box_number;
     Step step;
-    // In a mesh: its triangle that a path leaves, or NONE; axes (two bits each) and shear of the TriangleRay.
+    // In a mesh: the triangle that a path leaves, or NONE; axes (two bits each) and shear of the TriangleRay.
     uint leaving;
     uint axes;
     vec2 shear;
@@ -70,7 +69,7 @@ uvec3 clipped_end(InstanceRef instance, uvec3 origin, uvec3 extent) {
     return min(origin + extent, dims_of(instance));
 }
 
-// Distance beyond which the hierarchy need not look, in its ray's t.
+// Distance beyond which the hierarchy need not be searched, in its ray's t.
 float search_limit(Search search) {
     return f64_to_f32(f64_sub(search.best_t, search.enter_all)) * 1.000001 + search.pad;
 }
@@ -89,7 +88,7 @@ bool holds(InstanceRef instance, BoxPlace p, uvec3 voxel) {
                                   : node_has(b.node, cell, number_in(p.origin, voxel, 0u));
 }
 
-// (label, voxel) of a before those of b, by number.
+// Whether (label, voxel) of a precedes that of b; voxels are ordered by number.
 bool comes_first(uint label_a, uvec3 a, uint label_b, uvec3 b) {
     if (label_a != label_b) {
         return label_a < label_b;
@@ -100,7 +99,7 @@ bool comes_first(uint label_a, uvec3 a, uint label_b, uvec3 b) {
     return a.y != b.y ? a.y < b.y : a.z < b.z;
 }
 
-// Looks at one box. True when the search is over.
+// Tests one box. Returns true when the search is complete.
 bool visit_box(InstanceRef instance, inout Search search, uint item) {
     BoxPlace p = box_place(instance, item);
     if (search.seek == SEEK_HOLDER) {
@@ -138,7 +137,7 @@ bool visit_box(InstanceRef instance, inout Search search, uint item) {
             search.box_number = item;
             search.step = found.step;
         }
-        // With `any`, a face is looked for all the same: else it would matter which of the two came first.
+        // The face is computed with `any` too, or the result would depend on which of the two came first.
         if (search.seek != SEEK_ANY) {
             search.best_t = search.start;
         }
@@ -161,8 +160,8 @@ bool visit_box(InstanceRef instance, inout Search search, uint item) {
 
 #include "mesh_tracer.glsl"
 
-// The box that holds a voxel of a brick, of label `only` or of any (NONE): at coarser levels, where labels overlap, the lowest. With
-// NONE, some box must.
+// The box that holds a voxel of a brick, of label `only` or of any (NONE). At coarser levels, where labels overlap, it is that of the
+// lowest label. With NONE, some box must hold the voxel.
 uint brick_part(InstanceRef instance, uint brick, uvec3 voxel, uint only) {
     BrickParts parts = BrickParts(instance.it.brick_parts);
     uint cell = place_in(voxel, CELL_SHIFT);
@@ -183,7 +182,7 @@ uint brick_part(InstanceRef instance, uint brick, uvec3 voxel, uint only) {
             }
             continue;
         }
-        // Which one holds the voxel is looked up where several may.
+        // Where several boxes may hold the voxel, their nodes decide.
         if (candidate != NONE) {
             if ((i == end && only == NONE) || holds(instance, box_place(instance, candidate), voxel)) {
                 return candidate;
@@ -194,7 +193,7 @@ uint brick_part(InstanceRef instance, uint brick, uvec3 voxel, uint only) {
     return candidate;
 }
 
-// `item_with`, where there are bricks; `voxel` is within the bounds of all boxes.
+// `item_with` for instances with bricks; `voxel` is within the bounds of all boxes.
 uint item_in_bricks(InstanceRef instance, uint label, uvec3 voxel) {
     BrickBlock block = block_at(instance, voxel);
     uint place = place_in(voxel, BRICK_SHIFT), cell = place_in(voxel, CELL_SHIFT);
@@ -209,7 +208,7 @@ uint item_in_bricks(InstanceRef instance, uint label, uvec3 voxel) {
     return brick_part(instance, number, voxel, label);
 }
 
-// What a walk through bricks found; a brick stands in the box's place.
+// Records the result of a walk through bricks; the brick's number stands in the box's place.
 void found_in_brick(inout Search search, Found found, uint brick) {
     if (found.kind == FOUND_INSIDE) {
         search.kind = NEAREST_INSIDE;
@@ -226,10 +225,10 @@ void found_in_brick(inout Search search, Found found, uint brick) {
 
 #ifndef FRONT_BVH
 
-// Looks at one brick, where hardware finds bricks.
+// Tests one brick, where hardware finds bricks.
 bool visit_brick(InstanceRef instance, inout Search search, uint number) {
     if (search.only != NONE) {
-        // One label's boxes: what reaches into several bricks is looked at again, and found the same.
+        // The boxes of one label. A box that reaches into several bricks is tested again, with the same result.
         uint end = brick_at(instance, number + 1u).first_part;
         for (uint i = brick_at(instance, number).first_part; i < end; i++) {
             BrickPart part = BrickParts(instance.it.brick_parts).at[i];
@@ -259,7 +258,7 @@ bool visit_brick(InstanceRef instance, inout Search search, uint number) {
 
 #endif
 
-// Looks at what an item is. (Searches for a voxel call `visit_box`: there are many of them, and none is of a mesh.)
+// Tests an item of any kind. (Searches for a voxel call `visit_box`: they are frequent and never in a mesh.)
 bool visit(InstanceRef instance, inout Search search, uint item) {
     if (is_mesh(instance)) {
         return visit_triangle(instance, search, item);
@@ -306,8 +305,8 @@ bool bvh_ray(InstanceRef instance, IndexRay ray, f64 start, f64 t_max, out BvhRa
     return true;
 }
 
-// The nearest face with scaled t in (start, t_max), or what is at `start`, or the nearest triangle; with `any`, the first found will
-// do.
+// The nearest face with scaled t in (start, t_max), or what is at `start`, or the nearest triangle. With `any`, the first one found
+// suffices.
 Search nearest(InstanceRef instance, IndexRay ray, uint leaving, f64 start, f64 t_max, uint only, bool any) {
     Search search;
     search.ray = ray;
@@ -327,7 +326,7 @@ Search nearest(InstanceRef instance, IndexRay ray, uint leaving, f64 start, f64 
     search.shear = vec2(0.0);
     bool by_bricks = has_bricks(instance) && only == NONE;
     if (by_bricks) {
-        // The nearest even where any will do: a ray that starts within a label is told by what is at its start.
+        // Searches the nearest even where any hit suffices: for a ray that starts within a label, what is at its start decides.
         search.seek = SEEK_NEAREST;
     }
     bool by_hierarchy = true;
@@ -348,7 +347,7 @@ Search nearest(InstanceRef instance, IndexRay ray, uint leaving, f64 start, f64 
         along_ray(instance, moved, search);
     }
     if (by_bricks && search.kind != NEAREST_NOTHING) {
-        // Only now is it asked which box it is.
+        // Only now is the box of the voxel determined.
         search.box_number = brick_part(instance, search.box_number, search.step.voxel, NONE);
         search.label = label_of_box(instance, search.box_number);
     }
@@ -410,8 +409,8 @@ Hit hit_of(InstanceRef instance, uint instance_number, IndexRay ray, Step step, 
         positive ? normal : dvec3_neg(normal), from_inside);
 }
 
-// Near an edge of the voxel that is entered: the face that was found if nothing that the ray asks for stands before it, else the
-// first that is open in this way, if any. `only` NONE: whatever is drawn counts.
+// Near an edge of the entered voxel: the face that was found if nothing that the ray may hit stands before it, else the first face that is
+// open in this way, if any. `only` NONE: every drawn label counts.
 Step open_face(InstanceRef instance, IndexRay ray, Step step, f64 t_max, uint only) {
     f64 least = f64_sub(step.t, TIE);
     [[dont_unroll]] for (uint i = 0u; i < 4u; i++) {
@@ -431,7 +430,7 @@ Step open_face(InstanceRef instance, IndexRay ray, Step step, f64 t_max, uint on
     return step;
 }
 
-// The same for a ray that leaves `label`: of the faces crossed at once, the first that has something else behind it.
+// The same for a ray that leaves `label`: of the faces crossed in one step, the first that has something else behind it.
 Step face_out(InstanceRef instance, IndexRay ray, Step step, uint label) {
     uvec3 last = voxel_before(step, ray);
     [[dont_unroll]] for (uint a = 0u; a < 3u; a++) {
@@ -446,7 +445,7 @@ Step face_out(InstanceRef instance, IndexRay ray, Step step, uint label) {
     return step;
 }
 
-// The face through which a ray that starts in `voxel` of `label` leaves the label. `within`: it does not before t_max.
+// The face through which a ray that starts in `voxel` of `label` leaves the label. `within`: the ray does not leave it before t_max.
 Hit leave(InstanceRef instance, uint instance_number, IndexRay ray, uint label, uvec3 voxel, uint item, f64 t_max, out bool within) {
     f64 t = F64_ZERO;
     within = false;
@@ -499,7 +498,7 @@ uvec3 voxel_at(InstanceRef instance, IndexRay ray, f64 t) {
     return voxel;
 }
 
-// One past the highest voxel of a voxel's cell, which ends at `end` at the latest.
+// One past the highest voxel of a voxel's cell, but at most `end`.
 uvec3 cell_end(uvec3 voxel, uvec3 end) {
     return min((voxel | 3u) + 1u, end);
 }
@@ -540,7 +539,7 @@ bool index_ray(InstanceRef instance, uint instance_number, RayInWorld ray, Surfa
     return index_ray_new(placement_of(instance), ray, from, upper, plane, to_mesh, result);
 }
 
-// The ray, for the cuts. (The world's ray decides to which side of a cap it goes: the integrator saw that one.)
+// The ray, for the cuts. (The world-space ray decides to which side of a cap it goes, because the integrator used that one.)
 CutRay cut_ray(InstanceRef instance, uint instance_number, IndexRay ray, RayInWorld in_world, Surface from) {
     CutRay cut = CutRay(instance.it.cut_planes, instance.it.cut_plane_count, ray, NONE, false);
     if (from.instance == instance_number && from.kind == SURFACE_CAP && from.plane < cut.count) {
@@ -551,14 +550,15 @@ CutRay cut_ray(InstanceRef instance, uint instance_number, IndexRay ray, RayInWo
     return cut;
 }
 
-// The first hit, or with `any` some hit where one will do, or with `only` the next boundary of that label: one function for the
-// questions of the twin, because shaders inline what they call. Cuts leave a ray in pieces, traced one by one; without them it is one.
+// The first hit, or with `any` some hit where one suffices, or with `only` the next boundary of that label. It is one function for the
+// queries of the twin, because shaders inline what they call. Cuts divide a ray into pieces, which are traced one by one; without cuts
+// there is one piece.
 //
-// Nothing farther than `best` is of interest.
+// Hits farther than `best` do not matter.
 Hit volume_ask(
     InstanceRef instance, uint instance_number, RayInWorld ray, Surface from, f64 t_max, f64 best, uint only, bool any) {
     IndexRay r;
-    // Not from a free point or a mesh: within a label, a seam between two of its boxes would answer first.
+    // Not from a free point or a mesh: within a label, a seam between two of its boxes would be found first.
     any = any && (is_mesh(instance) || (from.instance != NONE && from.kind != SURFACE_TRIANGLE));
     if (!index_ray(instance, instance_number, ray, from, r)) {
         return no_hit();
@@ -588,7 +588,7 @@ Hit volume_ask(
         }
         if (found.kind == NEAREST_FACE) {
             Step step = found.step;
-            // Where one hit will do, nobody asks for its face.
+            // Where any hit suffices, its face is not used.
             if (!any && is_near_edge(step, r)) {
                 step = open_face(instance, r, step, limit, only);
             }
@@ -613,7 +613,7 @@ Hit volume_ask(
     return no_hit();
 }
 
-// The normal that a face is shaded by at a point; false where that is its own: caps and coarse elements are flat.
+// The shading normal of a face at a point; false where it is the geometric normal, as for caps and coarse elements.
 bool volume_smooth_normal(InstanceRef instance, Surface surface, DVec3 point, out DVec3 normal) {
     normal = point;
     if (instance.it.neighbors == 0UL || surface.kind != SURFACE_FACE) {
@@ -631,7 +631,7 @@ bool volume_smooth_normal(InstanceRef instance, Surface surface, DVec3 point, ou
     if (largest <= 0.0) {
         return false;
     }
-    // In a hollow the label may fall off to the other side of the face.
+    // In a hollow the gradient may point to the other side of the face.
     outward /= largest;
     normal = normal_of(placement, dvec3_of(f64_from_f32(outward.x), f64_from_f32(outward.y), f64_from_f32(outward.z)));
     f64 own = dvec3_dot(normal, dvec3_from_bits(instance.it.normals[min(surface.axis, 2u)]));

@@ -8,7 +8,7 @@
 const uint REACH = 3u;
 const int WIDTH = 6;
 
-// Intervals of lengths 2 and 3, folded.
+// Convolution of two intervals of lengths 2 and 3.
 float trapezium(float x) {
     return clamp(2.5 - abs(x), 0.0, 2.0);
 }
@@ -20,7 +20,7 @@ float trapezium_up_to(float x) {
     return x < 0.0 ? -area : area;
 }
 
-// About a point: the lowest voxel, and how far the point is from the third one's upper face.
+// Weights about a point: the lowest voxel, and the distance of the point from the upper face of the third.
 struct Weights {
     ivec3 first;
     vec3 from_middle;
@@ -42,7 +42,7 @@ vec2 weights_at(Weights about, uint axis, int number) {
     return vec2(trapezium_up_to(x + 0.5) - trapezium_up_to(x - 0.5), trapezium(x - 0.5) - trapezium(x + 0.5));
 }
 
-// The voxels of a cell, drawn at a level.
+// The voxel mask of a cell at a level of detail.
 uint64_t voxels_of(BoxView b, uint cell) {
     if (b.level == LEVEL_VOXELS) {
         return node_field(b.node, cell);
@@ -50,7 +50,8 @@ uint64_t voxels_of(BoxView b, uint cell) {
     return b.level == LEVEL_BOXES || bit64(b.node.occupied, cell) ? 0xFFFFFFFFFFFFFFFFUL : 0UL;
 }
 
-// What the voxels of one cell from `from` to `to` add; both count from the box's origin, which is `shift` above the lowest weight.
+// The contribution of the voxels of one cell from `from` to `to`. Both count from the box's origin, which is `shift` above the lowest
+// weight.
 vec3 part_of_cell(Weights about, uint64_t voxels, ivec3 from, ivec3 to, ivec3 shift) {
     vec3 sum = vec3(0.0);
     [[dont_unroll]] for (int z = from.z; z < to.z; z++) {
@@ -70,7 +71,7 @@ vec3 part_of_cell(Weights about, uint64_t voxels, ivec3 from, ivec3 to, ivec3 sh
     return sum;
 }
 
-// −∇f at a point of a face of the box `item`, of any length; 0 where it falls off to no side.
+// −∇f at a point of a face of the box `item`, of any length; 0 where f falls off to no side.
 vec3 falling_off(InstanceRef instance, uint item, DVec3 p_in_index) {
     Weights about = weights_new(p_in_index);
     vec3 sum = vec3(0.0);
@@ -81,7 +82,7 @@ vec3 falling_off(InstanceRef instance, uint item, DVec3 p_in_index) {
         BoxView b = get_box(instance, ends.at[instance.it.box_count + i]);
         ivec3 origin = ivec3(b.origin);
         ivec3 end = ivec3(min(b.origin + b.extent, uvec3(instance.it.dims[0], instance.it.dims[1], instance.it.dims[2])));
-        // What of the surroundings is in this box, from its origin.
+        // The part of the neighbourhood that lies in this box, relative to its origin.
         ivec3 lo = max(about.first - origin, ivec3(0));
         ivec3 hi = min(about.first + WIDTH, end) - origin;
         if (any(greaterThanEqual(lo, hi))) {

@@ -1,10 +1,10 @@
-//! The film on the device, and how far its samples have come.
+//! The film on the device, and how many samples it has.
 //!
-//! Sums are those of [`FilmBuffer`]: three floats for each replicate of each pixel, rows from the top, and what passes need. A pass brings every pixel
-//! from `spp` samples to `target`, launch by launch. A pass that was cancelled is continued by the next one, so each pixel gets
-//! each of its samples once and in order, and the picture does not depend on how it was cut.
+//! The sums are those of [`FilmBuffer`]: three floats for each replicate of each pixel, rows from the top, and the sums of render passes. A
+//! sampling pass brings every pixel from `spp` samples to `target`, launch by launch. The next call continues a pass that was cancelled, so
+//! each pixel gets each of its samples once and in order, and the picture does not depend on how the pass was divided.
 //!
-//! The host holds a copy as of the last whole pass that was read: what is shown, and what is put back when the device is lost.
+//! The host holds a copy as of the last complete pass that was read. It is what is displayed, and what is restored when the device is lost.
 
 use pumice_picture::film::STRIDE;
 use pumice_picture::resting::{AWAKE, Resting};
@@ -14,18 +14,18 @@ use pumice_scene::Adaptive;
 use crate::device::{Buffer, DeviceError, Gpu};
 use crate::slices::Cursor;
 
-/// See the module.
+/// The film's buffers on the device, and the host's copy.
 #[derive(Debug)]
 pub(crate) struct Film {
     pub(crate) sums: Buffer,
-    /// Sums of passes, where any are kept.
+    /// Sums of render passes, where the film keeps any.
     pub(crate) pass_sums: Option<Buffer>,
     pub(crate) size: [u32; 2],
-    /// Which pixels rest, where any does: a word each, not 0 of those that do.
+    /// Which pixels rest (have converged): one word a pixel, not 0 where it rests. `None` where no pixel rests.
     pub(crate) resting: Option<Buffer>,
-    /// Samples that every pixel has that does not rest.
+    /// Samples of every pixel that does not rest.
     pub(crate) spp: u32,
-    /// The pass under way: the samples that it brings pixels to, and where it is.
+    /// The unfinished pass: its target in samples a pixel, and how far it has come.
     pub(crate) pass: Option<(u32, Cursor)>,
     copy: FilmBuffer,
 }
@@ -52,7 +52,7 @@ impl Film {
         Ok(Self { sums, pass_sums, resting: None, size, spp: 0, pass: None, copy })
     }
 
-    /// The same on another device, with the samples that the host has.
+    /// Creates the same film on another device, with the samples of the host's copy.
     pub(crate) fn again(&mut self, gpu: &Gpu) -> Result<(), DeviceError> {
         if self.copy.spp() == 0 {
             self.copy.clear();
@@ -66,7 +66,7 @@ impl Film {
         self.tell_who_rests(gpu)
     }
 
-    /// Takes all samples away; pixels of the picture to come rest by this rule, if by any.
+    /// Removes all samples. `rule` decides which pixels of the next picture rest; with `None` no pixel does.
     pub(crate) fn clear(&mut self, gpu: &Gpu, rule: Option<Adaptive>) -> Result<(), DeviceError> {
         gpu.clear(&self.sums)?;
         self.pass_sums.iter().try_for_each(|sums| gpu.clear(sums))?;
@@ -75,7 +75,7 @@ impl Film {
         Ok(())
     }
 
-    /// Looks which pixels may rest, if this is where to look.
+    /// Decides which pixels rest, if the film has reached the sample count of the next check.
     pub(crate) fn look(&mut self, gpu: &Gpu) -> Result<(), DeviceError> {
         if self.spp < self.copy.next_look() || self.pass.is_some() {
             return Ok(());
@@ -96,7 +96,7 @@ impl Film {
         Ok(())
     }
 
-    /// Brings the host's copy up to date. Between passes only: within one, pixels differ by samples.
+    /// Brings the host's copy up to date. Does nothing during a pass, when pixels differ in their number of samples.
     pub(crate) fn read(&mut self, gpu: &Gpu) -> Result<(), DeviceError> {
         if self.copy.spp() == self.spp || self.pass.is_some() {
             return Ok(());
@@ -106,7 +106,7 @@ impl Film {
             read = gpu.download(sums, 0, bytemuck::cast_slice_mut(self.copy.pass_sums_mut()));
         }
         if read.is_err() {
-            // A part of it may be there: it is of no use. Who rests on the device does so still.
+            // A partial download is useless. Pixels that rest on the device still do.
             self.copy.sums_mut(0);
         }
         read

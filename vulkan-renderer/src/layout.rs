@@ -6,16 +6,16 @@
 //!        ▼                                        ├ environment.pixels, …
 //!        rays in, hits out, film sums             └ filter.inverse, tables
 //! ```
-//! GLSL's `scalar` layout is C's for these: members in order, each aligned to its own size, no implicit padding (a test compares
-//! the offsets with those in the compiled shaders). Addresses are device addresses, 0 where there is nothing. A double is eight
-//! bytes that the shader reads as a 64-bit integer: GPUs without doubles compute with it all the same (`shaders/f64.glsl`).
+//! GLSL's `scalar` layout equals C's for these: members in order, each aligned to its own size, no implicit padding (a test compares the
+//! offsets with those in the compiled shaders). Addresses are device addresses, 0 where there is nothing. Shaders read a double as a 64-bit
+//! integer, so that GPUs without doubles can emulate them (`shaders/f64.glsl`).
 
 use bytemuck::{Pod, Zeroable};
 
 /// A device address.
 pub type Address = u64;
 
-/// Says that there is no box, label or instance where one could be.
+/// Stands for the absence of a box, label or instance.
 pub const NONE: u32 = u32::MAX;
 
 /// Push constants of every entry point. The host fills what the entry point reads and leaves the rest 0.
@@ -24,23 +24,23 @@ pub const NONE: u32 = u32::MAX;
 pub struct Launch {
     /// [`SceneHeader`].
     pub scene: Address,
-    /// `trace_rays`: [`RayRecord`]s. `probe`: words. `path`: sums of passes, `PassSums::stride` floats a pixel of the whole film; 0 where
-    /// none are kept.
+    /// `trace_rays`: [`RayRecord`]s. `probe`: words. `path`: sums of render passes of the whole film, `PassSums::stride` floats a
+    /// pixel; 0 where the film keeps none.
     pub input: Address,
-    /// `trace_rays`: [`HitRecord`]s. `probe`: words. `path`: film sums of the whole film, `STRIDE` floats a pixel, rows from the top.
-    /// `first`: [`FirstRecord`]s, in the order of the tile's pixels.
+    /// `trace_rays`: [`HitRecord`]s. `probe`: words. `path`: sums of the whole film, `STRIDE` floats a pixel, rows from the top.
+    /// `first`: [`SurfaceAovsRecord`]s or [`HitRecord`]s, in the order of the tile's pixels.
     pub output: Address,
     /// Ray tracing pipeline: [`SCRATCH_BYTES`] for each ray of the launch, uninitialised.
     pub scratch: Address,
-    /// `path`: a word for each pixel of the film, not 0 where it rests; 0 where none does.
+    /// `path`: one word a pixel of the film, not 0 where the pixel rests (has converged); 0 where no pixel rests.
     pub resting: Address,
     /// `path`, `first`: left edge of the tile in pixels of the film.
     pub tile_x: u32,
     /// Upper edge.
     pub tile_y: u32,
-    /// Tile's size: an invocation beyond it does nothing.
+    /// Width of the tile in pixels. An invocation beyond it does nothing.
     pub tile_width: u32,
-    /// Tile's size.
+    /// Height of the tile in pixels.
     pub tile_height: u32,
     /// `path`: number of the first sample to add.
     pub first_sample: u32,
@@ -48,11 +48,12 @@ pub struct Launch {
     pub samples: u32,
     /// `trace_rays`, `probe`: how many rays or inputs there are.
     pub count: u32,
-    /// `first`: 0 [`FirstRecord`]s, 1 [`HitRecord`]s (their t is the depth).
+    /// What `first` writes: 0 [`SurfaceAovsRecord`]s, 1 [`HitRecord`]s (their t is the depth).
     pub wanted: u32,
 }
 
-/// Bytes of scratch memory for each ray of a launch of the ray tracing pipeline: the search that raygen and intersection share.
+/// Bytes of scratch memory for each ray of a launch of the ray tracing pipeline. It holds the search state that ray generation and
+/// intersection shader share.
 pub const SCRATCH_BYTES: u64 = 200;
 
 /// Twin of `CameraRays` and `Lens`.
@@ -72,7 +73,7 @@ pub struct Camera {
     pub lens_blades: u32,
     pub pixel_aspect: f64,
     pub fitted: f64,
-    /// 0 where all is sharp: the lens's fields are not read then.
+    /// 0 for a pinhole camera, whose other lens fields are not read.
     pub lens_radius: f64,
     pub lens_inverse_focus: f64,
     pub lens_rotation_rad: f32,
@@ -83,11 +84,11 @@ pub struct Camera {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Filter {
-    /// `steps + 1` floats; 0 for a box.
+    /// Inverse cdf, `steps + 1` floats; 0 for a box filter.
     pub inverse: Address,
     /// Width in pixels.
     pub width: f32,
-    /// Steps of the table; 0 for a box.
+    /// Steps of the table; 0 for a box filter.
     pub steps: u32,
 }
 
@@ -102,7 +103,7 @@ pub struct Settings {
     pub mode: u32,
     pub bounces: u32,
     pub russian_roulette: u32,
-    /// Sums of passes that the film keeps: `PassSums::bits`.
+    /// Which sums of render passes the film keeps: `PassSums::bits`.
     pub kept: u32,
     pub clamp_direct: f32,
     pub clamp_indirect: f32,
@@ -112,27 +113,27 @@ pub struct Settings {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Lights {
-    /// Summed chances, floats: the sky's, then each sun's.
+    /// Selection cdf of the lights, floats: the sky, then each sun and lamp, as [`pumice_transport::Lights::cdf`].
     pub cdf: Address,
     /// [`Sun`]s.
     pub suns: Address,
-    /// Number of `ends`; 0 where nothing is aimed at.
+    /// Number of entries of `cdf`; 0 where no light is sampled.
     pub light_count: u32,
     /// Number of suns.
     pub sun_count: u32,
-    /// 0 both, 1 aimed, 2 scattered.
+    /// 0 MIS of both, 1 light sampling alone, 2 BSDF sampling alone.
     pub strategy: u32,
     /// Radiance of a constant sky.
     pub sky: [f32; 3],
-    /// Whether the camera sees a backdrop instead of the sky.
+    /// 1 where the camera sees a backdrop instead of the sky.
     pub has_backdrop: u32,
-    /// Its colours: bottom, top.
+    /// Colours of the backdrop: bottom, top.
     pub backdrop: [[f32; 3]; 2],
     /// Number of lamps.
     pub lamp_count: u32,
     /// [`Lamp`]s.
     pub lamps: Address,
-    /// Chance that a surface that shines is aimed at; 0 where there is none.
+    /// Probability that light sampling chooses an emissive surface; 0 where there is none.
     pub emitters_probability: f32,
     /// 0.
     pub reserved: u32,
@@ -179,19 +180,19 @@ pub struct Sun {
 pub struct Environment {
     /// Three floats a pixel.
     pub pixels: Address,
-    /// A float a pixel.
+    /// Probability density, one float a pixel.
     pub density: Address,
-    /// Doubles, height + 1.
+    /// Cdf of rows: height + 1 doubles.
     pub row_cdf: Address,
-    /// Floats, width + 1 a row.
+    /// Cdf within each row: width + 1 floats a row.
     pub column_cdf: Address,
-    /// Counter-clockwise about +z.
+    /// Rotation about +z, counter-clockwise.
     pub rotation_rad: f64,
     /// Pixels across.
     pub width: u32,
     /// Pixels down.
     pub height: u32,
-    /// Factor on the pixels.
+    /// Factor on the radiance of the pixels.
     pub strength: f32,
     /// 0.
     pub reserved: u32,
@@ -216,7 +217,7 @@ pub struct Emitter {
     pub label: u32,
     pub origin: [u32; 3],
     pub first: u32,
-    /// Two of 16 bits each, the first in the lower half.
+    /// Two numbers of 16 bits each, the first in the lower half.
     pub ends: [u32; 3],
     pub planes: u32,
 }
@@ -226,7 +227,7 @@ pub struct Emitter {
 #[repr(C)]
 #[allow(missing_docs, reason = "as there")]
 pub struct EmissiveInstance {
-    /// Columns.
+    /// Columns of the matrix.
     pub world_from_index: [[f64; 3]; 3],
     pub units_per_world: f64,
     pub areas: [f32; 3],
@@ -249,27 +250,27 @@ pub struct EmissiveTriangle {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Emitters {
-    /// [`LightNode`]s.
+    /// [`LightNode`]s of the light tree.
     pub nodes: Address,
     /// [`Emitter`]s, in the tree's order.
     pub emitters: Address,
-    /// Codes of faces, 16 bits each.
+    /// Face codes of boxes, 16 bits each.
     pub faces: Address,
     /// [`EmissiveTriangle`]s.
     pub triangles: Address,
-    /// Numbers of emitters by key.
+    /// Numbers of emitters, sorted by key.
     pub by_key: Address,
     /// [`EmissiveInstance`]s.
     pub emissive_instances: Address,
-    /// Number of the place by instance.
+    /// Index into `emissive_instances` by instance.
     pub emissive_instance_of: Address,
-    /// The tree's middle.
+    /// Centre of all emitters in the world; coordinates in the tree count from it.
     pub middle: [f64; 3],
-    /// The tree's scale.
+    /// Factor from world units to units of the tree.
     pub scale: f64,
     /// Number of emitters.
     pub count: u32,
-    /// Entries of `place_of`.
+    /// Entries of `emissive_instance_of`.
     pub emissive_instance_of_count: u32,
 }
 
@@ -278,7 +279,7 @@ pub struct Emitters {
 #[repr(C)]
 #[allow(missing_docs, reason = "as there")]
 pub struct InstanceTree {
-    /// Nodes of its `pumice_transport::Bvh`; 0: there is none, and instances are asked in turn.
+    /// Nodes of its `pumice_transport::Bvh`; 0 where there is no tree and shaders test the instances one by one.
     pub nodes: Address,
     /// Numbers of instances.
     pub items: Address,
@@ -286,9 +287,9 @@ pub struct InstanceTree {
     pub cells_a_unit: f64,
     pub slack_a_unit: f64,
     pub slack: f64,
-    /// Bounds of all, in cells.
+    /// Bounds of all instances, in cells: lower corner.
     pub lo: [u32; 3],
-    /// See there.
+    /// Bounds of all instances, in cells: upper corner.
     pub hi: [u32; 3],
     /// `Bvh::pad`.
     pub pad: f32,
@@ -296,14 +297,14 @@ pub struct InstanceTree {
     pub reserved: u32,
 }
 
-/// What everything hangs from.
+/// The root structure: shaders reach everything from it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 #[allow(missing_docs, reason = "as its types say")]
 pub struct SceneHeader {
     /// [`Instance`]s.
     pub instances: Address,
-    /// How much light surfaces keep: `pumice_transport::bsdf::tables::TABLES`.
+    /// Albedo tables of the BSDF: `pumice_transport::bsdf::tables::TABLES`.
     pub tables: Address,
     pub camera: Camera,
     pub filter: Filter,
@@ -313,7 +314,7 @@ pub struct SceneHeader {
     pub emitters: Emitters,
     pub instance_tree: InstanceTree,
     pub instance_count: u32,
-    /// Pixels across, for the film's rows.
+    /// Pixels across the film, for addressing its rows.
     pub film_width: u32,
 }
 
@@ -345,11 +346,11 @@ pub struct Material {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Chunk {
-    /// Word of the packed nodes from which its boxes count theirs.
+    /// Word of the packed nodes from which the node numbers of its boxes count.
     pub node_base: u64,
     /// Lowest voxel.
     pub origin: [u32; 3],
-    /// Its first box among those that are drawn.
+    /// Its first box among the drawn boxes.
     pub first_box: u32,
 }
 
@@ -357,41 +358,41 @@ pub struct Chunk {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct BrickBlock {
-    /// Its bricks that hold a voxel.
+    /// One bit for each of its bricks, set where the brick holds a voxel.
     pub occupied: u64,
-    /// Number of the first of these.
+    /// Number of the first of these bricks.
     pub first_brick: u32,
     /// 0.
     pub reserved: u32,
 }
 
-/// Twin of `Brick` there.
+/// Twin of `Brick` of `pumice_transport::geometry::Bricks`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Brick {
-    /// Cells with a voxel.
+    /// Cells that hold a voxel, one bit each.
     pub occupied: u64,
-    /// Cells with all.
+    /// Cells that are full, one bit each.
     pub full: u64,
-    /// Its first field.
+    /// Index of its first field among `brick_fields`.
     pub first_field: u32,
-    /// Its first part.
+    /// Index of its first part among `brick_parts`.
     pub first_part: u32,
 }
 
-/// Twin of `BrickPart` there, over the boxes that are drawn.
+/// Twin of `BrickPart` of `pumice_transport::geometry::Bricks`, over the drawn boxes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct BrickPart {
-    /// The box's cells there.
+    /// The cells of the brick that the box covers, one bit each.
     pub cells: u64,
-    /// The box.
+    /// Number of the box.
     pub box_number: u32,
-    /// Its label.
+    /// Dense label of the box.
     pub label: u32,
 }
 
-/// Twin of `VolumeTracer` with its `Placement`: a volume in the world and what is drawn of it.
+/// Twin of `VolumeTracer` with its `Placement`: what is drawn of a volume, and its placement in the world.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Instance {
@@ -401,29 +402,29 @@ pub struct Instance {
     pub boxes: Address,
     /// Dense label of each box.
     pub labels: Address,
-    /// Nodes as compressed, those of drawn labels; 4 bytes more than they need.
+    /// Nodes as compressed, of drawn labels, with at least 4 bytes more behind them.
     pub nodes: Address,
     /// Slices and patterns of leaves.
     pub leaves: Address,
-    /// Hierarchy for compute shaders: nodes of `pumice_transport::Bvh` as they lie there; 0 where hardware traces.
+    /// Hierarchy for compute shaders: nodes of `pumice_transport::Bvh`, in their format; 0 where hardware traces.
     pub bvh_nodes: Address,
     /// Box number of each of its items.
     pub bvh_items: Address,
-    /// Address of the top-level acceleration structure over this instance alone, in index space, placed by the identity; or 0.
+    /// Address of the top-level acceleration structure over this instance alone, in index space, placed by the identity; else 0.
     pub acceleration: Address,
     /// [`Material`]s.
     pub materials: Address,
-    /// Material number by dense label; 0: all have the first.
+    /// Material number by dense label; 0 where all labels have the first material.
     pub material_of_label: Address,
     /// [`CutPlane`]s, or 0.
     pub cut_planes: Address,
-    /// What mattes call each label: two floats, by label and by type; 0 where there are no mattes.
+    /// Cryptomatte ids of each label: two floats, by label and by type; 0 where there are no mattes.
     pub matte_ids: Address,
-    /// Of a volume whose voxels are shaded smooth: where each box's neighbours end, and then all of them; else 0.
+    /// For a volume with smooth voxel normals: the end of each box's list of neighbours, then the lists; else 0.
     pub neighbors: Address,
     /// [`BrickBlock`]s of the whole volume, x first; 0 where boxes are drawn one by one.
     pub blocks: Address,
-    /// [`Brick`]s, one more than there are: where the last one's parts end.
+    /// [`Brick`]s, and one more that marks the end of the last one's parts.
     pub bricks: Address,
     /// Voxels of cells that are neither empty nor full, 8 bytes each.
     pub brick_fields: Address,
@@ -431,7 +432,7 @@ pub struct Instance {
     pub brick_parts: Address,
     /// Lowest voxel of each brick, three words each, where hardware finds bricks; else 0.
     pub brick_corners: Address,
-    /// World position of index 0.
+    /// World position of the origin of index space.
     pub translation: [f64; 3],
     /// Rows of the adjugate, times the determinant's sign.
     pub adjugate: [[f64; 3]; 3],
@@ -441,13 +442,13 @@ pub struct Instance {
     pub normals: [[f64; 3]; 3],
     /// Bounds of all drawn boxes: lowest voxel.
     pub lo: [u32; 3],
-    /// One past the highest voxel; no box where `lo` is not below it.
+    /// One past the highest voxel; where `lo` is not below it, there is no box.
     pub hi: [u32; 3],
     /// The volume's size in voxels.
     pub dims: [u32; 3],
     /// Number of chunks.
     pub chunk_count: u32,
-    /// How far planes of the hierarchy are moved outward, in voxels (`Bvh::pad`); hardware's boxes are padded by this much.
+    /// Pad of the hierarchy: how far its planes are moved outward, in voxels (`Bvh::pad`). Hardware's boxes are padded by this much.
     pub pad: f32,
     /// Number of entries of `material_of_label`; labels past them have the first material.
     pub label_count: u32,
@@ -455,15 +456,15 @@ pub struct Instance {
     pub lod: u32,
     /// Number of boxes.
     pub box_count: u32,
-    /// Number of planes.
+    /// Number of cut planes.
     pub cut_plane_count: u32,
-    /// Fields of `ByDistance`, as there.
+    /// Fields of `pumice_transport::geometry::ByDistance`.
     pub eye_in_index: [f32; 3],
-    /// See there.
+    /// As in `ByDistance`.
     pub edges_from_index: [[f32; 3]; 3],
-    /// See there: from which squared distance on cells are drawn, and whole boxes.
+    /// As in `ByDistance`: the squared distances from which on cells, and whole boxes, are drawn.
     pub coarser_from_squared: [f32; 2],
-    /// The last entry of `matte_ids`, which stands for all labels past it.
+    /// Index of the last entry of `matte_ids`, which stands for all labels past it.
     pub last_matte_id: u32,
 }
 
@@ -481,38 +482,38 @@ pub struct CutPlane {
     pub ends_part: u32,
 }
 
-/// [`Instance::lod`] where each box has a level of its own.
+/// [`Instance::lod`] where each box has a level of its own, chosen by distance.
 pub const LOD_BY_DISTANCE: u32 = 3;
 
-/// [`Instance::lod`] of a mesh: `pack::PackedMesh` has the meaning of the other fields.
+/// [`Instance::lod`] of a mesh; `pack::PackedMesh` documents the meaning of the other fields.
 pub const LOD_TRIANGLES: u32 = 4;
 
 /// [`Instance::lod`] of a mesh that is a shadow catcher.
 pub const LOD_CATCHER: u32 = 5;
 
-/// A surface that a path leaves, or was hit: twin of `Surface`.
+/// A surface that a path leaves or that a ray hit: twin of `Surface`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 #[allow(missing_docs, reason = "as in Surface")]
 pub struct SurfaceRecord {
-    /// [`NONE`]: there is no surface (a free point; nothing hit).
+    /// [`NONE`] where there is no surface: a free point, or nothing was hit.
     pub instance: u32,
     pub voxel: [u32; 3],
     /// Axis in bits 0 and 1, `positive` in bit 2, the kind (`SurfaceKind`) above.
     pub face: u32,
     pub plane: u32,
     pub label: u32,
-    /// The box that drew it, or [`NONE`] where that is not known.
+    /// The box that holds the voxel, or [`NONE`] where that is not known.
     pub box_number: u32,
 }
 
-/// What is asked of a ray.
+/// Kind of a ray query.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Question {
     /// `Tracer::first_hit`.
     FirstHit = 0,
-    /// `Tracer::occluded`: only whether something was hit is told.
+    /// `Tracer::occluded`: the record says only whether something was hit.
     Occluded = 1,
     /// `next_boundary` of `only` in instance `only_instance`.
     NextBoundary = 2,
@@ -522,47 +523,47 @@ pub enum Question {
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct RayRecord {
-    /// Where t = 0 is, in the world.
+    /// World position at t = 0.
     pub origin: [f64; 3],
-    /// Any length above 0.
+    /// World direction, of any length above 0.
     pub direction: [f64; 3],
-    /// Nothing at or beyond is seen.
+    /// Hits at or beyond this t do not count.
     pub t_max: f64,
-    /// Where it starts; `instance` [`NONE`]: a free point.
+    /// The surface that the ray leaves; `instance` is [`NONE`] for a free point.
     pub from: SurfaceRecord,
     /// [`Question`].
     pub question: u32,
     /// Label of [`Question::NextBoundary`].
     pub only: u32,
-    /// Its instance.
+    /// Instance of [`Question::NextBoundary`].
     pub only_instance: u32,
     /// 0.
     pub reserved: u32,
 }
 
-/// What a ray found.
+/// Result of a ray.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct HitRecord {
-    /// In units of the ray's direction.
+    /// Distance in units of the ray's direction.
     pub t: f64,
     /// Outward normal in the world.
     pub normal: [f64; 3],
-    /// `instance` [`NONE`]: nothing was hit.
+    /// The surface; `instance` is [`NONE`] where nothing was hit.
     pub surface: SurfaceRecord,
-    /// Whether the ray came from within.
+    /// 1 where the ray came from within the object, else 0.
     pub from_inside: u32,
     /// 0.
     pub reserved: u32,
 }
 
-/// First surface through the middle of a pixel: twin of `First`.
+/// Passes of the first surface through the centre of a pixel: twin of `SurfaceAovs`.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 #[allow(missing_docs, reason = "as the passes are called")]
 pub struct SurfaceAovsRecord {
     pub depth: f32,
-    /// Dense label + 1; 0: nothing.
+    /// Dense label + 1; 0 where nothing was hit.
     pub label: u32,
     pub albedo: [f32; 3],
     pub normal: [f32; 3],

@@ -5,8 +5,8 @@
 //!                                                                             ▲
 //! shaders/*.glsl: line by line the twins of the CPU's files ──────────────────┘
 //! ```
-//! Every structure that both sides read is in [`layout`]; everything that is computed before a ray is traced (levels of detail,
-//! chances of lights, colours of labels) is the CPU renderer's own, so that the two cannot differ there.
+//! [`layout`] has every structure that host and shaders share. Whatever is computed before a ray is traced (levels of detail, selection
+//! probabilities of lights, colours of labels) comes from the crate that the CPU renderer uses too, so the two cannot differ there.
 
 pub mod device;
 mod film;

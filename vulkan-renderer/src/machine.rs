@@ -1,4 +1,4 @@
-//! A device and what is made for it once: programs, tables that no scene changes, and how large its launches are.
+//! A device with what is made for it once: compiled programs, tables that are the same for every scene, and the size of its launches.
 
 use std::path::PathBuf;
 
@@ -7,7 +7,7 @@ use crate::program::Program;
 use crate::shaders::{Entry, program};
 use crate::slices::Slices;
 
-/// What a device was opened by: enough to open it again after it was lost.
+/// How a device was opened: enough to open it again after it was lost.
 #[derive(Clone, Debug)]
 pub(crate) struct Opening {
     pub(crate) instance: Instance,
@@ -16,17 +16,17 @@ pub(crate) struct Opening {
     pub(crate) cache_folder: Option<PathBuf>,
 }
 
-/// See the module.
+/// A device with its programs, tables and launch sizes.
 #[derive(Debug)]
 pub(crate) struct DeviceContext {
     pub(crate) gpu: Gpu,
-    /// How much light surfaces keep: the CPU's tables.
+    /// Albedo tables of the BSDF, the same as the CPU's (`pumice_transport::bsdf::tables`).
     pub(crate) tables: Buffer,
-    /// Of samples.
+    /// Launch sizes of the entry that adds samples.
     pub(crate) slices: Slices,
-    /// Of first surfaces.
+    /// Launch sizes of the entry that finds first surfaces.
     pub(crate) slices_of_firsts: Slices,
-    /// By entry and specialisation constants: no more than the kinds of scenes that were shown.
+    /// Programs by entry and specialisation constants: as many as there were kinds of scenes.
     programs: Vec<(Entry, Vec<u32>, Program)>,
 }
 
@@ -44,7 +44,7 @@ impl DeviceContext {
         })
     }
 
-    /// The program of an entry, compiled when it is first asked for.
+    /// The program of an entry; compiles it on first use.
     pub(crate) fn program(&mut self, entry: Entry, constants: &[u32]) -> Result<&mut Program, DeviceError> {
         let known = self.programs.iter().position(|(e, c, _)| *e == entry && c == constants);
         let place = match known {
@@ -58,14 +58,14 @@ impl DeviceContext {
         Ok(&mut self.programs[place].2)
     }
 
-    /// Gives back what can be made again, and makes launches smaller, after memory was short.
+    /// After memory was short: frees what can be made again, and makes launches smaller.
     pub(crate) fn shrink(&mut self) {
         self.programs.iter_mut().for_each(|(_, _, p)| p.drop_scratch());
         self.slices.shrink();
         self.slices_of_firsts.shrink();
     }
 
-    /// Bytes of memory that programs hold.
+    /// Bytes of scratch memory that programs hold on the device.
     pub(crate) fn scratch_bytes(&self) -> u64 {
         self.programs.iter().map(|(_, _, p)| p.scratch_bytes()).sum()
     }

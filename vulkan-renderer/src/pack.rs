@@ -1,17 +1,18 @@
-//! From volumes and a scene to the bytes that a device gets. No Vulkan here: the same on every machine, and tested without one.
+//! Converts volumes and a scene to the bytes that the device gets. It needs no Vulkan, so it gives the same bytes on every machine and is
+//! tested without a GPU.
 //!
 //! ```text
-//! CompressedVolume ──► PackedNodes   nodes and leaves as compressed, those of wanted labels     changes when a label is shown
-//!                  └─► PackedBoxes   boxes of drawn labels, in Morton order, with their levels  changes with visibility and LOD
-//!        PackedBoxes └─► PackedBricks  the same, all labels in one                          changes with visibility and LOD
-//! MeshData         ──► PackedMesh    corners and triangles                                        changes with the mesh
-//! MaterialTable            ──► PackedMaterials   materials and which label has which                        changes with colours
-//! Emitters         ──► PackedEmitters  surfaces that shine, and their tree                     changes with what shines and where
-//! Lights, Camera…  ──► records       numbers of `layout`                                        changes with each of them
+//! CompressedVolume ──► PackedNodes      nodes and leaves as compressed, of the wanted labels        changes when a label is first shown
+//!                  └─► PackedBoxes      boxes of drawn labels, in Morton order, with their levels   changes with visibility and LOD
+//!      PackedBoxes └─► PackedBricks     the same voxels, all labels together                        changes with visibility and LOD
+//! MeshData         ──► PackedMesh       vertices and triangles                                      changes with the mesh
+//! MaterialTable    ──► PackedMaterials  materials, and the material of each label                   changes with colours
+//! Emitters         ──► PackedEmitters   emissive surfaces and their light tree                      changes with emission and placements
+//! Lights, Camera…  ──► records          plain structures of `layout`                                changes with each of them
 //! ```
-//! Nothing is inflated: a box is the 8 bytes of its record and its label; a node is copied as it lies. What is not drawn is not
-//! there. Where all boxes are drawn at one level of detail, rays go through bricks, which are bytes besides; else through a hierarchy of
-//! boxes.
+//! Nothing is decompressed: a box is the 8 bytes of its record and its label, and nodes are copied unchanged. Only what is drawn is packed.
+//! Where all boxes are drawn at one level of detail, rays traverse bricks, which need memory in addition; otherwise they traverse a
+//! hierarchy over boxes.
 
 mod boxes;
 mod bricks;

@@ -1,8 +1,8 @@
-//! One entry point on one backend: what the three ways to trace look like to those who launch.
+//! One entry point on one backend. It hides from callers which of the three ways to trace rays is used.
 //!
 //! ```text
 //! compute, ray query     groups of shader invocations, as many as cover the items
-//! ray tracing pipeline   one ray of the launch for each item, and scratch memory for the search of each (`layout::SCRATCH_BYTES`)
+//! ray tracing pipeline   one ray of the launch for each item, and scratch memory for the search state of each (`layout::SCRATCH_BYTES`)
 //! ```
 
 use std::time::Duration;
@@ -10,18 +10,18 @@ use std::time::Duration;
 use crate::device::{Backend, Buffer, ComputePipeline, DeviceError, Gpu, RayPipeline, RayShaders};
 use crate::layout::{Launch, SCRATCH_BYTES};
 
-/// The code of an entry point, as words.
+/// The SPIR-V of an entry point, as words.
 #[derive(Clone, Copy, Debug)]
 pub struct Code<'a> {
-    /// A compute shader, or one that generates rays.
+    /// A compute shader, or a ray generation shader.
     pub main: &'a [u32],
-    /// The shaders that a ray tracing pipeline has besides: for a miss, for a box.
+    /// The other shaders of a ray tracing pipeline: the miss shader and the intersection shader.
     pub miss_and_box: Option<[&'a [u32]; 2]>,
-    /// Invocations of a compute shader's group, across and down; 1 where rays are generated.
+    /// Workgroup size of a compute shader, across and down; 1 for a ray generation shader.
     pub group: [u32; 2],
 }
 
-/// See the module.
+/// An entry point that is ready to be launched on one device.
 #[derive(Debug)]
 pub struct Program {
     made: Made,
@@ -36,7 +36,7 @@ enum Made {
 }
 
 impl Program {
-    /// Makes an entry point ready; `constants[i]` is specialisation constant i.
+    /// Creates the pipeline of an entry point; `constants[i]` is specialisation constant i.
     ///
     /// # Errors
     /// When the driver refuses it, memory is short, or the code is not for the device's backend.
@@ -57,7 +57,7 @@ impl Program {
         Ok(Self { made, group: code.group, gpu: gpu.clone() })
     }
 
-    /// Runs it over `items` across and down and waits for its end; returns how long that took. `launch.scratch` is filled here.
+    /// Runs it over `items` across and down, and waits for its end. Returns how long that took. Sets `launch.scratch` itself.
     ///
     /// # Errors
     /// [`DeviceError::OutOfMemory`] for the scratch memory; [`DeviceError::Lost`]; [`DeviceError::Limit`] for more items than
@@ -79,7 +79,7 @@ impl Program {
                 let held = match scratch.take() {
                     Some(held) if held.bytes() >= needed => held,
                     former => {
-                        // Its memory may be what the new one needs.
+                        // Free the former memory first; the new allocation may need it.
                         drop(former);
                         gpu.buffer("the rays' scratch memory", needed)?
                     }
@@ -90,7 +90,7 @@ impl Program {
         }
     }
 
-    /// Gives the scratch memory back; it is made again when it is needed.
+    /// Frees the scratch memory; the next launch allocates it again.
     pub(crate) fn drop_scratch(&mut self) {
         if let Made::Rays { scratch, .. } = &mut self.made {
             *scratch = None;

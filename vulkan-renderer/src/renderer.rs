@@ -1,9 +1,9 @@
-//! A graphics processor behind the [`Renderer`] interface.
+//! Implements the [`Renderer`] interface on a GPU.
 //!
-//! **Failures.** Whatever the device refuses is overcome once: where memory was short, all that can be made again is given back and
-//! launches become smaller; where the device was lost, it is opened anew, the scene is sent again and the samples that the host has
-//! are put back. A second failure without a success in between is [`RenderError::Device`]: another backend may take over, with the
-//! scene and the volumes, which never left the host.
+//! **Failures.** Each failure of the device is handled once. Where memory was short, everything that can be made again is freed and
+//! launches become smaller. Where the device was lost, it is opened again, the scene is sent again and the samples of the host's copy are
+//! restored. A second failure without a success in between is [`RenderError::Device`]: another backend may take over with the scene and the
+//! volumes, which the host still holds.
 
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -19,10 +19,10 @@ use crate::scene::UploadError;
 use crate::sent::Sent;
 use crate::shown::{Counters, Shown};
 
-/// Most samples that each pixel gets in one pass: what it takes is known only in part.
+/// Most samples a pixel in one pass, because the time a sample takes is known only roughly.
 const MOST_SAMPLES_A_PASS: u32 = 64;
 
-/// See the module.
+/// A path tracer on a Vulkan device.
 #[derive(Debug)]
 pub struct VulkanRenderer {
     how: Opening,
@@ -31,7 +31,7 @@ pub struct VulkanRenderer {
     shown: Option<Shown>,
     counters: Counters,
     notices: Vec<String>,
-    /// A failure was overcome, and nothing has succeeded since.
+    /// A failure was handled, and nothing has succeeded since.
     failed: bool,
     seconds_a_sample: f64,
 }
@@ -41,7 +41,7 @@ fn no_scene() -> RenderError {
 }
 
 impl VulkanRenderer {
-    /// Opens a device for a backend; shows nothing yet. Compiled pipelines are kept in `cache_folder`, where one is given.
+    /// Opens a device for a backend, without a scene. Compiled pipelines are kept in `cache_folder`, if one is given.
     ///
     /// # Errors
     /// [`DeviceError::Unsupported`] says what the device lacks.
@@ -66,12 +66,12 @@ impl VulkanRenderer {
         })
     }
 
-    /// The device.
+    /// The device that it renders on.
     pub fn gpu(&self) -> &Gpu {
         &self.machine.gpu
     }
 
-    /// Shows nothing any more and gives the scene's memory back; the compiled programs stay.
+    /// Removes the scene and frees its memory; compiled programs stay.
     pub fn forget_scene(&mut self) {
         self.shown = None;
     }
@@ -81,24 +81,24 @@ impl VulkanRenderer {
         self.counters.sent
     }
 
-    /// Launches of samples so far, how many of them took more than a tenth of a second, and the longest in seconds.
+    /// Number of sampling launches so far, how many of them took more than a tenth of a second, and the longest in seconds.
     pub fn launches(&self) -> (u64, u64, f64) {
         self.machine.slices.launches()
     }
 
-    /// After a failure: brings device and scene into a state from which the work can be tried again.
+    /// Handles a failure: brings device and scene into a state from which the work can be tried again.
     fn overcome(&mut self, error: &DeviceError) -> Result<(), RenderError> {
         if self.failed {
             return Err(self.given_up(error));
         }
         self.failed = true;
-        // Any call may be the one that tells.
+        // Any call may be the first to report that the device is lost.
         if !self.machine.gpu.is_lost() && !matches!(error, DeviceError::Lost(_)) {
             self.notices.push(format!("{error}; trying again with smaller launches"));
             self.machine.shrink();
             return Ok(());
         }
-        self.notices.push(format!("{error}; opening it anew"));
+        self.notices.push(format!("{error}; opening the device again"));
         let mut slices = self.machine.slices;
         slices.shrink();
         let mut again = DeviceContext::open(&self.how).map_err(|e| self.given_up(&e))?;
@@ -113,12 +113,12 @@ impl VulkanRenderer {
         Ok(())
     }
 
-    /// The error of who has tried twice.
+    /// The error after a second failure.
     fn given_up(&self, error: &DeviceError) -> RenderError {
         RenderError::Device(format!("{} on {}: {error}", self.how.backend, self.how.candidate.name))
     }
 
-    /// Does what may fail by the device, twice if need be.
+    /// Does work that the device may fail at, and does it again after a first failure.
     fn twice<T>(
         &mut self,
         mut work: impl FnMut(&mut Shown, &mut DeviceContext) -> Result<T, DeviceError>,
@@ -135,7 +135,7 @@ impl VulkanRenderer {
         }
     }
 
-    /// Brings every pixel to `target` samples; goes on with a pass that was cancelled.
+    /// Brings every pixel to `target` samples. Continues a pass that was cancelled.
     fn pass(&mut self, target: u32, job: &Job) -> Result<(), RenderError> {
         loop {
             if job.is_cancelled() {
@@ -169,7 +169,7 @@ impl Renderer for VulkanRenderer {
                 }
                 Err(UploadError::Scene(e)) => return Err(e),
                 Err(UploadError::Device(e)) => {
-                    // The former scene's memory may be what is missing.
+                    // Free the former scene: its memory may be what is missing.
                     self.shown = None;
                     self.overcome(&e)?;
                 }

@@ -1,18 +1,18 @@
-//! A scene on the device, in parts that edits renew one by one.
+//! A scene on the device, divided into parts that edits replace one by one.
 //!
 //! ```text
-//! SceneHeader ─┬─ Sky       lights, environment tables                      renewed by: world, suns, lamps
+//! SceneHeader ─┬─ Sky       lights, environment tables                  renewed by: world, suns, lamps
 //!  (+ Instance │
-//!  records,    ├─ Nodes     nodes and leaves, as compressed                 renewed by: a volume, a label that was never shown
-//!  new with    ├─ Boxes     boxes, labels, hierarchy                        renewed by: visibility, level of detail
-//!  each edit)  ├─ Triangles corners, triangles, normals, hierarchy          renewed by: another mesh
-//!              ├─ MaterialTable     materials, which label has which                renewed by: colours
-//!              ├─ Emitters  surfaces that shine, and their tree                renewed by: what shines, its place, shape and neighbours
-//!              ├─ Cuts      planes of what is taken away                    renewed by: cuts, places
-//!              ├─ Tree      hierarchy over many instances                   renewed by: places
-//!              └─ filter    table of the film's filter                      renewed by: film
+//!  records,    ├─ Nodes     nodes and leaves, as compressed             renewed by: another volume, a label that was not shown before
+//!  new with    ├─ Boxes     boxes, labels, hierarchy                    renewed by: visibility, level of detail
+//!  each edit)  ├─ Triangles corners, triangles, normals, hierarchy      renewed by: another mesh
+//!              ├─ Materials materials, and the material of each label   renewed by: colours
+//!              ├─ Emitters  emissive surfaces and their light tree      renewed by: emissive materials; place, shape and neighbours
+//!              ├─ Cuts      planes that cut parts away                  renewed by: cuts, placements
+//!              ├─ Tree      hierarchy over many instances               renewed by: placements
+//!              └─ filter    table of the pixel filter                   renewed by: film
 //! ```
-//! The header and the instances' records are a few hundred bytes and written anew each time: a camera move sends them alone.
+//! The header and the instances' records are a few hundred bytes and are rewritten with each edit. A camera move sends nothing else.
 
 use std::sync::Arc;
 
@@ -30,9 +30,9 @@ use crate::pack::{
 /// Why a part could not be put on the device.
 #[derive(Debug)]
 pub(crate) enum UploadError {
-    /// The device's fault.
+    /// The device failed.
     Device(DeviceError),
-    /// The scene's, or its files'.
+    /// The scene or one of its files is at fault.
     Scene(RenderError),
 }
 
@@ -69,7 +69,7 @@ impl Nodes {
         Ok(Self { volume: Arc::clone(volume), packed, nodes, leaves })
     }
 
-    /// Whether they are that very volume's.
+    /// Whether these are the nodes of this very volume.
     pub(crate) fn is_of(&self, volume: &Arc<CompressedVolume>) -> bool {
         Arc::ptr_eq(&self.volume, volume)
     }
@@ -83,26 +83,27 @@ impl Nodes {
     }
 }
 
-/// What is drawn of a volume, as the instance at one place of the scene.
+/// What is drawn of a volume, for one instance of the scene.
 #[derive(Debug)]
 pub(crate) struct Boxes {
     nodes: Arc<Nodes>,
     chunks: Buffer,
     boxes: Buffer,
     labels: Buffer,
-    /// All labels in one, where boxes are drawn at one level.
+    /// The same voxels as bricks, all labels together, where all boxes are drawn at one level of detail.
     bricks: Option<BricksOnDevice>,
-    /// Over boxes: ours in compute shaders, else the device's own. Over bricks: the device's own alone.
+    /// BVH over boxes for compute shaders: nodes and items. `None` where the device's own acceleration structure is used, and where shaders
+    /// traverse bricks without a hierarchy.
     bvh: Option<[Buffer; 2]>,
     acceleration: Option<Acceleration>,
-    /// Where voxels are shaded smooth.
+    /// Neighbouring boxes, where voxels have smooth normals.
     neighbors: Option<Buffer>,
-    /// Its placement, materials and their addresses left 0.
+    /// The instance's record; placement, materials and their addresses are 0.
     record: layout::Instance,
 }
 
 impl Boxes {
-    /// With `carry_hidden` also the boxes of labels that are not visible, whose nodes must be there; none of their voxels.
+    /// With `carry_hidden`, the boxes of invisible labels are included too, without their voxels; their nodes must be on the device.
     #[expect(clippy::too_many_arguments, reason = "all that decides what is drawn")]
     pub(crate) fn new(
         gpu: &Gpu,
@@ -132,7 +133,7 @@ impl Boxes {
         let bricks = in_bricks.as_ref().map(|b| BricksOnDevice::new(gpu, b, &mut record)).transpose()?;
         let (bvh, acceleration) = match &in_bricks {
             None => hierarchy(gpu, place, &mut record, || packed.aabbs(), || packed.numbered())?,
-            // Rays find bricks by themselves where hardware does not.
+            // Shaders traverse bricks as a grid. Only hardware ray tracing needs a hierarchy over them.
             Some(bricks) if gpu.backend().uses_hardware_hierarchy() => {
                 hierarchy(gpu, place, &mut record, || bricks.aabbs(&packed), Vec::new)?
             }
@@ -153,7 +154,7 @@ impl Boxes {
         Ok(Self { nodes, chunks, boxes, labels, bricks, bvh, acceleration, neighbors, record })
     }
 
-    /// Whether rays go through bricks.
+    /// Whether rays traverse bricks.
     pub(crate) fn has_bricks(&self) -> bool {
         self.bricks.is_some()
     }
@@ -163,20 +164,20 @@ impl Boxes {
     }
 }
 
-/// Whether rays are to go through bricks, where there can be any: not where hardware finds them and doubles are integers. What looks at a
-/// brick then takes more time than what looks at its boxes, by a quarter on Mesa's driver (docs/measured.md).
+/// Whether rays should traverse bricks where these can be built. They should not where hardware traces and doubles are emulated with
+/// integers: testing a brick then takes more time than testing its boxes, by a quarter on Mesa's driver (docs/measured.md).
 fn suits_bricks(gpu: &Gpu) -> bool {
     !gpu.backend().uses_hardware_hierarchy() || gpu.candidate().native_f64
 }
 
-/// What is drawn of a volume, all labels in one.
+/// The drawn voxels of a volume as bricks, all labels together.
 #[derive(Debug)]
 struct BricksOnDevice {
     buffers: Vec<Buffer>,
 }
 
 impl BricksOnDevice {
-    /// Tells the record where they are.
+    /// Uploads the bricks and writes their addresses into the record.
     fn new(gpu: &Gpu, packed: &PackedBricks, record: &mut layout::Instance) -> Result<Self, DeviceError> {
         let mut buffers = Vec::new();
         let mut put = |what: &'static str, bytes: &[u8]| {
@@ -200,7 +201,8 @@ impl BricksOnDevice {
     }
 }
 
-/// A hierarchy on the device: ours in compute shaders, else the device's own. Tells the record where it is.
+/// Builds a hierarchy on the device and writes its address into the record: a BVH where compute shaders traverse it, otherwise the device's
+/// own acceleration structure.
 fn hierarchy(
     gpu: &Gpu,
     place: u32,
@@ -224,23 +226,23 @@ fn hierarchy(
     Ok((Some([nodes, items]), None))
 }
 
-/// Triangles of a mesh, as the instance of one number.
+/// Triangles of a mesh, for the instance of one number.
 #[derive(Debug)]
 pub(crate) struct Triangles {
     mesh_from_grid: DAffine3,
     corners: Buffer,
     triangles: Buffer,
     materials: Buffer,
-    /// Where some triangle is shaded smooth.
+    /// Vertex normals, where some triangle is shaded smooth.
     normals: Option<Buffer>,
     bvh: Option<[Buffer; 2]>,
     acceleration: Option<Acceleration>,
-    /// Its placement, materials and their addresses left 0.
+    /// The instance's record; placement, materials and their addresses are 0.
     record: layout::Instance,
 }
 
 impl Triangles {
-    /// Of the mesh at `place` among the scene's meshes.
+    /// Uploads the mesh at `place` among the scene's meshes.
     pub(crate) fn new(gpu: &Gpu, place: u32, instance: u32, mesh: &MeshData) -> Result<Self, UploadError> {
         let packed = PackedMesh::new(place, mesh)?;
         let mut record = packed.record();
@@ -262,7 +264,7 @@ impl Triangles {
         Ok(Self { mesh_from_grid, corners, triangles, materials, normals, bvh, acceleration, record })
     }
 
-    /// Grid to the mesh's own space.
+    /// Transform from the mesh's grid to the mesh's own space.
     pub(crate) fn mesh_from_grid(&self) -> DAffine3 {
         self.mesh_from_grid
     }
@@ -273,7 +275,7 @@ impl Triangles {
 pub(crate) struct MeshOnDevice {
     pub(crate) triangles: Arc<Triangles>,
     pub(crate) materials: Arc<MaterialsOnDevice>,
-    /// Of the mesh's grid.
+    /// Placement of the mesh's grid in the world.
     pub(crate) placement: Placement,
 }
 
@@ -287,7 +289,7 @@ impl MeshOnDevice {
     }
 }
 
-/// Materials of an instance or of a mesh.
+/// Materials of an instance or a mesh.
 #[derive(Debug)]
 pub(crate) struct MaterialsOnDevice {
     pub(crate) table: Arc<MaterialTable>,
@@ -319,7 +321,7 @@ impl MaterialsOnDevice {
     }
 }
 
-/// What is cut away from an instance.
+/// Cut planes of an instance.
 #[derive(Debug)]
 pub(crate) struct CutsOnDevice {
     pub(crate) cuts: Cuts,
@@ -337,7 +339,7 @@ impl CutsOnDevice {
     }
 }
 
-/// An instance: each part may be another one's too.
+/// An instance. Instances may share each of these parts.
 #[derive(Clone, Debug)]
 pub(crate) struct InstanceOnDevice {
     pub(crate) boxes: Arc<Boxes>,
@@ -395,10 +397,10 @@ impl SkyOnDevice {
     }
 }
 
-/// Surfaces that shine and are aimed at.
+/// Emissive surfaces, which are sampled as lights.
 #[derive(Debug)]
 pub(crate) struct EmittersOnDevice {
-    /// Of all together, for choosing among lights.
+    /// Irradiance estimate of all emissive surfaces together, which weighs them against other lights.
     pub(crate) irradiance: f32,
     record: layout::Emitters,
     buffers: Vec<Buffer>,
@@ -419,7 +421,7 @@ impl EmittersOnDevice {
     }
 }
 
-/// Table of the film's filter.
+/// Inverse-cdf table of the pixel filter.
 #[derive(Debug)]
 pub(crate) struct FilterOnDevice {
     table: Buffer,
@@ -445,7 +447,7 @@ pub(crate) struct TreeOnDevice {
 }
 
 impl TreeOnDevice {
-    /// Over these instances and meshes, where there are at least so many.
+    /// Builds the hierarchy over these instances and meshes. `None` where there are too few to need one.
     pub(crate) fn new(
         gpu: &Gpu,
         instances: &[InstanceOnDevice],
@@ -469,7 +471,7 @@ impl TreeOnDevice {
     }
 }
 
-/// All parts together, with the header from which shaders find them.
+/// All parts together, with the header through which shaders find them.
 #[derive(Debug)]
 pub(crate) struct SceneOnDevice {
     pub(crate) instances: Vec<InstanceOnDevice>,
@@ -519,12 +521,12 @@ impl SceneOnDevice {
         Ok(Self { instances, meshes, sky, emitters, filter, tree, records, header })
     }
 
-    /// Address of the header.
+    /// Device address of the header.
     pub(crate) fn address(&self) -> u64 {
         self.header.address()
     }
 
-    /// Bytes on the device by part, shared parts counted once.
+    /// Bytes on the device by part; shared parts count once.
     pub(crate) fn bytes(&self) -> [(&'static str, u64); 8] {
         let mut seen = std::collections::BTreeSet::new();
         let mut first = |pointer: *const u8| seen.insert(pointer.addr());

@@ -1,18 +1,18 @@
-//! The compiled shaders that the renderer launches, within the library: users need no compiler and no files.
+//! The compiled shaders that the renderer launches. They are embedded in the library, so users need no shader compiler and no files.
 
 use crate::device::{Backend, DeviceError, Gpu};
 use crate::program::{Code, Program};
 
-/// What can be launched.
+/// An entry point that can be launched.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Entry {
     /// Adds samples to the film.
     Path,
-    /// The first surface through the middle of each pixel.
+    /// Finds the first surface through the centre of each pixel.
     First,
 }
 
-/// Invocations of a group of both entries, where they compute.
+/// Workgroup size of both entries, across and down, where they are compute shaders.
 const GROUP: [u32; 2] = [8, 8];
 
 macro_rules! spirv {
@@ -36,12 +36,12 @@ fn main_of(entry: Entry, backend: Backend, native: bool) -> &'static [u8] {
     }
 }
 
-/// SPIR-V is words in the byte order of whoever wrote it; ours are little-endian.
+/// Decodes SPIR-V words. SPIR-V allows either byte order; the embedded files are little-endian.
 fn words(bytes: &[u8]) -> Vec<u32> {
     bytes.chunks_exact(4).map(|w| u32::from_le_bytes([w[0], w[1], w[2], w[3]])).collect()
 }
 
-/// Makes an entry ready on a device; doubles are the device's own where it has them.
+/// Creates the program of an entry on a device. It uses the variant with native doubles where the device has them.
 pub(crate) fn program(gpu: &Gpu, entry: Entry, constants: &[u32]) -> Result<Program, DeviceError> {
     let (backend, native) = (gpu.backend(), gpu.candidate().native_f64);
     let main = words(main_of(entry, backend, native));

@@ -1,4 +1,5 @@
-//! What a renderer shows: a scene, its parts on the device, the film. A new scene takes from the former what is still right.
+//! What a renderer shows: a scene, its parts on the device, and the film. A new scene reuses those parts of the former one that are still
+//! valid.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -28,7 +29,7 @@ use crate::sent::Sent;
 use crate::shaders::Entry;
 use crate::slices::{Cursor, Tile};
 
-/// See the module.
+/// A scene on the device with its film.
 #[derive(Debug)]
 pub(crate) struct Shown {
     scene: LoadedScene,
@@ -37,7 +38,7 @@ pub(crate) struct Shown {
     constants: Vec<u32>,
 }
 
-/// How often what was made and sent, by all scenes so far.
+/// How often each part was rebuilt and sent, over all scenes so far.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Counters {
     pub(crate) rebuilt: Rebuilt,
@@ -45,8 +46,8 @@ pub(crate) struct Counters {
 }
 
 impl Shown {
-    /// Puts a scene on the device. The former one gives its film away, and nothing where the new one cannot be shown because
-    /// of a fault in it.
+    /// Puts a scene on the device. It takes over the film of the former scene. If the new scene is at fault and cannot be shown, the former
+    /// one stays as it is.
     pub(crate) fn new(
         machine: &mut DeviceContext,
         former: &mut Option<Self>,
@@ -69,7 +70,7 @@ impl Shown {
                 film.clear(&machine.gpu, s.settings.adaptive)?;
                 film
             }
-            // The former film's memory may be what the new one needs.
+            // Free the former film first: the new one may need its memory.
             other => {
                 drop(other);
                 Film::new(&machine.gpu, [s.film.width, s.film.height], sums_of(s), s.settings.adaptive)?
@@ -84,7 +85,7 @@ impl Shown {
         Ok(Self { scene: scene.clone(), parts, film, constants })
     }
 
-    /// The same scene and samples on another device.
+    /// Puts the same scene and samples on another device.
     pub(crate) fn again(
         self,
         machine: &mut DeviceContext,
@@ -92,7 +93,7 @@ impl Shown {
         counters: &mut Counters,
     ) -> Result<Self, UploadError> {
         let Self { scene, mut film, constants, parts } = self;
-        // Of the lost device: given back before its successor is asked for as much.
+        // They are of the lost device. Free them before as much is allocated again.
         drop(parts);
         let plan = ScenePlan::between(None, &scene);
         let parts = Making::new(machine, &scene, None, counters).parts(&plan, read_image)?;
@@ -100,8 +101,8 @@ impl Shown {
         Ok(Self { scene, parts, film, constants })
     }
 
-    /// One launch of a pass that brings every pixel to `target` samples, or of the pass that is under way. True when the pass is
-    /// done.
+    /// Runs one launch of the unfinished pass, or of a new pass that brings every pixel to `target` samples. Returns true when the pass is
+    /// complete.
     pub(crate) fn launch(
         &mut self,
         machine: &mut DeviceContext,
@@ -135,7 +136,7 @@ impl Shown {
         Ok(film.pass.is_none())
     }
 
-    /// The first surface through the middle of a pixel of the film.
+    /// The first surface through the centre of a pixel of the film.
     pub(crate) fn pick(
         &self,
         machine: &mut DeviceContext,
@@ -154,7 +155,7 @@ impl Shown {
         Ok(labelled.then_some(Pick { instance: s.instance, label: s.label, voxel: s.voxel, depth }))
     }
 
-    /// The picture so far: its colours from the host's copy of the film, its passes from the device.
+    /// The picture so far: colours from the host's copy of the film, render passes from the device.
     pub(crate) fn picture(&self, machine: &mut DeviceContext) -> Result<Picture, DeviceError> {
         let [width, height] = self.film.size;
         let mut firsts = vec![SurfaceAovsRecord::zeroed(); width as usize * height as usize];
@@ -188,7 +189,7 @@ impl Shown {
         Ok(picture)
     }
 
-    /// First surfaces of a tile; how long the launch took.
+    /// Computes the first surfaces of a tile, and returns how long the launch took.
     fn first(
         &self,
         machine: &mut DeviceContext,
@@ -223,7 +224,7 @@ fn launch_of(tile: &Tile) -> Launch {
     }
 }
 
-/// The parts of a scene as they are made, by its plan, from the former one's where those are still right.
+/// Makes the parts of a scene by its plan. It reuses parts of the former scene that are still valid.
 struct Making<'a> {
     machine: &'a DeviceContext,
     new: &'a LoadedScene,
@@ -295,7 +296,8 @@ impl<'a> Making<'a> {
         Ok(SceneOnDevice::new(gpu, tables, instances, meshes, sky, emitters, filter, tree, &rays, settings)?)
     }
 
-    /// Whether instances may share a hierarchy: the intersection shader of a pipeline knows an instance by its own.
+    /// Whether instances may share a hierarchy. Not in a ray tracing pipeline, whose intersection shader identifies the instance by the
+    /// hierarchy.
     fn shares_hierarchies(&self) -> bool {
         self.machine.gpu.backend() != Backend::RayPipeline
     }
@@ -311,7 +313,7 @@ impl<'a> Making<'a> {
         Ok(MaterialsOnDevice::new(&self.machine.gpu, materials)?)
     }
 
-    /// One instance; `before` are those that come before it in the scene.
+    /// Makes one instance; `before` are those that precede it in the scene.
     fn instance(
         &mut self,
         place: usize,
@@ -345,7 +347,7 @@ impl<'a> Making<'a> {
                 self.counters.rebuilt.acceleration += 1;
                 self.counters.sent.boxes += 1;
                 let visible = self.new.visible(place);
-                // The same volume may be on the device already, with all that is wanted now.
+                // The nodes of this volume may be on the device already, with all wanted labels.
                 let here = plan.former.and_then(former).into_iter().chain(before).map(|i| i.boxes.nodes());
                 let carry_hidden = self.wanted.has(Part::HiddenLabels);
                 let all = vec![true; visible.len()];
@@ -376,7 +378,7 @@ impl<'a> Making<'a> {
         Ok(InstanceOnDevice { boxes, materials, cuts, placement, lod: self.lod })
     }
 
-    /// One mesh; it comes after all volumes, and after the meshes `before`.
+    /// Makes one mesh. It follows all volumes and the meshes `before`.
     fn mesh(
         &mut self,
         place: usize,
@@ -415,7 +417,7 @@ impl<'a> Making<'a> {
     }
 }
 
-/// What of a scene shines and can be aimed at.
+/// The emissive surfaces of a scene, ready to be sampled as lights.
 fn emitters_of(
     scene: &LoadedScene,
     instances: &[InstanceOnDevice],

@@ -1,8 +1,8 @@
-//! Cuts a pass over the film into launches that a user does not feel.
+//! Divides a pass over the film into launches that are short enough for the screen to stay responsive.
 //!
-//! A launch that takes long makes the whole screen wait, and past a second or two the system takes the device away. How much work
-//! fits into a launch is measured: each tells how long it took, and the next is made as large as fits [`AIM_SECONDS`], at most four
-//! times as large as the last (what comes may be costlier than what was: a sky, then glass).
+//! A long launch blocks the whole screen, and after a second or two the operating system resets the device. Each launch is timed, and the
+//! next is made as large as fits [`AIM_SECONDS`], at most four times as large as the last: a launch of sky may be followed by one of glass,
+//! which costs more a sample.
 //!
 //! ```text
 //! film    ┌──────────────────┐   bands of 8 rows (a group's height); a launch takes whole bands,
@@ -10,25 +10,25 @@
 //!         │222223333344444...│
 //! ```
 
-/// What a launch should take: half of the tenth of a second that is allowed, since the next one may be costlier than it looks.
+/// Target duration of a launch: half of the tenth of a second that is allowed, since the next one may cost more than predicted.
 const AIM_SECONDS: f64 = 0.05;
 
-/// What a launch must not take.
+/// Longest allowed duration of a launch.
 pub(crate) const MOST_SECONDS: f64 = 0.1;
 
 /// Rows of a band.
 const BAND: u32 = 8;
 
-/// Samples of the first launch on an unknown device: some milliseconds on the slowest that there is.
+/// Samples of the first launch on an unknown device: some milliseconds on the slowest known device.
 const FIRST_SAMPLES: f64 = 256.0;
 
-/// Growth from one launch to the next.
+/// Largest growth from one launch to the next.
 const MOST_GROWTH: f64 = 4.0;
 
-/// Pixels of a launch, whatever the speed: what the device's limits and the scratch memory of rays allow.
+/// Most pixels of a launch at any speed, within the device's limits and the scratch memory of rays.
 const MOST_PIXELS: u64 = 1 << 22;
 
-/// Part of the film for one launch.
+/// The rectangle of the film that one launch computes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Tile {
     /// Left edge.
@@ -48,7 +48,7 @@ impl Tile {
     }
 }
 
-/// Where a pass over the film has come to: bands above are done, and the columns left of `x` of the band at `y`.
+/// How far a pass over the film has come. Bands above `y` are done, and in the band at `y` the columns left of `x`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Cursor {
     /// First column of the band that is not done.
@@ -57,13 +57,13 @@ pub(crate) struct Cursor {
     pub(crate) y: u32,
 }
 
-/// How large launches are.
+/// Chooses the size of launches.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Slices {
     /// Samples of the next launch.
     budget: f64,
     most_pixels: u64,
-    /// Launches so far, those that took too long, and the longest in seconds.
+    /// Number of launches so far, how many took too long, and the longest in seconds.
     launches: u64,
     too_long: u64,
     longest: f64,
@@ -76,13 +76,12 @@ impl Default for Slices {
 }
 
 impl Slices {
-    /// The same with fewer pixels at most: where each pixel has a record that is read back.
+    /// The same with fewer pixels a launch, for launches that write a record for each pixel which is read back.
     pub(crate) fn of_records() -> Self {
         Self { most_pixels: 1 << 18, ..Self::default() }
     }
 
-    /// The tile of the next launch, which adds `samples` to each of its pixels, and where the pass is after it. `None`: the pass is
-    /// done.
+    /// The tile of the next launch, which adds `samples` to each of its pixels, and the cursor after it. `None` where the pass is done.
     pub(crate) fn next(&self, film: [u32; 2], at: Cursor, samples: u32) -> Option<(Tile, Cursor)> {
         let [film_width, film_height] = film;
         if at.y >= film_height || film_width == 0 {
@@ -97,7 +96,7 @@ impl Slices {
             let tile = Tile { x: 0, y: at.y, width, height };
             return Some((tile, Cursor { x: 0, y: at.y + height }));
         }
-        // A part of a band, in whole groups.
+        // A part of a band, in whole workgroups.
         let columns = (pixels / u64::from(band)).next_multiple_of(8).max(8);
         let columns = columns.min(u64::from(width)) as u32;
         let tile = Tile { x: at.x, y: at.y, width: columns, height: band };
@@ -107,12 +106,12 @@ impl Slices {
         Some((tile, after))
     }
 
-    /// Most samples of a pixel that one launch should add: a launch of eight by eight pixels fits the budget.
+    /// Most samples a pixel that one launch should add, so that a launch of eight by eight pixels fits the budget.
     pub(crate) fn most_samples(&self) -> u32 {
         (self.budget / f64::from(BAND * BAND)).clamp(1.0, 1e6) as u32
     }
 
-    /// Learns what a launch of `pixels` times `samples` took.
+    /// Adapts the budget to the time that a launch of `pixels` times `samples` took.
     pub(crate) fn learn(&mut self, pixels: u64, samples: u32, seconds: f64) {
         let done = pixels as f64 * f64::from(samples.max(1));
         let fits = done * AIM_SECONDS / seconds.max(1e-6);
@@ -122,13 +121,13 @@ impl Slices {
         self.too_long += u64::from(seconds > MOST_SECONDS);
     }
 
-    /// Another scene or another view: what comes may be costlier.
+    /// Reduces the budget because the scene or the view has changed and samples may cost more.
     pub(crate) fn be_careful(&mut self) {
         self.budget = (self.budget / MOST_GROWTH).max(1.0);
     }
 
-    /// Memory was short, or the device was lost: launches of a quarter of the pixels from now on. False where they cannot be made
-    /// smaller.
+    /// After memory was short or the device was lost: launches have a quarter of the pixels from now on. False where they are as small as
+    /// possible already.
     pub(crate) fn shrink(&mut self) -> bool {
         let smallest = u64::from(BAND * BAND);
         let can = self.most_pixels > smallest;
@@ -147,7 +146,7 @@ impl Slices {
 mod tests {
     use super::*;
 
-    /// Every pixel is in one launch of a pass, whatever the film and the speed.
+    /// Every pixel lies in exactly one launch of a pass, for any film size and speed.
     #[test]
     fn tiles_cover_the_film_once() {
         for film in [[1, 1], [7, 3], [8, 8], [130, 75], [1921, 17], [3, 200]] {
@@ -195,13 +194,13 @@ mod tests {
 
     #[test]
     fn launches_stay_short_at_every_speed() {
-        // From a software driver at 32 bounces to the fastest processor.
+        // From a software driver at 32 bounces to the fastest GPU.
         for seconds_a_sample in [3e-4, 2e-5, 1e-6, 1e-8, 1e-10] {
             for film in [[320, 200], [1920, 1080]] {
                 let taken = simulated(film, 1, 3, |_| seconds_a_sample);
                 let longest = taken.iter().fold(0.0f64, |m, &t| m.max(t));
                 assert!(longest <= MOST_SECONDS, "{longest} s at {seconds_a_sample} s a sample");
-                // And they are not needlessly many: the fixed cost of a launch must not count.
+                // There are not needlessly many launches either: their fixed cost must not matter.
                 let work: f64 = taken.iter().sum();
                 let most = work / (AIM_SECONDS * 0.3) + 60.0;
                 assert!((taken.len() as f64) < most, "{} launches for {work} s", taken.len());
@@ -209,7 +208,7 @@ mod tests {
         }
     }
 
-    /// Halves of the film that differ by a factor of eight in cost: a few launches are too long, the next one is not.
+    /// One half of the film costs eight times as much as the other: a few launches are too long, and later ones are not.
     #[test]
     fn a_costly_part_is_met_once() {
         let cost = |tile: &Tile| if tile.y < 540 { 1e-7 } else { 8e-7 };

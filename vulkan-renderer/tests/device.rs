@@ -1,4 +1,4 @@
-//! The device's own interface: memory, launches, hierarchies, and what happens when they fail.
+//! Tests the device's interface: memory, launches, hierarchies, and what happens when they fail.
 #![allow(clippy::unwrap_used, clippy::panic, clippy::expect_used, reason = "tests")]
 
 mod gpu;
@@ -18,7 +18,7 @@ fn a_machine_without_vulkan_says_so() {
     assert!(what.contains("/there/is/no/libvulkan.so.1") && !what.contains('\n'), "{what}");
 }
 
-/// A file that is a library and no loader.
+/// A library that is not a Vulkan loader.
 #[test]
 fn a_library_that_is_no_loader_is_refused() {
     let loader = Some("libc.so.6".into());
@@ -39,7 +39,7 @@ fn every_backend_has_a_device_here() {
     assert_eq!(instance.messages().take(), Vec::<String>::new());
 }
 
-/// Longer than what travels at once, with ends that divide nothing.
+/// Longer than the staging memory, with lengths that are multiples of nothing.
 #[test]
 fn bytes_come_back_as_they_went() {
     let gpu = Gpu::new();
@@ -88,7 +88,7 @@ fn what_cannot_fit_is_refused_with_numbers() {
     };
     assert_eq!(needed, 1 << 50);
     assert!(e.to_string().contains("a film of another world"));
-    // The device goes on.
+    // The device still works.
     gpu.device().buffer_of("a test's buffer", &[1, 2, 3]).unwrap();
 }
 
@@ -113,7 +113,7 @@ fn a_lost_device_stays_lost() {
     assert!(device.is_lost());
     assert_eq!(device.download(&buffer, 0, &mut [0]), Err(DeviceError::Lost("a download")));
     assert_eq!(device.clear(&buffer), Err(DeviceError::Lost("a clear")));
-    // Another one can be opened beside it.
+    // Another instance can be opened beside it.
     Gpu::new().device().buffer_of("a test's buffer", &[1]).unwrap();
 }
 
@@ -146,7 +146,7 @@ fn hierarchies_are_for_hardware_that_has_them() {
     let before = gpu.device().allocated_bytes();
     let built = gpu.device().acceleration(7, 1000, |i| [i as f32, 0., 0., i as f32 + 1., 1., 1.]).unwrap();
     assert!(built.address() != 0 && built.bytes() > 0);
-    // What the build needed is free again.
+    // The memory that the build needed is free again.
     assert!(gpu.device().allocated_bytes() - before < 2 * built.bytes() + 4096);
     drop(built);
     assert_eq!(gpu.device().allocated_bytes(), before);
@@ -154,7 +154,7 @@ fn hierarchies_are_for_hardware_that_has_them() {
     assert!(matches!(refused, Err(DeviceError::Limit { .. })), "{refused:?}");
 }
 
-/// Each step of a build may fail; nothing is left behind.
+/// Each step of a build may fail; no memory leaks.
 #[test]
 fn builds_that_fail_leave_nothing() {
     for backend in [Backend::RayPipeline, Backend::RayQuery] {
@@ -186,7 +186,7 @@ fn shaders_of_another_backend_are_refused() {
     assert!(matches!(refused, Err(DeviceError::Unsupported { .. })), "{refused:?}");
 }
 
-/// Pipelines are found again, and a damaged file does no harm.
+/// Cached pipelines are loaded again, and a damaged file does no harm.
 #[test]
 fn pipelines_are_kept() {
     let folder = tempfile::tempdir().unwrap();
@@ -210,7 +210,7 @@ fn pipelines_are_kept() {
         assert!(std::fs::read(file).unwrap().len() >= written.len().min(24));
     }
     assert_eq!(files().len(), 1);
-    // A folder that cannot be made is no failure either.
+    // A folder that cannot be created is no error either.
     let instance = validated();
     let devices = device::survey(&instance).unwrap();
     let nowhere = file.join("a file is no folder");

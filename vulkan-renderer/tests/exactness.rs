@@ -1,5 +1,5 @@
-//! Hits of the shaders are the CPU's, bit for bit: instance, voxel, face, label, t, normal. (That the CPU's are right, an exact
-//! oracle says in that crate's tests.)
+//! Hits of the shaders equal the CPU's bit for bit: instance, voxel, face, label, t, normal. (Tests of the CPU renderer check its hits
+//! against an exact oracle.)
 #![allow(clippy::unwrap_used, clippy::panic, clippy::expect_used, reason = "tests")]
 
 #[path = "../../cpu-renderer/tests/exact/mod.rs"]
@@ -29,14 +29,14 @@ use pumice_vulkan::layout::{HitRecord, Launch, NONE, Question, RayRecord, SceneH
 use pumice_vulkan::pack::cut_planes;
 use pumice_vulkan::program::Program;
 
-/// A question to both.
+/// A ray query to both sides.
 #[derive(Clone, Copy, Debug)]
 struct Asked {
     ray: RayInWorld,
     from: PathOrigin,
     t_max: f64,
     question: Question,
-    /// Label of `Question::NextBoundary`, of instance 0.
+    /// Label of `Question::NextBoundary`, in instance 0.
     only: u32,
 }
 
@@ -82,7 +82,7 @@ impl Asked {
     }
 }
 
-/// One way to trace on a device.
+/// One backend on a device, with native or emulated doubles.
 struct Front {
     name: String,
     gpu: Gpu,
@@ -92,8 +92,8 @@ struct Front {
 static FRONTS: Mutex<Option<Vec<Front>>> = Mutex::new(None);
 static OTHERS: Mutex<Option<Vec<Front>>> = Mutex::new(None);
 
-/// Compute shaders with the device's doubles, and the day's one of the others: each hardware backend with the doubles that it would draw
-/// with, and compute shaders with doubles in integers.
+/// Compute shaders with native doubles, and one of the others, which changes daily: each hardware backend with the doubles that a renderer
+/// would use there, and compute shaders with emulated doubles.
 fn fronts() -> Shared<Vec<Front>> {
     let made = || {
         let others = [(Backend::RayPipeline, true), (Backend::RayQuery, true), (Backend::Compute, false)];
@@ -105,7 +105,7 @@ fn fronts() -> Shared<Vec<Front>> {
     Shared::take(&FRONTS, made, |fronts| fronts.iter().map(|f| &f.gpu).collect())
 }
 
-/// Doubles in integers on hardware backends whose device has its own.
+/// Emulated doubles on hardware backends whose device has native doubles.
 fn others() -> Shared<Vec<Front>> {
     let made = || {
         let hardware = [Backend::RayPipeline, Backend::RayQuery].into_iter();
@@ -114,7 +114,7 @@ fn others() -> Shared<Vec<Front>> {
     Shared::take(&OTHERS, made, |fronts| fronts.iter().map(|f| &f.gpu).collect())
 }
 
-/// Each property on the ways to trace of an ordinary run, and on the others.
+/// Makes two tests of each property: one for the backends of an ordinary run, and one for the others.
 macro_rules! on_fronts {
     ($($property:ident)*) => {
         mod fronts {
@@ -185,12 +185,12 @@ impl Front {
         target.read(records.len())
     }
 
-    /// Compares all answers; gives the number of hits.
+    /// Compares all answers, and returns the number of hits.
     fn check(&self, what: &str, traced: &[TracedInstance], asked: &[Asked]) -> usize {
         self.check_beside(what, traced, &[], asked)
     }
 
-    /// The same where parts of space are taken away.
+    /// As [`Front::check`], where parts of space are cut away.
     fn check_cut(&self, what: &str, traced: &[TracedInstance], cuts: &[CutShape], asked: &[Asked]) -> usize {
         self.in_both_forms(|form| {
             let got = self.trace(form, traced, cuts, &[], asked);
@@ -198,7 +198,7 @@ impl Front {
         })
     }
 
-    /// The same, of a scene with meshes.
+    /// As [`Front::check`], for a scene with meshes.
     fn check_beside(
         &self,
         what: &str,
@@ -212,12 +212,12 @@ impl Front {
         })
     }
 
-    /// The hits of both forms of what is drawn: not always as many, where rays touch edges.
+    /// The sum of the hits with boxes and with bricks. The two may differ where rays touch edges.
     fn in_both_forms(&self, hits: impl Fn(Form) -> usize) -> usize {
         hits(Form::Boxes).min(hits(Form::Bricks))
     }
 
-    /// The same as a hierarchy over instances finds them, on both sides.
+    /// As [`Front::check`], with a hierarchy over instances on both sides.
     fn check_tree(&self, what: &str, traced: &[TracedInstance], meshes: &[Placed], asked: &[Asked]) -> usize {
         self.in_both_forms(|form| {
             let (tracer, made) = tracer(traced, meshes, form).with_tree(1).unwrap();
@@ -255,7 +255,7 @@ impl Front {
     }
 }
 
-/// The processor's tracers of the same form. (By distance, devices have boxes alone.)
+/// The CPU's tracer for the same form of geometry. (With levels of detail by distance, devices have boxes alone.)
 fn cut_open(traced: &[TracedInstance], cuts: &[CutShape], form: Form) -> SceneTracer {
     let built = traced.iter().enumerate().map(|(i, t)| {
         let made = VolumeTracer::new(i as u32, t).unwrap().with_cuts(cuts);
@@ -265,7 +265,7 @@ fn cut_open(traced: &[TracedInstance], cuts: &[CutShape], form: Form) -> SceneTr
     SceneTracer::of(built.collect())
 }
 
-/// A mesh and where it is.
+/// A mesh and its placement.
 type Placed = (Arc<MeshData>, DAffine3);
 
 fn tracer(traced: &[TracedInstance], meshes: &[Placed], form: Form) -> SceneTracer {
@@ -315,7 +315,7 @@ fn columns(x: [f64; 3], y: [f64; 3], z: [f64; 3], translation: [f64; 3]) -> DAff
     }
 }
 
-/// Whole-number places, as the oracle's, and ones where every number is rounded.
+/// Placements with whole numbers, as the oracle needs them, and placements where every number is rounded.
 fn places() -> Vec<DAffine3> {
     let at = [1024.0, -77.0, 3.0];
     vec![
@@ -343,7 +343,8 @@ fn placed_volumes_are_the_cpus(fronts: &[Front]) {
     }
 }
 
-/// Bounces from the faces that were hit, half of the rays nearly or exactly in the plane, some shadow rays, some with a limit.
+/// Rays that leave the faces that were hit. Half of them lie nearly or exactly in the face's plane; some are shadow rays, some have a
+/// limit.
 fn bounces(tracer: &SceneTracer, asked: &[Asked], random: &mut Random) -> Vec<Asked> {
     let mut bounced = Vec::new();
     for a in asked {
@@ -401,8 +402,8 @@ fn boundaries_of_one_label_are_the_cpus(fronts: &[Front]) {
     }
 }
 
-/// Planes and boxes, oblique, along the axes and between voxels, in placed volumes: first surfaces and caps, what paths meet that go
-/// on from them to both sides, shadows, the next boundary of one label.
+/// Cut planes and boxes in placed volumes: oblique, along the axes and between voxels. Compared are first surfaces and caps, what paths
+/// meet that continue from them to both sides, shadows, and the next boundary of one label.
 fn cut_volumes_are_the_cpus(fronts: &[Front]) {
     for front in fronts {
         let mut random = Random(404);
@@ -459,7 +460,7 @@ fn cut_volumes_are_the_cpus(fronts: &[Front]) {
                     }
                 }
                 let mut bounced = bounces(&tracer, &asked, &mut random);
-                // Into what was cut, too.
+                // Some rays start into the part that was cut away.
                 for b in bounced.iter_mut().step_by(3) {
                     b.ray.direction = -b.ray.direction;
                 }
@@ -479,7 +480,7 @@ fn cut_volumes_are_the_cpus(fronts: &[Front]) {
     }
 }
 
-/// Several instances, one twice, some labels hidden, by-distance levels of detail, limits.
+/// Several instances, one volume twice, some labels hidden, levels of detail by distance, rays with limits.
 fn scenes_of_several_instances_are_the_cpus(fronts: &[Front]) {
     for front in fronts {
         let volumes = volumes();
@@ -497,7 +498,7 @@ fn scenes_of_several_instances_are_the_cpus(fronts: &[Front]) {
                 *v = i == 0 || random.below(3) != 0;
             }
         }
-        // One of which nothing is drawn.
+        // An instance of which nothing is drawn.
         traced.insert(1, instance(&volumes[4].2, DAffine3::IDENTITY, LodChoice::Voxels));
         traced[1].visible.fill(false);
         let tracer = SceneTracer::without_bricks(&traced).unwrap();
@@ -513,7 +514,7 @@ fn scenes_of_several_instances_are_the_cpus(fronts: &[Front]) {
     }
 }
 
-/// A volume of 2²⁰ voxels along one axis, in many chunks: the hierarchy's f32 has 1/16 voxel left there.
+/// A volume of 2²⁰ voxels along one axis, in many chunks: f32 coordinates of the hierarchy resolve only 1/16 voxel there.
 fn long_volumes_are_the_cpus(fronts: &[Front]) {
     for front in fronts {
         let (dense, volume) = noise([1 << 20, 4, 4], 0.003, 5, 9);
@@ -532,8 +533,8 @@ fn long_volumes_are_the_cpus(fronts: &[Front]) {
     }
 }
 
-/// Meshes beside a volume and in it, one of them mirrored and sheared: rays at random, at corners and edges, from far away, along
-/// coplanar triangles.
+/// Meshes beside a volume and in it, one of them mirrored and sheared. Rays are random, aimed at corners and edges, come from far away, and
+/// run along coplanar triangles.
 fn meshes_are_the_cpus(fronts: &[Front]) {
     for front in fronts {
         let (_, Dense { dims, .. }, volume) = volumes().swap_remove(5);
@@ -579,7 +580,7 @@ fn meshes_are_the_cpus(fronts: &[Front]) {
     }
 }
 
-/// The comparison can tell: rays moved by a thousandth of a voxel have other answers.
+/// Negative control: rays that are moved by a thousandth of a voxel have other hits.
 #[test]
 fn other_rays_have_other_hits() {
     let fronts = fronts();
@@ -598,8 +599,8 @@ fn other_rays_have_other_hits() {
     assert!(differ > 500 && faces > 0, "{differ} distances and {faces} faces differ");
 }
 
-/// Many instances and meshes, about each other, at one place, far away, tiny: as a hierarchy finds them, first surfaces, shadows and
-/// what paths meet that go on; and asked in turn.
+/// Many instances and meshes: overlapping, at one place, far away, tiny. Compared are first surfaces, shadows and what continued paths
+/// meet, with the hierarchy over instances and with a test of each in turn.
 fn instances_are_the_cpus(fronts: &[Front]) {
     for front in fronts {
         let mut random = Random(12);

@@ -1,7 +1,7 @@
-//! The structures of `src/layout.rs` against those that the compiled shaders read: every field's name, offset and type.
+//! Compares the structures of `src/layout.rs` with those that the compiled shaders read: name, offset and type of every field.
 //!
-//! Taken from Rust: the compiler's own offsets, of all fields (a pattern that names each; one that forgets one does not compile).
-//! Taken from SPIR-V: decorations of every module that is checked in. No device is needed.
+//! On the Rust side it takes the compiler's own offsets of all fields, by a pattern that names each (if one is missing, it does not
+//! compile). On the SPIR-V side it takes the decorations of every checked-in module. No device is needed.
 
 #![allow(clippy::expect_used, clippy::panic, reason = "tests")]
 
@@ -23,7 +23,7 @@ use pumice_vulkan::layout::{
 };
 use reflection::{Field, Layout, layouts};
 
-/// A type's name as the shaders have it. Doubles are integers there.
+/// The shaders' name of a type. Doubles are integers there.
 trait Shape {
     fn shape() -> String;
 }
@@ -47,15 +47,15 @@ impl<T: Shape, const N: usize> Shape for [T; N] {
     }
 }
 
-/// Ties a field's type to the field.
+/// The shaders' name of a field's type.
 fn shape_of<T: Shape>(_: &T) -> String {
     T::shape()
 }
 
-/// Fields of a Rust structure, under the names that they have in GLSL.
+/// Lists the fields of a Rust structure under their names in GLSL.
 macro_rules! twin {
     ($glsl:literal, $rust:ident { $($field:ident $(as $other:literal)?),* $(,)? }) => {{
-        // All fields, or it does not compile.
+        // Names all fields, or it does not compile.
         let $rust { $($field),* } = $rust::zeroed();
         let mut fields = vec![$(Field {
             name: [$($other,)? stringify!($field)][0].to_owned(),
@@ -67,7 +67,8 @@ macro_rules! twin {
     }};
 }
 
-/// A node as drawn in `pumice_transport::geometry::bvh`, whose own type is private: `hierarchies_lie_as_drawn` holds it against real ones.
+/// A node as documented in `pumice_transport::geometry::bvh`, whose own type is private. `hierarchies_lie_as_drawn` compares it with real
+/// nodes.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
 struct BvhNode {
@@ -317,7 +318,7 @@ fn twins() -> Vec<Layout> {
     ]
 }
 
-/// How a structure of a shader departs from its twin.
+/// The first difference between a shader's structure and its twin.
 fn difference(shader: &Layout, twin: &Layout) -> Option<String> {
     let name = &twin.name;
     let pairs = shader.fields.len().max(twin.fields.len());
@@ -343,7 +344,7 @@ fn words_of(path: &Path) -> Vec<u32> {
     bytes.chunks_exact(4).map(|w| u32::from_le_bytes([w[0], w[1], w[2], w[3]])).collect()
 }
 
-/// Each module that is checked in, with its file's name.
+/// Each checked-in module, with its file's name.
 fn modules() -> Vec<(String, Vec<Layout>)> {
     let entries = std::fs::read_dir(folder("spirv")).expect("compiled shaders");
     let paths = entries.map(|e| e.expect("an entry").path());
@@ -369,7 +370,7 @@ fn structures_lie_as_the_shaders_read_them() {
             seen.insert(s.name.clone());
         }
     }
-    // Each has been compared somewhere, and each of layout.glsl is among them.
+    // Each structure was compared in some module, and each structure of layout.glsl is among them.
     let source = layout_glsl();
     let declared = source.lines().filter_map(|l| l.strip_prefix("struct ")?.strip_suffix(" {"));
     let declared: BTreeSet<String> = declared.map(str::to_owned).collect();
@@ -377,13 +378,13 @@ fn structures_lie_as_the_shaders_read_them() {
     assert_eq!(declared.len(), twins.len());
 }
 
-/// What a ray of the ray tracing pipeline keeps in scratch memory fits there.
+/// The search state that a ray of the ray tracing pipeline keeps in scratch memory fits there.
 #[test]
 fn searches_fit_into_scratch_memory() {
     let mut seen = 0;
     for (module, structs) in modules() {
         for search in structs.iter().filter(|s| s.name == "Search") {
-            // Doubles within: the next search begins at a multiple of 8.
+            // It contains doubles, so the next search state must begin at a multiple of 8.
             assert!(search.end as u64 <= SCRATCH_BYTES && SCRATCH_BYTES.is_multiple_of(8), "{module}");
             seen += 1;
         }
@@ -420,7 +421,7 @@ fn constants_are_the_shaders() {
     assert_eq!(declared, expected.map(|(name, value)| (name.to_owned(), value)));
 }
 
-/// One box in a hierarchy, found in its bytes by the structure that the shaders read.
+/// A hierarchy of one box, read from its bytes through the structure that the shaders read.
 #[test]
 fn hierarchies_lie_as_drawn() {
     let bounds = BoxBounds { lo: [100, 2_000, 30_000], hi: [116, 2_300, 30_001] };
@@ -442,7 +443,7 @@ fn hierarchies_lie_as_drawn() {
     }
 }
 
-/// The comparison can tell: a field less, two changed places, another type, another name, another stride.
+/// Negative control: a missing field, two swapped fields, another type, another name and another stride are reported.
 #[test]
 fn other_layouts_are_told_apart() {
     let twins = twins();
@@ -461,7 +462,7 @@ fn other_layouts_are_told_apart() {
         fault(&mut broken);
         assert!(difference(&broken, instance).is_some(), "fault {i}");
     }
-    // As compiled: each offset and stride of a module that is another is noticed.
+    // The same in compiled form: every changed offset or stride of a module is reported.
     let words = words_of(&folder("spirv/trace_rays_bvh.comp.spv"));
     let departs = |words: &[u32]| {
         let all = layouts(words);

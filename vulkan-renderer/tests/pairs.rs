@@ -1,8 +1,8 @@
-//! Every function that traces a ray on the CPU has its twin among the shaders, or says here why the host alone computes it.
+//! Checks that every function that traces a ray on the CPU has a twin among the shaders, or a stated reason why only the host computes it.
 //!
-//! A shader names its twin at its head ("twin of PATH"). A function has the same name on both sides, a method its type's in front:
-//! `Bsdf::eval` is `bsdf_eval`. What is new on the CPU, a file or a function, private ones too, fails until it has a twin or a line
-//! in `pairs/host.rs`. No device is needed.
+//! A shader names its twin at its head ("twin of PATH"). A function has the same name on both sides; a method has its type's name in front:
+//! `Bsdf::eval` is `bsdf_eval`. A new file or function on the CPU, private ones too, fails the test until it has a twin or a line in
+//! `pairs/host.rs`. No device is needed.
 
 #![allow(clippy::expect_used, clippy::panic, reason = "tests")]
 
@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 
 use sources::{head_of, rust_functions, shader_functions, shader_names};
 
-/// What the checks look at, so that the controls can hand them something else.
+/// The texts that are checked. The negative controls pass changed ones.
 #[derive(Clone)]
 struct Sources {
     /// Rust files by their path from the root.
@@ -55,14 +55,14 @@ impl Sources {
         Self { rust, shaders }
     }
 
-    /// The Rust files that a shader's head names; an unknown name is given back as the error.
+    /// The Rust files that a shader's head names; a name that does not exist is the error.
     fn named_by(&self, shader: &str) -> Result<Vec<String>, String> {
         let head = head_of(&self.shaders[shader]);
         let is_path = |c: char| c.is_ascii_alphanumeric() || "_-./".contains(c);
         let words = head.split(|c: char| !is_path(c)).map(|w| w.trim_end_matches('.'));
         let mut found: Vec<String> = Vec::new();
         for word in words.filter(|w| w.ends_with(".rs") && w.len() > 3) {
-            // From the root; from this crate; beside the file named before.
+            // Paths are tried from the root, from this crate, and from the folder of the file named before.
             let beside = found.last().and_then(|p| Some(format!("{}/{word}", p.rsplit_once('/')?.0)));
             let places =
                 [word.to_owned(), format!("vulkan-renderer/{word}"), format!("vulkan-renderer/src/{word}")];
@@ -72,7 +72,7 @@ impl Sources {
         Ok(found)
     }
 
-    /// Everything that is wrong, one line each.
+    /// All faults, one line each.
     fn faults(&self) -> Vec<String> {
         let mut faults = Vec::new();
         let mut shaders_of: BTreeMap<String, Vec<&str>> = BTreeMap::new();
@@ -121,7 +121,7 @@ impl Sources {
         faults
     }
 
-    /// Functions of a file against those of its shaders.
+    /// Compares the functions of a file with those of its shaders.
     fn compare(&self, path: &str, source: &str, shader: &BTreeSet<String>, faults: &mut Vec<String>) {
         let of_path = |list: &'static [host::Listed]| {
             let entries = list.iter().filter(move |(p, _)| *p == path);
@@ -155,7 +155,7 @@ fn every_function_has_its_twin() {
     assert!(faults.is_empty(), "{} faults:\n{}", faults.len(), faults.join("\n"));
 }
 
-/// The check can tell: what is new on the CPU, or gone from a shader, is named.
+/// Negative control: what is new on the CPU, or removed from a shader, is reported.
 #[test]
 fn missing_twins_are_named() {
     let sources = Sources::read();
@@ -187,7 +187,7 @@ fn missing_twins_are_named() {
     let private = "fn ggx_g1(h: Vec3) {}\npub(super) fn ggx_d(";
     assert_eq!(rust(ggx, "pub(super) fn ggx_d(", private), format!("{ggx}: ggx_g1 has no twin"));
     let renamed = shader("lights.glsl", "infinite_emission(", "lights_lost(");
-    assert_eq!(renamed, "transport/src/lights.rs: Lights::found has no twin");
+    assert_eq!(renamed, "transport/src/lights.rs: Lights::infinite_emission has no twin");
     let gone = shader("sun.glsl", "transport/src/sun.rs", "transport/src/moon.rs");
     assert!(gone.contains("sun.glsl names transport/src/moon.rs, which does not exist"), "{gone}");
     assert!(gone.contains("transport/src/sun.rs has no shader that names it"), "{gone}");
@@ -201,12 +201,12 @@ fn missing_twins_are_named() {
         s.shaders.insert("fog.glsl".to_owned(), "// Fog.\n".to_owned());
     });
     assert_eq!(new_shader, "fog.glsl names no twin at its head, and pairs/host.rs no reason");
-    // A reason for what is no longer there is no reason.
+    // A reason for a function that no longer exists is a fault.
     let stale = rust("transport/src/filter.rs", "fn half_distribution(", "fn distribution(");
     assert!(stale.contains("half_distribution is listed and does not exist"), "{stale}");
 }
 
-/// Functions are found in what is formatted as here, and in nothing else.
+/// Functions are found in code that is formatted as in this repository, and nothing else is taken for a function.
 #[test]
 fn functions_are_listed() {
     let rust = "pub fn a<T: B>(t: T) {}\nconst fn b() {}\nimpl<T: Tracer> Walk<T> for Long<T> {\n    pub(crate) fn c() {\n    }\n}\n\

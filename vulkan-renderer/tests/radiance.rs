@@ -1,4 +1,4 @@
-//! What the shaders make of a scene against what the CPU does: single samples, films, first surfaces.
+//! Compares the shaders' light transport with the CPU's: single samples, films, first surfaces.
 
 #![allow(clippy::expect_used, clippy::panic, clippy::unwrap_used, reason = "tests")]
 
@@ -38,15 +38,15 @@ fn probing() -> Shared<Gpu> {
 
 static PATHS: Mutex<Option<Vec<Front>>> = Mutex::new(None);
 
-/// The integrator on the day's backends, compiled once for all tests of films.
+/// The integrator on the backends of the day, compiled once for all tests of films.
 fn paths() -> Shared<Vec<Front>> {
     Shared::take(&PATHS, || Front::of_today("path"), |fronts| fronts.iter().map(|front| &front.gpu).collect())
 }
 
-/// Samples of each pixel of each scene.
+/// Samples a pixel of each scene.
 const SPP: u32 = 16;
 
-/// With the device's doubles, where it has them: those in integers are compared in single functions, and take far longer to compile.
+/// With native doubles, where the device has them. Emulated doubles are tested in single functions, and take far longer to compile.
 #[test]
 fn samples_are_the_cpus() {
     let gpu = probing();
@@ -57,7 +57,7 @@ fn samples_are_the_cpus() {
         let verdict = Verdict::of(&case, &found, &device::radiances(&gpu, gpu.has_f64, &case, &asked));
         println!("{}: {rays:.2} rays a sample; {verdict}", case.name);
         assert_eq!(verdict.fault(), None, "{}", case.name);
-        // A test of what meets nothing would be none; nor would one whose bound lets everything pass.
+        // A test in which rays meet nothing would prove nothing, nor would one whose bound accepts everything.
         assert!(rays > 0.3 && verdict.most_parted < 0.05 * asked.len() as f64, "{}", case.name);
     }
 }

@@ -1,7 +1,7 @@
-//! Compute shaders behind the interface of all renderers: the cases of the CPU's test, what edits and failures do, and what all backends
-//! have alike.
+//! Tests compute shaders through the [`pumice_transport::Renderer`] interface: the test cases of the CPU renderer, edits and failures, and
+//! what is the same on all backends.
 //!
-//! A program for each backend: a driver that computes on the processor keeps all that it ever compiled.
+//! Each backend has a test program of its own, because a driver that computes on the CPU never frees compiled shaders.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "tests")]
 
 mod gpu;
@@ -9,7 +9,7 @@ mod gpu;
 use gpu::validated::Validated;
 use pumice_vulkan::device::Backend;
 
-/// What there is of it on other backends is seen in pictures of rungs, each day another part of them (`python/tests`).
+/// The other backends are compared by pictures of the Cycles ladder, of which a part runs each day (`python/tests`).
 #[path = "../../cpu-renderer/tests/renderer/carried.rs"]
 mod carried;
 #[path = "../../cpu-renderer/tests/renderer/cases.rs"]
@@ -22,7 +22,8 @@ mod failures;
 mod labels;
 #[path = "renderer/lost.rs"]
 mod lost;
-/// With passes, on one backend: that sums are alike on others, to the bit, is seen in `radiance/films.rs` and `radiance/catchers.rs`.
+/// With render passes, on one backend. `radiance/films.rs` and `radiance/catchers.rs` check that the sums of other backends are the same to
+/// the bit.
 #[path = "."]
 mod sorting {
     use super::cases;

@@ -1,6 +1,6 @@
-//! The ray tracing pipeline behind the interface of all renderers: the cases of the CPU's test, and what edits and failures do.
+//! Tests the ray tracing pipeline through the renderer interface: the test cases of the CPU renderer, edits and failures.
 //!
-//! In a program of its own: a driver that computes on the processor keeps all that it ever compiled.
+//! This is a test program of its own, because a driver that computes on the CPU never frees compiled shaders.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "tests")]
 
 mod gpu;

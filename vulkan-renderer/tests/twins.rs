@@ -1,7 +1,7 @@
-//! Each shader function against its twin on the CPU, on random inputs.
+//! Compares each shader function with its twin on the CPU, on random inputs.
 //!
-//! Where both compute in whole numbers, in emulated doubles or in floats whose operations Vulkan rounds correctly (sums, products:
-//! `precise`), the bits must be equal. Elsewhere the tolerance stands beside the test, with its reason.
+//! Where both compute with whole numbers, emulated doubles, or floats whose operations Vulkan rounds correctly (sums and products that are
+//! `precise`), the bits must be equal. Elsewhere the test states its tolerance with the reason.
 
 #![allow(clippy::expect_used, clippy::panic, reason = "tests")]
 

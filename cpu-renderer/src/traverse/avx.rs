@@ -1,6 +1,6 @@
-//! The search through a volume's hierarchy and boxes, or through its bricks, compiled anew for processors with AVX2 and for those with
-//! AVX-512: four or eight numbers in f64 fit in one of their registers, and counting bits is one instruction. Rust never fuses a product
-//! and a sum, so all give the same bits.
+//! The search through a volume's hierarchy and boxes, or through its bricks, compiled again for processors with AVX2 and with AVX-512:
+//! their registers hold four or eight f64 numbers, and counting bits is one instruction. Rust never fuses a product and a sum, so all
+//! versions give the same bits.
 
 use pumice_transport::{Hit, PathOrigin, RayInWorld};
 
@@ -10,7 +10,7 @@ use super::f64x4::Plain;
 use super::f64x4::{Avx2, Avx512};
 use super::volume_tracer::{Nearest, VolumeTracer};
 
-/// Methods that call a generic one by the instructions that this processor has. (A `KIND` as [`VolumeTracer::nearest`] has one.)
+/// Defines methods that call a generic one compiled for the instructions of this processor. (`KIND` as in [`VolumeTracer::nearest`].)
 macro_rules! by_what_the_processor_has {
     ($($(#[$doc:meta])* $name:ident = $generic:ident, $kind:literal: ($($arg:ident: $type:ty),*) -> $result:ty;)*) => {
         $(
@@ -77,7 +77,7 @@ mod tests {
     use super::super::ray_box_mask::RayBoxMask;
     use super::*;
 
-    /// To the bit, at every level of detail, whether the first found will do or not.
+    /// Same results to the bit, at every level of detail, with and without `any`.
     fn finds_what_the_plain_way_does(by: impl RayBoxMask) {
         let (_, volume) = blobs([90, 70, 60], 50, 9, 8);
         let mut s = 3u64;
@@ -118,7 +118,7 @@ mod tests {
                     faces += usize::from(matches!(plain, Nearest::Face { .. }));
                     inside += usize::from(matches!(plain, Nearest::Inside { .. }));
                 }
-                // What is handed out is what the generic one finds.
+                // The public method returns the result of the generic one.
                 let hit =
                     tracer.first_hit_by::<_, 9>(by, &ray, PathOrigin::Free, f64::INFINITY, f64::INFINITY);
                 assert_eq!(hit, tracer.first_hit_uncut(&ray, PathOrigin::Free, f64::INFINITY, f64::INFINITY));

@@ -1,22 +1,22 @@
 //! The walk through one box: 4³ cells, then 4³ voxels in the cells that are neither empty nor solid.
 //!
-//! **Mirrored coordinates.** Along an axis on which the ray moves down, voxels are counted from the top: `m = 15 − v`. Then every
-//! step goes up, and a mirrored cell or voxel number is the real one XOR a constant. Plane j (0 to 16) of axis a is met at
+//! **Mirrored coordinates.** Along an axis on which the ray moves down, voxels are counted from the top: `m = 15 − v`. Then every step goes
+//! up, and a mirrored cell or voxel number is the real one XOR a constant. Plane j (0 to 16) of axis a is met at
 //!
 //! ```text
 //! T(a, j) = first[a] + (j − j0[a])·width[a]         first, width in f32; j − j0 a whole number ≥ 0
 //! ```
-//! with j0 the first plane ahead of the entry, `first` its distance from the entry (computed in f64 by the caller's ray, then
-//! rounded) and `width = |1/d|`. Both terms are positive: nothing cancels, so T is right to 3·2⁻²⁴ *of itself*, and planes come
-//! from integers, never from the plane before. Cells and voxels use the same T, bit for bit.
+//! with j0 the first plane ahead of the entry, `first` its distance from the entry (computed in f64 by the caller's ray, then rounded) and
+//! `width = |1/d|`. Both terms are positive: nothing cancels, so T has a relative error of at most 3·2⁻²⁴, and planes come from integers,
+//! never from the previous plane. Cells and voxels use the same T, bit for bit.
 //!
-//! **Ties** step all tied axes: the ray passes through the edge, and the voxels that it only touches are not visited. (Which of the
-//! planes is the face that is reported, `VolumeTracer` decides: one with nothing before it.) What is within rounding of a tie may
-//! be taken for one: t ≤ 16 in a box, so two planes are ordered right but for 2·16·3·2⁻²⁴ ([`TIE`]), and the direction is at most
-//! 2√3 long: a chord of 2·10⁻⁵ voxels can be skipped, no more.
+//! **Ties** step all tied axes: the ray passes through the edge, and voxels that it only touches are not visited. (`VolumeTracer` decides
+//! which of the planes is the reported face: one with nothing in front of it.) Planes within rounding of a tie may be treated as tied: t ≤
+//! 16 in a box, so the order of two planes is right except within 2·16·3·2⁻²⁴ ([`TIE`]), and the direction is at most 2√3 long. At most a
+//! chord of 2·10⁻⁵ voxels can be skipped.
 //!
-//! Products and sums only, f32 and integers (f64 at the entry alone, where a GPU uses two f32): meant to be transcribed line by
-//! line into a shader.
+//! The code uses products and sums only, in f32 and integers (f64 only at the entry, where a GPU uses two f32), so that it can be
+//! transcribed line by line into a shader.
 
 use pumice_core::BoxView;
 use pumice_transport::geometry::lod::DetailLevel;
@@ -24,19 +24,19 @@ use pumice_transport::geometry::{TIE, each_axis};
 
 use super::IndexRay;
 
-/// Where a walk ended.
+/// The end of a walk.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Crossing {
-    /// Scaled t ([`IndexRay::t_of`] of the plane).
+    /// Scaled t of the plane ([`IndexRay::t_of`]).
     pub(crate) t: f64,
-    /// Axis of the plane that was crossed last; the lowest where several were at once, until `VolumeTracer` has looked at which
-    /// of their faces is open.
+    /// Axis of the plane that was crossed last. Where several were crossed at once, the lowest axis, until `VolumeTracer` has found out
+    /// which of their faces is open.
     pub(crate) axis: usize,
-    /// That plane.
+    /// Coordinate of that plane along the axis.
     pub(crate) plane: u32,
     /// The voxel behind it.
     pub(crate) voxel: [u32; 3],
-    /// Bit a: axis a was crossed at the same time.
+    /// Bit a is set if axis a was crossed at the same t.
     pub(crate) tied: u8,
 }
 
@@ -50,61 +50,61 @@ impl Crossing {
         })
     }
 
-    /// Whether the ray came into the voxel through another plane at about the same time.
+    /// Whether the ray entered the voxel through another plane at about the same t.
     #[inline(always)]
     pub(crate) fn is_near_edge(&self, ray: &IndexRay) -> bool {
         (0..3).any(|a| a != self.axis && self.through(a, ray).t >= self.t - TIE)
     }
 
-    /// The same step through the plane of another axis by which the ray comes into the voxel.
+    /// The same crossing, through the plane of another axis by which the ray enters the voxel.
     pub(crate) fn through(&self, axis: usize, ray: &IndexRay) -> Self {
         let plane = if ray.is_down(axis) { self.voxel[axis].wrapping_add(1) } else { self.voxel[axis] };
         Self { t: ray.t_of(axis, f64::from(plane)), axis, plane, ..*self }
     }
 }
 
-/// What a walk found.
+/// The result of a walk.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Found {
     /// Nothing.
     Nothing,
     /// The walk began in a solid voxel: the ray's start is inside.
     Inside([u32; 3]),
-    /// A face.
+    /// The walk entered a solid element through this face.
     Face(Crossing),
 }
 
-/// State of a walk within one box: see the module.
+/// State of a walk within one box (see the module).
 pub(crate) struct Walk {
     lo: [u32; 3],
-    /// 15 per axis that is mirrored, else 0.
+    /// 15 for each mirrored axis, else 0.
     mirror: [u32; 3],
-    /// The same for cell and voxel numbers (x + 4y + 16z).
+    /// XOR that mirrors cell and voxel numbers (x + 4y + 16z).
     flip: u32,
     /// Mirrored voxel.
     m: [u32; 3],
     /// Mirrored voxel of the entry: planes up to it are behind.
     m0: [u32; 3],
-    /// Mirrored plane through which the box is left.
+    /// Mirrored plane through which the ray leaves the box.
     end: [u32; 3],
     first: [f32; 3],
     width: [f32; 3],
-    /// Axis crossed last, 3 when none was.
+    /// Axis that was crossed last; 3 if none was.
     axis: usize,
     tied: u8,
 }
 
-/// Far enough that no walk reaches it, near enough that sums stay finite.
+/// So far that no walk reaches it, but near enough that sums stay finite.
 const FAR: f32 = 1e30;
 
 impl Walk {
-    /// Begins where `ray` is at scaled t = `enter`, which lies within the box `lo..hi`.
+    /// Begins at the ray's position at scaled t = `enter`, which lies within the box `lo..hi`.
     #[inline(always)]
     pub(crate) fn begin(ray: &IndexRay, lo: [u32; 3], hi: [u32; 3], enter: f64) -> Self {
         Self::begin_in(ray, lo, hi, enter, None)
     }
 
-    /// The same, in a voxel that the caller knows the ray to be in.
+    /// Like [`Walk::begin`], in a voxel that the caller knows to contain the ray.
     #[inline(always)]
     pub(crate) fn begin_in(
         ray: &IndexRay,
@@ -131,7 +131,7 @@ impl Walk {
             walk.mirror[a] = if down { 15 } else { 0 };
             walk.flip |= if down { 3 << (2 * a) } else { 0 };
             walk.end[a] = if down { 16 } else { hi[a] - lo[a] };
-            // The guess, then the rule: plane j is crossed when T(j) ≤ enter.
+            // First an estimate, then the rule: plane j is crossed when T(j) ≤ enter.
             let at = (ray.origin[a] - base) * sign + enter * ray.direction[a].abs();
             let mut m = at.clamp(0.0, 15.0) as u32;
             let plane_t = |j: u32| ray.t_of(a, base + sign * f64::from(j));
@@ -166,8 +166,8 @@ impl Walk {
         self.first[a] + (j - self.m0[a] - 1) as i32 as f32 * self.width[a]
     }
 
-    /// Steps to the next multiple of 2^shift: crosses the nearest of the three planes and all that tie with it. Coordinates of
-    /// the axes that were not crossed stay as they are. Returns the distance.
+    /// Steps to the next multiple of 2^shift: crosses the nearest of the three planes and all that tie with it. Coordinates of the axes
+    /// that were not crossed stay as they are. Returns the distance.
     #[inline(always)]
     fn step(&mut self, shift: u32) -> f32 {
         // A voxel step may pass the end of a box that the volume clips in the middle of a cell: nothing is there.
@@ -189,7 +189,7 @@ impl Walk {
         nearest
     }
 
-    /// After a step of 4 voxels to `t`: brings the axes that were not crossed to the voxel where the ray is.
+    /// After a step of 4 voxels to `t`: moves the axes that were not crossed to the voxel that contains the ray.
     #[inline(always)]
     fn refine(&mut self, t: f32) {
         for a in 0..3 {
@@ -217,16 +217,16 @@ impl Walk {
         ((self.m[0] & 3) | (self.m[1] & 3) << 2 | (self.m[2] & 3) << 4) ^ self.flip
     }
 
-    /// The face through which the walk came to where it is.
+    /// The face through which the walk entered its current voxel.
     pub(crate) fn face(&self, ray: &IndexRay) -> Crossing {
         let a = self.axis;
         let plane = if self.mirror[a] != 0 { self.lo[a] + 16 - self.m[a] } else { self.lo[a] + self.m[a] };
         Crossing { t: ray.t_of(a, f64::from(plane)), axis: a, plane, voxel: self.voxel(), tied: self.tied }
     }
 
-    /// The voxel where the walk is; it may be one outside of the box after the walk has left it.
+    /// The current voxel; after the walk has left the box, it may lie outside.
     pub(crate) fn voxel(&self) -> [u32; 3] {
-        // A mirrored coordinate of 16 is voxel −1: wrapping, and checked by whoever asks.
+        // A mirrored coordinate of 16 is voxel −1: it wraps, and the caller checks it.
         each_axis(|a| {
             if self.mirror[a] != 0 {
                 (self.lo[a] + 15).wrapping_sub(self.m[a])
@@ -236,7 +236,7 @@ impl Walk {
         })
     }
 
-    /// Whether the walk is where it began and the ray began there too, rather than entering through a face.
+    /// The result at the current voxel: inside if the walk has not moved and the ray began there, otherwise the face of entry.
     #[inline(always)]
     fn found(&self, ray: &IndexRay, began_inside: bool) -> Found {
         if self.axis == 3 || (began_inside && self.m == self.m0) {
@@ -246,13 +246,13 @@ impl Walk {
         }
     }
 
-    /// What a box that is drawn whole is met by: where the walk begins.
+    /// The result for a box that is drawn whole: its hit is where the walk begins.
     #[inline(always)]
     pub(crate) fn whole_box(&self, ray: &IndexRay, began_inside: bool) -> Found {
         self.found(ray, began_inside)
     }
 
-    /// The first voxel, or the first cell that holds one.
+    /// The first voxel, or the first cell that holds a voxel.
     #[inline(always)]
     pub(crate) fn first_solid(
         mut self,
@@ -288,8 +288,8 @@ impl Walk {
         }
     }
 
-    /// Goes on while the elements of `level` hold voxels: the face through which the ray leaves them, and whether it also left
-    /// the box there (the next voxel is then unknown to this box).
+    /// Continues while the elements of `level` hold voxels. Returns the face through which the ray leaves them, and whether it also left
+    /// the box there (this box then does not know the next voxel).
     pub(crate) fn last_solid(mut self, ray: &IndexRay, b: &BoxView, level: DetailLevel) -> (Crossing, bool) {
         loop {
             match level {

@@ -1,13 +1,12 @@
-//! Rays through [`Bricks`]: from block to block in f64, and in each block, brick and cell by the mask of what the ray passes through
-//! there ([`super::pierced`]), met with the mask of what there is.
+//! Rays through [`Bricks`]: a step from block to block in f64, and within a block, brick or cell the AND of two masks: the parts that the
+//! ray passes through ([`super::ray_box_mask`]) and the parts that are occupied.
 //!
-//! A ray passes through the parts of a mask in the order of their numbers once those of the axes along which it moves down are
-//! mirrored: a coordinate never goes back. So the first that is there is the lowest bit. It is the mask of what there is that is
-//! mirrored: that can be done while it is still being told what the ray passes through, and one waits for the other's end.
+//! A ray passes through the parts of a mask in ascending order once the axes along which it moves down are mirrored, because its
+//! coordinates never decrease then. The first occupied part is therefore the lowest bit. The occupancy mask is the one that is mirrored:
+//! this runs in parallel with computing the ray's mask, which takes longer.
 //!
-//! **What is exact.** All of it is decided by the planes' t in f64 ([`IndexRay::t_of`]): planes met at the same t are crossed at once,
-//! and a block, brick, cell or voxel is met where clipping the ray against it leaves a chord.
-//! (A walk through a box may skip one of 2·10⁻⁵ voxels.)
+//! **Exactness.** The planes' t in f64 ([`IndexRay::t_of`]) decide everything: planes at the same t are crossed at once, and a block,
+//! brick, cell or voxel is hit where clipping the ray against it leaves a chord. (A walk through a box may skip a chord of 2·10⁻⁵ voxels.)
 
 use pumice_transport::geometry::bricks::{BLOCK, BRICK, Brick, Bricks};
 use pumice_transport::geometry::each_axis;
@@ -18,24 +17,25 @@ use super::f64x4::{F64x4, Lanes};
 use super::mirrored::Octant;
 use super::ray_box_mask::RayBoxMask;
 
-/// What a ray meets first, and the brick.
+/// The first hit in bricks, and the brick that contains it.
 pub(super) struct InBricks {
     pub(super) found: Found,
     pub(super) brick: usize,
 }
 
-/// Half of an ulp more than what makes rounding to the nearest a rounding down, but for numbers just below a whole one: a guess.
+/// Subtracting this turns rounding to nearest into rounding down, except for numbers just below a whole number; the result is an estimate
+/// that is checked.
 const ALMOST_HALF: f64 = 0.499_999_999;
 /// Voxels along the side of a block.
 const SIDE: f64 = BLOCK as f64;
-/// 1.5·2⁵²: added to a small number, it leaves no room behind the point.
+/// 1.5·2⁵²: adding it to a small number rounds that number to an integer.
 const ROUNDING: f64 = 6_755_399_441_055_744.0;
 
-/// The block where the ray is, and the planes through which it leaves it.
+/// The current block, and the planes through which the ray leaves it.
 struct BlockWalk {
-    /// Its number.
+    /// Index of the block.
     index: usize,
-    /// Its lowest corner.
+    /// Lowest corner of the block.
     corner: Lanes,
     plane_t: Lanes,
 }
@@ -62,7 +62,7 @@ impl BlockWalk {
         walk
     }
 
-    /// The guess, where rounding made it one too far or too near: planes met at t ≤ `enter` are behind.
+    /// Corrects the estimate where rounding made it one too large or too small: planes met at t ≤ `enter` are behind.
     #[cold]
     fn correct(&mut self, bricks: &Bricks, ray: &IndexRay, enter: f64) {
         for a in 0..3 {
@@ -89,7 +89,7 @@ impl BlockWalk {
         }
     }
 
-    /// On to the next block at t, unless that is not before `end`: its t.
+    /// Steps to the next block and returns its t, unless that is not before `end`.
     #[inline(always)]
     fn step(&mut self, bricks: &Bricks, ray: &IndexRay, end: f64) -> Option<f64> {
         let [x, y, z, _] = self.plane_t;
@@ -154,19 +154,19 @@ pub(super) fn first_voxel<P: RayBoxMask>(
     }
 }
 
-/// What a search through one brick shares with that through the next.
+/// State that the searches through all bricks share.
 #[derive(Clone, Copy)]
 struct BrickSearch<'a, P> {
     by: P,
     bricks: &'a Bricks,
     ray: &'a IndexRay,
     octant: Octant,
-    /// Scaled t that a voxel is met after, or at.
+    /// Only voxels at or after this scaled t count.
     start: f64,
 }
 
 impl<P: RayBoxMask> BrickSearch<'_, P> {
-    /// The first voxel of a brick whose lowest corner is at `corner + step`; `from`: any t before the ray comes into it.
+    /// The first voxel of a brick whose lowest corner is at `corner + step`. `from` is any t before the ray enters the brick.
     #[inline(always)]
     fn first_of_brick(&self, brick: &Brick, corner: P::F64x4, step: &Lanes, from: f64) -> Found {
         let Self { by, bricks, ray, octant, start } = *self;
@@ -188,7 +188,7 @@ impl<P: RayBoxMask> BrickSearch<'_, P> {
     }
 }
 
-/// From the lowest corner of 4 × 4 × 4 parts with this side to that of each.
+/// Offsets of 4 × 4 × 4 parts with this side from their common lowest corner.
 const fn steps_of(side: u32) -> [Lanes; 64] {
     let (mut steps, mut place) = ([[0.0; 4]; 64], 0);
     while place < 64 {
@@ -203,7 +203,7 @@ static STEPS_OF_BRICKS: [Lanes; 64] = steps_of(BRICK);
 static STEPS_OF_CELLS: [Lanes; 64] = steps_of(4);
 static STEPS_OF_VOXELS: [Lanes; 64] = steps_of(1);
 
-/// The face through which a ray comes into the voxel at `corner`.
+/// The face through which a ray enters the voxel at `corner`.
 #[inline(always)]
 fn face_of<P: RayBoxMask>(by: P, ray: &IndexRay, corner: P::F64x4, start: f64) -> Found {
     let (low, high) = (ray.t_of_each(by, corner), ray.t_of_each(by, corner.plus(by.all(1.0))));

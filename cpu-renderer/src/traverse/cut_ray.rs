@@ -1,7 +1,7 @@
-//! What cuts leave of a ray.
+//! The pieces of a ray that cuts keep.
 //!
-//! A cut takes away a convex part of space, which is where its half-spaces meet: one for a plane, six for a box. A ray is within a
-//! half-space from one t on, or up to one t, and so within each part in one interval. What is between them is kept:
+//! Each cut removes a convex part of space, the intersection of its half-spaces: one for a plane, six for a box. A ray is within a
+//! half-space from one t on, or up to one t, and so within each part in one interval. Everything between these intervals is kept:
 //!
 //! ```text
 //!   part A        ├───────────┤
@@ -10,19 +10,19 @@
 //!   kept   ───────┤                ├────────────┤
 //!                 leaves           enters       leaves
 //! ```
-//! Each kept stretch is traced by itself. Where one begins inside of a label, the ray meets a cap: the plane through which it came
-//! is the surface, and its normal points to what was taken away.
+//! Each kept piece is traced by itself. Where a piece begins inside a label, the ray hits a cap: the surface is the plane through which the
+//! ray entered the piece, and its normal points to the removed side.
 //!
-//! Planes are of index space. **A plane between voxels** has the very t of the faces in it (the same product), so that a cut along
-//! them leaves no sliver of the next voxels; and a point on a cap is put there exactly. Oblique planes meet faces in lines alone,
-//! and there whichever comes first by rounding is taken.
+//! Planes are in index space. **A plane between voxels** has exactly the t of the faces in it (the same product), so that a cut along them
+//! leaves no sliver of the next voxels, and a point on a cap is placed exactly. Oblique planes meet faces only in lines, where whichever
+//! comes first by rounding is taken.
 
 use pumice_transport::geometry::cuts::{CutPlane, Cuts};
 
 use super::IndexRay;
 use super::f64x4::Lanes;
 
-/// The scaled t at which the ray crosses the plane, and whether it goes to what is taken away.
+/// The scaled t at which the ray crosses the plane, and whether it moves into the removed half-space.
 #[inline]
 pub(crate) fn crossing(plane: &CutPlane, ray: &IndexRay) -> (f64, bool) {
     if plane.axis < 3 {
@@ -33,7 +33,7 @@ pub(crate) fn crossing(plane: &CutPlane, ray: &IndexRay) -> (f64, bool) {
     let rate = dot_of(&plane.normal, &ray.direction);
     let height = plane.offset - dot_of(&plane.normal, &ray.origin);
     if rate == 0.0 {
-        // Along the plane: always within, or never.
+        // Parallel to the plane: always within, or never.
         return (if height < 0.0 { f64::NEG_INFINITY } else { f64::INFINITY }, true);
     }
     (height / rate, rate > 0.0)
@@ -43,12 +43,12 @@ fn dot_of(a: &[f64; 3], b: &Lanes) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// A ray that cuts are asked about.
+/// A ray together with the cuts of its instance.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CutRay<'a> {
     pub(crate) cuts: &'a Cuts,
     pub(crate) ray: &'a IndexRay,
-    /// The plane that the ray starts on, and whether it goes to what that takes away: rounding must not decide that again.
+    /// The plane that the ray starts on, and whether the ray moves into the removed half-space; rounding must not decide that again.
     pub(crate) from: Option<(u32, bool)>,
 }
 
@@ -61,7 +61,7 @@ struct Within {
 }
 
 impl CutRay<'_> {
-    /// The part that begins with plane `next`, which becomes the first of the part after it.
+    /// The interval of the part that begins with plane `next`, which is advanced to the first plane of the next part.
     fn within(&self, next: &mut u32) -> Within {
         let mut within =
             Within { enter: f64::NEG_INFINITY, enter_plane: 0, leave: f64::INFINITY, leave_plane: 0 };
@@ -84,10 +84,10 @@ impl CutRay<'_> {
         }
     }
 
-    /// The least t from `t` on that is kept, and the plane through which the ray comes to it, if it does not start there.
+    /// The least kept t that is at least `t`, and the plane through which the ray enters the kept piece, unless it starts there.
     pub(crate) fn kept_from(&self, mut t: f64) -> (f64, Option<u32>) {
         let mut plane = None;
-        // What follows a part in the list may end later and what comes before it too: once more until nothing takes t away.
+        // Parts may overlap in any order of the list, so the search repeats until no part removes t.
         loop {
             let before = t;
             let mut next = 0;
@@ -103,7 +103,7 @@ impl CutRay<'_> {
         }
     }
 
-    /// Where what is kept at `t` ends, and the plane through which the ray leaves it; infinite where it does not.
+    /// The end of the kept piece that contains `t`, and the plane through which the ray leaves it; infinite where the piece does not end.
     pub(crate) fn kept_to(&self, t: f64) -> (f64, u32) {
         let (mut end, mut plane) = (f64::INFINITY, 0);
         let mut next = 0;

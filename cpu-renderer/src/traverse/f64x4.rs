@@ -1,8 +1,8 @@
-//! F64x4 numbers in f64 at once: one for each axis, and a spare.
+//! Four f64 numbers at once: one for each axis, and a spare.
 //!
-//! What a ray is made ready with is the same for each axis, and a processor with AVX2 does it for all of them by one instruction. The
-//! code is written once, for [`F64x4`]; a way of doing it ([`Instructions`]) is handed in as a value, and whoever has the wide one has
-//! asked the processor for it. Neither fuses a product and a sum, so both give the same bits.
+//! The preparation of a ray is the same for each axis, and a processor with AVX2 does it for all of them in one instruction. The code is
+//! written once, for [`F64x4`]. The instruction set ([`Instructions`]) is passed as a value; a value of a wide set exists only after the
+//! processor has been asked for it. Neither fuses a product and a sum, so both give the same bits.
 
 /// A number for each axis and a spare one.
 pub(crate) type Lanes = [f64; 4];
@@ -13,13 +13,13 @@ pub(super) fn lanes(f: impl Fn(usize) -> f64) -> Lanes {
     [f(0), f(1), f(2), f(3)]
 }
 
-/// By which instructions fours are worked on.
+/// A set of instructions that operate on four numbers.
 pub(super) trait Instructions: Copy {
     type F64x4: F64x4;
 
     fn f64x4(self, of: &Lanes) -> Self::F64x4;
 
-    /// The same number four times.
+    /// The same number in all four lanes.
     #[inline(always)]
     fn all(self, number: f64) -> Self::F64x4 {
         self.f64x4(&[number; 4])
@@ -33,17 +33,17 @@ pub(super) trait F64x4: Copy {
     fn minus(self, other: Self) -> Self;
     fn times(self, other: Self) -> Self;
     fn over(self, other: Self) -> Self;
-    /// The lesser of two that are numbers.
+    /// The lesser number of each lane; neither may be NaN.
     fn min(self, other: Self) -> Self;
-    /// The greater of two that are numbers.
+    /// The greater number of each lane; neither may be NaN.
     fn max(self, other: Self) -> Self;
-    /// Without signs.
+    /// Absolute values.
     fn size(self) -> Self;
-    /// Bit a: whether lane a is below the other's.
+    /// Mask in which bit a is set if lane a is below that of `other`.
     fn below(self, other: Self) -> u32;
 }
 
-/// By any processor's.
+/// Instructions of every processor.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Plain;
 
@@ -112,8 +112,8 @@ mod wide {
 
     use super::{F64x4, Instructions, Lanes};
 
-    /// What a processor has: nothing of this, AVX2 and what came with it, AVX-512 besides. Asked once: questions for every ray are a
-    /// tenth of what a ray takes that meets nothing.
+    /// The instruction sets of the processor: none of these, AVX2 and what came with it, or AVX-512 in addition. Detected once: detection
+    /// for every ray would take a tenth of the time of a ray that hits nothing.
     static HAS: AtomicU8 = AtomicU8::new(NOT_ASKED);
     const NOT_ASKED: u8 = 0;
     const PLAIN: u8 = 1;
@@ -151,36 +151,36 @@ mod wide {
         has
     }
 
-    /// By AVX2 and what came with it: whoever has one of these has asked the processor for them.
+    /// AVX2 and what came with it. A value exists only where the processor was asked and has them.
     #[derive(Clone, Copy, Debug)]
     pub(in super::super) struct Avx2(());
 
     impl Avx2 {
-        /// `None` where the processor lacks some of them.
+        /// `None` where the processor lacks some of these instructions.
         #[inline(always)]
         pub(in super::super) fn new() -> Option<Self> {
             (has() >= AVX2).then_some(Self(()))
         }
     }
 
-    /// By AVX-512 besides; the same of that.
+    /// AVX-512 in addition. A value exists only where the processor was asked and has it.
     #[derive(Clone, Copy, Debug)]
     pub(in super::super) struct Avx512(Avx2);
 
     impl Avx512 {
-        /// `None` where the processor lacks some of them.
+        /// `None` where the processor lacks some of these instructions.
         #[inline(always)]
         pub(in super::super) fn new() -> Option<Self> {
             (has() >= AVX512).then_some(Self(Avx2(())))
         }
     }
 
-    /// Made by a [`Avx2`] alone, so the processor has AVX.
+    /// Only [`Avx2`] creates it, so the processor has AVX.
     #[derive(Clone, Copy, Debug)]
     pub(in super::super) struct Avx2F64x4(__m256d);
 
     impl Avx2F64x4 {
-        /// What holds the four.
+        /// The register that holds the four numbers.
         #[inline(always)]
         pub(in super::super) fn register(self) -> __m256d {
             self.0
@@ -192,13 +192,13 @@ mod wide {
 
         #[inline(always)]
         fn f64x4(self, of: &Lanes) -> Avx2F64x4 {
-            // SAFETY: `self` says that the processor has AVX; four numbers are read where four lie.
+            // SAFETY: `self` proves that the processor has AVX; four numbers are read from an array of four.
             Avx2F64x4(unsafe { _mm256_loadu_pd(of.as_ptr()) })
         }
 
         #[inline(always)]
         fn all(self, number: f64) -> Avx2F64x4 {
-            // SAFETY: `self` says that the processor has AVX.
+            // SAFETY: `self` proves that the processor has AVX.
             Avx2F64x4(unsafe { _mm256_set1_pd(number) })
         }
     }
@@ -217,7 +217,7 @@ mod wide {
         }
     }
 
-    /// Methods of two fours that are one instruction each.
+    /// Defines binary operations that are one instruction each.
     macro_rules! by_instruction {
         ($($method:ident $instruction:ident),*) => {
             $(
@@ -239,7 +239,7 @@ mod wide {
         #[inline(always)]
         fn array(self) -> Lanes {
             let mut to = [0.0; 4];
-            // SAFETY: there is no `Avx2F64x4` where the processor lacks AVX; four numbers are written where there is room for four.
+            // SAFETY: there is no `Avx2F64x4` where the processor lacks AVX; four numbers are written to an array with room for four.
             unsafe { _mm256_storeu_pd(to.as_mut_ptr(), self.0) };
             to
         }
@@ -258,7 +258,7 @@ mod wide {
     }
 }
 
-/// Calls a generic function with each way that this processor has.
+/// Calls a generic test with each instruction set that this processor has.
 #[cfg(test)]
 macro_rules! each_way {
     ($test:path) => {
@@ -277,7 +277,7 @@ pub(super) use each_way;
 mod tests {
     use super::*;
 
-    /// Each operation's bits, lane by lane, on numbers of all kinds.
+    /// Each operation gives the bits of scalar operations, lane by lane, on numbers of all kinds.
     fn lanes_have_the_bits_of_plain_ones(by: impl Instructions) {
         let numbers = [0.0, -0.0, 1.0, -3.5, 1e-310, -1e-310, 1e300, 0.1, f64::INFINITY, f64::NEG_INFINITY];
         let mut compared = 0;

@@ -1,8 +1,8 @@
-//! One mesh in the world: its hierarchy, and the questions that rays ask of it.
+//! The geometry of one mesh in the world: its hierarchy, and the queries of rays.
 //!
-//! Triangles are seen from both sides. A path that goes on from a triangle meets neither that one nor another of the mesh that does not
-//! reach above its plane on the side that the path goes to: those cannot be met, but by rounding. Nothing is moved by an epsilon,
-//! so a volume may stand on a mesh, and a crease may be as narrow as it likes.
+//! Triangles are visible from both sides. A path that continues from a triangle hits neither that triangle nor another of the mesh that
+//! does not reach above its plane on the side that the path goes to; only rounding could produce such a hit. Nothing is offset by an
+//! epsilon, so a volume may stand on a mesh, and a crease may be arbitrarily narrow.
 
 use std::sync::Arc;
 
@@ -19,37 +19,37 @@ use super::index_ray::surface_of;
 use super::triangle::TriangleRay;
 use super::volume_tracer::bvh_ray;
 
-/// What every place of a mesh shares.
+/// The data that all placements of a mesh share.
 #[derive(Debug)]
 struct Geometry {
     mesh: Arc<MeshData>,
     grid: MeshGrid,
-    /// Items are numbers of triangles.
+    /// Items are indices of triangles.
     bvh: Bvh,
 }
 
-/// Geometry of one mesh in the world.
+/// The geometry of one mesh in the world.
 #[derive(Debug)]
 pub struct MeshTracer {
     geometry: Arc<Geometry>,
-    /// Of the mesh's grid.
+    /// Placement of the mesh's grid.
     placement: Placement,
     instance: u32,
 }
 
-/// The triangle that a path goes on from.
+/// The triangle that a path continues from.
 struct Leaving {
     triangle: u32,
     point: DVec3,
-    /// Of its plane, towards the side that the path goes to; as long as twice its area.
+    /// Normal of its plane, towards the side that the path goes to; its length is twice the triangle's area.
     normal: DVec3,
-    /// As long as its sides are: what the normal's rounding is measured by.
+    /// Bound of the lengths of its sides, which scales the rounding error of the normal.
     size: f64,
 }
 
 impl Leaving {
-    /// Whether a triangle with these corners cannot be met. Rounding takes less than 2⁻⁴⁹ of what the products are made of: three of
-    /// each normal's component, three of each height's.
+    /// Whether a triangle with these corners cannot be hit. Rounding loses less than 2⁻⁴⁹ of the terms of the products: three for each
+    /// component of the normal, three for each height.
     #[inline]
     fn is_out_of_reach(&self, corners: [DVec3; 3]) -> bool {
         corners.iter().all(|&corner| {
@@ -61,10 +61,10 @@ impl Leaving {
 }
 
 impl MeshTracer {
-    /// Builds the hierarchy of the mesh at `place` among the scene's meshes; its hits are those of `instance`.
+    /// Builds the hierarchy of the mesh at index `place` of the scene's meshes; its hits report `instance`.
     ///
     /// # Errors
-    /// [`RenderError::Scene`] names the mesh that is too large, too small, or whose matrix is singular.
+    /// [`RenderError::Scene`] names the mesh if it is too large or too small, or if its matrix is singular.
     pub fn new(
         place: u32,
         instance: u32,
@@ -78,10 +78,10 @@ impl MeshTracer {
         Ok(Self { geometry, placement, instance })
     }
 
-    /// The same triangles elsewhere, or as another instance: they and their hierarchy are shared.
+    /// The same triangles at another placement, or as another instance; they share their hierarchy.
     ///
     /// # Errors
-    /// [`RenderError::Scene`] when the matrix is singular.
+    /// [`RenderError::Scene`] if the matrix is singular.
     pub fn again(&self, place: u32, instance: u32, world_from_mesh: DAffine3) -> Result<Self, RenderError> {
         let placement = mesh_placement(place, self.geometry.grid.mesh_from_grid, world_from_mesh)?;
         Ok(Self { geometry: Arc::clone(&self.geometry), placement, instance })
@@ -92,27 +92,27 @@ impl MeshTracer {
         (&self.geometry.mesh, &self.geometry.grid)
     }
 
-    /// As what its hits are known.
+    /// Instance index that its hits report.
     pub fn instance(&self) -> u32 {
         self.instance
     }
 
-    /// Where it is in the world.
+    /// Bounds in the world; `None` where the mesh has no triangles.
     pub(super) fn world_bounds(&self) -> Option<WorldBounds> {
         self.geometry.bvh.bounds().map(|bounds| WorldBounds::new(bounds, &self.placement))
     }
 
-    /// The same for all that share its hierarchy, and for no other.
+    /// Identifies the hierarchy: equal for all meshes that share it, and for no other.
     pub(super) fn hierarchy_address(&self) -> usize {
         Arc::as_ptr(&self.geometry).addr()
     }
 
-    /// Where its grid is.
+    /// Placement of its grid.
     pub fn placement(&self) -> &Placement {
         &self.placement
     }
 
-    /// Heap bytes of the hierarchy and of the corners that it was built for; the mesh itself is not counted.
+    /// Size on the heap in bytes of the hierarchy and of the corners that it was built for, without the mesh itself.
     pub fn bytes(&self) -> u64 {
         self.geometry.bvh.bytes() + self.geometry.grid.bytes()
     }
@@ -137,13 +137,13 @@ impl MeshTracer {
         })
     }
 
-    /// The nearest triangle with scaled t in (0, `t_max`), the one of the lowest number where several are; with `any`, the first
-    /// found will do.
+    /// The nearest triangle with scaled t in (0, `t_max`), the one with the lowest index where several are equally near; with `any`, the
+    /// first one found.
     fn nearest(&self, ray: &IndexRay, from: PathOrigin, t_max: f64, any: bool) -> Option<(f64, u32)> {
         let bvh = &self.geometry.bvh;
         let (moved, enter_all) = bvh_ray(bvh, ray, 0.0, t_max)?;
         let leaving = self.leaving(ray, from);
-        // From where the ray comes to the mesh: beside it, f32 tells corners apart however far the ray comes from.
+        // The origin is moved to where the ray reaches the mesh, so that f32 resolves the corners however far away the ray starts.
         let direction = DVec3::from_slice(&ray.direction);
         let in_grid = TriangleRay::new(DVec3::from_slice(&ray.origin) + direction * enter_all, direction);
         let mut best = None;
@@ -167,7 +167,7 @@ impl MeshTracer {
         best
     }
 
-    /// [`Tracer::first_hit`], where nothing farther than `best` is of interest.
+    /// [`Tracer::first_hit`], where hits beyond `best` may be ignored.
     pub(super) fn first_hit_within(
         &self,
         ray: &RayInWorld,

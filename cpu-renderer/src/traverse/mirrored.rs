@@ -1,16 +1,17 @@
-//! Masks of 4³ parts as a ray counts them: from the top along the axes on which it moves down.
+//! Masks of 4³ parts in a ray's order: counted from the top along the axes on which the ray moves down.
 //!
-//! [`flipped`](pumice_core::leaves::flipped) does it axis by axis in some thirty operations each, by branches. A mask of 64 bits is 16 nibbles, though: mirroring y and
-//! z moves them about, mirroring x replaces each by another. With instructions that move and look up 16 bytes at once:
+//! [`flipped`](pumice_core::leaves::flipped) mirrors axis by axis, in about thirty operations each, with branches. A mask of 64 bits is 16
+//! nibbles, though: mirroring y and z permutes them, and mirroring x replaces each nibble by another. With instructions that permute and
+//! look up 16 bytes at once:
 //!
 //! ```text
-//! byte y/2 + 2z, its nibbles those of an even and of an odd y
-//! 1. bytes to where they go: y/2 and z mirrored
-//! 2. of each byte its lower nibble, looked up: mirrored along x, and put into the upper half where y is mirrored
-//! 3. the same of its upper nibble, put into the other half
+//! byte y/2 + 2z holds the nibbles of an even and of an odd y
+//! 1. move bytes to their places: y/2 and z mirrored
+//! 2. look up the lower nibble of each byte, mirrored along x; put it into the upper half where y is mirrored
+//! 3. the same for its upper nibble, put into the other half
 //! ```
 
-/// Along which axes a ray moves down: bit a.
+/// The axes along which a ray moves down: bit a for axis a.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Octant(u8);
 
@@ -20,7 +21,7 @@ impl Octant {
         Self(u8::from(is_down(0)) | u8::from(is_down(1)) << 1 | u8::from(is_down(2)) << 2)
     }
 
-    /// What turns a part's number into the one that the ray counts, and back, by exclusive or.
+    /// XOR constant that converts a part's number to the one in the ray's order, and back.
     #[inline(always)]
     pub(super) fn mirror(self) -> u32 {
         let [x, y, z] = [0, 1, 2].map(|a| u32::from(self.0 >> a & 1));
@@ -40,7 +41,7 @@ mod wide {
 
     use super::Octant;
 
-    /// The three steps of an octant.
+    /// Tables for the three steps of an octant.
     #[repr(C)]
     struct Steps {
         bytes: [u8; 16],
@@ -67,12 +68,12 @@ mod wide {
         all
     };
 
-    /// What [`flipped`](pumice_core::leaves::flipped) gives for the octant's mirror.
+    /// Same result as [`flipped`](pumice_core::leaves::flipped) for the octant's mirror.
     #[target_feature(enable = "avx2")]
     #[inline]
     pub(in super::super) fn mirrored(mask: u64, octant: Octant) -> u64 {
         let Steps { bytes, lower, upper } = &STEPS[usize::from(octant.0 & 7)];
-        // SAFETY: 16 bytes are read where 16 lie.
+        // SAFETY: 16 bytes are read from arrays of 16.
         #[allow(unsafe_code)]
         let [bytes, lower, upper] =
             [bytes, lower, upper].map(|of| unsafe { _mm_loadu_si128(of.as_ptr().cast()) });
@@ -90,14 +91,14 @@ mod tests {
     use super::super::ray_box_mask::RayBoxMask;
     use super::*;
 
-    /// Part by part: what has a number has, counted in the ray's direction, the other.
+    /// Part by part: the part with a number has, counted in the ray's order, the mirrored number.
     fn each_part_comes_to_its_place(by: impl RayBoxMask) {
         for o in 0..8u8 {
             let octant = Octant::new(|a| o >> a & 1 != 0);
             for part in 0..64u32 {
                 assert_eq!(by.mirrored(1 << part, octant), 1u64 << (part ^ octant.mirror()), "{part}, {o}");
             }
-            // Bits do not hinder each other.
+            // Bits are independent of each other.
             let mask = 0x0123_4567_89AB_CDEF_u64;
             let expected = (0..64).filter(|part| mask >> part & 1 != 0);
             let expected = expected.fold(0, |all, part| all | 1u64 << (part ^ octant.mirror()));

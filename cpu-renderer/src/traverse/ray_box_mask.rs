@@ -1,34 +1,34 @@
-//! Which of 4 × 4 × 4 equal boxes a ray passes through, told at once: each box against the planes around it, without a walk from one to
-//! the next. A processor guesses wrong where a walk turns and where it ends; here nothing is to be guessed.
+//! The mask of the 4 × 4 × 4 equal boxes that a ray passes through, computed at once: each box is compared with the planes around it,
+//! without a walk from box to box. A processor mispredicts where a walk turns and where it ends; here there is nothing to predict.
 //!
 //! ```text
-//! near[a][i], far[a][i]     t at which the ray comes to box i of a row along axis a, and leaves it, for i = 0 to 3 in its direction
+//! near[a][i], far[a][i]     t at which the ray enters and leaves box i of a row along axis a, for i = 0 to 3 in its direction
 //! box (i, j, k)             max(near[x][i], near[y][j], near[z][k], from)  <  min(far[x][i], far[y][j], far[z][k])
 //! ```
-//! A plane is met at `(plane − origin)·inverse` in f64, as everywhere ([`IndexRay::t_of`]), and that is what is compared: what is told
-//! here is what clipping the ray against each box by itself would tell. That product is monotone in the plane, so whoever passes through a
-//! small box passes through the large one around it, ties and roundings included. What counts is how soon one box leads to the next smaller ones:
-//! so corners are handed in in two parts, of which the one that is known late takes one sum to all planes.
+//! A plane is met at `(plane − origin)·inverse` in f64, as everywhere ([`IndexRay::t_of`]), so the mask equals the result of clipping the
+//! ray against each box. The product is monotone in the plane, so a ray that passes through a small box also passes through the large one
+//! around it, ties and roundings included. Speed depends on how soon one box leads to the next smaller ones, so corners are passed in two
+//! parts, and the part that is known late needs only one sum to give all planes.
 //!
 //! # What made rays faster
-//! Nanoseconds a ray on one core, 15 % of the labels of two volumes of 512³ voxels shown:
+//! Nanoseconds for each ray on one core, with 15 % of the labels of two volumes of 512³ voxels shown:
 //!
 //! | rays through | cortex, camera | cortex, diffuse | cells, camera | cells, diffuse |
 //! |---|---|---|---|---|
 //! | boxes, found by the hierarchy | 380 | 700 | 220 | 980 |
 //! | bricks, compared in f32 by AVX2 | 184 | 302 | 106 | 320 |
-//! | the same; a ray is made ready four numbers at once | 183 | 300 | 104 | 317 |
-//! | the same, and never stored lane by lane before it is read as four | 167 | 297 | 91 | 316 |
-//! | the same; masks are mirrored while planes are compared, not after | 155 | 287 | 86 | 310 |
-//! | in f64 by AVX2, corners handed in in two parts | 154 | 286 | 85 | 304 |
+//! | the same; a ray is prepared four numbers at once | 183 | 300 | 104 | 317 |
+//! | the same; a ray is never stored lane by lane and then read as four | 167 | 297 | 91 | 316 |
+//! | the same; masks are mirrored while planes are compared, not afterwards | 155 | 287 | 86 | 310 |
+//! | in f64 by AVX2, corners passed in two parts | 154 | 286 | 85 | 304 |
 //! | in f64 by AVX-512 | 142 | 257 | 78 | 276 |
-//! | the same; boxes that a ray only touches are left out, as f64 allows | 141 | 245 | 77 | 260 |
-//! | **the same; a usual direction is scaled once instead of twice** | – | – | **74** | – |
+//! | the same; boxes that a ray only touches are left out, which f64 allows | 141 | 245 | 77 | 260 |
+//! | **the same; a direction of usual size is scaled once instead of twice** | – | – | **74** | – |
 //!
-//! Latency decides, not the number of instructions. Mirroring masks by eight instructions instead of thirty an axis, a quarter of all
-//! instructions, changed nothing once it was off the way from one level to the next. Eight numbers that are stored one by one and read
-//! as one wait for each other: two such places were 28 of 44 ns of a ray that meets nothing. Of those, 22 ns are left, three divisions
-//! of four numbers among them. Closures that are handed to `array::map` are not compiled into functions with instructions of their own:
+//! Latency decides, not the number of instructions. Mirroring masks by eight instructions instead of thirty for each axis, a quarter of all
+//! instructions, changed nothing once it was off the critical path from one level to the next. Eight numbers that are stored one by one and
+//! read as one wait for each other: two such places took 28 of the 44 ns of a ray that hits nothing. 22 ns of those 44 remain, with three
+//! divisions of four numbers among them. Closures passed to `array::map` are not compiled into functions with their own instruction set:
 //! with them this took two and a half times as long.
 
 use pumice_core::leaves::flipped;
@@ -43,20 +43,20 @@ use super::{
     mirrored::mirrored,
 };
 
-/// The planes between which four boxes in a row lie, in sides of a box from the lowest: in the order in which a ray meets the boxes,
-/// where they begin and where they end.
+/// Positions of the planes of four boxes in a row, in box sides from the lowest: where the boxes begin, then where they end, in the order
+/// in which a ray meets them.
 type Row = [f64; 8];
 
-/// Of a ray that moves up along the row's axis, and of one that moves down.
+/// For a ray that moves up along the row's axis, and for one that moves down.
 const ROWS: [Row; 2] = [[0.0, 1.0, 2.0, 3.0, 1.0, 2.0, 3.0, 4.0], [4.0, 3.0, 2.0, 1.0, 3.0, 2.0, 1.0, 0.0]];
 
-/// How boxes are told.
+/// Computes masks of boxes with a set of instructions.
 pub(super) trait RayBoxMask: Instructions {
-    /// Bit x + 4y + 16z: whether `ray` passes through a box of the 4³ with this `side` whose lowest corner is `corner + step`, at
-    /// t > `from`. x, y and z count in the ray's direction: from the top where it moves down.
+    /// Bit x + 4y + 16z is set if `ray` passes, at t > `from`, through that box of the 4³ with this `side` whose lowest corner is `corner +
+    /// step`. x, y and z count in the ray's direction: from the top along axes on which it moves down.
     fn ray_box_mask(self, ray: &IndexRay, corner: Self::F64x4, step: &Lanes, side: f64, from: f64) -> u64;
 
-    /// A mask whose x, y and z count up, as one of that kind.
+    /// Converts a mask whose x, y and z count up to one that counts in the ray's direction.
     fn mirrored(self, mask: u64, octant: Octant) -> u64;
 }
 
@@ -90,7 +90,7 @@ mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
 
-/// [`RayBoxMask`] by the functions of a module that are compiled for a kind of processor.
+/// Implements [`RayBoxMask`] with the functions of a module that are compiled for a kind of processor.
 #[cfg(target_arch = "x86_64")]
 macro_rules! ray_box_mask_by {
     ($kind:ty: $module:ident) => {
@@ -104,8 +104,7 @@ macro_rules! ray_box_mask_by {
                 side: f64,
                 from: f64,
             ) -> u64 {
-                // SAFETY: the processor has the instructions that the function is compiled for: there is no such value where it lacks
-                // them.
+                // SAFETY: the processor has the instructions that the function is compiled for: there is no such value where it lacks them.
                 #[allow(unsafe_code)]
                 unsafe {
                     $module::ray_box_mask(ray, corner.register(), step, side, from)
@@ -138,7 +137,7 @@ mod tests {
     use super::super::index_ray::Start;
     use super::*;
 
-    /// Rays of all kinds about a box of side 64 at 640: askew, in planes, along axes, through edges and corners, almost so.
+    /// Rays of all kinds around a box of side 64 at 640: oblique, in planes, along axes, through edges and corners, and nearly so.
     fn rays() -> Vec<IndexRay> {
         let mut s = 9u64;
         let mut random = || {
@@ -174,7 +173,7 @@ mod tests {
         rays
     }
 
-    /// Box by box: those in which clipping leaves something of the ray, and more than a point.
+    /// Compares box by box with clipping: a bit is set where clipping leaves more than a point of the ray.
     fn boxes_are_those_that_clipping_finds(by: impl RayBoxMask) {
         let (mut with, mut touched) = (0, 0);
         for ray in rays() {

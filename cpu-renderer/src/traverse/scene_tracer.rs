@@ -1,7 +1,7 @@
 //! All instances and meshes of a scene behind one [`Tracer`].
 //!
-//! What is met is the nearest of what each instance meets by itself, that of the lowest number where several are as near: so it hangs
-//! neither on the order in which they are asked, nor on what the others have left to look at.
+//! The hit is the nearest of the hits of each instance by itself, and that of the lowest index where several are equally near. It therefore
+//! depends neither on the order in which instances are asked, nor on the range that earlier hits leave to the others.
 
 use std::sync::Arc;
 
@@ -13,36 +13,36 @@ use pumice_transport::{Hit, PathOrigin, RayInWorld, RenderError, Surface, Tracer
 
 use super::{MeshTracer, VolumeTracer};
 
-/// A volume placed in the world, and what of it is drawn.
+/// A volume placed in the world, with the labels that are drawn.
 #[derive(Clone, Debug)]
 pub struct TracedInstance {
     /// The volume; several instances may share it.
     pub volume: Arc<CompressedVolume>,
-    /// Index space to world; mirrored and sheared is fine, singular is not.
+    /// Transform from index space to the world; it may mirror and shear but not be singular.
     pub world_from_index: DAffine3,
-    /// By dense label; labels past its end are hidden.
+    /// Visibility by dense label; labels past the end are hidden.
     pub visible: Vec<bool>,
-    /// Detail.
+    /// Choice of the level of detail.
     pub lod: LodChoice,
 }
 
-/// See the module.
+/// The geometry of a scene (see the module).
 #[derive(Debug)]
 pub struct SceneTracer {
     volumes: Vec<Arc<VolumeTracer>>,
     meshes: Vec<Arc<MeshTracer>>,
-    /// Some mesh, or some volume's voxels, are shaded smooth.
+    /// Whether a mesh, or the voxels of a volume, have smooth normals.
     is_smooth: bool,
-    /// `None`: they are asked in turn.
+    /// Hierarchy over instances; `None` if they are asked in turn.
     tree: Option<Arc<InstanceTree>>,
-    /// Those of the meshes that are shadow catchers, where any is; they are asked in turn.
+    /// The meshes that are shadow catchers, if there are any; they are asked in turn.
     catchers: Option<Box<SceneTracer>>,
 }
 
 /// The nearest hit so far.
 struct Nearest {
     hit: Option<Hit>,
-    /// Its t, infinite where there is none.
+    /// Its t; infinite where there is none.
     t: f64,
     t_max: f64,
 }
@@ -64,7 +64,7 @@ impl Nearest {
 }
 
 impl SceneTracer {
-    /// Builds the acceleration structures, bricks too; instance i of `instances` is `Surface::instance` i.
+    /// Builds the acceleration structures, including bricks; `instances[i]` is reported as `Surface::instance` i.
     ///
     /// # Errors
     /// [`RenderError::Scene`] names the instance whose matrix is singular or which has too many boxes.
@@ -75,7 +75,7 @@ impl SceneTracer {
         Ok(Self::of(instances.iter().enumerate().map(build).collect::<Result<_, _>>()?))
     }
 
-    /// The same without bricks: what traces as a device does, where a ray along an edge may meet another of the voxels there.
+    /// Like [`SceneTracer::new`] without bricks: traces as a device does, where a ray along an edge may hit another of the voxels there.
     ///
     /// # Errors
     /// As [`SceneTracer::new`].
@@ -84,20 +84,20 @@ impl SceneTracer {
         Ok(Self::of(instances.iter().enumerate().map(build).collect::<Result<_, _>>()?))
     }
 
-    /// The geometry of instances that are built already; the one at place i was built as instance i.
+    /// The geometry of instances that are already built; the one at index i must have been built as instance i.
     pub fn of(volumes: Vec<Arc<VolumeTracer>>) -> Self {
         let is_smooth = volumes.iter().any(|v| v.is_smooth());
         Self { is_smooth, volumes, meshes: Vec::new(), tree: None, catchers: None }
     }
 
-    /// With these meshes; the first is the instance after the last volume's.
+    /// Adds these meshes; the first has the index after the last volume's.
     #[must_use]
     pub fn with_meshes(self, meshes: Vec<Arc<MeshTracer>>) -> Self {
         let is_smooth = self.is_smooth || meshes.iter().any(|mesh| mesh.is_smooth());
         Self { meshes, is_smooth, ..self }
     }
 
-    /// With those of its meshes as shadow catchers for which `catches` holds, by place.
+    /// Marks those of its meshes as shadow catchers for which `catches` is true, by index.
     #[must_use]
     pub fn with_catchers(self, catches: &[bool]) -> Self {
         let of = self.meshes.iter().zip(catches).filter(|(_, catches)| **catches);
@@ -106,8 +106,8 @@ impl SceneTracer {
         Self { catchers, ..self }
     }
 
-    /// With a hierarchy over instances and meshes where there are at least `least` of them
-    /// ([`pumice_scene::INSTANCES_OF_A_TREE`] where that shall pay). Says whether one was made.
+    /// Adds a hierarchy over instances and meshes if there are at least `least` of them ([`pumice_scene::INSTANCES_OF_A_TREE`] is where it
+    /// pays off). Also returns whether one was built.
     ///
     /// # Errors
     /// As [`pumice_transport::Bvh::build`].
@@ -120,13 +120,13 @@ impl SceneTracer {
         Ok((Self { tree, ..self }, made))
     }
 
-    /// With the hierarchy of `former`, in which all instances and meshes have the same bounds.
+    /// Reuses the hierarchy of `former`, in which all instances and meshes have the same bounds.
     #[must_use]
     pub fn with_tree_of(self, former: &Self) -> Self {
         Self { tree: former.tree.clone(), ..self }
     }
 
-    /// The hierarchy over instances, where there is one.
+    /// The hierarchy over instances, if there is one.
     pub fn tree(&self) -> Option<&InstanceTree> {
         self.tree.as_deref()
     }
@@ -136,7 +136,7 @@ impl SceneTracer {
         of_volumes.chain(self.meshes.iter().map(|m| m.world_bounds()))
     }
 
-    /// Heap bytes of the acceleration structures, shared ones counted once; the volumes and the meshes are not counted.
+    /// Size on the heap in bytes of the acceleration structures, shared ones counted once, without the volumes and the meshes.
     pub fn bytes(&self) -> u64 {
         let mut seen = std::collections::BTreeSet::new();
         let volumes = self.own_volumes().map(|v| v.bytes()).sum::<u64>();
@@ -144,12 +144,12 @@ impl SceneTracer {
         volumes + meshes.map(|m| m.bytes()).sum::<u64>() + self.tree.as_ref().map_or(0, |t| t.bytes())
     }
 
-    /// How many of them are of bricks.
+    /// The part of [`SceneTracer::bytes`] that bricks take.
     pub fn brick_bytes(&self) -> u64 {
         self.own_volumes().map(|v| v.brick_bytes()).sum()
     }
 
-    /// Volumes, of those that share a hierarchy the first.
+    /// Volumes; of those that share a hierarchy, the first.
     fn own_volumes(&self) -> impl Iterator<Item = &Arc<VolumeTracer>> {
         let mut seen = std::collections::BTreeSet::new();
         self.volumes.iter().filter(move |v| seen.insert(v.hierarchy_address()))
@@ -165,12 +165,12 @@ impl SceneTracer {
         &self.meshes
     }
 
-    /// One mesh's geometry, by its place among the meshes.
+    /// Geometry of one mesh, by its index among the meshes.
     pub fn mesh(&self, place: usize) -> Option<&Arc<MeshTracer>> {
         self.meshes.get(place)
     }
 
-    /// One instance's geometry.
+    /// Geometry of one instance of a volume.
     pub fn instance(&self, instance: u32) -> Option<&Arc<VolumeTracer>> {
         self.volumes.get(instance as usize)
     }
@@ -194,7 +194,7 @@ impl SceneTracer {
 }
 
 impl SceneTracer {
-    /// What an instance or a mesh meets, by its number.
+    /// Asks one instance or mesh, by its index.
     #[inline]
     fn ask(&self, number: u32, ray: &RayInWorld, from: PathOrigin, nearest: &mut Nearest) {
         let (place, volumes, t_max) = (number as usize, self.volumes.len(), nearest.t_max);
@@ -215,7 +215,7 @@ impl SceneTracer {
         }
     }
 
-    /// The number of the instance that a path goes on from.
+    /// Index of the instance that a path continues from.
     #[inline]
     fn left(&self, from: PathOrigin) -> Option<u32> {
         let PathOrigin::Face(surface) = from else { return None };
@@ -262,10 +262,10 @@ impl Tracer for SceneTracer {
         if let Some(tree) = &self.tree {
             return self.first_hit_by_tree(tree, ray, from, t_max);
         }
-        // One volume alone, as most scenes have it, is nobody's rival.
+        // A single volume, as in most scenes, needs no comparison.
         if let ([volume], []) = (self.volumes.as_slice(), self.meshes.as_slice()) {
             let hit = volume.first_hit_within(ray, from, t_max, f64::INFINITY);
-            // (Not `filter`, which copies it.)
+            // (Not `filter`, which copies the hit.)
             return if hit.as_ref().is_none_or(|hit| hit.t < t_max) { hit } else { None };
         }
         let mut nearest = Nearest::new(t_max);
@@ -298,7 +298,7 @@ impl Tracer for SceneTracer {
         let Some(place) = (surface.instance as usize).checked_sub(self.volumes.len()) else {
             return self.instance(surface.instance)?.smooth_normal(surface, point);
         };
-        // Among catchers alone, meshes stand closer together than their numbers say.
+        // Among catchers alone, the position of a mesh in the list differs from its index.
         let is_it = |mesh: &&Arc<MeshTracer>| mesh.instance() == surface.instance;
         let mesh = self.mesh(place).filter(is_it).or_else(|| self.meshes.iter().find(is_it));
         mesh?.smooth_normal(surface, point)

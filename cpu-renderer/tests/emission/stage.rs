@@ -1,4 +1,4 @@
-//! Scenes that shine, put together by hand, and the mean of what a camera above sees of them.
+//! Hand-made scenes with emissive surfaces, and the mean of a camera's picture from above.
 
 use std::sync::Arc;
 
@@ -53,7 +53,7 @@ impl Stage {
         }
     }
 
-    /// All labels are shown; the first material is the first label's.
+    /// Adds a volume with all labels shown; the first material is that of the first label.
     pub(crate) fn with_volume(
         mut self,
         volume: &Arc<CompressedVolume>,
@@ -82,7 +82,7 @@ impl Stage {
         self
     }
 
-    /// Meshes come last.
+    /// Adds a mesh; meshes must come last.
     pub(crate) fn with_mesh(mut self, mesh: &Arc<MeshData>, place: DAffine3, materials: &[Material]) -> Self {
         let instance = self.materials.len() as u32;
         let triangles = MeshTracer::new(0, instance, mesh, place).unwrap();
@@ -91,7 +91,7 @@ impl Stage {
         self
     }
 
-    /// Cuts the one volume.
+    /// Cuts the only volume.
     pub(crate) fn cut(mut self, cuts: &[CutShape]) -> Self {
         let [only] = self.tracer.volumes() else { panic!("one volume") };
         let place = only.placement().world_from_index;
@@ -105,7 +105,7 @@ impl Stage {
         self
     }
 
-    /// Looks straight down at a square about a point, from just above it; one surface is lit.
+    /// Looks straight down at a square around a point, from just above it; one bounce.
     pub(crate) fn seen_at(mut self, point: DVec3, side: f64) -> Self {
         self.seen = Some((point, side));
         self.mode = Mode::OneBounce;
@@ -120,7 +120,7 @@ impl Stage {
         emitters_of(&self.tracer, &self.materials).unwrap()
     }
 
-    /// Mean of the picture, its channels added up, and the variance of that mean, by so many seeds.
+    /// Mean of the picture over this many seeds, channels added up, and the variance of that mean.
     pub(crate) fn estimate(&self, finding: LightStrategy, seeds: u64, samples: u32) -> (f64, f64) {
         let (sky, suns) = match self.under_a_sky {
             false => (Sky::Constant(Vec3::ZERO), vec![]),

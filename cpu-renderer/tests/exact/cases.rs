@@ -1,4 +1,4 @@
-//! What tests of hits trace: volumes of many kinds, through bricks and through boxes.
+//! Test volumes of many kinds for tests of hits, traced through bricks and through boxes.
 
 use std::sync::Arc;
 
@@ -10,11 +10,11 @@ use pumice_transport::RenderError;
 
 use super::volumes::neurites;
 
-/// How the same is traced: through bricks, and through the hierarchy alone.
+/// Builds a tracer for the same instances: with bricks, or with the hierarchy alone.
 pub type Make = fn(&[TracedInstance]) -> Result<SceneTracer, RenderError>;
 pub const MAKES: [(&str, Make); 2] = [("bricks", SceneTracer::new), ("boxes", SceneTracer::without_bricks)];
 
-/// From next to nothing to all that there is, with and without large solids; real neurites.
+/// From nearly empty to full, with and without large solids; and real neurites.
 pub fn volumes() -> Vec<(&'static str, Dense, Arc<CompressedVolume>)> {
     let named = |name, (dense, compressed)| (name, dense, compressed);
     vec![
@@ -28,7 +28,7 @@ pub fn volumes() -> Vec<(&'static str, Dense, Arc<CompressedVolume>)> {
     ]
 }
 
-/// Each of them, made in each way.
+/// Each volume with each way of building a tracer.
 pub fn volumes_both_ways() -> impl Iterator<Item = (String, Dense, Arc<CompressedVolume>, Make)> {
     volumes().into_iter().flat_map(|(name, dense, compressed)| {
         MAKES.map(|(way, make)| (format!("{name}, {way}"), dense.clone(), Arc::clone(&compressed), make))

@@ -1,4 +1,4 @@
-//! The oracles of traversal: whole numbers on a grid (the crate `pumice-oracle`), rational ones for any placement (here).
+//! Oracles of traversal: in whole numbers on a grid (the crate `pumice-oracle`), in rational numbers for any placement (here).
 #![allow(dead_code, unreachable_pub, unused_imports, reason = "each test file uses its part")]
 
 pub mod cases;

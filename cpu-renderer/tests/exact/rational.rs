@@ -1,14 +1,14 @@
-//! The oracle for any placement: what the f64 numbers of matrix, origin and direction say, marched in index space in rational
-//! numbers, without a rounding anywhere.
+//! The oracle for any placement: takes the f64 numbers of matrix, origin and direction as exact, and marches in index space in rational
+//! numbers, without any rounding.
 //!
-//! Every f64 is a whole number of 2⁻¹⁶⁰ (the generators see to it). With M the matrix, v = origin − translation and D the
-//! direction as such whole numbers, Cramer's rule makes the ray in index space a fraction of whole numbers of some 700 bits:
+//! Every f64 is a multiple of 2⁻¹⁶⁰ (the generators ensure it). With M the matrix, v = origin − translation and D the direction as such
+//! whole numbers, Cramer's rule makes the ray in index space a fraction of whole numbers of about 700 bits:
 //!
 //! ```text
 //! position(t) = (o + t·d) / e       o = adj(M)·v    d = adj(M)·D    e = det(M) > 0
 //! plane p of axis a at t = (p·e − oₐ) / dₐ
 //! ```
-//! Comparisons look at f64 quotients first; those are right to some 2⁻⁵¹ of themselves, and what lies closer is multiplied out.
+//! Comparisons use f64 quotients first, which have a relative error of about 2⁻⁵¹; closer values are compared exactly, by multiplication.
 
 #![allow(clippy::expect_used, reason = "test helpers: a failure is a failed test")]
 
@@ -58,19 +58,19 @@ fn cross(a: &Row, b: &Row) -> Row {
     [0, 1, 2].map(|i| &a[(i + 1) % 3] * &b[(i + 2) % 3] - &a[(i + 2) % 3] * &b[(i + 1) % 3])
 }
 
-/// A matrix as it is in f64, its adjugate and determinant, and how wrong their f64 may be.
+/// An f64 matrix with its exact adjugate and determinant, and bounds of the errors of their f64 values.
 pub struct ExactPlace {
     pub world_from_index: DAffine3,
     translation: Row,
     adjugate: [Row; 3],
     determinant: BigInt,
-    /// The minors of the adjugate with their two products added in size, over the determinant: no cancellation.
+    /// The minors of the adjugate with the absolute values of their two products added, over the determinant: no cancellation.
     sizes: [DVec3; 3],
-    /// The determinant in the same way.
+    /// The determinant, computed in the same way.
     determinant_size: f64,
 }
 
-/// 2⁻⁵³: what one rounding may change of a number.
+/// 2⁻⁵³: the relative error of one rounding.
 const U: f64 = f64::EPSILON / 2.0;
 
 impl ExactPlace {
@@ -97,17 +97,17 @@ impl ExactPlace {
         }
     }
 
-    /// What computing `inverse(M)·v` in f64 by adjugate and determinant may be off, by axis, where v itself was rounded once.
+    /// Bound, for each axis, of the error of computing `inverse(M)·v` in f64 by adjugate and determinant, where v itself was rounded once.
     ///
-    /// In units of [`U`] and to first order: a minor is off by 2 of its size (two products, then the difference, which is no
-    /// larger), v by 1, a sum of three products by 3, so adj·v by 6; the quotient adds 1; the determinant is off by 2 + 3 of its
-    /// size. Together (7 + 5·size(det)/det) of size(adj)·|v|/det; a hundredth is for the products of errors.
+    /// In units of [`U`] and to first order: a minor is off by 2 of its size (two products, then the difference, which is no larger), v by
+    /// 1, a sum of three products by 3, so adj·v by 6; the quotient adds 1; the determinant is off by 2 + 3 of its size. Together (7 +
+    /// 5·size(det)/det) of size(adj)·|v|/det; a hundredth is added for the products of errors.
     fn rounding(&self, v: DVec3) -> [f64; 3] {
         self.sizes.map(|row| 1.01 * U * (7.0 + 5.0 * self.determinant_size) * row.dot(v.abs()))
     }
 }
 
-/// A distance along a ray: a fraction (denominator above 0) and its f64.
+/// A distance along a ray: a fraction (denominator above 0) and its f64 value.
 #[derive(Clone, Debug)]
 pub struct Time {
     n: BigInt,
@@ -144,7 +144,7 @@ pub struct RationalRay {
     o: Row,
     d: Row,
     e: BigInt,
-    /// What the renderer's origin and direction may be off, in voxels.
+    /// Error bounds of the renderer's origin and direction, in voxels.
     origin_error: [f64; 3],
     direction_error: [f64; 3],
     /// Length of the direction in index space.
@@ -152,7 +152,7 @@ pub struct RationalRay {
 }
 
 impl RationalRay {
-    /// The ray that these f64 numbers say.
+    /// The exact ray of these f64 numbers.
     pub fn new(place: &ExactPlace, origin: DVec3, direction: DVec3) -> Self {
         let o = origin.to_array().map(whole);
         let v = [0, 1, 2].map(|a| &o[a] - &place.translation[a]);
@@ -169,9 +169,9 @@ impl RationalRay {
         ray
     }
 
-    /// The same as it leaves a face of `voxel`: exactly on its plane, never back through it, and in the voxel in front of it. The face's
-    /// rectangle is kept to by 2⁻²⁸, as its renderer says, also by a path whose origin in the world was rounded to beside it, or whose first hit was at an edge
-    /// that a walk took for met.
+    /// The same ray as it leaves a face of `voxel`: exactly on the face's plane, never back through it, and in the voxel in front of it.
+    /// Like the renderer, it keeps to the face's rectangle by 2⁻²⁸, also where the path's origin in the world was rounded to a point beside
+    /// it, or where the first hit was at an edge that a walk treated as hit.
     #[must_use]
     pub fn leaving_face(mut self, voxel: [u32; 3], axis: usize, plane: u32, positive: bool) -> Self {
         self.o[axis] = &self.e * plane;
@@ -188,7 +188,7 @@ impl RationalRay {
             assert!(self.component(axis).abs() <= self.direction_error[axis], "the ray points into the face");
             self.d[axis] = BigInt::zero();
             if !positive {
-                // A ray in a plane belongs to the voxel above it; this one's is below.
+                // A ray in a plane belongs to the voxel above it; this ray's voxel is below.
                 self.o[axis] = (&self.e * (2 * i64::from(plane) - 1)) / 2;
             }
         }
@@ -199,25 +199,25 @@ impl RationalRay {
         float(&self.d[a]) / float(&self.e)
     }
 
-    /// Where the ray meets plane `p` of axis `a`; its component must not be 0.
+    /// The t of plane `p` of axis `a`; the ray's component along `a` must not be 0.
     fn plane(&self, a: usize, p: i64) -> Time {
         Time::new(&self.e * p - &self.o[a], self.d[a].clone())
     }
 
-    /// How far the position at t, a whole f64, is above plane `p` of axis `a`: one rounding of the exact difference.
+    /// Distance of the position at t above plane `p` of axis `a`, where t is taken as exact; one rounding of the exact difference.
     fn above(&self, a: usize, p: i64, t: f64) -> f64 {
         let t = whole(t);
         let n = ((&self.o[a] - &self.e * p) << BITS) + t * &self.d[a];
         float(&n) / float(&(&self.e << BITS))
     }
 
-    /// How far from the exact position the renderer's may be at t: origin, direction, and the four roundings of the distance of
-    /// a plane (subtraction, reciprocal, product, scale), each a share of the way along the axis.
+    /// Bound of the distance between the exact position and the renderer's at t: origin, direction, and the four roundings of the distance
+    /// of a plane (subtraction, reciprocal, product, scale), each a share of the way along the axis.
     fn error(&self, a: usize, t: f64) -> f64 {
         self.origin_error[a] + t * (self.direction_error[a] + 4.0 * U * self.component(a).abs())
     }
 
-    /// As `ExactRay::march`: each voxel of `0..dims` passed through at t > 0 with a chord above 0, in order.
+    /// As `ExactRay::march`: visits each voxel of `0..dims` that the ray passes through at t > 0 with a chord above 0, in order.
     pub fn march(&self, dims: [u32; 3], mut visit: impl FnMut([i64; 3], &Time, &Time) -> bool) {
         let moving: Vec<usize> = (0..3).filter(|&a| !self.d[a].is_zero()).collect();
         let down = |a: usize| self.d[a].is_negative();
@@ -253,7 +253,7 @@ impl RationalRay {
         }
     }
 
-    /// Whether the renderer's ray starts in `voxel` for certain.
+    /// Whether the renderer's ray certainly starts in `voxel`.
     fn starts_in(&self, voxel: [i64; 3]) -> bool {
         (0..3).all(|a| {
             let error = self.error(a, 0.0);
@@ -261,13 +261,13 @@ impl RationalRay {
         })
     }
 
-    /// Length in voxels of the part of (0, `until`) along which the renderer's ray is in `voxel` for certain: the exact chord,
-    /// less the way that each plane may be off.
+    /// Length in voxels of the part of (0, `until`) along which the renderer's ray is certainly in `voxel`: the exact chord, less the error
+    /// bounds of its planes.
     fn certain_chord(&self, voxel: [i64; 3], until: f64) -> f64 {
         let moving = || (0..3).filter(|&a| !self.d[a].is_zero());
         let far = |a: usize| self.plane(a, voxel[a] + i64::from(self.d[a].is_positive())).value;
         let near = |a: usize| self.plane(a, voxel[a] + i64::from(self.d[a].is_negative())).value;
-        // The error grows with t: it is taken at the chord's end.
+        // The error grows with t, so it is taken at the chord's end.
         let end = moving().map(far).fold(until, f64::min).max(0.0);
         let (mut enter, mut leave) = (0.0f64, end);
         for (a, &v) in voxel.iter().enumerate() {
@@ -286,7 +286,7 @@ impl RationalRay {
     }
 }
 
-/// A chord that the walk through a box may take for none: it orders planes in f32 (`traverse::box_walk`, on ties).
+/// Longest chord that the walk through a box may skip, because it orders planes in f32 (`traverse::box_walk`, on ties).
 pub const WALK_CHORD: f64 = 2e-5;
 
 pub mod judge;

@@ -1,7 +1,7 @@
-//! The path tracer's loop a second time, with one fault that can be chosen: what the furnaces must notice.
+//! A copy of the path tracer's loop with one selectable fault that the furnaces must notice.
 //!
-//! Without a fault it gives the renderer's samples to the bit (a test sees to it), so what a fault changes is that fault alone,
-//! and the renderer carries no switch for it.
+//! Without a fault it gives the renderer's samples to the bit (a test checks it). So the effect of a fault is due to that fault alone, and
+//! the renderer needs no switch for it.
 
 use glam::{DVec3, Vec3};
 use pumice_cpu::Surroundings;
@@ -16,20 +16,20 @@ use crate::naive::Dense;
 pub enum Fault {
     /// The renderer as it is.
     None,
-    /// Directions are drawn evenly from the hemisphere instead of by cosine: noisier, and right.
+    /// Directions are uniform over the hemisphere instead of following the cosine: noisier, but correct.
     EvenDirections,
-    /// Survivors of the roulette do not stand for those that it ended.
+    /// Paths that survive Russian roulette are not weighted for those that it ended.
     RouletteUncompensated,
-    /// The roulette of the shader published with the method: even directions, from the first bounce, by the throughput as it is,
-    /// also where it is above 1, where nobody is ended and survivors are divided all the same.
+    /// The roulette of the shader published with the method: uniform directions, from the first bounce, with the unclamped throughput as
+    /// survival probability: where it is above 1, no path ends, but survivors are divided by it all the same.
     RouletteUnclamped,
-    /// The density of a scattered direction is told this many times too large, wherever it is asked for.
+    /// The density of a scattered direction is reported too large by this factor, everywhere.
     Density(f32),
-    /// The same, only where light that was aimed at is weighted against it: the two no longer speak of one density.
+    /// The same, but only in the MIS weight of sampled lights: the two strategies then use different densities.
     DensityInWeights(f32),
-    /// Both weights together make this.
+    /// The sum of both MIS weights is this number.
     SumOfWeights(f32),
-    /// The weight of light that was aimed at alone is this many times too large.
+    /// The MIS weight of sampled lights alone is too large by this factor.
     AimedWeight(f32),
 }
 
@@ -136,7 +136,7 @@ pub fn radiance(
     }
 }
 
-/// Every direction of the hemisphere alike (Archimedes: the height is even).
+/// Uniform direction on the hemisphere (Archimedes: the height is uniform).
 fn even_direction([u, v]: [f32; 2]) -> Vec3 {
     let (z, (sin, cos)) = (u.max(1e-6), (std::f32::consts::TAU * v).sin_cos());
     let r = (1.0 - z * z).max(0.0).sqrt();

@@ -1,4 +1,4 @@
-//! White furnaces: scenes whose picture is known exactly, and the one judgement that the renderer and its broken siblings meet.
+//! White furnaces: scenes whose picture is known exactly, and the one judgement for the renderer and for its faulty copies.
 #![allow(dead_code, unreachable_pub, reason = "each test file uses its part")]
 #![allow(clippy::expect_used, reason = "test helpers: a failure is a failed test")]
 
@@ -16,12 +16,12 @@ use rayon::prelude::*;
 
 use crate::naive::Dense;
 
-/// What the picture of a furnace may be off: the requirement.
+/// Required accuracy: the relative error that a furnace's picture may have.
 pub const TOLERANCE: f64 = 1e-3;
 
 pub const FILM: Film = Film::new(32, 32, Filter::Box { width: 1.0 });
 
-/// A scene of which every pixel that sees the shape has the value `exact`.
+/// A scene in which every pixel that sees the shape has the value `exact`.
 pub struct Furnace {
     pub name: String,
     pub dense: Dense,
@@ -80,7 +80,7 @@ impl Furnace {
         pixels
     }
 
-    /// One sample of one pixel by `radiance`.
+    /// One sample of one pixel, computed by `radiance`.
     pub fn sample(&self, radiance: &Radiance<'_>, pixel: [u32; 2], sample: u32) -> Vec3 {
         let sampler = PixelSampler::new(self.around.settings.seed, pixel, sample);
         let [u, v] = sampler.film();
@@ -89,7 +89,7 @@ impl Furnace {
         radiance(&self.dense, &self.around, &sampler, ray, t_max)
     }
 
-    /// The mean that `radiance` finds; its error is told by the replicates, which are independent.
+    /// The mean of `radiance`; its error follows from the replicates, which are independent.
     pub fn mean(&self, radiance: &Radiance<'_>) -> Mean {
         let pixels = self.pixels();
         let sums: Vec<[f64; REPLICATES as usize]> = pixels
@@ -113,7 +113,7 @@ impl Furnace {
         Mean { value, standard_error: variance.sqrt() }
     }
 
-    /// Relative error of the mean that `radiance` finds, and its standard error.
+    /// Relative error of the mean of `radiance`, and its standard error.
     pub fn error(&self, radiance: &Radiance<'_>) -> [f64; 2] {
         let mean = self.mean(radiance);
         let (off, noise) = (mean.value / self.exact - 1.0, mean.standard_error / self.exact);
@@ -121,27 +121,27 @@ impl Furnace {
         [off, noise]
     }
 
-    /// The judgement.
+    /// Whether `radiance` is within the tolerance.
     ///
     /// # Panics
-    /// Where noise could pass for a small fault: the tolerance must be three standard errors.
+    /// Panics where noise could hide a small fault: the tolerance must be at least three standard errors.
     pub fn accepts(&self, radiance: &Radiance<'_>) -> bool {
         let [off, noise] = self.error(radiance);
         assert!(3.0 * noise <= TOLERANCE, "{}: too noisy to judge, ± {noise}", self.name);
         off.abs() < TOLERANCE
     }
 
-    /// Whether `radiance` is wrong by more than the tolerance, whatever the noise.
+    /// Whether `radiance` is wrong by more than the tolerance, beyond its noise.
     pub fn convicts(&self, radiance: &Radiance<'_>) -> bool {
         let [off, noise] = self.error(radiance);
         off.abs() - 3.0 * noise > TOLERANCE
     }
 }
 
-/// Light along a camera ray.
+/// Radiance along a camera ray.
 pub type Radiance<'a> = dyn Fn(&Dense, &Surroundings, &PixelSampler, RayInWorld, f64) -> Vec3 + Sync + 'a;
 
-/// The renderer's own.
+/// The renderer's own [`Radiance`].
 pub fn rendered(d: &Dense, around: &Surroundings, s: &PixelSampler, ray: RayInWorld, t_max: f64) -> Vec3 {
     pumice_cpu::path::radiance(d, around, s, ray, t_max, 0.5)
 }
@@ -154,7 +154,7 @@ pub fn even_sky(radiance: f32) -> Sky {
     Sky::Constant(Vec3::splat(radiance))
 }
 
-/// The same light as a picture: it is aimed at, and both ways to find it are weighted.
+/// The same light as a picture: light sampling uses it, and both strategies are weighted.
 pub fn painted_sky(radiance: f32) -> Sky {
     let image = Image::new(16, 8, vec![[radiance; 3]; 128]);
     Sky::Image(std::sync::Arc::new(EnvironmentTable::new(image, 1.0, 0.7).expect("valid")))
@@ -188,7 +188,7 @@ pub fn inside() -> Camera {
     camera(DVec3::new(7.3, 5.2, 5.1), DVec3::new(1.0, 1.5, 2.0), 1.2)
 }
 
-/// Radiance 1 from everywhere, albedo 1, no bound on bounces: 1, whatever the shape.
+/// Radiance 1 from everywhere, albedo 1, no bound on bounces: the result is 1 for every shape.
 pub fn white_world(sky: Sky, russian_roulette: bool) -> Furnace {
     let settings = Settings { bounces: 1_000_000, russian_roulette, ..Settings::default() };
     let name = format!("white world, {}, roulette {russian_roulette}", of_sky(&sky));
@@ -196,7 +196,7 @@ pub fn white_world(sky: Sky, russian_roulette: bool) -> Furnace {
     Furnace::new(&name, sponge(), outside(), lambert(1.0, 0.0), sky, settings).exactly(1.0, spp)
 }
 
-/// A convex body of albedo a under radiance 1 shows a.
+/// A convex body of albedo a under radiance 1 has radiance a.
 pub fn convex_body(sky: Sky, albedo: f64) -> Furnace {
     let name = format!("convex body of {albedo}, {}", of_sky(&sky));
     let spp = samples_for(&sky, 16, 256);
@@ -204,19 +204,19 @@ pub fn convex_body(sky: Sky, albedo: f64) -> Furnace {
         .exactly(albedo, spp)
 }
 
-/// Walls of emission 1 and albedo a around the camera. With `bounces` B as in Cycles, B + 1 vertices scatter and the last ray
-/// still collects emission: N = B + 1 scatterings make 1 + a + … + aᴺ = (1 − aᴺ⁺¹) / (1 − a).
+/// Walls of emission 1 and albedo a around the camera. With `bounces` B as in Cycles, B + 1 vertices scatter and the last ray still
+/// collects emission: N = B + 1 scatterings make 1 + a + … + aᴺ = (1 − aᴺ⁺¹) / (1 − a).
 pub fn glowing_cavity(bounces: u32, albedo: f64, russian_roulette: bool) -> Furnace {
     let exact = (1.0 - albedo.powi(bounces as i32 + 2)) / (1.0 - albedo);
     let settings = Settings { bounces, russian_roulette, ..Settings::default() };
     let name = format!("cavity of {albedo}, {bounces} bounces, roulette {russian_roulette}");
-    // Without a roulette every path brings the same. With one, noise grows with what it may end.
+    // Without roulette every path has the same value. With it, noise grows with the number of bounces that it may end.
     let spp = if russian_roulette && bounces >= 2 { if bounces > 8 { 720 } else { 256 } } else { 16 };
-    // No light comes in: the sky's 7 would be seen.
+    // No light comes in from outside: the sky's 7 would be noticed.
     Furnace::new(&name, cavity(), inside(), lambert(albedo, 1.0), even_sky(7.0), settings).exactly(exact, spp)
 }
 
-/// Under an even sky every path brings the same; where light is aimed at too, samples differ.
+/// Under a uniform sky every path has the same value; where lights are sampled too, samples differ.
 fn samples_for(sky: &Sky, even: u32, painted: u32) -> u32 {
     match sky {
         Sky::Constant(_) => even,

@@ -27,8 +27,9 @@ fn dot(a: Whole, b: Whole) -> i128 {
     (0..3).map(|i| a[i] * b[i]).sum()
 }
 
-/// Whether, and where, the exact line through `o` along `d` meets a triangle: t as a fraction with a denominator above 0. `Err` where
-/// it passes an edge by less than a thousandth of a unit: the mesh is a hundred wide, of which f32 has a hundred thousandth of that.
+/// Whether, and at which t, the exact line through `o` along `d` meets a triangle; t is a fraction with a denominator above 0. `Err` where
+/// the line passes an edge by less than a thousandth of a unit: the mesh is a hundred wide, of which f32 resolves a hundred thousandth of
+/// that.
 fn exact(o: Whole, d: Whole, [a, b, c]: [Whole; 3]) -> Result<Option<(i128, i128)>, ()> {
     let [a, b, c] = [a, b, c].map(|p| minus(p, o));
     let size = |v: Whole| (dot(v, v) as f64).sqrt();
@@ -61,7 +62,7 @@ fn random_triangles_are_hit_where_whole_numbers_say() {
         let mesh = Arc::new(MeshData::new(positions, triangles, Vec::new()).unwrap());
         let tracer = tracer(&mesh, DAffine3::IDENTITY);
         for _ in 0..200 {
-            // From far away too: then the ray comes to the mesh first.
+            // From far away too: the ray is then first moved to the mesh.
             let reach = if round % 2 == 0 { 60 } else { 1_000_000 };
             let o = [0; 3].map(|_| i128::from(random.whole(reach)));
             let aim = [0; 3].map(|_| i128::from(random.whole(50)));
@@ -90,13 +91,13 @@ fn random_triangles_are_hit_where_whole_numbers_say() {
                     let s = hit.surface;
                     let got = (s.kind, s.plane, s.label, s.instance);
                     assert_eq!(got, (SurfaceKind::Triangle, triangle, 0, 4));
-                    // Doubles from start to end, but for the corners: those are whole numbers here, exact in f32.
+                    // f64 throughout, except for the corners, which are whole numbers here and exact in f32.
                     assert!((hit.t - t).abs() <= 1e-9 * t, "{} for {t}", hit.t);
                     let [a, b, c] = soup[triangle as usize];
                     let normal = vector(cross(minus(b, a), minus(c, a))).normalize();
                     assert!(hit.normal_in_world.distance(normal) < 1e-12);
                     assert_eq!(hit.from_inside, normal.dot(ray.direction) > 0.0);
-                    // Nothing before it, and it no more than itself.
+                    // Nothing occludes the ray before the hit, and the triangle itself does after it.
                     assert!(tracer.occluded(&ray, PathOrigin::Free, t * (1.0 + 1e-8)));
                     assert!(!tracer.occluded(&ray, PathOrigin::Free, t * (1.0 - 1e-8)));
                 }
@@ -107,7 +108,7 @@ fn random_triangles_are_hit_where_whole_numbers_say() {
     assert!(compared > 10_000 && hits > 3_000 && close < 1_000, "{compared}, {hits}, {close}");
 }
 
-/// Möller and Trumbore 1997 in f32, as written: a control that has cracks.
+/// Möller and Trumbore 1997 in f32, as published: a negative control that has cracks.
 fn with_cracks(o: DVec3, d: DVec3, corners: [DVec3; 3]) -> bool {
     let [a, b, c] = corners.map(|p| p.as_vec3());
     let (o, d) = (o.as_vec3(), d.as_vec3());
@@ -143,7 +144,7 @@ fn nothing_gets_out_of_a_closed_mesh() {
                 let ray = RayInWorld { origin, direction: place.transform_point3(aim) - origin };
                 let hit = tracer.first_hit(&ray, PathOrigin::Free, f64::INFINITY);
                 let hit = hit.unwrap_or_else(|| panic!("out of triangle {i} at {aim}"));
-                // (At a corner a ray may but touch what bulges inward.)
+                // (At a corner, a ray may merely touch a part that bulges inward.)
                 assert!(hit.from_inside || aim != middle, "seen from within, in a mirrored place too");
                 assert!(tracer.occluded(&ray, PathOrigin::Free, f64::INFINITY));
                 if place == DAffine3::IDENTITY {
@@ -177,7 +178,7 @@ fn a_path_from_a_convex_mesh_never_meets_it_again() {
             let ray = RayInWorld { origin: middle + out, direction: -out };
             let hit = tracer.first_hit(&ray, PathOrigin::Free, f64::INFINITY).unwrap();
             assert!(!hit.from_inside && hit.normal_in_world.dot(out) > 0.0);
-            // Away from the surface, often along it.
+            // Away from the surface, often nearly along it.
             let n = hit.normal_in_world;
             let along = random.direction();
             let along = along - n * along.dot(n);
@@ -187,14 +188,14 @@ fn a_path_from_a_convex_mesh_never_meets_it_again() {
             assert!(!tracer.occluded(&ray, from, f64::INFINITY), "{rise} at {side}");
             assert_eq!(tracer.first_hit(&ray, from, f64::INFINITY), None);
             again_if_free += usize::from(tracer.occluded(&ray, PathOrigin::Free, f64::INFINITY));
-            // Through the surface: the cube's other side.
+            // Through the surface: the other side of the cube.
             let inward = RayInWorld { direction: -(along + n * rise), ..ray };
             let through = tracer.first_hit(&inward, from, f64::INFINITY);
             asked += usize::from(through.is_some_and(|h| h.from_inside && h.t > 0.0));
         }
     }
     assert!(again_if_free > 1_000, "a path that knows not where it started meets its own surface");
-    // Those that go in at less than rounding's angle may leave between faces.
+    // Rays that enter at less than the rounding angle may leave between faces.
     assert!(asked > 15_000, "{asked} of 16,000 found the way out");
 }
 
@@ -221,7 +222,7 @@ fn a_mesh_elsewhere_is_hit_as_one_whose_corners_are_there() {
         let ray = RayInWorld { origin, direction: aim - origin };
         let hits = [&here, &there].map(|t| t.first_hit(&ray, PathOrigin::Free, f64::INFINITY));
         let [Some(a), Some(b)] = hits else { panic!("{hits:?}") };
-        // Corners are rounded to f32 in two grids; beside an edge that may be another triangle.
+        // Corners are rounded to f32 in two grids; near an edge the hit may be on another triangle.
         assert!((a.t - b.t).abs() < 1e-4, "{} and {}", a.t, b.t);
         if a.surface == b.surface {
             same += 1;

@@ -1,5 +1,5 @@
-//! Pictures of meshes: a cube of triangles must look as a voxel of the same size and place does, whatever it is made of, whether it
-//! stands on voxels or on triangles, and whatever stands on it.
+//! Pictures of meshes: a cube of triangles must look like a voxel of the same size and place, for every material, on voxels or on
+//! triangles, and with anything standing on it.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -15,7 +15,7 @@ use pumice_transport::{LoadedScene, Renderer};
 
 use crate::shapes::{cube, cube_of};
 
-/// A part of a scene: a voxel, or the same as triangles.
+/// A part of a scene: a voxel, or the same cube as triangles.
 #[derive(Clone)]
 struct Block {
     world_from_unit: DAffine3,
@@ -27,7 +27,7 @@ fn voxels(edge: u32) -> Arc<CompressedVolume> {
     Arc::new(compress_labels(VolumeInfo::new([edge; 3], LabelType::U8), labels).unwrap())
 }
 
-/// Slanting: no normal has a component of 0, whose sign would choose a face's tangents, and with them other random directions.
+/// Slanted, so that no normal has a component of 0, whose sign would select a face's tangents, and with them other random directions.
 fn at(scale: [f64; 3], turn: f64, translation: [f64; 3]) -> DAffine3 {
     let slant = DMat3::from_rotation_x(0.07) * DMat3::from_rotation_y(-0.11);
     let matrix3 = slant * DMat3::from_rotation_z(turn) * DMat3::from_diagonal(scale.into());
@@ -42,7 +42,7 @@ fn glass(roughness: f32) -> Material {
     Material { transmission: 1.0, roughness, ior: 1.4, base_color: [1.0, 0.9, 0.8], ..Material::default() }
 }
 
-/// A floor, and a box that hangs over it: where volumes overlap, the paths of voxels end, and those of triangles do not.
+/// A floor, and a box above it: where volumes overlap, paths in voxels end, and paths in triangles do not.
 fn floor_and_box(material: Material) -> [Block; 2] {
     [
         Block {
@@ -125,7 +125,7 @@ fn all(x: &[f32; 3], y: &[f32; 3]) -> bool {
     (0..3).all(|c| close(x[c], y[c]))
 }
 
-/// How many pixels differ: in colour by more than a ten thousandth of what is there, or in depth, base colour or normal.
+/// Number of pixels that differ: in colour by more than a ten-thousandth of its value, or in depth, base colour or normal.
 fn unlike(a: &Picture, b: &Picture) -> usize {
     let (albedo, normal, depth) = (
         [a.albedo.as_ref().unwrap(), b.albedo.as_ref().unwrap()],
@@ -142,8 +142,8 @@ fn unlike(a: &Picture, b: &Picture) -> usize {
         .count()
 }
 
-/// Random numbers are the same, and places differ by the rounding of doubles alone; what is chosen by comparing two numbers may
-/// still fall the other way, seldom: one pixel in two hundred.
+/// Random numbers are the same, and positions differ by f64 rounding alone; decisions that compare two numbers may rarely go the other way:
+/// in one pixel of two hundred.
 const UNLIKE_AT_MOST: usize = 32 * 32 / 200;
 
 #[test]
@@ -165,7 +165,7 @@ fn a_cube_of_triangles_looks_as_a_voxel_does() {
             let count = unlike(&by_voxels, &picture(&blocks, &as_mesh, Mode::Path));
             assert!(count <= UNLIKE_AT_MOST, "{what}, meshes {as_mesh:?}: {count} pixels differ");
         }
-        // The control: a box that is a twentieth longer.
+        // Negative control: a box that is a twentieth longer.
         let mut longer = blocks.clone();
         longer[1].world_from_unit.matrix3.z_axis *= 1.05;
         let count = unlike(&by_voxels, &picture(&longer, &[true, true], Mode::Path));
@@ -173,8 +173,8 @@ fn a_cube_of_triangles_looks_as_a_voxel_does() {
     }
 }
 
-/// A face of a voxel and two triangles are aimed at in other ways: the same light, other noise. Means of whole pictures differ by less
-/// than four of its standard errors, and a box that is a tenth longer does not pass.
+/// A face of a voxel and two triangles are sampled in different ways: the same light, different noise. Means of whole pictures differ by
+/// less than four standard errors, and a box that is a tenth longer does not pass.
 #[test]
 fn a_cube_of_triangles_shines_as_a_voxel_does() {
     let shines = Material { emission: [2.0, 1.0, 0.5], ..lambert([0.3, 0.6, 0.9]) };
@@ -200,7 +200,7 @@ fn a_cube_of_triangles_shines_as_a_voxel_does() {
 #[test]
 fn direct_light_and_ambient_occlusion_are_those_of_voxels() {
     let mut blocks = floor_and_box(lambert([0.3, 0.6, 0.9]));
-    // It stands half in the floor.
+    // The box stands half in the floor.
     blocks[1].world_from_unit.translation.z -= 1.5;
     for mode in [Mode::OneBounce, Mode::AmbientOcclusion] {
         let by_voxels = picture(&blocks, &[false, false], mode);
@@ -228,7 +228,7 @@ fn a_mesh_stands_in_a_glass_label_as_in_glass_of_triangles() {
 
 #[test]
 fn a_lamp_inside_of_a_label_lights_a_mesh_that_is_inside_too() {
-    // Many boxes make the label: the seams between them shade nothing.
+    // Many boxes make the label: the seams between them cast no shadows.
     let (mut scene, _, meshes) = scene_of(&floor_and_box(lambert([0.5; 3])), &[true, true]);
     scene.settings.mode = Mode::OneBounce;
     scene.suns.clear();
@@ -265,7 +265,7 @@ fn each_face_has_its_own_material_and_the_last_stands_for_those_past_the_end() {
             assert_eq!(*albedo, [0.0; 3]);
             continue;
         }
-        // Covectors go back by the transpose.
+        // Covectors are transformed back by the transpose.
         let n = (world_from_unit.matrix3.transpose() * n).to_array();
         let axis = (0..3).max_by(|&a, &b| n[a].abs().total_cmp(&n[b].abs())).unwrap();
         let face = 2 * axis + usize::from(n[axis] > 0.0);
@@ -305,7 +305,7 @@ fn an_edit_makes_anew_what_it_changes_alone() {
     let others = [cube(0.5, 1)];
     let got = picture_of(&moved, &volumes, &others);
     check("other triangles", (1, 1), got, draw(&moved, &volumes, &others, 1));
-    // A volume before it: the mesh is another instance. The volume is the first one's, which looks the same.
+    // With one more volume before it, the mesh has another index. The second volume is the first one's data, with the same materials.
     let mut more = moved.clone();
     more.instances.push(Instance { id: 7, ..more.instances[0].clone() });
     more.instances[1].world_from_index.translation.z += 5.0;
@@ -325,7 +325,7 @@ fn what_is_not_drawn_of_a_mesh_is_refused_by_name() {
     let huge = [cube(1e300, 1)];
     let told = refusal(&scene, &huge);
     assert!(told.starts_with("meshes[0]: expected a longest side from 1e-270 to 1e270, got 1e300"), "{told}");
-    // A mesh without triangles is nothing.
+    // A mesh without triangles draws nothing.
     let nothing = [Arc::new(MeshData::default())];
     let loaded = LoadedScene::new(scene, volumes, nothing.to_vec()).unwrap();
     assert!(crate::renderer().set_scene(&loaded).is_ok());

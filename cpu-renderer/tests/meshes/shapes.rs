@@ -1,4 +1,4 @@
-//! Meshes to test with.
+//! Test meshes.
 
 use std::sync::Arc;
 
@@ -22,7 +22,7 @@ impl Random {
         (self.next() * (2 * most + 1) as f64) as i64 - most
     }
 
-    /// Any direction, the same chance for all.
+    /// A uniform random direction.
     pub(crate) fn direction(&mut self) -> DVec3 {
         loop {
             let d = DVec3::new(self.next(), self.next(), self.next()) * 2.0 - 1.0;
@@ -33,12 +33,12 @@ impl Random {
     }
 }
 
-/// The surface of the cube from 0 to `side`, outward, each face cut into `parts`² squares of two triangles.
+/// The surface of the cube from 0 to `side`, facing outward, each face divided into `parts`² squares of two triangles.
 pub(crate) fn cube(side: f64, parts: usize) -> Arc<MeshData> {
     cube_of(side, parts, |_| 0)
 }
 
-/// The same; `material` is asked by the number of each face: lower x, upper x, lower y, …
+/// The same; `material` returns the material of each face by its number: lower x, upper x, lower y, …
 pub(crate) fn cube_of(side: f64, parts: usize, material: fn(usize) -> u32) -> Arc<MeshData> {
     let (mut positions, mut triangles, mut materials) = (Vec::new(), Vec::new(), Vec::new());
     for face in 0..6 {
@@ -66,7 +66,7 @@ pub(crate) fn cube_of(side: f64, parts: usize, material: fn(usize) -> u32) -> Ar
     Arc::new(MeshData::new(positions, triangles, materials).unwrap())
 }
 
-/// A bumpy closed surface about the origin, between 0.7 and 1 from it: an octahedron whose triangles are cut in four, `times` times.
+/// A bumpy closed surface around the origin, at distances of 0.7 to 1: an octahedron whose triangles are divided in four, `times` times.
 pub(crate) fn bumpy_ball(times: usize, random: &mut Random) -> Arc<MeshData> {
     let mut positions: Vec<DVec3> =
         [DVec3::X, DVec3::Y, DVec3::Z].into_iter().flat_map(|axis| [axis, -axis]).collect();

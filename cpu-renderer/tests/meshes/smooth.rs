@@ -1,4 +1,4 @@
-//! Meshes shaded smooth: their normals and their light against those of the ball that they stand for, in closed form.
+//! Meshes with smooth normals: normals and light compared with those of the ball that the mesh approximates, in closed form.
 
 use std::f32::consts::PI;
 use std::sync::Arc;
@@ -12,10 +12,10 @@ use pumice_transport::{Lights, MaterialTable, PathOrigin, RayInWorld, ReadySun, 
 
 use crate::shapes::{Random, bumpy_ball};
 
-/// Half axes of an ellipsoid. (Of a ball, what is blended over a flat triangle is exact: places and normals are blended alike.)
+/// Half axes of an ellipsoid. (For a ball, blending over a flat triangle is exact: positions and normals are blended alike.)
 const LONG: DVec3 = DVec3::new(1.0, 0.8, 0.6);
 
-/// An ellipsoid of 8 · 4ⁿ triangles, the corners' normals its own.
+/// An ellipsoid of 8 · 4ⁿ triangles whose corners have the ellipsoid's own normals.
 fn ellipsoid(times: usize, half: DVec3) -> Arc<MeshData> {
     let rough = bumpy_ball(times, &mut Random(1));
     let on_ball: Vec<_> = rough.positions().iter().map(|p| DVec3::from(*p).normalize()).collect();
@@ -25,8 +25,8 @@ fn ellipsoid(times: usize, half: DVec3) -> Arc<MeshData> {
     Arc::new(mesh.with_corner_normals(&normals).unwrap())
 }
 
-/// Worst angle between what rays from all sides are told and the normal of what the matrix makes of the ellipsoid, at the
-/// point of its surface that lies as the hit does, seen from its middle: (smooth, flat).
+/// The largest angle between the normals of hits from all sides and the normal of the transformed ellipsoid, at the point of its surface in
+/// the direction of the hit from its middle: (smooth, flat).
 fn worst_angles(mesh: &Arc<MeshData>, world_from_mesh: DAffine3, inside: bool) -> (f64, f64) {
     let tracer = MeshTracer::new(0, 4, mesh, world_from_mesh).unwrap();
     assert!(tracer.is_smooth());
@@ -50,7 +50,7 @@ fn worst_angles(mesh: &Arc<MeshData>, world_from_mesh: DAffine3, inside: bool) -
         assert!((smooth.length() - 1.0).abs() < 1e-12);
         let on_ball = (world_from_mesh.inverse().transform_point3(point) / LONG).normalize();
         let expected = (normals * (on_ball / LONG)).normalize();
-        // The outer side, as the surface's own normal, though the ray came from within.
+        // The outer side, like the geometric normal, even though the ray came from inside.
         assert!(smooth.dot(hit.normal_in_world) > 0.0 && hit.from_inside == inside);
         worst = worst.max(smooth.angle_between(expected));
         worst_flat = worst_flat.max(hit.normal_in_world.angle_between(expected));
@@ -58,7 +58,7 @@ fn worst_angles(mesh: &Arc<MeshData>, world_from_mesh: DAffine3, inside: bool) -
     (worst, worst_flat)
 }
 
-/// Blending is of second order: each cut of all triangles in four divides the error by four, and that of flat normals by two.
+/// Blending is of second order: each division of all triangles in four divides the error by four, and that of flat normals by two.
 #[test]
 fn normals_converge_to_the_surfaces() {
     let turned = DAffine3::from_scale_rotation_translation(
@@ -72,7 +72,7 @@ fn normals_converge_to_the_surfaces() {
         let (factor, flat) = (a / b, flat_a / flat_b);
         assert!((2.5..6.0).contains(&factor) && (1.5..2.5).contains(&flat), "{errors:?}");
     }
-    // Words of normals are off by 7e-5 rad.
+    // Encoded normals are off by 7e-5 rad.
     let (smooth, flat) = errors[4];
     assert!(smooth < 1e-3 && flat > 0.02, "{errors:?}");
 }
@@ -92,12 +92,13 @@ fn normals_follow_their_mesh() {
     ];
     for place in places {
         let (smooth, flat) = worst_angles(&mesh, place, false);
-        // Stretching turns a normal by at most its factor times as far; all here are below 4.
+        // Stretching magnifies the error of a normal by at most its factor; all factors here are below 4.
         assert!(smooth < 4e-3 && flat > 0.02, "{place:?}: {smooth} {flat}");
     }
 }
 
-/// Light of one direction on Lambert's ball: albedo / π · strength · cos, the cosine that of the ball's normal. Flat, the same mesh is off.
+/// Light of one direction on a Lambertian ball: albedo / π · strength · cos, with the cosine of the ball's normal. With flat normals the
+/// same mesh is off.
 #[test]
 fn light_is_that_of_a_ball() {
     let (albedo, strength) = (0.8, 2.0);
@@ -125,7 +126,7 @@ fn light_is_that_of_a_ball() {
         for (i, color) in picture.color.pixels.iter().enumerate() {
             let at = |v: usize| (f64::from(v as u32) + 0.5) / f64::from(side) * 2.2 - 1.1;
             let (x, y) = (at(i % side as usize), -at(i / side as usize));
-            // Off the rim, where pixels see much of the ball, and where triangles are not shadowed by themselves.
+            // Away from the rim, where a pixel sees much of the ball, and where triangles do not shadow themselves.
             let normal = DVec3::new(x, y, (1.0 - x * x - y * y).max(0.0).sqrt());
             if normal.z < 0.4 || normal.dot(towards) < 0.15 {
                 continue;
@@ -142,11 +143,12 @@ fn light_is_that_of_a_ball() {
     let mesh = ellipsoid(4, DVec3::ONE);
     let flat = MeshData::new(mesh.positions().to_vec(), mesh.triangles().to_vec(), Vec::new()).unwrap();
     let (smooth, flat) = (worst(&mesh), worst(&Arc::new(flat)));
-    // How far the triangles lie below the ball, 1e-3 of its radius, by the slope of the cosine towards the rim; 64 places of a pixel.
+    // The distance of the triangles below the ball's surface, 1e-3 of its radius, times the slope of the cosine towards the rim; 64 samples
+    // of a pixel.
     assert!(smooth < 0.008 && flat > 3.0 * smooth, "{smooth} {flat}");
 }
 
-/// Normals that triangles have anyway change nothing, and a triangle without any keeps its own among smooth ones.
+/// Smooth normals equal to the flat ones change nothing, and a triangle without normals keeps its own among smooth ones.
 #[test]
 fn flat_stays_flat() {
     let corners = vec![[0.0; 3], [2.0, 0.0, 0.0], [2.0, 2.0, 0.5], [0.0, 2.0, 0.0]];

@@ -1,4 +1,4 @@
-//! The oracle of light tests: a march through a dense array of labels, one voxel a step, in f64.
+//! The oracle of light tests: a march through a dense array of labels, one voxel at a time, in f64.
 #![allow(dead_code, unreachable_pub, reason = "each test file uses its part")]
 
 use glam::DVec3;
@@ -33,7 +33,7 @@ impl Dense {
 }
 
 impl Tracer for Dense {
-    /// Amanatides and Woo 1987, from the origin on, empty space outside included; origins lie in empty space.
+    /// Amanatides and Woo 1987 from the origin on, including empty space outside; origins lie in empty space.
     fn first_hit(&self, ray: &RayInWorld, from: PathOrigin, t_max: f64) -> Option<Hit> {
         let (mut o, d) = (ray.origin, ray.direction);
         let mut voxel = [0i64; 3];

@@ -1,4 +1,4 @@
-//! What is built and compiled though the scene does not need it. `super::renderer()` makes the one that is tested.
+//! Parts that are built and compiled although the scene does not need them. `super::renderer()` returns the renderer under test.
 
 use std::time::Duration;
 
@@ -9,8 +9,8 @@ use pumice_transport::{LoadedScene, Renderer as _};
 
 use super::cases::{lambert, looking_down, volume};
 
-/// Whatever is built and run besides what the scene needs, the picture is the same: the tower is hidden, and in the way if it were
-/// not; beside the floor a ray meets nothing.
+/// Whatever is built in addition to the scene's needs, the picture stays the same. The tower is hidden and would be in the way if it were
+/// not; beside the floor a ray hits nothing.
 #[test]
 fn what_is_built_besides_changes_no_picture() {
     let mut scene = looking_down(Environment::Constant { radiance: [1.0; 3] }, vec![], lambert(0.8));
@@ -23,7 +23,7 @@ fn what_is_built_besides_changes_no_picture() {
         let loaded = LoadedScene::new(scene.clone(), vec![volume()], vec![]).unwrap();
         renderer.set_scene(&loaded.with_parts(besides)).unwrap();
         while renderer.advance(Duration::ZERO, 8, &Job::new()).unwrap().spp < 8 {}
-        // (Bricks, which are for speed alone, give way to boxes where levels differ.)
+        // (Bricks, which only serve speed, are replaced by boxes where levels differ.)
         let bytes: u64 =
             renderer.bytes().iter().filter(|(part, _)| *part != "bricks").map(|(_, bytes)| bytes).sum();
         let seen = renderer.pick(18, 6).unwrap();
@@ -32,14 +32,14 @@ fn what_is_built_besides_changes_no_picture() {
     let (least, seen, least_bytes) = draw(PartSet::NONE, &scene);
     for besides in [PartSet::NONE.with(Part::HiddenLabels), PartSet::ALL] {
         let (all, seen_too, bytes) = draw(besides, &scene);
-        // Compiled otherwise, the last bits may be others.
+        // In a different program, the last bits may differ.
         let off =
             all.iter().flatten().zip(least.iter().flatten()).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
         assert!(off <= 2e-6, "{off}");
         assert!(seen.is_some() && seen_too == seen, "{seen:?}, {seen_too:?}");
         assert!(bytes > least_bytes, "{bytes} bytes, {least_bytes} at least");
     }
-    // Control: the tower would be seen.
+    // Negative control: a visible tower would be noticed.
     scene.instances[0].style.show = Show::All;
     let (other, seen_too, _) = draw(PartSet::NONE, &scene);
     let off =

@@ -1,5 +1,5 @@
-//! A renderer as its users call it, on small volumes whose pictures have closed forms. `super::renderer()` makes the one that is
-//! tested: other renderers' tests include this file.
+//! A renderer as its users call it, on small volumes whose pictures have closed forms. `super::renderer()` returns the renderer under test;
+//! tests of other renderers include this file.
 
 use std::f32::consts::FRAC_1_PI;
 use std::sync::Arc;
@@ -30,12 +30,12 @@ pub(crate) fn volume() -> Arc<CompressedVolume> {
     Arc::new(compress_labels(VolumeInfo::new([16, 16, 8], LabelType::U8), LabelBuffer::U8(labels)).unwrap())
 }
 
-/// Looks straight down on the floor's corner away from the tower: 3 × 3 voxels around (3, 3), every pixel floor.
 fn lamp() -> Light {
     let shape = LightShape::Point { position: [1.0, 2.0, 30.0], radius: 0.5, soft_falloff: false };
     Light { shape, power_w: 5.0, color: [1.0; 3], visible_to_camera: false }
 }
 
+/// A scene that looks straight down on the floor's corner away from the tower: 3 × 3 voxels around (3, 3), every pixel floor.
 pub(crate) fn looking_down(environment: Environment, suns: Vec<Sun>, material: Material) -> Scene {
     let lambert = material;
     Scene {
@@ -97,7 +97,7 @@ fn a_point_sun_gives_albedo_over_pi_times_strength_times_cosine() {
     }
 }
 
-/// Takes away what lies above a slope of 3 in 4 through the tower's middle at height z.
+/// Cuts away the part above a slope of 3 in 4 through the tower's middle at height z.
 fn slope(z: f64) -> Cut {
     let shape = CutShape::Plane { point: [14.0, 14.0, z], normal: [3.0, 0.0, 4.0] };
     Cut { shape, instances: None }
@@ -123,7 +123,7 @@ fn a_cap_is_lit_as_its_plane_lies() {
                 "{pixel:?}, expected {expected}"
             );
         }
-        // Seen is label 9, the second of the table, at the height of the slope in the middle of each pixel.
+        // The camera sees label 9, the second of the table, at the height of the slope in the middle of each pixel.
         assert!(picture.label.unwrap().iter().all(|&l| l == 2));
         for (i, depth) in picture.depth.unwrap().into_iter().enumerate() {
             let x = 12.5 + 3.0 / 8.0 * ((i % 8) as f32 + 0.5);
@@ -133,7 +133,7 @@ fn a_cap_is_lit_as_its_plane_lies() {
     }
 }
 
-/// A plate that is seen, then one that is not and whose shadow is, then one that lets half of the sun through, then none.
+/// A plate that is visible, then one outside of the picture whose shadow is visible, then one that transmits half of the sun, then none.
 #[test]
 fn a_mesh_is_seen_and_shades_and_an_edit_makes_anew_what_it_changes_alone() {
     let corners = vec![[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]];
@@ -163,7 +163,7 @@ fn a_mesh_is_seen_and_shades_and_an_edit_makes_anew_what_it_changes_alone() {
             .unwrap();
         while renderer.advance(Duration::from_millis(20), 2, &job).unwrap().spp < 2 {}
         let after = renderer.rebuilt();
-        // The volume is another one each time: one hierarchy and one table are its own.
+        // Each time the volume is a different one: one hierarchy and one table belong to it.
         let of_mesh = [after.acceleration - before.acceleration - 1, after.materials - before.materials - 1];
         assert_eq!(of_mesh, made, "{what}");
         let expected = albedo * FRAC_1_PI * 3.0 * tilt.cos() as f32;
@@ -174,7 +174,7 @@ fn a_mesh_is_seen_and_shades_and_an_edit_makes_anew_what_it_changes_alone() {
         }
     };
     expect("the plate", &scene, &plate, [1, 1], 0.3);
-    // 10 above the floor, as far aside as light comes slanting: beside the picture.
+    // 10 above the floor, shifted by the slant of the light: outside of the picture.
     scene.meshes[0].world_from_mesh = at(3.0 - 10.0 * tilt.tan(), 12.0);
     expect("its shadow", &scene, &plate, [0, 0], 0.0);
     scene.meshes[0].materials[0].alpha = 0.5;
@@ -185,11 +185,11 @@ fn a_mesh_is_seen_and_shades_and_an_edit_makes_anew_what_it_changes_alone() {
 
 #[test]
 fn a_wide_sun_gives_what_a_point_of_the_same_strength_does_from_above() {
-    // Irradiance of a cone of uniform radiance around the normal is its strength, whatever its angle.
+    // The irradiance of a cone of uniform radiance around the normal is its strength, for every angle.
     let sun = Sun { direction: [0.0, 0.0, -1.0], strength: 2.0, color: [1.0; 3], angle_rad: 0.6 };
     let mut scene = looking_down(BLACK, vec![sun], lambert(0.5));
     scene.settings.mode = Mode::OneBounce;
-    // The tower's shadow does not reach the corner at 0.3 rad: 9 voxels away, 6 high.
+    // The tower's shadow does not reach the corner at 0.3 rad: it is 9 voxels away, and the tower 6 high.
     let got = mean(&render(&scene, 256));
     let expected = 0.5 / std::f64::consts::PI * 2.0;
     // 64 pixels × 256 stratified samples of an integrand that varies by 5 %: 1e-3 is far above their noise.
@@ -204,7 +204,7 @@ fn a_hidden_sun_gives_nothing() {
 
 #[test]
 fn one_bounce_counts_the_sky_once() {
-    // The floor alone under an even sky: albedo × radiance, and nothing more to bounce off.
+    // The floor alone under a uniform sky: albedo × radiance, and nothing else to bounce off.
     let mut scene = looking_down(Environment::Constant { radiance: [0.7; 3] }, vec![], lambert(0.5));
     scene.instances[0].style.show = Show::Only(vec![5]);
     scene.settings.mode = Mode::OneBounce;
@@ -219,13 +219,13 @@ fn ambient_occlusion_is_one_in_the_open_and_less_beside_the_tower() {
     let mut open = scene.clone();
     open.instances[0].style.show = Show::Only(vec![5]);
     assert_eq!(mean(&render(&open, 4)), 1.0);
-    // Beside the tower's corner, half a voxel from its face.
+    // Near the tower's corner, half a voxel from its face.
     let mut near = scene.clone();
     near.camera.world_from_camera.translation = DVec3::new(11.5, 14.0, 20.0);
     near.camera.projection = Projection::Orthographic { scale: 0.5 };
     let close = mean(&render(&near, 64));
     assert!((0.4..0.8).contains(&close), "{close}");
-    // Out of reach, the tower hides nothing.
+    // Beyond the occlusion distance, the tower hides nothing.
     near.settings.ao_distance = 0.2;
     assert_eq!(mean(&render(&near, 16)), 1.0);
 }
@@ -296,12 +296,12 @@ fn two_instances_of_a_volume_are_both_seen() {
     second.world_from_index = DAffine3::from_translation(DVec3::new(0.0, 0.0, 5.0));
     second.style.material = lambert(0.25);
     scene.instances.push(second);
-    // The second lies above the first, and the camera looks from above.
+    // The second instance lies above the first, and the camera looks from above.
     let image = render(&scene, 4);
     assert!(image.pixels.iter().flatten().all(|v| (v - 0.25).abs() < 1e-6), "{:?}", image.pixels[0]);
 }
 
-/// A camera a millionth of a voxel above the floor, looking along it towards the tower.
+/// A camera a millionth of a voxel above the floor that looks along it towards the tower.
 fn along_the_floor(scene: &mut Scene, fov_rad: f64) {
     scene.camera.world_from_camera = DAffine3 {
         matrix3: DMat3::from_cols(DVec3::NEG_Y, DVec3::Z, DVec3::NEG_X),
@@ -310,7 +310,7 @@ fn along_the_floor(scene: &mut Scene, fov_rad: f64) {
     scene.camera.projection = Projection::Perspective { fov_rad };
 }
 
-/// What the pixels' middles see: (floor, tower, nothing), and the least cosine at which the floor is met.
+/// What the middles of pixels see: (floor, tower, nothing), and the least cosine at which the floor is hit.
 fn seen_along_the_floor(scene: &Scene, picture: Picture) -> ([usize; 3], f64) {
     let (labels, depths, normals) =
         (picture.label.unwrap(), picture.depth.unwrap(), picture.normal.unwrap().pixels);
@@ -335,7 +335,7 @@ fn no_extreme_material_puts_anything_but_numbers_on_the_film() {
     let sun = |angle_rad| Sun { direction: [0.3, 0.2, -1.0], strength: 1e8, color: [1.0; 3], angle_rad };
     let sky = Environment::Constant { radiance: [1e6, 0.0, 1.0] };
     let (mut renderer, shared) = (super::renderer(), volume());
-    // At 10⁻⁶ rad across, the floor is met at cosines from 1.9·10⁻⁷ on, three halves of what f32 resolves beside 1.
+    // At a field of view of 10⁻⁶ rad, the floor is hit at cosines from 1.9·10⁻⁷ on, three halves of the resolution of f32 near 1.
     for (fov_rad, grazing) in [(1.0, 0.1), (1e-3, 1e-4), (1e-6, 2e-7)] {
         for roughness in [0.0, 1e-4, 1e-2, 1.0] {
             for (metallic, ior, specular) in
@@ -370,7 +370,7 @@ fn no_extreme_material_puts_anything_but_numbers_on_the_film() {
                     let what =
                         format!("roughness {roughness}, metallic {metallic}, ior {ior}, angle {angle_rad}");
                     assert_eq!(bad, 0, "{what}");
-                    // What is seen of the volume glows green.
+                    // The visible parts of the volume emit green light.
                     assert!(lit >= floor, "{what}: {lit} of {floor}");
                 }
             }
@@ -378,7 +378,8 @@ fn no_extreme_material_puts_anything_but_numbers_on_the_film() {
     }
 }
 
-/// A camera move makes camera rays and a colour edit materials; only what is drawn and at which level of detail costs a hierarchy.
+/// A camera move rebuilds camera rays, and a colour edit materials; only a change of what is drawn, or of its level of detail, rebuilds a
+/// hierarchy.
 #[test]
 fn only_what_differs_is_made_again() {
     type Edit = fn(&mut Scene);
@@ -386,7 +387,7 @@ fn only_what_differs_is_made_again() {
     let mut renderer = super::renderer();
     let shared = volume();
     let none = Rebuilt::default();
-    // By distance a device has a hierarchy over boxes, which it does without where all are of one level.
+    // With levels by distance, a device has a hierarchy over boxes, which it does not need where all boxes have one level.
     let by_distance = u64::from(renderer.name() != "cpu");
     let cases: Vec<(&str, Edit, Rebuilt)> = vec![
         (
@@ -427,7 +428,7 @@ fn only_what_differs_is_made_again() {
         ("place, cut", |s| s.instances[0].world_from_index.matrix3 *= 0.8, none),
         ("no cut", |s| s.cuts.clear(), none),
         ("all voxels", |s| s.settings.lod = Lod::Voxels, Rebuilt { acceleration: 1, ..none }),
-        // What shines is aimed at: it is gathered anew where it shines otherwise, or elsewhere, and where it is cut.
+        // Emitters are gathered again where their emission, their placement or their cuts change.
         (
             "labels shine",
             |s| s.instances[0].style.material.emission = [2.0, 1.0, 0.5],
@@ -477,15 +478,15 @@ fn only_what_differs_is_made_again() {
         while renderer.advance(Duration::ZERO, 4, &Job::new()).unwrap().spp < 4 {}
         drawn.push((name, scene.clone(), renderer.color().unwrap()));
     }
-    // What was kept is as good as new.
+    // The parts that were kept give the same picture as new ones.
     drop(renderer);
     for (name, scene, image) in drawn {
         assert_eq!(image, render(&scene, 4), "{name}");
     }
 }
 
-/// Instances of one volume share its hierarchy where they show the same labels, and materials where they look alike; the hierarchy over
-/// all of them is made anew where one moves, and for nothing else. Whatever is kept, the picture is that of a new renderer.
+/// Instances of one volume share its hierarchy where they show the same labels, and materials where these are equal. The hierarchy over all
+/// instances is rebuilt where one moves, and for nothing else. Whatever is kept, the picture is that of a new renderer.
 #[test]
 fn many_instances_share_what_is_alike() {
     type Edit = fn(&mut Scene);
@@ -500,7 +501,7 @@ fn many_instances_share_what_is_alike() {
         .collect();
     let none = Rebuilt::default();
     let mut renderer = super::renderer();
-    // The intersection shader of a ray tracing pipeline knows an instance by its hierarchy: there each has its own.
+    // The intersection shader of a ray tracing pipeline identifies an instance by its hierarchy, so each has its own there.
     let acceleration = if renderer.name() == "vulkan-rt" { 7 } else { 1 };
     let cases: Vec<(&str, Edit, Rebuilt)> = vec![
         ("all", |_| (), Rebuilt { camera: 1, film: 1, lights: 1, materials: 1, acceleration, top_level: 1 }),

@@ -1,7 +1,7 @@
-//! Shadow catchers against closed forms, on a floor seen from straight above.
+//! Shadow catchers compared with closed forms, on a floor seen from straight above.
 //!
 //! ```text
-//!       ┌────────────── plate, z = 1, x > 0      a sun of one direction from upper right: shadow from x = −1 on, seen up to 0
+//!       ┌────────────── plate, z = 1, x > 0      a sun of one direction from the upper right: shadow from x = −1 on, visible up to 0
 //!  ·····│· camera rays, parallel, straight down
 //! ──────┴────────────── floor, z = 0, a catcher
 //! ```
@@ -19,7 +19,7 @@ use pumice_scene::{
 };
 use pumice_transport::{LoadedScene, Renderer as _};
 
-/// Pixels across; the picture is 8 units wide, so a pixel is an eighth of one.
+/// Pixels across; the picture is 8 units wide, so a pixel is an eighth of a unit.
 pub(crate) const SIDE: u32 = 64;
 
 /// A rectangle: a corner and two sides.
@@ -39,13 +39,13 @@ pub(crate) fn floor() -> Sheet {
     Sheet { corner: [-500.0, -500.0, 0.0], sides, material: lambert(0.8), catches: true }
 }
 
-/// Over all of x > 0, as high as wished.
+/// A plate over all of x > 0, at height `z`.
 pub(crate) fn plate(z: f64) -> Sheet {
     let sides = [[1000.0, 0.0, 0.0], [0.0, 1000.0, 0.0]];
     Sheet { corner: [0.0, -500.0, z], sides, material: lambert(0.5), catches: false }
 }
 
-/// Along x = 0.
+/// A wall along x = 0.
 pub(crate) fn wall(height: f64) -> Sheet {
     let sides = [[0.0, 1e5, 0.0], [0.0, 0.0, height]];
     Sheet { corner: [0.0, -5e4, 0.0], sides, material: lambert(0.0), catches: false }
@@ -57,7 +57,7 @@ fn mesh_of(sheet: &Sheet) -> Arc<MeshData> {
     Arc::new(MeshData::new(corners.to_vec(), vec![[0, 1, 2], [0, 2, 3]], vec![0; 2]).unwrap())
 }
 
-/// Light from everywhere, of this radiance.
+/// A scene of these sheets in uniform light of the radiance `sky`.
 pub(crate) fn scene_of(sheets: &[Sheet], sky: f32) -> (Scene, Vec<Arc<MeshData>>) {
     let camera = DAffine3 { matrix3: DMat3::IDENTITY, translation: DVec3::new(0.0, 0.0, 50.0) };
     let mut film = Film::new(SIDE, SIDE, Filter::Box { width: 1.0 });
@@ -84,17 +84,17 @@ pub(crate) fn scene_of(sheets: &[Sheet], sky: f32) -> (Scene, Vec<Arc<MeshData>>
     (scene, sheets.iter().map(mesh_of).collect())
 }
 
-/// From upper right, at 45°.
+/// From the upper right, at 45°.
 pub(crate) fn sun() -> Sun {
     Sun { direction: [-1.0, 0.0, -1.0], strength: 2.0, color: [1.0; 3], angle_rad: 0.0 }
 }
 
-/// A scene of meshes alone, with their triangles.
+/// A loaded scene of meshes alone, with their triangles.
 pub(crate) fn loaded(scene: &Scene, meshes: &[Arc<MeshData>]) -> LoadedScene {
     LoadedScene::new(scene.clone(), vec![], meshes.to_vec()).unwrap()
 }
 
-/// Draws until there are enough samples (a macro: what `super::renderer()` gives need not be a renderer itself).
+/// Draws until there are enough samples (a macro, because the result of `super::renderer()` need not be a renderer itself).
 macro_rules! draw_on {
     ($renderer:expr, $scene:expr, $meshes:expr, $slice:expr, $spp:expr) => {{
         $renderer.set_scene(&super::catchers::loaded($scene, $meshes)).unwrap();
@@ -117,7 +117,7 @@ pub(crate) fn draw(scene: &Scene, meshes: &[Arc<MeshData>], spp: u32) -> Picture
     draw_on!(renderer, scene, meshes, SLICE, spp).1
 }
 
-/// The same with the shadows in a pass of their own.
+/// The same, with the shadows in a pass of their own.
 pub(crate) fn draw_apart(scene: &Scene, meshes: &[Arc<MeshData>], spp: u32) -> (Picture, Vec<[f32; 3]>) {
     let mut scene = scene.clone();
     scene.film.passes = scene.film.passes.or(Passes::NONE.with(Pass::ShadowCatcher));
@@ -131,7 +131,7 @@ pub(crate) fn alpha(picture: &Picture) -> &[f32] {
     picture.alpha.as_ref().unwrap()
 }
 
-/// Middle of a column of pixels.
+/// x of the middle of a column of pixels.
 pub(crate) fn x_of(column: usize) -> f64 {
     (column as f64 + 0.5) / f64::from(SIDE) * 8.0 - 4.0
 }
@@ -145,19 +145,19 @@ fn nothing_on_an_open_floor() {
     let (apart, shadow) = draw_apart(&scene, &meshes, 6);
     assert!(shadow.iter().all(|s| *s == [1.0; 3]), "to the last bit");
     assert!(alpha(&apart).iter().all(|a| *a == 0.0));
-    // Lit otherwise, and with bounces between catchers: what catchers do to each other is no shadow.
+    // With other lights, and with bounces between catchers: light that catchers exchange is no shadow.
     let (mut scene, meshes) = scene_of(&[floor(), Sheet { catches: true, ..wall(2.0) }], 0.4);
     scene.suns = vec![Sun { angle_rad: 0.3, ..sun() }];
     scene.settings.bounces = 4;
     let (_, shadow) = draw_apart(&scene, &meshes, 6);
     assert!(shadow.iter().all(|s| *s == [1.0; 3]));
-    // On an opaque film the sky is seen through the floor.
+    // On an opaque film the sky is visible through the floor.
     let mut opaque = scene.clone();
     opaque.film.transparent = false;
     let picture = draw(&opaque, &meshes, 6);
     assert!(picture.alpha.is_none());
     assert!(picture.color.pixels.iter().all(|c| c.iter().all(|v| (v - 0.4).abs() < 1e-6)));
-    // Control: as an ordinary floor it is seen.
+    // Negative control: an ordinary floor is visible.
     opaque.meshes[0].shadow_catcher = false;
     assert!(draw(&opaque, &meshes, 6).color.pixels[5][0] > 0.41);
 }
@@ -171,7 +171,7 @@ fn a_plate_in_the_sun_leaves_an_umbra() {
     scene.film.transparent = false;
     scene.world.backdrop = Some([[3.0, 2.0, 1.0]; 2]);
     let over = draw(&scene, &meshes, 4);
-    // Lambert's reflection of E cos 45°, where E is the irradiance across the beam.
+    // Lambertian reflection of E cos 45°, where E is the irradiance across the beam.
     let lit = (2.0 * 0.5 / PI * 0.5f64.sqrt()) as f32;
     let mut seen = [0; 3];
     for (i, left) in shadow.iter().enumerate() {
@@ -195,7 +195,7 @@ fn a_plate_in_the_sun_leaves_an_umbra() {
     assert_eq!(seen, [2048, 512, 1536]);
 }
 
-/// An even sky beside a black wall of height h: of the light on the floor at a distance d, (1 − d / √(d² + h²)) / 2 is hidden.
+/// A uniform sky beside a black wall of height h hides (1 − d / √(d² + h²)) / 2 of the light on the floor at a distance d.
 #[test]
 fn a_wall_hides_its_form_factor() {
     let hidden = |d: f64, h: f64| 0.5 * (1.0 - d / d.hypot(h));
@@ -210,17 +210,17 @@ fn a_wall_hides_its_form_factor() {
             pixels.sum::<f64>() / f64::from(SIDE)
         };
         let [s, a] = [of(&|i| shadow[i][0]), of(&|i| alpha(&picture)[i])];
-        // 1,024 samples of a part of at most a half: four standard errors; across a pixel the form factor bends by less than 0.002.
+        // 1,024 samples of a share of at most a half: four standard errors; across a pixel the form factor varies by less than 0.002.
         assert!((1.0 - s - hidden(d, 1.5)).abs() < 4.0 * 0.5 / 32.0 + 0.002, "{d}: {s}");
         assert!((a - (1.0 - s)).abs() < 1e-6, "{d}: shadow and alpha");
         sum += 1.0 - s - hidden(d, 1.5);
         faulty += 1.0 - s - hidden(d, 1.3);
     }
-    // The mean of all columns to four standard errors; a wall two fifteenths lower is told apart.
+    // The mean of all columns to four standard errors; a wall lower by two fifteenths is noticed.
     let bound = 4.0 * 0.5 / 256.0;
     let columns = f64::from(SIDE);
     assert!((sum / columns).abs() < bound && (faulty / columns).abs() > bound, "{sum} {faulty}");
-    // As ambient occlusion, far enough that the sky is what it is there.
+    // As ambient occlusion, with a distance so large that its result is that of the sky.
     let mut ambient = scene.clone();
     (ambient.settings.mode, ambient.settings.ao_distance) = (Mode::AmbientOcclusion, 1e9);
     let (_, shadow) = draw_apart(&ambient, &meshes, 16);

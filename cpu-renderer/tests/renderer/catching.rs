@@ -1,4 +1,4 @@
-//! What shadow catchers and other things have to do with one another, on the floor of [`super::catchers`].
+//! How shadow catchers and other objects affect one another, on the floor of [`super::catchers`].
 
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -14,13 +14,13 @@ use super::catchers::{
     SIDE, SLICE, Sheet, alpha, draw, draw_apart, draw_on, floor, lambert, plate, scene_of, sun, wall, x_of,
 };
 
-/// What is no catcher sees a catcher as any floor: its colours are those beside an ordinary floor, to the last bit.
+/// Objects that are not catchers see a catcher as an ordinary floor: their colours are those beside an ordinary floor, to the last bit.
 #[test]
 fn others_see_the_floor() {
     let (mut scene, meshes) = scene_of(&[floor(), plate(1.0)], 0.3);
     scene.suns = vec![Sun { direction: [1.0, 0.0, -1.0], ..sun() }];
     scene.settings.bounces = 3;
-    // From below the plate, the sun on the floor.
+    // From below the plate: the sun on the floor.
     scene.camera.world_from_camera.translation.z = 0.5;
     scene.camera.world_from_camera.matrix3 = DMat3::from_rotation_x(PI);
     let picture = draw(&scene, &meshes, 8);
@@ -36,7 +36,7 @@ fn others_see_the_floor() {
     assert!(seen > 500, "{seen} pixels of a lit plate");
 }
 
-/// A catcher hides what is behind it; what shines lights no catcher alone, and takes no alpha away.
+/// A catcher hides objects behind it; emissive objects do not light catchers in the catchers-only light, and reduce no alpha.
 #[test]
 fn things_below_and_things_that_shine() {
     let (mut scene, meshes) = scene_of(&[floor(), plate(-1.0)], 0.5);
@@ -55,13 +55,13 @@ fn things_below_and_things_that_shine() {
     let brighter = (0..shadow.len()).filter(left).filter(|&i| shadow[i][0] > 1.5).count();
     assert!(brighter > 1000, "{brighter} pixels");
     assert!((0..shadow.len()).filter(left).all(|i| shadow[i][0] <= 1.0 || alpha(&picture)[i] == 0.0));
-    // A catcher that shines lights catchers.
+    // An emissive catcher lights catchers.
     scene.meshes[1].shadow_catcher = true;
     let (_, shadow) = draw_apart(&scene, &meshes, 4);
     assert!(shadow.iter().all(|s| *s == [1.0; 3]));
 }
 
-/// The error is that of the shadow too, though it is in alpha alone; and who rests is told by it.
+/// The error includes that of the shadow, even where the shadow is in alpha alone; and it decides which pixels rest.
 #[test]
 fn shadows_count_as_error() {
     let (mut scene, meshes) = scene_of(&[floor(), wall(1.5)], 0.9);
@@ -80,7 +80,7 @@ fn shadows_count_as_error() {
     assert!(mean(31) > 1.3 * mean(0) && mean(0) >= 16.0, "{} {}", mean(31), mean(0));
 }
 
-/// A catcher has its own normals, whatever stands before it in the list.
+/// A catcher has its own normals, whatever precedes it in the list.
 #[test]
 fn a_smooth_floor_catches() {
     let (mut scene, mut meshes) = scene_of(&[plate(-1.0), floor()], 0.0);
@@ -91,7 +91,7 @@ fn a_smooth_floor_catches() {
     assert!(shadow.iter().all(|s| *s == [1.0; 3]), "among catchers it is lit by the same normals");
 }
 
-/// A floor that begins to catch, or stops, is drawn as if it had always; and slices make no difference.
+/// A floor that becomes a catcher, or ceases to be one, is drawn as if it had always been so; slices make no difference.
 #[test]
 fn edits_and_slices() {
     let (mut scene, meshes) = scene_of(&[floor(), wall(1.5), plate(3.0)], 0.9);
@@ -107,11 +107,11 @@ fn edits_and_slices() {
         let (_, picture) = draw_on!(renderer, scene, &meshes, Duration::ZERO, 5);
         assert_eq!(picture, *expected);
     }
-    // A film with sums for another number of floats is another film.
+    // A film whose sums have another number of floats is a different film.
     scene.film.transparent = false;
     let (_, picture) = draw_on!(renderer, &scene, &meshes, SLICE, 5);
     assert_eq!(picture, draw(&scene, &meshes, 5));
-    // A pass without a catcher is 1 everywhere.
+    // The pass is 1 everywhere where there is no catcher.
     let (picture, shadow) = draw_apart(&ordinary, &meshes, 1);
     assert!(shadow.iter().all(|s| *s == [1.0; 3]));
     assert_eq!(picture.color, draw(&ordinary, &meshes, 1).color);

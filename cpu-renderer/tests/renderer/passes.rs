@@ -1,5 +1,5 @@
-//! Passes, transparent film and clamps as a renderer's users see them: closed forms on the slab of `cases`, sums that must add up.
-//! `super::renderer()` makes the one that is tested.
+//! Passes, transparent film and clamps as a renderer's users see them: closed forms on the slab of `cases`, and sums that must add up.
+//! `super::renderer()` returns the renderer under test.
 
 use std::f32::consts::FRAC_1_PI;
 use std::time::Duration;
@@ -33,8 +33,8 @@ fn image(picture: &Picture, pass: Pass) -> &Image {
     &found.unwrap_or_else(|| panic!("no pass {}", pass.name())).1
 }
 
-/// Every channel of every pixel has the value, to a relative error of 64 roundings of f32: a handful of factors, and sums of at
-/// most 16 samples.
+/// Every channel of every pixel has the value, to a relative error of 64 roundings of f32: a handful of factors, and sums of at most 16
+/// samples.
 fn is_all(of: &Image, value: [f32; 3], what: &str) {
     for pixel in &of.pixels {
         for (got, expected) in pixel.iter().zip(value) {
@@ -55,7 +55,7 @@ fn floor(environment: Environment, suns: Vec<Sun>, material: Material) -> Scene 
     scene
 }
 
-/// A scene with every way of light: all kinds of surfaces side by side, sky, sun and a lamp, seen from aside.
+/// A scene with every kind of light path: all kinds of surfaces side by side, sky, sun and a lamp, seen at an angle.
 fn everything() -> Scene {
     let glossy = Material {
         base_color: [0.2, 0.6, 0.9],
@@ -80,7 +80,7 @@ fn everything() -> Scene {
     scene
 }
 
-/// (direct + indirect) · colour of each kind, emission, environment; one pass taken as black.
+/// (direct + indirect) · colour of each kind, emission, environment; the pass `without` counts as black.
 fn recombined(picture: &Picture, without: Option<Pass>) -> Vec<[f32; 3]> {
     let at = |pass: Pass, i: usize, c: usize| match Some(pass) == without {
         true => 0.0,
@@ -116,14 +116,14 @@ fn light_passes_add_up_to_the_picture() {
     let picture = render(&everything(), 16);
     let off = apart(&picture, &recombined(&picture, None));
     assert!(off < ROUNDING, "{off}");
-    // Negative controls: no pass can be done without.
+    // Negative controls: every pass is needed.
     for pass in Pass::LIGHT {
         let off = apart(&picture, &recombined(&picture, Some(*pass)));
         assert!(off > 0.01, "without {}: {off}", pass.name());
     }
 }
 
-/// Sorting light does not change it, and what nobody wants is not there.
+/// Sorting light into passes does not change it, and passes that were not asked for do not exist.
 #[test]
 fn the_picture_is_the_same_with_passes_and_without() {
     let scene = everything();
@@ -163,7 +163,7 @@ fn a_sky_found_by_scattering_is_direct() {
     is_all(image(&picture, Pass::Environment), [0.0; 3], "nothing of it is seen");
 }
 
-/// Of a mirror of metal all is glossy: at normal incidence the base colour reflects.
+/// A metal mirror reflects glossy light only: at normal incidence its base colour.
 #[test]
 fn a_mirror_is_glossy() {
     let base_color = [0.7, 0.5, 0.25];
@@ -172,7 +172,7 @@ fn a_mirror_is_glossy() {
     let (direct, color) = (image(&picture, Pass::GlossyDirect), image(&picture, Pass::GlossyColor));
     let pixels = direct.pixels.iter().zip(&color.pixels).map(|(d, c)| [0, 1, 2].map(|i| d[i] * c[i]));
     let product = Image::new(direct.width, direct.height, pixels.collect());
-    // The tables of energy are good to four digits.
+    // The energy tables are accurate to four digits.
     let expected = [0.8 * 0.7, 0.6 * 0.5, 0.4 * 0.25];
     for pixel in &product.pixels {
         assert!(
@@ -185,7 +185,7 @@ fn a_mirror_is_glossy() {
     }
 }
 
-/// Glass of index 1 bends and reflects nothing: the sky behind two surfaces, each with the root of the colour.
+/// Glass of index 1 neither bends nor reflects: the sky behind two surfaces, each with the root of the colour.
 fn window() -> Scene {
     let glass = Material {
         base_color: [0.64, 0.49, 0.36],
@@ -217,7 +217,7 @@ fn emission_is_emission() {
     is_all(&picture.color, [0.3, 0.2, 0.1], "the picture");
 }
 
-/// Light after more than one surface is what more bounces add, and nothing else.
+/// Indirect light is the difference that more bounces make.
 #[test]
 fn indirect_light_is_what_bounces_add() {
     let scene = everything();
@@ -241,7 +241,7 @@ fn indirect_light_is_what_bounces_add() {
     assert!(seen > 1.0, "{seen}");
 }
 
-/// A surface that is a quarter there, twice: what is seen past it is transparent.
+/// Two surfaces with an alpha of a quarter: the light seen past them is transparent.
 #[test]
 fn alpha_tells_how_much_is_there() {
     let mut scene = floor(SKY, vec![], Material { alpha: 0.25, ..lambert(0.0) });
@@ -250,7 +250,7 @@ fn alpha_tells_how_much_is_there() {
     scene.film.transparent = true;
     let picture = render(&scene, 64);
     let alpha = picture.alpha.as_ref().unwrap();
-    // A black surface: the picture is black, and the sky seen past it is in its own pass, opaque film or not.
+    // A black surface: the picture is black, and the sky seen past it is in its own pass, whether or not the film is opaque.
     is_all(&picture.color, [0.0; 3], "the picture");
     for ((a, behind), seen) in
         alpha.iter().zip(&image(&picture, Pass::Environment).pixels).zip(&opaque.color.pixels)
@@ -261,10 +261,10 @@ fn alpha_tells_how_much_is_there() {
             assert!((behind[c] - seen[c]).abs() < 64.0 * 6e-8, "{behind:?}, opaque {seen:?}");
         }
     }
-    // Top and bottom of the slab let 3/4 pass each; 64 × 64 draws: five standard errors of 0.008.
+    // The top and the bottom of the slab transmit 3/4 each; 64 × 64 random choices: five standard errors of 0.008.
     let mean = alpha.iter().sum::<f32>() / alpha.len() as f32;
     assert!((mean - (1.0 - 0.75 * 0.75)).abs() < 0.04, "{mean}");
-    // Where all is there, so is alpha; where nothing is, nothing is, not even the backdrop.
+    // With opaque surfaces alpha is 1; where there is nothing alpha is 0, and the backdrop does not count.
     scene.instances[0].style.material.alpha = 1.0;
     assert_eq!(render(&scene, 2).alpha, Some(vec![1.0; 64]));
     scene.camera.world_from_camera.translation = DVec3::new(-90.0, 0.0, 20.0);
@@ -282,7 +282,7 @@ fn clamped(mut scene: Scene, clamp_direct: f32, clamp_indirect: f32) -> Picture 
 
 #[test]
 fn clamps_hold_the_mean_of_three_channels() {
-    // One contribution a sample: the sun's.
+    // One contribution for each sample: that of the sun.
     let sun = Sun { color: [1.0; 3], ..straight_sun() };
     let value = 0.6 * 3.0 * 0.8 * FRAC_1_PI;
     let mut scene = floor(BLACK, vec![sun], lambert(0.6));
@@ -290,16 +290,16 @@ fn clamps_hold_the_mean_of_three_channels() {
     is_all(&clamped(scene.clone(), 0.3, 0.0).color, [0.3; 3], "clamped");
     is_all(&clamped(scene.clone(), 2.0, 0.0).color, [value; 3], "below the clamp");
     is_all(&clamped(scene.clone(), 0.0, 0.1).color, [value; 3], "not indirect");
-    // Colour is kept: all channels shrink alike, once their mean is above the clamp.
+    // Colour is kept: all channels are scaled alike once their mean is above the clamp.
     scene.suns[0].color = [1.0, 0.5, 0.0];
     is_all(&clamped(scene.clone(), 0.1, 0.0).color, [0.2, 0.1, 0.0], "a colour");
     is_all(&clamped(scene, value / 2.0 + 1e-3, 0.0).color, [value, value / 2.0, 0.0], "a colour below it");
-    // Through two surfaces of a window: indirect.
+    // Through the two surfaces of a window: indirect.
     let open = [0.8 * 0.64, 0.6 * 0.49, 0.4 * 0.36];
     is_all(&clamped(window(), 0.01, 0.0).color, open, "not direct");
     let mean = open.iter().sum::<f32>() / 3.0;
     is_all(&clamped(window(), 0.0, mean / 2.0).color, open.map(|c| c / 2.0), "indirect, clamped");
-    // What is seen is direct.
+    // Light seen directly is direct.
     let glowing = Material { emission: [0.4; 3], ..lambert(0.0) };
     let picture = clamped(floor(BLACK, vec![], glowing), 0.1, 0.0);
     is_all(&picture.color, [0.1; 3], "emission");
@@ -314,13 +314,13 @@ fn first_surfaces_are_where_they_are() {
     is_all(picture.albedo.as_ref().unwrap(), [0.5; 3], "albedo");
     is_all(picture.normal.as_ref().unwrap(), [0.0, 0.0, 1.0], "normal");
     assert!(picture.light.is_empty());
-    // 8 × 8 pixels over 3 units around (3, 3), the first row up; the floor's top is at z = 2.
+    // 8 × 8 pixels over 3 units around (3, 3), the first row at the top; the floor's top is at z = 2.
     for (i, [x, y, z]) in picture.position.unwrap().pixels.into_iter().enumerate() {
         let along = |n: usize| 1.5 + 3.0 * (n as f32 + 0.5) / 8.0;
         let (column, row) = (i % 8, 7 - i / 8);
         assert!((x - along(column)).abs() < 1e-5 && (y - along(row)).abs() < 1e-5 && z == 2.0, "{x} {y} {z}");
     }
-    // At an edge, means are between: half of the pixel sees the floor, half nothing.
+    // At an edge, means lie in between: half of the pixel sees the floor, half nothing.
     scene.film.width = 1;
     scene.film.height = 1;
     scene.camera.world_from_camera.translation = DVec3::new(0.0, 8.0, 20.0);
@@ -342,14 +342,14 @@ fn occlusion_is_direct_diffuse_light_of_white_surfaces() {
     assert!(apart(&picture, &recombined(&picture, Some(Pass::DiffuseDirect))) > 0.1);
 }
 
-/// (id, coverage) of a pixel's ranks, by kind of matte.
+/// (id, coverage) of the ranks of a pixel, for one kind of matte.
 fn ranks(picture: &Picture, pass: Pass, pixel: usize) -> Vec<[f32; 2]> {
     let matte =
         picture.mattes.iter().find(|m| m.pass == pass).unwrap_or_else(|| panic!("no {}", pass.name()));
     matte.layers.iter().flat_map(|l| [[l[pixel][0], l[pixel][1]], [l[pixel][2], l[pixel][3]]]).collect()
 }
 
-/// Clear surfaces count for what they are there, and what is behind them for the rest; no more than alpha in all.
+/// Transparent surfaces count with their opacity, and surfaces behind them with the rest; in all no more than alpha.
 #[test]
 fn mattes_cover_what_alpha_does() {
     let mut scene = looking_down(SKY, vec![], lambert(0.5));
@@ -377,7 +377,7 @@ fn mattes_cover_what_alpha_does() {
         assert!(whole[1] == a && (whole[0] == id(1, "no type") || a == 0.0) && last == [0.0; 2]);
         let (column, row) = (i % 8, i / 8);
         if (2..6).contains(&column) && (2..6).contains(&row) {
-            // Its top and its bottom stop a quarter each; under it is the floor, which is there.
+            // Its top and its bottom stop a quarter each; under it is the floor, which is opaque.
             assert_eq!(a, 1.0);
             towers += tower;
         } else {
@@ -389,16 +389,16 @@ fn mattes_cover_what_alpha_does() {
             );
         }
     }
-    // 16 · 256 draws: five standard errors of 0.0078.
+    // 16 · 256 random choices: five standard errors of 0.0078.
     let mean = towers / 16.0;
     assert!((mean - (1.0 - 0.75 * 0.75)).abs() < 0.039, "{mean}");
-    // What is not asked for is not there.
+    // Passes that were not asked for do not exist.
     scene.film.passes = Passes::NONE.with(Pass::CryptomatteType);
     let kinds: Vec<Pass> = render(&scene, 1).mattes.iter().map(|m| m.pass).collect();
     assert_eq!(kinds, [Pass::CryptomatteType]);
     scene.film.passes = Passes::NONE;
     assert!(render(&scene, 1).mattes.is_empty());
-    // An edit that asks for them finds surfaces named that it had drawn without names.
+    // An edit that asks for mattes gets ids of surfaces that were drawn before without ids.
     let mut renderer = super::renderer();
     for passes in [Passes::NONE, Pass::MATTES.iter().copied().collect()] {
         scene.film.passes = passes;

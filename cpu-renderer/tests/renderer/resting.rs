@@ -1,4 +1,4 @@
-//! Pixels that rest, as a renderer's users see them. `super::renderer()` makes the one that is tested.
+//! Resting pixels as a renderer's users see them. `super::renderer()` returns the renderer under test.
 
 use std::time::Duration;
 
@@ -13,7 +13,7 @@ use super::cases::{lambert, looking_down, volume};
 const RULE: Adaptive = Adaptive { threshold: 0.05, min_spp: 8 };
 const MOST: u32 = 200;
 
-/// The floor under an even sky, the tower and its shadow: flat parts are free of noise, edges are full of it.
+/// The floor under a uniform sky, the tower and its shadow: flat parts are free of noise, edges are noisy.
 fn scene() -> Scene {
     let sun = Sun { direction: [-0.6, 0.2, -0.8], strength: 3.0, color: [1.0, 0.8, 0.6], angle_rad: 0.2 };
     let mut scene = looking_down(Environment::Constant { radiance: [0.3; 3] }, vec![sun], lambert(0.7));
@@ -24,7 +24,8 @@ fn scene() -> Scene {
     scene
 }
 
-/// Draws until all rest or there are enough samples (a macro: what `super::renderer()` gives need not be a renderer itself).
+/// Draws until all pixels rest or there are enough samples (a macro, because the result of `super::renderer()` need not be a renderer
+/// itself).
 macro_rules! draw {
     ($renderer:expr, $slice:expr, $most:expr) => {
         loop {
@@ -49,7 +50,7 @@ fn a_pixel_that_rests_is_that_of_an_even_picture_with_its_samples() {
     println!("samples of pixels: {kinds:?}, mean {:.1}", progress.mean_spp);
     assert!(kinds.len() >= 3 && kinds[0] == RULE.min_spp, "{kinds:?}");
 
-    // As many samples for all: the pixels that came to rest then are the same, colour and pass.
+    // The same number of samples for all pixels: those that came to rest at that number are the same, in colour and pass.
     let mut even = scene();
     even.settings.adaptive = None;
     for &n in &kinds {
@@ -67,7 +68,7 @@ fn a_pixel_that_rests_is_that_of_an_even_picture_with_its_samples() {
         assert!(others > 0, "pixels with other counts differ");
     }
 
-    // However it is cut into slices.
+    // However the work is divided into slices.
     renderer.set_scene(&LoadedScene::new(scene(), vec![volume()], vec![]).unwrap()).unwrap();
     let (_, again) = draw!(renderer, Duration::ZERO, MOST);
     assert_eq!((again.color.pixels, again.samples), (rested.color.pixels, rested.samples));
@@ -82,12 +83,12 @@ fn a_picture_without_noise_is_done_at_the_first_look() {
     still.world.environment = Environment::Constant { radiance: [0.0; 3] };
     still.camera.world_from_camera.translation = DVec3::new(3.0, 3.0, 20.0);
     still.camera.projection = pumice_scene::Projection::Orthographic { scale: 3.0 };
-    // Six is no multiple of the replicates: eight.
+    // Six is no multiple of the number of replicates: eight.
     still.settings.adaptive = Some(Adaptive { threshold: 1e-3, min_spp: 6 });
     renderer.set_scene(&LoadedScene::new(still.clone(), vec![volume()], vec![]).unwrap()).unwrap();
     let (progress, _) = draw!(renderer, Duration::from_millis(30), MOST);
     assert_eq!((progress.spp, progress.all_rest), (8, true));
-    // Going on changes nothing and ends at once.
+    // Continuing changes nothing and ends at once.
     let more = renderer.advance(Duration::from_secs(3600), MOST, &Job::new()).unwrap();
     assert_eq!((more.spp, more.all_rest), (8, true));
 }

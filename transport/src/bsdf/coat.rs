@@ -1,4 +1,4 @@
-//! What lies on top of a surface: fibres, and below them a clear coat, whose colour absorbs what passes it.
+//! The layers on top of a surface: fibres (sheen), and below them a clear coat whose colour absorbs light that passes it.
 
 use glam::Vec3;
 use pumice_scene::Material;
@@ -11,21 +11,21 @@ use super::tables::{
     FRESNEL_SHARE, REFLECTION, REFLECTION_AVERAGE, gain, index_place, table_1d, table_2d, table_3d,
 };
 
-/// A dielectric layer of its own roughness. Several scatterings are always counted, as in Cycles.
+/// A dielectric layer with its own roughness. Multiple scattering is always included, as in Cycles.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Coat {
     weight: f32,
     alpha: f32,
     eta: f32,
-    /// What it reflects towards the viewer, for the choice of a lobe.
+    /// Reflection towards the viewer, for choosing a lobe.
     pub(super) albedo: f32,
 }
 
 impl Coat {
-    /// There is none.
+    /// No coat.
     pub(super) const NONE: Self = Self { weight: 0.0, alpha: 0.0, eta: 1.0, albedo: 0.0 };
 
-    /// The coat of `m` seen under the cosine `cos`, and what is left for all that lies below it.
+    /// The coat of `m` seen at the cosine `cos`, and the weight that remains for everything below it.
     #[inline(never)]
     pub(super) fn new(m: &Material, cos: f32) -> (Self, Vec3) {
         let (eta, f0) = (m.coat_ior, f0_from_ior(m.coat_ior));
@@ -33,7 +33,7 @@ impl Coat {
         let average = table_1d(REFLECTION_AVERAGE, 32, m.coat_roughness);
         let gain = gain(Vec3::splat(fresnel_dielectric_average(eta)), kept, average).x;
         let share = table_3d(FRESNEL_SHARE, 16, m.coat_roughness, cos, index_place(eta));
-        // An index of 1 reflects nothing, whatever the table's last digit says.
+        // An index of 1 reflects nothing; this hides the rounding of the table's last digit.
         let layer = if eta > 1.0 { m.coat * gain * kept * (f0 + (1.0 - f0) * share) } else { 0.0 };
         let coat = Self {
             weight: if eta > 1.0 { m.coat * gain } else { 0.0 },
@@ -41,8 +41,8 @@ impl Coat {
             eta,
             albedo: layer,
         };
-        // Beer's law along the refracted ray; the tint is what passes at normal incidence.
-        // An index of 1 at grazing leaves a cosine of 0; a thousand times the thickness is black.
+        // Beer's law along the refracted ray; the tint is the transmission at normal incidence. An index of 1 at grazing incidence leaves a
+        // cosine of 0; clamped to a thousand times the thickness it is black.
         let cos_t = (1.0 - (1.0 - cos * cos) / (eta * eta)).max(1e-6).sqrt();
         let passed = m.coat_tint.map(|t| 1.0 + m.coat * (t.powf(1.0 / cos_t) - 1.0));
         (coat, Vec3::from_array(passed) * (1.0 - layer).clamp(0.0, 1.0))
@@ -52,7 +52,7 @@ impl Coat {
         self.alpha * self.alpha <= LEAST_ALPHA_SQUARED
     }
 
-    /// What a microfacet reflects at the cosine of `wi` with it.
+    /// Reflection of a microfacet whose cosine with `wi` is `cos`.
     pub(super) fn reflectance(&self, cos: f32) -> Vec3 {
         Vec3::splat(self.weight * fresnel_dielectric(cos, self.eta))
     }
@@ -66,14 +66,14 @@ impl Coat {
         (self.reflectance(wi.dot(h)) * (common / (1.0 + lambda_i + lambda_o)), common / (1.0 + lambda_i))
     }
 
-    /// A reflected direction; z below 0 is none.
+    /// Samples a reflected direction; it is invalid where z is below 0.
     pub(super) fn sample(&self, wi: Vec3, u: [f32; 2]) -> Vec3 {
         let h = sample_visible_normal(wi, self.alpha, u);
         2.0 * wi.dot(h) * h - wi
     }
 }
 
-/// Fibres of `m` seen under the cosine `cos`, its coat under `coat_cos`, and what is left for all that lies below both.
+/// The sheen of `m` seen at the cosine `cos`, its coat at `coat_cos`, and the weight that remains for everything below both.
 #[inline]
 pub(super) fn coat_and_sheen(m: &Material, cos: f32, coat_cos: f32) -> (Sheen, Coat, Vec3) {
     let (sheen, left) = if m.sheen > 0.0 { Sheen::new(m, cos) } else { (Sheen::NONE, 1.0) };
@@ -83,7 +83,7 @@ pub(super) fn coat_and_sheen(m: &Material, cos: f32, coat_cos: f32) -> (Sheen, C
     (sheen, coat, below * left)
 }
 
-/// Light that a surface sends out under the cosine `cos`: what its cover lets pass.
+/// Radiance that a surface emits at the cosine `cos`, after what its coat and sheen absorb.
 #[inline]
 pub fn emitted(m: &Material, cos: f32) -> Vec3 {
     let light = Vec3::from_array(m.emission);

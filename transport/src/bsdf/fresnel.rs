@@ -1,13 +1,13 @@
-//! How much a smooth surface reflects.
+//! Reflectance of smooth surfaces.
 //!
-//! Dielectrics by Fresnel's equations (Born and Wolf, *Principles of Optics*, §1.5.2); metals by Schlick's curve with a tint of its
-//! edge (F82-Tint: Kutz, Hasan, Edmondson 2021, *Novel Aspects of the Adobe Standard Material*, §2.1). Averages are over the
-//! cosine-weighted hemisphere.
+//! Dielectrics follow Fresnel's equations (Born and Wolf, *Principles of Optics*, §1.5.2); metals follow Schlick's curve with an edge tint
+//! (F82-Tint: Kutz, Hasan, Edmondson 2021, *Novel Aspects of the Adobe Standard Material*, §2.1). Averages are over the cosine-weighted
+//! hemisphere.
 
 use glam::Vec3;
 
-/// Part of unpolarised light that is reflected at the cosine `cos`, where the index of refraction beyond the surface is `eta`
-/// times that before it; 1 where all is.
+/// Reflected part of unpolarised light at the cosine `cos`, where the index of refraction beyond the surface is `eta` times that before it;
+/// 1 at total internal reflection.
 pub(super) fn fresnel_dielectric(cos: f32, eta: f32) -> f32 {
     let g2 = eta * eta - 1.0 + cos * cos;
     if g2 <= 0.0 {
@@ -18,19 +18,19 @@ pub(super) fn fresnel_dielectric(cos: f32, eta: f32) -> f32 {
     0.5 * (s * s + p * p)
 }
 
-/// Reflectance at normal incidence.
+/// Reflectance at normal incidence, from the index of refraction.
 pub(super) fn f0_from_ior(ior: f32) -> f32 {
     let ratio = (ior - 1.0) / (ior + 1.0);
     ratio * ratio
 }
 
-/// Its inverse; like Cycles, no further than to a reflectance of 0.99.
+/// Index of refraction from the reflectance at normal incidence, which is limited to 0.99 as in Cycles.
 pub(super) fn ior_from_f0(f0: f32) -> f32 {
     let root = f0.clamp(0.0, 0.99).sqrt();
     (1.0 + root) / (1.0 - root)
 }
 
-/// Where the reflectance is between that at normal incidence, `f0`, and 1.
+/// Position of the reflectance between that at normal incidence, `f0`, and 1, as a number in [0, 1].
 pub(super) fn fresnel_share(cos: f32, eta: f32, f0: f32) -> f32 {
     ((fresnel_dielectric(cos, eta) - f0) / (1.0 - f0)).clamp(0.0, 1.0)
 }
@@ -44,7 +44,8 @@ pub(super) fn fresnel_dielectric_average(eta: f32) -> f32 {
     }
 }
 
-/// What is taken off Schlick's curve, as a factor on cos·(1−cos)⁶, so that the curve is `tint` times itself at the cosine 1/7.
+/// Coefficient of the term cos·(1−cos)⁶ that is subtracted from Schlick's curve, so that the curve is `tint` times its value at the cosine
+/// 1/7.
 pub(super) fn f82_b(f0: Vec3, tint: Vec3) -> Vec3 {
     const F: f32 = 6.0 / 7.0;
     const F5: f32 = F * F * F * F * F;

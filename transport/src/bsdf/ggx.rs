@@ -5,7 +5,7 @@ use std::f32::consts::PI;
 
 use glam::Vec3;
 
-/// Density of normals `h`.
+/// Density D of microfacet normals `h`.
 pub(super) fn ggx_d(h: Vec3, alpha: f32) -> f32 {
     let a2 = alpha * alpha;
     // cos² (a²−1) + 1 without cancellation near the pole: sin² + a² cos².
@@ -13,13 +13,13 @@ pub(super) fn ggx_d(h: Vec3, alpha: f32) -> f32 {
     a2 / (PI * t * t)
 }
 
-/// Smith's Λ.
+/// Smith's Λ for the direction `w`.
 pub(super) fn lambda(w: Vec3, alpha: f32) -> f32 {
     let tan2 = (w.x * w.x + w.y * w.y) / (w.z * w.z);
     ((1.0 + alpha * alpha * tan2).sqrt() - 1.0) / 2.0
 }
 
-/// A normal that is seen from `wi`, with density D·max(wi·h, 0) / ((1 + Λ(wi))·wi.z).
+/// Samples a normal visible from `wi`, with density D·max(wi·h, 0) / ((1 + Λ(wi))·wi.z).
 pub(super) fn sample_visible_normal(wi: Vec3, alpha: f32, u: [f32; 2]) -> Vec3 {
     let v = Vec3::new(alpha * wi.x, alpha * wi.y, wi.z).normalize();
     let len2 = v.x * v.x + v.y * v.y;

@@ -1,15 +1,15 @@
-//! Sheen: fibres that stand upright on a surface, and light that is scattered among them several times.
+//! Sheen: fibres that stand upright on a surface and scatter light among them several times.
 //!
-//! Zeltner, Burley, Chiang 2022, *Practical Multiple-Scattering Sheen Using Linearly Transformed Cosines* (SIGGRAPH Talks), eq. 1:
-//! what a layer of fibres sends from one direction to all others is nearly a cosine lobe D that a matrix has turned and squeezed,
+//! Zeltner, Burley, Chiang 2022, *Practical Multiple-Scattering Sheen Using Linearly Transformed Cosines* (SIGGRAPH Talks), eq. 1: the
+//! light that a layer of fibres scatters from one direction to all others is nearly a cosine lobe D, transformed by a matrix.
 //!
 //! ```text
 //!                                        ⎡ A 0 B ⎤
 //! f · cos = sheen · tint · R · D,  M⁻¹ = ⎢ 0 A 0 ⎥   in the frame whose x axis points to the viewer's side
 //!                                        ⎣ 0 0 1 ⎦
 //! ```
-//! A, B and the reflected part R are of a table over the viewer's cosine and the roughness. M leaves the horizon where it is, so that
-//! D is a density over the hemisphere that is sampled without loss. It is not reciprocal: the table is asked for one side alone.
+//! A, B and the albedo R come from a table over the viewer's cosine and the roughness. M keeps the horizon in place, so D is a density over
+//! the hemisphere and can be sampled without loss. It is not reciprocal: the table is read for the viewer's direction only.
 
 use std::f32::consts::FRAC_1_PI;
 
@@ -18,26 +18,26 @@ use pumice_scene::Material;
 
 use super::tables::{SHEEN, SHEEN_ENTRIES, table_2d};
 
-/// Where an entry is smaller there is no lobe to be had, and next to no light in it (as in Cycles).
+/// Below this table entry the sheen is omitted; it would reflect next to nothing (as in Cycles).
 const LEAST_ENTRY: f32 = 1e-5;
 
-/// Smaller roughnesses count as this one (as in Cycles).
+/// Smaller roughnesses are raised to this one (as in Cycles).
 const LEAST_ROUGHNESS: f32 = 1e-3;
 
-/// The fibres of a material, made ready for one viewer.
+/// The fibres of a material, prepared for one viewer.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sheen {
-    /// What they reflect towards the viewer.
+    /// Reflection towards the viewer.
     pub(super) albedo: Vec3,
     a: f32,
     b: f32,
 }
 
 impl Sheen {
-    /// There are none.
+    /// No sheen.
     pub(super) const NONE: Self = Self { albedo: Vec3::ZERO, a: 1.0, b: 0.0 };
 
-    /// The sheen of `m` seen under the cosine `cos`, and what is left for all that lies below it.
+    /// The sheen of `m` seen at the cosine `cos`, and the weight that remains for everything below it.
     #[inline(never)]
     pub(super) fn new(m: &Material, cos: f32) -> (Self, f32) {
         let roughness = m.sheen_roughness.max(LEAST_ROUGHNESS);
@@ -51,7 +51,7 @@ impl Sheen {
         (Self { albedo, a, b }, (1.0 - albedo.max_element()).clamp(0.0, 1.0))
     }
 
-    /// Density of [`Sheen::sample`] above the surface; what is reflected is `albedo` times that.
+    /// Density of [`Sheen::sample`] above the surface; the reflected light is `albedo` times the density.
     #[inline(never)]
     pub(super) fn pdf(&self, wi: Vec3, wo: Vec3) -> f32 {
         let side = viewer_side(wi);
@@ -61,7 +61,7 @@ impl Sheen {
         FRAC_1_PI * wo.z * (factor * factor)
     }
 
-    /// A direction, of one with density cos / π.
+    /// Transforms `cosine`, a direction with density cos / π, into a sample of the lobe.
     pub(super) fn sample(&self, wi: Vec3, cosine: Vec3) -> Vec3 {
         let side = viewer_side(wi);
         let (x, y) = (cosine.x - self.b * cosine.z, cosine.y);
@@ -69,7 +69,7 @@ impl Sheen {
     }
 }
 
-/// Where the viewer is, along the surface; anywhere where that is straight above.
+/// Unit vector along the surface towards the viewer; an arbitrary one where the viewer is straight above.
 fn viewer_side(wi: Vec3) -> [f32; 2] {
     let r = (wi.x * wi.x + wi.y * wi.y).sqrt();
     if r > 0.0 { [wi.x / r, wi.y / r] } else { [1.0, 0.0] }

@@ -1,35 +1,35 @@
-//! Surfaces that are shaded by another normal than their own.
+//! Surfaces that are shaded with a normal other than their own.
 //!
 //! ```text
-//!        N  shading: Lambert, sheen            What N would mirror below the surface is a reflection that is not there: microfacets
-//!        │   N′ microfacets, coat              and coat get N turned towards Ng, just so far that it goes 0.01 above the surface
-//!        │  ╱  ╱ Ng  geometric: sides          (or 0.9 of what the viewer is above it, where that is less). As Cycles'
+//!        N  shading: Lambert, sheen            If N mirrors the viewer below the surface, that reflection would be lost. Microfacets and
+//!        │   N′ microfacets, coat              coat then use N turned towards Ng just so far that the mirrored direction is 0.01 above
+//!        │  ╱  ╱ Ng  geometric: sides          the surface (or 0.9 of the viewer's height, if that is less). Same as Cycles'
 //!    ────┴──────────                           `ensure_valid_specular_reflection` (`kernel/closure/bsdf_util.h`).
 //! ```
-//! Everything is in the frame whose z axis is N. Since microfacets are isotropic, any frame around N′ will do for them: the one that
-//! turns N′ to z the short way.
+//! All vectors are in the frame whose z axis is N. Since microfacets are isotropic, they may use any frame around N′; this is the one that
+//! turns N′ to z by the shortest rotation.
 
 use glam::Vec3;
 
-/// Least height of a mirrored direction above the surface, and its part of the viewer's (both as in Cycles).
+/// Least height of a mirrored direction above the surface, and its limit as a part of the viewer's height (both as in Cycles).
 const LEAST_HEIGHT: f32 = 0.01;
 const PART_OF_HEIGHT: f32 = 0.9;
 
-/// Heights below this are rounding.
+/// Heights below this are rounding errors.
 const LEAST_COSINE: f32 = 1e-6;
 
-/// From the frame of the shading normal to that of the microfacets' normal.
+/// Transform from the frame of the shading normal to that of the microfacets' normal.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SpecularNormal {
-    /// The microfacets' normal.
+    /// The microfacets' normal, in the frame of the shading normal.
     normal: Vec3,
 }
 
 impl SpecularNormal {
-    /// Both are the same.
+    /// Both normals are the same.
     pub const NONE: Self = Self { normal: Vec3::Z };
 
-    /// Of a surface with this geometric normal, seen from `wi` on its side; both in the frame of the shading normal.
+    /// For a surface with this geometric normal, seen from `wi` on its side; both in the frame of the shading normal.
     pub fn new(geometric: Vec3, wi: Vec3) -> Self {
         let height = wi.dot(geometric).max(LEAST_COSINE);
         let least = LEAST_HEIGHT.min(PART_OF_HEIGHT * height);
@@ -37,8 +37,8 @@ impl SpecularNormal {
         if mirrored.dot(geometric) >= least {
             return Self::NONE;
         }
-        // Of unit vectors Nx X + Nz Ng in the plane of both normals, the one that mirrors wi to the least height:
-        // 2 (Nx Ix + Nz Iz) Nz − Iz = least, which is a quadratic equation of Nz².
+        // Among the unit vectors Nx X + Nz Ng in the plane of both normals, find the one that mirrors wi to the least height: 2 (Nx Ix + Nz
+        // Iz) Nz − Iz = least, which is a quadratic equation in Nz².
         let across = Vec3::Z - geometric.z * geometric;
         let length = across.length();
         if length < LEAST_COSINE {
@@ -55,13 +55,13 @@ impl SpecularNormal {
         Self { normal: (nx * across + nz * geometric).normalize() }
     }
 
-    /// Whether there is one.
+    /// Whether the microfacets use the shading normal itself.
     #[inline]
     pub fn is_none(&self) -> bool {
         self.normal == Vec3::Z
     }
 
-    /// A direction in the frame of the microfacets.
+    /// Transforms a direction to the frame of the microfacets.
     #[inline]
     pub fn to_microfacets(&self, w: Vec3) -> Vec3 {
         if self.is_none() {
@@ -72,7 +72,7 @@ impl SpecularNormal {
         Vec3::new(w.x - n.x * part, w.y - n.y * part, cos)
     }
 
-    /// The other way round.
+    /// Transforms a direction from the frame of the microfacets.
     #[inline]
     pub fn from_microfacets(&self, w: Vec3) -> Vec3 {
         if self.is_none() {
@@ -96,7 +96,7 @@ mod tests {
         })
     }
 
-    /// What the definition says: the mirrored direction is at the least height or above it, and no further than it must be.
+    /// Checks the definition: the mirrored direction is at the least height or above it, and turned no further than necessary.
     #[test]
     fn mirrored_directions_are_above_the_surface() {
         let (mut tilted, mut straight) = (0, 0);
@@ -112,7 +112,7 @@ mod tests {
                     assert!(height >= least - 1e-6, "{geometric} {wi}: {height}");
                 } else {
                     tilted += 1;
-                    // A root of what is left of a difference.
+                    // The square root of a small difference is inaccurate.
                     assert!((height - least).abs() < 2e-3, "{geometric} {wi}: {height} not {least}");
                     assert!(
                         n.dot(wi) > 0.0 && n.dot(geometric) > geometric.z - 1e-4,
@@ -142,7 +142,7 @@ mod tests {
         );
     }
 
-    /// No numbers that are none, whatever a mesh says.
+    /// The result is finite for every pair of vectors, also for normals that only a broken mesh has.
     #[test]
     fn normals_on_the_wrong_side_make_no_nan() {
         let all: Vec<_> = directions().chain([Vec3::Z, -Vec3::Z, Vec3::X]).collect();

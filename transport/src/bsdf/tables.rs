@@ -1,47 +1,47 @@
-//! How much light GGX surfaces keep, by angle and roughness: grids of numbers in [0, 1], between which lines are drawn; and sheen's.
+//! Albedos of GGX surfaces by angle and roughness, as linearly interpolated grids of numbers in [0, 1]; and the sheen's tables.
 //!
 //! | table | entries, the first index fastest | what |
 //! |---|---|---|
-//! | `REFLECTION` | 32 roughnesses × 32 cosines | part that one reflection leaves, if microfacets were mirrors |
+//! | `REFLECTION` | 32 roughnesses × 32 cosines | albedo of single reflection if microfacets were perfect mirrors |
 //! | `REFLECTION_AVERAGE` | 32 roughnesses | its average over the cosine-weighted hemisphere |
-//! | `FRESNEL_SHARE` | 16 roughnesses × 16 cosines × 16 indices | where the reflectance is between that at normal incidence and 1 |
-//! | `GLASS` | 16 × 16 × 16 | part that one reflection or refraction leaves, from outside |
+//! | `FRESNEL_SHARE` | 16 roughnesses × 16 cosines × 16 indices | position of the reflectance between that at normal incidence and 1 |
+//! | `GLASS` | 16 × 16 × 16 | albedo of single reflection or refraction, from outside |
 //! | `GLASS_AVERAGE` | 16 roughnesses × 16 indices | its average |
 //! | `GLASS_INSIDE`, `GLASS_INSIDE_AVERAGE` | as those | the same from inside |
 //! | `SHEEN`, three of them | 32 cosines × 32 roughnesses | A, B and R of `bsdf/sheen.rs` |
 //!
-//! Roughnesses and cosines go from 0 to 1. An index of refraction n has the place √((n−1)/(n+1)). The grids are Cycles', so that
-//! what lies between entries is as there; the numbers are computed by `examples/scattering_tables.rs`.
+//! Roughnesses and cosines go from 0 to 1. An index of refraction n has the coordinate √((n−1)/(n+1)). The grids are those of Cycles, so
+//! that interpolated values agree too; `examples/scattering_tables.rs` computes the numbers.
 //!
-//! Those of the sheen are published: `fitting/python/data/ltc_table_sheen_volume.npy` of github.com/tizian/ltc-sheen at 9262411
-//! (Apache-2.0), rounded to five digits as in Cycles, in the order of the table above. They are a fit to days of random walks, and
-//! where little is reflected they are that fit's noise, so that another fit would be another picture.
+//! The sheen's tables are published: `fitting/python/data/ltc_table_sheen_volume.npy` of github.com/tizian/ltc-sheen at 9262411
+//! (Apache-2.0), rounded to five digits as in Cycles, in the order of the table above. They are a fit to days of random walks. Where little
+//! is reflected they contain that fit's noise, so another fit would give another picture.
 
 use glam::Vec3;
 
-/// Place of `REFLECTION` among all entries.
+/// Offset of `REFLECTION` in [`TABLES`].
 pub const REFLECTION: usize = 0;
-/// See the module.
+/// Offset of `REFLECTION_AVERAGE` in [`TABLES`].
 pub const REFLECTION_AVERAGE: usize = 1024;
-/// See the module.
+/// Offset of `FRESNEL_SHARE` in [`TABLES`].
 pub const FRESNEL_SHARE: usize = 1056;
-/// See the module.
+/// Offset of `GLASS` in [`TABLES`].
 pub const GLASS: usize = 5152;
-/// See the module.
+/// Offset of `GLASS_AVERAGE` in [`TABLES`].
 pub const GLASS_AVERAGE: usize = 9248;
-/// From `GLASS` to `GLASS_INSIDE`, and from the one average to the other.
+/// Distance from `GLASS` to `GLASS_INSIDE`, and from one average to the other.
 pub const INSIDE: usize = 4352;
-/// See the module; the first of the three.
+/// Offset of the first of the three `SHEEN` tables in [`TABLES`].
 pub const SHEEN: usize = 13_856;
-/// Of each of the three.
+/// Entries of each of the three `SHEEN` tables.
 pub const SHEEN_ENTRIES: usize = 1024;
-/// Number of all entries.
+/// Entries of all tables together.
 pub const ENTRIES: usize = SHEEN + 3 * SHEEN_ENTRIES;
 
-/// All tables, one after the other.
+/// All tables, one after another.
 pub static TABLES: [f32; ENTRIES] = floats(include_bytes!("tables.bin"), include_bytes!("sheen.bin"));
 
-/// Little-endian floats, of two files.
+/// Decodes the little-endian floats of the two files.
 const fn floats(computed: &[u8; 4 * SHEEN], published: &[u8; 12 * SHEEN_ENTRIES]) -> [f32; ENTRIES] {
     let mut all = [0.0; ENTRIES];
     let mut i = 0;
@@ -54,7 +54,7 @@ const fn floats(computed: &[u8; 4 * SHEEN], published: &[u8; 12 * SHEEN_ENTRIES]
     all
 }
 
-/// A table of `n` entries at `x`, 0 to 1.
+/// Interpolates a table of `n` entries at `x` in [0, 1].
 #[inline]
 pub fn table_1d(at: usize, n: usize, x: f32) -> f32 {
     let x = x.clamp(0.0, 1.0) * (n - 1) as f32;
@@ -63,7 +63,7 @@ pub fn table_1d(at: usize, n: usize, x: f32) -> f32 {
     TABLES[at + i] * (1.0 - t) + TABLES[at + i + 1] * t
 }
 
-/// A table of `n` × `n` entries.
+/// Interpolates a table of `n` × `n` entries; `x` runs fastest.
 #[inline]
 pub fn table_2d(at: usize, n: usize, x: f32, y: f32) -> f32 {
     let y = y.clamp(0.0, 1.0) * (n - 1) as f32;
@@ -72,7 +72,7 @@ pub fn table_2d(at: usize, n: usize, x: f32, y: f32) -> f32 {
     table_1d(at + i * n, n, x) * (1.0 - t) + table_1d(at + (i + 1) * n, n, x) * t
 }
 
-/// A table of `n` × `n` × `n` entries.
+/// Interpolates a table of `n` × `n` × `n` entries; `x` runs fastest.
 #[inline]
 pub fn table_3d(at: usize, n: usize, x: f32, y: f32, z: f32) -> f32 {
     let z = z.clamp(0.0, 1.0) * (n - 1) as f32;
@@ -81,14 +81,14 @@ pub fn table_3d(at: usize, n: usize, x: f32, y: f32, z: f32) -> f32 {
     table_2d(at + i * n * n, n, x, y) * (1.0 - t) + table_2d(at + (i + 1) * n * n, n, x, y) * t
 }
 
-/// Place of an index of refraction.
+/// Table coordinate of an index of refraction.
 pub fn index_place(eta: f32) -> f32 {
     ((eta - 1.0).abs() / (eta + 1.0)).sqrt()
 }
 
-/// How much more light a rough surface reflects by all its scatterings than by the first alone, of which it keeps the part `kept`
-/// from here and `kept_average` from everywhere; `once` is what one scattering leaves (Kulla and Conty 2017, appendix; as in
-/// Cycles, the lobe of the first stands for all, and one factor `once` is in it already).
+/// Factor by which multiple scattering raises the reflection of a rough surface above single scattering. `kept` is the albedo of single
+/// scattering in this direction, `kept_average` its average, and `once` the colour of one scattering (Kulla and Conty 2017, appendix; as in
+/// Cycles, the lobe of single scattering stands for all, and already contains one factor `once`).
 pub(super) fn gain(once: Vec3, kept: f32, kept_average: f32) -> Vec3 {
     let further = once * kept_average / (Vec3::ONE - once * (1.0 - kept_average));
     Vec3::ONE + further * ((1.0 - kept) / kept)

@@ -1,11 +1,11 @@
-//! The faces of emissive boxes that can be aimed at: those with nothing visible before them.
+//! The faces of emissive boxes that light sampling can choose: those with no visible voxel in front of them.
 //!
 //! ```text
-//! code of a face      bits 0-3 x, 4-7 y, 8-11 z: its voxel, counted from the box's lowest
-//! its direction       from the list that it is in: −x, +x, −y, +y, −z, +z
+//! code of a face      bits 0-3 x, 4-7 y, 8-11 z: its voxel, relative to the box's lowest
+//! its direction       given by the list that holds it: −x, +x, −y, +y, −z, +z
 //! ```
-//! A face against another visible voxel is left out, and so is one that a cut may take away or turn into a cap: no light comes from it
-//! but through a surface that is not wholly there, and scattering finds that.
+//! A face against another visible voxel is left out, and so is one that a cut may remove or turn into a cap. Light reaches a receiver from
+//! such a face only through a surface that is not fully opaque; BSDF sampling finds it.
 
 use std::collections::{HashMap, HashSet};
 
@@ -14,13 +14,13 @@ use pumice_core::{BoxView, CompressedVolume};
 
 use crate::geometry::Cuts;
 
-/// Voxels of a cell with coordinate 0 along x, y, z.
+/// Mask of the voxels of a cell with coordinate 0 along x, y, z.
 const LOWEST: [u64; 3] = [0x1111_1111_1111_1111, 0x000F_000F_000F_000F, 0xFFFF];
 
-/// Edge of the cubes by which boxes far from all emitters are passed over, as a power of two.
+/// log₂ of the edge of the cubes that serve to skip boxes far from all emitters.
 const BRICK_SHIFT: u32 = 5;
 
-/// Voxels of all drawn labels near some boxes, by 4³ cell.
+/// Voxel masks of all drawn labels near some boxes, by 4³ cell.
 #[derive(Debug)]
 pub(super) struct Occupied {
     cells: HashMap<[u32; 3], u64>,
@@ -31,7 +31,7 @@ fn cell_of(b: &BoxView, c: u32) -> [u32; 3] {
 }
 
 impl Occupied {
-    /// What `drawn` boxes hold next to the `near` ones.
+    /// Collects the voxels of the `drawn` boxes next to the `near` ones.
     pub(super) fn new(volume: &CompressedVolume, drawn: &[u32], near: &[u32]) -> Self {
         let mut bricks = HashSet::new();
         for &i in near {
@@ -56,7 +56,7 @@ impl Occupied {
         self.cells.get(&cell).copied().unwrap_or(0)
     }
 
-    /// Which voxels of a cell have something before their lower or upper face along an axis.
+    /// Mask of the voxels of a cell that have a voxel in front of their lower or upper face along an axis.
     fn before(&self, cell: [u32; 3], axis: usize, positive: bool) -> u64 {
         let (here, low) = (self.cell(cell), LOWEST[axis]);
         let step = 1 << (2 * axis);
@@ -71,7 +71,7 @@ impl Occupied {
     }
 }
 
-/// The bricks of the corners of a box whose last voxel is `origin + reach`.
+/// Calls `visit` with the brick of each corner of a box whose last voxel is `origin + reach`.
 fn for_corners(origin: [u32; 3], reach: [u32; 3], mut visit: impl FnMut([u32; 3])) {
     for corner in 0..8 {
         visit(
@@ -80,9 +80,9 @@ fn for_corners(origin: [u32; 3], reach: [u32; 3], mut visit: impl FnMut([u32; 3]
     }
 }
 
-/// Whether a unit face, of which these are the corners, is wholly kept, and lies in no plane that cuts.
+/// Whether a unit face with these corners is kept whole and lies in no cutting plane.
 fn is_kept(cuts: &Cuts, corners: [DVec3; 4]) -> bool {
-    // Each part must have a plane that it is all before, but for an edge that may lie in it.
+    // The face must lie before some plane of each convex part; an edge may lie in the plane.
     let mut before_some = false;
     for plane in cuts.planes() {
         let heights = corners.map(|c| DVec3::from(plane.normal).dot(c) - plane.offset);
@@ -97,7 +97,7 @@ fn is_kept(cuts: &Cuts, corners: [DVec3; 4]) -> bool {
     true
 }
 
-/// Appends the faces of a box, direction by direction; where each direction's end, counted from the first of all.
+/// Appends the faces of a box, direction by direction; returns where each direction's list ends, relative to the box's first face.
 pub(super) fn append_faces(b: &BoxView, around: &Occupied, cuts: &Cuts, faces: &mut Vec<u16>) -> [u16; 6] {
     let first = faces.len();
     [0, 1, 2, 3, 4, 5].map(|direction| {
@@ -135,7 +135,7 @@ mod tests {
     use super::*;
     use pumice_oracle::volumes::volume;
 
-    /// Faces by asking each voxel for its neighbours.
+    /// Finds exposed faces by looking at each voxel's neighbours.
     fn naive(dims: [u32; 3], at: impl Fn(u32, u32, u32) -> u32, label: u32) -> HashSet<([u32; 3], usize)> {
         let mut found = HashSet::new();
         for z in 0..dims[2] {
@@ -159,7 +159,7 @@ mod tests {
     #[test]
     fn exposed_faces_match_naive() {
         let dims = [37, 26, 41];
-        // Blobs of three labels that touch and reach the volume's end.
+        // Blobs of three labels that touch each other and reach the volume's end.
         let at = |x: u32, y: u32, z: u32| {
             let h =
                 (x / 3).wrapping_mul(2_654_435_761) ^ (y / 5).wrapping_mul(40_503) ^ (z / 4).wrapping_mul(97);

@@ -1,4 +1,4 @@
-//! Gathering emitters from what is drawn.
+//! Collects the emitters of everything that is drawn.
 
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -14,42 +14,42 @@ use crate::MaterialTable;
 use crate::bsdf::luminance;
 use crate::geometry::{Cuts, Detail, DetailLevel, MeshGrid, Placement};
 
-/// An instance or mesh, some of whose materials shine ([`MaterialTable::shines`]).
+/// An instance or mesh with at least one emissive material ([`MaterialTable::is_emissive`]).
 #[derive(Debug)]
 pub enum EmissiveGeometry<'a> {
     /// Labels of a volume.
     Volume {
-        /// As in surfaces.
+        /// Index of the instance, as in [`crate::Surface`].
         instance: u32,
         /// The volume.
         volume: &'a CompressedVolume,
-        /// Numbers of the boxes that are drawn, in any order.
+        /// Indices of the drawn boxes, in any order.
         drawn: Vec<u32>,
-        /// Its place in the world.
+        /// Placement in the world.
         placement: Placement,
-        /// Levels of its boxes.
+        /// Levels of detail of its boxes.
         detail: Detail,
-        /// What is taken away.
+        /// Parts that are cut away.
         cuts: &'a Cuts,
-        /// Its materials.
+        /// Materials by label.
         materials: &'a Arc<MaterialTable>,
     },
-    /// Triangles.
+    /// Triangles of a mesh.
     Mesh {
-        /// As in surfaces.
+        /// Index of the instance, as in [`crate::Surface`].
         instance: u32,
         /// The mesh.
         mesh: &'a MeshData,
         /// Its grid.
         grid: &'a MeshGrid,
-        /// The grid's place in the world.
+        /// Placement of the grid in the world.
         placement: Placement,
-        /// Its materials.
+        /// Materials of its triangles.
         materials: &'a Arc<MaterialTable>,
     },
 }
 
-/// Emission of a material seen straight on, for choosing among emitters.
+/// Luminance of a material's emission along the normal, for choosing among emitters.
 pub(crate) fn emission_luminance(m: &Material) -> f64 {
     f64::from(luminance(Vec3::from_array(m.emission)) * m.alpha)
 }
@@ -80,12 +80,12 @@ pub(super) fn gather(shining: &[EmissiveGeometry<'_>]) -> Result<Option<Emitters
         if all.emitters.len() == before {
             all.emissive_instances.pop();
         }
-        // Node numbers go up to twice that.
+        // Node indices go up to twice this number.
         let (emitters, faces) = (all.emitters.len(), all.faces.len());
         if emitters >= 1 << 30 || faces as u64 > u64::from(u32::MAX) {
             return Err(RenderError::Scene(format!(
-                "{emitters} boxes and triangles that shine, with {faces} faces, are more than the limits of 2^30 and 2^32: let fewer \
-                 labels shine"
+                "{emitters} emissive boxes and triangles with {faces} faces are more than the limits of 2^30 and 2^32: make fewer \
+                 labels emissive"
             )));
         }
     }
@@ -113,7 +113,7 @@ impl Gathered {
         });
     }
 
-    /// Adds an emitter that sends out so much, for an area of 1 of index space seen straight on.
+    /// Adds an emitter whose power is `power` for each unit area of index space, as seen along the normal.
     fn push(&mut self, emitter: Emitter, power: f64, corners: impl Iterator<Item = DVec3>) {
         let (mut lo, mut hi) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
         let place = &self.emissive_instances[emitter.emissive_instance as usize];
@@ -158,7 +158,7 @@ impl Gathered {
             if list.is_empty() {
                 continue;
             }
-            // Planes of each direction, and the box around all faces.
+            // Planes of each direction, and bounds of all faces.
             let (mut planes, mut area, mut start) = (0, 0.0, 0);
             let (mut lo, mut hi) = ([16u32; 3], [0u32; 3]);
             for direction in 0..6 {
@@ -214,7 +214,7 @@ impl Gathered {
                 ends: [0; 6],
                 planes: 0,
             };
-            // From both sides.
+            // Both sides emit.
             self.push(emitter, 2.0 * shine * f64::from(triangle.area), corners.into_iter());
         }
     }

@@ -1,46 +1,46 @@
-//! A binary tree over emitters, by which one of many is chosen as it matters to a receiver.
+//! A binary tree over emitters that chooses one of many in proportion to its importance for a receiver.
 //!
 //! ```text
 //! emitters  e0 e1 e2 e3 e4          in the tree's order
 //! nodes     [0,5) [0,3) [0,2) e0 e1 e2 [3,5) e3 e4
-//!           a node of n emitters, ⌈n/2⌉ on its left, is followed by the left one, and 2⌈n/2⌉ places further by the right one
+//!           a node of n emitters has ⌈n/2⌉ on its left; its left child is the next node, its right child is 2⌈n/2⌉ nodes further
 //! ```
-//! Ranges are halved at the middle, along the longest side of what they hold: where an emitter is follows from its number and no link
-//! is stored, so that the chance of an emitter that a ray happened to meet is found again on the same way down.
+//! Each range is halved at the middle, along the longest side of its bounds. The position of an emitter in the tree therefore follows from
+//! its index without stored links, and the probability of an emitter that a ray hit by chance is computed on the same way down.
 //!
-//! At each node one side is taken with a chance in proportion to its importance: power over squared distance, the distance at least
-//! half of the node's diagonal, times a bound of the receiver's cosine (Conty Estevez and Kulla 2018, *Importance Sampling of Many
-//! Lights with Adaptive Tree Splitting*, §5, without its cones of normals: labels are closed and shine to all sides; and without
-//! splitting). What lies wholly below the receiver's horizon has none.
+//! At each node one side is chosen with a probability proportional to its importance: power over squared distance, the distance being at
+//! least half of the node's diagonal, times a bound of the receiver's cosine (Conty Estevez and Kulla 2018, *Importance Sampling of Many
+//! Lights with Adaptive Tree Splitting*, §5; without its cones of normals, because labels are closed and shine to all sides, and without
+//! splitting). Nodes wholly below the receiver's horizon have importance 0.
 //!
-//! Places are counted from the middle of all, in halves of the longest side of all: no size of voxels overflows f32.
+//! Positions are relative to the middle of all emitters, in units of half of the longest side, so that no voxel size overflows f32.
 
 use glam::{DVec3, Vec3};
 
-/// After so many levels the second random number takes over: 24 bits would not tell 10⁷ emitters apart.
+/// After this many levels the second random number is used: the 24 bits of one number cannot tell 10⁷ emitters apart.
 const LEVELS_A_NUMBER: u32 = 12;
 
-/// Receivers farther than this are moved here: all directions and ratios of distances are the same to 1e-4.
+/// Receivers farther away than this are moved to this distance: all directions and ratios of distances stay the same to 1e-4.
 const FARTHEST_RECEIVER: f32 = 1e4;
 
-/// Least squared distance: emitters of no extent.
+/// Least squared distance, for emitters without extent.
 const LEAST_SQUARED: f32 = 1e-20;
 
 /// Largest f32 below 1.
 const BELOW_ONE: f32 = 1.0 - f32::EPSILON / 2.0;
 
-/// An emitter as the tree sees it.
+/// Bounds and power of an emitter.
 #[derive(Clone, Copy, Debug)]
 pub struct Bounded {
     /// Lowest corner in the world.
     pub lo: DVec3,
     /// Highest corner in the world.
     pub hi: DVec3,
-    /// What it sends out; any unit that all share.
+    /// Emitted power, in any unit that all emitters share.
     pub power: f64,
 }
 
-/// See the module. Bounds are in the tree's units, powers add up to about 1.
+/// A node of the tree. Bounds are in the tree's units; the powers of all emitters add up to about 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(C)]
 pub struct LightNode {
@@ -48,21 +48,21 @@ pub struct LightNode {
     pub lo: [f32; 3],
     /// Highest corner.
     pub hi: [f32; 3],
-    /// Of all emitters below it.
+    /// Power of all emitters below the node.
     pub power: f32,
 }
 
-/// See the module.
+/// The tree (see the module).
 #[derive(Clone, Debug)]
 pub struct LightTree {
     nodes: Vec<LightNode>,
-    /// The middle of all emitters, in the world.
+    /// Middle of all emitters, in the world.
     pub middle: DVec3,
-    /// Tree units a world unit.
+    /// Tree units for each world unit.
     pub scale: f64,
 }
 
-/// A receiver as the tree sees it.
+/// A receiver in the tree's units.
 #[derive(Clone, Copy, Debug)]
 pub struct SeenFrom {
     point: Vec3,
@@ -70,14 +70,14 @@ pub struct SeenFrom {
     both_sides: bool,
 }
 
-/// How many of `count` emitters are on the left.
+/// Number of emitters on the left of a node with `count` emitters.
 #[inline]
 fn left_of(count: u32) -> u32 {
     count.div_ceil(2)
 }
 
 impl LightNode {
-    /// How much the emitters below it matter to a receiver.
+    /// Importance of the emitters below this node to a receiver.
     #[inline]
     fn importance(&self, from: &SeenFrom) -> f32 {
         let (lo, hi) = (Vec3::from_array(self.lo), Vec3::from_array(self.hi));
@@ -87,14 +87,14 @@ impl LightNode {
         if from.both_sides {
             return self.power / squared;
         }
-        // Of the corner that is highest above the receiver.
+        // Height of the corner that is highest above the receiver.
         let height = way.dot(from.normal) + half.dot(from.normal.abs());
         if height <= 0.0 { 0.0 } else { self.power * (height / squared.sqrt()).min(1.0) / squared }
     }
 }
 
 impl LightTree {
-    /// Builds over emitters, at least one and fewer than 2³¹; and their order in the tree.
+    /// Builds over the emitters, of which there are at least one and fewer than 2³¹; also returns their order in the tree.
     pub fn new(emitters: &[Bounded]) -> (Self, Vec<u32>) {
         let lo = emitters.iter().fold(DVec3::INFINITY, |m, e| m.min(e.lo));
         let hi = emitters.iter().fold(DVec3::NEG_INFINITY, |m, e| m.max(e.hi));
@@ -116,7 +116,7 @@ impl LightTree {
         (Self { nodes, middle, scale }, order)
     }
 
-    /// All nodes.
+    /// All nodes, each followed by its left subtree.
     pub fn nodes(&self) -> &[LightNode] {
         &self.nodes
     }
@@ -126,12 +126,12 @@ impl LightTree {
         self.nodes.len().div_ceil(2) as u32
     }
 
-    /// Whether there are none.
+    /// Whether the tree has no emitters.
     pub fn is_empty(&self) -> bool {
         self.nodes.is_empty()
     }
 
-    /// A receiver at `point` with that normal.
+    /// Prepares a receiver at `point` (world) with this normal.
     #[inline]
     pub fn seen_from(&self, point: DVec3, normal: Vec3, both_sides: bool) -> SeenFrom {
         let point =
@@ -141,7 +141,7 @@ impl LightTree {
         SeenFrom { point, normal, both_sides }
     }
 
-    /// Chance of the left one of a node's halves; `None` where neither matters.
+    /// Probability of the left half of a node; `None` where neither half has importance.
     #[inline]
     fn probability_left(&self, node: u32, left: u32, from: &SeenFrom) -> Option<f32> {
         let a = self.nodes[node as usize + 1].importance(from);
@@ -150,7 +150,7 @@ impl LightTree {
         (both > 0.0).then(|| a / both)
     }
 
-    /// An emitter, and the chance with which it is chosen; `None` where none matters.
+    /// Chooses an emitter and returns it with its probability; `None` where none has importance.
     #[inline]
     pub fn choose(&self, from: &SeenFrom, u: [f32; 2]) -> Option<(u32, f32)> {
         let (mut node, mut first, mut count) = (0, 0, self.len());
@@ -177,7 +177,7 @@ impl LightTree {
         Some((first, chance))
     }
 
-    /// The chance with which [`LightTree::choose`] gives this emitter.
+    /// The probability with which [`LightTree::choose`] returns this emitter.
     #[inline]
     pub fn probability(&self, from: &SeenFrom, emitter: u32) -> f32 {
         let (mut node, mut first, mut count) = (0, 0, self.len());
@@ -196,13 +196,13 @@ impl LightTree {
         chance
     }
 
-    /// Heap bytes.
+    /// Size on the heap in bytes.
     pub fn bytes(&self) -> u64 {
         (self.nodes.capacity() * size_of::<LightNode>()) as u64
     }
 }
 
-/// Puts a range of emitters into the tree's order and fills the nodes over it; the first of them is the one over all.
+/// Sorts a range of emitters into the tree's order and fills the nodes over it; the first of these is the root of the range.
 fn fill(leaves: &[LightNode], order: &mut [u32], nodes: &mut [LightNode]) {
     if let [only] = order {
         nodes[0] = leaves[*only as usize];
@@ -228,7 +228,7 @@ fn fill(leaves: &[LightNode], order: &mut [u32], nodes: &mut [LightNode]) {
         middle(a, longest).total_cmp(&middle(b, longest)).then(a.cmp(&b))
     });
     let (of_left, of_right) = order.split_at_mut(left);
-    // What comes first in memory is filled by its own half: a node, then 2·left − 1 of the left, then the right.
+    // Memory order: the node, then 2·left − 1 nodes of the left half, then the right half; each half fills its own part.
     let (first, rest) = nodes.split_at_mut(1);
     let (nodes_left, nodes_right) = rest.split_at_mut(2 * left - 1);
     rayon::join(|| fill(leaves, of_left, nodes_left), || fill(leaves, of_right, nodes_right));
@@ -244,7 +244,7 @@ fn fill(leaves: &[LightNode], order: &mut [u32], nodes: &mut [LightNode]) {
 mod tests {
     use super::*;
 
-    /// Numbers in [0, 1) that look random.
+    /// Pseudo-random number in [0, 1).
     fn number(i: u32) -> f64 {
         let mut x = u64::from(i).wrapping_mul(0x9E37_79B9_7F4A_7C15);
         x ^= x >> 31;
@@ -284,7 +284,7 @@ mod tests {
                 let sum: f64 = (0..count).map(|e| f64::from(tree.probability(&from, e))).sum();
                 // Where the box around two halves reaches above the horizon and neither half does, nothing is chosen.
                 let (steps, mut none) = (20_000u32, 0);
-                // Evenly spaced numbers choose each emitter as often as its chance says, but for one at each end of its stretch.
+                // Evenly spaced numbers choose each emitter as often as its probability says, except for one at each end of its interval.
                 let mut counts = vec![0u32; count as usize];
                 for i in 0..steps {
                     let Some((e, chance)) = tree.choose(&from, [(i as f32 + 0.5) / steps as f32, 0.5]) else {
@@ -294,7 +294,7 @@ mod tests {
                     assert_eq!(chance, tree.probability(&from, e));
                     counts[e as usize] += 1;
                 }
-                // A product of ten roundings each; one step at each end of a stretch without.
+                // A product of ten roundings each; one step at each end of an interval without a choice.
                 let lost = f64::from(none) / f64::from(steps);
                 assert!(
                     (sum + lost - 1.0).abs() < 1e-5 + 16.0 * lost.min(1.0 / f64::from(steps)),
@@ -344,7 +344,7 @@ mod tests {
         let from = tree.seen_from(DVec3::splat(-1.0), Vec3::ONE.normalize(), false);
         let near = order.iter().position(|&e| e == 0).unwrap() as u32;
         assert!(tree.probability(&from, near) > 0.98);
-        // Below the horizon there is nothing.
+        // Below the horizon nothing is chosen.
         let away = tree.seen_from(DVec3::splat(-1.0), -Vec3::ONE.normalize(), false);
         assert_eq!(tree.choose(&away, [0.5; 2]), None);
     }

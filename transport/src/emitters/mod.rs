@@ -1,20 +1,21 @@
-//! Emissive labels and meshes as lights that are aimed at.
+//! Emissive labels and meshes as lights for next-event estimation.
 //!
-//! An **emitter** is what of an emissive label lies in one of its boxes, or one triangle of an emissive material. A tree
-//! ([`LightTree`]) chooses among all of them; within a box, a direction, then a face, then a point of it:
+//! An **emitter** is the part of an emissive label that lies in one of its boxes, or one triangle of an emissive material. A tree
+//! ([`LightTree`]) chooses among all emitters; within a box a direction is chosen, then a face, then a point of the face:
 //!
 //! ```text
 //!  tree ─► box ─► −x +x −y +y −z +z ─► face ─► point ─► shadow ray
-//!   │           by faces × height of the receiver over them: what they look like from there
+//!   │           by number of faces × the receiver's height above them: their apparent size from there
 //!   └────► triangle ─────────────────────────► point
 //! ```
-//! **Numbers.** With w the way to a point of a face in index space, N the face's area there as a vector and s³ the volume of a voxel,
-//! the way in the world is d = M w, and a part dα of the face is seen under |N·w| s³ dα / |d|³: whatever the spacing, shear or mirror, and
-//! the same for triangles in their mesh's grid. Ways are taken in f64 and rounded once; all else is f32.
+//! **Numbers.** With w the vector from the receiver to a point of a face in index space, N the area vector of the face there and s³ the
+//! volume of a voxel, the vector in the world is d = M w, and a part dα of the face has the solid angle |N·w| s³ dα / |d|³. This holds for
+//! every spacing, shear and mirroring, and in the same way for triangles in their mesh's grid. Vectors are computed in f64 and rounded
+//! once; everything else is f32.
 //!
-//! **What is aimed at**: faces of voxels that are drawn as such, with nothing visible before them (`faces.rs`), and both sides of
-//! triangles. All other emission (caps, coarser levels of detail, insides of labels, faces against other labels) has a density of 0
-//! here, and is found by scattering alone.
+//! **Sampled lights**: faces of voxels that are drawn as voxels, with nothing visible in front of them (`faces.rs`), and both sides of
+//! triangles. All other emission (caps, coarser levels of detail, insides of labels, faces against other labels) has a density of 0 here;
+//! only BSDF sampling finds it.
 
 mod faces;
 mod gather;
@@ -33,69 +34,69 @@ pub use gather::EmissiveGeometry;
 pub(crate) use gather::emission_luminance;
 pub use light_tree::{Bounded, LightNode, LightTree, SeenFrom};
 
-/// Says that an instance has no emitter.
+/// Marks an instance that has no emitter.
 pub const NOT_EMISSIVE: u32 = u32::MAX;
 
-/// Rounding of a point in the world, twice over: shadow rays end this part of the point's coordinates before a face.
+/// Twice the relative rounding of a point in the world: shadow rays end before a face by this part of the point's coordinates.
 const POINT_ROUNDING: f64 = 2.0 * f64::EPSILON;
 
 /// An instance or mesh that has emitters.
 #[derive(Clone, Debug)]
 pub struct EmissiveInstance {
-    /// As in surfaces.
+    /// Index of the instance, as in [`crate::Surface`].
     pub instance: u32,
-    /// Of index space, or of a mesh's grid.
+    /// Placement of the volume, or of the mesh's grid.
     pub placement: Placement,
     /// 1 / s (see the module).
     pub units_per_world: f64,
-    /// Areas of a voxel's faces across each axis, over s².
+    /// Areas of a voxel's faces perpendicular to each axis, over s².
     pub areas: [f32; 3],
-    /// Whether its emitters are triangles.
+    /// Whether the emitters are triangles.
     pub is_mesh: bool,
-    /// Its emitters by number in [`Emitters::by_key`]: first, end.
+    /// Range (first, end) of its emitters in [`Emitters::by_key`].
     pub keys: [u32; 2],
     materials: Arc<MaterialTable>,
 }
 
-/// What shines within a box, or a triangle.
+/// The emissive faces of one label in one box, or one emissive triangle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Emitter {
-    /// Number of its place.
+    /// Index in [`Emitters::emissive_instances`].
     pub emissive_instance: u32,
-    /// Dense label; index of a triangle's material.
+    /// Dense label, or the material index of a triangle.
     pub label: u32,
-    /// Lowest voxel of the box; of a triangle its number, 0, 0.
+    /// Lowest voxel of the box, or (index, 0, 0) of a triangle.
     pub origin: [u32; 3],
-    /// Its first face in [`Emitters::faces`]; a triangle's place in [`Emitters::triangles`].
+    /// Index of its first face in [`Emitters::faces`], or of the triangle in [`Emitters::triangles`].
     pub first: u32,
-    /// Where the faces of each direction end, counted from the first.
+    /// End of the faces of each direction, relative to the first.
     pub ends: [u16; 6],
-    /// For each direction the lowest plane of its faces as they look (the highest where they look down), from the box's lowest: 5 bits
-    /// each.
+    /// For each direction the outermost plane from which all its faces are in front: the lowest for + directions, the highest for −
+    /// directions, relative to the box's lowest voxel; 5 bits each.
     pub planes: u32,
 }
 
-/// A triangle, in its mesh's grid.
+/// An emissive triangle, in its mesh's grid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct EmissiveTriangle {
-    /// Corners.
+    /// Corners, in the grid.
     pub corners: [[f32; 3]; 3],
     /// Area in the world over s².
     pub area: f32,
 }
 
-/// See the module.
+/// All emitters of a scene (see the module).
 #[derive(Clone, Debug)]
 pub struct Emitters {
     emissive_instances: Vec<EmissiveInstance>,
-    /// Number of the place by instance.
+    /// Index into `emissive_instances` by instance.
     emissive_instance_of: Vec<u32>,
-    /// In the tree's order.
+    /// In the order of the tree.
     emitters: Vec<Emitter>,
     faces: Vec<u16>,
     triangles: Vec<EmissiveTriangle>,
-    /// Emitters by place, label and lowest voxel.
+    /// Emitters sorted by emissive instance, label and lowest voxel.
     by_key: Vec<u32>,
     tree: LightTree,
     irradiance: f32,
@@ -104,25 +105,25 @@ pub struct Emitters {
 /// Light from an emitter along one direction.
 #[derive(Clone, Copy, Debug)]
 pub struct EmitterSample {
-    /// Unit vector towards it.
+    /// Unit vector towards the emitter.
     pub direction: DVec3,
-    /// What is nearer than this hides it.
+    /// Surfaces nearer than this occlude the emitter.
     pub distance: f64,
-    /// Radiance; what lets light pass there (alpha) taken off.
+    /// Radiance, times the material's opacity (alpha).
     pub radiance: Vec3,
     /// Density per solid angle.
     pub pdf: f32,
-    /// Whose surface it is.
+    /// Instance whose surface emits.
     pub instance: u32,
 }
 
-/// The way from a receiver to a point of an emitter.
+/// The vector from a receiver to a point of an emitter.
 struct WayTo {
-    /// In index space.
+    /// The vector in index space.
     way: DVec3,
     /// N·w (see the module).
     across: f64,
-    /// Density on the face, for all of it 1.
+    /// Density on the face, relative to a density of 1 over the whole face.
     share: f32,
     /// Area of the face over s².
     area: f32,
@@ -141,20 +142,20 @@ impl Emitter {
         [self.emissive_instance, self.label, z, y, x]
     }
 
-    /// First face and end of a direction's list.
+    /// First face and end of the list of a direction.
     #[inline]
     fn list(&self, direction: usize) -> (u32, u32) {
         let start = if direction == 0 { 0 } else { self.ends[direction - 1] };
         (self.first + u32::from(start), self.first + u32::from(self.ends[direction]))
     }
 
-    /// How much of each direction's faces a receiver at an index-space point sees, up to a common factor; and their sum.
+    /// Apparent size of each direction's faces from an index-space point, up to a common factor, and the sum of all six.
     #[inline]
     fn seen(&self, point: DVec3) -> ([f32; 6], f32) {
         let (mut seen, mut sum) = ([0.0; 6], 0.0);
         for (direction, part) in seen.iter_mut().enumerate() {
             let axis = direction / 2;
-            // (Faces times this far are a number.)
+            // (Clamped, so that the product with the number of faces is finite.)
             let at = ((point[axis] - f64::from(self.origin[axis])) as f32).clamp(-1e30, 1e30);
             let plane = (self.planes >> (5 * direction) & 31) as f32;
             let height = if direction % 2 == 1 { at - plane } else { plane - at };
@@ -167,7 +168,7 @@ impl Emitter {
 }
 
 impl EmissiveTriangle {
-    /// Corners, and its area as a vector, in the grid.
+    /// Corners, and the area vector, in the grid.
     #[inline]
     fn shape(&self) -> ([DVec3; 3], DVec3) {
         let [a, b, c] = self.corners.map(|c| Vec3::from_array(c).as_dvec3());
@@ -176,15 +177,15 @@ impl EmissiveTriangle {
 }
 
 impl Emitters {
-    /// Gathers all that shines and can be aimed at; `None` where nothing does.
+    /// Collects everything emissive that light sampling can choose; `None` where there is nothing.
     ///
     /// # Errors
-    /// [`RenderError::Scene`] where there are more emitters or faces than 32 bits can number.
+    /// [`RenderError::Scene`] if there are more emitters or faces than 32 bits can number.
     pub fn new(shining: &[EmissiveGeometry<'_>]) -> Result<Option<Self>, RenderError> {
         gather::gather(shining)
     }
 
-    /// What is gathered, made ready.
+    /// Builds the tree and the lookup tables from the collected emitters.
     fn of(
         mut places: Vec<EmissiveInstance>,
         unordered: &[Emitter],
@@ -204,7 +205,7 @@ impl Emitters {
             place_of.resize(place_of.len().max(place.instance as usize + 1), NOT_EMISSIVE);
             place_of[place.instance as usize] = p;
         }
-        // Mean irradiance on the sphere around all: of powers π L A.
+        // Mean irradiance on the sphere around all emitters, from powers of π L A.
         let lo = bounded.iter().fold(DVec3::INFINITY, |m, e| m.min(e.lo));
         let hi = bounded.iter().fold(DVec3::NEG_INFINITY, |m, e| m.max(e.hi));
         let power: f64 = bounded.iter().map(|e| e.power).sum();
@@ -226,42 +227,43 @@ impl Emitters {
         &self.emissive_instances
     }
 
-    /// Number of the place by instance, [`NOT_EMISSIVE`] where there is none; instances past the end have none.
+    /// Index into [`Emitters::emissive_instances`] by instance; [`NOT_EMISSIVE`] for an instance without emitters. Instances past the end
+    /// have none.
     pub fn emissive_instance_of(&self) -> &[u32] {
         &self.emissive_instance_of
     }
 
-    /// All emitters, in the tree's order.
+    /// All emitters, in the order of the tree.
     pub fn emitters(&self) -> &[Emitter] {
         &self.emitters
     }
 
-    /// Codes of faces, as drawn in `faces.rs`.
+    /// Codes of faces, in the layout that `faces.rs` draws.
     pub fn faces(&self) -> &[u16] {
         &self.faces
     }
 
-    /// Triangles.
+    /// Triangles of all emissive meshes.
     pub fn triangles(&self) -> &[EmissiveTriangle] {
         &self.triangles
     }
 
-    /// Emitters by place, label, and lowest voxel (z, y, x).
+    /// Emitters sorted by emissive instance, label, and lowest voxel (z, y, x).
     pub fn by_key(&self) -> &[u32] {
         &self.by_key
     }
 
-    /// The tree.
+    /// The tree over all emitters.
     pub fn tree(&self) -> &LightTree {
         &self.tree
     }
 
-    /// Irradiance that they give about where they are, for choosing among lights.
+    /// Approximate irradiance of the emitters around them, for choosing among lights.
     pub fn irradiance(&self) -> f32 {
         self.irradiance
     }
 
-    /// Heap bytes.
+    /// Size on the heap in bytes.
     pub fn bytes(&self) -> u64 {
         let of_emitters = self.emitters.capacity() * size_of::<Emitter>() + self.by_key.capacity() * 4;
         let of_surfaces =
@@ -271,7 +273,7 @@ impl Emitters {
         (of_emitters + of_surfaces + of_places) as u64 + self.tree.bytes()
     }
 
-    /// A point of an emitter: `choice` is for the tree, `further` for the tree and the direction, `u` for the face and its point.
+    /// Samples a point of an emitter: `choice` selects in the tree, `further` in the tree and the direction, `u` the face and its point.
     #[inline]
     pub fn sample(
         &self,
@@ -319,7 +321,7 @@ impl Emitters {
         if sum <= 0.0 {
             return None;
         }
-        // The direction within whose part of the sum the number falls.
+        // The direction whose interval of the sum holds the random number.
         let (mut direction, mut end) = (6, 0.0);
         for (d, part) in seen.into_iter().enumerate() {
             if part > 0.0 && (direction == 6 || which * sum >= end) {
@@ -334,7 +336,7 @@ impl Emitters {
         let index = (place_in_list as u32).min(count - 1);
         let code = u32::from(self.faces[(start + index) as usize]);
         let within = [place_in_list - index as f32, u[1]];
-        // Across the face the two other axes, in their order.
+        // The two axes across the face, in their order.
         let mut next = 0;
         let mut way = DVec3::ZERO;
         for a in 0..3 {
@@ -366,8 +368,8 @@ impl Emitters {
         WayTo { way, across: normal.dot(a - point), share: 1.0, area: triangle.area }
     }
 
-    /// Density with which [`Emitters::sample`] gives a direction to the surface from outside or from a triangle's side, `distance` away
-    /// in the world; 0 where it is not aimed at. `box_origin` is the lowest voxel of the box that draws it.
+    /// Density with which [`Emitters::sample`] chooses the direction to this surface, seen from outside or from a triangle's side at
+    /// `distance` in the world; 0 where the surface cannot be sampled. `box_origin` is the lowest voxel of the box that draws it.
     #[inline]
     pub fn pdf(
         &self,
@@ -416,7 +418,7 @@ impl Emitters {
         density(chance * share, (distance * place.units_per_world) as f32, (across as f32).abs())
     }
 
-    /// The emitter with that key.
+    /// The emitter with this key.
     #[inline]
     fn find(&self, place: &EmissiveInstance, label: u32, origin: [u32; 3]) -> Option<u32> {
         let keys = &self.by_key[place.keys[0] as usize..place.keys[1] as usize];
@@ -430,7 +432,7 @@ impl Emitters {
     }
 }
 
-/// Density per solid angle at a distance of so many units, where a face lies `across` so much (N·w); 0 where f32 cannot hold it.
+/// Density per solid angle, at a distance in units of s, of a face with N·w = `across`; 0 where f32 cannot represent it.
 #[inline]
 fn density(share: f32, units: f32, across: f32) -> f32 {
     let pdf = share * (units / across) * units * units;

@@ -1,19 +1,19 @@
-//! What is drawn of a volume, all labels in one: 4³ bricks of 4³ cells of 4³ voxels, in 64-bit masks.
+//! The voxels of a volume that are drawn, all labels together: 4³ bricks of 4³ cells of 4³ voxels per block, as 64-bit masks.
 //!
-//! The volume's own form keeps each label apart, so a brick of space is several boxes; the hierarchy finds them one after another, and
-//! each is walked through. Where every label is drawn at one level of detail it does not matter which of them a voxel is of until one is
-//! hit: here the voxels of all drawn labels are put together, space is met once, in order, and the first voxel that is found is the
-//! answer. (At coarser levels labels overlap; the one of the lowest number is told.) Derived from the volume for one choice of labels and
-//! one level.
+//! The compressed volume stores each label by itself, so several boxes cover one brick of space, and the hierarchy has to find and walk
+//! them one after another. Where every label is drawn at one level of detail, the label of a voxel does not matter until the ray hits it.
+//! Here the voxels of all drawn labels are merged: a ray crosses space once, in order, and the first voxel found is the hit. (At coarser
+//! levels labels overlap; the hit then reports the lowest label.) Bricks are derived from the volume for one choice of labels and one
+//! level.
 //!
 //! ```text
-//! blocks   of 64³ voxels, x first: a mask of their bricks that hold a voxel, and the number of the first of these
-//! bricks   of 16³ voxels, by block and place in it: masks of cells that hold a voxel, and of those that hold all 64; the number
-//!          of the first field
-//! fields   of the cells that are neither empty nor full: a mask of voxels each
-//! parts    of each brick: the boxes that reach into it, with their cells there
+//! blocks   64³ voxels each, x fastest: a mask of the bricks that hold a voxel, and the index of the first of these bricks
+//! bricks   16³ voxels each, ordered by block and place in it: masks of the cells that hold a voxel and of the cells that hold all 64;
+//!          the index of the first field
+//! fields   for each cell that is neither empty nor full: a mask of its voxels
+//! parts    for each brick: the boxes that reach into it, with the cells that they occupy there
 //! ```
-//! In every mask, bit x + 4y + 16z.
+//! In every mask, the element at (x, y, z) is bit x + 4y + 16z.
 
 use crate::BoxBounds;
 use pumice_core::CompressedVolume;
@@ -26,16 +26,16 @@ pub const BLOCK: u32 = 64;
 /// Voxels along the side of a brick.
 pub const BRICK: u32 = 16;
 
-/// See the module.
+/// The merged voxels of one volume; the module documentation describes the arrays.
 #[derive(Debug)]
 pub struct Bricks {
-    /// Of what is drawn.
+    /// Level of detail that the bricks were built for.
     level: DetailLevel,
-    /// Around all voxels: lowest and highest corner.
+    /// Bounds of all voxels: lowest and highest corner, padded to four lanes.
     pub bounds: [[f64; 4]; 2],
-    /// The last block along each axis.
+    /// Index of the last block along each axis.
     pub last_block: [f64; 4],
-    /// Blocks from one to the next along each axis.
+    /// Distance in `blocks` from a block to its neighbour along each axis.
     pub strides: [usize; 3],
     blocks: Vec<Block>,
     bricks: Vec<Brick>,
@@ -43,49 +43,50 @@ pub struct Bricks {
     parts: Vec<BrickPart>,
 }
 
-/// 64³ voxels.
+/// A block of 64³ voxels.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Block {
-    /// Its bricks that hold a voxel.
+    /// Mask of its bricks that hold a voxel.
     pub occupied: u64,
-    /// Number of the first of these.
+    /// Index of the first of these bricks.
     pub first_brick: u32,
 }
 
-/// 16³ voxels, of which some are there.
+/// A brick of 16³ voxels, at least one of which is drawn.
 #[derive(Clone, Copy, Debug)]
 pub struct Brick {
-    /// Cells with a voxel.
+    /// Mask of the cells that hold a voxel.
     pub occupied: u64,
-    /// Cells with all.
+    /// Mask of the cells that hold all 64 voxels.
     pub full: u64,
-    /// Number of its first field.
+    /// Index of its first field.
     pub first_field: u32,
-    /// Number of its first part.
+    /// Index of its first part.
     pub first_part: u32,
 }
 
-/// A box in a brick.
+/// The part of a box that lies in one brick.
 #[derive(Clone, Copy, Debug)]
 pub struct BrickPart {
-    /// Its cells there.
+    /// Mask of the brick's cells that the box occupies.
     pub cells: u64,
-    /// The box.
+    /// Index of the box in the volume.
     pub item: u32,
-    /// Its label.
+    /// Dense label of the box.
     pub label: u32,
 }
 
-/// A sparse volume may have so many times as many blocks as boxes, beyond a few; where it has more, most are empty and cost memory.
+/// Limit on the blocks of a sparse volume: this many for each box, or `FEW_BLOCKS` if that is more. Beyond it most blocks are empty and
+/// waste memory.
 const BLOCKS_A_BOX: u64 = 8;
 const FEW_BLOCKS: u64 = 1 << 16;
 
-/// Bits of a brick's number among all.
+/// Bits that hold a brick's place within its block.
 const PLACE_BITS: u32 = 6;
 
 impl Bricks {
-    /// Of these boxes of a volume, all at this level; `None` where the volume is too sparse for it, or what is numbered too much for 32
-    /// bits.
+    /// Builds the bricks of these boxes of a volume, all drawn at `level`. Returns `None` where `items` is empty, where the volume is too
+    /// sparse, or where an index would not fit 32 bits.
     pub fn new(volume: &CompressedVolume, items: &[u32], level: DetailLevel) -> Option<Self> {
         let blocks_along = volume.info().dims.map(|d| d.div_ceil(BLOCK));
         let blocks = blocks_along.iter().map(|&n| u64::from(n)).try_fold(1u64, u64::checked_mul)?;
@@ -121,7 +122,7 @@ impl Bricks {
         Some(Brick { occupied: 0, full: 0, first_field, first_part: self.parts.len().try_into().ok()? })
     }
 
-    /// The next brick, of boxes that reach into it; what is around its voxels.
+    /// Appends the next brick, made of the boxes that reach into it, and returns the bounds of its voxels; `None` where an index overflows.
     fn add(&mut self, volume: &CompressedVolume, of_brick: &[(u64, u32)]) -> Option<BoxBounds> {
         let number = of_brick.first()?.0;
         let (block, place) = ((number >> PLACE_BITS) as u32, number as u32 & 63);
@@ -131,7 +132,7 @@ impl Bricks {
         let (mut brick, mut cells, mut bounds) = (self.next_brick()?, [0u64; 64], BoxBounds::EMPTY);
         for &(_, item) in of_brick {
             let b = volume.place_of_box(item as usize);
-            // Boxes lie on a grid of cells, not of bricks.
+            // Boxes are aligned to cells, not to bricks.
             let shift = each_axis(|a| (b.origin[a] as i32 - origin[a] as i32) / 4);
             let mut part = BrickPart { cells: 0, item, label: volume.label_of_box(item as usize) };
             let mut put = |c: u32, field: u64| {
@@ -142,7 +143,7 @@ impl Bricks {
                     part.cells |= 1 << c;
                 }
             };
-            // What a level does not need is not read: of a mapped file it never comes into memory.
+            // Data that a level does not need is not read, so those pages of a mapped file never come into memory.
             match self.level {
                 DetailLevel::Voxels => volume.box_at(&b).node.fields().for_each(|(c, field)| put(c, field)),
                 DetailLevel::Cells => {
@@ -161,7 +162,7 @@ impl Bricks {
         for (c, &field) in cells.iter().enumerate().filter(|(_, field)| **field != 0) {
             brick.occupied |= 1 << c;
             let corner = each_axis(|a| origin[a] + 4 * (c as u32 >> (2 * a) & 3));
-            // Coarser elements may reach beyond the volume, where nothing is drawn.
+            // Elements of the coarser levels may reach beyond the volume, where nothing is drawn.
             let field = field & within(corner, volume.info().dims);
             bounds = bounds.union(bounds_of(field, corner));
             if field == u64::MAX {
@@ -181,32 +182,32 @@ impl Bricks {
         Some(bounds)
     }
 
-    /// Blocks, x first.
+    /// All blocks, x fastest.
     pub fn blocks(&self) -> &[Block] {
         &self.blocks
     }
 
-    /// Bricks, and one after the last: where its fields and parts end.
+    /// All bricks, and one entry after the last that marks where its fields and parts end.
     pub fn bricks(&self) -> &[Brick] {
         &self.bricks
     }
 
-    /// Voxels of the cells that are neither empty nor full.
+    /// Voxel masks of the cells that are neither empty nor full.
     pub fn fields(&self) -> &[u64] {
         &self.fields
     }
 
-    /// Boxes of all bricks.
+    /// Parts of all bricks, brick by brick.
     pub fn parts(&self) -> &[BrickPart] {
         &self.parts
     }
 
-    /// The level of what is drawn.
+    /// The level of detail that is drawn.
     pub fn level(&self) -> DetailLevel {
         self.level
     }
 
-    /// Heap bytes.
+    /// Size on the heap in bytes.
     pub fn bytes(&self) -> u64 {
         let bytes = self.blocks.capacity() * size_of::<Block>()
             + self.bricks.capacity() * size_of::<Brick>()
@@ -215,13 +216,13 @@ impl Bricks {
         bytes as u64
     }
 
-    /// Which bricks of a block hold a voxel.
+    /// Mask of a block's bricks that hold a voxel.
     #[inline(always)]
     pub fn occupied(&self, block: usize) -> u64 {
         self.blocks[block].occupied
     }
 
-    /// The brick at a place of a block that is occupied, and its number.
+    /// The brick at an occupied place of a block, with its index.
     #[inline(always)]
     pub fn brick(&self, block: usize, place: u32) -> (usize, &Brick) {
         let block = &self.blocks[block];
@@ -230,7 +231,7 @@ impl Bricks {
         (number, &self.bricks[number])
     }
 
-    /// The voxels of a brick's cell that is occupied.
+    /// The voxel mask of an occupied cell of a brick.
     #[inline(always)]
     pub fn field(&self, brick: &Brick, cell: u32) -> u64 {
         let partial = brick.occupied & !brick.full;
@@ -241,8 +242,8 @@ impl Bricks {
         self.fields[brick.first_field as usize + (partial & (bit - 1)).count_ones() as usize]
     }
 
-    /// The box that holds `voxel` of a brick, where `holds` says so of those that have voxels in its cell; at coarser levels the one of
-    /// the lowest label.
+    /// The box that holds `voxel` of a brick. `holds` decides among the boxes that occupy the voxel's cell; at coarser levels the box with
+    /// the lowest label is returned.
     #[inline]
     pub fn part(&self, brick: usize, voxel: [u32; 3], holds: impl Fn(u32) -> bool) -> Option<BrickPart> {
         let cell = (voxel[0] >> 2 & 3) | (voxel[1] >> 2 & 3) << 2 | (voxel[2] >> 2 & 3) << 4;
@@ -260,19 +261,19 @@ impl Bricks {
     }
 }
 
-/// Whole numbers as doubles, and a 0 after them: what four lanes hold.
+/// Whole numbers as f64 in four lanes, the last one 0.
 fn f64x4([x, y, z]: [u32; 3]) -> [f64; 4] {
     [f64::from(x), f64::from(y), f64::from(z), 0.0]
 }
 
-/// The bricks into which each box reaches, by block and place, and the box; in their order.
+/// The pairs (block and place of a brick, box) for each brick that a box reaches into, sorted.
 fn boxes_by_brick(volume: &CompressedVolume, items: &[u32], blocks_along: [u32; 3]) -> Vec<(u64, u32)> {
     let mut reaching = Vec::with_capacity(items.len());
     for &item in items {
         let place = volume.place_of_box(item as usize);
         let first = place.origin.map(|v| v / BRICK);
         let last = each_axis(|a| (place.origin[a] + place.extent[a] - 1) / BRICK);
-        // A box may end beyond the volume, where it holds nothing.
+        // A box may end beyond the volume, where it holds no voxel.
         let last = each_axis(|a| last[a].min((volume.info().dims[a] - 1) / BRICK));
         for z in first[2]..=last[2] {
             for y in first[1]..=last[1] {
@@ -289,7 +290,7 @@ fn boxes_by_brick(volume: &CompressedVolume, items: &[u32], blocks_along: [u32; 
     reaching
 }
 
-/// The voxels of a cell at `corner` that are in the volume.
+/// Mask of the voxels of the cell at `corner` that lie within the volume.
 fn within(corner: [u32; 3], dims: [u32; 3]) -> u64 {
     let [x, y, z] = each_axis(|a| (dims[a] - corner[a]).min(4));
     if [x, y, z] == [4; 3] {
@@ -300,9 +301,9 @@ fn within(corner: [u32; 3], dims: [u32; 3]) -> u64 {
     (0..z).fold(0, |field, z| field | layer << (16 * z))
 }
 
-/// Around the voxels of a field that is not empty, whose first is at `corner`.
+/// Bounds of the voxels of a non-empty field whose first voxel is at `corner`.
 fn bounds_of(field: u64, corner: [u32; 3]) -> BoxBounds {
-    // Every fourth bit, every fourth nibble, every fourth word of 16 bits: which coordinates of an axis occur.
+    // Folds every fourth bit, nibble and 16-bit word together, which leaves the coordinates that occur along each axis.
     let layer = (field | field >> 32) | (field | field >> 32) >> 16;
     let row = (layer | layer >> 8) | (layer | layer >> 8) >> 4;
     let of = [
@@ -322,7 +323,7 @@ mod tests {
 
     use super::*;
 
-    /// Voxel by voxel against the volume's own boxes: there where one holds it, and of that box.
+    /// Compares voxel by voxel with the volume's own boxes: a voxel is set where a box holds it, and the part names that box.
     #[test]
     fn voxels_are_those_of_the_boxes() {
         let (_, volume) = blobs([90, 70, 150], 60, 9, 8);

@@ -1,4 +1,4 @@
-//! The bounding volume hierarchy over boxes of voxels: eight children a node, 80 bytes, planes that are whole numbers.
+//! The bounding volume hierarchy over boxes of voxels: eight children a node, 80 bytes, planes on whole numbers.
 //!
 //! The topology comes from the crate `obvhs` (see `build`). Its bounds do not: they are computed in f32 with a logarithm, which
 //! loses up to a voxel in volumes near 2²³ voxels long. Here every node is fitted again in integers, so that a child's bounds
@@ -49,7 +49,7 @@ impl BoxBounds {
         }
     }
 
-    /// How far planes are moved outward in voxels so that rounding loses no ray (see the module).
+    /// How far the planes must move outward, in voxels, so that rounding loses no ray (see the module).
     pub fn pad(&self) -> f32 {
         self.hi.into_iter().max().unwrap_or(0) as f32 / 262_144.0
     }
@@ -60,21 +60,21 @@ impl BoxBounds {
     }
 }
 
-/// Largest component of a ray's inverse direction: with it no product in f32 overflows.
+/// Largest component of a ray's inverse direction; products with it do not overflow f32.
 pub const LARGEST_INVERSE: f64 = (1u64 << 60) as f64;
 
-/// A ray as the hierarchy sees it: moved to the hierarchy's bounds in f64, then rounded.
+/// A ray as the hierarchy sees it: moved to the hierarchy's bounds in f64, then rounded to f32.
 #[derive(Clone, Copy, Debug)]
 pub struct BvhRay {
-    /// Where the ray is at the hierarchy's t = 0, in voxels.
+    /// Position of the ray at the hierarchy's t = 0, in voxels.
     pub origin: [f32; 3],
-    /// 1 / direction, finite: a component of 0 has ±2⁶⁰ (the direction's largest component is within [1, 2)).
+    /// 1 / direction, finite: a component of 0 gives ±2⁶⁰ (the direction's largest component is within [1, 2)).
     pub inverse: [f32; 3],
-    /// How far each plane is moved outward in voxels: [`Bvh::pad`] and what the origin lost.
+    /// How far each plane is moved outward, in voxels: [`Bvh::pad`] plus what rounding the origin lost.
     pub pad: f32,
 }
 
-/// See the module.
+/// A node with eight child slots; the module documentation draws its layout.
 #[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 struct Node {
@@ -88,7 +88,7 @@ struct Node {
     hi: [[u8; 8]; 3],
 }
 
-/// Deepest hierarchy that the traversal's fixed stack can take. PLOC makes about log₂(boxes) levels of two children.
+/// Deepest hierarchy that fits the traversal's fixed stack. PLOC makes about log₂(boxes) levels of nodes with two children.
 const MAX_DEPTH: usize = 64;
 
 /// `ORDER[octant][mask]`: bit c of `mask` moved to bit c ^ octant.
@@ -114,7 +114,7 @@ const fn order_table() -> [[u8; 256]; 8] {
     table
 }
 
-/// A hierarchy over boxes, each carrying a number of the caller's.
+/// A hierarchy over boxes; each box carries a number that the caller chose.
 #[derive(Debug, Default)]
 pub struct Bvh {
     nodes: Vec<Node>,
@@ -124,9 +124,8 @@ pub struct Bvh {
 }
 
 impl Bvh {
-    /// Builds over `boxes`: bounds, and the number that traversal reports. The order of the boxes does not matter: they are put
-    /// into Morton order of their lowest cell first, which is what every builder wants (unsorted boxes trace up to 26 × slower
-    /// on some).
+    /// Builds over `boxes`: bounds, and the number that traversal reports. The order of the boxes does not matter: they are first sorted
+    /// into Morton order of their lowest cell, which every builder wants (some unsorted boxes trace up to 26 × slower).
     ///
     /// # Errors
     /// [`RenderError::Scene`] when a box is empty or reaches past [`MAX_DIM`], or when there are 2³¹ boxes or more.
@@ -134,8 +133,8 @@ impl Bvh {
         Self::build_within(boxes, MAX_DEPTH)
     }
 
-    /// The same for a traversal whose stack is as deep as this, from 12 on: boxes that lie at one place are grouped by nearness into
-    /// chains (a thousand equal ones 143 levels deep); where that is too deep, by their order.
+    /// Like [`Bvh::build`], for a traversal whose stack holds `depth` levels, at least 12. The builder chains boxes that lie at one place
+    /// (a thousand equal ones make 143 levels); where that is too deep, boxes are grouped by their Morton order instead.
     ///
     /// # Errors
     /// As [`Bvh::build`].
@@ -171,7 +170,7 @@ impl Bvh {
         self.bounds
     }
 
-    /// Nodes from the root to the farthest leaf: a traversal's stack holds one less.
+    /// Number of nodes from the root to the farthest leaf; a traversal's stack needs one entry less.
     pub fn depth(&self) -> usize {
         self.depth
     }
@@ -186,12 +185,12 @@ impl Bvh {
         self.items.is_empty()
     }
 
-    /// Heap bytes held.
+    /// Size on the heap in bytes.
     pub fn bytes(&self) -> u64 {
         (self.nodes.capacity() * size_of::<Node>() + self.items.capacity() * size_of::<u32>()) as u64
     }
 
-    /// The nodes as drawn in the module, for a device that traces this hierarchy itself.
+    /// The nodes in the layout that the module draws, for a device that traces this hierarchy itself.
     pub fn node_bytes(&self) -> &[u8] {
         bytemuck::cast_slice(&self.nodes)
     }
@@ -201,7 +200,7 @@ impl Bvh {
         &self.items
     }
 
-    /// How far [`BvhRay::pad`] must move the planes at least, in voxels (see the module).
+    /// Least value of [`BvhRay::pad`], in voxels (see the module).
     pub fn pad(&self) -> f32 {
         self.bounds.map_or(0.0, |b| b.pad())
     }
@@ -218,12 +217,12 @@ impl Bvh {
             .map(|(bit, i)| if i < 0.0 { 0 } else { bit })
             .sum::<usize>();
         let order = &ORDER[octant];
-        // Packed: a tuple's fields would be made empty one by one, for every ray.
+        // Each entry packs its fields into one word: the compiler would clear the fields of a tuple one by one, for every ray.
         let mut stack = [0u64; MAX_DEPTH];
         let mut height = 0;
         loop {
             let hit = node.children_along(ray, limit);
-            // Boxes first: they may bring the limit down.
+            // Boxes first, since a hit may lower the limit.
             let mut leaves = order[usize::from(hit & !node.inner)];
             while leaves != 0 {
                 let highest = 7 - leaves.leading_zeros() as usize;
@@ -237,7 +236,7 @@ impl Bvh {
                     }
                 }
             }
-            // Then the nearest node that is left.
+            // Then the nearest node that remains.
             let mut base = node.first_child;
             let mut inner = node.inner;
             let mut pending = order[usize::from(hit & inner)];
@@ -261,8 +260,7 @@ impl Bvh {
         }
     }
 
-    /// Calls `visit(item)` for the boxes whose bounds may hold `voxel` (every one that does is among them) until it returns
-    /// false.
+    /// Calls `visit(item)` for the boxes whose bounds may hold `voxel`, until it returns false. No box that holds the voxel is left out.
     pub fn at_voxel(&self, voxel: [u32; 3], mut visit: impl FnMut(u32) -> bool) {
         if !self.bounds.is_some_and(|b| b.contains(voxel)) {
             return;
@@ -295,7 +293,7 @@ impl Bvh {
 }
 
 impl Node {
-    /// Which children the ray meets: bit c for child c.
+    /// Mask of the children that the ray meets: bit c for child c.
     #[inline(always)]
     fn children_along(&self, ray: &BvhRay, limit: f32) -> u8 {
         let mut near = [0.0f32; 8];
@@ -357,7 +355,7 @@ mod tests {
         assert_eq!(std::mem::offset_of!(Node, hi), 56);
     }
 
-    /// A point query must find exactly the boxes that hold the voxel, once each, at every size of volume up to the largest.
+    /// A point query finds exactly the boxes that hold the voxel, once each, at every size of volume up to the largest.
     #[test]
     fn every_box_is_found_at_its_corners() {
         for (n, reach) in [(1, 5), (2, 5), (7, 40), (500, 64), (2000, 1 << 20), (2000, MAX_DIM - 1)] {
@@ -381,8 +379,8 @@ mod tests {
         }
     }
 
-    /// Rays through known points of boxes, in f64 and then moved and rounded as a tracer does: the box is always reported, also
-    /// when the point is on its edge and the volume as long as it may be.
+    /// Rays aimed at known points of boxes, computed in f64, then moved and rounded as a tracer does it: the box is always reported, also
+    /// where the point is on its edge and where the volume is as long as the limit allows.
     #[test]
     fn no_ray_through_a_box_loses_it() {
         for reach in [32, 1000, 1 << 20, MAX_DIM - 1] {
@@ -395,7 +393,7 @@ mod tests {
             };
             for &(b, item) in &boxes {
                 for try_edges in [false, true] {
-                    // A target on the box, its corners included, seen from anywhere in the volume.
+                    // A target on the box, corners included, seen from anywhere in the volume.
                     let fraction = |f: f64| if try_edges { f.round() } else { f };
                     let target = [0, 1, 2]
                         .map(|a| f64::from(b.lo[a]) + fraction(unit()) * f64::from(b.hi[a] - b.lo[a]));
@@ -418,7 +416,7 @@ mod tests {
         }
     }
 
-    /// The negative control of the test above: with planes left where they are, it would notice.
+    /// Negative control of the test above: without the outward move of the planes, that test would see lost rays.
     #[test]
     fn without_the_pad_rays_are_lost() {
         let reach = MAX_DIM - 1;
@@ -427,7 +425,7 @@ mod tests {
         let lost = boxes
             .iter()
             .filter(|(b, item)| {
-                // Along the lower x and y edge, from 2²² voxels away, with a slope that f32 cannot hold.
+                // Along the lower x and y edges, from 2²² voxels away, with a slope that f32 cannot represent.
                 let eye = [0.3, f64::from(b.lo[1]) - 0.1, 0.7];
                 let target = b.lo.map(|v| f64::from(v) + 1e-3);
                 let d = [0, 1, 2].map(|a| target[a] - eye[a]);
@@ -445,7 +443,7 @@ mod tests {
         assert!(lost > 0, "no ray was lost without the pad: the test above proves nothing");
     }
 
-    /// Boxes are grouped in Morton order whatever order they came in.
+    /// Boxes are grouped in Morton order whatever their order in the input.
     #[test]
     fn input_order_does_not_matter() {
         let boxes = random_boxes(3000, 500, 11);
@@ -457,7 +455,7 @@ mod tests {
         assert_eq!(a.items, b.items);
     }
 
-    /// Boxes that no bounds tell apart are found all the same, by points and by rays, and not in chains as long as they are many.
+    /// Boxes with equal bounds are all found, by points and by rays, and the hierarchy does not become a chain as long as their number.
     #[test]
     fn equal_boxes_do_not_make_it_deep() {
         let equal = BoxBounds { lo: [5; 3], hi: [9; 3] };
@@ -476,7 +474,7 @@ mod tests {
                 along.push(i);
                 f32::INFINITY
             });
-            // (The other may share a leaf with some.)
+            // (The other box may share a leaf with some of them.)
             at_place.retain(|&i| i < n);
             at_place.sort_unstable();
             along.sort_unstable();

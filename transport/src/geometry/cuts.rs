@@ -1,40 +1,40 @@
-//! What is cut away from an instance, as planes of its index space.
+//! The parts of space that are cut away from an instance, as planes of its index space.
 //!
-//! A cut takes away a convex part of space, which is where its half-spaces meet: one for a plane, six for a box. What a ray keeps of
-//! itself follows from them (`cut_ray`).
+//! Each cut removes a convex part of space, the intersection of its half-spaces: one for a plane, six for a box. `cut_ray` computes from
+//! them which pieces of a ray remain.
 
 use glam::{DAffine3, DVec3};
 use pumice_scene::CutShape;
 
-/// A half-space that is taken away: index-space points x with `normal·x > offset`.
+/// A half-space that is removed: index-space points x with `normal·x > offset`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CutPlane {
-    /// Scaled so that its largest component is 1 in size.
+    /// Index-space normal, scaled so that its largest component is ±1.
     pub normal: [f64; 3],
-    /// Where it lies along the normal.
+    /// Offset of the plane along `normal`.
     pub offset: f64,
-    /// The axis that it is across, 3 where it is across none.
+    /// The axis that the plane is perpendicular to, or 3 where there is none.
     pub axis: u32,
-    /// Unit normal in the world: that of caps.
+    /// Unit normal in the world, used as the normal of caps.
     pub normal_in_world: DVec3,
-    /// Whether the part that it belongs to ends with it.
+    /// Whether this is the last plane of its convex part.
     pub ends_part: bool,
 }
 
-/// All that is taken away from an instance: the planes of one part after another.
+/// Everything that is removed from an instance: the planes of one convex part after another.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Cuts {
     planes: Vec<CutPlane>,
 }
 
-/// What is within this many roundings of its terms of a whole number, or of 0, is that: whoever cuts between voxels, in nanometres,
-/// means it.
+/// Tolerance in roundings of the terms: an offset this near to a whole number, or a component this near to 0, becomes exactly that. A cut
+/// between voxels that is given in nanometres is meant to be exact.
 const SNAP: f64 = 16.0 * f64::EPSILON;
 
 impl CutPlane {
-    /// What the normal points to, from the point's plane on; both in the world.
+    /// The half-space that starts at the plane through `point` and extends along `normal`, both in the world.
     fn new(world_from_index: &DAffine3, point: DVec3, normal: DVec3) -> Self {
-        // Lengths are taken out first: squares of tiny normals vanish.
+        // Scaled first, because squares of tiny components underflow.
         let normal_in_world = (normal / normal.abs().max_element()).normalize();
         let m = world_from_index.matrix3;
         let columns = [m.x_axis, m.y_axis, m.z_axis];
@@ -54,7 +54,7 @@ impl CutPlane {
         Self { normal, offset, axis: across.map_or(3, |a| a as u32), normal_in_world, ends_part: false }
     }
 
-    /// Its coordinate along the axis that it is across.
+    /// Coordinate of the plane along the axis that it is perpendicular to.
     pub fn across_axis(&self) -> f64 {
         let up = self.axis < 3 && self.normal[self.axis as usize] > 0.0;
         if up { self.offset } else { -self.offset }
@@ -62,7 +62,7 @@ impl CutPlane {
 }
 
 impl Cuts {
-    /// What the shapes take away from an instance with this matrix.
+    /// The cuts that these shapes make in an instance with this matrix.
     pub fn new<'a>(shapes: impl IntoIterator<Item = &'a CutShape>, world_from_index: &DAffine3) -> Self {
         let mut cuts = Self::default();
         for shape in shapes {
@@ -76,7 +76,7 @@ impl Cuts {
                     let columns = [sides.x_axis, sides.y_axis, sides.z_axis];
                     let directions = columns.map(|c| c / c.abs().max_element());
                     for a in 0..3 {
-                        // Across the two other sides, on the side of this one.
+                        // Perpendicular to the two other edges, on the side of this one.
                         let out = directions[(a + 1) % 3].cross(directions[(a + 2) % 3]);
                         let out = if out.dot(columns[a]) < 0.0 { -out } else { out };
                         for sign in [-1.0, 1.0] {
@@ -93,7 +93,7 @@ impl Cuts {
         cuts
     }
 
-    /// Whether nothing is taken away.
+    /// Whether nothing is removed.
     pub fn is_empty(&self) -> bool {
         self.planes.is_empty()
     }

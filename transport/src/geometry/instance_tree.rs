@@ -1,24 +1,24 @@
-//! A hierarchy over the instances and meshes of a scene: which of them a ray may meet, roughly front to back.
+//! A hierarchy over the instances and meshes of a scene. It lists those that a ray may meet, roughly front to back.
 //!
 //! ```text
-//!  world       bounds of what each instance draws, in f64
-//!      │  (x − lowest corner) · 2ᵏ + 2        k so that the longest side of all has 2²¹ to 2²² cells
-//!      ▼
-//!  grid        the same hierarchy as over boxes of voxels and over triangles; its items are numbers of instances
+//! world       bounds of what each instance draws, in f64
+//!     │  (x − lowest corner) · 2ᵏ + 2        k such that the longest side of all has 2²¹ to 2²² cells
+//!     ▼
+//! grid        the same hierarchy as over boxes of voxels and over triangles; its items are numbers of instances
 //! ```
-//! It only leaves instances out that would answer with nothing: what is met, and at which t, each says itself, as if it had been asked
-//! in turn. A scene of a few instances has none and asks them in turn (`pumice_scene::INSTANCES_OF_A_TREE`).
+//! The hierarchy only leaves out instances that the ray cannot hit. Each instance still computes its own hit and t, exactly as if it had
+//! been asked in turn. A scene of a few instances has no hierarchy and asks each in turn (`pumice_scene::INSTANCES_OF_A_TREE`).
 //!
 //! # Why no instance is lost
-//! An instance takes a ray to its own space by the adjugate A and the determinant of its matrix M, each step rounded. What that makes of
-//! a point x is another point of the instance, off in the world by less than K·ε·C·(|x| + |M|·|corner| + |T|): C is the largest row
-//! of |M|·|A|/det (1 without shear and rotation), T the translation, all of sizes. K is below 32: two roundings of each
-//! of A's entries, six of a row's sum and the division, and the same again for the direction. Every plane is moved outward by that with
-//! `ROUNDINGS` for K, of the largest C, the largest corner and the ray's own origin, besides what [`crate::geometry::bvh`] moves it by. In
-//! its own space an instance's bounds are taken `MARGIN` wider: a surface may be reported as far as a tie before the voxel.
+//! An instance takes a ray to its own space by the adjugate A and the determinant of its matrix M, each step rounded. The result for a
+//! point x is another point of the instance, whose error in the world is less than K·ε·C·(|x| + |M|·|corner| + |T|). C is the largest row
+//! of |M|·|A|/det (1 without shear and rotation), T the translation; |·| takes absolute values. K is below 32: two roundings of each of A's
+//! entries, six of a row's sum and the division, and the same again for the direction. Every plane is moved outward by that bound with
+//! `ROUNDINGS` for K, the largest C, the largest corner and the ray's own origin, in addition to what [`crate::geometry::bvh`] moves it by.
+//! In its own space an instance's bounds are taken `MARGIN` wider, because a surface may be reported up to a tie before its voxel.
 //!
-//! A ray that goes on from a surface starts on it in that instance's space, wherever the sums of a path have put it in the world: that
-//! instance is asked first, whatever the hierarchy says. A ray whose origin overflows the grid meets nothing.
+//! A ray that continues from a surface starts on that surface in the instance's own space, whatever rounding did to its position in the
+//! world: that instance is always asked first. A ray whose origin overflows the grid meets nothing.
 
 use crate::geometry::bvh::LARGEST_INVERSE;
 use crate::{BoxBounds, Bvh, BvhRay, RayInWorld, RenderError};
@@ -28,57 +28,59 @@ use super::TIE;
 use super::placement::Placement;
 use super::power_of_two::{SMALLEST, exp2, scaled};
 
-/// Deepest hierarchy that is used: shaders have a stack of as many places. That over 2²⁰ instances side by side has 8 levels.
+/// Deepest hierarchy that is used, because the shaders' stack has as many entries. A hierarchy over 2²⁰ instances side by side has 8
+/// levels.
 const MAX_DEPTH: usize = 32;
 
-/// See the module.
+/// Stands for K of the module's bound.
 const ROUNDINGS: f64 = 256.0;
 
-/// See the module. In voxels, or cells of a mesh's grid.
+/// Widening of an instance's bounds in its own space, in voxels or in cells of a mesh's grid (see the module).
 const MARGIN: f64 = 64.0 * TIE;
 
 /// Cells from the grid's lowest plane to the lowest instance.
 const FIRST_CELL: f64 = 2.0;
 
-/// Farthest that planes are moved and origins lie beside, in cells: far beyond the grid, and with any inverse below what f32 can hold.
+/// Largest distance, in cells, that planes are moved and that origins lie outside the grid: far beyond the grid, and its product with any
+/// inverse fits f32.
 const FARTHEST: f64 = (1u64 << 40) as f64;
 
-/// Where an instance is in the world, as corners and as sizes: see the module.
+/// World bounds of an instance, with the sizes that the module's error bound needs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WorldBounds {
     lo: DVec3,
     hi: DVec3,
-    /// |M|·|corner| + |T|, the largest component.
+    /// Largest component of |M|·|corner| + |T|.
     size: f64,
-    /// C.
+    /// C of the module's bound.
     condition: f64,
 }
 
-/// See the module.
+/// The hierarchy over instances (see the module).
 #[derive(Debug)]
 pub struct InstanceTree {
     bvh: Bvh,
     /// World position of the grid's origin.
     pub translation: DVec3,
-    /// A power of two.
+    /// Scale from the world to the grid, a power of two.
     pub cells_a_unit: f64,
-    /// How far planes are moved, in cells: by each unit that the ray's origin is from the world's.
+    /// How far planes are moved outward, in cells for each unit of the ray origin's distance from the world's origin.
     pub slack_a_unit: f64,
-    /// And besides.
+    /// How far planes are moved outward in addition, in cells.
     pub slack: f64,
 }
 
-/// A ray in the grid.
+/// A ray in the grid's space.
 struct GridRay {
     moved: BvhRay,
-    /// Scaled t where it comes to the grid.
+    /// Scaled t where the ray reaches the grid.
     enter: f64,
-    /// Scaled t per t of the world's ray.
+    /// Scaled t for each t of the world's ray.
     scale: f64,
 }
 
 impl WorldBounds {
-    /// Of these bounds in the placement's own space.
+    /// World bounds of these bounds, which are in the placement's own space.
     pub fn new(bounds: BoxBounds, placement: &Placement) -> Self {
         let m = placement.world_from_index.matrix3;
         let columns = [m.x_axis, m.y_axis, m.z_axis];
@@ -91,7 +93,7 @@ impl WorldBounds {
             hi += first.max(last);
             size += last.abs();
         }
-        // The adjugate of sizes: nothing cancels.
+        // The adjugate of absolute values: nothing cancels.
         let [x, y, z] = columns.map(DVec3::abs);
         let cross = |a: DVec3, b: DVec3| {
             DVec3::new(a.y * b.z + a.z * b.y, a.z * b.x + a.x * b.z, a.x * b.y + a.y * b.x)
@@ -104,8 +106,8 @@ impl WorldBounds {
 }
 
 impl InstanceTree {
-    /// Over instances by their numbers; those that draw nothing are `None`. No hierarchy where there are fewer than `least`, or none that
-    /// this grid can hold: of sizes that doubles cannot span.
+    /// Builds over instances by their index; an instance that draws nothing is `None`. Returns `None` where there are fewer than `least`,
+    /// or where f64 cannot span their sizes.
     ///
     /// # Errors
     /// As [`Bvh::build`].
@@ -148,13 +150,13 @@ impl InstanceTree {
         &self.bvh
     }
 
-    /// Heap bytes.
+    /// Size on the heap in bytes.
     pub fn bytes(&self) -> u64 {
         self.bvh.bytes()
     }
 
-    /// Calls `visit` with the number of each instance that the ray may meet before `t_max`, in the world's t. `visit` returns the
-    /// new limit; −∞ ends it.
+    /// Calls `visit` with the index of each instance that the ray may meet before `t_max`, in the world's t. `visit` returns the new limit;
+    /// −∞ ends the traversal.
     #[inline]
     pub fn along_ray(&self, ray: &RayInWorld, t_max: f64, mut visit: impl FnMut(u32) -> f64) {
         let Some(GridRay { moved, enter, scale }) = self.grid_ray(ray, t_max) else { return };
@@ -162,7 +164,7 @@ impl InstanceTree {
         self.bvh.along_ray(&moved, limit(t_max), |number| limit(visit(number)));
     }
 
-    /// The ray moved to the grid; `None` where it misses all, or is none.
+    /// The ray moved to the grid; `None` where it misses everything or is not finite.
     #[inline]
     fn grid_ray(&self, ray: &RayInWorld, t_max: f64) -> Option<GridRay> {
         let bounds = self.bvh.bounds()?;
@@ -193,7 +195,7 @@ impl InstanceTree {
             moved.origin[a] = at.clamp(lo, hi) as f32;
             moved.inverse[a] = inverse[a].clamp(-LARGEST_INVERSE, LARGEST_INVERSE) as f32;
         }
-        // Twice: what the hierarchy's own roundings make of an origin beside its bounds is a small part of how far it is beside.
+        // Twice, because the hierarchy's own rounding of an origin outside its bounds is a small part of its distance from them.
         moved.pad = self.bvh.pad() + (2.0 * beside) as f32;
         Some(GridRay { moved, enter, scale })
     }
@@ -218,8 +220,8 @@ mod tests {
         }
     }
 
-    /// How many of the instances that rays are aimed at, in the instances' own space, a hierarchy over them does not find: of sheared
-    /// shapes, or of none that are, about a place, seen from nearby and from afar.
+    /// Aims rays at instances, in each instance's own space, and counts the instances that the hierarchy does not find. The instances are
+    /// sheared if `squeeze` is given, lie about `at`, and are seen from nearby and from afar.
     fn lost(at: f64, squeeze: Option<f64>, change: impl Fn(&mut InstanceTree)) -> usize {
         let mut random = Random(9);
         let bounds = BoxBounds { lo: [0; 3], hi: [64; 3] };
@@ -228,7 +230,7 @@ mod tests {
                 let mut column = || 1e-3 * (random.point() - 0.5);
                 let m = match squeeze {
                     Some(squeeze) => DMat3::from_cols(column(), squeeze * column(), column()),
-                    // (So long that far away doubles round it down.)
+                    // (Long enough that f64 rounds it down far away.)
                     None => DMat3::from_diagonal(DVec3::splat(1.02e-3)),
                 };
                 let at = DVec3::splat(at) + random.point();
@@ -241,13 +243,13 @@ mod tests {
         let mut lost = 0;
         for (number, place) in (0u32..).zip(&places) {
             for reach in [1.0, 1e3, 1e6] {
-                // Beside an edge of its bounds.
+                // Close to an edge of its bounds.
                 let origin = DVec3::splat(at) + (random.point() - 0.5) * reach;
                 let corner = DVec3::new(63.7, 63.7, 64.0 * random.next());
-                // (To where it is in between what doubles can say of the world.)
+                // (To where the world position lies between two f64 values.)
                 let from = place.index_from_world(origin - place.world_from_index.translation);
                 let ray = RayInWorld { origin, direction: place.world_from_index.matrix3 * (corner - from) };
-                // As the instance sees it: it may pass beside by rounding.
+                // As the instance sees the ray, which rounding may have moved past it.
                 let own = place.index_from_world(ray.direction);
                 let (mut enter, mut leave) = (0.0f64, f64::INFINITY);
                 for a in 0..3 {
@@ -276,7 +278,7 @@ mod tests {
         }
     }
 
-    /// The control: with planes where doubles put them, rays are lost far away.
+    /// Negative control: with planes left where f64 puts them, rays are lost far away.
     #[test]
     fn without_the_slack_rays_are_lost() {
         let without = |tree: &mut InstanceTree| (tree.slack, tree.slack_a_unit) = (0.0, 0.0);
@@ -293,7 +295,7 @@ mod tests {
             WorldBounds::new(unit, &place).condition
         };
         assert_eq!(condition(DMat3::from_diagonal(DVec3::new(0.5, -4.0, 1024.0))), 1.0);
-        // |M| = [[1, s], [0, 1]], its inverse's sizes the same: rows of the product sum to 1 + 2 s.
+        // |M| = [[1, s], [0, 1]], and its inverse has the same absolute values: the rows of the product sum to 1 + 2 s.
         let sheared = DMat3::from_cols(DVec3::X, DVec3::new(1000.0, 1.0, 0.0), DVec3::Z);
         assert_eq!(condition(sheared), 2001.0);
     }

@@ -1,7 +1,7 @@
-//! Which detail each box is drawn at (paper §4.3): 16, 4 or 1 voxels, for all boxes or by distance.
+//! The level of detail that each box is drawn at (paper §4.3): elements of 16, 4 or 1 voxels, for all boxes or by distance.
 //!
-//! The choice is no part of the hierarchy: a box's level is found when a ray meets the box, from the placement and the choice alone,
-//! so that a camera moves without anything being built.
+//! The choice is not part of the hierarchy: the level of a box is computed when a ray meets it, from the placement and the choice alone, so
+//! a camera moves without rebuilding anything.
 
 use crate::BoxBounds;
 use glam::{DAffine3, DVec3};
@@ -10,12 +10,12 @@ use pumice_scene::{Camera, Film, Lod, Projection};
 use super::each_axis;
 use crate::camera_rays::fitted_side;
 
-/// Detail at which the walk through a box stops.
+/// Level of detail at which the walk through a box stops.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum DetailLevel {
-    /// Voxels.
+    /// Every voxel.
     Voxels = 0,
-    /// Cells with a voxel.
+    /// Whole cells of 4³ voxels that hold a voxel.
     Cells = 1,
     /// The whole box.
     Boxes = 2,
@@ -26,18 +26,18 @@ pub enum DetailLevel {
 pub enum LodChoice {
     /// Every voxel: exact.
     Voxels,
-    /// Cells of 4³ voxels that hold any; where several labels do, the lowest dense index.
+    /// Whole cells of 4³ voxels that hold any voxel; where cells of several labels coincide, the lowest dense index wins.
     Cells,
-    /// Whole boxes, 4-voxel granular, clipped to the volume; where several overlap, the lowest dense index.
+    /// Whole boxes, in multiples of 4 voxels, clipped to the volume; where several overlap, the lowest dense index wins.
     Boxes,
-    /// Per box, by its least distance D from `eye_in_world`: the coarsest level whose element (its longest edge in the world) is
-    /// at most `world_constant + world_per_distance·D`. By the box, not by the ray: every ray sees the same geometry.
+    /// Per box, by its least distance D from `eye_in_world`: the coarsest level whose element's longest edge in the world is at most
+    /// `world_constant + world_per_distance·D`. The level depends on the box and not on the ray, so every ray sees the same geometry.
     Distance {
-        /// The camera.
+        /// Position of the camera in the world.
         eye_in_world: DVec3,
-        /// Allowed element edge per distance (perspective).
+        /// Allowed element edge for each unit of distance (perspective).
         world_per_distance: f64,
-        /// Allowed element edge whatever the distance (orthographic).
+        /// Allowed element edge at any distance (orthographic).
         world_constant: f64,
     },
 }
@@ -45,7 +45,7 @@ pub enum LodChoice {
 impl LodChoice {
     /// The choice that the scene's settings ask for.
     pub fn new(lod: Lod, camera: &Camera, film: &Film) -> Self {
-        // Pixels that are not square: the shorter of their sides counts.
+        // Pixels need not be square: the shorter side counts.
         let pixels_long = fitted_side(camera.fit, film) / film.pixel_aspect.min(1.0);
         match lod {
             Lod::Voxels => Self::Voxels,
@@ -65,7 +65,7 @@ impl LodChoice {
         }
     }
 
-    /// The same levels, chosen box by box among all: by a distance that no box is beyond.
+    /// The same levels, but chosen box by box: `Voxels` becomes a distance that no box lies beyond.
     #[must_use]
     pub fn with_level_bounds(self) -> Self {
         match self {
@@ -76,7 +76,7 @@ impl LodChoice {
         }
     }
 
-    /// The choice, made ready for boxes of one placement.
+    /// Prepares the choice for the boxes of one placement.
     pub fn placed(&self, world_from_index: &DAffine3) -> Detail {
         match *self {
             Self::Voxels => Detail::Same(DetailLevel::Voxels),
@@ -102,32 +102,32 @@ impl LodChoice {
     }
 }
 
-/// Voxels by which a box may end beyond the volume.
+/// Voxels by which a box may extend beyond the volume.
 const MOST_BEYOND: u32 = 15;
 
-/// Squares of distances up to here are finite in f32; an eye beyond is put here.
+/// Squares of distances up to this are finite in f32; an eye farther away is moved to this distance.
 const FARTHEST_EYE: f32 = 1e18;
 
-/// See [`LodChoice::placed`].
+/// A choice prepared for one placement; see [`LodChoice::placed`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Detail {
-    /// All boxes alike.
+    /// All boxes have this level.
     Same(DetailLevel),
-    /// See [`LodChoice::Distance`].
+    /// The level depends on the distance; see [`LodChoice::Distance`].
     ByDistance(ByDistance),
 }
 
-/// Squared distances from which boxes are coarser, in units of a voxel's longest edge in the world. In f32, products and sums in a
-/// fixed order: a shader comes to the same levels, bit for bit.
+/// Squared distances from which boxes become coarser, in units of a voxel's longest edge in the world. In f32, with products and sums in a
+/// fixed order, so that a shader computes the same levels, bit for bit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ByDistance {
-    /// The camera.
+    /// Position of the camera in index space.
     pub eye_in_index: [f32; 3],
-    /// Columns of the placement's matrix, over that edge.
+    /// Columns of the placement's matrix, divided by the longest edge.
     pub edges_from_index: [[f32; 3]; 3],
-    /// From here on cells are drawn.
+    /// Squared distance from which cells are drawn.
     pub cells_from_squared: f32,
-    /// From here on whole boxes are.
+    /// Squared distance from which whole boxes are drawn.
     pub boxes_from_squared: f32,
 }
 
@@ -141,8 +141,8 @@ impl Detail {
         }
     }
 
-    /// The level of all boxes within `bounds` where it is one for certain: the one that was chosen, or the one that the nearest and the
-    /// farthest point share.
+    /// The common level of all boxes within `bounds`, where there certainly is one: the fixed choice, or the level that the nearest and the
+    /// farthest point share. `None` otherwise.
     pub fn everywhere(&self, bounds: &BoxBounds) -> Option<DetailLevel> {
         match self {
             Self::Same(level) => Some(*level),
@@ -151,15 +151,15 @@ impl Detail {
                     let at = |a: usize| if c >> a & 1 == 0 { bounds.lo[a] } else { bounds.hi[a] };
                     by.distance_squared(each_axis(|a| by.eye_in_index[a] - at(a) as f32))
                 });
-                // Distances grow towards corners, and eight roundings are far less than this.
+                // Distances grow towards the corners, and eight roundings amount to far less than this factor.
                 let farthest = corners.fold(0.0, f32::max) * 1.000_01;
-                // (Boxes may reach beyond the volume, where their bounds end.)
+                // (Boxes may extend beyond the volume, while their bounds end there.)
                 let end = bounds.hi.map(|hi| hi.saturating_add(MOST_BEYOND));
                 let nearest = by.level(bounds.lo, each_axis(|a| end[a] - bounds.lo[a]));
                 match nearest {
                     _ if farthest < by.cells_from_squared => Some(DetailLevel::Voxels),
-                    // Coordinates along axes that are parallel to the world's: each is no farther for a box than for what is around all,
-                    // and sums and products in f32 keep that order.
+                    // Where the axes are parallel to the world's, each coordinate distance of a box is at most that of the bounds, and sums
+                    // and products in f32 keep that order.
                     DetailLevel::Boxes if by.is_aligned() => Some(DetailLevel::Boxes),
                     DetailLevel::Cells if by.is_aligned() && farthest < by.boxes_from_squared => {
                         Some(DetailLevel::Cells)
@@ -172,11 +172,11 @@ impl Detail {
 }
 
 impl ByDistance {
-    /// The level of the box of that origin and extent.
+    /// The level of the box with this origin and extent.
     #[inline]
     pub fn level(&self, origin: [u32; 3], extent: [u32; 3]) -> DetailLevel {
-        // Nearest point in index space: the nearest in the world too when the axes are orthogonal, as they are but for sheared
-        // matrices, where the level may be one too coarse.
+        // Nearest point in index space. It is the nearest in the world too if the axes are orthogonal; for sheared matrices the level may
+        // be one too coarse.
         let away = each_axis(|a| {
             let (lo, hi) = (origin[a] as f32, (origin[a] + extent[a]) as f32);
             self.eye_in_index[a] - self.eye_in_index[a].clamp(lo, hi)
@@ -191,7 +191,7 @@ impl ByDistance {
         }
     }
 
-    /// Whether each axis of index space lies along one of the world's.
+    /// Whether each axis of index space is parallel to an axis of the world.
     fn is_aligned(&self) -> bool {
         let others = |r: usize| (0..3).filter(|&c| self.edges_from_index[c][r] != 0.0).count();
         (0..3).all(|r| others(r) == 1)
@@ -211,8 +211,8 @@ mod tests {
 
     use super::*;
 
-    /// Wherever a level is told for all boxes within bounds, each box has it: placements along the world's axes and askew, eyes within and
-    /// far off, boxes that end beyond the bounds. Each level is told, and some choices are not one level.
+    /// Where `everywhere` gives a level for bounds, each box within them has that level: for placements aligned with the world's axes and
+    /// oblique ones, eyes inside and far away, and boxes that extend beyond the bounds. Each level occurs, and so does `None`.
     #[test]
     fn a_level_everywhere_is_that_of_each_box() {
         let mut s = 7u64;

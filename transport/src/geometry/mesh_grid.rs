@@ -1,17 +1,16 @@
-//! A triangle mesh in a grid of its own, in which the hierarchy of the volumes holds triangles.
+//! A triangle mesh in an integer grid of its own, so that the same hierarchy as for volumes can hold its triangles.
 //!
 //! ```text
-//!  mesh space  p          any place, any unit
-//!      │  (p − lowest corner) · 2ᵏ + 2        k so that the longest side has 2¹⁹ to 2²⁰ cells
-//!      ▼
-//!  grid        corners in f32, bounds of triangles in whole cells
+//! mesh space  p          any position, any unit
+//!     │  (p − lowest corner) · 2ᵏ + 2        k such that the longest side has 2¹⁹ to 2²⁰ cells
+//!     ▼
+//! grid        corners in f32, bounds of triangles in whole cells
 //! ```
-//! The power of two rounds nothing, so corners lose what f32 loses at the mesh's own size: 2⁻²⁵ of its longest side. That is what
-//! Blender's corners have to begin with, and wherever the mesh lies in the world, that is how it stays. A side that is parallel to an
-//! axis stays so exactly.
+//! The power of two rounds nothing, so corners lose only f32's precision at the mesh's own size, 2⁻²⁵ of its longest side, wherever the
+//! mesh lies in the world. Blender's corners have that precision to begin with. A side parallel to an axis stays exactly parallel.
 //!
-//! Bounds reach a whole cell beyond the triangle on each side: `cpu-renderer/src/traverse/triangle.rs` computes in f32 from distances of less than
-//! 2²¹ cells, and decides as if the ray passed by less than half a cell from where it does.
+//! Bounds reach a whole cell beyond the triangle on each side, because `cpu-renderer/src/traverse/triangle.rs` computes in f32 from
+//! distances of less than 2²¹ cells, and its result is that of a ray less than half a cell away.
 
 use crate::{BoxBounds, RenderError};
 use glam::{DAffine3, DVec3};
@@ -19,29 +18,29 @@ use pumice_core::MeshData;
 
 use super::placement::Placement;
 
-/// Cells from the grid's lowest plane to the mesh: room for the bounds' margin.
+/// Cells from the grid's lowest plane to the mesh, which leaves room for the margin of the bounds.
 const MARGIN: f64 = 2.0;
 
-/// See the module.
+/// The corners of a mesh in its grid (see the module).
 #[derive(Clone, Debug)]
 pub struct MeshGrid {
-    /// The mesh's corners in the grid.
+    /// Corners of the mesh in grid coordinates.
     pub corners: Vec<[f32; 3]>,
-    /// Grid to the mesh's own space.
+    /// Transform from the grid to mesh space.
     pub mesh_from_grid: DAffine3,
 }
 
 impl MeshGrid {
-    /// The grid of the mesh at a place of the scene.
+    /// The grid of `mesh`, which is number `place` of the scene's meshes.
     ///
     /// # Errors
-    /// [`RenderError::Scene`] names the mesh that is larger or smaller than doubles can tell apart.
+    /// [`RenderError::Scene`] names the mesh if its longest side is outside 1e-270 to 1e270.
     pub fn new(place: u32, mesh: &MeshData) -> Result<Self, RenderError> {
         let places = || mesh.positions().iter().map(|&p| DVec3::from(p));
         let lo = places().reduce(DVec3::min).unwrap_or_default();
         let hi = places().reduce(DVec3::max).unwrap_or_default();
         let side = (hi - lo).max_element();
-        // 2ᵏ and its inverse are normal numbers with room for products.
+        // 2ᵏ and its inverse are normal numbers, with room for products.
         if side != 0.0 && !(1e-270..1e270).contains(&side) {
             return Err(RenderError::Scene(format!(
                 "meshes[{place}]: expected a longest side from 1e-270 to 1e270, got {side:e}"
@@ -59,7 +58,7 @@ impl MeshGrid {
         Ok(Self { corners, mesh_from_grid })
     }
 
-    /// Bounds and number of each triangle: what hierarchies are built over.
+    /// Bounds and index of each triangle, for building a hierarchy.
     pub fn bounds(&self, mesh: &MeshData) -> Vec<(BoxBounds, u32)> {
         let bounds = |&corners: &[u32; 3]| {
             let cells = corners.map(|c| self.corners[c as usize].map(|v| v as u32));
@@ -69,16 +68,16 @@ impl MeshGrid {
         mesh.triangles().iter().map(bounds).zip(0..).collect()
     }
 
-    /// Heap bytes.
+    /// Size on the heap in bytes.
     pub fn bytes(&self) -> u64 {
         (self.corners.capacity() * size_of::<[f32; 3]>()) as u64
     }
 }
 
-/// Where a mesh of the scene is, as the place of its grid.
+/// Placement of a mesh's grid in the world.
 ///
 /// # Errors
-/// [`RenderError::Scene`] names the mesh whose matrix is singular.
+/// [`RenderError::Scene`] names the mesh if its matrix is singular.
 pub fn mesh_placement(
     place: u32,
     mesh_from_grid: DAffine3,
@@ -102,14 +101,14 @@ mod tests {
 
     #[test]
     fn corners_come_back_and_bounds_hold_them() {
-        // Far from the origin, where f32 alone would keep nothing of the shape.
+        // Far from the origin, where f32 alone would lose the shape.
         for (at, side) in [(0.0, 1.0), (1e9, 3.0), (-7e5, 1e-3), (0.0, 5e6)] {
             let data = mesh(&[[at, at, at], [at + side, at, at + side / 3.0], [at, at + side / 7.0, at]]);
             let grid = MeshGrid::new(0, &data).unwrap();
             for (p, g) in data.positions().iter().zip(&grid.corners) {
                 let back = grid.mesh_from_grid.transform_point3(glam::Vec3::from(*g).as_dvec3());
                 let error = (back - DVec3::from(*p)).abs().max_element();
-                // f32 of the grid, and doubles at the place of the mesh.
+                // Precision of f32 in the grid, plus that of f64 at the mesh's position.
                 let bound = side / (1u64 << 24) as f64 + at.abs() * 4.0 * f64::EPSILON;
                 assert!(error <= bound, "{error} > {bound} at {at}");
             }

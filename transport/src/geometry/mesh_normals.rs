@@ -1,13 +1,13 @@
-//! Smooth normals of triangles: what corners say, blended over the triangle by its areas.
+//! Smooth normals of triangles: the normals of the corners, blended over the triangle with barycentric weights.
 //!
-//! The surface stays that of the triangles. What is blended is the direction that surfaces are shaded by, as Cycles does: unit normals
-//! of the corners in the mesh's own space, weighted, and only then brought to the world by the inverse transpose. (Cycles does the last
-//! two in the other order for a mesh that a scene has once: stretched unevenly, its normals differ by as much as the corners' do.)
+//! The surface itself stays flat; only the shading normal is blended, as in Cycles: unit normals of the corners in mesh space, weighted,
+//! then transformed to the world by the inverse transpose. (For a mesh that a scene uses once, Cycles swaps the last two steps: under
+//! uneven scaling its normals then differ, by as much as the corner normals do.)
 
 use glam::{DVec3, Vec3};
 use pumice_core::octahedral::{FLAT, decode};
 
-/// Blended normal at `p`, of any length above 0, in the space of the corners; `None` where the triangle's own is meant.
+/// Blended normal at `p`, of any length above 0, in the space of the corners; `None` where the triangle's own normal applies.
 pub fn blended_normal(corners: [DVec3; 3], normals: [u32; 3], p: DVec3) -> Option<Vec3> {
     if normals == [FLAT; 3] {
         return None;
@@ -16,12 +16,12 @@ pub fn blended_normal(corners: [DVec3; 3], normals: [u32; 3], p: DVec3) -> Optio
     let from_p = corners.map(|c| (c - p).as_vec3());
     let mut sum = Vec3::ZERO;
     for i in 0..3 {
-        // Twice the area of the triangle between the point and the other two corners, times twice the whole's.
+        // Twice the area of the triangle between the point and the other two corners, times twice the whole area.
         let weight = from_p[(i + 1) % 3].cross(from_p[(i + 2) % 3]).dot(own).max(0.0);
         let normal = if normals[i] == FLAT { own } else { Vec3::from(decode(normals[i])) };
         sum += normal * (weight / normal.length());
     }
-    // Corners may say the opposite of each other, and a triangle may have no area.
+    // Corner normals may be opposite to each other, and a triangle may have no area.
     let largest = sum.abs().max_element();
     (largest > 0.0 && largest.is_finite()).then(|| sum / largest)
 }
@@ -51,7 +51,7 @@ mod tests {
         for (u, v) in [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (0.25, 0.5), (0.5, 0.5), (0.1, 0.0)] {
             let expected = (n[0] * (1.0 - u - v) + n[1] * u + n[2] * v).normalize();
             let got = blended_normal(CORNERS, words, at(u, v)).unwrap().as_dvec3().normalize();
-            // Words are off by 7e-5 at most.
+            // Decoded normals are off by 7e-5 at most.
             assert!((got - expected).length() < 1.5e-4, "{u} {v}: {got} {expected}");
         }
     }
@@ -62,7 +62,7 @@ mod tests {
         assert_eq!(blended_normal(CORNERS, [FLAT; 3], at(0.3, 0.3)), None);
         let mixed = [FLAT, word(1.0, 0.0, 1.0), FLAT];
         assert_eq!(blended_normal(CORNERS, mixed, at(0.0, 0.7)).unwrap().normalize(), up);
-        // Opposite to each other, and in the middle.
+        // Opposite to each other, at the midpoint.
         let against = [word(1.0, 0.0, 0.0), word(-1.0, 0.0, 0.0), FLAT];
         assert_eq!(blended_normal(CORNERS, against, at(0.5, 0.0)), None);
         // No area: a line, and a point.

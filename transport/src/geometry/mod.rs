@@ -1,13 +1,13 @@
-//! Geometry made ready for rays, whoever traces them.
+//! Geometry in the form that rays are traced through, shared by all tracers.
 //!
 //! ```text
 //! placement       where an instance is: world ↔ index space, exact for whole numbers
 //! bvh             a hierarchy over integer boxes, triangles or instances; instance_tree puts one over a whole scene
 //! bricks          all drawn labels of a volume in one sparse grid of 64-bit masks
-//! cuts            planes of what is taken away
-//! lod             which level of detail each box is drawn at
-//! visible_boxes   which boxes are drawn; neighbors and voxel_normals shade them smooth
-//! mesh_grid       triangles of a mesh as cells of a grid; mesh_normals shades them smooth
+//! cuts            planes of the parts that are cut away
+//! lod             the level of detail of each box
+//! visible_boxes   the boxes that are drawn; neighbors and voxel_normals give them smooth shading
+//! mesh_grid       triangles of a mesh in an integer grid; mesh_normals gives them smooth shading
 //! ```
 
 pub mod bricks;
@@ -32,12 +32,12 @@ pub use neighbors::{Neighbors, REACH};
 pub use placement::Placement;
 pub use visible_boxes::visible_boxes;
 
-/// Scaled t within which two planes of a voxel may be taken for a tie: of the walk through a box, t ≤ 16, 3 roundings of f32 each
-/// and twice that for two planes. A surface may be reported this far before it is met.
+/// Largest difference in scaled t at which two planes of a voxel may count as a tie: t ≤ 16 in the walk through a box, 3 roundings of f32
+/// each, times two for two planes. A surface may be reported this far before the ray reaches it.
 pub const TIE: f64 = 2.0 * 16.0 * 3.0 / 16_777_216.0;
 
-/// `f` of the three axes. (What `[0, 1, 2].map(f)` is, but for certain without a call: whether the compiler takes the one in a
-/// walk for worth inlining hangs on unrelated lines, and the call costs some per cent of all rays.)
+/// `f` of the three axes. Same as `[0, 1, 2].map(f)`, but always inlined: whether the compiler inlines `map` inside a walk depends on
+/// unrelated lines, and the call costs a few per cent of the time of all rays.
 #[inline(always)]
 pub fn each_axis<T>(mut f: impl FnMut(usize) -> T) -> [T; 3] {
     [f(0), f(1), f(2)]

@@ -1,23 +1,23 @@
-//! For each box of a volume, which boxes of its label are near: what is asked where a face's normal is that of its surroundings.
+//! For each box of a volume, the nearby boxes of the same label. Smooth voxel normals need them to see the surroundings of a face.
 //!
 //! ```text
 //! ends    [e0, e1, …]          one for each box
-//! boxes   [… box 0's …|… box 1's …|…]     box i's end at ends[i] and start where the one's before end; rising, itself among them
+//! boxes   [… box 0's …|… box 1's …|…]     the list of box i ends at ends[i] and starts at the end before; ascending, includes i itself
 //! ```
-//! Made ready where voxels are shaded smooth and nowhere else; a label's boxes are some 16 voxels wide, so that most have up to 26 such
-//! neighbours. A hierarchy would find them too, but a graphics processor's answers for rays alone.
+//! Built only where voxels are shaded smooth. A label's boxes are about 16 voxels wide, so most have up to 26 such neighbours. A hierarchy
+//! would find them too, but on a graphics processor it answers only rays.
 
 use std::collections::HashMap;
 
 use crate::BoxBounds;
 
-/// How far a face's surroundings reach, in voxels.
+/// How far the surroundings of a face reach, in voxels.
 pub const REACH: u32 = 3;
 
-/// log₂ of the edge of the cells that boxes are sorted into.
+/// log₂ of the edge length, in voxels, of the cells that boxes are sorted into.
 const CELL_SHIFT: u32 = 4;
 
-/// See the module.
+/// Lists of nearby boxes (see the module).
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Neighbors {
     end_offsets: Vec<u32>,
@@ -25,9 +25,9 @@ pub struct Neighbors {
 }
 
 impl Neighbors {
-    /// Of `count` boxes, those that are drawn given as (number, label, bounds).
+    /// Builds the lists of `count` boxes; `drawn` gives the drawn boxes as (index, label, bounds).
     pub fn new(count: usize, drawn: &[(u32, u32, BoxBounds)]) -> Self {
-        // Boxes by the cells that they are in.
+        // Boxes by the cells that they reach into.
         let mut by_cell = HashMap::<(u32, [u32; 3]), Vec<usize>>::new();
         for (at, &(_, label, bounds)) in drawn.iter().enumerate() {
             cells(bounds, |cell| by_cell.entry((label, cell)).or_default().push(at));
@@ -57,7 +57,7 @@ impl Neighbors {
         Self { end_offsets: ends.collect(), boxes: of.concat() }
     }
 
-    /// Boxes near one.
+    /// Indices of the boxes near this box, itself included.
     #[inline]
     pub fn of(&self, number: u32) -> &[u32] {
         let at = number as usize;
@@ -65,23 +65,23 @@ impl Neighbors {
         &self.boxes[start as usize..self.end_offsets[at] as usize]
     }
 
-    /// Where each box's end.
+    /// End of each box's list in [`Neighbors::boxes`].
     pub fn end_offsets(&self) -> &[u32] {
         &self.end_offsets
     }
 
-    /// All of them, box by box.
+    /// The lists of all boxes, one after another.
     pub fn boxes(&self) -> &[u32] {
         &self.boxes
     }
 
-    /// Heap bytes.
+    /// Size on the heap in bytes.
     pub fn bytes(&self) -> u64 {
         4 * (self.end_offsets.len() + self.boxes.len()) as u64
     }
 }
 
-/// The cells that bounds reach into.
+/// Calls `visit` for each cell that the bounds reach into.
 fn cells(bounds: BoxBounds, mut visit: impl FnMut([u32; 3])) {
     let [lo, hi] = [bounds.lo.map(|v| v >> CELL_SHIFT), bounds.hi.map(|v| v.saturating_sub(1) >> CELL_SHIFT)];
     for z in lo[2]..=hi[2] {
@@ -97,7 +97,7 @@ fn cells(bounds: BoxBounds, mut visit: impl FnMut([u32; 3])) {
 mod tests {
     use super::*;
 
-    /// Against each pair.
+    /// Compares with a test of every pair.
     #[test]
     fn neighbors_are_those_that_reach_each_other() {
         let mut state = 7u32;

@@ -1,30 +1,30 @@
-//! Where an instance of a volume, or the grid of a mesh, is in the world.
+//! The transform of an instance of a volume, or of the grid of a mesh, in the world.
 
 use crate::RenderError;
 use glam::{DAffine3, DVec3};
 
 use super::each_axis;
 
-/// An instance's place in the world, inverted once: as adjugate and determinant, divided last. A zero of the inverse then stays
-/// an exact zero, and a matrix of small whole numbers (spacings in nm, permuted or sheared axes) is inverted without rounding
-/// but for that division: rays in a plane between voxels, as in isometric views, stay in it.
+/// An instance's matrix and its inverse, kept as adjugate and determinant, with the division last. A zero of the inverse then stays an
+/// exact zero, and a matrix of small whole numbers (spacings in nm, permuted or sheared axes) is inverted without rounding except in that
+/// division: rays in a plane between voxels, as in isometric views, stay in it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Placement {
-    /// Index space to world.
+    /// Transform from index space to the world.
     pub world_from_index: DAffine3,
-    /// Rows of the adjugate, all times the determinant's sign.
+    /// Rows of the adjugate, each times the determinant's sign.
     pub adjugate: [DVec3; 3],
-    /// Absolute determinant.
+    /// Absolute value of the determinant.
     pub determinant: f64,
-    /// The adjugate's columns, each with a 0 after it: what four lanes hold.
+    /// Columns of the adjugate, padded with a 0 to four lanes.
     pub columns: [[f64; 4]; 3],
 }
 
 impl Placement {
-    /// [`Placement::new`] for the instance at a place of the scene.
+    /// [`Placement::new`] for instance number `place` of the scene.
     ///
     /// # Errors
-    /// [`RenderError::Scene`] names the instance.
+    /// [`RenderError::Scene`] names the instance if its matrix cannot be inverted.
     pub fn of_instance(place: u32, world_from_index: DAffine3) -> Result<Self, RenderError> {
         Self::new(world_from_index).ok_or_else(|| {
             RenderError::Scene(format!(
@@ -34,7 +34,7 @@ impl Placement {
         })
     }
 
-    /// `None` when the matrix is singular, not finite, or so small or large that its determinant is not a normal number.
+    /// Returns `None` where the matrix is singular or not finite, or its determinant is too small or large to be a normal number.
     pub fn new(world_from_index: DAffine3) -> Option<Self> {
         let m = world_from_index.matrix3;
         let rows = [m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis)];
@@ -45,24 +45,24 @@ impl Placement {
         usable.then_some(Self { world_from_index, adjugate, determinant: det.abs(), columns })
     }
 
-    /// A vector of the world in index space.
+    /// Transforms a vector from the world to index space.
     #[inline(always)]
     pub fn index_from_world(&self, v: DVec3) -> DVec3 {
         let [x, y, z] = &self.columns;
         DVec3::from(each_axis(|a| (x[a] * v.x + y[a] * v.y + z[a] * v.z) / self.determinant))
     }
 
-    /// Unit normal in the world of a surface with this normal in index space: it stays on the same side of the surface, in mirrored
-    /// places too.
+    /// Unit normal in the world of a surface with this normal in index space. It stays on the same side of the surface, also where the
+    /// matrix mirrors.
     pub fn normal_of(&self, normal: DVec3) -> DVec3 {
         let [x, y, z] = self.adjugate;
-        // Adjugates of small voxels are small: a normal that was brought to 1 first has a square that is a number.
+        // The adjugate of small voxels is small; scaling the normal to 1 first keeps its square representable.
         let n = normal / normal.abs().max_element();
         let n = x * n.x + y * n.y + z * n.z;
         (n / n.abs().max_element()).normalize()
     }
 
-    /// Outward unit normal of a face in the world: the axis' covector, so that sheared and mirrored matrices are right.
+    /// Outward unit normal of a voxel face in the world, from the axis' covector, so that sheared and mirrored matrices are right.
     pub fn normal(&self, axis: usize, positive: bool) -> DVec3 {
         let n = self.adjugate[axis].normalize();
         if positive { n } else { -n }

@@ -1,11 +1,11 @@
-//! The boxes of a volume that are drawn, for whoever builds a hierarchy over them.
+//! The boxes of a volume that are drawn, as input for building a hierarchy.
 
 use crate::BoxBounds;
 use pumice_core::CompressedVolume;
 
 use super::each_axis;
 
-/// Bounds and number of each box of a visible label, in the volume's order; `tight` ones are those of its voxels.
+/// Bounds and index of each box of a visible label, in the volume's order. `tight` bounds enclose the box's voxels only.
 pub fn visible_boxes(volume: &CompressedVolume, visible: &[bool], tight: bool) -> Vec<(BoxBounds, u32)> {
     let mut boxes = Vec::new();
     for (c, chunk) in volume.chunks().iter().enumerate() {
@@ -32,12 +32,12 @@ pub fn visible_boxes(volume: &CompressedVolume, visible: &[bool], tight: bool) -
             }
         }
     }
-    // Building needs several times as much again: no room is left over.
+    // Building needs several times this memory, so no spare capacity is kept.
     boxes.shrink_to_fit();
     boxes
 }
 
-/// One past the highest voxel of a box that is within the volume.
+/// One past the highest voxel of a box that lies within the volume.
 #[inline(always)]
 pub fn clipped_end(origin: [u32; 3], extent: [u32; 3], dims: [u32; 3]) -> [u32; 3] {
     each_axis(|a| (origin[a] + extent[a]).min(dims[a]))

@@ -1,16 +1,16 @@
-//! Smooth normals of voxels: the direction in which a label's occupancy falls off about a point of one of its faces.
+//! Smooth normals of voxels: the direction in which a label's occupancy falls off around a point of one of its faces.
 //!
 //! ```text
-//! f(p) = Σ  o(v) · w(p₀ − v₀ − ½) · w(p₁ − v₁ − ½) · w(p₂ − v₂ − ½)      o: 1 where the label is, over 6 × 6 × 6 voxels about p
+//! f(p) = Σ  o(v) · w(p₀ − v₀ − ½) · w(p₁ − v₁ − ½) · w(p₂ − v₂ − ½)      o: 1 in voxels of the label; 6 × 6 × 6 voxels around p
 //!        v
-//! w = intervals of lengths 1, 2 and 3, folded with each other            normal: −∇f, a covector, brought to the world as such
+//! w = boxes of lengths 1, 2 and 3, convolved                             normal: −∇f, transformed to the world as a covector
 //! ```
-//! f has a gradient everywhere that changes without a step, so there are no facets, neither within a voxel's face nor from one to the
-//! next. It knows the label alone: what stands beside it changes nothing. Of a half space that is not cut into voxels the gradient of
-//! any such mean is exact, whatever the spacing; what is left is the error of the steps: 3° of a ball's normals on average, where faces are
-//! off by 39°. Kernels of radius 2 (4³ voxels) leave 7°, of 4 1.6° at twice the price, and they round off what is thin. The weights of all voxels along
-//! an axis add up to the same everywhere, because an interval of length 1 is among the folded: so where a label lies flat along its voxels, nothing
-//! is bent. (A smooth bump without that, (1 − x²/9)², bent such faces by up to 1.5° and did no better elsewhere.)
+//! f has a continuous gradient everywhere, so there are no facets, neither within a voxel's face nor between neighbouring faces. It depends
+//! on the label alone, not on what lies beside it. For a half space that is not voxelised the gradient of any such mean is exact, whatever
+//! the spacing. What remains is the error of the voxel steps: 3° on average for the normals of a ball, where faces are off by 39°. Kernels
+//! of radius 2 (4³ voxels) leave 7°; kernels of radius 4 leave 1.6° at twice the cost, and they round off thin structures. The weights of
+//! all voxels along an axis add up to the same everywhere, because a box of length 1 is among the convolved ones, so a label that is flat
+//! along its voxels is not bent. (A smooth bump without that, (1 − x²/9)², bent such faces by up to 1.5° and was no better elsewhere.)
 
 use glam::{DVec3, Vec3};
 use pumice_core::BoxView;
@@ -22,13 +22,13 @@ use super::neighbors::REACH;
 /// Voxels along each axis.
 const WIDTH: usize = 2 * REACH as usize;
 
-/// Intervals of lengths 2 and 3, folded.
+/// Boxes of lengths 2 and 3, convolved.
 #[inline]
 fn trapezium(x: f32) -> f32 {
     (2.5 - x.abs()).clamp(0.0, 2.0)
 }
 
-/// Its integral from 0.
+/// Integral of [`trapezium`] from 0 to `x`.
 #[inline]
 fn trapezium_up_to(x: f32) -> f32 {
     let a = x.abs().min(2.5);
@@ -36,17 +36,17 @@ fn trapezium_up_to(x: f32) -> f32 {
     area.copysign(x)
 }
 
-/// Weights of the voxels along one axis, and how they fall.
+/// Weights of the voxels along one axis, and their derivatives.
 #[derive(Clone, Copy)]
 struct Weights {
-    /// The lowest voxel.
+    /// Coordinate of the lowest voxel.
     first: i32,
     weight: [f32; WIDTH],
     slope: [f32; WIDTH],
 }
 
 impl Weights {
-    /// About a coordinate.
+    /// Weights around a coordinate.
     #[inline]
     fn new(at: f64) -> Self {
         let middle = (at + 0.5).floor();
@@ -61,7 +61,7 @@ impl Weights {
     }
 }
 
-/// −∇f at `p_in_index`, of any length, where these boxes hold the label about it; (0, 0, 0) where it falls off to no side.
+/// −∇f at `p_in_index`, of any length, where `boxes` hold the label around that point; (0, 0, 0) where the gradient vanishes.
 pub fn falling_off<'a>(
     boxes: impl Iterator<Item = (BoxView<'a>, DetailLevel, [u32; 3])>,
     p_in_index: DVec3,
@@ -69,7 +69,7 @@ pub fn falling_off<'a>(
     let about = each_axis(|a| Weights::new(p_in_index[a]));
     let mut sum = Vec3::ZERO;
     for (b, level, end) in boxes {
-        // What of the surroundings is in this box, from its origin.
+        // The part of the surroundings in this box, relative to its origin.
         let lo = each_axis(|a| (about[a].first - b.origin[a] as i32).max(0));
         let hi = each_axis(|a| (about[a].first + WIDTH as i32).min(end[a] as i32) - b.origin[a] as i32);
         if (0..3).any(|a| lo[a] >= hi[a]) {
@@ -94,7 +94,7 @@ pub fn falling_off<'a>(
     sum
 }
 
-/// The voxels of a cell, drawn at a level.
+/// The voxel mask of a cell at a level of detail.
 #[inline]
 fn voxels_of(b: &BoxView, level: DetailLevel, cell: u32) -> u64 {
     match level {
@@ -104,7 +104,8 @@ fn voxels_of(b: &BoxView, level: DetailLevel, cell: u32) -> u64 {
     }
 }
 
-/// What the voxels of one cell from `from` to `to` add; both count from the box's origin, which is `shift` above the lowest weight.
+/// The contribution to the gradient of one cell's voxels from `from` to `to`. Both are relative to the box's origin, which is `shift` above
+/// the lowest weight.
 #[inline]
 fn part_of_cell(about: &[Weights; 3], voxels: u64, from: [i32; 3], to: [i32; 3], shift: [i32; 3]) -> Vec3 {
     let mut sum = Vec3::ZERO;
@@ -132,7 +133,7 @@ fn part_of_cell(about: &[Weights; 3], voxels: u64, from: [i32; 3], to: [i32; 3],
 }
 
 impl Weights {
-    /// Weight and slope of the voxel with this number.
+    /// Weight and slope of the voxel at this index.
     #[inline]
     fn at(&self, number: i32) -> (f32, f32) {
         let i = (number.max(0) as usize).min(WIDTH - 1);

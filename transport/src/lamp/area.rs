@@ -1,10 +1,10 @@
-//! Area lamps: rectangles and ellipses that shine to one side.
+//! Area lamps: rectangles and ellipses that emit to one side.
 //!
-//! A rectangle is sampled by solid angle ([`SphericalRectangle`]), an ellipse by area, as in Cycles. **Spread** holds the light
-//! within a cone about the lamp's normal, as a honeycomb grid before it does: at angle x to the normal the grid lets through
-//! 1 − tan x / tan a, a being half the spread, and what is left is made brighter so that the lamp's power stays. From a receiver at
-//! height h only the part of the lamp within h · tan a of its foot shines, so only a rectangle about that part is sampled. A spread
-//! of 0 is a beam: parallel light as wide as the lamp.
+//! A rectangle is sampled by solid angle ([`SphericalRectangle`]), an ellipse by area, as in Cycles. **Spread** confines the light to a
+//! cone about the lamp's normal, like a honeycomb grid in front of it: at angle x to the normal the grid transmits 1 − tan x / tan a, where
+//! a is half the spread, and the rest is brightened so that the lamp's power stays the same. A receiver at height h sees only the part of
+//! the lamp within h · tan a of its foot point, so only a rectangle around that part is sampled. A spread of 0 is a beam: parallel light as
+//! wide as the lamp.
 
 use std::f32::consts::PI;
 
@@ -12,21 +12,21 @@ use glam::{Vec2, Vec3};
 
 use super::{LampKind, LampSample, ReadyLamp, SphericalRectangle};
 
-/// Below this solid angle a rectangle is sampled by its area: rounding, some 4e-7, would be more than 1e-4 of it.
+/// Below this solid angle a rectangle is sampled by area: the rounding error, about 4e-7, would exceed 1e-4 of the solid angle.
 const LEAST_SOLID_ANGLE: f32 = 4e-3;
 
-/// What of an area lamp is sampled, seen from a receiver: a rectangle in its plane, or the whole ellipse.
+/// The part of an area lamp that is sampled for a receiver: a rectangle in its plane, or the whole ellipse.
 struct SampledRegion {
     lo: Vec2,
     hi: Vec2,
-    /// The receiver's height over the plane.
+    /// Height of the receiver above the plane.
     height: f32,
-    /// The ellipse itself, by its area, instead of the rectangle.
+    /// Whether the ellipse itself is sampled, by area, instead of the rectangle.
     ellipse: bool,
 }
 
 impl ReadyLamp {
-    /// Whether a place relative to the middle, along the sides, is within the outline.
+    /// Whether a point, relative to the middle and along the sides, lies within the outline.
     #[inline]
     fn within_outline(&self, place: Vec2) -> bool {
         let p = place / Vec2::from_array(self.half);
@@ -42,7 +42,7 @@ impl ReadyLamp {
         Vec2::new(v.dot(self.sides[0]), v.dot(self.sides[1]))
     }
 
-    /// What the spread lets through along a ray towards the lamp.
+    /// Factor that the spread transmits along a ray towards the lamp.
     #[inline]
     fn through_spread(&self, direction: Vec3) -> f32 {
         let cos = -direction.dot(self.axis);
@@ -50,7 +50,7 @@ impl ReadyLamp {
         (self.tan_half_spread - tan).max(0.0) * self.spread_factor
     }
 
-    /// What is sampled of it; `None` where it does not shine upon the receiver.
+    /// The part that is sampled; `None` where the lamp does not illuminate the receiver.
     #[inline]
     fn part(&self, to_middle: Vec3) -> Option<SampledRegion> {
         let height = -to_middle.dot(self.axis);
@@ -66,7 +66,7 @@ impl ReadyLamp {
         }
         let wide = (hi.x - lo.x) * (hi.y - lo.y);
         let ellipse = self.kind == LampKind::Ellipse && wide >= PI * half.x * half.y;
-        // From here on relative to the receiver's foot.
+        // From here on relative to the receiver's foot point.
         Some(SampledRegion { lo: lo - foot, hi: hi - foot, height, ellipse })
     }
 
@@ -100,7 +100,7 @@ impl ReadyLamp {
         self.area_along(&part, way / distance, distance)
     }
 
-    /// What is seen along a direction that meets it; `None` where that is nothing.
+    /// The lamp as seen along a direction that meets it; `None` where it is black.
     #[inline]
     fn area_along(&self, part: &SampledRegion, direction: Vec3, distance: f32) -> Option<LampSample> {
         let radiance = self.radiance * self.through_spread(direction);
@@ -109,7 +109,7 @@ impl ReadyLamp {
         found.then_some(LampSample { direction, distance, radiance, pdf })
     }
 
-    /// Density per solid angle with which a direction to the sampled part is drawn.
+    /// Density per solid angle of a direction to the sampled part.
     #[inline]
     fn pdf_area(&self, part: &SampledRegion, direction: Vec3, distance: f32) -> f32 {
         let per_area = distance * distance / -direction.dot(self.axis);

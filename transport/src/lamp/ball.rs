@@ -1,9 +1,9 @@
 //! Balls: point and spot lamps.
 //!
-//! From outside, a ball of radius r at distance d fills a cone of sin θ = r/d; directions are uniform in it, so the density is
-//! 1 / (2π (1 − cos θ)) (Shirley, Wang and Zimmerman 1996, §3.2.1). Where a spot's own cone is narrower, directions are drawn
-//! from that one, and those that miss the ball bring nothing. From inside, the ball is all around and shines inwards: directions
-//! follow the cosine, and a spot's cone does not hold (as in Cycles).
+//! From outside, a ball of radius r at distance d fills a cone of sin θ = r/d. Directions are uniform in it, so the density is 1 / (2π (1 −
+//! cos θ)) (Shirley, Wang and Zimmerman 1996, §3.2.1). Where a spot's own cone is narrower, directions are sampled from that cone, and
+//! those that miss the ball carry no light. From inside, the ball surrounds the receiver and emits inwards: directions follow the cosine,
+//! and the spot's cone does not apply (as in Cycles).
 
 use std::f32::consts::{FRAC_1_PI, PI};
 
@@ -11,10 +11,10 @@ use glam::Vec3;
 
 use super::{LampKind, LampSample, ReadyLamp, Receiver};
 
-/// Below this sin²θ a ball is drawn as a point: the cone's directions differ by less than an f32 direction's rounding.
+/// Below this sin²θ a ball is treated as a point: directions in the cone differ by less than the rounding of an f32 direction.
 pub(super) const LEAST_SIN_SQUARED: f32 = 1e-13;
 
-/// Two unit vectors that make a right-handed frame with a unit normal: Duff et al. 2017, JCGT 6(1), listing 3.
+/// Two unit vectors that complete a unit normal to a right-handed frame: Duff et al. 2017, JCGT 6(1), listing 3.
 #[inline]
 pub(super) fn frame_around_f32(n: Vec3) -> (Vec3, Vec3) {
     let sign = 1f32.copysign(n.z);
@@ -23,7 +23,7 @@ pub(super) fn frame_around_f32(n: Vec3) -> (Vec3, Vec3) {
     (Vec3::new(1.0 + sign * n.x * n.x * a, sign * b, -sign * n.x), Vec3::new(b, sign + n.y * n.y * a, -n.y))
 }
 
-/// The direction whose cosine with `axis` is 1 − `w`, turned about it by `turn` of a turn.
+/// The direction whose cosine with `axis` is 1 − `w`, rotated about it by the fraction `turn` of a full turn.
 #[inline]
 fn around(axis: Vec3, w: f32, turn: f32) -> Vec3 {
     let (tangent, bitangent) = frame_around_f32(axis);
@@ -40,30 +40,30 @@ fn smoothstep(x: f32) -> f32 {
 }
 
 impl ReadyLamp {
-    /// What a spot's cone lets through along a ray towards it: all of what any other lamp sends.
+    /// Factor that a spot's cone transmits along a ray towards the lamp; 1 for other lamps.
     #[inline]
     pub(super) fn through_cone(&self, direction: Vec3) -> f32 {
         if self.kind != LampKind::Spot {
             return 1.0;
         }
-        // |a − b|² / 2 = 1 − cos for unit vectors, exact for small angles too.
+        // |a − b|² / 2 = 1 − cos for unit vectors, accurate at small angles too.
         let one_minus_cos = 0.5 * (direction + self.axis).length_squared();
         smoothstep((self.one_minus_cos_half_angle - one_minus_cos) * self.inverse_blend)
     }
 
-    /// Whether a spot's own cone is sampled instead of the one that the ball fills, which is that wide.
+    /// Whether directions are sampled from a spot's own cone, which is narrower than the cone that the ball fills (`one_minus_cos`).
     #[inline]
     fn by_own_cone(&self, one_minus_cos: f32) -> bool {
         self.kind == LampKind::Spot && self.one_minus_cos_half_angle < one_minus_cos
     }
 
-    /// A lamp too small to be more than a direction.
+    /// Samples a lamp that is so small that it is a single direction.
     #[inline]
     pub(super) fn sample_point(&self, to_middle: Vec3) -> Option<LampSample> {
         let (d2, r2) = (to_middle.length_squared(), self.half[0] * self.half[0]);
         let distance = d2.sqrt();
         let direction = to_middle / distance;
-        // Of a ball, radiance times the solid angle that it fills.
+        // For a ball: radiance times its solid angle.
         let seen = if r2 == 0.0 { 1.0 / d2 } else { PI * (r2 / d2) };
         let radiance = self.radiance * (seen * self.through_cone(direction));
         let found = radiance.max_element() > 0.0 && radiance.is_finite();
@@ -103,7 +103,7 @@ impl ReadyLamp {
     pub(super) fn meet_ball(&self, to_middle: Vec3, from: &Receiver, direction: Vec3) -> Option<LampSample> {
         let (d2, r2) = (to_middle.length_squared(), self.half[0] * self.half[0]);
         let along = to_middle.dot(direction);
-        // The nearest point to the middle, then half of the chord.
+        // The point of the ray nearest to the middle, then half of the chord.
         let chord2 = r2 - (to_middle - direction * along).length_squared();
         if d2 <= r2 {
             let distance = along + chord2.max(0.0).sqrt();
@@ -128,7 +128,7 @@ impl ReadyLamp {
     }
 }
 
-/// A direction from within a ball: after the cosine, or from all sides where light from behind counts.
+/// Samples a direction from inside a ball: by the cosine, or uniformly over the sphere where light from behind counts.
 #[inline]
 fn within(from: &Receiver, u: [f32; 2]) -> Vec3 {
     if from.both_sides {

@@ -1,7 +1,7 @@
-//! Balls with Blender's *Soft Falloff*: a disk of the ball's radius that faces whoever looks, with the ball's radiance.
+//! Balls with Blender's *Soft Falloff*: a disk of the ball's radius that always faces the receiver, with the ball's radiance.
 //!
-//! Cycles drew all point and spot lamps so before it had balls. Seen from far away both are the same; near by, a disk shrinks to a
-//! half of all directions where a ball closes around the receiver. Directions are drawn by the disk's area.
+//! Cycles drew all point and spot lamps in this way before it had balls. From far away both look the same. Near by, a disk fills at most
+//! half of all directions, while a ball closes around the receiver. Directions are sampled by the disk's area.
 
 use std::f32::consts::PI;
 
@@ -11,7 +11,7 @@ use super::ball::{LEAST_SIN_SQUARED, frame_around_f32};
 use super::{LampSample, ReadyLamp};
 
 impl ReadyLamp {
-    /// What is seen along a direction that meets the disk; `None` where that is nothing.
+    /// The disk as seen along a direction that meets it; `None` where it is black.
     #[inline]
     fn disk_along(&self, to_middle: Vec3, direction: Vec3, distance: f32) -> Option<LampSample> {
         let cos = to_middle.dot(direction) / to_middle.length();

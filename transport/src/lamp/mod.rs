@@ -1,18 +1,18 @@
-//! A lamp that stands in the scene, ready to be sampled: a ball (point and spot) or a flat shape that shines to one side (area).
+//! A lamp of the scene, prepared for sampling: a ball (point and spot) or a flat shape that emits to one side (area).
 //!
 //! | lamp | radiance, for power P, as in Cycles |
 //! |---|---|
-//! | ball of radius r | P / (4π² r²): seen from anywhere a disk of area π r², so P / (4π) W/sr |
+//! | ball of radius r | P / (4π² r²): from everywhere it looks like a disk of area π r², so P / (4π) W/sr |
 //! | point | no radiance: P / (4π) W/sr |
-//! | spot | the same, times what its cone lets through |
-//! | area of size A | P / (π A), times what its spread lets through |
-//! | beam (an area of spread 0) | no radiance: irradiance P / A where it falls |
+//! | spot | the same, times the transmission of its cone |
+//! | area of size A | P / (π A), times the transmission of its spread |
+//! | beam (an area of spread 0) | no radiance: irradiance P / A on the surfaces that it hits |
 //!
-//! A lamp is seen from a [`Receiver`]; three functions hold together, and tests hold them to it: `sample` draws a direction, `meet`
-//! finds the lamp along a direction, both with radiance and with the density that `sample` has there. Lamps cast no shadows and do
-//! not hide one another, as in Cycles: rays pass through them.
+//! A lamp is seen from a [`Receiver`]. Three results must agree, and tests check it: `sample` draws a direction, and `meet` finds the lamp
+//! along a direction; both return the radiance and the density that `sample` has there. Lamps cast no shadows and do not occlude one
+//! another, as in Cycles: rays pass through them.
 //!
-//! **Numbers.** The way from the receiver to the lamp's middle is taken in f64 and rounded once; all else is f32, as on the
+//! **Numbers.** The vector from the receiver to the lamp's middle is computed in f64 and rounded once; everything else is f32, as on the
 //! graphics processor.
 
 mod area;
@@ -27,52 +27,53 @@ use pumice_scene::{Light, LightShape, Outline};
 
 pub use spherical_rectangle::SphericalRectangle;
 
-/// Balls and sides below this, in world units, are drawn as points and as this wide: radiance must fit an f32, and 1/r² be no
-/// denormal number.
+/// Smaller balls, in world units, are treated as points, and smaller sides are widened to this: radiance must fit an f32, and 1/r² must not
+/// be denormal.
 const LEAST_SIZE: f64 = 1e-15;
 
-/// Spreads below this, in radians, are parallel: f32 directions cannot tell the rest.
+/// Spreads below this, in radians, are treated as parallel, because f32 directions cannot resolve them.
 const LEAST_SPREAD: f64 = 1e-4;
 
-/// Tangent of half a spread of π: so large that every angle's is small beside it, and its inverse no denormal number.
+/// Stands for the tangent of half a spread of π: so large that the tangent of every other angle is small beside it, while its inverse is
+/// not denormal.
 const WIDEST_TAN: f32 = 1e18;
 
-/// What shines.
+/// The shape of a lamp.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum LampKind {
     /// A ball, or a point where the radius is 0.
     Ball = 0,
-    /// A ball whose light is held within a cone.
+    /// A ball whose light is confined to a cone.
     Spot = 1,
-    /// A rectangle that shines to one side.
+    /// A rectangle that emits to one side.
     Rectangle = 2,
-    /// An ellipse that shines to one side.
+    /// An ellipse that emits to one side.
     Ellipse = 3,
 }
 
-/// A lamp, made ready.
+/// A lamp, prepared for sampling.
 #[derive(Clone, Copy, Debug)]
 pub struct ReadyLamp {
-    /// Its middle, world space.
+    /// Middle of the lamp, in the world.
     pub position: DVec3,
-    /// Which kind.
+    /// Shape.
     pub kind: LampKind,
-    /// Unit vector in which a spot or an area shines; 0 for a ball.
+    /// Unit vector along which a spot or an area emits; 0 for a ball.
     pub axis: Vec3,
     /// Unit vectors along the sides of an area.
     pub sides: [Vec3; 2],
-    /// Radius of a ball, twice; half of an area's extent along its sides.
+    /// Radius of a ball, in both entries; half of an area's extent along its sides.
     pub half: [f32; 2],
-    /// Radiance without cone or spread; of a point W/sr, of a beam irradiance.
+    /// Radiance before cone or spread; intensity in W/sr for a point, irradiance for a beam.
     pub radiance: Vec3,
-    /// Of a spot's cone.
+    /// 1 − cos of half the angle of a spot's cone.
     pub one_minus_cos_half_angle: f32,
     /// 1 / (one_minus_cos_half_angle · blend), at most 1e30.
     pub inverse_blend: f32,
-    /// Of an area's half spread; 0 for a beam.
+    /// Tangent of half an area's spread; 0 for a beam.
     pub tan_half_spread: f32,
-    /// Makes the power within the spread that of the lamp.
+    /// Factor that keeps the lamp's power the same when the spread confines it.
     pub spread_factor: f32,
     /// Whether a ball is drawn as a disk that faces the receiver (*Soft Falloff*).
     pub soft: bool,
@@ -80,32 +81,32 @@ pub struct ReadyLamp {
     pub visible_to_camera: bool,
 }
 
-/// Where light arrives.
+/// The point at which light arrives.
 #[derive(Clone, Copy, Debug)]
 pub struct Receiver {
-    /// World space.
+    /// Position in the world.
     pub point: DVec3,
     /// Unit normal on the side from which the surface is seen.
     pub normal: Vec3,
-    /// Whether light from behind counts too: the surface lets light through.
+    /// Whether light from behind counts too, because the surface transmits light.
     pub both_sides: bool,
 }
 
 /// Light from a lamp along one direction.
 #[derive(Clone, Copy, Debug)]
 pub struct LampSample {
-    /// Unit vector towards it.
+    /// Unit vector towards the lamp.
     pub direction: Vec3,
-    /// Way to it.
+    /// Distance to the lamp.
     pub distance: f32,
     /// Radiance; irradiance where `pdf` is 0.
     pub radiance: Vec3,
-    /// Density per solid angle of [`ReadyLamp::sample`]; 0: the only direction there is, which no scattered ray meets.
+    /// Density per solid angle of [`ReadyLamp::sample`]; 0 for a single direction that no scattered ray can meet.
     pub pdf: f32,
 }
 
 impl ReadyLamp {
-    /// Readies a lamp.
+    /// Prepares a lamp of the scene.
     pub fn new(light: &Light) -> Self {
         let power = f64::from(light.power_w);
         let color = Vec3::from_array(light.color);
@@ -152,7 +153,7 @@ impl ReadyLamp {
                 } else {
                     lamp.radiance = of(power / (PI * area));
                     let tan = half_spread.tan();
-                    // ∫ cos (1 − tan x / tan a) 2 sin over the cone is (tan a − a) / tan a: a third-order number at small a.
+                    // ∫ cos (1 − tan x / tan a) 2 sin over the cone is (tan a − a) / tan a, where tan a − a is of third order at small a.
                     let narrow = half_spread.powi(3) / 3.0 * (1.0 + 0.4 * half_spread * half_spread);
                     if spread_rad >= PI || tan >= f64::from(WIDEST_TAN) {
                         (lamp.tan_half_spread, lamp.spread_factor) = (WIDEST_TAN, 1.0 / WIDEST_TAN);
@@ -166,7 +167,7 @@ impl ReadyLamp {
         if let LightShape::Spot { direction, angle_rad, blend, .. } = light.shape {
             lamp.kind = LampKind::Spot;
             lamp.axis = DVec3::from_array(direction).normalize().as_vec3();
-            // 1 − cos h = 2 sin²(h/2): no cancellation in narrow cones.
+            // 1 − cos h = 2 sin²(h/2) avoids cancellation in narrow cones.
             let one_minus_cos = 2.0 * (0.25 * angle_rad).sin().powi(2);
             lamp.one_minus_cos_half_angle = one_minus_cos as f32;
             lamp.inverse_blend = (1.0 / (one_minus_cos * f64::from(blend))).min(1e30) as f32;
@@ -174,13 +175,13 @@ impl ReadyLamp {
         lamp
     }
 
-    /// Whether it shines at all.
+    /// Whether the lamp emits at all.
     pub fn is_lit(&self) -> bool {
         self.radiance.max_element() > 0.0
             && (self.kind != LampKind::Spot || self.one_minus_cos_half_angle > 0.0)
     }
 
-    /// Power that it sends out, all colours together, for choosing among lamps.
+    /// Emitted power, all colours together, for choosing among lamps.
     pub fn power(&self) -> f32 {
         if !self.is_lit() {
             return 0.0;
@@ -202,7 +203,7 @@ impl ReadyLamp {
         }
     }
 
-    /// A direction towards it; `None` where the sample brings no light.
+    /// Samples a direction towards the lamp; `None` where the sample carries no light.
     #[inline]
     pub fn sample(&self, from: &Receiver, u: [f32; 2]) -> Option<LampSample> {
         let to_middle = (self.position - from.point).as_vec3();
@@ -213,7 +214,7 @@ impl ReadyLamp {
         }
     }
 
-    /// What a ray in a direction (unit) finds of it.
+    /// The lamp as a ray in this unit direction sees it.
     #[inline]
     pub fn meet(&self, from: &Receiver, direction: Vec3) -> Option<LampSample> {
         let to_middle = (self.position - from.point).as_vec3();

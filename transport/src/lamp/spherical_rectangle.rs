@@ -1,9 +1,9 @@
 //! Uniform directions over a rectangle: Ureña, Fajardo and King 2013, "An area-preserving parametrization for spherical
 //! rectangles", §3.
 //!
-//! The paper sums four angles whose cosines it has, and takes 2π away: of a small rectangle that leaves nothing in f32. Here each
-//! angle is π/2 less an arcsine, so that the π/2 cancel before anything is rounded. What that adds to the paper's φ is half a turn:
-//! its sine and cosine change signs, and with them one of the two `b`.
+//! The paper sums four angles, of which it has the cosines, and subtracts 2π; for a small rectangle nothing of that remains in f32. Here
+//! each angle is π/2 minus an arcsine, so that the π/2 cancel before anything is rounded. Compared with the paper this adds half a turn to
+//! φ: its sine and cosine change signs, and with them one of the two `b`.
 
 use glam::Vec2;
 
@@ -13,15 +13,15 @@ pub struct SphericalRectangle {
     lo: Vec2,
     hi: Vec2,
     height: f32,
-    /// Cosines with the plane's normal: of the planes through the origin and the lower side, and the upper side.
+    /// Cosines, with the plane's normal, of the planes through the origin and the lower side, and the upper side.
     b: [f32; 2],
-    /// Arcsines of the two left-hand corners: where φ starts.
+    /// Sum of the arcsines of the two left-hand corners, where φ starts.
     start: f32,
-    /// Solid angle that it fills.
+    /// Solid angle of the rectangle.
     pub solid_angle: f32,
 }
 
-/// Arcsine, by way of the arctangent, which the graphics processor has exactly.
+/// Arcsine computed from the arctangent, which the graphics processor has exactly.
 #[inline]
 fn arcsine(x: f32) -> f32 {
     let x = x.clamp(-1.0, 1.0);
@@ -29,7 +29,7 @@ fn arcsine(x: f32) -> f32 {
 }
 
 impl SphericalRectangle {
-    /// The rectangle between two corners in the plane `height` (above 0) away.
+    /// The rectangle between two corners in the plane at distance `height`, which is above 0.
     #[inline]
     pub fn new(lo: Vec2, hi: Vec2, height: f32) -> Self {
         let h2 = height * height;
@@ -42,10 +42,10 @@ impl SphericalRectangle {
         Self { lo, hi, height, b: [below, above], start, solid_angle }
     }
 
-    /// The point of the rectangle that belongs to two numbers: its x and y.
+    /// Maps two random numbers to a point of the rectangle, as its x and y.
     #[inline]
     pub fn sample(&self, u: [f32; 2]) -> Vec2 {
-        // x by the solid angle to its left.
+        // x, by the solid angle to its left.
         let (sin, cos) = (u[0] * self.solid_angle + self.start).sin_cos();
         let mut x = 0.0;
         if sin != 0.0 {
@@ -54,7 +54,7 @@ impl SphericalRectangle {
             x = c * self.height / ((1.0 - c) * (1.0 + c)).sqrt().max(1e-7);
         }
         let x = x.clamp(self.lo.x, self.hi.x);
-        // y by the sines of the angles to both sides.
+        // y, by the sines of the angles to both sides.
         let d2 = x * x + self.height * self.height;
         let low = self.lo.y / (d2 + self.lo.y * self.lo.y).sqrt();
         let high = self.hi.y / (d2 + self.hi.y * self.hi.y).sqrt();
@@ -68,7 +68,7 @@ impl SphericalRectangle {
 mod tests {
     use super::*;
 
-    /// Solid angle by Van Oosterom and Strackee 1983: two triangles, in f64.
+    /// Solid angle in f64 by Van Oosterom and Strackee 1983: two triangles.
     fn exact(lo: Vec2, hi: Vec2, height: f32) -> f64 {
         let corner = |x: f32, y: f32| glam::DVec3::new(x.into(), y.into(), height.into()).normalize();
         let [a, b, c, d] = [corner(lo.x, lo.y), corner(hi.x, lo.y), corner(hi.x, hi.y), corner(lo.x, hi.y)];
@@ -87,9 +87,9 @@ mod tests {
         ([-1.0, 5.0], [1.0, 6.0], 0.05),
     ];
 
-    /// Four arctangents of numbers up to π: 8 roundings of 2⁻²⁴ each. Beside that, each arcsine's argument is off by three roundings, which
-    /// its slope makes larger near 1; and a side more than 2¹² heights away cannot be told from one infinitely far: h/|x| + h/|y| of a
-    /// corner are lost.
+    /// The bound: four arctangents of numbers up to π, with 8 roundings of 2⁻²⁴ each. In addition each arcsine's argument is off by three
+    /// roundings, which its slope magnifies near 1; and a side more than 2¹² heights away cannot be told from one infinitely far away,
+    /// which loses h/|x| + h/|y| of a corner.
     #[test]
     fn solid_angles_are_exact() {
         for (lo, hi, height) in CASES {
@@ -110,8 +110,8 @@ mod tests {
         }
     }
 
-    /// The rectangle up to a sampled point has that share of the solid angle: the first number's at full height, and within the
-    /// column the second's; the wrong control is the rectangle's own area.
+    /// The rectangle up to a sampled point has that share of the solid angle: at full height for the first number, and within the column
+    /// for the second. The negative control uses the rectangle's area instead.
     #[test]
     fn samples_share_the_solid_angle() {
         let mut convicted = 0;
@@ -123,13 +123,13 @@ mod tests {
                 let u = i as f32 / 8.0;
                 let x = rectangle.sample([u, 0.5]).x;
                 let share = exact(lo, Vec2::new(x, hi.y), height) / whole;
-                // The sine of φ loses what S lacks of f32's digits: 2e-6 of up to 2π, over the solid angle.
+                // The sine of φ loses the digits that f32 has beyond S: 2e-6 of up to 2π, over the solid angle.
                 let limit = 1e-5 + 4e-6 / whole;
                 assert!((share - f64::from(u)).abs() < limit, "{lo} {hi} {height}: {share} for {u}");
                 let by_area = exact(lo, Vec2::new(lo.x + u * (hi.x - lo.x), hi.y), height) / whole;
                 convicted += usize::from((by_area - f64::from(u)).abs() > limit);
                 let y = rectangle.sample([u, u]).y;
-                // A column of hardly any width.
+                // A very narrow column.
                 let half = 1e-3 * (x.abs() + 1.0);
                 let (l, r) = (Vec2::new(x - half, lo.y), x + half);
                 let column = exact(l, Vec2::new(r, y), height) / exact(l, Vec2::new(r, hi.y), height);

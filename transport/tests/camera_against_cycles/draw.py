@@ -1,9 +1,9 @@
-"""Cycles' pictures of glowing cubes in a black world, through one camera of each kind.
+"""Renders glowing cubes in a black world with Cycles, through one camera of each kind.
 
     python draw.py OUT.npy        with Blender 5.0.1 as the module bpy
 
-The array is float32, kind by kind as in KINDS, rows from the top: how much of each pixel the cubes fill. They glow with 1 and nothing
-is lit by anything, so a sample is 0 or 1.
+The array is float32, kind by kind as in KINDS, rows from the top: the share of each pixel that the cubes fill. They emit a radiance
+of 1 and reflect nothing, so a sample is 0 or 1.
 """
 
 import math
@@ -17,10 +17,10 @@ from mathutils import Matrix
 
 WIDTH, HEIGHT, SAMPLES = 48, 32, 1024
 
-# Centres of the cubes, whose edges are 1 long.
+# Centres of the cubes, whose edges have length 1.
 CUBES = [(-2.4, -1.2, -5.0), (0.1, 0.3, -8.0), (2.2, 1.4, -6.5), (1.1, -2.2, -10.0), (-1.9, 2.1, -12.0), (3.9, -1.0, -9.0)]
 
-# The camera is turned a little, so that its axes are not the world's.
+# The camera is rotated a little, so that its axes differ from the world's.
 TURN = Matrix.Rotation(0.05, 4, "X") @ Matrix.Rotation(-0.04, 4, "Y") @ Matrix.Rotation(0.1, 4, "Z")
 
 # lens_unit FOV: angle, radians, over the fitted side. fstop: radius = lens / (2 fstop), or 1 / (2 fstop) for parallel rays.

@@ -1,11 +1,10 @@
-//! The device's own hierarchy over an instance's boxes.
+//! The device's own acceleration structure over the boxes of an instance.
 //!
 //! ```text
 //! boxes (6 floats each, Morton order) ──► bottom level, compacted ──► top level with that one member, placed by the identity
 //! ```
-//! Each instance has a top level of its own, in its index space: a ray is taken there exactly, by our own arithmetic, before
-//! hardware sees it. Boxes come in Morton order because some builders (Mesa's on the CPU) do not sort: shuffled boxes traced 18
-//! to 26 times slower there.
+//! Each instance has a top level of its own, in its index space: our own arithmetic moves a ray there exactly before hardware traces it.
+//! Boxes are in Morton order because some builders do not sort (Mesa's on the CPU): shuffled boxes traced 18 to 26 times slower there.
 
 use std::sync::Arc;
 
@@ -15,20 +14,20 @@ use super::DeviceError;
 use super::buffer::Buffer;
 use super::gpu::{Gpu, Inner};
 
-/// Bounds of a box as hardware takes them: lowest corner, highest corner.
+/// Bounds of a box in hardware's format: lowest corner, highest corner.
 pub type HardwareBox = [f32; 6];
 
 const BOX_BYTES: usize = size_of::<HardwareBox>();
 
-/// See the module.
+/// The two levels of a hardware hierarchy over one instance.
 pub struct Acceleration {
-    // The top level refers to the bottom one, so it goes first.
+    // The top level refers to the bottom level, so it is dropped first.
     top: AccelerationStructure,
     bottom: AccelerationStructure,
     address: u64,
 }
 
-/// One structure with its memory.
+/// One acceleration structure with its memory.
 struct AccelerationStructure {
     handle: vk::AccelerationStructureKHR,
     buffer: Buffer,
@@ -36,7 +35,7 @@ struct AccelerationStructure {
 }
 
 impl Acceleration {
-    /// Address by which shaders trace it.
+    /// The address through which shaders trace it.
     pub fn address(&self) -> u64 {
         self.address
     }
@@ -63,10 +62,10 @@ impl Drop for AccelerationStructure {
 }
 
 impl Gpu {
-    /// Builds a hierarchy over `count` boxes (`box_at(i)` gives box i) of the scene's instance with this number.
+    /// Builds a hierarchy over `count` boxes, of which `box_at(i)` gives box i, for the instance of this number in the scene.
     ///
     /// # Errors
-    /// When there are more boxes than the device takes, its memory does not suffice, or it is lost.
+    /// When there are more boxes than the device supports, when memory is short, or when the device is lost.
     pub fn acceleration(
         &self,
         instance: u32,
@@ -88,7 +87,7 @@ impl Gpu {
             });
         }
 
-        // Boxes on the device, for as long as the build takes.
+        // The boxes lie on the device until the build has ended.
         let input = vk::BufferUsageFlags::ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_KHR;
         let boxes =
             self.buffer_for("boxes to build a hierarchy of", u64::from(count) * BOX_BYTES as u64, input)?;
@@ -105,7 +104,7 @@ impl Gpu {
             first = end;
         }
 
-        // The bottom level, and again in the memory that it needs.
+        // The bottom level, then a compacted copy of it.
         let aabbs = vk::AccelerationStructureGeometryAabbsDataKHR::default()
             .data(vk::DeviceOrHostAddressConstKHR { device_address: boxes.address() })
             .stride(BOX_BYTES as u64);
@@ -119,7 +118,7 @@ impl Gpu {
         drop(boxes);
         let bottom = self.compacted(calls, bottom)?;
 
-        // The top level: its one member's record is 64 bytes, drawn in the specification.
+        // The top level. The record of its one member has 64 bytes; the specification gives the layout.
         let info =
             vk::AccelerationStructureDeviceAddressInfoKHR::default().acceleration_structure(bottom.handle);
         // SAFETY: the structure is built and alive.
@@ -194,7 +193,7 @@ impl Gpu {
         Ok(AccelerationStructure { handle, buffer, gpu: Arc::clone(&self.inner) })
     }
 
-    /// The same structure in no more memory than it needs; as it was where that saves nothing.
+    /// A compacted copy of the structure, or the structure itself where compaction saves nothing.
     fn compacted(
         &self,
         calls: &khr::acceleration_structure::Device,

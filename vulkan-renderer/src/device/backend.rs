@@ -1,21 +1,21 @@
-//! The three ways to trace on a graphics processor.
+//! The three ways to trace rays on a GPU.
 
-/// See the module.
+/// A way to trace rays on a GPU.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Backend {
     /// Ray tracing pipeline with an intersection shader, as in the paper.
     RayPipeline,
     /// Ray queries in compute shaders.
     RayQuery,
-    /// A hierarchy of our own in compute shaders: for processors without ray tracing.
+    /// Compute shaders with a BVH of our own, for GPUs without ray tracing.
     Compute,
 }
 
 impl Backend {
-    /// All, best first.
+    /// All backends, the preferred first.
     pub const ALL: [Self; 3] = [Self::RayPipeline, Self::RayQuery, Self::Compute];
 
-    /// Name as in `--backend`.
+    /// The name that `--backend` takes.
     pub fn name(self) -> &'static str {
         match self {
             Self::RayPipeline => "vulkan-rt",
@@ -24,7 +24,7 @@ impl Backend {
         }
     }
 
-    /// The backend of that name.
+    /// The backend with that name.
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|b| b.name() == name)
     }

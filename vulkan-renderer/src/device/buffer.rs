@@ -1,11 +1,11 @@
-//! Memory on the device, and the ways into it and out of it.
+//! Memory on the device, and copies into it and out of it.
 //!
 //! ```text
 //! host bytes ──► staging (host-visible, 16 MiB, one for all) ──► Buffer (device memory, reached by its address)
 //!            ◄──                                             ◄──
 //! ```
-//! Each buffer has memory of its own: there are about ten for each instance, and drivers allow 4096 at least. Who needs more is told
-//! so before the driver is asked, to which it would be a fault.
+//! Each buffer has a memory allocation of its own: there are about ten for each instance, and drivers allow at least 4096. A request beyond
+//! the driver's limit is refused with an error here, because passing it to the driver would be invalid use of Vulkan.
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -16,10 +16,10 @@ use super::DeviceError;
 use super::faults::InjectedFault;
 use super::gpu::{Gpu, Inner};
 
-/// Size of the staging memory: large enough that a launch's fixed cost does not count, small beside any volume.
+/// Size of the staging memory: large enough that the fixed cost of a launch does not matter, small compared with any volume.
 const STAGING_BYTES: u64 = 16 << 20;
 
-/// What shaders and copies may do with every buffer.
+/// Allowed uses of every buffer, by shaders and copies.
 const USAGE: vk::BufferUsageFlags = vk::BufferUsageFlags::from_raw(
     vk::BufferUsageFlags::STORAGE_BUFFER.as_raw()
         | vk::BufferUsageFlags::SHADER_DEVICE_ADDRESS.as_raw()
@@ -27,30 +27,30 @@ const USAGE: vk::BufferUsageFlags = vk::BufferUsageFlags::from_raw(
         | vk::BufferUsageFlags::TRANSFER_DST.as_raw(),
 );
 
-/// See the module.
+/// Memory on the device.
 pub struct Buffer {
     raw: RawBuffer,
     address: u64,
     gpu: Arc<Inner>,
 }
 
-/// A buffer and its memory, without an owner that would destroy them.
+/// A buffer and its memory; the owner must destroy them.
 pub(super) struct RawBuffer {
     pub(super) buffer: vk::Buffer,
     memory: vk::DeviceMemory,
-    /// As asked for.
+    /// Size as requested, in bytes.
     bytes: u64,
-    /// Of the memory, alignment included.
+    /// Size of the allocation in bytes, alignment included.
     allocated: u64,
 }
 
-/// Memory through which bytes travel.
+/// Host-visible memory through which uploads and downloads pass.
 pub(super) struct Staging {
     raw: RawBuffer,
     pointer: *mut u8,
 }
 
-// SAFETY: the pointer is to mapped memory, which is of no thread; whoever uses it holds the worker's lock.
+// SAFETY: the pointer is to mapped memory, which belongs to no thread; whoever uses it holds the worker's lock.
 unsafe impl Send for Staging {}
 
 impl Buffer {
@@ -59,7 +59,7 @@ impl Buffer {
         self.address
     }
 
-    /// Its size.
+    /// Its size as requested, in bytes.
     pub fn bytes(&self) -> u64 {
         self.raw.bytes
     }
@@ -102,7 +102,7 @@ impl Staging {
     }
 }
 
-/// Where a buffer shall lie.
+/// The kind of memory for a buffer.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum MemoryKind {
     Device,
@@ -121,7 +121,7 @@ impl Inner {
         if bytes > limit {
             return Err(DeviceError::Limit { what, needed: bytes, limit });
         }
-        // This one; the staging memory, which is no buffer of anybody, has its place kept.
+        // Counts this buffer and reserves one allocation for the staging memory, which `buffers` does not count.
         let (allocations, limit) = (self.buffers.load(Ordering::Relaxed) + 2, self.limits.allocations);
         if place == MemoryKind::Device && allocations > limit {
             return Err(DeviceError::Limit { what: "buffers at one time", needed: allocations, limit });
@@ -159,7 +159,7 @@ impl Inner {
     ) -> Result<vk::DeviceMemory, DeviceError> {
         use vk::MemoryPropertyFlags as Is;
         let host = Is::HOST_VISIBLE | Is::HOST_COHERENT;
-        // Best first. The cached one is what the host reads fast.
+        // In order of preference. The host reads cached memory fast.
         let wishes: &[Is] = match place {
             MemoryKind::Device => &[Is::DEVICE_LOCAL, Is::empty()],
             MemoryKind::Host => &[host | Is::HOST_CACHED, host],
@@ -177,7 +177,7 @@ impl Inner {
         };
         let free = self.free_bytes(types[kind].heap_index);
         let full = || DeviceError::OutOfMemory { what, needed: needs.size, free };
-        // Some drivers hand out more than there is and then move it to and fro.
+        // Some drivers allocate more than there is and then swap.
         if free.is_some_and(|free| needs.size > free) {
             return Err(full());
         }
@@ -189,7 +189,7 @@ impl Inner {
             .allocation_size(needs.size)
             .memory_type_index(kind as u32)
             .push_next(&mut flags);
-        // A failure on purpose comes before the call: what was allocated would have to be freed.
+        // An injected fault replaces the call: memory that was allocated would have to be freed.
         let made = self.faults.instead(InjectedFault::Allocation, Ok(())).and_then(|()| {
             // SAFETY: the device is live and the type is one of its own.
             unsafe { self.calls.allocate_memory(&create, None) }
@@ -222,7 +222,7 @@ impl Inner {
 }
 
 impl Gpu {
-    /// Memory on the device, its contents undefined. `what` is named when there is not enough.
+    /// Allocates memory on the device, with undefined contents. Error texts name `what`.
     ///
     /// # Errors
     /// [`DeviceError::OutOfMemory`], [`DeviceError::Limit`].
@@ -230,14 +230,14 @@ impl Gpu {
         self.buffer_for(what, bytes, vk::BufferUsageFlags::empty())
     }
 
-    /// Memory for a use that must be said beforehand.
+    /// Allocates memory with a Vulkan usage beside the common ones.
     pub(super) fn buffer_for(
         &self,
         what: &'static str,
         bytes: u64,
         usage: vk::BufferUsageFlags,
     ) -> Result<Buffer, DeviceError> {
-        // An empty array has an address too.
+        // An empty array gets an address too.
         let raw = self.inner.make_buffer(what, bytes.max(16), USAGE | usage, MemoryKind::Device)?;
         self.inner.allocated.fetch_add(raw.allocated, Ordering::Relaxed);
         self.inner.buffers.fetch_add(1, Ordering::Relaxed);
@@ -247,7 +247,7 @@ impl Gpu {
         Ok(Buffer { raw, address, gpu: Arc::clone(&self.inner) })
     }
 
-    /// Memory on the device with these bytes.
+    /// Allocates memory on the device and fills it with these bytes.
     ///
     /// # Errors
     /// As [`Gpu::buffer`] and [`Gpu::upload`].
@@ -257,7 +257,7 @@ impl Gpu {
         Ok(buffer)
     }
 
-    /// Copies bytes into a buffer.
+    /// Copies bytes into a buffer, from `offset` on.
     ///
     /// # Errors
     /// When they do not fit, and when the device is lost.
@@ -274,7 +274,7 @@ impl Gpu {
     /// Most bytes that [`Gpu::fill`] takes at once.
     pub(super) const FILL_BYTES: usize = STAGING_BYTES as usize;
 
-    /// Has `write` make the bytes of a part of a buffer. At most [`Gpu::FILL_BYTES`].
+    /// Has `write` produce the bytes of a part of a buffer, at most [`Gpu::FILL_BYTES`].
     pub(super) fn fill(
         &self,
         buffer: &Buffer,
@@ -303,10 +303,10 @@ impl Gpu {
         Ok(())
     }
 
-    /// Copies bytes out of a buffer.
+    /// Copies bytes out of a buffer, from `offset` on.
     ///
     /// # Errors
-    /// When there are not as many, and when the device is lost.
+    /// When the buffer ends before, and when the device is lost.
     pub fn download(&self, buffer: &Buffer, offset: u64, bytes: &mut [u8]) -> Result<(), DeviceError> {
         within(buffer, offset, bytes.len() as u64)?;
         let mut at = offset;
@@ -345,7 +345,7 @@ fn within(buffer: &Buffer, offset: u64, bytes: u64) -> Result<(), DeviceError> {
     match offset.checked_add(bytes) {
         Some(end) if end <= buffer.bytes() => Ok(()),
         _ => Err(DeviceError::Limit {
-            what: "the end of a copy, in bytes of its buffer,",
+            what: "bytes of a buffer, at the end of a copy",
             needed: offset.saturating_add(bytes),
             limit: buffer.bytes(),
         }),

@@ -1,4 +1,4 @@
-//! Compute shaders, made ready and run.
+//! Creates and runs compute shaders.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -9,14 +9,14 @@ use super::DeviceError;
 use super::gpu::{Gpu, Inner};
 use crate::layout::Launch;
 
-/// A compute shader with its constants.
+/// A compute shader with its specialisation constants.
 pub struct ComputePipeline {
     pub(super) layout: vk::PipelineLayout,
     pub(super) pipeline: vk::Pipeline,
     gpu: Arc<Inner>,
 }
 
-/// A shader's code, for as long as a pipeline is made of it.
+/// The module of a shader's code, needed only while its pipeline is created.
 pub(super) struct Module {
     pub(super) handle: vk::ShaderModule,
     gpu: Arc<Inner>,
@@ -26,7 +26,7 @@ impl Module {
     pub(super) fn new(gpu: &Gpu, words: &[u32]) -> Result<Self, DeviceError> {
         let words = gpu.inner.float_modes.declared_in(words);
         let create = vk::ShaderModuleCreateInfo::default().code(&words);
-        // SAFETY: the words are a whole module that the compiler made (the build checks them), of features that were enabled, with
+        // SAFETY: the words are a whole module that the compiler made (the build checks them). They use features that were enabled, with
         // execution modes that the device has.
         let handle = unsafe { gpu.inner.calls.create_shader_module(&create, None) }
             .map_err(DeviceError::of("vkCreateShaderModule"))?;
@@ -36,19 +36,19 @@ impl Module {
 
 impl Drop for Module {
     fn drop(&mut self) {
-        // SAFETY: pipelines do not need the modules that they were made of.
+        // SAFETY: pipelines do not need the modules that they were created from.
         unsafe { self.gpu.calls.destroy_shader_module(self.handle, None) };
     }
 }
 
-/// Specialisation constants 0, 1, … of a shader, and where they lie in the array.
+/// Describes an array that holds specialisation constants 0, 1, … in order.
 pub(super) fn constant_entries(constants: &[u32]) -> Vec<vk::SpecializationMapEntry> {
     (0..constants.len() as u32)
         .map(|i| vk::SpecializationMapEntry::default().constant_id(i).offset(4 * i).size(4))
         .collect()
 }
 
-/// A layout with nothing but the push constants.
+/// Creates a pipeline layout that has the push constants of a launch alone.
 pub(super) fn launch_layout(
     gpu: &Inner,
     stages: vk::ShaderStageFlags,
@@ -61,7 +61,7 @@ pub(super) fn launch_layout(
 }
 
 impl Gpu {
-    /// Makes a compute shader ready; `constants[i]` is specialisation constant i.
+    /// Creates a compute pipeline; `constants[i]` is specialisation constant i.
     ///
     /// # Errors
     /// When the driver refuses it.
@@ -80,7 +80,7 @@ impl Gpu {
         let create = [vk::ComputePipelineCreateInfo::default().stage(stage).layout(layout)];
         // SAFETY: all that `create` points to lives until the call returns.
         let made = unsafe { inner.calls.create_compute_pipelines(inner.cache.handle, &create, None) };
-        // Destroys the layout where there is no pipeline.
+        // Takes the layout, so that it is destroyed where the pipeline could not be created.
         let made_of = |pipeline| ComputePipeline { layout, pipeline, gpu: Arc::clone(inner) };
         match made {
             Ok(pipelines) => Ok(made_of(pipelines.first().copied().unwrap_or_default())),
@@ -91,7 +91,7 @@ impl Gpu {
         }
     }
 
-    /// Runs a compute shader in `groups` and waits for its end; returns how long that took.
+    /// Runs a compute shader in `groups` workgroups and waits for its end. Returns how long that took.
     ///
     /// # Errors
     /// [`DeviceError::Lost`]; [`DeviceError::Limit`] for more groups than the device takes at once.
@@ -109,8 +109,8 @@ impl Gpu {
             }
         }
         self.submit(during, |inner, commands| {
-            // SAFETY: the pipeline lives until the launch has ended; the push constants are as its layout says. What the shader
-            // reads and writes by address is alive as the module promises.
+            // SAFETY: the pipeline lives until the launch has ended; the push constants are as its layout says. What the shader reads and
+            // writes by address is alive as the module promises.
             unsafe {
                 inner.calls.cmd_bind_pipeline(commands, vk::PipelineBindPoint::COMPUTE, pipeline.pipeline);
                 let (stage, bytes) = (vk::ShaderStageFlags::COMPUTE, bytemuck::bytes_of(launch));

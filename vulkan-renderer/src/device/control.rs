@@ -1,5 +1,5 @@
-//! Negative controls: the validation layer is there, and it sees what it is there for. Without these, tests that expect silence
-//! would prove nothing.
+//! Negative controls: the validation layer is present, and it detects the errors that it is used for. Without these, tests that expect no
+//! messages would prove nothing.
 
 use ash::vk;
 
@@ -39,7 +39,7 @@ fn writes_that_overlap_are_noticed() {
         said.iter().any(|m| m.contains("WRITE-AFTER-WRITE") || m.contains("WRITE_AFTER_WRITE")),
         "{said:?}"
     );
-    // The barrier that launches are made with is what silences it.
+    // The barrier that every launch has makes the message go away.
     let barrier = |inner: &super::gpu::Inner, commands| {
         // SAFETY: the commands are being recorded.
         unsafe { inner.barrier(commands, vk::PipelineStageFlags::ALL_COMMANDS) };
@@ -53,7 +53,7 @@ fn wrong_arguments_are_noticed() {
     let buffer = gpu.buffer("a test's buffer", 1024).expect("memory");
     let beyond = [vk::BufferCopy::default().dst_offset(4096).size(16)];
     let inner = &gpu.inner;
-    // Recorded, and never run.
+    // These commands are recorded and never run.
     let worker = inner.worker();
     let pool = vk::CommandPoolCreateInfo::default();
     // SAFETY: the copy beyond the buffer's end is refused by the layer when it is recorded and is never submitted; the pool is

@@ -1,19 +1,19 @@
-//! Failures on purpose, so that tests see what a full or lost device does where neither can be had.
+//! Injected failures. Tests use them to see how a full or lost device is handled, on machines where neither can be produced.
 
 use std::sync::atomic::{AtomicU32, Ordering};
 
 use ash::vk;
 
-/// What shall fail.
+/// The kind of call that fails.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum InjectedFault {
-    /// An allocation of device memory: out of memory.
+    /// An allocation of device memory fails: out of memory.
     Allocation,
-    /// A submission: device lost.
+    /// A submission fails: device lost.
     Submission,
 }
 
-/// Failures that are due.
+/// Failures that are still to come.
 #[derive(Debug, Default)]
 pub(super) struct Faults {
     allocation: Due,
@@ -22,9 +22,9 @@ pub(super) struct Faults {
 
 #[derive(Debug, Default)]
 struct Due {
-    /// Calls until the first that fails, it included; 0: none does.
+    /// Calls up to and including the first that fails; 0 where none does.
     countdown: AtomicU32,
-    /// How many fail from there on.
+    /// How many calls fail in a row from then on.
     times: AtomicU32,
 }
 
@@ -36,7 +36,7 @@ impl Faults {
         due.times.store(times, Ordering::Relaxed);
     }
 
-    /// The result of a call, or the failure that is due.
+    /// Replaces the result of a call by the injected failure, if one is due.
     pub(super) fn instead<T>(
         &self,
         fault: InjectedFault,

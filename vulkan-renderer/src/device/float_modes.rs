@@ -1,15 +1,15 @@
-//! What shaders are promised of floats, where the device can promise it.
+//! Floating-point execution modes of shaders, as far as the device supports them.
 //!
-//! Vulkan leaves it to a driver whether sums round to even, whether it may reason as if no number were infinite or NaN, and whether
-//! the smallest doubles count. All drivers of graphics cards do what a CPU does when they are asked; so they are asked. A device
-//! that has none of this still computes, and its hits may differ in the last bits.
+//! Vulkan leaves three things to the driver: whether sums round to even, whether it may assume that no number is infinite or NaN, and
+//! whether denormal doubles are kept. All drivers of graphics cards behave as a CPU does when they are asked to, so shaders ask. A device
+//! without these modes still computes, but its hits may differ in the last bits.
 //!
 //! ```text
 //! header │ OpCapability M │ capabilities … │ OpEntryPoint │ OpExecutionMode entry M width │ the rest, as it was
-//!          ▲ put in for each mode                           ▲ put in for each mode and width
+//!          ▲ inserted for each mode                          ▲ inserted for each mode and width
 //! ```
-//! Words are put in when the module is made, since the checked-in modules are the same for every device and a mode that a device
-//! does not have must not stand in them. Modes and numbers: the SPIR-V specification 1.5, sections 3.6 and 3.31.
+//! The words are inserted when the module is created: the checked-in modules are the same for every device, and a module must not declare a
+//! mode that the device does not have. Modes and numbers: the SPIR-V specification 1.5, sections 3.6 and 3.31.
 
 use std::borrow::Cow;
 
@@ -21,7 +21,7 @@ const OP_CAPABILITY: u32 = 17;
 const CAPABILITY_FLOAT64: u32 = 10;
 const HEADER_WORDS: usize = 5;
 
-/// A mode: the capability that it needs, and its own number.
+/// An execution mode: its number, and the capability that it needs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Mode {
     capability: u32,
@@ -32,17 +32,17 @@ const DENORM_PRESERVE: Mode = Mode { capability: 4464, number: 4459 };
 const SIGNED_ZERO_INF_NAN_PRESERVE: Mode = Mode { capability: 4466, number: 4461 };
 const ROUNDING_MODE_RTE: Mode = Mode { capability: 4467, number: 4462 };
 
-/// The modes of a device, by width of floats.
+/// The modes of a device, each with the width of floats it applies to.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct FloatModes {
-    /// Of modules that have doubles.
+    /// For modules that use doubles.
     with_doubles: Vec<(Mode, u32)>,
-    /// Of modules that have none.
+    /// For modules without doubles.
     without: Vec<(Mode, u32)>,
 }
 
 impl FloatModes {
-    /// What the device says of itself.
+    /// Queries the device for its modes.
     pub(super) fn of(calls: &ash::Instance, physical: vk::PhysicalDevice) -> Self {
         let mut floats = vk::PhysicalDeviceFloatControlsProperties::default();
         let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut floats);
@@ -66,7 +66,7 @@ impl FloatModes {
                     list.push((SIGNED_ZERO_INF_NAN_PRESERVE, width));
                 }
             }
-            // Where widths round alike or not at all, both must be asked for.
+            // Where rounding modes of the widths are not independent, both must be set.
             let both = even[0] && even[1];
             for (width, has) in [(32, even[0]), (64, even[1])] {
                 let may = if tied && doubles { both } else { has };
@@ -74,7 +74,7 @@ impl FloatModes {
                     list.push((ROUNDING_MODE_RTE, width));
                 }
             }
-            // Of doubles alone: exactness rests on them, and small floats cost time on some cards.
+            // Set for doubles alone: exact hits depend on them, and keeping denormals of 32-bit floats costs time on some cards.
             if doubles && denorms_apart && is(p.shader_denorm_preserve_float64) {
                 list.push((DENORM_PRESERVE, 64));
             }
@@ -82,7 +82,7 @@ impl FloatModes {
         modes
     }
 
-    /// The module with the modes declared; as it is where there are none, or where it is no module.
+    /// The module with the modes declared; unchanged where there are none or where it is not a valid module.
     pub(super) fn declared_in<'a>(&self, words: &'a [u32]) -> Cow<'a, [u32]> {
         let Some((end, entries, doubles)) = outline(words) else { return Cow::Borrowed(words) };
         let modes = if doubles { &self.with_doubles } else { &self.without };
@@ -106,7 +106,7 @@ impl FloatModes {
     }
 }
 
-/// Where the last entry point ends, all entry points, and whether there are doubles.
+/// The word after the last entry point, the ids of all entry points, and whether the module uses doubles.
 fn outline(words: &[u32]) -> Option<(usize, Vec<u32>, bool)> {
     let (mut at, mut end, mut entries, mut doubles) = (HEADER_WORDS, 0, Vec::new(), false);
     while let Some(&first) = words.get(at) {
@@ -119,7 +119,7 @@ fn outline(words: &[u32]) -> Option<(usize, Vec<u32>, bool)> {
                 entries.push(*entry);
                 end = at;
             }
-            // They stand together: what follows them is not looked at.
+            // Entry points are contiguous; nothing after them is needed.
             _ if end > 0 => break,
             _ => {}
         }
@@ -149,7 +149,7 @@ mod tests {
         let all = FloatModes::new(&properties([true; 5]));
         assert_eq!(all.without, [(SIGNED_ZERO_INF_NAN_PRESERVE, 32), (ROUNDING_MODE_RTE, 32)]);
         assert_eq!(all.with_doubles.len(), 5);
-        // One width alone, on a device whose widths round alike: neither.
+        // The device supports a mode for one width alone but requires the same for both, so modules with doubles set neither.
         let tied = properties([false, false, true, false, true])
             .rounding_mode_independence(vk::ShaderFloatControlsIndependence::NONE)
             .denorm_behavior_independence(vk::ShaderFloatControlsIndependence::NONE);
@@ -157,7 +157,7 @@ mod tests {
         assert_eq!((tied.with_doubles, tied.without), (vec![], vec![(ROUNDING_MODE_RTE, 32)]));
     }
 
-    /// A module of the fewest lines, by hand.
+    /// A minimal module, written by hand.
     #[test]
     fn lines_stand_where_the_language_wants_them() {
         let header = [0x0723_0203, 0x0001_0500, 0, 9, 0];
@@ -175,7 +175,7 @@ mod tests {
         let expected =
             [&header[..], &capability, &shader, &float64, &entry, &mode(32), &mode(64), &size].concat();
         assert_eq!(*modes.declared_in(&with), expected);
-        // What is no module stays what it is: the driver refuses it, not we.
+        // An invalid module stays unchanged, so that the driver is the one that refuses it.
         for broken in [&[][..], &header, &without[..9], &[&header[..], &[0, 0]].concat()] {
             assert_eq!(*modes.declared_in(broken), *broken);
         }

@@ -1,4 +1,4 @@
-//! A device that was opened for one backend, its queue, and the one way to make it work: [`Gpu::submit`].
+//! A device that was opened for one backend, and its queue. All work goes through [`Gpu::submit`].
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -13,25 +13,25 @@ use super::pipeline_cache::PipelineCache;
 use super::survey::compute_family;
 use super::{Backend, Candidate, DeviceError, DeviceKind, Instance};
 
-/// A launch that is silent for so long counts as a lost device: a hundred times what a slice may take, many times what a build of
-/// the largest hierarchy takes, and short enough for whoever waits.
+/// A launch that takes longer than this counts as a lost device. It is more than a thousand times what a slice may take and many times the
+/// build time of the largest hierarchy, and still a bearable wait.
 const SILENCE: Duration = Duration::from_secs(120);
 
-/// The same for a driver that computes on the processor: it compiles within the first launch of a pipeline, which takes minutes where
-/// doubles are made of integers and the machine is busy, and there is no screen that waits.
+/// The same for a software driver (one that computes on the CPU). Such a driver compiles during the first launch of a pipeline, which takes
+/// minutes where doubles are emulated with integers and the machine is busy, and it blocks no screen.
 const SOFTWARE_SILENCE: Duration = Duration::from_secs(3600);
 
-/// See the module. Clones are the same device.
+/// An open device. Clones refer to the same device.
 #[derive(Clone)]
 pub struct Gpu {
     pub(super) inner: Arc<Inner>,
 }
 
-/// What a device must not be asked to exceed.
+/// Limits of a device.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Limits {
     pub(super) allocation_bytes: u64,
-    /// Allocations at one time.
+    /// Most allocations at one time.
     pub(super) allocations: u64,
     pub(super) groups: [u32; 3],
     pub(super) box_count: u64,
@@ -50,29 +50,29 @@ pub(super) struct Inner {
     pub(super) limits: Limits,
     pub(super) faults: Faults,
     pub(super) cache: PipelineCache,
-    /// Bytes of device memory that were allocated and not freed.
+    /// Bytes of device memory that are allocated.
     pub(super) allocated: AtomicU64,
-    /// Buffers that live, each with an allocation of its own.
+    /// Number of live buffers, each with an allocation of its own.
     pub(super) buffers: AtomicU64,
-    /// What shaders may be promised of the device's floats.
+    /// Floating-point modes that shaders can be given on this device.
     pub(super) float_modes: FloatModes,
     queue: vk::Queue,
     queue_family: u32,
     pub(super) worker: Mutex<Worker>,
     lost: AtomicBool,
-    /// A launch never ended: nothing that it may use can be destroyed.
+    /// True once a launch never ended. Nothing that the launch may use can be destroyed then.
     hung: AtomicBool,
     candidate: Candidate,
     backend: Backend,
     pub(super) instance: Instance,
 }
 
-/// What one launch at a time is made with.
+/// Objects with which launches are made, one launch at a time.
 pub(super) struct Worker {
     pool: vk::CommandPool,
     commands: vk::CommandBuffer,
     fence: vk::Fence,
-    /// Made when something is first moved.
+    /// Allocated by the first copy.
     pub(super) staging: Option<Staging>,
 }
 
@@ -177,7 +177,7 @@ impl Gpu {
             instance: instance.clone(),
             calls,
         };
-        // From here on a failure drops what was made.
+        // From here on, dropping `inner` cleans up after a failure.
         let mut inner = inner;
         inner.start_worker()?;
         // SAFETY: as above.
@@ -186,22 +186,22 @@ impl Gpu {
         Ok(Self { inner: Arc::new(inner) })
     }
 
-    /// What was opened.
+    /// The device that was opened.
     pub fn candidate(&self) -> &Candidate {
         &self.inner.candidate
     }
 
-    /// What it was opened for.
+    /// The backend that it was opened for.
     pub fn backend(&self) -> Backend {
         self.inner.backend
     }
 
-    /// The instance.
+    /// The Vulkan instance.
     pub fn instance(&self) -> &Instance {
         &self.inner.instance
     }
 
-    /// Whether the device was lost: nothing can be done with it any more.
+    /// Whether the device was lost; it cannot be used any more then.
     pub fn is_lost(&self) -> bool {
         self.inner.lost.load(Ordering::Relaxed)
     }
@@ -211,22 +211,22 @@ impl Gpu {
         self.inner.allocated.load(Ordering::Relaxed)
     }
 
-    /// From the `nth` such call from now on, 1 being the next, `times` calls fail: for tests of those who must bear it.
+    /// From the `nth` such call from now on, 1 being the next, `times` calls fail. For tests of how failures are handled.
     #[doc(hidden)]
     pub fn inject(&self, fault: InjectedFault, nth: u32, times: u32) {
         self.inner.faults.inject(fault, nth, times);
     }
 
-    /// Writes what the driver compiled to the cache's folder, where it has one. A cache that cannot be written is no failure.
+    /// Writes the driver's compiled pipelines to the cache folder, if there is one. Failure to write is ignored.
     pub fn save_pipelines(&self) {
         self.inner.cache.save(&self.inner.calls);
     }
 
-    /// Records commands, runs them and waits for their end; returns how long that took. Everything that ran before is visible to
-    /// them, and what they wrote is visible to the host and to all that runs after.
+    /// Records commands, runs them and waits for their end. Returns how long that took. The results of all earlier work are visible to the
+    /// commands, and what they write is visible to the host and to all later work.
     ///
     /// # Errors
-    /// [`DeviceError::Lost`] also when nothing is heard for [`SILENCE`].
+    /// [`DeviceError::Lost`], also when the launch has not ended after [`SILENCE`].
     pub(super) fn submit(
         &self,
         during: &'static str,
@@ -236,7 +236,7 @@ impl Gpu {
         self.submit_with(&worker, during, record)
     }
 
-    /// The same for who holds the worker already.
+    /// As [`Gpu::submit`], for a caller that holds the worker's lock already.
     pub(super) fn submit_with(
         &self,
         worker: &Worker,
@@ -276,7 +276,7 @@ impl Gpu {
         let silence = if software { SOFTWARE_SILENCE } else { SILENCE };
         // SAFETY: the fence was just submitted.
         let waited = unsafe { calls.wait_for_fences(&fences, true, silence.as_nanos() as u64) };
-        // Whatever a wait failed by, the launch may still run: only of a lost device it is said that it has ended.
+        // However the wait failed, the launch may still be running. Only a lost device guarantees that it has ended.
         if waited.is_err_and(|e| e != vk::Result::ERROR_DEVICE_LOST) {
             inner.hung.store(true, Ordering::Relaxed);
             inner.lost.store(true, Ordering::Relaxed);
@@ -291,9 +291,9 @@ impl Gpu {
 }
 
 impl Inner {
-    /// The worker, waited for.
+    /// Locks the worker.
     pub(super) fn worker(&self) -> std::sync::MutexGuard<'_, Worker> {
-        // A panic while it was locked cannot leave commands behind that still run: we wait for their end before anything else.
+        // A panic while it was locked leaves no running commands behind: every launch is waited for before anything else.
         self.worker.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -319,7 +319,7 @@ impl Inner {
         Ok(())
     }
 
-    /// All that came before is done and visible to all that comes after.
+    /// A barrier: all earlier work is complete and visible to all later work.
     ///
     /// # Safety
     /// * `commands` are being recorded on this device.
@@ -345,12 +345,12 @@ impl Inner {
         }
     }
 
-    /// Whether what launches used may be destroyed.
+    /// Whether objects that launches used may be destroyed.
     pub(super) fn may_destroy(&self) -> bool {
         !self.hung.load(Ordering::Relaxed)
     }
 
-    /// Bytes that the driver says are free in a heap.
+    /// Free bytes of a heap, as the driver reports them.
     pub(super) fn free_bytes(&self, heap: u32) -> Option<u64> {
         if !self.candidate.memory_budget {
             return None;

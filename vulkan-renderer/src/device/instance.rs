@@ -1,4 +1,4 @@
-//! The loader and the instance: the first things that a machine may lack.
+//! The Vulkan loader and the instance, the first things that a machine may lack.
 
 use std::ffi::CStr;
 use std::path::PathBuf;
@@ -9,21 +9,21 @@ use ash::{ext, khr, vk};
 use super::DeviceError;
 use super::messages::{Messages, receive};
 
-/// The version that we need of loader and devices: buffer addresses, the scalar layout and 64-bit integers are its features.
+/// The required version of loader and devices. It has buffer addresses, the scalar layout and 64-bit integers.
 pub(super) const VERSION: u32 = vk::API_VERSION_1_2;
 
 const VALIDATION: &CStr = c"VK_LAYER_KHRONOS_validation";
 
-/// How to start Vulkan.
+/// Options for starting Vulkan.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct InstanceOptions {
-    /// With the Khronos validation layer and its synchronisation checks; an error where it is not installed.
+    /// Enables the Khronos validation layer with its synchronisation checks. It is an error where the layer is not installed.
     pub validation: bool,
-    /// The loader's file instead of the system's own.
+    /// The loader's file, instead of the system's own.
     pub loader: Option<PathBuf>,
 }
 
-/// Vulkan, started.
+/// A started Vulkan instance.
 #[derive(Clone)]
 pub struct Instance {
     inner: Arc<Inner>,
@@ -33,12 +33,12 @@ struct Inner {
     instance: ash::Instance,
     messenger: Option<(ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
     messages: Arc<Messages>,
-    /// Last: the library must outlive what came out of it.
+    /// Declared last, hence dropped last: the library must outlive everything that was loaded from it.
     _entry: ash::Entry,
 }
 
 impl Instance {
-    /// Loads the system's Vulkan loader and starts an instance without any surface.
+    /// Loads the system's Vulkan loader and creates an instance without a surface.
     ///
     /// # Errors
     /// [`DeviceError::NoVulkan`] says what is missing.
@@ -67,7 +67,7 @@ impl Instance {
         let mut extensions = Vec::new();
         let mut flags = vk::InstanceCreateFlags::empty();
         if has(khr::portability_enumeration::NAME) {
-            // Without it the loader hides devices that layer Vulkan over something else (macOS).
+            // Without it the loader hides devices that implement Vulkan on top of another interface (macOS).
             extensions.push(khr::portability_enumeration::NAME.as_ptr());
             flags |= vk::InstanceCreateFlags::ENUMERATE_PORTABILITY_KHR;
         }
@@ -81,7 +81,7 @@ impl Instance {
             let installed = unsafe { entry.enumerate_instance_layer_properties() }
                 .map_err(DeviceError::of("vkEnumerateInstanceLayerProperties"))?;
             if !installed.iter().any(|l| l.layer_name_as_c_str() == Ok(VALIDATION)) {
-                return Err(absent("the Khronos validation layer was asked for and is not installed".into()));
+                return Err(absent("the Khronos validation layer was requested but is not installed".into()));
             }
             layers.push(VALIDATION.as_ptr());
             extensions.extend([ext::debug_utils::NAME.as_ptr(), ext::validation_features::NAME.as_ptr()]);
@@ -102,7 +102,7 @@ impl Instance {
         // SAFETY: `create` and all that it points to live until the call returns; `messages` lives until the end of this
         // function, and in `Inner` from then on.
         let instance = unsafe { entry.create_instance(&create, None) }
-            .map_err(|e| absent(format!("the loader starts no instance ({e})")))?;
+            .map_err(|e| absent(format!("the loader cannot create an instance ({e})")))?;
         let mut inner = Inner { instance, messenger: None, messages, _entry: entry };
         if options.validation {
             let calls = ext::debug_utils::Instance::new(&inner._entry, &inner.instance);
@@ -115,7 +115,7 @@ impl Instance {
         Ok(Self { inner: Arc::new(inner) })
     }
 
-    /// What the validation layer has said; nothing without it.
+    /// Messages of the validation layer; none where it is not enabled.
     pub fn messages(&self) -> &Arc<Messages> {
         &self.inner.messages
     }
@@ -144,7 +144,7 @@ impl std::fmt::Debug for Instance {
     }
 }
 
-/// Hears warnings and errors.
+/// Describes a messenger that receives warnings and errors.
 fn listener(messages: &Arc<Messages>) -> vk::DebugUtilsMessengerCreateInfoEXT<'static> {
     use vk::{DebugUtilsMessageSeverityFlagsEXT as Severity, DebugUtilsMessageTypeFlagsEXT as Kind};
     vk::DebugUtilsMessengerCreateInfoEXT::default()
@@ -154,7 +154,7 @@ fn listener(messages: &Arc<Messages>) -> vk::DebugUtilsMessengerCreateInfoEXT<'s
         .user_data(Arc::as_ptr(messages).cast_mut().cast())
 }
 
-/// A version as it is written.
+/// A version as text: `major.minor.patch`.
 pub(super) fn spelled(version: u32) -> String {
     format!(
         "{}.{}.{}",

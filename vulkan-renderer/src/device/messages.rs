@@ -1,13 +1,13 @@
-//! What the validation layer has to say.
+//! Messages of the validation layer.
 
 use std::sync::{Mutex, PoisonError};
 
 use ash::vk;
 
-/// Most messages that are kept: a fault in a loop must not fill the memory.
+/// Most messages that are kept, so that an error in a loop does not fill the memory.
 const KEPT: usize = 100;
 
-/// Warnings and errors in the order in which they came.
+/// Warnings and errors in the order in which they arrived.
 #[derive(Debug, Default)]
 pub struct Messages {
     texts: Mutex<Vec<String>>,
@@ -21,13 +21,13 @@ impl Messages {
         }
     }
 
-    /// All so far (the first hundred); they are forgotten.
+    /// Takes all messages so far (the first hundred) out of the list.
     pub fn take(&self) -> Vec<String> {
         std::mem::take(&mut *self.texts.lock().unwrap_or_else(PoisonError::into_inner))
     }
 }
 
-/// Called by the layer, from whichever thread called Vulkan.
+/// Callback of the layer. It runs on the thread that called Vulkan.
 ///
 /// # Safety
 /// * `data` is null or points to a valid structure for the time of the call.

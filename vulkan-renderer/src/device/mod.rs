@@ -1,17 +1,17 @@
-//! Everything that talks to Vulkan: the rest of the crate sees bytes, addresses and launches.
+//! The only part of the crate that calls Vulkan. The rest of the crate works with bytes, addresses and launches.
 //!
 //! ```text
 //! Instance ──► survey: which device can run which backend, and what it lacks ──► Gpu ──► Buffer, ComputePipeline, RayPipeline,
 //!    └ loader, validation layer                                                           Acceleration, launches that are timed
 //! ```
-//! Headless: no surface, no window, no queue but one for compute. One launch is in flight at a time, so a launch may use
-//! whatever was made before it, and what is dropped is never in use.
+//! It is headless: no surface, no window, and no queue but one for compute. Only one launch runs at a time and each is waited for, so a
+//! launch may use whatever was made before it, and an object is never in use when it is dropped.
 //!
 //! # Unsafe code
-//! Vulkan's functions are unsafe throughout, so this folder is the one place of the crate where unsafe code is allowed. Every
-//! handle lies in a type that destroys it and holds what it was made from alive; nothing outside of this folder sees a handle.
-//! What the types cannot prove are the addresses that shaders follow: whoever launches fills [`crate::layout::Launch`] from live
-//! buffers. A wrong address is a fault of this crate and shows as a lost device, never as a wrong access by the host.
+//! Vulkan's functions are unsafe throughout, so this folder is the one place of the crate where unsafe code is allowed. Every handle
+//! belongs to a type that destroys it and keeps its parents alive; nothing outside this folder sees a handle. The types cannot prove the
+//! addresses that shaders follow: the caller of a launch must fill [`crate::layout::Launch`] from live buffers. A wrong address is a bug of
+//! this crate. It shows as a lost device, never as a wrong access by the host.
 #![allow(unsafe_code, reason = "Vulkan's functions are unsafe; see the module")]
 
 mod acceleration;

@@ -1,5 +1,5 @@
-//! Limits of other devices, on the one at hand: alignments that are larger than here, room for fewer buffers. What is laid out for
-//! a stricter device works on a laxer one, so that only the numbers need be others; under the validation layer.
+//! Tests with the limits of other devices, on the device at hand: larger alignments, and room for fewer buffers. A layout for a stricter
+//! device also works on a laxer one, so only the numbers need changing. The validation layer checks each test.
 
 #[path = "../../tests/gpu/tiny.rs"]
 #[allow(dead_code, reason = "not every test uses all of it")]
@@ -11,7 +11,7 @@ use super::gpu::Limits;
 use super::{Backend, DeviceError, Gpu, Instance, InstanceOptions, RayShaders, survey};
 use crate::layout::Launch;
 
-/// The device, with other limits.
+/// Opens a device and changes its limits.
 fn device(backend: Backend, change: impl FnOnce(&mut Limits)) -> Gpu {
     let options = InstanceOptions { validation: true, ..InstanceOptions::default() };
     let instance = Instance::new(&options).expect("Vulkan with its validation layer");
@@ -26,7 +26,7 @@ fn silent(gpu: &Gpu) {
     assert_eq!(gpu.instance().messages().take(), Vec::<String>::new());
 }
 
-/// Scratch memory of builds begins where the device wants it: 4096 is sixteen times what cards ask for.
+/// The scratch memory of builds begins at the required alignment. 4096 is sixteen times what cards require.
 #[test]
 fn hierarchies_are_built_at_any_alignment() {
     for alignment in [1, 128, 4096] {
@@ -39,7 +39,8 @@ fn hierarchies_are_built_at_any_alignment() {
     }
 }
 
-/// Entries and regions of the table of shaders lie as far apart as the device wants, and it finds ray generation there.
+/// Entries and regions of the shader binding table are spaced by the required alignments, and the device finds the ray generation shader
+/// there.
 #[test]
 fn tables_of_shaders_are_laid_out_at_any_alignment() {
     let [generation, miss, intersection] = tiny::rays();
@@ -52,7 +53,7 @@ fn tables_of_shaders_are_laid_out_at_any_alignment() {
     }
 }
 
-/// One buffer too many is refused with numbers, before the driver is asked; when one is given back there is room again.
+/// One buffer too many is refused with an error that has numbers, before the driver is called. Freeing one makes room again.
 #[test]
 fn buffers_are_counted() {
     let gpu = device(Backend::Compute, |l| l.allocations = 4);

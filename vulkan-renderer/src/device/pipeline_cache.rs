@@ -1,4 +1,4 @@
-//! What the driver compiled, kept on disk: the next start need not compile again.
+//! Keeps the driver's compiled pipelines on disk, so that the next start need not compile them again.
 //!
 //! ```text
 //! offset 0          8                    16                  24
@@ -7,9 +7,9 @@
 //!        │          │ u64                │ blob, u64         │                              │
 //!        └──────────┴────────────────────┴───────────────────┴──────────────────────────────┘
 //! ```
-//! The file's name holds vendor, device, driver version and the driver's own identifier of its caches, so each device and driver
-//! has a file of its own. Drivers trust what they are given (some crash on a damaged blob), hence the checksum: a file that does
-//! not check is ignored and written anew. It is written under a temporary name and renamed, so it is whole or absent.
+//! The file's name holds vendor, device, driver version and the driver's own cache identifier, so each device and driver has a file of its
+//! own. Drivers do not check the data (some crash on a damaged blob), hence the checksum: a file whose checksum is wrong is ignored and
+//! replaced. The file is written under a temporary name and renamed, so it is either complete or absent.
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -21,7 +21,7 @@ use super::DeviceError;
 
 const MAGIC: &[u8; 8] = b"PUMVKPC1";
 const HEADER_BYTES: usize = 24;
-/// Blobs of a dozen pipelines have a few megabytes; a longer file is not ours.
+/// Longest accepted file. Blobs of a dozen pipelines have a few megabytes, so a longer file is not one of Pumice's.
 const MOST_BYTES: u64 = 256 << 20;
 
 pub(super) struct PipelineCache {
@@ -34,7 +34,7 @@ impl PipelineCache {
         Self { handle: vk::PipelineCache::null(), file: None }
     }
 
-    /// A cache for the device, with what is on disk where that is valid.
+    /// Creates a cache for the device, from the file on disk where that is valid.
     pub(super) fn open(
         calls: &ash::Device,
         properties: &vk::PhysicalDeviceProperties,
@@ -49,7 +49,7 @@ impl PipelineCache {
         Ok(Self { handle, file })
     }
 
-    /// Writes it. A folder that cannot be written costs time at the next start and nothing else.
+    /// Writes it to disk. If the folder cannot be written, the next start takes longer; nothing else is lost.
     pub(super) fn save(&self, calls: &ash::Device) {
         let Some(file) = &self.file else { return };
         // SAFETY: the handle is of this device.
@@ -71,7 +71,7 @@ fn file_name(p: &vk::PhysicalDeviceProperties) -> String {
     format!("{:08x}-{:08x}-{:08x}-{uuid}.pipelines", p.vendor_id, p.device_id, p.driver_version)
 }
 
-/// Whether Vulkan's own header (length, version 1, vendor, device, identifier) says what the device says.
+/// Whether Vulkan's own header of the blob (length, version 1, vendor, device, identifier) matches the device.
 fn is_of(blob: &[u8], p: &vk::PhysicalDeviceProperties) -> bool {
     let word = |at: usize| blob.get(at..at + 4).and_then(|b| b.try_into().ok()).map(u32::from_le_bytes);
     word(0).is_some_and(|length| length >= 32)
@@ -103,7 +103,7 @@ fn write(file: &Path, blob: &[u8]) -> std::io::Result<()> {
     bytes.extend_from_slice(&(blob.len() as u64).to_le_bytes());
     bytes.extend_from_slice(&xxh3_64(blob).to_le_bytes());
     bytes.extend_from_slice(blob);
-    // Several devices of one process may be at it at once, as several processes may.
+    // Several devices of one process may write at the same time, as may several processes.
     static WRITES: AtomicU64 = AtomicU64::new(0);
     let number = WRITES.fetch_add(1, Ordering::Relaxed);
     let temporary = file.with_extension(format!("{}-{number}.tmp", std::process::id()));
@@ -140,7 +140,7 @@ mod tests {
         }
     }
 
-    /// Whoever writes at the same time, a reader finds one blob whole, and nothing is left beside it.
+    /// While several writers are active, a reader always finds a complete blob, and no temporary files are left.
     #[test]
     fn writers_at_once_leave_one_whole_file() {
         let folder = tempfile::tempdir().unwrap();

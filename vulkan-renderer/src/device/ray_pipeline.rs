@@ -1,8 +1,8 @@
-//! Ray tracing pipelines: ray generation, a miss shader, one group of hits by an intersection shader, and the table that names
-//! them.
+//! Ray tracing pipelines: a ray generation shader, a miss shader, one hit group with an intersection shader, and the shader binding table
+//! that refers to them.
 //!
 //! ```text
-//! table:  │ ray generation │ miss │ hit group │      each at a multiple of shaderGroupBaseAlignment, no data of their own
+//! table:  │ ray generation │ miss │ hit group │      each at a multiple of shaderGroupBaseAlignment, without data
 //! ```
 
 use std::sync::Arc;
@@ -21,18 +21,18 @@ const STAGES: vk::ShaderStageFlags = vk::ShaderStageFlags::from_raw(
     vk::ShaderStageFlags::RAYGEN_KHR.as_raw() | vk::ShaderStageFlags::INTERSECTION_KHR.as_raw(),
 );
 
-/// Shaders of a pipeline, as words.
+/// Shaders of a pipeline, as SPIR-V words.
 #[derive(Clone, Copy, Debug)]
 pub struct RayShaders<'a> {
-    /// Generates the rays.
+    /// The ray generation shader.
     pub generation: &'a [u32],
-    /// Runs for a ray that met nothing.
+    /// The miss shader, which runs for a ray that met nothing.
     pub miss: &'a [u32],
-    /// Looks into a box.
+    /// The intersection shader, which tests the contents of a box.
     pub intersection: &'a [u32],
 }
 
-/// See the module.
+/// A ray tracing pipeline with its shader binding table.
 pub struct RayPipeline {
     layout: vk::PipelineLayout,
     pipeline: vk::Pipeline,
@@ -43,7 +43,7 @@ pub struct RayPipeline {
 }
 
 impl Gpu {
-    /// Makes a ray tracing pipeline ready; `constants[i]` is specialisation constant i of every shader that has it.
+    /// Creates a ray tracing pipeline; `constants[i]` is specialisation constant i of every shader that has it.
     ///
     /// # Errors
     /// When the driver refuses it or memory is short.
@@ -102,7 +102,8 @@ impl Gpu {
                 .map_err(|(_, e)| DeviceError::of("vkCreateRayTracingPipelinesKHR")(e))?;
         made.pipeline = pipelines.first().copied().unwrap_or_default();
 
-        // The table: a region begins at a multiple of one alignment, its only entry is as long as another demands.
+        // The shader binding table. Each region begins at a multiple of the base alignment, and the size of its only entry is a multiple of
+        // the handle alignment.
         let limits = inner.limits;
         let entry = limits.handle_bytes.next_multiple_of(limits.handle_alignment);
         let region = entry.next_multiple_of(limits.table_alignment);
@@ -129,7 +130,7 @@ impl Gpu {
         Ok(made)
     }
 
-    /// Runs a ray tracing pipeline over `size` rays and waits for its end; returns how long that took.
+    /// Runs a ray tracing pipeline over `size` rays and waits for its end. Returns how long that took.
     ///
     /// # Errors
     /// [`DeviceError::Lost`]; [`DeviceError::Limit`] for more rays than the device takes at once.

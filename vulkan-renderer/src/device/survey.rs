@@ -1,23 +1,23 @@
-//! Which device can run which backend, and what it lacks: each extension and each feature bit is asked for by itself, since
-//! there are devices with any subset of them (data-centre processors have ray tracing pipelines and no ray queries).
+//! Determines which device can run which backend, and what it lacks. Each extension and each feature bit is tested on its own, because
+//! there are devices with any subset of them (data-centre GPUs have ray tracing pipelines and no ray queries).
 
 use ash::{khr, vk};
 
 use super::instance::{Instance, VERSION, spelled};
 use super::{Backend, DeviceError};
 
-/// What a device is, best first.
+/// The kind of a device, the preferred first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum DeviceKind {
     /// A graphics card.
     Discrete,
-    /// Part of the processor's chip.
+    /// A GPU on the processor's chip.
     Integrated,
-    /// A share of somebody's graphics card.
+    /// A share of a GPU, in a virtual machine.
     Virtual,
     /// None of the others.
     Other,
-    /// No graphics processor: a driver that computes on the CPU.
+    /// A driver that computes on the CPU.
     Software,
 }
 
@@ -26,13 +26,13 @@ pub enum DeviceKind {
 pub struct Candidate {
     /// The device's own name.
     pub name: String,
-    /// What it is.
+    /// The device's kind.
     pub kind: DeviceKind,
     /// Vulkan's version and the driver's name and version.
     pub driver: String,
-    /// What it lacks for each of [`Backend::ALL`]; an empty list: nothing.
+    /// What it lacks for each of [`Backend::ALL`]; an empty list where it lacks nothing.
     missing: [Vec<String>; 3],
-    /// Whether it computes in f64 itself.
+    /// Whether it supports f64 natively.
     pub native_f64: bool,
     pub(super) physical: vk::PhysicalDevice,
     pub(super) memory_budget: bool,
@@ -40,7 +40,7 @@ pub struct Candidate {
 }
 
 impl Candidate {
-    /// What it lacks for a backend, as text; empty: nothing.
+    /// What it lacks for a backend, as text; empty where it lacks nothing.
     pub fn missing(&self, backend: Backend) -> &[String] {
         let place = match backend {
             Backend::RayPipeline => 0,
@@ -93,15 +93,20 @@ fn probe(calls: &ash::Instance, physical: vk::PhysicalDevice) -> Candidate {
         portability_subset: false,
     };
     if version < VERSION {
-        // Its features cannot even be asked for.
+        // On such a version its features cannot be queried.
         return useless(&name, format!("Vulkan 1.2 (it has {})", spelled(version)));
     }
 
     // SAFETY: as above.
     let extensions = match unsafe { calls.enumerate_device_extension_properties(physical) } {
         Ok(extensions) => extensions,
-        // One broken driver does not take the others away.
-        Err(e) => return useless(&name, format!("answers (vkEnumerateDeviceExtensionProperties: {e})")),
+        // A broken driver must not hide the other devices.
+        Err(e) => {
+            return useless(
+                &name,
+                format!("a list of its extensions (vkEnumerateDeviceExtensionProperties: {e})"),
+            );
+        }
     };
     let has = |name: &std::ffi::CStr| extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(name));
     let has_acceleration = has(khr::acceleration_structure::NAME) && has(khr::deferred_host_operations::NAME);
@@ -111,7 +116,7 @@ fn probe(calls: &ash::Instance, physical: vk::PhysicalDevice) -> Candidate {
     let mut pipeline = vk::PhysicalDeviceRayTracingPipelineFeaturesKHR::default();
     let mut query = vk::PhysicalDeviceRayQueryFeaturesKHR::default();
     let mut features = vk::PhysicalDeviceFeatures2::default().push_next(&mut vulkan12);
-    // A structure of an extension that the device does not have must not be asked for.
+    // A structure must not be queried where the device does not have its extension.
     if has_acceleration {
         features = features.push_next(&mut acceleration);
     }
@@ -163,7 +168,7 @@ fn probe(calls: &ash::Instance, physical: vk::PhysicalDevice) -> Candidate {
     }
 }
 
-/// What a device says of itself beside its extensions.
+/// What a device reports beside its extensions.
 #[derive(Clone, Copy, Debug)]
 struct Bits {
     compute_queue: bool,
@@ -203,7 +208,7 @@ fn missing(has: &dyn Fn(&std::ffi::CStr) -> bool, bits: &Bits) -> [Vec<String>; 
     ]
 }
 
-/// The family of queues to use: one for compute alone where there is one, which leaves the one that draws the screen in peace.
+/// The queue family to use: one without graphics where there is one, so that drawing of the screen is not disturbed.
 pub(super) fn compute_family(queues: &[vk::QueueFamilyProperties]) -> Option<u32> {
     let computes = |q: &vk::QueueFamilyProperties| q.queue_flags.contains(vk::QueueFlags::COMPUTE);
     let alone = queues.iter().position(|q| computes(q) && !q.queue_flags.contains(vk::QueueFlags::GRAPHICS));
@@ -224,13 +229,13 @@ mod tests {
         ray_query: true,
     };
 
-    /// What is missing of a device with `bits` and without the extensions that are named.
+    /// What a device with `bits` lacks when it does not have the named extensions.
     fn without(extensions: &[&str], bits: Bits) -> [String; 3] {
         let has = |name: &std::ffi::CStr| !extensions.contains(&name.to_str().unwrap());
         missing(&has, &bits).map(|m| m.join(", "))
     }
 
-    /// Each extension and each bit stands in the way of the backends that need it, and of no others.
+    /// Each extension and each bit is required by exactly the backends that need it.
     #[test]
     fn every_need_is_asked_for_by_itself() {
         assert_eq!(without(&[], ALL), ["", "", ""]);
@@ -255,7 +260,7 @@ mod tests {
         }
     }
 
-    /// Processors of data centres have pipelines and no queries: neither the extension nor its bit.
+    /// Data-centre GPUs have ray tracing pipelines and no ray queries, neither the extension nor its bit.
     #[test]
     fn a_data_centres_processor_has_what_it_has() {
         let bits = Bits { ray_query: false, ..ALL };

@@ -1,4 +1,4 @@
-//! The boxes that are drawn, in the order that hierarchies want, and the record of their instance.
+//! Packs the boxes that are drawn, in Morton order for the hierarchies, and the record of their instance.
 
 use pumice_core::{BoxRecord, CompressedVolume, morton};
 use pumice_transport::BoxBounds;
@@ -7,32 +7,33 @@ use pumice_transport::geometry::{Detail, LodChoice, Neighbors, Placement, visibl
 use super::PackedNodes;
 use crate::layout::{Chunk, Instance, LOD_BY_DISTANCE};
 
-/// Boxes of one instance. Boxes, labels and bounds are parallel: a box's number is its place in them.
+/// Boxes of one instance. Its arrays are parallel, and a box's number is its index in them.
 #[derive(Debug, Default)]
 pub struct PackedBoxes {
     /// Chunks with drawn boxes, in Morton order.
     pub chunks: Vec<Chunk>,
-    /// Records: the node counted from the chunk's base among the packed nodes.
+    /// Box records. A node's number counts from the chunk's base among the packed nodes.
     pub boxes: Vec<u64>,
-    /// Dense label of each.
+    /// Dense label of each box.
     pub labels: Vec<u32>,
-    /// The number of each among the volume's.
+    /// The number of each box in the volume.
     pub items: Vec<u32>,
-    /// What hierarchies are built over: tight bounds of the voxels, or where there are other levels the box's own.
+    /// Bounds over which hierarchies are built: the tight bounds of the voxels, or the box's own where it may be drawn at another level of
+    /// detail.
     pub bounds: Vec<BoxBounds>,
     all: Option<BoxBounds>,
     dims: [u32; 3],
 }
 
-/// Added to the margin of hardware's boxes, in voxels: what the move of a ray to the volume loses in doubles is less while its
-/// origin is within 2⁴⁰ voxels (the other hierarchy widens its boxes by the ray; hardware's cannot).
+/// Added to the margin of hardware's boxes, in voxels. Moving a ray into index space in f64 loses less than this while its origin is within
+/// 2⁴⁰ voxels. The BVH of compute shaders widens its boxes by the ray's own error instead, which hardware cannot do.
 const FAR_MARGIN: f32 = 1.0 / 256.0;
 
 impl PackedBoxes {
-    /// The boxes of visible labels; `tight` ones are drawn by their voxels alone.
+    /// Packs the boxes of visible labels. Bounds are those of the voxels if `tight`, otherwise those of the boxes.
     ///
     /// # Errors
-    /// One line that names the limit: more than 2³² boxes, or nodes farther from each other than a record can say.
+    /// One line that names the limit: more than 2³² boxes, or nodes too far from each other for a box record.
     pub fn new(
         volume: &CompressedVolume,
         nodes: &PackedNodes,
@@ -62,7 +63,7 @@ impl PackedBoxes {
             if in_volume != chunk {
                 chunk = in_volume;
                 let source = &volume.chunks()[chunk];
-                // The chunk's first node that is drawn: all of its nodes are counted from there.
+                // The lowest drawn node of the chunk; the chunk's nodes are numbered from it.
                 least = drawn[packed.boxes.len()..]
                     .iter()
                     .map(|&(_, index)| index as usize)
@@ -81,7 +82,7 @@ impl PackedBoxes {
             let record = volume.boxes()[index as usize];
             let node = nodes.place(volume.chunks()[chunk].node_base + u64::from(record.node())) - least;
             let node = u32::try_from(node).map_err(|_| {
-                format!("chunk at {:?}: nodes {node} words apart are too far for a box record", bounds.lo)
+                format!("chunk at {:?}: expected nodes less than 2^32 words apart, got {node}", bounds.lo)
             })?;
             let record = BoxRecord::new(record.cell(), record.extent(), node);
             packed.boxes.push(record.0);
@@ -93,49 +94,50 @@ impl PackedBoxes {
         Ok(packed)
     }
 
-    /// Takes the voxels out of the boxes of labels that are not `visible`, drawn by their voxels or cells: rays meet such a box, find
-    /// nothing and go on. So it can be measured what it saves to leave these boxes out.
+    /// Removes the voxels from boxes whose labels are not `visible`, where these are drawn by voxels or cells. Rays then meet such a box,
+    /// find nothing and go on. Measurements use it to find what leaving out the boxes saves.
     ///
     /// # Errors
-    /// One line, where the nodes are too far from each other for a box's record.
+    /// One line, where the nodes are too far from each other for a box record.
     pub fn hide(&mut self, nodes: &PackedNodes, visible: &[bool]) -> Result<(), String> {
         for (i, label) in self.labels.iter().enumerate() {
             if visible.get(*label as usize).copied().unwrap_or(false) {
                 continue;
             }
             let chunk = &self.chunks[self.chunks.partition_point(|c| c.first_box as usize <= i) - 1];
-            let node = u32::try_from(nodes.empty() - chunk.node_base)
-                .map_err(|_| format!("chunk at {:?}: nodes are too far for a box record", chunk.origin))?;
+            let node = u32::try_from(nodes.empty() - chunk.node_base).map_err(|_| {
+                format!("chunk at {:?}: nodes are too far apart for a box record", chunk.origin)
+            })?;
             let record = BoxRecord(self.boxes[i]);
             self.boxes[i] = BoxRecord::new(record.cell(), record.extent(), node).0;
         }
         Ok(())
     }
 
-    /// Bounds and number of each box: what `pumice_transport::Bvh::build` takes.
+    /// Bounds and number of each box, as `pumice_transport::Bvh::build` takes them.
     pub fn numbered(&self) -> Vec<(BoxBounds, u32)> {
         self.bounds.iter().zip(0..).map(|(&b, i)| (b, i)).collect()
     }
 
-    /// Which boxes of a label are near each: ends of lists, then the lists. What voxels that are shaded smooth look at.
+    /// For each box, the near boxes of the same label: ends of lists, then the lists. Smooth voxel normals need them.
     pub fn neighbors(&self) -> Vec<u32> {
         let drawn = self.bounds.iter().zip(&self.labels).zip(0..).map(|((&b, &label), i)| (i, label, b));
         let near = Neighbors::new(self.boxes.len(), &drawn.collect::<Vec<_>>());
         [near.end_offsets(), near.boxes()].concat()
     }
 
-    /// Bounds for hardware's hierarchies, in index space: lowest and highest corner, wider than the boxes by more than the rounding
-    /// of rays and of the hardware's own test.
+    /// Bounds for hardware's hierarchies, in index space: lowest and highest corner. They are wider than the boxes by more than the
+    /// rounding errors of rays and of the hardware's own test.
     pub fn aabbs(&self) -> Vec<[f32; 6]> {
         aabbs_of(self.bounds.iter().copied(), self.around_all())
     }
 
-    /// Around all boxes; around nothing where there is none.
+    /// Bounds of all boxes; empty bounds where there is none.
     pub(super) fn around_all(&self) -> BoxBounds {
         self.all.unwrap_or(BoxBounds { lo: [0; 3], hi: [0; 3] })
     }
 
-    /// The instance's record; addresses, materials, place and level of detail left 0.
+    /// The instance's record; addresses, materials, placement and level of detail are 0.
     pub fn record(&self) -> Instance {
         let all = self.around_all();
         Instance {
@@ -150,7 +152,7 @@ impl PackedBoxes {
     }
 }
 
-/// Bounds for hardware's hierarchies of boxes that are all within `all`.
+/// Bounds for hardware's hierarchies of boxes that all lie within `all`.
 pub(super) fn aabbs_of(bounds: impl Iterator<Item = BoxBounds>, all: BoxBounds) -> Vec<[f32; 6]> {
     let margin = 2.0 * all.pad() + FAR_MARGIN;
     let corners = |b: BoxBounds| {
@@ -160,7 +162,7 @@ pub(super) fn aabbs_of(bounds: impl Iterator<Item = BoxBounds>, all: BoxBounds) 
     bounds.map(corners).collect()
 }
 
-/// Puts an instance elsewhere, or draws it at other levels of detail: its boxes stay as they are.
+/// Writes a placement and a level of detail into the record. The boxes stay as they are.
 pub fn place(record: &mut Instance, placement: &Placement, lod: LodChoice) {
     record.translation = placement.world_from_index.translation.to_array();
     record.adjugate = placement.adjugate.map(|row| row.to_array());

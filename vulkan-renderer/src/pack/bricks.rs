@@ -1,4 +1,4 @@
-//! What is drawn of a volume as bricks, for shaders: the CPU's own form, in which a box has its number among those that are drawn.
+//! Packs the drawn voxels of a volume as bricks. The form is the CPU's, but boxes have their numbers among the drawn boxes.
 
 use pumice_core::CompressedVolume;
 use pumice_transport::BoxBounds;
@@ -8,24 +8,24 @@ use super::PackedBoxes;
 use super::boxes::aabbs_of;
 use crate::layout::{Brick, BrickBlock, BrickPart};
 
-/// Bricks of one instance: parallel to what [`Bricks`] has.
+/// Bricks of one instance, parallel to the arrays of [`Bricks`].
 #[derive(Debug)]
 pub struct PackedBricks {
     /// Blocks of the whole volume, x first.
     pub blocks: Vec<BrickBlock>,
-    /// Bricks, and one after the last.
+    /// Bricks, and one more that marks the end of the last one's parts.
     pub bricks: Vec<Brick>,
-    /// Fields of cells that are neither empty nor full.
+    /// Fields (voxel masks) of cells that are neither empty nor full.
     pub fields: Vec<u64>,
-    /// Boxes of all bricks.
+    /// Parts: the boxes in each brick, for all bricks.
     pub parts: Vec<BrickPart>,
     /// Lowest voxel of each brick.
     pub corners: Vec<[u32; 3]>,
 }
 
 impl PackedBricks {
-    /// Of those boxes whose labels are `visible`. `None` where boxes have different levels of detail, where the volume is too sparse for
-    /// blocks all over it, and where these would reach beyond what 32 bits number.
+    /// Packs the boxes whose labels are `visible`. `None` where boxes have different levels of detail, where the volume is too sparse to be
+    /// covered by blocks, and where coordinates of blocks would exceed 32 bits.
     pub fn new(
         volume: &CompressedVolume,
         boxes: &PackedBoxes,
@@ -48,7 +48,7 @@ impl PackedBricks {
         numbers.sort_unstable();
         let items: Vec<u32> = numbers.iter().map(|&(item, _)| item).collect();
         let made = Bricks::new(volume, &items, level)?;
-        // (Parts are of these items.)
+        // Every part belongs to one of these items.
         let number_of = |item: u32| numbers[numbers.partition_point(|&(i, _)| i < item)].1;
         let blocks = made.blocks().iter();
         let blocks =
@@ -73,7 +73,7 @@ impl PackedBricks {
         })
     }
 
-    /// Bounds of the bricks' cells for hardware's hierarchies; see [`PackedBoxes::aabbs`].
+    /// Bounds of the occupied cells of each brick for hardware's hierarchies; see [`PackedBoxes::aabbs`].
     pub fn aabbs(&self, boxes: &PackedBoxes) -> Vec<[f32; 6]> {
         let bounds = self.corners.iter().zip(&self.bricks).map(|(corner, brick)| {
             let has =
@@ -89,7 +89,7 @@ impl PackedBricks {
     }
 }
 
-/// Lowest voxel of each brick, in their order.
+/// Lowest voxel of each brick, in the bricks' order.
 fn corners_of(made: &Bricks, dims: [u32; 3]) -> Vec<[u32; 3]> {
     let along = dims.map(|n| n.div_ceil(BLOCK));
     let mut corners = vec![[0; 3]; made.bricks().len() - 1];

@@ -1,10 +1,10 @@
-//! What is cut away from an instance.
+//! Cut planes of an instance.
 
 use pumice_transport::geometry::Cuts;
 
 use crate::layout::CutPlane;
 
-/// The planes of all parts, as the shaders read them.
+/// The planes of all parts that are cut away, in the shaders' layout.
 pub fn cut_planes(cuts: &Cuts) -> Vec<CutPlane> {
     let record = |p: &pumice_transport::geometry::CutPlane| CutPlane {
         normal: p.normal,

@@ -1,31 +1,31 @@
-//! Surfaces that shine, as lights that are aimed at.
+//! Packs emissive surfaces, which shaders sample as lights.
 
 use pumice_transport::Emitters;
 
 use crate::layout::{self, EmissiveInstance, EmissiveTriangle, Emitter, LightNode};
 
-/// Tables of emitters, in the order of their record's addresses.
+/// Tables of emitters, in the order of the addresses in their record.
 #[derive(Clone, Debug, Default)]
 pub struct PackedEmitters {
-    /// The tree's.
+    /// Nodes of the light tree.
     pub nodes: Vec<LightNode>,
-    /// In the tree's order.
+    /// Emitters in the order of the tree's leaves.
     pub emitters: Vec<Emitter>,
-    /// Two codes a word.
+    /// Face codes of boxes, two a word.
     pub faces: Vec<u32>,
-    /// Where meshes shine.
+    /// Triangles of emissive meshes.
     pub triangles: Vec<EmissiveTriangle>,
-    /// Numbers of emitters by key.
+    /// Numbers of emitters, sorted by key.
     pub by_key: Vec<u32>,
-    /// Instances and meshes.
+    /// Instances and meshes that emit.
     pub emissive_instances: Vec<EmissiveInstance>,
-    /// Number of the place by instance.
+    /// Index into `emissive_instances` by instance.
     pub emissive_instance_of: Vec<u32>,
     record: layout::Emitters,
 }
 
 impl PackedEmitters {
-    /// Packs them.
+    /// Packs the emitters of a scene.
     pub fn new(of: &Emitters) -> Self {
         let pairs = |a: u16, b: u16| u32::from(a) | u32::from(b) << 16;
         let emitter = |e: &pumice_transport::emitters::Emitter| Emitter {
@@ -70,7 +70,7 @@ impl PackedEmitters {
         }
     }
 
-    /// The tables as bytes.
+    /// The tables as bytes, each with a name for error messages.
     pub fn parts(&self) -> [(&'static str, &[u8]); 7] {
         [
             ("the tree of lights", bytemuck::cast_slice(&self.nodes)),
@@ -83,7 +83,7 @@ impl PackedEmitters {
         ]
     }
 
-    /// The record, the tables at these addresses.
+    /// The record, with the tables at these addresses.
     pub fn record(&self, at: [u64; 7]) -> layout::Emitters {
         let [nodes, emitters, faces, triangles, by_key, places, place_of] = at;
         layout::Emitters {

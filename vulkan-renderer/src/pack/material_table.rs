@@ -1,25 +1,25 @@
-//! Materials, and which label has which.
+//! Packs materials, and the material of each label.
 
 use pumice_picture::cryptomatte::Ids;
 use pumice_transport::MaterialTable;
 
 use crate::layout::{Instance, LOD_CATCHER, Material};
 
-/// See the module.
+/// Materials of one instance or mesh.
 #[derive(Clone, Debug, Default)]
 pub struct PackedMaterials {
-    /// At least one; the first is that of labels without one of their own.
+    /// At least one material. The first is that of labels without a material of their own.
     pub materials: Vec<Material>,
-    /// Material by dense label; empty: all have the first.
+    /// Material number by dense label; empty where all labels have the first material.
     pub of_label: Vec<u32>,
-    /// What mattes call each label; empty where there are none.
+    /// Cryptomatte ids of each label; empty where there are no mattes.
     pub ids: Vec<Ids>,
-    /// Of a mesh that is a shadow catcher.
+    /// True for a mesh that is a shadow catcher.
     pub catches: bool,
 }
 
 impl PackedMaterials {
-    /// Packs the looks of one instance.
+    /// Packs the materials of one instance.
     pub fn new(materials: &MaterialTable) -> Self {
         let material = |m: &pumice_scene::Material| Material {
             base_color: m.base_color,
@@ -48,7 +48,7 @@ impl PackedMaterials {
         }
     }
 
-    /// Tells an instance of them, which lie at these addresses.
+    /// Writes the tables' addresses and sizes into an instance's record.
     pub fn describe(&self, instance: &mut Instance, materials: u64, of_label: u64, ids: u64) {
         if self.catches {
             instance.lod = LOD_CATCHER;

@@ -1,12 +1,12 @@
-//! A mesh as an instance whose items are triangles.
+//! Packs a mesh as an instance whose items are triangles.
 //!
 //! ```text
 //! field of the instance   of a volume     of a mesh
-//! nodes                   nodes           corners in the mesh's grid, 3 floats each
-//! boxes, box_count        boxes           corners of triangles, 3 words each; how many triangles
+//! nodes                   nodes           vertices in the mesh's grid, 3 floats each
+//! boxes, box_count        boxes           vertex numbers of triangles, 3 words each; number of triangles
 //! labels                  labels          material index of each triangle
-//! leaves                  leaves          normals at the corners of triangles, 3 words each; 0 where all is flat
-//! lod                     level           LOD_TRIANGLES; LOD_CATCHER by its looks
+//! leaves                  leaves          vertex normals of triangles, 3 words each; 0 where all are flat
+//! lod                     level           LOD_TRIANGLES, or LOD_CATCHER for a shadow catcher
 //! chunks, dims            …               0
 //! the others              the same, of the mesh's grid
 //! ```
@@ -18,10 +18,10 @@ use pumice_transport::{BoxBounds, RenderError};
 use super::boxes::aabbs_of;
 use crate::layout::{Instance, LOD_TRIANGLES};
 
-/// See the module.
+/// A mesh in the layout of the table above.
 #[derive(Clone, Debug)]
 pub struct PackedMesh {
-    /// Corners.
+    /// The vertices, in the mesh's grid.
     pub grid: MeshGrid,
     /// Material index of each triangle.
     pub materials: Vec<u32>,
@@ -31,7 +31,7 @@ pub struct PackedMesh {
 }
 
 impl PackedMesh {
-    /// The mesh at a place of the scene.
+    /// Packs the mesh at a place of the scene.
     ///
     /// # Errors
     /// As [`MeshGrid::new`].
@@ -44,12 +44,12 @@ impl PackedMesh {
         Ok(Self { grid, materials, bounds, all })
     }
 
-    /// Bounds for hardware's hierarchies, as of boxes.
+    /// Bounds for hardware's hierarchies; see [`super::PackedBoxes::aabbs`].
     pub fn aabbs(&self) -> Vec<[f32; 6]> {
         aabbs_of(self.bounds.iter().map(|b| b.0), self.all)
     }
 
-    /// The instance's record; addresses, materials and place left 0.
+    /// The instance's record; addresses, materials and placement are 0.
     pub fn record(&self) -> Instance {
         Instance {
             lo: self.all.lo,
@@ -62,7 +62,7 @@ impl PackedMesh {
     }
 }
 
-/// Puts a mesh elsewhere: its grid's placement.
+/// Writes the placement of the mesh's grid into its record.
 pub fn place_mesh(record: &mut Instance, placement: &Placement) {
     record.translation = placement.world_from_index.translation.to_array();
     record.adjugate = placement.adjugate.map(|row| row.to_array());

@@ -1,17 +1,17 @@
-//! What a scene needs of its shaders: specialisation constants, so that what it does not need is not compiled.
+//! What a scene needs of the shaders. Specialisation constants carry it, so the driver compiles nothing that the scene does not need.
 
 use pumice_scene::{Part, PartSet};
 
-/// What each specialisation constant compiles, by its number; number 0 is the probe's.
+/// The part of a renderer that each specialisation constant enables, by the constant's number. Number 0 belongs to the probe.
 const PARTS: [(usize, Part); 17] = [
     (1, Part::Microfacets),
     (2, Part::SkyPicture),
-    (3, Part::Aiming),
+    (3, Part::LightSampling),
     (4, Part::Lens),
     (5, Part::Lamps),
     (6, Part::Coats),
     (7, Part::Glass),
-    (8, Part::Clear),
+    (8, Part::Transparent),
     (9, Part::Cuts),
     (10, Part::Meshes),
     (11, Part::Sorting),
@@ -26,7 +26,7 @@ const INSTANCE_TREE: usize = 17;
 const BRICKS: usize = 18;
 const BOXES: usize = 19;
 
-/// What is left out on a device where a scene does not need it: what constants compile, and what lies there.
+/// Parts that are left out on a device where a scene does not need them, in the compiled code or in memory.
 pub const LEAVES_OUT: PartSet = {
     let (mut all, mut i) = (PartSet::NONE.with(Part::HiddenLabels).with(Part::Levels), 0);
     while i < PARTS.len() {
@@ -36,12 +36,12 @@ pub const LEAVES_OUT: PartSet = {
     all
 };
 
-/// Twin of `shaders/needs.glsl`: what the scene needs, and how it lies on the device.
+/// Twin of `shaders/needs.glsl`: what the scene needs, and in which form it lies on the device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct ShaderNeeds {
-    /// What the scene needs.
+    /// Parts that the scene needs.
     pub parts: PartSet,
-    /// There is a hierarchy over instances: none is made of instances that draw nothing.
+    /// There is a hierarchy over instances. None is built where no instance draws anything.
     pub instance_tree: bool,
     /// Some volume is drawn by bricks.
     pub bricks: bool,
@@ -50,7 +50,7 @@ pub struct ShaderNeeds {
 }
 
 impl ShaderNeeds {
-    /// Specialisation constants by their numbers.
+    /// Specialisation constants, indexed by their numbers.
     pub fn constants(&self) -> [u32; 20] {
         let mut constants = [0; 20];
         for (number, part) in PARTS {

@@ -1,4 +1,4 @@
-//! The nodes that drawn boxes refer to, moved together.
+//! Packs the nodes that drawn boxes refer to, without gaps.
 //!
 //! ```text
 //! volume's nodes   [ a ][ b ][  c  ][ d ]        boxes of wanted labels refer to a, c, d
@@ -8,22 +8,22 @@
 
 use pumice_core::CompressedVolume;
 
-/// See the module.
+/// The nodes of the wanted labels.
 #[derive(Debug, Default)]
 pub struct PackedNodes {
-    /// Labels whose nodes are all there.
+    /// Labels all of whose nodes are packed.
     labels: Vec<bool>,
-    /// Former and new place of each kept node in 16-bit words, by rising place; empty: nothing moved.
+    /// Former and new place of each kept node in 16-bit words, in ascending order; empty where nothing moved.
     kept: Vec<(u64, u64)>,
     words: u64,
 }
 
-/// Words of zeros at the end: a node without any voxel, and what shaders may read behind a node and never use, for they read nodes by
-/// aligned words of 32 bits.
+/// Zero words at the end. They serve as a node without voxels. Shaders also read past the end of a node here, because they read aligned
+/// 32-bit words; they never use these bits.
 const SPARE_WORDS: usize = 16;
 
 impl PackedNodes {
-    /// Chooses the nodes of the labels for which `wanted` holds; labels past its end are not wanted.
+    /// Chooses the nodes of the labels for which `wanted` is true; labels past its end are not wanted.
     pub fn new(volume: &CompressedVolume, wanted: &[bool]) -> Self {
         let is_wanted = |label: u32| wanted.get(label as usize).copied().unwrap_or(false);
         let labels: Vec<bool> = (0..volume.labels().ids().len() as u32).map(is_wanted).collect();
@@ -44,16 +44,16 @@ impl PackedNodes {
             *to = words;
             words += length(volume, *from) as u64;
         }
-        // A volume of which nothing is wanted has no nodes; `kept` is empty then too, and no box asks.
+        // If no label is wanted, `kept` is empty too, but then no box looks up a node.
         Self { labels, kept, words }
     }
 
-    /// Whether the nodes of all these labels are there.
+    /// Whether the nodes of all these labels are packed.
     pub fn covers(&self, wanted: &[bool]) -> bool {
         wanted.iter().enumerate().all(|(label, &w)| !w || self.labels.get(label).copied().unwrap_or(false))
     }
 
-    /// New place of a node, from its place in the volume.
+    /// New place of a node, given its place in the volume.
     pub(super) fn place(&self, word: u64) -> u64 {
         match self.kept.binary_search_by_key(&word, |&(from, _)| from) {
             Ok(i) => self.kept[i].1,
@@ -61,12 +61,12 @@ impl PackedNodes {
         }
     }
 
-    /// Place of a node without any voxel.
+    /// Place of a node without voxels.
     pub(super) fn empty(&self) -> u64 {
         self.words
     }
 
-    /// Bytes that [`PackedNodes::bytes`] has.
+    /// Length of [`PackedNodes::bytes`].
     pub fn len_bytes(&self) -> u64 {
         2 * (self.words + SPARE_WORDS as u64)
     }
@@ -84,15 +84,15 @@ impl PackedNodes {
         bytemuck::cast_slice(&words).to_vec()
     }
 
-    /// The leaves: words of a long reference, bytes before the patterns, bytes before the rare fields, 0 (4 bytes each), slices (2
-    /// bytes each), patterns, rare fields (8 bytes each, at multiples of 8).
+    /// The leaves, in this order: words of a long reference, byte offset of the patterns, byte offset of the rare fields, 0 (4 bytes each);
+    /// slices (2 bytes each); patterns, rare fields (8 bytes each, at multiples of 8).
     pub fn leaves(volume: &CompressedVolume) -> Vec<u8> {
         let leaves = volume.leaves();
         let slices: Vec<u16> = leaves.slices().iter().copied().chain([0; 3]).collect();
         let slices = &slices[..slices.len() / 4 * 4];
         let patterns = 16 + 2 * slices.len();
         let rare = patterns + 8 * leaves.patterns().len();
-        // 8192 slices and patterns at most: 32 bits are plenty.
+        // There are at most 8192 slices and patterns, so 32 bits suffice.
         let header = [leaves.long_words() as u32, patterns as u32, rare as u32, 0];
         [
             bytemuck::cast_slice(&header),
@@ -104,12 +104,12 @@ impl PackedNodes {
     }
 }
 
-/// Words of the node at a word of the volume.
+/// Length in words of the node at a word of the volume.
 fn length(volume: &CompressedVolume, word: u64) -> usize {
     pumice_core::NodeRef::read(volume.nodes(), word as usize, volume.leaves()).words()
 }
 
-/// Chunk, label and boxes of each run of a volume.
+/// Chunk, label and box range of each run of a volume.
 fn runs(volume: &CompressedVolume) -> impl Iterator<Item = (usize, u32, std::ops::Range<usize>)> {
     volume.chunks().iter().enumerate().flat_map(move |(c, chunk)| {
         let next = volume.chunks().get(c + 1);

@@ -1,4 +1,4 @@
-//! Numbers of a scene: camera, settings, lights, sky, filter.
+//! Packs the small records of a scene: camera, settings, lights, sky, header.
 
 use pumice_picture::PassSums;
 use pumice_scene::Mode;
@@ -31,7 +31,7 @@ pub fn camera(rays: &CameraRays) -> layout::Camera {
     }
 }
 
-/// The settings' record, for a film that keeps these sums.
+/// The settings' record, for a film that keeps these pass sums.
 pub fn settings(settings: &pumice_scene::Settings, kept: PassSums) -> layout::Settings {
     layout::Settings {
         seed: settings.seed,
@@ -82,7 +82,7 @@ pub fn lamps(lights: &Lights) -> Vec<layout::Lamp> {
     lights.lamps().iter().map(lamp).collect()
 }
 
-/// The lights' record; [`Lights::ends`], [`suns`] and [`lamps`] lie at these addresses.
+/// The lights' record, with [`Lights::cdf`], [`suns`] and [`lamps`] at these addresses.
 pub fn lights(lights: &Lights, [ends, suns, lamps]: [u64; 3]) -> layout::Lights {
     layout::Lights {
         cdf: ends,
@@ -107,14 +107,14 @@ pub fn lights(lights: &Lights, [ends, suns, lamps]: [u64; 3]) -> layout::Lights 
     }
 }
 
-/// The tables of a picture that surrounds the scene, as bytes in the order of its record's addresses.
+/// The tables of an environment map as bytes, in the order of the addresses in its record.
 #[derive(Clone, Debug)]
 pub struct PackedSky<'a> {
     table: &'a EnvironmentTable,
 }
 
 impl<'a> PackedSky<'a> {
-    /// `None` where the sky is constant and has no tables.
+    /// `None` where the sky is constant and needs no tables.
     pub fn new(lights: &'a Lights) -> Option<Self> {
         match lights.sky() {
             Sky::Constant(_) => None,
@@ -122,7 +122,7 @@ impl<'a> PackedSky<'a> {
         }
     }
 
-    /// Pixels, density, ends of rows, ends of columns.
+    /// Pixels, density, cdf of rows, cdfs of columns.
     pub fn parts(&self) -> [&'a [u8]; 4] {
         let t = self.table;
         [
@@ -133,13 +133,13 @@ impl<'a> PackedSky<'a> {
         ]
     }
 
-    /// The record, its parts at these addresses.
+    /// The record, with its parts at these addresses.
     pub fn record(&self, [pixels, density, row_cdf, column_cdf]: [u64; 4]) -> layout::Environment {
         layout::Environment {
             pixels,
             density,
-            row_cdf: row_cdf,
-            column_cdf: column_cdf,
+            row_cdf,
+            column_cdf,
             rotation_rad: self.table.rotation_rad,
             width: self.table.image.width as u32,
             height: self.table.image.height as u32,
@@ -149,7 +149,7 @@ impl<'a> PackedSky<'a> {
     }
 }
 
-/// The record of a hierarchy over instances whose nodes and items lie at these addresses.
+/// The record of a hierarchy over instances, with its nodes and items at these addresses.
 pub fn instance_tree(tree: &InstanceTree, [nodes, items]: [u64; 2]) -> layout::InstanceTree {
     let bounds = tree.bvh().bounds().unwrap_or(BoxBounds { lo: [0; 3], hi: [0; 3] });
     layout::InstanceTree {
@@ -166,7 +166,7 @@ pub fn instance_tree(tree: &InstanceTree, [nodes, items]: [u64; 2]) -> layout::I
     }
 }
 
-/// What a header is made of beside its parts' records: where the other tables lie.
+/// Assembles the scene header. Pairs and addresses say where the other tables lie.
 #[expect(clippy::too_many_arguments, reason = "all parts")]
 pub fn header(
     instances: (u64, u32),

@@ -1,7 +1,7 @@
-//! A device for tests, under the validation layer: what it says at any time fails the test that was running.
+//! A device for tests, with the validation layer. Any message of the layer fails the test that is running.
 //!
-//! A test without a device fails: it must not pass by doing nothing. `cargo xtask test` brings a driver that computes on the CPU,
-//! where the machine has no graphics processor.
+//! A test without a device fails, because it must not pass by doing nothing. `cargo xtask test` provides a driver that computes on the CPU
+//! where the machine has no GPU.
 #![allow(dead_code, reason = "not every test uses all of it")]
 
 pub(crate) mod scene;
@@ -19,12 +19,12 @@ use pumice_vulkan::program::{Code, Program};
 
 pub(crate) use pumice_vulkan::device::ComputePipeline as Pipeline;
 
-/// A device whose every call is checked.
+/// A device of which the validation layer checks every call.
 pub(crate) struct Gpu {
     inner: device::Gpu,
     pub(crate) has_f64: bool,
     pub(crate) name: String,
-    /// Of `probe.comp`, by function and whether doubles are the device's.
+    /// Pipelines of `probe.comp`, by function and by whether doubles are native.
     probes: RefCell<HashMap<(u32, bool), Pipeline>>,
 }
 
@@ -47,19 +47,19 @@ impl Buffer {
     }
 }
 
-/// Vulkan with the validation layer.
+/// Starts Vulkan with the validation layer.
 pub(crate) fn validated() -> Instance {
     Instance::new(&InstanceOptions { validation: true, ..InstanceOptions::default() })
         .expect("Vulkan with its validation layer")
 }
 
 impl Gpu {
-    /// The best device that computes.
+    /// The preferred device for compute shaders.
     pub(crate) fn new() -> Self {
         Self::of(Backend::Compute)
     }
 
-    /// The best device for a backend.
+    /// The preferred device for a backend.
     pub(crate) fn of(backend: Backend) -> Self {
         let instance = validated();
         let all = device::survey(&instance).expect("a list of devices");
@@ -79,31 +79,31 @@ impl Gpu {
         &self.inner
     }
 
-    /// Zeroed memory.
+    /// Allocates zeroed memory.
     pub(crate) fn buffer(&self, bytes: usize) -> Buffer {
         let inner = self.inner.buffer("a test's buffer", bytes as u64).expect("memory");
         self.inner.clear(&inner).expect("cleared");
         Buffer { address: inner.address(), inner, gpu: self.inner.clone() }
     }
 
-    /// Memory with these values.
+    /// Allocates memory with these values.
     pub(crate) fn buffer_of<T: Pod>(&self, values: &[T]) -> Buffer {
         let mut buffer = self.buffer(size_of_val(values));
         buffer.write(values);
         buffer
     }
 
-    /// A compute shader with its constants, made ready.
+    /// Creates a compute pipeline with these specialisation constants.
     pub(crate) fn pipeline(&self, words: &[u32], constants: &[u32]) -> Pipeline {
         self.inner.compute_pipeline(words, constants).expect("a pipeline")
     }
 
-    /// An entry point for the device's backend, compiled as tests read it, with all that scenes may need.
+    /// Creates an entry point for the device's backend, compiled with everything that the tests' scenes may need.
     pub(crate) fn program(&self, entry: &str, native: bool, group: [u32; 2]) -> Program {
         self.program_with(entry, native, group, &[])
     }
 
-    /// The same with specialisation constants.
+    /// As [`Gpu::program`], with specialisation constants.
     pub(crate) fn program_with(
         &self,
         entry: &str,
@@ -125,12 +125,12 @@ impl Gpu {
         Program::new(&self.inner, &code, constants).expect("a program")
     }
 
-    /// Runs it once and waits.
+    /// Runs it once and waits for its end.
     pub(crate) fn run(&self, pipeline: &Pipeline, launch: &Launch, groups: [u32; 2]) {
         self.try_run(pipeline, launch, groups).expect("run");
     }
 
-    /// The same, where it may fail.
+    /// As [`Gpu::run`], where it may fail.
     pub(crate) fn try_run(
         &self,
         pipeline: &Pipeline,
@@ -140,7 +140,7 @@ impl Gpu {
         self.inner.dispatch("a test", pipeline, launch, groups).map(|_| ())
     }
 
-    /// Runs function `function` of `probe.comp` on rows of words; gives rows of words back.
+    /// Runs function `function` of `probe.comp` on rows of words, and returns rows of words.
     pub(crate) fn probe(
         &self,
         native: bool,
@@ -174,7 +174,7 @@ impl Gpu {
 }
 
 impl Gpu {
-    /// Fails where the validation layer has said anything.
+    /// Fails if the validation layer reported anything.
     fn check(&self) {
         let said = self.inner.instance().messages().take();
         if !std::thread::panicking() {
@@ -189,8 +189,8 @@ impl Drop for Gpu {
     }
 }
 
-/// The one of several like things whose turn it is by `PUMICE_TEST_SHARE`, which changes daily (`K/N`); all for `full`; the first where it
-/// is unset. Each backend's shaders take a minute or more to compile for a CPU.
+/// Chooses one of several equivalent things. `PUMICE_TEST_SHARE` (`K/N`) selects it and changes daily; `full` selects all, and without the
+/// variable it is the first. The shaders of each backend take a minute or more to compile for a CPU.
 pub(crate) fn of_today<T: Clone>(things: &[T]) -> Vec<T> {
     let share = std::env::var("PUMICE_TEST_SHARE").unwrap_or_default();
     if share == "full" {
@@ -200,12 +200,12 @@ pub(crate) fn of_today<T: Clone>(things: &[T]) -> Vec<T> {
     vec![things[turn % things.len()].clone()]
 }
 
-/// What several tests use, one after the other: compiling for a device that computes on the CPU takes longer than most tests. What
-/// the validation layer said meanwhile fails the test that gives it back; a test that fails leaves nothing to the next.
+/// A resource that several tests use, one after the other, because compiling for a device that computes on the CPU takes longer than most
+/// tests. Messages of the validation layer fail the test that returns the resource. A test that fails discards it.
 pub(crate) struct Shared<T: 'static>(MutexGuard<'static, Option<T>>, fn(&T) -> Vec<&Gpu>);
 
 impl<T> Shared<T> {
-    /// Waits for the test that has it; makes it for the first.
+    /// Waits until no other test has it. The first caller creates it.
     pub(crate) fn take(
         place: &'static Mutex<Option<T>>,
         make: impl FnOnce() -> T,
@@ -242,7 +242,7 @@ impl<T> Drop for Shared<T> {
 /// The words of a compiled shader.
 pub(crate) fn spirv(name: &str, native: bool) -> Vec<u32> {
     let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("spirv");
-    // A shader without doubles has one form alone.
+    // A shader without doubles has one form only.
     let with_doubles = folder.join(format!("{name}.f64.spv"));
     let path =
         if native && with_doubles.exists() { with_doubles } else { folder.join(format!("{name}.spv")) };

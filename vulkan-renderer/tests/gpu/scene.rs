@@ -1,4 +1,4 @@
-//! Scenes in a device's memory, through `pumice_vulkan::pack` as a renderer would.
+//! Scenes in a device's memory, packed with `pumice_vulkan::pack` as a renderer does.
 
 use glam::DAffine3;
 use pumice_core::MeshData;
@@ -13,17 +13,17 @@ use pumice_vulkan::pack::{
 
 use super::{Buffer, Gpu};
 
-/// What rays go through.
+/// The form of volumes that rays traverse.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[allow(dead_code, reason = "not of all tests")]
 pub(crate) enum Form {
-    /// Boxes, found by a hierarchy.
+    /// Boxes, found through a hierarchy.
     Boxes,
-    /// Bricks, where there can be, as a renderer has it.
+    /// Bricks, where they can be built, as in a renderer.
     Bricks,
 }
 
-/// What lies on the device; the header is written last.
+/// A scene on the device; its header is written last.
 pub(crate) struct Uploaded {
     pub(crate) buffers: Vec<Buffer>,
     pub(crate) accelerations: Vec<Acceleration>,
@@ -60,13 +60,13 @@ impl Uploaded {
             record.brick_fields = uploaded.put(gpu, &bricks.fields);
             record.brick_parts = uploaded.put(gpu, &bricks.parts);
             record.brick_corners = uploaded.put(gpu, &bricks.corners);
-            // (Shaders that find bricks by themselves ask boxes about one label alone, which no renderer does.)
+            // (Shaders that traverse bricks as a grid search boxes for queries about one label alone, which no renderer makes.)
             uploaded.push(gpu, record, &bricks.aabbs(&boxes), boxes.numbered());
         }
         uploaded
     }
 
-    /// Voxels are shaded smooth.
+    /// Gives voxels smooth normals.
     pub(crate) fn shade_smooth(&mut self, gpu: &Gpu, traced: &[TracedInstance]) {
         for (i, t) in traced.iter().enumerate() {
             let nodes = PackedNodes::new(&t.volume, &t.visible);
@@ -76,7 +76,7 @@ impl Uploaded {
         }
     }
 
-    /// The next mesh of the scene, after all volumes.
+    /// Adds the next mesh of the scene; meshes follow all volumes.
     pub(crate) fn add_mesh(&mut self, gpu: &Gpu, mesh: &MeshData, world_from_mesh: DAffine3) {
         let packed = PackedMesh::new(0, mesh).expect("packed");
         let mut record = packed.record();
@@ -111,7 +111,7 @@ impl Uploaded {
         self.buffers[self.buffers.len() - 1].address
     }
 
-    /// The hierarchy over all instances that a scene on the processor has.
+    /// Adds the hierarchy over all instances that a scene on the CPU has.
     #[allow(dead_code, reason = "not of all tests")]
     pub(crate) fn add_tree(&mut self, gpu: &Gpu, tracer: &SceneTracer) {
         if let Some(tree) = tracer.tree() {
@@ -121,7 +121,7 @@ impl Uploaded {
         }
     }
 
-    /// Address of a header whose other fields are as given.
+    /// Writes the header with the other fields as given, and returns its address.
     pub(crate) fn header(&mut self, gpu: &Gpu, mut header: SceneHeader) -> u64 {
         header.instances = self.put(gpu, &self.instances.clone());
         header.instance_count = self.instances.len() as u32;

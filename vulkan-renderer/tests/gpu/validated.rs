@@ -1,9 +1,9 @@
-//! Renderers behind the validation layer, for one test after the other.
+//! Renderers with the validation layer, used by one test after the other.
 //!
-//! A driver that computes on the CPU takes most of a test's time to compile, and gives nothing back that it compiled. So there are no
-//! more renderers than one test has at once, each is used again by later tests, and they carry what scenes may need ([`carried`]): a
-//! few programs draw all scenes of all tests. Programs that leave out all that a scene does not need are those of `carried.rs`, of the
-//! tests of failures, and of every test outside of this crate.
+//! A driver that computes on the CPU spends most of a test's time on compiling, and never frees what it compiled. So there are only as many
+//! renderers as one test uses at once, later tests use them again, and they compile what the scenes may need ([`carried`]): a few programs
+//! draw all scenes of all tests. `carried.rs`, the tests of failures, and every test outside this crate use programs that leave out all
+//! that a scene does not need.
 
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::ThreadId;
@@ -13,14 +13,14 @@ use pumice_transport::{LoadedScene, RenderError, Renderer as _};
 use pumice_vulkan::VulkanRenderer;
 use pumice_vulkan::device::{self, Backend};
 
-/// A renderer whose every call is checked by the validation layer. It is used again by later tests, with nothing left of its scene.
+/// A renderer of which the validation layer checks every call. Later tests use it again, without any remains of its scene.
 pub(crate) struct Validated {
     renderer: Option<VulkanRenderer>,
-    /// What is built besides what a scene needs.
+    /// Parts that are compiled in addition to what a scene needs.
     besides: PartSet,
 }
 
-/// The test whose turn it is, how many renderers it has, and those that wait.
+/// The thread of the test whose turn it is, its number of renderers, and the renderers that are free.
 struct Turn {
     of: Option<ThreadId>,
     taken: usize,
@@ -34,27 +34,27 @@ fn turn() -> MutexGuard<'static, Turn> {
     TURN.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// What is compiled whether a scene needs it or not: what many of the tests' scenes need and little of others, so that few programs
-/// draw them all. (All that there is takes a CPU six times as long to compile as the least.) Nothing that tests count.
+/// Parts that are compiled whether a scene needs them or not: what many of the tests' scenes need, so that few programs draw them all.
+/// (Everything takes a CPU six times as long to compile as the minimum.) It has no part whose use tests count.
 fn carried() -> PartSet {
-    [Part::Microfacets, Part::Aiming, Part::Lamps, Part::Cuts, Part::Clear, Part::Meshes]
+    [Part::Microfacets, Part::LightSampling, Part::Lamps, Part::Cuts, Part::Transparent, Part::Meshes]
         .into_iter()
         .fold(PartSet::NONE, PartSet::with)
 }
 
 impl Validated {
-    /// Waits for the test whose turn it is, unless that is the caller.
+    /// Opens a renderer after waiting for the test whose turn it is, unless that is the caller.
     pub(crate) fn open(backend: Backend) -> Self {
         Self::open_carrying(backend, carried())
     }
 
-    /// One for scenes of which the film keeps passes besides, with all kinds of surfaces.
+    /// Opens a renderer for scenes with all kinds of surfaces whose film keeps render passes.
     pub(crate) fn open_sorting(backend: Backend) -> Self {
         let parts = [Part::Sorting, Part::Coats, Part::Glass, Part::Sheen, Part::Catchers];
         Self::open_carrying(backend, parts.into_iter().fold(carried(), PartSet::with))
     }
 
-    /// One that leaves out what a scene does not need.
+    /// Opens a renderer that leaves out what a scene does not need.
     pub(crate) fn open_bare(backend: Backend) -> Self {
         Self::open_carrying(backend, PartSet::NONE)
     }
@@ -67,13 +67,13 @@ impl Validated {
         let known = turn.idle.iter().position(|r| r.gpu().backend() == backend);
         let known = known.map(|place| turn.idle.swap_remove(place));
         drop(turn);
-        // Its turn ends with it, whatever happens here.
+        // Its turn ends when this value is dropped, whatever happens here.
         let mut opened = Self { renderer: None, besides };
         opened.renderer = Some(known.unwrap_or_else(|| open(backend)));
         opened
     }
 
-    /// [`pumice_transport::Renderer::set_scene`], with what is carried.
+    /// [`pumice_transport::Renderer::set_scene`], with the parts that are compiled in addition.
     pub(crate) fn set_scene(&mut self, scene: &LoadedScene) -> Result<(), RenderError> {
         let scene = scene.with_parts(self.besides);
         (**self).set_scene(&scene)
@@ -110,7 +110,7 @@ impl Drop for Validated {
             renderer.forget_scene();
             renderer.notices();
         }
-        // A test that fails leaves nothing to the next.
+        // A test that fails discards its renderer.
         let kept = renderer.filter(|r| !std::thread::panicking() && !r.gpu().is_lost());
         let mut turn = turn();
         turn.idle.extend(kept);

@@ -1,7 +1,7 @@
-//! What a compiled shader says of the structures that lie in memory: members, offsets, types, strides.
+//! Reads from a compiled shader the structures that lie in memory: members, offsets, types, strides.
 //!
-//! SPIR-V is five words of header, then instructions: length and number in the first word, operands after it (SPIR-V 1.5, §2.3).
-//! Of the hundreds of instructions the ten that tell of layouts are read here.
+//! A SPIR-V module is a header of five words, then instructions: the first word holds length and opcode, the operands follow (SPIR-V 1.5,
+//! §2.3). Of the hundreds of instructions this reads the ten that describe layouts.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -20,7 +20,7 @@ const MEMBER_DECORATE: u32 = 72;
 const ARRAY_STRIDE: u32 = 6;
 const OFFSET: u32 = 35;
 
-/// A member of a structure: name, offset, type as Rust would write it.
+/// A member of a structure: its name, its offset, and its type as Rust would write it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Field {
     pub(crate) name: String,
@@ -28,18 +28,18 @@ pub(crate) struct Field {
     pub(crate) shape: String,
 }
 
-/// A structure with offsets.
+/// A structure that has offsets.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Layout {
     pub(crate) name: String,
     pub(crate) fields: Vec<Field>,
-    /// Where its last member ends.
+    /// Offset of the end of its last member.
     pub(crate) end: usize,
-    /// Strides of the arrays of any length that hold it.
+    /// Strides of the unsized arrays that have it as their element.
     pub(crate) strides: Vec<usize>,
 }
 
-/// The tables of a module.
+/// The decorations and types of a module, by id.
 #[derive(Default)]
 struct Module<'a> {
     names: BTreeMap<u32, String>,
@@ -55,7 +55,7 @@ fn text(words: &[u32]) -> String {
     String::from_utf8(bytes).expect("a name in UTF-8")
 }
 
-/// Number and operands' place of each instruction.
+/// The opcode of each instruction, and the range of its operands.
 fn instructions(words: &[u32]) -> impl Iterator<Item = (u32, Range<usize>)> {
     let mut next = 5;
     std::iter::from_fn(move || {
@@ -66,7 +66,7 @@ fn instructions(words: &[u32]) -> impl Iterator<Item = (u32, Range<usize>)> {
     })
 }
 
-/// Where a module says an offset, or a stride.
+/// Word positions of all offsets and strides in a module.
 pub(crate) fn decorations(words: &[u32]) -> Vec<usize> {
     let found = instructions(words).filter_map(|(code, place)| match code {
         DECORATE if words[place.start + 1] == ARRAY_STRIDE => Some(place.start + 2),
@@ -101,7 +101,7 @@ pub(crate) fn layouts(words: &[u32]) -> Vec<Layout> {
 }
 
 impl Module<'_> {
-    /// A structure; `None` where it has no offsets: those live in registers.
+    /// A structure; `None` where it has no offsets, because it does not lie in memory.
     fn layout(&self, id: u32, members: &[u32]) -> Option<Layout> {
         self.offsets.get(&(id, 0))?;
         let mut end = 0;
@@ -118,7 +118,7 @@ impl Module<'_> {
         Some(Layout { name: self.names[&id].clone(), fields, end, strides })
     }
 
-    /// A type as Rust would write it, and its bytes. An array whose members do not lie side by side says so.
+    /// A type as Rust would write it, and its size in bytes. The text mentions the stride of an array whose elements are not contiguous.
     fn shape(&self, id: u32) -> (String, usize) {
         let Some(&(code, at)) = self.types.get(&id) else { return (format!("type {id}"), 0) };
         match code {

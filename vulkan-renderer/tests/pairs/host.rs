@@ -1,9 +1,9 @@
-//! What has no twin, with the reason; and twins of other names.
+//! Functions and files without a twin, each with the reason; and twins that have another name.
 
-/// A file, and its entries: a function, and its reason or its other name.
+/// A file with its entries: a function, and its reason or the name of its twin.
 pub(crate) type Listed = (&'static str, &'static [(&'static str, &'static str)]);
 
-/// Folders of which every Rust file is looked at.
+/// Folders of which every Rust file is checked.
 pub(crate) const FOLDERS: [&str; 11] = [
     "cpu-renderer/src",
     "cpu-renderer/src/traverse",
@@ -18,11 +18,11 @@ pub(crate) const FOLDERS: [&str; 11] = [
     "transport/src/lamp",
 ];
 
-/// Files besides: what reads a compressed volume, and normals.
+/// Further files: those that read a compressed volume, and normals.
 pub(crate) const FILES: [&str; 4] =
     ["core/src/node.rs", "core/src/volume.rs", "core/src/box_record.rs", "core/src/octahedral.rs"];
 
-const FRONT: &str = "a front end: the twin's hierarchy in its place, asked in another way";
+const FRONT: &str = "a front end: finds boxes by another search than the twin's";
 const ENTRY: &str = "an entry point: includes a twin and calls it once a pixel or ray";
 
 /// Shaders without a file of their own on the CPU.
@@ -35,10 +35,10 @@ pub(crate) const SHADERS_ALONE: &[(&str, &str)] = &[
     ("front_query.glsl", FRONT),
     ("front_pipeline.glsl", FRONT),
     ("hardware_ray.glsl", FRONT),
-    ("box.rint", "what visits boxes in the ray tracing pipeline"),
-    ("nothing.rmiss", "a pipeline must have one"),
-    ("trace_rays.glsl", "rays in, hits out, for tests"),
-    ("probe.comp", "functions one by one, for tests"),
+    ("box.rint", "the intersection shader of the ray tracing pipeline"),
+    ("nothing.rmiss", "the miss shader that a pipeline must have"),
+    ("trace_rays.glsl", "traces rays from a table, for tests"),
+    ("probe.comp", "calls functions one by one, for tests"),
     ("trace_rays.rgen", ENTRY),
     ("trace_rays_bvh.comp", ENTRY),
     ("trace_rays_query.comp", ENTRY),
@@ -56,12 +56,9 @@ const COLORS: &str = "colours of labels are found before a ray is traced";
 
 /// Files that trace no ray.
 pub(crate) const HOST_FILES: &[(&str, &str)] = &[
-    (
-        "cpu-renderer/src/cpu_renderer.rs",
-        "what a renderer is asked from outside; src/renderer.rs is beside it",
-    ),
-    ("transport/src/emitters/faces.rs", "which faces are aimed at: made ready before a ray is traced"),
-    ("transport/src/emitters/gather.rs", "what is aimed at: made ready before a ray is traced"),
+    ("cpu-renderer/src/cpu_renderer.rs", "the interface of a renderer; src/renderer.rs is its counterpart"),
+    ("transport/src/emitters/faces.rs", "which faces are sampled: prepared before a ray is traced"),
+    ("transport/src/emitters/gather.rs", "which surfaces are sampled: prepared before a ray is traced"),
     ("cpu-renderer/src/lib.rs", NAMES),
     ("cpu-renderer/src/traverse/ray_box_mask.rs", MASKS),
     ("cpu-renderer/src/traverse/ray_box_mask/avx2.rs", MASKS),
@@ -70,16 +67,16 @@ pub(crate) const HOST_FILES: &[(&str, &str)] = &[
     ("cpu-renderer/src/traverse/f64x4.rs", WIDE),
     ("cpu-renderer/src/traverse/avx.rs", WIDE),
     ("cpu-renderer/src/traverse/volume_tracer/making.rs", READY),
-    ("transport/src/geometry/mesh_grid.rs", "corners and bounds: made ready before a ray is traced"),
-    ("transport/src/scene_lights.rs", "lights are made ready before a ray is traced"),
+    ("transport/src/geometry/mesh_grid.rs", "corners and bounds: prepared before a ray is traced"),
+    ("transport/src/scene_lights.rs", "lights are prepared before a ray is traced"),
     ("transport/src/geometry/visible_boxes.rs", READY),
-    ("transport/src/geometry/neighbors.rs", "which boxes are near: made ready before a ray is traced"),
+    ("transport/src/geometry/neighbors.rs", "which boxes are near: prepared before a ray is traced"),
     ("cpu-renderer/src/traverse/mod.rs", NAMES),
     ("transport/src/geometry/mod.rs", "unrolls loops over axes for the compiler"),
     ("transport/src/lib.rs", NAMES),
     ("transport/src/geometry/bvh/build.rs", READY),
     ("picture/src/atomic_file.rs", FILE_FORMAT),
-    ("picture/src/cryptomatte.rs", "names, and what is made of counts on the host"),
+    ("picture/src/cryptomatte.rs", "names, and the mattes that the host computes from counts"),
     ("picture/src/exr_file.rs", FILE_FORMAT),
     ("picture/src/exr_header.rs", FILE_FORMAT),
     ("picture/src/exr_read.rs", FILE_FORMAT),
@@ -89,47 +86,51 @@ pub(crate) const HOST_FILES: &[(&str, &str)] = &[
     ("picture/src/image.rs", "pictures on the host"),
     ("picture/src/picture.rs", "pictures on the host"),
     ("picture/src/preview.rs", "filters live pictures on the host"),
-    ("picture/src/resting.rs", "the host materials at the film; a device is told who rests, word by word"),
-    ("picture/src/passes.rs", "which sums are kept, and what is made of them on the host"),
-    ("picture/src/shadow_catcher.rs", "what is made of catchers' sums on the host"),
+    ("picture/src/resting.rs", "the host decides which pixels rest, and sends a word for each"),
+    ("picture/src/passes.rs", "which sums are kept, and the passes that the host computes from them"),
+    ("picture/src/shadow_catcher.rs", "the host computes shadows from the sums of catchers"),
     ("transport/src/palette.rs", COLORS),
     ("picture/src/lib.rs", NAMES),
     ("transport/src/renderer.rs", "the interface of all renderers"),
     ("transport/src/loaded_scene.rs", "a scene with its data, before a renderer has it"),
-    ("transport/src/scene_plan.rs", "what an edit makes anew, decided before anything is built"),
-    ("picture/src/view_transform.rs", "what a screen shows of a finished picture"),
+    ("transport/src/scene_plan.rs", "which parts an edit rebuilds, decided before anything is built"),
+    ("picture/src/view_transform.rs", "display colours of a finished picture"),
 ];
 
-const WIDE: &str = "the same operations by what a kind of processor has for several numbers at once";
-const MASKS: &str = "all that a ray passes through at once; on a device a ray goes from one to the next";
-const READY: &str = "made ready before a ray is traced, for both renderers";
-const READ: &str = "hands out a field, which the shader reads itself";
-const COUNTED: &str = "counts memory or items of the host's";
-const BOX_KNOWN: &str = "surfaces know the number of their box there";
-const CARRIED: &str = "puts in what a scene does not need, to be measured; on a device `pack` does";
-const COMPILED: &str = "whether to ask at all: there a constant of the shader";
-const SHOWN: &str = "what is made of the sums is the host's, for both renderers";
+const WIDE: &str = "the same operations with the SIMD instructions of a kind of CPU";
+const MASKS: &str =
+    "a mask of all parts that a ray passes through; on a device a ray steps from part to part";
+const READY: &str = "prepared before a ray is traced, for both renderers";
+const READ: &str = "returns a field, which the shader reads directly";
+const COUNTED: &str = "counts memory or items on the host";
+const BOX_KNOWN: &str = "a surface has the number of its box in the shader";
+const CARRIED: &str = "adds what a scene does not need, for measurements; on a device `pack` does";
+const COMPILED: &str = "whether a feature is needed: a specialisation constant of the shader";
+const SHOWN: &str = "the host computes it from the sums, for both renderers";
 
-/// Functions that the host alone computes.
+/// Functions that only the host computes.
 pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
     (
         "core/src/box_record.rs",
-        &[("BoxRecord::new", "the compressor's"), ("BoxRecord::node", "its bits are taken out in box_place")],
+        &[
+            ("BoxRecord::new", "belongs to the compressor"),
+            ("BoxRecord::node", "box_place extracts its bits"),
+        ],
     ),
-    ("core/src/octahedral.rs", &[("encode", "words are made before a ray is traced")]),
+    ("core/src/octahedral.rs", &[("encode", "words are prepared before a ray is traced")]),
     (
         "core/src/node.rs",
         &[
             ("NodeRef::words", COUNTED),
-            ("NodeRef::solid", "the compressor's"),
+            ("NodeRef::solid", "belongs to the compressor"),
             ("NodeRef::fields", READY),
             ("NodeRef::flipped_fields", READY),
-            ("NodeRef::classes", "takes nodes apart, for files"),
-            ("NodeRef::references", "takes nodes apart, for files"),
+            ("NodeRef::classes", "divides nodes into arrays, for files"),
+            ("NodeRef::references", "divides nodes into arrays, for files"),
             ("FlippedFields::next", READY),
-            ("node_words", "the compressor's"),
-            ("write_node", "the compressor's"),
-            ("extent_of", "tight bounds for the hierarchy: ready before"),
+            ("node_words", "belongs to the compressor"),
+            ("write_node", "belongs to the compressor"),
+            ("extent_of", "tight bounds for the hierarchy: prepared before a ray is traced"),
         ],
     ),
     (
@@ -138,8 +139,8 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
             ("CompressedVolume::empty", "an empty volume has no box to read"),
             ("CompressedVolume::resident_parts", COUNTED),
             ("CompressedVolume::bytes", COUNTED),
-            ("CompressedVolume::holds", "which labels were read: asked before anything is drawn"),
-            ("CompressedVolume::is_whole", "the same"),
+            ("CompressedVolume::holds", "which labels were read: checked before anything is drawn"),
+            ("CompressedVolume::is_whole", "which labels were read: checked before anything is drawn"),
             ("CompressedVolume::info", READ),
             ("CompressedVolume::labels", READ),
             ("CompressedVolume::chunks", READ),
@@ -150,9 +151,12 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
             ("CompressedVolume::of", COUNTED),
             ("CompressedVolume::mapped_bytes", COUNTED),
             ("CompressedVolume::note", "texts about labels"),
-            ("CompressedVolume::holds", "which labels were read is asked before anything is drawn"),
-            ("CompressedVolume::is_whole", "which labels were read is asked before anything is drawn"),
-            ("CompressedVolume::for_each_box", "packing and hierarchies walk over all; rays do not"),
+            ("CompressedVolume::holds", "which labels were read: checked before anything is drawn"),
+            ("CompressedVolume::is_whole", "which labels were read: checked before anything is drawn"),
+            (
+                "CompressedVolume::for_each_box",
+                "packing and building hierarchies visit all boxes; rays do not",
+            ),
         ],
     ),
     ("transport/src/bsdf/tables.rs", &[("floats", READY)]),
@@ -209,7 +213,7 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
         ],
     ),
     (
-        "transport/src/materials.rs",
+        "transport/src/material_table.rs",
         &[
             ("MaterialTable::same", READY),
             ("MaterialTables::new", READY),
@@ -220,12 +224,12 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
             ("MaterialTable::of_label", READ),
             ("MaterialTable::with_ids", READY),
             ("MaterialTable::ids", READ),
-            ("MaterialTable::has_transparent", "a need, known before: NEEDS_TRANSPARENT"),
-            ("MaterialTables::has_transparent", "a need, known before: NEEDS_TRANSPARENT"),
+            ("MaterialTable::has_transparent", "a specialisation constant: NEEDS_TRANSPARENT"),
+            ("MaterialTables::has_transparent", "a specialisation constant: NEEDS_TRANSPARENT"),
             ("MaterialTables::from", READ),
             ("MaterialTables::deref", READ),
             ("MaterialTables::deref_mut", READ),
-            ("MaterialTable::is_emissive", "a need, known before: NEEDS_EMITTERS"),
+            ("MaterialTable::is_emissive", "a specialisation constant: NEEDS_EMITTERS"),
             ("MaterialTable::bytes", COUNTED),
         ],
     ),
@@ -239,7 +243,7 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
             ("PathTracer::film", READ),
             ("PathTracer::around", READ),
             ("PathTracer::rays", READ),
-            ("PathTracer::advance", "when samples are taken; src/slices.rs and src/renderer.rs for devices"),
+            ("PathTracer::advance", "schedules samples; src/slices.rs and src/renderer.rs do it for devices"),
             ("PathTracer::error_estimate", SHOWN),
             ("PathTracer::picture", SHOWN),
         ],
@@ -253,7 +257,7 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
         &[
             ("Placement::of_instance", READY),
             ("Placement::new", READY),
-            ("Placement::normal", "ready before: a table of three"),
+            ("Placement::normal", "prepared before a ray is traced: a table of three"),
         ],
     ),
     (
@@ -309,7 +313,7 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
             ("SceneTracer::box_origin", BOX_KNOWN),
             ("SceneTracer::is_smooth", COMPILED),
             ("SceneTracer::bytes", COUNTED),
-            ("SceneTracer::label_at", "asked about a voxel, not by a ray"),
+            ("SceneTracer::label_at", "a query about a voxel, not about a ray"),
         ],
     ),
     (
@@ -326,10 +330,10 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
             ("Bricks::bricks", READ),
             ("Bricks::fields", READ),
             ("Bricks::parts", READ),
-            ("Bricks::level", "the instance's"),
+            ("Bricks::level", "a field of the instance"),
             ("Bricks::bytes", COUNTED),
             ("boxes_by_brick", READY),
-            ("four", READY),
+            ("f64x4", READY),
             ("within", READY),
             ("bounds_of", READY),
         ],
@@ -340,7 +344,7 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
             ("VolumeTracer::is_hidden", CARRIED),
             ("VolumeTracer::box_origin", BOX_KNOWN),
             ("VolumeTracer::is_smooth", COMPILED),
-            ("VolumeTracer::label_at", "asked about a voxel, not by a ray"),
+            ("VolumeTracer::label_at", "a query about a voxel, not about a ray"),
         ],
     ),
     (
@@ -382,10 +386,10 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
             ("FilmBuffer::sums_mut", READ),
             ("FilmBuffer::size", READ),
             ("FilmBuffer::bytes", COUNTED),
-            ("FilmBuffer::clear", "a device's memory is cleared by a command"),
+            ("FilmBuffer::clear", "a command clears the device's memory"),
             (
                 "FilmBuffer::rest_by",
-                "a device's memory is cleared by a command, and who rests is the host's business",
+                "a command clears the device's memory, and the host decides which pixels rest",
             ),
             ("FilmBuffer::spp", COUNTED),
             ("FilmBuffer::mean_spp", COUNTED),
@@ -412,15 +416,15 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
         "transport/src/sun.rs",
         &[
             ("ReadySun::new", READY),
-            ("ReadySun::is_delta", "the shader asks whether cone_pdf is 0"),
+            ("ReadySun::is_delta", "the shader tests whether cone_pdf is 0"),
             ("ReadySun::irradiance", READY),
             ("ReadySun::cone_pdf", READY),
         ],
     ),
 ];
 
-/// Functions whose twin has another name: GLSL has no methods to tell two `new` apart, and one function there answers questions that
-/// the CPU compiles apart.
+/// Functions whose twin has another name: GLSL has no methods that would distinguish two `new`, and one function there handles several
+/// queries for which the CPU has separate functions.
 pub(crate) const OTHER_NAMES: &[Listed] = &[
     ("transport/src/emitters/mod.rs", &[("Emitter::key", "key_is_before")]),
     ("core/src/box_record.rs", &[("BoxRecord::cell", "box_place"), ("BoxRecord::extent", "box_place")]),
@@ -449,14 +453,21 @@ pub(crate) const OTHER_NAMES: &[Listed] = &[
             ("Bricks::part", "brick_part"),
         ],
     ),
-    ("cpu-renderer/src/traverse/volume_tracer.rs", &[("VolumeTracer::nearest_in_bricks", "found_in_brick")]),
+    (
+        "cpu-renderer/src/traverse/volume_tracer/search.rs",
+        &[("VolumeTracer::nearest_in_bricks", "found_in_brick")],
+    ),
+    (
+        "cpu-renderer/src/traverse/volume_tracer/surfaces.rs",
+        &[("VolumeTracer::coarse_element_end", "element_end"), ("VolumeTracer::hit", "hit_of")],
+    ),
     ("cpu-renderer/src/crossing.rs", &[("visibility", "follow"), ("visibility_through", "follow")]),
     (
         "transport/src/lights.rs",
         &[("Lights::probability", "light_probability"), ("Lights::lamp_emission_to_camera", "lamp_emission")],
     ),
     ("transport/src/lamp/ball.rs", &[("smoothstep", "smoothstep_of")]),
-    ("transport/src/materials.rs", &[("MaterialTable::material", "material_of")]),
+    ("transport/src/material_table.rs", &[("MaterialTable::material", "material_of")]),
     (
         "cpu-renderer/src/path.rs",
         &[("radiance", "follow"), ("ambient", "follow"), ("path", "follow"), ("Way::lamps", "follow")],
@@ -467,7 +478,7 @@ pub(crate) const OTHER_NAMES: &[Listed] = &[
     ),
     (
         "cpu-renderer/src/film_sample.rs",
-        // One film sample there: where nothing is sorted, it is compiled to the sum alone.
+        // GLSL has one type of film sample: where light is not divided, only the sum is compiled.
         &[
             ("ColorSample::add_emission", "film_sample_add_emission"),
             ("ColorSample::add_background", "film_sample_add_background"),
@@ -522,7 +533,7 @@ pub(crate) const OTHER_NAMES: &[Listed] = &[
     ),
     (
         "cpu-renderer/src/traverse/mesh_tracer.rs",
-        // Searches are those of volumes; what is looked at differs.
+        // The searches are those of volumes; the items that they test differ.
         &[
             ("MeshTracer::nearest", "visit_triangle"),
             ("MeshTracer::first_hit", "visit_triangle"),
@@ -561,9 +572,7 @@ pub(crate) const OTHER_NAMES: &[Listed] = &[
             ("VolumeTracer::first_hit_within", "volume_ask"),
             ("VolumeTracer::occluded", "volume_ask"),
             ("VolumeTracer::occluded_by", "volume_ask"),
-            ("VolumeTracer::coarse_element_end", "element_end"),
             ("any_will_do", "volume_ask"),
-            ("VolumeTracer::hit", "hit_of"),
             ("VolumeTracer::box_of", "visit"),
             ("VolumeTracer::label_of", "visit"),
         ],
@@ -576,7 +585,7 @@ pub(crate) const OTHER_NAMES: &[Listed] = &[
     ("transport/src/sampler.rs", &[("mix", "mix64")]),
     (
         "transport/src/trace.rs",
-        // Declared here, answered in the tracers: what a hit is, is the twin's.
+        // The trait declares these and the tracers implement them; the twin defines a hit.
         &[
             ("Tracer::first_hit", "is_hit"),
             ("Tracer::occluded", "is_hit"),

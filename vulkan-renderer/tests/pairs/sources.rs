@@ -1,7 +1,7 @@
-//! Reads just enough of Rust and GLSL to list functions, as both are formatted here: items of a file begin in its first column,
-//! methods in the fifth.
+//! Lists the functions of Rust and GLSL files. It reads just enough of both languages, and relies on this repository's formatting: items of
+//! a file begin in the first column, methods in the fifth.
 
-/// Names of the functions of a Rust file, its tests left out; methods as `Type::method`.
+/// Names of the functions of a Rust file without its tests; methods as `Type::method`.
 pub(crate) fn rust_functions(source: &str) -> Vec<String> {
     let before_tests = source.split("#[cfg(test)]").next().unwrap_or(source);
     let mut owner = String::new();
@@ -61,13 +61,13 @@ pub(crate) fn shader_functions(source: &str) -> Vec<String> {
     found.collect()
 }
 
-/// The comment at the head of a shader, as one line.
+/// The comment at the head of a shader, joined to one line.
 pub(crate) fn head_of(source: &str) -> String {
     let lines = source.lines().map_while(|l| l.strip_prefix("//"));
     lines.map(str::trim).collect::<Vec<_>>().join(" ")
 }
 
-/// What a function of Rust may be called in a shader: its name; for methods with the type's name, or a word of it, in front.
+/// Names that a Rust function may have in a shader: its own, and for methods the same with the type's name, or one word of it, in front.
 pub(crate) fn shader_names(function: &str) -> Vec<String> {
     let Some((owner, method)) = function.split_once("::") else { return vec![function.to_owned()] };
     let mut words: Vec<String> = Vec::new();

@@ -1,4 +1,4 @@
-//! Light of shadow catchers, among all things and among catchers alone: each backend's sums beside the CPU's.
+//! Light of shadow catchers, among all objects and among catchers alone: compares each backend's sums with the CPU's.
 
 use std::sync::Arc;
 
@@ -19,7 +19,7 @@ fn cpu_film(case: &Case) -> FilmBuffer {
     tracer.film().clone()
 }
 
-/// Pixels whose sums differ by more than roundings do.
+/// Pixels whose sums differ by more than rounding explains.
 fn parted(case: &Case, stride: usize, sums: &[f32], expected: &[f32], rays: u32) -> usize {
     let tolerance = tolerance(case, rays);
     let differ = |(a, b): &(&[f32], &[f32])| {
@@ -33,12 +33,12 @@ fn parted(case: &Case, stride: usize, sums: &[f32], expected: &[f32], rays: u32)
 fn caught_light_is_the_cpus_and_alike_on_the_days_backends() {
     let fronts = paths();
     for case in catching() {
-        // Occlusion differs in what is told to the sums alone: once will do.
+        // Ambient occlusion differs only in what is added to the sums, so one backend suffices.
         let films = if case.name.contains("occlusion") { &[true][..] } else { &[false, true] };
         for &transparent in films {
             let mut case = case.clone();
             case.film.transparent = transparent;
-            // With a group on either side, so that places are told apart.
+            // With a group of passes on either side, so that wrong places of the sums are noticed.
             case.film.passes = [Pass::Albedo, Pass::Normal].into_iter().collect();
             let expected = cpu_film(&case);
             let (stride, at) = (expected.kept().stride(), expected.kept().caught_at());
@@ -47,14 +47,14 @@ fn caught_light_is_the_cpus_and_alike_on_the_days_backends() {
             let found = found(&case, &asked(&case, SPP));
             let rays = found.iter().map(|f| f.rays).max().unwrap_or(0);
             let differing = |sums: &[f32]| parted(&case, stride, sums, expected.pass_sums(), rays);
-            // Paths that meet a catcher go on twice.
+            // Paths that meet a catcher are continued twice.
             let mean: f64 = 2.0 * found.iter().map(|f| f.parting.min(1.0)).sum::<f64>();
             let most = mean + 5.0 * mean.sqrt() + 3.0;
             let (parted, pixels) = (differing(&first), first.len() / stride);
             println!("{}: {parted} of {pixels} pixels parted (at most {most:.1})", case.name);
             assert!(parted as f64 <= most, "{}: {parted} pixels differ, at most {most:.1} may", case.name);
             assert!(most < 0.5 * pixels as f64, "{}", case.name);
-            // There is each of the sums, and shadow.
+            // Each of the sums occurs, and so does shadow.
             let sum = |place: usize| first.iter().skip(at + place).step_by(stride).sum::<f32>();
             let [all, alone] = [sum(1), sum(4)];
             assert!(all > 0.0 && alone > 1.02 * all && sum(6) > 0.0, "{}: {all}, {alone}", case.name);
@@ -64,7 +64,7 @@ fn caught_light_is_the_cpus_and_alike_on_the_days_backends() {
                 let differ = first.iter().zip(&sums).filter(|(a, b)| a.to_bits() != b.to_bits()).count();
                 assert_eq!(differ, 0, "{}: {} against {}", case.name, front.name, fronts[0].name);
             }
-            // Negative control: another thing that catches.
+            // Negative control: another object catches.
             let mut other = case.clone();
             let ball = other.around.materials.len() - 1;
             other.around.materials[ball] =

@@ -1,4 +1,4 @@
-//! The comparison of samples can tell: a device that is asked something slightly else is convicted.
+//! Negative controls of the comparison of samples: a device that is given a slightly different scene is found out.
 
 use std::sync::Arc;
 

@@ -1,4 +1,4 @@
-//! Scenes in a device's memory, and what its entry points make of them.
+//! Scenes in a device's memory, and the results of its entry points for them.
 
 use std::cell::RefCell;
 
@@ -16,7 +16,7 @@ use crate::gpu::scene::{Form, Uploaded};
 use crate::gpu::{Gpu, of_today};
 use crate::scenes::Case;
 
-/// A scene on a device: kept as long as its address is used.
+/// A scene on a device. It must be kept as long as its address is used.
 pub(crate) struct OnDevice {
     _kept: Uploaded,
     pub(crate) address: u64,
@@ -79,7 +79,7 @@ impl OnDevice {
     }
 }
 
-/// One way to trace on a device.
+/// An entry point on one backend.
 pub(crate) struct Front {
     pub(crate) name: String,
     pub(crate) gpu: Gpu,
@@ -87,19 +87,19 @@ pub(crate) struct Front {
 }
 
 impl Front {
-    /// An entry point on the day's hardware backend and, last, in compute, with the device's doubles.
+    /// An entry point on the day's hardware backend and, last, as a compute shader, with native doubles.
     pub(crate) fn of_today(entry: &str) -> Vec<Self> {
         let hardware = of_today(&[Backend::RayPipeline, Backend::RayQuery]);
         let backends = hardware.into_iter().chain([Backend::Compute]);
         backends.map(|backend| Self::of(entry, backend, true, &[])).collect()
     }
 
-    /// An entry point in compute with doubles in integers.
+    /// An entry point as a compute shader with emulated doubles.
     pub(crate) fn in_integers(entry: &str) -> Self {
         Self::in_integers_for(entry, &[])
     }
 
-    /// The same, compiled for what some scenes need alone.
+    /// As [`Front::in_integers`], compiled for the needs of some scenes only.
     pub(crate) fn in_integers_for(entry: &str, constants: &[u32]) -> Self {
         Self::of(entry, Backend::Compute, false, constants)
     }
@@ -112,19 +112,19 @@ impl Front {
         Self { name, gpu, program }
     }
 
-    /// Runs the entry point over the film's tiles.
+    /// Runs the entry point over one tile of the film.
     fn run(&self, launch: &Launch, tile: [u32; 4]) {
         let [tile_x, tile_y, tile_width, tile_height] = tile;
         let launch = Launch { tile_x, tile_y, tile_width, tile_height, ..*launch };
         self.program.borrow_mut().run("a test", &launch, [tile_width, tile_height]).expect("run");
     }
 
-    /// Sums of `samples` in every pixel, in launches as the renderer might cut them.
+    /// Sums of `samples` in every pixel, in launches as the renderer might divide them.
     pub(crate) fn film(&self, case: &Case, samples: u32) -> Vec<f32> {
         self.film_and_passes(case, samples).0
     }
 
-    /// The same, and the sums of what the film keeps for passes.
+    /// As [`Front::film`], with the sums that the film keeps for render passes.
     pub(crate) fn film_and_passes(&self, case: &Case, samples: u32) -> (Vec<f32>, Vec<f32>) {
         let scene = OnDevice::new(&self.gpu, case);
         let (width, height) = (case.film.width, case.film.height);
@@ -155,10 +155,10 @@ impl Front {
     }
 }
 
-/// Samples of one launch: a device that computes on a busy processor must answer in time.
+/// Samples of one launch, few enough that a device that computes on a busy CPU answers in time.
 const SAMPLES_A_LAUNCH: usize = 512;
 
-/// Radiance of samples: pixel, number.
+/// Radiance of samples, each given by its pixel and number.
 pub(crate) fn radiances(gpu: &Gpu, native: bool, case: &Case, asked: &[([u32; 2], u32)]) -> Vec<Vec3> {
     let scene = OnDevice::new(gpu, case);
     let mut found = Vec::with_capacity(asked.len());

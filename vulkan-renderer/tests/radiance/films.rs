@@ -1,4 +1,4 @@
-//! The entry points that a renderer launches, on each backend: films and first surfaces.
+//! Tests the entry points that a renderer launches, on each backend: films and first surfaces.
 
 use pumice_core::Job;
 use pumice_picture::film::REPLICATES;
@@ -14,11 +14,11 @@ use crate::paths;
 use crate::samples::{asked, found, tolerance};
 use crate::scenes::{Case, cases};
 
-/// Samples of each pixel: each replicate gets two of them.
+/// Samples a pixel: each replicate gets two of them.
 const SPP: u32 = 2 * REPLICATES;
 
-/// One scene for each of what the backends do in their own ways: many boxes, several instances, levels of detail; and one in which
-/// all lights and surfaces are.
+/// One scene for each thing that the backends do differently: many boxes, several instances, levels of detail; and one scene that has all
+/// lights and surfaces.
 fn chosen() -> Vec<Case> {
     let names = [
         "all surfaces under",
@@ -53,7 +53,7 @@ fn cpu_film(case: &Case) -> FilmBuffer {
     tracer.film().clone()
 }
 
-/// How many sums differ by more than roundings do, and how many may.
+/// How many sums differ by more than rounding explains, and how many may.
 fn parted(case: &Case, sums: &[f32], expected: &[f32]) -> (usize, f64) {
     let found = found(case, &asked(case, SPP));
     let rays = found.iter().map(|f| f.rays).max().unwrap_or(0);
@@ -62,7 +62,7 @@ fn parted(case: &Case, sums: &[f32], expected: &[f32]) -> (usize, f64) {
         let scale = a.iter().chain(b).copied().fold(1e-6, f32::max);
         a.iter().zip(b).any(|(a, b)| (a - b).abs() > tolerance * scale)
     };
-    // Three colours of a replicate: a path that parts shows in one of them at least.
+    // Three colours of a replicate: a path that parts shows in at least one of them.
     let parted = sums.chunks(3).zip(expected.chunks(3)).filter(|&pair| differ(pair)).count();
     let mean: f64 = found.iter().map(|f| f.parting.min(1.0)).sum();
     (parted, mean + 5.0 * mean.sqrt() + 3.0)
@@ -82,7 +82,7 @@ fn films_are_the_cpus_and_alike_on_the_days_backends() {
             let differ = first.iter().zip(&sums).filter(|(a, b)| a.to_bits() != b.to_bits()).count();
             assert_eq!(differ, 0, "{}: {} against {}", case.name, front.name, fronts[0].name);
         }
-        // Other random numbers: Welch's t of every tile, of the picture's mean.
+        // With other random numbers the films must agree statistically: Welch's t of every tile, and of the picture's mean.
         let mut other = case.clone();
         other.around.settings.seed += 1;
         let (a, b) = (film_of(&case, &first), cpu_film(&other));
@@ -95,8 +95,8 @@ fn films_are_the_cpus_and_alike_on_the_days_backends() {
     }
 }
 
-/// Whole paths with doubles in integers, as devices without doubles draw them: of the scenes that need least, so that the least is
-/// compiled; levels of detail by distance are among them, which take the most of doubles.
+/// Whole paths with emulated doubles, as devices without doubles compute them. The scenes are those with the fewest needs, so that as
+/// little as possible is compiled. Levels of detail by distance are among them; they use doubles the most.
 #[test]
 #[ignore = "full: a path with doubles in integers takes a minute to compile for a CPU"]
 fn films_with_doubles_in_integers_are_the_cpus() {
@@ -110,7 +110,7 @@ fn films_with_doubles_in_integers_are_the_cpus() {
         assert!(materials().all(|m| m.specular == 0.0 && m.emission == [0.0; 3] && m.alpha == 1.0));
         assert!(matches!(case.around.lights.sky(), Sky::Constant(_)) && case.camera.aperture.is_none());
         let parts = PartSet::NONE
-            .with_if(Part::Aiming, case.around.lights.samples_lights())
+            .with_if(Part::LightSampling, case.around.lights.samples_lights())
             .with_if(Part::Lamps, !case.around.lights.lamps().is_empty())
             .with_if(Part::Meshes, !case.meshes.is_empty());
         ShaderNeeds { parts, instance_tree: false, bricks: false, boxes: true }
@@ -128,18 +128,18 @@ fn films_with_doubles_in_integers_are_the_cpus() {
     }
 }
 
-/// Gives labels ids as mattes have them: a few of types, many of labels, so that slots overflow.
+/// Gives labels Cryptomatte ids: few by type and many by label, so that slots overflow.
 fn name_all(case: &mut Case) {
     for (materials, instance) in case.around.materials.iter_mut().zip(0u32..) {
         let count = case.traced.get(instance as usize).map_or(1, |t| t.volume.labels().len() as u32);
-        // Near one another, so that they do not widen what a pixel may be off by; 1/64 is far beyond that.
+        // Close to one another, so that they do not widen a pixel's tolerance; 1/64 is far beyond it.
         let ids = |label: u32| [1.5 + (instance * 100 + label) as f32 / 64.0, -2.5 - (label % 3) as f32];
         *materials =
             std::sync::Arc::new(MaterialTable::clone(materials).with_ids((0..count).map(ids).collect()));
     }
 }
 
-/// Sums of passes: light by kind, colours, normals, alpha, of clamped light; of the scenes in which there is most of it.
+/// Sums of render passes: light by kind, colours, normals, alpha, clamped light. The scenes are those in which most of these occur.
 #[test]
 fn passes_are_the_cpus_and_alike_on_the_days_backends() {
     let fronts = paths();
@@ -156,7 +156,8 @@ fn passes_are_the_cpus_and_alike_on_the_days_backends() {
         let (_, first) = fronts[0].film_and_passes(&case, SPP);
         let found = found(&case, &asked(&case, SPP));
         let rays = found.iter().map(|f| f.rays).max().unwrap_or(0);
-        // A part of a sum is as exact as the sum; what is left over of it, glossy light beside diffuse, as the whole: by pixel.
+        // A part of a sum is as exact as the sum. What is left over of it, such as glossy light beside diffuse, has the error of the whole
+        // pixel.
         let tolerance = tolerance(&case, rays);
         let differ = |(a, b): &(&[f32], &[f32])| {
             let scale = a.iter().chain(*b).fold(1e-6f32, |m, v| m.max(v.abs()));
@@ -168,7 +169,7 @@ fn passes_are_the_cpus_and_alike_on_the_days_backends() {
         let most = mean + 5.0 * mean.sqrt() + 3.0;
         println!("{}: {parted} of {} pixels parted (at most {most:.1})", case.name, first.len() / stride);
         assert!(parted as f64 <= most, "{}: {parted} pixels differ, at most {most:.1} may", case.name);
-        // Most pixels must be able to tell, and every kind of sum is there: in ambient occlusion diffuse light and its colour.
+        // Most pixels must be able to show a difference, and every kind of sum occurs: in ambient occlusion, diffuse light and its colour.
         assert!(most < 0.5 * (first.len() / stride) as f64, "{}", case.name);
         let sums: Vec<f32> =
             (0..stride).map(|i| first.iter().skip(i).step_by(stride).map(|v| v.abs()).sum()).collect();
@@ -179,7 +180,7 @@ fn passes_are_the_cpus_and_alike_on_the_days_backends() {
             let differ = first.iter().zip(&sums).filter(|(a, b)| a.to_bits() != b.to_bits()).count();
             assert_eq!(differ, 0, "{}: {} against {}", case.name, front.name, fronts[0].name);
         }
-        // Negative control: a clamp below what is seen and lit directly shows.
+        // Negative control: a lower clamp on what is seen and lit directly shows.
         (case.around.settings.clamp_direct, case.around.settings.clamp_indirect) = (0.05, 0.25);
         let (_, other) = fronts[0].film_and_passes(&case, SPP);
         let parted = other.chunks(stride).zip(expected.pass_sums().chunks(stride)).filter(differ).count();
@@ -187,8 +188,8 @@ fn passes_are_the_cpus_and_alike_on_the_days_backends() {
     }
 }
 
-/// Minutes of compiling on a device that computes on the CPU, for all that a scene may need; functions, hits and plain films have
-/// been compared with doubles in integers one by one, so that what is left to see here is that they are put together alike.
+/// Compiling everything that a scene may need takes minutes on a device that computes on the CPU. Other tests compare functions, hits and
+/// plain films with emulated doubles one by one, so this one only checks that they are put together in the same way.
 #[test]
 #[ignore = "full: the path with doubles in integers takes minutes to compile for a CPU"]
 fn films_are_alike_with_doubles_in_integers() {
@@ -206,7 +207,7 @@ fn first_surfaces_are_the_cpus() {
     check_first_surfaces(Front::of_today("first"));
 }
 
-/// The hits themselves are compared with doubles in integers in `exactness.rs`.
+/// `exactness.rs` compares the hits themselves with emulated doubles.
 #[test]
 #[ignore = "full: first surfaces with doubles in integers, compiled for a CPU"]
 fn first_surfaces_with_doubles_in_integers_are_the_cpus() {

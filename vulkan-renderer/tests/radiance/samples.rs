@@ -1,12 +1,12 @@
-//! Sample by sample: the same random numbers, so the same path, on both.
+//! Compares sample by sample. Both sides use the same random numbers, so they follow the same path.
 //!
-//! Geometry is exact on both; what differs is the last bits of floats, and with them the directions in which paths go on.
+//! Geometry is exact on both sides. The last bits of floats differ, and with them the directions in which paths continue.
 //!
 //! ```text
-//! unparted   the same faces, the same choices: radiance differs by roundings alone
-//! parted     a ray passes an edge on the other side, a choice falls the other way: another path from there on, as good as the first
+//! unparted   the same faces, the same choices: radiance differs by rounding alone
+//! parted     a ray passes an edge on the other side, or a random choice falls the other way: from there on it is another, equally valid path
 //! ```
-//! How many may part is computed beforehand, from the CPU's own rays ([`Flown::parting`]).
+//! How many paths may part is computed beforehand, from the CPU's own rays ([`Flown::parting`]).
 
 use std::sync::Mutex;
 
@@ -18,41 +18,41 @@ use pumice_transport::{FilterTable, Hit, PathOrigin, RayInWorld, Surface, Tracer
 
 use crate::scenes::Case;
 
-/// A diffuse direction's error: sine and cosine of a few 2⁻²⁴ and a root (the tests of directions allow 2⁻²¹ and find less).
+/// Error of a diffuse direction: sine and cosine of a few 2⁻²⁴ and a root (the tests of directions tolerate 2⁻²¹ and find less).
 const DIRECTION: f64 = 1.0 / 2_097_152.0;
 
-/// Chance that one of a vertex's choices (which lobe, on or not, above the surface or not) falls the other way: the numbers they
-/// compare are good to 2⁻¹⁷ where nothing cancels; there are fewer than eight of them.
+/// Probability that one of a vertex's choices (which lobe, continue or not, above the surface or not) falls the other way. The numbers that
+/// are compared are correct to 2⁻¹⁷ where nothing cancels; there are fewer than eight choices.
 const CHOICES: f64 = 8.0 / 131_072.0;
 
-/// The rays of a path in flight.
+/// Rays of a path in flight.
 #[derive(Default)]
 struct Flown {
-    /// Lengths of the rays that met something, and how many did not or were shadow rays.
+    /// Summed length of the rays that met something, and the number of rays that met nothing or were shadow rays.
     path: f64,
     parting: f64,
     rays: u32,
 }
 
-/// The tracer, listening.
+/// A tracer that records the rays that pass through it.
 struct Listening<'a, T> {
     tracer: &'a T,
     voxel: f64,
     reach: f64,
     sharpness: f64,
-    /// How far a camera ray may be off.
+    /// Error of the origin of a camera ray.
     lens: f64,
     flown: Mutex<Flown>,
 }
 
 impl<T> Listening<'_, T> {
-    /// A ray from a vertex flies `length`. It may start off by what the rays before it were off, and end off by its own direction's
-    /// error besides. Surfaces have edges of voxels, two families one voxel apart at most: one lies within ε of a point with a
-    /// chance of 4ε/voxel; slanting surfaces are hit farther off, by 1/cos, 2 in the mean of what scatters diffusely.
+    /// A ray from a vertex travels `length`. Its start may be off by the error of the rays before it, and its end additionally by its own
+    /// direction's error. Surfaces have edges of voxels, at most two families of them, one voxel apart: a point has an edge within ε with a
+    /// probability of 4ε/voxel. Slanting surfaces are hit farther off, by 1/cos, on average 2 for what scatters diffusely.
     fn fly(&self, length: f64, goes_on: bool) {
         let Ok(mut flown) = self.flown.lock() else { return };
         flown.rays += 1;
-        // A mirror image is off by what its ray was: errors of directions add up from vertex to vertex.
+        // A mirror image has the error of its ray, so errors of directions add up from vertex to vertex.
         let off = flown.path + DIRECTION * self.sharpness * f64::from(flown.rays) * length;
         flown.parting += 8.0 * off / self.voxel + CHOICES;
         if goes_on {
@@ -62,7 +62,7 @@ impl<T> Listening<'_, T> {
 }
 
 impl<T> Listening<'_, T> {
-    /// A camera ray that may be off as [`Listening::fly`] says of others.
+    /// The same for a camera ray; see [`Listening::fly`].
     fn swerve(&self) {
         let Ok(mut flown) = self.flown.lock() else { return };
         flown.path = self.lens;
@@ -73,7 +73,7 @@ impl<T> Listening<'_, T> {
 impl<T: Tracer> Tracer for Listening<'_, T> {
     fn first_hit(&self, ray: &RayInWorld, from: PathOrigin, t_max: f64) -> Option<Hit> {
         let hit = self.tracer.first_hit(ray, from, t_max);
-        // The camera's rays are the same on both, bit for bit, but for points of its opening.
+        // Camera rays are the same on both sides, bit for bit, except for points on the lens aperture.
         if from != PathOrigin::Free {
             let length = hit.map_or(self.reach, |h| h.t * ray.direction.length());
             self.fly(length, true);
@@ -101,23 +101,23 @@ impl<T: Tracer> Tracer for Listening<'_, T> {
     }
 }
 
-/// What the CPU finds of a sample.
+/// The CPU's result for a sample.
 pub(crate) struct Found {
     pub(crate) radiance: Vec3,
-    /// Chance that another machine's path parts from this one.
+    /// Probability that another machine's path parts from this one.
     pub(crate) parting: f64,
-    /// Rays after the camera's.
+    /// Number of rays after the camera's.
     pub(crate) rays: u32,
 }
 
-/// Samples of every pixel: all pixels, numbers below `spp`.
+/// Samples of every pixel, numbered from 0 to below `spp`.
 pub(crate) fn asked(case: &Case, spp: u32) -> Vec<([u32; 2], u32)> {
     let (width, height) = (case.film.width, case.film.height);
     let pixels = (0..width * height).map(move |i| [i % width, i / width]);
     pixels.flat_map(|p| (0..spp).map(move |number| (p, number))).collect()
 }
 
-/// The CPU's answers.
+/// The CPU's results.
 pub(crate) fn found(case: &Case, asked: &[([u32; 2], u32)]) -> Vec<Found> {
     let tracer = case.tracer();
     let (rays, filter) = (CameraRays::new(&case.camera, &case.film), FilterTable::new(&case.film.filter));
@@ -127,8 +127,8 @@ pub(crate) fn found(case: &Case, asked: &[([u32; 2], u32)]) -> Vec<Found> {
         voxel: case.voxel,
         reach: case.reach,
         sharpness: case.sharpness,
-        // Good to 2⁻²¹ of the radius at the opening (the test of camera rays), and behind the plane in focus, where the error is
-        // that much mirrored, up to as far again.
+        // Correct to 2⁻²¹ of the radius at the aperture (the test of camera rays). Behind the plane in focus the error is mirrored and may
+        // be as large again.
         lens: rays.lens.map_or(0.0, |l| l.radius * 2f64.powi(-20)),
         flown: Mutex::default(),
     };
@@ -145,22 +145,22 @@ pub(crate) fn found(case: &Case, asked: &[([u32; 2], u32)]) -> Vec<Found> {
         *listening.flown.lock().expect("nobody panics with it") = Flown::default();
         let radiance = radiance(&listening, &case.around, &sampler, ray, t_max, down);
         let flown = listening.flown.lock().expect("nobody panics with it");
-        // Each ray looks the sky up once at most, and a light that is aimed at once more.
+        // Each ray looks up the sky at most once, and each light sample once more.
         let parting = flown.parting + case.borders * f64::from(2 * flown.rays);
         Found { radiance, parting, rays: flown.rays }
     };
     asked.iter().map(one).collect()
 }
 
-/// What tells two machines' samples apart.
+/// The result of comparing two machines' samples.
 pub(crate) struct Verdict {
     pub(crate) samples: usize,
-    /// Paths that differ by more than roundings do, and how many of them chance explains.
+    /// Number of paths that differ by more than rounding explains, and how many of these chance explains.
     pub(crate) parted: usize,
     pub(crate) most_parted: f64,
-    /// Largest relative difference of the others.
+    /// Largest relative difference of the other paths.
     pub(crate) largest: f32,
-    /// Mean difference of all over the mean, by colour, and how much of it chance and roundings explain.
+    /// Mean difference of all samples relative to the mean, by colour, and how much of it chance and rounding explain.
     pub(crate) shift: DVec3,
     pub(crate) most_shift: DVec3,
 }
@@ -184,15 +184,15 @@ impl Verdict {
             let d = (*g - f.radiance).as_dvec3();
             (sum, squares, total) = (sum + d, squares + d * d, total + f.radiance.as_dvec3());
         }
-        // A parted path is another sample of the same light: differences have a mean of 0 and the spread they show. The rest
-        // is off by roundings, which may have a mean: 2⁻¹⁷, as single functions.
+        // A parted path is another sample of the same light: such differences have a mean of 0 and the spread that they show. The others
+        // differ by rounding, which may have a mean: 2⁻¹⁷, as in single functions.
         let mean = (total / found.len() as f64).max(DVec3::splat(1e-9));
         let n = found.len() as f64;
         let spread = DVec3::from(squares.to_array().map(f64::sqrt)) / n;
         Self {
             samples: found.len(),
             parted,
-            // Poisson's, five standard deviations.
+            // Poisson distribution, five standard deviations.
             most_parted: expected + 5.0 * expected.sqrt() + 3.0,
             largest,
             shift: (sum / n / mean).abs(),
@@ -200,12 +200,12 @@ impl Verdict {
         }
     }
 
-    /// Largest of three, which are about alike.
+    /// The largest of the three colours, which are about equal.
     fn largest_shift(&self) -> [f64; 2] {
         [self.shift, self.most_shift].map(|s| s.max_element())
     }
 
-    /// What convicts, if anything does.
+    /// The fault that the comparison shows, if any.
     pub(crate) fn fault(&self) -> Option<String> {
         if self.parted as f64 > self.most_parted {
             return Some(format!("more paths part than floats explain: {self}"));
@@ -223,9 +223,9 @@ impl std::fmt::Display for Verdict {
     }
 }
 
-/// Relative difference of paths that do not part: each vertex multiplies by a weight that is good to 2⁻¹⁷ (the tests of scattering),
-/// on sharp lobes to 1/α times that, and the two ways to find a light are weighted by densities as good. Twice a vertex: light and
-/// path.
+/// Relative difference of paths that do not part. Each vertex multiplies by a weight that is correct to 2⁻¹⁷ (the tests of scattering), on
+/// sharp lobes to 1/α times that, and the MIS weights are ratios of densities as exact as that. It counts twice a vertex, for light and for
+/// the path.
 pub(crate) fn tolerance(case: &Case, rays: u32) -> f32 {
     (2 + rays) as f32 * 2f32.powi(-17) * 2.0 * case.sharpness as f32
 }

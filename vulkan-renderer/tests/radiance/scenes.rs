@@ -1,4 +1,4 @@
-//! Small scenes, one for each thing that the integrator does; as the CPU draws them.
+//! Small scenes, one for each feature of the integrator, as the CPU renders them.
 
 use std::sync::Arc;
 
@@ -17,24 +17,24 @@ use pumice_transport::{EnvironmentTable, Lights, MaterialTable, ReadyLamp, Ready
 use crate::exact::volumes::{blobs, noise, volume};
 use crate::shapes;
 
-/// Pixels along a film's side: not a multiple of a group's 8.
+/// Pixels along each side of the film. Not a multiple of the workgroup's 8.
 pub(crate) const SIDE: u32 = 28;
 
-/// A scene, and what is known of its numbers beforehand.
+/// A scene, with what is known of its numerical errors beforehand.
 #[derive(Clone)]
 pub(crate) struct Case {
     pub(crate) name: &'static str,
     pub(crate) traced: Vec<TracedInstance>,
-    /// After the volumes.
+    /// Meshes, which follow the volumes.
     pub(crate) meshes: Vec<(Arc<MeshData>, DAffine3)>,
     pub(crate) around: Surroundings,
     pub(crate) camera: Camera,
     pub(crate) film: Film,
-    /// How much more a scattered direction is off than a float's rounding: 1/α of the sharpest lobe, 1 where all is diffuse.
+    /// Factor from a float's rounding error to the error of a scattered direction: 1/α of the sharpest lobe, 1 where all is diffuse.
     pub(crate) sharpness: f64,
-    /// Chance that a lookup in the sky's picture finds another pixel's density: its borders, 2⁻¹⁹ of a turn wide each.
+    /// Probability that a lookup in the environment map finds another pixel's density: its borders, 2⁻¹⁹ of a turn wide each.
     pub(crate) borders: f64,
-    /// Smallest voxel's edge in the world, and the longest way through all that is drawn.
+    /// Edge of the smallest voxel in the world, and the longest way through everything that is drawn.
     pub(crate) voxel: f64,
     pub(crate) reach: f64,
 }
@@ -58,12 +58,12 @@ impl Case {
         self.around.materials.iter().skip(self.traced.len())
     }
 
-    /// What the film keeps for passes.
+    /// Sums that the film keeps for render passes.
     pub(crate) fn kept(&self) -> PassSums {
         PassSums::of(&self.film, self.materials_of_meshes().any(|materials| materials.catches()))
     }
 
-    /// The CPU's picture, not begun.
+    /// The CPU's path tracer, without samples.
     pub(crate) fn path_tracer(&self) -> PathTracer<SceneTracer> {
         PathTracer::new(self.tracer(), self.around.clone(), &self.camera, &self.film)
     }
@@ -73,7 +73,7 @@ impl Case {
         self
     }
 
-    /// What shines is aimed at, beside the lights that there are.
+    /// Samples emissive surfaces as lights, in addition to the other lights.
     pub(crate) fn sampling_emission(self) -> Self {
         let emitters = emitters_of(&self.tracer(), &self.around.materials).expect("emitters");
         assert!(emitters.is_some(), "{} is dark", self.name);
@@ -110,7 +110,7 @@ impl Case {
     }
 }
 
-/// A camera at `from` that sees `to`.
+/// A camera at `from` that looks at `to`.
 fn looking(from: DVec3, to: DVec3, projection: Projection) -> Camera {
     let z = (from - to).normalize();
     let x = DVec3::Z.cross(z).normalize();
@@ -123,7 +123,7 @@ fn traced(volume: &Arc<pumice_core::CompressedVolume>, world_from_index: DAffine
     TracedInstance { volume: Arc::clone(volume), world_from_index, visible, lod: LodChoice::Voxels }
 }
 
-/// Bodies of many labels, 48 voxels wide: Lambert under an even sky.
+/// Bodies of many labels, 48 voxels wide: Lambert materials under a uniform sky.
 pub(crate) fn bodies() -> Case {
     let (_, volume) = blobs([48, 44, 40], 40, 16, 4);
     let instance = traced(&volume, DAffine3::IDENTITY);
@@ -158,7 +158,7 @@ fn dark() -> Sky {
     Sky::Constant(Vec3::splat(0.05))
 }
 
-/// A bright window in a sky that changes slowly.
+/// An environment map: a bright window in a sky that changes slowly.
 pub(crate) fn picture(strength: f32) -> Sky {
     let pixel = |i: usize| {
         let (x, y) = ((i % 64) as f32 / 64.0, (i / 64) as f32 / 32.0);
@@ -169,15 +169,15 @@ pub(crate) fn picture(strength: f32) -> Sky {
     Sky::Image(std::sync::Arc::new(EnvironmentTable::new(image, strength, 0.3).expect("a sky")))
 }
 
-/// Chance that a place in [`picture`], off by 2⁻²⁰ of a turn, is across a border of its 64 + 32.
+/// Probability that a position in [`picture`], off by 2⁻²⁰ of a turn, is across one of its 64 + 32 borders.
 const BORDERS: f64 = 96.0 / 524_288.0;
 
-/// Every label another surface: shiny, metal, both, shining; α = 0.3² at the sharpest.
+/// Gives every label another material: glossy, metal, both, emissive; α = 0.3² for the sharpest.
 fn surfaces(case: Case) -> Case {
     surfaces_of(case, 0.3)
 }
 
-/// The same, of this roughness and rougher.
+/// As [`surfaces`], of this roughness and rougher.
 fn surfaces_of(case: Case, roughness: f32) -> Case {
     let base = |m: Material, i: usize| Material { base_color: [0.9, 0.3 + 0.04 * i as f32, 0.5], ..m };
     let kinds = [
@@ -228,7 +228,7 @@ fn lit_by_lamps() -> Lights {
     Lights::new(dark(), vec![sun(0.3, 1.0)], None).with_lamps(lamps)
 }
 
-/// Every label a surface that light goes through, or that has a coat or sheen.
+/// Gives every label a material that transmits light, or one with a coat or sheen.
 fn passed_through(case: Case) -> Case {
     let base = |m: Material, i: usize| Material { base_color: [0.9, 0.3 + 0.04 * i as f32, 0.5], ..m };
     let rough = Material { roughness: 0.7, ..Material::default() };
@@ -257,12 +257,12 @@ fn several() -> Case {
     for (i, visible) in case.traced[0].visible.iter_mut().enumerate() {
         *visible = i % 3 != 0;
     }
-    // Some 70 × 60 × 60 voxels in all.
+    // About 70 × 60 × 60 voxels in all.
     case.reach = 130.0;
     case.with_style(&LabelStyle { auto_color: true, ..LabelStyle::default() }, 4.0)
 }
 
-/// A floor under the bodies, and a bumpy ball of glass, metal and clear triangles among them.
+/// Adds a floor under the bodies, and a bumpy ball of glass, metal and transparent triangles among them.
 fn beside_meshes(case: Case) -> Case {
     let mut case = case;
     let rough = Material { roughness: 0.7, base_color: [0.9, 0.8, 0.7], ..Material::default() };
@@ -285,8 +285,8 @@ fn beside_meshes(case: Case) -> Case {
     case
 }
 
-/// The same shaded smooth, by normals that fit the bumps badly: they lie on the far side of some triangles, and what they would
-/// mirror is often below the surface.
+/// As [`beside_meshes`], with vertex normals that fit the bumps badly: some lie on the far side of their triangle, and mirror directions
+/// are often below the surface.
 fn beside_smooth_meshes(case: Case) -> Case {
     let mut case = beside_meshes(case);
     for (mesh, _) in &mut case.meshes {
@@ -329,11 +329,11 @@ fn room() -> Case {
     case.camera.projection = Projection::Perspective { fov_rad: 1.4 };
     case.around.settings.bounces = 32;
     case.reach = 66.0;
-    // Rough: errors of many mirror images would leave nothing to compare.
+    // Rough: errors of many mirror reflections would be too large for a comparison.
     surfaces_of(case, 0.8)
 }
 
-/// The floor under bodies and meshes catches their shadows: of a sun, of surfaces that shine, of even light around.
+/// The floor under bodies and meshes is a shadow catcher, for a sun, emissive surfaces and uniform light around.
 pub(crate) fn catching() -> Vec<Case> {
     let sky = Sky::Constant(Vec3::new(0.4, 0.5, 0.6));
     let lit = |suns| beside_meshes(bodies().with_lights(Lights::new(sky.clone(), suns, None)));
@@ -352,7 +352,7 @@ pub(crate) fn catching() -> Vec<Case> {
     cases
 }
 
-/// All of them.
+/// All scenes.
 pub(crate) fn cases() -> Vec<Case> {
     let aimed = |case: Case, suns: Vec<ReadySun>| case.with_lights(Lights::new(dark(), suns, None));
     let painted = |case: Case, suns: Vec<ReadySun>| {

@@ -1,4 +1,4 @@
-//! What an edit sends to the device, and what is given back. `super::bare()` makes the renderer that is tested.
+//! What an edit sends to the device, and whether memory is freed. `super::bare()` makes the renderer that is tested.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -24,7 +24,7 @@ pub(crate) fn balls() -> Arc<CompressedVolume> {
     Arc::new(compress_labels(VolumeInfo::new(dims, LabelType::U16), LabelBuffer::U16(ids)).unwrap())
 }
 
-/// All of them from the side, under an even sky.
+/// All of them from the side, under a uniform sky.
 pub(crate) fn scene_of_balls() -> Scene {
     let mut scene = looking_down(Environment::Constant { radiance: [1.0; 3] }, vec![], lambert(0.7));
     scene.camera.world_from_camera.translation = DVec3::new(240.0, 24.0, 600.0);
@@ -126,7 +126,7 @@ fn an_edit_sends_what_it_changes_and_no_more() {
     }
 }
 
-/// All that was taken is given back.
+/// All allocated memory is freed.
 #[test]
 fn nothing_is_left_on_the_device() {
     let mut renderer = super::bare();
@@ -140,10 +140,10 @@ fn nothing_is_left_on_the_device() {
         renderer.picture().unwrap();
         let counted: u64 = renderer.bytes().iter().map(|(_, b)| b).sum();
         let allocated = renderer.gpu().allocated_bytes();
-        // Beside the parts: tables of shaders, those of scattering, staging memory, alignment of each buffer.
+        // Beside the scene's parts there are shader binding tables, albedo tables, staging memory, and the alignment of each buffer.
         assert!(allocated >= counted && allocated < counted + (20 << 20), "{allocated} {counted}");
-        // Programs outlive scenes, and with them the rays' scratch memory: as large as the largest launch was, and how large
-        // launches become is a matter of how fast they were.
+        // Programs outlive scenes, and so does the scratch memory of rays. It is as large as the largest launch needed, which depends on
+        // how fast the launches were.
         let scratch: u64 = renderer.bytes().iter().filter(|(n, _)| *n == "scratch").map(|(_, b)| b).sum();
         renderer.forget_scene();
         held.push(renderer.gpu().allocated_bytes() - scratch);

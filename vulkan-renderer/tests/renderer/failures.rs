@@ -1,5 +1,5 @@
-//! Memory that runs out and devices that are lost, at every point where they can. `super::bare()` makes the renderer that is tested:
-//! a device that is opened anew compiles anew, so it compiles the least.
+//! Memory that runs out and devices that are lost, at every call where that can happen. `super::bare()` makes the renderer that is tested:
+//! a device that is opened again compiles again, so it should compile as little as possible.
 
 use std::time::Duration;
 
@@ -13,7 +13,7 @@ use super::edits::{balls, scene_of_balls};
 
 pub(super) const SPP: u32 = 4;
 
-/// Shows the scene and draws it, `faults` being due; the picture and what was told, or the error.
+/// Shows the scene and renders it with injected `faults`. Returns the picture with the notices, or the error.
 pub(super) fn draw(
     renderer: &mut Validated,
     faults: &[(InjectedFault, u32)],
@@ -27,7 +27,7 @@ pub(super) fn draw(
     Ok((picture.color, renderer.notices()))
 }
 
-/// The `nth` such call fails, for each nth that there is: the picture is the same, and it is told what happened.
+/// Makes the `nth` such call fail, for every n that occurs. The picture must be the same each time, and a notice must say what happened.
 pub(super) fn overcome_everywhere(fault: InjectedFault, step: usize) -> usize {
     let mut renderer = super::bare();
     let (expected, notices) = draw(&mut renderer, &[]).unwrap();
@@ -39,7 +39,7 @@ pub(super) fn overcome_everywhere(fault: InjectedFault, step: usize) -> usize {
         assert_eq!(image, expected, "{fault:?} {nth}");
         let [notice] = &notices[..] else {
             assert!(notices.is_empty(), "{notices:?}");
-            // The fault was not met any more: all were.
+            // The fault was not reached any more, so all calls have been tested.
             renderer.gpu().inject(fault, 0, 0);
             return failures;
         };
@@ -60,7 +60,7 @@ fn memory_that_is_short_once_is_overcome() {
 }
 
 #[test]
-#[ignore = "full: each time the device is opened anew it compiles anew, which takes seconds"]
+#[ignore = "full: each opening of the device compiles all shaders again, which takes seconds"]
 fn a_device_that_is_lost_once_is_overcome_at_many_points() {
     let failures = overcome_everywhere(InjectedFault::Submission, 5);
     assert!(failures >= 4, "{failures}");

@@ -1,4 +1,4 @@
-//! Which labels lie on the device, and passes that are cancelled: the same code on all backends, seen on one.
+//! Which labels lie on the device, and cancelled passes. The code is the same for all backends, so one backend is tested.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -11,7 +11,7 @@ use pumice_transport::{LoadedScene, Renderer as _};
 use super::Validated;
 use super::edits::{balls, scene_of_balls};
 
-/// Only labels that are drawn lie on the device; one that is shown for the first time brings its nodes, and what was there stays.
+/// Only drawn labels lie on the device. Showing a label for the first time uploads its nodes; nothing else of the nodes is sent again.
 #[test]
 fn hidden_labels_are_not_on_the_device() {
     let mut renderer = super::bare();
@@ -40,7 +40,7 @@ fn hidden_labels_are_not_on_the_device() {
     scene.instances[0].style.show = Show::Only(vec![1, 2, 3]);
     show(&mut renderer, &scene);
     assert_eq!(renderer.sent().nodes, before.nodes + 1, "label 3 was not there");
-    // Twice in the scene, once on the device.
+    // The volume is in the scene twice and on the device once.
     let nodes = part(&renderer, "nodes");
     let mut second = scene.instances[0].clone();
     second.id = 2;
@@ -55,7 +55,7 @@ fn hidden_labels_are_not_on_the_device() {
     assert_eq!(renderer.sent().nodes, before.nodes + 1);
 }
 
-/// A cancelled pass is left after the launch in flight, and goes on where it was.
+/// A cancelled pass stops after the launch in flight, and continues from there later.
 #[test]
 fn a_pass_that_is_cancelled_midway_goes_on() {
     let (mut scene, volume) = (scene_of_balls(), balls());

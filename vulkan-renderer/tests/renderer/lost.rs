@@ -1,4 +1,4 @@
-//! What of a lost device is found again: the same code on all backends, seen on one (each opening compiles anew).
+//! What is restored after the device was lost. The code is the same for all backends, so one is tested (each opening compiles again).
 
 use std::time::Duration;
 
@@ -10,7 +10,7 @@ use pumice_vulkan::device::InjectedFault;
 use super::edits::{balls, scene_of_balls};
 use super::failures::{SPP, draw};
 
-/// Samples that the host has seen survive the device.
+/// Samples that the host has read survive the loss of the device.
 #[test]
 fn samples_survive_a_lost_device() {
     let mut renderer = super::bare();
@@ -27,7 +27,7 @@ fn samples_survive_a_lost_device() {
     assert_eq!(samples, u64::from(SPP) - 2, "no sample was computed twice");
 }
 
-/// So does which pixels rest.
+/// So does the knowledge which pixels rest.
 #[test]
 fn pixels_rest_on_after_a_lost_device() {
     let mut renderer = super::bare();
@@ -52,7 +52,7 @@ fn pixels_rest_on_after_a_lost_device() {
     assert_eq!((again, notices), (mean_spp, 1));
 }
 
-/// Twice in a row is given up, in one line that names backend and device; afterwards the renderer can be used again.
+/// A second failure in a row is an error, in one line that names backend and device. Afterwards the renderer can be used again.
 #[test]
 fn what_fails_twice_is_given_up() {
     let mut renderer = super::bare();
@@ -68,7 +68,8 @@ fn what_fails_twice_is_given_up() {
     assert_eq!(draw(&mut renderer, &[]).unwrap().0, expected);
 }
 
-/// Lost while the scene is sent, and while it is drawn; every point where it can be lost is in the full set (`failures.rs`).
+/// The device is lost while the scene is sent, and while it is rendered. The full set (`failures.rs`) tests every call where it can be
+/// lost.
 #[test]
 fn a_device_that_is_lost_once_is_overcome() {
     let mut renderer = super::bare();

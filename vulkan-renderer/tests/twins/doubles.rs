@@ -1,10 +1,10 @@
-//! `f64.glsl` against the processor's doubles: bit for bit, NaN against NaN.
+//! Compares `f64.glsl` with the CPU's doubles, bit for bit; any NaN equals any NaN.
 
 use super::gpu::Gpu;
 use super::words::{Random, Reader, Row};
 
-/// Doubles of every kind: ordinary ones, neighbours of powers of two, subnormals, infinities, halves between floats, and pairs that
-/// nearly cancel.
+/// Doubles of every kind: ordinary ones, neighbours of powers of two, subnormals, infinities, values half-way between two floats, and pairs
+/// that nearly cancel.
 fn operands(random: &mut Random) -> (f64, f64) {
     let special = [
         0.0,

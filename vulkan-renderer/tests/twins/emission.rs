@@ -1,4 +1,4 @@
-//! `light_tree.glsl`, `emitters.glsl`, and what of `lights.glsl` aims at emitters.
+//! Tests `light_tree.glsl`, `emitters.glsl`, and the sampling of emitters in `lights.glsl`.
 
 use std::sync::Arc;
 
@@ -22,7 +22,7 @@ use super::gpu::scene::{Form, Uploaded};
 use super::lighting::{receiver, row_of};
 use super::words::{Random, Reader, Row, close};
 
-/// Lumps of six labels that touch, in several boxes.
+/// Touching lumps of six labels, in several boxes.
 fn volume() -> Arc<CompressedVolume> {
     let mut random = Random(61);
     let lumps: Vec<u32> = (0..6 * 6 * 6).map(|_| random.below(12)).collect();
@@ -42,7 +42,7 @@ fn mesh() -> Arc<MeshData> {
     Arc::new(MeshData::new(positions, vec![[0, 1, 2], [1, 3, 2], [0, 3, 4]], vec![1, 0, 1]).expect("a mesh"))
 }
 
-/// Placed within the unit ball about the origin, as receivers are within three of it.
+/// Placements within the unit ball about the origin; receivers are within three of it.
 fn places() -> [DAffine3; 2] {
     let sheared = DMat3::from_cols_array(&[0.04, 0.01, 0.0, -0.01, 0.05, -0.01, 0.01, 0.0, 0.09]);
     let mirrored = DMat3::from_diagonal(DVec3::new(-0.05, 0.05, 0.05));
@@ -52,7 +52,7 @@ fn places() -> [DAffine3; 2] {
     ]
 }
 
-/// Number of the box that draws a face among those on the device.
+/// Number, among the boxes on the device, of the box that holds a face.
 fn box_number(packed: &PackedBoxes, label: u32, origin: [u32; 3]) -> u32 {
     let is_it = |&i: &usize| {
         let chunk = packed.chunks.partition_point(|c| c.first_box as usize <= i) - 1;
@@ -63,9 +63,9 @@ fn box_number(packed: &PackedBoxes, label: u32, origin: [u32; 3]) -> u32 {
     (0..packed.boxes.len()).find(is_it).expect("a box that is drawn") as u32
 }
 
-/// Which emitter is chosen, and of a box which face, is a comparison of floats: where they differ in the last bits, some in a million
-/// fall the other way. Elsewhere a level's chance is good to a root and three divisions of 2.5 units in the last place each, some 1e-6;
-/// ten levels, the distance and its cube: 5e-5. A coat's table and power are good to 2e-4.
+/// Which emitter is chosen, and which face of a box, depends on comparisons of floats. Where these differ in the last bits, a few choices
+/// in a million differ. Otherwise the probability at a level of the tree is correct up to a root and three divisions of 2.5 units in the
+/// last place each, about 1e-6; ten levels, the distance and its cube give 5e-5. A coat's table and its power are correct to 2e-4.
 #[test]
 fn emitters_are_the_same() {
     let gpu = Gpu::new();
@@ -97,7 +97,7 @@ fn emitters_are_the_same() {
     let mesh_place =
         DAffine3::from_mat3_translation(DMat3::from_diagonal(DVec3::splat(0.3)), DVec3::splat(-0.4));
 
-    // On the host.
+    // On the CPU.
     let triangles = MeshTracer::new(0, 2, &mesh, mesh_place).expect("a mesh");
     let tracer =
         SceneTracer::without_bricks(&traced).expect("a tracer").with_meshes(vec![Arc::new(triangles)]);
@@ -140,7 +140,7 @@ fn emitters_are_the_same() {
             let numbers = [0; 5].map(|_| random.unit());
             let [choice, a, b, c, d] = numbers;
             let sample = emitters.sample(&from, choice, [a, b], [c, d]);
-            // What is met towards it, or anywhere.
+            // What a ray meets in the sampled direction, or in any.
             let direction = sample.map_or(-from.point.normalize(), |s| s.direction);
             let ray = RayInWorld { origin: from.point, direction };
             let hit = tracer.first_hit(&ray, PathOrigin::Free, f64::INFINITY);

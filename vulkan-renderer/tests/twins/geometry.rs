@@ -1,4 +1,4 @@
-//! `node.glsl`, `volume.glsl`, `index_ray.glsl` and the search for a box by voxel: bit for bit.
+//! Tests `node.glsl`, `volume.glsl`, `index_ray.glsl` and the search for the box of a voxel, bit for bit.
 
 use std::sync::Arc;
 
@@ -13,7 +13,8 @@ use super::gpu::Gpu;
 use super::gpu::scene::{Form, Uploaded};
 use super::words::{Random, Reader};
 
-/// Round bodies in several chunks, and one voxel in so many is noise, all voxels below an x, so that there are cells of all classes.
+/// Round bodies in several chunks. One voxel in `noise` is random, and every voxel whose x is below `all_noise`, so that cells of all
+/// classes occur.
 fn volume(noise: u32, all_noise: u32) -> Arc<CompressedVolume> {
     let dims = [1100u32, 40, 30];
     let mut random = Random(51);
@@ -40,7 +41,7 @@ fn traced(volume: &Arc<CompressedVolume>, lod: LodChoice) -> TracedInstance {
 
 #[test]
 fn boxes_are_read_as_compressed() {
-    // Slices do not repeat in the one; in the other they do but for a few.
+    // In the first volume no slices repeat; in the second nearly all do.
     for (noise, all_noise, long_words) in [(1, 0, 4), (2, 64, 3)] {
         let volume = volume(noise, all_noise);
         assert_eq!(volume.leaves().long_words(), long_words);
@@ -66,7 +67,7 @@ fn boxes_of_volume_are_read_as_compressed(volume: &Arc<CompressedVolume>) {
         (0..packed.boxes.len() as u32).flat_map(|b| [0; 6].map(|_| [b, random.below(64)])).collect();
     let rows: Vec<_> = inputs.iter().map(|i| i.to_vec()).collect();
     let out = gpu.probe(false, 10, scene, &rows, 10);
-    // Which box of the volume each is: by label and lowest voxel, which no two share.
+    // The number of each box in the volume, found by label and lowest voxel; no two boxes have both the same.
     let by_place: std::collections::HashMap<_, _> = visible_boxes(volume, &traced.visible, false)
         .into_iter()
         .map(|(_, index)| {
@@ -107,7 +108,7 @@ fn boxes_are_found_by_voxel() {
             .map(|_| [random.below(labels), random.below(1104), random.below(44), random.below(34)])
             .collect();
         for i in inputs.iter_mut().step_by(2) {
-            // Often the very label.
+            // Often exactly the label of the voxel.
             i[0] = tracer.label_at([i[1], i[2], i[3]]).unwrap_or(i[0]);
         }
         let rows: Vec<_> = inputs.iter().map(|i| i.to_vec()).collect();
@@ -116,7 +117,7 @@ fn boxes_are_found_by_voxel() {
             let here = tracer.label_at([x, y, z]);
             if row[0] != NONE {
                 found += 1;
-                // Coarse elements overlap: the lowest label is the CPU's answer, and another may be there too.
+                // Elements of coarse levels overlap: the CPU answers with the lowest label, and other labels may be there too.
                 assert!(here.is_some_and(|l| l == label || lod != LodChoice::Voxels && l < label));
             } else {
                 assert!(here != Some(label), "label {label} at {:?}", [x, y, z]);

@@ -1,4 +1,4 @@
-//! `trigonometry.glsl`, `sun.glsl`, `lamp*.glsl`, `environment.glsl`, `lights.glsl`, `camera_rays.glsl`.
+//! Tests `trigonometry.glsl`, `sun.glsl`, `lamp*.glsl`, `environment.glsl`, `lights.glsl` and `camera_rays.glsl`.
 
 use std::f64::consts::PI;
 
@@ -27,18 +27,18 @@ fn direction(random: &mut Random) -> DVec3 {
     }
 }
 
-/// Unit directions, the poles and the axes among them.
+/// Unit directions, with the poles and the axes among them.
 fn directions(random: &mut Random, n: usize) -> Vec<DVec3> {
     let mut all: Vec<DVec3> = (0..n).map(|_| direction(random)).collect();
     for axis in [DVec3::X, DVec3::Y, DVec3::Z] {
-        // Not −axis, whose zeros are negative: at a pole they choose the azimuth, which means nothing there.
+        // Not −axis, whose zeros are negative: they would choose the azimuth at a pole, where it means nothing.
         all.extend([axis, DVec3::ZERO - axis, (axis + direction(random) * 1e-5).normalize()]);
     }
     all
 }
 
-/// Against the language's, in doubles. Sines: the argument's own rounding is none, the polynomial's last terms and four roundings
-/// are below 2⁻²³. Arctangents: three roundings of numbers up to π each worth 2⁻²³, and the division and root of the device, 2.5
+/// Compares with the standard library, in doubles. Sines: the argument has no rounding error, and the polynomial's omitted terms and four
+/// roundings stay below 2⁻²³. Arctangents: three roundings of numbers up to π worth 2⁻²³ each, and the device's division and root, 2.5
 /// units in the last place each.
 #[test]
 fn trigonometry_is_accurate() {
@@ -61,14 +61,14 @@ fn trigonometry_is_accurate() {
         assert!((f64::from(r.float()) - sin).abs() < 2f64.powi(-23), "sin {a}");
         assert!((f64::from(r.float()) - cos).abs() < 2f64.powi(-23), "cos {a}");
         let angle = f64::from(y).atan2(f64::from(x));
-        // Where y is −0 or 0 behind the origin, either of ±π is the angle.
+        // Where y is −0 or 0 behind the origin, both of ±π are the angle.
         let got = f64::from(r.float());
         let error = (got - angle).abs().min((got + angle).abs() + if y == 0.0 { 0.0 } else { 9.0 });
         assert!(error < 2f64.powi(-20), "atan2 {y} {x}: {got}, {angle}");
     }
 }
 
-/// Openings of each kind; with them rays are as good as floats' sines: the opening's points within 2⁻²¹ of its radius.
+/// Lens apertures of each kind. With them rays are as exact as sines in floats: points of the aperture are within 2⁻²¹ of its radius.
 #[test]
 fn camera_rays_are_the_same() {
     let gpu = Gpu::new();
@@ -130,7 +130,7 @@ fn camera_rays_are_the_same() {
     }
 }
 
-/// In emulated doubles: bit for bit, −0 as 0.
+/// In emulated doubles: bit for bit, −0 taken as 0.
 #[test]
 fn frames_are_the_same() {
     let inputs = directions(&mut Random(23), 20_000);
@@ -170,8 +170,8 @@ fn lights_scene(gpu: &Gpu, lights: &Lights) -> (Uploaded, u64) {
     (uploaded, scene)
 }
 
-/// Density and membership are equal; a direction differs by what a float's sine does to its distance from the sun's middle, which
-/// is below the sine of the half angle: 2⁻²² of it for each of two terms.
+/// Density and membership are equal. A direction differs by the error that a float's sine causes in its distance from the sun's centre.
+/// That is below the sine of the half angle times 2⁻²², for each of two terms.
 #[test]
 fn suns_are_the_same() {
     let gpu = Gpu::new();
@@ -182,7 +182,7 @@ fn suns_are_the_same() {
         let (_kept, scene) = lights_scene(&gpu, &lights);
         let inputs: Vec<_> = (0..5_000)
             .map(|_| {
-                // Half of the directions near the cone's border.
+                // Half of the directions are near the cone's border.
                 let near = sun.towards + direction(&mut random) * (0.5 * angle).sin() * 1.2;
                 let d = if random.below(2) == 0 { near.normalize() } else { direction(&mut random) };
                 ([random.unit(), random.unit()], d)
@@ -208,7 +208,7 @@ fn suns_are_the_same() {
     }
 }
 
-/// Smooth, so that a place that is off by a little changes radiance by little: what is compared is the place, not its noise.
+/// A smooth image: a small error of the position changes radiance only a little, so the comparison checks positions, not noise.
 fn picture(width: usize, height: usize) -> Image {
     let pixel = |i: usize| {
         let (x, y) = ((i % width) as f32 / width as f32, (i / width) as f32 / height as f32);
@@ -218,8 +218,8 @@ fn picture(width: usize, height: usize) -> Image {
     Image::new(width, height, (0..width * height).map(pixel).collect())
 }
 
-/// Places are floats: relative to a turn, azimuth and height are off by 2⁻²⁰ at most (an arctangent's error and two roundings), so
-/// radiance by its slope times that; a density, constant within a pixel, is equal but within that distance of a pixel's border.
+/// Positions are floats. Relative to a turn, azimuth and height are off by at most 2⁻²⁰ (an arctangent's error and two roundings), and
+/// radiance by its slope times that. A density is constant within a pixel, so it is equal except within that distance of a pixel's border.
 #[test]
 fn environments_are_the_same() {
     let gpu = Gpu::new();
@@ -241,19 +241,19 @@ fn environments_are_the_same() {
             let (direction, radiance, pdf) = table.sample(u);
             let mut r = Reader(&row);
             let got = DVec3::new(r.double(), r.double(), r.double());
-            // The azimuth's float: up to 10 rad, 2⁻²¹ each for it and its rotation.
+            // The azimuth as a float: up to 10 rad, 2⁻²¹ for it and the same for its rotation.
             assert!((got - direction).length() < 2f64.powi(-18), "{u:?}: {got} {direction}");
             for c in radiance.to_array() {
                 close(r.float(), c, 1e-4, "radiance of a sample");
             }
             assert_eq!(r.float(), pdf, "{u:?}");
-            // At the poles the azimuth is anything: x and y of 10⁻⁵ are floats of 17 bits there.
+            // At the poles the azimuth is undetermined: x and y of 10⁻⁵ are floats of 17 bits there.
             for c in table.eval(d).to_array() {
                 close(r.float(), c, 1e-4, "radiance");
             }
             other_pixel += usize::from(r.float() != table.pdf(d));
         }
-        // Borders are 1 pixel apart and places off by 2⁻²⁰ turns: width + height borders cross so many of the directions.
+        // Borders are 1 pixel apart and positions off by 2⁻²⁰ turns, so this many of the directions cross one of width + height borders.
         let expected = inputs.len() as f64 * (width + height) as f64 * 2f64.powi(-19);
         assert!((other_pixel as f64) < 4.0 * expected + 6.0, "{other_pixel} of {} pixels", inputs.len());
     }
@@ -306,14 +306,14 @@ fn chosen_lights_are_the_same() {
             let sampled = lights.sample_infinite_or_lamp(from, choice, u);
             let found = r.word() != 0;
             if found != sampled.is_some() {
-                // A lamp's rim.
+                // The rim of a lamp.
                 rims += 1;
                 continue;
             }
             let got = DVec3::new(r.double(), r.double(), r.double());
             let numbers = [r.float(), r.float(), r.float(), r.float()];
             if let Some(s) = sampled {
-                // Of a lamp: see `lamps_are_the_same`.
+                // For a lamp: see `lamps_are_the_same`.
                 let limit = if s.distance.is_finite() { 5e-4 } else { 2f64.powi(-18) };
                 assert!((got - s.direction).length() < limit, "{got} {}", s.direction);
                 for (n, e) in numbers.into_iter().zip(s.radiance_over_pdf.to_array()) {
@@ -328,7 +328,7 @@ fn chosen_lights_are_the_same() {
             let lamps = lights.lamp_emission(from, d, limit, pdf);
             let got = Vec3::new(r.float(), r.float(), r.float());
             rims += usize::from((got - lamps).length() > 1e-2 * lamps.length() + 1e-5);
-            // A direction within a float's error of a pixel's border may find the neighbour's density: a slope of the picture.
+            // A direction within a float's error of a pixel's border may find the neighbour's density: a slope of the image.
             for e in lights.infinite_emission(d, pdf).to_array() {
                 close(r.float(), e, 1e-2, "found");
             }
@@ -336,7 +336,7 @@ fn chosen_lights_are_the_same() {
                 close(r.float(), e, 1e-4, "behind");
             }
         }
-        // What is drawn within 1e-6 of a rim is there on one side and not on the other.
+        // A surface within 1e-6 of a rim may be hit on one side and missed on the other.
         assert!(rims <= 8, "{rims} of 4000 differ");
     }
 }
@@ -386,9 +386,10 @@ pub(super) fn row_of(row: Row, from: &Receiver) -> Row {
     row.doubles(from.point.to_array()).float(x).float(y).float(z).word(u32::from(from.both_sides))
 }
 
-/// One by one. Roots and arctangents of the device are good to some units in the last place. Of a small rectangle's solid angle, a
-/// difference of four angles, that is 1e-4; of a direction within one seen aslant, by the sine of a difference of two of them, some
-/// 1e-4: half a thousandth is forgiven there, 2e-6 elsewhere, 1e-3 of densities. At rims of cones, spreads and outlines light ends.
+/// Each lamp on its own. The device's roots and arctangents are correct to some units in the last place. In the solid angle of a small
+/// rectangle, a difference of four angles, that is 1e-4; in a direction within one that is seen at a grazing angle, through the sine of a
+/// difference of two of them, about 1e-4. So 5e-4 is tolerated there, 2e-6 elsewhere, and 1e-3 for densities. At the rims of cones, spreads
+/// and outlines light ends.
 #[test]
 fn lamps_are_the_same() {
     let gpu = Gpu::new();

@@ -1,4 +1,4 @@
-//! `sampler.glsl` and `filter.glsl`: bit for bit.
+//! Tests `sampler.glsl` and `filter.glsl`, bit for bit.
 
 use pumice_scene::Filter;
 use pumice_transport::FilterTable;

@@ -1,7 +1,8 @@
-//! `bsdf.glsl`, and with it `fresnel.glsl`, `ggx.glsl`, `tables.glsl`, `sheen.glsl` and `coat.glsl`.
+//! Tests `bsdf.glsl`, and with it `fresnel.glsl`, `ggx.glsl`, `tables.glsl`, `sheen.glsl` and `coat.glsl`.
 //!
-//! Sums and products of floats, divisions and roots that a device may round by 2.5 units, a sine: numbers agree to 2⁻¹⁷ where nothing
-//! cancels. A half vector is off by δ = 2⁻²² when its direction is sampled; the lobe, ∝ (sin² + α² cos²)⁻², then by 2δ/α of itself.
+//! These use sums and products of floats, divisions and roots that a device may round by 2.5 units, and a sine: numbers agree to 2⁻¹⁷ where
+//! nothing cancels. A half vector is off by δ = 2⁻²² when its direction is sampled; the lobe, ∝ (sin² + α² cos²)⁻², then has a relative
+//! error of 2δ/α.
 
 use glam::{DVec3, Vec3};
 use pumice_scene::Material;
@@ -12,11 +13,11 @@ use pumice_vulkan::layout::SceneHeader;
 use super::gpu::Gpu;
 use super::words::{Random, Reader, Row, close, close_beside};
 
-/// What nothing amplifies.
+/// Tolerance where nothing amplifies errors.
 const PLAIN: f32 = 1.0 / 131_072.0;
 
-/// Schlick's (1 − cos)⁵ is off by up to 5 times a half vector's error where nothing else reflects; a lobe is chosen with a chance of
-/// 1/10 at least, so that what it reflects is at most 10 times its density.
+/// Schlick's (1 − cos)⁵ is off by up to 5 times a half vector's error where nothing else reflects. A lobe is chosen with a probability of
+/// at least 1/10, so what it reflects is at most 10 times its density.
 const FRESNEL: f32 = 10.0 * 5.0 / 4_194_304.0;
 
 fn material(random: &mut Random) -> Material {
@@ -35,7 +36,7 @@ fn material(random: &mut Random) -> Material {
         transmission: often([0.0, 1.0]),
         coat: often([0.0, 1.0]),
         coat_roughness: often([0.0, 1.0]),
-        // Not down to 1: there the colour's exponent is up to 1,000 at grazing, and with it the error of GLSL's `pow`.
+        // Not down to 1: there the colour's exponent reaches 1,000 at grazing angles, and the error of GLSL's `pow` grows with it.
         coat_ior: often([1.2, 2.5]),
         coat_tint: [often([0.2, 1.0]), often([0.5, 1.0]), 1.0],
         sheen: often([0.0, 1.0]),
@@ -45,7 +46,7 @@ fn material(random: &mut Random) -> Material {
         ..Material::default()
     };
     let multiscatter = random.below(2) == 0;
-    // Most often a part alone: all together would hide each.
+    // Mostly one part alone: all together would hide errors of each.
     let (bare, smooth, plain) = (random.below(2) == 0, random.below(2) == 0, random.below(3));
     Material {
         multiscatter,
@@ -57,12 +58,12 @@ fn material(random: &mut Random) -> Material {
     }
 }
 
-/// The index beyond the surface over that before it.
+/// Refractive index beyond the surface over that before it.
 fn eta_of(m: &Material, from_inside: bool) -> f32 {
     if from_inside { 1.0 / m.ior } else { m.ior }
 }
 
-/// How far a reflectance may be off near the angle from which on all is reflected, where its curve is a root of what is left there.
+/// Tolerance of a reflectance near the critical angle of total reflection, where the curve is a square root of the distance to that angle.
 fn bend_error(cos: f32, eta: f32) -> f32 {
     2f32.powi(-20) / (eta * eta - 1.0 + cos * cos).abs().sqrt().max(1e-6)
 }
@@ -74,8 +75,8 @@ fn upper(random: &mut Random) -> Vec3 {
     Vec3::new(r * c, r * s, z)
 }
 
-/// How far a sampled half vector may be off, in doubles from the formulas of Heitz 2018: the height √(1 − p1² − p2²) is what is left
-/// of a subtraction, and stretching back by α turns a normal near the horizon by up to 1/α of its error.
+/// Tolerance of a sampled half vector, in doubles, from the formulas of Heitz 2018. The height √(1 − p1² − p2²) is the result of a
+/// subtraction, and stretching back by α turns a normal near the horizon by up to 1/α of its error.
 fn half_vector_error(wi: Vec3, alpha: f32, u: [f32; 2]) -> f32 {
     let (wi, alpha) = (wi.as_dvec3(), f64::from(alpha));
     let v = DVec3::new(alpha * wi.x, alpha * wi.y, wi.z).normalize();
@@ -87,7 +88,7 @@ fn half_vector_error(wi: Vec3, alpha: f32, u: [f32; 2]) -> f32 {
     let height = (1.0 - p1 * p1 - p2 * p2).max(0.0).sqrt();
     let n = t1 * p1 + v.cross(t1) * p2 + v * height;
     let rounding = 2f64.powi(-22);
-    // Where nothing is left, the root of the rounding is.
+    // Where the difference vanishes, the error is the root of the rounding error.
     let error = rounding + (rounding / height.max(1e-30)).min(rounding.sqrt());
     (error * (alpha / (n.z * n.z + alpha * alpha)).max(1.0)) as f32
 }
@@ -109,7 +110,7 @@ impl Input {
         match random.below(6) {
             // Near the mirror direction, where sharp lobes are.
             0 | 1 => wo = (Vec3::new(-wi.x, -wi.y, wi.z) + 0.01 * wo).normalize(),
-            // Near the refracted one.
+            // Near the refracted direction.
             2 => {
                 let down = (1.0 - (1.0 - wi.z * wi.z) / (eta * eta)).max(0.0).sqrt();
                 wo = (Vec3::new(-wi.x / eta, -wi.y / eta, -down) + 0.1 * wo).normalize();
@@ -163,16 +164,16 @@ fn surfaces_scatter_alike() {
         let coat = (m.coat_roughness * m.coat_roughness).max(LEAST_ALPHA_SQUARED.sqrt());
         let alpha = if m.coat > 0.0 { base.min(coat) } else { base };
         let eta = eta_of(m, *inside);
-        // How narrow the sheen's lobe is: A of its matrix is the least length of what is brought to length 1 when it is sampled, and
-        // of what its density is divided by.
+        // How narrow the sheen's lobe is. A of its matrix is the smallest length that is normalised when the lobe is sampled, and the
+        // smallest divisor of its density.
         let fibres = if m.sheen > 0.0 {
             table_2d(SHEEN, 32, wi.z, m.sheen_roughness.max(1e-3)).max(1e-5)
         } else {
             1.0
         };
 
-        // Evaluated at one direction for both: the half vector is computed alike but for units in the last place; through the
-        // surface, from what two vectors of the lengths 1 and η leave.
+        // Evaluated at one direction for both sides. The half vector is equal up to units in the last place; through the surface it is the
+        // difference of two vectors of lengths 1 and η.
         let half = if wo.z > 0.0 { *wi + *wo } else { *wi + eta * *wo };
         let short = half.length().clamp(1e-6, 1.0);
         let bend = bend_error(wi.dot(half) / half.length().max(1e-6), eta);
@@ -186,7 +187,7 @@ fn surfaces_scatter_alike() {
             close(got_pdf, pdf, lobe, &what());
         }
 
-        // Sampled: the direction within a float's error, density and weight there.
+        // Sampled: the direction is within a float's error; density and weight are compared at it.
         let got = Vec3::new(r.float(), r.float(), r.float());
         let weight = Vec3::new(r.float(), r.float(), r.float());
         let got_pdf = r.float();
@@ -195,7 +196,7 @@ fn surfaces_scatter_alike() {
                 lost += 1;
                 assert!(got_pdf == 0.0 || got.z.abs() < 1e-5, "{}: {got} {got_pdf}", what());
             }
-            // A choice within a rounding of the chance: the other lobe.
+            // The choice was within a rounding error of the probability, so the other lobe was taken.
             Some(s) if (got.z > 0.0) != (s.wo.z > 0.0) || s.pdf.is_infinite() != got_pdf.is_infinite() => {
                 other += 1
             }
@@ -205,7 +206,8 @@ fn surfaces_scatter_alike() {
                 let through = s.wo.z < 0.0;
                 let is_mirror = s.pdf.is_infinite();
                 mirrors += usize::from(is_mirror);
-                // A mirror doubles the half vector's error. Which of two lobes was drawn is not known here: the worse of both.
+                // A mirror reflection doubles the half vector's error. Which of two lobes was drawn is unknown here, so the larger error
+                // counts.
                 let of = |a: f32| half_vector_error(*wi, a, *u);
                 let error = if is_mirror && (eta - 1.0).abs() >= LEAST_BEND {
                     2f32.powi(-20)
@@ -215,7 +217,7 @@ fn surfaces_scatter_alike() {
                 let bend = bend_error(1.0, eta).max(2f32.powi(-20) / s.wo.z.abs().max(1e-6));
                 let turned = if through { error * (1.0 + 1.0 / eta) + bend } else { error };
                 assert!((got - s.wo).length() < turned.max(2f32.powi(-20)), "{}: {got} {}", what(), s.wo);
-                // What that does to a cosine near the horizon and to the lobe; compared where it is little.
+                // What that does to a cosine near the horizon and to the lobe. Compared only where it is small.
                 let cos = if through {
                     ((eta * s.wo + *wi).normalize()).dot(*wi)
                 } else {
@@ -248,7 +250,7 @@ fn surfaces_scatter_alike() {
             close(r.float(), e, PLAIN, &what());
         }
 
-        // The diffuse part is off by as much as f is, of f; where f is 0 for one of both, that is all of it.
+        // The diffuse part is off by as much as f, relative to f. Where f is 0 on one side, that is all of it.
         let share = bsdf.diffuse_share(*wo, f).to_array();
         for ((e, f), got_f) in share.into_iter().zip(f.to_array()).zip(got_f) {
             let g = r.float();
@@ -258,8 +260,8 @@ fn surfaces_scatter_alike() {
                 close_beside(g, e, PLAIN, error, &what());
             }
         }
-        // One minus a part that is reflected: beside the relative error, one of the whole, which multiple scattering may raise
-        // by some units.
+        // One minus a reflected part: beside the relative error it has one relative to the whole, which multiple scattering may raise by
+        // some units.
         for e in bsdf.colors(m).into_iter().flat_map(|c| c.to_array()) {
             close_beside(r.float(), e, PLAIN, 4.0 * PLAIN, &what());
         }

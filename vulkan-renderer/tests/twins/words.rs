@@ -1,6 +1,6 @@
-//! Rows of words for the probe, and reproducible random numbers for them.
+//! Rows of words for the probe, and reproducible random numbers to fill them.
 
-/// SplitMix64 with its increments.
+/// SplitMix64 with its own increments.
 pub(crate) struct Random(pub u64);
 
 impl Random {
@@ -77,13 +77,13 @@ impl Reader<'_> {
     }
 }
 
-/// Fails where two numbers differ by more than `relative` of the larger.
+/// Fails where two numbers differ by more than `relative` times the larger.
 #[track_caller]
 pub(crate) fn close(got: f32, expected: f32, relative: f32, what: &str) {
     close_beside(got, expected, relative, 1e-30, what);
 }
 
-/// The same, where `absolute` is forgiven on top.
+/// As [`close`], with an `absolute` tolerance in addition.
 #[track_caller]
 pub(crate) fn close_beside(got: f32, expected: f32, relative: f32, absolute: f32, what: &str) {
     let limit = relative * got.abs().max(expected.abs()) + absolute;

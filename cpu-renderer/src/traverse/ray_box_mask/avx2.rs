@@ -1,4 +1,4 @@
-//! [`super::RayBoxMask`] by AVX2: the boxes of one y and z at once.
+//! [`super::RayBoxMask`] with AVX2: four boxes at once, those of one y and z.
 
 use std::arch::x86_64::{
     __m256d, __m256i, _CMP_LT_OQ, _mm256_add_pd, _mm256_castpd_ps, _mm256_castps_si256, _mm256_cmp_pd,
@@ -8,14 +8,14 @@ use std::arch::x86_64::{
 
 use super::{IndexRay, Lanes, ROWS};
 
-/// What [`super::RayBoxMask::pierced`] says.
+/// Implements [`super::RayBoxMask::ray_box_mask`].
 #[target_feature(enable = "avx2,bmi2")]
 #[inline]
 pub(super) fn ray_box_mask(ray: &IndexRay, corner: __m256d, step: &Lanes, side: f64, from: f64) -> u64 {
     let x = row(ray, 0, _mm256_permute4x64_pd::<0x00>(corner), step, side);
     let y = row(ray, 1, _mm256_permute4x64_pd::<0x55>(corner), step, side);
     let z = row(ray, 2, _mm256_permute4x64_pd::<0xAA>(corner), step, side);
-    // F64x4 boxes at once, all x: by y, then by z.
+    // Four boxes at once, all x: by y, then by z.
     let near_x = _mm256_max_pd(x.0, _mm256_set1_pd(from));
     let (near_y, far_y) = (each(y.0), each(y.1));
     let (mut near, mut far) = ([near_x; 4], [x.1; 4]);
@@ -28,7 +28,7 @@ pub(super) fn ray_box_mask(ray: &IndexRay, corner: __m256d, step: &Lanes, side: 
     while k < 4 {
         let lower = slice(&near, &far, near_z[k], far_z[k]);
         let upper = slice(&near, &far, near_z[k + 1], far_z[k + 1]);
-        // A bit a box: the first two x of each y and z, then the others.
+        // One bit for each box: the first two x of each y and z, then the others.
         let bits = _mm256_movemask_epi8(_mm256_packs_epi16(lower, upper)) as u32;
         let bits = _pdep_u32(bits, 0x3333_3333) | _pdep_u32(bits >> 16, 0xCCCC_CCCC);
         mask |= u64::from(bits) << (16 * k);
@@ -37,13 +37,13 @@ pub(super) fn ray_box_mask(ray: &IndexRay, corner: __m256d, step: &Lanes, side: 
     mask
 }
 
-/// Where four boxes of a row begin, and where they end.
+/// The t at which four boxes of a row begin, and at which they end.
 #[target_feature(enable = "avx2")]
 #[inline]
 fn row(ray: &IndexRay, a: usize, corner: __m256d, step: &Lanes, side: f64) -> (__m256d, __m256d) {
     let row = &ROWS[usize::from(ray.is_down(a))];
     let side = _mm256_set1_pd(side);
-    // SAFETY: of eight numbers the first four are read, then the others.
+    // SAFETY: `row` has eight numbers; the first four are read, then the last four.
     #[allow(unsafe_code)]
     let (near, far) = unsafe { (_mm256_loadu_pd(row.as_ptr()), _mm256_loadu_pd(row.as_ptr().add(4))) };
     let near = _mm256_add_pd(corner, _mm256_mul_pd(near, side));
@@ -59,7 +59,7 @@ fn t_of(ray: &IndexRay, a: usize, planes: __m256d, step: &Lanes) -> __m256d {
     _mm256_mul_pd(to_planes, _mm256_set1_pd(ray.inverse[a]))
 }
 
-/// Each of four numbers, four times.
+/// Each of the four numbers, broadcast to four lanes.
 #[target_feature(enable = "avx2")]
 #[inline]
 fn each(numbers: __m256d) -> [__m256d; 4] {
@@ -71,7 +71,7 @@ fn each(numbers: __m256d) -> [__m256d; 4] {
     ]
 }
 
-/// The boxes of one z: 16 bits each, all or none.
+/// The boxes of one z: 16 bits each, all set or none.
 #[target_feature(enable = "avx2")]
 #[inline]
 fn slice(near: &[__m256d; 4], far: &[__m256d; 4], near_z: __m256d, far_z: __m256d) -> __m256i {
@@ -80,7 +80,7 @@ fn slice(near: &[__m256d; 4], far: &[__m256d; 4], near_z: __m256d, far_z: __m256
     _mm256_packs_epi32(first, others)
 }
 
-/// Of each of eight boxes half of its 64 bits.
+/// Packs half of the 64 bits of each of eight boxes.
 #[target_feature(enable = "avx2")]
 #[inline]
 fn two_rows(

@@ -1,4 +1,4 @@
-//! [`super::RayBoxMask`] by AVX-512: the boxes of two y and one z at once, and their masks in registers of their own.
+//! [`super::RayBoxMask`] with AVX-512: eight boxes at once, those of two y and one z, with masks in mask registers.
 
 use std::arch::x86_64::{
     __m256d, __m512d, __mmask8, _CMP_LT_OQ, _mm512_add_pd, _mm512_castpd256_pd512, _mm512_cmp_pd_mask,
@@ -8,7 +8,7 @@ use std::arch::x86_64::{
 
 use super::{IndexRay, Lanes, ROWS};
 
-/// What [`super::RayBoxMask::pierced`] says.
+/// Implements [`super::RayBoxMask::ray_box_mask`].
 #[target_feature(enable = "avx512f,avx512bw,avx512dq")]
 #[inline]
 pub(super) fn ray_box_mask(ray: &IndexRay, corner: __m256d, step: &Lanes, side: f64, from: f64) -> u64 {
@@ -40,12 +40,12 @@ pub(super) fn ray_box_mask(ray: &IndexRay, corner: __m256d, step: &Lanes, side: 
     _mm512_kunpackd(upper.into(), lower.into())
 }
 
-/// Where four boxes of a row begin, and where they end.
+/// The t at which four boxes of a row begin, and at which they end.
 #[target_feature(enable = "avx512f")]
 #[inline]
 fn row(ray: &IndexRay, a: usize, corner: __m256d, step: &Lanes, side: f64) -> __m512d {
     let row = &ROWS[usize::from(ray.is_down(a))];
-    // SAFETY: eight numbers are read where eight lie.
+    // SAFETY: eight numbers are read from an array of eight.
     #[allow(unsafe_code)]
     let sides = unsafe { _mm512_loadu_pd(row.as_ptr()) };
     let i = a as i64;

@@ -1,4 +1,4 @@
-//! What a [`VolumeTracer`] is made of, before a ray is traced: its hierarchy, its bricks, its cuts; and what they take.
+//! Construction of a [`VolumeTracer`]: its hierarchy, bricks and cuts; and their memory.
 
 use std::sync::Arc;
 
@@ -26,7 +26,7 @@ impl VolumeTracer {
     /// Builds the hierarchy over the boxes of visible labels.
     ///
     /// # Errors
-    /// [`RenderError::Scene`] when the matrix is singular or there are too many boxes to number.
+    /// [`RenderError::Scene`] if the matrix is singular or there are too many boxes to number.
     pub fn new(instance: u32, traced: &TracedInstance) -> Result<Self, RenderError> {
         let TracedInstance { volume, world_from_index, visible, lod } = traced;
         let placement = Placement::of_instance(instance, *world_from_index)?;
@@ -56,8 +56,8 @@ impl VolumeTracer {
         })
     }
 
-    /// The same with the boxes of hidden labels in the hierarchy, where rays pass over them: what it saves to leave them out can be
-    /// measured against it.
+    /// Like [`VolumeTracer::new`], with the boxes of hidden labels in the hierarchy, where rays skip them. It serves to measure what
+    /// leaving them out saves.
     ///
     /// # Errors
     /// As [`VolumeTracer::new`].
@@ -68,12 +68,12 @@ impl VolumeTracer {
         Ok(Self { hidden: Some((0..labels).map(is_hidden).collect()), ..Self::new(instance, &all)? })
     }
 
-    /// With bricks beside the hierarchy: more bytes, and rays in less time. Without them where boxes have different levels, and where the
+    /// Adds bricks to the hierarchy, which cost memory and make rays faster. Adds none where boxes have different levels, or where the
     /// volume is too sparse.
     #[must_use]
     pub fn with_bricks(mut self) -> Self {
         self.wants_bricks = true;
-        // (Kept ones are of the level that they were made for.)
+        // (Existing bricks are kept if they have the right level.)
         if self.bricks.as_ref().map(|bricks| bricks.level()) != self.level {
             let drawn = self.bvh.items().iter().copied().filter(|&item| !self.is_hidden(item));
             let made =
@@ -83,14 +83,14 @@ impl VolumeTracer {
         self
     }
 
-    /// Takes these parts of the world away, and puts back what was taken before.
+    /// Cuts these parts of the world away, and restores what was cut away before.
     #[must_use]
     pub fn with_cuts<'a>(mut self, shapes: impl IntoIterator<Item = &'a CutShape>) -> Self {
         self.cuts = Cuts::new(shapes, &self.placement.world_from_index);
         self
     }
 
-    /// Shades voxels by how their label falls off about them, or again as they lie.
+    /// Shades voxels with smooth normals, or with those of their faces.
     #[must_use]
     pub fn shaded_smooth(mut self, is_smooth: bool) -> Self {
         if !is_smooth {
@@ -106,16 +106,17 @@ impl VolumeTracer {
         self
     }
 
-    /// What is taken away.
+    /// Parts that are cut away.
     pub fn cuts(&self) -> &Cuts {
         &self.cuts
     }
 
-    /// The same boxes elsewhere, as another instance or at other levels of detail, where the hierarchy serves for both and is shared: at
-    /// any place, for it is of index space, and at any choice of levels but from [`LodChoice::Voxels`] to another or back (`None`). Nothing is cut.
+    /// The same boxes at another placement, as another instance, or at other levels of detail. They share the hierarchy where it serves for
+    /// both: at any placement, because it is in index space, and at any choice of levels except a change from [`LodChoice::Voxels`] to
+    /// another or back (`None`). The result has no cuts.
     ///
     /// # Errors
-    /// [`RenderError::Scene`] when the matrix is singular.
+    /// [`RenderError::Scene`] if the matrix is singular.
     pub fn again(
         &self,
         instance: u32,
@@ -145,17 +146,17 @@ impl VolumeTracer {
         Ok(Some(if self.wants_bricks { again.with_bricks() } else { again }))
     }
 
-    /// Heap bytes of the hierarchy, of bricks, and of what smooth shading needs besides.
+    /// Size on the heap in bytes of the hierarchy, the bricks, and the neighbours for smooth shading.
     pub fn bytes(&self) -> u64 {
         self.bvh.bytes() + self.brick_bytes() + self.neighbors.as_ref().map_or(0, |n| n.bytes())
     }
 
-    /// How many of them are of bricks.
+    /// The part of [`VolumeTracer::bytes`] that bricks take.
     pub fn brick_bytes(&self) -> u64 {
         self.bricks.as_ref().map_or(0, |b| b.bytes())
     }
 
-    /// Numbers of the boxes that are drawn.
+    /// Indices of the boxes that are drawn.
     pub fn drawn(&self) -> &[u32] {
         self.bvh.items()
     }
@@ -165,22 +166,22 @@ impl VolumeTracer {
         &self.volume
     }
 
-    /// Where it is.
+    /// Its placement in the world.
     pub fn placement(&self) -> &Placement {
         &self.placement
     }
 
-    /// Where what is drawn of it is in the world; `None` where nothing is.
+    /// World bounds of the drawn boxes; `None` where there are none.
     pub(in super::super) fn world_bounds(&self) -> Option<WorldBounds> {
         self.bvh.bounds().map(|bounds| WorldBounds::new(bounds, &self.placement))
     }
 
-    /// The same for all that share its hierarchy, and for no other.
+    /// Identifies the hierarchy: equal for all volumes that share it, and for no other.
     pub(in super::super) fn hierarchy_address(&self) -> usize {
         Arc::as_ptr(&self.bvh).addr()
     }
 
-    /// Levels of its boxes.
+    /// Levels of detail of its boxes.
     pub fn detail(&self) -> Detail {
         self.detail
     }
@@ -191,7 +192,7 @@ impl VolumeTracer {
     }
 }
 
-/// See [`Detail::everywhere`]; of no box, none.
+/// See [`Detail::everywhere`]; `None` where there are no boxes.
 fn level_of(bvh: &Bvh, detail: &Detail) -> Option<DetailLevel> {
     bvh.bounds().and_then(|bounds| detail.everywhere(&bounds))
 }

@@ -1,16 +1,15 @@
-//! The verdict on a first hit in any placement.
+//! Judges a first hit in any placement.
 //!
-//! The renderer's ray in index space is rounded, so where the exact ray comes closer to a plane than that rounding may move it,
-//! either side of the plane is an answer; everywhere else the voxel, the label and the face must be the exact ones. "Closer" is
-//! derived, not fitted ([`super::ExactPlace::rounding`]), and typically 10⁻¹⁴ voxels; the walk within a box adds the chord of
-//! 2·10⁻⁵ voxels that it documents.
+//! The renderer's ray in index space is rounded. Where the exact ray comes closer to a plane than that rounding may move it, either side of
+//! the plane is accepted; everywhere else the voxel, the label and the face must be the exact ones. The distance is derived, not fitted
+//! ([`super::ExactPlace::rounding`]), and typically 10⁻¹⁴ voxels; the walk within a box adds the chord of 2·10⁻⁵ voxels that it documents.
 
 use pumice_transport::Hit;
 
 use super::super::{Dense, Verdict};
 use super::{RationalRay, WALK_CHORD};
 
-/// Judges a first hit (see `pumice_cpu::traverse` for what a first hit is).
+/// Judges a first hit (see `pumice_cpu::traverse` for the definition of a first hit).
 pub fn judge(volume: &Dense, ray: &RationalRay, hit: Option<&Hit>) -> Verdict {
     let until = hit.map_or(f64::INFINITY, |h| h.t);
     let own = hit.filter(|h| h.from_inside).map_or(0, |h| h.surface.label + 1);
@@ -19,7 +18,7 @@ pub fn judge(volume: &Dense, ray: &RationalRay, hit: Option<&Hit>) -> Verdict {
     {
         return Verdict::Wrong(why);
     }
-    // March to the hit: nothing but emptiness (or the label that the ray starts in) may lie before it for certain.
+    // March to the hit: only empty voxels (or voxels of the label that the ray starts in) may certainly lie before it.
     let mut started = 0;
     let (mut skipped, mut certain) = (0.0f64, 0.0f64);
     let (mut exact, mut seam) = (hit.is_none(), false);
@@ -46,7 +45,7 @@ pub fn judge(volume: &Dense, ray: &RationalRay, hit: Option<&Hit>) -> Verdict {
                 return false;
             }
         }
-        // The reported t may be a little short of the voxel's own: what comes after it is looked at, but not held against it.
+        // The reported t may be slightly less than the voxel's own: voxels after it are checked but not counted as skipped.
         let end = leave.value.min(until);
         if here != own && end > enter.value {
             skipped = skipped.max((end - enter.value) * ray.length);
@@ -64,7 +63,7 @@ pub fn judge(volume: &Dense, ray: &RationalRay, hit: Option<&Hit>) -> Verdict {
     }
 }
 
-/// Whether the surface is one: a face of a voxel of its label, turned to the ray, and met at the reported t.
+/// Checks that the surface is valid: a face of a voxel of its label, turned to the ray, and hit at the reported t.
 fn check_surface(volume: &Dense, ray: &RationalRay, hit: &Hit) -> Result<(), &'static str> {
     let s = &hit.surface;
     let a = usize::from(s.axis);

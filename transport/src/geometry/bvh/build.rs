@@ -1,21 +1,21 @@
-//! Building the hierarchy: `obvhs` groups the boxes, then every node is fitted again in whole numbers.
+//! Builds the hierarchy: `obvhs` groups the boxes, then the bounds of every node are computed again in whole numbers.
 //!
 //! PLOC (Meister and Bittner 2018) makes nodes of two children, reinsertion improves them, and the collapse of *Efficient Incoherent
 //! Ray Traversal on GPUs Through Compressed Wide BVHs* (Ylitie, Karras, Laine, HPG 2017) makes nodes of eight.
 //!
-//! **Memory.** The collapse needs most: by box, in bytes,
+//! **Memory.** The collapse into wide nodes has the highest peak; in bytes for each box:
 //!
 //! ```text
 //! bounds and item   28   the caller's list
-//! binary nodes      96   2 of 48; the boxes in f32 and the optimiser's parents are gone by then
+//! binary nodes      96   2 of 48; the f32 boxes and the optimiser's parent indices are freed by then
 //! order of boxes     8   4 in the binary tree, 4 in the wide one
-//! wide nodes        80   room for one a box; a sixth of it is used
+//! wide nodes        80   allocated as one for each box; a sixth is used
 //! decisions        112   2 of 7 ways to collapse a node, 8 each
 //!                  ───
-//!                  324   [`BUILD_BYTES_A_BOX`]; about 13 stay
+//!                  324   [`BUILD_BYTES_A_BOX`]; about 13 remain after the build
 //! ```
-//! Smaller parts one after the other, under a few nodes on top, would bound this by the part. Tried and left: two parts in place of
-//! one cost every ray a level, 5 to 8 % of its time.
+//! Building several parts one after another under a few top nodes would bound the peak by one part. It was tried and dropped: two parts
+//! instead of one cost every ray one more level, 5 to 8 % of its time.
 
 use std::ops::Range;
 
@@ -28,7 +28,7 @@ use obvhs::ploc::{PlocBuilder, PlocSearchDistance, SortPrecision};
 
 use super::{BoxBounds, Node};
 
-/// Most bytes that building holds at once for each box, the list of boxes included: see the module.
+/// Peak memory of a build in bytes for each box, including the list of boxes (see the module).
 pub const BUILD_BYTES_A_BOX: usize = 324;
 
 /// A hierarchy's arrays; the root is node 0.
@@ -39,9 +39,9 @@ pub(super) struct Built {
     pub(super) depth: usize,
 }
 
-/// Builds over boxes in Morton order, at least one.
+/// Builds over boxes in Morton order; there must be at least one.
 pub(super) fn build(boxes: &[(BoxBounds, u32)]) -> Built {
-    // 1. Two children a node. Bounds are fitted again in the end: here they decide only which boxes are near.
+    // 1. Nodes with two children. The final bounds are computed later: these only decide which boxes are near each other.
     let apart = Apart::new(boxes);
     let aabbs: Vec<Aabb> = boxes.iter().enumerate().map(|(i, (b, _))| apart.moved(i, *b)).collect();
     let indices = (0..aabbs.len() as u32).collect();
@@ -54,7 +54,7 @@ pub(super) fn build(boxes: &[(BoxBounds, u32)]) -> Built {
     );
     drop(aabbs);
     ReinsertionOptimizer::default().run(&mut binary, 0.05, None);
-    // 2. Eight. What only the optimiser needs goes first: the collapse needs most.
+    // 2. Nodes with eight children. The optimiser's data is freed first, because the collapse has the highest peak.
     binary.parents = Vec::new();
     let wide = bvh2_to_cwbvh(&binary, 3, true, false);
     drop(binary);
@@ -64,22 +64,24 @@ pub(super) fn build(boxes: &[(BoxBounds, u32)]) -> Built {
     Built { nodes, items, bounds, depth }
 }
 
-/// Moves boxes that lie along a line, each by chance a little otherwise.
+/// Moves boxes that lie along a line apart, each by a pseudo-random amount.
 ///
-/// PLOC merges boxes that are each other's nearest. Where all are equally far from their neighbours, as along a thin straight label, each
-/// takes the one on the same side, and one pair a round is left: 127,000 boxes of a line took 13 CPU seconds, and 100 times as many
-/// would have taken 10⁴ times as long. Where no two distances are equal, a third of the boxes find a partner in every round.
+/// PLOC merges boxes that are each other's nearest neighbour. Where all boxes are equally far from their neighbours, as along a thin
+/// straight label, each chooses the neighbour on the same side, and only one pair is merged in a round: 127,000 boxes of a line took 13 CPU
+/// seconds, and 100 times as many would have taken 10⁴ times as long. Where no two distances are equal, a third of the boxes find a partner
+/// in every round.
 ///
-/// Boxes that fill a space are never all so, and are left where they are: by its luck, moving them changed what rays cost by −0 to +9 %.
+/// Boxes that fill a space are never all equally far apart, so they stay where they are: moving them changed the cost of rays by −0 to +9
+/// %, depending on chance.
 struct Apart {
-    /// Subtracted, so that a step of f32 is as short as can be.
+    /// Subtracted from coordinates, so that one step of f32 is as short as possible.
     centre: [f32; 3],
-    /// Most that a box is moved along an axis, in voxels: some steps of f32; 0 where they stay.
+    /// Largest distance that a box is moved along an axis, in voxels: some steps of f32; 0 where boxes stay.
     most: f32,
 }
 
 impl Apart {
-    /// For boxes in Morton order.
+    /// Decides for boxes in Morton order.
     fn new(boxes: &[(BoxBounds, u32)]) -> Self {
         let all = boxes.iter().fold(BoxBounds::EMPTY, |all, &(b, _)| all.union(b));
         let longest = (0..3).map(|a| all.hi[a] - all.lo[a]).max().unwrap_or(0);
@@ -92,10 +94,10 @@ impl Apart {
         }
     }
 
-    /// Box number `i`, moved.
+    /// Bounds of box number `i` after the move.
     fn moved(&self, i: usize, bounds: BoxBounds) -> Aabb {
         let shift = [0, 1, 2].map(|axis| {
-            // Three fractions of one number's multiples of irrational ones (Weyl): as unlike as need be, and the same every time.
+            // Three fractional parts of multiples of irrational numbers (a Weyl sequence): different enough, and the same in every run.
             let step = [0.754_877_666, 0.569_840_291, 0.438_744_877][axis]
                 * (i as f64 + 1.0)
                 * (i % 1021 + 1) as f64;
@@ -106,8 +108,8 @@ impl Apart {
     }
 }
 
-/// Whether boxes in Morton order, within bounds so long, are spread over fewer than one and a half dimensions: n boxes over d of them
-/// make a path of n^(1 − 1/d) times that length.
+/// Whether boxes in Morton order, within bounds of this longest side, have fewer than one and a half dimensions: n boxes spread over d
+/// dimensions make a path of n^(1 − 1/d) times that length.
 fn lie_along_a_line(boxes: &[(BoxBounds, u32)], longest: u32) -> bool {
     let step = |pair: &[(BoxBounds, u32)]| {
         let lo = |i: usize| pair[i].0.lo;
@@ -117,26 +119,26 @@ fn lie_along_a_line(boxes: &[(BoxBounds, u32)], longest: u32) -> bool {
     (path as f64) < (boxes.len() as f64).cbrt() * f64::from(longest)
 }
 
-/// So many equal boxes in a row are not grouped by nearness: each that is added to a group is as near to it as any other, which makes a
-/// chain of as many levels, in time that grows with their square, and at last ends the thread's stack.
+/// Longest run of equal boxes that are grouped by nearness. Each box that joins a group is equally near to it, so the group becomes a chain
+/// with one level for each box, in time that grows with the square of the run, until the thread's stack overflows.
 const LONGEST_CHAIN: usize = 200;
 
-/// Whether so many boxes in a row are equal that their order must group them.
+/// Whether a run of equal boxes is so long that boxes must be grouped by their order.
 pub(super) fn has_chain(boxes: &[(BoxBounds, u32)]) -> bool {
     boxes.chunk_by(|a, b| a.0 == b.0).any(|equal| equal.len() > LONGEST_CHAIN)
 }
 
-/// Most boxes of a leaf.
+/// Largest number of boxes in a leaf.
 const LEAF: usize = 3;
 
-/// Builds over boxes in Morton order by that order alone: nodes have eight parts of as many boxes each, the last ones fewer. Rays meet
-/// more boxes there than in what [`build`] makes; it is no deeper than log₈ of how many there are.
+/// Builds over boxes in Morton order by that order alone: a node has eight parts of equally many boxes, the last ones fewer. Rays meet more
+/// boxes than in the result of [`build`]; the depth is at most log₈ of the number of boxes.
 pub(super) fn in_order(boxes: &[(BoxBounds, u32)]) -> Built {
     let all = |range: &Range<usize>| {
         boxes[range.clone()].iter().fold(BoxBounds::EMPTY, |b, &(other, _)| b.union(other))
     };
     let mut built = Built { nodes: Vec::new(), items: Vec::new(), bounds: all(&(0..boxes.len())), depth: 0 };
-    // Level by level: a node's children are put behind all nodes that are known.
+    // Level by level: the children of a node are appended after all nodes so far.
     let mut level: Vec<Range<usize>> = std::iter::once(0..boxes.len()).collect();
     while !level.is_empty() {
         let mut next = Vec::new();
@@ -210,7 +212,7 @@ fn fit(wide: &[CwBvhNode], item_order: &[u32], boxes: &[(BoxBounds, u32)]) -> (V
     (nodes, bounds[0], height[0] as usize)
 }
 
-/// A node with nothing but the planes of its children; those of empty slots contain nothing.
+/// A node that has only the planes of its children set; empty slots contain nothing.
 fn quantised(children: &[BoxBounds; 8]) -> Node {
     let bounds = children.iter().fold(BoxBounds::EMPTY, |b, &c| b.union(c));
     let mut node =
@@ -242,7 +244,8 @@ mod tests {
         boxes
     }
 
-    /// Share of boxes that are the nearest of their nearest, by what a box around both has of surface; of equal ones the first.
+    /// Share of boxes that are the nearest neighbour of their own nearest neighbour, by the surface area of the box around both; among
+    /// equals the first counts.
     fn partners(boxes: &[Aabb]) -> f64 {
         let nearest = |i: usize| {
             let near = i.saturating_sub(14)..boxes.len().min(i + 15);
