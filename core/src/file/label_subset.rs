@@ -36,7 +36,7 @@ const WINDOW_WORDS: usize = 1 << 31;
 
 impl CompressedVolume {
     /// Reads the labels of a `.pumice` file that `choose` marks, by dense index. Labels beyond the end of its result are not chosen. A file
-    /// of [`crate::Level::Small`] is read whole.
+    /// of [`crate::CompressionLevel::Small`] is read whole.
     ///
     /// The volume renders like the whole one with only these labels shown, and it has the whole one's content hash. Its queries treat
     /// voxels of other labels as background. [`CompressedVolume::holds`] tells which labels it has. It cannot be saved.

@@ -21,7 +21,7 @@ impl CompressedVolume {
         from_path(path, |file, file_bytes| read(file, file_bytes, None, true, job))
     }
 
-    /// Like [`CompressedVolume::open`], but boxes and nodes of a file of [`crate::Level::Fast`] stay in the file, which is mapped into
+    /// Like [`CompressedVolume::open`], but boxes and nodes of a file of [`crate::CompressionLevel::Fast`] stay in the file, which is mapped into
     /// memory. Their pages are shared with other processes, reclaimed when memory runs short, and loaded into this process only when they
     /// are used. The same checks are made. Files of other levels have nothing to map and are read. [`CompressedVolume::mapped_bytes`] tells
     /// how much is mapped.

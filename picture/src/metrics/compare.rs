@@ -21,7 +21,7 @@ pub struct Comparison {
     pub ssim: f64,
     /// Mean of [`super::flip`].
     pub flip: f64,
-    /// [`super::significance()`], where both pictures' variances are known.
+    /// [`super::significance`](mod@super::significance), where both pictures' variances are known.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[serde(rename = "chance")]
     pub significance: Option<Significance>,

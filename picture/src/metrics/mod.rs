@@ -6,7 +6,7 @@
 //! | [`psnr`] | the same as a figure people know | display (see below), peak 1 |
 //! | [`ssim`] | is the local structure kept | display |
 //! | [`flip`] | would a person notice when flipping between the two | display |
-//! | [`chance`] | can noise alone explain the difference | scene-linear, with variances |
+//! | [`significance`] | can noise alone explain the difference | scene-linear, with variances |
 //!
 //! *Display* is the scene-linear picture clamped to [0, 1] and encoded with the sRGB curve (IEC 61966-2-1): what an 8-bit PNG of
 //! it would show, before rounding. Rendered pictures have no upper bound, and the last three yardsticks are defined for what a
