@@ -1,5 +1,5 @@
 // One instance and the queries of rays: twin of cpu-renderer/src/traverse/volume_tracer.rs, volume_tracer/search.rs and
-// volume_tracer/surfaces.rs, and of transport/src/geometry/bricks.rs where a brick says which box holds a voxel.
+// surfaces.rs beside it, and of transport/src/geometry/bricks.rs where a brick says which box holds a voxel.
 //
 // The twin passes closures to its hierarchy. Here a search is a structure, `visit` tests one box, and one of three front ends finds the
 // boxes. A definition selects it:

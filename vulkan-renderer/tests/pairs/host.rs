@@ -82,6 +82,7 @@ pub(crate) const HOST_FILES: &[(&str, &str)] = &[
     ("picture/src/exr_read.rs", FILE_FORMAT),
     ("picture/src/png_file.rs", FILE_FORMAT),
     ("picture/src/provenance_text.rs", FILE_FORMAT),
+    ("picture/src/radiance_file.rs", FILE_FORMAT),
     ("picture/src/sample_pictures.rs", "pictures for tests of files"),
     ("picture/src/image.rs", "pictures on the host"),
     ("picture/src/picture.rs", "pictures on the host"),
