@@ -6,56 +6,11 @@
 
 #include "launch.glsl"
 #include "path.glsl"
+#include "probe_words.glsl"
 
 layout(constant_id = 0) const uint FUNCTION = 0u;
 
 layout(local_size_x = 64) in;
-
-// Positions of the next word to read and of the next word to write.
-uint in_at;
-uint out_at;
-
-uint take() {
-    uint word = Words(launch.source).at[in_at];
-    in_at += 1u;
-    return word;
-}
-
-uint64_t take64() {
-    uint low = take();
-    return uint64_t(low) | (uint64_t(take()) << 32);
-}
-
-float take_float() {
-    return uintBitsToFloat(take());
-}
-
-f64 take_f64() {
-    return f64_from_bits(take64());
-}
-
-void put(uint word) {
-    Words(launch.target).at[out_at] = word;
-    out_at += 1u;
-}
-
-void put64(uint64_t v) {
-    put(uint(v));
-    put(uint(v >> 32));
-}
-
-void put_float(float v) {
-    put(floatBitsToUint(v));
-}
-
-void put_f64(f64 v) {
-    put64(f64_bits(v));
-}
-
-void begin(uint row, uint words_in, uint words_out) {
-    in_at = row * words_in;
-    out_at = row * words_out;
-}
 
 void probe_f64(uint row) {
     begin(row, 5u, 23u);
@@ -97,33 +52,6 @@ void probe_sampler(uint row) {
 void probe_filter(uint row) {
     begin(row, 1u, 1u);
     put_float(filter_sample(SceneRef(launch.scene).it.film_filter, take_float()));
-}
-
-DVec3 take_dvec3() {
-    f64 x = take_f64(), y = take_f64();
-    return dvec3_of(x, y, take_f64());
-}
-
-vec2 take_vec2() {
-    float x = take_float();
-    return vec2(x, take_float());
-}
-
-vec3 take_vec3() {
-    vec2 xy = take_vec2();
-    return vec3(xy, take_float());
-}
-
-void put_dvec3(DVec3 v) {
-    put_f64(v.at[0]);
-    put_f64(v.at[1]);
-    put_f64(v.at[2]);
-}
-
-void put_vec3(vec3 v) {
-    put_float(v.x);
-    put_float(v.y);
-    put_float(v.z);
 }
 
 void probe_trigonometry(uint row) {
@@ -361,12 +289,6 @@ void probe_index_ray(uint row) {
     put_f64(result.scaled_from_world);
 }
 
-void probe_radiance(uint row) {
-    begin(row, 3u, 3u);
-    uint x = take(), y = take();
-    put_vec3(sample_of_pixel(SceneRef(launch.scene), uvec2(x, y), take()).total);
-}
-
 void main() {
     uint row = gl_GlobalInvocationID.x;
     if (row >= launch.count) {
@@ -411,9 +333,6 @@ void main() {
         break;
     case 12u:
         probe_index_ray(row);
-        break;
-    case 13u:
-        probe_radiance(row);
         break;
     case 20u:
         probe_lamp(row);

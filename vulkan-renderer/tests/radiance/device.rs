@@ -13,7 +13,7 @@ use pumice_vulkan::pack::{self, PackedEmitters, PackedMaterials, PackedSky};
 use pumice_vulkan::program::Program;
 
 use crate::gpu::scene::{Form, Uploaded};
-use crate::gpu::{Gpu, of_today};
+use crate::gpu::{Gpu, RADIANCE, of_today};
 use crate::scenes::Case;
 
 /// A scene on a device. It must be kept as long as its address is used.
@@ -164,7 +164,7 @@ pub(crate) fn radiances(gpu: &Gpu, native: bool, case: &Case, asked: &[([u32; 2]
     let mut found = Vec::with_capacity(asked.len());
     for part in asked.chunks(SAMPLES_A_LAUNCH) {
         let rows: Vec<_> = part.iter().map(|&([x, y], number)| vec![x, y, number]).collect();
-        let out = gpu.probe(native, 13, scene.address, &rows, 3);
+        let out = gpu.probe(native, RADIANCE, scene.address, &rows, 3);
         found.extend(out.iter().map(|row| Vec3::from_slice(&[0, 1, 2].map(|i| f32::from_bits(row[i])))));
     }
     found
