@@ -38,10 +38,10 @@ def shared_data():
 
 @pytest.fixture(scope="session")
 def rust_example():
-    """A function that builds an example binary and returns its path: rust_example("pumice-picture", "compare_raw")."""
+    """A function that builds an example binary and returns its path: rust_example("compare_raw")."""
 
-    def build(package, name):
-        subprocess.run(["cargo", "build", "--quiet", "--package", package, "--example", name], cwd=ROOT, check=True)
+    def build(name):
+        subprocess.run(["cargo", "build", "--quiet", "--workspace", "--example", name], cwd=ROOT, check=True)
         target = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target"))
         return target / "debug" / "examples" / name
 

@@ -39,8 +39,8 @@ class Formats:
 def build(rust_example):
     """The programs named by PUMICE_DUMP and PUMICE_CONVERT; builds those that are not set."""
     return Formats(
-        os.environ.get("PUMICE_DUMP") or rust_example("pumice-formats", "dump_volume"),
-        os.environ.get("PUMICE_CONVERT") or rust_example("pumice-formats", "convert_volume"),
+        os.environ.get("PUMICE_DUMP") or rust_example("dump_volume"),
+        os.environ.get("PUMICE_CONVERT") or rust_example("convert_volume"),
     )
 
 

@@ -14,7 +14,7 @@ SIZE = (97, 61)  # width, height: odd, not multiples of a tile
 
 @pytest.fixture(scope="module")
 def compare_raw(rust_example, tmp_path_factory):
-    binary = rust_example("pumice-picture", "compare_raw")
+    binary = rust_example("compare_raw")
     folder = tmp_path_factory.mktemp("metrics")
 
     def compare(a, b, variances=(), degrees=None):

@@ -41,6 +41,10 @@ const PARTS: [(&str, u64, &str); 14] = [
 /// Test programs of `pumice-vulkan` that take turns by day. Their manifest says `test = false`, so that a plain `cargo test` passes them by.
 const BY_TURNS: [&str; 2] = ["renderer_query", "renderer_pipeline"];
 
+/// Which of their tests run without `--full`: what a device keeps after edits and failures. The pictures of their other tests are drawn by
+/// `renderer` each day, and by these backends in the Python module's ladder.
+const OF_BY_TURNS: [&str; 3] = ["--", "edits::", "failures::"];
+
 /// With `--full` a part may take this many times its cap: hours.
 const FULL_CAP_FACTOR: u64 = 24;
 
@@ -274,12 +278,18 @@ impl Suite {
             "blender" => return self.blender_steps(),
             "vulkan-env" => return Ok(vec![PrivateMesa::new(&self.target).step(&self.root)]),
             "rust" => {
-                let mut by_turns = vec!["test", "--package", "pumice-vulkan", "--no-fail-fast"];
+                // Of the whole workspace, as in each call here: a package by itself is compiled anew with fewer features.
+                let mut by_turns = vec!["test", "--workspace", "--no-fail-fast"];
                 self.backends_of_the_day().iter().for_each(|name| by_turns.extend(["--test", name]));
+                by_turns.extend(if self.full {
+                    ["--", "--include-ignored"].as_slice()
+                } else {
+                    &OF_BY_TURNS
+                });
                 vec![
                     self.cargo(&["run", "--quiet", "--package", "xtask", "--", "shaders", "--check"]),
                     self.cargo(&[&["test", "--workspace", "--tests", "--no-fail-fast"], ignored].concat()),
-                    self.cargo(&[by_turns.as_slice(), ignored].concat()),
+                    self.cargo(&by_turns),
                 ]
             }
             "rust-docs" => vec![self.cargo(&["test", "--workspace", "--doc", "--no-fail-fast"])],
@@ -291,13 +301,8 @@ impl Suite {
                 if crates.is_empty() {
                     return Err(Outcome::LeftOut("no crate has such a suite".into()));
                 }
-                let packages = crates.iter().flat_map(|c| ["--package", c.as_str()]);
-                let args: Vec<&str> = ["test", "--test", "shared_data", "--no-fail-fast"]
-                    .into_iter()
-                    .chain(packages)
-                    .chain(ignored.iter().copied())
-                    .collect();
-                vec![self.cargo(&args)]
+                let args = ["test", "--workspace", "--test", "shared_data", "--no-fail-fast"];
+                vec![self.cargo(&[args.as_slice(), ignored].concat())]
             }
             "shared-python" => {
                 self.shared.as_ref().ok_or_else(absent)?;
