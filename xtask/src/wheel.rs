@@ -4,8 +4,8 @@
 //! python/ ─► target/wheels/dev      for the tests, with the profile that everything else of theirs is built with
 //!         └► target/wheels/release  for users
 //! ```
-//! maturin builds the module alone, so that cargo leaves out some features of dependencies that the workspace's tests want: our own
-//! crates are compiled once more (about one CPU minute), the others are not.
+//! maturin builds the module alone. Its manifest asks for the features of dependencies that a build of the whole workspace has, so the wheel
+//! for the tests is linked with what that build has compiled, and takes seconds.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
