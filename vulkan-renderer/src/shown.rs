@@ -35,7 +35,7 @@ pub(crate) struct Shown {
     scene: LoadedScene,
     parts: SceneOnDevice,
     pub(crate) film: Film,
-    constants: Vec<u32>,
+    needs: ShaderNeeds,
 }
 
 /// How often each part was rebuilt and sent, over all scenes so far.
@@ -81,8 +81,7 @@ impl Shown {
         *counters = counted;
         machine.slices.be_careful();
         machine.slices_of_firsts.be_careful();
-        let constants = needs.constants().to_vec();
-        Ok(Self { scene: scene.clone(), parts, film, constants })
+        Ok(Self { scene: scene.clone(), parts, film, needs })
     }
 
     /// Puts the same scene and samples on another device.
@@ -92,13 +91,13 @@ impl Shown {
         read_image: ReadImage,
         counters: &mut Counters,
     ) -> Result<Self, UploadError> {
-        let Self { scene, mut film, constants, parts } = self;
+        let Self { scene, mut film, needs, parts } = self;
         // They are of the lost device. Free them before as much is allocated again.
         drop(parts);
         let plan = ScenePlan::between(None, &scene);
         let parts = Making::new(machine, &scene, None, counters).parts(&plan, read_image)?;
         film.again(&machine.gpu)?;
-        Ok(Self { scene, parts, film, constants })
+        Ok(Self { scene, parts, film, needs })
     }
 
     /// Runs one launch of the unfinished pass, or of a new pass that brings every pixel to `target` samples. Returns true when the pass is
@@ -125,7 +124,7 @@ impl Shown {
             samples,
             ..launch_of(&tile)
         };
-        let program = machine.program(Entry::Path, &self.constants)?;
+        let program = machine.program(Entry::Path, &self.needs.constants())?;
         let taken = program.run("a launch of samples", &launch, [tile.width, tile.height])?;
         machine.slices.learn(tile.pixels(), samples, taken.as_secs_f64());
         job.advance(tile.pixels() * u64::from(samples));
@@ -200,7 +199,7 @@ impl Shown {
         let output = machine.gpu.buffer("first surfaces", records.len() as u64)?;
         let launch =
             Launch { scene: self.parts.address(), output: output.address(), wanted, ..launch_of(tile) };
-        let program = machine.program(Entry::First, &[])?;
+        let program = machine.program(Entry::First, &self.needs.of_surfaces().constants())?;
         let taken = program.run("first surfaces", &launch, [tile.width, tile.height])?;
         machine.gpu.download(&output, 0, records)?;
         Ok(taken)

@@ -13,6 +13,7 @@ use std::mem::offset_of;
 use std::path::Path;
 
 use bytemuck::{Pod, Zeroable};
+use pumice_scene::PartSet;
 use pumice_transport::Bvh;
 use pumice_transport::geometry::bvh::BoxBounds;
 use pumice_vulkan::layout::{
@@ -21,7 +22,8 @@ use pumice_vulkan::layout::{
     LOD_TRIANGLES, Lamp, Launch, LightNode, Lights, Material, NONE, Question, RayRecord, SCRATCH_BYTES,
     SceneHeader, Settings, Sun, SurfaceAovsRecord, SurfaceRecord,
 };
-use reflection::{Field, Layout, layouts};
+use pumice_vulkan::pack::ShaderNeeds;
+use reflection::{Field, Layout, constants_read, layouts};
 
 /// The shaders' name of a type. Doubles are integers there.
 trait Shape {
@@ -419,6 +421,25 @@ fn constants_are_the_shaders() {
         ("QUESTION_NEXT_BOUNDARY", Question::NextBoundary as u64),
     ];
     assert_eq!(declared, expected.map(|(name, value)| (name.to_owned(), value)));
+}
+
+/// What first surfaces leave out, their shaders do not read. They read the constant for catchers in a condition with
+/// `false`.
+#[test]
+fn first_surfaces_read_no_needs_of_light() {
+    const CATCHERS: u32 = 16;
+    let all = ShaderNeeds { parts: PartSet::ALL, instance_tree: true, bricks: true, boxes: true };
+    let kept = |n: &u32| *n == CATCHERS || all.of_surfaces().constants()[*n as usize] != 0;
+    for (front, least) in [("first_bvh.comp", 7), ("first_query.comp", 7), ("first.rgen", 7), ("box.rint", 3)]
+    {
+        for module in [format!("{front}.spv"), format!("{front}.f64.spv")] {
+            let read = constants_read(&words_of(&folder("spirv").join(&module)));
+            assert!(read.iter().all(kept) && read.len() >= least, "{module}: {read:?}");
+        }
+    }
+    // Negative control: paths read what they leave out.
+    let read = constants_read(&words_of(&folder("spirv").join("path_bvh.comp.spv")));
+    assert_eq!(read.iter().filter(|n| !kept(n)).count(), 12, "{read:?}");
 }
 
 /// A hierarchy of one box, read from its bytes through the structure that the shaders read.

@@ -36,6 +36,10 @@ pub const LEAVES_OUT: PartSet = {
     all
 };
 
+/// Parts that decide which surface a ray meets and how it is turned. A ray for render passes of the surface needs no others.
+const OF_SURFACES: PartSet =
+    PartSet::NONE.with(Part::Cuts).with(Part::Meshes).with(Part::SmoothNormals).with(Part::InstanceTree);
+
 /// Twin of `shaders/needs.glsl`: what the scene needs, and in which form it lies on the device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct ShaderNeeds {
@@ -50,6 +54,12 @@ pub struct ShaderNeeds {
 }
 
 impl ShaderNeeds {
+    /// What first surfaces need: nothing of what is only needed for light.
+    #[must_use]
+    pub fn of_surfaces(self) -> Self {
+        Self { parts: self.parts.and(OF_SURFACES), ..self }
+    }
+
     /// Specialisation constants, indexed by their numbers.
     pub fn constants(&self) -> [u32; 20] {
         let mut constants = [0; 20];

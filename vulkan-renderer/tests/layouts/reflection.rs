@@ -3,7 +3,7 @@
 //! A SPIR-V module is a header of five words, then instructions: the first word holds length and opcode, the operands follow (SPIR-V 1.5,
 //! §2.3). Of the hundreds of instructions this reads the ten that describe layouts.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
 const NAME: u32 = 5;
@@ -19,6 +19,9 @@ const DECORATE: u32 = 71;
 const MEMBER_DECORATE: u32 = 72;
 const ARRAY_STRIDE: u32 = 6;
 const OFFSET: u32 = 35;
+const SPEC_ID: u32 = 1;
+/// Instructions that name an id and do not read it: OpName, OpMemberName, OpSpecConstant, OpDecorate, OpMemberDecorate.
+const NAMING: [u32; 5] = [NAME, MEMBER_NAME, 50, DECORATE, MEMBER_DECORATE];
 
 /// A member of a structure: its name, its offset, and its type as Rust would write it.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -144,4 +147,20 @@ impl Module<'_> {
             ),
         }
     }
+}
+
+/// The numbers of the specialisation constants that a module reads. (It declares others too.)
+pub(crate) fn constants_read(words: &[u32]) -> BTreeSet<u32> {
+    let mut numbers = BTreeMap::new();
+    let mut read = BTreeSet::new();
+    for (opcode, operands) in instructions(words) {
+        match words[operands].split_first() {
+            Some((&id, &[SPEC_ID, number])) if opcode == DECORATE => drop(numbers.insert(id, number)),
+            Some((first, rest)) if !NAMING.contains(&opcode) => {
+                read.extend(std::iter::once(first).chain(rest).filter_map(|id| numbers.get(id)).copied());
+            }
+            _ => {}
+        }
+    }
+    read
 }
