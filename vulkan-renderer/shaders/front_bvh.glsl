@@ -88,7 +88,7 @@ void at_voxel(InstanceRef instance, uvec3 voxel, inout Search search) {
         uint meta = byte_of(node.meta, c);
         uint first = node.first_item + (meta & 31u);
         for (uint i = first; i < first + (meta >> 5); i++) {
-            if (visit_box(instance, search, items.at[i])) {
+            if (visit_holder(instance, search, items.at[i])) {
                 return;
             }
         }

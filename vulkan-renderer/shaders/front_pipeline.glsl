@@ -22,7 +22,7 @@ SearchRef search_of_launch(Address scratch) {
 void visit_in_pipeline(InstanceRef instance, Address scratch, uint item) {
     SearchRef shared_search = search_of_launch(scratch);
     Search search = shared_search.it;
-    bool over = visit(instance, search, item);
+    bool over = search.seek == SEEK_HOLDER ? visit_holder(instance, search, item) : visit(instance, search, item);
     shared_search.it = search;
     float limit = max(search_limit(search), 0.0);
     if (over) {

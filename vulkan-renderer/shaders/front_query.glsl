@@ -20,12 +20,12 @@ void query_boxes(InstanceRef instance, HardwareRay ray, bool of_voxel, inout Sea
             continue;
         }
         uint item = uint(rayQueryGetIntersectionPrimitiveIndexEXT(query, false));
-        if (of_voxel ? visit_box(instance, search, item) : visit(instance, search, item)) {
+        if (of_voxel ? visit_holder(instance, search, item) : visit(instance, search, item)) {
             rayQueryTerminateEXT(query);
             return;
         }
         float limit = max(search_limit(search), 0.0);
-        if (search.seek != SEEK_HOLDER && limit < reach) {
+        if (!of_voxel && limit < reach) {
             reach = limit;
             rayQueryGenerateIntersectionEXT(query, limit);
         }

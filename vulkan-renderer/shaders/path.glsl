@@ -164,11 +164,32 @@ void follow(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, floa
             }
         }
 
+        Material material = material_of(instance_at(scene, hit.surface.instance), hit.surface.label);
+        uint number = vertex + passed;
+
+        // Straight through, with probability 1 − alpha.
+        if (NEEDS_TRANSPARENT != 0u && mode != MODE_AMBIENT_OCCLUSION && material.alpha < 1.0 &&
+            sampler_bounce(points, number, PAIR_ROULETTE).y >= material.alpha) {
+            passed += 1u;
+            if (passed > MAX_TRANSPARENT_SURFACES) {
+                return;
+            }
+            t_max = f64_sub(t_max, hit.t);
+            gone = f64_add(gone, f64_mul(hit.t, dvec3_length(ray.direction)));
+            continue;
+        }
+
+        // The normal on the visible side. (Ambient occlusion ends at a surface that is seen from inside a label, and shows its outward normal.)
+        DVec3 normal = hit.from_inside ? dvec3_neg(hit.normal_in_world) : hit.normal_in_world;
+        if (mode == MODE_AMBIENT_OCCLUSION) {
+            normal = normal_towards_ray(hit);
+        }
+        DVec3 shading = normal;
+        bool is_smooth = shading_normal(scene, hit, ray.origin, shading);
+        Frame frame = frame_new(shading);
+
         // 1 where a cosine-distributed ray meets nothing within reach, else 0.
         if (mode == MODE_AMBIENT_OCCLUSION) {
-            DVec3 normal = normal_towards_ray(hit), shading = normal;
-            shading_normal(scene, hit, ray.origin, shading);
-            Frame frame = frame_new(shading);
             if (NEEDS_MATTES != 0u) {
                 film_sample_write_ids(film_sample, 0u, material_table_ids_of(instance_at(scene, hit.surface.instance), hit.surface.label));
             }
@@ -183,26 +204,6 @@ void follow(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, floa
             continue;
         }
 
-        Material material = material_of(instance_at(scene, hit.surface.instance), hit.surface.label);
-        uint number = vertex + passed;
-
-        // Straight through, with probability 1 − alpha.
-        if (NEEDS_TRANSPARENT != 0u && material.alpha < 1.0 &&
-            sampler_bounce(points, number, PAIR_ROULETTE).y >= material.alpha) {
-            passed += 1u;
-            if (passed > MAX_TRANSPARENT_SURFACES) {
-                return;
-            }
-            t_max = f64_sub(t_max, hit.t);
-            gone = f64_add(gone, f64_mul(hit.t, dvec3_length(ray.direction)));
-            continue;
-        }
-
-        // The normal on the visible side.
-        DVec3 normal = hit.from_inside ? dvec3_neg(hit.normal_in_world) : hit.normal_in_world;
-        DVec3 shading = normal;
-        bool is_smooth = shading_normal(scene, hit, ray.origin, shading);
-        Frame frame = frame_new(shading);
         vec3 wi = frame_local(frame, dvec3_neg(dvec3_normalize(ray.direction)));
         // Emission uses the geometric normal, as light sampling does.
         vec3 own = is_smooth ? frame_local(frame, normal) : vec3(0.0, 0.0, 1.0);

@@ -99,17 +99,19 @@ bool comes_first(uint label_a, uvec3 a, uint label_b, uvec3 b) {
     return a.y != b.y ? a.y < b.y : a.z < b.z;
 }
 
-// Tests one box. Returns true when the search is complete.
+// Tests one box in a search for the box that holds a voxel. Returns true when the search is complete.
+bool visit_holder(InstanceRef instance, inout Search search, uint item) {
+    bool wanted = search.only == NONE || label_of_box(instance, item) == search.only;
+    if (wanted && holds(instance, box_place(instance, item), search.step.voxel)) {
+        search.box_number = item;
+        return true;
+    }
+    return false;
+}
+
+// Tests one box in a search along a ray. Returns true when the search is complete.
 bool visit_box(InstanceRef instance, inout Search search, uint item) {
     BoxPlace p = box_place(instance, item);
-    if (search.seek == SEEK_HOLDER) {
-        bool wanted = search.only == NONE || label_of_box(instance, item) == search.only;
-        if (wanted && holds(instance, p, search.step.voxel)) {
-            search.box_number = item;
-            return true;
-        }
-        return false;
-    }
     uvec3 hi = clipped_end(instance, p.origin, p.extent);
     f64 enter, leave;
     clip(search.ray, p.origin, hi, search.start, enter, leave);
@@ -258,7 +260,7 @@ bool visit_brick(InstanceRef instance, inout Search search, uint number) {
 
 #endif
 
-// Tests an item of any kind. (Searches for a voxel call `visit_box`: they are frequent and never in a mesh.)
+// Tests an item of any kind in a search along a ray.
 bool visit(InstanceRef instance, inout Search search, uint item) {
     if (is_mesh(instance)) {
         return visit_triangle(instance, search, item);
@@ -430,19 +432,32 @@ Step open_face(InstanceRef instance, IndexRay ray, Step step, f64 t_max, uint on
     return step;
 }
 
-// The same for a ray that leaves `label`: of the faces crossed in one step, the first that has something else behind it.
-Step face_out(InstanceRef instance, IndexRay ray, Step step, uint label) {
+// The end of a ray's way through one box of `label`: the label's box in which it goes on, or NONE where it leaves the label. It leaves
+// through `step.axis` or, where it crosses several faces in this step, through the first that has something else behind it. The twin asks
+// these two questions in `leave` and `face_out`; here they are one loop, because shaders inline the search that answers them.
+uint box_behind(InstanceRef instance, IndexRay ray, inout Step step, bool left_box, uint label) {
     uvec3 last = voxel_before(step, ray);
-    [[dont_unroll]] for (uint a = 0u; a < 3u; a++) {
-        if (((step.tied >> a) & 1u) != 0u) {
-            uvec3 behind = last;
-            behind[a] = step.voxel[a];
-            if (item_with(instance, label, behind) == NONE) {
-                return through(step, a, ray);
-            }
+    uint faces = bitCount(step.tied) > 1 ? step.tied : 0u;
+    // Bit 0 is the voxel where the ray goes on, bit a + 1 the one behind the face of axis a.
+    uint voxels = (faces << 1) | (left_box ? 1u : 0u);
+    while (voxels != 0u) {
+        uint number = uint(findLSB(voxels));
+        voxels &= ~(1u << number);
+        uvec3 voxel = step.voxel;
+        if (number > 0u) {
+            voxel = last;
+            voxel[number - 1u] = step.voxel[number - 1u];
+        }
+        uint item = item_with(instance, label, voxel);
+        if (number == 0u && item != NONE) {
+            return item;
+        }
+        if (number > 0u && item == NONE) {
+            step = through(step, number - 1u, ray);
+            return NONE;
         }
     }
-    return step;
+    return NONE;
 }
 
 // The face through which a ray that starts in `voxel` of `label` leaves the label. `within`: the ray does not leave it before t_max.
@@ -459,11 +474,8 @@ Hit leave(InstanceRef instance, uint instance_number, IndexRay ray, uint label, 
             within = true;
             return no_hit();
         }
-        uint next = left_box ? item_with(instance, label, step.voxel) : NONE;
+        uint next = box_behind(instance, ray, step, left_box, label);
         if (next == NONE) {
-            if (bitCount(step.tied) > 1) {
-                step = face_out(instance, ray, step, label);
-            }
             if (f64_lt(F64_ZERO, step.t) && f64_lt(step.t, t_max)) {
                 return hit_of(instance, instance_number, ray, step, item, true);
             }

@@ -462,7 +462,11 @@ pub(crate) const OTHER_NAMES: &[Listed] = &[
     ),
     (
         "cpu-renderer/src/traverse/volume_tracer/surfaces.rs",
-        &[("VolumeTracer::coarse_element_end", "element_end"), ("VolumeTracer::hit", "hit_of")],
+        &[
+            ("VolumeTracer::coarse_element_end", "element_end"),
+            ("VolumeTracer::face_out", "box_behind"),
+            ("VolumeTracer::hit", "hit_of"),
+        ],
     ),
     ("cpu-renderer/src/crossing.rs", &[("visibility", "follow"), ("visibility_through", "follow")]),
     (
