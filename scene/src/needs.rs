@@ -242,10 +242,10 @@ impl Needs {
             |why_not| if self.lighting { why_not } else { "ambient occlusion samples no lights" };
         line(true, "materials", "");
         line(self.specular, "dielectric layer", "no visible label has one");
-        let suns = format!("aiming at {} suns", self.suns);
+        let suns = format!("sampling of {} suns", self.suns);
         let suns = match self.suns {
-            0 => "aiming at suns",
-            1 => "aiming at 1 sun",
+            0 => "sampling of suns",
+            1 => "sampling of 1 sun",
             _ => suns.as_str(),
         };
         line(self.suns > 0, suns, "no sun gives light");
@@ -256,7 +256,7 @@ impl Needs {
             _ => lamps.as_str(),
         };
         line(self.lamps > 0, lamps, "no lamp gives light");
-        line(self.emission, "aiming at surfaces that shine", "no visible label or mesh shines");
+        line(self.emission, "sampling of emissive surfaces", "no visible label or mesh emits light");
         line(
             self.sky_table,
             "sampling table of the sky",
@@ -281,7 +281,7 @@ impl Needs {
         line(self.cuts > 0, &cuts, "no cut applies to an instance");
         line(
             self.sorted,
-            "sorting of light",
+            "separate sums of light",
             "no pass over samples, transparent film, clamp or shadow catcher needs it",
         );
         line(self.mattes, "Cryptomatte", "no Cryptomatte pass is requested");
@@ -303,7 +303,7 @@ impl Needs {
             (self.metal, "metal"),
             (self.glass, "glass"),
             (self.coat, "clear coat"),
-            (self.transparent, "surfaces that light passes straight through"),
+            (self.transparent, "transparent surfaces"),
             (self.sheen, "sheen"),
             (self.lens, "depth of field"),
             (

@@ -261,15 +261,15 @@ fn each_line_says_needed_or_left_out_and_why() {
 needed: boxes of 4 of 4 labels of instance 7
 needed: materials
 left out: dielectric layer (no visible label has one)
-left out: aiming at suns (no sun gives light)
+left out: sampling of suns (no sun gives light)
 left out: lamps (no lamp gives light)
-left out: aiming at surfaces that shine (no visible label or mesh shines)
+left out: sampling of emissive surfaces (no visible label or mesh emits light)
 left out: sampling table of the sky (the sky is equally bright everywhere: scattered rays find it as well)
 left out: weights of multiple importance sampling (MIS) (each light is sampled in one way only)
 needed: indirect light
 left out: Russian roulette (the settings switch it off)
 left out: cuts (no cut applies to an instance)
-left out: sorting of light (no pass over samples, transparent film, clamp or shadow catcher needs it)
+left out: separate sums of light (no pass over samples, transparent film, clamp or shadow catcher needs it)
 left out: Cryptomatte (no Cryptomatte pass is requested)
 left out: a hierarchy over instances (so few are tested one by one)
 left out: shadow catchers (no mesh is one)
@@ -285,5 +285,5 @@ needed: diffuse";
         assert!(line.starts_with("needed: ") || reason, "{line}");
     }
     assert!(all.explain().contains(&"left out: boxes of 1 labels of instance 8 (not shown)".to_owned()));
-    assert!(all.explain().contains(&"needed: aiming at 2 suns".to_owned()));
+    assert!(all.explain().contains(&"needed: sampling of 2 suns".to_owned()));
 }

@@ -207,9 +207,9 @@ pub fn measure_savings(
     if !is_cpu && needs.levels.contains(&16) && needs.unneeded().has(Part::HiddenLabels) {
         can = can.without(PartSet::NONE.with(Part::HiddenLabels));
         always_there
-            .push((Part::HiddenLabels, "not measured: boxes that are drawn whole cannot be passed over"));
+            .push((Part::HiddenLabels, "not measured: boxes that are drawn whole cannot be left out"));
     }
-    let why = "its code is always there, and asked only by what a scene has";
+    let why = "its code is always compiled; it runs only for what a scene has";
     let missing = needs.unneeded().without(leaves_out);
     always_there.extend(missing.parts().map(|part| (part, why)));
     let spare = needs.unneeded().and(can);
