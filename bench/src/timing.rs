@@ -59,8 +59,8 @@ mod tests {
             Ok(7)
         })
         .unwrap();
-        // Sleeping takes wall time but no CPU time.
-        assert!(answer == 7 && took.seconds >= 0.02 && took.cpu_seconds < took.seconds, "{took:?}");
+        // Sleeping takes wall time. The CPU time is that of the whole process, where other tests may be busy.
+        assert!(answer == 7 && took.seconds >= 0.02, "{took:?}");
         let refused = pumice_session::SessionError::Caller("no".into());
         assert_eq!(clocked::<()>(|| Err(refused)).unwrap_err().to_string(), "no");
         let one = Took { seconds: 1.0, cpu_seconds: 4.0 };
