@@ -180,7 +180,7 @@ class Session:
     """
     A live, progressively refined picture.
     """
-    def __new__(cls, /, scene: str, volumes: SupportsGetItem[int, Volume], meshes: SupportsGetItem[int, Mesh], *, backend: str, spp: SupportsIndex | None, seconds: SupportsFloat | SupportsIndex | None, error: SupportsFloat | SupportsIndex | None, denoise: bool) -> Session: ...
+    def __new__(cls, /, scene: str, volumes: SupportsGetItem[int, Volume], meshes: SupportsGetItem[int, Mesh], how: tuple[str, SupportsIndex | None, SupportsFloat | SupportsIndex | None, SupportsFloat | SupportsIndex | None], *, denoise: bool) -> Session: ...
     def _panic_on_purpose(self, /) -> None:
         """
         Makes the worker panic, for tests that clients survive it.
@@ -247,7 +247,7 @@ class Volume:
         """
         Original ids of a block, x fastest: shape (z, y, x).
         """
-    def difference(self, /, source: str | PathLike[str] | Incomplete, *, layer: SupportsIndex | None = None, time: SupportsIndex | None = None, channel: SupportsIndex | None = None, array: str | None = None, job: Job | None = None) -> str | None:
+    def difference(self, /, source: str | PathLike[str] | Incomplete, *, read_as: tuple[SupportsIndex | None, SupportsIndex | None, SupportsIndex | None, str | None, SupportsLenAndGetItem[SupportsFloat | SupportsIndex] | None], job: Job | None = None) -> str | None:
         """
         Compares with a file, or with blocks; `None` if every voxel and id is the same, else the first difference.
         """
@@ -302,7 +302,7 @@ def _panic_on_purpose() -> None:
     Panics, to test that a panic becomes an exception.
     """
 
-def compress(source: str | PathLike[str] | Incomplete, *, types: str | None = None, memory_limit: SupportsIndex | None = None, threads: SupportsIndex = 0, layer: SupportsIndex | None = None, time: SupportsIndex | None = None, channel: SupportsIndex | None = None, array: str | None = None, spacing: SupportsLenAndGetItem[SupportsFloat | SupportsIndex] | None = None, job: Job | None = None) -> tuple[Volume, list[str]]:
+def compress(source: str | PathLike[str] | Incomplete, *, types: str | None = None, memory_limit: SupportsIndex | None = None, threads: SupportsIndex = 0, read_as: tuple[SupportsIndex | None, SupportsIndex | None, SupportsIndex | None, str | None, SupportsLenAndGetItem[SupportsFloat | SupportsIndex] | None], job: Job | None = None) -> tuple[Volume, list[str]]:
     """
     Compresses a file, or blocks; also returns the reader's warnings.
     """
@@ -322,18 +322,18 @@ def figure(volume: Volume, source: str | PathLike[str], size: SupportsLenAndGetI
     Composes a scene that shows a volume: places, frames and lights it.
     """
 
-def open(path: str | PathLike[str], *, labels: SupportsGetItem[int, SupportsIndex] | None = None, mapped: bool = False, layer: SupportsIndex | None = None, time: SupportsIndex | None = None, channel: SupportsIndex | None = None, array: str | None = None, spacing: SupportsLenAndGetItem[SupportsFloat | SupportsIndex] | None = None, job: Job | None = None) -> tuple[Volume, list[str]]:
+def open(path: str | PathLike[str], *, labels: SupportsGetItem[int, SupportsIndex] | None = None, mapped: bool = False, read_as: tuple[SupportsIndex | None, SupportsIndex | None, SupportsIndex | None, str | None, SupportsLenAndGetItem[SupportsFloat | SupportsIndex] | None], job: Job | None = None) -> tuple[Volume, list[str]]:
     """
     Opens a `.pumice` file, or compresses a label volume of another format in memory; also returns the reader's warnings. If `labels` are
     given, only these are read from a `.pumice` file.
     """
 
-def probe(path: str | PathLike[str], *, layer: SupportsIndex | None = None, time: SupportsIndex | None = None, channel: SupportsIndex | None = None, array: str | None = None, spacing: SupportsLenAndGetItem[SupportsFloat | SupportsIndex] | None = None, job: Job | None = None) -> str:
+def probe(path: str | PathLike[str], *, read_as: tuple[SupportsIndex | None, SupportsIndex | None, SupportsIndex | None, str | None, SupportsLenAndGetItem[SupportsFloat | SupportsIndex] | None], job: Job | None = None) -> str:
     """
     A summary of a file, from its header alone, as JSON text.
     """
 
-def render(scene: str, volumes: SupportsGetItem[int, Volume] | None, meshes: SupportsGetItem[int, Mesh], *, spp: SupportsIndex | None, seconds: SupportsFloat | SupportsIndex | None, error: SupportsFloat | SupportsIndex | None, backend: str, job: Job | None, on_progress: Any | None) -> Picture:
+def render(scene: str, volumes: SupportsGetItem[int, Volume] | None, meshes: SupportsGetItem[int, Mesh], how: tuple[str, SupportsIndex | None, SupportsFloat | SupportsIndex | None, SupportsFloat | SupportsIndex | None], *, job: Job | None, on_progress: Any | None) -> Picture:
     """
     Renders a scene until the first limit is reached. `volumes[i]` belongs to its instance i; without volumes its sources are opened.
     `meshes[i]` belongs to its mesh i.

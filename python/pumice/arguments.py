@@ -5,7 +5,7 @@ from __future__ import annotations
 import operator
 import os
 from collections.abc import Iterable, Sequence
-from typing import Any, Literal, TypedDict
+from typing import Any, Literal, NamedTuple, TypedDict
 
 from .errors import InputError
 
@@ -31,6 +31,25 @@ class Reading(Choice, total=False):
     spacing: Sequence[float] | None
 
 
+class ReadAs(NamedTuple):
+    """A `Reading` with its numbers checked, as the compiled part takes it."""
+
+    layer: int | None = None
+    time: int | None = None
+    channel: int | None = None
+    array: str | None = None
+    spacing: tuple[float, float, float] | None = None
+
+
+class RenderAs(NamedTuple):
+    """A backend and limits, as the compiled part takes them."""
+
+    backend: str
+    spp: int | None
+    seconds: float | None
+    error: float | None
+
+
 def whole(name: str, value: Any, least: int, most: int) -> int:
     """`value` as an int, from any integer type; InputError if it is not from `least` to `most`."""
     try:
@@ -47,7 +66,7 @@ def ids(name: str, values: Iterable[Any]) -> list[int]:
     return [whole(name, value, 0, MOST_64) for value in values]
 
 
-def reading(given: Choice | Reading) -> dict[str, Any]:
+def reading(given: Choice | Reading) -> ReadAs:
     """The choice with its numbers checked."""
     checked: dict[str, Any] = dict(given)
     for name in ("layer", "time", "channel"):
@@ -55,7 +74,7 @@ def reading(given: Choice | Reading) -> dict[str, Any]:
             checked[name] = whole(name, checked[name], 0, MOST_32)
     if checked.get("spacing") is not None:
         checked["spacing"] = three_lengths(checked["spacing"])
-    return checked
+    return ReadAs(**checked)
 
 
 def three_lengths(spacing: Iterable[Any]) -> tuple[float, float, float]:
@@ -69,9 +88,9 @@ def three_lengths(spacing: Iterable[Any]) -> tuple[float, float, float]:
     return lengths[0], lengths[1], lengths[2]
 
 
-def limits(spp: int | None, seconds: float | None, error: float | None) -> dict[str, Any]:
-    """The limits at which a picture is done, as keywords."""
+def render_as(backend: str, spp: int | None, seconds: float | None, error: float | None) -> RenderAs:
+    """The backend, and the limits at which a picture is done, checked."""
     for name, limit in (("seconds", seconds), ("error", error)):
         if limit is not None and not limit > 0:
             raise InputError(f"{name}: expected a number above 0, got {limit}")
-    return {"spp": None if spp is None else whole("spp", spp, 1, MOST_32), "seconds": seconds, "error": error}
+    return RenderAs(backend, None if spp is None else whole("spp", spp, 1, MOST_32), seconds, error)

@@ -145,7 +145,7 @@ def render(
     may_rest = scene.to_dict()["settings"].get("adaptive") is not None
     if spp is None and seconds is None and error is None and not may_rest:
         raise InputError("render: give spp, seconds or error, or settings.adaptive in the scene, or it would never end")
-    stop = arguments.limits(spp, seconds, error)
+    how = arguments.render_as(backend, spp, seconds, error)
     told = None
     if on_progress is not None:
         call = on_progress
@@ -154,10 +154,9 @@ def render(
         scene.to_json(),
         None if volumes is None else in_order(scene, volumes),
         mesh.natives(meshes),
-        backend=backend,
+        how,
         job=job,
         on_progress=told,
-        **stop,
     )
     picture = Picture(native)
     for line in picture.notices:

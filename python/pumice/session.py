@@ -63,9 +63,9 @@ class Session:
         denoise: bool = False,
     ) -> None:
         volumes_in_order = in_order(scene, volumes)
-        stop = arguments.limits(spp, seconds, error)
+        how = arguments.render_as(backend, spp, seconds, error)
         self._native = _native.Session(
-            scene.to_json(), volumes_in_order, mesh.natives(meshes), backend=backend, denoise=bool(denoise), **stop
+            scene.to_json(), volumes_in_order, mesh.natives(meshes), how, denoise=bool(denoise)
         )
 
     def edit(self, *edits: dict[str, Any]) -> int:

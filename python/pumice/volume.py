@@ -159,7 +159,7 @@ class Volume:
 
     def verify(self, source: Path | Any, *, job: Job | None = None, **choice: Unpack[Choice]) -> None:
         """Compares every voxel and id with a file or an array; InputError names the first difference. Keywords are as for `open`."""
-        difference = self._native.difference(_source(source), job=job, **_choice_of(source, choice))
+        difference = self._native.difference(_source(source), job=job, read_as=_choice_of(source, choice))
         if difference is not None:
             raise InputError(difference)
 
@@ -257,14 +257,14 @@ def open(
     the file that are not errors cause a `PumiceWarning`.
     """
     chosen = None if labels is None else arguments.ids("labels", labels)
-    native, odd = _native.open(_path(path), labels=chosen, mapped=mapped, job=job, **arguments.reading(reading))
+    native, odd = _native.open(_path(path), labels=chosen, mapped=mapped, job=job, read_as=arguments.reading(reading))
     _warn(odd)
     return Volume(native)
 
 
 def probe(path: Path, *, job: Job | None = None, **reading: Unpack[Reading]) -> dict[str, Any]:
     """A summary of a file, from its header: the same fields as `pumice info --json`, including warnings."""
-    return dict(json.loads(_native.probe(_path(path), job=job, **arguments.reading(reading))))
+    return dict(json.loads(_native.probe(_path(path), job=job, read_as=arguments.reading(reading))))
 
 
 def compress(
@@ -289,17 +289,17 @@ def compress(
     threads = arguments.whole("threads", threads, 0, MOST_THREADS)
     if memory_limit is not None:
         memory_limit = arguments.whole("memory_limit", memory_limit, 0, arguments.MOST_64)
-    chosen = _choice_of(source, choice)
+    read_as = _choice_of(source, choice)
     if isinstance(source, (str, os.PathLike)):
         for name, given in (("unit", unit or None), ("world_from_index", world_from_index), ("names", names)):
             if given is not None:
                 raise InputError(f"{name}: a file says that itself; only arrays take it")
         described: str | _Blocks = _path(source)
-        lengths = None if spacing is None else arguments.three_lengths(spacing)
+        read_as = read_as._replace(spacing=None if spacing is None else arguments.three_lengths(spacing))
     else:
-        described, lengths = _source(source, spacing, unit, world_from_index, names), None
+        described = _source(source, spacing, unit, world_from_index, names)
     native, odd = _native.compress(
-        described, types=table, memory_limit=memory_limit, threads=threads, spacing=lengths, job=job, **chosen
+        described, types=table, memory_limit=memory_limit, threads=threads, read_as=read_as, job=job
     )
     _warn(odd)
     return Volume(native)
@@ -349,7 +349,9 @@ def _path(path: Path) -> str:
     return text
 
 
-def _choice_of(source: Path | Any, choice: Choice) -> dict[str, Any]:
+def _choice_of(source: Path | Any, choice: Choice) -> arguments.ReadAs:
+    if "spacing" in choice:
+        raise TypeError("unexpected keyword argument 'spacing'")
     if not isinstance(source, (str, os.PathLike)):
         for name, given in choice.items():
             if given is not None:

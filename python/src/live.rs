@@ -13,6 +13,7 @@ use crate::calls::Call;
 use crate::errors::{IntoException, input};
 use crate::frame::Frame;
 use crate::mesh::Mesh;
+use crate::picture::RenderAs;
 use crate::scene::parse;
 use crate::volume::Volume;
 use crate::waiting::released;
@@ -24,22 +25,19 @@ pub(crate) struct Session(Live);
 #[pymethods]
 impl Session {
     #[new]
-    #[pyo3(signature = (scene, volumes, meshes, *, backend, spp, seconds, error, denoise))]
-    #[expect(clippy::too_many_arguments, reason = "named ones, from Python")]
+    #[pyo3(signature = (scene, volumes, meshes, how, *, denoise))]
     fn new(
         scene: &str,
         volumes: Vec<Bound<'_, Volume>>,
         meshes: Vec<Bound<'_, Mesh>>,
-        backend: String,
-        spp: Option<u32>,
-        seconds: Option<f64>,
-        error: Option<f64>,
+        how: RenderAs,
         denoise: bool,
     ) -> PyResult<Self> {
         let volumes = volumes.iter().map(|v| Arc::clone(&v.get().0)).collect();
         let meshes = meshes.iter().map(|m| Arc::clone(&m.get().0)).collect();
         let scene =
             LoadedScene::new(parse(scene)?, volumes, meshes).map_err(IntoException::into_exception)?;
+        let (backend, spp, seconds, error) = how;
         let options = LiveOptions { backend, stop: Stop { spp, seconds, error }, denoise };
         Live::start(scene, options).map(Self).map_err(IntoException::into_exception)
     }

@@ -118,20 +118,19 @@ impl Picture {
     }
 }
 
+/// A backend, and the limits at which a picture is done: samples a pixel, seconds, relative error; a `pumice.arguments.RenderAs`.
+pub(crate) type RenderAs = (String, Option<u32>, Option<f64>, Option<f64>);
+
 /// Renders a scene until the first limit is reached. `volumes[i]` belongs to its instance i; without volumes its sources are opened.
 /// `meshes[i]` belongs to its mesh i.
 #[pyfunction]
-#[pyo3(signature = (scene, volumes, meshes, *, spp, seconds, error, backend, job, on_progress))]
-#[allow(clippy::too_many_arguments, reason = "they are keywords")]
+#[pyo3(signature = (scene, volumes, meshes, how, *, job, on_progress))]
 pub(crate) fn render(
     py: Python<'_>,
     scene: &str,
     volumes: Option<Vec<Bound<'_, Volume>>>,
     meshes: Vec<Bound<'_, Mesh>>,
-    spp: Option<u32>,
-    seconds: Option<f64>,
-    error: Option<f64>,
-    backend: &str,
+    how: RenderAs,
     job: Option<&Bound<'_, Job>>,
     on_progress: Option<Py<PyAny>>,
 ) -> PyResult<Picture> {
@@ -140,6 +139,7 @@ pub(crate) fn render(
         volumes.map(|list| list.iter().map(|v| Arc::clone(&v.get().0)).collect());
     let meshes: Vec<Arc<MeshData>> = meshes.iter().map(|m| Arc::clone(&m.get().0)).collect();
     let job = job_of(job);
+    let (backend, spp, seconds, error) = how;
     let stop = Stop { spp, seconds, error };
     let raised: Mutex<Option<PyErr>> = Mutex::new(None);
     let result = released(py, &job, || {
@@ -154,7 +154,7 @@ pub(crate) fn render(
             )?,
         };
         let scene = LoadedScene::new(scene, volumes, meshes)?;
-        render_scene(&scene, backend, &stop, &job, &mut |point| {
+        render_scene(&scene, &backend, &stop, &job, &mut |point| {
             let Some(call) = &on_progress else { return };
             Python::attach(|py| {
                 let arguments = (point.spp, point.seconds, point.cpu_seconds, point.error_estimate);

@@ -24,14 +24,10 @@ use crate::waiting::{detached, released};
 #[pyclass(frozen, module = "pumice._native")]
 pub(crate) struct Volume(pub(crate) Arc<CompressedVolume>);
 
-/// How to read a file: the fields are those of `pumice_formats::OpenOptions`.
-fn reading(
-    layer: Option<u32>,
-    time: Option<u32>,
-    channel: Option<u32>,
-    array: Option<String>,
-    spacing: Option<[f64; 3]>,
-) -> OpenOptions {
+/// How to read a file: layer, time, channel, array and spacing of `pumice_formats::OpenOptions`; a `pumice.arguments.ReadAs`.
+type ReadAs = (Option<u32>, Option<u32>, Option<u32>, Option<String>, Option<[f64; 3]>);
+
+fn reading((layer, time, channel, array, spacing): ReadAs) -> OpenOptions {
     OpenOptions { layer, time, channel, array, spacing, ..OpenOptions::default() }
 }
 
@@ -225,20 +221,16 @@ impl Volume {
     }
 
     /// Compares with a file, or with blocks; `None` if every voxel and id is the same, else the first difference.
-    #[pyo3(signature = (source, *, layer=None, time=None, channel=None, array=None, job=None))]
-    #[allow(clippy::too_many_arguments, reason = "they are keywords")]
+    #[pyo3(signature = (source, *, read_as, job=None))]
     fn difference(
         &self,
         py: Python<'_>,
         source: Source,
-        layer: Option<u32>,
-        time: Option<u32>,
-        channel: Option<u32>,
-        array: Option<String>,
+        read_as: ReadAs,
         job: Option<&Bound<'_, Job>>,
     ) -> PyResult<Option<String>> {
         let job = job_of(job);
-        let reading = reading(layer, time, channel, array, None);
+        let reading = reading(read_as);
         with_source(py, source, &reading, &job, |source| {
             let found = pumice_core::verify(&self.0, source, &job)?;
             Ok((!matches!(found, Verification::Same { .. })).then(|| found.to_string()))
@@ -252,22 +244,17 @@ type Opened = (Volume, Vec<String>);
 /// Opens a `.pumice` file, or compresses a label volume of another format in memory; also returns the reader's warnings. If `labels` are
 /// given, only these are read from a `.pumice` file.
 #[pyfunction]
-#[pyo3(signature = (path, *, labels=None, mapped=false, layer=None, time=None, channel=None, array=None, spacing=None, job=None))]
-#[allow(clippy::too_many_arguments, reason = "they are keywords")]
+#[pyo3(signature = (path, *, labels=None, mapped=false, read_as, job=None))]
 pub(crate) fn open(
     py: Python<'_>,
     path: PathBuf,
     labels: Option<Vec<u64>>,
     mapped: bool,
-    layer: Option<u32>,
-    time: Option<u32>,
-    channel: Option<u32>,
-    array: Option<String>,
-    spacing: Option<[f64; 3]>,
+    read_as: ReadAs,
     job: Option<&Bound<'_, Job>>,
 ) -> PyResult<Opened> {
     let job = job_of(job);
-    let reading = reading(layer, time, channel, array, spacing);
+    let reading = reading(read_as);
     let residence = if mapped { Residence::Mapped } else { Residence::Copied };
     let volume = released(py, &job, || match &labels {
         None => pumice_session::open_volume(&path, &reading, residence, &job),
@@ -278,20 +265,15 @@ pub(crate) fn open(
 
 /// A summary of a file, from its header alone, as JSON text.
 #[pyfunction]
-#[pyo3(signature = (path, *, layer=None, time=None, channel=None, array=None, spacing=None, job=None))]
-#[allow(clippy::too_many_arguments, reason = "they are keywords")]
+#[pyo3(signature = (path, *, read_as, job=None))]
 pub(crate) fn probe(
     py: Python<'_>,
     path: PathBuf,
-    layer: Option<u32>,
-    time: Option<u32>,
-    channel: Option<u32>,
-    array: Option<String>,
-    spacing: Option<[f64; 3]>,
+    read_as: ReadAs,
     job: Option<&Bound<'_, Job>>,
 ) -> PyResult<String> {
     let job = job_of(job);
-    let reading = reading(layer, time, channel, array, spacing);
+    let reading = reading(read_as);
     let info = released(py, &job, || pumice_session::file_info(&path, &reading, &job))?;
     serde_json::to_string(&info).map_err(|e| input(&e))
 }
@@ -316,25 +298,20 @@ pub(crate) struct Blocks {
 
 /// Compresses a file, or blocks; also returns the reader's warnings.
 #[pyfunction]
-#[pyo3(signature = (source, *, types=None, memory_limit=None, threads=0, layer=None, time=None, channel=None, array=None, spacing=None, job=None))]
-#[allow(clippy::too_many_arguments, reason = "they are keywords")]
+#[pyo3(signature = (source, *, types=None, memory_limit=None, threads=0, read_as, job=None))]
 pub(crate) fn compress(
     py: Python<'_>,
     source: Source,
     types: Option<String>,
     memory_limit: Option<u64>,
     threads: usize,
-    layer: Option<u32>,
-    time: Option<u32>,
-    channel: Option<u32>,
-    array: Option<String>,
-    spacing: Option<[f64; 3]>,
+    read_as: ReadAs,
     job: Option<&Bound<'_, Job>>,
 ) -> PyResult<Opened> {
     let job = job_of(job);
     let types =
         types.map(|text| TypeTable::parse_csv(&text)).transpose().map_err(IntoException::into_exception)?;
-    let reading = reading(layer, time, channel, array, spacing);
+    let reading = reading(read_as);
     let options =
         CompressOptions { threads, memory_limit_bytes: memory_limit, types, ..CompressOptions::default() };
     let volume =
