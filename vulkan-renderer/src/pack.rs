@@ -32,4 +32,4 @@ pub use material_table::PackedMaterials;
 pub use meshes::{PackedMesh, place_mesh};
 pub use needs::{LEAVES_OUT, ShaderNeeds};
 pub use nodes::PackedNodes;
-pub use scene::{PackedSky, camera, header, instance_tree, lamps, lights, settings, suns};
+pub use scene::{PackedSky, camera, instance_tree, lamps, lights, settings, suns};

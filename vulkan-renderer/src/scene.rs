@@ -18,6 +18,7 @@ use std::sync::Arc;
 
 use glam::DAffine3;
 use pumice_core::{CompressedVolume, MeshData};
+use pumice_transport::camera_rays::CameraRays;
 use pumice_transport::geometry::{Cuts, InstanceTree, LodChoice, Placement, WorldBounds};
 use pumice_transport::{BoxBounds, Bvh, Emitters, FilterTable, Lights, MaterialTable, RenderError};
 
@@ -83,6 +84,20 @@ impl Nodes {
     }
 }
 
+/// Decides what is drawn of a volume, and how.
+pub(crate) struct Drawn<'a> {
+    /// The instance's number in the scene.
+    pub(crate) place: u32,
+    pub(crate) volume: &'a CompressedVolume,
+    /// Which labels are visible.
+    pub(crate) visible: &'a [bool],
+    pub(crate) lod: LodChoice,
+    /// Voxels have smooth normals.
+    pub(crate) smooth: bool,
+    /// The boxes of invisible labels are included too, without their voxels. Their nodes must be on the device.
+    pub(crate) hidden_too: bool,
+}
+
 /// What is drawn of a volume, for one instance of the scene.
 #[derive(Debug)]
 pub(crate) struct Boxes {
@@ -103,21 +118,11 @@ pub(crate) struct Boxes {
 }
 
 impl Boxes {
-    /// With `carry_hidden`, the boxes of invisible labels are included too, without their voxels; their nodes must be on the device.
-    #[expect(clippy::too_many_arguments, reason = "all that decides what is drawn")]
-    pub(crate) fn new(
-        gpu: &Gpu,
-        place: u32,
-        volume: &CompressedVolume,
-        nodes: Arc<Nodes>,
-        visible: &[bool],
-        lod: LodChoice,
-        smooth: bool,
-        carry_hidden: bool,
-    ) -> Result<Self, UploadError> {
+    pub(crate) fn new(gpu: &Gpu, what: &Drawn<'_>, nodes: Arc<Nodes>) -> Result<Self, UploadError> {
+        let &Drawn { place, volume, visible, lod, smooth, hidden_too } = what;
         let tight = lod == LodChoice::Voxels;
         let limit = |what: String| RenderError::Scene(format!("instances[{place}]: {what}"));
-        let packed = if carry_hidden {
+        let packed = if hidden_too {
             let mut packed =
                 PackedBoxes::new(volume, &nodes.packed, &vec![true; visible.len()], tight).map_err(limit)?;
             packed.hide(&nodes.packed, visible).map_err(limit)?;
@@ -471,6 +476,18 @@ impl TreeOnDevice {
     }
 }
 
+/// The parts of a scene on a device.
+#[derive(Debug)]
+pub(crate) struct SceneParts {
+    pub(crate) instances: Vec<InstanceOnDevice>,
+    pub(crate) meshes: Vec<MeshOnDevice>,
+    pub(crate) sky: Arc<SkyOnDevice>,
+    pub(crate) emitters: Option<Arc<EmittersOnDevice>>,
+    pub(crate) filter: Arc<FilterOnDevice>,
+    /// The hierarchy over instances, where there is one.
+    pub(crate) tree: Option<Arc<TreeOnDevice>>,
+}
+
 /// All parts together, with the header through which shaders find them.
 #[derive(Debug)]
 pub(crate) struct SceneOnDevice {
@@ -485,38 +502,36 @@ pub(crate) struct SceneOnDevice {
 }
 
 impl SceneOnDevice {
-    #[expect(clippy::too_many_arguments, reason = "all parts")]
+    /// Uploads the list of instances and the header of these parts.
     pub(crate) fn new(
         gpu: &Gpu,
         tables: &Buffer,
-        instances: Vec<InstanceOnDevice>,
-        meshes: Vec<MeshOnDevice>,
-        sky: Arc<SkyOnDevice>,
-        emitters: Option<Arc<EmittersOnDevice>>,
-        filter: Arc<FilterOnDevice>,
-        tree: Option<Arc<TreeOnDevice>>,
-        rays: &pumice_transport::camera_rays::CameraRays,
+        parts: SceneParts,
+        rays: &CameraRays,
         settings: layout::Settings,
     ) -> Result<Self, DeviceError> {
+        let SceneParts { instances, meshes, sky, emitters, filter, tree } = parts;
         let of_meshes = meshes.iter().map(MeshOnDevice::record);
         let list: Vec<_> = instances.iter().map(InstanceOnDevice::record).chain(of_meshes).collect();
         let records = gpu.buffer_of("the list of instances", bytemuck::cast_slice(&list))?;
-        let header = pack::header(
-            (records.address(), list.len() as u32),
-            tables.address(),
-            rays,
-            filter.record,
+        let header = layout::SceneHeader {
+            instances: records.address(),
+            tables: tables.address(),
+            camera: pack::camera(rays),
+            filter: filter.record,
             settings,
-            layout::Lights {
+            lights: layout::Lights {
                 emitters_probability: emitters
                     .as_ref()
                     .map_or(0.0, |e| sky.lights.probability_of_emitters(e.irradiance)),
                 ..sky.lights_record
             },
-            sky.environment,
-            emitters.as_ref().map_or_else(layout::Emitters::default, |e| e.record),
-            tree.as_ref().map_or_else(layout::InstanceTree::default, |t| t.record),
-        );
+            environment: sky.environment,
+            emitters: emitters.as_ref().map_or_else(layout::Emitters::default, |e| e.record),
+            instance_tree: tree.as_ref().map_or_else(layout::InstanceTree::default, |t| t.record),
+            instance_count: list.len() as u32,
+            film_width: rays.size[0] as u32,
+        };
         let header = gpu.buffer_of("the scene's header", bytemuck::bytes_of(&header))?;
         Ok(Self { instances, meshes, sky, emitters, filter, tree, records, header })
     }

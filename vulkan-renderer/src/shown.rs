@@ -22,8 +22,8 @@ use crate::layout::{HitRecord, Launch, NONE, SurfaceAovsRecord};
 use crate::machine::DeviceContext;
 use crate::pack::{self, ShaderNeeds};
 use crate::scene::{
-    Boxes, CutsOnDevice, EmittersOnDevice, FilterOnDevice, InstanceOnDevice, MaterialsOnDevice, MeshOnDevice,
-    Nodes, SceneOnDevice, SkyOnDevice, TreeOnDevice, Triangles, UploadError,
+    Boxes, CutsOnDevice, Drawn, EmittersOnDevice, FilterOnDevice, InstanceOnDevice, MaterialsOnDevice,
+    MeshOnDevice, Nodes, SceneOnDevice, SceneParts, SkyOnDevice, TreeOnDevice, Triangles, UploadError,
 };
 use crate::sent::Sent;
 use crate::shaders::Entry;
@@ -292,7 +292,8 @@ impl<'a> Making<'a> {
         let rays = CameraRays::new(&scene.camera, &scene.film);
         let settings = pack::settings(&scene.settings, sums_of(scene));
         let tables = &self.machine.tables;
-        Ok(SceneOnDevice::new(gpu, tables, instances, meshes, sky, emitters, filter, tree, &rays, settings)?)
+        let parts = SceneParts { instances, meshes, sky, emitters, filter, tree };
+        Ok(SceneOnDevice::new(gpu, tables, parts, &rays, settings)?)
     }
 
     /// Whether instances may share a hierarchy. Not in a ray tracing pipeline, whose intersection shader identifies the instance by the
@@ -348,9 +349,9 @@ impl<'a> Making<'a> {
                 let visible = self.new.visible(place);
                 // The nodes of this volume may be on the device already, with all wanted labels.
                 let here = plan.former.and_then(former).into_iter().chain(before).map(|i| i.boxes.nodes());
-                let carry_hidden = self.wanted.has(Part::HiddenLabels);
+                let hidden_too = self.wanted.has(Part::HiddenLabels);
                 let all = vec![true; visible.len()];
-                let wanted = if carry_hidden { &all } else { &visible };
+                let wanted = if hidden_too { &all } else { &visible };
                 let known = here.filter(|n| n.is_of(volume)).find(|n| n.covers(wanted)).map(Arc::clone);
                 let nodes = match known {
                     Some(nodes) => nodes,
@@ -359,9 +360,15 @@ impl<'a> Making<'a> {
                         Arc::new(Nodes::new(gpu, volume, wanted)?)
                     }
                 };
-                let smooth = scene.settings.smooth_voxels;
-                let (number, lod) = (place as u32, self.lod);
-                Arc::new(Boxes::new(gpu, number, volume, nodes, &visible, lod, smooth, carry_hidden)?)
+                let drawn = Drawn {
+                    place: place as u32,
+                    volume,
+                    visible: &visible,
+                    lod: self.lod,
+                    smooth: scene.settings.smooth_voxels,
+                    hidden_too,
+                };
+                Arc::new(Boxes::new(gpu, &drawn, nodes)?)
             }
         };
 

@@ -165,31 +165,3 @@ pub fn instance_tree(tree: &InstanceTree, [nodes, items]: [u64; 2]) -> layout::I
         reserved: 0,
     }
 }
-
-/// Assembles the scene header. Pairs and addresses say where the other tables lie.
-#[expect(clippy::too_many_arguments, reason = "all parts")]
-pub fn header(
-    instances: (u64, u32),
-    tables: u64,
-    rays: &CameraRays,
-    filter: layout::Filter,
-    settings: layout::Settings,
-    lights: layout::Lights,
-    environment: layout::Environment,
-    emitters: layout::Emitters,
-    instance_tree: layout::InstanceTree,
-) -> layout::SceneHeader {
-    layout::SceneHeader {
-        instances: instances.0,
-        tables,
-        camera: camera(rays),
-        filter,
-        settings,
-        lights,
-        environment,
-        emitters,
-        instance_tree,
-        instance_count: instances.1,
-        film_width: rays.size[0] as u32,
-    }
-}

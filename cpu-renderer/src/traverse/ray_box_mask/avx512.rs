@@ -16,21 +16,18 @@ pub(super) fn ray_box_mask(ray: &IndexRay, corner: __m256d, step: &Lanes, side: 
     let y = row(ray, 1, corner, step, side);
     let z = row(ray, 2, corner, step, side);
     // Eight boxes at once, all x of two y.
-    let near_x = _mm512_max_pd(pick(x, 0, 1, 2, 3, 0, 1, 2, 3), _mm512_set1_pd(from));
-    let far_x = pick(x, 4, 5, 6, 7, 4, 5, 6, 7);
+    let near_x = _mm512_max_pd(pick(x, [0, 1, 2, 3, 0, 1, 2, 3]), _mm512_set1_pd(from));
+    let far_x = pick(x, [4, 5, 6, 7, 4, 5, 6, 7]);
     let near = (
-        _mm512_max_pd(near_x, pick(y, 0, 0, 0, 0, 1, 1, 1, 1)),
-        _mm512_max_pd(near_x, pick(y, 2, 2, 2, 2, 3, 3, 3, 3)),
+        _mm512_max_pd(near_x, pick(y, [0, 0, 0, 0, 1, 1, 1, 1])),
+        _mm512_max_pd(near_x, pick(y, [2, 2, 2, 2, 3, 3, 3, 3])),
     );
     let far = (
-        _mm512_min_pd(far_x, pick(y, 4, 4, 4, 4, 5, 5, 5, 5)),
-        _mm512_min_pd(far_x, pick(y, 6, 6, 6, 6, 7, 7, 7, 7)),
+        _mm512_min_pd(far_x, pick(y, [4, 4, 4, 4, 5, 5, 5, 5])),
+        _mm512_min_pd(far_x, pick(y, [6, 6, 6, 6, 7, 7, 7, 7])),
     );
     let slice = |k: i64| {
-        let (near_z, far_z) = (
-            pick(z, k, k, k, k, k, k, k, k),
-            pick(z, k + 4, k + 4, k + 4, k + 4, k + 4, k + 4, k + 4, k + 4),
-        );
+        let (near_z, far_z) = (pick(z, [k; 8]), pick(z, [k + 4; 8]));
         let lower = before(_mm512_max_pd(near.0, near_z), _mm512_min_pd(far.0, far_z));
         let upper = before(_mm512_max_pd(near.1, near_z), _mm512_min_pd(far.1, far_z));
         _mm512_kunpackb(upper.into(), lower.into())
@@ -49,7 +46,7 @@ fn row(ray: &IndexRay, a: usize, corner: __m256d, step: &Lanes, side: f64) -> __
     #[allow(unsafe_code)]
     let sides = unsafe { _mm512_loadu_pd(row.as_ptr()) };
     let i = a as i64;
-    let corner = pick(_mm512_castpd256_pd512(corner), i, i, i, i, i, i, i, i);
+    let corner = pick(_mm512_castpd256_pd512(corner), [i; 8]);
     let planes = _mm512_add_pd(corner, _mm512_mul_pd(sides, _mm512_set1_pd(side)));
     let planes = _mm512_add_pd(planes, _mm512_set1_pd(step[a]));
     let to_planes = _mm512_sub_pd(planes, _mm512_set1_pd(ray.origin[a]));
@@ -58,8 +55,7 @@ fn row(ray: &IndexRay, a: usize, corner: __m256d, step: &Lanes, side: f64) -> __
 
 #[target_feature(enable = "avx512f")]
 #[inline]
-#[allow(clippy::too_many_arguments, reason = "a place for each lane")]
-fn pick(of: __m512d, a: i64, b: i64, c: i64, d: i64, e: i64, f: i64, g: i64, h: i64) -> __m512d {
+fn pick(of: __m512d, [a, b, c, d, e, f, g, h]: [i64; 8]) -> __m512d {
     _mm512_permutexvar_pd(_mm512_setr_epi64(a, b, c, d, e, f, g, h), of)
 }
 
