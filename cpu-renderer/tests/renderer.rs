@@ -9,6 +9,8 @@ mod cases;
 mod catchers;
 #[path = "renderer/catching.rs"]
 mod catching;
+#[path = "renderer/floor.rs"]
+mod floor;
 #[path = "renderer/passes.rs"]
 mod passes;
 #[path = "renderer/resting.rs"]

@@ -2,7 +2,7 @@
 ladder does, and value by value. It uses fewer samples and pixels than the comparison with Cycles, because most of the time goes into
 compiling for a device that computes on the CPU. Each rung compiles shaders for just what it needs.
 
-An ordinary run takes an eighth of the pairs of rung and hardware backend, which changes daily; `--full` takes all, and compute shaders too,
+An ordinary run takes a sixteenth of the pairs of rung and hardware backend, which changes daily; `--full` takes all, and compute shaders too,
 which `vulkan-renderer/tests/radiance` compares with the CPU daily. Rungs whose file says that they await something are left out.
 """
 
@@ -33,7 +33,7 @@ MOST_APART = 0.005
 
 def todays():
     """Pairs (rung, backend) that PUMICE_TEST_SHARE selects: all for `full`, every Nth from K on for `K/N`."""
-    which = os.environ.get("PUMICE_TEST_SHARE") or "0/8"
+    which = os.environ.get("PUMICE_TEST_SHARE") or "0/16"
     names = rungs.judged()
     if which == "full":
         return [(name, backend) for name in names for backend in BACKENDS]
@@ -42,8 +42,8 @@ def todays():
 
 
 def turns(names, day, days):
-    """Every `days`th pair; pair i belongs to rung i // 2. Each eight pairs begin with the other backend, so that a day has both."""
-    pairs = [(name, DAILY[(side + i // 4) % 2]) for i, name in enumerate(names) for side in range(2)]
+    """Every `days`th pair; pair i belongs to rung i // 2. Each `days` pairs begin with the other backend, so that a day has both."""
+    pairs = [(name, DAILY[(side + i // (days // 2)) % 2]) for i, name in enumerate(names) for side in range(2)]
     return pairs[day::days]
 
 
@@ -112,9 +112,9 @@ def test_a_rung_is_the_processors(name, backend, tmp_path):
         assert share > 2 * MOST_APART, (fault, share)
 
 
-def test_each_day_draws_on_all_and_eight_days_draw_all_on_all():
+def test_each_day_draws_on_both_and_all_days_draw_all_on_both():
     names = [str(i) for i in range(20)]
-    each = [turns(names, day, 8) for day in range(8)]
+    each = [turns(names, day, 16) for day in range(16)]
     assert all({backend for _, backend in day} == set(DAILY) for day in each)
     drawn = [pair for day in each for pair in day]
     assert len(drawn) == len(set(drawn)) == 40

@@ -25,16 +25,9 @@ mod scenes;
 use std::sync::Mutex;
 
 use device::Front;
-use gpu::{Gpu, Shared};
+use gpu::Shared;
 use samples::{Verdict, asked, found};
 use scenes::cases;
-
-static PROBING: Mutex<Option<Gpu>> = Mutex::new(None);
-
-/// The device that computes single samples.
-fn probing() -> Shared<Gpu> {
-    Shared::take(&PROBING, Gpu::new, |gpu| vec![gpu])
-}
 
 static PATHS: Mutex<Option<Vec<Front>>> = Mutex::new(None);
 
@@ -49,12 +42,13 @@ const SPP: u32 = 16;
 /// With native doubles, where the device has them. Emulated doubles are tested in single functions, and take far longer to compile.
 #[test]
 fn samples_are_the_cpus() {
-    let gpu = probing();
+    let fronts = paths();
+    let compute = fronts.last().expect("compute");
     for case in cases() {
         let asked = asked(&case, SPP);
         let found = found(&case, &asked);
         let rays: f64 = found.iter().map(|f| f64::from(f.rays)).sum::<f64>() / found.len() as f64;
-        let verdict = Verdict::of(&case, &found, &device::radiances(&gpu, gpu.has_f64, &case, &asked));
+        let verdict = Verdict::of(&case, &found, &compute.radiances(&case, SPP));
         println!("{}: {rays:.2} rays a sample; {verdict}", case.name);
         assert_eq!(verdict.fault(), None, "{}", case.name);
         // A test in which rays meet nothing would prove nothing, nor would one whose bound accepts everything.

@@ -18,26 +18,12 @@ mod cases;
 mod edits;
 #[path = "renderer/failures.rs"]
 mod failures;
+#[path = "../../cpu-renderer/tests/renderer/floor.rs"]
+mod floor;
 #[path = "renderer/labels.rs"]
 mod labels;
 #[path = "renderer/lost.rs"]
 mod lost;
-/// With render passes, on one backend. `radiance/films.rs` and `radiance/catchers.rs` check that the sums of other backends are the same to
-/// the bit.
-#[path = "."]
-mod sorting {
-    use super::cases;
-    #[path = "../../cpu-renderer/tests/renderer/catchers.rs"]
-    mod catchers;
-    #[path = "../../cpu-renderer/tests/renderer/passes.rs"]
-    mod passes;
-    #[path = "../../cpu-renderer/tests/renderer/resting.rs"]
-    mod resting;
-
-    fn renderer() -> super::Validated {
-        super::Validated::open_sorting(super::Backend::Compute)
-    }
-}
 
 fn renderer() -> Validated {
     Validated::open(Backend::Compute)

@@ -14,6 +14,8 @@ mod cases;
 mod edits;
 #[path = "renderer/failures.rs"]
 mod failures;
+#[path = "../../cpu-renderer/tests/renderer/floor.rs"]
+mod floor;
 
 fn renderer() -> Validated {
     Validated::open(Backend::RayPipeline)

@@ -6,7 +6,7 @@
 use std::time::{SystemTime, UNIX_EPOCH};
 
 /// Number of slices.
-pub(crate) const SHARES: u64 = 8;
+pub(crate) const SHARES: u64 = 16;
 
 /// Today's share (UTC).
 pub(crate) fn of_today() -> u64 {

@@ -7,7 +7,7 @@ use pumice_core::Job;
 use pumice_scene::{Environment, Film, Filter, Part, PartSet, Projection, Scene, Show};
 use pumice_transport::{LoadedScene, Renderer as _};
 
-use super::cases::{lambert, looking_down, volume};
+use super::floor::{lambert, looking_down, volume};
 
 /// Whatever is built in addition to the scene's needs, the picture stays the same. The tower is hidden and would be in the way if it were
 /// not; beside the floor a ray hits nothing.

@@ -6,62 +6,21 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use glam::{DAffine3, DMat3, DVec3};
-use pumice_core::{CompressedVolume, Job, LabelBuffer, LabelType, MeshData, VolumeInfo, compress_labels};
+use pumice_core::{Job, MeshData};
 use pumice_picture::{Image, Picture};
 use pumice_scene::{
-    Camera, Cut, CutShape, Environment, Film, Filter, Instance, LabelStyle, Light, LightShape, Lod, Material,
-    Mesh, Mode, Projection, SCENE_VERSION, Scene, Settings, Show, Sun, World,
+    Cut, CutShape, Environment, Instance, Light, LightShape, Lod, Material, Mesh, Mode, Projection, Scene,
+    Show, Sun,
 };
 use pumice_transport::{LoadedScene, Rebuilt, RenderError, Renderer};
 
-const BLACK: Environment = Environment::Constant { radiance: [0.0; 3] };
+use super::floor::{lambert, looking_down, volume};
 
-/// A slab of label 5 with a tower of label 9 on it: 16 × 16 × 8 voxels, floor up to z = 2, tower 4 × 4 voxels to z = 8.
-pub(crate) fn volume() -> Arc<CompressedVolume> {
-    let mut labels = vec![0u8; 16 * 16 * 8];
-    for (i, label) in labels.iter_mut().enumerate() {
-        let (x, y, z) = (i % 16, i / 16 % 16, i / 256);
-        *label = match z {
-            0 | 1 => 5,
-            _ if (12..16).contains(&x) && (12..16).contains(&y) => 9,
-            _ => 0,
-        };
-    }
-    Arc::new(compress_labels(VolumeInfo::new([16, 16, 8], LabelType::U8), LabelBuffer::U8(labels)).unwrap())
-}
+const BLACK: Environment = Environment::Constant { radiance: [0.0; 3] };
 
 fn lamp() -> Light {
     let shape = LightShape::Point { position: [1.0, 2.0, 30.0], radius: 0.5, soft_falloff: false };
     Light { shape, power_w: 5.0, color: [1.0; 3], visible_to_camera: false }
-}
-
-/// A scene that looks straight down on the floor's corner away from the tower: 3 × 3 voxels around (3, 3), every pixel floor.
-pub(crate) fn looking_down(environment: Environment, suns: Vec<Sun>, material: Material) -> Scene {
-    let lambert = material;
-    Scene {
-        version: SCENE_VERSION,
-        instances: vec![Instance {
-            id: 1,
-            source: "memory".into(),
-            world_from_index: DAffine3::IDENTITY,
-            style: LabelStyle { material: lambert, ..LabelStyle::default() },
-        }],
-        camera: Camera::new(
-            DAffine3 { matrix3: DMat3::IDENTITY, translation: DVec3::new(3.0, 3.0, 20.0) },
-            Projection::Orthographic { scale: 3.0 },
-        ),
-        film: Film::new(8, 8, Filter::Box { width: 1.0 }),
-        world: World { environment, backdrop: None },
-        suns,
-        lights: Vec::new(),
-        meshes: Vec::new(),
-        cuts: Vec::new(),
-        settings: Settings::default(),
-    }
-}
-
-pub(crate) fn lambert(albedo: f32) -> Material {
-    Material { base_color: [albedo; 3], specular: 0.0, roughness: 1.0, ..Material::default() }
 }
 
 fn render(scene: &Scene, spp: u32) -> Image {

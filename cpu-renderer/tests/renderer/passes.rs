@@ -11,7 +11,7 @@ use pumice_picture::{Image, Pass, Passes, Picture};
 use pumice_scene::{Environment, Light, LightShape, Material, Mode, Projection, Scene, Settings, Show, Sun};
 use pumice_transport::{LoadedScene, Renderer};
 
-use super::cases::{lambert, looking_down, volume};
+use super::floor::{lambert, looking_down, volume};
 
 const BLACK: Environment = Environment::Constant { radiance: [0.0; 3] };
 const SKY: Environment = Environment::Constant { radiance: [0.8, 0.6, 0.4] };

@@ -8,7 +8,7 @@ use pumice_picture::{Pass, Passes};
 use pumice_scene::{Adaptive, Environment, Scene, Settings, Sun};
 use pumice_transport::{LoadedScene, Progress, Renderer as _};
 
-use super::cases::{lambert, looking_down, volume};
+use super::floor::{lambert, looking_down, volume};
 
 const RULE: Adaptive = Adaptive { threshold: 0.05, min_spp: 8 };
 const MOST: u32 = 200;

@@ -19,15 +19,12 @@ use pumice_vulkan::program::{Code, Program};
 
 pub(crate) use pumice_vulkan::device::ComputePipeline as Pipeline;
 
-/// In place of the number of a function of `probe.comp`: `probe_radiance.comp`.
-pub(crate) const RADIANCE: u32 = 13;
-
 /// A device of which the validation layer checks every call.
 pub(crate) struct Gpu {
     inner: device::Gpu,
     pub(crate) has_f64: bool,
     pub(crate) name: String,
-    /// Pipelines of `probe.comp` and `probe_radiance.comp`, by function and by whether doubles are native.
+    /// Pipelines of `probe.comp`, by function and by whether doubles are native.
     probes: RefCell<HashMap<(u32, bool), Pipeline>>,
 }
 
@@ -143,7 +140,7 @@ impl Gpu {
         self.inner.dispatch("a test", pipeline, launch, groups).map(|_| ())
     }
 
-    /// Runs function `function` of `probe.comp`, or [`RADIANCE`], on rows of words, and returns rows of words.
+    /// Runs function `function` of `probe.comp` on rows of words, and returns rows of words.
     pub(crate) fn probe(
         &self,
         native: bool,
@@ -152,11 +149,10 @@ impl Gpu {
         rows: &[Vec<u32>],
         out: usize,
     ) -> Vec<Vec<u32>> {
-        let shader = if function == RADIANCE { "probe_radiance.comp" } else { "probe.comp" };
         let mut probes = self.probes.borrow_mut();
         let pipeline = probes
             .entry((function, native))
-            .or_insert_with(|| self.pipeline(&spirv(shader, native), &[function]));
+            .or_insert_with(|| self.pipeline(&spirv("probe.comp", native), &[function]));
         let width = rows[0].len();
         let mut words = Vec::with_capacity(rows.len() * width);
         for row in rows {

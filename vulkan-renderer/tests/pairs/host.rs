@@ -39,7 +39,6 @@ pub(crate) const SHADERS_ALONE: &[(&str, &str)] = &[
     ("nothing.rmiss", "the miss shader that a pipeline must have"),
     ("trace_rays.glsl", "traces rays from a table, for tests"),
     ("probe_words.glsl", "words in and out, for tests"),
-    ("probe_radiance.comp", "calls the path once a sample, for tests"),
     ("probe.comp", "calls functions one by one, for tests"),
     ("trace_rays.rgen", ENTRY),
     ("trace_rays_bvh.comp", ENTRY),

@@ -5,10 +5,12 @@ use std::sync::Arc;
 use pumice_scene::Mode;
 use pumice_transport::Lights;
 
-use crate::device::radiances;
-use crate::probing;
+use crate::paths;
 use crate::samples::{Verdict, asked, found};
 use crate::scenes::{Case, cases, picture, sun};
+
+/// Samples a pixel.
+const SPP: u32 = 8;
 
 fn case_of(name: &str) -> Case {
     cases().into_iter().find(|c| c.name.contains(name)).expect("a scene")
@@ -49,13 +51,14 @@ fn other_questions_are_convicted() {
         ("one bounce instead of two", with_settings("an even sky", |s| s.mode = Mode::OneBounce)),
         ("an albedo lower by 1/1000", with_material("an even sky", |m| m.base_color[1] *= 0.999)),
     ];
-    let gpu = probing();
+    let fronts = paths();
+    let compute = fronts.last().expect("compute");
     for (what, [case, other]) in faults {
-        let asked = asked(&case, 8);
+        let asked = asked(&case, SPP);
         let found = found(&case, &asked);
-        let right = Verdict::of(&case, &found, &radiances(&gpu, gpu.has_f64, &case, &asked));
+        let right = Verdict::of(&case, &found, &compute.radiances(&case, SPP));
         assert_eq!(right.fault(), None, "{what}");
-        let wrong = Verdict::of(&case, &found, &radiances(&gpu, gpu.has_f64, &other, &asked));
+        let wrong = Verdict::of(&case, &found, &compute.radiances(&other, SPP));
         println!("{what}: {wrong}");
         assert!(wrong.fault().is_some(), "{what} goes unnoticed: {wrong}");
     }

@@ -3,7 +3,7 @@
 use std::cell::RefCell;
 
 use glam::Vec3;
-use pumice_picture::film::STRIDE;
+use pumice_picture::film::{REPLICATES, STRIDE};
 use pumice_transport::FilterTable;
 use pumice_transport::bsdf::tables::TABLES;
 use pumice_transport::camera_rays::CameraRays;
@@ -13,7 +13,7 @@ use pumice_vulkan::pack::{self, PackedEmitters, PackedMaterials, PackedSky};
 use pumice_vulkan::program::Program;
 
 use crate::gpu::scene::{Form, Uploaded};
-use crate::gpu::{Gpu, RADIANCE, of_today};
+use crate::gpu::{Gpu, of_today};
 use crate::scenes::Case;
 
 /// A scene on a device. It must be kept as long as its address is used.
@@ -62,18 +62,17 @@ impl OnDevice {
         let rays = CameraRays::new(&case.camera, &case.film);
         let settings = pack::settings(&case.around.settings, case.kept());
         let lights = pack::lights(lights, [ends, suns, lamps]);
-        let sky = environment.unwrap_or_default();
-        let header = pack::header(
-            (0, 0),
+        let header = layout::SceneHeader {
             tables,
-            &rays,
+            camera: pack::camera(&rays),
             filter,
             settings,
             lights,
-            sky,
-            emitters.unwrap_or_default(),
-            layout::InstanceTree::default(),
-        );
+            environment: environment.unwrap_or_default(),
+            emitters: emitters.unwrap_or_default(),
+            film_width: rays.size[0] as u32,
+            ..layout::SceneHeader::default()
+        };
         let address = uploaded.header(gpu, header);
         Self { _kept: uploaded, address }
     }
@@ -104,7 +103,7 @@ impl Front {
         Self::of(entry, Backend::Compute, false, constants)
     }
 
-    fn of(entry: &str, backend: Backend, native: bool, constants: &[u32]) -> Self {
+    pub(crate) fn of(entry: &str, backend: Backend, native: bool, constants: &[u32]) -> Self {
         let gpu = Gpu::of(backend);
         assert!(gpu.has_f64 || !native, "{} has no doubles of its own", gpu.name);
         let program = RefCell::new(gpu.program_with(entry, native, [8, 8], constants));
@@ -143,6 +142,28 @@ impl Front {
         (target.read(floats), passes.read(floats_of_passes))
     }
 
+    /// Radiance of the samples of every pixel, numbered from 0 to below `spp`: what a film of as many replicates holds of each.
+    pub(crate) fn radiances(&self, case: &Case, spp: u32) -> Vec<Vec3> {
+        let scene = OnDevice::new(&self.gpu, case);
+        let (width, height) = (case.film.width, case.film.height);
+        let pixels = (width * height) as usize;
+        let mut found = vec![Vec3::ZERO; pixels * spp as usize];
+        for first_sample in (0..spp).step_by(REPLICATES as usize) {
+            let samples = REPLICATES.min(spp - first_sample);
+            let target = self.gpu.buffer(4 * pixels * STRIDE);
+            let output = target.address;
+            let launch = Launch { scene: scene.address, output, first_sample, samples, ..Launch::default() };
+            self.run(&launch, [0, 0, width, height]);
+            let sums: Vec<f32> = target.read(pixels * STRIDE);
+            for (of_pixel, sums) in found.chunks_mut(spp as usize).zip(sums.chunks(STRIDE)) {
+                for (sample, sum) in of_pixel[first_sample as usize..].iter_mut().zip(sums.chunks(3)) {
+                    *sample = Vec3::from_slice(sum);
+                }
+            }
+        }
+        found
+    }
+
     /// First surfaces of all pixels.
     pub(crate) fn firsts(&self, case: &Case) -> Vec<SurfaceAovsRecord> {
         let scene = OnDevice::new(&self.gpu, case);
@@ -153,19 +174,4 @@ impl Front {
         self.run(&launch, [0, 0, width, height]);
         target.read(count)
     }
-}
-
-/// Samples of one launch, few enough that a device that computes on a busy CPU answers in time.
-const SAMPLES_A_LAUNCH: usize = 512;
-
-/// Radiance of samples, each given by its pixel and number.
-pub(crate) fn radiances(gpu: &Gpu, native: bool, case: &Case, asked: &[([u32; 2], u32)]) -> Vec<Vec3> {
-    let scene = OnDevice::new(gpu, case);
-    let mut found = Vec::with_capacity(asked.len());
-    for part in asked.chunks(SAMPLES_A_LAUNCH) {
-        let rows: Vec<_> = part.iter().map(|&([x, y], number)| vec![x, y, number]).collect();
-        let out = gpu.probe(native, RADIANCE, scene.address, &rows, 3);
-        found.extend(out.iter().map(|row| Vec3::from_slice(&[0, 1, 2].map(|i| f32::from_bits(row[i])))));
-    }
-    found
 }

@@ -7,6 +7,7 @@ use pumice_picture::metrics::significance::significance;
 use pumice_picture::{FilmBuffer, Pass};
 use pumice_scene::{Part, PartSet};
 use pumice_transport::{MaterialTable, Sky};
+use pumice_vulkan::device::Backend;
 use pumice_vulkan::pack::ShaderNeeds;
 
 use crate::device::Front;
@@ -204,17 +205,26 @@ fn films_are_alike_with_doubles_in_integers() {
 
 #[test]
 fn first_surfaces_are_the_cpus() {
-    check_first_surfaces(Front::of_today("first"));
+    check_first_surfaces(&[Front::of("first", Backend::Compute, true, &of_first_surfaces())]);
 }
 
-/// `exactness.rs` compares the hits themselves with emulated doubles.
+/// `exactness.rs` compares the hits themselves on each backend, and with emulated doubles.
 #[test]
-#[ignore = "full: first surfaces with doubles in integers, compiled for a CPU"]
-fn first_surfaces_with_doubles_in_integers_are_the_cpus() {
-    check_first_surfaces(vec![Front::in_integers("first")]);
+#[ignore = "full: first surfaces on the other backends and with doubles in integers, each compiled for a CPU"]
+fn first_surfaces_are_alike_everywhere() {
+    let native = [Backend::RayPipeline, Backend::RayQuery].map(|backend| (backend, true));
+    let fronts = native.into_iter().chain([(Backend::Compute, false)]);
+    let of = |(backend, native)| Front::of("first", backend, native, &of_first_surfaces());
+    check_first_surfaces(&fronts.map(of).collect::<Vec<_>>());
 }
 
-fn check_first_surfaces(fronts: Vec<Front>) {
+/// What the first surfaces of the chosen scenes need.
+fn of_first_surfaces() -> [u32; 20] {
+    let parts = PartSet::NONE.with(Part::Meshes).with(Part::SmoothNormals);
+    ShaderNeeds { parts, instance_tree: false, bricks: true, boxes: true }.constants()
+}
+
+fn check_first_surfaces(fronts: &[Front]) {
     for front in fronts {
         for case in chosen() {
             let picture = case.path_tracer().picture();

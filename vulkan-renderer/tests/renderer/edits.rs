@@ -9,7 +9,7 @@ use pumice_scene::{Cut, CutShape, Environment, Film, Filter, Lod, Material, Proj
 use pumice_transport::{LoadedScene, Renderer as _};
 use pumice_vulkan::Sent;
 
-use super::cases::{lambert, looking_down};
+use super::floor::{lambert, looking_down};
 
 /// Balls of 60 labels side by side, 480 × 48 × 48 voxels.
 pub(crate) fn balls() -> Arc<CompressedVolume> {
