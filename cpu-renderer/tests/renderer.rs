@@ -1,6 +1,8 @@
 //! The CPU renderer behind the interface of all renderers.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test may fail by panicking")]
 
+use pumice_scene::{Part, PartSet};
+
 #[path = "renderer/carried.rs"]
 mod carried;
 #[path = "renderer/cases.rs"]
@@ -15,6 +17,10 @@ mod floor;
 mod passes;
 #[path = "renderer/resting.rs"]
 mod resting;
+
+fn besides() -> Vec<PartSet> {
+    vec![PartSet::NONE.with(Part::HiddenLabels), PartSet::ALL]
+}
 
 fn renderer() -> pumice_cpu::CpuRenderer {
     pumice_cpu::CpuRenderer::new(|path| Err(format!("no picture at {}", path.display())))

@@ -6,7 +6,9 @@
 
 mod gpu;
 
+use gpu::of_today;
 use gpu::validated::Validated;
+use pumice_scene::{Part, PartSet};
 use pumice_vulkan::device::Backend;
 
 /// The other backends are compared by pictures of the Cycles ladder, of which a part runs each day (`python/tests`).
@@ -24,6 +26,12 @@ mod floor;
 mod labels;
 #[path = "renderer/lost.rs"]
 mod lost;
+
+/// A program with all parts takes a minute to compile for a CPU, so it has one day in eight.
+fn besides() -> Vec<PartSet> {
+    let all = of_today(&[Some(PartSet::ALL), None, None, None, None, None, None, None]);
+    std::iter::once(PartSet::NONE.with(Part::HiddenLabels)).chain(all.into_iter().flatten()).collect()
+}
 
 fn renderer() -> Validated {
     Validated::open(Backend::Compute)

@@ -45,6 +45,10 @@ const BY_TURNS: [&str; 2] = ["renderer_query", "renderer_pipeline"];
 /// `renderer` each day, and by these backends in the Python module's ladder.
 const OF_BY_TURNS: [&str; 3] = ["--", "edits::", "failures::"];
 
+/// pytest, which names the tests that took longest.
+const PYTEST: [&str; 7] =
+    ["-m", "pytest", "-q", "--durations=10", "--durations-min=5", "-p", "no:cacheprovider"];
+
 /// With `--full` a part may take this many times its cap: hours.
 const FULL_CAP_FACTOR: u64 = 24;
 
@@ -328,7 +332,7 @@ impl Suite {
         types.args(["-m", "mypy", "--strict", "--no-error-summary", "--cache-dir"]);
         types.arg(target.join("mypy")).arg("python/pumice").current_dir(root);
         let mut tests = Command::new(&python);
-        tests.args(["-m", "pytest", "-q", "-p", "no:cacheprovider", "python/tests"]);
+        tests.args(PYTEST).arg("python/tests");
         self.surroundings(&mut tests);
         PrivateMesa::new(&self.target).surround_checked(&self.root, &mut tests);
         Ok(vec![
@@ -347,7 +351,7 @@ impl Suite {
         let mut steps =
             extension::pack(&self.root, &self.target, "dev", &self.blender).map_err(Outcome::Failed)?;
         let mut tests = self.blender.python(&self.target);
-        tests.args(["-m", "pytest", "-q", "-p", "no:cacheprovider", "blender-addon/tests"]);
+        tests.args(PYTEST).arg("blender-addon/tests");
         tests.env("PUMICE_EXTENSION_ZIP", extension::zip(&self.target, "dev"));
         self.surroundings(&mut tests);
         PrivateMesa::new(&self.target).surround_checked(&self.root, &mut tests);
@@ -397,7 +401,7 @@ impl Suite {
             return Err(Outcome::LeftOut("no test file".into()));
         }
         let mut command = Command::new(Environment::tests().interpreter(&self.target));
-        command.args(["-m", "pytest", "-q", "-p", "no:cacheprovider"]).args(files);
+        command.args(PYTEST).args(files);
         self.surroundings(&mut command);
         PrivateMesa::new(&self.target).surround_checked(&self.root, &mut command);
         Ok(command)

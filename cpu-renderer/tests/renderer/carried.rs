@@ -1,10 +1,11 @@
-//! Parts that are built and compiled although the scene does not need them. `super::renderer()` returns the renderer under test.
+//! Parts that are built and compiled although the scene does not need them. `super::renderer()` returns the renderer under test, and
+//! `super::besides()` the sets of such parts.
 
 use std::time::Duration;
 
 use glam::DVec3;
 use pumice_core::Job;
-use pumice_scene::{Environment, Film, Filter, Part, PartSet, Projection, Scene, Show};
+use pumice_scene::{Environment, Film, Filter, PartSet, Projection, Scene, Show};
 use pumice_transport::{LoadedScene, Renderer as _};
 
 use super::floor::{lambert, looking_down, volume};
@@ -30,7 +31,7 @@ fn what_is_built_besides_changes_no_picture() {
         (renderer.color().unwrap().pixels, seen, bytes)
     };
     let (least, seen, least_bytes) = draw(PartSet::NONE, &scene);
-    for besides in [PartSet::NONE.with(Part::HiddenLabels), PartSet::ALL] {
+    for besides in super::besides() {
         let (all, seen_too, bytes) = draw(besides, &scene);
         // In a different program, the last bits may differ.
         let off =
