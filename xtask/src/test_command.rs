@@ -500,7 +500,7 @@ mod tests {
         for bad in [
             &["--only", "nonsense"][..],
             &["--only"],
-            &["--share", "8"],
+            &["--share", "16"],
             &["--share", "-1"],
             &["-x"],
             &["--bpy", "newest"],
