@@ -491,12 +491,7 @@ pub(crate) struct SceneParts {
 /// All parts together, with the header through which shaders find them.
 #[derive(Debug)]
 pub(crate) struct SceneOnDevice {
-    pub(crate) instances: Vec<InstanceOnDevice>,
-    pub(crate) meshes: Vec<MeshOnDevice>,
-    pub(crate) sky: Arc<SkyOnDevice>,
-    pub(crate) emitters: Option<Arc<EmittersOnDevice>>,
-    pub(crate) filter: Arc<FilterOnDevice>,
-    pub(crate) tree: Option<Arc<TreeOnDevice>>,
+    pub(crate) parts: SceneParts,
     records: Buffer,
     header: Buffer,
 }
@@ -510,7 +505,7 @@ impl SceneOnDevice {
         rays: &CameraRays,
         settings: layout::Settings,
     ) -> Result<Self, DeviceError> {
-        let SceneParts { instances, meshes, sky, emitters, filter, tree } = parts;
+        let SceneParts { instances, meshes, sky, emitters, filter, tree } = &parts;
         let of_meshes = meshes.iter().map(MeshOnDevice::record);
         let list: Vec<_> = instances.iter().map(InstanceOnDevice::record).chain(of_meshes).collect();
         let records = gpu.buffer_of("the list of instances", bytemuck::cast_slice(&list))?;
@@ -533,7 +528,7 @@ impl SceneOnDevice {
             film_width: rays.size[0] as u32,
         };
         let header = gpu.buffer_of("the scene's header", bytemuck::bytes_of(&header))?;
-        Ok(Self { instances, meshes, sky, emitters, filter, tree, records, header })
+        Ok(Self { parts, records, header })
     }
 
     /// Device address of the header.
@@ -547,7 +542,7 @@ impl SceneOnDevice {
         let mut first = |pointer: *const u8| seen.insert(pointer.addr());
         let (mut nodes, mut leaves, mut boxes, mut labels, mut hierarchy, mut materials) = (0, 0, 0, 0, 0, 0);
         let mut bricks = 0;
-        for i in &self.instances {
+        for i in &self.parts.instances {
             if first(Arc::as_ptr(&i.boxes).cast()) {
                 boxes += i.boxes.boxes.bytes() + i.boxes.chunks.bytes();
                 boxes += i.boxes.neighbors.as_ref().map_or(0, Buffer::bytes);
@@ -564,9 +559,14 @@ impl SceneOnDevice {
                 materials += i.materials.bytes();
             }
         }
-        let cuts =
-            self.instances.iter().filter_map(|i| i.cuts.planes.as_ref()).map(Buffer::bytes).sum::<u64>();
-        for m in &self.meshes {
+        let cuts = self
+            .parts
+            .instances
+            .iter()
+            .filter_map(|i| i.cuts.planes.as_ref())
+            .map(Buffer::bytes)
+            .sum::<u64>();
+        for m in &self.parts.meshes {
             if first(Arc::as_ptr(&m.triangles).cast()) {
                 boxes += m.triangles.corners.bytes() + m.triangles.triangles.bytes();
                 boxes += m.triangles.normals.as_ref().map_or(0, Buffer::bytes);
@@ -578,10 +578,10 @@ impl SceneOnDevice {
                 materials += m.materials.bytes();
             }
         }
-        hierarchy += self.tree.iter().flat_map(|t| &t.buffers).map(Buffer::bytes).sum::<u64>();
-        let lights = self.sky.buffers.iter().map(Buffer::bytes).sum::<u64>();
-        let emitters = self.emitters.iter().flat_map(|e| &e.buffers).map(Buffer::bytes).sum::<u64>();
-        let tables = self.filter.table.bytes() + self.records.bytes() + self.header.bytes();
+        hierarchy += self.parts.tree.iter().flat_map(|t| &t.buffers).map(Buffer::bytes).sum::<u64>();
+        let lights = self.parts.sky.buffers.iter().map(Buffer::bytes).sum::<u64>();
+        let emitters = self.parts.emitters.iter().flat_map(|e| &e.buffers).map(Buffer::bytes).sum::<u64>();
+        let tables = self.parts.filter.table.bytes() + self.records.bytes() + self.header.bytes();
         [
             ("acceleration", hierarchy),
             ("bricks", bricks),

@@ -33,7 +33,7 @@ use crate::slices::{Cursor, Tile};
 #[derive(Debug)]
 pub(crate) struct Shown {
     scene: LoadedScene,
-    parts: SceneOnDevice,
+    on_device: SceneOnDevice,
     pub(crate) film: Film,
     needs: ShaderNeeds,
 }
@@ -57,7 +57,9 @@ impl Shown {
     ) -> Result<Self, UploadError> {
         let mut counted = *counters;
         let plan = ScenePlan::between(former.as_ref().map(|o| &o.scene), scene);
-        let parts = Making::new(machine, scene, former.as_ref(), &mut counted).parts(&plan, read_image)?;
+        let on_device =
+            Making::new(machine, scene, former.as_ref(), &mut counted).scene(&plan, read_image)?;
+        let parts = &on_device.parts;
         let s = scene.scene();
         let needs = ShaderNeeds {
             parts: scene.needs().parts(),
@@ -81,7 +83,7 @@ impl Shown {
         *counters = counted;
         machine.slices.be_careful();
         machine.slices_of_firsts.be_careful();
-        Ok(Self { scene: scene.clone(), parts, film, needs })
+        Ok(Self { scene: scene.clone(), on_device, film, needs })
     }
 
     /// Puts the same scene and samples on another device.
@@ -91,13 +93,13 @@ impl Shown {
         read_image: ReadImage,
         counters: &mut Counters,
     ) -> Result<Self, UploadError> {
-        let Self { scene, mut film, needs, parts } = self;
+        let Self { scene, mut film, needs, on_device } = self;
         // They are of the lost device. Free them before as much is allocated again.
-        drop(parts);
+        drop(on_device);
         let plan = ScenePlan::between(None, &scene);
-        let parts = Making::new(machine, &scene, None, counters).parts(&plan, read_image)?;
+        let on_device = Making::new(machine, &scene, None, counters).scene(&plan, read_image)?;
         film.again(&machine.gpu)?;
-        Ok(Self { scene, parts, film, needs })
+        Ok(Self { scene, on_device, film, needs })
     }
 
     /// Runs one launch of the unfinished pass, or of a new pass that brings every pixel to `target` samples. Returns true when the pass is
@@ -116,7 +118,7 @@ impl Shown {
             return Ok(true);
         };
         let launch = Launch {
-            scene: self.parts.address(),
+            scene: self.on_device.address(),
             input: film.pass_sums.as_ref().map_or(0, Buffer::address),
             output: film.sums.address(),
             resting: film.resting.as_ref().map_or(0, Buffer::address),
@@ -198,7 +200,7 @@ impl Shown {
     ) -> Result<Duration, DeviceError> {
         let output = machine.gpu.buffer("first surfaces", records.len() as u64)?;
         let launch =
-            Launch { scene: self.parts.address(), output: output.address(), wanted, ..launch_of(tile) };
+            Launch { scene: self.on_device.address(), output: output.address(), wanted, ..launch_of(tile) };
         let program = machine.program(Entry::First, &self.needs.of_surfaces().constants())?;
         let taken = program.run("first surfaces", &launch, [tile.width, tile.height])?;
         machine.gpu.download(&output, 0, records)?;
@@ -207,7 +209,7 @@ impl Shown {
 
     /// Bytes on the device by part.
     pub(crate) fn bytes(&self) -> Vec<(&'static str, u64)> {
-        let mut bytes = self.parts.bytes().to_vec();
+        let mut bytes = self.on_device.bytes().to_vec();
         bytes.push(("film", self.film.bytes()));
         bytes
     }
@@ -227,7 +229,7 @@ fn launch_of(tile: &Tile) -> Launch {
 struct Making<'a> {
     machine: &'a DeviceContext,
     new: &'a LoadedScene,
-    old: Option<&'a SceneOnDevice>,
+    old: Option<&'a SceneParts>,
     lod: LodChoice,
     wanted: PartSet,
     counters: &'a mut Counters,
@@ -241,10 +243,10 @@ impl<'a> Making<'a> {
         counters: &'a mut Counters,
     ) -> Self {
         let (lod, wanted) = (new.lod(), new.needs().parts());
-        Self { machine, new, old: old.map(|o| &o.parts), lod, wanted, counters }
+        Self { machine, new, old: old.map(|o| &o.on_device.parts), lod, wanted, counters }
     }
 
-    fn parts(mut self, plan: &ScenePlan, read_image: ReadImage) -> Result<SceneOnDevice, UploadError> {
+    fn scene(mut self, plan: &ScenePlan, read_image: ReadImage) -> Result<SceneOnDevice, UploadError> {
         let (gpu, scene) = (&self.machine.gpu, self.new.scene());
         let sky = match self.old {
             Some(old) if plan.lights == Reuse::Keep => Arc::clone(&old.sky),
