@@ -26,6 +26,7 @@ mod build;
 pub use build::BUILD_BYTES_A_BOX;
 use pumice_core::{MAX_DIM, morton};
 
+use super::each_axis;
 use crate::RenderError;
 
 /// A half-open box of voxels: `lo` inside, `hi` outside.
@@ -322,7 +323,7 @@ impl Node {
 
     fn child_bounds(&self, c: usize) -> BoxBounds {
         let plane = |q: &[[u8; 8]; 3]| {
-            [0, 1, 2].map(|a| self.origin[a] as u32 + (u32::from(q[a][c]) << self.exponent[a]))
+            each_axis(|a| self.origin[a] as u32 + (u32::from(q[a][c]) << self.exponent[a]))
         };
         BoxBounds { lo: plane(&self.lo), hi: plane(&self.hi) }
     }
