@@ -7,6 +7,7 @@ use ash::vk;
 
 use super::DeviceError;
 use super::gpu::{Gpu, Inner};
+use super::specialised::specialised;
 use crate::layout::Launch;
 
 /// A compute shader with its specialisation constants.
@@ -23,8 +24,10 @@ pub(super) struct Module {
 }
 
 impl Module {
-    pub(super) fn new(gpu: &Gpu, words: &[u32]) -> Result<Self, DeviceError> {
-        let words = gpu.inner.float_modes.declared_in(words);
+    /// The module that `words` are, without what the specialisation constants rule out.
+    pub(super) fn new(gpu: &Gpu, words: &[u32], constants: &[u32]) -> Result<Self, DeviceError> {
+        let words = specialised(words, constants);
+        let words = gpu.inner.float_modes.declared_in(&words);
         let create = vk::ShaderModuleCreateInfo::default().code(&words);
         // SAFETY: the words are a whole module that the compiler made (the build checks them). They use features that were enabled, with
         // execution modes that the device has.
@@ -66,7 +69,7 @@ impl Gpu {
     /// # Errors
     /// When the driver refuses it.
     pub fn compute_pipeline(&self, words: &[u32], constants: &[u32]) -> Result<ComputePipeline, DeviceError> {
-        let module = Module::new(self, words)?;
+        let module = Module::new(self, words, constants)?;
         let inner = &self.inner;
         let layout = launch_layout(inner, vk::ShaderStageFlags::COMPUTE)?;
         let entries = constant_entries(constants);

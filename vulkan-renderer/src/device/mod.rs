@@ -30,6 +30,7 @@ mod messages;
 mod other_limits;
 mod pipeline_cache;
 mod ray_pipeline;
+mod specialised;
 mod survey;
 
 pub use acceleration::{Acceleration, HardwareBox};

@@ -54,8 +54,8 @@ impl Gpu {
     ) -> Result<RayPipeline, DeviceError> {
         let inner = &self.inner;
         let calls = self.ray_calls()?;
-        let modules =
-            [shaders.generation, shaders.miss, shaders.intersection].map(|words| Module::new(self, words));
+        let modules = [shaders.generation, shaders.miss, shaders.intersection]
+            .map(|words| Module::new(self, words, constants));
         let [generation, miss, intersection] = modules;
         let (generation, miss, intersection) = (generation?, miss?, intersection?);
         let entries = constant_entries(constants);

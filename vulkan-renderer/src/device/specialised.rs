@@ -1,0 +1,700 @@
+//! Removes from a module what its specialisation constants rule out, before a driver sees it.
+//!
+//! ```text
+//! header │ names, decorations │ types, constants │ functions
+//!          of what is left      as they were       those that the entry points still call; in each, the blocks that can be reached
+//! ```
+//! A driver does the same, but only after it has copied every function into every place that calls it: for the path tracer that is twice
+//! the instructions that a plain scene needs. Values stay as they are: only branches whose condition is known are replaced, so that what
+//! is left computes the same bits.
+//!
+//! Known are constants, specialisation constants, comparisons and logic of known values, values of φ whose reachable sources agree, and
+//! calls of functions all of whose reachable returns give the same known value. Operations, layout of instructions and the rules for
+//! merge blocks: the SPIR-V specification 1.5, sections 2.3, 2.4, 2.11 and 3.32.
+
+use std::borrow::Cow;
+use std::collections::{HashMap, HashSet};
+
+const HEADER_WORDS: usize = 5;
+
+/// Instructions that this module reads or writes, by their numbers.
+mod op {
+    pub(super) const NAME: u32 = 5;
+    pub(super) const MEMBER_NAME: u32 = 6;
+    pub(super) const ENTRY_POINT: u32 = 15;
+    pub(super) const TYPE_VOID: u32 = 19;
+    pub(super) const TYPE_FORWARD_POINTER: u32 = 39;
+    pub(super) const CONSTANT_TRUE: u32 = 41;
+    pub(super) const CONSTANT_FALSE: u32 = 42;
+    pub(super) const CONSTANT: u32 = 43;
+    pub(super) const SPEC_CONSTANT: u32 = 50;
+    pub(super) const SPEC_CONSTANT_OP: u32 = 52;
+    pub(super) const FUNCTION: u32 = 54;
+    pub(super) const FUNCTION_END: u32 = 56;
+    pub(super) const FUNCTION_CALL: u32 = 57;
+    pub(super) const DECORATE: u32 = 71;
+    pub(super) const MEMBER_DECORATE: u32 = 72;
+    pub(super) const LOGICAL_EQUAL: u32 = 164;
+    pub(super) const LOGICAL_NOT_EQUAL: u32 = 165;
+    pub(super) const LOGICAL_OR: u32 = 166;
+    pub(super) const LOGICAL_AND: u32 = 167;
+    pub(super) const LOGICAL_NOT: u32 = 168;
+    pub(super) const SELECT: u32 = 169;
+    pub(super) const I_EQUAL: u32 = 170;
+    pub(super) const I_NOT_EQUAL: u32 = 171;
+    pub(super) const BITWISE_OR: u32 = 197;
+    pub(super) const PHI: u32 = 245;
+    pub(super) const LOOP_MERGE: u32 = 246;
+    pub(super) const SELECTION_MERGE: u32 = 247;
+    pub(super) const LABEL: u32 = 248;
+    pub(super) const BRANCH: u32 = 249;
+    pub(super) const BRANCH_CONDITIONAL: u32 = 250;
+    pub(super) const SWITCH: u32 = 251;
+    pub(super) const RETURN_VALUE: u32 = 254;
+    pub(super) const UNREACHABLE: u32 = 255;
+    pub(super) const TYPE_RAY_QUERY: u32 = 4472;
+    pub(super) const TYPE_ACCELERATION_STRUCTURE: u32 = 5341;
+}
+
+const DECORATION_SPEC_ID: u32 = 1;
+
+/// The module without what `constants` rule out, where `constants[i]` is specialisation constant i. Unchanged where it is not a valid
+/// module, or holds something that is not understood.
+pub(super) fn specialised<'a>(words: &'a [u32], constants: &[u32]) -> Cow<'a, [u32]> {
+    Module::parse(words)
+        .and_then(|module| module.without_dead_code(constants))
+        .map_or(Cow::Borrowed(words), Cow::Owned)
+}
+
+/// One instruction, its first word included.
+type Line<'a> = &'a [u32];
+
+fn op_of(line: Line<'_>) -> u32 {
+    line.first().map_or(0, |first| first & 0xFFFF)
+}
+
+/// A word of an instruction; 0, which is no id, where it has no such word.
+fn word(line: Line<'_>, at: usize) -> u32 {
+    line.get(at).copied().unwrap_or(0)
+}
+
+struct Module<'a> {
+    header: &'a [u32],
+    /// All that stands before the first function.
+    globals: Vec<Line<'a>>,
+    functions: Vec<Function<'a>>,
+}
+
+struct Function<'a> {
+    id: u32,
+    /// `OpFunction` and the parameters.
+    head: Vec<Line<'a>>,
+    /// In an order in which every block follows those that dominate it.
+    blocks: Vec<Block<'a>>,
+}
+
+struct Block<'a> {
+    label: u32,
+    /// What follows the label; the last is a branch or a return.
+    lines: Vec<Line<'a>>,
+}
+
+/// Scalars of 32 bits, and booleans as 0 and 1, by id.
+type Known = HashMap<u32, u32>;
+
+impl<'a> Module<'a> {
+    fn parse(words: &'a [u32]) -> Option<Self> {
+        let (header, mut rest) = words.split_at_checked(HEADER_WORDS)?;
+        let mut module = Self { header, globals: Vec::new(), functions: Vec::new() };
+        let mut inside = false;
+        while let Some(first) = rest.first() {
+            let (line, after) =
+                rest.split_at_checked((first >> 16) as usize).filter(|(line, _)| !line.is_empty())?;
+            rest = after;
+            match (op_of(line), inside) {
+                (op::FUNCTION, false) => {
+                    module.functions.push(Function {
+                        id: word(line, 2),
+                        head: vec![line],
+                        blocks: Vec::new(),
+                    });
+                    inside = true;
+                }
+                (op::FUNCTION_END, true) => inside = false,
+                (op::LABEL, true) => {
+                    module
+                        .functions
+                        .last_mut()?
+                        .blocks
+                        .push(Block { label: word(line, 1), lines: Vec::new() });
+                }
+                (_, true) => {
+                    let function = module.functions.last_mut()?;
+                    function
+                        .blocks
+                        .last_mut()
+                        .map_or(&mut function.head, |block| &mut block.lines)
+                        .push(line);
+                }
+                (_, false) if module.functions.is_empty() => module.globals.push(line),
+                _ => return None,
+            }
+        }
+        let whole = module.functions.iter().flat_map(|f| &f.blocks).all(|block| !block.lines.is_empty());
+        (!inside && whole).then_some(module)
+    }
+
+    fn without_dead_code(&self, constants: &[u32]) -> Option<Vec<u32>> {
+        let places = self.functions.iter().enumerate().map(|(i, f)| (f.id, i)).collect();
+        let (known, reached) = self.analysed(constants, &places);
+        let called = self.called(&places, &reached)?;
+        let (mut body, mut kept) = (Vec::new(), HashSet::new());
+        for (function, reached) in self.functions.iter().zip(&reached).filter(|(f, _)| called.contains(&f.id))
+        {
+            function.write(reached, &known, &mut body, &mut kept)?;
+        }
+        let defined_in_bodies = self.functions.iter().flat_map(Function::lines).filter_map(defines);
+        let global: HashSet<u32> = self.globals.iter().filter_map(|line| defines_globally(line)).collect();
+        let removed: HashSet<u32> =
+            defined_in_bodies.filter(|id| !kept.contains(id) && !global.contains(id)).collect();
+        let mut words = self.header.to_vec();
+        for line in &self.globals {
+            let is_about =
+                matches!(op_of(line), op::NAME | op::MEMBER_NAME | op::DECORATE | op::MEMBER_DECORATE);
+            if !(is_about && removed.contains(&word(line, 1))) {
+                words.extend_from_slice(line);
+            }
+        }
+        words.extend(body);
+        Some(words)
+    }
+
+    /// What is known, and for each function which of its blocks can be reached.
+    fn analysed(&self, constants: &[u32], places: &HashMap<u32, usize>) -> (Known, Vec<Vec<bool>>) {
+        let mut known = self.known_globally(constants);
+        let (mut results, mut reached) = (HashMap::new(), vec![Vec::new(); self.functions.len()]);
+        for i in self.callees_first(places) {
+            let function = &self.functions[i];
+            reached[i] = function.reached(&mut known, &results);
+            if let Some(result) = function.result(&reached[i], &known) {
+                results.insert(function.id, result);
+            }
+        }
+        (known, reached)
+    }
+
+    fn known_globally(&self, constants: &[u32]) -> Known {
+        let number = |line: &&Line<'a>| {
+            let is_number = op_of(line) == op::DECORATE && word(line, 2) == DECORATION_SPEC_ID;
+            is_number.then(|| (word(line, 1), word(line, 3) as usize))
+        };
+        let numbers: HashMap<u32, usize> = self.globals.iter().filter_map(|line| number(&line)).collect();
+        let mut known = Known::new();
+        for line in &self.globals {
+            let value = match op_of(line) {
+                op::CONSTANT_TRUE => Some(1),
+                op::CONSTANT_FALSE => Some(0),
+                op::CONSTANT if line.len() == 4 => Some(word(line, 3)),
+                op::SPEC_CONSTANT if line.len() == 4 => {
+                    numbers.get(&word(line, 2)).and_then(|&number| constants.get(number)).copied()
+                }
+                op::SPEC_CONSTANT_OP => folded(word(line, 3), line.get(4..).unwrap_or_default(), &known),
+                _ => None,
+            };
+            value.map(|value| known.insert(word(line, 2), value));
+        }
+        known
+    }
+
+    /// Places of all functions, each after those that it calls.
+    fn callees_first(&self, places: &HashMap<u32, usize>) -> Vec<usize> {
+        let (mut order, mut seen) = (Vec::new(), vec![false; self.functions.len()]);
+        let mut open: Vec<(usize, bool)> = (0..self.functions.len()).rev().map(|i| (i, false)).collect();
+        while let Some((i, is_done)) = open.pop() {
+            if is_done {
+                order.push(i);
+            } else if !std::mem::replace(&mut seen[i], true) {
+                open.push((i, true));
+                let callees = self.functions[i].lines().filter_map(callee).filter_map(|id| places.get(&id));
+                open.extend(callees.map(|&callee| (callee, false)));
+            }
+        }
+        order
+    }
+
+    /// Functions that are entry points or called from a block that can be reached. None where one is missing.
+    fn called(&self, places: &HashMap<u32, usize>, reached: &[Vec<bool>]) -> Option<HashSet<u32>> {
+        let entries = self.globals.iter().filter(|line| op_of(line) == op::ENTRY_POINT);
+        let mut open: Vec<u32> = entries.map(|line| word(line, 2)).collect();
+        let mut called = HashSet::new();
+        while let Some(id) = open.pop() {
+            let place = *places.get(&id)?;
+            if called.insert(id) {
+                let blocks = self.functions[place].reached_blocks(&reached[place]);
+                open.extend(blocks.flat_map(|block| &block.lines).filter_map(|line| callee(line)));
+            }
+        }
+        Some(called)
+    }
+}
+
+impl<'a> Function<'a> {
+    fn lines(&self) -> impl Iterator<Item = Line<'a>> {
+        self.head.iter().chain(self.blocks.iter().flat_map(|block| &block.lines)).copied()
+    }
+
+    /// Which blocks can be reached. Adds to `known` what is found on the way.
+    fn reached(&self, known: &mut Known, results: &HashMap<u32, u32>) -> Vec<bool> {
+        let places: HashMap<u32, usize> = self.blocks.iter().enumerate().map(|(i, b)| (b.label, i)).collect();
+        loop {
+            let mut reached = vec![false; self.blocks.len()];
+            let mut open = vec![0];
+            while let Some(i) = open.pop() {
+                if let Some(block) = self.blocks.get(i)
+                    && !std::mem::replace(&mut reached[i], true)
+                {
+                    open.extend(block.targets(known).iter().filter_map(|label| places.get(label)));
+                }
+            }
+            let before = known.len();
+            for block in self.reached_blocks(&reached) {
+                for line in &block.lines {
+                    let value = match op_of(line) {
+                        op::PHI => self.agreed(block, line, &reached, known),
+                        op::FUNCTION_CALL => results.get(&word(line, 3)).copied(),
+                        number => folded(number, line.get(3..).unwrap_or_default(), known),
+                    };
+                    value.map(|value| known.insert(word(line, 2), value));
+                }
+            }
+            if known.len() == before {
+                return reached;
+            }
+        }
+    }
+
+    fn reached_blocks(&self, reached: &[bool]) -> impl Iterator<Item = &Block<'a>> {
+        self.blocks.iter().zip(reached).filter(|(_, reached)| **reached).map(|(block, _)| block)
+    }
+
+    /// The value on which all sources of a φ agree that can be reached.
+    fn agreed(&self, block: &Block<'_>, phi: Line<'_>, reached: &[bool], known: &Known) -> Option<u32> {
+        let mut values =
+            self.sources(block, phi, reached, known).into_iter().map(|[id, _]| known.get(&id).copied());
+        let first = values.next()??;
+        values.all(|value| value == Some(first)).then_some(first)
+    }
+
+    /// The pairs of a φ (value, label of the block that it comes from) that can be reached.
+    fn sources(&self, block: &Block<'_>, phi: Line<'_>, reached: &[bool], known: &Known) -> Vec<[u32; 2]> {
+        let comes_from = |label: u32| {
+            let mut from = self.reached_blocks(reached).filter(|from| from.label == label);
+            from.any(|from| from.targets(known).contains(&block.label))
+        };
+        let (pairs, _) = phi.get(3..).unwrap_or_default().as_chunks::<2>();
+        pairs.iter().filter(|[_, label]| comes_from(*label)).copied().collect()
+    }
+
+    /// The value that every reachable return gives.
+    fn result(&self, reached: &[bool], known: &Known) -> Option<u32> {
+        let ends = self.reached_blocks(reached).filter_map(|block| block.lines.last());
+        let mut results =
+            ends.filter(|end| op_of(end) == op::RETURN_VALUE).map(|end| known.get(&word(end, 1)).copied());
+        let first = results.next()??;
+        results.all(|result| result == Some(first)).then_some(first)
+    }
+
+    /// Appends the function without the blocks that cannot be reached, and notes the ids that it still defines.
+    fn write(
+        &self,
+        reached: &[bool],
+        known: &Known,
+        out: &mut Vec<u32>,
+        kept: &mut HashSet<u32>,
+    ) -> Option<()> {
+        let mut put = |line: Line<'_>| {
+            out.extend_from_slice(line);
+            kept.extend(defines(line));
+        };
+        // Merge blocks and continue targets that cannot be reached, but which a block names that can be: the language wants them.
+        let mut merges = HashSet::new();
+        let mut continues = HashMap::new();
+        for block in self.reached_blocks(reached) {
+            let is_decided = block.decided(known).is_some();
+            for line in &block.lines {
+                match op_of(line) {
+                    op::LOOP_MERGE => {
+                        merges.insert(word(line, 1));
+                        continues.insert(word(line, 2), block);
+                    }
+                    op::SELECTION_MERGE if !is_decided => {
+                        merges.insert(word(line, 1));
+                    }
+                    _ => {}
+                }
+            }
+        }
+        self.head.iter().for_each(|line| put(line));
+        for (block, reached_itself) in self.blocks.iter().zip(reached) {
+            let label = [2 << 16 | op::LABEL, block.label];
+            if *reached_itself {
+                put(&label);
+                let decided = block.decided(known);
+                for line in &block.lines {
+                    match (op_of(line), decided) {
+                        (op::SELECTION_MERGE, Some(_)) => {}
+                        (op::BRANCH_CONDITIONAL, Some(target)) => put(&[2 << 16 | op::BRANCH, target]),
+                        (op::PHI, _) => {
+                            let sources = self.sources(block, line, reached, known);
+                            let count = 3 + 2 * sources.len() as u32;
+                            put(&[
+                                &[count << 16 | op::PHI, word(line, 1), word(line, 2)],
+                                sources.as_flattened(),
+                            ]
+                            .concat());
+                        }
+                        _ => put(line),
+                    }
+                }
+            } else if let Some(header) = continues.get(&block.label) {
+                // A φ of the header would need a value from here.
+                if header.lines.iter().any(|line| op_of(line) == op::PHI) {
+                    return None;
+                }
+                put(&label);
+                put(&[2 << 16 | op::BRANCH, header.label]);
+            } else if merges.contains(&block.label) {
+                put(&label);
+                put(&[1 << 16 | op::UNREACHABLE]);
+            }
+        }
+        put(&[1 << 16 | op::FUNCTION_END]);
+        Some(())
+    }
+}
+
+impl Block<'_> {
+    /// The only target of a branch whose condition is known.
+    fn decided(&self, known: &Known) -> Option<u32> {
+        let end = self.lines.last().filter(|end| op_of(end) == op::BRANCH_CONDITIONAL)?;
+        known.get(&word(end, 1)).map(|&condition| word(end, if condition == 0 { 3 } else { 2 }))
+    }
+
+    /// Labels of the blocks that may follow.
+    fn targets(&self, known: &Known) -> Vec<u32> {
+        let Some(end) = self.lines.last() else { return Vec::new() };
+        match op_of(end) {
+            op::BRANCH => vec![word(end, 1)],
+            op::BRANCH_CONDITIONAL => {
+                self.decided(known).map_or_else(|| vec![word(end, 2), word(end, 3)], |target| vec![target])
+            }
+            // Default, then pairs of a literal and a label: no shader switches on more than 32 bits.
+            op::SWITCH => {
+                let labels = end.get(4..).unwrap_or_default().iter().step_by(2);
+                std::iter::once(word(end, 2)).chain(labels.copied()).collect()
+            }
+            _ => Vec::new(),
+        }
+    }
+}
+
+/// The function that an instruction calls.
+fn callee(line: Line<'_>) -> Option<u32> {
+    (op_of(line) == op::FUNCTION_CALL).then(|| word(line, 3))
+}
+
+/// The id that an instruction of a function defines. For one that defines none it may be an operand, which is defined elsewhere.
+fn defines(line: Line<'_>) -> Option<u32> {
+    match op_of(line) {
+        op::LABEL => line.get(1).copied(),
+        op::SELECTION_MERGE => None,
+        _ => line.get(2).copied(),
+    }
+}
+
+/// The id of a type, a constant or a variable.
+fn defines_globally(line: Line<'_>) -> Option<u32> {
+    match op_of(line) {
+        op::TYPE_VOID..=op::TYPE_FORWARD_POINTER | op::TYPE_RAY_QUERY | op::TYPE_ACCELERATION_STRUCTURE => {
+            line.get(1).copied()
+        }
+        op::NAME | op::MEMBER_NAME | op::DECORATE | op::MEMBER_DECORATE => None,
+        _ => line.get(2).copied(),
+    }
+}
+
+/// The result of an operation on known values, which may be known although only one of them is.
+fn folded(number: u32, operands: &[u32], known: &Known) -> Option<u32> {
+    let of = |at: usize| operands.get(at).and_then(|id| known.get(id)).copied();
+    let (a, b) = (of(0), of(1));
+    let both = || a.zip(b);
+    match number {
+        op::I_EQUAL | op::LOGICAL_EQUAL => both().map(|(a, b)| u32::from(a == b)),
+        op::I_NOT_EQUAL | op::LOGICAL_NOT_EQUAL => both().map(|(a, b)| u32::from(a != b)),
+        op::LOGICAL_OR if a == Some(1) || b == Some(1) => Some(1),
+        op::LOGICAL_AND if a == Some(0) || b == Some(0) => Some(0),
+        op::LOGICAL_OR | op::BITWISE_OR => both().map(|(a, b)| a | b),
+        op::LOGICAL_AND => both().map(|(a, b)| a & b),
+        op::LOGICAL_NOT => a.map(|a| 1 - a.min(1)),
+        op::SELECT => of(if a? == 0 { 2 } else { 1 }),
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::device::{Backend, Gpu, Instance, InstanceOptions, survey};
+
+    const HEADER: [u32; HEADER_WORDS] = [0x0723_0203, 0x0001_0500, 0, 100, 0];
+    const ENTRY: u32 = 50;
+    const VOID: u32 = 1;
+    const BOOL: u32 = 2;
+    const UINT: u32 = 3;
+    const ZERO: u32 = 5;
+    /// A specialisation constant, and what the module asks of it: whether it is not 0.
+    const NEEDS: u32 = 6;
+    const NEEDED: u32 = 7;
+    /// A value that is not known.
+    const OPEN: u32 = 8;
+
+    fn line(number: u32, operands: &[u32]) -> Vec<u32> {
+        [&[(operands.len() as u32 + 1) << 16 | number], operands].concat()
+    }
+
+    /// A module whose functions have these lines, and a name for each of `named`.
+    fn module(named: &[u32], functions: &[Vec<u32>]) -> Vec<u32> {
+        let mut words = [&HEADER[..], &line(op::ENTRY_POINT, &[5, ENTRY, 0x6E_69_61])].concat();
+        named.iter().for_each(|id| words.extend(line(op::NAME, &[*id, 0x61])));
+        words.extend(line(op::DECORATE, &[NEEDS, DECORATION_SPEC_ID, 1]));
+        words.extend([[19, VOID], [20, BOOL]].iter().flat_map(|[number, id]| line(*number, &[*id])));
+        words.extend(line(21, &[UINT, 32, 0]));
+        words.extend(line(op::CONSTANT, &[UINT, ZERO, 0]));
+        words.extend(line(op::SPEC_CONSTANT, &[UINT, NEEDS, 1]));
+        words.extend(line(op::SPEC_CONSTANT_OP, &[BOOL, NEEDED, op::I_NOT_EQUAL, NEEDS, ZERO]));
+        words.extend(line(1, &[BOOL, OPEN]));
+        words.extend(functions.concat());
+        words
+    }
+
+    fn function(id: u32, lines: &[Vec<u32>]) -> Vec<u32> {
+        [line(op::FUNCTION, &[VOID, id, 0, 4]), lines.concat(), line(op::FUNCTION_END, &[])].concat()
+    }
+
+    fn label(id: u32) -> Vec<u32> {
+        line(op::LABEL, &[id])
+    }
+
+    fn branch(to: u32) -> Vec<u32> {
+        line(op::BRANCH, &[to])
+    }
+
+    fn branch_if(condition: u32, yes: u32, no: u32) -> Vec<u32> {
+        line(op::BRANCH_CONDITIONAL, &[condition, yes, no])
+    }
+
+    fn merge(at: u32) -> Vec<u32> {
+        line(op::SELECTION_MERGE, &[at, 0])
+    }
+
+    fn value(id: u32) -> Vec<u32> {
+        line(197, &[UINT, id, 90, 91])
+    }
+
+    fn end() -> Vec<u32> {
+        line(253, &[])
+    }
+
+    #[test]
+    fn a_branch_that_is_not_taken_goes_with_its_names() {
+        let lines = |first: &[Vec<u32>], yes: &[Vec<u32>], no: &[Vec<u32>]| {
+            function(ENTRY, &[first, yes, no, &[label(13), end()]].concat())
+        };
+        let yes = [label(11), value(21), branch(13)];
+        let no = [label(12), value(22), branch(13)];
+        let both = [label(10), merge(13), branch_if(NEEDED, 11, 12)];
+        let whole = module(&[NEEDS, 21, 22], &[lines(&both, &yes, &no)]);
+        let one = |to| [label(10), branch(to)];
+        assert_eq!(*specialised(&whole, &[0, 1]), module(&[NEEDS, 21], &[lines(&one(11), &yes, &[])]));
+        assert_eq!(*specialised(&whole, &[0, 0]), module(&[NEEDS, 22], &[lines(&one(12), &[], &no)]));
+        // Without a value for the constant, and where the condition is another: as it was.
+        assert_eq!(*specialised(&whole, &[0]), whole);
+        let open = module(&[21], &[lines(&[label(10), merge(13), branch_if(OPEN, 11, 12)], &yes, &no)]);
+        assert_eq!(*specialised(&open, &[0, 0]), open);
+    }
+
+    /// `needed && …` and `needed || …`, as the compiler writes them where the right-hand side takes work.
+    #[test]
+    fn logic_that_is_decided_by_one_side() {
+        let and = |condition: &[Vec<u32>], right: &[Vec<u32>], sources: &[u32], after: &[Vec<u32>]| {
+            let phi = line(op::PHI, &[&[BOOL, 30], sources].concat());
+            function(ENTRY, &[&[label(10)], condition, right, &[label(12), phi], after].concat())
+        };
+        let test = [merge(12), branch_if(NEEDED, 11, 12)];
+        let right = [label(11), line(op::LOGICAL_NOT, &[BOOL, 31, OPEN]), branch(12)];
+        let after = [merge(14), branch_if(30, 13, 14), label(13), value(21), branch(14), label(14), end()];
+        let whole = module(&[], &[and(&test, &right, &[NEEDED, 10, 31, 11], &after)]);
+        let decided = [branch(14), label(14), end()];
+        assert_eq!(
+            *specialised(&whole, &[0, 0]),
+            module(&[], &[and(&[branch(12)], &[], &[NEEDED, 10], &decided)])
+        );
+        assert_eq!(
+            *specialised(&whole, &[0, 1]),
+            module(&[], &[and(&[branch(11)], &right, &[31, 11], &after)])
+        );
+        // The other operations, each with what only one side decides.
+        let known = Known::from([(1, 0), (2, 1), (3, 7)]);
+        let results = [
+            (op::LOGICAL_AND, &[1, 9][..], Some(0)),
+            (op::LOGICAL_AND, &[9, 1], Some(0)),
+            (op::LOGICAL_AND, &[2, 9], None),
+            (op::LOGICAL_AND, &[2, 2], Some(1)),
+            (op::LOGICAL_OR, &[9, 2], Some(1)),
+            (op::LOGICAL_OR, &[1, 9], None),
+            (op::LOGICAL_OR, &[1, 1], Some(0)),
+            (op::LOGICAL_NOT, &[1], Some(1)),
+            (op::LOGICAL_EQUAL, &[1, 2], Some(0)),
+            (op::LOGICAL_NOT_EQUAL, &[1, 2], Some(1)),
+            (op::I_EQUAL, &[3, 3], Some(1)),
+            (op::I_EQUAL, &[3, 9], None),
+            (op::BITWISE_OR, &[3, 2], Some(7)),
+            (op::SELECT, &[2, 3, 9], Some(7)),
+            (op::SELECT, &[1, 3, 9], None),
+            (op::SELECT, &[9, 3, 3], None),
+        ];
+        for (number, operands, expected) in results {
+            assert_eq!(folded(number, operands, &known), expected, "{number} of {operands:?}");
+        }
+    }
+
+    /// A function whose every return says the same decides the branches of its callers; one that nobody calls any more goes.
+    #[test]
+    fn functions_that_say_a_constant_and_functions_that_nobody_calls() {
+        let asks = |lines: &[Vec<u32>]| function(60, lines);
+        let returns = |id| line(op::RETURN_VALUE, &[id]);
+        let callee = asks(&[
+            label(40),
+            merge(42),
+            branch_if(NEEDED, 41, 42),
+            label(41),
+            returns(OPEN),
+            label(42),
+            returns(NEEDED),
+        ]);
+        let work = function(61, &[label(43), value(23), end()]);
+        let call = line(op::FUNCTION_CALL, &[BOOL, 32, 60]);
+        let main = |lines: &[Vec<u32>]| function(ENTRY, &[&[label(10), call.clone()], lines].concat());
+        let does = [label(11), line(op::FUNCTION_CALL, &[VOID, 33, 61]), branch(12)];
+        let caller = main(&[&[merge(12), branch_if(32, 11, 12)], &does[..], &[label(12), end()]].concat());
+        let whole = module(&[23, 61, 60], &[callee, work.clone(), caller.clone()]);
+        let callee = asks(&[label(40), branch(42), label(42), returns(NEEDED)]);
+        let expected = module(&[60], &[callee, main(&[branch(12), label(12), end()])]);
+        assert_eq!(*specialised(&whole, &[0, 0]), expected);
+        let callee = asks(&[label(40), branch(41), label(41), returns(OPEN)]);
+        assert_eq!(*specialised(&whole, &[0, 1]), module(&[23, 61, 60], &[callee, work, caller]));
+    }
+
+    /// A loop that is left before it can repeat keeps its continue target, which the language wants, and a selection both of whose sides
+    /// return keeps its merge block.
+    #[test]
+    fn what_the_language_wants_stays() {
+        let lines = |body: &[Vec<u32>], again: &[Vec<u32>], merged: &[Vec<u32>]| {
+            let head =
+                [label(10), branch(11), label(11), line(op::LOOP_MERGE, &[14, 13, 0]), branch(12), label(12)];
+            function(ENTRY, &[&head, body, &[label(13)], again, &[branch(11), label(14)], merged].concat())
+        };
+        let open = [merge(17), branch_if(OPEN, 15, 16), label(15), end(), label(16), end(), label(17)];
+        let body = [merge(18), branch_if(NEEDED, 18, 19), label(19), branch(13), label(18), branch(14)];
+        let whole = module(&[24], &[lines(&body, &[value(24)], &[&open[..], &[value(25), end()]].concat())]);
+        let unreachable = [&open[..], &[line(op::UNREACHABLE, &[])]].concat();
+        let expected = module(&[], &[lines(&[branch(18), label(18), branch(14)], &[], &unreachable)]);
+        assert_eq!(*specialised(&whole, &[0, 1]), expected);
+        // A φ in the header would want a value from there: the module stays.
+        let phi =
+            [label(11), line(op::PHI, &[UINT, 34, ZERO, 10, 24, 13]), line(op::LOOP_MERGE, &[14, 13, 0])];
+        let with_phi: Vec<u32> = {
+            let plain = [label(11), line(op::LOOP_MERGE, &[14, 13, 0])].concat();
+            let place = whole.windows(plain.len()).position(|w| w == plain).unwrap();
+            [&whole[..place], &phi.concat(), &whole[place + plain.len()..]].concat()
+        };
+        assert_eq!(*specialised(&with_phi, &[0, 1]), with_phi);
+    }
+
+    /// What is no valid module stays unchanged, so that the driver is the one that refuses it.
+    #[test]
+    fn broken_modules_stay() {
+        let whole = path(Backend::Compute);
+        for length in (0..300).chain((300..whole.len()).step_by(997)) {
+            assert_eq!(*specialised(&whole[..length], &[0; 20]), whole[..length], "{length} words");
+        }
+        for word in (0..whole.len()).step_by(4999) {
+            let mut broken = whole.clone();
+            for value in [0, 1, u32::MAX, 0x0001_0038, whole[word] ^ 0x0001_0000] {
+                broken[word] = value;
+                let _ = specialised(&broken, &[0; 20]);
+            }
+        }
+    }
+
+    fn path(backend: Backend) -> Vec<u32> {
+        let bytes = match backend {
+            Backend::Compute => &include_bytes!("../../spirv/path_bvh.comp.f64.spv")[..],
+            Backend::RayQuery => include_bytes!("../../spirv/path_query.comp.f64.spv"),
+            Backend::RayPipeline => include_bytes!("../../spirv/path.rgen.f64.spv"),
+        };
+        bytes.chunks_exact(4).map(|w| u32::from_le_bytes([w[0], w[1], w[2], w[3]])).collect()
+    }
+
+    /// How many instructions a driver has once it has copied each function to where it is called.
+    fn instructions(words: &[u32]) -> usize {
+        let module = Module::parse(words).unwrap();
+        let places: HashMap<u32, usize> =
+            module.functions.iter().enumerate().map(|(i, f)| (f.id, i)).collect();
+        let mut counts = vec![0; places.len()];
+        for i in module.callees_first(&places) {
+            let lines = module.functions[i].lines();
+            counts[i] = lines.map(|line| 1 + callee(line).map_or(0, |id| counts[places[&id]])).sum();
+        }
+        counts.into_iter().max().unwrap()
+    }
+
+    #[test]
+    fn a_plain_scene_needs_less_than_half_of_a_path() {
+        for backend in [Backend::Compute, Backend::RayQuery, Backend::RayPipeline] {
+            let path = path(backend);
+            let [all, none] = [1, 0].map(|needed| instructions(&specialised(&path, &[needed; 20])));
+            println!(
+                "{backend}: {} instructions, {all} with every part, {none} without any",
+                instructions(&path)
+            );
+            assert!(all <= instructions(&path) && 2 * none < all, "{all} and {none}");
+        }
+    }
+
+    /// The validation layer finds nothing wrong with a path of any one part, of all, of all but one. A block too few is noticed.
+    #[test]
+    fn modules_are_valid_whatever_a_scene_needs() {
+        let options = InstanceOptions { validation: true, ..InstanceOptions::default() };
+        let instance = Instance::new(&options).expect("Vulkan with its validation layer");
+        let devices = survey(&instance).expect("a list of devices");
+        for backend in [Backend::Compute, Backend::RayQuery, Backend::RayPipeline] {
+            let candidate = devices.iter().find(|c| c.can(backend)).expect("a device");
+            let gpu = Gpu::open(&instance, candidate, backend, None).expect("a device");
+            let path = path(backend);
+            let said = |words: &[u32], constants: &[u32]| {
+                crate::device::compute::Module::new(&gpu, words, constants).expect("a module");
+                instance.messages().take()
+            };
+            let alone = |part| std::array::from_fn(|i| u32::from(i == part));
+            let parts = if backend == Backend::Compute { 1..20 } else { 18..20 };
+            for constants in parts.map(alone).chain([[0; 20], [1; 20]]) {
+                assert_eq!(said(&path, &constants), Vec::<String>::new(), "{backend} with {constants:?}");
+            }
+            let mut broken = specialised(&path, &[0; 20]).into_owned();
+            let place = broken.iter().rposition(|word| *word == 2 << 16 | op::BRANCH).unwrap();
+            broken[place + 1] += 1;
+            assert_ne!(said(&broken, &[]), Vec::<String>::new(), "a branch to nowhere");
+        }
+    }
+}
