@@ -13,16 +13,13 @@ import pytest
 
 import decode_pumice
 
-ROOT = pathlib.Path(__file__).resolve().parents[2]
-
 
 @pytest.fixture(scope="session")
-def samples(tmp_path_factory):
+def samples(rust_example, tmp_path_factory):
     given = os.environ.get("PUMICE_SAMPLES")
     folder = pathlib.Path(given) if given else tmp_path_factory.mktemp("samples")
     if not given:
-        command = ["cargo", "run", "-q", "-p", "pumice-core", "--example", "write_samples", "--", str(folder)]
-        subprocess.run(command, cwd=ROOT, check=True)
+        subprocess.run([rust_example("write_samples"), folder], check=True)
     files = sorted(folder.glob("*.pumice"))
     assert len(files) >= 20, f"{folder} has {len(files)} samples"
     return files
