@@ -1,4 +1,4 @@
-//! Exact surfaces of compressed volumes, for programs that know only meshes.
+//! Compressed volumes for other programs: exact surfaces, for those that know only meshes, and files of USD.
 //!
 //! ```text
 //! CompressedVolume ─► blocks of 64³ voxels ─► FaceBlock, FaceBlock, … ─► QuadMesh
@@ -7,8 +7,11 @@
 //! The surface is exactly the volume's own, without simplification or smoothing. It is in index space; the code that writes it applies the
 //! matrix.
 
+mod error;
 mod faces;
 mod quad_mesh;
+pub mod usd;
 
+pub use error::{ExportError, Result};
 pub use faces::{FaceBlock, Interfaces, for_each_face_block};
 pub use quad_mesh::{Corners, QuadMesh};
