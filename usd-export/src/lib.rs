@@ -10,8 +10,10 @@
 mod error;
 mod faces;
 mod quad_mesh;
+mod surface;
 pub mod usd;
 
 pub use error::{ExportError, Result};
 pub use faces::{FaceBlock, Interfaces, for_each_face_block};
 pub use quad_mesh::{Corners, QuadMesh};
+pub use surface::{Merging, Rectangle, for_each_surface_block};

@@ -1,0 +1,285 @@
+//! The surface that is drawn of some labels at one level of detail, as rectangles.
+//!
+//! ```text
+//!   level    a label's elements                        of several labels in one place
+//!   boxes    all cells of 4³ voxels of its boxes       the lowest dense index
+//!   cells    the cells that hold a voxel of it         the lowest dense index
+//!   voxels   its voxels                                there is one
+//!
+//!   block of 64³ elements, with a margin of one ─► for each axis, side and layer: which faces have nothing before them, by label
+//!                                                  ┌─┬─┬─┐        ┌─────┐
+//!                                                  ├─┼─┼─┘  ────► │  ┌──┘   merged: rectangles of one label that cover the same faces,
+//!                                                  └─┴─┘          └──┘      widest first; plain: a rectangle a face
+//! ```
+//! These are the renderers' own rules for levels of detail ([`LodChoice`](pumice_transport::geometry::LodChoice)), so the surface is what
+//! they draw of opaque labels that nothing cuts. Faces between shown labels are left out: no ray from outside reaches them. Elements end
+//! where the volume ends.
+
+use pumice_core::{BoxView, CompressedVolume, Error, Job, grid::BRICK_VOXELS, morton};
+use pumice_transport::geometry::DetailLevel;
+use rayon::prelude::*;
+
+use crate::Result;
+
+/// Side of a block in elements: with its margin a tenth more is looked at than is used.
+const BLOCK: usize = 64;
+const WITH_MARGIN: usize = BLOCK + 2;
+/// Number of blocks per thread that are processed at a time. It bounds the memory, and keeps threads busy while a slow block is finished.
+const BLOCKS_A_THREAD: usize = 4;
+
+/// How faces become rectangles.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Merging {
+    /// Neighbouring faces of one label in one plane become one rectangle, within blocks of 64³ elements.
+    #[default]
+    Merged,
+    /// A square for each face.
+    Plain,
+}
+
+/// A rectangle of a surface.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Rectangle {
+    /// Its lowest corner in index space.
+    pub low: [u32; 3],
+    /// Extent along the two axes after [`Rectangle::axis`], which follow each other cyclically.
+    pub size: [u16; 2],
+    /// The axis that it is perpendicular to.
+    pub axis: u8,
+    /// Whether its outside is towards larger coordinates.
+    pub is_up: bool,
+    /// Dense index of its label.
+    pub label: u32,
+}
+
+impl Rectangle {
+    /// Its corners in index space, counter-clockwise as seen from outside.
+    pub fn corners(&self) -> [[u32; 3]; 4] {
+        let axis = usize::from(self.axis);
+        let (across, along) = ((axis + 1) % 3, (axis + 2) % 3);
+        let ring =
+            if self.is_up { [[0, 0], [1, 0], [1, 1], [0, 1]] } else { [[0, 1], [1, 1], [1, 0], [0, 0]] };
+        ring.map(|[a, b]| {
+            let mut corner = self.low;
+            corner[across] += a * u32::from(self.size[0]);
+            corner[along] += b * u32::from(self.size[1]);
+            corner
+        })
+    }
+}
+
+/// Visits the surface of the labels that are `visible` (by dense index) at a level of detail, block by block in Morton order; the same
+/// rectangles in the same order whatever the number of threads.
+///
+/// # Errors
+/// [`Error::Caller`] where `visible` does not have one value per label; [`Error::Cancelled`]; any error of `visit`.
+pub fn for_each_surface_block(
+    volume: &CompressedVolume,
+    visible: &[bool],
+    level: DetailLevel,
+    merging: Merging,
+    job: &Job,
+    mut visit: impl FnMut(&[Rectangle]) -> Result<()>,
+) -> Result<()> {
+    let labels = volume.labels().len();
+    if visible.len() != labels {
+        let what = format!("visible: expected {labels} values, one a label, got {}", visible.len());
+        return Err(Error::Caller(what).into());
+    }
+    let surface = Surface { volume, visible, level, merging };
+    // Bricks rise in Morton order, so those of one block are consecutive.
+    let block_voxels = BLOCK as u32 * surface.side();
+    let brick_bits = 3 * (block_voxels / BRICK_VOXELS).ilog2();
+    let mut blocks: Vec<u64> = volume.grid().bricks().iter().map(|&b| b >> brick_bits).collect();
+    blocks.dedup();
+    job.begin(blocks.len() as u64);
+    for group in blocks.chunks(BLOCKS_A_THREAD * rayon::current_num_threads()) {
+        let found: Vec<Vec<Rectangle>> = group
+            .par_iter()
+            .map(|&block| {
+                job.check()?;
+                let found = surface.of_block(morton::decode(block).map(|b| b * BLOCK as u32));
+                job.advance(1);
+                found
+            })
+            .collect::<Result<_, Error>>()?;
+        found.iter().filter(|rectangles| !rectangles.is_empty()).try_for_each(|r| visit(r))?;
+    }
+    Ok(())
+}
+
+struct Surface<'a> {
+    volume: &'a CompressedVolume,
+    visible: &'a [bool],
+    level: DetailLevel,
+    merging: Merging,
+}
+
+/// Labels of the elements of a block and its margin, x fastest, as dense index + 1; 0 where nothing is shown.
+type Elements = Vec<u32>;
+
+impl Surface<'_> {
+    /// Voxels along a side of an element.
+    fn side(&self) -> u32 {
+        match self.level {
+            DetailLevel::Voxels => 1,
+            DetailLevel::Cells | DetailLevel::Boxes => 4,
+        }
+    }
+
+    /// The surface of the block whose lowest element is `origin`.
+    fn of_block(&self, origin: [u32; 3]) -> Result<Vec<Rectangle>, Error> {
+        let elements = match self.level {
+            DetailLevel::Voxels => self.voxels(origin)?,
+            DetailLevel::Cells => self.cells(origin, |view| view.node.occupied),
+            DetailLevel::Boxes => self.cells(origin, |view| cells_of_extent(view.extent)),
+        };
+        let mut rectangles = Vec::new();
+        for axis in 0..3 {
+            for is_up in [false, true] {
+                self.faces(&elements, origin, axis, is_up, &mut rectangles);
+            }
+        }
+        Ok(rectangles)
+    }
+
+    /// Labels of the voxels, where the elements are voxels.
+    fn voxels(&self, origin: [u32; 3]) -> Result<Elements, Error> {
+        let dims = self.volume.info().dims;
+        let low = origin.map(|o| o.saturating_sub(1));
+        let end = [0, 1, 2].map(|a| (origin[a] + BLOCK as u32 + 1).min(dims[a]));
+        let size = [0, 1, 2].map(|a| end[a] - low[a]);
+        let decoded = self.volume.decode_block(low, size)?;
+        let mut elements = vec![0; WITH_MARGIN.pow(3)];
+        let start = [0, 1, 2].map(|a| (low[a] + 1 - origin[a]) as usize);
+        for (row, labels) in decoded.chunks_exact(size[0] as usize).enumerate() {
+            let (y, z) = (row % size[1] as usize + start[1], row / size[1] as usize + start[2]);
+            let place = (z * WITH_MARGIN + y) * WITH_MARGIN + start[0];
+            let shown = labels.iter().map(|&l| if l != 0 && self.visible[l as usize - 1] { l } else { 0 });
+            elements[place..][..labels.len()].iter_mut().zip(shown).for_each(|(to, from)| *to = from);
+        }
+        Ok(elements)
+    }
+
+    /// Labels of the cells, of which `of_box` says which a box has: bit x + 4 y + 16 z.
+    fn cells(&self, origin: [u32; 3], of_box: impl Fn(&BoxView<'_>) -> u64) -> Elements {
+        let mut elements = vec![0; WITH_MARGIN.pow(3)];
+        let bricks = origin.map(|o| [o.saturating_sub(1) / 4, (o + BLOCK as u32) / 4]);
+        let mut boxes: Vec<u32> = Vec::new();
+        for z in bricks[2][0]..=bricks[2][1] {
+            for y in bricks[1][0]..=bricks[1][1] {
+                for x in bricks[0][0]..=bricks[0][1] {
+                    boxes.extend(self.volume.grid().boxes_in([x, y, z]));
+                }
+            }
+        }
+        boxes.sort_unstable();
+        boxes.dedup();
+        for index in boxes {
+            let label = self.volume.label_of_box(index as usize);
+            if !self.visible[label as usize] {
+                continue;
+            }
+            let view = self.volume.get_box(index as usize);
+            let cells = of_box(&view);
+            // The box's lowest cell, counted from the margin's.
+            let low = [0, 1, 2].map(|a| i64::from(view.origin[a] / 4) + 1 - i64::from(origin[a]));
+            for bit in (0..64).filter(|bit| cells >> bit & 1 != 0) {
+                let at = [bit & 3, bit >> 2 & 3, bit >> 4];
+                let place = [0, 1, 2].map(|a| low[a] + at[a]);
+                if place.iter().all(|p| (0..WITH_MARGIN as i64).contains(p)) {
+                    let [x, y, z] = place.map(|p| p as usize);
+                    let element = &mut elements[(z * WITH_MARGIN + y) * WITH_MARGIN + x];
+                    *element = if *element == 0 { label + 1 } else { (*element).min(label + 1) };
+                }
+            }
+        }
+        elements
+    }
+
+    /// Appends the faces on one side of the elements of a block.
+    fn faces(
+        &self,
+        elements: &[u32],
+        origin: [u32; 3],
+        axis: usize,
+        is_up: bool,
+        rectangles: &mut Vec<Rectangle>,
+    ) {
+        let steps = [1, WITH_MARGIN, WITH_MARGIN * WITH_MARGIN];
+        let (across, along) = ((axis + 1) % 3, (axis + 2) % 3);
+        let mut layer = [[0u32; BLOCK]; BLOCK];
+        for depth in 0..BLOCK {
+            let mut is_empty = true;
+            for (b, row) in layer.iter_mut().enumerate() {
+                let start = (depth + 1) * steps[axis] + (b + 1) * steps[along] + steps[across];
+                for (a, face) in row.iter_mut().enumerate() {
+                    let at = start + a * steps[across];
+                    let before = elements[if is_up { at + steps[axis] } else { at - steps[axis] }];
+                    *face = if before == 0 { elements[at] } else { 0 };
+                    is_empty &= *face == 0;
+                }
+            }
+            if !is_empty {
+                self.rectangles(&mut layer, |[a, b], [width, height], label| {
+                    let mut low = origin;
+                    low[axis] += depth as u32 + u32::from(is_up);
+                    low[across] += a as u32;
+                    low[along] += b as u32;
+                    let size = [width as u32, height as u32];
+                    rectangles.push(self.rectangle(low, size, axis, is_up, label - 1));
+                });
+            }
+        }
+    }
+
+    /// Divides the faces of a layer among rectangles; leaves none.
+    fn rectangles(
+        &self,
+        layer: &mut [[u32; BLOCK]; BLOCK],
+        mut put: impl FnMut([usize; 2], [usize; 2], u32),
+    ) {
+        for b in 0..BLOCK {
+            let mut a = 0;
+            while a < BLOCK {
+                let label = layer[b][a];
+                if label == 0 {
+                    a += 1;
+                    continue;
+                }
+                let [mut width, mut height] = [1, 1];
+                if self.merging == Merging::Merged {
+                    width = layer[b][a..].iter().take_while(|&&l| l == label).count();
+                    let is_same = |row: &&[u32; BLOCK]| row[a..a + width].iter().all(|&l| l == label);
+                    height = layer[b..].iter().take_while(is_same).count();
+                }
+                layer[b..b + height].iter_mut().for_each(|row| row[a..a + width].fill(0));
+                put([a, b], [width, height], label);
+                a += width;
+            }
+        }
+    }
+
+    /// From elements to voxels; a cell may extend beyond the volume's end.
+    fn rectangle(&self, low: [u32; 3], size: [u32; 2], axis: usize, is_up: bool, label: u32) -> Rectangle {
+        let dims = self.volume.info().dims;
+        let voxels = |element: u32, a: usize| (element * self.side()).min(dims[a]);
+        let (across, along) = ((axis + 1) % 3, (axis + 2) % 3);
+        let extent = |a: usize, size: u32| (voxels(low[a] + size, a) - voxels(low[a], a)) as u16;
+        Rectangle {
+            low: [0, 1, 2].map(|a| voxels(low[a], a)),
+            size: [extent(across, size[0]), extent(along, size[1])],
+            axis: axis as u8,
+            is_up,
+            label,
+        }
+    }
+}
+
+/// All cells of a box of this extent in voxels: bit x + 4 y + 16 z.
+fn cells_of_extent(extent: [u32; 3]) -> u64 {
+    let [x, y, z] = extent.map(|e| e / 4);
+    let row = (1u64 << x) - 1;
+    let plane = (0..y).fold(0, |plane, y| plane | row << (4 * y));
+    (0..z).fold(0, |cells, z| cells | plane << (16 * z))
+}
