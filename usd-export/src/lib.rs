@@ -10,10 +10,12 @@
 mod error;
 mod faces;
 mod quad_mesh;
+mod scene_stage;
 mod surface;
 pub mod usd;
 
 pub use error::{ExportError, Result};
 pub use faces::{FaceBlock, Interfaces, for_each_face_block};
 pub use quad_mesh::{Corners, QuadMesh};
+pub use scene_stage::{Form, StageOptions, stage_of_scene};
 pub use surface::{Merging, Rectangle, for_each_surface_block};

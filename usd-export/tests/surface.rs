@@ -1,4 +1,5 @@
 //! Compares surfaces with their definition, evaluated voxel by voxel on a dense array.
+#![allow(clippy::unwrap_used, reason = "helpers of tests")]
 
 use std::collections::BTreeMap;
 

@@ -1,0 +1,168 @@
+//! The visible surface at one level of detail as a mesh.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use pumice_core::Job;
+use pumice_transport::geometry::DetailLevel;
+
+use super::drawn::Drawn;
+use super::{Shared, take};
+use crate::usd::{Array, ArrayElement, Prim, Property, Value};
+use crate::{Merging, Rectangle, Result, for_each_surface_block};
+
+/// Elements that are produced at a time.
+const PIECE: usize = 4096;
+
+/// Normals by axis and side, in the order of [`normal_of`].
+const NORMALS: [[f32; 3]; 6] =
+    [[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [0.0, 0.0, 1.0]];
+
+fn normal_of(rectangle: &Rectangle) -> i32 {
+    2 * i32::from(rectangle.axis) + i32::from(rectangle.is_up)
+}
+
+/// The mesh of a volume's surface.
+///
+/// # Errors
+/// As [`super::stage_of_scene`].
+pub(super) fn prim(
+    drawn: &Drawn<'_>,
+    level: DetailLevel,
+    merging: Merging,
+    left: &mut u64,
+    job: &Job,
+) -> Result<Prim<'static>> {
+    let mut found = Vec::new();
+    for_each_surface_block(drawn.volume, &drawn.visible, level, merging, job, |block| {
+        take(left, block.len() as u64)?;
+        found.extend_from_slice(block);
+        Ok(())
+    })?;
+    let (rectangles, of_material) = sorted_by_material(found, drawn);
+    let subsets =
+        of_material.iter().zip(&drawn.materials).enumerate().filter(|(_, (faces, _))| !faces.is_empty());
+    let children = subsets.map(|(number, (faces, (material, _)))| subset(number, faces, material)).collect();
+    Ok(Prim {
+        name: "surface".into(),
+        type_name: "Mesh",
+        properties: properties(&Arc::new(rectangles), drawn, of_material),
+        children,
+        ..Prim::default()
+    })
+}
+
+/// The rectangles by material, otherwise in their order; and the places of each material's.
+fn sorted_by_material(found: Vec<Rectangle>, drawn: &Drawn<'_>) -> (Vec<Rectangle>, Vec<Range<u32>>) {
+    let material = |r: &Rectangle| drawn.material_of[r.label as usize] as usize;
+    let mut counts = vec![0u32; drawn.materials.len()];
+    found.iter().for_each(|r| counts[material(r)] += 1);
+    let mut start = 0;
+    let ranges: Vec<Range<u32>> = counts
+        .iter()
+        .map(|count| {
+            let range = start..start + count;
+            start = range.end;
+            range
+        })
+        .collect();
+    let mut rectangles = found;
+    rectangles.sort_by_key(material);
+    (rectangles, ranges)
+}
+
+fn subset(number: usize, faces: &Range<u32>, material: &str) -> Prim<'static> {
+    let faces = faces.clone();
+    let indices = Array::new(u64::from(faces.end - faces.start), move |sink| {
+        let all: Vec<i32> = faces.clone().map(|face| face as i32).collect();
+        all.chunks(PIECE).try_for_each(sink)
+    });
+    Prim {
+        name: format!("material_{number}"),
+        type_name: "GeomSubset",
+        api_schemas: vec!["MaterialBindingAPI"],
+        properties: vec![
+            Property::uniform("elementType", "token", Value::Token("face".into())),
+            Property::uniform("familyName", "token", Value::Token("materialBind".into())),
+            Property::new("indices", "int[]", Value::Array(indices)),
+            Property::relationship("material:binding", vec![material.into()]),
+        ],
+        ..Prim::default()
+    }
+}
+
+/// An array with `each` elements a rectangle.
+fn array<T: ArrayElement>(
+    rectangles: &Shared<Rectangle>,
+    each: u64,
+    of: impl Fn(usize, &Rectangle, &mut Vec<T>) + Send + Sync + 'static,
+) -> Value<'static> {
+    let rectangles = Arc::clone(rectangles);
+    let len = each * rectangles.len() as u64;
+    Value::Array(Array::new(len, move |sink| {
+        let mut piece = Vec::new();
+        for (number, group) in rectangles.chunks(PIECE).enumerate() {
+            piece.clear();
+            let places = number * PIECE..;
+            places.zip(group).for_each(|(place, rectangle)| of(place, rectangle, &mut piece));
+            sink(&piece)?;
+        }
+        Ok(())
+    }))
+}
+
+fn properties(
+    rectangles: &Shared<Rectangle>,
+    drawn: &Drawn<'_>,
+    of_material: Vec<Range<u32>>,
+) -> Vec<Property<'static>> {
+    let colors = drawn.materials.iter().map(|(_, color)| *color).collect::<Vec<_>>();
+    let color_of = Array::new(rectangles.len() as u64, move |sink| {
+        for (number, faces) in (0..).zip(&of_material) {
+            vec![number; faces.len()].chunks(PIECE).try_for_each(&mut *sink)?;
+        }
+        Ok(())
+    });
+    let position = |corner: [u32; 3]| corner.map(|c| c as f32);
+    vec![
+        Property::new("extent", "float3[]", Value::Array(Array::of(extent(rectangles)))),
+        Property::new("faceVertexCounts", "int[]", array(rectangles, 1, |_, _, out| out.push(4))),
+        Property::new(
+            "faceVertexIndices",
+            "int[]",
+            array(rectangles, 4, |place, _, out| out.extend((0..4).map(|i| (4 * place + i) as i32))),
+        ),
+        Property::new(
+            "points",
+            "point3f[]",
+            array(rectangles, 4, move |_, r, out| out.extend(r.corners().map(position))),
+        ),
+        Property::primvar("displayColor", "color3f[]", "uniform", Value::Array(Array::of(colors))),
+        Property::new("primvars:displayColor:indices", "int[]", Value::Array(color_of)),
+        Property::primvar(
+            "label",
+            "int[]",
+            "uniform",
+            array(rectangles, 1, |_, r, out| out.push(r.label as i32)),
+        ),
+        Property::primvar("normals", "normal3f[]", "uniform", Value::Array(Array::of(NORMALS.to_vec()))),
+        Property::new(
+            "primvars:normals:indices",
+            "int[]",
+            array(rectangles, 1, |_, r, out| out.push(normal_of(r))),
+        ),
+        Property::uniform("subdivisionScheme", "token", Value::Token("none".into())),
+        // Every face is of one subset.
+        Property::uniform("subsetFamily:materialBind:familyType", "token", Value::Token("partition".into())),
+    ]
+}
+
+/// Lowest and highest corner.
+fn extent(rectangles: &[Rectangle]) -> Vec<[f32; 3]> {
+    let corners = rectangles.iter().flat_map(Rectangle::corners);
+    let bounds = corners.fold(None, |bounds: Option<[[u32; 3]; 2]>, corner| {
+        let [low, high] = bounds.unwrap_or([corner; 2]);
+        Some([[0, 1, 2].map(|a| low[a].min(corner[a])), [0, 1, 2].map(|a| high[a].max(corner[a]))])
+    });
+    bounds.unwrap_or_default().map(|corner| corner.map(|c| c as f32)).to_vec()
+}
