@@ -6,6 +6,7 @@ mod compress;
 mod decompress;
 mod demo;
 mod devices;
+mod export;
 mod info;
 mod reading;
 mod render;
@@ -20,6 +21,7 @@ pub(crate) use compress::{Compress, CompressionLevel};
 pub(crate) use decompress::Decompress;
 pub(crate) use demo::Demo;
 pub(crate) use devices::Devices;
+pub(crate) use export::{Export, FormArg};
 pub(crate) use info::Info;
 pub(crate) use reading::{Axes, Reading};
 pub(crate) use render::{LodArg, Render, RenderMode, ViewArg};
@@ -49,6 +51,7 @@ pub(crate) enum Command {
     Verify(Verify),
     Decompress(Decompress),
     Render(Box<Render>),
+    Export(Export),
     Compare(Compare),
     Devices(Devices),
     Bench(Bench),

@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use crate::TargetError;
+
 /// A failure of compressing, storing or reading a volume.
 ///
 /// The text of each variant is one line that says what, where, what was expected and what to do. Programs print it unchanged.
@@ -57,6 +59,15 @@ pub enum Error {
     /// The job was cancelled; no partial result remains.
     #[error("cancelled")]
     Cancelled,
+}
+
+impl From<TargetError> for Error {
+    fn from(error: TargetError) -> Self {
+        match error {
+            TargetError::Io { path, source } => Self::Io { path, source },
+            TargetError::NoFile { .. } => Self::Caller(error.to_string()),
+        }
+    }
 }
 
 /// What a user can do with a file of another version.

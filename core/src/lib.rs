@@ -8,6 +8,7 @@
 //! ```
 
 pub mod array_source;
+pub mod atomic_file;
 pub mod block;
 mod bounds;
 pub mod box_record;
@@ -39,6 +40,7 @@ pub mod verify;
 pub mod volume;
 
 pub use array_source::ArraySource;
+pub use atomic_file::{TargetError, write_atomically};
 pub use block::{BlockSource, LabelBlock, LabelBuffer};
 pub use bounds::Bounds;
 pub use box_record::BoxRecord;

@@ -25,8 +25,8 @@ use exr::block::writer::ChunksWriter;
 use exr::meta::attribute::{AttributeValue, ChannelDescription, Chromaticities, SampleType, Text};
 use exr::meta::header::{Header, ImageAttributes, LayerAttributes};
 use exr::prelude::{Compression, LineOrder, Vec2, f16};
+use pumice_core::write_atomically;
 
-use crate::atomic_file::write_atomically;
 use crate::cryptomatte::{self, Matte};
 use crate::exr_header::SortedHeader;
 use crate::exr_read;

@@ -6,7 +6,6 @@
 //! ```
 #![forbid(unsafe_code)]
 
-mod atomic_file;
 pub mod cryptomatte;
 pub mod exr_file;
 mod exr_header;

@@ -1,5 +1,6 @@
 //! A finished picture with its passes and its provenance, as renderers return it and files hold it.
 
+use pumice_core::TargetError;
 use pumice_scene::{Pass, Scene};
 use serde::{Deserialize, Serialize};
 
@@ -98,4 +99,13 @@ pub enum PictureError {
         /// Expected and got.
         what: String,
     },
+}
+
+impl From<TargetError> for PictureError {
+    fn from(error: TargetError) -> Self {
+        match error {
+            TargetError::Io { path, source } => Self::Io { path, source },
+            TargetError::NoFile { path, what } => Self::File { path, what },
+        }
+    }
 }

@@ -8,9 +8,9 @@
 use std::io::{BufRead, Seek, Write};
 use std::path::Path;
 
+use pumice_core::write_atomically;
 use rayon::prelude::*;
 
-use crate::atomic_file::write_atomically;
 use crate::exr_file::check_size;
 use crate::exr_read::Failure;
 use crate::provenance_text::{PROVENANCE_KEY, provenance_to_ascii};

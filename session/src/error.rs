@@ -26,6 +26,9 @@ pub enum SessionError {
     /// An error of a picture file.
     #[error(transparent)]
     Picture(#[from] pumice_picture::PictureError),
+    /// An error of writing for other programs.
+    #[error(transparent)]
+    Export(#[from] pumice_export::ExportError),
     /// The operating system reports an error.
     #[error("{}: {source}", path.display())]
     Io {

@@ -7,7 +7,7 @@
 
 mod overrides;
 mod picture_format;
-mod prepare;
+pub(crate) mod prepare;
 mod provenance;
 mod render_scene;
 mod request;

@@ -56,7 +56,7 @@ fn write(
     notes.write_all(bytemuck::cast_slice(&dense.labels))?;
     notes.flush()?;
     let options = StageOptions { forms: Form::ALL.to_vec(), merging, most_faces: 1_000_000 };
-    let stage = stage_of_scene(&loaded, &options, &Job::new())?;
+    let (stage, _) = stage_of_scene(&loaded, &options, &Job::new())?;
     let file = |form: &str| File::create(folder.join(format!("{name}.{form}"))).map(BufWriter::new);
     write_usda(&stage, &mut file("usda")?)?;
     write_usdc(&stage, &mut file("usdc")?)?;

@@ -6,6 +6,7 @@ pub(crate) mod compress;
 pub(crate) mod decompress;
 pub(crate) mod demo;
 pub(crate) mod devices;
+pub(crate) mod export;
 pub(crate) mod info;
 pub(crate) mod render;
 pub(crate) mod verify;

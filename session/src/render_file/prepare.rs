@@ -17,16 +17,16 @@ use crate::progressive::Stop;
 use crate::selection::select_labels;
 
 /// A scene with its volumes and meshes open, ready to render.
-pub(super) struct Prepared {
-    pub(super) scene: Scene,
-    pub(super) volumes: Vec<Arc<CompressedVolume>>,
-    pub(super) meshes: Vec<Arc<MeshData>>,
+pub(crate) struct Prepared {
+    pub(crate) scene: Scene,
+    pub(crate) volumes: Vec<Arc<CompressedVolume>>,
+    pub(crate) meshes: Vec<Arc<MeshData>>,
     pub(super) stop: Stop,
     pub(super) backend: String,
 }
 
 /// Opens the subject of a request as a scene with its volumes and meshes.
-pub(super) fn prepare(request: &RenderRequest, job: &Job) -> Result<Prepared> {
+pub(crate) fn prepare(request: &RenderRequest, job: &Job) -> Result<Prepared> {
     let instead = request.overrides.labels.clone().map(Show::Only);
     let open_all =
         |scene: &Scene| open_shown(scene, instead.as_ref(), &request.reading, Residence::Mapped, job);

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use pumice_core::Job;
 
 use super::drawn::Drawn;
-use super::{Shared, take};
+use super::{Allowance, Shared};
 use crate::Result;
 use crate::usd::{Array, ArrayElement, Prim, Property, Value};
 
@@ -24,7 +24,7 @@ struct Placed {
 ///
 /// # Errors
 /// As [`super::stage_of_scene`].
-pub(super) fn prim(drawn: &Drawn<'_>, left: &mut u64, job: &Job) -> Result<Prim<'static>> {
+pub(super) fn prim(drawn: &Drawn<'_>, left: &mut Allowance, job: &Job) -> Result<Prim<'static>> {
     let dims = drawn.volume.info().dims;
     let mut boxes = Vec::new();
     drawn.volume.for_each_box(|label, view| {
@@ -35,7 +35,7 @@ pub(super) fn prim(drawn: &Drawn<'_>, left: &mut u64, job: &Job) -> Result<Prim<
         }
     });
     job.check()?;
-    take(left, boxes.len() as u64)?;
+    left.take(boxes.len() as u64)?;
     let path = format!("{}/boxes", drawn.path());
     let prototypes: Vec<Prim<'_>> = drawn
         .materials

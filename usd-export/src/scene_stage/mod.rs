@@ -74,17 +74,21 @@ pub struct StageOptions {
     pub most_faces: u64,
 }
 
-/// The stage of a scene, with the rectangles and boxes that its arrays are made of.
+/// The stage of a scene, with the rectangles and boxes that its arrays are made of; and the number of those.
 ///
 /// # Errors
 /// [`Error::Caller`] where nothing is asked for or nothing is drawn; [`Error::Limit`] where there are more faces than allowed, as soon as
 /// that is found; [`Error::Cancelled`]; errors of the volumes.
-pub fn stage_of_scene(scene: &LoadedScene, options: &StageOptions, job: &Job) -> Result<Stage<'static>> {
+pub fn stage_of_scene(
+    scene: &LoadedScene,
+    options: &StageOptions,
+    job: &Job,
+) -> Result<(Stage<'static>, u64)> {
     let Some(shown_first) = options.forms.first() else {
         return Err(Error::Caller("forms: expected one of instances, boxes, cells4, voxels".into()).into());
     };
     let mut materials = Materials::default();
-    let mut left = options.most_faces;
+    let mut left = Allowance { most: options.most_faces, taken: 0 };
     let mut volumes = Vec::new();
     for place in 0..scene.volumes().len() {
         let drawn = Drawn::new(scene, place, &mut materials);
@@ -96,7 +100,7 @@ pub fn stage_of_scene(scene: &LoadedScene, options: &StageOptions, job: &Job) ->
         }
         volumes.push(volume_prim(&drawn, shown_first.name(), forms)?);
     }
-    let found = options.most_faces - left;
+    let found = left.taken;
     if found == 0 {
         return Err(Error::Caller("no label of the scene's volumes is shown".into()).into());
     }
@@ -116,18 +120,19 @@ pub fn stage_of_scene(scene: &LoadedScene, options: &StageOptions, job: &Job) ->
         payload: Some("/Contents".into()),
         ..Prim::default()
     };
-    Ok(Stage {
+    let stage = Stage {
         default_prim: root.name.clone(),
         documentation: format!("Written by pumice {}", env!("CARGO_PKG_VERSION")),
         prims: vec![root, contents],
-    })
+    };
+    Ok((stage, found))
 }
 
 fn form_of(
     form: Form,
     drawn: &Drawn<'_>,
     options: &StageOptions,
-    left: &mut u64,
+    left: &mut Allowance,
     job: &Job,
 ) -> Result<Prim<'static>> {
     let level = match form {
@@ -139,17 +144,24 @@ fn form_of(
     surface::prim(drawn, level, options.merging, left, job)
 }
 
-/// Takes `count` faces off what is allowed.
-fn take(left: &mut u64, count: u64) -> Result<()> {
-    match left.checked_sub(count) {
-        Some(rest) => {
-            *left = rest;
-            Ok(())
+/// Faces and boxes that an export may have, and has.
+pub(crate) struct Allowance {
+    most: u64,
+    taken: u64,
+}
+
+impl Allowance {
+    /// Takes `count` of them.
+    ///
+    /// # Errors
+    /// [`Error::Limit`] where they are more than allowed.
+    fn take(&mut self, count: u64) -> Result<()> {
+        self.taken += count;
+        if self.taken <= self.most {
+            return Ok(());
         }
-        None => {
-            let what = "faces of an export, above what was allowed by".into();
-            Err(Error::Limit { what, limit: 0, got: count - *left }.into())
-        }
+        let what = "faces and boxes of an export (or more)".into();
+        Err(Error::Limit { what, limit: self.most, got: self.taken }.into())
     }
 }
 

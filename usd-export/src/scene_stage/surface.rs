@@ -7,7 +7,7 @@ use pumice_core::Job;
 use pumice_transport::geometry::DetailLevel;
 
 use super::drawn::Drawn;
-use super::{Shared, take};
+use super::{Allowance, Shared};
 use crate::usd::{Array, ArrayElement, Prim, Property, Value};
 use crate::{Merging, Rectangle, Result, for_each_surface_block};
 
@@ -30,12 +30,12 @@ pub(super) fn prim(
     drawn: &Drawn<'_>,
     level: DetailLevel,
     merging: Merging,
-    left: &mut u64,
+    left: &mut Allowance,
     job: &Job,
 ) -> Result<Prim<'static>> {
     let mut found = Vec::new();
     for_each_surface_block(drawn.volume, &drawn.visible, level, merging, job, |block| {
-        take(left, block.len() as u64)?;
+        left.take(block.len() as u64)?;
         found.extend_from_slice(block);
         Ok(())
     })?;

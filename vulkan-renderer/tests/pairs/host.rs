@@ -76,7 +76,6 @@ pub(crate) const HOST_FILES: &[(&str, &str)] = &[
     ("transport/src/geometry/mod.rs", "unrolls loops over axes for the compiler"),
     ("transport/src/lib.rs", NAMES),
     ("transport/src/geometry/bvh/build.rs", READY),
-    ("picture/src/atomic_file.rs", FILE_FORMAT),
     ("picture/src/cryptomatte.rs", "names, and the mattes that the host computes from counts"),
     ("picture/src/exr_file.rs", FILE_FORMAT),
     ("picture/src/exr_header.rs", FILE_FORMAT),

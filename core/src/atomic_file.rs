@@ -8,25 +8,47 @@
 
 use std::fs::File;
 use std::io::{BufWriter, Write};
-use std::path::Path;
-
-use crate::PictureError;
+use std::path::{Path, PathBuf};
 
 /// Size of the write buffer in bytes.
 const BUFFER_BYTES: usize = 1 << 18;
 
+/// Why a file could not be written, apart from errors of whoever writes it.
+#[derive(Debug, thiserror::Error)]
+pub enum TargetError {
+    /// The operating system refused (missing folder, no permission, full disk).
+    #[error("{}: {source}", path.display())]
+    Io {
+        /// The file or folder.
+        path: PathBuf,
+        /// The system's error.
+        source: std::io::Error,
+    },
+    /// Something else than an ordinary file has that name.
+    #[error("{}: {what}", path.display())]
+    NoFile {
+        /// The name.
+        path: PathBuf,
+        /// What it is.
+        what: String,
+    },
+}
+
 /// Creates or replaces the file at `path` with what `write` writes.
-pub(crate) fn write_atomically(
+///
+/// # Errors
+/// [`TargetError`] where the file cannot be made; errors of `write`.
+pub fn write_atomically<E: From<TargetError>>(
     path: &Path,
-    write: impl FnOnce(&mut BufWriter<&mut File>) -> Result<(), PictureError>,
-) -> Result<(), PictureError> {
-    let io = |source| PictureError::Io { path: path.to_owned(), source };
+    write: impl FnOnce(&mut BufWriter<&mut File>) -> Result<(), E>,
+) -> Result<(), E> {
+    let io = |source| TargetError::Io { path: path.to_owned(), source };
     // A rename over a device or a pipe would replace it by a file, for every user of the machine.
     if let Ok(there) = std::fs::metadata(path)
         && !there.is_file()
     {
         let what = if there.is_dir() { "is a folder, expected a file" } else { "is not an ordinary file" };
-        return Err(PictureError::File { path: path.to_owned(), what: what.to_owned() });
+        return Err(TargetError::NoFile { path: path.to_owned(), what: what.to_owned() }.into());
     }
     let folder = match path.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
@@ -34,7 +56,7 @@ pub(crate) fn write_atomically(
     };
     let mut builder = tempfile::Builder::new();
     builder.prefix(".pumice-");
-    // Temporary files are private by default; a picture gets the permissions that any new file would.
+    // Temporary files are private by default; this one gets the permissions that any new file would.
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
     // If the folder is missing, this call gives the system's own error text: `tempfile` would add its temporary name, which means nothing

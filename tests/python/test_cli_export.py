@@ -1,0 +1,111 @@
+"""Tests `pumice export`: real volumes as USD, opened by Pixar's own library; limits and bad input."""
+
+import json
+
+import numpy as np
+import pytest
+from command import run
+from pxr import Usd, UsdGeom
+
+
+@pytest.fixture(scope="module")
+def info(pumice, data, tmp_path_factory):
+    """What `info` says of the shipped volume, compressed."""
+    path = tmp_path_factory.mktemp("volume") / "ct.pumice"
+    run(pumice, "compress", data / "slicer_Segmentation.seg.nrrd", "-o", path).fine()
+    return json.loads(run(pumice, "info", path, "--json").fine())
+
+
+def exported(pumice, source, out, *more):
+    report = out.with_suffix(".json")
+    run(pumice, "export", source, "-o", out, "--json", report, *more).fine()
+    report = json.loads(report.read_text())
+    assert report["bytes"] == out.stat().st_size and report["cpu_seconds"] > 0 and report["peak_rss_bytes"] > 1e6
+    return report
+
+
+def surface(stage):
+    """The only mesh of a stage, and its volume's prim."""
+    (mesh,) = (prim for prim in stage.Traverse() if prim.IsA(UsdGeom.Mesh))
+    return UsdGeom.Mesh(mesh), mesh.GetParent()
+
+
+@pytest.mark.parametrize("form", ["voxels", "cells4", "boxes"])
+@pytest.mark.parametrize("ending", ["usda", "usdc"])
+def test_a_real_volume(pumice, data, info, tmp_path, form, ending):
+    out = tmp_path / f"ct.{ending}"
+    report = exported(pumice, data / "slicer_Segmentation.seg.nrrd", out, "--form", form)
+    assert report["forms"] == [form] and report["left_out"] == []
+    stage = Usd.Stage.Open(str(out))
+    mesh, volume = surface(stage)
+    labels = np.array(UsdGeom.PrimvarsAPI(mesh).GetPrimvar("label").Get())
+    assert len(labels) == report["faces"]
+    notes = json.loads(volume.GetAttribute("userProperties:labels").Get())
+    assert len(notes) == info["labels"] == 7 and all(name for _, name, _ in notes)
+    assert set(labels.tolist()) <= set(range(7))
+    # The stage is as large as the volume's bounds in the world, whatever its orientation.
+    points = np.array(mesh.GetPointsAttr().Get())
+    assert (points == points.round()).all() and (points.max(axis=0) <= info["dims"]).all()
+    bounds = UsdGeom.BBoxCache(Usd.TimeCode.Default(), ["default"]).ComputeWorldBound(stage.GetDefaultPrim())
+    size = np.array(bounds.ComputeAlignedRange().GetSize())
+    assert 0 < size.min() and size.max() < 1e6
+
+
+def test_the_exact_surface_is_merged_or_plain_and_of_chosen_labels(pumice, data, tmp_path):
+    volume = data / "slicer_Segmentation.seg.nrrd"
+    area, faces = {}, {}
+    for name, flags in [("merged", []), ("plain", ["--plain"]), ("some", ["--labels", "2,3", "--plain"])]:
+        out = tmp_path / f"{name}.usdc"
+        faces[name] = exported(pumice, volume, out, *flags)["faces"]
+        stage = Usd.Stage.Open(str(out))
+        points = np.array(surface(stage)[0].GetPointsAttr().Get()).reshape(-1, 4, 3)
+        cross = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 1])
+        area[name] = np.abs(cross).sum()
+    assert area["merged"] == area["plain"] == faces["plain"] and faces["merged"] < 0.7 * faces["plain"]
+    assert area["some"] == faces["some"] and area["some"] != area["plain"]
+
+
+def test_instances_cover_the_boxes(pumice, data, info, tmp_path):
+    out = tmp_path / "boxes.usdc"
+    report = exported(pumice, data / "slicer_Segmentation.seg.nrrd", out, "--form", "instances")
+    stage = Usd.Stage.Open(str(out))
+    (instancer,) = (prim for prim in stage.Traverse() if prim.IsA(UsdGeom.PointInstancer))
+    positions = UsdGeom.PointInstancer(instancer).GetPositionsAttr().Get()
+    assert len(positions) == report["faces"] == info["boxes"]
+
+
+def test_a_scene_says_what_it_leaves_out(pumice, data, tmp_path):
+    scene = tmp_path / "scene.json"
+    shown = ["--spp", 1, "--size", "8x8", "--save-scene", scene]
+    run(pumice, "render", data / "slicer_Segmentation.seg.nrrd", "-o", tmp_path / "p.png", *shown).fine()
+    done = run(pumice, "export", scene, "-o", tmp_path / "o.usdc")
+    assert done.code == 0 and done.err == "pumice: left out: the camera, the world, a sun\n", done
+    cut = json.loads(scene.read_text())
+    cut["cuts"] = [{"shape": {"plane": {"point": [0, 0, 0], "normal": [1, 0, 0]}}}]
+    scene.write_text(json.dumps(cut))
+    line = run(pumice, "export", scene, "-o", tmp_path / "cut.usdc").refused()
+    assert "cuts: the surface of cut volumes cannot be exported yet" in line
+    assert not (tmp_path / "cut.usdc").exists()
+
+
+def test_bad_input(pumice, data, tmp_path):
+    volume = data / "slicer_Segmentation.seg.nrrd"
+    (tmp_path / "folder.usdc").mkdir()
+    for arguments, what in [
+        (["-o", tmp_path / "o.usd"], "o.usd: expected a name that ends in .usda, .usdc"),
+        (["-o", tmp_path / "o"], "expected a name that ends in"),
+        (["-o", tmp_path / "nowhere" / "o.usdc"], "nowhere: No such file or directory"),
+        (["-o", tmp_path / "folder.usdc"], "folder.usdc: is a folder, expected a file"),
+        (["-o", tmp_path / "o.usdc", "--labels", "987654"], "no label 987654"),
+        (["-o", tmp_path / "o.usdc", "--form", "spheres"], "possible values: instances, boxes, cells4, voxels"),
+        (["-o", tmp_path / "o.usdc", "--most-faces", "1000"], "is more than the limit of 1000"),
+        (["-o", tmp_path / "o.usdc", "--form", "instances", "--most-faces", "10"], "is more than the limit of 10"),
+    ]:
+        assert what in run(pumice, "export", volume, *arguments).refused(), arguments
+    # A full disk, imitated by a limit on the size of files: nothing is left, and the former file stays.
+    (tmp_path / "o.usdc").write_text("former")
+    line = run(pumice, "export", volume, "-o", tmp_path / "o.usdc", file_size_limit=50_000).refused()
+    assert "o.usdc: File too large" in line, line
+    assert (tmp_path / "o.usdc").read_text() == "former"
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["folder.usdc", "o.usdc"]
+    assert "nowhere.nrrd" in run(pumice, "export", tmp_path / "nowhere.nrrd", "-o", tmp_path / "n.usdc").refused()
