@@ -19,8 +19,11 @@ const HEADER_WORDS: usize = 5;
 
 /// Instructions that this module reads or writes, by their numbers.
 mod op {
+    pub(super) const UNDEF: u32 = 1;
     pub(super) const NAME: u32 = 5;
     pub(super) const MEMBER_NAME: u32 = 6;
+    pub(super) const STRING: u32 = 7;
+    pub(super) const EXT_INST_IMPORT: u32 = 11;
     pub(super) const ENTRY_POINT: u32 = 15;
     pub(super) const TYPE_VOID: u32 = 19;
     pub(super) const TYPE_FORWARD_POINTER: u32 = 39;
@@ -32,6 +35,7 @@ mod op {
     pub(super) const FUNCTION: u32 = 54;
     pub(super) const FUNCTION_END: u32 = 56;
     pub(super) const FUNCTION_CALL: u32 = 57;
+    pub(super) const VARIABLE: u32 = 59;
     pub(super) const DECORATE: u32 = 71;
     pub(super) const MEMBER_DECORATE: u32 = 72;
     pub(super) const LOGICAL_EQUAL: u32 = 164;
@@ -412,14 +416,16 @@ fn defines(line: Line<'_>) -> Option<u32> {
     }
 }
 
-/// The id of a type, a constant or a variable.
+/// The id of a type, a constant, a variable or an import. Other instructions before the first function define none, and their numbers may
+/// be equal to an id: GLSL's version, for one.
 fn defines_globally(line: Line<'_>) -> Option<u32> {
     match op_of(line) {
-        op::TYPE_VOID..=op::TYPE_FORWARD_POINTER | op::TYPE_RAY_QUERY | op::TYPE_ACCELERATION_STRUCTURE => {
+        op::STRING | op::EXT_INST_IMPORT | op::TYPE_RAY_QUERY | op::TYPE_ACCELERATION_STRUCTURE => {
             line.get(1).copied()
         }
-        op::NAME | op::MEMBER_NAME | op::DECORATE | op::MEMBER_DECORATE => None,
-        _ => line.get(2).copied(),
+        op::TYPE_VOID..=op::TYPE_FORWARD_POINTER => line.get(1).copied(),
+        op::UNDEF | op::VARIABLE | op::CONSTANT_TRUE..=op::SPEC_CONSTANT_OP => line.get(2).copied(),
+        _ => None,
     }
 }
 
@@ -465,6 +471,8 @@ mod tests {
     /// A module whose functions have these lines, and a name for each of `named`.
     fn module(named: &[u32], functions: &[Vec<u32>]) -> Vec<u32> {
         let mut words = [&HEADER[..], &line(op::ENTRY_POINT, &[5, ENTRY, 0x6E_69_61])].concat();
+        // OpSource: language and version, which is also the number of a value.
+        words.extend(line(3, &[2, 22]));
         named.iter().for_each(|id| words.extend(line(op::NAME, &[*id, 0x61])));
         words.extend(line(op::DECORATE, &[NEEDS, DECORATION_SPEC_ID, 1]));
         words.extend([[19, VOID], [20, BOOL]].iter().flat_map(|[number, id]| line(*number, &[*id])));
@@ -637,13 +645,28 @@ mod tests {
         }
     }
 
-    fn path(backend: Backend) -> Vec<u32> {
-        let bytes = match backend {
-            Backend::Compute => &include_bytes!("../../spirv/path_bvh.comp.f64.spv")[..],
-            Backend::RayQuery => include_bytes!("../../spirv/path_query.comp.f64.spv"),
-            Backend::RayPipeline => include_bytes!("../../spirv/path.rgen.f64.spv"),
+    /// The shaders of a backend by name, those for native doubles, the path first.
+    fn shaders(backend: Backend) -> Vec<(&'static str, Vec<u32>)> {
+        macro_rules! spirv {
+            ($($name:literal),*) => {
+                vec![$(($name, &include_bytes!(concat!("../../spirv/", $name, ".spv"))[..])),*]
+            };
+        }
+        let all = match backend {
+            Backend::Compute => spirv!["path_bvh.comp.f64", "first_bvh.comp.f64"],
+            Backend::RayQuery => spirv!["path_query.comp.f64", "first_query.comp.f64"],
+            Backend::RayPipeline => {
+                spirv!["path.rgen.f64", "first.rgen.f64", "box.rint.f64", "nothing.rmiss"]
+            }
         };
-        bytes.chunks_exact(4).map(|w| u32::from_le_bytes([w[0], w[1], w[2], w[3]])).collect()
+        let words = |bytes: &[u8]| {
+            bytes.chunks_exact(4).map(|w| u32::from_le_bytes([w[0], w[1], w[2], w[3]])).collect()
+        };
+        all.into_iter().map(|(name, bytes)| (name, words(bytes))).collect()
+    }
+
+    fn path(backend: Backend) -> Vec<u32> {
+        shaders(backend).swap_remove(0).1
     }
 
     /// How many instructions a driver has once it has copied each function to where it is called.
@@ -672,26 +695,36 @@ mod tests {
         }
     }
 
-    /// The validation layer finds nothing wrong with a path of any one part, of all, of all but one. A block too few is noticed.
+    /// The validation layer finds nothing wrong with any shader of the renderer, whatever a scene needs. A branch to nowhere is noticed.
     #[test]
     fn modules_are_valid_whatever_a_scene_needs() {
         let options = InstanceOptions { validation: true, ..InstanceOptions::default() };
         let instance = Instance::new(&options).expect("Vulkan with its validation layer");
         let devices = survey(&instance).expect("a list of devices");
+        // Numerical Recipes' generator; what matters is only that the sets differ.
+        let mut state = 1u32;
+        let mut bits = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            state >> 12
+        };
         for backend in [Backend::Compute, Backend::RayQuery, Backend::RayPipeline] {
             let candidate = devices.iter().find(|c| c.can(backend)).expect("a device");
             let gpu = Gpu::open(&instance, candidate, backend, None).expect("a device");
-            let path = path(backend);
             let said = |words: &[u32], constants: &[u32]| {
                 crate::device::compute::Module::new(&gpu, words, constants).expect("a module");
                 instance.messages().take()
             };
-            let alone = |part| std::array::from_fn(|i| u32::from(i == part));
-            let parts = if backend == Backend::Compute { 1..20 } else { 18..20 };
-            for constants in parts.map(alone).chain([[0; 20], [1; 20]]) {
-                assert_eq!(said(&path, &constants), Vec::<String>::new(), "{backend} with {constants:?}");
+            for (name, shader) in shaders(backend) {
+                let random: [[u32; 20]; 8] = std::array::from_fn(|set| {
+                    std::array::from_fn(|i| u32::from(bits() >> i & 7 <= set as u32))
+                });
+                for constants in random.into_iter().chain([[0; 20], [1; 20]]) {
+                    let specialised = specialised(&shader, &constants);
+                    assert!(matches!(specialised, Cow::Owned(_)), "{name} is understood");
+                    assert_eq!(said(&shader, &constants), Vec::<String>::new(), "{name} with {constants:?}");
+                }
             }
-            let mut broken = specialised(&path, &[0; 20]).into_owned();
+            let mut broken = specialised(&path(backend), &[0; 20]).into_owned();
             let place = broken.iter().rposition(|word| *word == 2 << 16 | op::BRANCH).unwrap();
             broken[place + 1] += 1;
             assert_ne!(said(&broken, &[]), Vec::<String>::new(), "a branch to nowhere");
