@@ -29,7 +29,7 @@ pub enum Specifier {
 /// A node of the tree.
 #[derive(Debug, Default)]
 pub struct Prim<'a> {
-    /// Letters, digits and underscores, not a digit first ([`super::identifier`]).
+    /// Letters, digits and underscores, not a digit first ([`identifier`](super::identifier())).
     pub name: String,
     /// Its schema, such as `Mesh`; empty for none.
     pub type_name: &'static str,
