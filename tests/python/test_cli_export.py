@@ -43,12 +43,9 @@ def test_a_real_volume(pumice, data, info, tmp_path, form, ending):
     notes = json.loads(volume.GetAttribute("userProperties:labels").Get())
     assert len(notes) == info["labels"] == 7 and all(name for _, name, _ in notes)
     assert set(labels.tolist()) <= set(range(7))
-    # The stage is as large as the volume's bounds in the world, whatever its orientation.
+    # Points are corners of voxels; where they lie in the world, Blender's importer is asked (test_usd_import.py).
     points = np.array(mesh.GetPointsAttr().Get())
     assert (points == points.round()).all() and (points.max(axis=0) <= info["dims"]).all()
-    bounds = UsdGeom.BBoxCache(Usd.TimeCode.Default(), ["default"]).ComputeWorldBound(stage.GetDefaultPrim())
-    size = np.array(bounds.ComputeAlignedRange().GetSize())
-    assert 0 < size.min() and size.max() < 1e6
 
 
 def test_the_exact_surface_is_merged_or_plain_and_of_chosen_labels(pumice, data, tmp_path):

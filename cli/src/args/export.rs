@@ -27,7 +27,7 @@ pub(crate) struct Export {
     /// Write only these labels, by id, separated by commas
     #[arg(long, value_name = "ID,ID", value_delimiter = ',')]
     pub(crate) labels: Option<Vec<u64>>,
-    /// Refuse to write more faces and boxes than this, of all forms together; each takes 24 bytes of memory and 50 to 90 bytes of file
+    /// Refuse to write more faces and boxes than this, of all forms together; each takes 24 bytes of memory, about 50 of a .usdc and 125 of a .usda
     #[arg(long, value_name = "N", default_value = "20000000")]
     pub(crate) most_faces: u64,
     #[command(flatten)]

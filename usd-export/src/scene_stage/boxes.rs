@@ -24,7 +24,7 @@ struct Placed {
 ///
 /// # Errors
 /// As [`super::stage_of_scene`].
-pub(super) fn prim(drawn: &Drawn<'_>, left: &mut Allowance, job: &Job) -> Result<Prim<'static>> {
+pub(super) fn prim(drawn: &Drawn<'_>, allowance: &mut Allowance, job: &Job) -> Result<Prim<'static>> {
     let dims = drawn.volume.info().dims;
     let mut boxes = Vec::new();
     drawn.volume.for_each_box(|label, view| {
@@ -35,7 +35,7 @@ pub(super) fn prim(drawn: &Drawn<'_>, left: &mut Allowance, job: &Job) -> Result
         }
     });
     job.check()?;
-    left.take(boxes.len() as u64)?;
+    allowance.take(boxes.len() as u64)?;
     let path = format!("{}/boxes", drawn.path());
     let prototypes: Vec<Prim<'_>> = drawn
         .materials

@@ -3,6 +3,8 @@
 //! What a preview surface has no word for is not written: subsurface scattering, sheen, tints, the coat's index of refraction, and that
 //! light passes through glass without being absorbed. A material that transmits gets the opacity that is left.
 
+use std::collections::HashMap;
+
 use pumice_scene::Material;
 
 use crate::usd::{Prim, Property, Value};
@@ -11,10 +13,12 @@ use crate::usd::{Prim, Property, Value};
 #[derive(Default)]
 pub(super) struct Materials {
     all: Vec<Preview>,
+    /// Place in `all` by the bits of its inputs: scenes may have a material for each of 10⁵ labels.
+    places: HashMap<[u32; 12], usize>,
 }
 
 /// Inputs of a preview surface.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug)]
 struct Preview {
     diffuse_color: [f32; 3],
     emissive_color: [f32; 3],
@@ -38,6 +42,13 @@ impl Preview {
             opacity: material.alpha * (1.0 - material.transmission * (1.0 - material.metallic)),
             ior: material.ior,
         }
+    }
+
+    fn bits(&self) -> [u32; 12] {
+        let ([r, g, b], [er, eg, eb]) = (self.diffuse_color, self.emissive_color);
+        let coat = [self.clearcoat, self.clearcoat_roughness];
+        [r, g, b, er, eg, eb, self.metallic, self.roughness, coat[0], coat[1], self.opacity, self.ior]
+            .map(f32::to_bits)
     }
 
     fn prim(&self, number: usize) -> Prim<'static> {
@@ -85,10 +96,11 @@ impl Materials {
     /// Path of a material, which is added if it is new.
     pub(super) fn path(&mut self, material: &Material) -> String {
         let preview = Preview::of(material);
-        let number = self.all.iter().position(|there| *there == preview).unwrap_or_else(|| {
+        let next = self.all.len();
+        let number = *self.places.entry(preview.bits()).or_insert(next);
+        if number == next {
             self.all.push(preview);
-            self.all.len() - 1
-        });
+        }
         path(number)
     }
 

@@ -2,9 +2,9 @@
 //!
 //! ```text
 //! /Scene             Xform, component; payload </Contents>
-//! /Contents          class; variant set form: instances, boxes, cells4, voxels (those that were asked for)
+//! /Contents          class
 //!   /Materials         a UsdPreviewSurface for each material that is drawn
-//!   /volume_ID         Xform: world from index space, notes of the labels
+//!   /volume_ID         Xform: world from index space, notes of the labels; variant set form, of the forms that were asked for
 //!     {form=voxels}
 //!     /surface           Mesh: rectangles sorted by material, each material's a GeomSubset
 //!     {form=instances}
@@ -56,11 +56,6 @@ impl Form {
             Self::Voxels => "voxels",
         }
     }
-
-    /// The form of this name.
-    pub fn from_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|form| form.name() == name)
-    }
 }
 
 /// What is written of a scene, and how much of it at most.
@@ -88,19 +83,19 @@ pub fn stage_of_scene(
         return Err(Error::Caller("forms: expected one of instances, boxes, cells4, voxels".into()).into());
     };
     let mut materials = Materials::default();
-    let mut left = Allowance { most: options.most_faces, taken: 0 };
+    let mut allowance = Allowance { most: options.most_faces, taken: 0 };
     let mut volumes = Vec::new();
     for place in 0..scene.volumes().len() {
         let drawn = Drawn::new(scene, place, &mut materials);
         let mut forms = Vec::new();
         for &form in &options.forms {
-            let prim = form_of(form, &drawn, options, &mut left, job)?;
+            let prim = form_of(form, &drawn, options, &mut allowance, job)?;
             let variant = Variant { name: form.name().into(), children: vec![prim], ..Variant::default() };
             forms.push(variant);
         }
         volumes.push(volume_prim(&drawn, shown_first.name(), forms)?);
     }
-    let found = left.taken;
+    let found = allowance.taken;
     if found == 0 {
         return Err(Error::Caller("no label of the scene's volumes is shown".into()).into());
     }
@@ -132,20 +127,20 @@ fn form_of(
     form: Form,
     drawn: &Drawn<'_>,
     options: &StageOptions,
-    left: &mut Allowance,
+    allowance: &mut Allowance,
     job: &Job,
 ) -> Result<Prim<'static>> {
     let level = match form {
-        Form::Instances => return boxes::prim(drawn, left, job),
+        Form::Instances => return boxes::prim(drawn, allowance, job),
         Form::Boxes => DetailLevel::Boxes,
         Form::Cells => DetailLevel::Cells,
         Form::Voxels => DetailLevel::Voxels,
     };
-    surface::prim(drawn, level, options.merging, left, job)
+    surface::prim(drawn, level, options.merging, allowance, job)
 }
 
 /// Faces and boxes that an export may have, and has.
-pub(crate) struct Allowance {
+struct Allowance {
     most: u64,
     taken: u64,
 }
@@ -160,7 +155,7 @@ impl Allowance {
         if self.taken <= self.most {
             return Ok(());
         }
-        let what = "faces and boxes of an export (or more)".into();
+        let what = "faces and boxes of this export, counted so far".into();
         Err(Error::Limit { what, limit: self.most, got: self.taken }.into())
     }
 }

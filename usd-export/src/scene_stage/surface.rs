@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use pumice_core::Job;
+use pumice_core::{Error, Job};
 use pumice_transport::geometry::DetailLevel;
 
 use super::drawn::Drawn;
@@ -13,6 +13,9 @@ use crate::{Merging, Rectangle, Result, for_each_surface_block};
 
 /// Elements that are produced at a time.
 const PIECE: usize = 4096;
+
+/// Most faces of a mesh: USD's indices of corners are `int`, and each face has four.
+const MOST_FACES: u64 = (i32::MAX as u64 + 1) / 4;
 
 /// Normals by axis and side, in the order of [`normal_of`].
 const NORMALS: [[f32; 3]; 6] =
@@ -30,15 +33,16 @@ pub(super) fn prim(
     drawn: &Drawn<'_>,
     level: DetailLevel,
     merging: Merging,
-    left: &mut Allowance,
+    allowance: &mut Allowance,
     job: &Job,
 ) -> Result<Prim<'static>> {
     let mut found = Vec::new();
     for_each_surface_block(drawn.volume, &drawn.visible, level, merging, job, |block| {
-        left.take(block.len() as u64)?;
+        allowance.take(block.len() as u64)?;
         found.extend_from_slice(block);
         Ok(())
     })?;
+    indexable(found.len() as u64)?;
     let (rectangles, of_material) = sorted_by_material(found, drawn);
     let subsets =
         of_material.iter().zip(&drawn.materials).enumerate().filter(|(_, (faces, _))| !faces.is_empty());
@@ -50,6 +54,13 @@ pub(super) fn prim(
         children,
         ..Prim::default()
     })
+}
+
+fn indexable(faces: u64) -> Result<()> {
+    if faces <= MOST_FACES {
+        return Ok(());
+    }
+    Err(Error::Limit { what: "faces of a mesh in a USD file".into(), limit: MOST_FACES, got: faces }.into())
 }
 
 /// The rectangles by material, otherwise in their order; and the places of each material's.
@@ -165,4 +176,16 @@ fn extent(rectangles: &[Rectangle]) -> Vec<[f32; 3]> {
         Some([[0, 1, 2].map(|a| low[a].min(corner[a])), [0, 1, 2].map(|a| high[a].max(corner[a]))])
     });
     bounds.unwrap_or_default().map(|corner| corner.map(|c| c as f32)).to_vec()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn corners_beyond_31_bits_are_refused() {
+        assert!(indexable(1 << 29).is_ok(), "the last index is 2³¹ − 1");
+        let error = indexable((1 << 29) + 1).unwrap_err().to_string();
+        assert_eq!(error, "faces of a mesh in a USD file: 536870913 is more than the limit of 536870912");
+    }
 }

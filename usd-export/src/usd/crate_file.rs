@@ -361,9 +361,6 @@ impl<W: Write + Seek> CrateFile<'_, W> {
         if !prim.kind.is_empty() {
             fields.push(("kind", self.token_value(prim.kind)));
         }
-        if prim.is_instanceable {
-            fields.push(("instanceable", inlined(kind::BOOL, 1)));
-        }
         if !prim.api_schemas.is_empty() {
             let names: Vec<u32> = prim.api_schemas.iter().map(|name| self.token(name)).collect();
             fields.push(("apiSchemas", self.list_of_edits(kind::TOKEN_LIST_OP, PREPENDED, &names)?));

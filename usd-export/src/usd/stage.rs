@@ -41,8 +41,6 @@ pub struct Prim<'a> {
     pub api_schemas: Vec<&'static str>,
     /// A prim of the same file whose contents are loaded here on demand: its path.
     pub payload: Option<String>,
-    /// Whether copies of it that refer to the same prim may share its contents.
-    pub is_instanceable: bool,
     /// Attributes and relationships.
     pub properties: Vec<Property<'a>>,
     /// Prims below.

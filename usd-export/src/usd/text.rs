@@ -189,9 +189,6 @@ fn metadata_of(prim: &Prim<'_>) -> Vec<String> {
     if !prim.api_schemas.is_empty() {
         lines.push(format!("prepend apiSchemas = [{}]", list(prim.api_schemas.clone())));
     }
-    if prim.is_instanceable {
-        lines.push("instanceable = true".into());
-    }
     if !prim.kind.is_empty() {
         lines.push(format!("kind = {}", quoted(prim.kind)));
     }
