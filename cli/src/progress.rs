@@ -56,6 +56,11 @@ impl Bar {
         bar
     }
 
+    /// Does `work`, which writes to the terminal, with the bar out of the way.
+    pub(crate) fn out_of_the_way<T>(&self, work: impl FnOnce() -> T) -> T {
+        self.bar.suspend(work)
+    }
+
     /// Sets the position and the text of a manual bar.
     pub(crate) fn set(&self, thousandths: u64, text: String) {
         self.bar.set_position(thousandths.min(1000));

@@ -3,8 +3,7 @@
 use std::path::PathBuf;
 
 use pumice_core::Job;
-use pumice_export::usd::{check_name, write_stage};
-use pumice_export::{Form, Merging, StageOptions, stage_of_scene};
+use pumice_export::{ExportOptions, ExportSize, FileFormat, Form, Merging, export_scene};
 use pumice_formats::OpenOptions;
 use pumice_scene::Scene;
 use pumice_transport::LoadedScene;
@@ -12,9 +11,8 @@ use serde::Serialize;
 
 use crate::error::{Result, SessionError};
 use crate::measure::{Stopwatch, peak_rss_bytes};
-use crate::progressive::Stop;
-use crate::render_file::prepare::{Prepared, prepare};
-use crate::render_file::{RenderOverrides, RenderRequest, Subject};
+use crate::render_file::RenderOverrides;
+use crate::render_file::open_scene::{OpenedScene, is_scene_file, open_scene};
 
 /// Input, output and options of [`export_file`].
 #[derive(Clone, Debug)]
@@ -27,8 +25,8 @@ pub struct ExportRequest {
     pub forms: Vec<Form>,
     /// Whether neighbouring faces become one.
     pub merging: Merging,
-    /// Most faces and boxes of all forms together.
-    pub most_faces: u64,
+    /// Bytes that the file may take, as estimated while its faces are found.
+    pub limit_bytes: u64,
     /// Labels to write, by id, instead of those that the scene shows.
     pub labels: Option<Vec<u64>>,
     /// How to read a volume.
@@ -40,8 +38,10 @@ pub struct ExportRequest {
 pub struct Exported {
     /// Names of the forms.
     pub forms: Vec<&'static str>,
-    /// Faces and boxes of all forms together.
+    /// Faces of all forms together.
     pub faces: u64,
+    /// Boxes of the form `instances`.
+    pub boxes: u64,
     /// Bytes of the file.
     pub bytes: u64,
     /// What the scene has and the file has not.
@@ -54,15 +54,17 @@ pub struct Exported {
     pub peak_rss_bytes: Option<u64>,
 }
 
-/// Exports a volume or a scene.
+/// Exports a volume or a scene. `tell` hears how much it is before writing begins.
 ///
 /// # Errors
 /// Errors of the input and of the output; [`SessionError::Caller`] for a scene with cuts, whose surface is not written yet;
-/// [`pumice_core::Error::Limit`] for more faces than allowed; [`pumice_core::Error::Cancelled`].
-pub fn export_file(request: &ExportRequest, job: &Job) -> Result<Exported> {
+/// [`pumice_core::Error::Limit`] for a file that would be larger than allowed; [`pumice_core::Error::Cancelled`].
+pub fn export_file(request: &ExportRequest, tell: &mut dyn FnMut(ExportSize), job: &Job) -> Result<Exported> {
     let clock = Stopwatch::start();
-    check_name(&request.out)?;
-    let Prepared { scene, volumes, meshes, .. } = prepare(&as_render(request), job)?;
+    FileFormat::of(&request.out)?;
+    let overrides = RenderOverrides { labels: request.labels.clone(), ..RenderOverrides::default() };
+    let OpenedScene { scene, volumes, meshes } =
+        open_scene(&request.input, &overrides, &request.reading, job)?;
     if !scene.cuts.is_empty() {
         let input = request.input.display();
         return Err(SessionError::Caller(format!(
@@ -70,41 +72,24 @@ pub fn export_file(request: &ExportRequest, job: &Job) -> Result<Exported> {
         )));
     }
     // The camera and the light of a volume's own picture are nobody's work.
-    let is_scene = request.input.extension().is_some_and(|e| e.eq_ignore_ascii_case("json"));
-    let left_out = if is_scene { left_out(&scene) } else { Vec::new() };
+    let left_out = if is_scene_file(&request.input) { left_out(&scene) } else { Vec::new() };
     let loaded = LoadedScene::new(scene, volumes, meshes)?;
-    let options = StageOptions {
+    let options = ExportOptions {
         forms: request.forms.clone(),
         merging: request.merging,
-        most_faces: request.most_faces,
+        limit_bytes: request.limit_bytes,
     };
-    let (stage, faces) = stage_of_scene(&loaded, &options, job)?;
-    let bytes = write_stage(&stage, &request.out, job)?;
+    let size = export_scene(&loaded, &options, &request.out, tell, job)?;
     Ok(Exported {
         forms: request.forms.iter().map(|form| form.name()).collect(),
-        faces,
-        bytes,
+        faces: size.faces,
+        boxes: size.boxes,
+        bytes: size.bytes,
         left_out,
         seconds: clock.seconds(),
         cpu_seconds: clock.cpu_seconds(),
         peak_rss_bytes: peak_rss_bytes(),
     })
-}
-
-/// A request to render the same, which opens the same scene.
-fn as_render(request: &ExportRequest) -> RenderRequest {
-    RenderRequest {
-        subject: Subject::File(request.input.clone()),
-        out: request.out.clone(),
-        backend: "cpu".into(),
-        stop: Stop::default(),
-        passes: Vec::new(),
-        overrides: RenderOverrides { labels: request.labels.clone(), ..RenderOverrides::default() },
-        reading: request.reading.clone(),
-        threads: None,
-        save_scene: None,
-        explain: false,
-    }
 }
 
 fn left_out(scene: &Scene) -> Vec<String> {

@@ -5,9 +5,10 @@
 //!                └─ an earlier picture: provenance
 //! ```
 
+pub(crate) mod open_scene;
 mod overrides;
 mod picture_format;
-pub(crate) mod prepare;
+mod prepare;
 mod provenance;
 mod render_scene;
 mod request;
@@ -16,6 +17,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
+use open_scene::OpenedScene;
 use picture_format::check_folder;
 use prepare::{Prepared, prepare};
 use pumice_core::{CompressedVolume, Job};
@@ -57,7 +59,8 @@ pub fn render_file(
     make_renderer(&request.backend)?;
 
     let clock = Stopwatch::start();
-    let Prepared { mut scene, volumes, meshes, stop, backend } = prepare(request, job)?;
+    let Prepared { opened: OpenedScene { mut scene, volumes, meshes }, stop, backend } =
+        prepare(request, job)?;
     let opening_seconds = [clock.seconds(), clock.cpu_seconds()];
     // Named passes are added to the scene; `all` means those that the scene asks for and those that every picture has.
     if request.passes != ["all"] {

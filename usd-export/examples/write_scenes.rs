@@ -13,7 +13,7 @@ use std::sync::Arc;
 use glam::{DAffine3, DMat3, DVec3};
 use pumice_core::{CompressedVolume, Job};
 use pumice_export::usd::{write_usda, write_usdc};
-use pumice_export::{Form, Merging, StageOptions, stage_of_scene};
+use pumice_export::{Budget, ExportOptions, FaceBytes, Form, Merging, stage_of_scene};
 use pumice_oracle::{Dense, volumes};
 use pumice_scene::{
     Camera, Environment, Film, Filter, Instance, LabelStyle, Material, Projection, SCENE_VERSION, Scene,
@@ -55,8 +55,9 @@ fn write(
     }
     notes.write_all(bytemuck::cast_slice(&dense.labels))?;
     notes.flush()?;
-    let options = StageOptions { forms: Form::ALL.to_vec(), merging, most_faces: 1_000_000 };
-    let (stage, _) = stage_of_scene(&loaded, &options, &Job::new())?;
+    let options = ExportOptions { forms: Form::ALL.to_vec(), merging, limit_bytes: 1 << 30 };
+    let mut budget = Budget::new(options.limit_bytes, FaceBytes { a_face: 1, a_box: 1 });
+    let stage = stage_of_scene(&loaded, &options, &mut budget, &Job::new())?;
     let file = |form: &str| File::create(folder.join(format!("{name}.{form}"))).map(BufWriter::new);
     write_usda(&stage, &mut file("usda")?)?;
     write_usdc(&stage, &mut file("usdc")?)?;

@@ -1,21 +1,33 @@
 //! Compressed volumes for other programs: exact surfaces, for those that know only meshes, and files of USD.
 //!
 //! ```text
-//! CompressedVolume ─► blocks of 64³ voxels ─► FaceBlock, FaceBlock, … ─► QuadMesh
-//!                     only those with boxes   a quad per voxel face       corners shared, or separate for each quad
+//! CompressedVolume ─► blocks of 64³ voxels ─► FaceBlock, FaceBlock, … ─► QuadMesh     a quad per voxel face
+//!                     only those with boxes └► Rectangle, Rectangle, … ─► a file       merged, at a level of detail, sorted by material
 //! ```
 //! The surface is exactly the volume's own, without simplification or smoothing. It is in index space; the code that writes it applies the
 //! matrix.
 
+mod budget;
+mod drawn;
 mod error;
+mod export_scene;
 mod faces;
+mod file_format;
+mod form;
+mod labelled_surface;
+mod notes;
 mod quad_mesh;
 mod scene_stage;
 mod surface;
 pub mod usd;
+mod whole_file;
 
+pub use budget::{Budget, FaceBytes};
 pub use error::{ExportError, Result};
+pub use export_scene::{ExportOptions, ExportSize, export_scene};
 pub use faces::{FaceBlock, Interfaces, for_each_face_block};
+pub use file_format::FileFormat;
+pub use form::Form;
 pub use quad_mesh::{Corners, QuadMesh};
-pub use scene_stage::{Form, StageOptions, stage_of_scene};
+pub use scene_stage::stage_of_scene;
 pub use surface::{Merging, Rectangle, for_each_surface_block};

@@ -4,6 +4,8 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 
+use pumice_session::values::bytes;
+
 use super::Reading;
 
 /// Write a volume or a scene for other programs, as USD
@@ -21,15 +23,18 @@ pub(crate) struct Export {
     /// Forms of the volumes, separated by commas; each is a variant of the stage, and the first is shown
     #[arg(long, value_enum, value_name = "A,B", default_value = "voxels", value_delimiter = ',')]
     pub(crate) form: Vec<FormArg>,
+    /// Write the surface that `render` draws at this level of detail, in place of --form: 16 is boxes, 4 cells4, 1 voxels
+    #[arg(long, value_name = "16|4|1", conflicts_with = "form", value_parser = level)]
+    pub(crate) lod: Option<FormArg>,
     /// Write a square for each face, instead of merging neighbouring faces of a label into rectangles
     #[arg(long)]
     pub(crate) plain: bool,
     /// Write only these labels, by id, separated by commas
     #[arg(long, value_name = "ID,ID", value_delimiter = ',')]
     pub(crate) labels: Option<Vec<u64>>,
-    /// Refuse to write more faces and boxes than this, of all forms together; each takes 24 bytes of memory, about 50 of a .usdc and 125 of a .usda
-    #[arg(long, value_name = "N", default_value = "20000000")]
-    pub(crate) most_faces: u64,
+    /// Refuse to write a file larger than this, as estimated before anything is written; memory is about half as much
+    #[arg(long, value_name = "BYTES", default_value = "4G", value_parser = bytes)]
+    pub(crate) limit: u64,
     #[command(flatten)]
     pub(crate) reading: Reading,
     /// Write a report as JSON to this file, or to standard output with -
@@ -47,4 +52,14 @@ pub(crate) enum FormArg {
     Cells4,
     /// The exact surface
     Voxels,
+}
+
+/// The form of a level of detail.
+fn level(text: &str) -> Result<FormArg, String> {
+    match text {
+        "16" => Ok(FormArg::Boxes),
+        "4" => Ok(FormArg::Cells4),
+        "1" => Ok(FormArg::Voxels),
+        _ => Err("expected 16, 4 or 1".into()),
+    }
 }

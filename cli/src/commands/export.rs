@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use pumice_session::{ExportRequest, Form, Job, Merging, export_file};
+use pumice_session::{ExportRequest, ExportSize, Form, Job, Merging, export_file};
 
 use super::open_options;
 use crate::Answer;
@@ -12,8 +12,9 @@ use crate::json_report::write_report;
 use crate::progress::Bar;
 
 pub(crate) fn run(args: &Export, job: &Arc<Job>) -> Result<Answer, Failure> {
+    let asked = args.lod.as_ref().map_or(args.form.as_slice(), std::slice::from_ref);
     let mut forms: Vec<Form> = Vec::new();
-    for form in &args.form {
+    for form in asked {
         let form = match form {
             FormArg::Instances => Form::Instances,
             FormArg::Boxes => Form::Boxes,
@@ -29,22 +30,30 @@ pub(crate) fn run(args: &Export, job: &Arc<Job>) -> Result<Answer, Failure> {
         out: args.out.clone(),
         forms,
         merging: if args.plain { Merging::Plain } else { Merging::Merged },
-        most_faces: args.most_faces,
+        limit_bytes: args.limit,
         labels: args.labels.clone(),
         reading: open_options(&args.reading),
     };
+    let is_quiet = args.json.as_deref() == Some(std::path::Path::new("-"));
     let bar = Bar::follow("exporting", job);
-    let exported = export_file(&request, job);
+    let mut said = Ok(());
+    let mut tell = |size: ExportSize| {
+        if !is_quiet {
+            let (what, mb) = (counted(size), size.bytes as f64 / 1e6);
+            said = bar.out_of_the_way(|| say(format_args!("{what}, about {mb:.2} MB to write")));
+        }
+    };
+    let exported = export_file(&request, &mut tell, job);
     drop(bar);
     let exported = exported?;
+    said?;
     if !exported.left_out.is_empty() {
         eprintln!("pumice: left out: {}", exported.left_out.join(", "));
     }
-    if args.json.as_deref() != Some(std::path::Path::new("-")) {
+    if !is_quiet {
         say(format_args!(
-            "{}: {} faces, {:.1} MB, {:.1} s ({:.1} CPU s)",
+            "{}: {:.1} MB, {:.1} s ({:.1} CPU s)",
             args.out.display(),
-            exported.faces,
             exported.bytes as f64 / 1e6,
             exported.seconds,
             exported.cpu_seconds
@@ -54,4 +63,12 @@ pub(crate) fn run(args: &Export, job: &Arc<Job>) -> Result<Answer, Failure> {
         write_report(to, &exported)?;
     }
     Ok(Answer::Yes)
+}
+
+fn counted(size: ExportSize) -> String {
+    match (size.faces, size.boxes) {
+        (faces, 0) => format!("{faces} faces"),
+        (0, boxes) => format!("{boxes} boxes"),
+        (faces, boxes) => format!("{boxes} boxes and {faces} faces"),
+    }
 }

@@ -4,10 +4,10 @@ use std::sync::Arc;
 
 use pumice_core::Job;
 
-use super::drawn::Drawn;
-use super::{Allowance, Shared};
-use crate::Result;
+use super::Shared;
+use crate::drawn::Drawn;
 use crate::usd::{Array, ArrayElement, Prim, Property, Value};
+use crate::{Budget, Result};
 
 /// Boxes that are produced at a time.
 const PIECE: usize = 4096;
@@ -24,7 +24,12 @@ struct Placed {
 ///
 /// # Errors
 /// As [`super::stage_of_scene`].
-pub(super) fn prim(drawn: &Drawn<'_>, allowance: &mut Allowance, job: &Job) -> Result<Prim<'static>> {
+pub(super) fn prim(
+    drawn: &Drawn<'_>,
+    materials: &[String],
+    budget: &mut Budget,
+    job: &Job,
+) -> Result<Prim<'static>> {
     let dims = drawn.volume.info().dims;
     let mut boxes = Vec::new();
     drawn.volume.for_each_box(|label, view| {
@@ -35,13 +40,14 @@ pub(super) fn prim(drawn: &Drawn<'_>, allowance: &mut Allowance, job: &Job) -> R
         }
     });
     job.check()?;
-    allowance.take(boxes.len() as u64)?;
-    let path = format!("{}/boxes", drawn.path());
+    budget.take_boxes(boxes.len() as u64)?;
+    let path = format!("{}/{}/boxes", super::CONTENTS, drawn.name());
     let prototypes: Vec<Prim<'_>> = drawn
         .materials
         .iter()
+        .zip(materials)
         .enumerate()
-        .map(|(number, (material, color))| cube(number, material, *color))
+        .map(|(number, (material, path))| cube(number, path, material.base_color))
         .collect();
     let targets = prototypes.iter().map(|cube| format!("{path}/prototypes/{}", cube.name)).collect();
     let boxes = Arc::new(boxes);

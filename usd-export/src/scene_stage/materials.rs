@@ -89,7 +89,7 @@ fn name(number: usize) -> String {
 }
 
 fn path(number: usize) -> String {
-    format!("/Contents/Materials/{}", name(number))
+    format!("{}/Materials/{}", super::CONTENTS, name(number))
 }
 
 impl Materials {

@@ -14,89 +14,55 @@
 //! boxes whole, also where they coincide.
 
 mod boxes;
-mod drawn;
 mod materials;
-mod notes;
 mod surface;
 
 use std::sync::Arc;
 
 use pumice_core::{Error, Job};
 use pumice_transport::LoadedScene;
-use pumice_transport::geometry::DetailLevel;
 
+use crate::drawn::Drawn;
+use crate::notes::notes;
 use crate::usd::{Prim, Property, Specifier, Stage, Value, Variant, VariantSet};
-use crate::{Merging, Result};
-use drawn::Drawn;
+use crate::{Budget, ExportOptions, Result};
 use materials::Materials;
 
-/// A form in which volumes are written.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Form {
-    /// Every box, as a scaled cube.
-    Instances,
-    /// The visible surface of the boxes: level of detail 16.
-    Boxes,
-    /// The visible surface of cells of 4³ voxels: level of detail 4.
-    Cells,
-    /// The visible surface of the voxels: exact.
-    Voxels,
-}
+/// The class that holds everything.
+const CONTENTS: &str = "/Contents";
 
-impl Form {
-    /// All forms, from the coarsest on.
-    pub const ALL: [Self; 4] = [Self::Instances, Self::Boxes, Self::Cells, Self::Voxels];
-
-    /// Its name in stages and on the command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Instances => "instances",
-            Self::Boxes => "boxes",
-            Self::Cells => "cells4",
-            Self::Voxels => "voxels",
-        }
-    }
-}
-
-/// What is written of a scene, and how much of it at most.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct StageOptions {
-    /// Forms of the volumes; the first is the one that programs show.
-    pub forms: Vec<Form>,
-    /// Whether neighbouring faces become one.
-    pub merging: Merging,
-    /// Most faces (and boxes of the form `instances`) of all forms together.
-    pub most_faces: u64,
-}
-
-/// The stage of a scene, with the rectangles and boxes that its arrays are made of; and the number of those.
+/// The stage of a scene, with the rectangles and boxes that its arrays are made of, which are taken from `budget`.
 ///
 /// # Errors
-/// [`Error::Caller`] where nothing is asked for or nothing is drawn; [`Error::Limit`] where there are more faces than allowed, as soon as
+/// [`Error::Caller`] where nothing is asked for or nothing is drawn; [`Error::Limit`] where the faces take more than the budget, as soon as
 /// that is found; [`Error::Cancelled`]; errors of the volumes.
 pub fn stage_of_scene(
     scene: &LoadedScene,
-    options: &StageOptions,
+    options: &ExportOptions,
+    budget: &mut Budget,
     job: &Job,
-) -> Result<(Stage<'static>, u64)> {
+) -> Result<Stage<'static>> {
     let Some(shown_first) = options.forms.first() else {
         return Err(Error::Caller("forms: expected one of instances, boxes, cells4, voxels".into()).into());
     };
     let mut materials = Materials::default();
-    let mut allowance = Allowance { most: options.most_faces, taken: 0 };
     let mut volumes = Vec::new();
     for place in 0..scene.volumes().len() {
-        let drawn = Drawn::new(scene, place, &mut materials);
+        let drawn = Drawn::new(scene, place);
+        let of_volume: Vec<String> =
+            drawn.materials.iter().map(|material| materials.path(material)).collect();
         let mut forms = Vec::new();
         for &form in &options.forms {
-            let prim = form_of(form, &drawn, options, &mut allowance, job)?;
+            let prim = match form.level() {
+                None => boxes::prim(&drawn, &of_volume, budget, job)?,
+                Some(level) => surface::prim(&drawn, &of_volume, level, options.merging, budget, job)?,
+            };
             let variant = Variant { name: form.name().into(), children: vec![prim], ..Variant::default() };
             forms.push(variant);
         }
         volumes.push(volume_prim(&drawn, shown_first.name(), forms)?);
     }
-    let found = allowance.taken;
-    if found == 0 {
+    if budget.faces() + budget.boxes() == 0 {
         return Err(Error::Caller("no label of the scene's volumes is shown".into()).into());
     }
     let mut children = vec![materials.into_prim()];
@@ -112,7 +78,7 @@ pub fn stage_of_scene(
         name: "Scene".into(),
         type_name: "Xform",
         kind: "component",
-        payload: Some("/Contents".into()),
+        payload: Some(CONTENTS.into()),
         ..Prim::default()
     };
     let stage = Stage {
@@ -120,44 +86,7 @@ pub fn stage_of_scene(
         documentation: format!("Written by pumice {}", env!("CARGO_PKG_VERSION")),
         prims: vec![root, contents],
     };
-    Ok((stage, found))
-}
-
-fn form_of(
-    form: Form,
-    drawn: &Drawn<'_>,
-    options: &StageOptions,
-    allowance: &mut Allowance,
-    job: &Job,
-) -> Result<Prim<'static>> {
-    let level = match form {
-        Form::Instances => return boxes::prim(drawn, allowance, job),
-        Form::Boxes => DetailLevel::Boxes,
-        Form::Cells => DetailLevel::Cells,
-        Form::Voxels => DetailLevel::Voxels,
-    };
-    surface::prim(drawn, level, options.merging, allowance, job)
-}
-
-/// Faces and boxes that an export may have, and has.
-struct Allowance {
-    most: u64,
-    taken: u64,
-}
-
-impl Allowance {
-    /// Takes `count` of them.
-    ///
-    /// # Errors
-    /// [`Error::Limit`] where they are more than allowed.
-    fn take(&mut self, count: u64) -> Result<()> {
-        self.taken += count;
-        if self.taken <= self.most {
-            return Ok(());
-        }
-        let what = "faces and boxes of this export, counted so far".into();
-        Err(Error::Limit { what, limit: self.most, got: self.taken }.into())
-    }
+    Ok(stage)
 }
 
 fn volume_prim(drawn: &Drawn<'_>, selected: &str, variants: Vec<Variant<'static>>) -> Result<Prim<'static>> {
@@ -173,7 +102,9 @@ fn volume_prim(drawn: &Drawn<'_>, selected: &str, variants: Vec<Variant<'static>
         Property::new("xformOp:transform", "matrix4d", Value::Matrix4(rows)),
         Property::uniform("xformOpOrder", "token[]", Value::Tokens(vec!["xformOp:transform".into()])),
     ];
-    properties.extend(notes::properties(drawn)?);
+    properties.extend(notes(drawn)?.into_iter().map(|(name, text)| {
+        Property::custom(format!("userProperties:{name}"), "string", Value::String(text))
+    }));
     Ok(Prim {
         name: drawn.name(),
         type_name: "Xform",

@@ -6,10 +6,11 @@ use std::sync::Arc;
 use pumice_core::{Error, Job};
 use pumice_transport::geometry::DetailLevel;
 
-use super::drawn::Drawn;
-use super::{Allowance, Shared};
+use super::Shared;
+use crate::drawn::Drawn;
+use crate::labelled_surface::LabelledSurface;
 use crate::usd::{Array, ArrayElement, Prim, Property, Value};
-use crate::{Merging, Rectangle, Result, for_each_surface_block};
+use crate::{Budget, Merging, Rectangle, Result};
 
 /// Elements that are produced at a time.
 const PIECE: usize = 4096;
@@ -31,26 +32,20 @@ fn normal_of(rectangle: &Rectangle) -> i32 {
 /// As [`super::stage_of_scene`].
 pub(super) fn prim(
     drawn: &Drawn<'_>,
+    materials: &[String],
     level: DetailLevel,
     merging: Merging,
-    allowance: &mut Allowance,
+    budget: &mut Budget,
     job: &Job,
 ) -> Result<Prim<'static>> {
-    let mut found = Vec::new();
-    for_each_surface_block(drawn.volume, &drawn.visible, level, merging, job, |block| {
-        allowance.take(block.len() as u64)?;
-        found.extend_from_slice(block);
-        Ok(())
-    })?;
-    indexable(found.len() as u64)?;
-    let (rectangles, of_material) = sorted_by_material(found, drawn);
-    let subsets =
-        of_material.iter().zip(&drawn.materials).enumerate().filter(|(_, (faces, _))| !faces.is_empty());
-    let children = subsets.map(|(number, (faces, (material, _)))| subset(number, faces, material)).collect();
+    let surface = LabelledSurface::new(drawn, level, merging, budget, job)?;
+    indexable(surface.rectangles.len() as u64)?;
+    let subsets = surface.of_material.iter().zip(materials).enumerate().filter(|(_, (f, _))| !f.is_empty());
+    let children = subsets.map(|(number, (faces, material))| subset(number, faces, material)).collect();
     Ok(Prim {
         name: "surface".into(),
         type_name: "Mesh",
-        properties: properties(&Arc::new(rectangles), drawn, of_material),
+        properties: properties(surface, drawn),
         children,
         ..Prim::default()
     })
@@ -61,25 +56,6 @@ fn indexable(faces: u64) -> Result<()> {
         return Ok(());
     }
     Err(Error::Limit { what: "faces of a mesh in a USD file".into(), limit: MOST_FACES, got: faces }.into())
-}
-
-/// The rectangles by material, otherwise in their order; and the places of each material's.
-fn sorted_by_material(found: Vec<Rectangle>, drawn: &Drawn<'_>) -> (Vec<Rectangle>, Vec<Range<u32>>) {
-    let material = |r: &Rectangle| drawn.material_of[r.label as usize] as usize;
-    let mut counts = vec![0u32; drawn.materials.len()];
-    found.iter().for_each(|r| counts[material(r)] += 1);
-    let mut start = 0;
-    let ranges: Vec<Range<u32>> = counts
-        .iter()
-        .map(|count| {
-            let range = start..start + count;
-            start = range.end;
-            range
-        })
-        .collect();
-    let mut rectangles = found;
-    rectangles.sort_by_key(material);
-    (rectangles, ranges)
 }
 
 fn subset(number: usize, faces: &Range<u32>, material: &str) -> Prim<'static> {
@@ -122,12 +98,11 @@ fn array<T: ArrayElement>(
     }))
 }
 
-fn properties(
-    rectangles: &Shared<Rectangle>,
-    drawn: &Drawn<'_>,
-    of_material: Vec<Range<u32>>,
-) -> Vec<Property<'static>> {
-    let colors = drawn.materials.iter().map(|(_, color)| *color).collect::<Vec<_>>();
+fn properties(surface: LabelledSurface, drawn: &Drawn<'_>) -> Vec<Property<'static>> {
+    let extent = surface.bounds().map(|corner| corner.map(|c| c as f32)).to_vec();
+    let LabelledSurface { rectangles, of_material } = surface;
+    let rectangles = &Arc::new(rectangles);
+    let colors: Vec<[f32; 3]> = drawn.materials.iter().map(|material| material.base_color).collect();
     let color_of = Array::new(rectangles.len() as u64, move |sink| {
         for (number, faces) in (0..).zip(&of_material) {
             vec![number; faces.len()].chunks(PIECE).try_for_each(&mut *sink)?;
@@ -136,7 +111,7 @@ fn properties(
     });
     let position = |corner: [u32; 3]| corner.map(|c| c as f32);
     vec![
-        Property::new("extent", "float3[]", Value::Array(Array::of(extent(rectangles)))),
+        Property::new("extent", "float3[]", Value::Array(Array::of(extent))),
         Property::new("faceVertexCounts", "int[]", array(rectangles, 1, |_, _, out| out.push(4))),
         Property::new(
             "faceVertexIndices",
@@ -166,16 +141,6 @@ fn properties(
         // Every face is of one subset.
         Property::uniform("subsetFamily:materialBind:familyType", "token", Value::Token("partition".into())),
     ]
-}
-
-/// Lowest and highest corner.
-fn extent(rectangles: &[Rectangle]) -> Vec<[f32; 3]> {
-    let corners = rectangles.iter().flat_map(Rectangle::corners);
-    let bounds = corners.fold(None, |bounds: Option<[[u32; 3]; 2]>, corner| {
-        let [low, high] = bounds.unwrap_or([corner; 2]);
-        Some([[0, 1, 2].map(|a| low[a].min(corner[a])), [0, 1, 2].map(|a| high[a].max(corner[a]))])
-    });
-    bounds.unwrap_or_default().map(|corner| corner.map(|c| c as f32)).to_vec()
 }
 
 #[cfg(test)]

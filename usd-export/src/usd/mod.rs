@@ -11,7 +11,6 @@
 //! Both say the same: Pixar's library reads equal layers from them (`tests/python/test_usd_stages.py`).
 
 mod crate_file;
-mod file;
 mod identifier;
 mod integers;
 mod stage;
@@ -19,7 +18,6 @@ mod text;
 mod value;
 
 pub use crate_file::write_usdc;
-pub use file::{ENDINGS, check_name, write_stage};
 pub use identifier::{identifier, text_of_identifier};
 pub use stage::{Attribute, Content, Prim, Property, Specifier, Stage, Variant, VariantSet};
 pub use text::write_usda;

@@ -1,30 +1,27 @@
 //! One instance of a scene: what is drawn of its volume, and the material of each label.
 
 use pumice_core::CompressedVolume;
-use pumice_scene::Instance;
+use pumice_scene::{Instance, Material};
 use pumice_transport::{LoadedScene, MaterialTable};
 
-use super::materials::Materials;
-
 /// An instance with what an export asks of it.
-pub(super) struct Drawn<'a> {
-    pub(super) instance: &'a Instance,
-    pub(super) volume: &'a CompressedVolume,
+pub(crate) struct Drawn<'a> {
+    pub(crate) instance: &'a Instance,
+    pub(crate) volume: &'a CompressedVolume,
     /// Whether each label is drawn, by dense index.
-    pub(super) visible: Vec<bool>,
-    /// Path of the material of each label that is drawn, and its base colour, in the order of `material_of`.
-    pub(super) materials: Vec<(String, [f32; 3])>,
+    pub(crate) visible: Vec<bool>,
+    /// Materials of the labels that are drawn, in the order of their first labels.
+    pub(crate) materials: Vec<Material>,
     /// Place in `materials` of each label's, by dense index; those of hidden labels mean nothing.
-    pub(super) material_of: Vec<u32>,
+    pub(crate) material_of: Vec<u32>,
 }
 
 impl<'a> Drawn<'a> {
-    /// Instance number `place` of a scene. Adds the materials that it uses.
-    pub(super) fn new(scene: &'a LoadedScene, place: usize, all: &mut Materials) -> Self {
+    /// Instance number `place` of a scene.
+    pub(crate) fn new(scene: &'a LoadedScene, place: usize) -> Self {
         let (instance, volume) = (&scene.scene().instances[place], &scene.volumes()[place]);
         let (visible, labels) = (scene.visible(place), volume.labels());
         let table = MaterialTable::new(&instance.style, labels.ids(), labels.contacts().iter(), &visible);
-        // Only materials that some label uses, in the order of their first labels.
         let mut place_of = vec![None; table.materials().len()];
         let (mut materials, mut material_of) = (Vec::new(), Vec::with_capacity(visible.len()));
         for (label, is_visible) in (0u32..).zip(&visible) {
@@ -32,8 +29,7 @@ impl<'a> Drawn<'a> {
             let place = match place_of[of_table] {
                 Some(place) => place,
                 None if *is_visible => {
-                    let material = &table.materials()[of_table];
-                    materials.push((all.path(material), material.base_color));
+                    materials.push(table.materials()[of_table]);
                     let place = materials.len() as u32 - 1;
                     place_of[of_table] = Some(place);
                     place
@@ -45,13 +41,8 @@ impl<'a> Drawn<'a> {
         Self { instance, volume, visible, materials, material_of }
     }
 
-    /// Name of its prim.
-    pub(super) fn name(&self) -> String {
+    /// The name of its node: letters, digits and an underscore.
+    pub(crate) fn name(&self) -> String {
         format!("volume_{}", self.instance.id)
-    }
-
-    /// Path of its prim within the class that holds everything.
-    pub(super) fn path(&self) -> String {
-        format!("/Contents/{}", self.name())
     }
 }

@@ -1,16 +1,19 @@
-//! What a volume's prim says of its labels and its source, under `userProperties:`, where Blender keeps it as custom properties.
+//! What a file says of a volume beside its shape: names and values that are the same in every format.
 //!
 //! Lists are JSON text, because importers drop arrays of texts: `labels` has `[id, name, type]` by dense index, the number that the faces of
-//! surfaces carry as primvar `label`; name and type are null where a label has none.
+//! surfaces carry as `label`; name and type are null where a label has none.
 
 use pumice_core::Error;
 use serde_json::{Value as Json, json};
 
-use super::drawn::Drawn;
 use crate::Result;
-use crate::usd::{Property, Value};
+use crate::drawn::Drawn;
 
-pub(super) fn properties(drawn: &Drawn<'_>) -> Result<Vec<Property<'static>>> {
+/// The notes of a volume, as names and texts.
+///
+/// # Errors
+/// None that a valid volume gives.
+pub(crate) fn notes(drawn: &Drawn<'_>) -> Result<Vec<(&'static str, String)>> {
     let (volume, table) = (drawn.volume, drawn.volume.labels());
     let labels: Vec<Json> = (0u32..)
         .zip(table.ids())
@@ -24,14 +27,11 @@ pub(super) fn properties(drawn: &Drawn<'_>) -> Result<Vec<Property<'static>>> {
     let labels = serde_json::to_string(&labels).map_err(as_json)?;
     let unit = serde_json::to_value(volume.info().unit).map_err(as_json)?;
     let [x, y, z] = volume.info().spacing();
-    let text = |name: &str, text: String| {
-        Property::custom(format!("userProperties:{name}"), "string", Value::String(text))
-    };
     Ok(vec![
-        text("labels", labels),
-        text("data_hash", format!("{:032x}", volume.content_hash())),
-        text("source", drawn.instance.source.display().to_string()),
-        text("spacing", format!("[{x}, {y}, {z}]")),
-        text("unit", unit.as_str().unwrap_or_default().to_owned()),
+        ("labels", labels),
+        ("data_hash", format!("{:032x}", volume.content_hash())),
+        ("source", drawn.instance.source.display().to_string()),
+        ("spacing", format!("[{x}, {y}, {z}]")),
+        ("unit", unit.as_str().unwrap_or_default().to_owned()),
     ])
 }
