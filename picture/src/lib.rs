@@ -3,9 +3,11 @@
 //! ```text
 //! film ──► passes, variance ──► Picture ──► EXR (with Cryptomatte and provenance), PNG (through a view transform)
 //!                                  └─────► metrics: relMSE, PSNR, SSIM, FLIP, a statistical test
+//! pictures of several seeds, of two renderers ──► agreement: do they converge to the same picture
 //! ```
 #![forbid(unsafe_code)]
 
+pub mod agreement;
 pub mod cryptomatte;
 pub mod exr_file;
 mod exr_header;

@@ -23,7 +23,7 @@ pub mod psnr;
 pub mod rel_mse;
 pub mod significance;
 pub mod ssim;
-mod student_t;
+pub(crate) mod student_t;
 
 pub use compare::{CompareError, Comparison, compare};
 pub use error_map::error_map;

@@ -8,14 +8,39 @@ const MOST_DEGREES: f64 = 1e6;
 
 /// Probability that |t| is at least `t` with `degrees` of freedom (infinite means the normal distribution); NaN where `degrees` is
 /// not above 0.
-pub(super) fn two_sided_tail(t: f64, degrees: f64) -> f64 {
+pub(crate) fn two_sided_tail(t: f64, degrees: f64) -> f64 {
     let degrees = if degrees > MOST_DEGREES { f64::INFINITY } else { degrees };
     StudentsT::new(0.0, 1.0, degrees).map_or(f64::NAN, |distribution| 2.0 * distribution.sf(t.abs()))
+}
+
+/// The value that |t| exceeds with `probability`, with `degrees` of freedom: [`two_sided_tail`] solved by bisection. Half a unit of the
+/// last of 15 digits is not worth more here.
+pub(crate) fn two_sided_quantile(probability: f64, degrees: f64) -> f64 {
+    let (mut low, mut high) = (0.0, 1.0);
+    while two_sided_tail(high, degrees) > probability && high < f64::MAX / 2.0 {
+        (low, high) = (high, 2.0 * high);
+    }
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if two_sided_tail(middle, degrees) > probability { low = middle } else { high = middle }
+    }
+    high
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn quantiles_undo_tails() {
+        for degrees in [1.0, 2.5, 7.0, 30.125, f64::INFINITY] {
+            for probability in [0.5, 0.01, 1e-6, 1e-9] {
+                let tail = two_sided_tail(two_sided_quantile(probability, degrees), degrees);
+                // The incomplete beta function is good to some 1e-12, relative to a tail of 1e-9 to 1e-3 of that.
+                assert!((tail / probability - 1.0).abs() < 1e-3, "{degrees} {probability}: {tail}");
+            }
+        }
+    }
 
     /// Percentage points that tables of the t distribution print with three decimals, two-sided 5 % and 1 %.
     #[test]

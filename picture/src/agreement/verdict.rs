@@ -1,0 +1,187 @@
+//! The verdict on two sets of pictures.
+
+use serde::Serialize;
+
+use super::TILE_PIXELS;
+use super::chance::chance_interval;
+use super::intervals::{Interval, Intervals, Standing, single_level};
+use super::picture_set::{Moment, PictureSet, SetStatistics};
+
+/// Probability that some interval does not hold the true difference, over all looks together.
+pub const LEVEL: f64 = 0.01;
+/// Margin of a tile: a share of the larger of the tile's and the picture's mean.
+const TILE_MARGIN: f64 = 0.01;
+/// Margin of the picture's mean: a share of it.
+const MEAN_MARGIN: f64 = 0.002;
+/// Share of the covered pixels that may be masked.
+const MOST_MASKED: f64 = 0.02;
+
+/// The answer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// Every difference is negligible.
+    Agrees,
+    /// A difference is larger than its margin.
+    Differs,
+    /// The pictures are too few or too noisy, or too much is masked.
+    CannotTell,
+}
+
+/// The test of equality: what it finds where both renderers must agree exactly.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Equality {
+    /// Sum of squared differences over what noise alone explains: 1 on average where both agree.
+    pub ratio: f64,
+    /// Middle 99 % of the ratio by chance; `None` with fewer than four pictures of a renderer.
+    pub ratio_by_chance: Option<[f64; 2]>,
+    /// Tiles and channels tested.
+    pub tests: usize,
+    /// Tiles and channels whose p-value is below Šidák's bound at 1 %.
+    pub rejected: usize,
+    /// The smallest p-value.
+    pub smallest_p: f64,
+    /// Largest difference of the means over a channel, in its standard errors.
+    pub mean_in_standard_errors: f64,
+}
+
+/// What the pictures say. Tiles are row by row, intervals by channel.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Agreement {
+    /// The answer.
+    pub verdict: Verdict,
+    /// Probability that some of the intervals misses.
+    pub level: f64,
+    /// Pictures of ours and theirs.
+    pub pictures: [usize; 2],
+    /// Tiles across and down.
+    pub tiles_across_and_down: [usize; 2],
+    /// The differences of the tiles; all of a tile without pixels are 0.
+    #[serde(skip)]
+    pub tiles: Vec<[Interval; 3]>,
+    /// The differences of the picture's mean.
+    pub mean: [Interval; 3],
+    /// The mean of theirs over channels and pixels: what shares of the picture are taken of.
+    pub scale: f64,
+    /// Masked pixels among the covered ones, as a share.
+    pub masked: f64,
+    /// Tiles and channels, by where they stand: within, open, outside.
+    pub standing: [usize; 3],
+    /// The largest difference of a tile that is proven, as a share of what its margin is a share of; with the tile's upper left pixel.
+    pub proven_in_tile: Option<(f64, [usize; 2])>,
+    /// The largest proven difference of the mean of a channel, as a share of the picture's mean.
+    pub proven_in_mean: Option<f64>,
+    /// The test of equality.
+    pub equality: Equality,
+    /// Pixels that were left out, row by row.
+    #[serde(skip)]
+    pub mask: Vec<bool>,
+}
+
+/// The level of look number `look`, counted from 0, of whoever looks again when there are more pictures: half of what is left, so that all
+/// looks together have [`LEVEL`].
+pub fn level_of_look(look: u32) -> f64 {
+    LEVEL * 0.5f64.powi(look as i32 + 1)
+}
+
+/// Judges our pictures against theirs. `covered` marks the pixels that show a surface; `level` is the probability that some interval
+/// misses. Pixels that are not finite in some picture are masked.
+///
+/// # Panics
+/// When the sets are of different sizes, or `covered` has another length.
+pub fn judge(ours: &PictureSet, theirs: &PictureSet, covered: &[bool], level: f64) -> Agreement {
+    let [width, height] = ours.size();
+    assert_eq!(ours.size(), theirs.size());
+    assert_eq!(covered.len(), width * height);
+    let mut mask = vec![false; width * height];
+    ours.mark_not_finite(&mut mask);
+    theirs.mark_not_finite(&mut mask);
+    let covered_pixels = covered.iter().filter(|c| **c).count();
+    let masked_pixels = covered.iter().zip(&mask).filter(|(c, m)| **c && **m).count();
+    let masked = if covered_pixels == 0 { 0.0 } else { masked_pixels as f64 / covered_pixels as f64 };
+
+    // Intervals of all tiles, and of the mean.
+    let (a, b) = (ours.statistics(&mask), theirs.statistics(&mask));
+    let mean_of = |moments: &[Moment; 3]| moments.iter().map(|m| m.mean().abs()).sum::<f64>() / 3.0;
+    let scale = mean_of(&b.of_whole.0);
+    let mut intervals = Intervals::new(level, 3 * a.of_tiles.len() + 3);
+    let mut differences = |x: &[Moment; 3], y: &[Moment; 3], margin: &dyn Fn(usize) -> f64| {
+        [0, 1, 2].map(|c| intervals.of([(&x[c], a.n), (&y[c], b.n)], margin(c)))
+    };
+    let mean = differences(&a.of_whole.0, &b.of_whole.0, &|_| MEAN_MARGIN * scale);
+    let tiles: Vec<[Interval; 3]> = a
+        .of_tiles
+        .iter()
+        .zip(&b.of_tiles)
+        .map(|(x, y)| differences(&x.0, &y.0, &|c| TILE_MARGIN * scale.max(y.0[c].mean().abs())))
+        .collect();
+
+    // The verdict: of intervals that exist.
+    let judged = || tiles.iter().zip(&a.left).filter(|(_, left)| **left > 0).flat_map(|(tile, _)| tile);
+    let count = |standing| judged().filter(|i| i.standing() == standing).count();
+    let standing = [Standing::Within, Standing::Open, Standing::Outside].map(count);
+    let is_mean = |standing| mean.iter().any(|i| i.standing() == standing);
+    let is_open = standing[1] > 0 || is_mean(Standing::Open) || masked > MOST_MASKED || scale == 0.0;
+    let verdict = if standing[2] > 0 || is_mean(Standing::Outside) {
+        Verdict::Differs
+    } else if is_open {
+        Verdict::CannotTell
+    } else {
+        Verdict::Agrees
+    };
+
+    let across = width.div_ceil(TILE_PIXELS);
+    let proven = |i: &Interval| i.is_proven().then(|| i.difference / i.margin);
+    let proven_in_tile = tiles
+        .iter()
+        .enumerate()
+        .flat_map(|(n, tile)| tile.iter().filter_map(proven).map(move |share| (share, n)))
+        .max_by(|x, y| x.0.abs().total_cmp(&y.0.abs()))
+        .map(|(share, n)| (share * TILE_MARGIN, [n % across, n / across].map(|t| t * TILE_PIXELS)));
+    let proven_in_mean =
+        mean.iter().filter_map(proven).max_by(|x, y| x.abs().total_cmp(&y.abs())).map(|s| s * MEAN_MARGIN);
+    let equality = equality([ours, theirs], [&a, &b], &tiles, &mean, &mask);
+    Agreement {
+        verdict,
+        level,
+        pictures: [a.n, b.n],
+        tiles_across_and_down: [across, height.div_ceil(TILE_PIXELS)],
+        tiles,
+        mean,
+        scale,
+        masked,
+        standing,
+        proven_in_tile,
+        proven_in_mean,
+        equality,
+        mask,
+    }
+}
+
+fn equality(
+    sets: [&PictureSet; 2],
+    [a, b]: [&SetStatistics; 2],
+    tiles: &[[Interval; 3]],
+    mean: &[Interval; 3],
+    mask: &[bool],
+) -> Equality {
+    let (mut squares, mut noise) = (0.0, 0.0);
+    for (_, (x, y)) in mask.iter().zip(a.of_pixels.iter().zip(&b.of_pixels)).filter(|(masked, _)| !**masked) {
+        for (x, y) in x.iter().zip(y) {
+            squares += (x.mean() - y.mean()).powi(2);
+            noise += x.variance_of_mean() + y.variance_of_mean();
+        }
+    }
+    let tests = 3 * a.left.iter().filter(|left| **left > 0).count();
+    let bound = single_level(LEVEL, tests);
+    let p_values =
+        || tiles.iter().zip(&a.left).filter(|(_, left)| **left > 0).flat_map(|(t, _)| t).map(|i| i.p);
+    Equality {
+        ratio: if noise > 0.0 { squares / noise } else { 0.0 },
+        ratio_by_chance: chance_interval(sets, mask, LEVEL),
+        tests,
+        rejected: p_values().filter(|&p| p < bound).count(),
+        smallest_p: p_values().fold(1.0, f64::min),
+        mean_in_standard_errors: mean.iter().map(|i| i.t.abs()).fold(0.0, f64::max),
+    }
+}
