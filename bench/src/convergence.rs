@@ -23,13 +23,14 @@ use pumice_formats::OpenOptions;
 use pumice_picture::Image;
 use pumice_picture::metrics::compare;
 use pumice_scene::{Material, Scene};
-use pumice_session::cycles::{CyclesRun, render_with_cycles};
+use pumice_session::cycles::{Cycles, CyclesPicture};
 use pumice_session::error::{Result, SessionError};
 use pumice_session::figure::{FigureOptions, compose};
 use pumice_session::measure::peak_rss_bytes;
 use pumice_session::progressive::{Stop, render_until};
 use pumice_session::selection::select_labels;
 use pumice_session::{Residence, make_renderer, open_volume};
+use pumice_transport::geometry::DetailLevel;
 use pumice_transport::{LoadedScene, Renderer};
 use serde::Serialize;
 
@@ -190,9 +191,12 @@ pub fn measure_convergence(
     if let Some(python) = &options.cycles {
         watch("Cycles: send, build, render");
         let asked: Vec<(u64, u32)> = WARM_UP.into_iter().chain(schedule(options)).collect();
-        let run = render_with_cycles(python, &scene, std::slice::from_ref(&volume), &asked, job)?;
-        faces = run.faces;
-        all.push(drawn_by_cycles(run, options)?);
+        let loaded = LoadedScene::new(scene, vec![volume], vec![])?;
+        let mut cycles = Cycles::start(python, &loaded, DetailLevel::Voxels, job)?;
+        let pictures: Vec<CyclesPicture> =
+            asked.into_iter().map(|(seed, spp)| cycles.picture(seed, spp, job)).collect::<Result<_>>()?;
+        faces = cycles.faces() as usize;
+        all.push(drawn_by_cycles(&cycles, pictures, options)?);
     }
     watch("compare");
     judged(options, faces, &all, job)
@@ -230,8 +234,13 @@ fn drawn_by_us(
 }
 
 /// The pictures by Cycles; the extra time of its first picture over the second counts as preparation (see [`WARM_UP`]).
-fn drawn_by_cycles(run: CyclesRun, options: &ConvergenceOptions) -> Result<Drawn> {
-    let mut pictures = run.pictures.into_iter().map(|p| Shot {
+fn drawn_by_cycles(
+    cycles: &Cycles,
+    pictures: Vec<CyclesPicture>,
+    options: &ConvergenceOptions,
+) -> Result<Drawn> {
+    let peak_bytes = pictures.last().map(|p| p.peak_bytes);
+    let mut pictures = pictures.into_iter().map(|p| Shot {
         spp: p.spp,
         took: Took { seconds: p.took.seconds, cpu_seconds: p.took.cpu_seconds },
         picture: p.picture,
@@ -241,13 +250,13 @@ fn drawn_by_cycles(run: CyclesRun, options: &ConvergenceOptions) -> Result<Drawn
     };
     let preparation = Preparation {
         took: Took {
-            seconds: run.built.seconds + first.took.seconds - second.took.seconds,
-            cpu_seconds: run.built.cpu_seconds + first.took.cpu_seconds - second.took.cpu_seconds,
+            seconds: cycles.built().seconds + first.took.seconds - second.took.seconds,
+            cpu_seconds: cycles.built().cpu_seconds + first.took.cpu_seconds - second.took.cpu_seconds,
         },
-        peak_bytes: Some(run.peak_bytes),
-        base_bytes: Some(run.bytes_before),
+        peak_bytes,
+        base_bytes: Some(cycles.bytes_before()),
     };
-    let name = format!("Cycles in Blender {}", run.blender);
+    let name = format!("Cycles in Blender {}", cycles.blender());
     Ok(Drawn::new(name, preparation, pictures.collect(), options))
 }
 

@@ -1,26 +1,30 @@
-//! Renders a scene of Pumice with Blender's path tracer Cycles, for comparison. The scene goes out as JSON with its voxel faces as
-//! `.npy`, to a Python that has Blender as the module `bpy`; the pictures come back as `.npy`.
+//! Renders a scene of Pumice with Blender's path tracer Cycles, for comparison. The scene goes out as JSON with the surface that Pumice
+//! draws as `.npy`, to a Python that has Blender as the module `bpy`, or to the program Blender; the pictures come back as `.npy`.
 //!
 //! ```text
-//! scene, volumes ─► job.json, vertices.npy, quads.npy, materials.npy ─► python scene_in_cycles.py job.json ─► pictures.npy, report.json
+//! LoadedScene ─► job.json, vertices.npy, quads.npy, materials.npy ─► scene_in_cycles.py: builds the scene, keeps it
+//!                {seed, spp} on standard input                    ─► one picture.npy and its report, as often as asked
 //! ```
 //! `cycles/scene_in_cycles.py` is the only translation of a scene into Blender's; the Cycles ladder (`tests/cycles_ladder`) runs it too,
 //! on meshes that it makes itself.
 
-use std::path::Path;
-use std::sync::Arc;
+use std::io::Write;
+use std::path::{Path, PathBuf};
 
-use pumice_core::{CompressedVolume, Job};
-use pumice_export::{Corners, Interfaces, QuadMesh};
+use glam::DVec3;
+use pumice_core::{Job, MeshData, octahedral};
+use pumice_export::{Merging, Rectangle, for_each_surface_block};
 use pumice_picture::Image;
-use pumice_scene::{Instance, Scene};
-use pumice_transport::material_table::MaterialTable;
+use pumice_transport::geometry::DetailLevel;
+use pumice_transport::{LoadedScene, MaterialTable};
 use serde::Deserialize;
+use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
+use tempfile::TempDir;
 
 use crate::error::{Result, SessionError, io};
-use crate::npy::{read_npy_f32, write_npy};
-use crate::script::run_script;
+use crate::npy::{read_npy_f32, write_npy_with};
+use crate::script::{Script, is_blender_program};
 
 /// The script that translates the scene and renders it, inside Blender.
 const SCRIPT: &str = include_str!("cycles/scene_in_cycles.py");
@@ -41,138 +45,234 @@ pub struct CyclesPicture {
     pub spp: u32,
     /// Seconds of the render call.
     pub took: Seconds,
-    /// Scene-linear colours.
+    /// Scene-linear colours; on a transparent film laid over white.
     pub picture: Image,
-}
-
-/// The results of one run of Blender.
-#[derive(Clone, Debug)]
-pub struct CyclesRun {
-    /// Version of Blender.
-    pub blender: String,
-    /// Number of voxel faces of all instances, as quads.
-    pub faces: usize,
-    /// Seconds that the translation of the scene took.
-    pub built: Seconds,
-    /// Pictures in the order of the requests.
-    pub pictures: Vec<CyclesPicture>,
-    /// Resident set of the process before the scene was built, in bytes.
-    pub bytes_before: u64,
-    /// Largest resident set of the process, in bytes.
+    /// Largest resident set of the process so far, in bytes.
     pub peak_bytes: u64,
 }
 
-#[derive(Deserialize)]
-struct Report {
+/// What Blender says once the scene is built.
+#[derive(Clone, Debug, Deserialize)]
+struct Built {
     blender: String,
     built: Seconds,
-    renders: Vec<Seconds>,
     bytes_before: u64,
+}
+
+#[derive(Deserialize)]
+struct Row {
+    seconds: f64,
+    cpu_seconds: f64,
     peak_bytes: u64,
 }
 
-/// Renders a scene with Cycles, once for each pair of seed and samples per pixel, in one process of `python`. `volumes` has one volume
-/// for each instance.
-///
-/// # Errors
-/// When the scene has triangle meshes or cuts, which are not translated; errors of the interpreter, the script or the system;
-/// [`pumice_core::Error::Cancelled`] when `job` is cancelled, which ends the process.
-pub fn render_with_cycles(
-    python: &Path,
-    scene: &Scene,
-    volumes: &[Arc<CompressedVolume>],
-    renders: &[(u64, u32)],
-    job: &Job,
-) -> Result<CyclesRun> {
-    for (what, is_there) in [("meshes", !scene.meshes.is_empty()), ("cuts", !scene.cuts.is_empty())] {
-        if is_there {
-            return Err(SessionError::Caller(format!("{what}: Cycles gets only volumes without cuts here")));
-        }
-    }
-    let folder = tempfile::tempdir().map_err(io(std::env::temp_dir()))?;
-    let path = |name: &str| folder.path().join(name);
-
-    // Write the voxel faces of each instance.
-    let mut faces = 0;
-    let mut instances = Vec::new();
-    for (number, (instance, volume)) in scene.instances.iter().zip(volumes).enumerate() {
-        let (count, fields) = write_faces(folder.path(), number, instance, volume, job)?;
-        faces += count;
-        instances.push(fields);
-    }
-
-    // Write the job: scene, meshes and requested pictures.
-    let asked = json!({
-        "scene": scene,
-        "instances": instances,
-        "renders": renders.iter().map(|&(seed, spp)| json!({ "seed": cycles_seed(seed), "spp": spp })).collect::<Vec<_>>(),
-        "pictures": path("pictures.npy"),
-        "report": path("report.json"),
-    });
-    std::fs::write(path("job.json"), asked.to_string()).map_err(io(path("job.json")))?;
-    std::fs::write(path("scene_in_cycles.py"), SCRIPT).map_err(io(path("scene_in_cycles.py")))?;
-    run_script("Cycles", python, &path("scene_in_cycles.py"), &path("job.json"), &path("said.txt"), job)?;
-
-    // Read the report and the pictures.
-    let report = std::fs::read(path("report.json")).map_err(io(path("report.json")))?;
-    let report: Report = serde_json::from_slice(&report)
-        .map_err(|e| SessionError::Caller(format!("the report of Cycles: {e}")))?;
-    if report.renders.len() != renders.len() {
-        return Err(SessionError::Caller(format!(
-            "expected {} pictures of Cycles, got {}",
-            renders.len(),
-            report.renders.len()
-        )));
-    }
-    let [width, height] = [scene.film.width, scene.film.height].map(|n| n as usize);
-    let values = read_npy_f32(&path("pictures.npy"), renders.len() * width * height * 3)?;
-    let images = values
-        .chunks_exact(width * height * 3)
-        .map(|v| Image::new(width, height, v.chunks_exact(3).map(|p| [p[0], p[1], p[2]]).collect()));
-    let pictures = renders
-        .iter()
-        .zip(&report.renders)
-        .zip(images)
-        .map(|((&(_, spp), &took), picture)| CyclesPicture { spp, took, picture });
-    Ok(CyclesRun {
-        blender: report.blender,
-        faces,
-        built: report.built,
-        pictures: pictures.collect(),
-        bytes_before: report.bytes_before,
-        peak_bytes: report.peak_bytes,
-    })
+/// A process of Blender that holds a scene.
+#[derive(Debug)]
+pub struct Cycles {
+    script: Script,
+    folder: TempDir,
+    size: [usize; 2],
+    channels: usize,
+    faces: u64,
+    drawn: usize,
+    built: Built,
 }
 
-/// Writes the faces of the labels that an instance shows; returns their number and the instance's entry in the job.
-fn write_faces(
+impl Cycles {
+    /// Starts Blender and builds the scene in it, with the surfaces that are drawn at `level`, a quad for each face. `blender` is a Python
+    /// that has `bpy`, or a program of Blender.
+    ///
+    /// # Errors
+    /// When the scene has something that Cycles has not, or cuts, which are not translated; errors of the interpreter, the script or the
+    /// system; [`pumice_core::Error::Cancelled`] when `job` is cancelled, which ends the process.
+    pub fn start(blender: &Path, loaded: &LoadedScene, level: DetailLevel, job: &Job) -> Result<Self> {
+        let scene = loaded.scene();
+        if !scene.cuts.is_empty() {
+            return Err(SessionError::Caller("cuts: Cycles gets only volumes without cuts here".into()));
+        }
+        let folder = tempfile::tempdir().map_err(io(std::env::temp_dir()))?;
+        let path = |name: &str| folder.path().join(name);
+
+        // Write the surface of each instance, and each mesh.
+        let mut faces = 0;
+        let mut instances = Vec::new();
+        for place in 0..loaded.volumes().len() {
+            let (count, fields) = write_surface(folder.path(), loaded, place, level, job)?;
+            faces += count;
+            instances.push(fields);
+        }
+        let meshes: Vec<Value> = scene
+            .meshes
+            .iter()
+            .zip(loaded.meshes())
+            .enumerate()
+            .map(|(place, (mesh, data))| write_mesh(folder.path(), place, data, &mesh.materials))
+            .collect::<Result<_>>()?;
+
+        // Start the script, and wait until it has built the scene.
+        let asked =
+            json!({ "scene": scene, "instances": instances, "meshes": meshes, "report": path("built.json") });
+        std::fs::write(path("job.json"), asked.to_string()).map_err(io(path("job.json")))?;
+        std::fs::write(path("scene_in_cycles.py"), SCRIPT).map_err(io(path("scene_in_cycles.py")))?;
+        let mut script = Script::start(
+            "Cycles",
+            blender,
+            is_blender_program(blender)?,
+            [&path("scene_in_cycles.py"), &path("job.json")],
+            &path("said.txt"),
+        )?;
+        let built = answer(&mut script, &path("built.json"), job)?;
+        let shadow = scene.film.passes.has(pumice_picture::Pass::ShadowCatcher);
+        let channels = match (scene.film.transparent, shadow) {
+            (_, true) => 7,
+            (true, false) => 4,
+            (false, false) => 3,
+        };
+        let size = [scene.film.width, scene.film.height].map(|n| n as usize);
+        Ok(Self { script, folder, size, channels, faces, drawn: 0, built })
+    }
+
+    /// Renders a picture.
+    ///
+    /// # Errors
+    /// As [`Cycles::start`].
+    pub fn picture(&mut self, seed: u64, spp: u32, job: &Job) -> Result<CyclesPicture> {
+        self.drawn += 1;
+        let path = |name: &str| self.folder.path().join(format!("{name}-{}", self.drawn));
+        let [picture, report] = [path("picture").with_extension("npy"), path("report")];
+        let asked = json!({ "seed": cycles_seed(seed), "spp": spp, "picture": picture, "report": report });
+        self.script.say(&asked.to_string())?;
+        let row: Row = answer(&mut self.script, &report, job)?;
+        let [width, height] = self.size;
+        let values = read_npy_f32(&picture, width * height * self.channels)?;
+        std::fs::remove_file(&picture).map_err(io(&picture))?;
+        let pixels = values.chunks_exact(self.channels).map(laid_over_white).collect();
+        Ok(CyclesPicture {
+            spp,
+            took: Seconds { seconds: row.seconds, cpu_seconds: row.cpu_seconds },
+            picture: Image::new(width, height, pixels),
+            peak_bytes: row.peak_bytes,
+        })
+    }
+
+    /// Version of Blender.
+    pub fn blender(&self) -> &str {
+        &self.built.blender
+    }
+
+    /// Faces of all instances, as quads.
+    pub fn faces(&self) -> u64 {
+        self.faces
+    }
+
+    /// Seconds that the translation of the scene took.
+    pub fn built(&self) -> Seconds {
+        self.built.built
+    }
+
+    /// Resident set of the process before the scene was built, in bytes.
+    pub fn bytes_before(&self) -> u64 {
+        self.built.bytes_before
+    }
+}
+
+/// A pixel's colour over white, under its caught shadow where that is a pass of its own.
+fn laid_over_white(channels: &[f32]) -> [f32; 3] {
+    let color = [channels[0], channels[1], channels[2]];
+    let Some(alpha) = channels.get(3) else { return color };
+    let shadow = channels.get(4..7).unwrap_or(&[1.0; 3]);
+    [0, 1, 2].map(|c| color[c] + (1.0 - alpha) * shadow[c])
+}
+
+/// Waits for a report of the script.
+fn answer<T: DeserializeOwned>(script: &mut Script, report: &Path, job: &Job) -> Result<T> {
+    script.wait_for(report, job)?;
+    let text = std::fs::read(report).map_err(io(report))?;
+    serde_json::from_slice(&text).map_err(|e| SessionError::Caller(format!("the report of Cycles: {e}")))
+}
+
+/// Writes the surface of what instance number `place` shows; returns the number of its faces and its entry in the job.
+fn write_surface(
     folder: &Path,
-    number: usize,
-    instance: &Instance,
-    volume: &CompressedVolume,
+    loaded: &LoadedScene,
+    place: usize,
+    level: DetailLevel,
     job: &Job,
-) -> Result<(usize, Value)> {
-    let path = |name: &str| folder.join(format!("{name}-{number}.npy"));
-    let (style, table) = (&instance.style, volume.labels());
-    let field = |source| SessionError::Scene { path: instance.source.clone(), source };
-    let visible =
-        style.show.resolve(&format!("instances[{number}].style.show"), table.ids()).map_err(field)?;
-    let mesh = QuadMesh::new(volume, &visible, Interfaces::Outside, Corners::Own, job)?;
-    let material_table = MaterialTable::new(style, table.ids(), table.contacts().iter(), &visible);
-    let of_label = material_table.of_label();
-    let material = |&label: &u32| of_label.get(label as usize).map_or(0, |&m| m as i32);
-    let materials: Vec<i32> = mesh.labels.iter().map(material).collect();
-    let faces = mesh.quads.len();
-    write_npy(&path("vertices"), "<i4", &[mesh.vertices.len(), 3], bytemuck::cast_slice(&mesh.vertices))?;
-    write_npy(&path("quads"), "<u4", &[faces, 4], bytemuck::cast_slice(&mesh.quads))?;
-    write_npy(&path("materials"), "<i4", &[faces], bytemuck::cast_slice(&materials))?;
+) -> Result<(u64, Value)> {
+    let (instance, volume) = (&loaded.scene().instances[place], &loaded.volumes()[place]);
+    let (visible, table) = (loaded.visible(place), volume.labels());
+    let mut rectangles: Vec<Rectangle> = Vec::new();
+    for_each_surface_block(volume, &visible, level, Merging::Plain, job, |block| {
+        rectangles.extend_from_slice(block);
+        Ok(())
+    })?;
+    let materials = MaterialTable::new(&instance.style, table.ids(), table.contacts().iter(), &visible);
+    let of_label = materials.of_label();
+    let path = |name: &str| folder.join(format!("{name}-{place}.npy"));
+    let faces = rectangles.len();
+    write_npy_with(&path("vertices"), "<i4", &[4 * faces, 3], |out| {
+        rectangles.iter().try_for_each(|r| out.write_all(bytemuck::cast_slice(&r.corners())))
+    })?;
+    write_npy_with(&path("quads"), "<u4", &[faces, 4], |out| {
+        (0..4 * faces as u32).try_for_each(|corner| out.write_all(&corner.to_le_bytes()))
+    })?;
+    write_npy_with(&path("materials"), "<i4", &[faces], |out| {
+        let material = |r: &Rectangle| of_label.get(r.label as usize).copied().unwrap_or(0);
+        rectangles.iter().try_for_each(|r| out.write_all(&material(r).to_le_bytes()))
+    })?;
     let fields = json!({
         "vertices": path("vertices"),
         "quads": path("quads"),
         "material_of_quad": path("materials"),
-        "materials": material_table.materials(),
+        "materials": materials.materials(),
     });
-    Ok((faces, fields))
+    Ok((faces as u64, fields))
+}
+
+/// Writes the triangles of mesh number `place`; returns its entry in the job.
+fn write_mesh(
+    folder: &Path,
+    place: usize,
+    data: &MeshData,
+    materials: &[pumice_scene::Material],
+) -> Result<Value> {
+    let path = |name: &str| -> PathBuf { folder.join(format!("mesh-{name}-{place}.npy")) };
+    let triangles = data.triangles();
+    write_npy_with(&path("vertices"), "<f8", &[data.positions().len(), 3], |out| {
+        out.write_all(bytemuck::cast_slice(data.positions()))
+    })?;
+    write_npy_with(&path("triangles"), "<u4", &[triangles.len(), 3], |out| {
+        out.write_all(bytemuck::cast_slice(triangles))
+    })?;
+    // A triangle whose index is past the end has the last material.
+    let last = materials.len().saturating_sub(1) as u32;
+    write_npy_with(&path("materials"), "<i4", &[triangles.len()], |out| {
+        let material = |triangle: usize| data.material(triangle).min(last);
+        (0..triangles.len()).try_for_each(|t| out.write_all(&material(t).to_le_bytes()))
+    })?;
+    let mut fields = json!({
+        "vertices": path("vertices"),
+        "triangles": path("triangles"),
+        "material_of_triangle": path("materials"),
+        "materials": materials,
+    });
+    if data.is_smooth() {
+        write_npy_with(&path("normals"), "<f4", &[triangles.len(), 3, 3], |out| {
+            triangles.iter().zip(data.normals()).try_for_each(|(triangle, codes)| {
+                let flat = flat_normal(triangle.map(|corner| data.positions()[corner as usize]));
+                let normal = |code| if code == octahedral::FLAT { flat } else { octahedral::decode(code) };
+                out.write_all(bytemuck::cast_slice(&codes.map(normal)))
+            })
+        })?;
+        fields["normals"] = json!(path("normals"));
+    }
+    Ok(fields)
+}
+
+/// Unit normal of a triangle, on the side from which its corners run counterclockwise.
+fn flat_normal(corners: [[f64; 3]; 3]) -> [f32; 3] {
+    let [a, b, c] = corners.map(DVec3::from);
+    (b - a).cross(c - a).normalize_or_zero().as_vec3().to_array()
 }
 
 /// Maps a seed to Cycles' 31 bits. Neighbouring seeds of Cycles are not independent, so a multiplication by an odd number spreads them.
@@ -184,30 +284,30 @@ fn cycles_seed(seed: u64) -> u64 {
 #[cfg(test)]
 mod tests {
     use std::os::unix::fs::PermissionsExt;
-    use std::path::PathBuf;
+    use std::sync::Arc;
 
     use pumice_oracle::volumes::blobs;
     use pumice_scene::{Cut, CutShape};
 
     use super::*;
     use crate::figure::{FigureOptions, compose};
+    use crate::npy::write_npy;
 
-    /// A script in place of Blender: it keeps the job and answers with a report of `pictures` pictures.
-    fn stand_in(folder: &Path, pictures: usize) -> PathBuf {
-        let values: Vec<f32> = (0..pictures * 2 * 3).map(|v| v as f32).collect();
-        write_npy(&folder.join("p.npy"), "<f4", &[pictures, 1, 2, 3], bytemuck::cast_slice(&values)).unwrap();
-        let renders: Vec<Value> =
-            (0..pictures).map(|i| json!({ "seconds": 0.5, "cpu_seconds": i as f64 + 1.0 })).collect();
-        let built = json!({ "seconds": 0.25, "cpu_seconds": 0.75 });
-        let report = json!({
-            "blender": "4.2.0", "built": built, "renders": renders, "bytes_before": 10, "peak_bytes": 30,
-        });
-        std::fs::write(folder.join("r.json"), report.to_string()).unwrap();
-        let program = folder.join("python");
+    /// A script in place of Blender: it keeps the job, and answers each line with a picture of 1 × 2 pixels; with `fails` it ends instead.
+    fn stand_in(folder: &Path, fails: bool) -> PathBuf {
+        let values = [0.0f32, 1.0, 2.0, 3.0, 4.0, 5.0];
+        write_npy(&folder.join("p.npy"), "<f4", &[1, 2, 3], bytemuck::cast_slice(&values)).unwrap();
+        let built =
+            r#"{"blender": "4.2.0", "built": {"seconds": 0.25, "cpu_seconds": 0.75}, "bytes_before": 10}"#;
+        let row = r#"{"seconds": 0.5, "cpu_seconds": 1.5, "peak_bytes": 30}"#;
+        let end = if fails { "echo 'out of memory' >&2; exit 3" } else { "" };
         let here = folder.display();
         let script = format!(
-            "#!/bin/sh\nout=$(dirname \"$2\")\ncp \"$2\" {here}/asked.json\ncp {here}/p.npy $out/pictures.npy\ncp {here}/r.json $out/report.json\n"
+            "#!/bin/sh\n[ \"$1\" = --version ] && echo Python && exit\ncp \"$2\" {here}/asked.json\nout=$(dirname \"$2\")\n\
+             echo '{built}' > $out/built.json\n{end}\nn=0\nwhile read line; do n=$((n+1)); echo \"$line\" >> {here}/lines\n\
+             cp {here}/p.npy $out/picture-$n.npy; echo '{row}' > $out/part; mv $out/part $out/report-$n; done\n"
         );
+        let program = folder.join("python");
         std::fs::write(&program, script).unwrap();
         std::fs::set_permissions(&program, std::fs::Permissions::from_mode(0o755)).unwrap();
         program
@@ -218,32 +318,46 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let (_, bodies) = blobs([24, 24, 24], 9, 4, 11);
         let options = FigureOptions { size: [2, 1], labels: None, view_deg: FigureOptions::DEFAULT_VIEW_DEG };
-        let mut scene = compose(&bodies, "memory".into(), &options);
-        let draw = |scene: &Scene, python: &Path| {
-            render_with_cycles(python, scene, &[Arc::clone(&bodies)], &[(1, 4), (2, 16)], &Job::new())
-        };
-        let run = draw(&scene, &stand_in(folder.path(), 2)).unwrap();
-        assert_eq!((run.blender.as_str(), run.bytes_before, run.peak_bytes), ("4.2.0", 10, 30));
+        let scene = compose(&bodies, "memory".into(), &options);
+        let loaded = LoadedScene::new(scene.clone(), vec![Arc::clone(&bodies)], vec![]).unwrap();
+        let job = Job::new();
+        let start = |program: &Path| Cycles::start(program, &loaded, DetailLevel::Voxels, &job);
+        let mut cycles = start(&stand_in(folder.path(), false)).unwrap();
         assert_eq!(
-            run.pictures.iter().map(|p| (p.spp, p.took.cpu_seconds)).collect::<Vec<_>>(),
-            [(4, 1.0), (16, 2.0)]
+            (cycles.blender(), cycles.bytes_before(), cycles.built().cpu_seconds),
+            ("4.2.0", 10, 0.75)
         );
-        assert_eq!(run.pictures[1].picture.pixels, [[6.0, 7.0, 8.0], [9.0, 10.0, 11.0]]);
-        assert!(run.faces > 100, "{}", run.faces);
+        assert!(cycles.faces() > 100, "{}", cycles.faces());
+        for seed in 1..3 {
+            let drawn = cycles.picture(seed, 16, &job).unwrap();
+            assert_eq!((drawn.spp, drawn.took.cpu_seconds, drawn.peak_bytes), (16, 1.5, 30));
+            assert_eq!(drawn.picture.pixels, [[0.0, 1.0, 2.0], [3.0, 4.0, 5.0]]);
+        }
+        let lines = std::fs::read_to_string(folder.path().join("lines")).unwrap();
+        let seeds: Vec<Value> =
+            lines.lines().map(|l| serde_json::from_str::<Value>(l).unwrap()["seed"].clone()).collect();
+        assert!(seeds.len() == 2 && seeds[0] != seeds[1], "{seeds:?}");
         let asked = std::fs::read_to_string(folder.path().join("asked.json")).unwrap();
         let asked: Value = serde_json::from_str(&asked).unwrap();
-        assert_eq!(asked["renders"][1]["spp"], 16);
-        assert_ne!(asked["renders"][0]["seed"], asked["renders"][1]["seed"]);
         assert_eq!(asked["instances"].as_array().unwrap().len(), 1);
 
-        // One picture too few, and scenes that cannot be translated, are refused.
-        let few = draw(&scene, &stand_in(folder.path(), 1)).unwrap_err().to_string();
-        assert_eq!(few, "expected 2 pictures of Cycles, got 1");
-        scene.cuts = vec![Cut {
-            shape: CutShape::Plane { point: [0.0; 3], normal: [1.0, 0.0, 0.0] },
-            instances: None,
-        }];
-        let cut = draw(&scene, &stand_in(folder.path(), 2)).unwrap_err().to_string();
-        assert!(cut.starts_with("cuts: "), "{cut}");
+        // A program that ends early, and a scene that cannot be translated, are refused.
+        let mut fails = start(&stand_in(folder.path(), true)).unwrap();
+        let error = fails.picture(1, 16, &job).unwrap_err().to_string();
+        assert!(error.contains("ended with exit status: 3: out of memory"), "{error}");
+        let cut =
+            Cut { shape: CutShape::Plane { point: [0.0; 3], normal: [1.0, 0.0, 0.0] }, instances: None };
+        let scene = pumice_scene::Scene { cuts: vec![cut], ..scene };
+        let loaded = LoadedScene::new(scene, vec![bodies], vec![]).unwrap();
+        let error =
+            Cycles::start(Path::new("sh"), &loaded, DetailLevel::Voxels, &job).unwrap_err().to_string();
+        assert!(error.starts_with("cuts: "), "{error}");
+    }
+
+    #[test]
+    fn alpha_and_caught_shadows_are_laid_over_white() {
+        assert_eq!(laid_over_white(&[0.5, 0.25, 0.0]), [0.5, 0.25, 0.0]);
+        assert_eq!(laid_over_white(&[0.5, 0.25, 0.0, 0.5]), [1.0, 0.75, 0.5]);
+        assert_eq!(laid_over_white(&[0.0, 0.0, 0.0, 0.5, 0.5, 1.0, 0.0]), [0.25, 0.5, 0.0]);
     }
 }

@@ -1,12 +1,23 @@
 //! Reads and writes arrays as .npy files (numpy's `numpy.lib.format`, version 1.0), to exchange data with scripts.
 
-use std::io::Write;
+use std::fs::File;
+use std::io::{BufWriter, Write};
 use std::path::Path;
 
 use crate::error::{Result, SessionError, io};
 
 /// Writes a C-ordered array; `kind` is numpy's name of its element type.
 pub fn write_npy(path: &Path, kind: &str, shape: &[usize], bytes: &[u8]) -> Result<()> {
+    write_npy_with(path, kind, shape, |out| out.write_all(bytes))
+}
+
+/// As [`write_npy`], of an array whose bytes `write` produces.
+pub fn write_npy_with(
+    path: &Path,
+    kind: &str,
+    shape: &[usize],
+    write: impl FnOnce(&mut BufWriter<File>) -> std::io::Result<()>,
+) -> Result<()> {
     let sizes: String = shape.iter().map(|n| format!("{n}, ")).collect();
     let mut header = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': ({sizes}), }}");
     // Magic, version and length take 10 bytes; the whole header is padded to a multiple of 64 bytes and ends with a line break.
@@ -14,12 +25,15 @@ pub fn write_npy(path: &Path, kind: &str, shape: &[usize], bytes: &[u8]) -> Resu
         header.push(' ');
     }
     header.push('\n');
-    let mut file = std::fs::File::create(path).map_err(io(path))?;
-    let mut write = |part: &[u8]| file.write_all(part).map_err(io(path));
-    write(b"\x93NUMPY\x01\x00")?;
-    write(&(header.len() as u16).to_le_bytes())?;
-    write(header.as_bytes())?;
-    write(bytes)
+    let written = || {
+        let mut out = BufWriter::new(File::create(path)?);
+        out.write_all(b"\x93NUMPY\x01\x00")?;
+        out.write_all(&(header.len() as u16).to_le_bytes())?;
+        out.write_all(header.as_bytes())?;
+        write(&mut out)?;
+        out.flush()
+    };
+    written().map_err(io(path))
 }
 
 /// Reads a .npy file of 32-bit floats and checks that it has `expected` values.

@@ -2,10 +2,11 @@
 
     JOB.json  scene       the scene file's object (docs/scene.md), every default written out, paths absolute
               instances   for each: vertices.npy (n, 3), quads.npy (m, 4), materials.npy (m,): a quad for each voxel face in index
-                          space, and the materials that the last counts in
+                          space, and the materials that the last counts in; `cut`: the same of triangles, where cuts pass
               meshes      for each: vertices.npy, triangles.npy, materials.npy; normals.npy (m, 3, 3) at the triangles' corners, where
                           the mesh is smooth
-              renders     [{seed, spp}, …]
+              renders     [{seed, spp}, …]; without it, standard input asks for one picture after the other, each a line of JSON
+                          {seed, spp, picture, report}, and `report` is written once the scene is built
               smooth      true shades smoothly: a fault on purpose
               pattern     Cycles' sampling pattern
               threads     0: all
@@ -344,8 +345,12 @@ def build(job):
         raise SystemExit("cuts: the meshes must be cut already")
     smooth = job.get("smooth", False)
     for i, (instance, mesh) in enumerate(zip(wanted["instances"], job["instances"], strict=True)):
+        place = matrix_of(instance["world_from_index"])
         arrays = (np.load(mesh[key]) for key in ("vertices", "quads", "material_of_quad"))
-        mesh_object(f"volume {i}", *arrays, mesh["materials"], matrix_of(instance["world_from_index"]), smooth)
+        mesh_object(f"volume {i}", *arrays, mesh["materials"], place, smooth)
+        if "cut" in mesh:
+            arrays = (np.load(mesh["cut"][key]) for key in ("vertices", "triangles", "material_of_triangle"))
+            mesh_object(f"volume {i} cut", *arrays, mesh["materials"], place, smooth)
     for i, (instance, mesh) in enumerate(zip(wanted.get("meshes", []), job.get("meshes", []), strict=True)):
         arrays = (np.load(mesh[key]) for key in ("vertices", "triangles", "material_of_triangle"))
         normals = np.load(mesh["normals"]) if "normals" in mesh else None
@@ -360,50 +365,84 @@ def build(job):
     return scene
 
 
+class Painter:
+    """Renders the built scene as often as it is asked."""
+
+    def __init__(self, job, folder):
+        self.path = os.path.join(folder, "picture.exr")
+        self.scene = build(job)
+        self.transparent = self.scene.render.film_transparent
+        self.shadow_apart = "shadow_catcher" in job["scene"]["film"].get("passes", [])
+        self.with_kinds = bool(job.get("passes"))
+        set_output(self.scene, self.path)
+        if self.with_kinds or self.shadow_apart:
+            want_passes(self.scene)
+            self.scene.view_layers[0].cycles.use_pass_shadow_catcher = self.shadow_apart
+
+    def picture(self, render):
+        """(row of the report, picture, light by kind or None)."""
+        self.scene.cycles.seed, self.scene.cycles.samples = render["seed"], render["spp"]
+        start, cpu = time.perf_counter(), cpu_seconds()
+        bpy.ops.render.render(write_still=True)
+        row = {**render, "seconds": time.perf_counter() - start, "cpu_seconds": cpu_seconds() - cpu}
+        if self.shadow_apart:
+            layers = read_layers(self.path)
+            return row, np.concatenate([layers["Combined"], layers["Alpha"], layers["Shadow Catcher"]], axis=2), None
+        if self.with_kinds:
+            layers = read_layers(self.path)
+            return row, layers["Combined"], light_by_kind(layers)
+        return row, read_picture(self.path, self.transparent), None
+
+
+def write_report(path, report):
+    """Writes JSON under a name that appears only when it is complete."""
+    with open(path + ".part", "w", encoding="utf-8") as file:
+        json.dump(report, file)
+    os.replace(path + ".part", path)
+
+
+def serve(painter, first):
+    """Renders what each line of standard input asks for ({seed, spp, picture, report}), until there is none; `first` is the first report."""
+    write_report(first.pop("path"), first)
+    for line in sys.stdin:
+        asked = json.loads(line)
+        row, picture, _ = painter.picture({key: asked[key] for key in ("seed", "spp")})
+        np.save(asked["picture"], picture)
+        write_report(asked["report"], {**row, "peak_bytes": peak_bytes()})
+
+
 def main(job):
     before = {"cpu_seconds": cpu_seconds(), "seconds": time.perf_counter(), "peak_bytes": peak_bytes()}
-    scene = build(job)
-    transparent = scene.render.film_transparent
-    pictures, rows, kinds = [], [], []
     with tempfile.TemporaryDirectory() as folder:
-        path = os.path.join(folder, "picture.exr")
-        set_output(scene, path)
-        shadow_apart = "shadow_catcher" in job["scene"]["film"].get("passes", [])
-        if job.get("passes") or shadow_apart:
-            want_passes(scene)
-            scene.view_layers[0].cycles.use_pass_shadow_catcher = shadow_apart
-        built = {"cpu_seconds": cpu_seconds() - before["cpu_seconds"], "seconds": time.perf_counter() - before["seconds"]}
-        for render in job["renders"]:
-            scene.cycles.seed, scene.cycles.samples = render["seed"], render["spp"]
-            start, cpu = time.perf_counter(), cpu_seconds()
-            bpy.ops.render.render(write_still=True)
-            rows.append({**render, "seconds": time.perf_counter() - start, "cpu_seconds": cpu_seconds() - cpu})
-            if shadow_apart:
-                layers = read_layers(path)
-                pictures.append(np.concatenate([layers["Combined"], layers["Alpha"], layers["Shadow Catcher"]], axis=2))
-            elif job.get("passes"):
-                layers = read_layers(path)
-                pictures.append(layers["Combined"])
-                kinds.append(light_by_kind(layers))
-            else:
-                pictures.append(read_picture(path, transparent))
-    np.save(job["pictures"], np.stack(pictures))
+        painter = Painter(job, folder)
+        report = {
+            "blender": bpy.app.version_string,
+            "built": {"cpu_seconds": cpu_seconds() - before["cpu_seconds"], "seconds": time.perf_counter() - before["seconds"]},
+            "bytes_before": before["peak_bytes"],
+        }
+        if "renders" not in job:
+            serve(painter, {**report, "path": job["report"]})
+            return
+        drawn = [painter.picture(render) for render in job["renders"]]
+    np.save(job["pictures"], np.stack([picture for _, picture, _ in drawn]))
     if job.get("passes"):
-        np.save(job["passes"], np.stack(kinds))
-    report = {
-        "blender": bpy.app.version_string,
-        "built": built,
-        "renders": rows,
-        "bytes_before": before["peak_bytes"],
-        "peak_bytes": peak_bytes(),
-    }
-    with open(job["report"], "w", encoding="utf-8") as file:
-        json.dump(report, file)
+        np.save(job["passes"], np.stack([kinds for _, _, kinds in drawn]))
+    write_report(job["report"], {**report, "renders": [row for row, _, _ in drawn], "peak_bytes": peak_bytes()})
 
 
 if __name__ == "__main__":
-    with open(sys.argv[1], encoding="utf-8") as job_file:
-        main(json.load(job_file))
+    # As an argument of the program Blender, the job comes behind two hyphens.
+    arguments = sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else sys.argv[1:]
+    try:
+        with open(arguments[0], encoding="utf-8") as job_file:
+            main(json.load(job_file))
+    except Exception as error:
+        # Blender would go on after an exception; one line says what failed.
+        print(f"{type(error).__name__}: {error}", file=sys.stderr, flush=True)
+        os._exit(1)
+    except SystemExit as refused:
+        print(refused, file=sys.stderr, flush=True)
+        os._exit(1)
     sys.stdout.flush()
     # Some versions of Blender crash when the interpreter shuts down.
     os._exit(0)
