@@ -31,7 +31,6 @@ mod mean_picture;
 pub mod needs;
 pub mod paper;
 pub mod peers;
-pub mod plot;
 pub mod ray_sets;
 pub mod sizes;
 pub mod speeds;

@@ -12,6 +12,7 @@ mod reading;
 mod render;
 mod values;
 mod verify;
+mod verify_render;
 
 use clap::{Parser, Subcommand};
 use pumice_bench::Bench;
@@ -26,6 +27,7 @@ pub(crate) use info::Info;
 pub(crate) use reading::{Axes, Reading};
 pub(crate) use render::{LodArg, Render, RenderMode, ViewArg};
 pub(crate) use verify::Verify;
+pub(crate) use verify_render::VerifyRender;
 
 /// Path trace figures from segmentation volumes that other tools cannot load.
 ///
@@ -40,8 +42,8 @@ pub(crate) struct Cli {
     pub(crate) command: Command,
 }
 
-const EXIT_CODES: &str = "Exit codes: 0 success; 1 the command ran and the check failed (verify, compare, bench); 2 bad usage or bad \
-input, explained in one line on standard error.";
+const EXIT_CODES: &str = "Exit codes: 0 success; 1 the command ran and the check failed (verify, verify-render, compare, bench); 2 bad usage or bad \
+input, or verify-render cannot tell, explained in one line on standard error.";
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
@@ -51,6 +53,7 @@ pub(crate) enum Command {
     Verify(Verify),
     Decompress(Decompress),
     Render(Box<Render>),
+    VerifyRender(Box<VerifyRender>),
     Export(Export),
     Compare(Compare),
     Devices(Devices),

@@ -7,7 +7,6 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use pumice_bench::plot::{Series, error_against_time_svg};
 use pumice_core::{CompressOptions, CompressionLevel, Job, Verification};
 use pumice_formats::OpenOptions;
 use pumice_picture::Passes;
@@ -15,6 +14,7 @@ use pumice_session::LoadedScene;
 use pumice_session::error::{Result, SessionError, io};
 use pumice_session::figure::{FigureOptions, compose};
 use pumice_session::measure::{Stopwatch, peak_rss_bytes};
+use pumice_session::plot::{Series, error_against_time_svg};
 use pumice_session::progressive::{CurvePoint, Stop, thin_curve};
 use pumice_session::render_file::{PictureFormat, RenderFigures, render_scene};
 use pumice_session::selection::select_labels;

@@ -51,6 +51,7 @@ fn main() -> ExitCode {
         Command::Verify(a) => commands::verify::run(&a, &job),
         Command::Decompress(a) => commands::decompress::run(&a, &job),
         Command::Render(a) => commands::render::run(&a, &job),
+        Command::VerifyRender(a) => commands::verify_render::run(&a, &job),
         Command::Export(a) => commands::export::run(&a, &job),
         Command::Compare(a) => commands::compare::run(&a, &job),
         Command::Devices(a) => commands::devices::run(&a),

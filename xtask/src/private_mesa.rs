@@ -12,6 +12,11 @@ use std::process::Command;
 
 use crate::step::Step;
 
+/// Stack of each thread of a process that compiles shaders for the CPU without optimisation, in kB. Every value of a shader then has a place
+/// in its frame: 9.9 MB in the largest of ours with vectors of 512 bits, where a thread's stack has 8 MB otherwise. The frame is taken
+/// without a probe, so a stack that is too small is a fault of memory and no error.
+const STACK_KB: u32 = 65_536;
+
 /// The private folder with Vulkan on the CPU.
 #[derive(Clone, Debug)]
 pub(crate) struct PrivateMesa {
@@ -33,12 +38,13 @@ impl PrivateMesa {
     /// Sets the environment of a command so that it uses this driver, unless the user chose a driver through the loader's own variables.
     ///
     /// Also turns off Mesa's optimisation: tests render few pixels, and compiling for the CPU takes most of their time. The results are
-    /// the same. (Mesa caches optimised and other shaders separately.)
+    /// the same. (Mesa caches optimised and other shaders separately.) Stacks are larger for that ([`STACK_KB`]).
     pub(crate) fn surround(&self, command: &mut Command) {
         let chosen = ["VK_DRIVER_FILES", "VK_ICD_FILENAMES"].iter().any(|v| std::env::var_os(v).is_some());
         if !chosen {
             self.environment(command);
             command.env("GALLIVM_PERF", "nopt");
+            *command = with_stacks(command);
         }
     }
 
@@ -82,9 +88,38 @@ impl PrivateMesa {
     }
 }
 
+/// The same command with larger stacks for the threads of its programs, where the system allows that.
+fn with_stacks(command: &Command) -> Command {
+    let mut shell = Command::new("sh");
+    shell.args(["-c", &format!("ulimit -s {STACK_KB} 2>/dev/null; exec \"$0\" \"$@\"")]);
+    shell.arg(command.get_program()).args(command.get_args());
+    for (name, value) in command.get_envs() {
+        match value {
+            Some(value) => shell.env(name, value),
+            None => shell.env_remove(name),
+        };
+    }
+    if let Some(folder) = command.get_current_dir() {
+        shell.current_dir(folder);
+    }
+    shell
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_command_with_larger_stacks_is_the_same_otherwise() {
+        let mut command = Command::new("sh");
+        command
+            .args(["-c", "ulimit -s; pwd; echo \"$A$B$1\"", "name", "two words"])
+            .env("A", "a")
+            .env_remove("B");
+        command.current_dir("/");
+        let said = with_stacks(&command).output().unwrap().stdout;
+        assert_eq!(String::from_utf8_lossy(&said), format!("{STACK_KB}\n/\natwo words\n"));
+    }
 
     #[test]
     fn what_a_command_was_told_before_stays_first() {

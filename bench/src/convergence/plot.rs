@@ -1,7 +1,7 @@
 //! Plots relMSE over CPU seconds, both on logarithmic scales.
 
 use super::Convergence;
-use crate::plot::{Axes, Curve, log_log_svg};
+use pumice_session::plot::{Axes, Curve, log_log_svg};
 
 pub(super) fn svg(scene: &Convergence) -> Result<String, String> {
     let curves: Vec<Curve<'_>> = scene

@@ -7,7 +7,7 @@ use pumice_session::error::{Result, SessionError};
 
 use super::LodTable;
 use crate::files::write_results;
-use crate::plot::{Axes, Curve, log_log_svg};
+use pumice_session::plot::{Axes, Curve, log_log_svg};
 
 /// Writes `lod.csv`, `lod.md` and an SVG for each table into `folder`, which is created if missing. `machine` is a line that describes the
 /// machine.

@@ -1,7 +1,7 @@
 //! Plots the curves of the paper's Figure 6, on logarithmic scales.
 
 use super::PaperTables;
-use crate::plot::{Axes, Curve, log_log_svg};
+use pumice_session::plot::{Axes, Curve, log_log_svg};
 
 /// The SVG files of a volume as pairs of name and text.
 pub(super) fn svgs(volume: &PaperTables) -> Result<Vec<(String, String)>, String> {

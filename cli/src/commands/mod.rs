@@ -10,6 +10,7 @@ pub(crate) mod export;
 pub(crate) mod info;
 pub(crate) mod render;
 pub(crate) mod verify;
+pub(crate) mod verify_render;
 
 use pumice_session::{ArrayAxes, OpenOptions, RawLayout};
 

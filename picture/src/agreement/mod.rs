@@ -21,10 +21,12 @@
 
 mod chance;
 mod intervals;
+mod maps;
 mod picture_set;
 mod verdict;
 
 pub use intervals::{Interval, Standing};
+pub use maps::{signed_difference_map, tile_difference_map, tile_t_map};
 pub use picture_set::PictureSet;
 pub use verdict::{Agreement, Equality, LEVEL, Verdict, judge, level_of_look};
 

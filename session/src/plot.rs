@@ -1,7 +1,7 @@
 //! Plots curves on logarithmic axes as SVG.
 
+use crate::progressive::CurvePoint;
 use plotters::prelude::*;
-use pumice_session::progressive::CurvePoint;
 
 /// The error of a picture over time, as a named curve.
 pub struct Series<'a> {
