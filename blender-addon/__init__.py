@@ -6,12 +6,14 @@ The compiled module `pumice` (a wheel of this extension) does the work; this pac
 A module imports only from lines below its own:
 
     __init__
+    export_usd       verify
     panels           engine               export_scene         import_volume
     viewport         final_render
     scene_reader     first_look           passes
     volume_object    picture_texture      missing_boxes        overlay
     sync.*           registry             preferences
     label_table      properties           proxy                cache                devices             mesh_file
+    background
     reports
     native
 
@@ -32,16 +34,18 @@ if "panels" in locals():  # Blender reloads scripts (F3 > Reload Scripts): fresh
 from . import (
     engine,
     export_scene,
+    export_usd,
     import_volume,
     panels,
     preferences,
     properties,
     registry,
+    verify,
     viewport,
 )
 
 # Registered in this order, unregistered in reverse.
-MODULES = (properties, preferences, registry, import_volume, export_scene, viewport, engine, panels)
+MODULES = (properties, preferences, registry, import_volume, export_scene, export_usd, verify, viewport, engine, panels)
 
 
 def register():

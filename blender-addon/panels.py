@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The panels: settings of the scene, facts of a volume, what is not drawn, and those of Blender's own panels that apply to Pumice."""
 
+import textwrap
+
 import bpy
 
 from . import native, passes, preferences, scene_reader
@@ -107,6 +109,24 @@ class PUMICE_RENDER_PT_light(_OfScene, bpy.types.Panel):
             field = row.row()
             field.active = wishes.use_ao_distance
             field.prop(wishes, "ao_distance", text="")
+
+
+class PUMICE_RENDER_PT_verify(_OfScene, bpy.types.Panel):
+    """Panel: whether Cycles draws the same."""
+
+    bl_label = "Verify against Cycles"
+    bl_order = 4
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context):
+        layout, wishes = self.layout, context.scene.pumice
+        layout.operator("pumice.verify")
+        if wishes.verdict:
+            column = layout.column(align=True)
+            # Blender does not wrap labels.
+            for line in textwrap.wrap(wishes.verdict, 60):
+                column.label(text=line)
+            layout.operator("wm.path_open", text="Open the Page", icon="URL").filepath = wishes.verdict_page
 
 
 class PUMICE_RENDER_PT_performance(_OfScene, bpy.types.Panel):
@@ -245,6 +265,7 @@ CLASSES = (
     PUMICE_RENDER_PT_sampling,
     PUMICE_RENDER_PT_light,
     PUMICE_RENDER_PT_performance,
+    PUMICE_RENDER_PT_verify,
     PUMICE_VIEWLAYER_PT_passes,
     PUMICE_OBJECT_PT_volume,
     PUMICE_OBJECT_PT_cut,

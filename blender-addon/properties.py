@@ -47,6 +47,13 @@ def _tag(settings, _context):
 class PumiceSceneSettings(bpy.types.PropertyGroup):
     """Settings of the renderer, stored in the scene."""
 
+    verdict: StringProperty(
+        name="Verdict", description="The last comparison with Cycles, in one sentence", default="", options={"HIDDEN"}
+    )
+    verdict_page: StringProperty(
+        name="Page", description="The page of the last comparison with Cycles", subtype="FILE_PATH", default="", options={"HIDDEN"}
+    )
+
     samples: IntProperty(
         name="Samples",
         description="Samples per pixel in a final render. Halving the noise takes four times as many",

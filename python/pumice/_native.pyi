@@ -317,6 +317,11 @@ def devices() -> str:
     The backends and devices that can render here, as JSON text.
     """
 
+def export(path: str | PathLike[str], out: str | PathLike[str], *, forms: SupportsGetItem[int, str], plain: bool = False, labels: SupportsGetItem[int, SupportsIndex] | None = None, limit_bytes: SupportsIndex, job: Job | None = None) -> str:
+    """
+    Writes a volume or a scene file for other programs; returns what was written, as JSON text.
+    """
+
 def figure(volume: Volume, source: str | PathLike[str], size: SupportsLenAndGetItem[SupportsIndex], labels: SupportsGetItem[int, SupportsIndex] | None, pick: SupportsIndex | None, view_deg: SupportsLenAndGetItem[SupportsFloat | SupportsIndex]) -> str:
     """
     Composes a scene that shows a volume: places, frames and lights it.
@@ -352,6 +357,12 @@ def scene_load(path: str | PathLike[str]) -> str:
 def scene_save(text: str, path: str | PathLike[str]) -> None:
     """
     Writes a scene file, which appears complete or not at all.
+    """
+
+def verify_render(path: str | PathLike[str], *, blender: str | PathLike[str], page: str | PathLike[str] | None = None, control: str | PathLike[str] | None = None, spp: SupportsIndex, seconds: SupportsFloat | SupportsIndex | None = None, size: SupportsLenAndGetItem[SupportsIndex] | None = None, lod: SupportsIndex | None = None, backend: str, job: Job | None = None) -> str:
+    """
+    Compares our picture of a scene file with that of Cycles; returns the report as JSON text. While it runs, the job's fraction is the share
+    of the pictures of the next look.
     """
 
 def volume_info(dims: SupportsLenAndGetItem[SupportsIndex], label_type: str, world_from_index: SupportsLenAndGetItem[SupportsFloat | SupportsIndex], unit: str, names: SupportsGetItem[int, tuple[SupportsIndex, str]]) -> str:

@@ -3,6 +3,7 @@
 #![deny(unsafe_code)]
 
 mod array;
+mod bridge;
 mod calls;
 mod errors;
 mod frame;
@@ -21,6 +22,8 @@ mod _native {
 
     #[pymodule_export]
     use crate::array::Array;
+    #[pymodule_export]
+    use crate::bridge::{export, verify};
     #[pymodule_export]
     use crate::calls::end_calls;
     #[pymodule_export]

@@ -155,9 +155,9 @@ fn page(request: &VerifyRenderRequest, verified: &VerifiedRender, means: [&Image
         "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>Pumice against Cycles: {class}</title>\
          <meta name=\"viewport\" content=\"width=device-width\"><style>{STYLE}</style></head><body>\n\
          <h1>Does Pumice draw what Cycles draws?</h1>\n<p class=\"verdict {class}\" id=\"verdict\">{}</p>\n\
-         <p>Judged from {} pictures by Pumice and {} by Cycles, each of {} samples per pixel and of a seed of its own. Were the two \
-         programs to converge to the same picture, or to one beyond these margins, this sentence would say the opposite in at most {} \
-         of all comparisons; this look alone spends {}.</p>\n",
+         <p>Judged from {} pictures by Pumice and {} by Cycles, each of {} samples per pixel and of a seed of its own. A verdict is \
+         false in at most {} of comparisons: <em>agrees</em> where the true difference is beyond a margin, <em>differs</em> where it is \
+         within all. This look spends {} of that.</p>\n",
         escaped(&verified.sentence),
         agreement.pictures[0],
         agreement.pictures[1],
@@ -165,11 +165,11 @@ fn page(request: &VerifyRenderRequest, verified: &VerifiedRender, means: [&Image
         chance(LEVEL),
         chance(agreement.level),
     );
-    let _ = write!(
+    let _ = writeln!(
         html,
         "<h2>The pictures</h2><p>Pumice is on the left, Cycles on the right; drag the handle in the lower corner of the left one.</p>\
          <div class=\"wipe\" style=\"--w: min(58rem, calc(100vw - 2rem))\"><img alt=\"by Cycles\" src=\"{}\"><div class=\"over\">\
-         <img alt=\"by Pumice\" src=\"{}\"></div></div>\n",
+         <img alt=\"by Pumice\" src=\"{}\"></div></div>",
         shown(theirs)?,
         shown(ours)?,
     );

@@ -1,0 +1,100 @@
+# SPDX-FileCopyrightText: The Pumice developers
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Operators whose work runs in a thread of its own, with progress and ESC in a window, and to the end if a script calls them.
+
+An operator that mixes in `InBackground` has `begin(context)`, which returns a `Work`, and `finish(context, result)`, which runs in
+Blender's thread when the work is done.
+"""
+
+import threading
+
+import bpy
+
+from . import native
+from .reports import log, one_line
+
+
+class Work:
+    """A call in a thread: `call(job)` must not use Blender."""
+
+    def __init__(self, stage, call):
+        self.stage, self.call = stage, call
+        self.job = native.require().Job()
+        self.result = self.error = None
+        self.thread = threading.Thread(target=self._run, name="pumice work", daemon=True)
+        self.thread.start()
+
+    def _run(self):
+        try:
+            self.result = self.call(self.job)
+        except BaseException as error:  # an exception cannot leave the thread: the operator reads it here
+            self.error = error
+
+
+class InBackground:
+    """Runs `begin`'s work in the background."""
+
+    _interactive = False
+    _work = None
+    _timer = None
+
+    def execute(self, context):
+        try:
+            self._work = self.begin(context)
+        except Exception as error:
+            log(error)
+            self.report({"ERROR"}, one_line(error))
+            return {"CANCELLED"}
+        if not self._interactive or bpy.app.background:
+            self._work.thread.join()
+            return self._finished(context)
+        manager = context.window_manager
+        manager.progress_begin(0, 1000)
+        self._timer = manager.event_timer_add(0.1, window=context.window)
+        manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context, event):
+        if event.type == "ESC" and event.value == "PRESS":
+            self._work.job.cancel()
+            return {"RUNNING_MODAL"}
+        if event.type != "TIMER":
+            return {"PASS_THROUGH"}
+        if self._work.thread.is_alive():
+            done = self._work.job.fraction
+            context.window_manager.progress_update(int(1000 * (done or 0.0)))
+            percent = f" {100 * done:.0f} %" if done is not None else ""
+            context.workspace.status_text_set(f"{self._work.stage}{percent}   ESC: cancel")
+            return {"RUNNING_MODAL"}
+        self._end(context)
+        return self._finished(context)
+
+    def cancel(self, context):
+        """Called when Blender ends the operator, because a file is loaded or the window is closed."""
+        if self._work is not None:
+            self._work.job.cancel()
+            self._end(context)
+
+    def _finished(self, context):
+        work = self._work
+        if isinstance(work.error, native.require().Cancelled):
+            self.report({"WARNING"}, f"Cancelled: {work.stage}")
+            return {"CANCELLED"}
+        try:
+            if work.error is not None:
+                raise work.error
+            self.finish(context, work.result)
+        except Exception as error:
+            log(error)
+            self.report({"ERROR"}, one_line(error))
+            return {"CANCELLED"}
+        return {"FINISHED"}
+
+    def _end(self, context):
+        manager = context.window_manager
+        if self._timer is not None:
+            manager.event_timer_remove(self._timer)
+            self._timer = None
+            manager.progress_end()
+        if context.workspace is not None:
+            context.workspace.status_text_set(None)

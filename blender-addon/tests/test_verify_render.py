@@ -1,0 +1,100 @@
+# SPDX-FileCopyrightText: The Pumice developers
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tests `pumice verify-render` with this Blender: a scene agrees with itself, and each control is noticed: Cycles then draws a scene that
+differs from ours in one thing. The page is read as a reader would, by its text and its pictures."""
+
+import base64
+import copy
+import json
+import math
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests/python"))
+from share import one_of_today  # noqa: E402
+
+# Eight pictures of 64 × 48 pixels take some ten seconds of both programs together.
+SIZE = "64x48"
+
+
+def turned(scene):
+    """The sun 1° around the vertical axis."""
+    x, y, _ = scene["suns"][0]["direction"]
+    c, s = math.cos(math.radians(1)), math.sin(math.radians(1))
+    scene["suns"][0]["direction"][:2] = [c * x - s * y, s * x + c * y]
+
+
+def rougher(scene):
+    scene["instances"][0]["style"]["material"]["roughness"] *= 1.05
+
+
+def paler(scene):
+    """The common base colour 2 % darker."""
+    material = scene["instances"][0]["style"]["material"]
+    material["base_color"] = [0.98 * c for c in material["base_color"]]
+
+
+def fewer(scene):
+    del scene["instances"][0]["style"]["show"]["only"][2]
+
+
+CONTROLS = [fewer, paler, turned, rougher]
+
+
+@pytest.fixture(scope="module")
+def scene(pumice_command, data, tmp_path_factory):
+    """Some neurites, glossy and of one colour, under a small sun: each control is visible."""
+    path = tmp_path_factory.mktemp("verified") / "scene.json"
+    shown = ["--pick", "8", "--size", SIZE, "--spp", "1", "--bounces", "1", "--backend", "cpu", "--save-scene", path]
+    volume = data / "connectomics_32x32x40nm.nrrd"
+    subprocess.run([pumice_command, "render", volume, "-o", path.with_suffix(".png"), *shown], check=True)
+    fields = json.loads(path.read_text())
+    style = fields["instances"][0]["style"]
+    style["auto_color"] = False
+    style["material"].update(base_color=[0.7, 0.5, 0.3], metallic=1.0, roughness=0.2)
+    fields["suns"][0]["angle_rad"] = 0.02
+    path.write_text(json.dumps(fields))
+    return path
+
+
+def compared(command, scene, *more):
+    """(exit code, report, page) of a comparison with this Blender."""
+    report, page = scene.with_name("report.json"), scene.with_name("page.html")
+    wishes = ["--backend", "cpu", "--json", report, "-o", page, "--with-blender", sys.executable]
+    done = subprocess.run([command, "verify-render", scene, *wishes, *more], capture_output=True, text=True)
+    assert done.returncode in (0, 1) or "annot tell" in done.stderr, done
+    return done, json.loads(report.read_text()), page.read_text()
+
+
+def test_a_scene_agrees_with_itself(pumice_command, scene):
+    done, report, page = compared(pumice_command, scene, "--time", "240")
+    assert done.returncode == 0 and report["agreement"]["verdict"] == "agrees", (done, report)
+    assert report["surface"] == "voxels" and report["faces"] > 1e4 and report["agreement"]["masked"] == 0
+    assert report["theirs"]["bytes"] > 1e8 and report["ours"]["cpu_seconds"] > 0
+    # The page: the sentence of the report, six pictures that are PNG files, nothing from elsewhere, no script.
+    assert report["sentence"] in page and report["sentence"] in done.stdout
+    pictures = re.findall(r'src="data:image/png;base64,([^"]*)"', page)
+    assert len(pictures) == 6 and all(base64.b64decode(p).startswith(b"\x89PNG\r\n") for p in pictures)
+    assert page.count("<svg") == 2
+    assert "<script" not in page and not re.search(r'(src|href)="(?!data:)', page)
+    assert report["volume_hashes"][0] in page and "verify-render" in page
+
+
+@pytest.mark.parametrize("control", one_of_today(CONTROLS))
+def test_what_differs_is_noticed(pumice_command, scene, control):
+    fields = copy.deepcopy(json.loads(scene.read_text()))
+    control(fields)
+    other = scene.with_name("other.json")
+    other.write_text(json.dumps(fields))
+    _, report, page = compared(pumice_command, scene, "--control", other, "--time", "300")
+    agreement = report["agreement"]
+    # Found, or named beside the verdict with its size: never a clean "agrees".
+    named = agreement["proven_in_tile"] or agreement["proven_in_mean"]
+    assert agreement["verdict"] == "differs" or named, (control.__name__, report)
+    if control is fewer or control is paler:
+        assert agreement["verdict"] == "differs", report
+    assert "A control: Cycles draws another scene" in page

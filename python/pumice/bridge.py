@@ -1,0 +1,79 @@
+"""Other programs: files that they read, and whether Cycles draws what Pumice draws."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from . import _native, arguments
+from ._native import Job
+from .arguments import Path
+
+# As of the command: 80 million faces of a `.usdc`.
+DEFAULT_LIMIT_BYTES = 4 << 30
+
+
+def export(
+    path: Path,
+    out: Path,
+    *,
+    form: str | Sequence[str] = "voxels",
+    plain: bool = False,
+    labels: Iterable[int] | None = None,
+    limit_bytes: int = DEFAULT_LIMIT_BYTES,
+    job: Job | None = None,
+) -> dict[str, Any]:
+    """Writes a scene file, a `.pumice` file or a label volume for other programs; the ending of `out` chooses the format.
+
+    `form`: `voxels` (the exact surface), `cells4`, `boxes`, `instances`, or several. `plain` writes a square for each face, instead of
+    merging them. `labels` are the ids to write instead of those that a scene shows. A file that would be larger than `limit_bytes` is
+    refused before it is written. Returns the report of `pumice export --json`: `forms`, `faces`, `boxes`, `bytes`, `left_out`, `seconds`.
+    """
+    forms = [form] if isinstance(form, str) else list(form)
+    ids = None if labels is None else arguments.ids("labels", labels)
+    limit = arguments.whole("limit_bytes", limit_bytes, 1, arguments.MOST_64)
+    text = _native.export(
+        os.fspath(path), os.fspath(out), forms=forms, plain=plain, labels=ids, limit_bytes=limit, job=job
+    )
+    report: dict[str, Any] = json.loads(text)
+    return report
+
+
+def verify_render(
+    path: Path,
+    *,
+    blender: Path,
+    page: Path | None = None,
+    control: Path | None = None,
+    spp: int = 256,
+    seconds: float | None = None,
+    size: tuple[int, int] | None = None,
+    lod: int | None = None,
+    backend: str = "auto",
+    job: Job | None = None,
+) -> dict[str, Any]:
+    """Compares our picture of a scene file (or volume) with that of Cycles, until a verdict is reached.
+
+    `blender`: a Python that has Blender as the module `bpy`, or the program Blender. `page`: an `.html` file with verdict, pictures and
+    maps. `control`: another scene for Cycles, to see that a difference is noticed. `spp`: samples per pixel of each picture, 256 or more.
+    `seconds`: no picture is begun after this time. `size`: width and height; by default at most 40,000 pixels. `lod`: 1, 4 or 16, the
+    level of detail that both draw; by default the finest that memory allows. Returns the report of `pumice verify-render --json`, of which
+    `sentence` is the verdict in words and `agreement["verdict"]` is `agrees`, `differs` or `cannot_tell`.
+    """
+    path_of = lambda p: None if p is None else os.fspath(p)  # noqa: E731
+    text = _native.verify_render(
+        os.fspath(path),
+        blender=os.fspath(blender),
+        page=path_of(page),
+        control=path_of(control),
+        spp=arguments.whole("spp", spp, 1, arguments.MOST_32),
+        seconds=seconds,
+        size=None if size is None else [arguments.whole("size", n, 1, 65536) for n in size],
+        lod=None if lod is None else arguments.whole("lod", lod, 1, 16),
+        backend=backend,
+        job=job,
+    )
+    report: dict[str, Any] = json.loads(text)
+    return report

@@ -1,0 +1,101 @@
+//! What leads to other programs: files of them, and the comparison with Cycles.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use pumice_session::render_file::RenderOverrides;
+use pumice_session::{
+    DetailLevel, ExportRequest, Form, Merging, OpenOptions, VerifyRenderRequest, export_file, verify_render,
+};
+use pyo3::prelude::*;
+
+use crate::errors::input;
+use crate::job::{Job, job_of};
+use crate::waiting::released;
+
+/// Writes a volume or a scene file for other programs; returns what was written, as JSON text.
+#[pyfunction]
+#[pyo3(signature = (path, out, *, forms, plain=false, labels=None, limit_bytes, job=None))]
+#[expect(clippy::too_many_arguments, reason = "keywords of a Python function")]
+pub(crate) fn export(
+    py: Python<'_>,
+    path: PathBuf,
+    out: PathBuf,
+    forms: Vec<String>,
+    plain: bool,
+    labels: Option<Vec<u64>>,
+    limit_bytes: u64,
+    job: Option<&Bound<'_, Job>>,
+) -> PyResult<String> {
+    let job = job_of(job);
+    let named = |name: &String| {
+        let found = Form::ALL.into_iter().find(|form| form.name() == name);
+        found.ok_or_else(|| {
+            let names = Form::ALL.map(Form::name).join(", ");
+            input(&format_args!("form: expected one of {names}, got {name}"))
+        })
+    };
+    let request = ExportRequest {
+        input: path,
+        out,
+        forms: forms.iter().map(named).collect::<PyResult<_>>()?,
+        merging: if plain { Merging::Plain } else { Merging::Merged },
+        limit_bytes,
+        labels,
+        reading: OpenOptions::default(),
+    };
+    let exported = released(py, &job, || export_file(&request, &mut |_| {}, &job))?;
+    serde_json::to_string(&exported).map_err(|e| input(&e))
+}
+
+/// Compares our picture of a scene file with that of Cycles; returns the report as JSON text. While it runs, the job's fraction is the share
+/// of the pictures of the next look.
+#[pyfunction]
+#[pyo3(name = "verify_render")]
+#[pyo3(signature = (path, *, blender, page=None, control=None, spp, seconds=None, size=None, lod=None, backend, job=None))]
+#[expect(clippy::too_many_arguments, reason = "keywords of a Python function")]
+pub(crate) fn verify(
+    py: Python<'_>,
+    path: PathBuf,
+    blender: PathBuf,
+    page: Option<PathBuf>,
+    control: Option<PathBuf>,
+    spp: u32,
+    seconds: Option<f64>,
+    size: Option<[u32; 2]>,
+    lod: Option<u32>,
+    backend: String,
+    job: Option<&Bound<'_, Job>>,
+) -> PyResult<String> {
+    let job = job_of(job);
+    let level = match lod {
+        None => None,
+        Some(1) => Some(DetailLevel::Voxels),
+        Some(4) => Some(DetailLevel::Cells),
+        Some(16) => Some(DetailLevel::Boxes),
+        Some(other) => return Err(input(&format_args!("lod: expected 1, 4 or 16, got {other}"))),
+    };
+    let command = format!("pumice.verify_render({:?})", path.display());
+    let request = VerifyRenderRequest {
+        input: path,
+        blender,
+        control,
+        page,
+        backend,
+        spp,
+        seconds,
+        level,
+        memory_limit: None,
+        overrides: RenderOverrides { size, ..RenderOverrides::default() },
+        reading: OpenOptions::default(),
+        command,
+    };
+    let watched = Arc::clone(&job);
+    let verified = released(py, &job, || {
+        verify_render(&request, &job, &mut |progress| {
+            watched.begin(progress.next_look as u64);
+            watched.advance(progress.pictures as u64);
+        })
+    })?;
+    serde_json::to_string(&verified).map_err(|e| input(&e))
+}
