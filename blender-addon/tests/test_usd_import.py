@@ -85,4 +85,4 @@ def test_instances_arrive_with_their_materials(blender, tmp_path):
     assert len(cubes) == LABELS and all(len(cube.data.materials) == 1 for cube in cubes)
     graph = blender.context.evaluated_depsgraph_get()
     placed = [i for i in graph.object_instances if i.is_instance]
-    assert len(placed) == report["faces"], "an instance a box"
+    assert len(placed) == report["boxes"], "an instance a box"
