@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""File > Export > Pumice USD: the scene's volumes as surfaces or boxes, for other programs.
+"""File > Export > Pumice USD: the scene with its volumes as surfaces or boxes, for other programs.
 
 The frame goes out as a scene file in a temporary folder, which the compiled module exports as the command does.
 """
@@ -30,13 +30,18 @@ class PUMICE_OT_export_usd(InBackground, bpy.types.Operator, ExportHelper):
     bl_label = "Export USD"
 
     filename_ext = ".usdc"
-    filter_glob: StringProperty(default="*.usdc;*.usda", options={"HIDDEN"})
+    filter_glob: StringProperty(default="*.usdc;*.usda;*.usdz", options={"HIDDEN"})
     # ExportHelper would replace .usda by the default.
     check_extension = None
     form: EnumProperty(name="Form", description="How volumes are written", items=FORMS, default="voxels")
     plain: BoolProperty(
         name="A Square for Each Face",
         description="Do not merge neighboring faces into rectangles. Takes two to four times the space",
+        default=False,
+    )
+    for_blender: BoolProperty(
+        name="For Blender",
+        description="Write suns, spots and orthographic cameras as Blender's importer takes them; other programs read these wrong then",
         default=False,
     )
 
@@ -53,11 +58,11 @@ class PUMICE_OT_export_usd(InBackground, bpy.types.Operator, ExportHelper):
         folder = tempfile.TemporaryDirectory(prefix="pumice-")
         scene = os.path.join(folder.name, "scene.json")
         export_scene.save(parts, scene)
-        form, plain = self.form, self.plain
+        wishes = dict(form=self.form, plain=self.plain, for_blender=self.for_blender)
 
         def call(job):
             with folder:
-                return pumice.export(scene, path, form=form, plain=plain, job=job)
+                return pumice.export(scene, path, job=job, **wishes)
 
         return Work(f"Exporting {os.path.basename(path)}", call)
 
@@ -69,7 +74,7 @@ class PUMICE_OT_export_usd(InBackground, bpy.types.Operator, ExportHelper):
 
 
 def _menu(self, _context):
-    self.layout.operator(PUMICE_OT_export_usd.bl_idname, text="Pumice USD (.usdc, .usda)")
+    self.layout.operator(PUMICE_OT_export_usd.bl_idname, text="Pumice USD (.usdc, .usda, .usdz)")
 
 
 def register():

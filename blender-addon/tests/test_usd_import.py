@@ -1,8 +1,10 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Tests that Blender's own importer reads what `pumice export` writes as USD: objects, faces, materials, labels, scale and orientation."""
+"""Tests that Blender's own importer reads what `pumice export` writes as USD: objects, faces, materials, labels, scale and orientation; and
+camera, world, suns, lamps and meshes with the numbers of the scene."""
 
 import json
+import math
 import os
 import subprocess
 from pathlib import Path
@@ -85,4 +87,168 @@ def test_instances_arrive_with_their_materials(blender, tmp_path):
     assert len(cubes) == LABELS and all(len(cube.data.materials) == 1 for cube in cubes)
     graph = blender.context.evaluated_depsgraph_get()
     placed = [i for i in graph.object_instances if i.is_instance]
-    assert len(placed) == report["faces"], "an instance a box"
+    assert len(placed) == report["boxes"], "an instance a box"
+
+
+# Each number passes through at most four roundings to single precision, of 6e-8 each.
+CLOSE = 1e-6
+POSE = [0.8, 0.6, 0.0, -0.36, 0.48, 0.8, 0.48, -0.64, 0.6, 30.0, -40.0, 20.0]
+PLACED = [0.0, 1.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 5.0, 6.0, 7.0]
+AREA = {"world_from_light": PLACED, "size": [2.0, 3.0], "spread_rad": math.pi}
+BALL = {"position": [1.0, 2.0, 3.0], "radius": 0.25}
+SPOT = {**BALL, "direction": [1.0, -2.0, -3.0], "angle_rad": 1.25, "blend": 0.375}
+LAMPS = [{"point": BALL}, {"point": {**BALL, "radius": 0.0}}, {"spot": SPOT}, {"area": {**AREA, "outline": "rectangle"}},
+         {"area": {**AREA, "outline": "ellipse"}}]
+SUNS = [{"direction": [0.5, -1.0, -2.0], "strength": 3.5, "color": [1.0, 0.5, 0.25], "angle_rad": 0.125},
+        {"direction": [0.0, 0.0, -1.0], "strength": 2.0, "angle_rad": 0.0}]
+# A roof of two triangles; its corners' normals point up, and two of them aside.
+ROOF = """ply
+format ascii 1.0
+element vertex 4
+property float x
+property float y
+property float z
+property float nx
+property float ny
+property float nz
+element face 2
+property list uchar int vertex_indices
+end_header
+0 0 0 -0.6 0 0.8
+1 0 1 0 0 1
+1 2 1 0 0 1
+2 0 0 0.6 0 0.8
+3 0 1 2
+3 1 3 2
+"""
+PERSPECTIVE = {"projection": {"perspective": {"fov_rad": 0.75}}, "shift": [0.125, -0.0625], "clip": [0.5, 500.0]}
+PARALLEL = {"projection": {"orthographic": {"scale": 24.0}}, "clip": [0.5, 500.0]}
+
+
+def imported(blender, folder, camera, size, *flags):
+    """What Blender has after the import of a scene that the command wrote: objects by name."""
+    scene = json.loads(scene_of(folder))
+    opening = {"radius": 0.5, "focus_distance": 40.0}
+    scene["camera"] = {"world_from_camera": POSE, "aperture": opening, **camera}
+    scene["film"].update(zip(("width", "height"), size, strict=True))
+    lights = [{"shape": shape, "power_w": 100.0 * (i + 1), "color": [1.0, 0.5, 0.25]} for i, shape in enumerate(LAMPS)]
+    (folder / "roof.ply").write_text(ROOF)
+    roof = {"id": 4, "source": "roof.ply", "world_from_mesh": PLACED, "materials": [{"roughness": 0.25}]}
+    scene.update(suns=SUNS, lights=lights, meshes=[roof])
+    picture = blender.data.images.new("sky", 64, 32, float_buffer=True)
+    picture.file_format = "OPEN_EXR"
+    picture.filepath_raw = str(folder / "sky.exr")
+    picture.save()
+    scene["world"] = {"environment": {"image": {"path": "sky.exr", "rotation_rad": 0.75, "strength": 1.5}}}
+    (folder / "scene.json").write_text(json.dumps(scene))
+    command = os.environ.get("PUMICE", ROOT / "target" / "debug" / "pumice")
+    out = folder / "scene.usdc"
+    subprocess.run([command, "export", folder / "scene.json", "-o", out, *flags], check=True, capture_output=True)
+    # The importer fills the world that is there, and makes none.
+    blender.context.scene.world = blender.data.worlds.new("sky")
+    blender.ops.wm.usd_import(filepath=str(out))
+    return {thing.name: thing for thing in blender.data.objects}
+
+
+def along(thing):
+    """Where a lamp of Blender shines: along its −z."""
+    return -np.array(thing.matrix_world)[:3, 2] / np.linalg.norm(np.array(thing.matrix_world)[:3, 2])
+
+
+def unit(vector):
+    return np.array(vector) / np.linalg.norm(vector)
+
+
+def test_for_blender_the_camera_arrives(blender, tmp_path):
+    things = imported(blender, tmp_path, PERSPECTIVE, (640, 480), "--for", "blender")
+    camera = things["camera"].data
+    assert camera.type == "PERSP" and camera.sensor_fit == "HORIZONTAL"
+    got = [camera.lens, camera.sensor_width, camera.sensor_height, camera.shift_x, camera.shift_y, camera.clip_start, camera.clip_end]
+    expected = [18.0 / math.tan(0.375), 36.0, 27.0, 0.125, -0.0625, 0.5, 500.0]
+    assert np.allclose(got, expected, rtol=CLOSE, atol=0)
+    # Blender's f-stop N gives a radius of focal length / (2 N).
+    assert camera.lens * 1e-3 / (2 * camera.dof.aperture_fstop) == pytest.approx(0.5, rel=CLOSE)
+    assert camera.dof.focus_distance == 40.0
+    assert camera.dof.use_dof or blender.app.version < (5, 0)
+    pose = np.array(things["camera"].matrix_world)
+    # A matrix of Blender is single precision: 6e-8 of its largest entry.
+    assert np.allclose(pose[:3].T, np.reshape(POSE, (4, 3)), rtol=0, atol=1e-5)
+
+
+def test_for_blender_an_orthographic_camera_arrives(blender, tmp_path):
+    camera = imported(blender, tmp_path, PARALLEL, (300, 500), "--for", "blender")["camera"].data
+    assert camera.type == "ORTHO" and camera.sensor_fit == "VERTICAL"
+    assert camera.ortho_scale == pytest.approx(24.0, rel=CLOSE)
+    # Blender's f-stop of an orthographic camera is 1 / (2 radius).
+    assert 1 / (2 * camera.dof.aperture_fstop) == pytest.approx(0.5, rel=CLOSE)
+
+
+def test_for_blender_suns_lamps_and_world_arrive(blender, tmp_path):
+    things = imported(blender, tmp_path, PERSPECTIVE, (64, 48), "--for", "blender")
+    for number, sun in enumerate(SUNS):
+        lamp = things[f"sun_{number}"]
+        assert lamp.data.energy == pytest.approx(sun["strength"], rel=CLOSE)
+        assert lamp.data.angle == pytest.approx(sun["angle_rad"], rel=CLOSE)
+        assert np.allclose(lamp.data.color, sun.get("color", [1.0] * 3), rtol=CLOSE)
+        assert np.allclose(along(lamp), unit(sun["direction"]), rtol=0, atol=1e-6)
+    kinds = ["POINT", "POINT", "SPOT", "AREA", "AREA"]
+    for number, (kind, shape) in enumerate(zip(kinds, LAMPS, strict=True)):
+        thing, shape = things[f"lamp_{number}"], next(iter(shape.values()))
+        lamp = thing.data
+        assert lamp.type == kind and lamp.energy == pytest.approx(100.0 * (number + 1), rel=CLOSE)
+        assert np.allclose(lamp.color, [1.0, 0.5, 0.25], rtol=CLOSE)
+        assert np.allclose(thing.location, shape.get("position", [5.0, 6.0, 7.0]), rtol=CLOSE)
+        if kind == "AREA":
+            size_y = lamp.size if lamp.shape == "DISK" else lamp.size_y
+            sides = np.array([lamp.size, size_y]) * np.array(thing.scale)[:2]
+            assert np.allclose(sides, shape["size"], rtol=CLOSE) and lamp.shape == ("RECTANGLE" if number == 3 else "DISK")
+            assert np.allclose(along(thing), [0, 0, -1], rtol=0, atol=1e-6)
+        else:
+            assert lamp.shadow_soft_size == shape["radius"]
+        if kind == "SPOT":
+            assert lamp.spot_size == pytest.approx(1.25, rel=CLOSE) and lamp.spot_blend == pytest.approx(0.375, rel=CLOSE)
+            assert np.allclose(along(thing), unit(shape["direction"]), rtol=0, atol=1e-6)
+    nodes = {node.type: node for node in blender.context.scene.world.node_tree.nodes}
+    assert nodes["BACKGROUND"].inputs["Strength"].default_value == 1.5
+    assert tuple(nodes["TEX_ENVIRONMENT"].image.size) == (64, 32)
+    # A Mapping node (of points) that turns by −r about z turns the picture by r, as the scene's rotation does.
+    turn = np.array(nodes["MAPPING"].inputs["Rotation"].default_value)
+    assert np.allclose(turn, [0, 0, -0.75], rtol=0, atol=1e-6)
+
+
+def test_meshes_arrive_smooth_in_their_place(blender, tmp_path):
+    thing = imported(blender, tmp_path, PERSPECTIVE, (64, 48))["mesh_4"]
+    mesh = thing.data
+    assert np.allclose(np.array(thing.matrix_world)[:3].T, np.reshape(PLACED, (4, 3)), rtol=0, atol=1e-6)
+    assert [list(polygon.vertices) for polygon in mesh.polygons] == [[0, 1, 2], [1, 3, 2]]
+    normals = np.empty(3 * len(mesh.loops), np.float32)
+    mesh.corner_normals.foreach_get("vector", normals)
+    expected = np.array([[-0.6, 0, 0.8], [0, 0, 1], [0, 0, 1], [0, 0, 1], [0.6, 0, 0.8], [0, 0, 1]])
+    # Pumice keeps normals in 32 bits (7e-5), Blender custom normals in two of 16 bits (1e-4).
+    assert np.allclose(normals.reshape(-1, 3), expected, rtol=0, atol=3e-4)
+    shader = next(node for node in mesh.materials[0].node_tree.nodes if node.type == "BSDF_PRINCIPLED")
+    assert shader.inputs["Roughness"].default_value == 0.25
+
+
+def test_a_file_for_all_programs_arrives_as_documented(blender, tmp_path):
+    """The control: what the flag is for, and what the documentation says of Blender."""
+    things = imported(blender, tmp_path, PARALLEL, (300, 500))
+    assert things["camera"].data.ortho_scale == pytest.approx(240.0, rel=CLOSE)
+    assert things["sun_0"].data.energy == pytest.approx(14.0, rel=CLOSE)
+    assert things["sun_0"].data.angle == pytest.approx(0.25, rel=CLOSE)
+    assert things["lamp_2"].data.spot_blend < 0.3
+    assert [things[f"lamp_{i}"].data.energy for i in range(5)] == pytest.approx([100, 200, 300, 400, 500], rel=CLOSE)
+    assert blender.context.scene.camera is None
+    assert things["lamp_3"].data["spread_deg"] == pytest.approx(180.0)
+
+
+def test_a_package_brings_its_picture(blender, tmp_path):
+    imported(blender, tmp_path, PERSPECTIVE, (64, 48))
+    command = os.environ.get("PUMICE", ROOT / "target" / "debug" / "pumice")
+    subprocess.run([command, "export", tmp_path / "scene.json", "-o", tmp_path / "scene.usdz"], check=True, capture_output=True)
+    (tmp_path / "sky.exr").unlink()
+    blender.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    blender.context.scene.world = blender.data.worlds.new("sky")
+    blender.ops.wm.usd_import(filepath=str(tmp_path / "scene.usdz"))
+    (node,) = (node for node in blender.context.scene.world.node_tree.nodes if node.type == "TEX_ENVIRONMENT")
+    assert tuple(node.image.size) == (64, 32) and blender.data.objects["surface"].type == "MESH"

@@ -22,7 +22,7 @@ pub(crate) use compress::{Compress, CompressionLevel};
 pub(crate) use decompress::Decompress;
 pub(crate) use demo::Demo;
 pub(crate) use devices::Devices;
-pub(crate) use export::{Export, FormArg};
+pub(crate) use export::{Export, FormArg, ReaderArg};
 pub(crate) use info::Info;
 pub(crate) use reading::{Axes, Reading};
 pub(crate) use render::{LodArg, Render, RenderMode, ViewArg};

@@ -5,7 +5,8 @@ use std::sync::Arc;
 
 use pumice_session::render_file::RenderOverrides;
 use pumice_session::{
-    DetailLevel, ExportRequest, Form, Merging, OpenOptions, VerifyRenderRequest, export_file, verify_render,
+    DetailLevel, ExportRequest, Form, Merging, OpenOptions, Reader, VerifyRenderRequest, export_file,
+    verify_render,
 };
 use pyo3::prelude::*;
 
@@ -15,7 +16,7 @@ use crate::waiting::released;
 
 /// Writes a volume or a scene file for other programs; returns what was written, as JSON text.
 #[pyfunction]
-#[pyo3(signature = (path, out, *, forms, plain=false, labels=None, limit_bytes, job=None))]
+#[pyo3(signature = (path, out, *, forms, plain=false, for_blender=false, labels=None, limit_bytes, job=None))]
 #[expect(clippy::too_many_arguments, reason = "keywords of a Python function")]
 pub(crate) fn export(
     py: Python<'_>,
@@ -23,6 +24,7 @@ pub(crate) fn export(
     out: PathBuf,
     forms: Vec<String>,
     plain: bool,
+    for_blender: bool,
     labels: Option<Vec<u64>>,
     limit_bytes: u64,
     job: Option<&Bound<'_, Job>>,
@@ -41,6 +43,7 @@ pub(crate) fn export(
         forms: forms.iter().map(named).collect::<PyResult<_>>()?,
         merging: if plain { Merging::Plain } else { Merging::Merged },
         limit_bytes,
+        reader: if for_blender { Reader::Blender } else { Reader::Specification },
         labels,
         reading: OpenOptions::default(),
     };

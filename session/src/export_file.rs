@@ -1,11 +1,12 @@
-//! Writes the volumes of a scene for other programs.
+//! Writes a volume or a scene for other programs.
 
 use std::path::PathBuf;
 
 use pumice_core::Job;
-use pumice_export::{ExportOptions, ExportSize, FileFormat, Form, Merging, export_scene};
+use pumice_export::{
+    ExportOptions, ExportSize, FileFormat, Form, Merging, Reader, export_scene, left_out_of_stage,
+};
 use pumice_formats::OpenOptions;
-use pumice_scene::Scene;
 use pumice_transport::LoadedScene;
 use serde::Serialize;
 
@@ -19,7 +20,7 @@ use crate::render_file::open_scene::{OpenedScene, is_scene_file, open_scene};
 pub struct ExportRequest {
     /// A `.pumice` file, any label volume, or a scene (`.json`).
     pub input: PathBuf,
-    /// The file to write; its ending chooses the form: `.usda` or `.usdc`.
+    /// The file to write; its ending chooses the form: `.usda`, `.usdc` or `.usdz`.
     pub out: PathBuf,
     /// Forms of the volumes; the first is the one that programs show.
     pub forms: Vec<Form>,
@@ -27,6 +28,8 @@ pub struct ExportRequest {
     pub merging: Merging,
     /// Bytes that the file may take, as estimated while its faces are found.
     pub limit_bytes: u64,
+    /// The program whose reading of the format is followed.
+    pub reader: Reader,
     /// Labels to write, by id, instead of those that the scene shows.
     pub labels: Option<Vec<u64>>,
     /// How to read a volume.
@@ -38,7 +41,7 @@ pub struct ExportRequest {
 pub struct Exported {
     /// Names of the forms.
     pub forms: Vec<&'static str>,
-    /// Faces of all forms together.
+    /// Faces of all forms together, and triangles of meshes.
     pub faces: u64,
     /// Boxes of the form `instances`.
     pub boxes: u64,
@@ -61,7 +64,7 @@ pub struct Exported {
 /// [`pumice_core::Error::Limit`] for a file that would be larger than allowed; [`pumice_core::Error::Cancelled`].
 pub fn export_file(request: &ExportRequest, tell: &mut dyn FnMut(ExportSize), job: &Job) -> Result<Exported> {
     let clock = Stopwatch::start();
-    FileFormat::of(&request.out)?;
+    let format = FileFormat::of(&request.out)?;
     let overrides = RenderOverrides { labels: request.labels.clone(), ..RenderOverrides::default() };
     let OpenedScene { scene, volumes, meshes } =
         open_scene(&request.input, &overrides, &request.reading, job)?;
@@ -72,12 +75,15 @@ pub fn export_file(request: &ExportRequest, tell: &mut dyn FnMut(ExportSize), jo
         )));
     }
     // The camera and the light of a volume's own picture are nobody's work.
-    let left_out = if is_scene_file(&request.input) { left_out(&scene) } else { Vec::new() };
+    let surroundings = is_scene_file(&request.input);
+    let left_out = if surroundings { left_out_of_stage(&scene, format) } else { Vec::new() };
     let loaded = LoadedScene::new(scene, volumes, meshes)?;
     let options = ExportOptions {
         forms: request.forms.clone(),
         merging: request.merging,
         limit_bytes: request.limit_bytes,
+        surroundings,
+        reader: request.reader,
     };
     let size = export_scene(&loaded, &options, &request.out, tell, job)?;
     Ok(Exported {
@@ -90,22 +96,4 @@ pub fn export_file(request: &ExportRequest, tell: &mut dyn FnMut(ExportSize), jo
         cpu_seconds: clock.cpu_seconds(),
         peak_rss_bytes: peak_rss_bytes(),
     })
-}
-
-fn left_out(scene: &Scene) -> Vec<String> {
-    let counted = |count: usize, [one, several]: [&str; 2]| match count {
-        0 => None,
-        1 => Some(format!("a {one}")),
-        n => Some(format!("{n} {several}")),
-    };
-    [
-        Some("the camera".into()),
-        Some("the world".into()),
-        counted(scene.suns.len(), ["sun", "suns"]),
-        counted(scene.lights.len(), ["lamp", "lamps"]),
-        counted(scene.meshes.len(), ["mesh", "meshes"]),
-    ]
-    .into_iter()
-    .flatten()
-    .collect()
 }

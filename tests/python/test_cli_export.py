@@ -31,7 +31,7 @@ def surface(stage):
 
 
 @pytest.mark.parametrize("form", ["voxels", "cells4", "boxes"])
-@pytest.mark.parametrize("ending", ["usda", "usdc"])
+@pytest.mark.parametrize("ending", ["usda", "usdc", "usdz"])
 def test_a_real_volume(pumice, data, info, tmp_path, form, ending):
     out = tmp_path / f"ct.{ending}"
     chosen = {"voxels": ["--lod", "1"], "cells4": ["--form", "cells4"], "boxes": ["--lod", "16"]}[form]
@@ -77,7 +77,25 @@ def test_a_scene_says_what_it_leaves_out(pumice, data, tmp_path):
     shown = ["--spp", 1, "--size", "8x8", "--save-scene", scene]
     run(pumice, "render", data / "slicer_Segmentation.seg.nrrd", "-o", tmp_path / "p.png", *shown).fine()
     done = run(pumice, "export", scene, "-o", tmp_path / "o.usdc")
-    assert done.code == 0 and done.err == "pumice: left out: the camera, the world, a sun\n", done
+    assert done.code == 0 and done.err == "pumice: left out: the backdrop\n", done
+    stage = Usd.Stage.Open(str(tmp_path / "o.usdc"))
+    types = {prim.GetTypeName() for prim in stage.Traverse()}
+    assert {"Camera", "DomeLight", "DistantLight", "Mesh"} <= types
+    rich = json.loads(scene.read_text())
+    rich["world"] = {"environment": {"image": {"path": "sky.hdr"}}, "backdrop": [[0, 0, 0], [1, 1, 1]]}
+    rich["camera"]["aperture"] = {"radius": 1, "focus_distance": 9, "blades": 5}
+    area = {"area": {"world_from_light": [1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 9], "outline": "ellipse", "size": [1, 1], "spread_rad": 1}}
+    rich["lights"] = [{"shape": area, "power_w": 5}] * 2
+    scene.write_text(json.dumps(rich))
+    lacks = run(pumice, "export", scene, "-o", tmp_path / "rich.usdz").refused()
+    assert "sky.hdr: No such file" in lacks
+    (tmp_path / "sky.hdr").touch()
+    for ending, first in [("usdz", "the world, whose picture sky.hdr a usdz package cannot hold (OpenEXR it can), "), ("usda", "")]:
+        done = run(pumice, "export", scene, "-o", tmp_path / f"rich.{ending}", "--for", "blender")
+        told, left = done.err.splitlines()
+        assert done.code == 0 and told.startswith("pumice: for Blender 4.2 to 5.0: suns have a quarter of their strength")
+        assert left == f"pumice: left out: {first}the backdrop, the shape of the camera's aperture, the spread of 2 area lamps"
+    assert told.removeprefix("pumice: ") in (tmp_path / "rich.usda").read_text()
     cut = json.loads(scene.read_text())
     cut["cuts"] = [{"shape": {"plane": {"point": [0, 0, 0], "normal": [1, 0, 0]}}}]
     scene.write_text(json.dumps(cut))
@@ -90,7 +108,7 @@ def test_bad_input(pumice, data, tmp_path):
     volume = data / "slicer_Segmentation.seg.nrrd"
     (tmp_path / "folder.usdc").mkdir()
     for arguments, what in [
-        (["-o", tmp_path / "o.usd"], "o.usd: expected a name that ends in .usda, .usdc"),
+        (["-o", tmp_path / "o.usd"], "o.usd: expected a name that ends in .usda, .usdc, .usdz"),
         (["-o", tmp_path / "o"], "expected a name that ends in"),
         (["-o", tmp_path / "nowhere" / "o.usdc"], "nowhere: No such file or directory"),
         (["-o", tmp_path / "folder.usdc"], "folder.usdc: is a folder, expected a file"),
@@ -107,5 +125,6 @@ def test_bad_input(pumice, data, tmp_path):
     line = run(pumice, "export", volume, "-o", tmp_path / "o.usdc", file_size_limit=50_000).refused()
     assert "o.usdc: File too large" in line, line
     assert (tmp_path / "o.usdc").read_text() == "former"
+    assert "p.usdz: File too large" in run(pumice, "export", volume, "-o", tmp_path / "p.usdz", file_size_limit=50_000).refused()
     assert sorted(p.name for p in tmp_path.iterdir()) == ["folder.usdc", "o.usdc"]
     assert "nowhere.nrrd" in run(pumice, "export", tmp_path / "nowhere.nrrd", "-o", tmp_path / "n.usdc").refused()

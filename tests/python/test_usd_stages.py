@@ -8,12 +8,15 @@ import pytest
 from pxr import Sdf, Usd, UsdGeom, UsdShade, UsdValidation
 
 FORMS = ["usda", "usdc"]
+# A file that the stage refers to.
+ODD_NAME = "a@b@@@@ 'µ'@"
 LENGTHS = [0, 1, 15, 16, 17, 70_000]
 
 
 @pytest.fixture(scope="module")
 def files(rust_example, tmp_path_factory):
     folder = tmp_path_factory.mktemp("stages")
+    (folder / ODD_NAME).touch()
     subprocess.run([rust_example("write_stages"), folder], check=True)
     return {form: folder / f"sample.{form}" for form in FORMS}
 
@@ -57,6 +60,7 @@ def test_values_come_back(files, form):
     assert values["float"] == float(np.float32(0.1)) and values["small"] == float(np.float32(1e-30))
     assert values["userProperties:json"] == "line\nquote \" back\\slash\ttab 'µ' 日本 \x01" and values["nothing"] == ""
     assert values["rule"] == "none" and values["file"].path == "./sample.usda"
+    assert values["odd_file"].path == f"./{ODD_NAME}"
     assert np.array_equal(np.array(values["pair"]), np.float32([1, 0.1]))
     assert np.array_equal(np.array(values["color"]), np.float32([0.2, 0.3, 1]))
     assert np.array_equal(np.array(values["matrix"]), [[0.1, 2, 1e-300, 0], [-0.5, 1e300, 3, 0], [0, 0, 1 / 3, 0], [7, 8, 9, 1]])

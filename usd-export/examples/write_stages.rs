@@ -53,6 +53,7 @@ fn values() -> Prim<'static> {
             Property::custom("nothing", "string", Value::String(String::new())),
             Property::uniform("rule", "token", Value::Token("none".into())),
             Property::custom("file", "asset", Value::Asset("./sample.usda".into())),
+            Property::custom("odd_file", "asset", Value::Asset("./a@b@@@@ 'µ'@".into())),
             Property::custom("pair", "float2", Value::Float2([1.0, 0.1])),
             Property::custom("color", "color3f", Value::Float3([0.2, 0.3, 1.0])),
             Property::custom("matrix", "matrix4d", Value::Matrix4(matrix)),

@@ -20,12 +20,14 @@ pub struct Budget {
     each: FaceBytes,
     faces: u64,
     boxes: u64,
+    /// Of whole files that are packed into it.
+    packed_bytes: u64,
 }
 
 impl Budget {
     /// A budget of `limit_bytes` for a file whose elements take `each`.
     pub fn new(limit_bytes: u64, each: FaceBytes) -> Self {
-        Self { limit_bytes, each, faces: 0, boxes: 0 }
+        Self { limit_bytes, each, faces: 0, boxes: 0, packed_bytes: 0 }
     }
 
     /// Counts `faces` more rectangles.
@@ -46,6 +48,15 @@ impl Budget {
         self.check()
     }
 
+    /// Counts a file of so many bytes that is packed into this one.
+    ///
+    /// # Errors
+    /// As [`Budget::take_faces`].
+    pub fn take_packed(&mut self, bytes: u64) -> Result<()> {
+        self.packed_bytes += bytes;
+        self.check()
+    }
+
     /// Rectangles so far.
     pub fn faces(&self) -> u64 {
         self.faces
@@ -58,7 +69,8 @@ impl Budget {
 
     /// Bytes of the file, estimated.
     pub fn bytes(&self) -> u64 {
-        self.faces.saturating_mul(self.each.a_face).saturating_add(self.boxes.saturating_mul(self.each.a_box))
+        let boxes = self.boxes.saturating_mul(self.each.a_box);
+        self.faces.saturating_mul(self.each.a_face).saturating_add(boxes).saturating_add(self.packed_bytes)
     }
 
     fn check(&self) -> Result<()> {
@@ -84,6 +96,8 @@ mod tests {
         budget.take_boxes(25).unwrap();
         budget.take_faces(8).unwrap();
         assert_eq!((budget.faces(), budget.boxes(), budget.bytes()), (8, 25, 1000));
+        let mut packed = budget;
+        assert!(packed.take_packed(1).is_err());
         let error = budget.take_boxes(1).unwrap_err().to_string();
         assert_eq!(
             error,

@@ -1,13 +1,16 @@
 //! Writes a scene to a file of any format: finds what is drawn, says how much it is, and writes it.
 
+use std::fs::File;
+use std::io::{Seek, Write};
 use std::path::Path;
 
-use pumice_core::Job;
+use pumice_core::{Error, Job};
 use pumice_transport::LoadedScene;
 
-use crate::usd::{write_usda, write_usdc};
-use crate::whole_file::write_whole;
-use crate::{Budget, FileFormat, Form, Merging, Result, scene_stage::stage_of_scene};
+use crate::sky_picture::SkyPicture;
+use crate::usd::{PackedFile, Stage, write_usda, write_usdc, write_usdz};
+use crate::whole_file::{temporary_beside, write_whole};
+use crate::{Budget, FileFormat, Form, Merging, Reader, Result, scene_stage::stage_of_scene};
 
 /// What is written of a scene, and how much of it at most.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -18,12 +21,16 @@ pub struct ExportOptions {
     pub merging: Merging,
     /// Bytes that the file may take, as estimated while its faces are found.
     pub limit_bytes: u64,
+    /// Whether the scene's camera, world, suns, lamps and meshes are written too.
+    pub surroundings: bool,
+    /// The program whose reading of the format is followed.
+    pub reader: Reader,
 }
 
 /// What an export has found and is about to write, or has written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ExportSize {
-    /// Faces of all forms together.
+    /// Faces of all forms together, and triangles of meshes.
     pub faces: u64,
     /// Boxes of the form [`Form::Instances`].
     pub boxes: u64,
@@ -46,17 +53,45 @@ pub fn export_scene(
     job: &Job,
 ) -> Result<ExportSize> {
     let format = FileFormat::of(path)?;
-    let mut budget = Budget::new(options.limit_bytes, format.face_bytes());
+    let mut budget = Budget::new(options.limit_bytes.min(format.most_bytes()), format.face_bytes());
     let size = |budget: &Budget, bytes| ExportSize { faces: budget.faces(), boxes: budget.boxes(), bytes };
     let bytes = match format {
-        FileFormat::Usda | FileFormat::Usdc => {
-            let stage = stage_of_scene(scene, options, &mut budget, job)?;
+        FileFormat::Usda | FileFormat::Usdc | FileFormat::Usdz => {
+            let sky = match options.surroundings {
+                true => SkyPicture::of(scene.scene(), path, format)?,
+                false => None,
+            };
+            if let (FileFormat::Usdz, Some(sky)) = (format, &sky) {
+                budget.take_packed(sky.bytes)?;
+            }
+            let asset = sky.as_ref().map(|sky| sky.asset.as_str());
+            let stage = stage_of_scene(scene, options, asset, &mut budget, job)?;
             tell(size(&budget, budget.bytes()));
             write_whole(path, job, |mut out| match format {
                 FileFormat::Usda => write_usda(&stage, &mut out),
                 FileFormat::Usdc => write_usdc(&stage, &mut out),
+                FileFormat::Usdz => write_package(&stage, sky.as_ref(), path, job, &mut out),
             })?
         }
     };
     Ok(size(&budget, bytes))
+}
+
+/// Writes a stage and the picture of its world as a package. The stage is a file of its own first, without a name in the folder of
+/// `path`, because a package says how long its files are.
+fn write_package(
+    stage: &Stage<'_>,
+    sky: Option<&SkyPicture>,
+    path: &Path,
+    job: &Job,
+    out: &mut (impl Write + Seek),
+) -> Result<()> {
+    let (stage_file, bytes) = temporary_beside(path, job, |out| write_usdc(stage, out))?;
+    let mut files = vec![PackedFile { name: "stage.usdc", from: stage_file, bytes }];
+    if let Some(sky) = sky {
+        let at = |source| Error::Io { path: sky.file.clone(), source };
+        let from = File::open(&sky.file).map_err(at)?;
+        files.push(PackedFile { name: sky.asset.trim_start_matches("./"), from, bytes: sky.bytes });
+    }
+    write_usdz(files, out)
 }

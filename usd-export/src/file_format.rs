@@ -13,17 +13,20 @@ pub enum FileFormat {
     Usda,
     /// USD as a crate file.
     Usdc,
+    /// A package of a crate file and the pictures that it refers to.
+    Usdz,
 }
 
 impl FileFormat {
     /// All formats.
-    pub const ALL: [Self; 2] = [Self::Usda, Self::Usdc];
+    pub const ALL: [Self; 3] = [Self::Usda, Self::Usdc, Self::Usdz];
 
     /// The ending of its files' names.
     pub fn ending(self) -> &'static str {
         match self {
             Self::Usda => "usda",
             Self::Usdc => "usdc",
+            Self::Usdz => "usdz",
         }
     }
 
@@ -31,7 +34,15 @@ impl FileFormat {
     pub fn face_bytes(self) -> FaceBytes {
         match self {
             Self::Usda => FaceBytes { a_face: 125, a_box: 70 },
-            Self::Usdc => FaceBytes { a_face: 49, a_box: 26 },
+            Self::Usdc | Self::Usdz => FaceBytes { a_face: 49, a_box: 26 },
+        }
+    }
+
+    /// Largest size of its files: offsets in packages have 32 bits.
+    pub fn most_bytes(self) -> u64 {
+        match self {
+            Self::Usda | Self::Usdc => u64::MAX,
+            Self::Usdz => u32::MAX.into(),
         }
     }
 

@@ -3,11 +3,18 @@
 //! Lists are JSON text, because importers drop arrays of texts: `labels` has `[id, name, type]` by dense index, the number that the faces of
 //! surfaces carry as `label`; name and type are null where a label has none.
 
+use std::path::Path;
+
 use pumice_core::Error;
 use serde_json::{Value as Json, json};
 
 use crate::Result;
 use crate::drawn::Drawn;
+
+/// What a file says of where a volume or mesh came from: the name of its file, without the folders, which are nobody else's business.
+pub(crate) fn source_name(source: &Path) -> String {
+    source.file_name().unwrap_or(source.as_os_str()).display().to_string()
+}
 
 /// The notes of a volume, as names and texts.
 ///
@@ -30,7 +37,7 @@ pub(crate) fn notes(drawn: &Drawn<'_>) -> Result<Vec<(&'static str, String)>> {
     Ok(vec![
         ("labels", labels),
         ("data_hash", format!("{:032x}", volume.content_hash())),
-        ("source", drawn.instance.source.display().to_string()),
+        ("source", source_name(&drawn.instance.source)),
         ("spacing", format!("[{x}, {y}, {z}]")),
         ("unit", unit.as_str().unwrap_or_default().to_owned()),
     ])

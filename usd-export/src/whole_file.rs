@@ -38,6 +38,26 @@ pub(crate) fn write_whole(
     Ok(bytes)
 }
 
+/// Writes a file without a name in the folder of `path`, which is gone once it is closed. Returns it from its beginning, and its bytes.
+///
+/// # Errors
+/// As [`write_whole`].
+pub(crate) fn temporary_beside(
+    path: &Path,
+    job: &Job,
+    write: impl FnOnce(&mut Output<'_, '_>) -> Result<()>,
+) -> Result<(File, u64)> {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let mut file = tempfile::tempfile_in(folder)?;
+    let mut buffered = BufWriter::new(&mut file);
+    write(&mut Cancellable { out: &mut buffered, job })?;
+    buffered.flush()?;
+    drop(buffered);
+    let bytes = file.seek(SeekFrom::End(0))?;
+    file.seek(SeekFrom::Start(0))?;
+    Ok((file, bytes))
+}
+
 /// What a file is written to.
 pub(crate) type Output<'a, 'f> = Cancellable<'a, BufWriter<&'f mut File>>;
 

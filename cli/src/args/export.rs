@@ -10,14 +10,14 @@ use super::Reading;
 
 /// Write a volume or a scene for other programs, as USD
 ///
-/// The file holds the volumes with their materials, names and ids of labels. A scene's camera, lights, world and meshes are not written
-/// yet; the command says what it left out.
+/// The file holds the volumes with their materials, names and ids of labels; that of a scene also its camera, world, suns, lamps and
+/// meshes. The command says what of a scene it left out.
 #[derive(Debug, Args)]
 pub(crate) struct Export {
     /// A .pumice file, any label volume, or a scene (.json)
     #[arg(value_name = "FILE|SCENE.json")]
     pub(crate) input: PathBuf,
-    /// Output file; its extension chooses the format: .usda (text), .usdc (binary)
+    /// Output file; its extension chooses the format: .usda (text), .usdc (binary), .usdz (package with the picture of the world)
     #[arg(short, long, value_name = "OUT")]
     pub(crate) out: PathBuf,
     /// Forms of the volumes, separated by commas; each is a variant of the stage, and the first is shown
@@ -29,6 +29,9 @@ pub(crate) struct Export {
     /// Write a square for each face, instead of merging neighbouring faces of a label into rectangles
     #[arg(long)]
     pub(crate) plain: bool,
+    /// The program that will read the file: Blender's importer departs from the specification in suns, spots and orthographic cameras
+    #[arg(long = "for", value_enum, value_name = "READER", default_value = "specification")]
+    pub(crate) reader: ReaderArg,
     /// Write only these labels, by id, separated by commas
     #[arg(long, value_name = "ID,ID", value_delimiter = ',')]
     pub(crate) labels: Option<Vec<u64>>,
@@ -52,6 +55,15 @@ pub(crate) enum FormArg {
     Cells4,
     /// The exact surface
     Voxels,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum ReaderArg {
+    /// Any program that keeps to USD's specification
+    Specification,
+    /// Blender 4.2 to 5.0: suns, spots and orthographic cameras arrive as they are in the scene. Have a world before the import, and choose
+    /// the camera after it: the importer does neither
+    Blender,
 }
 
 /// The form of a level of detail.

@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
-use pumice_session::{ExportRequest, ExportSize, Form, Job, Merging, export_file};
+use pumice_session::{ExportRequest, ExportSize, Form, Job, Merging, Reader, export_file};
 
 use super::open_options;
 use crate::Answer;
-use crate::args::{Export, FormArg};
+use crate::args::{Export, FormArg, ReaderArg};
 use crate::failure::{Failure, say};
 use crate::json_report::write_report;
 use crate::progress::Bar;
@@ -31,6 +31,10 @@ pub(crate) fn run(args: &Export, job: &Arc<Job>) -> Result<Answer, Failure> {
         forms,
         merging: if args.plain { Merging::Plain } else { Merging::Merged },
         limit_bytes: args.limit,
+        reader: match args.reader {
+            ReaderArg::Specification => Reader::Specification,
+            ReaderArg::Blender => Reader::Blender,
+        },
         labels: args.labels.clone(),
         reading: open_options(&args.reading),
     };
@@ -47,6 +51,9 @@ pub(crate) fn run(args: &Export, job: &Arc<Job>) -> Result<Answer, Failure> {
     drop(bar);
     let exported = exported?;
     said?;
+    if let Some(note) = request.reader.note() {
+        eprintln!("pumice: {note}");
+    }
     if !exported.left_out.is_empty() {
         eprintln!("pumice: left out: {}", exported.left_out.join(", "));
     }

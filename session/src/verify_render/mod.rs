@@ -187,7 +187,13 @@ pub fn verify_render(
         let agreement = judge(&ours.set, &theirs.set, &us.covered, level_of_look(look));
         let is_last = is_late || ours.set.len() >= MOST_PICTURES;
         watch(VerifyProgress { pictures: ours.set.len(), next_look, verdict: Some(agreement.verdict) });
-        if agreement.verdict != Verdict::CannotTell || is_last {
+        // A first look that agrees is followed by a second, so that a smaller difference has a chance to be proven.
+        let is_told = match agreement.verdict {
+            Verdict::Differs => true,
+            Verdict::Agrees => look > 0,
+            Verdict::CannotTell => false,
+        };
+        if is_told || is_last {
             break (agreement, drawn.peak_bytes);
         }
         (look, next_look) = (look + 1, 2 * next_look);

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use pumice_core::Job;
 
 use super::Shared;
+use super::surface::NORMALS;
 use crate::drawn::Drawn;
 use crate::usd::{Array, ArrayElement, Prim, Property, Value};
 use crate::{Budget, Result};
@@ -90,7 +91,7 @@ fn array<T: ArrayElement>(
 /// A cube from the origin to (1, 1, 1) of one material.
 fn cube(number: usize, material: &str, color: [f32; 3]) -> Prim<'static> {
     let corners: Vec<[f32; 3]> = (0..8).map(|c| [c & 1, c >> 1 & 1, c >> 2].map(|b| b as f32)).collect();
-    // Counter-clockwise as seen from outside.
+    // Counter-clockwise as seen from outside, in the order of `NORMALS`.
     let faces = [0, 4, 6, 2, 1, 3, 7, 5, 0, 1, 5, 4, 2, 6, 7, 3, 0, 2, 3, 1, 4, 5, 7, 6];
     Prim {
         name: format!("cube_{number}"),
@@ -102,6 +103,7 @@ fn cube(number: usize, material: &str, color: [f32; 3]) -> Prim<'static> {
             Property::new("faceVertexIndices", "int[]", Value::Array(Array::of(faces.to_vec()))),
             Property::new("points", "point3f[]", Value::Array(Array::of(corners))),
             Property::primvar("displayColor", "color3f[]", "constant", Value::Array(Array::of(vec![color]))),
+            Property::primvar("normals", "normal3f[]", "uniform", Value::Array(Array::of(NORMALS.to_vec()))),
             Property::relationship("material:binding", vec![material.into()]),
             Property::uniform("subdivisionScheme", "token", Value::Token("none".into())),
         ],

@@ -1,4 +1,4 @@
-//! A scene as a stage: its volumes in the forms that were asked for, with their materials and labels.
+//! A scene as a stage: its volumes in the forms that were asked for, with their materials and labels, and what stands around them.
 //!
 //! ```text
 //! /Scene             Xform, component; payload </Contents>
@@ -9,13 +9,24 @@
 //!     /surface           Mesh: rectangles sorted by material, each material's a GeomSubset
 //!     {form=instances}
 //!     /boxes             PointInstancer: a unit cube for each material, placed and scaled once a box
+//!   /camera            Camera, and all that follows: the surroundings, unless they were not asked for
+//!   /world             DomeLight
+//!   /sun_0 …           DistantLight
+//!   /lamp_0 …          SphereLight, with ShapingAPI for a spot; RectLight, DiskLight
+//!   /mesh_ID …         Mesh; each material's faces a GeomSubset
 //! ```
 //! The forms `boxes`, `cells4` and `voxels` are the surfaces that the renderers draw at the levels of detail 16, 4 and 1; `instances` has all
 //! boxes whole, also where they coincide.
 
 mod boxes;
+mod camera;
+mod left_out;
+mod lights;
 mod materials;
+mod meshes;
+mod placement;
 mod surface;
+mod world;
 
 use std::sync::Arc;
 
@@ -24,14 +35,18 @@ use pumice_transport::LoadedScene;
 
 use crate::drawn::Drawn;
 use crate::notes::notes;
-use crate::usd::{Prim, Property, Specifier, Stage, Value, Variant, VariantSet};
-use crate::{Budget, ExportOptions, Result};
+use crate::usd::{Prim, Specifier, Stage, Value, Variant, VariantSet};
+use crate::{Budget, ExportOptions, Reader, Result};
 use materials::Materials;
+use placement::{note, placement};
+
+pub use left_out::left_out_of_stage;
 
 /// The class that holds everything.
 const CONTENTS: &str = "/Contents";
 
-/// The stage of a scene, with the rectangles and boxes that its arrays are made of, which are taken from `budget`.
+/// The stage of a scene, with the rectangles and boxes that its arrays are made of, which are taken from `budget`. `sky` is the path by
+/// which the stage refers to the picture of the world; without it, a world that has one is left out.
 ///
 /// # Errors
 /// [`Error::Caller`] where nothing is asked for or nothing is drawn; [`Error::Limit`] where the faces take more than the budget, as soon as
@@ -39,6 +54,7 @@ const CONTENTS: &str = "/Contents";
 pub fn stage_of_scene(
     scene: &LoadedScene,
     options: &ExportOptions,
+    sky: Option<&str>,
     budget: &mut Budget,
     job: &Job,
 ) -> Result<Stage<'static>> {
@@ -62,11 +78,16 @@ pub fn stage_of_scene(
         }
         volumes.push(volume_prim(&drawn, shown_first.name(), forms)?);
     }
+    let mut around = match options.surroundings {
+        true => surroundings(scene, options.reader, sky, &mut materials, budget)?,
+        false => Vec::new(),
+    };
     if budget.faces() + budget.boxes() == 0 {
         return Err(Error::Caller("no label of the scene's volumes is shown".into()).into());
     }
     let mut children = vec![materials.into_prim()];
     children.append(&mut volumes);
+    children.append(&mut around);
     let contents = Prim {
         name: "Contents".into(),
         type_name: "Xform",
@@ -83,28 +104,42 @@ pub fn stage_of_scene(
     };
     let stage = Stage {
         default_prim: root.name.clone(),
-        documentation: format!("Written by pumice {}", env!("CARGO_PKG_VERSION")),
+        documentation: documentation(options.reader),
         prims: vec![root, contents],
     };
     Ok(stage)
 }
 
-fn volume_prim(drawn: &Drawn<'_>, selected: &str, variants: Vec<Variant<'static>>) -> Result<Prim<'static>> {
-    let m = drawn.instance.world_from_index;
-    let columns = [m.matrix3.x_axis, m.matrix3.y_axis, m.matrix3.z_axis, m.translation];
-    // Rows of USD's matrix are columns of ours.
-    let mut rows = [[0.0; 4]; 4];
-    for (row, column) in rows.iter_mut().zip(columns) {
-        row[..3].copy_from_slice(&column.to_array());
+fn documentation(reader: Reader) -> String {
+    let written = format!("Written by pumice {}", env!("CARGO_PKG_VERSION"));
+    reader.note().map_or(written.clone(), |note| format!("{written}, {note}"))
+}
+
+/// Camera, world, suns, lamps and meshes.
+fn surroundings(
+    scene: &LoadedScene,
+    reader: Reader,
+    sky: Option<&str>,
+    materials: &mut Materials,
+    budget: &mut Budget,
+) -> Result<Vec<Prim<'static>>> {
+    let of = scene.scene();
+    let eye = of.camera.world_from_camera.translation;
+    let mut prims = vec![camera::prim(scene, reader)];
+    prims.extend(world::prim(&of.world, sky));
+    prims.extend(of.suns.iter().enumerate().map(|(number, sun)| lights::sun(number, sun, reader)));
+    let lamps = of.lights.iter().enumerate();
+    prims.extend(lamps.map(|(number, light)| lights::lamp(number, light, eye, reader)));
+    for (place, (mesh, data)) in of.meshes.iter().zip(scene.meshes()).enumerate() {
+        prims.extend(meshes::prim(place, mesh, data, materials, budget)?);
     }
-    rows[3][3] = 1.0;
-    let mut properties = vec![
-        Property::new("xformOp:transform", "matrix4d", Value::Matrix4(rows)),
-        Property::uniform("xformOpOrder", "token[]", Value::Tokens(vec!["xformOp:transform".into()])),
-    ];
-    properties.extend(notes(drawn)?.into_iter().map(|(name, text)| {
-        Property::custom(format!("userProperties:{name}"), "string", Value::String(text))
-    }));
+    Ok(prims)
+}
+
+fn volume_prim(drawn: &Drawn<'_>, selected: &str, variants: Vec<Variant<'static>>) -> Result<Prim<'static>> {
+    let mut properties = Vec::from(placement(&drawn.instance.world_from_index));
+    let notes = notes(drawn)?.into_iter();
+    properties.extend(notes.map(|(name, text)| note(name, "string", Value::String(text))));
     Ok(Prim {
         name: drawn.name(),
         type_name: "Xform",

@@ -19,7 +19,7 @@ const PIECE: usize = 4096;
 const MOST_FACES: u64 = (i32::MAX as u64 + 1) / 4;
 
 /// Normals by axis and side, in the order of [`normal_of`].
-const NORMALS: [[f32; 3]; 6] =
+pub(super) const NORMALS: [[f32; 3]; 6] =
     [[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [0.0, 0.0, 1.0]];
 
 fn normal_of(rectangle: &Rectangle) -> i32 {
@@ -41,7 +41,9 @@ pub(super) fn prim(
     let surface = LabelledSurface::new(drawn, level, merging, budget, job)?;
     indexable(surface.rectangles.len() as u64)?;
     let subsets = surface.of_material.iter().zip(materials).enumerate().filter(|(_, (f, _))| !f.is_empty());
-    let children = subsets.map(|(number, (faces, material))| subset(number, faces, material)).collect();
+    let children = subsets
+        .map(|(number, (faces, material))| subset(number, array_of_range(faces.clone()), material))
+        .collect();
     Ok(Prim {
         name: "surface".into(),
         type_name: "Mesh",
@@ -58,12 +60,15 @@ fn indexable(faces: u64) -> Result<()> {
     Err(Error::Limit { what: "faces of a mesh in a USD file".into(), limit: MOST_FACES, got: faces }.into())
 }
 
-fn subset(number: usize, faces: &Range<u32>, material: &str) -> Prim<'static> {
-    let faces = faces.clone();
-    let indices = Array::new(u64::from(faces.end - faces.start), move |sink| {
+fn array_of_range(faces: Range<u32>) -> Array<'static> {
+    Array::new(u64::from(faces.end - faces.start), move |sink| {
         let all: Vec<i32> = faces.clone().map(|face| face as i32).collect();
         all.chunks(PIECE).try_for_each(sink)
-    });
+    })
+}
+
+/// The faces of one material: their indices, and the material's path.
+pub(super) fn subset(number: usize, faces: Array<'static>, material: &str) -> Prim<'static> {
     Prim {
         name: format!("material_{number}"),
         type_name: "GeomSubset",
@@ -71,7 +76,7 @@ fn subset(number: usize, faces: &Range<u32>, material: &str) -> Prim<'static> {
         properties: vec![
             Property::uniform("elementType", "token", Value::Token("face".into())),
             Property::uniform("familyName", "token", Value::Token("materialBind".into())),
-            Property::new("indices", "int[]", Value::Array(indices)),
+            Property::new("indices", "int[]", Value::Array(faces)),
             Property::relationship("material:binding", vec![material.into()]),
         ],
         ..Prim::default()
@@ -102,9 +107,11 @@ fn properties(surface: LabelledSurface, drawn: &Drawn<'_>) -> Vec<Property<'stat
     let extent = surface.bounds().map(|corner| corner.map(|c| c as f32)).to_vec();
     let LabelledSurface { rectangles, of_material } = surface;
     let rectangles = &Arc::new(rectangles);
-    let colors: Vec<[f32; 3]> = drawn.materials.iter().map(|material| material.base_color).collect();
+    // Of the materials that faces have: labels may be drawn and have none.
+    let used = of_material.into_iter().zip(&drawn.materials).filter(|(faces, _)| !faces.is_empty());
+    let (faces_of, colors): (Vec<_>, Vec<_>) = used.map(|(faces, m)| (faces, m.base_color)).unzip();
     let color_of = Array::new(rectangles.len() as u64, move |sink| {
-        for (number, faces) in (0..).zip(&of_material) {
+        for (number, faces) in (0..).zip(&faces_of) {
             vec![number; faces.len()].chunks(PIECE).try_for_each(&mut *sink)?;
         }
         Ok(())

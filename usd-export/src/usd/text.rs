@@ -146,7 +146,7 @@ impl<W: Write> Text<'_, W> {
             Value::Float(f) => number(*f),
             Value::Double(d) => long_number(*d),
             Value::String(text) | Value::Token(text) => quoted(text),
-            Value::Asset(path) => format!("@{path}@"),
+            Value::Asset(path) => asset(path),
             Value::Float2(v) => tuple(v),
             Value::Float3(v) => tuple(v),
             Value::Matrix4(rows) => {
@@ -215,6 +215,14 @@ fn paths(targets: &[String]) -> String {
         _ => {
             format!("[{}]", targets.iter().map(|target| format!("<{target}>")).collect::<Vec<_>>().join(", "))
         }
+    }
+}
+
+/// The path of a file between signs of its own: `@…@`, or `@@@…@@@` where it has such a sign itself.
+fn asset(path: &str) -> String {
+    match path.contains('@') {
+        false => format!("@{path}@"),
+        true => format!("@@@{}@@@", path.replace("@@@", "\\@@@")),
     }
 }
 

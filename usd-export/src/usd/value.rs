@@ -127,7 +127,7 @@ pub enum Value<'a> {
     String(String),
     /// `token`.
     Token(String),
-    /// `asset`: the path of a file, relative to the stage's.
+    /// `asset`: the path of a file, relative to the stage's, without control characters, which USD does not take.
     Asset(String),
     /// Two floats, such as `float2`.
     Float2([f32; 2]),
