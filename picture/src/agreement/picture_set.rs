@@ -65,8 +65,8 @@ impl PictureSet {
         }
     }
 
-    /// Means and their variances over the pixels that `mask` leaves.
-    pub(super) fn statistics(&self, mask: &[bool]) -> SetStatistics {
+    /// Means and their variances over the pixels that `mask` leaves; of the whole over those of them that are `covered`, if there are any.
+    pub(super) fn statistics(&self, mask: &[bool], covered: &[bool]) -> SetStatistics {
         let [width, height] = self.size();
         let [across, down] = [width.div_ceil(TILE_PIXELS), height.div_ceil(TILE_PIXELS)];
         let tiles = across * down;
@@ -74,7 +74,11 @@ impl PictureSet {
         for (i, _) in mask.iter().enumerate().filter(|(_, m)| !**m) {
             left[i / width / TILE_PIXELS * across + i % width / TILE_PIXELS] += 1;
         }
-        let all_left: usize = left.iter().sum();
+        let shown: Vec<bool> =
+            mask.iter().zip(covered).map(|(masked, covered)| !masked && *covered).collect();
+        let shown_pixels = shown.iter().filter(|s| **s).count();
+        let is_of_whole = |i: usize| shown_pixels == 0 || shown[i];
+        let whole_pixels = if shown_pixels == 0 { left.iter().sum() } else { shown_pixels };
         // The tiles' means and the whole's, by picture.
         let mut of_tiles = vec![Moments::default(); tiles];
         let mut of_whole = Moments::default();
@@ -86,14 +90,16 @@ impl PictureSet {
                 for c in 0..3 {
                     let value = f64::from(pixel[c]);
                     sums[tile][c] += value;
-                    whole[c] += value;
                     squares[i][c].add(value);
+                    if is_of_whole(i) {
+                        whole[c] += value;
+                    }
                 }
             }
             for ((moments, sum), &pixels) in of_tiles.iter_mut().zip(&sums).zip(&left) {
                 moments.add(sum.map(|s| if pixels == 0 { 0.0 } else { s / pixels as f64 }));
             }
-            of_whole.add(whole.map(|s| if all_left == 0 { 0.0 } else { s / all_left as f64 }));
+            of_whole.add(whole.map(|s| if whole_pixels == 0 { 0.0 } else { s / whole_pixels as f64 }));
         }
         SetStatistics { n: self.len(), of_tiles, of_whole, of_pixels: squares, left }
     }
@@ -171,10 +177,15 @@ mod tests {
         let mut mask = vec![false; 72];
         set.mark_not_finite(&mut mask);
         assert_eq!(mask.iter().filter(|m| **m).count(), 1);
-        let statistics = set.statistics(&mask);
+        let statistics = set.statistics(&mask, &[true; 72]);
         assert_eq!(statistics.left, [64, 7]);
         let of = |m: &Moment| (m.mean(), m.variance_of_mean());
         assert!(statistics.of_tiles.iter().all(|tile| tile.0.iter().all(|m| of(m) == (2.0, 1.0))));
         assert_eq!(of(&statistics.of_whole.0[1]), (2.0, 1.0));
+        // The background is no part of the whole's mean, unless there is nothing else.
+        let mut set = PictureSet::default();
+        (0..2).for_each(|_| set.push(Image::new(2, 1, vec![[1.0; 3], [9.0; 3]])));
+        let whole = |covered: [bool; 2]| set.statistics(&[false; 2], &covered).of_whole.0[0].mean();
+        assert_eq!((whole([true, false]), whole([true; 2]), whole([false; 2])), (1.0, 5.0, 5.0));
     }
 }

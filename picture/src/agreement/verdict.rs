@@ -59,9 +59,9 @@ pub struct Agreement {
     /// The differences of the tiles; all of a tile without pixels are 0.
     #[serde(skip)]
     pub tiles: Vec<[Interval; 3]>,
-    /// The differences of the picture's mean.
+    /// The differences of the picture's mean, over the pixels that show a surface, if there are any: a bright background would hide them.
     pub mean: [Interval; 3],
-    /// The mean of theirs over channels and pixels: what shares of the picture are taken of.
+    /// That mean of theirs over the channels: what shares of the picture are taken of.
     pub scale: f64,
     /// Masked pixels among the covered ones, as a share.
     pub masked: f64,
@@ -101,7 +101,7 @@ pub fn judge(ours: &PictureSet, theirs: &PictureSet, covered: &[bool], level: f6
     let masked = if covered_pixels == 0 { 0.0 } else { masked_pixels as f64 / covered_pixels as f64 };
 
     // Intervals of all tiles, and of the mean.
-    let (a, b) = (ours.statistics(&mask), theirs.statistics(&mask));
+    let (a, b) = (ours.statistics(&mask, covered), theirs.statistics(&mask, covered));
     let mean_of = |moments: &[Moment; 3]| moments.iter().map(|m| m.mean().abs()).sum::<f64>() / 3.0;
     let scale = mean_of(&b.of_whole.0);
     let mut intervals = Intervals::new(level, 3 * a.of_tiles.len() + 3);

@@ -74,7 +74,7 @@ pub(super) fn sentence(agreement: &Agreement) -> String {
                 where_.push(format!("{outside} of {tests} tiles and channels lie beyond 1 %"));
             }
             if let Some((share, [x, y])) = agreement.proven_in_tile {
-                where_.push(format!("the surest by {}, at ({x}, {y})", percent(share)));
+                where_.push(format!("the largest is {}, at ({x}, {y})", percent(share)));
             }
             if let Some(share) = agreement.proven_in_mean {
                 where_.push(format!("the picture's mean is off by {}", percent(share)));
