@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use pumice_core::Job;
-use pumice_export::{ExportOptions, ExportSize, FileFormat, Form, Merging, export_scene};
+use pumice_export::{ExportOptions, ExportSize, FileFormat, Form, Merging, export_scene, left_out_of_gltf};
 use pumice_formats::OpenOptions;
 use pumice_scene::Scene;
 use pumice_transport::LoadedScene;
@@ -19,7 +19,7 @@ use crate::render_file::open_scene::{OpenedScene, is_scene_file, open_scene};
 pub struct ExportRequest {
     /// A `.pumice` file, any label volume, or a scene (`.json`).
     pub input: PathBuf,
-    /// The file to write; its ending chooses the form: `.usda` or `.usdc`.
+    /// The file to write; its ending chooses the format ([`FileFormat`]).
     pub out: PathBuf,
     /// Forms of the volumes; the first is the one that programs show.
     pub forms: Vec<Form>,
@@ -61,7 +61,8 @@ pub struct Exported {
 /// [`pumice_core::Error::Limit`] for a file that would be larger than allowed; [`pumice_core::Error::Cancelled`].
 pub fn export_file(request: &ExportRequest, tell: &mut dyn FnMut(ExportSize), job: &Job) -> Result<Exported> {
     let clock = Stopwatch::start();
-    FileFormat::of(&request.out)?;
+    let format = FileFormat::of(&request.out)?;
+    format.check_forms(&request.forms)?;
     let overrides = RenderOverrides { labels: request.labels.clone(), ..RenderOverrides::default() };
     let OpenedScene { scene, volumes, meshes } =
         open_scene(&request.input, &overrides, &request.reading, job)?;
@@ -72,7 +73,11 @@ pub fn export_file(request: &ExportRequest, tell: &mut dyn FnMut(ExportSize), jo
         )));
     }
     // The camera and the light of a volume's own picture are nobody's work.
-    let left_out = if is_scene_file(&request.input) { left_out(&scene) } else { Vec::new() };
+    let left_out = match format {
+        _ if !is_scene_file(&request.input) => Vec::new(),
+        FileFormat::Usda | FileFormat::Usdc => left_out(&scene),
+        FileFormat::Gltf | FileFormat::Glb => left_out_of_gltf(&scene),
+    };
     let loaded = LoadedScene::new(scene, volumes, meshes)?;
     let options = ExportOptions {
         forms: request.forms.clone(),

@@ -78,6 +78,16 @@ def test_a_scene_says_what_it_leaves_out(pumice, data, tmp_path):
     run(pumice, "render", data / "slicer_Segmentation.seg.nrrd", "-o", tmp_path / "p.png", *shown).fine()
     done = run(pumice, "export", scene, "-o", tmp_path / "o.usdc")
     assert done.code == 0 and done.err == "pumice: left out: the camera, the world, a sun\n", done
+    for ending, left_out in [("glb", "the world")]:
+        done = run(pumice, "export", scene, "-o", tmp_path / f"o.{ending}")
+        assert done.code == 0 and done.err == f"pumice: left out: {left_out}\n", done
+    rich = json.loads(scene.read_text())
+    rich["camera"] |= {"shift": [0.1, 0], "aperture": {"radius": 0.1, "focus_distance": 5}}
+    area = {"world_from_light": [1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0], "outline": "rectangle", "size": [1, 2]}
+    rich["lights"] = [{"shape": {"area": area}, "power_w": 5}]
+    (tmp_path / "rich.json").write_text(json.dumps(rich))
+    done = run(pumice, "export", tmp_path / "rich.json", "-o", tmp_path / "o.glb")
+    assert done.err == "pumice: left out: the camera's shift, the camera's depth of field, the world, an area light\n", done
     cut = json.loads(scene.read_text())
     cut["cuts"] = [{"shape": {"plane": {"point": [0, 0, 0], "normal": [1, 0, 0]}}}]
     scene.write_text(json.dumps(cut))
@@ -99,6 +109,10 @@ def test_bad_input(pumice, data, tmp_path):
         (["-o", tmp_path / "o.usdc", "--limit", "1K"], "is more than the limit of 1024"),
         (["-o", tmp_path / "o.usdc", "--form", "instances", "--limit", "5K"], "is more than the limit of 5120"),
         (["-o", tmp_path / "o.usdc", "--lod", "2"], "expected 16, 4 or 1"),
+        (["-o", tmp_path / "o.glb", "--form", "boxes,voxels"], "form: a .glb file holds one, got boxes, voxels; write a file for each"),
+        (["-o", tmp_path / "o.gltf", "--limit", "1K"], "is more than the limit of 1024"),
+        # Estimated while faces are found, 9001 rectangles take 576 KB; with the corners of their triangles they take 782 KB.
+        (["-o", tmp_path / "o.glb", "--limit", "600000"], "bytes of the binary part of the file: 782272 is more than the limit of 600000"),
         (["-o", tmp_path / "o.usdc", "--lod", "4", "--form", "boxes"], "cannot be used with"),
     ]:
         assert what in run(pumice, "export", volume, *arguments).refused(), arguments
@@ -108,4 +122,13 @@ def test_bad_input(pumice, data, tmp_path):
     assert "o.usdc: File too large" in line, line
     assert (tmp_path / "o.usdc").read_text() == "former"
     assert sorted(p.name for p in tmp_path.iterdir()) == ["folder.usdc", "o.usdc"]
+    # Of two files that belong together neither is written where one cannot be, and former ones stay.
+    for ending, beside in [("gltf", "bin")]:
+        for former in (tmp_path / f"o.{ending}", tmp_path / f"o.{beside}"):
+            former.write_text("former")
+        there = sorted(p.name for p in tmp_path.iterdir())
+        line = run(pumice, "export", volume, "-o", tmp_path / f"o.{ending}", file_size_limit=50_000).refused()
+        assert f"o.{beside}: File too large" in line, line
+        assert all((tmp_path / f"o.{e}").read_text() == "former" for e in (ending, beside))
+        assert sorted(p.name for p in tmp_path.iterdir()) == there
     assert "nowhere.nrrd" in run(pumice, "export", tmp_path / "nowhere.nrrd", "-o", tmp_path / "n.usdc").refused()

@@ -4,7 +4,8 @@ use std::path::Path;
 
 use pumice_core::Error;
 
-use crate::{FaceBytes, Result};
+use crate::scene_gltf::MOST_GLB_BYTES;
+use crate::{FaceBytes, Form, Result};
 
 /// A format of files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -13,25 +14,59 @@ pub enum FileFormat {
     Usda,
     /// USD as a crate file.
     Usdc,
+    /// glTF as text, with a `.bin` beside it.
+    Gltf,
+    /// glTF in one binary file.
+    Glb,
 }
 
 impl FileFormat {
     /// All formats.
-    pub const ALL: [Self; 2] = [Self::Usda, Self::Usdc];
+    pub const ALL: [Self; 4] = [Self::Usda, Self::Usdc, Self::Gltf, Self::Glb];
 
     /// The ending of its files' names.
     pub fn ending(self) -> &'static str {
         match self {
             Self::Usda => "usda",
             Self::Usdc => "usdc",
+            Self::Gltf => "gltf",
+            Self::Glb => "glb",
         }
     }
 
-    /// Bytes of its faces and boxes, of the exact surface of a connectome: long coordinates as text take more than short ones.
+    /// Bytes of its faces and boxes, of the exact surface of a connectome: long coordinates as text take more than short ones. Those of glTF
+    /// are the least that they take, 24 more for each face of the material that has the most; the whole is checked before it is written.
     pub fn face_bytes(self) -> FaceBytes {
         match self {
             Self::Usda => FaceBytes { a_face: 125, a_box: 70 },
             Self::Usdc => FaceBytes { a_face: 49, a_box: 26 },
+            Self::Gltf | Self::Glb => FaceBytes { a_face: 64, a_box: 28 },
+        }
+    }
+
+    /// Checks that a file of this format holds all these forms.
+    ///
+    /// # Errors
+    /// [`Error::Caller`] for no form, for several in a format that has no variants to switch between.
+    pub fn check_forms(self, forms: &[Form]) -> Result<()> {
+        let has_variants = matches!(self, Self::Usda | Self::Usdc);
+        let refused =
+            |what: String| Err(Error::Caller(format!("form: a .{} file {what}", self.ending())).into());
+        if forms.is_empty() {
+            return refused("needs one of instances, boxes, cells4, voxels".into());
+        }
+        if forms.len() > 1 && !has_variants {
+            let names: Vec<&str> = forms.iter().map(|form| form.name()).collect();
+            return refused(format!("holds one, got {}; write a file for each", names.join(", ")));
+        }
+        Ok(())
+    }
+
+    /// Most bytes that a file of this format can have.
+    pub fn most_bytes(self) -> u64 {
+        match self {
+            Self::Glb => MOST_GLB_BYTES,
+            _ => u64::MAX,
         }
     }
 
@@ -66,6 +101,11 @@ mod tests {
         }
         let refused = |path: &Path| FileFormat::of(path).unwrap_err().to_string();
         assert!(refused(&folder.path().join("a.usd")).contains("a.usd: expected a name that ends in .usda"));
+        for format in FileFormat::ALL {
+            assert!(format.check_forms(&[Form::Voxels]).is_ok() && format.check_forms(&[]).is_err());
+            let has_variants = matches!(format, FileFormat::Usda | FileFormat::Usdc);
+            assert_eq!(format.check_forms(&[Form::Boxes, Form::Voxels]).is_ok(), has_variants);
+        }
         assert!(refused(&folder.path().join("missing/a.usda")).contains("missing: No such file"));
     }
 }

@@ -1,4 +1,4 @@
-//! Compressed volumes for other programs: exact surfaces, for those that know only meshes, and files of USD.
+//! Compressed volumes for other programs: exact surfaces, for those that know only meshes, and files of USD and glTF.
 //!
 //! ```text
 //! CompressedVolume ─► blocks of 64³ voxels ─► FaceBlock, FaceBlock, … ─► QuadMesh     a quad per voxel face
@@ -17,6 +17,7 @@ mod form;
 mod labelled_surface;
 mod notes;
 mod quad_mesh;
+mod scene_gltf;
 mod scene_stage;
 mod surface;
 pub mod usd;
@@ -29,5 +30,6 @@ pub use faces::{FaceBlock, Interfaces, for_each_face_block};
 pub use file_format::FileFormat;
 pub use form::Form;
 pub use quad_mesh::{Corners, QuadMesh};
+pub use scene_gltf::left_out_of_gltf;
 pub use scene_stage::stage_of_scene;
 pub use surface::{Merging, Rectangle, for_each_surface_block};
