@@ -73,11 +73,16 @@ pub fn export_file(request: &ExportRequest, tell: &mut dyn FnMut(ExportSize), jo
         )));
     }
     // The camera and the light of a volume's own picture are nobody's work.
-    let left_out = match format {
+    let mut left_out = match format {
         _ if !is_scene_file(&request.input) => Vec::new(),
-        FileFormat::Usda | FileFormat::Usdc => left_out(&scene),
+        FileFormat::Usda | FileFormat::Usdc | FileFormat::Ply | FileFormat::Obj | FileFormat::Stl => {
+            left_out(&scene)
+        }
         FileFormat::Gltf | FileFormat::Glb => left_out_of_gltf(&scene),
     };
+    if format == FileFormat::Stl {
+        left_out.push("labels and materials".into());
+    }
     let loaded = LoadedScene::new(scene, volumes, meshes)?;
     let options = ExportOptions {
         forms: request.forms.clone(),

@@ -78,7 +78,8 @@ def test_a_scene_says_what_it_leaves_out(pumice, data, tmp_path):
     run(pumice, "render", data / "slicer_Segmentation.seg.nrrd", "-o", tmp_path / "p.png", *shown).fine()
     done = run(pumice, "export", scene, "-o", tmp_path / "o.usdc")
     assert done.code == 0 and done.err == "pumice: left out: the camera, the world, a sun\n", done
-    for ending, left_out in [("glb", "the world")]:
+    lost = "the camera, the world, a sun"
+    for ending, left_out in [("glb", "the world"), ("ply", lost), ("stl", f"{lost}, labels and materials")]:
         done = run(pumice, "export", scene, "-o", tmp_path / f"o.{ending}")
         assert done.code == 0 and done.err == f"pumice: left out: {left_out}\n", done
     rich = json.loads(scene.read_text())
@@ -110,7 +111,9 @@ def test_bad_input(pumice, data, tmp_path):
         (["-o", tmp_path / "o.usdc", "--form", "instances", "--limit", "5K"], "is more than the limit of 5120"),
         (["-o", tmp_path / "o.usdc", "--lod", "2"], "expected 16, 4 or 1"),
         (["-o", tmp_path / "o.glb", "--form", "boxes,voxels"], "form: a .glb file holds one, got boxes, voxels; write a file for each"),
+        (["-o", tmp_path / "o.ply", "--form", "instances"], "form: a .ply file has no instances; expected voxels, cells4 or boxes"),
         (["-o", tmp_path / "o.gltf", "--limit", "1K"], "is more than the limit of 1024"),
+        (["-o", tmp_path / "o.stl", "--limit", "1K"], "is more than the limit of 1024"),
         # Estimated while faces are found, 9001 rectangles take 576 KB; with the corners of their triangles they take 782 KB.
         (["-o", tmp_path / "o.glb", "--limit", "600000"], "bytes of the binary part of the file: 782272 is more than the limit of 600000"),
         (["-o", tmp_path / "o.usdc", "--lod", "4", "--form", "boxes"], "cannot be used with"),
@@ -123,12 +126,12 @@ def test_bad_input(pumice, data, tmp_path):
     assert (tmp_path / "o.usdc").read_text() == "former"
     assert sorted(p.name for p in tmp_path.iterdir()) == ["folder.usdc", "o.usdc"]
     # Of two files that belong together neither is written where one cannot be, and former ones stay.
-    for ending, beside in [("gltf", "bin")]:
+    for ending, beside in [("gltf", "bin"), ("obj", "mtl")]:
         for former in (tmp_path / f"o.{ending}", tmp_path / f"o.{beside}"):
             former.write_text("former")
         there = sorted(p.name for p in tmp_path.iterdir())
         line = run(pumice, "export", volume, "-o", tmp_path / f"o.{ending}", file_size_limit=50_000).refused()
-        assert f"o.{beside}: File too large" in line, line
+        assert f"o.{'bin' if ending == 'gltf' else 'obj'}: File too large" in line, line
         assert all((tmp_path / f"o.{e}").read_text() == "former" for e in (ending, beside))
         assert sorted(p.name for p in tmp_path.iterdir()) == there
     assert "nowhere.nrrd" in run(pumice, "export", tmp_path / "nowhere.nrrd", "-o", tmp_path / "n.usdc").refused()

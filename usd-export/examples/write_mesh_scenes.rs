@@ -1,8 +1,9 @@
-//! Writes scenes of generated volumes as glTF, for tests that read them with other programs.
+//! Writes scenes of generated volumes as glTF, PLY, OBJ and STL, for tests that read them with other programs.
 //!
 //! ```text
 //! cargo run -p pumice-export --example write_mesh_scenes -- FOLDER
 //!     FOLDER/NAME.FORM.gltf, .bin, .glb    the scene, with its volume in each form
+//!     FOLDER/NAME.voxels.ply, .obj, .stl   its exact surface
 //!     FOLDER/NAME.json                     the scene itself
 //!     FOLDER/NAME.labels                   dims as 3 u32; whether each label is shown, dense index + 1 at each voxel (u32), x fastest
 //! ```
@@ -100,7 +101,8 @@ fn write(
     notes.flush()?;
     for &form in forms {
         let options = ExportOptions { forms: vec![form], merging, limit_bytes: 1 << 30 };
-        for ending in ["gltf", "glb"] {
+        let endings = ["gltf", "glb", "ply", "obj", "stl"];
+        for ending in if form == Form::Voxels { &endings } else { &endings[..2] } {
             let path = folder.join(format!("{name}.{}.{ending}", form.name()));
             export_scene(&loaded, &options, &path, &mut |_| (), &Job::new())?;
         }

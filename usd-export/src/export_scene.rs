@@ -6,6 +6,7 @@ use pumice_core::{Error, Job};
 use pumice_transport::LoadedScene;
 
 use crate::scene_gltf::{MOST_GLB_BYTES, gltf_of_scene};
+use crate::scene_triangles::Surfaces;
 use crate::usd::{write_usda, write_usdc};
 use crate::whole_file::write_whole;
 use crate::{Budget, ExportError, FileFormat, Form, Merging, Result, scene_stage::stage_of_scene};
@@ -68,6 +69,15 @@ pub fn export_scene(
             match format {
                 FileFormat::Gltf => gltf.write_gltf(path, job)?,
                 _ => gltf.write_glb(path, job)?,
+            }
+        }
+        FileFormat::Ply | FileFormat::Obj | FileFormat::Stl => {
+            let surfaces = Surfaces::of_scene(scene, options, &mut budget, job)?;
+            tell(size(&budget, budget.bytes()));
+            match format {
+                FileFormat::Ply => write_whole(path, job, |out| surfaces.write_ply(out))?,
+                FileFormat::Obj => surfaces.write_obj_and_mtl(path, job)?,
+                _ => write_whole(path, job, |out| surfaces.write_stl(out))?,
             }
         }
     };

@@ -18,11 +18,18 @@ pub enum FileFormat {
     Gltf,
     /// glTF in one binary file.
     Glb,
+    /// PLY, binary.
+    Ply,
+    /// Wavefront OBJ, with an `.mtl` beside it.
+    Obj,
+    /// STL, binary.
+    Stl,
 }
 
 impl FileFormat {
     /// All formats.
-    pub const ALL: [Self; 4] = [Self::Usda, Self::Usdc, Self::Gltf, Self::Glb];
+    pub const ALL: [Self; 7] =
+        [Self::Usda, Self::Usdc, Self::Gltf, Self::Glb, Self::Ply, Self::Obj, Self::Stl];
 
     /// The ending of its files' names.
     pub fn ending(self) -> &'static str {
@@ -31,6 +38,9 @@ impl FileFormat {
             Self::Usdc => "usdc",
             Self::Gltf => "gltf",
             Self::Glb => "glb",
+            Self::Ply => "ply",
+            Self::Obj => "obj",
+            Self::Stl => "stl",
         }
     }
 
@@ -41,15 +51,19 @@ impl FileFormat {
             Self::Usda => FaceBytes { a_face: 125, a_box: 70 },
             Self::Usdc => FaceBytes { a_face: 49, a_box: 26 },
             Self::Gltf | Self::Glb => FaceBytes { a_face: 64, a_box: 28 },
+            Self::Ply => FaceBytes { a_face: 85, a_box: 0 },
+            Self::Obj => FaceBytes { a_face: 165, a_box: 0 },
+            Self::Stl => FaceBytes { a_face: 100, a_box: 0 },
         }
     }
 
     /// Checks that a file of this format holds all these forms.
     ///
     /// # Errors
-    /// [`Error::Caller`] for no form, for several in a format that has no variants to switch between.
+    /// [`Error::Caller`] for no form, for several in a format that has no variants to switch between, and for instances in one that has none.
     pub fn check_forms(self, forms: &[Form]) -> Result<()> {
         let has_variants = matches!(self, Self::Usda | Self::Usdc);
+        let has_instances = has_variants || matches!(self, Self::Gltf | Self::Glb);
         let refused =
             |what: String| Err(Error::Caller(format!("form: a .{} file {what}", self.ending())).into());
         if forms.is_empty() {
@@ -58,6 +72,9 @@ impl FileFormat {
         if forms.len() > 1 && !has_variants {
             let names: Vec<&str> = forms.iter().map(|form| form.name()).collect();
             return refused(format!("holds one, got {}; write a file for each", names.join(", ")));
+        }
+        if forms.contains(&Form::Instances) && !has_instances {
+            return refused("has no instances; expected voxels, cells4 or boxes".into());
         }
         Ok(())
     }

@@ -1,4 +1,5 @@
-//! Compressed volumes for other programs: exact surfaces, for those that know only meshes, and files of USD and glTF.
+//! Compressed volumes for other programs: exact surfaces, for those that know only meshes, and files of USD, glTF, PLY,
+//! OBJ and STL.
 //!
 //! ```text
 //! CompressedVolume ─► blocks of 64³ voxels ─► FaceBlock, FaceBlock, … ─► QuadMesh     a quad per voxel face
@@ -19,6 +20,7 @@ mod notes;
 mod quad_mesh;
 mod scene_gltf;
 mod scene_stage;
+mod scene_triangles;
 mod surface;
 pub mod usd;
 mod whole_file;

@@ -8,16 +8,17 @@ use pumice_session::values::bytes;
 
 use super::Reading;
 
-/// Write a volume or a scene for other programs: USD, glTF
+/// Write a volume or a scene for other programs: USD, glTF, PLY, OBJ, STL
 ///
-/// The file holds the volumes with their materials, names and ids of labels. glTF also has a scene's camera, meshes and lights, USD
-/// has not. The command says what it left out.
+/// The file holds the volumes with their materials, names and ids of labels. glTF also has a scene's camera, meshes and lights; the other
+/// formats have not. The command says what it left out.
 #[derive(Debug, Args)]
 pub(crate) struct Export {
     /// A .pumice file, any label volume, or a scene (.json)
     #[arg(value_name = "FILE|SCENE.json")]
     pub(crate) input: PathBuf,
-    /// Output file; its extension chooses the format: .usda (text), .usdc (binary), .gltf (with a .bin beside it), .glb
+    /// Output file; its extension chooses the format: .usda (text), .usdc (binary), .gltf (with a .bin beside it), .glb, .ply, .obj (with an
+    /// .mtl beside it), .stl (shape alone)
     #[arg(short, long, value_name = "OUT")]
     pub(crate) out: PathBuf,
     /// Form of the volumes; in USD several, separated by commas: each is a variant of the stage, and the first is shown
@@ -44,8 +45,8 @@ pub(crate) struct Export {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum FormArg {
-    /// Every box as a scaled cube, also where boxes coincide: the least to write, for proxies. Few programs read those of
-    /// glTF
+    /// Every box as a scaled cube, also where boxes coincide: the least to write, for proxies. In USD and glTF alone; few programs read
+    /// those of glTF
     Instances,
     /// The surface that is drawn at level of detail 16
     Boxes,
