@@ -57,7 +57,7 @@ LAMPS = [
 
 @pytest.fixture(scope="module")
 def scene(tmp_path_factory):
-    """A scene of the volume with a sun, two lamps, a mesh that is mirrored, and a camera of 30 by 20 pixels; and its path."""
+    """A scene of the volume, mirrored, with a sun, two lamps, a mesh that is mirrored, and a camera of 30 by 20 pixels; and its path."""
     folder = tmp_path_factory.mktemp("scene")
     path = folder / "scene.json"
     drawn = ["-o", folder / "p.png", "--size", "30x20", "--spp", "1", "--backend", "cpu", "--save-scene", path]
@@ -69,6 +69,7 @@ def scene(tmp_path_factory):
     matrix = [-2.0, 0, 0, 0, 2.0, 0, 0, 0, 3.0, 10.0, 20.0, 30.0]
     scene["meshes"] = [{"id": 4, "source": "floor.ply", "world_from_mesh": matrix, "materials": [{"base_color": [0.1, 0.2, 0.3]}]}]
     scene["camera"] |= {"projection": {"perspective": {"fov_rad": 0.8}}, "fit": "horizontal", "clip": [0.25, 500.0]}
+    scene["instances"][0]["world_from_index"][0] *= -1
     scene["instances"][0]["style"]["materials"]["3"] = GLOW
     path.write_text(json.dumps(scene))
     return scene, path
@@ -146,6 +147,13 @@ def test_a_surface_arrives_whole(blender, scene, tmp_path, form, ending):
     a, b, c = (points[corners.reshape(-1, 3)[:, i]] - points.mean(axis=0) for i in range(3))
     sign = np.sign(np.linalg.det(np.array(thing.matrix_world)[:3, :3]))
     assert sign * np.einsum("ij,ij->i", a, np.cross(b, c)).sum() > 0
+    # Although the matrix mirrors, the world's normals point at whoever looks from outside.
+    assert sign == -1
+    graph = blender.context.evaluated_depsgraph_get()
+    middle = points.mean(axis=0)
+    for direction in np.vstack([np.eye(3), -np.eye(3)]):
+        hit, place, normal, _, met, _ = blender.context.scene.ray_cast(graph, middle - 20 * direction, direction)
+        assert hit and met.name == "volume_1" and np.dot(normal, direction) < -0.99, (direction, place)
 
 
 def test_materials_arrive(blender, scene, tmp_path):
