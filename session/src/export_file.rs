@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use pumice_core::Job;
 use pumice_export::{
-    ExportOptions, ExportSize, FileFormat, Form, Merging, Reader, export_scene, left_out_of_stage,
+    ExportOptions, ExportSize, FileFormat, Form, Merging, Reader, export_scene, left_out_of,
 };
 use pumice_formats::OpenOptions;
 use pumice_transport::LoadedScene;
@@ -20,7 +20,7 @@ use crate::render_file::open_scene::{OpenedScene, is_scene_file, open_scene};
 pub struct ExportRequest {
     /// A `.pumice` file, any label volume, or a scene (`.json`).
     pub input: PathBuf,
-    /// The file to write; its ending chooses the form: `.usda`, `.usdc` or `.usdz`.
+    /// The file to write; its ending chooses the format ([`FileFormat`]).
     pub out: PathBuf,
     /// Forms of the volumes; the first is the one that programs show.
     pub forms: Vec<Form>,
@@ -65,6 +65,13 @@ pub struct Exported {
 pub fn export_file(request: &ExportRequest, tell: &mut dyn FnMut(ExportSize), job: &Job) -> Result<Exported> {
     let clock = Stopwatch::start();
     let format = FileFormat::of(&request.out)?;
+    format.check_forms(&request.forms)?;
+    if request.reader != Reader::Specification && !format.is_usd() {
+        let ending = format.ending();
+        return Err(SessionError::Caller(format!(
+            "for blender: a .{ending} file is the same for every program"
+        )));
+    }
     let overrides = RenderOverrides { labels: request.labels.clone(), ..RenderOverrides::default() };
     let OpenedScene { scene, volumes, meshes } =
         open_scene(&request.input, &overrides, &request.reading, job)?;
@@ -76,7 +83,7 @@ pub fn export_file(request: &ExportRequest, tell: &mut dyn FnMut(ExportSize), jo
     }
     // The camera and the light of a volume's own picture are nobody's work.
     let surroundings = is_scene_file(&request.input);
-    let left_out = if surroundings { left_out_of_stage(&scene, format) } else { Vec::new() };
+    let left_out = if surroundings { left_out_of(&scene, format) } else { Vec::new() };
     let loaded = LoadedScene::new(scene, volumes, meshes)?;
     let options = ExportOptions {
         forms: request.forms.clone(),

@@ -81,6 +81,17 @@ def test_a_scene_says_what_it_leaves_out(pumice, data, tmp_path):
     stage = Usd.Stage.Open(str(tmp_path / "o.usdc"))
     types = {prim.GetTypeName() for prim in stage.Traverse()}
     assert {"Camera", "DomeLight", "DistantLight", "Mesh"} <= types
+    lost = "the camera, the world, a sun"
+    for ending, left_out in [("glb", "the world"), ("ply", lost), ("stl", f"{lost}, labels and materials")]:
+        done = run(pumice, "export", scene, "-o", tmp_path / f"o.{ending}")
+        assert done.code == 0 and done.err == f"pumice: left out: {left_out}\n", done
+    dim = json.loads(scene.read_text())
+    dim["camera"] |= {"shift": [0.1, 0], "aperture": {"radius": 0.1, "focus_distance": 5}}
+    area = {"world_from_light": [1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0], "outline": "rectangle", "size": [1, 2]}
+    dim["lights"] = [{"shape": {"area": area}, "power_w": 5}]
+    (tmp_path / "rich.json").write_text(json.dumps(dim))
+    done = run(pumice, "export", tmp_path / "rich.json", "-o", tmp_path / "o.glb")
+    assert done.err == "pumice: left out: the camera's shift, the camera's depth of field, the world, an area light\n", done
     rich = json.loads(scene.read_text())
     rich["world"] = {"environment": {"image": {"path": "sky.hdr"}}, "backdrop": [[0, 0, 0], [1, 1, 1]]}
     rich["camera"]["aperture"] = {"radius": 1, "focus_distance": 9, "blades": 5}
@@ -117,6 +128,12 @@ def test_bad_input(pumice, data, tmp_path):
         (["-o", tmp_path / "o.usdc", "--limit", "1K"], "is more than the limit of 1024"),
         (["-o", tmp_path / "o.usdc", "--form", "instances", "--limit", "5K"], "is more than the limit of 5120"),
         (["-o", tmp_path / "o.usdc", "--lod", "2"], "expected 16, 4 or 1"),
+        (["-o", tmp_path / "o.glb", "--form", "boxes,voxels"], "form: a .glb file holds one, got boxes, voxels; write a file for each"),
+        (["-o", tmp_path / "o.ply", "--form", "instances"], "form: a .ply file has no instances; expected voxels, cells4 or boxes"),
+        (["-o", tmp_path / "o.gltf", "--limit", "1K"], "is more than the limit of 1024"),
+        (["-o", tmp_path / "o.stl", "--limit", "1K"], "is more than the limit of 1024"),
+        # Estimated while faces are found, 9001 rectangles take 576 KB; with the corners of their triangles they take 782 KB.
+        (["-o", tmp_path / "o.glb", "--limit", "600000"], "bytes of the binary part of the file: 782272 is more than the limit of 600000"),
         (["-o", tmp_path / "o.usdc", "--lod", "4", "--form", "boxes"], "cannot be used with"),
     ]:
         assert what in run(pumice, "export", volume, *arguments).refused(), arguments
@@ -127,4 +144,13 @@ def test_bad_input(pumice, data, tmp_path):
     assert (tmp_path / "o.usdc").read_text() == "former"
     assert "p.usdz: File too large" in run(pumice, "export", volume, "-o", tmp_path / "p.usdz", file_size_limit=50_000).refused()
     assert sorted(p.name for p in tmp_path.iterdir()) == ["folder.usdc", "o.usdc"]
+    # Of two files that belong together neither is written where one cannot be, and former ones stay.
+    for ending, beside in [("gltf", "bin"), ("obj", "mtl")]:
+        for former in (tmp_path / f"o.{ending}", tmp_path / f"o.{beside}"):
+            former.write_text("former")
+        there = sorted(p.name for p in tmp_path.iterdir())
+        line = run(pumice, "export", volume, "-o", tmp_path / f"o.{ending}", file_size_limit=50_000).refused()
+        assert f"o.{'bin' if ending == 'gltf' else 'obj'}: File too large" in line, line
+        assert all((tmp_path / f"o.{e}").read_text() == "former" for e in (ending, beside))
+        assert sorted(p.name for p in tmp_path.iterdir()) == there
     assert "nowhere.nrrd" in run(pumice, "export", tmp_path / "nowhere.nrrd", "-o", tmp_path / "n.usdc").refused()

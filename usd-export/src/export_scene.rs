@@ -7,10 +7,12 @@ use std::path::Path;
 use pumice_core::{Error, Job};
 use pumice_transport::LoadedScene;
 
+use crate::scene_gltf::{MOST_GLB_BYTES, gltf_of_scene};
+use crate::scene_triangles::Surfaces;
 use crate::sky_picture::SkyPicture;
 use crate::usd::{PackedFile, Stage, write_usda, write_usdc, write_usdz};
 use crate::whole_file::{temporary_beside, write_whole};
-use crate::{Budget, FileFormat, Form, Merging, Reader, Result, scene_stage::stage_of_scene};
+use crate::{Budget, ExportError, FileFormat, Form, Merging, Reader, Result, scene_stage::stage_of_scene};
 
 /// What is written of a scene, and how much of it at most.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -53,8 +55,11 @@ pub fn export_scene(
     job: &Job,
 ) -> Result<ExportSize> {
     let format = FileFormat::of(path)?;
-    let mut budget = Budget::new(options.limit_bytes.min(format.most_bytes()), format.face_bytes());
+    format.check_forms(&options.forms)?;
+    let limit_bytes = options.limit_bytes.min(format.most_bytes());
+    let mut budget = Budget::new(limit_bytes, format.face_bytes());
     let size = |budget: &Budget, bytes| ExportSize { faces: budget.faces(), boxes: budget.boxes(), bytes };
+    let explained = |error| explained(error, format);
     let bytes = match format {
         FileFormat::Usda | FileFormat::Usdc | FileFormat::Usdz => {
             let sky = match options.surroundings {
@@ -69,9 +74,27 @@ pub fn export_scene(
             tell(size(&budget, budget.bytes()));
             write_whole(path, job, |mut out| match format {
                 FileFormat::Usda => write_usda(&stage, &mut out),
-                FileFormat::Usdc => write_usdc(&stage, &mut out),
                 FileFormat::Usdz => write_package(&stage, sky.as_ref(), path, job, &mut out),
+                _ => write_usdc(&stage, &mut out),
             })?
+        }
+        FileFormat::Gltf | FileFormat::Glb => {
+            let gltf = gltf_of_scene(scene, options, &mut budget, job).map_err(explained)?;
+            gltf.check(limit_bytes).map_err(explained)?;
+            tell(size(&budget, gltf.bytes()));
+            match format {
+                FileFormat::Gltf => gltf.write_gltf(path, job)?,
+                _ => gltf.write_glb(path, job)?,
+            }
+        }
+        FileFormat::Ply | FileFormat::Obj | FileFormat::Stl => {
+            let surfaces = Surfaces::of_scene(scene, options, &mut budget, job)?;
+            tell(size(&budget, budget.bytes()));
+            match format {
+                FileFormat::Ply => write_whole(path, job, |out| surfaces.write_ply(out))?,
+                FileFormat::Obj => surfaces.write_obj_and_mtl(path, job)?,
+                _ => write_whole(path, job, |out| surfaces.write_stl(out))?,
+            }
         }
     };
     Ok(size(&budget, bytes))
@@ -94,4 +117,38 @@ fn write_package(
         files.push(PackedFile { name: sky.asset.trim_start_matches("./"), from, bytes: sky.bytes });
     }
     write_usdz(files, out)
+}
+
+/// Adds the reason to an error about a limit that is the format's own.
+fn explained(error: ExportError, format: FileFormat) -> ExportError {
+    match error {
+        ExportError::Volume(Error::Limit { what, limit, got })
+            if format == FileFormat::Glb && limit == MOST_GLB_BYTES =>
+        {
+            let what = format!("{what} (a .glb has lengths of 32 bits; a .gltf may be larger)");
+            Error::Limit { what, limit, got }.into()
+        }
+        other => other,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_limit_of_the_format_says_so_and_another_does_not() {
+        let error = |limit, format| {
+            let what = "bytes".to_owned();
+            explained(Error::Limit { what, limit, got: 1 << 40 }.into(), format).to_string()
+        };
+        let own = "bytes (a .glb has lengths of 32 bits; a .gltf may be larger): 1099511627776 is more than the limit of 4294967295";
+        assert_eq!(error(MOST_GLB_BYTES, FileFormat::Glb), own);
+        for (limit, format) in [(1 << 30, FileFormat::Glb), (MOST_GLB_BYTES, FileFormat::Gltf)] {
+            assert_eq!(
+                error(limit, format),
+                format!("bytes: 1099511627776 is more than the limit of {limit}")
+            );
+        }
+    }
 }

@@ -4,7 +4,8 @@ use std::path::Path;
 
 use pumice_core::Error;
 
-use crate::{FaceBytes, Result};
+use crate::scene_gltf::MOST_GLB_BYTES;
+use crate::{FaceBytes, Form, Result};
 
 /// A format of files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -15,11 +16,22 @@ pub enum FileFormat {
     Usdc,
     /// A package of a crate file and the pictures that it refers to.
     Usdz,
+    /// glTF as text, with a `.bin` beside it.
+    Gltf,
+    /// glTF in one binary file.
+    Glb,
+    /// PLY, binary.
+    Ply,
+    /// Wavefront OBJ, with an `.mtl` beside it.
+    Obj,
+    /// STL, binary.
+    Stl,
 }
 
 impl FileFormat {
     /// All formats.
-    pub const ALL: [Self; 3] = [Self::Usda, Self::Usdc, Self::Usdz];
+    pub const ALL: [Self; 8] =
+        [Self::Usda, Self::Usdc, Self::Usdz, Self::Gltf, Self::Glb, Self::Ply, Self::Obj, Self::Stl];
 
     /// The ending of its files' names.
     pub fn ending(self) -> &'static str {
@@ -27,22 +39,61 @@ impl FileFormat {
             Self::Usda => "usda",
             Self::Usdc => "usdc",
             Self::Usdz => "usdz",
+            Self::Gltf => "gltf",
+            Self::Glb => "glb",
+            Self::Ply => "ply",
+            Self::Obj => "obj",
+            Self::Stl => "stl",
         }
     }
 
-    /// Bytes of its faces and boxes, of the exact surface of a connectome: long coordinates as text take more than short ones.
+    /// Bytes of its faces and boxes, of the exact surface of a connectome: long coordinates as text take more than short ones. Those of glTF
+    /// are the least that they take, 24 more for each face of the material that has the most; the whole is checked before it is written.
     pub fn face_bytes(self) -> FaceBytes {
         match self {
             Self::Usda => FaceBytes { a_face: 125, a_box: 70 },
             Self::Usdc | Self::Usdz => FaceBytes { a_face: 49, a_box: 26 },
+            Self::Gltf | Self::Glb => FaceBytes { a_face: 64, a_box: 28 },
+            Self::Ply => FaceBytes { a_face: 85, a_box: 0 },
+            Self::Obj => FaceBytes { a_face: 165, a_box: 0 },
+            Self::Stl => FaceBytes { a_face: 100, a_box: 0 },
         }
     }
 
-    /// Largest size of its files: offsets in packages have 32 bits.
+    /// Whether it is one of USD's formats.
+    pub fn is_usd(self) -> bool {
+        matches!(self, Self::Usda | Self::Usdc | Self::Usdz)
+    }
+
+    /// Checks that a file of this format holds all these forms.
+    ///
+    /// # Errors
+    /// [`Error::Caller`] for no form, for several in a format that has no variants to switch between, and for instances in one that has none.
+    pub fn check_forms(self, forms: &[Form]) -> Result<()> {
+        let has_variants = self.is_usd();
+        let has_instances = has_variants || matches!(self, Self::Gltf | Self::Glb);
+        let refused =
+            |what: String| Err(Error::Caller(format!("form: a .{} file {what}", self.ending())).into());
+        if forms.is_empty() {
+            return refused("needs one of instances, boxes, cells4, voxels".into());
+        }
+        if forms.len() > 1 && !has_variants {
+            let names: Vec<&str> = forms.iter().map(|form| form.name()).collect();
+            return refused(format!("holds one, got {}; write a file for each", names.join(", ")));
+        }
+        if forms.contains(&Form::Instances) && !has_instances {
+            return refused("has no instances; expected voxels, cells4 or boxes".into());
+        }
+        Ok(())
+    }
+
+    /// Most bytes that a file of this format can have.
     pub fn most_bytes(self) -> u64 {
         match self {
-            Self::Usda | Self::Usdc => u64::MAX,
+            // Offsets in packages have 32 bits.
             Self::Usdz => u32::MAX.into(),
+            Self::Glb => MOST_GLB_BYTES,
+            _ => u64::MAX,
         }
     }
 
@@ -77,6 +128,11 @@ mod tests {
         }
         let refused = |path: &Path| FileFormat::of(path).unwrap_err().to_string();
         assert!(refused(&folder.path().join("a.usd")).contains("a.usd: expected a name that ends in .usda"));
+        for format in FileFormat::ALL {
+            assert!(format.check_forms(&[Form::Voxels]).is_ok() && format.check_forms(&[]).is_err());
+            let has_variants = matches!(format, FileFormat::Usda | FileFormat::Usdc);
+            assert_eq!(format.check_forms(&[Form::Boxes, Form::Voxels]).is_ok(), has_variants);
+        }
         assert!(refused(&folder.path().join("missing/a.usda")).contains("missing: No such file"));
     }
 }

@@ -1,4 +1,5 @@
-//! Compressed volumes for other programs: exact surfaces, for those that know only meshes, and files of USD.
+//! Compressed volumes for other programs: exact surfaces, for those that know only meshes, and files of USD, glTF, PLY,
+//! OBJ and STL.
 //!
 //! ```text
 //! CompressedVolume ─► blocks of 64³ voxels ─► FaceBlock, FaceBlock, … ─► QuadMesh     a quad per voxel face
@@ -15,10 +16,13 @@ mod faces;
 mod file_format;
 mod form;
 mod labelled_surface;
+mod left_out;
 mod notes;
 mod quad_mesh;
 mod reader;
+mod scene_gltf;
 mod scene_stage;
+mod scene_triangles;
 mod sky_picture;
 mod surface;
 pub mod usd;
@@ -30,7 +34,8 @@ pub use export_scene::{ExportOptions, ExportSize, export_scene};
 pub use faces::{FaceBlock, Interfaces, for_each_face_block};
 pub use file_format::FileFormat;
 pub use form::Form;
+pub use left_out::left_out_of;
 pub use quad_mesh::{Corners, QuadMesh};
 pub use reader::Reader;
-pub use scene_stage::{left_out_of_stage, stage_of_scene};
+pub use scene_stage::stage_of_scene;
 pub use surface::{Merging, Rectangle, for_each_surface_block};

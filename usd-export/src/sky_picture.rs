@@ -36,7 +36,7 @@ impl SkyPicture {
         let asset = match format {
             FileFormat::Usdz if is_packable(path) => "./sky.exr".to_owned(),
             FileFormat::Usdz => return Ok(None),
-            FileFormat::Usda | FileFormat::Usdc => way(out, path)?,
+            _ => way(out, path)?,
         };
         Ok(Some(Self { file: path.clone(), bytes: found.len(), asset }))
     }

@@ -8,19 +8,20 @@ use pumice_session::values::bytes;
 
 use super::Reading;
 
-/// Write a volume or a scene for other programs, as USD
+/// Write a volume or a scene for other programs: USD, glTF, PLY, OBJ, STL
 ///
-/// The file holds the volumes with their materials, names and ids of labels; that of a scene also its camera, world, suns, lamps and
-/// meshes. The command says what of a scene it left out.
+/// The file holds the volumes with their materials, names and ids of labels. USD and glTF also have a scene's camera, lights and meshes, USD
+/// its world too; the other formats have not. The command says what it left out.
 #[derive(Debug, Args)]
 pub(crate) struct Export {
     /// A .pumice file, any label volume, or a scene (.json)
     #[arg(value_name = "FILE|SCENE.json")]
     pub(crate) input: PathBuf,
-    /// Output file; its extension chooses the format: .usda (text), .usdc (binary), .usdz (package with the picture of the world)
+    /// Output file; its extension chooses the format: .usda (text), .usdc (binary), .usdz (package with the picture of the world), .gltf
+    /// (with a .bin beside it), .glb, .ply, .obj (with an .mtl beside it), .stl (shape alone)
     #[arg(short, long, value_name = "OUT")]
     pub(crate) out: PathBuf,
-    /// Forms of the volumes, separated by commas; each is a variant of the stage, and the first is shown
+    /// Form of the volumes; in USD several, separated by commas: each is a variant of the stage, and the first is shown
     #[arg(long, value_enum, value_name = "A,B", default_value = "voxels", value_delimiter = ',')]
     pub(crate) form: Vec<FormArg>,
     /// Write the surface that `render` draws at this level of detail, in place of --form: 16 is boxes, 4 cells4, 1 voxels
@@ -47,7 +48,8 @@ pub(crate) struct Export {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum FormArg {
-    /// Every box as a scaled cube, also where boxes coincide: the least to write, for proxies
+    /// Every box as a scaled cube, also where boxes coincide: the least to write, for proxies. In USD and glTF alone; few programs read
+    /// those of glTF
     Instances,
     /// The surface that is drawn at level of detail 16
     Boxes,

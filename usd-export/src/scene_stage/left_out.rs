@@ -6,7 +6,7 @@ use crate::FileFormat;
 use crate::sky_picture::is_packable;
 
 /// What a stage of this format leaves out of a scene's surroundings, each in a few words for people.
-pub fn left_out_of_stage(scene: &Scene, format: FileFormat) -> Vec<String> {
+pub(crate) fn left_out_of_stage(scene: &Scene, format: FileFormat) -> Vec<String> {
     let of_several = |count: usize, [one, several]: [&str; 2]| match count {
         0 => None,
         1 => Some(one.to_owned()),

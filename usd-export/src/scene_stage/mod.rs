@@ -40,7 +40,7 @@ use crate::{Budget, ExportOptions, Reader, Result};
 use materials::Materials;
 use placement::{note, placement};
 
-pub use left_out::left_out_of_stage;
+pub(crate) use left_out::left_out_of_stage;
 
 /// The class that holds everything.
 const CONTENTS: &str = "/Contents";

@@ -1,0 +1,179 @@
+//! Writes scenes of generated volumes as glTF, PLY, OBJ and STL, for tests that read them with other programs.
+//!
+//! ```text
+//! cargo run -p pumice-export --example write_mesh_scenes -- FOLDER
+//!     FOLDER/NAME.FORM.gltf, .bin, .glb    the scene, with its volume in each form
+//!     FOLDER/NAME.voxels.ply, .obj, .stl   its exact surface
+//!     FOLDER/NAME.json                     the scene itself
+//!     FOLDER/NAME.labels                   dims as 3 u32; whether each label is shown, dense index + 1 at each voxel (u32), x fastest
+//! ```
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::Path;
+use std::sync::Arc;
+
+use glam::{DAffine3, DMat3, DVec3};
+use pumice_core::{CompressedVolume, Job, MeshData};
+use pumice_export::{ExportOptions, Form, Merging, Reader, export_scene};
+use pumice_oracle::{Dense, volumes};
+use pumice_scene::{
+    Camera, Environment, Film, Filter, Instance, LabelStyle, Light, LightShape, Material, Mesh, Outline,
+    Projection, SCENE_VERSION, Scene, SensorFit, Settings, Show, Sun, World,
+};
+use pumice_transport::LoadedScene;
+
+type Outcome<T = ()> = Result<T, Box<dyn std::error::Error>>;
+
+/// A scene with a sun alone.
+fn scene(style: LabelStyle, world_from_index: DAffine3) -> Scene {
+    let camera = Camera::new(
+        DAffine3::from_mat3_translation(DMat3::from_rotation_x(0.4), DVec3::new(1.0, -40.0, 100.0)),
+        Projection::Perspective { fov_rad: 0.7 },
+    );
+    let sun = Sun { direction: [1.0, 2.0, -2.0], strength: 3.0, color: [1.0, 0.9, 0.5], angle_rad: 0.01 };
+    Scene {
+        version: SCENE_VERSION,
+        instances: vec![Instance { id: 7, source: "generated".into(), world_from_index, style }],
+        camera,
+        film: Film::new(64, 48, Filter::Box { width: 1.0 }),
+        world: World { environment: Environment::Constant { radiance: [1.0; 3] }, backdrop: None },
+        suns: vec![sun],
+        lights: vec![],
+        meshes: vec![],
+        cuts: vec![],
+        settings: Settings::default(),
+    }
+}
+
+fn lamp(shape: LightShape, power_w: f32, color: [f32; 3]) -> Light {
+    Light { shape, power_w, color, visible_to_camera: false }
+}
+
+fn lamps() -> Vec<Light> {
+    let (position, radius, soft_falloff) = ([3.0, -2.0, 50.0], 0.5, true);
+    let direction = [0.0, 1.0, -3.0];
+    let area = LightShape::Area {
+        world_from_light: DAffine3::IDENTITY,
+        outline: Outline::Rectangle,
+        size: [1.0, 2.0],
+        spread_rad: 3.0,
+    };
+    let spot =
+        |angle_rad, blend| LightShape::Spot { position, direction, radius, angle_rad, blend, soft_falloff };
+    vec![
+        lamp(LightShape::Point { position, radius, soft_falloff }, 100.0, [1.0; 3]),
+        lamp(spot(0.8, 0.25), 50.0, [2.0, 1.0, 0.5]),
+        lamp(spot(std::f64::consts::PI, 0.0), 20.0, [1.0; 3]),
+        lamp(area, 5.0, [1.0; 3]),
+    ]
+}
+
+fn mesh(id: u32, world_from_mesh: DAffine3, shadow_catcher: bool) -> Mesh {
+    let red = Material { base_color: [0.9, 0.1, 0.05], ..Material::DEFAULT };
+    let materials = vec![Material::DEFAULT, red];
+    Mesh { id, source: "generated".into(), world_from_mesh, materials, shadow_catcher }
+}
+
+/// A pyramid, smooth or flat, of which one triangle has no area, in two materials.
+fn pyramid(is_smooth: bool) -> Outcome<Arc<MeshData>> {
+    let corners = vec![[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.5]];
+    let triangles = vec![[0, 1, 4], [1, 2, 4], [2, 2, 4], [2, 3, 4], [3, 0, 4], [0, 2, 1], [0, 3, 2]];
+    let data = MeshData::new(corners, triangles, vec![0, 1, 0, 0, 9, 1, 0])?;
+    let normals = [[1.0, 0.0, 0.3], [0.0, 1.0, 0.3], [-1.0, 0.0, 0.3], [0.0, -1.0, 0.3], [0.0, 0.0, 1.0]];
+    Ok(Arc::new(if is_smooth { data.with_corner_normals(&normals)? } else { data }))
+}
+
+fn write(
+    folder: &Path,
+    name: &str,
+    (dense, volume): (Dense, Arc<CompressedVolume>),
+    (scene, meshes): (Scene, Vec<Arc<MeshData>>),
+    (forms, merging): (&[Form], Merging),
+) -> Outcome {
+    serde_json::to_writer(File::create(folder.join(format!("{name}.json")))?, &scene)?;
+    let loaded = LoadedScene::new(scene, vec![volume], meshes)?;
+    let mut notes = BufWriter::new(File::create(folder.join(format!("{name}.labels")))?);
+    let visible = loaded.visible(0).into_iter().map(u32::from);
+    for number in dense.dims.into_iter().chain([loaded.visible(0).len() as u32]).chain(visible) {
+        notes.write_all(&number.to_le_bytes())?;
+    }
+    notes.write_all(bytemuck::cast_slice(&dense.labels))?;
+    notes.flush()?;
+    for &form in forms {
+        let options = ExportOptions {
+            forms: vec![form],
+            merging,
+            limit_bytes: 1 << 30,
+            surroundings: true,
+            reader: Reader::Specification,
+        };
+        let endings = ["gltf", "glb", "ply", "obj", "stl"];
+        for ending in if form == Form::Voxels { &endings } else { &endings[..2] } {
+            let path = folder.join(format!("{name}.{}.{ending}", form.name()));
+            export_scene(&loaded, &options, &path, &mut |_| (), &Job::new())?;
+        }
+    }
+    Ok(())
+}
+
+fn main() -> Outcome {
+    let folder = std::env::args().nth(1).ok_or("expected a folder")?;
+    let folder = Path::new(&folder);
+    let auto = LabelStyle { auto_color: true, ..LabelStyle::default() };
+    let turned = DAffine3::from_mat3_translation(
+        DMat3::from_rotation_z(0.5) * DMat3::from_diagonal(DVec3::new(4.0, -4.0, 40.0)),
+        DVec3::new(1e4, -0.1, 3.0),
+    );
+    let merged = (Form::ALL.as_slice(), Merging::Merged);
+    let exact = (&[Form::Voxels][..], Merging::Merged);
+    write(
+        folder,
+        "blobs",
+        volumes::blobs([70, 64, 33], 40, 30, 4),
+        (scene(auto.clone(), turned), vec![]),
+        merged,
+    )?;
+
+    // Every parameter of materials, in a sheared frame, with lamps and meshes; an orthographic camera with a limit.
+    let glass = Material { transmission: 1.0, roughness: 0.1, ior: 1.33, specular: 0.8, ..Material::DEFAULT };
+    let glow = Material {
+        emission: [5.0, 4.0, 3.0],
+        coat: 0.5,
+        coat_roughness: 0.2,
+        alpha: 0.25,
+        sheen: 0.75,
+        sheen_tint: [1.0, 0.5, 0.2],
+        sheen_roughness: 0.4,
+        ..Material::DEFAULT
+    };
+    let metal =
+        Material { metallic: 1.0, specular: 0.25, specular_tint: [0.2, 0.4, 0.6], ..Material::DEFAULT };
+    let some = LabelStyle {
+        show: Show::Except(vec![2]),
+        materials: [(1, glass), (3, glow), (4, metal), (5, glass)].into(),
+        ..LabelStyle::default()
+    };
+    let shear = DMat3::from_cols(DVec3::X, DVec3::new(0.5, 2.0, 0.0), DVec3::new(-0.25, 0.1, 3.0));
+    let sheared = DAffine3::from_mat3_translation(shear, DVec3::new(-5.0, 1.0, 2.0));
+    let mut all = scene(some, sheared);
+    all.camera.projection = Projection::Orthographic { scale: 30.0 };
+    all.camera.fit = SensorFit::Vertical;
+    all.camera.clip = [0.5, 500.0];
+    all.lights = lamps();
+    let mirrored = DAffine3::from_scale_rotation_translation(
+        DVec3::new(-2.0, 2.0, 3.0),
+        glam::DQuat::from_rotation_y(0.3),
+        DVec3::new(20.0, 0.0, 0.0),
+    );
+    all.meshes = vec![mesh(1, mirrored, false), mesh(2, sheared, false), mesh(3, sheared, true)];
+    let data = vec![pyramid(false)?, pyramid(true)?, pyramid(false)?];
+    let noise = volumes::noise([17, 9, 5], 0.3, 6, 2);
+    write(folder, "noise", noise, (all, data), (&Form::ALL, Merging::Plain))?;
+
+    // More voxels along an axis than positions of 16 bits reach, and more labels than 8 bits number.
+    let long = volumes::volume([70_001, 1, 1], |x, _, _| if x / 300 % 7 < 4 { 1 + x / 20_000 } else { 0 });
+    let coarse = (&[Form::Cells][..], Merging::Merged);
+    write(folder, "long", long, (scene(auto, turned), vec![]), coarse)?;
+    let many = volumes::volume([7, 7, 7], |x, y, z| 1 + x + 7 * (y + 7 * z));
+    write(folder, "many", many, (scene(LabelStyle::default(), turned), vec![]), exact)
+}

@@ -1,0 +1,133 @@
+//! The visible surfaces of a scene's volumes in world space, for formats that know only faces: PLY, OBJ and STL.
+//!
+//! ```text
+//! LoadedScene ─► Surfaces ─┬─► ply   rectangles with label, volume and colour
+//!                          ├─► obj   rectangles in a group for each label, materials in an .mtl beside it
+//!                          └─► stl   two triangles a rectangle, shape alone
+//! ```
+//! Positions are computed in double precision and written in single. The corners of a mirrored volume are written in reverse, so that they
+//! turn counter-clockwise as seen from outside in every file.
+
+mod obj;
+mod ply;
+mod stl;
+
+use std::ops::Range;
+
+use glam::{DAffine3, DVec3};
+use pumice_core::{Error, Job};
+use pumice_transport::LoadedScene;
+
+use crate::drawn::Drawn;
+use crate::labelled_surface::LabelledSurface;
+use crate::{Budget, ExportOptions, Rectangle, Result};
+
+/// The surfaces of a scene, each with what is drawn of its volume.
+pub(crate) struct Surfaces<'a> {
+    all: Vec<(Drawn<'a>, LabelledSurface)>,
+}
+
+impl<'a> Surfaces<'a> {
+    /// The surfaces at the level of detail of the form that is asked for, taken from `budget`.
+    ///
+    /// # Errors
+    /// [`Error::Caller`] where nothing is drawn, or the world is beyond single precision; [`Error::Limit`] where the faces take more than
+    /// the budget; [`Error::Cancelled`].
+    pub(crate) fn of_scene(
+        scene: &'a LoadedScene,
+        options: &ExportOptions,
+        budget: &mut Budget,
+        job: &Job,
+    ) -> Result<Self> {
+        let mut all = Vec::new();
+        let Some(level) = options.forms.first().and_then(|form| form.level()) else {
+            return Err(Error::Caller("forms: expected one of boxes, cells4, voxels".into()).into());
+        };
+        for place in 0..scene.volumes().len() {
+            let drawn = Drawn::new(scene, place);
+            let surface = LabelledSurface::new(&drawn, level, options.merging, budget, job)?;
+            if !surface.rectangles.is_empty() {
+                check_range(&drawn)?;
+                all.push((drawn, surface));
+            }
+        }
+        if all.is_empty() {
+            return Err(Error::Caller("no label of the scene's volumes is shown".into()).into());
+        }
+        Ok(Self { all })
+    }
+
+    /// Rectangles of all surfaces.
+    fn rectangles(&self) -> u64 {
+        self.all.iter().map(|(_, surface)| surface.rectangles.len() as u64).sum()
+    }
+}
+
+/// Checks that the corners of a volume are numbers in single precision.
+fn check_range(drawn: &Drawn<'_>) -> Result<()> {
+    let (matrix, dims) =
+        (drawn.instance.world_from_index, DVec3::from_array(drawn.volume.info().dims.map(f64::from)));
+    let farthest = matrix.translation.abs() + matrix.matrix3.abs() * dims;
+    if farthest.max_element() < f64::from(f32::MAX) {
+        return Ok(());
+    }
+    let (name, got) = (drawn.name(), farthest.max_element());
+    Err(Error::Caller(format!(
+        "{name}: expected positions below {:e}, the largest of the file, got {got:e}",
+        f32::MAX
+    ))
+    .into())
+}
+
+/// Corners of a rectangle in the world, counter-clockwise as seen from outside.
+fn corners_in_world(rectangle: &Rectangle, world_from_index: &DAffine3) -> [DVec3; 4] {
+    let mut corners = rectangle
+        .corners()
+        .map(|corner| world_from_index.transform_point3(DVec3::from_array(corner.map(f64::from))));
+    if world_from_index.matrix3.determinant() < 0.0 {
+        corners.reverse();
+    }
+    corners
+}
+
+/// Checks a count that a format stores in 32 bits.
+///
+/// # Errors
+/// [`Error::Limit`].
+fn fits_32_bits(what: &str, count: u64) -> Result<u32> {
+    let limit = u64::from(u32::MAX);
+    u32::try_from(count).map_err(|_| Error::Limit { what: what.into(), limit, got: count }.into())
+}
+
+/// Places of each material's rectangles as `usize`.
+fn places(range: &Range<u32>) -> Range<usize> {
+    range.start as usize..range.end as usize
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DMat3;
+
+    use super::*;
+
+    #[test]
+    fn corners_turn_outward_also_when_mirrored() {
+        let rectangle = Rectangle { low: [3, 4, 5], size: [2, 1], axis: 2, is_up: true, label: 0 };
+        for x in [1.0, -1.0] {
+            let matrix = DAffine3::from_mat3(DMat3::from_diagonal(DVec3::new(x, 1.0, 1.0)));
+            let [a, b, c, _] = corners_in_world(&rectangle, &matrix);
+            assert_eq!((b - a).cross(c - b).normalize(), DVec3::Z);
+            // Control: the corners as they come turn inward where the volume is mirrored.
+            let [a, b, c, _] =
+                rectangle.corners().map(|p| matrix.transform_point3(DVec3::from_array(p.map(f64::from))));
+            assert_eq!((b - a).cross(c - b).normalize(), DVec3::Z * x);
+        }
+    }
+
+    #[test]
+    fn counts_beyond_32_bits_are_refused() {
+        assert_eq!(fits_32_bits("vertices", u64::from(u32::MAX)).unwrap(), u32::MAX);
+        let error = fits_32_bits("vertices of a PLY file", 1 << 32).unwrap_err().to_string();
+        assert_eq!(error, "vertices of a PLY file: 4294967296 is more than the limit of 4294967295");
+    }
+}

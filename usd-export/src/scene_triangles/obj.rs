@@ -1,0 +1,120 @@
+//! Wavefront OBJ as text, and the materials in an `.mtl` beside it.
+//!
+//! ```text
+//! mtllib NAME.mtl
+//! o volume_7                 an object for each volume
+//! g 17_axon                  a group for each label: its id, and its name where it has one
+//! usemtl volume_7_0
+//! v 1 0 2.5                  four corners for each rectangle
+//! …
+//! f 1 2 3 4                  numbers count from 1 through the whole file
+//! ```
+//! In the `.mtl` `Kd` is the base colour, linear, and `Pr`, `Pm`, `Pc`, `Pcr`, `Ps` are the extension for physically based materials, which
+//! Blender and others read. Transmission, tints and subsurface scattering have no word.
+
+use std::io::Write;
+use std::path::Path;
+
+use pumice_core::{Error, Job};
+use pumice_scene::Material;
+
+use super::{Surfaces, corners_in_world};
+use crate::drawn::Drawn;
+use crate::whole_file::write_both;
+use crate::{Rectangle, Result};
+
+impl Surfaces<'_> {
+    /// Writes an `.obj` and its `.mtl`: both, or neither. Returns the bytes of both.
+    ///
+    /// # Errors
+    /// [`Error::Caller`] for a name that is not in UTF-8; [`Error::Io`]; [`Error::Cancelled`].
+    pub(crate) fn write_obj_and_mtl(&self, path: &Path, job: &Job) -> Result<u64> {
+        let beside = path.with_extension("mtl");
+        let name = beside.file_name().and_then(|name| name.to_str());
+        let name =
+            name.ok_or_else(|| Error::Caller(format!("{}: expected a name in UTF-8", path.display())))?;
+        write_both([&beside, path], job, |out| self.write_mtl(out), |out| self.write_obj(name, out))
+    }
+
+    /// Writes the `.obj`, which names its materials' file.
+    fn write_obj(&self, materials_in: &str, out: &mut dyn Write) -> Result<()> {
+        writeln!(out, "# Written by pumice {}\nmtllib {materials_in}", env!("CARGO_PKG_VERSION"))?;
+        let mut next = 1u64;
+        for (drawn, surface) in &self.all {
+            writeln!(out, "o {}", drawn.name())?;
+            let mut by_label: Vec<&Rectangle> = surface.rectangles.iter().collect();
+            by_label.sort_by_key(|rectangle| rectangle.label);
+            for group in by_label.chunk_by(|a, b| a.label == b.label) {
+                let label = group[0].label;
+                writeln!(out, "g {}", group_name(drawn, label))?;
+                writeln!(out, "usemtl {}", material_name(drawn, drawn.material_of[label as usize] as usize))?;
+                for rectangle in group {
+                    for corner in corners_in_world(rectangle, &drawn.instance.world_from_index) {
+                        let [x, y, z] = corner.as_vec3().to_array();
+                        writeln!(out, "v {x} {y} {z}")?;
+                    }
+                    writeln!(out, "f {} {} {} {}", next, next + 1, next + 2, next + 3)?;
+                    next += 4;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Writes the `.mtl`.
+    fn write_mtl(&self, out: &mut dyn Write) -> Result<()> {
+        writeln!(out, "# Written by pumice {}", env!("CARGO_PKG_VERSION"))?;
+        for (drawn, surface) in &self.all {
+            let shown = drawn.materials.iter().zip(&surface.of_material).enumerate();
+            for (number, (material, _)) in shown.filter(|(_, (_, faces))| !faces.is_empty()) {
+                write_material(&material_name(drawn, number), material, out)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+fn material_name(drawn: &Drawn<'_>, number: usize) -> String {
+    format!("{}_{number}", drawn.name())
+}
+
+/// Id and name of a label. A space would begin another group's name, so it becomes an underscore.
+fn group_name(drawn: &Drawn<'_>, label: u32) -> String {
+    let id = drawn.volume.labels().ids()[label as usize];
+    match drawn.volume.note(label).and_then(|note| note.name.as_deref()) {
+        Some(name) => format!("{id}_{}", one_word(name)),
+        None => id.to_string(),
+    }
+}
+
+fn one_word(text: &str) -> String {
+    text.replace(|c: char| c.is_whitespace() || c.is_control() || c == '\\' || c == '#', "_")
+}
+
+fn write_material(name: &str, material: &Material, out: &mut dyn Write) -> Result<()> {
+    let rgb = |[r, g, b]: [f32; 3]| format!("{r} {g} {b}");
+    writeln!(out, "\nnewmtl {name}\nKd {}\nKe {}", rgb(material.base_color), rgb(material.emission))?;
+    // Specular colour and exponent are what programs without the extension draw: Blender's exporter writes them so.
+    let gloss = 1000.0 * (1.0 - material.roughness).powi(2);
+    writeln!(
+        out,
+        "Ks {}\nNs {gloss}\nNi {}\nd {}",
+        rgb([material.specular; 3]),
+        material.ior,
+        material.alpha
+    )?;
+    writeln!(out, "illum 2\nPr {}\nPm {}", material.roughness, material.metallic)?;
+    writeln!(out, "Pc {}\nPcr {}\nPs {}", material.coat, material.coat_roughness, material.sheen)?;
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_of_groups_are_one_word() {
+        assert_eq!(one_word("left ventricle\t#2\n"), "left_ventricle__2_");
+        assert_eq!(one_word("Kortex-µ/3"), "Kortex-µ/3");
+    }
+}
