@@ -19,6 +19,9 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "tests/python"))
+from share import pytest_collection_modifyitems, pytest_configure  # noqa: E402, F401
+
 EXTENSION = "bl_ext.user_default.pumice"
 
 # Blender reads this variable when it is imported.

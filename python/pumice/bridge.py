@@ -48,7 +48,7 @@ def verify_render(
     blender: Path,
     page: Path | None = None,
     control: Path | None = None,
-    spp: int = 256,
+    spp: int = 1024,
     seconds: float | None = None,
     size: tuple[int, int] | None = None,
     lod: int | None = None,
@@ -58,7 +58,8 @@ def verify_render(
     """Compares our picture of a scene file (or volume) with that of Cycles, until a verdict is reached.
 
     `blender`: a Python that has Blender as the module `bpy`, or the program Blender. `page`: an `.html` file with verdict, pictures and
-    maps. `control`: another scene for Cycles, to see that a difference is noticed. `spp`: samples per pixel of each picture, 256 or more.
+    maps. `control`: another scene for Cycles, to see that a difference is noticed. `spp`: samples per pixel of each picture, 256 or more; with
+    fewer than 1024 the patterns of Cycles' own sampling tables show.
     `seconds`: no picture is begun after this time. `size`: width and height; by default at most 40,000 pixels. `lod`: 1, 4 or 16, the
     level of detail that both draw; by default the finest that memory allows. Returns the report of `pumice verify-render --json`, of which
     `sentence` is the verdict in words and `agreement["verdict"]` is `agrees`, `differs` or `cannot_tell`.

@@ -7,8 +7,11 @@ use serde::Serialize;
 use super::picture_set::Moment;
 use crate::metrics::student_t::{two_sided_quantile, two_sided_tail};
 
-/// Differences below this share of a value count as rounding: float32 sums of up to 2¹⁴ samples.
-const ROUNDING: f64 = 2e-6;
+/// Where nothing varies, differences up to this share of the value count as rounding: adding the same float32 2,048 times loses up to
+/// 2,048 · 2⁻²⁴ of it, always to the same side.
+const ROUNDING: f64 = 1.3e-4;
+/// Standard errors below this share of the value count as no variation.
+const NO_NOISE: f64 = 2e-6;
 
 /// A difference, ours less theirs, with its interval and its margin.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -73,29 +76,24 @@ impl Intervals {
     /// The interval of the difference of two means, each of `n` numbers.
     pub(super) fn of(&mut self, [ours, theirs]: [(&Moment, usize); 2], margin: f64) -> Interval {
         let difference = ours.0.mean() - theirs.0.mean();
-        let rounding = ROUNDING * ours.0.mean().abs().max(theirs.0.mean().abs());
+        let value = ours.0.mean().abs().max(theirs.0.mean().abs());
         let [a, b] = [ours, theirs].map(|(moment, _)| moment.variance_of_mean());
         let variance = a + b;
         if variance.is_infinite() {
             return Interval { difference, half_width: f64::INFINITY, margin, p: 1.0, t: 0.0 };
         }
-        if variance <= rounding * rounding {
-            let differs = difference.abs() > 10.0 * rounding;
+        if variance <= (NO_NOISE * value).powi(2) {
+            let half_width = ROUNDING * value;
+            let differs = difference.abs() > half_width;
             let t = if differs { f64::INFINITY.copysign(difference) } else { 0.0 };
-            return Interval {
-                difference,
-                half_width: rounding,
-                margin,
-                p: f64::from(u8::from(!differs)),
-                t,
-            };
+            return Interval { difference, half_width, margin, p: f64::from(u8::from(!differs)), t };
         }
         let of = |variance: f64, n: usize| variance * variance / (n as f64 - 1.0);
         let degrees = variance * variance / (of(a, ours.1) + of(b, theirs.1));
         let t = difference / variance.sqrt();
         Interval {
             difference,
-            half_width: self.quantile(degrees) * variance.sqrt() + rounding,
+            half_width: self.quantile(degrees) * variance.sqrt(),
             margin,
             p: two_sided_tail(t, degrees),
             t,

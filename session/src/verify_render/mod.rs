@@ -40,7 +40,8 @@ use subject::Subject;
 const FIRST_LOOK: usize = 8;
 /// Pictures of each renderer at the last look. More would halve the noise by another 1.4, for as much time as all so far.
 const MOST_PICTURES: usize = 256;
-/// Samples per pixel of each picture at least: a mean of fewer has tails that Student's t does not know.
+/// Samples per pixel of each picture at least: a mean of fewer has tails that Student's t does not know, and Cycles' 256 sampling patterns
+/// show in the mean over all seeds (docs/verify.md).
 pub const LEAST_SPP: u32 = 256;
 /// Pixels of the picture at most, where no size is asked for: a tile then shows a larger piece of the scene, and the time of a
 /// comparison falls with the pixels.
