@@ -77,7 +77,7 @@ def compared(command, scene, *more):
 
 
 def test_a_scene_agrees_with_itself(pumice_command, scene):
-    done, report, page = compared(pumice_command, scene, "--time", "240")
+    done, report, page = compared(pumice_command, scene, "--time", "600")
     assert done.returncode == 0 and report["agreement"]["verdict"] == "agrees", (done, report)
     assert report["surface"] == "voxels" and report["faces"] > 1e4 and report["agreement"]["masked"] == 0
     assert report["theirs"]["bytes"] > 1e8 and report["ours"]["cpu_seconds"] > 0
@@ -96,7 +96,7 @@ def noticed(command, scene, control):
     control(fields)
     other = scene.with_name("other.json")
     other.write_text(json.dumps(fields))
-    _, report, page = compared(command, scene, "--control", other, "--time", "300")
+    _, report, page = compared(command, scene, "--control", other, "--time", "900")
     assert "A control: Cycles draws another scene" in page
     agreement = report["agreement"]
     named = agreement["proven_in_tile"] or agreement["proven_in_mean"]
@@ -117,5 +117,5 @@ def test_another_sun_or_roughness_is_found_or_named(pumice_command, glossy, cont
 
 @pytest.mark.full
 def test_a_noisy_scene_agrees_with_itself(pumice_command, glossy):
-    done, report, _ = compared(pumice_command, glossy, "--time", "400")
+    done, report, _ = compared(pumice_command, glossy, "--time", "1200")
     assert done.returncode == 0 and report["agreement"]["verdict"] == "agrees", (done, report)
