@@ -10,6 +10,7 @@ from typing import Any
 from . import _native, arguments
 from ._native import Job
 from .arguments import Path
+from .scene import MOST_PIXELS
 
 # As of the command: 80 million faces of a `.usdc`.
 DEFAULT_LIMIT_BYTES = 4 << 30
@@ -64,15 +65,14 @@ def verify_render(
     level of detail that both draw; by default the finest that memory allows. Returns the report of `pumice verify-render --json`, of which
     `sentence` is the verdict in words and `agreement["verdict"]` is `agrees`, `differs` or `cannot_tell`.
     """
-    path_of = lambda p: None if p is None else os.fspath(p)  # noqa: E731
     text = _native.verify_render(
         os.fspath(path),
         blender=os.fspath(blender),
-        page=path_of(page),
-        control=path_of(control),
+        page=None if page is None else os.fspath(page),
+        control=None if control is None else os.fspath(control),
         spp=arguments.whole("spp", spp, 1, arguments.MOST_32),
         seconds=seconds,
-        size=None if size is None else [arguments.whole("size", n, 1, 65536) for n in size],
+        size=None if size is None else (arguments.whole("size", size[0], 1, MOST_PIXELS), arguments.whole("size", size[1], 1, MOST_PIXELS)),
         lod=None if lod is None else arguments.whole("lod", lod, 1, 16),
         backend=backend,
         job=job,

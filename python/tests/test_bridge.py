@@ -1,0 +1,62 @@
+"""Tests `pumice.export` and the refusals of `pumice.verify_render`; a comparison itself needs Blender
+(blender-addon/tests/test_verify_render.py)."""
+
+import json
+import struct
+import sys
+
+import numpy as np
+import pumice
+import pytest
+
+
+@pytest.fixture
+def volume(tmp_path):
+    labels = np.zeros((9, 8, 7), dtype=np.uint16)
+    labels[2:7, 1:5, 3] = 4
+    labels[8, 7, 6] = 900
+    path = tmp_path / "cells.pumice"
+    pumice.compress(labels).save(path)
+    return path
+
+
+def test_a_volume_is_exported(volume, tmp_path):
+    report = pumice.export(volume, tmp_path / "cells.glb", plain=True)
+    # 5 × 4 × 1 voxels have 2 · (20 + 5 + 4) faces, one voxel 6.
+    assert report["faces"] == 58 + 6 and report["forms"] == ["voxels"] and report["left_out"] == []
+    data = (tmp_path / "cells.glb").read_bytes()
+    magic, version, length, json_length = struct.unpack_from("<4sIII", data)
+    assert (magic, version, length) == (b"glTF", 2, len(data)) and report["bytes"] == len(data)
+    assert "meshes" in json.loads(data[20 : 20 + json_length])
+    some = pumice.export(volume, tmp_path / "cells.usda", form=["boxes", "voxels"], labels=[900], for_blender=True)
+    assert some["forms"] == ["boxes", "voxels"] and some["faces"] == 12
+
+
+def test_what_cannot_be_exported_is_refused(volume, tmp_path):
+    for out, options, what in [
+        ("cells.xyz", {}, "expected a name that ends in"),
+        ("cells.usdc", {"form": "spheres"}, "form: expected one of instances, boxes, cells4, voxels, got spheres"),
+        ("cells.usdc", {"labels": [7]}, "no label 7"),
+        ("cells.usdc", {"limit_bytes": 10}, "more than the limit of 10"),
+        ("cells.glb", {"form": ["boxes", "voxels"]}, "write a file for each"),
+        ("cells.glb", {"for_blender": True}, "the same for every program"),
+    ]:
+        with pytest.raises(pumice.InputError, match=what):
+            pumice.export(volume, tmp_path / out, **options)
+    assert [p.name for p in tmp_path.iterdir()] == ["cells.pumice"]
+    job = pumice.Job()
+    job.cancel()
+    with pytest.raises(pumice.Cancelled):
+        pumice.export(volume, tmp_path / "cells.usdc", job=job)
+
+
+def test_what_cannot_be_compared_is_refused(volume, tmp_path):
+    for options, what in [
+        ({"blender": tmp_path / "nowhere"}, "nowhere: No such file"),
+        ({"blender": sys.executable}, "No module named 'bpy'"),
+        ({"blender": sys.executable, "spp": 255}, "expected at least 256 samples, got 255"),
+        ({"blender": sys.executable, "lod": 2}, "lod: expected 1, 4 or 16, got 2"),
+        ({"blender": sys.executable, "page": "page.pdf"}, "expected a name that ends in .html"),
+    ]:
+        with pytest.raises(pumice.InputError, match=what):
+            pumice.verify_render(volume, size=(8, 8), backend="cpu", **options)
