@@ -90,6 +90,26 @@ def test_a_scene_agrees_with_itself(pumice_command, scene):
     assert report["volume_hashes"][0] in page and "verify-render" in page
 
 
+@pytest.fixture(scope="module")
+def opened(scene):
+    """All labels, cut open by an oblique plane through the middle, which halves voxels."""
+    fields = json.loads(scene.read_text())
+    matrix = fields["instances"][0]["world_from_index"]
+    middle = [sum(m * c for m, c in zip(matrix[a:9:3], (128, 128, 256))) + matrix[9 + a] for a in range(3)]
+    fields["instances"][0]["style"]["show"] = "all"
+    fields["instances"][0]["style"]["auto_color"] = True
+    fields["cuts"] = [{"shape": {"plane": {"point": middle, "normal": [0.4, -0.3, 0.5]}}}]
+    path = scene.with_name("opened.json")
+    path.write_text(json.dumps(fields))
+    return path
+
+
+def moved(scene):
+    """The cut by a quarter of a voxel."""
+    voxel = abs(scene["instances"][0]["world_from_index"][0])
+    scene["cuts"][0]["shape"]["plane"]["point"][0] += 0.25 * voxel / 0.4
+
+
 def noticed(command, scene, control):
     """The report on a scene of which Cycles draws a changed one; never a clean "agrees"."""
     fields = json.loads(scene.read_text())
@@ -119,3 +139,14 @@ def test_another_sun_or_roughness_is_found_or_named(pumice_command, glossy, cont
 def test_a_noisy_scene_agrees_with_itself(pumice_command, glossy):
     done, report, _ = compared(pumice_command, glossy, "--time", "1200")
     assert done.returncode == 0 and report["agreement"]["verdict"] == "agrees", (done, report)
+
+
+@pytest.mark.full
+def test_a_scene_that_is_cut_open_agrees_with_itself(pumice_command, opened):
+    done, report, _ = compared(pumice_command, opened, "--time", "400")
+    assert done.returncode == 0 and report["agreement"]["verdict"] == "agrees", (done, report)
+
+
+@pytest.mark.full
+def test_a_moved_cut_is_found_or_named(pumice_command, opened):
+    noticed(pumice_command, opened, moved)

@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 use pumice_core::{Job, MeshData, octahedral};
-use pumice_export::{Merging, Rectangle, for_each_surface_block};
+use pumice_export::{CutPolygon, CutRegion, Rectangle, for_each_cut_block};
 use pumice_picture::Image;
 use pumice_transport::geometry::DetailLevel;
 use pumice_transport::{LoadedScene, MaterialTable};
@@ -83,13 +83,10 @@ impl Cycles {
     /// that has `bpy`, or a program of Blender.
     ///
     /// # Errors
-    /// When the scene has something that Cycles has not, or cuts, which are not translated; errors of the interpreter, the script or the
+    /// When the scene has something that Cycles has not; errors of the interpreter, the script or the
     /// system; [`pumice_core::Error::Cancelled`] when `job` is cancelled, which ends the process.
     pub fn start(blender: &Path, loaded: &LoadedScene, level: DetailLevel, job: &Job) -> Result<Self> {
         let scene = loaded.scene();
-        if !scene.cuts.is_empty() {
-            return Err(SessionError::Caller("cuts: Cycles gets only volumes without cuts here".into()));
-        }
         let folder = tempfile::tempdir().map_err(io(std::env::temp_dir()))?;
         let path = |name: &str| folder.path().join(name);
 
@@ -110,8 +107,13 @@ impl Cycles {
             .collect::<Result<_>>()?;
 
         // Start the script, and wait until it has built the scene.
-        let asked =
-            json!({ "scene": scene, "instances": instances, "meshes": meshes, "report": path("built.json") });
+        let asked = json!({
+            "scene": scene,
+            "instances": instances,
+            "meshes": meshes,
+            "cut_is_in_the_mesh": true,
+            "report": path("built.json"),
+        });
         std::fs::write(path("job.json"), asked.to_string()).map_err(io(path("job.json")))?;
         std::fs::write(path("scene_in_cycles.py"), SCRIPT).map_err(io(path("scene_in_cycles.py")))?;
         let mut script = Script::start(
@@ -201,9 +203,15 @@ fn write_surface(
 ) -> Result<(u64, Value)> {
     let (instance, volume) = (&loaded.scene().instances[place], &loaded.volumes()[place]);
     let (visible, table) = (loaded.visible(place), volume.labels());
-    let mut rectangles: Vec<Rectangle> = Vec::new();
-    for_each_surface_block(volume, &visible, level, Merging::Plain, job, |block| {
-        rectangles.extend_from_slice(block);
+    let cuts: Vec<CutRegion> = loaded
+        .scene()
+        .cuts_of(instance.id)
+        .map(|shape| CutRegion::new(shape, &instance.world_from_index))
+        .collect();
+    let (mut rectangles, mut polygons): (Vec<Rectangle>, Vec<CutPolygon>) = (Vec::new(), Vec::new());
+    for_each_cut_block(volume, &visible, level, &cuts, job, |whole, cut| {
+        rectangles.extend_from_slice(whole);
+        polygons.extend_from_slice(cut);
         Ok(())
     })?;
     let materials = MaterialTable::new(&instance.style, table.ids(), table.contacts().iter(), &visible);
@@ -220,13 +228,58 @@ fn write_surface(
         let material = |r: &Rectangle| of_label.get(r.label as usize).copied().unwrap_or(0);
         rectangles.iter().try_for_each(|r| out.write_all(&material(r).to_le_bytes()))
     })?;
-    let fields = json!({
+    let mut fields = json!({
         "vertices": path("vertices"),
         "quads": path("quads"),
         "material_of_quad": path("materials"),
         "materials": materials.materials(),
     });
-    Ok((faces as u64, fields))
+    let mut count = faces as u64;
+    if !polygons.is_empty() {
+        let material = |label: u32| of_label.get(label as usize).copied().unwrap_or(0);
+        fields["cut"] = write_polygons(folder, place, &polygons, material)?;
+        count += polygons.len() as u64;
+    }
+    Ok((count, fields))
+}
+
+/// Writes polygons as fans of triangles; returns their entry in the job.
+fn write_polygons(
+    folder: &Path,
+    place: usize,
+    polygons: &[CutPolygon],
+    material: impl Fn(u32) -> u32,
+) -> Result<Value> {
+    let path = |name: &str| folder.join(format!("cut-{name}-{place}.npy"));
+    let corners: usize = polygons.iter().map(|polygon| polygon.corners.len()).sum();
+    write_npy_with(&path("vertices"), "<f8", &[corners, 3], |out| {
+        let mut all = polygons.iter().flat_map(|polygon| &polygon.corners);
+        all.try_for_each(|corner| out.write_all(bytemuck::cast_slice(&corner.to_array())))
+    })?;
+    let triangles: usize = polygons.iter().map(|polygon| polygon.corners.len() - 2).sum();
+    write_npy_with(&path("triangles"), "<u4", &[triangles, 3], |out| {
+        let mut first = 0u32;
+        for polygon in polygons {
+            let corners = polygon.corners.len() as u32;
+            for second in 1..corners - 1 {
+                out.write_all(bytemuck::cast_slice(&[first, first + second, first + second + 1]))?;
+            }
+            first += corners;
+        }
+        Ok(())
+    })?;
+    write_npy_with(&path("materials"), "<i4", &[triangles], |out| {
+        for polygon in polygons {
+            let material = material(polygon.label).to_le_bytes();
+            (2..polygon.corners.len()).try_for_each(|_| out.write_all(&material))?;
+        }
+        Ok(())
+    })?;
+    Ok(json!({
+        "vertices": path("vertices"),
+        "triangles": path("triangles"),
+        "material_of_triangle": path("materials"),
+    }))
 }
 
 /// Writes the triangles of mesh number `place`; returns its entry in the job.
@@ -284,10 +337,8 @@ fn cycles_seed(seed: u64) -> u64 {
 #[cfg(test)]
 mod tests {
     use std::os::unix::fs::PermissionsExt;
-    use std::sync::Arc;
 
     use pumice_oracle::volumes::blobs;
-    use pumice_scene::{Cut, CutShape};
 
     use super::*;
     use crate::figure::{FigureOptions, compose};
@@ -319,7 +370,7 @@ mod tests {
         let (_, bodies) = blobs([24, 24, 24], 9, 4, 11);
         let options = FigureOptions { size: [2, 1], labels: None, view_deg: FigureOptions::DEFAULT_VIEW_DEG };
         let scene = compose(&bodies, "memory".into(), &options);
-        let loaded = LoadedScene::new(scene.clone(), vec![Arc::clone(&bodies)], vec![]).unwrap();
+        let loaded = LoadedScene::new(scene, vec![bodies], vec![]).unwrap();
         let job = Job::new();
         let start = |program: &Path| Cycles::start(program, &loaded, DetailLevel::Voxels, &job);
         let mut cycles = start(&stand_in(folder.path(), false)).unwrap();
@@ -341,17 +392,10 @@ mod tests {
         let asked: Value = serde_json::from_str(&asked).unwrap();
         assert_eq!(asked["instances"].as_array().unwrap().len(), 1);
 
-        // A program that ends early, and a scene that cannot be translated, are refused.
+        // A program that ends early is quoted.
         let mut fails = start(&stand_in(folder.path(), true)).unwrap();
         let error = fails.picture(1, 16, &job).unwrap_err().to_string();
         assert!(error.contains("ended with exit status: 3: out of memory"), "{error}");
-        let cut =
-            Cut { shape: CutShape::Plane { point: [0.0; 3], normal: [1.0, 0.0, 0.0] }, instances: None };
-        let scene = pumice_scene::Scene { cuts: vec![cut], ..scene };
-        let loaded = LoadedScene::new(scene, vec![bodies], vec![]).unwrap();
-        let error =
-            Cycles::start(Path::new("sh"), &loaded, DetailLevel::Voxels, &job).unwrap_err().to_string();
-        assert!(error.starts_with("cuts: "), "{error}");
     }
 
     #[test]

@@ -9,6 +9,7 @@
 //! matrix.
 
 mod budget;
+mod cut_surface;
 mod drawn;
 mod error;
 mod export_scene;
@@ -29,6 +30,7 @@ pub mod usd;
 mod whole_file;
 
 pub use budget::{Budget, FaceBytes};
+pub use cut_surface::{CutPolygon, CutRegion, for_each_cut_block};
 pub use error::{ExportError, Result};
 pub use export_scene::{ExportOptions, ExportSize, export_scene};
 pub use faces::{FaceBlock, Interfaces, for_each_face_block};

@@ -81,34 +81,16 @@ pub fn for_each_surface_block(
     job: &Job,
     mut visit: impl FnMut(&[Rectangle]) -> Result<()>,
 ) -> Result<()> {
-    let labels = volume.labels().len();
-    if visible.len() != labels {
-        let what = format!("visible: expected {labels} values, one a label, got {}", visible.len());
-        return Err(Error::Caller(what).into());
-    }
-    let surface = Surface { volume, visible, level, merging };
-    // Bricks rise in Morton order, so those of one block are consecutive.
-    let block_voxels = BLOCK as u32 * surface.side();
-    let brick_bits = 3 * (block_voxels / BRICK_VOXELS).ilog2();
-    let mut blocks: Vec<u64> = volume.grid().bricks().iter().map(|&b| b >> brick_bits).collect();
-    blocks.dedup();
-    job.begin(blocks.len() as u64);
-    for group in blocks.chunks(BLOCKS_A_THREAD * rayon::current_num_threads()) {
-        let found: Vec<Vec<Rectangle>> = group
-            .par_iter()
-            .map(|&block| {
-                job.check()?;
-                let found = surface.of_block(morton::decode(block).map(|b| b * BLOCK as u32));
-                job.advance(1);
-                found
-            })
-            .collect::<Result<_, Error>>()?;
-        found.iter().filter(|rectangles| !rectangles.is_empty()).try_for_each(|r| visit(r))?;
-    }
-    Ok(())
+    let surface = Surface::new(volume, visible, level, merging)?;
+    surface.for_each_block(
+        job,
+        |origin| surface.rectangles_of(&surface.elements(origin)?, origin),
+        |rectangles| if rectangles.is_empty() { Ok(()) } else { visit(&rectangles) },
+    )
 }
 
-struct Surface<'a> {
+/// The surface of some labels at one level of detail.
+pub(crate) struct Surface<'a> {
     volume: &'a CompressedVolume,
     visible: &'a [bool],
     level: DetailLevel,
@@ -116,31 +98,110 @@ struct Surface<'a> {
 }
 
 /// Labels of the elements of a block and its margin, x fastest, as dense index + 1; 0 where nothing is shown.
-type Elements = Vec<u32>;
+pub(crate) type Elements = Vec<u32>;
 
-impl Surface<'_> {
+impl<'a> Surface<'a> {
+    /// # Errors
+    /// [`Error::Caller`] where `visible` does not have one value per label.
+    pub(crate) fn new(
+        volume: &'a CompressedVolume,
+        visible: &'a [bool],
+        level: DetailLevel,
+        merging: Merging,
+    ) -> Result<Self> {
+        let labels = volume.labels().len();
+        if visible.len() != labels {
+            let what = format!("visible: expected {labels} values, one a label, got {}", visible.len());
+            return Err(Error::Caller(what).into());
+        }
+        Ok(Self { volume, visible, level, merging })
+    }
+
+    /// Visits what `of_block` makes of the block at each lowest element, in Morton order of the blocks.
+    ///
+    /// # Errors
+    /// [`Error::Cancelled`]; any error of `of_block` or `visit`.
+    pub(crate) fn for_each_block<T: Send>(
+        &self,
+        job: &Job,
+        of_block: impl Fn([u32; 3]) -> Result<T, Error> + Sync,
+        visit: impl FnMut(T) -> Result<()>,
+    ) -> Result<()> {
+        let mut visit = visit;
+        // Bricks rise in Morton order, so those of one block are consecutive.
+        let block_voxels = BLOCK as u32 * self.side();
+        let brick_bits = 3 * (block_voxels / BRICK_VOXELS).ilog2();
+        let mut blocks: Vec<u64> = self.volume.grid().bricks().iter().map(|&b| b >> brick_bits).collect();
+        blocks.dedup();
+        job.begin(blocks.len() as u64);
+        for group in blocks.chunks(BLOCKS_A_THREAD * rayon::current_num_threads()) {
+            let found: Vec<T> = group
+                .par_iter()
+                .map(|&block| {
+                    job.check()?;
+                    let found = of_block(morton::decode(block).map(|b| b * BLOCK as u32));
+                    job.advance(1);
+                    found
+                })
+                .collect::<Result<_, Error>>()?;
+            found.into_iter().try_for_each(&mut visit)?;
+        }
+        Ok(())
+    }
+
     /// Voxels along a side of an element.
-    fn side(&self) -> u32 {
+    pub(crate) fn side(&self) -> u32 {
         match self.level {
             DetailLevel::Voxels => 1,
             DetailLevel::Cells | DetailLevel::Boxes => 4,
         }
     }
 
-    /// The surface of the block whose lowest element is `origin`.
-    fn of_block(&self, origin: [u32; 3]) -> Result<Vec<Rectangle>, Error> {
-        let elements = match self.level {
+    /// Labels of the block whose lowest element is `origin`, and of its margin.
+    pub(crate) fn elements(&self, origin: [u32; 3]) -> Result<Elements, Error> {
+        Ok(match self.level {
             DetailLevel::Voxels => self.voxels(origin)?,
             DetailLevel::Cells => self.cells(origin, |view| view.node.occupied),
             DetailLevel::Boxes => self.cells(origin, |view| cells_of_extent(view.extent)),
-        };
+        })
+    }
+
+    /// The surface of a block.
+    pub(crate) fn rectangles_of(&self, elements: &[u32], origin: [u32; 3]) -> Result<Vec<Rectangle>, Error> {
         let mut rectangles = Vec::new();
         for axis in 0..3 {
             for is_up in [false, true] {
-                self.faces(&elements, origin, axis, is_up, &mut rectangles);
+                self.faces(elements, origin, axis, is_up, &mut rectangles);
             }
         }
         Ok(rectangles)
+    }
+
+    /// Visits the shown elements of a block without its margin: lowest and highest corner in voxels, dense index, and whether the element
+    /// beyond each side is shown, in the order −x, +x, −y, +y, −z, +z.
+    pub(crate) fn for_each_element(
+        &self,
+        elements: &[u32],
+        origin: [u32; 3],
+        mut visit: impl FnMut([[u32; 3]; 2], u32, [bool; 6]),
+    ) {
+        let dims = self.volume.info().dims;
+        let steps = [1, WITH_MARGIN, WITH_MARGIN * WITH_MARGIN];
+        for i in 0..BLOCK.pow(3) {
+            let at = [i % BLOCK, i / BLOCK % BLOCK, i / BLOCK / BLOCK];
+            let place: usize = (0..3).map(|a| (at[a] + 1) * steps[a]).sum();
+            let label = elements[place];
+            if label == 0 {
+                continue;
+            }
+            let low = [0, 1, 2].map(|a| (origin[a] + at[a] as u32) * self.side());
+            let high = [0, 1, 2].map(|a| (low[a] + self.side()).min(dims[a]));
+            let beyond = [0, 1, 2, 3, 4, 5].map(|side: usize| {
+                let step = steps[side / 2];
+                elements[if side % 2 == 1 { place + step } else { place - step }] != 0
+            });
+            visit([low, high], label - 1, beyond);
+        }
     }
 
     /// Labels of the voxels, where the elements are voxels.

@@ -70,8 +70,6 @@ fn refuse(scene: &Scene) -> Result<()> {
         && width != 1.0
     {
         format!("film.filter: Cycles has a box of 1 pixel alone, got {width}")
-    } else if !scene.cuts.is_empty() {
-        "cuts: the surface of cut volumes cannot be sent to Cycles yet".to_owned()
     } else {
         return Ok(());
     };
