@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 use pumice_core::{Job, MeshData, octahedral};
-use pumice_export::{CutPolygon, CutRegion, Rectangle, for_each_cut_block};
+use pumice_export::{CutPolygon, CutRegion, Merging, Rectangle, for_each_cut_block};
 use pumice_picture::Image;
 use pumice_transport::geometry::DetailLevel;
 use pumice_transport::{LoadedScene, MaterialTable};
@@ -203,13 +203,9 @@ fn write_surface(
 ) -> Result<(u64, Value)> {
     let (instance, volume) = (&loaded.scene().instances[place], &loaded.volumes()[place]);
     let (visible, table) = (loaded.visible(place), volume.labels());
-    let cuts: Vec<CutRegion> = loaded
-        .scene()
-        .cuts_of(instance.id)
-        .map(|shape| CutRegion::new(shape, &instance.world_from_index))
-        .collect();
+    let cuts = CutRegion::of_instance(loaded.scene(), instance);
     let (mut rectangles, mut polygons): (Vec<Rectangle>, Vec<CutPolygon>) = (Vec::new(), Vec::new());
-    for_each_cut_block(volume, &visible, level, &cuts, job, |whole, cut| {
+    for_each_cut_block(volume, &visible, level, Merging::Plain, &cuts, job, |whole, cut| {
         rectangles.extend_from_slice(whole);
         polygons.extend_from_slice(cut);
         Ok(())

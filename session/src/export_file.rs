@@ -60,7 +60,7 @@ pub struct Exported {
 /// Exports a volume or a scene. `tell` hears how much it is before writing begins.
 ///
 /// # Errors
-/// Errors of the input and of the output; [`SessionError::Caller`] for a scene with cuts, whose surface is not written yet;
+/// Errors of the input and of the output; [`SessionError::Caller`] for a reader that the format knows nothing of;
 /// [`pumice_core::Error::Limit`] for a file that would be larger than allowed; [`pumice_core::Error::Cancelled`].
 pub fn export_file(request: &ExportRequest, tell: &mut dyn FnMut(ExportSize), job: &Job) -> Result<Exported> {
     let clock = Stopwatch::start();
@@ -75,15 +75,9 @@ pub fn export_file(request: &ExportRequest, tell: &mut dyn FnMut(ExportSize), jo
     let overrides = RenderOverrides { labels: request.labels.clone(), ..RenderOverrides::default() };
     let OpenedScene { scene, volumes, meshes } =
         open_scene(&request.input, &overrides, &request.reading, job)?;
-    if !scene.cuts.is_empty() {
-        let input = request.input.display();
-        return Err(SessionError::Caller(format!(
-            "{input}: cuts: the surface of cut volumes cannot be exported yet"
-        )));
-    }
     // The camera and the light of a volume's own picture are nobody's work.
     let surroundings = is_scene_file(&request.input);
-    let left_out = if surroundings { left_out_of(&scene, format) } else { Vec::new() };
+    let left_out = if surroundings { left_out_of(&scene, format, &request.forms) } else { Vec::new() };
     let loaded = LoadedScene::new(scene, volumes, meshes)?;
     let options = ExportOptions {
         forms: request.forms.clone(),

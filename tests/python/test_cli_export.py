@@ -107,12 +107,6 @@ def test_a_scene_says_what_it_leaves_out(pumice, data, tmp_path):
         assert done.code == 0 and told.startswith("pumice: for Blender 4.2 to 5.0: suns have a quarter of their strength")
         assert left == f"pumice: left out: {first}the backdrop, the shape of the camera's aperture, the spread of 2 area lamps"
     assert told.removeprefix("pumice: ") in (tmp_path / "rich.usda").read_text()
-    cut = json.loads(scene.read_text())
-    cut["cuts"] = [{"shape": {"plane": {"point": [0, 0, 0], "normal": [1, 0, 0]}}}]
-    scene.write_text(json.dumps(cut))
-    line = run(pumice, "export", scene, "-o", tmp_path / "cut.usdc").refused()
-    assert "cuts: the surface of cut volumes cannot be exported yet" in line
-    assert not (tmp_path / "cut.usdc").exists()
 
 
 def test_bad_input(pumice, data, tmp_path):

@@ -162,7 +162,9 @@ def test_the_validator_convicts_broken_files(folder, tmp_path):
     """Control: each fault is found."""
     whole = (folder / "noise.voxels.gltf").read_text()
     binary = (folder / "noise.voxels.bin").read_bytes()
-    index = File(folder / "noise.voxels.gltf").json["bufferViews"][0]["byteOffset"]
+    json_of_whole = File(folder / "noise.voxels.gltf").json
+    indices = json_of_whole["accessors"][json_of_whole["meshes"][0]["primitives"][0]["indices"]]
+    index = json_of_whole["bufferViews"][indices["bufferView"]]["byteOffset"]
 
     def broken(name, change=lambda _: None, data=binary):
         described = json.loads(whole)

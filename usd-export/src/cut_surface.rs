@@ -13,7 +13,7 @@
 
 use glam::{DAffine3, DVec3};
 use pumice_core::{CompressedVolume, Job};
-use pumice_scene::CutShape;
+use pumice_scene::{CutShape, Instance, Scene};
 use pumice_transport::geometry::DetailLevel;
 
 use crate::surface::Surface;
@@ -69,6 +69,16 @@ impl CutRegion {
         Self { planes }
     }
 
+    /// The regions of the cuts that apply to an instance.
+    pub fn of_instance(scene: &Scene, instance: &Instance) -> Vec<Self> {
+        scene.cuts_of(instance.id).map(|shape| Self::new(shape, &instance.world_from_index)).collect()
+    }
+
+    /// Whether nothing of the box between two corners, in voxels, is left.
+    pub(crate) fn removes(&self, ends: [[u32; 3]; 2]) -> bool {
+        self.planes.iter().all(|plane| corners_between(ends).all(|p| plane.distance(p) > ON_PLANE))
+    }
+
     /// Whether all points lie outside one of its planes, or on it.
     fn misses(&self, points: impl Iterator<Item = DVec3> + Clone) -> bool {
         self.planes.iter().any(|plane| points.clone().all(|p| plane.distance(p) < -ON_PLANE))
@@ -84,8 +94,18 @@ pub struct CutPolygon {
     pub label: u32,
 }
 
-/// Visits the surface of the labels that are `visible` without what `cuts` remove, block by block: squares that no cut touches, and
-/// polygons.
+impl CutPolygon {
+    /// The direction of its outside, of length 1 in voxels: that of its vector area, so that short sides turn it little.
+    pub fn normal(&self) -> DVec3 {
+        let corners = &self.corners;
+        let fan =
+            (1..corners.len() - 1).map(|i| (corners[i] - corners[0]).cross(corners[i + 1] - corners[0]));
+        fan.sum::<DVec3>().normalize_or(DVec3::Z)
+    }
+}
+
+/// Visits the surface of the labels that are `visible` without what `cuts` remove, block by block: rectangles of faces that no cut touches,
+/// and polygons.
 ///
 /// # Errors
 /// As [`for_each_surface_block`](crate::for_each_surface_block).
@@ -93,19 +113,25 @@ pub fn for_each_cut_block(
     volume: &CompressedVolume,
     visible: &[bool],
     level: DetailLevel,
+    merging: Merging,
     cuts: &[CutRegion],
     job: &Job,
     mut visit: impl FnMut(&[Rectangle], &[CutPolygon]) -> Result<()>,
 ) -> Result<()> {
-    let surface = Surface::new(volume, visible, level, Merging::Plain)?;
+    let surface = Surface::new(volume, visible, level, merging)?;
     surface.for_each_block(
         job,
         |origin| {
-            let elements = surface.elements(origin)?;
-            let (mut whole, mut polygons) = (Vec::new(), Vec::new());
-            for rectangle in surface.rectangles_of(&elements, origin)? {
-                left_of_face(rectangle, cuts, &mut whole, &mut polygons);
+            let ends = surface.block_ends(origin);
+            if cuts.iter().any(|cut| cut.removes(ends)) {
+                return Ok((Vec::new(), Vec::new()));
             }
+            let elements = surface.elements(origin)?;
+            if cuts.iter().all(|cut| cut.misses(corners_between(ends))) {
+                return Ok((surface.rectangles_of(&elements, origin, |_| true), Vec::new()));
+            }
+            let mut polygons = Vec::new();
+            let whole = surface.rectangles_of(&elements, origin, |face| is_whole(face, cuts, &mut polygons));
             surface.for_each_element(&elements, origin, |ends, label, beyond| {
                 caps(ends, label, beyond, cuts, &mut polygons);
             });
@@ -119,30 +145,32 @@ fn point(corner: [u32; 3]) -> DVec3 {
     DVec3::from_array(corner.map(f64::from))
 }
 
-/// What cuts leave of a face.
-fn left_of_face(
-    rectangle: Rectangle,
-    cuts: &[CutRegion],
-    whole: &mut Vec<Rectangle>,
-    polygons: &mut Vec<CutPolygon>,
-) {
-    let corners = rectangle.corners().map(point);
+/// The eight corners of the box between two corners.
+fn corners_between(ends: [[u32; 3]; 2]) -> impl Iterator<Item = DVec3> + Clone {
+    let [low, high] = ends.map(point);
+    (0..8).map(move |c| {
+        DVec3::new([low.x, high.x][c & 1], [low.y, high.y][c >> 1 & 1], [low.z, high.z][c >> 2])
+    })
+}
+
+/// Whether cuts leave a face as it is. If not, what is left of it joins the polygons.
+fn is_whole(face: &Rectangle, cuts: &[CutRegion], polygons: &mut Vec<CutPolygon>) -> bool {
+    let corners = face.corners().map(point);
     let touching = || cuts.iter().filter(|cut| !cut.misses(corners.iter().copied()));
     if touching().next().is_none() {
-        whole.push(rectangle);
-        return;
+        return true;
     }
     let mut outward = DVec3::ZERO;
-    outward[usize::from(rectangle.axis)] = if rectangle.is_up { 1.0 } else { -1.0 };
+    outward[usize::from(face.axis)] = if face.is_up { 1.0 } else { -1.0 };
     let mut left = vec![corners.to_vec()];
     for cut in touching() {
         left = left.into_iter().flat_map(|polygon| without(polygon, outward, cut, false)).collect();
     }
     if left.len() == 1 && left[0] == corners {
-        whole.push(rectangle);
-    } else {
-        polygons.extend(left.into_iter().map(|corners| CutPolygon { corners, label: rectangle.label }));
+        return true;
     }
+    polygons.extend(left.into_iter().map(|corners| CutPolygon { corners, label: face.label }));
+    false
 }
 
 /// The caps of an element between two corners.
@@ -154,8 +182,7 @@ fn caps(
     polygons: &mut Vec<CutPolygon>,
 ) {
     let [low, high] = ends.map(point);
-    let corners = (0..8)
-        .map(|c| DVec3::new([low.x, high.x][c & 1], [low.y, high.y][c >> 1 & 1], [low.z, high.z][c >> 2]));
+    let corners = corners_between(ends);
     for (number, cut) in cuts.iter().enumerate() {
         if cut.misses(corners.clone()) {
             continue;

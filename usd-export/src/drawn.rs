@@ -1,8 +1,10 @@
 //! One instance of a scene: what is drawn of its volume, and the material of each label.
 
-use pumice_core::CompressedVolume;
+use pumice_core::{CompressedVolume, Error};
 use pumice_scene::{Instance, Material};
 use pumice_transport::{LoadedScene, MaterialTable};
+
+use crate::{CutRegion, ExportError};
 
 /// An instance with what an export asks of it.
 pub(crate) struct Drawn<'a> {
@@ -14,6 +16,8 @@ pub(crate) struct Drawn<'a> {
     pub(crate) materials: Vec<Material>,
     /// Place in `materials` of each label's, by dense index; those of hidden labels mean nothing.
     pub(crate) material_of: Vec<u32>,
+    /// What cuts remove of it, in index space.
+    pub(crate) cuts: Vec<CutRegion>,
 }
 
 impl<'a> Drawn<'a> {
@@ -38,11 +42,18 @@ impl<'a> Drawn<'a> {
             };
             material_of.push(place);
         }
-        Self { instance, volume, visible, materials, material_of }
+        let cuts = CutRegion::of_instance(scene.scene(), instance);
+        Self { instance, volume, visible, materials, material_of, cuts }
     }
 
     /// The name of its node: letters, digits and an underscore.
     pub(crate) fn name(&self) -> String {
         format!("volume_{}", self.instance.id)
     }
+}
+
+/// The error of an export that would write no face and no box.
+pub(crate) fn nothing_drawn() -> ExportError {
+    Error::Caller("nothing of the scene's volumes is left: no label is shown, or cuts remove them all".into())
+        .into()
 }

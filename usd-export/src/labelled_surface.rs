@@ -2,19 +2,68 @@
 
 use std::ops::Range;
 
+use glam::DVec3;
 use pumice_core::Job;
 use pumice_transport::geometry::DetailLevel;
 
 use crate::budget::Budget;
+use crate::cut_surface::for_each_cut_block;
 use crate::drawn::Drawn;
-use crate::{Merging, Rectangle, Result, for_each_surface_block};
+use crate::{CutPolygon, Merging, Rectangle, Result};
 
-/// Rectangles in index space, those of one material after each other.
+/// A surface in index space.
 pub(crate) struct LabelledSurface {
-    /// By material, otherwise in the order in which they were found.
-    pub(crate) rectangles: Vec<Rectangle>,
-    /// Places of the rectangles of each material, in the order of [`Drawn::materials`]; empty for a material that no surface shows.
+    /// Faces that no cut touches.
+    pub(crate) rectangles: ByMaterial<Rectangle>,
+    /// What cuts leave of faces, and the caps that close them.
+    pub(crate) polygons: ByMaterial<CutPolygon>,
+}
+
+/// Faces of labels, those of one material after each other, otherwise in the order in which they were found.
+pub(crate) struct ByMaterial<T> {
+    pub(crate) faces: Vec<T>,
+    /// Places of the faces of each material, in the order of [`Drawn::materials`]; empty for a material that no face has.
     pub(crate) of_material: Vec<Range<u32>>,
+}
+
+/// A convex face of one label.
+pub(crate) trait Face {
+    /// Dense index of its label.
+    fn label(&self) -> u32;
+
+    /// Number of its corners.
+    fn corner_count(&self) -> usize;
+
+    /// Visits its corners in index space, counter-clockwise as seen from outside.
+    fn for_each_corner(&self, visit: &mut dyn FnMut(DVec3));
+}
+
+impl Face for Rectangle {
+    fn label(&self) -> u32 {
+        self.label
+    }
+
+    fn corner_count(&self) -> usize {
+        4
+    }
+
+    fn for_each_corner(&self, visit: &mut dyn FnMut(DVec3)) {
+        self.corners().into_iter().for_each(|corner| visit(DVec3::from_array(corner.map(f64::from))));
+    }
+}
+
+impl Face for CutPolygon {
+    fn label(&self) -> u32 {
+        self.label
+    }
+
+    fn corner_count(&self) -> usize {
+        self.corners.len()
+    }
+
+    fn for_each_corner(&self, visit: &mut dyn FnMut(DVec3)) {
+        self.corners.iter().copied().for_each(visit);
+    }
 }
 
 impl LabelledSurface {
@@ -29,15 +78,58 @@ impl LabelledSurface {
         budget: &mut Budget,
         job: &Job,
     ) -> Result<Self> {
-        let mut rectangles = Vec::new();
-        for_each_surface_block(drawn.volume, &drawn.visible, level, merging, job, |block| {
-            budget.take_faces(block.len() as u64)?;
-            rectangles.extend_from_slice(block);
+        let (mut rectangles, mut polygons) = (Vec::new(), Vec::new());
+        let Drawn { volume, visible, cuts, .. } = drawn;
+        for_each_cut_block(volume, visible, level, merging, cuts, job, |whole, cut| {
+            budget.take_faces((whole.len() + cut.len()) as u64)?;
+            rectangles.extend_from_slice(whole);
+            polygons.extend_from_slice(cut);
             Ok(())
         })?;
-        let material = |r: &Rectangle| drawn.material_of[r.label as usize] as usize;
+        Ok(Self {
+            rectangles: ByMaterial::new(rectangles, drawn),
+            polygons: ByMaterial::new(polygons, drawn),
+        })
+    }
+
+    pub(crate) fn is_empty(&self) -> bool {
+        self.face_count() == 0
+    }
+
+    pub(crate) fn face_count(&self) -> u64 {
+        (self.rectangles.faces.len() + self.polygons.faces.len()) as u64
+    }
+
+    pub(crate) fn corner_count(&self) -> u64 {
+        let of_polygons: usize = self.polygons.faces.iter().map(Face::corner_count).sum();
+        (4 * self.rectangles.faces.len() + of_polygons) as u64
+    }
+
+    /// All faces: rectangles, then polygons.
+    pub(crate) fn faces(&self) -> impl Iterator<Item = &dyn Face> {
+        let polygons = self.polygons.faces.iter().map(|polygon| polygon as &dyn Face);
+        self.rectangles.faces.iter().map(|rectangle| rectangle as &dyn Face).chain(polygons)
+    }
+
+    /// For each face its material's place in [`Drawn::materials`], in the order of [`LabelledSurface::faces`].
+    pub(crate) fn materials(&self) -> impl Iterator<Item = usize> {
+        let lists = [&self.rectangles.of_material, &self.polygons.of_material];
+        lists.into_iter().flat_map(|of_material| {
+            of_material.iter().enumerate().flat_map(|(place, faces)| faces.clone().map(move |_| place))
+        })
+    }
+
+    /// Whether a face has this material, by its place in [`Drawn::materials`].
+    pub(crate) fn has_material(&self, place: usize) -> bool {
+        !(self.rectangles.of_material[place].is_empty() && self.polygons.of_material[place].is_empty())
+    }
+}
+
+impl<T: Face> ByMaterial<T> {
+    fn new(mut faces: Vec<T>, drawn: &Drawn<'_>) -> Self {
+        let material = |face: &T| drawn.material_of[face.label() as usize] as usize;
         let mut counts = vec![0u32; drawn.materials.len()];
-        rectangles.iter().for_each(|r| counts[material(r)] += 1);
+        faces.iter().for_each(|face| counts[material(face)] += 1);
         let mut start = 0;
         let of_material = counts
             .iter()
@@ -47,17 +139,7 @@ impl LabelledSurface {
                 range
             })
             .collect();
-        rectangles.sort_by_key(material);
-        Ok(Self { rectangles, of_material })
-    }
-
-    /// Lowest and highest corner in index space; both 0 where there is no surface.
-    pub(crate) fn bounds(&self) -> [[u32; 3]; 2] {
-        let corners = self.rectangles.iter().flat_map(Rectangle::corners);
-        let bounds = corners.fold(None, |bounds: Option<[[u32; 3]; 2]>, corner| {
-            let [low, high] = bounds.unwrap_or([corner; 2]);
-            Some([[0, 1, 2].map(|a| low[a].min(corner[a])), [0, 1, 2].map(|a| high[a].max(corner[a]))])
-        });
-        bounds.unwrap_or_default()
+        faces.sort_by_key(material);
+        Self { faces, of_material }
     }
 }

@@ -2,22 +2,24 @@
 
 use pumice_scene::Scene;
 
-use crate::FileFormat;
 use crate::scene_gltf::left_out_of_gltf;
 use crate::scene_stage::left_out_of_stage;
+use crate::{FileFormat, Form};
 
-/// What a file of this format leaves out of a scene, each in a few words for people.
-pub fn left_out_of(scene: &Scene, format: FileFormat) -> Vec<String> {
-    match format {
+/// What a file of this format, with volumes in these forms, leaves out of a scene, each in a few words for people.
+pub fn left_out_of(scene: &Scene, format: FileFormat, forms: &[Form]) -> Vec<String> {
+    let mut all = match format {
         FileFormat::Usda | FileFormat::Usdc | FileFormat::Usdz => left_out_of_stage(scene, format),
         FileFormat::Gltf | FileFormat::Glb => left_out_of_gltf(scene),
-        FileFormat::Ply | FileFormat::Obj => surroundings(scene),
-        FileFormat::Stl => {
-            let mut all = surroundings(scene);
-            all.push("labels and materials".into());
-            all
-        }
+        FileFormat::Ply | FileFormat::Obj | FileFormat::Stl => surroundings(scene),
+    };
+    if format == FileFormat::Stl {
+        all.push("labels and materials".into());
     }
+    if !scene.cuts.is_empty() && forms.contains(&Form::Instances) {
+        all.push("what cuts take off the boxes of instances that they pass through".into());
+    }
+    all
 }
 
 /// Everything but the volumes.

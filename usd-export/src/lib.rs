@@ -11,6 +11,7 @@
 mod budget;
 mod cut_surface;
 mod drawn;
+mod drawn_boxes;
 mod error;
 mod export_scene;
 mod faces;

@@ -84,7 +84,7 @@ pub fn for_each_surface_block(
     let surface = Surface::new(volume, visible, level, merging)?;
     surface.for_each_block(
         job,
-        |origin| surface.rectangles_of(&surface.elements(origin)?, origin),
+        |origin| Ok(surface.rectangles_of(&surface.elements(origin)?, origin, |_| true)),
         |rectangles| if rectangles.is_empty() { Ok(()) } else { visit(&rectangles) },
     )
 }
@@ -166,15 +166,27 @@ impl<'a> Surface<'a> {
         })
     }
 
-    /// The surface of a block.
-    pub(crate) fn rectangles_of(&self, elements: &[u32], origin: [u32; 3]) -> Result<Vec<Rectangle>, Error> {
+    /// The surface of a block: the faces that `keep` takes, each asked about as a square of its own, as rectangles.
+    pub(crate) fn rectangles_of(
+        &self,
+        elements: &[u32],
+        origin: [u32; 3],
+        mut keep: impl FnMut(&Rectangle) -> bool,
+    ) -> Vec<Rectangle> {
         let mut rectangles = Vec::new();
         for axis in 0..3 {
             for is_up in [false, true] {
-                self.faces(elements, origin, axis, is_up, &mut rectangles);
+                self.faces(elements, origin, (axis, is_up), &mut keep, &mut rectangles);
             }
         }
-        Ok(rectangles)
+        rectangles
+    }
+
+    /// Lowest and highest corner in voxels of the block whose lowest element is `origin`.
+    pub(crate) fn block_ends(&self, origin: [u32; 3]) -> [[u32; 3]; 2] {
+        let dims = self.volume.info().dims;
+        let low = origin.map(|o| o * self.side());
+        [low, [0, 1, 2].map(|a| ((origin[a] + BLOCK as u32) * self.side()).min(dims[a]))]
     }
 
     /// Visits the shown elements of a block without its margin: lowest and highest corner in voxels, dense index, and whether the element
@@ -258,19 +270,26 @@ impl<'a> Surface<'a> {
         elements
     }
 
-    /// Appends the faces on one side of the elements of a block.
+    /// Appends the faces on one side of the elements of a block that `keep` takes.
     fn faces(
         &self,
         elements: &[u32],
         origin: [u32; 3],
-        axis: usize,
-        is_up: bool,
+        (axis, is_up): (usize, bool),
+        keep: &mut impl FnMut(&Rectangle) -> bool,
         rectangles: &mut Vec<Rectangle>,
     ) {
         let steps = [1, WITH_MARGIN, WITH_MARGIN * WITH_MARGIN];
         let (across, along) = ((axis + 1) % 3, (axis + 2) % 3);
         let mut layer = [[0u32; BLOCK]; BLOCK];
         for depth in 0..BLOCK {
+            let rectangle = |[a, b]: [usize; 2], [width, height]: [usize; 2], label: u32| {
+                let mut low = origin;
+                low[axis] += depth as u32 + u32::from(is_up);
+                low[across] += a as u32;
+                low[along] += b as u32;
+                self.rectangle(low, [width as u32, height as u32], axis, is_up, label - 1)
+            };
             let mut is_empty = true;
             for (b, row) in layer.iter_mut().enumerate() {
                 let start = (depth + 1) * steps[axis] + (b + 1) * steps[along] + steps[across];
@@ -278,17 +297,15 @@ impl<'a> Surface<'a> {
                     let at = start + a * steps[across];
                     let before = elements[if is_up { at + steps[axis] } else { at - steps[axis] }];
                     *face = if before == 0 { elements[at] } else { 0 };
+                    if *face != 0 && !keep(&rectangle([a, b], [1, 1], *face)) {
+                        *face = 0;
+                    }
                     is_empty &= *face == 0;
                 }
             }
             if !is_empty {
-                self.rectangles(&mut layer, |[a, b], [width, height], label| {
-                    let mut low = origin;
-                    low[axis] += depth as u32 + u32::from(is_up);
-                    low[across] += a as u32;
-                    low[along] += b as u32;
-                    let size = [width as u32, height as u32];
-                    rectangles.push(self.rectangle(low, size, axis, is_up, label - 1));
+                self.rectangles(&mut layer, |place, size, label| {
+                    rectangles.push(rectangle(place, size, label))
                 });
             }
         }

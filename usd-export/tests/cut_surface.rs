@@ -3,7 +3,7 @@
 
 use glam::{DAffine3, DMat3, DVec3};
 use pumice_core::Job;
-use pumice_export::{CutPolygon, CutRegion, Rectangle, for_each_cut_block};
+use pumice_export::{CutPolygon, CutRegion, Merging, Rectangle, for_each_cut_block};
 use pumice_oracle::{Dense, volumes};
 use pumice_scene::CutShape;
 use pumice_transport::geometry::DetailLevel;
@@ -116,15 +116,28 @@ fn surface(
     shapes: &[CutShape],
 ) -> usize {
     let regions: Vec<CutRegion> = shapes.iter().map(|s| CutRegion::new(s, &world_from_index)).collect();
+    let [plain, merged] = [Merging::Plain, Merging::Merged].map(|merging| {
+        let polygons = polygons_of(volume, &regions, merging);
+        (check(dense, &polygons, world_from_index, shapes), polygons.len())
+    });
+    assert!(plain.0 == merged.0 && plain.1 > merged.1, "{plain:?} {merged:?}");
+    plain.0
+}
+
+fn polygons_of(
+    volume: &pumice_core::CompressedVolume,
+    regions: &[CutRegion],
+    merging: Merging,
+) -> Vec<CutPolygon> {
     let mut polygons = Vec::new();
     let visible = vec![true; volume.labels().len()];
-    for_each_cut_block(volume, &visible, DetailLevel::Voxels, &regions, &Job::new(), |whole, cut| {
+    for_each_cut_block(volume, &visible, DetailLevel::Voxels, merging, regions, &Job::new(), |whole, cut| {
         polygons.extend(whole.iter().map(polygon_of));
         polygons.extend_from_slice(cut);
         Ok(())
     })
     .unwrap();
-    check(dense, &polygons, world_from_index, shapes)
+    polygons
 }
 
 fn world() -> DAffine3 {
@@ -170,13 +183,6 @@ fn a_plane_that_is_off_is_noticed() {
     let (dense, volume) = volumes::blobs([40, 36, 30], 12, 9, 3);
     let plane = |z: f64| CutShape::Plane { point: [0.0, 0.0, z], normal: [0.0, 0.0, 1.0] };
     let regions = [CutRegion::new(&plane(15.75), &DAffine3::IDENTITY)];
-    let visible = vec![true; volume.labels().len()];
-    let mut polygons = Vec::new();
-    for_each_cut_block(&volume, &visible, DetailLevel::Voxels, &regions, &Job::new(), |whole, cut| {
-        polygons.extend(whole.iter().map(polygon_of));
-        polygons.extend_from_slice(cut);
-        Ok(())
-    })
-    .unwrap();
+    let polygons = polygons_of(&volume, &regions, Merging::Plain);
     check(&dense, &polygons, DAffine3::IDENTITY, &[plane(15.5)]);
 }

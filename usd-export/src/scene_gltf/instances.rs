@@ -16,15 +16,8 @@ use super::binary::put_floats;
 use super::surface::{LabelNumbers, VERTEX_BYTES, mesh, put_rectangle};
 use super::writer::{Elements, Writer};
 use crate::drawn::Drawn;
+use crate::drawn_boxes::{DrawnBox, drawn_boxes};
 use crate::{Budget, Rectangle, Result};
-
-/// A box that is drawn.
-#[derive(Clone, Copy, Debug)]
-struct Placed {
-    low: [u32; 3],
-    extent: [u8; 3],
-    label: u32,
-}
 
 /// Faces of a unit cube.
 const FACES: u64 = 6;
@@ -39,22 +32,12 @@ pub(super) fn add_boxes(
     budget: &mut Budget,
     job: &Job,
 ) -> Result<Vec<Index<Node>>> {
-    let dims = drawn.volume.info().dims;
     LabelNumbers::of(drawn.visible.len() as u64)?;
-    let mut boxes = Vec::new();
-    drawn.volume.for_each_box(|label, view| {
-        if drawn.visible[label as usize] {
-            // A box may pass the volume's end by up to three voxels.
-            let extent = [0, 1, 2].map(|a| (view.origin[a] + view.extent[a]).min(dims[a]) - view.origin[a]);
-            boxes.push(Placed { low: view.origin, extent: extent.map(|e| e as u8), label });
-        }
-    });
-    job.check()?;
-    budget.take_boxes(boxes.len() as u64)?;
+    let mut boxes = drawn_boxes(drawn, budget, job)?;
     if boxes.is_empty() {
         return Ok(Vec::new());
     }
-    let material = |b: &Placed| drawn.material_of[b.label as usize] as usize;
+    let material = |b: &DrawnBox| drawn.material_of[b.label as usize] as usize;
     boxes.sort_by_key(material);
 
     // The cube's vertices are those of six rectangles.
@@ -87,14 +70,14 @@ pub(super) fn add_boxes(
         .chunk_by(|a, b| material(a) == material(b))
         .map(|g| (material(&g[0]), g.len() as u64))
         .collect();
-    let boxes = std::rc::Rc::<[Placed]>::from(boxes);
+    let boxes = std::rc::Rc::<[DrawnBox]>::from(boxes);
     let places = writer
         .binary
-        .add_values(boxes.clone(), 12, |b: &Placed, out| put_floats(b.low.map(|c| c as f32), out));
+        .add_values(boxes.clone(), 12, |b: &DrawnBox, out| put_floats(b.low.map(|c| c as f32), out));
     let scales = writer
         .binary
-        .add_values(boxes.clone(), 12, |b: &Placed, out| put_floats(b.extent.map(f32::from), out));
-    let labels = writer.binary.add_values(boxes, 4, |b: &Placed, out| put_floats([b.label as f32], out));
+        .add_values(boxes.clone(), 12, |b: &DrawnBox, out| put_floats(b.extent.map(f32::from), out));
+    let labels = writer.binary.add_values(boxes, 4, |b: &DrawnBox, out| put_floats([b.label as f32], out));
     let arrays = [
         ("TRANSLATION", Type::Vec3, places, 12),
         ("SCALE", Type::Vec3, scales, 12),

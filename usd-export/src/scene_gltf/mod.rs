@@ -20,6 +20,7 @@ mod materials;
 mod meshes;
 mod notes;
 mod placement;
+mod polygons;
 mod surface;
 mod writer;
 
@@ -32,7 +33,7 @@ use pumice_core::{Error, Job};
 use pumice_scene::{LightShape, Scene};
 use pumice_transport::LoadedScene;
 
-use crate::drawn::Drawn;
+use crate::drawn::{Drawn, nothing_drawn};
 use crate::labelled_surface::LabelledSurface;
 use crate::{Budget, ExportOptions, Result};
 use binary::Binary;
@@ -88,7 +89,7 @@ pub(crate) fn gltf_of_scene<'a>(
         nodes.extend(add_volume(&mut writer, &Drawn::new(scene, place), options, budget, job)?);
     }
     if nodes.is_empty() {
-        return Err(Error::Caller("no label of the scene's volumes is shown".into()).into());
+        return Err(nothing_drawn());
     }
     if options.surroundings {
         add_surroundings(&mut writer, scene, &mut nodes)?;
@@ -133,7 +134,7 @@ fn add_volume(
         None => children = instances::add_boxes(writer, drawn, budget, job)?,
         Some(level) => {
             let surface = LabelledSurface::new(drawn, level, options.merging, budget, job)?;
-            if !surface.rectangles.is_empty() {
+            if !surface.is_empty() {
                 for (mesh, low) in surface::add_surface(writer, drawn, surface)? {
                     if low == [0; 3] {
                         own_mesh = Some(mesh);

@@ -12,18 +12,21 @@
 //! Labels have no u16, which would do up to 65,536, because Blender drops an attribute of that type.
 //!
 //! A volume with an axis of more than 65,535 voxels is divided among meshes of at most 32,768 + 256 voxels along an axis, each placed by a
-//! node. A mesh has a primitive for each material.
+//! node. A mesh has a primitive for each material, and another for each material of what cuts leave ([`polygons`](super::polygons)).
+
+use std::collections::BTreeMap;
 
 use gltf_json::accessor::{ComponentType, Type};
-use gltf_json::mesh::Semantic;
+use gltf_json::mesh::{Primitive, Semantic};
 use gltf_json::{Index, Mesh};
 use pumice_core::Error;
 use serde_json::json;
 
+use super::polygons::add_polygons;
 use super::writer::{Elements, Writer};
 use crate::drawn::Drawn;
 use crate::labelled_surface::LabelledSurface;
-use crate::{Rectangle, Result};
+use crate::{CutPolygon, Rectangle, Result};
 
 /// Bytes of a vertex.
 pub(super) const VERTEX_BYTES: u64 = 16;
@@ -58,7 +61,7 @@ impl LabelNumbers {
         }
     }
 
-    fn component(self) -> ComponentType {
+    pub(super) fn component(self) -> ComponentType {
         match self {
             Self::Byte => ComponentType::U8,
             Self::Float => ComponentType::F32,
@@ -66,7 +69,7 @@ impl LabelNumbers {
     }
 
     /// Four bytes.
-    fn bytes(self, label: u32) -> [u8; 4] {
+    pub(super) fn bytes(self, label: u32) -> [u8; 4] {
         match self {
             Self::Byte => label.to_le_bytes(),
             Self::Float => (label as f32).to_le_bytes(),
@@ -76,6 +79,9 @@ impl LabelNumbers {
 
 /// A mesh and the lowest corner of its part of the volume, in voxels.
 pub(super) type PlacedMesh = (Index<Mesh>, [u32; 3]);
+
+/// A primitive and the lowest corner of its part of the volume, in voxels.
+pub(super) type PlacedPrimitive = (Primitive, [u32; 3]);
 
 /// Adds the meshes of a surface.
 ///
@@ -88,48 +94,69 @@ pub(super) fn add_surface(
 ) -> Result<Vec<PlacedMesh>> {
     let numbers = LabelNumbers::of(drawn.visible.len() as u64)?;
     let is_divided = drawn.volume.info().dims.iter().any(|&n| n > u32::from(u16::MAX));
-    let part = move |r: &Rectangle| r.low.map(|c| if is_divided { c / PART * PART } else { 0 });
-    let material = |r: &Rectangle| drawn.material_of[r.label as usize] as usize;
-    let mut rectangles = surface.rectangles;
-    if is_divided {
-        // They are sorted by material already, and the sort is stable.
-        rectangles.sort_by_key(part);
+    let part_at = move |low: [u32; 3]| low.map(|c| if is_divided { c / PART * PART } else { 0 });
+    let LabelledSurface { rectangles, polygons } = surface;
+    let mut primitives = Vec::new();
+    if !rectangles.faces.is_empty() {
+        let part = move |r: &Rectangle| part_at(r.low);
+        primitives.extend(add_rectangles(writer, drawn, numbers, rectangles.faces, part)?);
     }
+    if !polygons.faces.is_empty() {
+        let part = move |polygon: &CutPolygon| part_at(polygon.corners[0].to_array().map(|c| c as u32));
+        primitives.extend(add_polygons(writer, drawn, numbers, polygons.faces, part)?);
+    }
+    let mut of_part: BTreeMap<[u32; 3], Vec<Primitive>> = BTreeMap::new();
+    for (primitive, part) in primitives {
+        of_part.entry(part).or_default().push(primitive);
+    }
+    let meshes = of_part.into_iter().map(|([x, y, z], primitives)| {
+        let name = if is_divided { format!("{}_{x}_{y}_{z}", drawn.name()) } else { drawn.name() };
+        (writer.root.push(mesh(name, primitives)), [x, y, z])
+    });
+    Ok(meshes.collect())
+}
+
+/// Adds primitives of rectangles: one for each part of the volume and each material in it.
+fn add_rectangles(
+    writer: &mut Writer<'_>,
+    drawn: &Drawn<'_>,
+    numbers: LabelNumbers,
+    mut rectangles: Vec<Rectangle>,
+    part: impl Fn(&Rectangle) -> [u32; 3] + Copy + 'static,
+) -> Result<Vec<PlacedPrimitive>> {
+    let material = |r: &Rectangle| drawn.material_of[r.label as usize] as usize;
+    // They are sorted by material already, and the sort is stable.
+    rectangles.sort_by_key(part);
     let bytes = 4 * VERTEX_BYTES * rectangles.len() as u64;
     let view = writer.view(writer.binary.bytes(), bytes, Some(VERTEX_BYTES as usize));
-    let (mut meshes, mut offset) = (Vec::new(), 0);
-    for of_part in rectangles.chunk_by(|a, b| part(a) == part(b)) {
-        let mut primitives = Vec::new();
-        for group in of_part.chunk_by(|a, b| material(a) == material(b)) {
-            let count = 4 * group.len() as u64;
-            let elements = |type_, component, is_normalized, place| Elements {
-                type_,
-                component,
-                is_normalized,
-                offset: offset + place,
-                count,
-            };
-            let corners = writer.corners(group.len() as u64)?;
-            let bounds = bounds(group, part(&group[0])).map(|corner| json!(corner));
-            let positions = elements(Type::Vec3, ComponentType::U16, false, 0);
-            let normals = elements(Type::Vec3, ComponentType::I8, true, 8);
-            let labels = elements(Type::Scalar, numbers.component(), false, 12);
-            let attributes = [
-                (Semantic::Positions, writer.accessor(view, positions, Some(bounds))),
-                (Semantic::Normals, writer.accessor(view, normals, None)),
-                (Semantic::Extras("LABEL".into()), writer.accessor(view, labels, None)),
-            ];
-            primitives.push(writer.primitive(attributes, corners, &drawn.materials[material(&group[0])])?);
-            offset += count * VERTEX_BYTES;
-        }
-        let [x, y, z] = part(&of_part[0]);
-        let name = if is_divided { format!("{}_{x}_{y}_{z}", drawn.name()) } else { drawn.name() };
-        meshes.push((writer.root.push(mesh(name, primitives)), [x, y, z]));
+    let (mut primitives, mut offset) = (Vec::new(), 0);
+    for group in rectangles.chunk_by(|a, b| part(a) == part(b) && material(a) == material(b)) {
+        let count = 4 * group.len() as u64;
+        let elements = |type_, component, is_normalized, place| Elements {
+            type_,
+            component,
+            is_normalized,
+            offset: offset + place,
+            count,
+        };
+        let corners = writer.corners(group.len() as u64)?;
+        let bounds = bounds(group, part(&group[0])).map(|corner| json!(corner));
+        let positions = elements(Type::Vec3, ComponentType::U16, false, 0);
+        let normals = elements(Type::Vec3, ComponentType::I8, true, 8);
+        let labels = elements(Type::Scalar, numbers.component(), false, 12);
+        let attributes = [
+            (Semantic::Positions, writer.accessor(view, positions, Some(bounds))),
+            (Semantic::Normals, writer.accessor(view, normals, None)),
+            (Semantic::Extras("LABEL".into()), writer.accessor(view, labels, None)),
+        ];
+        let primitive = writer.primitive(attributes, corners, &drawn.materials[material(&group[0])])?;
+        primitives.push((primitive, part(&group[0])));
+        offset += count * VERTEX_BYTES;
     }
     writer.binary.add_values(rectangles, 4 * VERTEX_BYTES, move |r: &Rectangle, out| {
         put_rectangle(r, part(r), numbers, out)
     });
-    Ok(meshes)
+    Ok(primitives)
 }
 
 pub(super) fn mesh(name: String, primitives: Vec<gltf_json::mesh::Primitive>) -> Mesh {

@@ -19,15 +19,15 @@ use crate::Result;
 /// Most vertices of a primitive: the greatest index of 32 bits is reserved.
 const MOST_VERTICES: u64 = u32::MAX as u64;
 
-/// The place of the view of [`write_corners`].
-const CORNERS: u32 = 0;
-
 /// The parts of a file, while they are planned.
+#[derive(Default)]
 pub(super) struct Writer<'a> {
     pub(super) root: Root,
     pub(super) binary: Binary<'a>,
     pub(super) used: BTreeSet<&'static str>,
     materials: Materials,
+    /// The view of the corners of rectangles ([`write_corners`]), whose place is known at the end; none where there is no rectangle.
+    corners: Option<Index<View>>,
     /// Rectangles of the largest primitive.
     most_rectangles: u64,
 }
@@ -40,21 +40,6 @@ pub(super) struct Elements {
     pub(super) is_normalized: bool,
     pub(super) offset: u64,
     pub(super) count: u64,
-}
-
-impl Default for Writer<'_> {
-    fn default() -> Self {
-        let mut root = Root::default();
-        // The view of the corners, whose place is known at the end.
-        root.push(view(0, 0, None, Target::ElementArrayBuffer));
-        Self {
-            root,
-            binary: Binary::default(),
-            used: BTreeSet::new(),
-            materials: Materials::default(),
-            most_rectangles: 0,
-        }
-    }
 }
 
 fn view(offset: u64, bytes: u64, stride: Option<usize>, target: Target) -> View {
@@ -120,7 +105,12 @@ impl Writer<'_> {
             offset: 0,
             count: 6 * rectangles,
         };
-        Ok(self.accessor(Index::new(CORNERS), elements, None))
+        let view = match self.corners {
+            Some(view) => view,
+            None => self.root.push(view(0, 0, None, Target::ElementArrayBuffer)),
+        };
+        self.corners = Some(view);
+        Ok(self.accessor(view, elements, None))
     }
 
     /// A primitive of triangles with this material.
@@ -149,10 +139,13 @@ impl Writer<'_> {
 
     /// Adds the section that all rectangles share.
     pub(super) fn finish(&mut self) {
+        let Some(corners) = self.corners else {
+            return;
+        };
         let (rectangles, bytes) = (self.most_rectangles, 24 * self.most_rectangles);
         let offset =
             self.binary.add(bytes, move |out| write_corners(rectangles, 4, &[0, 1, 2, 0, 2, 3], out));
-        self.root.buffer_views[CORNERS as usize] = view(offset, bytes, None, Target::ElementArrayBuffer);
+        self.root.buffer_views[corners.value()] = view(offset, bytes, None, Target::ElementArrayBuffer);
     }
 }
 

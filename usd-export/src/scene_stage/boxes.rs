@@ -7,19 +7,12 @@ use pumice_core::Job;
 use super::Shared;
 use super::surface::NORMALS;
 use crate::drawn::Drawn;
+use crate::drawn_boxes::{DrawnBox, drawn_boxes};
 use crate::usd::{Array, ArrayElement, Prim, Property, Value};
 use crate::{Budget, Result};
 
 /// Boxes that are produced at a time.
 const PIECE: usize = 4096;
-
-/// A box that is drawn.
-#[derive(Clone, Copy, Debug)]
-struct Placed {
-    low: [u32; 3],
-    extent: [u8; 3],
-    label: u32,
-}
 
 /// The instancer of a volume's boxes.
 ///
@@ -31,17 +24,7 @@ pub(super) fn prim(
     budget: &mut Budget,
     job: &Job,
 ) -> Result<Prim<'static>> {
-    let dims = drawn.volume.info().dims;
-    let mut boxes = Vec::new();
-    drawn.volume.for_each_box(|label, view| {
-        if drawn.visible[label as usize] {
-            // A box may pass the volume's end by up to three voxels.
-            let extent = [0, 1, 2].map(|a| (view.origin[a] + view.extent[a]).min(dims[a]) - view.origin[a]);
-            boxes.push(Placed { low: view.origin, extent: extent.map(|e| e as u8), label });
-        }
-    });
-    job.check()?;
-    budget.take_boxes(boxes.len() as u64)?;
+    let boxes = drawn_boxes(drawn, budget, job)?;
     let path = format!("{}/{}/boxes", super::CONTENTS, drawn.name());
     let prototypes: Vec<Prim<'_>> = drawn
         .materials
@@ -79,8 +62,8 @@ pub(super) fn prim(
 }
 
 fn array<T: ArrayElement>(
-    boxes: &Shared<Placed>,
-    of: impl Fn(&Placed) -> T + Send + Sync + 'static,
+    boxes: &Shared<DrawnBox>,
+    of: impl Fn(&DrawnBox) -> T + Send + Sync + 'static,
 ) -> Value<'static> {
     let boxes = Arc::clone(boxes);
     Value::Array(Array::new(boxes.len() as u64, move |sink| {
@@ -112,7 +95,7 @@ fn cube(number: usize, material: &str, color: [f32; 3]) -> Prim<'static> {
 }
 
 /// Lowest and highest corner of all boxes.
-fn extent(boxes: &[Placed]) -> Vec<[f32; 3]> {
+fn extent(boxes: &[DrawnBox]) -> Vec<[f32; 3]> {
     let bounds = boxes.iter().fold(None, |bounds: Option<[[u32; 3]; 2]>, b| {
         let [low, high] = bounds.unwrap_or([b.low; 2]);
         let end = [0, 1, 2].map(|a| b.low[a] + u32::from(b.extent[a]));

@@ -33,7 +33,7 @@ use std::sync::Arc;
 use pumice_core::{Error, Job};
 use pumice_transport::LoadedScene;
 
-use crate::drawn::Drawn;
+use crate::drawn::{Drawn, nothing_drawn};
 use crate::notes::notes;
 use crate::usd::{Prim, Specifier, Stage, Value, Variant, VariantSet};
 use crate::{Budget, ExportOptions, Reader, Result};
@@ -83,7 +83,7 @@ pub fn stage_of_scene(
         false => Vec::new(),
     };
     if budget.faces() + budget.boxes() == 0 {
-        return Err(Error::Caller("no label of the scene's volumes is shown".into()).into());
+        return Err(nothing_drawn());
     }
     let mut children = vec![materials.into_prim()];
     children.append(&mut volumes);

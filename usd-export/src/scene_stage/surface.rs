@@ -1,22 +1,22 @@
-//! The visible surface at one level of detail as a mesh.
+//! The visible surface at one level of detail as a mesh: rectangles, and after them the polygons that cuts leave.
 
 use std::ops::Range;
 use std::sync::Arc;
 
+use glam::Vec3;
 use pumice_core::{Error, Job};
 use pumice_transport::geometry::DetailLevel;
 
-use super::Shared;
 use crate::drawn::Drawn;
-use crate::labelled_surface::LabelledSurface;
+use crate::labelled_surface::{Face, LabelledSurface};
 use crate::usd::{Array, ArrayElement, Prim, Property, Value};
 use crate::{Budget, Merging, Rectangle, Result};
 
 /// Elements that are produced at a time.
 const PIECE: usize = 4096;
 
-/// Most faces of a mesh: USD's indices of corners are `int`, and each face has four.
-const MOST_FACES: u64 = (i32::MAX as u64 + 1) / 4;
+/// Most corners of a mesh: USD's indices of corners are `int`.
+const MOST_CORNERS: u64 = i32::MAX as u64 + 1;
 
 /// Normals by axis and side, in the order of [`normal_of`].
 pub(super) const NORMALS: [[f32; 3]; 6] =
@@ -39,10 +39,16 @@ pub(super) fn prim(
     job: &Job,
 ) -> Result<Prim<'static>> {
     let surface = LabelledSurface::new(drawn, level, merging, budget, job)?;
-    indexable(surface.rectangles.len() as u64)?;
-    let subsets = surface.of_material.iter().zip(materials).enumerate().filter(|(_, (f, _))| !f.is_empty());
+    indexable(surface.corner_count())?;
+    let rectangles = surface.rectangles.faces.len() as u32;
+    let subsets = (0..materials.len()).filter(|&place| surface.has_material(place));
     let children = subsets
-        .map(|(number, (faces, material))| subset(number, array_of_range(faces.clone()), material))
+        .map(|place| {
+            let polygons = &surface.polygons.of_material[place];
+            let polygons = rectangles + polygons.start..rectangles + polygons.end;
+            let faces = [surface.rectangles.of_material[place].clone(), polygons];
+            subset(place, array_of_ranges(faces), &materials[place])
+        })
         .collect();
     Ok(Prim {
         name: "surface".into(),
@@ -53,17 +59,24 @@ pub(super) fn prim(
     })
 }
 
-fn indexable(faces: u64) -> Result<()> {
-    if faces <= MOST_FACES {
+fn indexable(corners: u64) -> Result<()> {
+    if corners <= MOST_CORNERS {
         return Ok(());
     }
-    Err(Error::Limit { what: "faces of a mesh in a USD file".into(), limit: MOST_FACES, got: faces }.into())
+    let what = "corners of a mesh in a USD file".into();
+    Err(Error::Limit { what, limit: MOST_CORNERS, got: corners }.into())
 }
 
-fn array_of_range(faces: Range<u32>) -> Array<'static> {
-    Array::new(u64::from(faces.end - faces.start), move |sink| {
-        let all: Vec<i32> = faces.clone().map(|face| face as i32).collect();
-        all.chunks(PIECE).try_for_each(sink)
+fn array_of_ranges<const N: usize>(ranges: [Range<u32>; N]) -> Array<'static> {
+    let len = ranges.iter().map(|range| u64::from(range.end - range.start)).sum();
+    Array::new(len, move |sink| {
+        for range in &ranges {
+            for start in range.clone().step_by(PIECE) {
+                let end = range.end.min(start.saturating_add(PIECE as u32));
+                sink(&(start..end).map(|face| face as i32).collect::<Vec<i32>>())?;
+            }
+        }
+        Ok(())
     })
 }
 
@@ -83,71 +96,113 @@ pub(super) fn subset(number: usize, faces: Array<'static>, material: &str) -> Pr
     }
 }
 
-/// An array with `each` elements a rectangle.
+/// An array of `len` elements, which `of` appends face by face.
 fn array<T: ArrayElement>(
-    rectangles: &Shared<Rectangle>,
-    each: u64,
-    of: impl Fn(usize, &Rectangle, &mut Vec<T>) + Send + Sync + 'static,
+    surface: &Arc<LabelledSurface>,
+    len: u64,
+    of: impl Fn(&dyn Face, &mut Vec<T>) + Send + Sync + 'static,
 ) -> Value<'static> {
-    let rectangles = Arc::clone(rectangles);
-    let len = each * rectangles.len() as u64;
+    let surface = Arc::clone(surface);
     Value::Array(Array::new(len, move |sink| {
         let mut piece = Vec::new();
-        for (number, group) in rectangles.chunks(PIECE).enumerate() {
-            piece.clear();
-            let places = number * PIECE..;
-            places.zip(group).for_each(|(place, rectangle)| of(place, rectangle, &mut piece));
-            sink(&piece)?;
+        for face in surface.faces() {
+            of(face, &mut piece);
+            if piece.len() >= PIECE {
+                sink(&piece)?;
+                piece.clear();
+            }
         }
-        Ok(())
+        sink(&piece)
     }))
 }
 
 fn properties(surface: LabelledSurface, drawn: &Drawn<'_>) -> Vec<Property<'static>> {
-    let extent = surface.bounds().map(|corner| corner.map(|c| c as f32)).to_vec();
-    let LabelledSurface { rectangles, of_material } = surface;
-    let rectangles = &Arc::new(rectangles);
-    // Of the materials that faces have: labels may be drawn and have none.
-    let used = of_material.into_iter().zip(&drawn.materials).filter(|(faces, _)| !faces.is_empty());
-    let (faces_of, colors): (Vec<_>, Vec<_>) = used.map(|(faces, m)| (faces, m.base_color)).unzip();
-    let color_of = Array::new(rectangles.len() as u64, move |sink| {
-        for (number, faces) in (0..).zip(&faces_of) {
-            vec![number; faces.len()].chunks(PIECE).try_for_each(&mut *sink)?;
-        }
-        Ok(())
-    });
-    let position = |corner: [u32; 3]| corner.map(|c| c as f32);
+    let surface = &Arc::new(surface);
+    let (faces, corners) = (surface.face_count(), surface.corner_count());
+    let indices = array_of_ranges([0..corners as u32]);
+    let [normals, normal_of_face] = normals(surface);
+    let [colors, color_of_face] = colors(surface, drawn);
     vec![
-        Property::new("extent", "float3[]", Value::Array(Array::of(extent))),
-        Property::new("faceVertexCounts", "int[]", array(rectangles, 1, |_, _, out| out.push(4))),
+        Property::new("extent", "float3[]", Value::Array(Array::of(extent(surface)))),
         Property::new(
-            "faceVertexIndices",
+            "faceVertexCounts",
             "int[]",
-            array(rectangles, 4, |place, _, out| out.extend((0..4).map(|i| (4 * place + i) as i32))),
+            array(surface, faces, |face, out| out.push(face.corner_count() as i32)),
         ),
+        Property::new("faceVertexIndices", "int[]", Value::Array(indices)),
         Property::new(
             "points",
             "point3f[]",
-            array(rectangles, 4, move |_, r, out| out.extend(r.corners().map(position))),
+            array(surface, corners, |face, out| {
+                face.for_each_corner(&mut |corner| out.push(corner.as_vec3().to_array()));
+            }),
         ),
-        Property::primvar("displayColor", "color3f[]", "uniform", Value::Array(Array::of(colors))),
-        Property::new("primvars:displayColor:indices", "int[]", Value::Array(color_of)),
+        Property::primvar("displayColor", "color3f[]", "uniform", colors),
+        Property::new("primvars:displayColor:indices", "int[]", color_of_face),
         Property::primvar(
             "label",
             "int[]",
             "uniform",
-            array(rectangles, 1, |_, r, out| out.push(r.label as i32)),
+            array(surface, faces, |face, out| out.push(face.label() as i32)),
         ),
-        Property::primvar("normals", "normal3f[]", "uniform", Value::Array(Array::of(NORMALS.to_vec()))),
-        Property::new(
-            "primvars:normals:indices",
-            "int[]",
-            array(rectangles, 1, |_, r, out| out.push(normal_of(r))),
-        ),
+        Property::primvar("normals", "normal3f[]", "uniform", normals),
+        Property::new("primvars:normals:indices", "int[]", normal_of_face),
         Property::uniform("subdivisionScheme", "token", Value::Token("none".into())),
         // Every face is of one subset.
         Property::uniform("subsetFamily:materialBind:familyType", "token", Value::Token("partition".into())),
     ]
+}
+
+/// Lowest and highest corner; both 0 where there is no face.
+fn extent(surface: &LabelledSurface) -> Vec<[f32; 3]> {
+    let mut extent: Option<[Vec3; 2]> = None;
+    for face in surface.faces() {
+        face.for_each_corner(&mut |corner| {
+            let corner = corner.as_vec3();
+            let [low, high] = extent.unwrap_or([corner; 2]);
+            extent = Some([low.min(corner), high.max(corner)]);
+        });
+    }
+    extent.unwrap_or_default().map(|corner| corner.to_array()).to_vec()
+}
+
+/// The six normals of rectangles and those of the polygons, and which of them each face has.
+fn normals(surface: &Arc<LabelledSurface>) -> [Value<'static>; 2] {
+    let of_polygons = surface.polygons.faces.iter().map(|polygon| polygon.normal().as_vec3().to_array());
+    let normals: Vec<[f32; 3]> = NORMALS.into_iter().chain(of_polygons).collect();
+    let (faces, surface) = (surface.face_count(), Arc::clone(surface));
+    let of_face = Array::new(faces, move |sink| {
+        let rectangles = surface.rectangles.faces.chunks(PIECE);
+        rectangles.into_iter().try_for_each(|r| sink(&r.iter().map(normal_of).collect::<Vec<i32>>()))?;
+        let first = NORMALS.len() as i32;
+        let of_polygons: Vec<i32> = (first..first + surface.polygons.faces.len() as i32).collect();
+        of_polygons.chunks(PIECE).try_for_each(sink)
+    });
+    [Value::Array(Array::of(normals)), Value::Array(of_face)]
+}
+
+/// The colours of the materials that faces have, because labels may be drawn and have none, and which of them each face has.
+fn colors(surface: &Arc<LabelledSurface>, drawn: &Drawn<'_>) -> [Value<'static>; 2] {
+    let (mut colors, mut color_of_material) = (Vec::new(), Vec::new());
+    for (place, material) in drawn.materials.iter().enumerate() {
+        color_of_material.push(colors.len() as i32);
+        if surface.has_material(place) {
+            colors.push(material.base_color);
+        }
+    }
+    let (faces, surface) = (surface.face_count(), Arc::clone(surface));
+    let of_face = Array::new(faces, move |sink| {
+        let mut piece = Vec::with_capacity(PIECE);
+        for place in surface.materials() {
+            piece.push(color_of_material[place]);
+            if piece.len() == PIECE {
+                sink(&piece)?;
+                piece.clear();
+            }
+        }
+        sink(&piece)
+    });
+    [Value::Array(Array::of(colors)), Value::Array(of_face)]
 }
 
 #[cfg(test)]
@@ -156,8 +211,8 @@ mod tests {
 
     #[test]
     fn corners_beyond_31_bits_are_refused() {
-        assert!(indexable(1 << 29).is_ok(), "the last index is 2³¹ − 1");
-        let error = indexable((1 << 29) + 1).unwrap_err().to_string();
-        assert_eq!(error, "faces of a mesh in a USD file: 536870913 is more than the limit of 536870912");
+        assert!(indexable(1 << 31).is_ok(), "the last index is 2³¹ − 1");
+        let error = indexable((1 << 31) + 4).unwrap_err().to_string();
+        assert_eq!(error, "corners of a mesh in a USD file: 2147483652 is more than the limit of 2147483648");
     }
 }

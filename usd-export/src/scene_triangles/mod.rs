@@ -1,9 +1,9 @@
 //! The visible surfaces of a scene's volumes in world space, for formats that know only faces: PLY, OBJ and STL.
 //!
 //! ```text
-//! LoadedScene ─► Surfaces ─┬─► ply   rectangles with label, volume and colour
-//!                          ├─► obj   rectangles in a group for each label, materials in an .mtl beside it
-//!                          └─► stl   two triangles a rectangle, shape alone
+//! LoadedScene ─► Surfaces ─┬─► ply   faces with label, volume and colour
+//!                          ├─► obj   faces in a group for each label, materials in an .mtl beside it
+//!                          └─► stl   triangles, shape alone
 //! ```
 //! Positions are computed in double precision and written in single. The corners of a mirrored volume are written in reverse, so that they
 //! turn counter-clockwise as seen from outside in every file.
@@ -12,15 +12,13 @@ mod obj;
 mod ply;
 mod stl;
 
-use std::ops::Range;
-
 use glam::{DAffine3, DVec3};
 use pumice_core::{Error, Job};
 use pumice_transport::LoadedScene;
 
-use crate::drawn::Drawn;
-use crate::labelled_surface::LabelledSurface;
-use crate::{Budget, ExportOptions, Rectangle, Result};
+use crate::drawn::{Drawn, nothing_drawn};
+use crate::labelled_surface::{Face, LabelledSurface};
+use crate::{Budget, ExportOptions, Result};
 
 /// The surfaces of a scene, each with what is drawn of its volume.
 pub(crate) struct Surfaces<'a> {
@@ -46,20 +44,23 @@ impl<'a> Surfaces<'a> {
         for place in 0..scene.volumes().len() {
             let drawn = Drawn::new(scene, place);
             let surface = LabelledSurface::new(&drawn, level, options.merging, budget, job)?;
-            if !surface.rectangles.is_empty() {
+            if !surface.is_empty() {
                 check_range(&drawn)?;
                 all.push((drawn, surface));
             }
         }
         if all.is_empty() {
-            return Err(Error::Caller("no label of the scene's volumes is shown".into()).into());
+            return Err(nothing_drawn());
         }
         Ok(Self { all })
     }
 
-    /// Rectangles of all surfaces.
-    fn rectangles(&self) -> u64 {
-        self.all.iter().map(|(_, surface)| surface.rectangles.len() as u64).sum()
+    fn face_count(&self) -> u64 {
+        self.all.iter().map(|(_, surface)| surface.face_count()).sum()
+    }
+
+    fn corner_count(&self) -> u64 {
+        self.all.iter().map(|(_, surface)| surface.corner_count()).sum()
     }
 }
 
@@ -79,15 +80,13 @@ fn check_range(drawn: &Drawn<'_>) -> Result<()> {
     .into())
 }
 
-/// Corners of a rectangle in the world, counter-clockwise as seen from outside.
-fn corners_in_world(rectangle: &Rectangle, world_from_index: &DAffine3) -> [DVec3; 4] {
-    let mut corners = rectangle
-        .corners()
-        .map(|corner| world_from_index.transform_point3(DVec3::from_array(corner.map(f64::from))));
+/// Puts the corners of a face in the world in place of what `corners` has, counter-clockwise as seen from outside.
+fn put_corners_in_world(face: &dyn Face, world_from_index: &DAffine3, corners: &mut Vec<DVec3>) {
+    corners.clear();
+    face.for_each_corner(&mut |corner| corners.push(world_from_index.transform_point3(corner)));
     if world_from_index.matrix3.determinant() < 0.0 {
         corners.reverse();
     }
-    corners
 }
 
 /// Checks a count that a format stores in 32 bits.
@@ -99,24 +98,21 @@ fn fits_32_bits(what: &str, count: u64) -> Result<u32> {
     u32::try_from(count).map_err(|_| Error::Limit { what: what.into(), limit, got: count }.into())
 }
 
-/// Places of each material's rectangles as `usize`.
-fn places(range: &Range<u32>) -> Range<usize> {
-    range.start as usize..range.end as usize
-}
-
 #[cfg(test)]
 mod tests {
     use glam::DMat3;
 
     use super::*;
+    use crate::Rectangle;
 
     #[test]
     fn corners_turn_outward_also_when_mirrored() {
         let rectangle = Rectangle { low: [3, 4, 5], size: [2, 1], axis: 2, is_up: true, label: 0 };
         for x in [1.0, -1.0] {
             let matrix = DAffine3::from_mat3(DMat3::from_diagonal(DVec3::new(x, 1.0, 1.0)));
-            let [a, b, c, _] = corners_in_world(&rectangle, &matrix);
-            assert_eq!((b - a).cross(c - b).normalize(), DVec3::Z);
+            let mut corners = Vec::new();
+            put_corners_in_world(&rectangle, &matrix, &mut corners);
+            assert_eq!((corners[1] - corners[0]).cross(corners[2] - corners[1]).normalize(), DVec3::Z);
             // Control: the corners as they come turn inward where the volume is mirrored.
             let [a, b, c, _] =
                 rectangle.corners().map(|p| matrix.transform_point3(DVec3::from_array(p.map(f64::from))));

@@ -5,7 +5,7 @@
 //! o volume_7                 an object for each volume
 //! g 17_axon                  a group for each label: its id, and its name where it has one
 //! usemtl volume_7_0
-//! v 1 0 2.5                  four corners for each rectangle
+//! v 1 0 2.5                  the corners of a face
 //! …
 //! f 1 2 3 4                  numbers count from 1 through the whole file
 //! ```
@@ -18,10 +18,11 @@ use std::path::Path;
 use pumice_core::{Error, Job};
 use pumice_scene::Material;
 
-use super::{Surfaces, corners_in_world};
+use super::{Surfaces, put_corners_in_world};
+use crate::Result;
 use crate::drawn::Drawn;
+use crate::labelled_surface::Face;
 use crate::whole_file::write_both;
-use crate::{Rectangle, Result};
 
 impl Surfaces<'_> {
     /// Writes an `.obj` and its `.mtl`: both, or neither. Returns the bytes of both.
@@ -39,22 +40,25 @@ impl Surfaces<'_> {
     /// Writes the `.obj`, which names its materials' file.
     fn write_obj(&self, materials_in: &str, out: &mut dyn Write) -> Result<()> {
         writeln!(out, "# Written by pumice {}\nmtllib {materials_in}", env!("CARGO_PKG_VERSION"))?;
-        let mut next = 1u64;
+        let (mut next, mut corners) = (1u64, Vec::new());
         for (drawn, surface) in &self.all {
             writeln!(out, "o {}", drawn.name())?;
-            let mut by_label: Vec<&Rectangle> = surface.rectangles.iter().collect();
-            by_label.sort_by_key(|rectangle| rectangle.label);
-            for group in by_label.chunk_by(|a, b| a.label == b.label) {
-                let label = group[0].label;
+            let mut by_label: Vec<&dyn Face> = surface.faces().collect();
+            by_label.sort_by_key(|face| face.label());
+            for group in by_label.chunk_by(|a, b| a.label() == b.label()) {
+                let label = group[0].label();
                 writeln!(out, "g {}", group_name(drawn, label))?;
                 writeln!(out, "usemtl {}", material_name(drawn, drawn.material_of[label as usize] as usize))?;
-                for rectangle in group {
-                    for corner in corners_in_world(rectangle, &drawn.instance.world_from_index) {
+                for face in group {
+                    put_corners_in_world(*face, &drawn.instance.world_from_index, &mut corners);
+                    for corner in &corners {
                         let [x, y, z] = corner.as_vec3().to_array();
                         writeln!(out, "v {x} {y} {z}")?;
                     }
-                    writeln!(out, "f {} {} {} {}", next, next + 1, next + 2, next + 3)?;
-                    next += 4;
+                    write!(out, "f")?;
+                    (next..next + corners.len() as u64).try_for_each(|corner| write!(out, " {corner}"))?;
+                    writeln!(out)?;
+                    next += corners.len() as u64;
                 }
             }
         }
@@ -65,8 +69,8 @@ impl Surfaces<'_> {
     fn write_mtl(&self, out: &mut dyn Write) -> Result<()> {
         writeln!(out, "# Written by pumice {}", env!("CARGO_PKG_VERSION"))?;
         for (drawn, surface) in &self.all {
-            let shown = drawn.materials.iter().zip(&surface.of_material).enumerate();
-            for (number, (material, _)) in shown.filter(|(_, (_, faces))| !faces.is_empty()) {
+            let all = drawn.materials.iter().enumerate();
+            for (number, material) in all.filter(|(number, _)| surface.has_material(*number)) {
                 write_material(&material_name(drawn, number), material, out)?;
             }
         }

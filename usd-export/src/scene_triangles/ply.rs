@@ -1,9 +1,9 @@
-//! PLY, binary and little-endian: rectangles with the label of each.
+//! PLY, binary and little-endian: faces with the label of each.
 //!
 //! ```text
 //! header      text: the elements and their properties; a comment for each label: volume, number, id, name, type
-//! vertex      x y z f32, red green blue u8          15 bytes, four for each rectangle
-//! face        4 as u8, four vertices u32            25 bytes
+//! vertex      x y z f32, red green blue u8          15 bytes; each face has its own
+//! face        count u8, vertices u32                25 bytes for a rectangle
 //!             label u32, volume u32
 //! ```
 //! `label` is the dense index of the label within its volume, `volume` the id of the instance. Colours are base colours in sRGB; they are
@@ -11,13 +11,14 @@
 
 use std::io::Write;
 
+use pumice_core::Error;
 use serde_json::json;
 
-use super::{Surfaces, corners_in_world, fits_32_bits, places};
+use super::{Surfaces, fits_32_bits, put_corners_in_world};
 use crate::Result;
 
-/// Rectangles that are produced at a time.
-const PIECE: usize = 4096;
+/// Bytes that are produced at a time, but for the last face.
+const PIECE: usize = 1 << 17;
 
 impl Surfaces<'_> {
     /// Writes a PLY file.
@@ -25,8 +26,8 @@ impl Surfaces<'_> {
     /// # Errors
     /// [`pumice_core::Error::Limit`] for more vertices than 32 bits number; errors of `out`.
     pub(crate) fn write_ply(&self, out: &mut dyn Write) -> Result<()> {
-        let faces = self.rectangles();
-        let vertices = fits_32_bits("vertices of a PLY file", 4 * faces)?;
+        let faces = self.face_count();
+        let vertices = fits_32_bits("vertices of a PLY file", self.corner_count())?;
         writeln!(out, "ply\nformat binary_little_endian 1.0")?;
         writeln!(out, "comment Written by pumice {}", env!("CARGO_PKG_VERSION"))?;
         self.write_labels(out)?;
@@ -48,7 +49,7 @@ impl Surfaces<'_> {
         for (drawn, surface) in &self.all {
             let table = drawn.volume.labels();
             let mut is_there = vec![false; drawn.visible.len()];
-            surface.rectangles.iter().for_each(|r| is_there[r.label as usize] = true);
+            surface.faces().for_each(|face| is_there[face.label() as usize] = true);
             for (label, id) in (0u32..).zip(table.ids()).filter(|(label, _)| is_there[*label as usize]) {
                 let name = drawn.volume.note(label).and_then(|note| note.name.as_deref());
                 let kind = table.type_of(label).and_then(|t| table.type_names().get(usize::from(t)));
@@ -59,48 +60,54 @@ impl Surfaces<'_> {
     }
 
     fn write_vertices(&self, out: &mut dyn Write) -> Result<()> {
-        let mut buffer = Vec::new();
+        let (mut buffer, mut corners) = (Vec::new(), Vec::new());
         for (drawn, surface) in &self.all {
-            for (material, range) in drawn.materials.iter().zip(&surface.of_material) {
-                let color = material.base_color.map(srgb);
-                for piece in surface.rectangles[places(range)].chunks(PIECE) {
-                    buffer.clear();
-                    for corner in
-                        piece.iter().flat_map(|r| corners_in_world(r, &drawn.instance.world_from_index))
-                    {
-                        corner
-                            .as_vec3()
-                            .to_array()
-                            .iter()
-                            .for_each(|c| buffer.extend_from_slice(&c.to_le_bytes()));
-                        buffer.extend_from_slice(&color);
-                    }
-                    out.write_all(&buffer)?;
+            let colors: Vec<[u8; 3]> = drawn.materials.iter().map(|m| m.base_color.map(srgb)).collect();
+            for (face, material) in surface.faces().zip(surface.materials()) {
+                put_corners_in_world(face, &drawn.instance.world_from_index, &mut corners);
+                for corner in &corners {
+                    let position = corner.as_vec3().to_array();
+                    position.iter().for_each(|c| buffer.extend_from_slice(&c.to_le_bytes()));
+                    buffer.extend_from_slice(&colors[material]);
                 }
+                write_if_full(&mut buffer, out)?;
             }
         }
-        Ok(())
+        Ok(out.write_all(&buffer)?)
     }
 
     fn write_faces(&self, out: &mut dyn Write) -> Result<()> {
         let (mut buffer, mut first) = (Vec::new(), 0u32);
         for (drawn, surface) in &self.all {
-            for piece in surface.rectangles.chunks(PIECE) {
-                buffer.clear();
-                for rectangle in piece {
-                    buffer.push(4);
-                    for number in [first, first + 1, first + 2, first + 3, rectangle.label, drawn.instance.id]
-                    {
-                        buffer.extend_from_slice(&number.to_le_bytes());
-                    }
-                    // The last vertex of the file has a number of 32 bits; the one after it needs none.
-                    first = first.wrapping_add(4);
+            for face in surface.faces() {
+                let corners = face.corner_count();
+                let as_byte = u8::try_from(corners).map_err(|_| Error::Limit {
+                    what: "corners of a face in a PLY file".into(),
+                    limit: u8::MAX.into(),
+                    got: corners as u64,
+                })?;
+                buffer.push(as_byte);
+                for number in
+                    (0..corners as u32).map(|corner| first + corner).chain([face.label(), drawn.instance.id])
+                {
+                    buffer.extend_from_slice(&number.to_le_bytes());
                 }
-                out.write_all(&buffer)?;
+                // The last vertex of the file has a number of 32 bits; the one after it needs none.
+                first = first.wrapping_add(corners as u32);
+                write_if_full(&mut buffer, out)?;
             }
         }
-        Ok(())
+        Ok(out.write_all(&buffer)?)
     }
+}
+
+/// Writes a buffer and empties it, once it has enough.
+fn write_if_full(buffer: &mut Vec<u8>, out: &mut dyn Write) -> Result<()> {
+    if buffer.len() >= PIECE {
+        out.write_all(buffer)?;
+        buffer.clear();
+    }
+    Ok(())
 }
 
 /// A linear share of light as a number of a display (IEC 61966-2-1).

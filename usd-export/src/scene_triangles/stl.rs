@@ -3,18 +3,18 @@
 //! ```text
 //!  0  header      80 bytes of text, which must not begin with "solid"
 //! 80  triangles   u32
-//! 84  triangle    normal 3 × f32, three corners 3 × f32, u16 0: 50 bytes, two for each rectangle
+//! 84  triangle    normal 3 × f32, three corners 3 × f32, u16 0: 50 bytes; faces are fans
 //! ```
 
 use std::io::Write;
 
 use glam::DVec3;
 
-use super::{Surfaces, corners_in_world, fits_32_bits};
+use super::{Surfaces, fits_32_bits, put_corners_in_world};
 use crate::Result;
 
-/// Rectangles that are produced at a time.
-const PIECE: usize = 4096;
+/// Bytes that are produced at a time, but for the last face.
+const PIECE: usize = 1 << 17;
 
 impl Surfaces<'_> {
     /// Writes an STL file.
@@ -22,28 +22,31 @@ impl Surfaces<'_> {
     /// # Errors
     /// [`pumice_core::Error::Limit`] for more triangles than 32 bits count; errors of `out`.
     pub(crate) fn write_stl(&self, out: &mut dyn Write) -> Result<()> {
-        let triangles = fits_32_bits("triangles of an STL file", 2 * self.rectangles())?;
+        let triangles = self.corner_count() - 2 * self.face_count();
+        let triangles = fits_32_bits("triangles of an STL file", triangles)?;
         let mut header = [b' '; 80];
         let text = format!("Written by pumice {}", env!("CARGO_PKG_VERSION"));
         header.iter_mut().zip(text.bytes()).for_each(|(to, from)| *to = from);
         out.write_all(&header)?;
         out.write_all(&triangles.to_le_bytes())?;
-        let mut buffer = Vec::new();
+        let (mut buffer, mut corners) = (Vec::new(), Vec::new());
         for (drawn, surface) in &self.all {
-            for piece in surface.rectangles.chunks(PIECE) {
-                buffer.clear();
-                for rectangle in piece {
-                    let [a, b, c, d] = corners_in_world(rectangle, &drawn.instance.world_from_index);
+            for face in surface.faces() {
+                put_corners_in_world(face, &drawn.instance.world_from_index, &mut corners);
+                for second in 1..corners.len() - 1 {
+                    let [a, b, c] = [0, second, second + 1].map(|corner| corners[corner]);
                     // A sheared matrix does not turn normals as it turns points; the product of two sides is right for any.
                     let normal =
-                        (b - a).normalize_or_zero().cross((d - a).normalize_or_zero()).normalize_or_zero();
+                        (b - a).normalize_or_zero().cross((c - a).normalize_or_zero()).normalize_or_zero();
                     put_triangle([normal, a, b, c], &mut buffer);
-                    put_triangle([normal, a, c, d], &mut buffer);
                 }
-                out.write_all(&buffer)?;
+                if buffer.len() >= PIECE {
+                    out.write_all(&buffer)?;
+                    buffer.clear();
+                }
             }
         }
-        Ok(())
+        Ok(out.write_all(&buffer)?)
     }
 }
 

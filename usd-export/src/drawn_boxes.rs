@@ -1,0 +1,43 @@
+//! The boxes of an instance that are drawn, for the form that has each as a scaled cube.
+
+use pumice_core::Job;
+
+use crate::Result;
+use crate::budget::Budget;
+use crate::drawn::Drawn;
+
+/// A box that is drawn, up to the end of its volume.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct DrawnBox {
+    /// Its lowest corner in voxels.
+    pub(crate) low: [u32; 3],
+    /// Voxels along each axis, at most 16.
+    pub(crate) extent: [u8; 3],
+    /// Dense index of its label.
+    pub(crate) label: u32,
+}
+
+/// The boxes of an instance that are drawn, in the order of the volume: whole also where a cut passes through them, and without those that
+/// a cut removes altogether.
+///
+/// # Errors
+/// [`pumice_core::Error::Limit`] where they take more than is left of the budget; [`pumice_core::Error::Cancelled`].
+pub(crate) fn drawn_boxes(drawn: &Drawn<'_>, budget: &mut Budget, job: &Job) -> Result<Vec<DrawnBox>> {
+    let dims = drawn.volume.info().dims;
+    let mut boxes = Vec::new();
+    drawn.volume.for_each_box(|label, view| {
+        if !drawn.visible[label as usize] {
+            return;
+        }
+        let low = view.origin;
+        // A box may pass the volume's end by up to three voxels.
+        let end = [0, 1, 2].map(|a| (low[a] + view.extent[a]).min(dims[a]));
+        if !drawn.cuts.iter().any(|cut| cut.removes([low, end])) {
+            let extent = [0, 1, 2].map(|a| (end[a] - low[a]) as u8);
+            boxes.push(DrawnBox { low, extent, label });
+        }
+    });
+    job.check()?;
+    budget.take_boxes(boxes.len() as u64)?;
+    Ok(boxes)
+}
