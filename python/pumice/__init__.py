@@ -11,7 +11,7 @@ Lengths of volumes are in the file's unit, those of scenes in world units; colou
 import atexit
 
 from ._native import Job, __version__, _end_calls
-from .bridge import export, verify_render
+from .bridge import agreement, export, verify_render
 from .errors import Cancelled, InputError, InternalError, PumiceError, PumiceWarning
 from .mesh import Mesh
 from .picture import CurvePoint, Picture, cryptomatte_hash, devices, render
@@ -41,6 +41,7 @@ __all__ = [
     "Status",
     "Volume",
     "__version__",
+    "agreement",
     "compress",
     "cryptomatte_hash",
     "devices",

@@ -302,6 +302,12 @@ def _panic_on_purpose() -> None:
     Panics, to test that a panic becomes an exception.
     """
 
+def agreement(ours: Any, theirs: Any, covered: Any) -> str:
+    """
+    Judges pictures (n, height, width, 3) of 32-bit floats against others of the same size; `covered` (height, width) has a byte for each
+    pixel, 0 where it shows no surface. Returns the verdict and its statistics as JSON text.
+    """
+
 def compress(source: str | PathLike[str] | Incomplete, *, types: str | None = None, memory_limit: SupportsIndex | None = None, threads: SupportsIndex = 0, read_as: tuple[SupportsIndex | None, SupportsIndex | None, SupportsIndex | None, str | None, SupportsLenAndGetItem[SupportsFloat | SupportsIndex] | None], job: Job | None = None) -> tuple[Volume, list[str]]:
     """
     Compresses a file, or blocks; also returns the reader's warnings.

@@ -1,4 +1,4 @@
-"""Other programs: files that they read, and whether Cycles draws what Pumice draws."""
+"""Other programs: files that they read, and whether they draw what Pumice draws."""
 
 from __future__ import annotations
 
@@ -7,9 +7,13 @@ import os
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
+
 from . import _native, arguments
 from ._native import Job
 from .arguments import Path
+from .errors import InputError
 from .scene import MOST_PIXELS
 
 # As of the command: 80 million faces of a `.usdc`.
@@ -78,4 +82,24 @@ def verify_render(
         job=job,
     )
     report: dict[str, Any] = json.loads(text)
+    return report
+
+
+def agreement(ours: npt.ArrayLike, theirs: npt.ArrayLike, *, covered: npt.ArrayLike | None = None) -> dict[str, Any]:
+    """Whether two renderers converge to the same picture: the test of `verify_render`, for pictures of any two programs.
+
+    `ours` and `theirs` are pictures (n, height, width, 3), scene-linear, each with a seed of its own; eight or more of each are needed to
+    tell anything. `covered` (height, width) marks pixels that show a surface, all by default: the picture's mean is taken over them.
+    Returns `verdict` (`agrees`, `differs` or `cannot_tell`), `sentence`, and the statistics of `agreement` in the report of
+    `verify_render`. Whoever looks several times at a growing number of pictures has a false answer more often than the 1 % of one look.
+    """
+    sets = [np.ascontiguousarray(pictures, dtype=np.float32) for pictures in (ours, theirs)]
+    if any(pictures.ndim != 4 or pictures.shape[3] != 3 for pictures in sets) or sets[0].shape[1:] != sets[1].shape[1:]:
+        shapes = " and ".join(str(pictures.shape) for pictures in sets)
+        raise InputError(f"agreement: expected two arrays of shape (n, height, width, 3), got {shapes}")
+    size = sets[0].shape[1:3]
+    shown = np.ones(size, dtype=np.uint8) if covered is None else np.ascontiguousarray(np.asarray(covered) != 0, dtype=np.uint8)
+    if shown.shape != size:
+        raise InputError(f"agreement: covered: expected the shape {size}, got {shown.shape}")
+    report: dict[str, Any] = json.loads(_native.agreement(sets[0], sets[1], shown))
     return report

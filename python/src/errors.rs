@@ -73,6 +73,12 @@ impl IntoException for SceneError {
     }
 }
 
+impl IntoException for std::convert::Infallible {
+    fn into_exception(self) -> PyErr {
+        match self {}
+    }
+}
+
 impl IntoException for pumice_core::MeshError {
     fn into_exception(self) -> PyErr {
         input(&format_args!("mesh: {self}"))

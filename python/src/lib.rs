@@ -2,6 +2,7 @@
 //! `pumice-session` with the interpreter released, and converts the result. The typed interface for users is the package `pumice/`.
 #![deny(unsafe_code)]
 
+mod agreement;
 mod array;
 mod bridge;
 mod calls;
@@ -20,6 +21,8 @@ mod waiting;
 mod _native {
     use pyo3::prelude::*;
 
+    #[pymodule_export]
+    use crate::agreement::agreement;
     #[pymodule_export]
     use crate::array::Array;
     #[pymodule_export]

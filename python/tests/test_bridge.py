@@ -60,3 +60,33 @@ def test_what_cannot_be_compared_is_refused(volume, tmp_path):
     ]:
         with pytest.raises(pumice.InputError, match=what):
             pumice.verify_render(volume, size=(8, 8), backend="cpu", **options)
+
+
+def test_pictures_of_two_programs_are_compared():
+    random = np.random.default_rng(3)
+
+    def noisy(mean, deviation=0.01):
+        return mean * (1 + deviation * random.standard_normal((16, 24, 32, 3)))
+
+    same = pumice.agreement(noisy(0.5), noisy(0.5))
+    assert same["verdict"] == "agrees" and same["sentence"].startswith("Agrees: every tile lies within 1 %"), same
+    assert same["pictures"] == [16, 16] and same["tiles_across_and_down"] == [4, 3]
+    # The middle 99 % of a sum over 2,304 values, each with the variance that it is divided by: ± 2.6 √(2 / 2304), and the variances' own.
+    assert abs(same["equality"]["ratio"] - 1) < 0.15
+    # Controls: one tile that is 2 % brighter; and noise that hides everything.
+    brighter = noisy(0.5)
+    brighter[:, 8:16, 16:24] *= 1.02
+    off = pumice.agreement(brighter, noisy(0.5))
+    assert off["verdict"] == "differs" and off["proven_in_tile"][1] == [16, 8], off
+    assert pumice.agreement(noisy(0.5, 3.0), noisy(0.5, 3.0))["verdict"] == "cannot_tell"
+    # A mean of half the pixels, which are off: with the others it would be within its margin.
+    half = np.arange(32) < 16
+    ours = noisy(0.5) * np.where(half, 1.003, 0.999)[:, None]
+    covered = np.broadcast_to(half, (24, 32))
+    assert pumice.agreement(ours, noisy(0.5), covered=covered)["verdict"] == "differs"
+    assert pumice.agreement(ours, noisy(0.5))["verdict"] != "differs"
+    for arrays, what in [((noisy(1)[..., :2], noisy(1)), "got .16, 24, 32, 2."), ((noisy(1)[:1], noisy(1)), "two pictures or more")]:
+        with pytest.raises(pumice.InputError, match=what):
+            pumice.agreement(*arrays)
+    with pytest.raises(pumice.InputError, match="covered: expected the shape"):
+        pumice.agreement(noisy(1), noisy(1), covered=np.ones((3, 3)))

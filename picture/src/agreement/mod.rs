@@ -23,11 +23,13 @@ mod chance;
 mod intervals;
 mod maps;
 mod picture_set;
+mod sentence;
 mod verdict;
 
 pub use intervals::{Interval, Standing};
 pub use maps::{signed_difference_map, tile_difference_map, tile_t_map};
 pub use picture_set::PictureSet;
+pub use sentence::percent;
 pub use verdict::{Agreement, Equality, LEVEL, Verdict, judge, level_of_look};
 
 /// Pixels along a tile's side.

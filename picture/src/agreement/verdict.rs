@@ -14,7 +14,7 @@ const TILE_MARGIN: f64 = 0.01;
 /// Margin of the picture's mean: a share of it.
 const MEAN_MARGIN: f64 = 0.002;
 /// Share of the covered pixels that may be masked.
-const MOST_MASKED: f64 = 0.02;
+pub(super) const MOST_MASKED: f64 = 0.02;
 
 /// The answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]

@@ -215,7 +215,7 @@ pub fn verify_render(
     })?;
     let film = &subject.scene.scene().film;
     let verified = VerifiedRender {
-        sentence: page::sentence(&agreement),
+        sentence: agreement.sentence(),
         comparison,
         surface: subject.surface(),
         faces: cycles.faces(),

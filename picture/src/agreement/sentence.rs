@@ -1,0 +1,64 @@
+//! The verdict in words.
+
+use super::verdict::{Agreement, MOST_MASKED, Verdict};
+
+impl Agreement {
+    /// The verdict in one sentence, with what is proven beside it.
+    pub fn sentence(&self) -> String {
+        sentence(self)
+    }
+}
+
+/// A share with its sign, in per cent.
+pub fn percent(share: f64) -> String {
+    format!("{:+.2} %", 100.0 * share)
+}
+
+fn sentence(agreement: &Agreement) -> String {
+    let [within, open, outside] = agreement.standing;
+    let tests = within + open + outside;
+    let smaller = match (agreement.proven_in_mean, agreement.proven_in_tile) {
+        (None, None) => "no smaller difference is proven".to_owned(),
+        (mean, tile) => {
+            let mut proven = Vec::new();
+            if let Some(share) = mean {
+                proven.push(format!("{} of the picture's mean", percent(share)));
+            }
+            if let Some((share, [x, y])) = tile {
+                proven.push(format!("up to {} in a tile, at ({x}, {y})", percent(share)));
+            }
+            format!("a smaller difference is proven: {}", proven.join(", "))
+        }
+    };
+    match agreement.verdict {
+        Verdict::Agrees => {
+            format!("Agrees: every tile lies within 1 %, the picture's mean within 0.2 %; {smaller}.")
+        }
+        Verdict::Differs => {
+            let mut where_ = Vec::new();
+            if outside > 0 {
+                where_.push(format!("{outside} of {tests} tiles and channels lie beyond 1 %"));
+            }
+            if let Some((share, [x, y])) = agreement.proven_in_tile {
+                where_.push(format!("the largest is {}, at ({x}, {y})", percent(share)));
+            }
+            if let Some(share) = agreement.proven_in_mean {
+                where_.push(format!("the picture's mean is off by {}", percent(share)));
+            }
+            format!("Differs: {}.", where_.join("; "))
+        }
+        Verdict::CannotTell if agreement.masked > MOST_MASKED => format!(
+            "Cannot tell: {:.1} % of the covered pixels are not finite numbers in some picture.",
+            100.0 * agreement.masked
+        ),
+        Verdict::CannotTell if agreement.scale == 0.0 => "Cannot tell: the pictures are black.".to_owned(),
+        Verdict::CannotTell => {
+            let mean = agreement.mean.iter().filter(|i| i.difference.abs() + i.half_width > i.margin).count();
+            format!(
+                "Cannot tell yet: with {} pictures each, {open} of {tests} tiles and channels and {mean} of 3 means are still \
+                 undecided; {smaller}.",
+                agreement.pictures[0]
+            )
+        }
+    }
+}
