@@ -5,9 +5,10 @@
     an .exr file that is linear Rec. 709 already                  itself
     other files and packed images (.hdr, .png, other spaces)      written once as OpenEXR into the extension's folder `skies`
 
-Blender gives the pixels of a float image as scene-linear, and those of a byte image as they are stored. The name of the written file is
-a hash of the image's source, its size and its modification time, so another image has another file. While these stay the same, nothing
-is read again.
+Blender gives the pixels of a float image as scene-linear, and those of a byte image as they are stored. Cycles interpolates a picture in
+sRGB, of bytes or of floats, by its codes, and then makes it linear; Pumice interpolates light. So such a picture is written with more
+pixels, between which the two are the same (`_finer`). The name of the written file is a hash of the image's source, its size and its
+modification time, so another image has another file. While these stay the same, nothing is read again.
 
 The layout of the written file, with a single part of scan lines (OpenEXR file layout, openexr.com/en/latest/OpenEXRFileLayout.html):
 
@@ -22,6 +23,11 @@ import bpy
 import numpy as np
 
 LINEAR = {"Linear Rec.709", "Linear", "Non-Color", "Raw"}
+# Cycles interpolates pictures of this space by their codes.
+ENCODED = "sRGB"
+# A picture in sRGB gets at most this many pixels across, and this many times as many: a straight line between two codes is then off by at
+# most 1/16² of what it was.
+MOST_ACROSS, MOST_TIMES = 4096, 16
 # The file is written in bands of this many rows, so that a large picture is not copied as a whole.
 BAND_ROWS = 256
 
@@ -69,12 +75,36 @@ def _linear(image, space):
     pixels = np.empty(width * height * image.channels, dtype=np.float32)
     image.pixels.foreach_get(pixels)
     color = pixels.reshape(height, width, image.channels)[..., :3]
-    if image.is_float or space in LINEAR:
-        return color
-    if space != "sRGB":
+    if space == ENCODED:
+        return _decoded(_finer(_encoded(color) if image.is_float else color))
+    if not image.is_float and space not in LINEAR:
         raise NotDrawn(f"{image.name}: the color space {space} of 8 bit images is not read")
-    # IEC 61966-2-1.
-    return np.where(color <= 0.04045, color / 12.92, ((color + 0.055) / 1.055) ** 2.4).astype(np.float32)
+    return color
+
+
+def _finer(codes):
+    """The codes with more pixels, by linear interpolation between the middles of theirs: around the horizon, and up to the poles."""
+    height, width = codes.shape[:2]
+    times = min(MOST_TIMES, MOST_ACROSS // width)
+    if times < 2:
+        return codes
+    for axis, size in ((1, width), (0, height)):
+        at = ((np.arange(size * times) + 0.5) / times - 0.5).astype(np.float32)
+        before = np.floor(at).astype(int)
+        share = (at - before).reshape((-1, 1) if axis else (-1, 1, 1))
+        pair = [place % size if axis else np.clip(place, 0, size - 1) for place in (before, before + 1)]
+        codes = (1 - share) * codes.take(pair[0], axis) + share * codes.take(pair[1], axis)
+    return codes
+
+
+def _encoded(linear):
+    """Codes of sRGB (IEC 61966-2-1), which may be above 1."""
+    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 0.0031308) ** (1 / 2.4) - 0.055).astype(np.float32)
+
+
+def _decoded(codes):
+    """Light of codes of sRGB."""
+    return np.where(codes <= 0.04045, codes / 12.92, ((np.maximum(codes, 0.04045) + 0.055) / 1.055) ** 2.4).astype(np.float32)
 
 
 def _write(path, pixels):

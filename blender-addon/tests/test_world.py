@@ -129,14 +129,50 @@ def test_other_files_are_written_anew_and_look_the_same(blender, read, tmp_path,
     value, left_out = read(made)
     path = value["environment"]["image"]["path"]
     assert left_out == [] and path.endswith(".exr")
-    # Cycles interpolates 8-bit images before it linearises them, which matters most at the dark end, where the curve bends most.
     for view in VIEWS:
         direction, theirs = seen(blender, scene, view)
-        assert looked_up(value["environment"], direction) == pytest.approx(theirs, rel=1e-2, abs=1e-3)
+        assert looked_up(value["environment"], direction) == pytest.approx(theirs, rel=TOLERANCE)
     assert read(made)[0]["environment"]["image"]["path"] == path, "it is written once"
     node.image.colorspace_settings.name = "Non-Color"
     other = read(made)[0]["environment"]["image"]["path"]
     assert other != path, "another colour space gives another image"
+
+
+def contrasts(folder, name):
+    """A small picture of pixels that differ as much as they can: interpolating their codes is not interpolating their light."""
+    import OpenImageIO
+
+    pixels = np.random.default_rng(4).integers(0, 2, (4, 8, 3)).astype(np.float32)
+    if name.endswith(".exr"):
+        pixels *= 3
+    path = folder / name
+    out = OpenImageIO.ImageOutput.create(str(path))
+    out.open(str(path), OpenImageIO.ImageSpec(8, 4, 3, "float" if name.endswith(".exr") else "uint8"))
+    out.write_image(pixels)
+    out.close()
+    return path
+
+
+@pytest.mark.parametrize("name", ["sky.exr", "sky.png"])
+def test_pictures_in_srgb_are_interpolated_as_cycles_does(blender, extension, read, tmp_path, monkeypatch, name):
+    scene = cycles_oracle.prepare(blender, tmp_path, size=4, samples=1)
+    made, node = textured(blender, contrasts(tmp_path, name))
+    node.image.colorspace_settings.name = "sRGB"
+    value, left_out = read(made)
+    assert left_out == [] and value["environment"]["image"]["path"] != str(tmp_path / name)
+    views = [seen(blender, scene, view) for view in VIEWS]
+
+    def difference(environment):
+        # Of the largest light: a sixteenth of a step between codes is a line that is off by 1/16² of 0.3, at a few units.
+        light = max(theirs.max() for _, theirs in views)
+        return max(np.abs(looked_up(environment, direction) - theirs).max() for direction, theirs in views) / light
+
+    assert difference(value["environment"]) < 3e-3
+    # Control: with the picture's own pixels it is off.
+    monkeypatch.setattr(extension.sync.sky_file, "MOST_TIMES", 1)
+    node.image.reload()
+    monkeypatch.setattr(extension.sync.sky_file, "_folder", lambda: str(tmp_path))
+    assert difference(read(made)[0]["environment"]) > 0.05
 
 
 def test_a_packed_image_is_written_too(blender, read, tmp_path):
