@@ -122,9 +122,9 @@ h1 { font-size: 1.4rem } h2 { font-size: 1.1rem; margin-top: 2.2rem }
 table { border-collapse: collapse } td, th { padding: .2rem .9rem .2rem 0; text-align: left; vertical-align: top; font-weight: normal }
 th { color: #555 } td.n { text-align: right; font-variant-numeric: tabular-nums }
 img { image-rendering: pixelated; display: block; width: 100% }
-.wipe { position: relative; overflow: hidden } .wipe .over { position: absolute; inset: 0 auto 0 0; width: 50%; min-width: 1.5rem;
+.wipe { position: relative; overflow: hidden; container-type: inline-size } .wipe .over { position: absolute; inset: 0 auto 0 0; width: 50%; min-width: 1.5rem;
   max-width: 100%; overflow: hidden; resize: horizontal; border-right: 2px solid #fff; box-shadow: 1px 0 0 #000 }
-.wipe .over img { width: var(--w); max-width: none; height: 100% }
+.wipe .over img { width: 100cqw; max-width: none; height: 100% }
 .maps { display: grid; grid-template-columns: repeat(auto-fit, minmax(17rem, 1fr)); gap: 1rem } figure { margin: 0 }
 figcaption { font-size: .85rem; color: #444 } code { overflow-wrap: anywhere; font-size: .85rem }
 ";
@@ -168,7 +168,7 @@ fn page(request: &VerifyRenderRequest, verified: &VerifiedRender, means: [&Image
     let _ = writeln!(
         html,
         "<h2>The pictures</h2><p>Pumice is on the left, Cycles on the right; drag the handle in the lower corner of the left one.</p>\
-         <div class=\"wipe\" style=\"--w: min(58rem, calc(100vw - 2rem))\"><img alt=\"by Cycles\" src=\"{}\"><div class=\"over\">\
+         <div class=\"wipe\"><img alt=\"by Cycles\" src=\"{}\"><div class=\"over\">\
          <img alt=\"by Pumice\" src=\"{}\"></div></div>",
         shown(theirs)?,
         shown(ours)?,
