@@ -8,13 +8,13 @@ opens in a browser from there.
 
 import os
 import sys
-import tempfile
 
 import bpy
 from bpy.props import FloatProperty, StringProperty
 
-from . import export_scene, native, preferences
+from . import native, preferences
 from .background import InBackground, Work
+from .frame_file import saved_frame
 
 
 def blender_program():
@@ -43,12 +43,7 @@ class PUMICE_OT_verify(InBackground, bpy.types.Operator):
         pumice = native.require()
         page = self.filepath or os.path.join(bpy.app.tempdir, "verify.html")
         page = os.path.abspath(bpy.path.abspath(page))
-        parts, left_out = export_scene.parts_to_export(context.evaluated_depsgraph_get())
-        for line in left_out:
-            self.report({"WARNING"}, line)
-        folder = tempfile.TemporaryDirectory(prefix="pumice-")
-        scene = os.path.join(folder.name, "scene.json")
-        export_scene.save(parts, scene)
+        folder, scene = saved_frame(self, context)
         program, seconds = blender_program(), self.seconds or None
         backend = preferences.backend(context.scene.pumice)
 

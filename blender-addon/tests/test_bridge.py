@@ -1,6 +1,9 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Tests the operators that lead to other programs: export to USD, and the comparison with Cycles, as a script calls them."""
+"""Tests the operators that lead to other programs: export to USD and glTF, and the comparison with Cycles, as a script calls them."""
+
+import json
+import struct
 
 import numpy as np
 import pytest
@@ -38,10 +41,44 @@ def test_a_scene_is_exported_and_imported_again(blender, scene, tmp_path):
     assert [o.data.energy for o in objects if o.type == "LIGHT"] == [pytest.approx(sun, rel=1e-5)]
 
 
+@pytest.mark.parametrize("name", ["nuclei.glb", "nuclei.gltf"])
+def test_a_scene_is_exported_as_gltf_and_imported_again(blender, scene, tmp_path, name):
+    path = tmp_path / name
+    camera, lens = np.array(scene.camera.matrix_world), scene.camera.data.lens
+    assert blender.ops.pumice.export_gltf(filepath=str(path), form="cells4") == {"FINISHED"}
+    assert path.is_file() and path.with_suffix(".bin").is_file() == (path.suffix == ".gltf")
+    blender.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    assert blender.ops.import_scene.gltf(filepath=str(path)) == {"FINISHED"}
+    blender.context.view_layer.update()
+    objects = blender.data.objects
+    (mesh,) = (o for o in objects if o.type == "MESH")
+    assert len(mesh.data.polygons) > 50 and "_LABEL" in mesh.data.attributes
+    (found,) = (o for o in objects if o.type == "CAMERA")
+    # f32 on the way, and an axis turned there and back; the importer asks for a sensor of its own, so the angle counts.
+    assert np.abs(np.array(found.matrix_world) - camera).max() < 1e-5 * np.abs(camera).max()
+    assert found.data.lens / found.data.sensor_width == pytest.approx(lens / 36, rel=1e-5)
+
+
+def test_forms_of_gltf(blender, scene, tmp_path):
+    faces = {}
+    for form, plain in [("voxels", False), ("voxels", True), ("boxes", False), ("instances", False)]:
+        path = tmp_path / f"{form}{plain}.glb"
+        assert blender.ops.pumice.export_gltf(filepath=str(path), form=form, plain=plain) == {"FINISHED"}
+        data = path.read_bytes()
+        (length,) = struct.unpack_from("<I", data, 12)
+        described = json.loads(data[20 : 20 + length])
+        indices = {p["indices"] for m in described["meshes"] for p in m["primitives"]}
+        faces[form, plain] = sum(described["accessors"][i]["count"] for i in indices) // 6
+        assert ("EXT_mesh_gpu_instancing" in described["extensionsUsed"]) == (form == "instances")
+    assert faces["voxels", True] > faces["voxels", False] > faces["boxes", False] > faces["instances", False] == 6
+
+
 def test_what_cannot_be_exported_is_one_line(blender, scene, tmp_path):
     for name, what in [("n.xyz", "expected a name that ends in"), ("missing/n.usdc", "No such file")]:
         with pytest.raises(RuntimeError, match=what):
             blender.ops.pumice.export_usd(filepath=str(tmp_path / name))
+        with pytest.raises(RuntimeError, match=what):
+            blender.ops.pumice.export_gltf(filepath=str(tmp_path / name.replace("usdc", "glb")))
     assert not list(tmp_path.glob("n.*"))
 
 
