@@ -15,7 +15,7 @@ A module imports only from lines below its own:
     volume_object    picture_texture      missing_boxes        overlay
     sync.*           registry             preferences
     label_table      properties           proxy                cache                devices             mesh_file
-    background
+    background       verify_maps
     reports
     native
 
@@ -44,6 +44,7 @@ from . import (
     properties,
     registry,
     verify,
+    verify_maps,
     viewport,
 )
 
@@ -56,6 +57,7 @@ MODULES = (
     export_scene,
     export_usd,
     export_gltf,
+    verify_maps,
     verify,
     viewport,
     engine,

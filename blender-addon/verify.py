@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Render > Verify against Cycles: whether Cycles draws what Pumice draws, with a page that says how sure that is.
 
-A second Blender draws the frame in the background, so that this one stays free. The verdict stands in the scene's panel, and the page
-opens in a browser from there.
+A second Blender draws the frame in the background, so that this one stays free. The verdict stands in the scene's panel; from there the
+page opens in a browser, and its pictures and maps in an Image Editor.
 """
 
 import os
@@ -12,7 +12,7 @@ import sys
 import bpy
 from bpy.props import FloatProperty, StringProperty
 
-from . import native, preferences
+from . import native, preferences, verify_maps
 from .background import InBackground, Work
 from .frame_file import saved_frame
 
@@ -50,7 +50,7 @@ class PUMICE_OT_verify(InBackground, bpy.types.Operator):
         def call(job):
             with folder:
                 report = pumice.verify_render(
-                    scene, blender=program, page=page, seconds=seconds, backend=backend, job=job
+                    scene, blender=program, page=page, seconds=seconds, backend=backend, maps=True, job=job
                 )
             return page, report
 
@@ -60,6 +60,7 @@ class PUMICE_OT_verify(InBackground, bpy.types.Operator):
         page, report = result
         wishes = context.scene.pumice
         wishes.verdict, wishes.verdict_page = report["sentence"], page
+        verify_maps.keep(report["maps"])
         kind = "INFO" if report["agreement"]["verdict"] == "agrees" else "WARNING"
         self.report({kind}, report["sentence"])
 

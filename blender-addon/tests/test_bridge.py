@@ -2,7 +2,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Tests the operators that lead to other programs: export to USD and glTF, and the comparison with Cycles, as a script calls them."""
 
+import base64
 import json
+import re
 import struct
 
 import numpy as np
@@ -82,10 +84,50 @@ def test_what_cannot_be_exported_is_one_line(blender, scene, tmp_path):
     assert not list(tmp_path.glob("n.*"))
 
 
+def images(blender):
+    """The images of the comparison by the ends of their names, row 0 at the top."""
+    found = {}
+    for image in blender.data.images:
+        if image.name.startswith("Pumice verify: "):
+            width, height = image.size
+            values = np.empty(4 * width * height, np.float32)
+            image.pixels.foreach_get(values)
+            assert image.is_float
+            found[image.name.removeprefix("Pumice verify: ")] = values.reshape(height, width, 4)[::-1]
+    return found
+
+
+def decoded(png, path):
+    """The pixels of a PNG file, from 0 to 1, by OpenImageIO."""
+    import OpenImageIO
+
+    path.write_bytes(png)
+    return np.asarray(OpenImageIO.ImageInput.open(str(path)).read_image(OpenImageIO.FLOAT))
+
+
+def encoded(linear):
+    """sRGB (IEC 61966-2-1)."""
+    linear = np.clip(linear.astype(float), 0, 1)
+    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+
+
 def test_the_picture_is_verified(blender, scene, tmp_path):
     page = tmp_path / "page.html"
     assert blender.ops.pumice.verify(filepath=str(page), seconds=120.0) == {"FINISHED"}
     assert scene.pumice.verdict.startswith("Agrees: "), scene.pumice.verdict
     assert scene.pumice.verdict_page == str(page) and scene.pumice.verdict in page.read_text()
+    shown = images(blender)
+    assert {i.shape for i in shown.values()} == {(32, 48, 4)}
+    assert np.array_equal(shown["difference"][..., :3], shown["Pumice"][..., :3] - shown["Cycles"][..., :3])
+    assert shown["Pumice"].mean() > 0.1 and shown["difference"].min() < 0 < shown["difference"].max()
+    # Red where Pumice is brighter.
+    mean, color = shown["difference"][..., :3].mean(axis=-1), shown["difference in color"]
+    clear = np.abs(mean) > 0.2 * np.abs(mean).max()
+    assert ((color[..., 0] > color[..., 2]) == (mean > 0))[clear].all()
+    # They look as on the page, whose PNG files have the same numbers, encoded and rounded to 8 bits.
+    embedded = re.findall(r'src="data:image/png;base64,([^"]*)"', page.read_text())
+    for title, text in zip(["Cycles", "Pumice", "difference in color", "difference by tile", "t by tile", "FLIP"], embedded, strict=True):
+        drawn = decoded(base64.b64decode(text), tmp_path / "map.png")
+        assert np.abs(encoded(shown[title][..., :3]) - drawn).max() < 0.51 / 255, title
     with pytest.raises(RuntimeError, match="expected a name that ends in .html"):
         blender.ops.pumice.verify(filepath=str(tmp_path / "page.pdf"))

@@ -9,11 +9,8 @@ use std::path::Path;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use pumice_core::{TargetError, write_atomically};
-use pumice_picture::agreement::{
-    Agreement, LEVEL, Verdict, signed_difference_map, tile_difference_map, tile_t_map,
-};
-use pumice_picture::metrics::error_map;
-use pumice_picture::{Image, Pass, Picture, ViewTransform, png_bytes, png_of_encoded};
+use pumice_picture::agreement::{Agreement, LEVEL, Verdict};
+use pumice_picture::{Image, Pass, Picture, ViewTransform, png_bytes};
 
 use super::charts::{error_svg, histogram_svg};
 use super::{Cost, VerifiedRender, VerifyRenderRequest};
@@ -105,9 +102,8 @@ pub(super) fn write_page(
     path: &Path,
     request: &VerifyRenderRequest,
     verified: &VerifiedRender,
-    means: [&Image; 2],
 ) -> Result<()> {
-    let html = page(request, verified, means)?;
+    let html = page(request, verified)?;
     let full = |source| TargetError::Io { path: path.to_owned(), source };
     write_atomically(path, |out| out.write_all(html.as_bytes()).map_err(full))
         .map_err(|e| pumice_core::Error::from(e).into())
@@ -129,14 +125,11 @@ img { image-rendering: pixelated; display: block; width: 100% }
 figcaption { font-size: .85rem; color: #444 } code { overflow-wrap: anywhere; font-size: .85rem }
 ";
 
-fn page(request: &VerifyRenderRequest, verified: &VerifiedRender, means: [&Image; 2]) -> Result<String> {
-    let agreement = &verified.agreement;
-    let [ours, theirs] = means;
-    let size = [ours.width, ours.height];
+fn page(request: &VerifyRenderRequest, verified: &VerifiedRender) -> Result<String> {
+    let VerifiedRender { agreement, maps, .. } = verified;
     let view = ViewTransform::Standard;
     let shown =
         |image: &Image| -> Result<String> { Ok(embedded(&png_bytes(&Picture::of(image.clone()), view)?)) };
-    let map = |image: &Image| -> Result<String> { Ok(embedded(&png_of_encoded(image)?)) };
     let class = match agreement.verdict {
         Verdict::Agrees => "agrees",
         Verdict::Differs => "differs",
@@ -170,27 +163,23 @@ fn page(request: &VerifyRenderRequest, verified: &VerifiedRender, means: [&Image
         "<h2>The pictures</h2><p>Pumice is on the left, Cycles on the right; drag the handle in the lower corner of the left one.</p>\
          <div class=\"wipe\"><img alt=\"by Cycles\" src=\"{}\"><div class=\"over\">\
          <img alt=\"by Pumice\" src=\"{}\"></div></div>",
-        shown(theirs)?,
-        shown(ours)?,
+        shown(&maps.cycles)?,
+        shown(&maps.pumice)?,
     );
-    let difference = signed_difference_map(ours, theirs, &agreement.mask, 0.05 * agreement.scale);
     let maps = [
         (
-            map(&difference)?,
+            shown(&maps.difference_color)?,
             "Signed difference by pixel, noise included: red where Pumice is brighter; full colour at 5 % of the picture's mean.",
         ),
         (
-            map(&tile_difference_map(agreement, size))?,
+            shown(&maps.tile_difference_color)?,
             "Difference by tile of 8 × 8 pixels, in the channel where it is largest: full colour at the margin of 1 %.",
         ),
         (
-            map(&tile_t_map(agreement, size))?,
+            shown(&maps.tile_t_color)?,
             "Welch's t by tile: how sure the difference is, not how large; full colour at 6.",
         ),
-        (
-            map(&error_map(ours, theirs))?,
-            "FLIP: what an eye sees when flipping between the two; black is nothing.",
-        ),
+        (shown(&maps.flip_color)?, "FLIP: what an eye sees when flipping between the two; black is nothing."),
     ];
     html.push_str("<h2>Where they differ</h2><div class=\"maps\">");
     for (source, caption) in maps {
