@@ -40,15 +40,21 @@ def program():
     if chosen := os.environ.get("CHROMIUM"):
         return chosen
     folder = TARGET / "chromium"
-    done = subprocess.run([ROOT / "xtask/private-chromium.sh", folder], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    done = subprocess.run([ROOT / "xtask/private-chromium.sh", folder], env=environment(), capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     return folder / "browser"
+
+
+def environment():
+    """The variables of this process without those by which tests give other programs libraries and Vulkan."""
+    return {name: value for name, value in os.environ.items() if not name.startswith(("VK_", "LD_"))}
 
 
 class Browser:
     """A running browser; a context manager that ends it."""
 
     def __enter__(self):
+        found = program()
         self._folder = tempfile.TemporaryDirectory(prefix="pumice-browser-")
         pipes = [*os.pipe(), *os.pipe()]
         # Above the two numbers that the browser wants, so that putting one in place does not close the other.
@@ -60,13 +66,11 @@ class Browser:
             os.dup2(theirs_in, 3)
             os.dup2(theirs_out, 4)
 
-        # Settings of Vulkan and libraries that tests have for other programs are not for the browser.
-        env = {name: value for name, value in os.environ.items() if not name.startswith(("VK_", "LD_"))}
         self._log = Path(self._folder.name, "log")
         with self._log.open("wb") as log:
             self._process = subprocess.Popen(
-                [str(program()), *FLAGS, f"--user-data-dir={self._folder.name}/profile"],
-                stdin=subprocess.DEVNULL, stdout=log, stderr=log, env=env, preexec_fn=put_in_place, close_fds=False,
+                [str(found), *FLAGS, f"--user-data-dir={self._folder.name}/profile"],
+                stdin=subprocess.DEVNULL, stdout=log, stderr=log, env=environment(), preexec_fn=put_in_place, close_fds=False,
             )  # fmt: skip
         os.close(theirs_in)
         os.close(theirs_out)
@@ -74,11 +78,14 @@ class Browser:
         return self
 
     def __exit__(self, *_):
-        self._process.kill()
-        self._process.wait()
+        # It ends with its own processes when nobody speaks to it any more.
         os.close(self._to)
         os.close(self._from)
-        self._folder.cleanup()
+        try:
+            self._process.wait(LIMIT_SECONDS)
+        finally:
+            self._process.kill()
+            self._folder.cleanup()
 
     def page(self, width, height, scripts=True):
         """An empty page of so many pixels, on which scripts of documents run or do not."""
