@@ -6,14 +6,16 @@ The compiled module `pumice` (a wheel of this extension) does the work; this pac
 A module imports only from lines below its own:
 
     __init__
-    export_usd       verify
+    export_usd       export_gltf          verify
+    export_surfaces
+    frame_file
     panels           engine               export_scene         import_volume
     viewport         final_render
     scene_reader     first_look           passes
     volume_object    picture_texture      missing_boxes        overlay
     sync.*           registry             preferences
     label_table      properties           proxy                cache                devices             mesh_file
-    background
+    background       verify_maps
     reports
     native
 
@@ -33,6 +35,7 @@ if "panels" in locals():  # Blender reloads scripts (F3 > Reload Scripts): fresh
 
 from . import (
     engine,
+    export_gltf,
     export_scene,
     export_usd,
     import_volume,
@@ -41,11 +44,25 @@ from . import (
     properties,
     registry,
     verify,
+    verify_maps,
     viewport,
 )
 
 # Registered in this order, unregistered in reverse.
-MODULES = (properties, preferences, registry, import_volume, export_scene, export_usd, verify, viewport, engine, panels)
+MODULES = (
+    properties,
+    preferences,
+    registry,
+    import_volume,
+    export_scene,
+    export_usd,
+    export_gltf,
+    verify_maps,
+    verify,
+    viewport,
+    engine,
+    panels,
+)
 
 
 def register():

@@ -6,7 +6,7 @@ import textwrap
 
 import bpy
 
-from . import native, passes, preferences, scene_reader
+from . import native, passes, preferences, scene_reader, verify_maps
 from .properties import is_volume
 from .sync import cuts, drawn, lights, materials, meshes, world
 
@@ -127,6 +127,8 @@ class PUMICE_RENDER_PT_verify(_OfScene, bpy.types.Panel):
             for line in textwrap.wrap(wishes.verdict, 60):
                 column.label(text=line)
             layout.operator("wm.path_open", text="Open the Page", icon="URL").filepath = wishes.verdict_page
+        if verify_maps.are_kept():
+            layout.operator_menu_enum("pumice.show_verify_map", "which", text="Show a Picture or Map", icon="IMAGE_DATA")
 
 
 class PUMICE_RENDER_PT_performance(_OfScene, bpy.types.Panel):

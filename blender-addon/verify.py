@@ -2,19 +2,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Render > Verify against Cycles: whether Cycles draws what Pumice draws, with a page that says how sure that is.
 
-A second Blender draws the frame in the background, so that this one stays free. The verdict stands in the scene's panel, and the page
-opens in a browser from there.
+A second Blender draws the frame in the background, so that this one stays free. The verdict stands in the scene's panel; from there the
+page opens in a browser, and its pictures and maps in an Image Editor.
 """
 
 import os
 import sys
-import tempfile
 
 import bpy
 from bpy.props import FloatProperty, StringProperty
 
-from . import export_scene, native, preferences
+from . import native, preferences, verify_maps
 from .background import InBackground, Work
+from .frame_file import saved_frame
 
 
 def blender_program():
@@ -43,19 +43,14 @@ class PUMICE_OT_verify(InBackground, bpy.types.Operator):
         pumice = native.require()
         page = self.filepath or os.path.join(bpy.app.tempdir, "verify.html")
         page = os.path.abspath(bpy.path.abspath(page))
-        parts, left_out = export_scene.parts_to_export(context.evaluated_depsgraph_get())
-        for line in left_out:
-            self.report({"WARNING"}, line)
-        folder = tempfile.TemporaryDirectory(prefix="pumice-")
-        scene = os.path.join(folder.name, "scene.json")
-        export_scene.save(parts, scene)
+        folder, scene = saved_frame(self, context)
         program, seconds = blender_program(), self.seconds or None
         backend = preferences.backend(context.scene.pumice)
 
         def call(job):
             with folder:
                 report = pumice.verify_render(
-                    scene, blender=program, page=page, seconds=seconds, backend=backend, job=job
+                    scene, blender=program, page=page, seconds=seconds, backend=backend, maps=True, job=job
                 )
             return page, report
 
@@ -65,6 +60,7 @@ class PUMICE_OT_verify(InBackground, bpy.types.Operator):
         page, report = result
         wishes = context.scene.pumice
         wishes.verdict, wishes.verdict_page = report["sentence"], page
+        verify_maps.keep(report["maps"])
         kind = "INFO" if report["agreement"]["verdict"] == "agrees" else "WARNING"
         self.report({kind}, report["sentence"])
 

@@ -33,7 +33,7 @@ pub use film::FilmBuffer;
 pub use image::Image;
 pub use passes::PassSums;
 pub use picture::{Picture, PictureError, Provenance};
-pub use png_file::{png_bytes, png_of_encoded, write_png, write_png_shown};
+pub use png_file::{png_bytes, write_png, write_png_shown};
 pub use provenance_text::read_provenance;
 pub use pumice_scene::{Pass, Passes, ViewTransform};
 pub use radiance_file::read_hdr;

@@ -13,8 +13,6 @@ use rayon::prelude::*;
 
 use crate::exr_file::check_size;
 use crate::exr_read::Failure;
-use crate::image::Image;
-use crate::metrics::display::linear_from_srgb;
 use crate::provenance_text::{PROVENANCE_KEY, provenance_to_ascii};
 use crate::view_transform::shown;
 use crate::{Picture, PictureError, Provenance, ViewTransform};
@@ -33,15 +31,6 @@ pub fn write_png(path: &Path, picture: &Picture) -> Result<(), PictureError> {
 /// As [`write_png`].
 pub fn write_png_shown(path: &Path, picture: &Picture, view: ViewTransform) -> Result<(), PictureError> {
     write_atomically(path, |file| write_to(file, picture, view).map_err(|failure| failure.at(path)))
-}
-
-/// The bytes of a PNG file of an image whose values are sRGB-encoded already, such as a map.
-///
-/// # Errors
-/// As [`write_png`], without a file's name.
-pub fn png_of_encoded(image: &Image) -> Result<Vec<u8>, PictureError> {
-    let linear = image.map(|p| p.map(|v| linear_from_srgb(f64::from(v).clamp(0.0, 1.0)) as f32));
-    png_bytes(&Picture::of(linear), ViewTransform::Standard)
 }
 
 /// The bytes of the PNG file of a picture.
@@ -132,6 +121,8 @@ mod tests {
     use std::io::Cursor;
 
     use super::*;
+    use crate::image::Image;
+    use crate::metrics::display::linear_from_srgb;
     use crate::sample_pictures;
 
     fn decoded(path: &Path, color: png::ColorType) -> (u32, u32, Vec<u8>, Option<png::SrgbRenderingIntent>) {

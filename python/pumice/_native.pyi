@@ -365,10 +365,10 @@ def scene_save(text: str, path: str | PathLike[str]) -> None:
     Writes a scene file, which appears complete or not at all.
     """
 
-def verify_render(path: str | PathLike[str], *, blender: str | PathLike[str], page: str | PathLike[str] | None = None, control: str | PathLike[str] | None = None, spp: SupportsIndex, seconds: SupportsFloat | SupportsIndex | None = None, size: SupportsLenAndGetItem[SupportsIndex] | None = None, lod: SupportsIndex | None = None, backend: str, job: Job | None = None) -> str:
+def verify_render(path: str | PathLike[str], *, blender: str | PathLike[str], page: str | PathLike[str] | None = None, control: str | PathLike[str] | None = None, spp: SupportsIndex, seconds: SupportsFloat | SupportsIndex | None = None, size: SupportsLenAndGetItem[SupportsIndex] | None = None, lod: SupportsIndex | None = None, backend: str, maps: bool = False, job: Job | None = None) -> tuple[str, list[tuple[str, Array]]]:
     """
-    Compares our picture of a scene file with that of Cycles; returns the report as JSON text. While it runs, the job's fraction is the share
-    of the pictures of the next look.
+    Compares our picture of a scene file with that of Cycles; returns the report as JSON text, and if `maps` the pictures and maps by name,
+    each (height, width, 3). While it runs, the job's fraction is the share of the pictures of the next look.
     """
 
 def volume_info(dims: SupportsLenAndGetItem[SupportsIndex], label_type: str, world_from_index: SupportsLenAndGetItem[SupportsFloat | SupportsIndex], unit: str, names: SupportsGetItem[int, tuple[SupportsIndex, str]]) -> str:

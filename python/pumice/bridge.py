@@ -58,6 +58,7 @@ def verify_render(
     size: tuple[int, int] | None = None,
     lod: int | None = None,
     backend: str = "auto",
+    maps: bool = False,
     job: Job | None = None,
 ) -> dict[str, Any]:
     """Compares our picture of a scene file (or volume) with that of Cycles, until a verdict is reached.
@@ -68,8 +69,12 @@ def verify_render(
     `seconds`: no picture is begun after this time. `size`: width and height; by default at most 40,000 pixels. `lod`: 1, 4 or 16, the
     level of detail that both draw; by default the finest that memory allows. Returns the report of `pumice verify-render --json`, of which
     `sentence` is the verdict in words and `agreement["verdict"]` is `agrees`, `differs` or `cannot_tell`.
+
+    With `maps` the report also has `maps`, the images of the page by name: float32 (height, width, 3), scene-linear, row 0 at the top.
+    `pumice` and `cycles` are the mean pictures, `difference` is the first less the second, with its sign. `difference_color`,
+    `tile_difference_color`, `tile_t_color` and `flip_color` are the page's maps, as colours.
     """
-    text = _native.verify_render(
+    text, images = _native.verify_render(
         os.fspath(path),
         blender=os.fspath(blender),
         page=None if page is None else os.fspath(page),
@@ -79,9 +84,12 @@ def verify_render(
         size=None if size is None else (arguments.whole("size", size[0], 1, MOST_PIXELS), arguments.whole("size", size[1], 1, MOST_PIXELS)),
         lod=None if lod is None else arguments.whole("lod", lod, 1, 16),
         backend=backend,
+        maps=maps,
         job=job,
     )
     report: dict[str, Any] = json.loads(text)
+    if maps:
+        report["maps"] = {name: np.asarray(image) for name, image in images}
     return report
 
 

@@ -10,8 +10,10 @@ use pumice_session::{
 };
 use pyo3::prelude::*;
 
+use crate::array::Array;
 use crate::errors::input;
 use crate::job::{Job, job_of};
+use crate::picture::image;
 use crate::waiting::released;
 
 /// Writes a volume or a scene file for other programs; returns what was written, as JSON text.
@@ -51,11 +53,11 @@ pub(crate) fn export(
     serde_json::to_string(&exported).map_err(|e| input(&e))
 }
 
-/// Compares our picture of a scene file with that of Cycles; returns the report as JSON text. While it runs, the job's fraction is the share
-/// of the pictures of the next look.
+/// Compares our picture of a scene file with that of Cycles; returns the report as JSON text, and if `maps` the pictures and maps by name,
+/// each (height, width, 3). While it runs, the job's fraction is the share of the pictures of the next look.
 #[pyfunction]
 #[pyo3(name = "verify_render")]
-#[pyo3(signature = (path, *, blender, page=None, control=None, spp, seconds=None, size=None, lod=None, backend, job=None))]
+#[pyo3(signature = (path, *, blender, page=None, control=None, spp, seconds=None, size=None, lod=None, backend, maps=false, job=None))]
 #[expect(clippy::too_many_arguments, reason = "keywords of a Python function")]
 pub(crate) fn verify(
     py: Python<'_>,
@@ -68,8 +70,9 @@ pub(crate) fn verify(
     size: Option<[u32; 2]>,
     lod: Option<u32>,
     backend: String,
+    maps: bool,
     job: Option<&Bound<'_, Job>>,
-) -> PyResult<String> {
+) -> PyResult<(String, Vec<(&'static str, Array)>)> {
     let job = job_of(job);
     let level = match lod {
         None => None,
@@ -100,5 +103,7 @@ pub(crate) fn verify(
             watched.advance(progress.pictures as u64);
         })
     })?;
-    serde_json::to_string(&verified).map_err(|e| input(&e))
+    let report = serde_json::to_string(&verified).map_err(|e| input(&e))?;
+    let named = verified.maps.named().into_iter().filter(|_| maps);
+    Ok((report, named.map(|(name, of)| (name, image(of))).collect()))
 }

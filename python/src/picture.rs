@@ -23,7 +23,8 @@ use crate::waiting::released;
 #[pyclass(frozen, module = "pumice._native")]
 pub(crate) struct Picture(Rendered);
 
-fn image(image: &Image) -> Array {
+/// The pixels of an image: (height, width, 3).
+pub(crate) fn image(image: &Image) -> Array {
     let values = image.pixels.as_flattened().to_vec();
     Array::new(Data::F32(values), &[image.height, image.width, 3])
 }

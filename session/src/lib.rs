@@ -42,4 +42,4 @@ pub use pumice_transport::geometry::DetailLevel;
 pub use render_file::{RenderFigures, RenderOverrides, RenderRequest, Rendered, Subject, render_file};
 pub use savings::{OpeningSaved, Savings, SavingsOptions, measure_savings};
 pub use shipped_volume::shipped_volume;
-pub use verify_render::{VerifiedRender, VerifyProgress, VerifyRenderRequest, verify_render};
+pub use verify_render::{VerifiedRender, VerifyMaps, VerifyProgress, VerifyRenderRequest, verify_render};

@@ -18,6 +18,12 @@ pub fn display_from_linear(picture: &Image) -> Image {
     picture.map(|p| p.map(|v| srgb_from_linear(f64::from(v).clamp(0.0, 1.0)) as f32))
 }
 
+/// The scene-linear picture that a screen shows as this sRGB-encoded one.
+#[must_use]
+pub fn linear_from_display(encoded: &Image) -> Image {
+    encoded.map(|p| p.map(|v| linear_from_srgb(f64::from(v).clamp(0.0, 1.0)) as f32))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -9,6 +9,7 @@
 //! through a file that Blender's importers read.
 
 mod charts;
+mod maps;
 mod page;
 mod subject;
 
@@ -33,6 +34,7 @@ use crate::progressive::{Stop, render_until};
 use crate::render_file::RenderOverrides;
 use crate::render_file::hash_text;
 use charts::Curve;
+pub use maps::VerifyMaps;
 use page::write_page;
 use subject::Subject;
 
@@ -124,6 +126,9 @@ pub struct VerifiedRender {
     pub total_seconds: f64,
     /// Largest resident set of this process.
     pub peak_rss_bytes: Option<u64>,
+    /// The mean pictures, and maps of their difference; no part of the report as text.
+    #[serde(skip)]
+    pub maps: VerifyMaps,
 }
 
 /// How far a comparison is.
@@ -231,10 +236,11 @@ pub fn verify_render(
         volume_hashes: subject.scene.volumes().iter().map(|v| hash_text(v)).collect(),
         total_seconds: total.seconds(),
         peak_rss_bytes: peak_rss_bytes(),
+        maps: VerifyMaps::new(our_mean, their_mean, &agreement),
         agreement,
     };
     if let Some(path) = &request.page {
-        write_page(path, request, &verified, [&our_mean, &their_mean])?;
+        write_page(path, request, &verified)?;
     }
     Ok(verified)
 }

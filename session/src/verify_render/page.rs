@@ -9,11 +9,8 @@ use std::path::Path;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use pumice_core::{TargetError, write_atomically};
-use pumice_picture::agreement::{
-    LEVEL, Verdict, percent, signed_difference_map, tile_difference_map, tile_t_map,
-};
-use pumice_picture::metrics::error_map;
-use pumice_picture::{Image, Pass, Picture, ViewTransform, png_bytes, png_of_encoded};
+use pumice_picture::agreement::{LEVEL, Verdict, percent};
+use pumice_picture::{Image, Pass, Picture, ViewTransform, png_bytes};
 
 use super::charts::{error_svg, histogram_svg};
 use super::{Cost, VerifiedRender, VerifyRenderRequest};
@@ -51,9 +48,8 @@ pub(super) fn write_page(
     path: &Path,
     request: &VerifyRenderRequest,
     verified: &VerifiedRender,
-    means: [&Image; 2],
 ) -> Result<()> {
-    let html = page(request, verified, means)?;
+    let html = page(request, verified)?;
     let full = |source| TargetError::Io { path: path.to_owned(), source };
     write_atomically(path, |out| out.write_all(html.as_bytes()).map_err(full))
         .map_err(|e| pumice_core::Error::from(e).into())
@@ -68,21 +64,18 @@ h1 { font-size: 1.4rem } h2 { font-size: 1.1rem; margin-top: 2.2rem }
 table { border-collapse: collapse } td, th { padding: .2rem .9rem .2rem 0; text-align: left; vertical-align: top; font-weight: normal }
 th { color: #555 } td.n { text-align: right; font-variant-numeric: tabular-nums }
 img { image-rendering: pixelated; display: block; width: 100% }
-.wipe { position: relative; overflow: hidden } .wipe .over { position: absolute; inset: 0 auto 0 0; width: 50%; min-width: 1.5rem;
+.wipe { position: relative; overflow: hidden; container-type: inline-size } .wipe .over { position: absolute; inset: 0 auto 0 0; width: 50%; min-width: 1.5rem;
   max-width: 100%; overflow: hidden; resize: horizontal; border-right: 2px solid #fff; box-shadow: 1px 0 0 #000 }
-.wipe .over img { width: var(--w); max-width: none; height: 100% }
+.wipe .over img { width: 100cqw; max-width: none; height: 100% }
 .maps { display: grid; grid-template-columns: repeat(auto-fit, minmax(17rem, 1fr)); gap: 1rem } figure { margin: 0 }
 figcaption { font-size: .85rem; color: #444 } code { overflow-wrap: anywhere; font-size: .85rem }
 ";
 
-fn page(request: &VerifyRenderRequest, verified: &VerifiedRender, means: [&Image; 2]) -> Result<String> {
-    let agreement = &verified.agreement;
-    let [ours, theirs] = means;
-    let size = [ours.width, ours.height];
+fn page(request: &VerifyRenderRequest, verified: &VerifiedRender) -> Result<String> {
+    let VerifiedRender { agreement, maps, .. } = verified;
     let view = ViewTransform::Standard;
     let shown =
         |image: &Image| -> Result<String> { Ok(embedded(&png_bytes(&Picture::of(image.clone()), view)?)) };
-    let map = |image: &Image| -> Result<String> { Ok(embedded(&png_of_encoded(image)?)) };
     let class = match agreement.verdict {
         Verdict::Agrees => "agrees",
         Verdict::Differs => "differs",
@@ -114,29 +107,25 @@ fn page(request: &VerifyRenderRequest, verified: &VerifiedRender, means: [&Image
     let _ = writeln!(
         html,
         "<h2>The pictures</h2><p>Pumice is on the left, Cycles on the right; drag the handle in the lower corner of the left one.</p>\
-         <div class=\"wipe\" style=\"--w: min(58rem, calc(100vw - 2rem))\"><img alt=\"by Cycles\" src=\"{}\"><div class=\"over\">\
+         <div class=\"wipe\"><img alt=\"by Cycles\" src=\"{}\"><div class=\"over\">\
          <img alt=\"by Pumice\" src=\"{}\"></div></div>",
-        shown(theirs)?,
-        shown(ours)?,
+        shown(&maps.cycles)?,
+        shown(&maps.pumice)?,
     );
-    let difference = signed_difference_map(ours, theirs, &agreement.mask, 0.05 * agreement.scale);
     let maps = [
         (
-            map(&difference)?,
+            shown(&maps.difference_color)?,
             "Signed difference by pixel, noise included: red where Pumice is brighter; full colour at 5 % of the picture's mean.",
         ),
         (
-            map(&tile_difference_map(agreement, size))?,
+            shown(&maps.tile_difference_color)?,
             "Difference by tile of 8 × 8 pixels, in the channel where it is largest: full colour at the margin of 1 %.",
         ),
         (
-            map(&tile_t_map(agreement, size))?,
+            shown(&maps.tile_t_color)?,
             "Welch's t by tile: how sure the difference is, not how large; full colour at 6.",
         ),
-        (
-            map(&error_map(ours, theirs))?,
-            "FLIP: what an eye sees when flipping between the two; black is nothing.",
-        ),
+        (shown(&maps.flip_color)?, "FLIP: what an eye sees when flipping between the two; black is nothing."),
     ];
     html.push_str("<h2>Where they differ</h2><div class=\"maps\">");
     for (source, caption) in maps {
