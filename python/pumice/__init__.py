@@ -17,6 +17,7 @@ from .mesh import Mesh
 from .picture import CurvePoint, Picture, cryptomatte_hash, devices, render
 from .scene import Scene, figure
 from .session import Frame, Pick, Session, Status
+from .surface import count_faces, surface
 from .volume import Faces, LabelTable, Volume, compress, open, probe
 
 # At exit, calls in other threads are ended before the interpreter is, because it would end their threads by force.
@@ -42,6 +43,7 @@ __all__ = [
     "Volume",
     "__version__",
     "compress",
+    "count_faces",
     "cryptomatte_hash",
     "devices",
     "export",
@@ -49,5 +51,6 @@ __all__ = [
     "open",
     "probe",
     "render",
+    "surface",
     "verify_render",
 ]
