@@ -7,9 +7,9 @@ A module imports only from lines below its own:
 
     __init__
     export_usd       verify
-    panels           engine               export_scene         import_volume
-    viewport         final_render
-    scene_reader     first_look           passes
+    panels           engine               export_scene         import_volume        import_scene         exact_mesh
+    viewport         final_render         usd_stage            usd_values
+    scene_reader     first_look           passes               scene_notes
     volume_object    picture_texture      missing_boxes        overlay
     sync.*           registry             preferences
     label_table      properties           proxy                cache                devices             mesh_file
@@ -33,8 +33,10 @@ if "panels" in locals():  # Blender reloads scripts (F3 > Reload Scripts): fresh
 
 from . import (
     engine,
+    exact_mesh,
     export_scene,
     export_usd,
+    import_scene,
     import_volume,
     panels,
     preferences,
@@ -45,7 +47,10 @@ from . import (
 )
 
 # Registered in this order, unregistered in reverse.
-MODULES = (properties, preferences, registry, import_volume, export_scene, export_usd, verify, viewport, engine, panels)
+MODULES = (
+    *(properties, preferences, registry, import_volume, import_scene, export_scene, export_usd, exact_mesh, verify, viewport),
+    *(engine, panels),
+)
 
 
 def register():
