@@ -229,8 +229,8 @@ def rendered(bpy, folder, seeds):
 
 def main(stage, out, seeds, how):
     """See the top of the file."""
-    import addon_utils
-    import bpy
+    import bpy  # noqa: I001
+    import addon_utils  # bpy brings it
     from mathutils import Matrix
 
     for brought in Path(bpy.utils.resource_path("LOCAL")).glob("python/lib/python3*/site-packages"):
