@@ -117,6 +117,7 @@ class PUMICE_OT_export_scene(InBackground, bpy.types.Operator, ExportHelper):
         stem, ending = os.path.splitext(os.path.basename(path))
         if not os.path.isdir(os.path.dirname(path)):
             raise Refused(f"{os.path.dirname(path)}: there is no such folder")
+        usd_stage.require()
         parts, _ = parts_to_export(context.evaluated_depsgraph_get())
         self._path, self._lacks = path, usd_stage.lacks_of(context)
         # Beside the target, so that finished files are only renamed.

@@ -13,10 +13,13 @@ as Cycles draws them; afterwards the scene is as before.
 """
 
 import contextlib
+import importlib.util
 import json
 import math
 import os
 import shutil
+import sys
+from pathlib import Path
 
 import bpy
 
@@ -35,12 +38,25 @@ MADE_MESHES = {"CURVE", "SURFACE", "FONT"}
 NOT_WRITTEN = {"GREASEPENCIL", "GPENCIL"}
 
 
-def export_around(context, path):
-    """Writes all but the volumes by Blender's own exporter. Returns {name of an exported object: object that it stands for}."""
+def require():
+    """Raises Refused where Blender has no USD, or no Python modules of it."""
     try:
         bpy.ops.wm.usd_export.get_rna_type()
     except KeyError:
         raise Refused("This Blender was built without USD") from None
+    if not has_modules():
+        raise Refused("This Blender lacks the Python modules of USD (pxr), which the program has from 4.2 on, and the module bpy from 5.0 on")
+
+
+def has_modules():
+    """Whether USD's Python modules load. Blender as a Python module has them in a folder that is not searched."""
+    if importlib.util.find_spec("pxr") is None:
+        sys.path += [str(found) for found in Path(bpy.utils.resource_path("LOCAL")).glob("python/lib/python3*/site-packages")]
+    return importlib.util.find_spec("pxr") is not None
+
+
+def export_around(context, path):
+    """Writes all but the volumes by Blender's own exporter. Returns {name of an exported object: object that it stands for}."""
     wishes = {
         "check_existing": False,
         "visible_objects_only": True,
