@@ -110,6 +110,8 @@ class PUMICE_OT_make_exact_mesh(InBackground, bpy.types.Operator):
             raise Refused("Make Exact Mesh: no volume is selected; select one that was imported as a label volume")
         if any(cuts.is_cut(obj) and not obj.hide_render for obj in context.scene.objects):
             self.report({"WARNING"}, "Cuts are not in the mesh: it is the whole surface")
+        if context.scene.pumice.smooth_voxels:
+            self.report({"WARNING"}, "Smooth Voxels is not in the mesh: its faces are flat")
         wanted = [Wanted(obj) for obj in chosen]
         merged, limit = self.merged, int(self.memory_gb * 1e9) // BYTES_A_FACE
 

@@ -70,17 +70,22 @@ class PUMICE_OT_export_scene(InBackground, bpy.types.Operator, ExportHelper):
         default=False,
     )
 
+    _kind_before = "JSON"
+
     def invoke(self, context, event):
-        self._interactive = True
+        self._interactive, self._kind_before = True, self.kind
         return ExportHelper.invoke(self, context, event)
 
     def check(self, _context):
-        """Gives the name in the dialog the ending of the chosen kind."""
+        """Keeps the chosen kind and the ending of the name in the dialog the same, whichever of them the user has changed."""
         stem, ending = os.path.splitext(self.filepath)
-        wanted = f".{self.kind.lower()}"
-        known = ending.lower() in {".json", *STAGES}
-        renamed = (stem if known else self.filepath) + wanted
-        changed, self.filepath = renamed != self.filepath, renamed
+        typed = ending[1:].upper()
+        is_known = typed in {kind for kind, *_ in KINDS}
+        if is_known and self.kind == self._kind_before:
+            self.kind = typed
+        self._kind_before = self.kind
+        renamed = (stem if is_known else self.filepath) + f".{self.kind.lower()}"
+        changed, self.filepath = renamed.lower() != self.filepath.lower(), renamed
         return changed
 
     def draw(self, _context):

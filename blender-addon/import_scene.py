@@ -14,6 +14,7 @@ import os
 import bpy
 from bpy.props import BoolProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper
+from mathutils import Matrix
 
 from . import scene_notes, usd_stage, usd_values, volume_object
 from .reports import Refused, log, one_line
@@ -101,7 +102,7 @@ def _objects(context, objects, holder):
             obj.matrix_world = world
         if "matrix" in said:
             # The importer gave it location, rotation and scale, which cannot shear.
-            obj.parent = None
+            obj.parent, obj.matrix_basis = None, Matrix()
             volume_object.place(context, obj, matrix.from_twelve(said["matrix"]))
         refused += scene_notes.set_object(obj, said)
         by_name.setdefault(said["name"], obj)

@@ -190,6 +190,8 @@ def lacks_of(context):
             materials.update({slot.material.name: slot.material for slot in obj.material_slots if slot.material is not None})
     for name in sorted(materials):
         lacks += shader_notes.note(materials[name])[1]
+    if scene.pumice.smooth_voxels and any(is_volume(obj) and not obj.hide_render for obj in scene.objects):
+        lacks.append("Smooth Voxels is not in the file: volumes have flat faces")
     if not _is_ours(scene.world):
         lacks.append("World: it arrives as Blender's exporter writes it, which is its picture and strength at best")
     for names, what in (

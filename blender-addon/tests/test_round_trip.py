@@ -10,20 +10,24 @@ import json
 import os
 import subprocess
 import sys
+import types
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import staged_scene
-from staged_scene import LIGHTS, VOLUME, differences, labels, rendered, values
+from staged_scene import FLOOR, LIGHTS, VOLUME, differences, labels, rendered, values
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests/python"))
 from share import one_of_today  # noqa: E402
 
 
 @pytest.fixture
-def staged(blender, tmp_path):
+def staged(blender, extension, tmp_path):
+    if not extension.export_scene.usd_stage.has_modules():
+        assert blender.app.version < (5, 0, 0)
+        pytest.skip("bpy before 5.0 has no Python modules of USD; the program Blender has")
     staged_scene.build(blender, tmp_path)
     return blender
 
@@ -118,22 +122,34 @@ def test_other_kinds_of_objects_and_what_is_lost(staged, extension, tmp_path):
     for obj in (text, hidden):
         scene.collection.objects.link(obj)
     hidden.hide_render = True
+    scene.pumice.smooth_voxels = True
     data.objects["gold"].keyframe_insert("location", frame=1)
     tree = data.materials["glass"].node_tree
     noise = tree.nodes.new("ShaderNodeTexNoise")
     shader = next(n for n in tree.nodes if n.type == "BSDF_PRINCIPLED")
     tree.links.new(noise.outputs["Color"], shader.inputs["Base Color"])
+    picture = data.images.new("checks", 8, 4)
+    picture.pixels.foreach_set(np.tile(np.array([0.2, 0.6, 0.4, 1.0], np.float32), 32))
+    picture.file_format, picture.filepath_raw = "PNG", str(tmp_path / "checks.png")
+    picture.save()
+    tree = data.materials[FLOOR].node_tree
+    texture = tree.nodes.new("ShaderNodeTexImage")
+    texture.image = data.images.load(str(tmp_path / "checks.png"))
+    tree.links.new(texture.outputs["Color"], next(n for n in tree.nodes if n.type == "BSDF_PRINCIPLED").inputs["Base Color"])
     data.objects["bulb"].parent = data.objects[VOLUME]
     data.objects["disk"].parent = data.objects["spot"]
     staged.context.view_layer.update()
     places = {name: np.array(data.objects[name].matrix_world) for name in ("bulb", "spot", "disk")}
     lost = [
         "Material glass: what is linked to Base Color arrives as the file's own materials have it",
+        "Material the floor: what is linked to Base Color arrives as the file's own materials have it",
+        "Smooth Voxels is not in the file: volumes have flat faces",
         "unseen: hidden in renders, so not in the file",
         "gold: animated; the file has frame 7 alone",
     ]
     assert extension.export_scene.usd_stage.lacks_of(staged.context) == lost
-    path = exported(staged, tmp_path / "scene.usdc")
+    (tmp_path / "out").mkdir()
+    path = exported(staged, tmp_path / "out" / "scene.usdc")
     assert data.objects["a text"].type == "FONT" and not data.objects["a text"].hide_render and len(data.curves) == 1
     staged.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
     _, lines = extension.import_scene.restore(staged.context, str(path), True)
@@ -148,9 +164,36 @@ def test_other_kinds_of_objects_and_what_is_lost(staged, extension, tmp_path):
         assert staged.data.objects[name].data.energy == LIGHTS[name][1]["energy"]
     shader = next(n for n in staged.data.materials["glass"].node_tree.nodes if n.type == "BSDF_PRINCIPLED")
     assert shader.inputs["Transmission Weight"].default_value == 1.0
+    # A picture on a mesh arrives with its UV map; the other inputs of the shader are as they were.
+    floor = next(n for n in staged.data.materials[FLOOR].node_tree.nodes if n.type == "BSDF_PRINCIPLED")
+    (link,) = floor.inputs["Base Color"].links
+    assert link.from_node.type == "TEX_IMAGE" and tuple(link.from_node.image.size) == (8, 4)
+    assert floor.inputs["Sheen Weight"].default_value == np.float32(0.4) and len(staged.data.objects[FLOOR].data.uv_layers) == 1
+    assert sorted(p.name for p in (tmp_path / "out" / "textures").iterdir()) == ["checks.png", "sky.exr"]
 
 
-def test_errors_are_one_line_and_leave_nothing(staged, tmp_path):
+def test_a_volume_whose_axes_shear_keeps_its_shape(staged, tmp_path):
+    import pumice
+
+    world = np.array([[-2.0, 0.3, 0, 10], [0, 1.5, 0.2, 20], [0, 0, 3.0, 30], [0, 0, 0, 1]])
+    pumice.compress(labels(), world_from_index=world, unit="nm").save(tmp_path / "sheared.pumice")
+    assert staged.ops.pumice.import_volume(filepath=str(tmp_path / "sheared.pumice"), use_light=False, use_camera=False) == {"FINISHED"}
+    staged.context.view_layer.update()
+    matrix = np.array(staged.data.objects["sheared"].matrix_world)
+    path = exported(staged, tmp_path / "scene.usdc")
+    reopened(staged, path)
+    staged.context.view_layer.update()
+    found = staged.data.objects["sheared"]
+    assert len(found.data.polygons) > 1000 and np.allclose(np.array(found.matrix_world), matrix, rtol=0, atol=1e-6)
+    # Control: location, rotation and scale alone would be another matrix.
+    assert not np.allclose(np.array(type(found.matrix_world).LocRotScale(*found.matrix_world.decompose())), matrix, rtol=0, atol=1e-3)
+
+
+def test_errors_are_one_line_and_leave_nothing(staged, extension, monkeypatch, tmp_path):
+    with monkeypatch.context() as lacking:
+        lacking.setattr(extension.export_scene.usd_stage, "has_modules", lambda: False)
+        with pytest.raises(RuntimeError, match="lacks the Python modules of USD"):
+            staged.ops.pumice.export_scene(filepath=str(tmp_path / "scene.usdc"))
     with pytest.raises(RuntimeError, match="there is no such folder"):
         staged.ops.pumice.export_scene(filepath=str(tmp_path / "missing/scene.usdc"))
     with pytest.raises(RuntimeError, match="there is no such file"):
@@ -193,6 +236,18 @@ def test_a_stage_without_notes_arrives_by_the_specification(blender, tmp_path):
     assert (scene.render.resolution_x, scene.render.resolution_y) == (300, 500)
     nodes = {node.type: node for node in scene.world.node_tree.nodes}
     assert nodes["BACKGROUND"].inputs["Strength"].default_value == 1.5
+
+
+def test_the_dialog_keeps_kind_and_ending_the_same(extension):
+    operator = extension.export_scene.PUMICE_OT_export_scene
+    dialog = types.SimpleNamespace(filepath="/x/a.json", kind="JSON", _kind_before="JSON")
+    assert not operator.check(dialog, None) and (dialog.filepath, dialog.kind) == ("/x/a.json", "JSON")
+    dialog.kind = "USDZ"
+    assert operator.check(dialog, None) and dialog.filepath == "/x/a.usdz"
+    # Another ending is typed; none; one that is none.
+    for typed, expected, kind in [("/x/b.usda", "/x/b.usda", "USDA"), ("/x/c", "/x/c.usda", "USDA"), ("/x/d.1", "/x/d.1.usda", "USDA")]:
+        dialog.filepath = typed
+        assert operator.check(dialog, None) == (typed != expected) and (dialog.filepath, dialog.kind) == (expected, kind)
 
 
 def in_a_fresh_blender(stage, out, first_seed, how):
