@@ -9,9 +9,9 @@ A module imports only from lines below its own:
     export_usd       export_gltf          verify
     export_surfaces
     frame_file
-    panels           engine               export_scene         import_volume
-    viewport         final_render
-    scene_reader     first_look           passes
+    panels           engine               export_scene         import_volume        import_scene         exact_mesh
+    viewport         final_render         usd_stage            usd_values
+    scene_reader     first_look           passes               scene_notes
     volume_object    picture_texture      missing_boxes        overlay
     sync.*           registry             preferences
     label_table      properties           proxy                cache                devices             mesh_file
@@ -35,9 +35,11 @@ if "panels" in locals():  # Blender reloads scripts (F3 > Reload Scripts): fresh
 
 from . import (
     engine,
+    exact_mesh,
     export_gltf,
     export_scene,
     export_usd,
+    import_scene,
     import_volume,
     panels,
     preferences,
@@ -54,9 +56,11 @@ MODULES = (
     preferences,
     registry,
     import_volume,
+    import_scene,
     export_scene,
     export_usd,
     export_gltf,
+    exact_mesh,
     verify_maps,
     verify,
     viewport,

@@ -3,7 +3,7 @@
 """Operators whose work runs in a thread of its own, with progress and ESC in a window, and to the end if a script calls them.
 
 An operator that mixes in `InBackground` has `begin(context)`, which returns a `Work`, and `finish(context, result)`, which runs in
-Blender's thread when the work is done.
+Blender's thread when the work is done. `ended()` runs last in any case: after success, failure and cancelling.
 """
 
 import threading
@@ -15,14 +15,17 @@ from .reports import log, one_line
 
 
 class Work:
-    """A call in a thread: `call(job)` must not use Blender."""
+    """A call in a thread: `call(job)` must not use Blender. With `tells` it is `call(job, tell)`; `tell(text)` names the stage reached."""
 
-    def __init__(self, stage, call):
-        self.stage, self.call = stage, call
+    def __init__(self, stage, call, *, tells=False):
+        self.stage, self.call = stage, (lambda job: call(job, self._tell)) if tells else call
         self.job = native.require().Job()
         self.result = self.error = None
         self.thread = threading.Thread(target=self._run, name="pumice work", daemon=True)
         self.thread.start()
+
+    def _tell(self, stage):
+        self.stage = stage
 
     def _run(self):
         try:
@@ -73,9 +76,20 @@ class InBackground:
         """Called when Blender ends the operator, because a file is loaded or the window is closed."""
         if self._work is not None:
             self._work.job.cancel()
+            self._work.thread.join()
             self._end(context)
+            self.ended()
+
+    def ended(self):
+        """Nothing to clean up, unless an operator says what."""
 
     def _finished(self, context):
+        try:
+            return self._outcome(context)
+        finally:
+            self.ended()
+
+    def _outcome(self, context):
         work = self._work
         if isinstance(work.error, native.require().Cancelled):
             self.report({"WARNING"}, f"Cancelled: {work.stage}")

@@ -193,6 +193,7 @@ class PUMICE_OBJECT_PT_volume(bpy.types.Panel):
         size = " × ".join(f"{s:.6g}" for s in volume.spacing)
         facts.label(text=f"Voxel size {size} {_unit(volume.unit)}")
         facts.label(text=f"Display scale: 1 {_unit(volume.unit)} is {volume.display_scale:.6g} Blender units")
+        layout.operator("pumice.make_exact_mesh")
 
 
 class PUMICE_OBJECT_PT_cut(_OfScene, bpy.types.Panel):

@@ -17,6 +17,7 @@ from .mesh import Mesh
 from .picture import CurvePoint, Picture, cryptomatte_hash, devices, render
 from .scene import Scene, figure
 from .session import Frame, Pick, Session, Status
+from .surface import count_faces, surface
 from .volume import Faces, LabelTable, Volume, compress, open, probe
 
 # At exit, calls in other threads are ended before the interpreter is, because it would end their threads by force.
@@ -43,6 +44,7 @@ __all__ = [
     "__version__",
     "agreement",
     "compress",
+    "count_faces",
     "cryptomatte_hash",
     "devices",
     "export",
@@ -50,5 +52,6 @@ __all__ = [
     "open",
     "probe",
     "render",
+    "surface",
     "verify_render",
 ]

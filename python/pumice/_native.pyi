@@ -313,6 +313,11 @@ def compress(source: str | PathLike[str] | Incomplete, *, types: str | None = No
     Compresses a file, or blocks; also returns the reader's warnings.
     """
 
+def count_faces(volume: Volume, visible: SupportsGetItem[int, bool], *, lod: SupportsIndex, merged: bool, limit: SupportsIndex, job: Job | None = None) -> int:
+    """
+    Number of faces of the surface of the labels that are `visible`, by row of the table; an error where there are more than `limit`.
+    """
+
 def cryptomatte_hash(name: str) -> int:
     """
     The hash of a name in Cryptomatte: MurmurHash3_x86_32 of its UTF-8.
@@ -363,6 +368,11 @@ def scene_load(path: str | PathLike[str]) -> str:
 def scene_save(text: str, path: str | PathLike[str]) -> None:
     """
     Writes a scene file, which appears complete or not at all.
+    """
+
+def surface(volume: Volume, visible: SupportsGetItem[int, bool], *, lod: SupportsIndex, merged: bool, shared_corners: bool, job: Job | None = None) -> tuple[Array, Array, Array]:
+    """
+    The surface of the labels that are `visible`, by row of the table: vertices, quads, label of each quad.
     """
 
 def verify_render(path: str | PathLike[str], *, blender: str | PathLike[str], page: str | PathLike[str] | None = None, control: str | PathLike[str] | None = None, spp: SupportsIndex, seconds: SupportsFloat | SupportsIndex | None = None, size: SupportsLenAndGetItem[SupportsIndex] | None = None, lod: SupportsIndex | None = None, backend: str, maps: bool = False, job: Job | None = None) -> tuple[str, list[tuple[str, Array]]]:

@@ -13,6 +13,7 @@ mod live;
 mod mesh;
 mod picture;
 mod scene;
+mod surface;
 mod volume;
 mod waiting;
 
@@ -41,6 +42,8 @@ mod _native {
     use crate::picture::{Picture, cryptomatte_hash, devices, panic_on_purpose, render};
     #[pymodule_export]
     use crate::scene::{figure, scene_checked, scene_load, scene_save};
+    #[pymodule_export]
+    use crate::surface::{count_faces, surface};
     #[pymodule_export]
     use crate::volume::{Volume, compress, open, probe, volume_info};
 

@@ -70,3 +70,37 @@ def test_what_cannot_be_is_refused(volume):
     job.cancel()
     with pytest.raises(pumice.Cancelled):
         volume.faces(job=job)
+
+
+def test_a_surface_is_made_of_those_faces(volume, labels):
+    ids = volume.labels.ids.tolist()
+    for shown in (None, ids[::3], []):
+        surface = pumice.surface(volume, shown)
+        whole = ids if shown is None else shown
+        np.testing.assert_array_equal(got(volume, surface), expected(labels, whole, "outside"))
+        assert pumice.count_faces(volume, shown) == len(surface.quads)
+    shared = pumice.surface(volume, shared_corners=True)
+    assert len(np.unique(shared.vertices, axis=0)) == len(shared.vertices)
+    np.testing.assert_array_equal(got(volume, shared), got(volume, pumice.surface(volume)))
+
+
+def test_merged_rectangles_cover_the_same(volume):
+    plain, merged = pumice.surface(volume), pumice.surface(volume, merged=True)
+    assert pumice.count_faces(volume, merged=True) == len(merged.quads) < len(plain.quads) / 1.5
+
+    def area(surface):
+        corners = surface.vertices[surface.quads.astype(np.int64)].astype(np.int64)
+        sides = np.abs(np.cross(corners[:, 1] - corners[:, 0], corners[:, 3] - corners[:, 0])).sum(axis=1)
+        return np.bincount(surface.labels, sides, len(volume.labels))
+
+    np.testing.assert_array_equal(area(merged), area(plain))
+
+
+def test_coarser_surfaces_and_limits(volume):
+    counts = [pumice.count_faces(volume, lod=lod) for lod in (1, 4, 16)]
+    assert counts[0] > 3 * counts[1] and counts[1] >= counts[2] > 0
+    assert pumice.count_faces(volume, limit=counts[0]) == counts[0]
+    with pytest.raises(pumice.InputError, match="faces of the surface, counted so far"):
+        pumice.count_faces(volume, limit=counts[0] - 1)
+    with pytest.raises(pumice.InputError, match="lod: expected 1, 4 or 16, got 2"):
+        pumice.surface(volume, lod=2)

@@ -38,7 +38,7 @@ pub use faces::{FaceBlock, Interfaces, for_each_face_block};
 pub use file_format::FileFormat;
 pub use form::Form;
 pub use left_out::left_out_of;
-pub use quad_mesh::{Corners, QuadMesh};
+pub use quad_mesh::{Corners, QuadMesh, count_surface_faces};
 pub use reader::Reader;
 pub use scene_stage::stage_of_scene;
 pub use surface::{Merging, Rectangle, for_each_surface_block};

@@ -1,9 +1,10 @@
 //! Collects all faces in the arrays that mesh formats use.
 
 use pumice_core::{CompressedVolume, Error, Job, Result};
+use pumice_transport::geometry::DetailLevel;
 use rustc_hash::FxHashMap;
 
-use crate::{Interfaces, for_each_face_block};
+use crate::{Interfaces, Merging, for_each_face_block, for_each_surface_block};
 
 /// Whether faces share corners.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -40,29 +41,84 @@ impl QuadMesh {
         job: &Job,
     ) -> Result<Self> {
         let mut mesh = Self::default();
-        let mut number_of: FxHashMap<[u32; 3], u32> = FxHashMap::default();
+        let mut number_of = NumberOf::default();
         for_each_face_block(volume, visible, interfaces, job, |block| {
-            for quad in &block.quads {
-                let mut numbers = [0; 4];
-                for (number, corner) in numbers.iter_mut().zip(quad) {
-                    let next = vertex_number(mesh.vertices.len())?;
-                    *number = match corners {
-                        Corners::Own => next,
-                        Corners::Shared => *number_of.entry(*corner).or_insert(next),
-                    };
-                    if *number == next {
-                        // A volume has at most 2²³ voxels along an axis.
-                        mesh.vertices.push(corner.map(|c| c as i32));
-                    }
-                }
-                mesh.quads.push(numbers);
-            }
+            block.quads.iter().try_for_each(|quad| mesh.push(quad, corners, &mut number_of))?;
             mesh.labels.extend(block.labels);
             Ok(())
         })?;
         Ok(mesh)
     }
+
+    /// The surface of the labels that are `visible` at a level of detail, in the order of [`for_each_surface_block`]; shared vertices come
+    /// in the order of their first quads.
+    ///
+    /// # Errors
+    /// Those of [`for_each_surface_block`], and [`Error::Limit`] for 2³² vertices or more.
+    pub fn of_surface(
+        volume: &CompressedVolume,
+        visible: &[bool],
+        level: DetailLevel,
+        merging: Merging,
+        corners: Corners,
+        job: &Job,
+    ) -> crate::Result<Self> {
+        let mut mesh = Self::default();
+        let mut number_of = NumberOf::default();
+        for_each_surface_block(volume, visible, level, merging, job, |block| {
+            for rectangle in block {
+                mesh.push(&rectangle.corners(), corners, &mut number_of)?;
+                mesh.labels.push(rectangle.label);
+            }
+            Ok(())
+        })?;
+        Ok(mesh)
+    }
+
+    fn push(&mut self, quad: &[[u32; 3]; 4], corners: Corners, number_of: &mut NumberOf) -> Result<()> {
+        let mut numbers = [0; 4];
+        for (number, corner) in numbers.iter_mut().zip(quad) {
+            let next = vertex_number(self.vertices.len())?;
+            *number = match corners {
+                Corners::Own => next,
+                Corners::Shared => *number_of.entry(*corner).or_insert(next),
+            };
+            if *number == next {
+                // A volume has at most 2²³ voxels along an axis.
+                self.vertices.push(corner.map(|c| c as i32));
+            }
+        }
+        self.quads.push(numbers);
+        Ok(())
+    }
 }
+
+/// Number of faces of the surface that [`QuadMesh::of_surface`] collects. It stops at the first block that brings more than `limit`.
+///
+/// # Errors
+/// Those of [`for_each_surface_block`], and [`Error::Limit`] for more faces than `limit`.
+pub fn count_surface_faces(
+    volume: &CompressedVolume,
+    visible: &[bool],
+    level: DetailLevel,
+    merging: Merging,
+    limit: u64,
+    job: &Job,
+) -> crate::Result<u64> {
+    let mut faces = 0;
+    for_each_surface_block(volume, visible, level, merging, job, |block| {
+        faces += block.len() as u64;
+        if faces > limit {
+            let what = "faces of the surface, counted so far".into();
+            return Err(Error::Limit { what, limit, got: faces }.into());
+        }
+        Ok(())
+    })?;
+    Ok(faces)
+}
+
+/// Numbers of the vertices by position, where they are shared.
+type NumberOf = FxHashMap<[u32; 3], u32>;
 
 fn vertex_number(vertices: usize) -> Result<u32> {
     u32::try_from(vertices).map_err(|_| Error::Limit {

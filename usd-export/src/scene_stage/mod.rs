@@ -85,7 +85,7 @@ pub fn stage_of_scene(
     if budget.faces() + budget.boxes() == 0 {
         return Err(nothing_drawn());
     }
-    let mut children = vec![materials.into_prim()];
+    let mut children = vec![materials.into_prim()?];
     children.append(&mut volumes);
     children.append(&mut around);
     let contents = Prim {
