@@ -24,12 +24,18 @@ from share import one_of_today  # noqa: E402
 
 
 @pytest.fixture
-def staged(blender, extension, tmp_path):
+def with_usd(blender, extension):
+    """bpy with the Python modules of USD."""
     if not extension.export_scene.usd_stage.has_modules():
         assert blender.app.version < (5, 0, 0)
         pytest.skip("bpy before 5.0 has no Python modules of USD; the program Blender has")
-    staged_scene.build(blender, tmp_path)
     return blender
+
+
+@pytest.fixture
+def staged(with_usd, tmp_path):
+    staged_scene.build(with_usd, tmp_path)
+    return with_usd
 
 
 def exported(blender, path, **wishes):
@@ -106,7 +112,7 @@ def test_the_stock_importer_alone_is_convicted(staged, tmp_path):
     staged.ops.wm.usd_import(filepath=str(path))
     scene.camera = next(o for o in staged.data.objects if o.type == "CAMERA")
     for obj in list(staged.data.objects):
-        if "pumice" in obj.keys():
+        if "pumice" in obj:
             obj.name = json.loads(obj["pumice"])["name"]
     # Those materials that other programs have no word for lose their parameters.
     wrong = differences(before, values(staged))
@@ -211,9 +217,10 @@ def test_errors_are_one_line_and_leave_nothing(staged, extension, monkeypatch, t
     assert sorted(p.name for p in folder.iterdir()) == ["scene-volumes.usdc", "scene.usdc", "textures"]
 
 
-def test_a_stage_without_notes_arrives_by_the_specification(blender, tmp_path):
+def test_a_stage_without_notes_arrives_by_the_specification(with_usd, tmp_path):
     from test_usd_import import CLOSE, LAMPS, PARALLEL, SUNS, imported
 
+    blender = with_usd
     # The command writes the stage, and the stock importer reads it wrong, which its own tests show.
     imported(blender, tmp_path, PARALLEL, (300, 500))
     reopened(blender, tmp_path / "scene.usdc")
