@@ -120,6 +120,24 @@ def test_the_stock_importer_alone_is_convicted(staged, tmp_path):
         assert any(line.startswith(f"/{what}") for line in wrong), (what, wrong)
 
 
+def test_other_programs_read_suns_and_spots_by_the_specification(staged, tmp_path):
+    from pxr import Usd, UsdLux
+
+    stage = Usd.Stage.Open(str(exported(staged, tmp_path / "scene.usda")))
+    sun, spot = (next(p for p in stage.Traverse() if p.GetName() == name and not p.GetTypeName() == "Xform") for name in ("sun", "spot"))
+    # UsdLux: the intensity of a normalised distant light, times two to its exposure, is irradiance; the angle is the diameter.
+    light = UsdLux.LightAPI(sun)
+    assert light.GetNormalizeAttr().Get() and light.GetIntensityAttr().Get() * 2 ** light.GetExposureAttr().Get() == pytest.approx(
+        1.5 * 2**0.5
+    )
+    assert UsdLux.DistantLight(sun).GetAngleAttr().Get() == pytest.approx(np.degrees(0.2))
+    # It fades from where Cycles' spot does: 1 - cos is 1 - blend of that of the edge.
+    shaping = UsdLux.ShapingAPI(spot)
+    half = np.radians(shaping.GetShapingConeAngleAttr().Get())
+    start = half * (1 - shaping.GetShapingConeSoftnessAttr().Get())
+    assert half == pytest.approx(0.45) and 1 - np.cos(start) == pytest.approx(0.6 * (1 - np.cos(half)), rel=1e-5)
+
+
 def test_other_kinds_of_objects_and_what_is_lost(staged, extension, tmp_path):
     data, scene = staged.data, staged.context.scene
     text = data.objects.new("a text", data.curves.new("a text", "FONT"))
