@@ -45,9 +45,7 @@ def require():
     except KeyError:
         raise Refused("This Blender was built without USD") from None
     if not has_modules():
-        raise Refused(
-            "This Blender lacks the Python modules of USD (pxr), which the program has from 4.2 on, and the module bpy from 5.0 on"
-        )
+        raise Refused("This Blender lacks the Python modules of USD (pxr); Blender 5.0 has them")
 
 
 def has_modules():
