@@ -153,9 +153,7 @@ def gigabytes(faces):
 
 def too_many(name, limit, error):
     """The line for a surface beyond the limit."""
-    return (
-        f"{name}: {error}; {gigabytes(limit)} at {BYTES_A_FACE} bytes a face in Cycles: hide labels, merge faces, or allow more memory"
-    )
+    return f"{name}: {error}; {gigabytes(limit)} at {BYTES_A_FACE} bytes a face in Cycles: hide labels, merge faces, or allow more memory"
 
 
 def make(context, one):

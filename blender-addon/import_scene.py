@@ -54,7 +54,9 @@ def restore(context, path, use_scene):
         if use_scene:
             scene.render.engine = "CYCLES"
         if not usd_stage.has_modules():
-            return objects, [f"{os.path.basename(path)}: lights and camera are as Blender's importer reads them; it lacks USD's Python modules"]
+            return objects, [
+                f"{os.path.basename(path)}: lights and camera are as Blender's importer reads them; it lacks USD's Python modules"
+            ]
         return objects, usd_values.set_all(scene, path, objects, use_scene)
     said = json.loads(holder[scene_notes.SCENE])
     by_name, missing = _objects(context, objects, holder)

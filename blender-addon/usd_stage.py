@@ -45,7 +45,7 @@ def require():
     except KeyError:
         raise Refused("This Blender was built without USD") from None
     if not has_modules():
-        raise Refused("This Blender lacks the Python modules of USD (pxr), which the program has from 4.2 on, and the module bpy from 5.0 on")
+        raise Refused("This Blender lacks the Python modules of USD (pxr); Blender 5.0 has them")
 
 
 def has_modules():
@@ -109,6 +109,8 @@ def compose(path, volumes_name, scene, stands_for, volume_objects, lacks):
         if obj is not None and (is_volume(obj) or cuts.is_cut(obj) or obj.hide_render or replaced):
             gone.append(prim)
         elif obj is not None:
+            if obj.type == "LIGHT":
+                _to_specification(prim, obj.data)
             data = [child for child in prim.GetChildren() if not child.HasAttribute(OBJECT_NAME)]
             if data and len(prim.GetChildren()) > len(data):
                 # Where other objects hang below it, the importer makes an empty of the Xform, and another object of its data.
@@ -261,6 +263,23 @@ def _write_world(stage, of_scene, path):
     turn = UsdGeom.Xformable(dome).MakeMatrixXform()
     turn.Set(Gf.Matrix4d(-s, c, 0, 0, 0, 0, 1, 0, c, s, 0, 0, 0, 0, 0, 1))
     return said
+
+
+def _to_specification(prim, light):
+    """Sets what Blender's exporter writes as its own importer takes it: other programs keep to the specification of UsdLux.
+
+    A sun has a quarter of its strength and half its angle; the softness of a spot is Cycles' blend, over cosines instead of angles.
+    """
+    from pxr import UsdLux
+
+    for child in prim.GetChildren():
+        if child.IsA(UsdLux.DistantLight) and light.type == "SUN":
+            UsdLux.LightAPI(child).CreateIntensityAttr(light.energy)
+            UsdLux.DistantLight(child).CreateAngleAttr(math.degrees(light.angle))
+        elif child.HasAPI(UsdLux.ShapingAPI) and light.type == "SPOT":
+            half = 0.5 * light.spot_size
+            start = 2.0 * math.asin(math.sqrt(1.0 - light.spot_blend) * math.sin(0.5 * half))
+            UsdLux.ShapingAPI(child).CreateShapingConeSoftnessAttr(1.0 - start / half if half > 0.0 else light.spot_blend)
 
 
 def _material_of(prim):

@@ -40,12 +40,21 @@ LIGHTS = {
     "disk": ("AREA", {"energy": 80.0, "shape": "ELLIPSE", "size": 1.5, "size_y": 0.75}),
 }
 CAMERA = {
-    **{"lens": 40.0, "sensor_fit": "VERTICAL", "sensor_height": 20.0},
-    **{"shift_x": 0.08, "shift_y": -0.05, "clip_start": 0.25, "clip_end": 90.0},
+    "lens": 40.0,
+    "sensor_fit": "VERTICAL",
+    "sensor_height": 20.0,
+    "shift_x": 0.08,
+    "shift_y": -0.05,
+    "clip_start": 0.25,
+    "clip_end": 90.0,
 }
 LENS = {
-    **{"use_dof": True, "focus_distance": 9.0, "aperture_fstop": 0.2},
-    **{"aperture_blades": 5, "aperture_rotation": 0.3, "aperture_ratio": 1.5},
+    "use_dof": True,
+    "focus_distance": 9.0,
+    "aperture_fstop": 0.2,
+    "aperture_blades": 5,
+    "aperture_rotation": 0.3,
+    "aperture_ratio": 1.5,
 }
 
 

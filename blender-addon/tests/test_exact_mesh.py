@@ -42,7 +42,7 @@ def made(blender, volume, **wishes):
     volume.hide_set(False)
     volume.select_set(True)
     assert blender.ops.pumice.make_exact_mesh(**wishes) == {"FINISHED"}
-    (found,) = (o for o in blender.data.objects if "pumice_volume" in o.keys())
+    (found,) = (o for o in blender.data.objects if "pumice_volume" in o)
     return found
 
 
@@ -161,4 +161,4 @@ def test_what_is_refused_is_one_line(blender, volume, extension):
     blender.context.view_layer.objects.active = None
     with pytest.raises(RuntimeError, match="no volume is selected"):
         blender.ops.pumice.make_exact_mesh()
-    assert not any("pumice_volume" in o.keys() for o in blender.data.objects)
+    assert not any("pumice_volume" in o for o in blender.data.objects)

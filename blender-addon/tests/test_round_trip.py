@@ -24,12 +24,18 @@ from share import one_of_today  # noqa: E402
 
 
 @pytest.fixture
-def staged(blender, extension, tmp_path):
+def with_usd(blender, extension):
+    """bpy with the Python modules of USD."""
     if not extension.export_scene.usd_stage.has_modules():
         assert blender.app.version < (5, 0, 0)
-        pytest.skip("bpy before 5.0 has no Python modules of USD; the program Blender has")
-    staged_scene.build(blender, tmp_path)
+        pytest.skip("bpy 4.2 has no Python modules of USD")
     return blender
+
+
+@pytest.fixture
+def staged(with_usd, tmp_path):
+    staged_scene.build(with_usd, tmp_path)
+    return with_usd
 
 
 def exported(blender, path, **wishes):
@@ -106,12 +112,30 @@ def test_the_stock_importer_alone_is_convicted(staged, tmp_path):
     staged.ops.wm.usd_import(filepath=str(path))
     scene.camera = next(o for o in staged.data.objects if o.type == "CAMERA")
     for obj in list(staged.data.objects):
-        if "pumice" in obj.keys():
+        if "pumice" in obj:
             obj.name = json.loads(obj["pumice"])["name"]
     # Those materials that other programs have no word for lose their parameters.
     wrong = differences(before, values(staged))
     for what in ("film", "world", "glass/material", "the floor/material", "disk/size_y"):
         assert any(line.startswith(f"/{what}") for line in wrong), (what, wrong)
+
+
+def test_other_programs_read_suns_and_spots_by_the_specification(staged, tmp_path):
+    from pxr import Usd, UsdLux
+
+    stage = Usd.Stage.Open(str(exported(staged, tmp_path / "scene.usda")))
+    sun, spot = (next(p for p in stage.Traverse() if p.GetName() == name and not p.GetTypeName() == "Xform") for name in ("sun", "spot"))
+    # UsdLux: the intensity of a normalised distant light, times two to its exposure, is irradiance; the angle is the diameter.
+    light = UsdLux.LightAPI(sun)
+    assert light.GetNormalizeAttr().Get() and light.GetIntensityAttr().Get() * 2 ** light.GetExposureAttr().Get() == pytest.approx(
+        1.5 * 2**0.5
+    )
+    assert UsdLux.DistantLight(sun).GetAngleAttr().Get() == pytest.approx(np.degrees(0.2))
+    # It fades from where Cycles' spot does: 1 - cos is 1 - blend of that of the edge.
+    shaping = UsdLux.ShapingAPI(spot)
+    half = np.radians(shaping.GetShapingConeAngleAttr().Get())
+    start = half * (1 - shaping.GetShapingConeSoftnessAttr().Get())
+    assert half == pytest.approx(0.45) and 1 - np.cos(start) == pytest.approx(0.6 * (1 - np.cos(half)), rel=1e-5)
 
 
 def test_other_kinds_of_objects_and_what_is_lost(staged, extension, tmp_path):
@@ -211,9 +235,10 @@ def test_errors_are_one_line_and_leave_nothing(staged, extension, monkeypatch, t
     assert sorted(p.name for p in folder.iterdir()) == ["scene-volumes.usdc", "scene.usdc", "textures"]
 
 
-def test_a_stage_without_notes_arrives_by_the_specification(blender, tmp_path):
+def test_a_stage_without_notes_arrives_by_the_specification(with_usd, tmp_path):
     from test_usd_import import CLOSE, LAMPS, PARALLEL, SUNS, imported
 
+    blender = with_usd
     # The command writes the stage, and the stock importer reads it wrong, which its own tests show.
     imported(blender, tmp_path, PARALLEL, (300, 500))
     reopened(blender, tmp_path / "scene.usdc")
