@@ -4,6 +4,8 @@ use pumice_core::CompressedVolume;
 use pumice_scene::{Instance, Material};
 use pumice_transport::{LoadedScene, MaterialTable};
 
+use crate::VoxelRegion;
+
 /// An instance with what an export asks of it.
 pub(crate) struct Drawn<'a> {
     pub(crate) instance: &'a Instance,
@@ -14,11 +16,13 @@ pub(crate) struct Drawn<'a> {
     pub(crate) materials: Vec<Material>,
     /// Place in `materials` of each label's, by dense index; those of hidden labels mean nothing.
     pub(crate) material_of: Vec<u32>,
+    /// Nothing outside of it is drawn.
+    pub(crate) region: Option<VoxelRegion>,
 }
 
 impl<'a> Drawn<'a> {
-    /// Instance number `place` of a scene.
-    pub(crate) fn new(scene: &'a LoadedScene, place: usize) -> Self {
+    /// Instance number `place` of a scene, within a region if there is one.
+    pub(crate) fn new(scene: &'a LoadedScene, place: usize, region: Option<VoxelRegion>) -> Self {
         let (instance, volume) = (&scene.scene().instances[place], &scene.volumes()[place]);
         let (visible, labels) = (scene.visible(place), volume.labels());
         let table = MaterialTable::new(&instance.style, labels.ids(), labels.contacts().iter(), &visible);
@@ -38,7 +42,12 @@ impl<'a> Drawn<'a> {
             };
             material_of.push(place);
         }
-        Self { instance, volume, visible, materials, material_of }
+        Self { instance, volume, visible, materials, material_of, region }
+    }
+
+    /// Whether the box of `extent` voxels whose lowest is `low` is drawn, of a label that is.
+    pub(crate) fn reaches(&self, low: [u32; 3], extent: [u32; 3]) -> bool {
+        self.region.is_none_or(|region| region.overlaps(low, extent))
     }
 
     /// The name of its node: letters, digits and an underscore.

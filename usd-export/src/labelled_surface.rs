@@ -7,7 +7,8 @@ use pumice_transport::geometry::DetailLevel;
 
 use crate::budget::Budget;
 use crate::drawn::Drawn;
-use crate::{Merging, Rectangle, Result, for_each_surface_block};
+use crate::surface::Surface;
+use crate::{Merging, Rectangle, Result};
 
 /// Rectangles in index space, those of one material after each other.
 pub(crate) struct LabelledSurface {
@@ -30,11 +31,16 @@ impl LabelledSurface {
         job: &Job,
     ) -> Result<Self> {
         let mut rectangles = Vec::new();
-        for_each_surface_block(drawn.volume, &drawn.visible, level, merging, job, |block| {
-            budget.take_faces(block.len() as u64)?;
-            rectangles.extend_from_slice(block);
-            Ok(())
-        })?;
+        let surface = Surface::new(drawn.volume, &drawn.visible, level, merging)?.within(drawn.region);
+        surface.for_each_block(
+            job,
+            |origin| surface.rectangles_of(&surface.elements(origin)?, origin),
+            |block| {
+                budget.take_faces(block.len() as u64)?;
+                rectangles.extend(block);
+                Ok(())
+            },
+        )?;
         let material = |r: &Rectangle| drawn.material_of[r.label as usize] as usize;
         let mut counts = vec![0u32; drawn.materials.len()];
         rectangles.iter().for_each(|r| counts[material(r)] += 1);

@@ -58,7 +58,7 @@ impl LabelNumbers {
         }
     }
 
-    fn component(self) -> ComponentType {
+    pub(super) fn component(self) -> ComponentType {
         match self {
             Self::Byte => ComponentType::U8,
             Self::Float => ComponentType::F32,
@@ -66,7 +66,7 @@ impl LabelNumbers {
     }
 
     /// Four bytes.
-    fn bytes(self, label: u32) -> [u8; 4] {
+    pub(super) fn bytes(self, label: u32) -> [u8; 4] {
         match self {
             Self::Byte => label.to_le_bytes(),
             Self::Float => (label as f32).to_le_bytes(),

@@ -71,6 +71,13 @@ fn view(offset: u64, bytes: u64, stride: Option<usize>, target: Target) -> View 
 }
 
 impl Writer<'_> {
+    /// For a file without rectangles, which needs no view of their corners.
+    pub(super) fn without_rectangles() -> Self {
+        let mut writer = Self::default();
+        writer.root.buffer_views.clear();
+        writer
+    }
+
     /// Adds a view of vertices, or of corners of triangles where they have no stride.
     pub(super) fn view(&mut self, offset: u64, bytes: u64, stride: Option<usize>) -> Index<View> {
         let target = if stride.is_some() { Target::ArrayBuffer } else { Target::ElementArrayBuffer };
@@ -147,9 +154,12 @@ impl Writer<'_> {
         })
     }
 
-    /// Adds the section that all rectangles share.
+    /// Adds the section that all rectangles share, if there are any.
     pub(super) fn finish(&mut self) {
         let (rectangles, bytes) = (self.most_rectangles, 24 * self.most_rectangles);
+        if rectangles == 0 {
+            return;
+        }
         let offset =
             self.binary.add(bytes, move |out| write_corners(rectangles, 4, &[0, 1, 2, 0, 2, 3], out));
         self.root.buffer_views[CORNERS as usize] = view(offset, bytes, None, Target::ElementArrayBuffer);

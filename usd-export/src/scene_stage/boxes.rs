@@ -34,7 +34,7 @@ pub(super) fn prim(
     let dims = drawn.volume.info().dims;
     let mut boxes = Vec::new();
     drawn.volume.for_each_box(|label, view| {
-        if drawn.visible[label as usize] {
+        if drawn.visible[label as usize] && drawn.reaches(view.origin, view.extent) {
             // A box may pass the volume's end by up to three voxels.
             let extent = [0, 1, 2].map(|a| (view.origin[a] + view.extent[a]).min(dims[a]) - view.origin[a]);
             boxes.push(Placed { low: view.origin, extent: extent.map(|e| e as u8), label });

@@ -53,14 +53,15 @@ pub(super) fn prim(
     })
 }
 
-fn indexable(faces: u64) -> Result<()> {
+pub(super) fn indexable(faces: u64) -> Result<()> {
     if faces <= MOST_FACES {
         return Ok(());
     }
     Err(Error::Limit { what: "faces of a mesh in a USD file".into(), limit: MOST_FACES, got: faces }.into())
 }
 
-fn array_of_range(faces: Range<u32>) -> Array<'static> {
+/// Numbers of faces that follow each other.
+pub(super) fn array_of_range(faces: Range<u32>) -> Array<'static> {
     Array::new(u64::from(faces.end - faces.start), move |sink| {
         let all: Vec<i32> = faces.clone().map(|face| face as i32).collect();
         all.chunks(PIECE).try_for_each(sink)

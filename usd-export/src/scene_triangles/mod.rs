@@ -10,6 +10,7 @@
 
 mod obj;
 mod ply;
+mod smooth;
 mod stl;
 
 use std::ops::Range;
@@ -20,7 +21,10 @@ use pumice_transport::LoadedScene;
 
 use crate::drawn::Drawn;
 use crate::labelled_surface::LabelledSurface;
+use crate::voxel_region::nothing_shown;
 use crate::{Budget, ExportOptions, Rectangle, Result};
+
+pub(crate) use smooth::SmoothSurfaces;
 
 /// The surfaces of a scene, each with what is drawn of its volume.
 pub(crate) struct Surfaces<'a> {
@@ -44,7 +48,7 @@ impl<'a> Surfaces<'a> {
             return Err(Error::Caller("forms: expected one of boxes, cells4, voxels".into()).into());
         };
         for place in 0..scene.volumes().len() {
-            let drawn = Drawn::new(scene, place);
+            let drawn = Drawn::new(scene, place, options.region);
             let surface = LabelledSurface::new(&drawn, level, options.merging, budget, job)?;
             if !surface.rectangles.is_empty() {
                 check_range(&drawn)?;
@@ -52,7 +56,7 @@ impl<'a> Surfaces<'a> {
             }
         }
         if all.is_empty() {
-            return Err(Error::Caller("no label of the scene's volumes is shown".into()).into());
+            return Err(nothing_shown(options.region).into());
         }
         Ok(Self { all })
     }

@@ -15,6 +15,7 @@ use serde_json::json;
 
 use super::{Surfaces, corners_in_world, fits_32_bits, places};
 use crate::Result;
+use crate::drawn::Drawn;
 
 /// Rectangles that are produced at a time.
 const PIECE: usize = 4096;
@@ -43,17 +44,9 @@ impl Surfaces<'_> {
         self.write_faces(out)
     }
 
-    /// A comment for each label that a surface has: `label VOLUME NUMBER` and the JSON list `[id, name, type]`, which has no line break.
     fn write_labels(&self, out: &mut dyn Write) -> Result<()> {
         for (drawn, surface) in &self.all {
-            let table = drawn.volume.labels();
-            let mut is_there = vec![false; drawn.visible.len()];
-            surface.rectangles.iter().for_each(|r| is_there[r.label as usize] = true);
-            for (label, id) in (0u32..).zip(table.ids()).filter(|(label, _)| is_there[*label as usize]) {
-                let name = drawn.volume.note(label).and_then(|note| note.name.as_deref());
-                let kind = table.type_of(label).and_then(|t| table.type_names().get(usize::from(t)));
-                writeln!(out, "comment label {} {label} {}", drawn.instance.id, json!([id, name, kind]))?;
-            }
+            write_labels_of(drawn, surface.rectangles.iter().map(|r| r.label), out)?;
         }
         Ok(())
     }
@@ -103,8 +96,25 @@ impl Surfaces<'_> {
     }
 }
 
+/// Writes a comment for each label that a surface has: `label VOLUME NUMBER` and the JSON list `[id, name, type]`, which has no line break.
+pub(super) fn write_labels_of(
+    drawn: &Drawn<'_>,
+    labels: impl Iterator<Item = u32>,
+    out: &mut dyn Write,
+) -> Result<()> {
+    let table = drawn.volume.labels();
+    let mut is_there = vec![false; drawn.visible.len()];
+    labels.for_each(|label| is_there[label as usize] = true);
+    for (label, id) in (0u32..).zip(table.ids()).filter(|(label, _)| is_there[*label as usize]) {
+        let name = drawn.volume.note(label).and_then(|note| note.name.as_deref());
+        let kind = table.type_of(label).and_then(|t| table.type_names().get(usize::from(t)));
+        writeln!(out, "comment label {} {label} {}", drawn.instance.id, json!([id, name, kind]))?;
+    }
+    Ok(())
+}
+
 /// A linear share of light as a number of a display (IEC 61966-2-1).
-fn srgb(linear: f32) -> u8 {
+pub(super) fn srgb(linear: f32) -> u8 {
     let encoded = if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 };
     (encoded * 255.0).round() as u8
 }
