@@ -328,7 +328,7 @@ def devices() -> str:
     The backends and devices that can render here, as JSON text.
     """
 
-def export(path: str | PathLike[str], out: str | PathLike[str], *, forms: SupportsGetItem[int, str], plain: bool = False, for_blender: bool = False, labels: SupportsGetItem[int, SupportsIndex] | None = None, limit_bytes: SupportsIndex, job: Job | None = None) -> str:
+def export(path: str | PathLike[str], out: str | PathLike[str], *, forms: SupportsGetItem[int, str], plain: bool = False, for_blender: bool = False, labels: SupportsGetItem[int, SupportsIndex] | None = None, region: SupportsLenAndGetItem[SupportsIndex] | None = None, limit_bytes: SupportsIndex, job: Job | None = None) -> str:
     """
     Writes a volume or a scene file for other programs; returns what was written, as JSON text.
     """

@@ -66,6 +66,15 @@ def ids(name: str, values: Iterable[Any]) -> list[int]:
     return [whole(name, value, 0, MOST_64) for value in values]
 
 
+def region(voxels: Iterable[Any]) -> tuple[int, int, int, int, int, int]:
+    """The lowest voxel of a region and the one beyond its highest, as six numbers."""
+    numbers = [whole("region", value, 0, MOST_32) for value in voxels]
+    if len(numbers) != 6:
+        raise InputError(f"region: expected six numbers x0, y0, z0, x1, y1, z1, got {len(numbers)}")
+    x0, y0, z0, x1, y1, z1 = numbers
+    return x0, y0, z0, x1, y1, z1
+
+
 def reading(given: Choice | Reading) -> ReadAs:
     """The choice with its numbers checked."""
     checked: dict[str, Any] = dict(given)

@@ -28,20 +28,32 @@ def export(
     plain: bool = False,
     for_blender: bool = False,
     labels: Iterable[int] | None = None,
+    region: Iterable[int] | None = None,
     limit_bytes: int = DEFAULT_LIMIT_BYTES,
     job: Job | None = None,
 ) -> dict[str, Any]:
     """Writes a scene file, a `.pumice` file or a label volume for other programs; the ending of `out` chooses the format.
 
-    `form`: `voxels` (the exact surface), `cells4`, `boxes`, `instances`, or several. `plain` writes a square for each face, instead of
-    merging them. `for_blender` writes a stage that Blender's importer reads right, and other programs wrong. `labels` are the ids to write instead of those that a scene shows. A file that would be larger than `limit_bytes` is
-    refused before it is written. Returns the report of `pumice export --json`: `forms`, `faces`, `boxes`, `bytes`, `left_out`, `seconds`.
+    `form`: `voxels` (the exact surface), `smooth` (a smoothed one, which is not exact), `cells4`, `boxes`, `instances`, or several. `plain`
+    writes a square for each face, instead of merging them. `for_blender` writes a stage that Blender's importer reads right, and other
+    programs wrong. `labels` are the ids to write instead of those that a scene shows. `region`: x0, y0, z0, x1, y1, z1, the voxels of each
+    volume from the first corner up to, and without, the second; surfaces are closed at its border, cells and boxes that it overlaps are
+    written whole. A file that would be larger than `limit_bytes` is refused before it is written. Returns the report of
+    `pumice export --json`: `forms`, `faces`, `boxes`, `bytes`, `left_out`, `seconds`.
     """
     forms = [form] if isinstance(form, str) else list(form)
     ids = None if labels is None else arguments.ids("labels", labels)
     limit = arguments.whole("limit_bytes", limit_bytes, 1, arguments.MOST_64)
     text = _native.export(
-        os.fspath(path), os.fspath(out), forms=forms, plain=plain, for_blender=for_blender, labels=ids, limit_bytes=limit, job=job
+        os.fspath(path),
+        os.fspath(out),
+        forms=forms,
+        plain=plain,
+        for_blender=for_blender,
+        labels=ids,
+        region=None if region is None else arguments.region(region),
+        limit_bytes=limit,
+        job=job,
     )
     report: dict[str, Any] = json.loads(text)
     return report

@@ -18,7 +18,7 @@ use crate::waiting::released;
 
 /// Writes a volume or a scene file for other programs; returns what was written, as JSON text.
 #[pyfunction]
-#[pyo3(signature = (path, out, *, forms, plain=false, for_blender=false, labels=None, limit_bytes, job=None))]
+#[pyo3(signature = (path, out, *, forms, plain=false, for_blender=false, labels=None, region=None, limit_bytes, job=None))]
 #[expect(clippy::too_many_arguments, reason = "keywords of a Python function")]
 pub(crate) fn export(
     py: Python<'_>,
@@ -28,6 +28,7 @@ pub(crate) fn export(
     plain: bool,
     for_blender: bool,
     labels: Option<Vec<u64>>,
+    region: Option<[u32; 6]>,
     limit_bytes: u64,
     job: Option<&Bound<'_, Job>>,
 ) -> PyResult<String> {
@@ -47,6 +48,7 @@ pub(crate) fn export(
         limit_bytes,
         reader: if for_blender { Reader::Blender } else { Reader::Specification },
         labels,
+        region: region.map(|[x0, y0, z0, x1, y1, z1]| [[x0, y0, z0], [x1, y1, z1]]),
         reading: OpenOptions::default(),
     };
     let exported = released(py, &job, || export_file(&request, &mut |_| {}, &job))?;

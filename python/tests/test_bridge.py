@@ -30,13 +30,19 @@ def test_a_volume_is_exported(volume, tmp_path):
     assert "meshes" in json.loads(data[20 : 20 + json_length])
     some = pumice.export(volume, tmp_path / "cells.usda", form=["boxes", "voxels"], labels=[900], for_blender=True)
     assert some["forms"] == ["boxes", "voxels"] and some["faces"] == 12
+    # 3 × 4 × 1 voxels.
+    part = pumice.export(volume, tmp_path / "part.ply", form="smooth", region=(4, 0, 0, 9, 8, 4))
+    assert part["faces"] == 2 * (12 + 4 + 3) and (tmp_path / "part.ply").stat().st_size == part["bytes"]
 
 
 def test_what_cannot_be_exported_is_refused(volume, tmp_path):
     for out, options, what in [
         ("cells.xyz", {}, "expected a name that ends in"),
-        ("cells.usdc", {"form": "spheres"}, "form: expected one of instances, boxes, cells4, voxels, got spheres"),
+        ("cells.usdc", {"form": "spheres"}, "form: expected one of instances, boxes, cells4, voxels, smooth, got spheres"),
         ("cells.usdc", {"labels": [7]}, "no label 7"),
+        ("cells.usdc", {"region": [0, 0, 0, 9, 8]}, "region: expected six numbers x0, y0, z0, x1, y1, z1, got 5"),
+        ("cells.usdc", {"region": [0, 0, 0, 9, 8, 1.5]}, "region: expected a whole number, got 1.5"),
+        ("cells.usdc", {"region": (0, 0, 0, 10, 8, 7)}, "region: expected X1,Y1,Z1 of at most 9,8,7, the voxels of volume_1, got 10,8,7"),
         ("cells.usdc", {"limit_bytes": 10}, "more than the limit of 10"),
         ("cells.glb", {"form": ["boxes", "voxels"]}, "write a file for each"),
         ("cells.glb", {"for_blender": True}, "the same for every program"),

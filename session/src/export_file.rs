@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use pumice_core::Job;
 use pumice_export::{
-    ExportOptions, ExportSize, FileFormat, Form, Merging, Reader, export_scene, left_out_of,
+    ExportOptions, ExportSize, FileFormat, Form, Merging, Reader, VoxelRegion, export_scene, left_out_of,
 };
 use pumice_formats::OpenOptions;
 use pumice_transport::LoadedScene;
@@ -32,6 +32,8 @@ pub struct ExportRequest {
     pub reader: Reader,
     /// Labels to write, by id, instead of those that the scene shows.
     pub labels: Option<Vec<u64>>,
+    /// Voxels of each volume outside of which nothing is written: the lowest, and the one beyond the highest; none for all.
+    pub region: Option<[[u32; 3]; 2]>,
     /// How to read a volume.
     pub reading: OpenOptions,
 }
@@ -61,11 +63,13 @@ pub struct Exported {
 ///
 /// # Errors
 /// Errors of the input and of the output; [`SessionError::Caller`] for a reader that the format knows nothing of;
+/// [`pumice_core::Error::Caller`] for a region that is empty or reaches beyond a volume;
 /// [`pumice_core::Error::Limit`] for a file that would be larger than allowed; [`pumice_core::Error::Cancelled`].
 pub fn export_file(request: &ExportRequest, tell: &mut dyn FnMut(ExportSize), job: &Job) -> Result<Exported> {
     let clock = Stopwatch::start();
     let format = FileFormat::of(&request.out)?;
     format.check_forms(&request.forms)?;
+    let region = request.region.map(|[low, high]| VoxelRegion::new(low, high)).transpose()?;
     if request.reader != Reader::Specification && !format.is_usd() {
         let ending = format.ending();
         return Err(SessionError::Caller(format!(
@@ -85,6 +89,7 @@ pub fn export_file(request: &ExportRequest, tell: &mut dyn FnMut(ExportSize), jo
         limit_bytes: request.limit_bytes,
         surroundings,
         reader: request.reader,
+        region,
     };
     let size = export_scene(&loaded, &options, &request.out, tell, job)?;
     Ok(Exported {

@@ -34,7 +34,7 @@ pub use measure::{Stopwatch, peak_rss_bytes, resident_file_bytes};
 pub use open::{Residence, open_chosen, open_labels, open_meshes, open_shown, open_source, open_volume};
 pub use progressive::{CurvePoint, Stop};
 pub use pumice_core::{CompressionLevel, Job, LabelType, Verification};
-pub use pumice_export::{ExportSize, Form, Merging, Reader};
+pub use pumice_export::{ExportSize, Form, Merging, Reader, VoxelRegion};
 pub use pumice_formats::{ArrayAxes, OpenOptions, RawLayout};
 pub use pumice_scene::{Lod, Mode, ViewTransform};
 pub use pumice_transport::LoadedScene;

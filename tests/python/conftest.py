@@ -46,3 +46,12 @@ def rust_example():
         return target / "debug" / "examples" / name
 
     return build
+
+
+@pytest.fixture(scope="session")
+def exported_scenes(rust_example, tmp_path_factory):
+    """A folder with what the examples `write_scenes` and `write_mesh_scenes` write."""
+    folder = tmp_path_factory.mktemp("exported")
+    for name in ("write_scenes", "write_mesh_scenes"):
+        subprocess.run([rust_example(name), folder], check=True)
+    return folder

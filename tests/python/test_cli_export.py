@@ -118,17 +118,24 @@ def test_bad_input(pumice, data, tmp_path):
         (["-o", tmp_path / "nowhere" / "o.usdc"], "nowhere: No such file or directory"),
         (["-o", tmp_path / "folder.usdc"], "folder.usdc: is a folder, expected a file"),
         (["-o", tmp_path / "o.usdc", "--labels", "987654"], "no label 987654"),
-        (["-o", tmp_path / "o.usdc", "--form", "spheres"], "possible values: instances, boxes, cells4, voxels"),
+        (["-o", tmp_path / "o.usdc", "--form", "spheres"], "possible values: instances, boxes, cells4, voxels, smooth"),
         (["-o", tmp_path / "o.usdc", "--limit", "1K"], "is more than the limit of 1024"),
         (["-o", tmp_path / "o.usdc", "--form", "instances", "--limit", "5K"], "is more than the limit of 5120"),
         (["-o", tmp_path / "o.usdc", "--lod", "2"], "expected 16, 4 or 1"),
         (["-o", tmp_path / "o.glb", "--form", "boxes,voxels"], "form: a .glb file holds one, got boxes, voxels; write a file for each"),
-        (["-o", tmp_path / "o.ply", "--form", "instances"], "form: a .ply file has no instances; expected voxels, cells4 or boxes"),
+        (["-o", tmp_path / "o.ply", "--form", "instances"], "form: a .ply file has no instances; expected voxels, cells4, boxes or smooth"),
         (["-o", tmp_path / "o.gltf", "--limit", "1K"], "is more than the limit of 1024"),
         (["-o", tmp_path / "o.stl", "--limit", "1K"], "is more than the limit of 1024"),
         # Estimated while faces are found, 9001 rectangles take 576 KB; with the corners of their triangles they take 782 KB.
         (["-o", tmp_path / "o.glb", "--limit", "600000"], "bytes of the binary part of the file: 782272 is more than the limit of 600000"),
         (["-o", tmp_path / "o.usdc", "--lod", "4", "--form", "boxes"], "cannot be used with"),
+        (["-o", tmp_path / "o.obj", "--form", "smooth", "--limit", "1K"], "is more than the limit of 1024"),
+        (["-o", tmp_path / "o.usdc", "--region", "1,2,3"], "expected six whole numbers X0,Y0,Z0,X1,Y1,Z1"),
+        (["-o", tmp_path / "o.usdc", "--region", "0,0,0,-4,4,4"], "expected six whole numbers"),
+        (["-o", tmp_path / "o.usdc", "--region", "0,7,0,4,7,4"], "Z0 below Z1, got 0,7,0,4,7,4"),
+        (["-o", tmp_path / "o.usdc", "--region", "9,0,0,4,4,4"], "region: expected X0,Y0,Z0,X1,Y1,Z1 with X0 below X1"),
+        (["-o", tmp_path / "o.glb", "--region", "0,0,0,4,99999,4"], "region: expected X1,Y1,Z1 of at most "),
+        (["-o", tmp_path / "o.stl", "--region", "0,0,0,1,1,1"], "no label is shown within the region, or cuts remove them all"),
     ]:
         assert what in run(pumice, "export", volume, *arguments).refused(), arguments
     # A full disk, imitated by a limit on the size of files: nothing is left, and the former file stays.

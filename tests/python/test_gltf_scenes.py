@@ -10,8 +10,9 @@ import pytest
 from gltf_validator import issues
 from test_usd_scenes import cells, faces, voxels
 
-FORMS = ["instances", "boxes", "cells4", "voxels"]
-FILES = [("blobs", form) for form in FORMS] + [("noise", form) for form in FORMS] + [("long", "cells4"), ("many", "voxels")]
+FORMS = ["instances", "boxes", "cells4", "voxels", "smooth"]
+FILES = [("blobs", form) for form in FORMS[:4]] + [(name, form) for name in ("part", "noise") for form in FORMS]
+FILES += [("long", "cells4"), ("many", "voxels")]
 ENDINGS = ["gltf", "glb"]
 TYPES = {5120: "<i1", 5121: "<u1", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 ELEMENTS = {"SCALAR": 1, "VEC3": 3}

@@ -3,7 +3,7 @@
 //! ```text
 //! cargo run -p pumice-export --example write_mesh_scenes -- FOLDER
 //!     FOLDER/NAME.FORM.gltf, .bin, .glb    the scene, with its volume in each form
-//!     FOLDER/NAME.voxels.ply, .obj, .stl   its exact surface
+//!     FOLDER/NAME.{voxels,smooth}.{ply,obj,stl}   its exact and its smoothed surface; of "part", within a region
 //!     FOLDER/NAME.json                     the scene itself
 //!     FOLDER/NAME.labels                   dims as 3 u32; whether each label is shown, dense index + 1 at each voxel (u32), x fastest
 //! ```
@@ -14,7 +14,7 @@ use std::sync::Arc;
 
 use glam::{DAffine3, DMat3, DVec3};
 use pumice_core::{CompressedVolume, Job, MeshData};
-use pumice_export::{ExportOptions, Form, Merging, Reader, export_scene};
+use pumice_export::{ExportOptions, Form, Merging, Reader, VoxelRegion, export_scene};
 use pumice_oracle::{Dense, volumes};
 use pumice_scene::{
     Camera, Environment, Film, Filter, Instance, LabelStyle, Light, LightShape, Material, Mesh, Outline,
@@ -88,7 +88,7 @@ fn write(
     name: &str,
     (dense, volume): (Dense, Arc<CompressedVolume>),
     (scene, meshes): (Scene, Vec<Arc<MeshData>>),
-    (forms, merging): (&[Form], Merging),
+    (forms, merging, region): (&[Form], Merging, Option<VoxelRegion>),
 ) -> Outcome {
     serde_json::to_writer(File::create(folder.join(format!("{name}.json")))?, &scene)?;
     let loaded = LoadedScene::new(scene, vec![volume], meshes)?;
@@ -106,9 +106,10 @@ fn write(
             limit_bytes: 1 << 30,
             surroundings: true,
             reader: Reader::Specification,
+            region,
         };
         let endings = ["gltf", "glb", "ply", "obj", "stl"];
-        for ending in if form == Form::Voxels { &endings } else { &endings[..2] } {
+        for ending in if matches!(form, Form::Voxels | Form::Smooth) { &endings } else { &endings[..2] } {
             let path = folder.join(format!("{name}.{}.{ending}", form.name()));
             export_scene(&loaded, &options, &path, &mut |_| (), &Job::new())?;
         }
@@ -124,15 +125,15 @@ fn main() -> Outcome {
         DMat3::from_rotation_z(0.5) * DMat3::from_diagonal(DVec3::new(4.0, -4.0, 40.0)),
         DVec3::new(1e4, -0.1, 3.0),
     );
-    let merged = (Form::ALL.as_slice(), Merging::Merged);
-    let exact = (&[Form::Voxels][..], Merging::Merged);
-    write(
-        folder,
-        "blobs",
-        volumes::blobs([70, 64, 33], 40, 30, 4),
-        (scene(auto.clone(), turned), vec![]),
-        merged,
-    )?;
+    let exact = (&[Form::Voxels][..], Merging::Merged, None);
+    let region = VoxelRegion::new([5, 0, 9], [66, 41, 30])?;
+    // The smoothed surface takes longest, and is written of the smaller scenes alone.
+    let [exact_forms, all_forms]: [&[Form]; 2] = [&Form::ALL[..4], &Form::ALL];
+    for (name, forms, region) in [("blobs", exact_forms, None), ("part", all_forms, Some(region))] {
+        let blobs = volumes::blobs([70, 64, 33], 40, 30, 4);
+        let merged = (forms, Merging::Merged, region);
+        write(folder, name, blobs, (scene(auto.clone(), turned), vec![]), merged)?;
+    }
 
     // Every parameter of materials, in a sheared frame, with lamps and meshes; an orthographic camera with a limit.
     let glass = Material { transmission: 1.0, roughness: 0.1, ior: 1.33, specular: 0.8, ..Material::DEFAULT };
@@ -168,11 +169,11 @@ fn main() -> Outcome {
     all.meshes = vec![mesh(1, mirrored, false), mesh(2, sheared, false), mesh(3, sheared, true)];
     let data = vec![pyramid(false)?, pyramid(true)?, pyramid(false)?];
     let noise = volumes::noise([17, 9, 5], 0.3, 6, 2);
-    write(folder, "noise", noise, (all, data), (&Form::ALL, Merging::Plain))?;
+    write(folder, "noise", noise, (all, data), (&Form::ALL, Merging::Plain, None))?;
 
     // More voxels along an axis than positions of 16 bits reach, and more labels than 8 bits number.
     let long = volumes::volume([70_001, 1, 1], |x, _, _| if x / 300 % 7 < 4 { 1 + x / 20_000 } else { 0 });
-    let coarse = (&[Form::Cells][..], Merging::Merged);
+    let coarse = (&[Form::Cells][..], Merging::Merged, None);
     write(folder, "long", long, (scene(auto, turned), vec![]), coarse)?;
     let many = volumes::volume([7, 7, 7], |x, y, z| 1 + x + 7 * (y + 7 * z));
     write(folder, "many", many, (scene(LabelStyle::default(), turned), vec![]), exact)

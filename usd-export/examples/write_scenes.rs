@@ -16,7 +16,9 @@ use std::sync::Arc;
 use glam::{DAffine3, DMat3, DVec3};
 use pumice_core::{CompressedVolume, Job, MeshData};
 use pumice_export::usd::{write_usda, write_usdc};
-use pumice_export::{Budget, ExportOptions, FaceBytes, Form, Merging, Reader, export_scene, stage_of_scene};
+use pumice_export::{
+    Budget, ExportOptions, FaceBytes, Form, Merging, Reader, VoxelRegion, export_scene, stage_of_scene,
+};
 use pumice_oracle::{Dense, volumes};
 use pumice_scene::{
     Aperture, Camera, Environment, Film, Filter, Instance, LabelStyle, Light, LightShape, Material, Mesh,
@@ -48,7 +50,7 @@ fn write(
     name: &str,
     (dense, volume): (Dense, Arc<CompressedVolume>),
     scene: Scene,
-    merging: Merging,
+    (merging, region): (Merging, Option<VoxelRegion>),
 ) -> Result<(), Box<dyn std::error::Error>> {
     let loaded = LoadedScene::new(scene, vec![volume], vec![])?;
     let mut notes = BufWriter::new(File::create(folder.join(format!("{name}.labels")))?);
@@ -64,8 +66,9 @@ fn write(
         limit_bytes: 1 << 30,
         surroundings: false,
         reader: Reader::Specification,
+        region,
     };
-    let mut budget = Budget::new(options.limit_bytes, FaceBytes { a_face: 1, a_box: 1 });
+    let mut budget = Budget::new(options.limit_bytes, FaceBytes { a_face: 1, a_smooth_face: 1, a_box: 1 });
     let stage = stage_of_scene(&loaded, &options, None, &mut budget, &Job::new())?;
     let file = |form: &str| File::create(folder.join(format!("{name}.{form}"))).map(BufWriter::new);
     write_usda(&stage, &mut file("usda")?)?;
@@ -195,6 +198,7 @@ fn write_surrounded(folder: &Path) -> Result<(), Box<dyn std::error::Error>> {
                 limit_bytes: 1 << 30,
                 surroundings: true,
                 reader,
+                region: None,
             };
             export_scene(&loaded, &options, &folder.join(file), &mut |_| (), &Job::new())?;
         }
@@ -210,7 +214,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         DMat3::from_rotation_z(0.5) * DMat3::from_diagonal(DVec3::new(4.0, -4.0, 40.0)),
         DVec3::new(1e4, -0.1, 3.0),
     );
-    write(folder, "blobs", volumes::blobs([70, 64, 33], 40, 30, 4), scene(auto, turned), Merging::Merged)?;
+    let region = VoxelRegion::new([5, 0, 9], [66, 41, 30])?;
+    for (name, region) in [("blobs", None), ("part", Some(region))] {
+        let blobs = volumes::blobs([70, 64, 33], 40, 30, 4);
+        write(folder, name, blobs, scene(auto.clone(), turned), (Merging::Merged, region))?;
+    }
     let glass = Material { transmission: 1.0, roughness: 0.1, ..Material::DEFAULT };
     let glow = Material { emission: [5.0, 4.0, 3.0], coat: 0.5, alpha: 0.25, ..Material::DEFAULT };
     let some = LabelStyle {
@@ -219,6 +227,6 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         ..LabelStyle::default()
     };
     let noise = volumes::noise([17, 9, 5], 0.3, 6, 2);
-    write(folder, "noise", noise, scene(some, DAffine3::IDENTITY), Merging::Plain)?;
+    write(folder, "noise", noise, scene(some, DAffine3::IDENTITY), (Merging::Plain, None))?;
     write_surrounded(folder)
 }

@@ -9,6 +9,8 @@ use crate::Result;
 pub struct FaceBytes {
     /// Bytes of a rectangle.
     pub a_face: u64,
+    /// Bytes of a face of the form [`smooth`](crate::Form::Smooth).
+    pub a_smooth_face: u64,
     /// Bytes of a box of the form [`instances`](crate::Form::Instances).
     pub a_box: u64,
 }
@@ -19,6 +21,7 @@ pub struct Budget {
     limit_bytes: u64,
     each: FaceBytes,
     faces: u64,
+    smooth_faces: u64,
     boxes: u64,
     /// Of whole files that are packed into it.
     packed_bytes: u64,
@@ -27,7 +30,7 @@ pub struct Budget {
 impl Budget {
     /// A budget of `limit_bytes` for a file whose elements take `each`.
     pub fn new(limit_bytes: u64, each: FaceBytes) -> Self {
-        Self { limit_bytes, each, faces: 0, boxes: 0, packed_bytes: 0 }
+        Self { limit_bytes, each, faces: 0, smooth_faces: 0, boxes: 0, packed_bytes: 0 }
     }
 
     /// Counts `faces` more rectangles.
@@ -36,6 +39,15 @@ impl Budget {
     /// [`Error::Limit`] where the file would take more bytes than allowed.
     pub fn take_faces(&mut self, faces: u64) -> Result<()> {
         self.faces += faces;
+        self.check()
+    }
+
+    /// Counts `faces` more faces of a smoothed surface.
+    ///
+    /// # Errors
+    /// As [`Budget::take_faces`].
+    pub fn take_smooth_faces(&mut self, faces: u64) -> Result<()> {
+        self.smooth_faces += faces;
         self.check()
     }
 
@@ -57,9 +69,9 @@ impl Budget {
         self.check()
     }
 
-    /// Rectangles so far.
+    /// Rectangles and smoothed faces so far.
     pub fn faces(&self) -> u64 {
-        self.faces
+        self.faces + self.smooth_faces
     }
 
     /// Boxes so far.
@@ -70,14 +82,19 @@ impl Budget {
     /// Bytes of the file, estimated.
     pub fn bytes(&self) -> u64 {
         let boxes = self.boxes.saturating_mul(self.each.a_box);
-        self.faces.saturating_mul(self.each.a_face).saturating_add(boxes).saturating_add(self.packed_bytes)
+        let smooth = self.smooth_faces.saturating_mul(self.each.a_smooth_face);
+        self.faces
+            .saturating_mul(self.each.a_face)
+            .saturating_add(smooth)
+            .saturating_add(boxes)
+            .saturating_add(self.packed_bytes)
     }
 
     fn check(&self) -> Result<()> {
         if self.bytes() <= self.limit_bytes {
             return Ok(());
         }
-        let (faces, boxes) = (self.faces, self.boxes);
+        let (faces, boxes) = (self.faces(), self.boxes);
         let what = match boxes {
             0 => format!("bytes of the file for the first {faces} faces, estimated"),
             _ => format!("bytes of the file for {boxes} boxes and the first {faces} faces, estimated"),
@@ -92,12 +109,13 @@ mod tests {
 
     #[test]
     fn what_fits_exactly_is_allowed_and_a_box_more_is_not() {
-        let mut budget = Budget::new(1000, FaceBytes { a_face: 50, a_box: 24 });
+        let mut budget = Budget::new(1000, FaceBytes { a_face: 50, a_smooth_face: 60, a_box: 24 });
         budget.take_boxes(25).unwrap();
         budget.take_faces(8).unwrap();
         assert_eq!((budget.faces(), budget.boxes(), budget.bytes()), (8, 25, 1000));
-        let mut packed = budget;
-        assert!(packed.take_packed(1).is_err());
+        let (mut packed, mut smooth) = (budget, budget);
+        assert!(packed.take_packed(1).is_err() && smooth.take_smooth_faces(1).is_err());
+        assert_eq!((smooth.faces(), smooth.bytes()), (9, 1060));
         let error = budget.take_boxes(1).unwrap_err().to_string();
         assert_eq!(
             error,

@@ -116,9 +116,18 @@ pub fn for_each_cut_block(
     merging: Merging,
     cuts: &[CutRegion],
     job: &Job,
+    visit: impl FnMut(&[Rectangle], &[CutPolygon]) -> Result<()>,
+) -> Result<()> {
+    cut_blocks(&Surface::new(volume, visible, level, merging)?, cuts, job, visit)
+}
+
+/// Visits what `cuts` leave of a surface, as [`for_each_cut_block`] does.
+pub(crate) fn cut_blocks(
+    surface: &Surface<'_>,
+    cuts: &[CutRegion],
+    job: &Job,
     mut visit: impl FnMut(&[Rectangle], &[CutPolygon]) -> Result<()>,
 ) -> Result<()> {
-    let surface = Surface::new(volume, visible, level, merging)?;
     surface.for_each_block(
         job,
         |origin| {

@@ -1,10 +1,10 @@
 //! One instance of a scene: what is drawn of its volume, and the material of each label.
 
-use pumice_core::{CompressedVolume, Error};
+use pumice_core::CompressedVolume;
 use pumice_scene::{Instance, Material};
 use pumice_transport::{LoadedScene, MaterialTable};
 
-use crate::{CutRegion, ExportError};
+use crate::{CutRegion, VoxelRegion};
 
 /// An instance with what an export asks of it.
 pub(crate) struct Drawn<'a> {
@@ -18,11 +18,13 @@ pub(crate) struct Drawn<'a> {
     pub(crate) material_of: Vec<u32>,
     /// What cuts remove of it, in index space.
     pub(crate) cuts: Vec<CutRegion>,
+    /// Nothing outside of it is drawn.
+    pub(crate) region: Option<VoxelRegion>,
 }
 
 impl<'a> Drawn<'a> {
-    /// Instance number `place` of a scene.
-    pub(crate) fn new(scene: &'a LoadedScene, place: usize) -> Self {
+    /// Instance number `place` of a scene, within a region if there is one.
+    pub(crate) fn new(scene: &'a LoadedScene, place: usize, region: Option<VoxelRegion>) -> Self {
         let (instance, volume) = (&scene.scene().instances[place], &scene.volumes()[place]);
         let (visible, labels) = (scene.visible(place), volume.labels());
         let table = MaterialTable::new(&instance.style, labels.ids(), labels.contacts().iter(), &visible);
@@ -43,17 +45,18 @@ impl<'a> Drawn<'a> {
             material_of.push(place);
         }
         let cuts = CutRegion::of_instance(scene.scene(), instance);
-        Self { instance, volume, visible, materials, material_of, cuts }
+        Self { instance, volume, visible, materials, material_of, cuts, region }
+    }
+
+    /// Whether something of the box between two corners, in voxels, is drawn, of a label that is.
+    pub(crate) fn reaches(&self, [low, end]: [[u32; 3]; 2]) -> bool {
+        let extent = [0, 1, 2].map(|a| end[a] - low[a]);
+        self.region.is_none_or(|region| region.overlaps(low, extent))
+            && !self.cuts.iter().any(|cut| cut.removes([low, end]))
     }
 
     /// The name of its node: letters, digits and an underscore.
     pub(crate) fn name(&self) -> String {
         format!("volume_{}", self.instance.id)
     }
-}
-
-/// The error of an export that would write no face and no box.
-pub(crate) fn nothing_drawn() -> ExportError {
-    Error::Caller("nothing of the scene's volumes is left: no label is shown, or cuts remove them all".into())
-        .into()
 }

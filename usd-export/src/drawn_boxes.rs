@@ -17,8 +17,8 @@ pub(crate) struct DrawnBox {
     pub(crate) label: u32,
 }
 
-/// The boxes of an instance that are drawn, in the order of the volume: whole also where a cut passes through them, and without those that
-/// a cut removes altogether.
+/// The boxes of an instance that are drawn, in the order of the volume: whole also where a cut or the end of a region passes through them,
+/// and without those that a cut removes altogether.
 ///
 /// # Errors
 /// [`pumice_core::Error::Limit`] where they take more than is left of the budget; [`pumice_core::Error::Cancelled`].
@@ -32,7 +32,7 @@ pub(crate) fn drawn_boxes(drawn: &Drawn<'_>, budget: &mut Budget, job: &Job) -> 
         let low = view.origin;
         // A box may pass the volume's end by up to three voxels.
         let end = [0, 1, 2].map(|a| (low[a] + view.extent[a]).min(dims[a]));
-        if !drawn.cuts.iter().any(|cut| cut.removes([low, end])) {
+        if drawn.reaches([low, end]) {
             let extent = [0, 1, 2].map(|a| (end[a] - low[a]) as u8);
             boxes.push(DrawnBox { low, extent, label });
         }

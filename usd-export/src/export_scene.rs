@@ -8,11 +8,13 @@ use pumice_core::{Error, Job};
 use pumice_transport::LoadedScene;
 
 use crate::scene_gltf::{MOST_GLB_BYTES, gltf_of_scene};
-use crate::scene_triangles::Surfaces;
+use crate::scene_triangles::{SmoothSurfaces, Surfaces};
 use crate::sky_picture::SkyPicture;
 use crate::usd::{PackedFile, Stage, write_usda, write_usdc, write_usdz};
 use crate::whole_file::{temporary_beside, write_whole};
-use crate::{Budget, ExportError, FileFormat, Form, Merging, Reader, Result, scene_stage::stage_of_scene};
+use crate::{
+    Budget, ExportError, FileFormat, Form, Merging, Reader, Result, VoxelRegion, scene_stage::stage_of_scene,
+};
 
 /// What is written of a scene, and how much of it at most.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -27,6 +29,8 @@ pub struct ExportOptions {
     pub surroundings: bool,
     /// The program whose reading of the format is followed.
     pub reader: Reader,
+    /// Voxels of each volume outside of which nothing is written; none for all.
+    pub region: Option<VoxelRegion>,
 }
 
 /// What an export has found and is about to write, or has written.
@@ -44,7 +48,8 @@ pub struct ExportSize {
 /// writing begins.
 ///
 /// # Errors
-/// Those of [`FileFormat::of`]; [`pumice_core::Error::Caller`] where nothing is asked for or nothing is drawn;
+/// Those of [`FileFormat::of`]; [`pumice_core::Error::Caller`] where nothing is asked for or nothing is drawn, where the region reaches
+/// beyond a volume, or where a smoothed surface is asked for of a scene with cuts;
 /// [`pumice_core::Error::Limit`] where the file would take more bytes than allowed, as soon as that is found;
 /// [`pumice_core::Error::Io`] with the file's name where it cannot be written; [`pumice_core::Error::Cancelled`].
 pub fn export_scene(
@@ -56,6 +61,15 @@ pub fn export_scene(
 ) -> Result<ExportSize> {
     let format = FileFormat::of(path)?;
     format.check_forms(&options.forms)?;
+    if let Some(region) = &options.region {
+        for (instance, volume) in scene.scene().instances.iter().zip(scene.volumes()) {
+            region.check_within(volume.info().dims, &format!("volume_{}", instance.id))?;
+        }
+    }
+    if options.forms.contains(&Form::Smooth) && !scene.scene().cuts.is_empty() {
+        let what = "form: smooth: the surface of cut volumes cannot be smoothed; choose another form, or remove the cuts";
+        return Err(Error::Caller(what.into()).into());
+    }
     let limit_bytes = options.limit_bytes.min(format.most_bytes());
     let mut budget = Budget::new(limit_bytes, format.face_bytes());
     let size = |budget: &Budget, bytes| ExportSize { faces: budget.faces(), boxes: budget.boxes(), bytes };
@@ -86,6 +100,11 @@ pub fn export_scene(
                 FileFormat::Gltf => gltf.write_gltf(path, job)?,
                 _ => gltf.write_glb(path, job)?,
             }
+        }
+        FileFormat::Ply | FileFormat::Obj | FileFormat::Stl if options.forms == [Form::Smooth] => {
+            let surfaces = SmoothSurfaces::of_scene(scene, options, &mut budget, job)?;
+            tell(size(&budget, budget.bytes()));
+            surfaces.write(format, path, job)?
         }
         FileFormat::Ply | FileFormat::Obj | FileFormat::Stl => {
             let surfaces = Surfaces::of_scene(scene, options, &mut budget, job)?;

@@ -51,12 +51,12 @@ impl FileFormat {
     /// are the least that they take, 24 more for each face of the material that has the most; the whole is checked before it is written.
     pub fn face_bytes(self) -> FaceBytes {
         match self {
-            Self::Usda => FaceBytes { a_face: 125, a_box: 70 },
-            Self::Usdc | Self::Usdz => FaceBytes { a_face: 49, a_box: 26 },
-            Self::Gltf | Self::Glb => FaceBytes { a_face: 64, a_box: 28 },
-            Self::Ply => FaceBytes { a_face: 85, a_box: 0 },
-            Self::Obj => FaceBytes { a_face: 165, a_box: 0 },
-            Self::Stl => FaceBytes { a_face: 100, a_box: 0 },
+            Self::Usda => FaceBytes { a_face: 125, a_smooth_face: 141, a_box: 70 },
+            Self::Usdc | Self::Usdz => FaceBytes { a_face: 49, a_smooth_face: 36, a_box: 26 },
+            Self::Gltf | Self::Glb => FaceBytes { a_face: 64, a_smooth_face: 54, a_box: 28 },
+            Self::Ply => FaceBytes { a_face: 85, a_smooth_face: 57, a_box: 0 },
+            Self::Obj => FaceBytes { a_face: 165, a_smooth_face: 125, a_box: 0 },
+            Self::Stl => FaceBytes { a_face: 100, a_smooth_face: 100, a_box: 0 },
         }
     }
 
@@ -75,14 +75,14 @@ impl FileFormat {
         let refused =
             |what: String| Err(Error::Caller(format!("form: a .{} file {what}", self.ending())).into());
         if forms.is_empty() {
-            return refused("needs one of instances, boxes, cells4, voxels".into());
+            return refused("needs one of instances, boxes, cells4, voxels, smooth".into());
         }
         if forms.len() > 1 && !has_variants {
             let names: Vec<&str> = forms.iter().map(|form| form.name()).collect();
             return refused(format!("holds one, got {}; write a file for each", names.join(", ")));
         }
         if forms.contains(&Form::Instances) && !has_instances {
-            return refused("has no instances; expected voxels, cells4 or boxes".into());
+            return refused("has no instances; expected voxels, cells4, boxes or smooth".into());
         }
         Ok(())
     }

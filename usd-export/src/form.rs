@@ -13,11 +13,13 @@ pub enum Form {
     Cells,
     /// The visible surface of the voxels: exact.
     Voxels,
+    /// The surface of each label, smoothed: not exact ([`SmoothMesh`](crate::SmoothMesh)).
+    Smooth,
 }
 
 impl Form {
-    /// All forms, from the coarsest on.
-    pub const ALL: [Self; 4] = [Self::Instances, Self::Boxes, Self::Cells, Self::Voxels];
+    /// All forms, from the coarsest on; the smoothed one last.
+    pub const ALL: [Self; 5] = [Self::Instances, Self::Boxes, Self::Cells, Self::Voxels, Self::Smooth];
 
     /// Its name in files and on the command line.
     pub fn name(self) -> &'static str {
@@ -26,13 +28,14 @@ impl Form {
             Self::Boxes => "boxes",
             Self::Cells => "cells4",
             Self::Voxels => "voxels",
+            Self::Smooth => "smooth",
         }
     }
 
-    /// The level of detail whose surface it is; none for instances.
+    /// The level of detail whose surface it is; none for instances and for the smoothed surface, which no renderer draws.
     pub fn level(self) -> Option<DetailLevel> {
         match self {
-            Self::Instances => None,
+            Self::Instances | Self::Smooth => None,
             Self::Boxes => Some(DetailLevel::Boxes),
             Self::Cells => Some(DetailLevel::Cells),
             Self::Voxels => Some(DetailLevel::Voxels),

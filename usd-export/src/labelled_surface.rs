@@ -7,8 +7,9 @@ use pumice_core::Job;
 use pumice_transport::geometry::DetailLevel;
 
 use crate::budget::Budget;
-use crate::cut_surface::for_each_cut_block;
+use crate::cut_surface::cut_blocks;
 use crate::drawn::Drawn;
+use crate::surface::Surface;
 use crate::{CutPolygon, Merging, Rectangle, Result};
 
 /// A surface in index space.
@@ -79,8 +80,8 @@ impl LabelledSurface {
         job: &Job,
     ) -> Result<Self> {
         let (mut rectangles, mut polygons) = (Vec::new(), Vec::new());
-        let Drawn { volume, visible, cuts, .. } = drawn;
-        for_each_cut_block(volume, visible, level, merging, cuts, job, |whole, cut| {
+        let surface = Surface::new(drawn.volume, &drawn.visible, level, merging)?.within(drawn.region);
+        cut_blocks(&surface, &drawn.cuts, job, |whole, cut| {
             budget.take_faces((whole.len() + cut.len()) as u64)?;
             rectangles.extend_from_slice(whole);
             polygons.extend_from_slice(cut);

@@ -5,8 +5,8 @@
 //! CompressedVolume ─► blocks of 64³ voxels ─► FaceBlock, FaceBlock, … ─► QuadMesh     a quad per voxel face
 //!                     only those with boxes └► Rectangle, Rectangle, … ─► a file       merged, at a level of detail, sorted by material
 //! ```
-//! The surface is exactly the volume's own, without simplification or smoothing. It is in index space; the code that writes it applies the
-//! matrix.
+//! The surface is exactly the volume's own, without simplification or smoothing; only [`SmoothMesh`] is another. It is in index space; the
+//! code that writes it applies the matrix.
 
 mod budget;
 mod cut_surface;
@@ -26,8 +26,12 @@ mod scene_gltf;
 mod scene_stage;
 mod scene_triangles;
 mod sky_picture;
+mod smooth_mesh;
+mod smooth_surface;
 mod surface;
+mod surface_net;
 pub mod usd;
+mod voxel_region;
 mod whole_file;
 
 pub use budget::{Budget, FaceBytes};
@@ -41,4 +45,6 @@ pub use left_out::left_out_of;
 pub use quad_mesh::{Corners, QuadMesh, count_surface_faces};
 pub use reader::Reader;
 pub use scene_stage::stage_of_scene;
+pub use smooth_mesh::{SmoothMesh, SmoothVertex};
 pub use surface::{Merging, Rectangle, for_each_surface_block};
+pub use voxel_region::VoxelRegion;

@@ -1,7 +1,8 @@
 //! What a file says of a volume beside its shape: names and values that are the same in every format.
 //!
 //! Lists are JSON text, because importers drop arrays of texts: `labels` has `[id, name, type]` by dense index, the number that the faces of
-//! surfaces carry as `label`; name and type are null where a label has none.
+//! surfaces carry as `label`; name and type are null where a label has none. `region` is there where only a part of the volume is written: its
+//! lowest voxel, and the one beyond its highest.
 
 use std::path::Path;
 
@@ -34,11 +35,16 @@ pub(crate) fn notes(drawn: &Drawn<'_>) -> Result<Vec<(&'static str, String)>> {
     let labels = serde_json::to_string(&labels).map_err(as_json)?;
     let unit = serde_json::to_value(volume.info().unit).map_err(as_json)?;
     let [x, y, z] = volume.info().spacing();
-    Ok(vec![
+    let mut notes = vec![
         ("labels", labels),
         ("data_hash", format!("{:032x}", volume.content_hash())),
         ("source", source_name(&drawn.instance.source)),
         ("spacing", format!("[{x}, {y}, {z}]")),
         ("unit", unit.as_str().unwrap_or_default().to_owned()),
-    ])
+    ];
+    if let Some(region) = drawn.region {
+        let ([x0, y0, z0], [x1, y1, z1]) = (region.low(), region.high());
+        notes.push(("region", format!("[{x0}, {y0}, {z0}, {x1}, {y1}, {z1}]")));
+    }
+    Ok(notes)
 }

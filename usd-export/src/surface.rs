@@ -13,19 +13,21 @@
 //! ```
 //! These are the renderers' own rules for levels of detail ([`LodChoice`](pumice_transport::geometry::LodChoice)), so the surface is what
 //! they draw of opaque labels that nothing cuts. Faces between shown labels are left out: no ray from outside reaches them. Elements end
-//! where the volume ends.
+//! where the volume ends. A surface may be limited to a [`VoxelRegion`]: blocks outside of it are not visited.
 
 use pumice_core::{BoxView, CompressedVolume, Error, Job, grid::BRICK_VOXELS, morton};
 use pumice_transport::geometry::DetailLevel;
 use rayon::prelude::*;
 
-use crate::Result;
+use crate::{Result, VoxelRegion};
 
 /// Side of a block in elements: with its margin a tenth more is looked at than is used.
-const BLOCK: usize = 64;
+pub(crate) const BLOCK: usize = 64;
 const WITH_MARGIN: usize = BLOCK + 2;
 /// Number of blocks per thread that are processed at a time. It bounds the memory, and keeps threads busy while a slow block is finished.
 const BLOCKS_A_THREAD: usize = 4;
+/// Voxels by which a box that overlaps a region may reach beyond it: boxes have at most 16 along an axis.
+const BEYOND_REGION: u32 = 15;
 
 /// How faces become rectangles.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -95,6 +97,8 @@ pub(crate) struct Surface<'a> {
     visible: &'a [bool],
     level: DetailLevel,
     merging: Merging,
+    /// Nothing outside of it is shown.
+    region: VoxelRegion,
 }
 
 /// Labels of the elements of a block and its margin, x fastest, as dense index + 1; 0 where nothing is shown.
@@ -114,7 +118,18 @@ impl<'a> Surface<'a> {
             let what = format!("visible: expected {labels} values, one a label, got {}", visible.len());
             return Err(Error::Caller(what).into());
         }
-        Ok(Self { volume, visible, level, merging })
+        let region = VoxelRegion::whole(volume.info().dims);
+        Ok(Self { volume, visible, level, merging, region })
+    }
+
+    /// The same without what lies outside of a region, if there is one.
+    pub(crate) fn within(self, region: Option<VoxelRegion>) -> Self {
+        Self { region: region.unwrap_or(self.region), ..self }
+    }
+
+    /// Outside of it nothing is shown.
+    pub(crate) fn region(&self) -> VoxelRegion {
+        self.region
     }
 
     /// Visits what `of_block` makes of the block at each lowest element, in Morton order of the blocks.
@@ -133,6 +148,12 @@ impl<'a> Surface<'a> {
         let brick_bits = 3 * (block_voxels / BRICK_VOXELS).ilog2();
         let mut blocks: Vec<u64> = self.volume.grid().bricks().iter().map(|&b| b >> brick_bits).collect();
         blocks.dedup();
+        let low = self.region.low().map(|c| c.saturating_sub(BEYOND_REGION));
+        let high = self.region.high().map(|c| c + BEYOND_REGION);
+        blocks.retain(|&block| {
+            let first = morton::decode(block).map(|b| b * block_voxels);
+            (0..3).all(|a| first[a] < high[a] && first[a] + block_voxels > low[a])
+        });
         job.begin(blocks.len() as u64);
         for group in blocks.chunks(BLOCKS_A_THREAD * rayon::current_num_threads()) {
             let found: Vec<T> = group
@@ -218,16 +239,26 @@ impl<'a> Surface<'a> {
 
     /// Labels of the voxels, where the elements are voxels.
     fn voxels(&self, origin: [u32; 3]) -> Result<Elements, Error> {
-        let dims = self.volume.info().dims;
-        let low = origin.map(|o| o.saturating_sub(1));
-        let end = [0, 1, 2].map(|a| (origin[a] + BLOCK as u32 + 1).min(dims[a]));
-        let size = [0, 1, 2].map(|a| end[a] - low[a]);
-        let decoded = self.volume.decode_block(low, size)?;
-        let mut elements = vec![0; WITH_MARGIN.pow(3)];
-        let start = [0, 1, 2].map(|a| (low[a] + 1 - origin[a]) as usize);
+        self.voxels_around(origin.map(|o| i64::from(o) - 1), WITH_MARGIN)
+    }
+
+    /// Labels of a cube of voxels of this `side`, whose lowest may lie before the volume: as [`Elements`].
+    ///
+    /// # Errors
+    /// Errors of the volume.
+    pub(crate) fn voxels_around(&self, lowest: [i64; 3], side: usize) -> Result<Elements, Error> {
+        let mut elements = vec![0; side.pow(3)];
+        let [region_low, region_high] = [self.region.low(), self.region.high()].map(|c| c.map(i64::from));
+        let low = [0, 1, 2].map(|a| lowest[a].max(region_low[a]));
+        let size = [0, 1, 2].map(|a| (lowest[a] + side as i64).min(region_high[a]) - low[a]);
+        if size.iter().any(|&n| n <= 0) {
+            return Ok(elements);
+        }
+        let decoded = self.volume.decode_block(low.map(|c| c as u32), size.map(|n| n as u32))?;
+        let start = [0, 1, 2].map(|a| (low[a] - lowest[a]) as usize);
         for (row, labels) in decoded.chunks_exact(size[0] as usize).enumerate() {
             let (y, z) = (row % size[1] as usize + start[1], row / size[1] as usize + start[2]);
-            let place = (z * WITH_MARGIN + y) * WITH_MARGIN + start[0];
+            let place = (z * side + y) * side + start[0];
             let shown = labels.iter().map(|&l| if l != 0 && self.visible[l as usize - 1] { l } else { 0 });
             elements[place..][..labels.len()].iter_mut().zip(shown).for_each(|(to, from)| *to = from);
         }
@@ -248,18 +279,24 @@ impl<'a> Surface<'a> {
         }
         boxes.sort_unstable();
         boxes.dedup();
+        // Of the boxes that overlap a region all cells are shown, where the elements are boxes.
+        let is_of_cells = self.level == DetailLevel::Cells;
         for index in boxes {
             let label = self.volume.label_of_box(index as usize);
-            if !self.visible[label as usize] {
+            let view = self.volume.get_box(index as usize);
+            if !self.visible[label as usize] || !self.region.overlaps(view.origin, view.extent) {
                 continue;
             }
-            let view = self.volume.get_box(index as usize);
             let cells = of_box(&view);
             // The box's lowest cell, counted from the margin's.
             let low = [0, 1, 2].map(|a| i64::from(view.origin[a] / 4) + 1 - i64::from(origin[a]));
             for bit in (0..64).filter(|bit| cells >> bit & 1 != 0) {
                 let at = [bit & 3, bit >> 2 & 3, bit >> 4];
                 let place = [0, 1, 2].map(|a| low[a] + at[a]);
+                let cell = [0, 1, 2].map(|a| view.origin[a] + 4 * at[a] as u32);
+                if is_of_cells && !self.region.overlaps(cell, [4; 3]) {
+                    continue;
+                }
                 if place.iter().all(|p| (0..WITH_MARGIN as i64).contains(p)) {
                     let [x, y, z] = place.map(|p| p as usize);
                     let element = &mut elements[(z * WITH_MARGIN + y) * WITH_MARGIN + x];
@@ -360,4 +397,34 @@ fn cells_of_extent(extent: [u32; 3]) -> u64 {
     let row = (1u64 << x) - 1;
     let plane = (0..y).fold(0, |plane, y| plane | row << (4 * y));
     (0..z).fold(0, |cells, z| cells | plane << (16 * z))
+}
+
+#[cfg(test)]
+mod tests {
+    use pumice_oracle::volumes;
+
+    use super::*;
+
+    /// Blocks that are visited for a level of detail and a region.
+    fn visited(volume: &CompressedVolume, level: DetailLevel, region: Option<VoxelRegion>) -> usize {
+        let visible = vec![true; volume.labels().len()];
+        let surface = Surface::new(volume, &visible, level, Merging::Merged).unwrap().within(region);
+        let mut count = 0;
+        let visit = |()| {
+            count += 1;
+            Ok(())
+        };
+        surface.for_each_block(&Job::new(), |_| Ok(()), visit).unwrap();
+        count
+    }
+
+    #[test]
+    fn blocks_outside_of_a_region_are_not_visited() {
+        let (_, volume) = volumes::volume([300, 130, 70], |_, _, _| 1);
+        let region = VoxelRegion::new([150, 80, 20], [170, 90, 30]).unwrap();
+        assert_eq!(visited(&volume, DetailLevel::Voxels, None), 5 * 3 * 2);
+        // One block of 64³ has the region; boxes of others may not reach it, being 16 voxels long.
+        assert_eq!(visited(&volume, DetailLevel::Voxels, Some(region)), 1);
+        assert_eq!([None, Some(region)].map(|r| visited(&volume, DetailLevel::Cells, r)), [2, 1]);
+    }
 }

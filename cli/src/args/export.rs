@@ -7,6 +7,7 @@ use clap::{Args, ValueEnum};
 use pumice_session::values::bytes;
 
 use super::Reading;
+use super::values::region;
 
 /// Write a volume or a scene for other programs: USD, glTF, PLY, OBJ, STL
 ///
@@ -36,6 +37,10 @@ pub(crate) struct Export {
     /// Write only these labels, by id, separated by commas
     #[arg(long, value_name = "ID,ID", value_delimiter = ',')]
     pub(crate) labels: Option<Vec<u64>>,
+    /// Write only these voxels of each volume: from X0,Y0,Z0 up to, and without, X1,Y1,Z1. Surfaces are closed at its border. Cells and boxes
+    /// that it overlaps are written whole
+    #[arg(long, value_name = "X0,Y0,Z0,X1,Y1,Z1", value_parser = region)]
+    pub(crate) region: Option<[[u32; 3]; 2]>,
     /// Refuse to write a file larger than this, as estimated before anything is written; memory is about half as much
     #[arg(long, value_name = "BYTES", default_value = "4G", value_parser = bytes)]
     pub(crate) limit: u64,
@@ -57,6 +62,9 @@ pub(crate) enum FormArg {
     Cells4,
     /// The exact surface
     Voxels,
+    /// A smoothed surface, which is not exact: corners of voxels move by up to 0.4 of a voxel. Each label's surface is closed, and labels that
+    /// touch have their border in common
+    Smooth,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]

@@ -8,6 +8,13 @@ pub(super) fn dims(text: &str) -> Result<[u64; 3], String> {
     numbers(text, ',').ok_or_else(|| "expected three whole numbers, e.g. 512,512,128".into())
 }
 
+/// Lowest voxel and the one beyond the highest, along x, y and z: `0,0,0,256,256,128`.
+pub(super) fn region(text: &str) -> Result<[[u32; 3]; 2], String> {
+    let [x0, y0, z0, x1, y1, z1] =
+        numbers(text, ',').ok_or("expected six whole numbers X0,Y0,Z0,X1,Y1,Z1, e.g. 0,0,0,256,256,128")?;
+    Ok([[x0, y0, z0], [x1, y1, z1]])
+}
+
 /// Voxel size along x, y and z: `16,16,40`.
 pub(super) fn spacing(text: &str) -> Result<[f64; 3], String> {
     numbers(text, ',')
@@ -49,6 +56,10 @@ mod tests {
     #[test]
     fn values_are_read_or_refused() {
         assert_eq!(relative("3%"), Ok(0.03));
+        assert_eq!(region("1,2,3,4,5,6"), Ok([[1, 2, 3], [4, 5, 6]]));
+        for bad in ["1,2,3", "-1,0,0,4,4,4", "0,0,0,1.5,4,4"] {
+            assert!(region(bad).is_err(), "{bad}");
+        }
         assert_eq!(spacing("16,16,40"), Ok([16.0, 16.0, 40.0]));
         for bad in ["NaN,1,1", "0,1,1", "1,1", "inf,1,1"] {
             assert!(spacing(bad).is_err(), "{bad}");

@@ -20,6 +20,7 @@ pub(crate) fn run(args: &Export, job: &Arc<Job>) -> Result<Answer, Failure> {
             FormArg::Boxes => Form::Boxes,
             FormArg::Cells4 => Form::Cells,
             FormArg::Voxels => Form::Voxels,
+            FormArg::Smooth => Form::Smooth,
         };
         if !forms.contains(&form) {
             forms.push(form);
@@ -36,6 +37,7 @@ pub(crate) fn run(args: &Export, job: &Arc<Job>) -> Result<Answer, Failure> {
             ReaderArg::Blender => Reader::Blender,
         },
         labels: args.labels.clone(),
+        region: args.region,
         reading: open_options(&args.reading),
     };
     let is_quiet = args.json.as_deref() == Some(std::path::Path::new("-"));

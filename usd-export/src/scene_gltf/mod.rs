@@ -21,6 +21,7 @@ mod meshes;
 mod notes;
 mod placement;
 mod polygons;
+mod smooth;
 mod surface;
 mod writer;
 
@@ -33,9 +34,10 @@ use pumice_core::{Error, Job};
 use pumice_scene::{LightShape, Scene};
 use pumice_transport::LoadedScene;
 
-use crate::drawn::{Drawn, nothing_drawn};
+use crate::drawn::Drawn;
 use crate::labelled_surface::LabelledSurface;
-use crate::{Budget, ExportOptions, Result};
+use crate::voxel_region::nothing_shown;
+use crate::{Budget, ExportOptions, Form, Result};
 use binary::Binary;
 pub(crate) use file::MOST_GLB_BYTES;
 use writer::Writer;
@@ -86,10 +88,11 @@ pub(crate) fn gltf_of_scene<'a>(
     let mut writer = Writer::default();
     let mut nodes = Vec::new();
     for place in 0..scene.volumes().len() {
-        nodes.extend(add_volume(&mut writer, &Drawn::new(scene, place), options, budget, job)?);
+        let drawn = Drawn::new(scene, place, options.region);
+        nodes.extend(add_volume(&mut writer, &drawn, options, budget, job)?);
     }
     if nodes.is_empty() {
-        return Err(nothing_drawn());
+        return Err(nothing_shown(options.region).into());
     }
     if options.surroundings {
         add_surroundings(&mut writer, scene, &mut nodes)?;
@@ -131,6 +134,7 @@ fn add_volume(
 ) -> Result<Option<Index<Node>>> {
     let (mut own_mesh, mut children) = (None, Vec::new());
     match options.forms.first().and_then(|form| form.level()) {
+        None if options.forms == [Form::Smooth] => own_mesh = smooth::add_smooth(writer, drawn, budget, job)?,
         None => children = instances::add_boxes(writer, drawn, budget, job)?,
         Some(level) => {
             let surface = LabelledSurface::new(drawn, level, options.merging, budget, job)?;
@@ -158,11 +162,11 @@ fn add_volume(
         node.mesh = own_mesh;
         node.children = (!children.is_empty()).then_some(children);
     })?;
-    writer.root.nodes[node.value()].extras = Some(notes::extras(drawn)?);
+    writer.root.nodes[node.value()].extras = Some(notes::extras(drawn, options.forms.first())?);
     Ok(Some(node))
 }
 
-fn finished(mut root: Root, mut used: BTreeSet<&'static str>, nodes: Vec<Index<Node>>) -> Root {
+fn finished(mut root: Root, used: BTreeSet<&'static str>, nodes: Vec<Index<Node>>) -> Root {
     let turned = root.push(Node {
         name: Some("scene".into()),
         rotation: Some(UnitQuaternion([-FRAC_1_SQRT_2, 0.0, 0.0, FRAC_1_SQRT_2])),
@@ -173,7 +177,6 @@ fn finished(mut root: Root, mut used: BTreeSet<&'static str>, nodes: Vec<Index<N
     root.scene = Some(root.push(scene));
     root.asset =
         Asset { generator: Some(format!("pumice {}", env!("CARGO_PKG_VERSION"))), ..Asset::default() };
-    used.insert(QUANTIZATION);
     let required = [INSTANCING, QUANTIZATION].into_iter().filter(|name| used.contains(name));
     root.extensions_required = required.map(str::to_owned).collect();
     root.extensions_used = used.into_iter().map(str::to_owned).collect();

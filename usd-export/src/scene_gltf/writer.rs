@@ -137,11 +137,12 @@ impl Writer<'_> {
         })
     }
 
-    /// Adds the section that all rectangles share.
+    /// Adds the section that all rectangles share, if there are any; their positions are whole numbers.
     pub(super) fn finish(&mut self) {
         let Some(corners) = self.corners else {
             return;
         };
+        self.used.insert(super::QUANTIZATION);
         let (rectangles, bytes) = (self.most_rectangles, 24 * self.most_rectangles);
         let offset =
             self.binary.add(bytes, move |out| write_corners(rectangles, 4, &[0, 1, 2, 0, 2, 3], out));

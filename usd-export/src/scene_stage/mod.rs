@@ -7,6 +7,8 @@
 //!   /volume_ID         Xform: world from index space, notes of the labels; variant set form, of the forms that were asked for
 //!     {form=voxels}
 //!     /surface           Mesh: rectangles sorted by material, each material's a GeomSubset
+//!     {form=smooth}
+//!     /surface           Mesh: quads that share points, and normals of their corners
 //!     {form=instances}
 //!     /boxes             PointInstancer: a unit cube for each material, placed and scaled once a box
 //!   /camera            Camera, and all that follows: the surroundings, unless they were not asked for
@@ -25,6 +27,7 @@ mod lights;
 mod materials;
 mod meshes;
 mod placement;
+mod smooth;
 mod surface;
 mod world;
 
@@ -33,10 +36,11 @@ use std::sync::Arc;
 use pumice_core::{Error, Job};
 use pumice_transport::LoadedScene;
 
-use crate::drawn::{Drawn, nothing_drawn};
+use crate::drawn::Drawn;
 use crate::notes::notes;
 use crate::usd::{Prim, Specifier, Stage, Value, Variant, VariantSet};
-use crate::{Budget, ExportOptions, Reader, Result};
+use crate::voxel_region::nothing_shown;
+use crate::{Budget, ExportOptions, Form, Reader, Result};
 use materials::Materials;
 use placement::{note, placement};
 
@@ -59,17 +63,20 @@ pub fn stage_of_scene(
     job: &Job,
 ) -> Result<Stage<'static>> {
     let Some(shown_first) = options.forms.first() else {
-        return Err(Error::Caller("forms: expected one of instances, boxes, cells4, voxels".into()).into());
+        return Err(
+            Error::Caller("forms: expected one of instances, boxes, cells4, voxels, smooth".into()).into()
+        );
     };
     let mut materials = Materials::default();
     let mut volumes = Vec::new();
     for place in 0..scene.volumes().len() {
-        let drawn = Drawn::new(scene, place);
+        let drawn = Drawn::new(scene, place, options.region);
         let of_volume: Vec<String> =
             drawn.materials.iter().map(|material| materials.path(material)).collect();
         let mut forms = Vec::new();
         for &form in &options.forms {
             let prim = match form.level() {
+                None if form == Form::Smooth => smooth::prim(&drawn, &of_volume, budget, job)?,
                 None => boxes::prim(&drawn, &of_volume, budget, job)?,
                 Some(level) => surface::prim(&drawn, &of_volume, level, options.merging, budget, job)?,
             };
@@ -83,7 +90,7 @@ pub fn stage_of_scene(
         false => Vec::new(),
     };
     if budget.faces() + budget.boxes() == 0 {
-        return Err(nothing_drawn());
+        return Err(nothing_shown(options.region).into());
     }
     let mut children = vec![materials.into_prim()?];
     children.append(&mut volumes);

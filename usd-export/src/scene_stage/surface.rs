@@ -59,7 +59,7 @@ pub(super) fn prim(
     })
 }
 
-fn indexable(corners: u64) -> Result<()> {
+pub(super) fn indexable(corners: u64) -> Result<()> {
     if corners <= MOST_CORNERS {
         return Ok(());
     }
@@ -67,7 +67,8 @@ fn indexable(corners: u64) -> Result<()> {
     Err(Error::Limit { what, limit: MOST_CORNERS, got: corners }.into())
 }
 
-fn array_of_ranges<const N: usize>(ranges: [Range<u32>; N]) -> Array<'static> {
+/// Numbers that follow each other, in ranges.
+pub(super) fn array_of_ranges<const N: usize>(ranges: [Range<u32>; N]) -> Array<'static> {
     let len = ranges.iter().map(|range| u64::from(range.end - range.start)).sum();
     Array::new(len, move |sink| {
         for range in &ranges {

@@ -10,15 +10,19 @@
 
 mod obj;
 mod ply;
+mod smooth;
 mod stl;
 
 use glam::{DAffine3, DVec3};
 use pumice_core::{Error, Job};
 use pumice_transport::LoadedScene;
 
-use crate::drawn::{Drawn, nothing_drawn};
+use crate::drawn::Drawn;
 use crate::labelled_surface::{Face, LabelledSurface};
+use crate::voxel_region::nothing_shown;
 use crate::{Budget, ExportOptions, Result};
+
+pub(crate) use smooth::SmoothSurfaces;
 
 /// The surfaces of a scene, each with what is drawn of its volume.
 pub(crate) struct Surfaces<'a> {
@@ -42,7 +46,7 @@ impl<'a> Surfaces<'a> {
             return Err(Error::Caller("forms: expected one of boxes, cells4, voxels".into()).into());
         };
         for place in 0..scene.volumes().len() {
-            let drawn = Drawn::new(scene, place);
+            let drawn = Drawn::new(scene, place, options.region);
             let surface = LabelledSurface::new(&drawn, level, options.merging, budget, job)?;
             if !surface.is_empty() {
                 check_range(&drawn)?;
@@ -50,7 +54,7 @@ impl<'a> Surfaces<'a> {
             }
         }
         if all.is_empty() {
-            return Err(nothing_drawn());
+            return Err(nothing_shown(options.region).into());
         }
         Ok(Self { all })
     }

@@ -78,12 +78,12 @@ impl Surfaces<'_> {
     }
 }
 
-fn material_name(drawn: &Drawn<'_>, number: usize) -> String {
+pub(super) fn material_name(drawn: &Drawn<'_>, number: usize) -> String {
     format!("{}_{number}", drawn.name())
 }
 
 /// Id and name of a label. A space would begin another group's name, so it becomes an underscore.
-fn group_name(drawn: &Drawn<'_>, label: u32) -> String {
+pub(super) fn group_name(drawn: &Drawn<'_>, label: u32) -> String {
     let id = drawn.volume.labels().ids()[label as usize];
     match drawn.volume.note(label).and_then(|note| note.name.as_deref()) {
         Some(name) => format!("{id}_{}", one_word(name)),
@@ -95,7 +95,7 @@ fn one_word(text: &str) -> String {
     text.replace(|c: char| c.is_whitespace() || c.is_control() || c == '\\' || c == '#', "_")
 }
 
-fn write_material(name: &str, material: &Material, out: &mut dyn Write) -> Result<()> {
+pub(super) fn write_material(name: &str, material: &Material, out: &mut dyn Write) -> Result<()> {
     let rgb = |[r, g, b]: [f32; 3]| format!("{r} {g} {b}");
     writeln!(out, "\nnewmtl {name}\nKd {}\nKe {}", rgb(material.base_color), rgb(material.emission))?;
     // Specular colour and exponent are what programs without the extension draw: Blender's exporter writes them so.

@@ -16,6 +16,7 @@ use serde_json::json;
 
 use super::{Surfaces, fits_32_bits, put_corners_in_world};
 use crate::Result;
+use crate::drawn::Drawn;
 
 /// Bytes that are produced at a time, but for the last face.
 const PIECE: usize = 1 << 17;
@@ -44,17 +45,9 @@ impl Surfaces<'_> {
         self.write_faces(out)
     }
 
-    /// A comment for each label that a surface has: `label VOLUME NUMBER` and the JSON list `[id, name, type]`, which has no line break.
     fn write_labels(&self, out: &mut dyn Write) -> Result<()> {
         for (drawn, surface) in &self.all {
-            let table = drawn.volume.labels();
-            let mut is_there = vec![false; drawn.visible.len()];
-            surface.faces().for_each(|face| is_there[face.label() as usize] = true);
-            for (label, id) in (0u32..).zip(table.ids()).filter(|(label, _)| is_there[*label as usize]) {
-                let name = drawn.volume.note(label).and_then(|note| note.name.as_deref());
-                let kind = table.type_of(label).and_then(|t| table.type_names().get(usize::from(t)));
-                writeln!(out, "comment label {} {label} {}", drawn.instance.id, json!([id, name, kind]))?;
-            }
+            write_labels_of(drawn, surface.faces().map(|face| face.label()), out)?;
         }
         Ok(())
     }
@@ -110,8 +103,25 @@ fn write_if_full(buffer: &mut Vec<u8>, out: &mut dyn Write) -> Result<()> {
     Ok(())
 }
 
+/// Writes a comment for each label that a surface has: `label VOLUME NUMBER` and the JSON list `[id, name, type]`, which has no line break.
+pub(super) fn write_labels_of(
+    drawn: &Drawn<'_>,
+    labels: impl Iterator<Item = u32>,
+    out: &mut dyn Write,
+) -> Result<()> {
+    let table = drawn.volume.labels();
+    let mut is_there = vec![false; drawn.visible.len()];
+    labels.for_each(|label| is_there[label as usize] = true);
+    for (label, id) in (0u32..).zip(table.ids()).filter(|(label, _)| is_there[*label as usize]) {
+        let name = drawn.volume.note(label).and_then(|note| note.name.as_deref());
+        let kind = table.type_of(label).and_then(|t| table.type_names().get(usize::from(t)));
+        writeln!(out, "comment label {} {label} {}", drawn.instance.id, json!([id, name, kind]))?;
+    }
+    Ok(())
+}
+
 /// A linear share of light as a number of a display (IEC 61966-2-1).
-fn srgb(linear: f32) -> u8 {
+pub(super) fn srgb(linear: f32) -> u8 {
     let encoded = if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 };
     (encoded * 255.0).round() as u8
 }

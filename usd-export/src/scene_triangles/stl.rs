@@ -23,12 +23,7 @@ impl Surfaces<'_> {
     /// [`pumice_core::Error::Limit`] for more triangles than 32 bits count; errors of `out`.
     pub(crate) fn write_stl(&self, out: &mut dyn Write) -> Result<()> {
         let triangles = self.corner_count() - 2 * self.face_count();
-        let triangles = fits_32_bits("triangles of an STL file", triangles)?;
-        let mut header = [b' '; 80];
-        let text = format!("Written by pumice {}", env!("CARGO_PKG_VERSION"));
-        header.iter_mut().zip(text.bytes()).for_each(|(to, from)| *to = from);
-        out.write_all(&header)?;
-        out.write_all(&triangles.to_le_bytes())?;
+        write_header("", fits_32_bits("triangles of an STL file", triangles)?, out)?;
         let (mut buffer, mut corners) = (Vec::new(), Vec::new());
         for (drawn, surface) in &self.all {
             for face in surface.faces() {
@@ -50,7 +45,17 @@ impl Surfaces<'_> {
     }
 }
 
-fn put_triangle(vectors: [DVec3; 4], buffer: &mut Vec<u8>) {
+/// Writes what comes before the triangles: who wrote them, a remark, their number.
+pub(super) fn write_header(remark: &str, triangles: u32, out: &mut dyn Write) -> Result<()> {
+    let mut header = [b' '; 80];
+    let text = format!("Written by pumice {}{remark}", env!("CARGO_PKG_VERSION"));
+    header.iter_mut().zip(text.bytes()).for_each(|(to, from)| *to = from);
+    out.write_all(&header)?;
+    Ok(out.write_all(&triangles.to_le_bytes())?)
+}
+
+/// Appends a triangle: its normal and its corners.
+pub(super) fn put_triangle(vectors: [DVec3; 4], buffer: &mut Vec<u8>) {
     for number in vectors.iter().flat_map(|v| v.as_vec3().to_array()) {
         buffer.extend_from_slice(&number.to_le_bytes());
     }
