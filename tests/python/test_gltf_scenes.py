@@ -40,8 +40,9 @@ class File:
             assert len(self.binary) == binary_length
         else:
             self.json = json.loads(path.read_text())
-            self.binary = path.with_suffix(".bin").read_bytes()
-            assert self.json["buffers"][0]["uri"] == path.with_suffix(".bin").name
+            (beside,) = path.parent.glob(f"{path.stem}.*.bin")
+            self.binary = beside.read_bytes()
+            assert self.json["buffers"][0]["uri"] == beside.name
         assert self.json["buffers"][0]["byteLength"] == len(self.binary)
         self.nodes = self.json["nodes"]
 
@@ -161,8 +162,8 @@ def test_the_validator_finds_nothing(folder):
 def test_the_validator_convicts_broken_files(folder, tmp_path):
     """Control: each fault is found."""
     whole = (folder / "noise.voxels.gltf").read_text()
-    binary = (folder / "noise.voxels.bin").read_bytes()
-    index = File(folder / "noise.voxels.gltf").json["bufferViews"][0]["byteOffset"]
+    good = File(folder / "noise.voxels.gltf")
+    binary, index = good.binary, good.json["bufferViews"][0]["byteOffset"]
 
     def broken(name, change=lambda _: None, data=binary):
         described = json.loads(whole)

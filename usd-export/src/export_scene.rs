@@ -58,6 +58,9 @@ pub fn export_scene(
     format.check_forms(&options.forms)?;
     let limit_bytes = options.limit_bytes.min(format.most_bytes());
     let mut budget = Budget::new(limit_bytes, format.face_bytes());
+    if options.forms.contains(&Form::Instances) {
+        check_boxes(scene, budget)?;
+    }
     let size = |budget: &Budget, bytes| ExportSize { faces: budget.faces(), boxes: budget.boxes(), bytes };
     let explained = |error| explained(error, format);
     let bytes = match format {
@@ -98,6 +101,20 @@ pub fn export_scene(
         }
     };
     Ok(size(&budget, bytes))
+}
+
+/// Checks that the boxes of all instances fit, before any of them is kept: each instance takes a few lines of a scene and may have millions.
+fn check_boxes(scene: &LoadedScene, mut budget: Budget) -> Result<()> {
+    for (place, volume) in scene.volumes().iter().enumerate() {
+        let visible = scene.visible(place);
+        let mut boxes = volume.boxes().len() as u64;
+        if !visible.iter().all(|is_visible| *is_visible) {
+            boxes = 0;
+            volume.for_each_box(|label, _| boxes += u64::from(visible[label as usize]));
+        }
+        budget.take_boxes(boxes)?;
+    }
+    Ok(())
 }
 
 /// Writes a stage and the picture of its world as a package. The stage is a file of its own first, without a name in the folder of
