@@ -7,8 +7,8 @@ use pumice_core::Job;
 
 use crate::console::{BenchResult, Console, Outcome};
 use crate::{
-    backends, convergence, embree, errors, extremes, instances, live, lod, needs, paper, peers, sizes,
-    speeds, stability,
+    backends, convergence, embree, errors, export, extremes, instances, live, lod, needs, paper, peers,
+    sizes, speeds, stability,
 };
 
 /// Measure, and print a table
@@ -26,6 +26,7 @@ enum Kind {
     Needs(needs::command::Flags),
     Peers(peers::command::Flags),
     Extremes(extremes::command::Flags),
+    Export(export::command::Flags),
     Lod(lod::command::Flags),
     Paper(paper::command::Flags),
     Sizes(sizes::Flags),
@@ -50,6 +51,7 @@ impl Bench {
             Kind::Needs(flags) => needs::command::run(flags, job, console),
             Kind::Peers(flags) => peers::command::run(flags, job, console),
             Kind::Extremes(flags) => extremes::command::run(flags, job, console),
+            Kind::Export(flags) => export::command::run(flags, job, console),
             Kind::Lod(flags) => lod::command::run(flags, job, console),
             Kind::Paper(flags) => paper::command::run(flags, job, console),
             Kind::Sizes(flags) => sizes::run(flags, job, console),

@@ -2,7 +2,7 @@
 //! that grows about linearly with the number of voxels.
 
 pub(crate) mod command;
-mod generated;
+pub(crate) mod generated;
 mod tables;
 
 use std::path::Path;

@@ -9,6 +9,7 @@
 //! | [`errors`], [`lod`] | relMSE over seconds; by level of detail | a picture of many samples |
 //! | [`convergence`] | relMSE over CPU seconds | Cycles |
 //! | [`embree`], [`peers`], [`paper`] | rays; bytes and voxels; encodings | Embree; other programs; the paper |
+//! | [`export`] | seconds, memory and bytes of exports; their import into Blender | other writers of USD |
 //! | [`needs`] | the cost of building parts that a scene does not need | the same scene without them |
 //! | [`stability`], [`extremes`] | errors in extreme scenes; bytes of extreme volumes | exact answers; bounds |
 //!
@@ -21,6 +22,7 @@ mod console;
 pub mod convergence;
 pub mod embree;
 pub mod errors;
+pub mod export;
 pub mod extremes;
 mod files;
 pub mod instances;

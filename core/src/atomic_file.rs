@@ -42,32 +42,68 @@ pub fn write_atomically<E: From<TargetError>>(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<&mut File>) -> Result<(), E>,
 ) -> Result<(), E> {
-    let io = |source| TargetError::Io { path: path.to_owned(), source };
-    // A rename over a device or a pipe would replace it by a file, for every user of the machine.
-    if let Ok(there) = std::fs::metadata(path)
-        && !there.is_file()
-    {
-        let what = if there.is_dir() { "is a folder, expected a file" } else { "is not an ordinary file" };
-        return Err(TargetError::NoFile { path: path.to_owned(), what: what.to_owned() }.into());
+    Ok(WrittenFile::for_place(path, write)?.appear(path)?)
+}
+
+/// A file that is written and synced, and has only a temporary name. It is removed when the value is dropped.
+#[derive(Debug)]
+pub struct WrittenFile {
+    file: tempfile::NamedTempFile,
+}
+
+impl WrittenFile {
+    /// Writes a file into the folder of `place`, for it or for a place beside it.
+    ///
+    /// # Errors
+    /// [`TargetError`] where it cannot be made, or where `place` is taken by something else than a file; errors of `write`.
+    pub fn for_place<E: From<TargetError>>(
+        place: &Path,
+        write: impl FnOnce(&mut BufWriter<&mut File>) -> Result<(), E>,
+    ) -> Result<Self, E> {
+        let io = |source| TargetError::Io { path: place.to_owned(), source };
+        check_is_file(place)?;
+        let folder = match place.parent() {
+            Some(folder) if !folder.as_os_str().is_empty() => folder,
+            _ => Path::new("."),
+        };
+        let mut builder = tempfile::Builder::new();
+        builder.prefix(".pumice-");
+        // Temporary files are private by default; this one gets the permissions that any new file would.
+        #[cfg(unix)]
+        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+        // If the folder is missing, this call gives the system's own error text: `tempfile` would add its temporary name, which means
+        // nothing to the user.
+        std::fs::metadata(folder).map_err(io)?;
+        let mut file = builder.tempfile_in(folder).map_err(|e| io(e.kind().into()))?;
+        let mut writer = BufWriter::with_capacity(BUFFER_BYTES, file.as_file_mut());
+        write(&mut writer)?;
+        writer.flush().map_err(io)?;
+        drop(writer);
+        file.as_file().sync_all().map_err(io)?;
+        Ok(Self { file })
     }
-    let folder = match path.parent() {
-        Some(folder) if !folder.as_os_str().is_empty() => folder,
-        _ => Path::new("."),
-    };
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".pumice-");
-    // Temporary files are private by default; this one gets the permissions that any new file would.
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    // If the folder is missing, this call gives the system's own error text: `tempfile` would add its temporary name, which means nothing
-    // to the user.
-    std::fs::metadata(folder).map_err(io)?;
-    let mut file = builder.tempfile_in(folder).map_err(|e| io(e.kind().into()))?;
-    let mut writer = BufWriter::with_capacity(BUFFER_BYTES, file.as_file_mut());
-    write(&mut writer)?;
-    writer.flush().map_err(io)?;
-    drop(writer);
-    file.as_file().sync_all().map_err(io)?;
-    file.persist(path).map_err(|e| io(e.error))?;
-    Ok(())
+
+    /// Gives it its name, in place of a file that had it.
+    ///
+    /// # Errors
+    /// [`TargetError`] where the system refuses; then the former file is unchanged.
+    pub fn appear(self, path: &Path) -> Result<(), TargetError> {
+        check_is_file(path)?;
+        let io = |e: tempfile::PersistError| TargetError::Io { path: path.to_owned(), source: e.error };
+        self.file.persist(path).map_err(io)?;
+        Ok(())
+    }
+}
+
+/// Checks that a name is free or that of an ordinary file.
+fn check_is_file(path: &Path) -> Result<(), TargetError> {
+    // A rename over a device or a pipe would replace it by a file, for every user of the machine.
+    match std::fs::metadata(path) {
+        Ok(there) if !there.is_file() => {
+            let what =
+                if there.is_dir() { "is a folder, expected a file" } else { "is not an ordinary file" };
+            Err(TargetError::NoFile { path: path.to_owned(), what: what.to_owned() })
+        }
+        _ => Ok(()),
+    }
 }

@@ -40,7 +40,7 @@ pub mod verify;
 pub mod volume;
 
 pub use array_source::ArraySource;
-pub use atomic_file::{TargetError, write_atomically};
+pub use atomic_file::{TargetError, WrittenFile, write_atomically};
 pub use block::{BlockSource, LabelBlock, LabelBuffer};
 pub use bounds::Bounds;
 pub use box_record::BoxRecord;

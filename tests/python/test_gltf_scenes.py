@@ -41,8 +41,9 @@ class File:
             assert len(self.binary) == binary_length
         else:
             self.json = json.loads(path.read_text())
-            self.binary = path.with_suffix(".bin").read_bytes()
-            assert self.json["buffers"][0]["uri"] == path.with_suffix(".bin").name
+            (beside,) = path.parent.glob(f"{path.stem}.*.bin")
+            self.binary = beside.read_bytes()
+            assert self.json["buffers"][0]["uri"] == beside.name
         assert self.json["buffers"][0]["byteLength"] == len(self.binary)
         self.nodes = self.json["nodes"]
 
@@ -162,10 +163,10 @@ def test_the_validator_finds_nothing(folder):
 def test_the_validator_convicts_broken_files(folder, tmp_path):
     """Control: each fault is found."""
     whole = (folder / "noise.voxels.gltf").read_text()
-    binary = (folder / "noise.voxels.bin").read_bytes()
-    json_of_whole = File(folder / "noise.voxels.gltf").json
-    indices = json_of_whole["accessors"][json_of_whole["meshes"][0]["primitives"][0]["indices"]]
-    index = json_of_whole["bufferViews"][indices["bufferView"]]["byteOffset"]
+    good = File(folder / "noise.voxels.gltf")
+    binary = good.binary
+    indices = good.json["accessors"][good.json["meshes"][0]["primitives"][0]["indices"]]
+    index = good.json["bufferViews"][indices["bufferView"]]["byteOffset"]
 
     def broken(name, change=lambda _: None, data=binary):
         described = json.loads(whole)

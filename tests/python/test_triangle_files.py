@@ -103,7 +103,9 @@ def test_obj_has_a_group_for_each_label(folder, name):
     assert faces_in(rectangles, labels, matrix_of(folder, name)) == expected
     runs = 1 + sum(a != b for a, b in zip(groups, groups[1:], strict=False))
     assert runs == len(set(groups)), "a group is written in one piece"
-    written = (folder / f"{name}.voxels.mtl").read_text().split("newmtl ")[1:]
+    (beside,) = folder.glob(f"{name}.voxels.*.mtl")
+    assert (folder / f"{name}.voxels.obj").read_text().splitlines()[1] == f"mtllib {beside.name}"
+    written = beside.read_text().split("newmtl ")[1:]
     written = {text.split("\n")[0]: dict(line.split(maxsplit=1) for line in text.splitlines()[1:] if line) for text in written}
     assert set(materials) == set(written)
     if name == "noise":

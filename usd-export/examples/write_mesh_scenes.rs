@@ -2,8 +2,8 @@
 //!
 //! ```text
 //! cargo run -p pumice-export --example write_mesh_scenes -- FOLDER
-//!     FOLDER/NAME.FORM.gltf, .bin, .glb    the scene, with its volume in each form
-//!     FOLDER/NAME.{voxels,smooth}.{ply,obj,stl}   its exact and its smoothed surface; of "part", within a region
+//!     FOLDER/NAME.FORM.gltf, .glb          the scene, with its volume in each form; a .bin beside the .gltf
+//!     FOLDER/NAME.{voxels,smooth}.{ply,obj,stl}   its exact and its smoothed surface; of "part", within a region; an .mtl beside the .obj
 //!     FOLDER/NAME.json                     the scene itself
 //!     FOLDER/NAME.labels                   dims as 3 u32; whether each label is shown, dense index + 1 at each voxel (u32), x fastest
 //! ```

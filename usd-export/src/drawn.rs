@@ -48,6 +48,11 @@ impl<'a> Drawn<'a> {
         Self { instance, volume, visible, materials, material_of, cuts, region }
     }
 
+    /// Whether all of the volume is drawn.
+    pub(crate) fn is_whole(&self) -> bool {
+        self.region.is_none() && self.cuts.is_empty() && self.visible.iter().all(|is_visible| *is_visible)
+    }
+
     /// Whether something of the box between two corners, in voxels, is drawn, of a label that is.
     pub(crate) fn reaches(&self, [low, end]: [[u32; 3]; 2]) -> bool {
         let extent = [0, 1, 2].map(|a| end[a] - low[a]);

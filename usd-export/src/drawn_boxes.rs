@@ -23,8 +23,25 @@ pub(crate) struct DrawnBox {
 /// # Errors
 /// [`pumice_core::Error::Limit`] where they take more than is left of the budget; [`pumice_core::Error::Cancelled`].
 pub(crate) fn drawn_boxes(drawn: &Drawn<'_>, budget: &mut Budget, job: &Job) -> Result<Vec<DrawnBox>> {
-    let dims = drawn.volume.info().dims;
     let mut boxes = Vec::new();
+    for_each_drawn_box(drawn, |drawn_box| boxes.push(drawn_box));
+    job.check()?;
+    budget.take_boxes(boxes.len() as u64)?;
+    Ok(boxes)
+}
+
+/// The number of [`drawn_boxes`], without keeping any.
+pub(crate) fn count_boxes(drawn: &Drawn<'_>) -> u64 {
+    if drawn.is_whole() {
+        return drawn.volume.boxes().len() as u64;
+    }
+    let mut count = 0;
+    for_each_drawn_box(drawn, |_| count += 1);
+    count
+}
+
+fn for_each_drawn_box(drawn: &Drawn<'_>, mut visit: impl FnMut(DrawnBox)) {
+    let dims = drawn.volume.info().dims;
     drawn.volume.for_each_box(|label, view| {
         if !drawn.visible[label as usize] {
             return;
@@ -34,10 +51,7 @@ pub(crate) fn drawn_boxes(drawn: &Drawn<'_>, budget: &mut Budget, job: &Job) -> 
         let end = [0, 1, 2].map(|a| (low[a] + view.extent[a]).min(dims[a]));
         if drawn.reaches([low, end]) {
             let extent = [0, 1, 2].map(|a| (end[a] - low[a]) as u8);
-            boxes.push(DrawnBox { low, extent, label });
+            visit(DrawnBox { low, extent, label });
         }
     });
-    job.check()?;
-    budget.take_boxes(boxes.len() as u64)?;
-    Ok(boxes)
 }

@@ -7,6 +7,8 @@ use std::path::Path;
 use pumice_core::{Error, Job};
 use pumice_transport::LoadedScene;
 
+use crate::drawn::Drawn;
+use crate::drawn_boxes::count_boxes;
 use crate::scene_gltf::{MOST_GLB_BYTES, gltf_of_scene};
 use crate::scene_triangles::{SmoothSurfaces, Surfaces};
 use crate::sky_picture::SkyPicture;
@@ -72,6 +74,9 @@ pub fn export_scene(
     }
     let limit_bytes = options.limit_bytes.min(format.most_bytes());
     let mut budget = Budget::new(limit_bytes, format.face_bytes());
+    if options.forms.contains(&Form::Instances) {
+        check_boxes(scene, options.region, budget)?;
+    }
     let size = |budget: &Budget, bytes| ExportSize { faces: budget.faces(), boxes: budget.boxes(), bytes };
     let explained = |error| explained(error, format);
     let bytes = match format {
@@ -117,6 +122,12 @@ pub fn export_scene(
         }
     };
     Ok(size(&budget, bytes))
+}
+
+/// Checks that the boxes of all instances fit, before any of them is kept: each instance takes a few lines of a scene and may have millions.
+fn check_boxes(scene: &LoadedScene, region: Option<VoxelRegion>, mut budget: Budget) -> Result<()> {
+    (0..scene.volumes().len())
+        .try_for_each(|place| budget.take_boxes(count_boxes(&Drawn::new(scene, place, region))))
 }
 
 /// Writes a stage and the picture of its world as a package. The stage is a file of its own first, without a name in the folder of

@@ -1,4 +1,4 @@
-//! Volumes without files: a rule gives the label of every voxel, and the source delivers slabs of them.
+//! Volumes without files, for this bench and that of exports: a rule gives the label of every voxel, and the source delivers slabs of them.
 
 use pumice_core::{BlockSource, LabelBlock, LabelBuffer, LabelType, VolumeInfo};
 
@@ -7,7 +7,7 @@ const BLOCK_VOXELS: u64 = 1 << 22;
 
 /// Rule that gives the label of a voxel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Rule {
+pub(crate) enum Rule {
     /// Label 1 everywhere.
     Full,
     /// A label of its own for each voxel: (index + 1) times an odd number mod 2³², so that ids are sparse and unordered.
@@ -18,18 +18,20 @@ pub(super) enum Rule {
     Checkerboard,
     /// Labels 0 to N − 1 at random.
     Noise(u32),
+    /// A cube of 4³ voxels in every 8³, each a box of its own, in 1000 labels. Cubes touch nothing.
+    Cubes,
 }
 
 /// A volume whose labels follow a rule.
 #[derive(Debug)]
-pub(super) struct Generated {
+pub(crate) struct Generated {
     info: VolumeInfo,
     rule: Rule,
     z: u32,
 }
 
 impl Generated {
-    pub(super) fn new(dims: [u32; 3], rule: Rule) -> Self {
+    pub(crate) fn new(dims: [u32; 3], rule: Rule) -> Self {
         Self { info: VolumeInfo::new(dims, LabelType::U32), rule, z: 0 }
     }
 }
@@ -51,6 +53,9 @@ impl Rule {
             Self::Runs => z / 7 % 5,
             Self::Checkerboard => 1 + (x + y + z) % 2,
             // Multiplies and shifts instead of taking a remainder, so the distribution is as even as 32 bits allow.
+            Self::Cubes if [x, y, z].iter().any(|c| c % 8 >= 4) => 0,
+            // Neighbours have other labels, because a label has one box in a block of 16³.
+            Self::Cubes => 1 + x / 8 % 10 + 10 * (y / 8 % 10) + 100 * (z / 8 % 10),
             Self::Noise(labels) => ((mixed(number) * u64::from(labels)) >> 32) as u32,
         }
     }

@@ -1,8 +1,8 @@
 //! The two files of glTF.
 //!
 //! ```text
-//! .glb, little-endian                                .gltf      JSON, whose buffer names the .bin
-//!  0  magic "glTF"                                   NAME.bin   the binary part; NAME is that of the .gltf
+//! .glb, little-endian                                .gltf                JSON, whose buffer names the .bin
+//!  0  magic "glTF"                                   NAME.CONTENT.bin     the binary part: the name of the .gltf, and a hash
 //!  4  version 2, u32
 //!  8  bytes of the file, u32
 //! 12  bytes of the JSON, u32
@@ -14,7 +14,7 @@
 //! ```
 
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use gltf_json::Buffer;
 use gltf_json::validation::USize64;
@@ -22,7 +22,7 @@ use pumice_core::{Error, Job};
 
 use super::Gltf;
 use crate::Result;
-use crate::whole_file::{write_both, write_whole};
+use crate::whole_file::{write_whole, write_with_beside};
 
 /// Most bytes of a `.glb`, whose lengths have 32 bits.
 pub(crate) const MOST_GLB_BYTES: u64 = u32::MAX as u64;
@@ -55,21 +55,20 @@ impl Gltf<'_> {
     /// Writes a `.gltf` and its `.bin`: both, or neither. Returns the bytes of both.
     ///
     /// # Errors
-    /// [`Error::Io`]; [`Error::Cancelled`].
+    /// [`Error::Caller`] for a name that is not in UTF-8; [`Error::Io`]; [`Error::Cancelled`].
     pub(crate) fn write_gltf(&self, path: &Path, job: &Job) -> Result<u64> {
-        let beside = path.with_extension("bin");
-        let json = self.json(Some(&beside))?;
         let binary = |out: &mut dyn Write| Ok(self.binary.write(out)?);
-        write_both([&beside, path], job, binary, |out| Ok(out.write_all(&json)?))
+        let json = |beside: &str, out: &mut dyn Write| Ok(out.write_all(&self.json(Some(beside))?)?);
+        write_with_beside(path, "bin", job, binary, json)
     }
 
     /// The JSON, for a buffer in this file, or in the same file where there is none.
-    fn json(&self, buffer_in: Option<&PathBuf>) -> Result<Vec<u8>> {
+    fn json(&self, buffer_in: Option<&str>) -> Result<Vec<u8>> {
         let mut root = self.root.clone();
         root.push(Buffer {
             byte_length: USize64(self.binary.bytes()),
             name: None,
-            uri: buffer_in.map(|path| uri(path)).transpose()?,
+            uri: buffer_in.map(uri),
             extensions: None,
             extras: None,
         });
@@ -86,14 +85,12 @@ fn lengths(bytes: u64) -> Result<u32> {
 }
 
 /// The name of a file as a relative URI: every byte but letters, digits and `-._~` as `%` and two digits (RFC 3986, §2.3).
-fn uri(path: &Path) -> Result<String> {
-    let name = path.file_name().and_then(|name| name.to_str());
-    let name = name.ok_or_else(|| Error::Caller(format!("{}: expected a name in UTF-8", path.display())))?;
+fn uri(name: &str) -> String {
     let coded = name.bytes().map(|byte| match byte {
         b'A'..=b'Z' | b'a'..=b'z' | b'0'..=b'9' | b'-' | b'.' | b'_' | b'~' => char::from(byte).to_string(),
         _ => format!("%{byte:02X}"),
     });
-    Ok(coded.collect())
+    coded.collect()
 }
 
 #[cfg(test)]
@@ -112,6 +109,6 @@ mod tests {
 
     #[test]
     fn names_become_uris() {
-        assert_eq!(uri(Path::new("a/my figure 3µ.bin")).unwrap(), "my%20figure%203%C2%B5.bin");
+        assert_eq!(uri("my figure 3µ.bin"), "my%20figure%203%C2%B5.bin");
     }
 }

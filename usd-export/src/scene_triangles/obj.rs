@@ -1,7 +1,7 @@
 //! Wavefront OBJ as text, and the materials in an `.mtl` beside it.
 //!
 //! ```text
-//! mtllib NAME.mtl
+//! mtllib NAME.CONTENT.mtl    the name of the .obj, and a hash
 //! o volume_7                 an object for each volume
 //! g 17_axon                  a group for each label: its id, and its name where it has one
 //! usemtl volume_7_0
@@ -15,26 +15,24 @@
 use std::io::Write;
 use std::path::Path;
 
-use pumice_core::{Error, Job};
+use pumice_core::Job;
 use pumice_scene::Material;
 
 use super::{Surfaces, put_corners_in_world};
 use crate::Result;
 use crate::drawn::Drawn;
 use crate::labelled_surface::Face;
-use crate::whole_file::write_both;
+use crate::whole_file::write_with_beside;
 
 impl Surfaces<'_> {
     /// Writes an `.obj` and its `.mtl`: both, or neither. Returns the bytes of both.
     ///
     /// # Errors
-    /// [`Error::Caller`] for a name that is not in UTF-8; [`Error::Io`]; [`Error::Cancelled`].
+    /// [`pumice_core::Error::Caller`] for a name that is not in UTF-8; [`pumice_core::Error::Io`];
+    /// [`pumice_core::Error::Cancelled`].
     pub(crate) fn write_obj_and_mtl(&self, path: &Path, job: &Job) -> Result<u64> {
-        let beside = path.with_extension("mtl");
-        let name = beside.file_name().and_then(|name| name.to_str());
-        let name =
-            name.ok_or_else(|| Error::Caller(format!("{}: expected a name in UTF-8", path.display())))?;
-        write_both([&beside, path], job, |out| self.write_mtl(out), |out| self.write_obj(name, out))
+        let obj = |materials_in: &str, out: &mut dyn Write| self.write_obj(materials_in, out);
+        write_with_beside(path, "mtl", job, |out| self.write_mtl(out), obj)
     }
 
     /// Writes the `.obj`, which names its materials' file.

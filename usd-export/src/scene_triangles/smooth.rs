@@ -23,7 +23,7 @@ use crate::drawn::Drawn;
 use crate::smooth_mesh::NOT_EXACT;
 use crate::smooth_surface::SmoothSurface;
 use crate::voxel_region::nothing_shown;
-use crate::whole_file::{write_both, write_whole};
+use crate::whole_file::{write_whole, write_with_beside};
 use crate::{Budget, ExportOptions, FileFormat, Result, SmoothMesh};
 
 /// Vertices and faces that are produced at a time.
@@ -70,12 +70,8 @@ impl<'a> SmoothSurfaces<'a> {
             FileFormat::Ply => write_whole(path, job, |out| self.write_ply(out)),
             FileFormat::Stl => write_whole(path, job, |out| self.write_stl(out)),
             FileFormat::Obj => {
-                let beside = path.with_extension("mtl");
-                let name = beside
-                    .file_name()
-                    .and_then(|name| name.to_str())
-                    .ok_or_else(|| Error::Caller(format!("{}: expected a name in UTF-8", path.display())))?;
-                write_both([&beside, path], job, |out| self.write_mtl(out), |out| self.write_obj(name, out))
+                let obj = |materials_in: &str, out: &mut dyn Write| self.write_obj(materials_in, out);
+                write_with_beside(path, "mtl", job, |out| self.write_mtl(out), obj)
             }
             other => {
                 let ending = other.ending();
