@@ -52,7 +52,7 @@ impl FileFormat {
     pub fn face_bytes(self) -> FaceBytes {
         match self {
             Self::Usda => FaceBytes { a_face: 125, a_smooth_face: 141, a_box: 70 },
-            Self::Usdc | Self::Usdz => FaceBytes { a_face: 49, a_smooth_face: 36, a_box: 26 },
+            Self::Usdc | Self::Usdz => FaceBytes { a_face: 49, a_smooth_face: 38, a_box: 26 },
             Self::Gltf | Self::Glb => FaceBytes { a_face: 64, a_smooth_face: 54, a_box: 28 },
             Self::Ply => FaceBytes { a_face: 85, a_smooth_face: 57, a_box: 0 },
             Self::Obj => FaceBytes { a_face: 165, a_smooth_face: 125, a_box: 0 },

@@ -41,7 +41,8 @@ pub(crate) struct Export {
     /// that it overlaps are written whole
     #[arg(long, value_name = "X0,Y0,Z0,X1,Y1,Z1", value_parser = region)]
     pub(crate) region: Option<[[u32; 3]; 2]>,
-    /// Refuse to write a file larger than this, as estimated before anything is written; memory is about half as much
+    /// Refuse to write a file larger than this, as estimated before anything is written; memory is about half as much, with
+    /// smooth twice as much
     #[arg(long, value_name = "BYTES", default_value = "4G", value_parser = bytes)]
     pub(crate) limit: u64,
     #[command(flatten)]
