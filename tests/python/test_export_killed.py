@@ -266,7 +266,7 @@ def test_nothing_to_write(pumice, tmp_path, ending):
     out = tmp_path / f"figure.{ending}"
     out.write_text("former")
     line = run(pumice, "export", tmp_path / "empty.npy", "-o", out).refused()
-    assert "no label of the scene's volumes is shown" in line, line
+    assert "no label is shown, or cuts remove them all" in line, line
     assert out.read_text() == "former" and names_in(tmp_path) == {"empty.npy", out.name}
 
 

@@ -3,6 +3,7 @@
 //! Faces share the points of their label; normals belong to the corners of faces, because a point where the outside and a common face meet
 //! has one for each. `userProperties:not_exact` says what has been done to it.
 
+use std::iter;
 use std::sync::Arc;
 
 use pumice_core::Job;
@@ -32,7 +33,7 @@ pub(super) fn prim(
     indexable(4 * surface.mesh.quads.len() as u64)?;
     let used = surface.of_material.iter().zip(materials).enumerate().filter(|(_, (f, _))| !f.is_empty());
     let children = used
-        .map(|(number, (faces, material))| subset(number, array_of_ranges([faces.clone()]), material))
+        .map(|(number, (faces, material))| subset(number, array_of_ranges(iter::once(faces.clone())), material))
         .collect();
     Ok(Prim {
         name: "surface".into(),

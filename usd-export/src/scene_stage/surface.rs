@@ -1,5 +1,6 @@
 //! The visible surface at one level of detail as a mesh: rectangles, and after them the polygons that cuts leave.
 
+use std::iter;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -68,7 +69,8 @@ pub(super) fn indexable(corners: u64) -> Result<()> {
 }
 
 /// Numbers that follow each other, in ranges.
-pub(super) fn array_of_ranges<const N: usize>(ranges: [Range<u32>; N]) -> Array<'static> {
+pub(super) fn array_of_ranges(ranges: impl IntoIterator<Item = Range<u32>>) -> Array<'static> {
+    let ranges: Vec<Range<u32>> = ranges.into_iter().collect();
     let len = ranges.iter().map(|range| u64::from(range.end - range.start)).sum();
     Array::new(len, move |sink| {
         for range in &ranges {
@@ -120,7 +122,7 @@ fn array<T: ArrayElement>(
 fn properties(surface: LabelledSurface, drawn: &Drawn<'_>) -> Vec<Property<'static>> {
     let surface = &Arc::new(surface);
     let (faces, corners) = (surface.face_count(), surface.corner_count());
-    let indices = array_of_ranges([0..corners as u32]);
+    let indices = array_of_ranges(iter::once(0..corners as u32));
     let [normals, normal_of_face] = normals(surface);
     let [colors, color_of_face] = colors(surface, drawn);
     vec![
