@@ -33,7 +33,9 @@ pub(super) fn prim(
     indexable(4 * surface.mesh.quads.len() as u64)?;
     let used = surface.of_material.iter().zip(materials).enumerate().filter(|(_, (f, _))| !f.is_empty());
     let children = used
-        .map(|(number, (faces, material))| subset(number, array_of_ranges(iter::once(faces.clone())), material))
+        .map(|(number, (faces, material))| {
+            subset(number, array_of_ranges(iter::once(faces.clone())), material)
+        })
         .collect();
     Ok(Prim {
         name: "surface".into(),
