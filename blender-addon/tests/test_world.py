@@ -163,11 +163,12 @@ def test_pictures_in_srgb_are_interpolated_as_cycles_does(blender, extension, re
     views = [seen(blender, scene, view) for view in VIEWS]
 
     def difference(environment):
-        # Of the largest light: a sixteenth of a step between codes is a line that is off by 1/16² of 0.3, at a few units.
+        # Of the largest light that is seen. Between two of 16 points a line is off by the curve's second derivative, at most 3.4, over
+        # 8 · 16², in each of two directions: 3.3e-3 of the brightest pixel, which is not seen whole.
         light = max(theirs.max() for _, theirs in views)
         return max(np.abs(looked_up(environment, direction) - theirs).max() for direction, theirs in views) / light
 
-    assert difference(value["environment"]) < 3e-3
+    assert difference(value["environment"]) < 6e-3
     # Control: with the picture's own pixels it is off.
     monkeypatch.setattr(extension.sync.sky_file, "MOST_TIMES", 1)
     node.image.reload()
