@@ -22,7 +22,7 @@ from .reports import Refused
 from .sync import cuts, dressing, materials, nodes
 from .sync.surface import PLAIN
 
-# Bytes that a face takes in Blender's mesh and in Cycles' hierarchy (measured: 520, with a tenth to spare).
+# Bytes that a face takes in Blender's mesh and Cycles' BVH together: 520 were measured, and a tenth more is allowed for.
 BYTES_A_FACE = 570
 # Most colors that become materials. Where labels have more, one material reads the attribute `base_color` of the faces.
 MOST_MATERIALS = 256

@@ -26,7 +26,8 @@ KINDS = (
     ("USDA", "USD as Text (.usda)", "The same; all but the volumes as text", 2),
     ("USDZ", "USD in One File (.usdz)", "The same in one file, pictures included", 3),
 )
-FORMS = (
+# Forms of volumes that Cycles draws, from the finest on.
+SURFACES = (
     ("voxels", "Exact Surface", "The surface of the voxels, as it is drawn", 0),
     ("cells4", "Cells", "The surface of cells of 4³ voxels: a fiftieth of the faces", 1),
     ("boxes", "Boxes", "The surface of the boxes: the fewest faces", 2),
@@ -63,7 +64,7 @@ class PUMICE_OT_export_scene(InBackground, bpy.types.Operator, ExportHelper):
     filename_ext = ".json"
     filter_glob: StringProperty(default="*.json;*.usdc;*.usda;*.usdz", options={"HIDDEN"})
     kind: EnumProperty(name="File", description="What is written; a script chooses it by the name's ending", items=KINDS, default="JSON")
-    form: EnumProperty(name="Volumes", description="How a USD stage has the volumes", items=FORMS, default="voxels")
+    form: EnumProperty(name="Volumes", description="How a USD stage has the volumes", items=SURFACES, default="voxels")
     plain: BoolProperty(
         name="A Square for Each Face",
         description="Do not merge neighboring faces into rectangles in a USD stage. Takes two to four times the space",

@@ -13,12 +13,11 @@ from bpy_extras.io_utils import ExportHelper
 
 from . import native
 from .background import InBackground, Work
+from .export_scene import SURFACES
 from .frame_file import saved_frame
 
 FORMS = (
-    ("voxels", "Exact Surface", "The surface of the voxels, as it is drawn", 0),
-    ("cells4", "Cells", "The surface of cells of 4³ voxels: a fiftieth of the faces", 1),
-    ("boxes", "Boxes", "The surface of the boxes: the fewest faces", 2),
+    *SURFACES,
     ("instances", "Instances", "A scaled cube for each box: the least to write", 3),
     ("smooth", "Smoothed Surface", "A closed surface of each label with smooth normals, not exact: corners move by up to 0.4 of a voxel", 4),
 )

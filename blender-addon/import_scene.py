@@ -70,7 +70,7 @@ def restore(context, path, use_scene):
 
 
 def uid(block):
-    """What tells a data block from all others of this session."""
+    """What tells a data block from all others while Blender runs; names change, and may be given again."""
     return (type(block).__name__, block.session_uid)
 
 

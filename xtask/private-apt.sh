@@ -5,6 +5,9 @@
 #                               hooks, and an empty list of installed packages, so that the result depends only on the release.
 #   private_update FOLDER       fetches the lists of packages; fails when there are none
 #   private_why FOLDER          prints the errors and warnings of the last command, at most three lines
+#   private_unpack FOLDER NAMES unpacks what apt has fetched in FOLDER/apt into FOLDER/root, and lists it in FOLDER/packages.txt: all but the C
+#                               and C++ libraries, because a process can have only one of each, the machine's; what only an installation
+#                               needs; and packages whose whole name the regular expression NAMES matches
 
 private_apt() {
     local work=$1
@@ -40,4 +43,21 @@ private_update() {
 
 private_why() {
     grep -E '^[EW]:' "$1/log" | head -n 3 >&2 || true
+}
+
+private_unpack() {
+    local folder=$1 left_out=$2 package name version
+    rm -rf "$folder/root"
+    mkdir "$folder/root"
+    : >"$folder/packages.txt"
+    for package in "$folder"/apt/archives/*.deb; do
+        read -r name version < <(dpkg-deb -W --showformat='${Package} ${Version}\n' "$package")
+        case $name in
+            libc6 | libc-bin | libcrypt1 | libgcc-s1 | gcc-*-base | libstdc++6) continue ;;
+            debconf | dpkg | perl* | libperl* | tar | libselinux1 | libpam*) continue ;; # to install with
+        esac
+        if [[ $name =~ ^($left_out)$ ]]; then continue; fi
+        dpkg-deb -x "$package" "$folder/root"
+        echo "$name $version" >>"$folder/packages.txt"
+    done
 }

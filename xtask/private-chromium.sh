@@ -46,20 +46,9 @@ apt-get --quiet --yes --download-only install "$PACKAGE" >"$work/log" 2>&1 || {
     fail "the packages could not be fetched: $INSTALL"
 }
 
+# Drivers of real devices stay out: the browser brings SwiftShader.
+private_unpack "$folder" 'sysvinit-utils|lsb-base|libgl1-mesa-dri|libllvm.*|libz3-.*'
 root=$folder/root
-rm -rf "$root"
-mkdir "$root"
-: >"$folder/packages.txt"
-for package in "$work"/archives/*.deb; do
-    read -r name version < <(dpkg-deb -W --showformat='${Package} ${Version}\n' "$package")
-    case $name in
-        libc6 | libc-bin | libcrypt1 | libgcc-s1 | gcc-*-base | libstdc++6) continue ;;
-        debconf | dpkg | perl* | libperl* | tar | sysvinit-utils | lsb-base | libselinux1 | libpam*) continue ;; # to install with
-        libgl1-mesa-dri | libllvm* | libz3-*) continue ;; # drivers of real devices: the browser brings SwiftShader
-    esac
-    dpkg-deb -x "$package" "$root"
-    echo "$name $version" >>"$folder/packages.txt"
-done
 shell=$(find "$root/usr" -type f \( -name headless_shell -o -name "$PACKAGE" \) -size +1M)
 [ -x "$shell" ] || fail "$PACKAGE of this release has no program chromium-headless-shell or headless_shell: $INSTALL"
 libraries=$(find "$root" -name '*.so*' -printf '%h\n' | sort -u | paste -sd :)

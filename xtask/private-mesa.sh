@@ -82,19 +82,8 @@ apt-get --quiet --yes --download-only install "${PACKAGES[@]}" >"$work/log" 2>&1
     fail "the packages could not be fetched: $INSTALL"
 }
 
+private_unpack "$folder" 'python3.*|libpython3.*|adduser|passwd'
 root=$folder/root
-rm -rf "$root"
-mkdir "$root"
-: >"$folder/packages.txt"
-for package in "$work"/archives/*.deb; do
-    read -r name version < <(dpkg-deb -W --showformat='${Package} ${Version}\n' "$package")
-    case $name in
-        libc6 | libc-bin | libcrypt1 | libgcc-s1 | gcc-*-base | libstdc++6) continue ;;
-        debconf | dpkg | perl* | libperl* | python3* | libpython3* | tar | adduser | passwd | libselinux1 | libpam*) continue ;; # to install with
-    esac
-    dpkg-deb -x "$package" "$root"
-    echo "$name $version" >>"$folder/packages.txt"
-done
 driver=$(find "$root/usr/lib" -name libvulkan_lvp.so)
 [ -f "$driver" ] || fail "lavapipe is not among the packages of this release: $INSTALL"
 lib=$(dirname "$driver")

@@ -1,8 +1,8 @@
 //! What a file says of a volume beside its shape: names and values that are the same in every format.
 //!
 //! Lists are JSON text, because importers drop arrays of texts: `labels` has `[id, name, type]` by dense index, the number that the faces of
-//! surfaces carry as `label`; name and type are null where a label has none. `region` is there where only a part of the volume is written: its
-//! lowest voxel, and the one beyond its highest.
+//! surfaces carry as `label`; name and type are null where a label has none. A file of a part of a volume also
+//! has `region`: the part's lowest voxel, and the one beyond its highest.
 
 use std::path::Path;
 
