@@ -145,9 +145,10 @@ fn world() -> DAffine3 {
     DAffine3::from_mat3_translation(turned, DVec3::new(-10.0, 7.0, 1.0))
 }
 
+/// The volume has two blocks of the export, of which the box reaches one.
 #[test]
 fn what_is_left_is_enclosed() {
-    let (dense, volume) = volumes::blobs([40, 36, 30], 12, 9, 3);
+    let (dense, volume) = volumes::blobs([100, 36, 30], 30, 9, 3);
     let world = world();
     let middle = world.transform_point3(DVec3::new(20.0, 18.0, 15.0));
     let oblique = CutShape::Plane { point: middle.to_array(), normal: [0.3, 0.5, 0.8] };
