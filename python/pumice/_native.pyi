@@ -328,7 +328,7 @@ def devices() -> str:
     The backends and devices that can render here, as JSON text.
     """
 
-def export(path: str | PathLike[str], out: str | PathLike[str], *, forms: SupportsGetItem[int, str], plain: bool = False, for_blender: bool = False, labels: SupportsGetItem[int, SupportsIndex] | None = None, region: SupportsLenAndGetItem[SupportsIndex] | None = None, limit_bytes: SupportsIndex, job: Job | None = None) -> str:
+def export(path: str | PathLike[str], out: str | PathLike[str], export_as: Incomplete, job: Job | None = None) -> str:
     """
     Writes a volume or a scene file for other programs; returns what was written, as JSON text.
     """
@@ -375,7 +375,7 @@ def surface(volume: Volume, visible: SupportsGetItem[int, bool], *, lod: Support
     The surface of the labels that are `visible`, by row of the table: vertices, quads, label of each quad.
     """
 
-def verify_render(path: str | PathLike[str], *, blender: str | PathLike[str], page: str | PathLike[str] | None = None, control: str | PathLike[str] | None = None, spp: SupportsIndex, seconds: SupportsFloat | SupportsIndex | None = None, size: SupportsLenAndGetItem[SupportsIndex] | None = None, lod: SupportsIndex | None = None, backend: str, maps: bool = False, job: Job | None = None) -> tuple[str, list[tuple[str, Array]]]:
+def verify_render(path: str | PathLike[str], verify_as: Incomplete, job: Job | None = None) -> tuple[str, list[tuple[str, Array]]]:
     """
     Compares our picture of a scene file with that of Cycles; returns the report as JSON text, and if `maps` the pictures and maps by name,
     each (height, width, 3). While it runs, the job's fraction is the share of the pictures of the next look.

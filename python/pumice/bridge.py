@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterable, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +18,31 @@ from .scene import MOST_PIXELS
 
 # As of the command: 80 million faces of a `.usdc`.
 DEFAULT_LIMIT_BYTES = 4 << 30
+
+
+class ExportAs(NamedTuple):
+    """How to export, with its numbers checked, as the compiled part takes it."""
+
+    forms: list[str]
+    plain: bool
+    for_blender: bool
+    labels: list[int] | None
+    region: tuple[int, int, int, int, int, int] | None
+    limit_bytes: int
+
+
+class VerifyAs(NamedTuple):
+    """How to compare with Cycles, with its numbers checked, as the compiled part takes it."""
+
+    blender: str
+    page: str | None
+    control: str | None
+    spp: int
+    seconds: float | None
+    size: tuple[int, int] | None
+    lod: int | None
+    backend: str
+    maps: bool
 
 
 def export(
@@ -44,17 +69,8 @@ def export(
     forms = [form] if isinstance(form, str) else list(form)
     ids = None if labels is None else arguments.ids("labels", labels)
     limit = arguments.whole("limit_bytes", limit_bytes, 1, arguments.MOST_64)
-    text = _native.export(
-        os.fspath(path),
-        os.fspath(out),
-        forms=forms,
-        plain=plain,
-        for_blender=for_blender,
-        labels=ids,
-        region=None if region is None else arguments.region(region),
-        limit_bytes=limit,
-        job=job,
-    )
+    export_as = ExportAs(forms, plain, for_blender, ids, None if region is None else arguments.region(region), limit)
+    text = _native.export(os.fspath(path), os.fspath(out), export_as, job)
     report: dict[str, Any] = json.loads(text)
     return report
 
@@ -86,8 +102,7 @@ def verify_render(
     `pumice` and `cycles` are the mean pictures, `difference` is the first less the second, with its sign. `difference_color`,
     `tile_difference_color`, `tile_t_color` and `flip_color` are the page's maps, as colours.
     """
-    text, images = _native.verify_render(
-        os.fspath(path),
+    verify_as = VerifyAs(
         blender=os.fspath(blender),
         page=None if page is None else os.fspath(page),
         control=None if control is None else os.fspath(control),
@@ -97,8 +112,8 @@ def verify_render(
         lod=None if lod is None else arguments.whole("lod", lod, 1, 16),
         backend=backend,
         maps=maps,
-        job=job,
     )
+    text, images = _native.verify_render(os.fspath(path), verify_as, job)
     report: dict[str, Any] = json.loads(text)
     if maps:
         report["maps"] = {name: np.asarray(image) for name, image in images}

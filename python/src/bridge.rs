@@ -16,23 +16,29 @@ use crate::job::{Job, job_of};
 use crate::picture::image;
 use crate::waiting::released;
 
-/// Writes a volume or a scene file for other programs; returns what was written, as JSON text.
-#[pyfunction]
-#[pyo3(signature = (path, out, *, forms, plain=false, for_blender=false, labels=None, region=None, limit_bytes, job=None))]
-#[expect(clippy::too_many_arguments, reason = "keywords of a Python function")]
-pub(crate) fn export(
-    py: Python<'_>,
-    path: PathBuf,
-    out: PathBuf,
+/// How to export: `ExportAs` of the package.
+#[derive(FromPyObject)]
+pub(crate) struct ExportAs {
     forms: Vec<String>,
     plain: bool,
     for_blender: bool,
     labels: Option<Vec<u64>>,
     region: Option<[u32; 6]>,
     limit_bytes: u64,
+}
+
+/// Writes a volume or a scene file for other programs; returns what was written, as JSON text.
+#[pyfunction]
+#[pyo3(signature = (path, out, export_as, job=None))]
+pub(crate) fn export(
+    py: Python<'_>,
+    path: PathBuf,
+    out: PathBuf,
+    export_as: ExportAs,
     job: Option<&Bound<'_, Job>>,
 ) -> PyResult<String> {
     let job = job_of(job);
+    let ExportAs { forms, plain, for_blender, labels, region, limit_bytes } = export_as;
     let named = |name: &String| {
         let found = Form::ALL.into_iter().find(|form| form.name() == name);
         found.ok_or_else(|| {
@@ -55,15 +61,9 @@ pub(crate) fn export(
     serde_json::to_string(&exported).map_err(|e| input(&e))
 }
 
-/// Compares our picture of a scene file with that of Cycles; returns the report as JSON text, and if `maps` the pictures and maps by name,
-/// each (height, width, 3). While it runs, the job's fraction is the share of the pictures of the next look.
-#[pyfunction]
-#[pyo3(name = "verify_render")]
-#[pyo3(signature = (path, *, blender, page=None, control=None, spp, seconds=None, size=None, lod=None, backend, maps=false, job=None))]
-#[expect(clippy::too_many_arguments, reason = "keywords of a Python function")]
-pub(crate) fn verify(
-    py: Python<'_>,
-    path: PathBuf,
+/// How to compare with Cycles: `VerifyAs` of the package.
+#[derive(FromPyObject)]
+pub(crate) struct VerifyAs {
     blender: PathBuf,
     page: Option<PathBuf>,
     control: Option<PathBuf>,
@@ -73,9 +73,20 @@ pub(crate) fn verify(
     lod: Option<u32>,
     backend: String,
     maps: bool,
+}
+
+/// Compares our picture of a scene file with that of Cycles; returns the report as JSON text, and if `maps` the pictures and maps by name,
+/// each (height, width, 3). While it runs, the job's fraction is the share of the pictures of the next look.
+#[pyfunction]
+#[pyo3(name = "verify_render", signature = (path, verify_as, job=None))]
+pub(crate) fn verify(
+    py: Python<'_>,
+    path: PathBuf,
+    verify_as: VerifyAs,
     job: Option<&Bound<'_, Job>>,
 ) -> PyResult<(String, Vec<(&'static str, Array)>)> {
     let job = job_of(job);
+    let VerifyAs { blender, page, control, spp, seconds, size, lod, backend, maps } = verify_as;
     let level = match lod {
         None => None,
         Some(1) => Some(DetailLevel::Voxels),
