@@ -8,6 +8,7 @@ use std::sync::Arc;
 use clap::Parser;
 use pumice_bench::{Bench, BenchError, Outcome};
 use pumice_core::Job;
+use pumice_core::error::one_line;
 
 /// Measure, and print a table
 #[derive(Debug, Parser)]
@@ -37,7 +38,7 @@ fn main() -> ExitCode {
         Ok(Outcome::Missed) => ExitCode::from(1),
         Err(BenchError::Output(e)) if e.kind() == io::ErrorKind::BrokenPipe => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("pumice-bench: {error}");
+            eprintln!("pumice-bench: {}", one_line(&error.to_string()));
             ExitCode::from(2)
         }
     }

@@ -1,7 +1,12 @@
-//! Failures of the command: each ends it with one line on standard error and exit code 2.
+//! What the command says: lines on standard output, and failures and warnings, each one line on standard error.
+//!
+//! Names of files and labels may have line breaks and other control characters in them. Here they become escapes, so that a line stays one
+//! line, and no name steers the terminal.
 
 use std::fmt::{self, Display};
 use std::io::Write;
+
+use pumice_core::error::one_line;
 
 /// Why the command stops. Its text is one line.
 #[derive(Debug)]
@@ -13,12 +18,9 @@ pub(crate) enum Failure {
 }
 
 impl Failure {
-    /// A failure with the text `what` on one line: the line breaks of nested messages become `; `.
+    /// A failure with the text `what` on one line.
     pub(crate) fn new(what: impl Display) -> Self {
-        let text = what.to_string();
-        Self::Bad(
-            text.split(['\n', '\r']).map(str::trim).filter(|l| !l.is_empty()).collect::<Vec<_>>().join("; "),
-        )
+        Self::Bad(one_line(&what.to_string()))
     }
 }
 
@@ -39,7 +41,17 @@ impl<E: std::error::Error> From<E> for Failure {
 
 /// Prints a line to standard output.
 pub(crate) fn say(line: impl Display) -> Result<(), Failure> {
-    writeln!(std::io::stdout(), "{line}").map_err(|e| match e.kind() {
+    print(&one_line(&line.to_string()))
+}
+
+/// Prints a warning to standard error.
+pub(crate) fn warn(what: impl Display) {
+    eprintln!("pumice: {}", one_line(&what.to_string()));
+}
+
+/// Prints a text as it is to standard output, which may have several lines.
+pub(crate) fn print(text: &str) -> Result<(), Failure> {
+    writeln!(std::io::stdout(), "{text}").map_err(|e| match e.kind() {
         std::io::ErrorKind::BrokenPipe => Failure::StdoutClosed,
         _ => Failure::new(format_args!("standard output: {e}")),
     })

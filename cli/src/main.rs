@@ -15,7 +15,7 @@ use clap::Parser;
 use pumice_session::Job;
 
 use crate::args::{Cli, Command};
-use crate::failure::Failure;
+use crate::failure::{Failure, warn};
 
 /// The result of a command that ran without an error: `Yes` (or done) gives exit code 0, `No` gives 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -40,7 +40,7 @@ fn main() -> ExitCode {
         watched.cancel();
     });
     if let Err(error) = handler {
-        eprintln!("pumice: Ctrl-C cannot be handled here: {error}");
+        warn(format_args!("Ctrl-C cannot be handled here: {error}"));
         return ExitCode::from(2);
     }
 
@@ -61,7 +61,7 @@ fn main() -> ExitCode {
         Ok(Answer::Yes) | Err(Failure::StdoutClosed) => ExitCode::SUCCESS,
         Ok(Answer::No) => ExitCode::from(1),
         Err(failure @ Failure::Bad(_)) => {
-            eprintln!("pumice: {failure}");
+            warn(failure);
             ExitCode::from(2)
         }
     }
@@ -92,7 +92,7 @@ fn usage(error: &clap::Error) -> ExitCode {
             let what = what.strip_prefix("error: ").unwrap_or(what);
             let line =
                 what.split('\n').map(str::trim).filter(|l| !l.is_empty()).collect::<Vec<_>>().join(" ");
-            eprintln!("pumice: {line} (see pumice --help)");
+            warn(format_args!("{line} (see pumice --help)"));
             ExitCode::from(2)
         }
     }

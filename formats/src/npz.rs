@@ -7,6 +7,7 @@ use std::fs::File;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
+use pumice_core::error::one_line;
 use zip::CompressionMethod;
 use zip::read::ZipArchive;
 use zip::result::ZipError;
@@ -179,11 +180,6 @@ fn pick<'a>(path: &Path, members: &'a [Member], options: &OpenOptions) -> Result
             choices: names(),
         }),
     }
-}
-
-/// Replaces control characters, because messages are one line.
-fn one_line(text: &str) -> String {
-    text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect()
 }
 
 /// The bytes of one member; their CRC-32 is checked at the end.

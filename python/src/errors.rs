@@ -1,6 +1,7 @@
 //! Converts Rust errors to Python exceptions, which are classes of `pumice.errors`.
 
 use pumice_core::Error as CoreError;
+use pumice_core::error::one_line;
 use pumice_formats::FormatError;
 use pumice_scene::SceneError;
 use pumice_session::SessionError;
@@ -29,11 +30,9 @@ impl IntoException for SessionError {
     }
 }
 
-/// The error of a wrong input, on one line: line breaks in names of files and labels are replaced.
+/// The error of a wrong input, on one line: control characters in names of files and labels become escapes.
 pub(crate) fn input(what: &impl std::fmt::Display) -> PyErr {
-    let line: String =
-        what.to_string().chars().map(|c| if c.is_control() { '\u{FFFD}' } else { c }).collect();
-    InputError::new_err(line)
+    InputError::new_err(one_line(&what.to_string()))
 }
 
 /// The error with options of the command replaced by the keywords of Python.

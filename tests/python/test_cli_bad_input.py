@@ -51,6 +51,21 @@ def attempt(pumice, folder, name, data, beside=None):
     return done
 
 
+def test_names_do_not_break_the_line_or_steer_the_terminal(pumice, good, tmp_path):
+    # Control characters, and a separator of lines that is none, appear as escapes; letters of any language as they are.
+    name, shown = "a\nb\x1b[2Jc\u2028脑", r"a\nb\u{1b}[2Jc\u{2028}脑"
+    volume = tmp_path / f"{name}.nrrd"
+    assert f"{shown}.nrrd: No such file" in run(pumice, "info", volume).refused()
+    volume.write_bytes(b"NRRD0004\n")
+    assert f"{shown}.nrrd" in run(pumice, "compress", volume, "-o", tmp_path / "out.pumice").refused()
+    assert run(pumice, "in\nf\x07o", "a\x1b[2Jb").refused().isprintable()
+    # What succeeds is told in a line too, and a report keeps its own.
+    volume.write_bytes(good["raw.nrrd"].read_bytes())
+    done = run(pumice, "compress", volume, "-o", tmp_path / f"{name}.pumice").fine()
+    assert f"{shown}.pumice" in done and all(line.isprintable() for line in done.splitlines()) and len(done.splitlines()) == 1
+    assert len(run(pumice, "info", volume, "--json").fine().splitlines()) > 5
+
+
 FORMATS = [
     *["raw.nrrd", "gzip.nrrd", "ascii.nrrd", "detached.nhdr", "one.nii", "one.nii.gz", "two.nii", "pair.hdr"],
     *["stack.tif", "deflate.tif", "big.tif", "imagej.tif", "c.npy", "fortran.npy", "one.npz", "local.mha", "apart.mhd"],

@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use crate::Answer;
 use crate::args::Devices;
-use crate::failure::{Failure, say};
+use crate::failure::{Failure, print, say};
 
 #[derive(Serialize)]
 struct Report {
@@ -14,7 +14,7 @@ struct Report {
 pub(crate) fn run(args: &Devices) -> Result<Answer, Failure> {
     let devices = pumice_session::devices();
     if args.json {
-        say(serde_json::to_string_pretty(&Report { devices })?)?;
+        print(&serde_json::to_string_pretty(&Report { devices })?)?;
     } else {
         let mut number = None;
         for d in devices {

@@ -7,7 +7,7 @@ use pumice_session::{ExportRequest, ExportSize, Form, Job, Merging, Reader, expo
 use super::open_options;
 use crate::Answer;
 use crate::args::{Export, FormArg, ReaderArg};
-use crate::failure::{Failure, say};
+use crate::failure::{Failure, say, warn};
 use crate::json_report::write_report;
 use crate::progress::Bar;
 
@@ -54,10 +54,10 @@ pub(crate) fn run(args: &Export, job: &Arc<Job>) -> Result<Answer, Failure> {
     let exported = exported?;
     said?;
     if let Some(note) = request.reader.note() {
-        eprintln!("pumice: {note}");
+        warn(note);
     }
     if !exported.left_out.is_empty() {
-        eprintln!("pumice: left out: {}", exported.left_out.join(", "));
+        warn(format_args!("left out: {}", exported.left_out.join(", ")));
     }
     if !is_quiet {
         say(format_args!(

@@ -7,12 +7,12 @@ use pumice_session::{FileInfo, Job, file_info};
 use super::open_options;
 use crate::Answer;
 use crate::args::Info;
-use crate::failure::{Failure, say};
+use crate::failure::{Failure, print, say};
 
 pub(crate) fn run(args: &Info, job: &Arc<Job>) -> Result<Answer, Failure> {
     let info = file_info(&args.file, &open_options(&args.reading), job)?;
     if args.json {
-        say(serde_json::to_string_pretty(&info)?)?;
+        print(&serde_json::to_string_pretty(&info)?)?;
         return Ok(Answer::Yes);
     }
     match info {

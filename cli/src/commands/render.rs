@@ -9,7 +9,7 @@ use pumice_session::{
 use super::open_options;
 use crate::Answer;
 use crate::args::{LodArg, Render, RenderMode, ViewArg};
-use crate::failure::{Failure, say};
+use crate::failure::{self, Failure, say};
 use crate::json_report::write_report;
 use crate::progress::Bar;
 
@@ -129,6 +129,6 @@ pub(crate) fn summary(figures: &RenderFigures) -> String {
 /// Prints to standard error each notice of a device that failed and was replaced or restarted.
 pub(crate) fn warn(figures: &RenderFigures) {
     for notice in &figures.notices {
-        eprintln!("pumice: {notice}");
+        failure::warn(notice);
     }
 }
