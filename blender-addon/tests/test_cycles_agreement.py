@@ -3,19 +3,12 @@
 """Tests that F12 gives the same picture with Pumice and with Cycles, from the same volume, camera, light, sky, materials and meshes. Cycles
 gets the voxels as quads.
 
-Both renderers are unbiased, so their pictures differ only by noise, which eight seeds of each measure. With m the mean over seeds and v
-its variance, both per pixel and channel:
-
-    ratio    mean of (m_ours − m_theirs)² over mean of (v_ours + v_theirs). Its distribution by chance comes from a permutation test: if
-             all sixteen pictures are alike, any eight of them could be ours. Of 400 random splits at most 1 % may give a larger ratio.
-             This needs no assumed bound, even with the noise of a few bright pixels
-    tiles    Welch's t of each 8 × 8 tile; at most one may exceed Šidák's bound at 1 % for all together
-    mean     the means of the whole pictures agree within 0.1 %, about four standard deviations
+Both renderers are unbiased, so their pictures differ only by noise, which eight seeds of each measure. They are judged by the test of
+equality of `pumice.agreement`: the ratio of the squared difference to the noise, within what random halves of the same pictures give; Welch's
+t of each tile of 8 × 8 pixels, none beyond Šidák's bound at 1 % for all together; the mean within 4 standard errors, and within 0.1 %.
 
 Measured once with 256 samples at 128 × 96: ratio 0.99, means equal to 7e-7. The ratio detects each control below.
 """
-
-import math
 
 import numpy as np
 import pumice
@@ -123,54 +116,19 @@ def pictures(bpy, scene, folder, engine, first_seed):
     return np.array(out)
 
 
-def ratio_of(ours, theirs):
-    variance = ours.var(axis=0, ddof=1) / SEEDS + theirs.var(axis=0, ddof=1) / SEEDS
-    return ((ours.mean(axis=0) - theirs.mean(axis=0)) ** 2).mean() / variance.mean()
-
-
 def judge(ours, theirs):
-    """(probability of so large a ratio, number of tiles beyond the bound, relative difference of the means)."""
-    ratio, both = ratio_of(ours, theirs), np.concatenate([ours, theirs])
-    rng = np.random.default_rng(1)
-    deals = [both[rng.permutation(2 * SEEDS)] for _ in range(400)]
-    larger = sum(ratio_of(deal[:SEEDS], deal[SEEDS:]) >= ratio for deal in deals)
-    chance = (1 + larger) / (1 + len(deals))
-    print(f"ratio {ratio:.4f}, chance {chance:.4f}")
-    width, height = SIZE
-    a, b = (p.mean(axis=-1).reshape(SEEDS, height // 8, 8, width // 8, 8).mean(axis=(2, 4)) for p in (ours, theirs))
-    va, vb = a.var(axis=0, ddof=1) / SEEDS, b.var(axis=0, ddof=1) / SEEDS
-    # Leaves out tiles that show only sky, whose only noise is rounding.
-    noisy = va + vb > (1e-5 * b.mean()) ** 2
-    t = np.abs(a.mean(axis=0) - b.mean(axis=0))[noisy] / np.sqrt((va + vb)[noisy])
-    freedom = ((va + vb) ** 2 / ((va**2 + vb**2) / (SEEDS - 1)))[noisy]
-    assert noisy.sum() > 20, "there are tiles with noise"
-    bound = 1.0 - (1.0 - 0.01) ** (1.0 / noisy.sum())
-    beyond = sum(two_sided(x, f) < bound for x, f in zip(t, freedom, strict=True))
-    return chance, beyond, abs(ours.mean() / theirs.mean() - 1.0)
-
-
-def two_sided(t, freedom):
-    """Probability of a Student's t beyond ±t: 2 ∫ of its density, by Simpson's rule over the angle θ with t = √f · tan θ."""
-    low, n = math.atan(t / math.sqrt(freedom)), 400
-    angles = np.linspace(low, math.pi / 2, n + 1)
-    weights = np.ones(n + 1)
-    weights[1:-1:2], weights[2:-1:2] = 4, 2
-    density = np.clip(np.cos(angles), 0, 1) ** (freedom - 1)
-    scale = math.exp(math.lgamma((freedom + 1) / 2) - math.lgamma(freedom / 2)) / math.sqrt(math.pi)
-    return 2 * scale * float((weights * density).sum()) * (math.pi / 2 - low) / n / 3
-
-
-def test_students_t_against_a_table():
-    # Tabulated two-sided 5 % and 1 % points for 7 and 14 degrees of freedom.
-    for t, freedom, chance in [(2.365, 7, 0.05), (3.499, 7, 0.01), (2.145, 14, 0.05), (2.977, 14, 0.01)]:
-        assert two_sided(t, freedom) == pytest.approx(chance, rel=2e-3)
+    """The test of equality of two sets of pictures."""
+    found = pumice.agreement(ours, theirs)["equality"]
+    print(found)
+    assert found["tests"] > 60, "there are tiles with noise"
+    return found
 
 
 def test_f12_agrees_with_cycles_and_faults_are_convicted(scene, blender, tmp_path):
     theirs = pictures(blender, scene, tmp_path, "CYCLES", 1)
     ours = pictures(blender, scene, tmp_path, "PUMICE", 101)
-    chance, beyond, difference = judge(ours, theirs)
-    assert chance > 0.01 and beyond <= 1 and difference < 1e-3, (chance, beyond, difference)
+    found = judge(ours, theirs)
+    assert found["agrees"] and abs(found["mean_difference"]) < 1e-3, found
 
     sun = next(o.data for o in blender.data.objects if o.type == "LIGHT")
     for name, wrong, right in [
@@ -179,6 +137,6 @@ def test_f12_agrees_with_cycles_and_faults_are_convicted(scene, blender, tmp_pat
         ("a sun 2 % too bright", lambda: setattr(sun, "energy", 1.02 * sun.energy), lambda: setattr(sun, "energy", sun.energy / 1.02)),
     ]:
         wrong()
-        chance, _, _ = judge(pictures(blender, scene, tmp_path, "PUMICE", 201), theirs)
+        found = judge(pictures(blender, scene, tmp_path, "PUMICE", 201), theirs)
         right()
-        assert chance <= 0.01, (name, chance)
+        assert found["ratio"] > found["ratio_by_chance"][1], (name, found)

@@ -64,7 +64,13 @@ fn equal_pictures_agree_once_there_are_enough_and_are_not_judged_before() {
     assert_eq!(few.verdict, Verdict::CannotTell, "{:?}", few.standing);
     let many = judged(&set(3, 128, 16, same), &set(4, 128, 16, same));
     assert_eq!(many.verdict, Verdict::Agrees, "{:?}", many.standing);
-    assert_eq!(many.standing, [many.equality.tests, 0, 0]);
+    // 5 × 4 tiles of three channels, of which blue is black everywhere and cannot tell anything of noise.
+    assert_eq!((many.standing, many.equality.tests), ([60, 0, 0], 40));
+    assert!(
+        many.equality.agrees() && many.sentence().ends_with("; no smaller difference is proven."),
+        "{}",
+        many.sentence()
+    );
     let [low, high] = many.equality.ratio_by_chance.unwrap();
     assert!(low < 1.0 && 1.0 < high && (low..high).contains(&many.equality.ratio), "{:?}", many.equality);
     // A picture alone says nothing of its noise.
@@ -91,6 +97,22 @@ fn a_negligible_difference_stays_negligible_and_is_named() {
     let share = found.proven_in_mean.unwrap();
     // 0.07 % of red, which is 1.64 times the mean of the channels, give or take the interval of some 0.05 %.
     assert!((0.0003..0.0017).contains(&share), "{share}");
+}
+
+/// Neighbouring pixels that are brighter and darker by 0.7 % leave the means of tiles alone. The noise of a pixel's difference is 0.54 % of it
+/// (0.05 · √11.76 / √(16 · 64)), so the ratio is about 1 + (0.7 / 0.54)².
+#[test]
+fn a_difference_that_only_the_ratio_shows_is_named_beside_agrees() {
+    let checkered = |x: usize, y: usize, value: [f64; 3]| {
+        let factor = if (x + y).is_multiple_of(2) { 1.007 } else { 0.993 };
+        value.map(|v| factor * v)
+    };
+    let found = judged(&set(11, 128, 16, checkered), &set(12, 128, 16, same));
+    assert_eq!((found.verdict, found.proven_in_mean, found.proven_in_tile), (Verdict::Agrees, None, None));
+    assert!((2.4..3.0).contains(&found.equality.ratio), "{}", found.equality);
+    let says =
+        "; a smaller difference shows in the test of equality, which errs in 2 of 100 cases: its square is ";
+    assert!(found.sentence().contains(says), "{}", found.sentence());
 }
 
 #[test]

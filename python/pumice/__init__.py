@@ -15,6 +15,7 @@ from .bridge import agreement, export, verify_render
 from .errors import Cancelled, InputError, InternalError, PumiceError, PumiceWarning
 from .mesh import Mesh
 from .picture import CurvePoint, Picture, cryptomatte_hash, devices, render
+from .reference_picture import ReferencePicture
 from .scene import Scene, figure
 from .session import Frame, Pick, Session, Status
 from .surface import count_faces, surface
@@ -37,6 +38,7 @@ __all__ = [
     "Picture",
     "PumiceError",
     "PumiceWarning",
+    "ReferencePicture",
     "Scene",
     "Session",
     "Status",

@@ -176,6 +176,31 @@ class Picture:
         """
 
 @final
+class ReferencePicture:
+    """
+    The mean picture of many seeds, with its noise. Arrays are of 64-bit floats.
+    """
+    def arrays(self, /) -> tuple[Array, Array, Array, Array, int]:
+        """
+        mean, variance, tile_variance and total_variance in the shapes of `stored`, and seeds.
+        """
+    def judge(self, /, pictures: Any) -> str:
+        """
+        Tests pictures (n, height, width, 3) of 32-bit floats against this. Returns whether they agree, and the statistics, as JSON text.
+        """
+    @staticmethod
+    def of(pictures: Any) -> ReferencePicture:
+        """
+        The reference of pictures (n, height, width, 3) of 32-bit floats.
+        """
+    @staticmethod
+    def stored(mean: Any, variance: Any, tile_variance: Any, total_variance: Any, seeds: SupportsIndex) -> ReferencePicture:
+        """
+        The reference of `seeds` pictures that these arrays of 64-bit floats store: mean and variance (height, width, 3), tile_variance
+        (rows, columns, 3), total_variance (3).
+        """
+
+@final
 class Session:
     """
     A live, progressively refined picture.

@@ -126,8 +126,9 @@ def agreement(ours: npt.ArrayLike, theirs: npt.ArrayLike, *, covered: npt.ArrayL
     `ours` and `theirs` are pictures (n, height, width, 3), scene-linear, each with a seed of its own; eight or more of each are needed to
     tell anything. `covered` (height, width) marks pixels that show a surface, all by default: the picture's mean is taken over them.
     Returns `verdict` (`agrees`, `differs` or `cannot_tell`), `sentence`, and the statistics of `agreement` in the report of
-    `verify_render`. One call is wrong in at most 1 of 100 cases; calling it again
-    and again with more pictures, until it answers, is wrong more often.
+    `verify_render`. `equality` has those of the stricter test for exactly equal pictures, and `agrees`, whether they pass it
+    (`ReferencePicture.judge` explains them). One call is wrong in at most 1 of 100 cases; calling it again and again with more pictures,
+    until it answers, is wrong more often.
     """
     sets = [np.ascontiguousarray(pictures, dtype=np.float32) for pictures in (ours, theirs)]
     if any(pictures.ndim != 4 or pictures.shape[3] != 3 for pictures in sets) or sets[0].shape[1:] != sets[1].shape[1:]:

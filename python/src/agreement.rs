@@ -32,18 +32,20 @@ pub(crate) fn agreement(
 fn as_json(agreement: &Agreement) -> PyResult<String> {
     let mut report = serde_json::to_value(agreement).map_err(|e| input(&e))?;
     report["sentence"] = json!(agreement.sentence());
+    report["equality"]["agrees"] = json!(agreement.equality.agrees());
     Ok(report.to_string())
 }
 
-fn pictures(array: &Bound<'_, PyAny>) -> PyResult<PictureSet> {
+/// Two pictures or more, from an array (n, height, width, 3) of 32-bit floats.
+pub(crate) fn pictures(array: &Bound<'_, PyAny>) -> PyResult<PictureSet> {
     let buffer = PyBuffer::<f32>::get(array)?;
     let &[count, height, width, 3] = buffer.shape() else {
         let got = buffer.shape();
-        return Err(input(&format_args!("agreement: expected pictures (n, height, width, 3), got {got:?}")));
+        return Err(input(&format_args!("pictures: expected the shape (n, height, width, 3), got {got:?}")));
     };
     if count < 2 || height * width == 0 {
         return Err(input(&format_args!(
-            "agreement: expected two pictures or more, of a pixel or more, got {count}"
+            "pictures: expected two pictures or more, of a pixel or more, got {count} of {width} × {height} pixels"
         )));
     }
     let values = buffer.to_vec(array.py())?;

@@ -19,6 +19,7 @@ use pyo3::prelude::*;
 /// The data of an array.
 pub(crate) enum Data {
     F32(Vec<f32>),
+    F64(Vec<f64>),
     I32(Vec<i32>),
     U32(Vec<u32>),
     U64(Vec<u64>),
@@ -33,6 +34,7 @@ impl Data {
         }
         match self {
             Self::F32(v) => of(v),
+            Self::F64(v) => of(v),
             Self::I32(v) => of(v),
             Self::U32(v) => of(v),
             Self::U64(v) => of(v),
@@ -44,6 +46,7 @@ impl Data {
     fn item(&self) -> (usize, &'static CStr) {
         match self {
             Self::F32(_) | Self::Frame(_) => (4, c"f"),
+            Self::F64(_) => (8, c"d"),
             Self::I32(_) => (4, c"i"),
             Self::U32(_) => (4, c"I"),
             Self::U64(_) => (8, c"Q"),

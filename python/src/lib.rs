@@ -12,6 +12,7 @@ mod job;
 mod live;
 mod mesh;
 mod picture;
+mod reference_picture;
 mod scene;
 mod surface;
 mod volume;
@@ -40,6 +41,8 @@ mod _native {
     use crate::mesh::Mesh;
     #[pymodule_export]
     use crate::picture::{Picture, cryptomatte_hash, devices, panic_on_purpose, render};
+    #[pymodule_export]
+    use crate::reference_picture::ReferencePicture;
     #[pymodule_export]
     use crate::scene::{figure, scene_checked, scene_load, scene_save};
     #[pymodule_export]

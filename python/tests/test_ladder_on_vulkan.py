@@ -18,7 +18,6 @@ import pytest
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests/cycles_ladder"))
 import controls
 import rung as rungs
-import verdict
 
 BACKENDS = ["vulkan-rt", "vulkan-query", "vulkan-compute"]
 DAILY = BACKENDS[:2]
@@ -92,15 +91,15 @@ def test_a_rung_is_the_processors(name, backend, tmp_path):
     pictures = drawn(rung, 0, SEEDS, backend)
 
     # Other seeds are compared statistically, as with Cycles.
-    truth = verdict.Reference.of(rung.draw(1000, 8 * SEEDS, spp=SPP))
-    found = verdict.judge(pictures, truth)
-    if not found.agrees:
-        found = verdict.judge(drawn(rung, SEEDS, 4 * SEEDS, backend), truth)
-    assert found.agrees, found
+    truth = pumice.ReferencePicture.of(rung.draw(1000, 8 * SEEDS, spp=SPP))
+    found = truth.judge(pictures)
+    if not found["agrees"]:
+        found = truth.judge(drawn(rung, SEEDS, 4 * SEEDS, backend))
+    assert found["agrees"], found
 
     # The same seeds give the same samples, which are compared value by value.
     share, worst = apart(pictures, rung.draw(0, SEEDS, spp=SPP))
-    print(f"{name} on {backend}: {found}; {share:.2e} of values apart, worst {worst:.1e}")
+    print(f"{name} on {backend}: {found['sentence']}; {share:.2e} of values apart, worst {worst:.1e}")
     assert share <= MOST_APART, (share, worst)
 
     # Controls: other samples and each fault of the rung are detected.

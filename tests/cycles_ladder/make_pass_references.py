@@ -1,4 +1,4 @@
-"""Renders the references of passes with Cycles: `python make_pass_references.py --blender PYTHON [RUNG …]`, with `pumice` installed.
+"""Renders the references of passes with Cycles: `python make_pass_references.py --blender PYTHON [RUNG …]`, with `pumice` and scipy.
 
 `PYTHON` has Blender as a module. --judge also compares Pumice's passes with them. Takes a minute or two per rung on two cores.
 """

@@ -13,7 +13,7 @@ import by_cycles
 import controls
 import reference
 import rung as rungs
-from verdict import Reference, heard, judge
+from pumice import ReferencePicture
 
 # Cycles takes each pair of random numbers from 256 tables. With n samples per pixel, all seeds together use only 256 n points, and the
 # mean over any number of seeds keeps their error. At 32 samples this error was a fifth of the noise in a verdict; at 8 × 32, a fortieth.
@@ -47,32 +47,32 @@ def drawn(rung, blender, sets, spp):
     """Renders a rung with Cycles; returns (reference, facts about it)."""
     start = time.perf_counter()
     pictures, told = by_cycles.pictures(blender, rung, 0, sets * rung.seeds, spp=spp)
-    verdicts = reference.calibrated(pictures, rung.seeds)
-    ratios = [v.ratio for v in verdicts]
+    found = reference.calibrated(pictures, rung.seeds)
+    ratios = [f["ratio"] for f in found]
     about = {
         "blender": told["blender"],
         "seeds": len(pictures),
         "spp": spp,
         "digest": rung.digest,
-        "false_alarms": sum(not v.agrees for v in verdicts),
-        "sets": len(verdicts),
+        "false_alarms": sum(not f["agrees"] for f in found),
+        "sets": len(found),
         "ratio_least": round(min(ratios), 4),
         "ratio_most": round(max(ratios), 4),
     }
     print(f"{rung.name}: {time.perf_counter() - start:.0f} s, {about}", flush=True)
-    for v in verdicts:
-        if not v.agrees:
-            print(f"    false alarm: {v}")
-    return Reference.of(pictures), about
+    for f in found:
+        if not f["agrees"]:
+            print(f"    false alarm: {f['sentence']}")
+    return ReferencePicture.of(pictures), about
 
 
 def report(rung, made):
     start = time.perf_counter()
-    verdict = heard(lambda first, n: rung.draw(first, n), made, rung.seeds)
-    print(f"{rung.name}: {verdict} ({time.perf_counter() - start:.1f} s)", flush=True)
+    found = reference.heard(lambda first, n: rung.draw(first, n), made, rung.seeds)
+    print(f"{rung.name}: {found['sentence']} ({time.perf_counter() - start:.1f} s)", flush=True)
     for name in rung.fields["controls"]:
-        verdict = judge(rung.draw(0, rung.seeds, scene=controls.wrong(rung.scene, name)), made)
-        print(f"    {name}: {'NOT SEEN' if verdict.agrees else 'convicted'}: {verdict}", flush=True)
+        found = made.judge(rung.draw(0, rung.seeds, scene=controls.wrong(rung.scene, name)))
+        print(f"    {name}: {'NOT SEEN' if found['agrees'] else 'convicted'}: {found['sentence']}", flush=True)
 
 
 if __name__ == "__main__":

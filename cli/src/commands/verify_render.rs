@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use pumice_picture::agreement::counted;
 use pumice_session::render_file::RenderOverrides;
 use pumice_session::verify_render::{Verdict, VerifiedRender};
 use pumice_session::{DetailLevel, Job, VerifyRenderRequest, verify_render};
@@ -64,8 +65,14 @@ fn say_result(verified: &VerifiedRender) -> Result<(), Failure> {
     }
     let [ours, theirs] = verified.agreement.pictures;
     say(format_args!(
-        "{ours} and {theirs} pictures of {} samples, {} × {} pixels, {} faces ({})",
-        verified.spp, verified.size[0], verified.size[1], verified.faces, verified.surface
+        "{} by Pumice and {} by Cycles, of {} samples, {} × {} pixels, {} faces ({})",
+        counted(ours),
+        counted(theirs),
+        verified.spp,
+        verified.size[0],
+        verified.size[1],
+        verified.faces,
+        verified.surface
     ))?;
     for cost in [&verified.ours, &verified.theirs] {
         say(format_args!(

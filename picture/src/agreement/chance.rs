@@ -7,6 +7,7 @@
 //! ```text
 //! u = Σ sᵢ aᵢ + Σ sⱼ bⱼ,  s = ± 1/n at random, as many + as −      |u|² = sᵀ G s      G: products of the centred pictures
 //! ```
+//! A set that is compared with a reference of far less noise has such an interval alone.
 
 use rayon::prelude::*;
 
@@ -15,24 +16,27 @@ use crate::image::Image;
 
 /// Random halves that are drawn.
 const DEALS: usize = 2000;
-/// Pictures of each set that are used: the products take time with the square of their number, and 32 have 6 · 10⁸ pairs of halves.
-const MOST: usize = 32;
+/// Pictures that are used, of all sets together: the products take time with the square of their number, and 32 have 6 · 10⁸ pairs of
+/// halves.
+const MOST: usize = 64;
 
 /// Bounds of the middle `1 − level` of the ratio by chance; `None` with fewer than four pictures in a set, which have too few halves.
-pub(super) fn chance_interval(sets: [&PictureSet; 2], mask: &[bool], level: f64) -> Option<[f64; 2]> {
-    let used = sets.map(|set| &set.pictures()[..set.len().min(MOST) / 2 * 2]);
+pub(super) fn chance_interval(sets: &[&PictureSet], mask: &[bool], level: f64) -> Option<[f64; 2]> {
+    let most = MOST / sets.len();
+    let used: Vec<&[Image]> = sets.iter().map(|set| &set.pictures()[..set.len().min(most) / 2 * 2]).collect();
     if used.iter().any(|pictures| pictures.len() < 4) {
         return None;
     }
-    let products = products(used, mask);
+    let products = products(&used, mask);
     let n = products.len();
-    let counts = used.map(<[Image]>::len);
     // What the squared length is on average: the variances of the means, summed over the pixels.
-    let of_set = |from: usize, count: usize| -> f64 {
+    let mut from = 0;
+    let mut expected = 0.0;
+    for count in used.iter().map(|pictures| pictures.len()) {
         let trace: f64 = (from..from + count).map(|i| products[i][i]).sum();
-        trace / (count as f64 - 1.0) / count as f64
-    };
-    let expected = of_set(0, counts[0]) + of_set(counts[0], counts[1]);
+        expected += trace / (count as f64 - 1.0) / count as f64;
+        from += count;
+    }
     if expected <= 0.0 {
         return Some([0.0, 0.0]);
     }
@@ -40,7 +44,7 @@ pub(super) fn chance_interval(sets: [&PictureSet; 2], mask: &[bool], level: f64)
     let mut ratios: Vec<f64> = (0..DEALS)
         .map(|_| {
             let mut signs = Vec::with_capacity(n);
-            for count in counts {
+            for count in used.iter().map(|pictures| pictures.len()) {
                 let from = signs.len();
                 signs.extend((0..count).map(|i| if i % 2 == 0 { 1.0 } else { -1.0 } / count as f64));
                 // Fisher and Yates 1938.
@@ -58,10 +62,10 @@ pub(super) fn chance_interval(sets: [&PictureSet; 2], mask: &[bool], level: f64)
 }
 
 /// Products of all pairs of the pictures, each less the mean of its set, over the pixels that are not masked.
-fn products(sets: [&[Image]; 2], mask: &[bool]) -> Vec<Vec<f64>> {
+fn products(sets: &[&[Image]], mask: &[bool]) -> Vec<Vec<f64>> {
     let centred: Vec<Vec<f32>> = sets
-        .into_iter()
-        .flat_map(|pictures| {
+        .iter()
+        .flat_map(|&pictures| {
             let mut mean = vec![[0.0f64; 3]; mask.len()];
             for picture in pictures {
                 for (sum, pixel) in mean.iter_mut().zip(&picture.pixels) {

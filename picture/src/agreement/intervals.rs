@@ -7,10 +7,7 @@ use serde::Serialize;
 use super::picture_set::Moment;
 use crate::metrics::student_t::{two_sided_quantile, two_sided_tail};
 
-/// Where nothing varies, differences up to this share of the value count as rounding: adding the same float32 2,048 times loses up to
-/// 2,048 · 2⁻²⁴ of it, always to the same side.
-const ROUNDING: f64 = 1.3e-4;
-/// Standard errors below this share of the value count as no variation.
+/// Standard errors below this share of the value count as no variation. Float32 sums of up to 2¹⁴ samples are as inexact.
 const NO_NOISE: f64 = 2e-6;
 
 /// A difference, ours less theirs, with its interval and its margin.
@@ -26,6 +23,8 @@ pub struct Interval {
     pub p: f64,
     /// Welch's t; infinite where nothing varies and there is a difference.
     pub t: f64,
+    /// Whether anything varies. Where nothing does, `p` and `t` are not drawn by chance.
+    pub varies: bool,
 }
 
 /// Where an interval stands to its margin.
@@ -63,40 +62,47 @@ impl Interval {
 pub(super) struct Intervals {
     /// Probability that a single interval misses.
     level: f64,
+    /// Where nothing varies, differences up to this share of the value count as rounding.
+    rounding: f64,
     /// Quantiles of Student's t by eighths of a degree of freedom.
     quantiles: BTreeMap<u64, f64>,
 }
 
 impl Intervals {
-    /// Intervals of which all `count` hold with the probability `1 − level` (Šidák 1967).
-    pub(super) fn new(level: f64, count: usize) -> Self {
-        Self { level: single_level(level, count), quantiles: BTreeMap::new() }
+    /// Intervals of which all `count` hold with the probability `1 − level` (Šidák 1967). Where nothing varies, differences up to
+    /// `rounding` times the value count as none.
+    pub(super) fn new(level: f64, count: usize, rounding: f64) -> Self {
+        Self { level: single_level(level, count), rounding, quantiles: BTreeMap::new() }
     }
 
     /// The interval of the difference of two means, each of `n` numbers.
     pub(super) fn of(&mut self, [ours, theirs]: [(&Moment, usize); 2], margin: f64) -> Interval {
         let difference = ours.0.mean() - theirs.0.mean();
-        let value = ours.0.mean().abs().max(theirs.0.mean().abs());
+        let value = value_of([ours.0, theirs.0]);
         let [a, b] = [ours, theirs].map(|(moment, _)| moment.variance_of_mean());
         let variance = a + b;
         if variance.is_infinite() {
-            return Interval { difference, half_width: f64::INFINITY, margin, p: 1.0, t: 0.0 };
+            let half_width = f64::INFINITY;
+            return Interval { difference, half_width, margin, p: 1.0, t: 0.0, varies: false };
         }
-        if variance <= (NO_NOISE * value).powi(2) {
-            let half_width = ROUNDING * value;
+        if !varies(variance, value) {
+            let half_width = self.rounding * value;
             let differs = difference.abs() > half_width;
             let t = if differs { f64::INFINITY.copysign(difference) } else { 0.0 };
-            return Interval { difference, half_width, margin, p: f64::from(u8::from(!differs)), t };
+            let p = f64::from(u8::from(!differs));
+            return Interval { difference, half_width, margin, p, t, varies: false };
         }
         let of = |variance: f64, n: usize| variance * variance / (n as f64 - 1.0);
         let degrees = variance * variance / (of(a, ours.1) + of(b, theirs.1));
-        let t = difference / variance.sqrt();
+        let standard_error = (variance + (NO_NOISE * value).powi(2)).sqrt();
+        let t = difference / standard_error;
         Interval {
             difference,
-            half_width: self.quantile(degrees) * variance.sqrt(),
+            half_width: self.quantile(degrees) * standard_error,
             margin,
             p: two_sided_tail(t, degrees),
             t,
+            varies: true,
         }
     }
 
@@ -105,6 +111,16 @@ impl Intervals {
         let eighths = ((8.0 * degrees) as u64).max(8);
         *self.quantiles.entry(eighths).or_insert_with(|| two_sided_quantile(self.level, eighths as f64 / 8.0))
     }
+}
+
+/// Whether the variance of the difference of two means of about `value` is more than rounding.
+pub(super) fn varies(variance: f64, value: f64) -> bool {
+    variance > (NO_NOISE * value).powi(2)
+}
+
+/// The larger of two means: what rounding is a share of.
+pub(super) fn value_of(means: [&Moment; 2]) -> f64 {
+    means.into_iter().map(|moment| moment.mean().abs()).fold(0.0, f64::max)
 }
 
 /// The level of one of `count` tests that together have `level`.
@@ -127,16 +143,23 @@ mod tests {
     #[test]
     fn an_interval_is_welchs() {
         let ((a, n), (b, m)) = (moment(&[1.0, 2.0, 3.0]), moment(&[2.0, 4.0, 4.0, 5.0, 10.0]));
-        let interval = Intervals::new(0.05, 1).of([(&a, n), (&b, m)], 0.1);
+        let interval = Intervals::new(0.05, 1, 1e-4).of([(&a, n), (&b, m)], 0.1);
         assert!((interval.difference + 3.0).abs() < 1e-12);
         assert!((interval.half_width - 2.5342 * 2.133_33f64.sqrt()).abs() < 1e-3, "{}", interval.half_width);
         assert_eq!(interval.standing(), Standing::Open);
-        assert!(!interval.is_proven());
+        assert!(!interval.is_proven() && interval.varies);
     }
 
     #[test]
     fn where_an_interval_stands() {
-        let at = |difference, half_width| Interval { difference, half_width, margin: 1.0, p: 0.5, t: 0.0 };
+        let at = |difference, half_width| Interval {
+            difference,
+            half_width,
+            margin: 1.0,
+            p: 0.5,
+            t: 0.0,
+            varies: true,
+        };
         for (interval, standing) in [
             (at(0.5, 0.5), Standing::Within),
             (at(-0.5, 0.6), Standing::Open),
@@ -151,13 +174,13 @@ mod tests {
     #[test]
     fn without_noise_rounding_remains() {
         let ((a, n), (b, m)) = (moment(&[1.0; 4]), moment(&[1.0 + 1e-6; 4]));
-        let same = Intervals::new(0.01, 10).of([(&a, n), (&b, m)], 0.01);
-        assert_eq!((same.standing(), same.p), (Standing::Within, 1.0));
+        let same = Intervals::new(0.01, 10, 1e-4).of([(&a, n), (&b, m)], 0.01);
+        assert_eq!((same.standing(), same.p, same.varies), (Standing::Within, 1.0, false));
         let (c, k) = moment(&[1.1; 4]);
-        let other = Intervals::new(0.01, 10).of([(&a, n), (&c, k)], 0.01);
+        let other = Intervals::new(0.01, 10, 1e-4).of([(&a, n), (&c, k)], 0.01);
         assert_eq!((other.standing(), other.p), (Standing::Outside, 0.0));
         // A single picture says nothing of its noise.
         let (one, k) = moment(&[1.0]);
-        assert_eq!(Intervals::new(0.01, 10).of([(&a, n), (&one, k)], 0.01).standing(), Standing::Open);
+        assert_eq!(Intervals::new(0.01, 10, 1e-4).of([(&a, n), (&one, k)], 0.01).standing(), Standing::Open);
     }
 }

@@ -16,21 +16,27 @@
 //! whatever the correlation between tiles. So a false *agrees* or a false *differs* has at most the probability `level`. Whoever looks
 //! several times at a growing number of seeds shares the level among the looks ([`level_of_look`]).
 //!
-//! **The ladder's test.** Beside it stands a test of equality, for scenes that must agree exactly: Welch's t of each tile, and the ratio of
-//! the squared difference to what noise alone explains, with the interval that random halves of the same pictures give.
+//! **The ladder's test.** Beside it stands a [test of equality](Equality), for scenes that must agree exactly: Welch's t of each tile, and
+//! the ratio of the squared difference to what noise alone explains, with the interval that random halves of the same pictures give. It
+//! compares two sets of pictures, or one set with a [`ReferencePicture`] that was stored ([`judge_equality`]).
 
+mod areas;
 mod chance;
+mod equality;
 mod intervals;
 mod maps;
 mod picture_set;
+mod reference_picture;
 mod sentence;
 mod verdict;
 
+pub use equality::{Equality, judge_equality};
 pub use intervals::{Interval, Standing};
 pub use maps::{signed_difference_map, tile_difference_map, tile_t_map};
 pub use picture_set::PictureSet;
-pub use sentence::percent;
-pub use verdict::{Agreement, Equality, LEVEL, Verdict, judge, level_of_look};
+pub use reference_picture::{ReferenceArrays, ReferenceError, ReferencePicture};
+pub use sentence::{counted, percent};
+pub use verdict::{Agreement, LEVEL, Verdict, judge, level_of_look};
 
 /// Pixels along a tile's side.
 pub use crate::metrics::significance::TILE_PIXELS;

@@ -2,7 +2,7 @@
 
 use crate::image::Image;
 
-use super::TILE_PIXELS;
+use super::areas::Areas;
 
 /// Pictures of the same size, independent of each other.
 #[derive(Clone, Debug, Default)]
@@ -65,44 +65,24 @@ impl PictureSet {
         }
     }
 
-    /// Means and their variances over the pixels that `mask` leaves; of the whole over those of them that are `covered`, if there are any.
-    pub(super) fn statistics(&self, mask: &[bool], covered: &[bool]) -> SetStatistics {
-        let [width, height] = self.size();
-        let [across, down] = [width.div_ceil(TILE_PIXELS), height.div_ceil(TILE_PIXELS)];
-        let tiles = across * down;
-        let mut left = vec![0usize; tiles];
-        for (i, _) in mask.iter().enumerate().filter(|(_, m)| !**m) {
-            left[i / width / TILE_PIXELS * across + i % width / TILE_PIXELS] += 1;
-        }
-        let shown: Vec<bool> =
-            mask.iter().zip(covered).map(|(masked, covered)| !masked && *covered).collect();
-        let shown_pixels = shown.iter().filter(|s| **s).count();
-        let is_of_whole = |i: usize| shown_pixels == 0 || shown[i];
-        let whole_pixels = if shown_pixels == 0 { left.iter().sum() } else { shown_pixels };
-        // The tiles' means and the whole's, by picture.
-        let mut of_tiles = vec![Moments::default(); tiles];
-        let mut of_whole = Moments::default();
-        let mut squares = vec![[Moment::default(); 3]; mask.len()];
+    /// Means of the pixels and of the areas, with their variances.
+    pub(super) fn statistics(&self, areas: &Areas) -> SetStatistics {
+        let mut of_tiles = vec![[Moment::default(); 3]; areas.tile_pixels.len()];
+        let mut of_whole = [Moment::default(); 3];
+        let mut of_pixels = vec![[Moment::default(); 3]; self.pictures.first().map_or(0, |p| p.pixels.len())];
         for picture in &self.pictures {
-            let (mut sums, mut whole) = (vec![[0.0; 3]; tiles], [0.0; 3]);
-            for (i, pixel) in picture.pixels.iter().enumerate().filter(|(i, _)| !mask[*i]) {
-                let tile = i / width / TILE_PIXELS * across + i % width / TILE_PIXELS;
-                for c in 0..3 {
-                    let value = f64::from(pixel[c]);
-                    sums[tile][c] += value;
-                    squares[i][c].add(value);
-                    if is_of_whole(i) {
-                        whole[c] += value;
-                    }
-                }
-            }
-            for ((moments, sum), &pixels) in of_tiles.iter_mut().zip(&sums).zip(&left) {
-                moments.add(sum.map(|s| if pixels == 0 { 0.0 } else { s / pixels as f64 }));
-            }
-            of_whole.add(whole.map(|s| if whole_pixels == 0 { 0.0 } else { s / whole_pixels as f64 }));
+            let value = |pixel: usize| picture.pixels[pixel].map(f64::from);
+            let (tiles, whole) = areas.means(value);
+            of_tiles.iter_mut().zip(tiles).for_each(|(moments, mean)| add(moments, mean));
+            add(&mut of_whole, whole);
+            areas.pixels().for_each(|pixel| add(&mut of_pixels[pixel], value(pixel)));
         }
-        SetStatistics { n: self.len(), of_tiles, of_whole, of_pixels: squares, left }
+        SetStatistics { n: self.len(), of_tiles, of_whole, of_pixels }
     }
+}
+
+fn add(moments: &mut [Moment; 3], values: [f64; 3]) {
+    moments.iter_mut().zip(values).for_each(|(moment, value)| moment.add(value));
 }
 
 /// Mean and variance of a growing list of numbers (Welford 1962).
@@ -114,6 +94,12 @@ pub(super) struct Moment {
 }
 
 impl Moment {
+    /// The moment of `n` numbers of which mean and variance of the mean are known.
+    pub(super) fn known(n: usize, mean: f64, variance_of_mean: f64) -> Self {
+        let n = n as f64;
+        Self { n, mean, squares: variance_of_mean * n * (n - 1.0) }
+    }
+
     pub(super) fn add(&mut self, value: f64) {
         self.n += 1.0;
         let before = value - self.mean;
@@ -131,25 +117,15 @@ impl Moment {
     }
 }
 
-/// A moment by channel.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Moments(pub(super) [Moment; 3]);
-
-impl Moments {
-    fn add(&mut self, values: [f64; 3]) {
-        self.0.iter_mut().zip(values).for_each(|(moment, value)| moment.add(value));
-    }
-}
-
-/// What a set of pictures says.
+/// What a set of pictures says: means over its `n` seeds with their variances, by channel.
+#[derive(Clone, Debug)]
 pub(super) struct SetStatistics {
     pub(super) n: usize,
     /// By tile, row by row.
-    pub(super) of_tiles: Vec<Moments>,
-    pub(super) of_whole: Moments,
+    pub(super) of_tiles: Vec<[Moment; 3]>,
+    pub(super) of_whole: [Moment; 3],
+    /// Without numbers where a pixel is masked.
     pub(super) of_pixels: Vec<[Moment; 3]>,
-    /// Pixels of each tile that are not masked.
-    pub(super) left: Vec<usize>,
 }
 
 #[cfg(test)]
@@ -164,6 +140,8 @@ mod tests {
         list.into_iter().for_each(|v| moment.add(v));
         // The sample variance of 4, 7, 13, 16 is 30.
         assert_eq!((moment.mean(), moment.variance_of_mean()), (1e9 + 10.0, 7.5));
+        let known = Moment::known(4, 1e9 + 10.0, 7.5);
+        assert_eq!((known.mean(), known.variance_of_mean()), (1e9 + 10.0, 7.5));
     }
 
     #[test]
@@ -177,15 +155,17 @@ mod tests {
         let mut mask = vec![false; 72];
         set.mark_not_finite(&mut mask);
         assert_eq!(mask.iter().filter(|m| **m).count(), 1);
-        let statistics = set.statistics(&mask, &[true; 72]);
-        assert_eq!(statistics.left, [64, 7]);
+        let statistics = set.statistics(&Areas::new([9, 8], &mask, &[true; 72]));
         let of = |m: &Moment| (m.mean(), m.variance_of_mean());
-        assert!(statistics.of_tiles.iter().all(|tile| tile.0.iter().all(|m| of(m) == (2.0, 1.0))));
-        assert_eq!(of(&statistics.of_whole.0[1]), (2.0, 1.0));
+        assert!(statistics.of_tiles.iter().all(|tile| tile.iter().all(|m| of(m) == (2.0, 1.0))));
+        assert_eq!(of(&statistics.of_whole[1]), (2.0, 1.0));
+        assert_eq!(of(&statistics.of_pixels[7][2]), (2.0, 1.0));
         // The background is no part of the whole's mean, unless there is nothing else.
         let mut set = PictureSet::default();
         (0..2).for_each(|_| set.push(Image::new(2, 1, vec![[1.0; 3], [9.0; 3]])));
-        let whole = |covered: [bool; 2]| set.statistics(&[false; 2], &covered).of_whole.0[0].mean();
+        let whole = |covered: [bool; 2]| {
+            set.statistics(&Areas::new([2, 1], &[false; 2], &covered)).of_whole[0].mean()
+        };
         assert_eq!((whole([true, false]), whole([true; 2]), whole([false; 2])), (1.0, 5.0, 5.0));
     }
 }

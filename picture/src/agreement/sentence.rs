@@ -14,9 +14,15 @@ pub fn percent(share: f64) -> String {
     format!("{:+.2} %", 100.0 * share)
 }
 
+/// A number of pictures in words: `1 picture`, `8 pictures`.
+pub fn counted(pictures: usize) -> String {
+    if pictures == 1 { "1 picture".to_owned() } else { format!("{pictures} pictures") }
+}
+
 fn sentence(agreement: &Agreement) -> String {
     let [within, open, outside] = agreement.standing;
     let tests = within + open + outside;
+    let is_proven = agreement.proven_in_mean.is_some() || agreement.proven_in_tile.is_some();
     let smaller = match (agreement.proven_in_mean, agreement.proven_in_tile) {
         (None, None) => "no smaller difference is proven".to_owned(),
         (mean, tile) => {
@@ -32,6 +38,13 @@ fn sentence(agreement: &Agreement) -> String {
     };
     match agreement.verdict {
         Verdict::Agrees => {
+            let proofs = agreement.equality.proofs().join(", ");
+            let shows = "shows in the test of equality, which errs in 2 of 100 cases";
+            let smaller = match (is_proven, proofs.is_empty()) {
+                (_, true) => smaller,
+                (false, false) => format!("a smaller difference {shows}: {proofs}"),
+                (true, false) => format!("{smaller}; it also {shows}: {proofs}"),
+            };
             format!("Agrees: every tile lies within 1 %, the picture's mean within 0.2 %; {smaller}.")
         }
         Verdict::Differs => {
@@ -55,9 +68,9 @@ fn sentence(agreement: &Agreement) -> String {
         Verdict::CannotTell => {
             let mean = agreement.mean.iter().filter(|i| i.difference.abs() + i.half_width > i.margin).count();
             format!(
-                "Cannot tell yet: with {} pictures each, {open} of {tests} tiles and channels and {mean} of 3 means are still \
+                "Cannot tell yet: with {} each, {open} of {tests} tiles and channels and {mean} of 3 means are still \
                  undecided; {smaller}.",
-                agreement.pictures[0]
+                counted(agreement.pictures[0])
             )
         }
     }

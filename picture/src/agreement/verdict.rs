@@ -3,9 +3,11 @@
 use serde::Serialize;
 
 use super::TILE_PIXELS;
+use super::areas::{Areas, tiles_across_and_down};
 use super::chance::chance_interval;
-use super::intervals::{Interval, Intervals, Standing, single_level};
-use super::picture_set::{Moment, PictureSet, SetStatistics};
+use super::equality::{Differences, Equality};
+use super::intervals::{Interval, Standing};
+use super::picture_set::{Moment, PictureSet};
 
 /// Probability that some interval does not hold the true difference, over all looks together.
 pub const LEVEL: f64 = 0.01;
@@ -13,6 +15,9 @@ pub const LEVEL: f64 = 0.01;
 const TILE_MARGIN: f64 = 0.01;
 /// Margin of the picture's mean: a share of it.
 const MEAN_MARGIN: f64 = 0.002;
+/// Where nothing varies, differences up to this share of the value count as rounding: adding the same float32 2,048 times loses up to
+/// 2,048 · 2⁻²⁴ of it, always to the same side.
+const ROUNDING: f64 = 1.3e-4;
 /// Share of the covered pixels that may be masked.
 pub(super) const MOST_MASKED: f64 = 0.02;
 
@@ -26,23 +31,6 @@ pub enum Verdict {
     Differs,
     /// The pictures are too few or too noisy, or too much is masked.
     CannotTell,
-}
-
-/// The test of equality: what it finds where both renderers must agree exactly.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Equality {
-    /// Sum of squared differences over what noise alone explains: 1 on average where both agree.
-    pub ratio: f64,
-    /// Middle 99 % of the ratio by chance; `None` with fewer than four pictures of a renderer.
-    pub ratio_by_chance: Option<[f64; 2]>,
-    /// Tiles and channels tested.
-    pub tests: usize,
-    /// Tiles and channels whose p-value is below Šidák's bound at 1 %.
-    pub rejected: usize,
-    /// The smallest p-value.
-    pub smallest_p: f64,
-    /// Largest difference of the means over a channel, in its standard errors.
-    pub mean_in_standard_errors: f64,
 }
 
 /// What the pictures say. Tiles are row by row, intervals by channel.
@@ -101,26 +89,17 @@ pub fn judge(ours: &PictureSet, theirs: &PictureSet, covered: &[bool], level: f6
     let masked = if covered_pixels == 0 { 0.0 } else { masked_pixels as f64 / covered_pixels as f64 };
 
     // Intervals of all tiles, and of the mean.
-    let (a, b) = (ours.statistics(&mask, covered), theirs.statistics(&mask, covered));
+    let areas = Areas::new([width, height], &mask, covered);
+    let (a, b) = (ours.statistics(&areas), theirs.statistics(&areas));
     let mean_of = |moments: &[Moment; 3]| moments.iter().map(|m| m.mean().abs()).sum::<f64>() / 3.0;
-    let scale = mean_of(&b.of_whole.0);
-    let mut intervals = Intervals::new(level, 3 * a.of_tiles.len() + 3);
-    let mut differences = |x: &[Moment; 3], y: &[Moment; 3], margin: &dyn Fn(usize) -> f64| {
-        [0, 1, 2].map(|c| intervals.of([(&x[c], a.n), (&y[c], b.n)], margin(c)))
-    };
-    let mean = differences(&a.of_whole.0, &b.of_whole.0, &|_| MEAN_MARGIN * scale);
-    let tiles: Vec<[Interval; 3]> = a
-        .of_tiles
-        .iter()
-        .zip(&b.of_tiles)
-        .map(|(x, y)| differences(&x.0, &y.0, &|c| TILE_MARGIN * scale.max(y.0[c].mean().abs())))
-        .collect();
+    let scale = mean_of(&b.of_whole);
+    let tile_margin = |theirs: &Moment| TILE_MARGIN * scale.max(theirs.mean().abs());
+    let found = Differences::new([&a, &b], level, ROUNDING, tile_margin, MEAN_MARGIN * scale);
 
     // The verdict: of intervals that exist.
-    let judged = || tiles.iter().zip(&a.left).filter(|(_, left)| **left > 0).flat_map(|(tile, _)| tile);
-    let count = |standing| judged().filter(|i| i.standing() == standing).count();
+    let count = |standing| found.of_tiles(&areas).filter(|i| i.standing() == standing).count();
     let standing = [Standing::Within, Standing::Open, Standing::Outside].map(count);
-    let is_mean = |standing| mean.iter().any(|i| i.standing() == standing);
+    let is_mean = |standing| found.mean.iter().any(|i| i.standing() == standing);
     let is_open = standing[1] > 0 || is_mean(Standing::Open) || masked > MOST_MASKED || scale == 0.0;
     let verdict = if standing[2] > 0 || is_mean(Standing::Outside) {
         Verdict::Differs
@@ -130,24 +109,30 @@ pub fn judge(ours: &PictureSet, theirs: &PictureSet, covered: &[bool], level: f6
         Verdict::Agrees
     };
 
-    let across = width.div_ceil(TILE_PIXELS);
+    let [across, down] = tiles_across_and_down([width, height]);
     let proven = |i: &Interval| i.is_proven().then(|| i.difference / i.margin);
-    let proven_in_tile = tiles
+    let proven_in_tile = found
+        .tiles
         .iter()
         .enumerate()
         .flat_map(|(n, tile)| tile.iter().filter_map(proven).map(move |share| (share, n)))
         .max_by(|x, y| x.0.abs().total_cmp(&y.0.abs()))
         .map(|(share, n)| (share * TILE_MARGIN, [n % across, n / across].map(|t| t * TILE_PIXELS)));
-    let proven_in_mean =
-        mean.iter().filter_map(proven).max_by(|x, y| x.abs().total_cmp(&y.abs())).map(|s| s * MEAN_MARGIN);
-    let equality = equality([ours, theirs], [&a, &b], &tiles, &mean, &mask);
+    let proven_in_mean = found
+        .mean
+        .iter()
+        .filter_map(proven)
+        .max_by(|x, y| x.abs().total_cmp(&y.abs()))
+        .map(|s| s * MEAN_MARGIN);
+    let equality =
+        Equality::new([&a, &b], &areas, &found, chance_interval(&[ours, theirs], &mask, LEVEL), ROUNDING);
     Agreement {
         verdict,
         level,
         pictures: [a.n, b.n],
-        tiles_across_and_down: [across, height.div_ceil(TILE_PIXELS)],
-        tiles,
-        mean,
+        tiles_across_and_down: [across, down],
+        tiles: found.tiles,
+        mean: found.mean,
         scale,
         masked,
         standing,
@@ -155,33 +140,5 @@ pub fn judge(ours: &PictureSet, theirs: &PictureSet, covered: &[bool], level: f6
         proven_in_mean,
         equality,
         mask,
-    }
-}
-
-fn equality(
-    sets: [&PictureSet; 2],
-    [a, b]: [&SetStatistics; 2],
-    tiles: &[[Interval; 3]],
-    mean: &[Interval; 3],
-    mask: &[bool],
-) -> Equality {
-    let (mut squares, mut noise) = (0.0, 0.0);
-    for (_, (x, y)) in mask.iter().zip(a.of_pixels.iter().zip(&b.of_pixels)).filter(|(masked, _)| !**masked) {
-        for (x, y) in x.iter().zip(y) {
-            squares += (x.mean() - y.mean()).powi(2);
-            noise += x.variance_of_mean() + y.variance_of_mean();
-        }
-    }
-    let tests = 3 * a.left.iter().filter(|left| **left > 0).count();
-    let bound = single_level(LEVEL, tests);
-    let p_values =
-        || tiles.iter().zip(&a.left).filter(|(_, left)| **left > 0).flat_map(|(t, _)| t).map(|i| i.p);
-    Equality {
-        ratio: if noise > 0.0 { squares / noise } else { 0.0 },
-        ratio_by_chance: chance_interval(sets, mask, LEVEL),
-        tests,
-        rejected: p_values().filter(|&p| p < bound).count(),
-        smallest_p: p_values().fold(1.0, f64::min),
-        mean_in_standard_errors: mean.iter().map(|i| i.t.abs()).fold(0.0, f64::max),
     }
 }

@@ -74,8 +74,7 @@ pub(super) fn error_svg(named: [(&str, &[(f64, f64)]); 2]) -> Option<String> {
 /// of 100 bars.
 pub(super) fn histogram_svg(agreement: &Agreement) -> String {
     let mut counts = [0usize; BARS];
-    // Tiles without noise have a p-value of 0 or 1 that is no draw.
-    let drawn = agreement.tiles.iter().flatten().filter(|i| i.p > 0.0 && i.t != 0.0);
+    let drawn = agreement.tiles.iter().flatten().filter(|i| i.varies);
     for interval in drawn {
         counts[((interval.p * BARS as f64) as usize).min(BARS - 1)] += 1;
     }

@@ -9,7 +9,7 @@ use std::path::Path;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use pumice_core::{TargetError, write_atomically};
-use pumice_picture::agreement::{LEVEL, Verdict, percent};
+use pumice_picture::agreement::{LEVEL, Verdict, counted, percent};
 use pumice_picture::{Image, Pass, Picture, ViewTransform, png_bytes};
 
 use super::charts::{error_svg, histogram_svg};
@@ -94,12 +94,12 @@ fn page(request: &VerifyRenderRequest, verified: &VerifiedRender) -> Result<Stri
         "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>Pumice against Cycles: {class}</title>\
          <meta name=\"viewport\" content=\"width=device-width\"><style>{STYLE}</style></head><body>\n\
          <h1>Does Pumice draw what Cycles draws?</h1>\n<p class=\"verdict {class}\" id=\"verdict\">{}</p>\n\
-         <p>Judged from {} pictures by Pumice and {} by Cycles, each of {} samples per pixel and of a seed of its own. A verdict is \
+         <p>Judged from {} by Pumice and {} by Cycles, each of {} samples per pixel and of a seed of its own. A verdict is \
          false in at most {} of comparisons: <em>agrees</em> where the true difference is beyond a margin, <em>differs</em> where it is \
          within all. This look spends {} of that.</p>\n",
         escaped(&verified.sentence),
-        agreement.pictures[0],
-        agreement.pictures[1],
+        counted(agreement.pictures[0]),
+        counted(agreement.pictures[1]),
         verified.spp,
         chance(LEVEL),
         chance(agreement.level),
@@ -192,7 +192,10 @@ fn page(request: &VerifyRenderRequest, verified: &VerifiedRender) -> Result<Stri
         ),
         (
             "Seeds",
-            format!("numbers 1 to {}, spread over the range of each program's seeds", agreement.pictures[0]),
+            match agreement.pictures[0] {
+                1 => "number 1, somewhere in the range of each program's seeds".to_owned(),
+                n => format!("numbers 1 to {n}, spread over the range of each program's seeds"),
+            },
         ),
         ("Programs", format!("{}; {}", verified.ours.name, verified.theirs.name)),
         ("Command", request.command.clone()),
