@@ -177,10 +177,11 @@ def move_into_place(folder, out_folder):
 def lacks_of(context):
     """One line for each thing of a scene that its stage lacks."""
     scene, lacks = context.scene, []
-    hidden, missing, moving, materials = [], [], [], {}
+    hidden, missing, moving, cutting, materials = [], [], [], [], {}
     for obj in scene.objects:
-        if obj.hide_render and not (is_volume(obj) or cuts.is_cut(obj)):
-            hidden.append(obj.name)
+        if obj.hide_render:
+            if not (is_volume(obj) or cuts.is_cut(obj)):
+                hidden.append(obj.name)
             continue
         if obj.type in NOT_WRITTEN:
             missing.append(obj.name)
@@ -188,7 +189,9 @@ def lacks_of(context):
             moving.append(obj.name)
         if obj.type == "LIGHT":
             lacks += scene_notes.light_lacks(obj)
-        if not is_volume(obj):
+        if cuts.is_cut(obj):
+            cutting.append(obj.name)
+        elif not is_volume(obj):
             materials.update({slot.material.name: slot.material for slot in obj.material_slots if slot.material is not None})
     for name in sorted(materials):
         lacks += shader_notes.note(materials[name])[1]
@@ -199,6 +202,7 @@ def lacks_of(context):
     for names, what in (
         (hidden, "hidden in renders, so not in the file"),
         (missing, "not in the file, because USD or Blender's exporter has no such objects"),
+        (cutting, "not in the file; the volumes are, as the cut leaves them"),
         (moving, f"animated; the file has frame {scene.frame_current} alone"),
     ):
         if names:
