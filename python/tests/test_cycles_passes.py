@@ -19,13 +19,18 @@ SEEN = {
     "10_metal_and_plastic": ["diffuse_color", "diffuse_direct", "diffuse_indirect", "environment", "glossy_direct", "glossy_indirect"],
     "11_glass": ["environment", "glossy_direct", "glossy_indirect", "transmission_indirect"],
     "12_coat_and_sheen": ["diffuse_color", "diffuse_direct", "diffuse_indirect", "environment", "glossy_direct", "glossy_indirect"],
+    "13_emissive": ["diffuse_color", "diffuse_direct", "diffuse_indirect", "emission", "environment"],
 }
 # Factor of brightness that must be detected, where it is not the usual 2 %, or 5 % for the noisier indirect light. Clear glass reflects
 # little light, and after further surfaces only a thousandth of the picture's, from a small bright window.
 NOISIER = {("11_glass", "glossy_direct"): 1.05, ("11_glass", "glossy_indirect"): 1.2}
 
 
-@pytest.fixture(scope="module", params=pass_reference.RUNGS)
+# The last rung takes its turn with the long tests.
+ALWAYS, IN_TURN = pass_reference.RUNGS[:-1], pytest.param(pass_reference.RUNGS[-1], marks=pytest.mark.full)
+
+
+@pytest.fixture(scope="module", params=[*ALWAYS, IN_TURN])
 def drawn(request, tmp_path_factory):
     """(name, pictures by kind, reference) of a rung."""
     rung = rungs.Rung(request.param, tmp_path_factory.mktemp("rung"))

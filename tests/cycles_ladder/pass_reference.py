@@ -18,7 +18,7 @@ import numpy as np
 import scipy.stats
 
 FOLDER = Path(__file__).resolve().parent / "pass_references"
-RUNGS = ("10_metal_and_plastic", "11_glass", "12_coat_and_sheen")
+RUNGS = ("10_metal_and_plastic", "11_glass", "12_coat_and_sheen", "13_emissive")
 KINDS = (
     *("diffuse_direct", "diffuse_indirect", "diffuse_color", "glossy_direct", "glossy_indirect"),
     *("transmission_direct", "transmission_indirect", "emission", "environment"),
