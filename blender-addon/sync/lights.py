@@ -136,6 +136,13 @@ class _Lamp:
         if area < 1e-30 or self._direction() is None:
             self.leave_out("an area of 0 gives no light; it is left out")
             return None, area
+        if not matrix.is_invertible(world):
+            self.leave_out("its axes lie in a plane; it is left out")
+            return None, area
+        # A parent that is scaled unevenly shears a turned lamp.
+        world, is_sheared = matrix.without_shear(world)
+        if is_sheared:
+            self.leave_out("its shear is not drawn; its sides are at right angles")
         # The length of z does not matter, but the matrix must be invertible.
         shape = {
             "world_from_light": matrix.twelve(matrix.unit_axes(world, only=2)),

@@ -5,6 +5,9 @@
 They are plain lists of rows in double precision: Blender's own are in single precision, too little to invert a window matrix.
 """
 
+# Largest cosine between two axes that the scene takes for a right angle.
+MOST_SHEAR = 1e-4
+
 
 def rows(matrix):
     """A copy as four lists of four floats; takes whatever is indexed [row][column]."""
@@ -42,6 +45,29 @@ def unit_axes(matrix, only=None):
         for r in range(3):
             out[r][c] = out[r][c] / length if length > 0.0 else float(r == c)
     return out
+
+
+def without_shear(matrix):
+    """(the matrix with its axes at right angles, whether they were not): z and all lengths stay, x turns least, y turns with it."""
+    out = rows(matrix)
+    x, y, z = ([out[r][c] for r in range(3)] for c in range(3))
+    lengths = [_dot(a, a) ** 0.5 for a in (x, y, z)]
+    x, y, z = ([v / length for v in a] for a, length in zip((x, y, z), lengths))
+    if max(abs(_dot(x, y)), abs(_dot(y, z)), abs(_dot(z, x))) <= MOST_SHEAR:
+        return out, False
+    across = [a - _dot(x, z) * b for a, b in zip(x, z)]
+    length = _dot(across, across) ** 0.5
+    across = [a / length for a in across]
+    along = [z[(r + 1) % 3] * across[(r + 2) % 3] - z[(r + 2) % 3] * across[(r + 1) % 3] for r in range(3)]
+    if _dot(along, y) < 0.0:
+        along = [-a for a in along]
+    for r in range(3):
+        out[r][0], out[r][1] = lengths[0] * across[r], lengths[1] * along[r]
+    return out, True
+
+
+def _dot(a, b):
+    return sum(s * t for s, t in zip(a, b))
 
 
 def is_invertible(matrix):

@@ -147,6 +147,29 @@ def test_the_cone_of_a_scaled_spot_is_as_wide_as_in_cycles(blender, read, tmp_pa
     assert value["shape"]["spot"]["angle_rad"] > 0.9, "the object's scale doubles the width of the cone"
 
 
+def test_a_sheared_lamp_is_straightened_and_named(blender, read):
+    """A parent that is scaled unevenly shears a turned lamp: direction, place and lengths stay, sides get right angles."""
+    obj = lamp(blender, "AREA", shape="RECTANGLE", size=0.2, size_y=0.1, turn=(0.4, 0.3, 0.8))
+    parent = blender.data.objects.new("parent", None)
+    blender.context.collection.objects.link(parent)
+    parent.scale, obj.parent = (2.0, 1.0, 1.0), parent
+    blender.context.view_layer.update()
+    world = np.array(obj.matrix_world)
+    _, value, left_out = read(obj)
+    assert left_out == ["Light lamp: its shear is not drawn; its sides are at right angles"]
+    columns = np.array(value["shape"]["area"]["world_from_light"]).reshape(4, 3)
+    lengths = np.linalg.norm(columns[:3], axis=1)
+    turned = columns[:3] / lengths[:, None]
+    assert turned @ turned.T == pytest.approx(np.eye(3), abs=1e-6)
+    assert lengths[:2] == pytest.approx(np.linalg.norm(world[:3, :2], axis=0), rel=1e-6)
+    assert turned[2] == pytest.approx(world[:3, 2] / np.linalg.norm(world[:3, 2]), abs=1e-6)
+    assert columns[3] == pytest.approx(world[:3, 3]) and np.linalg.det(turned) * np.linalg.det(world[:3, :3]) > 0
+    # An even scale shears nothing.
+    parent.scale = (2.0, 2.0, 2.0)
+    blender.context.view_layer.update()
+    assert read(obj)[2] == []
+
+
 def test_what_is_not_drawn_of_a_light_is_named(blender, read):
     obj = lamp(blender, "POINT", shadow_soft_size=0.2, use_shadow=False, use_custom_distance=True)
     obj.visible_glossy, obj.visible_camera = False, False

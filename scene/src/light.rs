@@ -113,7 +113,7 @@ pub enum LightShape {
     },
     /// A flat shape that emits to one side.
     Area {
-        /// Lamp to world: the lamp lies in the plane z = 0, centred on the origin, and emits along −z. Columns need not be unit vectors.
+        /// Lamp to world: the lamp lies in the plane z = 0, centred on the origin, and emits along −z. Columns are perpendicular, of any length.
         world_from_light: DAffine3,
         /// Rectangle or ellipse.
         outline: Outline,

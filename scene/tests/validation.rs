@@ -222,7 +222,15 @@ fn lamps() {
             LightShape::Area { world_from_light, outline: Outline::Rectangle, size, spread_rad };
     };
     let one = DMat3::IDENTITY;
-    rule("lights[2].shape.area.world_from_light", |s, m| area(s, m, [1.0; 2], PI), &[DMat3::ZERO], &[one]);
+    let sheared = DMat3::from_cols(DVec3::X, DVec3::new(0.6, 1.0, 0.0), DVec3::Z);
+    let leaning = DMat3::from_cols(DVec3::X, DVec3::Y, DVec3::new(0.0, 2e-4, 1.0));
+    let turned = DMat3::from_rotation_x(0.7) * DMat3::from_diagonal(DVec3::new(1e-3, -2.0, 30.0));
+    rule(
+        "lights[2].shape.area.world_from_light",
+        |s, m| area(s, m, [1.0; 2], PI),
+        &[DMat3::ZERO, sheared, leaning],
+        &[one, turned],
+    );
     for i in 0..2 {
         let sized = |s: &mut Scene, v: f64| {
             let mut size = [1.0; 2];

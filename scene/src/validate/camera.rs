@@ -1,24 +1,13 @@
 //! Validation of the camera.
 
-use glam::DMat3;
-
-use super::{Check, Checked, unit_columns};
+use super::{Check, Checked};
 use crate::{Camera, Projection};
-
-/// Largest cosine between two axes of a camera. Blender's matrices are f32, and a chain of parents leaves errors of some 1e-6; a shear
-/// that is visible in a picture of 4096 pixels (a quarter pixel at its edge) is above this limit.
-const MOST_CAMERA_SHEAR: f64 = 1e-4;
 
 /// Most corners of a lens opening: more look like a disk.
 const MOST_BLADES: u32 = 64;
 
 pub(super) fn validate_camera(c: &Check, camera: &Camera) -> Checked {
-    c.matrix("world_from_camera", &camera.world_from_camera)?;
-    let m = unit_columns(&camera.world_from_camera.matrix3).unwrap_or(DMat3::IDENTITY);
-    let shear = [m.x_axis.dot(m.y_axis), m.y_axis.dot(m.z_axis), m.z_axis.dot(m.x_axis)];
-    c.field("world_from_camera", shear.iter().all(|s| s.abs() <= MOST_CAMERA_SHEAR), || {
-        format!("expected axes at right angles, got cosines {shear:?} between them")
-    })?;
+    c.without_shear("world_from_camera", &camera.world_from_camera)?;
     match camera.projection {
         Projection::Perspective { fov_rad } => {
             let good = fov_rad > 0.0 && fov_rad < std::f64::consts::PI;

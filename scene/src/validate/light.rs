@@ -37,7 +37,7 @@ pub(super) fn validate_light(c: &Check, light: &Light) -> Checked {
             c.range("shape.spot.blend", (*blend).into(), 0.0, 1.0)
         }
         LightShape::Area { world_from_light, outline: _, size, spread_rad } => {
-            c.matrix("shape.area.world_from_light", world_from_light)?;
+            c.without_shear("shape.area.world_from_light", world_from_light)?;
             c.above("shape.area.size[0]", size[0], 0.0)?;
             c.above("shape.area.size[1]", size[1], 0.0)?;
             c.range("shape.area.spread_rad", *spread_rad, 0.0, std::f64::consts::PI)
