@@ -174,6 +174,7 @@ fn means_are_those_of_cycles() {
         ("a spread ellipse", flat(Ellipse, [1.5, 0.5], 90.0), 3.294515),
         ("a ball", ball(0.5, false), 0.761489),
         ("within a ball", ball(4.0, false), 0.158315),
+        ("within a spot's ball", spot(4.0, 60.0, 0.4, false), 0.158315),
         ("a spot's ball", spot(0.2, 60.0, 0.4, false), 0.198362),
         ("a sharp spot's ball", spot(0.2, 50.0, 0.0, false), 0.175701),
         ("a narrow spot's ball", spot(0.6, 20.0, 1.0, false), 0.0145491),
