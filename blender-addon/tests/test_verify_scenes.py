@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Tests that Pumice and Cycles agree, by `pumice verify-render`, on what the ladder of scenes does not judge: smooth meshes of several materials,
-meshes that emit, and volumes within each other."""
+meshes that emit, volumes within each other, sheared ones, and labels that let light through."""
 
 import json
 import subprocess
@@ -100,8 +100,27 @@ def within_each_other(fields, folder):
     fields["instances"].append(again)
 
 
+def veiled(fields, folder):
+    """Labels that let light through, so that it reaches the faces where they touch."""
+    fields["instances"][0]["style"]["material"] = DULL | {"alpha": 0.4}
+
+
+def glazed(fields, folder):
+    """Glass that touches glass."""
+    fields["instances"][0]["style"]["material"] = {"base_color": [0.9, 0.9, 1.0], "transmission": 1.0, "roughness": 0.0, "ior": 1.45}
+
+
+def sheared(fields, folder):
+    """The x axis of the volume leans towards its z axis."""
+    matrix = np.reshape(fields["instances"][0]["world_from_index"], (4, 3))
+    middle = matrix[3] + np.array([128, 128, 256]) @ matrix[:3]
+    matrix[0] += 0.5 * matrix[2]
+    matrix[3] = middle - np.array([128, 128, 256]) @ matrix[:3]
+    fields["instances"][0]["world_from_index"] = matrix.ravel().tolist()
+
+
 @pytest.mark.full
-@pytest.mark.parametrize("change", [coated, velvet, glass, lit_by_a_mesh, within_each_other])
+@pytest.mark.parametrize("change", [coated, velvet, glass, lit_by_a_mesh, within_each_other, veiled, glazed, sheared])
 def test_both_programs_agree(pumice_command, scene, change):
     path, fields = scene
     change(fields, path.parent)

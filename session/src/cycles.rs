@@ -13,8 +13,9 @@ use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 use pumice_core::{Job, MeshData, octahedral};
-use pumice_export::{CutPolygon, CutRegion, Merging, Rectangle, for_each_cut_block};
+use pumice_export::{CutPolygon, CutRegion, Faces, Interfaces, Merging, Rectangle, for_each_cut_block};
 use pumice_picture::Image;
+use pumice_scene::{Instance, Material};
 use pumice_transport::geometry::DetailLevel;
 use pumice_transport::{LoadedScene, MaterialTable};
 use serde::Deserialize;
@@ -193,6 +194,15 @@ fn answer<T: DeserializeOwned>(script: &mut Script, report: &Path, job: &Job) ->
     serde_json::from_slice(&text).map_err(|e| SessionError::Caller(format!("the report of Cycles: {e}")))
 }
 
+/// The faces that light reaches, each as a square: also those between shown labels, where it passes through some label.
+pub(crate) fn faces_of(instance: &Instance) -> Faces {
+    let passes = |m: &Material| m.alpha < 1.0 || m.transmission > 0.0;
+    let style = &instance.style;
+    let is_passed = passes(&style.material) || style.materials.values().any(passes);
+    let interfaces = if is_passed { Interfaces::All } else { Interfaces::Outside };
+    Faces { interfaces, merging: Merging::Plain }
+}
+
 /// Writes the surface of what instance number `place` shows; returns the number of its faces and its entry in the job.
 fn write_surface(
     folder: &Path,
@@ -205,7 +215,7 @@ fn write_surface(
     let (visible, table) = (loaded.visible(place), volume.labels());
     let cuts = CutRegion::of_instance(loaded.scene(), instance);
     let (mut rectangles, mut polygons): (Vec<Rectangle>, Vec<CutPolygon>) = (Vec::new(), Vec::new());
-    for_each_cut_block(volume, &visible, level, Merging::Plain, &cuts, job, |whole, cut| {
+    for_each_cut_block(volume, &visible, level, faces_of(instance), &cuts, job, |whole, cut| {
         rectangles.extend_from_slice(whole);
         polygons.extend_from_slice(cut);
         Ok(())
@@ -279,12 +289,7 @@ fn write_polygons(
 }
 
 /// Writes the triangles of mesh number `place`; returns its entry in the job.
-fn write_mesh(
-    folder: &Path,
-    place: usize,
-    data: &MeshData,
-    materials: &[pumice_scene::Material],
-) -> Result<Value> {
+fn write_mesh(folder: &Path, place: usize, data: &MeshData, materials: &[Material]) -> Result<Value> {
     let path = |name: &str| -> PathBuf { folder.join(format!("mesh-{name}-{place}.npy")) };
     let triangles = data.triangles();
     write_npy_with(&path("vertices"), "<f8", &[data.positions().len(), 3], |out| {

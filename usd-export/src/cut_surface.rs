@@ -17,7 +17,7 @@ use pumice_scene::{CutShape, Instance, Scene};
 use pumice_transport::geometry::DetailLevel;
 
 use crate::surface::Surface;
-use crate::{Merging, Rectangle, Result};
+use crate::{Interfaces, Merging, Rectangle, Result};
 
 /// Distance in voxels within which a corner lies on a plane. Coordinates are whole numbers up to 2²³ and planes come from matrices of f64, so
 /// that planes meant to lie between voxels are off by 1e-9 of that at most; files have f32, whose last bit is a thousand times as much.
@@ -104,6 +104,15 @@ impl CutPolygon {
     }
 }
 
+/// The faces that a surface has, and how they become rectangles.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Faces {
+    /// Whether faces between two shown labels are among them.
+    pub interfaces: Interfaces,
+    /// Whether neighbouring faces become one rectangle.
+    pub merging: Merging,
+}
+
 /// Visits the surface of the labels that are `visible` without what `cuts` remove, block by block: rectangles of faces that no cut touches,
 /// and polygons.
 ///
@@ -113,12 +122,13 @@ pub fn for_each_cut_block(
     volume: &CompressedVolume,
     visible: &[bool],
     level: DetailLevel,
-    merging: Merging,
+    faces: Faces,
     cuts: &[CutRegion],
     job: &Job,
     visit: impl FnMut(&[Rectangle], &[CutPolygon]) -> Result<()>,
 ) -> Result<()> {
-    cut_blocks(&Surface::new(volume, visible, level, merging)?, cuts, job, visit)
+    let surface = Surface::new(volume, visible, level, faces.merging)?.with_interfaces(faces.interfaces);
+    cut_blocks(&surface, cuts, job, visit)
 }
 
 /// Visits what `cuts` leave of a surface, as [`for_each_cut_block`] does.
@@ -202,7 +212,7 @@ fn caps(
                 .fold([f64::INFINITY, f64::NEG_INFINITY], |[least, most], d| [least.min(d), most.max(d)]);
             // An element that ends at the plane has a cap there only if nothing but the cut exposes that face.
             let is_passed = least < -ON_PLANE && most > ON_PLANE;
-            let ends_there = most.abs() <= ON_PLANE && is_shown_beyond(plane, beyond);
+            let ends_there = most.abs() <= ON_PLANE && is_hidden_beyond(plane, beyond);
             if !(is_passed || ends_there) {
                 continue;
             }
@@ -224,8 +234,8 @@ fn caps(
     }
 }
 
-/// Whether the element beyond the face that lies on a plane is shown; not for a plane that is not parallel to a face.
-fn is_shown_beyond(plane: &Plane, beyond: [bool; 6]) -> bool {
+/// Whether the element beyond the face that lies on a plane hides that face; not for a plane that is not parallel to a face.
+fn is_hidden_beyond(plane: &Plane, beyond: [bool; 6]) -> bool {
     let axis = (0..3).find(|&a| plane.normal[a].abs() > 1.0 - 1e-12);
     axis.is_some_and(|axis| beyond[2 * axis + usize::from(plane.normal[axis] > 0.0)])
 }

@@ -35,7 +35,7 @@ mod voxel_region;
 mod whole_file;
 
 pub use budget::{Budget, FaceBytes};
-pub use cut_surface::{CutPolygon, CutRegion, for_each_cut_block};
+pub use cut_surface::{CutPolygon, CutRegion, Faces, for_each_cut_block};
 pub use error::{ExportError, Result};
 pub use export_scene::{ExportOptions, ExportSize, export_scene};
 pub use faces::{FaceBlock, Interfaces, for_each_face_block};

@@ -12,14 +12,15 @@
 //!                                                  └─┴─┘          └──┘      widest first; plain: a rectangle a face
 //! ```
 //! These are the renderers' own rules for levels of detail ([`LodChoice`](pumice_transport::geometry::LodChoice)), so the surface is what
-//! they draw of opaque labels that nothing cuts. Faces between shown labels are left out: no ray from outside reaches them. Elements end
-//! where the volume ends. A surface may be limited to a [`VoxelRegion`]: blocks outside of it are not visited.
+//! they draw of opaque labels that nothing cuts. Faces between shown labels are left out, because no ray from outside reaches them, unless
+//! [`Interfaces::All`] asks for them. Elements end where the volume ends. A surface may be limited to a [`VoxelRegion`]: blocks outside of it
+//! are not visited.
 
 use pumice_core::{BoxView, CompressedVolume, Error, Job, grid::BRICK_VOXELS, morton};
 use pumice_transport::geometry::DetailLevel;
 use rayon::prelude::*;
 
-use crate::{Result, VoxelRegion};
+use crate::{Interfaces, Result, VoxelRegion};
 
 /// Side of a block in elements: with its margin a tenth more is looked at than is used.
 pub(crate) const BLOCK: usize = 64;
@@ -97,6 +98,7 @@ pub(crate) struct Surface<'a> {
     visible: &'a [bool],
     level: DetailLevel,
     merging: Merging,
+    interfaces: Interfaces,
     /// Nothing outside of it is shown.
     region: VoxelRegion,
 }
@@ -119,7 +121,12 @@ impl<'a> Surface<'a> {
             return Err(Error::Caller(what).into());
         }
         let region = VoxelRegion::whole(volume.info().dims);
-        Ok(Self { volume, visible, level, merging, region })
+        Ok(Self { volume, visible, level, merging, interfaces: Interfaces::Outside, region })
+    }
+
+    /// The same with other faces between labels that are shown; [`Surface::new`] has none.
+    pub(crate) fn with_interfaces(self, interfaces: Interfaces) -> Self {
+        Self { interfaces, ..self }
     }
 
     /// The same without what lies outside of a region, if there is one.
@@ -210,8 +217,16 @@ impl<'a> Surface<'a> {
         [low, [0, 1, 2].map(|a| ((origin[a] + BLOCK as u32) * self.side()).min(dims[a]))]
     }
 
+    /// Whether a shown element has no face towards its neighbour, given the labels of both as [`Elements`] has them.
+    fn is_hidden(&self, label: u32, neighbor: u32) -> bool {
+        match self.interfaces {
+            Interfaces::Outside => neighbor != 0,
+            Interfaces::All => neighbor == label,
+        }
+    }
+
     /// Visits the shown elements of a block without its margin: lowest and highest corner in voxels, dense index, and whether the element
-    /// beyond each side is shown, in the order −x, +x, −y, +y, −z, +z.
+    /// beyond each side hides it, in the order −x, +x, −y, +y, −z, +z.
     pub(crate) fn for_each_element(
         &self,
         elements: &[u32],
@@ -231,7 +246,7 @@ impl<'a> Surface<'a> {
             let high = [0, 1, 2].map(|a| (low[a] + self.side()).min(dims[a]));
             let beyond = [0, 1, 2, 3, 4, 5].map(|side: usize| {
                 let step = steps[side / 2];
-                elements[if side % 2 == 1 { place + step } else { place - step }] != 0
+                self.is_hidden(label, elements[if side % 2 == 1 { place + step } else { place - step }])
             });
             visit([low, high], label - 1, beyond);
         }
@@ -333,7 +348,7 @@ impl<'a> Surface<'a> {
                 for (a, face) in row.iter_mut().enumerate() {
                     let at = start + a * steps[across];
                     let before = elements[if is_up { at + steps[axis] } else { at - steps[axis] }];
-                    *face = if before == 0 { elements[at] } else { 0 };
+                    *face = if self.is_hidden(elements[at], before) { 0 } else { elements[at] };
                     if *face != 0 && !keep(&rectangle([a, b], [1, 1], *face)) {
                         *face = 0;
                     }

@@ -3,7 +3,7 @@
 
 use glam::{DAffine3, DMat3, DVec3};
 use pumice_core::Job;
-use pumice_export::{CutPolygon, CutRegion, Merging, Rectangle, for_each_cut_block};
+use pumice_export::{CutPolygon, CutRegion, Faces, Interfaces, Merging, Rectangle, for_each_cut_block};
 use pumice_oracle::{Dense, volumes};
 use pumice_scene::CutShape;
 use pumice_transport::geometry::DetailLevel;
@@ -117,7 +117,7 @@ fn surface(
 ) -> usize {
     let regions: Vec<CutRegion> = shapes.iter().map(|s| CutRegion::new(s, &world_from_index)).collect();
     let [plain, merged] = [Merging::Plain, Merging::Merged].map(|merging| {
-        let polygons = polygons_of(volume, &regions, merging);
+        let polygons = polygons_of(volume, &regions, merging, Interfaces::Outside);
         (check(dense, &polygons, world_from_index, shapes), polygons.len())
     });
     assert!(plain.0 == merged.0 && plain.1 > merged.1, "{plain:?} {merged:?}");
@@ -128,10 +128,12 @@ fn polygons_of(
     volume: &pumice_core::CompressedVolume,
     regions: &[CutRegion],
     merging: Merging,
+    interfaces: Interfaces,
 ) -> Vec<CutPolygon> {
     let mut polygons = Vec::new();
     let visible = vec![true; volume.labels().len()];
-    for_each_cut_block(volume, &visible, DetailLevel::Voxels, merging, regions, &Job::new(), |whole, cut| {
+    let faces = Faces { interfaces, merging };
+    for_each_cut_block(volume, &visible, DetailLevel::Voxels, faces, regions, &Job::new(), |whole, cut| {
         polygons.extend(whole.iter().map(polygon_of));
         polygons.extend_from_slice(cut);
         Ok(())
@@ -184,6 +186,36 @@ fn a_plane_that_is_off_is_noticed() {
     let (dense, volume) = volumes::blobs([40, 36, 30], 12, 9, 3);
     let plane = |z: f64| CutShape::Plane { point: [0.0, 0.0, z], normal: [0.0, 0.0, 1.0] };
     let regions = [CutRegion::new(&plane(15.75), &DAffine3::IDENTITY)];
-    let polygons = polygons_of(&volume, &regions, Merging::Plain);
+    let polygons = polygons_of(&volume, &regions, Merging::Plain, Interfaces::Outside);
     check(&dense, &polygons, DAffine3::IDENTITY, &[plane(15.5)]);
+}
+
+/// The faces of single labels, with those to others as `interfaces` says, compared with what is left of that label alone.
+fn labels_alone(interfaces: Interfaces, shapes: &[CutShape]) -> usize {
+    let (dense, volume) = volumes::blobs([40, 36, 30], 12, 9, 3);
+    let regions: Vec<CutRegion> = shapes.iter().map(|s| CutRegion::new(s, &DAffine3::IDENTITY)).collect();
+    let polygons = polygons_of(&volume, &regions, Merging::Plain, interfaces);
+    let of_label = |label: u32| {
+        let only = dense.labels.iter().map(|&l| if l == label { l } else { 0 }).collect();
+        let alone = Dense { dims: dense.dims, labels: only };
+        let own: Vec<CutPolygon> = polygons.iter().filter(|p| p.label + 1 == label).cloned().collect();
+        check(&alone, &own, DAffine3::IDENTITY, shapes)
+    };
+    (1..=4).map(of_label).sum()
+}
+
+/// Caps lie within voxels, and between voxels, where the other label of such a place is gone.
+#[test]
+fn faces_between_labels_close_each_label() {
+    let plane = |z: f64, normal| CutShape::Plane { point: [20.0, 18.0, z], normal };
+    for shapes in [vec![], vec![plane(17.0, [0.0, 0.0, 1.0])], vec![plane(15.0, [0.3, 0.5, 0.8])]] {
+        assert!(labels_alone(Interfaces::All, &shapes) > 100);
+    }
+}
+
+/// Without them a label is open where another one touches it.
+#[test]
+#[should_panic(expected = "line")]
+fn missing_faces_between_labels_are_noticed() {
+    labels_alone(Interfaces::Outside, &[]);
 }

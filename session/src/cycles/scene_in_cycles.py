@@ -36,6 +36,13 @@ import numpy as np
 LEAST_CLIP = 1e-6
 MOST_CLIP = 1e6
 
+# Distance in voxels between the faces of two labels that touch. It is exact for indices below 2^13, and thirty times the rounding of a
+# ray that is 1,000 voxels long.
+GAP = 2.0**-9
+
+# Largest cosine between two axes that location, rotation and scale of an object hold: the rounding of their 32 bits.
+MOST_SHEAR = 1e-6
+
 
 def matrix_of(twelve):
     """Four rows of a 4 × 4 matrix from three columns and the translation."""
@@ -66,8 +73,16 @@ def looking_along(position, direction):
 def linked(name, data, matrix):
     """A new object at a place."""
     obj = bpy.data.objects.new(name, data)
+    axes = unit_axes(matrix)[:3, :3]
     # A nested list would be taken column by column.
-    obj.matrix_world = mathutils.Matrix(matrix.tolist())
+    place = mathutils.Matrix(matrix.tolist())
+    if np.abs(axes.T @ axes - np.eye(3)).max() < MOST_SHEAR:
+        obj.matrix_world = place
+    else:
+        # Location, rotation and scale hold no shear; the matrix between a parent and its child does.
+        obj.parent = bpy.data.objects.new(f"parent of {name}", None)
+        bpy.context.scene.collection.objects.link(obj.parent)
+        obj.matrix_parent_inverse = place
     bpy.context.scene.collection.objects.link(obj)
     return obj
 
@@ -97,6 +112,22 @@ def mesh_object(name, vertices, faces, material_of_face, materials, matrix, smoo
     # Blender offsets the start of shadow rays on smooth triangles; this switches it off, so that they start on the surface.
     obj.shadow_terminator_geometry_offset = obj.shadow_terminator_shading_offset = 0.0
     return obj
+
+
+def apart(vertices, quads):
+    """The quads, where two that coincide are moved apart, each by half of `GAP` into its own label.
+
+    Cycles continues a ray behind a transparent surface from the next greater distance, so of two faces in one place it passes one.
+    """
+    corners = vertices[quads].astype(np.float64)
+    _, place, count = np.unique(corners.sum(axis=1), axis=0, return_inverse=True, return_counts=True)
+    touching = count[place.ravel()] > 1
+    if not touching.any():
+        return vertices, quads
+    outward = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    outward /= np.linalg.norm(outward, axis=1, keepdims=True)
+    corners[touching] -= 0.5 * GAP * outward[touching, None]
+    return corners.reshape(-1, 3), np.arange(quads.size).reshape(-1, 4)
 
 
 def principled(name, fields):
@@ -346,8 +377,8 @@ def build(job):
     smooth = job.get("smooth", False)
     for i, (instance, mesh) in enumerate(zip(wanted["instances"], job["instances"], strict=True)):
         place = matrix_of(instance["world_from_index"])
-        arrays = (np.load(mesh[key]) for key in ("vertices", "quads", "material_of_quad"))
-        mesh_object(f"volume {i}", *arrays, mesh["materials"], place, smooth)
+        vertices, quads, material_of_quad = (np.load(mesh[key]) for key in ("vertices", "quads", "material_of_quad"))
+        mesh_object(f"volume {i}", *apart(vertices, quads), material_of_quad, mesh["materials"], place, smooth)
         if "cut" in mesh:
             arrays = (np.load(mesh["cut"][key]) for key in ("vertices", "triangles", "material_of_triangle"))
             mesh_object(f"volume {i} cut", *arrays, mesh["materials"], place, smooth)

@@ -3,13 +3,14 @@
 use std::path::Path;
 
 use pumice_core::Job;
-use pumice_export::{Merging, for_each_surface_block};
+use pumice_export::for_each_cut_block;
 use pumice_picture::{Pass, Passes};
 use pumice_scene::{Filter, Lod, Mode, Scene};
 use pumice_transport::LoadedScene;
 use pumice_transport::geometry::DetailLevel;
 
 use super::{MOST_PIXELS, VerifyRenderRequest};
+use crate::cycles::faces_of;
 use crate::error::{Result, SessionError};
 use crate::measure::free_memory_bytes;
 use crate::render_file::open_scene::{OpenedScene, open_scene};
@@ -138,8 +139,9 @@ fn level(
 fn faces(scene: &LoadedScene, level: DetailLevel, job: &Job) -> Result<u64> {
     let mut faces = 0;
     for (place, volume) in scene.volumes().iter().enumerate() {
-        for_each_surface_block(volume, &scene.visible(place), level, Merging::Plain, job, |block| {
-            faces += block.len() as u64;
+        let (visible, drawn) = (scene.visible(place), faces_of(&scene.scene().instances[place]));
+        for_each_cut_block(volume, &visible, level, drawn, &[], job, |whole, _| {
+            faces += whole.len() as u64;
             Ok(())
         })?;
     }
