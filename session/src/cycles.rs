@@ -399,6 +399,30 @@ mod tests {
         assert!(error.contains("ended with exit status: 3: out of memory"), "{error}");
     }
 
+    /// Two voxels that touch have ten faces outside, and two between them where light passes through one of them.
+    #[test]
+    fn faces_between_labels_are_there_where_light_passes() {
+        let folder = tempfile::tempdir().unwrap();
+        let (_, pair) = pumice_oracle::volumes::volume([8, 8, 8], |x, y, z| match (x, y, z) {
+            (3, 3, 3) => 1,
+            (4, 3, 3) => 2,
+            _ => 0,
+        });
+        let options = FigureOptions { size: [2, 1], labels: None, view_deg: FigureOptions::DEFAULT_VIEW_DEG };
+        let scene = compose(&pair, "memory".into(), &options);
+        let faces = |material: Material| {
+            let mut scene = scene.clone();
+            scene.instances[0].style.materials.insert(2, material);
+            let loaded = LoadedScene::new(scene, vec![pair.clone()], vec![]).unwrap();
+            let program = stand_in(folder.path(), false);
+            Cycles::start(&program, &loaded, DetailLevel::Voxels, &Job::new()).unwrap().faces()
+        };
+        let opaque = Material::default();
+        assert_eq!(faces(opaque), 10);
+        assert_eq!(faces(Material { alpha: 0.5, ..opaque }), 12);
+        assert_eq!(faces(Material { transmission: 0.5, ..opaque }), 12);
+    }
+
     #[test]
     fn alpha_and_caught_shadows_are_laid_over_white() {
         assert_eq!(laid_over_white(&[0.5, 0.25, 0.0]), [0.5, 0.25, 0.0]);
