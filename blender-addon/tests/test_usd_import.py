@@ -44,11 +44,16 @@ def test_a_surface_arrives_whole(blender, tmp_path, form, ending):
     # One material a label in this volume: faces of a label have one, and faces of different labels different ones.
     pairs = {*zip(labels.tolist(), materials.tolist(), strict=True)}
     assert len(pairs) == len(set(labels.tolist())) == len(set(materials.tolist()))
-    for slot in mesh.materials:
-        shader = next(node for node in slot.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
-        assert 0 < shader.inputs["Roughness"].default_value < 1
-    assert len({tuple(next(n for n in m.node_tree.nodes if n.type == "BSDF_PRINCIPLED").inputs["Base Color"].default_value)
-                for m in mesh.materials}) == len(mesh.materials)
+    # Colour and roughness of each label are those of the scene.
+    (instance,) = json.loads(scene_of(tmp_path))["instances"]
+    notes = json.loads(thing["labels"])
+    for label, place in pairs:
+        shader = next(node for node in mesh.materials[place].node_tree.nodes if node.type == "BSDF_PRINCIPLED")
+        given = instance["style"]["materials"][str(notes[label][0])]
+        assert np.allclose(shader.inputs["Base Color"].default_value, [*given["base_color"], 1.0], rtol=CLOSE, atol=0)
+        assert shader.inputs["Roughness"].default_value == pytest.approx(given["roughness"], rel=CLOSE)
+    colors = {tuple(given["base_color"]) for given in instance["style"]["materials"].values()}
+    assert len(colors) == LABELS, "so that a colour of another label is noticed"
     # Flat faces: the corners' normals are those of their faces.
     normals = np.empty(3 * len(mesh.loops), np.float32)
     mesh.corner_normals.foreach_get("vector", normals)
@@ -61,10 +66,7 @@ def test_a_surface_arrives_whole(blender, tmp_path, form, ending):
     mesh.vertices.foreach_get("co", points)
     points = points.reshape(-1, 3)
     assert (points == points.round()).all() and (points.max(axis=0) <= volume.dims).all()
-    notes = json.loads(thing["labels"])
     assert [id for id, _, _ in notes] == volume.labels.ids.tolist() and all(name for _, name, _ in notes)
-    scene = json.loads(scene_of(tmp_path))
-    (instance,) = scene["instances"]
     expected = np.array(instance["world_from_index"]).reshape(4, 3)
     got = np.array(thing.matrix_world)
     assert np.allclose(got[:3, :].T, expected, rtol=1e-6, atol=1e-6 * np.abs(expected).max())

@@ -7,7 +7,8 @@ import pytest
 import trimesh
 from command import run
 from gltf_validator import issues
-from pxr import Usd, UsdGeom, UsdValidation
+from pxr import Usd, UsdGeom
+from stage_validators import of_stage
 from test_gltf_scenes import File
 
 ENDINGS = ["usdc", "glb", "ply", "obj", "stl"]
@@ -67,8 +68,7 @@ def fans(points, counts, labels):
 
 def read_usdc(path):
     stage = Usd.Stage.Open(str(path))
-    validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
-    assert [f.GetMessage() for f in UsdValidation.ValidationContext(validators).Validate(stage)] == []
+    assert of_stage(stage) == []
     (mesh,) = (UsdGeom.Mesh(prim) for prim in stage.Traverse() if prim.IsA(UsdGeom.Mesh))
     points, counts = np.array(mesh.GetPointsAttr().Get(), float), np.array(mesh.GetFaceVertexCountsAttr().Get())
     assert np.array_equal(mesh.GetFaceVertexIndicesAttr().Get(), np.arange(len(points))) and counts.sum() == len(points)

@@ -33,7 +33,8 @@ Usage: cargo xtask test [--full] [--only PART]... [--share K] [--bpy VERSION] [-
 
 test: prepares what the tests need and runs them, part by part; prints a table of seconds at the end.
 
-  --full        run all tests, also those that take hours (marked `ignore = \"full: …\"` in Rust, `full` in Python)
+  --full        run all tests, also those that take hours (marked `ignore = \"full: …\"` in Rust, `full` in Python),
+                and those of import in Blender 4.2.23 too
   --only PART   run only this part (may be given more than once; build and python-env run if the part needs them)
   --share K     run the K-th share of the long tests beside the ordinary ones, instead of today's share
   --bpy VERSION test the extension in another Blender that exists as a wheel for Python 3.11 (4.2.23, 4.5.15)

@@ -45,6 +45,11 @@ const BY_TURNS: [&str; 2] = ["renderer_query", "renderer_pipeline"];
 /// `renderer` each day, and by these backends in the Python module's ladder.
 const OF_BY_TURNS: [&str; 3] = ["--", "edits::", "failures::"];
 
+/// The oldest Blender that is supported, and the tests that also run in it with `--full`: its importers read files as others do.
+const OLDEST_BLENDER: &str = "4.2.23";
+const OF_IMPORT: [&str; 2] =
+    ["blender-addon/tests/test_usd_import.py", "blender-addon/tests/test_gltf_import.py"];
+
 /// pytest, which names the tests that took longest.
 const PYTEST: [&str; 7] =
     ["-m", "pytest", "-q", "--durations=10", "--durations-min=5", "-p", "no:cacheprovider"];
@@ -251,6 +256,8 @@ struct Suite {
     share: u64,
     full: bool,
     blender: Blender,
+    /// Another Blender, in which only the tests of import run.
+    oldest: Option<Blender>,
 }
 
 impl Suite {
@@ -264,6 +271,7 @@ impl Suite {
             share: options.share.unwrap_or_else(share::of_today),
             full: options.full,
             blender: Blender::new(options.bpy.as_deref()),
+            oldest: (options.full && options.bpy.is_none()).then(|| Blender::new(Some(OLDEST_BLENDER))),
         }
     }
 
@@ -278,7 +286,13 @@ impl Suite {
             "python-env" => return Environment::tests().steps(&self.root, &self.target),
             "wheel" => return Ok(vec![wheel::build(&self.root, &self.target, "dev")]),
             "python-module" => return self.module_steps(),
-            "blender-env" => return self.blender.steps(&self.root, &self.target),
+            "blender-env" => {
+                let mut steps = self.blender.steps(&self.root, &self.target)?;
+                if let Some(oldest) = &self.oldest {
+                    steps.extend(oldest.steps(&self.root, &self.target)?);
+                }
+                return Ok(steps);
+            }
             "blender" => return self.blender_steps(),
             "vulkan-env" => return Ok(vec![PrivateMesa::new(&self.target).step(&self.root)]),
             "rust" => {
@@ -353,18 +367,22 @@ impl Suite {
         ])
     }
 
-    /// The extension packed, then its tests, which install the zip.
+    /// The extension packed, then its tests, which install the zip; with `--full` those of import also in the oldest Blender.
     ///
     /// Packed by this process and not by starting the program anew: the part `build` may have replaced its file.
     fn blender_steps(&self) -> Result<Vec<Step>, Outcome> {
         let mut steps =
             extension::pack(&self.root, &self.target, "dev", &self.blender).map_err(Outcome::Failed)?;
-        let mut tests = self.blender.python(&self.target);
-        tests.args(PYTEST).arg("blender-addon/tests");
-        tests.env("PUMICE_EXTENSION_ZIP", extension::zip(&self.target, "dev"));
-        self.surroundings(&mut tests);
-        PrivateMesa::new(&self.target).surround_checked(&self.root, &mut tests);
-        steps.push(tests.into());
+        let tests = |blender: &Blender, files: &[&str]| {
+            let mut tests = blender.python(&self.target);
+            tests.args(PYTEST).args(files);
+            tests.env("PUMICE_EXTENSION_ZIP", extension::zip(&self.target, "dev"));
+            self.surroundings(&mut tests);
+            PrivateMesa::new(&self.target).surround_checked(&self.root, &mut tests);
+            Step::from(tests)
+        };
+        steps.push(tests(&self.blender, &["blender-addon/tests"]));
+        steps.extend(self.oldest.iter().map(|oldest| tests(oldest, &OF_IMPORT)));
         Ok(steps)
     }
 
@@ -497,6 +515,10 @@ mod tests {
         }
         assert!(!options.wants("python-module"));
         assert!(PARTS.iter().all(|p| parsed(&[]).unwrap().wants(p.0)));
+        // The oldest Blender comes beside the listed one with `--full`, unless another one is asked for.
+        let oldest = |args: &[&str]| Suite::new(&parsed(args).unwrap()).oldest.map(|b| b.environment.folder);
+        assert_eq!(oldest(&["--full"]).as_deref(), Some("venv-bpy-4.2.23"));
+        assert!(oldest(&[]).is_none() && oldest(&["--full", "--bpy", "4.5.15"]).is_none());
         for bad in [
             &["--only", "nonsense"][..],
             &["--only"],
