@@ -21,7 +21,7 @@ REMARKS = {
     # close the surface. On a smoothed surface each label has its own points, for it to be closed without the others.
     "WeldChecker": SURFACES | {"smooth"},
     # The normals of a smoothed surface are indexed, one for each point and kind of face. Two that are equal (where it is flat) are there
-    # twice: to find them takes a table as large as all normals.
+    # twice (2 and 12 % in two real volumes): to find them takes a table as large as all normals.
     "IndexedPrimvarChecker": {"smooth"},
     # Voxels of one label that touch along an edge, or at a corner, have the points there in common; the volume is like that.
     "ManifoldChecker": {"smooth"},
