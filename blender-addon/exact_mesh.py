@@ -3,7 +3,7 @@
 """Make Exact Mesh: an ordinary mesh of the surface of a volume's shown labels, for whoever goes on in Cycles.
 
     volume object ──► faces of the voxels (thread, progress, ESC) ──► mesh object in the same place, flat, closed by shared corners
-                      attribute `label` of each face: row of the label table      a material slot for each color that labels have
+                      attribute `label` of each face: row of the label table      a material slot for each group, and each color in it
 
 The faces are counted first, which takes no memory, and refused where Cycles would need more than the limit.
 """
@@ -24,10 +24,18 @@ from .sync.surface import PLAIN
 
 # Bytes that a face takes in Blender's mesh and Cycles' BVH together: 520 were measured, and a tenth more is allowed for.
 BYTES_A_FACE = 570
-# Most colors that become materials. Where labels have more, one material reads the attribute `base_color` of the faces.
+# Most materials. Where the colors of labels make more, one material a group reads the attribute `base_color` of the faces.
 MOST_MATERIALS = 256
 # Custom properties: of a mesh object, the volume that it was made of; of a mesh and a material, that this module made it.
 OF_VOLUME, MADE = "pumice_volume", "pumice_made"
+
+
+class Group:
+    """The labels of one material slot: its material, the scene's fields of it, and whether labels' colors replace its base color."""
+
+    def __init__(self, material):
+        self.material = material
+        self.fields, self.colored, self.left_out = materials.read(material)
 
 
 class Wanted:
@@ -36,14 +44,14 @@ class Wanted:
     def __init__(self, obj):
         self.obj, self.name, table = obj, obj.name, obj.pumice.table
         self.entry = registry.request(registry.locate(obj.pumice.filepath))
-        slots = obj.material_slots
-        self.material = slots[0].material if slots else None
-        self.fields, self.by_label, self.left_out = materials.read(self.material)
-        self.shown = self.own = None
+        dresses = [slot.material for slot in obj.material_slots] or [None]
+        self.groups = [Group(material) for material in dresses]
+        self.left_out = [line for group in self.groups for line in group.left_out]
+        self.shown = None
         if table is not None:
-            self.shown, self.own = label_table.visible(table), label_table.own_color(table)
+            self.shown, self.of = label_table.visible(table), label_table.slots(table).clip(max=len(dresses) - 1)
             self.colors = label_table.colors(table)[:, :3].clip(0.0, 1.0)
-        self.volume = self.faces = self.base_colors = None
+        self.volume = self.faces = None
 
     def open(self, job):
         """Waits for the volume."""
@@ -56,8 +64,8 @@ class Wanted:
         self.volume = self.entry.volume
         if self.shown is None:
             self.shown = np.ones(len(self.volume.labels.ids), dtype=bool)
-            self.own = np.zeros(len(self.shown), dtype=bool)
-            self.colors = np.zeros((len(self.shown), 3), dtype=np.float32)
+            self.of = np.zeros(len(self.shown), dtype=np.int32)
+            self.colors = self.volume.labels.auto_colors(self.shown)
         if len(self.shown) != len(self.volume.labels.ids):
             raise Refused(f"{self.name}: the volume has changed since it was imported, so its label table does not fit; import it again")
 
@@ -65,10 +73,6 @@ class Wanted:
     def ids(self):
         """Ids of the labels that are shown."""
         return self.volume.labels.ids[self.shown].tolist()
-
-    def read_colors(self):
-        """Base color by row of the table, as the scene has it: the label's own, or one that differs from its neighbors'."""
-        self.base_colors = np.where(self.own[:, None], self.colors, self.volume.labels.auto_colors(self.shown))
 
 
 class PUMICE_OT_make_exact_mesh(InBackground, bpy.types.Operator):
@@ -129,7 +133,6 @@ class PUMICE_OT_make_exact_mesh(InBackground, bpy.types.Operator):
                 left -= count
                 tell(f"Making {count} faces of {one.name}: {gigabytes(count)} in Cycles")
                 one.faces = pumice.surface(one.volume, one.ids, merged=merged, shared_corners=True, job=job)
-                one.read_colors()
             return wanted
 
         return Work("Opening volumes", call, tells=True)
@@ -205,38 +208,49 @@ def fill(mesh, faces):
 
 def wear(mesh, one):
     """Gives a mesh its materials; returns how many."""
-    if not one.by_label:
-        mesh.materials.append(one.material or dressed(one.name, PLAIN))
-        return 1
-    # Each color that faces have, in the order of the labels, and its number by row.
+    # Each look that faces have, by group and then by color, and its number by row of the table.
     rows = np.unique(one.faces.labels)
-    colors, number = np.unique(one.base_colors[rows], axis=0, return_inverse=True)
-    of_row = np.zeros(len(one.base_colors), dtype=np.int32)
+    colored = np.array([group.colored for group in one.groups])[one.of[rows]]
+    looks = np.column_stack([one.of[rows], np.where(colored[:, None], one.colors[rows], 0.0)])
+    looks, number = np.unique(looks, axis=0, return_inverse=True)
+    by_attribute = len(looks) > MOST_MATERIALS
+    if by_attribute:
+        looks, number = np.unique(one.of[rows], return_inverse=True)
+        looks = looks[:, None]
+    for index, (place, *color) in enumerate(looks.astype(float).tolist(), start=1):
+        group, name = one.groups[int(place)], f"{one.name} {index}"
+        if not group.colored:
+            mesh.materials.append(group.material or dressed(name, PLAIN))
+        elif by_attribute:
+            mesh.materials.append(colored_by_faces(dressed(name, group.fields)))
+        else:
+            mesh.materials.append(colored_as(group, name, color))
+    if by_attribute:
+        of_face = np.ones((len(one.faces.labels), 4), dtype=np.float32)
+        of_face[:, :3] = one.colors[one.faces.labels]
+        mesh.attributes.new("base_color", "FLOAT_COLOR", "FACE").data.foreach_set("color", of_face.ravel())
+    of_row = np.zeros(len(one.shown), dtype=np.int32)
     of_row[rows] = number.ravel()
-    if len(colors) <= MOST_MATERIALS:
-        for index, color in enumerate(colors.astype(float).tolist()):
-            mesh.materials.append(colored(one, f"{one.name} {index + 1}", color))
-        mesh.polygons.foreach_set("material_index", of_row[one.faces.labels])
-        return len(colors)
-    of_face = np.ones((len(one.faces.labels), 4), dtype=np.float32)
-    of_face[:, :3] = one.base_colors[one.faces.labels]
-    mesh.attributes.new("base_color", "FLOAT_COLOR", "FACE").data.foreach_set("color", of_face.ravel())
-    material = dressed(one.name, one.fields)
+    mesh.polygons.foreach_set("material_index", of_row[one.faces.labels])
+    return len(looks)
+
+
+def colored_by_faces(material):
+    """The material, whose base color is now the attribute `base_color` of the faces."""
     shader = nodes.surface(material.node_tree, "OUTPUT_MATERIAL")
     attribute = material.node_tree.nodes.new("ShaderNodeAttribute")
     attribute.attribute_name, attribute.location = "base_color", (-300.0, 0.0)
     material.node_tree.links.new(attribute.outputs["Color"], shader.inputs["Base Color"])
-    mesh.materials.append(material)
-    return 1
+    return material
 
 
-def colored(one, name, color):
-    """A material of one color: a copy of the volume's own where that is a Principled BSDF, else what Pumice draws of it."""
-    tree = nodes.tree(one.material)
+def colored_as(group, name, color):
+    """A material of one color: a copy of the group's own where that is a Principled BSDF, else what Pumice draws of it."""
+    tree = nodes.tree(group.material)
     shader = nodes.surface(tree, "OUTPUT_MATERIAL") if tree is not None else None
     if shader is None or shader.type != "BSDF_PRINCIPLED" or shader.mute:
-        return dressed(name, {**one.fields, "base_color": color})
-    copy = one.material.copy()
+        return dressed(name, {**group.fields, "base_color": color})
+    copy = group.material.copy()
     copy.name, copy.pumice.colors_by_label, copy[MADE] = name, False, True
     socket = nodes.surface(copy.node_tree, "OUTPUT_MATERIAL").inputs["Base Color"]
     for link in list(socket.links):

@@ -52,7 +52,7 @@ def save(parts, path):
             name = names[id(mesh.geometry)] = f"{stem}-{len(names) + 1}-{plain}.ply"
             mesh_file.write(os.path.join(os.path.dirname(path), name), mesh.geometry)
         placed[key] = dataclasses.replace(mesh, name=name)
-    native.require().Scene.from_dict(dataclasses.replace(parts, meshes=placed).scene()).save(path)
+    dataclasses.replace(parts, meshes=placed).made(native.require()).save(path)
 
 
 class PUMICE_OT_export_scene(InBackground, bpy.types.Operator, ExportHelper):

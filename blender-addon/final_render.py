@@ -52,7 +52,7 @@ def render(engine, depsgraph):
     parts, left_out = parts_of_frame(depsgraph)
     for line in left_out:
         engine.report({"WARNING"}, line)
-    scene = pumice.Scene.from_dict(parts.scene())
+    scene = parts.made(pumice)
     volumes = [registry.wait(source, engine.test_break) for source in parts.sources()]
     if engine.test_break():
         return

@@ -8,6 +8,9 @@
     color       FLOAT_COLOR   linear base colour
     own_color   BOOLEAN       whether `color` is the label's own (the file's or the user's), not an automatic one
     visible     BOOLEAN       whether the label is drawn
+    slot        INT           the label's group: a material slot of the object, from 0
+    select      BOOLEAN       whether the label is selected in the panel and in the viewport
+    voxels      FLOAT         number of voxels, in single precision
     type        INT           index into the type names
 
     pumice_names, pumice_types   JSON lists of strings; absent where no label has a name or a type
@@ -40,6 +43,9 @@ def create(name, labels):
     _write(mesh, "color", "FLOAT_COLOR", "color", color)
     _write(mesh, "own_color", "BOOLEAN", "value", own)
     _write(mesh, "visible", "BOOLEAN", "value", np.ones(count, dtype=bool))
+    _write(mesh, "slot", "INT", "value", np.zeros(count, dtype=np.int32))
+    _write(mesh, "select", "BOOLEAN", "value", np.zeros(count, dtype=bool))
+    _write(mesh, "voxels", "FLOAT", "value", np.asarray(labels.voxels, dtype=np.float32))
 
     types = [str(t or "") for t in labels.types]
     kinds = sorted(set(types))
@@ -65,6 +71,13 @@ def visible(mesh):
     return _read(mesh, "visible", "value", bool, 1)
 
 
+def slots(mesh):
+    """The group of each label, int32: a material slot of the object; 0 in tables of earlier versions."""
+    if "slot" not in mesh.attributes:
+        return np.zeros(len(mesh.vertices), dtype=np.int32)
+    return np.maximum(_read(mesh, "slot", "value", np.int32, 1), 0)
+
+
 def own_color(mesh):
     """Which labels have a colour of their own."""
     return _read(mesh, "own_color", "value", bool, 1)
@@ -78,6 +91,13 @@ def colors(mesh):
 def set_visible(mesh, flags):
     """Sets which labels are drawn; the caller tags the object."""
     _write(mesh, "visible", "BOOLEAN", "value", np.asarray(flags, dtype=bool))
+
+
+def set_slots(mesh, rows, slot):
+    """Puts labels, by row, into a group; the caller tags the object."""
+    all_slots = slots(mesh)
+    all_slots[rows] = slot
+    _write(mesh, "slot", "INT", "value", all_slots)
 
 
 def set_color(mesh, rows, linear):

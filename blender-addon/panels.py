@@ -8,7 +8,7 @@ import bpy
 
 from . import native, passes, preferences, scene_reader, verify_maps
 from .properties import is_volume
-from .sync import cuts, drawn, lights, materials, meshes, world
+from .sync import cuts, drawn, instances, lights, materials, meshes, world
 
 # Panels that Blender shows for its own engine and that have no meaning for Pumice.
 NOT_OURS = {
@@ -246,7 +246,7 @@ def not_drawn(scene, view_layer):
         if obj.type == "LIGHT":
             lines += lights.read(obj, obj.matrix_world)[2]
         elif is_volume(obj):
-            lines += materials.read(slots[0].material if slots else None)[2]
+            lines += instances.left_out_of(obj)
         elif drawn.CUTS and cuts.is_cut(obj):
             lines += cuts.read(obj, obj.matrix_world)[1]
         elif drawn.MESHES and obj.type in meshes.KINDS:

@@ -218,7 +218,7 @@ class PumiceMaterialSettings(bpy.types.PropertyGroup):
 
     colors_by_label: BoolProperty(
         name="Colors by Label",
-        description="Give labels that touch different base colors. If off, all have that of the Principled BSDF",
+        description="Give each label the color of the label table. If off, all have the base color of the Principled BSDF",
         default=False,
         update=_tag,
     )

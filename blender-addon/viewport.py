@@ -190,7 +190,7 @@ class Viewport:
             pumice = native.require()
             self.numbers = parts.numbers()
             self.next_number = len(self.numbers) + 1
-            scene = pumice.Scene.from_dict(parts.scene(self.numbers))
+            scene = parts.made(pumice, self.numbers)
             ordered = sorted(parts.placed, key=self.numbers.__getitem__)
             meshes = parts.geometries(self.numbers)
             self.session = pumice.Session(scene, [volumes[key] for key in ordered], meshes=meshes, **limits)
@@ -203,11 +203,18 @@ class Viewport:
             return
         if changes.edits:
             self.session.edit(*changes.edits)
+        pumice = native.require()
+        for number, style, shown, looks in changes.labels:
+            visible, groups = style.visible() if shown else None, style.groups(pumice) if looks else None
+            self.session.set_labels(number, visible=visible, groups=groups)
         for key in changes.removed:
             del self.numbers[key]
         for key in changes.added:
-            self.session.add(parts.placed[key].instance(self.next_number), volumes[key])
-            self.numbers[key] = self.next_number
+            placed, number = parts.placed[key], self.next_number
+            self.session.add(placed.instance(number), volumes[key])
+            self.numbers[key] = number
+            if placed.style.columns is not None:
+                self.session.set_labels(number, visible=placed.style.visible(), groups=placed.style.groups(pumice))
             self.next_number += 1
         for key in changes.added_meshes:
             if key not in self.numbers:

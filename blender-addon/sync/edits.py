@@ -3,7 +3,12 @@
 """Finds what to send when a scene has changed: edits of the parts that differ, and nothing else.
 
     a part differs                          one edit of that part
-    an instance differs                     one edit for each of: place, show, material, auto_color, label_materials
+    an instance differs                     one edit of its place, and those of its style
+    the material of a volume without a      material, auto_color
+    label table differs
+    the material of a group differs         group_material
+    other labels are drawn                  `labels`, with the columns that say which
+    groups or colors of labels differ       `labels`, with the columns of all of them
     an instance is gone                     remove
     an instance is new, or has another      remove and add: it needs its volume, so it is not an edit
     volume than before
@@ -11,7 +16,7 @@
     a mesh is gone                          remove_mesh
     a mesh is new, or has other triangles   add_mesh, which replaces
 
-Labels' materials are a table that may be long: only its rows that differ are sent, `None` for those that are gone.
+Labels are 10⁵ rows, so they are sent as columns, by `Session.set_labels`, and never as edits in JSON.
 """
 
 from dataclasses import dataclass, field
@@ -21,15 +26,17 @@ SINGLE_PARTS = ("camera", "film", "world", "suns", "lights", "cuts", "settings")
 
 @dataclass
 class Changes:
-    """Edits for `Session.edit`, keys of instances for `Session.add`, and of meshes for `Session.add_mesh`."""
+    """Edits for `Session.edit`, keys of instances for `Session.add`, and of meshes for `Session.add_mesh`; for `Session.set_labels` numbers
+    of instances with their style, whether other labels are drawn, and whether groups or colors differ."""
 
     edits: list = field(default_factory=list)
+    labels: list = field(default_factory=list)
     added: list = field(default_factory=list)
     removed: list = field(default_factory=list)
     added_meshes: list = field(default_factory=list)
 
     def __bool__(self):
-        return bool(self.edits or self.added or self.added_meshes)
+        return bool(self.edits or self.labels or self.added or self.added_meshes)
 
 
 def between(old, new, numbers):
@@ -45,7 +52,7 @@ def between(old, new, numbers):
             changes.edits.append({"edit": "remove", "id": numbers[key]})
             changes.removed.append(key)
         elif after is not before:
-            changes.edits += _of_instance(numbers[key], before, after)
+            _of_instance(changes, numbers[key], before, after)
     kept = set(old.placed) - set(changes.removed)
     changes.added = sorted(key for key in new.placed if key not in kept)
     for key, before in old.meshes.items():
@@ -71,24 +78,25 @@ def _of_mesh(number, before, after):
     return edits
 
 
-def _of_instance(number, before, after):
-    edits = []
+def _of_instance(changes, number, before, after):
     if after.world_from_index != before.world_from_index:
-        edits.append({"edit": "place", "id": number, "world_from_index": after.world_from_index})
-    for part in ("show", "material", "auto_color"):
-        value = after.style[part]
-        if value != before.style[part]:
-            edits.append({"edit": part, "id": number, part: value})
-    rows = changed_rows(before.style["materials"], after.style["materials"])
-    if rows:
-        edits.append({"edit": "label_materials", "id": number, "materials": rows})
-    return edits
-
-
-def changed_rows(before, after):
-    """The rows of `after` that differ from `before`, and None for those that were removed."""
-    if after is before:
-        return {}
-    rows = {label: material for label, material in after.items() if before.get(label) != material}
-    rows.update({label: None for label in before if label not in after})
-    return rows
+        changes.edits.append({"edit": "place", "id": number, "world_from_index": after.world_from_index})
+    old, new = before.style, after.style
+    if new is old:
+        return
+    was, now = old.fields(), new.fields()
+    for part in ("material", "auto_color"):
+        if now[part] != was[part]:
+            changes.edits.append({"edit": part, "id": number, part: now[part]})
+    if new.columns is None:
+        return
+    shown = old.columns is None or not new.columns.same_shown(old.columns)
+    # Groups take their colors, or do not: then other columns are sent.
+    colored = [[colored for _, colored in style.materials] for style in (old, new)]
+    looks = old.columns is None or colored[0] != colored[1] or not new.columns.same_looks(old.columns)
+    if shown or looks:
+        changes.labels.append((number, new, shown, looks))
+    if not looks:
+        for group, ((former, _), (material, _)) in enumerate(zip(old.materials, new.materials)):
+            if material != former:
+                changes.edits.append({"edit": "group_material", "id": number, "group": group, "material": material})

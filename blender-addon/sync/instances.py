@@ -2,12 +2,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Volume objects as instances of the scene.
 
-An object's matrix is its `world_from_index` unchanged: its mesh, like the volume, has one unit per voxel. The style comes from the first
-material slot and the label table. The table may be long, so its JSON form is cached and rebuilt only when a byte of the table differs.
+An object's matrix is its `world_from_index` unchanged: its mesh, like the volume, has one unit per voxel. Its material slots are the groups
+of its labels, and its label table says to which of them each label belongs.
 """
+
+import numpy as np
 
 from .. import label_table, properties
 from . import materials, matrix
+from .label_style import Columns, LabelStyle
 from .parts import Placed
 
 
@@ -18,18 +21,27 @@ class Styles:
         self._kept = {}
 
     def read(self, obj):
-        """(style, what was left out) of an evaluated volume object. Its material may be animated, so the evaluated one counts;
+        """(style, what was left out) of an evaluated volume object. Its materials may be animated, so the evaluated ones count;
         the table is the original's, which nothing animates and which edits reach at once."""
-        slots = obj.material_slots
-        material, by_label, left_out = materials.read(slots[0].material if slots else None)
+        read = [materials.read(slot.material) for slot in obj.material_slots] or [materials.read(None)]
+        dresses = tuple((fields, colored) for fields, colored, _ in read)
+        left_out = [line for _, _, lines in read for line in lines]
         table = obj.original.pumice.table
-        state = (material, by_label, _bytes(table))
-        key = obj.original.session_uid
-        kept = self._kept.get(key)
-        if kept is None or kept[0] != state:
-            kept = (state, _style(material, by_label, table))
-            self._kept[key] = kept
-        return kept[1], left_out
+        columns, kept = _columns(table, len(read)), self._kept.get(obj.original.session_uid)
+        if kept is not None and kept.columns is not None and columns is not None:
+            columns = _unless_changed(kept.columns, columns)
+        if kept is None or kept.materials != dresses or kept.columns is not columns:
+            kept = self._kept[obj.original.session_uid] = LabelStyle(dresses, columns)
+        if columns is not None:
+            left_out += _unused(obj, columns.group)
+        return kept, left_out
+
+
+def left_out_of(obj):
+    """What of a volume object's materials is not drawn."""
+    lines = [line for slot in obj.material_slots for line in materials.read(slot.material)[2]]
+    table = obj.pumice.table
+    return lines if table is None else lines + _unused(obj, _groups(table, max(1, len(obj.material_slots))))
 
 
 def placed(obj, world_from_index, styles, resolve):
@@ -44,29 +56,36 @@ def is_volume(obj):
     return properties.is_volume(obj)
 
 
-def _bytes(table):
-    """The columns of the label table that affect the scene; None without a table."""
+def _columns(table, slots):
+    """The columns of a label table that affect the scene; None without a table."""
     if table is None:
         return None
-    parts = (label_table.visible(table), label_table.own_color(table), label_table.colors(table))
-    return b"".join(p.tobytes() for p in parts)
+    color = label_table.colors(table).clip(0.0, 1.0)
+    return Columns(label_table.ids(table), label_table.visible(table), _groups(table, slots), color)
 
 
-def _style(material, by_label, table):
-    style = {"show": "all", "material": material, "auto_color": by_label, "materials": {}}
-    if table is None:
-        return style
-    ids = label_table.ids(table)
-    seen = label_table.visible(table)
-    hidden = int(len(ids) - seen.sum())
-    if hidden:
-        # Whichever list is shorter.
-        shown_only = 2 * hidden > len(ids)
-        style["show"] = {"only": ids[seen].tolist()} if shown_only else {"except": ids[~seen].tolist()}
-    if by_label:
-        own = label_table.own_color(table)
-        linear = label_table.colors(table)[own, :3].clip(0.0, 1.0).astype(float).tolist()
-        style["materials"] = {
-            str(label): dict(material, base_color=color) for label, color in zip(ids[own].tolist(), linear)
-        }
-    return style
+def _groups(table, slots):
+    """The group of each label; as Blender does for faces, a slot that the object lacks is its last."""
+    return np.minimum(label_table.slots(table), slots - 1).astype(np.uint32)
+
+
+def _unless_changed(kept, new):
+    """The columns that were read before, where they still hold; those that changed with the arrays of the others."""
+    looks, shown = new.same_looks(kept), new.same_shown(kept)
+    if looks and shown:
+        return kept
+    if looks:
+        return Columns(kept.ids, new.visible, kept.group, kept.color)
+    return new
+
+
+def _unused(obj, group):
+    """A line for each material slot that no label uses, where there are several."""
+    if len(obj.material_slots) < 2:
+        return []
+    used = np.bincount(group, minlength=len(obj.material_slots)) > 0
+    return [
+        f"{obj.name}: no label is in the group of slot {number} ({slot.name or 'empty'})"
+        for number, (slot, is_used) in enumerate(zip(obj.material_slots, used), start=1)
+        if not is_used
+    ]

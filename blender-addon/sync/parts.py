@@ -11,24 +11,24 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True)
 class Placed:
-    """A volume in its place: `source` is a path, `style` as in the scene's JSON form, `content` the hash of its voxels and ids.
+    """A volume in its place: `source` is a path, `style` a `LabelStyle`, `content` the hash of its voxels and ids.
 
     `dims` are its voxels along x, y, z: a volume that is not open is drawn as a box.
     """
 
     source: str
     world_from_index: list
-    style: dict
+    style: object
     content: str = ""
     dims: tuple = (0, 0, 0)
 
     def instance(self, number):
-        """The instance of the scene with this number."""
+        """The instance of the scene with this number, without its groups of labels."""
         return {
             "id": number,
             "source": self.source,
             "world_from_index": self.world_from_index,
-            "style": self.style,
+            "style": self.style.fields(),
         }
 
 
@@ -75,7 +75,8 @@ class Parts:
     meshes: dict = field(default_factory=dict)
 
     def scene(self, numbers=None):
-        """The scene's JSON form; without `numbers` by key, volumes and meshes count from 1 in the order of their keys."""
+        """The scene's JSON form without the groups of labels; without `numbers` by key, volumes and meshes count from 1 in the order of
+        their keys."""
         if numbers is None:
             numbers = self.numbers()
         ordered = sorted(self.placed, key=numbers.__getitem__)
@@ -92,6 +93,14 @@ class Parts:
             "cuts": self.cuts,
             "settings": self.settings,
         }
+
+    def made(self, pumice, numbers=None):
+        """The whole scene as a `pumice.Scene`, with the groups of labels; `numbers` as for `scene`."""
+        numbers = self.numbers() if numbers is None else numbers
+        scene = pumice.Scene.from_dict(self.scene(numbers))
+        for key, placed in self.placed.items():
+            scene = placed.style.on(scene, numbers[key], pumice)
+        return scene
 
     def numbers(self):
         """Numbers by key: those of volumes count from 1 in the order of their keys, those of meshes after them."""

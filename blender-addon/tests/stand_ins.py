@@ -122,19 +122,30 @@ class Module:
         def __init__(self, positions, triangles, materials=None, *, normals=None):
             self.positions, self.triangles, self.materials, self.normals = positions, triangles, materials, normals
 
+    class LabelGroups:
+        """Keeps its columns."""
+
+        def __init__(self, ids, groups, colors, materials, *, colored=None):
+            self.ids, self.groups, self.colors = np.array(ids), np.array(groups), np.array(colors)
+            self.materials, self.colored = list(materials), list(colored)
+
     class Scene:
-        def __init__(self, value):
-            self.value = value
+        def __init__(self, value, labels=None):
+            self.value, self.labels = value, labels or {}
 
         @classmethod
         def from_dict(cls, value):
             return cls(copy.deepcopy(value))
+
+        def with_labels(self, instance, *, visible=None, groups=None):
+            return type(self)(self.value, {**self.labels, instance: (visible, groups)})
 
     class Session:
         made = []
 
         def __init__(self, scene, volumes, meshes=(), backend="auto", spp=None, error=None, denoise=False):
             self.scene, self.volumes, self.limits = scene.value, list(volumes), (backend, spp, error)
+            self.labels = scene.labels
             self.denoise = denoise
             self.meshes = list(meshes)
             self.edits, self.frame = [], None
@@ -143,6 +154,11 @@ class Module:
 
         def edit(self, *edits):
             self.edits += edits
+
+        def set_labels(self, instance, *, visible=None, groups=None):
+            for name, value in (("visible", visible), ("groups", groups)):
+                if value is not None:
+                    self.edits.append({"edit": name, "id": instance, name: value})
 
         def add(self, instance, volume):
             self.edits.append({"edit": "add", "instance": instance})
@@ -211,6 +227,7 @@ class Labels:
         self.ids = np.array(ids, dtype=np.uint64)
         count = len(ids)
         self.names = names or [""] * count
+        self.voxels = np.arange(1, count + 1, dtype=np.uint64) ** 2
         self.types = types_ or [""] * count
         self.colors = np.full((count, 3), np.nan, dtype=np.float32) if colors is None else np.float32(colors)
 

@@ -3,8 +3,10 @@
 """Tests the difference of two scenes: its edits, applied by a naive implementation of their definition, give the new scene."""
 
 import copy
+import dataclasses
 import importlib
 
+import numpy as np
 import pytest
 
 
@@ -13,13 +15,25 @@ def sync(extension):
     class Both:
         edits = importlib.import_module(f"{extension.__name__}.sync.edits")
         parts = importlib.import_module(f"{extension.__name__}.sync.parts")
+        label_style = importlib.import_module(f"{extension.__name__}.sync.label_style")
 
     return Both
 
 
-def style(**over):
-    plain = {"show": "all", "material": {"roughness": 0.5}, "auto_color": True, "materials": {"3": {"roughness": 0.1}}}
-    return {**plain, **over}
+GREY, GLASS = {"roughness": 0.5}, {"transmission": 1.0}
+
+
+def style(sync, materials=((GREY, True), (GLASS, False)), **over):
+    """A look of three labels, two of them in the second group."""
+    columns = dict(ids=[3, 17, 2**64 - 1], visible=[True] * 3, group=[0, 1, 1], color=[[0.1, 0.2, 0.3, 1.0]] * 3) | over
+    kinds = dict(ids=np.uint64, visible=bool, group=np.uint32, color=np.float32)
+    arrays = {name: np.array(values, dtype=kinds[name]) for name, values in columns.items()}
+    return sync.label_style.LabelStyle(tuple(materials), sync.label_style.Columns(**arrays))
+
+
+def looks(one):
+    """A style as plain values."""
+    return one.materials, None if one.columns is None else tuple(a.tolist() for a in vars(one.columns).values())
 
 
 def scene(sync, **over):
@@ -30,14 +44,19 @@ def scene(sync, **over):
         "world": {"environment": 1},
         "suns": [],
         "settings": {"seed": 1},
-        "placed": {(1,): placed("a", [1.0] * 12, style()), (2,): placed("b", [2.0] * 12, style())},
+        "placed": {(1,): placed("a", [1.0] * 12, style(sync)), (2,): placed("b", [2.0] * 12, style(sync))},
     }
     return sync.parts.Parts(**{**fields, **over})
 
 
-def apply(before, changes, parts, numbers):
-    """Applies edits to a scene, straight from their definition."""
+def apply(before, styles, changes, parts, numbers):
+    """Applies edits to a scene and to the styles of its instances, straight from their definition."""
     after = copy.deepcopy(before)
+    for number, new, shown, whole in changes.labels:
+        old = styles[number]
+        columns = new.columns if whole else old.columns
+        visible = new.columns.visible if shown else old.columns.visible
+        styles[number] = type(new)(new.materials if whole else old.materials, dataclasses.replace(columns, visible=visible))
     for edit in changes.edits:
         kind = edit["edit"]
         if kind in ("camera", "film", "world", "suns", "lights", "cuts", "settings"):
@@ -48,12 +67,11 @@ def apply(before, changes, parts, numbers):
             after["instances"].remove(one)
         elif kind == "place":
             one["world_from_index"] = edit["world_from_index"]
-        elif kind == "label_materials":
-            for label, material in edit["materials"].items():
-                if material is None:
-                    del one["style"]["materials"][label]
-                else:
-                    one["style"]["materials"][label] = material
+        elif kind == "group_material":
+            old = styles[edit["id"]]
+            fields = list(old.materials)
+            fields[edit["group"]] = (edit["material"], fields[edit["group"]][1])
+            styles[edit["id"]] = dataclasses.replace(old, materials=tuple(fields))
         else:
             one["style"][kind] = edit[kind]
     for key in changes.added:
@@ -61,51 +79,51 @@ def apply(before, changes, parts, numbers):
     return after
 
 
+def restyled(**over):
+    return lambda s, old: {"placed": {**old, (2,): s.parts.Placed("b", [2.0] * 12, style(s, **over))}}
+
+
+# What changes, the edits that this makes, and for the labels of volume 2 whether other ones are drawn and whether they look different.
 CASES = {
-    "camera": (lambda s, old: {"camera": {"shift": [0.1, 0.0]}}, ["camera"]),
-    "film": (lambda s, old: {"film": {"width": 9}}, ["film"]),
-    "light": (lambda s, old: {"world": {"environment": 2}, "suns": [{"strength": 1}]}, ["world", "suns"]),
-    "lamp": (lambda s, old: {"lights": [{"power_w": 1}]}, ["lights"]),
-    "cut": (lambda s, old: {"cuts": [{"shape": {}}]}, ["cuts"]),
-    "nothing": (lambda s, old: {}, []),
-    "place": (lambda s, old: {"placed": {**old, (1,): s.parts.Placed("a", [3.0] * 12, style())}}, ["place"]),
-    "material": (
-        lambda s, old: {"placed": {**old, (2,): s.parts.Placed("b", [2.0] * 12, style(material={"roughness": 1}))}},
-        ["material"],
-    ),
-    "labels": (
-        lambda s, old: {
-            "placed": {**old, (2,): s.parts.Placed("b", [2.0] * 12, style(materials={"4": {}}, show={"only": [4]}))}
-        },
-        ["show", "label_materials"],
-    ),
-    "gone": (lambda s, old: {"placed": {(2,): old[(2,)]}}, ["remove"]),
-    "another volume": (lambda s, old: {"placed": {**old, (1,): s.parts.Placed("c", [1.0] * 12, style())}}, ["remove"]),
-    "new": (lambda s, old: {"placed": {**old, (0, 9): s.parts.Placed("c", [1.0] * 12, style())}}, []),
+    "camera": (lambda s, old: {"camera": {"shift": [0.1, 0.0]}}, ["camera"], None),
+    "film": (lambda s, old: {"film": {"width": 9}}, ["film"], None),
+    "light": (lambda s, old: {"world": {"environment": 2}, "suns": [{"strength": 1}]}, ["world", "suns"], None),
+    "lamp": (lambda s, old: {"lights": [{"power_w": 1}]}, ["lights"], None),
+    "cut": (lambda s, old: {"cuts": [{"shape": {}}]}, ["cuts"], None),
+    "nothing": (lambda s, old: {}, [], None),
+    "place": (lambda s, old: {"placed": {**old, (1,): s.parts.Placed("a", [3.0] * 12, old[(1,)].style)}}, ["place"], None),
+    "the same anew": (restyled(), [], None),
+    "first material": (restyled(materials=(({"roughness": 1}, True), (GLASS, False))), ["group_material"], None),
+    "second material": (restyled(materials=((GREY, True), ({"alpha": 0.5}, False))), ["group_material"], None),
+    "colored": (restyled(materials=((GREY, True), (GLASS, True))), [], (False, True)),
+    "one more group": (restyled(materials=((GREY, True), (GLASS, False), (GREY, True))), [], (False, True)),
+    "hidden": (restyled(visible=[True, False, True]), [], (True, False)),
+    "another group": (restyled(group=[0, 0, 1]), [], (False, True)),
+    "a color": (restyled(color=[[0.1, 0.2, 0.3, 1.0]] * 2 + [[0.9, 0.2, 0.3, 1.0]]), [], (False, True)),
+    "other labels": (restyled(ids=[3, 18, 19]), [], (True, True)),
+    "gone": (lambda s, old: {"placed": {(2,): old[(2,)]}}, ["remove"], None),
+    "another volume": (lambda s, old: {"placed": {**old, (1,): s.parts.Placed("c", [1.0] * 12, old[(1,)].style)}}, ["remove"], None),
+    "new": (lambda s, old: {"placed": {**old, (0, 9): s.parts.Placed("c", [1.0] * 12, old[(1,)].style)}}, [], None),
 }
 
 
 @pytest.mark.parametrize("name", CASES)
 def test_the_changes_make_the_new_scene_and_no_more(sync, name):
-    change, kinds = CASES[name]
+    change, kinds, labels = CASES[name]
     old = scene(sync)
     new = scene(sync, **change(sync, old.placed))
     numbers = {(1,): 1, (2,): 2}
+    styles = {number: old.placed[key].style for key, number in numbers.items()}
     changes = sync.edits.between(old, new, numbers)
     assert [e["edit"] for e in changes.edits] == kinds
+    assert [(number, shown, looks) for number, _, shown, looks in changes.labels] == ([(2, *labels)] if labels else [])
 
     for key in changes.removed:
         del numbers[key]
     for number, key in enumerate(changes.added, start=3):
         numbers[key] = number
-    expected = new.scene(numbers)
-    got = apply(old.scene({(1,): 1, (2,): 2}), changes, new, numbers)
-    assert got == expected
-
-
-def test_only_the_rows_that_differ_are_sent(sync):
-    before = {str(i): {"roughness": 0.5} for i in range(1000)}
-    after = dict(before, **{"7": {"roughness": 0.6}})
-    del after["9"]
-    assert sync.edits.changed_rows(before, after) == {"7": {"roughness": 0.6}, "9": None}
-    assert sync.edits.changed_rows(before, before) == {}
+        styles[number] = new.placed[key].style
+    got = apply(old.scene({(1,): 1, (2,): 2}), styles, changes, new, numbers)
+    assert got == new.scene(numbers)
+    for key, number in numbers.items():
+        assert looks(styles[number]) == looks(new.placed[key].style)

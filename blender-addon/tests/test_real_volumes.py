@@ -216,7 +216,7 @@ def test_a_camera_move_sends_a_camera_and_a_colour_edit_a_colour(scene, blender,
     table = load(extension, "label_table")
     table.set_color(blender.context.object.pumice.table, [4], (1.0, 0.0, 0.0))
     settle(blender, view, context)
-    assert grown(before, counters(view)) == {"edits.label_materials": 1, "rebuilt.materials": 1}
+    assert grown(before, counters(view)) == {"edits.groups": 1, "rebuilt.materials": 1}
 
     before = counters(view)
     settle(blender, view, context)

@@ -101,9 +101,9 @@ CHANGES = {
     "nothing": (lambda s: None, []),
     "orbit": (lambda s: setattr(s.context.region_data, "view_matrix", Matrix.Translation((0, 0.1, -30))), ["camera"]),
     "wider": (lambda s: setattr(s.context.region, "width", 128), ["film"]),
-    "roughness": (lambda s: setattr(shader(s)["Roughness"], "default_value", 0.9), ["material"]),
-    "base colour": (lambda s: setattr(shader(s)["Base Color"], "default_value", (0.5, 0.1, 0.1, 1)), ["material"]),
-    "colours by label": (lambda s: setattr(s.obj.active_material.pumice, "colors_by_label", False), ["auto_color"]),
+    "roughness": (lambda s: setattr(shader(s)["Roughness"], "default_value", 0.9), ["group_material"]),
+    "base colour": (lambda s: setattr(shader(s)["Base Color"], "default_value", (0.5, 0.1, 0.1, 1)), ["group_material"]),
+    "colours by label": (lambda s: setattr(s.obj.active_material.pumice, "colors_by_label", False), ["groups"]),
     "move": (lambda s: setattr(s.obj, "location", (1, 2, 3)), ["place"]),
     "sky": (lambda s: setattr(background(s)["Strength"], "default_value", 0.5), ["world"]),
     "sun": (lambda s: setattr(s.sun.data, "energy", 5.0), ["suns"]),
@@ -111,8 +111,8 @@ CHANGES = {
     "bounces": (lambda s: setattr(s.bpy.context.scene.pumice, "bounces", 3), ["settings"]),
     "filter": (lambda s: setattr(s.bpy.context.scene.pumice, "filter_pixels", 1.0), ["film"]),
     "hidden": (lambda s: setattr(s.obj, "hide_viewport", True), ["remove"]),
-    "a label hidden": (hide_label, ["show"]),
-    "a label coloured": (color_label, ["label_materials"]),
+    "a label hidden": (hide_label, ["visible"]),
+    "a label coloured": (color_label, ["groups"]),
     "renamed": (lambda s: setattr(s.obj, "name", "other"), []),
 }
 
@@ -211,10 +211,14 @@ def test_the_viewport_is_filtered_where_that_is_wished_and_says_so(stage):
         assert ("filtered" in stage.load("overlay").line(shown.session.status, shown.session.frame, [])) == filtered
 
 
-def test_only_the_coloured_label_is_sent(stage):
-    assert edits_of(stage, color_label) == ["label_materials"]
-    sent = stage.viewport.of(stage.engine).session.edits[-1]["materials"]
-    assert list(sent) == ["17"] and sent["17"]["base_color"] == pytest.approx([0.1, 0.2, 0.3])
+def test_the_columns_of_labels_are_sent(stage):
+    assert edits_of(stage, color_label) == ["groups"]
+    sent = stage.viewport.of(stage.engine).session.edits[-1]["groups"]
+    assert sent.ids.tolist() == [3, 17, 98340797 + 2**33]
+    assert np.allclose(sent.colors[1], [0.1, 0.2, 0.3, 1.0]) and np.allclose(sent.colors[2, :3], [0.7, 0.8, 0.9])
+    assert edits_of(stage, hide_label) == ["visible"]
+    ids, visible = stage.viewport.of(stage.engine).session.edits[-1]["visible"]
+    assert ids.tolist() == sent.ids.tolist() and visible.tolist() == [True, False, True]
 
 
 def test_the_session_begins_with_what_is_open_and_gets_the_rest_later(stage):
@@ -228,7 +232,7 @@ def test_the_session_begins_with_what_is_open_and_gets_the_rest_later(stage):
     shown.poll()
     assert stage.engine.updates == 1, "an opened volume asks for an update"
     stage.update()
-    assert [e["edit"] for e in first.edits] == ["add"] and first.volumes[0].path == str(stage.path)
+    assert [e["edit"] for e in first.edits] == ["add", "visible", "groups"] and first.volumes[0].path == str(stage.path)
 
 
 def test_the_scene_is_the_one_that_blender_shows(stage):
@@ -241,7 +245,10 @@ def test_the_scene_is_the_one_that_blender_shows(stage):
     one = scene["instances"][0]
     columns = np.array(one["world_from_index"]).reshape(4, 3)
     assert np.allclose(columns.T, np.array(stage.obj.matrix_world)[:3])
-    assert one["style"]["auto_color"] and one["style"]["material"]["roughness"] == pytest.approx(0.45)
+    (ids, visible), groups = shown.session.labels[1]
+    assert ids.tolist() == groups.ids.tolist() == [3, 17, 98340797 + 2**33] and visible.all()
+    assert groups.materials[0]["roughness"] == pytest.approx(0.45) and groups.colored == [True] and not groups.groups.any()
+    assert np.allclose(groups.colors[:, :3], stage.load("label_table").colors(stage.obj.pumice.table)[:, :3])
 
 
 def test_frames_are_drawn_once_they_come_and_never_waited_for(stage):

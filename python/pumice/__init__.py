@@ -13,6 +13,7 @@ import atexit
 from ._native import Job, __version__, _end_calls
 from .bridge import agreement, export, verify_render
 from .errors import Cancelled, InputError, InternalError, PumiceError, PumiceWarning
+from .labels import LabelGroups
 from .mesh import Mesh
 from .picture import CurvePoint, Picture, cryptomatte_hash, devices, render
 from .reference_picture import ReferencePicture
@@ -32,6 +33,7 @@ __all__ = [
     "InputError",
     "InternalError",
     "Job",
+    "LabelGroups",
     "LabelTable",
     "Mesh",
     "Pick",

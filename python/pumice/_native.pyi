@@ -4,7 +4,9 @@ The compiled part of the package `pumice`.
 
 from _typeshed import Incomplete, SupportsGetItem, SupportsLenAndGetItem
 from os import PathLike
+from pathlib import Path
 from typing import Any, SupportsFloat, SupportsIndex, final
+from typing_extensions import Buffer
 
 @final
 class Array:
@@ -92,6 +94,17 @@ class Job:
     def fraction(self, /) -> float | None:
         """
         Completed share of the current stage, 0 to 1; `None` while it is not known.
+        """
+
+@final
+class LabelGroups:
+    """
+    The groups of a volume's labels.
+    """
+    def __new__(cls, /, ids: Buffer, groups: Buffer, colors: Buffer, materials: str, colored: SupportsGetItem[int, bool]) -> LabelGroups:
+        """
+        Label `ids[i]`, in rising order, belongs to group `groups[i]` and has the linear colour `colors[4 i..4 i + 3]`. `materials` is a JSON
+        list of a material for each group, and `colored` says whether colours of labels replace its base colour.
         """
 
 @final
@@ -198,6 +211,47 @@ class ReferencePicture:
         """
         The reference of `seeds` pictures that these arrays of 64-bit floats store: mean and variance (height, width, 3), tile_variance
         (rows, columns, 3), total_variance (3).
+
+@final
+class Scene:
+    """
+    A validated scene.
+    """
+    def __eq__(self, value: object, /) -> bool: ...
+    def __ne__(self, value: object, /) -> bool: ...
+    @staticmethod
+    def load(path: str | PathLike[str]) -> Scene:
+        """
+        Reads a scene file; its paths become absolute.
+        """
+    @staticmethod
+    def parse(text: str) -> Scene:
+        """
+        Reads the JSON form and checks every field.
+        """
+    def rests(self, /) -> bool:
+        """
+        Whether the settings end a render by themselves, when all pixels rest.
+        """
+    def save(self, /, path: str | PathLike[str]) -> None:
+        """
+        Writes a scene file, which appears complete or not at all.
+        """
+    def size(self, /) -> tuple[int, int]:
+        """
+        Pixels across and down.
+        """
+    def sources(self, /) -> list[Path]:
+        """
+        The path of each instance's volume.
+        """
+    def to_json(self, /) -> str:
+        """
+        The JSON form, with every default written out.
+        """
+    def with_labels(self, /, id: SupportsIndex, visible: tuple[Buffer, Buffer] | None, groups: LabelGroups | None) -> Scene:
+        """
+        The scene with other labels drawn of an instance, and with other groups of its labels.
         """
 
 @final
@@ -205,7 +259,7 @@ class Session:
     """
     A live, progressively refined picture.
     """
-    def __new__(cls, /, scene: str, volumes: SupportsGetItem[int, Volume], meshes: SupportsGetItem[int, Mesh], how: tuple[str, SupportsIndex | None, SupportsFloat | SupportsIndex | None, SupportsFloat | SupportsIndex | None], *, denoise: bool) -> Session: ...
+    def __new__(cls, /, scene: Scene, volumes: SupportsGetItem[int, Volume], meshes: SupportsGetItem[int, Mesh], how: tuple[str, SupportsIndex | None, SupportsFloat | SupportsIndex | None, SupportsFloat | SupportsIndex | None], *, denoise: bool) -> Session: ...
     def _panic_on_purpose(self, /) -> None:
         """
         Makes the worker panic, for tests that clients survive it.
@@ -230,9 +284,13 @@ class Session:
         """
         (instance id, label id, name, voxel, depth) under the centre of a pixel, counted from the upper left.
         """
-    def scene(self, /) -> str:
+    def scene(self, /) -> Scene:
         """
-        The scene as it is now, in JSON.
+        The scene as it is now.
+        """
+    def set_labels(self, /, id: SupportsIndex, visible: tuple[Buffer, Buffer] | None, groups: LabelGroups | None) -> int:
+        """
+        Sets which labels of an instance are drawn, and the groups of its labels; returns the new revision.
         """
     def status(self, /) -> tuple[str, str | None, int, str, str, list[str], dict[str, int]]:
         """
@@ -358,7 +416,7 @@ def export(path: str | PathLike[str], out: str | PathLike[str], export_as: Incom
     Writes a volume or a scene file for other programs; returns what was written, as JSON text.
     """
 
-def figure(volume: Volume, source: str | PathLike[str], size: SupportsLenAndGetItem[SupportsIndex], labels: SupportsGetItem[int, SupportsIndex] | None, pick: SupportsIndex | None, view_deg: SupportsLenAndGetItem[SupportsFloat | SupportsIndex]) -> str:
+def figure(volume: Volume, source: str | PathLike[str], size: SupportsLenAndGetItem[SupportsIndex], labels: SupportsGetItem[int, SupportsIndex] | None, pick: SupportsIndex | None, view_deg: SupportsLenAndGetItem[SupportsFloat | SupportsIndex]) -> Scene:
     """
     Composes a scene that shows a volume: places, frames and lights it.
     """
@@ -374,25 +432,10 @@ def probe(path: str | PathLike[str], *, read_as: tuple[SupportsIndex | None, Sup
     A summary of a file, from its header alone, as JSON text.
     """
 
-def render(scene: str, volumes: SupportsGetItem[int, Volume] | None, meshes: SupportsGetItem[int, Mesh], how: tuple[str, SupportsIndex | None, SupportsFloat | SupportsIndex | None, SupportsFloat | SupportsIndex | None], *, job: Job | None, on_progress: Any | None) -> Picture:
+def render(scene: Scene, volumes: SupportsGetItem[int, Volume] | None, meshes: SupportsGetItem[int, Mesh], how: tuple[str, SupportsIndex | None, SupportsFloat | SupportsIndex | None, SupportsFloat | SupportsIndex | None], *, job: Job | None, on_progress: Any | None) -> Picture:
     """
     Renders a scene until the first limit is reached. `volumes[i]` belongs to its instance i; without volumes its sources are opened.
     `meshes[i]` belongs to its mesh i.
-    """
-
-def scene_checked(text: str) -> str:
-    """
-    Checks every field of a scene and returns it with every default written out.
-    """
-
-def scene_load(path: str | PathLike[str]) -> str:
-    """
-    Reads a scene file; its paths become absolute.
-    """
-
-def scene_save(text: str, path: str | PathLike[str]) -> None:
-    """
-    Writes a scene file, which appears complete or not at all.
     """
 
 def surface(volume: Volume, visible: SupportsGetItem[int, bool], *, lod: SupportsIndex, merged: bool, shared_corners: bool, job: Job | None = None) -> tuple[Array, Array, Array]:

@@ -142,8 +142,7 @@ def render(
     `backend`: `auto`, `cpu`, or one of Vulkan's, alone or with its device: `vulkan-rt`, `vulkan-query:1`, `vulkan-compute:radeon`
     (see `devices`). If a device fails, `auto` continues with the next backend and issues a `PumiceWarning`.
     """
-    may_rest = scene.to_dict()["settings"].get("adaptive") is not None
-    if spp is None and seconds is None and error is None and not may_rest:
+    if spp is None and seconds is None and error is None and not scene._native.rests():
         raise InputError("render: give spp, seconds or error, or settings.adaptive in the scene, or it would never end")
     how = arguments.render_as(backend, spp, seconds, error)
     told = None
@@ -151,7 +150,7 @@ def render(
         call = on_progress
         told = lambda *point: call(CurvePoint(*point))  # noqa: E731
     native = _native.render(
-        scene.to_json(),
+        scene._native,
         None if volumes is None else in_order(scene, volumes),
         mesh.natives(meshes),
         how,
@@ -175,10 +174,11 @@ def in_order(scene: Scene, volumes: Volumes) -> list[_native.Volume]:
         volumes = [volumes]
     if isinstance(volumes, Mapping):
         chosen = []
-        for i, instance in enumerate(scene.to_dict()["instances"]):
-            if instance["source"] not in volumes:
-                raise InputError(f"instances[{i}].source: no volume was given for {instance['source']}")
-            chosen.append(volumes[instance["source"]])
+        for i, path in enumerate(scene._native.sources()):
+            source = os.fspath(path)
+            if source not in volumes:
+                raise InputError(f"instances[{i}].source: no volume was given for {source}")
+            chosen.append(volumes[source])
         volumes = chosen
     return [volume._native for volume in volumes]
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import json
 import os
 from collections.abc import Iterable
@@ -11,6 +10,7 @@ from typing import Any, Self
 from . import _native, arguments
 from .arguments import Path
 from .errors import InputError
+from .labels import LabelFlags, LabelGroups, flags
 from .volume import Volume
 
 
@@ -21,9 +21,8 @@ MOST_PIXELS = 65536
 class Scene:
     """A validated, immutable scene. To change it, edit the result of `to_dict` and build a new scene from it."""
 
-    def __init__(self, text: str) -> None:
-        self._text = _native.scene_checked(text)
-        self._fields: dict[str, Any] = json.loads(self._text)
+    def __init__(self, text: str | _native.Scene) -> None:
+        self._native = _native.Scene.parse(text) if isinstance(text, str) else text
 
     @classmethod
     def from_dict(cls, fields: dict[str, Any]) -> Self:
@@ -43,29 +42,36 @@ class Scene:
     @classmethod
     def load(cls, path: Path) -> Self:
         """Reads a scene file; relative paths in it become absolute."""
-        return cls(_native.scene_load(os.fspath(path)))
+        return cls(_native.Scene.load(os.fspath(path)))
 
     def save(self, path: Path) -> None:
         """Writes a scene file, which appears complete or not at all."""
-        _native.scene_save(self._text, os.fspath(path))
+        self._native.save(os.fspath(path))
 
     def to_dict(self) -> dict[str, Any]:
         """A copy of the fields, with every default written out."""
-        return copy.deepcopy(self._fields)
+        fields: dict[str, Any] = json.loads(self.to_json())
+        return fields
 
     def to_json(self) -> str:
         """The JSON form; reading it back gives every number exactly."""
-        return self._text
+        return self._native.to_json()
+
+    def with_labels(
+        self, instance: int, *, visible: LabelFlags | None = None, groups: LabelGroups | None = None
+    ) -> Self:
+        """The scene with other labels drawn of the instance with this id, and other groups of its labels."""
+        return type(self)(self._native.with_labels(instance, flags(visible), None if groups is None else groups._native))
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, Scene) and self._text == other._text
+        return isinstance(other, Scene) and self._native == other._native
 
     def __hash__(self) -> int:
-        return hash(self._text)
+        return hash(self.to_json())
 
     def __repr__(self) -> str:
-        film = self._fields["film"]
-        return f"<pumice.Scene {film['width']}×{film['height']}, {len(self._fields['instances'])} instances>"
+        width, height = self._native.size()
+        return f"<pumice.Scene {width}×{height}, {len(self._native.sources())} instances>"
 
 
 def figure(
@@ -88,5 +94,5 @@ def figure(
     pixels = [arguments.whole("size", n, 1, MOST_PIXELS) for n in size]
     if pick is not None:
         pick = arguments.whole("pick", pick, 1, arguments.MOST_32)
-    text = _native.figure(volume._native, os.fspath(source), (pixels[0], pixels[1]), ids, pick, view_deg)
-    return Scene(text)
+    native = _native.figure(volume._native, os.fspath(source), (pixels[0], pixels[1]), ids, pick, view_deg)
+    return Scene(native)

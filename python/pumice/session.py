@@ -10,6 +10,7 @@ from typing import Any
 
 from . import _native, arguments, mesh
 from .errors import InputError
+from .labels import LabelFlags, LabelGroups, flags
 from .mesh import Mesh
 from .picture import Volumes, in_order
 from .scene import Scene
@@ -65,12 +66,18 @@ class Session:
         volumes_in_order = in_order(scene, volumes)
         how = arguments.render_as(backend, spp, seconds, error)
         self._native = _native.Session(
-            scene.to_json(), volumes_in_order, mesh.natives(meshes), how, denoise=bool(denoise)
+            scene._native, volumes_in_order, mesh.natives(meshes), how, denoise=bool(denoise)
         )
 
     def edit(self, *edits: dict[str, Any]) -> int:
         """Applies all edits or, on an error, none, and returns the new revision at once; InputError names the field at fault."""
         return int(self._native.edit(_text(list(edits))))
+
+    def set_labels(
+        self, instance: int, *, visible: LabelFlags | None = None, groups: LabelGroups | None = None
+    ) -> int:
+        """Chooses which labels of the instance with this id are drawn, and replaces the groups of its labels; returns the new revision."""
+        return int(self._native.set_labels(instance, flags(visible), None if groups is None else groups._native))
 
     def add(self, instance: dict[str, Any], volume: Volume) -> int:
         """Adds an instance with its volume, or replaces the one with its id; returns the new revision."""

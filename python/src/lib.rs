@@ -9,6 +9,7 @@ mod calls;
 mod errors;
 mod frame;
 mod job;
+mod labels;
 mod live;
 mod mesh;
 mod picture;
@@ -36,6 +37,8 @@ mod _native {
     #[pymodule_export]
     use crate::job::Job;
     #[pymodule_export]
+    use crate::labels::LabelGroups;
+    #[pymodule_export]
     use crate::live::Session;
     #[pymodule_export]
     use crate::mesh::Mesh;
@@ -44,7 +47,7 @@ mod _native {
     #[pymodule_export]
     use crate::reference_picture::ReferencePicture;
     #[pymodule_export]
-    use crate::scene::{figure, scene_checked, scene_load, scene_save};
+    use crate::scene::{Scene, figure};
     #[pymodule_export]
     use crate::surface::{count_faces, surface};
     #[pymodule_export]

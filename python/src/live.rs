@@ -12,9 +12,10 @@ use pyo3::prelude::*;
 use crate::calls::Call;
 use crate::errors::{IntoException, input};
 use crate::frame::Frame;
+use crate::labels::{LabelGroups, Visible};
 use crate::mesh::Mesh;
 use crate::picture::RenderAs;
-use crate::scene::parse;
+use crate::scene::{Scene, label_edits};
 use crate::volume::Volume;
 use crate::waiting::released;
 
@@ -27,7 +28,7 @@ impl Session {
     #[new]
     #[pyo3(signature = (scene, volumes, meshes, how, *, denoise))]
     fn new(
-        scene: &str,
+        scene: &Bound<'_, Scene>,
         volumes: Vec<Bound<'_, Volume>>,
         meshes: Vec<Bound<'_, Mesh>>,
         how: RenderAs,
@@ -35,8 +36,8 @@ impl Session {
     ) -> PyResult<Self> {
         let volumes = volumes.iter().map(|v| Arc::clone(&v.get().0)).collect();
         let meshes = meshes.iter().map(|m| Arc::clone(&m.get().0)).collect();
-        let scene =
-            LoadedScene::new(parse(scene)?, volumes, meshes).map_err(IntoException::into_exception)?;
+        let scene = LoadedScene::new(scene.get().0.clone(), volumes, meshes)
+            .map_err(IntoException::into_exception)?;
         let (backend, spp, seconds, error) = how;
         let options = LiveOptions { backend, stop: Stop { spp, seconds, error }, denoise };
         Live::start(scene, options).map(Self).map_err(IntoException::into_exception)
@@ -45,6 +46,19 @@ impl Session {
     /// Applies a list of edits in JSON, all or none; returns the new revision.
     fn edit(&self, edits: &str) -> PyResult<u64> {
         let edits = SceneEdit::list_from_json(edits).map_err(IntoException::into_exception)?;
+        self.0.edit(edits).map_err(IntoException::into_exception)
+    }
+
+    /// Sets which labels of an instance are drawn, and the groups of its labels; returns the new revision.
+    #[pyo3(signature = (id, visible, groups))]
+    fn set_labels(
+        &self,
+        py: Python<'_>,
+        id: u32,
+        visible: Option<Visible>,
+        groups: Option<&LabelGroups>,
+    ) -> PyResult<u64> {
+        let edits = label_edits(py, id, visible, groups)?;
         self.0.edit(edits).map_err(IntoException::into_exception)
     }
 
@@ -100,9 +114,9 @@ impl Session {
         (s.state.name(), s.error, s.revision, s.backend, s.device, s.notices, s.counters)
     }
 
-    /// The scene as it is now, in JSON.
-    fn scene(&self) -> PyResult<String> {
-        self.0.scene().to_json().map_err(IntoException::into_exception)
+    /// The scene as it is now.
+    fn scene(&self) -> Scene {
+        Scene(self.0.scene())
     }
 
     /// Stops the worker and waits until it ends its current slice.

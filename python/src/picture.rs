@@ -15,7 +15,7 @@ use crate::array::{Array, Data};
 use crate::errors::input;
 use crate::job::{Job, job_of};
 use crate::mesh::Mesh;
-use crate::scene::parse;
+use crate::scene::Scene;
 use crate::volume::Volume;
 use crate::waiting::released;
 
@@ -128,14 +128,14 @@ pub(crate) type RenderAs = (String, Option<u32>, Option<f64>, Option<f64>);
 #[pyo3(signature = (scene, volumes, meshes, how, *, job, on_progress))]
 pub(crate) fn render(
     py: Python<'_>,
-    scene: &str,
+    scene: &Bound<'_, Scene>,
     volumes: Option<Vec<Bound<'_, Volume>>>,
     meshes: Vec<Bound<'_, Mesh>>,
     how: RenderAs,
     job: Option<&Bound<'_, Job>>,
     on_progress: Option<Py<PyAny>>,
 ) -> PyResult<Picture> {
-    let scene = parse(scene)?;
+    let scene = scene.get().0.clone();
     let volumes: Option<Vec<Arc<CompressedVolume>>> =
         volumes.map(|list| list.iter().map(|v| Arc::clone(&v.get().0)).collect());
     let meshes: Vec<Arc<MeshData>> = meshes.iter().map(|m| Arc::clone(&m.get().0)).collect();

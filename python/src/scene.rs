@@ -1,41 +1,93 @@
-//! Scenes as JSON text. Python has them as dictionaries; only `pumice_scene` defines and checks their fields.
+//! Scenes. Python writes them as dictionaries; only `pumice_scene` defines and checks their fields.
 
 use std::path::PathBuf;
 
-use pumice_scene::Scene;
+use pumice_scene::Scene as CoreScene;
+use pumice_scene::{SceneEdit, SceneError};
 use pumice_session::figure::{FigureOptions, compose};
 use pumice_session::selection::select_labels;
 use pyo3::prelude::*;
 
 use crate::errors::{IntoException, input};
+use crate::labels::{LabelGroups, Visible, show};
 use crate::volume::Volume;
 use crate::waiting::detached;
 
-pub(crate) fn parse(text: &str) -> PyResult<Scene> {
-    Scene::from_json(text).map_err(IntoException::into_exception)
+/// A validated scene.
+#[pyclass(frozen, eq, module = "pumice._native")]
+#[derive(PartialEq)]
+pub(crate) struct Scene(pub(crate) CoreScene);
+
+#[pymethods]
+impl Scene {
+    /// Reads the JSON form and checks every field.
+    #[staticmethod]
+    fn parse(text: &str) -> PyResult<Self> {
+        CoreScene::from_json(text).map(Self).map_err(IntoException::into_exception)
+    }
+
+    /// Reads a scene file; its paths become absolute.
+    #[staticmethod]
+    fn load(path: PathBuf) -> PyResult<Self> {
+        CoreScene::load(&path).map(Self).map_err(|e| input(&format_args!("{}: {e}", path.display())))
+    }
+
+    /// Writes a scene file, which appears complete or not at all.
+    fn save(&self, path: PathBuf) -> PyResult<()> {
+        self.0.save(&path).map_err(|e| input(&format_args!("{}: {e}", path.display())))
+    }
+
+    /// The JSON form, with every default written out.
+    fn to_json(&self) -> PyResult<String> {
+        self.0.to_json().map_err(IntoException::into_exception)
+    }
+
+    /// The path of each instance's volume.
+    fn sources(&self) -> Vec<PathBuf> {
+        self.0.instances.iter().map(|instance| instance.source.clone()).collect()
+    }
+
+    /// Pixels across and down.
+    fn size(&self) -> (u32, u32) {
+        (self.0.film.width, self.0.film.height)
+    }
+
+    /// Whether the settings end a render by themselves, when all pixels rest.
+    fn rests(&self) -> bool {
+        self.0.settings.adaptive.is_some()
+    }
+
+    /// The scene with other labels drawn of an instance, and with other groups of its labels.
+    #[pyo3(signature = (id, visible, groups))]
+    fn with_labels(
+        &self,
+        py: Python<'_>,
+        id: u32,
+        visible: Option<Visible>,
+        groups: Option<&LabelGroups>,
+    ) -> PyResult<Self> {
+        let mut scene = self.0.clone();
+        scene.apply(label_edits(py, id, visible, groups)?).map_err(IntoException::into_exception)?;
+        scene.validate().map_err(IntoException::into_exception)?;
+        Ok(Self(scene))
+    }
 }
 
-fn write(scene: &Scene) -> PyResult<String> {
-    scene.to_json().map_err(IntoException::into_exception)
-}
-
-/// Checks every field of a scene and returns it with every default written out.
-#[pyfunction]
-pub(crate) fn scene_checked(text: &str) -> PyResult<String> {
-    write(&parse(text)?)
-}
-
-/// Reads a scene file; its paths become absolute.
-#[pyfunction]
-pub(crate) fn scene_load(path: PathBuf) -> PyResult<String> {
-    let fault = |e| input(&format_args!("{}: {e}", path.display()));
-    write(&Scene::load(&path).map_err(fault)?)
-}
-
-/// Writes a scene file, which appears complete or not at all.
-#[pyfunction]
-pub(crate) fn scene_save(text: &str, path: PathBuf) -> PyResult<()> {
-    parse(text)?.save(&path).map_err(|e| input(&format_args!("{}: {e}", path.display())))
+/// Edits that set which labels of an instance are drawn, and the groups of its labels.
+pub(crate) fn label_edits(
+    py: Python<'_>,
+    id: u32,
+    visible: Option<Visible>,
+    groups: Option<&LabelGroups>,
+) -> PyResult<Vec<SceneEdit>> {
+    let mut edits = Vec::new();
+    if let Some((ids, flags)) = visible {
+        edits.push(SceneEdit::Show { id, show: show(py, &ids, &flags)? });
+    }
+    if let Some(groups) = groups {
+        edits.push(SceneEdit::Groups { id, groups: groups.0.clone() });
+    }
+    Ok(edits)
 }
 
 /// Composes a scene that shows a volume: places, frames and lights it.
@@ -49,7 +101,7 @@ pub(crate) fn figure(
     labels: Option<Vec<u64>>,
     pick: Option<usize>,
     view_deg: [f64; 2],
-) -> PyResult<String> {
+) -> PyResult<Scene> {
     let volume = &volume.get().0;
     let table = volume.labels();
     let labels = match labels {
@@ -64,6 +116,8 @@ pub(crate) fn figure(
     };
     detached(py, || {
         let labels = labels.or_else(|| pick.map(|n| select_labels(volume, n)));
-        compose(volume, source, &FigureOptions { size, labels, view_deg }).to_json()
+        let scene = compose(volume, source, &FigureOptions { size, labels, view_deg });
+        scene.validate()?;
+        Ok::<_, SceneError>(Scene(scene))
     })
 }

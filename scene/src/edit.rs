@@ -10,8 +10,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::label_materials::each_once;
 use crate::{
-    Camera, Cut, Film, Instance, LabelStyle, Light, Material, Mesh, Scene, SceneError, Settings, Show, Sun,
-    World,
+    Camera, Cut, Film, Instance, LabelGroups, LabelStyle, Light, Material, Mesh, Scene, SceneError, Settings,
+    Show, Sun, World,
 };
 
 /// A change to one part of a scene. Instances and meshes are named by their id.
@@ -90,6 +90,22 @@ pub enum SceneEdit {
         #[serde(deserialize_with = "each_once")]
         materials: BTreeMap<u64, Option<Material>>,
     },
+    /// Replaces all groups of labels of an instance.
+    Groups {
+        /// Id of the instance.
+        id: u32,
+        /// The new groups.
+        groups: LabelGroups,
+    },
+    /// Replaces the material of one group of labels.
+    GroupMaterial {
+        /// Id of the instance.
+        id: u32,
+        /// Index of the group.
+        group: usize,
+        /// The new material, with all its fields.
+        material: Material,
+    },
     /// Removes an instance.
     Remove {
         /// Id of the instance.
@@ -118,7 +134,7 @@ pub enum SceneEdit {
 
 impl SceneEdit {
     /// The tags of the JSON form, one per variant.
-    pub const NAMES: [&str; 16] = [
+    pub const NAMES: [&str; 18] = [
         "camera",
         "film",
         "world",
@@ -131,6 +147,8 @@ impl SceneEdit {
         "material",
         "auto_color",
         "label_materials",
+        "groups",
+        "group_material",
         "remove",
         "place_mesh",
         "mesh_materials",
@@ -152,6 +170,8 @@ impl SceneEdit {
             Self::Material { .. } => "material",
             Self::AutoColor { .. } => "auto_color",
             Self::LabelMaterials { .. } => "label_materials",
+            Self::Groups { .. } => "groups",
+            Self::GroupMaterial { .. } => "group_material",
             Self::Remove { .. } => "remove",
             Self::PlaceMesh { .. } => "place_mesh",
             Self::MeshMaterials { .. } => "mesh_materials",
@@ -207,6 +227,15 @@ impl Scene {
                         None => own.remove(&label),
                     };
                 }
+            }
+            SceneEdit::Groups { id, groups } => self.style_mut(number, name, id)?.groups = groups,
+            SceneEdit::GroupMaterial { id, group, material } => {
+                let groups = &mut self.style_mut(number, name, id)?.groups;
+                let count = groups.len();
+                *groups.material_mut(group).ok_or_else(|| SceneError::Field {
+                    field: format!("edits[{number}].{name}.group"),
+                    problem: format!("instance {id} has no group {group}; it has {count}"),
+                })? = material;
             }
             SceneEdit::Remove { id } => {
                 self.instance_mut(number, name, id)?;

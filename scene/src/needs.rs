@@ -98,13 +98,13 @@ impl Needs {
         let (mut diffuse, mut specular, mut metal, mut emission) = (false, false, false, false);
         let (mut glass, mut coat, mut clear, mut sheen) = (false, false, false, false);
         for (instance, ids) in scene.instances.iter().zip(ids) {
-            let visible = visible(&instance.style, ids);
+            let visible = instance.style.show.among(ids);
             labels.push(LabelCount {
                 instance: instance.id,
                 visible: visible.iter().filter(|v| **v).count(),
                 all: ids.len(),
             });
-            seen.extend(materials(&instance.style, ids, &visible).map(|(m, colored)| (*m, colored)));
+            seen.extend(materials(&instance.style, ids, &visible));
         }
         seen.extend(scene.meshes.iter().flat_map(|mesh| &mesh.materials).map(|m| (*m, false)));
         for (m, colored) in seen {
@@ -340,26 +340,23 @@ fn has_extent(light: &Light) -> bool {
     }
 }
 
-/// For each of these ids, in rising order, whether it is drawn.
-fn visible(style: &LabelStyle, ids: &[u64]) -> Vec<bool> {
-    let other = style.show.visible_unless_named();
-    let mut visible = vec![other; ids.len()];
-    for dense in style.show.named().iter().filter_map(|id| ids.binary_search(id).ok()) {
-        visible[dense] = !other;
+/// The materials of visible labels, each with whether other colours replace its base colour.
+fn materials(style: &LabelStyle, ids: &[u64], visible: &[bool]) -> Vec<(Material, bool)> {
+    let mut rest = visible.to_vec();
+    let mut take = |dense: usize| std::mem::replace(&mut rest[dense], false);
+    let mut seen = Vec::new();
+    for (id, material) in &style.materials {
+        if ids.binary_search(id).is_ok_and(&mut take) {
+            seen.push((*material, false));
+        }
     }
-    visible
-}
-
-/// The materials of visible labels, each with whether automatic colours replace its base colour.
-fn materials<'a>(
-    style: &'a LabelStyle,
-    ids: &'a [u64],
-    visible: &'a [bool],
-) -> impl Iterator<Item = (&'a Material, bool)> {
-    let is_visible = |id: &u64| ids.binary_search(id).is_ok_and(|dense| visible[dense]);
-    let own = style.materials.iter().filter(move |(id, _)| is_visible(id));
-    let count = own.clone().count();
-    let rest =
-        (visible.iter().filter(|v| **v).count() > count).then_some((&style.material, style.auto_color));
-    own.map(|(_, m)| (m, false)).chain(rest)
+    for group in style.groups.iter() {
+        if group.among(ids).filter(|(dense, _)| take(*dense)).count() > 0 {
+            seen.push((group.material, !group.colors().is_empty()));
+        }
+    }
+    if rest.contains(&true) {
+        seen.push((style.material, style.auto_color));
+    }
+    seen
 }

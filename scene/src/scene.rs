@@ -5,22 +5,27 @@ use std::path::PathBuf;
 use glam::DAffine3;
 use serde::{Deserialize, Serialize};
 
-use crate::{Camera, Cut, CutShape, Film, LabelMaterials, Light, Material, Mesh, Settings, Show, Sun, World};
+use crate::{
+    Camera, Cut, CutShape, Film, LabelGroups, LabelMaterials, Light, Material, Mesh, Settings, Show, Sun,
+    World,
+};
 
 /// Version of the JSON form that this code writes and reads.
 pub const SCENE_VERSION: u32 = 1;
 
-/// How the labels of a volume look: one common material, and materials of single labels by id.
+/// How the labels of a volume look: one common material, materials of groups, and materials of single labels by id.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct LabelStyle {
     /// Which labels are drawn.
     pub show: Show,
-    /// Common material of the labels that have none of their own; `auto_color` replaces its base colour.
+    /// Common material of the labels that are in no group and have none of their own; `auto_color` replaces its base colour.
     pub material: Material,
     /// Whether labels with the common material get colours that differ between neighbours.
     pub auto_color: bool,
-    /// Materials of single labels, by original id.
+    /// Groups of labels with a common material.
+    pub groups: LabelGroups,
+    /// Materials of single labels, by original id; they take precedence over the groups'.
     pub materials: LabelMaterials,
 }
 

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::SceneError;
+use crate::label_groups::each_place_in;
 
 /// Which labels of a volume are drawn. The order of ids has no meaning, and repeated ids count once.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -27,6 +28,10 @@ impl Show {
     /// would be wrong.
     pub fn resolve(&self, field: &str, ids: &[u64]) -> Result<Vec<bool>, SceneError> {
         if let Self::Only(named) = self {
+            // Live views check long lists at each edit: sorted ones are compared in one pass.
+            if named.is_sorted_by(|a, b| a < b) && each_place_in(named, ids).count() == named.len() {
+                return Ok(self.among(ids));
+            }
             for (i, &id) in named.iter().enumerate() {
                 if ids.binary_search(&id).is_ok() {
                     continue;
@@ -51,10 +56,34 @@ impl Show {
     pub fn among(&self, ids: &[u64]) -> Vec<bool> {
         let unless_named = self.visible_unless_named();
         let mut visible = vec![unless_named; ids.len()];
-        for dense in self.named().iter().filter_map(|id| ids.binary_search(id).ok()) {
-            visible[dense] = !unless_named;
+        let named = self.named();
+        if named.is_sorted() {
+            each_place_in(named, ids).for_each(|(_, dense)| visible[dense] = !unless_named);
+        } else {
+            let places = named.iter().filter_map(|id| ids.binary_search(id).ok());
+            places.for_each(|dense| visible[dense] = !unless_named);
         }
         visible
+    }
+
+    /// The choice in which label `ids[i]` is drawn if `flags[i]` is set; it lists the fewer: those drawn or those hidden.
+    ///
+    /// # Errors
+    /// [`SceneError::Field`] if there is not one flag for each id.
+    pub fn from_flags(ids: &[u64], flags: &[bool]) -> Result<Self, SceneError> {
+        if ids.len() != flags.len() {
+            let problem = format!("expected one flag for each of {} labels, got {}", ids.len(), flags.len());
+            return Err(SceneError::Field { field: "visible".into(), problem });
+        }
+        let drawn = flags.iter().filter(|flag| **flag).count();
+        let listed = |which: bool| {
+            ids.iter().zip(flags).filter(|(_, flag)| **flag == which).map(|(id, _)| *id).collect()
+        };
+        Ok(match ids.len() - drawn {
+            0 => Self::All,
+            hidden if hidden > drawn => Self::Only(listed(true)),
+            _ => Self::Except(listed(false)),
+        })
     }
 
     /// The listed ids, whether of [`Show::Only`] or [`Show::Except`].
@@ -98,6 +127,20 @@ mod tests {
         assert_eq!(visible(Show::Only(vec![u64::MAX, 3, 3])), [true, false, false, true]);
         assert_eq!(visible(Show::Except(vec![1 << 40])), [true, true, false, true]);
         assert_eq!(Show::All.resolve("show", &[]).unwrap(), [] as [bool; 0]);
+    }
+
+    #[test]
+    fn flags_are_listed_by_the_shorter_list() {
+        let of = |flags: [bool; 4]| Show::from_flags(&IDS, &flags).unwrap();
+        assert_eq!(of([true; 4]), Show::All);
+        assert_eq!(of([false; 4]), Show::Only(vec![]));
+        assert_eq!(of([false, true, false, false]), Show::Only(vec![17]));
+        assert_eq!(of([false, true, true, true]), Show::Except(vec![3]));
+        for flags in (0..16).map(|bits: u8| [0, 1, 2, 3].map(|i| bits >> i & 1 == 1)) {
+            assert_eq!(of(flags).resolve("show", &IDS).unwrap(), flags);
+        }
+        let problem = Show::from_flags(&IDS, &[true]).unwrap_err().to_string();
+        assert_eq!(problem, "visible: expected one flag for each of 4 labels, got 1");
     }
 
     #[test]

@@ -186,6 +186,9 @@ fn validate_instance(c: &mut Check, instance: &Instance) -> Checked {
     c.matrix("world_from_index", &instance.world_from_index)?;
     c.within("style", |c| {
         c.within("material", |c| validate_material(c, &instance.style.material))?;
+        for (i, group) in instance.style.groups.iter().enumerate() {
+            c.within(format!("groups[{i}].material"), |c| validate_material(c, &group.material))?;
+        }
         let mut materials = instance.style.materials.iter();
         match materials.find(|(_, material)| validate_material(c, material).is_err()) {
             None => Ok(()),

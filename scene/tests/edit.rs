@@ -5,7 +5,7 @@
 mod common;
 
 use common::full_scene;
-use pumice_scene::{Material, MeshDiff, Scene, SceneDiff, SceneEdit, Show};
+use pumice_scene::{LabelGroups, Material, MeshDiff, Scene, SceneDiff, SceneEdit, Show};
 use serde_json::{Value, json};
 
 /// One edit of each kind that changes something, with the diff's flags that it must set.
@@ -50,6 +50,8 @@ fn edits() -> Vec<(SceneEdit, SceneDiff)> {
             SceneEdit::LabelMaterials { id: 8, materials: [(17, None), (3, Some(gray))].into() },
             instance(|d| d.materials = true),
         ),
+        (SceneEdit::Groups { id: 8, groups: LabelGroups::default() }, instance(|d| d.materials = true)),
+        (SceneEdit::GroupMaterial { id: 8, group: 1, material: gray }, instance(|d| d.materials = true)),
         (SceneEdit::Remove { id: 8 }, SceneDiff { removed: vec![8], ..none() }),
         (place_mesh, mesh(|d| d.moved = true)),
         (SceneEdit::MeshMaterials { id: 4, materials: vec![gray] }, mesh(|d| d.materials = true)),
@@ -136,5 +138,11 @@ fn what_is_no_edit_is_named() {
 
     let mut scene: Scene = full_scene();
     let error = scene.apply(vec![SceneEdit::Remove { id: 8 }, SceneEdit::Remove { id: 8 }]).unwrap_err();
+    let group = SceneEdit::GroupMaterial { id: 7, group: 2, material: Material::default() };
+    let error_of_group = scene.apply(vec![group]).unwrap_err();
+    assert_eq!(
+        error_of_group.to_string(),
+        "edits[0].group_material.group: instance 7 has no group 2; it has 2"
+    );
     assert_eq!(error.to_string(), "edits[1].remove.id: the scene has no instance 8; its instances are [7]");
 }

@@ -6,8 +6,8 @@ mod common;
 
 use common::full_scene;
 use pumice_scene::{
-    Cut, Environment, LabelCount, LabelStyle, Lod, Material, Mesh, Mode, Needs, Part, PartSet, Pass, Passes,
-    Scene, Show,
+    Cut, Environment, LabelCount, LabelGroup, LabelGroups, LabelMaterials, LabelStyle, Lod, Material, Mesh,
+    Mode, Needs, Part, PartSet, Pass, Passes, Scene, Show,
 };
 
 const IDS: [u64; 4] = [3, 5, 17, u64::MAX];
@@ -90,6 +90,27 @@ fn each_edit_needs_only_what_it_brings() {
     assert_eq!(style(|s| s.material.base_color = [0.0; 3]), Needs { diffuse: false, ..least() });
     // A black base colour that automatic colours replace still needs the diffuse lobe.
     assert_eq!(style(|s| (s.material.base_color, s.auto_color) = ([0.0; 3], true)), least());
+    // A group needs what its material needs, if one of its labels is drawn and has no material of its own.
+    let glass = Material { transmission: 0.5, base_color: [0.0; 3], ..MATTE };
+    let group = |ids: &[u64], colors: &[[f32; 3]]| {
+        LabelGroups::new(vec![LabelGroup::new(glass, ids.to_vec(), colors.to_vec()).unwrap()]).unwrap()
+    };
+    let grouped = |groups: LabelGroups, show: Show, own: LabelMaterials| {
+        after(|s| {
+            let style = &mut s.instances[0].style;
+            (style.groups, style.show, style.materials) = (groups, show, own);
+        })
+    };
+    let none = LabelMaterials::default;
+    assert_eq!(grouped(group(&[5, 17], &[]), Show::All, none()), Needs { glass: true, ..least() });
+    let all = group(&IDS, &[]);
+    assert_eq!(grouped(all, Show::All, none()), Needs { glass: true, diffuse: false, ..least() });
+    assert_eq!(grouped(group(&IDS, &[[0.5; 3]; 4]), Show::All, none()), Needs { glass: true, ..least() });
+    assert_eq!(grouped(group(&[5], &[]), Show::All, [(5, MATTE)].into()), least());
+    assert_eq!(grouped(group(&[6], &[]), Show::All, none()), least(), "a label that the volume lacks");
+    let three = vec![LabelCount { instance: 7, visible: 3, all: 4 }];
+    let hidden = grouped(group(&[5], &[]), Show::Except(vec![5]), none());
+    assert_eq!(hidden, Needs { labels: three, ..least() });
     // With an index of refraction of 1 there is no dielectric layer, whatever `specular` is.
     assert_eq!(style(|s| (s.material.specular, s.material.ior) = (1.0, 1.0)), least());
 

@@ -65,6 +65,12 @@ fn materials() {
             bad,
             fine,
         );
+        rule(
+            &format!("instances[1].style.groups[1].material.{name}"),
+            |s, v| set(s.instances[1].style.groups.material_mut(1).unwrap(), v),
+            bad,
+            fine,
+        );
     }
     let above_one = 1.0f32.next_up();
     let below_zero = -f32::from_bits(1);

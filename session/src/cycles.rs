@@ -198,7 +198,8 @@ fn answer<T: DeserializeOwned>(script: &mut Script, report: &Path, job: &Job) ->
 pub(crate) fn faces_of(instance: &Instance) -> Faces {
     let passes = |m: &Material| m.alpha < 1.0 || m.transmission > 0.0;
     let style = &instance.style;
-    let is_passed = passes(&style.material) || style.materials.values().any(passes);
+    let of_groups = style.groups.iter().map(|group| &group.material);
+    let is_passed = style.materials.values().chain(of_groups).chain([&style.material]).any(passes);
     let interfaces = if is_passed { Interfaces::All } else { Interfaces::Outside };
     Faces { interfaces, merging: Merging::Plain }
 }

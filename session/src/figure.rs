@@ -13,8 +13,8 @@ use glam::{DAffine3, DMat3, DVec3};
 use pumice_core::{CompressedVolume, WorldFrame};
 use pumice_picture::metrics::display::linear_from_srgb;
 use pumice_scene::{
-    Camera, Environment, Film, Filter, Instance, LabelStyle, Material, Projection, SCENE_VERSION, Scene,
-    Settings, Show, Sun, World,
+    Camera, Environment, Film, Filter, Instance, LabelGroups, LabelStyle, Material, Projection,
+    SCENE_VERSION, Scene, Settings, Show, Sun, World,
 };
 
 /// Diagonal of the visible labels' bounding box in world units.
@@ -113,6 +113,7 @@ pub fn compose(volume: &CompressedVolume, source: PathBuf, options: &FigureOptio
                 },
                 material,
                 auto_color: true,
+                groups: LabelGroups::default(),
                 materials: own_colors.collect(),
             },
         }],

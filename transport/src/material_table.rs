@@ -1,5 +1,6 @@
 //! The materials of labels.
 
+use std::collections::HashMap;
 use std::ops::{Deref, DerefMut};
 use std::sync::{Arc, OnceLock};
 
@@ -104,8 +105,18 @@ impl MaterialTable {
                 .iter()
                 .map(|&c| 1 + u32::from(c))
                 .collect();
-        } else if !style.materials.is_empty() {
+        } else if !style.materials.is_empty() || !style.groups.is_empty() {
             of_label = vec![0; ids.len()];
+        }
+        for group in style.groups.iter() {
+            // Labels of a group with the same colour share a material.
+            let mut by_color = HashMap::new();
+            for (label, base_color) in group.among(ids) {
+                of_label[label] = *by_color.entry(base_color.map(f32::to_bits)).or_insert_with(|| {
+                    materials.push(Material { base_color, ..group.material });
+                    materials.len() as u32 - 1
+                });
+            }
         }
         for (id, material) in &style.materials {
             if let Ok(label) = ids.binary_search(id) {

@@ -19,7 +19,7 @@
 use std::sync::Arc;
 
 use pumice_picture::PassSums;
-use pumice_scene::{Film, LabelStyle, Material, Part, Scene, SceneDiff};
+use pumice_scene::{Film, LabelGroup, LabelStyle, Material, Part, Scene, SceneDiff};
 
 use crate::LoadedScene;
 use crate::emitters::emission_luminance;
@@ -333,7 +333,9 @@ fn is_emissive(material: &Material) -> bool {
 }
 
 fn style_is_emissive(style: &LabelStyle) -> bool {
-    is_emissive(&style.material) || style.materials.values().any(is_emissive)
+    is_emissive(&style.material)
+        || style.materials.values().any(is_emissive)
+        || style.groups.iter().any(|group| is_emissive(&group.material))
 }
 
 /// The properties that a material's light depends on; `None` for a material that does not emit.
@@ -347,5 +349,14 @@ fn styles_shine_alike(old: &LabelStyle, new: &LabelStyle) -> bool {
         |style: &LabelStyle| -> Vec<_> { style.materials.iter().map(|(id, m)| (*id, light(m))).collect() };
     old.auto_color == new.auto_color
         && light(&old.material) == light(&new.material)
+        && groups_shine_alike(&old.groups, &new.groups)
         && (old.materials == new.materials || own(old) == own(new))
+}
+
+/// Whether the same labels of groups emit the same light, whatever their colours.
+fn groups_shine_alike(old: &[LabelGroup], new: &[LabelGroup]) -> bool {
+    fn shining(groups: &[LabelGroup]) -> impl Iterator<Item = (&[u64], Option<Material>)> {
+        groups.iter().map(|g| (g.ids(), light(&g.material))).filter(|(_, light)| light.is_some())
+    }
+    old.iter().eq(new) || shining(old).eq(shining(new))
 }

@@ -2,9 +2,9 @@
 
 use glam::{DAffine3, DMat3, DVec3};
 use pumice_scene::{
-    Adaptive, Aperture, Camera, Cut, CutShape, Environment, Film, Filter, Instance, LabelStyle, Light,
-    LightShape, Lod, Material, Mesh, Mode, Outline, Passes, Projection, SCENE_VERSION, Scene, SensorFit,
-    Settings, Show, Sun, ViewTransform, World,
+    Adaptive, Aperture, Camera, Cut, CutShape, Environment, Film, Filter, Instance, LabelGroup, LabelGroups,
+    LabelStyle, Light, LightShape, Lod, Material, Mesh, Mode, Outline, Passes, Projection, SCENE_VERSION,
+    Scene, SensorFit, Settings, Show, Sun, ViewTransform, World,
 };
 
 pub(crate) fn full_scene() -> Scene {
@@ -40,6 +40,11 @@ pub(crate) fn full_scene() -> Scene {
             show: Show::Only(vec![3, 17, u64::MAX]),
             material: Material { roughness: 0.9, ..Material::default() },
             auto_color: true,
+            groups: LabelGroups::new(vec![
+                LabelGroup::new(green, vec![3], vec![[0.5, 0.25, 0.125]]).unwrap(),
+                LabelGroup::new(Material { ior: 1.1, ..green }, vec![5, 6], vec![]).unwrap(),
+            ])
+            .unwrap(),
             materials: [(17, green), (u64::MAX, Material { metallic: 1.0, ..green })].into(),
         },
     };

@@ -1,0 +1,66 @@
+# SPDX-FileCopyrightText: The Pumice developers
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""How the labels of a volume look: a group of labels for each material slot, and for each label its group, its color and whether it is drawn.
+
+    label table ──► columns (numpy, one value a label) ──► pumice.LabelGroups ──► scene: groups of the instance's style
+    material slots ──► materials, one a group ─────────────┘
+
+Columns travel as arrays: an edit makes no object for a single label, and a change of a material sends the material alone.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .surface import PLAIN
+
+
+@dataclass(frozen=True, eq=False)
+class Columns:
+    """Columns of a label table, in its order: ids (uint64, rising), whether each is drawn, its group (uint32), its linear color (n, 4)."""
+
+    ids: np.ndarray
+    visible: np.ndarray
+    group: np.ndarray
+    color: np.ndarray
+
+    def same_looks(self, other):
+        """Whether all labels have the same groups and colors."""
+        mine, others = (self.ids, self.group, self.color), (other.ids, other.group, other.color)
+        return all(a is b or np.array_equal(a, b) for a, b in zip(mine, others))
+
+    def same_shown(self, other):
+        """Whether the same labels are drawn."""
+        return self.visible is other.visible or (
+            np.array_equal(self.visible, other.visible) and np.array_equal(self.ids, other.ids)
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class LabelStyle:
+    """The look of all labels: (fields of the material, whether labels' colors replace its base color) for each group; the columns, or None
+    for a volume without a table, whose labels all have the first material."""
+
+    materials: tuple
+    columns: Columns | None = None
+
+    def fields(self):
+        """The style of the scene's JSON form, without the groups."""
+        material, colored = self.materials[0] if self.columns is None else (PLAIN, False)
+        return {"show": "all", "material": dict(material), "auto_color": colored, "materials": {}}
+
+    def visible(self):
+        """Which labels are drawn, as `pumice.Scene.with_labels` takes it."""
+        return (self.columns.ids, self.columns.visible)
+
+    def groups(self, pumice):
+        """The groups as `pumice.Scene.with_labels` takes them."""
+        fields, colored = zip(*self.materials)
+        columns = self.columns
+        return pumice.LabelGroups(columns.ids, columns.group, columns.color, fields, colored=colored)
+
+    def on(self, scene, number, pumice):
+        """A `pumice.Scene` with this look of the labels of an instance."""
+        if self.columns is None:
+            return scene
+        return scene.with_labels(number, visible=self.visible(), groups=self.groups(pumice))

@@ -1,0 +1,55 @@
+//! Columns of labels, as Python has them in arrays: which are drawn, their groups and their colours. No object and no text is made for a
+//! single label.
+
+use pumice_scene::{LabelGroups as Groups, Material, Show};
+use pyo3::buffer::PyBuffer;
+use pyo3::prelude::*;
+
+use crate::errors::{IntoException, input};
+
+/// The groups of a volume's labels.
+#[pyclass(frozen, module = "pumice._native")]
+pub(crate) struct LabelGroups(pub(crate) Groups);
+
+#[pymethods]
+impl LabelGroups {
+    /// Label `ids[i]`, in rising order, belongs to group `groups[i]` and has the linear colour `colors[4 i..4 i + 3]`. `materials` is a JSON
+    /// list of a material for each group, and `colored` says whether colours of labels replace its base colour.
+    #[new]
+    fn new(
+        py: Python<'_>,
+        ids: PyBuffer<u64>,
+        groups: PyBuffer<u32>,
+        colors: PyBuffer<f32>,
+        materials: &str,
+        colored: Vec<bool>,
+    ) -> PyResult<Self> {
+        let materials: Vec<Material> =
+            serde_json::from_str(materials).map_err(|e| input(&format_args!("materials: {e}")))?;
+        if materials.len() != colored.len() {
+            return Err(input(&format_args!(
+                "colored: expected one value for each of {} materials, got {}",
+                materials.len(),
+                colored.len()
+            )));
+        }
+        let materials: Vec<(Material, bool)> = materials.into_iter().zip(colored).collect();
+        let (ids, groups, colors) = (ids.to_vec(py)?, groups.to_vec(py)?, colors.to_vec(py)?);
+        let (colors, rest) = colors.as_chunks::<4>();
+        if !rest.is_empty() {
+            return Err(input(&"colors: expected four numbers for each label"));
+        }
+        Groups::from_columns(&materials, &ids, &groups, colors)
+            .map(Self)
+            .map_err(IntoException::into_exception)
+    }
+}
+
+/// The choice of drawn labels from one byte for each label, 0 where it is hidden.
+pub(crate) fn show(py: Python<'_>, ids: &PyBuffer<u64>, visible: &PyBuffer<u8>) -> PyResult<Show> {
+    let flags: Vec<bool> = visible.to_vec(py)?.into_iter().map(|byte| byte != 0).collect();
+    Show::from_flags(&ids.to_vec(py)?, &flags).map_err(IntoException::into_exception)
+}
+
+/// Which labels are drawn, as arrays: ids in rising order, and one byte for each.
+pub(crate) type Visible = (PyBuffer<u64>, PyBuffer<u8>);
