@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use clap::Args;
 use pumice_core::{CompressedVolume, Job};
 use pumice_formats::OpenOptions;
-use pumice_scene::{Material, Scene, SceneEdit};
+use pumice_scene::{LabelGroup, LabelGroups, Material, Scene, SceneEdit, SceneError, Show};
 use pumice_session::error::{Result, SessionError};
 use pumice_session::figure::{FigureOptions, compose};
 use pumice_session::live::{Frame, Live, LiveOptions, LiveState};
@@ -27,11 +27,13 @@ const SIZE: [u32; 2] = [1920, 1080];
 const ROUNDS: usize = 20;
 /// Number of labels in the scene that does not show all.
 const SOME: usize = 32;
+/// Number of labels that are isolated.
+const FEW: usize = 100;
 
 /// Time until a live 1920 × 1080 picture shows an edit, and time that the edit takes its caller
 ///
-/// Moves the camera and edits a colour, 20 times each, in a scene of 32 labels and in one of all labels, each with its own material.
-/// Reports medians in wall milliseconds.
+/// Moves the camera and edits a colour, 20 times each, in a scene of 32 labels and in one of all labels, each with a colour of its own; in
+/// the second it also changes the group's roughness, hides one label and isolates a hundred. Reports medians in wall milliseconds.
 #[derive(Debug, Args)]
 pub(crate) struct Flags {
     #[command(flatten)]
@@ -71,7 +73,7 @@ pub struct EditLatency {
     pub volume: String,
     /// The labels that the scene shows.
     pub labels: &'static str,
-    /// What is edited: `camera` or `colour`.
+    /// What is edited.
     pub edit: &'static str,
     /// From the call of the edit to its return.
     pub call_ms: Milliseconds,
@@ -81,42 +83,69 @@ pub struct EditLatency {
     pub whole_frame_ms: Milliseconds,
 }
 
-/// Measures both kinds of edits in both scenes of a volume.
+/// Measures all kinds of edits in both scenes of a volume.
 ///
 /// # Errors
 /// Errors of opening and rendering; a volume without labels; the job's cancellation.
 pub fn measure_live(path: &Path, job: &Job) -> Result<Vec<EditLatency>> {
     let volume = open_volume(path, &OpenOptions::default(), Residence::Copied, job)?;
-    let Some(&id) = volume.labels().ids().first() else {
+    let ids = volume.labels().ids();
+    if ids.is_empty() {
         return Err(SessionError::Caller(format!(
             "{}: expected a volume with labels, got one without",
             path.display()
         )));
-    };
+    }
     let mut all = Vec::new();
-    for (labels, own_materials) in [("32", false), ("all, each with its own material", true)] {
-        let scene = scene_of(&volume, path, own_materials);
+    for labels in [Labels::Some, Labels::All] {
+        let scene = scene_of(&volume, path, labels)?;
         let camera = scene.camera;
         let scene = LoadedScene::new(scene, vec![Arc::clone(&volume)], vec![])?;
         let live = Live::start(scene, LiveOptions::default())?;
         let mut serial = wait(&live, 0, job, |f| !f.coarse)?.serial;
+        let material = |roughness: f32| Material { roughness, ..Material::default() };
+        let shade = |i: usize| i as f32 / ROUNDS as f32;
         let move_camera = |i: usize| {
             let mut camera = camera;
             camera.shift[0] += 1e-3 * i as f64;
-            SceneEdit::Camera { camera }
+            Ok(SceneEdit::Camera { camera })
         };
-        let edit_colour = |i: usize| {
-            let material =
-                Material { base_color: [i as f32 / ROUNDS as f32, 0.5, 0.5], ..Material::default() };
-            SceneEdit::LabelMaterials { id: 1, materials: [(id, Some(material))].into() }
+        let color_one = |i: usize| match labels {
+            Labels::Some => Ok(SceneEdit::LabelMaterials {
+                id: 1,
+                materials: [(ids[0], Some(Material { base_color: [shade(i), 0.5, 0.5], ..material(0.5) }))]
+                    .into(),
+            }),
+            Labels::All => Ok(SceneEdit::Groups { id: 1, groups: groups(ids, shade(i))? }),
         };
-        let edits: [(&str, &dyn Fn(usize) -> SceneEdit); 2] =
-            [("camera", &move_camera), ("colour", &edit_colour)];
+        let roughen =
+            |i: usize| Ok(SceneEdit::GroupMaterial { id: 1, group: 0, material: material(shade(i)) });
+        // Every second edit brings back all labels.
+        let show = |flags: Vec<bool>| {
+            Ok(SceneEdit::Show { id: 1, show: Show::from_flags(ids, &flags).map_err(caller)? })
+        };
+        let hide_one =
+            |i: usize| show((0..ids.len()).map(|label| i.is_multiple_of(2) || label != i).collect());
+        let isolate = |i: usize| {
+            show(
+                (0..ids.len())
+                    .map(|label| i.is_multiple_of(2) || label.is_multiple_of((ids.len() / FEW).max(1)))
+                    .collect(),
+            )
+        };
+        type Make<'a> = &'a dyn Fn(usize) -> Result<SceneEdit>;
+        let mut edits: Vec<(&str, Make<'_>)> =
+            vec![("camera", &move_camera), ("colour of one label", &color_one)];
+        if labels == Labels::All {
+            edits.push(("roughness of a group", &roughen));
+            edits.push(("one label hidden, or all shown", &hide_one));
+            edits.push(("100 labels isolated, or all shown", &isolate));
+        }
         for (edit, make) in edits {
             let (mut calls, mut firsts, mut wholes) = (Vec::new(), Vec::new(), Vec::new());
             for i in 0..ROUNDS {
                 let begin = Instant::now();
-                let revision = live.edit(vec![make(i)])?;
+                let revision = live.edit(vec![make(i)?])?;
                 calls.push(begin.elapsed());
                 let first = wait(&live, serial, job, |f| f.revision == revision)?;
                 firsts.push(begin.elapsed());
@@ -126,7 +155,7 @@ pub fn measure_live(path: &Path, job: &Job) -> Result<Vec<EditLatency>> {
             }
             all.push(EditLatency {
                 volume: file_name(path),
-                labels,
+                labels: labels.spoken(),
                 edit,
                 call_ms: Milliseconds::of(calls),
                 first_frame_ms: Milliseconds::of(firsts),
@@ -137,16 +166,47 @@ pub fn measure_live(path: &Path, job: &Job) -> Result<Vec<EditLatency>> {
     Ok(all)
 }
 
-/// A figure of the longest labels, or (`own_materials`) of all labels, each with its own material.
-fn scene_of(volume: &CompressedVolume, path: &Path, own_materials: bool) -> Scene {
-    let labels = (!own_materials).then(|| select_labels(volume, SOME));
-    let options = FigureOptions { size: SIZE, labels, view_deg: FigureOptions::DEFAULT_VIEW_DEG };
-    let mut scene = compose(volume, path.to_owned(), &options);
-    if own_materials {
-        let of = |id: &u64| (*id, Material { base_color: [0.25, 0.5, 0.75], ..Material::default() });
-        scene.instances[0].style.materials = volume.labels().ids().iter().map(of).collect();
+fn caller(error: SceneError) -> SessionError {
+    SessionError::Caller(error.to_string())
+}
+
+/// The labels that a scene shows.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Labels {
+    Some,
+    All,
+}
+
+impl Labels {
+    fn spoken(self) -> &'static str {
+        match self {
+            Self::Some => "32",
+            Self::All => "all, each with its own colour",
+        }
     }
-    scene
+}
+
+/// One group of all labels, each of which has another colour.
+fn groups(ids: &[u64], shade: f32) -> Result<LabelGroups> {
+    let color = |i: usize| {
+        [(i % 251) as f32 / 250.0, (i / 251 % 251) as f32 / 250.0, if i == 0 { shade } else { 0.5 }]
+    };
+    let colors = (0..ids.len()).map(color).collect();
+    let group = LabelGroup::new(Material::default(), ids.to_vec(), colors).map_err(caller)?;
+    LabelGroups::new(vec![group]).map_err(caller)
+}
+
+/// A figure of the longest labels, or of all labels in one group.
+fn scene_of(volume: &CompressedVolume, path: &Path, labels: Labels) -> Result<Scene> {
+    let chosen = (labels == Labels::Some).then(|| select_labels(volume, SOME));
+    let options = FigureOptions { size: SIZE, labels: chosen, view_deg: FigureOptions::DEFAULT_VIEW_DEG };
+    let mut scene = compose(volume, path.to_owned(), &options);
+    if labels == Labels::All {
+        let style = &mut scene.instances[0].style;
+        (style.auto_color, style.groups) = (false, groups(volume.labels().ids(), 0.5)?);
+        style.materials.clear();
+    }
+    Ok(scene)
 }
 
 /// Waits for a frame with a serial number above `after` for which `wanted` holds.
