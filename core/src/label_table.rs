@@ -1,5 +1,6 @@
-//! The label table: each label's id, number of voxels and type, and the labels that it touches.
+//! The label table: each label's id, number of voxels, type and further numbers, and the labels that it touches.
 
+use crate::annotations::NumericColumn;
 use crate::contacts::Contacts;
 
 /// Stands for "no type" in [`LabelTable::types`].
@@ -14,6 +15,8 @@ pub struct LabelTable {
     pub(crate) types: Vec<u16>,
     pub(crate) type_names: Vec<String>,
     pub(crate) contacts: Contacts,
+    /// Numbers that a table gave to the labels, a value for each label.
+    pub(crate) columns: Vec<NumericColumn>,
 }
 
 impl LabelTable {
@@ -57,14 +60,24 @@ impl LabelTable {
         &self.contacts
     }
 
+    /// Columns of numbers that a table gave to the labels, by dense index; see [`CompressedVolume::annotate`].
+    ///
+    /// [`CompressedVolume::annotate`]: crate::CompressedVolume::annotate
+    pub fn columns(&self) -> &[NumericColumn] {
+        &self.columns
+    }
+
     /// Bytes held on the heap.
     pub fn bytes(&self) -> u64 {
         let names: usize = self.type_names.iter().map(String::capacity).sum();
+        let column =
+            |c: &NumericColumn| size_of::<NumericColumn>() + c.name.capacity() + c.values.capacity() * 8;
         (self.ids.capacity() * 8
             + self.voxels.capacity() * 8
             + self.types.capacity() * 2
             + self.type_names.capacity() * size_of::<String>()
             + names
+            + self.columns.iter().map(column).sum::<usize>()
             + self.contacts.bytes.capacity()) as u64
     }
 }

@@ -7,6 +7,7 @@
 //!   by block      records, OR-ed       leaves
 //! ```
 
+pub mod annotations;
 pub mod array_source;
 pub mod atomic_file;
 pub mod block;
@@ -26,6 +27,7 @@ mod finish;
 pub mod grid;
 pub mod info;
 pub mod job;
+pub mod label_query;
 pub mod label_table;
 pub mod leaves;
 pub mod mesh;
@@ -39,6 +41,7 @@ pub mod types;
 pub mod verify;
 pub mod volume;
 
+pub use annotations::{AnnotationFit, AnnotationTable, NumericColumn};
 pub use array_source::ArraySource;
 pub use atomic_file::{TargetError, WrittenFile, write_atomically};
 pub use block::{BlockSource, LabelBlock, LabelBuffer};
@@ -52,6 +55,7 @@ pub use file::CompressionLevel;
 pub use grid::BoxGrid;
 pub use info::{LabelNote, LabelType, Unit, VolumeInfo, WorldFrame};
 pub use job::Job;
+pub use label_query::{LabelColumns, LabelQuery, Numbers, QueryError};
 pub use label_table::LabelTable;
 pub use leaves::Leaves;
 pub use mesh::{MeshData, MeshError};

@@ -48,16 +48,7 @@ impl TypeTable {
             }
         }
         // Types are numbered by name, so that the order of lines does not matter.
-        let mut names: Vec<String> = named.values().map(|&n| n.to_owned()).collect();
-        names.sort_unstable();
-        names.dedup();
-        if names.len() >= usize::from(NO_TYPE) {
-            return Err(Error::Limit {
-                what: "types".into(),
-                limit: u64::from(NO_TYPE) - 1,
-                got: names.len() as u64,
-            });
-        }
+        let names = numbered(named.values().map(|&n| n.to_owned()).collect())?;
         let number = |name: &str| names.partition_point(|n| n.as_str() < name) as u16;
         let type_of_id = named.iter().map(|(&id, name)| (id, number(name))).collect();
         Ok(Self { names, type_of_id })
@@ -69,6 +60,20 @@ impl TypeTable {
         table.types =
             table.ids.iter().map(|id| self.type_of_id.get(id).copied().unwrap_or(NO_TYPE)).collect();
     }
+}
+
+/// Names of types by number: sorted, each once.
+///
+/// # Errors
+/// [`Error::Limit`] for more types than there are numbers.
+pub(crate) fn numbered(mut names: Vec<String>) -> Result<Vec<String>> {
+    names.sort_unstable();
+    names.dedup();
+    let (limit, got) = (u64::from(NO_TYPE) - 1, names.len() as u64);
+    if got > limit {
+        return Err(Error::Limit { what: "types".into(), limit, got });
+    }
+    Ok(names)
 }
 
 #[cfg(test)]

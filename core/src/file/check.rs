@@ -3,6 +3,8 @@
 //! The order is: names, dictionary, chunks, runs, nodes, boxes, voxel counts. It does not check whether two labels claim the same voxel,
 //! which would take as much memory as decoding. The content hash, compared afterwards, covers that for files whose writer was not faulty.
 
+use crate::annotations::{NumericColumn, check_names};
+use crate::error::one_line;
 use crate::label_table::NO_TYPE;
 use crate::leaves::{Class, MAX_PATTERNS, MAX_SLICES, RARE};
 use crate::node::{NodeRef, OCCUPIED_WORDS, extent_of, header_words};
@@ -65,7 +67,10 @@ fn check_labels(v: &CompressedVolume) -> Finding {
     let typed = l.types.is_empty() || l.types.len() == n;
     ensure(typed, b"LTYP", || format!("labels: expected {n} or 0, got {}", l.types.len()))?;
     let known = |&t: &u16| t == NO_TYPE || usize::from(t) < l.type_names.len();
-    ensure(l.types.iter().all(known), b"LTYP", || format!("expected types below {}", l.type_names.len()))
+    ensure(l.types.iter().all(known), b"LTYP", || format!("expected types below {}", l.type_names.len()))?;
+    check_names(&l.columns).map_err(|e| (*b"INFO", one_line(&e.to_string())))?;
+    let finite = |c: &NumericColumn| c.values.len() == n && !c.values.iter().any(|v| v.is_infinite());
+    ensure(l.columns.iter().all(finite), b"LCOL", || "expected finite numbers, got an infinite one".into())
 }
 
 fn check_chunks(v: &CompressedVolume) -> Finding {

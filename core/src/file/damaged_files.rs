@@ -9,8 +9,8 @@ use super::layout::{ENTRY_BYTES, HEADER_BYTES, section_checksum};
 use super::read::read;
 use super::{CompressionLevel, layout};
 use crate::{
-    BoxRecord, CompressedVolume, Job, LabelBuffer, LabelNote, LabelTable, LabelType, VolumeInfo,
-    compress_labels,
+    BoxRecord, CompressedVolume, Job, LabelBuffer, LabelNote, LabelTable, LabelType, NumericColumn,
+    VolumeInfo, compress_labels,
 };
 
 /// Pseudorandom numbers that are the same on every machine (SplitMix64).
@@ -41,7 +41,10 @@ fn sample() -> CompressedVolume {
             }
         }
     }
-    compress_labels(info, LabelBuffer::U32(ids)).unwrap()
+    let mut volume = compress_labels(info, LabelBuffer::U32(ids)).unwrap();
+    let depths = (0..volume.labels.len()).map(|i| if i == 1 { f64::NAN } else { i as f64 / 3.0 }).collect();
+    volume.labels.columns = vec![NumericColumn { name: "depth".into(), values: depths }];
+    volume
 }
 
 fn file_bytes(volume: &CompressedVolume, level: CompressionLevel) -> Vec<u8> {
@@ -209,8 +212,10 @@ fn damaged_arrays_never_panic() {
     let volume = sample();
     let bytes = file_bytes(&volume, CompressionLevel::Fast);
     let mut random = Random(3);
-    let names =
-        ["INFO", "LIDS", "LTYP", "CHNK", "RUNS", "LVOX", "LCON", "LEAF", "SLIC", "RARE", "BOXS", "NODE"];
+    let names = [
+        "INFO", "LIDS", "LTYP", "CHNK", "RUNS", "LVOX", "LCON", "LEAF", "SLIC", "RARE", "BOXS", "NODE",
+        "LCOL",
+    ];
     let (mut refused, mut refused_chosen) = (HashMap::new(), HashMap::new());
     for (s, name) in names.iter().enumerate() {
         let entry = HEADER_BYTES + s * ENTRY_BYTES;

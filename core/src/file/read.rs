@@ -62,8 +62,8 @@ pub(super) fn from_path<T>(
 }
 
 /// Sections that describe a volume apart from its boxes.
-pub(super) const HEAD_SECTIONS: [&[u8; 4]; 10] =
-    [b"INFO", b"CHNK", b"RUNS", b"LIDS", b"LVOX", b"LTYP", b"LCON", b"LEAF", b"SLIC", b"RARE"];
+pub(super) const HEAD_SECTIONS: [&[u8; 4]; 11] =
+    [b"INFO", b"CHNK", b"RUNS", b"LIDS", b"LVOX", b"LTYP", b"LCON", b"LCOL", b"LEAF", b"SLIC", b"RARE"];
 
 /// Sections of boxes and nodes, in the plain form and in the packed one.
 const BOX_SECTIONS: [&[u8; 4]; 9] =
@@ -107,7 +107,7 @@ fn check_content(layout: &Layout, volume: CompressedVolume) -> std::result::Resu
 
 /// Builds a volume without boxes; it is not checked yet.
 pub(super) fn assemble_head(sections: &mut Sections) -> std::result::Result<CompressedVolume, Stop> {
-    let (info, type_names) = info_of(sections)?;
+    let (info, names) = info_of(sections)?;
     let mut volume = CompressedVolume::empty(info);
     volume.chunks = sections.elements(b"CHNK", |b: [u8; 40]| {
         let u32_at = |at: usize| u32::from_le_bytes([b[at], b[at + 1], b[at + 2], b[at + 3]]);
@@ -123,11 +123,13 @@ pub(super) fn assemble_head(sections: &mut Sections) -> std::result::Result<Comp
         let both = u64::from_le_bytes(b);
         LabelRun { label: both as u32, first_box: (both >> 32) as u32 }
     })?;
+    let ids = sections.elements(b"LIDS", u64::from_le_bytes)?;
     volume.labels = LabelTable {
-        ids: sections.elements(b"LIDS", u64::from_le_bytes)?,
+        columns: sections.columns(names.columns, ids.len())?,
+        ids,
         voxels: sections.elements(b"LVOX", u64::from_le_bytes)?,
         types: sections.elements(b"LTYP", u16::from_le_bytes)?,
-        type_names,
+        type_names: names.types,
         // The contacts stay packed here; they are checked once the number of labels is.
         contacts: Contacts { bytes: sections.take(b"LCON")?, pairs: 0 },
     };

@@ -12,13 +12,22 @@ use super::format_error::{FormatError, Stop};
 use super::layout::{ENTRY_BYTES, Entry, HEADER_BYTES, Layout, section_checksum};
 use crate::elements::{Elements, MappedFile};
 use crate::error::one_line;
-use crate::{CompressedVolume, Contacts, Job, VolumeInfo};
+use crate::{CompressedVolume, Contacts, Job, NumericColumn, VolumeInfo};
 
 /// The section `INFO`, as JSON.
 #[derive(Deserialize)]
 struct Info {
     volume: VolumeInfo,
     types: Vec<String>,
+    /// Names of the columns of `LCOL`; files without that section have none.
+    #[serde(default)]
+    columns: Vec<String>,
+}
+
+/// What the section `INFO` says beside the volume's info: names of label types, and of the columns of numbers.
+pub(super) struct TableNames {
+    pub(super) types: Vec<String>,
+    pub(super) columns: Vec<String>,
 }
 
 /// Sections that were read and decoded, by name.
@@ -79,6 +88,28 @@ impl Sections {
             }
             _ => Ok(self.elements(name, element)?.into()),
         }
+    }
+
+    /// Removes the section `LCOL` and divides it into the columns with these names; without names, there is no such section.
+    pub(super) fn columns(
+        &mut self,
+        names: Vec<String>,
+        labels: usize,
+    ) -> std::result::Result<Vec<NumericColumn>, Stop> {
+        if names.is_empty() {
+            return Ok(Vec::new());
+        }
+        let values = self.elements(b"LCOL", f64::from_le_bytes)?;
+        let expected = names.len().saturating_mul(labels);
+        if values.len() != expected {
+            let what = format!("numbers: expected {} columns of {labels}, got {}", names.len(), values.len());
+            return Err(self.fault(*b"LCOL", what));
+        }
+        // Columns of a volume without labels are empty, and `chunks_exact` takes no size of 0.
+        let mut parts = values.chunks_exact(labels.max(1));
+        let column =
+            |name| NumericColumn { name, values: parts.next().map_or_else(Vec::new, <[f64]>::to_vec) };
+        Ok(names.into_iter().map(column).collect())
     }
 
     /// Checks and takes over the pairs of touching labels; the volume's number of labels must have been checked.
@@ -183,12 +214,12 @@ pub(super) fn read_sections(
     Ok(sections)
 }
 
-/// Parses the section `INFO`: the volume's info, and the names of label types.
-pub(super) fn info_of(sections: &mut Sections) -> std::result::Result<(VolumeInfo, Vec<String>), Stop> {
+/// Parses the section `INFO`: the volume's info, and the names that the table of labels uses.
+pub(super) fn info_of(sections: &mut Sections) -> std::result::Result<(VolumeInfo, TableNames), Stop> {
     let info = sections.take(b"INFO")?;
-    let Info { volume, types } = serde_json::from_slice(&info).map_err(|e| {
+    let Info { volume, types, columns } = serde_json::from_slice(&info).map_err(|e| {
         // The error quotes the file.
         sections.fault(*b"INFO", one_line(&format!("JSON: {e}")))
     })?;
-    Ok((volume, types))
+    Ok((volume, TableNames { types, columns }))
 }

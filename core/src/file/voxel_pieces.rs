@@ -96,12 +96,20 @@ pub(super) fn read_voxels(
     job: &Job,
 ) -> std::result::Result<CompressedVolume, Stop> {
     let mut sections =
-        read_sections(file, None, layout, &[b"INFO", b"LIDS", b"LTYP", b"PIEC", b"VOXL"], job)?;
-    let (info, type_names) = info_of(&mut sections)?;
+        read_sections(file, None, layout, &[b"INFO", b"LIDS", b"LTYP", b"LCOL", b"PIEC", b"VOXL"], job)?;
+    let (info, names) = info_of(&mut sections)?;
     let ids = sections.elements(b"LIDS", u64::from_le_bytes)?;
     let types = sections.elements(b"LTYP", u16::from_le_bytes)?;
+    let columns = sections.columns(names.columns, ids.len())?;
     let mut head = CompressedVolume::empty(info);
-    head.labels = LabelTable { voxels: vec![0; ids.len()], ids, types, type_names, ..LabelTable::default() };
+    head.labels = LabelTable {
+        voxels: vec![0; ids.len()],
+        ids,
+        types,
+        type_names: names.types,
+        columns,
+        ..LabelTable::default()
+    };
     check::check_head(&head).map_err(|(section, what)| sections.fault(section, what))?;
 
     let table = sections.elements(b"PIEC", |b: [u8; PIECE_BYTES]| {

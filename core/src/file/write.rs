@@ -40,6 +40,9 @@ impl CompressionLevel {
 struct Info<'a> {
     volume: &'a VolumeInfo,
     types: &'a [String],
+    /// Names of the columns of `LCOL`.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    columns: Vec<&'a str>,
 }
 
 impl CompressedVolume {
@@ -103,8 +106,11 @@ impl CompressedVolume {
         level: CompressionLevel,
         job: &Job,
     ) -> Result<(Layout, Vec<Vec<u8>>)> {
-        let info = serde_json::to_vec(&Info { volume: &self.info, types: &self.labels.type_names })
+        let columns = self.labels.columns.iter().map(|c| c.name.as_str()).collect();
+        let info = Info { volume: &self.info, types: &self.labels.type_names, columns };
+        let info = serde_json::to_vec(&info)
             .map_err(|e| Error::Caller(format!("the volume's notes cannot be written as JSON: {e}")))?;
+        let numbers: Vec<f64> = self.labels.columns.iter().flat_map(|c| &c.values).copied().collect();
         let chunks: Vec<u8> = self
             .chunks
             .iter()
@@ -160,6 +166,10 @@ impl CompressedVolume {
                 (*b"SLCR", &streams.references[1], PLAIN),
                 (*b"FLDS", &streams.references[2], PLAIN),
             ]),
+        }
+        // Volumes without columns of numbers have no such section, so their files are those that were written before there were columns.
+        if !self.labels.columns.is_empty() {
+            plan.push((*b"LCOL", bytemuck::cast_slice(&numbers), (8, false, true)));
         }
         job.begin(plan.iter().map(|p| p.1.len() as u64).sum());
         let sections: Vec<(Entry, Vec<u8>)> = plan
