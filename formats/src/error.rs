@@ -42,6 +42,18 @@ pub enum FormatError {
         /// Byte offset in the file, where one is known.
         at: Option<u64>,
     },
+    /// A cell or a line of a table is wrong.
+    #[error("{}: line {line}, column {column}: {what}", path.display())]
+    Cell {
+        /// The file.
+        path: PathBuf,
+        /// Line in the file, from 1.
+        line: u64,
+        /// Field of the line, from 1; in JSON the character.
+        column: u64,
+        /// What is wrong: expected and got.
+        what: String,
+    },
     /// The file holds fewer voxels than its header declares.
     #[error(
         "{}: expected {expected} bytes of voxels, the data end after {got}{}", path.display(), AtByte(*at)

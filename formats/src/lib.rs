@@ -1,6 +1,6 @@
 #![forbid(unsafe_code)]
 //! Reads label volumes from foreign files (NRRD, NIfTI, TIFF, NPY/NPZ, MetaImage and raw) block by block and writes them; reads triangle
-//! meshes ([`mesh`]).
+//! meshes ([`mesh`]); reads and writes tables of labels ([`label_tables`]).
 //!
 //! ```text
 //! open ──► registry ──► one module a format ──► VolumeFile: info, axes, element type, byte stream ──► SlabSource ──► LabelBlock
@@ -11,6 +11,7 @@
 //! and refuses values that are not labels, and `slab` combines these with bounded memory.
 
 pub mod error;
+pub mod label_tables;
 pub mod mesh;
 pub mod open;
 pub mod options;
@@ -50,6 +51,7 @@ mod write_nrrd;
 mod write_tiff;
 
 pub use error::FormatError;
+pub use label_tables::{LabelTableFile, LabelTableFormat, read_label_table, write_label_table};
 pub use mesh::open_mesh;
 pub use open::{Probe, open, probe};
 pub use options::{ArrayAxes, OpenOptions, RawLayout, Warnings};

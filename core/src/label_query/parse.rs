@@ -171,7 +171,10 @@ fn number_test(name: &str, column: usize, operator: &str, rest: &mut Words<'_>) 
         "=" => Compare::Equal,
         "!=" => Compare::Unequal,
         _ => {
-            return Err(fault(column, format!("expected name: or type: before a text, got {name}{operator}")));
+            return Err(fault(
+                column,
+                format!("expected name: or type: before a text, got {name}{operator}"),
+            ));
         }
     };
     let (text, at) = rest.value("expected a number")?;
