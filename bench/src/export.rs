@@ -203,6 +203,7 @@ fn real(volume: &Path, folder: &Path, job: &Job) -> Result<Subject> {
         threads: None,
         memory_limit_bytes: None,
         types: None,
+        table: None,
     };
     compress_file(&request, job)?;
     Ok(Subject { name: file_name(volume), file, boxes: None, forms: vec![Form::Voxels] })

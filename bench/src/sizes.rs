@@ -69,6 +69,7 @@ pub fn measure_sizes(volume: &Path, job: &Job) -> Result<Sizes> {
             threads: None,
             memory_limit_bytes: None,
             types: None,
+            table: None,
         };
         *bytes = compress_file(&request, job)?.bytes_disk;
         let verified = verify_file(&file, volume, &OpenOptions::default(), job)?;

@@ -64,6 +64,7 @@ pub fn measure_speeds(path: &Path, job: &Job) -> Result<Speeds> {
         threads: None,
         memory_limit_bytes: None,
         types: None,
+        table: None,
     };
     let outcome = compress_file(&request, job)?;
     let volume = open_volume(&request.output, &OpenOptions::default(), Residence::Copied, job)?;

@@ -10,6 +10,7 @@ mod export;
 mod info;
 mod reading;
 mod render;
+mod table;
 mod values;
 mod verify;
 mod verify_render;
@@ -23,9 +24,10 @@ pub(crate) use decompress::Decompress;
 pub(crate) use demo::Demo;
 pub(crate) use devices::Devices;
 pub(crate) use export::{Export, FormArg, ReaderArg};
-pub(crate) use info::Info;
+pub(crate) use info::{Info, LabelList};
 pub(crate) use reading::{Axes, Reading};
 pub(crate) use render::{LodArg, Render, RenderMode, ViewArg};
+pub(crate) use table::Table;
 pub(crate) use verify::Verify;
 pub(crate) use verify_render::VerifyRender;
 
@@ -50,6 +52,7 @@ pub(crate) enum Command {
     Demo(Demo),
     Compress(Compress),
     Info(Info),
+    Table(Table),
     Verify(Verify),
     Decompress(Decompress),
     Render(Box<Render>),

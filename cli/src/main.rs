@@ -48,6 +48,7 @@ fn main() -> ExitCode {
         Command::Demo(a) => commands::demo::run(&a, &job),
         Command::Compress(a) => commands::compress::run(&a, &job),
         Command::Info(a) => commands::info::run(&a, &job),
+        Command::Table(a) => commands::table::run(&a, &job),
         Command::Verify(a) => commands::verify::run(&a, &job),
         Command::Decompress(a) => commands::decompress::run(&a, &job),
         Command::Render(a) => commands::render::run(&a, &job),

@@ -7,6 +7,7 @@ use pumice_formats::OpenOptions;
 use serde::Serialize;
 
 use crate::error::{Result, SessionError, io};
+use crate::label_files::{TableFit, annotate, read_table};
 use crate::measure::Stopwatch;
 
 /// Input, output and options of [`compress_file`].
@@ -26,6 +27,8 @@ pub struct CompressRequest {
     pub memory_limit_bytes: Option<u64>,
     /// CSV table with the columns id,type: the type of each label.
     pub types: Option<PathBuf>,
+    /// Table of labels in any format of `pumice_formats::label_tables`: names, types, colours and numbers.
+    pub table: Option<PathBuf>,
 }
 
 /// Sizes and times of a compression.
@@ -49,6 +52,9 @@ pub struct CompressOutcome {
     pub bytes_resident: u64,
     /// Warnings of the reader about the input, one line each.
     pub warnings: Vec<String>,
+    /// How the table of labels fits the volume; `None` without a table.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub table: Option<TableFit>,
 }
 
 /// Compresses a file into a `.pumice` file.
@@ -59,6 +65,7 @@ pub struct CompressOutcome {
 pub fn compress_file(request: &CompressRequest, job: &Job) -> Result<CompressOutcome> {
     let clock = Stopwatch::start();
     let types = request.types.as_deref().map(read_types).transpose()?;
+    let table = request.table.as_deref().map(read_table).transpose()?;
     let mut source = pumice_formats::open(&request.input, &request.reading)?;
     let options = CompressOptions {
         threads: request.threads.unwrap_or(0),
@@ -66,7 +73,7 @@ pub fn compress_file(request: &CompressRequest, job: &Job) -> Result<CompressOut
         types,
         ..CompressOptions::default()
     };
-    let volume = pumice_core::compress(source.as_mut(), &options, job).map_err(|e| match e {
+    let mut volume = pumice_core::compress(source.as_mut(), &options, job).map_err(|e| match e {
         pumice_core::Error::Limit { limit, got, .. } if Some(limit) == request.memory_limit_bytes => {
             let input = request.input.display();
             SessionError::Caller(format!(
@@ -75,6 +82,7 @@ pub fn compress_file(request: &CompressRequest, job: &Job) -> Result<CompressOut
         }
         other => other.into(),
     })?;
+    let table = table.map(|(table, notes)| annotate(&mut volume, &table, notes)).transpose()?;
     volume.save(&request.output, request.level, job)?;
     let bytes_disk = std::fs::metadata(&request.output).map_err(io(&request.output))?.len();
     Ok(CompressOutcome {
@@ -87,6 +95,7 @@ pub fn compress_file(request: &CompressRequest, job: &Job) -> Result<CompressOut
         bytes_disk,
         bytes_resident: volume.resident_parts().iter().map(|p| p.1).sum(),
         warnings: request.reading.warnings.list(),
+        table,
     })
 }
 

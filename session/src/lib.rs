@@ -9,6 +9,8 @@ pub mod error;
 pub mod export_file;
 pub mod figure;
 pub mod file_info;
+pub mod label_files;
+pub mod label_rows;
 pub mod live;
 pub mod measure;
 pub mod npy;
@@ -29,13 +31,17 @@ pub use compress_file::{CompressOutcome, CompressRequest, compress_file, decompr
 pub use error::SessionError;
 pub use export_file::{ExportRequest, Exported, export_file};
 pub use file_info::{FileInfo, file_info};
+pub use label_files::{
+    TableFit, TableOutcome, TableRequest, annotate, parse_query, read_table, write_labels,
+};
+pub use label_rows::LabelRows;
 pub use live::{Frame, Live, LiveOptions, LiveState, Status};
 pub use measure::{Stopwatch, peak_rss_bytes, resident_file_bytes};
 pub use open::{Residence, open_chosen, open_labels, open_meshes, open_shown, open_source, open_volume};
 pub use progressive::{CurvePoint, Stop};
 pub use pumice_core::{CompressionLevel, Job, LabelType, Verification};
 pub use pumice_export::{ExportSize, Form, Merging, Reader, VoxelRegion};
-pub use pumice_formats::{ArrayAxes, OpenOptions, RawLayout};
+pub use pumice_formats::{ArrayAxes, LabelTableFormat, OpenOptions, RawLayout};
 pub use pumice_scene::{Lod, Mode, ViewTransform};
 pub use pumice_transport::LoadedScene;
 pub use pumice_transport::geometry::DetailLevel;

@@ -196,6 +196,74 @@ def test_spacing_that_is_none(pumice, good, spacing, tmp_path):
     assert left_in(tmp_path) == []
 
 
+TABLES = {
+    "no id": (b"name,depth\na,1\n", "line 1, column 1: expected a column id, label or index"),
+    "negative": (b"id,name\n1,a\n-7,b\n", "line 3, column 1: expected an id"),
+    "fraction": (b"id,name\n1.5,a\n", "line 2, column 1: expected an id"),
+    "too large": (b"id\n18446744073709551616\n", "line 2, column 1: expected an id up to"),
+    "twice": (b"id,name\n7,a\n7,b\n", "line 3, column 1: expected each id once, got 7 as in line 2"),
+    "not a number": (b"id,depth\n7,NaN\n", "line 2, column 2: expected a finite number"),
+    "infinite": (b"id,depth\n7,1\n8,-inf\n", "line 3, column 2: expected a finite number"),
+    "cut": (b"id,name,depth\n7,a,1\n8,b\n", "line 3, column 3: expected 3 fields"),
+    "cut in quotes": (b'id,name\n7,"a\n', "line 2, column 2: expected a closing quote"),
+    "no colour": (b"id,color\n7,red\n", "line 2, column 2: expected a colour #rrggbb"),
+    "bright": (b"id,r,g,b\n7,0,0,999\n", "line 2, column 4: expected a colour from 0"),
+    "UTF-16": ("id,name\n7,a\n".encode("utf-16"), "expected text in UTF-8, got UTF-16"),
+    "Latin-1": ("id,name\n7,ä\n".encode("latin-1"), "line 2, column 3: expected text in UTF-8, got byte e4"),
+    "binary": (bytes(range(256)), "expected a table of labels, got a binary file"),
+    "empty": (b"", "got an empty file"),
+    "JSON of another kind": (b'{"@type": "neuroglancer_multiscale_volume"}', "@type: expected `neuroglancer_segment_properties`"),
+    "cut JSON": (b'{"@type": "neuroglancer_segment_properties", "inline": {"ids": ["1"', "line 1, column 67: JSON"),
+    "deep JSON": (b"[" * 100_000, "JSON"),
+}
+
+
+@pytest.mark.parametrize("what", TABLES)
+def test_tables_that_are_none(pumice, good, what, tmp_path):
+    content, expected = TABLES[what]
+    (tmp_path / "table").write_bytes(content)
+    done = run(pumice, "compress", good["raw.nrrd"], "-o", tmp_path / "o.pumice", "--table", tmp_path / "table")
+    line = done.refused()
+    assert str(tmp_path / "table") in line and expected in line, line
+    assert done.peak_rss_bytes < MEMORY_BYTES and left_in(tmp_path) == ["table"]
+
+
+def test_a_table_of_absurd_size(pumice, good, tmp_path):
+    """A terabyte that takes no room on disk, and a device that never ends."""
+    with (tmp_path / "table").open("wb") as file:
+        file.truncate(1 << 40)
+    for table in [tmp_path / "table", "/dev/zero", tmp_path / "absent"]:
+        done = run(pumice, "compress", good["raw.nrrd"], "-o", tmp_path / "o.pumice", "--table", table)
+        assert str(table) in done.refused() and done.peak_rss_bytes < MEMORY_BYTES
+    assert left_in(tmp_path) == ["table"]
+
+
+@pytest.mark.parametrize(
+    "query,expected",
+    [
+        ("glia size>", "query, column 11: expected a number, got the end of the line"),
+        ("voxels>many", "query, column 8: expected a number, got many"),
+        ("size>3", "query, column 1: expected a column of numbers (id, voxels, boxes"),
+        ('name:"open', "query, column 6: expected a closing quote"),
+        ("9-3", "query, column 1: expected a range from a lower id to a higher one"),
+        ("-", "query, column 1: expected a condition after -"),
+    ],
+)
+def test_queries_that_are_none(pumice, good_pumice, query, expected, tmp_path):
+    for command in [("info", good_pumice, "--labels"), ("table", good_pumice, "-o", tmp_path / "t.csv")]:
+        assert expected in run(pumice, *command, f"--query={query}").refused()
+    assert left_in(tmp_path) == []
+
+
+def test_tables_that_cannot_be_written(pumice, good_pumice, tmp_path):
+    assert "ending names no format" in run(pumice, "table", good_pumice, "-o", tmp_path / "t.xls").refused()
+    assert "t.csv" in run(pumice, "table", good_pumice, "-o", tmp_path / "no" / "t.csv").refused()
+    (tmp_path / "t.csv").write_text("what was here before")
+    line = run(pumice, "table", good_pumice, "-o", tmp_path / "t.csv", file_size_limit=1024).refused()
+    assert "t.csv" in line and left_in(tmp_path) == ["t.csv"] and (tmp_path / "t.csv").read_text() == "what was here before"
+    assert "sort: expected id, name, type, voxels" in run(pumice, "info", good_pumice, "--labels", "--sort", "size").refused()
+
+
 def test_a_compression_bomb_stays_small_in_memory(pumice, tmp_path):
     """A header for 8 voxels, followed by a gigabyte of zeros that is compressed to a megabyte."""
     head = b"NRRD0004\ntype: uint8\ndimension: 3\nsizes: 2 2 2\nencoding: gzip\n\n"
@@ -426,6 +494,11 @@ def test_broken_scenes(pumice, good_pumice, tmp_path):
         ["compress", "a", "-o", "b", "--memory-limit", "0"],
         ["compress", "a", "-o", "b", "--raw-dims", "2,2,2"],
         ["info"],
+        ["info", "a", "--csv"],
+        ["info", "a", "--labels", "--json"],
+        ["table", "a"],
+        ["table", "a", "-o", "b", "--as", "xls"],
+        ["compress", "a", "-o", "b", "--types", "c", "--table", "d"],
     ],
 )
 def test_bad_usage(pumice, args):

@@ -58,7 +58,7 @@ def info_of(pumice, path):
 
 def test_help_and_version(pumice):
     top = run(pumice, "--help").fine()
-    for command in ["demo", "compress", "info", "verify", "decompress", "render", "compare", "devices"]:
+    for command in ["demo", "compress", "info", "verify", "decompress", "render", "compare", "devices", "table"]:
         assert f"  {command} " in top
         assert "Usage:" in run(pumice, command, "--help").fine()
     assert run(pumice, "--version").fine().startswith("pumice ")

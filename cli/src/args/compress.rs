@@ -36,6 +36,13 @@ pub(crate) struct Compress {
     /// CSV table with the columns id,type: the type of each label
     #[arg(long, value_name = "TABLE")]
     pub(crate) types: Option<PathBuf>,
+    /// Table of labels: names, types, colours and columns of numbers, by id
+    ///
+    /// CSV or TSV with a header line (id, name, type, color as #rrggbb or r,g,b, any columns of numbers), a label description file of
+    /// ITK-SNAP, a colour table of FreeSurfer or 3D Slicer, or segment properties of Neuroglancer. Its content decides. The command says
+    /// which rows have no label, and how many labels have no row.
+    #[arg(long, value_name = "TABLE", conflicts_with = "types")]
+    pub(crate) table: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) reading: Reading,
 }

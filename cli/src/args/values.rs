@@ -1,7 +1,7 @@
 //! Parsers of flag values. Each error says which form was expected. The parsers of sizes and bytes are in `pumice_session::values`.
 
-use pumice_session::LabelType;
 use pumice_session::values::numbers;
+use pumice_session::{LabelTableFormat, LabelType};
 
 /// Voxels along x, y and z: `512,512,128`.
 pub(super) fn dims(text: &str) -> Result<[u64; 3], String> {
@@ -47,6 +47,13 @@ pub(super) fn relative(text: &str) -> Result<f64, String> {
 pub(super) fn label_type(text: &str) -> Result<LabelType, String> {
     serde_json::from_value(serde_json::Value::String(text.to_lowercase()))
         .map_err(|_| "expected one of u8 u16 u32 u64 i8 i16 i32 i64 f32 f64".into())
+}
+
+/// A format of label tables by name: `itk-snap`.
+pub(super) fn table_format(text: &str) -> Result<LabelTableFormat, String> {
+    LabelTableFormat::of_name(text).ok_or_else(|| {
+        format!("expected one of {}", LabelTableFormat::ALL.map(LabelTableFormat::name).join(" "))
+    })
 }
 
 #[cfg(test)]

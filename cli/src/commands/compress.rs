@@ -35,6 +35,7 @@ pub(crate) fn run(args: &Compress, job: &Arc<Job>) -> Result<Answer, Failure> {
             threads: args.threads.map(usize::from),
             memory_limit_bytes: args.memory_limit,
             types: args.types.clone(),
+            table: args.table.clone(),
         },
         job,
     )?;
@@ -56,6 +57,13 @@ pub(crate) fn run(args: &Compress, job: &Arc<Job>) -> Result<Answer, Failure> {
         ))?;
         for warning in &outcome.warnings {
             say(format_args!("warning: {warning}"))?;
+        }
+        if let Some(fit) = &outcome.table {
+            say(format_args!(
+                "table: {} of {} labels have a row, {} columns of numbers",
+                fit.labels_with_row, outcome.labels, fit.columns
+            ))?;
+            fit.notes.iter().try_for_each(|note| say(format_args!("note: {note}")))?;
         }
     }
     if let Some(to) = &args.json {

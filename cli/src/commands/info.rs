@@ -4,12 +4,16 @@ use std::sync::Arc;
 
 use pumice_session::{FileInfo, Job, file_info};
 
-use super::open_options;
+use super::{label_list, open_options};
 use crate::Answer;
 use crate::args::Info;
 use crate::failure::{Failure, print, say};
 
 pub(crate) fn run(args: &Info, job: &Arc<Job>) -> Result<Answer, Failure> {
+    if args.list.labels {
+        label_list::print(&args.file, &args.list, &open_options(&args.reading), job)?;
+        return Ok(Answer::Yes);
+    }
     let info = file_info(&args.file, &open_options(&args.reading), job)?;
     if args.json {
         print(&serde_json::to_string_pretty(&info)?)?;

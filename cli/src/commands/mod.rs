@@ -8,7 +8,9 @@ pub(crate) mod demo;
 pub(crate) mod devices;
 pub(crate) mod export;
 pub(crate) mod info;
+mod label_list;
 pub(crate) mod render;
+pub(crate) mod table;
 pub(crate) mod verify;
 pub(crate) mod verify_render;
 
