@@ -13,6 +13,7 @@ import atexit
 from ._native import Job, __version__, _end_calls
 from .bridge import agreement, export, verify_render
 from .errors import Cancelled, InputError, InternalError, PumiceError, PumiceWarning
+from .label_table import AnnotationTable, query_labels, read_label_table
 from .labels import LabelGroups
 from .mesh import Mesh
 from .picture import CurvePoint, Picture, cryptomatte_hash, devices, render
@@ -26,6 +27,7 @@ from .volume import Faces, LabelTable, Volume, compress, open, probe
 atexit.register(_end_calls)
 
 __all__ = [
+    "AnnotationTable",
     "Cancelled",
     "CurvePoint",
     "Faces",
@@ -55,6 +57,8 @@ __all__ = [
     "figure",
     "open",
     "probe",
+    "query_labels",
+    "read_label_table",
     "render",
     "surface",
     "verify_render",

@@ -9,6 +9,44 @@ from typing import Any, SupportsFloat, SupportsIndex, final
 from typing_extensions import Buffer
 
 @final
+class AnnotationTable:
+    """
+    Names, types, colours and numbers of labels by id.
+    """
+    def __new__(cls, /, ids: SupportsGetItem[int, SupportsIndex], names: SupportsGetItem[int, str], types: SupportsGetItem[int, str], colors: SupportsGetItem[int, SupportsLenAndGetItem[SupportsFloat | SupportsIndex] | None], columns: SupportsGetItem[int, tuple[str, SupportsGetItem[int, SupportsFloat | SupportsIndex]]]) -> AnnotationTable:
+        """
+        A table of these rows, which are sorted by id.
+        """
+    def colors(self, /) -> Array:
+        """
+        sRGB colours, NaN where a row has none.
+        """
+    def columns(self, /) -> list[tuple[str, Array]]:
+        """
+        Columns of numbers by name.
+        """
+    def ids(self, /) -> Array:
+        """
+        Ids, in rising order.
+        """
+    def names(self, /) -> list[str]:
+        """
+        Names, empty where a row has none.
+        """
+    def query(self, /, line: str) -> Array:
+        """
+        Whether a query line holds, for each row.
+        """
+    def save(self, /, path: str | PathLike[str], format: str | None) -> list[str]:
+        """
+        Writes a file in the format of this name, or in that of the file's name; returns what the format does not hold, a line each.
+        """
+    def types(self, /) -> list[str]:
+        """
+        Types, empty where a row has none.
+        """
+
+@final
 class Array:
     """
     A read-only array of numbers in C order. `numpy.asarray` shows it without a copy.
@@ -211,6 +249,7 @@ class ReferencePicture:
         """
         The reference of `seeds` pictures that these arrays of 64-bit floats store: mean and variance (height, width, 3), tile_variance
         (rows, columns, 3), total_variance (3).
+        """
 
 @final
 class Scene:
@@ -318,6 +357,10 @@ class Volume:
         """
         Origins and extents in voxels, and labels, of all boxes.
         """
+    def columns(self, /) -> list[tuple[str, Array]]:
+        """
+        Columns of numbers that a table gave to the labels, by name.
+        """
     def contacts(self, /) -> Array:
         """
         Pairs of labels that touch, by row of the label table.
@@ -358,6 +401,10 @@ class Volume:
         """
         Names, empty where the file gives none, and sRGB colours, NaN where the file gives none.
         """
+    def query(self, /, line: str) -> Array:
+        """
+        Whether a query line holds for each label. Bounds are found if the line compares them.
+        """
     def resident_parts(self, /) -> dict[str, int]:
         """
         Current bytes in memory by part; queries add an index.
@@ -391,9 +438,10 @@ def agreement(ours: Any, theirs: Any, covered: Any) -> str:
     pixel, 0 where it shows no surface. Returns the verdict and its statistics as JSON text.
     """
 
-def compress(source: str | PathLike[str] | Incomplete, *, types: str | None = None, memory_limit: SupportsIndex | None = None, threads: SupportsIndex = 0, read_as: tuple[SupportsIndex | None, SupportsIndex | None, SupportsIndex | None, str | None, SupportsLenAndGetItem[SupportsFloat | SupportsIndex] | None], job: Job | None = None) -> tuple[Volume, list[str]]:
+def compress(source: str | PathLike[str] | Incomplete, *, types: str | None = None, table: AnnotationTable | None = None, memory_limit: SupportsIndex | None = None, threads: SupportsIndex = 0, read_as: tuple[SupportsIndex | None, SupportsIndex | None, SupportsIndex | None, str | None, SupportsLenAndGetItem[SupportsFloat | SupportsIndex] | None], job: Job | None = None) -> tuple[Volume, list[str]]:
     """
-    Compresses a file, or blocks; also returns the reader's warnings.
+    Compresses a file, or blocks, and gives the labels what a table has for them; also returns the reader's warnings, and what of the table
+    does not fit.
     """
 
 def count_faces(volume: Volume, visible: SupportsGetItem[int, bool], *, lod: SupportsIndex, merged: bool, limit: SupportsIndex, job: Job | None = None) -> int:
@@ -430,6 +478,16 @@ def open(path: str | PathLike[str], *, labels: SupportsGetItem[int, SupportsInde
 def probe(path: str | PathLike[str], *, read_as: tuple[SupportsIndex | None, SupportsIndex | None, SupportsIndex | None, str | None, SupportsLenAndGetItem[SupportsFloat | SupportsIndex] | None], job: Job | None = None) -> str:
     """
     A summary of a file, from its header alone, as JSON text.
+    """
+
+def query_labels(line: str, ids: SupportsGetItem[int, SupportsIndex], names: SupportsGetItem[int, str], types: SupportsGetItem[int, str], columns: SupportsGetItem[int, tuple[str, SupportsGetItem[int, SupportsIndex] | SupportsGetItem[int, SupportsFloat | SupportsIndex]]]) -> Array:
+    """
+    Whether a query line holds, for each row of a table. Names and types are empty, or as many as there are ids.
+    """
+
+def read_label_table(path: str | PathLike[str]) -> tuple[AnnotationTable, str, list[str]]:
+    """
+    Reads a table of labels; returns it, the name of its format, and what its reader left out, a line each.
     """
 
 def render(scene: Scene, volumes: SupportsGetItem[int, Volume] | None, meshes: SupportsGetItem[int, Mesh], how: tuple[str, SupportsIndex | None, SupportsFloat | SupportsIndex | None, SupportsFloat | SupportsIndex | None], *, job: Job | None, on_progress: Any | None) -> Picture:

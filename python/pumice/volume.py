@@ -16,6 +16,7 @@ import numpy.typing as npt
 from . import _native, arguments, blocks
 from .arguments import Choice, Level, Path, Reading
 from .errors import InputError, PumiceWarning
+from .label_table import AnnotationTable
 
 Job = _native.Job
 
@@ -40,6 +41,7 @@ class LabelTable:
         self.colors: npt.NDArray[np.float32] = np.asarray(colors)
         types = np.asarray(volume.types())
         self.types: list[str] = [type_names[t] if t >= 0 else "" for t in types.tolist()]
+        self.columns: dict[str, npt.NDArray[np.float64]] = {name: np.asarray(values) for name, values in volume.columns()}
 
     def __len__(self) -> int:
         return len(self.ids)
@@ -51,6 +53,11 @@ class LabelTable:
         if row == len(self.ids) or int(self.ids[row]) != wanted:
             raise InputError(f"the volume has no label {wanted}")
         return row
+
+    def query(self, line: str) -> npt.NDArray[np.bool_]:
+        """Whether a query line such as `glia voxels>1000` holds, by row; see `query_labels`. It may compare `voxels`, `boxes`, `low_x` to
+        `high_z`, `centre_x` to `centre_z` (the middle of the bounds in the volume's world) and the names of `columns`."""
+        return np.asarray(self._volume.query(line))
 
     def auto_colors(self, visible: npt.ArrayLike | None = None) -> npt.NDArray[np.float32]:
         """Linear Rec. 709 colours, (n, 3), that labels which touch do not share: what `auto_color` gives in a scene."""
@@ -275,6 +282,7 @@ def compress(
     world_from_index: npt.ArrayLike | None = None,
     names: Mapping[int, str] | None = None,
     types: Mapping[int, str] | Path | None = None,
+    table: AnnotationTable | Path | None = None,
     memory_limit: int | None = None,
     threads: int = 0,
     job: Job | None = None,
@@ -283,9 +291,19 @@ def compress(
     """Compresses a file, or an array[x, y, z] of labels of any integer type and order; floats must be whole numbers ≥ 0.
 
     For arrays: `spacing` (three lengths) or `world_from_index` (4 × 4, voxel corners to world), `unit` (nm, um, mm, m), `names` by id.
-    `types`: type by id, or the path of a CSV table id,type. `memory_limit` is in bytes; `threads` of 0 uses all cores.
+    `types`: type by id, or the path of a CSV table id,type. `table`: names, types, colours and numbers by id, as an `AnnotationTable` or a
+    file that `read_label_table` reads; what it says replaces what the source has, and a `PumiceWarning` tells what does not fit.
+    `memory_limit` is in bytes; `threads` of 0 uses all cores.
     """
-    table = _type_table(types)
+    if types is not None and table is not None:
+        raise InputError("give types or table, not both")
+    typed = _type_table(types)
+    told: tuple[str, ...] = ()
+    if isinstance(table, (str, os.PathLike)):
+        table = AnnotationTable.read(table)
+        told = table.notes
+    elif table is not None and not isinstance(table, AnnotationTable):
+        raise InputError(f"table: expected a path or an AnnotationTable, got {type(table).__name__}")
     threads = arguments.whole("threads", threads, 0, MOST_THREADS)
     if memory_limit is not None:
         memory_limit = arguments.whole("memory_limit", memory_limit, 0, arguments.MOST_64)
@@ -299,9 +317,15 @@ def compress(
     else:
         described = _source(source, spacing, unit, world_from_index, names)
     native, odd = _native.compress(
-        described, types=table, memory_limit=memory_limit, threads=threads, read_as=read_as, job=job
+        described,
+        types=typed,
+        table=None if table is None else table.native(),
+        memory_limit=memory_limit,
+        threads=threads,
+        read_as=read_as,
+        job=job,
     )
-    _warn(odd)
+    _warn([*told, *odd])
     return Volume(native)
 
 

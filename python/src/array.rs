@@ -18,6 +18,7 @@ use pyo3::prelude::*;
 
 /// The data of an array.
 pub(crate) enum Data {
+    Bool(Vec<bool>),
     F32(Vec<f32>),
     F64(Vec<f64>),
     I32(Vec<i32>),
@@ -33,6 +34,8 @@ impl Data {
             cast_slice(values)
         }
         match self {
+            // A bool is a byte, 0 or 1, in Rust as in the buffer protocol.
+            Self::Bool(v) => cast_slice(v),
             Self::F32(v) => of(v),
             Self::F64(v) => of(v),
             Self::I32(v) => of(v),
@@ -45,6 +48,7 @@ impl Data {
     /// Bytes of one number, and its format letter in Python's `struct` module.
     fn item(&self) -> (usize, &'static CStr) {
         match self {
+            Self::Bool(_) => (1, c"?"),
             Self::F32(_) | Self::Frame(_) => (4, c"f"),
             Self::F64(_) => (8, c"d"),
             Self::I32(_) => (4, c"i"),

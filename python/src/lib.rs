@@ -9,6 +9,7 @@ mod calls;
 mod errors;
 mod frame;
 mod job;
+mod label_table;
 mod labels;
 mod live;
 mod mesh;
@@ -36,6 +37,8 @@ mod _native {
     use crate::frame::Frame;
     #[pymodule_export]
     use crate::job::Job;
+    #[pymodule_export]
+    use crate::label_table::{AnnotationTable, query_labels, read_label_table};
     #[pymodule_export]
     use crate::labels::LabelGroups;
     #[pymodule_export]

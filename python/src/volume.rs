@@ -10,7 +10,7 @@ use pumice_core::{
     LabelBuffer, LabelNote, LabelType, TypeTable, Unit, Verification, VolumeInfo,
 };
 use pumice_export::{Corners, Interfaces, QuadMesh};
-use pumice_session::{OpenOptions, Residence, SessionError};
+use pumice_session::{LabelRows, OpenOptions, Residence, SessionError};
 use pyo3::buffer::PyBuffer;
 use pyo3::prelude::*;
 use serde_json::json;
@@ -18,6 +18,7 @@ use serde_json::json;
 use crate::array::{Array, Data};
 use crate::errors::{IntoException, input};
 use crate::job::{Job, job_of};
+use crate::label_table::{AnnotationTable, colors_of, columns_of};
 use crate::waiting::{detached, released};
 
 /// An immutable volume in its compressed form.
@@ -100,13 +101,13 @@ impl Volume {
     fn notes(&self) -> (Vec<String>, Array) {
         let n = self.0.labels().len();
         let notes = (0..n as u32).map(|label| self.0.note(label));
-        let (names, colors): (Vec<String>, Vec<[f32; 3]>) = notes
+        let (names, colors): (Vec<String>, Vec<Option<[f32; 3]>>) = notes
             .map(|note| {
                 let name = note.and_then(|n| n.name.clone()).unwrap_or_default();
-                (name, note.and_then(|n| n.color_srgb).unwrap_or([f32::NAN; 3]))
+                (name, note.and_then(|n| n.color_srgb))
             })
             .unzip();
-        (names, Array::new(Data::F32(colors.into_flattened()), &[n, 3]))
+        (names, colors_of(colors.into_iter()))
     }
 
     /// Type of each label: its index in `type_names`, or −1.
@@ -114,6 +115,22 @@ impl Volume {
         let n = self.0.labels().len();
         let of = |label| self.0.labels().type_of(label).map_or(-1, i32::from);
         Array::new(Data::I32((0..n as u32).map(of).collect()), &[n])
+    }
+
+    /// Columns of numbers that a table gave to the labels, by name.
+    fn columns(&self) -> Vec<(String, Array)> {
+        columns_of(self.0.labels().columns())
+    }
+
+    /// Whether a query line holds for each label. Bounds are found if the line compares them.
+    fn query(&self, py: Python<'_>, line: &str) -> PyResult<Array> {
+        detached(py, || {
+            let query = pumice_session::parse_query(line)?;
+            let rows = LabelRows::for_query(&self.0, &query);
+            let chosen = rows.matches(&query).map_err(|e| SessionError::Caller(e.to_string()))?;
+            let n = chosen.len();
+            Ok::<_, SessionError>(Array::new(Data::Bool(chosen), &[n]))
+        })
     }
 
     /// Pairs of labels that touch, by row of the label table.
@@ -296,13 +313,15 @@ pub(crate) struct Blocks {
     next: Py<PyAny>,
 }
 
-/// Compresses a file, or blocks; also returns the reader's warnings.
+/// Compresses a file, or blocks, and gives the labels what a table has for them; also returns the reader's warnings, and what of the table
+/// does not fit.
 #[pyfunction]
-#[pyo3(signature = (source, *, types=None, memory_limit=None, threads=0, read_as, job=None))]
+#[pyo3(signature = (source, *, types=None, table=None, memory_limit=None, threads=0, read_as, job=None))]
 pub(crate) fn compress(
     py: Python<'_>,
     source: Source,
     types: Option<String>,
+    table: Option<&Bound<'_, AnnotationTable>>,
     memory_limit: Option<u64>,
     threads: usize,
     read_as: ReadAs,
@@ -314,9 +333,13 @@ pub(crate) fn compress(
     let reading = reading(read_as);
     let options =
         CompressOptions { threads, memory_limit_bytes: memory_limit, types, ..CompressOptions::default() };
-    let volume =
-        with_source(py, source, &reading, &job, |source| Ok(pumice_core::compress(source, &options, &job)?))?;
-    Ok((Volume(Arc::new(volume)), reading.warnings.list()))
+    let table = table.map(|table| &table.get().0);
+    let (volume, notes) = with_source(py, source, &reading, &job, |source| {
+        let mut volume = pumice_core::compress(source, &options, &job)?;
+        let fit = table.map(|table| pumice_session::annotate(&mut volume, table, Vec::new())).transpose()?;
+        Ok((volume, fit.map_or_else(Vec::new, |fit| fit.notes)))
+    })?;
+    Ok((Volume(Arc::new(volume)), [reading.warnings.list(), notes].concat()))
 }
 
 /// Runs `work` on a source, with the interpreter released except while blocks are fetched from Python.
