@@ -103,6 +103,8 @@ pub struct TableOutcome {
     pub labels: u64,
     /// What the format does not hold, a line each.
     pub notes: Vec<String>,
+    /// Warnings of the reader about the volume, one line each.
+    pub warnings: Vec<String>,
 }
 
 /// Writes the labels of a volume as a table. In formats that need a colour for each label, those without one get an automatic one.
@@ -128,7 +130,8 @@ pub fn write_labels(request: &TableRequest, job: &Job) -> Result<TableOutcome> {
     }
     let table = rows.table(&chosen)?;
     notes.extend(write_label_table(&request.out, format, &table)?);
-    Ok(TableOutcome { format: format.name(), labels: table.len() as u64, notes })
+    let warnings = request.reading.warnings.list();
+    Ok(TableOutcome { format: format.name(), labels: table.len() as u64, notes, warnings })
 }
 
 /// Parses a query line.

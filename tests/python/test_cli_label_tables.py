@@ -258,3 +258,11 @@ def test_a_volume_of_another_format_has_a_table_too(pumice, data, tmp_path):
     head = (data / "slicer_Segmentation.seg.nrrd").read_bytes().split(b"\n\n")[0].decode()
     names = re.findall(r"Segment\d+_Name:=(.*)", head)
     assert names and {row["name"] for row in rows} <= set(names) and all(re.fullmatch("#[0-9a-f]{6}", row["color"]) for row in rows)
+
+
+def test_warnings_about_the_volume_are_said_beside_the_table(pumice, volume, tmp_path):
+    """An array has no spacing. Programs that read standard output get the labels alone."""
+    warning = "no spacing"
+    assert warning in run(pumice, "table", volume, "-o", tmp_path / "t.csv").fine()
+    done = run(pumice, "info", volume, "--labels", "--csv")
+    assert done.code == 0 and warning in done.err and [int(row["id"]) for row in rows_of(done.out)] != []

@@ -35,6 +35,8 @@ pub(crate) fn print(
     let volume = open_volume(path, reading, Residence::Mapped, job)?;
     let rows = LabelRows::of(&volume);
     drop(bar);
+    // Standard output has the labels alone, for programs that read it.
+    reading.warnings.list().iter().for_each(|warning| eprintln!("pumice: warning: {warning}"));
     let chosen = rows.sorted(&query, &list.sort)?;
     if list.csv {
         return say(rows.csv(path, &chosen)?.trim_end_matches('\n'));
@@ -70,7 +72,10 @@ pub(crate) fn print(
 /// A number with at most two digits behind the point.
 fn short(value: f64) -> String {
     let text = format!("{value:.2}");
-    text.trim_end_matches('0').trim_end_matches('.').to_owned()
+    match text.trim_end_matches('0').trim_end_matches('.') {
+        "-0" => "0".to_owned(),
+        short => short.to_owned(),
+    }
 }
 
 /// Lines of cells as text, each column as wide as its widest cell.
@@ -100,7 +105,7 @@ mod tests {
             cells(["12345", "ä", "", "7", "0,0,0", "1,1,1", "1,1,1", "-"]),
         ]);
         assert_eq!(lines[0], "   id  name  type  voxels    low   high  centre  color");
-        assert_eq!(lines[1], "12345  ä               7  0,0,0  1,1,1   1,1,1  -");
-        assert_eq!([19.0, -0.125, 1e6].map(short), ["19", "-0.12", "1000000"]);
+        assert_eq!(lines[1], "12345  ä                7  0,0,0  1,1,1   1,1,1  -");
+        assert_eq!([19.0, -0.126, -0.001, 1e6].map(short), ["19", "-0.13", "0", "1000000"]);
     }
 }
