@@ -28,6 +28,7 @@ def test_rows_are_sorted_by_id():
     np.testing.assert_array_equal(t.columns["depth"], [np.nan, 0.1, -3.0, 1e300])
     np.testing.assert_array_equal(t.columns["count"], [6, 5, 7, 8])
     np.testing.assert_array_equal(np.isnan(t.colors).all(axis=1), [False, False, True, False])
+    np.testing.assert_array_equal(t.query("glia depth>1"), [False, False, False, True])
     with pytest.raises(ValueError):
         t.columns["depth"][0] = 1
 

@@ -286,10 +286,7 @@ pub(super) fn without_header(path: &Path, line: u64, record: &StringRecord) -> R
         }
     }
     if record.len() - at == 4 {
-        layout.others.push(OtherColumn::left_out(at + 3, "column 4 of the colour, its opacity"));
+        layout.others.push(OtherColumn::left_out(at + 3, "the opacity of the colours"));
     }
     Ok(layout)
 }
-
-/// Marker of the type that `finish` of a column gives: the column, or a note why it is left out.
-pub(super) type Finished = std::result::Result<NumericColumn, Option<String>>;

@@ -18,7 +18,7 @@ use pumice_core::NumericColumn;
 use pumice_core::error::one_line;
 
 use super::cells::quoted;
-use super::delimited::{Finished, without_header};
+use super::delimited::without_header;
 use super::wrong_cell;
 use crate::error::Result;
 
@@ -97,6 +97,9 @@ impl Layout {
         Ok((Self { fields: headers.len(), id, name, kind, color, channels, others }, true))
     }
 }
+
+/// What a column gives: its numbers, or a note why it is left out, which an empty column without a name does not need.
+pub(super) type Finished = std::result::Result<NumericColumn, Option<String>>;
 
 /// A column that is none of those with a meaning.
 #[derive(Debug)]
