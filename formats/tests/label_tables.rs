@@ -109,6 +109,23 @@ fn formats_of_lines_keep_ids_names_and_colours() {
     }
 }
 
+/// A comma or a quote in the first name made a table of FreeSurfer look like CSV (found by fuzzing).
+#[test]
+fn the_first_name_does_not_change_the_format() {
+    for name in ["a,b", "a;b", "\"a\"", "#a"] {
+        let names = vec![name.to_owned()];
+        let table =
+            AnnotationTable::new(vec![0], names.clone(), vec![String::new()], vec![Some([0.0; 3])], vec![])
+                .unwrap();
+        for format in [LabelTableFormat::ItkSnap, LabelTableFormat::FreeSurfer, LabelTableFormat::Slicer] {
+            let (_folder, path) = file("t", "");
+            write_label_table(&path, format, &table).unwrap();
+            let back = read_label_table(&path).unwrap();
+            assert_eq!((back.format, back.table.names()), (format, &names[..]), "{name}");
+        }
+    }
+}
+
 #[test]
 fn neuroglancer_keeps_ids_names_types_and_numbers() {
     let texts = |texts: [&str; 3]| texts.map(str::to_owned).to_vec();

@@ -19,17 +19,19 @@ use super::text::data_lines;
 use super::{LabelTableFile, LabelTableFormat, wrong_cell};
 use crate::error::Result;
 
-/// Whether the first label of the text has an id, a name without spaces and three or more colours.
+/// Whether the text has the header of such a table, or its first label has an id, a name without spaces and quotes, and three colours.
 pub(super) fn recognises(text: &str) -> bool {
-    data_lines(text).next().is_some_and(|(_, line)| {
+    let says_so = text
+        .lines()
+        .take_while(|line| line.starts_with('#') || line.trim().is_empty())
+        .any(|line| line.starts_with("#No."));
+    let looks_so = data_lines(text).next().is_some_and(|(_, line)| {
         let fields: Vec<&str> = line.split_whitespace().collect();
         let [id, name, r, g, b, ..] = fields[..] else { return false };
         let is_whole = |text: &str| text.parse::<i64>().is_ok();
-        is_whole(id)
-            && !line.contains([',', ';'])
-            && !name.contains('"')
-            && [r, g, b].into_iter().all(is_whole)
-    })
+        is_whole(id) && !name.contains('"') && [r, g, b].into_iter().all(is_whole)
+    });
+    says_so || looks_so
 }
 
 pub(super) fn read(path: &Path, text: &str) -> Result<LabelTableFile> {
