@@ -4,7 +4,11 @@
 use std::path::{Path, PathBuf};
 
 use glam::{DAffine3, DVec3};
-use pumice_core::{CompressedVolume, Job, LabelBuffer, LabelNote, LabelType, Level, VolumeInfo, compress_labels};
+use pumice_core::{
+    AnnotationTable, CompressedVolume, CompressionLevel as Level, Job, LabelBuffer, LabelNote, LabelType,
+    NumericColumn, VolumeInfo, compress_labels,
+};
+use pumice_formats::LabelTableFormat;
 use pumice_formats::write::write_volume;
 use pumice_picture::{Image, Pass, Passes, Picture, Provenance, write_exr, write_png};
 use pumice_scene::Scene;
@@ -65,6 +69,17 @@ pub fn pumice_files() -> Vec<Vec<u8>> {
     let saved =
         |v: &CompressedVolume, level| written(".pumice", |path| v.save(path, level, &Job::new()).unwrap());
     volumes.iter().flat_map(|v| levels.map(|level| saved(v, level))).collect()
+}
+
+/// Tables of labels of every format.
+pub fn label_tables() -> Vec<Vec<u8>> {
+    let texts = |texts: [&str; 3]| texts.map(str::to_owned).to_vec();
+    let columns = vec![NumericColumn { name: "depth".into(), values: vec![1.5, -2.0, 1e9] }];
+    let colors = vec![Some([1.0, 0.5, 0.0]); 3];
+    let (names, types) = (texts(["axon", "a \"b\", c", "x_1"]), texts(["glia", "", "axon"]));
+    let table = AnnotationTable::new(vec![3, 17, u64::MAX], names, types, colors, columns).unwrap();
+    let bytes = |format: LabelTableFormat| format.to_text(Path::new("table"), &table).unwrap().0.into_bytes();
+    LabelTableFormat::ALL.map(bytes).into()
 }
 
 /// Volumes of every format that has a writer, and hand-written ones of the others.

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use pumice_core::{CompressedVolume, Error, Job, LabelTable, Level};
+use pumice_core::{CompressedVolume, CompressionLevel as Level, Error, Job, LabelTable};
 
 use crate::{checksums, scratch};
 
@@ -35,7 +35,10 @@ pub fn open_and_use(mut bytes: Vec<u8>) {
             assert_eq!(mapped.content_hash(), copied.content_hash());
             if copied.info().voxels() <= SMALL_VOXELS {
                 let block = |volume: &CompressedVolume| volume.decode_block([0; 3], volume.info().dims);
-                assert_eq!(block(&mapped).expect("within the volume"), block(copied).expect("within the volume"));
+                assert_eq!(
+                    block(&mapped).expect("within the volume"),
+                    block(copied).expect("within the volume")
+                );
             }
         }
         (Err(mapped), Err(copied)) => assert_eq!(mapped.to_string(), copied.to_string()),

@@ -11,8 +11,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode, Stdio};
 
 /// Names of the targets, which are the files in `fuzz/targets`.
-const TARGETS: [&str; 6] =
-    ["pumice_file", "pumice_sections", "label_volume", "raw_volume", "scene_json", "picture"];
+const TARGETS: [&str; 7] =
+    ["pumice_file", "pumice_sections", "label_volume", "label_table", "raw_volume", "scene_json", "picture"];
 
 /// The flags that cargo-fuzz passes to rustc, without the sanitizers.
 const COVERAGE_FLAGS: [&str; 5] = [
