@@ -438,9 +438,9 @@ def agreement(ours: Any, theirs: Any, covered: Any) -> str:
     pixel, 0 where it shows no surface. Returns the verdict and its statistics as JSON text.
     """
 
-def compress(source: str | PathLike[str] | Incomplete, *, types: str | None = None, table: AnnotationTable | None = None, memory_limit: SupportsIndex | None = None, threads: SupportsIndex = 0, read_as: tuple[SupportsIndex | None, SupportsIndex | None, SupportsIndex | None, str | None, SupportsLenAndGetItem[SupportsFloat | SupportsIndex] | None], job: Job | None = None) -> tuple[Volume, list[str]]:
+def compress(source: str | PathLike[str] | Incomplete, *, given: str | AnnotationTable | None = None, memory_limit: SupportsIndex | None = None, threads: SupportsIndex = 0, read_as: tuple[SupportsIndex | None, SupportsIndex | None, SupportsIndex | None, str | None, SupportsLenAndGetItem[SupportsFloat | SupportsIndex] | None], job: Job | None = None) -> tuple[Volume, list[str]]:
     """
-    Compresses a file, or blocks, and gives the labels what a table has for them; also returns the reader's warnings, and what of the table
+    Compresses a file, or blocks, and gives the labels what the caller says of them; also returns the reader's warnings, and what of the table
     does not fit.
     """
 

@@ -318,8 +318,7 @@ def compress(
         described = _source(source, spacing, unit, world_from_index, names)
     native, odd = _native.compress(
         described,
-        types=typed,
-        table=None if table is None else table.native(),
+        given=typed if table is None else table.native(),
         memory_limit=memory_limit,
         threads=threads,
         read_as=read_as,

@@ -313,27 +313,39 @@ pub(crate) struct Blocks {
     next: Py<PyAny>,
 }
 
-/// Compresses a file, or blocks, and gives the labels what a table has for them; also returns the reader's warnings, and what of the table
+/// What a caller says about labels.
+#[derive(FromPyObject)]
+pub(crate) enum Given {
+    /// The text of a CSV table id,type.
+    Types(String),
+    /// A table of any kind.
+    Table(Py<AnnotationTable>),
+}
+
+/// Compresses a file, or blocks, and gives the labels what the caller says of them; also returns the reader's warnings, and what of the table
 /// does not fit.
 #[pyfunction]
-#[pyo3(signature = (source, *, types=None, table=None, memory_limit=None, threads=0, read_as, job=None))]
+#[pyo3(signature = (source, *, given=None, memory_limit=None, threads=0, read_as, job=None))]
 pub(crate) fn compress(
     py: Python<'_>,
     source: Source,
-    types: Option<String>,
-    table: Option<&Bound<'_, AnnotationTable>>,
+    given: Option<Given>,
     memory_limit: Option<u64>,
     threads: usize,
     read_as: ReadAs,
     job: Option<&Bound<'_, Job>>,
 ) -> PyResult<Opened> {
     let job = job_of(job);
-    let types =
-        types.map(|text| TypeTable::parse_csv(&text)).transpose().map_err(IntoException::into_exception)?;
+    let (types, table) = match &given {
+        Some(Given::Types(text)) => {
+            (Some(TypeTable::parse_csv(text).map_err(IntoException::into_exception)?), None)
+        }
+        Some(Given::Table(table)) => (None, Some(&table.get().0)),
+        None => (None, None),
+    };
     let reading = reading(read_as);
     let options =
         CompressOptions { threads, memory_limit_bytes: memory_limit, types, ..CompressOptions::default() };
-    let table = table.map(|table| &table.get().0);
     let (volume, notes) = with_source(py, source, &reading, &job, |source| {
         let mut volume = pumice_core::compress(source, &options, &job)?;
         let fit = table.map(|table| pumice_session::annotate(&mut volume, table, Vec::new())).transpose()?;
