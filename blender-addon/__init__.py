@@ -6,12 +6,13 @@ The compiled module `pumice` (a wheel of this extension) does the work; this pac
 A module imports only from lines below its own:
 
     __init__
-    export_usd       export_gltf          verify
+    export_usd       export_gltf          verify               label_panel
+    label_operators
     export_surfaces
     frame_file
     panels           engine               export_scene         import_volume        import_scene         exact_mesh
     viewport         final_render         usd_stage            usd_values
-    scene_reader     first_look           passes               scene_notes
+    scene_reader     first_look           passes               scene_notes          label_colors         label_search
     volume_object    picture_texture      missing_boxes        overlay
     sync.*           registry             preferences
     label_table      properties           proxy                cache                devices             mesh_file
@@ -41,6 +42,9 @@ from . import (
     export_usd,
     import_scene,
     import_volume,
+    label_operators,
+    label_panel,
+    label_search,
     panels,
     preferences,
     properties,
@@ -65,6 +69,9 @@ MODULES = (
     verify,
     viewport,
     engine,
+    label_search,
+    label_operators,
+    label_panel,
     panels,
 )
 

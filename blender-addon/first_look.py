@@ -15,6 +15,7 @@ import numpy as np
 from mathutils import Matrix, Vector
 
 from . import volume_object
+from .reports import Refused
 from .sync import nodes
 
 # Of Blender's startup file.
@@ -68,21 +69,55 @@ def _camera(context, obj, centre, radius):
         _reach(camera, centre, radius)
         return
     turn = _direction().to_track_quat("Z", "Y").to_matrix()
-    eye = turn @ Vector(_stand(obj, turn, camera.data, scene.render))
+    eye = turn @ Vector(_stand(_corners(obj), turn, camera.data, scene.render))
     camera.matrix_world = Matrix.Translation(eye) @ turn.to_4x4()
     camera.data.clip_start, camera.data.clip_end = clip_range((eye - centre).length, radius)
 
 
-def _stand(obj, turn, data, render):
-    """The nearest position, along its own axes, from which a camera with this rotation sees the whole proxy.
+def frame(context, points):
+    """Frames points of the scene in the 3D viewports of the window; without a viewport, in the scene's camera, which keeps its direction."""
+    points = np.array([tuple(point) for point in points])
+    low, high = Vector(points.min(axis=0)), Vector(points.max(axis=0))
+    centre, radius = (low + high) / 2.0, max((high - low).length / 2.0, 1e-6)
+    spaces = [] if bpy.app.background else _spaces(context)
+    for space in spaces:
+        view = space.region_3d
+        if view.view_perspective == "CAMERA":
+            view.view_perspective = "PERSP"
+        view.view_location, view.view_distance = centre, 2.5 * radius
+        space.clip_start, space.clip_end = clip_range(view.view_distance, radius)
+    if spaces:
+        return
+    camera = context.scene.camera
+    if camera is None or camera.type != "CAMERA":
+        raise Refused("There is neither a 3D viewport nor a camera to frame the labels in")
+    turn, data = camera.matrix_world.to_quaternion().to_matrix(), camera.data
+    if data.type == "ORTHO":
+        sides = context.scene.render.resolution_x, context.scene.render.resolution_y
+        # The scale is the length of the longer side.
+        data.ortho_scale = 2.0 * radius / FILL * max(sides) / min(sides)
+        eye = centre + turn @ Vector((0.0, 0.0, 4.0 * radius))
+    else:
+        eye = turn @ Vector(_stand(points, turn, data, context.scene.render))
+    camera.matrix_world = Matrix.Translation(eye) @ turn.to_4x4()
+    data.clip_start, data.clip_end = clip_range((eye - centre).length, radius)
+
+
+def _corners(obj):
+    """The vertices of an object's mesh in the scene, (n, 3)."""
+    local = np.empty(3 * len(obj.data.vertices), dtype=np.float32)
+    obj.data.vertices.foreach_get("co", local)
+    place = np.array(obj.matrix_world)
+    return local.reshape(-1, 3).astype(float) @ place[:3, :3].T + place[:3, 3]
+
+
+def _stand(corners, turn, data, render):
+    """The nearest position, along its own axes, from which a camera with this rotation sees all points.
 
     Each point p gives two planes per axis: |p − c across| ≤ t · (c − p back), with t the tangent of half the angle that may be filled. The
     tightest two of an axis intersect at the camera's best position along it; the larger of the two distances back satisfies both axes.
     """
-    local = np.empty(3 * len(obj.data.vertices), dtype=np.float32)
-    obj.data.vertices.foreach_get("co", local)
-    to_camera = np.array(turn.transposed().to_4x4() @ obj.matrix_world)
-    points = local.reshape(-1, 3).astype(float) @ to_camera[:3, :3].T + to_camera[:3, 3]
+    points = corners @ np.array(turn)
     longer = max(render.resolution_x, render.resolution_y)
     place, backs = [], []
     for axis, pixels in enumerate((render.resolution_x, render.resolution_y)):
@@ -137,18 +172,19 @@ def _world(scene):
 
 def _views(context, obj, centre, radius):
     """Makes all 3D viewports of the window frame the object."""
+    for space in _spaces(context):
+        view = space.region_3d
+        view.view_location = centre
+        view.view_distance = 2.5 * radius
+        space.clip_start, space.clip_end = clip_range(view.view_distance, radius)
+        if space.shading.color_type == "MATERIAL":
+            space.shading.color_type = "VERTEX"
+
+
+def _spaces(context):
+    """The 3D viewports of the window; none without a window."""
     window = context.window
     if window is None:
-        return
-    for area in window.screen.areas:
-        if area.type != "VIEW_3D":
-            continue
-        for space in area.spaces:
-            if space.type != "VIEW_3D":
-                continue
-            view = space.region_3d
-            view.view_location = centre
-            view.view_distance = 2.5 * radius
-            space.clip_start, space.clip_end = clip_range(view.view_distance, radius)
-            if space.shading.color_type == "MATERIAL":
-                space.shading.color_type = "VERTEX"
+        return []
+    areas = [area for area in window.screen.areas if area.type == "VIEW_3D"]
+    return [space for area in areas for space in area.spaces if space.type == "VIEW_3D"]

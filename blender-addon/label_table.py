@@ -10,7 +10,8 @@
     visible     BOOLEAN       whether the label is drawn
     slot        INT           the label's group: a material slot of the object, from 0
     select      BOOLEAN       whether the label is selected in the panel and in the viewport
-    voxels      FLOAT         number of voxels, in single precision
+    voxels      INT or FLOAT  number of voxels: FLOAT where one is above 2³¹ − 1
+    others      INT or FLOAT  columns of numbers of the volume, by their names
     type        INT           index into the type names
 
     pumice_names, pumice_types   JSON lists of strings; absent where no label has a name or a type
@@ -23,6 +24,11 @@ import json
 
 import bpy
 import numpy as np
+
+
+# Columns with a meaning of their own; others are numbers that the volume or the user brought.
+FIXED = ("id_low", "id_high", "color", "own_color", "visible", "slot", "select", "type")
+MOST_INT = 2**31 - 1
 
 
 def create(name, labels):
@@ -45,7 +51,12 @@ def create(name, labels):
     _write(mesh, "visible", "BOOLEAN", "value", np.ones(count, dtype=bool))
     _write(mesh, "slot", "INT", "value", np.zeros(count, dtype=np.int32))
     _write(mesh, "select", "BOOLEAN", "value", np.zeros(count, dtype=bool))
-    _write(mesh, "voxels", "FLOAT", "value", np.asarray(labels.voxels, dtype=np.float32))
+    voxels = np.asarray(labels.voxels)
+    is_small = not count or int(voxels.max()) <= MOST_INT
+    _write(mesh, "voxels", *(("INT", "value", voxels.astype(np.int32)) if is_small else ("FLOAT", "value", voxels.astype(np.float32))))
+    # Each vertex is in the middle of its label's bounds, in voxels, for the Spreadsheet and Geometry Nodes.
+    middle = (np.asarray(labels.low, dtype=np.float32) + np.asarray(labels.high, dtype=np.float32) + 1.0) / 2.0
+    mesh.vertices.foreach_set("co", middle.reshape(-1, 3).ravel())
 
     types = [str(t or "") for t in labels.types]
     kinds = sorted(set(types))
@@ -100,13 +111,47 @@ def set_slots(mesh, rows, slot):
     _write(mesh, "slot", "INT", "value", all_slots)
 
 
-def set_color(mesh, rows, linear):
-    """Gives labels, by row, a colour of their own; the caller tags the object."""
-    color, own = colors(mesh), own_color(mesh)
+def selected(mesh):
+    """Which labels are selected; none in tables of earlier versions."""
+    if "select" not in mesh.attributes:
+        return np.zeros(len(mesh.vertices), dtype=bool)
+    return _read(mesh, "select", "value", bool, 1)
+
+
+def set_selected(mesh, flags):
+    """Sets which labels are selected."""
+    _write(mesh, "select", "BOOLEAN", "value", np.asarray(flags, dtype=bool))
+
+
+def types(mesh):
+    """Index into `type_names` by row, int32."""
+    return _read(mesh, "type", "value", np.int32, 1)
+
+
+def type_names(mesh):
+    """The names that `types` counts through; empty where no label has a type."""
+    return json.loads(mesh.get("pumice_types", "[]"))
+
+
+def numbers(mesh):
+    """The columns of numbers by name: the attributes of whole or real numbers that have no meaning of their own."""
+    found = {}
+    for attribute in mesh.attributes:
+        if attribute.name in FIXED or attribute.domain != "POINT" or attribute.is_internal:
+            continue
+        if attribute.data_type in ("INT", "FLOAT"):
+            kind = np.int32 if attribute.data_type == "INT" else np.float32
+            found[attribute.name] = _read(mesh, attribute.name, "value", kind, 1)
+    return found
+
+
+def set_color(mesh, rows, linear, own=True):
+    """Gives labels, by row, a colour, or each one its own; `own` says whether it is the user's. The caller tags the object."""
+    color, is_own = colors(mesh), own_color(mesh)
     color[rows, :3] = linear
-    own[rows] = True
+    is_own[rows] = own
     _write(mesh, "color", "FLOAT_COLOR", "color", color)
-    _write(mesh, "own_color", "BOOLEAN", "value", own)
+    _write(mesh, "own_color", "BOOLEAN", "value", is_own)
 
 
 def names(mesh):

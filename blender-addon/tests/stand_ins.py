@@ -228,6 +228,8 @@ class Labels:
         count = len(ids)
         self.names = names or [""] * count
         self.voxels = np.arange(1, count + 1, dtype=np.uint64) ** 2
+        self.low = np.arange(3 * count, dtype=np.uint32).reshape(-1, 3)
+        self.high = self.low + 4
         self.types = types_ or [""] * count
         self.colors = np.full((count, 3), np.nan, dtype=np.float32) if colors is None else np.float32(colors)
 

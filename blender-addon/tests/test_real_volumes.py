@@ -210,7 +210,7 @@ def test_a_camera_move_sends_a_camera_and_a_colour_edit_a_colour(scene, blender,
     material = blender.context.object.active_material.node_tree.nodes["Principled BSDF"]
     material.inputs["Roughness"].default_value = 0.9
     settle(blender, view, context)
-    assert grown(before, counters(view)) == {"edits.material": 1, "rebuilt.materials": 1}
+    assert grown(before, counters(view)) == {"edits.group_material": 1, "rebuilt.materials": 1}
 
     before = counters(view)
     table = load(extension, "label_table")

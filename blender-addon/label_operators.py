@@ -1,0 +1,323 @@
+# SPDX-FileCopyrightText: The Pumice developers
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Operators on the labels of the active volume object: search, select, hide, isolate, color, assign to a group, frame, copy ids.
+
+Each changes whole columns of the label table and is one undo step. A selection is a column too, so undo brings it back.
+"""
+
+import bpy
+import numpy as np
+from bpy.props import BoolProperty, EnumProperty, FloatVectorProperty, IntProperty, StringProperty
+from mathutils import Vector
+
+from . import first_look, label_colors, label_search, label_table, native, registry
+from .reports import Refused, log, one_line
+
+MOST_64 = (1 << 64) - 1
+
+
+class _OnLabels:
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context):
+        return label_search.table_of(context) is not None
+
+    def execute(self, context):
+        try:
+            said = self.change(context, label_search.table_of(context))
+        except Exception as error:
+            log(error)
+            self.report({"ERROR"}, one_line(error))
+            return {"CANCELLED"}
+        if said:
+            self.report({"INFO"}, said)
+        return {"FINISHED"}
+
+
+def selected(table):
+    """The rows that are selected; Refused where none is."""
+    rows = np.flatnonzero(label_table.selected(table))
+    if not len(rows):
+        raise Refused("No label is selected; click one in the list, or search and select the hits")
+    return rows
+
+
+def told(table):
+    """Makes every object that shows the table, and the panel, follow it."""
+    for obj in bpy.data.objects:
+        if obj.pumice.table == table:
+            obj.update_tag()
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type in {"VIEW_3D", "PROPERTIES"}:
+                area.tag_redraw()
+
+
+def counted(count):
+    """A number of labels, for people."""
+    return f"{count:,} label{'' if count == 1 else 's'}"
+
+
+def rows_of(table, text):
+    """Rows of the ids in a text such as `17, 42`; Refused names the first that the table lacks."""
+    ids, wanted = label_table.ids(table), []
+    for word in text.replace(",", " ").split():
+        if not word.isdecimal() or int(word) > MOST_64:
+            raise Refused(f"ids: expected whole numbers from 0 to {MOST_64}, got {word!r}")
+        wanted.append(int(word))
+    rows = np.searchsorted(ids, np.array(wanted, dtype=np.uint64))
+    for label, row in zip(wanted, rows.tolist()):
+        if row == len(ids) or int(ids[row]) != label:
+            raise Refused(f"ids: the volume has no label {label}")
+    return rows
+
+
+class PUMICE_OT_labels_search(_OnLabels, bpy.types.Operator):
+    """List the labels that a query finds, such as: glia voxels>1000"""
+
+    bl_idname = "pumice.labels_search"
+    bl_label = "Search Labels"
+    bl_options = {"INTERNAL"}
+
+    query: StringProperty(name="Query", description="Words of the name, ids, type:axon, voxels>1000")
+
+    def change(self, context, _table):
+        search = context.window_manager.pumice_labels
+        search.query = self.query  # which fills the list
+        if search.problem:
+            raise Refused(search.problem)
+        return f"{counted(search.count)} found"
+
+
+class PUMICE_OT_labels_select(_OnLabels, bpy.types.Operator):
+    """Select labels by id. Shift adds to the selection, or takes a selected label out of it"""
+
+    bl_idname = "pumice.labels_select"
+    bl_label = "Select Labels"
+
+    ids: StringProperty(name="Ids", description="Ids of labels, with commas or spaces between them")
+    extend: BoolProperty(name="Extend", description="Keep what is selected", default=False)
+    toggle: BoolProperty(name="Toggle", description="With Extend: take out of the selection what is in it already", default=False)
+
+    def invoke(self, context, event):
+        self.extend = self.toggle = event.shift
+        return self.execute(context)
+
+    def change(self, _context, table):
+        rows, flags = rows_of(table, self.ids), label_table.selected(table)
+        takes = not (self.extend and self.toggle and len(rows) and flags[rows].all())
+        flags = flags if self.extend else np.zeros_like(flags)
+        flags[rows] = takes
+        label_table.set_selected(table, flags)
+        told(table)
+
+
+class PUMICE_OT_labels_select_hits(_OnLabels, bpy.types.Operator):
+    """Select all labels that the search finds, also those beyond the list"""
+
+    bl_idname = "pumice.labels_select_hits"
+    bl_label = "Select All Hits"
+
+    extend: BoolProperty(name="Extend", description="Keep what is selected", default=False)
+
+    def change(self, context, table):
+        flags = label_table.selected(table) if self.extend else np.zeros(len(table.vertices), dtype=bool)
+        flags[label_search.rows(context)] = True
+        label_table.set_selected(table, flags)
+        told(table)
+        return f"{counted(int(flags.sum()))} selected"
+
+
+class PUMICE_OT_labels_select_group(_OnLabels, bpy.types.Operator):
+    """Select the labels of the active material slot"""
+
+    bl_idname = "pumice.labels_select_group"
+    bl_label = "Select Labels of Group"
+
+    slot: IntProperty(name="Slot", description="Material slot, counted from 0; -1 is the active one", default=-1, min=-1)
+    deselect: BoolProperty(name="Deselect", description="Take the labels out of the selection", default=False)
+
+    def change(self, context, table):
+        flags = label_table.selected(table)
+        flags[label_table.slots(table) == slot_of(context.object, self.slot)] = not self.deselect
+        label_table.set_selected(table, flags)
+        told(table)
+
+
+class PUMICE_OT_labels_invert(_OnLabels, bpy.types.Operator):
+    """Select the shown labels that are not selected, and no others"""
+
+    bl_idname = "pumice.labels_invert"
+    bl_label = "Invert Selection"
+
+    def change(self, _context, table):
+        label_table.set_selected(table, label_table.visible(table) & ~label_table.selected(table))
+        told(table)
+
+
+class PUMICE_OT_labels_hide(_OnLabels, bpy.types.Operator):
+    """Hide the selected labels"""
+
+    bl_idname = "pumice.labels_hide"
+    bl_label = "Hide Labels"
+
+    unselected: BoolProperty(name="Unselected", description="Hide those that are not selected instead", default=False)
+    ids: StringProperty(name="Ids", description="Hide, or show again, these labels instead of the selection", options={"SKIP_SAVE"})
+
+    def change(self, _context, table):
+        flags = label_table.visible(table)
+        if self.ids:
+            rows = rows_of(table, self.ids)
+            flags[rows] = ~flags[rows]
+        else:
+            rows = selected(table)
+            hidden = np.zeros_like(flags)
+            hidden[rows] = True
+            flags &= hidden if self.unselected else ~hidden
+        label_table.set_visible(table, flags)
+        told(table)
+
+
+class PUMICE_OT_labels_isolate(_OnLabels, bpy.types.Operator):
+    """Show the selected labels and hide all others"""
+
+    bl_idname = "pumice.labels_isolate"
+    bl_label = "Isolate Labels"
+
+    def change(self, _context, table):
+        flags = np.zeros(len(table.vertices), dtype=bool)
+        flags[selected(table)] = True
+        label_table.set_visible(table, flags)
+        told(table)
+        return f"{counted(int(flags.sum()))} shown"
+
+
+class PUMICE_OT_labels_show_all(_OnLabels, bpy.types.Operator):
+    """Show all labels"""
+
+    bl_idname = "pumice.labels_show_all"
+    bl_label = "Show All Labels"
+
+    def change(self, _context, table):
+        label_table.set_visible(table, np.ones(len(table.vertices), dtype=bool))
+        told(table)
+
+
+class PUMICE_OT_labels_color(_OnLabels, bpy.types.Operator):
+    """Give the selected labels one color"""
+
+    bl_idname = "pumice.labels_color"
+    bl_label = "Color Labels"
+
+    color: FloatVectorProperty(
+        name="Color", description="Base color", subtype="COLOR", size=3, min=0.0, max=1.0, default=(0.8, 0.25, 0.1)
+    )
+
+    def change(self, _context, table):
+        label_table.set_color(table, selected(table), tuple(self.color))
+        told(table)
+
+
+class PUMICE_OT_labels_recolor(_OnLabels, bpy.types.Operator):
+    """Give the selected labels, or all if none is selected, new colors of a palette"""
+
+    bl_idname = "pumice.labels_recolor"
+    bl_label = "Recolor Labels"
+
+    palette: EnumProperty(name="Palette", description="Where the colors come from", items=label_colors.PALETTES, default="NEIGHBORS")
+    column: StringProperty(name="Column", description="Column of numbers for the palette By Number", default="voxels")
+
+    def change(self, context, table):
+        flags = label_table.selected(table)
+        rows = np.flatnonzero(flags) if flags.any() else np.arange(len(flags))
+        colors = label_colors.palette(self.palette, table, lambda: _volume(context).labels.auto_colors(), self.column)
+        label_table.set_color(table, rows, colors[rows], own=self.palette != "NEIGHBORS")
+        told(table)
+        return f"{counted(len(rows))} recolored"
+
+
+class PUMICE_OT_labels_assign(_OnLabels, bpy.types.Operator):
+    """Put the selected labels into the group of a material slot"""
+
+    bl_idname = "pumice.labels_assign"
+    bl_label = "Assign Labels to Group"
+
+    slot: IntProperty(name="Slot", description="Material slot, counted from 0; -1 is the active one", default=-1, min=-1)
+
+    def change(self, context, table):
+        label_table.set_slots(table, selected(table), slot_of(context.object, self.slot))
+        told(table)
+
+
+class PUMICE_OT_labels_frame(_OnLabels, bpy.types.Operator):
+    """Frame the selected labels in the 3D viewport; without a viewport, move the scene's camera"""
+
+    bl_idname = "pumice.labels_frame"
+    bl_label = "Frame Labels"
+
+    def change(self, context, table):
+        rows, labels, place = selected(table), _volume(context).labels, context.object.matrix_world
+        low, high = labels.low[rows].min(axis=0).astype(float), labels.high[rows].max(axis=0) + 1.0
+        corners = [place @ Vector([(low, high)[bit >> axis & 1][axis] for axis in range(3)]) for bit in range(8)]
+        first_look.frame(context, corners)
+
+
+class PUMICE_OT_labels_copy_ids(_OnLabels, bpy.types.Operator):
+    """Copy the ids of the selected labels to the clipboard"""
+
+    bl_idname = "pumice.labels_copy_ids"
+    bl_label = "Copy Ids"
+    bl_options = {"REGISTER"}
+
+    def change(self, context, table):
+        rows = selected(table)
+        context.window_manager.clipboard = ", ".join(map(str, label_table.ids(table)[rows].tolist()))
+        return f"{counted(len(rows))} copied"
+
+
+def slot_of(obj, slot):
+    """A material slot of an object; -1 is the active one. Refused where there is none."""
+    slots = len(obj.material_slots)
+    chosen = obj.active_material_index if slot < 0 else slot
+    if chosen >= max(1, slots):
+        raise Refused(f"slot: {obj.name} has {slots} material slots, got {chosen}; add one first")
+    return chosen
+
+
+def _volume(context):
+    """The open volume of the active object; Refused while it is being opened."""
+    entry = registry.request(registry.locate(context.object.pumice.filepath))
+    native.require()
+    # A few seconds at most, once in a session: an operator must end before it returns.
+    entry.done.wait()
+    if entry.error:
+        raise Refused(entry.error)
+    return entry.volume
+
+
+CLASSES = (
+    PUMICE_OT_labels_search,
+    PUMICE_OT_labels_select,
+    PUMICE_OT_labels_select_hits,
+    PUMICE_OT_labels_select_group,
+    PUMICE_OT_labels_invert,
+    PUMICE_OT_labels_hide,
+    PUMICE_OT_labels_isolate,
+    PUMICE_OT_labels_show_all,
+    PUMICE_OT_labels_color,
+    PUMICE_OT_labels_recolor,
+    PUMICE_OT_labels_assign,
+    PUMICE_OT_labels_frame,
+    PUMICE_OT_labels_copy_ids,
+)
+
+
+def register():
+    for cls in CLASSES:
+        bpy.utils.register_class(cls)
+
+
+def unregister():
+    for cls in reversed(CLASSES):
+        bpy.utils.unregister_class(cls)
