@@ -29,6 +29,15 @@ pub struct LabelStyle {
     pub materials: LabelMaterials,
 }
 
+impl LabelStyle {
+    /// Whether light passes through labels of some material: it then reaches the faces between labels that touch.
+    pub fn lets_light_through(&self) -> bool {
+        let of_groups = self.groups.iter().map(|group| &group.material);
+        let mut all = self.materials.values().chain(of_groups).chain([&self.material]);
+        all.any(|m| m.alpha < 1.0 || m.transmission > 0.0)
+    }
+}
+
 /// A volume placed in the world.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -196,11 +196,7 @@ fn answer<T: DeserializeOwned>(script: &mut Script, report: &Path, job: &Job) ->
 
 /// The faces that light reaches, each as a square: also those between shown labels, where it passes through some label.
 pub(crate) fn faces_of(instance: &Instance) -> Faces {
-    let passes = |m: &Material| m.alpha < 1.0 || m.transmission > 0.0;
-    let style = &instance.style;
-    let of_groups = style.groups.iter().map(|group| &group.material);
-    let is_passed = style.materials.values().chain(of_groups).chain([&style.material]).any(passes);
-    let interfaces = if is_passed { Interfaces::All } else { Interfaces::Outside };
+    let interfaces = if instance.style.lets_light_through() { Interfaces::All } else { Interfaces::Outside };
     Faces { interfaces, merging: Merging::Plain }
 }
 

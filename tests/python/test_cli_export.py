@@ -85,6 +85,13 @@ def test_a_scene_says_what_it_leaves_out(pumice, data, tmp_path):
     for ending, left_out in [("glb", "the world"), ("ply", lost), ("stl", f"{lost}, labels and materials")]:
         done = run(pumice, "export", scene, "-o", tmp_path / f"o.{ending}")
         assert done.code == 0 and done.err == f"pumice: left out: {left_out}\n", done
+    # Light passes through one label, so that it reaches faces which no ray from outside meets.
+    clear = json.loads(scene.read_text())
+    clear["instances"][0]["style"]["groups"] = [{"material": {"alpha": 0.5}, "labels": [2]}]
+    (tmp_path / "clear.json").write_text(json.dumps(clear))
+    done = run(pumice, "export", tmp_path / "clear.json", "-o", tmp_path / "o.glb")
+    between = "faces between labels that touch, which light reaches through glass and alpha"
+    assert done.err == f"pumice: left out: the world, {between}\n", done
     dim = json.loads(scene.read_text())
     dim["camera"] |= {"shift": [0.1, 0], "aperture": {"radius": 0.1, "focus_distance": 5}}
     area = {"world_from_light": [1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0], "outline": "rectangle", "size": [1, 2]}

@@ -16,6 +16,9 @@ pub fn left_out_of(scene: &Scene, format: FileFormat, forms: &[Form]) -> Vec<Str
     if format == FileFormat::Stl {
         all.push("labels and materials".into());
     }
+    if scene.instances.iter().any(|instance| instance.style.lets_light_through()) {
+        all.push("faces between labels that touch, which light reaches through glass and alpha".into());
+    }
     if !scene.cuts.is_empty() && forms.contains(&Form::Instances) {
         all.push("what cuts take off the boxes of instances that they pass through".into());
     }
