@@ -6,11 +6,12 @@ The compiled module `pumice` (a wheel of this extension) does the work; this pac
 A module imports only from lines below its own:
 
     __init__
-    export_usd       export_gltf          verify               label_panel
+    export_usd       export_gltf          verify               label_panel          import_volume
+    label_files
     label_operators
     export_surfaces
     frame_file
-    panels           engine               export_scene         import_volume        import_scene         exact_mesh
+    panels           engine               export_scene         import_scene         exact_mesh
     viewport         final_render         usd_stage            usd_values
     scene_reader     first_look           passes               scene_notes          label_colors         label_search
     volume_object    picture_texture      missing_boxes        overlay
@@ -42,6 +43,7 @@ from . import (
     export_usd,
     import_scene,
     import_volume,
+    label_files,
     label_operators,
     label_panel,
     label_search,
@@ -71,6 +73,7 @@ MODULES = (
     engine,
     label_search,
     label_operators,
+    label_files,
     label_panel,
     panels,
 )

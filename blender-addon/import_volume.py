@@ -15,10 +15,11 @@ import os
 import threading
 
 import bpy
+import numpy as np
 from bpy.props import BoolProperty, CollectionProperty, EnumProperty, FloatProperty, FloatVectorProperty, IntProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper
 
-from . import cache, first_look, native, registry, viewport, volume_object
+from . import cache, first_look, label_files, label_table, native, registry, viewport, volume_object
 from .reports import log, one_line
 
 ENDINGS = (".pumice", ".nrrd", ".nhdr", ".nii", ".gz", ".hdr", ".tif", ".tiff", ".npy", ".npz", ".mha", ".mhd")
@@ -97,6 +98,19 @@ class PUMICE_OT_import_volume(bpy.types.Operator, ImportHelper):
     time: IntProperty(name="Time Step", description="Time step to read, if the file has several; -1 if it has one", min=-1, default=-1)
     channel: IntProperty(name="Channel", description="Channel to read, if the file has several; -1 if it has one", min=-1, default=-1)
     array: StringProperty(name="Array", description="Array to read, if the file has several; empty if it has one", default="")
+    pick: IntProperty(
+        name="Pick",
+        description="Show only so many labels, long ones that lie apart, as `pumice render --pick` does; 0 shows all",
+        min=0,
+        default=0,
+    )
+    table: StringProperty(
+        name="Label Table",
+        description="File with names, types, colors and numbers of the labels: CSV, TSV, ITK-SNAP, FreeSurfer, 3D Slicer, Neuroglancer",
+        subtype="FILE_PATH",
+        default="",
+        options={"SKIP_SAVE"},
+    )
     use_engine: BoolProperty(
         name="Render with Pumice", description="Set the scene's render engine to Pumice", default=True
     )
@@ -176,6 +190,9 @@ class PUMICE_OT_import_volume(bpy.types.Operator, ImportHelper):
         row = column.column()
         row.active = self.use_spacing
         row.prop(self, "spacing", text="")
+        column = layout.column(heading="Labels")
+        column.prop(self, "pick")
+        column.prop(self, "table")
         column = layout.column(heading="Scene")
         column.prop(self, "use_engine")
         column.prop(self, "use_light")
@@ -239,6 +256,8 @@ class PUMICE_OT_import_volume(bpy.types.Operator, ImportHelper):
 
     def _make(self, context, opening):
         registry.adopt(opening.filepath, opening.volume)
+        # Before anything is made: a table that cannot be read leaves nothing behind.
+        annotations = label_files.read(bpy.path.abspath(self.table)) if self.table else None
         name = os.path.basename(os.path.normpath(opening.source)).split(".")[0]
         obj = volume_object.create(
             context,
@@ -250,6 +269,14 @@ class PUMICE_OT_import_volume(bpy.types.Operator, ImportHelper):
             placement=self.placement,
         )
         obj["pumice_choice"] = json.dumps(opening.choice)
+        if annotations is not None:
+            table, left_out = annotations
+            for line in left_out + label_files.annotate(obj.pumice.table, table):
+                self.report({"WARNING"}, f"{os.path.basename(self.table)}: {line}")
+        volume_object.group_by_type(obj)
+        if self.pick:
+            style = native.require().figure(opening.volume, pick=self.pick).to_dict()["instances"][0]["style"]
+            label_table.set_visible(obj.pumice.table, np.isin(label_table.ids(obj.pumice.table), np.array(style["show"]["only"], dtype=np.uint64)))
         if self.use_engine:
             context.scene.render.engine = "PUMICE"
         for other in context.selected_objects:

@@ -16,8 +16,11 @@ from .reports import Refused, log, one_line
 MOST_64 = (1 << 64) - 1
 
 
-class _OnLabels:
+class OnLabels:
+    """An operator on the labels of the active volume object; its `change` gets the table and returns what to tell the user."""
+
     bl_options = {"REGISTER", "UNDO"}
+    changes_table = True
 
     @classmethod
     def poll(cls, context):
@@ -25,7 +28,8 @@ class _OnLabels:
 
     def execute(self, context):
         try:
-            said = self.change(context, label_search.table_of(context))
+            table = own_table(context.object) if self.changes_table else label_search.table_of(context)
+            said = self.change(context, table)
         except Exception as error:
             log(error)
             self.report({"ERROR"}, one_line(error))
@@ -33,6 +37,20 @@ class _OnLabels:
         if said:
             self.report({"INFO"}, said)
         return {"FINISHED"}
+
+
+def own_table(obj):
+    """The label table of an object. One that was duplicated has a mesh of its own (Shift D), so it gets a table of its own before the first
+    change; linked duplicates (Alt D) share the mesh and the table."""
+    table = obj.pumice.table
+    sharing = [other for other in bpy.data.objects if other.pumice.table == table]
+    if any(other.data != obj.data for other in sharing):
+        copy = table.copy()
+        for other in sharing:
+            if other.data == obj.data:
+                other.pumice.table = copy
+        table = copy
+    return table
 
 
 def selected(table):
@@ -73,12 +91,13 @@ def rows_of(table, text):
     return rows
 
 
-class PUMICE_OT_labels_search(_OnLabels, bpy.types.Operator):
+class PUMICE_OT_labels_search(OnLabels, bpy.types.Operator):
     """List the labels that a query finds, such as: glia voxels>1000"""
 
     bl_idname = "pumice.labels_search"
     bl_label = "Search Labels"
     bl_options = {"INTERNAL"}
+    changes_table = False
 
     query: StringProperty(name="Query", description="Words of the name, ids, type:axon, voxels>1000")
 
@@ -90,7 +109,7 @@ class PUMICE_OT_labels_search(_OnLabels, bpy.types.Operator):
         return f"{counted(search.count)} found"
 
 
-class PUMICE_OT_labels_select(_OnLabels, bpy.types.Operator):
+class PUMICE_OT_labels_select(OnLabels, bpy.types.Operator):
     """Select labels by id. Shift adds to the selection, or takes a selected label out of it"""
 
     bl_idname = "pumice.labels_select"
@@ -113,7 +132,7 @@ class PUMICE_OT_labels_select(_OnLabels, bpy.types.Operator):
         told(table)
 
 
-class PUMICE_OT_labels_select_hits(_OnLabels, bpy.types.Operator):
+class PUMICE_OT_labels_select_hits(OnLabels, bpy.types.Operator):
     """Select all labels that the search finds, also those beyond the list"""
 
     bl_idname = "pumice.labels_select_hits"
@@ -129,7 +148,7 @@ class PUMICE_OT_labels_select_hits(_OnLabels, bpy.types.Operator):
         return f"{counted(int(flags.sum()))} selected"
 
 
-class PUMICE_OT_labels_select_group(_OnLabels, bpy.types.Operator):
+class PUMICE_OT_labels_select_group(OnLabels, bpy.types.Operator):
     """Select the labels of the active material slot"""
 
     bl_idname = "pumice.labels_select_group"
@@ -145,7 +164,7 @@ class PUMICE_OT_labels_select_group(_OnLabels, bpy.types.Operator):
         told(table)
 
 
-class PUMICE_OT_labels_invert(_OnLabels, bpy.types.Operator):
+class PUMICE_OT_labels_invert(OnLabels, bpy.types.Operator):
     """Select the shown labels that are not selected, and no others"""
 
     bl_idname = "pumice.labels_invert"
@@ -156,7 +175,7 @@ class PUMICE_OT_labels_invert(_OnLabels, bpy.types.Operator):
         told(table)
 
 
-class PUMICE_OT_labels_hide(_OnLabels, bpy.types.Operator):
+class PUMICE_OT_labels_hide(OnLabels, bpy.types.Operator):
     """Hide the selected labels"""
 
     bl_idname = "pumice.labels_hide"
@@ -179,7 +198,7 @@ class PUMICE_OT_labels_hide(_OnLabels, bpy.types.Operator):
         told(table)
 
 
-class PUMICE_OT_labels_isolate(_OnLabels, bpy.types.Operator):
+class PUMICE_OT_labels_isolate(OnLabels, bpy.types.Operator):
     """Show the selected labels and hide all others"""
 
     bl_idname = "pumice.labels_isolate"
@@ -193,7 +212,7 @@ class PUMICE_OT_labels_isolate(_OnLabels, bpy.types.Operator):
         return f"{counted(int(flags.sum()))} shown"
 
 
-class PUMICE_OT_labels_show_all(_OnLabels, bpy.types.Operator):
+class PUMICE_OT_labels_show_all(OnLabels, bpy.types.Operator):
     """Show all labels"""
 
     bl_idname = "pumice.labels_show_all"
@@ -204,7 +223,7 @@ class PUMICE_OT_labels_show_all(_OnLabels, bpy.types.Operator):
         told(table)
 
 
-class PUMICE_OT_labels_color(_OnLabels, bpy.types.Operator):
+class PUMICE_OT_labels_color(OnLabels, bpy.types.Operator):
     """Give the selected labels one color"""
 
     bl_idname = "pumice.labels_color"
@@ -219,7 +238,7 @@ class PUMICE_OT_labels_color(_OnLabels, bpy.types.Operator):
         told(table)
 
 
-class PUMICE_OT_labels_recolor(_OnLabels, bpy.types.Operator):
+class PUMICE_OT_labels_recolor(OnLabels, bpy.types.Operator):
     """Give the selected labels, or all if none is selected, new colors of a palette"""
 
     bl_idname = "pumice.labels_recolor"
@@ -237,7 +256,7 @@ class PUMICE_OT_labels_recolor(_OnLabels, bpy.types.Operator):
         return f"{counted(len(rows))} recolored"
 
 
-class PUMICE_OT_labels_assign(_OnLabels, bpy.types.Operator):
+class PUMICE_OT_labels_assign(OnLabels, bpy.types.Operator):
     """Put the selected labels into the group of a material slot"""
 
     bl_idname = "pumice.labels_assign"
@@ -250,11 +269,12 @@ class PUMICE_OT_labels_assign(_OnLabels, bpy.types.Operator):
         told(table)
 
 
-class PUMICE_OT_labels_frame(_OnLabels, bpy.types.Operator):
+class PUMICE_OT_labels_frame(OnLabels, bpy.types.Operator):
     """Frame the selected labels in the 3D viewport; without a viewport, move the scene's camera"""
 
     bl_idname = "pumice.labels_frame"
     bl_label = "Frame Labels"
+    changes_table = False
 
     def change(self, context, table):
         rows, labels, place = selected(table), _volume(context).labels, context.object.matrix_world
@@ -263,12 +283,13 @@ class PUMICE_OT_labels_frame(_OnLabels, bpy.types.Operator):
         first_look.frame(context, corners)
 
 
-class PUMICE_OT_labels_copy_ids(_OnLabels, bpy.types.Operator):
+class PUMICE_OT_labels_copy_ids(OnLabels, bpy.types.Operator):
     """Copy the ids of the selected labels to the clipboard"""
 
     bl_idname = "pumice.labels_copy_ids"
     bl_label = "Copy Ids"
     bl_options = {"REGISTER"}
+    changes_table = False
 
     def change(self, context, table):
         rows = selected(table)

@@ -68,6 +68,9 @@ class _Labels:
         row = column.row(align=True)
         row.operator("pumice.labels_frame", text="Frame")
         row.operator("pumice.labels_copy_ids", text="Copy Ids")
+        row = column.row(align=True)
+        row.operator("pumice.labels_import", text="Import Table")
+        row.operator("pumice.labels_export", text="Export Table")
 
 
 class PUMICE_VIEW3D_PT_labels(_Labels, bpy.types.Panel):

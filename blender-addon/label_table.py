@@ -29,6 +29,8 @@ import numpy as np
 # Columns with a meaning of their own; others are numbers that the volume or the user brought.
 FIXED = ("id_low", "id_high", "color", "own_color", "visible", "slot", "select", "type")
 MOST_INT = 2**31 - 1
+# Bytes of an attribute's name that every Blender keeps.
+MOST_NAME = 63
 
 
 def create(name, labels):
@@ -58,15 +60,10 @@ def create(name, labels):
     middle = (np.asarray(labels.low, dtype=np.float32) + np.asarray(labels.high, dtype=np.float32) + 1.0) / 2.0
     mesh.vertices.foreach_set("co", middle.reshape(-1, 3).ravel())
 
-    types = [str(t or "") for t in labels.types]
-    kinds = sorted(set(types))
-    place = {kind: index for index, kind in enumerate(kinds)}
-    _write(mesh, "type", "INT", "value", np.array([place[t] for t in types], dtype=np.int32))
-    if any(types):
-        mesh["pumice_types"] = json.dumps(kinds)
-    names = [str(n or "") for n in labels.names]
-    if any(names):
-        mesh["pumice_names"] = json.dumps(names, ensure_ascii=False)
+    set_types(mesh, [str(t or "") for t in labels.types])
+    set_names(mesh, [str(n or "") for n in labels.names])
+    for name, values in getattr(labels, "columns", {}).items():
+        set_number(mesh, name, values)
     return mesh
 
 
@@ -157,6 +154,37 @@ def set_color(mesh, rows, linear, own=True):
 def names(mesh):
     """Names by row; empty where no label has one."""
     return json.loads(mesh.get("pumice_names", "[]"))
+
+
+def set_names(mesh, names):
+    """Sets the names by row."""
+    if any(names):
+        mesh["pumice_names"] = json.dumps(names, ensure_ascii=False)
+    elif "pumice_names" in mesh:
+        del mesh["pumice_names"]
+
+
+def set_types(mesh, types):
+    """Sets the types by row, as texts."""
+    kinds = sorted(set(types))
+    place = {kind: index for index, kind in enumerate(kinds)}
+    _write(mesh, "type", "INT", "value", np.array([place[t] for t in types], dtype=np.int32))
+    if any(types):
+        mesh["pumice_types"] = json.dumps(kinds, ensure_ascii=False)
+    elif "pumice_types" in mesh:
+        del mesh["pumice_types"]
+
+
+def set_number(mesh, name, values):
+    """Sets a column of numbers, in single precision, NaN where a label has none. A name that the table itself uses gets `number` behind it."""
+    name = f"{name} number" if name in (*FIXED, "voxels") else name.encode()[:MOST_NAME].decode(errors="ignore")
+    _write(mesh, name, "FLOAT", "value", np.asarray(values, dtype=np.float32))
+
+
+def srgb_from_linear(linear):
+    """The inverse of `linear_from_srgb`."""
+    linear = np.clip(linear, 0.0, 1.0)
+    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1.0 / 2.4) - 0.055)
 
 
 def linear_from_srgb(srgb):

@@ -17,6 +17,8 @@ from .sync import nodes
 
 # Shown faces keep their colour within this, an eighth of a display step; attributes are 8 bit anyway.
 SHEAR_TOLERANCE = 1e-5
+# Most groups that an import makes: a list of more slots helps nobody.
+MOST_GROUPS = 32
 
 
 def create(context, volume, *, name, filepath, source_path, longest_side, placement):
@@ -94,6 +96,21 @@ def material(name):
     node.inputs["Roughness"].default_value = 0.45
     node.inputs["Specular IOR Level"].default_value = 0.35
     return made
+
+
+def group_by_type(obj):
+    """Makes a group, which is a material slot, for each type of the label table, where there are several; the first slot is the first's."""
+    table = obj.pumice.table
+    kinds = label_table.type_names(table)
+    if len(kinds) < 2:
+        return
+    for place, kind in enumerate(kinds[:MOST_GROUPS]):
+        made = obj.material_slots[0].material if place == 0 else material(obj.name)
+        made.name = f"{obj.name} {kind or 'other'}"
+        if place:
+            obj.data.materials.append(made)
+    # Types beyond the last group are in it.
+    label_table.set_slots(table, slice(None), label_table.types(table).clip(max=MOST_GROUPS - 1))
 
 
 def bounds(obj):
