@@ -115,6 +115,18 @@ fn a_difference_that_only_the_ratio_shows_is_named_beside_agrees() {
     assert!(found.sentence().contains(says), "{}", found.sentence());
 }
 
+/// Few pictures of much noise: no tile is decided, and the test of equality has seen what is off.
+#[test]
+fn what_the_test_of_equality_shows_is_named_beside_cannot_tell() {
+    let brighter = |_: usize, _: usize, value: [f64; 3]| value.map(|v| 1.01 * v);
+    let found = judged(&set(13, 4, 16, brighter), &set(14, 4, 16, same));
+    assert_eq!(found.verdict, Verdict::CannotTell, "{:?}", found.standing);
+    assert!(found.sentence().contains("undecided; a difference "), "{}", found.sentence());
+    let equal = judged(&set(15, 4, 16, same), &set(16, 4, 16, same));
+    assert_eq!(equal.verdict, Verdict::CannotTell, "{:?}", equal.standing);
+    assert!(equal.sentence().ends_with("undecided; no difference is proven."), "{}", equal.sentence());
+}
+
 #[test]
 fn masked_pixels_are_left_out_and_too_many_forbid_a_verdict() {
     let with_holes = |holes: usize| {

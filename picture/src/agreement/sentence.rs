@@ -22,30 +22,10 @@ pub fn counted(pictures: usize) -> String {
 fn sentence(agreement: &Agreement) -> String {
     let [within, open, outside] = agreement.standing;
     let tests = within + open + outside;
-    let is_proven = agreement.proven_in_mean.is_some() || agreement.proven_in_tile.is_some();
-    let smaller = match (agreement.proven_in_mean, agreement.proven_in_tile) {
-        (None, None) => "no smaller difference is proven".to_owned(),
-        (mean, tile) => {
-            let mut proven = Vec::new();
-            if let Some(share) = mean {
-                proven.push(format!("{} of the picture's mean", percent(share)));
-            }
-            if let Some((share, [x, y])) = tile {
-                proven.push(format!("up to {} in a tile, at ({x}, {y})", percent(share)));
-            }
-            format!("a smaller difference is proven: {}", proven.join(", "))
-        }
-    };
     match agreement.verdict {
         Verdict::Agrees => {
-            let proofs = agreement.equality.proofs().join(", ");
-            let shows = "shows in the test of equality, which errs in 2 of 100 cases";
-            let smaller = match (is_proven, proofs.is_empty()) {
-                (_, true) => smaller,
-                (false, false) => format!("a smaller difference {shows}: {proofs}"),
-                (true, false) => format!("{smaller}; it also {shows}: {proofs}"),
-            };
-            format!("Agrees: every tile lies within 1 %, the picture's mean within 0.2 %; {smaller}.")
+            let proven = proven(agreement, "smaller difference");
+            format!("Agrees: every tile lies within 1 %, the picture's mean within 0.2 %; {proven}.")
         }
         Verdict::Differs => {
             let mut where_ = Vec::new();
@@ -69,9 +49,29 @@ fn sentence(agreement: &Agreement) -> String {
             let mean = agreement.mean.iter().filter(|i| i.difference.abs() + i.half_width > i.margin).count();
             format!(
                 "Cannot tell yet: with {} each, {open} of {tests} tiles and channels and {mean} of 3 means are still \
-                 undecided; {smaller}.",
-                counted(agreement.pictures[0])
+                 undecided; {}.",
+                counted(agreement.pictures[0]),
+                proven(agreement, "difference")
             )
         }
+    }
+}
+
+/// What is proven of a `difference`, by the intervals and by the test of equality.
+fn proven(agreement: &Agreement, difference: &str) -> String {
+    let mut by_intervals = Vec::new();
+    if let Some(share) = agreement.proven_in_mean {
+        by_intervals.push(format!("{} of the picture's mean", percent(share)));
+    }
+    if let Some((share, [x, y])) = agreement.proven_in_tile {
+        by_intervals.push(format!("up to {} in a tile, at ({x}, {y})", percent(share)));
+    }
+    let proofs = agreement.equality.proofs().join(", ");
+    let shows = "shows in the test of equality, which errs in 2 of 100 cases";
+    match (by_intervals.join(", "), proofs.as_str()) {
+        (none, "") if none.is_empty() => format!("no {difference} is proven"),
+        (none, proofs) if none.is_empty() => format!("a {difference} {shows}: {proofs}"),
+        (found, "") => format!("a {difference} is proven: {found}"),
+        (found, proofs) => format!("a {difference} is proven: {found}; it also {shows}: {proofs}"),
     }
 }
