@@ -110,7 +110,7 @@ def pictures(backends, scratch):
                 # Makes a failed device an error; it would fall back to another backend otherwise.
                 warnings.simplefilter("error", pumice.PumiceWarning)
                 picture = pumice.render(
-                    pumice.Scene.from_dict(scene), made.volume, meshes=made.meshes, spp=SPP, backend=backend
+                    pumice.Scene.from_dict(scene), made.volumes, meshes=made.meshes, spp=SPP, backend=backend
                 )
             assert picture.backend == backend, (picture.backend, backend)
             planes = {"color": picture.color, "alpha": picture.alpha, **picture.passes}

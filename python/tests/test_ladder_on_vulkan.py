@@ -51,7 +51,7 @@ def drawn(rung, first, seeds, backend):
     out = []
     settings = rung.scene["settings"]
     scene = pumice.Scene.from_dict({**rung.scene, "settings": {**settings, "seed": first}})
-    with pumice.Session(scene, rung.volume, meshes=rung.meshes, spp=SPP, backend=backend) as session:
+    with pumice.Session(scene, rung.volumes, meshes=rung.meshes, spp=SPP, backend=backend) as session:
         for seed in range(first, first + seeds):
             revision = 0 if seed == first else session.edit({"edit": "settings", "settings": {**settings, "seed": seed}})
             frame = converged(session, revision)

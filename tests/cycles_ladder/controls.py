@@ -95,6 +95,12 @@ def _cut(scene):
     scene["cuts"][0]["shape"]["plane"]["point"][0] += 0.25 * across
 
 
+def _second(scene):
+    # Moves the second volume by a quarter of a voxel along its x axis.
+    matrix = scene["instances"][1]["world_from_index"]
+    matrix[9:] = [at + 0.25 * x for at, x in zip(matrix[9:], matrix[:3], strict=True)]
+
+
 def _flat_normals(scene):
     for mesh in scene["meshes"]:
         mesh["source"] = mesh["source"].removesuffix(".ply") + FLAT
@@ -114,10 +120,12 @@ FAULTS = {
     "shadow 5 %": _catcher,
     "no catcher": _no_catcher,
     "cut 1/4 voxel": _cut,
+    "second volume 1/4 voxel": _second,
     "albedo 2 %": _in_materials("base_color", 0.98),
     "roughness 5 %": _in_materials("roughness", 1.05),
     "coat roughness 5 %": _in_materials("coat_roughness", 1.05),
     "sheen roughness 5 %": _in_materials("sheen_roughness", 1.05),
+    "alpha 2 %": _in_materials("alpha", 0.98),
     "ior 2 %": _in_materials("ior", 1.02),
     "emission 2 %": _in_materials("emission", 1.02),
     "sun 2 %": _sun,

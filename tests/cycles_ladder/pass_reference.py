@@ -69,7 +69,7 @@ def drawn(rung, first, seeds):
     out = []
     for seed in range(first, first + seeds):
         scene["settings"]["seed"] = seed
-        made = pumice.render(pumice.Scene.from_dict(scene), rung.volume, meshes=rung.meshes, spp=rung.spp, backend="cpu").passes
+        made = pumice.render(pumice.Scene.from_dict(scene), rung.volumes, meshes=rung.meshes, spp=rung.spp, backend="cpu").passes
         light = {name: made[name].astype(np.float64) for name in PASSES}
         for kind in ("diffuse", "glossy", "transmission"):
             for part in ("direct", "indirect"):

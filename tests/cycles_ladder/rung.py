@@ -9,7 +9,8 @@
       scene            fields of the scene file; labels of `style.materials` are ranks within the crop
       sky              parameters of a generated sky image
       floor            a square mesh: height, half of its side, material, shadow_catcher
-      ball             a smooth mesh: position, radius, number of subdivisions, materials of its halves
+      ball             a smooth mesh, or a list of them: position, radius, number of subdivisions, materials of its halves
+      second           the same volume once more within the first, turned about their common middle: axis, angle_rad, style
       seeds, spp       of a comparison
       controls         names of faults in `controls.py` that the comparison must detect
 """
@@ -71,6 +72,13 @@ def looking(eye, target):
     return np.concatenate([right, np.cross(back, right), back, eye]).tolist()
 
 
+def turning(axis, angle_rad):
+    """The 3 × 3 matrix of a turn about an axis, counter-clockwise for who looks against it (Rodrigues' formula)."""
+    x, y, z = np.array(axis, dtype=np.float64) / np.linalg.norm(axis)
+    across = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.eye(3) + math.sin(angle_rad) * across + (1.0 - math.cos(angle_rad)) * across @ across
+
+
 class Rung:
     """A prepared rung: its labels, its scene as a dictionary, its faces for Cycles."""
 
@@ -97,6 +105,10 @@ class Rung:
         if "materials" in style:
             style["materials"] = {str(self.ids[int(rank)]): m for rank, m in style["materials"].items()}
         scene["instances"] = [{"id": 1, "source": "crop", "world_from_index": matrix, "style": style}]
+        if "second" in self.fields:
+            second = self.fields["second"]
+            turned = (np.reshape(matrix, (4, 3)) @ turning(second["axis"], second["angle_rad"]).T).ravel().tolist()
+            scene["instances"].append({"id": 2, "source": "crop", "world_from_index": turned, "style": second["style"]})
         view = self.fields["view"]
         scene["camera"]["world_from_camera"] = looking(view["eye"], view["target"])
         if "sky" in self.fields:
@@ -112,8 +124,9 @@ class Rung:
             self.add_mesh(scene, shapes.square(), place, [floor["material"]])
             scene["meshes"][-1]["shadow_catcher"] = floor.get("shadow_catcher", False)
         if "ball" in self.fields:
-            ball = self.fields["ball"]
-            self.add_mesh(scene, shapes.ball(ball["times"]), (ball["radius"], ball["at"]), ball["materials"])
+            given = self.fields["ball"]
+            for ball in given if isinstance(given, list) else [given]:
+                self.add_mesh(scene, shapes.ball(ball["times"]), (ball["radius"], ball["at"]), ball["materials"])
         self.scene = pumice.Scene.from_dict(scene).to_dict()
 
     def add_mesh(self, scene, shape, place, materials):
@@ -132,6 +145,11 @@ class Rung:
         return [self.shapes[mesh["source"]].made() for mesh in scene["meshes"]]
 
     @property
+    def volumes(self):
+        """The volume by the source that the instances name."""
+        return {"crop": self.volume}
+
+    @property
     def meshes(self):
         """The meshes of the rung's own scene."""
         return self.meshes_of(self.scene)
@@ -139,27 +157,14 @@ class Rung:
     @property
     def digest(self):
         """A digest of everything that the reference depends on."""
-        scene = {k: v for k, v in self.fields.items() if k in ("crop", "view", "scene", "sky", "floor", "ball")}
+        scene = {k: v for k, v in self.fields.items() if k in ("crop", "view", "scene", "sky", "floor", "ball", "second")}
         text = json.dumps(scene, sort_keys=True).encode() + np.ascontiguousarray(self.labels).tobytes()
         return hashlib.sha256(text).hexdigest()[:16]
 
     def job(self, pictures, report, renders, scene=None, **options):
         """A job for `scene_in_cycles.py`; writes its arrays into the rung's folder."""
         scene = self.scene if scene is None else scene
-        style = scene["instances"][0]["style"]
-        show = style["show"]
-        shown = self.ids if show == "all" else show["only"]
-        # For smooth shading quads must share vertices; a vertex of a single quad has that quad's normal.
-        vertices, faces = self.cut_faces(shown, options.get("smooth", False))
-        own = sorted(style["materials"], key=int)
-        materials = [style["material"], *(style["materials"][label] for label in own)]
-        number = {int(label): i + 1 for i, label in enumerate(own)}
-        of_row = np.array([number.get(int(label), 0) for label in self.volume.labels.ids])
-        arrays = {"vertices": vertices, "quads": faces.quads, "material_of_quad": of_row[faces.labels]}
-        paths = {}
-        for key, array in arrays.items():
-            paths[key] = str(self.folder / f"{self.name}-{key}.npy")
-            np.save(paths[key], array)
+        instances = [self.surface(instance, options.get("smooth", False)) for instance in scene["instances"]]
         meshes = []
         for mesh in scene["meshes"]:
             shape = self.shapes[mesh["source"]]
@@ -172,7 +177,7 @@ class Rung:
             meshes.append({**files, "materials": mesh["materials"]})
         return {
             "scene": scene,
-            "instances": [{**paths, "materials": materials}],
+            "instances": instances,
             "meshes": meshes,
             "cut_is_in_the_mesh": True,
             "renders": renders,
@@ -181,19 +186,38 @@ class Rung:
             **options,
         }
 
-    def cut_faces(self, shown, shared_corners):
-        """(vertices, faces) of the shown labels. Voxels right of the cut are removed, and those that it halves end at it."""
+    def surface(self, instance, smooth):
+        """An instance's surface, as a job has it: the files of its arrays, and its materials."""
+        style = instance["style"]
+        show = style["show"]
+        shown = self.ids if show == "all" else show["only"]
+        interfaces = "all" if lets_light_through(style) else "outside"
+        # For smooth shading quads must share vertices; a vertex of a single quad has that quad's normal.
+        vertices, faces = self.cut_faces(shown, interfaces, smooth)
+        own = sorted(style["materials"], key=int)
+        materials = [style["material"], *(style["materials"][label] for label in own)]
+        number = {int(label): i + 1 for i, label in enumerate(own)}
+        of_row = np.array([number.get(int(label), 0) for label in self.volume.labels.ids])
+        arrays = {"vertices": vertices, "quads": faces.quads, "material_of_quad": of_row[faces.labels]}
+        paths = {}
+        for key, array in arrays.items():
+            paths[key] = str(self.folder / f"{self.name}-{instance['id']}-{key}.npy")
+            np.save(paths[key], array)
+        return {**paths, "materials": materials}
+
+    def cut_faces(self, shown, interfaces, shared_corners):
+        """(vertices, faces) of the shown labels; `interfaces` as for `Volume.faces`. Voxels right of the cut are removed, and those that it
+        halves end at it."""
         import pumice
 
         cut = self.fields["crop"].get("cut_x")
         if cut is None:
-            faces = self.volume.faces(shown, shared_corners=shared_corners)
+            faces = self.volume.faces(shown, interfaces=interfaces, shared_corners=shared_corners)
             return faces.vertices, faces
         left = self.labels.copy(order="F")
         left[math.ceil(cut) :] = 0
-        faces = pumice.compress(left).faces(
-            [label for label in shown if (left == label).any()], shared_corners=shared_corners
-        )
+        kept = [label for label in shown if (left == label).any()]
+        faces = pumice.compress(left).faces(kept, interfaces=interfaces, shared_corners=shared_corners)
         vertices = faces.vertices.astype(np.float32)
         vertices[:, 0] = np.minimum(vertices[:, 0], cut)
         # Maps rows of the cut volume's label table to rows of the whole volume's.
@@ -209,10 +233,15 @@ class Rung:
         for seed in range(first, first + seeds):
             scene["settings"]["seed"] = seed
             picture = pumice.render(
-                pumice.Scene.from_dict(scene), self.volume, meshes=meshes, spp=spp or self.spp, backend=backend
+                pumice.Scene.from_dict(scene), self.volumes, meshes=meshes, spp=spp or self.spp, backend=backend
             )
             out.append(laid_over_white(picture.color, picture.alpha, picture.passes.get("shadow_catcher")))
         return np.array(out, dtype=np.float64)
+
+
+def lets_light_through(style):
+    """Whether light reaches the faces between two labels: some label has alpha below 1 or is of glass."""
+    return any(m["alpha"] < 1 or m["transmission"] > 0 for m in [style["material"], *style["materials"].values()])
 
 
 def laid_over_white(color, alpha, shadow=None):

@@ -115,7 +115,7 @@ def mesh_object(name, vertices, faces, material_of_face, materials, matrix, smoo
 
 
 def apart(vertices, quads):
-    """The quads, where two that coincide are moved apart, each by half of `GAP` into its own label.
+    """The quads, where two that coincide are moved apart, each by half of `GAP` into its own label, with corners of its own.
 
     Cycles continues a ray behind a transparent surface from the next greater distance, so of two faces in one place it passes one.
     """
@@ -126,8 +126,13 @@ def apart(vertices, quads):
         return vertices, quads
     outward = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     outward /= np.linalg.norm(outward, axis=1, keepdims=True)
-    corners[touching] -= 0.5 * GAP * outward[touching, None]
-    return corners.reshape(-1, 3), np.arange(quads.size).reshape(-1, 4)
+    moved = corners[touching] - 0.5 * GAP * outward[touching, None]
+    # The others keep the corners that they share; corners that none of them has are dropped.
+    used = np.zeros(len(vertices), dtype=bool)
+    used[quads[~touching]] = True
+    renumbered = np.cumsum(used)[quads] - 1
+    renumbered[touching] = used.sum() + np.arange(4 * len(moved)).reshape(-1, 4)
+    return np.concatenate([vertices[used], moved.reshape(-1, 3)]), renumbered
 
 
 def principled(name, fields):
