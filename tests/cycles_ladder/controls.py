@@ -123,6 +123,7 @@ FAULTS = {
     "second volume 1/4 voxel": _second,
     "albedo 2 %": _in_materials("base_color", 0.98),
     "roughness 5 %": _in_materials("roughness", 1.05),
+    "coat 20 %": _in_materials("coat", 0.8),
     "coat roughness 5 %": _in_materials("coat_roughness", 1.05),
     "sheen roughness 5 %": _in_materials("sheen_roughness", 1.05),
     "alpha 2 %": _in_materials("alpha", 0.98),
