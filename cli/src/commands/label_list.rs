@@ -8,7 +8,7 @@ use pumice_core::error::one_line;
 use pumice_session::{Job, LabelRows, OpenOptions, Residence, open_volume, parse_query};
 
 use crate::args::LabelList;
-use crate::failure::{Failure, say};
+use crate::failure::{self, Failure, say, warn};
 use crate::progress::Bar;
 
 /// Headers of the columns, and whether their cells stand right.
@@ -36,10 +36,10 @@ pub(crate) fn print(
     let rows = LabelRows::of(&volume);
     drop(bar);
     // Standard output has the labels alone, for programs that read it.
-    reading.warnings.list().iter().for_each(|warning| eprintln!("pumice: warning: {warning}"));
+    reading.warnings.list().iter().for_each(|warning| warn(format_args!("warning: {warning}")));
     let chosen = rows.sorted(&query, &list.sort)?;
     if list.csv {
-        return say(rows.csv(path, &chosen)?.trim_end_matches('\n'));
+        return failure::print(rows.csv(path, &chosen)?.trim_end_matches('\n'));
     }
 
     let numbers = rows.numbers();

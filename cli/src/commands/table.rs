@@ -7,7 +7,7 @@ use pumice_session::{Job, TableRequest, write_labels};
 use super::open_options;
 use crate::Answer;
 use crate::args::Table;
-use crate::failure::{Failure, say};
+use crate::failure::{Failure, print, say};
 use crate::progress::Bar;
 
 pub(crate) fn run(args: &Table, job: &Arc<Job>) -> Result<Answer, Failure> {
@@ -22,7 +22,7 @@ pub(crate) fn run(args: &Table, job: &Arc<Job>) -> Result<Answer, Failure> {
     let written = write_labels(&request, job)?;
     drop(bar);
     if args.json {
-        say(serde_json::to_string_pretty(&written)?)?;
+        print(&serde_json::to_string_pretty(&written)?)?;
         return Ok(Answer::Yes);
     }
     say(format_args!("{}: {} labels, format {}", args.out.display(), written.labels, written.format))?;
