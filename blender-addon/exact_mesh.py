@@ -208,16 +208,16 @@ def fill(mesh, faces):
 
 def wear(mesh, one):
     """Gives a mesh its materials; returns how many."""
-    # Each look that faces have, by group and then by color, and its number by row of the table.
+    # Each pair of a group and a color that faces have, and its number by row of the table.
     rows = np.unique(one.faces.labels)
     colored = np.array([group.colored for group in one.groups])[one.of[rows]]
-    looks = np.column_stack([one.of[rows], np.where(colored[:, None], one.colors[rows], 0.0)])
-    looks, number = np.unique(looks, axis=0, return_inverse=True)
-    by_attribute = len(looks) > MOST_MATERIALS
+    wanted = np.column_stack([one.of[rows], np.where(colored[:, None], one.colors[rows], 0.0)])
+    wanted, number = np.unique(wanted, axis=0, return_inverse=True)
+    by_attribute = len(wanted) > MOST_MATERIALS
     if by_attribute:
-        looks, number = np.unique(one.of[rows], return_inverse=True)
-        looks = looks[:, None]
-    for index, (place, *color) in enumerate(looks.astype(float).tolist(), start=1):
+        wanted, number = np.unique(one.of[rows], return_inverse=True)
+        wanted = wanted[:, None]
+    for index, (place, *color) in enumerate(wanted.astype(float).tolist(), start=1):
         group, name = one.groups[int(place)], f"{one.name} {index}"
         if not group.colored:
             mesh.materials.append(group.material or dressed(name, PLAIN))
@@ -232,7 +232,7 @@ def wear(mesh, one):
     of_row = np.zeros(len(one.shown), dtype=np.int32)
     of_row[rows] = number.ravel()
     mesh.polygons.foreach_set("material_index", of_row[one.faces.labels])
-    return len(looks)
+    return len(wanted)
 
 
 def colored_by_faces(material):

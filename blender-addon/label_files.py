@@ -80,7 +80,7 @@ class PUMICE_OT_labels_import(label_operators.OnLabels, bpy.types.Operator, Impo
         found, left_out = read(path)
         for line in left_out + annotate(table, found):
             self.report({"WARNING"}, f"{os.path.basename(path)}: {line}")
-        label_operators.told(table)
+        label_operators.tag_users(table)
         label_search.refresh(context)
         return f"{os.path.basename(path)}: {len(found.ids):,} rows, {found.format}"
 

@@ -61,7 +61,7 @@ def selected(table):
     return rows
 
 
-def told(table):
+def tag_users(table):
     """Makes every object that shows the table, and the panel, follow it."""
     for obj in bpy.data.objects:
         if obj.pumice.table == table:
@@ -129,7 +129,7 @@ class PUMICE_OT_labels_select(OnLabels, bpy.types.Operator):
         flags = flags if self.extend else np.zeros_like(flags)
         flags[rows] = takes
         label_table.set_selected(table, flags)
-        told(table)
+        tag_users(table)
 
 
 class PUMICE_OT_labels_select_hits(OnLabels, bpy.types.Operator):
@@ -144,7 +144,7 @@ class PUMICE_OT_labels_select_hits(OnLabels, bpy.types.Operator):
         flags = label_table.selected(table) if self.extend else np.zeros(len(table.vertices), dtype=bool)
         flags[label_search.rows(context)] = True
         label_table.set_selected(table, flags)
-        told(table)
+        tag_users(table)
         return f"{counted(int(flags.sum()))} selected"
 
 
@@ -161,7 +161,7 @@ class PUMICE_OT_labels_select_group(OnLabels, bpy.types.Operator):
         flags = label_table.selected(table)
         flags[label_table.slots(table) == slot_of(context.object, self.slot)] = not self.deselect
         label_table.set_selected(table, flags)
-        told(table)
+        tag_users(table)
 
 
 class PUMICE_OT_labels_invert(OnLabels, bpy.types.Operator):
@@ -172,7 +172,7 @@ class PUMICE_OT_labels_invert(OnLabels, bpy.types.Operator):
 
     def change(self, _context, table):
         label_table.set_selected(table, label_table.visible(table) & ~label_table.selected(table))
-        told(table)
+        tag_users(table)
 
 
 class PUMICE_OT_labels_hide(OnLabels, bpy.types.Operator):
@@ -195,7 +195,7 @@ class PUMICE_OT_labels_hide(OnLabels, bpy.types.Operator):
             hidden[rows] = True
             flags &= hidden if self.unselected else ~hidden
         label_table.set_visible(table, flags)
-        told(table)
+        tag_users(table)
 
 
 class PUMICE_OT_labels_isolate(OnLabels, bpy.types.Operator):
@@ -208,7 +208,7 @@ class PUMICE_OT_labels_isolate(OnLabels, bpy.types.Operator):
         flags = np.zeros(len(table.vertices), dtype=bool)
         flags[selected(table)] = True
         label_table.set_visible(table, flags)
-        told(table)
+        tag_users(table)
         return f"{counted(int(flags.sum()))} shown"
 
 
@@ -220,7 +220,7 @@ class PUMICE_OT_labels_show_all(OnLabels, bpy.types.Operator):
 
     def change(self, _context, table):
         label_table.set_visible(table, np.ones(len(table.vertices), dtype=bool))
-        told(table)
+        tag_users(table)
 
 
 class PUMICE_OT_labels_color(OnLabels, bpy.types.Operator):
@@ -235,7 +235,7 @@ class PUMICE_OT_labels_color(OnLabels, bpy.types.Operator):
 
     def change(self, _context, table):
         label_table.set_color(table, selected(table), tuple(self.color))
-        told(table)
+        tag_users(table)
 
 
 class PUMICE_OT_labels_recolor(OnLabels, bpy.types.Operator):
@@ -252,7 +252,7 @@ class PUMICE_OT_labels_recolor(OnLabels, bpy.types.Operator):
         rows = np.flatnonzero(flags) if flags.any() else np.arange(len(flags))
         colors = label_colors.palette(self.palette, table, lambda: _volume(context).labels.auto_colors(), self.column)
         label_table.set_color(table, rows, colors[rows], own=self.palette != "NEIGHBORS")
-        told(table)
+        tag_users(table)
         return f"{counted(len(rows))} recolored"
 
 
@@ -266,7 +266,7 @@ class PUMICE_OT_labels_assign(OnLabels, bpy.types.Operator):
 
     def change(self, context, table):
         label_table.set_slots(table, selected(table), slot_of(context.object, self.slot))
-        told(table)
+        tag_users(table)
 
 
 class PUMICE_OT_labels_frame(OnLabels, bpy.types.Operator):

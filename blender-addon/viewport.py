@@ -204,8 +204,8 @@ class Viewport:
         if changes.edits:
             self.session.edit(*changes.edits)
         pumice = native.require()
-        for number, style, shown, looks in changes.labels:
-            visible, groups = style.visible() if shown else None, style.groups(pumice) if looks else None
+        for number, style, visibility_differs, groups_differ in changes.labels:
+            visible, groups = style.visible() if visibility_differs else None, style.groups(pumice) if groups_differ else None
             self.session.set_labels(number, visible=visible, groups=groups)
         for key in changes.removed:
             del self.numbers[key]

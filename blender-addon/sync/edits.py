@@ -90,13 +90,13 @@ def _of_instance(changes, number, before, after):
             changes.edits.append({"edit": part, "id": number, part: now[part]})
     if new.columns is None:
         return
-    shown = old.columns is None or not new.columns.same_shown(old.columns)
+    visibility = old.columns is None or not new.columns.same_visible(old.columns)
     # Groups take their colors, or do not: then other columns are sent.
     colored = [[colored for _, colored in style.materials] for style in (old, new)]
-    looks = old.columns is None or colored[0] != colored[1] or not new.columns.same_looks(old.columns)
-    if shown or looks:
-        changes.labels.append((number, new, shown, looks))
-    if not looks:
+    groups = old.columns is None or colored[0] != colored[1] or not new.columns.same_groups(old.columns)
+    if visibility or groups:
+        changes.labels.append((number, new, visibility, groups))
+    if not groups:
         for group, ((former, _), (material, _)) in enumerate(zip(old.materials, new.materials)):
             if material != former:
                 changes.edits.append({"edit": "group_material", "id": number, "group": group, "material": material})

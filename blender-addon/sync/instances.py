@@ -71,10 +71,10 @@ def _groups(table, slots):
 
 def _unless_changed(kept, new):
     """The columns that were read before, where they still hold; those that changed with the arrays of the others."""
-    looks, shown = new.same_looks(kept), new.same_shown(kept)
-    if looks and shown:
+    groups, visibility = new.same_groups(kept), new.same_visible(kept)
+    if groups and visibility:
         return kept
-    if looks:
+    if groups:
         return Columns(kept.ids, new.visible, kept.group, kept.color)
     return new
 

@@ -24,12 +24,12 @@ class Columns:
     group: np.ndarray
     color: np.ndarray
 
-    def same_looks(self, other):
+    def same_groups(self, other):
         """Whether all labels have the same groups and colors."""
         mine, others = (self.ids, self.group, self.color), (other.ids, other.group, other.color)
         return all(a is b or np.array_equal(a, b) for a, b in zip(mine, others))
 
-    def same_shown(self, other):
+    def same_visible(self, other):
         """Whether the same labels are drawn."""
         return self.visible is other.visible or (
             np.array_equal(self.visible, other.visible) and np.array_equal(self.ids, other.ids)
