@@ -80,7 +80,7 @@ pub fn emitters_of(
     let of_volumes = volumes.map(|(v, instance)| EmissiveGeometry::Volume {
         instance,
         volume: v.volume(),
-        drawn: v.drawn().to_vec(),
+        drawn: v.drawn().into_owned(),
         placement: *v.placement(),
         detail: v.detail(),
         cuts: v.cuts(),
@@ -170,18 +170,24 @@ impl Making<'_> {
         let geometry = match again {
             Some(geometry) => geometry,
             None => {
-                self.rebuilt.acceleration += 1;
                 let traced = TracedInstance {
                     volume: Arc::clone(&self.new.volumes()[place]),
                     world_from_index: instance.world_from_index,
                     visible: self.new.visible(place),
                     lod: self.lod,
                 };
-                match self.parts.has(Part::HiddenLabels) {
-                    true => VolumeTracer::with_hidden_labels(place as u32, &traced)?,
-                    false => VolumeTracer::new(place as u32, &traced)?,
-                }
-                .with_bricks()
+                // With other labels shown, the former geometry of the volume may still serve.
+                let old = self.old.filter(|old| !old.scene.needs().parts().has(Part::HiddenLabels));
+                let like = plan.former.and_then(|i| Some((former(i)?, old?.scene.visible(i))));
+                let (geometry, is_built) = match (self.parts.has(Part::HiddenLabels), like) {
+                    (true, _) => {
+                        (VolumeTracer::with_hidden_labels(place as u32, &traced)?.with_bricks(), true)
+                    }
+                    (false, Some((like, before))) => like.showing(&before, place as u32, &traced)?,
+                    (false, None) => (VolumeTracer::new(place as u32, &traced)?.with_bricks(), true),
+                };
+                self.rebuilt.acceleration += u64::from(is_built);
+                geometry
             }
         };
         let geometry = geometry.with_cuts(scene.cuts_of(instance.id));

@@ -17,6 +17,8 @@ mod floor;
 mod passes;
 #[path = "renderer/resting.rs"]
 mod resting;
+#[path = "renderer/showing.rs"]
+mod showing;
 
 fn besides() -> Vec<PartSet> {
     vec![PartSet::NONE.with(Part::HiddenLabels), PartSet::ALL]

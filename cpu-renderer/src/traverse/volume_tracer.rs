@@ -2,6 +2,7 @@
 
 mod making;
 mod search;
+mod showing;
 mod surfaces;
 
 use std::sync::Arc;
@@ -23,10 +24,11 @@ use super::f64x4::{Instructions, Plain};
 use super::index_ray::{Start, surface_of};
 use super::ray_box_mask::RayBoxMask;
 pub(super) use search::{Nearest, bvh_ray};
+use showing::Widest;
 use surfaces::Left;
 
 /// The geometry of one instance.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct VolumeTracer {
     volume: Arc<CompressedVolume>,
     placement: Placement,
@@ -47,8 +49,10 @@ pub struct VolumeTracer {
     normals: [[DVec3; 2]; 3],
     /// Parts that are cut away.
     cuts: Cuts,
-    /// Labels that are in the hierarchy and not drawn.
+    /// Whether each label, by dense index, is not drawn; `None` where the hierarchy has no hidden labels.
     hidden: Option<Arc<[bool]>>,
+    /// The largest hierarchy that was built for this volume, from which others are made when labels are hidden or shown.
+    widest: Option<Arc<Widest>>,
     /// Neighbours of each box, where voxels are shaded smooth.
     neighbors: Option<Arc<Neighbors>>,
 }

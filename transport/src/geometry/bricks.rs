@@ -95,26 +95,106 @@ impl Bricks {
             return None;
         }
         let reaching = boxes_by_brick(volume, items, blocks_along);
-        let mut made = Self {
+        let mut made = Self::empty(level, blocks_along);
+        let mut bounds = BoxBounds::EMPTY;
+        for of_brick in reaching.chunk_by(|a, b| a.0 == b.0) {
+            let number = of_brick.first()?.0;
+            bounds = bounds.union(made.add(volume, number, of_brick.iter().map(|of| of.1))?);
+        }
+        made.finish(bounds)
+    }
+
+    /// The same without the boxes of `hidden` labels: what [`Bricks::new`] builds of the others. Bricks that no hidden box reaches into are
+    /// copied. `volume` is the one that these were built of. Returns `None` where nothing is left.
+    pub fn without(&self, volume: &CompressedVolume, hidden: &[bool]) -> Option<Self> {
+        let is_hidden = |part: &BrickPart| hidden.get(part.label as usize).copied().unwrap_or(true);
+        let blocks_along = volume.info().dims.map(|d| d.div_ceil(BLOCK));
+        let mut made = Self::empty(self.level, blocks_along);
+        let mut bounds = BoxBounds::EMPTY;
+        for (b, block) in self.blocks.iter().enumerate() {
+            for (i, place) in (0u32..64).filter(|&place| block.occupied >> place & 1 != 0).enumerate() {
+                let number = (b as u64) << PLACE_BITS | u64::from(place);
+                let at = block.first_brick as usize + i;
+                let parts =
+                    &self.parts[self.bricks[at].first_part as usize..self.bricks[at + 1].first_part as usize];
+                if parts.iter().any(is_hidden) {
+                    let kept = parts.iter().filter(|part| !is_hidden(part)).map(|part| part.item);
+                    bounds = bounds.union(made.add(volume, number, kept)?);
+                } else {
+                    bounds = bounds.union(made.copy(self, at, parts, number, &bounds)?);
+                }
+            }
+        }
+        if made.bricks.is_empty() { None } else { made.finish(bounds) }
+    }
+
+    fn empty(level: DetailLevel, blocks_along: [u32; 3]) -> Self {
+        let blocks: usize = blocks_along.iter().map(|&n| n as usize).product();
+        Self {
             level,
             bounds: [[0.0; 4]; 2],
             last_block: f64x4(blocks_along.map(|n| n - 1)),
             strides: [1, blocks_along[0] as usize, blocks_along[0] as usize * blocks_along[1] as usize],
-            blocks: vec![Block::default(); blocks as usize],
+            blocks: vec![Block::default(); blocks],
             bricks: Vec::new(),
             fields: Vec::new(),
             parts: Vec::new(),
-        };
-        let mut bounds = BoxBounds::EMPTY;
-        for of_brick in reaching.chunk_by(|a, b| a.0 == b.0) {
-            bounds = bounds.union(made.add(volume, of_brick)?);
         }
-        made.bounds = [bounds.lo, bounds.hi].map(f64x4);
-        made.bricks.push(made.next_brick()?);
-        made.bricks.shrink_to_fit();
-        made.fields.shrink_to_fit();
-        made.parts.shrink_to_fit();
-        Some(made)
+    }
+
+    /// Appends the entry that marks where the last brick's fields and parts end.
+    fn finish(mut self, bounds: BoxBounds) -> Option<Self> {
+        self.bounds = [bounds.lo, bounds.hi].map(f64x4);
+        self.bricks.push(self.next_brick()?);
+        self.bricks.shrink_to_fit();
+        self.fields.shrink_to_fit();
+        self.parts.shrink_to_fit();
+        Some(self)
+    }
+
+    /// Lowest voxel of the brick of this number: block and place in it.
+    fn origin(&self, number: u64) -> [u32; 3] {
+        let (block, place) = ((number >> PLACE_BITS) as u32, number as u32 & 63);
+        let [_, along_y, along_z] = self.strides.map(|stride| stride as u32);
+        let of_block = [block % along_y, block % along_z / along_y, block / along_z];
+        each_axis(|a| BLOCK * of_block[a] + BRICK * (place >> (2 * a) & 3))
+    }
+
+    /// Marks the brick that is appended next in its block.
+    fn mark(&mut self, number: u64) -> Option<()> {
+        let next = self.bricks.len().try_into().ok()?;
+        let block = &mut self.blocks[(number >> PLACE_BITS) as usize];
+        if block.occupied == 0 {
+            block.first_brick = next;
+        }
+        block.occupied |= 1 << (number & 63);
+        Some(())
+    }
+
+    /// Appends brick `at` of `other`, whose parts these are, and returns the bounds of its voxels, as far as they are not within `known`.
+    fn copy(
+        &mut self,
+        other: &Self,
+        at: usize,
+        parts: &[BrickPart],
+        number: u64,
+        known: &BoxBounds,
+    ) -> Option<BoxBounds> {
+        let brick = &other.bricks[at];
+        let of_brick = Brick { occupied: brick.occupied, full: brick.full, ..self.next_brick()? };
+        let origin = self.origin(number);
+        let is_known = (0..3).all(|a| known.lo[a] <= origin[a] && origin[a] + BRICK <= known.hi[a]);
+        let mut bounds = BoxBounds::EMPTY;
+        for c in (0u32..64).filter(|c| !is_known && brick.occupied >> c & 1 != 0) {
+            let corner = each_axis(|a| origin[a] + 4 * (c >> (2 * a) & 3));
+            bounds = bounds.union(bounds_of(other.field(brick, c), corner));
+        }
+        self.mark(number)?;
+        self.fields
+            .extend(&other.fields[brick.first_field as usize..other.bricks[at + 1].first_field as usize]);
+        self.parts.extend(parts);
+        self.bricks.push(of_brick);
+        Some(bounds)
     }
 
     fn next_brick(&self) -> Option<Brick> {
@@ -123,14 +203,15 @@ impl Bricks {
     }
 
     /// Appends the next brick, made of the boxes that reach into it, and returns the bounds of its voxels; `None` where an index overflows.
-    fn add(&mut self, volume: &CompressedVolume, of_brick: &[(u64, u32)]) -> Option<BoxBounds> {
-        let number = of_brick.first()?.0;
-        let (block, place) = ((number >> PLACE_BITS) as u32, number as u32 & 63);
-        let [_, along_y, along_z] = self.strides.map(|stride| stride as u32);
-        let of_block = [block % along_y, block % along_z / along_y, block / along_z];
-        let origin = each_axis(|a| BLOCK * of_block[a] + BRICK * (place >> (2 * a) & 3));
+    fn add(
+        &mut self,
+        volume: &CompressedVolume,
+        number: u64,
+        of_brick: impl Iterator<Item = u32>,
+    ) -> Option<BoxBounds> {
+        let origin = self.origin(number);
         let (mut brick, mut cells, mut bounds) = (self.next_brick()?, [0u64; 64], BoxBounds::EMPTY);
-        for &(_, item) in of_brick {
+        for item in of_brick {
             let b = volume.place_of_box(item as usize);
             // Boxes are aligned to cells, not to bricks.
             let shift = each_axis(|a| (b.origin[a] as i32 - origin[a] as i32) / 4);
@@ -172,11 +253,7 @@ impl Bricks {
             }
         }
         if brick.occupied != 0 {
-            let block = &mut self.blocks[block as usize];
-            if block.occupied == 0 {
-                block.first_brick = self.bricks.len().try_into().ok()?;
-            }
-            block.occupied |= 1 << place;
+            self.mark(number)?;
             self.bricks.push(brick);
         }
         Some(bounds)
@@ -371,6 +448,41 @@ mod tests {
             }
         }
         assert!(expected.len() > 50_000 && shared.get() > 1000, "{} {shared:?}", expected.len());
+    }
+
+    /// Hiding labels of existing bricks gives, entry by entry, what is built of the other boxes, at every level; for one label, for most,
+    /// and for those at the volume's edge, which its bounds follow.
+    #[test]
+    fn hiding_labels_equals_building_without_them() {
+        let (_, volume) = blobs([90, 70, 150], 60, 9, 8);
+        let all: Vec<u32> = (0..volume.boxes().len() as u32).collect();
+        let at_edge = |label: usize| {
+            all.iter().any(|&i| {
+                volume.label_of_box(i as usize) as usize == label && volume.get_box(i as usize).origin[2] < 16
+            })
+        };
+        let labels = volume.labels().len();
+        let edge: Vec<bool> = (0..labels).map(at_edge).collect();
+        let text =
+            |b: &Bricks| format!("{:?} {:?} {:?} {:?} {:?}", b.bounds, b.blocks, b.bricks, b.fields, b.parts);
+        for level in [DetailLevel::Voxels, DetailLevel::Cells, DetailLevel::Boxes] {
+            let bricks = Bricks::new(&volume, &all, level).unwrap();
+            let whole = text(&bricks);
+            let hide: [Vec<bool>; 4] = [
+                (0..labels).map(|label| label == 7).collect(),
+                (0..labels).map(|label| label % 5 != 0).collect(),
+                edge.clone(),
+                vec![false; labels],
+            ];
+            for hidden in hide {
+                let is_shown = |i: &u32| !hidden[volume.label_of_box(*i as usize) as usize];
+                let shown: Vec<u32> = all.iter().copied().filter(is_shown).collect();
+                let expected = text(&Bricks::new(&volume, &shown, level).unwrap());
+                assert_eq!(expected != whole, shown.len() < all.len(), "hiding a label makes a difference");
+                assert!(text(&bricks.without(&volume, &hidden).unwrap()) == expected, "{level:?} {hidden:?}");
+            }
+            assert!(bricks.without(&volume, &vec![true; labels]).is_none());
+        }
     }
 
     #[test]

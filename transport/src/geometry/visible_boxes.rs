@@ -1,5 +1,7 @@
 //! The boxes of a volume that are drawn, as input for building a hierarchy.
 
+use std::ops::Range;
+
 use crate::BoxBounds;
 use pumice_core::CompressedVolume;
 
@@ -7,34 +9,42 @@ use super::each_axis;
 
 /// Bounds and index of each box of a visible label, in the volume's order. `tight` bounds enclose the box's voxels only.
 pub fn visible_boxes(volume: &CompressedVolume, visible: &[bool], tight: bool) -> Vec<(BoxBounds, u32)> {
-    let mut boxes = Vec::new();
-    for (c, chunk) in volume.chunks().iter().enumerate() {
-        let next = volume.chunks().get(c + 1);
-        let runs = &volume.runs()
-            [chunk.first_run as usize..next.map_or(volume.runs().len(), |n| n.first_run as usize)];
-        let chunk_end = next.map_or(volume.boxes().len() as u64, |n| n.first_box);
-        for (r, run) in runs.iter().enumerate() {
-            if !visible.get(run.label as usize).copied().unwrap_or(false) {
-                continue;
-            }
-            let first = chunk.first_box + u64::from(run.first_box);
-            let end = runs.get(r + 1).map_or(chunk_end, |n| chunk.first_box + u64::from(n.first_box));
-            for i in first..end {
-                let place = volume.place_of_box(i as usize);
-                let bounds = if tight {
-                    let (lo, last) = volume.box_at(&place).voxel_bounds();
-                    BoxBounds { lo, hi: last.map(|v| v + 1) }
-                } else {
-                    let hi = clipped_end(place.origin, place.extent, volume.info().dims);
-                    BoxBounds { lo: place.origin, hi }
-                };
-                boxes.push((bounds, i as u32));
-            }
-        }
+    let mut boxes = Vec::with_capacity(count_visible(volume, visible) as usize);
+    for i in visible_ranges(volume, visible).flatten() {
+        let place = volume.place_of_box(i as usize);
+        let bounds = if tight {
+            let (lo, last) = volume.box_at(&place).voxel_bounds();
+            BoxBounds { lo, hi: last.map(|v| v + 1) }
+        } else {
+            let hi = clipped_end(place.origin, place.extent, volume.info().dims);
+            BoxBounds { lo: place.origin, hi }
+        };
+        boxes.push((bounds, i as u32));
     }
-    // Building needs several times this memory, so no spare capacity is kept.
-    boxes.shrink_to_fit();
     boxes
+}
+
+/// Number of boxes of visible labels.
+pub fn count_visible(volume: &CompressedVolume, visible: &[bool]) -> u64 {
+    visible_ranges(volume, visible).map(|boxes| boxes.end - boxes.start).sum()
+}
+
+/// Indices of the boxes of visible labels: a range for each label and chunk.
+fn visible_ranges<'a>(
+    volume: &'a CompressedVolume,
+    visible: &'a [bool],
+) -> impl Iterator<Item = Range<u64>> + 'a {
+    volume.chunks().iter().enumerate().flat_map(move |(c, chunk)| {
+        let next = volume.chunks().get(c + 1);
+        let end_of_runs = next.map_or(volume.runs().len(), |n| n.first_run as usize);
+        let runs = &volume.runs()[chunk.first_run as usize..end_of_runs];
+        let end_of_chunk = next.map_or(volume.boxes().len() as u64, |n| n.first_box);
+        let is_visible = |label: u32| visible.get(label as usize).copied().unwrap_or(false);
+        runs.iter().enumerate().filter(move |(_, run)| is_visible(run.label)).map(move |(r, run)| {
+            let start = chunk.first_box + u64::from(run.first_box);
+            start..runs.get(r + 1).map_or(end_of_chunk, |n| chunk.first_box + u64::from(n.first_box))
+        })
+    })
 }
 
 /// One past the highest voxel of a box that lies within the volume.

@@ -1,5 +1,6 @@
 //! Construction of a [`VolumeTracer`]: its hierarchy, bricks and cuts; and their memory.
 
+use std::borrow::Cow;
 use std::sync::Arc;
 
 use glam::{DAffine3, DVec3};
@@ -52,6 +53,7 @@ impl VolumeTracer {
             tight,
             cuts: Cuts::default(),
             hidden: None,
+            widest: None,
             neighbors: None,
         })
     }
@@ -75,9 +77,7 @@ impl VolumeTracer {
         self.wants_bricks = true;
         // (Existing bricks are kept if they have the right level.)
         if self.bricks.as_ref().map(|bricks| bricks.level()) != self.level {
-            let drawn = self.bvh.items().iter().copied().filter(|&item| !self.is_hidden(item));
-            let made =
-                self.level.and_then(|level| Bricks::new(&self.volume, &drawn.collect::<Vec<_>>(), level));
+            let made = self.level.and_then(|level| Bricks::new(&self.volume, &self.drawn(), level));
             self.bricks = made.map(Arc::new);
         }
         self
@@ -96,7 +96,8 @@ impl VolumeTracer {
         if !is_smooth {
             self.neighbors = None;
         } else if self.neighbors.is_none() {
-            let drawn = self.drawn().iter().map(|&item| {
+            let drawn = self.drawn();
+            let drawn = drawn.iter().map(|&item| {
                 let b = self.box_of(item);
                 (item, self.label_of(item), BoxBounds { lo: b.origin, hi: self.clipped_end(&b) })
             });
@@ -141,14 +142,19 @@ impl VolumeTracer {
             tight: self.tight,
             cuts: Cuts::default(),
             hidden: self.hidden.clone(),
+            widest: self.widest.clone(),
             neighbors: self.neighbors.clone(),
         };
         Ok(Some(if self.wants_bricks { again.with_bricks() } else { again }))
     }
 
-    /// Size on the heap in bytes of the hierarchy, the bricks, and the neighbours for smooth shading.
+    /// Size on the heap in bytes of the hierarchy, the bricks, and the neighbours for smooth shading; and of the hierarchy and bricks of
+    /// more labels that are kept for when these are shown again.
     pub fn bytes(&self) -> u64 {
-        self.bvh.bytes() + self.brick_bytes() + self.neighbors.as_ref().map_or(0, |n| n.bytes())
+        self.bvh.bytes()
+            + self.brick_bytes()
+            + self.neighbors.as_ref().map_or(0, |n| n.bytes())
+            + self.widest.as_ref().map_or(0, |w| w.bytes_besides(self))
     }
 
     /// The part of [`VolumeTracer::bytes`] that bricks take.
@@ -157,8 +163,11 @@ impl VolumeTracer {
     }
 
     /// Indices of the boxes that are drawn.
-    pub fn drawn(&self) -> &[u32] {
-        self.bvh.items()
+    pub fn drawn(&self) -> Cow<'_, [u32]> {
+        match &self.hidden {
+            None => Cow::Borrowed(self.bvh.items()),
+            Some(_) => self.bvh.items().iter().copied().filter(|&item| !self.is_hidden(item)).collect(),
+        }
     }
 
     /// The volume.
@@ -186,7 +195,7 @@ impl VolumeTracer {
         self.detail
     }
 
-    /// Number of boxes that are drawn.
+    /// Number of boxes in the hierarchy.
     pub fn boxes(&self) -> usize {
         self.bvh.len()
     }

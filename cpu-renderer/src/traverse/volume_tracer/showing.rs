@@ -1,0 +1,93 @@
+//! The same volume with other labels shown. What was built for many labels serves for fewer of them:
+//!
+//! ```text
+//! shown before   shown now            hierarchy                              bricks
+//! the widest     the same labels      the widest                             the widest
+//! the widest     most of them         the widest; rays skip hidden boxes     copied, but where a hidden box reaches into
+//! the widest     few of them          built of the few; the widest is kept   built of the few
+//! any            others               built, and the widest from now on      built
+//! ```
+//! Every way draws the same picture, bit by bit.
+
+use std::sync::Arc;
+
+use pumice_transport::RenderError;
+use pumice_transport::geometry::visible_boxes::count_visible;
+
+use super::super::TracedInstance;
+use super::VolumeTracer;
+
+/// Rays skip hidden boxes while at least one of so many boxes in the hierarchy is shown; below that a hierarchy of these alone is built.
+const MASKED_BOXES_A_SHOWN_ONE: u64 = 4;
+
+/// The tracer of the most labels that were shown.
+#[derive(Debug)]
+pub(super) struct Widest {
+    /// The labels that it draws, by dense index.
+    labels: Vec<bool>,
+    tracer: VolumeTracer,
+}
+
+impl Widest {
+    /// Size on the heap in bytes of what `drawn` does not use itself.
+    pub(super) fn bytes_besides(&self, drawn: &VolumeTracer) -> u64 {
+        let Self { tracer, .. } = self;
+        let bvh = if Arc::ptr_eq(&tracer.bvh, &drawn.bvh) { 0 } else { tracer.bvh.bytes() };
+        let shares_bricks = match (&tracer.bricks, &drawn.bricks) {
+            (Some(a), Some(b)) => Arc::ptr_eq(a, b),
+            _ => false,
+        };
+        bvh + if shares_bricks { 0 } else { tracer.brick_bytes() }
+    }
+
+    fn covers(&self, visible: &[bool]) -> bool {
+        visible.iter().zip(&self.labels).all(|(visible, has)| !visible || *has)
+    }
+}
+
+impl VolumeTracer {
+    /// The tracer of another choice of labels, with flat voxels and without cuts; and whether a hierarchy was built for it. `before` are
+    /// the labels that `self` draws.
+    ///
+    /// # Errors
+    /// As [`VolumeTracer::new`].
+    pub fn showing(
+        &self,
+        before: &[bool],
+        instance: u32,
+        traced: &TracedInstance,
+    ) -> Result<(Self, bool), RenderError> {
+        let place = |tracer: &Self| tracer.again(instance, traced.world_from_index, traced.lod);
+        let (labels, wide) = match &self.widest {
+            Some(widest) => (widest.labels.clone(), place(&widest.tracer)?),
+            None => (before.to_vec(), place(self)?),
+        };
+        let visible = &traced.visible;
+        let Some(tracer) = wide else { return built(instance, traced, None) };
+        let widest = Widest { labels, tracer: Self { neighbors: None, widest: None, ..tracer } };
+        if !widest.covers(visible) {
+            return built(instance, traced, None);
+        }
+        let shown = count_visible(&self.volume, visible);
+        if shown.saturating_mul(MASKED_BOXES_A_SHOWN_ONE) < widest.tracer.bvh.len() as u64 {
+            return built(instance, traced, Some(Arc::new(widest)));
+        }
+        if widest.labels == *visible {
+            return Ok((widest.tracer, false));
+        }
+        let hidden: Arc<[bool]> = visible.iter().map(|visible| !visible).collect();
+        let wide = widest.tracer.clone();
+        let bricks = wide.bricks.as_ref().and_then(|bricks| bricks.without(&self.volume, &hidden));
+        let widest = Some(Arc::new(widest));
+        Ok((Self { bricks: bricks.map(Arc::new), hidden: Some(hidden), widest, ..wide }, false))
+    }
+}
+
+fn built(
+    instance: u32,
+    traced: &TracedInstance,
+    widest: Option<Arc<Widest>>,
+) -> Result<(VolumeTracer, bool), RenderError> {
+    let built = VolumeTracer::new(instance, traced)?.with_bricks();
+    Ok((VolumeTracer { widest, ..built }, true))
+}
