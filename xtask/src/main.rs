@@ -24,7 +24,8 @@ use std::process::ExitCode;
 
 const HELP: &str = "\
 Usage: cargo xtask test [--full] [--only PART]... [--share K] [--bpy VERSION] [--list]
-       cargo xtask extension [--out FOLDER]
+       cargo xtask extension [--wheel FILE] [--out FOLDER]
+       cargo xtask wheel [--out FOLDER]
        cargo xtask test-window [--suite trixie|sid] [--gpu opengl|vulkan] [--out FOLDER]
        cargo xtask stub
        cargo xtask shaders [--check]
@@ -40,9 +41,14 @@ test: prepares what the tests need and runs them, part by part; prints a table o
   --bpy VERSION test the extension in another Blender that exists as a wheel for Python 3.11 (4.2.23, 4.5.15)
   --list        print the parts and their time limits in seconds
 
-extension: builds the zip that users install in Blender, with the Python module for this platform inside.
+extension: builds the zip that users install in Blender, with the Python module for this machine inside.
 
+  --wheel FILE  put this wheel into it, which may be of another platform, instead of building one
   --out FOLDER  also copy it into this folder; it is always in target/extension
+
+wheel: builds the Python module for all machines with this system; on Linux for glibc 2.28 and newer, by zig.
+
+  --out FOLDER  write it into this folder instead of target/wheels/portable
 
 test-window: drives the extension in a real Blender window without a screen; screenshots and measurements go to target/window. Needs root
 and mmdebstrap: it builds a Debian with Blender, Xvfb and software OpenGL and Vulkan under target/ (365 MB to fetch, once).
@@ -75,6 +81,9 @@ fn main() -> ExitCode {
             parsed(extension::Options::parse(rest), |o| told(extension::run(&root(), &target(), &o)))
         }
         "test-window" => parsed(window::Options::parse(rest), |o| told(window::run(&root(), &target(), &o))),
+        "wheel" => parsed(wheel::Options::parse(rest), |o| {
+            told(wheel::build_portable(&root(), &target(), o.out.as_deref()))
+        }),
         "stub" if rest.is_empty() => told(wheel::update_stub(&root(), &target())),
         "shaders" => parsed(shaders::Options::parse(rest), |o| told(shaders::run(&root(), &target(), &o))),
         "fuzz" => parsed(fuzz::Options::parse(rest), |o| fuzz::run(&o)),

@@ -41,9 +41,19 @@ impl Environment {
         }
     }
 
+    /// The environment that builds portable wheels.
+    pub(crate) fn wheels() -> Self {
+        Self {
+            folder: "venv-wheels".into(),
+            requirements: "tests/python/requirements-wheels.txt",
+            ..Self::tests()
+        }
+    }
+
     /// Path of the environment's interpreter, which may not exist yet.
     pub(crate) fn interpreter(&self, target: &Path) -> PathBuf {
-        target.join(&self.folder).join("bin/python")
+        let inside = if cfg!(windows) { "Scripts/python.exe" } else { "bin/python" };
+        target.join(&self.folder).join(inside)
     }
 
     /// Steps that make the environment; none if it is up to date.

@@ -1,9 +1,13 @@
 //! The Python module's wheel, built by maturin; and whether the types that it is published with are those of its source.
 //!
 //! ```text
-//! python/ ─► target/wheels/dev      for the tests, with the profile that everything else of theirs is built with
-//!         └► target/wheels/release  for users
+//! python/ ─► target/wheels/dev       for the tests, with the profile that everything else of theirs is built with
+//!         ├► target/wheels/release   for this machine
+//!         └► target/wheels/portable  for others with this system
 //! ```
+//! A wheel that is linked on Linux asks for that machine's glibc or a newer one. The portable wheel is linked by zig against
+//! [`OLDEST_GLIBC`], the oldest that Blender itself runs on.
+//!
 //! maturin builds the module alone. Its manifest asks for the features of dependencies that a build of the whole workspace has, so the wheel
 //! for the tests is linked with what that build has compiled, and takes seconds.
 
@@ -20,17 +24,62 @@ pub(crate) fn folder(target: &Path, profile: &str) -> PathBuf {
 
 /// Builds the wheel with a profile of cargo's: `dev` for the tests, `release` for users. Needs the tests' environment.
 pub(crate) fn build(root: &Path, target: &Path, profile: &str) -> Step {
-    let mut command = maturin(root, target);
+    let mut command = maturin(root, target, &Environment::tests().interpreter(target));
     command
         .args(["build", "--quiet", "--locked", "--strip", "--profile", profile, "--out"])
         .arg(folder(target, profile));
     Step::or_say(command, "the wheel of python/ could not be built")
 }
 
+/// Oldest glibc that Blender's builds run on (RHEL 8 and its like); maturin's name for it.
+const OLDEST_GLIBC: &str = "manylinux_2_28";
+
+/// Options of `cargo xtask wheel`.
+#[derive(Debug, Default, PartialEq, Eq)]
+pub(crate) struct Options {
+    pub(crate) out: Option<PathBuf>,
+}
+
+impl Options {
+    pub(crate) fn parse(args: &[String]) -> Result<Self, String> {
+        match args {
+            [] => Ok(Self::default()),
+            [out, folder] if out == "--out" => Ok(Self { out: Some(folder.into()) }),
+            [out] if out == "--out" => Err("--out needs a value".into()),
+            [first, ..] => Err(format!("unknown argument {first}")),
+        }
+    }
+}
+
+/// `cargo xtask wheel [--out FOLDER]`: builds the portable wheel and prints its path.
+pub(crate) fn build_portable(root: &Path, target: &Path, out: Option<&Path>) -> Result<(), String> {
+    let environment = Environment::wheels();
+    environment.made(root, target)?;
+    let interpreter = environment.interpreter(target);
+    let folder = out.map_or_else(|| self::folder(target, "portable"), Path::to_path_buf);
+    let folder = std::path::absolute(&folder).map_err(|e| format!("{}: {e}", folder.display()))?;
+    let mut command = maturin(root, target, &interpreter);
+    command.args(["build", "--quiet", "--locked", "--strip", "--release", "--out"]).arg(&folder);
+    if cfg!(target_os = "linux") {
+        command.args(["--zig", "--compatibility", OLDEST_GLIBC]);
+        // maturin finds zig through a `python3` on the path.
+        let former = std::env::var_os("PATH").unwrap_or_default();
+        let bin = interpreter.parent().map(Path::to_path_buf);
+        let path = std::env::join_paths(bin.into_iter().chain(std::env::split_paths(&former)));
+        command.env("PATH", path.map_err(|e| e.to_string())?);
+    }
+    Step::or_say(command, "the portable wheel of python/ could not be built").finish()?;
+    println!("{}", newest_in(&folder)?.display());
+    Ok(())
+}
+
 /// The wheel of a profile that was built last.
 pub(crate) fn newest(target: &Path, profile: &str) -> Result<PathBuf, String> {
-    let folder = folder(target, profile);
-    let entries = std::fs::read_dir(&folder).map_err(|e| format!("{}: {e}", folder.display()))?;
+    newest_in(&folder(target, profile))
+}
+
+fn newest_in(folder: &Path) -> Result<PathBuf, String> {
+    let entries = std::fs::read_dir(folder).map_err(|e| format!("{}: {e}", folder.display()))?;
     let wheels = entries.flatten().filter(|e| e.path().extension().is_some_and(|x| x == "whl"));
     let newest = wheels.max_by_key(|e| e.metadata().and_then(|m| m.modified()).ok());
     newest.map(|e| e.path()).ok_or_else(|| format!("{}: no wheel was built", folder.display()))
@@ -47,7 +96,7 @@ pub(crate) fn install(target: &Path, profile: &str) -> Result<Step, String> {
 
 /// Writes the stub that the source asks for.
 pub(crate) fn generate_stub(root: &Path, target: &Path) -> Step {
-    let mut command = maturin(root, target);
+    let mut command = maturin(root, target, &Environment::tests().interpreter(target));
     command
         .args(["generate-stubs", "--quiet", "--locked", "--profile", "dev", "--out"])
         .arg(target.join("stubs"));
@@ -80,9 +129,8 @@ pub(crate) fn update_stub(root: &Path, target: &Path) -> Result<(), String> {
         .map_err(|e| format!("{}: {e}", to.display()))
 }
 
-fn maturin(root: &Path, target: &Path) -> Command {
-    let interpreter = Environment::tests().interpreter(target);
-    let mut command = Command::new(&interpreter);
+fn maturin(root: &Path, target: &Path, interpreter: &Path) -> Command {
+    let mut command = Command::new(interpreter);
     command
         .args(["-m", "maturin"])
         .current_dir(root.join("python"))
