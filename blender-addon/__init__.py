@@ -7,8 +7,10 @@ A module imports only from lines below its own:
 
     __init__
     export_usd       export_gltf          verify               label_panel          import_volume
-    label_files
-    label_operators
+    label_files          pick_tool
+    label_box            label_outline
+    label_pick
+    label_operators      label_film
     export_surfaces
     frame_file
     panels           engine               export_scene         import_scene         exact_mesh
@@ -43,11 +45,16 @@ from . import (
     export_usd,
     import_scene,
     import_volume,
+    label_box,
+    label_film,
     label_files,
     label_operators,
+    label_outline,
     label_panel,
+    label_pick,
     label_search,
     panels,
+    pick_tool,
     preferences,
     properties,
     registry,
@@ -73,6 +80,11 @@ MODULES = (
     engine,
     label_search,
     label_operators,
+    label_film,
+    label_pick,
+    label_box,
+    label_outline,
+    pick_tool,
     label_files,
     label_panel,
     panels,

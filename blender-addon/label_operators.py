@@ -61,6 +61,15 @@ def selected(table):
     return rows
 
 
+def selection(flags, rows, extend, toggle=False):
+    """Which labels are selected after some were chosen: these alone; with `extend` what `flags` says too; with `toggle`, where all of them
+    were selected already, without them."""
+    takes = not (extend and toggle and len(rows) and flags[rows].all())
+    chosen = flags.copy() if extend else np.zeros_like(flags)
+    chosen[rows] = takes
+    return chosen
+
+
 def tag_users(table):
     """Makes every object that shows the table, and the panel, follow it."""
     for obj in bpy.data.objects:
@@ -124,11 +133,8 @@ class PUMICE_OT_labels_select(OnLabels, bpy.types.Operator):
         return self.execute(context)
 
     def change(self, _context, table):
-        rows, flags = rows_of(table, self.ids), label_table.selected(table)
-        takes = not (self.extend and self.toggle and len(rows) and flags[rows].all())
-        flags = flags if self.extend else np.zeros_like(flags)
-        flags[rows] = takes
-        label_table.set_selected(table, flags)
+        rows = rows_of(table, self.ids)
+        label_table.set_selected(table, selection(label_table.selected(table), rows, self.extend, self.toggle))
         tag_users(table)
 
 
@@ -181,7 +187,9 @@ class PUMICE_OT_labels_hide(OnLabels, bpy.types.Operator):
     bl_idname = "pumice.labels_hide"
     bl_label = "Hide Labels"
 
-    unselected: BoolProperty(name="Unselected", description="Hide those that are not selected instead", default=False)
+    unselected: BoolProperty(
+        name="Unselected", description="Hide those that are not selected instead", default=False, options={"SKIP_SAVE"}
+    )
     ids: StringProperty(name="Ids", description="Hide, or show again, these labels instead of the selection", options={"SKIP_SAVE"})
 
     def change(self, _context, table):

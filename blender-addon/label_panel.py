@@ -53,7 +53,7 @@ class _Labels:
         row.operator("pumice.labels_select_hits", text=f"Select All {search.count:,} Hits")
         row.operator("pumice.labels_invert", text="", icon="ARROW_LEFTRIGHT")
         if search.count > len(search.hits):
-            layout.label(text=f"The first {len(search.hits):,} are listed")
+            layout.label(text=f"{len(search.hits):,} of them are listed")
         shown, chosen = int(label_table.visible(table).sum()), int(label_table.selected(table).sum())
         layout.label(text=f"{shown:,} shown, {chosen:,} selected, {len(table.vertices):,} in all")
 

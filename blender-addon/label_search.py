@@ -63,8 +63,9 @@ def rows(context):
     return np.flatnonzero(index(table).find(context.window_manager.pumice_labels.query))
 
 
-def refresh(context):
-    """Fills the list anew for the active object and the query."""
+def refresh(context, row=None):
+    """Fills the list anew for the active object and the query. With `row`, that row of the table is in the list and active: among the hits
+    around it, or before them where the query does not find it."""
     search, table = context.window_manager.pumice_labels, table_of(context)
     search.hits.clear()
     search.count, search.problem, search.table = 0, "", table.session_uid if table is not None else 0
@@ -76,8 +77,14 @@ def refresh(context):
         search.problem = one_line(error)
         return
     search.count = len(found)
-    for row in found[:MOST_HITS].tolist():
-        search.hits.add().row = row
+    place = int(np.searchsorted(found, row)) if row is not None else 0
+    start = max(0, min(place - MOST_HITS // 2, len(found) - MOST_HITS))
+    listed = found[start : start + MOST_HITS].tolist()
+    if row is not None and row not in listed:
+        listed = [row, *listed[: MOST_HITS - 1]]
+    for one in listed:
+        search.hits.add().row = one
+    search.active = listed.index(row) if row is not None else 0
 
 
 class PumiceLabelHit(bpy.types.PropertyGroup):

@@ -75,7 +75,7 @@ def read(depsgraph, camera, film, kept, *, space=None, as_rendered=False):
         elif obj.type in DRAWN_BY_OTHERS and not (drawn.MESHES and obj.type in meshes.KINDS):
             others.append(obj.name)
     kept.geometries.end()
-    for uid in (rendered or {}).keys() - seen:
+    for uid in [uid for uid, name in (rendered or {}).items() if name is not None and uid not in seen]:
         raise Refused(f"{rendered[uid]} is hidden in the viewport and not in renders; show it, or hide it from renders too")
     left_out += others_left_out(others)
     # In an order that does not depend on names or on Blender's: a light's place among the others reaches the random numbers.
@@ -187,15 +187,15 @@ def _in_view(instance, space):
 
 
 def _in_renders(view_layer):
-    """Names, by uid, of the objects in a final render that Pumice reads."""
+    """Names, by uid, of the objects in a final render that Pumice reads; None for those that only make instances of others."""
     found = {}
 
     def walk(layer):
         if layer.exclude or layer.collection.hide_render:
             return
         for obj in layer.collection.objects:
-            if not obj.hide_render and _is_read(obj):
-                found[obj.original.session_uid] = obj.name
+            if not obj.hide_render and (_is_read(obj) or obj.instance_type == "COLLECTION"):
+                found[obj.original.session_uid] = obj.name if _is_read(obj) else None
         for child in layer.children:
             walk(child)
 
@@ -206,6 +206,11 @@ def _in_renders(view_layer):
 def _is_read(obj):
     cuts_here, mesh_here = drawn.CUTS and cuts.is_cut(obj), drawn.MESHES and obj.type in meshes.KINDS
     return obj.type == "LIGHT" or is_volume(obj) or cuts_here or mesh_here
+
+
+def volume_uid(key):
+    """The session uid of the object behind a key of `_key`: of the volume itself, not of what makes instances of it."""
+    return key[0] if len(key) == 1 else key[1]
 
 
 def _key(instance):

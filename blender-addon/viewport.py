@@ -14,6 +14,7 @@ This module keeps no engine object alive: an engine that Blender freed raises Re
 
 import dataclasses
 import os
+import time
 
 import bpy
 
@@ -39,6 +40,16 @@ def of(engine):
     if found is None:
         found = _viewports[key] = Viewport(engine, key)
     return found
+
+
+def of_region(region):
+    """The viewport that draws in a region of Blender's window; None where there is none."""
+    return next((found for found in _viewports.values() if region is not None and found.region == region), None)
+
+
+def last_drawn():
+    """The viewport that was drawn last; None where there is none."""
+    return max(_viewports.values(), key=lambda found: found.drawn_at, default=None)
 
 
 def close_all():
@@ -73,6 +84,8 @@ class Viewport:
         self.frame = None
         self.texture = picture_texture.PictureTexture()
         self.active = False
+        self.region, self.drawn_at = None, 0.0  # where and when it was drawn last
+        self.awaits_labels = False
         self._wake()
 
     # Blender's calls
@@ -106,10 +119,19 @@ class Viewport:
             log(error)
             self.notes = [one_line(error)]
         region = context.region
+        self.region, self.drawn_at = region, time.monotonic()
         if self.frame is not None:
             self.texture.draw(self.engine, scene, self.frame, region.width, region.height)
         missing_boxes.draw(self._boxes(context))
         self.engine.update_stats("Pumice", overlay.line(status, self.frame, self.notes))
+
+    def labels(self):
+        """The label film of what the session shows; None until it is there, when it tags a redraw. Never waits."""
+        film = self.session.label_film() if self.session is not None else None
+        self.awaits_labels = film is None and self.session is not None and self.session.status.error is None
+        if self.awaits_labels:
+            self._wake()
+        return film
 
     # Between them
 
@@ -122,6 +144,8 @@ class Viewport:
                 self.waiting = {}
                 self.engine.tag_update()
             fresh = self._fetch()
+            if self.awaits_labels:
+                fresh = self.labels() is not None or fresh
             if fresh:
                 self.engine.tag_redraw()
             else:
@@ -129,7 +153,7 @@ class Viewport:
         except ReferenceError:
             self.close()
             return None
-        resting = not self.waiting and (self.session is None or self._state() != "rendering")
+        resting = not self.waiting and not self.awaits_labels and (self.session is None or self._state() != "rendering")
         if resting and self.active and not fresh:
             self.active = False
             self.engine.tag_redraw()  # the line says that it is done
@@ -279,7 +303,7 @@ class Viewport:
     def _stop(self):
         if self.session is not None:
             self.session.stop()
-        self.session, self.sent, self.frame = None, None, None
+        self.session, self.sent, self.frame, self.awaits_labels = None, None, None, False
         self.numbers, self.camera_seen = {}, None
 
 

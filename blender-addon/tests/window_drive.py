@@ -165,6 +165,11 @@ def steps():
     yield 0.5
     shot("orthographic")
 
+    sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+    import window_pick
+
+    yield from window_pick.steps(sys.modules[EXTENSION], OUT, window, area, shown, converged, until, input_events, shot)
+
     yield from other_device(area)
 
     # A finished picture is not redrawn.

@@ -7,7 +7,7 @@ use pumice_core::Job;
 use pumice_picture::cryptomatte::{self, Ids};
 use pumice_picture::film::REPLICATES;
 use pumice_picture::{Image, Picture, name_mattes};
-use pumice_scene::{Part, PartSet, Scene};
+use pumice_scene::{Film, Part, PartSet, Scene};
 use pumice_transport::camera_rays::CameraRays;
 use pumice_transport::emitters::{EmissiveGeometry, Emitters};
 use pumice_transport::geometry::LodChoice;
@@ -15,7 +15,8 @@ use pumice_transport::lights::Lights;
 use pumice_transport::material_table::{MaterialTable, MaterialTables};
 use pumice_transport::scene_lights::{ReadImage, scene_lights};
 use pumice_transport::scene_plan::{InstancePlan, MeshPlan, Reuse, ScenePlan};
-use pumice_transport::{LoadedScene, Pick, Progress, Rebuilt, RenderError, Renderer, SurfaceKind};
+use pumice_transport::{LoadedScene, Pick, Progress, Rebuilt, RenderError, Renderer, SeenLabel, SurfaceKind};
+use rayon::prelude::*;
 
 use crate::path::Surroundings;
 use crate::path_tracer::PathTracer;
@@ -328,6 +329,23 @@ impl Renderer for CpuRenderer {
             let s = hit.surface;
             Pick { instance: s.instance, label: s.label, voxel: s.voxel, depth }
         }))
+    }
+
+    fn labels(&mut self, job: &Job) -> Result<Vec<Option<SeenLabel>>, RenderError> {
+        let shown = self.shown()?;
+        let Film { width, height, .. } = shown.scene.scene().film;
+        let label = |pixel: usize| {
+            if job.is_cancelled() {
+                return None;
+            }
+            let (x, y) = (pixel % width as usize, pixel / width as usize);
+            let (hit, _) = shown.tracer.pick(x as u32, y as u32)?;
+            let s = hit.surface;
+            let labelled = s.kind != SurfaceKind::Triangle;
+            labelled.then_some(SeenLabel { instance: s.instance, label: s.label })
+        };
+        let labels = (0..width as usize * height as usize).into_par_iter().map(label).collect();
+        if job.is_cancelled() { Err(RenderError::Cancelled) } else { Ok(labels) }
     }
 
     fn rebuilt(&self) -> Rebuilt {

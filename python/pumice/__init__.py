@@ -19,7 +19,7 @@ from .mesh import Mesh
 from .picture import CurvePoint, Picture, cryptomatte_hash, devices, render
 from .reference_picture import ReferencePicture
 from .scene import Scene, figure
-from .session import Frame, Pick, Session, Status
+from .session import Frame, LabelFilm, Pick, Session, Status
 from .surface import count_faces, surface
 from .volume import Faces, LabelTable, Volume, compress, open, probe
 
@@ -35,6 +35,7 @@ __all__ = [
     "InputError",
     "InternalError",
     "Job",
+    "LabelFilm",
     "LabelGroups",
     "LabelTable",
     "Mesh",

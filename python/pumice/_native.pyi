@@ -315,6 +315,11 @@ class Session:
         """
         Applies a list of edits in JSON, all or none; returns the new revision.
         """
+    def label_film(self, /) -> tuple[int, Array] | None:
+        """
+        The revision of which the label film was made, and the film: (height, width, 2) of instance id and row in the label table + 1, row 0 at
+        the top, 0 where there is no label. `None` while the worker makes it; never waits.
+        """
     def latest(self, /, after: SupportsIndex) -> Frame | None:
         """
         The newest frame if its serial is above `after`, else `None`; never waits.

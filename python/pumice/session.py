@@ -8,6 +8,9 @@ import json
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
+
 from . import _native, arguments, mesh
 from .errors import InputError
 from .labels import LabelFlags, LabelGroups, flags
@@ -40,6 +43,15 @@ class Pick:
     name: str
     voxel: tuple[int, int, int]
     depth: float
+
+
+@dataclasses.dataclass(frozen=True)
+class LabelFilm:
+    """The label under the centre of every pixel: `pixels` is (height, width, 2), row 0 at the top, the instance's id and the label's row in
+    the label table plus 1; 0 where there is no label. `revision` is the revision of the scene that it was made of."""
+
+    revision: int
+    pixels: npt.NDArray[np.uint32]
 
 
 Frame = _native.Frame
@@ -90,6 +102,12 @@ class Session:
     def latest(self, after: int = 0) -> Frame | None:
         """The newest frame if its serial is above `after`, else None. numpy and Blender's `gpu.types.Buffer` read it without a copy."""
         return self._native.latest(after)
+
+    def label_film(self) -> LabelFilm | None:
+        """The labels that the newest revision shows; None while the worker makes the film, which the first call asks for, or if that revision
+        cannot be shown. A change of light, materials or colors keeps the film. Never waits, and copies nothing."""
+        found = self._native.label_film()
+        return None if found is None else LabelFilm(found[0], np.asarray(found[1]))
 
     def pick(self, x: int, y: int) -> Pick | None:
         """What lies under the centre of a pixel of the film, counted from the upper left."""

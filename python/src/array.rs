@@ -11,7 +11,7 @@ use std::ffi::{CStr, c_int, c_void};
 use std::sync::Arc;
 
 use bytemuck::{Pod, cast_slice};
-use pumice_session::Frame;
+use pumice_session::{Frame, LabelFilm};
 use pyo3::exceptions::PyBufferError;
 use pyo3::ffi;
 use pyo3::prelude::*;
@@ -26,6 +26,8 @@ pub(crate) enum Data {
     U64(Vec<u64>),
     /// The pixels of a frame.
     Frame(Arc<Frame>),
+    /// The pixels of a label film.
+    Labels(Arc<LabelFilm>),
 }
 
 impl Data {
@@ -42,6 +44,7 @@ impl Data {
             Self::U32(v) => of(v),
             Self::U64(v) => of(v),
             Self::Frame(frame) => of(&frame.rgba),
+            Self::Labels(film) => of(&film.pixels),
         }
     }
 
@@ -52,7 +55,7 @@ impl Data {
             Self::F32(_) | Self::Frame(_) => (4, c"f"),
             Self::F64(_) => (8, c"d"),
             Self::I32(_) => (4, c"i"),
-            Self::U32(_) => (4, c"I"),
+            Self::U32(_) | Self::Labels(_) => (4, c"I"),
             Self::U64(_) => (8, c"Q"),
         }
     }

@@ -9,6 +9,7 @@ use pumice_session::{SessionError, Stop};
 use pumice_transport::{LoadedEdit, LoadedScene};
 use pyo3::prelude::*;
 
+use crate::array::{Array, Data};
 use crate::calls::Call;
 use crate::errors::{IntoException, input};
 use crate::frame::Frame;
@@ -95,6 +96,14 @@ impl Session {
             Ok::<_, SessionError>(Some((instance.id, label, name, pick.voxel, pick.depth)))
         })?;
         Ok(found)
+    }
+
+    /// The revision of which the label film was made, and the film: (height, width, 2) of instance id and row in the label table + 1, row 0 at
+    /// the top, 0 where there is no label. `None` while the worker makes it; never waits.
+    fn label_film(&self) -> Option<(u64, Array)> {
+        let film = self.0.label_film()?;
+        let shape = [film.height as usize, film.width as usize, 2];
+        Some((film.revision, Array::new(Data::Labels(film), &shape)))
     }
 
     /// (state, error, revision, backend, device, notices, counters).

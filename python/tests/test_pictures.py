@@ -273,6 +273,11 @@ def test_a_named_backend_draws_the_picture_of_the_cpu(scene, volume, backend):
         np.testing.assert_array_equal(np.asarray(frame)[::-1, :, :3], picture.color)
         status = session.status
         assert (status.backend, status.device, status.notices) == (backend, picture.device, [])
+        while (film := session.label_film()) is None:
+            assert session.status.error is None
+            time.sleep(0.01)
+        np.testing.assert_array_equal(film.pixels[..., 1], cpu.label)
+        np.testing.assert_array_equal(film.pixels[..., 0], cpu.label > 0)
 
 
 @pytest.mark.parametrize("backend", BACKENDS)

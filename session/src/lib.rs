@@ -35,7 +35,7 @@ pub use label_files::{
     TableFit, TableOutcome, TableRequest, annotate, parse_query, read_table, write_labels,
 };
 pub use label_rows::LabelRows;
-pub use live::{Frame, Live, LiveOptions, LiveState, Status};
+pub use live::{Frame, LabelFilm, Live, LiveOptions, LiveState, Status};
 pub use measure::{Stopwatch, peak_rss_bytes, resident_file_bytes};
 pub use open::{Residence, open_chosen, open_labels, open_meshes, open_shown, open_source, open_volume};
 pub use progressive::{CurvePoint, Stop};

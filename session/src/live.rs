@@ -9,6 +9,7 @@
 //! until the worker ends its current slice. A panic in the worker ends the worker and is reported by [`Live::status`]; it does not
 //! reach the client.
 
+mod label_film;
 mod worker;
 
 use std::collections::BTreeMap;
@@ -24,6 +25,7 @@ use crate::backend::{FallbackRenderer, make_renderer};
 use crate::error::{Result, SessionError};
 use crate::progressive::Stop;
 
+pub use label_film::LabelFilm;
 pub use worker::panic_text;
 
 /// Options of a live picture.
@@ -140,6 +142,12 @@ struct Board {
     /// Cancels the samples under way.
     job: Arc<Job>,
     questions: Vec<Question>,
+    /// The newest label film.
+    labels: Option<Arc<LabelFilm>>,
+    /// The first revision since which label films have not changed.
+    labels_since: u64,
+    /// Whether the worker is to make a label film.
+    labels_wanted: bool,
     frame: Option<Arc<Frame>>,
     state: LiveState,
     error: Option<String>,
@@ -187,6 +195,9 @@ impl Live {
                 revision: 1,
                 job: Arc::new(Job::new()),
                 questions: Vec::new(),
+                labels: None,
+                labels_since: 1,
+                labels_wanted: false,
                 frame: None,
                 state: LiveState::Rendering,
                 error: None,
@@ -219,11 +230,15 @@ impl Live {
         let names: Vec<&'static str> = edits.iter().map(LoadedEdit::name).collect();
         // The edited scene is validated here, so that the caller gets the error at once and not the worker later.
         let scene = board.scene.edited(edits).map_err(|e| SessionError::Caller(e.to_string()))?;
+        let labels_change = names.iter().any(|name| !label_film::KEEPING_EDITS.contains(name));
         for name in names {
             *board.counters.entry(format!("edits.{name}")).or_default() += 1;
         }
         board.scene = scene;
         board.revision += 1;
+        if labels_change {
+            board.labels_since = board.revision;
+        }
         if matches!(board.state, LiveState::Converged) {
             board.state = LiveState::Rendering;
         }
@@ -269,6 +284,18 @@ impl Live {
             Ok(pick) => Ok(pick?),
             Err(_) => Err(SessionError::Caller("pick: the live picture has ended".into())),
         }
+    }
+
+    /// The label film of the newest revision. `None` while the worker makes it, which this call asks for, or if that revision cannot be
+    /// shown. Never waits.
+    pub fn label_film(&self) -> Option<Arc<LabelFilm>> {
+        let mut board = self.shared.board();
+        let current = board.labels.as_ref().filter(|film| film.revision >= board.labels_since).cloned();
+        if current.is_none() && !board.labels_wanted {
+            board.labels_wanted = true;
+            self.shared.work.notify_all();
+        }
+        current
     }
 
     /// The current status.

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use pumice_core::{CompressedVolume, Job, LabelBuffer, LabelType, VolumeInfo, compress_labels};
 use pumice_scene::{Environment, Material, Scene, SceneEdit, Show, World};
 use pumice_session::figure::{FigureOptions, compose};
-use pumice_session::live::{Frame, Live, LiveOptions, LiveState, Status};
+use pumice_session::live::{Frame, LabelFilm, Live, LiveOptions, LiveState, Status};
 use pumice_session::{Stop, render_file::render_scene};
 use pumice_transport::{LoadedEdit, LoadedScene};
 
@@ -225,6 +225,75 @@ fn picks_name_what_is_seen() {
     assert_eq!(live.pick(64, 0).unwrap(), None, "outside of the film");
     live.stop();
     assert!(live.pick(32, 32).is_err());
+}
+
+/// The label film once it is there; fails after a minute.
+fn label_film(live: &Live) -> Arc<LabelFilm> {
+    let start = Instant::now();
+    loop {
+        if let Some(film) = live.label_film() {
+            return film;
+        }
+        assert!(start.elapsed() < Duration::from_secs(60), "no label film: {:?}", live.status());
+        std::thread::sleep(Duration::from_millis(2));
+    }
+}
+
+/// The pixels of which picks disagree with a label film.
+fn unlike_picks(live: &Live, film: &LabelFilm) -> usize {
+    let scene = live.scene();
+    let pixels = (0..film.height).flat_map(|y| (0..film.width).map(move |x| [x, y]));
+    let picked = pixels.map(|[x, y]| {
+        let pick = live.pick(x, y).unwrap();
+        pick.map_or([0, 0], |p| [scene.instances[p.instance as usize].id, p.label + 1])
+    });
+    picked.zip(&film.pixels).filter(|(picked, pixel)| picked != *pixel).count()
+}
+
+#[test]
+fn a_label_film_is_what_picks_find_in_every_pixel() {
+    let live = Live::start(loaded(scene([48, 40])), spp(2)).unwrap();
+    let mut second = live.scene().instances[0].clone();
+    second.id = 77;
+    second.world_from_index.translation.x += 3.0;
+    live.edit(vec![LoadedEdit::Add { instance: Box::new(second), volume: volume() }]).unwrap();
+    let film = label_film(&live);
+    assert_eq!((film.width, film.height, film.pixels.len(), film.revision), (48, 40, 48 * 40, 2));
+    assert_eq!(unlike_picks(&live, &film), 0);
+    for seen in [[0, 0], [1, 1], [1, 2], [77, 2]] {
+        assert!(film.pixels.contains(&seen), "{seen:?} is in the picture");
+    }
+    let mut broken = (*film).clone();
+    broken.pixels.swap(0, 24 + 20 * 48);
+    assert_eq!(unlike_picks(&live, &broken), 2, "the comparison notices");
+}
+
+#[test]
+fn a_label_film_follows_what_moves_surfaces_and_outlives_the_rest() {
+    let live = Live::start(loaded(scene([48, 40])), spp(2)).unwrap();
+    let first = label_film(&live);
+    // A change of light or colour keeps it.
+    live.edit(vec![SceneEdit::Suns { suns: vec![] }]).unwrap();
+    live.edit(vec![SceneEdit::Material { id: 1, material: Material::default() }]).unwrap();
+    assert!(Arc::ptr_eq(&live.label_film().unwrap(), &first));
+    // Visibility, camera and size do not: no older film is given out.
+    live.edit(vec![SceneEdit::Show { id: 1, show: Show::Only(vec![9]) }]).unwrap();
+    assert!(live.label_film().is_none_or(|film| film.revision == 4));
+    let second = label_film(&live);
+    assert!(second.pixels.contains(&[1, 2]) && !second.pixels.contains(&[1, 1]));
+    let mut camera = live.scene().camera;
+    camera.shift[0] += 0.1;
+    live.edit(vec![SceneEdit::Camera { camera }]).unwrap();
+    let third = label_film(&live);
+    assert_ne!(third.pixels, second.pixels);
+    assert_eq!(unlike_picks(&live, &third), 0);
+    let film = pumice_scene::Film { width: 20, height: 30, ..live.scene().film };
+    live.edit(vec![SceneEdit::Film { film }]).unwrap();
+    let fourth = label_film(&live);
+    assert_eq!((fourth.width, fourth.height, fourth.pixels.len()), (20, 30, 600));
+    live.stop();
+    live.edit(vec![SceneEdit::Show { id: 1, show: Show::All }]).unwrap();
+    assert_eq!(live.label_film(), None, "a picture that was stopped makes no more");
 }
 
 #[test]

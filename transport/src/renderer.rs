@@ -54,6 +54,15 @@ pub struct Pick {
     pub depth: f64,
 }
 
+/// The label under a pixel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SeenLabel {
+    /// Position of the instance in the scene's list.
+    pub instance: u32,
+    /// Dense label index.
+    pub label: u32,
+}
+
 /// How often a renderer has built each kind of its data. Tests use it to prove that a camera move rebuilds only the camera, and a colour
 /// edit only colours.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -121,6 +130,12 @@ pub trait Renderer: Send {
     /// # Errors
     /// [`RenderError::Scene`] before any scene was set.
     fn pick(&mut self, x: u32, y: u32) -> Result<Option<Pick>, RenderError>;
+
+    /// The labels that [`Renderer::pick`] finds in all pixels, row by row from the top.
+    ///
+    /// # Errors
+    /// [`RenderError::Scene`] before any scene was set; [`RenderError::Cancelled`].
+    fn labels(&mut self, job: &Job) -> Result<Vec<Option<SeenLabel>>, RenderError>;
 
     /// How often each kind of data was built since the renderer was created.
     fn rebuilt(&self) -> Rebuilt;

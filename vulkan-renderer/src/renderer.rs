@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 use pumice_core::Job;
 use pumice_picture::film::REPLICATES;
 use pumice_picture::{Image, Picture};
-use pumice_transport::{LoadedScene, Pick, Progress, ReadImage, Rebuilt, RenderError, Renderer};
+use pumice_transport::{LoadedScene, Pick, Progress, ReadImage, Rebuilt, RenderError, Renderer, SeenLabel};
 
 use crate::device::{Backend, Candidate, DeviceError, Gpu, Instance};
 use crate::machine::{DeviceContext, Opening};
@@ -231,6 +231,11 @@ impl Renderer for VulkanRenderer {
 
     fn pick(&mut self, x: u32, y: u32) -> Result<Option<Pick>, RenderError> {
         self.twice(|shown, machine| shown.pick(machine, x, y))
+    }
+
+    fn labels(&mut self, job: &Job) -> Result<Vec<Option<SeenLabel>>, RenderError> {
+        let labels = self.twice(|shown, machine| shown.labels(machine, job))?;
+        if job.is_cancelled() { Err(RenderError::Cancelled) } else { Ok(labels) }
     }
 
     fn rebuilt(&self) -> Rebuilt {

@@ -13,12 +13,13 @@ use pumice_transport::emitters::EmissiveGeometry;
 use pumice_transport::geometry::{Cuts, LodChoice, MeshGrid, Placement, mesh_placement};
 use pumice_transport::scene_plan::{InstancePlan, MeshPlan, Reuse, ScenePlan, Source, sums_of};
 use pumice_transport::{
-    Emitters, LoadedScene, MaterialTable, Pick, ReadImage, Rebuilt, RenderError, SurfaceKind, scene_lights,
+    Emitters, LoadedScene, MaterialTable, Pick, ReadImage, Rebuilt, RenderError, SeenLabel, SurfaceKind,
+    scene_lights,
 };
 
 use crate::device::{Backend, Buffer, DeviceError};
 use crate::film::Film;
-use crate::layout::{HitRecord, Launch, NONE, SurfaceAovsRecord};
+use crate::layout::{HitRecord, Launch, NONE, SurfaceAovsRecord, SurfaceRecord};
 use crate::machine::DeviceContext;
 use crate::pack::{self, ShaderNeeds};
 use crate::scene::{
@@ -152,26 +153,22 @@ impl Shown {
         let tile = Tile { x, y, width: 1, height: 1 };
         self.first(machine, &tile, 1, bytemuck::cast_slice_mut(&mut hit))?;
         let [HitRecord { t: depth, surface: s, .. }] = hit;
-        let labelled = s.instance != NONE && s.face >> 3 != SurfaceKind::Triangle as u32;
-        Ok(labelled.then_some(Pick { instance: s.instance, label: s.label, voxel: s.voxel, depth }))
+        Ok(label_of(&s).map(|SeenLabel { instance, label }| Pick { instance, label, voxel: s.voxel, depth }))
+    }
+
+    /// The labels under the centres of all pixels; incomplete if the job is cancelled.
+    pub(crate) fn labels(
+        &self,
+        machine: &mut DeviceContext,
+        job: &Job,
+    ) -> Result<Vec<Option<SeenLabel>>, DeviceError> {
+        self.firsts(machine, 1, job, |hit: &HitRecord| label_of(&hit.surface))
     }
 
     /// The picture so far: colours from the host's copy of the film, render passes from the device.
     pub(crate) fn picture(&self, machine: &mut DeviceContext) -> Result<Picture, DeviceError> {
-        let [width, height] = self.film.size;
-        let mut firsts = vec![SurfaceAovsRecord::zeroed(); width as usize * height as usize];
-        let mut at = Cursor::default();
-        while let Some((tile, after)) = machine.slices_of_firsts.next([width, height], at, 1) {
-            let mut records = vec![SurfaceAovsRecord::zeroed(); tile.pixels() as usize];
-            let taken = self.first(machine, &tile, 0, bytemuck::cast_slice_mut(&mut records))?;
-            machine.slices_of_firsts.learn(tile.pixels(), 1, taken.as_secs_f64());
-            for (row, y) in records.chunks(tile.width as usize).zip(tile.y..) {
-                let place = y as usize * width as usize + tile.x as usize;
-                firsts[place..][..row.len()].copy_from_slice(row);
-            }
-            at = after;
-        }
-        let (width, height) = (width as usize, height as usize);
+        let firsts = self.firsts(machine, 0, &Job::new(), SurfaceAovsRecord::clone)?;
+        let [width, height] = self.film.size.map(|n| n as usize);
         let image =
             |f: fn(&SurfaceAovsRecord) -> [f32; 3]| Image::new(width, height, firsts.iter().map(f).collect());
         let film: &FilmBuffer = self.film.copy();
@@ -188,6 +185,33 @@ impl Shown {
         let mut picture = film.passes_into(picture, self.scene.scene().film.passes);
         name_mattes(&mut picture, self.scene.scene(), self.scene.volumes());
         Ok(picture)
+    }
+
+    /// What `of` finds in the record of the first surface of each pixel, row by row from the top; incomplete if the job is cancelled.
+    fn firsts<R: bytemuck::Pod, T: Clone>(
+        &self,
+        machine: &mut DeviceContext,
+        wanted: u32,
+        job: &Job,
+        of: impl Fn(&R) -> T,
+    ) -> Result<Vec<T>, DeviceError> {
+        let [width, height] = self.film.size;
+        let mut firsts = vec![of(&R::zeroed()); width as usize * height as usize];
+        let mut at = Cursor::default();
+        while let Some((tile, after)) = machine.slices_of_firsts.next([width, height], at, 1) {
+            if job.is_cancelled() {
+                break;
+            }
+            let mut records = vec![R::zeroed(); tile.pixels() as usize];
+            let taken = self.first(machine, &tile, wanted, bytemuck::cast_slice_mut(&mut records))?;
+            machine.slices_of_firsts.learn(tile.pixels(), 1, taken.as_secs_f64());
+            for (row, y) in records.chunks(tile.width as usize).zip(tile.y..) {
+                let place = y as usize * width as usize + tile.x as usize;
+                firsts[place..][..row.len()].iter_mut().zip(row).for_each(|(to, from)| *to = of(from));
+            }
+            at = after;
+        }
+        Ok(firsts)
     }
 
     /// Computes the first surfaces of a tile, and returns how long the launch took.
@@ -213,6 +237,12 @@ impl Shown {
         bytes.push(("film", self.film.bytes()));
         bytes
     }
+}
+
+/// The label of a surface, if there is one and it has a label.
+fn label_of(surface: &SurfaceRecord) -> Option<SeenLabel> {
+    let labelled = surface.instance != NONE && surface.face >> 3 != SurfaceKind::Triangle as u32;
+    labelled.then_some(SeenLabel { instance: surface.instance, label: surface.label })
 }
 
 fn launch_of(tile: &Tile) -> Launch {

@@ -77,6 +77,7 @@ pub(crate) fn run(root: &Path, target: &Path, options: &Options) -> Result<(), S
     for (from, name) in [
         (extension::zip(target, "release"), "pumice.zip"),
         (root.join("blender-addon/tests/window_drive.py"), "drive.py"),
+        (root.join("blender-addon/tests/window_pick.py"), "window_pick.py"),
         (scripts.join("drive.sh"), "drive.sh"),
         (root.join(VOLUME), "volume.tif"),
     ] {

@@ -13,7 +13,7 @@ use std::time::Duration;
 
 use pumice_core::Job;
 use pumice_picture::{Image, Picture};
-use pumice_transport::{LoadedScene, Pick, Progress, Rebuilt, RenderError, Renderer};
+use pumice_transport::{LoadedScene, Pick, Progress, Rebuilt, RenderError, Renderer, SeenLabel};
 
 /// A function that opens a renderer.
 type Open = Box<dyn Fn() -> Result<Box<dyn Renderer>, RenderError> + Send>;
@@ -77,6 +77,19 @@ impl FallbackRenderer {
                 Err(RenderError::Restarted)
             }
             other => other,
+        }
+    }
+
+    /// As `ask`, for a result that needs no samples: after a failure the next renderer can answer at once.
+    fn ask_surfaces<T>(
+        &mut self,
+        question: impl Fn(&mut dyn Renderer) -> Result<T, RenderError>,
+    ) -> Result<T, RenderError> {
+        loop {
+            match self.ask(&question) {
+                Err(RenderError::Restarted) => {}
+                other => return other,
+            }
         }
     }
 
@@ -202,13 +215,11 @@ impl Renderer for FallbackRenderer {
     }
 
     fn pick(&mut self, x: u32, y: u32) -> Result<Option<Pick>, RenderError> {
-        // A pick needs no samples, so after a failure the next renderer can answer at once.
-        loop {
-            match self.ask(|renderer| renderer.pick(x, y)) {
-                Err(RenderError::Restarted) => {}
-                other => return other,
-            }
-        }
+        self.ask_surfaces(|renderer| renderer.pick(x, y))
+    }
+
+    fn labels(&mut self, job: &Job) -> Result<Vec<Option<SeenLabel>>, RenderError> {
+        self.ask_surfaces(|renderer| renderer.labels(job))
     }
 
     fn rebuilt(&self) -> Rebuilt {

@@ -10,7 +10,7 @@ use pumice_picture::preview::{Guides, filtered};
 use pumice_scene::{Film, Passes};
 use pumice_transport::{LoadedScene, Progress, RenderError, Renderer};
 
-use super::{Frame, LiveState, MOST_NOTICES, Question, Shared};
+use super::{Frame, LabelFilm, LiveState, MOST_NOTICES, Question, Shared};
 use crate::backend::FallbackRenderer;
 use crate::measure::Stopwatch;
 use crate::progressive::Stop;
@@ -30,6 +30,8 @@ pub(super) struct Worker {
     denoise: bool,
     /// Guides of the denoiser, for this revision and the current frame size.
     guides: Option<Guides>,
+    /// The revision that the renderer shows on its whole film.
+    whole: Option<u64>,
 }
 
 /// Why the worker stops drawing a revision.
@@ -42,7 +44,7 @@ enum Turn {
 
 impl Worker {
     pub(super) fn new(shared: Arc<Shared>, renderer: FallbackRenderer, stop: Stop, denoise: bool) -> Self {
-        Self { shared, renderer, stop, denoise, guides: None }
+        Self { shared, renderer, stop, denoise, guides: None, whole: None }
     }
 
     /// Draws until it is stopped. A panic ends the worker and is reported in the status.
@@ -74,6 +76,7 @@ impl Worker {
                     && !board.stopping
                     && !board.panicking
                     && board.questions.is_empty()
+                    && !board.labels_wanted
                 {
                     board = self.shared.work.wait(board).unwrap_or_else(PoisonError::into_inner);
                 }
@@ -81,9 +84,13 @@ impl Worker {
                     return None;
                 }
                 if board.revision == drawn {
+                    let job = Arc::clone(&board.job);
                     drop(board);
                     self.look_up();
-                    continue;
+                    match self.label_film(&job) {
+                        Err(RenderError::Device(error)) => return Some(error),
+                        _ => continue,
+                    }
                 }
                 board.job = Arc::new(Job::new());
                 (board.scene.clone(), board.revision, Arc::clone(&board.job))
@@ -115,6 +122,7 @@ impl Worker {
         job: &Job,
     ) -> std::result::Result<Turn, RenderError> {
         let clock = Stopwatch::start();
+        self.whole = None;
         // Frames carry no passes, so none are accumulated.
         let film = Film { passes: Passes::NONE, ..scene.scene().film };
         for divisor in coarse_divisors(&film) {
@@ -125,6 +133,7 @@ impl Worker {
             self.publish(revision, progress, &clock, true, false)?;
         }
         self.show(&scene.with_film(film)?)?;
+        self.whole = Some(revision);
         self.shared.board().error = None;
         let mut last_published = Instant::now();
         let mut published_spp = 0;
@@ -142,6 +151,7 @@ impl Worker {
                 (last_published, published_spp) = (Instant::now(), progress.spp);
             }
             self.look_up();
+            self.label_film(job)?;
             if done {
                 return Ok(Turn::Done);
             }
@@ -200,6 +210,38 @@ impl Worker {
             let _ = answer.send(self.renderer.pick(x, y));
         }
         self.tell();
+    }
+
+    /// Makes the label film of the revision that the renderer shows, if a client wants it. An edit cancels it, and then it is made of
+    /// the next revision.
+    fn label_film(&mut self, job: &Job) -> std::result::Result<(), RenderError> {
+        if !self.shared.board().labels_wanted {
+            return Ok(());
+        }
+        let made = match self.whole {
+            Some(revision) => self.renderer.labels(job).map(|labels| Some((revision, labels))),
+            None => Ok(None),
+        };
+        if let Err(RenderError::Cancelled) = made {
+            return Err(RenderError::Cancelled);
+        }
+        let (ids, film) = {
+            let mut board = self.shared.board();
+            board.labels_wanted = false;
+            let scene = board.scene.scene();
+            (scene.instances.iter().map(|instance| instance.id).collect::<Vec<u32>>(), scene.film)
+        };
+        let Some((revision, labels)) = made? else { return Ok(()) };
+        // Clients look at the board at every redraw, so the film is made without it.
+        let film = LabelFilm::new(revision, [film.width, film.height], &ids, &labels);
+        let mut board = self.shared.board();
+        // Until here an edit may have come of which the worker does not know yet: only if labels stay are instances and film the same.
+        if board.labels_since <= revision {
+            board.labels = Some(Arc::new(film));
+        } else {
+            board.labels_wanted = true;
+        }
+        Ok(())
     }
 
     /// Updates backend, device and notices in the status.

@@ -1,0 +1,86 @@
+# SPDX-FileCopyrightText: The Pumice developers
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tests the outline of selected labels: its mask against a naive loop, the rectangle that it covers, when it is made anew."""
+
+import numpy as np
+import pytest
+
+from test_real_volumes import load
+
+
+@pytest.fixture
+def outline(extension):
+    return load(extension, "label_outline")
+
+
+def naive(pixels, selections):
+    """A pixel is in the outline if one of its four neighbors sees something else, and it or that neighbor sees a selected label."""
+
+    def selected(x, y):
+        instance, label = pixels[y, x]
+        return label > 0 and any(instance in numbers and label <= len(flags) and flags[label - 1] for numbers, flags in selections)
+
+    height, width = pixels.shape[:2]
+    out = np.zeros((height, width), dtype=bool)
+    for y in range(height):
+        for x in range(width):
+            for u, v in ((x - 1, y), (x + 1, y), (x, y - 1), (x, y + 1)):
+                if 0 <= u < width and 0 <= v < height and tuple(pixels[y, x]) != tuple(pixels[v, u]):
+                    out[y, x] |= selected(x, y) or selected(u, v)
+    return out
+
+
+def films():
+    """Random films: of large patches, and of single pixels; some labels are beyond their table."""
+    rng = np.random.default_rng(4)
+    for patch, size in ((4, (28, 20)), (1, (17, 9)), (1, (1, 1)), (2, (2, 40))):
+        labels = rng.integers(0, 5, (size[0] // patch + 1, size[1] // patch + 1, 2)).astype(np.uint32)
+        labels[labels.min(axis=2) == 0] = 0
+        pixels = labels.repeat(patch, axis=0).repeat(patch, axis=1)[: size[0], : size[1]].copy()
+        yield pixels, [([1, 4], np.array([True, False, True])), ([3, 90], np.array([False, True, False, True, True]))]
+        yield pixels, [([2], np.array([False, False, False, True]))]
+
+
+def test_the_mask_is_that_of_a_naive_loop(outline):
+    total = 0
+    for pixels, selections in films():
+        found, expected = outline.mask(pixels, selections), naive(pixels, selections)
+        assert np.array_equal(found, expected)
+        total += expected.sum()
+        if expected.any():
+            assert not np.array_equal(outline.mask(pixels, selections[:-1]), expected), "the comparison notices a label"
+    assert total > 200
+
+
+def test_a_mask_without_a_selected_label_is_empty(outline):
+    pixels = np.ones((4, 5, 2), dtype=np.uint32)
+    assert not outline.mask(pixels, []).any()
+    assert not outline.mask(pixels, [([1], np.array([True]))]).any(), "a label that fills the picture has no edge"
+    assert outline.covered(np.zeros((4, 5), dtype=bool)) is None
+
+
+def test_the_texture_covers_the_mask_and_no_more(outline, monkeypatch):
+    uploads = []
+    buffer = lambda kind, shape, values: (kind, tuple(shape), values)  # noqa: E731
+    texture = lambda size, format, data: uploads.append((size, format, data[2])) or len(uploads)  # noqa: E731
+    monkeypatch.setattr(outline.gpu.types, "Buffer", buffer, raising=False)
+    monkeypatch.setattr(outline.gpu.types, "GPUTexture", texture, raising=False)
+    pixels = np.zeros((12, 16, 2), dtype=np.uint32)
+    pixels[3:6, 5:9] = (1, 1)
+    one = outline.Outline()
+    one.update(pixels, [([1], np.array([True]))])
+    size, form, values = uploads[0]
+    assert (one._part, size, form) == ((4, 2, 10, 7), (6, 5), "RGBA8")
+    assert np.array_equal(values[..., 3], outline.mask(pixels, [([1], np.array([True]))])[2:7, 4:10][::-1])
+    one.update(pixels[:], [([1], np.array([True]))])
+    assert len(uploads) == 1, "the same film and selection"
+    one.update(pixels, [([1], np.array([True])), ([2], np.array([True]))])
+    one.update(pixels.copy(), [([1], np.array([True])), ([2], np.array([True]))])
+    assert len(uploads) == 3, "another selection, another film"
+    one.update(pixels, [([1], np.array([False]))])
+    assert one._texture is None and len(uploads) == 3
+
+
+def test_undo_draws_the_outline_again(blender, outline):
+    for handlers in (blender.app.handlers.undo_post, blender.app.handlers.redo_post):
+        assert outline._redraw in handlers
