@@ -9,11 +9,11 @@ use std::path::{Path, PathBuf};
 use files::*;
 use pumice_formats::{ArrayAxes, OpenChoice, OpenOptions, RawLayout, open, probe};
 
-/// The choices that a file leaves open: keyword, values with their texts, assumed answer.
-fn choices(
-    path: &Path,
-    options: &OpenOptions,
-) -> Vec<(&'static str, Vec<(String, String)>, Option<&'static str>)> {
+/// Keyword, values with their texts, assumed answer.
+type Choice = (&'static str, Vec<(String, String)>, Option<&'static str>);
+
+/// The choices that a file leaves open.
+fn choices(path: &Path, options: &OpenOptions) -> Vec<Choice> {
     let found = probe(path, options).unwrap().choices;
     let values =
         |c: &OpenChoice| c.values.iter().map(|v| (v.value.clone(), v.text.clone())).collect::<Vec<_>>();

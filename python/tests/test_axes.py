@@ -106,7 +106,7 @@ def test_probe_lists_what_a_file_leaves_open(napari, cortex, tmp_path):
         assert found["dims"] == dims and found["choices"] == []
     layers = pumice.probe(cortex.with_name("slicer_SegmentationOverlapping.seg.nrrd"))
     (choice,) = layers["choices"]
-    assert choice["keyword"] == "layer" and "overlapping sphere" in choice["values"][1]["text"] and layers["orientation"] == "LPS"
+    assert choice["keyword"] == "layer" and "overlapping sphere" in choice["values"][1]["text"] and layers["orientation"] == "RAS", "its x and y run against LPS"
     found = pumice.probe(cortex)
     assert found["choices"] == [] and found["bytes_uncompressed"] == 256 * 256 * 512 * int(found["label_type"][1:]) // 8
     assert found["bytes_expected"] > 256 * 256 * 512
