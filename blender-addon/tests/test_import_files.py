@@ -336,6 +336,33 @@ def test_a_menu_has_a_line_for_each_volume_in_the_file(blender, extension, data,
     assert layers.menu("time") == [] and layers.open_choice("axes") is None
 
 
+def test_a_menu_sets_what_a_script_sets(dialog, data, tmp_path):
+    imported(nrrd(tmp_path / "a.nrrd", some_labels(), np.eye(3), (0, 0, 0), "nm"))
+    properties = bpy.context.window_manager.operator_properties_last("pumice.import_volume")
+    dialog(data / "slicer_SegmentationOverlapping.seg.nrrd")
+    properties.layer_menu = "1"
+    assert properties.layer == 1
+    properties.layer = 0
+    assert properties.layer_menu == "0"
+    np.savez(tmp_path / "a.npz", cells=some_labels(), other=np.ones((2, 2, 2), np.uint8))
+    dialog(tmp_path / "a.npz")
+    properties.array_menu = "other"
+    assert properties.array == "other"
+
+
+def test_lengths_without_a_unit_are_taken_in_that_of_the_others_and_it_is_said(blender, tmp_path, capfd):
+    told = "Some of the files state no unit"
+    first = nrrd(tmp_path / "a.nrrd", some_labels(), np.eye(3), (0, 0, 0), "nm")
+    second = nrrd(tmp_path / "b.nrrd", some_labels(), np.eye(3), (9, 0, 0), "um")
+    unknown = nrrd(tmp_path / "c.nrrd", some_labels(), np.eye(3), (9, 0, 0), "")
+    imported(first, second)
+    assert told not in capfd.readouterr().out
+    made = imported(first, unknown)
+    assert told in capfd.readouterr().out
+    assert made[0].pumice.display_scale == made[1].pumice.display_scale
+    np.testing.assert_allclose(place_of(made[1], (0, 0, 0)) - place_of(made[0], (0, 0, 0)), (9 * made[0].pumice.display_scale, 0, 0), atol=1e-5)
+
+
 def test_the_answers_of_the_dialog_are_what_a_script_gives(dialog, tmp_path):
     np.savez(tmp_path / "a.npz", cells=some_labels(), other=np.ones((2, 2, 2), np.uint8))
     with pytest.raises(RuntimeError, match="choose one with array="):
