@@ -16,15 +16,15 @@ A module imports only from lines below its own:
     panels           engine               export_scene         import_scene         exact_mesh
     viewport         final_render         usd_stage            usd_values
     scene_reader     first_look           passes               scene_notes          label_colors         label_search
-    volume_object    picture_texture      missing_boxes        overlay
-    sync.*           registry             preferences
-    label_table      properties           proxy                cache                devices             mesh_file
+    volume_object    picture_texture      missing_boxes        overlay              import_dialog        opening
+    sync.*           registry             preferences          file_facts
+    label_table      properties           proxy                cache                devices             mesh_file         units
     background       verify_maps
     reports
     native
 
-`sync` converts Blender's data to plain values. sync.matrix, sync.camera, sync.parts, sync.edits, proxy, cache, devices, mesh_file and
-overlay do not use Blender.
+`sync` converts Blender's data to plain values. sync.matrix, sync.camera, sync.parts, sync.edits, proxy, cache, devices, mesh_file,
+overlay, file_facts, opening and units do not use Blender.
 
 Nothing here touches the voxels: they stay in Rust, and arrays come through the buffer protocol.
 """

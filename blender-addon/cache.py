@@ -17,6 +17,8 @@ import tempfile
 
 def is_compressed(path):
     """Whether a file is already in the compressed form."""
+    if os.path.isdir(path):  # slices
+        return False
     with open(path, "rb") as file:
         return file.read(6) == b"PUMICE" or os.path.splitext(path)[1].lower() == ".pumice"
 

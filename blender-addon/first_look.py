@@ -1,11 +1,12 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Frames and lights a freshly imported volume so that it looks good at once. Objects that the user has made are not changed.
+"""Frames and lights the first volumes of a scene so that they look good at once. Objects that the user has made are not changed.
 
-    the view        frames the object, its clip range reaches around it, Solid mode shows the labels' colours
+    the view        frames the objects, its clip range reaches around them, Solid mode shows the labels' colours, Rendered is switched on
     the camera      is made where there is none, or moved where it is still Blender's own at startup; its clip range grows if it must
     a sun           is made where the scene has none
     the world       becomes a light sky where it is missing, or still the grey that Blender starts with
+    cube and light  are hidden where they are still those of Blender's startup file: they would stand inside the volume
 """
 
 import math
@@ -21,6 +22,8 @@ from .sync import nodes
 # Of Blender's startup file.
 STARTUP_CAMERA_PLACE = Vector((7.358891, -6.925791, 4.958309))
 STARTUP_GREY = 0.050876
+STARTUP_LIGHT_PLACE = Vector((4.076245, 1.005454, 5.903862))
+STARTUP_LIGHT_WATTS = 1000.0
 
 # Dim enough beside the sun for shadows to read under Blender's AgX view, which lifts them.
 SKY = (0.46, 0.49, 0.53)
@@ -33,17 +36,38 @@ VIEW_DEG = (24.0, 24.0)
 FILL = 0.92
 
 
-def prepare(context, obj, *, frame_camera=True, light=True):
-    """Sets up view, camera, sun and world for a new object."""
+def prepare(context, *objects, frame_camera=True, light=True, rendered=False):
+    """Sets up view, camera, sun and world for new objects; with `rendered` the views show the rendered picture."""
     context.view_layer.update()
-    low, high = volume_object.bounds(obj)
+    bounds = np.array([[tuple(corner) for corner in volume_object.bounds(obj)] for obj in objects])
+    low, high = Vector(bounds[:, 0].min(axis=0)), Vector(bounds[:, 1].max(axis=0))
     centre, radius = (low + high) / 2.0, max((high - low).length / 2.0, 1e-6)
+    _hide_startup(context.scene)
     if frame_camera:
-        _camera(context, obj, centre, radius)
+        _camera(context, objects, centre, radius)
     if light:
         _sun(context)
         _world(context.scene)
-    _views(context, obj, centre, radius)
+    _views(context, centre, radius, rendered)
+
+
+def _hide_startup(scene):
+    """Hides cube and light of Blender's startup file, if nobody has touched them."""
+    for obj in scene.objects:
+        if _is_startup_cube(obj) or _is_startup_light(obj):
+            obj.hide_viewport = obj.hide_render = True
+
+
+def _is_startup_cube(obj):
+    if obj.name != "Cube" or obj.type != "MESH" or len(obj.data.vertices) != 8 or obj.modifiers or obj.matrix_world != Matrix():
+        return False
+    return all(abs(abs(value) - 1.0) < 1e-6 for vertex in obj.data.vertices for value in vertex.co)
+
+
+def _is_startup_light(obj):
+    if obj.name != "Light" or obj.type != "LIGHT" or obj.data.type != "POINT" or obj.data.energy != STARTUP_LIGHT_WATTS:
+        return False
+    return (obj.matrix_world.translation - STARTUP_LIGHT_PLACE).length < 1e-4
 
 
 def clip_range(distance, radius):
@@ -57,7 +81,7 @@ def _direction():
     return Vector((math.sin(around) * math.cos(above), -math.cos(around) * math.cos(above), math.sin(above)))
 
 
-def _camera(context, obj, centre, radius):
+def _camera(context, objects, centre, radius):
     scene = context.scene
     camera = scene.camera
     fresh = camera is not None and (camera.matrix_world.translation - STARTUP_CAMERA_PLACE).length < 1e-4
@@ -69,7 +93,8 @@ def _camera(context, obj, centre, radius):
         _reach(camera, centre, radius)
         return
     turn = _direction().to_track_quat("Z", "Y").to_matrix()
-    eye = turn @ Vector(_stand(_corners(obj), turn, camera.data, scene.render))
+    corners = np.concatenate([_corners(obj) for obj in objects])
+    eye = turn @ Vector(_stand(corners, turn, camera.data, scene.render))
     camera.matrix_world = Matrix.Translation(eye) @ turn.to_4x4()
     camera.data.clip_start, camera.data.clip_end = clip_range((eye - centre).length, radius)
 
@@ -170,8 +195,8 @@ def _world(scene):
     background.inputs["Color"].default_value = (*SKY, 1.0)
 
 
-def _views(context, obj, centre, radius):
-    """Makes all 3D viewports of the window frame the object."""
+def _views(context, centre, radius, rendered):
+    """Makes all 3D viewports of the window frame the objects."""
     for space in _spaces(context):
         view = space.region_3d
         view.view_location = centre
@@ -179,6 +204,8 @@ def _views(context, obj, centre, radius):
         space.clip_start, space.clip_end = clip_range(view.view_distance, radius)
         if space.shading.color_type == "MATERIAL":
             space.shading.color_type = "VERTEX"
+        if rendered:
+            space.shading.type = "RENDERED"
 
 
 def _spaces(context):

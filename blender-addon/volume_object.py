@@ -12,7 +12,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix, Vector
 
-from . import label_table, proxy
+from . import label_table, proxy, units
 from .sync import nodes
 
 # Shown faces keep their colour within this, an eighth of a display step; attributes are 8 bit anyway.
@@ -21,15 +21,15 @@ SHEAR_TOLERANCE = 1e-5
 MOST_GROUPS = 32
 
 
-def create(context, volume, *, name, filepath, source_path, longest_side, placement):
+def create(context, volume, *, name, filepath, source_path, longest_side, placement, among=()):
     """A new object for an open volume, linked to the active collection.
 
     `placement` is CENTER (the volume's middle to the scene's origin, standing on nothing), ALIGN (in the same frame as the first
-    volume of the scene, with its display scale) or FILE (where the file says, scaled).
+    volume of the scene, with its display scale) or FILE (where the file says, scaled). Volumes that are imported together, `among`, keep
+    their places to each other: length and middle are those of all of them.
     """
     world = np.array(volume.world_from_index, dtype=np.float64)
-    dims = np.array(volume.dims, dtype=np.float64)
-    scale, moved = _display(context.scene, world, dims, longest_side, placement)
+    scale, moved = _display(context.scene, volume, among or [volume], longest_side, placement)
     scene_from_index = world.copy()
     scene_from_index[:3] *= scale
     scene_from_index[:3, 3] += moved
@@ -121,18 +121,29 @@ def bounds(obj):
     return low, high
 
 
-def _display(scene, world, dims, longest_side, placement):
-    """(display scale, what is added after scaling)."""
-    corners = np.array([[x, y, z, 1.0] for x in (0, dims[0]) for y in (0, dims[1]) for z in (0, dims[2])])
-    corners = (world @ corners.T).T[:, :3]
-    low, high = corners.min(axis=0), corners.max(axis=0)
+def _display(scene, volume, among, longest_side, placement):
+    """(display scale, what is added after scaling) of a volume, one of those that are imported together."""
     first = next((o for o in scene.objects if o.pumice.filepath), None)
     if placement == "ALIGN" and first is not None:
-        return first.pumice.display_scale, np.array(list(first.get("pumice_offset", (0.0, 0.0, 0.0))))
+        moved = np.array(list(first.get("pumice_offset", (0.0, 0.0, 0.0))))
+        return _stored(first.pumice.display_scale * units.ratio(volume.unit, first.pumice.unit)), moved
+    # In the unit of the first of them.
+    unit = among[0].unit
+    corners = np.concatenate([_corners(one) * units.ratio(one.unit, unit) for one in among])
+    low, high = corners.min(axis=0), corners.max(axis=0)
     side = (high - low).max()
-    scale = longest_side / side if side > 0.0 else 1.0
-    # Blender keeps it in single precision: what is stored is what is used.
-    scale = float(np.float32(scale))
-    if placement == "FILE":
-        return scale, np.zeros(3)
-    return scale, -scale * (low + high) / 2.0
+    scale = _stored(longest_side / side if side > 0.0 else 1.0)
+    moved = np.zeros(3) if placement == "FILE" else -scale * (low + high) / 2.0
+    return _stored(scale * units.ratio(volume.unit, unit)), moved
+
+
+def _corners(volume):
+    """The corners of a volume in its world, (8, 3)."""
+    x, y, z = volume.dims
+    corners = np.array([[i, j, k, 1.0] for i in (0, x) for j in (0, y) for k in (0, z)])
+    return (np.array(volume.world_from_index, dtype=np.float64) @ corners.T).T[:, :3]
+
+
+def _stored(scale):
+    """Blender keeps the display scale in single precision: what is stored is what is used."""
+    return float(np.float32(scale))

@@ -31,6 +31,7 @@ def test_a_folder_of_slices_is_known_by_its_files(cache, tmp_path):
     folder = tmp_path / "slices"
     folder.mkdir()
     (folder / "s1.tif").write_bytes(b"x")
+    assert not cache.is_compressed(str(folder))
     before = cache.file_name(str(folder), {})
     (folder / "s2.tif").write_bytes(b"x")
     assert cache.file_name(str(folder) + os.sep, {}) != before

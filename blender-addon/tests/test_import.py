@@ -106,12 +106,13 @@ def test_cancel_ends_the_work_and_leaves_nothing(stage):
 
     stage.module.compress = endless
     path = str(stage.source)
-    cache = stage.load("cache")
-    opening = stage.load("import_volume").Opening(path, {}, cache.candidates(path, {}, str(stage.folder / "user")))
+    cache, opening = stage.load("cache"), stage.load("opening")
+    wanted = [opening.Wanted(path, {}, cache.candidates(path, {}, str(stage.folder / "user")))]
+    work = stage.load("background").Work("Reading", lambda job, tell: opening.open_all(wanted, job, tell), tells=True)
     assert begun.wait(10)
-    opening.job.cancel()
-    opening.thread.join(10)
-    assert not opening.thread.is_alive() and opening.cancelled and opening.volume is None
+    work.job.cancel()
+    work.thread.join(10)
+    assert not work.thread.is_alive() and isinstance(work.error, stage.module.Cancelled) and work.result is None
     assert [p.name for p in stage.folder.iterdir()] == ["cells.nrrd"]
 
 

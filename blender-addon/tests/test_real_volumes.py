@@ -280,12 +280,12 @@ def test_cancel_in_the_middle_leaves_no_file(blender, extension, data, tmp_path)
     """Uses the largest shipped volume, which takes seconds, so that there is time to cancel."""
     source = tmp_path / "cortex.nrrd"
     source.write_bytes((data / "connectomics_32x32x40nm.nrrd").read_bytes())
-    cache = load(extension, "cache")
-    paths = cache.candidates(str(source), {}, str(tmp_path / "user"))
-    opening = load(extension, "import_volume").Opening(str(source), {}, paths)
-    opening.job.cancel()
-    opening.thread.join(30)
-    assert not opening.thread.is_alive() and opening.cancelled, opening.error
+    cache, opening = load(extension, "cache"), load(extension, "opening")
+    wanted = [opening.Wanted(str(source), {}, cache.candidates(str(source), {}, str(tmp_path / "user")))]
+    work = load(extension, "background").Work("Reading", lambda job, tell: opening.open_all(wanted, job, tell), tells=True)
+    work.job.cancel()
+    work.thread.join(30)
+    assert not work.thread.is_alive() and isinstance(work.error, pumice.Cancelled), work.error
     assert [p.name for p in tmp_path.rglob("*")] == ["cortex.nrrd"]
 
 

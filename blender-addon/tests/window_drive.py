@@ -101,7 +101,8 @@ def steps():
     window, area, space = view3d()
     with bpy.context.temp_override(window=window, area=area, region=next(r for r in area.regions if r.type == "WINDOW")):
         assert bpy.ops.pumice.import_volume(filepath=VOLUME) == {"FINISHED"}
-    assert bpy.context.scene.render.engine == "PUMICE"
+    assert bpy.context.scene.render.engine == "PUMICE" and space.shading.type == "RENDERED"
+    space.shading.type = "SOLID"
     yield 0.5
     shot("solid")
 
@@ -199,6 +200,8 @@ def steps():
 
     yield from final_render(window, area)
     yield from cancelled_import(window, area)
+    yield from browsed_import(window, area)
+    window, area, space = view3d()
 
     # A missing file gives a line of text and a box, and the volume returns with the file.
     obj = next(o for o in bpy.data.objects if o.pumice.filepath)
@@ -292,7 +295,7 @@ def final_render(window, area):
 
 
 def compressing():
-    return any(t.name == "pumice import" for t in threading.enumerate())
+    return any(t.name == "pumice work" for t in threading.enumerate())
 
 
 def noise_volume(folder):
@@ -327,6 +330,41 @@ def cancelled_import(window, area):
     yield 0.5
     assert len(bpy.data.objects) == count, "no object of a cancelled import"
     assert sorted(os.listdir(folder)) == before, "no file of a cancelled import"
+
+
+def browsed_import(window, area):
+    """Chooses a file in the file browser, as the menu does, and confirms the dialog that follows with Enter."""
+
+    def browser():
+        found = [(w, a) for w in bpy.context.window_manager.windows for a in w.screen.areas if a.type == "FILE_BROWSER"]
+        return found[0] if found else None
+
+    def region(of):
+        return next(r for r in of.regions if r.type == "WINDOW")
+
+    bpy.context.preferences.view.filebrowser_display_type = "SCREEN"
+    before = set(bpy.data.objects)
+    with bpy.context.temp_override(window=window, area=area, region=region(area)):
+        bpy.ops.pumice.import_volume("INVOKE_DEFAULT")
+    yield from until(browser, "the file browser opens")
+    yield 0.5
+    chosen, files = browser()
+    files.spaces.active.params.directory = os.path.dirname(VOLUME).encode()
+    files.spaces.active.params.filename = os.path.basename(VOLUME)
+    yield 0.5
+    chosen, files = browser()
+    with bpy.context.temp_override(window=chosen, area=files, region=region(files)):
+        bpy.ops.file.execute("INVOKE_DEFAULT")
+    yield from until(lambda: not browser(), "the file browser closes")
+    yield from input_events(VIEW)
+    yield 0.5
+    shot("import_dialog")
+    assert set(bpy.data.objects) == before, "nothing is imported before the dialog is confirmed"
+    yield from input_events((VIEW[0], VIEW[1] + 4), "keydown Return", "keyup Return")
+    yield from until(lambda: set(bpy.data.objects) != before, "the volume is imported")
+    for obj in set(bpy.data.objects) - before:
+        bpy.data.objects.remove(obj)
+    yield 0.5
 
 
 def hand_over():

@@ -37,7 +37,7 @@ fn run(arguments: &[String]) -> Result<(), Box<dyn std::error::Error>> {
     let mut rest = rest.iter();
     while let Some(name) = rest.next() {
         if name == "--zyx" {
-            options.axes = ArrayAxes::Zyx;
+            options.axes = Some(ArrayAxes::Zyx);
             continue;
         }
         let value = rest.next().ok_or("expected a value after each option but --zyx, got none")?;

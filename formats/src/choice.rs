@@ -1,58 +1,111 @@
-//! Chooses one of several volumes in a file, by the index along an axis that is not x, y or z.
+//! What a file leaves to the caller: which of several volumes in it is read (layers, time steps, channels, arrays), and the order of an
+//! array's axes.
+//!
+//! A reader asks with [`choose`] while it reads the header. If the caller has not chosen, it describes the first volume and records an
+//! [`OpenChoice`]: [`crate::probe`] lists these, and [`crate::open`] refuses a file with a choice that has no default.
 
 use std::path::Path;
 
 use crate::error::{FormatError, Result};
 
+/// Largest number of values that are listed. A menu of more helps nobody, and a damaged header may claim billions.
+const MOST_LISTED: u64 = 4096;
+
+/// Something that a file leaves open, with the possible answers.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct OpenChoice {
+    /// Field of [`crate::OpenOptions`] that takes the answer: `layer`, `time`, `channel`, `array` or `axes`.
+    pub keyword: &'static str,
+    /// Option of the command that takes the answer, such as `--layer`.
+    pub option: &'static str,
+    /// What is open, as a sentence without a full stop.
+    pub what: String,
+    /// The answers in one line.
+    pub listed: String,
+    /// The answers one by one: the first 4096 of `count`.
+    pub values: Vec<ChoiceValue>,
+    /// Number of answers.
+    pub count: u64,
+    /// The answer that is assumed; `None` where [`crate::open`] refuses the file without an answer.
+    pub assumed: Option<&'static str>,
+}
+
+/// One possible answer to an [`OpenChoice`].
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ChoiceValue {
+    /// The answer, as the option takes it.
+    pub value: String,
+    /// What is behind it, in one line: names of segments, shape of an array. Empty where the file says nothing.
+    pub text: String,
+}
+
+impl OpenChoice {
+    /// The error of a caller who reads voxels without having chosen.
+    pub(crate) fn undecided(&self, path: &Path) -> FormatError {
+        FormatError::Choose {
+            path: path.to_owned(),
+            what: self.what.clone(),
+            option: self.option,
+            choices: self.listed.clone(),
+        }
+    }
+}
+
 /// An axis that is not x, y or z, with its names in messages.
 pub(crate) struct Choice {
     /// Plural name.
     pub(crate) name: &'static str,
+    pub(crate) keyword: &'static str,
     pub(crate) option: &'static str,
 }
 
-pub(crate) const TIME: Choice = Choice { name: "time steps", option: "--time-step" };
-pub(crate) const LAYER: Choice = Choice { name: "layers", option: "--layer" };
-pub(crate) const CHANNEL: Choice = Choice { name: "channels", option: "--channel" };
+pub(crate) const TIME: Choice = Choice { name: "time steps", keyword: "time", option: "--time-step" };
+pub(crate) const LAYER: Choice = Choice { name: "layers", keyword: "layer", option: "--layer" };
+pub(crate) const CHANNEL: Choice = Choice { name: "channels", keyword: "channel", option: "--channel" };
 
-/// The index along an axis of `size` steps. If there are several and none was chosen, it is 0, and `undecided` gets the error for callers
-/// that read voxels.
+/// The index along an axis of `size` steps. If there are several and none was chosen, it is 0, and `open` gets the choice.
 pub(crate) fn choose(
     path: &Path,
     choice: &Choice,
     chosen: Option<u32>,
     size: u64,
-    undecided: &mut Option<FormatError>,
+    open: &mut Vec<OpenChoice>,
 ) -> Result<u64> {
-    let choices = format!("0 to {}", size.saturating_sub(1));
-    choose_among(path, choice, chosen, size, &choices, undecided)
+    let listed = format!("0 to {}", size.saturating_sub(1));
+    choose_among(path, choice, chosen, size, &listed, |_| String::new(), open)
 }
 
-/// Like [`choose`], with a text that lists the choices.
+/// Like [`choose`], with the choices in one line, and the text of each.
 pub(crate) fn choose_among(
     path: &Path,
     choice: &Choice,
     chosen: Option<u32>,
     size: u64,
-    choices: &str,
-    undecided: &mut Option<FormatError>,
+    listed: &str,
+    text_of: impl Fn(u64) -> String,
+    open: &mut Vec<OpenChoice>,
 ) -> Result<u64> {
-    let Choice { name, option } = choice;
+    let Choice { name, keyword, option } = choice;
     match chosen {
         Some(index) if u64::from(index) < size => Ok(index.into()),
         Some(index) => Err(FormatError::option(
             path,
             format!(
-                "{option} {index} is out of range, counted from 0; the number of {name} is {size}: {choices}"
+                "{option} {index} is out of range, counted from 0; the number of {name} is {size}: {listed}"
             ),
         )),
         None if size <= 1 => Ok(0),
         None => {
-            undecided.get_or_insert(FormatError::Choose {
-                path: path.to_owned(),
-                what: format!("the file has {size} {name}, and each is a separate volume"),
+            open.push(OpenChoice {
+                keyword,
                 option,
-                choices: choices.to_owned(),
+                what: format!("the file has {size} {name}, and each is a separate volume"),
+                listed: listed.to_owned(),
+                values: (0..size.min(MOST_LISTED))
+                    .map(|index| ChoiceValue { value: index.to_string(), text: text_of(index) })
+                    .collect(),
+                count: size,
+                assumed: None,
             });
             Ok(0)
         }
@@ -62,7 +115,7 @@ pub(crate) fn choose_among(
 /// Refuses a choice along axes that the file does not have, except index 0, which stands for the only step.
 pub(crate) fn refuse_absent(path: &Path, absent: &[(&Choice, Option<u32>)]) -> Result<()> {
     for &(choice, chosen) in absent {
-        choose(path, choice, chosen, 1, &mut None)?;
+        choose(path, choice, chosen, 1, &mut Vec::new())?;
     }
     Ok(())
 }

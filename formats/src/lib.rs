@@ -10,14 +10,15 @@
 //! shared: `stream` turns a file into the plain bytes of the voxels, `layout` maps each byte to a voxel, `element` turns bytes into labels
 //! and refuses values that are not labels, and `slab` combines these with bounded memory.
 
+pub mod choice;
 pub mod error;
 pub mod label_tables;
 pub mod mesh;
 pub mod open;
 pub mod options;
+pub mod orientation;
 pub mod write;
 
-mod choice;
 mod element;
 mod gzip;
 mod header_text;
@@ -50,9 +51,11 @@ mod write_npy;
 mod write_nrrd;
 mod write_tiff;
 
+pub use choice::{ChoiceValue, OpenChoice};
 pub use error::FormatError;
 pub use label_tables::{LabelTableFile, LabelTableFormat, read_label_table, write_label_table};
 pub use mesh::open_mesh;
 pub use open::{Probe, open, probe};
 pub use options::{ArrayAxes, OpenOptions, RawLayout, Warnings};
+pub use orientation::orientation;
 pub use volume_file::Layer;

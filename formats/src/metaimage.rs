@@ -21,7 +21,7 @@ use crate::text_stream::TextStream;
 use crate::volume_file::{Format, OpenStream, VolumeFile};
 
 /// MetaImage files.
-pub(crate) const FORMAT: Format = Format { name: "MetaImage", recognises, read };
+pub(crate) const FORMAT: Format = Format { name: "MetaImage", asks_axes: false, recognises, read };
 
 /// Whether a file is a MetaImage. The format has no magic number, so its first fields decide, or else the file's name.
 fn recognises(path: &Path, head: &[u8]) -> bool {
@@ -38,13 +38,13 @@ fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
     let element = Element::new(header.label_type, big_endian);
 
     // The axes are x, y, z, then time.
-    let mut undecided = None;
+    let mut choices = Vec::new();
     let mut axes = Vec::new();
     for (a, &size) in header.sizes.iter().enumerate() {
         let role = if a < 3 {
             Role::Space(a)
         } else {
-            Role::Fixed(choose(path, &choice::TIME, options.time, size, &mut undecided)?)
+            Role::Fixed(choose(path, &choice::TIME, options.time, size, &mut choices)?)
         };
         axes.push(FileAxis { size, role });
     }
@@ -63,7 +63,7 @@ fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
         layout,
         element,
         layers: Vec::new(),
-        undecided,
+        choices,
         stream,
     })
 }

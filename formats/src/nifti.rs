@@ -25,7 +25,7 @@ use crate::stream::{ByteStream, PlainStream, open_file};
 use crate::volume_file::{Format, VolumeFile};
 
 /// NIfTI files.
-pub(crate) const FORMAT: Format = Format { name: "NIfTI", recognises, read };
+pub(crate) const FORMAT: Format = Format { name: "NIfTI", asks_axes: false, recognises, read };
 
 /// Whether a file is NIfTI: by its first bytes (inflated if necessary), or else by its name.
 fn recognises(path: &Path, head: &[u8]) -> bool {
@@ -49,10 +49,10 @@ fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
     element.scale = scale(&header_path, &header)?;
 
     // The axes are x, y, z, then those along which a step must be chosen.
-    let mut undecided = None;
+    let mut choices = Vec::new();
     let sizes = sizes(&header_path, &header)?;
-    let time = choose(path, &choice::TIME, options.time, sizes[3], &mut undecided)?;
-    let channel = choose(path, &choice::CHANNEL, options.channel, sizes[4], &mut undecided)?;
+    let time = choose(path, &choice::TIME, options.time, sizes[3], &mut choices)?;
+    let channel = choose(path, &choice::CHANNEL, options.channel, sizes[4], &mut choices)?;
     refuse_absent(path, &[(&choice::LAYER, options.layer)])?;
     let roles = [Role::Space(0), Role::Space(1), Role::Space(2), Role::Fixed(time), Role::Fixed(channel)];
     let axes = roles.iter().zip(sizes).map(|(&role, size)| FileAxis { size, role }).collect();
@@ -88,7 +88,7 @@ fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
         layout,
         element,
         layers: Vec::new(),
-        undecided,
+        choices,
         stream: Box::new(move || {
             if gzip {
                 let mut stream = InflateStream::open(&data_path, 0, Wrapping::Gzip, &warnings)?;

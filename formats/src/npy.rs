@@ -10,7 +10,7 @@ use std::path::Path;
 
 use pumice_core::{LabelType, VolumeInfo};
 
-use crate::choice::{self, refuse_absent};
+use crate::choice::{self, ChoiceValue, OpenChoice, refuse_absent};
 use crate::element::Element;
 use crate::error::{FormatError, Result};
 use crate::header_text::shorten;
@@ -23,7 +23,7 @@ use crate::volume_file::{Format, VolumeFile};
 
 /// NPY files.
 pub(crate) const FORMAT: Format =
-    Format { name: "NPY", recognises: |_, head| head.starts_with(npy_header::MAGIC), read };
+    Format { name: "NPY", asks_axes: true, recognises: |_, head| head.starts_with(npy_header::MAGIC), read };
 
 /// Reads the header of `path`.
 fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
@@ -41,11 +41,34 @@ fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
     Ok(array.volume_file("NPY", "raw", move || Ok(Box::new(PlainStream::open(&data, offset)?))))
 }
 
+/// The order of axes that is assumed where the caller gives none.
+const ASSUMED: ArrayAxes = ArrayAxes::Xyz;
+
+/// The order of axes as a choice that the file leaves open.
+fn open_axes() -> OpenChoice {
+    let text = |axes| match axes {
+        ArrayAxes::Xyz => "a[x, y, z], as of nibabel and pynrrd",
+        ArrayAxes::Zyx => "a[z, y, x], as of tifffile, scikit-image and napari",
+    };
+    let value = |axes: ArrayAxes| ChoiceValue { value: axes.name().into(), text: text(axes).into() };
+    OpenChoice {
+        keyword: "axes",
+        option: "--axes",
+        what: "the file does not say which axis is which".into(),
+        listed: ArrayAxes::ALL.map(|axes| format!("{}: {}", axes.name(), text(axes))).join("; "),
+        values: ArrayAxes::ALL.map(value).to_vec(),
+        count: ArrayAxes::ALL.len() as u64,
+        assumed: Some(ASSUMED.name()),
+    }
+}
+
 /// An array that is a valid volume.
 pub(crate) struct Array {
     pub(crate) layout: Layout,
     element: Element,
     info: VolumeInfo,
+    /// The order of axes, where the caller does not say it.
+    pub(crate) choices: Vec<OpenChoice>,
 }
 
 impl Array {
@@ -82,11 +105,12 @@ impl Array {
             ));
         }
         // Map indices to x, y, z; an image `a[y, x]` has no z.
+        let order = options.axes.unwrap_or(ASSUMED);
         let mut axes: Vec<FileAxis> = shape
             .iter()
             .enumerate()
             .map(|(i, &size)| {
-                let space = match options.axes {
+                let space = match order {
                     ArrayAxes::Xyz => i,
                     ArrayAxes::Zyx => shape.len() - 1 - i,
                 };
@@ -103,9 +127,19 @@ impl Array {
                 path.display()
             ));
         }
+        let mut choices = Vec::new();
+        if options.axes.is_none() {
+            choices.push(open_axes());
+            options.warnings.push(format!(
+                "{}: NumPy arrays do not say which axis is which; the shape {} is taken as {} (give --axes xyz or zyx)",
+                path.display(),
+                header.shape_text(),
+                ASSUMED.name()
+            ));
+        }
         let affine = placement::from_spacing(path, [1.0; 3], options)?;
         let info = VolumeInfo::new(layout.dims(), label_type).from_centre_affine(affine);
-        Ok(Self { layout, element, info })
+        Ok(Self { layout, element, info, choices })
     }
 
     /// The array as a volume in a file.
@@ -122,7 +156,7 @@ impl Array {
             layout: self.layout,
             element: self.element,
             layers: Vec::new(),
-            undecided: None,
+            choices: self.choices,
             stream: Box::new(stream),
         }
     }

@@ -12,6 +12,7 @@ use zip::CompressionMethod;
 use zip::read::ZipArchive;
 use zip::result::ZipError;
 
+use crate::choice::{ChoiceValue, OpenChoice};
 use crate::error::{FormatError, Result};
 use crate::gzip::{InflateStream, Wrapping};
 use crate::header_text::shorten;
@@ -25,14 +26,19 @@ use crate::volume_file::{Format, VolumeFile};
 const MAGICS: [&[u8]; 2] = [b"PK\x03\x04", b"PK\x05\x06"];
 
 /// NPZ files.
-pub(crate) const FORMAT: Format =
-    Format { name: "NPZ", recognises: |_, head| MAGICS.iter().any(|magic| head.starts_with(magic)), read };
+pub(crate) const FORMAT: Format = Format {
+    name: "NPZ",
+    asks_axes: true,
+    recognises: |_, head| MAGICS.iter().any(|magic| head.starts_with(magic)),
+    read,
+};
 
 /// Reads the directory of `path` and the header of the chosen array.
 fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
     let members = members(path)?;
-    let (member, header) = pick(path, &members, options)?;
-    let array = Array::new(path, &header, options)?;
+    let (member, header, open) = pick(path, &members, options)?;
+    let mut array = Array::new(path, &header, options)?;
+    array.choices.splice(0..0, open);
     let (expected, got) = (array.layout.total_bytes(), member.bytes.saturating_sub(header.bytes));
     if got < expected {
         return Err(FormatError::Short { path: path.to_owned(), expected, got, at: None });
@@ -125,16 +131,24 @@ fn u16_of(method: CompressionMethod) -> u16 {
     method.to_u16()
 }
 
-/// The array that the caller named, or the only one that can be a volume.
-fn pick<'a>(path: &Path, members: &'a [Member], options: &OpenOptions) -> Result<(&'a Member, NpyHeader)> {
-    let names = || {
-        // These suffice to choose from; an archive may hold thousands.
-        let mut names: Vec<String> = members.iter().take(32).map(|m| shorten(&one_line(&m.name))).collect();
-        if members.len() > names.len() {
-            names.push("…".into());
-        }
-        names.join(", ")
-    };
+/// Names of arrays in one line.
+fn names<'a>(members: impl ExactSizeIterator<Item = &'a Member>) -> String {
+    // These suffice to choose from; an archive may hold thousands.
+    const MOST: usize = 32;
+    let more = members.len() > MOST;
+    let mut names: Vec<String> = members.take(MOST).map(|m| shorten(&one_line(&m.name))).collect();
+    if more {
+        names.push("…".into());
+    }
+    names.join(", ")
+}
+
+/// The array that the caller named, or the first that can be a volume; with the choice among several.
+fn pick<'a>(
+    path: &Path,
+    members: &'a [Member],
+    options: &OpenOptions,
+) -> Result<(&'a Member, NpyHeader, Option<OpenChoice>)> {
     let header = |member: &Member| {
         let mut stream = MemberStream::open(path, member, &options.warnings)?;
         npy_header::read(path, &mut stream)
@@ -144,10 +158,10 @@ fn pick<'a>(path: &Path, members: &'a [Member], options: &OpenOptions) -> Result
         let Some(member) = members.iter().find(|m| m.name == wanted) else {
             return Err(FormatError::option(
                 path,
-                format!("the archive has no array {wanted:?}; it has: {}", names()),
+                format!("the archive has no array {wanted:?}; it has: {}", names(members.iter())),
             ));
         };
-        return Ok((member, header(member)?));
+        return Ok((member, header(member)?, None));
     }
     if members.is_empty() {
         return Err(FormatError::unsupported(
@@ -165,20 +179,34 @@ fn pick<'a>(path: &Path, members: &'a [Member], options: &OpenOptions) -> Result
             candidates.push((member, header));
         }
     }
-    match candidates.len() {
-        1 => Ok(candidates.remove(0)),
-        0 if members.len() == 1 => Ok((&members[0], header(&members[0])?)),
-        0 => Err(FormatError::unsupported(
+    if candidates.is_empty() && members.len() == 1 {
+        return Ok((&members[0], header(&members[0])?, None));
+    }
+    let open = (candidates.len() > 1).then(|| open_array(&candidates));
+    match candidates.into_iter().next() {
+        Some((member, header)) => Ok((member, header, open)),
+        None => Err(FormatError::unsupported(
             path,
-            format!("none of the arrays {} is a label volume", names()),
+            format!("none of the arrays {} is a label volume", names(members.iter())),
             "labels are arrays of two or three axes of whole numbers",
         )),
-        n => Err(FormatError::Choose {
-            path: path.to_owned(),
-            what: format!("the archive has {n} arrays that may be the labels"),
-            option: "--array",
-            choices: names(),
-        }),
+    }
+}
+
+/// The choice among arrays of which each can be a volume.
+fn open_array(candidates: &[(&Member, NpyHeader)]) -> OpenChoice {
+    let value = |(member, header): &(&Member, NpyHeader)| ChoiceValue {
+        value: member.name.clone(),
+        text: format!("{} of {}", header.shape_text(), header.descr),
+    };
+    OpenChoice {
+        keyword: "array",
+        option: "--array",
+        what: format!("the archive has {} arrays that may be the labels", candidates.len()),
+        listed: names(candidates.iter().map(|(member, _)| *member)),
+        values: candidates.iter().map(value).collect(),
+        count: candidates.len() as u64,
+        assumed: None,
     }
 }
 

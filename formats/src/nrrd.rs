@@ -25,7 +25,7 @@ const MAGIC: &[u8] = b"NRRD";
 
 /// NRRD files.
 pub(crate) const FORMAT: Format =
-    Format { name: "NRRD", recognises: |_, head| head.starts_with(MAGIC), read };
+    Format { name: "NRRD", asks_axes: false, recognises: |_, head| head.starts_with(MAGIC), read };
 
 /// Reads the header of `path`.
 fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
@@ -33,7 +33,7 @@ fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
     let element = Element::new(header.label_type, header.big_endian);
 
     // Assign the axes, and choose the layer along a `list` axis.
-    let mut undecided = None;
+    let mut choices = Vec::new();
     let axes = assign_axes(path, &header)?;
     let layer_count =
         axes.iter().find(|a| a.space.is_none() && a.is_layers && a.size > 1).map_or(1, |a| a.size);
@@ -44,11 +44,19 @@ fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
             Some(space) => Role::Space(space),
             None if axis.size <= 1 => Role::Fixed(0),
             None if axis.is_layers => {
-                let choices = describe(&layers);
-                let chosen = options.layer;
-                Role::Fixed(choose_among(path, &choice::LAYER, chosen, axis.size, &choices, &mut undecided)?)
+                let text_of = |index| layers.get(index as usize).map_or_else(String::new, segments_of);
+                let (chosen, listed) = (options.layer, describe(&layers));
+                Role::Fixed(choose_among(
+                    path,
+                    &choice::LAYER,
+                    chosen,
+                    axis.size,
+                    &listed,
+                    text_of,
+                    &mut choices,
+                )?)
             }
-            None => Role::Fixed(choose(path, &choice::TIME, options.time, axis.size, &mut undecided)?),
+            None => Role::Fixed(choose(path, &choice::TIME, options.time, axis.size, &mut choices)?),
         };
         file_axes.push(FileAxis { size: axis.size, role });
     }
@@ -80,7 +88,7 @@ fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
         layout,
         element,
         layers,
-        undecided,
+        choices,
         stream,
     })
 }
@@ -312,15 +320,23 @@ fn describe(layers: &[Layer]) -> String {
         .take(MOST)
         .map(|layer| match layer.segments.len() {
             0 => format!("{}", layer.index),
-            1..=8 => format!("{}: {}", layer.index, layer.segments.join(", ")),
-            n => format!("{}: {}, … ({n} segments)", layer.index, layer.segments[..8].join(", ")),
+            _ => format!("{}: {}", layer.index, segments_of(layer)),
         })
         .collect();
     if layers.len() > MOST {
         parts.push("…".into());
     }
+    parts.join("; ")
+}
+
+/// The first names of a layer's segments, in one line.
+fn segments_of(layer: &Layer) -> String {
+    let names = match layer.segments.len() {
+        0..=8 => layer.segments.join(", "),
+        n => format!("{}, … ({n} segments)", layer.segments[..8].join(", ")),
+    };
     // Names may hold line breaks; messages are one line.
-    parts.join("; ").replace(char::is_control, " ")
+    names.replace(char::is_control, " ")
 }
 
 /// Prepares access to the voxels. Detached files are checked at once, so that a missing one is reported before any work is done.

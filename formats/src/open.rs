@@ -4,8 +4,10 @@ use std::path::Path;
 
 use pumice_core::{BlockSource, VolumeInfo};
 
+use crate::choice::OpenChoice;
 use crate::error::FormatError;
 use crate::options::OpenOptions;
+use crate::orientation::orientation;
 use crate::registry;
 use crate::slab::SlabSource;
 use crate::volume_file::Layer;
@@ -19,6 +21,10 @@ pub struct Probe {
     pub encoding: String,
     /// Size, label type, matrix, unit and names.
     pub info: VolumeInfo,
+    /// Letters of the directions in which x, y and z run, such as `RAS`; `None` where the file does not say it. See [`orientation`].
+    pub orientation: Option<String>,
+    /// What the file leaves open and the caller has not chosen; the volume that is described is the first of each.
+    pub choices: Vec<OpenChoice>,
     /// Layers, where the file has overlapping segments; otherwise empty.
     pub layers: Vec<Layer>,
     /// Bytes of the volume's voxels in the file's own type, without compression and without other layers.
@@ -33,8 +39,8 @@ pub struct Probe {
 /// One line that says what is wrong and where, for any content of the file.
 pub fn open(path: &Path, options: &OpenOptions) -> std::result::Result<Box<dyn BlockSource>, FormatError> {
     let file = registry::read(path, options)?;
-    if let Some(undecided) = file.undecided {
-        return Err(undecided);
+    if let Some(open) = file.choices.iter().find(|choice| choice.assumed.is_none()) {
+        return Err(open.undecided(path));
     }
     let stream = (file.stream)()?;
     let warnings = options.warnings.clone();
@@ -44,13 +50,15 @@ pub fn open(path: &Path, options: &OpenOptions) -> std::result::Result<Box<dyn B
 /// Reads the header only.
 ///
 /// # Errors
-/// As [`open`], but a layer, time step or channel need not be chosen: then the first one is described.
+/// As [`open`], but nothing need be chosen: [`Probe::choices`] has what is open.
 pub fn probe(path: &Path, options: &OpenOptions) -> std::result::Result<Probe, FormatError> {
     let file = registry::read(path, options)?;
     let voxels = file.info.voxels();
     Ok(Probe {
         format: file.format,
         encoding: file.encoding,
+        orientation: orientation(&file.info),
+        choices: file.choices,
         info: file.info,
         layers: file.layers,
         bytes_uncompressed: voxels * file.element.bytes() as u64,

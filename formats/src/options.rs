@@ -19,8 +19,8 @@ pub struct OpenOptions {
     pub spacing: Option<[f64; 3]>,
     /// Read the file as voxels without a header. No other format is tried then.
     pub raw: Option<RawLayout>,
-    /// Meaning of the axes of a NumPy array.
-    pub axes: ArrayAxes,
+    /// Meaning of the axes of a NumPy array, by default [`ArrayAxes::Xyz`] with a warning; other files say it themselves and refuse it.
+    pub axes: Option<ArrayAxes>,
     /// Receives notices for the user that are not errors. Clone it before reading and list it afterwards.
     pub warnings: Warnings,
 }
@@ -39,13 +39,30 @@ pub struct RawLayout {
 }
 
 /// Meaning of the axes of a NumPy array, in the order of its indices.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ArrayAxes {
     /// `a[x, y, z]`, as nibabel and pynrrd return arrays.
-    #[default]
     Xyz,
-    /// `a[z, y, x]`, as tifffile and scikit-image return arrays.
+    /// `a[z, y, x]`, as tifffile, scikit-image and napari return arrays.
     Zyx,
+}
+
+impl ArrayAxes {
+    /// Both orders.
+    pub const ALL: [Self; 2] = [Self::Xyz, Self::Zyx];
+
+    /// Name of the order: `xyz` or `zyx`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Xyz => "xyz",
+            Self::Zyx => "zyx",
+        }
+    }
+
+    /// The order of this name.
+    pub fn of_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|axes| axes.name() == name)
+    }
 }
 
 /// A list of one-line warnings, shared by reader and caller.

@@ -45,7 +45,7 @@ pub(crate) fn read(path: &Path, raw: &RawLayout, options: &OpenOptions) -> Resul
         layout,
         element,
         layers: Vec::new(),
-        undecided: None,
+        choices: Vec::new(),
         stream: Box::new(move || {
             if gzip {
                 let mut stream = InflateStream::open(&path, 0, Wrapping::Gzip, &warnings)?;

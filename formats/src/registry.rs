@@ -21,10 +21,12 @@ const HEAD_BYTES: u64 = 1024;
 /// Reads the header of a file, or of a folder of TIFF slices. Raw voxels are read where the options describe them.
 pub(crate) fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
     if let Some(layout) = &options.raw {
+        refuse_axes(path, options, "raw voxels lie with x fastest")?;
         return raw::read(path, layout, options);
     }
     let metadata = std::fs::metadata(path).map_err(FormatError::io(path))?;
     if metadata.is_dir() {
+        refuse_axes(path, options, "slices of a folder have x and y, and lie along z")?;
         return tiff_folder::read(path, options);
     }
     let mut head = Vec::new();
@@ -35,8 +37,27 @@ pub(crate) fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
         return Err(FormatError::damaged(path, "the file is empty"));
     }
     match FORMATS.iter().find(|format| (format.recognises)(path, &head)) {
-        Some(format) => (format.read)(path, options),
+        Some(format) => {
+            if !format.asks_axes {
+                refuse_axes(path, options, &format!("{} files say which axis is which", format.name))?;
+            }
+            (format.read)(path, options)
+        }
         None => Err(unknown(path, &guess(&head))),
+    }
+}
+
+/// Refuses an order of axes for a file that does not leave it open; `why` says who decides.
+fn refuse_axes(path: &Path, options: &OpenOptions, why: &str) -> Result<()> {
+    match options.axes {
+        None => Ok(()),
+        Some(axes) => Err(FormatError::option(
+            path,
+            format!(
+                "the order of axes {} cannot be chosen: {why}; only .npy and .npz arrays leave it open",
+                axes.name()
+            ),
+        )),
     }
 }
 

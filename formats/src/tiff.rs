@@ -20,8 +20,12 @@ use crate::volume_file::{Format, OpenStream, VolumeFile};
 const MAGICS: [&[u8]; 4] = [b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"];
 
 /// TIFF files.
-pub(crate) const FORMAT: Format =
-    Format { name: "TIFF", recognises: |_, head| MAGICS.iter().any(|magic| head.starts_with(magic)), read };
+pub(crate) const FORMAT: Format = Format {
+    name: "TIFF",
+    asks_axes: false,
+    recognises: |_, head| MAGICS.iter().any(|magic| head.starts_with(magic)),
+    read,
+};
 
 /// Reads the directories of `path`.
 fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
@@ -46,7 +50,7 @@ fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
     }
 
     // The axes are x, y, then those of the pages.
-    let mut undecided = None;
+    let mut choices = Vec::new();
     let mut file_axes = vec![
         FileAxis { size: shape.width, role: Role::Space(0) },
         FileAxis { size: shape.height, role: Role::Space(1) },
@@ -55,14 +59,22 @@ fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
         let role = match axis {
             PageAxis::Z => Role::Space(2),
             PageAxis::Channel => {
-                Role::Fixed(choose(path, &choice::CHANNEL, options.channel, size, &mut undecided)?)
+                Role::Fixed(choose(path, &choice::CHANNEL, options.channel, size, &mut choices)?)
             }
             PageAxis::Time => {
                 // Many stacks of slices were saved as time steps, because ImageJ guesses so.
                 let last = size.saturating_sub(1);
-                let choices =
+                let listed =
                     format!("0 to {last}; if they are slices: Image > Hyperstacks > Re-order in ImageJ");
-                Role::Fixed(choose_among(path, &choice::TIME, options.time, size, &choices, &mut undecided)?)
+                Role::Fixed(choose_among(
+                    path,
+                    &choice::TIME,
+                    options.time,
+                    size,
+                    &listed,
+                    |_| String::new(),
+                    &mut choices,
+                )?)
             }
         };
         file_axes.push(FileAxis { size, role });
@@ -100,7 +112,7 @@ fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
         layout,
         element,
         layers: Vec::new(),
-        undecided,
+        choices,
         stream,
     })
 }

@@ -88,7 +88,7 @@ pub(crate) fn read(folder: &Path, options: &OpenOptions) -> Result<VolumeFile> {
         layout,
         element,
         layers: Vec::new(),
-        undecided: None,
+        choices: Vec::new(),
         stream,
     })
 }

@@ -6,8 +6,9 @@ use std::path::Path;
 
 use pumice_core::VolumeInfo;
 
+use crate::choice::OpenChoice;
 use crate::element::Element;
-use crate::error::{FormatError, Result};
+use crate::error::Result;
 use crate::layout::Layout;
 use crate::options::OpenOptions;
 use crate::stream::ByteStream;
@@ -16,6 +17,8 @@ use crate::stream::ByteStream;
 pub(crate) struct Format {
     /// Common name, for messages.
     pub(crate) name: &'static str,
+    /// Whether its files leave the order of axes open, so that [`crate::OpenOptions::axes`] applies.
+    pub(crate) asks_axes: bool,
     /// Whether a file is of this format, by its path and its first bytes.
     pub(crate) recognises: fn(&Path, &[u8]) -> bool,
     /// Reads the header.
@@ -45,7 +48,7 @@ pub(crate) struct VolumeFile {
     pub(crate) element: Element,
     /// Layers, where the file has overlapping segments; otherwise empty.
     pub(crate) layers: Vec<Layer>,
-    /// A choice that the caller still has to make. It is no error when only the header is read.
-    pub(crate) undecided: Option<FormatError>,
+    /// What the caller has not chosen; the first of each is described.
+    pub(crate) choices: Vec<OpenChoice>,
     pub(crate) stream: OpenStream,
 }

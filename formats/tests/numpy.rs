@@ -25,7 +25,7 @@ fn z_fastest() -> Vec<u64> {
 }
 
 fn zyx() -> OpenOptions {
-    OpenOptions { axes: ArrayAxes::Zyx, ..OpenOptions::default() }
+    OpenOptions { axes: Some(ArrayAxes::Zyx), ..OpenOptions::default() }
 }
 
 #[test]

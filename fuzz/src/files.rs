@@ -18,7 +18,7 @@ pub fn read_all(path: &Path, mut options: OpenOptions) {
             Ok(mut source) => return drain(source.as_mut()),
             Err(FormatError::Choose { option, .. }) => match option {
                 "--layer" => options.layer = Some(0),
-                "--time" => options.time = Some(0),
+                "--time-step" => options.time = Some(0),
                 "--channel" => options.channel = Some(0),
                 _ => return,
             },
@@ -31,7 +31,7 @@ pub fn read_all(path: &Path, mut options: OpenOptions) {
 /// [`read_all`] with both orders of an array's axes.
 pub fn read_array_both_ways(path: &Path) {
     for axes in [ArrayAxes::Xyz, ArrayAxes::Zyx] {
-        read_all(path, OpenOptions { axes, ..OpenOptions::default() });
+        read_all(path, OpenOptions { axes: Some(axes), ..OpenOptions::default() });
     }
 }
 

@@ -16,13 +16,17 @@ MOST_32 = (1 << 32) - 1
 MOST_64 = (1 << 64) - 1
 
 
+Axes = Literal["xyz", "zyx"]
+
+
 class Choice(TypedDict, total=False):
-    """Which of several volumes in a file, counted from 0; `array` is a name within an `.npz`."""
+    """Which of several volumes in a file, counted from 0; `array` is a name within an `.npz`. `axes` is the order of an array's axes."""
 
     layer: int | None
     time: int | None
     channel: int | None
     array: str | None
+    axes: Axes | None
 
 
 class Reading(Choice, total=False):
@@ -39,6 +43,7 @@ class ReadAs(NamedTuple):
     channel: int | None = None
     array: str | None = None
     spacing: tuple[float, float, float] | None = None
+    axes: Axes | None = None
 
 
 class RenderAs(NamedTuple):
@@ -83,7 +88,15 @@ def reading(given: Choice | Reading) -> ReadAs:
             checked[name] = whole(name, checked[name], 0, MOST_32)
     if checked.get("spacing") is not None:
         checked["spacing"] = three_lengths(checked["spacing"])
+    checked["axes"] = order(checked.get("axes"))
     return ReadAs(**checked)
+
+
+def order(axes: Any) -> Axes | None:
+    """The order of an array's axes: xyz, zyx or None."""
+    if axes is None or axes == "xyz" or axes == "zyx":
+        return axes  # type: ignore[no-any-return]
+    raise InputError(f"axes: expected 'xyz' or 'zyx', got {axes!r}")
 
 
 def three_lengths(spacing: Iterable[Any]) -> tuple[float, float, float]:

@@ -1,7 +1,7 @@
 """Cuts label arrays into blocks, so that no array is ever copied as a whole.
 
 Anything with `shape`, `dtype` and slicing is accepted: a numpy array of any order and strides, a memory map, an HDF5 or Zarr array. Axes
-are `array[x, y, z]`. Blocks are 64 voxels thick along the axis with the largest stride, if the array has strides.
+are `array[x, y, z]`, and those of an `array[z, y, x]` once `Reversed` wraps it. Blocks are 64 voxels thick along the axis with the largest stride, if the array has strides.
 """
 
 from __future__ import annotations
@@ -19,6 +19,20 @@ Block = tuple[tuple[int, int, int], tuple[int, int, int], npt.NDArray[Any]]
 THICKNESS = 64
 # Most labels in one block: a slab of a wide volume is cut along its other axes too.
 MOST_LABELS = 1 << 24
+
+
+class Reversed:
+    """An array[z, y, x] as array[x, y, z]: a view, which reads what is sliced."""
+
+    def __init__(self, array: Any) -> None:
+        self._array = array
+        self.shape = tuple(reversed(array.shape))
+        self.dtype = array.dtype
+        strides = getattr(array, "strides", None)
+        self.strides = None if strides is None else tuple(reversed(strides))
+
+    def __getitem__(self, cut: tuple[slice, slice, slice]) -> npt.NDArray[Any]:
+        return np.asarray(self._array[cut[::-1]]).transpose()
 
 
 def label_type(array: Any) -> str:

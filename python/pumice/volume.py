@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _native, arguments, blocks
-from .arguments import Choice, Level, Path, Reading
+from .arguments import Axes, Choice, Level, Path, Reading
 from .errors import InputError, PumiceWarning
 from .label_table import AnnotationTable
 
@@ -166,7 +166,8 @@ class Volume:
 
     def verify(self, source: Path | Any, *, job: Job | None = None, **choice: Unpack[Choice]) -> None:
         """Compares every voxel and id with a file or an array; InputError names the first difference. Keywords are as for `open`."""
-        difference = self._native.difference(_source(source), job=job, read_as=_choice_of(source, choice))
+        read_as = _choice_of(source, choice)
+        difference = self._native.difference(_source(source, axes=read_as.axes), job=job, read_as=read_as)
         if difference is not None:
             raise InputError(difference)
 
@@ -260,8 +261,9 @@ def open(
     volume exists, no other program may change that file in place, or this process ends; saving over it with Pumice is safe. Files of
     other levels, and chosen labels, are read into memory.
 
-    Keywords: `layer`, `time`, `channel` (numbers from 0), `array` (name within an `.npz`), `spacing` (three lengths). Unusual things in
-    the file that are not errors cause a `PumiceWarning`.
+    Keywords: `layer`, `time`, `channel` (numbers from 0), `array` (name within an `.npz`), `spacing` (three lengths), `axes` (the order of
+    the axes of an `.npy` or `.npz` array: "xyz" or "zyx"; without it, "xyz" with a warning). Unusual things in the file that are not
+    errors cause a `PumiceWarning`.
     """
     chosen = None if labels is None else arguments.ids("labels", labels)
     native, odd = _native.open(_path(path), labels=chosen, mapped=mapped, job=job, read_as=arguments.reading(reading))
@@ -270,7 +272,13 @@ def open(
 
 
 def probe(path: Path, *, job: Job | None = None, **reading: Unpack[Reading]) -> dict[str, Any]:
-    """A summary of a file, from its header: the same fields as `pumice info --json`, including warnings."""
+    """A summary of a file, from its header: the same fields as `pumice info --json`, including warnings.
+
+    Of a file that is not a `.pumice` file no voxel is read. `choices` lists what the file leaves open and no keyword says, each as a dict:
+    `keyword` (`layer`, `time`, `channel`, `array` or `axes`), `what` (a sentence), `values` (dicts of `value` and `text`), `assumed` (the
+    answer that is taken without the keyword; None where `open` refuses the file). The first volume is described. `bytes_expected` is the
+    memory that compressing is expected to take.
+    """
     return dict(json.loads(_native.probe(_path(path), job=job, read_as=arguments.reading(reading))))
 
 
@@ -289,6 +297,9 @@ def compress(
     **choice: Unpack[Choice],
 ) -> Volume:
     """Compresses a file, or an array[x, y, z] of labels of any integer type and order; floats must be whole numbers ≥ 0.
+
+    `axes="zyx"` reads an array[z, y, x], as tifffile, scikit-image and napari use it, in memory or in an `.npy` or `.npz` file. The volume's
+    axes are x, y, z all the same, in `spacing` and in `decode` too.
 
     For arrays: `spacing` (three lengths) or `world_from_index` (4 × 4, voxel corners to world), `unit` (nm, um, mm, m), `names` by id.
     `types`: type by id, or the path of a CSV table id,type. `table`: names, types, colours and numbers by id, as an `AnnotationTable` or a
@@ -315,7 +326,7 @@ def compress(
         described: str | _Blocks = _path(source)
         read_as = read_as._replace(spacing=None if spacing is None else arguments.three_lengths(spacing))
     else:
-        described = _source(source, spacing, unit, world_from_index, names)
+        described = _source(source, spacing, unit, world_from_index, names, read_as.axes)
     native, odd = _native.compress(
         described,
         given=typed if table is None else table.native(),
@@ -342,11 +353,15 @@ def _source(
     unit: str = "",
     world_from_index: npt.ArrayLike | None = None,
     names: Mapping[int, str] | None = None,
+    axes: Axes | None = None,
 ) -> str | _Blocks:
     if isinstance(source, (str, os.PathLike)):
         return _path(source)
     if not hasattr(source, "dtype") or not hasattr(source, "shape"):
         raise InputError(f"source: expected a path or an array, got {type(source).__name__}")
+    kind = blocks.label_type(source)
+    if axes == "zyx":
+        source = blocks.Reversed(source)
     matrix = np.eye(4)
     if world_from_index is not None:
         if spacing is not None:
@@ -361,7 +376,7 @@ def _source(
         matrix[(0, 1, 2), (0, 1, 2)] = arguments.three_lengths(spacing)
     columns = matrix[:3].T.ravel().tolist()
     listed = list(zip(arguments.ids("names", names or {}), map(str, (names or {}).values()), strict=True))
-    info = _native.volume_info(blocks.shape_of(source), blocks.label_type(source), columns, unit, listed)
+    info = _native.volume_info(blocks.shape_of(source), kind, columns, unit, listed)
     return _Blocks(info, source)
 
 
@@ -377,7 +392,7 @@ def _choice_of(source: Path | Any, choice: Choice) -> arguments.ReadAs:
         raise TypeError("unexpected keyword argument 'spacing'")
     if not isinstance(source, (str, os.PathLike)):
         for name, given in choice.items():
-            if given is not None:
+            if given is not None and name != "axes":
                 raise InputError(f"{name}: an array is read as it is; choose by slicing it")
     return arguments.reading(choice)
 

@@ -10,7 +10,7 @@ use pumice_core::{
     LabelBuffer, LabelNote, LabelType, TypeTable, Unit, Verification, VolumeInfo,
 };
 use pumice_export::{Corners, Interfaces, QuadMesh};
-use pumice_session::{LabelRows, OpenOptions, Residence, SessionError};
+use pumice_session::{ArrayAxes, LabelRows, OpenOptions, Residence, SessionError};
 use pyo3::buffer::PyBuffer;
 use pyo3::prelude::*;
 use serde_json::json;
@@ -25,11 +25,16 @@ use crate::waiting::{detached, released};
 #[pyclass(frozen, module = "pumice._native")]
 pub(crate) struct Volume(pub(crate) Arc<CompressedVolume>);
 
-/// How to read a file: layer, time, channel, array and spacing of `pumice_formats::OpenOptions`; a `pumice.arguments.ReadAs`.
-type ReadAs = (Option<u32>, Option<u32>, Option<u32>, Option<String>, Option<[f64; 3]>);
+/// How to read a file: layer, time, channel, array, spacing and axes of `pumice_formats::OpenOptions`; a `pumice.arguments.ReadAs`.
+type ReadAs = (Option<u32>, Option<u32>, Option<u32>, Option<String>, Option<[f64; 3]>, Option<String>);
 
-fn reading((layer, time, channel, array, spacing): ReadAs) -> OpenOptions {
-    OpenOptions { layer, time, channel, array, spacing, ..OpenOptions::default() }
+fn reading((layer, time, channel, array, spacing, axes): ReadAs) -> PyResult<OpenOptions> {
+    let order = |name: String| {
+        ArrayAxes::of_name(&name)
+            .ok_or_else(|| input(&format_args!("axes: expected 'xyz' or 'zyx', got {name:?}")))
+    };
+    let axes = axes.map(order).transpose()?;
+    Ok(OpenOptions { layer, time, channel, array, spacing, axes, ..OpenOptions::default() })
 }
 
 #[pymethods]
@@ -247,7 +252,7 @@ impl Volume {
         job: Option<&Bound<'_, Job>>,
     ) -> PyResult<Option<String>> {
         let job = job_of(job);
-        let reading = reading(read_as);
+        let reading = reading(read_as)?;
         with_source(py, source, &reading, &job, |source| {
             let found = pumice_core::verify(&self.0, source, &job)?;
             Ok((!matches!(found, Verification::Same { .. })).then(|| found.to_string()))
@@ -271,7 +276,7 @@ pub(crate) fn open(
     job: Option<&Bound<'_, Job>>,
 ) -> PyResult<Opened> {
     let job = job_of(job);
-    let reading = reading(read_as);
+    let reading = reading(read_as)?;
     let residence = if mapped { Residence::Mapped } else { Residence::Copied };
     let volume = released(py, &job, || match &labels {
         None => pumice_session::open_volume(&path, &reading, residence, &job),
@@ -290,7 +295,7 @@ pub(crate) fn probe(
     job: Option<&Bound<'_, Job>>,
 ) -> PyResult<String> {
     let job = job_of(job);
-    let reading = reading(read_as);
+    let reading = reading(read_as)?;
     let info = released(py, &job, || pumice_session::file_info(&path, &reading, &job))?;
     serde_json::to_string(&info).map_err(|e| input(&e))
 }
@@ -343,7 +348,7 @@ pub(crate) fn compress(
         Some(Given::Table(table)) => (None, Some(&table.get().0)),
         None => (None, None),
     };
-    let reading = reading(read_as);
+    let reading = reading(read_as)?;
     let options =
         CompressOptions { threads, memory_limit_bytes: memory_limit, types, ..CompressOptions::default() };
     let (volume, notes) = with_source(py, source, &reading, &job, |source| {

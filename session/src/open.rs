@@ -31,6 +31,22 @@ pub fn is_pumice_file(path: &Path) -> Result<bool> {
     Ok(magic == pumice_core::file::MAGIC)
 }
 
+/// Whether a file that a caller wants to read is a `.pumice` file. Only others may leave the order of their axes to the caller.
+///
+/// # Errors
+/// When the file cannot be read, and for a `.pumice` file with an order of axes.
+pub(crate) fn is_compressed(path: &Path, reading: &OpenOptions) -> Result<bool> {
+    let compressed = is_pumice_file(path)?;
+    match reading.axes {
+        Some(axes) if compressed => Err(SessionError::Caller(format!(
+            "{}: the order of axes {} cannot be chosen: a .pumice file says which axis is which",
+            path.display(),
+            axes.name()
+        ))),
+        _ => Ok(compressed),
+    }
+}
+
 /// Where the data of a `.pumice` file is while it is in use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Residence {
@@ -51,7 +67,7 @@ pub fn open_volume(
     residence: Residence,
     job: &Job,
 ) -> Result<Arc<CompressedVolume>> {
-    if is_pumice_file(path)? {
+    if is_compressed(path, reading)? {
         return Ok(Arc::new(match residence {
             Residence::Copied => CompressedVolume::open(path, job)?,
             Residence::Mapped => CompressedVolume::open_mapped(path, job)?,
@@ -107,7 +123,7 @@ pub fn open_chosen(
     residence: Residence,
     job: &Job,
 ) -> Result<Arc<CompressedVolume>> {
-    if shows.contains(&&Show::All) || !is_pumice_file(path)? {
+    if !is_compressed(path, reading)? || shows.contains(&&Show::All) {
         return open_volume(path, reading, residence, job);
     }
     let choose = |labels: &LabelTable| {

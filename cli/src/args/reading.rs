@@ -24,8 +24,8 @@ pub(crate) struct Reading {
     pub(crate) spacing: Option<[f64; 3]>,
     /// Axes of an .npy or .npz array, in the order of its indices
     ///
-    /// NumPy arrays do not say which axis is which. nibabel and pynrrd use `xyz` (default); tifffile, scikit-image and napari use
-    /// `zyx`.
+    /// NumPy arrays do not say which axis is which. nibabel and pynrrd use `xyz`, which is the default with a warning; tifffile,
+    /// scikit-image and napari use `zyx`. The wrong order mirrors the volume. Other formats say their order and refuse the option.
     #[arg(long, value_name = "ORDER", value_enum)]
     pub(crate) axes: Option<Axes>,
     /// Read a file without a header, with these dims, e.g. 512,512,128 (needs --raw-type)

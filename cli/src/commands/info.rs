@@ -24,6 +24,7 @@ pub(crate) fn run(args: &Info, job: &Arc<Job>) -> Result<Answer, Failure> {
             let percent = |bytes: u64| 100.0 * bytes as f64 / p.bytes_raw.max(1) as f64;
             say("format     Pumice")?;
             placement(p.dims, p.spacing, &p.unit, &p.frame, &p.label_type)?;
+            orientation(p.orientation.as_deref())?;
             say(format_args!(
                 "labels     {} in {} types, {} touching pairs",
                 p.labels, p.types, p.touching_pairs
@@ -44,17 +45,28 @@ pub(crate) fn run(args: &Info, job: &Arc<Job>) -> Result<Answer, Failure> {
         FileInfo::Source(s) => {
             say(format_args!("format     {}, {}", s.format, s.encoding))?;
             placement(s.dims, s.spacing, &s.unit, &s.frame, &s.label_type)?;
+            orientation(s.orientation.as_deref())?;
             for row in s.world_from_centre {
                 say(format_args!(
                     "affine     {:12.6} {:12.6} {:12.6} {:14.6}",
                     row[0], row[1], row[2], row[3]
                 ))?;
             }
+            say(format_args!("raw        {:>14} bytes in the file's own type", s.bytes_uncompressed))?;
+            say(format_args!("memory     {:>14} bytes expected while it is compressed", s.bytes_expected))?;
             if s.named_labels > 0 {
                 say(format_args!("names      {} labels have a name or a colour", s.named_labels))?;
             }
             for (i, layer) in s.layers.iter().enumerate() {
                 say(format_args!("layer {i}    {}", layer.join(", ")))?;
+            }
+            for open in &s.choices {
+                let assumed =
+                    open.assumed.map_or_else(String::new, |answer| format!("; {answer} is assumed"));
+                say(format_args!(
+                    "open       {}; choose one with {} ({}){assumed}",
+                    open.what, open.option, open.listed
+                ))?;
             }
             for warning in &s.warnings {
                 say(format_args!("warning    {warning}"))?;
@@ -62,6 +74,26 @@ pub(crate) fn run(args: &Info, job: &Arc<Job>) -> Result<Answer, Failure> {
         }
     }
     Ok(Answer::Yes)
+}
+
+/// The line of the directions in which x, y and z run, where the file says them.
+fn orientation(letters: Option<&str>) -> Result<(), Failure> {
+    letters.map_or(Ok(()), |letters| {
+        say(format_args!("axes       {letters}: x, y and z run to {}", directions(letters)))
+    })
+}
+
+/// The words of letters such as RAS.
+fn directions(letters: &str) -> String {
+    let word = |letter| match letter {
+        'R' => "right",
+        'L' => "left",
+        'A' => "anterior",
+        'P' => "posterior",
+        'S' => "superior",
+        _ => "inferior",
+    };
+    letters.chars().map(word).collect::<Vec<_>>().join(", ")
 }
 
 fn placement(

@@ -17,6 +17,12 @@ pub(crate) mod verify_render;
 use pumice_session::{ArrayAxes, OpenOptions, RawLayout};
 
 use crate::args::{Axes, Reading};
+use crate::failure::{Failure, say};
+
+/// Prints what the reader found odd, or assumed, a line each.
+fn say_warnings(reading: &OpenOptions) -> Result<(), Failure> {
+    reading.warnings.list().iter().try_for_each(|warning| say(format_args!("warning: {warning}")))
+}
 
 /// Converts the flags on reading to the options that the readers of `pumice-formats` take.
 fn open_options(reading: &Reading) -> OpenOptions {
@@ -26,10 +32,10 @@ fn open_options(reading: &Reading) -> OpenOptions {
         channel: reading.channel,
         array: reading.array.clone(),
         spacing: reading.spacing,
-        axes: match reading.axes {
-            None | Some(Axes::Xyz) => ArrayAxes::Xyz,
-            Some(Axes::Zyx) => ArrayAxes::Zyx,
-        },
+        axes: reading.axes.map(|axes| match axes {
+            Axes::Xyz => ArrayAxes::Xyz,
+            Axes::Zyx => ArrayAxes::Zyx,
+        }),
         raw: match (reading.raw_dims, reading.raw_type) {
             (Some(dims), Some(label_type)) => Some(RawLayout {
                 dims,

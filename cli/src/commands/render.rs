@@ -6,7 +6,7 @@ use pumice_session::{
     CurvePoint, Job, RenderFigures, RenderOverrides, RenderRequest, Savings, Stop, Subject, render_file,
 };
 
-use super::open_options;
+use super::{open_options, say_warnings};
 use crate::Answer;
 use crate::args::{LodArg, Render, RenderMode, ViewArg};
 use crate::failure::{self, Failure, say};
@@ -81,6 +81,7 @@ pub(crate) fn run(args: &Render, job: &Arc<Job>) -> Result<Answer, Failure> {
     if args.json.as_deref() != Some(std::path::Path::new("-")) {
         let figures = &rendered.figures;
         say(format_args!("{}: {}, by {}", args.out.display(), summary(figures), figures.backend))?;
+        say_warnings(&request.reading)?;
     }
     if args.explain {
         let measured = rendered.figures.savings.iter().flat_map(Savings::lines);

@@ -1,0 +1,127 @@
+# SPDX-FileCopyrightText: The Pumice developers
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the headers of files say before a voxel is read: lines for the dialog of the import, and menus for what a file leaves open.
+
+    header ──► dims, voxel size, unit, directions, type, memory, warnings      lines
+           ──► layers, time steps, channels, arrays, order of axes             menus; an answer is read with the header again
+
+Does not use Blender.
+"""
+
+import json
+import os
+import re
+
+from . import cache, native
+from .reports import one_line
+
+# What a file may leave open, by the keyword of `pumice.compress` that answers it.
+KEYWORDS = ("layer", "time", "channel", "array", "axes")
+# A longer menu does not fit on a screen: a number is typed instead.
+MOST_IN_MENU = 64
+# Files whose lines are shown one by one.
+MOST_FILES = 8
+UNITS = {"um": "µm", "unknown": ""}
+DIRECTIONS = {"R": "right", "L": "left", "A": "anterior", "P": "posterior", "S": "superior", "I": "inferior"}
+
+
+class Facts:
+    """The headers of files; each is read once for each set of answers. `is_kept(path, choice)` says whether a compressed form is there."""
+
+    def __init__(self, paths, is_kept=lambda path, choice: False):
+        self.paths, self._is_kept = list(paths), is_kept
+        self._said, self._menus = {}, {}
+
+    def of(self, path, choice):
+        """What a file says, read with `choice`: the fields of `pumice.probe`, or one line that says why it cannot be read."""
+        key = path, json.dumps(choice, sort_keys=True)
+        if key not in self._said:
+            self._said[key] = _header(path, choice)
+        return self._said[key]
+
+    def open_choice(self, keyword):
+        """What the first file that leaves it open says of a choice; None if none does."""
+        found = (_choices(self.of(path, {})).get(keyword) for path in self.paths)
+        return next((choice for choice in found if choice is not None), None)
+
+    def answers_for(self, path, answers):
+        """The answers that a file takes: those to what it leaves open, and what is no answer, such as the voxel size."""
+        left = _choices(self.of(path, {}))
+        return {name: value for name, value in answers.items() if name not in KEYWORDS or name in left}
+
+    def menu(self, keyword):
+        """Items for a menu of Blender. It must find the same strings each time."""
+        if keyword not in self._menus:
+            choice = self.open_choice(keyword)
+            values = [] if choice is None else choice["values"][:MOST_IN_MENU]
+            self._menus[keyword] = [
+                (v["value"], f"{v['value']}: {v['text']}" if v["text"] else v["value"], v["text"], number) for number, v in enumerate(values)
+            ]
+        return self._menus[keyword]
+
+    def lines(self, answers):
+        """(text, whether it is a warning) about the files, read with these answers."""
+        told = []
+        for path in self.paths[:MOST_FILES]:
+            choice = self.answers_for(path, answers)
+            said = self.of(path, choice)
+            if isinstance(said, str):
+                told.append((_without(said, path), True))
+            elif len(self.paths) == 1:
+                told += [(line, False) for line in _facts(said, self._is_kept(path, choice))]
+                told += [(_without(line, path), True) for line in said["warnings"]]
+            else:
+                name = os.path.basename(path)
+                told.append((f"{name}: {_size(said)}", False))
+                told += [(f"{name}: {_without(line, path)}", True) for line in said["warnings"]]
+        if len(self.paths) > MOST_FILES:
+            told.append((f"and {len(self.paths) - MOST_FILES} more files", False))
+        return told
+
+
+def _header(path, choice):
+    try:
+        if not cache.is_compressed(path):
+            return native.require().probe(path, **choice)
+        # Without a label only the table of labels is read.
+        volume = native.require().open(path, labels=[])
+        fields = {name: getattr(volume, name) for name in ("dims", "spacing", "unit", "label_type")}
+        return {**fields, "kind": "pumice", "labels": len(volume.labels.ids), "warnings": []}
+    except Exception as error:
+        return one_line(error)
+
+
+def _choices(said):
+    """{keyword: choice} that a file leaves open."""
+    return {} if isinstance(said, str) else {choice["keyword"]: choice for choice in said.get("choices", ())}
+
+
+def _size(said):
+    x, y, z = said["dims"]
+    size = " × ".join(f"{length:.6g}" for length in said["spacing"])
+    unit = UNITS.get(said["unit"], said["unit"])
+    return f"{x} × {y} × {z} voxels of {said['label_type']}, each {size} {unit}".rstrip() + ("" if unit else " (no unit)")
+
+
+def _facts(said, is_kept):
+    yield _size(said)
+    letters = said.get("orientation")
+    if letters:
+        yield f"{letters}: x, y and z run to {', '.join(DIRECTIONS[letter] for letter in letters)}"
+    if said["kind"] == "pumice":
+        yield f"Compressed already: {said['labels']} labels"
+        return
+    yield f"{said['format']}, {said['encoding']}; {_bytes(said['bytes_uncompressed'])} of voxels"
+    if is_kept:
+        yield "Compressed before: opens at once"
+    else:
+        yield f"Compressing takes about {_bytes(said['bytes_expected'])} of memory"
+
+
+def _bytes(count):
+    return f"{count / 1e9:.1f} GB" if count >= 1e9 else f"{max(count / 1e6, 0.1):.3g} MB"
+
+
+def _without(line, path):
+    """A line of the reader without the path and without the option of the command: the dialog has both beside it."""
+    return re.sub(r" \(give --[^()]*\)$", "", line.removeprefix(f"{path}: "))

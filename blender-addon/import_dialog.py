@@ -1,0 +1,200 @@
+# SPDX-FileCopyrightText: The Pumice developers
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The dialog of the import: what the headers of the files say, and menus for what they leave open.
+
+The operator opens the file browser, or the dialog at once if files were dropped. After the browser a second call of the operator opens the dialog,
+because one call cannot have both. Only headers are read for it, once for each set of answers.
+
+Scripts set the properties themselves and see no dialog.
+"""
+
+import os
+import textwrap
+
+import bpy
+from bpy.props import BoolProperty, CollectionProperty, EnumProperty, FloatVectorProperty, IntProperty, StringProperty
+from bpy_extras.io_utils import ImportHelper
+
+from . import cache, file_facts
+
+AXES = (
+    ("file", "As the File Says", "All formats but NumPy's say which axis is which; arrays are taken as x, y, z, with a warning", 0),
+    ("xyz", "X, Y, Z", "An array a[x, y, z], as of nibabel and pynrrd. The wrong order mirrors the volume", 1),
+    ("zyx", "Z, Y, X", "An array a[z, y, x], as of tifffile, scikit-image and napari. The wrong order mirrors the volume", 2),
+)
+NAMES = {"layer": "Layer", "time": "Time Step", "channel": "Channel", "array": "Array"}
+# The dialog in pixels at a scale of 1, and the letters that fit into one of its lines.
+DIALOG_PIXELS = 460
+LINE_LETTERS = 70
+
+# The headers that the open dialog shows; menus of properties find them here, because their callbacks do not get the operator.
+_facts = file_facts.Facts([])
+
+
+def _menu(keyword):
+    """A menu for a choice; it sets the property of this keyword, which scripts set themselves."""
+
+    def at(properties):
+        values = [item[0] for item in _facts.menu(keyword)]
+        chosen = str(getattr(properties, keyword))
+        return values.index(chosen) if chosen in values else 0
+
+    def choose(properties, number):
+        value = _facts.menu(keyword)[number][0]
+        setattr(properties, keyword, value if keyword == "array" else int(value))
+
+    return EnumProperty(
+        name=NAMES[keyword],
+        description="Which of the volumes in the file is read",
+        items=lambda properties, context: _facts.menu(keyword),
+        get=at,
+        set=choose,
+        options={"SKIP_SAVE", "HIDDEN"},
+    )
+
+
+class ImportDialog(ImportHelper):
+    """Files, how they are read, and the dialog that asks for it. The operator says what else it asks by `draw_options(context, layout)`."""
+
+    # Without SKIP_SAVE the file of the last import would look like one that was dropped.
+    filepath: StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE", "HIDDEN"})
+    directory: StringProperty(subtype="DIR_PATH", options={"SKIP_SAVE", "HIDDEN"})
+    files: CollectionProperty(type=bpy.types.OperatorFileListElement, options={"SKIP_SAVE", "HIDDEN"})
+
+    use_spacing: BoolProperty(
+        name="Own Voxel Size", description="Set the size of a voxel, for files that state none or a wrong one", default=False
+    )
+    spacing: FloatVectorProperty(
+        name="Voxel Size", description="Size of a voxel along x, y and z", size=3, min=1e-12, default=(1.0, 1.0, 1.0)
+    )
+    layer: IntProperty(
+        name="Layer", description="Layer to read, if the file has several; -1 if it has one", min=-1, default=-1, options={"SKIP_SAVE"}
+    )
+    time: IntProperty(
+        name="Time Step", description="Time step to read, if the file has several; -1 if it has one", min=-1, default=-1, options={"SKIP_SAVE"}
+    )
+    channel: IntProperty(
+        name="Channel", description="Channel to read, if the file has several; -1 if it has one", min=-1, default=-1, options={"SKIP_SAVE"}
+    )
+    array: StringProperty(
+        name="Array", description="Array to read, if the file has several; empty if it has one", default="", options={"SKIP_SAVE"}
+    )
+    axes: EnumProperty(name="Axes", description="Order of the axes of a NumPy array", items=AXES, default="file", options={"SKIP_SAVE"})
+    layer_menu: _menu("layer")
+    time_menu: _menu("time")
+    channel_menu: _menu("channel")
+    array_menu: _menu("array")
+
+    _browsing = False
+    asked = False
+
+    def invoke(self, context, event):
+        # A script that calls the operator waits for it; a user does not.
+        self._interactive = True
+        if not self.properties.is_property_set("filepath") and not self.files:
+            self._browsing = True
+            context.window_manager.fileselect_add(self)
+            return {"RUNNING_MODAL"}
+        self.ask()
+        names = [os.path.basename(path) for path in _facts.paths]
+        title = names[0] if len(names) == 1 else f"Import {len(names)} Volumes"
+        manager = context.window_manager
+        return manager.invoke_props_dialog(self, width=DIALOG_PIXELS, title=title, confirm_text="Import", translate=False)
+
+    def ask(self):
+        """Reads the headers, and sets what they leave open to the first answer where it is not set."""
+        global _facts
+        _facts = file_facts.Facts(self.paths(), lambda path, choice: cache.existing(self.places(path, choice)) is not None)
+        self.asked = True
+        for keyword in ("layer", "time", "channel"):
+            if getattr(self, keyword) < 0 and _facts.open_choice(keyword) is not None:
+                setattr(self, keyword, 0)
+        if not self.array and _facts.menu("array"):
+            self.array = _facts.menu("array")[0][0]
+        axes = _facts.open_choice("axes")
+        if self.axes == "file" and axes is not None:
+            self.axes = axes["assumed"]
+
+    def execute(self, context):
+        return self._open_dialog(context) if self._browsing else super().execute(context)
+
+    def choice_of(self, path):
+        """How a file is read: keywords of `pumice.compress`. In the dialog a file gets only the answers to what it leaves open."""
+        return _facts.answers_for(path, self._choice()) if self.asked else self._choice()
+
+    def check(self, _context):
+        """Whether the dialog is drawn again after a change: an answer may change what the file says."""
+        return True
+
+    def draw(self, context):
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        if self._browsing:
+            layout.label(text="A dialog follows with what the files say")
+            return
+        self._draw_facts(layout)
+        column = layout.column(heading="Voxel Size")
+        column.prop(self, "use_spacing", text="")
+        if self.use_spacing:
+            column.prop(self, "spacing", text="Size")
+        self.draw_options(context, layout)
+
+    # Inside
+
+    def _draw_facts(self, layout):
+        column = layout.box().column(align=True)
+        for text, is_warning in _facts.lines(self._choice()):
+            # Blender does not wrap labels.
+            for place, line in enumerate(textwrap.wrap(text, LINE_LETTERS)):
+                column.label(text=line, icon="ERROR" if is_warning and place == 0 else "BLANK1" if is_warning else "NONE")
+        for keyword in NAMES:
+            choice = _facts.open_choice(keyword)
+            if choice is not None:
+                fits = keyword == "array" or choice["count"] <= file_facts.MOST_IN_MENU
+                layout.prop(self, f"{keyword}_menu" if fits else keyword, text=NAMES[keyword])
+        if _facts.open_choice("axes") is not None:
+            # Buttons have no place for a name in a split layout.
+            split = layout.split(factor=0.4)
+            name = split.row()
+            name.alignment = "RIGHT"
+            name.label(text="Axes")
+            row = split.row(align=True)
+            row.use_property_split = False
+            for axes in ("xyz", "zyx"):
+                row.prop_enum(self, "axes", axes)
+
+    def _open_dialog(self, context):
+        """Opens the dialog for the files of the file browser, once the browser is closed."""
+        self._browsing = False
+        chosen = {"filepath": self.filepath, "directory": self.directory, "files": [{"name": f.name} for f in self.files]}
+        where = {"window": context.window, "area": context.area, "region": context.region}
+
+        def show():
+            if where["window"] in list(bpy.context.window_manager.windows):
+                with bpy.context.temp_override(**{name: value for name, value in where.items() if value is not None}):
+                    bpy.ops.pumice.import_volume("INVOKE_DEFAULT", **chosen)
+
+        bpy.app.timers.register(show, first_interval=0.0)
+        return {"CANCELLED"}
+
+    def paths(self):
+        """Absolute paths of the files."""
+        names = [f.name for f in self.files if f.name]
+        paths = [os.path.join(self.directory, n) for n in names] if self.directory and names else [self.filepath]
+        return [os.path.abspath(bpy.path.abspath(p)) for p in paths]
+
+    def _choice(self):
+        choice = {n: getattr(self, n) for n in ("layer", "time", "channel") if getattr(self, n) >= 0}
+        if self.array:
+            choice["array"] = self.array
+        if self.axes != "file":
+            choice["axes"] = self.axes
+        if self.use_spacing:
+            choice["spacing"] = tuple(self.spacing)
+        return choice
+
+    def places(self, path, choice):
+        """Where the compressed form of a file may be."""
+        folder = bpy.utils.extension_path_user(__package__, path="volumes", create=False)
+        return cache.candidates(path, choice, folder)
