@@ -17,6 +17,7 @@ A module imports only from lines below its own:
     volume_object    picture_texture      missing_boxes        overlay
     sync.*           registry             preferences
     label_table      properties           proxy                cache                devices             mesh_file
+    file_paths       volume_place
     background       verify_maps
     reports
     native
@@ -41,6 +42,7 @@ from . import (
     export_gltf,
     export_scene,
     export_usd,
+    file_paths,
     import_scene,
     import_volume,
     label_files,
@@ -60,6 +62,7 @@ from . import (
 MODULES = (
     properties,
     preferences,
+    file_paths,
     registry,
     import_volume,
     import_scene,

@@ -8,9 +8,8 @@ Each changes whole columns of the label table and is one undo step. A selection 
 import bpy
 import numpy as np
 from bpy.props import BoolProperty, EnumProperty, FloatVectorProperty, IntProperty, StringProperty
-from mathutils import Vector
 
-from . import first_look, label_colors, label_search, label_table, native, registry
+from . import file_paths, first_look, label_colors, label_search, label_table, native, registry, volume_place
 from .reports import Refused, log, one_line
 
 MOST_64 = (1 << 64) - 1
@@ -41,8 +40,13 @@ class OnLabels:
 
 def own_table(obj):
     """The label table of an object. One that was duplicated has a mesh of its own (Shift D), so it gets a table of its own before the first
-    change; linked duplicates (Alt D) share the mesh and the table."""
+    change, and so does a library override of a linked one; linked duplicates (Alt D) share the mesh and the table."""
     table = obj.pumice.table
+    if obj.library is not None:
+        raise Refused(f"{obj.name} is linked from {obj.library.filepath}; make a library override of it to change its labels here")
+    if table.library is not None:
+        obj.pumice.table = table.copy()
+        return obj.pumice.table
     sharing = [other for other in bpy.data.objects if other.pumice.table == table]
     if any(other.data != obj.data for other in sharing):
         copy = table.copy()
@@ -277,10 +281,13 @@ class PUMICE_OT_labels_frame(OnLabels, bpy.types.Operator):
     changes_table = False
 
     def change(self, context, table):
-        rows, labels, place = selected(table), _volume(context).labels, context.object.matrix_world
+        rows, labels = selected(table), _volume(context).labels
+        place = volume_place.world_from_index(context.object)
+        if place is None:
+            raise Refused(f"{context.object.name}: {volume_place.LOST}")
         low, high = labels.low[rows].min(axis=0).astype(float), labels.high[rows].max(axis=0) + 1.0
-        corners = [place @ Vector([(low, high)[bit >> axis & 1][axis] for axis in range(3)]) for bit in range(8)]
-        first_look.frame(context, corners)
+        corners = np.array([[(low, high)[bit >> axis & 1][axis] for axis in range(3)] for bit in range(8)])
+        first_look.frame(context, corners @ place[:3, :3].T + place[:3, 3])
 
 
 class PUMICE_OT_labels_copy_ids(OnLabels, bpy.types.Operator):
@@ -308,7 +315,7 @@ def slot_of(obj, slot):
 
 def _volume(context):
     """The open volume of the active object; Refused while it is being opened."""
-    entry = registry.request(registry.locate(context.object.pumice.filepath))
+    entry = registry.request(file_paths.find(context.object)[0])
     native.require()
     # A few seconds at most, once in a session: an operator must end before it returns.
     entry.done.wait()
