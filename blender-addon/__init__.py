@@ -6,6 +6,7 @@ The compiled module `pumice` (a wheel of this extension) does the work; this pac
 A module imports only from lines below its own:
 
     __init__
+    reload_volume
     export_usd       export_gltf          verify               label_panel          import_volume
     label_files
     label_operators
@@ -14,8 +15,8 @@ A module imports only from lines below its own:
     panels           engine               export_scene         import_scene         exact_mesh
     viewport         final_render         usd_stage            usd_values
     scene_reader     first_look           passes               scene_notes          label_colors         label_search
-    volume_object    picture_texture      missing_boxes        overlay
-    sync.*           registry             preferences
+    color_ramp       volume_object    picture_texture      missing_boxes        overlay
+    sync.*           registry             preferences          label_carry
     label_table      properties           proxy                cache                devices             mesh_file
     file_paths       volume_place
     background       verify_maps
@@ -53,6 +54,7 @@ from . import (
     preferences,
     properties,
     registry,
+    reload_volume,
     verify,
     verify_maps,
     viewport,
@@ -65,6 +67,7 @@ MODULES = (
     file_paths,
     registry,
     import_volume,
+    reload_volume,
     import_scene,
     export_scene,
     export_usd,

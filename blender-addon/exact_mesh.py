@@ -71,7 +71,7 @@ class Wanted:
             self.of = np.zeros(len(self.shown), dtype=np.int32)
             self.colors = self.volume.labels.auto_colors(self.shown)
         if len(self.shown) != len(self.volume.labels.ids):
-            raise Refused(f"{self.name}: the volume has changed since it was imported, so its label table does not fit; import it again")
+            raise Refused(f"{self.name}: the volume has changed since it was imported, so its label table does not fit; press Reload")
 
     @property
     def ids(self):

@@ -111,6 +111,14 @@ class PUMICE_OT_import_volume(bpy.types.Operator, ImportHelper):
         default="",
         options={"SKIP_SAVE"},
     )
+    use_known_colors: BoolProperty(
+        name="Known Colors",
+        description=(
+            "Give labels the colors that the same ids have in the active volume, or in the first of the scene: for the next volume of a "
+            "series. New ids get colors unlike their neighbors'"
+        ),
+        default=False,
+    )
     use_engine: BoolProperty(
         name="Render with Pumice", description="Set the scene's render engine to Pumice", default=True
     )
@@ -193,6 +201,7 @@ class PUMICE_OT_import_volume(bpy.types.Operator, ImportHelper):
         column = layout.column(heading="Labels")
         column.prop(self, "pick")
         column.prop(self, "table")
+        column.prop(self, "use_known_colors")
         column = layout.column(heading="Scene")
         column.prop(self, "use_engine")
         column.prop(self, "use_light")
@@ -267,6 +276,7 @@ class PUMICE_OT_import_volume(bpy.types.Operator, ImportHelper):
             source_path=opening.source,
             longest_side=self.longest_side,
             placement=self.placement,
+            former=_former_table(context) if self.use_known_colors else None,
         )
         obj["pumice_choice"] = json.dumps(opening.choice)
         if annotations is not None:
@@ -295,6 +305,12 @@ class PUMICE_OT_import_volume(bpy.types.Operator, ImportHelper):
             manager.progress_end()
         if context.workspace is not None:
             context.workspace.status_text_set(None)
+
+
+def _former_table(context):
+    """The label table whose colors the next volume of a series gets: the active volume's, or that of the first in the scene; None without."""
+    chosen = [context.view_layer.objects.active, *context.scene.objects]
+    return next((obj.pumice.table for obj in chosen if obj is not None and obj.pumice.table is not None), None)
 
 
 class PUMICE_FH_volume(bpy.types.FileHandler):

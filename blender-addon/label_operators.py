@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 from bpy.props import BoolProperty, EnumProperty, FloatVectorProperty, IntProperty, StringProperty
 
-from . import file_paths, first_look, label_colors, label_search, label_table, native, registry, volume_place
+from . import color_ramp, file_paths, first_look, label_colors, label_search, label_table, native, registry, volume_place
 from .reports import Refused, log, one_line
 
 MOST_64 = (1 << 64) - 1
@@ -250,12 +250,30 @@ class PUMICE_OT_labels_recolor(OnLabels, bpy.types.Operator):
 
     palette: EnumProperty(name="Palette", description="Where the colors come from", items=label_colors.PALETTES, default="NEIGHBORS")
     column: StringProperty(name="Column", description="Column of numbers for the palette By Number", default="voxels")
+    color_map: EnumProperty(name="Color Map", description="Colors for the palette By Number", items=color_ramp.MAPS, default="VIRIDIS")
+
+    def invoke(self, context, event):
+        if self.palette != "NUMBER":
+            return self.execute(context)
+        color_ramp.of_scene(context.scene)  # drawing may make none
+        return context.window_manager.invoke_props_dialog(self)
+
+    def draw(self, context):
+        layout, ramp = self.layout, context.scene.pumice.ramp
+        layout.use_property_split = True
+        layout.prop(self, "palette")
+        if self.palette == "NUMBER":
+            layout.prop_search(self, "column", label_search.table_of(context), "attributes")
+            layout.prop(self, "color_map")
+            if self.color_map == "RAMP" and ramp is not None:
+                layout.template_color_ramp(ramp, "color_ramp", expand=True)
 
     def change(self, context, table):
         flags = label_table.selected(table)
         rows = np.flatnonzero(flags) if flags.any() else np.arange(len(flags))
-        colors = label_colors.palette(self.palette, table, lambda: _volume(context).labels.auto_colors(), self.column)
-        label_table.set_color(table, rows, colors[rows], own=self.palette != "NEIGHBORS")
+        along = (self.column, self.color_map, context.scene)
+        colors = label_colors.palette(self.palette, table, rows, lambda: _volume(context).labels.auto_colors(), along)
+        label_table.set_color(table, rows, colors, own=self.palette != "NEIGHBORS")
         tag_users(table)
         return f"{counted(len(rows))} recolored"
 

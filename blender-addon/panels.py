@@ -189,6 +189,7 @@ class PUMICE_OBJECT_PT_volume(bpy.types.Panel):
         layout.use_property_decorate = False
         layout.prop(volume, "filepath")
         layout.prop(volume, "source_path")
+        layout.operator("pumice.reload", text="Reload", icon="FILE_REFRESH")
         facts = layout.column(align=True)
         facts.label(text=f"{volume.dims[0]} × {volume.dims[1]} × {volume.dims[2]} voxels, {volume.labels} labels")
         size = " × ".join(f"{s:.6g}" for s in volume.spacing)

@@ -179,6 +179,9 @@ class PumiceSceneSettings(bpy.types.PropertyGroup):
         default=1.5,
     )
     backend: EnumProperty(name="Device", description="Device that computes the picture", items=BACKENDS, default="AUTO")
+    ramp: PointerProperty(
+        name="Color Ramp", description="Texture whose color ramp colors labels by number", type=bpy.types.Texture, options={"HIDDEN"}
+    )
 
 
 class PumiceViewLayerSettings(bpy.types.PropertyGroup):

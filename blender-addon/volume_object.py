@@ -12,7 +12,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix, Vector
 
-from . import label_table, proxy, volume_place
+from . import label_carry, label_table, proxy, volume_place
 from .reports import Refused
 from .sync import nodes
 
@@ -24,11 +24,12 @@ FILE_FROM_INDEX = "pumice_file_from_index"
 MOST_GROUPS = 32
 
 
-def create(context, volume, *, name, filepath, source_path, longest_side, placement):
+def create(context, volume, *, name, filepath, source_path, longest_side, placement, former=None):
     """A new object for an open volume, linked to the active collection.
 
     `placement` is CENTER (the volume's middle to the scene's origin, standing on nothing), ALIGN (in the same frame as the first
-    volume of the scene, with its display scale) or FILE (where the file says, scaled).
+    volume of the scene, with its display scale) or FILE (where the file says, scaled). `former` is a label table whose colors labels with
+    the same ids get.
     """
     world = np.array(volume.world_from_index, dtype=np.float64)
     dims = np.array(volume.dims, dtype=np.float64)
@@ -36,6 +37,8 @@ def create(context, volume, *, name, filepath, source_path, longest_side, placem
 
     labels = volume.labels
     table = label_table.create(name, labels)
+    if former is not None:
+        label_carry.colors(former, table, volume)
     obj = bpy.data.objects.new(name, proxy_mesh(name, volume, label_table.colors(table)))
     obj.data.materials.append(material(name))
     settings = obj.pumice
@@ -142,7 +145,7 @@ def _display(context, world, dims, longest_side, placement):
         placed, of_file = volume_place.world_from_index(first), file_from_index(first)
         if placed is not None and of_file is not None:
             return first.pumice.display_scale, placed @ np.linalg.inv(of_file)
-        raise Refused(f"With the First Volume: {first.name} does not tell its place in its file; choose another placement")
+        raise Refused(f"With the First Volume: {first.name} does not tell its place in its file; reload it, or choose another placement")
     corners = np.array([[x, y, z, 1.0] for x in (0, dims[0]) for y in (0, dims[1]) for z in (0, dims[2])])
     corners = (world @ corners.T).T[:, :3]
     low, high = corners.min(axis=0), corners.max(axis=0)

@@ -28,7 +28,7 @@ MARKED = "pumice_marked"
 MOST_OFF_VOXELS = 0.1
 # A proxy whose vertices span less than this of its size in some direction does not tell the map.
 LEAST_SPAN = 1e-6
-LOST = f"its mesh lost the vertices or the attribute {ATTRIBUTE} that tell its place; undo that"
+LOST = f"its mesh lost the vertices or the attribute {ATTRIBUTE} that tell its place; undo that, or Reload"
 # A map that shrinks one direction so much against another is one to a plane: what is left are roundings of single precision.
 FLAT = 1e-6
 # By the mesh's session_uid: its columns, and what was found of them. Reading and comparing 25,000 vertices takes a millisecond, solving 20.

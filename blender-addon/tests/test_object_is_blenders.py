@@ -189,6 +189,8 @@ def test_a_volume_of_another_file_is_drawn(two_files, load, tmp_path, capfd, way
     if way == "link":
         with pytest.raises(RuntimeError, match="make a library override"):
             bpy.ops.pumice.labels_select(ids="9")
+        with pytest.raises(RuntimeError, match="reload it in that file"):
+            bpy.ops.pumice.reload()
         return
     # Labels are hidden in this file alone, and stay hidden in it.
     bpy.ops.pumice.labels_select(ids="9")
