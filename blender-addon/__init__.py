@@ -6,6 +6,7 @@ The compiled module `pumice` (a wheel of this extension) does the work; this pac
 A module imports only from lines below its own:
 
     __init__
+    reload_volume
     export_usd       export_gltf          verify               label_panel          import_volume
     label_files          pick_tool
     label_box            label_outline
@@ -16,9 +17,10 @@ A module imports only from lines below its own:
     panels           engine               export_scene         import_scene         exact_mesh
     viewport         final_render         usd_stage            usd_values
     scene_reader     first_look           passes               scene_notes          label_colors         label_search
-    volume_object    picture_texture      missing_boxes        overlay              import_dialog        opening
-    sync.*           registry             preferences          file_facts
-    label_table      properties           proxy                cache                devices             mesh_file         units
+    volume_object    picture_texture      missing_boxes        overlay              import_dialog        opening          color_ramp
+    sync.*           registry             preferences          file_facts           label_carry
+    label_table      properties           proxy                cache                devices              mesh_file        units
+    file_paths       volume_place
     background       verify_maps
     reports
     native
@@ -43,6 +45,7 @@ from . import (
     export_gltf,
     export_scene,
     export_usd,
+    file_paths,
     import_scene,
     import_volume,
     label_box,
@@ -58,6 +61,7 @@ from . import (
     preferences,
     properties,
     registry,
+    reload_volume,
     verify,
     verify_maps,
     viewport,
@@ -67,8 +71,10 @@ from . import (
 MODULES = (
     properties,
     preferences,
+    file_paths,
     registry,
     import_volume,
+    reload_volume,
     import_scene,
     export_scene,
     export_usd,

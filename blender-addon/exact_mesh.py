@@ -15,7 +15,7 @@ import bpy
 import numpy as np
 from bpy.props import BoolProperty, FloatProperty
 
-from . import label_table, native, registry
+from . import file_paths, label_table, native, registry, volume_place
 from .background import InBackground, Work
 from .properties import is_volume
 from .reports import Refused
@@ -43,7 +43,11 @@ class Wanted:
 
     def __init__(self, obj):
         self.obj, self.name, table = obj, obj.name, obj.pumice.table
-        self.entry = registry.request(registry.locate(obj.pumice.filepath))
+        self.entry = registry.request(file_paths.find(obj)[0])
+        place = volume_place.fit(obj.data)
+        if place is None:
+            raise Refused(f"{obj.name}: {volume_place.LOST}")
+        self.object_from_index = place.object_from_index
         dresses = [slot.material for slot in obj.material_slots] or [None]
         self.groups = [Group(material) for material in dresses]
         self.left_out = [line for group in self.groups for line in group.left_out]
@@ -67,7 +71,7 @@ class Wanted:
             self.of = np.zeros(len(self.shown), dtype=np.int32)
             self.colors = self.volume.labels.auto_colors(self.shown)
         if len(self.shown) != len(self.volume.labels.ids):
-            raise Refused(f"{self.name}: the volume has changed since it was imported, so its label table does not fit; import it again")
+            raise Refused(f"{self.name}: the volume has changed since it was imported, so its label table does not fit; press Reload")
 
     @property
     def ids(self):
@@ -175,6 +179,7 @@ def make(context, one):
     mesh = made.data
     mesh[MADE], mesh.name = True, name
     fill(mesh, one.faces)
+    volume_place.move(mesh, one.object_from_index)
     used = wear(mesh, one)
     made.parent, made.matrix_parent_inverse = volume.parent, volume.matrix_parent_inverse.copy()
     made.matrix_basis = volume.matrix_basis.copy()

@@ -60,6 +60,14 @@ class PUMICE_OT_import_volume(ImportDialog, InBackground, bpy.types.Operator):
         default="",
         options={"SKIP_SAVE"},
     )
+    use_known_colors: BoolProperty(
+        name="Known Colors",
+        description=(
+            "Give labels the colors that the same ids have in the active volume, or in the first of the scene: for the next volume of a "
+            "series. New ids get colors unlike their neighbors'"
+        ),
+        default=False,
+    )
     use_engine: BoolProperty(
         name="Render with Pumice",
         description="Set the scene's render engine to Pumice, and the viewports to Rendered, if it is the first volume of the scene",
@@ -110,6 +118,7 @@ class PUMICE_OT_import_volume(ImportDialog, InBackground, bpy.types.Operator):
         column = layout.column(heading="Labels")
         column.prop(self, "pick")
         column.prop(self, "table")
+        column.prop(self, "use_known_colors")
         column = layout.column(heading="Display")
         column.prop(self, "placement")
         column.prop(self, "longest_side")
@@ -135,6 +144,7 @@ class PUMICE_OT_import_volume(ImportDialog, InBackground, bpy.types.Operator):
             longest_side=self.longest_side,
             placement=self.placement,
             among=volumes,
+            former=_former_table(context) if self.use_known_colors else None,
         )
         obj["pumice_choice"] = json.dumps(opened.choice)
         if annotations is not None:
@@ -146,6 +156,12 @@ class PUMICE_OT_import_volume(ImportDialog, InBackground, bpy.types.Operator):
             style = native.require().figure(opened.volume, pick=self.pick).to_dict()["instances"][0]["style"]
             label_table.set_visible(obj.pumice.table, np.isin(label_table.ids(obj.pumice.table), np.array(style["show"]["only"], dtype=np.uint64)))
         return obj
+
+
+def _former_table(context):
+    """The label table whose colors the next volume of a series gets: the active volume's, or that of the first in the scene; None without."""
+    chosen = [context.view_layer.objects.active, *context.scene.objects]
+    return next((obj.pumice.table for obj in chosen if obj is not None and obj.pumice.table is not None), None)
 
 
 class PUMICE_FH_volume(bpy.types.FileHandler):

@@ -4,58 +4,50 @@
 
 import numpy as np
 
-from . import label_table
+from . import color_ramp, label_table, native
 from .reports import Refused
 
 PALETTES = (
     ("NEIGHBORS", "Unlike Neighbors", "Labels that touch get colors that differ, also for color-blind eyes", 0),
     ("TYPE", "By Type", "A color for each type of the label table", 1),
-    ("NUMBER", "By Number", "A column of numbers, from dark blue (lowest) to yellow (highest): the color map viridis", 2),
-)
-# Nine sRGB steps of viridis (N. Smith, S. van der Walt, E. Firing; CC0).
-VIRIDIS = np.array(
-    [
-        (68, 1, 84),
-        (71, 44, 122),
-        (59, 81, 139),
-        (44, 113, 142),
-        (33, 144, 141),
-        (39, 173, 129),
-        (92, 200, 99),
-        (170, 220, 50),
-        (253, 231, 37),
-    ]
+    ("NUMBER", "By Number", "A column of numbers, along a color map or the color ramp of the scene", 2),
+    ("GLASBEY", "Distinct", "Each label gets a color as far as possible from the former ones; 256 of them, then again", 3),
+    ("SAFE", "Color-Blind Safe", "The same for eyes without red or green cones: 12 labels or fewer are told apart well", 4),
 )
 # Lightness and chroma of the colors of types in OKLCH, and the step of their hue: the golden angle keeps any number of them apart.
 LIGHTNESS, CHROMA, HUE_STEP_DEG = 0.72, 0.13, 137.50776405
 UNTYPED = (0.4, 0.4, 0.4)
+# As many as `pumice.distinct_colors` has.
+MOST_DISTINCT = 256
 
 
-def palette(which, table, of_neighbors, column):
-    """Colors (n, 3) of a palette for all rows; `of_neighbors` makes those that differ between neighbors. Raises Refused."""
+def palette(which, table, rows, of_neighbors, along):
+    """Colors (n, 3) of a palette for rows of a table. `of_neighbors()` are colors of all labels that differ between neighbors; `along` is
+    (column, color map, scene) for the palette NUMBER. Raises Refused."""
     if which == "NEIGHBORS":
-        return of_neighbors()
+        return of_neighbors()[rows]
+    if which in ("GLASBEY", "SAFE"):
+        count = min(len(rows), MOST_DISTINCT)
+        return native.require().distinct_colors(count, color_blind_safe=which == "SAFE")[np.arange(len(rows)) % max(1, count)]
     if which == "TYPE":
         names, types = label_table.type_names(table), label_table.types(table)
         if not names:
             raise Refused("By Type: no label of the table has a type")
-        return np.array([hue(place) if name else UNTYPED for place, name in enumerate(names)])[types]
-    numbers = label_table.numbers(table)
+        return np.array([hue(place) if name else UNTYPED for place, name in enumerate(names)])[types[rows]]
+    (column, color_map, scene), numbers = along, label_table.numbers(table)
     if column not in numbers:
         raise Refused(f"By Number: the table has no column {column!r}; it has {', '.join(sorted(numbers))}")
-    return by_number(numbers[column])
+    return by_number(numbers[column], color_map, scene)[rows]
 
 
-def by_number(values):
-    """Colors along viridis, from the lowest to the highest number; those that are no number have a grey."""
+def by_number(values, color_map, scene):
+    """Colors along a color map, from the lowest to the highest number; those that are no number have a grey."""
     values = np.asarray(values, dtype=float)
     known = np.isfinite(values)
     low, high = (values[known].min(), values[known].max()) if known.any() else (0.0, 0.0)
     place = np.zeros(len(values))
     place[known] = (values[known] - low) / (high - low) if high > low else 0.5
-    steps = np.linspace(0.0, 1.0, len(VIRIDIS))
-    srgb = np.stack([np.interp(place, steps, VIRIDIS[:, axis] / 255.0) for axis in range(3)], axis=1)
-    out = label_table.linear_from_srgb(srgb)
+    out = color_ramp.colors(color_map, place, scene)
     out[~known] = UNTYPED
     return out
 

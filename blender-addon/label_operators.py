@@ -8,9 +8,8 @@ Each changes whole columns of the label table and is one undo step. A selection 
 import bpy
 import numpy as np
 from bpy.props import BoolProperty, EnumProperty, FloatVectorProperty, IntProperty, StringProperty
-from mathutils import Vector
 
-from . import first_look, label_colors, label_search, label_table, native, registry
+from . import color_ramp, file_paths, first_look, label_colors, label_search, label_table, native, registry, volume_place
 from .reports import Refused, log, one_line
 
 MOST_64 = (1 << 64) - 1
@@ -41,8 +40,13 @@ class OnLabels:
 
 def own_table(obj):
     """The label table of an object. One that was duplicated has a mesh of its own (Shift D), so it gets a table of its own before the first
-    change; linked duplicates (Alt D) share the mesh and the table."""
+    change, and so does a library override of a linked one; linked duplicates (Alt D) share the mesh and the table."""
     table = obj.pumice.table
+    if obj.library is not None:
+        raise Refused(f"{obj.name} is linked from {obj.library.filepath}; make a library override of it to change its labels here")
+    if table.library is not None:
+        obj.pumice.table = table.copy()
+        return obj.pumice.table
     sharing = [other for other in bpy.data.objects if other.pumice.table == table]
     if any(other.data != obj.data for other in sharing):
         copy = table.copy()
@@ -254,12 +258,30 @@ class PUMICE_OT_labels_recolor(OnLabels, bpy.types.Operator):
 
     palette: EnumProperty(name="Palette", description="Where the colors come from", items=label_colors.PALETTES, default="NEIGHBORS")
     column: StringProperty(name="Column", description="Column of numbers for the palette By Number", default="voxels")
+    color_map: EnumProperty(name="Color Map", description="Colors for the palette By Number", items=color_ramp.MAPS, default="VIRIDIS")
+
+    def invoke(self, context, event):
+        if self.palette != "NUMBER":
+            return self.execute(context)
+        color_ramp.of_scene(context.scene)  # drawing may make none
+        return context.window_manager.invoke_props_dialog(self)
+
+    def draw(self, context):
+        layout, ramp = self.layout, context.scene.pumice.ramp
+        layout.use_property_split = True
+        layout.prop(self, "palette")
+        if self.palette == "NUMBER":
+            layout.prop_search(self, "column", label_search.table_of(context), "attributes")
+            layout.prop(self, "color_map")
+            if self.color_map == "RAMP" and ramp is not None:
+                layout.template_color_ramp(ramp, "color_ramp", expand=True)
 
     def change(self, context, table):
         flags = label_table.selected(table)
         rows = np.flatnonzero(flags) if flags.any() else np.arange(len(flags))
-        colors = label_colors.palette(self.palette, table, lambda: _volume(context).labels.auto_colors(), self.column)
-        label_table.set_color(table, rows, colors[rows], own=self.palette != "NEIGHBORS")
+        along = (self.column, self.color_map, context.scene)
+        colors = label_colors.palette(self.palette, table, rows, lambda: _volume(context).labels.auto_colors(), along)
+        label_table.set_color(table, rows, colors, own=self.palette != "NEIGHBORS")
         tag_users(table)
         return f"{counted(len(rows))} recolored"
 
@@ -285,10 +307,13 @@ class PUMICE_OT_labels_frame(OnLabels, bpy.types.Operator):
     changes_table = False
 
     def change(self, context, table):
-        rows, labels, place = selected(table), _volume(context).labels, context.object.matrix_world
+        rows, labels = selected(table), _volume(context).labels
+        place = volume_place.world_from_index(context.object)
+        if place is None:
+            raise Refused(f"{context.object.name}: {volume_place.LOST}")
         low, high = labels.low[rows].min(axis=0).astype(float), labels.high[rows].max(axis=0) + 1.0
-        corners = [place @ Vector([(low, high)[bit >> axis & 1][axis] for axis in range(3)]) for bit in range(8)]
-        first_look.frame(context, corners)
+        corners = np.array([[(low, high)[bit >> axis & 1][axis] for axis in range(3)] for bit in range(8)])
+        first_look.frame(context, corners @ place[:3, :3].T + place[:3, 3])
 
 
 class PUMICE_OT_labels_copy_ids(OnLabels, bpy.types.Operator):
@@ -316,7 +341,7 @@ def slot_of(obj, slot):
 
 def _volume(context):
     """The open volume of the active object; Refused while it is being opened."""
-    entry = registry.request(registry.locate(context.object.pumice.filepath))
+    entry = registry.request(file_paths.find(context.object)[0])
     native.require()
     # A few seconds at most, once in a session: an operator must end before it returns.
     entry.done.wait()

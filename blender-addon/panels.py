@@ -5,8 +5,9 @@
 import textwrap
 
 import bpy
+import numpy as np
 
-from . import native, passes, preferences, scene_reader, verify_maps
+from . import native, passes, preferences, scene_reader, verify_maps, volume_object, volume_place
 from .properties import is_volume
 from .sync import cuts, drawn, instances, lights, materials, meshes, world
 
@@ -188,11 +189,12 @@ class PUMICE_OBJECT_PT_volume(bpy.types.Panel):
         layout.use_property_decorate = False
         layout.prop(volume, "filepath")
         layout.prop(volume, "source_path")
+        layout.operator("pumice.reload", text="Reload", icon="FILE_REFRESH")
         facts = layout.column(align=True)
         facts.label(text=f"{volume.dims[0]} × {volume.dims[1]} × {volume.dims[2]} voxels, {volume.labels} labels")
         size = " × ".join(f"{s:.6g}" for s in volume.spacing)
         facts.label(text=f"Voxel size {size} {_unit(volume.unit)}")
-        facts.label(text=f"Display scale: 1 {_unit(volume.unit)} is {volume.display_scale:.6g} Blender units")
+        facts.label(text=f"Display scale: 1 {_unit(volume.unit)} is {_display_scale(context.object)} Blender units")
         layout.operator("pumice.make_exact_mesh")
 
 
@@ -257,6 +259,16 @@ def not_drawn(scene, view_layer):
             others.append(obj.name)
     lines += scene_reader.others_left_out(others)
     return list(dict.fromkeys(lines))
+
+
+def _display_scale(obj):
+    """Blender units per unit of the file as the object is now: one number, or one for each axis of the file where they differ."""
+    world, of_file = volume_place.world_from_index(obj), volume_object.file_from_index(obj)
+    if world is None or of_file is None:
+        return f"{obj.pumice.display_scale:.6g}"
+    lengths = np.linalg.norm((world @ np.linalg.inv(of_file))[:3, :3], axis=0)
+    is_even = np.ptp(lengths) <= 1e-4 * lengths.max()
+    return f"{lengths.mean():.6g}" if is_even else " × ".join(f"{length:.6g}" for length in lengths)
 
 
 def _unit(unit):

@@ -179,6 +179,9 @@ class PumiceSceneSettings(bpy.types.PropertyGroup):
         default=1.5,
     )
     backend: EnumProperty(name="Device", description="Device that computes the picture", items=BACKENDS, default="AUTO")
+    ramp: PointerProperty(
+        name="Color Ramp", description="Texture whose color ramp colors labels by number", type=bpy.types.Texture, options={"HIDDEN"}
+    )
 
 
 class PumiceViewLayerSettings(bpy.types.PropertyGroup):
@@ -237,7 +240,14 @@ class PumiceVolumeSettings(bpy.types.PropertyGroup):
     source_path: StringProperty(
         name="Source", description="File that the volume was compressed from", subtype="FILE_PATH", default=""
     )
+    last_filepath: StringProperty(
+        name="Last Place", description="Where the volume was when the file was saved, which a copy of the object needs", options={"HIDDEN"}
+    )
+    last_source_path: StringProperty(
+        name="Last Place of the Source", description="Where the source was when the file was saved", options={"HIDDEN"}
+    )
     table: PointerProperty(
+        override={"LIBRARY_OVERRIDABLE"},
         name="Label Table", description="Mesh with one vertex for each label, in order of id", type=bpy.types.Mesh
     )
     display_scale: FloatProperty(
@@ -280,7 +290,7 @@ def register():
     for cls in CLASSES:
         bpy.utils.register_class(cls)
     for owner, group in OWNERS:
-        owner.pumice = PointerProperty(type=group)
+        owner.pumice = PointerProperty(type=group, override={"LIBRARY_OVERRIDABLE"})
 
 
 def unregister():

@@ -68,11 +68,12 @@ def set_values(owner, noted):
     return refused
 
 
-def of_object(obj, name=None):
-    """The note of an object; `name` replaces its own."""
+def of_object(obj, name=None, world=None):
+    """The note of an object; `name` replaces its own, and `world` its matrix."""
+    world = obj.matrix_world if world is None else world
     noted = {"name": name or obj.name, "object": values(obj, VISIBILITY)}
-    if shears(obj.matrix_world):
-        noted["matrix"] = matrix.twelve(obj.matrix_world)
+    if shears(world):
+        noted["matrix"] = matrix.twelve(world)
     if obj.type == "CAMERA":
         focus = obj.data.dof.focus_object
         noted["camera"] = values(obj.data, CAMERA)

@@ -10,7 +10,6 @@ import json
 import bpy
 import numpy as np
 
-from . import registry
 from .properties import is_volume
 from .reports import Refused
 from .sync import camera as camera_math
@@ -60,9 +59,10 @@ def read(depsgraph, camera, film, kept, *, space=None, as_rendered=False):
             if part is not None:
                 lists[part].append(value)
         elif is_volume(obj):
-            one, missing = instances.placed(obj, instance.matrix_world, kept.styles, registry.locate)
+            one, missing = instances.placed(obj, instance.matrix_world, kept.styles)
             left_out += missing
-            placed[_key(instance)] = one
+            if one is not None:
+                placed[_key(instance)] = one
         elif drawn.CUTS and cuts.is_cut(obj):
             cut, missing = cuts.read(obj, instance.matrix_world)
             left_out += missing

@@ -23,7 +23,7 @@ from pathlib import Path
 
 import bpy
 
-from . import scene_notes
+from . import scene_notes, volume_place
 from .properties import is_volume
 from .reports import Refused
 from .sync import cuts, shader_notes, world
@@ -143,7 +143,8 @@ def compose(path, volumes_name, scene, stands_for, volume_objects, lacks):
         for name in ("camera", "world"):
             stage.OverridePrim(f"{HOLDER}/{name}").SetActive(False)
         for number, obj in volume_objects.items():
-            say(stage.OverridePrim(f"{HOLDER}/volume_{number}"), scene_notes.OBJECT, scene_notes.of_object(obj))
+            place = volume_place.world_from_index(obj)
+            say(stage.OverridePrim(f"{HOLDER}/volume_{number}"), scene_notes.OBJECT, scene_notes.of_object(obj, world=place))
     stage.GetRootLayer().Save()
 
 

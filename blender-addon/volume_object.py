@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A volume as an object: its matrix maps voxels to the scene, its mesh is the proxy, and its labels are a table of attributes.
 
-    scene ◄── matrix_world = [place] · [display scale] · world_from_index ◄── voxels = mesh coordinates
+    scene ◄── matrix_world = [place] · [display scale] · world_from_index ◄── voxels = mesh coordinates (`volume_place`: until Apply)
 
 Blender stores an object's matrix as location, rotation and scale, which cannot shear. If the axes of a file are not at right angles,
 the object therefore gets an empty as parent, and the *parent inverse* matrix holds the whole transform.
@@ -12,41 +12,56 @@ import bpy
 import numpy as np
 from mathutils import Matrix, Vector
 
-from . import label_table, proxy, units
+from . import label_carry, label_table, proxy, units, volume_place
+from .reports import Refused
 from .sync import nodes
 
 # Shown faces keep their colour within this, an eighth of a display step; attributes are 8 bit anyway.
 SHEAR_TOLERANCE = 1e-5
+# Custom property of an object: the 16 numbers of the map from voxels to the world of the volume's file, row by row.
+FILE_FROM_INDEX = "pumice_file_from_index"
 # Most groups that an import makes: a list of more slots helps nobody.
 MOST_GROUPS = 32
 
 
-def create(context, volume, *, name, filepath, source_path, longest_side, placement, among=()):
+def create(context, volume, *, name, filepath, source_path, longest_side, placement, among=(), former=None):
     """A new object for an open volume, linked to the active collection.
 
     `placement` is CENTER (the volume's middle to the scene's origin, standing on nothing), ALIGN (in the same frame as the first
     volume of the scene, with its display scale) or FILE (where the file says, scaled). Volumes that are imported together, `among`, keep
-    their places to each other: length and middle are those of all of them.
+    their places to each other: length and middle are those of all of them. `former` is a label table whose colors labels with the same ids
+    get.
     """
     world = np.array(volume.world_from_index, dtype=np.float64)
-    scale, moved = _display(context.scene, volume, among or [volume], longest_side, placement)
-    scene_from_index = world.copy()
-    scene_from_index[:3] *= scale
-    scene_from_index[:3, 3] += moved
+    scale, scene_from_file = _display(context, volume, among or [volume], longest_side, placement)
 
     labels = volume.labels
     table = label_table.create(name, labels)
+    if former is not None:
+        label_carry.colors(former, table, volume)
     obj = bpy.data.objects.new(name, proxy_mesh(name, volume, label_table.colors(table)))
     obj.data.materials.append(material(name))
     settings = obj.pumice
     settings.filepath, settings.source_path, settings.table = filepath, source_path, table
     settings.display_scale = scale
-    settings.unit, settings.spacing, settings.dims = volume.unit, volume.spacing, volume.dims
-    settings.labels, settings.content_hash = len(labels.ids), volume.content_hash
-    obj["pumice_offset"] = [float(v) for v in moved]  # what was added after scaling: volumes are aligned by it
+    describe(obj, volume)
     context.collection.objects.link(obj)
-    place(context, obj, scene_from_index)
+    place(context, obj, scene_from_file @ world)
     return obj
+
+
+def describe(obj, volume):
+    """Notes what a volume's file says of it."""
+    settings = obj.pumice
+    settings.unit, settings.spacing, settings.dims = volume.unit, volume.spacing, volume.dims
+    settings.labels, settings.content_hash = len(volume.labels.ids), volume.content_hash
+    obj[FILE_FROM_INDEX] = [float(v) for v in np.ravel(volume.world_from_index)]
+
+
+def file_from_index(obj):
+    """The map from voxels to the world of the file, (4, 4) float64, as `describe` noted it; None in objects of earlier versions."""
+    noted = obj.get(FILE_FROM_INDEX)
+    return None if noted is None else np.array(noted).reshape(4, 4)
 
 
 def place(context, obj, scene_from_index):
@@ -84,6 +99,7 @@ def proxy_mesh(name, volume, colors):
         layer.data.foreach_set("color", np.repeat(colors[shape.labels], 4, axis=0).ravel())
     mesh.color_attributes.active_color = layer
     mesh.color_attributes.render_color_index = 0
+    volume_place.mark(mesh)
     return mesh
 
 
@@ -121,20 +137,27 @@ def bounds(obj):
     return low, high
 
 
-def _display(scene, volume, among, longest_side, placement):
-    """(display scale, what is added after scaling) of a volume, one of those that are imported together."""
-    first = next((o for o in scene.objects if o.pumice.filepath), None)
+def _display(context, volume, among, longest_side, placement):
+    """(display scale, map from the world of its file to the scene) of a new volume, one of those that are imported together."""
+    first = next((o for o in context.scene.objects if o.pumice.filepath), None)
     if placement == "ALIGN" and first is not None:
-        moved = np.array(list(first.get("pumice_offset", (0.0, 0.0, 0.0))))
-        return _stored(first.pumice.display_scale * units.ratio(volume.unit, first.pumice.unit)), moved
+        context.view_layer.update()
+        placed, of_file = volume_place.world_from_index(first), file_from_index(first)
+        if placed is None or of_file is None:
+            raise Refused(f"With the First Volume: {first.name} does not tell its place in its file; reload it, or choose another placement")
+        ratio = units.ratio(volume.unit, first.pumice.unit)
+        return _stored(first.pumice.display_scale * ratio), placed @ np.linalg.inv(of_file) @ np.diag([ratio, ratio, ratio, 1.0])
     # In the unit of the first of them.
     unit = among[0].unit
     corners = np.concatenate([_corners(one) * units.ratio(one.unit, unit) for one in among])
     low, high = corners.min(axis=0), corners.max(axis=0)
     side = (high - low).max()
-    scale = _stored(longest_side / side if side > 0.0 else 1.0)
-    moved = np.zeros(3) if placement == "FILE" else -scale * (low + high) / 2.0
-    return _stored(scale * units.ratio(volume.unit, unit)), moved
+    common = _stored(longest_side / side if side > 0.0 else 1.0)
+    scale = _stored(common * units.ratio(volume.unit, unit))
+    scene_from_file = np.diag([scale, scale, scale, 1.0])
+    if placement != "FILE":
+        scene_from_file[:3, 3] = -common * (low + high) / 2.0
+    return scale, scene_from_file
 
 
 def _corners(volume):

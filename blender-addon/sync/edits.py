@@ -10,8 +10,8 @@
     other labels are drawn                  `labels`, with the columns that say which
     groups or colors of labels differ       `labels`, with the columns of all of them
     an instance is gone                     remove
-    an instance is new, or has another      remove and add: it needs its volume, so it is not an edit
-    volume than before
+    an instance is new, or has another      remove and add: it needs its volume, so it is not an edit; a file that was
+    volume than before                      reloaded is another volume
     a mesh differs                          one edit for each of: place_mesh, mesh_materials
     a mesh is gone                          remove_mesh
     a mesh is new, or has other triangles   add_mesh, which replaces
@@ -48,7 +48,7 @@ def between(old, new, numbers):
             changes.edits.append({"edit": part, part: value})
     for key, before in old.placed.items():
         after = new.placed.get(key)
-        if after is None or after.source != before.source:
+        if after is None or (after.source, after.content) != (before.source, before.content):
             changes.edits.append({"edit": "remove", "id": numbers[key]})
             changes.removed.append(key)
         elif after is not before:

@@ -2,13 +2,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Volume objects as instances of the scene.
 
-An object's matrix is its `world_from_index` unchanged: its mesh, like the volume, has one unit per voxel. Its material slots are the groups
-of its labels, and its label table says to which of them each label belongs.
+An object's matrix, times what was applied to its mesh (`volume_place`), is its `world_from_index`. Its material slots are the groups of its
+labels, and its label table says to which of them each label belongs.
 """
 
 import numpy as np
 
-from .. import label_table, properties
+from .. import file_paths, label_table, properties, volume_place
 from . import materials, matrix
 from .label_style import Columns, LabelStyle
 from .parts import Placed
@@ -38,17 +38,31 @@ class Styles:
 
 
 def left_out_of(obj):
-    """What of a volume object's materials is not drawn."""
-    lines = [line for slot in obj.material_slots for line in materials.read(slot.material)[2]]
+    """What of a volume object's file, shape and materials is not drawn."""
+    lines = [line for line in (file_paths.find(obj)[1],) if line] + _place(obj, obj.matrix_world)[1]
+    lines += [line for slot in obj.material_slots for line in materials.read(slot.material)[2]]
     table = obj.pumice.table
     return lines if table is None else lines + _unused(obj, _groups(table, max(1, len(obj.material_slots))))
 
 
-def placed(obj, world_from_index, styles, resolve):
-    """(Placed, what was left out) of an evaluated volume object; `resolve` makes its path absolute."""
-    style, left_out = styles.read(obj)
+def placed(obj, world_from_object, styles):
+    """(Placed or None, what was left out) of an evaluated volume object; `world_from_object` is its matrix, or an instance's."""
+    world_from_index, left_out = _place(obj, world_from_object)
+    path, elsewhere = file_paths.find(obj.original)
+    left_out += [elsewhere] if elsewhere else []
+    if world_from_index is None:
+        return None, left_out
+    style, lines = styles.read(obj)
     volume = obj.original.pumice
-    return Placed(resolve(volume.filepath), matrix.twelve(world_from_index), style, volume.content_hash, tuple(volume.dims)), left_out
+    return Placed(path, matrix.twelve(world_from_index), style, volume.content_hash, tuple(volume.dims)), left_out + lines
+
+
+def _place(obj, world_from_object):
+    """(map from voxels to the scene or None, what of the shape is not drawn)."""
+    world_from_index, lines = volume_place.read(obj, world_from_object)
+    if world_from_index is not None and not matrix.is_invertible(world_from_index):
+        return None, [*lines, f"{obj.name}: scaled to nothing, so it is not drawn"]
+    return world_from_index, lines
 
 
 def is_volume(obj):

@@ -36,7 +36,7 @@ class Placed:
         """A line where the volume is not the one that the object's label table was made from; None where it is."""
         if self.content in ("", volume.content_hash):
             return None
-        return f"{self.source}: the volume has changed since it was imported, so its label table may not fit; import it again"
+        return f"{self.source}: the volume has changed since it was imported, so its label table may not fit; press Reload in its Pumice panel"
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from .reference_picture import ReferencePicture
 from .scene import Scene, figure
 from .session import Frame, LabelFilm, Pick, Session, Status
 from .surface import count_faces, surface
-from .volume import Faces, LabelTable, Volume, compress, open, probe
+from .volume import Faces, LabelTable, Volume, compress, distinct_colors, open, probe
 
 # At exit, calls in other threads are ended before the interpreter is, because it would end their threads by force.
 atexit.register(_end_calls)
@@ -54,6 +54,7 @@ __all__ = [
     "count_faces",
     "cryptomatte_hash",
     "devices",
+    "distinct_colors",
     "export",
     "figure",
     "open",

@@ -350,9 +350,10 @@ class Volume:
     """
     An immutable volume in its compressed form.
     """
-    def auto_colors(self, /, visible: SupportsGetItem[int, bool] | None) -> Array:
+    def auto_colors(self, /, visible: SupportsGetItem[int, bool] | None, known: Buffer | None = None) -> Array:
         """
-        Linear Rec. 709 colours that `auto_color` gives to the labels; those that are `visible` differ from their neighbours.
+        Linear Rec. 709 colours that `auto_color` gives to the labels; those that are `visible` differ from their neighbours. With `known`,
+        three numbers a label, labels keep their colour, and those of NaN get the palette's colour that is farthest from their neighbours'.
         """
     def bounds(self, /) -> tuple[Array, Array, Array]:
         """
@@ -462,6 +463,11 @@ def cryptomatte_hash(name: str) -> int:
 def devices() -> str:
     """
     The backends and devices that can render here, as JSON text.
+    """
+
+def distinct_colors(count: SupportsIndex, color_blind_safe: bool) -> Array:
+    """
+    A sequence of colours, linear Rec. 709, each as far as possible from those before it.
     """
 
 def export(path: str | PathLike[str], out: str | PathLike[str], export_as: Incomplete, job: Job | None = None) -> str:

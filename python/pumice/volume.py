@@ -59,10 +59,19 @@ class LabelTable:
         `high_z`, `centre_x` to `centre_z` (the middle of the bounds in the volume's world) and the names of `columns`."""
         return np.asarray(self._volume.query(line))
 
-    def auto_colors(self, visible: npt.ArrayLike | None = None) -> npt.NDArray[np.float32]:
-        """Linear Rec. 709 colours, (n, 3), that labels which touch do not share: what `auto_color` gives in a scene."""
+    def auto_colors(
+        self, visible: npt.ArrayLike | None = None, *, known: npt.ArrayLike | None = None
+    ) -> npt.NDArray[np.float32]:
+        """Linear Rec. 709 colours, (n, 3), that labels which touch do not share: what `auto_color` gives in a scene.
+
+        `known`: colours (n, 3) that labels keep, NaN where a label is new. A new label gets the colour that is farthest from those of its
+        neighbours, from a palette of 36, for normal and colour-blind eyes; `visible` then has no effect.
+        """
         shown = None if visible is None else np.asarray(visible, dtype=bool).tolist()
-        return np.asarray(self._volume.auto_colors(shown))
+        kept = None if known is None else np.ascontiguousarray(known, dtype=np.float32)
+        if kept is not None and kept.shape != (len(self), 3):
+            raise InputError(f"known: expected an array ({len(self)}, 3), got {kept.shape}")
+        return np.asarray(self._volume.auto_colors(shown, None if kept is None else kept.ravel()))
 
 
 class Volume:
@@ -229,6 +238,14 @@ class Volume:
             visible, all_interfaces=interfaces == "all", shared_corners=shared_corners, job=job
         )
         return Faces(np.asarray(vertices), np.asarray(quads), np.asarray(rows))
+
+
+def distinct_colors(count: int, *, color_blind_safe: bool = False) -> npt.NDArray[np.float32]:
+    """Linear Rec. 709 colours, (count, 3), each as far as possible from black, white and those before it; at most 256.
+
+    With `color_blind_safe` also for eyes without red or green cones: 12 colours stay apart by a ΔE of 20 then, 256 by one of 2.
+    """
+    return np.asarray(_native.distinct_colors(arguments.whole("count", count, 0, arguments.MOST_64), color_blind_safe))
 
 
 @dataclasses.dataclass(frozen=True)

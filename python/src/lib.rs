@@ -54,7 +54,7 @@ mod _native {
     #[pymodule_export]
     use crate::surface::{count_faces, surface};
     #[pymodule_export]
-    use crate::volume::{Volume, compress, open, probe, volume_info};
+    use crate::volume::{Volume, compress, distinct_colors, open, probe, volume_info};
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {

@@ -25,6 +25,19 @@ use crate::waiting::{detached, released};
 #[pyclass(frozen, module = "pumice._native")]
 pub(crate) struct Volume(pub(crate) Arc<CompressedVolume>);
 
+/// A sequence of colours, linear Rec. 709, each as far as possible from those before it.
+#[pyfunction]
+pub(crate) fn distinct_colors(py: Python<'_>, count: usize, color_blind_safe: bool) -> PyResult<Array> {
+    let most = pumice_transport::farthest_colors::MOST_DISTINCT;
+    if count > most {
+        return Err(input(&format_args!("count: expected at most {most}, got {count}")));
+    }
+    detached(py, || {
+        let colors = pumice_transport::farthest_colors::distinct_colors(count, color_blind_safe);
+        Ok::<_, CoreError>(Array::new(Data::F32(colors.into_flattened()), &[count, 3]))
+    })
+}
+
 /// How to read a file: layer, time, channel, array, spacing and axes of `pumice_formats::OpenOptions`; a `pumice.arguments.ReadAs`.
 type ReadAs = (Option<u32>, Option<u32>, Option<u32>, Option<String>, Option<[f64; 3]>, Option<String>);
 
@@ -147,16 +160,31 @@ impl Volume {
         })
     }
 
-    /// Linear Rec. 709 colours that `auto_color` gives to the labels; those that are `visible` differ from their neighbours.
-    fn auto_colors(&self, py: Python<'_>, visible: Option<Vec<bool>>) -> PyResult<Array> {
+    /// Linear Rec. 709 colours that `auto_color` gives to the labels; those that are `visible` differ from their neighbours. With `known`,
+    /// three numbers a label, labels keep their colour, and those of NaN get the palette's colour that is farthest from their neighbours'.
+    #[pyo3(signature = (visible, known=None))]
+    fn auto_colors(
+        &self,
+        py: Python<'_>,
+        visible: Option<Vec<bool>>,
+        known: Option<PyBuffer<f32>>,
+    ) -> PyResult<Array> {
         let table = self.0.labels();
         let n = table.len();
         if visible.as_ref().is_some_and(|v| v.len() != n) {
             return Err(input(&format_args!("visible: expected {n} values, one a label")));
         }
+        let known = known.map(|colors| colors.to_vec(py)).transpose()?;
+        let known = known.as_ref().map(|numbers| numbers.as_chunks::<3>());
+        if known.is_some_and(|(colors, rest)| colors.len() != n || !rest.is_empty()) {
+            return Err(input(&format_args!("known: expected {n} colours, one a label")));
+        }
         detached(py, || {
-            let colors =
-                pumice_transport::palette::assign_colors(n, table.contacts().iter(), visible.as_deref());
+            let contacts = table.contacts().iter();
+            let colors = match known {
+                None => pumice_transport::palette::assign_colors(n, contacts, visible.as_deref()),
+                Some((colors, _)) => pumice_transport::farthest_colors::color_new_labels(colors, contacts),
+            };
             Ok::<_, CoreError>(Array::new(Data::F32(colors.into_flattened()), &[n, 3]))
         })
     }

@@ -4,8 +4,8 @@
 //! ```text
 //! loaded_scene a scene with its volumes and meshes, validated     scene_plan  which data an edit rebuilds
 //! renderer     the interface of a renderer to its caller          trace       the interface of geometry to an integrator
-//! camera_rays  rays through pixels (lens, filter, sampler)        bsdf        how surfaces scatter (material_table, palette:
-//!                                                                             materials and colours of labels)
+//! camera_rays  rays through pixels (lens, filter, sampler)        bsdf        how surfaces scatter (material_table, palette,
+//!                                                                             farthest_colors: materials and colours of labels)
 //! lights       choice of a light to sample (sun, lamp, environment, emitters)
 //! geometry     placement, bvh, bricks, cuts, levels of detail, instance tree
 //! ```
@@ -16,6 +16,7 @@ pub mod bsdf;
 pub mod camera_rays;
 pub mod emitters;
 pub mod environment;
+pub mod farthest_colors;
 pub mod filter;
 pub mod geometry;
 pub mod lamp;

@@ -127,13 +127,13 @@ fn weigh(
 }
 
 /// Neighbours of each label, one list after another; a pair that is given twice is listed twice.
-struct Neighbors {
+pub(crate) struct Neighbors {
     first: Vec<usize>,
     list: Vec<u32>,
 }
 
 impl Neighbors {
-    fn new(labels: usize, pairs: &[(u32, u32)]) -> Self {
+    pub(crate) fn new(labels: usize, pairs: &[(u32, u32)]) -> Self {
         let mut first = vec![0; labels + 1];
         for &(a, b) in pairs {
             first[a as usize + 1] += 1;
@@ -153,7 +153,7 @@ impl Neighbors {
         Self { first, list }
     }
 
-    fn of(&self, label: u32) -> &[u32] {
+    pub(crate) fn of(&self, label: u32) -> &[u32] {
         &self.list[self.first[label as usize]..self.first[label as usize + 1]]
     }
 }
@@ -170,7 +170,7 @@ pub fn palette() -> [[f32; 3]; PALETTE_COLORS] {
 }
 
 /// Linear Rec. 709 values of an OKLab colour (Ottosson 2020, with the matrices of 2021-01-25).
-fn linear_from_oklab([l, a, b]: [f64; 3]) -> [f64; 3] {
+pub(crate) fn linear_from_oklab([l, a, b]: [f64; 3]) -> [f64; 3] {
     let cone = [
         l + 0.396_337_777_4 * a + 0.215_803_757_3 * b,
         l - 0.105_561_345_8 * a - 0.063_854_172_8 * b,
@@ -198,15 +198,22 @@ pub const VISIONS: [[[f64; 3]; 3]; 3] = [
 
 /// The least ΔE of two linear Rec. 709 colours over [`VISIONS`].
 pub fn least_delta_e(a: [f32; 3], b: [f32; 3]) -> f64 {
-    let seen = |vision, color: [f32; 3]| {
-        lab_from_linear(mul(vision, color.map(f64::from)).map(|v| v.clamp(0.0, 1.0)))
-    };
-    VISIONS
-        .iter()
-        .map(|&vision| {
-            let (p, q) = (seen(vision, a), seen(vision, b));
-            (0..3).map(|i| (p[i] - q[i]).powi(2)).sum::<f64>().sqrt()
-        })
+    least_distance(&seen(a), &seen(b))
+}
+
+/// CIELAB coordinates of a colour for each of [`VISIONS`].
+pub(crate) type Seen = [[f64; 3]; VISIONS.len()];
+
+/// What each of [`VISIONS`] sees of a linear Rec. 709 colour.
+pub(crate) fn seen(color: [f32; 3]) -> Seen {
+    VISIONS.map(|vision| lab_from_linear(mul(vision, color.map(f64::from)).map(|v| v.clamp(0.0, 1.0))))
+}
+
+/// The least ΔE of two colours over the visions that are given of both.
+pub(crate) fn least_distance(a: &[[f64; 3]], b: &[[f64; 3]]) -> f64 {
+    a.iter()
+        .zip(b)
+        .map(|(p, q)| (0..3).map(|i| (p[i] - q[i]).powi(2)).sum::<f64>().sqrt())
         .fold(f64::INFINITY, f64::min)
 }
 
