@@ -9,7 +9,7 @@ A module imports only from lines below its own:
     export_usd       export_gltf          verify               label_panel          import_volume
     label_files
     label_operators
-    export_surfaces
+    export_surfaces                       add_cut              cut_gizmo
     frame_file
     panels           engine               export_scene         import_scene         exact_mesh
     viewport         final_render         usd_stage            usd_values
@@ -36,6 +36,8 @@ if "panels" in locals():  # Blender reloads scripts (F3 > Reload Scripts): fresh
     importlib.invalidate_caches()
 
 from . import (
+    add_cut,
+    cut_gizmo,
     engine,
     exact_mesh,
     export_gltf,
@@ -67,6 +69,8 @@ MODULES = (
     export_usd,
     export_gltf,
     exact_mesh,
+    add_cut,
+    cut_gizmo,
     verify_maps,
     verify,
     viewport,
