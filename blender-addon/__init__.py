@@ -14,7 +14,7 @@ A module imports only from lines below its own:
     panels           engine               export_scene         import_scene         exact_mesh
     viewport         final_render         usd_stage            usd_values
     scene_reader     first_look           passes               scene_notes          label_colors         label_search
-    volume_object    picture_texture      missing_boxes        overlay
+    volume_object    picture_texture      missing_boxes        overlay              provenance
     sync.*           registry             preferences
     label_table      properties           proxy                cache                devices             mesh_file
     background       verify_maps
