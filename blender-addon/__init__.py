@@ -7,15 +7,18 @@ A module imports only from lines below its own:
 
     __init__
     export_usd       export_gltf          verify               label_panel          import_volume
-    label_files
+    figure_panel
+    label_files      figure_operators
     label_operators
     export_surfaces                       add_cut              cut_gizmo
     frame_file
     panels           engine               export_scene         import_scene         exact_mesh
     viewport         final_render         usd_stage            usd_values
     scene_reader     first_look           passes               scene_notes          label_colors         label_search
-    volume_object    picture_texture      missing_boxes        overlay              provenance
-    sync.*           registry             preferences
+    figure_follow
+    scale_bar        legend
+    volume_object    picture_texture      missing_boxes        overlay              provenance           figure_frame         figure_part
+    sync.*           registry             preferences          figure_settings
     label_table      properties           proxy                cache                devices             mesh_file
     background       verify_maps
     reports
@@ -43,6 +46,10 @@ from . import (
     export_gltf,
     export_scene,
     export_usd,
+    figure_follow,
+    figure_operators,
+    figure_panel,
+    figure_settings,
     import_scene,
     import_volume,
     label_files,
@@ -63,6 +70,8 @@ MODULES = (
     properties,
     preferences,
     registry,
+    figure_settings,
+    figure_follow,
     import_volume,
     import_scene,
     export_scene,
@@ -79,6 +88,8 @@ MODULES = (
     label_operators,
     label_files,
     label_panel,
+    figure_operators,
+    figure_panel,
     panels,
 )
 

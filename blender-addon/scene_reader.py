@@ -10,7 +10,7 @@ import json
 import bpy
 import numpy as np
 
-from . import registry
+from . import figure_follow, registry
 from .properties import is_volume
 from .reports import Refused
 from .sync import camera as camera_math
@@ -172,7 +172,7 @@ def final_camera(depsgraph, size, rect):
 
 def render_warnings(scene, view_layer):
     """One line for each setting of a view layer that a final render ignores."""
-    out, render = [], scene.render
+    out, render = figure_follow.problems(scene), scene.render
     for override, what in (("material_override", "Material Override"), ("world_override", "World Override")):
         if getattr(view_layer, override, None) is not None:
             out.append(f"View layer {view_layer.name}: {what} is not drawn")
