@@ -8,17 +8,21 @@ A module imports only from lines below its own:
     __init__
     reload_volume
     export_usd       export_gltf          verify               label_panel          import_volume
-    label_files          pick_tool
+    figure_panel
+    label_files          pick_tool        figure_operators
     label_box            label_outline
     label_pick
     label_operators      label_film
-    export_surfaces
+    export_surfaces                       add_cut              cut_gizmo
     frame_file
     panels           engine               export_scene         import_scene         exact_mesh
     viewport         final_render         usd_stage            usd_values
     scene_reader     first_look           passes               scene_notes          label_colors         label_search
+    figure_follow
+    scale_bar            legend
     volume_object    picture_texture      missing_boxes        overlay              import_dialog        opening          color_ramp
-    sync.*           registry             preferences          file_facts           label_carry
+    provenance           figure_frame         figure_part
+    sync.*           registry             preferences          file_facts           label_carry          figure_settings
     label_table      properties           proxy                cache                devices              mesh_file        units
     file_paths       volume_place
     background       verify_maps
@@ -40,11 +44,17 @@ if "panels" in locals():  # Blender reloads scripts (F3 > Reload Scripts): fresh
     importlib.invalidate_caches()
 
 from . import (
+    add_cut,
+    cut_gizmo,
     engine,
     exact_mesh,
     export_gltf,
     export_scene,
     export_usd,
+    figure_follow,
+    figure_operators,
+    figure_panel,
+    figure_settings,
     file_paths,
     import_scene,
     import_volume,
@@ -73,6 +83,8 @@ MODULES = (
     preferences,
     file_paths,
     registry,
+    figure_settings,
+    figure_follow,
     import_volume,
     reload_volume,
     import_scene,
@@ -80,6 +92,8 @@ MODULES = (
     export_usd,
     export_gltf,
     exact_mesh,
+    add_cut,
+    cut_gizmo,
     verify_maps,
     verify,
     viewport,
@@ -93,6 +107,8 @@ MODULES = (
     pick_tool,
     label_files,
     label_panel,
+    figure_operators,
+    figure_panel,
     panels,
 )
 

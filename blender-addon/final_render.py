@@ -16,7 +16,7 @@ import threading
 
 import numpy as np
 
-from . import native, overlay, passes, preferences, registry, scene_reader
+from . import native, overlay, passes, preferences, provenance, registry, scene_reader
 from .reports import Refused
 
 def parts_of_frame(depsgraph, as_rendered=False, make_mesh=None):
@@ -66,7 +66,8 @@ def render(engine, depsgraph):
         for line in picture.notices:
             engine.report({"WARNING"}, line)
         hand_over(engine, depsgraph.view_layer_eval, picture)
-        said = passes.metadata(depsgraph.view_layer_eval, picture, pumice.cryptomatte_hash)
+        said = provenance.fields(pumice.__version__, scene, volumes, parts.geometries(), picture, wishes.seed)
+        said |= passes.metadata(depsgraph.view_layer_eval, picture, pumice.cryptomatte_hash)
         for key, value in said.items():
             # On the result of `begin_result` it would be lost.
             engine.get_result().stamp_data_add_field(key, value)

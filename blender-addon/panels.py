@@ -196,6 +196,7 @@ class PUMICE_OBJECT_PT_volume(bpy.types.Panel):
         facts.label(text=f"Voxel size {size} {_unit(volume.unit)}")
         facts.label(text=f"Display scale: 1 {_unit(volume.unit)} is {_display_scale(context.object)} Blender units")
         layout.operator("pumice.make_exact_mesh")
+        layout.operator_menu_enum("pumice.add_cut", "shape")
 
 
 class PUMICE_OBJECT_PT_cut(_OfScene, bpy.types.Panel):
@@ -215,6 +216,11 @@ class PUMICE_OBJECT_PT_cut(_OfScene, bpy.types.Panel):
         self.layout.use_property_split = True
         if obj.type in {"EMPTY", "MESH"}:
             self.layout.prop(obj.pumice, "cut")
+        if cuts.is_cut(obj):
+            self.layout.prop(obj.pumice, "cut_volumes")
+            row = self.layout.row(align=True)
+            row.operator("pumice.cut_volumes", text="Cut Selected Only").volumes = "SELECTED"
+            row.operator("pumice.cut_volumes", text="Cut All").volumes = "ALL"
         if drawn.SHADOW_CATCHER and obj.type in meshes.KINDS:
             # Blender's own, which it shows with Cycles alone.
             self.layout.prop(obj, "is_shadow_catcher")
@@ -240,7 +246,7 @@ def not_drawn(scene, view_layer):
     if native.MISSING:
         return [native.MISSING]
     lines = scene_reader.render_warnings(scene, view_layer) + world.read(scene.world)[1]
-    others, dresses = [], materials.Dresses()
+    others, dresses, keys = [], materials.Dresses(), [(obj.session_uid,) for obj in scene.objects if is_volume(obj)]
     for obj in scene.objects:
         if obj.hide_render:
             continue
@@ -250,7 +256,7 @@ def not_drawn(scene, view_layer):
         elif is_volume(obj):
             lines += instances.left_out_of(obj)
         elif drawn.CUTS and cuts.is_cut(obj):
-            lines += cuts.read(obj, obj.matrix_world)[1]
+            lines += cuts.read(obj, obj.matrix_world)[1] + cuts.targets(obj, keys)[1]
         elif drawn.MESHES and obj.type in meshes.KINDS:
             lines += meshes.left_out_of(obj)
             for slot in slots:

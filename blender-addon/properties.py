@@ -265,9 +265,15 @@ class PumiceVolumeSettings(bpy.types.PropertyGroup):
     content_hash: StringProperty(name="Content", description="Hash of all voxels and ids", default="")
     cut: EnumProperty(
         name="Cut",
-        description="Part of space that the object removes from all volumes, to show their inside. The object itself is not drawn",
+        description="Part of space that the object removes from volumes, to show their inside. The object itself is not drawn",
         items=CUTS,
         default="NONE",
+        update=_tag,
+    )
+    cut_volumes: PointerProperty(
+        name="Volumes",
+        description="Collection with the volumes that the object cuts; without one it cuts all volumes",
+        type=bpy.types.Collection,
         update=_tag,
     )
 

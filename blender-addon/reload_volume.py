@@ -16,23 +16,13 @@ import bmesh
 import bpy
 import numpy as np
 
-from . import cache, file_paths, label_carry, label_table, registry, viewport, volume_object, volume_place
-from .background import InBackground
-from .import_volume import Opening
+from . import cache, file_paths, label_carry, label_table, opening, registry, viewport, volume_object, volume_place
+from .background import InBackground, Work
 from .properties import is_volume
 from .reports import Refused
 
 # Most ids that are named in one line.
 MOST_IDS = 8
-
-
-class Reading(Opening):
-    """A source that is read again, as the work of an operator."""
-
-    @property
-    def result(self):
-        """The volume and the path of its compressed form."""
-        return self.volume, self.filepath
 
 
 class PUMICE_OT_reload(InBackground, bpy.types.Operator):
@@ -71,13 +61,17 @@ class PUMICE_OT_reload(InBackground, bpy.types.Operator):
         self._obj = obj.name
         choice = json.loads(obj.get("pumice_choice", "{}"))
         folder = bpy.utils.extension_path_user(__package__, path="volumes", create=False)
-        return Reading(source, choice, cache.candidates(source, choice, folder))
+        wanted = [opening.Wanted(source, choice, cache.candidates(source, choice, folder))]
+        return Work("Reading", lambda job, tell: opening.open_all(wanted, job, tell), tells=True)
 
-    def finish(self, context, result):
-        volume, filepath = result
+    def finish(self, context, opened):
+        [one] = opened
+        volume, filepath = one.volume, one.filepath
         obj = bpy.data.objects.get(self._obj)
         if obj is None or not is_volume(obj):
             raise Refused(f"{self._obj}: the object was deleted or renamed while its source was read; nothing is reloaded")
+        for line in one.warnings:
+            self.report({"WARNING"}, line)
         registry.adopt(filepath, volume)
         is_same = obj.pumice.content_hash == volume.content_hash and len(obj.pumice.table.vertices) == len(volume.labels.ids)
         users = [other for other in bpy.data.objects if other.data == obj.data]

@@ -10,11 +10,12 @@ import json
 import bpy
 import numpy as np
 
+from . import figure_follow
 from .properties import is_volume
 from .reports import Refused
 from .sync import camera as camera_math
 from .sync import cuts, drawn, instances, lens, lights, materials, meshes, world
-from .sync.parts import Parts
+from .sync.parts import Parts, PlacedCut
 
 # Types of objects that have a surface which Pumice does not draw.
 DRAWN_BY_OTHERS = {"MESH", "CURVE", "CURVES", "SURFACE", "FONT", "META", "POINTCLOUD", "VOLUME", "GREASEPENCIL"}
@@ -38,8 +39,8 @@ def read(depsgraph, camera, film, kept, *, space=None, as_rendered=False):
     """
     scene = depsgraph.scene
     light, left_out = world.read(scene.world)
-    placed, triangles, others, seen, dresses = {}, {}, [], set(), materials.Dresses()
-    lists = {"suns": [], "lights": [], "cuts": []}
+    placed, triangles, others, seen, dresses, cutting = {}, {}, [], set(), materials.Dresses(), []
+    lists = {"suns": [], "lights": []}
     kept.geometries.begin(depsgraph)
     rendered = _in_renders(depsgraph.view_layer_eval) if as_rendered else None
     for instance in depsgraph.object_instances:
@@ -64,9 +65,9 @@ def read(depsgraph, camera, film, kept, *, space=None, as_rendered=False):
             if one is not None:
                 placed[_key(instance)] = one
         elif drawn.CUTS and cuts.is_cut(obj):
-            cut, missing = cuts.read(obj, instance.matrix_world)
+            shape, missing = cuts.read(obj, instance.matrix_world)
             left_out += missing
-            lists["cuts"] += [cut] if cut is not None else []
+            cutting += [(obj.original, shape)] if shape is not None else []
         elif drawn.MESHES and obj.type == "MESH":
             one, missing = meshes.placed(obj, instance.matrix_world, kept.geometries, dresses)
             left_out += missing
@@ -78,10 +79,17 @@ def read(depsgraph, camera, film, kept, *, space=None, as_rendered=False):
     for uid in [uid for uid, name in (rendered or {}).items() if name is not None and uid not in seen]:
         raise Refused(f"{rendered[uid]} is hidden in the viewport and not in renders; show it, or hide it from renders too")
     left_out += others_left_out(others)
+    # Volumes are known by now, so a cut can name those that it cuts.
+    cuts_read = []
+    for obj, shape in cutting:
+        chosen, missing = cuts.targets(obj, placed)
+        left_out += missing
+        cuts_read.append(PlacedCut(shape, None if chosen is None else tuple(chosen)))
+    cuts_read.sort(key=lambda cut: json.dumps([cut.shape, cut.volumes], sort_keys=True))
     # In an order that does not depend on names or on Blender's: a light's place among the others reaches the random numbers.
     for values in lists.values():
         values.sort(key=lambda value: json.dumps(value, sort_keys=True))
-    parts = Parts(camera, film, light, settings(scene.pumice), placed=placed, meshes=triangles, **lists)
+    parts = Parts(camera, film, light, settings(scene.pumice), cuts=cuts_read, placed=placed, meshes=triangles, **lists)
     return parts, list(dict.fromkeys(left_out))
 
 
@@ -165,7 +173,7 @@ def final_camera(depsgraph, size, rect):
 
 def render_warnings(scene, view_layer):
     """One line for each setting of a view layer that a final render ignores."""
-    out, render = [], scene.render
+    out, render = figure_follow.problems(scene), scene.render
     for override, what in (("material_override", "Material Override"), ("world_override", "World Override")):
         if getattr(view_layer, override, None) is not None:
             out.append(f"View layer {view_layer.name}: {what} is not drawn")

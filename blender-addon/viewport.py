@@ -240,6 +240,8 @@ class Viewport:
             if placed.style.columns is not None:
                 self.session.set_labels(number, visible=placed.style.visible(), groups=placed.style.groups(pumice))
             self.next_number += 1
+        if changes.cuts_name_added:
+            self.session.edit({"edit": "cuts", "cuts": parts.cuts_of(parts.placed, self.numbers)})
         for key in changes.added_meshes:
             if key not in self.numbers:
                 self.numbers[key] = self.next_number

@@ -12,6 +12,8 @@
     an instance is gone                     remove
     an instance is new, or has another      remove and add: it needs its volume, so it is not an edit; a file that was
     volume than before                      reloaded is another volume
+    the cuts differ, or one cuts a volume   cuts; again after the volume is added, because edits name no volume that is not there
+    that is gone or new
     a mesh differs                          one edit for each of: place_mesh, mesh_materials
     a mesh is gone                          remove_mesh
     a mesh is new, or has other triangles   add_mesh, which replaces
@@ -21,19 +23,21 @@ Labels are 10⁵ rows, so they are sent as columns, by `Session.set_labels`, and
 
 from dataclasses import dataclass, field
 
-SINGLE_PARTS = ("camera", "film", "world", "suns", "lights", "cuts", "settings")
+SINGLE_PARTS = ("camera", "film", "world", "suns", "lights", "settings")
 
 
 @dataclass
 class Changes:
     """Edits for `Session.edit`, keys of instances for `Session.add`, and of meshes for `Session.add_mesh`; for `Session.set_labels` numbers
-    of instances with their style, whether other labels are drawn, and whether groups or colors differ."""
+    of instances with their style, whether other labels are drawn, and whether groups or colors differ; and whether the cuts must be sent
+    once more when the volumes are added."""
 
     edits: list = field(default_factory=list)
     labels: list = field(default_factory=list)
     added: list = field(default_factory=list)
     removed: list = field(default_factory=list)
     added_meshes: list = field(default_factory=list)
+    cuts_name_added: bool = False
 
     def __bool__(self):
         return bool(self.edits or self.labels or self.added or self.added_meshes)
@@ -55,6 +59,10 @@ def between(old, new, numbers):
             _of_instance(changes, numbers[key], before, after)
     kept = set(old.placed) - set(changes.removed)
     changes.added = sorted(key for key in new.placed if key not in kept)
+    cuts = new.cuts_of(sorted(kept), numbers)
+    if cuts != old.cuts_of(old.placed, numbers):
+        changes.edits.append({"edit": "cuts", "cuts": cuts})
+    changes.cuts_name_added = any(cut.volumes and not set(cut.volumes).isdisjoint(changes.added) for cut in new.cuts)
     for key, before in old.meshes.items():
         after = new.meshes.get(key)
         if after is None:

@@ -38,14 +38,16 @@ def aperture(obj, depsgraph=None):
         kind=obj.data.type,
         lens_mm=obj.data.lens,
         fstop=dof.aperture_fstop,
-        focus_distance=_focus_distance(obj, dof, depsgraph),
+        focus_distance=focus_distance(obj, depsgraph),
         blades=dof.aperture_blades,
         rotation_rad=dof.aperture_rotation,
         ratio=dof.aperture_ratio,
     )
 
 
-def _focus_distance(obj, dof, depsgraph):
+def focus_distance(obj, depsgraph=None):
+    """Distance from a camera object at which the picture is sharp."""
+    dof = obj.data.dof
     focus = dof.focus_object
     if focus is None:
         return dof.focus_distance

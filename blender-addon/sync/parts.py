@@ -61,6 +61,19 @@ class PlacedMesh:
 
 
 @dataclass(frozen=True)
+class PlacedCut:
+    """A part of space that is removed: `shape` as the scene has it; `volumes` are the keys of those that it cuts, None for all."""
+
+    shape: dict
+    volumes: tuple | None = None
+
+    def cut(self, numbers):
+        """The cut of the scene; volumes without a number are left out."""
+        chosen = None if self.volumes is None else [numbers[key] for key in self.volumes if key in numbers]
+        return {"shape": self.shape, "instances": chosen}
+
+
+@dataclass(frozen=True)
 class Parts:
     """All parts of a scene."""
 
@@ -90,9 +103,14 @@ class Parts:
             "suns": self.suns,
             "lights": self.lights,
             "meshes": [self.meshes[key].mesh(numbers[key]) for key in meshes],
-            "cuts": self.cuts,
+            "cuts": self.cuts_of(ordered, numbers),
             "settings": self.settings,
         }
+
+    def cuts_of(self, keys, numbers):
+        """The cuts of the scene where these volumes are in it."""
+        there = {key: numbers[key] for key in keys}
+        return [cut.cut(there) for cut in self.cuts]
 
     def made(self, pumice, numbers=None):
         """The whole scene as a `pumice.Scene`, with the groups of labels; `numbers` as for `scene`."""

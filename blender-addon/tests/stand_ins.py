@@ -7,6 +7,7 @@ tests of edits and failures; pictures are tested with the real module.
 """
 
 import copy
+import json
 import threading
 import types
 import zlib
@@ -97,6 +98,8 @@ class Texture:
 class Module:
     """The part of the compiled module that the extension uses."""
 
+    __version__ = "0.0.0"
+
     class PumiceError(Exception):
         pass
 
@@ -119,6 +122,8 @@ class Module:
     class Mesh:
         """Keeps its arrays."""
 
+        content_hash = "1" * 32
+
         def __init__(self, positions, triangles, materials=None, *, normals=None):
             self.positions, self.triangles, self.materials, self.normals = positions, triangles, materials, normals
 
@@ -136,6 +141,9 @@ class Module:
         @classmethod
         def from_dict(cls, value):
             return cls(copy.deepcopy(value))
+
+        def to_json(self):
+            return json.dumps(self.value)
 
         def with_labels(self, instance, *, visible=None, groups=None):
             return type(self)(self.value, {**self.labels, instance: (visible, groups)})
@@ -216,7 +224,8 @@ class Module:
                 passes[name] = at[:, :, None, None] + np.stack([ranks, ranks / 128], axis=1)
                 manifests[name] = {matte: 0x0123ABCD}
         notices = list(self.notices)
-        return types.SimpleNamespace(color=color, alpha=self.alpha, passes=passes, manifests=manifests, notices=notices)
+        made = dict(backend="cpu", mean_spp=4.0, error_estimate=0.0123, notices=notices)
+        return types.SimpleNamespace(color=color, alpha=self.alpha, passes=passes, manifests=manifests, **made)
 
     def cryptomatte_hash(self, name):
         """A hash that differs from the real one and has as many digits."""

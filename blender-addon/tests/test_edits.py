@@ -76,6 +76,11 @@ def apply(before, styles, changes, parts, numbers):
             one["style"][kind] = edit[kind]
     for key in changes.added:
         after["instances"].append(parts.placed[key].instance(numbers[key]))
+    # The session refuses a cut that names a volume which is not there, so the edits come first and the whole list after what is added.
+    there = {one["id"] for one in after["instances"]}
+    assert all(set(cut["instances"] or []) <= there for cut in after["cuts"]), "an edit names a volume that is gone"
+    if changes.cuts_name_added:
+        after["cuts"] = parts.cuts_of(parts.placed, numbers)
     return after
 
 
@@ -89,7 +94,8 @@ CASES = {
     "film": (lambda s, old: {"film": {"width": 9}}, ["film"], None),
     "light": (lambda s, old: {"world": {"environment": 2}, "suns": [{"strength": 1}]}, ["world", "suns"], None),
     "lamp": (lambda s, old: {"lights": [{"power_w": 1}]}, ["lights"], None),
-    "cut": (lambda s, old: {"cuts": [{"shape": {}}]}, ["cuts"], None),
+    "cut": (lambda s, old: {"cuts": [s.parts.PlacedCut({"plane": 1})]}, ["cuts"], None),
+    "cut of one": (lambda s, old: {"cuts": [s.parts.PlacedCut({"plane": 1}, ((2,),))]}, ["cuts"], None),
     "nothing": (lambda s, old: {}, [], None),
     "place": (lambda s, old: {"placed": {**old, (1,): s.parts.Placed("a", [3.0] * 12, old[(1,)].style)}}, ["place"], None),
     "the same anew": (restyled(), [], None),
@@ -107,11 +113,40 @@ CASES = {
 }
 
 
+# The same for a scene in which a cut names volume 1.
+CUT_CASES = {
+    "moved": (lambda s, old: {"cuts": [s.parts.PlacedCut({"plane": 2}, ((1,),))]}, ["cuts"], None),
+    "of all": (lambda s, old: {"cuts": [s.parts.PlacedCut({"plane": 1})]}, ["cuts"], None),
+    "gone": (lambda s, old: {"cuts": [], "placed": {(2,): old[(2,)]}}, ["remove", "cuts"], None),
+    "not open": (lambda s, old: {"placed": {(2,): old[(2,)]}}, ["remove", "cuts"], None),
+    "another volume": (lambda s, old: {"placed": {**old, (1,): s.parts.Placed("c", [1.0] * 12, old[(1,)].style)}}, ["remove", "cuts"], None),
+    "of a new one": (
+        lambda s, old: {
+            "cuts": [s.parts.PlacedCut({"plane": 1}, ((0, 9), (1,)))],
+            "placed": {**old, (0, 9): s.parts.Placed("c", [1.0] * 12, old[(1,)].style)},
+        },
+        [],
+        None,
+    ),
+    "nothing": (lambda s, old: {}, [], None),
+}
+
+
+@pytest.mark.parametrize("name", CUT_CASES)
+def test_a_cut_never_names_a_volume_that_is_not_there(sync, name):
+    check_changes(sync, CUT_CASES[name], cuts=[sync.parts.PlacedCut({"plane": 1}, ((1,),))])
+
+
 @pytest.mark.parametrize("name", CASES)
 def test_the_changes_make_the_new_scene_and_no_more(sync, name):
-    change, kinds, labels = CASES[name]
-    old = scene(sync)
-    new = scene(sync, **change(sync, old.placed))
+    check_changes(sync, CASES[name])
+
+
+def check_changes(sync, case, **over):
+    """Checks the edits from a scene to the changed one."""
+    change, kinds, labels = case
+    old = scene(sync, **over)
+    new = scene(sync, **{**over, **change(sync, old.placed)})
     numbers = {(1,): 1, (2,): 2}
     styles = {number: old.placed[key].style for key, number in numbers.items()}
     changes = sync.edits.between(old, new, numbers)

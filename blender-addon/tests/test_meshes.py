@@ -317,13 +317,13 @@ def test_cuts_are_what_their_objects_show(blender, stage):
     mesh.pumice.cut = "BOX"
     parts, left_out = stage()
     assert left_out == [] and parts.meshes == {} and len(parts.cuts) == 3, "an object that cuts is not drawn"
-    boxes = [np.array(c["shape"]["box"]["world_from_box"]).reshape(4, 3) for c in parts.cuts if "box" in c["shape"]]
+    boxes = [np.array(c.shape["box"]["world_from_box"]).reshape(4, 3) for c in parts.cuts if "box" in c.shape]
     world = np.array(turned)
     shown = world[:3, :3] @ np.array([[0.7, -0.7, 0.7]]).T + world[:3, 3:]
     corners = sorted(map(tuple, (np.array([x, y, z]) @ b[:3] + b[3] for b in boxes for x in (-1, 1) for y in (-1, 1) for z in (-1, 1))))
     assert np.abs(np.array(corners) - shown.T).sum(axis=1).min() == pytest.approx(0.0, abs=1e-5)
     assert np.abs(np.array(corners) - [2.0, 1.0, 3.0]).sum(axis=1).min() == pytest.approx(0.0, abs=1e-5)
-    cut = next(c["shape"]["plane"] for c in parts.cuts if "plane" in c["shape"])
+    cut = next(c.shape["plane"] for c in parts.cuts if "plane" in c.shape)
     normal, z = np.array(cut["normal"]), world[:3, 2]
     assert cut["point"] == pytest.approx(list(world[:3, 3]))
     assert normal @ z > 0 and abs(normal @ world[:3, 0]) < 1e-5 and abs(normal @ world[:3, 1]) < 1e-5
