@@ -13,6 +13,7 @@ A module imports only from lines below its own:
     frame_file
     panels           engine               export_scene         import_scene         exact_mesh
     viewport         final_render         usd_stage            usd_values
+    persistent       render_work          render_result
     scene_reader     first_look           passes               scene_notes          label_colors         label_search
     volume_object    picture_texture      missing_boxes        overlay
     sync.*           registry             preferences
@@ -48,6 +49,7 @@ from . import (
     label_panel,
     label_search,
     panels,
+    persistent,
     preferences,
     properties,
     registry,
@@ -70,6 +72,7 @@ MODULES = (
     verify_maps,
     verify,
     viewport,
+    persistent,
     engine,
     label_search,
     label_operators,

@@ -25,6 +25,7 @@ use crate::error::{Result, SessionError};
 use crate::progressive::Stop;
 
 pub use worker::panic_text;
+pub(crate) use worker::{coarse_divisors, rebuilt_by_name, rows_from_bottom};
 
 /// Options of a live picture.
 #[derive(Clone, Debug, PartialEq)]
