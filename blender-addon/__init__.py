@@ -17,6 +17,7 @@ A module imports only from lines below its own:
     frame_file
     panels           engine               export_scene         import_scene         exact_mesh
     viewport         final_render         usd_stage            usd_values
+    persistent       render_work          render_result
     scene_reader     first_look           passes               scene_notes          label_colors         label_search
     figure_follow
     scale_bar            legend
@@ -67,6 +68,7 @@ from . import (
     label_pick,
     label_search,
     panels,
+    persistent,
     pick_tool,
     preferences,
     properties,
@@ -97,6 +99,7 @@ MODULES = (
     verify_maps,
     verify,
     viewport,
+    persistent,
     engine,
     label_search,
     label_operators,

@@ -32,8 +32,13 @@ class PumiceRenderEngine(bpy.types.RenderEngine):
             final_render.render(self, depsgraph)
         except Exception as error:
             log(error)
-            self.report({"ERROR"}, one_line(error))
-            self.error_set(one_line(error))
+            said = one_line(error)
+            if self.is_animation:
+                said = f"Frame {depsgraph.scene.frame_current}: {said}"
+            # The report ends an animation, with exit status 1 in `blender -b`, and reaches scripts as an exception; the error, which alone would do
+            # none of that, stands in the window of the picture.
+            self.report({"ERROR"}, said)
+            self.error_set(said)
 
     def update_render_passes(self, scene=None, renderlayer=None):
         for name, channels, channel_ids, kind in passes.registered(renderlayer):

@@ -15,7 +15,7 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, StringProperty
 from bpy_extras.io_utils import ExportHelper
 
-from . import final_render, mesh_file, native, usd_stage
+from . import final_render, mesh_file, native, scene_reader, usd_stage
 from .background import InBackground, Work
 from .reports import Refused, log, one_line
 from .sync import world
@@ -37,7 +37,7 @@ STAGES = (".usdc", ".usda", ".usdz")
 
 def parts_to_export(depsgraph):
     """(Parts, what was left out) of the frame that F12 draws; triangles are `mesh_file.Arrays`."""
-    return final_render.parts_of_frame(depsgraph, as_rendered=True, make_mesh=mesh_file.Arrays)
+    return final_render.parts_of_frame(depsgraph, as_rendered=True, kept=scene_reader.Kept(mesh_file.Arrays))
 
 
 def save(parts, path):

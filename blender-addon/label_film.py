@@ -16,7 +16,7 @@ from typing import NamedTuple
 import bpy
 import numpy as np
 
-from . import final_render, label_table, native, preferences, registry, scene_reader, viewport
+from . import final_render, label_table, native, persistent, preferences, registry, scene_reader, viewport
 from .properties import is_volume
 from .reports import Refused
 from .sync import edits
@@ -111,8 +111,10 @@ def of_last_picture(context):
 def of_camera(context):
     """The film of the scene's camera, as F12 frames it; drawn again only if the scene has changed."""
     global _kept
-    make_mesh = _kept.make_mesh if _kept is not None else _Meshes()
-    parts, _ = final_render.parts_of_frame(context.evaluated_depsgraph_get(), as_rendered=True, make_mesh=make_mesh)
+    make_mesh = _kept.make_mesh if _kept is not None else persistent.Meshes()
+    make_mesh.next_frame()
+    reading = scene_reader.Kept(make_mesh)
+    parts, _ = final_render.parts_of_frame(context.evaluated_depsgraph_get(), as_rendered=True, kept=reading)
     shown = [registry.wait(source, lambda: False) for source in parts.sources()]
     if _kept is None or shown != _kept.volumes or edits.between(_kept.parts, parts, _kept.parts.numbers()):
         _kept = _Kept(parts, shown, make_mesh, _drawn(parts, shown, preferences.backend(context.scene.pumice)))
@@ -124,19 +126,8 @@ class _Kept(NamedTuple):
 
     parts: Parts
     volumes: list
-    make_mesh: object
+    make_mesh: persistent.Meshes
     film: LabelFilm
-
-
-class _Meshes:
-    """Makes meshes, and gives the one that it made before for the same triangles, so that parts of a scene can be compared."""
-
-    def __init__(self):
-        self._by_hash = {}
-
-    def __call__(self, *arrays, **more):
-        mesh = native.require().Mesh(*arrays, **more)
-        return self._by_hash.setdefault(mesh.content_hash, mesh)
 
 
 def _drawn(parts, shown, backend):

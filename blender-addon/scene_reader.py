@@ -26,8 +26,9 @@ MOST_NAMES = 8
 class Kept:
     """Cache of data that is costly to read, kept from one reading to the next: styles of labels, and triangles."""
 
-    def __init__(self, make_mesh=None):
-        self.styles = instances.Styles()
+    def __init__(self, make_mesh=None, styles=None):
+        """`make_mesh` as for `meshes.Geometries`; `styles` are those of an earlier reading, which compares what it reads with them."""
+        self.styles = styles or instances.Styles()
         self.geometries = meshes.Geometries(make_mesh)
 
 
@@ -38,7 +39,8 @@ def read(depsgraph, camera, film, kept, *, space=None, as_rendered=False):
     reads what a final render would out of a viewport's graph, and raises Refused where that graph lacks something.
     """
     scene = depsgraph.scene
-    light, left_out = world.read(scene.world)
+    # The evaluated one: of the original, a render of an animation leaves the nodes as they are.
+    light, left_out = world.read(depsgraph.scene_eval.world)
     placed, triangles, others, seen, dresses, cutting = {}, {}, [], set(), materials.Dresses(), []
     lists = {"suns": [], "lights": []}
     kept.geometries.begin(depsgraph)

@@ -192,6 +192,7 @@ class Module:
         self.may_open.set()
         self.renders, self.notices, self.alpha = [], [], None
         self.during_render = lambda job, on_progress: None
+        self.renderers, self.has_samples = [], True
 
     def open(self, path, job=None):
         assert self.may_open.wait(10)
@@ -203,11 +204,15 @@ class Module:
     def compress(self, source, job=None, **choice):
         return Volume(source)
 
-    def render(self, scene, volumes, meshes=(), job=None, on_progress=None, **limits):
+    def Renderer(self, *, backend="auto"):  # noqa: N802 (a class of the module)
+        self.renderers.append(Renderer(self, backend))
+        return self.renderers[-1]
+
+    def render(self, scene, volumes, meshes=(), job=None, on_progress=None, unfinished=False, **limits):
         """A picture in which every pixel of every pass has a different value."""
         self.renders.append((scene.value, list(volumes), limits))
         self.during_render(job, on_progress)
-        if job.cancelled:
+        if job.cancelled and not unfinished:
             raise self.Cancelled("cancelled")
         width, height = scene.value["film"]["width"], scene.value["film"]["height"]
         at = np.arange(width * height, dtype=np.float32).reshape(height, width)
@@ -230,6 +235,34 @@ class Module:
     def cryptomatte_hash(self, name):
         """A hash that differs from the real one and has as many digits."""
         return zlib.crc32(name.encode())
+
+
+class Renderer:
+    """The module's renderer, whose pictures are those of `Module.render`; `show` publishes a frame."""
+
+    def __init__(self, module, backend):
+        self.module, self.backend, self.frame, self.growing = module, backend, None, None
+
+    def render(self, scene, volumes, *, growing=False, unfinished=False, **arguments):
+        self.growing = growing
+        return self.module.render(scene, volumes, backend=self.backend, unfinished=unfinished and self.module.has_samples, **arguments)
+
+    def latest(self, after=0):
+        return self.frame if self.frame is not None and self.frame.serial > after else None
+
+    def show(self, serial, pixels, coarse=False):
+        self.frame = Frame(np.asarray(pixels, dtype=np.float32), serial, coarse)
+
+
+class Frame:
+    """A frame, which numpy reads: rows from the bottom."""
+
+    def __init__(self, pixels, serial, coarse):
+        self.pixels, self.serial, self.coarse = pixels, serial, coarse
+        self.height, self.width = pixels.shape[:2]
+
+    def __array__(self, dtype=None, copy=None):
+        return self.pixels
 
 
 class Labels:

@@ -41,7 +41,7 @@ def stage(blender, extension, monkeypatch, tmp_path):
     render.image_settings.color_depth = "32"
     render.image_settings.exr_codec = "NONE"
     stage = types.SimpleNamespace(bpy=blender, scene=scene, module=module, obj=obj, path=path, load=load, seen={})
-    original = load("final_render")._fill
+    original = load("render_result")._fill
 
     def fill(layer, name, pixels):
         original(layer, name, pixels)
@@ -50,7 +50,7 @@ def stage(blender, extension, monkeypatch, tmp_path):
         target.rect.foreach_get(flat)
         stage.seen[name] = flat.reshape(*np.asarray(pixels).shape[:2], target.channels)
 
-    monkeypatch.setattr(load("final_render"), "_fill", fill)
+    monkeypatch.setattr(load("render_result"), "_fill", fill)
     yield stage
     load("registry")._entries.clear()
 
@@ -338,46 +338,11 @@ def test_a_defect_of_the_extension_is_a_report_too(stage, monkeypatch):
     assert "Pumice has a defect: ZeroDivisionError" in failure(stage)
 
 
-def test_progress_is_told_and_cancel_leaves_no_picture(stage):
-    """Runs a render with a mock engine, which cancels after its second check."""
-    final_render = stage.load("final_render")
-    point = types.SimpleNamespace(spp=32, seconds=2.0, error_estimate=0.04)
-    looks = []
-
-    class Engine:
-        progress, line = [], ""
-
-        def test_break(self):
-            looks.append(1)
-            return len(looks) > 2
-
-        def update_progress(self, fraction):
-            self.progress.append(fraction)
-
-        def update_stats(self, _title, line):
-            self.line = line
-
-    def until_cancelled(job, on_progress):
-        on_progress(point)
-        while not job.cancelled:
-            pass
-
-    stage.module.during_render = until_cancelled
-    scene = stage.module.Scene({"film": {"width": 2, "height": 2}})
-    limits = {"spp": 128, "seconds": None, "error": 0.02}
-    work = final_render.Work(stage.module, scene, [], [], "cpu", limits)
-    engine = Engine()
-    assert work.watch(engine) is None and work.job.cancelled and not work.thread.is_alive()
-    # A quarter of the samples are done. The error is twice its target, which is also a quarter of the work.
-    assert engine.progress[-1] == pytest.approx(0.25)
-    assert engine.line == "sample 32 of 128 · error 4 % · 2.0 s"
-
-
 def test_what_is_left_out_is_said(stage, monkeypatch):
     said = []
     final_render = stage.load("final_render")
     original = final_render.parts_of_frame
-    monkeypatch.setattr(final_render, "parts_of_frame", lambda *a: (lambda r: (said.extend(r[1]), r)[1])(original(*a)))
+    monkeypatch.setattr(final_render, "parts_of_frame", lambda *a, **k: (lambda r: (said.extend(r[1]), r)[1])(original(*a, **k)))
     stage.scene.render.film_transparent = True
     monkeypatch.setattr(stage.load("sync.drawn"), "TRANSPARENT", False)
     light = stage.bpy.data.objects.new("lamp", stage.bpy.data.lights.new("lamp", "POINT"))

@@ -270,7 +270,7 @@ def test_a_panic_in_the_worker_is_told_and_survived(scene, blender, extension, m
 def test_a_panic_in_a_final_render_is_a_report(scene, blender, monkeypatch, tmp_path):
     scene.render.filepath = str(tmp_path / "a.exr")
     with monkeypatch.context() as broken:
-        broken.setattr(pumice, "render", lambda *_, **__: pumice._native._panic_on_purpose())
+        broken.setattr(pumice.Renderer, "render", lambda *_, **__: pumice._native._panic_on_purpose())
         with pytest.raises(RuntimeError, match="a panic on purpose"):
             blender.ops.render.render(write_still=True)
     assert blender.ops.render.render(write_still=True) == {"FINISHED"}

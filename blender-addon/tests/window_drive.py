@@ -10,6 +10,7 @@ OUT/figures.json:
 
     redraw_ms                 main-thread milliseconds of view_draw while it orbits: [median, largest]
     first_picture_seconds     from a camera change to the first frame of that camera: [median, largest]
+    first_frame_of_f12_seconds  from the begin of a final render to its first frame in Blender's result
     hand_over_1080p_ms        a 1920×1080 frame from a session to a texture: [median, largest]
 
 The exit status is 0 only if every step succeeds.
@@ -273,8 +274,20 @@ ESCAPE = (VIEW, "keydown Escape", "keyup Escape")
 
 
 def final_render(window, area):
-    """Starts F12 as a user does, with the live viewport open: once to its end, once cancelled."""
-    ended = []
+    """Starts F12 as a user does, with the live viewport open: once to its end, once cancelled after it has grown for a while. ESC leaves what
+    there is."""
+    ended, begun, seen = [], [], []
+    result = sys.modules[EXTENSION].render_result
+    show_frame = result.show_frame
+
+    def shown_frame(engine, view_layer, frame, size):
+        show_frame(engine, view_layer, frame, size)
+        if not seen:
+            figures["first_frame_of_f12_seconds"] = time.monotonic() - begun[-1]
+        seen.append(frame.coarse)
+
+    result.show_frame = shown_frame
+    bpy.app.handlers.render_pre.append(lambda *_: begun.append(time.monotonic()))
     bpy.app.handlers.render_complete.append(lambda *_: ended.append("complete"))
     bpy.app.handlers.render_cancel.append(lambda *_: ended.append("cancel"))
     scene = bpy.context.scene
@@ -286,12 +299,31 @@ def final_render(window, area):
             bpy.ops.render.render("INVOKE_DEFAULT")
         yield 2.0
         if press:
+            seen.clear()
+            yield from until(lambda: len(seen) >= 2, "the picture grows")
             assert not ended, "a million samples take longer"
             yield from input_events(*press)
         yield from until(lambda: ended, f"the render ends: {wanted}")
         assert ended == [wanted], ended
         ended.clear()
         yield 0.5
+        picture = saved_result(wanted)
+        assert np.isfinite(picture).all() and (picture[..., :3].max(axis=2) > 0.02).mean() > 0.5, "the sky and the volume are there"
+        # The last row of each picture: it is a picture of the whole film, not of a part.
+        assert picture[0].max() > 0.02 and picture[-1].max() > 0.02
+    result.show_frame = show_frame
+
+
+def saved_result(name):
+    """The pixels of Blender's Render Result, as it saves them."""
+    path = f"{OUT}/{name}.png"
+    bpy.data.images["Render Result"].save_render(path)
+    image = bpy.data.images.load(path)
+    pixels = np.empty(4 * image.size[0] * image.size[1], dtype=np.float32)
+    image.pixels.foreach_get(pixels)
+    pixels = pixels.reshape(image.size[1], image.size[0], 4)
+    bpy.data.images.remove(image)
+    return pixels
 
 
 def compressing():

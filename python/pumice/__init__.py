@@ -18,6 +18,7 @@ from .labels import LabelGroups
 from .mesh import Mesh
 from .picture import CurvePoint, Picture, cryptomatte_hash, devices, render
 from .reference_picture import ReferencePicture
+from .renderer import Renderer
 from .scene import Scene, figure
 from .session import Frame, LabelFilm, Pick, Session, Status
 from .surface import count_faces, surface
@@ -44,6 +45,7 @@ __all__ = [
     "PumiceError",
     "PumiceWarning",
     "ReferencePicture",
+    "Renderer",
     "Scene",
     "Session",
     "Status",

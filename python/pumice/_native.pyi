@@ -252,6 +252,26 @@ class ReferencePicture:
         """
 
 @final
+class Renderer:
+    """
+    A renderer that is kept from one picture to the next.
+    """
+    def __new__(cls, /, backend: str) -> Renderer: ...
+    def latest(self, /, after: SupportsIndex) -> Frame | None:
+        """
+        The newest frame of the picture that is rendered now, if its serial is above `after`; never waits.
+        """
+    def rebuilt(self, /) -> dict[str, int]:
+        """
+        How often each kind of data was built, by name; waits for a picture that is being rendered.
+        """
+    def render(self, /, scene: Scene, volumes: SupportsGetItem[int, Volume], meshes: SupportsGetItem[int, Mesh], limits: tuple[SupportsIndex | None, SupportsFloat | SupportsIndex | None, SupportsFloat | SupportsIndex | None], watching: tuple[bool, bool], *, job: Job | None, on_progress: Any | None) -> Picture:
+        """
+        Renders a scene until the first limit is reached. `watching`: whether frames are published, and whether a cancelled render returns its
+        picture so far.
+        """
+
+@final
 class Scene:
     """
     A validated scene.

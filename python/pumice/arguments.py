@@ -110,9 +110,16 @@ def three_lengths(spacing: Iterable[Any]) -> tuple[float, float, float]:
     return lengths[0], lengths[1], lengths[2]
 
 
-def render_as(backend: str, spp: int | None, seconds: float | None, error: float | None) -> RenderAs:
-    """The backend, and the limits at which a picture is done, checked."""
+def limits(
+    spp: int | None, seconds: float | None, error: float | None
+) -> tuple[int | None, float | None, float | None]:
+    """The limits at which a picture is done, checked."""
     for name, limit in (("seconds", seconds), ("error", error)):
         if limit is not None and not limit > 0:
             raise InputError(f"{name}: expected a number above 0, got {limit}")
-    return RenderAs(backend, None if spp is None else whole("spp", spp, 1, MOST_32), seconds, error)
+    return None if spp is None else whole("spp", spp, 1, MOST_32), seconds, error
+
+
+def render_as(backend: str, spp: int | None, seconds: float | None, error: float | None) -> RenderAs:
+    """The backend, and the limits at which a picture is done, checked."""
+    return RenderAs(backend, *limits(spp, seconds, error))

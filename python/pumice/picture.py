@@ -142,24 +142,38 @@ def render(
     `backend`: `auto`, `cpu`, or one of Vulkan's, alone or with its device: `vulkan-rt`, `vulkan-query:1`, `vulkan-compute:radeon`
     (see `devices`). If a device fails, `auto` continues with the next backend and issues a `PumiceWarning`.
     """
-    if spp is None and seconds is None and error is None and not scene._native.rests():
-        raise InputError("render: give spp, seconds or error, or settings.adaptive in the scene, or it would never end")
+    require_end(scene, spp, seconds, error)
     how = arguments.render_as(backend, spp, seconds, error)
-    told = None
-    if on_progress is not None:
-        call = on_progress
-        told = lambda *point: call(CurvePoint(*point))  # noqa: E731
     native = _native.render(
         scene._native,
         None if volumes is None else in_order(scene, volumes),
         mesh.natives(meshes),
         how,
         job=job,
-        on_progress=told,
+        on_progress=told_points(on_progress),
     )
+    return finished(native)
+
+
+def require_end(scene: Scene, spp: int | None, seconds: float | None, error: float | None) -> None:
+    """Raises InputError for a render without a limit."""
+    if spp is None and seconds is None and error is None and not scene._native.rests():
+        raise InputError("render: give spp, seconds or error, or settings.adaptive in the scene, or it would never end")
+
+
+def told_points(on_progress: Callable[[CurvePoint], None] | None) -> Callable[..., None] | None:
+    """A function that calls `on_progress` with a point, as the compiled part calls it with numbers."""
+    if on_progress is None:
+        return None
+    call = on_progress
+    return lambda *point: call(CurvePoint(*point))
+
+
+def finished(native: _native.Picture) -> Picture:
+    """The picture of a render, with a warning for each device that failed; called by the function that the user called."""
     picture = Picture(native)
     for line in picture.notices:
-        warnings.warn(line, PumiceWarning, stacklevel=2)
+        warnings.warn(line, PumiceWarning, stacklevel=3)
     return picture
 
 

@@ -15,6 +15,7 @@ mod live;
 mod mesh;
 mod picture;
 mod reference_picture;
+mod renderer;
 mod scene;
 mod surface;
 mod volume;
@@ -49,6 +50,8 @@ mod _native {
     use crate::picture::{Picture, cryptomatte_hash, devices, panic_on_purpose, render};
     #[pymodule_export]
     use crate::reference_picture::ReferencePicture;
+    #[pymodule_export]
+    use crate::renderer::Renderer;
     #[pymodule_export]
     use crate::scene::{Scene, figure};
     #[pymodule_export]

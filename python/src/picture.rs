@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use pumice_core::{CompressedVolume, MeshData};
 use pumice_picture::{Image, Matte, Passes};
 use pumice_session::render_file::{PictureFormat, Rendered, render_scene};
-use pumice_session::{OpenOptions, SessionError, Stop};
+use pumice_session::{CurvePoint, OpenOptions, SessionError, Stop};
 use pumice_transport::LoadedScene;
 use pyo3::prelude::*;
 
@@ -21,7 +21,7 @@ use crate::waiting::released;
 
 /// A finished picture. Row 0 is the top.
 #[pyclass(frozen, module = "pumice._native")]
-pub(crate) struct Picture(Rendered);
+pub(crate) struct Picture(pub(crate) Rendered);
 
 /// The pixels of an image: (height, width, 3).
 pub(crate) fn image(image: &Image) -> Array {
@@ -142,7 +142,7 @@ pub(crate) fn render(
     let job = job_of(job);
     let (backend, spp, seconds, error) = how;
     let stop = Stop { spp, seconds, error };
-    let raised: Mutex<Option<PyErr>> = Mutex::new(None);
+    let told = Told::new(on_progress);
     let result = released(py, &job, || {
         let volumes = match volumes {
             Some(volumes) => volumes,
@@ -155,20 +155,40 @@ pub(crate) fn render(
             )?,
         };
         let scene = LoadedScene::new(scene, volumes, meshes)?;
-        render_scene(&scene, &backend, &stop, &job, &mut |point| {
-            let Some(call) = &on_progress else { return };
-            Python::attach(|py| {
-                let arguments = (point.spp, point.seconds, point.cpu_seconds, point.error_estimate);
-                if let Err(error) = call.call1(py, arguments) {
-                    *raised.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
-                    job.cancel();
-                }
-            });
-        })
+        render_scene(&scene, &backend, &stop, &job, &mut |point| told.tell(&job, point))
     });
-    match raised.into_inner().unwrap_or_else(PoisonError::into_inner) {
-        Some(error) => Err(error),
-        None => result.map(Picture),
+    told.result(result)
+}
+
+/// A function of the caller that is told the progress of a render, and the exception that it raised.
+pub(crate) struct Told {
+    call: Option<Py<PyAny>>,
+    raised: Mutex<Option<PyErr>>,
+}
+
+impl Told {
+    pub(crate) fn new(call: Option<Py<PyAny>>) -> Self {
+        Self { call, raised: Mutex::new(None) }
+    }
+
+    /// Calls the function; an exception cancels the job.
+    pub(crate) fn tell(&self, job: &pumice_core::Job, point: &CurvePoint) {
+        let Some(call) = &self.call else { return };
+        Python::attach(|py| {
+            let arguments = (point.spp, point.seconds, point.cpu_seconds, point.error_estimate);
+            if let Err(error) = call.call1(py, arguments) {
+                *self.raised.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
+                job.cancel();
+            }
+        });
+    }
+
+    /// The picture, unless the function or the render failed.
+    pub(crate) fn result(self, rendered: PyResult<Rendered>) -> PyResult<Picture> {
+        match self.raised.into_inner().unwrap_or_else(PoisonError::into_inner) {
+            Some(error) => Err(error),
+            None => rendered.map(Picture),
+        }
     }
 }
 

@@ -27,6 +27,7 @@ use crate::progressive::Stop;
 
 pub use label_film::LabelFilm;
 pub use worker::panic_text;
+pub(crate) use worker::{coarse_divisors, rebuilt_by_name, rows_from_bottom};
 
 /// Options of a live picture.
 #[derive(Clone, Debug, PartialEq)]

@@ -48,6 +48,19 @@ pub struct CurvePoint {
 /// Duration of one call into the renderer: short enough for a smooth progress bar and a quick cancel.
 const SLICE: Duration = Duration::from_millis(200);
 
+impl CurvePoint {
+    /// The point of this progress, at the clock's time.
+    pub(crate) fn of(progress: &Progress, clock: &Stopwatch) -> Self {
+        Self {
+            seconds: clock.seconds(),
+            cpu_seconds: clock.cpu_seconds(),
+            spp: progress.spp,
+            mean_spp: progress.mean_spp,
+            error_estimate: progress.error_estimate.is_finite().then_some(progress.error_estimate),
+        }
+    }
+}
+
 /// Renders until `stop` is met and calls `watch` after each slice.
 ///
 /// # Errors
@@ -58,20 +71,30 @@ pub fn render_until(
     job: &Job,
     watch: &mut dyn FnMut(&CurvePoint),
 ) -> Result<Vec<CurvePoint>, RenderError> {
+    render_watched(renderer, stop, job, &mut |_, point| {
+        watch(point);
+        Ok(())
+    })
+}
+
+/// What is called after each slice, with the renderer so that it can be asked for the picture so far.
+pub(crate) type Watch<'a> = dyn FnMut(&mut dyn Renderer, &CurvePoint) -> Result<(), RenderError> + 'a;
+
+/// As [`render_until`], where `watch` may use the renderer. An error of `watch` ends the render.
+pub(crate) fn render_watched(
+    renderer: &mut dyn Renderer,
+    stop: &Stop,
+    job: &Job,
+    watch: &mut Watch<'_>,
+) -> Result<Vec<CurvePoint>, RenderError> {
     let clock = Stopwatch::start();
     let mut curve: Vec<CurvePoint> = Vec::new();
     loop {
         let left = stop.seconds.map_or(f64::INFINITY, |s| s - clock.seconds());
         let slice = SLICE.min(Duration::from_secs_f64(left.clamp(0.0, 1.0)));
         let progress = renderer.advance(slice, stop.spp.unwrap_or(u32::MAX), job)?;
-        let point = CurvePoint {
-            seconds: clock.seconds(),
-            cpu_seconds: clock.cpu_seconds(),
-            spp: progress.spp,
-            mean_spp: progress.mean_spp,
-            error_estimate: progress.error_estimate.is_finite().then_some(progress.error_estimate),
-        };
-        watch(&point);
+        let point = CurvePoint::of(&progress, &clock);
+        watch(renderer, &point)?;
         if curve.last().is_some_and(|former| former.spp > point.spp) {
             // A device failed and another restarted the picture: the lost samples leave the curve, but their time still counts.
             curve.clear();

@@ -8,7 +8,7 @@ use pumice_core::Job;
 use pumice_picture::Image;
 use pumice_picture::preview::{Guides, filtered};
 use pumice_scene::{Film, Passes};
-use pumice_transport::{LoadedScene, Progress, RenderError, Renderer};
+use pumice_transport::{LoadedScene, Progress, Rebuilt, RenderError, Renderer};
 
 use super::{Frame, LabelFilm, LiveState, MOST_NOTICES, Question, Shared};
 use crate::backend::FallbackRenderer;
@@ -188,15 +188,7 @@ impl Worker {
     fn look_up(&mut self) {
         let (questions, panicking) = {
             let mut board = self.shared.board();
-            let rebuilt = self.renderer.rebuilt();
-            for (name, count) in [
-                ("camera", rebuilt.camera),
-                ("film", rebuilt.film),
-                ("lights", rebuilt.lights),
-                ("materials", rebuilt.materials),
-                ("acceleration", rebuilt.acceleration),
-                ("top_level", rebuilt.top_level),
-            ] {
+            for (name, count) in rebuilt_by_name(self.renderer.rebuilt()) {
                 board.counters.insert(format!("rebuilt.{name}"), count);
             }
             (std::mem::take(&mut board.questions), board.panicking)
@@ -300,8 +292,20 @@ impl Worker {
     }
 }
 
+/// Counts of what was built, by name.
+pub(crate) fn rebuilt_by_name(rebuilt: Rebuilt) -> [(&'static str, u64); 6] {
+    [
+        ("camera", rebuilt.camera),
+        ("film", rebuilt.film),
+        ("lights", rebuilt.lights),
+        ("materials", rebuilt.materials),
+        ("acceleration", rebuilt.acceleration),
+        ("top_level", rebuilt.top_level),
+    ]
+}
+
 /// Colours and alpha (1 if `None`) as four floats per pixel, the lowest row first.
-fn rows_from_bottom(image: &Image, alpha: Option<&[f32]>) -> Vec<f32> {
+pub(crate) fn rows_from_bottom(image: &Image, alpha: Option<&[f32]>) -> Vec<f32> {
     let width = image.width.max(1);
     let places = (0..image.pixels.len() / width).rev().flat_map(|y| y * width..(y + 1) * width);
     let pixel = |place: usize| {
@@ -313,7 +317,7 @@ fn rows_from_bottom(image: &Image, alpha: Option<&[f32]>) -> Vec<f32> {
 
 /// Divisors of the film's sides for the coarse frames: each is half of the previous one, starting with about
 /// [`COARSEST_PIXELS`] pixels and ending with the divisor 2.
-fn coarse_divisors(film: &Film) -> impl Iterator<Item = u32> {
+pub(crate) fn coarse_divisors(film: &Film) -> impl Iterator<Item = u32> {
     let pixels = u64::from(film.width) * u64::from(film.height);
     let halvings = (pixels / COARSEST_PIXELS).max(1).ilog2().div_ceil(2);
     (1..=halvings).rev().map(|h| 1 << h)

@@ -9,10 +9,10 @@ use pumice_transport::{LoadedScene, RenderError, Renderer};
 use serde::Serialize;
 
 use super::provenance::{hash_text, mesh_hash_text};
-use crate::backend::make_renderer;
+use crate::backend::{FallbackRenderer, make_renderer};
 use crate::error::Result;
 use crate::measure::{Stopwatch, peak_rss_bytes};
-use crate::progressive::{CurvePoint, Stop, render_until};
+use crate::progressive::{CurvePoint, Stop, Watch, render_watched};
 use crate::savings::Savings;
 
 /// Cost and estimated error of a picture: the JSON report.
@@ -82,14 +82,41 @@ pub fn render_scene(
     let mut renderer = make_renderer(backend)?;
     renderer.set_scene(loaded)?;
     let prepare_seconds = [clock.seconds(), clock.cpu_seconds()];
-    let (curve, mut picture) = loop {
-        let curve = render_until(&mut renderer, stop, job, watch)?;
+    let (curve, picture) = sampled(&mut renderer, stop, job, &mut |_, point| {
+        watch(point);
+        Ok(())
+    })?;
+    Ok(report(&mut renderer, loaded, prepare_seconds, curve, picture))
+}
+
+/// Renders the scene that a renderer shows until `stop` is met.
+///
+/// # Errors
+/// Any error of the renderer, or of `watch`.
+pub(crate) fn sampled(
+    renderer: &mut FallbackRenderer,
+    stop: &Stop,
+    job: &Job,
+    watch: &mut Watch<'_>,
+) -> Result<(Vec<CurvePoint>, Picture)> {
+    loop {
+        let curve = render_watched(renderer, stop, job, watch)?;
         match renderer.picture() {
             // The device failed when the finished picture was read: another one draws it again.
             Err(RenderError::Restarted) => {}
-            picture => break (curve, picture?),
+            picture => return Ok((curve, picture?)),
         }
-    };
+    }
+}
+
+/// A picture with its provenance, and what it took.
+pub(crate) fn report(
+    renderer: &mut FallbackRenderer,
+    loaded: &LoadedScene,
+    prepare_seconds: [f64; 2],
+    curve: Vec<CurvePoint>,
+    mut picture: Picture,
+) -> Rendered {
     let notices = renderer.notices();
     let bytes: BTreeMap<_, _> = renderer.bytes().into_iter().collect();
     let acceleration_bytes = bytes.get("acceleration").copied().unwrap_or_default();
@@ -112,7 +139,7 @@ pub fn render_scene(
         spp: last.spp,
         error_estimate: last.error_estimate,
     });
-    Ok(Rendered {
+    Rendered {
         picture,
         figures: RenderFigures {
             backend,
@@ -133,7 +160,7 @@ pub fn render_scene(
             savings: None,
         },
         explanation,
-    })
+    }
 }
 
 /// Bytes in memory by part, each volume once.

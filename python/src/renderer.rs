@@ -1,0 +1,74 @@
+//! A renderer that Python keeps from one picture to the next, and whose picture grows while it renders.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use pumice_core::{CompressedVolume, MeshData};
+use pumice_session::{PersistentRenderer, Stop, Watching};
+use pumice_transport::LoadedScene;
+use pyo3::prelude::*;
+
+use crate::errors::IntoException;
+use crate::frame::Frame;
+use crate::job::{Job, job_of};
+use crate::mesh::Mesh;
+use crate::picture::{Picture, Told};
+use crate::scene::Scene;
+use crate::volume::Volume;
+use crate::waiting::released;
+
+/// Limits at which a picture is done: samples a pixel, seconds, relative error.
+type Limits = (Option<u32>, Option<f64>, Option<f64>);
+
+/// A renderer that is kept from one picture to the next.
+#[pyclass(frozen, module = "pumice._native")]
+pub(crate) struct Renderer(PersistentRenderer);
+
+#[pymethods]
+impl Renderer {
+    #[new]
+    fn new(backend: &str) -> PyResult<Self> {
+        PersistentRenderer::new(backend).map(Self).map_err(IntoException::into_exception)
+    }
+
+    /// The newest frame of the picture that is rendered now, if its serial is above `after`; never waits.
+    fn latest(&self, py: Python<'_>, after: u64) -> PyResult<Option<Frame>> {
+        self.0.latest(after).map(|frame| Frame::new(py, frame)).transpose()
+    }
+
+    /// How often each kind of data was built, by name; waits for a picture that is being rendered.
+    fn rebuilt(&self, py: Python<'_>) -> BTreeMap<&'static str, u64> {
+        py.detach(|| self.0.rebuilt()).into_iter().collect()
+    }
+
+    /// Renders a scene until the first limit is reached. `watching`: whether frames are published, and whether a cancelled render returns its
+    /// picture so far.
+    #[pyo3(signature = (scene, volumes, meshes, limits, watching, *, job, on_progress))]
+    #[expect(clippy::too_many_arguments, reason = "the façade's keywords")]
+    fn render(
+        &self,
+        py: Python<'_>,
+        scene: &Bound<'_, Scene>,
+        volumes: Vec<Bound<'_, Volume>>,
+        meshes: Vec<Bound<'_, Mesh>>,
+        limits: Limits,
+        watching: (bool, bool),
+        job: Option<&Bound<'_, Job>>,
+        on_progress: Option<Py<PyAny>>,
+    ) -> PyResult<Picture> {
+        let scene = scene.get().0.clone();
+        let volumes: Vec<Arc<CompressedVolume>> = volumes.iter().map(|v| Arc::clone(&v.get().0)).collect();
+        let meshes: Vec<Arc<MeshData>> = meshes.iter().map(|m| Arc::clone(&m.get().0)).collect();
+        let job = job_of(job);
+        let (spp, seconds, error) = limits;
+        let stop = Stop { spp, seconds, error };
+        let (growing, unfinished) = watching;
+        let told = Told::new(on_progress);
+        let rendered = released(py, &job, || {
+            let scene = LoadedScene::new(scene, volumes, meshes)?;
+            let watching = Watching { growing, unfinished };
+            self.0.render(&scene, &stop, &job, watching, &mut |point| told.tell(&job, point))
+        });
+        told.result(rendered)
+    }
+}

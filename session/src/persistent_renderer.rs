@@ -1,0 +1,226 @@
+//! A renderer that is kept from one picture to the next, such as the frames of an animation, and that shows each picture while it grows.
+//!
+//! ```text
+//! scene ─► set_scene: keeps what it has in common with the last ─► coarse frames ─► samples until a limit ─► picture with its passes
+//!                                                                       └── frames: immutable, numbered ──┘
+//! ```
+//! A picture is bit for bit the one that [`render_scene`](crate::render_file::render_scene) makes of the same scene with the same number of
+//! samples, whatever was drawn before it and whether it was shown: a scene's data do not depend on those of other scenes, and coarse frames
+//! are renders of a smaller film, which are never mixed into it. Unlike a [live picture](crate::live), it has passes and ends.
+
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use pumice_core::Job;
+use pumice_picture::Image;
+use pumice_scene::Film;
+use pumice_transport::{LoadedScene, RenderError, Renderer};
+
+use crate::backend::{FallbackRenderer, make_renderer};
+use crate::error::{Result, SessionError};
+use crate::live::{Frame, coarse_divisors, rebuilt_by_name, rows_from_bottom};
+use crate::measure::Stopwatch;
+use crate::progressive::{CurvePoint, Stop};
+use crate::render_file::{Rendered, report, sampled};
+
+/// Coarse frames take a third of the time of a sample. A picture of so many samples has all of them, at the cost of a hundredth…
+const SAMPLES_FOR_ALL_COARSE: u32 = 32;
+/// … and a picture of fewer those that come within this time: a sample of a large film takes seconds on a processor.
+const COARSE_SECONDS: f64 = 0.4;
+/// Time between two frames.
+const PAUSE_SECONDS: f64 = 1.0;
+/// A frame is due only when this many times the time that the last one took has passed, so that frames take at most a twentieth of it.
+const PAUSES_OF_A_FRAME: f64 = 20.0;
+
+/// What a render does for those who watch it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Watching {
+    /// Whether it publishes frames while it renders.
+    pub growing: bool,
+    /// Whether a cancelled render returns its picture so far, if it has any sample, and not [`RenderError::Cancelled`].
+    pub unfinished: bool,
+}
+
+/// The renderer; see the module.
+#[derive(Debug)]
+pub struct PersistentRenderer {
+    renderer: Mutex<FallbackRenderer>,
+    board: Mutex<Board>,
+}
+
+#[derive(Debug, Default)]
+struct Board {
+    frame: Option<Arc<Frame>>,
+    serial: u64,
+    picture: u64,
+}
+
+/// The frames of one picture: when the next is due.
+struct Pace {
+    clock: Stopwatch,
+    due: f64,
+}
+
+impl PersistentRenderer {
+    /// A renderer with a backend as for `--backend`. The device is opened with the first scene.
+    ///
+    /// # Errors
+    /// When there is no such backend.
+    pub fn new(backend: &str) -> Result<Self> {
+        Ok(Self::of(make_renderer(backend)?))
+    }
+
+    fn of(renderer: FallbackRenderer) -> Self {
+        Self { renderer: Mutex::new(renderer), board: Mutex::default() }
+    }
+
+    /// Renders a scene until `stop` is met, and calls `watch` after each slice. A second call waits for the first.
+    ///
+    /// # Errors
+    /// Any error of the renderer, and [`RenderError::Cancelled`] soon after `job` is cancelled; [`SessionError::Caller`] once a call has
+    /// panicked.
+    pub fn render(
+        &self,
+        scene: &LoadedScene,
+        stop: &Stop,
+        job: &Job,
+        watching: Watching,
+        watch: &mut dyn FnMut(&CurvePoint),
+    ) -> Result<Rendered> {
+        let mut renderer = self.renderer.lock().map_err(|_| {
+            SessionError::Caller("renderer: an earlier picture ended with a panic; make a new one".into())
+        })?;
+        self.board().picture += 1;
+        let rendered = self.drawn(&mut renderer, scene, stop, job, watching, watch);
+        // Whoever wants the last frame has the picture instead.
+        self.board().frame = None;
+        rendered
+    }
+
+    /// The newest frame of the picture that is rendered now, if its serial is above `after`. Never waits for the renderer.
+    pub fn latest(&self, after: u64) -> Option<Arc<Frame>> {
+        self.board().frame.as_ref().filter(|f| f.serial > after).cloned()
+    }
+
+    /// How often each kind of data was built, by name. Waits for a picture that is being rendered.
+    pub fn rebuilt(&self) -> [(&'static str, u64); 6] {
+        rebuilt_by_name(self.renderer.lock().unwrap_or_else(PoisonError::into_inner).rebuilt())
+    }
+
+    fn board(&self) -> MutexGuard<'_, Board> {
+        // Every statement under the lock leaves the board consistent, so a poisoned lock is safe to use.
+        self.board.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn drawn(
+        &self,
+        renderer: &mut FallbackRenderer,
+        scene: &LoadedScene,
+        stop: &Stop,
+        job: &Job,
+        watching: Watching,
+        watch: &mut dyn FnMut(&CurvePoint),
+    ) -> Result<Rendered> {
+        // Something to see at once.
+        let clock = Stopwatch::start();
+        if watching.growing {
+            self.show_coarse(renderer, scene, stop, job)?;
+        }
+
+        // Build what the scene needs and the last one had not.
+        renderer.set_scene(scene)?;
+        let prepare_seconds = [clock.seconds(), clock.cpu_seconds()];
+
+        // Add samples, with a frame now and then.
+        let mut pace = Pace { clock: Stopwatch::start(), due: 0.0 };
+        let sampling = sampled(renderer, stop, job, &mut |renderer, point| {
+            watch(point);
+            if watching.growing && pace.clock.seconds() >= pace.due {
+                let start = pace.clock.seconds();
+                self.publish(renderer, point, false)?;
+                let took = pace.clock.seconds() - start;
+                pace.due = start + PAUSE_SECONDS.max(took * PAUSES_OF_A_FRAME);
+            }
+            Ok(())
+        });
+
+        // A cancelled picture has what there is.
+        let (curve, picture) = match sampling {
+            Err(SessionError::Render(RenderError::Cancelled)) if watching.unfinished => {
+                // Asks for progress and adds no sample.
+                let progress = renderer.advance(Duration::ZERO, 0, &Job::new())?;
+                let picture = match renderer.picture() {
+                    // The device failed and took the samples with it.
+                    Err(RenderError::Restarted) => return Err(RenderError::Cancelled.into()),
+                    picture => picture?,
+                };
+                if progress.mean_spp == 0.0 {
+                    return Err(RenderError::Cancelled.into());
+                }
+                (vec![CurvePoint::of(&progress, &pace.clock)], picture)
+            }
+            sampling => sampling?,
+        };
+        Ok(report(renderer, scene, prepare_seconds, curve, picture))
+    }
+
+    /// Publishes frames with fewer pixels than the film, finer each time, as long as they are worth it.
+    fn show_coarse(
+        &self,
+        renderer: &mut FallbackRenderer,
+        scene: &LoadedScene,
+        stop: &Stop,
+        job: &Job,
+    ) -> Result<()> {
+        let all = stop.spp.is_none_or(|spp| spp >= SAMPLES_FOR_ALL_COARSE);
+        let film = scene.scene().film;
+        let clock = Stopwatch::start();
+        for divisor in coarse_divisors(&film) {
+            let [width, height] = [film.width, film.height].map(|n| n.div_ceil(divisor));
+            renderer.set_scene(&scene.with_film(Film { width, height, ..film })?)?;
+            let start = clock.seconds();
+            let progress = renderer.advance(Duration::ZERO, 1, job)?;
+            self.publish(renderer, &CurvePoint::of(&progress, &clock), true)?;
+            // The next has four times as many pixels.
+            if !all && clock.seconds() + 4.0 * (clock.seconds() - start) > COARSE_SECONDS {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    /// Publishes the picture so far as the newest frame; if a device failure has restarted it, there is nothing to show.
+    fn publish(
+        &self,
+        renderer: &mut dyn Renderer,
+        point: &CurvePoint,
+        coarse: bool,
+    ) -> std::result::Result<(), RenderError> {
+        let read =
+            |renderer: &mut dyn Renderer| -> std::result::Result<(Image, Option<Vec<f32>>), RenderError> {
+                Ok((renderer.color()?, renderer.alpha()?))
+            };
+        let (image, alpha) = match read(renderer) {
+            Err(RenderError::Restarted) => return Ok(()),
+            read => read?,
+        };
+        let rgba = rows_from_bottom(&image, alpha.as_deref());
+        let mut board = self.board();
+        board.serial += 1;
+        board.frame = Some(Arc::new(Frame {
+            width: image.width as u32,
+            height: image.height as u32,
+            rgba,
+            serial: board.serial,
+            revision: board.picture,
+            spp: point.spp,
+            error_estimate: point.error_estimate.unwrap_or(f64::INFINITY),
+            seconds: point.seconds,
+            cpu_seconds: point.cpu_seconds,
+            coarse,
+            filtered: false,
+            converged: false,
+        }));
+        Ok(())
+    }
+}
