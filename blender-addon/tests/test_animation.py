@@ -127,6 +127,44 @@ def test_each_frame_is_that_of_a_fresh_render(blender, scene, kept, tmp_path):  
         former = fresh
 
 
+def by_part(path):
+    """The channels of each part of an OpenEXR file, under their whole names."""
+    import OpenImageIO
+
+    found, part = {}, 0
+    file = OpenImageIO.ImageInput.open(str(path))
+    while file.seek_subimage(part, 0):
+        spec = file.spec()
+        names = [f"{spec.getattribute('name') or ''}:{name}" for name in spec.channelnames]
+        pixels = file.read_image(part, 0, 0, spec.nchannels, "float")
+        found.update({name: pixels[..., at] for at, name in enumerate(names)})
+        part += 1
+    return found
+
+
+def test_view_layers_take_turns_with_one_renderer(blender, scene, kept, tmp_path):  # noqa: F811
+    """A second layer without the mesh, and with other passes: each frame draws both, and each is that of a fresh render."""
+    scene.pumice.samples = 2
+    sail = mesh_object(blender, "sail")
+    apart = blender.data.collections.new("apart")
+    scene.collection.children.link(apart)
+    scene.collection.objects.unlink(sail)
+    apart.objects.link(sail)
+    second = scene.view_layers.new("second")
+    second.layer_collection.children["apart"].exclude = True
+    second.use_pass_z = True
+    key(scene.camera, "location", [scene.camera.location.copy(), scene.camera.location * 1.2])
+    animated(blender, scene, tmp_path, [1, 2])
+    assert len(kept) == 4 and all(k is kept[0] for k in kept)
+    for frame in (1, 2):
+        moving = by_part(tmp_path / f"anim_{frame:04}.exr")
+        still(blender, scene, tmp_path, frame)
+        fresh = by_part(tmp_path / "still.exr")
+        assert fresh.keys() == moving.keys() and all(np.array_equal(fresh[name], moving[name]) for name in fresh)
+        first, other = ([fresh[name] for name in sorted(fresh) if layer in name and "Combined" in name] for layer in ("ViewLayer", "second"))
+        assert len(first) == 4 and not np.array_equal(first, other), "the layers differ"
+
+
 @pytest.mark.parametrize("what", ["camera", "alpha", "cut", "visibility"])
 def test_frames_build_only_what_changed(blender, scene, kept, tmp_path, what):  # noqa: F811
     """Three frames: a hierarchy for the volume and one for the mesh, and nothing twice but what moves."""
