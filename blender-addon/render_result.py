@@ -26,7 +26,8 @@ def show_frame(engine, view_layer, frame, size):
     pixels = np.asarray(frame)
     if frame.coarse:
         rows, columns = (np.arange(many) * few // many for many, few in ((height, frame.height), (width, frame.width)))
-        pixels = pixels[rows][:, columns]
+        # Columns first: then whole rows are copied.
+        pixels = pixels[:, columns][rows]
     result = engine.begin_result(0, 0, width, height, layer=view_layer.name)
     try:
         _fill(result.layers[0], "Combined", pixels[::-1])

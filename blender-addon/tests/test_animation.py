@@ -71,6 +71,13 @@ def everything_moves(bpy, scene):  # noqa: F811
     key(shader.inputs["Alpha"], "default_value", [1.0, 0.3])
     key(shader.inputs["Roughness"], "default_value", [0.2, 0.9])
     key(shader.inputs["Emission Strength"], "default_value", [0.0, 0.5])
+    # A group of every third label, which fades faster.
+    group = volume.active_material.copy()
+    volume.data.materials.append(group)
+    slots = volume.pumice.table.attributes["slot"].data
+    slots.foreach_set("value", [int(label % 3 == 0) for label in range(len(slots))])
+    fading = next(n for n in group.node_tree.nodes if n.type == "BSDF_PRINCIPLED")
+    key(fading.inputs["Alpha"], "default_value", [0.9, 0.0])
     cut = bpy.data.objects.new("cut", None)
     scene.collection.objects.link(cut)
     cut.pumice.cut = "PLANE"
@@ -118,6 +125,44 @@ def test_each_frame_is_that_of_a_fresh_render(blender, scene, kept, tmp_path):  
             assert np.array_equal(pixels, pictures[frame][name]), (frame, name)
         assert former is None or not np.array_equal(former["Combined.R"], fresh["Combined.R"]), "the frames differ"
         former = fresh
+
+
+def by_part(path):
+    """The channels of each part of an OpenEXR file, under their whole names."""
+    import OpenImageIO
+
+    found, part = {}, 0
+    file = OpenImageIO.ImageInput.open(str(path))
+    while file.seek_subimage(part, 0):
+        spec = file.spec()
+        names = [f"{spec.getattribute('name') or ''}:{name}" for name in spec.channelnames]
+        pixels = file.read_image(part, 0, 0, spec.nchannels, "float")
+        found.update({name: pixels[..., at] for at, name in enumerate(names)})
+        part += 1
+    return found
+
+
+def test_view_layers_take_turns_with_one_renderer(blender, scene, kept, tmp_path):  # noqa: F811
+    """A second layer without the mesh, and with other passes: each frame draws both, and each is that of a fresh render."""
+    scene.pumice.samples = 2
+    sail = mesh_object(blender, "sail")
+    apart = blender.data.collections.new("apart")
+    scene.collection.children.link(apart)
+    scene.collection.objects.unlink(sail)
+    apart.objects.link(sail)
+    second = scene.view_layers.new("second")
+    second.layer_collection.children["apart"].exclude = True
+    second.use_pass_z = True
+    key(scene.camera, "location", [scene.camera.location.copy(), scene.camera.location * 1.2])
+    animated(blender, scene, tmp_path, [1, 2])
+    assert len(kept) == 4 and all(k is kept[0] for k in kept)
+    for frame in (1, 2):
+        moving = by_part(tmp_path / f"anim_{frame:04}.exr")
+        still(blender, scene, tmp_path, frame)
+        fresh = by_part(tmp_path / "still.exr")
+        assert fresh.keys() == moving.keys() and all(np.array_equal(fresh[name], moving[name]) for name in fresh)
+        first, other = ([fresh[name] for name in sorted(fresh) if layer in name and "Combined" in name] for layer in ("ViewLayer", "second"))
+        assert len(first) == 4 and not np.array_equal(first, other), "the layers differ"
 
 
 @pytest.mark.parametrize("what", ["camera", "alpha", "cut", "visibility"])

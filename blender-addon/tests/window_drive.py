@@ -10,7 +10,7 @@ OUT/figures.json:
 
     redraw_ms                 main-thread milliseconds of view_draw while it orbits: [median, largest]
     first_picture_seconds     from a camera change to the first frame of that camera: [median, largest]
-    first_frame_of_f12_seconds  from the begin of a final render to its first frame in Blender's result
+    first_f12_frame_seconds   from the begin of a final render to its first frame in Blender's result
     hand_over_1080p_ms        a 1920×1080 frame from a session to a texture: [median, largest]
 
 The exit status is 0 only if every step succeeds.
@@ -283,7 +283,7 @@ def final_render(window, area):
     def shown_frame(engine, view_layer, frame, size):
         show_frame(engine, view_layer, frame, size)
         if not seen:
-            figures["first_frame_of_f12_seconds"] = time.monotonic() - begun[-1]
+            figures["first_f12_frame_seconds"] = time.monotonic() - begun[-1]
         seen.append(frame.coarse)
 
     result.show_frame = shown_frame

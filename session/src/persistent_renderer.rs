@@ -224,3 +224,39 @@ impl PersistentRenderer {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::backend::fakes::{At, full, scene, ways};
+
+    fn drawn(fails: &[(&'static str, At)]) -> Result<Rendered> {
+        let renderer = PersistentRenderer::of(ways(fails, full).0);
+        let stop = Stop { spp: Some(4), ..Stop::default() };
+        let watching = Watching { growing: true, unfinished: true };
+        renderer.render(&scene([4, 2]), &stop, &Job::new(), watching, &mut |_| ())
+    }
+
+    #[test]
+    fn a_device_that_fails_is_followed_by_the_next_and_told() {
+        for at in [At::Open, At::SetScene, At::Advance, At::Color, At::Picture] {
+            let made = drawn(&[("vulkan-rt", at), ("cpu", At::Never)]).unwrap();
+            // The picture comes from one renderer: four samples, all after the failure.
+            assert_eq!(
+                (made.picture.color.pixels[0], made.figures.backend.as_str()),
+                ([4.0; 3], "cpu"),
+                "{at:?}"
+            );
+            let told = "vulkan-rt on X: out of GPU memory; going on with cpu".to_string();
+            assert!(made.figures.notices.contains(&told), "{at:?}: {:?}", made.figures.notices);
+        }
+    }
+
+    #[test]
+    fn the_last_devices_failure_is_the_callers_error() {
+        for at in [At::Open, At::SetScene, At::Advance, At::Color, At::Picture] {
+            let error = drawn(&[("vulkan-rt", at)]).unwrap_err();
+            assert_eq!(error.to_string(), "vulkan-rt on X: out of GPU memory", "{at:?}");
+        }
+    }
+}

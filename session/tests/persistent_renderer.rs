@@ -59,7 +59,7 @@ fn frames(volume: &Arc<CompressedVolume>) -> Vec<(&'static str, Scene)> {
         change(&mut scene.instances[0].style);
         scene
     };
-    let ghost = style(&|s| s.material = Material { alpha: 0.3, ..s.material.clone() });
+    let ghost = style(&|s| s.material = Material { alpha: 0.3, ..s.material });
     let hidden = style(&|s| s.show = Show::Only(vec![9]));
     let mut cut = moved.clone();
     cut.cuts.push(Cut {
