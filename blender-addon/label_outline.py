@@ -38,9 +38,10 @@ def mask(pixels, selections):
         selected = np.zeros(most + 1, dtype=bool)
         selected[1 : len(flags) + 1] = flags[:most]
         chosen |= (table[instance] == place) & selected[label]
-    edges = np.zeros(label.shape, dtype=bool)
+    # Instance and label as one number: half the comparisons.
+    seen, edges = np.ascontiguousarray(pixels).view(np.uint64)[..., 0], np.zeros(label.shape, dtype=bool)
     for before, after in (((slice(None), slice(None, -1)), (slice(None), slice(1, None))), (np.s_[:-1, :], np.s_[1:, :])):
-        apart = (pixels[before] != pixels[after]).any(axis=-1) & (chosen[before] | chosen[after])
+        apart = (seen[before] != seen[after]) & (chosen[before] | chosen[after])
         edges[before] |= apart
         edges[after] |= apart
     return edges

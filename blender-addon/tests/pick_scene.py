@@ -23,20 +23,21 @@ def block(ids, path, names):
 
 
 def made(bpy, folder):
-    """(first, duplicate, second) volume objects in front of a camera, and a scene that F12 renders in a moment."""
+    """(first, duplicate, second) volume objects in front of a camera, in a scene that F12 renders in a moment. They do not overlap: a cap of
+    two solids that a plane cuts would be as near as the other."""
     first = imported(bpy, block(FIRST_IDS, folder / "first.pumice", {3: "Axon one", 17: "glia"}), longest_side=6.0)
     second = imported(bpy, block(SECOND_IDS, folder / "second.pumice", {}), longest_side=6.0, placement="CENTER")
     duplicate = first.copy()
     scene = bpy.context.scene
     scene.collection.objects.link(duplicate)
-    for obj, place, turn in ((first, (-1, 0, 1), 0.4), (duplicate, (2.5, 1, -1.5), -0.8), (second, (1, -1.5, 1.5), 0.2)):
+    for obj, place, turn in ((first, (-1, 0, 1), 0.4), (duplicate, (2.5, 4.5, -1.5), -0.8), (second, (1, -5, 1.5), 0.2)):
         obj.location, obj.rotation_euler = obj.location + Vector(place), Euler((turn, 0.3, -turn))
     mesh = bpy.data.meshes.new("screen")
-    mesh.from_pydata([(-3, -3, -2), (-1, -3, -2), (-1, -3, 2), (-3, -3, 2)], [], [(0, 1, 2, 3)])
+    mesh.from_pydata([(-3, -8, -2), (-1, -8, -2), (-1, -8, 2), (-3, -8, 2)], [], [(0, 1, 2, 3)])
     scene.collection.objects.link(bpy.data.objects.new("screen", mesh))
 
     camera = scene.camera
-    camera.location, camera.rotation_euler = (0, -16, 3), Euler((1.4, 0, 0))
+    camera.location, camera.rotation_euler = (0, -20, 3), Euler((1.4, 0, 0))
     render = scene.render
     render.resolution_x, render.resolution_y, render.resolution_percentage = *SIZE, 100
     scene.pumice.samples, scene.pumice.bounces, scene.pumice.backend = 1, 0, "CPU"
@@ -51,11 +52,11 @@ def made(bpy, folder):
 
 
 def knife(bpy):
-    """An empty that cuts the volumes by a plane through their middle."""
+    """An empty that cuts the upper parts of two volumes off."""
     empty = bpy.data.objects.new("knife", None)
     bpy.context.scene.collection.objects.link(empty)
     empty.pumice.cut = "PLANE"
-    empty.rotation_euler = (1.2, 0.3, 0.0)
+    empty.location, empty.rotation_euler = (0.0, 0.0, 1.2), (0.2, 0.1, 0.0)
     bpy.context.view_layer.update()
 
 

@@ -67,6 +67,7 @@ def test_the_texture_covers_the_mask_and_no_more(outline, monkeypatch):
     monkeypatch.setattr(outline.gpu.types, "GPUTexture", texture, raising=False)
     pixels = np.zeros((12, 16, 2), dtype=np.uint32)
     pixels[3:6, 5:9] = (1, 1)
+    pixels[5, 7:9] = 0
     one = outline.Outline()
     one.update(pixels, [([1], np.array([True]))])
     size, form, values = uploads[0]

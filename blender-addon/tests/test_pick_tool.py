@@ -20,7 +20,7 @@ def toolbar():
 
 
 def keys(blender):
-    """{(operator, type, value, shift, alt): properties that are set} of the tool's keymap; None without it."""
+    """{(operator, type, value, shift, alt): properties that are set, since the others would be those of the last call} of the tool's keymap; None without it."""
     keymap = blender.context.window_manager.keyconfigs.addon.keymaps.get(NAME)
     if keymap is None:
         return None
@@ -28,7 +28,7 @@ def keys(blender):
     found = {}
     for item in keymap.keymap_items:
         operator = item.idname.removeprefix("pumice.")
-        values = {name: getattr(item.properties, name) for name in named.get(operator, ())}
+        values = {name: getattr(item.properties, name) for name in named.get(operator, ()) if item.properties.is_property_set(name)}
         found[operator, item.type, item.value, bool(item.shift), bool(item.alt)] = values
     return found
 

@@ -54,6 +54,8 @@ def steps(package, out, window, area, shown, converged, until, events, shot):
         assert len(ranked) == count, f"{len(ranked)} labels are large enough to click"
         return [(row, pixels[len(pixels) // 2]) for row, pixels in ranked]
 
+    samples, scene.pumice.viewport_samples = scene.pumice.viewport_samples, 4
+    yield 0.5
     bpy.ops.ed.undo_push(message="before picking")
     with bpy.context.temp_override(window=window, area=area, region=region):
         assert bpy.ops.wm.tool_set_by_id(name="pumice.pick") == {"FINISHED"}
@@ -131,6 +133,8 @@ def steps(package, out, window, area, shown, converged, until, events, shot):
     yield from until(lambda: bpy.data.objects[name].hide_get(), "H hides the object with another tool")
     yield from events(on_screen(*at), "key ctrl+z")
     yield from until(lambda: not bpy.data.objects[name].hide_get(), "undo shows it again")
+    bpy.context.scene.pumice.viewport_samples = samples  # undo has made another `scene`
+    yield 0.5
     yield from film()
 
 
