@@ -274,6 +274,21 @@ def write_tiff(path, dense):
     path.write_bytes(bytes(out))
 
 
+def test_a_reload_that_is_cancelled_or_fails_changes_nothing(cells, source, load, capfd, monkeypatch):
+    import pumice
+
+    reading, before, path = load("reload_volume").Reading, by_id(load, cells), cells.pumice.filepath
+    write(source, SECOND)
+    monkeypatch.setattr(reading, "_run", lambda self: setattr(self, "error", pumice.Cancelled("cancelled")))
+    assert bpy.ops.pumice.reload() == {"CANCELLED"}
+    assert "Cancelled" in capfd.readouterr().out
+    monkeypatch.undo()
+    source.write_bytes(source.read_bytes()[:-50])
+    with pytest.raises(RuntimeError, match="cells.pumice"):
+        bpy.ops.pumice.reload()
+    assert by_id(load, cells) == before and cells.pumice.filepath == path
+
+
 def test_what_cannot_be_reloaded_is_said(cells, source, load):
     source.unlink()
     with pytest.raises(RuntimeError, match=re.escape(f"{source}: the source is missing; set Source")):

@@ -68,10 +68,13 @@ class LabelTable:
         neighbours, from a palette of 36, for normal and colour-blind eyes; `visible` then has no effect.
         """
         shown = None if visible is None else np.asarray(visible, dtype=bool).tolist()
-        kept = None if known is None else np.ascontiguousarray(known, dtype=np.float32)
-        if kept is not None and kept.shape != (len(self), 3):
-            raise InputError(f"known: expected an array ({len(self)}, 3), got {kept.shape}")
-        return np.asarray(self._volume.auto_colors(shown, None if kept is None else kept.ravel()))
+        kept: Any = None  # the types of Python 3.11 do not know that arrays are buffers
+        if known is not None:
+            kept = np.ascontiguousarray(known, dtype=np.float32)
+            if kept.shape != (len(self), 3):
+                raise InputError(f"known: expected an array ({len(self)}, 3), got {kept.shape}")
+            kept = kept.ravel()
+        return np.asarray(self._volume.auto_colors(shown, kept))
 
 
 class Volume:
