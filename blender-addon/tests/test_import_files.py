@@ -104,7 +104,7 @@ def test_a_script_is_told_which_order_an_array_is_taken_in(blender, tmp_path, ca
     np.save(tmp_path / "a.npy", some_labels())
     (obj,) = imported(tmp_path / "a.npy")
     assert tuple(obj.pumice.dims) == DIMS
-    assert "(5, 4, 3) is taken as xyz" in capfd.readouterr().out
+    assert "(5, 4, 3) is taken as xyz (give axes xyz or zyx)" in capfd.readouterr().out
     (again,) = imported(tmp_path / "a.npy", axes="xyz")
     assert "is taken as" not in capfd.readouterr().out
     np.testing.assert_array_equal(pumice.open(again.pumice.filepath).decode(), some_labels())
