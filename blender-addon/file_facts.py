@@ -33,7 +33,8 @@ class Facts:
         self._said, self._menus = {}, {}
 
     def of(self, path, choice):
-        """What a file says, read with `choice`: the fields of `pumice.probe`, or one line that says why it cannot be read."""
+        """What a file says, read with `choice`: the fields of `pumice.probe`, or one line that says why it cannot be read. Of a compressed volume it
+        has `kind` and the file's bytes, because reading more of it may take as long as opening it."""
         key = path, json.dumps(choice, sort_keys=True)
         if key not in self._said:
             self._said[key] = _header(path, choice)
@@ -83,10 +84,7 @@ def _header(path, choice):
     try:
         if not cache.is_compressed(path):
             return native.require().probe(path, **choice)
-        # Without a label only the table of labels is read.
-        volume = native.require().open(path, labels=[])
-        fields = {name: getattr(volume, name) for name in ("dims", "spacing", "unit", "label_type")}
-        return {**fields, "kind": "pumice", "labels": len(volume.labels.ids), "warnings": []}
+        return {"kind": "pumice", "bytes_disk": os.path.getsize(path), "warnings": []}
     except Exception as error:
         return one_line(error)
 
@@ -97,6 +95,8 @@ def _choices(said):
 
 
 def _size(said):
+    if said["kind"] == "pumice":
+        return f"compressed volume of {_bytes(said['bytes_disk'])}, opened as it is"
     x, y, z = said["dims"]
     size = " × ".join(f"{length:.6g}" for length in said["spacing"])
     unit = UNITS.get(said["unit"], said["unit"])
@@ -105,12 +105,11 @@ def _size(said):
 
 def _facts(said, is_kept):
     yield _size(said)
-    letters = said.get("orientation")
+    if said["kind"] == "pumice":
+        return
+    letters = said["orientation"]
     if letters:
         yield f"{letters}: x, y and z run to {', '.join(DIRECTIONS[letter] for letter in letters)}"
-    if said["kind"] == "pumice":
-        yield f"Compressed already: {said['labels']} labels"
-        return
     yield f"{said['format']}, {said['encoding']}; {_bytes(said['bytes_uncompressed'])} of voxels"
     if is_kept:
         yield "Compressed before: opens at once"

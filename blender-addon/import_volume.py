@@ -96,7 +96,8 @@ class PUMICE_OT_import_volume(ImportDialog, InBackground, bpy.types.Operator):
         if not self.asked:
             for one in opened:
                 for line in one.warnings:
-                    self.report({"WARNING"}, line)
+                    # The reader names options of the command, which are properties here.
+                    self.report({"WARNING"}, line.replace("(give --", "(give "))
         if units.differ_unknown([one.volume.unit for one in opened]):
             self.report({"WARNING"}, "Some of the files state no unit: their lengths are taken in the unit of the others")
         volumes = [one.volume for one in opened]

@@ -2,7 +2,7 @@
 //! array's axes.
 //!
 //! A reader asks with [`choose`] while it reads the header. If the caller has not chosen, it describes the first volume and records an
-//! [`OpenChoice`]: [`crate::probe`] lists these, and [`crate::open`] refuses a file with a choice that has no default.
+//! [`OpenChoice`]: [`crate::probe()`] lists these, and [`crate::open()`] refuses a file with a choice that has no default.
 
 use std::path::Path;
 
@@ -26,7 +26,7 @@ pub struct OpenChoice {
     pub values: Vec<ChoiceValue>,
     /// Number of answers.
     pub count: u64,
-    /// The answer that is assumed; `None` where [`crate::open`] refuses the file without an answer.
+    /// The answer that is assumed; `None` where [`crate::open()`] refuses the file without an answer.
     pub assumed: Option<&'static str>,
 }
 

@@ -10,15 +10,14 @@
 //! shared: `stream` turns a file into the plain bytes of the voxels, `layout` maps each byte to a voxel, `element` turns bytes into labels
 //! and refuses values that are not labels, and `slab` combines these with bounded memory.
 
-pub mod choice;
 pub mod error;
 pub mod label_tables;
 pub mod mesh;
 pub mod open;
 pub mod options;
-pub mod orientation;
 pub mod write;
 
+mod choice;
 mod element;
 mod gzip;
 mod header_text;
@@ -32,6 +31,7 @@ mod npy_header;
 mod npz;
 mod nrrd;
 mod nrrd_header;
+mod orientation;
 mod placement;
 mod ply;
 mod raw;
