@@ -15,7 +15,6 @@ import bpy
 from bpy.props import EnumProperty
 from mathutils import Matrix, Vector
 
-from . import volume_object
 from .properties import is_volume
 from .reports import Refused, log, one_line
 from .sync import cuts

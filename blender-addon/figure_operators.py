@@ -16,7 +16,6 @@ from bpy.props import EnumProperty
 
 from . import figure_follow, figure_part, figure_settings, final_render, legend, native, overlay, preferences, registry
 from .background import InBackground, Work
-from .label_search import table_of
 from .properties import is_volume
 from .reports import Refused, log, one_line
 
@@ -88,10 +87,16 @@ class PUMICE_OT_figure_size(_OfFigure, bpy.types.Operator):
         return size_line(context.scene)
 
 
+def active_volume(context):
+    """The active object if it is a volume. In Output, where the buttons are, Blender's `context.object` is None."""
+    obj = context.view_layer.objects.active
+    return obj if obj is not None and is_volume(obj) else None
+
+
 class _AddsPart(_OfFigure):
     @classmethod
     def poll(cls, context):
-        if context.object is None or not is_volume(context.object):
+        if active_volume(context) is None:
             cls.poll_message_set("Make a volume active first")
             return False
         if context.scene.camera is None:
@@ -117,7 +122,7 @@ class PUMICE_OT_add_scale_bar(_AddsPart, bpy.types.Operator):
     corner: EnumProperty(name="Corner", description="Corner of the picture", items=figure_settings.CORNERS, default="LOWER_RIGHT")
 
     def change(self, context):
-        volume = context.object
+        volume = active_volume(context)
         obj = figure_part.create(context, "Scale Bar", "SCALE_BAR", volume)
         obj.pumice_figure.corner = self.corner
         self.made(context, obj)
@@ -143,9 +148,9 @@ class PUMICE_OT_add_legend(_AddsPart, bpy.types.Operator):
     corner: EnumProperty(name="Corner", description="Corner of the picture", items=figure_settings.CORNERS, default="UPPER_LEFT")
 
     def change(self, context):
-        volume, labels = context.object, ""
+        volume, labels = active_volume(context), ""
         if self.entries == "SELECTED":
-            labels = legend.selected(table_of(context))
+            labels = legend.selected(volume.pumice.table)
             if not labels:
                 raise Refused("No label is selected; search and select those that the legend is to list")
         shown, problems = legend.entries(volume, labels)
@@ -169,7 +174,7 @@ class PUMICE_OT_figure_estimate(InBackground, bpy.types.Operator):
     def begin(self, context):
         pumice = native.require()
         parts, _ = final_render.parts_of_frame(context.evaluated_depsgraph_get(), as_rendered=True)
-        self._pixels = parts.film["width"] * parts.film["height"]
+        self._size = parts.film["width"], parts.film["height"]
         small = dataclasses.replace(parts, film=probe_film(parts.film))
         scene, geometries = small.made(pumice), small.geometries()
         sources, backend = small.sources(), preferences.backend(context.scene.pumice)
@@ -185,7 +190,7 @@ class PUMICE_OT_figure_estimate(InBackground, bpy.types.Operator):
     def finish(self, context, result):
         picture, count = result
         scene = context.scene
-        scene.pumice_figure.estimate = estimate(picture, self._pixels / count, final_render.limits(scene.pumice))
+        scene.pumice_figure.estimate = estimate(picture, count, self._size, final_render.limits(scene.pumice))
         self.report({"INFO"}, scene.pumice_figure.estimate)
 
 
@@ -196,8 +201,8 @@ def probe_film(film):
     return {name: value for name, value in {**film, **sides}.items() if name not in {"passes", "cryptomatte_ranks"}}
 
 
-def estimate(picture, pixels_ratio, limits):
-    """What a picture with `pixels_ratio` times as many pixels takes until the first of its limits, from a probe.
+def estimate(picture, probe_pixels, size, limits):
+    """What a picture of this size takes until the first of its limits, from a probe of `probe_pixels` pixels.
 
     Seconds are in proportion to pixels and samples, and the error to one over the root of the samples. That is not exact: a larger picture
     has smoother pixels, and adaptive sampling ends earlier.
@@ -206,14 +211,15 @@ def estimate(picture, pixels_ratio, limits):
     if error is None or not math.isfinite(error):
         return "The probe got too few samples to know an error"
     unit_error = error * math.sqrt(picture.spp)
-    unit_seconds = picture.seconds / picture.spp * pixels_ratio
+    unit_seconds = picture.seconds / picture.spp * (size[0] * size[1] / probe_pixels)
     if limits["error"]:
         # Samples come in fours, one for each of the independent estimates that the error is found from.
         samples = min(samples, 4 * math.ceil((unit_error / limits["error"]) ** 2 / 4))
     if limits["seconds"]:
         samples = min(samples, max(1, int(limits["seconds"] / unit_seconds)))
     error = overlay.percent(unit_error / math.sqrt(samples))
-    return f"About {duration(samples * unit_seconds)} for {samples:,} samples, error about {error} (a guess from {picture.spp} samples)"
+    wanted = f"{samples:,} samples of {size[0]:,} × {size[1]:,} pixels"
+    return f"About {duration(samples * unit_seconds)} for {wanted}, error about {error} (a guess from {picture.spp} samples)"
 
 
 def duration(seconds):

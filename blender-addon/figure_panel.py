@@ -10,7 +10,7 @@ from . import figure_follow, figure_operators, figure_settings
 
 
 class PUMICE_OUTPUT_PT_figure(bpy.types.Panel):
-    """Panel: the figure, first in Output."""
+    """Panel: the figure, in Output."""
 
     bl_label = "Figure"
     bl_space_type = "PROPERTIES"

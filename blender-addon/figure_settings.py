@@ -100,17 +100,31 @@ class PumiceFigureSettings(bpy.types.PropertyGroup):
     """The figure of a scene."""
 
     width_mm: FloatProperty(
-        name="Width", description="Width on paper in millimeters. Writes Output's resolution",
-        min=1.0, max=10_000.0, default=162.56, precision=2, update=_resized,
-    )  # fmt: skip
+        name="Width",
+        description="Width on paper in millimeters. Writes Output's resolution",
+        min=1.0,
+        max=10_000.0,
+        default=162.56,
+        precision=2,
+        update=_resized,
+    )
     height_mm: FloatProperty(
-        name="Height", description="Height on paper in millimeters. Writes Output's resolution",
-        min=1.0, max=10_000.0, default=91.44, precision=2, update=_resized,
-    )  # fmt: skip
+        name="Height",
+        description="Height on paper in millimeters. Writes Output's resolution",
+        min=1.0,
+        max=10_000.0,
+        default=91.44,
+        precision=2,
+        update=_resized,
+    )
     dpi: IntProperty(
-        name="DPI", description="Pixels per inch on paper. Writes Output's resolution; the size on paper stays",
-        min=18, max=4800, default=300, update=_resized,
-    )  # fmt: skip
+        name="DPI",
+        description="Pixels per inch on paper. Writes Output's resolution; the size on paper stays",
+        min=18,
+        max=4800,
+        default=300,
+        update=_resized,
+    )
     parts: PointerProperty(
         name="Parts", description="Collection with the scale bars and legends that follow camera and volume", type=bpy.types.Collection
     )
@@ -151,16 +165,22 @@ class PumiceFigurePart(bpy.types.PropertyGroup):
         name="Plane", description="Where the bar is true in a perspective view", items=PLANES, default="MIDDLE", update=_changed
     )
     distance: FloatProperty(
-        name="Distance", description="Distance of the plane from the camera along its axis", min=1e-6, default=10.0, subtype="DISTANCE",
+        name="Distance",
+        description="Distance of the plane from the camera along its axis",
+        min=1e-6,
+        default=10.0,
+        subtype="DISTANCE",
         update=_changed,
-    )  # fmt: skip
+    )
     names_plane: BoolProperty(
         name="Name the Plane", description="Say in the text where the bar is true, in a perspective view", default=True, update=_changed
     )
     labels: StringProperty(
-        name="Labels", description="Ids of the labels of a legend, with commas; the groups of the volume where it is empty", default="",
+        name="Labels",
+        description="Ids of the labels of a legend, with commas; the groups of the volume where it is empty",
+        default="",
         update=_changed,
-    )  # fmt: skip
+    )
 
 
 CLASSES = (PumiceFigureSettings, PumiceFigurePart)

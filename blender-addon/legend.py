@@ -72,10 +72,11 @@ def entries(volume, labels):
 def _of_labels(table, slots, dresses, labels):
     ids, names = label_table.ids(table), label_table.names(table)
     color, shown, problems = label_table.colors(table)[:, :3], [], []
-    for label in (int(word) for word in labels.replace(",", " ").split()):
-        row = int(np.searchsorted(ids, np.uint64(label)))
+    for word in labels.replace(",", " ").split():
+        label = int(word) if word.isdecimal() else -1
+        row = int(np.searchsorted(ids, np.uint64(label))) if 0 <= label < 1 << 64 else len(ids)
         if row == len(ids) or int(ids[row]) != label:
-            problems.append(f"label {label} is gone")
+            problems.append(f"the volume has no label {word}")
             continue
         fields, colored = dresses[slots[row]]
         own = color[row].tolist() if colored else fields["base_color"]

@@ -75,7 +75,7 @@ def test_a_png_has_the_density(scene, blender, tmp_path):  # noqa: F811
 def test_the_estimate_is_near_what_the_picture_says(scene, blender):  # noqa: F811
     scene.pumice.samples = 256
     assert blender.ops.pumice.figure_estimate() == {"FINISHED"}
-    said = re.fullmatch(r"About [\d.]+ \w+ for (\d+) samples, error about ([\d.]+) % \(a guess from \d+ samples\)", scene.pumice_figure.estimate)
+    said = re.fullmatch(r"About [\d.]+ \w+ for (\d+) samples of 48 × 32 pixels, error about ([\d.]+) % \(a guess from \d+ samples\)", scene.pumice_figure.estimate)
     assert said, scene.pumice_figure.estimate
     picture = rendered(blender)
     assert int(said[1]) == picture["spp"] == 256
@@ -104,10 +104,10 @@ def test_an_estimate_is_arithmetic(extension):
     """A probe of 16 samples in 2 s with an error of 8 %, for a picture of nine times as many pixels."""
     operators = importlib.import_module(f"{extension.__name__}.figure_operators")
     probe = types.SimpleNamespace(spp=16, seconds=2.0, error_estimate=0.08)
-    guess = lambda **limits: operators.estimate(probe, 9.0, {"spp": 64, "seconds": None, "error": None, **limits})  # noqa: E731
-    assert guess() == "About 72 s for 64 samples, error about 4 % (a guess from 16 samples)"
-    assert guess(spp=10**6, error=0.01).startswith("About 19 min for 1,024 samples, error about 1 %")
-    assert guess(spp=10**6, seconds=18.0) == "About 18 s for 16 samples, error about 8 % (a guess from 16 samples)"
+    guess = lambda **limits: operators.estimate(probe, 100, (30, 30), {"spp": 64, "seconds": None, "error": None, **limits})  # noqa: E731
+    assert guess() == "About 72 s for 64 samples of 30 × 30 pixels, error about 4 % (a guess from 16 samples)"
+    assert guess(spp=10**6, error=0.01).startswith("About 19 min for 1,024 samples of 30 × 30 pixels, error about 1 %")
+    assert guess(spp=10**6, seconds=18.0) == "About 18 s for 16 samples of 30 × 30 pixels, error about 8 % (a guess from 16 samples)"
     probe.error_estimate = math.inf
     assert "too few samples" in guess()
     film = {"width": 3000, "height": 2000, "passes": ["depth"], "filter": {"box": {"width": 1.0}}}

@@ -6,6 +6,7 @@ The oracle is the place of a swatch on paper: 4 mm from the corner, 2.1 mm a sid
 """
 
 import importlib
+import types
 
 import numpy as np
 import pytest
@@ -87,9 +88,9 @@ def test_selected_labels_have_the_colors_of_the_table_and_follow_it(blender, ext
     assert len(part.data.materials) == 1 == len(part.data.polygons)
     volume.data.materials[1].node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = (0.1, 0.2, 0.3, 1.0)
     assert close(swatches(blender, 1), [(0.1, 0.2, 0.3)]), "follows the material"
-    part.pumice_figure.labels = "7, 99"
+    part.pumice_figure.labels = "7, 99, x, 18446744073709551616"
     blender.context.view_layer.update()
-    assert "Legend: label 99 is gone" in [line for line in extension.panels.not_drawn(blender.context.scene, blender.context.view_layer)]
+    assert "Legend: the volume has no label 99; the volume has no label x; the volume has no label 18446744073709551616" in [line for line in extension.panels.not_drawn(blender.context.scene, blender.context.view_layer)]
 
 
 def test_groups_have_one_color_or_are_named(blender, extension, volume):
@@ -138,6 +139,13 @@ def test_a_duplicate_has_colors_of_its_own(blender, volume):
     node = lambda one: one.data.materials[0].node_tree.nodes["Emission"].inputs["Color"].default_value[:3]  # noqa: E731
     assert close(node(part), COLORS[1]) and close(node(copy), COLORS[2])
     assert lines(part) == ["alpha"], "its text is not that of a duplicate that has none"
+
+
+def test_a_button_in_output_knows_the_active_volume(blender, extension, volume):
+    """There Blender's `context.object` is None."""
+    operators = importlib.import_module(f"{extension.__name__}.figure_operators")
+    in_output = types.SimpleNamespace(object=None, view_layer=blender.context.view_layer, scene=blender.context.scene)
+    assert operators.PUMICE_OT_add_legend.poll(in_output) and operators.PUMICE_OT_add_scale_bar.poll(in_output)
 
 
 def test_what_cannot_be_a_legend_is_refused(blender, extension, volume):

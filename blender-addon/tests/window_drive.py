@@ -29,6 +29,7 @@ import traceback
 import addon_utils
 import bpy
 import numpy as np
+from bpy_extras.view3d_utils import location_3d_to_region_2d
 from mathutils import Quaternion
 
 OUT, VOLUME = sys.argv[sys.argv.index("--") + 1 :][:2]
@@ -109,6 +110,7 @@ def steps():
 
     yield from panels(area)
     window, area, space = view3d()
+    yield from cut_by_mouse(window, area)
 
     scene = bpy.context.scene
     scene.pumice.viewport_samples = 64
@@ -250,12 +252,49 @@ def panels(area):
     """Shows every tab of the properties editor that has a panel of the extension, for inspection of screenshots and stderr."""
     area.type = "PROPERTIES"
     yield 0.5
-    for tab in ("RENDER", "VIEW_LAYER", "WORLD", "DATA", "MATERIAL"):
+    for tab in ("RENDER", "OUTPUT", "VIEW_LAYER", "WORLD", "DATA", "MATERIAL"):
         area.spaces.active.context = tab
         area.tag_redraw()
         yield 0.5
         shot(f"panel_{tab.lower()}")
+        # Panels at the end of a tab are drawn only when one scrolls there.
+        yield from input_events((640, 500), *["click 5"] * 12)
+        shot(f"panel_{tab.lower()}_end")
     area.type = "VIEW_3D"
+    yield 0.5
+
+
+def cut_by_mouse(window, area):
+    """Drags the arrow of a cut: it moves along its normal, in one undo step."""
+    region = next(r for r in area.regions if r.type == "WINDOW")
+    context = dict(window=window, area=area, region=region)
+    with bpy.context.temp_override(**context):
+        assert bpy.ops.pumice.add_cut(shape="PLANE", orientation="X") == {"FINISHED"}
+        bpy.ops.ed.undo_push(message="cut")
+    name = bpy.context.object.name
+    yield 1.0
+    shot("cut")
+    place = bpy.context.object.matrix_world
+    origin, normal = place.translation.copy(), place.col[2].to_3d()
+    on_screen = lambda point: location_3d_to_region_2d(region, area.spaces.active.region_3d, point)  # noqa: E731
+    right = area.spaces.active.region_3d.view_matrix.to_3x3().row[0]
+    unit = (on_screen(origin + right) - on_screen(origin)).length
+    # An arrow is 75 pixels long where it lies across the view.
+    points = [on_screen(origin + normal * (length / unit)) for length in (60.0, 140.0)]
+    start, end = ((round(region.x + p.x), round(window.height - region.y - p.y)) for p in points)
+    yield from input_events(start, "mousedown 1", f"mousemove {(start[0] + end[0]) // 2} {(start[1] + end[1]) // 2}", f"mousemove {end[0]} {end[1]}")
+    shot("cut_moving")
+    yield from input_events(end, "mouseup 1")
+    yield 0.5
+    moved = bpy.data.objects[name].matrix_world.translation - origin
+    assert moved.length * unit > 40.0, f"the arrow was dragged by 80 pixels, the cut moved by {moved.length * unit}"
+    assert moved.cross(normal).length < 1e-3 * moved.length, "the cut left its normal"
+    with bpy.context.temp_override(**context):
+        bpy.ops.ed.undo()
+    yield 0.5
+    assert (bpy.data.objects[name].matrix_world.translation - origin).length < 1e-5, "one undo brings it back"
+    bpy.data.objects.remove(bpy.data.objects[name])
+    bpy.context.view_layer.objects.active = next(o for o in bpy.data.objects if o.pumice.filepath)
     yield 0.5
 
 
