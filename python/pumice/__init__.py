@@ -21,7 +21,7 @@ from .reference_picture import ReferencePicture
 from .scene import Scene, figure
 from .session import Frame, Pick, Session, Status
 from .surface import count_faces, surface
-from .volume import Faces, LabelTable, Volume, compress, open, probe
+from .volume import CoarseSurface, Faces, LabelTable, Volume, compress, open, probe
 
 # At exit, calls in other threads are ended before the interpreter is, because it would end their threads by force.
 atexit.register(_end_calls)
@@ -29,6 +29,7 @@ atexit.register(_end_calls)
 __all__ = [
     "AnnotationTable",
     "Cancelled",
+    "CoarseSurface",
     "CurvePoint",
     "Faces",
     "Frame",
