@@ -12,17 +12,19 @@ A module imports only from lines below its own:
     export_surfaces
     frame_file
     panels           engine               export_scene         import_scene         exact_mesh
-    viewport         final_render         usd_stage            usd_values
+    viewport         final_render         usd_stage            usd_values           proxy_update
     scene_reader     first_look           passes               scene_notes          label_colors         label_search
     volume_object    picture_texture      missing_boxes        overlay
+    proxy
+    proxy_material
     sync.*           registry             preferences
-    label_table      properties           proxy                cache                devices             mesh_file
+    label_table      properties           proxy_frame          cache                devices             mesh_file
     background       verify_maps
     reports
     native
 
-`sync` converts Blender's data to plain values. sync.matrix, sync.camera, sync.parts, sync.edits, proxy, cache, devices, mesh_file and
-overlay do not use Blender.
+`sync` converts Blender's data to plain values. sync.matrix, sync.camera, sync.parts, sync.edits, cache, devices, mesh_file and overlay do not
+use Blender.
 
 Nothing here touches the voxels: they stay in Rust, and arrays come through the buffer protocol.
 """
@@ -50,6 +52,7 @@ from . import (
     panels,
     preferences,
     properties,
+    proxy_update,
     registry,
     verify,
     verify_maps,
@@ -61,6 +64,7 @@ MODULES = (
     properties,
     preferences,
     registry,
+    proxy_update,
     import_volume,
     import_scene,
     export_scene,

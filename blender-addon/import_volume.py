@@ -19,7 +19,7 @@ import numpy as np
 from bpy.props import BoolProperty, CollectionProperty, EnumProperty, FloatProperty, FloatVectorProperty, IntProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper
 
-from . import cache, first_look, label_files, label_table, native, registry, viewport, volume_object
+from . import cache, first_look, label_files, label_table, native, proxy_update, registry, viewport, volume_object
 from .reports import log, one_line
 
 ENDINGS = (".pumice", ".nrrd", ".nhdr", ".nii", ".gz", ".hdr", ".tif", ".tiff", ".npy", ".npz", ".mha", ".mhd")
@@ -277,6 +277,7 @@ class PUMICE_OT_import_volume(bpy.types.Operator, ImportHelper):
         if self.pick:
             style = native.require().figure(opening.volume, pick=self.pick).to_dict()["instances"][0]["style"]
             label_table.set_visible(obj.pumice.table, np.isin(label_table.ids(obj.pumice.table), np.array(style["show"]["only"], dtype=np.uint64)))
+        proxy_update.refresh(obj, opening.volume)
         if self.use_engine:
             context.scene.render.engine = "PUMICE"
         for other in context.selected_objects:

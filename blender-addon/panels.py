@@ -193,6 +193,9 @@ class PUMICE_OBJECT_PT_volume(bpy.types.Panel):
         size = " × ".join(f"{s:.6g}" for s in volume.spacing)
         facts.label(text=f"Voxel size {size} {_unit(volume.unit)}")
         facts.label(text=f"Display scale: 1 {_unit(volume.unit)} is {volume.display_scale:.6g} Blender units")
+        row = layout.row(align=True)
+        row.prop(volume, "proxy_faces")
+        row.operator("pumice.update_proxy", text="", icon="FILE_REFRESH")
         layout.operator("pumice.make_exact_mesh")
 
 

@@ -12,10 +12,9 @@ import bpy
 import numpy as np
 from mathutils import Matrix, Vector
 
-from . import label_table, proxy
+from . import label_table, proxy, proxy_material
 from .sync import nodes
 
-# Shown faces keep their colour within this, an eighth of a display step; attributes are 8 bit anyway.
 SHEAR_TOLERANCE = 1e-5
 # Most groups that an import makes: a list of more slots helps nobody.
 MOST_GROUPS = 32
@@ -25,7 +24,8 @@ def create(context, volume, *, name, filepath, source_path, longest_side, placem
     """A new object for an open volume, linked to the active collection.
 
     `placement` is CENTER (the volume's middle to the scene's origin, standing on nothing), ALIGN (in the same frame as the first
-    volume of the scene, with its display scale) or FILE (where the file says, scaled).
+    volume of the scene, with its display scale) or FILE (where the file says, scaled). Its proxy is the volume's box until
+    `proxy_update` makes it.
     """
     world = np.array(volume.world_from_index, dtype=np.float64)
     dims = np.array(volume.dims, dtype=np.float64)
@@ -36,13 +36,15 @@ def create(context, volume, *, name, filepath, source_path, longest_side, placem
 
     labels = volume.labels
     table = label_table.create(name, labels)
-    obj = bpy.data.objects.new(name, proxy_mesh(name, volume, label_table.colors(table)))
+    mesh = bpy.data.meshes.new(name)
+    obj = bpy.data.objects.new(name, mesh)
     obj.data.materials.append(material(name))
     settings = obj.pumice
     settings.filepath, settings.source_path, settings.table = filepath, source_path, table
     settings.display_scale = scale
     settings.unit, settings.spacing, settings.dims = volume.unit, volume.spacing, volume.dims
     settings.labels, settings.content_hash = len(labels.ids), volume.content_hash
+    proxy.box(mesh, volume.dims)
     obj["pumice_offset"] = [float(v) for v in moved]  # what was added after scaling: volumes are aligned by it
     context.collection.objects.link(obj)
     place(context, obj, scene_from_index)
@@ -66,32 +68,12 @@ def place(context, obj, scene_from_index):
     obj.matrix_parent_inverse = wanted
 
 
-def proxy_mesh(name, volume, colors):
-    """The proxy as a mesh, flat, with the labels' colours."""
-    shape = proxy.build(volume.dims, *volume.box_arrays())
-    mesh = bpy.data.meshes.new(name)
-    count = len(shape.quads)
-    mesh.vertices.add(len(shape.vertices))
-    mesh.vertices.foreach_set("co", shape.vertices.ravel())
-    mesh.loops.add(4 * count)
-    mesh.loops.foreach_set("vertex_index", shape.quads.ravel())
-    mesh.polygons.add(count)
-    mesh.polygons.foreach_set("loop_start", np.arange(0, 4 * count, 4, dtype=np.int32))
-    mesh.update(calc_edges=True)
-    mesh.shade_flat()
-    layer = mesh.color_attributes.new("Label Color", "BYTE_COLOR", "CORNER")
-    if len(colors):
-        layer.data.foreach_set("color", np.repeat(colors[shape.labels], 4, axis=0).ravel())
-    mesh.color_attributes.active_color = layer
-    mesh.color_attributes.render_color_index = 0
-    return mesh
-
-
 def material(name):
     """The default material: automatic label colours, half matt."""
     made = bpy.data.materials.new(name)
     tree = nodes.ensure(made)
     made.pumice.colors_by_label = True
+    proxy_material.follow(made)
     node = tree.nodes["Principled BSDF"]
     node.inputs["Roughness"].default_value = 0.45
     node.inputs["Specular IOR Level"].default_value = 0.35
