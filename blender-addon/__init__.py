@@ -16,22 +16,23 @@ A module imports only from lines below its own:
     export_surfaces                       add_cut              cut_gizmo
     frame_file
     panels           engine               export_scene         import_scene         exact_mesh
-    viewport         final_render         usd_stage            usd_values
+    viewport         final_render         usd_stage            usd_values           proxy_update
     persistent       render_work          render_result
     scene_reader     first_look           passes               scene_notes          label_colors         label_search
     figure_follow
     scale_bar            legend
     volume_object    picture_texture      missing_boxes        overlay              import_dialog        opening          color_ramp
-    provenance           figure_frame         figure_part
+    provenance           figure_frame         figure_part          proxy
+    proxy_material
     sync.*           registry             preferences          file_facts           label_carry          figure_settings
-    label_table      properties           proxy                cache                devices              mesh_file        units
+    label_table      properties           cache                devices              mesh_file            units
     file_paths       volume_place
     background       verify_maps
     reports
     native
 
-`sync` converts Blender's data to plain values. sync.matrix, sync.camera, sync.parts, sync.edits, proxy, cache, devices, mesh_file,
-overlay, file_facts, opening and units do not use Blender.
+`sync` converts Blender's data to plain values. sync.matrix, sync.camera, sync.parts, sync.edits, cache, devices, mesh_file, overlay,
+file_facts, opening and units do not use Blender.
 
 Nothing here touches the voxels: they stay in Rust, and arrays come through the buffer protocol.
 """
@@ -72,6 +73,7 @@ from . import (
     pick_tool,
     preferences,
     properties,
+    proxy_update,
     registry,
     reload_volume,
     verify,
@@ -85,6 +87,7 @@ MODULES = (
     preferences,
     file_paths,
     registry,
+    proxy_update,
     figure_settings,
     figure_follow,
     import_volume,

@@ -16,7 +16,7 @@ import bpy
 import numpy as np
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 
-from . import first_look, label_files, label_table, native, opening, registry, units, viewport, volume_object
+from . import first_look, label_files, label_table, native, opening, proxy_update, registry, units, viewport, volume_object
 from .background import InBackground, Work
 from .import_dialog import ImportDialog
 
@@ -156,6 +156,7 @@ class PUMICE_OT_import_volume(ImportDialog, InBackground, bpy.types.Operator):
         if self.pick:
             style = native.require().figure(opened.volume, pick=self.pick).to_dict()["instances"][0]["style"]
             label_table.set_visible(obj.pumice.table, np.isin(label_table.ids(obj.pumice.table), np.array(style["show"]["only"], dtype=np.uint64)))
+        proxy_update.refresh(obj, opened.volume)
         return obj
 
 

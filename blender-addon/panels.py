@@ -195,6 +195,9 @@ class PUMICE_OBJECT_PT_volume(bpy.types.Panel):
         size = " × ".join(f"{s:.6g}" for s in volume.spacing)
         facts.label(text=f"Voxel size {size} {_unit(volume.unit)}")
         facts.label(text=f"Display scale: 1 {_unit(volume.unit)} is {_display_scale(context.object)} Blender units")
+        row = layout.row(align=True)
+        row.prop(volume, "proxy_faces")
+        row.operator("pumice.update_proxy", text="", icon="FILE_REFRESH")
         layout.operator("pumice.make_exact_mesh")
         layout.operator_menu_enum("pumice.add_cut", "shape")
 

@@ -263,6 +263,16 @@ class PumiceVolumeSettings(bpy.types.PropertyGroup):
     dims: IntVectorProperty(name="Voxels", description="Voxels along x, y and z", size=3, default=(0, 0, 0))
     labels: IntProperty(name="Labels", description="Number of labels", default=0)
     content_hash: StringProperty(name="Content", description="Hash of all voxels and ids", default="")
+    proxy_faces: IntProperty(
+        name="Proxy Faces",
+        description="Maximum number of faces of the mesh that stands for the volume in Solid mode, EEVEE and Cycles. More show finer shapes",
+        min=6,
+        soft_min=1_000,
+        max=1 << 24,
+        soft_max=1_000_000,
+        default=50_000,
+        update=_tag,
+    )
     cut: EnumProperty(
         name="Cut",
         description="Part of space that the object removes from volumes, to show their inside. The object itself is not drawn",

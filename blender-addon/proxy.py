@@ -1,85 +1,119 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The proxy, a coarse shape that represents a volume in Solid mode: flat faces around the non-empty cells. Does not use Blender.
+"""The proxy: the mesh of a volume object, a coarse surface of the labels that are shown, for whatever draws only meshes.
 
-Boxes of the compressed form are entered into a grid of cells (16 voxels per side, or a multiple); there is a face wherever a non-empty
-cell meets an empty one. The cell size doubles until there are few enough faces: neighbours merge, and faces inside vanish. A face
-takes the label whose boxes fill most of its cell's volume.
+    attribute     type, domain           what
+    label         INT, FACE              row of the label table
+    Label Color   FLOAT_COLOR, CORNER    linear color of the label: the active color attribute, which Solid mode and the material read
+    (material index)                     the label's group, a material slot
+
+Where no label is shown the mesh is the volume's box in lines, so that the object can still be seen and selected; it has no face to render.
+
+The mesh says itself what it was made of, in two stamps: so it is known to be out of date after undo, duplicating and opening a file too.
 """
 
-from typing import NamedTuple
+import hashlib
 
 import numpy as np
 
-MAX_FACES = 20_000
-# 8 bytes per cell, three grids: about 100 MB at most while it is built.
-MAX_CELLS = 4_000_000
-FINEST_CELL_VOXELS = 16
+from . import label_table, proxy_material, volume_place
+from .reports import Refused
 
-# Corners of a face by axis and side, counter-clockwise seen from outside.
-_CORNERS = {
-    (0, 0): ((0, 0, 0), (0, 0, 1), (0, 1, 1), (0, 1, 0)),
-    (0, 1): ((1, 0, 0), (1, 1, 0), (1, 1, 1), (1, 0, 1)),
-    (1, 0): ((0, 0, 0), (1, 0, 0), (1, 0, 1), (0, 0, 1)),
-    (1, 1): ((0, 1, 0), (0, 1, 1), (1, 1, 1), (1, 1, 0)),
-    (2, 0): ((0, 0, 0), (0, 1, 0), (1, 1, 0), (1, 0, 0)),
-    (2, 1): ((0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)),
-}
+# Custom properties of the mesh: what its surface, and its colors and groups, were made of.
+SHAPE_STAMP, COLOR_STAMP = "pumice_proxy", "pumice_proxy_colors"
+LABEL = "label"
+# Pairs of corners of a box that differ in one bit: x is bit 0, y bit 1, z bit 2.
+BOX_EDGES = [(corner, corner | bit) for corner in range(8) for bit in (1, 2, 4) if not corner & bit]
 
 
-class Proxy(NamedTuple):
-    """A mesh in voxel units: vertices (n, 3), quads (m, 4) of vertex indices, dense label (m,) of each quad."""
+class Wanted:
+    """What the proxy of a volume object is to be made of, read from Blender at once; does not use Blender afterwards."""
 
-    vertices: np.ndarray
-    quads: np.ndarray
-    labels: np.ndarray
+    def __init__(self, obj):
+        settings, table = obj.pumice, obj.pumice.table
+        self.most_faces = settings.proxy_faces
+        self.visible = label_table.visible(table)
+        slots = max(1, len(obj.material_slots))
+        self.slots = np.minimum(label_table.slots(table), slots - 1)
+        self.colors = label_table.colors(table)
+        self.shape_stamp = _stamp(self.visible, settings.content_hash, self.most_faces)
+        self.color_stamp = _stamp(self.slots, self.colors, self.shape_stamp)
 
+    def has_shape(self, mesh):
+        """Whether the mesh is the surface that is wanted."""
+        return mesh.get(SHAPE_STAMP) == self.shape_stamp
 
-def build(dims, origins, extents, labels, max_faces=MAX_FACES):
-    """The proxy of boxes; without any, the volume's own box."""
-    dims = np.asarray(dims, dtype=np.int64)
-    origins = np.asarray(origins, dtype=np.int64).reshape(-1, 3)
-    extents = np.asarray(extents, dtype=np.int64).reshape(-1, 3)
-    labels = np.asarray(labels, dtype=np.int64)
-    if len(origins) == 0:
-        return _faces(np.zeros((1, 1, 1), dtype=np.int64), np.maximum(dims, 1), np.maximum(dims, 1))
-    cell = FINEST_CELL_VOXELS
-    while np.prod(-(-dims // cell), dtype=float) > MAX_CELLS:
-        cell *= 2
-    while True:
-        proxy = _faces(_grid(dims, origins, extents, labels, cell), np.array([cell] * 3), dims)
-        if len(proxy.quads) <= max_faces or (dims <= cell).all():
-            return proxy
-        cell *= 2
+    def has_colors(self, mesh):
+        """Whether the mesh has the colors and groups that are wanted, too."""
+        return mesh.get(COLOR_STAMP) == self.color_stamp
 
-
-def _grid(dims, origins, extents, labels, cell):
-    """Label of each cell, −1 where it is empty."""
-    shape = -(-dims // cell)
-    grid = np.full(shape, -1, dtype=np.int64)
-    # Every cell that a box touches: a box is at most 16 voxels wide, a cell at least that, so it touches at most two along an axis.
-    low, high = origins // cell, np.minimum((origins + extents - 1) // cell, shape - 1)
-    rank = np.argsort(np.prod(extents, axis=1), kind="stable")  # the largest box is written last and stays
-    for corner in np.ndindex(2, 2, 2):
-        at = np.where(np.array(corner, dtype=bool), high, low)[rank]
-        grid[at[:, 0], at[:, 1], at[:, 2]] = labels[rank]
-    return grid
+    def surface(self, volume, job=None):
+        """The coarse surface of an open volume; runs without the interpreter's lock."""
+        return volume.coarse_surface(self.visible, most_faces=self.most_faces, job=job)
 
 
-def _faces(grid, cell, dims):
-    full = np.pad(grid >= 0, 1)
-    inside = full[1:-1, 1:-1, 1:-1]
-    corners, owners = [], []
-    for (axis, side), offsets in _CORNERS.items():
-        window = [slice(1, -1)] * 3
-        window[axis] = slice(2, None) if side else slice(0, -2)
-        at = np.argwhere(inside & ~full[tuple(window)])
-        corners.append(at[:, None, :] + np.array(offsets)[None])
-        owners.append(grid[at[:, 0], at[:, 1], at[:, 2]])
-    corners = np.concatenate(corners)
-    size = np.array(grid.shape) + 1
-    flat = np.ravel_multi_index(corners.reshape(-1, 3).T, size)
-    unique, quads = np.unique(flat, return_inverse=True)
-    vertices = np.stack(np.unravel_index(unique, size), axis=1) * cell
-    vertices = np.minimum(vertices, dims).astype(np.float32)
-    return Proxy(vertices, quads.reshape(-1, 4).astype(np.int32), np.concatenate(owners))
+def write(obj, wanted, surface, object_from_index=None):
+    """Replaces the mesh of an object by a coarse surface, with its colors and groups. Takes 0.04 s for 50,000 faces.
+
+    What was applied to the former mesh stays applied, or `object_from_index` is instead: from voxels to the object's space, (4, 4).
+    """
+    mesh, count = obj.data, len(surface.quads)
+    if object_from_index is None:
+        found = volume_place.fit(mesh)
+        if found is None:
+            raise Refused(f"{obj.name}: {volume_place.LOST}")
+        object_from_index = found.object_from_index
+    vertices = surface.vertices if count else _corners(obj.pumice.dims)
+    mesh.clear_geometry()
+    mesh.vertices.add(len(vertices))
+    mesh.vertices.foreach_set("co", np.ascontiguousarray(vertices, dtype=np.float32).ravel())
+    if count:
+        mesh.loops.add(4 * count)
+        mesh.loops.foreach_set("vertex_index", np.ascontiguousarray(surface.quads).view(np.int32).ravel())
+        mesh.polygons.add(count)
+        mesh.polygons.foreach_set("loop_start", np.arange(0, 4 * count, 4, dtype=np.int32))
+    else:
+        mesh.edges.add(len(BOX_EDGES))
+        mesh.edges.foreach_set("vertices", np.array(BOX_EDGES, dtype=np.int32).ravel())
+    mesh.update(calc_edges=bool(count))
+    mesh.shade_smooth()
+    volume_place.mark(mesh)
+    volume_place.move(mesh, object_from_index)
+    mesh.attributes.new(LABEL, "INT", "FACE").data.foreach_set("value", surface.labels.astype(np.int32))
+    mesh[SHAPE_STAMP] = wanted.shape_stamp
+    write_colors(obj, wanted)
+
+
+def write_colors(obj, wanted):
+    """Gives the faces of a proxy the colors and groups of their labels."""
+    mesh = obj.data
+    labels = np.empty(len(mesh.polygons), dtype=np.int32)
+    mesh.attributes[LABEL].data.foreach_get("value", labels)
+    layer = mesh.color_attributes.get(proxy_material.LABEL_COLOR)
+    if layer is None:
+        layer = mesh.color_attributes.new(proxy_material.LABEL_COLOR, "FLOAT_COLOR", "CORNER")
+        mesh.color_attributes.active_color = layer
+        mesh.color_attributes.render_color_index = 0
+    if len(labels):
+        layer.data.foreach_set("color", np.repeat(wanted.colors[labels], 4, axis=0).ravel())
+        mesh.polygons.foreach_set("material_index", wanted.slots[labels].astype(np.int32))
+    mesh[COLOR_STAMP] = wanted.color_stamp
+    mesh.update()
+
+
+def box(mesh, dims):
+    """Makes a new mesh the box of a volume of these dims, until its surface is written."""
+    mesh.from_pydata(_corners(dims).tolist(), BOX_EDGES, [])
+    volume_place.mark(mesh)
+
+
+def _corners(dims):
+    return np.array([[dims[axis] * (corner >> axis & 1) for axis in range(3)] for corner in range(8)], dtype=np.float64)
+
+
+def _stamp(*parts):
+    """A short text that differs where any of the arrays, texts or numbers differs."""
+    digest = hashlib.blake2b(digest_size=12)
+    for part in parts:
+        digest.update(np.ascontiguousarray(part) if isinstance(part, np.ndarray) else f"|{part}|".encode())
+    return digest.hexdigest()

@@ -62,7 +62,11 @@ def adopt(path, volume):
 
 def wait(path, cancelled):
     """Waits for the volume of a file; returns None once `cancelled()` returns true. Raises Refused."""
-    entry = request(path)
+    return wait_for(request(path), cancelled)
+
+
+def wait_for(entry, cancelled):
+    """As `wait`, for an entry, also in a thread."""
     while not entry.done.wait(0.05):
         if cancelled():
             return None

@@ -12,11 +12,10 @@ Linked duplicates follow, because they share the mesh. The compressed form from 
 import json
 import os
 
-import bmesh
 import bpy
 import numpy as np
 
-from . import cache, file_paths, label_carry, label_table, opening, registry, viewport, volume_object, volume_place
+from . import cache, file_paths, label_carry, label_table, opening, proxy_update, registry, viewport, volume_object, volume_place
 from .background import InBackground, Work
 from .properties import is_volume
 from .reports import Refused
@@ -76,12 +75,14 @@ class PUMICE_OT_reload(InBackground, bpy.types.Operator):
         is_same = obj.pumice.content_hash == volume.content_hash and len(obj.pumice.table.vertices) == len(volume.labels.ids)
         users = [other for other in bpy.data.objects if other.data == obj.data]
         same, left_out = _relabel(obj, users, volume)
-        if _reshape(obj, volume) > volume_place.MOST_OFF_VOXELS:
+        applied, off_voxels = _applied(obj, volume)
+        if off_voxels > volume_place.MOST_OFF_VOXELS:
             self.report({"WARNING"}, f"{obj.name}: its mesh was edited; Reload has made it anew")
         for other in users:
             other.pumice.filepath = filepath
             volume_object.describe(other, volume)
             other.update_tag()
+        proxy_update.refresh(obj, volume, applied)
         registry.forget_unused()
         viewport.redraw_all()
         for name in left_out:
@@ -115,22 +116,14 @@ def _relabel(obj, users, volume):
     return found
 
 
-def _reshape(obj, volume):
-    """Makes the proxy anew in the object's mesh, in the place that the file has now; returns how far the former was edited, in voxels."""
+def _applied(obj, volume):
+    """What was applied to the mesh of an object, and where the file is now: the map from voxels to the object's space, (4, 4); and how far the
+    mesh was edited, in voxels."""
     found = volume_place.fit(obj.data) or volume_place.Fit(np.eye(4), np.inf)
     before, applied = volume_object.file_from_index(obj), found.object_from_index
     if before is not None:
         applied = applied @ np.linalg.inv(before) @ volume.world_from_index
-    made = volume_object.proxy_mesh(obj.name, volume, label_table.colors(obj.pumice.table))
-    volume_place.move(made, applied)
-    # Into the mesh that is there, which has materials, users, a name and properties.
-    shape = bmesh.new()
-    shape.from_mesh(made)
-    shape.to_mesh(obj.data)
-    shape.free()
-    bpy.data.meshes.remove(made)
-    obj.data.update()
-    return found.off_voxels
+    return applied, found.off_voxels
 
 
 def register():

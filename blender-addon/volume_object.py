@@ -12,11 +12,10 @@ import bpy
 import numpy as np
 from mathutils import Matrix, Vector
 
-from . import label_carry, label_table, proxy, units, volume_place
+from . import label_carry, label_table, proxy, proxy_material, units, volume_place
 from .reports import Refused
 from .sync import nodes
 
-# Shown faces keep their colour within this, an eighth of a display step; attributes are 8 bit anyway.
 SHEAR_TOLERANCE = 1e-5
 # Custom property of an object: the 16 numbers of the map from voxels to the world of the volume's file, row by row.
 FILE_FROM_INDEX = "pumice_file_from_index"
@@ -30,7 +29,7 @@ def create(context, volume, *, name, filepath, source_path, longest_side, placem
     `placement` is CENTER (the volume's middle to the scene's origin, standing on nothing), ALIGN (in the same frame as the first
     volume of the scene, with its display scale) or FILE (where the file says, scaled). Volumes that are imported together, `among`, keep
     their places to each other: length and middle are those of all of them. `former` is a label table whose colors labels with the same ids
-    get.
+    get. Its proxy is the volume's box until `proxy_update` makes it.
     """
     world = np.array(volume.world_from_index, dtype=np.float64)
     scale, scene_from_file = _display(context, volume, among or [volume], longest_side, placement)
@@ -39,7 +38,9 @@ def create(context, volume, *, name, filepath, source_path, longest_side, placem
     table = label_table.create(name, labels)
     if former is not None:
         label_carry.colors(former, table, volume)
-    obj = bpy.data.objects.new(name, proxy_mesh(name, volume, label_table.colors(table)))
+    mesh = bpy.data.meshes.new(name)
+    proxy.box(mesh, volume.dims)
+    obj = bpy.data.objects.new(name, mesh)
     obj.data.materials.append(material(name))
     settings = obj.pumice
     settings.filepath, settings.source_path, settings.table = filepath, source_path, table
@@ -81,33 +82,12 @@ def place(context, obj, scene_from_index):
     obj.matrix_parent_inverse = wanted
 
 
-def proxy_mesh(name, volume, colors):
-    """The proxy as a mesh, flat, with the labels' colours."""
-    shape = proxy.build(volume.dims, *volume.box_arrays())
-    mesh = bpy.data.meshes.new(name)
-    count = len(shape.quads)
-    mesh.vertices.add(len(shape.vertices))
-    mesh.vertices.foreach_set("co", shape.vertices.ravel())
-    mesh.loops.add(4 * count)
-    mesh.loops.foreach_set("vertex_index", shape.quads.ravel())
-    mesh.polygons.add(count)
-    mesh.polygons.foreach_set("loop_start", np.arange(0, 4 * count, 4, dtype=np.int32))
-    mesh.update(calc_edges=True)
-    mesh.shade_flat()
-    layer = mesh.color_attributes.new("Label Color", "BYTE_COLOR", "CORNER")
-    if len(colors):
-        layer.data.foreach_set("color", np.repeat(colors[shape.labels], 4, axis=0).ravel())
-    mesh.color_attributes.active_color = layer
-    mesh.color_attributes.render_color_index = 0
-    volume_place.mark(mesh)
-    return mesh
-
-
 def material(name):
     """The default material: automatic label colours, half matt."""
     made = bpy.data.materials.new(name)
     tree = nodes.ensure(made)
     made.pumice.colors_by_label = True
+    proxy_material.follow(made)
     node = tree.nodes["Principled BSDF"]
     node.inputs["Roughness"].default_value = 0.45
     node.inputs["Specular IOR Level"].default_value = 0.35

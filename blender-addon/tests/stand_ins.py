@@ -292,6 +292,12 @@ class Volume:
         self.content_hash = "0" * 32
         self.labels = Labels([3, 17, 98340797 + 2**33])
 
-    def box_arrays(self):
-        origins = np.array([[0, 0, 0], [16, 16, 16], [48, 48, 16]], dtype=np.int32)
-        return origins, np.full((3, 3), 16, dtype=np.int32), np.arange(3, dtype=np.uint32)
+    def coarse_surface(self, visible, most_faces, job=None):
+        """A cube of 16 voxels for each label that is visible, at 0, 16 and 48."""
+        rows = np.flatnonzero(visible)
+        corners = np.array([[bit & 1, bit >> 1 & 1, bit >> 2] for bit in range(8)])
+        low = np.array([[0, 0, 0], [16, 16, 16], [48, 48, 16]])[rows]
+        vertices = (low[:, None] + 16 * corners[None]).reshape(-1, 3).astype(np.float32)
+        sides = np.array([[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]], dtype=np.uint32)
+        quads = (8 * np.arange(len(rows), dtype=np.uint32)[:, None, None] + sides[None]).reshape(-1, 4)
+        return types.SimpleNamespace(vertices=vertices, quads=quads, labels=np.repeat(rows, 6).astype(np.uint32), cell=(16, 16, 16))

@@ -1,73 +1,175 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Tests the proxy mesh of a volume: it encloses every voxel, is closed, flat and small enough. Neither it nor this test needs Blender."""
+"""Tests the proxy mesh of a volume as data: it has the labels that are shown, their colors and groups, and follows the label table."""
+
+import importlib
 
 import numpy as np
 import pytest
+from mathutils import Matrix
+
+from stand_ins import Volume
 
 
 @pytest.fixture
-def proxy(extension):
-    import importlib
-
-    return importlib.import_module(f"{extension.__name__}.proxy")
-
-
-def boxes(random, dims, count):
-    origins = (random.integers(0, np.array(dims) - 16, (count, 3)) // 4) * 4
-    extents = random.integers(1, 17, (count, 3))
-    return origins, extents, random.integers(0, 7, count)
+def modules(extension):
+    names = ("volume_object", "proxy", "proxy_material", "proxy_update", "label_table", "registry")
+    return {n: importlib.import_module(f"{extension.__name__}.{n}") for n in names}
 
 
-def inside(shape, point):
-    """Whether a point is inside a closed surface of axis-parallel quads: a ray along x crosses the surface an odd number of times."""
-    corners = shape.vertices[shape.quads]
-    low, high = corners.min(axis=1), corners.max(axis=1)
-    across = low[:, 0] == high[:, 0]
-    ahead = across & (low[:, 0] > point[0])
-    hit = ahead & ((low[:, 1:] < point[1:]) & (point[1:] < high[:, 1:])).all(axis=1)
-    return hit.sum() % 2 == 1
+@pytest.fixture
+def made(blender, modules):
+    """A volume object with three labels, each a cube, and its proxy; no file."""
+    volume = Volume()
+    obj = modules["volume_object"].create(
+        blender.context, volume, name="cells", filepath=__file__, source_path="", longest_side=10.0, placement="CENTER"
+    )
+    modules["registry"].adopt(__file__, volume)
+    modules["proxy_update"].refresh(obj, volume)
+    blender.context.view_layer.objects.active = obj
+    return obj
 
 
-@pytest.mark.parametrize("max_faces", [20_000, 400, 30])
-def test_every_box_is_enclosed(proxy, max_faces):
-    random = np.random.default_rng(5)
-    dims = (200, 150, 300)
-    origins, extents, labels = boxes(random, dims, 80)
-    shape = proxy.build(dims, origins, extents, labels, max_faces)
-    assert 6 <= len(shape.quads) <= max_faces
-    assert (shape.vertices >= 0).all() and (shape.vertices <= dims).all()
-    for origin, extent in zip(origins, extents):
-        # Points off the planes of the grid, on which "inside" is undefined.
-        for point in (origin + 0.3, origin + extent - 0.3, origin + extent * 0.47):
-            if (point < dims).all():
-                assert inside(shape, point)
+def column(mesh, name, field, width=1):
+    """The values of an attribute."""
+    data = mesh.attributes[name].data
+    values = np.empty(len(data) * width, dtype=np.float32)
+    data.foreach_get(field, values)
+    return values.reshape(-1, width)
 
 
-def test_every_edge_is_between_two_faces_and_faces_look_outwards(proxy):
-    random = np.random.default_rng(6)
-    dims = (160, 160, 160)
-    shape = proxy.build(dims, *boxes(random, dims, 40))
-    edges = np.concatenate([shape.quads[:, [i, (i + 1) % 4]] for i in range(4)])
-    forth, counts = np.unique(edges, axis=0, return_counts=True)
-    back = np.unique(edges[:, ::-1], axis=0)
-    assert (forth == back).all(), "each edge occurs once in each direction"
-    # For a closed surface that faces outward, the divergence theorem gives the volume of the cells.
-    corners = shape.vertices[shape.quads].astype(float)
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 3] - corners[:, 0])
-    volume = (corners.mean(axis=1) * normal).sum() / 3.0
-    cells = volume / 16.0**3
-    assert cells == pytest.approx(round(cells)) and 0 < cells <= 1000
+def labels_of(mesh):
+    return column(mesh, "label", "value").ravel().astype(int).tolist()
 
 
-def test_a_volume_without_voxels_gets_its_own_box(proxy):
-    none = np.zeros((0, 3), dtype=np.int32)
-    shape = proxy.build((30, 20, 10), none, none, np.zeros(0, dtype=np.uint32))
-    assert len(shape.quads) == 6 and shape.vertices.max(axis=0).tolist() == [30.0, 20.0, 10.0]
+def slots_of(mesh):
+    return [polygon.material_index for polygon in mesh.polygons]
 
 
-def test_one_box_is_a_cell_of_its_label(proxy):
-    shape = proxy.build((64, 64, 64), [[16, 32, 0]], [[16, 16, 16]], [5])
-    assert len(shape.quads) == 6 and set(shape.labels) == {5}
-    assert shape.vertices.min(axis=0).tolist() == [16.0, 32.0, 0.0]
-    assert shape.vertices.max(axis=0).tolist() == [32.0, 48.0, 16.0]
+def test_faces_have_the_label_the_color_and_the_group_of_the_table(made, modules):
+    mesh, table = made.data, made.pumice.table
+    assert not mesh.validate(), "Blender finds nothing to repair"
+    assert labels_of(mesh) == [0] * 6 + [1] * 6 + [2] * 6
+    expected = np.repeat(modules["label_table"].colors(table), 24, axis=0)
+    assert np.array_equal(column(mesh, "Label Color", "color", 4), expected)
+    assert mesh.color_attributes.active_color.name == "Label Color" and mesh.color_attributes.render_color_index == 0
+    # Each face looks away from the middle of its cube.
+    middles = np.array([[8, 8, 8], [24, 24, 24], [56, 56, 24]])
+    for polygon, label in zip(mesh.polygons, labels_of(mesh)):
+        assert np.dot(polygon.normal, np.array(polygon.center) - middles[label]) == pytest.approx(8.0)
+
+
+def test_a_hidden_label_has_no_face_and_none_shown_is_a_box_of_lines(made, modules):
+    table, refresh = made.pumice.table, modules["proxy_update"].refresh
+    modules["label_table"].set_visible(table, [True, False, True])
+    refresh(made, Volume())
+    assert set(labels_of(made.data)) == {0, 2}
+    modules["label_table"].set_visible(table, [False] * 3)
+    refresh(made, Volume())
+    corners = np.array([v.co[:] for v in made.data.vertices])
+    assert not made.data.polygons and np.ptp(corners, axis=0).tolist() == [64.0, 64.0, 32.0]
+    ends = sorted(sorted(corners[vertex].tolist() for vertex in edge.vertices) for edge in made.data.edges)
+    whole = [[[0, y, z], [64, y, z]] for y in (0, 64) for z in (0, 32)] + [[[x, 0, z], [x, 64, z]] for x in (0, 64) for z in (0, 32)]
+    assert ends == sorted(whole + [[[x, y, 0], [x, y, 32]] for x in (0, 64) for y in (0, 64)])
+    modules["label_table"].set_visible(table, [True] * 3)
+    refresh(made, Volume())
+    assert len(made.data.polygons) == 18
+
+
+class Counting(Volume):
+    """A volume that counts the surfaces that were made of it."""
+
+    made = 0
+
+    def coarse_surface(self, *arguments, **options):
+        self.made += 1
+        return super().coarse_surface(*arguments, **options)
+
+
+def test_colors_and_groups_are_written_without_a_new_surface(blender, made, modules):
+    table, volume, refresh = made.pumice.table, Counting(), modules["proxy_update"].refresh
+    refresh(made, volume)
+    assert volume.made == 0, "nothing has changed"
+    modules["label_table"].set_color(table, [1], (0.25, 0.5, 0.75))
+    made.data.materials.append(blender.data.materials.new("second"))
+    modules["label_table"].set_slots(table, [2], 1)
+    refresh(made, volume)
+    assert volume.made == 0
+    colors = column(made.data, "Label Color", "color", 4)
+    assert (colors[24:48] == (0.25, 0.5, 0.75, 1.0)).all() and not (colors[:24] == colors[24]).all()
+    assert slots_of(made.data) == [0] * 12 + [1] * 6
+    # A slot that the object lacks is its last, as in Pumice's picture.
+    modules["label_table"].set_slots(table, [0], 9)
+    refresh(made, volume)
+    assert slots_of(made.data) == [1] * 6 + [0] * 6 + [1] * 6
+    made.pumice.proxy_faces = 1000
+    refresh(made, volume)
+    assert volume.made == 1
+
+
+@pytest.mark.parametrize("mirror", [1.0, -1.0])
+def test_vertices_go_through_the_frame_of_the_object(made, modules, monkeypatch, mirror):
+    before = np.array([v.co[:] for v in made.data.vertices])
+    frame = Matrix.Translation((5.0, 6.0, 7.0)) @ Matrix.Diagonal((2.0 * mirror, 3.0, 4.0, 1.0))
+    monkeypatch.setattr(modules["proxy"], "proxy_from_index", lambda obj: frame)
+    modules["proxy_update"].refresh(made, Volume())
+    after = np.array([v.co[:] for v in made.data.vertices])
+    assert np.allclose(after, before * (2.0 * mirror, 3.0, 4.0) + (5.0, 6.0, 7.0))
+    middle = np.array(frame @ Matrix.Translation((8.0, 8.0, 8.0)))[:3, 3]
+    for polygon in list(made.data.polygons)[:6]:
+        assert np.dot(polygon.normal, np.array(polygon.center) - middle) > 0.0, "faces still look outward"
+
+
+def test_the_material_reads_label_colors_only_where_it_has_colors_by_label(made, modules):
+    material = made.active_material
+    shader = material.node_tree.nodes["Principled BSDF"]
+    link = shader.inputs["Base Color"].links[0]
+    assert link.from_node.layer_name == "Label Color"
+    nodes = len(material.node_tree.nodes)
+    material.pumice.colors_by_label = False
+    modules["proxy_update"].refresh(made, Volume())
+    assert not shader.inputs["Base Color"].is_linked and len(material.node_tree.nodes) == nodes - 1
+    # What the user has linked stays.
+    own = material.node_tree.nodes.new("ShaderNodeRGB")
+    material.node_tree.links.new(own.outputs[0], shader.inputs["Base Color"])
+    material.pumice.colors_by_label = True
+    modules["proxy_update"].refresh(made, Volume())
+    assert shader.inputs["Base Color"].links[0].from_node == own
+
+
+def ticks(update, most=200):
+    """Calls the timer as Blender does, until it ends; returns how often."""
+    import time
+
+    for count in range(1, most):
+        if update._tick() is None:
+            return count
+        time.sleep(0.01)
+    raise AssertionError("the timer does not end")
+
+
+def test_the_timer_makes_in_a_thread_what_has_changed(made, modules):
+    update, table = modules["proxy_update"], made.pumice.table
+    assert ticks(update) == 1, "nothing to do"
+    modules["label_table"].set_visible(table, [False, True, False])
+    assert update._tick() == update.SECONDS and set(labels_of(made.data)) == {0, 1, 2}, "the thread is at work"
+    # A change meanwhile: what is made then is not the old one.
+    modules["label_table"].set_visible(table, [True, False, False])
+    ticks(update)
+    assert set(labels_of(made.data)) == {0}
+    modules["label_table"].set_color(table, [0], (0.5, 0.5, 0.5))
+    assert ticks(update) == 1, "colors are written at once"
+    assert (column(made.data, "Label Color", "color", 4)[:, 0] == 0.5).all()
+
+
+def test_a_missing_volume_leaves_the_proxy_as_it_is(made, modules, blender):
+    made.pumice.filepath = "/nowhere/cells.pumice"
+    modules["label_table"].set_visible(made.pumice.table, [False, True, False])
+    ticks(modules["proxy_update"])
+    assert len(made.data.polygons) == 18
+    with pytest.raises(RuntimeError, match="the volume's file is missing"):
+        blender.ops.pumice.update_proxy()
+
+
+def test_the_operator_asks_for_a_volume(blender):
+    assert not blender.ops.pumice.update_proxy.poll()

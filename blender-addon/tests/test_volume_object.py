@@ -68,17 +68,6 @@ def test_a_crop_is_aligned_with_the_first_volume(blender, modules):
     assert np.allclose(in_scene(second, (0, 0, 0)), in_scene(first, (32, 0, 0)), atol=1e-5)
 
 
-def test_the_proxy_is_flat_and_bears_the_labels_colours(blender, modules):
-    obj = create(blender, modules, Volume())
-    mesh = obj.data
-    assert len(mesh.polygons) == 3 * 6 and not any(p.use_smooth for p in mesh.polygons)
-    assert not mesh.validate(), "Blender finds nothing to repair"
-    colors = modules["label_table"].colors(obj.pumice.table)
-    shown = {tuple(round(c, 1) for c in d.color[:3]) for d in mesh.color_attributes["Label Color"].data}
-    assert shown == {tuple(round(float(c), 1) for c in row[:3]) for row in colors}
-    assert obj.pumice.table.name not in {o.data.name for o in blender.data.objects if o.data}, "no object shows the table"
-
-
 def test_the_first_look_frames_lights_and_colours(blender, modules):
     scene = blender.context.scene
     scene.world = None

@@ -22,7 +22,7 @@ from .renderer import Renderer
 from .scene import Scene, figure
 from .session import Frame, LabelFilm, Pick, Session, Status
 from .surface import count_faces, surface
-from .volume import Faces, LabelTable, Volume, compress, distinct_colors, open, probe
+from .volume import CoarseSurface, Faces, LabelTable, Volume, compress, distinct_colors, open, probe
 
 # At exit, calls in other threads are ended before the interpreter is, because it would end their threads by force.
 atexit.register(_end_calls)
@@ -30,6 +30,7 @@ atexit.register(_end_calls)
 __all__ = [
     "AnnotationTable",
     "Cancelled",
+    "CoarseSurface",
     "CurvePoint",
     "Faces",
     "Frame",

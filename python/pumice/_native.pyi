@@ -383,6 +383,10 @@ class Volume:
         """
         Origins and extents in voxels, and labels, of all boxes.
         """
+    def coarse_surface(self, /, visible: SupportsGetItem[int, bool], *, most_faces: SupportsIndex, job: Job | None = None) -> tuple[Array, Array, Array, list[int]]:
+        """
+        A coarse surface of the labels that are `visible`, by row of the table: vertices, quads, label of each quad, voxels of a cell.
+        """
     def columns(self, /) -> list[tuple[str, Array]]:
         """
         Columns of numbers that a table gave to the labels, by name.

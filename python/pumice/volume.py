@@ -23,6 +23,8 @@ Job = _native.Job
 
 # Most threads that are accepted: more than any machine has, because each is started.
 MOST_THREADS = 1024
+# Most faces of a coarse surface that may be asked for: more than its cells can have.
+MOST_FACES = 1 << 30
 
 
 class LabelTable:
@@ -241,6 +243,33 @@ class Volume:
             visible, all_interfaces=interfaces == "all", shared_corners=shared_corners, job=job
         )
         return Faces(np.asarray(vertices), np.asarray(quads), np.asarray(rows))
+
+    def coarse_surface(
+        self, visible: npt.ArrayLike | None = None, *, most_faces: int = 50_000, job: Job | None = None
+    ) -> CoarseSurface:
+        """A surface with at most `most_faces` quads, at least 6, of the labels whose rows are `visible` (all labels if omitted): for programs
+        or views that draw only meshes. Its cells are as fine as the faces allow; parts thinner than a cell are drawn up to about a cell
+        thick. Not exact. Costs up to 100 MB while it is made."""
+        shown = [True] * len(self.labels) if visible is None else np.asarray(visible, dtype=bool).tolist()
+        vertices, quads, rows, cell = self._native.coarse_surface(
+            shown, most_faces=arguments.whole("most_faces", most_faces, 6, MOST_FACES), job=job
+        )
+        x, y, z = cell
+        return CoarseSurface(np.asarray(vertices), np.asarray(quads), np.asarray(rows), (x, y, z))
+
+
+@dataclasses.dataclass(frozen=True)
+class CoarseSurface:
+    """A coarse surface in index space, closed; the arrays are read-only.
+
+    `vertices` (n, 3), `quads` (m, 4) vertex indices, counter-clockwise seen from outside (clockwise after a mirroring matrix), `labels` (m,)
+    rows of the label table, `cell` voxels of a cell along x, y, z (0 where nothing is shown).
+    """
+
+    vertices: npt.NDArray[np.float32]
+    quads: npt.NDArray[np.uint32]
+    labels: npt.NDArray[np.uint32]
+    cell: tuple[int, int, int]
 
 
 def distinct_colors(count: int, *, color_blind_safe: bool = False) -> npt.NDArray[np.float32]:

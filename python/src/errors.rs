@@ -2,6 +2,7 @@
 
 use pumice_core::Error as CoreError;
 use pumice_core::error::one_line;
+use pumice_export::ExportError;
 use pumice_formats::FormatError;
 use pumice_scene::SceneError;
 use pumice_session::SessionError;
@@ -21,9 +22,9 @@ pub(crate) trait IntoException {
 impl IntoException for SessionError {
     fn into_exception(self) -> PyErr {
         match self {
-            Self::Core(CoreError::Cancelled) | Self::Render(RenderError::Cancelled) => {
-                Cancelled::new_err("cancelled")
-            }
+            Self::Core(CoreError::Cancelled)
+            | Self::Render(RenderError::Cancelled)
+            | Self::Export(ExportError::Volume(CoreError::Cancelled)) => Cancelled::new_err("cancelled"),
             Self::Format(error) => input(&in_python(error)),
             other => input(&other),
         }

@@ -9,7 +9,7 @@ use pumice_core::{
     BlockSource, CompressOptions, CompressedVolume, CompressionLevel, Error as CoreError, LabelBlock,
     LabelBuffer, LabelNote, LabelType, TypeTable, Unit, Verification, VolumeInfo,
 };
-use pumice_export::{Corners, Interfaces, QuadMesh};
+use pumice_export::{CoarseSurface, Corners, Interfaces, QuadMesh};
 use pumice_session::{ArrayAxes, LabelRows, OpenOptions, Residence, SessionError};
 use pyo3::buffer::PyBuffer;
 use pyo3::prelude::*;
@@ -226,6 +226,28 @@ impl Volume {
             Array::new(Data::I32(mesh.vertices.into_flattened()), &[vertices, 3]),
             Array::new(Data::U32(mesh.quads.into_flattened()), &[quads, 4]),
             Array::new(Data::U32(mesh.labels), &[quads]),
+        ))
+    }
+
+    /// A coarse surface of the labels that are `visible`, by row of the table: vertices, quads, label of each quad, voxels of a cell.
+    #[pyo3(signature = (visible, *, most_faces, job=None))]
+    fn coarse_surface(
+        &self,
+        py: Python<'_>,
+        visible: Vec<bool>,
+        most_faces: usize,
+        job: Option<&Bound<'_, Job>>,
+    ) -> PyResult<(Array, Array, Array, [u32; 3])> {
+        let job = job_of(job);
+        let mesh = released(py, &job, || {
+            CoarseSurface::new(&self.0, &visible, most_faces, &job).map_err(SessionError::from)
+        })?;
+        let (vertices, quads) = (mesh.vertices.len(), mesh.quads.len());
+        Ok((
+            Array::new(Data::F32(mesh.vertices.into_flattened()), &[vertices, 3]),
+            Array::new(Data::U32(mesh.quads.into_flattened()), &[quads, 4]),
+            Array::new(Data::U32(mesh.labels), &[quads]),
+            mesh.cell,
         ))
     }
 

@@ -5,10 +5,12 @@
 //! CompressedVolume ─► blocks of 64³ voxels ─► FaceBlock, FaceBlock, … ─► QuadMesh     a quad per voxel face
 //!                     only those with boxes └► Rectangle, Rectangle, … ─► a file       merged, at a level of detail, sorted by material
 //! ```
-//! The surface is exactly the volume's own, without simplification or smoothing; only [`SmoothMesh`] is another. It is in index space; the
-//! code that writes it applies the matrix.
+//! The surface is exactly the volume's own, without simplification or smoothing; only [`SmoothMesh`] and [`CoarseSurface`] are others. It is
+//! in index space; the code that writes it applies the matrix.
 
 mod budget;
+mod cell_grid;
+mod coarse_surface;
 mod cut_surface;
 mod drawn;
 mod drawn_boxes;
@@ -35,6 +37,7 @@ mod voxel_region;
 mod whole_file;
 
 pub use budget::{Budget, FaceBytes};
+pub use coarse_surface::CoarseSurface;
 pub use cut_surface::{CutPolygon, CutRegion, Faces, for_each_cut_block};
 pub use error::{ExportError, Result};
 pub use export_scene::{ExportOptions, ExportSize, export_scene};

@@ -1,0 +1,193 @@
+# SPDX-FileCopyrightText: The Pumice developers
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Keeps the proxies of volumes up to date with their label tables.
+
+    in a window         a change of the scene ──► timer, 0.1 s: stamps differ? ──► thread: surface ──► timer: writes the mesh
+                                                                 only colors or groups: written at once
+    in background mode  at the import, by `pumice.update_proxy`, and before another engine renders: timers do not run there
+
+What is written this way is no undo step of its own: undo brings a table back, and its proxy follows.
+"""
+
+import bpy
+
+from . import file_paths, native, proxy, proxy_material, registry, volume_place
+from .background import InBackground, Work
+from .properties import is_volume
+from .reports import Refused, log
+
+SECONDS = 0.1
+
+# Surfaces that are being made, by the session_uid of their mesh: (what is wanted, work).
+_making = {}
+
+
+def refresh(obj, volume, object_from_index=None):
+    """Makes the proxy of an object up to date, at once; `volume` is its open volume. `object_from_index` as for `proxy.write`, which is then
+    done in any case."""
+    wanted = proxy.Wanted(obj)
+    if object_from_index is not None or not wanted.has_shape(obj.data):
+        proxy.write(obj, wanted, wanted.surface(volume), object_from_index)
+    elif not wanted.has_colors(obj.data):
+        proxy.write_colors(obj, wanted)
+    follow_materials(obj)
+
+
+def follow_materials(obj):
+    """Makes the materials of an object show label colors, or not, as they say."""
+    for slot in obj.material_slots:
+        proxy_material.follow(slot.material)
+
+
+def refresh_all():
+    """Makes all proxies up to date, at once. A volume whose file is missing keeps the proxy that it has."""
+    for obj in _volumes():
+        try:
+            volume = registry.wait(file_paths.find(obj)[0], lambda: False)
+            refresh(obj, volume)
+        except (Refused, native.ModuleMissing) as error:
+            log(error)
+
+
+class PUMICE_OT_update_proxy(InBackground, bpy.types.Operator):
+    """Make the proxies of the selected volumes from the labels that are shown now. In a window this happens by itself"""
+
+    bl_idname = "pumice.update_proxy"
+    bl_label = "Update Proxy"
+    bl_options = {"UNDO"}
+
+    @classmethod
+    def poll(cls, context):
+        if _chosen(context):
+            return True
+        cls.poll_message_set("Select an object that was imported as a label volume")
+        return False
+
+    def invoke(self, context, event):
+        self._interactive = True
+        return self.execute(context)
+
+    def begin(self, context):
+        self.chosen = [(obj, proxy.Wanted(obj)) for obj in _chosen(context)]
+        calls = [_call(obj, wanted) for obj, wanted in self.chosen]
+        return Work("Making proxies", lambda job: [call(job) for call in calls])
+
+    def finish(self, context, result):
+        for (obj, wanted), surface in zip(self.chosen, result):
+            proxy.write(obj, wanted, surface)
+            follow_materials(obj)
+            self.report({"INFO"}, f"{obj.name}: {len(surface.quads)} faces, cells of {' × '.join(map(str, surface.cell))} voxels")
+
+
+def _chosen(context):
+    chosen = [obj for obj in context.selected_objects if is_volume(obj)]
+    if not chosen and context.object is not None and is_volume(context.object):
+        chosen = [context.object]
+    return [obj for obj in chosen if _has_proxy(obj)]
+
+
+def _volumes():
+    """An object for each proxy of the file that can be written."""
+    by_mesh = {obj.data: obj for obj in bpy.data.objects if is_volume(obj) and _has_proxy(obj)}
+    return list(by_mesh.values())
+
+
+def _has_proxy(obj):
+    """Whether an object has a proxy that may be written: not while it is edited, not where its data is another file's, and not where it
+    does not tell its place any more, which *Not Drawn* says."""
+    return obj.pumice.table is not None and obj.mode != "EDIT" and obj.data.library is None and volume_place.fit(obj.data) is not None
+
+
+def _tick():
+    """The timer: begins and ends the making of surfaces; returns the seconds to the next call, or None where nothing is left to do."""
+    seen = set()
+    for obj in _volumes():
+        seen.add(obj.data.session_uid)
+        try:
+            _step(obj)
+        except Exception as error:  # one volume must not keep the others from being updated
+            log(error)
+            _making.pop(obj.data.session_uid, None)
+    for gone in set(_making) - seen:
+        _making.pop(gone)[1].job.cancel()
+    return SECONDS if _making else None
+
+
+def _step(obj):
+    mesh, wanted = obj.data, proxy.Wanted(obj)
+    key = mesh.session_uid
+    if key in _making and _making[key][0].shape_stamp != wanted.shape_stamp:
+        _making.pop(key)[1].job.cancel()
+    if wanted.has_shape(mesh):
+        if not wanted.has_colors(mesh):
+            proxy.write_colors(obj, wanted)
+        follow_materials(obj)
+    elif key not in _making:
+        _making[key] = (wanted, Work("Making a proxy", _call(obj, wanted)))
+    elif not _making[key][1].thread.is_alive():
+        work = _making.pop(key)[1]
+        if work.error is not None:
+            # Until something changes it is not tried again: a volume that is missing stays so.
+            log(work.error)
+            return
+        proxy.write(obj, wanted, work.result)
+        follow_materials(obj)
+
+
+def _call(obj, wanted):
+    """What a thread does to make the surface that is wanted; Refused where the volume's file is missing."""
+    entry = registry.request(file_paths.find(obj)[0])
+
+    def call(job):
+        volume = registry.wait_for(entry, lambda: job.cancelled)
+        if volume is None:
+            raise native.require().Cancelled("cancelled")
+        return wanted.surface(volume, job)
+
+    return call
+
+
+@bpy.app.handlers.persistent
+def _after_edit(_scene, depsgraph):
+    # What only moves has the same proxy.
+    if any(update.is_updated_geometry or update.is_updated_shading for update in depsgraph.updates):
+        _after_change()
+
+
+@bpy.app.handlers.persistent
+def _after_change(*_):
+    if not bpy.app.background and not bpy.app.timers.is_registered(_tick):
+        bpy.app.timers.register(_tick, first_interval=SECONDS)
+
+
+@bpy.app.handlers.persistent
+def _before_render(scene, *_):
+    # In a window the timer has done it, and a render runs in a thread that may not write meshes.
+    if bpy.app.background and scene.render.engine != "PUMICE":
+        refresh_all()
+
+
+HANDLERS = (
+    ("depsgraph_update_post", _after_edit),
+    ("load_post", _after_change),
+    ("undo_post", _after_change),
+    ("redo_post", _after_change),
+    ("render_init", _before_render),
+)
+
+
+def register():
+    bpy.utils.register_class(PUMICE_OT_update_proxy)
+    for name, handler in HANDLERS:
+        getattr(bpy.app.handlers, name).append(handler)
+
+
+def unregister():
+    for name, handler in reversed(HANDLERS):
+        getattr(bpy.app.handlers, name).remove(handler)
+    if bpy.app.timers.is_registered(_tick):
+        bpy.app.timers.unregister(_tick)
+    for _, work in _making.values():
+        work.job.cancel()
+    _making.clear()
+    bpy.utils.unregister_class(PUMICE_OT_update_proxy)
