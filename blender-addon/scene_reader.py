@@ -39,6 +39,8 @@ def read(depsgraph, camera, film, kept, *, space=None, as_rendered=False):
     """
     scene = depsgraph.scene
     light, left_out = world.read(scene.world)
+    if scene.pumice_figure.use_backdrop:
+        light = {**light, "backdrop": [list(scene.pumice_figure.backdrop)] * 2}
     placed, triangles, others, seen, dresses, cutting = {}, {}, [], set(), materials.Dresses(), []
     lists = {"suns": [], "lights": []}
     kept.geometries.begin(depsgraph)
