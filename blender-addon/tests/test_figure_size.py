@@ -99,7 +99,10 @@ def test_a_backdrop_is_seen_and_lights_nothing(scene, blender, extension, tmp_pa
 def test_the_estimate_is_near_what_the_picture_says(scene, blender):  # noqa: F811
     scene.pumice.samples = 256
     assert blender.ops.pumice.figure_estimate() == {"FINISHED"}
-    said = re.fullmatch(r"About [\d.]+ \w+ for (\d+) samples of 48 × 32 pixels, error about ([\d.]+) % \(a guess from \d+ samples\)", scene.pumice_figure.estimate)
+    number = r"for ([\d,]+) samples"
+    said = re.fullmatch(
+        rf"About [\d.]+ \w+ {number} of 48 × 32 pixels, error about ([\d.]+) % \(a guess from \d+ samples\)", scene.pumice_figure.estimate
+    )
     assert said, scene.pumice_figure.estimate
     picture = rendered(blender)
     assert int(said[1]) == picture["spp"] == 256
@@ -108,7 +111,7 @@ def test_the_estimate_is_near_what_the_picture_says(scene, blender):  # noqa: F8
     # With a target, the samples follow from it.
     scene.pumice.samples, scene.pumice.use_error, scene.pumice.error_percent = 65536, True, 100 * 2 * picture["error_estimate"]
     assert blender.ops.pumice.figure_estimate() == {"FINISHED"}
-    wanted, needed = int(re.search(r"for ([\d,]+) samples", scene.pumice_figure.estimate)[1].replace(",", "")), rendered(blender)["spp"]
+    wanted, needed = int(re.search(number, scene.pumice_figure.estimate)[1].replace(",", "")), rendered(blender)["spp"]
     assert needed / 6 <= wanted <= 6 * needed, "the square of what the error may be off"
 
 
