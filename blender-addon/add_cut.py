@@ -15,6 +15,7 @@ import bpy
 from bpy.props import EnumProperty
 from mathutils import Matrix, Vector
 
+from . import volume_place
 from .properties import is_volume
 from .reports import Refused, log, one_line
 from .sync import cuts
@@ -140,12 +141,12 @@ def box_place(volume, toward):
 
 def _half_axes(volume):
     """Half of a volume's extent along each of its axes, as vectors of the scene."""
-    linear = volume.matrix_world.to_3x3()
+    linear = volume_place.known(volume).to_3x3()
     return [linear.col[axis] * (volume.pumice.dims[axis] / 2.0) for axis in range(3)]
 
 
 def _middle(volume):
-    return volume.matrix_world @ (Vector(volume.pumice.dims) / 2.0)
+    return volume_place.known(volume) @ (Vector(volume.pumice.dims) / 2.0)
 
 
 def _toward_viewer(context, volume):

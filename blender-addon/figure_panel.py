@@ -40,6 +40,12 @@ class PUMICE_OUTPUT_PT_figure(bpy.types.Panel):
             row.operator("pumice.figure_size", text="Write Size").action = "WRITE"
             row.operator("pumice.figure_size", text="Take Size").action = "READ"
         layout.prop(scene.render, "film_transparent", text="Transparent")
+        row = layout.row(heading="Backdrop")
+        row.active = not scene.render.film_transparent
+        row.prop(figure, "use_backdrop", text="")
+        field = row.row()
+        field.active = figure.use_backdrop
+        field.prop(figure, "backdrop", text="")
         row = layout.row(align=True)
         row.operator("pumice.add_scale_bar", text="Scale Bar")
         row.operator("pumice.add_legend", text="Groups").entries = "GROUPS"

@@ -125,6 +125,15 @@ class PumiceFigureSettings(bpy.types.PropertyGroup):
         default=300,
         update=_resized,
     )
+    use_backdrop: BoolProperty(
+        name="Backdrop",
+        description="Show the camera one color behind the scene instead of the world, which lights it all the same",
+        default=False,
+        update=_changed,
+    )
+    backdrop: FloatVectorProperty(
+        name="Color", description="Color of the backdrop", subtype="COLOR", size=3, min=0.0, max=1.0, default=(1.0, 1.0, 1.0), update=_changed
+    )
     parts: PointerProperty(
         name="Parts", description="Collection with the scale bars and legends that follow camera and volume", type=bpy.types.Collection
     )

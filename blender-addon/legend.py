@@ -10,7 +10,7 @@ A group whose labels have several colors has no swatch that would be true, so it
 
 import numpy as np
 
-from . import figure_frame, figure_part, label_table
+from . import figure_frame, figure_part, label_table, volume_place
 from .reports import Refused
 from .sync import materials
 
@@ -32,7 +32,7 @@ def follow(obj, scene, depsgraph):
     # The text's width is known only when it is drawn; on the right, swatches stand at the margin and the text before them.
     is_left = settings.corner.endswith("LEFT")
     x, y = frame.corner(settings.corner, settings.margin_mm, SWATCH * size, height)
-    distance = frame.distance_of(volume.matrix_world.translation)
+    distance = frame.distance_of(volume_place.known(volume).translation)
     figure_frame.attach(obj, frame, frame.camera_from_paper(frame.part_distance(distance), x, y))
     top = height - SWATCH * size
     figure_part.set_rectangles(obj.data, [(0.0, top - LINE * size * i, SWATCH * size, SWATCH * size) for i in range(len(shown))])

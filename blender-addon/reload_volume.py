@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Reload: reads the source of the active volume again, after it has changed, and keeps what was done to the volume and its labels.
 
-    source ──► compressed form, as for an import (thread, progress, ESC) ──► proxy in the same mesh    what was applied to it stays applied
-                                                                             label table               by id, see `label_carry`
-                                                                             place                     where the file says now
+    source ──► compressed form, as for an import (thread, progress, ESC) ──► proxy in the same mesh   what was applied to it stays applied
+                                                                             label table              by id, see `label_carry`
+                                                                             place                    where the file says now
 
 Linked duplicates follow, because they share the mesh. The compressed form from before stays beside the source: undo shows it again.
 """

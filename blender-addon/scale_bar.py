@@ -13,7 +13,7 @@ import math
 
 from mathutils import Vector
 
-from . import figure_frame, figure_part
+from . import figure_frame, figure_part, volume_place
 from .reports import Refused
 
 # Part of the picture's width that a bar of automatic length fills at most.
@@ -68,7 +68,7 @@ def plane_distance(settings, volume, frame):
     """Distance from the camera, along its axis, of the plane where a bar is true."""
     if settings.plane == "DISTANCE":
         return settings.distance
-    dims, place = volume.pumice.dims, volume.matrix_world
+    dims, place = volume.pumice.dims, volume_place.known(volume)
     if settings.plane == "MIDDLE":
         return frame.distance_of(place @ (Vector(dims) / 2.0))
     corners = [Vector([dims[axis] * (bit >> axis & 1) for axis in range(3)]) for bit in range(8)]
@@ -77,7 +77,7 @@ def plane_distance(settings, volume, frame):
 
 def unit_length(volume):
     """(length in the scene of one unit of the file, whether it is the same along all axes of a volume)."""
-    linear, spacing = volume.matrix_world.to_3x3(), volume.pumice.spacing
+    linear, spacing = volume_place.known(volume).to_3x3(), volume.pumice.spacing
     along = [linear.col[axis].length / spacing[axis] for axis in range(3)]
     middle = sum(along) / 3.0
     return middle, max(along) - min(along) <= MOST_UNEVEN * middle

@@ -41,6 +41,8 @@ def read(depsgraph, camera, film, kept, *, space=None, as_rendered=False):
     scene = depsgraph.scene
     # The evaluated one: of the original, a render of an animation leaves the nodes as they are.
     light, left_out = world.read(depsgraph.scene_eval.world)
+    if scene.pumice_figure.use_backdrop:
+        light = {**light, "backdrop": [list(scene.pumice_figure.backdrop)] * 2}
     placed, triangles, others, seen, dresses, cutting = {}, {}, [], set(), materials.Dresses(), []
     lists = {"suns": [], "lights": []}
     kept.geometries.begin(depsgraph)

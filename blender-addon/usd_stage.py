@@ -198,6 +198,8 @@ def lacks_of(context):
         lacks += shader_notes.note(materials[name])[1]
     if scene.pumice.smooth_voxels and any(is_volume(obj) and not obj.hide_render for obj in scene.objects):
         lacks.append("Smooth Voxels is not in the file: volumes have flat faces")
+    if scene.pumice_figure.use_backdrop:
+        lacks.append("The figure's backdrop is not in the file: the camera sees the world")
     if not _is_ours(scene.world):
         lacks.append("World: it arrives as Blender's exporter writes it, which is its picture and strength at best")
     for names, what in (

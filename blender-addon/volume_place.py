@@ -20,6 +20,8 @@ import bmesh
 import numpy as np
 from mathutils import Matrix
 
+from .reports import Refused
+
 ATTRIBUTE = "pumice_index"
 # Custom property of a mesh that has, or had, the attribute: remeshing takes the attribute and leaves this.
 MARKED = "pumice_marked"
@@ -72,6 +74,14 @@ def world_from_index(obj, world_from_object=None):
     found = fit(obj.original.data)
     world = np.array(obj.matrix_world if world_from_object is None else world_from_object, dtype=float)
     return None if found is None else world @ found.object_from_index
+
+
+def known(obj):
+    """The map from voxels to the scene of a volume object, as a matrix of Blender's. Raises Refused where its mesh does not tell."""
+    found = world_from_index(obj)
+    if found is None:
+        raise Refused(f"{obj.name}: {LOST}")
+    return Matrix(found.tolist())
 
 
 def read(obj, world_from_object):

@@ -9,10 +9,11 @@ import re
 import struct
 import types
 
+import numpy as np
 import pumice
 import pytest
 
-from test_real_volumes import scene  # noqa: F401
+from test_real_volumes import exr, scene  # noqa: F401
 
 
 @pytest.fixture
@@ -72,10 +73,36 @@ def test_a_png_has_the_density(scene, blender, tmp_path):  # noqa: F811
     assert struct.unpack_from(">II", data, 16) == (40, 20)
 
 
+def test_a_backdrop_is_seen_and_lights_nothing(scene, blender, extension, tmp_path):  # noqa: F811
+    scene.render.filepath = str(tmp_path / "a.exr")
+
+    def drawn():
+        blender.ops.render.render(write_still=True)
+        found = exr(scene.render.filepath)
+        return np.stack([found[f"Combined.{c}"] for c in "RGBA"], axis=2)
+
+    world = drawn()
+    figure = scene.pumice_figure
+    figure.use_backdrop, figure.backdrop = True, (0.1, 0.7, 0.3)
+    seen = drawn()
+    assert any("backdrop" in line for line in importlib.import_module(f"{extension.__name__}.usd_stage").lacks_of(blender.context))
+    scene.render.film_transparent = True
+    alpha = drawn()[..., 3]
+    volume, behind = alpha == 1.0, alpha == 0.0
+    assert volume.sum() > 100 and behind.sum() > 100
+    assert np.array_equal(seen[volume], world[volume]), "the volume is lit by the world, bit for bit"
+    # Single precision, and a mean of four equal samples.
+    assert np.allclose(seen[behind], (0.1, 0.7, 0.3, 1.0), atol=1e-6)
+    assert not np.allclose(world[behind], (0.1, 0.7, 0.3, 1.0), atol=0.1), "negative control"
+
+
 def test_the_estimate_is_near_what_the_picture_says(scene, blender):  # noqa: F811
     scene.pumice.samples = 256
     assert blender.ops.pumice.figure_estimate() == {"FINISHED"}
-    said = re.fullmatch(r"About [\d.]+ \w+ for (\d+) samples of 48 × 32 pixels, error about ([\d.]+) % \(a guess from \d+ samples\)", scene.pumice_figure.estimate)
+    number = r"for ([\d,]+) samples"
+    said = re.fullmatch(
+        rf"About [\d.]+ \w+ {number} of 48 × 32 pixels, error about ([\d.]+) % \(a guess from \d+ samples\)", scene.pumice_figure.estimate
+    )
     assert said, scene.pumice_figure.estimate
     picture = rendered(blender)
     assert int(said[1]) == picture["spp"] == 256
@@ -84,7 +111,7 @@ def test_the_estimate_is_near_what_the_picture_says(scene, blender):  # noqa: F8
     # With a target, the samples follow from it.
     scene.pumice.samples, scene.pumice.use_error, scene.pumice.error_percent = 65536, True, 100 * 2 * picture["error_estimate"]
     assert blender.ops.pumice.figure_estimate() == {"FINISHED"}
-    wanted, needed = int(re.search(r"for ([\d,]+) samples", scene.pumice_figure.estimate)[1].replace(",", "")), rendered(blender)["spp"]
+    wanted, needed = int(re.search(number, scene.pumice_figure.estimate)[1].replace(",", "")), rendered(blender)["spp"]
     assert needed / 6 <= wanted <= 6 * needed, "the square of what the error may be off"
 
 

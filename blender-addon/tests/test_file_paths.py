@@ -113,12 +113,13 @@ def test_a_path_of_another_system_is_found_beside_the_file(project, find):
 
 
 FRESH = """
-import os, sys, bpy, addon_utils
+import os, shutil, sys, bpy, addon_utils
 assert addon_utils.enable(sys.argv[1], persistent=True) is not None
 bpy.ops.wm.open_mainfile(filepath=sys.argv[2])
 bpy.context.scene.render.filepath = sys.argv[3]
 status = bpy.ops.render.render(write_still=True)
 sys.stdout.flush()
+shutil.rmtree(bpy.app.tempdir, ignore_errors=True)
 os._exit(0 if status == {"FINISHED"} else 1)
 """
 
