@@ -118,12 +118,12 @@ def test_the_estimate_is_near_what_the_picture_says(scene, blender):  # noqa: F8
 def rendered(bpy):
     """Figures of F12's picture: its error is in the file."""
     found = []
-    original = pumice.render
-    pumice.render = lambda *a, **k: found.append(original(*a, **k)) or found[-1]
+    original = pumice.Renderer.render
+    pumice.Renderer.render = lambda *a, **k: found.append(original(*a, **k)) or found[-1]
     try:
         assert bpy.ops.render.render() == {"FINISHED"}
     finally:
-        pumice.render = original
+        pumice.Renderer.render = original
     return {"spp": found[0].spp, "error_estimate": found[0].error_estimate}
 
 

@@ -277,9 +277,12 @@ def write_tiff(path, dense):
 def test_a_reload_that_is_cancelled_or_fails_changes_nothing(cells, source, load, capfd, monkeypatch):
     import pumice
 
-    reading, before, path = load("reload_volume").Reading, by_id(load, cells), cells.pumice.filepath
+    def cancelled(*_):
+        raise pumice.Cancelled("cancelled")
+
+    before, path = by_id(load, cells), cells.pumice.filepath
     write(source, SECOND)
-    monkeypatch.setattr(reading, "_run", lambda self: setattr(self, "error", pumice.Cancelled("cancelled")))
+    monkeypatch.setattr(load("opening"), "_open", cancelled)
     assert bpy.ops.pumice.reload() == {"CANCELLED"}
     assert "Cancelled" in capfd.readouterr().out
     monkeypatch.undo()
