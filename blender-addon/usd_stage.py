@@ -138,6 +138,8 @@ def compose(path, volumes_name, scene, stands_for, volume_objects, lacks):
     holder = UsdGeom.Xform.Define(stage, HOLDER).GetPrim()
     say(holder, scene_notes.SCENE, said)
     if volumes_name is not None:
+        # The volumes' stage is a component, and a component may hang below groups alone.
+        Usd.ModelAPI(stage.GetPrimAtPath(ROOT)).SetKind("group")
         holder.GetReferences().AddReference(f"./{volumes_name}")
         # The camera and the black world without which no scene can be written.
         for name in ("camera", "world"):
