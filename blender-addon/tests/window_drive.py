@@ -150,9 +150,9 @@ def steps():
     counters = counted()
     shader = bpy.context.object.active_material.node_tree.nodes["Principled BSDF"]
     shader.inputs["Roughness"].default_value = 0.1
-    yield from until(lambda: counted()["edits.material"] > counters["edits.material"], "an edit")
+    yield from until(lambda: counted()["edits.group_material"] > counters["edits.group_material"], "an edit")
     after = counted()
-    assert after["edits.material"] == counters["edits.material"] + 1
+    assert after["edits.group_material"] == counters["edits.group_material"] + 1 and after["edits.groups"] == counters["edits.groups"]
     assert after["edits.place"] == counters["edits.place"] and after["edits.world"] == counters["edits.world"]
     assert after["rebuilt.acceleration"] == counters["rebuilt.acceleration"]
 
