@@ -345,6 +345,19 @@ def test_a_volume_that_changed_on_disk_is_said(stage):
     assert "has changed since it was imported" in stage.engine.line
 
 
+def test_a_file_that_another_object_reloaded_is_shown_in_place_of_the_former(stage):
+    """The object still has the hash of the former voxels, as an unlinked duplicate of the one that was reloaded does."""
+    shown = stage.settle()
+    before = len(shown.session.edits)
+    reloaded = Volume(str(stage.path))
+    reloaded.content_hash = "1" * 32
+    stage.load("registry").adopt(str(stage.path), reloaded)
+    for _ in range(2):
+        stage.update()
+        assert [e["edit"] for e in shown.session.edits[before:]] == ["remove", "add", "visible", "groups"], "once, not at each update"
+    assert shown.session.volumes[-1] is reloaded and "has changed since it was imported" in " ".join(shown.notes)
+
+
 def test_a_deleted_object_leaves(stage):
     kinds = edits_of(stage, lambda s: s.bpy.data.objects.remove(s.obj))
     assert kinds == ["remove"]
