@@ -51,10 +51,10 @@ class Wanted:
         dresses = [slot.material for slot in obj.material_slots] or [None]
         self.groups = [Group(material) for material in dresses]
         self.left_out = [line for group in self.groups for line in group.left_out]
-        self.shown = None
+        self.shown = self.table_ids = None
         if table is not None:
             self.shown, self.of = label_table.visible(table), label_table.slots(table).clip(max=len(dresses) - 1)
-            self.colors = label_table.colors(table)[:, :3].clip(0.0, 1.0)
+            self.table_ids, self.colors = label_table.ids(table), label_table.colors(table)[:, :3].clip(0.0, 1.0)
         self.volume = self.faces = None
 
     def open(self, job):
@@ -70,8 +70,8 @@ class Wanted:
             self.shown = np.ones(len(self.volume.labels.ids), dtype=bool)
             self.of = np.zeros(len(self.shown), dtype=np.int32)
             self.colors = self.volume.labels.auto_colors(self.shown)
-        if len(self.shown) != len(self.volume.labels.ids):
-            raise Refused(f"{self.name}: the volume has changed since it was imported, so its label table does not fit; press Reload")
+        if self.table_ids is not None:
+            label_table.require_rows(self.table_ids, self.volume.labels, self.name)
 
     @property
     def ids(self):
@@ -251,7 +251,7 @@ def colored_by_faces(material):
 
 def colored_as(group, name, color):
     """A material of one color: a copy of the group's own where that is a Principled BSDF, else what Pumice draws of it."""
-    tree = nodes.tree(group.material)
+    tree = nodes.tree(group.material) if group.material is not None else None
     shader = nodes.surface(tree, "OUTPUT_MATERIAL") if tree is not None else None
     if shader is None or shader.type != "BSDF_PRINCIPLED" or shader.mute:
         return dressed(name, {**group.fields, "base_color": color})

@@ -13,6 +13,7 @@ import dataclasses
 import bpy
 
 from . import native, passes, persistent, preferences, provenance, registry, render_result, render_work, scene_reader
+from .reports import Refused
 
 
 def parts_of_frame(depsgraph, as_rendered=False, kept=None):
@@ -65,6 +66,8 @@ def render(engine, depsgraph):
         render_result.leave_empty(engine, view_layer, size)
         return
     for placed, volume in zip((parts.placed[key] for key in sorted(parts.placed)), volumes):
+        if (unfit := placed.unfit(volume)) is not None:
+            raise Refused(unfit)
         if placed.differs(volume):
             engine.report({"WARNING"}, placed.differs(volume))
 

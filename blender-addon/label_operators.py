@@ -280,7 +280,7 @@ class PUMICE_OT_labels_recolor(OnLabels, bpy.types.Operator):
         flags = label_table.selected(table)
         rows = np.flatnonzero(flags) if flags.any() else np.arange(len(flags))
         along = (self.column, self.color_map, context.scene)
-        colors = label_colors.palette(self.palette, table, rows, lambda: _volume(context).labels.auto_colors(), along)
+        colors = label_colors.palette(self.palette, table, rows, lambda: _labels(context, table).auto_colors(), along)
         label_table.set_color(table, rows, colors, own=self.palette != "NEIGHBORS")
         tag_users(table)
         return f"{counted(len(rows))} recolored"
@@ -307,7 +307,7 @@ class PUMICE_OT_labels_frame(OnLabels, bpy.types.Operator):
     changes_table = False
 
     def change(self, context, table):
-        rows, labels = selected(table), _volume(context).labels
+        rows, labels = selected(table), _labels(context, table)
         place = volume_place.world_from_index(context.object)
         if place is None:
             raise Refused(f"{context.object.name}: {volume_place.LOST}")
@@ -339,15 +339,16 @@ def slot_of(obj, slot):
     return chosen
 
 
-def _volume(context):
-    """The open volume of the active object; Refused while it is being opened."""
+def _labels(context, table):
+    """The labels of the active object's volume, by the rows of its label table. Raises Refused."""
     entry = registry.request(file_paths.find(context.object)[0])
     native.require()
     # A few seconds at most, once in a session: an operator must end before it returns.
     entry.done.wait()
     if entry.error:
         raise Refused(entry.error)
-    return entry.volume
+    label_table.require_rows(label_table.ids(table), entry.volume.labels, context.object.name)
+    return entry.volume.labels
 
 
 CLASSES = (

@@ -25,6 +25,7 @@ import json
 import bpy
 import numpy as np
 
+from .reports import Refused
 
 # Columns with a meaning of their own; others are numbers that the volume or the user brought.
 FIXED = ("id_low", "id_high", "color", "own_color", "visible", "slot", "select", "type")
@@ -72,6 +73,13 @@ def ids(mesh):
     low = _read(mesh, "id_low", "value", np.int32, 1).view(np.uint32).astype(np.uint64)
     high = _read(mesh, "id_high", "value", np.int32, 1).view(np.uint32).astype(np.uint64)
     return low | (high << np.uint64(32))
+
+
+def require_rows(table_ids, labels, owner):
+    """Raises Refused where the ids of a table are not those of an open volume's labels: its file was replaced, such as by the Reload of
+    another object. `owner` is the name of the volume object."""
+    if not np.array_equal(table_ids, labels.ids):
+        raise Refused(f"{owner}: the volume has changed since it was imported, so its label table does not fit; press Reload")
 
 
 def visible(mesh):

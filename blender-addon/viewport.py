@@ -195,7 +195,13 @@ class Viewport:
                 self._missing.append(entry.error)
                 self._undrawn.append(placed)
             else:
-                volumes[key], ready[key] = entry.volume, placed
+                if (unfit := placed.unfit(entry.volume)) is not None:
+                    self._missing.append(unfit)
+                    self._undrawn.append(placed)
+                    continue
+                # Another object may have reloaded the file, so what is open counts, not what this object was imported from.
+                shown = entry.volume.content_hash
+                volumes[key], ready[key] = entry.volume, placed if placed.content == shown else dataclasses.replace(placed, content=shown)
                 self._missing += filter(None, [placed.differs(entry.volume)])
         return dataclasses.replace(parts, placed=ready), volumes
 

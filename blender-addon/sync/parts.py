@@ -8,6 +8,8 @@ Blender's object exists; their id in the scene is assigned when the scene is wri
 
 from dataclasses import dataclass, field
 
+import numpy as np
+
 
 @dataclass(frozen=True)
 class Placed:
@@ -37,6 +39,17 @@ class Placed:
         if self.content in ("", volume.content_hash):
             return None
         return f"{self.source}: the volume has changed since it was imported, so its label table may not fit; press Reload in its Pumice panel"
+
+    def unfit(self, volume):
+        """A line where only some labels are shown and the volume lacks one of these, which a renderer refuses; None where it can be drawn."""
+        columns = self.style.columns
+        if columns is None or self.content == volume.content_hash or columns.visible.all():
+            return None
+        gone = np.setdiff1d(columns.ids[columns.visible], volume.labels.ids, assume_unique=True)
+        if not len(gone):
+            return None
+        lacks = f"{len(gone)} of the labels that are shown, the first {gone[0]}"
+        return f"{self.source}: the volume has changed since it was imported and lacks {lacks}; press Reload in its Pumice panel"
 
 
 @dataclass(frozen=True)

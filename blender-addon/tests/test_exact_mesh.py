@@ -136,6 +136,20 @@ def test_merged_faces_are_fewer_and_cover_the_same(blender, volume, dense):
     assert sum(polygon.area for polygon in merged.polygons) == pytest.approx(plain, rel=1e-6)
 
 
+def test_labels_of_an_empty_slot_have_a_plain_material_of_their_color(blender, volume, extension):
+    volume.active_material.pumice.colors_by_label = True
+    blender.context.view_layer.objects.active = volume
+    blender.ops.object.material_slot_add()
+    volume.material_slots[-1].material = None
+    label_table = extension.exact_mesh.label_table
+    label_table.set_slots(volume.pumice.table, [2], len(volume.material_slots) - 1)
+    mesh = made(blender, volume).data
+    labels = np.empty(len(mesh.polygons), np.int32)
+    mesh.attributes["label"].data.foreach_get("value", labels)
+    (slot,) = {mesh.polygons[i].material_index for i in np.flatnonzero(labels == 2).tolist()}
+    assert np.allclose(base_color(mesh.materials[slot]), label_table.colors(volume.pumice.table)[2, :3], atol=1e-6)
+
+
 def test_many_colors_share_a_material(blender, volume, extension, monkeypatch):
     monkeypatch.setattr(extension.exact_mesh, "MOST_MATERIALS", 1)
     mesh = made(blender, volume).data

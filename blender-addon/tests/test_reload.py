@@ -237,6 +237,62 @@ def test_a_live_viewport_shows_the_reloaded_volume(cells, source, extension, loa
     assert np.array_equal(second, fresh) and not np.array_equal(first, second)
 
 
+@pytest.fixture
+def left_behind(cells, source, capfd):
+    """A duplicate with a table of its own, whose file the reload of another object has replaced."""
+    bpy.ops.object.duplicate(linked=False)
+    duplicate = bpy.context.object
+    duplicate.location.x += 20.0
+    bpy.ops.pumice.labels_select(ids="17")
+    bpy.context.view_layer.objects.active = cells
+    write(source, SECOND)
+    reload(capfd)
+    bpy.context.view_layer.objects.active = duplicate
+    return duplicate
+
+
+def test_a_duplicate_that_is_left_behind_shows_the_new_voxels_as_a_new_viewport_does(cells, source, extension, capfd, monkeypatch):
+    prepare(bpy.context.scene)
+    bpy.context.scene.pumice.viewport_samples = 2
+    bpy.ops.object.duplicate(linked=False)
+    bpy.context.object.location.z += 3.0
+    bpy.context.view_layer.objects.active = cells
+    context, view = viewport_of(bpy, extension, monkeypatch, Engine())
+    first = np.array(np.asarray(settle(bpy, view, context)))
+    write(source, np.where(FIRST == 3, FIRST, 0))
+    reload(capfd)
+    second = np.array(np.asarray(settle(bpy, view, context)))
+    context, view = viewport_of(bpy, extension, monkeypatch, Engine(2))
+    fresh = np.array(np.asarray(settle(bpy, view, context)))
+    assert np.array_equal(second, fresh) and not np.array_equal(first, second)
+
+
+def test_a_duplicate_whose_shown_label_is_gone_is_a_box_and_refused_by_f12(left_behind, extension, load, monkeypatch, capfd):
+    prepare(bpy.context.scene)
+    bpy.context.scene.pumice.viewport_samples = 2
+    context, view = viewport_of(bpy, extension, monkeypatch, Engine())
+    settle(bpy, view, context)
+    assert len(view.sent.placed) == 2, "while all labels are shown it is drawn"
+    bpy.ops.pumice.labels_isolate()
+    settle(bpy, view, context)
+    said = "lacks 1 of the labels that are shown, the first 17; press Reload"
+    assert len(view.sent.placed) == 1 and len(view._undrawn) == 1 and said in " ".join(view.notes)
+    with pytest.raises(RuntimeError, match=said):
+        bpy.ops.render.render()
+    reload(capfd)
+    settle(bpy, view, context)
+    assert len(view.sent.placed) == 2 and not view._undrawn
+    assert bpy.ops.render.render() == {"FINISHED"}
+
+
+@pytest.mark.parametrize("operator", ["labels_frame", "labels_recolor", "make_exact_mesh"])
+def test_what_needs_rows_of_the_file_is_refused_where_the_table_is_another_files(left_behind, operator):
+    left_behind.select_set(True)
+    with pytest.raises(RuntimeError, match="so its label table does not fit; press Reload") as raised:
+        getattr(bpy.ops.pumice, operator)()
+    assert len(str(raised.value).strip().splitlines()) == 1
+
+
 def test_an_unchanged_source_is_said(cells, load, capfd):
     before = by_id(load, cells)
     said = reload(capfd)
