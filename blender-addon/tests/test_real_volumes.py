@@ -137,9 +137,14 @@ def test_the_same_frame_twice_is_the_same_and_a_region_is_part_of_it(scene, blen
     assert (part == whole).mean() > 0.8 and (part[4:-4, 4:-4] != 0).any()
 
 
-def viewport_of(blender, extension, monkeypatch, engine):
+def replace_drawing(extension, monkeypatch):
+    """Replaces what of a viewport needs a window: the drawing."""
     monkeypatch.setattr(load(extension, "picture_texture"), "PictureTexture", Texture)
     monkeypatch.setattr(load(extension, "missing_boxes"), "draw", lambda ends: None)
+
+
+def viewport_of(blender, extension, monkeypatch, engine):
+    replace_drawing(extension, monkeypatch)
     blender.context.view_layer.update()
     context = Context(blender, SIZE)
     view = load(extension, "viewport").of(engine)
@@ -158,7 +163,7 @@ def settle(blender, view, context):
         if done and view.frame.revision == view.session.status.revision:
             return view.frame
         assert view.session is None or view.session.status.state != "failed", view.session.status.error
-        assert time.monotonic() < end, "the viewport does not converge"
+        assert time.monotonic() < end, f"the viewport does not converge: {view.notes}"
         time.sleep(0.01)
 
 
