@@ -45,7 +45,9 @@ class _Labels:
 
     def draw(self, context):
         layout, search, table = self.layout, context.window_manager.pumice_labels, label_search.table_of(context)
-        layout.prop(search, "query", text="", icon="VIEWZOOM")
+        row = layout.row(align=True)
+        row.prop(search, "query", text="", icon="VIEWZOOM")
+        row.prop(search, "shown_only", text="", icon="HIDE_OFF")
         if search.problem:
             layout.label(text=search.problem, icon="ERROR")
         layout.template_list("PUMICE_UL_labels", "", search, "hits", search, "active", rows=6)
