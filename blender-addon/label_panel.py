@@ -84,12 +84,11 @@ class PUMICE_VIEW3D_PT_labels(_Labels, bpy.types.Panel):
 
 
 class PUMICE_OBJECT_PT_labels(_Labels, bpy.types.Panel):
-    """Panel: labels, first in Object Data."""
+    """Panel: labels, in Object Data."""
 
     bl_space_type = "PROPERTIES"
     bl_region_type = "WINDOW"
     bl_context = "data"
-    bl_order = -20
 
 
 class PUMICE_MATERIAL_PT_groups(bpy.types.Panel):
@@ -99,7 +98,6 @@ class PUMICE_MATERIAL_PT_groups(bpy.types.Panel):
     bl_space_type = "PROPERTIES"
     bl_region_type = "WINDOW"
     bl_context = "material"
-    bl_order = -20
 
     @classmethod
     def poll(cls, context):
