@@ -88,9 +88,12 @@ class PUMICE_OT_figure_size(_OfFigure, bpy.types.Operator):
 
 
 def active_volume(context):
-    """The active object if it is a volume. In Output, where the buttons are, Blender's `context.object` is None."""
+    """The active object if it is a volume, or the volume of a scale bar or legend that is active, as after it was added; else None. In Output,
+    where the buttons are, Blender's `context.object` is None."""
     obj = context.view_layer.objects.active
-    return obj if obj is not None and is_volume(obj) else None
+    if obj is not None and obj.pumice_figure.kind != "NONE":
+        obj = obj.pumice_figure.volume
+    return obj if obj is not None and is_volume(obj) and obj.name in context.scene.objects else None
 
 
 class _AddsPart(_OfFigure):

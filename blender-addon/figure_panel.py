@@ -16,7 +16,6 @@ class PUMICE_OUTPUT_PT_figure(bpy.types.Panel):
     bl_space_type = "PROPERTIES"
     bl_region_type = "WINDOW"
     bl_context = "output"
-    bl_order = -10
 
     @classmethod
     def poll(cls, context):
@@ -66,7 +65,6 @@ class PUMICE_OBJECT_PT_figure(bpy.types.Panel):
     bl_space_type = "PROPERTIES"
     bl_region_type = "WINDOW"
     bl_context = "object"
-    bl_order = -10
 
     @classmethod
     def poll(cls, context):

@@ -113,9 +113,11 @@ class PUMICE_OT_labels_search(OnLabels, bpy.types.Operator):
     changes_table = False
 
     query: StringProperty(name="Query", description="Words of the name, ids, type:axon, voxels>1000")
+    shown_only: BoolProperty(name="Shown Only", description="List only labels that are shown", default=False)
 
     def change(self, context, _table):
         search = context.window_manager.pumice_labels
+        search.shown_only = self.shown_only
         search.query = self.query  # which fills the list
         if search.problem:
             raise Refused(search.problem)

@@ -45,7 +45,9 @@ class _Labels:
 
     def draw(self, context):
         layout, search, table = self.layout, context.window_manager.pumice_labels, label_search.table_of(context)
-        layout.prop(search, "query", text="", icon="VIEWZOOM")
+        row = layout.row(align=True)
+        row.prop(search, "query", text="", icon="VIEWZOOM")
+        row.prop(search, "shown_only", text="", icon="HIDE_OFF")
         if search.problem:
             layout.label(text=search.problem, icon="ERROR")
         layout.template_list("PUMICE_UL_labels", "", search, "hits", search, "active", rows=6)
@@ -82,12 +84,11 @@ class PUMICE_VIEW3D_PT_labels(_Labels, bpy.types.Panel):
 
 
 class PUMICE_OBJECT_PT_labels(_Labels, bpy.types.Panel):
-    """Panel: labels, first in Object Data."""
+    """Panel: labels, in Object Data."""
 
     bl_space_type = "PROPERTIES"
     bl_region_type = "WINDOW"
     bl_context = "data"
-    bl_order = -20
 
 
 class PUMICE_MATERIAL_PT_groups(bpy.types.Panel):
@@ -97,7 +98,6 @@ class PUMICE_MATERIAL_PT_groups(bpy.types.Panel):
     bl_space_type = "PROPERTIES"
     bl_region_type = "WINDOW"
     bl_context = "material"
-    bl_order = -20
 
     @classmethod
     def poll(cls, context):

@@ -3,6 +3,7 @@
 """The search line of the label panel: which rows of a label table a query finds, and the list of the first of them.
 
     query ──► pumice.AnnotationTable.query (Rust) ──► a flag for each row ──► the list: at most 200 rows, each a number
+                                                      and, with Shown Only, the table's `visible`
 
 The list is a small collection of the window manager, so that a search makes no undo step and nothing is stored in the file. It has row numbers
 alone: what the panel shows of a label it reads from the table, which edits and undo change.
@@ -10,7 +11,7 @@ alone: what the panel shows of a label it reads from the table, which edits and 
 
 import bpy
 import numpy as np
-from bpy.props import CollectionProperty, IntProperty, PointerProperty, StringProperty
+from bpy.props import BoolProperty, CollectionProperty, IntProperty, PointerProperty, StringProperty
 
 from . import label_table, native
 from .properties import is_volume
@@ -21,6 +22,8 @@ MOST_HITS = 200
 
 # By the table's session_uid: what the index was made of, and the index. Few tables are searched at a time.
 _indices = {}
+# Which labels were shown when the list was filled; None where the list does not depend on it.
+_shown = None
 MOST_INDICES = 8
 
 
@@ -56,17 +59,20 @@ def table_of(context):
 
 
 def rows(context):
-    """The rows that the query of the panel finds in the active table. Raises `pumice.InputError`."""
-    table = table_of(context)
+    """The rows that the query of the panel finds in the active table, with Shown Only those of shown labels. Raises `pumice.InputError`."""
+    search, table = context.window_manager.pumice_labels, table_of(context)
     if table is None:
         return np.zeros(0, dtype=np.int64)
-    return np.flatnonzero(index(table).find(context.window_manager.pumice_labels.query))
+    found = np.asarray(index(table).find(search.query), dtype=bool)
+    return np.flatnonzero(found & label_table.visible(table) if search.shown_only else found)
 
 
 def refresh(context, row=None):
     """Fills the list anew for the active object and the query. With `row`, that row of the table is in the list and active: among the hits
     around it, or before them where the query does not find it."""
+    global _shown
     search, table = context.window_manager.pumice_labels, table_of(context)
+    _shown = _shown_now(search, table)
     search.hits.clear()
     search.count, search.problem, search.table = 0, "", table.session_uid if table is not None else 0
     if table is None:
@@ -85,6 +91,10 @@ def refresh(context, row=None):
     for one in listed:
         search.hits.add().row = one
     search.active = listed.index(row) if row is not None else 0
+
+
+def _shown_now(search, table):
+    return label_table.visible(table).tobytes() if search.shown_only and table is not None else None
 
 
 class PumiceLabelHit(bpy.types.PropertyGroup):
@@ -106,6 +116,12 @@ class PumiceLabelSearch(bpy.types.PropertyGroup):
         options={"TEXTEDIT_UPDATE", "SKIP_SAVE"},
         update=lambda _search, context: refresh(context),
     )
+    shown_only: BoolProperty(
+        name="Shown Only",
+        description="List only labels that are shown",
+        default=False,
+        update=lambda _search, context: refresh(context),
+    )
     hits: CollectionProperty(type=PumiceLabelHit)
     active: IntProperty(name="Row", default=0)
     count: IntProperty(name="Hits", description="Labels that the query finds", default=0)
@@ -115,11 +131,13 @@ class PumiceLabelSearch(bpy.types.PropertyGroup):
 
 @bpy.app.handlers.persistent
 def _follow(scene, _depsgraph=None):
-    """Searches again once another volume is active; undo and loading give another table too."""
+    """Searches again once another volume is active, which undo and loading cause too, and with Shown Only once other labels are shown."""
     context = bpy.context
     search = getattr(context.window_manager, "pumice_labels", None)
     table = table_of(context) if getattr(context, "object", None) is not None else None
-    if search is not None and search.table != (table.session_uid if table is not None else 0):
+    if search is None:
+        return
+    if search.table != (table.session_uid if table is not None else 0) or _shown_now(search, table) != _shown:
         refresh(context)
 
 

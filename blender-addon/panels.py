@@ -176,8 +176,6 @@ class PUMICE_OBJECT_PT_volume(bpy.types.Panel):
     bl_space_type = "PROPERTIES"
     bl_region_type = "WINDOW"
     bl_context = "data"
-    # Above what Blender shows of the proxy's mesh.
-    bl_order = -10
 
     @classmethod
     def poll(cls, context):

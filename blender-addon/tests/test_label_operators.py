@@ -104,6 +104,36 @@ def test_the_list_follows_the_active_volume(blender, volume, tmp_path):
     assert search.count == 2
 
 
+def test_shown_only_lists_shown_labels_and_follows_edits_and_undo(blender, volume):
+    name = volume.name
+    search = blender.context.window_manager.pumice_labels
+    listed = lambda: [IDS[hit.row] for hit in search.hits]  # noqa: E731
+    try:
+        blender.ops.pumice.labels_hide(ids="17")
+        assert blender.ops.pumice.labels_search(query="axon", shown_only=True) == {"FINISHED"}
+        assert listed() == [3] and search.count == 1
+        blender.ops.pumice.labels_select_hits()
+        assert ids(volume.pumice.table.attributes["select"].data[row].value for row in range(5)) == [3]
+        blender.ops.ed.undo_push(message="before")
+        blender.ops.pumice.labels_hide(ids="3")
+        blender.context.view_layer.update()
+        assert listed() == []
+        blender.ops.ed.undo_push(message="hide")
+        blender.ops.ed.undo()
+        assert blender.context.object.name == name and listed() == [3]
+        search.shown_only = False
+        assert listed() == [3, 17]
+        search.shown_only = True
+        assert listed() == [3]
+        search.query, search.active = "", 2
+        blender.data.objects[name].update_tag()
+        blender.context.view_layer.update()
+        assert search.active == 2, "an update that hides nothing leaves the list as it is"
+    finally:
+        blender.ops.pumice.labels_search(query="")
+    assert not search.shown_only and listed() == IDS
+
+
 def test_random_operators_do_what_a_naive_model_does(blender, volume, table):
     rng = random.Random(5)
     shown, chosen, slots = set(IDS), set(), dict.fromkeys(IDS, 0)

@@ -166,3 +166,18 @@ def test_what_cannot_be_a_legend_is_refused(blender, extension, volume):
     many.attributes.new("select", "BOOLEAN", "POINT").data.foreach_set("value", np.ones(40, dtype=bool))
     with pytest.raises(Exception, match="at most 32 entries, and 40 labels are selected"):
         legend_module.selected(many)
+
+
+def test_a_scale_bar_follows_a_legend_without_activating_the_volume_again(blender, volume):
+    shown = legend(blender, volume)
+    assert blender.context.view_layer.objects.active == shown
+    assert blender.ops.pumice.add_scale_bar() == {"FINISHED"}
+    bar = blender.context.object
+    assert bar != shown and bar.pumice_figure.kind == "SCALE_BAR" and bar.pumice_figure.volume == volume
+    for collection in list(volume.users_collection):
+        collection.objects.unlink(volume)
+    with pytest.raises(RuntimeError, match="Make a volume active first"):
+        blender.ops.pumice.add_scale_bar()
+    blender.context.view_layer.objects.active = blender.context.scene.camera
+    with pytest.raises(RuntimeError, match="Make a volume active first"):
+        blender.ops.pumice.add_scale_bar()

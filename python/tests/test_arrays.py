@@ -165,7 +165,7 @@ def test_an_array_and_its_file_are_one_volume(tmp_path):
     for array in (np.full((3, 4, 5), 2.0**30, np.float32), np.full((3, 4, 5), 2.0**53)):
         np.save(tmp_path / "array.npy", array)
         with pytest.warns(pumice.PumiceWarning, match="no spacing"):
-            volume = pumice.compress(tmp_path / "array.npy")
+            volume = pumice.compress(tmp_path / "array.npy", axes="xyz")
         assert volume.content_hash == pumice.compress(array).content_hash
         same(volume, array)
 
