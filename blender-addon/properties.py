@@ -43,6 +43,9 @@ def _tag(settings, _context):
     """Tags the data as changed: Blender does this itself for changes in its panels, but not for those of scripts."""
     settings.id_data.update_tag()
 
+# Options of a path that may begin with "//": Blender 5 warns of such a path where they are missing, earlier versions do not know them.
+RELATIVE_PATH = {"ANIMATABLE"} | ({"PATH_SUPPORTS_BLEND_RELATIVE"} if bpy.app.version >= (5, 0, 0) else set())
+
 
 class PumiceSceneSettings(bpy.types.PropertyGroup):
     """Settings of the renderer, stored in the scene."""
@@ -236,9 +239,10 @@ class PumiceVolumeSettings(bpy.types.PropertyGroup):
         subtype="FILE_PATH",
         default="",
         update=_tag,
+        options=RELATIVE_PATH,
     )
     source_path: StringProperty(
-        name="Source", description="File that the volume was compressed from", subtype="FILE_PATH", default=""
+        name="Source", description="File that the volume was compressed from", subtype="FILE_PATH", default="", options=RELATIVE_PATH
     )
     last_filepath: StringProperty(
         name="Last Place", description="Where the volume was when the file was saved, which a copy of the object needs", options={"HIDDEN"}
