@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from test_real_volumes import exr, imported
+from test_round_trip import with_usd  # noqa: F401
 
 SIZE = (40, 30)
 
@@ -106,7 +107,7 @@ def test_the_exact_mesh_of_an_applied_volume_is_in_its_place(cells, load):
     assert sum(f.center.dot(f.normal) * f.area for f in mesh.data.polygons) > 0.0
 
 
-def test_a_volume_that_shears_by_what_was_applied_to_it_comes_back_from_usd(cells, load, tmp_path):
+def test_a_volume_that_shears_by_what_was_applied_to_it_comes_back_from_usd(with_usd, cells, load, tmp_path):  # noqa: F811
     """Parent and object have matrices at right angles; only with what was applied to the mesh the volume shears."""
     parent = bpy.data.objects.new("parent", None)
     bpy.context.collection.objects.link(parent)
