@@ -2,9 +2,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Measures what edits of labels cost in Blender, as tables for bench/results/blender.md. It is no test and is collected only by name:
 
-    python -m pytest -s blender-addon/tests/measure_labels.py [VOLUME in PUMICE_MEASURED_VOLUME]
+    python -m pytest -s blender-addon/tests/measure_labels.py
 
-with the environment of the tests (conftest.py) and a zip with a release build of the module.
+with the environment of the tests (conftest.py) and a zip with a release build of the module. PUMICE_MEASURED_VOLUME is the real volume that is
+measured; without it, it is the cortex in data/.
 
 main thread     time of the thread that runs Blender, for the operator, for reading the scene and for sending the edits
 first picture   wall time from the operator to the first frame of the edited scene, with all that the session computes in between
@@ -12,13 +13,14 @@ first picture   wall time from the operator to the first frame of the edited sce
 
 import os
 import time
+from pathlib import Path
 
 import numpy as np
-import pytest
 
 from stand_ins import Engine
-from test_real_volumes import imported, load, viewport_of
+from test_real_volumes import imported, load, settle, viewport_of
 
+ROOT = Path(__file__).resolve().parents[2]
 # As many labels as the largest volume that was met has.
 LABELS = 118_251
 ROUNDS = 20
@@ -67,8 +69,6 @@ def shown(view, context, graph, limit=60.0):
 
 def measured(bpy, extension, monkeypatch, path):
     """Rows (what, main thread ms, first picture ms), medians and largest."""
-    from test_real_volumes import settle
-
     obj = imported(bpy, path)
     bpy.context.scene.pumice.viewport_samples = 1
     bpy.context.scene.pumice.backend = "CPU"
@@ -128,9 +128,7 @@ def test_many_labels(blender, extension, monkeypatch, tmp_path):
 
 
 def test_a_real_volume(blender, extension, monkeypatch):
-    path = os.environ.get("PUMICE_MEASURED_VOLUME")
-    if not path:
-        pytest.skip("PUMICE_MEASURED_VOLUME names no volume")
+    path = os.environ.get("PUMICE_MEASURED_VOLUME", ROOT / "data/connectomics_32x32x40nm.nrrd")
     obj, ids, rows = measured(blender, extension, monkeypatch, path)
     print(f"\n{os.path.basename(path)}, {len(ids)} labels, all shown, 1280 × 720:\n")
     table(rows)
