@@ -57,7 +57,7 @@ class PUMICE_OT_add_cut(bpy.types.Operator):
         return _active_volume(context) is not None or _needs(cls, "Make a volume active first")
 
     def execute(self, context):
-        return _told(self, lambda: self._add(context))
+        return _run_and_report(self, lambda: self._add(context))
 
     def _add(self, context):
         volume = _active_volume(context)
@@ -95,7 +95,7 @@ class PUMICE_OT_cut_volumes(bpy.types.Operator):
         return (obj is not None and cuts.is_cut(obj)) or _needs(cls, "Make an object that cuts active first")
 
     def execute(self, context):
-        return _told(self, lambda: self._choose(context))
+        return _run_and_report(self, lambda: self._choose(context))
 
     def _choose(self, context):
         obj = context.object
@@ -186,7 +186,7 @@ def _needs(cls, what):
     return False
 
 
-def _told(operator, act):
+def _run_and_report(operator, act):
     try:
         act()
     except Exception as error:

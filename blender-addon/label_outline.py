@@ -3,7 +3,7 @@
 """Outlines the selected labels over a viewport's picture, in the theme's color of the active object.
 
     label film ─┐
-                ├──► mask: pixels at an edge of a selected label ──► texture ──► stretched over the region like the picture
+                ├──► mask: pixels at an edge of a selected label ──► rectangles ──► stretched over the region like the picture
     selection ──┘         numpy, once for each change of either
 
 Blender gives no pass of outlines to a render engine, so they are drawn as an overlay; *Overlays* off hides them. While the view moves there
@@ -17,7 +17,7 @@ import gpu
 import numpy as np
 from gpu_extras.batch import batch_for_shader
 
-from . import label_film, label_table, viewport
+from . import label_film, viewport
 
 _handle = None
 # The last outline of each viewport.
@@ -48,54 +48,48 @@ def mask(pixels, selections):
 
 
 class Outline:
-    """The outline of one viewport, as a texture of the part of the film that it covers."""
+    """The outline of one viewport, as rectangles on the graphics processor."""
 
     def __init__(self):
         self._pixels, self._selections = None, []
-        self._texture, self._part = None, None
+        self._batch = None
 
     def update(self, pixels, selections):
-        """Makes the texture anew if film or selection differ."""
+        """Makes the rectangles anew if film or selection differ."""
         same_film = self._pixels is not None and np.shares_memory(pixels, self._pixels)
         if same_film and _same(selections, self._selections):
             return
         self._pixels, self._selections = pixels, selections
-        edges = mask(pixels, selections)
-        self._part = covered(edges)
-        self._texture = upload(edges, self._part) if self._part is not None else None
+        corners, triangles = rectangles(mask(pixels, selections))
+        shader = gpu.shader.from_builtin("UNIFORM_COLOR")
+        self._batch = batch_for_shader(shader, "TRIS", {"pos": corners}, indices=triangles) if len(triangles) else None
 
     def draw(self, region_size, color):
-        """Draws it over a region."""
-        if self._texture is None:
+        """Draws it over a region of this width and height in pixels, in a color as the screen shows it."""
+        if self._batch is None:
             return
         height, width = self._pixels.shape[:2]
-        x0, y0, x1, y1 = self._part
-        left, right = (x * region_size[0] / width for x in (x0, x1))
-        top, bottom = ((height - y) * region_size[1] / height for y in (y0, y1))
-        shader = gpu.shader.from_builtin("IMAGE_COLOR")
-        corners = [(left, bottom), (right, bottom), (right, top), (left, top)]
-        batch = batch_for_shader(shader, "TRI_FAN", {"pos": corners, "texCoord": [(0, 0), (1, 0), (1, 1), (0, 1)]})
-        gpu.state.blend_set("ALPHA")
-        shader.bind()
-        shader.uniform_sampler("image", self._texture)
-        shader.uniform_float("color", color)
-        batch.draw(shader)
-        gpu.state.blend_set("NONE")
+        shader = gpu.shader.from_builtin("UNIFORM_COLOR")
+        with gpu.matrix.push_pop():
+            gpu.matrix.scale((region_size[0] / width, region_size[1] / height))
+            shader.bind()
+            shader.uniform_float("color", color)
+            self._batch.draw(shader)
 
 
-def covered(edges):
-    """x0, y0, x1, y1 of the smallest rectangle with all set flags, the last two outside; None where none is set."""
-    columns, rows = np.flatnonzero(edges.any(axis=0)), np.flatnonzero(edges.any(axis=1))
-    return (int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1) if len(columns) else None
-
-
-def upload(edges, part):
-    """A texture of a part of a mask: white, as opaque as the mask says; rows from the bottom."""
-    x0, y0, x1, y1 = part
-    values = np.ones((y1 - y0, x1 - x0, 4), dtype=np.float32)
-    values[..., 3] = edges[y0:y1, x0:x1][::-1]
-    pixels = gpu.types.Buffer("FLOAT", values.shape, values)
-    return gpu.types.GPUTexture((x1 - x0, y1 - y0), format="RGBA8", data=pixels)
+def rectangles(edges):
+    """The set pixels of a mask as rectangles, one for each run in a row: corners (4 n, 3), from the lower left, and triangles (2 n, 3)."""
+    padded = np.pad(edges, ((0, 0), (1, 1))).astype(np.int8)
+    steps = np.diff(padded, axis=1)
+    # Both lists go row by row, so the i-th run ends at the i-th end.
+    (rows, starts), (_, ends) = np.nonzero(steps == 1), np.nonzero(steps == -1)
+    corners = np.zeros((len(rows), 4, 3), dtype=np.float32)
+    corners[:, :, 0] = np.stack([starts, ends, ends, starts], axis=1)
+    tops = edges.shape[0] - rows
+    corners[:, :, 1] = np.stack([tops - 1, tops - 1, tops, tops], axis=1)
+    first = 4 * np.arange(len(rows), dtype=np.int32)
+    triangles = first[:, None, None] + np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)
+    return corners.reshape(-1, 3), triangles.reshape(-1, 3)
 
 
 def _same(some, others):
@@ -115,8 +109,7 @@ def _draw():
         return
     outline = _outlines.setdefault(shown, Outline())
     outline.update(film.pixels, selections)
-    # The shader for pictures takes linear colors, while those of the theme are as the screen shows them.
-    color = label_table.linear_from_srgb(tuple(context.preferences.themes[0].view_3d.object_active))
+    color = context.preferences.themes[0].view_3d.object_active
     outline.draw((context.region.width, context.region.height), (*color, 1.0))
 
 

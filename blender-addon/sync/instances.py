@@ -29,7 +29,7 @@ class Styles:
         table = obj.original.pumice.table
         columns, kept = _columns(table, len(read)), self._kept.get(obj.original.session_uid)
         if kept is not None and kept.columns is not None and columns is not None:
-            columns = _unless_changed(kept.columns, columns)
+            columns = columns.unless_changed(kept.columns)
         if kept is None or kept.materials != dresses or kept.columns is not columns:
             kept = self._kept[obj.original.session_uid] = LabelStyle(dresses, columns)
         if columns is not None:
@@ -81,16 +81,6 @@ def _columns(table, slots):
 def _groups(table, slots):
     """The group of each label; as Blender does for faces, a slot that the object lacks is its last."""
     return np.minimum(label_table.slots(table), slots - 1).astype(np.uint32)
-
-
-def _unless_changed(kept, new):
-    """The columns that were read before, where they still hold; those that changed with the arrays of the others."""
-    groups, visibility = new.same_groups(kept), new.same_visible(kept)
-    if groups and visibility:
-        return kept
-    if groups:
-        return Columns(kept.ids, new.visible, kept.group, kept.color)
-    return new
 
 
 def _unused(obj, group):

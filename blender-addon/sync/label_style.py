@@ -8,7 +8,7 @@
 Columns travel as arrays: an edit makes no object for a single label, and a change of a material sends the material alone.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -26,14 +26,22 @@ class Columns:
 
     def same_groups(self, other):
         """Whether all labels have the same groups and colors."""
-        mine, others = (self.ids, self.group, self.color), (other.ids, other.group, other.color)
-        return all(a is b or np.array_equal(a, b) for a, b in zip(mine, others))
+        return _same((self.ids, self.group, self.color), (other.ids, other.group, other.color))
+
+    def unless_changed(self, kept):
+        """These columns with the arrays of others, `kept`, where they are equal; `kept` itself where all are. What compares columns later
+        then finds the same arrays, and need not look into them."""
+        arrays = [(getattr(kept, field.name), getattr(self, field.name)) for field in fields(self)]
+        shared = [old if np.array_equal(old, new) else new for old, new in arrays]
+        return kept if all(one is old for one, (old, _) in zip(shared, arrays)) else Columns(*shared)
 
     def same_visible(self, other):
         """Whether the same labels are drawn."""
-        return self.visible is other.visible or (
-            np.array_equal(self.visible, other.visible) and np.array_equal(self.ids, other.ids)
-        )
+        return _same((self.visible, self.ids), (other.visible, other.ids))
+
+
+def _same(some, others):
+    return all(a is b or np.array_equal(a, b) for a, b in zip(some, others))
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,9 +63,9 @@ class LabelStyle:
 
     def groups(self, pumice):
         """The groups as `pumice.Scene.with_labels` takes them."""
-        fields, colored = zip(*self.materials)
+        materials, colored = zip(*self.materials)
         columns = self.columns
-        return pumice.LabelGroups(columns.ids, columns.group, columns.color, fields, colored=colored)
+        return pumice.LabelGroups(columns.ids, columns.group, columns.color, materials, colored=colored)
 
     def on(self, scene, number, pumice):
         """A `pumice.Scene` with this look of the labels of an instance."""

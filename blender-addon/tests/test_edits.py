@@ -132,6 +132,16 @@ CUT_CASES = {
 }
 
 
+def test_columns_read_again_share_the_arrays_that_did_not_change(sync):
+    kept, same = style(sync).columns, style(sync).columns
+    assert same is not kept and same.unless_changed(kept) is kept
+    for name, values in (("ids", [3, 17, 18]), ("visible", [True, False, True]), ("group", [1, 1, 1]), ("color", [[0.5] * 4] * 3)):
+        new = style(sync, **{name: values}).columns
+        shared = new.unless_changed(kept)
+        assert looks(sync.label_style.LabelStyle((), shared)) == looks(sync.label_style.LabelStyle((), new))
+        assert [field for field in vars(kept) if getattr(shared, field) is not getattr(kept, field)] == [name]
+
+
 @pytest.mark.parametrize("name", CUT_CASES)
 def test_a_cut_never_names_a_volume_that_is_not_there(sync, name):
     check_changes(sync, CUT_CASES[name], cuts=[sync.parts.PlacedCut({"plane": 1}, ((1,),))])

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Tests the outline of selected labels: its mask against a naive loop, the rectangle that it covers, when it is made anew."""
+"""Tests the outline of selected labels: its mask against a naive loop, the rectangles against the mask, when it is made anew."""
 
 import numpy as np
 import pytest
@@ -56,30 +56,53 @@ def test_a_mask_without_a_selected_label_is_empty(outline):
     pixels = np.ones((4, 5, 2), dtype=np.uint32)
     assert not outline.mask(pixels, []).any()
     assert not outline.mask(pixels, [([1], np.array([True]))]).any(), "a label that fills the picture has no edge"
-    assert outline.covered(np.zeros((4, 5), dtype=bool)) is None
+    assert all(len(part) == 0 for part in outline.rectangles(np.zeros((4, 5), dtype=bool)))
 
 
-def test_the_texture_covers_the_mask_and_no_more(outline, monkeypatch):
-    uploads = []
-    buffer = lambda kind, shape, values: (kind, tuple(shape), values)  # noqa: E731
-    texture = lambda size, format, data: uploads.append((size, format, data[2])) or len(uploads)  # noqa: E731
-    monkeypatch.setattr(outline.gpu.types, "Buffer", buffer, raising=False)
-    monkeypatch.setattr(outline.gpu.types, "GPUTexture", texture, raising=False)
+def filled(corners, triangles, shape):
+    """How often each pixel's center lies in a triangle, rows from the top; by the signs of cross products."""
+    height, width = shape
+    x, y = np.meshgrid(np.arange(width) + 0.5, height - 0.5 - np.arange(height))
+    count = np.zeros(shape, dtype=int)
+    for a, b, c in corners[triangles].astype(float):
+        # The center of a pixel may lie on a diagonal: moved by less than any other distance here, it lies on one side.
+        u, v = x + 1e-4, y + 3e-4
+        sides = [(q[0] - p[0]) * (v - p[1]) - (q[1] - p[1]) * (u - p[0]) for p, q in ((a, b), (b, c), (c, a))]
+        count += np.all(np.sign(sides) == np.sign(sides[0]), axis=0)
+    return count
+
+
+def test_the_rectangles_cover_each_pixel_of_the_mask_once_and_no_other(outline):
+    rng = np.random.default_rng(7)
+    for shape in ((1, 1), (5, 9), (12, 3), (8, 8)):
+        for share in (0.0, 0.3, 0.8, 1.0):
+            edges = rng.random(shape) < share
+            corners, triangles = outline.rectangles(edges)
+            assert corners.shape[1] == 3 and not corners[:, 2].any()
+            assert np.array_equal(filled(corners, triangles, shape), edges)
+            if edges.any():
+                assert not np.array_equal(filled(corners + [1, 0, 0], triangles, shape), edges), "the comparison notices a shift"
+
+
+def test_the_rectangles_are_made_anew_for_another_film_or_selection_alone(outline, monkeypatch):
+    made = []
+    monkeypatch.setattr(outline.gpu.shader, "from_builtin", lambda name: name)
+    monkeypatch.setattr(outline, "batch_for_shader", lambda *arguments, **named: made.append((arguments, named)) or len(made))
     pixels = np.zeros((12, 16, 2), dtype=np.uint32)
     pixels[3:6, 5:9] = (1, 1)
     pixels[5, 7:9] = 0
     one = outline.Outline()
     one.update(pixels, [([1], np.array([True]))])
-    size, form, values = uploads[0]
-    assert (one._part, size, form) == ((4, 2, 10, 7), (6, 5), "RGBA8")
-    assert np.array_equal(values[..., 3], outline.mask(pixels, [([1], np.array([True]))])[2:7, 4:10][::-1])
+    (shader, form, content), named = made[0]
+    assert (shader, form) == ("UNIFORM_COLOR", "TRIS")
+    assert np.array_equal(filled(content["pos"], named["indices"], (12, 16)), outline.mask(pixels, [([1], np.array([True]))]))
     one.update(pixels[:], [([1], np.array([True]))])
-    assert len(uploads) == 1, "the same film and selection"
+    assert len(made) == 1, "the same film and selection"
     one.update(pixels, [([1], np.array([True])), ([2], np.array([True]))])
     one.update(pixels.copy(), [([1], np.array([True])), ([2], np.array([True]))])
-    assert len(uploads) == 3, "another selection, another film"
+    assert len(made) == 3, "another selection, another film"
     one.update(pixels, [([1], np.array([False]))])
-    assert one._texture is None and len(uploads) == 3
+    assert one._batch is None and len(made) == 3
 
 
 def test_undo_draws_the_outline_again(blender, outline):

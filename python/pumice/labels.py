@@ -61,8 +61,8 @@ def _column(name: str, values: npt.ArrayLike, kind: type[np.unsignedinteger[Any]
     given = np.asarray(values)
     if given.ndim != 1 or (given.size and given.dtype.kind not in "iu"):
         raise InputError(f"{name}: expected a list of whole numbers, got {given.dtype} {given.shape}")
-    out = given.astype(kind)
-    if given.size and (out != given).any():
+    out = given.astype(kind, copy=False)
+    if out is not given and given.size and (out != given).any():
         raise InputError(f"{name}: expected whole numbers from 0 to {np.iinfo(kind).max}, got {given.min()} to {given.max()}")
     return _column_of(out)
 

@@ -141,22 +141,33 @@ impl LabelGroups {
         if !ids.is_sorted_by(|a, b| a < b) {
             return fault("ids", "expected rising ids".into());
         }
-        let mut columns = vec![(Vec::new(), Vec::new()); materials.len()];
+        let mut counts = vec![0; materials.len()];
+        for group in of {
+            if let Some(count) = counts.get_mut(*group as usize) {
+                *count += 1;
+            }
+        }
+        let room = counts.iter().zip(materials).map(|(&count, (_, by_label))| Members {
+            ids: Vec::with_capacity(count),
+            colors: Vec::with_capacity(if *by_label { count } else { 0 }),
+        });
+        let mut members: Vec<Members> = room.collect();
         for ((id, group), color) in ids.iter().zip(of).zip(colors) {
-            if let (Some((own, own_colors)), Some((_, by_label))) =
-                (columns.get_mut(*group as usize), materials.get(*group as usize))
+            if let (Some(own), Some((_, by_label))) =
+                (members.get_mut(*group as usize), materials.get(*group as usize))
             {
-                own.push(*id);
+                own.ids.push(*id);
                 if *by_label {
-                    own_colors.push([color[0], color[1], color[2]]);
+                    own.colors.push([color[0], color[1], color[2]]);
                 }
             }
         }
-        let groups = materials
-            .iter()
-            .zip(columns)
-            .map(|((material, _), (ids, colors))| LabelGroup::new(*material, ids, colors));
-        Ok(Self(groups.collect::<Result<_, _>>()?))
+        // Rising ids are in order and occur once, so nothing of a group is left to check.
+        let groups = materials.iter().zip(members).map(|((material, _), members)| LabelGroup {
+            material: *material,
+            members: Arc::new(members),
+        });
+        Ok(Self(groups.collect()))
     }
 
     /// The material of a group, to change it; `None` past the last group.
