@@ -192,8 +192,8 @@ fn measure(name: &str, shape: &Shape, count: usize, job: &Job) -> Result<Instanc
         materials: vec![materials; count].into(),
         settings: Settings { bounces: 3, ..Settings::default() },
     };
-    let mut ways =
-        [shape.copies(&places)?, by_tree].map(|t| PathTracer::new(t, around.clone(), &camera, &film));
+    let way = |tracer| PathTracer::new(tracer, around.clone(), &camera, &film);
+    let mut ways = [way(shape.copies(&places)?)?, way(by_tree)?];
     let mut least = [f64::INFINITY; 2];
     let mut spent = 0.0;
     for sample in 1..=MOST_SAMPLES {

@@ -12,7 +12,7 @@ use std::process::ExitCode;
 use std::sync::Arc;
 
 use clap::Parser;
-use pumice_session::Job;
+use pumice_session::{Job, with_threads};
 
 use crate::args::{Cli, Command};
 use crate::failure::{Failure, warn};
@@ -44,7 +44,7 @@ fn main() -> ExitCode {
         return ExitCode::from(2);
     }
 
-    let result = match cli.command {
+    let run = || match cli.command {
         Command::Demo(a) => commands::demo::run(&a, &job),
         Command::Compress(a) => commands::compress::run(&a, &job),
         Command::Info(a) => commands::info::run(&a, &job),
@@ -58,7 +58,7 @@ fn main() -> ExitCode {
         Command::Devices(a) => commands::devices::run(&a),
         Command::Bench(a) => commands::bench::run(&a, &job),
     };
-    match result {
+    match with_threads(run).unwrap_or_else(|e| Err(e.into())) {
         Ok(Answer::Yes) | Err(Failure::StdoutClosed) => ExitCode::SUCCESS,
         Ok(Answer::No) => ExitCode::from(1),
         Err(failure @ Failure::Bad(_)) => {

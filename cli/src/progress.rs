@@ -9,6 +9,8 @@ use std::time::Duration;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use pumice_session::Job;
 
+use crate::failure::warn;
+
 /// A bar that follows a job until it is dropped.
 pub(crate) struct Bar {
     bar: ProgressBar,
@@ -21,9 +23,9 @@ impl Bar {
     pub(crate) fn follow(what: &'static str, job: &Arc<Job>) -> Self {
         let bar = Self::empty(what, "{msg:11} {bar:36} {percent:>3} %  {elapsed}");
         let stop = Arc::new(AtomicBool::new(false));
-        let follower = (!bar.is_hidden()).then(|| {
+        let follow = || {
             let (bar, stop, job) = (bar.clone(), stop.clone(), job.clone());
-            std::thread::spawn(move || {
+            std::thread::Builder::new().name("pumice-progress".into()).spawn(move || {
                 while !stop.load(Ordering::Relaxed) {
                     let (done, total) = job.progress();
                     bar.set_length(total.max(1));
@@ -31,7 +33,12 @@ impl Bar {
                     std::thread::sleep(Duration::from_millis(66));
                 }
             })
-        });
+        };
+        let follower = match bar.is_hidden() {
+            true => None,
+            // The work goes on without its bar.
+            false => follow().map_err(|e| warn(format_args!("no progress is shown: {e}"))).ok(),
+        };
         Self { bar, stop, follower }
     }
 

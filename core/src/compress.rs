@@ -165,11 +165,18 @@ fn make_parts(
     };
     let delivered = std::thread::scope(|scope| {
         for _ in 1..threads {
-            scope.spawn(|| {
+            let worker = || {
                 while let Some(block) = next(&receive) {
                     work(block);
                 }
-            });
+            };
+            let started =
+                std::thread::Builder::new().name("pumice-compress".into()).spawn_scoped(scope, worker);
+            if let Err(e) = started {
+                // Closes the queue, so that the workers that did start end.
+                drop(send);
+                return Err(Error::Caller(format!("cannot start {threads} threads: {e}")));
+            }
         }
         let mut delivered = 0u64;
         let result = loop {

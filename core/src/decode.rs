@@ -1,6 +1,7 @@
 //! Decodes boxes to labels: one voxel, or a block of voxels.
 
 use crate::grid::{BRICK_VOXELS, BoxGrid, cells_between};
+use crate::reserve::{reserved, zeroed};
 use crate::{BoxView, CompressedVolume, Error, Result};
 
 impl CompressedVolume {
@@ -37,7 +38,7 @@ impl CompressedVolume {
     /// Labels of a block, x fastest, as dense index + 1; 0 is background.
     ///
     /// # Errors
-    /// [`Error::Caller`] when the block is not within the volume.
+    /// [`Error::Caller`] when the block is not within the volume, [`Error::Memory`] when it does not fit into memory.
     pub fn decode_block(&self, origin: [u32; 3], dims: [u32; 3]) -> Result<Vec<u32>> {
         self.decode_block_by(self.grid(), origin, dims)
     }
@@ -55,7 +56,8 @@ impl CompressedVolume {
                 self.info.dims
             )));
         }
-        let mut labels = vec![0u32; dims.iter().map(|&d| d as usize).product()];
+        let voxels = dims.iter().fold(1usize, |n, &d| n.saturating_mul(d as usize));
+        let mut labels = zeroed(voxels, "a block of labels")?;
         if labels.is_empty() {
             return Ok(labels);
         }
@@ -79,7 +81,9 @@ impl CompressedVolume {
     pub fn decode_ids(&self, origin: [u32; 3], dims: [u32; 3]) -> Result<Vec<u64>> {
         let ids = self.labels.ids();
         let dense = self.decode_block(origin, dims)?;
-        Ok(dense.into_iter().map(|d| if d == 0 { 0 } else { ids[d as usize - 1] }).collect())
+        let mut labels = reserved(dense.len(), "a block of labels")?;
+        labels.extend(dense.into_iter().map(|d| if d == 0 { 0 } else { ids[d as usize - 1] }));
+        Ok(labels)
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::TargetError;
+use crate::{NoMemory, TargetError};
 
 /// A failure of compressing, storing or reading a volume.
 ///
@@ -56,6 +56,9 @@ pub enum Error {
         /// What the input needs.
         got: u64,
     },
+    /// Memory is short.
+    #[error(transparent)]
+    Memory(#[from] NoMemory),
     /// The job was cancelled; no partial result remains.
     #[error("cancelled")]
     Cancelled,

@@ -6,7 +6,7 @@ use std::time::Duration;
 use pumice_core::Job;
 use pumice_picture::cryptomatte::{self, Ids};
 use pumice_picture::film::REPLICATES;
-use pumice_picture::{Image, Picture, name_mattes};
+use pumice_picture::{Image, Picture, film_memory, name_mattes};
 use pumice_scene::{Film, Part, PartSet, Scene};
 use pumice_transport::camera_rays::CameraRays;
 use pumice_transport::emitters::{EmissiveGeometry, Emitters};
@@ -279,13 +279,15 @@ impl Renderer for CpuRenderer {
         let Scene { camera, film, settings, .. } = scene.scene();
         let materials = MaterialTables::new(materials, parts.has(Part::Transparent));
         let around = Surroundings { lights: lit, materials, settings: *settings };
-        let mut tracer = match self.shown.take() {
-            Some(Shown { mut tracer, .. }) if [plan.film, plan.sums] == [Reuse::Keep; 2] => {
+        let keeps_film = [plan.film, plan.sums] == [Reuse::Keep; 2];
+        let mut tracer = match self.shown.take_if(|_| keeps_film) {
+            Some(Shown { mut tracer, .. }) => {
                 let camera = plan.camera.is_build().then(|| CameraRays::new(camera, film));
                 tracer.restart(geometry, around, camera);
                 tracer
             }
-            _ => PathTracer::new(geometry, around, camera, film),
+            // A film that does not fit leaves the previous scene as it is.
+            None => PathTracer::new(geometry, around, camera, film)?,
         };
         tracer.sort_into_aovs(parts.has(Part::Sorting));
         self.rebuilt = rebuilt;
@@ -315,6 +317,8 @@ impl Renderer for CpuRenderer {
 
     fn picture(&mut self) -> Result<Picture, RenderError> {
         let shown = self.shown()?;
+        let (scene, film) = (shown.scene.scene(), shown.tracer.film());
+        film_memory::check(&scene.film, film.kept(), scene.settings.adaptive, film.bytes())?;
         let mut picture = shown.tracer.picture();
         name_mattes(&mut picture, shown.scene.scene(), shown.scene.volumes());
         Ok(picture)
@@ -334,6 +338,7 @@ impl Renderer for CpuRenderer {
     fn labels(&mut self, job: &Job) -> Result<Vec<Option<SeenLabel>>, RenderError> {
         let shown = self.shown()?;
         let Film { width, height, .. } = shown.scene.scene().film;
+        film_memory::check_labels(width, height, size_of::<Option<SeenLabel>>())?;
         let label = |pixel: usize| {
             if job.is_cancelled() {
                 return None;

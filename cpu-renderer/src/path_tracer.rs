@@ -34,11 +34,14 @@ pub struct PathTracer<T> {
 
 impl<T: Tracer> PathTracer<T> {
     /// Starts a black picture.
-    pub fn new(tracer: T, around: Surroundings, camera: &Camera, film: &Film) -> Self {
+    ///
+    /// # Errors
+    /// [`RenderError::Memory`] where the film does not fit into memory.
+    pub fn new(tracer: T, around: Surroundings, camera: &Camera, film: &Film) -> Result<Self, RenderError> {
         let kept = PassSums::of(film, around.materials.iter().any(|materials| materials.catches()));
-        let mut buffer = FilmBuffer::with_passes(film.width, film.height, kept);
+        let mut buffer = FilmBuffer::with_passes(film.width, film.height, kept)?;
         buffer.rest_by(around.settings.adaptive);
-        Self {
+        Ok(Self {
             tracer,
             around,
             rays: CameraRays::new(camera, film),
@@ -47,7 +50,7 @@ impl<T: Tracer> PathTracer<T> {
             wanted: film.passes,
             seconds_a_sample: 0.0,
             sorts: false,
-        }
+        })
     }
 
     /// Sets whether light is sorted into AOVs even where no pass asks for it.

@@ -78,7 +78,7 @@ fn scene(which: u32, seed: u64, finding: LightStrategy) -> PathTracer<Dense> {
         settings: Settings { bounces: 4, seed, ..Settings::default() },
     };
     let film = Film::new(SIZE, SIZE, Filter::BlackmanHarris { width: 3.0 });
-    PathTracer::new(blobs(), around, &camera(), &film)
+    PathTracer::new(blobs(), around, &camera(), &film).expect("memory for the film")
 }
 
 fn drawn(which: u32, seed: u64, spp: u32, finding: LightStrategy) -> PathTracer<Dense> {
@@ -136,7 +136,7 @@ fn rested(which: u32, seed: u64, rule: Adaptive) -> PathTracer<Dense> {
     let mut around = uniform.around().clone();
     around.settings.adaptive = Some(rule);
     let film = Film::new(SIZE, SIZE, Filter::BlackmanHarris { width: 3.0 });
-    let mut tracer = PathTracer::new(blobs(), around, &camera(), &film);
+    let mut tracer = PathTracer::new(blobs(), around, &camera(), &film).expect("memory for the film");
     let progress = tracer.advance(Duration::from_secs(3600), u32::MAX, &Job::new()).expect("nobody cancels");
     assert!(progress.all_rest && tracer.film().all_rest());
     tracer
@@ -211,7 +211,7 @@ fn taking_stratified_samples_for_independent_is_convicted() {
     let mut boxed = scene(0, 77, LightStrategy::Mis);
     boxed = {
         let film = Film::new(SIZE, SIZE, Filter::Box { width: 1.0 });
-        PathTracer::new(blobs(), boxed.around().clone(), &camera(), &film)
+        PathTracer::new(blobs(), boxed.around().clone(), &camera(), &film).expect("memory for the film")
     };
     boxed.add_samples(1024, &Job::new()).expect("nobody cancels");
     let truth = rel_mse(&image, &boxed.film().mean()).sqrt();

@@ -44,7 +44,8 @@ fn every_furnace_has_its_exact_mean() {
 #[test]
 fn the_film_shows_the_mean_of_its_samples() {
     let furnace = glowing_cavity(3, 0.8, true).exactly(1.0, 16);
-    let mut tracer = PathTracer::new(furnace.dense.clone(), furnace.around.clone(), &furnace.camera, &FILM);
+    let mut tracer = PathTracer::new(furnace.dense.clone(), furnace.around.clone(), &furnace.camera, &FILM)
+        .expect("memory for the film");
     tracer.add_samples(furnace.spp, &Job::new()).expect("nobody cancels");
     let image = tracer.film().mean();
     let pixels = furnace.pixels();
@@ -155,7 +156,7 @@ fn threads_and_slices_do_not_change_the_picture() {
             materials: vec![MaterialTable::same(Material::default()).into()].into(),
             settings: Settings::default(),
         };
-        let mut tracer = PathTracer::new(sponge(), around, &outside(), &FILM);
+        let mut tracer = PathTracer::new(sponge(), around, &outside(), &FILM).expect("memory for the film");
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
         pool.install(|| {
             steps.iter().for_each(|&s| tracer.add_samples(s, &Job::new()).expect("nobody cancels"))

@@ -40,7 +40,7 @@ fn halves(lamps: Vec<ReadyLamp>, finding: LightStrategy, mode: Mode, seed: u64, 
     let above = DAffine3::from_mat3_translation(DMat3::IDENTITY, DVec3::new(8.5, 8.0, 60.0));
     let camera = Camera::new(above, Projection::Orthographic { scale: 13.0 });
     let film = Film::new(12, 12, Filter::Box { width: 1.0 });
-    let mut picture = PathTracer::new(tracer(), around, &camera, &film);
+    let mut picture = PathTracer::new(tracer(), around, &camera, &film).expect("memory for the film");
     picture.add_samples(samples, &Job::default()).expect("samples");
     let mean = picture.film().mean();
     let mut sums = [Vec3::ZERO; 2];

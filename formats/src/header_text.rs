@@ -9,6 +9,9 @@ use crate::stream::open_file;
 /// Longest header that is read, in bytes. A Slicer file with ten thousand named segments has some 10 MB.
 const MAX_HEADER_BYTES: u64 = 64 << 20;
 
+/// Most lines of a header. A Slicer file has seven a segment; each line costs some 100 bytes of memory more than it is long.
+const MAX_HEADER_LINES: usize = 1 << 20;
+
 /// Lines of a header, and its end.
 pub(crate) struct HeaderText {
     pub(crate) lines: Vec<String>,
@@ -38,6 +41,14 @@ pub(crate) fn read_lines(path: &Path, mut is_last: impl FnMut(&str) -> bool) -> 
             }
             header.at_file_end = true;
             return Ok(header);
+        }
+        if header.lines.len() == MAX_HEADER_LINES {
+            return Err(FormatError::Limit {
+                path: path.to_owned(),
+                what: "the header's number of lines".into(),
+                got: "more".into(),
+                limit: MAX_HEADER_LINES as u64,
+            });
         }
         let line = String::from_utf8_lossy(&bytes);
         let line = line.trim_end_matches(['\n', '\r']);

@@ -61,8 +61,14 @@ pub(crate) struct NrrdHeader {
 /// Largest number of axes (Teem's own limit, `NRRD_DIM_MAX`).
 const MAX_AXES: usize = 16;
 
-/// Largest number of names that a pattern may stand for.
-const MAX_DATA_FILES: i64 = 1 << 23;
+/// Largest number of names that a pattern may stand for: as many as slices of the largest volume.
+const MAX_DATA_FILES: i64 = 1 << 20;
+
+/// Most fields of a header; the format defines some 40.
+const MAX_FIELDS: usize = 256;
+
+/// Longest value of a field in bytes. A field has a word for each of at most [`MAX_AXES`] axes; words cost up to thirty times their length.
+const MAX_FIELD_BYTES: usize = 1 << 20;
 
 /// Reads and parses the header of `path`.
 pub(crate) fn read(path: &Path) -> Result<NrrdHeader> {
@@ -83,7 +89,9 @@ pub(crate) fn read(path: &Path) -> Result<NrrdHeader> {
     let mut pairs = Vec::new();
     let mut list_names = Vec::new();
     let mut list = false;
-    for line in text.lines.iter().skip(1) {
+    let damaged_end = text.at_file_end && !text.lines.last().is_some_and(String::is_empty);
+    for line in text.lines.into_iter().skip(1) {
+        let line = line.as_str();
         if line.is_empty() || line.starts_with('#') {
             continue;
         }
@@ -93,6 +101,16 @@ pub(crate) fn read(path: &Path) -> Result<NrrdHeader> {
             pairs.push((key, value));
         } else if let Some((name, value)) = field(line) {
             list = is_data_file(&name) && value.starts_with("LIST");
+            if fields.len() == MAX_FIELDS {
+                return Err(bad(format!("expected at most {MAX_FIELDS} fields in the header, got more")));
+            }
+            if value.len() > MAX_FIELD_BYTES {
+                let got = value.len();
+                return Err(bad(format!(
+                    "the field {:?} has {got} bytes, expected at most {MAX_FIELD_BYTES}",
+                    shorten(&name)
+                )));
+            }
             if fields.iter().any(|(n, _)| *n == name) {
                 return Err(bad(format!("the field {name:?} occurs twice")));
             }
@@ -179,7 +197,7 @@ pub(crate) fn read(path: &Path) -> Result<NrrdHeader> {
         return Err(bad(format!("the byte skip is {byte_skip}, expected a number ≥ −1")));
     }
     let data = match get(&["data file", "datafile"]) {
-        None if text.at_file_end && !text.lines.last().is_some_and(String::is_empty) => {
+        None if damaged_end => {
             return Err(bad("the header does not end with an empty line, and gives no data file".into()));
         }
         None => DataFile::Attached,

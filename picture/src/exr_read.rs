@@ -19,6 +19,8 @@ use exr::meta::MetaData;
 use exr::meta::attribute::{AttributeValue, SampleType, Text};
 use exr::meta::header::Header;
 use exr::prelude::{Vec2, f16};
+use pumice_core::NoMemory;
+use pumice_core::reserve::reserved;
 use rayon::prelude::*;
 
 use crate::cryptomatte::{self, Matte};
@@ -316,8 +318,8 @@ struct Planes {
 impl Planes {
     fn new(width: usize, height: usize, places: &[Option<ChannelTarget>]) -> Result<Self, String> {
         fn filled<T: Clone>(pixels: usize, value: T) -> Result<Vec<T>, String> {
-            let mut plane = Vec::new();
-            plane.try_reserve_exact(pixels).map_err(|_| format!("no memory for {pixels} pixels"))?;
+            let mut plane =
+                reserved(pixels, "a channel of the picture").map_err(|e: NoMemory| e.to_string())?;
             plane.resize(pixels, value);
             Ok(plane)
         }

@@ -12,9 +12,12 @@
 
 use std::ops::Range;
 
+use pumice_core::NoMemory;
+use pumice_core::reserve::{check_room, zeroed};
 use pumice_scene::Adaptive;
 use rayon::prelude::*;
 
+use crate::film_memory::film_bytes;
 use crate::image::Image;
 use crate::passes::PassSums;
 use crate::resting::Resting;
@@ -66,16 +69,25 @@ pub struct FilmRow<'a> {
 
 impl FilmBuffer {
     /// A black picture without samples.
-    pub fn new(width: u32, height: u32) -> Self {
+    ///
+    /// # Errors
+    /// As [`FilmBuffer::with_passes`].
+    pub fn new(width: u32, height: u32) -> Result<Self, NoMemory> {
         Self::with_passes(width, height, PassSums::default())
     }
 
     /// A black film without samples, with sums for passes.
-    pub fn with_passes(width: u32, height: u32, kept: PassSums) -> Self {
+    ///
+    /// # Errors
+    /// [`NoMemory`] says what the film needs, where there is too little.
+    pub fn with_passes(width: u32, height: u32, kept: PassSums) -> Result<Self, NoMemory> {
+        let what = format!("film: {width} × {height} pixels");
+        check_room(&what, film_bytes(u64::from(width) * u64::from(height), kept))?;
         let (width, height) = (width as usize, height as usize);
         let pixels = width * height;
-        let (sums, pass_sums) = (vec![0.0; pixels * STRIDE], vec![0.0; pixels * kept.stride()]);
-        Self { width, height, sums, pass_sums, kept, row_samples: vec![0; height], resting: None }
+        let (sums, pass_sums) = (zeroed(pixels * STRIDE, &what)?, zeroed(pixels * kept.stride(), &what)?);
+        let row_samples = zeroed(height, &what)?;
+        Ok(Self { width, height, sums, pass_sums, kept, row_samples, resting: None })
     }
 
     /// Which sums of passes the film keeps.

@@ -13,6 +13,7 @@ pub mod exr_file;
 mod exr_header;
 mod exr_read;
 pub mod film;
+pub mod film_memory;
 pub mod image;
 pub mod metrics;
 pub mod passes;

@@ -8,6 +8,7 @@
 use std::io::{BufRead, Seek, Write};
 use std::path::Path;
 
+use pumice_core::reserve::size_text;
 use pumice_core::write_atomically;
 use rayon::prelude::*;
 
@@ -16,6 +17,10 @@ use crate::exr_read::Failure;
 use crate::provenance_text::{PROVENANCE_KEY, provenance_to_ascii};
 use crate::view_transform::shown;
 use crate::{Picture, PictureError, Provenance, ViewTransform};
+
+/// Longest provenance that is read, in bytes: as much as the PNG library reads of all texts of a file as they are stored. A scene with a
+/// material for each of 118,251 labels has 24 MB.
+const MOST_TEXT_BYTES: usize = 64 << 20;
 
 /// Writes the colour with the sRGB curve. The file appears complete or not at all.
 ///
@@ -93,7 +98,14 @@ pub(crate) fn read_provenance_from(bytes: impl BufRead + Seek) -> Result<Option<
         reader.finish()?;
         chunk = find(reader.info());
     }
-    let Some(chunk) = chunk else { return Ok(None) };
+    let Some(mut chunk) = chunk else { return Ok(None) };
+    // Other programs may have compressed the text, and 2 MB of it can stand for 2 GB.
+    chunk.decompress_text_with_limit(MOST_TEXT_BYTES).map_err(|_| {
+        Failure::File(format!(
+            "text {PROVENANCE_KEY}: expected at most {} of UTF-8, got more or damaged text",
+            size_text(MOST_TEXT_BYTES as u64)
+        ))
+    })?;
     let text = chunk.get_text()?;
     serde_json::from_str(&text).map(Some).map_err(|e| Failure::File(format!("text {PROVENANCE_KEY}: {e}")))
 }

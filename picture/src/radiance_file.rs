@@ -12,6 +12,8 @@ use ::image::codecs::hdr::HdrDecoder;
 use ::image::error::ImageError;
 use ::image::{ColorType, ImageDecoder};
 
+use pumice_core::reserve::zeroed;
+
 use crate::exr_file::check_size;
 use crate::exr_read::Failure;
 use crate::{Image, PictureError};
@@ -48,7 +50,8 @@ fn read(path: &Path) -> Result<Image, Failure> {
     if decoder.color_type() != ColorType::Rgb32F {
         return Err(Failure::File(format!("Radiance file: expected RGB, got {:?}", decoder.color_type())));
     }
-    let mut pixels = vec![[0f32; 3]; width * height];
+    let mut pixels =
+        zeroed::<[f32; 3]>(width * height, "the picture").map_err(|e| Failure::File(e.to_string()))?;
     decoder.read_image(bytemuck::cast_slice_mut(&mut pixels))?;
     Ok(Image { width, height, pixels })
 }

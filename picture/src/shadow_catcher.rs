@@ -226,7 +226,7 @@ mod tests {
 
     /// One pixel: sample i of replicate i mod 4 adds a float to each sum.
     fn film_of(kept: PassSums, samples: u32, value: impl Fn(u32, usize) -> f32) -> FilmBuffer {
-        let mut film = FilmBuffer::with_passes(1, 1, kept);
+        let mut film = FilmBuffer::with_passes(1, 1, kept).unwrap();
         let floats = if kept.caught { kept.caught_floats() } else { 0 };
         for i in 0..samples {
             let r = (i % REPLICATES) as usize;

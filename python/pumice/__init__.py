@@ -9,6 +9,7 @@ Lengths of volumes are in the file's unit, those of scenes in world units; colou
 """
 
 import atexit
+import threading
 
 from ._native import Job, __version__, _end_calls
 from .bridge import agreement, export, verify_render
@@ -24,8 +25,10 @@ from .session import Frame, LabelFilm, Pick, Session, Status
 from .surface import count_faces, surface
 from .volume import CoarseSurface, Faces, LabelTable, Volume, compress, distinct_colors, open, probe
 
-# At exit, calls in other threads are ended before the interpreter is, because it would end their threads by force.
-atexit.register(_end_calls)
+# At exit, calls in other threads are ended before the interpreter is, because it would end their threads by force. What `atexit` has comes after
+# the end of all threads that are not daemons, where a picture without a limit would keep the interpreter for ever; what `threading` has comes
+# before it (`concurrent.futures` ends its threads so).
+getattr(threading, "_register_atexit", atexit.register)(_end_calls)
 
 __all__ = [
     "AnnotationTable",

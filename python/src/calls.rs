@@ -13,22 +13,30 @@ use std::time::{Duration, Instant};
 use pumice_core::Job;
 use pyo3::prelude::*;
 
-use crate::errors::Cancelled;
+use crate::errors::{Cancelled, InputError, InternalError};
 
 /// How long the end of the interpreter waits for calls: work notices a cancelled job within a fraction of a second, but a function of the
 /// user that it calls may wait for ever.
 const LONGEST: Duration = Duration::from_secs(10);
 
 struct Calls {
+    /// The process that the calls are in.
+    process: u32,
     ended: bool,
     jobs: Vec<Arc<Job>>,
 }
 
-static CALLS: Mutex<Calls> = Mutex::new(Calls { ended: false, jobs: Vec::new() });
+static CALLS: Mutex<Calls> = Mutex::new(Calls { process: 0, ended: false, jobs: Vec::new() });
 static RETURNED: Condvar = Condvar::new();
 
 fn calls() -> MutexGuard<'static, Calls> {
-    CALLS.lock().unwrap_or_else(PoisonError::into_inner)
+    let mut calls = CALLS.lock().unwrap_or_else(PoisonError::into_inner);
+    let process = std::process::id();
+    if calls.process != process {
+        // A forked process has none of the calls that its parent is in, and its own end.
+        *calls = Calls { process, ended: false, jobs: Vec::new() };
+    }
+    calls
 }
 
 /// A call in progress. Drop it with the interpreter held.
@@ -61,6 +69,8 @@ impl Drop for Call {
 #[pyfunction]
 #[pyo3(name = "_end_calls")]
 pub(crate) fn end_calls(py: Python<'_>) {
+    // Finalizers that call Pumice later get an exception, whose class could not be imported any more then.
+    let _ = [py.get_type::<Cancelled>(), py.get_type::<InputError>(), py.get_type::<InternalError>()];
     py.detach(|| {
         let mut calls = calls();
         calls.ended = true;

@@ -7,6 +7,7 @@ mod array;
 mod bridge;
 mod calls;
 mod errors;
+mod forked;
 mod frame;
 mod job;
 mod label_table;

@@ -12,6 +12,7 @@ use pyo3::prelude::*;
 use crate::array::{Array, Data};
 use crate::calls::Call;
 use crate::errors::{IntoException, input};
+use crate::forked::OfProcess;
 use crate::frame::Frame;
 use crate::labels::{LabelGroups, Visible};
 use crate::mesh::Mesh;
@@ -22,7 +23,13 @@ use crate::waiting::released;
 
 /// A live, progressively refined picture.
 #[pyclass(frozen, module = "pumice._native")]
-pub(crate) struct Session(Live);
+pub(crate) struct Session(OfProcess<Live>);
+
+impl Session {
+    fn live(&self) -> PyResult<&Live> {
+        self.0.get("live picture")
+    }
+}
 
 #[pymethods]
 impl Session {
@@ -41,13 +48,14 @@ impl Session {
             .map_err(IntoException::into_exception)?;
         let (backend, spp, seconds, error) = how;
         let options = LiveOptions { backend, stop: Stop { spp, seconds, error }, denoise };
-        Live::start(scene, options).map(Self).map_err(IntoException::into_exception)
+        let live = Live::start(scene, options).map_err(IntoException::into_exception)?;
+        Ok(Self(OfProcess::new(live)))
     }
 
     /// Applies a list of edits in JSON, all or none; returns the new revision.
     fn edit(&self, edits: &str) -> PyResult<u64> {
         let edits = SceneEdit::list_from_json(edits).map_err(IntoException::into_exception)?;
-        self.0.edit(edits).map_err(IntoException::into_exception)
+        self.live()?.edit(edits).map_err(IntoException::into_exception)
     }
 
     /// Sets which labels of an instance are drawn, and the groups of its labels; returns the new revision.
@@ -60,7 +68,7 @@ impl Session {
         groups: Option<&LabelGroups>,
     ) -> PyResult<u64> {
         let edits = label_edits(py, id, visible, groups)?;
-        self.0.edit(edits).map_err(IntoException::into_exception)
+        self.live()?.edit(edits).map_err(IntoException::into_exception)
     }
 
     /// Adds an instance in JSON with its volume, or replaces the one with the same id; returns the new revision.
@@ -68,29 +76,30 @@ impl Session {
         let instance: Instance =
             serde_json::from_str(instance).map_err(|e| input(&format_args!("instance: {e}")))?;
         let added = LoadedEdit::Add { instance: Box::new(instance), volume: Arc::clone(&volume.get().0) };
-        self.0.edit(vec![added]).map_err(IntoException::into_exception)
+        self.live()?.edit(vec![added]).map_err(IntoException::into_exception)
     }
 
     /// Adds a mesh in JSON with its triangles, or replaces the one with the same id; returns the new revision.
     fn add_mesh(&self, mesh: &str, data: &Bound<'_, Mesh>) -> PyResult<u64> {
         let mesh: SceneMesh = serde_json::from_str(mesh).map_err(|e| input(&format_args!("mesh: {e}")))?;
         let added = LoadedEdit::AddMesh { mesh: Box::new(mesh), data: Arc::clone(&data.get().0) };
-        self.0.edit(vec![added]).map_err(IntoException::into_exception)
+        self.live()?.edit(vec![added]).map_err(IntoException::into_exception)
     }
 
     /// The newest frame if its serial is above `after`, else `None`; never waits.
     fn latest(&self, py: Python<'_>, after: u64) -> PyResult<Option<Frame>> {
-        self.0.latest(after).map(|frame| Frame::new(py, frame)).transpose()
+        self.live()?.latest(after).map(|frame| Frame::new(py, frame)).transpose()
     }
 
     /// (instance id, label id, name, voxel, depth) under the centre of a pixel, counted from the upper left.
     #[allow(clippy::type_complexity, reason = "a tuple for the façade, which names its parts")]
     fn pick(&self, py: Python<'_>, x: u32, y: u32) -> PyResult<Option<(u32, u64, String, [u32; 3], f64)>> {
+        let live = self.live()?;
         let found = released(py, &Arc::<CoreJob>::default(), || {
-            let Some(pick) = self.0.pick(x, y)? else { return Ok(None) };
-            let scene = self.0.scene();
+            let Some(pick) = live.pick(x, y)? else { return Ok(None) };
+            let scene = live.scene();
             let Some(instance) = scene.instances.get(pick.instance as usize) else { return Ok(None) };
-            let Some(volume) = self.0.volume(instance.id) else { return Ok(None) };
+            let Some(volume) = live.volume(instance.id) else { return Ok(None) };
             let label = volume.labels().ids()[pick.label as usize];
             let name = volume.note(pick.label).and_then(|n| n.name.clone()).unwrap_or_default();
             Ok::<_, SessionError>(Some((instance.id, label, name, pick.voxel, pick.depth)))
@@ -100,17 +109,17 @@ impl Session {
 
     /// The revision of which the label film was made, and the film: (height, width, 2) of instance id and row in the label table + 1, row 0 at
     /// the top, 0 where there is no label. `None` while the worker makes it; never waits.
-    fn label_film(&self) -> Option<(u64, Array)> {
-        let film = self.0.label_film()?;
+    fn label_film(&self) -> PyResult<Option<(u64, Array)>> {
+        let Some(film) = self.live()?.label_film() else { return Ok(None) };
         let shape = [film.height as usize, film.width as usize, 2];
-        Some((film.revision, Array::new(Data::Labels(film), &shape)))
+        Ok(Some((film.revision, Array::new(Data::Labels(film), &shape))))
     }
 
     /// (state, error, revision, backend, device, notices, counters).
     #[allow(clippy::type_complexity, reason = "a tuple for the façade, which names its parts")]
     fn status(
         &self,
-    ) -> (
+    ) -> PyResult<(
         &'static str,
         Option<String>,
         u64,
@@ -118,27 +127,30 @@ impl Session {
         String,
         Vec<String>,
         std::collections::BTreeMap<String, u64>,
-    ) {
-        let s = self.0.status();
-        (s.state.name(), s.error, s.revision, s.backend, s.device, s.notices, s.counters)
+    )> {
+        let s = self.live()?.status();
+        Ok((s.state.name(), s.error, s.revision, s.backend, s.device, s.notices, s.counters))
     }
 
     /// The scene as it is now.
-    fn scene(&self) -> Scene {
-        Scene(self.0.scene())
+    fn scene(&self) -> PyResult<Scene> {
+        Ok(Scene(self.live()?.scene()))
     }
 
     /// Stops the worker and waits until it ends its current slice.
-    fn stop(&self, py: Python<'_>) {
+    fn stop(&self, py: Python<'_>) -> PyResult<()> {
+        let live = self.live()?;
         // While the interpreter shuts down, it must not be released to wait, so it stays held.
         match Call::begin(&Arc::default()) {
-            Ok(_call) => py.detach(|| self.0.stop()),
-            Err(_) => self.0.stop(),
+            Ok(_call) => py.detach(|| live.stop()),
+            Err(_) => live.stop(),
         }
+        Ok(())
     }
 
     /// Makes the worker panic, for tests that clients survive it.
-    fn _panic_on_purpose(&self) {
-        self.0.panic_on_purpose();
+    fn _panic_on_purpose(&self) -> PyResult<()> {
+        self.live()?.panic_on_purpose();
+        Ok(())
     }
 }

@@ -9,6 +9,7 @@ use pumice_transport::LoadedScene;
 use pyo3::prelude::*;
 
 use crate::errors::IntoException;
+use crate::forked::OfProcess;
 use crate::frame::Frame;
 use crate::job::{Job, job_of};
 use crate::mesh::Mesh;
@@ -22,23 +23,31 @@ type Limits = (Option<u32>, Option<f64>, Option<f64>);
 
 /// A renderer that is kept from one picture to the next.
 #[pyclass(frozen, module = "pumice._native")]
-pub(crate) struct Renderer(PersistentRenderer);
+pub(crate) struct Renderer(OfProcess<PersistentRenderer>);
+
+impl Renderer {
+    fn renderer(&self) -> PyResult<&PersistentRenderer> {
+        self.0.get("renderer")
+    }
+}
 
 #[pymethods]
 impl Renderer {
     #[new]
     fn new(backend: &str) -> PyResult<Self> {
-        PersistentRenderer::new(backend).map(Self).map_err(IntoException::into_exception)
+        let renderer = PersistentRenderer::new(backend).map_err(IntoException::into_exception)?;
+        Ok(Self(OfProcess::new(renderer)))
     }
 
     /// The newest frame of the picture that is rendered now, if its serial is above `after`; never waits.
     fn latest(&self, py: Python<'_>, after: u64) -> PyResult<Option<Frame>> {
-        self.0.latest(after).map(|frame| Frame::new(py, frame)).transpose()
+        self.renderer()?.latest(after).map(|frame| Frame::new(py, frame)).transpose()
     }
 
     /// How often each kind of data was built, by name; waits for a picture that is being rendered.
-    fn rebuilt(&self, py: Python<'_>) -> BTreeMap<&'static str, u64> {
-        py.detach(|| self.0.rebuilt()).into_iter().collect()
+    fn rebuilt(&self, py: Python<'_>) -> PyResult<BTreeMap<&'static str, u64>> {
+        let renderer = self.renderer()?;
+        Ok(py.detach(|| renderer.rebuilt()).into_iter().collect())
     }
 
     /// Renders a scene until the first limit is reached. `watching`: whether frames are published, and whether a cancelled render returns its
@@ -56,6 +65,7 @@ impl Renderer {
         job: Option<&Bound<'_, Job>>,
         on_progress: Option<Py<PyAny>>,
     ) -> PyResult<Picture> {
+        let renderer = self.renderer()?;
         let scene = scene.get().0.clone();
         let volumes: Vec<Arc<CompressedVolume>> = volumes.iter().map(|v| Arc::clone(&v.get().0)).collect();
         let meshes: Vec<Arc<MeshData>> = meshes.iter().map(|m| Arc::clone(&m.get().0)).collect();
@@ -67,7 +77,7 @@ impl Renderer {
         let rendered = released(py, &job, || {
             let scene = LoadedScene::new(scene, volumes, meshes)?;
             let watching = Watching { growing, unfinished };
-            self.0.render(&scene, &stop, &job, watching, &mut |point| told.tell(&job, point))
+            renderer.render(&scene, &stop, &job, watching, &mut |point| told.tell(&job, point))
         });
         told.result(rendered)
     }

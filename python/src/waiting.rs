@@ -10,6 +10,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use pumice_core::Job;
+use pumice_session::{SessionError, with_threads};
 use pyo3::{PyErr, PyResult, Python};
 
 use crate::calls::Call;
@@ -33,7 +34,7 @@ pub(crate) fn released<T: Send, E: IntoException + Send>(
     std::thread::scope(|scope| {
         let worker = std::thread::Builder::new().name("pumice-work".into()).spawn_scoped(scope, move || {
             // The receiver is alive: it is in this scope.
-            let _ = send.send(catch_unwind(AssertUnwindSafe(work)));
+            let _ = send.send(catch_unwind(AssertUnwindSafe(|| with_threads(work))));
         });
         if let Err(e) = worker {
             return Err(input(&format_args!("no thread for the work: {e}")));
@@ -44,7 +45,7 @@ pub(crate) fn released<T: Send, E: IntoException + Send>(
                 py.detach(|| done.lock().unwrap_or_else(PoisonError::into_inner).recv_timeout(LOOK_UP));
             match answer {
                 Ok(_) if interrupted.is_some() => break,
-                Ok(Ok(result)) => return result.map_err(IntoException::into_exception),
+                Ok(Ok(result)) => return given(result),
                 Ok(Err(panic)) => return Err(internal(panic.as_ref())),
                 Err(RecvTimeoutError::Disconnected) => break,
                 Err(RecvTimeoutError::Timeout) => {
@@ -70,8 +71,13 @@ pub(crate) fn detached<T: Send, E: IntoException + Send>(
     work: impl FnOnce() -> Result<T, E> + Send,
 ) -> PyResult<T> {
     let _call = Call::begin(&Arc::default())?;
-    match py.detach(|| catch_unwind(AssertUnwindSafe(work))) {
-        Ok(result) => result.map_err(IntoException::into_exception),
+    match py.detach(|| catch_unwind(AssertUnwindSafe(|| with_threads(work)))) {
+        Ok(result) => given(result),
         Err(panic) => Err(internal(panic.as_ref())),
     }
+}
+
+/// The result of work, or the exception that says why there is none.
+fn given<T, E: IntoException>(result: Result<Result<T, E>, SessionError>) -> PyResult<T> {
+    result.map_err(IntoException::into_exception)?.map_err(IntoException::into_exception)
 }

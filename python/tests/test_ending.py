@@ -51,9 +51,35 @@ WORKS = {
     "a live picture": "session = pumice.Session(scene, [volume]); sys.kept = session; begun.set()",
 }
 
+# Also in threads that are not daemons, which Python waits for before it runs what is registered with `atexit`.
+WAITED_FOR = ["render", "render, told of", "compress"]
 
-@pytest.mark.parametrize("work", WORKS)
-def test_the_interpreter_ends_while_a_thread_works(work):
-    script = SCRIPT.replace("{work}", WORKS[work])
+
+@pytest.mark.parametrize(("work", "daemon"), [(work, True) for work in WORKS] + [(work, False) for work in WAITED_FOR])
+def test_the_interpreter_ends_while_a_thread_works(work, daemon):
+    script = SCRIPT.replace("{work}", WORKS[work]).replace("daemon=True", f"daemon={daemon}")
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60)
     assert (done.returncode, done.stdout) == (0, "ready\n"), done.stderr
+
+
+# An object that outlives the module's end and calls it then: its exception is reported, as all of finalizers are, and is no panic.
+LATE = """
+import sys
+import numpy as np, pumice
+
+class Late:
+    volume = pumice.compress(np.ones((8, 8, 8), np.uint8))._native
+    def __del__(self):
+        self.volume.label_at(1, 1, 1)
+
+sys.late = Late()
+sys.late.itself = sys.late
+print("ready", flush=True)
+"""
+
+
+def test_a_finalizer_that_calls_pumice_after_its_end_gets_an_exception():
+    done = subprocess.run([sys.executable, "-c", LATE], capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stdout) == (0, "ready\n"), done.stderr
+    assert "panic" not in done.stderr.lower(), done.stderr
+    assert "Cancelled: cancelled: the interpreter is ending" in done.stderr, done.stderr

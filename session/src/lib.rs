@@ -23,6 +23,7 @@ pub mod savings;
 pub mod script;
 pub mod selection;
 pub mod shipped_volume;
+pub mod threads;
 pub mod values;
 pub mod verify_render;
 
@@ -50,4 +51,5 @@ pub use pumice_transport::geometry::DetailLevel;
 pub use render_file::{RenderFigures, RenderOverrides, RenderRequest, Rendered, Subject, render_file};
 pub use savings::{OpeningSaved, Savings, SavingsOptions, measure_savings};
 pub use shipped_volume::shipped_volume;
+pub use threads::with_threads;
 pub use verify_render::{VerifiedRender, VerifyMaps, VerifyProgress, VerifyRenderRequest, verify_render};

@@ -24,6 +24,7 @@ use pumice_transport::{LoadedEdit, LoadedScene, Pick, RenderError, Renderer};
 use crate::backend::{FallbackRenderer, make_renderer};
 use crate::error::{Result, SessionError};
 use crate::progressive::Stop;
+use crate::threads::with_threads;
 
 pub use label_film::LabelFilm;
 pub use worker::panic_text;
@@ -171,6 +172,8 @@ impl Shared {
 pub struct Live {
     shared: Arc<Shared>,
     worker: Mutex<Option<JoinHandle<()>>>,
+    /// The process that has the worker.
+    process: u32,
 }
 
 impl std::fmt::Debug for Live {
@@ -212,10 +215,18 @@ impl Live {
             work: Condvar::new(),
         });
         let worker = worker::Worker::new(Arc::clone(&shared), renderer, stop, denoise);
-        let spawned = std::thread::Builder::new().name("pumice-live".into()).spawn(move || worker.run());
+        let told = Arc::clone(&shared);
+        let run = move || {
+            if let Err(error) = with_threads(|| worker.run()) {
+                let mut board = told.board();
+                (board.state, board.error) = (LiveState::Failed, Some(error.to_string()));
+                board.questions.clear();
+            }
+        };
+        let spawned = std::thread::Builder::new().name("pumice-live".into()).spawn(run);
         let worker = spawned
             .map_err(|e| SessionError::Caller(format!("the thread of the live picture cannot start: {e}")))?;
-        Ok(Self { shared, worker: Mutex::new(Some(worker)) })
+        Ok(Self { shared, worker: Mutex::new(Some(worker)), process: std::process::id() })
     }
 
     /// Applies all edits or, on an error, none. Returns the new revision, whose frames follow; an empty list changes nothing.
@@ -313,8 +324,12 @@ impl Live {
         }
     }
 
-    /// Stops the worker and waits until it ends its current slice. The newest frame stays available. A second call does nothing.
+    /// Stops the worker and waits until it ends its current slice. The newest frame stays available. A second call does nothing, nor does
+    /// one in a process that was forked from that of the worker.
     pub fn stop(&self) {
+        if std::process::id() != self.process {
+            return;
+        }
         {
             let mut board = self.shared.board();
             board.stopping = true;

@@ -44,14 +44,6 @@ pub fn peak_rss_bytes() -> Option<u64> {
     Some(kib * 1024)
 }
 
-/// Bytes of memory that new work can take without pushing other programs out; `None` except on Linux, where the system reports it.
-pub fn free_memory_bytes() -> Option<u64> {
-    let text = std::fs::read_to_string("/proc/meminfo").ok()?;
-    let line = text.lines().find_map(|l| l.strip_prefix("MemAvailable:"))?;
-    let kib: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
-    Some(kib * 1024)
-}
-
 /// Bytes of a mapped file that are in this process's resident set now; `None` except on Linux. The system also loads a few pages around
 /// each page that is touched.
 pub fn resident_file_bytes(path: &Path) -> Option<u64> {

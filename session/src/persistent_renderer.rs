@@ -21,7 +21,7 @@ use crate::error::{Result, SessionError};
 use crate::live::{Frame, coarse_divisors, rebuilt_by_name, rows_from_bottom};
 use crate::measure::Stopwatch;
 use crate::progressive::{CurvePoint, Stop};
-use crate::render_file::{Rendered, report, sampled};
+use crate::render_file::{Rendered, check_memory, report, sampled};
 
 /// Coarse frames take a third of the time of a sample. A picture of so many samples has all of them, at the cost of a hundredth…
 const SAMPLES_FOR_ALL_COARSE: u32 = 32;
@@ -121,6 +121,8 @@ impl PersistentRenderer {
         watching: Watching,
         watch: &mut dyn FnMut(&CurvePoint),
     ) -> Result<Rendered> {
+        check_memory(renderer, scene)?;
+
         // Something to see at once.
         let clock = Stopwatch::start();
         if watching.growing {
@@ -204,7 +206,7 @@ impl PersistentRenderer {
             Err(RenderError::Restarted) => return Ok(()),
             read => read?,
         };
-        let rgba = rows_from_bottom(&image, alpha.as_deref());
+        let rgba = rows_from_bottom(&image, alpha.as_deref())?;
         let mut board = self.board();
         board.serial += 1;
         board.frame = Some(Arc::new(Frame {

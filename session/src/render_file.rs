@@ -35,7 +35,7 @@ use crate::savings::{OpeningSaved, Savings, SavingsOptions, measure_opening, mea
 pub use picture_format::PictureFormat;
 pub use provenance::hash_text;
 pub use render_scene::{RenderFigures, Rendered, render_scene};
-pub(crate) use render_scene::{report, sampled};
+pub(crate) use render_scene::{bytes_of_film, check_memory, report, sampled};
 pub use request::{RenderOverrides, RenderRequest, Subject};
 
 /// Carries out `request`. After every slice it calls `watch` with the limits in force and the progress.

@@ -39,16 +39,28 @@ class Done:
 
 
 def run(
-    pumice, *args, cwd=None, file_size_limit=None, stdout=None, env=None, meanwhile=None, limit_seconds=LIMIT_SECONDS
+    pumice,
+    *args,
+    cwd=None,
+    file_size_limit=None,
+    address_limit=None,
+    stdout=None,
+    env=None,
+    meanwhile=None,
+    limit_seconds=LIMIT_SECONDS,
 ):
     """Runs `pumice args…` to its end; calls `meanwhile(process)` after the start.
 
     `file_size_limit`: largest size of any file in bytes, which imitates a full disk. SIGXFSZ stays ignored (Python's own setting), so
     that writing fails with an error instead of ending the program.
+
+    `address_limit`: largest address space in bytes (`ulimit -v`), which imitates a machine with little memory.
     """
 
     def limit():
-        resource.setrlimit(resource.RLIMIT_FSIZE, (file_size_limit, file_size_limit))
+        for what, most in [(resource.RLIMIT_FSIZE, file_size_limit), (resource.RLIMIT_AS, address_limit)]:
+            if most is not None:
+                resource.setrlimit(what, (most, most))
 
     with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
         process = subprocess.Popen(
@@ -59,7 +71,7 @@ def run(
             stderr=err,
             # Turns on backtraces, for the case of a panic.
             env={**os.environ, "RUST_BACKTRACE": "1", **(env or {})},
-            preexec_fn=limit if file_size_limit is not None else None,
+            preexec_fn=limit if file_size_limit is not None or address_limit is not None else None,
             restore_signals=file_size_limit is None,
         )
         if meanwhile:

@@ -19,6 +19,8 @@
 use std::f64::consts::PI;
 
 use glam::{DVec3, Vec3};
+use pumice_core::NoMemory;
+use pumice_core::reserve::{reserved, zeroed};
 use pumice_picture::image::Image;
 
 /// A picture with its sampling distribution (see the module).
@@ -42,7 +44,7 @@ impl EnvironmentTable {
     /// Builds the distribution of a scene-linear picture.
     ///
     /// # Errors
-    /// Names a pixel that is negative or not finite; or says that the picture has no pixels or no light.
+    /// Names a pixel that is negative or not finite; or says that the picture has no pixels, no light, or too little memory.
     pub fn new(image: Image, strength: f32, rotation_rad: f64) -> Result<Self, String> {
         let (width, height) = (image.width, image.height);
         if width == 0 || height == 0 {
@@ -57,8 +59,10 @@ impl EnvironmentTable {
             ));
         }
         let luminance = |x: usize, y: usize| Vec3::from_array(image.pixels[y * width + x]).max_element();
-        let mut column_cdf = Vec::with_capacity((width + 1) * height);
-        let mut density = vec![0f32; width * height];
+        let no_memory = |e: NoMemory| e.to_string();
+        let what = "the distribution of the picture's light";
+        let mut column_cdf = reserved((width + 1) * height, what).map_err(no_memory)?;
+        let mut density = zeroed::<f32>(width * height, what).map_err(no_memory)?;
         let mut row_weights = Vec::with_capacity(height);
         let mut brightest = vec![0f64; width];
         for y in 0..height {

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use crate::LoadedScene;
-use pumice_core::Job;
+use pumice_core::{Job, NoMemory};
 use pumice_picture::{Image, Picture};
 
 /// Why a renderer could not continue.
@@ -20,6 +20,9 @@ pub enum RenderError {
     /// scene.
     #[error("{0}")]
     Device(String),
+    /// The memory of this machine is too small for the scene or the picture. No other backend needs less of it.
+    #[error(transparent)]
+    Memory(#[from] NoMemory),
     /// The picture was restarted by other means and has no samples yet: there is nothing to return, but rendering can continue.
     #[error("the picture was restarted and has no samples yet")]
     Restarted,
@@ -90,7 +93,7 @@ pub trait Renderer: Send {
     /// ([`crate::ScenePlan`]) and rebuilds only the differences; the picture restarts.
     ///
     /// # Errors
-    /// [`RenderError::Scene`] names the field at fault; the renderer keeps its previous scene.
+    /// [`RenderError::Scene`] names the field at fault, [`RenderError::Memory`] what is too large; the renderer keeps its previous scene.
     fn set_scene(&mut self, scene: &LoadedScene) -> Result<(), RenderError>;
 
     /// Adds samples to every pixel that does not rest for about the time `slice`: at least one sample, but never more than `spp_limit` in

@@ -6,9 +6,9 @@
 //!
 //! The host holds a copy as of the last complete pass that was read. It is what is displayed, and what is restored when the device is lost.
 
+use pumice_picture::FilmBuffer;
 use pumice_picture::film::STRIDE;
 use pumice_picture::resting::{AWAKE, Resting};
-use pumice_picture::{FilmBuffer, PassSums};
 use pumice_scene::Adaptive;
 
 use crate::device::{Buffer, DeviceError, Gpu};
@@ -31,12 +31,9 @@ pub(crate) struct Film {
 }
 
 impl Film {
-    pub(crate) fn new(
-        gpu: &Gpu,
-        size: [u32; 2],
-        kept: PassSums,
-        rule: Option<Adaptive>,
-    ) -> Result<Self, DeviceError> {
+    /// A film without samples; `copy` is an empty one of the host.
+    pub(crate) fn new(gpu: &Gpu, mut copy: FilmBuffer, rule: Option<Adaptive>) -> Result<Self, DeviceError> {
+        let (size, kept) = (<[usize; 2]>::from(copy.size()).map(|n| n as u32), copy.kept());
         let bytes_a_float = u64::from(size[0]) * u64::from(size[1]) * 4;
         let bytes = bytes_a_float * STRIDE as u64;
         let sums = gpu.buffer("the film", bytes)?;
@@ -47,7 +44,6 @@ impl Film {
             gpu.clear(&made)?;
             pass_sums = Some(made);
         }
-        let mut copy = FilmBuffer::with_passes(size[0], size[1], kept);
         copy.rest_by(rule);
         Ok(Self { sums, pass_sums, resting: None, size, spp: 0, pass: None, copy })
     }

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use pumice_core::Job;
 use pumice_picture::film::REPLICATES;
-use pumice_picture::{Image, Picture};
+use pumice_picture::{Image, Picture, film_memory};
 use pumice_transport::{LoadedScene, Pick, Progress, ReadImage, Rebuilt, RenderError, Renderer, SeenLabel};
 
 use crate::device::{Backend, Candidate, DeviceError, Gpu, Instance};
@@ -226,6 +226,7 @@ impl Renderer for VulkanRenderer {
     }
 
     fn picture(&mut self) -> Result<Picture, RenderError> {
+        self.shown.as_ref().ok_or_else(no_scene)?.check_memory()?;
         self.twice(|shown, machine| shown.picture(machine))
     }
 
@@ -234,6 +235,8 @@ impl Renderer for VulkanRenderer {
     }
 
     fn labels(&mut self, job: &Job) -> Result<Vec<Option<SeenLabel>>, RenderError> {
+        let [width, height] = self.shown.as_ref().ok_or_else(no_scene)?.film.size;
+        film_memory::check_labels(width, height, size_of::<Option<SeenLabel>>())?;
         let labels = self.twice(|shown, machine| shown.labels(machine, job))?;
         if job.is_cancelled() { Err(RenderError::Cancelled) } else { Ok(labels) }
     }

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use bytemuck::Zeroable as _;
 use pumice_core::Job;
-use pumice_picture::{FilmBuffer, Image, Picture, cryptomatte, name_mattes};
+use pumice_picture::{FilmBuffer, Image, Picture, cryptomatte, film_memory, name_mattes};
 use pumice_scene::{Part, PartSet};
 use pumice_transport::camera_rays::CameraRays;
 use pumice_transport::emitters::EmissiveGeometry;
@@ -68,15 +68,18 @@ impl Shown {
             bricks: parts.instances.iter().any(|i| i.boxes.has_bricks()),
             boxes: parts.instances.iter().any(|i| !i.boxes.has_bricks()),
         };
-        let film = match former.take() {
-            Some(Self { mut film, .. }) if plan.sums == Reuse::Keep => {
+        let film = match former.take_if(|_| plan.sums == Reuse::Keep) {
+            Some(Self { mut film, .. }) => {
                 film.clear(&machine.gpu, s.settings.adaptive)?;
                 film
             }
-            // Free the former film first: the new one may need its memory.
-            other => {
-                drop(other);
-                Film::new(&machine.gpu, [s.film.width, s.film.height], sums_of(s), s.settings.adaptive)?
+            None => {
+                // The host's copy comes first: where the host has no memory for it, the former scene stays.
+                let copy = FilmBuffer::with_passes(s.film.width, s.film.height, sums_of(s));
+                let copy = copy.map_err(RenderError::from)?;
+                // Free the former film now: the new one may need its memory on the device.
+                *former = None;
+                Film::new(&machine.gpu, copy, s.settings.adaptive)?
             }
         };
         counted.rebuilt.camera += u64::from(plan.camera.is_build());
@@ -163,6 +166,12 @@ impl Shown {
         job: &Job,
     ) -> Result<Vec<Option<SeenLabel>>, DeviceError> {
         self.firsts(machine, 1, job, |hit: &HitRecord| label_of(&hit.surface))
+    }
+
+    /// Checks that the host has memory for the finished picture.
+    pub(crate) fn check_memory(&self) -> Result<(), RenderError> {
+        let (scene, copy) = (self.scene.scene(), self.film.copy());
+        Ok(film_memory::check(&scene.film, copy.kept(), scene.settings.adaptive, copy.bytes())?)
     }
 
     /// The picture so far: colours from the host's copy of the film, render passes from the device.

@@ -11,8 +11,16 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode, Stdio};
 
 /// Names of the targets, which are the files in `fuzz/targets`.
-const TARGETS: [&str; 7] =
-    ["pumice_file", "pumice_sections", "label_volume", "label_table", "raw_volume", "scene_json", "picture"];
+const TARGETS: [&str; 8] = [
+    "pumice_file",
+    "pumice_sections",
+    "label_volume",
+    "label_table",
+    "raw_volume",
+    "scene_json",
+    "picture",
+    "carried_scene",
+];
 
 /// The flags that cargo-fuzz passes to rustc, without the sanitizers.
 const COVERAGE_FLAGS: [&str; 5] = [

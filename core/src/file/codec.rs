@@ -5,12 +5,13 @@
 //! decode:  zstd ─► planes ─► delta, reversed
 //! ```
 //! Decoding never reserves memory by a declared size: the output grows with the input that is consumed, and zstd cannot yield more than
-//! [`MAX_EXPANSION`] times its input.
+//! [`MAX_EXPANSION`] times its input. Where memory runs short on the way, that is an error.
 
 use std::io::{Read, Write};
 
 use super::layout::Encoding;
-use crate::{Job, Result};
+use crate::reserve::zeroed;
+use crate::{Job, NoMemory, Result};
 
 /// A zstd block of 4 bytes yields at most 128 KiB.
 const MAX_EXPANSION: u64 = 1 << 15;
@@ -64,7 +65,7 @@ pub(super) fn decode(
         stored
     };
     if encoding.planes {
-        bytes = unplanes(&bytes, width);
+        bytes = unplanes(&bytes, width)?;
     }
     if encoding.delta {
         undelta(&mut bytes, width);
@@ -91,6 +92,10 @@ fn inflate(stored: &[u8], decoded: u64, job: &Job) -> Result<std::result::Result
             let before = bytes.len();
             // Ask for one byte more than declared, so that a stream that is too long shows.
             let left = (decoded + 1 - before as u64).min(PIECE as u64);
+            if bytes.try_reserve(left as usize).is_err() {
+                let what = "a section of the file".to_owned();
+                return Ok(Err(NoMemory::Refused { what, needed_bytes: decoded }.into()));
+            }
             (&mut decoder).take(left).read_to_end(&mut bytes)?;
             if bytes.len() as u64 > decoded || bytes.len() == before {
                 break;
@@ -145,15 +150,15 @@ fn planes(bytes: &[u8], width: usize) -> Vec<u8> {
     out
 }
 
-fn unplanes(bytes: &[u8], width: usize) -> Vec<u8> {
+fn unplanes(bytes: &[u8], width: usize) -> std::result::Result<Vec<u8>, NoMemory> {
     let elements = bytes.len() / width;
-    let mut out = vec![0; bytes.len()];
+    let mut out = zeroed(bytes.len(), "a section of the file")?;
     for plane in 0..width {
         for (to, from) in out.iter_mut().skip(plane).step_by(width).zip(&bytes[plane * elements..]) {
             *to = *from;
         }
     }
-    out
+    Ok(out)
 }
 
 #[cfg(test)]

@@ -5,9 +5,9 @@ use std::io::Cursor;
 
 use super::format_error::Stop;
 use super::label_subset::read_subset;
-use super::layout::{ENTRY_BYTES, HEADER_BYTES, section_checksum};
+use super::layout::{ENTRY_BYTES, HEADER_BYTES, Layout, section_checksum};
 use super::read::read;
-use super::{CompressionLevel, layout};
+use super::{CompressionLevel, codec, layout};
 use crate::{
     BoxRecord, CompressedVolume, Job, LabelBuffer, LabelNote, LabelTable, LabelType, NumericColumn,
     VolumeInfo, compress_labels,
@@ -49,6 +49,10 @@ fn sample() -> CompressedVolume {
 
 fn file_bytes(volume: &CompressedVolume, level: CompressionLevel) -> Vec<u8> {
     let (layout, sections) = volume.encode_sections(level, &Job::new()).unwrap();
+    laid_out(&layout, &sections)
+}
+
+fn laid_out(layout: &Layout, sections: &[Vec<u8>]) -> Vec<u8> {
     let mut bytes = layout.to_bytes();
     for section in sections {
         bytes.resize(layout::align(bytes.len() as u64) as usize, 0);
@@ -292,6 +296,43 @@ fn what_is_quoted_stays_on_one_line() {
     fix_checksums(&mut bytes);
     let what = open(&bytes, true).unwrap_err();
     assert!(what.contains("a\\nbcde") && !what.contains('\n'), "{what}");
+}
+
+/// A file of `volume` in which the section `name` is `content`, compressed, with right checksums.
+fn with_section(volume: &CompressedVolume, name: &[u8; 4], content: &[u8]) -> Vec<u8> {
+    let (mut layout, mut sections) = volume.encode_sections(CompressionLevel::Default, &Job::new()).unwrap();
+    let encoding = layout::Encoding { zstd: true, width: 1, ..layout::Encoding::default() };
+    let place = layout.entries.iter().position(|e| e.name == *name).unwrap();
+    sections[place] = codec::encode(content, encoding, 1, &Job::new()).unwrap();
+    (layout.entries[place].encoding, layout.entries[place].decoded) = (encoding, content.len() as u64);
+    let mut end = (HEADER_BYTES + ENTRY_BYTES * sections.len()) as u64;
+    for (entry, section) in layout.entries.iter_mut().zip(&sections) {
+        (entry.offset, entry.stored) = (layout::align(end), section.len() as u64);
+        entry.checksum = section_checksum(section);
+        end = entry.offset + entry.stored;
+    }
+    layout.file_bytes = layout::align(end);
+    laid_out(&layout, &sections)
+}
+
+/// 100 kB with right checksums decoded to 6.3 GB: zstd yields up to 32,768 times its input.
+#[test]
+fn sections_that_decode_to_more_than_the_volume_can_need_are_refused() {
+    let volume = two_nodes();
+    // 64 voxels: 64 bytes each, and 4 KiB.
+    let most = 64 * 64 + 4096;
+    for name in [b"LIDS", b"LVOX", b"CHNK", b"RUNS", b"OCCU", b"BNOD", b"LCON"] {
+        let refusal = |bytes: usize| open(&with_section(&volume, name, &vec![0; bytes]), false).unwrap_err();
+        let (fits, exceeds) = (refusal(most), refusal(most + 8));
+        assert!(!fits.contains("decoded size"), "{fits}");
+        let text = format!("decoded size: expected at most {most} for this volume, got {}", most + 8);
+        assert!(exceeds.starts_with(&text), "{exceeds}");
+    }
+    let spaces = vec![b' '; (16 << 20) + 1];
+    let exceeds = open(&with_section(&volume, b"INFO", &spaces), false).unwrap_err();
+    assert!(exceeds.starts_with("decoded size: expected at most 16777216 "), "{exceeds}");
+    let fits = open(&with_section(&volume, b"INFO", &spaces[1..]), false).unwrap_err();
+    assert!(fits.starts_with("JSON: "), "{fits}");
 }
 
 /// Overlapping boxes describe no valid volume. Saved as voxels they would look valid, so saving refuses them.

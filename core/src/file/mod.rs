@@ -51,6 +51,7 @@ mod neighbours;
 mod nodes;
 mod read;
 mod sections;
+mod size_limits;
 mod slices;
 mod sse2;
 mod voxel_coder;

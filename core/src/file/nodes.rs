@@ -13,7 +13,8 @@ use std::ops::Range;
 
 use crate::leaves::{Class, Leaves};
 use crate::node::{NodeRef, OCCUPIED_WORDS, extent_of, header_words};
-use crate::{BoxRecord, Chunk, morton};
+use crate::reserve::reserved;
+use crate::{BoxRecord, Chunk, NoMemory, morton};
 
 /// The streams that the module documentation lists.
 #[derive(Debug, Default)]
@@ -255,9 +256,10 @@ pub(super) fn join_nodes(streams: &Streams, leaves: &Leaves) -> Result<(Vec<u16>
     let nodes_count = streams.occupied.len() / 8;
     // An upper bound of the words, from the streams' own sizes.
     let references: usize = streams.references.iter().map(Vec::len).sum();
-    let mut nodes: Vec<u16> =
-        Vec::with_capacity((OCCUPIED_WORDS + 1) * nodes_count + streams.classes.len() / 2 + references / 2);
-    let mut starts = Vec::with_capacity(nodes_count);
+    let words = (OCCUPIED_WORDS + 1) * nodes_count + streams.classes.len() / 2 + references / 2;
+    let no_memory = |e: NoMemory| (*b"OCCU", e.to_string());
+    let mut nodes: Vec<u16> = reserved(words, "the nodes of the volume").map_err(no_memory)?;
+    let mut starts = reserved(nodes_count, "the nodes of the volume").map_err(no_memory)?;
     for occupied in u64s(&streams.occupied) {
         starts.push(nodes.len() as u64);
         let place = heads.next(occupied)?;
@@ -296,7 +298,7 @@ pub(super) fn join_boxes(
         );
         return Err((*b"BCEL", what));
     }
-    let mut records = Vec::with_capacity(count);
+    let mut records = reserved(count, "the boxes of the volume").map_err(|e| (*b"BCEL", e.to_string()))?;
     let leaves = Leaves::default();
     let (mut next, mut c) = (0usize, 0usize);
     let boxes = streams.cells.as_chunks::<3>().0.iter().zip(streams.backs.as_chunks::<4>().0);

@@ -57,6 +57,7 @@ pub(super) fn from_path<T>(
         }
         Stop::Version(got) => Error::Version { path: path.to_owned(), got },
         Stop::Io(source) => io(source),
+        Stop::Core(Error::Memory(error)) => Error::Memory(error.of_file(path)),
         Stop::Core(error) => error,
     })
 }

@@ -10,9 +10,11 @@ use serde::Deserialize;
 use super::codec;
 use super::format_error::{FormatError, Stop};
 use super::layout::{ENTRY_BYTES, Entry, HEADER_BYTES, Layout, section_checksum};
+use super::size_limits;
 use crate::elements::{Elements, MappedFile};
 use crate::error::one_line;
-use crate::{CompressedVolume, Contacts, Job, NumericColumn, VolumeInfo};
+use crate::reserve::reserved;
+use crate::{CompressedVolume, Contacts, Error, Job, NumericColumn, VolumeInfo};
 
 /// The section `INFO`, as JSON.
 #[derive(Deserialize)]
@@ -33,6 +35,7 @@ pub(super) struct TableNames {
 /// Sections that were read and decoded, by name.
 pub(super) struct Sections {
     decoded: HashMap<[u8; 4], Vec<u8>>,
+    info: Option<Info>,
     offsets: HashMap<[u8; 4], u64>,
     /// The mapped file, if it is mapped, and the byte ranges of sections that were not read because they need no decoding.
     map: Option<MappedFile>,
@@ -70,7 +73,9 @@ impl Sections {
         if !rest.is_empty() {
             return Err(self.fault(*name, format!("size: expected a multiple of {N}, got {}", bytes.len())));
         }
-        Ok(whole.iter().map(|&b| element(b)).collect())
+        let mut elements = reserved(whole.len(), "a section of the file").map_err(Error::from)?;
+        elements.extend(whole.iter().map(|&b| element(b)));
+        Ok(elements)
     }
 
     /// Removes a section and returns it as an array that may stay in the mapped file.
@@ -159,7 +164,7 @@ pub(super) fn read_at(
     section: [u8; 4],
 ) -> std::result::Result<Vec<u8>, Stop> {
     file.seek(SeekFrom::Start(offset)).map_err(Stop::Io)?;
-    let mut bytes = Vec::with_capacity(length as usize);
+    let mut bytes = reserved(length as usize, "a section of the file").map_err(Error::from)?;
     match file.take(length).read_to_end(&mut bytes) {
         Ok(n) if n as u64 == length => Ok(bytes),
         Err(error) if error.kind() != ErrorKind::UnexpectedEof => Err(Stop::Io(error)),
@@ -190,9 +195,20 @@ pub(super) fn read_sections(
     names: &[&[u8; 4]],
     job: &Job,
 ) -> std::result::Result<Sections, Stop> {
-    let mut sections =
-        Sections { decoded: HashMap::new(), offsets: HashMap::new(), map, mapped: HashMap::new() };
-    for entry in layout.entries.iter().filter(|e| names.contains(&&e.name)) {
+    let mut sections = Sections {
+        decoded: HashMap::new(),
+        info: None,
+        offsets: HashMap::new(),
+        map,
+        mapped: HashMap::new(),
+    };
+    // `INFO` comes first, because it says how large the others may be.
+    let mut entries: Vec<&Entry> = layout.entries.iter().filter(|e| names.contains(&&e.name)).collect();
+    entries.sort_by_key(|entry| entry.name != *b"INFO");
+    if let Some(info) = entries.first().filter(|entry| entry.name == *b"INFO") {
+        size_limits::check_info(info)?;
+    }
+    for (i, &entry) in entries.iter().enumerate() {
         job.check()?;
         let fault = |what| Stop::Fault(FormatError { section: entry.name, at: entry.offset, what });
         let is_right = |stored: &[u8]| match section_checksum(stored) {
@@ -207,19 +223,27 @@ pub(super) fn read_sections(
             let stored = read_at(file, entry.offset, entry.stored, entry.name)?;
             is_right(&stored)?;
             let bytes = codec::decode(stored, entry.encoding, entry.decoded, job)?.map_err(fault)?;
-            sections.decoded.insert(entry.name, bytes);
+            if entry.name == *b"INFO" {
+                // The error quotes the file.
+                let info: Info = serde_json::from_slice(&bytes)
+                    .map_err(|e| sections.fault(*b"INFO", one_line(&format!("JSON: {e}"))))?;
+                size_limits::check_sections(layout, &info.volume, info.columns.len())?;
+                sections.info = Some(info);
+                let is_decoded = |entry: &&Entry| place_in(sections.map.as_ref(), entry).is_none();
+                size_limits::check_memory(entries[i + 1..].iter().copied().filter(is_decoded))?;
+            } else {
+                sections.decoded.insert(entry.name, bytes);
+            }
         }
         job.advance(entry.stored);
     }
     Ok(sections)
 }
 
-/// Parses the section `INFO`: the volume's info, and the names that the table of labels uses.
+/// Removes and returns what the section `INFO` says: the volume's info, and the names that the table of labels uses.
 pub(super) fn info_of(sections: &mut Sections) -> std::result::Result<(VolumeInfo, TableNames), Stop> {
-    let info = sections.take(b"INFO")?;
-    let Info { volume, types, columns } = serde_json::from_slice(&info).map_err(|e| {
-        // The error quotes the file.
-        sections.fault(*b"INFO", one_line(&format!("JSON: {e}")))
-    })?;
+    let info = sections.info.take();
+    let Info { volume, types, columns } =
+        info.ok_or_else(|| sections.fault(*b"INFO", "expected the section, got none"))?;
     Ok((volume, TableNames { types, columns }))
 }

@@ -153,7 +153,7 @@ impl Stage {
                 };
                 let tracer = SceneTracer::of(self.tracer.volumes().to_vec())
                     .with_meshes(self.tracer.meshes().to_vec());
-                let mut picture = PathTracer::new(tracer, around, &camera, &film);
+                let mut picture = PathTracer::new(tracer, around, &camera, &film).unwrap();
                 picture.add_samples(samples, &Job::default()).unwrap();
                 let mean = picture.film().mean();
                 let sum: Vec3 = mean.pixels.iter().map(|p| Vec3::from_array(*p)).sum();

@@ -120,7 +120,7 @@ fn light_is_that_of_a_ball() {
     let worst = |mesh: &Arc<MeshData>| {
         let tracer = MeshTracer::new(0, 0, mesh, DAffine3::IDENTITY).unwrap();
         let scene = SceneTracer::of(Vec::new()).with_meshes(vec![Arc::new(tracer)]);
-        let mut tracer = PathTracer::new(scene, around.clone(), &camera, &film);
+        let mut tracer = PathTracer::new(scene, around.clone(), &camera, &film).unwrap();
         tracer.add_samples(64, &pumice_core::Job::new()).unwrap();
         let (picture, mut worst, mut compared) = (tracer.picture(), 0.0f32, 0);
         for (i, color) in picture.color.pixels.iter().enumerate() {

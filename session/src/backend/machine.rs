@@ -19,10 +19,12 @@ struct Vulkan {
     candidates: Vec<Candidate>,
 }
 
-/// Vulkan, or the reason why it cannot be used. It lives as long as the process: drivers do not cope well with being started twice.
-fn vulkan() -> &'static Result<Vulkan, String> {
-    static VULKAN: OnceLock<Result<Vulkan, String>> = OnceLock::new();
-    VULKAN.get_or_init(|| {
+/// Vulkan, or the reason why it cannot be used. It lives as long as the process: drivers do not cope well with being started twice. A forked
+/// process cannot use what its parent has started, because drivers' threads and handles do not come along.
+fn vulkan() -> Result<&'static Vulkan, String> {
+    static VULKAN: OnceLock<(u32, Result<Vulkan, String>)> = OnceLock::new();
+    let process = std::process::id();
+    let start = || -> Result<Vulkan, String> {
         let loader = std::env::var_os(LOADER_VARIABLE).filter(|l| !l.is_empty()).map(PathBuf::from);
         let options = InstanceOptions { loader, ..InstanceOptions::default() };
         // A driver that fails to list its devices is treated as missing.
@@ -33,7 +35,14 @@ fn vulkan() -> &'static Result<Vulkan, String> {
         let instance = Instance::new(&options).map_err(none)?;
         let candidates = survey(&instance).map_err(none)?;
         Ok(Vulkan { instance, candidates })
-    })
+    };
+    match VULKAN.get_or_init(|| (process, start())) {
+        (owner, Ok(_)) if *owner != process => {
+            Err("no Vulkan here: this process was forked from one that uses it".into())
+        }
+        (_, Ok(vulkan)) => Ok(vulkan),
+        (_, Err(why)) => Err(why.clone()),
+    }
 }
 
 /// The devices, best kind first; a device's index is its number in `pumice devices`.
@@ -41,16 +50,13 @@ fn vulkan() -> &'static Result<Vulkan, String> {
 /// # Errors
 /// One line that says why Vulkan cannot be used.
 pub(super) fn cards() -> Result<Vec<Card>, String> {
-    match vulkan() {
-        Ok(vulkan) => Ok(vulkan.candidates.iter().map(Card::of).collect()),
-        Err(why) => Err(why.clone()),
-    }
+    Ok(vulkan()?.candidates.iter().map(Card::of).collect())
 }
 
 /// Opens the device with this number.
 pub(super) fn open(number: usize, backend: Backend) -> Result<Box<dyn Renderer>, RenderError> {
     let failed = |e: &dyn std::fmt::Display| RenderError::Device(e.to_string());
-    let vulkan = vulkan().as_ref().map_err(|e| failed(e))?;
+    let vulkan = vulkan().map_err(|e| failed(&e))?;
     let candidate = vulkan.candidates.get(number).ok_or_else(|| failed(&"the device is gone"))?;
     let renderer =
         VulkanRenderer::open(&vulkan.instance, candidate, backend, pipeline_folder(), read_environment);

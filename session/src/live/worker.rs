@@ -4,16 +4,19 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, PoisonError};
 use std::time::{Duration, Instant};
 
-use pumice_core::Job;
-use pumice_picture::Image;
+use pumice_core::reserve::reserved;
+use pumice_core::{Job, NoMemory};
 use pumice_picture::preview::{Guides, filtered};
+use pumice_picture::{Image, film_memory};
 use pumice_scene::{Film, Passes};
+use pumice_transport::scene_plan::sums_of;
 use pumice_transport::{LoadedScene, Progress, Rebuilt, RenderError, Renderer};
 
 use super::{Frame, LabelFilm, LiveState, MOST_NOTICES, Question, Shared};
 use crate::backend::FallbackRenderer;
 use crate::measure::Stopwatch;
 use crate::progressive::Stop;
+use crate::render_file::bytes_of_film;
 
 /// Duration of the first slice of samples. Later slices grow with the age of the picture, so that little time goes into publishing.
 const FIRST_SLICE: Duration = Duration::from_millis(40);
@@ -125,6 +128,10 @@ impl Worker {
         self.whole = None;
         // Frames carry no passes, so none are accumulated.
         let film = Film { passes: Passes::NONE, ..scene.scene().film };
+        // A film without memory is told now, not after all coarse frames.
+        let whole = scene.with_film(film)?;
+        let held = bytes_of_film(&self.renderer);
+        film_memory::check_shown(&film, sums_of(whole.scene()), held)?;
         for divisor in coarse_divisors(&film) {
             let [width, height] = [film.width, film.height].map(|n| n.div_ceil(divisor));
             self.show(&scene.with_film(Film { width, height, ..film })?)?;
@@ -132,7 +139,7 @@ impl Worker {
             // If a device failure restarted the picture meanwhile, there is nothing to show yet.
             self.publish(revision, progress, &clock, true, false)?;
         }
-        self.show(&scene.with_film(film)?)?;
+        self.show(&whole)?;
         self.whole = Some(revision);
         self.shared.board().error = None;
         let mut last_published = Instant::now();
@@ -270,7 +277,7 @@ impl Worker {
             true => self.filtered(image)?,
             false => (image, false),
         };
-        let rgba = rows_from_bottom(&image, alpha.as_deref());
+        let rgba = rows_from_bottom(&image, alpha.as_deref())?;
         let mut board = self.shared.board();
         let serial = board.frame.as_ref().map_or(0, |f| f.serial) + 1;
         *board.counters.entry("frames".into()).or_default() += 1;
@@ -305,14 +312,22 @@ pub(crate) fn rebuilt_by_name(rebuilt: Rebuilt) -> [(&'static str, u64); 6] {
 }
 
 /// Colours and alpha (1 if `None`) as four floats per pixel, the lowest row first.
-pub(crate) fn rows_from_bottom(image: &Image, alpha: Option<&[f32]>) -> Vec<f32> {
+///
+/// # Errors
+/// When there is no memory for them.
+pub(crate) fn rows_from_bottom(
+    image: &Image,
+    alpha: Option<&[f32]>,
+) -> std::result::Result<Vec<f32>, NoMemory> {
+    let mut rgba = reserved(4 * image.pixels.len(), "film: a frame to show")?;
     let width = image.width.max(1);
     let places = (0..image.pixels.len() / width).rev().flat_map(|y| y * width..(y + 1) * width);
     let pixel = |place: usize| {
         let [r, g, b] = image.pixels[place];
         [r, g, b, alpha.map_or(1.0, |alpha| alpha[place])]
     };
-    places.flat_map(pixel).collect()
+    rgba.extend(places.flat_map(pixel));
+    Ok(rgba)
 }
 
 /// Divisors of the film's sides for the coarse frames: each is half of the previous one, starting with about

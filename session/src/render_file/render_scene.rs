@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use pumice_core::{CompressedVolume, Job};
-use pumice_picture::{Picture, Provenance};
+use pumice_picture::{Picture, Provenance, film_memory};
+use pumice_transport::scene_plan::sums_of;
 use pumice_transport::{LoadedScene, RenderError, Renderer};
 use serde::Serialize;
 
@@ -80,6 +81,7 @@ pub fn render_scene(
 ) -> Result<Rendered> {
     let clock = Stopwatch::start();
     let mut renderer = make_renderer(backend)?;
+    check_memory(&renderer, loaded)?;
     renderer.set_scene(loaded)?;
     let prepare_seconds = [clock.seconds(), clock.cpu_seconds()];
     let (curve, picture) = sampled(&mut renderer, stop, job, &mut |_, point| {
@@ -87,6 +89,22 @@ pub fn render_scene(
         Ok(())
     })?;
     Ok(report(&mut renderer, loaded, prepare_seconds, curve, picture))
+}
+
+/// Checks that there is memory for a scene's film and picture, before anything is built for them. A film that the renderer has already may
+/// be used again, and does not count.
+///
+/// # Errors
+/// [`RenderError::Memory`].
+pub(crate) fn check_memory(renderer: &dyn Renderer, loaded: &LoadedScene) -> Result<()> {
+    let scene = loaded.scene();
+    film_memory::check(&scene.film, sums_of(scene), scene.settings.adaptive, bytes_of_film(renderer))
+        .map_err(|e| RenderError::from(e).into())
+}
+
+/// Bytes of the film that a renderer has.
+pub(crate) fn bytes_of_film(renderer: &dyn Renderer) -> u64 {
+    renderer.bytes().iter().find(|(part, _)| *part == "film").map_or(0, |(_, bytes)| *bytes)
 }
 
 /// Renders the scene that a renderer shows until `stop` is met.

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use pumice_core::Job;
+use pumice_core::memory::available_bytes;
 use pumice_export::for_each_cut_block;
 use pumice_picture::{Pass, Passes};
 use pumice_scene::{Filter, Lod, Mode, Scene};
@@ -12,7 +13,6 @@ use pumice_transport::geometry::DetailLevel;
 use super::{MOST_PIXELS, VerifyRenderRequest};
 use crate::cycles::faces_of;
 use crate::error::{Result, SessionError};
-use crate::measure::free_memory_bytes;
 use crate::render_file::open_scene::{OpenedScene, open_scene};
 
 /// Bytes of Blender's process for each face, in the mesh and in Cycles' hierarchy (measured: 0.52 kB, with a tenth to spare), and without
@@ -113,7 +113,7 @@ fn level(
     notes: &mut Vec<String>,
     job: &Job,
 ) -> Result<DetailLevel> {
-    let limit = request.memory_limit.or_else(|| free_memory_bytes().map(|free| free / 4 * 3));
+    let limit = request.memory_limit.or_else(|| available_bytes().map(|free| free / 4 * 3));
     let limit = limit.unwrap_or(u64::MAX);
     let mut levels = vec![DetailLevel::Voxels, DetailLevel::Cells, DetailLevel::Boxes];
     if let Some(level) = request.level {

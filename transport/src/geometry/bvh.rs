@@ -24,6 +24,7 @@
 mod build;
 
 pub use build::BUILD_BYTES_A_BOX;
+use pumice_core::reserve::check_room;
 use pumice_core::{MAX_DIM, morton};
 
 use super::each_axis;
@@ -129,7 +130,8 @@ impl Bvh {
     /// into Morton order of their lowest cell, which every builder wants (some unsorted boxes trace up to 26 × slower).
     ///
     /// # Errors
-    /// [`RenderError::Scene`] when a box is empty or reaches past [`MAX_DIM`], or when there are 2³¹ boxes or more.
+    /// [`RenderError::Scene`] when a box is empty or reaches past [`MAX_DIM`], or when there are 2³¹ boxes or more;
+    /// [`RenderError::Memory`].
     pub fn build(boxes: Vec<(BoxBounds, u32)>) -> Result<Self, RenderError> {
         Self::build_within(boxes, MAX_DEPTH)
     }
@@ -157,6 +159,9 @@ impl Bvh {
         if boxes.is_empty() {
             return Ok(Self::default());
         }
+        // The list itself exists already, with 28 bytes a box.
+        let needed = boxes.len() as u64 * (BUILD_BYTES_A_BOX - size_of::<(BoxBounds, u32)>()) as u64;
+        check_room(&format!("the hierarchy of {} boxes", boxes.len()), needed)?;
         boxes.sort_unstable_by_key(|&(b, item)| (morton::encode(b.lo.map(|v| v / 4)), b, item));
         let grouped = (!build::has_chain(&boxes)).then(|| build::build(&boxes));
         let built = match grouped.filter(|b| b.depth <= depth.min(MAX_DEPTH)) {

@@ -42,7 +42,7 @@ fn chosen() -> Vec<Case> {
 }
 
 fn film_of(case: &Case, sums: &[f32]) -> FilmBuffer {
-    let mut film = FilmBuffer::new(case.film.width, case.film.height);
+    let mut film = FilmBuffer::new(case.film.width, case.film.height).expect("memory for the film");
     film.sums_mut(SPP).copy_from_slice(sums);
     film
 }

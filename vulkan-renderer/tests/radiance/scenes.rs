@@ -66,6 +66,7 @@ impl Case {
     /// The CPU's path tracer, without samples.
     pub(crate) fn path_tracer(&self) -> PathTracer<SceneTracer> {
         PathTracer::new(self.tracer(), self.around.clone(), &self.camera, &self.film)
+            .expect("memory for the film")
     }
 
     pub(crate) fn with_lights(mut self, lights: Lights) -> Self {

@@ -1,0 +1,152 @@
+//! Large allocations, whose size comes from a file, a flag or a scene: where memory is short, they are an error and not the end of the
+//! process.
+//!
+//! ```text
+//! check_room         compares with what the system has left    Linux grants more than it has, and then ends the process
+//! reserved, zeroed   ask the allocator                         limits of the process, and systems that grant only what they have
+//! ```
+
+use std::path::Path;
+
+use bytemuck::Zeroable;
+
+use crate::memory::available_bytes;
+
+/// Memory is short; the text is one line.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum NoMemory {
+    /// More is needed than the system has left.
+    #[error("{what} needs {} of memory, {} are free", size_text(*needed_bytes), size_text(*free_bytes))]
+    Short {
+        /// What needs the memory.
+        what: String,
+        /// Bytes that it needs at least.
+        needed_bytes: u64,
+        /// Bytes that were free.
+        free_bytes: u64,
+    },
+    /// The allocator refused.
+    #[error("{what} needs {} of memory, which the system refuses", size_text(*needed_bytes))]
+    Refused {
+        /// What needs the memory.
+        what: String,
+        /// Bytes that were asked for.
+        needed_bytes: u64,
+    },
+}
+
+impl NoMemory {
+    /// The same with the file that asks for the memory, at the beginning of the line.
+    #[must_use]
+    pub fn of_file(mut self, path: &Path) -> Self {
+        let (Self::Short { what, .. } | Self::Refused { what, .. }) = &mut self;
+        *what = format!("{}: {what}", path.display());
+        self
+    }
+}
+
+/// Allocations below this many bytes are not compared with what the system has left: asking takes some 0.1 ms.
+const WORTH_ASKING_BYTES: u64 = 64 << 20;
+
+/// Checks that `needed_bytes` are free, where the system says how much is.
+///
+/// # Errors
+/// [`NoMemory::Short`].
+pub fn check_room(what: &str, needed_bytes: u64) -> Result<(), NoMemory> {
+    if needed_bytes < WORTH_ASKING_BYTES {
+        return Ok(());
+    }
+    match available_bytes() {
+        Some(free_bytes) if free_bytes < needed_bytes => {
+            Err(NoMemory::Short { what: what.to_owned(), needed_bytes, free_bytes })
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Bytes of `count` elements.
+fn bytes_of<T>(count: usize) -> u64 {
+    (count as u64).saturating_mul(size_of::<T>() as u64)
+}
+
+/// An empty list with room for exactly `count` elements.
+///
+/// # Errors
+/// [`NoMemory`] says what needs how much.
+pub fn reserved<T>(count: usize, what: &str) -> Result<Vec<T>, NoMemory> {
+    let needed_bytes = bytes_of::<T>(count);
+    check_room(what, needed_bytes)?;
+    let mut list = Vec::new();
+    list.try_reserve_exact(count).map_err(|_| NoMemory::Refused { what: what.to_owned(), needed_bytes })?;
+    Ok(list)
+}
+
+/// A list of `count` zeroes. As with `vec![0; count]`, the system provides its pages when they are first used.
+///
+/// # Errors
+/// As [`reserved`].
+pub fn zeroed<T: Zeroable>(count: usize, what: &str) -> Result<Vec<T>, NoMemory> {
+    let needed_bytes = bytes_of::<T>(count);
+    check_room(what, needed_bytes)?;
+    bytemuck::allocation::try_zeroed_vec(count)
+        .map_err(|()| NoMemory::Refused { what: what.to_owned(), needed_bytes })
+}
+
+/// A number of bytes for people: `812 B`, `6.3 MB`, `54.1 GB`, in powers of 1000.
+pub fn size_text(bytes: u64) -> String {
+    let (mut value, mut unit) = (bytes as f64, "B");
+    for larger in ["kB", "MB", "GB", "TB", "PB", "EB"] {
+        // What would be rounded to 1000 belongs to the next unit.
+        if value < 999.95 {
+            break;
+        }
+        (value, unit) = (value / 1000.0, larger);
+    }
+    if unit == "B" { format!("{bytes} B") } else { format!("{value:.1} {unit}") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_fits_is_given() {
+        let list: Vec<u64> = reserved(1000, "a list").unwrap();
+        assert!(list.is_empty() && list.capacity() >= 1000);
+        assert_eq!(zeroed::<f32>(1000, "a film").unwrap(), vec![0.0; 1000]);
+        assert_eq!(zeroed::<f32>(0, "nothing").unwrap(), Vec::<f32>::new());
+    }
+
+    #[test]
+    fn what_no_machine_has_is_an_error_that_says_how_much() {
+        // 2⁵⁹ bytes: more than any machine has, less than what an allocator's interface can express.
+        for error in [
+            reserved::<u64>(1 << 56, "a list").unwrap_err(),
+            zeroed::<u64>(1 << 56, "a list").unwrap_err(),
+            check_room("a list", 1 << 59).unwrap_err(),
+        ] {
+            let text = error.to_string();
+            assert!(text.starts_with("a list needs 576.5 PB of memory, "), "{text}");
+            assert!(!text.contains('\n'), "{text}");
+        }
+        let beyond = reserved::<u64>(usize::MAX, "a list").unwrap_err();
+        assert!(beyond.to_string().starts_with("a list needs 18.4 EB of memory"), "{beyond}");
+    }
+
+    #[test]
+    fn sizes_have_one_digit_and_the_unit_in_which_they_are_short() {
+        let cases = [
+            (0, "0 B"),
+            (812, "812 B"),
+            (999, "999 B"),
+            (1000, "1.0 kB"),
+            (999_940, "999.9 kB"),
+            (999_960, "1.0 MB"),
+            (54_100_000_000, "54.1 GB"),
+            (u64::MAX, "18.4 EB"),
+        ];
+        for (bytes, expected) in cases {
+            assert_eq!(size_text(bytes), expected);
+        }
+    }
+}

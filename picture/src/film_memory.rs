@@ -1,0 +1,119 @@
+//! The memory that a film and its picture take, known before either is made.
+//!
+//! ```text
+//! film      a pixel: sums of samples, sums of passes, whether it rests; the colour, which is made of them
+//! picture   a pixel: first surface (with the record that it is taken from), passes of light, mattes
+//! ```
+//! Both exist at once when a picture is finished. What is counted here is really written to, so a film that is refused for it would not
+//! have fitted; what comes on top, such as a variance or the buffers of a file's writer, is not counted.
+
+use pumice_core::NoMemory;
+use pumice_core::reserve::check_room;
+use pumice_scene::{Adaptive, Film, Pass};
+
+use crate::film::STRIDE;
+use crate::passes::PassSums;
+
+/// Bytes of a colour, a normal or a position.
+const TRIPLE: u64 = 12;
+/// Bytes of a number.
+const NUMBER: u64 = 4;
+/// Bytes of the first surface of a pixel, as it is found: depth, label, base colour, normal, position.
+const FIRST: u64 = 2 * NUMBER + 3 * TRIPLE;
+
+/// Bytes of a film's sums, and of the colours that are made of them whenever the picture is shown.
+pub(crate) fn film_bytes(pixels: u64, kept: PassSums) -> u64 {
+    pixels.saturating_mul(TRIPLE + NUMBER * (STRIDE as u64 + kept.stride() as u64))
+}
+
+/// Bytes of a picture of that film.
+fn picture_bytes(film: &Film, kept: PassSums) -> u64 {
+    let light = film.passes.iter().filter(|pass| Pass::LIGHT.contains(pass)).count() as u64;
+    let mattes = u64::from(kept.mattes[0]) + u64::from(kept.mattes[1]);
+    // Depth and label; base colour, normal and position.
+    let always = 2 * NUMBER + 3 * TRIPLE;
+    let of_passes = TRIPLE * (light + u64::from(film.passes.has(Pass::ShadowCatcher)))
+        + NUMBER * (u64::from(film.transparent) + u64::from(film.passes.has(Pass::Samples)))
+        // A layer of a matte has four numbers a pixel and holds two ranks.
+        + 4 * NUMBER * mattes * u64::from(kept.ranks / 2);
+    pixels_of(film) * (FIRST + always + of_passes)
+}
+
+fn pixels_of(film: &Film) -> u64 {
+    u64::from(film.width) * u64::from(film.height)
+}
+
+/// Bytes that a finished picture takes at least, together with its film. `rule` is the scene's adaptive sampling.
+pub fn bytes_of(film: &Film, kept: PassSums, rule: Option<Adaptive>) -> u64 {
+    let pixels = pixels_of(film);
+    let resting = if rule.is_some() { NUMBER * pixels } else { 0 };
+    film_bytes(pixels, kept) + resting + picture_bytes(film, kept)
+}
+
+/// Checks that there is memory for a film, and for frames of four floats a pixel that show it while it grows; `held_bytes` of it belong to
+/// the renderer already.
+///
+/// # Errors
+/// [`NoMemory`] with the size of the film, what it needs and what there is.
+pub fn check_shown(film: &Film, kept: PassSums, held_bytes: u64) -> Result<(), NoMemory> {
+    let needed = film_bytes(pixels_of(film), kept).saturating_add(4 * NUMBER * pixels_of(film));
+    let what = format!("film: {} × {} pixels", film.width, film.height);
+    check_room(&what, needed.saturating_sub(held_bytes))
+}
+
+/// Checks that there is memory for a film and its picture; `held_bytes` of it belong to the renderer already.
+///
+/// # Errors
+/// [`NoMemory`] with the size of the film, what it needs and what there is.
+pub fn check(film: &Film, kept: PassSums, rule: Option<Adaptive>, held_bytes: u64) -> Result<(), NoMemory> {
+    let passes = film.passes.iter().count();
+    let with = match passes {
+        0 => String::new(),
+        1 => " with 1 pass".to_owned(),
+        n => format!(" with {n} passes"),
+    };
+    let what = format!("film: a picture of {} × {} pixels{with}", film.width, film.height);
+    check_room(&what, bytes_of(film, kept, rule).saturating_sub(held_bytes))
+}
+
+/// Checks that there is memory for the labels of all pixels of a film, of `bytes` bytes each.
+///
+/// # Errors
+/// [`NoMemory`] with the size of the film, what they need and what there is.
+pub fn check_labels(width: u32, height: u32, bytes: usize) -> Result<(), NoMemory> {
+    let needed = (u64::from(width) * u64::from(height)).saturating_mul(bytes as u64);
+    check_room(&format!("film: the labels of {width} × {height} pixels"), needed)
+}
+
+#[cfg(test)]
+mod tests {
+    use pumice_scene::{Filter, Passes};
+
+    use super::*;
+
+    fn film(width: u32, height: u32, passes: Passes) -> Film {
+        Film { passes, ..Film::new(width, height, Filter::Box { width: 1.0 }) }
+    }
+
+    #[test]
+    fn the_film_that_no_machine_holds_is_refused_with_its_size() {
+        // 2³⁰ pixels, which scenes may have, at 496 bytes each.
+        let huge = film(65_536, 16_384, Passes::ALL);
+        let kept = PassSums::of(&huge, true);
+        let error = check(&huge, kept, None, 0).unwrap_err().to_string();
+        assert!(
+            error.starts_with("film: a picture of 65536 × 16384 pixels with 21 passes needs "),
+            "{error}"
+        );
+        assert!(error.ends_with(" are free") && !error.contains('\n'), "{error}");
+        // Held memory is not needed again.
+        let all = bytes_of(&huge, kept, None);
+        assert_eq!(check(&huge, kept, None, all), Ok(()));
+    }
+
+    #[test]
+    fn small_films_are_always_allowed() {
+        let small = film(960, 540, Passes::NONE);
+        assert_eq!(check(&small, PassSums::of(&small, false), None, 0), Ok(()));
+    }
+}
