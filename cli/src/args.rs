@@ -8,6 +8,7 @@ mod demo;
 mod devices;
 mod export;
 mod info;
+mod pick;
 mod reading;
 mod render;
 mod table;
@@ -25,6 +26,7 @@ pub(crate) use demo::Demo;
 pub(crate) use devices::Devices;
 pub(crate) use export::{Export, FormArg, ReaderArg};
 pub(crate) use info::{Info, LabelList};
+pub(crate) use pick::Pick;
 pub(crate) use reading::{Axes, Reading};
 pub(crate) use render::{LodArg, Render, RenderMode, ViewArg};
 pub(crate) use table::Table;
@@ -59,6 +61,7 @@ pub(crate) enum Command {
     VerifyRender(Box<VerifyRender>),
     Export(Export),
     Compare(Compare),
+    Pick(Pick),
     Devices(Devices),
     Bench(Bench),
 }

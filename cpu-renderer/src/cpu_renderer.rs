@@ -6,7 +6,7 @@ use std::time::Duration;
 use pumice_core::Job;
 use pumice_picture::cryptomatte::{self, Ids};
 use pumice_picture::film::REPLICATES;
-use pumice_picture::{Image, Picture, name_mattes};
+use pumice_picture::{Image, Picture, name_labels, name_mattes};
 use pumice_scene::{Film, Part, PartSet, Scene};
 use pumice_transport::camera_rays::CameraRays;
 use pumice_transport::emitters::{EmissiveGeometry, Emitters};
@@ -317,6 +317,7 @@ impl Renderer for CpuRenderer {
         let shown = self.shown()?;
         let mut picture = shown.tracer.picture();
         name_mattes(&mut picture, shown.scene.scene(), shown.scene.volumes());
+        name_labels(&mut picture, shown.scene.scene(), shown.scene.volumes());
         Ok(picture)
     }
 

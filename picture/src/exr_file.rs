@@ -6,6 +6,7 @@
 //! | `A` | float | share of the samples that hit a surface, for a transparent film; the colour is premultiplied |
 //! | `ViewLayer.Depth.Z` | float | distance along the view axis to the first surface, +inf where there is none |
 //! | `label.index` | uint | dense index of the label of the first surface + 1, 0 where there is none |
+//! | `label.instance` | uint | id of the instance of that label, in a scene of several |
 //! | `ViewLayer.Position.X`, `.Y`, `.Z` | float | world position of the first surface |
 //! | `ViewLayer.CryptoObject00.r`, `.g`, `.b`, `.a`, … | float | ids and coverages by label, `CryptoAsset` by type: [`crate::cryptomatte`] |
 //! | `ViewLayer.DiffDir.R`, `.G`, `.B`, … | float | the other passes of `docs/passes.md`, under the names that Blender gives them |
@@ -14,7 +15,7 @@
 //!
 //! The colour channels have no layer name, so that every program shows them; the passes have the name of Blender's first view layer,
 //! so that compositor set-ups find them. Labels are 32-bit integers and are never converted to float. The attribute `pumice` (a string)
-//! holds [`crate::Provenance`] as JSON in ASCII: an EXR string has no encoding, so other characters are escaped as `\uXXXX`. Scan
+//! holds [`crate::Provenance`] as JSON in ASCII, `pumiceLabels` the ids of the labels ([`crate::InstanceLabels`]): an EXR string has no encoding, so other characters are escaped as `\uXXXX`. Scan
 //! lines, ZIP in blocks of 16. Attributes are sorted by name. The bytes depend on the picture alone: no date, no hash map order.
 
 use std::io::{Seek, Write};
@@ -30,7 +31,8 @@ use pumice_core::write_atomically;
 use crate::cryptomatte::{self, Matte};
 use crate::exr_header::SortedHeader;
 use crate::exr_read;
-use crate::provenance_text::{PROVENANCE_KEY, provenance_to_ascii};
+use crate::picture_labels::LABELS_KEY;
+use crate::provenance_text::{PROVENANCE_KEY, json_in_ascii, provenance_to_ascii};
 use crate::{Image, Pass, Passes, Picture, PictureError};
 
 /// The source of a channel's samples.
@@ -84,6 +86,9 @@ fn half_of(value: f32) -> f16 {
 pub fn read_exr(path: &Path) -> Result<Picture, PictureError> {
     exr_read::read(path)
 }
+
+/// Name of the second channel of the label pass.
+pub(crate) const INSTANCE_CHANNEL: &str = "label.instance";
 
 /// The layer name of a pass and the suffixes of its channels.
 pub(crate) fn channels_of_pass(pass: Pass) -> (&'static str, &'static str) {
@@ -141,6 +146,8 @@ fn channels_of<'a>(picture: &'a Picture, passes: &Passes, half: bool) -> Vec<(St
             }
             Pass::Label => {
                 channels.extend(picture.label.as_ref().map(|of| (name(), Samples::Whole(of))));
+                let instance = picture.instance.as_ref().filter(|_| picture.label.is_some());
+                channels.extend(instance.map(|of| (INSTANCE_CHANNEL.into(), Samples::Whole(of))));
                 None
             }
             Pass::CryptomatteLabel | Pass::CryptomatteType => {
@@ -246,6 +253,10 @@ fn header_of(
     if let Some(provenance) = &picture.provenance {
         let json = Text::from(provenance_to_ascii(provenance)?.as_str());
         layer.other.insert(Text::from(PROVENANCE_KEY), AttributeValue::Text(json));
+    }
+    if passes.has(Pass::Label) && picture.label.is_some() && !picture.labels.is_empty() {
+        let json = Text::from(json_in_ascii(&picture.labels).map_err(|e| format!("labels: {e}"))?.as_str());
+        layer.other.insert(Text::from(LABELS_KEY), AttributeValue::Text(json));
     }
     for matte in picture.mattes.iter().filter(|m| passes.has(m.pass)) {
         for (name, value) in attributes_of(matte)? {
@@ -379,6 +390,8 @@ mod tests {
         let back = read_exr(&path).unwrap();
         let expected = Picture {
             label: picture.label,
+            instance: picture.instance,
+            labels: picture.labels,
             alpha: picture.alpha,
             provenance: picture.provenance,
             mattes: Vec::new(),

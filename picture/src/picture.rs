@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::cryptomatte::Matte;
 use crate::image::Image;
+use crate::picture_labels::InstanceLabels;
 
 /// Everything that is needed to render the picture again, and to judge its quality.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -37,8 +38,12 @@ pub struct Picture {
     pub variance: Option<Image>,
     /// Distance along the view axis to the first surface, of the sample nearest the pixel's centre; infinite where there is none.
     pub depth: Option<Vec<f32>>,
-    /// Label of that surface: dense index + 1, 0 where there is none. With several instances see `instance`.
+    /// Label of that surface: dense index + 1, 0 where there is none.
     pub label: Option<Vec<u32>>,
+    /// Id of the instance that the label belongs to, 0 where there is none; only where the scene has several instances.
+    pub instance: Option<Vec<u32>>,
+    /// The labels of the label pass, by instance.
+    pub labels: Vec<InstanceLabels>,
     /// Base colour of the first surface at the pixel's centre. If the film asks for the pass: the mean over samples of the
     /// diffuse, glossy and transmission colours together.
     pub albedo: Option<Image>,
@@ -67,6 +72,8 @@ impl Picture {
             variance: None,
             depth: None,
             label: None,
+            instance: None,
+            labels: Vec::new(),
             albedo: None,
             normal: None,
             alpha: None,

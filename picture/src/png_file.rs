@@ -43,10 +43,17 @@ pub fn png_bytes(picture: &Picture, view: ViewTransform) -> Result<Vec<u8>, Pict
     Ok(bytes)
 }
 
-fn write_to(writer: &mut impl Write, picture: &Picture, view: ViewTransform) -> Result<(), Failure> {
+/// The display values of a picture as its PNG file has them: three or, of a transparent film, four bytes a pixel, row by row from the top.
+///
+/// # Errors
+/// As [`write_png`], without a file's name.
+pub fn display_pixels(picture: &Picture, view: ViewTransform) -> Result<Vec<u8>, PictureError> {
+    pixels_of(picture, view).map_err(|failure| failure.at(Path::new("a picture in memory")))
+}
+
+fn pixels_of(picture: &Picture, view: ViewTransform) -> Result<Vec<u8>, Failure> {
     let color = &picture.color;
-    check_size(color.width, color.height)?;
-    let bytes: Vec<u8> = match &picture.alpha {
+    Ok(match &picture.alpha {
         None => color.pixels.par_iter().flat_map_iter(|&pixel| encoded(view, pixel)).collect(),
         Some(alpha) if alpha.len() != color.pixels.len() => {
             return Err(Failure::File(format!(
@@ -62,7 +69,13 @@ fn write_to(writer: &mut impl Write, picture: &Picture, view: ViewTransform) -> 
             };
             color.pixels.par_iter().zip(alpha).flat_map_iter(pixel).collect()
         }
-    };
+    })
+}
+
+fn write_to(writer: &mut impl Write, picture: &Picture, view: ViewTransform) -> Result<(), Failure> {
+    let color = &picture.color;
+    check_size(color.width, color.height)?;
+    let bytes = pixels_of(picture, view)?;
 
     // `check_size` has checked that both sides fit.
     let mut encoder = png::Encoder::new(&mut *writer, color.width as u32, color.height as u32);

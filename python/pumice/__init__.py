@@ -16,7 +16,7 @@ from .errors import Cancelled, InputError, InternalError, PumiceError, PumiceWar
 from .label_table import AnnotationTable, query_labels, read_label_table
 from .labels import LabelGroups
 from .mesh import Mesh
-from .picture import CurvePoint, Picture, cryptomatte_hash, devices, render
+from .picture import CurvePoint, PickedPixel, Picture, cryptomatte_hash, devices, open_picture, render
 from .reference_picture import ReferencePicture
 from .renderer import Renderer
 from .scene import Scene, figure
@@ -42,6 +42,7 @@ __all__ = [
     "LabelTable",
     "Mesh",
     "Pick",
+    "PickedPixel",
     "Picture",
     "PumiceError",
     "PumiceWarning",
@@ -61,6 +62,7 @@ __all__ = [
     "export",
     "figure",
     "open",
+    "open_picture",
     "probe",
     "query_labels",
     "read_label_table",

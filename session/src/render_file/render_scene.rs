@@ -67,6 +67,34 @@ pub struct Rendered {
     pub explanation: Vec<String>,
 }
 
+impl Rendered {
+    /// A picture that was read from a file, with the figures that it carries; seconds that no file carries are NaN.
+    pub fn of_file(picture: Picture) -> Self {
+        let made = picture.provenance.as_ref();
+        let samples = picture.samples.as_ref().filter(|of| !of.is_empty());
+        let mean = samples.map(|of| of.iter().copied().map(f64::from).sum::<f64>() / of.len() as f64);
+        let figures = RenderFigures {
+            backend: made.map(|m| m.backend.clone()).unwrap_or_default(),
+            device: String::new(),
+            notices: Vec::new(),
+            seconds: f64::NAN,
+            cpu_seconds: f64::NAN,
+            opening_seconds: None,
+            volume_bytes: BTreeMap::new(),
+            prepare_seconds: [f64::NAN; 2],
+            peak_rss_bytes: None,
+            acceleration_bytes: 0,
+            bytes: BTreeMap::new(),
+            spp: made.map_or(0, |m| m.spp),
+            mean_spp: mean.unwrap_or(f64::NAN),
+            error_estimate: made.and_then(|m| m.error_estimate),
+            curve: Vec::new(),
+            savings: None,
+        };
+        Self { picture, figures, explanation: Vec::new() }
+    }
+}
+
 /// Renders a scene whose volumes and meshes are open.
 ///
 /// # Errors
