@@ -1,6 +1,7 @@
 //! The flags of the `pumice` command, one file per subcommand. Each flag has a short help line and, where needed, a longer text with
 //! its default, unit and cost. The flags of `pumice bench` are in the crate `pumice-bench`, beside the benches.
 
+mod annotations;
 mod compare;
 mod compress;
 mod decompress;

@@ -222,7 +222,10 @@ pub fn pictures() -> Vec<Vec<u8>> {
             mesh_hashes: Vec::new(),
             spp: 64,
             error_estimate: Some(0.01),
+            annotations: pumice_picture::Annotations { dpi: Some(300.0), ..Default::default() },
         }),
+        marks: Vec::new(),
+        dpi: Some(300.0),
     };
     let mut seeds = vec![
         written(".exr", |path| write_exr(path, &ours, &Passes::ALL).unwrap()),

@@ -16,6 +16,7 @@
 //! The colour channels have no layer name, so that every program shows them; the passes have the name of Blender's first view layer,
 //! so that compositor set-ups find them. Labels are 32-bit integers and are never converted to float. The attribute `pumice` (a string)
 //! holds [`crate::Provenance`] as JSON in ASCII, `pumiceLabels` the ids of the labels ([`crate::InstanceLabels`]): an EXR string has no encoding, so other characters are escaped as `\uXXXX`. Scan
+//! `xDensity` is the density on paper, `pixelAspectRatio` that of the film. A picture's [marks](crate::annotate) are drawn over the colour. Scan
 //! lines, ZIP in blocks of 16. Attributes are sorted by name. The bytes depend on the picture alone: no date, no hash map order.
 
 use std::io::{Seek, Write};
@@ -28,6 +29,7 @@ use exr::meta::header::{Header, ImageAttributes, LayerAttributes};
 use exr::prelude::{Compression, LineOrder, Vec2, f16};
 use pumice_core::write_atomically;
 
+use crate::annotate::drawn_over;
 use crate::cryptomatte::{self, Matte};
 use crate::exr_header::SortedHeader;
 use crate::exr_read;
@@ -120,7 +122,12 @@ pub(crate) fn channels_of_pass(pass: Pass) -> (&'static str, &'static str) {
 }
 
 /// The channels of the file, sorted by name as the format requires.
-fn channels_of<'a>(picture: &'a Picture, passes: &Passes, half: bool) -> Vec<(String, Samples<'a>)> {
+fn channels_of<'a>(
+    picture: &'a Picture,
+    (color, alpha): (&'a Image, Option<&'a [f32]>),
+    passes: &Passes,
+    half: bool,
+) -> Vec<(String, Samples<'a>)> {
     fn triple<'a>(
         of: &mut Vec<(String, Samples<'a>)>,
         prefix: &str,
@@ -132,9 +139,9 @@ fn channels_of<'a>(picture: &'a Picture, passes: &Passes, half: bool) -> Vec<(St
         of.extend(letters.chars().enumerate().map(|(c, l)| (format!("{prefix}{l}"), samples(c))));
     }
     let mut channels = Vec::new();
-    triple(&mut channels, "", "RGB", &picture.color, half);
-    let alpha = |of| if half { Samples::HalfFloats(of) } else { Samples::Floats(of) };
-    channels.extend(picture.alpha.as_ref().map(|of| ("A".into(), alpha(of))));
+    triple(&mut channels, "", "RGB", color, half);
+    let share = |of| if half { Samples::HalfFloats(of) } else { Samples::Floats(of) };
+    channels.extend(alpha.map(|of| ("A".into(), share(of))));
     for pass in passes.iter() {
         let (layer, letters) = channels_of_pass(pass);
         let name = || format!("{layer}{letters}");
@@ -183,7 +190,8 @@ fn write_to(
 ) -> Result<(), PictureError> {
     let refuse = |what: String| PictureError::File { path: path.to_owned(), what };
     let (width, height) = (picture.color.width, picture.color.height);
-    let channels = channels_of(picture, passes, half);
+    let (color, alpha) = drawn_over(picture);
+    let channels = channels_of(picture, (&color, alpha.as_deref()), passes, half);
     check_size(width, height).map_err(refuse)?;
     for (name, samples) in &channels {
         let fits = match samples {
@@ -248,6 +256,7 @@ fn header_of(
     });
     let mut layer = LayerAttributes {
         software_name: Some(Text::from(concat!("Pumice ", env!("CARGO_PKG_VERSION")))),
+        horizontal_density: picture.dpi.map(|dpi| dpi as f32),
         ..LayerAttributes::default()
     };
     if let Some(provenance) = &picture.provenance {
@@ -265,6 +274,9 @@ fn header_of(
         }
     }
     let mut shared = ImageAttributes::with_size(size);
+    if let Some(made) = &picture.provenance {
+        shared.pixel_aspect = made.scene.film.pixel_aspect as f32;
+    }
     // Rec. 709 primaries and white, ITU-R BT.709-6 table 1.
     shared.chromaticities = Some(Chromaticities {
         red: Vec2(0.64, 0.33),

@@ -178,7 +178,8 @@ fn read_from(bytes: impl Read + Seek, length_bytes: u64) -> Result<Picture, Fail
     if pixels_left != 0 {
         return Err(Failure::File(format!("damaged OpenEXR file: {pixels_left} pixels are missing")));
     }
-    Ok(Picture { labels, ..planes.into_picture(provenance, names) })
+    let dpi = header.own_attributes.horizontal_density.map(f64::from);
+    Ok(Picture { labels, dpi, ..planes.into_picture(provenance, names) })
 }
 
 /// Decompresses a chunk, damaged or not.

@@ -2,12 +2,14 @@
 //!
 //! ```text
 //! film ──► passes, variance ──► Picture ──► EXR (with Cryptomatte and provenance), PNG (through a view transform)
+//!                                  │  ▲ annotate: scale bar, legend
 //!                                  └─────► metrics: relMSE, PSNR, SSIM, FLIP, a statistical test
 //! pictures of several seeds, of two renderers ──► agreement: do they converge to the same picture
 //! ```
 #![forbid(unsafe_code)]
 
 pub mod agreement;
+pub mod annotate;
 pub mod cryptomatte;
 pub mod exr_file;
 mod exr_header;
@@ -28,6 +30,7 @@ mod sample_pictures;
 pub mod shadow_catcher;
 pub mod view_transform;
 
+pub use annotate::{Annotations, ScaleBar};
 pub use cryptomatte::{Matte, name_mattes};
 pub use exr_file::{read_exr, write_exr, write_exr_half};
 pub use film::FilmBuffer;

@@ -4,6 +4,7 @@ use pumice_core::TargetError;
 use pumice_scene::{Pass, Scene};
 use serde::{Deserialize, Serialize};
 
+use crate::annotate::{Annotations, Mark};
 use crate::cryptomatte::Matte;
 use crate::image::Image;
 use crate::picture_labels::InstanceLabels;
@@ -27,6 +28,9 @@ pub struct Provenance {
     pub spp: u32,
     /// Estimated relative error, where known.
     pub error_estimate: Option<f64>,
+    /// What is drawn over the picture.
+    #[serde(default, skip_serializing_if = "Annotations::is_empty")]
+    pub annotations: Annotations,
 }
 
 /// A picture with its passes. Row 0 is the top.
@@ -60,6 +64,10 @@ pub struct Picture {
     pub light: Vec<(Pass, Image)>,
     /// Cryptomattes by label and type, if the film asks for them.
     pub mattes: Vec<Matte>,
+    /// What files of the picture show over its colour; empty in a picture that was read, whose colour has it.
+    pub marks: Vec<Mark>,
+    /// Pixels per inch on paper, which files state.
+    pub dpi: Option<f64>,
     /// How the picture was made.
     pub provenance: Option<Provenance>,
 }
@@ -81,6 +89,8 @@ impl Picture {
             samples: None,
             light: Vec::new(),
             mattes: Vec::new(),
+            marks: Vec::new(),
+            dpi: None,
             provenance: None,
         }
     }

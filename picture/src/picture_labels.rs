@@ -149,8 +149,7 @@ impl Picture {
                 "pixel {x},{y}: expected x below {width} and y below {height}, counted from the upper left"
             ));
         }
-        let pixel = y as usize * width + x as usize;
-        self.labels_of_pixels().map(|find| find(pixel))
+        self.finder()?(y as usize * width + x as usize)
     }
 
     /// The id of the label of each pixel, 0 where there is none.
@@ -158,11 +157,7 @@ impl Picture {
     /// # Errors
     /// As [`Picture::label_at`].
     pub fn label_ids(&self) -> Result<Vec<u64>, String> {
-        let find = self.labels_of_pixels()?;
-        Ok((0..self.color.pixels.len())
-            .into_par_iter()
-            .map(|pixel| find(pixel).map_or(0, |seen| seen.id))
-            .collect())
+        self.of_each_label(|seen| seen.id)
     }
 
     /// The id of the instance of each pixel's label, 0 where there is none.
@@ -170,45 +165,49 @@ impl Picture {
     /// # Errors
     /// As [`Picture::label_at`].
     pub fn instance_ids(&self) -> Result<Vec<u32>, String> {
-        let find = self.labels_of_pixels()?;
-        Ok((0..self.color.pixels.len())
-            .into_par_iter()
-            .map(|pixel| find(pixel).map_or(0, |seen| seen.instance))
-            .collect())
+        self.of_each_label(|seen| seen.instance)
     }
 
-    /// Finds labels by pixel, after all that they need is there and fits.
-    fn labels_of_pixels(&self) -> Result<impl Fn(usize) -> Option<SeenInPicture<'_>> + Sync, String> {
+    fn of_each_label<T: Default + Send>(
+        &self,
+        of: impl Fn(SeenInPicture<'_>) -> T + Sync,
+    ) -> Result<Vec<T>, String> {
+        let find = self.finder()?;
+        let one = |pixel| Ok(find(pixel)?.map_or_else(T::default, &of));
+        (0..self.color.pixels.len()).into_par_iter().map(one).collect()
+    }
+
+    /// A function that finds the label of a pixel, which is within the picture.
+    fn finder<'a>(
+        &'a self,
+    ) -> Result<impl Fn(usize) -> Result<Option<SeenInPicture<'a>>, String> + Sync, String> {
         let label = self.label.as_ref().ok_or(
             "the picture has no label pass: expected channel label.index of an .exr that was rendered with --passes all or label",
         )?;
-        let instance = match (&self.instance, self.labels.as_slice()) {
-            (Some(instance), _) => Some(instance),
-            (None, [_] | []) => None,
-            (None, several) => {
-                return Err(format!(
-                    "the picture shows labels of {} instances, but has no channel label.instance",
-                    several.len()
-                ));
-            }
-        };
-        let by_instance: BTreeMap<u32, &InstanceLabels> =
-            self.labels.iter().map(|l| (l.instance, l)).collect();
-        let of = move |pixel: usize| match instance {
-            Some(instance) => by_instance.get(&instance[pixel]).copied(),
-            None => self.labels.first(),
-        };
-        let unknown = |&pixel: &usize| {
-            label[pixel] != 0 && of(pixel).is_none_or(|l| l.rows.binary_search(&label[pixel]).is_err())
-        };
-        if let Some(pixel) = (0..label.len()).find(unknown) {
+        if self.instance.is_none() && self.labels.len() > 1 {
+            let several = self.labels.len();
             return Err(format!(
-                "the picture has no id for row {} of its label pass: an older pumice wrote it, or another program changed it; render it again \
-                 with --again",
-                label[pixel]
+                "the picture shows labels of {several} instances, but has no channel label.instance"
             ));
         }
-        Ok(move |pixel: usize| if label[pixel] == 0 { None } else { of(pixel)?.find(label[pixel]) })
+        let by_instance: BTreeMap<u32, &InstanceLabels> =
+            self.labels.iter().map(|l| (l.instance, l)).collect();
+        Ok(move |pixel: usize| {
+            let row = label[pixel];
+            if row == 0 {
+                return Ok(None);
+            }
+            let table = match &self.instance {
+                Some(instance) => by_instance.get(&instance[pixel]).copied(),
+                None => self.labels.first(),
+            };
+            table.and_then(|table| table.find(row)).map(Some).ok_or_else(|| {
+                format!(
+                    "the picture has no id for row {row} of its label pass: an older pumice wrote it, or another program changed it; render it \
+                     again with --again"
+                )
+            })
+        })
     }
 }
 

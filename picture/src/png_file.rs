@@ -3,7 +3,7 @@
 //! The scene-linear colour is clamped to [0, 1] (NaN becomes 0), encoded with the exact sRGB curve or another
 //! [view transform](crate::view_transform), and rounded to the nearest of 256 values. The picture of a transparent film has alpha as a
 //! fourth channel; its premultiplied colour is divided by alpha, because PNG is not premultiplied (ISO/IEC 15948 §6.2). The chunk `sRGB`
-//! marks the encoding, and an `iTXt` chunk with the keyword `pumice` holds the provenance as JSON.
+//! marks the encoding, `pHYs` the density on paper where it is known, and an `iTXt` chunk with the keyword `pumice` holds the provenance as JSON.
 
 use std::io::{BufRead, Seek, Write};
 use std::path::Path;
@@ -11,11 +11,14 @@ use std::path::Path;
 use pumice_core::write_atomically;
 use rayon::prelude::*;
 
+use crate::annotate::over_display;
 use crate::exr_file::check_size;
 use crate::exr_read::Failure;
 use crate::provenance_text::{PROVENANCE_KEY, provenance_to_ascii};
 use crate::view_transform::shown;
 use crate::{Picture, PictureError, Provenance, ViewTransform};
+
+const METERS_PER_INCH: f64 = 0.0254;
 
 /// Writes the colour with the sRGB curve. The file appears complete or not at all.
 ///
@@ -53,7 +56,7 @@ pub fn display_pixels(picture: &Picture, view: ViewTransform) -> Result<Vec<u8>,
 
 fn pixels_of(picture: &Picture, view: ViewTransform) -> Result<Vec<u8>, Failure> {
     let color = &picture.color;
-    Ok(match &picture.alpha {
+    let mut bytes: Vec<u8> = match &picture.alpha {
         None => color.pixels.par_iter().flat_map_iter(|&pixel| encoded(view, pixel)).collect(),
         Some(alpha) if alpha.len() != color.pixels.len() => {
             return Err(Failure::File(format!(
@@ -69,7 +72,17 @@ fn pixels_of(picture: &Picture, view: ViewTransform) -> Result<Vec<u8>, Failure>
             };
             color.pixels.par_iter().zip(alpha).flat_map_iter(pixel).collect()
         }
-    })
+    };
+    over_display(&picture.marks, &mut bytes, color.width, 3 + usize::from(picture.alpha.is_some()));
+    Ok(bytes)
+}
+
+/// Pixels per metre of a picture whose density is known; pixels that are not square have two.
+fn density(picture: &Picture) -> Option<png::PixelDimensions> {
+    let xppu = picture.dpi? / METERS_PER_INCH;
+    let aspect = picture.provenance.as_ref().map_or(1.0, |made| made.scene.film.pixel_aspect);
+    let [xppu, yppu] = [xppu, xppu * aspect].map(|n| n.round() as u32);
+    Some(png::PixelDimensions { xppu, yppu, unit: png::Unit::Meter })
 }
 
 fn write_to(writer: &mut impl Write, picture: &Picture, view: ViewTransform) -> Result<(), Failure> {
@@ -81,6 +94,7 @@ fn write_to(writer: &mut impl Write, picture: &Picture, view: ViewTransform) -> 
     let mut encoder = png::Encoder::new(&mut *writer, color.width as u32, color.height as u32);
     encoder.set_color(if picture.alpha.is_some() { png::ColorType::Rgba } else { png::ColorType::Rgb });
     encoder.set_depth(png::BitDepth::Eight);
+    encoder.set_pixel_dims(density(picture));
     encoder.set_source_srgb(png::SrgbRenderingIntent::RelativeColorimetric);
     if let Some(provenance) = &picture.provenance {
         encoder.add_itxt_chunk(PROVENANCE_KEY.into(), provenance_to_ascii(provenance)?)?;
@@ -188,6 +202,25 @@ mod tests {
             assert_eq!(encoded(middle * (1.0 - 1e-6)), [byte; 3]);
             assert_eq!(encoded(middle * (1.0 + 1e-6)), [byte + 1; 3]);
         }
+    }
+
+    /// 300 dpi are 11811.02 pixels a metre; pixels twice as wide as high stand twice as close down the page.
+    #[test]
+    fn the_density_is_in_the_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.png");
+        let mut picture = sample_pictures::picture(3, 2);
+        let read = |picture: &Picture| {
+            write_png(&path, picture).unwrap();
+            let file = std::io::BufReader::new(std::fs::File::open(&path).unwrap());
+            png::Decoder::new(file).read_info().unwrap().info().pixel_dims
+        };
+        let square = read(&picture).unwrap();
+        assert_eq!((square.xppu, square.yppu, square.unit), (11_811, 11_811, png::Unit::Meter));
+        picture.provenance.as_mut().unwrap().scene.film.pixel_aspect = 2.0;
+        assert_eq!(read(&picture).unwrap().yppu, 23_622);
+        picture.dpi = None;
+        assert!(read(&picture).is_none());
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use pumice_scene::Scene;
 
 use crate::cryptomatte::{Matte, hash, id_of_hash};
-use crate::{Image, InstanceLabels, Pass, Picture, Provenance};
+use crate::{Annotations, Image, InstanceLabels, Pass, Picture, Provenance};
 
 /// A provenance with every kind of value, with characters that neither ASCII nor Latin-1 has.
 pub(crate) fn provenance() -> Provenance {
@@ -31,6 +31,11 @@ pub(crate) fn provenance() -> Provenance {
         mesh_hashes: Vec::new(),
         spp: 64,
         error_estimate: Some(0.012_345_678_901_234_5),
+        annotations: Annotations {
+            dpi: Some(300.0),
+            scale_bar: "10um@center".parse().ok(),
+            legend: Some(12),
+        },
     }
 }
 
@@ -80,6 +85,8 @@ pub(crate) fn picture(width: usize, height: usize) -> Picture {
             .map(|(pass, n)| (*pass, image(1.0 / n as f32)))
             .collect(),
         mattes: Pass::MATTES.iter().map(|&pass| matte(pass, pixels)).collect(),
+        marks: Vec::new(),
+        dpi: Some(300.0),
         provenance: Some(provenance()),
     };
     // 2²⁴ + 1 and 2³² − 1 are no floats.

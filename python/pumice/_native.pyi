@@ -549,7 +549,12 @@ def read_label_table(path: str | PathLike[str]) -> tuple[AnnotationTable, str, l
     Reads a table of labels; returns it, the name of its format, and what its reader left out, a line each.
     """
 
-def render(scene: Scene, volumes: SupportsGetItem[int, Volume] | None, meshes: SupportsGetItem[int, Mesh], how: tuple[str, SupportsIndex | None, SupportsFloat | SupportsIndex | None, SupportsFloat | SupportsIndex | None], *, job: Job | None, on_progress: Any | None) -> Picture:
+def read_picture(path: str | PathLike[str]) -> Picture:
+    """
+    Reads a picture from an OpenEXR file.
+    """
+
+def render(scene: Scene, volumes: SupportsGetItem[int, Volume] | None, meshes: SupportsGetItem[int, Mesh], how: tuple[str, SupportsIndex | None, SupportsFloat | SupportsIndex | None, SupportsFloat | SupportsIndex | None], annotate: Incomplete, *, job: Job | None, on_progress: Any | None) -> Picture:
     """
     Renders a scene until the first limit is reached. `volumes[i]` belongs to its instance i; without volumes its sources are opened.
     `meshes[i]` belongs to its mesh i.

@@ -195,6 +195,10 @@ def render(
     seconds: float | None = None,
     error: float | None = None,
     backend: str = "auto",
+    width_mm: float | None = None,
+    dpi: float | None = None,
+    scale_bar: str | None = None,
+    legend: int | None = None,
     job: Job | None = None,
     on_progress: Callable[[CurvePoint], None] | None = None,
 ) -> Picture:
@@ -205,14 +209,20 @@ def render(
     `meshes`: one for each of the scene's meshes, in their order.
     `backend`: `auto`, `cpu`, or one of Vulkan's, alone or with its device: `vulkan-rt`, `vulkan-query:1`, `vulkan-compute:radeon`
     (see `devices`). If a device fails, `auto` continues with the next backend and issues a `PumiceWarning`.
+    `width_mm`: width on paper, which sets the pixels across at `dpi` (default 300); the height follows from the shape of the scene's film.
+    `dpi`: pixels per inch that files of the picture state. `scale_bar`: a bar in the lower right corner, such as `10um` or `auto`, in a
+    perspective view with its plane: `10um@center`, `auto@focus`, `10um@12.5`. `legend`: names and colours of at most so many shown labels, most
+    voxels first, in the upper left corner. Both are in `save` and `srgb` and not in `color` and the passes.
     """
     require_end(scene, spp, seconds, error)
+    annotate = arguments.annotate_as(width_mm, dpi, scale_bar, legend)
     how = arguments.render_as(backend, spp, seconds, error)
     native = _native.render(
         scene._native,
         None if volumes is None else in_order(scene, volumes),
         mesh.natives(meshes),
         how,
+        annotate,
         job=job,
         on_progress=told_points(on_progress),
     )

@@ -6,9 +6,12 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use pumice_core::{CompressedVolume, MeshData};
 use pumice_picture::{Image, Matte, Passes, display_pixels, read_exr};
+use pumice_session::annotations::lay_out;
 use pumice_session::pick_pixels::{find_voxel, pick};
-use pumice_session::render_file::{PictureFormat, Rendered, render_scene};
-use pumice_session::{CurvePoint, OpenOptions, SessionError, Stop};
+use pumice_session::render_file::{PictureFormat, Rendered, render_scene, set_width};
+use pumice_session::{
+    Annotations, CurvePoint, DEFAULT_DPI, OpenOptions, ScaleBar, SessionError, Stop, pixels_of_mm,
+};
 use pumice_transport::LoadedScene;
 use pyo3::prelude::*;
 
@@ -159,7 +162,7 @@ impl Picture {
     }
 
     /// The part of each pixel that some names of a Cryptomatte pass cover together: (height, width).
-    fn matte(&self, py: Python<'_>, pass: &str, names: Vec<String>) -> PyResult<Array> {
+    fn matte(&self, py: Python<'_>, kind: &str, names: Vec<String>) -> PyResult<Array> {
         let picture = &self.0.picture;
         let matte = picture.mattes.iter().find(|m| m.pass.name() == kind).ok_or_else(|| {
             input(&format_args!(
@@ -187,20 +190,46 @@ impl Picture {
 /// A backend, and the limits at which a picture is done: samples a pixel, seconds, relative error; a `pumice.arguments.RenderAs`.
 pub(crate) type RenderAs = (String, Option<u32>, Option<f64>, Option<f64>);
 
+/// What is drawn over a picture: `AnnotateAs` of the package.
+#[derive(FromPyObject)]
+pub(crate) struct AnnotateAs {
+    width_mm: Option<f64>,
+    dpi: Option<f64>,
+    scale_bar: Option<String>,
+    legend: Option<u32>,
+}
+
+impl AnnotateAs {
+    fn annotations(&self) -> PyResult<Annotations> {
+        let scale_bar = self.scale_bar.as_ref().map(|text| text.parse::<ScaleBar>()).transpose();
+        Ok(Annotations {
+            dpi: self.dpi.or(self.width_mm.map(|_| DEFAULT_DPI)),
+            scale_bar: scale_bar.map_err(|e| input(&format_args!("scale_bar: {e}")))?,
+            legend: self.legend,
+        })
+    }
+}
+
 /// Renders a scene until the first limit is reached. `volumes[i]` belongs to its instance i; without volumes its sources are opened.
 /// `meshes[i]` belongs to its mesh i.
 #[pyfunction]
-#[pyo3(signature = (scene, volumes, meshes, how, *, job, on_progress))]
+#[pyo3(signature = (scene, volumes, meshes, how, annotate, *, job, on_progress))]
+#[allow(clippy::too_many_arguments, reason = "the keywords of the façade")]
 pub(crate) fn render(
     py: Python<'_>,
     scene: &Bound<'_, Scene>,
     volumes: Option<Vec<Bound<'_, Volume>>>,
     meshes: Vec<Bound<'_, Mesh>>,
     how: RenderAs,
+    annotate: AnnotateAs,
     job: Option<&Bound<'_, Job>>,
     on_progress: Option<Py<PyAny>>,
 ) -> PyResult<Picture> {
-    let scene = scene.get().0.clone();
+    let mut scene = scene.get().0.clone();
+    let annotations = annotate.annotations()?;
+    if let Some(width_mm) = annotate.width_mm {
+        set_width(&mut scene.film, pixels_of_mm(width_mm, annotations.dpi.unwrap_or(DEFAULT_DPI)) as u32);
+    }
     let volumes: Option<Vec<Arc<CompressedVolume>>> =
         volumes.map(|list| list.iter().map(|v| Arc::clone(&v.get().0)).collect());
     let meshes: Vec<Arc<MeshData>> = meshes.iter().map(|m| Arc::clone(&m.get().0)).collect();
@@ -220,7 +249,10 @@ pub(crate) fn render(
             )?,
         };
         let scene = LoadedScene::new(scene, volumes, meshes)?;
-        render_scene(&scene, &backend, &stop, &job, &mut |point| told.tell(&job, point))
+        let laid_out = lay_out(&scene, &annotations)?;
+        let mut rendered = render_scene(&scene, &backend, &stop, &job, &mut |point| told.tell(&job, point))?;
+        laid_out.apply(&mut rendered);
+        Ok::<_, SessionError>(rendered)
     });
     told.result(result)
 }

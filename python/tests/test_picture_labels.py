@@ -7,6 +7,7 @@ import numpy as np
 import pumice
 import pytest
 from PIL import Image
+from share import one_of_today
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests/python"))
 from cryptomatte_oracle import Mattes  # noqa: E402
@@ -41,18 +42,32 @@ def test_ids_are_those_of_the_label_table(picture, volume):
     assert picture.instance is None and "instance" not in picture.passes
 
 
-def test_two_instances_are_told_apart(scene, volume):
+def two_instances(volume, **how):
+    """A picture of a volume, as instance 5, beside one of a single label with the greatest of all ids, as instance 0."""
     other = pumice.compress(np.full((4, 5, 6), 2**64 - 1, np.uint64))
-    fields = scene.to_dict()
+    fields = pumice.figure(volume, size=(60, 40)).to_dict()
     first = fields["instances"][0]
-    first["id"] = 5
+    place = list(first["world_from_index"])
     fields["instances"].append({**first, "id": 0, "source": "other", "style": {}})
-    first["world_from_index"][9] += 5.0
-    picture = pumice.render(pumice.Scene.from_dict(fields), [volume, other], spp=1, backend="cpu")
+    first.update(id=5, world_from_index=[*place[:9], place[9] + 3.0, *place[10:]])
+    return pumice.render(pumice.Scene.from_dict(fields), [volume, other], spp=1, **how)
+
+
+def test_two_instances_are_told_apart(volume):
+    picture = two_instances(volume, backend="cpu")
     of_other = (picture.label > 0) & (picture.instances() == 0)
     assert of_other.sum() > 20 and (picture.instances() == 5).sum() > 20
     assert (picture.ids()[of_other] == 2**64 - 1).all() and (picture.ids()[~of_other] < 250).all()
     np.testing.assert_array_equal(picture.passes["instance"], picture.instances())
+
+
+@pytest.mark.parametrize("backend", one_of_today(["vulkan-rt", "vulkan-query", "vulkan-compute"]))
+def test_a_graphics_processor_tells_the_same_instances_and_ids(volume, backend):
+    """Needs a Vulkan device, which `cargo xtask test` provides. The backend changes daily."""
+    picture, cpu = (two_instances(volume, backend=name) for name in (backend, "cpu"))
+    assert picture.backend == backend
+    np.testing.assert_array_equal(picture.instances(), cpu.instances())
+    np.testing.assert_array_equal(picture.ids(), cpu.ids())
 
 
 def test_a_picked_pixel_has_the_voxel_that_the_volume_has_there(picture, volume, labels):

@@ -1,6 +1,7 @@
 //! The work behind the command and the Python module: it opens volumes, chooses a backend, drives progressive rendering and reports.
 #![forbid(unsafe_code)]
 
+pub mod annotations;
 pub mod backend;
 pub mod compare_files;
 pub mod compress_file;
@@ -46,6 +47,7 @@ pub use progressive::{CurvePoint, Stop};
 pub use pumice_core::{CompressionLevel, Job, LabelType, Verification};
 pub use pumice_export::{ExportSize, Form, Merging, Reader, VoxelRegion};
 pub use pumice_formats::{ArrayAxes, LabelTableFormat, OpenOptions, RawLayout};
+pub use pumice_picture::annotate::{Annotations, DEFAULT_DPI, ScaleBar, pixels_of_mm};
 pub use pumice_scene::{Lod, Mode, ViewTransform};
 pub use pumice_transport::LoadedScene;
 pub use pumice_transport::geometry::DetailLevel;

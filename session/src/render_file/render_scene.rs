@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use pumice_core::{CompressedVolume, Job};
-use pumice_picture::{Picture, Provenance};
+use pumice_picture::{Annotations, Picture, Provenance};
 use pumice_transport::{LoadedScene, RenderError, Renderer};
 use serde::Serialize;
 
@@ -22,7 +22,7 @@ pub struct RenderFigures {
     pub backend: String,
     /// Name of the device that drew it.
     pub device: String,
-    /// Device failures after which rendering continued, one line each.
+    /// Device failures after which rendering continued, and what is drawn otherwise than wished, one line each.
     pub notices: Vec<String>,
     /// Wall seconds of rendering.
     pub seconds: f64,
@@ -166,6 +166,7 @@ pub(crate) fn report(
         mesh_hashes: meshes.iter().map(|m| mesh_hash_text(m)).collect(),
         spp: last.spp,
         error_estimate: last.error_estimate,
+        annotations: Annotations::default(),
     });
     Rendered {
         picture,
