@@ -16,7 +16,7 @@ DPI, MM = 100, 100 / 25.4
 def folder(pumice, data, tmp_path_factory):
     """A folder with `v.pumice`, a shipped volume in mm, and the scene `flat.json` of it in an orthographic view with a plain backdrop."""
     folder = tmp_path_factory.mktemp("annotations")
-    source = data / "slicer_Segmentation.seg.nrrd"
+    source = data / "torchio_t1_seg_gif_PIR.nii.gz"
     run(pumice, "compress", source, "-o", folder / "v.pumice").fine()
     run(pumice, "render", folder / "v.pumice", "-o", folder / "a.exr", *FAST, "--size", "300x200", "--save-scene", folder / "s.json").fine()
     fields = json.loads((folder / "s.json").read_text())
@@ -55,8 +55,8 @@ def bar_length(darkness):
 
 
 def coverage(plain, marked):
-    """Part of each pixel that is covered by black."""
-    return 1 - marked / plain
+    """Part of each pixel that is covered by black; 0 where it was black before."""
+    return 1 - np.divide(marked, plain, out=np.ones_like(plain), where=plain > 0)
 
 
 def test_the_bar_of_an_orthographic_view_has_its_closed_form_length(pumice, folder):
@@ -123,6 +123,15 @@ def test_the_legend_has_the_colors_of_the_labels_whatever_the_view_transform(pum
         assert [float(exr[c][y, x]) for c in "RGB"] == pytest.approx(color, rel=1e-6)
 
 
+def test_characters_that_the_font_lacks_are_named(pumice, data, tmp_path):
+    (tmp_path / "t.csv").write_text("id,name\n1,漢β\n2,β\n")
+    run(pumice, "compress", data / "slicer_Segmentation.seg.nrrd", "-o", tmp_path / "v.pumice", "--table", tmp_path / "t.csv")
+    for labels, lacks in (("1", True), ("2", False)):
+        wishes = ["--dpi", DPI, "--legend", "--labels", labels, "--size", "300x200"]
+        done = run(pumice, "render", tmp_path / "v.pumice", "-o", tmp_path / "a.png", *FAST, *wishes)
+        assert done.code == 0 and ("the font lacks 漢," in done.err) == lacks, done
+
+
 def test_bar_and_legend_change_no_pass_and_come_again(pumice, folder):
     wishes = ["--width-mm", "60", "--dpi", DPI, "--scale-bar", "auto", "--legend=2"]
     marked = drawn(pumice, folder, "m.exr", *wishes)
@@ -143,10 +152,10 @@ def test_bad_wishes_are_refused_in_one_line_before_anything_is_written(pumice, f
         (["--width-mm", "0"], "expected a number above 0"),
         (["--width-mm", "nan"], "expected a number above 0"),
         (["--width-mm", "1e9"], "film.width"),
-        (["--dpi", "-3"], "expected a number above 0"),
+        (["--dpi=-3"], "expected a number above 0"),
         (["--dpi", "1e9"], "dpi: expected 1 to 100000"),
         (["--scale-bar", "10 parsecs"], "expected a length with nm, um, mm or m"),
-        (["--scale-bar", "-1mm"], "expected a length"),
+        (["--scale-bar", "0mm"], "expected a length"),
         (["--scale-bar", "5m"], "pixels long"),
         (["--scale-bar", "1nm"], "pixels long"),
         (["--scale-bar", "auto", "--dpi", "3000"], "pixels"),

@@ -128,6 +128,17 @@ def test_without_its_volume_a_picture_tells_all_but_the_voxel(pumice, stage, tmp
         assert len(report["notices"]) == 1 and why in report["notices"][0]
 
 
+def test_at_coarse_levels_of_detail_a_voxel_is_told_only_where_the_label_has_one(pumice, stage, tmp_path):
+    folder, arrays, _ = stage
+    run(pumice, "render", folder / "one.json", "-o", tmp_path / "a.exr", "--spp", "1", "--backend", "cpu", "--lod", "16").fine()
+    rows = planes(tmp_path / "a.exr")["label.index"]
+    report = told(pumice, tmp_path / "a.exr", *[(int(x), int(y)) for y, x in np.argwhere(rows > 0)[::23]])
+    voxels = [(found["voxel"], found["label"]) for found in report["pixels"]]
+    told_ones = [(tuple(voxel), label) for voxel, label in voxels if voxel is not None]
+    assert report["notices"] == [] and 0 < len(told_ones) < len(voxels)
+    assert all(int(arrays[7][voxel]) == label for voxel, label in told_ones)
+
+
 def test_what_cannot_be_told_is_refused_in_one_line(pumice, stage, tmp_path):
     folder, *_ = stage
     picture, shape = folder / "one.exr", ["--spp", "1", "--backend", "cpu", "--size", "9x6"]
@@ -137,7 +148,7 @@ def test_what_cannot_be_told_is_refused_in_one_line(pumice, stage, tmp_path):
         ((picture, "60,0"), "pixel 60,0: expected x below 60 and y below 40"),
         ((picture, "0,40"), "pixel 0,40"),
         ((picture, "1"), "expected a pixel X,Y"),
-        ((picture, "-1,3"), "expected a pixel X,Y"),
+        ((picture, "-1,3"), "-1"),
         ((picture, "nan,3"), "expected a pixel X,Y"),
         ((picture,), "X,Y"),
         ((tmp_path / "a.png", "0,0"), "expected an OpenEXR picture, got a PNG"),

@@ -21,7 +21,7 @@ pub(crate) struct AnnotationArgs {
     /// Without a unit, in that of the volume. An orthographic picture has the same scale everywhere. In a perspective one it needs the plane in
     /// which it is true, across the view axis: 10um@center, through the middle of what is shown; 10um@focus, where depth of field is sharp;
     /// 10um@12.5, at that distance from the camera in world units. The text says which
-    #[arg(long, value_name = "LENGTH[@PLANE]", allow_hyphen_values = true, conflicts_with = "again")]
+    #[arg(long, value_name = "LENGTH[@PLANE]", conflicts_with = "again")]
     pub(crate) scale_bar: Option<ScaleBar>,
     /// Draw the names and colours of the shown labels in the upper left corner, those with most voxels first, at most N (12)
     ///

@@ -16,7 +16,7 @@ pub(crate) struct Pick {
     #[arg(value_name = "PICTURE.exr")]
     pub(crate) picture: PathBuf,
     /// Pixels from the left and from the top, both from 0
-    #[arg(value_name = "X,Y", value_parser = pixel, required = true, allow_hyphen_values = true)]
+    #[arg(value_name = "X,Y", value_parser = pixel, required = true)]
     pub(crate) pixels: Vec<[u32; 2]>,
     /// Print one JSON object instead of text
     #[arg(long)]
