@@ -1,6 +1,7 @@
 //! The flags of the `pumice` command, one file per subcommand. Each flag has a short help line and, where needed, a longer text with
 //! its default, unit and cost. The flags of `pumice bench` are in the crate `pumice-bench`, beside the benches.
 
+mod annotations;
 mod compare;
 mod compress;
 mod decompress;
@@ -8,6 +9,7 @@ mod demo;
 mod devices;
 mod export;
 mod info;
+mod pick;
 mod reading;
 mod render;
 mod table;
@@ -25,6 +27,7 @@ pub(crate) use demo::Demo;
 pub(crate) use devices::Devices;
 pub(crate) use export::{Export, FormArg, ReaderArg};
 pub(crate) use info::{Info, LabelList};
+pub(crate) use pick::Pick;
 pub(crate) use reading::{Axes, Reading};
 pub(crate) use render::{LodArg, Render, RenderMode, ViewArg};
 pub(crate) use table::Table;
@@ -59,6 +62,7 @@ pub(crate) enum Command {
     VerifyRender(Box<VerifyRender>),
     Export(Export),
     Compare(Compare),
+    Pick(Pick),
     Devices(Devices),
     Bench(Bench),
 }

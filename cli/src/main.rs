@@ -55,6 +55,7 @@ fn main() -> ExitCode {
         Command::VerifyRender(a) => commands::verify_render::run(&a, &job),
         Command::Export(a) => commands::export::run(&a, &job),
         Command::Compare(a) => commands::compare::run(&a, &job),
+        Command::Pick(a) => commands::pick::run(&a, &job),
         Command::Devices(a) => commands::devices::run(&a),
         Command::Bench(a) => commands::bench::run(&a, &job),
     };

@@ -6,7 +6,7 @@ use std::time::Duration;
 use pumice_core::Job;
 use pumice_picture::cryptomatte::{self, Ids};
 use pumice_picture::film::REPLICATES;
-use pumice_picture::{Image, Picture, film_memory, name_mattes};
+use pumice_picture::{Image, Picture, film_memory, name_labels, name_mattes};
 use pumice_scene::{Film, Part, PartSet, Scene};
 use pumice_transport::camera_rays::CameraRays;
 use pumice_transport::emitters::{EmissiveGeometry, Emitters};
@@ -321,6 +321,7 @@ impl Renderer for CpuRenderer {
         film_memory::check(&scene.film, film.kept(), scene.settings.adaptive, film.bytes())?;
         let mut picture = shown.tracer.picture();
         name_mattes(&mut picture, shown.scene.scene(), shown.scene.volumes());
+        name_labels(&mut picture, shown.scene.scene(), shown.scene.volumes());
         Ok(picture)
     }
 

@@ -182,7 +182,8 @@ impl<T: Tracer> PathTracer<T> {
         Some((hit, hit.t + self.rays.near()))
     }
 
-    /// The picture so far; depth, label, base colour and normal are those seen through the middle of each pixel.
+    /// The picture so far; depth, label, base colour and normal are those seen through the middle of each pixel. Instances
+    /// are positions in the scene's list: [`pumice_picture::name_labels`] names them.
     pub fn picture(&self) -> Picture {
         let (width, height) = self.film.size();
         let firsts: Vec<First> = (0..width * height)
@@ -194,6 +195,7 @@ impl<T: Tracer> PathTracer<T> {
             variance: (self.film.spp() >= REPLICATES).then(|| self.film.variance()),
             depth: Some(firsts.iter().map(|f| f.depth).collect()),
             label: Some(firsts.iter().map(|f| f.label).collect()),
+            instance: Some(firsts.iter().map(|f| f.instance).collect()),
             albedo: Some(image(|f| f.albedo)),
             normal: Some(image(|f| f.normal)),
             position: Some(image(|f| f.position)),
@@ -207,6 +209,7 @@ impl<T: Tracer> PathTracer<T> {
             None => First {
                 depth: f32::INFINITY,
                 label: 0,
+                instance: 0,
                 albedo: [0.0; 3],
                 normal: [0.0; 3],
                 position: [0.0; 3],
@@ -218,6 +221,7 @@ impl<T: Tracer> PathTracer<T> {
                     position: point.as_vec3().to_array(),
                     depth: depth as f32,
                     label: if hit.surface.kind == SurfaceKind::Triangle { 0 } else { hit.surface.label + 1 },
+                    instance: hit.surface.instance,
                     albedo: self.around.materials[hit.surface.instance as usize]
                         .material(hit.surface.label)
                         .base_color,
@@ -235,6 +239,8 @@ impl<T: Tracer> PathTracer<T> {
 struct First {
     depth: f32,
     label: u32,
+    /// Position of the instance in the scene's list.
+    instance: u32,
     albedo: [f32; 3],
     normal: [f32; 3],
     position: [f32; 3],

@@ -223,6 +223,13 @@ pub fn pictures() -> Vec<Vec<u8>> {
         variance: Some(image.clone()),
         depth: Some(vec![f32::INFINITY; 20]),
         label: Some((0..20).collect()),
+        instance: Some(vec![1; 20]),
+        labels: vec![pumice_picture::InstanceLabels {
+            instance: 1,
+            rows: (1..20).collect(),
+            ids: (101..120).collect(),
+            ..pumice_picture::InstanceLabels::default()
+        }],
         albedo: Some(image.clone()),
         normal: Some(image.clone()),
         alpha: Some(vec![0.5; 20]),
@@ -242,7 +249,10 @@ pub fn pictures() -> Vec<Vec<u8>> {
             mesh_hashes: Vec::new(),
             spp: 64,
             error_estimate: Some(0.01),
+            annotations: pumice_picture::Annotations { dpi: Some(300.0), ..Default::default() },
         }),
+        marks: Vec::new(),
+        dpi: Some(300.0),
     };
     let mut seeds = vec![
         written(".exr", |path| write_exr(path, &ours, &Passes::ALL).unwrap()),

@@ -53,6 +53,17 @@ pub struct Matte {
     pub names: BTreeMap<String, u32>,
 }
 
+impl Matte {
+    /// The part of each pixel that the surfaces with any of these names cover together, from 0 to 1; 0 for names that are not there.
+    pub fn coverage(&self, names: &[String]) -> Vec<f32> {
+        let wanted: HashSet<u32> = names.iter().map(|name| id_of(name).to_bits()).collect();
+        let of = |id: f32, coverage: f32| if wanted.contains(&id.to_bits()) { coverage } else { 0.0 };
+        let pixels = self.layers.first().map_or(0, Vec::len);
+        let sum = |i: usize| self.layers.iter().map(|l| of(l[i][0], l[i][1]) + of(l[i][2], l[i][3])).sum();
+        (0..pixels).map(sum).collect()
+    }
+}
+
 /// MurmurHash3_x86_32 (Appleby 2011) with seed 0.
 pub fn hash(name: &[u8]) -> u32 {
     let scrambled = |k: u32| k.wrapping_mul(0xcc9e_2d51).rotate_left(15).wrapping_mul(0x1b87_3593);

@@ -6,6 +6,7 @@
 //! | `A` | float | share of the samples that hit a surface, for a transparent film; the colour is premultiplied |
 //! | `ViewLayer.Depth.Z` | float | distance along the view axis to the first surface, +inf where there is none |
 //! | `label.index` | uint | dense index of the label of the first surface + 1, 0 where there is none |
+//! | `label.instance` | uint | id of the instance of that label, in a scene of several |
 //! | `ViewLayer.Position.X`, `.Y`, `.Z` | float | world position of the first surface |
 //! | `ViewLayer.CryptoObject00.r`, `.g`, `.b`, `.a`, … | float | ids and coverages by label, `CryptoAsset` by type: [`crate::cryptomatte`] |
 //! | `ViewLayer.DiffDir.R`, `.G`, `.B`, … | float | the other passes of `docs/passes.md`, under the names that Blender gives them |
@@ -14,7 +15,8 @@
 //!
 //! The colour channels have no layer name, so that every program shows them; the passes have the name of Blender's first view layer,
 //! so that compositor set-ups find them. Labels are 32-bit integers and are never converted to float. The attribute `pumice` (a string)
-//! holds [`crate::Provenance`] as JSON in ASCII: an EXR string has no encoding, so other characters are escaped as `\uXXXX`. Scan
+//! holds [`crate::Provenance`] as JSON in ASCII, `pumiceLabels` the ids of the labels ([`crate::InstanceLabels`]): an EXR string has no encoding, so other characters are escaped as `\uXXXX`. Scan
+//! `xDensity` is the density on paper, `pixelAspectRatio` that of the film. A picture's [marks](crate::annotate) are drawn over the colour. Scan
 //! lines, ZIP in blocks of 16. Attributes are sorted by name. The bytes depend on the picture alone: no date, no hash map order.
 
 use std::io::{Seek, Write};
@@ -27,10 +29,12 @@ use exr::meta::header::{Header, ImageAttributes, LayerAttributes};
 use exr::prelude::{Compression, LineOrder, Vec2, f16};
 use pumice_core::write_atomically;
 
+use crate::annotate::drawn_over;
 use crate::cryptomatte::{self, Matte};
 use crate::exr_header::SortedHeader;
 use crate::exr_read;
-use crate::provenance_text::{PROVENANCE_KEY, provenance_to_ascii};
+use crate::picture_labels::LABELS_KEY;
+use crate::provenance_text::{PROVENANCE_KEY, json_in_ascii, provenance_to_ascii};
 use crate::{Image, Pass, Passes, Picture, PictureError};
 
 /// The source of a channel's samples.
@@ -85,6 +89,9 @@ pub fn read_exr(path: &Path) -> Result<Picture, PictureError> {
     exr_read::read(path)
 }
 
+/// Name of the second channel of the label pass.
+pub(crate) const INSTANCE_CHANNEL: &str = "label.instance";
+
 /// The layer name of a pass and the suffixes of its channels.
 pub(crate) fn channels_of_pass(pass: Pass) -> (&'static str, &'static str) {
     match pass {
@@ -115,7 +122,12 @@ pub(crate) fn channels_of_pass(pass: Pass) -> (&'static str, &'static str) {
 }
 
 /// The channels of the file, sorted by name as the format requires.
-fn channels_of<'a>(picture: &'a Picture, passes: &Passes, half: bool) -> Vec<(String, Samples<'a>)> {
+fn channels_of<'a>(
+    picture: &'a Picture,
+    (color, alpha): (&'a Image, Option<&'a [f32]>),
+    passes: &Passes,
+    half: bool,
+) -> Vec<(String, Samples<'a>)> {
     fn triple<'a>(
         of: &mut Vec<(String, Samples<'a>)>,
         prefix: &str,
@@ -127,9 +139,9 @@ fn channels_of<'a>(picture: &'a Picture, passes: &Passes, half: bool) -> Vec<(St
         of.extend(letters.chars().enumerate().map(|(c, l)| (format!("{prefix}{l}"), samples(c))));
     }
     let mut channels = Vec::new();
-    triple(&mut channels, "", "RGB", &picture.color, half);
-    let alpha = |of| if half { Samples::HalfFloats(of) } else { Samples::Floats(of) };
-    channels.extend(picture.alpha.as_ref().map(|of| ("A".into(), alpha(of))));
+    triple(&mut channels, "", "RGB", color, half);
+    let share = |of| if half { Samples::HalfFloats(of) } else { Samples::Floats(of) };
+    channels.extend(alpha.map(|of| ("A".into(), share(of))));
     for pass in passes.iter() {
         let (layer, letters) = channels_of_pass(pass);
         let name = || format!("{layer}{letters}");
@@ -141,6 +153,8 @@ fn channels_of<'a>(picture: &'a Picture, passes: &Passes, half: bool) -> Vec<(St
             }
             Pass::Label => {
                 channels.extend(picture.label.as_ref().map(|of| (name(), Samples::Whole(of))));
+                let instance = picture.instance.as_ref().filter(|_| picture.label.is_some());
+                channels.extend(instance.map(|of| (INSTANCE_CHANNEL.into(), Samples::Whole(of))));
                 None
             }
             Pass::CryptomatteLabel | Pass::CryptomatteType => {
@@ -176,7 +190,8 @@ fn write_to(
 ) -> Result<(), PictureError> {
     let refuse = |what: String| PictureError::File { path: path.to_owned(), what };
     let (width, height) = (picture.color.width, picture.color.height);
-    let channels = channels_of(picture, passes, half);
+    let (color, alpha) = drawn_over(picture);
+    let channels = channels_of(picture, (&color, alpha.as_deref()), passes, half);
     check_size(width, height).map_err(refuse)?;
     for (name, samples) in &channels {
         let fits = match samples {
@@ -241,11 +256,16 @@ fn header_of(
     });
     let mut layer = LayerAttributes {
         software_name: Some(Text::from(concat!("Pumice ", env!("CARGO_PKG_VERSION")))),
+        horizontal_density: picture.dpi.map(|dpi| dpi as f32),
         ..LayerAttributes::default()
     };
     if let Some(provenance) = &picture.provenance {
         let json = Text::from(provenance_to_ascii(provenance)?.as_str());
         layer.other.insert(Text::from(PROVENANCE_KEY), AttributeValue::Text(json));
+    }
+    if passes.has(Pass::Label) && picture.label.is_some() && !picture.labels.is_empty() {
+        let json = Text::from(json_in_ascii(&picture.labels).map_err(|e| format!("labels: {e}"))?.as_str());
+        layer.other.insert(Text::from(LABELS_KEY), AttributeValue::Text(json));
     }
     for matte in picture.mattes.iter().filter(|m| passes.has(m.pass)) {
         for (name, value) in attributes_of(matte)? {
@@ -254,6 +274,9 @@ fn header_of(
         }
     }
     let mut shared = ImageAttributes::with_size(size);
+    if let Some(made) = &picture.provenance {
+        shared.pixel_aspect = made.scene.film.pixel_aspect as f32;
+    }
     // Rec. 709 primaries and white, ITU-R BT.709-6 table 1.
     shared.chromaticities = Some(Chromaticities {
         red: Vec2(0.64, 0.33),
@@ -379,6 +402,8 @@ mod tests {
         let back = read_exr(&path).unwrap();
         let expected = Picture {
             label: picture.label,
+            instance: picture.instance,
+            labels: picture.labels,
             alpha: picture.alpha,
             provenance: picture.provenance,
             mattes: Vec::new(),

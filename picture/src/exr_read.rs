@@ -8,7 +8,7 @@
 
 use std::collections::{BTreeMap, HashSet};
 use std::fs::File;
-use std::io::{BufReader, Read, Seek};
+use std::io::{BufRead, BufReader, Read, Seek};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
@@ -24,9 +24,10 @@ use pumice_core::reserve::reserved;
 use rayon::prelude::*;
 
 use crate::cryptomatte::{self, Matte};
-use crate::exr_file::{channels_of_pass, check_size};
+use crate::exr_file::{INSTANCE_CHANNEL, channels_of_pass, check_size};
+use crate::picture_labels::{LABELS_KEY, labels_of};
 use crate::provenance_text::PROVENANCE_KEY;
-use crate::{Image, Pass, Picture, PictureError, Provenance};
+use crate::{Image, InstanceLabels, Pass, Picture, PictureError, Provenance};
 
 /// Largest compression ratio that is believed. Deflate, the strongest of EXR's codecs, reaches 1032; twice that leaves room for the
 /// others. A file that claims more is damaged, and is refused before memory is reserved for it.
@@ -44,6 +45,7 @@ enum ChannelTarget {
     /// A pass with one channel.
     Number(Pass),
     Label,
+    Instance,
     /// A layer of a matte, by its number.
     Matte(Pass, usize, usize),
 }
@@ -57,7 +59,14 @@ pub(crate) fn read(path: &Path) -> Result<Picture, PictureError> {
     if !facts.is_file() {
         return Err(refuse("is not an ordinary file".into()));
     }
-    read_from(BufReader::new(file), facts.len()).map_err(|failure| failure.at(path))
+    let mut reader = BufReader::new(file);
+    if reader.fill_buf().map_err(io)?.starts_with(b"\x89PNG\r\n\x1A\n") {
+        return Err(refuse(
+            "expected an OpenEXR picture, got a PNG, which has neither passes nor scene-linear colours"
+                .into(),
+        ));
+    }
+    read_from(reader, facts.len()).map_err(|failure| failure.at(path))
 }
 
 /// Reads only the provenance; `None` if the file has none.
@@ -125,6 +134,7 @@ fn read_from(bytes: impl Read + Seek, length_bytes: u64) -> Result<Picture, Fail
         )));
     }
     let provenance = provenance_of(&header).map_err(|e| format!("attribute {PROVENANCE_KEY}: {e}"))?;
+    let labels = labels_of_header(&header).map_err(|e| format!("attribute {LABELS_KEY}: {e}"))?;
     let names = names_of_mattes(&header)?;
     let mut planes = Planes::new(width, height, &places)?;
 
@@ -170,7 +180,8 @@ fn read_from(bytes: impl Read + Seek, length_bytes: u64) -> Result<Picture, Fail
     if pixels_left != 0 {
         return Err(Failure::File(format!("damaged OpenEXR file: {pixels_left} pixels are missing")));
     }
-    Ok(planes.into_picture(provenance, names))
+    let dpi = header.own_attributes.horizontal_density.map(f64::from);
+    Ok(Picture { labels, dpi, ..planes.into_picture(provenance, names) })
 }
 
 /// Decompresses a chunk, damaged or not.
@@ -236,6 +247,9 @@ fn places_of(header: &Header, prefix: &str) -> Result<Vec<Option<ChannelTarget>>
         if name.strip_prefix(prefix) == Some("A") {
             return Some(ChannelTarget::Alpha);
         }
+        if name == INSTANCE_CHANNEL {
+            return Some(ChannelTarget::Instance);
+        }
         Pass::ALL.iter().find_map(|&pass| {
             let (prefix, letters) = channels_of_pass(pass);
             let rest = name.strip_prefix(prefix)?;
@@ -264,8 +278,9 @@ fn places_of(header: &Header, prefix: &str) -> Result<Vec<Option<ChannelTarget>>
             return Err(format!("channel {name:?} is subsampled, which is not supported"));
         }
         let place = place(&name);
-        if place == Some(ChannelTarget::Label) && channel.sample_type != SampleType::U32 {
-            return Err("channel label.index: expected whole numbers (UINT), got floats".into());
+        let is_whole = matches!(place, Some(ChannelTarget::Label | ChannelTarget::Instance));
+        if is_whole && channel.sample_type != SampleType::U32 {
+            return Err(format!("channel {name}: expected whole numbers (UINT), got floats"));
         }
         if matches!(place, Some(ChannelTarget::Matte(..))) && channel.sample_type != SampleType::F32 {
             return Err(format!("channel {name:?}: expected 32 bit floats (FLOAT), in which ids are exact"));
@@ -294,6 +309,13 @@ fn names_of_mattes(header: &Header) -> Result<BTreeMap<Pass, BTreeMap<String, u3
     Ok(names)
 }
 
+fn labels_of_header(header: &Header) -> Result<Vec<InstanceLabels>, String> {
+    match header.own_attributes.other.get(&Text::from(LABELS_KEY)) {
+        Some(AttributeValue::Text(text)) => labels_of(text.as_slice()),
+        _ => Ok(Vec::new()),
+    }
+}
+
 fn provenance_of(header: &Header) -> Result<Option<Provenance>, String> {
     match header.own_attributes.other.get(&Text::from(PROVENANCE_KEY)) {
         Some(AttributeValue::Text(text)) => {
@@ -310,6 +332,7 @@ struct Planes {
     color: Vec<[f32; 3]>,
     alpha: Option<Vec<f32>>,
     label: Option<Vec<u32>>,
+    instance: Option<Vec<u32>>,
     triples: BTreeMap<Pass, Vec<[f32; 3]>>,
     numbers: BTreeMap<Pass, Vec<f32>>,
     mattes: BTreeMap<Pass, Vec<Vec<[f32; 4]>>>,
@@ -350,6 +373,7 @@ impl Planes {
             color: filled(pixels, [0.0; 3])?,
             alpha: has(ChannelTarget::Alpha).then(|| filled(pixels, 0.0)).transpose()?,
             label: has(ChannelTarget::Label).then(|| filled(pixels, 0)).transpose()?,
+            instance: has(ChannelTarget::Instance).then(|| filled(pixels, 0)).transpose()?,
             triples,
             numbers,
         })
@@ -363,6 +387,10 @@ impl Planes {
         let row = y as usize * self.width..(y as usize + 1) * self.width;
         let triple =
             |plane: &mut [[f32; 3]], c: usize| copy(&mut plane[row.clone()], x, kind, bytes, |p, v| p[c] = v);
+        let whole = |p: &mut Vec<u32>| {
+            let values = bytes.as_chunks().0.iter().map(|b| u32::from_ne_bytes(*b));
+            place_line(&mut p[row.clone()], x, values, |l, v| *l = v);
+        };
         let number = |p: &mut Vec<f32>| copy(&mut p[row.clone()], x, kind, bytes, |n, v| *n = v);
         match place {
             ChannelTarget::Color(c) => triple(&mut self.color, c),
@@ -375,10 +403,8 @@ impl Planes {
                 layer.into_iter().for_each(|p| copy(&mut p[row.clone()], x, kind, bytes, |p, v| p[c] = v));
             }
             ChannelTarget::Alpha => self.alpha.iter_mut().for_each(number),
-            ChannelTarget::Label => self.label.iter_mut().for_each(|p| {
-                let values = bytes.as_chunks().0.iter().map(|b| u32::from_ne_bytes(*b));
-                place_line(&mut p[row.clone()], x, values, |l, v| *l = v);
-            }),
+            ChannelTarget::Label => self.label.iter_mut().for_each(whole),
+            ChannelTarget::Instance => self.instance.iter_mut().for_each(whole),
         }
     }
 
@@ -394,6 +420,7 @@ impl Planes {
             variance: self.triples.remove(&Pass::Variance).map(image),
             depth: self.numbers.remove(&Pass::Depth),
             label: self.label,
+            instance: self.instance,
             albedo: self.triples.remove(&Pass::Albedo).map(image),
             normal: self.triples.remove(&Pass::Normal).map(image),
             alpha: self.alpha,

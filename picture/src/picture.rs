@@ -4,8 +4,10 @@ use pumice_core::TargetError;
 use pumice_scene::{Pass, Scene};
 use serde::{Deserialize, Serialize};
 
+use crate::annotate::{Annotations, Mark};
 use crate::cryptomatte::Matte;
 use crate::image::Image;
+use crate::picture_labels::InstanceLabels;
 
 /// Everything that is needed to render the picture again, and to judge its quality.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -26,6 +28,9 @@ pub struct Provenance {
     pub spp: u32,
     /// Estimated relative error, where known.
     pub error_estimate: Option<f64>,
+    /// What is drawn over the picture.
+    #[serde(default, skip_serializing_if = "Annotations::is_empty")]
+    pub annotations: Annotations,
 }
 
 /// A picture with its passes. Row 0 is the top.
@@ -37,8 +42,12 @@ pub struct Picture {
     pub variance: Option<Image>,
     /// Distance along the view axis to the first surface, of the sample nearest the pixel's centre; infinite where there is none.
     pub depth: Option<Vec<f32>>,
-    /// Label of that surface: dense index + 1, 0 where there is none. With several instances see `instance`.
+    /// Label of that surface: dense index + 1, 0 where there is none.
     pub label: Option<Vec<u32>>,
+    /// Id of the instance that the label belongs to, 0 where there is none; only where the scene has several instances.
+    pub instance: Option<Vec<u32>>,
+    /// The labels of the label pass, by instance.
+    pub labels: Vec<InstanceLabels>,
     /// Base colour of the first surface at the pixel's centre. If the film asks for the pass: the mean over samples of the
     /// diffuse, glossy and transmission colours together.
     pub albedo: Option<Image>,
@@ -55,6 +64,10 @@ pub struct Picture {
     pub light: Vec<(Pass, Image)>,
     /// Cryptomattes by label and type, if the film asks for them.
     pub mattes: Vec<Matte>,
+    /// What files of the picture show over its colour; empty in a picture that was read, whose colour has it.
+    pub marks: Vec<Mark>,
+    /// Pixels per inch on paper, which files state.
+    pub dpi: Option<f64>,
     /// How the picture was made.
     pub provenance: Option<Provenance>,
 }
@@ -67,6 +80,8 @@ impl Picture {
             variance: None,
             depth: None,
             label: None,
+            instance: None,
+            labels: Vec::new(),
             albedo: None,
             normal: None,
             alpha: None,
@@ -74,6 +89,8 @@ impl Picture {
             samples: None,
             light: Vec::new(),
             mattes: Vec::new(),
+            marks: Vec::new(),
+            dpi: None,
             provenance: None,
         }
     }

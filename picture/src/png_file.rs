@@ -3,7 +3,7 @@
 //! The scene-linear colour is clamped to [0, 1] (NaN becomes 0), encoded with the exact sRGB curve or another
 //! [view transform](crate::view_transform), and rounded to the nearest of 256 values. The picture of a transparent film has alpha as a
 //! fourth channel; its premultiplied colour is divided by alpha, because PNG is not premultiplied (ISO/IEC 15948 §6.2). The chunk `sRGB`
-//! marks the encoding, and an `iTXt` chunk with the keyword `pumice` holds the provenance as JSON.
+//! marks the encoding, `pHYs` the density on paper where it is known, and an `iTXt` chunk with the keyword `pumice` holds the provenance as JSON.
 
 use std::io::{BufRead, Seek, Write};
 use std::path::Path;
@@ -12,6 +12,7 @@ use pumice_core::reserve::size_text;
 use pumice_core::write_atomically;
 use rayon::prelude::*;
 
+use crate::annotate::over_display;
 use crate::exr_file::check_size;
 use crate::exr_read::Failure;
 use crate::provenance_text::{PROVENANCE_KEY, provenance_to_ascii};
@@ -21,6 +22,7 @@ use crate::{Picture, PictureError, Provenance, ViewTransform};
 /// Longest provenance that is read, in bytes: as much as the PNG library reads of all texts of a file as they are stored. A scene with a
 /// material for each of 118,251 labels has 24 MB.
 const MOST_TEXT_BYTES: usize = 64 << 20;
+const METERS_PER_INCH: f64 = 0.0254;
 
 /// Writes the colour with the sRGB curve. The file appears complete or not at all.
 ///
@@ -48,10 +50,17 @@ pub fn png_bytes(picture: &Picture, view: ViewTransform) -> Result<Vec<u8>, Pict
     Ok(bytes)
 }
 
-fn write_to(writer: &mut impl Write, picture: &Picture, view: ViewTransform) -> Result<(), Failure> {
+/// The display values of a picture as its PNG file has them: three or, of a transparent film, four bytes a pixel, row by row from the top.
+///
+/// # Errors
+/// As [`write_png`], without a file's name.
+pub fn display_pixels(picture: &Picture, view: ViewTransform) -> Result<Vec<u8>, PictureError> {
+    pixels_of(picture, view).map_err(|failure| failure.at(Path::new("a picture in memory")))
+}
+
+fn pixels_of(picture: &Picture, view: ViewTransform) -> Result<Vec<u8>, Failure> {
     let color = &picture.color;
-    check_size(color.width, color.height)?;
-    let bytes: Vec<u8> = match &picture.alpha {
+    let mut bytes: Vec<u8> = match &picture.alpha {
         None => color.pixels.par_iter().flat_map_iter(|&pixel| encoded(view, pixel)).collect(),
         Some(alpha) if alpha.len() != color.pixels.len() => {
             return Err(Failure::File(format!(
@@ -68,11 +77,28 @@ fn write_to(writer: &mut impl Write, picture: &Picture, view: ViewTransform) -> 
             color.pixels.par_iter().zip(alpha).flat_map_iter(pixel).collect()
         }
     };
+    over_display(&picture.marks, &mut bytes, color.width, 3 + usize::from(picture.alpha.is_some()));
+    Ok(bytes)
+}
+
+/// Pixels per metre of a picture whose density is known; pixels that are not square have two.
+fn density(picture: &Picture) -> Option<png::PixelDimensions> {
+    let xppu = picture.dpi? / METERS_PER_INCH;
+    let aspect = picture.provenance.as_ref().map_or(1.0, |made| made.scene.film.pixel_aspect);
+    let [xppu, yppu] = [xppu, xppu * aspect].map(|n| n.round() as u32);
+    Some(png::PixelDimensions { xppu, yppu, unit: png::Unit::Meter })
+}
+
+fn write_to(writer: &mut impl Write, picture: &Picture, view: ViewTransform) -> Result<(), Failure> {
+    let color = &picture.color;
+    check_size(color.width, color.height)?;
+    let bytes = pixels_of(picture, view)?;
 
     // `check_size` has checked that both sides fit.
     let mut encoder = png::Encoder::new(&mut *writer, color.width as u32, color.height as u32);
     encoder.set_color(if picture.alpha.is_some() { png::ColorType::Rgba } else { png::ColorType::Rgb });
     encoder.set_depth(png::BitDepth::Eight);
+    encoder.set_pixel_dims(density(picture));
     encoder.set_source_srgb(png::SrgbRenderingIntent::RelativeColorimetric);
     if let Some(provenance) = &picture.provenance {
         encoder.add_itxt_chunk(PROVENANCE_KEY.into(), provenance_to_ascii(provenance)?)?;
@@ -187,6 +213,25 @@ mod tests {
             assert_eq!(encoded(middle * (1.0 - 1e-6)), [byte; 3]);
             assert_eq!(encoded(middle * (1.0 + 1e-6)), [byte + 1; 3]);
         }
+    }
+
+    /// 300 dpi are 11811.02 pixels a metre; pixels twice as wide as high stand twice as close down the page.
+    #[test]
+    fn the_density_is_in_the_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.png");
+        let mut picture = sample_pictures::picture(3, 2);
+        let read = |picture: &Picture| {
+            write_png(&path, picture).unwrap();
+            let file = std::io::BufReader::new(std::fs::File::open(&path).unwrap());
+            png::Decoder::new(file).read_info().unwrap().info().pixel_dims
+        };
+        let square = read(&picture).unwrap();
+        assert_eq!((square.xppu, square.yppu, square.unit), (11_811, 11_811, png::Unit::Meter));
+        picture.provenance.as_mut().unwrap().scene.film.pixel_aspect = 2.0;
+        assert_eq!(read(&picture).unwrap().yppu, 23_622);
+        picture.dpi = None;
+        assert!(read(&picture).is_none());
     }
 
     #[test]

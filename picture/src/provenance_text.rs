@@ -4,6 +4,8 @@ use std::fs::File;
 use std::io::{BufReader, Read, Seek};
 use std::path::Path;
 
+use serde::Serialize;
+
 use crate::exr_read::{self, Failure};
 use crate::png_file;
 use crate::{PictureError, Provenance};
@@ -36,7 +38,12 @@ pub fn read_provenance(path: &Path) -> Result<Option<Provenance>, PictureError> 
 
 /// The provenance as JSON in pure ASCII.
 pub(crate) fn provenance_to_ascii(provenance: &Provenance) -> Result<String, String> {
-    let json = serde_json::to_string(provenance).map_err(|e| format!("provenance: {e}"))?;
+    json_in_ascii(provenance).map_err(|e| format!("provenance: {e}"))
+}
+
+/// A value as JSON in pure ASCII.
+pub(crate) fn json_in_ascii(value: &impl Serialize) -> Result<String, serde_json::Error> {
+    let json = serde_json::to_string(value)?;
     let mut ascii = String::with_capacity(json.len());
     for c in json.chars() {
         if c.is_ascii() {

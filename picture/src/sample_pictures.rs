@@ -3,7 +3,7 @@
 use pumice_scene::Scene;
 
 use crate::cryptomatte::{Matte, hash, id_of_hash};
-use crate::{Image, Pass, Picture, Provenance};
+use crate::{Annotations, Image, InstanceLabels, Pass, Picture, Provenance};
 
 /// A provenance with every kind of value, with characters that neither ASCII nor Latin-1 has.
 pub(crate) fn provenance() -> Provenance {
@@ -31,6 +31,11 @@ pub(crate) fn provenance() -> Provenance {
         mesh_hashes: Vec::new(),
         spp: 64,
         error_estimate: Some(0.012_345_678_901_234_5),
+        annotations: Annotations {
+            dpi: Some(300.0),
+            scale_bar: "10um@center".parse().ok(),
+            legend: Some(12),
+        },
     }
 }
 
@@ -41,6 +46,17 @@ fn matte(pass: Pass, pixels: usize) -> Matte {
     let layer =
         |l: usize| (0..pixels).map(|i| [id(i + l), 0.7 / (1 + l) as f32, id(i + l + 1), 1e-3]).collect();
     Matte { pass, layers: (0..2).map(layer).collect(), names: names.into() }
+}
+
+/// Two instances; ids that no float holds, a name that neither ASCII nor Latin-1 has, one without types.
+fn labels() -> Vec<InstanceLabels> {
+    let (rows, ids) = (vec![1, 16_777_217], vec![3, u64::MAX]);
+    let names = vec![String::new(), "gehirn \u{df}\u{6f22}\u{1f9e0}\"\\".into()];
+    let types = vec!["axon".into(), String::new()];
+    vec![
+        InstanceLabels { instance: 0, rows: rows.clone(), ids: ids.clone(), names, types },
+        InstanceLabels { instance: u32::MAX, rows, ids, ..InstanceLabels::default() },
+    ]
 }
 
 /// A picture with every pass, each sample different, with values that only 32 bits hold.
@@ -55,6 +71,8 @@ pub(crate) fn picture(width: usize, height: usize) -> Picture {
         variance: Some(image(1e-9)),
         depth: Some((0..pixels).map(|i| if i % 3 == 0 { f32::INFINITY } else { i as f32 / 3.0 }).collect()),
         label: Some((0..pixels).map(|i| (i as u32).wrapping_mul(0x0100_0001)).collect()),
+        instance: Some((0..pixels).map(|i| (i as u32).wrapping_mul(0x0100_0003)).collect()),
+        labels: labels(),
         albedo: Some(image(0.5)),
         normal: Some(image(-0.25)),
         alpha: Some((0..pixels).map(|i| (i % 5) as f32 / 4.0).collect()),
@@ -67,6 +85,8 @@ pub(crate) fn picture(width: usize, height: usize) -> Picture {
             .map(|(pass, n)| (*pass, image(1.0 / n as f32)))
             .collect(),
         mattes: Pass::MATTES.iter().map(|&pass| matte(pass, pixels)).collect(),
+        marks: Vec::new(),
+        dpi: Some(300.0),
         provenance: Some(provenance()),
     };
     // 2²⁴ + 1 and 2³² − 1 are no floats.

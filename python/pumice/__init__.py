@@ -17,7 +17,7 @@ from .errors import Cancelled, InputError, InternalError, PumiceError, PumiceWar
 from .label_table import AnnotationTable, query_labels, read_label_table
 from .labels import LabelGroups
 from .mesh import Mesh
-from .picture import CurvePoint, Picture, cryptomatte_hash, devices, render
+from .picture import CurvePoint, PickedPixel, Picture, cryptomatte_hash, devices, open_picture, render
 from .reference_picture import ReferencePicture
 from .renderer import Renderer
 from .scene import Scene, figure
@@ -45,6 +45,7 @@ __all__ = [
     "LabelTable",
     "Mesh",
     "Pick",
+    "PickedPixel",
     "Picture",
     "PumiceError",
     "PumiceWarning",
@@ -64,6 +65,7 @@ __all__ = [
     "export",
     "figure",
     "open",
+    "open_picture",
     "probe",
     "query_labels",
     "read_label_table",

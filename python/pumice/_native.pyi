@@ -189,17 +189,37 @@ class Picture:
         """
         Distance along the view axis to the first surface, infinite where there is none: (height, width).
         """
+    def display(self, /, view: str | None) -> Array:
+        """
+        The bytes that a PNG has, shown by a view transform or that of the scene: (height, width, 3), or 4 with alpha.
+        """
     def figures(self, /) -> str:
         """
         Seconds, samples, error, curve, what the scene needed and what was left out, as JSON text.
+        """
+    def instance(self, /) -> Array | None:
+        """
+        Id of the instance of that label, 0 where there is none, in a scene of several: (height, width).
+        """
+    def instance_ids(self, /) -> Array:
+        """
+        Id of the instance of each pixel's label, 0 where there is none: (height, width).
         """
     def label(self, /) -> Array | None:
         """
         Row of the label of the first surface in the label table + 1, 0 where there is none: (height, width).
         """
+    def label_ids(self, /) -> Array:
+        """
+        Id of the label of each pixel, 0 where there is none: (height, width).
+        """
     def light(self, /) -> list[tuple[str, Array]]:
         """
         Passes of light, by name.
+        """
+    def matte(self, /, kind: str, names: SupportsGetItem[int, str]) -> Array:
+        """
+        The part of each pixel that some names of a Cryptomatte pass cover together: (height, width).
         """
     def mattes(self, /) -> list[tuple[str, Array, dict[str, int]]]:
         """
@@ -208,6 +228,10 @@ class Picture:
     def normal(self, /) -> Array | None:
         """
         Normal of the first surface.
+        """
+    def pick(self, /, x: SupportsIndex, y: SupportsIndex, volume: Volume | None) -> str:
+        """
+        What lies under a pixel, as JSON text; its voxel with the volume that is seen there.
         """
     def position(self, /) -> Array | None:
         """
@@ -525,7 +549,12 @@ def read_label_table(path: str | PathLike[str]) -> tuple[AnnotationTable, str, l
     Reads a table of labels; returns it, the name of its format, and what its reader left out, a line each.
     """
 
-def render(scene: Scene, volumes: SupportsGetItem[int, Volume] | None, meshes: SupportsGetItem[int, Mesh], how: tuple[str, SupportsIndex | None, SupportsFloat | SupportsIndex | None, SupportsFloat | SupportsIndex | None], *, job: Job | None, on_progress: Any | None) -> Picture:
+def read_picture(path: str | PathLike[str]) -> Picture:
+    """
+    Reads a picture from an OpenEXR file.
+    """
+
+def render(scene: Scene, volumes: SupportsGetItem[int, Volume] | None, meshes: SupportsGetItem[int, Mesh], how: tuple[str, SupportsIndex | None, SupportsFloat | SupportsIndex | None, SupportsFloat | SupportsIndex | None], annotate: Incomplete, *, job: Job | None, on_progress: Any | None) -> Picture:
     """
     Renders a scene until the first limit is reached. `volumes[i]` belongs to its instance i; without volumes its sources are opened.
     `meshes[i]` belongs to its mesh i.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numbers
 import operator
 import os
 from collections.abc import Iterable, Sequence
@@ -53,6 +54,15 @@ class RenderAs(NamedTuple):
     spp: int | None
     seconds: float | None
     error: float | None
+
+
+class AnnotateAs(NamedTuple):
+    """What is drawn over a picture, as the compiled part takes it."""
+
+    width_mm: float | None
+    dpi: float | None
+    scale_bar: str | None
+    legend: int | None
 
 
 def whole(name: str, value: Any, least: int, most: int) -> int:
@@ -123,3 +133,13 @@ def limits(
 def render_as(backend: str, spp: int | None, seconds: float | None, error: float | None) -> RenderAs:
     """The backend, and the limits at which a picture is done, checked."""
     return RenderAs(backend, *limits(spp, seconds, error))
+
+
+def annotate_as(width_mm: float | None, dpi: float | None, scale_bar: str | None, legend: int | None) -> AnnotateAs:
+    """Size on paper, scale bar and legend, checked; the compiled part reads the text of the bar."""
+    for name, length in (("width_mm", width_mm), ("dpi", dpi)):
+        if length is not None and not (isinstance(length, numbers.Real) and 0 < length < float("inf")):
+            raise InputError(f"{name}: expected a number above 0, got {length!r}")
+    if scale_bar is not None and not isinstance(scale_bar, str):
+        raise InputError(f"scale_bar: expected a text such as '10um', got {scale_bar!r}")
+    return AnnotateAs(width_mm, dpi, scale_bar, None if legend is None else whole("legend", legend, 1, MOST_32))

@@ -6,7 +6,7 @@ import dataclasses
 import json
 import os
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,7 @@ from .scene import Scene
 from .volume import Job, Volume
 
 Floats = npt.NDArray[np.float32]
-PASSES = ("depth", "position", "normal", "label", "albedo", "variance", "samples")
+PASSES = ("depth", "position", "normal", "label", "instance", "albedo", "variance", "samples")
 Volumes = Volume | Sequence[Volume] | Mapping[str, Volume]
 
 
@@ -32,6 +32,21 @@ class CurvePoint:
     seconds: float
     cpu_seconds: float
     error_estimate: float | None
+
+
+@dataclasses.dataclass(frozen=True)
+class PickedPixel:
+    """What lies under a pixel of a picture. `instance` and `label` are ids, `name` and `type` are empty where the label has none; all four are
+    None where there is no label. `position` (world) and `depth` (along the view axis) are also those of meshes, and None where there is
+    nothing or the picture lacks the pass. `voxel` is None unless the volume was given."""
+
+    instance: int | None
+    label: int | None
+    name: str | None
+    type: str | None
+    position: tuple[float, float, float] | None
+    depth: float | None
+    voxel: tuple[int, int, int] | None
 
 
 class Picture:
@@ -47,6 +62,7 @@ class Picture:
         self.variance: Floats | None = _maybe(native.variance())
         self.depth: Floats | None = _maybe(native.depth())
         self.label: npt.NDArray[np.uint32] | None = _maybe(native.label())
+        self.instance: npt.NDArray[np.uint32] | None = _maybe(native.instance())
         self.albedo: Floats | None = _maybe(native.albedo())
         self.normal: Floats | None = _maybe(native.normal())
         self.position: Floats | None = _maybe(native.position())
@@ -60,7 +76,8 @@ class Picture:
     @property
     def passes(self) -> dict[str, npt.NDArray[Any]]:
         """Every pass that the picture has, by name: (height, width), or with colours (height, width, 3). `label` is uint32, 0 where
-        there is none, else the row of the label table plus 1; all others are float32. Passes of light and Cryptomatte are there
+        there is none, else the row of the label table plus 1; `instance`, in scenes of several, is uint32 as well, the id of the label's
+        instance; all others are float32. Passes of light and Cryptomatte are there
         where the scene's `film.passes` asked for them; Cryptomatte is (height, width, ranks, 2): ids, coverages."""
         named = {name: getattr(self, name) for name in PASSES}
         return {**{name: array for name, array in named.items() if array is not None}, **self._light, **self._mattes}
@@ -93,13 +110,14 @@ class Picture:
 
     @property
     def mean_spp(self) -> float:
-        """Mean over pixels of the samples that each has: `spp`, or less where pixels came to rest (`settings.adaptive`)."""
-        return float(self._figures["mean_spp"])
+        """Mean over pixels of the samples that each has: `spp`, or less where pixels came to rest (`settings.adaptive`). NaN of a picture
+        that was opened from a file without the pass `samples`."""
+        return _number(self._figures["mean_spp"])
 
     @property
     def seconds(self) -> float:
-        """Wall seconds of rendering."""
-        return float(self._figures["seconds"])
+        """Wall seconds of rendering; NaN of a picture that was opened from a file."""
+        return _number(self._figures["seconds"])
 
     @property
     def curve(self) -> list[CurvePoint]:
@@ -107,6 +125,42 @@ class Picture:
         return [
             CurvePoint(p["spp"], p["seconds"], p["cpu_seconds"], p["error_estimate"]) for p in self._figures["curve"]
         ]
+
+    def ids(self) -> npt.NDArray[np.uint64]:
+        """The id of the label of the first surface under the middle of each pixel, 0 where there is none: (height, width). Exact."""
+        return np.asarray(self._native.label_ids())
+
+    def instances(self) -> npt.NDArray[np.uint32]:
+        """The id of the instance that this label belongs to, 0 where there is no label: (height, width)."""
+        return np.asarray(self._native.instance_ids())
+
+    def pick(self, x: int, y: int, *, volume: Volume | None = None) -> PickedPixel:
+        """What lies under the middle of a pixel, counted from the upper left. With the `volume` that is seen there, also the voxel that was
+        hit; None at coarser levels of detail where no voxel of the label is at the surface."""
+        limits = {"x": self.color.shape[1], "y": self.color.shape[0]}
+        pixel = [arguments.whole(name, value, 0, limits[name] - 1) for name, value in (("x", x), ("y", y))]
+        told = json.loads(self._native.pick(*pixel, None if volume is None else volume._native))
+        fields = {field.name: told[field.name] for field in dataclasses.fields(PickedPixel)}
+        return PickedPixel(**{name: tuple(value) if isinstance(value, list) else value for name, value in fields.items()})
+
+    def srgb(self, view_transform: str | None = None) -> npt.NDArray[np.uint8]:
+        """The pixels as a PNG has them: (height, width, 3), or 4 with alpha, which is straight. `view_transform` is `standard`, `filmic`
+        or `agx`, by default the one of the scene's film."""
+        return np.asarray(self._native.display(view_transform))
+
+    def matte(self, *, ids: Iterable[int] | None = None, types: Iterable[str] | None = None) -> Floats:
+        """The part of each pixel that the labels with these ids, or of these types, cover together, from 0 to 1: (height, width).
+
+        Needs the pass `cryptomatte_label` or `cryptomatte_type`. Ids that the picture does not show cover nothing.
+        """
+        if (ids is None) == (types is None):
+            raise InputError("matte: expected either ids or types")
+        if ids is not None:
+            return np.asarray(self._native.matte("cryptomatte_label", [str(i) for i in arguments.ids("ids", ids)]))
+        names = [types] if isinstance(types, str) else list(types or ())
+        if odd := [name for name in names if not isinstance(name, str)]:
+            raise InputError(f"types: expected names of types, got {odd[0]!r}")
+        return np.asarray(self._native.matte("cryptomatte_type", names))
 
     def save(self, path: Path, *, passes: str | Sequence[str] = "all") -> None:
         """Writes an `.exr` (scene-linear, with these passes; `film.half` of the scene makes colours half floats) or a `.png` (as
@@ -116,6 +170,16 @@ class Picture:
         the picture lacks are left out.
         """
         self._native.save(os.fspath(path), [passes] if isinstance(passes, str) else list(passes))
+
+
+def open_picture(path: Path) -> Picture:
+    """Opens a picture from an `.exr`, of Pumice or of another program, with the passes that it has. What a file does not hold is NaN
+    (`seconds`) or empty (`curve`, `device`)."""
+    return Picture(_native.read_picture(os.fspath(path)))
+
+
+def _number(value: float | None) -> float:
+    return float("nan") if value is None else float(value)
 
 
 def _maybe(array: _native.Array | None) -> Any:
@@ -131,6 +195,10 @@ def render(
     seconds: float | None = None,
     error: float | None = None,
     backend: str = "auto",
+    width_mm: float | None = None,
+    dpi: float | None = None,
+    scale_bar: str | None = None,
+    legend: int | None = None,
     job: Job | None = None,
     on_progress: Callable[[CurvePoint], None] | None = None,
 ) -> Picture:
@@ -141,14 +209,20 @@ def render(
     `meshes`: one for each of the scene's meshes, in their order.
     `backend`: `auto`, `cpu`, or one of Vulkan's, alone or with its device: `vulkan-rt`, `vulkan-query:1`, `vulkan-compute:radeon`
     (see `devices`). If a device fails, `auto` continues with the next backend and issues a `PumiceWarning`.
+    `width_mm`: width on paper, which sets the pixels across at `dpi` (default 300); the height follows from the shape of the scene's film.
+    `dpi`: pixels per inch that files of the picture state. `scale_bar`: a bar in the lower right corner, such as `10um` or `auto`, in a
+    perspective view with its plane: `10um@center`, `auto@focus`, `10um@12.5`. `legend`: names and colours of at most so many shown labels, most
+    voxels first, in the upper left corner. Both are in `save` and `srgb` and not in `color` and the passes.
     """
     require_end(scene, spp, seconds, error)
+    annotate = arguments.annotate_as(width_mm, dpi, scale_bar, legend)
     how = arguments.render_as(backend, spp, seconds, error)
     native = _native.render(
         scene._native,
         None if volumes is None else in_order(scene, volumes),
         mesh.natives(meshes),
         how,
+        annotate,
         job=job,
         on_progress=told_points(on_progress),
     )

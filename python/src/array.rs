@@ -19,6 +19,7 @@ use pyo3::prelude::*;
 /// The data of an array.
 pub(crate) enum Data {
     Bool(Vec<bool>),
+    U8(Vec<u8>),
     F32(Vec<f32>),
     F64(Vec<f64>),
     I32(Vec<i32>),
@@ -38,6 +39,7 @@ impl Data {
         match self {
             // A bool is a byte, 0 or 1, in Rust as in the buffer protocol.
             Self::Bool(v) => cast_slice(v),
+            Self::U8(v) => v,
             Self::F32(v) => of(v),
             Self::F64(v) => of(v),
             Self::I32(v) => of(v),
@@ -52,6 +54,7 @@ impl Data {
     fn item(&self) -> (usize, &'static CStr) {
         match self {
             Self::Bool(_) => (1, c"?"),
+            Self::U8(_) => (1, c"B"),
             Self::F32(_) | Self::Frame(_) => (4, c"f"),
             Self::F64(_) => (8, c"d"),
             Self::I32(_) => (4, c"i"),

@@ -48,7 +48,7 @@ mod _native {
     #[pymodule_export]
     use crate::mesh::Mesh;
     #[pymodule_export]
-    use crate::picture::{Picture, cryptomatte_hash, devices, panic_on_purpose, render};
+    use crate::picture::{Picture, cryptomatte_hash, devices, panic_on_purpose, read_picture, render};
     #[pymodule_export]
     use crate::reference_picture::ReferencePicture;
     #[pymodule_export]

@@ -5,9 +5,13 @@ use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use pumice_core::{CompressedVolume, MeshData};
-use pumice_picture::{Image, Matte, Passes};
-use pumice_session::render_file::{PictureFormat, Rendered, render_scene};
-use pumice_session::{CurvePoint, OpenOptions, SessionError, Stop};
+use pumice_picture::{Image, Matte, Passes, display_pixels, read_exr};
+use pumice_session::annotations::lay_out;
+use pumice_session::pick_pixels::{find_voxel, pick};
+use pumice_session::render_file::{PictureFormat, Rendered, render_scene, set_width};
+use pumice_session::{
+    Annotations, CurvePoint, DEFAULT_DPI, OpenOptions, ScaleBar, SessionError, Stop, pixels_of_mm,
+};
 use pumice_transport::LoadedScene;
 use pyo3::prelude::*;
 
@@ -17,7 +21,7 @@ use crate::job::{Job, job_of};
 use crate::mesh::Mesh;
 use crate::scene::Scene;
 use crate::volume::Volume;
-use crate::waiting::released;
+use crate::waiting::{detached, released};
 
 /// A finished picture. Row 0 is the top.
 #[pyclass(frozen, module = "pumice._native")]
@@ -34,6 +38,12 @@ impl Picture {
     fn plane(&self, values: Option<&Vec<f32>>) -> Option<Array> {
         let color = &self.0.picture.color;
         Some(Array::new(Data::F32(values?.clone()), &[color.height, color.width]))
+    }
+
+    /// (height, width) whole numbers.
+    fn whole(&self, values: Vec<u32>) -> Array {
+        let color = &self.0.picture.color;
+        Array::new(Data::U32(values), &[color.height, color.width])
     }
 }
 
@@ -100,9 +110,67 @@ impl Picture {
 
     /// Row of the label of the first surface in the label table + 1, 0 where there is none: (height, width).
     fn label(&self) -> Option<Array> {
+        Some(self.whole(self.0.picture.label.clone()?))
+    }
+
+    /// Id of the instance of that label, 0 where there is none, in a scene of several: (height, width).
+    fn instance(&self) -> Option<Array> {
+        Some(self.whole(self.0.picture.instance.clone()?))
+    }
+
+    /// Id of the label of each pixel, 0 where there is none: (height, width).
+    fn label_ids(&self, py: Python<'_>) -> PyResult<Array> {
+        let ids = detached(py, || self.0.picture.label_ids().map_err(SessionError::Caller))?;
         let color = &self.0.picture.color;
-        let label = self.0.picture.label.clone()?;
-        Some(Array::new(Data::U32(label), &[color.height, color.width]))
+        Ok(Array::new(Data::U64(ids), &[color.height, color.width]))
+    }
+
+    /// Id of the instance of each pixel's label, 0 where there is none: (height, width).
+    fn instance_ids(&self, py: Python<'_>) -> PyResult<Array> {
+        let ids = detached(py, || self.0.picture.instance_ids().map_err(SessionError::Caller))?;
+        Ok(self.whole(ids))
+    }
+
+    /// What lies under a pixel, as JSON text; its voxel with the volume that is seen there.
+    #[pyo3(signature = (x, y, volume))]
+    fn pick(&self, py: Python<'_>, x: u32, y: u32, volume: Option<&Bound<'_, Volume>>) -> PyResult<String> {
+        let volume = volume.map(|v| Arc::clone(&v.get().0));
+        let picture = &self.0.picture;
+        let picked = detached(py, || {
+            let mut picked = pick(picture, x, y).map_err(SessionError::Caller)?;
+            if let Some(volume) = volume {
+                picked.voxel = find_voxel(picture, &picked, &volume)?;
+            }
+            Ok::<_, SessionError>(picked)
+        })?;
+        serde_json::to_string(&picked).map_err(|e| input(&e))
+    }
+
+    /// The bytes that a PNG has, shown by a view transform or that of the scene: (height, width, 3), or 4 with alpha.
+    #[pyo3(signature = (view))]
+    fn display(&self, py: Python<'_>, view: Option<&str>) -> PyResult<Array> {
+        let picture = &self.0.picture;
+        let view = match view {
+            None => picture.provenance.as_ref().map(|p| p.scene.film.view_transform).unwrap_or_default(),
+            Some(name) => serde_json::from_value(name.into()).map_err(|_| {
+                input(&format_args!("view_transform: expected standard, filmic or agx, got {name:?}"))
+            })?,
+        };
+        let bytes = detached(py, || display_pixels(picture, view))?;
+        let channels = 3 + usize::from(picture.alpha.is_some());
+        Ok(Array::new(Data::U8(bytes), &[picture.color.height, picture.color.width, channels]))
+    }
+
+    /// The part of each pixel that some names of a Cryptomatte pass cover together: (height, width).
+    fn matte(&self, py: Python<'_>, kind: &str, names: Vec<String>) -> PyResult<Array> {
+        let picture = &self.0.picture;
+        let matte = picture.mattes.iter().find(|m| m.pass.name() == kind).ok_or_else(|| {
+            input(&format_args!(
+                "matte: expected a picture that was rendered with the pass {kind}, got one without"
+            ))
+        })?;
+        let coverage = detached(py, || Ok::<_, SessionError>(matte.coverage(&names)))?;
+        Ok(Array::new(Data::F32(coverage), &[picture.color.height, picture.color.width]))
     }
 
     /// Seconds, samples, error, curve, what the scene needed and what was left out, as JSON text.
@@ -122,20 +190,46 @@ impl Picture {
 /// A backend, and the limits at which a picture is done: samples a pixel, seconds, relative error; a `pumice.arguments.RenderAs`.
 pub(crate) type RenderAs = (String, Option<u32>, Option<f64>, Option<f64>);
 
+/// What is drawn over a picture: `AnnotateAs` of the package.
+#[derive(FromPyObject)]
+pub(crate) struct AnnotateAs {
+    width_mm: Option<f64>,
+    dpi: Option<f64>,
+    scale_bar: Option<String>,
+    legend: Option<u32>,
+}
+
+impl AnnotateAs {
+    fn annotations(&self) -> PyResult<Annotations> {
+        let scale_bar = self.scale_bar.as_ref().map(|text| text.parse::<ScaleBar>()).transpose();
+        Ok(Annotations {
+            dpi: self.dpi.or(self.width_mm.map(|_| DEFAULT_DPI)),
+            scale_bar: scale_bar.map_err(|e| input(&format_args!("scale_bar: {e}")))?,
+            legend: self.legend,
+        })
+    }
+}
+
 /// Renders a scene until the first limit is reached. `volumes[i]` belongs to its instance i; without volumes its sources are opened.
 /// `meshes[i]` belongs to its mesh i.
 #[pyfunction]
-#[pyo3(signature = (scene, volumes, meshes, how, *, job, on_progress))]
+#[pyo3(signature = (scene, volumes, meshes, how, annotate, *, job, on_progress))]
+#[allow(clippy::too_many_arguments, reason = "the keywords of the façade")]
 pub(crate) fn render(
     py: Python<'_>,
     scene: &Bound<'_, Scene>,
     volumes: Option<Vec<Bound<'_, Volume>>>,
     meshes: Vec<Bound<'_, Mesh>>,
     how: RenderAs,
+    annotate: AnnotateAs,
     job: Option<&Bound<'_, Job>>,
     on_progress: Option<Py<PyAny>>,
 ) -> PyResult<Picture> {
-    let scene = scene.get().0.clone();
+    let mut scene = scene.get().0.clone();
+    let annotations = annotate.annotations()?;
+    if let Some(width_mm) = annotate.width_mm {
+        set_width(&mut scene.film, pixels_of_mm(width_mm, annotations.dpi.unwrap_or(DEFAULT_DPI)) as u32);
+    }
     let volumes: Option<Vec<Arc<CompressedVolume>>> =
         volumes.map(|list| list.iter().map(|v| Arc::clone(&v.get().0)).collect());
     let meshes: Vec<Arc<MeshData>> = meshes.iter().map(|m| Arc::clone(&m.get().0)).collect();
@@ -155,7 +249,10 @@ pub(crate) fn render(
             )?,
         };
         let scene = LoadedScene::new(scene, volumes, meshes)?;
-        render_scene(&scene, &backend, &stop, &job, &mut |point| told.tell(&job, point))
+        let laid_out = lay_out(&scene, &annotations)?;
+        let mut rendered = render_scene(&scene, &backend, &stop, &job, &mut |point| told.tell(&job, point))?;
+        laid_out.apply(&mut rendered);
+        Ok::<_, SessionError>(rendered)
     });
     told.result(result)
 }
@@ -190,6 +287,12 @@ impl Told {
             None => rendered.map(Picture),
         }
     }
+}
+
+/// Reads a picture from an OpenEXR file.
+#[pyfunction]
+pub(crate) fn read_picture(py: Python<'_>, path: PathBuf) -> PyResult<Picture> {
+    released(py, &Arc::default(), || Ok::<_, SessionError>(Picture(Rendered::of_file(read_exr(&path)?))))
 }
 
 /// The hash of a name in Cryptomatte: MurmurHash3_x86_32 of its UTF-8.

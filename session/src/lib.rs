@@ -1,6 +1,7 @@
 //! The work behind the command and the Python module: it opens volumes, chooses a backend, drives progressive rendering and reports.
 #![forbid(unsafe_code)]
 
+pub mod annotations;
 pub mod backend;
 pub mod compare_files;
 pub mod compress_file;
@@ -16,6 +17,7 @@ pub mod measure;
 pub mod npy;
 pub mod open;
 pub mod persistent_renderer;
+pub mod pick_pixels;
 pub mod plot;
 pub mod progressive;
 pub mod render_file;
@@ -41,10 +43,12 @@ pub use live::{Frame, LabelFilm, Live, LiveOptions, LiveState, Status};
 pub use measure::{Stopwatch, peak_rss_bytes, resident_file_bytes};
 pub use open::{Residence, open_chosen, open_labels, open_meshes, open_shown, open_source, open_volume};
 pub use persistent_renderer::{PersistentRenderer, Watching};
+pub use pick_pixels::{PickedPixel, PickedPixels, pick_pixels};
 pub use progressive::{CurvePoint, Stop};
 pub use pumice_core::{CompressionLevel, Job, LabelType, Verification};
 pub use pumice_export::{ExportSize, Form, Merging, Reader, VoxelRegion};
 pub use pumice_formats::{ArrayAxes, LabelTableFormat, OpenOptions, RawLayout};
+pub use pumice_picture::annotate::{Annotations, DEFAULT_DPI, ScaleBar, pixels_of_mm};
 pub use pumice_scene::{Lod, Mode, ViewTransform};
 pub use pumice_transport::LoadedScene;
 pub use pumice_transport::geometry::DetailLevel;

@@ -26,12 +26,14 @@ use pumice_picture::Passes;
 use pumice_scene::Show;
 use pumice_transport::LoadedScene;
 
+use crate::annotations::lay_out;
 use crate::backend::make_renderer;
 use crate::error::{Result, SessionError};
 use crate::measure::Stopwatch;
 use crate::progressive::{CurvePoint, Stop};
 use crate::savings::{OpeningSaved, Savings, SavingsOptions, measure_opening, measure_savings};
 
+pub use overrides::set_width;
 pub use picture_format::PictureFormat;
 pub use provenance::hash_text;
 pub use render_scene::{RenderFigures, Rendered, render_scene};
@@ -60,7 +62,7 @@ pub fn render_file(
     make_renderer(&request.backend)?;
 
     let clock = Stopwatch::start();
-    let Prepared { opened: OpenedScene { mut scene, volumes, meshes }, stop, backend } =
+    let Prepared { opened: OpenedScene { mut scene, volumes, meshes }, stop, backend, annotations } =
         prepare(request, job)?;
     let opening_seconds = [clock.seconds(), clock.cpu_seconds()];
     // Named passes are added to the scene; `all` means those that the scene asks for and those that every picture has.
@@ -71,8 +73,10 @@ pub fn render_file(
         scene.save(path).map_err(|source| SessionError::Scene { path: path.clone(), source })?;
     }
     let scene = LoadedScene::new(scene, volumes, meshes)?;
+    let laid_out = lay_out(&scene, &annotations)?;
     let mut render = || -> Result<Rendered> {
         let mut rendered = render_scene(&scene, &backend, &stop, job, &mut |point| watch(&stop, point))?;
+        laid_out.apply(&mut rendered);
         rendered.figures.opening_seconds = Some(opening_seconds);
         if request.explain {
             // Measure on the backend that drew the picture: `auto` may have fallen back to another.

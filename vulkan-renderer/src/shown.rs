@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use bytemuck::Zeroable as _;
 use pumice_core::Job;
-use pumice_picture::{FilmBuffer, Image, Picture, cryptomatte, film_memory, name_mattes};
+use pumice_picture::{FilmBuffer, Image, Picture, cryptomatte, film_memory, name_labels, name_mattes};
 use pumice_scene::{Part, PartSet};
 use pumice_transport::camera_rays::CameraRays;
 use pumice_transport::emitters::EmissiveGeometry;
@@ -180,12 +180,19 @@ impl Shown {
         let [width, height] = self.film.size.map(|n| n as usize);
         let image =
             |f: fn(&SurfaceAovsRecord) -> [f32; 3]| Image::new(width, height, firsts.iter().map(f).collect());
+        // Only hits tell instances, so a scene of several asks twice.
+        let position = |hit: &HitRecord| label_of(&hit.surface).map_or(0, |seen| seen.instance);
+        let instance = match self.scene.scene().instances.len() {
+            0 | 1 => None,
+            _ => Some(self.firsts(machine, 1, &Job::new(), position)?),
+        };
         let film: &FilmBuffer = self.film.copy();
         let spp = film.spp();
         let picture = Picture {
             variance: (spp >= pumice_picture::film::REPLICATES).then(|| film.variance()),
             depth: Some(firsts.iter().map(|f| f.depth).collect()),
             label: Some(firsts.iter().map(|f| f.label).collect()),
+            instance,
             albedo: Some(image(|f| f.albedo)),
             normal: Some(image(|f| f.normal)),
             position: Some(image(|f| f.position)),
@@ -193,6 +200,7 @@ impl Shown {
         };
         let mut picture = film.passes_into(picture, self.scene.scene().film.passes);
         name_mattes(&mut picture, self.scene.scene(), self.scene.volumes());
+        name_labels(&mut picture, self.scene.scene(), self.scene.volumes());
         Ok(picture)
     }
 

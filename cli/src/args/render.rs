@@ -6,6 +6,7 @@ use clap::{Args, ValueEnum};
 use pumice_session::values::size;
 
 use super::Reading;
+use super::annotations::AnnotationArgs;
 use super::values::{positive, relative, view};
 
 /// Path trace a volume or a scene
@@ -110,6 +111,8 @@ pub(crate) struct Render {
     /// seconds, and on a graphics processor also the driver's time to compile both variants
     #[arg(long)]
     pub(crate) explain: bool,
+    #[command(flatten)]
+    pub(crate) annotate: AnnotationArgs,
     #[command(flatten)]
     pub(crate) reading: Reading,
 }

@@ -29,6 +29,11 @@ pub(super) fn view(text: &str) -> Result<[f64; 2], String> {
         .ok_or_else(|| "expected degrees around and above (-90 to 90), e.g. 30,20".into())
 }
 
+/// A pixel, counted from the upper left: `412,230`.
+pub(super) fn pixel(text: &str) -> Result<[u32; 2], String> {
+    numbers(text, ',').ok_or_else(|| "expected a pixel X,Y, counted from the upper left, e.g. 412,230".into())
+}
+
 /// A number above 0.
 pub(super) fn positive(text: &str) -> Result<f64, String> {
     text.parse()
@@ -70,6 +75,10 @@ mod tests {
         assert_eq!(spacing("16,16,40"), Ok([16.0, 16.0, 40.0]));
         for bad in ["NaN,1,1", "0,1,1", "1,1", "inf,1,1"] {
             assert!(spacing(bad).is_err(), "{bad}");
+        }
+        assert_eq!(pixel("412,230"), Ok([412, 230]));
+        for bad in ["412", "412,230,1", "-1,0", "1.5,2", "", "4294967296,0"] {
+            assert!(pixel(bad).is_err(), "{bad}");
         }
         for bad in ["0", "-0.1", "nan", "x%"] {
             assert!(relative(bad).is_err(), "{bad}");

@@ -36,6 +36,7 @@ pub(crate) fn run(args: &Render, job: &Arc<Job>) -> Result<Answer, Failure> {
         passes: args.passes.clone(),
         overrides: RenderOverrides {
             size: args.size,
+            width: args.annotate.width(),
             bounces: args.bounces,
             mode: args.mode.map(|m| match m {
                 RenderMode::Path => pumice_session::Mode::Path,
@@ -62,6 +63,7 @@ pub(crate) fn run(args: &Render, job: &Arc<Job>) -> Result<Answer, Failure> {
             min_spp: args.min_spp,
             view_deg: args.view,
         },
+        annotations: args.annotate.annotations(),
         reading: open_options(&args.reading),
         threads: args.threads.map(usize::from),
         save_scene: args.save_scene.clone(),

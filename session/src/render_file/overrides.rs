@@ -3,13 +3,19 @@
 use std::sync::Arc;
 
 use pumice_core::CompressedVolume;
-use pumice_scene::{Adaptive, Scene, Show};
+use pumice_scene::{Adaptive, Film, Scene, Show};
 
 use super::request::RenderOverrides;
 use crate::error::{Result, SessionError};
 
 /// Default of `min_spp`: samples that every pixel gets before it may rest.
 const DEFAULT_MIN_SPP: u32 = 16;
+
+/// Gives a film another width; its height follows, rounded, so that its shape stays.
+pub fn set_width(film: &mut Film, width: u32) {
+    let height = f64::from(film.height) * f64::from(width) / f64::from(film.width.max(1));
+    (film.width, film.height) = (width, height.round().max(1.0) as u32);
+}
 
 /// Applies the overrides to the scene.
 pub(super) fn apply(
@@ -19,6 +25,9 @@ pub(super) fn apply(
 ) -> Result<()> {
     if let Some([width, height]) = wishes.size {
         (scene.film.width, scene.film.height) = (width, height);
+    }
+    if let Some(width) = wishes.width {
+        set_width(&mut scene.film, width);
     }
     if let Some(bounces) = wishes.bounces {
         scene.settings.bounces = bounces;

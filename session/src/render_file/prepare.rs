@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use pumice_core::Job;
-use pumice_picture::read_provenance;
+use pumice_picture::{Annotations, read_provenance};
 use pumice_scene::Show;
 
 use super::open_scene::{OpenedScene, open_scene};
@@ -20,6 +20,7 @@ pub(super) struct Prepared {
     pub(super) opened: OpenedScene,
     pub(super) stop: Stop,
     pub(super) backend: String,
+    pub(super) annotations: Annotations,
 }
 
 /// Opens the subject of a request as a scene with its volumes and meshes.
@@ -30,6 +31,7 @@ pub(super) fn prepare(request: &RenderRequest, job: &Job) -> Result<Prepared> {
             opened: open_scene(path, &request.overrides, &request.reading, job)?,
             stop: request.stop,
             backend: request.backend.clone(),
+            annotations: request.annotations.clone(),
         }),
     }
 }
@@ -62,5 +64,6 @@ fn prepare_again(request: &RenderRequest, picture: &Path, job: &Job) -> Result<P
     apply(&request.overrides, &mut scene, &volumes)?;
     scene.validate().map_err(|source| SessionError::Scene { path: picture.to_owned(), source })?;
     let stop = Stop { spp: Some(made.spp), ..Stop::default() };
-    Ok(Prepared { opened: OpenedScene { scene, volumes, meshes }, stop, backend })
+    let annotations = made.annotations;
+    Ok(Prepared { opened: OpenedScene { scene, volumes, meshes }, stop, backend, annotations })
 }

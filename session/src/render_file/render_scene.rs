@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use pumice_core::{CompressedVolume, Job};
-use pumice_picture::{Picture, Provenance, film_memory};
-use pumice_transport::scene_plan::sums_of;
+use pumice_picture::{Annotations, Picture, Provenance, film_memory};
+use pumice_transport::scene_plan::{sums_of};
 use pumice_transport::{LoadedScene, RenderError, Renderer};
 use serde::Serialize;
 
@@ -23,7 +23,7 @@ pub struct RenderFigures {
     pub backend: String,
     /// Name of the device that drew it.
     pub device: String,
-    /// Device failures after which rendering continued, one line each.
+    /// Device failures after which rendering continued, and what is drawn otherwise than wished, one line each.
     pub notices: Vec<String>,
     /// Wall seconds of rendering.
     pub seconds: f64,
@@ -66,6 +66,34 @@ pub struct Rendered {
     pub figures: RenderFigures,
     /// What the scene needs and what was left out, one line each.
     pub explanation: Vec<String>,
+}
+
+impl Rendered {
+    /// A picture that was read from a file, with the figures that it carries; seconds that no file carries are NaN.
+    pub fn of_file(picture: Picture) -> Self {
+        let made = picture.provenance.as_ref();
+        let samples = picture.samples.as_ref().filter(|of| !of.is_empty());
+        let mean = samples.map(|of| of.iter().copied().map(f64::from).sum::<f64>() / of.len() as f64);
+        let figures = RenderFigures {
+            backend: made.map(|m| m.backend.clone()).unwrap_or_default(),
+            device: String::new(),
+            notices: Vec::new(),
+            seconds: f64::NAN,
+            cpu_seconds: f64::NAN,
+            opening_seconds: None,
+            volume_bytes: BTreeMap::new(),
+            prepare_seconds: [f64::NAN; 2],
+            peak_rss_bytes: None,
+            acceleration_bytes: 0,
+            bytes: BTreeMap::new(),
+            spp: made.map_or(0, |m| m.spp),
+            mean_spp: mean.unwrap_or(f64::NAN),
+            error_estimate: made.and_then(|m| m.error_estimate),
+            curve: Vec::new(),
+            savings: None,
+        };
+        Self { picture, figures, explanation: Vec::new() }
+    }
 }
 
 /// Renders a scene whose volumes and meshes are open.
@@ -156,6 +184,7 @@ pub(crate) fn report(
         mesh_hashes: meshes.iter().map(|m| mesh_hash_text(m)).collect(),
         spp: last.spp,
         error_estimate: last.error_estimate,
+        annotations: Annotations::default(),
     });
     Rendered {
         picture,

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use pumice_formats::OpenOptions;
+use pumice_picture::Annotations;
 use pumice_scene::{Lod, Mode, ViewTransform};
 
 use crate::progressive::Stop;
@@ -21,6 +22,8 @@ pub enum Subject {
 pub struct RenderOverrides {
     /// Pixels across and down.
     pub size: Option<[u32; 2]>,
+    /// Pixels across alone; the picture keeps its shape.
+    pub width: Option<u32>,
     /// Bounces of light.
     pub bounces: Option<u32>,
     /// Which light the picture shows.
@@ -62,6 +65,8 @@ pub struct RenderRequest {
     pub passes: Vec<String>,
     /// Values that override the scene's.
     pub overrides: RenderOverrides,
+    /// What is drawn over the picture; an earlier picture has its own.
+    pub annotations: Annotations,
     /// How to read a volume.
     pub reading: OpenOptions,
     /// Threads; `None` takes all cores.

@@ -1,0 +1,60 @@
+"""Tests size on paper, scale bar and legend of `pumice.render`; what they look like is tested through the command."""
+
+import numpy as np
+import pumice
+import pytest
+from PIL import Image
+
+
+@pytest.fixture
+def scene(volume):
+    fields = pumice.figure(volume, size=(300, 200)).to_dict()
+    fields["camera"]["projection"] = {"orthographic": {"scale": 14.0}}
+    return pumice.Scene.from_dict(fields)
+
+
+def test_files_and_display_values_have_bar_and_legend_and_arrays_do_not(scene, volume, tmp_path):
+    wishes = {"spp": 1, "backend": "cpu", "dpi": 100}
+    plain = pumice.render(scene, volume, **wishes)
+    marked = pumice.render(scene, volume, scale_bar="auto", legend=3, **wishes)
+    np.testing.assert_array_equal(marked.color, plain.color)
+    assert (marked.srgb() != plain.srgb()).any(axis=-1).sum() > 300
+    marked.save(tmp_path / "a.png")
+    with Image.open(tmp_path / "a.png") as png:
+        assert png.info["dpi"] == pytest.approx((100, 100), abs=0.02)
+        np.testing.assert_array_equal(np.asarray(png), marked.srgb())
+    marked.save(tmp_path / "a.exr")
+    back = pumice.open_picture(tmp_path / "a.exr")
+    # Both are mixed in linear light; the PNG's background is rounded before, by half a step of 8 bits, which black above it only lessens, and
+    # both are rounded after.
+    assert np.abs(back.srgb().astype(int) - marked.srgb()).max() <= 1
+    np.testing.assert_array_equal(back.label, plain.label)
+
+
+def test_a_width_in_millimetres_sets_the_pixels(scene, volume):
+    picture = pumice.render(scene, volume, spp=1, backend="cpu", width_mm=20, dpi=100)
+    # 20 mm at 100 dpi are 78.7 pixels, in the shape 3 : 2.
+    assert picture.color.shape == (53, 79, 3)
+    assert scene.to_dict()["film"]["width"] == 300, "scenes are values"
+
+
+@pytest.mark.parametrize(
+    ("wishes", "said"),
+    [
+        ({"width_mm": 0}, "width_mm: expected a number above 0"),
+        ({"width_mm": float("nan")}, "width_mm: expected"),
+        ({"width_mm": "85"}, "width_mm: expected"),
+        ({"width_mm": 1e9}, "film.width"),
+        ({"dpi": float("inf")}, "dpi: expected"),
+        ({"dpi": 1e6}, "dpi: expected 1 to 100000"),
+        ({"scale_bar": 10}, "scale_bar: expected a text"),
+        ({"scale_bar": "10 miles"}, "scale_bar: expected a length with nm"),
+        ({"scale_bar": "1m"}, "scale bar 1m: it would be"),
+        ({"legend": 0}, "legend: expected 1 to"),
+        ({"legend": 2.5}, "legend: expected a whole number"),
+        ({"legend": 3, "dpi": 5000}, "legend: a picture of 300 × 200 pixels at 5000 dpi has no room"),
+    ],
+)
+def test_wrong_wishes_are_refused(scene, volume, wishes, said):
+    with pytest.raises(pumice.InputError, match=said):
+        pumice.render(scene, volume, spp=1, backend="cpu", **wishes)
